@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// How nearmesh reports trouble with data from outside: files, samples, poses, configuration.
+// A caller's own mistakes are asserted instead (assert.hpp); no exception crosses a target boundary.
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "nearmesh/core/base/assert.hpp"
+
+namespace nearmesh {
+
+enum class StatusCode : std::uint8_t {
+  kOk,
+  kInvalidArgument,  ///< a value from the user or the wire is outside its stated range
+  kNotFound,         ///< the named thing does not exist
+  kCorrupt,          ///< bytes contradict their checksum or their format
+  kUnsupported,      ///< well formed, but of a version or size this build does not handle
+  kIo,               ///< the operating system refused
+  kConflict,         ///< contradicts what is already held (other content under the same name)
+};
+
+/// Short lower-case name of a code, for messages and JSON.
+[[nodiscard]] const char* to_string(StatusCode code);
+
+/// Success, or a code with a message that names the thing, the place, what was expected and what
+/// was found.
+class [[nodiscard]] Status {
+ public:
+  Status() = default;
+  Status(StatusCode code, std::string message) : code_(code), message_(std::move(message)) {}
+  [[nodiscard]] static Status ok() { return {}; }
+  [[nodiscard]] bool is_ok() const { return code_ == StatusCode::kOk; }
+  [[nodiscard]] StatusCode code() const { return code_; }
+  [[nodiscard]] const std::string& message() const { return message_; }
+
+ private:
+  StatusCode code_ = StatusCode::kOk;
+  std::string message_;
+};
+
+/// A value, or the Status that says why there is none.
+template <class T>
+class [[nodiscard]] Result {
+ public:
+  Result(T value) : value_(std::move(value)) {}                          // NOLINT: implicit by design
+  Result(Status status) : status_(std::move(status)) {                   // NOLINT: implicit by design
+    NEARMESH_ASSERT(!status_.is_ok());
+  }
+  [[nodiscard]] bool is_ok() const { return value_.has_value(); }
+  [[nodiscard]] const Status& status() const { return status_; }
+  [[nodiscard]] T& value() & {
+    NEARMESH_ASSERT(value_.has_value());
+    return *value_;
+  }
+  [[nodiscard]] const T& value() const& {
+    NEARMESH_ASSERT(value_.has_value());
+    return *value_;
+  }
+  [[nodiscard]] T&& value() && {
+    NEARMESH_ASSERT(value_.has_value());
+    return std::move(*value_);
+  }
+
+ private:
+  std::optional<T> value_;
+  Status status_;
+};
+
+}  // namespace nearmesh
+
+/// Returns from the enclosing function when `expr`, a Status, is not ok.
+#define NEARMESH_RETURN_IF_ERROR(expr)                                   \
+  do {                                                                   \
+    if (::nearmesh::Status nearmesh_status_ = (expr); !nearmesh_status_.is_ok()) \
+      return nearmesh_status_;                                           \
+  } while (false)
