@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Conservative separation tests between boxes and triangles of two posed models. "Separated" is
-// always true of the posed integer geometry: rounding of posed vertices and of doubles is inside the
-// slack. Plain double arithmetic without contraction: the same outcome on every machine.
+// Conservative separation tests between boxes and triangles of two posed models. "Apart" is always
+// true of the posed integer geometry (pose_point): rounding of posed vertices and of doubles is
+// inside the slack. Plain double arithmetic without contraction: the same outcome on every machine.
+// Source: Gottschalk, Lin, Manocha 1996, section 5 (fifteen axes); ours assumes no orthonormality
+// and has no absolute epsilon on near-parallel edges: every error scales with the axis, see the
+// .cpp.
 
 #include "nearmesh/core/geometry/pose.hpp"
 
@@ -13,40 +16,50 @@ struct CenteredBox {
   std::array<double, 3> center{};
   std::array<double, 3> half{};
 };
-[[nodiscard]] CenteredBox centered(const GridBox& box);  ///< exact (dyadic)
+/// Exact (dyadic). An empty box gives meaningless extents: do not pass one.
+[[nodiscard]] CenteredBox centered(const GridBox& box);
 
 /// Maps model B's grid into model A's grid: x_A = rotation * x_B + translation, the true inverse of
-/// A's fixed-point frame times B's (no orthonormality assumed).
+/// A's fixed-point frame times B's (no orthonormality assumed). Derived once per pair and pose.
 struct RelativeFrame {
-  std::array<double, 9> rotation{};
-  std::array<double, 9> abs_rotation{};   ///< |rotation| plus 1e-9 of its norm: guards edge-edge axes
-  std::array<double, 3> translation{};    ///< in A's grid units
-  std::array<double, 9> inverse{};        ///< of rotation
-  double slack = 0;                       ///< bound of all rounding, in A's grid units
-  double metres_per_unit = 0;             ///< A's cell
+  std::array<double, 9> rotation{};      ///< row-major, B's units to A's (scale included)
+  std::array<double, 9> abs_rotation{};  ///< |rotation|
+  std::array<double, 3> translation{};   ///< in A's grid units
+  std::array<double, 9> inverse{};       ///< of rotation
+  std::array<double, 9> abs_inverse{};   ///< |inverse|
+  std::array<double, 9>
+      abs_cofactor{};          ///< [3 i + l]: |e_i . (column j x column k)|, {j,k,l} all three
+  double slack = 0;            ///< bound of all rounding, in A's grid units (Euclidean length)
+  double metres_per_unit = 0;  ///< A's cell
+  double least_metres_per_unit = 0;    ///< the shortest that A's posed unit can be (near-rotations)
+  double least_metres_per_b_unit = 0;  ///< the same of B
 };
+/// Both frames on one lattice (asserted). Exact integer difference of translations, then doubles.
 [[nodiscard]] RelativeFrame make_relative_frame(const PosedFrame& a, const PosedFrame& b);
 
-/// True when box a (A's grid) and box b (B's grid) are certainly apart. 15 separating axes.
+/// True when box a (A's grid) and box b (B's grid) are certainly apart: no posed triangle with
+/// corners in a meets one with corners in b. 15 separating axes; false proves nothing.
 [[nodiscard]] bool boxes_apart(const RelativeFrame& f, const CenteredBox& a, const CenteredBox& b);
 
-/// A lower bound in metres of the distance between anything inside a and anything inside b, posed;
-/// 0 when no axis separates them.
-[[nodiscard]] double boxes_gap_m(const RelativeFrame& f, const CenteredBox& a, const CenteredBox& b);
+/// A lower bound in metres of the distance between any posed triangle with corners in a and any
+/// with corners in b; 0 when no axis separates the boxes. Positive exactly when boxes_apart.
+[[nodiscard]] double boxes_gap_m(const RelativeFrame& f, const CenteredBox& a,
+                                 const CenteredBox& b);
 
 /// A triangle with its corners in A's grid units (doubles).
 using DoubleTriangle = std::array<std::array<double, 3>, 3>;
-/// B's triangle (B's grid units) in A's grid units.
+/// B's triangle (B's grid units) in A's grid units; its rounding is inside the slack.
 [[nodiscard]] DoubleTriangle to_a_units(const RelativeFrame& f, const std::array<GridPoint, 3>& b);
-/// A's own triangle, converted.
+/// A's own triangle, converted (exact).
 [[nodiscard]] DoubleTriangle as_doubles(const std::array<GridPoint, 3>& a);
 
-/// True when box a and triangle t (both in A's grid units) are certainly apart. 13 axes.
+/// True when box a (A's grid) and triangle t (B's, by to_a_units) are certainly apart. 13 axes.
 [[nodiscard]] bool box_triangle_apart(const RelativeFrame& f, const CenteredBox& a,
                                       const DoubleTriangle& t);
 
-/// A lower bound in metres of the distance between two triangles in A's grid units: the greatest gap
-/// over the two normals, nine edge products and in-plane edge normals, less the slack; 0 if none.
+/// A lower bound in metres of the distance between A's triangle a and B's triangle b, both in A's
+/// grid units: the gap along the direction between their closest edges, or corner and face, less
+/// the slack; 0 if none. Within the slack of the true distance but for near-parallel closest edges.
 [[nodiscard]] double triangles_gap_m(const RelativeFrame& f, const DoubleTriangle& a,
                                      const DoubleTriangle& b);
 

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The integer grid on which a model lives: points, boxes, and the grid's place in the model's frame.
-// All peers hold bit-identical geometry because nothing here is floating point but the grid itself.
+// The integer grid on which a model lives: points, boxes, and the grid's place in the model's
+// frame. All peers hold bit-identical geometry because nothing here is floating point but the grid
+// itself.
 
 #include <algorithm>
 #include <array>

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // The fixed-point posed model: a published pose in doubles becomes, once, nine fixed-point numbers
-// and an integer translation; after that every posed vertex is an integer, the same on every machine.
-// The full-mesh reference and the certified answer share this rule, so they compare bit by bit.
+// and an integer translation; after that every posed vertex is an integer, the same on every
+// machine. The full-mesh reference and the certified answer share this rule, so they compare bit by
+// bit.
 
 #include <array>
 #include <cstdint>
@@ -19,8 +20,9 @@ struct Pose {
   std::array<double, 3> translation_m{};
 };
 
-/// Checks a pose from outside. Errors: kInvalidArgument, naming `body`, where an entry is not finite,
-/// |translation| exceeds 1e9 m, R^T R differs from the identity by more than 1e-5, or det R < 0.
+/// Checks a pose from outside. Errors: kInvalidArgument, naming `body`, where an entry is not
+/// finite, |translation| exceeds 1e9 m, R^T R differs from the identity by more than 1e-5, or det R
+/// < 0.
 [[nodiscard]] Status check_pose(const Pose& pose, std::string_view body);
 
 /// A point of the pair's common integer lattice (see lattice_exponent).
@@ -32,8 +34,9 @@ struct LatticePoint {
 };
 using LatticeTriangle = std::array<LatticePoint, 3>;
 
-/// The lattice on which a pair of models is compared has cells of 2^e metres: a quarter of the finer
-/// grid's cell, but never so fine that a model spans more than 2^38 cells (exact tests use 128 bits).
+/// The lattice on which a pair of models is compared has cells of 2^e metres: a quarter of the
+/// finer grid's cell, but never so fine that a model spans more than 2^38 cells (exact tests use
+/// 128 bits). Symmetric in its arguments.
 [[nodiscard]] int lattice_exponent(const Grid& a, const Grid& b);
 
 /// A model's fixed-point placement on the lattice: 30 fractional bits of rotation.
@@ -46,11 +49,31 @@ struct PosedFrame {
 };
 
 /// Derives the fixed-point placement. Precondition: check_pose accepted the pose.
-/// Errors: kUnsupported when the translation does not fit 2^62 lattice cells.
+/// Moving the pose by a multiple of the lattice cell moves `translation` by exactly that integer
+/// whenever the pose's own doubles express the move exactly, whatever the rotation.
+/// Errors: kUnsupported when the translation does not fit 2^62 lattice cells, or the model spans
+/// more than 2^38 of them (lattice_exponent never asks for that).
 [[nodiscard]] Result<PosedFrame> make_posed_frame(const Grid& grid, const Pose& pose,
                                                   int lattice_exp);
 
-/// The posed vertex. Deterministic: integer arithmetic only, rounding half up.
-[[nodiscard]] LatticePoint pose_point(const PosedFrame& frame, const GridPoint& p);
+/// The posed vertex. Deterministic: integer arithmetic only, rounding half up. Each coordinate is
+/// within half a cell of the frame's affine image of p. p may be any int32 point.
+[[nodiscard]] inline LatticePoint pose_point(const PosedFrame& frame, const GridPoint& p) {
+  // |n| <= 2^31 * 2^30 * sqrt(3) * (1 + 1e-5) < 2^61.8, so n + 2^(shift - 1) fits for shift <= 62,
+  // and anything shifted further rounds to 0. A left shift stays within 2^40: see make_posed_frame.
+  LatticePoint out;
+  for (int k = 0; k < 3; ++k) {
+    const std::int64_t* row = frame.rotation.data() + 3 * k;
+    const std::int64_t n = row[0] * p[0] + row[1] * p[1] + row[2] * p[2];
+    std::int64_t rotated = 0;
+    if (frame.shift <= 0) {
+      rotated = n * (std::int64_t{1} << -frame.shift);
+    } else if (frame.shift <= 62) {
+      rotated = (n + (std::int64_t{1} << (frame.shift - 1))) >> frame.shift;
+    }
+    out[k] = rotated + frame.translation[static_cast<std::size_t>(k)];
+  }
+  return out;
+}
 
 }  // namespace nearmesh

@@ -18,7 +18,8 @@ struct IndexedMesh {
   std::vector<std::array<std::uint32_t, 3>> faces;
 };
 
-/// Writes a binary little-endian PLY with double coordinates. Errors: kIo with path and reason.
+/// Writes a binary little-endian PLY with double coordinates, over an existing file. A failure may
+/// leave a part of the file. Errors: kIo with path and reason.
 [[nodiscard]] Status write_ply(const IndexedMesh& mesh, const std::string& path);
 
 }  // namespace nearmesh

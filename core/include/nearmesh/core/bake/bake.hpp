@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// From a cleaned mesh to a complete progressive model in memory: simplify, number the merge forest, bound every node,
+// give each face to its split, train the coding tables. Takes GridMesh, gives what write_model_file writes.
+
+#include <vector>
+
+#include "nearmesh/core/mesh/clean.hpp"
+#include "nearmesh/core/simplify/simplify.hpp"
+#include "nearmesh/core/spm/model_file.hpp"
+
+namespace nearmesh {
+
+struct BakedModel {
+  SpmHeader header;
+  SplitStore store;  ///< complete
+  std::vector<ModelFile::FaceNumber> numbers;
+  CollapseLog log;   ///< for the report
+};
+
+/// In: what clean_mesh gives, with its rounding error. Errors: kUnsupported beyond 2^30 faces.
+/// Deterministic. Cost: O(n log n), about 300 bytes a vertex.
+[[nodiscard]] Result<BakedModel> bake(const GridMesh& mesh, double rounding_error_m,
+                                      const SimplifyOptions& options);
+
+}  // namespace nearmesh

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// Checksums of bytes and an order-independent mix for digests of sets.
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+namespace nearmesh {
+
+/// XXH3, 64 bits: for checksums and content hashes (not against an adversary).
+[[nodiscard]] std::uint64_t hash_bytes(std::span<const std::uint8_t> bytes, std::uint64_t seed = 0);
+
+/// Scrambles one number (SplitMix64's finaliser). The sum of mixes digests a set in any order.
+[[nodiscard]] constexpr std::uint64_t mix(std::uint64_t x) {
+  x += 0x9e3779b97f4a7c15ULL;
+  x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9ULL;
+  x = (x ^ (x >> 27)) * 0x94d049bb133111ebULL;
+  return x ^ (x >> 31);
+}
+
+}  // namespace nearmesh

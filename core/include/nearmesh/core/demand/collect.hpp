@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// Which splits does an answer need? The publisher's Server Collect VSplits (the paper, section 3.3)
+// and the peer's own frontier are this one walk, so both sides agree by construction.
+// Coverage is by face: a node's box encloses every original face that touches a vertex below it, so a large face that
+// crosses the region without a vertex inside still brings its corners.
+
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "nearmesh/core/base/status.hpp"
+#include "nearmesh/core/spm/codec.hpp"
+#include "nearmesh/core/spm/split_store.hpp"
+
+namespace nearmesh {
+
+struct Demand {
+  Treelet treelet;               ///< splits to send or apply, in preorder
+  std::vector<NodeSpan> missing; ///< nodes that meet the region and whose split the store does not know, ascending
+  bool truncated = false;        ///< max_splits was reached; the largest nodes were taken
+};
+
+/// Checks a request from outside against the model. Errors: kInvalidArgument naming the limit or the node.
+[[nodiscard]] Status check_request(const SplitStore& store, const RegionRequest& request);
+
+/// Walks below request.attach, largest node first, into every node whose box meets the region.
+/// `require` is called before a split is looked up, so that a file can decode the block; it may be empty (peer).
+/// Attach nodes that are not nodes of the forest are skipped when `require` is empty, else reported by `require`.
+/// Deterministic. Cost: O(visited log visited).
+[[nodiscard]] Result<Demand> collect(const SplitStore& store, const RegionRequest& request,
+                                     const std::function<Status(NodeSpan)>& require);
+
+}  // namespace nearmesh

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// The certified collision query between two posed trees: exact face pairs, and a proof that what is not
+// refined cannot matter, or the list of what is missing.
+//
+// Theorem (DESIGN, section 3). B(p) encloses every original face that touches a vertex below node p. If no
+// unresolved active node's B meets the other object, the exact faces that hit it are precisely the faces of the full
+// mesh that hit it: were an original face f to meet it, each corner's active node would have f inside its B, hence be
+// resolved, hence f would be exact. For two progressive objects pairs of B are tested; same proof. Nothing is assumed
+// of the simplifier. Both sides use the fixed-point pose of geometry/pose.hpp, so the full-mesh reference and the
+// certified answer agree bit by bit.
+
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include "nearmesh/core/abtree/tree.hpp"
+#include "nearmesh/core/geometry/pose.hpp"
+
+namespace nearmesh {
+
+enum class AnswerStatus : std::uint8_t {
+  kFree = 0,       ///< certified: no contact
+  kContact = 1,    ///< certified: `pairs` is the contact set of the full meshes
+  kPartial = 2,    ///< at least the pairs given touch; what is missing may add more
+  kUncertain = 3,  ///< nothing exact touches, but what is missing might
+};
+/// "free", "contact", "partial", "uncertain".
+[[nodiscard]] const char* to_string(AnswerStatus status);
+/// Free or complete contact.
+[[nodiscard]] constexpr bool is_certified(AnswerStatus status) {
+  return status == AnswerStatus::kFree || status == AnswerStatus::kContact;
+}
+
+struct FacePair {
+  FaceKey a, b;
+  auto operator<=>(const FacePair&) const = default;
+};
+
+struct QueryOptions {
+  bool any = false;        ///< stop at the first touching pair: kContact then says "touches", not "these are all"
+  bool clearance = true;   ///< also bound the distance when free
+};
+
+struct QueryStats {
+  std::uint64_t box_tests = 0, triangle_tests = 0;
+};
+
+struct Answer {
+  AnswerStatus status = AnswerStatus::kUncertain;
+  std::vector<FacePair> pairs;                ///< exact, ascending
+  std::vector<NodeSpan> missing_a, missing_b; ///< unresolved nodes whose splits bring the answer nearer, ascending
+  /// Free: a lower bound of the distance, metres (infinite when either side has no face). Else 0.
+  double clearance_m = 0;
+  /// Not certified: no face below a missing node lies farther than this from its stand-in, metres. Else 0.
+  double uncertainty_m = 0;
+  QueryStats stats;
+};
+
+/// Answers for two trees under two placements on one lattice (equal lattice_exp).
+/// Deterministic: the answer depends on faces, front and poses only. Threads: views may be shared.
+[[nodiscard]] Answer query(const TreeView& a, const PosedFrame& frame_a, const TreeView& b,
+                           const PosedFrame& frame_b, const QueryOptions& options = {});
+
+/// Both placements on the pair's common lattice. Errors: as check_pose and make_posed_frame, naming the body.
+struct PosedPair {
+  PosedFrame a, b;
+};
+[[nodiscard]] Result<PosedPair> pose_pair(const Grid& grid_a, const Pose& pose_a, std::string_view name_a,
+                                          const Grid& grid_b, const Pose& pose_b, std::string_view name_b);
+
+}  // namespace nearmesh

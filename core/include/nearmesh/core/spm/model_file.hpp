@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// The .spm file, memory-mapped (layout and reasons: core/spm_format.md). Opening reads the header and
+// nothing else; blocks are checked and decoded when a request first touches them, so start-up does not depend on mesh
+// size and resident memory follows what is touched.
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "nearmesh/core/base/status.hpp"
+#include "nearmesh/core/spm/header.hpp"
+#include "nearmesh/core/spm/split_store.hpp"
+
+namespace nearmesh {
+
+class ModelFile {
+ public:
+  /// Errors: kIo (cannot open or map), kCorrupt (truncated, checksum), kUnsupported (version); each names
+  /// path, place, expected and found.
+  [[nodiscard]] static Result<ModelFile> open(const std::string& path);
+  ModelFile(ModelFile&&) noexcept;
+  ModelFile& operator=(ModelFile&&) noexcept;
+  ~ModelFile();
+
+  [[nodiscard]] const std::string& path() const;
+  [[nodiscard]] const SpmHeader& header() const;
+  /// The header as it stands in the file and goes on the wire.
+  [[nodiscard]] std::span<const std::uint8_t> header_bytes() const;
+  /// Hash of the whole content; models with equal hashes are the same model.
+  [[nodiscard]] std::uint64_t content_hash() const;
+  [[nodiscard]] std::uint64_t file_bytes() const;
+  [[nodiscard]] std::uint64_t block_count() const;
+  /// What is decoded so far. Grows with `require`.
+  [[nodiscard]] const SplitStore& store() const;
+
+  /// Makes the split of `node` known to store(). Cost: a look-up, or one block decoded (about 15 us).
+  /// Errors: kCorrupt naming the block. Threads: one at a time.
+  [[nodiscard]] Status require(NodeSpan node);
+  /// Decodes everything.
+  [[nodiscard]] Status require_all();
+  /// Checks every checksum without decoding.
+  [[nodiscard]] Status verify() const;
+
+  /// Input numbers of all faces, and the place of each face's first input corner among its corners(); order: base
+  /// faces, then by split, then index. Needs require_all(). Errors: kCorrupt.
+  struct FaceNumber {
+    FaceId face;
+    std::uint8_t first_corner = 0;
+  };
+  [[nodiscard]] Result<std::vector<FaceNumber>> face_numbers() const;
+
+ private:
+  struct Impl;
+  explicit ModelFile(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace nearmesh

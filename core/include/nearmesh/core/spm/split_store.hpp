@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// Knowledge of a progressive mesh: the splits one has, parents before children. The publisher fills it
+// from file blocks, a peer from batches; which of them are *active* is refine's matter.
+// Arrays span all ids but are backed by pages only where touched, so a store costs what it holds.
+
+#include <cstdint>
+#include <span>
+#include <unordered_map>
+#include <vector>
+
+#include "nearmesh/core/base/lazy_array.hpp"
+#include "nearmesh/core/base/status.hpp"
+#include "nearmesh/core/spm/header.hpp"
+
+namespace nearmesh {
+
+class SplitStore {
+ public:
+  /// Knows the base mesh of `header`.
+  explicit SplitStore(const SpmHeader& header);
+
+  enum class Insertion : std::uint8_t {
+    kAdded,
+    kKnown,     ///< nothing new but perhaps boxes, which are filled in
+    kNoParent,  ///< the split that makes the record's node is not known; nothing was changed
+  };
+  /// Adds one split. `faces` are the record's own.
+  /// Errors: kCorrupt where the record contradicts the model or what is known (another split of the same node, another
+  /// position or face, a position outside the grid); nothing is changed then. Cost: O(faces).
+  [[nodiscard]] Result<Insertion> insert(const SplitRecord& record, std::span<const SplitFace> faces);
+  /// Forgets a split (eviction). Precondition: both children of its node are whole, i.e. no known split rests on it.
+  void erase(VertexId split);
+
+  [[nodiscard]] std::uint32_t vertex_count() const { return vertex_count_; }
+  [[nodiscard]] std::uint32_t known_splits() const { return known_; }
+  /// True for roots and for vertices whose split is known.
+  [[nodiscard]] bool is_known(VertexId v) const { return entries_[v.value].size != 0; }
+  [[nodiscard]] bool is_root(VertexId v) const {
+    return is_known(v) && entries_[v.value].parent == v.value;
+  }
+
+  /// True when `node` is a root, or a child of a known split.
+  [[nodiscard]] bool is_node(NodeSpan node) const;
+  /// The split of a node, or an invalid id where it is not known. Precondition: is_node(node).
+  [[nodiscard]] VertexId split_of(NodeSpan node) const;
+  /// The node that a known split divides. Not for roots.
+  [[nodiscard]] NodeSpan node_of(VertexId split) const {
+    const Entry& entry = entries_[split.value];
+    return {{entry.parent}, split.value + entry.size - entry.parent};
+  }
+  /// The node that a known vertex represents when its split has just been done (its root, for a root).
+  [[nodiscard]] NodeSpan initial_node(VertexId v) const { return {v, entries_[v.value].size}; }
+  /// The parent of a node; size 0 for a root. Precondition: is_node(node).
+  [[nodiscard]] NodeSpan parent_of(NodeSpan node) const;
+
+  /// Position of a known vertex.
+  [[nodiscard]] const GridPoint& position(VertexId v) const { return entries_[v.value].position; }
+
+  /// The node's own box code, or kNoBox where none came.
+  [[nodiscard]] BoxCode box_code(NodeSpan node) const;
+  /// A box that encloses every original face that touches a vertex of the node: its own, or the nearest
+  /// ancestor's. Precondition: is_node(node). O(1) but where boxes are missing.
+  [[nodiscard]] GridBox box(NodeSpan node) const;
+
+  [[nodiscard]] std::span<const SplitFace> faces(VertexId split) const;
+  [[nodiscard]] std::span<const SplitFace> base_faces() const { return base_faces_; }
+  [[nodiscard]] SplitFace face(FaceKey key) const {
+    return key.split.is_valid() ? faces(key.split)[key.index] : base_faces_[key.index];
+  }
+  [[nodiscard]] const std::vector<BaseRoot>& roots() const { return roots_; }
+  /// Greatest coordinate of the model's grid.
+  [[nodiscard]] std::int32_t grid_max() const { return grid_max_; }
+  /// Index of the root whose node holds v. O(log roots).
+  [[nodiscard]] std::size_t root_index(VertexId v) const;
+
+ private:
+  // One entry per vertex id; all zeros (an untouched page) means unknown.
+  struct Entry {
+    std::uint32_t size = 0;         // of the node that the vertex represents when it becomes active; 0: unknown
+    std::uint32_t parent = 0;       // first vertex of the node that split `id` divides (own id for a root)
+    std::uint32_t first_split = 0;  // split of [id, id + size); 0: unknown (id 0 is always a root)
+    std::uint32_t next_split = 0;   // split of [parent, id), the left child of split `id`; 0: unknown
+    GridPoint position;
+    BoxCode box{};       // of [id, id + size), each code plus one: 0 means none
+    BoxCode left_box{};  // of [parent, id)
+    std::uint8_t face_count = 0;  // kManyFaces: look in many_faces_
+    SplitFace inline_faces[2];
+  };
+
+  [[nodiscard]] Status check(const SplitRecord& record, std::span<const SplitFace> faces) const;
+  [[nodiscard]] std::uint32_t& split_slot(NodeSpan node);
+
+  std::uint32_t vertex_count_ = 0;
+  std::uint32_t known_ = 0;
+  std::int32_t grid_max_ = 0;
+  LazyArray<Entry> entries_;
+  std::unordered_map<std::uint32_t, std::vector<SplitFace>> many_faces_;  // splits with more than two
+  std::vector<BaseRoot> roots_;
+  std::vector<SplitFace> base_faces_;
+};
+
+/// extent(code), see BoxCode.
+[[nodiscard]] std::int64_t box_extent(std::uint8_t code);
+/// The smallest code whose extent is at least x >= 0.
+[[nodiscard]] std::uint8_t box_extent_code(std::int64_t x);
+/// The tightest code that encloses `box` about `representative`, which must lie inside.
+[[nodiscard]] BoxCode encode_box(const GridPoint& representative, const GridBox& box);
+
+}  // namespace nearmesh

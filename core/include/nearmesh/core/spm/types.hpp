@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// The words of the progressive mesh: nodes of the merge forest, faces that appear with a split, boxes,
+// and the request by which a peer names the detail it lacks.
+// Source: the paper, section 3.3 (vertex hierarchy, VSP); ids and intervals are ours: vertices are numbered
+// by depth-first order of the merge forest, kept child first, so a subtree is an interval of ids and its
+// representative is the lowest. A split has the id of the vertex that it activates.
+
+#include <array>
+#include <compare>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "nearmesh/core/base/ids.hpp"
+#include "nearmesh/core/geometry/grid.hpp"
+
+namespace nearmesh {
+
+/// A node of the merge forest: the vertices [first, first + size), represented by `first`.
+/// Size 1 is a leaf: a vertex of the full mesh.
+struct NodeSpan {
+  VertexId first;
+  std::uint32_t size = 0;
+
+  [[nodiscard]] std::uint32_t begin() const { return first.value; }
+  [[nodiscard]] std::uint32_t end() const { return first.value + size; }
+  [[nodiscard]] bool contains(VertexId v) const { return v.value >= begin() && v.value < end(); }
+  /// Preorder of the forest: ancestors before descendants, left before right.
+  friend bool operator<(const NodeSpan& x, const NodeSpan& y) {
+    return x.first != y.first ? x.first < y.first : x.size > y.size;
+  }
+  bool operator==(const NodeSpan&) const = default;
+};
+
+/// A face of the full mesh. `left` lies in the left child of the split with which the face appears,
+/// `right` in the right child, `outside` in neither. For base faces the three are in three roots.
+/// Corners are vertices of the full mesh; the face of a coarser mesh has each replaced by its
+/// nearest active predecessor.
+struct SplitFace {
+  VertexId left, right, outside;
+  bool flipped = false;  ///< counter-clockwise order is (right, left, outside) instead of (left, right, outside)
+
+  [[nodiscard]] std::array<VertexId, 3> corners() const {
+    return flipped ? std::array{right, left, outside} : std::array{left, right, outside};
+  }
+  bool operator==(const SplitFace&) const = default;
+};
+
+/// Names a face on every peer without a number on the wire: the split it appears with (none for a base face) and its
+/// place there. The publisher's file maps it to the FaceId of the input.
+struct FaceKey {
+  VertexId split;
+  std::uint32_t index = 0;
+  auto operator<=>(const FaceKey&) const = default;
+};
+
+/// The box of a node, log-quantised outward about the representative's position, in the order
+/// -x +x -y +y -z +z; extent(code) is the smallest integer >= 2^(code/4) - 1. kNoBox in [0] means none.
+using BoxCode = std::array<std::uint8_t, 6>;
+inline constexpr std::uint8_t kNoBoxCode = 0xff;
+inline constexpr std::uint8_t kMaxExtentCode = 124;
+inline constexpr BoxCode kNoBox{kNoBoxCode, kNoBoxCode, kNoBoxCode, kNoBoxCode, kNoBoxCode, kNoBoxCode};
+
+/// Slots, stored blocks of the lowest level, and the unit of eviction: maximal nodes of at most this many ids.
+inline constexpr std::uint32_t kSlotSize = 64;
+
+/// Limits of one request; larger ones are refused where they arrive.
+inline constexpr std::size_t kMaxRegionBoxes = 256;
+inline constexpr std::size_t kMaxAttachNodes = 512;
+inline constexpr std::uint32_t kMaxRequestSplits = 16384;
+
+/// "Send the splits below these nodes that matter to this region." The peer names its own frontier, so the
+/// publisher needs no memory of what a peer has, and whatever was lost is simply asked for again.
+struct RegionRequest {
+  std::vector<NodeSpan> attach;  ///< the peer's unresolved nodes, ascending, disjoint; at most kMaxAttachNodes
+  std::vector<GridBox> region;   ///< closed boxes in the model's grid; at most kMaxRegionBoxes
+  std::uint32_t max_splits = 1024;  ///< in [1, kMaxRequestSplits]; largest nodes come first
+};
+
+/// One record of a batch: the split of `node` that activates `split`.
+struct SplitRecord {
+  NodeSpan node;
+  VertexId split;
+  std::array<std::int32_t, 3> offset{};  ///< position of `split` minus that of node.first, grid units
+  std::uint32_t face_begin = 0, face_count = 0;  ///< in SplitBatch::faces
+  BoxCode left_box = kNoBox, right_box = kNoBox;
+
+  [[nodiscard]] NodeSpan left() const { return {node.first, split.value - node.begin()}; }
+  [[nodiscard]] NodeSpan right() const { return {split, node.end() - split.value}; }
+};
+
+/// The unit on the wire and in the file, decoded: parents before children.
+struct SplitBatch {
+  std::vector<SplitRecord> splits;
+  std::vector<SplitFace> faces;
+};
+
+}  // namespace nearmesh

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// Writes the .spm file (layout: core/spm_format.md).
+
+#include <span>
+#include <string>
+
+#include "nearmesh/core/spm/model_file.hpp"
+
+namespace nearmesh {
+
+struct WrittenModel {
+  std::uint64_t file_bytes = 0, header_bytes = 0, block_bytes = 0, blocks = 0, content_hash = 0;
+};
+
+/// Writes a complete model. `numbers` in ModelFile::face_numbers() order. The file appears under its name only when it is
+/// whole (written beside it and renamed). Errors: kIo with path and reason; an older file of that name is then untouched.
+[[nodiscard]] Result<WrittenModel> write_model_file(const SpmHeader& header, const SplitStore& store,
+                                                    std::span<const ModelFile::FaceNumber> numbers,
+                                                    const std::string& path);
+
+}  // namespace nearmesh

@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+// The fixed-point pose rule and its guard at the boundary.
+#include "nearmesh/core/geometry/pose.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <string>
+
+namespace nearmesh {
+namespace {
+
+constexpr double kMaxTranslationM = 1e9;
+constexpr double kOrthonormalTolerance = 1e-5;
+constexpr double kMaxTranslationCells = 0x1p62;
+constexpr int kMaxSpanBits = 38;  ///< a posed model spans at most 2^38 lattice cells per axis
+constexpr int kSubBits = 2;       ///< the lattice divides the finer cell by 2^2
+constexpr int kRotationBits = 30;
+
+Status refuse(std::string_view body, const std::string& what) {
+  return {StatusCode::kInvalidArgument, "pose of " + std::string(body) + ": " + what};
+}
+
+/// Short decimal form; std::to_string prints 1e308 with 309 digits.
+std::string number(double x) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.9g", x);
+  return text;
+}
+
+double column_dot(const std::array<double, 9>& r, std::size_t i, std::size_t j) {
+  return r[i] * r[j] + r[3 + i] * r[3 + j] + r[6 + i] * r[6 + j];
+}
+
+double determinant(const std::array<double, 9>& r) {
+  return r[0] * (r[4] * r[8] - r[5] * r[7]) - r[1] * (r[3] * r[8] - r[5] * r[6]) +
+         r[2] * (r[3] * r[7] - r[4] * r[6]);
+}
+
+}  // namespace
+
+Status check_pose(const Pose& pose, std::string_view body) {
+  for (std::size_t i = 0; i < 9; ++i)
+    if (!std::isfinite(pose.rotation[i]))
+      return refuse(body, "rotation[" + std::to_string(i) + "] is " + number(pose.rotation[i]) +
+                              ", expected a finite number");
+  for (std::size_t i = 0; i < 3; ++i)
+    if (!(std::abs(pose.translation_m[i]) <= kMaxTranslationM))
+      return refuse(body, "translation_m[" + std::to_string(i) + "] is " +
+                              number(pose.translation_m[i]) +
+                              ", expected a finite number within 1e9 m");
+  const auto& t = pose.translation_m;
+  if (!(t[0] * t[0] + t[1] * t[1] + t[2] * t[2] <= kMaxTranslationM * kMaxTranslationM))
+    return refuse(body, "translation is longer than 1e9 m");
+  for (std::size_t i = 0; i < 3; ++i)
+    for (std::size_t j = i; j < 3; ++j) {
+      const double dot = column_dot(pose.rotation, i, j);
+      // Written so that an overflow to infinity or NaN is refused as well.
+      if (!(std::abs(dot - (i == j ? 1.0 : 0.0)) <= kOrthonormalTolerance))
+        return refuse(body, "rotation is not orthonormal: columns " + std::to_string(i) + " and " +
+                                std::to_string(j) + " have the product " + number(dot) +
+                                ", expected " + (i == j ? "1" : "0") + " within 1e-5");
+    }
+  if (!(determinant(pose.rotation) > 0))
+    return refuse(body, "rotation is a reflection: its determinant is negative");
+  return Status::ok();
+}
+
+int lattice_exponent(const Grid& a, const Grid& b) {
+  const int finest = std::min(a.exponent, b.exponent) - kSubBits;
+  const int widest = std::max(a.exponent + a.bits, b.exponent + b.bits) - kMaxSpanBits;
+  return std::max(finest, widest);
+}
+
+Result<PosedFrame> make_posed_frame(const Grid& grid, const Pose& pose, int lattice_exp) {
+  if (grid.bits + grid.exponent - lattice_exp > kMaxSpanBits)
+    return Status(StatusCode::kUnsupported, "a grid of 2^" +
+                                                std::to_string(grid.bits + grid.exponent) +
+                                                " m spans more than 2^38 lattice cells of 2^" +
+                                                std::to_string(lattice_exp) + " m");
+  PosedFrame frame;
+  frame.grid = grid;
+  frame.lattice_exp = lattice_exp;
+  frame.shift = kRotationBits - (grid.exponent - lattice_exp);
+  for (std::size_t i = 0; i < 9; ++i)
+    frame.rotation[i] = static_cast<std::int64_t>(std::floor(pose.rotation[i] * 0x1p30 + 0.5));
+
+  for (std::size_t k = 0; k < 3; ++k) {
+    const double* row = pose.rotation.data() + 3 * k;
+    const double rotated_m =
+        row[0] * grid.origin_m[0] + row[1] * grid.origin_m[1] + row[2] * grid.origin_m[2];
+    // Whole and fractional cells are added apart, so that a large translation does not round the
+    // fraction away: whole cells of either then shift the sum exactly.
+    const double rotated = std::ldexp(rotated_m, -lattice_exp);
+    const double moved = std::ldexp(pose.translation_m[k], -lattice_exp);
+    if (!(std::abs(rotated) < kMaxTranslationCells && std::abs(moved) < kMaxTranslationCells &&
+          std::abs(rotated + moved) < kMaxTranslationCells))
+      return Status(StatusCode::kUnsupported, "translation_m[" + std::to_string(k) +
+                                                  "] = " + number(pose.translation_m[k]) +
+                                                  " with the grid's origin (" + number(rotated_m) +
+                                                  ") does not fit 2^62 lattice cells of 2^" +
+                                                  std::to_string(lattice_exp) + " m");
+    const double rotated_whole = std::floor(rotated);
+    const double moved_whole = std::floor(moved);
+    const double fraction = (rotated - rotated_whole) + (moved - moved_whole);
+    frame.translation[k] = static_cast<std::int64_t>(rotated_whole) +
+                           static_cast<std::int64_t>(moved_whole) +
+                           static_cast<std::int64_t>(std::floor(fraction + 0.5));
+  }
+  return frame;
+}
+
+}  // namespace nearmesh

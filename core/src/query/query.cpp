@@ -1,0 +1,199 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "nearmesh/core/query/query.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <unordered_set>
+
+#include "nearmesh/core/geometry/box_overlap.hpp"
+#include "nearmesh/core/geometry/triangle_overlap.hpp"
+
+namespace nearmesh {
+namespace {
+
+using Kind = TreeNode::Kind;
+
+LatticeTriangle pose_triangle(const PosedFrame& frame, const TreeFace& face) {
+  return {pose_point(frame, face.corners[0]), pose_point(frame, face.corners[1]),
+          pose_point(frame, face.corners[2])};
+}
+
+class Walk {
+ public:
+  Walk(const TreeView& a, const PosedFrame& frame_a, const TreeView& b, const PosedFrame& frame_b,
+       const QueryOptions& options)
+      : a_(a), b_(b), frame_a_(frame_a), frame_b_(frame_b), options_(options),
+        b_in_a_(make_relative_frame(frame_a, frame_b)),
+        a_in_b_(make_relative_frame(frame_b, frame_a)) {}
+
+  Answer run() {
+    clearance_ = std::numeric_limits<double>::infinity();
+    stack_.push_back({a_.root, b_.root});
+    while (!stack_.empty() && !(options_.any && !answer_.pairs.empty())) {
+      const auto [ia, ib] = stack_.back();
+      stack_.pop_back();
+      visit(ia, ib);
+    }
+    finish();
+    return std::move(answer_);
+  }
+
+ private:
+  struct Pair {
+    std::uint32_t a, b;
+  };
+
+  void visit(std::uint32_t ia, std::uint32_t ib) {
+    const TreeNode &na = a_.nodes[ia], &nb = b_.nodes[ib];
+    const Kind ka = na.kind(), kb = nb.kind();
+    if (ka == Kind::kEmpty || kb == Kind::kEmpty) return;
+    // A node already known to be missing will be looked at again once it is split.
+    if (ka == Kind::kFrontier && missing_a_.contains(na.first)) return;
+    if (kb == Kind::kFrontier && missing_b_.contains(nb.first)) return;
+    const CenteredBox box_a = centered(na.box), box_b = centered(nb.box);
+    ++answer_.stats.box_tests;
+    if (boxes_apart(b_in_a_, box_a, box_b)) {
+      if (wants_clearance()) clearance_ = std::min(clearance_, boxes_gap_m(b_in_a_, box_a, box_b));
+      return;
+    }
+    if (ka == Kind::kInner && (kb != Kind::kInner || size_m(a_, na) >= size_m(b_, nb))) {
+      // Pushed in reverse, so that the first child is taken first.
+      stack_.push_back({na.first + 1, ib});
+      stack_.push_back({na.first, ib});
+    } else if (kb == Kind::kInner) {
+      stack_.push_back({ia, nb.first + 1});
+      stack_.push_back({ia, nb.first});
+    } else if (ka == Kind::kFaces && kb == Kind::kFaces) {
+      test_faces(na, nb);
+    } else if (ka == Kind::kFrontier && kb == Kind::kFrontier) {
+      // The larger of two is the one to split next; ties go to a.
+      if (size_m(a_, na) >= size_m(b_, nb)) {
+        add_missing(a_, na, missing_a_);
+      } else {
+        add_missing(b_, nb, missing_b_);
+      }
+    } else if (ka == Kind::kFrontier) {
+      if (meets_face(b_in_a_, box_a, b_, nb)) add_missing(a_, na, missing_a_);
+    } else {
+      if (meets_face(a_in_b_, box_b, a_, na)) add_missing(b_, nb, missing_b_);
+    }
+  }
+
+  [[nodiscard]] bool wants_clearance() const {
+    return options_.clearance && answer_.pairs.empty() && missing_a_.empty() && missing_b_.empty() &&
+           clearance_ > 0;
+  }
+
+  // A measure of a box in metres, for choosing which of two to open.
+  static double size_m(const TreeView& tree, const TreeNode& node) {
+    std::int64_t sum = 0;
+    for (int k = 0; k < 3; ++k) sum += std::int64_t{node.box.hi[k]} - node.box.lo[k];
+    return std::ldexp(static_cast<double>(sum), tree.grid->exponent);
+  }
+
+  void test_faces(const TreeNode& na, const TreeNode& nb) {
+    std::array<LatticeTriangle, 16> posed_b;
+    for (std::uint32_t j = 0; j < nb.count(); ++j)
+      posed_b[j] = pose_triangle(frame_b_, b_.faces[nb.first + j]);
+    for (std::uint32_t i = 0; i < na.count(); ++i) {
+      const TreeFace& fa = a_.faces[na.first + i];
+      const LatticeTriangle posed_a = pose_triangle(frame_a_, fa);
+      for (std::uint32_t j = 0; j < nb.count(); ++j) {
+        const TreeFace& fb = b_.faces[nb.first + j];
+        ++answer_.stats.triangle_tests;
+        if (triangles_overlap(posed_a, posed_b[j])) {
+          answer_.pairs.push_back({fa.key, fb.key});
+          if (options_.any) return;
+        } else if (wants_clearance()) {
+          clearance_ = std::min(clearance_, triangles_gap_m(b_in_a_, as_doubles(fa.corners),
+                                                            to_a_units(b_in_a_, fb.corners)));
+        }
+      }
+    }
+  }
+
+  // Whether a frontier box (in its own grid) may meet one of the other side's exact faces.
+  bool meets_face(const RelativeFrame& other_in_own, const CenteredBox& box, const TreeView& other,
+                  const TreeNode& faces) {
+    for (std::uint32_t i = 0; i < faces.count(); ++i) {
+      const DoubleTriangle triangle =
+          to_a_units(other_in_own, other.faces[faces.first + i].corners);
+      ++answer_.stats.box_tests;
+      if (!box_triangle_apart(other_in_own, box, triangle)) return true;
+      // Both are conservative hulls of what lies inside, so a gap of boxes would do too; none is claimed.
+      if (wants_clearance()) clearance_ = 0;
+    }
+    return false;
+  }
+
+  void add_missing(const TreeView& tree, const TreeNode& node, std::unordered_set<std::uint32_t>& set) {
+    set.insert(node.first);
+    (&tree == &a_ ? answer_.missing_a : answer_.missing_b).push_back(node.frontier_node());
+    double square = 0;
+    for (int k = 0; k < 3; ++k) {
+      const double extent = static_cast<double>(std::int64_t{node.box.hi[k]} - node.box.lo[k]);
+      square += extent * extent;
+    }
+    // Any point of a face in the box is within the diagonal of the representative, which lies in it too.
+    answer_.uncertainty_m = std::max(
+        answer_.uncertainty_m, std::ldexp(std::sqrt(square), tree.grid->exponent));
+  }
+
+  void finish() {
+    const bool touches = !answer_.pairs.empty();
+    const bool complete = missing_a_.empty() && missing_b_.empty();
+    if (complete || (options_.any && touches)) {
+      answer_.status = touches ? AnswerStatus::kContact : AnswerStatus::kFree;
+      answer_.missing_a.clear();
+      answer_.missing_b.clear();
+      answer_.uncertainty_m = 0;
+    } else {
+      answer_.status = touches ? AnswerStatus::kPartial : AnswerStatus::kUncertain;
+    }
+    answer_.clearance_m = answer_.status == AnswerStatus::kFree && options_.clearance ? clearance_ : 0;
+    std::sort(answer_.pairs.begin(), answer_.pairs.end());
+    std::sort(answer_.missing_a.begin(), answer_.missing_a.end());
+    std::sort(answer_.missing_b.begin(), answer_.missing_b.end());
+  }
+
+  const TreeView &a_, &b_;
+  const PosedFrame &frame_a_, &frame_b_;
+  const QueryOptions options_;
+  const RelativeFrame b_in_a_, a_in_b_;
+  std::vector<Pair> stack_;
+  std::unordered_set<std::uint32_t> missing_a_, missing_b_;  // by first vertex; membership only
+  double clearance_ = 0;
+  Answer answer_;
+};
+
+}  // namespace
+
+const char* to_string(AnswerStatus status) {
+  switch (status) {
+    case AnswerStatus::kFree: return "free";
+    case AnswerStatus::kContact: return "contact";
+    case AnswerStatus::kPartial: return "partial";
+    case AnswerStatus::kUncertain: return "uncertain";
+  }
+  return "unknown";
+}
+
+Answer query(const TreeView& a, const PosedFrame& frame_a, const TreeView& b,
+             const PosedFrame& frame_b, const QueryOptions& options) {
+  NEARMESH_ASSERT(frame_a.lattice_exp == frame_b.lattice_exp);
+  return Walk(a, frame_a, b, frame_b, options).run();
+}
+
+Result<PosedPair> pose_pair(const Grid& grid_a, const Pose& pose_a, std::string_view name_a,
+                            const Grid& grid_b, const Pose& pose_b, std::string_view name_b) {
+  NEARMESH_RETURN_IF_ERROR(check_pose(pose_a, name_a));
+  NEARMESH_RETURN_IF_ERROR(check_pose(pose_b, name_b));
+  const int lattice = lattice_exponent(grid_a, grid_b);
+  Result<PosedFrame> a = make_posed_frame(grid_a, pose_a, lattice);
+  if (!a.is_ok()) return Status{a.status().code(), std::string(name_a) + ": " + a.status().message()};
+  Result<PosedFrame> b = make_posed_frame(grid_b, pose_b, lattice);
+  if (!b.is_ok()) return Status{b.status().code(), std::string(name_b) + ": " + b.status().message()};
+  return PosedPair{a.value(), b.value()};
+}
+
+}  // namespace nearmesh

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "nearmesh/core/refine/replica.hpp"
+
+namespace nearmesh {
+
+Replica::Replica(SpmHeader header)
+    : header_(std::move(header)),
+      store_(std::make_unique<SplitStore>(header_)),
+      mesh_(std::make_unique<ActiveMesh>(*store_)) {}
+
+Status Replica::insert(const SplitRecord& record, std::span<const SplitFace> faces,
+                       RefineDelta& delta) {
+  const Result<SplitStore::Insertion> inserted = store_->insert(record, faces);
+  if (!inserted.is_ok()) return inserted.status();
+  if (inserted.value() == SplitStore::Insertion::kNoParent) {
+    if (parked_.size() < kMaxParked)
+      parked_.try_emplace(key(record.node), Parked{record, {faces.begin(), faces.end()}});
+    parked_count_ = parked_.size();
+    return Status::ok();
+  }
+  const bool done = mesh_->split(record.split, delta);
+  NEARMESH_ASSERT(done);
+  static_cast<void>(done);
+  return Status::ok();
+}
+
+Result<RefineDelta> Replica::apply_batch(const SplitBatch& batch) {
+  RefineDelta delta;
+  for (const SplitRecord& record : batch.splits) {
+    NEARMESH_RETURN_IF_ERROR(
+        insert(record, {batch.faces.data() + record.face_begin, record.face_count}, delta));
+    if (parked_.empty()) continue;
+    // Whatever waited for this record's children can go in now; and for theirs.
+    std::vector<NodeSpan> waiting{record.left(), record.right()};
+    while (!waiting.empty()) {
+      const auto at = parked_.find(key(waiting.back()));
+      waiting.pop_back();
+      if (at == parked_.end()) continue;
+      if (!store_->is_node(at->second.record.node)) continue;  // the record itself was parked
+      const Parked parked = std::move(at->second);
+      parked_.erase(at);
+      NEARMESH_RETURN_IF_ERROR(insert(parked.record, parked.faces, delta));
+      waiting.push_back(parked.record.left());
+      waiting.push_back(parked.record.right());
+    }
+  }
+  parked_count_ = parked_.size();
+  return delta;
+}
+
+RefineDelta Replica::collapse(NodeSpan node) {
+  RefineDelta delta;
+  mesh_->collapse(node, delta);
+  return delta;
+}
+
+void Replica::forget(NodeSpan node) {
+  NEARMESH_ASSERT(mesh_->is_current(node));
+  std::vector<VertexId> below;
+  std::vector<NodeSpan> stack{node};
+  while (!stack.empty()) {
+    const NodeSpan top = stack.back();
+    stack.pop_back();
+    if (top.size < 2) continue;
+    const VertexId split = store_->split_of(top);
+    if (!split.is_valid()) continue;
+    below.push_back(split);
+    stack.push_back({top.first, split.value - top.begin()});
+    stack.push_back({split, top.end() - split.value});
+  }
+  for (; !below.empty(); below.pop_back()) store_->erase(below.back());
+}
+
+}  // namespace nearmesh

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// Fixed parts of the .spm file; little-endian, as on every machine nearmesh runs on (core/spm_format.md).
+
+#include <array>
+#include <bit>
+#include <cstdint>
+
+namespace nearmesh::file_layout {
+
+static_assert(std::endian::native == std::endian::little, "the .spm reader maps little-endian structs");
+
+inline constexpr std::array<char, 8> kMagic{'N', 'M', 'S', 'P', 'M', '\r', '\n', '\x1a'};
+inline constexpr std::uint32_t kVersion = 1;
+
+struct Preamble {
+  std::array<char, 8> magic = kMagic;
+  std::uint32_t version = kVersion;
+  std::uint32_t block_count = 0;
+  std::uint64_t header_bytes = 0;       // the header follows the preamble
+  std::uint64_t directory_offset = 0;   // block_count entries
+  std::uint64_t face_table_offset = 0;  // face_count numbers
+  std::uint64_t face_table_checksum = 0;
+  std::uint64_t file_bytes = 0;
+  std::uint64_t content_hash = 0;  // of header, directory and face table checksum; the directory holds the blocks' checksums
+  std::uint64_t checksum = 0;      // of the preamble before it
+};
+static_assert(sizeof(Preamble) == 72);
+
+struct DirectoryEntry {
+  std::uint32_t first = 0, size = 0;  // the block's root node
+  std::uint64_t offset = 0;
+  std::uint32_t bytes = 0;
+  std::uint32_t checksum = 0;  // low half of the 64-bit hash
+};
+static_assert(sizeof(DirectoryEntry) == 24);
+
+// A face number packs the place of the input's first corner in its two low bits.
+inline constexpr std::uint32_t kMaxFaces = 1U << 30;
+
+}  // namespace nearmesh::file_layout

@@ -1,0 +1,220 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "nearmesh/core/spm/split_store.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string>
+
+namespace nearmesh {
+
+// ---- boxes --------------------------------------------------------------------------------------
+
+namespace {
+
+// floor(2^(k/4)) scaled is irrational but for k % 4 == 0, so the smallest integer >= 2^(k/4) - 1 is its floor; the four
+// constants are exact to a double, far more than 32 bits need.
+std::array<std::int64_t, kMaxExtentCode + 1> make_extents() {
+  constexpr double kQuarter[4] = {1.0, 1.1892071150027210667, 1.4142135623730950488,
+                                  1.6817928305074290861};
+  std::array<std::int64_t, kMaxExtentCode + 1> extents{};
+  for (int code = 0; code <= kMaxExtentCode; ++code)
+    extents[code] = code % 4 == 0
+                        ? (std::int64_t{1} << (code / 4)) - 1
+                        : static_cast<std::int64_t>(std::ldexp(kQuarter[code % 4], code / 4));
+  return extents;
+}
+const std::array<std::int64_t, kMaxExtentCode + 1> kExtents = make_extents();
+
+}  // namespace
+
+std::int64_t box_extent(std::uint8_t code) { return kExtents[code]; }
+
+std::uint8_t box_extent_code(std::int64_t x) {
+  return static_cast<std::uint8_t>(std::lower_bound(kExtents.begin(), kExtents.end(), x) -
+                                   kExtents.begin());
+}
+
+BoxCode encode_box(const GridPoint& representative, const GridBox& box) {
+  BoxCode code{};
+  for (int k = 0; k < 3; ++k) {
+    code[2 * k] = box_extent_code(std::int64_t{representative[k]} - box.lo[k]);
+    code[2 * k + 1] = box_extent_code(std::int64_t{box.hi[k]} - representative[k]);
+  }
+  return code;
+}
+
+// ---- store --------------------------------------------------------------------------------------
+
+namespace {
+
+constexpr std::uint8_t kManyFaces = 255;
+
+// Entries hold codes plus one, so that an untouched page means "no box".
+BoxCode stored(const BoxCode& code) {
+  BoxCode s{};
+  if (code[0] != kNoBoxCode)
+    for (std::size_t k = 0; k < 6; ++k) s[k] = static_cast<std::uint8_t>(code[k] + 1);
+  return s;
+}
+BoxCode unstored(const BoxCode& s) {
+  if (s[0] == 0) return kNoBox;
+  BoxCode code{};
+  for (std::size_t k = 0; k < 6; ++k) code[k] = static_cast<std::uint8_t>(s[k] - 1);
+  return code;
+}
+
+Status contradiction(const SplitRecord& record, const char* what) {
+  return {StatusCode::kCorrupt, "split " + std::to_string(record.split.value) + " of node [" +
+                                    std::to_string(record.node.begin()) + ", " +
+                                    std::to_string(record.node.end()) + "): " + what};
+}
+
+}  // namespace
+
+SplitStore::SplitStore(const SpmHeader& header)
+    : vertex_count_(header.vertex_count),
+      grid_max_(static_cast<std::int32_t>((std::int64_t{1} << header.grid.bits) - 1)),
+      entries_(header.vertex_count),
+      roots_(header.roots),
+      base_faces_(header.base_faces) {
+  for (const BaseRoot& root : roots_) {
+    Entry& entry = entries_[root.node.begin()];
+    entry.size = root.node.size;
+    entry.parent = root.node.begin();
+    entry.position = root.position;
+    entry.box = stored(root.box);
+  }
+}
+
+bool SplitStore::is_node(NodeSpan node) const {
+  if (node.size == 0 || node.begin() >= vertex_count_ || node.size > vertex_count_ - node.begin())
+    return false;
+  const Entry& first = entries_[node.begin()];
+  if (first.size == 0 || node.size > first.size) return false;
+  if (node.size == first.size) return true;
+  const Entry& maker = entries_[node.end()];
+  return maker.size != 0 && maker.parent == node.begin();
+}
+
+std::uint32_t& SplitStore::split_slot(NodeSpan node) {
+  Entry& first = entries_[node.begin()];
+  return node.size == first.size ? first.first_split : entries_[node.end()].next_split;
+}
+
+VertexId SplitStore::split_of(NodeSpan node) const {
+  NEARMESH_ASSERT(is_node(node));
+  const std::uint32_t u = const_cast<SplitStore*>(this)->split_slot(node);
+  return u == 0 ? VertexId{} : VertexId{u};
+}
+
+NodeSpan SplitStore::parent_of(NodeSpan node) const {
+  NEARMESH_ASSERT(is_node(node));
+  const bool initial = node.size == entries_[node.begin()].size;
+  const VertexId maker{initial ? node.begin() : node.end()};
+  return is_root(maker) ? NodeSpan{} : node_of(maker);
+}
+
+std::size_t SplitStore::root_index(VertexId v) const {
+  const auto after = std::upper_bound(
+      roots_.begin(), roots_.end(), v,
+      [](VertexId x, const BaseRoot& root) { return x < root.node.first; });
+  return static_cast<std::size_t>(after - roots_.begin()) - 1;
+}
+
+std::span<const SplitFace> SplitStore::faces(VertexId split) const {
+  const Entry& entry = entries_[split.value];
+  if (entry.face_count == kManyFaces) return many_faces_.at(split.value);
+  return {entry.inline_faces, entry.face_count};
+}
+
+BoxCode SplitStore::box_code(NodeSpan node) const {
+  NEARMESH_ASSERT(is_node(node));
+  const Entry& first = entries_[node.begin()];
+  return unstored(node.size == first.size ? first.box : entries_[node.end()].left_box);
+}
+
+GridBox SplitStore::box(NodeSpan node) const {
+  BoxCode code = box_code(node);
+  while (code[0] == kNoBoxCode) {
+    node = parent_of(node);
+    NEARMESH_ASSERT(node.size != 0);  // roots have boxes: the header is refused without
+    code = box_code(node);
+  }
+  // Faces lie in the grid, so the box may be cut to it.
+  const GridPoint& at = position(node.first);
+  GridBox box;
+  for (int k = 0; k < 3; ++k) {
+    box.lo[k] = static_cast<std::int32_t>(
+        std::max<std::int64_t>(0, at[k] - box_extent(code[2 * k])));
+    box.hi[k] = static_cast<std::int32_t>(
+        std::min<std::int64_t>(grid_max_, at[k] + box_extent(code[2 * k + 1])));
+  }
+  return box;
+}
+
+Status SplitStore::check(const SplitRecord& record, std::span<const SplitFace> faces) const {
+  const NodeSpan node = record.node;
+  if (!record.right().contains(record.split) || record.split.value <= node.begin())
+    return contradiction(record, "the split lies outside the node");
+  const VertexId known = split_of(node);
+  if (known.is_valid() && known != record.split)
+    return contradiction(record, "another split of the node is known");
+  const GridPoint& from = position(node.first);
+  for (int k = 0; k < 3; ++k) {
+    const std::int64_t at = std::int64_t{from[k]} + record.offset[k];
+    if (at < 0 || at > grid_max_) return contradiction(record, "position outside the grid");
+    if (known.is_valid() && at != position(known)[k])
+      return contradiction(record, "another position is known");
+  }
+  for (const SplitFace& face : faces) {
+    if (!record.left().contains(face.left) || !record.right().contains(face.right) ||
+        node.contains(face.outside) || face.outside.value >= vertex_count_)
+      return contradiction(record, "a face does not belong to it");
+  }
+  if (known.is_valid()) {
+    const std::span<const SplitFace> own = this->faces(known);
+    if (!std::equal(own.begin(), own.end(), faces.begin(), faces.end()))
+      return contradiction(record, "other faces are known");
+  }
+  return Status::ok();
+}
+
+Result<SplitStore::Insertion> SplitStore::insert(const SplitRecord& record,
+                                                 std::span<const SplitFace> faces) {
+  if (!is_node(record.node)) return Insertion::kNoParent;
+  NEARMESH_RETURN_IF_ERROR(check(record, faces));
+  Entry& entry = entries_[record.split.value];
+  const bool known = entry.size != 0;
+  if (!known) {
+    entry.size = record.right().size;
+    entry.parent = record.node.begin();
+    for (int k = 0; k < 3; ++k)
+      entry.position[k] = position(record.node.first)[k] + record.offset[k];
+    if (faces.size() <= 2) {
+      std::copy(faces.begin(), faces.end(), entry.inline_faces);
+      entry.face_count = static_cast<std::uint8_t>(faces.size());
+    } else {
+      entry.face_count = kManyFaces;
+      many_faces_[record.split.value].assign(faces.begin(), faces.end());
+    }
+    split_slot(record.node) = record.split.value;
+    ++known_;
+  }
+  if (entry.left_box[0] == 0) entry.left_box = stored(record.left_box);
+  if (entry.box[0] == 0) entry.box = stored(record.right_box);
+  return known ? Insertion::kKnown : Insertion::kAdded;
+}
+
+void SplitStore::erase(VertexId split) {
+  Entry& entry = entries_[split.value];
+  const NodeSpan node = node_of(split);
+  NEARMESH_ASSERT(entry.size != 0 && entry.parent != split.value);
+  NEARMESH_ASSERT(entry.first_split == 0 && entry.next_split == 0);
+  split_slot(node) = 0;
+  if (entry.face_count == kManyFaces) many_faces_.erase(split.value);
+  entry = Entry{};
+  --known_;
+}
+
+}  // namespace nearmesh

@@ -1,0 +1,242 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// What both channels need of Fast DDS: joining the bus, entities that are removed again, listeners that only wake,
+// and a book of who is who. Used by dds_*.cpp alone. A change of Fast DDS' major version is absorbed here.
+
+#include <fastdds/dds/domain/DomainParticipant.hpp>
+#include <fastdds/dds/domain/DomainParticipantListener.hpp>
+#include <fastdds/dds/publisher/DataWriter.hpp>
+#include <fastdds/dds/publisher/DataWriterListener.hpp>
+#include <fastdds/dds/publisher/Publisher.hpp>
+#include <fastdds/dds/subscriber/DataReader.hpp>
+#include <fastdds/dds/subscriber/SampleInfo.hpp>
+#include <fastdds/dds/subscriber/Subscriber.hpp>
+#include <fastdds/dds/subscriber/SubscriberListener.hpp>
+#include <fastdds/dds/topic/Topic.hpp>
+
+#include <condition_variable>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "nearmesh/wire/codec.hpp"
+#include "nearmesh/wire/qos.hpp"
+#include "nearmesh/wire/topics.hpp"
+#include "nearmesh/wire/transport_options.hpp"
+#include "nearmesh/wire/type_support.hpp"
+
+namespace nearmesh::wire {
+
+using Handle = eprosima::fastrtps::rtps::InstanceHandle_t;
+using Timestamp = eprosima::fastrtps::rtps::Time_t;
+using Microseconds = std::int64_t;
+
+/// Since the epoch, by the clock that stamps received samples.
+[[nodiscard]] Microseconds now_us();
+[[nodiscard]] Microseconds to_us(const Timestamp& time);
+
+/// Where the threads of Fast DDS leave word for the one thread that makes the DDS calls. Threads: all.
+class Mailbox {
+ public:
+  void wake();
+  /// Blocks until wake() was called since the last return, or the time is over.
+  void wait(double seconds);
+  /// Keeps the first kMaxComplaints lines until they are taken, then counts. Also wakes.
+  void complain(std::string line);
+  [[nodiscard]] std::vector<std::string> take_complaints();
+
+ private:
+  static constexpr std::size_t kMaxComplaints = 256;
+  std::mutex mutex_;
+  std::condition_variable condition_;
+  bool awake_ = false;
+  std::vector<std::string> complaints_;
+  std::uint64_t dropped_complaints_ = 0;
+};
+
+/// Of one reader and its Subscriber: wakes, and remembers which writers went. on_data_on_readers is
+/// taken here so that it does not reach a listener of the host's participant.
+class ReaderListener : public fdds::SubscriberListener {
+ public:
+  ReaderListener(Mailbox& mailbox, std::string topic)
+      : mailbox_(mailbox), topic_(std::move(topic)) {}
+
+  struct Gone {
+    Handle writer;
+    Microseconds when;
+  };
+  [[nodiscard]] std::vector<Gone> take_gone();
+
+  void on_data_on_readers(fdds::Subscriber* subscriber) override;
+  void on_data_available(fdds::DataReader* reader) override;
+  void on_subscription_matched(fdds::DataReader* reader,
+                               const fdds::SubscriptionMatchedStatus& status) override;
+  void on_requested_incompatible_qos(fdds::DataReader* reader,
+                                     const fdds::RequestedIncompatibleQosStatus& status) override;
+
+ private:
+  Mailbox& mailbox_;
+  std::string topic_;
+  std::mutex mutex_;
+  std::vector<Gone> gone_;
+};
+
+/// Of one writer: wakes, and knows the readers that are matched.
+class WriterListener : public fdds::DataWriterListener {
+ public:
+  WriterListener(Mailbox& mailbox, std::string topic)
+      : mailbox_(mailbox), topic_(std::move(topic)) {}
+
+  [[nodiscard]] bool is_matched() const;
+  /// Is a reader of the same participant as this endpoint matched?
+  [[nodiscard]] bool is_matched_with_participant_of(const Handle& endpoint) const;
+
+  void on_publication_matched(fdds::DataWriter* writer,
+                              const fdds::PublicationMatchedStatus& status) override;
+  void on_offered_incompatible_qos(fdds::DataWriter* writer,
+                                   const fdds::OfferedIncompatibleQosStatus& status) override;
+
+ private:
+  Mailbox& mailbox_;
+  std::string topic_;
+  mutable std::mutex mutex_;
+  std::set<Handle> readers_;
+};
+
+/// Which session speaks through which writer. The first writer that claims a session keeps it, so nobody can speak
+/// for, or be lost in the name of, another. Threads: one.
+class SessionBook {
+ public:
+  enum class Claim {
+    kNew,    ///< first word of this session
+    kKnown,  ///< as before
+    kTaken,  ///< the session belongs to another writer, or the writer to another session
+    kStale,  ///< received before its writer went: must not bring the session back
+  };
+  [[nodiscard]] Claim claim(SessionId session, const Handle& writer, Microseconds received);
+  /// The session that is lost with this writer.
+  [[nodiscard]] std::optional<SessionId> forget(const Handle& writer, Microseconds when);
+  /// Takes back a claim that was new.
+  void release(SessionId session);
+  [[nodiscard]] std::size_t size() const { return sessions_.size(); }
+
+ private:
+  void prune(Microseconds now);
+
+  std::map<Handle, SessionId> writers_;
+  std::map<SessionId, Handle> sessions_;
+  std::map<Handle, Microseconds> gone_;
+};
+
+struct BusOptions {
+  TransportOptions transport;
+  const char* participant_name = "nearmesh";
+  fdds::DomainParticipant* host_participant = nullptr;  ///< used as it is, instead of an own one
+  std::int32_t header_bytes_per_s = 0;                  ///< above 0: makes the flow controller kHeaderFlow
+};
+
+/// A participant, own or the host's, and everything made on it; the destructor removes that, and only that.
+/// Threads: one. Listeners must outlive the bus.
+class Bus {
+ public:
+  /// Errors: kInvalidArgument (prefix, interface, domain); kIo when Fast DDS refuses.
+  [[nodiscard]] static Result<std::unique_ptr<Bus>> open(const BusOptions& options,
+                                                         Mailbox& mailbox);
+  ~Bus();
+  Bus(const Bus&) = delete;
+  Bus& operator=(const Bus&) = delete;
+
+  /// Registers SafeType `Type`, or uses the one that is registered, and likewise the topic.
+  /// Errors: kConflict when the host has another type or topic under the name.
+  template <class Type>
+  [[nodiscard]] Result<fdds::Topic*> add_topic(const std::string& name) {
+    fdds::TypeSupport type(new Type);
+    return add_topic(name, type, [](const fdds::TypeSupport& found) {
+      return dynamic_cast<const Type*>(found.get()) != nullptr;
+    });
+  }
+
+  /// A Publisher or Subscriber of its own in the partition ("" for none), with one endpoint.
+  [[nodiscard]] Result<fdds::DataWriter*> add_writer(fdds::Topic* topic,
+                                                     const fdds::DataWriterQos& qos,
+                                                     WriterListener& listener,
+                                                     const std::string& partition = "");
+  [[nodiscard]] Result<fdds::DataReader*> add_reader(fdds::Topic* topic,
+                                                     const fdds::DataReaderQos& qos,
+                                                     ReaderListener& listener,
+                                                     const std::string& partition = "");
+  void remove_writer(fdds::DataWriter* writer);
+
+ private:
+  class DiscoveryListener;
+  Bus() = default;
+  Result<fdds::Topic*> add_topic(const std::string& name, const fdds::TypeSupport& type,
+                                 bool (*is_ours)(const fdds::TypeSupport&));
+
+  std::unique_ptr<DiscoveryListener> discovery_;
+  fdds::DomainParticipant* participant_ = nullptr;
+  bool is_own_ = false;
+  std::vector<fdds::DataWriter*> writers_;
+  std::vector<fdds::DataReader*> readers_;
+  std::vector<fdds::Topic*> topics_;
+  std::vector<std::string> types_;
+};
+
+/// Short name of a Fast DDS return code, for messages.
+[[nodiscard]] const char* name_of(const eprosima::fastrtps::types::ReturnCode_t& code);
+/// The endpoint's GUID, for messages.
+[[nodiscard]] std::string name_of(const Handle& endpoint);
+
+enum class WriteResult { kTaken, kFull, kFailed };
+
+/// Encodes and writes one message. kFull covers every TIMEOUT of Fast DDS 2.9, which also comes
+/// spuriously: the sample was not sent and should be tried again. kFailed leaves a complaint.
+template <class Type, class Message>
+[[nodiscard]] WriteResult write_message(fdds::DataWriter& writer, const Message& message,
+                                        Mailbox& mailbox) {
+  typename Type::Data data;
+  encode(message, data);
+  using eprosima::fastrtps::types::ReturnCode_t;
+  const ReturnCode_t code =
+      writer.write(static_cast<typename Type::Sample*>(&data), eprosima::fastrtps::rtps::c_InstanceHandle_Unknown);
+  if (code == ReturnCode_t::RETCODE_OK) return WriteResult::kTaken;
+  if (code == ReturnCode_t::RETCODE_TIMEOUT) return WriteResult::kFull;
+  mailbox.complain(writer.get_topic()->get_name() + ": write failed: " + name_of(code));
+  return WriteResult::kFailed;
+}
+
+/// Takes at most `most` samples. Valid ones go to accept(message, writer, received), the others leave one complaint
+/// each. Out: true when there may be more.
+template <class Type, class Accept>
+[[nodiscard]] bool drain(fdds::DataReader& reader, Mailbox& mailbox, std::size_t most,
+                         Accept accept) {
+  using eprosima::fastrtps::types::ReturnCode_t;
+  typename Type::Data data;
+  fdds::SampleInfo info;
+  for (std::size_t i = 0; i < most; ++i) {
+    data.fault.clear();
+    const ReturnCode_t code =
+        reader.take_next_sample(static_cast<typename Type::Sample*>(&data), &info);
+    if (code != ReturnCode_t::RETCODE_OK) return false;
+    if (!info.valid_data) continue;  // a dispose: nothing here depends on it
+    std::string fault = data.fault;
+    if (fault.empty()) {
+      auto message = decode(data);
+      if (message.is_ok()) {
+        accept(std::move(message).value(), info.publication_handle, to_us(info.reception_timestamp));
+        continue;
+      }
+      fault = message.status().message();
+    }
+    mailbox.complain(reader.get_topicdescription()->get_name() + ": sample of " +
+                     name_of(info.publication_handle) + " dropped: " + fault);
+  }
+  return true;
+}
+
+}  // namespace nearmesh::wire

@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// What travels between publisher and peers, as plain structs: no DDS type is seen outside idl/ and dds_*.cpp.
+// Every struct is checked on receipt (check_*): sizes, counts, enums and finite numbers; a sample that
+// fails is dropped with one line that says why, and nothing else notices.
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "nearmesh/core/base/status.hpp"
+#include "nearmesh/core/geometry/pose.hpp"
+#include "nearmesh/core/spm/types.hpp"
+
+namespace nearmesh::wire {
+
+/// Raised with every change of a topic's layout or of the batch codec. Peers of another version are refused loudly.
+inline constexpr std::uint16_t kWireVersion = 1;
+
+/// Random per process; tells a restarted publisher from the old one, and names a peer.
+using SessionId = std::uint64_t;
+
+inline constexpr std::size_t kMaxNameBytes = 63;
+inline constexpr std::size_t kMaxModels = 256;
+inline constexpr std::size_t kMaxReportPairs = 64;
+
+/// Latest state of one publisher (keyed by session, transient local).
+struct Hello {
+  std::uint16_t wire_version = kWireVersion;
+  SessionId publisher = 0;
+  struct Model {
+    std::string name;                ///< unique per publisher, at most kMaxNameBytes
+    std::uint64_t content_hash = 0;
+    std::uint64_t file_bytes = 0;    ///< size of the whole .spm, for the user's comparison
+  };
+  std::vector<Model> models;
+};
+
+/// Header of one model (keyed by content hash, transient local): SpmHeader as encoded in the file.
+struct MeshHeader {
+  std::uint16_t wire_version = kWireVersion;
+  std::string name;
+  std::uint64_t content_hash = 0;
+  std::vector<std::uint8_t> bytes;   ///< at most kMaxHeaderBytes
+};
+
+/// What a peer lacks, and how much it is ready to take (keyed by peer).
+struct RegionSubscription {
+  std::uint16_t wire_version = kWireVersion;
+  SessionId peer = 0;
+  std::uint32_t request = 0;            ///< counts up per peer; 0: no request, only credit
+  std::uint64_t content_hash = 0;       ///< the model; meaningless when request is 0
+  std::uint8_t priority = 0;            ///< 0 needed now, 1 horizon, 2 prefetch
+  std::uint64_t received_bytes = 0;     ///< batch payload received from this publisher since the start: returns credit
+  std::uint32_t window_bytes = 65536;   ///< the publisher keeps at most this much unacknowledged
+  RegionRequest region;
+};
+
+/// One encoded batch for one peer (a partition per peer).
+struct SplitBatchMessage {
+  std::uint16_t wire_version = kWireVersion;
+  SessionId publisher = 0;
+  std::uint64_t content_hash = 0;
+  std::uint32_t request = 0;    ///< which request it answers
+  std::uint32_t sequence = 0;   ///< counts up per publisher and peer, from 1: gaps are noticed
+  bool last = false;            ///< the request is answered in full with this one
+  bool refused = false;         ///< the request was refused; bytes hold the reason as text
+  std::vector<std::uint8_t> bytes;  ///< at most kMaxBatchBytes; may be empty when nothing was needed
+};
+
+/// Where a body is (keyed by body name; the peer that moves it publishes).
+struct BodyPose {
+  std::uint16_t wire_version = kWireVersion;
+  SessionId peer = 0;
+  std::string body;
+  std::uint64_t frame = 0;
+  double time_s = 0;
+  Pose pose;
+  std::array<double, 3> linear_velocity_mps{};
+  std::array<double, 3> angular_velocity_radps{};
+};
+
+/// An answer about a pair of bodies, for whoever listens (keyed by peer and pair).
+struct ContactReport {
+  std::uint16_t wire_version = kWireVersion;
+  SessionId peer = 0;
+  std::string body_a, body_b;
+  std::uint64_t frame = 0;
+  double time_s = 0;
+  std::uint8_t status = 0;          ///< AnswerStatus
+  double clearance_m = 0;           ///< lower bound, when free
+  double uncertainty_m = 0;         ///< when uncertain
+  std::uint32_t pair_count = 0;     ///< all exact pairs
+  std::vector<std::array<FaceKey, 2>> pairs;  ///< the first kMaxReportPairs of them
+};
+
+[[nodiscard]] Status check(const Hello& message);
+[[nodiscard]] Status check(const MeshHeader& message);
+[[nodiscard]] Status check(const RegionSubscription& message);
+[[nodiscard]] Status check(const SplitBatchMessage& message);
+[[nodiscard]] Status check(const BodyPose& message);
+[[nodiscard]] Status check(const ContactReport& message);
+
+}  // namespace nearmesh::wire

@@ -1,0 +1,229 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "nearmesh/wire/codec.hpp"
+
+#include <utility>
+
+namespace nearmesh::wire {
+
+namespace {
+
+constexpr std::uint8_t kFlagLast = 1;
+constexpr std::uint8_t kFlagRefused = 2;
+constexpr std::size_t kWordsPerNode = 2;
+constexpr std::size_t kWordsPerBox = 6;
+constexpr std::size_t kWordsPerPair = 4;
+
+Status malformed(std::string message) {
+  return {StatusCode::kInvalidArgument, std::move(message)};
+}
+
+/// A flat list must hold whole records, and no more than the message may have.
+Status check_words(std::size_t found, std::size_t per_record, std::size_t limit,
+                   const char* field) {
+  if (found % per_record == 0 && found / per_record <= limit) return Status::ok();
+  return malformed(std::string(field) + ": expected at most " + std::to_string(limit) + " times " +
+                   std::to_string(per_record) + " words, found " + std::to_string(found));
+}
+
+template <class Message>
+Result<Message> checked(Message message) {
+  NEARMESH_RETURN_IF_ERROR(check(message));
+  return message;
+}
+
+}  // namespace
+
+void encode(const Hello& message, wire_types::HelloSample& sample) {
+  sample.wire_version(message.wire_version);
+  sample.publisher(message.publisher);
+  sample.names().clear();
+  sample.content_hashes().clear();
+  sample.file_bytes().clear();
+  for (const Hello::Model& model : message.models) {
+    sample.names().insert(sample.names().end(), model.name.begin(), model.name.end());
+    sample.names().push_back('\n');
+    sample.content_hashes().push_back(model.content_hash);
+    sample.file_bytes().push_back(model.file_bytes);
+  }
+}
+
+Result<Hello> decode(const wire_types::HelloSample& sample) {
+  Hello message;
+  message.wire_version = sample.wire_version();
+  message.publisher = sample.publisher();
+  const std::size_t count = sample.content_hashes().size();
+  if (count > kMaxModels || sample.file_bytes().size() != count ||
+      sample.names().size() > kMaxModels * (kMaxNameBytes + 1))
+    return malformed("models: lists of " + std::to_string(count) + " hashes, " +
+                     std::to_string(sample.file_bytes().size()) + " sizes and " +
+                     std::to_string(sample.names().size()) + " bytes of names do not belong together");
+  message.models.resize(count);
+  std::size_t named = 0;
+  std::string name;
+  for (const std::uint8_t c : sample.names()) {
+    if (c != '\n') {
+      name.push_back(static_cast<char>(c));
+      continue;
+    }
+    if (named == count) return malformed("models: more names than hashes");
+    message.models[named++].name = std::exchange(name, {});
+  }
+  if (named != count || !name.empty()) return malformed("models: fewer whole names than hashes");
+  for (std::size_t i = 0; i < count; ++i) {
+    message.models[i].content_hash = sample.content_hashes()[i];
+    message.models[i].file_bytes = sample.file_bytes()[i];
+  }
+  return checked(std::move(message));
+}
+
+void encode(const MeshHeader& message, wire_types::MeshHeaderSample& sample) {
+  sample.wire_version(message.wire_version);
+  sample.content_hash(message.content_hash);
+  sample.name(message.name.c_str());
+  sample.bytes(message.bytes);
+}
+
+Result<MeshHeader> decode(const wire_types::MeshHeaderSample& sample) {
+  MeshHeader message;
+  message.wire_version = sample.wire_version();
+  message.content_hash = sample.content_hash();
+  message.name = sample.name().to_string();
+  message.bytes = sample.bytes();
+  return checked(std::move(message));
+}
+
+void encode(const RegionSubscription& message, wire_types::RegionSubscriptionSample& sample) {
+  sample.wire_version(message.wire_version);
+  sample.priority(message.priority);
+  sample.request(message.request);
+  sample.peer(message.peer);
+  sample.content_hash(message.content_hash);
+  sample.received_bytes(message.received_bytes);
+  sample.window_bytes(message.window_bytes);
+  sample.max_splits(message.region.max_splits);
+  sample.attach().clear();
+  for (const NodeSpan& node : message.region.attach) {
+    sample.attach().push_back(node.first.value);
+    sample.attach().push_back(node.size);
+  }
+  sample.boxes().clear();
+  for (const GridBox& box : message.region.region) {
+    sample.boxes().insert(sample.boxes().end(), box.lo.v.begin(), box.lo.v.end());
+    sample.boxes().insert(sample.boxes().end(), box.hi.v.begin(), box.hi.v.end());
+  }
+}
+
+Result<RegionSubscription> decode(const wire_types::RegionSubscriptionSample& sample) {
+  RegionSubscription message;
+  message.wire_version = sample.wire_version();
+  message.priority = sample.priority();
+  message.request = sample.request();
+  message.peer = sample.peer();
+  message.content_hash = sample.content_hash();
+  message.received_bytes = sample.received_bytes();
+  message.window_bytes = sample.window_bytes();
+  message.region.max_splits = sample.max_splits();
+  const auto& attach = sample.attach();
+  const auto& boxes = sample.boxes();
+  NEARMESH_RETURN_IF_ERROR(check_words(attach.size(), kWordsPerNode, kMaxAttachNodes, "attach"));
+  NEARMESH_RETURN_IF_ERROR(check_words(boxes.size(), kWordsPerBox, kMaxRegionBoxes, "boxes"));
+  for (std::size_t i = 0; i < attach.size(); i += kWordsPerNode)
+    message.region.attach.push_back({VertexId{attach[i]}, attach[i + 1]});
+  for (std::size_t i = 0; i < boxes.size(); i += kWordsPerBox)
+    message.region.region.push_back({{{boxes[i], boxes[i + 1], boxes[i + 2]}},
+                                     {{boxes[i + 3], boxes[i + 4], boxes[i + 5]}}});
+  return checked(std::move(message));
+}
+
+void encode(const SplitBatchMessage& message, wire_types::SplitBatchSample& sample) {
+  sample.wire_version(message.wire_version);
+  sample.flags(static_cast<std::uint8_t>((message.last ? kFlagLast : 0) |
+                                         (message.refused ? kFlagRefused : 0)));
+  sample.request(message.request);
+  sample.publisher(message.publisher);
+  sample.content_hash(message.content_hash);
+  sample.sequence_number(message.sequence);
+  sample.bytes(message.bytes);
+}
+
+Result<SplitBatchMessage> decode(const wire_types::SplitBatchSample& sample) {
+  SplitBatchMessage message;
+  message.wire_version = sample.wire_version();
+  if ((sample.flags() & ~(kFlagLast | kFlagRefused)) != 0)
+    return malformed("flags: found unknown bits, " + std::to_string(sample.flags()));
+  message.last = (sample.flags() & kFlagLast) != 0;
+  message.refused = (sample.flags() & kFlagRefused) != 0;
+  message.request = sample.request();
+  message.publisher = sample.publisher();
+  message.content_hash = sample.content_hash();
+  message.sequence = sample.sequence_number();
+  message.bytes = sample.bytes();
+  return checked(std::move(message));
+}
+
+void encode(const BodyPose& message, wire_types::BodyPoseSample& sample) {
+  sample.wire_version(message.wire_version);
+  sample.body(message.body.c_str());
+  sample.peer(message.peer);
+  sample.frame(message.frame);
+  sample.time_s(message.time_s);
+  sample.rotation(message.pose.rotation);
+  sample.translation_m(message.pose.translation_m);
+  sample.linear_velocity_mps(message.linear_velocity_mps);
+  sample.angular_velocity_radps(message.angular_velocity_radps);
+}
+
+Result<BodyPose> decode(const wire_types::BodyPoseSample& sample) {
+  BodyPose message;
+  message.wire_version = sample.wire_version();
+  message.body = sample.body().to_string();
+  message.peer = sample.peer();
+  message.frame = sample.frame();
+  message.time_s = sample.time_s();
+  message.pose.rotation = sample.rotation();
+  message.pose.translation_m = sample.translation_m();
+  message.linear_velocity_mps = sample.linear_velocity_mps();
+  message.angular_velocity_radps = sample.angular_velocity_radps();
+  return checked(std::move(message));
+}
+
+void encode(const ContactReport& message, wire_types::ContactReportSample& sample) {
+  sample.wire_version(message.wire_version);
+  sample.status(message.status);
+  sample.pair_count(message.pair_count);
+  sample.peer(message.peer);
+  sample.body_a(message.body_a.c_str());
+  sample.body_b(message.body_b.c_str());
+  sample.frame(message.frame);
+  sample.time_s(message.time_s);
+  sample.clearance_m(message.clearance_m);
+  sample.uncertainty_m(message.uncertainty_m);
+  sample.pairs().clear();
+  for (const auto& pair : message.pairs)
+    for (const FaceKey& face : pair) {
+      sample.pairs().push_back(face.split.value);
+      sample.pairs().push_back(face.index);
+    }
+}
+
+Result<ContactReport> decode(const wire_types::ContactReportSample& sample) {
+  ContactReport message;
+  message.wire_version = sample.wire_version();
+  message.status = sample.status();
+  message.pair_count = sample.pair_count();
+  message.peer = sample.peer();
+  message.body_a = sample.body_a().to_string();
+  message.body_b = sample.body_b().to_string();
+  message.frame = sample.frame();
+  message.time_s = sample.time_s();
+  message.clearance_m = sample.clearance_m();
+  message.uncertainty_m = sample.uncertainty_m();
+  const auto& words = sample.pairs();
+  NEARMESH_RETURN_IF_ERROR(check_words(words.size(), kWordsPerPair, kMaxReportPairs, "pairs"));
+  for (std::size_t i = 0; i < words.size(); i += kWordsPerPair)
+    message.pairs.push_back({FaceKey{VertexId{words[i]}, words[i + 1]},
+                             FaceKey{VertexId{words[i + 2]}, words[i + 3]}});
+  return checked(std::move(message));
+}
+
+}  // namespace nearmesh::wire

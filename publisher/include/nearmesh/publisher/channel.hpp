@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// How the publisher service reaches its peers. Two implementations: DDS (dds_channel.cpp) and one in memory, in the
+// tests, that loses and reorders at will. Service logic knows only this.
+
+#include <vector>
+
+#include "nearmesh/wire/messages.hpp"
+
+namespace nearmesh::publisher {
+
+class Channel {
+ public:
+  virtual ~Channel() = default;
+
+  /// Announces what is served; late joiners get it too.
+  virtual void announce(const wire::Hello& hello, const std::vector<wire::MeshHeader>& headers) = 0;
+  /// Valid subscriptions received since the last call, in order of arrival.
+  [[nodiscard]] virtual std::vector<wire::RegionSubscription> take_subscriptions() = 0;
+  /// Peers that were lost since the last call (lease over, or left).
+  [[nodiscard]] virtual std::vector<wire::SessionId> take_lost_peers() = 0;
+  /// Sends to one peer. False when it could not be taken now: the caller keeps the batch and tries again.
+  [[nodiscard]] virtual bool send(wire::SessionId peer, const wire::SplitBatchMessage& batch) = 0;
+  /// Blocks until something arrived or the time is over.
+  virtual void wait(double seconds) = 0;
+};
+
+}  // namespace nearmesh::publisher
