@@ -3,6 +3,7 @@
 
 #include <arpa/inet.h>
 #include <ifaddrs.h>
+#include <unistd.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
 
@@ -68,7 +69,7 @@ Status set_transport(const TransportOptions& options, fdds::DomainParticipantQos
   // participant, and is not faster for samples of our size.
   qos.transport().use_builtin_transports = false;
   auto udp = std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>();
-  udp->maxMessageSize = kMaxDatagramBytes;
+  udp->maxMessageSize = getenv("MMS")?atoi(getenv("MMS")):kMaxDatagramBytes;
   udp->sendBufferSize = kSocketBufferBytes;
   udp->receiveBufferSize = kSocketBufferBytes;
   auto& peers = qos.wire_protocol().builtin.initialPeersList;
@@ -103,8 +104,6 @@ Status check_options(const TransportOptions& options) {
             "lease: expected at least twice the announcement period, all above 0"};
   return Status::ok();
 }
-
-fdds::StatusMask reader_mask() { return fdds::StatusMask::all(); }
 
 const char* policy_name(fdds::QosPolicyId_t id) {
   switch (id) {
@@ -174,6 +173,11 @@ std::vector<std::string> Mailbox::take_complaints() {
   return taken;
 }
 
+bool Mailbox::has_complaints() {
+  const std::lock_guard lock(mutex_);
+  return !complaints_.empty();
+}
+
 // --- Listeners
 
 std::vector<ReaderListener::Gone> ReaderListener::take_gone() {
@@ -186,6 +190,7 @@ void ReaderListener::on_data_available(fdds::DataReader*) { mailbox_.wake(); }
 
 void ReaderListener::on_subscription_matched(fdds::DataReader*,
                                              const fdds::SubscriptionMatchedStatus& status) {
+    fprintf(stderr,"DBG %d rmatch %s %d\n",getpid(),topic_.c_str(),status.current_count_change);
   if (status.current_count_change < 0) {
     const std::lock_guard lock(mutex_);
     gone_.push_back({status.last_publication_handle, now_us()});
@@ -216,6 +221,7 @@ void WriterListener::on_publication_matched(fdds::DataWriter*,
                                             const fdds::PublicationMatchedStatus& status) {
   {
     const std::lock_guard lock(mutex_);
+    fprintf(stderr,"DBG %d match %s %d\n",getpid(),topic_.c_str(),status.current_count_change);
     if (status.current_count_change > 0) readers_.insert(status.last_subscription_handle);
     if (status.current_count_change < 0) readers_.erase(status.last_subscription_handle);
   }
@@ -403,7 +409,7 @@ Result<fdds::DataReader*> Bus::add_reader(fdds::Topic* topic, const fdds::DataRe
       subscriber_qos, &listener, fdds::StatusMask::data_on_readers());
   fdds::DataReader* reader = subscriber == nullptr ? nullptr
                                                    : subscriber->create_datareader(
-                                                         topic, qos, &listener, reader_mask());
+                                                         topic, qos, &listener);
   if (reader != nullptr) {
     readers_.push_back(reader);
     return reader;

@@ -92,7 +92,7 @@ VertexId parting_split(const Forest& forest, std::uint32_t x, std::uint32_t y) {
 struct OwnedFace {
   VertexId split;  // none: a base face
   SplitFace face;
-  ModelFile::FaceNumber number;
+  FaceNumber number;
 };
 
 // Each face appears with the deepest of the splits that part its corners; the third corner is then outside the node.

@@ -54,9 +54,11 @@ Box box_of(const LatticeTriangle& t) {
   return box;
 }
 
+/// Without branches: near pairs, the usual case here, would mispredict them.
 bool boxes_meet(const Box& a, const Box& b) {
-  return (a.lo[0] <= b.hi[0]) & (b.lo[0] <= a.hi[0]) & (a.lo[1] <= b.hi[1]) & (b.lo[1] <= a.hi[1]) &
-         (a.lo[2] <= b.hi[2]) & (b.lo[2] <= a.hi[2]);
+  int apart = 0;
+  for (std::size_t k = 0; k < 3; ++k) apart |= int{a.lo[k] > b.hi[k]} | int{b.lo[k] > a.hi[k]};
+  return apart == 0;
 }
 
 std::int64_t extent_of(const Box& box) {
@@ -141,7 +143,8 @@ int orientation(const TrianglePair& pair, std::size_t o, std::size_t i, std::siz
 }
 
 /// Six times the volumes that corners other..other+2 span with the triangle base..base+2.
-Double3 heights(const TrianglePair& pair, std::size_t base, std::size_t other) {
+[[gnu::always_inline]] inline Double3 heights(const TrianglePair& pair, std::size_t base,
+                                              std::size_t other) {
   const auto& p = pair.real;
   const Double3 normal =
       cross(subtract<double>(p[base + 1], p[base]), subtract<double>(p[base + 2], p[base]));
@@ -157,8 +160,9 @@ bool certainly_one_side(const Double3& h, double bound) {
 }
 
 /// Exact signs of heights.
-Signs signs_of(const Double3& h, double bound, const TrianglePair& pair, std::size_t base,
-               std::size_t other) {
+[[gnu::always_inline]] inline Signs signs_of(const Double3& h, double bound,
+                                             const TrianglePair& pair, std::size_t base,
+                                             std::size_t other) {
   Signs s{sign(h[0]), sign(h[1]), sign(h[2])};
   if (std::min(std::min(std::abs(h[0]), std::abs(h[1])), std::abs(h[2])) <= bound) [[unlikely]]
     for (std::size_t i = 0; i < 3; ++i)

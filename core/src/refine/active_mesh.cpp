@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nearmesh/core/refine/active_mesh.hpp"
 
+#include <algorithm>
 #include <bit>
 
 #include "nearmesh/core/base/hash.hpp"
@@ -72,6 +73,43 @@ void ActiveMesh::collapse(NodeSpan node, RefineDelta& delta) {
     v += span;
   }
   if (changed) delta.collapsed.push_back(node);
+}
+
+Treelet active_treelet(const ActiveMesh& mesh) {
+  const SplitStore& store = mesh.store();
+  Treelet treelet;
+  // Preorder is by first id, then larger first; a vertex's splits shrink its node from the right.
+  std::vector<NodeSpan> stack;
+  for (const BaseRoot& root : store.roots()) {
+    stack.assign(1, root.node);
+    while (!stack.empty()) {
+      const NodeSpan node = stack.back();
+      stack.pop_back();
+      const auto done = [&](NodeSpan n) {
+        if (n.size < 2) return false;
+        const VertexId u = store.split_of(n);
+        return u.is_valid() && mesh.is_active(u);
+      };
+      if (!done(node)) continue;
+      const VertexId u = store.split_of(node);
+      const NodeSpan left{node.first, u.value - node.begin()}, right{u, node.end() - u.value};
+      treelet.push_back({node, u, done(left), done(right)});
+      stack.push_back(right);
+      stack.push_back(left);
+    }
+  }
+  return treelet;
+}
+
+std::vector<VertexId> global_order(const SplitStore& store, std::uint32_t count) {
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> order;  // complement of the node's size, split
+  for (std::uint32_t v = 0; v < store.vertex_count(); ++v)
+    if (store.is_known({v}) && !store.is_root({v})) order.emplace_back(~store.node_of({v}).size, v);
+  std::sort(order.begin(), order.end());
+  order.resize(std::min<std::size_t>(order.size(), count));
+  std::vector<VertexId> splits;
+  for (const auto& [size, v] : order) splits.push_back({v});
+  return splits;
 }
 
 std::vector<ActiveFace> extract_faces(const ActiveMesh& mesh) {

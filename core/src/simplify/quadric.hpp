@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // Quadric error of a vertex (Garland and Heckbert 1997), kept about the vertex's own position.
-// Departure: the origin travels with the vertex. Planes of its own faces then have no offset, so an untouched
-// vertex has error exactly 0 and nothing cancels however far from the grid's corner the mesh lies.
+// Departure: the origin travels with the vertex. Planes of its own faces then have no offset, so an
+// untouched vertex has error exactly 0 and nothing cancels however far from the grid's corner the
+// mesh lies.
 
 #include <algorithm>
 #include <array>
@@ -18,7 +19,8 @@ using Vec3 = std::array<double, 3>;
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-/// error(d) = d'Ad + 2b'd + c, d measured from the vertex in grid units; unit of error: area * length^2.
+/// error(d) = d'Ad + 2b'd + c, d measured from the vertex in grid units; unit of error: area *
+/// length^2.
 struct Quadric {
   double a00 = 0, a01 = 0, a02 = 0, a11 = 0, a12 = 0, a22 = 0;
   double b0 = 0, b1 = 0, b2 = 0;

@@ -15,26 +15,37 @@ namespace {
 
 constexpr std::uint32_t kNone = 0xffffffffU;
 
-/// Weight of the planes that hold a border in place, against 1 for the faces. (Of 1 to 1000, measured on open
-/// vehicles: from 100 on the borders keep so many faces that the surface between them suffers.)
+/// Weight of the planes that hold a border in place, against 1 for the faces. (Of 1 to 1000,
+/// measured on open vehicles: from 100 on the borders keep so many faces that the surface between
+/// them suffers.)
 constexpr double kBorderWeight = 10;
-/// A collapse that breaks the topology costs this much more, that is, waits until it is eight times nearer than
-/// one that does not. Forbidding it altogether grinds down whatever is well connected before it touches debris: five
-/// times the error on a truck of 59 components; manifold meshes are the same either way.
+/// A collapse that breaks the topology costs this much more, that is, waits until it is eight times
+/// nearer than one that does not. Forbidding it altogether grinds down whatever is well connected
+/// before it touches debris: five times the error on a truck of 59 components; manifold meshes are
+/// the same either way.
 constexpr double kBreakingFactor = 64;
-/// Cost of a collapse's length on a surface of no error: the shortest goes first there, so that flat places
-/// are thinned evenly. Equals an error of sqrt(1e-7) of the length: never felt on a curved surface.
+/// Cost of a collapse's length on a surface of no error: the shortest goes first there, so that
+/// flat places are thinned evenly. Equals an error of sqrt(1e-7) of the length: never felt on a
+/// curved surface.
 constexpr double kLengthWeight = 1e-7;
-/// A face may not turn by more than about 78 degrees, neither in one collapse nor since the input.
+/// A face may turn by 78 degrees in one collapse, and by 60 since the input.
 constexpr double kLeastCosine = 0.2;
+constexpr double kLeastCosineToInput = 0.5;
 
-/// What a collapse must respect; each rule is tried only when the one before it allows nothing more.
+/// What a collapse must respect; each rule is tried only when the one before it allows nothing
+/// more.
 enum class Rule : std::uint8_t {
   kAll,
   kNoOriginalNormal,  ///< turns may add up
-  kNoNormals,         ///< faces may flip: any two joined vertices can merge
+  kNoNormals,         ///< faces may flip; breaking the topology stays dear
+  kNothing,           ///< nothing is tested
 };
-constexpr std::array<Rule, 3> kRules = {Rule::kAll, Rule::kNoOriginalNormal, Rule::kNoNormals};
+constexpr std::array<Rule, 4> kRules = {Rule::kAll, Rule::kNoOriginalNormal, Rule::kNoNormals,
+                                        Rule::kNothing};
+/// A rule is also given up once collapses refused in vain have looked at this many faces for each
+/// face of the input. Only tangles (random corners: every vertex soon has thousands of neighbours)
+/// come near; surfaces need less than 1.
+constexpr std::uint64_t kPatience = 200;
 
 /// 32 bytes. Faces of a vertex: a slice of one pool.
 struct Vertex {
@@ -78,8 +89,7 @@ std::uint32_t pack_normal(const Vec3& n) {
 }
 Vec3 unpack_normal(std::uint32_t packed) {
   Vec3 n;
-  for (int k = 0; k < 3; ++k)
-    n[k] = static_cast<double>(packed >> (20 - 10 * k) & 1023U) - 512;
+  for (int k = 0; k < 3; ++k) n[k] = static_cast<double>(packed >> (20 - 10 * k) & 1023U) - 512;
   return n;
 }
 
@@ -103,22 +113,27 @@ constexpr int kCostBits = 18;
 constexpr std::uint32_t kMaxDepth = (1U << (32 - kCostBits)) - 1;
 
 std::uint32_t rank_of(double cost, std::uint32_t depth) {
-  const auto bits = static_cast<std::uint32_t>(std::bit_cast<std::uint64_t>(cost) >> (63 - kCostBits));
+  const auto bits =
+      static_cast<std::uint32_t>(std::bit_cast<std::uint64_t>(cost) >> (63 - kCostBits));
   return bits << (32 - kCostBits) | std::min(depth, kMaxDepth);
 }
 
-/// A way for a vertex to go: cheapest first, ties to the shallower pair, then to the lower partner. All in one number:
-/// 32 bits of rank, 30 of partner, may it break the topology, was another tried before.
+/// A way for a vertex to go: cheapest first, ties to the shallower pair, then to the lower partner.
+/// All in one number: 32 bits of rank, 30 of partner, may it break the topology, was another tried
+/// before.
 struct Choice {
   static constexpr std::uint64_t kNever = std::numeric_limits<std::uint64_t>::max();
   std::uint64_t value = kNever;
 
   Choice() = default;
   Choice(double cost, std::uint32_t depth, std::uint32_t partner, bool may_break)
-      : value(std::uint64_t{rank_of(cost, depth)} << 32 | partner << 2 | std::uint64_t{may_break} << 1) {}
+      : value(std::uint64_t{rank_of(cost, depth)} << 32 | partner << 2 |
+              std::uint64_t{may_break} << 1) {}
   Choice(std::uint64_t key, std::uint32_t low) : value((key >> 32 << 32) | low) {}
 
-  [[nodiscard]] std::uint64_t key(std::uint32_t vertex) const { return (value >> 32 << 32) | vertex; }
+  [[nodiscard]] std::uint64_t key(std::uint32_t vertex) const {
+    return (value >> 32 << 32) | vertex;
+  }
   [[nodiscard]] std::uint32_t low() const { return static_cast<std::uint32_t>(value); }
   [[nodiscard]] std::uint32_t partner() const { return low() >> 2; }
   [[nodiscard]] bool may_break() const { return (value & 2) != 0; }
@@ -151,7 +166,7 @@ class Simplifier {
  private:
   /// What merge_range leaves over of a range of vertices in Morton order.
   struct Range {
-    std::uint32_t isolated = kNone;         ///< one vertex without faces, or none
+    std::uint32_t isolated = kNone;            ///< one vertex without faces, or none
     std::size_t base_begin = 0, base_end = 0;  ///< in base_
   };
 
@@ -162,7 +177,9 @@ class Simplifier {
   void add_quadrics();
 
   // Adjacency.
-  [[nodiscard]] const std::uint32_t* faces_begin(const Vertex& v) const { return &pool_[0] + v.first; }
+  [[nodiscard]] const std::uint32_t* faces_begin(const Vertex& v) const {
+    return &pool_[0] + v.first;
+  }
   [[nodiscard]] const std::uint32_t* faces_end(const Vertex& v) const {
     return &pool_[0] + v.first + v.count;
   }
@@ -193,11 +210,13 @@ class Simplifier {
 
   // Vertices without faces.
   Range merge_range(const std::vector<std::uint64_t>& codes, std::size_t begin, std::size_t end);
-  [[nodiscard]] std::uint32_t nearest_base(std::uint32_t v, std::size_t begin, std::size_t end) const;
+  [[nodiscard]] std::uint32_t nearest_base(std::uint32_t v, std::size_t begin,
+                                           std::size_t end) const;
 
   const SimplifyOptions& options_;
   std::uint64_t target_faces_;
   std::uint64_t faces_in_ = 0, faces_left_ = 0;
+  std::uint64_t effort_ = 0;  ///< faces looked at for collapses that were refused
   double next_report_ = 0;
   int code_shift_ = 0;
 
@@ -220,9 +239,9 @@ class Simplifier {
 void Simplifier::place_vertices(const GridMesh& mesh) {
   const std::size_t count = mesh.positions.size();
   std::int32_t greatest = 0;
-  for (const GridPoint& p : mesh.positions)
-    greatest = std::max({greatest, p[0], p[1], p[2]});
-  code_shift_ = std::max(0, static_cast<int>(std::bit_width(static_cast<std::uint32_t>(greatest))) - 21);
+  for (const GridPoint& p : mesh.positions) greatest = std::max({greatest, p[0], p[1], p[2]});
+  code_shift_ =
+      std::max(0, static_cast<int>(std::bit_width(static_cast<std::uint32_t>(greatest))) - 21);
 
   std::vector<std::pair<std::uint64_t, std::uint32_t>> order(count);
   for (std::uint32_t i = 0; i < count; ++i)
@@ -315,7 +334,8 @@ std::uint32_t Simplifier::next_stamp() {
   return stamp_ += 4;
 }
 
-/// Neighbours of u in the order of its faces. Leaves in their marks stamp_ + number of shared faces (3 = more).
+/// Neighbours of u in the order of its faces. Leaves in their marks stamp_ + number of shared faces
+/// (3 = more).
 void Simplifier::gather_ring(std::uint32_t u, std::vector<std::uint32_t>& ring) {
   ring.clear();
   const std::uint32_t stamp = next_stamp();
@@ -406,10 +426,12 @@ void Simplifier::choose_again(std::uint32_t x, std::uint32_t u, std::uint32_t s)
 void Simplifier::collapse_edges(Rule rule) {
   for (std::uint32_t u = 0; u < vertices_.size(); ++u)
     if (vertices_[u].count > 0) choose(u);
-  while (!is_done() && !queue_.is_empty()) {
+  effort_ = 0;
+  while (!is_done() && !queue_.is_empty() && effort_ <= kPatience * (faces_in_ + 64)) {
     const auto u = static_cast<std::uint32_t>(queue_.top());
     const Choice choice = choice_of(u);
     if (!is_legal(u, choice, rule)) {
+      effort_ += vertices_[u].count + vertices_[choice.partner()].count;
       choose_next(u);
       continue;
     }
@@ -422,18 +444,19 @@ void Simplifier::collapse_edges(Rule rule) {
 }
 
 bool Simplifier::is_legal(std::uint32_t u, const Choice& choice, Rule rule) {
+  if (rule == Rule::kNothing) return true;
   const std::uint32_t s = choice.partner();
   bool is_tetrahedron = false;
   if (!choice.may_break() && !keeps_topology(u, s, is_tetrahedron)) return false;
   if (is_tetrahedron || rule == Rule::kNoNormals) return true;
   const Vertex& v = vertices_[u];
-  return std::all_of(faces_begin(v), faces_end(v), [&](std::uint32_t face) {
-    return keeps_normal(faces_[face], u, s, rule);
-  });
+  return std::all_of(faces_begin(v), faces_end(v),
+                     [&](std::uint32_t face) { return keeps_normal(faces_[face], u, s, rule); });
 }
 
-/// The link condition; where an end is not manifold, only that no two faces become one. The last four faces of a
-/// closed component may fold up, so that small components vanish when their turn comes.
+/// The link condition; where an end is not manifold, only that no two faces become one. The last
+/// four faces of a closed component may fold up, so that small components vanish when their turn
+/// comes.
 bool Simplifier::keeps_topology(std::uint32_t u, std::uint32_t s, bool& is_tetrahedron) {
   gather_ring(u, ring_u_);
   const std::uint32_t shared = vertices_[s].mark - stamp_;
@@ -454,7 +477,8 @@ bool Simplifier::keeps_topology(std::uint32_t u, std::uint32_t s, bool& is_tetra
     if (a == s || b == s || !is_near_s(a) || !is_near_s(b)) continue;
     for (const std::uint32_t* other = faces_begin(kept); other != faces_end(kept); ++other) {
       const auto& c = faces_[*other].corner;
-      if (std::find(c.begin(), c.end(), a) == c.end() || std::find(c.begin(), c.end(), b) == c.end())
+      if (std::find(c.begin(), c.end(), a) == c.end() ||
+          std::find(c.begin(), c.end(), b) == c.end())
         continue;
       if (shared != 2 || v.count != 3 || kept.count != 3 || vertices_[a].count != 3 ||
           vertices_[b].count != 3)
@@ -474,14 +498,14 @@ bool Simplifier::keeps_normal(const Face& f, std::uint32_t u, std::uint32_t s, R
   const Vec3 after = cross(between(vertices_[s], va), between(vertices_[s], vb));
   const double before2 = dot(before, before), after2 = dot(after, after);
   if (after2 == 0) return before2 == 0;
-  constexpr double kLeast2 = kLeastCosine * kLeastCosine;
   if (before2 > 0) {
     const double turn = dot(before, after);
-    if (turn <= 0 || turn * turn < kLeast2 * before2 * after2) return false;
+    if (turn <= 0 || turn * turn < kLeastCosine * kLeastCosine * before2 * after2) return false;
   }
   if (rule == Rule::kAll && f.normal != 0) {
     const Vec3 original = unpack_normal(f.normal);
     const double turn = dot(original, after);
+    constexpr double kLeast2 = kLeastCosineToInput * kLeastCosineToInput;
     if (turn <= 0 || turn * turn < kLeast2 * dot(original, original) * after2) return false;
   }
   return true;
@@ -548,7 +572,8 @@ void Simplifier::drop_face(std::uint32_t vertex, std::uint32_t face) {
   --v.count;
 }
 
-/// Gives `to` these faces, in its own slice, in that of `from` (which is given up), or in a new one.
+/// Gives `to` these faces, in its own slice, in that of `from` (which is given up), or in a new
+/// one.
 void Simplifier::store_slice(Vertex& to, Vertex& from, const std::vector<std::uint32_t>& faces) {
   const auto count = static_cast<std::uint32_t>(faces.size());
   if (count > to.capacity && count <= from.capacity) {
@@ -587,8 +612,9 @@ void Simplifier::report_progress() {
   next_report_ = share + 0.01;
 }
 
-/// Merges vertices without faces: near ones pairwise, each group then into the nearest vertex that has faces. Bottom
-/// up along the octree that Morton order is, so that no vertex takes in many one after the other.
+/// Merges vertices without faces: near ones pairwise, each group then into the nearest vertex that
+/// has faces. Bottom up along the octree that Morton order is, so that no vertex takes in many one
+/// after the other.
 void Simplifier::merge_isolated() {
   std::vector<std::uint64_t> codes;
   for (std::uint32_t i = 0; i < vertices_.size(); ++i) {
@@ -599,11 +625,12 @@ void Simplifier::merge_isolated() {
   }
   if (live_.size() == base_.size()) return;
   merge_range(codes, 0, live_.size());
-  if (log_.clustered > 0 && log_.stop == StopReason::kReachedTarget) log_.stop = StopReason::kClustered;
+  if (log_.clustered > 0 && log_.stop == StopReason::kReachedTarget)
+    log_.stop = StopReason::kClustered;
 }
 
-Simplifier::Range Simplifier::merge_range(const std::vector<std::uint64_t>& codes, std::size_t begin,
-                                          std::size_t end) {
+Simplifier::Range Simplifier::merge_range(const std::vector<std::uint64_t>& codes,
+                                          std::size_t begin, std::size_t end) {
   if (end - begin == 1) {
     const std::uint32_t v = live_[begin];
     const auto base = std::lower_bound(base_.begin(), base_.end(), v);
@@ -629,13 +656,14 @@ Simplifier::Range Simplifier::merge_range(const std::vector<std::uint64_t>& code
   };
   if (left.isolated != kNone && right.isolated != kNone) {
     const bool keep_left = vertices_[left.isolated].depth >= vertices_[right.isolated].depth;
-    both.isolated = keep_left ? merge(right.isolated, left.isolated)
-                              : merge(left.isolated, right.isolated);
+    both.isolated =
+        keep_left ? merge(right.isolated, left.isolated) : merge(left.isolated, right.isolated);
   } else {
     both.isolated = left.isolated != kNone ? left.isolated : right.isolated;
   }
   if (both.isolated != kNone && both.base_begin < both.base_end) {
-    // Only one side has vertices with faces; those next to the other side in Morton order are enough.
+    // Only one side has vertices with faces; those next to the other side in Morton order are
+    // enough.
     constexpr std::size_t kLooked = 64;
     std::size_t from = both.base_begin, to = both.base_end;
     if (left.base_begin == left.base_end)

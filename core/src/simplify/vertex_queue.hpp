@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Priority queue with one entry a vertex: a four-ary heap of 64-bit keys that end in the vertex's number, so
-// keys never tie and an entry can be changed in place.
+// Priority queue with one entry a vertex: a four-ary heap of 64-bit keys that end in the vertex's
+// number, so keys never tie and an entry can be changed in place.
 
 #include <cstdint>
 #include <vector>
@@ -12,7 +12,9 @@ class VertexQueue {
  public:
   static constexpr std::uint32_t kAbsent = 0xffffffffU;
 
-  explicit VertexQueue(std::uint32_t vertices) : place_(vertices, kAbsent) { heap_.reserve(vertices); }
+  explicit VertexQueue(std::uint32_t vertices) : place_(vertices, kAbsent) {
+    heap_.reserve(vertices);
+  }
 
   [[nodiscard]] bool is_empty() const { return heap_.empty(); }
   [[nodiscard]] std::uint64_t top() const { return heap_.front(); }

@@ -215,17 +215,34 @@ Status ModelFile::verify() const {
   return Status::ok();
 }
 
-Result<std::vector<ModelFile::FaceNumber>> ModelFile::face_numbers() const {
+FaceNumbering::FaceNumbering(const SplitStore& store, std::vector<FaceNumber> numbers)
+    : first_(store.vertex_count()), numbers_(std::move(numbers)) {
+  auto next = static_cast<std::uint32_t>(store.base_faces().size());
+  for (std::uint32_t v = 0; v < first_.size(); ++v) {
+    first_[v] = next;
+    if (!store.is_root({v})) next += static_cast<std::uint32_t>(store.faces({v}).size());
+  }
+  NEARMESH_ASSERT(next == numbers_.size());
+}
+
+Result<FaceNumbering> ModelFile::face_numbering() {
   NEARMESH_RETURN_IF_ERROR(verify());
+  NEARMESH_RETURN_IF_ERROR(require_all());
   const auto* table =
       reinterpret_cast<const std::uint32_t*>(impl_->data + impl_->preamble.face_table_offset);
   std::vector<FaceNumber> numbers(impl_->header.face_count);
+  std::uint64_t faces = impl_->store->base_faces().size();
+  for (std::uint32_t v = 0; v < impl_->header.vertex_count; ++v)
+    if (!impl_->store->is_root({v})) faces += impl_->store->faces({v}).size();
+  if (faces != numbers.size())
+    return impl_->corrupt("expected " + std::to_string(numbers.size()) + " faces, found " +
+                          std::to_string(faces));
   for (std::size_t i = 0; i < numbers.size(); ++i) {
     numbers[i] = {{table[i] >> 2}, static_cast<std::uint8_t>(table[i] & 3U)};
     if (numbers[i].first_corner > 2)
       return impl_->corrupt("face table entry " + std::to_string(i));
   }
-  return numbers;
+  return FaceNumbering(*impl_->store, std::move(numbers));
 }
 
 }  // namespace nearmesh

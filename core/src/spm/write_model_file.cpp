@@ -56,7 +56,7 @@ Status write_whole(const std::string& path, const std::vector<std::uint8_t>& byt
 }  // namespace
 
 Result<WrittenModel> write_model_file(const SpmHeader& header, const SplitStore& store,
-                                      std::span<const ModelFile::FaceNumber> numbers,
+                                      std::span<const FaceNumber> numbers,
                                       const std::string& path) {
   NEARMESH_ASSERT(store.known_splits() == header.split_count());
   NEARMESH_ASSERT(numbers.size() == header.face_count && numbers.size() < file_layout::kMaxFaces);
@@ -90,7 +90,7 @@ Result<WrittenModel> write_model_file(const SpmHeader& header, const SplitStore&
   preamble.face_table_offset = out.size();
   std::vector<std::uint32_t> table;
   table.reserve(numbers.size());
-  for (const ModelFile::FaceNumber& number : numbers)
+  for (const FaceNumber& number : numbers)
     table.push_back(number.face.value << 2 | number.first_corner);
   append(out, table.data(), table.size());
   preamble.face_table_checksum = hash_bytes(bytes_of(table.data(), table.size()));

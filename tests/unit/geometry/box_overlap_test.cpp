@@ -343,6 +343,15 @@ TEST(RelativeFrame, MapsPosedPointsOntoEachOther) {
   }
 }
 
+TEST(RelativeFrame, SlackGrowsWithTheTranslation) {
+  const RelativeFrame near =
+      make_relative_frame(frame_at(Pose{}.rotation, {}), frame_at(Pose{}.rotation, {}));
+  const RelativeFrame far =
+      make_relative_frame(frame_at(Pose{}.rotation, {}), frame_at(Pose{}.rotation, {1e9, 0, 0}));
+  EXPECT_GE(far.slack - near.slack, 64 * 0x1p-53 * far.translation[0]);
+  EXPECT_LT(far.slack, 4);
+}
+
 TEST(BoxesApart, FindsFaceSeparationAlongEveryAxisOfBothBoxes) {
   for (int axis = 0; axis < 3; ++axis)
     for (const double side : {-1.0, 1.0})
@@ -405,12 +414,20 @@ TEST(BoxesGap, CountsInMetresWhenTheOtherModelIsCoarser) {
 TEST(BoxTriangleApart, FindsTheBoxFaces) {
   const RelativeFrame f =
       make_relative_frame(frame_at(Pose{}.rotation, {}), frame_at(Pose{}.rotation, {}));
+  // A wide blade with its tip 20 units off the middle of a face: its plane and its edges' planes
+  // all cut the cube, so only the face separates them.
   for (int axis = 0; axis < 3; ++axis)
-    for (const std::int32_t offset : {-70000, 70000}) {
-      GridTriangle t{{{{0, 0, 0}}, {{60000, 3000, 2000}}, {{4000, 60000, 50000}}}};
-      for (GridPoint& p : t) p[axis] = offset + p[axis] / 100;
-      EXPECT_TRUE(box_triangle_apart(f, kMetreCube, as_doubles(t)));
-    }
+    for (const bool above : {false, true})
+      for (const std::int32_t distance : {20, -20}) {
+        GridTriangle blade;
+        for (std::size_t c = 0; c < 3; ++c) {
+          const std::int32_t away = distance + (c == 0 ? 0 : c == 1 ? 40000 : 90000);
+          blade[c][axis] = above ? 65536 + away : -away;
+          blade[c][(axis + 1) % 3] = 30000;
+          blade[c][(axis + 2) % 3] = c == 0 ? 30000 : c == 1 ? -300000 : 360000;
+        }
+        EXPECT_EQ(box_triangle_apart(f, kMetreCube, as_doubles(blade)), distance > 0);
+      }
 }
 
 TEST(BoxTriangleApart, FindsTheTrianglePlane) {
@@ -439,8 +456,14 @@ TEST(BoxTriangleApart, FindsCrossedEdges) {
                                     {{c - 100000 + distance, c + 100000 + distance, 100000}},
                                     {{c + 100000 + distance, c + 50000 + distance, 60000}}}});
   };
-  EXPECT_TRUE(box_triangle_apart(f, kMetreCube, leaning(20)));
-  EXPECT_FALSE(box_triangle_apart(f, kMetreCube, leaning(-20)));
+  for (const auto& order : {std::array<std::size_t, 3>{0, 1, 2}, {1, 0, 2}, {2, 0, 1}, {2, 1, 0}}) {
+    const auto at = [&](std::int32_t distance) {
+      const DoubleTriangle t = leaning(distance);
+      return DoubleTriangle{t[order[0]], t[order[1]], t[order[2]]};
+    };
+    EXPECT_TRUE(box_triangle_apart(f, kMetreCube, at(20)));
+    EXPECT_FALSE(box_triangle_apart(f, kMetreCube, at(-20)));
+  }
 }
 
 TEST(TrianglesGap, IsSharpFaceCornerAndEdge) {

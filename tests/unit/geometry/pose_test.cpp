@@ -144,6 +144,23 @@ TEST(LatticeExponent, IsSymmetric) {
   }
 }
 
+TEST(MakePosedFrame, RoundsRotationToTheNearest) {
+  Random random(8);
+  for (int i = 0; i < 100; ++i) {
+    const Pose pose{random_rotation(random), {}};
+    const PosedFrame frame = frame_of({{}, 0, 21}, pose, 0);
+    for (std::size_t k = 0; k < 9; ++k)
+      EXPECT_LE(std::abs(static_cast<double>(frame.rotation[k]) - pose.rotation[k] * 0x1p30), 0.5);
+  }
+}
+
+TEST(MakePosedFrame, RoundsOriginAndTranslationTogether) {
+  // Cells of 2 m. 3 + 2.2 = 5.2 m and -3 - 2.2 m: the nearest cells are 3 and -3. 1 m: half up.
+  const Grid grid{{3, -3, 0}, 0, 21};
+  const PosedFrame frame = frame_of(grid, {Pose{}.rotation, {2.2, -2.2, 1}}, 1);
+  EXPECT_EQ(frame.translation, (std::array<std::int64_t, 3>{3, -3, 1}));
+}
+
 TEST(MakePosedFrame, RefusesTranslationBeyondTheLattice) {
   const Grid fine{{}, -60, 21};
   const Pose pose{Pose{}.rotation, {1e6, 0, 0}};

@@ -49,6 +49,7 @@ class Mailbox {
   /// Keeps the first kMaxComplaints lines until they are taken, then counts. Also wakes.
   void complain(std::string line);
   [[nodiscard]] std::vector<std::string> take_complaints();
+  [[nodiscard]] bool has_complaints();
 
  private:
   static constexpr std::size_t kMaxComplaints = 256;

@@ -42,16 +42,14 @@ struct Envelope : Sample {
          std::to_string(kWireVersion);
 }
 
-/// In: the generated type support, and a usual size of its samples in bytes. The latter sets what Fast DDS
-/// preallocates per sample; larger ones grow their buffer (PREALLOCATED_WITH_REALLOC).
-template <class Generated, std::uint32_t kUsualBytes>
+/// In: the generated type support. Its maximum size stays: a reader of Fast DDS 2.9 drops what is larger, in silence.
+template <class Generated>
 class SafeType : public Generated {
  public:
   using Sample = typename Generated::type;
   using Data = Envelope<Sample>;
 
   SafeType() {
-    this->m_typeSize = kUsualBytes;
     this->auto_fill_type_object(false);
     this->auto_fill_type_information(false);
   }
@@ -120,11 +118,11 @@ class SafeType : public Generated {
   static Data& envelope(void* data) { return static_cast<Data&>(*static_cast<Sample*>(data)); }
 };
 
-using HelloType = SafeType<wire_types::HelloSamplePubSubType, 1024>;
-using MeshHeaderType = SafeType<wire_types::MeshHeaderSamplePubSubType, 16384>;
-using RegionSubscriptionType = SafeType<wire_types::RegionSubscriptionSamplePubSubType, 512>;
-using SplitBatchType = SafeType<wire_types::SplitBatchSamplePubSubType, 1324>;
-using BodyPoseType = SafeType<wire_types::BodyPoseSamplePubSubType, 320>;
-using ContactReportType = SafeType<wire_types::ContactReportSamplePubSubType, 512>;
+using HelloType = SafeType<wire_types::HelloSamplePubSubType>;
+using MeshHeaderType = SafeType<wire_types::MeshHeaderSamplePubSubType>;
+using RegionSubscriptionType = SafeType<wire_types::RegionSubscriptionSamplePubSubType>;
+using SplitBatchType = SafeType<wire_types::SplitBatchSamplePubSubType>;
+using BodyPoseType = SafeType<wire_types::BodyPoseSamplePubSubType>;
+using ContactReportType = SafeType<wire_types::ContactReportSamplePubSubType>;
 
 }  // namespace nearmesh::wire

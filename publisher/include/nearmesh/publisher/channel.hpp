@@ -3,6 +3,7 @@
 // How the publisher service reaches its peers. Two implementations: DDS (dds_channel.cpp) and one in memory, in the
 // tests, that loses and reorders at will. Service logic knows only this.
 
+#include <string>
 #include <vector>
 
 #include "nearmesh/wire/messages.hpp"
@@ -23,6 +24,8 @@ class Channel {
   [[nodiscard]] virtual bool send(wire::SessionId peer, const wire::SplitBatchMessage& batch) = 0;
   /// Blocks until something arrived or the time is over.
   virtual void wait(double seconds) = 0;
+  /// One line each since the last call: malformed samples, other wire versions, incompatible QoS, limits reached.
+  [[nodiscard]] virtual std::vector<std::string> take_complaints() { return {}; }
 };
 
 }  // namespace nearmesh::publisher

@@ -14,7 +14,7 @@ namespace nearmesh {
 struct BakedModel {
   SpmHeader header;
   SplitStore store;  ///< complete
-  std::vector<ModelFile::FaceNumber> numbers;
+  std::vector<FaceNumber> numbers;
   CollapseLog log;   ///< for the report
 };
 

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "nearmesh/core/base/lazy_array.hpp"
+#include "nearmesh/core/spm/codec.hpp"
 #include "nearmesh/core/spm/split_store.hpp"
 
 namespace nearmesh {
@@ -63,6 +64,12 @@ class ActiveMesh {
   std::uint32_t split_count_ = 0;
   std::uint64_t hash_ = 0;
 };
+
+/// The splits done, as one treelet on the base mesh: what would have to be sent to reach this state.
+[[nodiscard]] Treelet active_treelet(const ActiveMesh& mesh);
+/// The first `count` splits of global progressive refinement: largest node first, ties to the lower id. Parents come
+/// before children. Needs a complete store. Cost: O(n log n).
+[[nodiscard]] std::vector<VertexId> global_order(const SplitStore& store, std::uint32_t count);
 
 /// A face of the current mesh: original corners replaced by the active vertices that stand for them.
 struct ActiveFace {

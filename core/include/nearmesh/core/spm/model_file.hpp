@@ -15,6 +15,26 @@
 
 namespace nearmesh {
 
+/// Which face of the input a face is, and which of its corners() the input names first.
+struct FaceNumber {
+  FaceId face;
+  std::uint8_t first_corner = 0;
+};
+
+/// Input numbers of all faces of a model. They stay in the file: peers name faces by FaceKey.
+class FaceNumbering {
+ public:
+  /// `numbers` in canonical order: base faces, then by split, then by index. The store must be complete.
+  FaceNumbering(const SplitStore& store, std::vector<FaceNumber> numbers);
+  [[nodiscard]] FaceNumber operator[](FaceKey key) const {
+    return numbers_[(key.split.is_valid() ? first_[key.split.value] : 0) + key.index];
+  }
+
+ private:
+  std::vector<std::uint32_t> first_;  // by split
+  std::vector<FaceNumber> numbers_;
+};
+
 class ModelFile {
  public:
   /// Errors: kIo (cannot open or map), kCorrupt (truncated, checksum), kUnsupported (version); each names
@@ -43,13 +63,8 @@ class ModelFile {
   /// Checks every checksum without decoding.
   [[nodiscard]] Status verify() const;
 
-  /// Input numbers of all faces, and the place of each face's first input corner among its corners(); order: base
-  /// faces, then by split, then index. Needs require_all(). Errors: kCorrupt.
-  struct FaceNumber {
-    FaceId face;
-    std::uint8_t first_corner = 0;
-  };
-  [[nodiscard]] Result<std::vector<FaceNumber>> face_numbers() const;
+  /// Reads the table of input face numbers; decodes everything. Errors: kCorrupt.
+  [[nodiscard]] Result<FaceNumbering> face_numbering();
 
  private:
   struct Impl;

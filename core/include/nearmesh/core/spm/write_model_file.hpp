@@ -13,10 +13,10 @@ struct WrittenModel {
   std::uint64_t file_bytes = 0, header_bytes = 0, block_bytes = 0, blocks = 0, content_hash = 0;
 };
 
-/// Writes a complete model. `numbers` in ModelFile::face_numbers() order. The file appears under its name only when it is
+/// Writes a complete model. `numbers` in canonical order (FaceNumbering). The file appears under its name only when it is
 /// whole (written beside it and renamed). Errors: kIo with path and reason; an older file of that name is then untouched.
 [[nodiscard]] Result<WrittenModel> write_model_file(const SpmHeader& header, const SplitStore& store,
-                                                    std::span<const ModelFile::FaceNumber> numbers,
+                                                    std::span<const FaceNumber> numbers,
                                                     const std::string& path);
 
 }  // namespace nearmesh
