@@ -18,5 +18,6 @@ void add_build(CLI::App& app, Action& chosen);
 void add_info(CLI::App& app, Action& chosen);
 void add_export(CLI::App& app, Action& chosen);
 void add_query(CLI::App& app, Action& chosen);
+void add_check(CLI::App& app, Action& chosen);
 
 }  // namespace nearmesh::tools

@@ -16,6 +16,7 @@ int main(int argc, char** argv) {
   nearmesh::tools::add_info(app, action);
   nearmesh::tools::add_export(app, action);
   nearmesh::tools::add_query(app, action);
+  nearmesh::tools::add_check(app, action);
   try {
     app.parse(argc, argv);
     const nearmesh::Status status = action();

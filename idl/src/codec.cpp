@@ -13,9 +13,7 @@ constexpr std::size_t kWordsPerNode = 2;
 constexpr std::size_t kWordsPerBox = 6;
 constexpr std::size_t kWordsPerPair = 4;
 
-Status malformed(std::string message) {
-  return {StatusCode::kInvalidArgument, std::move(message)};
-}
+Status malformed(std::string message) { return {StatusCode::kInvalidArgument, std::move(message)}; }
 
 /// A flat list must hold whole records, and no more than the message may have.
 Status check_words(std::size_t found, std::size_t per_record, std::size_t limit,
@@ -38,12 +36,12 @@ void encode(const Hello& message, wire_types::HelloSample& sample) {
   sample.publisher(message.publisher);
   sample.names().clear();
   sample.content_hashes().clear();
-  sample.file_bytes().clear();
+  sample.mesh_bytes().clear();
   for (const Hello::Model& model : message.models) {
     sample.names().insert(sample.names().end(), model.name.begin(), model.name.end());
     sample.names().push_back('\n');
     sample.content_hashes().push_back(model.content_hash);
-    sample.file_bytes().push_back(model.file_bytes);
+    sample.mesh_bytes().push_back(model.mesh_bytes);
   }
 }
 
@@ -52,11 +50,12 @@ Result<Hello> decode(const wire_types::HelloSample& sample) {
   message.wire_version = sample.wire_version();
   message.publisher = sample.publisher();
   const std::size_t count = sample.content_hashes().size();
-  if (count > kMaxModels || sample.file_bytes().size() != count ||
+  if (count > kMaxModels || sample.mesh_bytes().size() != count ||
       sample.names().size() > kMaxModels * (kMaxNameBytes + 1))
     return malformed("models: lists of " + std::to_string(count) + " hashes, " +
-                     std::to_string(sample.file_bytes().size()) + " sizes and " +
-                     std::to_string(sample.names().size()) + " bytes of names do not belong together");
+                     std::to_string(sample.mesh_bytes().size()) + " sizes and " +
+                     std::to_string(sample.names().size()) +
+                     " bytes of names do not belong together");
   message.models.resize(count);
   std::size_t named = 0;
   std::string name;
@@ -71,7 +70,7 @@ Result<Hello> decode(const wire_types::HelloSample& sample) {
   if (named != count || !name.empty()) return malformed("models: fewer whole names than hashes");
   for (std::size_t i = 0; i < count; ++i) {
     message.models[i].content_hash = sample.content_hashes()[i];
-    message.models[i].file_bytes = sample.file_bytes()[i];
+    message.models[i].mesh_bytes = sample.mesh_bytes()[i];
   }
   return checked(std::move(message));
 }
@@ -98,7 +97,8 @@ void encode(const RegionSubscription& message, wire_types::RegionSubscriptionSam
   sample.request(message.request);
   sample.peer(message.peer);
   sample.content_hash(message.content_hash);
-  sample.received_bytes(message.received_bytes);
+  sample.publisher(message.publisher);
+  sample.acknowledged_sequence(message.acknowledged_sequence);
   sample.window_bytes(message.window_bytes);
   sample.max_splits(message.region.max_splits);
   sample.attach().clear();
@@ -120,7 +120,8 @@ Result<RegionSubscription> decode(const wire_types::RegionSubscriptionSample& sa
   message.request = sample.request();
   message.peer = sample.peer();
   message.content_hash = sample.content_hash();
-  message.received_bytes = sample.received_bytes();
+  message.publisher = sample.publisher();
+  message.acknowledged_sequence = sample.acknowledged_sequence();
   message.window_bytes = sample.window_bytes();
   message.region.max_splits = sample.max_splits();
   const auto& attach = sample.attach();
@@ -130,8 +131,8 @@ Result<RegionSubscription> decode(const wire_types::RegionSubscriptionSample& sa
   for (std::size_t i = 0; i < attach.size(); i += kWordsPerNode)
     message.region.attach.push_back({VertexId{attach[i]}, attach[i + 1]});
   for (std::size_t i = 0; i < boxes.size(); i += kWordsPerBox)
-    message.region.region.push_back({{{boxes[i], boxes[i + 1], boxes[i + 2]}},
-                                     {{boxes[i + 3], boxes[i + 4], boxes[i + 5]}}});
+    message.region.region.push_back(
+        {{{boxes[i], boxes[i + 1], boxes[i + 2]}}, {{boxes[i + 3], boxes[i + 4], boxes[i + 5]}}});
   return checked(std::move(message));
 }
 
@@ -221,8 +222,8 @@ Result<ContactReport> decode(const wire_types::ContactReportSample& sample) {
   const auto& words = sample.pairs();
   NEARMESH_RETURN_IF_ERROR(check_words(words.size(), kWordsPerPair, kMaxReportPairs, "pairs"));
   for (std::size_t i = 0; i < words.size(); i += kWordsPerPair)
-    message.pairs.push_back({FaceKey{VertexId{words[i]}, words[i + 1]},
-                             FaceKey{VertexId{words[i + 2]}, words[i + 3]}});
+    message.pairs.push_back(
+        {FaceKey{VertexId{words[i]}, words[i + 1]}, FaceKey{VertexId{words[i + 2]}, words[i + 3]}});
   return checked(std::move(message));
 }
 

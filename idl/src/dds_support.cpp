@@ -3,7 +3,6 @@
 
 #include <arpa/inet.h>
 #include <ifaddrs.h>
-#include <unistd.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
 
@@ -12,9 +11,9 @@
 #include <chrono>
 #include <sstream>
 
-#include <fastdds/dds/domain/DomainParticipantFactory.hpp>
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 #include <fastrtps/utils/IPLocator.h>
+#include <fastdds/dds/domain/DomainParticipantFactory.hpp>
 
 namespace nearmesh::wire {
 
@@ -25,8 +24,8 @@ using eprosima::fastrtps::rtps::IPLocator;
 using eprosima::fastrtps::rtps::Locator_t;
 using eprosima::fastrtps::types::ReturnCode_t;
 
-/// Below the usual MTU with room for IP, UDP and a tunnel: nothing fragments at IP level, where one lost
-/// fragment costs the whole datagram.
+/// Below the usual MTU with room for IP, UDP and a tunnel: nothing fragments at IP level, where one
+/// lost fragment costs the whole datagram.
 constexpr std::uint32_t kMaxDatagramBytes = 1400;
 /// A header of a megabyte arrives as one burst. The kernel may grant less.
 constexpr std::uint32_t kSocketBufferBytes = 4U << 20;
@@ -65,11 +64,11 @@ Status add_peer(const std::string& address, eprosima::fastrtps::rtps::LocatorLis
 }
 
 Status set_transport(const TransportOptions& options, fdds::DomainParticipantQos& qos) {
-  // UDP only. Shared memory leaves files in /dev/shm when a process is killed, fails between users, takes 10 MB a
-  // participant, and is not faster for samples of our size.
+  // UDP only. Shared memory leaves files in /dev/shm when a process is killed, fails between users,
+  // takes 10 MB a participant, and is not faster for samples of our size.
   qos.transport().use_builtin_transports = false;
   auto udp = std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>();
-  udp->maxMessageSize = getenv("MMS")?atoi(getenv("MMS")):kMaxDatagramBytes;
+  udp->maxMessageSize = kMaxDatagramBytes;
   udp->sendBufferSize = kSocketBufferBytes;
   udp->receiveBufferSize = kSocketBufferBytes;
   auto& peers = qos.wire_protocol().builtin.initialPeersList;
@@ -107,24 +106,37 @@ Status check_options(const TransportOptions& options) {
 
 const char* policy_name(fdds::QosPolicyId_t id) {
   switch (id) {
-    case fdds::DURABILITY_QOS_POLICY_ID: return "durability";
-    case fdds::PRESENTATION_QOS_POLICY_ID: return "presentation";
-    case fdds::DEADLINE_QOS_POLICY_ID: return "deadline";
-    case fdds::LATENCYBUDGET_QOS_POLICY_ID: return "latency budget";
-    case fdds::OWNERSHIP_QOS_POLICY_ID: return "ownership";
-    case fdds::LIVELINESS_QOS_POLICY_ID: return "liveliness";
-    case fdds::RELIABILITY_QOS_POLICY_ID: return "reliability";
-    case fdds::DESTINATIONORDER_QOS_POLICY_ID: return "destination order";
-    case fdds::DATAREPRESENTATION_QOS_POLICY_ID: return "data representation";
-    case fdds::TYPECONSISTENCYENFORCEMENT_QOS_POLICY_ID: return "type consistency";
-    case fdds::DISABLEPOSITIVEACKS_QOS_POLICY_ID: return "disabled positive acks";
-    default: return "other";
+    case fdds::DURABILITY_QOS_POLICY_ID:
+      return "durability";
+    case fdds::PRESENTATION_QOS_POLICY_ID:
+      return "presentation";
+    case fdds::DEADLINE_QOS_POLICY_ID:
+      return "deadline";
+    case fdds::LATENCYBUDGET_QOS_POLICY_ID:
+      return "latency budget";
+    case fdds::OWNERSHIP_QOS_POLICY_ID:
+      return "ownership";
+    case fdds::LIVELINESS_QOS_POLICY_ID:
+      return "liveliness";
+    case fdds::RELIABILITY_QOS_POLICY_ID:
+      return "reliability";
+    case fdds::DESTINATIONORDER_QOS_POLICY_ID:
+      return "destination order";
+    case fdds::DATAREPRESENTATION_QOS_POLICY_ID:
+      return "data representation";
+    case fdds::TYPECONSISTENCYENFORCEMENT_QOS_POLICY_ID:
+      return "type consistency";
+    case fdds::DISABLEPOSITIVEACKS_QOS_POLICY_ID:
+      return "disabled positive acks";
+    default:
+      return "other";
   }
 }
 
 std::string incompatible(const std::string& topic, fdds::QosPolicyId_t id) {
-  return topic + ": an endpoint elsewhere cannot be matched, its QoS is incompatible: " +
-         policy_name(id) + " (policy " + std::to_string(static_cast<unsigned>(id)) + ")";
+  return topic +
+         ": an endpoint elsewhere cannot be matched, its QoS is incompatible: " + policy_name(id) +
+         " (policy " + std::to_string(static_cast<unsigned>(id)) + ")";
 }
 
 }  // namespace
@@ -180,9 +192,9 @@ bool Mailbox::has_complaints() {
 
 // --- Listeners
 
-std::vector<ReaderListener::Gone> ReaderListener::take_gone() {
+std::vector<ReaderListener::Match> ReaderListener::take_matches() {
   const std::lock_guard lock(mutex_);
-  return std::exchange(gone_, {});
+  return std::exchange(matches_, {});
 }
 
 void ReaderListener::on_data_on_readers(fdds::Subscriber*) { mailbox_.wake(); }
@@ -190,10 +202,9 @@ void ReaderListener::on_data_available(fdds::DataReader*) { mailbox_.wake(); }
 
 void ReaderListener::on_subscription_matched(fdds::DataReader*,
                                              const fdds::SubscriptionMatchedStatus& status) {
-    fprintf(stderr,"DBG %d rmatch %s %d\n",getpid(),topic_.c_str(),status.current_count_change);
-  if (status.current_count_change < 0) {
+  {
     const std::lock_guard lock(mutex_);
-    gone_.push_back({status.last_publication_handle, now_us()});
+    matches_.push_back({status.last_publication_handle, now_us(), status.current_count_change < 0});
   }
   mailbox_.wake();
 }
@@ -221,15 +232,14 @@ void WriterListener::on_publication_matched(fdds::DataWriter*,
                                             const fdds::PublicationMatchedStatus& status) {
   {
     const std::lock_guard lock(mutex_);
-    fprintf(stderr,"DBG %d match %s %d\n",getpid(),topic_.c_str(),status.current_count_change);
     if (status.current_count_change > 0) readers_.insert(status.last_subscription_handle);
     if (status.current_count_change < 0) readers_.erase(status.last_subscription_handle);
   }
   mailbox_.wake();
 }
 
-void WriterListener::on_offered_incompatible_qos(
-    fdds::DataWriter*, const fdds::OfferedIncompatibleQosStatus& status) {
+void WriterListener::on_offered_incompatible_qos(fdds::DataWriter*,
+                                                 const fdds::OfferedIncompatibleQosStatus& status) {
   mailbox_.complain(incompatible(topic_, status.last_policy_id));
 }
 
@@ -274,10 +284,8 @@ class Bus::DiscoveryListener : public fdds::DomainParticipantListener {
 
 SessionBook::Claim SessionBook::claim(SessionId session, const Handle& writer,
                                       Microseconds received) {
-  if (const auto gone = gone_.find(writer); gone != gone_.end()) {
-    if (received <= gone->second) return Claim::kStale;
-    gone_.erase(gone);  // it came back, as a process does that was stopped for longer than its lease
-  }
+  const auto gone = gone_.find(writer);
+  if (gone != gone_.end() && received <= gone->second) return Claim::kStale;
   const auto by_writer = writers_.find(writer);
   if (by_writer != writers_.end())
     return by_writer->second == session ? Claim::kKnown : Claim::kTaken;
@@ -288,8 +296,10 @@ SessionBook::Claim SessionBook::claim(SessionId session, const Handle& writer,
 }
 
 std::optional<SessionId> SessionBook::forget(const Handle& writer, Microseconds when) {
-  prune(when);
   gone_[writer] = when;
+  if (gone_.size() > kMaxGone)
+    gone_.erase(std::min_element(gone_.begin(), gone_.end(),
+                                 [](const auto& a, const auto& b) { return a.second < b.second; }));
   const auto found = writers_.find(writer);
   if (found == writers_.end()) return std::nullopt;
   const SessionId session = found->second;
@@ -305,10 +315,7 @@ void SessionBook::release(SessionId session) {
   sessions_.erase(found);
 }
 
-void SessionBook::prune(Microseconds now) {
-  constexpr Microseconds kKeep = 60'000'000;  // nothing stays unread for so long
-  std::erase_if(gone_, [now](const auto& entry) { return entry.second < now - kKeep; });
-}
+bool SessionBook::returns(const Handle& writer) { return gone_.erase(writer) > 0; }
 
 // --- Bus
 
@@ -319,7 +326,8 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
     bus->participant_ = options.host_participant;
     return bus;
   }
-  // From scratch, not from the default profile: an XML file meant for other programs must not reach us.
+  // From scratch, not from the default profile: an XML file meant for other programs must not reach
+  // us.
   fdds::DomainParticipantQos qos;
   qos.name(options.participant_name);
   NEARMESH_RETURN_IF_ERROR(set_transport(options.transport, qos));
@@ -348,11 +356,7 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
 Bus::~Bus() {
   if (participant_ == nullptr) return;
   while (!writers_.empty()) remove_writer(writers_.back());
-  for (fdds::DataReader* reader : readers_) {
-    auto* subscriber = const_cast<fdds::Subscriber*>(reader->get_subscriber());
-    subscriber->delete_datareader(reader);
-    participant_->delete_subscriber(subscriber);
-  }
+  while (!readers_.empty()) remove_reader(readers_.back());
   for (fdds::Topic* topic : topics_) participant_->delete_topic(topic);
   // Refused, rightly, while another session on the host's participant uses the type.
   for (const std::string& type : types_) participant_->unregister_type(type);
@@ -372,7 +376,8 @@ Result<fdds::Topic*> Bus::add_topic(const std::string& name, const fdds::TypeSup
     return Status{StatusCode::kConflict,
                   "type " + type_name + " is registered on the participant by other code"};
   types_.push_back(type_name);
-  // find_topic counts its users, so every session deletes what it got and the last one removes the topic.
+  // find_topic counts its users, so every session deletes what it got and the last one removes the
+  // topic.
   fdds::Topic* topic = participant_->find_topic(name, Duration_t(0, 0));
   if (topic == nullptr) topic = participant_->create_topic(name, type_name, fdds::TopicQos{});
   if (topic == nullptr) topic = participant_->find_topic(name, Duration_t(0, 0));
@@ -387,7 +392,8 @@ Result<fdds::Topic*> Bus::add_topic(const std::string& name, const fdds::TypeSup
 
 Result<fdds::DataWriter*> Bus::add_writer(fdds::Topic* topic, const fdds::DataWriterQos& qos,
                                           WriterListener& listener, const std::string& partition) {
-  fdds::PublisherQos publisher_qos;  // not the participant's default, which the host may have changed
+  fdds::PublisherQos
+      publisher_qos;  // not the participant's default, which the host may have changed
   if (!partition.empty()) publisher_qos.partition().push_back(partition.c_str());
   fdds::Publisher* publisher =
       participant_->create_publisher(publisher_qos, nullptr, fdds::StatusMask::none());
@@ -401,15 +407,17 @@ Result<fdds::DataWriter*> Bus::add_writer(fdds::Topic* topic, const fdds::DataWr
   return Status{StatusCode::kIo, "Fast DDS could not create a writer of " + topic->get_name()};
 }
 
-Result<fdds::DataReader*> Bus::add_reader(fdds::Topic* topic, const fdds::DataReaderQos& qos,
-                                          ReaderListener& listener, const std::string& partition) {
+Result<fdds::DataReader*> Bus::add_reader(const fdds::TopicDescription* topic,
+                                          const fdds::DataReaderQos& qos, ReaderListener& listener,
+                                          const std::string& partition) {
   fdds::SubscriberQos subscriber_qos;
   if (!partition.empty()) subscriber_qos.partition().push_back(partition.c_str());
   fdds::Subscriber* subscriber = participant_->create_subscriber(
       subscriber_qos, &listener, fdds::StatusMask::data_on_readers());
-  fdds::DataReader* reader = subscriber == nullptr ? nullptr
-                                                   : subscriber->create_datareader(
-                                                         topic, qos, &listener);
+  fdds::DataReader* reader = subscriber == nullptr
+                                 ? nullptr
+                                 : subscriber->create_datareader(
+                                       const_cast<fdds::TopicDescription*>(topic), qos, &listener);
   if (reader != nullptr) {
     readers_.push_back(reader);
     return reader;
@@ -425,11 +433,28 @@ void Bus::remove_writer(fdds::DataWriter* writer) {
   participant_->delete_publisher(publisher);
 }
 
+void Bus::remove_reader(fdds::DataReader* reader) {
+  std::erase(readers_, reader);
+  auto* subscriber = const_cast<fdds::Subscriber*>(reader->get_subscriber());
+  subscriber->delete_datareader(reader);
+  participant_->delete_subscriber(subscriber);
+}
+
 const char* name_of(const ReturnCode_t& code) {
-  static constexpr std::array<const char*, 14> kNames{
-      "ok",          "error",       "unsupported",      "bad parameter",       "precondition not met",
-      "out of resources", "not enabled", "immutable policy", "inconsistent policy", "already deleted",
-      "timeout",     "no data",     "illegal operation", "not allowed by security"};
+  static constexpr std::array<const char*, 14> kNames{"ok",
+                                                      "error",
+                                                      "unsupported",
+                                                      "bad parameter",
+                                                      "precondition not met",
+                                                      "out of resources",
+                                                      "not enabled",
+                                                      "immutable policy",
+                                                      "inconsistent policy",
+                                                      "already deleted",
+                                                      "timeout",
+                                                      "no data",
+                                                      "illegal operation",
+                                                      "not allowed by security"};
   return code() < kNames.size() ? kNames[code()] : "unknown";
 }
 

@@ -17,9 +17,7 @@ constexpr std::uint8_t kAnswerStatusCount = 4;  // free, contact, partial contac
 constexpr std::uint32_t kMaxWindowBytes = 64U << 20;
 constexpr double kMaxSpeed = 1e9;
 
-Status invalid(std::string message) {
-  return {StatusCode::kInvalidArgument, std::move(message)};
-}
+Status invalid(std::string message) { return {StatusCode::kInvalidArgument, std::move(message)}; }
 
 Status check_version(std::uint16_t version) {
   if (version == kWireVersion) return Status::ok();
@@ -171,8 +169,8 @@ Status check(const ContactReport& message) {
   NEARMESH_RETURN_IF_ERROR(check_distance(message.uncertainty_m, "uncertainty_m"));
   NEARMESH_RETURN_IF_ERROR(check_most(message.pairs.size(), kMaxReportPairs, "pairs"));
   if (message.pairs.size() > message.pair_count)
-    return invalid("pairs: " + std::to_string(message.pairs.size()) + " listed, but pair_count is " +
-                   std::to_string(message.pair_count));
+    return invalid("pairs: " + std::to_string(message.pairs.size()) +
+                   " listed, but pair_count is " + std::to_string(message.pair_count));
   return Status::ok();
 }
 

@@ -66,8 +66,8 @@ std::optional<std::string> judge_remote_endpoint(std::string_view prefix, std::s
   std::string_view rest = topic.substr(prefix.size());
   if (!rest.starts_with("/v")) return std::nullopt;
   rest.remove_prefix(2);
-  const std::size_t digits = static_cast<std::size_t>(
-      std::find_if_not(rest.begin(), rest.end(), is_digit) - rest.begin());
+  const std::size_t digits =
+      static_cast<std::size_t>(std::find_if_not(rest.begin(), rest.end(), is_digit) - rest.begin());
   if (digits == 0 || digits >= rest.size() || rest[digits] != '/') return std::nullopt;
   if (rest.substr(0, digits) == std::to_string(kWireVersion)) return std::nullopt;
   return "a program with wire version " + std::string(rest.substr(0, digits)) + " uses prefix " +

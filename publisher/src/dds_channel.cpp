@@ -90,14 +90,14 @@ Status DdsChannel::Impl::open() {
   batch_topic_ = batch.value();
 
   // The reader first: a peer that hears of us can be heard.
-  auto reader = bus_->add_reader(subscription.value(),
-                                 wire::reader_qos(wire::kRegionSubscriptionDelivery),
-                                 subscription_listener_);
+  auto reader =
+      bus_->add_reader(subscription.value(), wire::reader_qos(wire::kRegionSubscriptionDelivery),
+                       subscription_listener_);
   if (!reader.is_ok()) return reader.status();
   subscription_reader_ = reader.value();
   const double heartbeat_s = options_.transport.heartbeat_s;
-  auto header_writer = bus_->add_writer(header.value(), wire::mesh_header_writer_qos(heartbeat_s),
-                                        header_listener_);
+  auto header_writer =
+      bus_->add_writer(header.value(), wire::mesh_header_writer_qos(heartbeat_s), header_listener_);
   if (!header_writer.is_ok()) return header_writer.status();
   header_writer_ = header_writer.value();
   auto hello_writer = bus_->add_writer(
@@ -164,14 +164,17 @@ std::vector<wire::RegionSubscription> DdsChannel::Impl::take_subscriptions() {
 
 bool DdsChannel::Impl::admit(SessionId peer, const Handle& writer, Microseconds received) {
   switch (book_.claim(peer, writer, received)) {
-    case wire::SessionBook::Claim::kKnown: return true;
-    case wire::SessionBook::Claim::kStale: return false;
+    case wire::SessionBook::Claim::kKnown:
+      return true;
+    case wire::SessionBook::Claim::kStale:
+      return false;
     case wire::SessionBook::Claim::kTaken:
       mailbox_.complain(names_.region_subscription + ": sample of " + wire::name_of(writer) +
                         " dropped: peer " + wire::partition_of(peer) +
                         " speaks through another writer");
       return false;
-    case wire::SessionBook::Claim::kNew: break;
+    case wire::SessionBook::Claim::kNew:
+      break;
   }
   if (add_peer(peer)) return true;
   book_.release(peer);
@@ -191,7 +194,8 @@ bool DdsChannel::Impl::add_peer(SessionId peer) {
       batch_topic_, wire::writer_qos(wire::kSplitBatchDelivery, options_.transport.heartbeat_s),
       *entry.listener, wire::partition_of(peer));
   if (!writer.is_ok()) {
-    mailbox_.complain("peer " + wire::partition_of(peer) + " refused: " + writer.status().message());
+    mailbox_.complain("peer " + wire::partition_of(peer) +
+                      " refused: " + writer.status().message());
     return false;
   }
   entry.writer = writer.value();
@@ -201,8 +205,12 @@ bool DdsChannel::Impl::add_peer(SessionId peer) {
 
 std::vector<SessionId> DdsChannel::Impl::take_lost_peers() {
   std::vector<SessionId> lost;
-  for (const auto& gone : subscription_listener_.take_gone()) {
-    const std::optional<SessionId> peer = book_.forget(gone.writer, gone.when);
+  for (const auto& event : subscription_listener_.take_matches()) {
+    if (!event.gone) {
+      (void)book_.returns(event.writer);
+      continue;
+    }
+    const std::optional<SessionId> peer = book_.forget(event.writer, event.when);
     if (!peer) continue;
     const auto found = peers_.find(*peer);
     bus_->remove_writer(found->second.writer);

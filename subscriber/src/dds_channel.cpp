@@ -8,6 +8,7 @@
 #include <future>
 #include <mutex>
 #include <thread>
+#include <tuple>
 #include <utility>
 
 #include "nearmesh/wire/dds_support.hpp"
@@ -65,7 +66,8 @@ class DdsChannel::Impl {
   Status add_readers();
   Status add_writers();
   bool receive();
-  void receive_lost();
+  void receive_matches();
+  void renew_readers();
   void release_hellos();
   bool flush();
   template <class Type, class Message>
@@ -110,7 +112,8 @@ class DdsChannel::Impl {
 Status DdsChannel::Impl::start() {
   std::promise<Status> started;
   std::future<Status> outcome = started.get_future();
-  thread_ = std::thread([this, promise = std::move(started)]() mutable { run(std::move(promise)); });
+  thread_ =
+      std::thread([this, promise = std::move(started)]() mutable { run(std::move(promise)); });
   return outcome.get();
 }
 
@@ -229,10 +232,9 @@ Status DdsChannel::Impl::add_writers() {
   auto report = bus_->add_topic<wire::ContactReportType>(names_.contact_report);
   if (!report.is_ok()) return report.status();
 
-  auto subscriptions =
-      bus_->add_writer(subscription.value(),
-                       wire::writer_qos(wire::kRegionSubscriptionDelivery, heartbeat_s),
-                       subscription_listener_);
+  auto subscriptions = bus_->add_writer(
+      subscription.value(), wire::writer_qos(wire::kRegionSubscriptionDelivery, heartbeat_s),
+      subscription_listener_);
   if (!subscriptions.is_ok()) return subscriptions.status();
   subscription_writer_ = subscriptions.value();
   auto poses = bus_->add_writer(
@@ -252,7 +254,6 @@ bool DdsChannel::Impl::receive() {
   bool more = wire::drain<wire::HelloType>(
       *hello_reader_, mailbox_, kMaxTaken,
       [&](wire::Hello&& hello, const Handle& writer, Microseconds received) {
-        fprintf(stderr,"DBG hello %s rec %ld now %ld\n",wire::name_of(writer).c_str(),received,wire::now_us());
         const auto claim = publishers_.claim(hello.publisher, writer, received);
         if (claim == wire::SessionBook::Claim::kStale) return;
         if (claim == wire::SessionBook::Claim::kTaken)
@@ -262,24 +263,23 @@ bool DdsChannel::Impl::receive() {
         else
           waiting_hellos_.push_back({std::move(hello), writer});
       });
-  more |= wire::drain<wire::MeshHeaderType>(
-      *header_reader_, mailbox_, kMaxTaken,
-      [&](wire::MeshHeader&& header, const Handle&, Microseconds) {
-        deliver_header(std::move(header));
-      });
+  more |=
+      wire::drain<wire::MeshHeaderType>(*header_reader_, mailbox_, kMaxTaken,
+                                        [&](wire::MeshHeader&& header, const Handle&,
+                                            Microseconds) { deliver_header(std::move(header)); });
   release_hellos();
   more |= wire::drain<wire::SplitBatchType>(
       *batch_reader_, mailbox_, kMaxTaken,
       [&](wire::SplitBatchMessage&& batch, const Handle&, Microseconds) {
-        deliver(&Inbox::batches, std::move(batch), options_.max_waiting_batches, names_.split_batch);
+        deliver(&Inbox::batches, std::move(batch), options_.max_waiting_batches,
+                names_.split_batch);
       });
   more |= wire::drain<wire::BodyPoseType>(
-      *pose_reader_, mailbox_, kMaxTaken,
-      [&](wire::BodyPose&& pose, const Handle&, Microseconds) {
+      *pose_reader_, mailbox_, kMaxTaken, [&](wire::BodyPose&& pose, const Handle&, Microseconds) {
         if (pose.peer != own_id_)
           deliver(&Inbox::poses, std::move(pose), options_.max_waiting_others, names_.body_pose);
       });
-  receive_lost();
+  receive_matches();
   return more;
 }
 
@@ -291,12 +291,35 @@ void DdsChannel::Impl::release_hellos() {
   });
 }
 
-void DdsChannel::Impl::receive_lost() {
-  for (const auto& gone : hello_listener_.take_gone()) {
-    fprintf(stderr,"DBG gone %s at %ld\n",wire::name_of(gone.writer).c_str(),gone.when);
-    std::erase_if(waiting_hellos_, [&](const WaitingHello& w) { return w.writer == gone.writer; });
-    if (std::optional<SessionId> lost = publishers_.forget(gone.writer, gone.when))
+void DdsChannel::Impl::receive_matches() {
+  bool returned = false;
+  for (const auto& event : hello_listener_.take_matches()) {
+    if (!event.gone) {
+      returned |= publishers_.returns(event.writer);
+      continue;
+    }
+    std::erase_if(waiting_hellos_, [&](const WaitingHello& w) { return w.writer == event.writer; });
+    if (std::optional<SessionId> lost = publishers_.forget(event.writer, event.when))
       deliver(&Inbox::lost_publishers, std::move(*lost), options_.max_waiting_others, names_.hello);
+  }
+  if (returned) renew_readers();
+}
+
+/// A publisher that was stopped for longer than its lease is lost here, but when it goes on it
+/// never missed us: for it our readers have long acknowledged its hello and headers, and it would
+/// not send them again. New readers get them.
+void DdsChannel::Impl::renew_readers() {
+  for (auto [reader, listener, delivery] :
+       {std::tuple{&hello_reader_, &hello_listener_, wire::kHelloDelivery},
+        std::tuple{&header_reader_, &header_listener_, wire::kMeshHeaderDelivery}}) {
+    // The new one first: a publisher that goes in between is missed by one of the two.
+    auto renewed =
+        bus_->add_reader((*reader)->get_topicdescription(), wire::reader_qos(delivery), *listener);
+    if (!renewed.is_ok()) {
+      mailbox_.complain(renewed.status().message());
+      continue;
+    }
+    bus_->remove_reader(std::exchange(*reader, renewed.value()));
   }
 }
 
@@ -333,7 +356,8 @@ void DdsChannel::Impl::complain_of_overflow(const std::string& topic) {
     const std::lock_guard lock(mutex_);
     if (!overflowed_.insert(topic).second) return;
   }
-  mailbox_.complain(topic + ": the inbox is full because take() was not called, samples are dropped");
+  mailbox_.complain(topic +
+                    ": the inbox is full because take() was not called, samples are dropped");
 }
 
 /// Out: false when Fast DDS could not take a sample, so that it should be tried again soon.
@@ -353,8 +377,8 @@ bool DdsChannel::Impl::flush(std::deque<Message> Impl::*queue, wire::fdds::DataW
     const std::lock_guard lock(mutex_);
     outgoing.swap(this->*queue);
   }
-  while (!outgoing.empty() && wire::write_message<Type>(writer, outgoing.front(), mailbox_) !=
-                                  wire::WriteResult::kFull)
+  while (!outgoing.empty() &&
+         wire::write_message<Type>(writer, outgoing.front(), mailbox_) != wire::WriteResult::kFull)
     outgoing.pop_front();
   if (outgoing.empty()) return true;
   const std::lock_guard lock(mutex_);

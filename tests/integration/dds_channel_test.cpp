@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Both channels over real sockets: UDP on 127.0.0.1, two processes where one must die or freeze, else two participants
-// with intra-process delivery off. Every test has its own topic prefix, so nothing leaks from one into another.
-// This program is also its own helper: "--child publisher|peer PREFIX".
+// Both channels over real sockets: UDP on 127.0.0.1, two processes where one must die or freeze,
+// else two participants with intra-process delivery off. Every test has its own topic prefix, so
+// nothing leaks from one into another. This program is also its own helper: "--child publisher|peer
+// PREFIX".
 
-#include <fastdds/dds/domain/DomainParticipantFactory.hpp>
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 #include <fastrtps/utils/IPLocator.h>
 #include <fastrtps/xmlparser/XMLProfileManager.h>
@@ -12,7 +12,9 @@
 #include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
+#include <fastdds/dds/domain/DomainParticipantFactory.hpp>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cstdlib>
@@ -44,7 +46,9 @@ wire::TransportOptions transport(const std::string& prefix) {
   const char* domain = std::getenv("NEARMESH_TEST_DOMAIN");
   options.domain = domain != nullptr ? static_cast<std::uint32_t>(std::atoi(domain)) : 91;
   options.prefix = prefix;
-  options.interface = "127.0.0.1";
+  // NEARMESH_TEST_INTERFACE= (empty) tries all interfaces, with multicast.
+  const char* interface = std::getenv("NEARMESH_TEST_INTERFACE");
+  options.interface = interface != nullptr ? interface : "127.0.0.1";
   options.lease_s = 1;
   options.announcement_s = 0.3;
   return options;
@@ -257,9 +261,11 @@ TEST(DdsChannel, BatchesComeBackInOrder) {
 TEST(DdsChannel, LateJoinerGetsHelloAndLargeHeader) {
   Child publisher("publisher", own_prefix());
   Peer early(make_peer(own_prefix()));
-  ASSERT_TRUE(early.await([](const Inbox& in) { return !in.hellos.empty() && !in.headers.empty(); }));
+  ASSERT_TRUE(
+      early.await([](const Inbox& in) { return !in.hellos.empty() && !in.headers.empty(); }));
   Peer late(make_peer(own_prefix()));
-  ASSERT_TRUE(late.await([](const Inbox& in) { return !in.hellos.empty() && !in.headers.empty(); }));
+  ASSERT_TRUE(
+      late.await([](const Inbox& in) { return !in.hellos.empty() && !in.headers.empty(); }));
   EXPECT_EQ(late.all.hellos[0].models[0].name, "bunny");
   EXPECT_EQ(late.all.headers[0].bytes, big_header().bytes);
 }
@@ -276,13 +282,29 @@ TEST(DdsChannel, KilledPublisherIsReportedLost) {
 TEST(DdsChannel, PublisherStoppedBeyondItsLeaseComesBack) {
   Child publisher("publisher", own_prefix());
   Peer peer(make_peer(own_prefix()));
-  ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.hellos.empty(); }));
+  ASSERT_TRUE(
+      peer.await([](const Inbox& in) { return !in.hellos.empty() && !in.headers.empty(); }));
+  peer.channel->send(request_of(peer.channel->own_id(), 10));
+  ASSERT_TRUE(peer.await([](const Inbox& in) { return in.batches.size() == 10; }));
   publisher.signal(SIGSTOP);
   ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.lost_publishers.empty(); }));
   publisher.signal(SIGCONT);
-  ASSERT_TRUE(peer.await([](const Inbox& in) { return in.hellos.size() == 2; }));
+  ASSERT_TRUE(
+      peer.await([](const Inbox& in) { return in.hellos.size() == 2 && in.headers.size() == 2; }));
   peer.channel->send(request_of(peer.channel->own_id(), 10));
-  EXPECT_TRUE(peer.await([](const Inbox& in) { return in.batches.size() == 10; }));
+  EXPECT_TRUE(peer.await([](const Inbox& in) { return in.batches.size() == 20; }));
+}
+
+TEST(DdsChannel, PeerStoppedBeyondItsLeaseIsServedAgain) {
+  Server server(make_publisher(own_prefix()));
+  Child peer("peer", own_prefix());
+  ASSERT_TRUE(server.await([&] { return !server.subscriptions.empty(); }));
+  peer.signal(SIGSTOP);
+  ASSERT_TRUE(server.await([&] { return !server.lost.empty(); }));
+  server.subscriptions.clear();
+  peer.signal(SIGCONT);
+  ASSERT_TRUE(server.await([&] { return !server.subscriptions.empty(); }));
+  EXPECT_TRUE(wait_for([&] { return server.channel->send(kChildPeer, batch_of(1, true)); }));
 }
 
 TEST(DdsChannel, KilledPeerIsReportedLost) {
@@ -301,7 +323,11 @@ TEST(DdsChannel, FrozenPeerStallsNobodyElse) {
   Child frozen("peer", own_prefix());
   Peer healthy(make_peer(own_prefix()));
   healthy.channel->send(request_of(healthy.channel->own_id()));
-  ASSERT_TRUE(server.await([&] { return server.subscriptions.size() == 2; }));
+  const auto heard = [&](wire::SessionId peer) {
+    return std::any_of(server.subscriptions.begin(), server.subscriptions.end(),
+                       [&](const auto& s) { return s.peer == peer; });
+  };
+  ASSERT_TRUE(server.await([&] { return heard(kChildPeer) && heard(healthy.channel->own_id()); }));
   ASSERT_TRUE(wait_for([&] { return server.channel->send(kChildPeer, batch_of(1, false)); }));
   frozen.signal(SIGSTOP);
   // Until its lease is over the frozen peer takes what fits its history, and then no more.
@@ -521,8 +547,8 @@ class Stranger {
     participant_->register_type(support);
     fdds::Topic* made =
         participant_->create_topic(topic, std::string(type), fdds::TOPIC_QOS_DEFAULT);
-    writer_ = participant_->create_publisher(fdds::PUBLISHER_QOS_DEFAULT)
-                  ->create_datawriter(made, qos);
+    writer_ =
+        participant_->create_publisher(fdds::PUBLISHER_QOS_DEFAULT)->create_datawriter(made, qos);
   }
   ~Stranger() {
     participant_->delete_contained_entities();
@@ -567,8 +593,8 @@ struct HostileCase {
   std::function<void(RawType::Bytes&)> spoil;
 };
 
-// A subscription: 4 bytes of encapsulation, version, priority, -, request, peer, hash, received, window, max_splits,
-// attach count at 44.
+// A subscription: 4 bytes of encapsulation, version, priority, -, request, peer, hash, received,
+// window, max_splits, attach count at 44.
 const std::vector<HostileCase> kHostile{
     {"OtherVersion", "wire version 9", [](RawType::Bytes& b) { b[4] = 9; }},
     {"HugeAttachCount", "contradict", [](RawType::Bytes& b) { b[47] = 0x7f; }},
@@ -667,7 +693,8 @@ TEST(DdsChannel, HostParticipantIsLeftAsItWas) {
    public:
     void on_data_available(fdds::DataReader*) override { ++events; }
     void on_data_on_readers(fdds::Subscriber*) override { ++events; }
-    void on_subscription_matched(fdds::DataReader*, const fdds::SubscriptionMatchedStatus&) override {
+    void on_subscription_matched(fdds::DataReader*,
+                                 const fdds::SubscriptionMatchedStatus&) override {
       ++events;
     }
     std::atomic<int> events = 0;
@@ -730,9 +757,9 @@ int run_child(const std::string& role, const std::string& prefix) {
   options.session = kChildPeer;
   auto channel = PeerChannel::create(options);
   if (!channel.is_ok()) return 1;
-  channel.value()->send(request_of(kChildPeer));
   for (;;) {
-    channel.value()->wait(1);
+    channel.value()->send(request_of(kChildPeer));
+    channel.value()->wait(0.1);
     (void)channel.value()->take();
   }
 }

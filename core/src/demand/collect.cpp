@@ -2,6 +2,8 @@
 #include "nearmesh/core/demand/collect.hpp"
 
 #include <algorithm>
+#include <numeric>
+#include <optional>
 #include <queue>
 #include <string>
 
@@ -12,106 +14,81 @@ std::string name(const NodeSpan& node) {
   return "node [" + std::to_string(node.begin()) + ", " + std::to_string(node.end()) + ")";
 }
 
-// The region boxes that a node still meets, as a range of one shared pool: children only look at
-// what their parent met.
+// A node and the region boxes that it meets, as a range of one shared pool: children only look at what
+// their parent met.
 struct Candidate {
   NodeSpan node;
   std::uint32_t pool_begin = 0, pool_end = 0;
 };
 
-class Walk {
+// The step that publisher and peer share: does a node matter to the region?
+class RegionFilter {
  public:
-  Walk(const SplitStore& store, const RegionRequest& request,
-       const std::function<Status(NodeSpan)>& require)
-      : store_(store), request_(request), require_(require) {
-    for (std::uint32_t i = 0; i < request.region.size(); ++i) pool_.push_back(i);
-    region_end_ = static_cast<std::uint32_t>(pool_.size());
+  RegionFilter(const SplitStore& store, std::span<const GridBox> region)
+      : store_(store), region_(region), pool_(region.size()) {
+    std::iota(pool_.begin(), pool_.end(), 0U);
   }
-
-  // Makes an attach node known to the store, from its root down.
-  Status locate(NodeSpan target) {
-    if (!require_ || store_.is_node(target)) return Status::ok();
-    NodeSpan node = store_.roots()[store_.root_index(target.first)].node;
-    while (node != target && node.size > 1 && node.size > target.size) {
-      NEARMESH_RETURN_IF_ERROR(require_(node));
-      const VertexId split = store_.split_of(node);
-      if (!split.is_valid()) break;
-      node = target.first < split ? NodeSpan{node.first, split.value - node.begin()}
-                                  : NodeSpan{split, node.end() - split.value};
-    }
-    if (node != target)
-      return {StatusCode::kInvalidArgument, name(target) + " is not a node of the model"};
-    return Status::ok();
+  [[nodiscard]] Candidate everything() const {
+    return {{}, 0, static_cast<std::uint32_t>(region_.size())};
   }
-
-  // Queues the node if its box meets what its parent met.
-  void offer(NodeSpan node, std::uint32_t begin, std::uint32_t end) {
-    if (node.size < 2) return;
+  // The node as a candidate if its box meets what `parent` met; leaves never do, they are resolved.
+  [[nodiscard]] std::optional<Candidate> child(NodeSpan node, const Candidate& parent) {
+    if (node.size < 2) return std::nullopt;
     const GridBox box = store_.box(node);
-    const auto first = static_cast<std::uint32_t>(pool_.size());
-    for (std::uint32_t i = begin; i < end; ++i)
-      if (box.meets(request_.region[pool_[i]])) pool_.push_back(pool_[i]);
-    const auto last = static_cast<std::uint32_t>(pool_.size());
-    if (first != last) queue_.push({node, first, last});
-  }
-
-  Result<Demand> run() {
-    for (const NodeSpan& node : request_.attach) {
-      NEARMESH_RETURN_IF_ERROR(locate(node));
-      if (store_.is_node(node)) offer(node, 0, region_end_);
-    }
-    Demand demand;
-    while (!queue_.empty()) {
-      const Candidate top = queue_.top();
-      if (demand.treelet.size() >= request_.max_splits) {
-        demand.truncated = true;
-        break;
-      }
-      queue_.pop();
-      if (require_) NEARMESH_RETURN_IF_ERROR(require_(top.node));
-      const VertexId split = store_.split_of(top.node);
-      if (!split.is_valid()) {
-        demand.missing.push_back(top.node);
-        continue;
-      }
-      demand.treelet.push_back({top.node, split});
-      offer({top.node.first, split.value - top.node.begin()}, top.pool_begin, top.pool_end);
-      offer({split, top.node.end() - split.value}, top.pool_begin, top.pool_end);
-    }
-    finish(demand);
-    return demand;
+    Candidate candidate{node, static_cast<std::uint32_t>(pool_.size()), 0};
+    for (std::uint32_t i = parent.pool_begin; i < parent.pool_end; ++i)
+      if (box.meets(region_[pool_[i]])) pool_.push_back(pool_[i]);
+    candidate.pool_end = static_cast<std::uint32_t>(pool_.size());
+    if (candidate.pool_begin == candidate.pool_end) return std::nullopt;
+    return candidate;
   }
 
  private:
-  // Largest first; ties go to the lower id.
-  struct Smaller {
-    bool operator()(const Candidate& a, const Candidate& b) const {
-      return a.node.size != b.node.size ? a.node.size < b.node.size : a.node.first > b.node.first;
-    }
-  };
-
-  static void finish(Demand& demand) {
-    std::sort(demand.missing.begin(), demand.missing.end());
-    Treelet& treelet = demand.treelet;
-    const auto preorder = [](const TreeletSplit& a, const TreeletSplit& b) { return a.node < b.node; };
-    std::sort(treelet.begin(), treelet.end(), preorder);
-    for (TreeletSplit& split : treelet) {
-      const auto has = [&](NodeSpan child) {
-        const auto at = std::lower_bound(treelet.begin(), treelet.end(), TreeletSplit{child, {}}, preorder);
-        return at != treelet.end() && at->node == child;
-      };
-      split.left_included = has({split.node.first, split.split.value - split.node.begin()});
-      split.right_included = has({split.split, split.node.end() - split.split.value});
-    }
-  }
-
   const SplitStore& store_;
-  const RegionRequest& request_;
-  const std::function<Status(NodeSpan)>& require_;
+  std::span<const GridBox> region_;
   std::vector<std::uint32_t> pool_;
-  std::uint32_t region_end_ = 0;
-  std::priority_queue<Candidate, std::vector<Candidate>, Smaller> queue_;
 };
+
+NodeSpan left_of(NodeSpan node, VertexId split) {
+  return {node.first, split.value - node.begin()};
+}
+NodeSpan right_of(NodeSpan node, VertexId split) { return {split, node.end() - split.value}; }
+
+// Larger nodes first; ties go to the lower id.
+bool is_smaller(const NodeSpan& a, const NodeSpan& b) {
+  return a.size != b.size ? a.size < b.size : a.first > b.first;
+}
+
+// Makes an attach node known to the store, from its root down.
+Status locate(const SplitStore& store, NodeSpan target, const std::function<Status(NodeSpan)>& require) {
+  if (store.is_node(target)) return Status::ok();
+  NodeSpan node = store.roots()[store.root_index(target.first)].node;
+  while (node.size > target.size) {
+    NEARMESH_RETURN_IF_ERROR(require(node));
+    const VertexId split = store.split_of(node);
+    if (!split.is_valid()) break;
+    node = target.first < split ? left_of(node, split) : right_of(node, split);
+  }
+  if (node != target)
+    return {StatusCode::kInvalidArgument, name(target) + " is not a node of the model"};
+  return Status::ok();
+}
+
+void finish(Demand& demand) {
+  std::sort(demand.missing.begin(), demand.missing.end());
+  Treelet& treelet = demand.treelet;
+  const auto preorder = [](const TreeletSplit& a, const TreeletSplit& b) { return a.node < b.node; };
+  std::sort(treelet.begin(), treelet.end(), preorder);
+  for (TreeletSplit& split : treelet) {
+    const auto has = [&](NodeSpan child) {
+      const auto at =
+          std::lower_bound(treelet.begin(), treelet.end(), TreeletSplit{child, {}}, preorder);
+      return at != treelet.end() && at->node == child;
+    };
+    split.left_included = has(left_of(split.node, split.split));
+    split.right_included = has(right_of(split.node, split.split));
+  }
+}
 
 }  // namespace
 
@@ -146,7 +123,62 @@ Status check_request(const SplitStore& store, const RegionRequest& request) {
 
 Result<Demand> collect(const SplitStore& store, const RegionRequest& request,
                        const std::function<Status(NodeSpan)>& require) {
-  return Walk(store, request, require).run();
+  RegionFilter filter(store, request.region);
+  const auto smaller = [](const Candidate& a, const Candidate& b) { return is_smaller(a.node, b.node); };
+  std::priority_queue<Candidate, std::vector<Candidate>, decltype(smaller)> queue(smaller);
+  const auto offer = [&](NodeSpan node, const Candidate& parent) {
+    if (const auto candidate = filter.child(node, parent)) queue.push(*candidate);
+  };
+  for (const NodeSpan& node : request.attach) {
+    if (require) NEARMESH_RETURN_IF_ERROR(locate(store, node, require));
+    if (store.is_node(node)) offer(node, filter.everything());
+  }
+  Demand demand;
+  while (!queue.empty()) {
+    if (demand.treelet.size() >= request.max_splits) {
+      demand.truncated = true;
+      break;
+    }
+    const Candidate top = queue.top();
+    queue.pop();
+    if (require) NEARMESH_RETURN_IF_ERROR(require(top.node));
+    const VertexId split = store.split_of(top.node);
+    if (!split.is_valid()) {
+      demand.missing.push_back(top.node);
+      continue;
+    }
+    demand.treelet.push_back({top.node, split});
+    offer(left_of(top.node, split), top);
+    offer(right_of(top.node, split), top);
+  }
+  finish(demand);
+  return demand;
+}
+
+std::vector<NodeSpan> frontier(const SplitStore& store, std::span<const GridBox> region,
+                               std::size_t limit) {
+  RegionFilter filter(store, region);
+  std::vector<NodeSpan> missing;
+  std::vector<Candidate> stack;
+  const auto offer = [&](NodeSpan node, const Candidate& parent) {
+    if (const auto candidate = filter.child(node, parent)) stack.push_back(*candidate);
+  };
+  for (const BaseRoot& root : store.roots()) offer(root.node, filter.everything());
+  while (!stack.empty()) {
+    const Candidate top = stack.back();
+    stack.pop_back();
+    const VertexId split = store.split_of(top.node);
+    if (!split.is_valid()) {
+      missing.push_back(top.node);
+      continue;
+    }
+    offer(left_of(top.node, split), top);
+    offer(right_of(top.node, split), top);
+  }
+  std::sort(missing.begin(), missing.end(),
+            [](const NodeSpan& a, const NodeSpan& b) { return is_smaller(b, a); });
+  missing.resize(std::min(missing.size(), limit));
+  return missing;
 }
 
 }  // namespace nearmesh

@@ -11,8 +11,6 @@
 #include <optional>
 #include <span>
 
-#include "nearmesh/core/base/assert.hpp"
-
 namespace nearmesh {
 namespace {
 

@@ -109,7 +109,7 @@ Result<IndexedMesh> run_guarded(const std::function<Result<IndexedMesh>()>& read
 
 // --- the parent's side ---
 
-enum class ReadOutcome : std::uint8_t { kDone, kEnded, kTimedOut };
+enum class ReadOutcome : std::uint8_t { kDone, kEnded, kTimedOut, kMalformed };
 
 class PipeReader {
  public:
@@ -150,7 +150,7 @@ ReadOutcome receive(PipeReader& pipe, const ChildLimits& limits, Status& status,
   if (preamble.code != static_cast<std::uint32_t>(StatusCode::kOk)) {
     if (preamble.code > static_cast<std::uint32_t>(StatusCode::kConflict) ||
         preamble.message_size > kMostMessage)
-      return ReadOutcome::kEnded;
+      return ReadOutcome::kMalformed;
     std::string message(preamble.message_size, '\0');
     const auto got = pipe.read_all(message.data(), message.size());
     status = Status(static_cast<StatusCode>(preamble.code), std::move(message));
@@ -158,7 +158,7 @@ ReadOutcome receive(PipeReader& pipe, const ChildLimits& limits, Status& status,
   }
   if (preamble.position_count > limits.memory_bytes / sizeof mesh.positions_m[0] ||
       preamble.face_count > limits.memory_bytes / sizeof mesh.faces[0])
-    return ReadOutcome::kEnded;
+    return ReadOutcome::kMalformed;
   mesh.positions_m.resize(preamble.position_count);
   mesh.faces.resize(preamble.face_count);
   const auto got =
@@ -174,16 +174,14 @@ class Child {
   Child(const Child&) = delete;
   Child& operator=(const Child&) = delete;
   ~Child() {
-    if (id_ > 0) {
-      stop();
-      wait();
-    }
+    if (id_ > 0) stop();
     close(pipe_);
   }
 
-  void stop() const { kill(id_, SIGKILL); }
-  /// Says how it ended.
-  std::string wait() {
+  /// Ends it, should it still run (it may wait for a reader of its pipe), and says how it ended:
+  /// one that has crashed before keeps its own signal.
+  std::string stop() {
+    kill(id_, SIGKILL);
     int state = 0;
     pid_t got = 0;
     do {
@@ -234,7 +232,10 @@ Result<IndexedMesh> run_in_child(const std::function<Result<IndexedMesh>()>& rea
     return Status(StatusCode::kCorrupt, "the reader was stopped after " +
                                             std::to_string(limits.wall_time.count()) + " s");
   if (outcome == ReadOutcome::kEnded)
-    return Status(StatusCode::kCorrupt, "the reader " + running.wait());
+    return Status(StatusCode::kCorrupt, "the reader " + running.stop());
+  if (outcome == ReadOutcome::kMalformed)
+    return Status(StatusCode::kCorrupt,
+                  "the reader gave more than a file of this size should hold");
   if (!status.is_ok()) return status;
   return mesh;
 }

@@ -3,8 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <queue>
 #include <unordered_set>
 
+#include "nearmesh/core/base/hash.hpp"
 #include "nearmesh/core/geometry/box_overlap.hpp"
 #include "nearmesh/core/geometry/triangle_overlap.hpp"
 
@@ -27,7 +29,6 @@ class Walk {
         a_in_b_(make_relative_frame(frame_b, frame_a)) {}
 
   Answer run() {
-    clearance_ = std::numeric_limits<double>::infinity();
     stack_.push_back({a_.root, b_.root});
     while (!stack_.empty() && !(options_.any && !answer_.pairs.empty())) {
       const auto [ia, ib] = stack_.back();
@@ -52,11 +53,8 @@ class Walk {
     if (kb == Kind::kFrontier && missing_b_.contains(nb.first)) return;
     const CenteredBox box_a = centered(na.box), box_b = centered(nb.box);
     ++answer_.stats.box_tests;
-    if (boxes_apart(b_in_a_, box_a, box_b)) {
-      if (wants_clearance()) clearance_ = std::min(clearance_, boxes_gap_m(b_in_a_, box_a, box_b));
-      return;
-    }
-    if (ka == Kind::kInner && (kb != Kind::kInner || size_m(a_, na) >= size_m(b_, nb))) {
+    if (boxes_apart(b_in_a_, box_a, box_b)) return;
+    if (opens_a(na, nb)) {
       // Pushed in reverse, so that the first child is taken first.
       stack_.push_back({na.first + 1, ib});
       stack_.push_back({na.first, ib});
@@ -79,9 +77,10 @@ class Walk {
     }
   }
 
-  [[nodiscard]] bool wants_clearance() const {
-    return options_.clearance && answer_.pairs.empty() && missing_a_.empty() && missing_b_.empty() &&
-           clearance_ > 0;
+  // Whether the next step goes into a's children: the larger of two inner nodes is opened first.
+  [[nodiscard]] bool opens_a(const TreeNode& na, const TreeNode& nb) const {
+    return na.kind() == Kind::kInner &&
+           (nb.kind() != Kind::kInner || size_m(a_, na) >= size_m(b_, nb));
   }
 
   // A measure of a box in metres, for choosing which of two to open.
@@ -101,13 +100,9 @@ class Walk {
       for (std::uint32_t j = 0; j < nb.count(); ++j) {
         const TreeFace& fb = b_.faces[nb.first + j];
         ++answer_.stats.triangle_tests;
-        if (triangles_overlap(posed_a, posed_b[j])) {
-          answer_.pairs.push_back({fa.key, fb.key});
-          if (options_.any) return;
-        } else if (wants_clearance()) {
-          clearance_ = std::min(clearance_, triangles_gap_m(b_in_a_, as_doubles(fa.corners),
-                                                            to_a_units(b_in_a_, fb.corners)));
-        }
+        if (!triangles_overlap(posed_a, posed_b[j])) continue;
+        answer_.pairs.push_back({fa.key, fb.key});
+        if (options_.any) return;
       }
     }
   }
@@ -120,8 +115,6 @@ class Walk {
           to_a_units(other_in_own, other.faces[faces.first + i].corners);
       ++answer_.stats.box_tests;
       if (!box_triangle_apart(other_in_own, box, triangle)) return true;
-      // Both are conservative hulls of what lies inside, so a gap of boxes would do too; none is claimed.
-      if (wants_clearance()) clearance_ = 0;
     }
     return false;
   }
@@ -150,10 +143,61 @@ class Walk {
     } else {
       answer_.status = touches ? AnswerStatus::kPartial : AnswerStatus::kUncertain;
     }
-    answer_.clearance_m = answer_.status == AnswerStatus::kFree && options_.clearance ? clearance_ : 0;
+    if (answer_.status == AnswerStatus::kFree && options_.clearance) answer_.clearance_m = clearance();
     std::sort(answer_.pairs.begin(), answer_.pairs.end());
     std::sort(answer_.missing_a.begin(), answer_.missing_a.end());
     std::sort(answer_.missing_b.begin(), answer_.missing_b.end());
+  }
+
+  // A lower bound of the distance of two free bodies: pairs of boxes by growing gap, until the least gap left is no
+  // smaller than the least distance found. Every pair of faces lies below some pair that was counted or is still
+  // queued, so stopping early only makes the bound smaller.
+  double clearance() {
+    constexpr int kMaxSteps = 4096;
+    struct Gap {
+      double gap;
+      std::uint32_t a, b;
+      bool operator<(const Gap& o) const {
+        return gap != o.gap ? gap > o.gap : a != o.a ? a > o.a : b > o.b;
+      }
+    };
+    std::priority_queue<Gap> queue;
+    const auto offer = [&](std::uint32_t ia, std::uint32_t ib) {
+      const TreeNode &na = a_.nodes[ia], &nb = b_.nodes[ib];
+      if (na.kind() == Kind::kEmpty || nb.kind() == Kind::kEmpty) return;
+      ++answer_.stats.box_tests;
+      queue.push({boxes_gap_m(b_in_a_, centered(na.box), centered(nb.box)), ia, ib});
+    };
+    offer(a_.root, b_.root);
+    double found = std::numeric_limits<double>::infinity();
+    for (int step = 0; !queue.empty() && queue.top().gap < found; ++step) {
+      const Gap top = queue.top();
+      if (step == kMaxSteps) return top.gap;
+      queue.pop();
+      const TreeNode &na = a_.nodes[top.a], &nb = b_.nodes[top.b];
+      if (opens_a(na, nb)) {
+        offer(na.first, top.b);
+        offer(na.first + 1, top.b);
+      } else if (nb.kind() == Kind::kInner) {
+        offer(top.a, nb.first);
+        offer(top.a, nb.first + 1);
+      } else if (na.kind() == Kind::kFaces && nb.kind() == Kind::kFaces) {
+        found = std::min(found, faces_gap_m(na, nb));
+      } else {
+        found = std::min(found, top.gap);  // an unresolved node: its box stands for what is in it
+      }
+    }
+    return found;
+  }
+
+  double faces_gap_m(const TreeNode& na, const TreeNode& nb) const {
+    double gap = std::numeric_limits<double>::infinity();
+    for (std::uint32_t j = 0; j < nb.count(); ++j) {
+      const DoubleTriangle tb = to_a_units(b_in_a_, b_.faces[nb.first + j].corners);
+      for (std::uint32_t i = 0; i < na.count(); ++i)
+        gap = std::min(gap, triangles_gap_m(b_in_a_, as_doubles(a_.faces[na.first + i].corners), tb));
+    }
+    return gap;
   }
 
   const TreeView &a_, &b_;
@@ -162,7 +206,6 @@ class Walk {
   const RelativeFrame b_in_a_, a_in_b_;
   std::vector<Pair> stack_;
   std::unordered_set<std::uint32_t> missing_a_, missing_b_;  // by first vertex; membership only
-  double clearance_ = 0;
   Answer answer_;
 };
 
@@ -176,6 +219,14 @@ const char* to_string(AnswerStatus status) {
     case AnswerStatus::kUncertain: return "uncertain";
   }
   return "unknown";
+}
+
+std::uint64_t digest(const std::vector<FacePair>& pairs) {
+  std::uint64_t h = pairs.size();
+  for (const FacePair& pair : pairs)
+    for (const FaceKey& key : {pair.a, pair.b})
+      h = mix(h ^ (std::uint64_t{key.split.value} << 32 | key.index));
+  return h;
 }
 
 Answer query(const TreeView& a, const PosedFrame& frame_a, const TreeView& b,

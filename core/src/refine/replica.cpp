@@ -15,7 +15,6 @@ Status Replica::insert(const SplitRecord& record, std::span<const SplitFace> fac
   if (inserted.value() == SplitStore::Insertion::kNoParent) {
     if (parked_.size() < kMaxParked)
       parked_.try_emplace(key(record.node), Parked{record, {faces.begin(), faces.end()}});
-    parked_count_ = parked_.size();
     return Status::ok();
   }
   const bool done = mesh_->split(record.split, delta);
@@ -24,28 +23,32 @@ Status Replica::insert(const SplitRecord& record, std::span<const SplitFace> fac
   return Status::ok();
 }
 
-Result<RefineDelta> Replica::apply_batch(const SplitBatch& batch) {
-  RefineDelta delta;
+Replica::Applied Replica::apply_batch(const SplitBatch& batch) {
+  Applied applied;
   for (const SplitRecord& record : batch.splits) {
-    NEARMESH_RETURN_IF_ERROR(
-        insert(record, {batch.faces.data() + record.face_begin, record.face_count}, delta));
-    if (parked_.empty()) continue;
-    // Whatever waited for this record's children can go in now; and for theirs.
-    std::vector<NodeSpan> waiting{record.left(), record.right()};
-    while (!waiting.empty()) {
-      const auto at = parked_.find(key(waiting.back()));
-      waiting.pop_back();
-      if (at == parked_.end()) continue;
-      if (!store_->is_node(at->second.record.node)) continue;  // the record itself was parked
-      const Parked parked = std::move(at->second);
-      parked_.erase(at);
-      NEARMESH_RETURN_IF_ERROR(insert(parked.record, parked.faces, delta));
-      waiting.push_back(parked.record.left());
-      waiting.push_back(parked.record.right());
-    }
+    applied.status =
+        insert(record, {batch.faces.data() + record.face_begin, record.face_count}, applied.delta);
+    if (applied.status.is_ok() && !parked_.empty()) applied.status = unpark(record, applied.delta);
+    if (!applied.status.is_ok()) break;
   }
-  parked_count_ = parked_.size();
-  return delta;
+  return applied;
+}
+
+Status Replica::unpark(const SplitRecord& parent, RefineDelta& delta) {
+  // Whatever waited for this record's children can go in now; and for theirs.
+  std::vector<NodeSpan> waiting{parent.left(), parent.right()};
+  while (!waiting.empty()) {
+    const NodeSpan node = waiting.back();
+    waiting.pop_back();
+    const auto at = parked_.find(key(node));
+    if (at == parked_.end() || !store_->is_node(node)) continue;
+    const Parked parked = std::move(at->second);
+    parked_.erase(at);
+    NEARMESH_RETURN_IF_ERROR(insert(parked.record, parked.faces, delta));
+    waiting.push_back(parked.record.left());
+    waiting.push_back(parked.record.right());
+  }
+  return Status::ok();
 }
 
 RefineDelta Replica::collapse(NodeSpan node) {

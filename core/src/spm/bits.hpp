@@ -67,7 +67,8 @@ class BitWriter {
   int pending_bits_ = 0;
 };
 
-/// Reads zeros past the end and remembers that it did: decoders check overrun(), never each read.
+/// Reads zeros past the end and remembers that it did, as it does a code that no writer makes: decoders check overrun(),
+/// never each read.
 class BitReader {
  public:
   explicit BitReader(std::span<const std::uint8_t> bytes) : bytes_(bytes) {}
@@ -93,12 +94,13 @@ class BitReader {
   }
   std::uint64_t get_gamma() {
     int zeros = 0;
-    while (zeros < 32 && peek(1) == 0) {
+    while (peek(1) == 0) {
       skip(1);
-      ++zeros;
+      // No number that put_gamma takes has 32 leading zeros: as good as an end of the bytes, and as loud.
+      if (++zeros == 32) used_ = bytes_.size() * 8 + 1;
       if (overrun()) return 0;
     }
-    return get(zeros + 1 > 32 ? 32 : zeros + 1) - std::uint64_t{1};
+    return get(zeros + 1) - std::uint64_t{1};
   }
   [[nodiscard]] bool overrun() const { return used_ > bytes_.size() * 8; }
   [[nodiscard]] std::size_t bits_left() const {

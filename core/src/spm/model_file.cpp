@@ -177,6 +177,11 @@ std::span<const std::uint8_t> ModelFile::header_bytes() const {
 }
 std::uint64_t ModelFile::content_hash() const { return impl_->preamble.content_hash; }
 std::uint64_t ModelFile::file_bytes() const { return impl_->size; }
+std::uint64_t ModelFile::mesh_bytes() const {
+  std::uint64_t bytes = impl_->preamble.header_bytes;
+  for (const DirectoryEntry& entry : impl_->directory()) bytes += entry.bytes;
+  return bytes;
+}
 std::uint64_t ModelFile::block_count() const { return impl_->preamble.block_count; }
 const SplitStore& ModelFile::store() const { return *impl_->store; }
 
@@ -206,8 +211,15 @@ Status ModelFile::require_all() {
 }
 
 Status ModelFile::verify() const {
-  for (const DirectoryEntry& entry : impl_->directory())
+  std::uint64_t end = sizeof(Preamble) + impl_->preamble.header_bytes;
+  for (const DirectoryEntry& entry : impl_->directory()) {
     NEARMESH_RETURN_IF_ERROR(impl_->check_block(entry));
+    end = std::max(end, entry.offset + entry.bytes);
+  }
+  // What fills up the last block is under no checksum.
+  const auto padding = impl_->bytes(end, impl_->preamble.directory_offset - end);
+  if (std::any_of(padding.begin(), padding.end(), [](std::uint8_t byte) { return byte != 0; }))
+    return impl_->corrupt("bytes before the directory: expected zeros");
   const std::uint64_t faces = impl_->size - impl_->preamble.face_table_offset;
   if (hash_bytes(impl_->bytes(impl_->preamble.face_table_offset, faces)) !=
       impl_->preamble.face_table_checksum)

@@ -77,6 +77,17 @@ TEST(RunInChild, StopsAReaderThatHangs) {
   EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(30));
 }
 
+TEST(RunInChild, RefusesAMeshLargerThanItsLimit) {
+  IndexedMesh mesh = generate_terrain(200, 1);  // moved, it needs no memory of the child
+
+  const auto result =
+      run_in_child([&mesh] { return Result<IndexedMesh>(std::move(mesh)); },
+                   {.memory_bytes = 100'000, .wall_time = std::chrono::seconds(60)});
+
+  ASSERT_FALSE(result.is_ok());
+  EXPECT_NE(result.status().message().find("should hold"), std::string::npos);
+}
+
 // Sanitizers reserve terabytes, and their allocators are not made safe for a fork among threads.
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 TEST(RunInChild, StopsAReaderThatTakesTooMuchMemory) {

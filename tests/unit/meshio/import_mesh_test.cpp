@@ -136,9 +136,9 @@ TEST(ImportMesh, RefusesLyingPlyHeaders) {
 TEST(ImportMesh, RefusesPlyIndexOutOfRange) {
   const std::string vertices = "0 0 0\n1 0 0\n0 1 0\n";
   expect_refused(".ply", ascii_ply("3", "1", vertices + "3 0 1 3\n"), StatusCode::kCorrupt,
-                 "face 0");
+                 "PLY face 0");
   expect_refused(".ply", ascii_ply("3", "1", vertices + "3 0 1 -1\n"), StatusCode::kCorrupt,
-                 "face 0");
+                 "PLY face 0");
 }
 
 TEST(ImportMesh, RefusesPlyOfTriangleStrips) {
@@ -158,7 +158,7 @@ TEST(ImportMesh, ReadsAsciiStlOfTwoSolids) {
       ".STL", "solid facet of my own\n" + facet + "endsolid a b\nsolid\n" + facet + "endsolid\n");
 
   EXPECT_EQ(mesh.faces, (std::vector<Triple>{{0, 1, 2}, {3, 4, 5}}));
-  EXPECT_EQ(mesh.positions_m[4], (Point{1, 0, 0}));
+  EXPECT_EQ(mesh.positions_m.at(4), (Point{1, 0, 0}));
 }
 
 TEST(ImportMesh, RefusesAsciiStlWithoutItsEnd) {
@@ -177,6 +177,13 @@ TEST(ImportMesh, RefusesBinaryStlOfAnotherSize) {
   expect_refused(".stl", bytes, StatusCode::kCorrupt, "3 facets announced make 234 bytes");
 }
 
+TEST(ImportMesh, RefusesBinaryStlWithNan) {
+  std::string bytes(84 + 50, '\0');
+  bytes[80] = 1;
+  bytes.replace(84 + 12, 4, "\xff\xff\xff\x7f");
+  expect_refused(".stl", bytes, StatusCode::kInvalidArgument, "vertex 0");
+}
+
 // --- OFF ---
 
 TEST(ImportMesh, ReadsOffWithCommentsBetweenLinesAndColours) {
@@ -185,7 +192,7 @@ TEST(ImportMesh, ReadsOffWithCommentsBetweenLinesAndColours) {
       "# first\nOFF 4 2 0 # counts\n\n# vertices\n0 0 0\n1 0 0 # one\n1 1 0\n# in between\n0 1 0\n"
       "# faces\n\n3 0 1 2 255 0 0\n#\n3 0 2 3");
 
-  EXPECT_EQ(mesh.positions_m[3], (Point{0, 1, 0}));
+  EXPECT_EQ(mesh.positions_m.at(3), (Point{0, 1, 0}));
   EXPECT_EQ(mesh.faces, (std::vector<Triple>{{0, 1, 2}, {0, 2, 3}}));
 }
 
@@ -206,6 +213,12 @@ TEST(ImportMesh, RefusesOffThatEndsEarly) {
                  "expected 2 faces");
   expect_refused(".off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1\n", StatusCode::kCorrupt,
                  "line 6");
+}
+
+TEST(ImportMesh, RefusesOffIndexOutOfRange) {
+  const std::string start = "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n";
+  expect_refused(".off", start + "3 0 1 3\n", StatusCode::kCorrupt, "OFF line 6");
+  expect_refused(".off", start + "3 0 1 -1\n", StatusCode::kCorrupt, "OFF line 6");
 }
 
 TEST(ImportMesh, RefusesOffOfOtherCoordinates) {
@@ -237,6 +250,11 @@ TEST(ImportMesh, RefusesObjIndicesThatDoNotExist) {
     expect_refused(".obj", vertices + "f 1 2 " + index + "\n", StatusCode::kCorrupt, "OBJ line 4");
 }
 
+TEST(ImportMesh, RefusesObjIndexZeroThatCouldMeanTheNextVertex) {
+  expect_refused(".obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 0\nv 0 0 1\n", StatusCode::kCorrupt,
+                 "OBJ line 4");
+}
+
 TEST(ImportMesh, RefusesCoordinatesThatAreNoFiniteNumbers) {
   const std::string rest = "v 1 0 0\nv 0 1 0\nf 1 2 3\n";
   for (const std::string word : {"nan", "-inf", "1e400"})
@@ -249,8 +267,8 @@ TEST(ImportMesh, ReadsUnusualNumbers) {
   const IndexedMesh mesh =
       import_good(".obj", "v +1. .5 1E2\nv -1e-400 0 1e-310\nv 2 0 0\nf 1 2 3\n");
 
-  EXPECT_EQ(mesh.positions_m[0], (Point{1, 0.5, 100}));
-  EXPECT_EQ(mesh.positions_m[1], (Point{0, 0, 1e-310}));
+  EXPECT_EQ(mesh.positions_m.at(0), (Point{1, 0.5, 100}));
+  EXPECT_EQ(mesh.positions_m.at(1), (Point{0, 0, 1e-310}));
 }
 
 TEST(ImportMesh, RefusesUtf16) {

@@ -8,7 +8,8 @@
 
 namespace nearmesh::wire {
 
-/// Out: every field of `sample` is set. The message should have passed check(): nothing is cut or refused here.
+/// Out: every field of `sample` is set. The message should have passed check(): nothing is cut or
+/// refused here.
 void encode(const Hello& message, wire_types::HelloSample& sample);
 void encode(const MeshHeader& message, wire_types::MeshHeaderSample& sample);
 void encode(const RegionSubscription& message, wire_types::RegionSubscriptionSample& sample);
@@ -16,7 +17,8 @@ void encode(const SplitBatchMessage& message, wire_types::SplitBatchSample& samp
 void encode(const BodyPose& message, wire_types::BodyPoseSample& sample);
 void encode(const ContactReport& message, wire_types::ContactReportSample& sample);
 
-/// Errors: kUnsupported for another wire version; kInvalidArgument naming the field that lies outside its limits.
+/// Errors: kUnsupported for another wire version; kInvalidArgument naming the field that lies
+/// outside its limits.
 [[nodiscard]] Result<Hello> decode(const wire_types::HelloSample& sample);
 [[nodiscard]] Result<MeshHeader> decode(const wire_types::MeshHeaderSample& sample);
 [[nodiscard]] Result<RegionSubscription> decode(const wire_types::RegionSubscriptionSample& sample);

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// What both channels need of Fast DDS: joining the bus, entities that are removed again, listeners that only wake,
-// and a book of who is who. Used by dds_*.cpp alone. A change of Fast DDS' major version is absorbed here.
+// What both channels need of Fast DDS: joining the bus, entities that are removed again, listeners
+// that only wake, and a book of who is who. Used by dds_*.cpp alone. A change of Fast DDS' major
+// version is absorbed here.
 
 #include <fastdds/dds/domain/DomainParticipant.hpp>
 #include <fastdds/dds/domain/DomainParticipantListener.hpp>
@@ -40,7 +41,8 @@ using Microseconds = std::int64_t;
 [[nodiscard]] Microseconds now_us();
 [[nodiscard]] Microseconds to_us(const Timestamp& time);
 
-/// Where the threads of Fast DDS leave word for the one thread that makes the DDS calls. Threads: all.
+/// Where the threads of Fast DDS leave word for the one thread that makes the DDS calls. Threads:
+/// all.
 class Mailbox {
  public:
   void wake();
@@ -60,18 +62,19 @@ class Mailbox {
   std::uint64_t dropped_complaints_ = 0;
 };
 
-/// Of one reader and its Subscriber: wakes, and remembers which writers went. on_data_on_readers is
-/// taken here so that it does not reach a listener of the host's participant.
+/// Of one reader and its Subscriber: wakes, and remembers which writers came and went.
+/// on_data_on_readers is taken here so that it does not reach a listener of the host's participant.
 class ReaderListener : public fdds::SubscriberListener {
  public:
   ReaderListener(Mailbox& mailbox, std::string topic)
       : mailbox_(mailbox), topic_(std::move(topic)) {}
 
-  struct Gone {
+  struct Match {
     Handle writer;
     Microseconds when;
+    bool gone;  ///< else: found
   };
-  [[nodiscard]] std::vector<Gone> take_gone();
+  [[nodiscard]] std::vector<Match> take_matches();
 
   void on_data_on_readers(fdds::Subscriber* subscriber) override;
   void on_data_available(fdds::DataReader* reader) override;
@@ -84,7 +87,7 @@ class ReaderListener : public fdds::SubscriberListener {
   Mailbox& mailbox_;
   std::string topic_;
   std::mutex mutex_;
-  std::vector<Gone> gone_;
+  std::vector<Match> matches_;
 };
 
 /// Of one writer: wakes, and knows the readers that are matched.
@@ -109,8 +112,8 @@ class WriterListener : public fdds::DataWriterListener {
   std::set<Handle> readers_;
 };
 
-/// Which session speaks through which writer. The first writer that claims a session keeps it, so nobody can speak
-/// for, or be lost in the name of, another. Threads: one.
+/// Which session speaks through which writer. The first writer that claims a session keeps it, so
+/// nobody can speak for, or be lost in the name of, another. Threads: one.
 class SessionBook {
  public:
   enum class Claim {
@@ -122,27 +125,29 @@ class SessionBook {
   [[nodiscard]] Claim claim(SessionId session, const Handle& writer, Microseconds received);
   /// The session that is lost with this writer.
   [[nodiscard]] std::optional<SessionId> forget(const Handle& writer, Microseconds when);
+  /// True once for a writer that was forgotten and is now found again, as happens when a process
+  /// was stopped for longer than its lease.
+  [[nodiscard]] bool returns(const Handle& writer);
   /// Takes back a claim that was new.
   void release(SessionId session);
   [[nodiscard]] std::size_t size() const { return sessions_.size(); }
 
  private:
-  void prune(Microseconds now);
-
+  static constexpr std::size_t kMaxGone = 4096;
   std::map<Handle, SessionId> writers_;
   std::map<SessionId, Handle> sessions_;
-  std::map<Handle, Microseconds> gone_;
+  std::map<Handle, Microseconds> gone_;  ///< when; until found again, at most kMaxGone
 };
 
 struct BusOptions {
   TransportOptions transport;
   const char* participant_name = "nearmesh";
   fdds::DomainParticipant* host_participant = nullptr;  ///< used as it is, instead of an own one
-  std::int32_t header_bytes_per_s = 0;                  ///< above 0: makes the flow controller kHeaderFlow
+  std::int32_t header_bytes_per_s = 0;  ///< above 0: makes the flow controller kHeaderFlow
 };
 
-/// A participant, own or the host's, and everything made on it; the destructor removes that, and only that.
-/// Threads: one. Listeners must outlive the bus.
+/// A participant, own or the host's, and everything made on it; the destructor removes that, and
+/// only that. Threads: one. Listeners must outlive the bus.
 class Bus {
  public:
   /// Errors: kInvalidArgument (prefix, interface, domain); kIo when Fast DDS refuses.
@@ -167,11 +172,12 @@ class Bus {
                                                      const fdds::DataWriterQos& qos,
                                                      WriterListener& listener,
                                                      const std::string& partition = "");
-  [[nodiscard]] Result<fdds::DataReader*> add_reader(fdds::Topic* topic,
+  [[nodiscard]] Result<fdds::DataReader*> add_reader(const fdds::TopicDescription* topic,
                                                      const fdds::DataReaderQos& qos,
                                                      ReaderListener& listener,
                                                      const std::string& partition = "");
   void remove_writer(fdds::DataWriter* writer);
+  void remove_reader(fdds::DataReader* reader);
 
  private:
   class DiscoveryListener;
@@ -203,16 +209,16 @@ template <class Type, class Message>
   typename Type::Data data;
   encode(message, data);
   using eprosima::fastrtps::types::ReturnCode_t;
-  const ReturnCode_t code =
-      writer.write(static_cast<typename Type::Sample*>(&data), eprosima::fastrtps::rtps::c_InstanceHandle_Unknown);
+  const ReturnCode_t code = writer.write(static_cast<typename Type::Sample*>(&data),
+                                         eprosima::fastrtps::rtps::c_InstanceHandle_Unknown);
   if (code == ReturnCode_t::RETCODE_OK) return WriteResult::kTaken;
   if (code == ReturnCode_t::RETCODE_TIMEOUT) return WriteResult::kFull;
   mailbox.complain(writer.get_topic()->get_name() + ": write failed: " + name_of(code));
   return WriteResult::kFailed;
 }
 
-/// Takes at most `most` samples. Valid ones go to accept(message, writer, received), the others leave one complaint
-/// each. Out: true when there may be more.
+/// Takes at most `most` samples. Valid ones go to accept(message, writer, received), the others
+/// leave one complaint each. Out: true when there may be more.
 template <class Type, class Accept>
 [[nodiscard]] bool drain(fdds::DataReader& reader, Mailbox& mailbox, std::size_t most,
                          Accept accept) {
@@ -229,7 +235,8 @@ template <class Type, class Accept>
     if (fault.empty()) {
       auto message = decode(data);
       if (message.is_ok()) {
-        accept(std::move(message).value(), info.publication_handle, to_us(info.reception_timestamp));
+        accept(std::move(message).value(), info.publication_handle,
+               to_us(info.reception_timestamp));
         continue;
       }
       fault = message.status().message();

@@ -32,7 +32,7 @@ struct Hello {
   struct Model {
     std::string name;                ///< unique per publisher, at most kMaxNameBytes
     std::uint64_t content_hash = 0;
-    std::uint64_t file_bytes = 0;    ///< size of the whole .spm, for the user's comparison
+    std::uint64_t mesh_bytes = 0;    ///< header and all blocks: what a whole replica would take
   };
   std::vector<Model> models;
 };
@@ -52,7 +52,8 @@ struct RegionSubscription {
   std::uint32_t request = 0;            ///< counts up per peer; 0: no request, only credit
   std::uint64_t content_hash = 0;       ///< the model; meaningless when request is 0
   std::uint8_t priority = 0;            ///< 0 needed now, 1 horizon, 2 prefetch
-  std::uint64_t received_bytes = 0;     ///< batch payload received from this publisher since the start: returns credit
+  SessionId publisher = 0;              ///< whom it is for; others ignore it
+  std::uint32_t acknowledged_sequence = 0;  ///< highest batch sequence received from it: returns credit
   std::uint32_t window_bytes = 65536;   ///< the publisher keeps at most this much unacknowledged
   RegionRequest region;
 };

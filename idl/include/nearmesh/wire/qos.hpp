@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// QoS of every topic, with a reason each. Used by dds_*.cpp alone. Both sides take theirs from here, so they match.
+// QoS of every topic, with a reason each. Used by dds_*.cpp alone. Both sides take theirs from
+// here, so they match.
 
 #include <fastdds/dds/publisher/qos/DataWriterQos.hpp>
 #include <fastdds/dds/subscriber/qos/DataReaderQos.hpp>
@@ -9,7 +10,8 @@ namespace nearmesh::wire {
 
 namespace fdds = eprosima::fastdds::dds;
 
-/// Unacknowledged batches a publisher keeps for one peer: more than the credit window ever lets out.
+/// Unacknowledged batches a publisher keeps for one peer: more than the credit window ever lets
+/// out.
 inline constexpr int kBatchHistory = 256;
 /// Subscriptions of one peer that may wait unread.
 inline constexpr int kSubscriptionHistory = 256;
@@ -30,12 +32,13 @@ inline constexpr Delivery kHelloDelivery{fdds::KEEP_LAST_HISTORY_QOS, 1,
 /// Immutable per content hash; whoever joins later gets it too.
 inline constexpr Delivery kMeshHeaderDelivery{fdds::KEEP_LAST_HISTORY_QOS, 1,
                                               fdds::TRANSIENT_LOCAL_DURABILITY_QOS};
-/// A stream of requests. Not durable: a restarted publisher must not answer old requests. KEEP_LAST, so that a frozen
-/// publisher does not stop requests to the others; what it displaces is asked for again.
+/// A stream of requests. Not durable: a restarted publisher must not answer old requests.
+/// KEEP_LAST, so that a frozen publisher does not stop requests to the others; what it displaces is
+/// asked for again.
 inline constexpr Delivery kRegionSubscriptionDelivery{
     fdds::KEEP_LAST_HISTORY_QOS, kSubscriptionHistory, fdds::VOLATILE_DURABILITY_QOS};
-/// A stream to one peer through its own writer: KEEP_ALL can stall nobody else, loses nothing, and a
-/// full history is seen at once as "cannot be taken now".
+/// A stream to one peer through its own writer: KEEP_ALL can stall nobody else, loses nothing, and
+/// a full history is seen at once as "cannot be taken now".
 inline constexpr Delivery kSplitBatchDelivery{fdds::KEEP_ALL_HISTORY_QOS, kBatchHistory,
                                               fdds::VOLATILE_DURABILITY_QOS};
 /// Latest pose of each body; whoever joins later learns of bodies at rest. KEEP_LAST: one frozen
@@ -80,8 +83,9 @@ void apply_delivery(const Delivery& delivery, EndpointQos& qos) {
   return qos;
 }
 
-/// Headers can be a megabyte, and many latecomers may ask at once: paced, so that the burst does not
-/// drown the link and its own repairs. The participant must have the flow controller kHeaderFlow.
+/// Headers can be a megabyte, and many latecomers may ask at once: paced, so that the burst does
+/// not drown the link and its own repairs. The participant must have the flow controller
+/// kHeaderFlow.
 [[nodiscard]] inline fdds::DataWriterQos mesh_header_writer_qos(double heartbeat_s) {
   fdds::DataWriterQos qos = writer_qos(kMeshHeaderDelivery, heartbeat_s);
   qos.publish_mode().kind = fdds::ASYNCHRONOUS_PUBLISH_MODE;

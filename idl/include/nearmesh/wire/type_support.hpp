@@ -1,10 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Makes the generated type supports of Fast DDS 2.9 fit for bytes from strangers. Used by dds_*.cpp alone.
-// * getKey of the generated code shares one buffer between threads (3,338 wrong keys in 4 M calls); ours has its own.
-// * The generated deserialize lets std::bad_alloc and others out, into a thread of Fast DDS; ours catches everything.
-// * A sample that cannot be read is *delivered*, as an Envelope with a fault, because Fast DDS drops failures in
-//   silence, and because it computes the key after a failed deserialize from whatever was in the object before.
+// Makes the generated type supports of Fast DDS 2.9 fit for bytes from strangers. Used by dds_*.cpp
+// alone.
+// * getKey of the generated code shares one buffer between threads (3,338 wrong keys in 4 M calls);
+// ours has its own.
+// * The generated deserialize lets std::bad_alloc and others out, into a thread of Fast DDS; ours
+// catches everything.
+// * A sample that cannot be read is *delivered*, as an Envelope with a fault, because Fast DDS
+// drops failures in
+//   silence, and because it computes the key after a failed deserialize from whatever was in the
+//   object before.
 
 #include <fastcdr/Cdr.h>
 #include <fastcdr/FastBuffer.h>
@@ -32,7 +37,8 @@ struct Envelope : Sample {
 /// Reads the wire version of a serialized sample. Out: nothing wrong, or one clause that says what.
 [[nodiscard]] inline std::string judge_payload(const std::uint8_t* bytes, std::size_t size) {
   constexpr std::size_t kEncapsulation = 4;
-  if (size < kEncapsulation + sizeof(std::uint16_t)) return std::to_string(size) + " bytes, too short";
+  if (size < kEncapsulation + sizeof(std::uint16_t))
+    return std::to_string(size) + " bytes, too short";
   if (bytes[0] != 0 || bytes[1] > 1)
     return "encapsulation " + std::to_string(bytes[0] * 256 + bytes[1]) + ", expected plain CDR";
   const bool little = bytes[1] == 1;
@@ -42,7 +48,8 @@ struct Envelope : Sample {
          std::to_string(kWireVersion);
 }
 
-/// In: the generated type support. Its maximum size stays: a reader of Fast DDS 2.9 drops what is larger, in silence.
+/// In: the generated type support. Its maximum size stays: a reader of Fast DDS 2.9 drops what is
+/// larger, in silence.
 template <class Generated>
 class SafeType : public Generated {
  public:

@@ -18,7 +18,8 @@ namespace nearmesh::publisher {
 struct DdsChannelOptions {
   wire::TransportOptions transport;
   std::size_t max_peers = 1000;  ///< further ones are refused with a complaint
-  /// Pace of mesh headers, all readers together; keep it below the link's rate. [100'000, 1'000'000'000]
+  /// Pace of mesh headers, all readers together; keep it below the link's rate. [100'000,
+  /// 1'000'000'000]
   std::int32_t header_bytes_per_s = 4'000'000;
 };
 
@@ -31,11 +32,12 @@ class DdsChannel final : public Channel {
 
   void announce(const wire::Hello& hello, const std::vector<wire::MeshHeader>& headers) override;
   [[nodiscard]] std::vector<wire::RegionSubscription> take_subscriptions() override;
-  /// Forgets their writers too. A process that was only stopped comes back as a new peer with its next subscription.
+  /// Forgets their writers too. A process that was only stopped comes back as a new peer with its
+  /// next subscription.
   [[nodiscard]] std::vector<wire::SessionId> take_lost_peers() override;
-  /// False also until the peer's reader is matched (milliseconds after its first subscription), when 256 batches are
-  /// unacknowledged, and for a peer that is unknown or lost. A batch that check() refuses is dropped with a complaint
-  /// and true: trying again would not help.
+  /// False also until the peer's reader is matched (milliseconds after its first subscription),
+  /// when 256 batches are unacknowledged, and for a peer that is unknown or lost. A batch that
+  /// check() refuses is dropped with a complaint and true: trying again would not help.
   [[nodiscard]] bool send(wire::SessionId peer, const wire::SplitBatchMessage& batch) override;
   void wait(double seconds) override;
   [[nodiscard]] std::vector<std::string> take_complaints() override;

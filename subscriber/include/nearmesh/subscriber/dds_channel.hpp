@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// A peer's channel over Fast DDS. One thread inside makes every DDS call; the host's only puts into and takes from
-// queues, so no call here waits for the network.
+// A peer's channel over Fast DDS. One thread inside makes every DDS call; the host's only puts into
+// and takes from queues, so no call here waits for the network.
 
 #include <cstddef>
 #include <memory>
@@ -19,15 +19,15 @@ namespace nearmesh::subscriber {
 struct DdsChannelOptions {
   wire::TransportOptions transport;
   wire::SessionId session = 0;  ///< 0: random
-  /// Given by the host: used as it is (its domain, transports, lease; only prefix and heartbeat_s apply here); its QoS
-  /// and listeners stay, types and topics that exist are used, and only what was made here is removed.
-  /// Must outlive the channel.
+  /// Given by the host: used as it is (its domain, transports, lease; only prefix and heartbeat_s
+  /// apply here); its QoS and listeners stay, types and topics that exist are used, and only what
+  /// was made here is removed. Must outlive the channel.
   eprosima::fastdds::dds::DomainParticipant* participant = nullptr;
   /// What may wait for take(), each kind; the newest beyond are dropped with a complaint.
   std::size_t max_waiting_batches = 16384;  ///< about 20 MB
   std::size_t max_waiting_others = 4096;
   std::size_t max_waiting_header_bytes = 64U << 20;
-  std::size_t max_outgoing = 4096;          ///< each kind; the oldest are dropped with a complaint
+  std::size_t max_outgoing = 4096;  ///< each kind; the oldest are dropped with a complaint
 };
 
 /// Threads: all functions, any thread.
@@ -45,7 +45,8 @@ class DdsChannel final : public Channel {
   void send(const wire::RegionSubscription& subscription) override;
   void send(const wire::BodyPose& pose) override;
   void send(const wire::ContactReport& report) override;
-  /// A Hello comes out only when its publisher can hear subscriptions, so no request that follows it is lost.
+  /// A Hello comes out only when its publisher can hear subscriptions, so no request that follows
+  /// it is lost.
   [[nodiscard]] Inbox take() override;
   /// For programs without a frame loop: blocks until take() has something, or the time is over.
   void wait(double seconds);

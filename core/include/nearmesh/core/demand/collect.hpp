@@ -31,4 +31,9 @@ struct Demand {
 [[nodiscard]] Result<Demand> collect(const SplitStore& store, const RegionRequest& request,
                                      const std::function<Status(NodeSpan)>& require);
 
+/// The frontier of a store towards a region: nodes that meet it and whose split is not known, largest first (ties to the
+/// lower id), at most `limit`. What a peer asks for next. Cost: O(known nodes that meet the region).
+[[nodiscard]] std::vector<NodeSpan> frontier(const SplitStore& store, std::span<const GridBox> region,
+                                             std::size_t limit);
+
 }  // namespace nearmesh

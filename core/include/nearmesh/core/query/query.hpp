@@ -37,6 +37,9 @@ struct FacePair {
   auto operator<=>(const FacePair&) const = default;
 };
 
+/// A number for comparing contact sets: equal sets, in ascending order, have equal digests.
+[[nodiscard]] std::uint64_t digest(const std::vector<FacePair>& pairs);
+
 struct QueryOptions {
   bool any = false;        ///< stop at the first touching pair: kContact then says "touches", not "these are all"
   bool clearance = true;   ///< also bound the distance when free

@@ -20,15 +20,19 @@ class Replica {
 
   /// Adds a batch and activates all of it that can be. Splits whose parent has not come are parked until it does;
   /// repeats are harmless; the result depends on the set of batches, not on their order.
-  /// Errors: kCorrupt where a record contradicts the model; records before it stay applied, it and later ones do not.
-  /// Cost: O(batch).
-  [[nodiscard]] Result<RefineDelta> apply_batch(const SplitBatch& batch);
+  /// The delta is what was applied, also beside a status that is not ok: kCorrupt where a record contradicts the model;
+  /// records before it stay applied, it and later ones are not. Cost: O(batch).
+  struct Applied {
+    Status status;
+    RefineDelta delta;
+  };
+  [[nodiscard]] Applied apply_batch(const SplitBatch& batch);
   /// Makes a node whole; its splits stay known until `forget`. The AB-tree must see the delta before that.
   [[nodiscard]] RefineDelta collapse(NodeSpan node);
   /// Forgets all splits below a node that is whole. Cost: O(splits forgotten).
   void forget(NodeSpan node);
 
-  [[nodiscard]] std::size_t parked_splits() const { return parked_count_; }
+  [[nodiscard]] std::size_t parked_splits() const { return parked_.size(); }
 
  private:
   struct Parked {
@@ -42,12 +46,12 @@ class Replica {
     return std::uint64_t{node.begin()} << 32 | node.size;
   }
   Status insert(const SplitRecord& record, std::span<const SplitFace> faces, RefineDelta& delta);
+  Status unpark(const SplitRecord& parent, RefineDelta& delta);
 
   SpmHeader header_;
   std::unique_ptr<SplitStore> store_;  // both behind pointers: ActiveMesh refers to the store when a Replica moves
   std::unique_ptr<ActiveMesh> mesh_;
   std::unordered_map<std::uint64_t, Parked> parked_;
-  std::size_t parked_count_ = 0;
 };
 
 }  // namespace nearmesh

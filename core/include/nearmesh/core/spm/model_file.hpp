@@ -51,6 +51,8 @@ class ModelFile {
   /// Hash of the whole content; models with equal hashes are the same model.
   [[nodiscard]] std::uint64_t content_hash() const;
   [[nodiscard]] std::uint64_t file_bytes() const;
+  /// Header and all blocks: what a whole replica would have to receive.
+  [[nodiscard]] std::uint64_t mesh_bytes() const;
   [[nodiscard]] std::uint64_t block_count() const;
   /// What is decoded so far. Grows with `require`.
   [[nodiscard]] const SplitStore& store() const;

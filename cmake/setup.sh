@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+# Sourced by ./test, ./demo and .ci/run: what they share. Stops the caller at the first failure.
+#   install_missing PACKAGE...   installs those Debian packages that are not there; silent when all are
+#   build_preset PRESET          configures and builds into build/PRESET
+# Call from anywhere: the working folder becomes the project's.
+
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+nearmesh_packages=(
+  build-essential cmake ninja-build python3
+  libeigen3-dev libassimp-dev libcli11-dev nlohmann-json3-dev libxxhash-dev libgtest-dev
+  libfastrtps-dev libfastcdr-dev fastddsgen libspdlog-dev libyaml-cpp-dev)
+
+install_missing() {
+  command -v dpkg-query >/dev/null || return 0  # not Debian: CMake will name what it cannot find
+  local missing=() package
+  for package in "$@"; do
+    if [[ "$(dpkg-query -W -f '${db:Status-Status}' "$package" 2>/dev/null)" != installed ]]; then
+      missing+=("$package")
+    fi
+  done
+  if [[ ${#missing[@]} -eq 0 ]]; then return 0; fi
+  local as_root=()
+  if [[ $EUID -ne 0 ]]; then
+    if ! command -v sudo >/dev/null; then
+      echo "Missing packages, and neither root nor sudo to install them: ${missing[*]}" >&2
+      return 1
+    fi
+    as_root=(sudo)
+  fi
+  echo "Installing ${missing[*]}"
+  local log
+  log=$(mktemp)
+  if ! { "${as_root[@]}" apt-get -q update &&
+         "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
+           apt-get -qy install --no-install-recommends "${missing[@]}"; } >"$log" 2>&1 </dev/null; then
+    tail -n 30 "$log" >&2
+    return 1
+  fi
+  rm -f "$log"
+}
+
+build_preset() {
+  cmake --preset "$1" --log-level=WARNING
+  cmake --build --preset "$1"
+}

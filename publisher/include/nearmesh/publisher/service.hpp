@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// The publisher service: answers the region subscriptions of any number of peers from memory-mapped models.
+// Takes RegionSubscription, gives SplitBatchMessage, through a Channel; knows nothing of DDS.
+// It remembers no peer's state of refinement: a request names the peer's own frontier, so a batch that was lost is simply
+// asked for again. What it keeps of a peer is its credit and the batches that wait for it, both bounded.
+// Source: the paper, section 3.3 (Server Collect VSplits).
+
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "nearmesh/core/spm/model_file.hpp"
+#include "nearmesh/publisher/channel.hpp"
+
+namespace nearmesh::publisher {
+
+struct ServiceOptions {
+  std::size_t max_queued_bytes = 1 << 20;      ///< batches waiting for one peer; further requests are refused
+  std::uint32_t max_window_bytes = 256 * 1024; ///< cap on what a peer may have under way
+  double credit_timeout_s = 1.0;               ///< an unacknowledged batch stops counting after this
+};
+
+struct ServiceStats {
+  std::uint64_t requests = 0, refused = 0, batches = 0, bytes = 0, peers = 0;
+};
+
+class Service {
+ public:
+  /// The channel must outlive the service.
+  Service(Channel& channel, wire::SessionId session, ServiceOptions options = {});
+
+  /// Serves a model under a name unique to this publisher. Errors: kInvalidArgument (name), kConflict (name taken).
+  [[nodiscard]] Status add_model(const std::string& name, ModelFile file);
+  /// Announces all models; call once they are added.
+  void announce();
+  /// Takes what arrived and sends what credit allows. Never blocks. `now_s` is any steady clock.
+  /// Returns one line for each request refused, for the log.
+  std::vector<std::string> step(double now_s);
+
+  [[nodiscard]] const ServiceStats& stats() const { return stats_; }
+
+ private:
+  struct Model {
+    std::string name;
+    ModelFile file;
+  };
+  struct Waiting {
+    wire::SplitBatchMessage message;
+    std::uint8_t priority = 0;
+  };
+  struct UnderWay {
+    std::uint32_t sequence = 0;
+    std::size_t bytes = 0;
+    double sent_s = 0;
+  };
+  struct Peer {
+    std::deque<Waiting> queue;  // by priority, then arrival
+    std::size_t queued_bytes = 0;
+    std::deque<UnderWay> under_way;
+    std::size_t under_way_bytes = 0;
+    std::uint32_t window_bytes = 0;
+    std::uint32_t next_sequence = 1;
+    std::uint32_t last_request = 0;
+  };
+
+  [[nodiscard]] Result<std::vector<std::vector<std::uint8_t>>> answer(
+      const wire::RegionSubscription& subscription);
+  void enqueue(Peer& peer, const wire::RegionSubscription& subscription,
+               std::vector<std::vector<std::uint8_t>> batches, bool refused);
+  bool send_next(wire::SessionId id, Peer& peer, double now_s);
+
+  Channel& channel_;
+  const wire::SessionId session_;
+  const ServiceOptions options_;
+  std::map<std::uint64_t, std::unique_ptr<Model>> models_;  // by content hash
+  std::map<wire::SessionId, Peer> peers_;
+  ServiceStats stats_;
+};
+
+}  // namespace nearmesh::publisher

@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "nearmesh/publisher/service.hpp"
+
+#include <algorithm>
+
+#include "nearmesh/core/demand/collect.hpp"
+
+namespace nearmesh::publisher {
+namespace {
+
+// Sample fields and transport headers around a batch; counted so that many tiny batches use up credit too.
+constexpr std::size_t kFramingBytes = 76;
+
+}  // namespace
+
+Service::Service(Channel& channel, wire::SessionId session, ServiceOptions options)
+    : channel_(channel), session_(session), options_(options) {}
+
+Status Service::add_model(const std::string& name, ModelFile file) {
+  if (name.empty() || name.size() > wire::kMaxNameBytes)
+    return {StatusCode::kInvalidArgument, "model name '" + name + "': expected 1 to " +
+                                              std::to_string(wire::kMaxNameBytes) + " bytes"};
+  if (models_.size() >= wire::kMaxModels)
+    return {StatusCode::kInvalidArgument,
+            "at most " + std::to_string(wire::kMaxModels) + " models"};
+  for (const auto& [hash, model] : models_)
+    if (model->name == name)
+      return {StatusCode::kConflict, file.path() + ": the name " + name +
+                                         " is taken by " + model->file.path()};
+  const std::uint64_t hash = file.content_hash();
+  if (const auto same = models_.find(hash); same != models_.end())
+    return {StatusCode::kConflict, file.path() + ": same content as " + same->second->file.path() +
+                                       ", which is served as " + same->second->name};
+  models_.emplace(hash, std::make_unique<Model>(Model{name, std::move(file)}));
+  return Status::ok();
+}
+
+void Service::announce() {
+  wire::Hello hello;
+  hello.publisher = session_;
+  std::vector<wire::MeshHeader> headers;
+  for (const auto& [hash, model] : models_) {
+    hello.models.push_back({model->name, hash, model->file.mesh_bytes()});
+    const auto bytes = model->file.header_bytes();
+    wire::MeshHeader header;
+    header.name = model->name;
+    header.content_hash = hash;
+    header.bytes.assign(bytes.begin(), bytes.end());
+    headers.push_back(std::move(header));
+  }
+  channel_.announce(hello, headers);
+}
+
+Result<std::vector<std::vector<std::uint8_t>>> Service::answer(
+    const wire::RegionSubscription& subscription) {
+  const auto at = models_.find(subscription.content_hash);
+  if (at == models_.end())
+    return Status{StatusCode::kNotFound, "no model with that content hash is served here"};
+  ModelFile& file = at->second->file;
+  NEARMESH_RETURN_IF_ERROR(check_request(file.store(), subscription.region));
+  const Result<Demand> demand = collect(file.store(), subscription.region,
+                                        [&file](NodeSpan node) { return file.require(node); });
+  if (!demand.is_ok()) return demand.status();
+  return encode_batches(file.header(), file.store(), demand.value().treelet, BoxPolicy::kCutNodes);
+}
+
+void Service::enqueue(Peer& peer, const wire::RegionSubscription& subscription,
+                      std::vector<std::vector<std::uint8_t>> batches, bool refused) {
+  if (batches.empty()) batches.emplace_back();  // "nothing was needed" is an answer too
+  const auto place = std::find_if(peer.queue.begin(), peer.queue.end(), [&](const Waiting& w) {
+    return w.priority > subscription.priority;
+  });
+  std::deque<Waiting> added;
+  for (std::size_t i = 0; i < batches.size(); ++i) {
+    wire::SplitBatchMessage message;
+    message.publisher = session_;
+    message.content_hash = subscription.content_hash;
+    message.request = subscription.request;
+    message.last = i + 1 == batches.size();
+    message.refused = refused;
+    message.bytes = std::move(batches[i]);
+    peer.queued_bytes += message.bytes.size() + kFramingBytes;
+    added.push_back({std::move(message), subscription.priority});
+  }
+  peer.queue.insert(place, std::make_move_iterator(added.begin()),
+                    std::make_move_iterator(added.end()));
+}
+
+bool Service::send_next(wire::SessionId id, Peer& peer, double now_s) {
+  if (peer.queue.empty()) return false;
+  wire::SplitBatchMessage& message = peer.queue.front().message;
+  const std::size_t bytes = message.bytes.size() + kFramingBytes;
+  // One batch may always be under way, so that a tiny window cannot stall a peer for good.
+  if (!peer.under_way.empty() && peer.under_way_bytes + bytes > peer.window_bytes) return false;
+  message.sequence = peer.next_sequence;
+  if (!channel_.send(id, message)) return false;
+  peer.under_way.push_back({peer.next_sequence++, bytes, now_s});
+  peer.under_way_bytes += bytes;
+  peer.queued_bytes -= bytes;
+  peer.queue.pop_front();
+  ++stats_.batches;
+  stats_.bytes += bytes;
+  return true;
+}
+
+std::vector<std::string> Service::step(double now_s) {
+  std::vector<std::string> complaints;
+  for (const wire::SessionId id : channel_.take_lost_peers()) peers_.erase(id);
+  for (const wire::RegionSubscription& subscription : channel_.take_subscriptions()) {
+    if (subscription.publisher != session_) continue;
+    Peer& peer = peers_[subscription.peer];
+    peer.window_bytes = std::min(subscription.window_bytes, options_.max_window_bytes);
+    while (!peer.under_way.empty() &&
+           peer.under_way.front().sequence <= subscription.acknowledged_sequence) {
+      peer.under_way_bytes -= peer.under_way.front().bytes;
+      peer.under_way.pop_front();
+    }
+    // Repeats of a request (a writer's history after a rematch) are not answered twice.
+    if (subscription.request == 0 || subscription.request <= peer.last_request) continue;
+    peer.last_request = subscription.request;
+    ++stats_.requests;
+    Result<std::vector<std::vector<std::uint8_t>>> batches =
+        peer.queued_bytes > options_.max_queued_bytes
+            ? Status{StatusCode::kInvalidArgument,
+                     "more than " + std::to_string(options_.max_queued_bytes) +
+                         " bytes wait for this peer"}
+            : answer(subscription);
+    if (batches.is_ok()) {
+      enqueue(peer, subscription, std::move(batches).value(), false);
+      continue;
+    }
+    ++stats_.refused;
+    const std::string& why = batches.status().message();
+    const std::size_t length = std::min(why.size(), kMaxBatchBytes);
+    enqueue(peer, subscription, {{why.begin(), why.begin() + static_cast<std::ptrdiff_t>(length)}}, true);
+    char id[17];
+    std::snprintf(id, sizeof id, "%016llx", static_cast<unsigned long long>(subscription.peer));
+    complaints.push_back("request " + std::to_string(subscription.request) + " of peer " + id +
+                         " refused: " + why);
+  }
+  for (auto& [id, peer] : peers_) {
+    while (!peer.under_way.empty() &&
+           now_s - peer.under_way.front().sent_s > options_.credit_timeout_s) {
+      peer.under_way_bytes -= peer.under_way.front().bytes;
+      peer.under_way.pop_front();
+    }
+  }
+  // In turns, one batch each, so that a peer with much to send delays no other.
+  for (bool sent = true; sent;) {
+    sent = false;
+    for (auto& [id, peer] : peers_) sent = send_next(id, peer, now_s) || sent;
+  }
+  stats_.peers = peers_.size();
+  return complaints;
+}
+
+}  // namespace nearmesh::publisher

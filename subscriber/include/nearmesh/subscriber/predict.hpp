@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// Where will the other body be? Regions of interest in a model's grid, for the demand walk, and how long a free
+// answer holds. Takes trees and motions, gives boxes.
+// Source: the paper, section 3.2 (prediction by coherence); departure: swept boxes of the other body instead of grid cells.
+
+#include <array>
+#include <vector>
+
+#include "nearmesh/core/abtree/tree.hpp"
+#include "nearmesh/core/geometry/pose.hpp"
+
+namespace nearmesh::subscriber {
+
+/// A body at an instant: where it is and how it moves. World frame, metres, seconds; the angular velocity turns about
+/// the origin of the body's model frame.
+struct Motion {
+  Pose pose;
+  std::array<double, 3> linear_velocity_mps{};
+  std::array<double, 3> angular_velocity_radps{};
+};
+
+/// Boxes in the grid of `own` that cover where the faces of `other` may be during [now, now + lookahead_s] at constant
+/// velocities, grown by `margin_m`. At most `max_boxes` (>= 1): the other tree is opened largest box first. Empty when
+/// they cannot reach own's root box.
+[[nodiscard]] std::vector<GridBox> swept_region(const TreeView& own, const Motion& own_motion,
+                                                const TreeView& other, const Motion& other_motion,
+                                                double lookahead_s, double margin_m,
+                                                std::size_t max_boxes);
+
+/// Upper bound of the speed at which any two points of the bodies approach each other, m/s.
+[[nodiscard]] double closing_speed_mps(const TreeView& a, const Motion& motion_a, const TreeView& b,
+                                       const Motion& motion_b);
+
+}  // namespace nearmesh::subscriber

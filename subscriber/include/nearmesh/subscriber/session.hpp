@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// A peer: holds replicas of the models its bodies use, asks publishers for the detail that is about to be touched,
+// and answers, every frame, whether pairs of bodies touch, with how far each answer can be trusted.
+// Polled by the host: update() never blocks and never calls DDS (the channel's own thread does).
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "nearmesh/core/query/query.hpp"
+#include "nearmesh/subscriber/channel.hpp"
+#include "nearmesh/subscriber/predict.hpp"
+
+namespace nearmesh::subscriber {
+
+struct SessionOptions {
+  double lookahead_s = 0.5;        ///< detail is asked for where the other body may be within this time
+  double margin_m = 0;             ///< and this much further
+  std::size_t region_boxes = 64;   ///< boxes by which a region is described, in [1, kMaxRegionBoxes]
+  std::uint32_t request_splits = 4096;   ///< largest answer to one request
+  std::uint32_t window_bytes = 128 * 1024;  ///< batches that may be under way to this peer
+  double request_timeout_s = 0.5;  ///< a request without an answer is repeated after this
+  std::uint32_t max_held_splits = 0;  ///< above this, detail far from every body is given up; 0: no limit
+  bool publish_reports = true;     ///< send a ContactReport whenever an answer changes
+};
+
+/// An answer about one watched pair.
+struct PairAnswer {
+  std::string body_a, body_b;
+  Answer answer;
+  /// Why nothing can be said yet (status kUncertain): a header, a publisher or a pose that has not come. Else empty.
+  std::string reason;
+  Pose pose_a, pose_b;             ///< what was asked about; meaningless with a reason of missing poses
+  /// Free: until this much later nothing can touch, if the bodies keep within their velocities. Seconds.
+  double safe_horizon_s = 0;
+};
+
+/// What one update did. Seconds are wall clock of this call.
+struct FrameReport {
+  std::vector<PairAnswer> answers;   ///< one per watched pair, in the order of watch()
+  double load_s = 0;                 ///< T_L: decoding batches
+  double refine_s = 0;               ///< T_R: vertex splits and collapses
+  double tree_s = 0;                 ///< T_B: AB-tree
+  double query_s = 0;                ///< T_Q
+  std::uint64_t batches_waiting = 0; ///< left over for want of budget
+  std::vector<std::string> complaints;  ///< one line each, for a log
+
+  [[nodiscard]] bool all_certified() const;
+};
+
+struct SessionStats {
+  std::uint64_t batches = 0, batch_bytes = 0;  ///< payload of split batches
+  std::uint64_t header_bytes = 0;
+  std::uint64_t requests = 0;
+  std::uint64_t sequence_gaps = 0;   ///< batches that never came
+  std::uint64_t held_splits = 0, slots = 0, exact_faces = 0, tree_bytes = 0;
+  std::uint64_t mesh_bytes = 0;      ///< what whole replicas of the models in use would take
+};
+
+class Session {
+ public:
+  explicit Session(std::unique_ptr<Channel> channel, SessionOptions options = {});
+  ~Session();
+  Session(const Session&) = delete;
+  Session& operator=(const Session&) = delete;
+
+  /// Declares a body and the model (by the publisher's name for it) that it has. `own`: this peer moves it and publishes
+  /// its pose; otherwise its pose comes from whoever does. Errors: kConflict (name taken), kInvalidArgument (name).
+  [[nodiscard]] Status add_body(const std::string& name, const std::string& model, bool own);
+  /// Fixes a body in place, for scenery that nobody moves. Errors: kNotFound, kInvalidArgument (pose).
+  [[nodiscard]] Status place_body(const std::string& name, const Pose& pose);
+  /// Asks for an answer about two bodies in every update. Errors: kNotFound, kInvalidArgument (the same body).
+  [[nodiscard]] Status watch(const std::string& body_a, const std::string& body_b);
+
+  struct OwnMotion {
+    std::string body;
+    Motion motion;
+  };
+  /// One frame: publishes the own bodies' motions, takes in what arrived until `budget_s` is spent (at least one batch),
+  /// answers every watched pair, and asks for what is missing. May be called again for the same frame.
+  /// Errors: kNotFound or kInvalidArgument naming the body; nothing was changed then.
+  /// Threads: one at a time. Never blocks.
+  [[nodiscard]] Result<FrameReport> update(std::uint64_t frame, double time_s,
+                                           const std::vector<OwnMotion>& motions, double budget_s);
+
+  /// True when the header of every declared body's model is here.
+  [[nodiscard]] bool has_all_headers() const;
+  [[nodiscard]] SessionStats stats() const;
+  /// The mesh header of a body's model, once it is here.
+  [[nodiscard]] const SpmHeader* header_of(const std::string& body) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace nearmesh::subscriber

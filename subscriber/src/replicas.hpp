@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// The models of a peer: which content a name stands for, the replica and its tree, and the batches that wait.
+
+#include <deque>
+#include <map>
+#include <memory>
+#include <optional>
+
+#include "nearmesh/core/abtree/ab_tree.hpp"
+#include "nearmesh/core/refine/replica.hpp"
+#include "nearmesh/subscriber/session.hpp"
+
+namespace nearmesh::subscriber {
+
+/// A model that bodies of this peer use.
+struct PeerModel {
+  std::string name;
+  std::uint64_t content_hash = 0;  // 0: nobody has announced it yet
+  std::uint64_t mesh_bytes = 0;
+  std::optional<Replica> replica;  // from the header on
+  std::optional<AbTree> tree;
+  std::deque<std::vector<std::uint8_t>> waiting;  // encoded batches, in order of arrival
+
+  [[nodiscard]] bool is_ready() const { return tree.has_value(); }
+  [[nodiscard]] TreeView view() const { return tree->view(replica->header().grid); }
+};
+
+/// Applies waiting batches until `deadline` says stop. T_L, T_R and T_B go to the report.
+/// A batch that does not decode or contradicts the model is dropped with a complaint.
+class ReplicaSet {
+ public:
+  PeerModel& add(const std::string& name);
+  [[nodiscard]] PeerModel* find(const std::string& name);
+  [[nodiscard]] PeerModel* find(std::uint64_t content_hash);
+  [[nodiscard]] std::map<std::string, PeerModel>& all() { return models_; }
+  [[nodiscard]] const std::map<std::string, PeerModel>& all() const { return models_; }
+
+  /// A publisher's announcement: binds names to contents. Content that changes under a name drops the replica.
+  void announce(const wire::Hello& hello, std::vector<std::string>& complaints);
+  /// A header: starts the replica of the model it belongs to, if any body uses it. Returns its size if it was used.
+  std::size_t take_header(const wire::MeshHeader& message, std::vector<std::string>& complaints);
+  /// Applies the oldest waiting batch of some model; false when none waits.
+  bool apply_one(FrameReport& report);
+  /// Gives up detail of `model` outside `keep` (boxes in its grid).
+  void collapse_outside(PeerModel& model, const std::vector<GridBox>& keep, FrameReport& report);
+
+ private:
+  std::map<std::string, PeerModel> models_;
+  std::map<std::uint64_t, wire::MeshHeader> unclaimed_;  // headers that came before the name they belong to
+};
+
+}  // namespace nearmesh::subscriber

@@ -1,0 +1,375 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "nearmesh/subscriber/session.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "nearmesh/core/base/stopwatch.hpp"
+#include "nearmesh/core/demand/collect.hpp"
+#include "replicas.hpp"
+
+namespace nearmesh::subscriber {
+namespace {
+
+struct Body {
+  std::string name;
+  PeerModel* model = nullptr;
+  bool own = false;
+  std::optional<Motion> motion;
+};
+
+// A request that was sent and not yet answered in full.
+struct Outstanding {
+  std::uint32_t request = 0;
+  double sent_s = 0;
+};
+
+struct Publisher {
+  wire::Hello hello;
+  std::uint32_t received_sequence = 0;
+  std::size_t unacknowledged_bytes = 0;
+};
+
+constexpr std::uint8_t kNeededNow = 0;
+constexpr std::uint8_t kHorizon = 1;
+
+Status check_motion(const Session::OwnMotion& own) {
+  NEARMESH_RETURN_IF_ERROR(check_pose(own.motion.pose, own.body));
+  for (const auto& v : {own.motion.linear_velocity_mps, own.motion.angular_velocity_radps})
+    for (const double x : v)
+      if (!std::isfinite(x) || std::abs(x) > 1e9)
+        return {StatusCode::kInvalidArgument, own.body + ": velocity is not a finite number"};
+  return Status::ok();
+}
+
+}  // namespace
+
+bool FrameReport::all_certified() const {
+  return std::all_of(answers.begin(), answers.end(),
+                     [](const PairAnswer& a) { return is_certified(a.answer.status); });
+}
+
+struct Session::Impl {
+  std::unique_ptr<Channel> channel;
+  SessionOptions options;
+  ReplicaSet replicas;
+  std::map<std::string, Body> bodies;
+  struct Pair {
+    Body* a;
+    Body* b;
+    std::optional<std::pair<AnswerStatus, std::size_t>> reported;  // status and number of pairs
+  };
+  std::vector<Pair> pairs;
+  std::map<wire::SessionId, Publisher> publishers;
+  std::map<std::uint64_t, Outstanding> outstanding;  // by content hash
+  std::uint32_t last_request = 0;
+  SessionStats stats;
+  Stopwatch clock;
+
+  void take_inbox(FrameReport& report);
+  void take_batch(wire::SplitBatchMessage&& message, FrameReport& report);
+  void answer_pair(Pair& pair, std::uint64_t frame, double time_s, FrameReport& report);
+  void report_pair(Pair& pair, const PairAnswer& answer, std::uint64_t frame, double time_s);
+  void ask(const FrameReport& report);
+  [[nodiscard]] std::vector<GridBox> region_of(const PeerModel& model, double lookahead_s,
+                                               const FrameReport& report, bool uncertified_only) const;
+  bool request(PeerModel& model, const std::vector<GridBox>& region, std::uint8_t priority);
+  void return_credit();
+  [[nodiscard]] Publisher* publisher_of(std::uint64_t content_hash);
+  [[nodiscard]] std::string why_not_ready(const Body& body) const;
+};
+
+Session::Session(std::unique_ptr<Channel> channel, SessionOptions options)
+    : impl_(std::make_unique<Impl>()) {
+  NEARMESH_ASSERT(options.region_boxes >= 1 && options.region_boxes <= kMaxRegionBoxes);
+  NEARMESH_ASSERT(options.request_splits >= 1 && options.request_splits <= kMaxRequestSplits);
+  impl_->channel = std::move(channel);
+  impl_->options = options;
+}
+Session::~Session() = default;
+
+Status Session::add_body(const std::string& name, const std::string& model, bool own) {
+  for (const std::string& text : {name, model})
+    if (text.empty() || text.size() > wire::kMaxNameBytes)
+      return {StatusCode::kInvalidArgument, "name '" + text + "': expected 1 to " +
+                                                std::to_string(wire::kMaxNameBytes) + " bytes"};
+  if (impl_->bodies.contains(name))
+    return {StatusCode::kConflict, "body " + name + " is declared twice"};
+  impl_->bodies.emplace(name, Body{name, &impl_->replicas.add(model), own, std::nullopt});
+  return Status::ok();
+}
+
+Status Session::place_body(const std::string& name, const Pose& pose) {
+  const auto at = impl_->bodies.find(name);
+  if (at == impl_->bodies.end()) return {StatusCode::kNotFound, "no body named " + name};
+  NEARMESH_RETURN_IF_ERROR(check_pose(pose, name));
+  at->second.motion = Motion{.pose = pose};
+  return Status::ok();
+}
+
+Status Session::watch(const std::string& body_a, const std::string& body_b) {
+  const auto a = impl_->bodies.find(body_a), b = impl_->bodies.find(body_b);
+  for (const auto& [at, name] : {std::pair(a, body_a), std::pair(b, body_b)})
+    if (at == impl_->bodies.end()) return {StatusCode::kNotFound, "no body named " + name};
+  if (a == b) return {StatusCode::kInvalidArgument, "body " + body_a + " against itself"};
+  impl_->pairs.push_back({&a->second, &b->second, std::nullopt});
+  return Status::ok();
+}
+
+Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
+                                    const std::vector<OwnMotion>& motions, double budget_s) {
+  Impl& impl = *impl_;
+  for (const OwnMotion& own : motions) {
+    const auto at = impl.bodies.find(own.body);
+    if (at == impl.bodies.end() || !at->second.own)
+      return Status{StatusCode::kNotFound, own.body + " is not a body that this peer moves"};
+    NEARMESH_RETURN_IF_ERROR(check_motion(own));
+  }
+  const Stopwatch spent;
+  FrameReport report;
+  for (const OwnMotion& own : motions) {
+    impl.bodies.at(own.body).motion = own.motion;
+    wire::BodyPose pose;
+    pose.peer = impl.channel->own_id();
+    pose.body = own.body;
+    pose.frame = frame;
+    pose.time_s = time_s;
+    pose.pose = own.motion.pose;
+    pose.linear_velocity_mps = own.motion.linear_velocity_mps;
+    pose.angular_velocity_radps = own.motion.angular_velocity_radps;
+    impl.channel->send(pose);
+  }
+  impl.take_inbox(report);
+  while (impl.replicas.apply_one(report) && spent.seconds() < budget_s) {
+  }
+  for (const auto& [name, model] : impl.replicas.all()) report.batches_waiting += model.waiting.size();
+  for (Impl::Pair& pair : impl.pairs) impl.answer_pair(pair, frame, time_s, report);
+  impl.ask(report);
+  if (impl.options.max_held_splits > 0)
+    for (auto& [name, model] : impl.replicas.all())
+      if (model.is_ready() && model.replica->mesh().split_count() > impl.options.max_held_splits)
+        impl.replicas.collapse_outside(
+            model, impl.region_of(model, impl.options.lookahead_s, report, false), report);
+  impl.return_credit();
+  return report;
+}
+
+void Session::Impl::take_inbox(FrameReport& report) {
+  Channel::Inbox inbox = channel->take();
+  std::vector<std::string>& complaints = report.complaints;
+  complaints.insert(complaints.end(), inbox.complaints.begin(), inbox.complaints.end());
+  for (const wire::SessionId id : inbox.lost_publishers) {
+    publishers.erase(id);
+    outstanding.clear();  // whoever serves next is asked anew
+  }
+  for (const wire::Hello& hello : inbox.hellos) {
+    publishers[hello.publisher].hello = hello;
+    replicas.announce(hello, complaints);
+  }
+  for (const wire::MeshHeader& header : inbox.headers)
+    stats.header_bytes += replicas.take_header(header, complaints);
+  for (wire::SplitBatchMessage& batch : inbox.batches) take_batch(std::move(batch), report);
+  for (const wire::BodyPose& pose : inbox.poses) {
+    const auto at = bodies.find(pose.body);
+    if (at == bodies.end()) continue;
+    if (at->second.own) {
+      complaints.push_back("another peer also moves body " + pose.body + "; its poses are ignored");
+      continue;
+    }
+    at->second.motion = Motion{pose.pose, pose.linear_velocity_mps, pose.angular_velocity_radps};
+  }
+}
+
+void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& report) {
+  Publisher& publisher = publishers[message.publisher];
+  if (message.sequence > publisher.received_sequence + 1)
+    stats.sequence_gaps += message.sequence - publisher.received_sequence - 1;
+  publisher.received_sequence = std::max(publisher.received_sequence, message.sequence);
+  publisher.unacknowledged_bytes += message.bytes.size() + 1;
+  ++stats.batches;
+  stats.batch_bytes += message.bytes.size();
+  const auto open = outstanding.find(message.content_hash);
+  const bool answers_open = open != outstanding.end() && open->second.request == message.request;
+  if (message.refused) {
+    // The request stays open until its time-out, so that a refusal is not asked for every frame.
+    report.complaints.push_back("publisher refused request " + std::to_string(message.request) + ": " +
+                                std::string(message.bytes.begin(), message.bytes.end()));
+    return;
+  }
+  if (message.last && answers_open) outstanding.erase(open);
+  PeerModel* model = replicas.find(message.content_hash);
+  if (model != nullptr && !message.bytes.empty()) model->waiting.push_back(std::move(message.bytes));
+}
+
+std::string Session::Impl::why_not_ready(const Body& body) const {
+  if (body.model->content_hash == 0)
+    return "model " + body.model->name + " of body " + body.name + ": " +
+           (publishers.empty() ? "no publisher found" : "no publisher serves it");
+  if (!body.model->is_ready())
+    return "model " + body.model->name + " of body " + body.name + ": its header has not come";
+  if (!body.motion) return "no pose of body " + body.name + " has come";
+  return {};
+}
+
+void Session::Impl::answer_pair(Pair& pair, std::uint64_t frame, double time_s,
+                                FrameReport& report) {
+  PairAnswer result{.body_a = pair.a->name, .body_b = pair.b->name};
+  result.reason = why_not_ready(*pair.a);
+  if (result.reason.empty()) result.reason = why_not_ready(*pair.b);
+  if (result.reason.empty()) {
+    const Stopwatch watch;
+    const TreeView a = pair.a->model->view(), b = pair.b->model->view();
+    result.pose_a = pair.a->motion->pose;
+    result.pose_b = pair.b->motion->pose;
+    const Result<PosedPair> posed =
+        pose_pair(*a.grid, result.pose_a, pair.a->name, *b.grid, result.pose_b, pair.b->name);
+    if (posed.is_ok()) {
+      result.answer = query(a, posed.value().a, b, posed.value().b);
+      if (result.answer.status == AnswerStatus::kFree) {
+        const double speed = closing_speed_mps(a, *pair.a->motion, b, *pair.b->motion);
+        result.safe_horizon_s = speed > 0 ? result.answer.clearance_m / speed
+                                          : std::numeric_limits<double>::infinity();
+      }
+    } else {
+      result.reason = posed.status().message();
+    }
+    report.query_s += watch.seconds();
+  }
+  if (!result.reason.empty())
+    result.answer.uncertainty_m = std::numeric_limits<double>::infinity();
+  if (options.publish_reports) report_pair(pair, result, frame, time_s);
+  report.answers.push_back(std::move(result));
+}
+
+void Session::Impl::report_pair(Pair& pair, const PairAnswer& answer, std::uint64_t frame,
+                                double time_s) {
+  const std::pair now(answer.answer.status, answer.answer.pairs.size());
+  if (pair.reported == now) return;
+  pair.reported = now;
+  wire::ContactReport report;
+  report.peer = channel->own_id();
+  report.body_a = answer.body_a;
+  report.body_b = answer.body_b;
+  report.frame = frame;
+  report.time_s = time_s;
+  report.status = static_cast<std::uint8_t>(answer.answer.status);
+  // The wire carries finite numbers; "cannot be bounded" is the largest of them.
+  const auto finite = [](double x) { return std::min(x, std::numeric_limits<double>::max()); };
+  report.clearance_m = finite(answer.answer.clearance_m);
+  report.uncertainty_m = finite(answer.answer.uncertainty_m);
+  report.pair_count = static_cast<std::uint32_t>(answer.answer.pairs.size());
+  for (const FacePair& faces : answer.answer.pairs) {
+    if (report.pairs.size() == wire::kMaxReportPairs) break;
+    report.pairs.push_back({faces.a, faces.b});
+  }
+  channel->send(report);
+}
+
+// The boxes, in a model's grid, of all bodies that a body of that model is watched against.
+std::vector<GridBox> Session::Impl::region_of(const PeerModel& model, double lookahead_s,
+                                              const FrameReport& report, bool uncertified_only) const {
+  std::vector<GridBox> region;
+  std::vector<std::pair<const Body*, const Body*>> against;
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const PairAnswer& answer = report.answers[i];
+    if (!answer.reason.empty() || (uncertified_only && is_certified(answer.answer.status))) continue;
+    if (pairs[i].a->model == &model) against.emplace_back(pairs[i].a, pairs[i].b);
+    if (pairs[i].b->model == &model) against.emplace_back(pairs[i].b, pairs[i].a);
+  }
+  if (against.empty()) return region;
+  const std::size_t each =
+      std::max<std::size_t>(1, std::min(options.region_boxes, kMaxRegionBoxes / against.size()));
+  for (const auto& [own, other] : against) {
+    const auto boxes = swept_region(own->model->view(), *own->motion, other->model->view(),
+                                    *other->motion, lookahead_s, options.margin_m, each);
+    region.insert(region.end(), boxes.begin(), boxes.end());
+  }
+  region.resize(std::min(region.size(), kMaxRegionBoxes));
+  return region;
+}
+
+Publisher* Session::Impl::publisher_of(std::uint64_t content_hash) {
+  for (auto& [id, publisher] : publishers)
+    for (const wire::Hello::Model& model : publisher.hello.models)
+      if (model.content_hash == content_hash) return &publisher;
+  return nullptr;
+}
+
+bool Session::Impl::request(PeerModel& model, const std::vector<GridBox>& region,
+                            std::uint8_t priority) {
+  if (region.empty()) return false;
+  Publisher* publisher = publisher_of(model.content_hash);
+  if (publisher == nullptr) return false;
+  wire::RegionSubscription subscription;
+  subscription.region.attach = frontier(model.replica->store(), region, kMaxAttachNodes);
+  if (subscription.region.attach.empty()) return false;
+  std::sort(subscription.region.attach.begin(), subscription.region.attach.end());
+  subscription.region.region = region;
+  subscription.region.max_splits = options.request_splits;
+  subscription.peer = channel->own_id();
+  subscription.publisher = publisher->hello.publisher;
+  subscription.request = ++last_request;
+  subscription.content_hash = model.content_hash;
+  subscription.priority = priority;
+  subscription.acknowledged_sequence = publisher->received_sequence;
+  subscription.window_bytes = options.window_bytes;
+  publisher->unacknowledged_bytes = 0;
+  channel->send(subscription);
+  outstanding[model.content_hash] = {last_request, clock.seconds()};
+  ++stats.requests;
+  return true;
+}
+
+void Session::Impl::ask(const FrameReport& report) {
+  for (auto& [name, model] : replicas.all()) {
+    if (!model.is_ready() || !model.waiting.empty()) continue;
+    // One request at a time and model: the next one names the frontier as the answer has left it, so nothing is sent twice.
+    const auto open = outstanding.find(model.content_hash);
+    if (open != outstanding.end() && clock.seconds() - open->second.sent_s < options.request_timeout_s)
+      continue;
+    if (!request(model, region_of(model, 0, report, true), kNeededNow) && options.lookahead_s > 0)
+      static_cast<void>(
+          request(model, region_of(model, options.lookahead_s, report, false), kHorizon));
+  }
+}
+
+void Session::Impl::return_credit() {
+  for (auto& [id, publisher] : publishers) {
+    if (publisher.unacknowledged_bytes <= options.window_bytes / 4) continue;
+    wire::RegionSubscription credit;
+    credit.peer = channel->own_id();
+    credit.publisher = id;
+    credit.acknowledged_sequence = publisher.received_sequence;
+    credit.window_bytes = options.window_bytes;
+    publisher.unacknowledged_bytes = 0;
+    channel->send(credit);
+  }
+}
+
+bool Session::has_all_headers() const {
+  return std::all_of(impl_->bodies.begin(), impl_->bodies.end(),
+                     [](const auto& body) { return body.second.model->is_ready(); });
+}
+
+const SpmHeader* Session::header_of(const std::string& body) const {
+  const auto at = impl_->bodies.find(body);
+  if (at == impl_->bodies.end() || !at->second.model->is_ready()) return nullptr;
+  return &at->second.model->replica->header();
+}
+
+SessionStats Session::stats() const {
+  SessionStats stats = impl_->stats;
+  for (const auto& [name, model] : impl_->replicas.all()) {
+    stats.mesh_bytes += model.mesh_bytes;
+    if (!model.is_ready()) continue;
+    const AbTreeStats tree = model.tree->stats();
+    stats.held_splits += model.replica->mesh().split_count();
+    stats.slots += tree.slots;
+    stats.exact_faces += tree.exact_faces;
+    stats.tree_bytes += tree.bytes;
+  }
+  return stats;
+}
+
+}  // namespace nearmesh::subscriber

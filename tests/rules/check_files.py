@@ -1,0 +1,58 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Checks every file of the project. Usage: check_files.py ROOT, or check_files.py --self-test.
+
+Code names its licence in one of its first lines, and no text names a folder of the machine it was written on.
+Prints one line per violation and exits with 1 when there is any.
+"""
+import pathlib
+import sys
+import tempfile
+
+LICENCE = "SPDX-License-Identifier: Apache-2.0"
+CODE = {".cpp", ".hpp", ".h", ".idl", ".py", ".sh"}
+SKIPPED = {".git", ".cache", "out"}  # and build*
+MACHINE_FOLDERS = ["/" + folder + "/" for folder in ("work", "root")]
+
+
+def check(root):
+    violations = []
+    for path in sorted(root.rglob("*")):
+        name = path.relative_to(root)
+        if not path.is_file() or name.parts[0] in SKIPPED or name.parts[0].startswith("build"):
+            continue
+        try:
+            text = path.read_text()
+        except UnicodeDecodeError:
+            continue  # binary
+        if path.suffix in CODE and not any(LICENCE in line for line in text.splitlines()[:3]):
+            violations.append(f"{name}:1: no line '{LICENCE}'")
+        for number, line in enumerate(text.splitlines(), 1):
+            violations += [f"{name}:{number}: names {folder}" for folder in MACHINE_FOLDERS if folder in line]
+    return violations
+
+
+def self_test():
+    planted = {
+        "core/good.cpp": ("// " + LICENCE + "\n", 0),
+        "core/bad.cpp": ("#pragma once\n", 1),
+        "docs/page.md": ("see " + MACHINE_FOLDERS[0] + "main\n", 1),
+        "build/generated.cpp": ("", 0),
+    }
+    with tempfile.TemporaryDirectory() as folder:
+        root = pathlib.Path(folder)
+        for name, (text, _) in planted.items():
+            (root / name).parent.mkdir(parents=True, exist_ok=True)
+            (root / name).write_text(text)
+        violations = check(root)
+    return [f"{name}: expected {count} violations, found {found}"
+            for name, (_, count) in planted.items()
+            if (found := sum(v.startswith(name) for v in violations)) != count]
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        sys.exit(__doc__)
+    found = self_test() if sys.argv[1] == "--self-test" else check(pathlib.Path(sys.argv[1]))
+    print("\n".join(found) if found else "File rules hold.")
+    sys.exit(1 if found else 0)

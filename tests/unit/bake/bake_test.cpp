@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "nearmesh/core/bake/bake.hpp"
+
+#include "brute_force.hpp"
+
+namespace nearmesh {
+namespace {
+
+class Bake : public ::testing::TestWithParam<std::string> {};
+INSTANTIATE_TEST_SUITE_P(Models, Bake, ::testing::ValuesIn(test::mesh_names()),
+                         [](const auto& model) { return model.param; });
+
+TEST_P(Bake, GivesEveryInputFaceToOneSplit) {
+  const Result<CleanResult> cleaned = clean_mesh(test::make_mesh(GetParam()), 21);
+  ASSERT_TRUE(cleaned.is_ok());
+  const Result<BakedModel> model = bake(cleaned.value().mesh, 0, {.base_faces = 16});
+  ASSERT_TRUE(model.is_ok());
+  std::vector<FaceId> numbers;
+  for (const FaceNumber& number : model.value().numbers) numbers.push_back(number.face);
+  std::sort(numbers.begin(), numbers.end());
+  EXPECT_EQ(numbers, cleaned.value().mesh.face_ids);
+  EXPECT_EQ(test::all_faces(model.value().store).size(), numbers.size());
+}
+
+TEST_P(Bake, SplitPartsTwoCornersAndTheThirdLiesOutside) {
+  const BakedModel model = test::bake_named(GetParam());
+  for (const test::KeyedFace& keyed : test::all_faces(model.store)) {
+    if (!keyed.key.split.is_valid()) continue;
+    const NodeSpan node = model.store.node_of(keyed.key.split);
+    EXPECT_TRUE(node.contains(keyed.face.left) && keyed.face.left < keyed.key.split);
+    EXPECT_TRUE(node.contains(keyed.face.right) && keyed.face.right >= keyed.key.split);
+    EXPECT_FALSE(node.contains(keyed.face.outside));
+  }
+}
+
+TEST_P(Bake, BaseFacesHaveCornersInThreeRoots) {
+  const BakedModel model = test::bake_named(GetParam());
+  for (const SplitFace& face : model.header.base_faces) {
+    const std::size_t a = model.store.root_index(face.left), b = model.store.root_index(face.right),
+                      c = model.store.root_index(face.outside);
+    EXPECT_TRUE(a != b && b != c && c != a);
+  }
+}
+
+TEST_P(Bake, BoxOfEveryNodeEnclosesAllFacesThatTouchIt) {
+  const BakedModel model = test::bake_named(GetParam());
+  const test::TrueBoxes boxes(model.store);
+  const auto expect_enclosed = [&](NodeSpan node) {
+    EXPECT_TRUE(model.store.box(node).contains(boxes.of(node)))
+        << "node [" << node.begin() << ", " << node.end() << ")";
+  };
+  for (const BaseRoot& root : model.header.roots) expect_enclosed(root.node);
+  for (const VertexId u : test::all_splits(model.store)) {
+    const NodeSpan node = model.store.node_of(u);
+    expect_enclosed({node.first, u.value - node.begin()});
+    expect_enclosed({u, node.end() - u.value});
+  }
+}
+
+TEST_P(Bake, EveryNodeOfTwoOrMoreHasItsOwnBox) {
+  const BakedModel model = test::bake_named(GetParam());
+  for (const VertexId u : test::all_splits(model.store)) {
+    const NodeSpan node = model.store.node_of(u);
+    EXPECT_NE(model.store.box_code(node), kNoBox);
+  }
+}
+
+TEST_P(Bake, RootsCoverAllVerticesInOrder) {
+  const BakedModel model = test::bake_named(GetParam());
+  std::uint32_t next = 0;
+  for (const BaseRoot& root : model.header.roots) {
+    EXPECT_EQ(root.node.begin(), next);
+    next = root.node.end();
+  }
+  EXPECT_EQ(next, model.header.vertex_count);
+}
+
+TEST_P(Bake, BaseIsNoLargerThanAskedFor) {
+  EXPECT_LE(test::bake_named(GetParam()).header.base_faces.size(), 16U);
+}
+
+TEST_P(Bake, LatticeShiftDividesEveryCoordinateAndIsTheGreatest) {
+  const BakedModel model = test::bake_named(GetParam());
+  std::array<std::uint32_t, 3> any{};
+  for (std::uint32_t v = 0; v < model.header.vertex_count; ++v)
+    for (int k = 0; k < 3; ++k)
+      any[static_cast<std::size_t>(k)] |= static_cast<std::uint32_t>(model.store.position({v})[k]);
+  for (std::size_t k = 0; k < 3; ++k) {
+    const std::uint32_t cell = 1U << model.header.lattice_shift[k];
+    EXPECT_EQ(any[k] % cell, 0U);
+    if (any[k] != 0) {
+      EXPECT_NE(any[k] & cell, 0U);
+    }
+  }
+}
+
+TEST_P(Bake, IsDeterministic) {
+  const BakedModel one = test::bake_named(GetParam()), two = test::bake_named(GetParam());
+  EXPECT_EQ(test::write_model(one)->read(), test::write_model(two)->read());
+}
+
+}  // namespace
+}  // namespace nearmesh

@@ -1,0 +1,315 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "nearmesh/core/spm/codec.hpp"
+
+#include "../../../core/src/spm/bits.hpp"
+#include "nearmesh/core/demand/collect.hpp"
+#include "nearmesh/core/spm/blocks.hpp"
+#include "nearmesh/core/spm/train.hpp"
+#include "test_models.hpp"
+
+namespace nearmesh {
+namespace {
+
+/// What a random request of a random box brings.
+Treelet random_treelet(Random& random, const BakedModel& model, std::uint32_t max_splits) {
+  RegionRequest request{.max_splits = max_splits};
+  for (const BaseRoot& root : model.header.roots)
+    if (root.node.size > 1 && random.below(4) > 0) request.attach.push_back(root.node);
+  const GridPoint& at = model.store.position({random.below(model.header.vertex_count)});
+  const std::int32_t radius = model.store.grid_max() >> random.below(8);
+  GridBox box;
+  for (int k = 0; k < 3; ++k) {
+    box.lo[k] = std::max(0, at[k] - radius);
+    box.hi[k] = std::min<std::int32_t>(model.store.grid_max(), at[k] + radius);
+  }
+  request.region = {box};
+  Result<Demand> demand = collect(model.store, request, nullptr);
+  EXPECT_TRUE(demand.is_ok());
+  return demand.value().treelet;
+}
+
+void expect_record(const BakedModel& model, const TreeletSplit& split, const SplitBatch& batch,
+                   const SplitRecord& record, BoxPolicy policy) {
+  ASSERT_EQ(record.node, split.node);
+  ASSERT_EQ(record.split, split.split);
+  for (int k = 0; k < 3; ++k)
+    EXPECT_EQ(record.offset[static_cast<std::size_t>(k)],
+              model.store.position(split.split)[k] - model.store.position(split.node.first)[k]);
+  const auto faces = model.store.faces(split.split);
+  ASSERT_EQ(record.face_count, faces.size());
+  for (std::uint32_t i = 0; i < record.face_count; ++i)
+    EXPECT_EQ(batch.faces[record.face_begin + i], faces[i]);
+  const auto expected_box = [&](NodeSpan child, bool included) {
+    if (child.size < 2 || (policy == BoxPolicy::kCutNodes && included)) return kNoBox;
+    return model.store.box_code(child);
+  };
+  EXPECT_EQ(record.left_box, expected_box(record.left(), split.left_included));
+  EXPECT_EQ(record.right_box, expected_box(record.right(), split.right_included));
+}
+
+void expect_round_trip(const BakedModel& model, const Treelet& treelet, BoxPolicy policy,
+                       std::size_t max_bytes) {
+  std::size_t next = 0;
+  for (const auto& bytes : encode_batches(model.header, model.store, treelet, policy, max_bytes)) {
+    const Result<SplitBatch> batch = decode_batch(model.header, bytes);
+    ASSERT_TRUE(batch.is_ok()) << batch.status().message();
+    ASSERT_LE(next + batch.value().splits.size(), treelet.size());
+    for (const SplitRecord& record : batch.value().splits)
+      expect_record(model, treelet[next++], batch.value(), record, policy);
+  }
+  EXPECT_EQ(next, treelet.size());
+}
+
+class Codec : public ::testing::TestWithParam<std::string> {};
+INSTANTIATE_TEST_SUITE_P(Models, Codec, ::testing::ValuesIn(test::mesh_names()),
+                         [](const auto& model) { return model.param; });
+
+TEST_P(Codec, WireBatchesDecodeToTheTreelet) {
+  const BakedModel model = test::bake_named(GetParam());
+  Random random(11);
+  for (int i = 0; i < 30; ++i)
+    expect_round_trip(model, random_treelet(random, model, 1 + random.below(600)),
+                      BoxPolicy::kCutNodes, kMaxBatchBytes);
+}
+
+TEST_P(Codec, FileBatchesDecodeToTheTreelet) {
+  const BakedModel model = test::bake_named(GetParam());
+  Random random(12);
+  for (int i = 0; i < 30; ++i)
+    expect_round_trip(model, random_treelet(random, model, 1 + random.below(600)),
+                      BoxPolicy::kAllNodes, std::size_t{1} << 31);
+}
+
+TEST_P(Codec, TinyBatchesDecodeToTheTreelet) {
+  const BakedModel model = test::bake_named(GetParam());
+  Random random(13);
+  for (int i = 0; i < 10; ++i)
+    expect_round_trip(model, random_treelet(random, model, 200), BoxPolicy::kCutNodes,
+                      1 + random.below(100));
+}
+
+TEST_P(Codec, NoBatchExceedsTheDatagram) {
+  const BakedModel model = test::bake_named(GetParam());
+  Random random(14);
+  for (int i = 0; i < 30; ++i)
+    for (const auto& bytes : encode_batches(model.header, model.store,
+                                            random_treelet(random, model, kMaxRequestSplits),
+                                            BoxPolicy::kCutNodes))
+      EXPECT_LE(bytes.size(), kMaxBatchBytes);
+}
+
+TEST_P(Codec, StoredBlocksHoldEverySplitOnce) {
+  const BakedModel model = test::bake_named(GetParam());
+  std::vector<std::uint32_t> seen(model.header.vertex_count);
+  for (const auto& level : cut_into_blocks(model.store))
+    for (const StoredBlock& block : level) {
+      for (const TreeletSplit& split : block.treelet) ++seen[split.split.value];
+      expect_round_trip(model, block.treelet, BoxPolicy::kAllNodes, std::size_t{1} << 31);
+    }
+  for (std::uint32_t v = 0; v < seen.size(); ++v)
+    EXPECT_EQ(seen[v], model.store.is_root({v}) ? 0U : 1U) << v;
+}
+
+// Each batch alone into a store that holds the whole model otherwise: nothing of the batches before it is needed.
+TEST(CodecBatches, EachDecodesAlone) {
+  const BakedModel model = test::bake_named("terrain");
+  Random random(15);
+  const Treelet treelet = random_treelet(random, model, 500);
+  auto batches = encode_batches(model.header, model.store, treelet, BoxPolicy::kCutNodes, 60);
+  ASSERT_GT(batches.size(), 5U);
+  std::vector<std::size_t> order(batches.size());
+  for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
+  test::shuffle(order, random);
+  std::vector<VertexId> splits;
+  for (const std::size_t i : order) {
+    const Result<SplitBatch> batch = decode_batch(model.header, batches[i]);
+    ASSERT_TRUE(batch.is_ok()) << batch.status().message();
+    for (const SplitRecord& record : batch.value().splits) splits.push_back(record.split);
+  }
+  std::sort(splits.begin(), splits.end());
+  std::vector<VertexId> expected;
+  for (const TreeletSplit& split : treelet) expected.push_back(split.split);
+  std::sort(expected.begin(), expected.end());
+  EXPECT_EQ(splits, expected);
+}
+
+TEST(CodecBatches, NothingGivesNoBatch) {
+  const BakedModel model = test::bake_named("sphere");
+  EXPECT_TRUE(encode_batches(model.header, model.store, {}, BoxPolicy::kCutNodes).empty());
+}
+
+// The one batch that may exceed the limit: a split that alone brings more faces than fit.
+TEST(CodecBatches, SplitTooLargeForADatagramStandsAlone) {
+  SpmHeader header;
+  header.vertex_count = 2002;
+  header.roots.push_back({{{0}, 4}, {}, {}});
+  for (std::uint32_t v = 4; v < header.vertex_count; ++v) header.roots.push_back({{{v}, 1}, {}, {}});
+  header.tables = make_tables(TrainingCounts(static_cast<std::size_t>(coding_context_count())));
+  SplitStore store(header);
+  std::vector<SplitFace> faces;
+  for (std::uint32_t v = 4; v < header.vertex_count; ++v) faces.push_back({{0}, {2}, {v}});
+  ASSERT_TRUE(store.insert({.node = {{0}, 4}, .split = {2}}, faces).is_ok());
+  ASSERT_TRUE(store.insert({.node = {{0}, 2}, .split = {1}}, {}).is_ok());
+  ASSERT_TRUE(store.insert({.node = {{2}, 2}, .split = {3}}, {}).is_ok());
+  const Treelet treelet{{{{0}, 4}, {2}, true, true}, {{{0}, 2}, {1}}, {{{2}, 2}, {3}}};
+  const auto batches = encode_batches(header, store, treelet, BoxPolicy::kCutNodes);
+  ASSERT_EQ(batches.size(), 2U);
+  EXPECT_GT(batches[0].size(), kMaxBatchBytes);
+  EXPECT_LE(batches[1].size(), kMaxBatchBytes);
+  const Result<SplitBatch> batch = decode_batch(header, batches[0]);
+  ASSERT_TRUE(batch.is_ok()) << batch.status().message();
+  EXPECT_EQ(batch.value().faces, faces);
+}
+
+// ---- bytes from outside ---------------------------------------------------------------------------
+
+/// Decodes, and applies what was accepted to a store of the true model and to one that starts empty.
+void expect_harmless(const BakedModel& model, const std::vector<std::uint8_t>& bytes) {
+  const Result<SplitBatch> batch = decode_batch(model.header, bytes);
+  if (!batch.is_ok()) {
+    EXPECT_EQ(batch.status().code(), StatusCode::kCorrupt);
+    EXPECT_FALSE(batch.status().message().empty());
+    return;
+  }
+  EXPECT_LE(batch.value().splits.size(), bytes.size() * 8);
+  EXPECT_LE(batch.value().faces.size(), bytes.size() * 8);
+  SplitStore store(model.header);
+  ActiveMesh mesh(store);
+  AbTree tree(mesh);
+  RefineDelta delta;
+  for (const SplitRecord& record : batch.value().splits) {
+    EXPECT_GE(record.node.size, 2U);
+    EXPECT_LE(record.node.end(), model.header.vertex_count);
+    const auto inserted = store.insert(
+        record, {batch.value().faces.data() + record.face_begin, record.face_count});
+    if (inserted.is_ok() && inserted.value() == SplitStore::Insertion::kAdded) {
+      EXPECT_TRUE(mesh.split(record.split, delta));
+    }
+  }
+  tree.update(delta);
+}
+
+TEST(DecodeBatch, SurvivesRandomBytes) {
+  const BakedModel model = test::bake_named("aircraft");
+  Random random(21);
+  for (int i = 0; i < 20000; ++i) {
+    std::vector<std::uint8_t> bytes(random.below(200));
+    for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>(random.next());
+    if (!bytes.empty()) bytes[0] &= 1;  // past the flags
+    expect_harmless(model, bytes);
+  }
+}
+
+TEST(DecodeBatch, SurvivesSparseBytes) {  // long runs of zeros are long gamma codes
+  const BakedModel model = test::bake_named("aircraft");
+  Random random(22);
+  for (int i = 0; i < 20000; ++i) {
+    std::vector<std::uint8_t> bytes(8 + random.below(60));
+    for (std::uint32_t j = random.below(6); j > 0; --j)
+      bytes[random.below(static_cast<std::uint32_t>(bytes.size()))] =
+          static_cast<std::uint8_t>(1U << random.below(8));
+    bytes[0] &= 1;
+    expect_harmless(model, bytes);
+  }
+}
+
+TEST(DecodeBatch, RefusesEveryTruncation) {
+  const BakedModel model = test::bake_named("aircraft");
+  Random random(23);
+  for (int i = 0; i < 5; ++i) {
+    const auto batches = encode_batches(model.header, model.store, random_treelet(random, model, 120),
+                                        BoxPolicy::kCutNodes);
+    for (const auto& bytes : batches)
+      for (std::size_t n = 0; n < bytes.size(); ++n) {
+        const Result<SplitBatch> batch = decode_batch(model.header, {bytes.data(), n});
+        EXPECT_FALSE(batch.is_ok()) << n << " of " << bytes.size();
+      }
+  }
+}
+
+TEST(DecodeBatch, RefusesAppendedBytes) {
+  const BakedModel model = test::bake_named("aircraft");
+  Random random(24);
+  auto bytes = encode_batches(model.header, model.store, random_treelet(random, model, 50),
+                              BoxPolicy::kCutNodes)
+                   .front();
+  bytes.push_back(0);
+  EXPECT_FALSE(decode_batch(model.header, bytes).is_ok());
+}
+
+TEST(DecodeBatch, SurvivesEveryFlippedBit) {
+  const BakedModel model = test::bake_named("aircraft");
+  Random random(25);
+  for (int i = 0; i < 3; ++i) {
+    auto bytes = encode_batches(model.header, model.store, random_treelet(random, model, 60),
+                                BoxPolicy::kCutNodes)
+                     .front();
+    for (std::size_t bit = 0; bit < bytes.size() * 8; ++bit) {
+      bytes[bit / 8] ^= static_cast<std::uint8_t>(1U << bit % 8);
+      expect_harmless(model, bytes);
+      bytes[bit / 8] ^= static_cast<std::uint8_t>(1U << bit % 8);
+    }
+  }
+}
+
+/// A batch with one record below an attach node given as raw gamma values; 64 zero bits for `kEndless`.
+constexpr std::uint64_t kEndless = ~std::uint64_t{0};
+std::vector<std::uint8_t> batch_with_attach(std::uint64_t first, std::uint64_t size_minus_2) {
+  BitWriter out;
+  out.put(0, 8);
+  out.put_gamma(1);
+  out.put_gamma(1);
+  for (const std::uint64_t value : {first, size_minus_2}) {
+    if (value == kEndless) {
+      out.put64(0);
+    } else {
+      out.put_gamma(value);
+    }
+  }
+  for (int i = 0; i < 16; ++i) out.put(0, 8);
+  return std::move(out).finish();
+}
+
+TEST(DecodeBatch, RefusesAnAttachNodeOfSizeOne) {
+  const BakedModel model = test::bake_named("sphere");
+  const Result<SplitBatch> batch = decode_batch(model.header, batch_with_attach(0, kEndless));
+  ASSERT_FALSE(batch.is_ok());
+  EXPECT_NE(batch.status().message().find("attach node"), std::string::npos)
+      << batch.status().message();
+}
+
+TEST(DecodeBatch, RefusesAnAttachNodeBeforeTheFirstVertex) {
+  const BakedModel model = test::bake_named("sphere");
+  const Result<SplitBatch> batch = decode_batch(model.header, batch_with_attach(kEndless, 0));
+  ASSERT_FALSE(batch.is_ok());
+  EXPECT_NE(batch.status().message().find("attach node"), std::string::npos)
+      << batch.status().message();
+}
+
+TEST(DecodeBatch, RefusesAnAttachNodeBeyondTheLastVertex) {
+  const BakedModel model = test::bake_named("sphere");
+  EXPECT_FALSE(
+      decode_batch(model.header, batch_with_attach(model.header.vertex_count - 1, 0)).is_ok());
+}
+
+TEST(DecodeBatch, RefusesCountsBeyondItsBytes) {
+  const BakedModel model = test::bake_named("sphere");
+  BitWriter out;
+  out.put(0, 8);
+  out.put_gamma(0x7fffffffU);
+  out.put_gamma(0x7fffffffU);
+  const Result<SplitBatch> batch = decode_batch(model.header, std::move(out).finish());
+  ASSERT_FALSE(batch.is_ok());
+  EXPECT_NE(batch.status().message().find("counts"), std::string::npos) << batch.status().message();
+}
+
+TEST(DecodeBatch, RefusesAnUnknownPolicy) {
+  const BakedModel model = test::bake_named("sphere");
+  const std::vector<std::uint8_t> bytes{2, 0, 0, 0};
+  const Result<SplitBatch> batch = decode_batch(model.header, bytes);
+  ASSERT_FALSE(batch.is_ok());
+  EXPECT_NE(batch.status().message().find("flags"), std::string::npos) << batch.status().message();
+}
+
+}  // namespace
+}  // namespace nearmesh

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// Valid messages with every field set, for the tests to spoil.
+
+#include "nearmesh/wire/messages.hpp"
+
+namespace nearmesh::wire::test {
+
+inline Hello valid_hello() {
+  Hello message;
+  message.publisher = 0x1122334455667788;
+  message.models = {{"bunny", 11, 100}, {"terrain 512", 22, 200}};
+  return message;
+}
+
+inline MeshHeader valid_header() {
+  MeshHeader message;
+  message.name = "bunny";
+  message.content_hash = 11;
+  message.bytes = {1, 2, 3, 4, 5};
+  return message;
+}
+
+inline RegionSubscription valid_subscription() {
+  RegionSubscription message;
+  message.peer = 42;
+  message.request = 7;
+  message.content_hash = 11;
+  message.priority = 2;
+  message.window_bytes = 4096;
+  message.region.attach = {{VertexId{3}, 10}, {VertexId{13}, 1}, {VertexId{50}, 2}};
+  message.region.region = {{{{-5, 0, 1}}, {{5, 0, 9}}}, {{{1, 2, 3}}, {{4, 5, 6}}}};
+  message.region.max_splits = 99;
+  return message;
+}
+
+inline SplitBatchMessage valid_batch() {
+  SplitBatchMessage message;
+  message.publisher = 8;
+  message.content_hash = 11;
+  message.request = 7;
+  message.sequence = 3;
+  message.last = true;
+  message.bytes = {9, 8, 7};
+  return message;
+}
+
+inline BodyPose valid_pose() {
+  BodyPose message;
+  message.peer = 42;
+  message.body = "robot/arm-1";
+  message.frame = 1000;
+  message.time_s = 1.5;
+  message.pose.translation_m = {1, 2, 3};
+  message.linear_velocity_mps = {0.1, 0.2, 0.3};
+  message.angular_velocity_radps = {4, 5, 6};
+  return message;
+}
+
+inline ContactReport valid_report() {
+  ContactReport message;
+  message.peer = 42;
+  message.body_a = "arm";
+  message.body_b = "wall";
+  message.frame = 9;
+  message.time_s = 2.5;
+  message.status = 1;
+  message.clearance_m = 0.25;
+  message.uncertainty_m = 0.5;
+  message.pair_count = 3;
+  message.pairs = {{FaceKey{VertexId{1}, 2}, FaceKey{VertexId{3}, 4}},
+                   {FaceKey{VertexId{}, 6}, FaceKey{VertexId{7}, 8}}};
+  return message;
+}
+
+}  // namespace nearmesh::wire::test

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gtest/gtest.h>
+
+#include "nearmesh/wire/dds_support.hpp"
+
+namespace nearmesh::wire {
+namespace {
+
+using Claim = SessionBook::Claim;
+
+Handle writer(std::uint8_t n) {
+  Handle handle;
+  handle.value[0] = n;
+  handle.value[15] = 1;
+  return handle;
+}
+
+TEST(SessionBook, FirstWriterKeepsTheSession) {
+  SessionBook book;
+  EXPECT_EQ(book.claim(5, writer(1), 10), Claim::kNew);
+  EXPECT_EQ(book.claim(5, writer(1), 11), Claim::kKnown);
+  EXPECT_EQ(book.claim(5, writer(2), 12), Claim::kTaken);
+  EXPECT_EQ(book.claim(6, writer(1), 13), Claim::kTaken);
+  EXPECT_EQ(book.forget(writer(2), 14), std::nullopt);
+  EXPECT_EQ(book.forget(writer(1), 15), std::optional<SessionId>(5));
+  EXPECT_EQ(book.size(), 0U);
+}
+
+TEST(SessionBook, WhatWasReceivedBeforeTheLossDoesNotBringItBack) {
+  SessionBook book;
+  EXPECT_EQ(book.claim(5, writer(1), 10), Claim::kNew);
+  EXPECT_EQ(book.forget(writer(1), 20), std::optional<SessionId>(5));
+  EXPECT_EQ(book.claim(5, writer(1), 19), Claim::kStale);
+  EXPECT_EQ(book.claim(5, writer(1), 21), Claim::kNew);
+}
+
+TEST(SessionBook, ReturnIsToldOncePerLoss) {
+  SessionBook book;
+  EXPECT_FALSE(book.returns(writer(1)));
+  (void)book.claim(5, writer(1), 10);
+  (void)book.forget(writer(1), 20);
+  EXPECT_TRUE(book.returns(writer(1)));
+  EXPECT_FALSE(book.returns(writer(1)));
+  (void)book.forget(writer(1), 30);
+  (void)book.claim(5, writer(1), 40);  // its word may overtake the news that it is back
+  EXPECT_TRUE(book.returns(writer(1)));
+}
+
+TEST(SessionBook, ReleasedClaimIsFreeAgain) {
+  SessionBook book;
+  EXPECT_EQ(book.claim(5, writer(1), 10), Claim::kNew);
+  book.release(5);
+  EXPECT_EQ(book.claim(5, writer(2), 11), Claim::kNew);
+}
+
+TEST(Mailbox, CountsComplaintsItDidNotKeep) {
+  Mailbox mailbox;
+  for (int i = 0; i < 300; ++i) mailbox.complain("line");
+  const auto lines = mailbox.take_complaints();
+  ASSERT_EQ(lines.size(), 257U);
+  EXPECT_EQ(lines.back(), "44 more complaints were not kept");
+  EXPECT_TRUE(mailbox.take_complaints().empty());
+}
+
+}  // namespace
+}  // namespace nearmesh::wire
