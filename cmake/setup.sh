@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # Sourced by ./test, ./demo and .ci/run: what they share. Stops the caller at the first failure.
 #   install_missing PACKAGE...   installs those Debian packages that are not there; silent when all are
-#   build_preset PRESET          configures and builds into build/PRESET
+#   build_preset PRESET [TARGET...]   configures and builds (all, or these targets) into build/PRESET
 # Call from anywhere: the working folder becomes the project's.
 
 set -euo pipefail
@@ -9,7 +9,7 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 nearmesh_packages=(
   build-essential cmake ninja-build python3
-  libeigen3-dev libassimp-dev libcli11-dev nlohmann-json3-dev libxxhash-dev libgtest-dev
+  libeigen3-dev libassimp-dev zlib1g-dev libcli11-dev nlohmann-json3-dev libxxhash-dev libgtest-dev
   libfastrtps-dev libfastcdr-dev fastddsgen libspdlog-dev libyaml-cpp-dev)
 
 install_missing() {
@@ -43,5 +43,5 @@ install_missing() {
 
 build_preset() {
   cmake --preset "$1" --log-level=WARNING
-  cmake --build --preset "$1"
+  cmake --build --preset "$1" ${2:+--target "${@:2}"}
 }

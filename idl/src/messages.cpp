@@ -115,6 +115,7 @@ Status check(const MeshHeader& message) {
 Status check(const RegionSubscription& message) {
   NEARMESH_RETURN_IF_ERROR(check_version(message.wire_version));
   NEARMESH_RETURN_IF_ERROR(check_session(message.peer, "peer"));
+  NEARMESH_RETURN_IF_ERROR(check_session(message.publisher, "publisher"));
   if (message.priority >= kPriorityCount)
     return invalid("priority: expected below " + std::to_string(kPriorityCount) + ", found " +
                    std::to_string(message.priority));

@@ -59,6 +59,7 @@ class DdsChannel::Impl {
   wire::SessionBook book_;
   std::map<std::uint64_t, std::string> announced_headers_;  ///< content hash to name
   bool complained_of_limit_ = false;
+  SessionId own_id_ = 0;  ///< known with the first announcement
   wire::fdds::DataWriter* hello_writer_ = nullptr;
   wire::fdds::DataWriter* header_writer_ = nullptr;
   wire::fdds::DataReader* subscription_reader_ = nullptr;
@@ -127,6 +128,7 @@ bool DdsChannel::Impl::write_patiently(wire::fdds::DataWriter& writer, const Mes
 
 void DdsChannel::Impl::announce(const wire::Hello& hello,
                                 const std::vector<wire::MeshHeader>& headers) {
+  own_id_ = hello.publisher;
   withdraw_headers(headers);
   for (const wire::MeshHeader& header : headers) {
     const auto known = announced_headers_.find(header.content_hash);
@@ -156,6 +158,7 @@ std::vector<wire::RegionSubscription> DdsChannel::Impl::take_subscriptions() {
   const bool more = wire::drain<wire::RegionSubscriptionType>(
       *subscription_reader_, mailbox_, kMaxTaken,
       [&](wire::RegionSubscription&& message, const Handle& writer, Microseconds received) {
+        if (own_id_ != 0 && message.publisher != own_id_) return;  // for another publisher
         if (admit(message.peer, writer, received)) taken.push_back(std::move(message));
       });
   if (more) mailbox_.wake();

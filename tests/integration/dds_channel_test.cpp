@@ -99,9 +99,11 @@ wire::MeshHeader big_header() {
 }
 
 /// A request; here max_splits says how many batches the helper is to answer with.
-wire::RegionSubscription request_of(wire::SessionId peer, std::uint32_t batches = 1) {
+wire::RegionSubscription request_of(wire::SessionId peer, std::uint32_t batches = 1,
+                                    wire::SessionId publisher = kChildPublisher) {
   wire::RegionSubscription message;
   message.peer = peer;
+  message.publisher = publisher;
   message.request = 1;
   message.content_hash = kModel;
   message.region.attach.push_back({VertexId{0}, 100});
@@ -357,7 +359,7 @@ TEST(DdsChannel, LeavingPeerAndPublisherAreReportedAtOnce) {
   ASSERT_TRUE(watcher.await([](const Inbox& in) { return !in.hellos.empty(); }));
   {
     Peer leaver(make_peer(own_prefix(), nullptr, 5));
-    leaver.channel->send(request_of(5));
+    leaver.channel->send(request_of(5, 1, 7));
     ASSERT_TRUE(server.await([&] { return !server.subscriptions.empty(); }));
     const auto start = std::chrono::steady_clock::now();
     leaver.channel.reset();
@@ -400,9 +402,11 @@ TEST(DdsChannel, RequestAfterHelloReachesASecondPublisherToo) {
   Server second(make_publisher(own_prefix()));
   second.channel->announce(hello_of(8), {});
   ASSERT_TRUE(peer.await([](const Inbox& in) { return in.hellos.size() == 2; }));
-  peer.channel->send(request_of(peer.channel->own_id()));
+  peer.channel->send(request_of(peer.channel->own_id(), 1, 8));
+  peer.channel->send(request_of(peer.channel->own_id(), 2, 7));
   EXPECT_TRUE(second.await([&] { return !second.subscriptions.empty(); }));
-  EXPECT_TRUE(first.await([&] { return !first.subscriptions.empty(); }));
+  ASSERT_TRUE(first.await([&] { return !first.subscriptions.empty(); }));
+  EXPECT_EQ(first.subscriptions[0].publisher, 7U);  // the other was not for it
 }
 
 TEST(DdsChannel, PosesReachOthersButNotTheirSender) {
@@ -452,7 +456,8 @@ TEST(DdsChannel, InvalidMessageIsNotSent) {
   Peer peer(make_peer(own_prefix()));
   peer.channel->send(pose_of(peer.channel->own_id(), "", 1));
   ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.complaints.empty(); }));
-  EXPECT_NE(peer.all.complaints[0].find("body"), std::string::npos) << peer.all.complaints[0];
+  EXPECT_NE(peer.all.complaints[0].find("not sent: body"), std::string::npos)
+      << peer.all.complaints[0];
 }
 
 TEST(DdsChannel, FullInboxComplainsOnce) {
@@ -593,12 +598,12 @@ struct HostileCase {
   std::function<void(RawType::Bytes&)> spoil;
 };
 
-// A subscription: 4 bytes of encapsulation, version, priority, -, request, peer, hash, received,
-// window, max_splits, attach count at 44.
+// A subscription: 4 bytes of encapsulation, version, priority, -, request, peer, publisher, hash,
+// acknowledged, window, max_splits; the count of attach words is at 48.
 const std::vector<HostileCase> kHostile{
     {"OtherVersion", "wire version 9", [](RawType::Bytes& b) { b[4] = 9; }},
-    {"HugeAttachCount", "contradict", [](RawType::Bytes& b) { b[47] = 0x7f; }},
-    {"AttachCountBeyondBytes", "contradict", [](RawType::Bytes& b) { b[44] = 30; }},
+    {"HugeAttachCount", "contradict", [](RawType::Bytes& b) { b[51] = 0x7f; }},
+    {"AttachCountBeyondBytes", "contradict", [](RawType::Bytes& b) { b[48] = 30; }},
     {"UnknownPriority", "priority", [](RawType::Bytes& b) { b[6] = 3; }},
     {"Truncated", "contradict", [](RawType::Bytes& b) { b.resize(b.size() - 5); }},
     {"Tiny", "too short", [](RawType::Bytes& b) { b.resize(4); }},
@@ -631,6 +636,18 @@ TEST_P(HostileSubscription, GivesOneComplaintAndTheNextArrives) {
 INSTANTIATE_TEST_SUITE_P(DdsChannel, HostileSubscription, testing::ValuesIn(kHostile),
                          [](const auto& tested) { return std::string(tested.param.name); });
 
+TEST(DdsChannel, BatchIsNotTakenBeforeThePeerCanHearIt) {
+  Server server(make_publisher(own_prefix()));
+  Stranger deaf(own_prefix(), wire::TopicNames(own_prefix()).region_subscription,
+                wire::kRegionSubscriptionType, true,
+                stranger_qos(wire::kRegionSubscriptionDelivery));
+  ASSERT_TRUE(deaf.await_match());
+  deaf.write(bytes_of<wire::RegionSubscriptionType>(request_of(9)));
+  ASSERT_TRUE(server.await([&] { return !server.subscriptions.empty(); }));
+  EXPECT_FALSE(server.channel->send(9, batch_of(1, true)));
+  EXPECT_FALSE(server.channel->send(10, batch_of(1, true)));  // unknown
+}
+
 TEST(DdsChannel, PoseThatIsNotFiniteGivesOneComplaint) {
   Peer peer(make_peer(own_prefix()));
   Stranger stranger(own_prefix(), wire::TopicNames(own_prefix()).body_pose, wire::kBodyPoseType,
@@ -657,6 +674,21 @@ TEST(DdsChannel, HelloOfAnotherVersionIsRefusedLoudly) {
   ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.complaints.empty(); }));
   EXPECT_NE(peer.all.complaints[0].find("wire version 2, this build speaks 1"), std::string::npos)
       << peer.all.complaints[0];
+}
+
+TEST(DdsChannel, HelloIsHeldBackWhileItsPublisherCannotHear) {
+  Peer peer(make_peer(own_prefix()));
+  Stranger deaf(own_prefix(), wire::TopicNames(own_prefix()).hello, wire::kHelloType, true,
+                stranger_qos(wire::kHelloDelivery));
+  ASSERT_TRUE(deaf.await_match());
+  deaf.write(bytes_of<wire::HelloType>(hello_of(3)));
+  // Two malformed samples mark the time: with the second complaint the hello has been taken too.
+  const RawType::Bytes mark{0, 1, 0, 0, 9, 0};
+  deaf.write(mark);
+  ASSERT_TRUE(peer.await([](const Inbox& in) { return in.complaints.size() == 1; }));
+  deaf.write(mark);
+  ASSERT_TRUE(peer.await([](const Inbox& in) { return in.complaints.size() == 2; }));
+  EXPECT_TRUE(peer.all.hellos.empty());
 }
 
 TEST(DdsChannel, TopicOfAnotherVersionIsReported) {

@@ -71,6 +71,7 @@ TEST(CheckMessage, RefusesSubscriptionOutsideItsLimits) {
   expect_refusals<M>(
       valid_subscription(),
       {{"peer", [](M& m) { m.peer = 0; }},
+       {"publisher", [](M& m) { m.publisher = 0; }},
        {"priority", [](M& m) { m.priority = 3; }},
        {"window", [](M& m) { m.window_bytes = 0; }},
        {"window", [](M& m) { m.window_bytes = 1U << 31; }},

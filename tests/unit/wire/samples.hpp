@@ -25,8 +25,10 @@ inline RegionSubscription valid_subscription() {
   RegionSubscription message;
   message.peer = 42;
   message.request = 7;
+  message.publisher = 8;
   message.content_hash = 11;
   message.priority = 2;
+  message.acknowledged_sequence = 17;
   message.window_bytes = 4096;
   message.region.attach = {{VertexId{3}, 10}, {VertexId{13}, 1}, {VertexId{50}, 2}};
   message.region.region = {{{{-5, 0, 1}}, {{5, 0, 9}}}, {{{1, 2, 3}}, {{4, 5, 6}}}};

@@ -73,6 +73,8 @@ TEST(TypeSupport, RoundTripKeepsValues) {
   EXPECT_EQ(subscription.value().region.attach, valid_subscription().region.attach);
   EXPECT_EQ(subscription.value().region.region, valid_subscription().region.region);
   EXPECT_EQ(subscription.value().request, 7U);
+  EXPECT_EQ(subscription.value().publisher, 8U);
+  EXPECT_EQ(subscription.value().acknowledged_sequence, 17U);
   EXPECT_EQ(subscription.value().priority, 2);
   const auto report = from_bytes<ContactReportType>(to_bytes<ContactReportType>(valid_report()));
   ASSERT_TRUE(report.is_ok());
@@ -100,9 +102,9 @@ TEST(TypeSupport, OverheadIsAsDocumented) {
   EXPECT_EQ(to_bytes<SplitBatchType>(batch).size(), kMaxBatchBytes + 36);
   RegionSubscription credit = valid_subscription();
   credit.region = {};
-  EXPECT_EQ(to_bytes<RegionSubscriptionType>(credit).size(), 52U);
+  EXPECT_EQ(to_bytes<RegionSubscriptionType>(credit).size(), 56U);
   // 8 bytes for each node and 24 for each box.
-  EXPECT_EQ(to_bytes<RegionSubscriptionType>(valid_subscription()).size(), 52U + 3 * 8 + 2 * 24);
+  EXPECT_EQ(to_bytes<RegionSubscriptionType>(valid_subscription()).size(), 56U + 3 * 8 + 2 * 24);
 }
 
 /// Measured with Fast DDS 2.9 and datagrams of 1,400 bytes: what is serialized to more than 1,224

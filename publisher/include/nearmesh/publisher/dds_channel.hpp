@@ -31,6 +31,7 @@ class DdsChannel final : public Channel {
   ~DdsChannel() override;
 
   void announce(const wire::Hello& hello, const std::vector<wire::MeshHeader>& headers) override;
+  /// Without those that are for the session of another publisher than the announced one.
   [[nodiscard]] std::vector<wire::RegionSubscription> take_subscriptions() override;
   /// Forgets their writers too. A process that was only stopped comes back as a new peer with its
   /// next subscription.

@@ -1,0 +1,239 @@
+// SPDX-License-Identifier: Apache-2.0
+// A peer's view of a stream: whatever prefix of it has come, whatever is lost, no certified answer is wrong.
+#include "brute_force.hpp"
+#include "nearmesh/core/demand/collect.hpp"
+#include "nearmesh/core/geometry/box_overlap.hpp"
+#include "nearmesh/core/refine/replica.hpp"
+
+namespace nearmesh {
+namespace {
+
+/// A replica and its tree: one body at a peer.
+struct Body {
+  explicit Body(const SpmHeader& header) : replica(header), tree(replica.mesh()) {}
+  Replica replica;
+  AbTree tree;
+
+  void apply(const std::vector<std::uint8_t>& bytes) {
+    const Result<SplitBatch> batch = decode_batch(replica.header(), bytes);
+    ASSERT_TRUE(batch.is_ok()) << batch.status().message();
+    const Replica::Applied applied = replica.apply_batch(batch.value());
+    ASSERT_TRUE(applied.status.is_ok()) << applied.status.message();
+    tree.update(applied.delta);
+  }
+  [[nodiscard]] TreeView view() const { return tree.view(replica.header().grid); }
+};
+
+struct Sent {
+  bool to_a;
+  std::vector<std::uint8_t> bytes;
+};
+
+class Stream {
+ public:
+  Stream(const BakedModel& a, const BakedModel& b) : a_(a), b_(b), full_a_(a), full_b_(b) {}
+
+  /// Small batches of all that certifies the pose, those for a and for b in turn.
+  std::vector<Sent> batches(const PosedPair& posed) const {
+    LocalModel a(a_.store, a_.header.grid), b(b_.store, b_.header.grid);
+    EXPECT_TRUE(certify(a, posed.a, test::no_require, b, posed.b, test::no_require, {}).is_ok());
+    const auto for_a = encode_batches(a_.header, a_.store, active_treelet(a.mesh),
+                                      BoxPolicy::kCutNodes, kBatchBytes);
+    const auto for_b = encode_batches(b_.header, b_.store, active_treelet(b.mesh),
+                                      BoxPolicy::kCutNodes, kBatchBytes);
+    std::vector<Sent> sent;
+    for (std::size_t i = 0; i < std::max(for_a.size(), for_b.size()); ++i) {
+      if (i < for_a.size()) sent.push_back({true, for_a[i]});
+      if (i < for_b.size()) sent.push_back({false, for_b[i]});
+    }
+    return sent;
+  }
+  Answer full(const PosedPair& posed) const {
+    return query(full_a_.tree.view(), posed.a, full_b_.tree.view(), posed.b);
+  }
+
+  static constexpr std::size_t kBatchBytes = 200;
+
+ private:
+  const BakedModel &a_, &b_;
+  const test::FullModel full_a_, full_b_;
+};
+
+Answer ask(const Body& a, const Body& b, const PosedPair& posed) {
+  return query(a.view(), posed.a, b.view(), posed.b, {.clearance = false});
+}
+
+void expect_never_wrong(const Answer& answer, const Answer& full) {
+  if (is_certified(answer.status)) {
+    EXPECT_EQ(answer.status, full.status);
+    EXPECT_EQ(answer.pairs, full.pairs);
+  }
+  EXPECT_TRUE(std::includes(full.pairs.begin(), full.pairs.end(), answer.pairs.begin(),
+                            answer.pairs.end()));
+}
+
+using Names = std::pair<const char*, const char*>;
+class BatchStream : public ::testing::TestWithParam<Names> {
+ protected:
+  BakedModel a_ = test::bake_named(GetParam().first), b_ = test::bake_named(GetParam().second);
+  Stream stream_{a_, b_};
+};
+INSTANTIATE_TEST_SUITE_P(Models, BatchStream,
+                         ::testing::Values(Names{"terrain", "aircraft"}, Names{"sphere", "sphere"},
+                                           Names{"soup", "components"},
+                                           Names{"degenerate", "aircraft"}),
+                         [](const auto& names) {
+                           return std::string(names.param.first) + "_" + names.param.second;
+                         });
+
+TEST_P(BatchStream, EveryPrefixIsNeverWrongAndTheWholeIsCertified) {
+  for (std::uint64_t seed = 0; seed < 40; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    Random random(seed);
+    const PosedPair posed = test::near_pose(random, a_, b_);
+    const Answer full = stream_.full(posed);
+    Body a(a_.header), b(b_.header);
+    expect_never_wrong(ask(a, b, posed), full);
+    for (const Sent& sent : stream_.batches(posed)) {
+      (sent.to_a ? a : b).apply(sent.bytes);
+      expect_never_wrong(ask(a, b, posed), full);
+    }
+    const Answer last = ask(a, b, posed);
+    EXPECT_TRUE(is_certified(last.status));
+    EXPECT_EQ(last.pairs, full.pairs);
+  }
+}
+
+TEST_P(BatchStream, AnyOrderIsNeverWrongAndTheWholeIsCertified) {
+  for (std::uint64_t seed = 0; seed < 30; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    Random random(1000 + seed);
+    const PosedPair posed = test::near_pose(random, a_, b_);
+    const Answer full = stream_.full(posed);
+    std::vector<Sent> batches = stream_.batches(posed);
+    test::shuffle(batches, random);
+    Body a(a_.header), b(b_.header);
+    for (const Sent& sent : batches) {
+      (sent.to_a ? a : b).apply(sent.bytes);
+      expect_never_wrong(ask(a, b, posed), full);
+    }
+    EXPECT_TRUE(is_certified(ask(a, b, posed).status));
+  }
+}
+
+TEST_P(BatchStream, AnySingleLossIsNeverWrongAndIsHealedByTheBatchAlone) {
+  for (std::uint64_t seed = 0; seed < 8; ++seed) {
+    Random random(2000 + seed);
+    const PosedPair posed = test::near_pose(random, a_, b_);
+    const Answer full = stream_.full(posed);
+    const std::vector<Sent> batches = stream_.batches(posed);
+    for (std::size_t lost = 0; lost < batches.size(); ++lost) {
+      SCOPED_TRACE("seed " + std::to_string(seed) + ", lost " + std::to_string(lost));
+      Body a(a_.header), b(b_.header);
+      for (std::size_t i = 0; i < batches.size(); ++i)
+        if (i != lost) (batches[i].to_a ? a : b).apply(batches[i].bytes);
+      expect_never_wrong(ask(a, b, posed), full);
+      (batches[lost].to_a ? a : b).apply(batches[lost].bytes);
+      EXPECT_TRUE(is_certified(ask(a, b, posed).status));
+      ASSERT_FALSE(HasFailure());
+    }
+  }
+}
+
+TEST_P(BatchStream, HalfLostIsNeverWrong) {
+  for (std::uint64_t seed = 0; seed < 40; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    Random random(3000 + seed);
+    const PosedPair posed = test::near_pose(random, a_, b_);
+    const Answer full = stream_.full(posed);
+    Body a(a_.header), b(b_.header);
+    for (const Sent& sent : stream_.batches(posed)) {
+      if (random.below(2) == 0) continue;
+      (sent.to_a ? a : b).apply(sent.bytes);
+      expect_never_wrong(ask(a, b, posed), full);
+    }
+  }
+}
+
+// The real exchange: the peer names what its answer lacks, the publisher collects below those nodes.
+TEST_P(BatchStream, AskingForWhatIsMissingEndsCertified) {
+  for (std::uint64_t seed = 0; seed < 20; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    Random random(4000 + seed);
+    const PosedPair posed = test::near_pose(random, a_, b_);
+    const Answer full = stream_.full(posed);
+    Body a(a_.header), b(b_.header);
+    const auto serve = [&](const BakedModel& model, Body& body, const std::vector<NodeSpan>& missing) {
+      if (missing.empty()) return;
+      RegionRequest request{.attach = missing, .max_splits = 1 + random.below(40)};
+      if (request.attach.size() > kMaxAttachNodes) request.attach.resize(kMaxAttachNodes);
+      for (const NodeSpan& node : request.attach) {  // at most as many boxes as the limit allows
+        if (request.region.size() == kMaxRegionBoxes) request.region.back().add(body.replica.store().box(node));
+        else request.region.push_back(body.replica.store().box(node));
+      }
+      ASSERT_TRUE(check_request(model.store, request).is_ok());
+      const Result<Demand> demand = collect(model.store, request, nullptr);
+      ASSERT_TRUE(demand.is_ok());
+      ASSERT_FALSE(demand.value().treelet.empty());
+      for (const auto& bytes : encode_batches(model.header, model.store, demand.value().treelet,
+                                              BoxPolicy::kCutNodes, Stream::kBatchBytes))
+        if (random.below(4) > 0) body.apply(bytes);  // a quarter is lost
+    };
+    for (int round = 0;; ++round) {
+      ASSERT_LT(round, 4000);
+      const Answer answer = ask(a, b, posed);
+      expect_never_wrong(answer, full);
+      if (is_certified(answer.status)) break;
+      serve(a_, a, answer.missing_a);
+      serve(b_, b, answer.missing_b);
+    }
+  }
+}
+
+// Demand by the other body's posed boxes, the way a subscriber predicts: one request certifies the answer.
+TEST_P(BatchStream, DemandOfTheOtherBodysBoxesCertifiesInOneRequest) {
+  const auto faces_b = test::all_faces(b_.store);
+  for (std::uint64_t seed = 0; seed < 30; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    Random random(5000 + seed);
+    const PosedPair posed = test::near_pose(random, a_, b_);
+    LocalModel b(b_.store, b_.header.grid);
+    RefineDelta delta;
+    for (const VertexId u : test::all_splits(b_.store)) ASSERT_TRUE(b.mesh.split(u, delta));
+    b.tree.update(delta);
+    RegionRequest request{.max_splits = kMaxRequestSplits};
+    for (const BaseRoot& root : a_.header.roots)
+      if (root.node.size > 1) request.attach.push_back(root.node);
+    const RelativeFrame b_in_a = make_relative_frame(posed.a, posed.b);
+    for (const test::KeyedFace& keyed : faces_b) {
+      std::array<GridPoint, 3> corners;
+      for (std::size_t k = 0; k < 3; ++k) corners[k] = b_.store.position(keyed.face.corners()[k]);
+      GridBox box;
+      bool near = true;
+      for (const auto& corner : to_a_units(b_in_a, corners)) {
+        GridPoint lo, hi;
+        for (int k = 0; k < 3; ++k) {
+          const double x = corner[static_cast<std::size_t>(k)];
+          near = near && std::abs(x) < 1e9;
+          lo[k] = static_cast<std::int32_t>(std::floor(std::clamp(x, -1e9, 1e9)) - 4);
+          hi[k] = static_cast<std::int32_t>(std::ceil(std::clamp(x, -1e9, 1e9)) + 4);
+        }
+        box.add(lo);
+        box.add(hi);
+      }
+      if (near) request.region.push_back(box);
+    }
+    const Result<Demand> demand = collect(a_.store, request, nullptr);
+    ASSERT_TRUE(demand.is_ok());
+    Body a(a_.header);
+    for (const auto& bytes : encode_batches(a_.header, a_.store, demand.value().treelet,
+                                            BoxPolicy::kCutNodes))
+      a.apply(bytes);
+    const Answer answer = query(a.view(), posed.a, b.view(), posed.b);
+    EXPECT_TRUE(is_certified(answer.status));
+    EXPECT_EQ(answer.pairs, stream_.full(posed).pairs);
+  }
+}
+
+}  // namespace
+}  // namespace nearmesh

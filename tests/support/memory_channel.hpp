@@ -1,0 +1,223 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// Both channels without a network: one bus, any number of publishers and peers, in one thread. Each kind of message may be
+// lost, repeated and delayed (unequally, which reorders) by a seeded policy. Announcements and the news that somebody is
+// gone arrive as DDS has it: late joiners get the former, and a hello is not delivered once its sender is gone.
+// Everything the code under test sends must pass wire::check, as it would have to with DDS.
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <functional>
+#include <map>
+#include <memory>
+
+#include "nearmesh/core/base/random.hpp"
+#include "nearmesh/publisher/channel.hpp"
+#include "nearmesh/subscriber/channel.hpp"
+
+namespace nearmesh::test {
+
+/// Shares are of messages, in [0, 1]. A delay is drawn from [0, max_delay] ticks for each copy.
+struct Faults {
+  double lose = 0, repeat = 0;
+  std::uint32_t max_delay = 0;
+};
+
+class MemoryBus {
+ public:
+  explicit MemoryBus(std::uint64_t seed = 1) : random_(seed) {}
+
+  Faults on_batches, on_subscriptions, on_poses;
+  /// Sees every batch before the faults do; may change it; false drops it.
+  std::function<bool(wire::SessionId peer, wire::SplitBatchMessage&)> batch_filter;
+  bool accept_batches = true;     ///< false: send() says "not now"
+  bool deliver_headers = true;    ///< false: headers are kept back until release_headers()
+  std::vector<wire::ContactReport> reports;             ///< all that were sent
+  std::vector<wire::RegionSubscription> subscriptions;  ///< all that were sent, also those lost
+  std::uint64_t batches_sent = 0;
+
+  /// The bus must outlive its channels. A channel that goes away is news to the other side, see keep_quiet.
+  std::unique_ptr<publisher::Channel> make_publisher(wire::SessionId id);
+  std::unique_ptr<subscriber::Channel> make_peer(wire::SessionId id);
+
+  /// One step of time for delayed messages.
+  void tick() { ++now_; }
+  /// A message that no code of ours would send.
+  void inject(const wire::RegionSubscription& message) { to_publishers(message); }
+  void inject(wire::SessionId peer, const wire::SplitBatchMessage& message) {
+    if (const auto at = peers_.find(peer); at != peers_.end()) at->second.batches.push(now_, message);
+  }
+  void inject(const wire::BodyPose& pose) { to_peers(pose); }
+  void inject(const wire::Hello& hello) {
+    for (auto& [id, box] : peers_) box.inbox.hellos.push_back(hello);
+  }
+  void inject(const wire::MeshHeader& header) {
+    for (auto& [id, box] : peers_) box.inbox.headers.push_back(header);
+  }
+  void release_headers() {
+    deliver_headers = true;
+    for (const auto& [id, station] : publishers_)
+      for (const wire::MeshHeader& header : station.headers) inject(header);
+  }
+  /// A publisher that is lost while its channel goes on, as when its process was frozen beyond the lease.
+  void lose_publisher(wire::SessionId id);
+  void lose_peer(wire::SessionId id) {
+    for (auto& [publisher, station] : publishers_) station.lost_peers.push_back(id);
+  }
+  /// True: a channel that goes away is not noticed before lose_publisher says so.
+  bool keep_quiet = false;
+
+ private:
+  class PublisherEnd;
+  class PeerEnd;
+
+  template <class Message>
+  struct Post {
+    struct Item {
+      std::uint64_t due;
+      Message message;
+    };
+    std::vector<Item> items;
+    void push(std::uint64_t due, const Message& message) { items.push_back({due, message}); }
+    std::vector<Message> take(std::uint64_t now) {
+      std::stable_sort(items.begin(), items.end(),
+                       [](const Item& a, const Item& b) { return a.due < b.due; });
+      std::vector<Message> due;
+      std::size_t count = 0;
+      for (; count < items.size() && items[count].due <= now; ++count)
+        due.push_back(std::move(items[count].message));
+      items.erase(items.begin(), items.begin() + static_cast<std::ptrdiff_t>(count));
+      return due;
+    }
+  };
+  struct Station {
+    wire::Hello hello;  // publisher 0: nothing announced yet
+    std::vector<wire::MeshHeader> headers;
+    Post<wire::RegionSubscription> subscriptions;
+    std::vector<wire::SessionId> lost_peers;
+  };
+  struct PeerBox {
+    subscriber::Channel::Inbox inbox;  // what is never delayed
+    Post<wire::SplitBatchMessage> batches;
+    Post<wire::BodyPose> poses;
+  };
+
+  template <class Message>
+  void post(Post<Message>& to, const Message& message, const Faults& faults) {
+    if (random_.unit() < faults.lose) return;
+    for (int copies = random_.unit() < faults.repeat ? 2 : 1; copies > 0; --copies)
+      to.push(now_ + random_.below(faults.max_delay + 1), message);
+  }
+  void to_publishers(const wire::RegionSubscription& message) {
+    for (auto& [id, station] : publishers_) post(station.subscriptions, message, on_subscriptions);
+  }
+  void to_peers(const wire::BodyPose& pose) {
+    for (auto& [id, box] : peers_)
+      if (id != pose.peer) post(box.poses, pose, on_poses);
+  }
+  void announce(wire::SessionId id, PeerBox& box) const {
+    const Station& station = publishers_.at(id);
+    if (station.hello.publisher == 0) return;
+    box.inbox.hellos.push_back(station.hello);
+    if (deliver_headers)
+      box.inbox.headers.insert(box.inbox.headers.end(), station.headers.begin(), station.headers.end());
+  }
+
+  Random random_;
+  std::uint64_t now_ = 0;
+  std::map<wire::SessionId, Station> publishers_;
+  std::map<wire::SessionId, PeerBox> peers_;
+};
+
+class MemoryBus::PublisherEnd : public publisher::Channel {
+ public:
+  PublisherEnd(MemoryBus& bus, wire::SessionId id) : bus_(bus), id_(id) { bus.publishers_[id]; }
+  ~PublisherEnd() override {
+    if (!bus_.keep_quiet) bus_.lose_publisher(id_);
+    bus_.publishers_.erase(id_);
+  }
+  void announce(const wire::Hello& hello, const std::vector<wire::MeshHeader>& headers) override {
+    EXPECT_EQ(wire::check(hello).message(), "");
+    for (const wire::MeshHeader& header : headers) EXPECT_EQ(wire::check(header).message(), "");
+    Station& station = bus_.publishers_.at(id_);
+    station.hello = hello;
+    station.headers = headers;
+    for (auto& [id, box] : bus_.peers_) bus_.announce(id_, box);
+  }
+  std::vector<wire::RegionSubscription> take_subscriptions() override {
+    return bus_.publishers_.at(id_).subscriptions.take(bus_.now_);
+  }
+  std::vector<wire::SessionId> take_lost_peers() override {
+    return std::exchange(bus_.publishers_.at(id_).lost_peers, {});
+  }
+  bool send(wire::SessionId peer, const wire::SplitBatchMessage& batch) override {
+    EXPECT_EQ(wire::check(batch).message(), "");
+    if (!bus_.accept_batches) return false;
+    ++bus_.batches_sent;
+    const auto at = bus_.peers_.find(peer);
+    wire::SplitBatchMessage copy = batch;
+    if (bus_.batch_filter && !bus_.batch_filter(peer, copy)) return true;
+    if (at != bus_.peers_.end()) bus_.post(at->second.batches, copy, bus_.on_batches);
+    return true;
+  }
+  void wait(double) override {}
+
+ private:
+  MemoryBus& bus_;
+  const wire::SessionId id_;
+};
+
+class MemoryBus::PeerEnd : public subscriber::Channel {
+ public:
+  PeerEnd(MemoryBus& bus, wire::SessionId id) : bus_(bus), id_(id) {
+    PeerBox& box = bus.peers_[id];
+    for (const auto& [publisher, station] : bus.publishers_) bus.announce(publisher, box);
+  }
+  ~PeerEnd() override {
+    if (!bus_.keep_quiet) bus_.lose_peer(id_);
+    bus_.peers_.erase(id_);
+  }
+  wire::SessionId own_id() const override { return id_; }
+  void send(const wire::RegionSubscription& subscription) override {
+    EXPECT_EQ(wire::check(subscription).message(), "");
+    bus_.subscriptions.push_back(subscription);
+    bus_.to_publishers(subscription);
+  }
+  void send(const wire::BodyPose& pose) override {
+    EXPECT_EQ(wire::check(pose).message(), "");
+    bus_.to_peers(pose);
+  }
+  void send(const wire::ContactReport& report) override {
+    EXPECT_EQ(wire::check(report).message(), "");
+    bus_.reports.push_back(report);
+  }
+  Inbox take() override {
+    PeerBox& box = bus_.peers_.at(id_);
+    Inbox inbox = std::exchange(box.inbox, {});
+    inbox.batches = box.batches.take(bus_.now_);
+    inbox.poses = box.poses.take(bus_.now_);
+    return inbox;
+  }
+
+ private:
+  MemoryBus& bus_;
+  const wire::SessionId id_;
+};
+
+inline std::unique_ptr<publisher::Channel> MemoryBus::make_publisher(wire::SessionId id) {
+  return std::make_unique<PublisherEnd>(*this, id);
+}
+
+inline std::unique_ptr<subscriber::Channel> MemoryBus::make_peer(wire::SessionId id) {
+  return std::make_unique<PeerEnd>(*this, id);
+}
+
+inline void MemoryBus::lose_publisher(wire::SessionId id) {
+  for (auto& [peer, box] : peers_) {
+    std::erase_if(box.inbox.hellos, [&](const wire::Hello& hello) { return hello.publisher == id; });
+    box.inbox.lost_publishers.push_back(id);
+  }
+}
+
+}  // namespace nearmesh::test

@@ -1,0 +1,328 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "nearmesh/core/demand/collect.hpp"
+
+#include "brute_force.hpp"
+
+namespace nearmesh {
+namespace {
+
+RegionRequest request_for_all(const BakedModel& model) {
+  RegionRequest request{.region = {}, .max_splits = kMaxRequestSplits};
+  for (const BaseRoot& root : model.header.roots)
+    if (root.node.size > 1) request.attach.push_back(root.node);
+  return request;
+}
+
+GridBox random_box(const BakedModel& model, Random& random) {
+  GridBox box;
+  const std::int32_t radius = model.store.grid_max() >> (2 + random.below(10));
+  const bool at_vertex = random.below(2) == 0;
+  const GridPoint& v = model.store.position({random.below(model.header.vertex_count)});
+  for (int k = 0; k < 3; ++k) {
+    const auto at = at_vertex ? v[k]
+                              : static_cast<std::int32_t>(random.below(
+                                    static_cast<std::uint32_t>(model.store.grid_max())));
+    box.lo[k] = at - radius;
+    box.hi[k] = at + radius;
+  }
+  return box;
+}
+
+class Collect : public ::testing::TestWithParam<std::string> {};
+INSTANTIATE_TEST_SUITE_P(Models, Collect, ::testing::ValuesIn(test::mesh_names()),
+                         [](const auto& model) { return model.param; });
+
+// Brute force over all faces, whether or not they have a vertex in the region.
+TEST_P(Collect, EveryFaceWhoseBoxMeetsTheRegionBecomesExact) {
+  const BakedModel model = test::bake_named(GetParam());
+  const std::vector<test::KeyedFace> all = test::all_faces(model.store);
+  for (std::uint64_t seed = 0; seed < 20; ++seed) {
+    SCOPED_TRACE(seed);
+    Random random(seed);
+    RegionRequest request = request_for_all(model);
+    if (request.attach.empty()) GTEST_SKIP() << "nothing to refine";
+    for (std::uint32_t n = 1 + random.below(4); n > 0; --n)
+      request.region.push_back(random_box(model, random));
+    const Result<Demand> demand = collect(model.store, request, nullptr);
+    ASSERT_TRUE(demand.is_ok());
+    ASSERT_FALSE(demand.value().truncated);
+    ActiveMesh mesh(model.store);
+    RefineDelta delta;
+    for (const TreeletSplit& split : demand.value().treelet)
+      ASSERT_TRUE(mesh.split(split.split, delta));
+    EXPECT_EQ(delta.split.size(), demand.value().treelet.size());  // nothing but what was listed
+    for (const test::KeyedFace& keyed : all) {
+      GridBox box;
+      for (const VertexId corner : keyed.face.corners()) box.add(model.store.position(corner));
+      if (std::any_of(request.region.begin(), request.region.end(),
+                      [&](const GridBox& region) { return region.meets(box); })) {
+        EXPECT_TRUE(mesh.is_exact(keyed.face));
+      }
+    }
+  }
+}
+
+TEST_P(Collect, SplitsOnlyNodesWhoseBoxMeetsTheRegion) {
+  const BakedModel model = test::bake_named(GetParam());
+  Random random(71);
+  RegionRequest request = request_for_all(model);
+  request.region = {random_box(model, random)};
+  const Result<Demand> demand = collect(model.store, request, nullptr);
+  for (const TreeletSplit& split : demand.value().treelet)
+    EXPECT_TRUE(model.store.box(split.node).meets(request.region[0]));
+}
+
+TEST_P(Collect, TruncatedTreeletKeepsParents) {
+  const BakedModel model = test::bake_named(GetParam());
+  const auto everything = GridBox{{0, 0, 0}, {0x7fffffff, 0x7fffffff, 0x7fffffff}};
+  for (std::uint32_t limit = 1; limit < std::min(60U, model.header.split_count()); ++limit) {
+    RegionRequest request = request_for_all(model);
+    request.region = {everything};
+    request.max_splits = limit;
+    const Result<Demand> demand = collect(model.store, request, nullptr);
+    ASSERT_EQ(demand.value().treelet.size(), limit);
+    EXPECT_TRUE(demand.value().truncated);
+    ActiveMesh mesh(model.store);
+    RefineDelta delta;
+    for (const TreeletSplit& split : demand.value().treelet) {
+      EXPECT_TRUE(mesh.is_current(split.node));
+      ASSERT_TRUE(mesh.split(split.split, delta));
+    }
+  }
+}
+
+TEST_P(Collect, TruncationTakesTheLargestNodes) {
+  const BakedModel model = test::bake_named(GetParam());
+  if (model.header.split_count() < 10) GTEST_SKIP() << "too small";
+  RegionRequest request = request_for_all(model);
+  request.region = {GridBox{{0, 0, 0}, {0x7fffffff, 0x7fffffff, 0x7fffffff}}};
+  request.max_splits = model.header.split_count() / 2;
+  std::vector<VertexId> found;
+  const Result<Demand> demand = collect(model.store, request, nullptr);
+  for (const TreeletSplit& split : demand.value().treelet) found.push_back(split.split);
+  std::vector<VertexId> expected = global_order(model.store, request.max_splits);
+  std::sort(found.begin(), found.end());
+  std::sort(expected.begin(), expected.end());
+  EXPECT_EQ(found, expected);
+}
+
+TEST_P(Collect, PublisherAndPeerGetTheSameTreelet) {
+  const BakedModel model = test::bake_named(GetParam());
+  const auto path = test::write_model(model);
+  Random random(72);
+  for (int i = 0; i < 10; ++i) {
+    Result<ModelFile> file = ModelFile::open(path->path());  // nothing decoded
+    ASSERT_TRUE(file.is_ok());
+    RegionRequest request = request_for_all(model);
+    request.region = {random_box(model, random)};
+    request.max_splits = 1 + random.below(500);
+    const Result<Demand> peer = collect(model.store, request, nullptr);
+    const Result<Demand> publisher = collect(
+        file.value().store(), request, [&](NodeSpan node) { return file.value().require(node); });
+    ASSERT_TRUE(publisher.is_ok()) << publisher.status().message();
+    EXPECT_EQ(publisher.value().truncated, peer.value().truncated);
+    EXPECT_TRUE(publisher.value().missing.empty());
+    ASSERT_EQ(publisher.value().treelet.size(), peer.value().treelet.size());
+    for (std::size_t j = 0; j < peer.value().treelet.size(); ++j) {
+      const TreeletSplit &x = publisher.value().treelet[j], &y = peer.value().treelet[j];
+      EXPECT_EQ(x.node, y.node);
+      EXPECT_EQ(x.split, y.split);
+      EXPECT_EQ(x.left_included, y.left_included);
+      EXPECT_EQ(x.right_included, y.right_included);
+    }
+  }
+}
+
+// A face across the whole model with no vertex in the region: the paper's coverage by vertex would miss it.
+TEST(CollectCoverage, BringsALargeFaceThatHasNoVertexInTheRegion) {
+  IndexedMesh mesh = generate_terrain(16, 3);
+  double top = 0;
+  for (const auto& p : mesh.positions_m) top = std::max(top, p[2]);
+  const auto first = static_cast<std::uint32_t>(mesh.positions_m.size());
+  for (const auto& [x, y] : {std::pair{-250., -250.}, {250., -250.}, {0., 250.}})
+    mesh.positions_m.push_back({x, y, top + 1000});
+  mesh.faces.push_back({first, first + 1, first + 2});
+  const BakedModel model = test::bake_mesh(mesh, 4);
+  RegionRequest request = request_for_all(model);
+  GridBox box;  // the middle of the large face
+  for (int k = 0; k < 3; ++k) {
+    const double at = (k == 2 ? top + 1000 : 0) - model.header.grid.origin_m[static_cast<std::size_t>(k)];
+    const auto cell = static_cast<std::int32_t>(std::ldexp(at, -model.header.grid.exponent));
+    box.lo[k] = cell - 10;
+    box.hi[k] = cell + 10;
+  }
+  request.region = {box};
+  ActiveMesh active(model.store);
+  RefineDelta delta;
+  const Result<Demand> demand = collect(model.store, request, nullptr);
+  for (const TreeletSplit& split : demand.value().treelet)
+    ASSERT_TRUE(active.split(split.split, delta));
+  std::size_t exact = 0;
+  for (const test::KeyedFace& keyed : test::all_faces(model.store)) {
+    GridBox face;
+    for (const VertexId corner : keyed.face.corners()) face.add(model.store.position(corner));
+    if (face.meets(box) && active.is_exact(keyed.face)) ++exact;
+  }
+  EXPECT_EQ(exact, 1U);
+  EXPECT_LT(demand.value().treelet.size(), model.header.split_count());
+}
+
+TEST(CollectMissing, NamesNodesWhoseSplitThePeerLacks) {
+  const BakedModel model = test::bake_named("aircraft");
+  const SplitStore empty(model.header);
+  Random random(73);
+  RegionRequest request = request_for_all(model);
+  request.region = {random_box(model, random)};
+  const Result<Demand> demand = collect(empty, request, nullptr);
+  EXPECT_TRUE(demand.value().treelet.empty());
+  std::vector<NodeSpan> expected;
+  for (const NodeSpan& node : request.attach)
+    if (empty.box(node).meets(request.region[0])) expected.push_back(node);
+  EXPECT_EQ(demand.value().missing, expected);
+}
+
+TEST(CollectAttach, BelowAGivenNodeOnly) {
+  const BakedModel model = test::bake_named("terrain");
+  const NodeSpan node = model.store.node_of(test::all_splits(model.store)[20]);
+  RegionRequest request{.attach = {node},
+                        .region = {GridBox{{0, 0, 0}, {0x7fffffff, 0x7fffffff, 0x7fffffff}}},
+                        .max_splits = kMaxRequestSplits};
+  const Result<Demand> demand = collect(model.store, request, nullptr);
+  EXPECT_EQ(demand.value().treelet.size(), node.size - 1);
+  for (const TreeletSplit& split : demand.value().treelet) EXPECT_TRUE(node.contains(split.split));
+}
+
+class AttachNodesThatAreNone : public ::testing::TestWithParam<NodeSpan> {};
+INSTANTIATE_TEST_SUITE_P(Spans, AttachNodesThatAreNone,
+                         ::testing::Values(NodeSpan{{1}, 3}, NodeSpan{{3}, 50}, NodeSpan{{0}, 600},
+                                           NodeSpan{{100}, 333}));
+
+TEST_P(AttachNodesThatAreNone, AreRefusedByAPublisher) {
+  const BakedModel model = test::bake_named("terrain");
+  ASSERT_FALSE(model.store.is_node(GetParam())) << "choose another";
+  const auto path = test::write_model(model);
+  Result<ModelFile> file = ModelFile::open(path->path());
+  const RegionRequest request{.attach = {GetParam()}, .region = {GridBox{{0, 0, 0}, {9, 9, 9}}}};
+  const Result<Demand> demand = collect(file.value().store(), request, [&](NodeSpan node) {
+    return file.value().require(node);
+  });
+  ASSERT_FALSE(demand.is_ok());
+  EXPECT_EQ(demand.status().code(), StatusCode::kInvalidArgument);
+  EXPECT_NE(demand.status().message().find(std::to_string(GetParam().begin())), std::string::npos);
+}
+
+TEST_P(AttachNodesThatAreNone, AreSkippedByAPeer) {
+  const BakedModel model = test::bake_named("terrain");
+  const RegionRequest request{.attach = {GetParam()}, .region = {GridBox{{0, 0, 0}, {9, 9, 9}}}};
+  const Result<Demand> demand = collect(model.store, request, nullptr);
+  ASSERT_TRUE(demand.is_ok());
+  EXPECT_TRUE(demand.value().treelet.empty());
+}
+
+TEST(CollectErrors, PassesOnWhatRequireReports) {
+  const BakedModel model = test::bake_named("terrain");
+  const SplitStore empty(model.header);
+  RegionRequest request = request_for_all(model);
+  request.region = {GridBox{{0, 0, 0}, {0x7fffffff, 0x7fffffff, 0x7fffffff}}};
+  const Result<Demand> demand =
+      collect(empty, request, [](NodeSpan) { return Status{StatusCode::kIo, "gone"}; });
+  ASSERT_FALSE(demand.is_ok());
+  EXPECT_EQ(demand.status().code(), StatusCode::kIo);
+}
+
+// ---- requests from outside ----------------------------------------------------------------------
+
+class CheckRequest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    request_ = request_for_all(model_);
+    request_.region = {GridBox{{0, 0, 0}, {10, 10, 10}}};
+  }
+  void expect_refused(const char* what) {
+    const Status status = check_request(model_.store, request_);
+    EXPECT_EQ(status.code(), StatusCode::kInvalidArgument);
+    EXPECT_NE(status.message().find(what), std::string::npos) << status.message();
+  }
+  BakedModel model_ = test::bake_named("terrain");
+  RegionRequest request_;
+};
+
+TEST_F(CheckRequest, AcceptsAGoodOne) { EXPECT_TRUE(check_request(model_.store, request_).is_ok()); }
+
+TEST_F(CheckRequest, AcceptsTheGreatestCounts) {
+  request_.attach.clear();
+  for (std::uint32_t i = 0; i < kMaxAttachNodes; ++i)
+    if (2 * i + 2 <= model_.header.vertex_count) request_.attach.push_back({{2 * i}, 2});
+  request_.region.resize(kMaxRegionBoxes, request_.region[0]);
+  request_.max_splits = kMaxRequestSplits;
+  EXPECT_TRUE(check_request(model_.store, request_).is_ok());
+}
+
+TEST_F(CheckRequest, RefusesNoAttachNode) {
+  request_.attach.clear();
+  expect_refused("attach");
+}
+
+TEST_F(CheckRequest, RefusesTooManyAttachNodes) {
+  request_.attach.clear();
+  for (std::uint32_t i = 0; i <= kMaxAttachNodes; ++i) request_.attach.push_back({{i}, 2});
+  expect_refused("512");
+}
+
+TEST_F(CheckRequest, RefusesNoRegion) {
+  request_.region.clear();
+  expect_refused("region box");
+}
+
+TEST_F(CheckRequest, RefusesTooManyBoxes) {
+  request_.region.resize(kMaxRegionBoxes + 1, request_.region[0]);
+  expect_refused("256");
+}
+
+TEST_F(CheckRequest, RefusesAnEmptyBox) {
+  request_.region.push_back({});
+  expect_refused("empty");
+}
+
+TEST_F(CheckRequest, RefusesABoxEmptyAlongOneAxis) {
+  request_.region.push_back({{0, 5, 0}, {10, 4, 10}});
+  expect_refused("empty");
+}
+
+TEST_F(CheckRequest, RefusesZeroSplits) {
+  request_.max_splits = 0;
+  expect_refused("max_splits");
+}
+
+TEST_F(CheckRequest, RefusesTooManySplits) {
+  request_.max_splits = kMaxRequestSplits + 1;
+  expect_refused("16384");
+}
+
+TEST_F(CheckRequest, RefusesALeaf) {
+  request_.attach = {{{0}, 1}};
+  expect_refused("leaf");
+}
+
+TEST_F(CheckRequest, RefusesANodeBeyondTheModel) {
+  request_.attach = {{{model_.header.vertex_count - 1}, 2}};
+  expect_refused("outside");
+}
+
+TEST_F(CheckRequest, RefusesANodeWhoseEndWraps) {
+  request_.attach = {{{16}, 0xfffffff8U}};
+  expect_refused("outside");
+}
+
+TEST_F(CheckRequest, RefusesNodesThatOverlap) {
+  request_.attach = {{{0}, 4}, {{2}, 4}};
+  expect_refused("overlap");
+}
+
+TEST_F(CheckRequest, RefusesNodesThatDescend) {
+  request_.attach = {{{8}, 4}, {{0}, 4}};
+  expect_refused("ascend");
+}
+
+}  // namespace
+}  // namespace nearmesh

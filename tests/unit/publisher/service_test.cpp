@@ -1,0 +1,459 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "nearmesh/publisher/service.hpp"
+
+#include <algorithm>
+
+#include "memory_channel.hpp"
+#include "nearmesh/core/demand/collect.hpp"
+#include "test_models.hpp"
+
+namespace nearmesh {
+namespace {
+
+using publisher::Service;
+using publisher::ServiceOptions;
+
+constexpr wire::SessionId kPublisher = 0xa1, kPeer = 0xb1, kOtherPeer = 0xb2;
+// What the service counts beside a batch's own bytes; the window tests need it.
+constexpr std::size_t kFramingBytes = 76;
+
+// One service with a terrain, and a peer whose raw inbox the test reads.
+struct Desk {
+  explicit Desk(ServiceOptions options = {}) : service(*publisher_end, kPublisher, options) {
+    EXPECT_EQ(service.add_model("terrain", open()).message(), "");
+    service.announce();
+  }
+  ModelFile open() const { return std::move(ModelFile::open(file->path())).value(); }
+
+  GridBox everything() const {
+    return {{{0, 0, 0}}, {{model.store.grid_max(), model.store.grid_max(), model.store.grid_max()}}};
+  }
+  std::uint64_t hash() const { return open().content_hash(); }
+
+  // For the whole model, from its roots.
+  wire::RegionSubscription request(std::uint32_t number, std::uint32_t max_splits = 16384) const {
+    wire::RegionSubscription subscription;
+    subscription.peer = kPeer;
+    subscription.request = number;
+    subscription.content_hash = hash();
+    subscription.publisher = kPublisher;
+    subscription.window_bytes = 1 << 20;
+    for (const BaseRoot& root : model.header.roots)
+      if (root.node.size > 1) subscription.region.attach.push_back(root.node);
+    subscription.region.region = {everything()};
+    subscription.region.max_splits = max_splits;
+    return subscription;
+  }
+  wire::RegionSubscription credit(std::uint32_t acknowledged, wire::SessionId peer = kPeer) const {
+    wire::RegionSubscription subscription;
+    subscription.peer = peer;
+    subscription.publisher = kPublisher;
+    subscription.acknowledged_sequence = acknowledged;
+    subscription.window_bytes = 4096;
+    return subscription;
+  }
+  std::vector<wire::SplitBatchMessage> received() { return peer_end->take().batches; }
+  std::vector<wire::SplitBatchMessage> other_received() { return other_end->take().batches; }
+
+  // Sends a request that must be refused, and gives the reason that both the peer and the log got.
+  std::string refusal(const wire::RegionSubscription& subscription) {
+    bus.inject(subscription);
+    const auto complaints = service.step(0);
+    const auto batches = received();
+    if (batches.size() != 1 || complaints.size() != 1) {
+      ADD_FAILURE() << batches.size() << " batches, " << complaints.size() << " complaints";
+      return {};
+    }
+    EXPECT_TRUE(batches[0].refused);
+    EXPECT_TRUE(batches[0].last);
+    EXPECT_EQ(batches[0].request, subscription.request);
+    const std::string reason(batches[0].bytes.begin(), batches[0].bytes.end());
+    EXPECT_NE(complaints[0].find(reason), std::string::npos) << complaints[0];
+    EXPECT_NE(complaints[0].find("00000000000000b1"), std::string::npos) << complaints[0];
+    return reason;
+  }
+
+  test::MemoryBus bus;
+  std::unique_ptr<publisher::Channel> publisher_end = bus.make_publisher(kPublisher);
+  std::unique_ptr<subscriber::Channel> peer_end = bus.make_peer(kPeer);
+  std::unique_ptr<subscriber::Channel> other_end = bus.make_peer(kOtherPeer);
+  // Large enough for a dozen batches.
+  BakedModel model = test::bake_mesh(generate_terrain(64, 7), 16);
+  std::unique_ptr<test::TempFile> file = test::write_model(model);
+  Service service;
+};
+
+std::size_t framed(const std::vector<wire::SplitBatchMessage>& batches) {
+  std::size_t bytes = 0;
+  for (const auto& batch : batches) bytes += batch.bytes.size() + kFramingBytes;
+  return bytes;
+}
+
+TEST(Service, AnnouncesModelsWithTheirHeaders) {
+  Desk desk;
+  const subscriber::Channel::Inbox inbox = desk.peer_end->take();
+  ASSERT_EQ(inbox.hellos.size(), 1U);
+  EXPECT_EQ(inbox.hellos[0].publisher, kPublisher);
+  ASSERT_EQ(inbox.hellos[0].models.size(), 1U);
+  EXPECT_EQ(inbox.hellos[0].models[0].name, "terrain");
+  EXPECT_EQ(inbox.hellos[0].models[0].content_hash, desk.hash());
+  EXPECT_EQ(inbox.hellos[0].models[0].mesh_bytes, desk.open().mesh_bytes());
+  ASSERT_EQ(inbox.headers.size(), 1U);
+  EXPECT_EQ(inbox.headers[0].content_hash, desk.hash());
+  EXPECT_EQ(inbox.headers[0].bytes, encode_header(desk.model.header));
+}
+
+TEST(Service, AnswersWithTheBatchesThatCollectNames) {
+  Desk desk;
+  for (const std::uint32_t max_splits : {1U, 50U, 16384U}) {
+    wire::RegionSubscription subscription = desk.request(max_splits, max_splits);
+    const std::int32_t middle = desk.model.store.grid_max() / 2;
+    subscription.region.region = {{{{0, 0, 0}}, {{middle, middle, desk.model.store.grid_max()}}}};
+    const Result<Demand> demand = collect(desk.model.store, subscription.region, test::no_require);
+    ASSERT_TRUE(demand.is_ok());
+    const auto expected = encode_batches(desk.model.header, desk.model.store,
+                                         demand.value().treelet, BoxPolicy::kCutNodes);
+    desk.bus.inject(subscription);
+    EXPECT_TRUE(desk.service.step(0).empty());
+    const auto batches = desk.received();
+    ASSERT_EQ(batches.size(), expected.size());
+    for (std::size_t i = 0; i < batches.size(); ++i) {
+      EXPECT_EQ(batches[i].bytes, expected[i]);
+      EXPECT_EQ(batches[i].last, i + 1 == batches.size());
+      EXPECT_EQ(batches[i].request, subscription.request);
+      EXPECT_EQ(batches[i].content_hash, desk.hash());
+      EXPECT_EQ(batches[i].publisher, kPublisher);
+      EXPECT_FALSE(batches[i].refused);
+    }
+  }
+}
+
+TEST(Service, NumbersItsBatchesFromOneForEachPeer) {
+  Desk desk;
+  wire::RegionSubscription other = desk.request(1);
+  other.peer = kOtherPeer;
+  desk.bus.inject(desk.request(1));
+  desk.bus.inject(other);
+  desk.service.step(0);
+  for (const auto& batches : {desk.received(), desk.other_received()}) {
+    ASSERT_GT(batches.size(), 2U);
+    for (std::size_t i = 0; i < batches.size(); ++i) EXPECT_EQ(batches[i].sequence, i + 1);
+  }
+}
+
+TEST(Service, AnswersThatNothingWasNeeded) {
+  Desk desk;
+  wire::RegionSubscription subscription = desk.request(1);
+  subscription.region.region = {{{{0, 0, 0}}, {{0, 0, 0}}}};  // a corner of the grid's box
+  subscription.region.attach = {desk.model.header.roots.back().node};
+  const auto demand = collect(desk.model.store, subscription.region, test::no_require);
+  ASSERT_TRUE(demand.value().treelet.empty());
+  desk.bus.inject(subscription);
+  desk.service.step(0);
+  const auto batches = desk.received();
+  ASSERT_EQ(batches.size(), 1U);
+  EXPECT_TRUE(batches[0].last);
+  EXPECT_FALSE(batches[0].refused);
+  EXPECT_TRUE(batches[0].bytes.empty());
+}
+
+TEST(Service, SendsByPriorityThenByArrival) {
+  Desk desk;
+  desk.bus.accept_batches = false;
+  for (const auto& [number, priority] : {std::pair(1U, 2), {2U, 1}, {3U, 0}, {4U, 1}, {5U, 0}}) {
+    wire::RegionSubscription subscription = desk.request(number);
+    subscription.priority = static_cast<std::uint8_t>(priority);
+    desk.bus.inject(subscription);
+  }
+  desk.service.step(0);
+  EXPECT_TRUE(desk.received().empty());
+  desk.bus.accept_batches = true;
+  desk.service.step(0);
+  std::vector<std::uint32_t> order;
+  std::uint32_t sequence = 0;
+  for (const auto& batch : desk.received()) {
+    EXPECT_EQ(batch.sequence, ++sequence);  // by sending, not by arrival of the requests
+    if (order.empty() || order.back() != batch.request) order.push_back(batch.request);
+  }
+  EXPECT_EQ(order, (std::vector<std::uint32_t>{3, 5, 2, 4, 1}));
+}
+
+TEST(Service, KeepsTheWindowAndGoesOnWhenAcknowledged) {
+  Desk whole;
+  whole.bus.inject(whole.request(1));
+  whole.service.step(0);
+  const std::size_t expected = whole.received().size();
+
+  Desk desk;
+  wire::RegionSubscription subscription = desk.request(1);
+  subscription.window_bytes = 4096;
+  desk.bus.inject(subscription);
+  std::size_t received = 0;
+  for (std::uint32_t round = 0; round < 1000; ++round) {
+    desk.service.step(0);  // time stands still: no credit comes back by itself
+    const auto batches = desk.received();
+    EXPECT_LE(framed(batches), 4096U);
+    if (batches.empty()) break;
+    received += batches.size();
+    desk.service.step(0);
+    EXPECT_TRUE(desk.received().empty()) << "sent without credit";
+    desk.bus.inject(desk.credit(batches.back().sequence));
+  }
+  EXPECT_GT(expected, 5U);
+  EXPECT_EQ(received, expected);
+}
+
+TEST(Service, CapsAWindowThatIsTooLarge) {
+  Desk desk({.max_window_bytes = 4096});
+  desk.bus.inject(desk.request(1));
+  desk.service.step(0);
+  const auto batches = desk.received();
+  EXPECT_GE(batches.size(), 2U);
+  EXPECT_LE(framed(batches), 4096U);
+}
+
+TEST(Service, SendsOneBatchAtATimeThroughATinyWindow) {
+  Desk desk;
+  wire::RegionSubscription subscription = desk.request(1);
+  subscription.window_bytes = 1;
+  desk.bus.inject(subscription);
+  for (std::uint32_t i = 1; i <= 3; ++i) {
+    desk.service.step(0);
+    EXPECT_EQ(desk.received().size(), 1U);
+    wire::RegionSubscription credit = desk.credit(i);
+    credit.window_bytes = 1;
+    desk.bus.inject(credit);
+  }
+}
+
+TEST(Service, CreditOfLostBatchesComesBackAfterTheTimeOut) {
+  Desk desk({.credit_timeout_s = 1});
+  wire::RegionSubscription subscription = desk.request(1);
+  subscription.window_bytes = 4096;
+  desk.bus.inject(subscription);
+  desk.service.step(10);
+  const std::size_t first = desk.received().size();
+  ASSERT_GT(first, 0U);
+  desk.service.step(10.9);
+  EXPECT_EQ(desk.received().size(), 0U);
+  desk.service.step(11.1);
+  EXPECT_GT(desk.received().size(), 0U);
+}
+
+TEST(Service, PeerThatNeverAcknowledgesStallsNoOther) {
+  Desk desk;
+  wire::RegionSubscription silent = desk.request(1), lively = desk.request(1);
+  silent.window_bytes = 2000;
+  lively.peer = kOtherPeer;
+  lively.window_bytes = 4096;
+  desk.bus.inject(silent);
+  desk.bus.inject(lively);
+  std::vector<wire::SplitBatchMessage> all;
+  for (int round = 0; round < 1000 && (all.empty() || !all.back().last); ++round) {
+    desk.service.step(0);
+    for (auto& batch : desk.other_received()) all.push_back(std::move(batch));
+    ASSERT_FALSE(all.empty());
+    desk.bus.inject(desk.credit(all.back().sequence, kOtherPeer));
+  }
+  EXPECT_TRUE(all.back().last);
+  EXPECT_EQ(desk.received().size(), 1U);
+}
+
+TEST(Service, PeersTakeTurns) {
+  Desk desk;
+  wire::RegionSubscription other = desk.request(1);
+  other.peer = kOtherPeer;
+  std::vector<wire::SessionId> order;
+  desk.bus.batch_filter = [&](wire::SessionId peer, wire::SplitBatchMessage&) {
+    order.push_back(peer);
+    return true;
+  };
+  desk.bus.inject(desk.request(1));
+  desk.bus.inject(other);
+  desk.service.step(0);
+  ASSERT_GT(order.size(), 4U);
+  for (std::size_t i = 1; i < order.size(); ++i) EXPECT_NE(order[i], order[i - 1]);
+}
+
+TEST(Service, KeepsBatchesThatTheChannelCannotTakeNow) {
+  Desk desk;
+  desk.bus.accept_batches = false;
+  desk.bus.inject(desk.request(1));
+  desk.service.step(0);
+  EXPECT_EQ(desk.service.stats().batches, 0U);
+  desk.bus.accept_batches = true;
+  desk.service.step(0);
+  const auto batches = desk.received();
+  ASSERT_FALSE(batches.empty());
+  EXPECT_EQ(batches.front().sequence, 1U);
+  EXPECT_TRUE(batches.back().last);
+}
+
+TEST(Service, RefusesUnknownModel) {
+  Desk desk;
+  wire::RegionSubscription subscription = desk.request(1);
+  subscription.content_hash ^= 1;
+  EXPECT_EQ(desk.refusal(subscription), "no model with that content hash is served here");
+  EXPECT_EQ(desk.service.stats().refused, 1U);
+}
+
+TEST(Service, RefusesMalformedRequests) {
+  Desk desk;
+  std::uint32_t number = 0;
+  const auto expect_refused = [&](const std::function<void(RegionRequest&)>& spoil,
+                                  const std::string& why) {
+    wire::RegionSubscription subscription = desk.request(++number);
+    spoil(subscription.region);
+    const std::string reason = desk.refusal(subscription);
+    EXPECT_NE(reason.find(why), std::string::npos) << "expected " << why << ", got " << reason;
+  };
+  expect_refused([](RegionRequest& r) { r.attach.clear(); }, "no attach node");
+  expect_refused([](RegionRequest& r) { r.attach.assign(kMaxAttachNodes + 1, r.attach[0]); },
+                 "at most 512 attach nodes, found 513");
+  expect_refused([](RegionRequest& r) { r.region.clear(); }, "no region box");
+  expect_refused([](RegionRequest& r) { r.region.assign(kMaxRegionBoxes + 1, r.region[0]); },
+                 "at most 256 region boxes, found 257");
+  expect_refused([](RegionRequest& r) { r.region[0] = GridBox{}; }, "an empty region box");
+  expect_refused([](RegionRequest& r) { r.max_splits = 0; }, "max_splits");
+  expect_refused([](RegionRequest& r) { r.max_splits = kMaxRequestSplits + 1; }, "max_splits");
+  expect_refused([](RegionRequest& r) { r.attach.back().size = 0xffffffffU; }, "outside the model");
+  expect_refused([](RegionRequest& r) { r.attach = {{{0}, 1}}; }, "leaf");
+  expect_refused([](RegionRequest& r) { std::swap(r.attach[0], r.attach[1]); }, "must ascend");
+  EXPECT_EQ(desk.service.stats().refused, number);
+  EXPECT_EQ(desk.service.stats().requests, number);
+}
+
+TEST(Service, RefusesAttachNodeThatIsNoNode) {
+  Desk desk;
+  wire::RegionSubscription subscription = desk.request(1);
+  // The two halves of the first root's first split, shifted by one: an interval that no tree node has.
+  const NodeSpan root = desk.model.header.roots[0].node;
+  ASSERT_GT(root.size, 4U);
+  subscription.region.attach = {{{root.begin() + 1}, root.size - 1}};
+  if (desk.model.store.is_node(subscription.region.attach[0])) --subscription.region.attach[0].size;
+  ASSERT_FALSE(desk.model.store.is_node(subscription.region.attach[0]));
+  EXPECT_NE(desk.refusal(subscription).find("is not a node of the model"), std::string::npos);
+}
+
+TEST(Service, RefusesWhenTooMuchIsQueued) {
+  Desk desk({.max_queued_bytes = 3000});
+  desk.bus.accept_batches = false;
+  desk.bus.inject(desk.request(1));
+  EXPECT_TRUE(desk.service.step(0).empty());
+  desk.bus.inject(desk.request(2));
+  const auto complaints = desk.service.step(0);
+  ASSERT_EQ(complaints.size(), 1U);
+  EXPECT_NE(complaints[0].find("more than 3000 bytes wait for this peer"), std::string::npos);
+  desk.bus.accept_batches = true;
+  desk.service.step(0);
+  const auto batches = desk.received();
+  EXPECT_TRUE(batches.back().refused);
+  EXPECT_EQ(batches.back().request, 2U);
+  // Once the queue is empty, requests are answered again.
+  desk.bus.inject(desk.request(3, 10));
+  EXPECT_TRUE(desk.service.step(0).empty());
+}
+
+TEST(Service, KeepsServingAfterARefusal) {
+  Desk desk;
+  wire::RegionSubscription bad = desk.request(1);
+  bad.region.attach.clear();
+  EXPECT_FALSE(desk.refusal(bad).empty());
+  desk.bus.inject(desk.request(2));
+  EXPECT_TRUE(desk.service.step(0).empty());
+  EXPECT_GT(desk.received().size(), 2U);
+}
+
+TEST(Service, AnswersRepeatsOnce) {
+  Desk desk;
+  for (int i = 0; i < 3; ++i) desk.bus.inject(desk.request(7, 10));
+  desk.bus.inject(desk.request(6, 10));  // older still
+  desk.service.step(0);
+  const auto batches = desk.received();
+  EXPECT_EQ(std::count_if(batches.begin(), batches.end(), [](const auto& b) { return b.last; }), 1);
+  EXPECT_EQ(desk.service.stats().requests, 1U);
+}
+
+TEST(Service, CreditAloneIsNoRequest) {
+  Desk desk;
+  desk.bus.inject(desk.credit(0));
+  EXPECT_TRUE(desk.service.step(0).empty());
+  EXPECT_TRUE(desk.received().empty());
+  EXPECT_EQ(desk.service.stats().requests, 0U);
+}
+
+TEST(Service, ForgetsLostPeers) {
+  Desk desk;
+  desk.bus.accept_batches = false;
+  desk.bus.inject(desk.request(1));
+  desk.service.step(0);
+  EXPECT_EQ(desk.service.stats().peers, 1U);
+  desk.bus.lose_peer(kPeer);
+  desk.bus.accept_batches = true;
+  desk.service.step(0);
+  EXPECT_EQ(desk.service.stats().peers, 0U);
+  EXPECT_TRUE(desk.received().empty());
+  // One that comes back starts anew: numbers of requests and of batches too.
+  desk.bus.inject(desk.request(1, 10));
+  desk.service.step(0);
+  const auto batches = desk.received();
+  ASSERT_FALSE(batches.empty());
+  EXPECT_EQ(batches[0].sequence, 1U);
+}
+
+TEST(Service, IgnoresMessagesForAnotherPublisher) {
+  Desk desk;
+  wire::RegionSubscription subscription = desk.request(1);
+  subscription.publisher = kPublisher + 1;
+  desk.bus.inject(subscription);
+  EXPECT_TRUE(desk.service.step(0).empty());
+  EXPECT_TRUE(desk.received().empty());
+  EXPECT_EQ(desk.service.stats().peers, 0U);
+}
+
+TEST(Service, RefusesDuplicateNameAndContent) {
+  Desk desk;
+  const auto sphere = test::write_model(test::bake_named("sphere"));
+  Status status = desk.service.add_model("terrain", std::move(ModelFile::open(sphere->path())).value());
+  EXPECT_EQ(status.code(), StatusCode::kConflict);
+  EXPECT_EQ(status.message(), sphere->path() + ": the name terrain is taken by " + desk.file->path());
+  status = desk.service.add_model("ground", desk.open());
+  EXPECT_EQ(status.code(), StatusCode::kConflict);
+  EXPECT_NE(status.message().find("same content"), std::string::npos);
+  EXPECT_NE(status.message().find("terrain"), std::string::npos);
+}
+
+TEST(Service, RefusesNamesThatDoNotFit) {
+  Desk desk;
+  for (const std::string& name : {std::string(), std::string(64, 'x')})
+    EXPECT_EQ(desk.service.add_model(name, desk.open()).code(), StatusCode::kInvalidArgument);
+}
+
+TEST(Service, SaysWhenAModelFileIsDamaged) {
+  Desk desk;
+  const std::vector<std::uint8_t> bytes = desk.file->read();
+  test::TempFile damaged;
+  // Somewhere in a block: where the file still opens, but not all of it can be read.
+  Service service(*desk.publisher_end, kPublisher);
+  bool found = false;
+  for (std::size_t at = 0; at < bytes.size() && !found; at += 256) {
+    std::vector<std::uint8_t> changed = bytes;
+    changed[at] ^= 0x55;
+    damaged.write(changed);
+    Result<ModelFile> opened = ModelFile::open(damaged.path());
+    found = opened.is_ok() && !opened.value().require_all().is_ok();
+    if (!found) continue;
+    ASSERT_TRUE(service.add_model("terrain", std::move(ModelFile::open(damaged.path())).value()).is_ok());
+  }
+  ASSERT_TRUE(found);
+  desk.bus.inject(desk.request(1));
+  const auto complaints = service.step(0);
+  ASSERT_EQ(complaints.size(), 1U);
+  EXPECT_NE(complaints[0].find(damaged.path()), std::string::npos) << complaints[0];
+  const auto batches = desk.received();
+  ASSERT_EQ(batches.size(), 1U);
+  EXPECT_TRUE(batches[0].refused);
+}
+
+}  // namespace
+}  // namespace nearmesh
