@@ -119,6 +119,12 @@ std::vector<std::string> Service::step(double now_s) {
     if (subscription.request == 0 || subscription.request <= peer.last_request) continue;
     peer.last_request = subscription.request;
     ++stats_.requests;
+    // A request names the peer's frontier as it is now, so it replaces what still waits for that model.
+    std::erase_if(peer.queue, [&](const Waiting& waiting) {
+      if (waiting.message.content_hash != subscription.content_hash) return false;
+      peer.queued_bytes -= waiting.message.bytes.size() + kFramingBytes;
+      return true;
+    });
     Result<std::vector<std::vector<std::uint8_t>>> batches =
         peer.queued_bytes > options_.max_queued_bytes
             ? Status{StatusCode::kInvalidArgument,

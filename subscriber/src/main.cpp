@@ -146,8 +146,9 @@ void print_text(Summary& s) {
 // One peer, from the scene to the summary.
 class Flight {
  public:
-  Flight(const Options& options, const Scene& scene, std::unique_ptr<Channel> channel)
-      : options_(options), scene_(scene), session_(std::move(channel), scene.session) {}
+  /// `clock` runs since the program's start.
+  Flight(const Options& options, const Scene& scene, std::unique_ptr<Channel> channel, Stopwatch clock)
+      : options_(options), scene_(scene), clock_(clock), session_(std::move(channel), scene.session) {}
 
   Status prepare() {
     if (!options_.answers.empty()) {
@@ -293,11 +294,12 @@ class Flight {
 };
 
 Status run(const Options& options) {
+  const Stopwatch clock;
   const Result<Scene> scene = read_scene(options.scene);
   if (!scene.is_ok()) return scene.status();
   Result<std::unique_ptr<DdsChannel>> channel = DdsChannel::create(options.channel);
   if (!channel.is_ok()) return channel.status();
-  Flight flight(options, scene.value(), std::move(channel).value());
+  Flight flight(options, scene.value(), std::move(channel).value(), clock);
   NEARMESH_RETURN_IF_ERROR(flight.prepare());
   NEARMESH_RETURN_IF_ERROR(flight.wait_for_start());
   NEARMESH_RETURN_IF_ERROR(flight.fly());

@@ -33,7 +33,8 @@ PeerModel* ReplicaSet::find(std::uint64_t content_hash) {
   return nullptr;
 }
 
-void ReplicaSet::announce(const wire::Hello& hello, std::vector<std::string>& complaints) {
+std::size_t ReplicaSet::announce(const wire::Hello& hello, std::vector<std::string>& complaints) {
+  std::size_t header_bytes = 0;
   for (const wire::Hello::Model& served : hello.models) {
     PeerModel* model = find(served.name);
     if (model == nullptr || model->content_hash == served.content_hash) continue;
@@ -49,9 +50,10 @@ void ReplicaSet::announce(const wire::Hello& hello, std::vector<std::string>& co
     if (const auto at = unclaimed_.find(served.content_hash); at != unclaimed_.end()) {
       const wire::MeshHeader message = std::move(at->second);
       unclaimed_.erase(at);
-      static_cast<void>(take_header(message, complaints));
+      header_bytes += take_header(message, complaints);
     }
   }
+  return header_bytes;
 }
 
 std::size_t ReplicaSet::take_header(const wire::MeshHeader& message,

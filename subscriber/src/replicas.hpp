@@ -36,8 +36,9 @@ class ReplicaSet {
   [[nodiscard]] std::map<std::string, PeerModel>& all() { return models_; }
   [[nodiscard]] const std::map<std::string, PeerModel>& all() const { return models_; }
 
-  /// A publisher's announcement: binds names to contents. Content that changes under a name drops the replica.
-  void announce(const wire::Hello& hello, std::vector<std::string>& complaints);
+  /// A publisher's announcement: binds names to contents. Content that changes under a name drops the replica. Returns the
+  /// size of headers that had waited for it and are used now.
+  std::size_t announce(const wire::Hello& hello, std::vector<std::string>& complaints);
   /// A header: starts the replica of the model it belongs to, if any body uses it. Returns its size if it was used.
   std::size_t take_header(const wire::MeshHeader& message, std::vector<std::string>& complaints);
   /// Applies the oldest waiting batch of some model; false when none waits.

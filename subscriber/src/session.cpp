@@ -22,8 +22,11 @@ struct Body {
 // A request that was sent and not yet answered in full.
 struct Outstanding {
   std::uint32_t request = 0;
-  double sent_s = 0;
+  std::uint8_t priority = 0;
+  double heard_s = 0;     // when it was sent, or its last batch came
+  double patience_s = 0;  // silence after which it counts as lost; doubles with each loss in a row
 };
+constexpr double kMaxPatience_s = 8;
 
 struct Publisher {
   wire::Hello hello;
@@ -74,7 +77,8 @@ struct Session::Impl {
   void ask(const FrameReport& report);
   [[nodiscard]] std::vector<GridBox> region_of(const PeerModel& model, double lookahead_s,
                                                const FrameReport& report, bool uncertified_only) const;
-  bool request(PeerModel& model, const std::vector<GridBox>& region, std::uint8_t priority);
+  bool request(PeerModel& model, const std::vector<GridBox>& region, std::uint8_t priority,
+               double patience_s);
   void return_credit();
   [[nodiscard]] Publisher* publisher_of(std::uint64_t content_hash);
   [[nodiscard]] std::string why_not_ready(const Body& body) const;
@@ -165,7 +169,7 @@ void Session::Impl::take_inbox(FrameReport& report) {
   }
   for (const wire::Hello& hello : inbox.hellos) {
     publishers[hello.publisher].hello = hello;
-    replicas.announce(hello, complaints);
+    stats.header_bytes += replicas.announce(hello, complaints);
   }
   for (const wire::MeshHeader& header : inbox.headers)
     stats.header_bytes += replicas.take_header(header, complaints);
@@ -197,7 +201,10 @@ void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& r
                                 std::string(message.bytes.begin(), message.bytes.end()));
     return;
   }
-  if (message.last && answers_open) outstanding.erase(open);
+  if (answers_open) {
+    open->second.heard_s = clock.seconds();
+    if (message.last) outstanding.erase(open);
+  }
   PeerModel* model = replicas.find(message.content_hash);
   if (model != nullptr && !message.bytes.empty()) model->waiting.push_back(std::move(message.bytes));
 }
@@ -297,7 +304,7 @@ Publisher* Session::Impl::publisher_of(std::uint64_t content_hash) {
 }
 
 bool Session::Impl::request(PeerModel& model, const std::vector<GridBox>& region,
-                            std::uint8_t priority) {
+                            std::uint8_t priority, double patience_s) {
   if (region.empty()) return false;
   Publisher* publisher = publisher_of(model.content_hash);
   if (publisher == nullptr) return false;
@@ -316,7 +323,7 @@ bool Session::Impl::request(PeerModel& model, const std::vector<GridBox>& region
   subscription.window_bytes = options.window_bytes;
   publisher->unacknowledged_bytes = 0;
   channel->send(subscription);
-  outstanding[model.content_hash] = {last_request, clock.seconds()};
+  outstanding[model.content_hash] = {last_request, priority, clock.seconds(), patience_s};
   ++stats.requests;
   return true;
 }
@@ -324,13 +331,20 @@ bool Session::Impl::request(PeerModel& model, const std::vector<GridBox>& region
 void Session::Impl::ask(const FrameReport& report) {
   for (auto& [name, model] : replicas.all()) {
     if (!model.is_ready() || !model.waiting.empty()) continue;
-    // One request at a time and model: the next one names the frontier as the answer has left it, so nothing is sent twice.
+    // One request at a time and model: the next one names the frontier as the answer has left it, so nothing is sent
+    // twice. Only what is needed now does not wait for a horizon; the publisher drops what is left of that.
     const auto open = outstanding.find(model.content_hash);
-    if (open != outstanding.end() && clock.seconds() - open->second.sent_s < options.request_timeout_s)
-      continue;
-    if (!request(model, region_of(model, 0, report, true), kNeededNow) && options.lookahead_s > 0)
-      static_cast<void>(
-          request(model, region_of(model, options.lookahead_s, report, false), kHorizon));
+    double patience_s = options.request_timeout_s;
+    bool may_prefetch = options.lookahead_s > 0;
+    if (open != outstanding.end()) {
+      const bool lost = clock.seconds() - open->second.heard_s >= open->second.patience_s;
+      if (!lost && open->second.priority == kNeededNow) continue;
+      if (lost) patience_s = std::min(2 * open->second.patience_s, kMaxPatience_s);
+      may_prefetch = may_prefetch && lost;
+    }
+    if (!request(model, region_of(model, 0, report, true), kNeededNow, patience_s) && may_prefetch)
+      static_cast<void>(request(model, region_of(model, options.lookahead_s, report, false),
+                                kHorizon, patience_s));
   }
 }
 

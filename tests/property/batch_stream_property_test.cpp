@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A peer's view of a stream: whatever prefix of it has come, whatever is lost, no certified answer is wrong.
+// A peer's view of a stream: whatever prefix of it has come, whatever is lost, no certified answer
+// is wrong.
 #include "brute_force.hpp"
 #include "nearmesh/core/demand/collect.hpp"
 #include "nearmesh/core/geometry/box_overlap.hpp"
@@ -155,7 +156,8 @@ TEST_P(BatchStream, HalfLostIsNeverWrong) {
   }
 }
 
-// The real exchange: the peer names what its answer lacks, the publisher collects below those nodes.
+// The real exchange: the peer names what its answer lacks, the publisher collects below those
+// nodes.
 TEST_P(BatchStream, AskingForWhatIsMissingEndsCertified) {
   for (std::uint64_t seed = 0; seed < 20; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
@@ -163,13 +165,16 @@ TEST_P(BatchStream, AskingForWhatIsMissingEndsCertified) {
     const PosedPair posed = test::near_pose(random, a_, b_);
     const Answer full = stream_.full(posed);
     Body a(a_.header), b(b_.header);
-    const auto serve = [&](const BakedModel& model, Body& body, const std::vector<NodeSpan>& missing) {
+    const auto serve = [&](const BakedModel& model, Body& body,
+                           const std::vector<NodeSpan>& missing) {
       if (missing.empty()) return;
       RegionRequest request{.attach = missing, .max_splits = 1 + random.below(40)};
       if (request.attach.size() > kMaxAttachNodes) request.attach.resize(kMaxAttachNodes);
       for (const NodeSpan& node : request.attach) {  // at most as many boxes as the limit allows
-        if (request.region.size() == kMaxRegionBoxes) request.region.back().add(body.replica.store().box(node));
-        else request.region.push_back(body.replica.store().box(node));
+        if (request.region.size() == kMaxRegionBoxes)
+          request.region.back().add(body.replica.store().box(node));
+        else
+          request.region.push_back(body.replica.store().box(node));
       }
       ASSERT_TRUE(check_request(model.store, request).is_ok());
       const Result<Demand> demand = collect(model.store, request, nullptr);
@@ -190,7 +195,8 @@ TEST_P(BatchStream, AskingForWhatIsMissingEndsCertified) {
   }
 }
 
-// Demand by the other body's posed boxes, the way a subscriber predicts: one request certifies the answer.
+// Demand by the other body's posed boxes, the way a subscriber predicts: one request certifies the
+// answer.
 TEST_P(BatchStream, DemandOfTheOtherBodysBoxesCertifiesInOneRequest) {
   const auto faces_b = test::all_faces(b_.store);
   for (std::uint64_t seed = 0; seed < 30; ++seed) {
@@ -226,8 +232,8 @@ TEST_P(BatchStream, DemandOfTheOtherBodysBoxesCertifiesInOneRequest) {
     const Result<Demand> demand = collect(a_.store, request, nullptr);
     ASSERT_TRUE(demand.is_ok());
     Body a(a_.header);
-    for (const auto& bytes : encode_batches(a_.header, a_.store, demand.value().treelet,
-                                            BoxPolicy::kCutNodes))
+    for (const auto& bytes :
+         encode_batches(a_.header, a_.store, demand.value().treelet, BoxPolicy::kCutNodes))
       a.apply(bytes);
     const Answer answer = query(a.view(), posed.a, b.view(), posed.b);
     EXPECT_TRUE(is_certified(answer.status));

@@ -91,13 +91,14 @@ TEST_P(CertifiedAnswer, EqualsTheFullMeshesInEveryPose) {
   }
   RecordProperty("poses", static_cast<int>(pose_count()));
   RecordProperty("contacts", static_cast<int>(contacts));
-  std::printf("%u poses, %zu in contact, %zu uncertain answers on the way\n", pose_count(), contacts,
-              uncertain);
+  std::printf("%u poses, %zu in contact, %zu uncertain answers on the way\n", pose_count(),
+              contacts, uncertain);
   EXPECT_GT(contacts * 10, pose_count());  // both kinds of pose are there in number
   EXPECT_LT(contacts * 10, pose_count() * 9U);
 }
 
-// A peer that moves on keeps what it has: the state is whatever earlier poses left, collapsed in places.
+// A peer that moves on keeps what it has: the state is whatever earlier poses left, collapsed in
+// places.
 TEST_P(CertifiedAnswer, EqualsTheFullMeshesFromAnyEarlierState) {
   const BakedModel model_a = test::bake_mesh(large(GetParam().a, 5));
   const BakedModel model_b = test::bake_mesh(large(GetParam().b, 6));

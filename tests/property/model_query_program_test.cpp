@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The nearmesh-model program against the reference answers of PQP, FCL and CGAL, on scans and a screw.
+// The nearmesh-model program against the reference answers of PQP, FCL and CGAL, on scans and a
+// screw.
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -21,7 +22,8 @@ struct Line {
 
 /// What stands behind `"key":` up to the end of the value; lists whole.
 std::string field(const std::string& line, const std::string& key) {
-  const std::string quoted = "\"" + key + "\":";
+  std::string quoted(1, '"');
+  quoted.append(key).append("\":");
   const std::size_t at = line.find(quoted);
   if (at == std::string::npos) return {};
   const std::size_t begin = at + quoted.size();
@@ -57,15 +59,15 @@ class ModelQueryProgram : public ::testing::TestWithParam<Case> {
   }
   static std::string program() { return std::string(NEARMESH_BIN_DIR) + "/nearmesh-model"; }
   static void build(const fs::path& mesh, const std::string& out) {
-    const std::string command =
-        "'" + program() + "' build '" + mesh.string() + "' -o '" + out + "' --json > /dev/null 2>&1";
+    const std::string command = "'" + program() + "' build '" + mesh.string() + "' -o '" + out +
+                                "' --json > /dev/null 2>&1";
     ASSERT_EQ(std::system(command.c_str()), 0) << command;
   }
   std::map<std::string, Line> run(const std::string& method, const std::string& more = "") const {
     const test::TempFile out(".json");
     const std::string command = "'" + program() + "' query '" + a_.path() + "' '" + b_.path() +
-                                "' --poses '" + poses_.path() + "' --method " + method + " " + more +
-                                " --json > '" + out.path() + "'";
+                                "' --poses '" + poses_.path() + "' --method " + method + " " +
+                                more + " --json > '" + out.path() + "'";
     EXPECT_EQ(std::system(command.c_str()), 0) << command;
     std::map<std::string, Line> lines;
     std::ifstream in(out.path());
@@ -74,7 +76,8 @@ class ModelQueryProgram : public ::testing::TestWithParam<Case> {
                                   std::atol(field(line, "pairs").c_str())};
     return lines;
   }
-  /// Each reference row must be there, with the same boolean; pair counts where the reference is free.
+  /// Each reference row must be there, with the same boolean; pair counts where the reference is
+  /// free.
   void expect_reference(const std::map<std::string, Line>& lines) const {
     const CsvTable table = CsvTable::read(poses_.path()).value();
     const std::size_t id = table.column("id"), pairs = table.column("pqp_pairs");
@@ -99,7 +102,8 @@ class ModelQueryProgram : public ::testing::TestWithParam<Case> {
 };
 INSTANTIATE_TEST_SUITE_P(
     References, ModelQueryProgram,
-    ::testing::Values(Case{"armadillo_camelhead.csv", "scans/armadillo_86k.obj", "scans/camelhead.off"},
+    ::testing::Values(Case{"armadillo_camelhead.csv", "scans/armadillo_86k.obj",
+                           "scans/camelhead.off"},
                       Case{"m16_loose_helix.csv", "assembly/factory_bolt_m16_loose.obj",
                            "assembly/factory_nut_m16_loose_subdiv_3x.obj"},
                       Case{"m16_loose_spin.csv", "assembly/factory_bolt_m16_loose.obj",

@@ -76,7 +76,8 @@ inline std::vector<NodeSpan> unresolved_nodes(const ActiveMesh& mesh) {
 }
 
 /// Faces whose three corners stand for themselves alone. `faces` are those of the complete model.
-inline std::vector<KeyedFace> exact_faces(const ActiveMesh& mesh, const std::vector<KeyedFace>& faces) {
+inline std::vector<KeyedFace> exact_faces(const ActiveMesh& mesh,
+                                          const std::vector<KeyedFace>& faces) {
   const std::set<std::uint32_t> active = active_ids(mesh);
   std::vector<KeyedFace> exact;
   const auto is_leaf = [&](VertexId v) {
@@ -90,7 +91,8 @@ inline std::vector<KeyedFace> exact_faces(const ActiveMesh& mesh, const std::vec
   return exact;
 }
 
-inline LatticeTriangle posed(const SplitStore& store, const PosedFrame& frame, const SplitFace& face) {
+inline LatticeTriangle posed(const SplitStore& store, const PosedFrame& frame,
+                             const SplitFace& face) {
   LatticeTriangle triangle;
   for (std::size_t k = 0; k < 3; ++k)
     triangle[k] = pose_point(frame, store.position(face.corners()[k]));
@@ -131,8 +133,8 @@ struct TreeContent {
   std::vector<NodeSpan> frontier;
 };
 
-/// Checks on the way that every node's box encloses the faces below it and all original faces that touch a vertex below
-/// its frontier nodes.
+/// Checks on the way that every node's box encloses the faces below it and all original faces that
+/// touch a vertex below its frontier nodes.
 inline TreeContent walk_tree(const TreeView& view, const TrueBoxes& boxes) {
   TreeContent content;
   struct Step {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Distance of two triangles by trying every corner against every face and every pair of edges, in long double.
+// Distance of two triangles by trying every corner against every face and every pair of edges, in
+// long double.
 
 #include <algorithm>
 #include <array>
@@ -16,7 +17,9 @@ inline Vec operator-(const Vec& a, const Vec& b) { return {a[0] - b[0], a[1] - b
 inline Vec along(const Vec& p, const Vec& d, long double t) {
   return {p[0] + d[0] * t, p[1] + d[1] * t, p[2] + d[2] * t};
 }
-inline long double dot(const Vec& a, const Vec& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+inline long double dot(const Vec& a, const Vec& b) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
 inline Vec cross(const Vec& a, const Vec& b) {
   return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
 }
@@ -25,12 +28,12 @@ inline long double length(const Vec& a) { return std::sqrt(dot(a, a)); }
 inline long double point_segment(const Vec& p, const Vec& a, const Vec& b) {
   const Vec d = b - a;
   const long double square = dot(d, d);
-  const long double t =
-      square > 0 ? std::clamp<long double>(dot(p - a, d) / square, 0, 1) : 0;
+  const long double t = square > 0 ? std::clamp<long double>(dot(p - a, d) / square, 0, 1) : 0;
   return length(p - along(a, d, t));
 }
 
-/// Closest points of segments: the ends against the other, and the inner solution where there is one.
+/// Closest points of segments: the ends against the other, and the inner solution where there is
+/// one.
 inline long double segment_segment(const Vec& p, const Vec& q, const Vec& r, const Vec& s) {
   long double least = std::min({point_segment(p, r, s), point_segment(q, r, s),
                                 point_segment(r, p, q), point_segment(s, p, q)});

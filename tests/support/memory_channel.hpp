@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Both channels without a network: one bus, any number of publishers and peers, in one thread. Each kind of message may be
-// lost, repeated and delayed (unequally, which reorders) by a seeded policy. Announcements and the news that somebody is
-// gone arrive as DDS has it: late joiners get the former, and a hello is not delivered once its sender is gone.
-// Everything the code under test sends must pass wire::check, as it would have to with DDS.
+// Both channels without a network: one bus, any number of publishers and peers, in one thread. Each
+// kind of message may be lost, repeated and delayed (unequally, which reorders) by a seeded policy.
+// Announcements and the news that somebody is gone arrive as DDS has it: late joiners get the
+// former, and a hello is not delivered once its sender is gone. Everything the code under test
+// sends must pass wire::check, as it would have to with DDS.
 
 #include <gtest/gtest.h>
 
@@ -31,13 +32,14 @@ class MemoryBus {
   Faults on_batches, on_subscriptions, on_poses;
   /// Sees every batch before the faults do; may change it; false drops it.
   std::function<bool(wire::SessionId peer, wire::SplitBatchMessage&)> batch_filter;
-  bool accept_batches = true;     ///< false: send() says "not now"
-  bool deliver_headers = true;    ///< false: headers are kept back until release_headers()
+  bool accept_batches = true;   ///< false: send() says "not now"
+  bool deliver_headers = true;  ///< false: headers are kept back until release_headers()
   std::vector<wire::ContactReport> reports;             ///< all that were sent
   std::vector<wire::RegionSubscription> subscriptions;  ///< all that were sent, also those lost
   std::uint64_t batches_sent = 0;
 
-  /// The bus must outlive its channels. A channel that goes away is news to the other side, see keep_quiet.
+  /// The bus must outlive its channels. A channel that goes away is news to the other side, see
+  /// keep_quiet.
   std::unique_ptr<publisher::Channel> make_publisher(wire::SessionId id);
   std::unique_ptr<subscriber::Channel> make_peer(wire::SessionId id);
 
@@ -46,7 +48,8 @@ class MemoryBus {
   /// A message that no code of ours would send.
   void inject(const wire::RegionSubscription& message) { to_publishers(message); }
   void inject(wire::SessionId peer, const wire::SplitBatchMessage& message) {
-    if (const auto at = peers_.find(peer); at != peers_.end()) at->second.batches.push(now_, message);
+    if (const auto at = peers_.find(peer); at != peers_.end())
+      at->second.batches.push(now_, message);
   }
   void inject(const wire::BodyPose& pose) { to_peers(pose); }
   void inject(const wire::Hello& hello) {
@@ -60,7 +63,8 @@ class MemoryBus {
     for (const auto& [id, station] : publishers_)
       for (const wire::MeshHeader& header : station.headers) inject(header);
   }
-  /// A publisher that is lost while its channel goes on, as when its process was frozen beyond the lease.
+  /// A publisher that is lost while its channel goes on, as when its process was frozen beyond the
+  /// lease.
   void lose_publisher(wire::SessionId id);
   void lose_peer(wire::SessionId id) {
     for (auto& [publisher, station] : publishers_) station.lost_peers.push_back(id);
@@ -121,7 +125,8 @@ class MemoryBus {
     if (station.hello.publisher == 0) return;
     box.inbox.hellos.push_back(station.hello);
     if (deliver_headers)
-      box.inbox.headers.insert(box.inbox.headers.end(), station.headers.begin(), station.headers.end());
+      box.inbox.headers.insert(box.inbox.headers.end(), station.headers.begin(),
+                               station.headers.end());
   }
 
   Random random_;
@@ -215,7 +220,8 @@ inline std::unique_ptr<subscriber::Channel> MemoryBus::make_peer(wire::SessionId
 
 inline void MemoryBus::lose_publisher(wire::SessionId id) {
   for (auto& [peer, box] : peers_) {
-    std::erase_if(box.inbox.hellos, [&](const wire::Hello& hello) { return hello.publisher == id; });
+    std::erase_if(box.inbox.hellos,
+                  [&](const wire::Hello& hello) { return hello.publisher == id; });
     box.inbox.lost_publishers.push_back(id);
   }
 }

@@ -25,20 +25,22 @@ namespace nearmesh::test {
 inline BakedModel bake_mesh(const IndexedMesh& mesh, std::uint32_t base_faces = 256) {
   Result<CleanResult> clean = clean_mesh(mesh, 21);
   if (!clean.is_ok()) ADD_FAILURE() << clean.status().message();
-  Result<BakedModel> baked = bake(clean.value().mesh, clean.value().report.rounding_error_m,
-                                  {.base_faces = base_faces});
+  Result<BakedModel> baked =
+      bake(clean.value().mesh, clean.value().report.rounding_error_m, {.base_faces = base_faces});
   if (!baked.is_ok()) ADD_FAILURE() << baked.status().message();
   return std::move(baked).value();
 }
 
 // ---- meshes -------------------------------------------------------------------------------------
 
-/// Triangles between random ones of `vertices` points: edges with many faces, no orientation, crossings.
+/// Triangles between random ones of `vertices` points: edges with many faces, no orientation,
+/// crossings.
 inline IndexedMesh make_soup(std::uint32_t vertices, std::uint32_t faces, std::uint64_t seed) {
   Random random(seed);
   IndexedMesh mesh;
   for (std::uint32_t i = 0; i < vertices; ++i)
-    mesh.positions_m.push_back({random.between(-1, 1), random.between(-1, 1), random.between(-1, 1)});
+    mesh.positions_m.push_back(
+        {random.between(-1, 1), random.between(-1, 1), random.between(-1, 1)});
   while (mesh.faces.size() < faces) {
     const std::uint32_t a = random.below(vertices), b = random.below(vertices),
                         c = random.below(vertices);
@@ -59,7 +61,8 @@ inline IndexedMesh make_components(std::uint32_t count, std::uint64_t seed) {
     for (const auto& p : one.positions_m)
       mesh.positions_m.push_back(
           {at[0] + radius * p[0], at[1] + radius * p[1], at[2] + radius * p[2]});
-    for (const auto& f : one.faces) mesh.faces.push_back({f[0] + first, f[1] + first, f[2] + first});
+    for (const auto& f : one.faces)
+      mesh.faces.push_back({f[0] + first, f[1] + first, f[2] + first});
   }
   return mesh;
 }
@@ -71,8 +74,10 @@ inline IndexedMesh make_degenerate(std::uint64_t seed) {
   const auto sphere = static_cast<std::uint32_t>(mesh.positions_m.size());
   for (std::uint32_t i = 0; i < 60; ++i) {
     const auto first = static_cast<std::uint32_t>(mesh.positions_m.size());
-    const std::array<double, 3> p{random.between(-2, 2), random.between(-2, 2), random.between(-2, 2)};
-    const std::array<double, 3> q{random.between(-2, 2), random.between(-2, 2), random.between(-2, 2)};
+    const std::array<double, 3> p{random.between(-2, 2), random.between(-2, 2),
+                                  random.between(-2, 2)};
+    const std::array<double, 3> q{random.between(-2, 2), random.between(-2, 2),
+                                  random.between(-2, 2)};
     mesh.positions_m.push_back(p);
     mesh.positions_m.push_back(i % 3 == 0 ? p : q);
     mesh.positions_m.push_back({(p[0] + q[0]) / 2, (p[1] + q[1]) / 2, (p[2] + q[2]) / 2});
@@ -127,7 +132,8 @@ class TempFile {
   ~TempFile() { std::remove(path_.c_str()); }
   [[nodiscard]] const std::string& path() const { return path_; }
 
-  /// Replaces the content; in place where the size is the same, since tests do this thousands of times.
+  /// Replaces the content; in place where the size is the same, since tests do this thousands of
+  /// times.
   void write(std::span<const std::uint8_t> bytes) const {
     const int file = ::open(path_.c_str(), O_WRONLY | O_CREAT, 0600);
     ASSERT_GE(file, 0);
@@ -184,7 +190,8 @@ inline std::array<double, 3> place(const Pose& pose, const std::array<double, 3>
 }
 
 /// Position of a vertex in the model's frame, metres.
-inline std::array<double, 3> position_m(const SpmHeader& header, const SplitStore& store, VertexId v) {
+inline std::array<double, 3> position_m(const SpmHeader& header, const SplitStore& store,
+                                        VertexId v) {
   std::array<double, 3> at = header.grid.origin_m;
   for (int k = 0; k < 3; ++k)
     at[static_cast<std::size_t>(k)] += std::ldexp(store.position(v)[k], header.grid.exponent);
@@ -207,8 +214,9 @@ inline double radius_m(const BakedModel& model) {
   return std::sqrt(greatest);
 }
 
-/// Both bodies turned at random; a vertex of b stands next to a vertex of a, at a distance drawn from all magnitudes, or
-/// straight beyond it, where b is more often clear of a.
+/// Both bodies turned at random. A vertex of b stands next to one of a, at a distance drawn from
+/// all magnitudes; or b's middle lies beyond a vertex of a, outward or in any direction, about its
+/// own radius away, where it may be clear of a.
 inline PosedPair near_pose(Random& random, const BakedModel& a, const BakedModel& b) {
   Pose pose_a{.rotation = random_rotation(random)}, pose_b{.rotation = random_rotation(random)};
   if (random.below(4) == 0) pose_a.rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1};
@@ -216,18 +224,16 @@ inline PosedPair near_pose(Random& random, const BakedModel& a, const BakedModel
   const auto vb = position_m(b.header, b.store, {random.below(b.header.vertex_count)});
   const std::array<double, 3> at = place(pose_a, va), turned = place(pose_b, vb);
   const double scale = std::min(radius_m(a), radius_m(b)) * std::exp2(random.between(-20, 0));
-  const bool away = random.below(2) == 0;
-  for (std::size_t k = 0; k < 3; ++k) {
-    const double shift = away ? -(turned[k] > 0 ? 1 : -1) * scale : random.between(-1, 1) * scale;
-    pose_b.translation_m[k] = at[k] - turned[k] + shift;
-  }
-  if (away) {  // b's middle on the far side of a's vertex
-    double length = 0;
-    for (const double x : at) length += x * x;
-    length = std::sqrt(length) + 1e-30;
-    const double reach = radius_m(b) * random.between(0.3, 1.4);
-    for (std::size_t k = 0; k < 3; ++k) pose_b.translation_m[k] = at[k] + at[k] / length * reach;
-  }
+  const std::uint32_t kind = random.below(4);
+  std::array<double, 3> direction = at;
+  if (kind > 1)
+    for (double& x : direction) x = random.between(-1, 1);
+  double length = 1e-30;
+  for (const double x : direction) length += x * x;
+  const double reach = radius_m(b) * random.between(0.3, 1.6) / std::sqrt(length);
+  for (std::size_t k = 0; k < 3; ++k)
+    pose_b.translation_m[k] = kind == 0 ? at[k] - turned[k] + random.between(-1, 1) * scale
+                                        : at[k] + direction[k] * reach;
   Result<PosedPair> posed = pose_pair(a.header.grid, pose_a, "a", b.header.grid, pose_b, "b");
   if (!posed.is_ok()) ADD_FAILURE() << posed.status().message();
   return posed.value();

@@ -8,7 +8,8 @@
 namespace nearmesh {
 namespace {
 
-/// A mesh and its tree, changed at random: splits one by one, many in one delta, and collapses of all sizes.
+/// A mesh and its tree, changed at random: splits one by one, many in one delta, and collapses of
+/// all sizes.
 class Wanderer {
  public:
   Wanderer(const BakedModel& model, std::uint64_t seed)
@@ -122,8 +123,8 @@ TEST_P(AbTreeOf, FollowsAReplicaWhoseBatchesComeInAnyOrderAndAreForgottenAgain) 
   RefineDelta ignored;
   for (const VertexId u : test::all_splits(model.store)) ASSERT_TRUE(full.split(u, ignored));
   std::vector<SplitBatch> batches;
-  for (const auto& bytes : encode_batches(model.header, model.store, active_treelet(full),
-                                          BoxPolicy::kCutNodes, 150))
+  for (const auto& bytes :
+       encode_batches(model.header, model.store, active_treelet(full), BoxPolicy::kCutNodes, 150))
     batches.push_back(std::move(decode_batch(model.header, bytes)).value());
   Random random(83);
   Replica replica(model.header);

@@ -133,7 +133,8 @@ TEST_P(Collect, PublisherAndPeerGetTheSameTreelet) {
   }
 }
 
-// A face across the whole model with no vertex in the region: the paper's coverage by vertex would miss it.
+// A face across the whole model with no vertex in the region: the paper's coverage by vertex would
+// miss it.
 TEST(CollectCoverage, BringsALargeFaceThatHasNoVertexInTheRegion) {
   IndexedMesh mesh = generate_terrain(16, 3);
   double top = 0;
@@ -146,7 +147,8 @@ TEST(CollectCoverage, BringsALargeFaceThatHasNoVertexInTheRegion) {
   RegionRequest request = request_for_all(model);
   GridBox box;  // the middle of the large face
   for (int k = 0; k < 3; ++k) {
-    const double at = (k == 2 ? top + 1000 : 0) - model.header.grid.origin_m[static_cast<std::size_t>(k)];
+    const double at =
+        (k == 2 ? top + 1000 : 0) - model.header.grid.origin_m[static_cast<std::size_t>(k)];
     const auto cell = static_cast<std::int32_t>(std::ldexp(at, -model.header.grid.exponent));
     box.lo[k] = cell - 10;
     box.hi[k] = cell + 10;
@@ -203,9 +205,8 @@ TEST_P(AttachNodesThatAreNone, AreRefusedByAPublisher) {
   const auto path = test::write_model(model);
   Result<ModelFile> file = ModelFile::open(path->path());
   const RegionRequest request{.attach = {GetParam()}, .region = {GridBox{{0, 0, 0}, {9, 9, 9}}}};
-  const Result<Demand> demand = collect(file.value().store(), request, [&](NodeSpan node) {
-    return file.value().require(node);
-  });
+  const Result<Demand> demand = collect(file.value().store(), request,
+                                        [&](NodeSpan node) { return file.value().require(node); });
   ASSERT_FALSE(demand.is_ok());
   EXPECT_EQ(demand.status().code(), StatusCode::kInvalidArgument);
   EXPECT_NE(demand.status().message().find(std::to_string(GetParam().begin())), std::string::npos);
@@ -224,8 +225,9 @@ TEST(CollectErrors, PassesOnWhatRequireReports) {
   const SplitStore empty(model.header);
   RegionRequest request = request_for_all(model);
   request.region = {GridBox{{0, 0, 0}, {0x7fffffff, 0x7fffffff, 0x7fffffff}}};
-  const Result<Demand> demand =
-      collect(empty, request, [](NodeSpan) { return Status{StatusCode::kIo, "gone"}; });
+  const Result<Demand> demand = collect(empty, request, [](NodeSpan) {
+    return Status{StatusCode::kIo, "gone"};
+  });
   ASSERT_FALSE(demand.is_ok());
   EXPECT_EQ(demand.status().code(), StatusCode::kIo);
 }
@@ -247,7 +249,9 @@ class CheckRequest : public ::testing::Test {
   RegionRequest request_;
 };
 
-TEST_F(CheckRequest, AcceptsAGoodOne) { EXPECT_TRUE(check_request(model_.store, request_).is_ok()); }
+TEST_F(CheckRequest, AcceptsAGoodOne) {
+  EXPECT_TRUE(check_request(model_.store, request_).is_ok());
+}
 
 TEST_F(CheckRequest, AcceptsTheGreatestCounts) {
   request_.attach.clear();

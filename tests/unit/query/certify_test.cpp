@@ -65,9 +65,11 @@ TEST(Certify, FromAFileNothingDecodedGivesTheSameAnswer) {
   const test::FullModel full_a(model), full_b(other);
   Random random(3);
   for (int i = 0; i < 20; ++i) {
-    Result<ModelFile> file_a = ModelFile::open(path_a->path()), file_b = ModelFile::open(path_b->path());
+    Result<ModelFile> file_a = ModelFile::open(path_a->path()),
+                      file_b = ModelFile::open(path_b->path());
     ASSERT_TRUE(file_a.is_ok() && file_b.is_ok());
-    LocalModel a(file_a.value().store(), model.header.grid), b(file_b.value().store(), other.header.grid);
+    LocalModel a(file_a.value().store(), model.header.grid),
+        b(file_b.value().store(), other.header.grid);
     const PosedPair posed = test::near_pose(random, model, other);
     const Result<Answer> answer = certify(
         a, posed.a, [&](NodeSpan node) { return file_a.value().require(node); }, b, posed.b,

@@ -64,8 +64,8 @@ TEST_P(QueryPair, NamesMissingNodesExactlyWhenNotCertified) {
     const PosedPair posed = test::near_pose(random, a_, b_);
     const Answer answer = query(a.view(), posed.a, b.view(), posed.b);
     EXPECT_EQ(is_certified(answer.status), answer.missing_a.empty() && answer.missing_b.empty());
-    EXPECT_EQ(answer.pairs.empty(), answer.status == AnswerStatus::kFree ||
-                                        answer.status == AnswerStatus::kUncertain);
+    EXPECT_EQ(answer.pairs.empty(),
+              answer.status == AnswerStatus::kFree || answer.status == AnswerStatus::kUncertain);
     for (const NodeSpan& node : answer.missing_a) EXPECT_TRUE(is_unresolved(a.mesh, node));
     for (const NodeSpan& node : answer.missing_b) EXPECT_TRUE(is_unresolved(b.mesh, node));
     EXPECT_TRUE(std::is_sorted(answer.missing_a.begin(), answer.missing_a.end()));
@@ -199,8 +199,8 @@ double true_distance_m(const BakedModel& a, const PosedFrame& frame_a, const Bak
   for (const test::KeyedFace& fa : test::all_faces(a.store)) {
     const LatticeTriangle ta = test::posed(a.store, frame_a, fa.face);
     for (const test::KeyedFace& fb : faces_b)
-      least = std::min(least, test::distance_m(ta, test::posed(b.store, frame_b, fb.face),
-                                               frame_a.lattice_exp));
+      least = std::min(
+          least, test::distance_m(ta, test::posed(b.store, frame_b, fb.face), frame_a.lattice_exp));
   }
   return least;
 }

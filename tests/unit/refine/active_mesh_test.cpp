@@ -197,7 +197,8 @@ TEST(ActiveMesh, CollapseBelowACoarserNodeIsNothing) {
   const BakedModel model = test::bake_named("aircraft");
   ActiveMesh mesh(model.store);
   RefineDelta delta;
-  for (const VertexId u : test::all_splits(model.store)) mesh.collapse(model.store.node_of(u), delta);
+  for (const VertexId u : test::all_splits(model.store))
+    mesh.collapse(model.store.node_of(u), delta);
   EXPECT_TRUE(delta.is_empty());
 }
 

@@ -193,8 +193,9 @@ TEST_F(ContradictingBatch, AnotherFaceIsRefused) {
 TEST_F(ContradictingBatch, AnotherSplitOfANodeIsRefused) {
   SplitBatch batch = known_record();
   batch.splits[0].face_count = 0;
-  batch.splits[0].split = {batch.splits[0].node.begin() +
-                           (batch.splits[0].split.value == batch.splits[0].node.begin() + 1 ? 2U : 1U)};
+  batch.splits[0].split = {
+      batch.splits[0].node.begin() +
+      (batch.splits[0].split.value == batch.splits[0].node.begin() + 1 ? 2U : 1U)};
   if (batch.splits[0].node.size < 3) GTEST_SKIP() << "the node has one split only";
   expect_refused(batch);
 }

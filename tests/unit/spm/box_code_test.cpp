@@ -20,7 +20,8 @@ TEST(BoxExtent, NeverDecreasesWithTheCode) {
 TEST(BoxExtent, IsTheSmallestIntegerThatTheFormatStates) {
   for (int code = 0; code <= kMaxExtentCode; ++code) {
     const long double exact = std::exp2(static_cast<long double>(code) / 4) - 1;
-    EXPECT_EQ(box_extent(static_cast<std::uint8_t>(code)), static_cast<std::int64_t>(std::ceil(exact)))
+    EXPECT_EQ(box_extent(static_cast<std::uint8_t>(code)),
+              static_cast<std::int64_t>(std::ceil(exact)))
         << code;
   }
 }

@@ -92,9 +92,9 @@ TEST_P(Codec, NoBatchExceedsTheDatagram) {
   const BakedModel model = test::bake_named(GetParam());
   Random random(14);
   for (int i = 0; i < 30; ++i)
-    for (const auto& bytes : encode_batches(model.header, model.store,
-                                            random_treelet(random, model, kMaxRequestSplits),
-                                            BoxPolicy::kCutNodes))
+    for (const auto& bytes :
+         encode_batches(model.header, model.store, random_treelet(random, model, kMaxRequestSplits),
+                        BoxPolicy::kCutNodes))
       EXPECT_LE(bytes.size(), kMaxBatchBytes);
 }
 
@@ -110,7 +110,8 @@ TEST_P(Codec, StoredBlocksHoldEverySplitOnce) {
     EXPECT_EQ(seen[v], model.store.is_root({v}) ? 0U : 1U) << v;
 }
 
-// Each batch alone into a store that holds the whole model otherwise: nothing of the batches before it is needed.
+// Each batch alone into a store that holds the whole model otherwise: nothing of the batches before
+// it is needed.
 TEST(CodecBatches, EachDecodesAlone) {
   const BakedModel model = test::bake_named("terrain");
   Random random(15);
@@ -143,7 +144,8 @@ TEST(CodecBatches, SplitTooLargeForADatagramStandsAlone) {
   SpmHeader header;
   header.vertex_count = 2002;
   header.roots.push_back({{{0}, 4}, {}, {}});
-  for (std::uint32_t v = 4; v < header.vertex_count; ++v) header.roots.push_back({{{v}, 1}, {}, {}});
+  for (std::uint32_t v = 4; v < header.vertex_count; ++v)
+    header.roots.push_back({{{v}, 1}, {}, {}});
   header.tables = make_tables(TrainingCounts(static_cast<std::size_t>(coding_context_count())));
   SplitStore store(header);
   std::vector<SplitFace> faces;
@@ -161,9 +163,11 @@ TEST(CodecBatches, SplitTooLargeForADatagramStandsAlone) {
   EXPECT_EQ(batch.value().faces, faces);
 }
 
-// ---- bytes from outside ---------------------------------------------------------------------------
+// ---- bytes from outside
+// ---------------------------------------------------------------------------
 
-/// Decodes, and applies what was accepted to a store of the true model and to one that starts empty.
+/// Decodes, and applies what was accepted to a store of the true model and to one that starts
+/// empty.
 void expect_harmless(const BakedModel& model, const std::vector<std::uint8_t>& bytes) {
   const Result<SplitBatch> batch = decode_batch(model.header, bytes);
   if (!batch.is_ok()) {
@@ -180,8 +184,8 @@ void expect_harmless(const BakedModel& model, const std::vector<std::uint8_t>& b
   for (const SplitRecord& record : batch.value().splits) {
     EXPECT_GE(record.node.size, 2U);
     EXPECT_LE(record.node.end(), model.header.vertex_count);
-    const auto inserted = store.insert(
-        record, {batch.value().faces.data() + record.face_begin, record.face_count});
+    const auto inserted =
+        store.insert(record, {batch.value().faces.data() + record.face_begin, record.face_count});
     if (inserted.is_ok() && inserted.value() == SplitStore::Insertion::kAdded) {
       EXPECT_TRUE(mesh.split(record.split, delta));
     }
@@ -217,8 +221,8 @@ TEST(DecodeBatch, RefusesEveryTruncation) {
   const BakedModel model = test::bake_named("aircraft");
   Random random(23);
   for (int i = 0; i < 5; ++i) {
-    const auto batches = encode_batches(model.header, model.store, random_treelet(random, model, 120),
-                                        BoxPolicy::kCutNodes);
+    const auto batches = encode_batches(model.header, model.store,
+                                        random_treelet(random, model, 120), BoxPolicy::kCutNodes);
     for (const auto& bytes : batches)
       for (std::size_t n = 0; n < bytes.size(); ++n) {
         const Result<SplitBatch> batch = decode_batch(model.header, {bytes.data(), n});
@@ -252,7 +256,8 @@ TEST(DecodeBatch, SurvivesEveryFlippedBit) {
   }
 }
 
-/// A batch with one record below an attach node given as raw gamma values; 64 zero bits for `kEndless`.
+/// A batch with one record below an attach node given as raw gamma values; 64 zero bits for
+/// `kEndless`.
 constexpr std::uint64_t kEndless = ~std::uint64_t{0};
 std::vector<std::uint8_t> batch_with_attach(std::uint64_t first, std::uint64_t size_minus_2) {
   BitWriter out;

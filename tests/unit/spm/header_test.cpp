@@ -97,7 +97,8 @@ TEST(DecodeHeader, SurvivesManyFlippedBits) {
   }
 }
 
-// The fields before the roots, then `sizes` of roots (kEndless: 64 zero bits where a gamma code should be).
+// The fields before the roots, then `sizes` of roots (kEndless: 64 zero bits where a gamma code
+// should be).
 constexpr std::uint64_t kEndless = ~std::uint64_t{0};
 std::vector<std::uint8_t> header_with_roots(std::uint32_t vertex_count,
                                             const std::vector<std::uint64_t>& sizes) {

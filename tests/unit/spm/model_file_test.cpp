@@ -35,8 +35,9 @@ Content content_of(const ModelFile& file) {
 }
 bool equal(const Content& a, const Content& b) {
   return a.header == b.header && a.positions == b.positions &&
-         std::equal(a.faces.begin(), a.faces.end(), b.faces.begin(), b.faces.end(),
-                    [](const auto& x, const auto& y) { return x.key == y.key && x.face == y.face; });
+         std::equal(
+             a.faces.begin(), a.faces.end(), b.faces.begin(), b.faces.end(),
+             [](const auto& x, const auto& y) { return x.key == y.key && x.face == y.face; });
 }
 
 class ModelFileOf : public ::testing::TestWithParam<std::string> {};
@@ -64,7 +65,8 @@ TEST_P(ModelFileOf, HoldsTheBakedModel) {
   }
 }
 
-// Through the file and back: every input face at its number, with the corner that the input names first, first.
+// Through the file and back: every input face at its number, with the corner that the input names
+// first, first.
 TEST_P(ModelFileOf, RestoresTheInputExactly) {
   Result<CleanResult> cleaned = clean_mesh(test::make_mesh(GetParam()), 21);
   ASSERT_TRUE(cleaned.is_ok()) << cleaned.status().message();
@@ -170,7 +172,8 @@ TEST(ModelFile, RefusesAnotherKindOfFile) {
 void seal(std::vector<std::uint8_t>& bytes) {
   Preamble preamble;
   std::memcpy(&preamble, bytes.data(), sizeof preamble);
-  const auto section = [&](std::uint64_t offset, std::uint64_t count) -> std::span<const std::uint8_t> {
+  const auto section = [&](std::uint64_t offset,
+                           std::uint64_t count) -> std::span<const std::uint8_t> {
     if (offset > bytes.size() || count > bytes.size() - offset) return {};
     return {bytes.data() + offset, count};
   };
@@ -185,11 +188,10 @@ void seal(std::vector<std::uint8_t>& bytes) {
   if (preamble.face_table_offset <= bytes.size())
     preamble.face_table_checksum =
         hash_bytes(section(preamble.face_table_offset, bytes.size() - preamble.face_table_offset));
-  preamble.content_hash =
-      hash_bytes(section(preamble.directory_offset,
-                         std::uint64_t{preamble.block_count} * sizeof(DirectoryEntry)),
-                 hash_bytes(section(sizeof(Preamble), preamble.header_bytes),
-                            preamble.face_table_checksum));
+  preamble.content_hash = hash_bytes(
+      section(preamble.directory_offset,
+              std::uint64_t{preamble.block_count} * sizeof(DirectoryEntry)),
+      hash_bytes(section(sizeof(Preamble), preamble.header_bytes), preamble.face_table_checksum));
   std::memcpy(bytes.data(), &preamble, sizeof preamble);
   preamble.checksum = hash_bytes(section(0, sizeof(Preamble) - 8));
   std::memcpy(bytes.data(), &preamble, sizeof preamble);

@@ -1,0 +1,277 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// Publishers and peers on a memory bus, random flights, and a judge that holds every answer against the full meshes.
+
+#include <chrono>
+#include <deque>
+#include <set>
+
+#include "brute_force.hpp"
+#include "memory_channel.hpp"
+#include "moving.hpp"
+#include "nearmesh/publisher/service.hpp"
+#include "nearmesh/subscriber/session.hpp"
+#include "test_models.hpp"
+
+namespace nearmesh::test {
+
+using subscriber::FrameReport;
+using subscriber::Motion;
+using subscriber::PairAnswer;
+using subscriber::Session;
+using subscriber::SessionOptions;
+
+/// A model on disk and its full mesh.
+struct ServedModel {
+  explicit ServedModel(BakedModel baked) : model(std::move(baked)) {}
+  BakedModel model;
+  std::unique_ptr<TempFile> file = write_model(model);
+  FullModel full{model};
+  [[nodiscard]] ModelFile open() const { return std::move(ModelFile::open(file->path())).value(); }
+};
+
+inline const ServedModel& terrain() {
+  static const ServedModel served(bake_mesh(generate_terrain(40, 7), 16));
+  return served;
+}
+/// Other content, to be served under the same name.
+inline const ServedModel& other_terrain() {
+  static const ServedModel served(bake_mesh(generate_terrain(40, 8), 16));
+  return served;
+}
+inline const ServedModel& aircraft() {
+  static const ServedModel served(bake_mesh(generate_aircraft(500, 7), 16));
+  return served;
+}
+
+// ---- flights ------------------------------------------------------------------------------------
+
+/// Two aircraft, frame by frame, at 20 Hz.
+struct Flight {
+  std::vector<Motion> one, two;
+  [[nodiscard]] std::size_t frames() const { return one.size(); }
+};
+
+/// From way point to way point close above, or in, the ground, turning; the second near the first.
+inline Flight make_flight(std::uint64_t seed, int segments = 5) {
+  Random random(seed);
+  Flight flight;
+  const auto way_point = [&] {
+    const BakedModel& ground = terrain().model;
+    Vector at = position_m(ground.header, ground.store, {random.below(ground.header.vertex_count)});
+    at[2] += random.between(-5, 40);
+    return at;
+  };
+  const auto spin = [&] {
+    return Vector{random.between(-1, 1), random.between(-1, 1), random.between(-1, 1)};
+  };
+  constexpr int kFramesEach = 8;
+  constexpr double kPeriod_s = 0.05;
+  Vector from = way_point();
+  Motion one, two;
+  one.pose.rotation = random_rotation(random);
+  two.pose.rotation = random_rotation(random);
+  for (int segment = 0; segment < segments; ++segment) {
+    const Vector to = way_point();
+    one.pose.translation_m = from;
+    one.angular_velocity_radps = spin();
+    two.angular_velocity_radps = spin();
+    for (std::size_t k = 0; k < 3; ++k) {
+      one.linear_velocity_mps[k] = (to[k] - from[k]) / (kFramesEach * kPeriod_s);
+      two.pose.translation_m[k] = from[k] + random.between(-60, 60);
+      two.linear_velocity_mps[k] = one.linear_velocity_mps[k] + random.between(-150, 150);
+    }
+    for (int frame = 0; frame < kFramesEach; ++frame) {
+      flight.one.push_back(one);
+      flight.two.push_back(two);
+      one.pose = moved(one, kPeriod_s);
+      two.pose = moved(two, kPeriod_s);
+    }
+    from = to;
+  }
+  return flight;
+}
+
+// ---- judge --------------------------------------------------------------------------------------
+
+/// Counts answers, and fails the test for every one that the full meshes contradict.
+class Judge {
+ public:
+  const ServedModel* ground = &terrain();  ///< what "terrain" stands for
+  std::uint64_t free = 0, contact = 0, partial = 0, uncertain = 0, unknown = 0;
+
+  [[nodiscard]] std::uint64_t certified() const { return free + contact; }
+
+  void check(const FrameReport& report) {
+    for (const PairAnswer& answer : report.answers) check(answer);
+  }
+  void check(const PairAnswer& answer) {
+    if (!answer.reason.empty()) {
+      EXPECT_EQ(answer.answer.status, AnswerStatus::kUncertain) << answer.reason;
+      EXPECT_TRUE(answer.answer.pairs.empty());
+      ++unknown;
+      return;
+    }
+    const std::vector<FacePair>& pairs = answer.answer.pairs;
+    const auto about = [&] { return answer.body_a + " and " + answer.body_b; };
+    switch (answer.answer.status) {
+      case AnswerStatus::kFree:
+        ++free;
+        EXPECT_TRUE(full(answer).empty()) << about() << " answered free, but they touch";
+        break;
+      case AnswerStatus::kContact:
+        ++contact;
+        EXPECT_EQ(pairs, full(answer)) << about();
+        break;
+      case AnswerStatus::kPartial: {
+        ++partial;
+        const std::vector<FacePair>& all = full(answer);
+        EXPECT_TRUE(std::includes(all.begin(), all.end(), pairs.begin(), pairs.end())) << about();
+        EXPECT_FALSE(pairs.empty());
+        break;
+      }
+      case AnswerStatus::kUncertain:
+        ++uncertain;
+        EXPECT_TRUE(pairs.empty());
+        EXPECT_GT(answer.answer.uncertainty_m, 0);
+        break;
+    }
+  }
+  /// What the full meshes say.
+  std::vector<FacePair> touching(const PairAnswer& answer, const Pose& pose_a, const Pose& pose_b) const {
+    const TriangleTree &a = mesh_of(answer.body_a).full.tree, &b = mesh_of(answer.body_b).full.tree;
+    const Result<PosedPair> posed = pose_pair(a.grid, pose_a, "a", b.grid, pose_b, "b");
+    EXPECT_TRUE(posed.is_ok());
+    return query(a.view(), posed.value().a, b.view(), posed.value().b, {.clearance = false}).pairs;
+  }
+
+ private:
+  [[nodiscard]] const ServedModel& mesh_of(const std::string& body) const {
+    return body == "ground" ? *ground : aircraft();
+  }
+  // The same question comes many times while detail is on its way.
+  const std::vector<FacePair>& full(const PairAnswer& answer) {
+    Known& known = known_[answer.body_a + '/' + answer.body_b];
+    if (known.ground != ground || known.poses[0].rotation != answer.pose_a.rotation ||
+        known.poses[0].translation_m != answer.pose_a.translation_m ||
+        known.poses[1].rotation != answer.pose_b.rotation ||
+        known.poses[1].translation_m != answer.pose_b.translation_m)
+      known = {ground, {answer.pose_a, answer.pose_b},
+               touching(answer, answer.pose_a, answer.pose_b)};
+    return known.pairs;
+  }
+  struct Known {
+    const ServedModel* ground = nullptr;
+    std::array<Pose, 2> poses;
+    std::vector<FacePair> pairs;
+  };
+  std::map<std::string, Known> known_;
+};
+
+// ---- world --------------------------------------------------------------------------------------
+
+constexpr wire::SessionId kPublisher = 0xa1, kPeer = 0xb1;
+
+/// Repeats soon, since the bus is fast; small answers, so that a flight takes many.
+inline SessionOptions quick_options() {
+  return {.request_splits = 256, .request_timeout_s = 0.0005};
+}
+
+class World {
+ public:
+  explicit World(std::uint64_t seed = 1) : bus(seed) {}
+
+  MemoryBus bus;
+  Judge judge;
+  std::vector<std::string> complaints;
+  std::function<void(const FrameReport&)> on_report;
+
+  void start_publisher(wire::SessionId id = kPublisher, const ServedModel& ground = terrain()) {
+    Server& server = servers_[id];
+    server.channel = bus.make_publisher(id);
+    server.service = std::make_unique<publisher::Service>(*server.channel, id);
+    EXPECT_TRUE(server.service->add_model("terrain", ground.open()).is_ok());
+    EXPECT_TRUE(server.service->add_model("aircraft", aircraft().open()).is_ok());
+    server.service->announce();
+  }
+  void stop_publisher(wire::SessionId id = kPublisher) { servers_.erase(id); }
+  publisher::Service& service(wire::SessionId id = kPublisher) { return *servers_.at(id).service; }
+
+  /// A peer that moves both aircraft over the ground and asks about all three pairs.
+  std::unique_ptr<Session> make_peer(SessionOptions options = quick_options(), wire::SessionId id = kPeer) {
+    return make_peer(options, id, true, true);
+  }
+  std::unique_ptr<Session> make_peer(SessionOptions options, wire::SessionId id, bool moves_one,
+                                     bool moves_two) {
+    auto session = std::make_unique<Session>(bus.make_peer(id), options);
+    EXPECT_TRUE(session->add_body("ground", "terrain", false).is_ok());
+    EXPECT_TRUE(session->place_body("ground", {}).is_ok());
+    EXPECT_TRUE(session->add_body("one", "aircraft", moves_one).is_ok());
+    EXPECT_TRUE(session->add_body("two", "aircraft", moves_two).is_ok());
+    EXPECT_TRUE(session->watch("ground", "one").is_ok());
+    EXPECT_TRUE(session->watch("ground", "two").is_ok());
+    EXPECT_TRUE(session->watch("one", "two").is_ok());
+    return session;
+  }
+
+  /// Everybody does one step; the answers are judged.
+  FrameReport round(Session& session, std::uint64_t frame = 0,
+                    const std::vector<Session::OwnMotion>& motions = {}, double budget_s = 1) {
+    bus.tick();
+    for (auto& [id, server] : servers_)
+      for (std::string& line : server.service->step(static_cast<double>(++steps_) * 0.05))
+        complaints.push_back(std::move(line));
+    Result<FrameReport> report =
+        session.update(frame, static_cast<double>(frame) * 0.05, motions, budget_s);
+    EXPECT_TRUE(report.is_ok()) << report.status().message();
+    complaints.insert(complaints.end(), report.value().complaints.begin(),
+                      report.value().complaints.end());
+    judge.check(report.value());
+    if (on_report) on_report(report.value());
+    return std::move(report).value();
+  }
+
+  /// One frame: rounds until all is certified, or the limit is reached. True when all was.
+  bool fly_frame(Session& session, std::uint64_t frame, const std::vector<Session::OwnMotion>& motions,
+                 int max_rounds = 0, double budget_s = 1) {
+    const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(10);
+    for (int i = 0; max_rounds == 0 || i < max_rounds; ++i) {
+      if (round(session, frame, i == 0 ? motions : std::vector<Session::OwnMotion>{}, budget_s)
+              .all_certified())
+        return true;
+      if (std::chrono::steady_clock::now() > deadline) break;
+    }
+    return false;
+  }
+
+  /// Frames [first, last). Gives the number of frames that ended with all certified.
+  std::size_t fly(Session& session, const Flight& flight, std::size_t first, std::size_t last,
+                  int max_rounds = 0, double budget_s = 1) {
+    std::size_t certified = 0;
+    for (std::size_t i = first; i < last && !::testing::Test::HasFailure(); ++i)
+      certified += fly_frame(session, i, {{"one", flight.one[i]}, {"two", flight.two[i]}}, max_rounds,
+                             budget_s)
+                       ? 1
+                       : 0;
+    return certified;
+  }
+  std::size_t fly(Session& session, const Flight& flight) {
+    return fly(session, flight, 0, flight.frames());
+  }
+
+  [[nodiscard]] bool has_complaint(const std::string& part) const {
+    return std::any_of(complaints.begin(), complaints.end(), [&](const std::string& line) {
+      return line.find(part) != std::string::npos;
+    });
+  }
+
+ private:
+  struct Server {
+    std::unique_ptr<publisher::Channel> channel;
+    std::unique_ptr<publisher::Service> service;
+  };
+  std::map<wire::SessionId, Server> servers_;
+  std::uint64_t steps_ = 0;
+};
+
+}  // namespace nearmesh::test
