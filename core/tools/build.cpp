@@ -5,6 +5,7 @@
 
 #include "commands.hpp"
 #include "nearmesh/core/bake/bake.hpp"
+#include "nearmesh/core/base/hash.hpp"
 #include "nearmesh/core/base/resources.hpp"
 #include "nearmesh/core/base/stopwatch.hpp"
 #include "nearmesh/core/meshio/import.hpp"
@@ -82,7 +83,7 @@ void print_json(const Options& options, const Outcome& o) {
       {"bytes", o.written.file_bytes},
       {"header_bytes", o.written.header_bytes},
       {"block_bytes", o.written.block_bytes},
-      {"content_hash", std::to_string(o.written.content_hash)},
+      {"content_hash", to_hex(o.written.content_hash)},
       {"stop", to_string(o.stop)},
       {"seconds", o.seconds},
       {"peak_memory_bytes", peak_memory_bytes()}};

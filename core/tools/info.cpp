@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "commands.hpp"
+#include "nearmesh/core/base/hash.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
 
 namespace nearmesh::tools {
@@ -27,9 +28,7 @@ Status run(const Options& options) {
     hi[axis] = header.grid.origin_m[axis] + std::ldexp(box.hi[k], header.grid.exponent);
   }
   const double cell = std::ldexp(1.0, header.grid.exponent);
-  char hash[17];
-  std::snprintf(hash, sizeof hash, "%016llx",
-                static_cast<unsigned long long>(file.value().content_hash()));
+  const std::string hash = to_hex(file.value().content_hash());
   if (options.json) {
     const nlohmann::ordered_json report = {{"path", options.path},
                                            {"content_hash", hash},
@@ -50,7 +49,7 @@ Status run(const Options& options) {
     std::printf("%s\n", report.dump().c_str());
     return Status::ok();
   }
-  std::printf("%s: nearmesh model %s, checksums good\n", options.path.c_str(), hash);
+  std::printf("%s: nearmesh model %s, checksums good\n", options.path.c_str(), hash.c_str());
   std::printf("  full          %u faces, %u vertices\n", header.face_count, header.vertex_count);
   std::printf("  base          %zu faces, %zu vertices\n", header.base_faces.size(),
               header.roots.size());

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "nearmesh/core/base/hash.hpp"
 #include "nearmesh/core/demand/collect.hpp"
 
 namespace nearmesh::publisher {
@@ -139,10 +140,8 @@ std::vector<std::string> Service::step(double now_s) {
     const std::string& why = batches.status().message();
     const std::size_t length = std::min(why.size(), kMaxBatchBytes);
     enqueue(peer, subscription, {{why.begin(), why.begin() + static_cast<std::ptrdiff_t>(length)}}, true);
-    char id[17];
-    std::snprintf(id, sizeof id, "%016llx", static_cast<unsigned long long>(subscription.peer));
-    complaints.push_back("request " + std::to_string(subscription.request) + " of peer " + id +
-                         " refused: " + why);
+    complaints.push_back("request " + std::to_string(subscription.request) + " of peer " +
+                         to_hex(subscription.peer) + " refused: " + why);
   }
   for (auto& [id, peer] : peers_) {
     while (!peer.under_way.empty() &&

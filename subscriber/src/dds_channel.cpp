@@ -299,8 +299,13 @@ void DdsChannel::Impl::receive_matches() {
       continue;
     }
     std::erase_if(waiting_hellos_, [&](const WaitingHello& w) { return w.writer == event.writer; });
-    if (std::optional<SessionId> lost = publishers_.forget(event.writer, event.when))
+    if (std::optional<SessionId> lost = publishers_.forget(event.writer, event.when)) {
+      {
+        const std::lock_guard lock(mutex_);
+        std::erase_if(inbox_.hellos, [&](const wire::Hello& h) { return h.publisher == *lost; });
+      }
       deliver(&Inbox::lost_publishers, std::move(*lost), options_.max_waiting_others, names_.hello);
+    }
   }
   if (returned) renew_readers();
 }

@@ -62,10 +62,7 @@ std::int32_t clamp_grid(double x) {
 
 double closing_speed_mps(const TreeView& a, const Motion& motion_a, const TreeView& b,
                          const Motion& motion_b) {
-  Vector v;
-  for (std::size_t k = 0; k < 3; ++k)
-    v[k] = motion_a.linear_velocity_mps[k] - motion_b.linear_velocity_mps[k];
-  return length(v) +
+  return length(motion_a.linear_velocity_mps) + length(motion_b.linear_velocity_mps) +
          length(motion_a.angular_velocity_radps) * reach_m(in_metres(*a.grid, a.nodes[a.root].box)) +
          length(motion_b.angular_velocity_radps) * reach_m(in_metres(*b.grid, b.nodes[b.root].box));
 }

@@ -3,19 +3,10 @@
 
 #include <algorithm>
 
+#include "nearmesh/core/base/hash.hpp"
 #include "nearmesh/core/base/stopwatch.hpp"
 
 namespace nearmesh::subscriber {
-namespace {
-
-std::string hex(std::uint64_t hash) {
-  char text[17];
-  std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(hash));
-  return text;
-}
-
-}  // namespace
-
 PeerModel& ReplicaSet::add(const std::string& name) {
   PeerModel& model = models_[name];
   model.name = name;
@@ -39,9 +30,9 @@ std::size_t ReplicaSet::announce(const wire::Hello& hello, std::vector<std::stri
     PeerModel* model = find(served.name);
     if (model == nullptr || model->content_hash == served.content_hash) continue;
     if (model->content_hash != 0) {
-      complaints.push_back("model " + served.name + ": publisher " + hex(hello.publisher) +
-                           " announces content " + hex(served.content_hash) + ", before it was " +
-                           hex(model->content_hash) + "; starting again with the new content");
+      complaints.push_back("model " + served.name + ": publisher " + to_hex(hello.publisher) +
+                           " announces content " + to_hex(served.content_hash) + ", before it was " +
+                           to_hex(model->content_hash) + "; starting again with the new content");
       const std::string name = model->name;
       *model = PeerModel{.name = name};
     }

@@ -186,11 +186,14 @@ void Session::Impl::take_inbox(FrameReport& report) {
 }
 
 void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& report) {
-  Publisher& publisher = publishers[message.publisher];
-  if (message.sequence > publisher.received_sequence + 1)
-    stats.sequence_gaps += message.sequence - publisher.received_sequence - 1;
-  publisher.received_sequence = std::max(publisher.received_sequence, message.sequence);
-  publisher.unacknowledged_bytes += message.bytes.size() + 1;
+  // One that was lost meanwhile gets no credit; what it sent is good all the same.
+  if (const auto at = publishers.find(message.publisher); at != publishers.end()) {
+    Publisher& publisher = at->second;
+    if (message.sequence > publisher.received_sequence + 1)
+      stats.sequence_gaps += message.sequence - publisher.received_sequence - 1;
+    publisher.received_sequence = std::max(publisher.received_sequence, message.sequence);
+    publisher.unacknowledged_bytes += message.bytes.size() + 1;
+  }
   ++stats.batches;
   stats.batch_bytes += message.bytes.size();
   const auto open = outstanding.find(message.content_hash);

@@ -57,17 +57,22 @@ class ModelQueryProgram : public ::testing::TestWithParam<Case> {
     for (std::size_t row = 0; std::getline(in, line); ++row)
       if (row == 0 || (row - 1) % kStep == 0) out << line << '\n';
   }
+  static std::string quote(const std::string& word) {
+    std::string quoted(1, '\'');
+    return quoted.append(word).append(1, '\'');
+  }
   static std::string program() { return std::string(NEARMESH_BIN_DIR) + "/nearmesh-model"; }
   static void build(const fs::path& mesh, const std::string& out) {
-    const std::string command = "'" + program() + "' build '" + mesh.string() + "' -o '" + out +
-                                "' --json > /dev/null 2>&1";
+    const std::string command = quote(program()) + " build " + quote(mesh.string()) + " -o " +
+                                quote(out) + " --json > /dev/null 2>&1";
     ASSERT_EQ(std::system(command.c_str()), 0) << command;
   }
   std::map<std::string, Line> run(const std::string& method, const std::string& more = "") const {
     const test::TempFile out(".json");
-    const std::string command = "'" + program() + "' query '" + a_.path() + "' '" + b_.path() +
-                                "' --poses '" + poses_.path() + "' --method " + method + " " +
-                                more + " --json > '" + out.path() + "'";
+    const std::string command = quote(program()) + " query " + quote(a_.path()) + " " +
+                                quote(b_.path()) + " --poses " + quote(poses_.path()) +
+                                " --method " + method + " " + more + " --json > " +
+                                quote(out.path());
     EXPECT_EQ(std::system(command.c_str()), 0) << command;
     std::map<std::string, Line> lines;
     std::ifstream in(out.path());

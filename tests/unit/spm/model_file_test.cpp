@@ -226,7 +226,7 @@ TEST(ModelFile, RefusesAFileThatGrew) {
   const TempFile file;
   for (const std::size_t more : {1, 4, 72, 4096}) {
     auto grown = bytes;
-    grown.resize(bytes.size() + more);
+    grown.insert(grown.end(), more, 0);
     file.write(grown);
     expect_refused(file.path(), StatusCode::kCorrupt);
   }

@@ -29,21 +29,28 @@ std::string reason_of(const FrameReport& report, std::size_t pair) { return repo
 // ---- right answers under faults of the channel ----------------------------------------------------
 
 TEST(Session, CertifiesAWholeFlight) {
-  World world;
-  world.start_publisher();
-  const auto session = world.make_peer();
-  for (std::uint64_t seed = 1; seed <= 4; ++seed) {
-    SCOPED_TRACE("seed " + std::to_string(seed));
-    const Flight flight = make_flight(seed);
-    EXPECT_EQ(world.fly(*session, flight), flight.frames());
+  for (const double lookahead_s : {0.0, 0.5}) {
+    World world;
+    world.start_publisher();
+    SessionOptions options = quick_options();
+    options.lookahead_s = lookahead_s;
+    const auto session = world.make_peer(options);
+    for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+      SCOPED_TRACE("seed " + std::to_string(seed));
+      const Flight flight = make_flight(seed);
+      EXPECT_EQ(world.fly(*session, flight), flight.frames());
+    }
+    // All kinds of answers occurred, so the judge had something to do.
+    EXPECT_GT(world.judge.free, 50U);
+    EXPECT_GT(world.judge.contact, 50U);
+    if (lookahead_s == 0) {
+      EXPECT_GT(world.judge.uncertain, 20U);
+      EXPECT_GT(world.judge.partial, 20U);
+    }
+    EXPECT_TRUE(world.complaints.empty()) << world.complaints.front();
+    EXPECT_EQ(session->stats().sequence_gaps, 0U);
+    EXPECT_LT(session->stats().batch_bytes, session->stats().mesh_bytes);
   }
-  // All kinds of answers occurred, so the judge had something to do.
-  EXPECT_GT(world.judge.free, 50U);
-  EXPECT_GT(world.judge.contact, 50U);
-  EXPECT_GT(world.judge.uncertain, 10U);
-  EXPECT_TRUE(world.complaints.empty()) << world.complaints.front();
-  EXPECT_EQ(session->stats().sequence_gaps, 0U);
-  EXPECT_LT(session->stats().batch_bytes, session->stats().mesh_bytes);
 }
 
 TEST(Session, CertifiesAWholeFlightThoughAFifthOfTheBatchesIsLost) {
@@ -150,16 +157,17 @@ TEST(Session, LateJoinerCatchesUp) {
   for (std::size_t i = 0; i < flight.frames(); ++i) {
     if (i == flight.frames() / 2) second = world.make_peer(quick_options(), kPeer + 1, false, true);
     // Before the second peer is there, nobody says where its aircraft is.
-    const bool certified = world.fly_frame(*first, i, {{"one", flight.one[i]}}, second ? 0 : 20);
-    EXPECT_EQ(certified, second != nullptr && i > flight.frames() / 2);
-    if (second) EXPECT_TRUE(world.fly_frame(*second, i, {{"two", flight.two[i]}}));
+    const bool both = i > flight.frames() / 2;
+    EXPECT_EQ(world.fly_frame(*first, i, {{"one", flight.one[i]}}, both ? 0 : 20), both);
+    if (second) {
+      EXPECT_TRUE(world.fly_frame(*second, i, {{"two", flight.two[i]}}));
+    }
     if (::testing::Test::HasFailure()) break;
     if (i + 1 == flight.frames() / 2) {
       const FrameReport report = world.round(*first, i);
       EXPECT_TRUE(is_certified(report.answers[0].answer.status));
       EXPECT_EQ(reason_of(report, 1), "no pose of body two has come");
     }
-    if (i == flight.frames() / 2) world.fly_frame(*first, i, {});
   }
   EXPECT_GT(world.judge.certified(), flight.frames());
 }
@@ -528,7 +536,9 @@ TEST(Session, MakesProgressWithoutBudget) {
   // One batch an update, whatever the budget.
   std::uint64_t most_waiting = 0, waiting = 0;
   world.on_report = [&](const FrameReport& report) {
-    if (report.batches_waiting > 0 && waiting > 0) EXPECT_GE(report.batches_waiting + 1, waiting);
+    if (waiting > 0) {
+      EXPECT_LE(waiting, report.batches_waiting + 1) << "more than one batch in one update";
+    }
     waiting = report.batches_waiting;
     most_waiting = std::max(most_waiting, waiting);
   };
@@ -570,7 +580,7 @@ TEST(Session, GivesUpDetailAboveTheLimit) {
   }
   std::printf("most splits held: %llu without a limit, %llu with one\n",
               static_cast<unsigned long long>(most[0]), static_cast<unsigned long long>(most[1]));
-  EXPECT_LT(most[1], most[0] * 3 / 4);
+  EXPECT_LT(most[1], most[0] / 2);
 }
 
 TEST(Session, AsksAheadOfNeed) {
@@ -614,12 +624,18 @@ TEST(Session, NothingTouchesWithinTheSafeHorizon) {
       const auto motion_of = [&](const std::string& body) {
         return body == "ground" ? Motion{} : body == "one" ? now->one[frame] : now->two[frame];
       };
-      // Velocities at most as large as stated: as they are, or each shrunk.
+      // Speeds at most as stated: as they are, slower, or another way.
       Motion a = motion_of(answer.body_a), b = motion_of(answer.body_b);
       for (Motion* motion : {&a, &b})
-        for (auto* v : {&motion->linear_velocity_mps, &motion->angular_velocity_radps})
-          if (random.below(3) == 0)
-            for (double& x : *v) x *= random.unit();
+        for (auto* v : {&motion->linear_velocity_mps, &motion->angular_velocity_radps}) {
+          const std::uint32_t change = random.below(4);
+          const double speed = std::hypot((*v)[0], (*v)[1], (*v)[2]);
+          const auto r = test::random_rotation(random);  // its first row is a random direction
+          for (std::size_t k = 0; k < 3; ++k) {
+            if (change == 1) (*v)[k] *= random.unit();
+            if (change == 2) (*v)[k] = r[k] * speed;
+          }
+        }
       for (const double share : {0.25, 0.5, 0.75, 0.9, 0.999}) {
         const double t = std::min(answer.safe_horizon_s, 100.0) * share;
         EXPECT_TRUE(world.judge.touching(answer, test::moved(a, t), test::moved(b, t)).empty())
@@ -693,9 +709,10 @@ TEST(Session, ReportsAnswersWhenTheyChange) {
 TEST(Session, ReturnsCreditSoThatTheStreamGoesOn) {
   World world;
   world.start_publisher();
-  SessionOptions options{.window_bytes = 3000, .request_timeout_s = 3600};  // no repeats
+  world.seconds_per_round = 0;  // no credit comes back by itself
+  // Everything is asked for at once, and nothing again.
+  const SessionOptions options{.margin_m = 5000, .window_bytes = 3000, .request_timeout_s = 3600};
   const auto session = world.make_peer(options);
-  // Little credit comes back by itself: the service's clock runs 0.05 s a round.
   const Flight flight = make_flight(1, 2);
   EXPECT_EQ(world.fly(*session, flight), flight.frames());
   EXPECT_TRUE(std::any_of(world.bus.subscriptions.begin(), world.bus.subscriptions.end(),

@@ -184,6 +184,7 @@ class World {
   MemoryBus bus;
   Judge judge;
   std::vector<std::string> complaints;
+  double seconds_per_round = 0.05;  ///< by the services' clock
   std::function<void(const FrameReport&)> on_report;
 
   void start_publisher(wire::SessionId id = kPublisher, const ServedModel& ground = terrain()) {
@@ -219,7 +220,7 @@ class World {
                     const std::vector<Session::OwnMotion>& motions = {}, double budget_s = 1) {
     bus.tick();
     for (auto& [id, server] : servers_)
-      for (std::string& line : server.service->step(static_cast<double>(++steps_) * 0.05))
+      for (std::string& line : server.service->step(static_cast<double>(++steps_) * seconds_per_round))
         complaints.push_back(std::move(line));
     Result<FrameReport> report =
         session.update(frame, static_cast<double>(frame) * 0.05, motions, budget_s);

@@ -28,7 +28,8 @@ struct Motion {
                                                 double lookahead_s, double margin_m,
                                                 std::size_t max_boxes);
 
-/// Upper bound of the speed at which any two points of the bodies approach each other, m/s.
+/// Upper bound of the speed at which any two points of the bodies approach each other while neither moves or turns
+/// faster than stated, whichever way, m/s.
 [[nodiscard]] double closing_speed_mps(const TreeView& a, const Motion& motion_a, const TreeView& b,
                                        const Motion& motion_b);
 

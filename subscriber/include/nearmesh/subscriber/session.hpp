@@ -33,7 +33,7 @@ struct PairAnswer {
   /// Why nothing can be said yet (status kUncertain): a header, a publisher or a pose that has not come. Else empty.
   std::string reason;
   Pose pose_a, pose_b;             ///< what was asked about; meaningless with a reason of missing poses
-  /// Free: until this much later nothing can touch, if the bodies keep within their velocities. Seconds.
+  /// Free: until this much later nothing can touch, if the bodies keep within their speeds. Seconds.
   double safe_horizon_s = 0;
 };
 
@@ -67,7 +67,8 @@ class Session {
   Session& operator=(const Session&) = delete;
 
   /// Declares a body and the model (by the publisher's name for it) that it has. `own`: this peer moves it and publishes
-  /// its pose; otherwise its pose comes from whoever does. Errors: kConflict (name taken), kInvalidArgument (name).
+  /// its pose; otherwise its pose comes from whoever does. A model's first body must be declared before the first update:
+  /// headers of models that no body uses are not kept. Errors: kConflict (name taken), kInvalidArgument (name).
   [[nodiscard]] Status add_body(const std::string& name, const std::string& model, bool own);
   /// Fixes a body in place, for scenery that nobody moves. Errors: kNotFound, kInvalidArgument (pose).
   [[nodiscard]] Status place_body(const std::string& name, const Pose& pose);

@@ -5,11 +5,15 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <string>
 
 namespace nearmesh {
 
 /// XXH3, 64 bits: for checksums and content hashes (not against an adversary).
 [[nodiscard]] std::uint64_t hash_bytes(std::span<const std::uint8_t> bytes, std::uint64_t seed = 0);
+
+/// 16 hexadecimal digits, as hashes and session ids are shown to people.
+[[nodiscard]] std::string to_hex(std::uint64_t value);
 
 /// Scrambles one number (SplitMix64's finaliser). The sum of mixes digests a set in any order.
 [[nodiscard]] constexpr std::uint64_t mix(std::uint64_t x) {
