@@ -51,14 +51,16 @@ Result<std::string> resolve_interface(const std::string& wanted) {
                 "interface \"" + wanted + "\": expected one of " + known};
 }
 
-Status add_peer(const std::string& address, eprosima::fastrtps::rtps::LocatorList_t& peers) {
+/// Port 0: Fast DDS asks the ports of the first participants there.
+Status add_peer(const std::string& address, std::uint32_t port,
+                eprosima::fastrtps::rtps::LocatorList_t& peers) {
   in_addr parsed{};
   if (inet_pton(AF_INET, address.c_str(), &parsed) != 1)
     return {StatusCode::kInvalidArgument,
             "initial peer \"" + address + "\": expected an IPv4 address"};
   Locator_t locator;
   IPLocator::setIPv4(locator, address);
-  locator.port = 0;  // Fast DDS tries the ports of the first participants there
+  locator.port = port;
   peers.push_back(locator);
   return Status::ok();
 }
@@ -71,23 +73,24 @@ Status set_transport(const TransportOptions& options, fdds::DomainParticipantQos
   udp->maxMessageSize = kMaxDatagramBytes;
   udp->sendBufferSize = kSocketBufferBytes;
   udp->receiveBufferSize = kSocketBufferBytes;
+  udp->maxInitialPeersRange = options.participants_per_peer;
   auto& peers = qos.wire_protocol().builtin.initialPeersList;
+  const std::uint32_t multicast_port = qos.wire_protocol().port.getMulticastPort(options.domain);
   for (const std::string& peer : options.initial_peers)
-    NEARMESH_RETURN_IF_ERROR(add_peer(peer, peers));
+    NEARMESH_RETURN_IF_ERROR(add_peer(peer, 0, peers));
   if (!options.interface.empty()) {
     Result<std::string> address = resolve_interface(options.interface);
     if (!address.is_ok()) return address.status();
     udp->interfaceWhiteList.push_back(address.value());
-    if (address.value().starts_with("127.")) {
-      // The loopback interface has no multicast of its own: ask each participant's port.
-      udp->maxInitialPeersRange = options.loopback_peers;
-      NEARMESH_RETURN_IF_ERROR(add_peer(address.value(), peers));
-      qos.transport().user_transports.push_back(udp);
-      return Status::ok();
-    }
+    // Multicast works on loopback too when the socket is bound to it, even without any route. The
+    // unicast search beside it is for machines that forbid multicast; alone it would miss
+    // processes that have made many participants, whose ports lie ever higher.
+    if (address.value().starts_with("127."))
+      NEARMESH_RETURN_IF_ERROR(add_peer(address.value(), 0, peers));
   }
   // Naming peers replaces the multicast search, so that must then be named too.
-  if (!peers.empty()) NEARMESH_RETURN_IF_ERROR(add_peer(kDiscoveryMulticast, peers));
+  if (!peers.empty())
+    NEARMESH_RETURN_IF_ERROR(add_peer(kDiscoveryMulticast, multicast_port, peers));
   qos.transport().user_transports.push_back(udp);
   return Status::ok();
 }

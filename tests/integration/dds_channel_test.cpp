@@ -409,6 +409,20 @@ TEST(DdsChannel, RequestAfterHelloReachesASecondPublisherToo) {
   EXPECT_EQ(first.subscriptions[0].publisher, 7U);  // the other was not for it
 }
 
+TEST(DdsChannel, NamedPeersAreLookedForBesideMulticast) {
+  subscriber::DdsChannelOptions options;
+  options.transport = transport(own_prefix());
+  options.transport.initial_peers = {"127.0.0.1"};
+  auto channel = PeerChannel::create(options);
+  ASSERT_TRUE(channel.is_ok()) << channel.status().message();
+  Peer peer(std::move(channel).value());
+  Server server(make_publisher(own_prefix()));
+  server.channel->announce(hello_of(7), {});
+  EXPECT_TRUE(peer.await([](const Inbox& in) { return !in.hellos.empty(); }));
+  options.transport.initial_peers = {"nowhere"};
+  EXPECT_EQ(PeerChannel::create(options).status().code(), StatusCode::kInvalidArgument);
+}
+
 TEST(DdsChannel, PosesReachOthersButNotTheirSender) {
   Peer mover(make_peer(own_prefix()));
   mover.channel->send(pose_of(mover.channel->own_id(), "arm", 1));
@@ -533,11 +547,10 @@ fdds::DomainParticipant* make_participant(const std::string& prefix) {
   qos.transport().use_builtin_transports = false;
   auto udp = std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>();
   udp->interfaceWhiteList.push_back("127.0.0.1");
-  udp->maxInitialPeersRange = 64;
   qos.transport().user_transports.push_back(udp);
   eprosima::fastrtps::rtps::Locator_t locator;
-  eprosima::fastrtps::rtps::IPLocator::setIPv4(locator, "127.0.0.1");
-  locator.port = 0;
+  eprosima::fastrtps::rtps::IPLocator::setIPv4(locator, "239.255.0.1");
+  locator.port = qos.wire_protocol().port.getMulticastPort(transport(prefix).domain);
   qos.wire_protocol().builtin.initialPeersList.push_back(locator);
   return fdds::DomainParticipantFactory::get_instance()->create_participant(
       transport(prefix).domain, qos);

@@ -232,6 +232,40 @@ TEST(CollectErrors, PassesOnWhatRequireReports) {
   EXPECT_EQ(demand.status().code(), StatusCode::kIo);
 }
 
+TEST_P(Collect, FrontierIsWhatIsKnownAndUnsplitAndMeetsTheRegion) {
+  const BakedModel model = test::bake_named(GetParam());
+  Random random(74);
+  SplitStore peer(model.header);
+  std::vector<NodeSpan> nodes;  // of the peer: roots, and children of what it knows
+  for (const BaseRoot& root : model.header.roots) nodes.push_back(root.node);
+  for (const VertexId u : test::all_splits(model.store)) {
+    SplitRecord record{.node = model.store.node_of(u), .split = u};
+    if (random.below(3) == 0 || !peer.is_node(record.node)) continue;
+    for (int k = 0; k < 3; ++k)
+      record.offset[static_cast<std::size_t>(k)] =
+          model.store.position(u)[k] - model.store.position(record.node.first)[k];
+    if (record.left().size > 1) record.left_box = model.store.box_code(record.left());
+    if (record.right().size > 1) record.right_box = model.store.box_code(record.right());
+    ASSERT_TRUE(peer.insert(record, model.store.faces(u)).is_ok());
+    nodes.push_back(record.left());
+    nodes.push_back(record.right());
+  }
+  for (int i = 0; i < 20; ++i) {
+    const std::vector<GridBox> region{random_box(model, random), random_box(model, random)};
+    std::vector<NodeSpan> expected;
+    for (const NodeSpan& node : nodes) {
+      const bool meets = peer.box(node).meets(region[0]) || peer.box(node).meets(region[1]);
+      if (node.size > 1 && meets && !peer.split_of(node).is_valid()) expected.push_back(node);
+    }
+    std::sort(expected.begin(), expected.end(), [](const NodeSpan& x, const NodeSpan& y) {
+      return x.size != y.size ? x.size > y.size : x.first < y.first;
+    });
+    EXPECT_EQ(frontier(peer, region, expected.size() + 1), expected);
+    expected.resize(expected.size() / 2);
+    EXPECT_EQ(frontier(peer, region, expected.size()), expected);
+  }
+}
+
 // ---- requests from outside ----------------------------------------------------------------------
 
 class CheckRequest : public ::testing::Test {

@@ -297,6 +297,15 @@ TEST(PosePair, NamesTheBodyWhosePoseIsWrong) {
   EXPECT_NE(posed.status().message().find("rotor"), std::string::npos) << posed.status().message();
 }
 
+TEST(Digest, TellsContactSetsApart) {
+  const FacePair one{{{1}, 0}, {{2}, 0}}, two{{{1}, 0}, {{2}, 1}}, turned{{{2}, 0}, {{1}, 0}},
+      base{{{}, 1}, {{2}, 0}};
+  const std::vector<std::vector<FacePair>> sets{{}, {one}, {two}, {turned}, {base}, {one, two}};
+  for (std::size_t i = 0; i < sets.size(); ++i)
+    for (std::size_t j = 0; j < sets.size(); ++j)
+      EXPECT_EQ(digest(sets[i]) == digest(sets[j]), i == j) << i << " " << j;
+}
+
 TEST(AnswerStatus, HasAWordForEach) {
   EXPECT_STREQ(to_string(AnswerStatus::kFree), "free");
   EXPECT_STREQ(to_string(AnswerStatus::kContact), "contact");

@@ -17,11 +17,11 @@ struct TransportOptions {
   std::string interface;
   /// IPv4 addresses to look for publishers or peers at, where multicast does not get through.
   std::vector<std::string> initial_peers;
-  double lease_s = 3;         ///< a process silent for so long is lost
-  double announcement_s = 1;  ///< period of life signs; below lease_s / 2
+  std::uint32_t participants_per_peer = 16;  ///< how many are looked for at each such address
+  double lease_s = 3;                        ///< a process silent for so long is lost
+  double announcement_s = 1;                 ///< period of life signs; below lease_s / 2
   double heartbeat_s =
       0.1;  ///< how soon a lost datagram is noticed; Fast DDS' own 3 s stall streams
-  std::uint32_t loopback_peers = 64;
 };
 
 }  // namespace nearmesh::wire

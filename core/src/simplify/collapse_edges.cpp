@@ -1,0 +1,293 @@
+// SPDX-License-Identifier: Apache-2.0
+// Choosing, testing and doing half-edge collapses: the inner loop.
+#include "simplifier.hpp"
+
+namespace nearmesh::simplification {
+
+std::uint32_t Simplifier::next_stamp() {
+  if (stamp_ > kNone - 8) {
+    for (Vertex& v : vertices_) v.mark = 0;
+    stamp_ = 0;
+  }
+  return stamp_ += 4;
+}
+
+/// Neighbours of u in the order of its faces. Leaves in their marks stamp_ + number of shared faces
+/// (3 = more).
+void Simplifier::gather_ring(std::uint32_t u, std::vector<std::uint32_t>& ring) {
+  ring.clear();
+  const std::uint32_t stamp = next_stamp();
+  const Vertex& v = vertices_[u];
+  for (const std::uint32_t* it = faces_begin(v); it != faces_end(v); ++it)
+    for (const std::uint32_t x : faces_[*it].corner) {
+      if (x == u) continue;
+      std::uint32_t& mark = vertices_[x].mark;
+      if (mark < stamp) {
+        mark = stamp + 1;
+        ring.push_back(x);
+      } else if (mark < stamp + 3) {
+        ++mark;
+      }
+    }
+}
+
+void Simplifier::gather_ring(std::uint32_t u, Ring& ring) {
+  gather_ring(u, ring_);
+  ring.entries.clear();
+  ring.borders = 0;
+  ring.is_manifold = true;
+  for (const std::uint32_t x : ring_) {
+    const std::uint32_t faces = vertices_[x].mark - stamp_;
+    ring.entries.push_back({x, faces});
+    ring.borders += faces == 1;
+    ring.is_manifold &= faces <= 2;
+  }
+  ring.is_manifold &= ring.borders == 0 || ring.borders == 2;
+}
+
+Vec3 Simplifier::normal_of(const Face& f) const {
+  const Vertex& v = vertices_[f.corner[0]];
+  return cross(between(v, vertices_[f.corner[1]]), between(v, vertices_[f.corner[2]]));
+}
+
+double Simplifier::cost_of(std::uint32_t u, std::uint32_t s) const {
+  const Quadric& q = quadrics_[u];
+  const Vec3 d = between(vertices_[u], vertices_[s]);
+  return q.error(d) + kLengthWeight * q.total_weight() * dot(d, d);
+}
+
+void Simplifier::set_choice(std::uint32_t u, const Choice& choice) {
+  if (choice.value == Choice::kNever) {
+    queue_.remove(u);
+    return;
+  }
+  choice_[u] = choice.low();
+  queue_.set(choice.key(u));
+}
+
+/// Queues u's cheapest collapse, or takes u out if it has no neighbour.
+void Simplifier::choose(std::uint32_t u) {
+  gather_ring(u, ring_);
+  Choice best;
+  for (const std::uint32_t x : ring_) {
+    const Choice choice(cost_of(u, x), std::max(vertices_[u].depth, vertices_[x].depth), x, false);
+    best.value = std::min(best.value, choice.value);
+  }
+  set_choice(u, best);
+}
+
+/// The same for the cheapest after the present one, which turned out illegal.
+void Simplifier::choose_next(std::uint32_t u) {
+  const std::uint64_t present = choice_of(u).value | 1U;
+  gather_ring(u, ring_);
+  Choice best;
+  for (const std::uint32_t x : ring_) {
+    const double cost = cost_of(u, x);
+    const std::uint32_t depth = std::max(vertices_[u].depth, vertices_[x].depth);
+    for (const bool may_break : {false, true}) {
+      const Choice choice(may_break ? cost * kBreakingFactor : cost, depth, x, may_break);
+      if (choice.value > present) best.value = std::min(best.value, choice.value | 1U);
+    }
+  }
+  set_choice(u, best);
+}
+
+/// The same for x after u went into s. Of x's collapses only those to u and s have changed.
+void Simplifier::choose_again(std::uint32_t x, std::uint32_t u, std::uint32_t s) {
+  if (x == s || !queue_.contains(x)) return choose(x);
+  const Choice present = choice_of(x);
+  if (present.is_second() || present.partner() == u || present.partner() == s) return choose(x);
+  const Choice choice(cost_of(x, s), std::max(vertices_[x].depth, vertices_[s].depth), s, false);
+  if (choice.value < present.value) set_choice(x, choice);
+}
+
+void Simplifier::collapse_edges(Rule rule) {
+  for (std::uint32_t u = 0; u < vertices_.size(); ++u)
+    if (vertices_[u].count > 0) choose(u);
+  effort_ = 0;
+  while (!is_done() && !queue_.is_empty() && effort_ <= kPatience * (faces_in_ + 64)) {
+    const auto u = static_cast<std::uint32_t>(queue_.top());
+    const Choice choice = choice_of(u);
+    if (!is_legal(u, choice, rule)) {
+      effort_ += vertices_[u].count + vertices_[choice.partner()].count;
+      choose_next(u);
+      continue;
+    }
+    collapse(u, choice.partner());
+    ++log_.edge_collapses;
+    for (const std::uint32_t x : changed_) choose_again(x, u, choice.partner());
+    report_progress();
+  }
+  log_.stop = StopReason::kReachedTarget;
+}
+
+bool Simplifier::is_legal(std::uint32_t u, const Choice& choice, Rule rule) {
+  if (rule == Rule::kNothing) return true;
+  const std::uint32_t s = choice.partner();
+  bool is_tetrahedron = false;
+  if (!choice.may_break() && !keeps_topology(u, s, is_tetrahedron)) return false;
+  if (is_tetrahedron || rule == Rule::kNoNormals) return true;
+  const Vertex& v = vertices_[u];
+  return std::all_of(faces_begin(v), faces_end(v),
+                     [&](std::uint32_t face) { return keeps_normal(faces_[face], u, s, rule); });
+}
+
+/// The link condition; where an end is not manifold, only that no two faces become one. The last
+/// four faces of a closed component may fold up, so that small components vanish when their turn
+/// comes.
+bool Simplifier::keeps_topology(std::uint32_t u, std::uint32_t s, bool& is_tetrahedron) {
+  gather_ring(u, ring_u_);
+  const std::uint32_t shared = vertices_[s].mark - stamp_;
+  gather_ring(s, ring_s_);
+  const auto is_near_s = [&](std::uint32_t x) { return vertices_[x].mark > stamp_; };
+
+  if (ring_u_.is_manifold && ring_s_.is_manifold) {
+    if (shared == 2 && ring_u_.borders > 0 && ring_s_.borders > 0) return false;
+    std::uint32_t common = 0;
+    for (const Ring::Entry& e : ring_u_.entries) common += e.vertex != s && is_near_s(e.vertex);
+    if (common > shared) return false;
+  }
+  const Vertex &v = vertices_[u], &kept = vertices_[s];
+  for (const std::uint32_t* it = faces_begin(v); it != faces_end(v); ++it) {
+    const Face& f = faces_[*it];
+    const int at = f.corner[0] == u ? 0 : f.corner[1] == u ? 1 : 2;
+    const std::uint32_t a = f.corner[(at + 1) % 3], b = f.corner[(at + 2) % 3];
+    if (a == s || b == s || !is_near_s(a) || !is_near_s(b)) continue;
+    for (const std::uint32_t* other = faces_begin(kept); other != faces_end(kept); ++other) {
+      const auto& c = faces_[*other].corner;
+      if (std::find(c.begin(), c.end(), a) == c.end() ||
+          std::find(c.begin(), c.end(), b) == c.end())
+        continue;
+      if (shared != 2 || v.count != 3 || kept.count != 3 || vertices_[a].count != 3 ||
+          vertices_[b].count != 3)
+        return false;
+      is_tetrahedron = true;
+    }
+  }
+  return true;
+}
+
+bool Simplifier::keeps_normal(const Face& f, std::uint32_t u, std::uint32_t s, Rule rule) const {
+  const int at = f.corner[0] == u ? 0 : f.corner[1] == u ? 1 : 2;
+  const std::uint32_t a = f.corner[(at + 1) % 3], b = f.corner[(at + 2) % 3];
+  if (a == s || b == s) return true;  // vanishes
+  const Vertex &va = vertices_[a], &vb = vertices_[b];
+  const Vec3 before = cross(between(vertices_[u], va), between(vertices_[u], vb));
+  const Vec3 after = cross(between(vertices_[s], va), between(vertices_[s], vb));
+  const double before2 = dot(before, before), after2 = dot(after, after);
+  if (after2 == 0) return before2 == 0;
+  if (before2 > 0) {
+    const double turn = dot(before, after);
+    if (turn <= 0 || turn * turn < kLeastCosine * kLeastCosine * before2 * after2) return false;
+  }
+  if (rule == Rule::kAll && f.normal != 0) {
+    const Vec3 original = unpack_normal(f.normal);
+    const double turn = dot(original, after);
+    constexpr double kLeast2 = kLeastCosineToInput * kLeastCosineToInput;
+    if (turn <= 0 || turn * turn < kLeast2 * dot(original, original) * after2) return false;
+  }
+  return true;
+}
+
+/// Merges u into s. Leaves in changed_ the vertices whose best collapse may be another now.
+void Simplifier::collapse(std::uint32_t u, std::uint32_t s) {
+  const Vec3 d = between(vertices_[s], vertices_[u]);
+  quadrics_[s].add(quadrics_[u], {-d[0], -d[1], -d[2]});
+  move_faces(u, s);
+  remove_vertex(u, s);
+  gather_ring(s, changed_);
+  for (const std::uint32_t x : thirds_)  // may have lost their last face with s
+    if (vertices_[x].mark <= stamp_) {
+      vertices_[x].mark = stamp_ + 1;
+      changed_.push_back(x);
+    }
+  changed_.push_back(s);
+}
+
+void Simplifier::move_faces(std::uint32_t u, std::uint32_t s) {
+  merged_.clear();
+  thirds_.clear();
+  Vertex &removed = vertices_[u], &kept = vertices_[s];
+  for (std::uint32_t i = 0; i < removed.count; ++i) {
+    const std::uint32_t face = pool_[removed.first + i];
+    Face& f = faces_[face];
+    const bool vanishes = f.corner[0] == s || f.corner[1] == s || f.corner[2] == s;
+    if (!vanishes) {
+      for (std::uint32_t& c : f.corner)
+        if (c == u) c = s;
+      merged_.push_back(face);
+      continue;
+    }
+    for (const std::uint32_t c : f.corner)
+      if (c != u && c != s) {
+        drop_face(c, face);
+        thirds_.push_back(c);
+      }
+    f.corner = {kNone, kNone, kNone};
+    --faces_left_;
+  }
+  for (std::uint32_t i = 0; i < kept.count; ++i) {
+    const std::uint32_t face = pool_[kept.first + i];
+    if (faces_[face].corner[0] != kNone) merged_.push_back(face);
+  }
+  store_slice(kept, removed, merged_);
+}
+
+void Simplifier::remove_vertex(std::uint32_t u, std::uint32_t s) {
+  Vertex &removed = vertices_[u], &kept = vertices_[s];
+  kept.depth = std::max(kept.depth, removed.depth) + 1;
+  removed.first = kNone;
+  removed.count = removed.capacity = 0;
+  queue_.remove(u);
+  log_.collapses.push_back({input_number_[u], input_number_[s]});
+}
+
+void Simplifier::drop_face(std::uint32_t vertex, std::uint32_t face) {
+  Vertex& v = vertices_[vertex];
+  std::uint32_t* slice = &pool_[v.first];
+  std::uint32_t* last = slice + v.count - 1;
+  *std::find(slice, last, face) = *last;
+  --v.count;
+}
+
+/// Gives `to` these faces, in its own slice, in that of `from` (which is given up), or in a new
+/// one.
+void Simplifier::store_slice(Vertex& to, Vertex& from, const std::vector<std::uint32_t>& faces) {
+  const auto count = static_cast<std::uint32_t>(faces.size());
+  if (count > to.capacity && count <= from.capacity) {
+    to.first = from.first;
+    to.capacity = from.capacity;
+  } else if (count > to.capacity) {
+    to.count = from.count = 0;
+    if (pool_.size() + count > pool_limit_) compact_pool();
+    to.first = static_cast<std::uint32_t>(pool_.size());
+    to.capacity = count;
+    pool_.resize(pool_.size() + count);
+  }
+  to.count = count;
+  std::copy(faces.begin(), faces.end(), pool_.begin() + to.first);
+}
+
+void Simplifier::compact_pool() {
+  std::vector<std::uint32_t> pool;
+  pool.reserve(pool_limit_);
+  for (Vertex& v : vertices_) {
+    if (v.first == kNone) continue;
+    const auto first = static_cast<std::uint32_t>(pool.size());
+    pool.insert(pool.end(), pool_.begin() + v.first, pool_.begin() + v.first + v.count);
+    v.first = first;
+    v.capacity = v.count;
+  }
+  pool_ = std::move(pool);
+}
+
+void Simplifier::report_progress() {
+  if (!options_.on_progress) return;
+  const double share = static_cast<double>(faces_in_ - faces_left_) /
+                       static_cast<double>(faces_in_ - std::min(target_faces_, faces_in_ - 1));
+  if (share < next_report_) return;
+  options_.on_progress(std::min(share, 1.0));
+  next_report_ = share + 0.01;
+}
+
+}  // namespace nearmesh::simplification
