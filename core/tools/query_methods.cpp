@@ -9,14 +9,11 @@
 namespace nearmesh::tools {
 namespace {
 
-// Bytes around a batch in a datagram: sample fields, RTPS and UDP headers (ARCHITECTURE.md, "Wire").
-constexpr std::uint64_t kFramingBytes = 76;
-
 Result<std::uint64_t> wire_bytes(const SpmHeader& header, const ActiveMesh& mesh) {
   std::uint64_t bytes = 0;
   for (const auto& batch :
        encode_batches(header, mesh.store(), active_treelet(mesh), BoxPolicy::kCutNodes))
-    bytes += batch.size() + kFramingBytes;
+    bytes += batch.size() + kBatchFramingBytes;
   return bytes;
 }
 

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
+#include <ctime>
 #include <sstream>
 
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
@@ -222,6 +223,11 @@ bool WriterListener::is_matched() const {
   return !readers_.empty();
 }
 
+void WriterListener::forget_readers() {
+  const std::lock_guard lock(mutex_);
+  readers_.clear();
+}
+
 bool WriterListener::is_matched_with_participant_of(const Handle& endpoint) const {
   using eprosima::fastrtps::rtps::iHandle2GUID;
   const auto prefix = iHandle2GUID(endpoint).guidPrefix;
@@ -318,7 +324,46 @@ void SessionBook::release(SessionId session) {
   sessions_.erase(found);
 }
 
-bool SessionBook::returns(const Handle& writer) { return gone_.erase(writer) > 0; }
+std::vector<SessionId> SessionBook::clear() {
+  std::vector<SessionId> known;
+  for (const auto& [session, writer] : sessions_) known.push_back(session);
+  *this = {};
+  return known;
+}
+
+// --- StopDetector
+
+StopDetector::StopDetector(Mailbox& mailbox, double lease_s)
+    : mailbox_(mailbox), thread_([this, lease_s] { watch(lease_s); }) {}
+
+StopDetector::~StopDetector() {
+  {
+    const std::lock_guard lock(mutex_);
+    ending_ = true;
+  }
+  condition_.notify_all();
+  thread_.join();
+}
+
+void StopDetector::watch(double lease_s) {
+  // The one clock that also counts while the machine is suspended.
+  const auto now_s = [] {
+    timespec time{};
+    clock_gettime(CLOCK_BOOTTIME, &time);
+    return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+  };
+  const std::chrono::duration<double> period(lease_s / 8);
+  std::unique_lock lock(mutex_);
+  for (double last = now_s(); !ending_;) {
+    condition_.wait_for(lock, period, [this] { return ending_; });
+    const double now = now_s();
+    if (now - last > 0.75 * lease_s) {
+      stopped_ = true;
+      mailbox_.wake();
+    }
+    last = now;
+  }
+}
 
 // --- Bus
 
@@ -410,17 +455,14 @@ Result<fdds::DataWriter*> Bus::add_writer(fdds::Topic* topic, const fdds::DataWr
   return Status{StatusCode::kIo, "Fast DDS could not create a writer of " + topic->get_name()};
 }
 
-Result<fdds::DataReader*> Bus::add_reader(const fdds::TopicDescription* topic,
-                                          const fdds::DataReaderQos& qos, ReaderListener& listener,
-                                          const std::string& partition) {
+Result<fdds::DataReader*> Bus::add_reader(fdds::Topic* topic, const fdds::DataReaderQos& qos,
+                                          ReaderListener& listener, const std::string& partition) {
   fdds::SubscriberQos subscriber_qos;
   if (!partition.empty()) subscriber_qos.partition().push_back(partition.c_str());
   fdds::Subscriber* subscriber = participant_->create_subscriber(
       subscriber_qos, &listener, fdds::StatusMask::data_on_readers());
-  fdds::DataReader* reader = subscriber == nullptr
-                                 ? nullptr
-                                 : subscriber->create_datareader(
-                                       const_cast<fdds::TopicDescription*>(topic), qos, &listener);
+  fdds::DataReader* reader =
+      subscriber == nullptr ? nullptr : subscriber->create_datareader(topic, qos, &listener);
   if (reader != nullptr) {
     readers_.push_back(reader);
     return reader;

@@ -31,6 +31,7 @@ class DdsChannel::Impl {
         header_listener_(mailbox_, names_.mesh_header),
         subscription_listener_(mailbox_, names_.region_subscription) {}
 
+  Status start();
   Status open();
   void announce(const wire::Hello& hello, const std::vector<wire::MeshHeader>& headers);
   std::vector<wire::RegionSubscription> take_subscriptions();
@@ -46,6 +47,7 @@ class DdsChannel::Impl {
 
   template <class Type, class Message>
   bool write_patiently(wire::fdds::DataWriter& writer, const Message& message);
+  void rejoin();
   void withdraw_headers(const std::vector<wire::MeshHeader>& kept);
   bool admit(SessionId peer, const Handle& writer, Microseconds received);
   bool add_peer(SessionId peer);
@@ -60,12 +62,22 @@ class DdsChannel::Impl {
   std::map<std::uint64_t, std::string> announced_headers_;  ///< content hash to name
   bool complained_of_limit_ = false;
   SessionId own_id_ = 0;  ///< known with the first announcement
+  wire::Hello hello_;     ///< what was announced last, for a rejoin
+  std::vector<wire::MeshHeader> headers_;
+  std::vector<SessionId> lost_by_stop_;
   wire::fdds::DataWriter* hello_writer_ = nullptr;
   wire::fdds::DataWriter* header_writer_ = nullptr;
   wire::fdds::DataReader* subscription_reader_ = nullptr;
   wire::fdds::Topic* batch_topic_ = nullptr;
   std::unique_ptr<wire::Bus> bus_;  ///< last: goes first, while the listeners still live
+  std::unique_ptr<wire::StopDetector> stops_;
 };
+
+Status DdsChannel::Impl::start() {
+  NEARMESH_RETURN_IF_ERROR(open());
+  stops_ = std::make_unique<wire::StopDetector>(mailbox_, options_.transport.lease_s);
+  return Status::ok();
+}
 
 Status DdsChannel::Impl::open() {
   if (options_.header_bytes_per_s < 100'000 || options_.header_bytes_per_s > 1'000'000'000)
@@ -129,6 +141,9 @@ bool DdsChannel::Impl::write_patiently(wire::fdds::DataWriter& writer, const Mes
 void DdsChannel::Impl::announce(const wire::Hello& hello,
                                 const std::vector<wire::MeshHeader>& headers) {
   own_id_ = hello.publisher;
+  if (bus_ == nullptr) return;
+  if (&hello != &hello_) hello_ = hello;
+  if (&headers != &headers_) headers_ = headers;
   withdraw_headers(headers);
   for (const wire::MeshHeader& header : headers) {
     const auto known = announced_headers_.find(header.content_hash);
@@ -153,7 +168,24 @@ void DdsChannel::Impl::withdraw_headers(const std::vector<wire::MeshHeader>& kep
   });
 }
 
+/// After the process was stopped: as a new participant, with the same session. Every peer starts
+/// afresh.
+void DdsChannel::Impl::rejoin() {
+  for (const SessionId peer : book_.clear()) lost_by_stop_.push_back(peer);
+  bus_.reset();
+  peers_.clear();
+  (void)subscription_listener_.take_matches();
+  announced_headers_.clear();
+  if (const Status status = open(); !status.is_ok()) {
+    mailbox_.complain("could not join again after a stop: " + status.message());
+    return;
+  }
+  if (own_id_ != 0) announce(hello_, headers_);
+}
+
 std::vector<wire::RegionSubscription> DdsChannel::Impl::take_subscriptions() {
+  if (stops_->take_stop()) rejoin();
+  if (bus_ == nullptr) return {};
   std::vector<wire::RegionSubscription> taken;
   const bool more = wire::drain<wire::RegionSubscriptionType>(
       *subscription_reader_, mailbox_, kMaxTaken,
@@ -207,10 +239,10 @@ bool DdsChannel::Impl::add_peer(SessionId peer) {
 }
 
 std::vector<SessionId> DdsChannel::Impl::take_lost_peers() {
-  std::vector<SessionId> lost;
+  std::vector<SessionId> lost = std::exchange(lost_by_stop_, {});
   for (const auto& event : subscription_listener_.take_matches()) {
     if (!event.gone) {
-      (void)book_.returns(event.writer);
+      book_.welcome(event.writer);
       continue;
     }
     const std::optional<SessionId> peer = book_.forget(event.writer, event.when);
@@ -237,7 +269,7 @@ bool DdsChannel::Impl::send(SessionId peer, const wire::SplitBatchMessage& batch
 
 Result<std::unique_ptr<DdsChannel>> DdsChannel::create(const DdsChannelOptions& options) {
   auto impl = std::make_unique<Impl>(options);
-  NEARMESH_RETURN_IF_ERROR(impl->open());
+  NEARMESH_RETURN_IF_ERROR(impl->start());
   return std::unique_ptr<DdsChannel>(new DdsChannel(std::move(impl)));
 }
 

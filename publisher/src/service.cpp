@@ -7,13 +7,6 @@
 #include "nearmesh/core/demand/collect.hpp"
 
 namespace nearmesh::publisher {
-namespace {
-
-// Sample fields and transport headers around a batch; counted so that many tiny batches use up credit too.
-constexpr std::size_t kFramingBytes = 76;
-
-}  // namespace
-
 Service::Service(Channel& channel, wire::SessionId session, ServiceOptions options)
     : channel_(channel), session_(session), options_(options) {}
 
@@ -60,7 +53,8 @@ Result<std::vector<std::vector<std::uint8_t>>> Service::answer(
   ModelFile& file = at->second->file;
   NEARMESH_RETURN_IF_ERROR(check_request(file.store(), subscription.region));
   const Result<Demand> demand = collect(file.store(), subscription.region,
-                                        [&file](NodeSpan node) { return file.require(node); });
+                                        [&file](NodeSpan node) { return file.require(node); },
+                                        AttachRule::kAlways);
   if (!demand.is_ok()) return demand.status();
   return encode_batches(file.header(), file.store(), demand.value().treelet, BoxPolicy::kCutNodes);
 }
@@ -80,7 +74,7 @@ void Service::enqueue(Peer& peer, const wire::RegionSubscription& subscription,
     message.last = i + 1 == batches.size();
     message.refused = refused;
     message.bytes = std::move(batches[i]);
-    peer.queued_bytes += message.bytes.size() + kFramingBytes;
+    peer.queued_bytes += message.bytes.size() + kBatchFramingBytes;
     added.push_back({std::move(message), subscription.priority});
   }
   peer.queue.insert(place, std::make_move_iterator(added.begin()),
@@ -90,7 +84,7 @@ void Service::enqueue(Peer& peer, const wire::RegionSubscription& subscription,
 bool Service::send_next(wire::SessionId id, Peer& peer, double now_s) {
   if (peer.queue.empty()) return false;
   wire::SplitBatchMessage& message = peer.queue.front().message;
-  const std::size_t bytes = message.bytes.size() + kFramingBytes;
+  const std::size_t bytes = message.bytes.size() + kBatchFramingBytes;
   // One batch may always be under way, so that a tiny window cannot stall a peer for good.
   if (!peer.under_way.empty() && peer.under_way_bytes + bytes > peer.window_bytes) return false;
   message.sequence = peer.next_sequence;
@@ -123,7 +117,7 @@ std::vector<std::string> Service::step(double now_s) {
     // A request names the peer's frontier as it is now, so it replaces what still waits for that model.
     std::erase_if(peer.queue, [&](const Waiting& waiting) {
       if (waiting.message.content_hash != subscription.content_hash) return false;
-      peer.queued_bytes -= waiting.message.bytes.size() + kFramingBytes;
+      peer.queued_bytes -= waiting.message.bytes.size() + kBatchFramingBytes;
       return true;
     });
     Result<std::vector<std::vector<std::uint8_t>>> batches =

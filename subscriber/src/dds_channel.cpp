@@ -8,7 +8,6 @@
 #include <future>
 #include <mutex>
 #include <thread>
-#include <tuple>
 #include <utility>
 
 #include "nearmesh/wire/dds_support.hpp"
@@ -23,7 +22,8 @@ namespace {
 
 constexpr std::size_t kMaxTaken = 1024;  ///< of one topic, before the others have their turn
 constexpr double kIdleWait_s = 0.5;      ///< everything wakes the thread; this is a safety net
-constexpr double kRetryWait_s = 0.002;   ///< when Fast DDS could not take a sample
+constexpr std::size_t kMaxContested = 64;
+constexpr double kRetryWait_s = 0.002;  ///< when Fast DDS could not take a sample
 
 }  // namespace
 
@@ -67,7 +67,9 @@ class DdsChannel::Impl {
   Status add_writers();
   bool receive();
   void receive_matches();
-  void renew_readers();
+  void accept_hello(const wire::Hello& hello, const Handle& writer, Microseconds received);
+  void tell_lost(SessionId publisher);
+  Status rejoin();
   void release_hellos();
   bool flush();
   template <class Type, class Message>
@@ -94,6 +96,7 @@ class DdsChannel::Impl {
   // The I/O thread's own.
   wire::SessionBook publishers_;
   std::vector<WaitingHello> waiting_hellos_;
+  std::vector<WaitingHello> contested_hellos_;  ///< of sessions that another writer holds
   wire::fdds::DataReader* hello_reader_ = nullptr;
   wire::fdds::DataReader* header_reader_ = nullptr;
   wire::fdds::DataReader* batch_reader_ = nullptr;
@@ -172,7 +175,17 @@ void DdsChannel::Impl::run(std::promise<Status> started) {
   const Status opened = open();
   const bool works = opened.is_ok();
   started.set_value(opened);
+  // A participant of the host's is the host's to repair.
+  std::unique_ptr<wire::StopDetector> stops;
+  if (works && options_.participant == nullptr)
+    stops = std::make_unique<wire::StopDetector>(mailbox_, options_.transport.lease_s);
   while (works && !stopping_) {
+    if (stops != nullptr && stops->take_stop()) {
+      if (const Status status = rejoin(); !status.is_ok()) {
+        mailbox_.complain("could not join again after a stop: " + status.message());
+        break;
+      }
+    }
     const bool sent_all = flush();
     const bool more = receive();
     arrived_.notify_all();
@@ -254,14 +267,7 @@ bool DdsChannel::Impl::receive() {
   bool more = wire::drain<wire::HelloType>(
       *hello_reader_, mailbox_, kMaxTaken,
       [&](wire::Hello&& hello, const Handle& writer, Microseconds received) {
-        const auto claim = publishers_.claim(hello.publisher, writer, received);
-        if (claim == wire::SessionBook::Claim::kStale) return;
-        if (claim == wire::SessionBook::Claim::kTaken)
-          mailbox_.complain(names_.hello + ": sample of " + wire::name_of(writer) +
-                            " dropped: publisher " + wire::partition_of(hello.publisher) +
-                            " speaks through another writer");
-        else
-          waiting_hellos_.push_back({std::move(hello), writer});
+        accept_hello(hello, writer, received);
       });
   more |=
       wire::drain<wire::MeshHeaderType>(*header_reader_, mailbox_, kMaxTaken,
@@ -292,40 +298,54 @@ void DdsChannel::Impl::release_hellos() {
 }
 
 void DdsChannel::Impl::receive_matches() {
-  bool returned = false;
   for (const auto& event : hello_listener_.take_matches()) {
     if (!event.gone) {
-      returned |= publishers_.returns(event.writer);
+      publishers_.welcome(event.writer);
       continue;
     }
     std::erase_if(waiting_hellos_, [&](const WaitingHello& w) { return w.writer == event.writer; });
-    if (std::optional<SessionId> lost = publishers_.forget(event.writer, event.when)) {
-      {
-        const std::lock_guard lock(mutex_);
-        std::erase_if(inbox_.hellos, [&](const wire::Hello& h) { return h.publisher == *lost; });
-      }
-      deliver(&Inbox::lost_publishers, std::move(*lost), options_.max_waiting_others, names_.hello);
-    }
+    const std::optional<SessionId> lost = publishers_.forget(event.writer, event.when);
+    if (!lost) continue;
+    tell_lost(*lost);
+    // A publisher that joined anew may be heard before its old self is gone.
+    for (const WaitingHello& contested : std::exchange(contested_hellos_, {}))
+      accept_hello(contested.hello, contested.writer, wire::now_us());
+    mailbox_.wake();
   }
-  if (returned) renew_readers();
 }
 
-/// A publisher that was stopped for longer than its lease is lost here, but when it goes on it
-/// never missed us: for it our readers have long acknowledged its hello and headers, and it would
-/// not send them again. New readers get them.
-void DdsChannel::Impl::renew_readers() {
-  for (auto [reader, listener, delivery] :
-       {std::tuple{&hello_reader_, &hello_listener_, wire::kHelloDelivery},
-        std::tuple{&header_reader_, &header_listener_, wire::kMeshHeaderDelivery}}) {
-    // The new one first: a publisher that goes in between is missed by one of the two.
-    auto renewed =
-        bus_->add_reader((*reader)->get_topicdescription(), wire::reader_qos(delivery), *listener);
-    if (!renewed.is_ok()) {
-      mailbox_.complain(renewed.status().message());
-      continue;
-    }
-    bus_->remove_reader(std::exchange(*reader, renewed.value()));
+void DdsChannel::Impl::accept_hello(const wire::Hello& hello, const Handle& writer,
+                                    Microseconds received) {
+  switch (publishers_.claim(hello.publisher, writer, received)) {
+    case wire::SessionBook::Claim::kStale:
+      return;
+    case wire::SessionBook::Claim::kNew:
+    case wire::SessionBook::Claim::kKnown:
+      waiting_hellos_.push_back({hello, writer});
+      return;
+    case wire::SessionBook::Claim::kTaken:
+      break;
   }
+  mailbox_.complain(names_.hello + ": publisher " + wire::partition_of(hello.publisher) +
+                    " is heard from " + wire::name_of(writer) +
+                    " too, which is ignored while the first is there");
+  if (contested_hellos_.size() < kMaxContested) contested_hellos_.push_back({hello, writer});
+}
+
+void DdsChannel::Impl::tell_lost(SessionId publisher) {
+  deliver(&Inbox::lost_publishers, std::move(publisher), options_.max_waiting_others, names_.hello);
+}
+
+/// After the process was stopped: as a new participant, with the same session. Every publisher is
+/// lost and, if it still lives, found again.
+Status DdsChannel::Impl::rejoin() {
+  for (const SessionId publisher : publishers_.clear()) tell_lost(publisher);
+  bus_.reset();
+  waiting_hellos_.clear();
+  contested_hellos_.clear();
+  subscription_listener_.forget_readers();
+  (void)hello_listener_.take_matches();
+  return open();
 }
 
 template <class Message>

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nearmesh/subscriber/predict.hpp"
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <queue>
@@ -8,51 +9,27 @@
 namespace nearmesh::subscriber {
 namespace {
 
-using Vector = std::array<double, 3>;
+using Eigen::Vector3d;
+using Rotation = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 
-double length(const Vector& v) { return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
+Vector3d vector(const std::array<double, 3>& v) { return {v[0], v[1], v[2]}; }
+Rotation rotation(const Pose& pose) { return Eigen::Map<const Rotation>(pose.rotation.data()); }
 
 struct MetreBox {
-  Vector center{}, half{};
+  Vector3d center, half;
 };
 
 MetreBox in_metres(const Grid& grid, const GridBox& box) {
-  MetreBox m;
+  Vector3d lo, hi;
   for (int k = 0; k < 3; ++k) {
-    const auto axis = static_cast<std::size_t>(k);
-    const double lo = grid.origin_m[axis] + std::ldexp(box.lo[k], grid.exponent);
-    const double hi = grid.origin_m[axis] + std::ldexp(box.hi[k], grid.exponent);
-    m.center[axis] = (lo + hi) / 2;
-    m.half[axis] = (hi - lo) / 2;
+    lo[k] = std::ldexp(box.lo[k], grid.exponent);
+    hi[k] = std::ldexp(box.hi[k], grid.exponent);
   }
-  return m;
+  return {vector(grid.origin_m) + (lo + hi) / 2, (hi - lo) / 2};
 }
 
 // Greatest distance of a point of the box from the model's origin, about which the body turns.
-double reach_m(const MetreBox& box) {
-  Vector far;
-  for (std::size_t k = 0; k < 3; ++k) far[k] = std::abs(box.center[k]) + box.half[k];
-  return length(far);
-}
-
-// Rotation and translation that take `other`'s model frame into `own`'s.
-struct Relative {
-  std::array<double, 9> rotation{};
-  Vector translation{};
-};
-
-Relative relative(const Pose& own, const Pose& other) {
-  Relative r;
-  Vector d;
-  for (std::size_t k = 0; k < 3; ++k) d[k] = other.translation_m[k] - own.translation_m[k];
-  for (std::size_t i = 0; i < 3; ++i) {
-    for (std::size_t j = 0; j < 3; ++j)
-      for (std::size_t k = 0; k < 3; ++k)
-        r.rotation[3 * i + j] += own.rotation[3 * k + i] * other.rotation[3 * k + j];
-    for (std::size_t k = 0; k < 3; ++k) r.translation[i] += own.rotation[3 * k + i] * d[k];
-  }
-  return r;
-}
+double reach_m(const MetreBox& box) { return (box.center.cwiseAbs() + box.half).norm(); }
 
 std::int32_t clamp_grid(double x) {
   return static_cast<std::int32_t>(std::clamp(x, -2147483648.0, 2147483647.0));
@@ -62,42 +39,44 @@ std::int32_t clamp_grid(double x) {
 
 double closing_speed_mps(const TreeView& a, const Motion& motion_a, const TreeView& b,
                          const Motion& motion_b) {
-  return length(motion_a.linear_velocity_mps) + length(motion_b.linear_velocity_mps) +
-         length(motion_a.angular_velocity_radps) * reach_m(in_metres(*a.grid, a.nodes[a.root].box)) +
-         length(motion_b.angular_velocity_radps) * reach_m(in_metres(*b.grid, b.nodes[b.root].box));
+  // Of any point of a body; the directions are not known, so the difference of the velocities is no bound.
+  const auto speed = [](const TreeView& tree, const Motion& motion) {
+    return vector(motion.linear_velocity_mps).norm() +
+           vector(motion.angular_velocity_radps).norm() *
+               reach_m(in_metres(*tree.grid, tree.nodes[tree.root].box));
+  };
+  return speed(a, motion_a) + speed(b, motion_b);
 }
 
 std::vector<GridBox> swept_region(const TreeView& own, const Motion& own_motion,
                                   const TreeView& other, const Motion& other_motion,
                                   double lookahead_s, double margin_m, std::size_t max_boxes) {
-  const Relative map = relative(own_motion.pose, other_motion.pose);
-  // Drift of the other body in own's frame over the look-ahead; turning is covered by growing each box.
-  Vector drift{};
-  for (std::size_t i = 0; i < 3; ++i)
-    for (std::size_t k = 0; k < 3; ++k)
-      drift[i] += own_motion.pose.rotation[3 * k + i] *
-                  (other_motion.linear_velocity_mps[k] - own_motion.linear_velocity_mps[k]) *
-                  lookahead_s;
-  const double own_turn = length(own_motion.angular_velocity_radps) * lookahead_s;
-  const double other_turn = length(other_motion.angular_velocity_radps) * lookahead_s;
+  // Into own's model frame.
+  const Rotation to_own = rotation(own_motion.pose).transpose();
+  const Rotation turn = to_own * rotation(other_motion.pose);
+  const Vector3d offset =
+      to_own * (vector(other_motion.pose.translation_m) - vector(own_motion.pose.translation_m));
+  // Drift of the other body over the look-ahead; turning is covered by growing each box.
+  const Vector3d drift =
+      to_own * (vector(other_motion.linear_velocity_mps) - vector(own_motion.linear_velocity_mps)) *
+      lookahead_s;
+  const double own_turn = vector(own_motion.angular_velocity_radps).norm() * lookahead_s;
+  const double other_turn = vector(other_motion.angular_velocity_radps).norm() * lookahead_s;
   const double cell = std::ldexp(1.0, own.grid->exponent);
 
   const auto sweep = [&](const GridBox& box) {
     const MetreBox m = in_metres(*other.grid, box);
-    GridBox swept;
-    Vector center = map.translation, half{};
-    for (std::size_t i = 0; i < 3; ++i)
-      for (std::size_t k = 0; k < 3; ++k) {
-        center[i] += map.rotation[3 * i + k] * m.center[k];
-        half[i] += std::abs(map.rotation[3 * i + k]) * m.half[k];
-      }
+    const Vector3d center = offset + turn * m.center;
+    const Vector3d half = turn.cwiseAbs() * m.half;
     const double grow = margin_m + other_turn * reach_m(m) +
-                        own_turn * (length(center) + length(half) + length(drift)) + cell;
-    for (std::size_t i = 0; i < 3; ++i) {
-      const double lo = center[i] - half[i] + std::min(0.0, drift[i]) - grow;
-      const double hi = center[i] + half[i] + std::max(0.0, drift[i]) + grow;
-      swept.lo.v[i] = clamp_grid(std::floor((lo - own.grid->origin_m[i]) / cell));
-      swept.hi.v[i] = clamp_grid(std::ceil((hi - own.grid->origin_m[i]) / cell));
+                        own_turn * (center.norm() + half.norm() + drift.norm()) + cell;
+    const Vector3d lo = center - half + drift.cwiseMin(0) - Vector3d::Constant(grow);
+    const Vector3d hi = center + half + drift.cwiseMax(0) + Vector3d::Constant(grow);
+    GridBox swept;
+    for (int k = 0; k < 3; ++k) {
+      const double origin = own.grid->origin_m[static_cast<std::size_t>(k)];
+      swept.lo[k] = clamp_grid(std::floor((lo[k] - origin) / cell));
+      swept.hi[k] = clamp_grid(std::ceil((hi[k] - origin) / cell));
     }
     return swept;
   };

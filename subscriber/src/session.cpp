@@ -77,8 +77,9 @@ struct Session::Impl {
   void ask(const FrameReport& report);
   [[nodiscard]] std::vector<GridBox> region_of(const PeerModel& model, double lookahead_s,
                                                const FrameReport& report, bool uncertified_only) const;
-  bool request(PeerModel& model, const std::vector<GridBox>& region, std::uint8_t priority,
-               double patience_s);
+  [[nodiscard]] std::vector<NodeSpan> missing_of(const PeerModel& model, const FrameReport& report) const;
+  bool request(PeerModel& model, const std::vector<GridBox>& region, std::vector<NodeSpan> attach,
+               std::uint8_t priority, double patience_s);
   void return_credit();
   [[nodiscard]] Publisher* publisher_of(std::uint64_t content_hash);
   [[nodiscard]] std::string why_not_ready(const Body& body) const;
@@ -306,15 +307,39 @@ Publisher* Session::Impl::publisher_of(std::uint64_t content_hash) {
   return nullptr;
 }
 
+// The nodes of a model that this update's answers lack, ascending.
+std::vector<NodeSpan> Session::Impl::missing_of(const PeerModel& model,
+                                                const FrameReport& report) const {
+  std::vector<NodeSpan> missing;
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const Answer& answer = report.answers[i].answer;
+    if (pairs[i].a->model == &model)
+      missing.insert(missing.end(), answer.missing_a.begin(), answer.missing_a.end());
+    if (pairs[i].b->model == &model)
+      missing.insert(missing.end(), answer.missing_b.begin(), answer.missing_b.end());
+  }
+  std::sort(missing.begin(), missing.end());
+  missing.erase(std::unique(missing.begin(), missing.end()), missing.end());
+  missing.resize(std::min(missing.size(), kMaxAttachNodes));
+  return missing;
+}
+
+// `attach`, ascending, is asked for in any case, before what else of the frontier meets the region.
 bool Session::Impl::request(PeerModel& model, const std::vector<GridBox>& region,
-                            std::uint8_t priority, double patience_s) {
+                            std::vector<NodeSpan> attach, std::uint8_t priority, double patience_s) {
   if (region.empty()) return false;
   Publisher* publisher = publisher_of(model.content_hash);
   if (publisher == nullptr) return false;
+  const std::size_t given = attach.size();
+  for (const NodeSpan& node : frontier(model.replica->store(), region, kMaxAttachNodes)) {
+    if (attach.size() == kMaxAttachNodes) break;
+    const auto end = attach.begin() + static_cast<std::ptrdiff_t>(given);
+    if (!std::binary_search(attach.begin(), end, node)) attach.push_back(node);
+  }
+  if (attach.empty()) return false;
+  std::sort(attach.begin(), attach.end());
   wire::RegionSubscription subscription;
-  subscription.region.attach = frontier(model.replica->store(), region, kMaxAttachNodes);
-  if (subscription.region.attach.empty()) return false;
-  std::sort(subscription.region.attach.begin(), subscription.region.attach.end());
+  subscription.region.attach = std::move(attach);
   subscription.region.region = region;
   subscription.region.max_splits = options.request_splits;
   subscription.peer = channel->own_id();
@@ -345,8 +370,11 @@ void Session::Impl::ask(const FrameReport& report) {
       if (lost) patience_s = std::min(2 * open->second.patience_s, kMaxPatience_s);
       may_prefetch = may_prefetch && lost;
     }
-    if (!request(model, region_of(model, 0, report, true), kNeededNow, patience_s) && may_prefetch)
-      static_cast<void>(request(model, region_of(model, options.lookahead_s, report, false),
+    // What an answer lacks is named outright: boxes of nodes need not nest, so the walk may miss a node that the query met.
+    if (!request(model, region_of(model, 0, report, true), missing_of(model, report), kNeededNow,
+                 patience_s) &&
+        may_prefetch)
+      static_cast<void>(request(model, region_of(model, options.lookahead_s, report, false), {},
                                 kHorizon, patience_s));
   }
 }

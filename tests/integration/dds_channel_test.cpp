@@ -119,7 +119,7 @@ wire::SplitBatchMessage batch_of(std::uint32_t sequence, bool last) {
   batch.request = 1;
   batch.sequence = sequence;
   batch.last = last;
-  batch.bytes.assign(1284, static_cast<std::uint8_t>(sequence));
+  batch.bytes.assign(nearmesh::kMaxBatchBytes, static_cast<std::uint8_t>(sequence));
   return batch;
 }
 

@@ -28,8 +28,8 @@ class RegionFilter {
       : store_(store), region_(region), pool_(region.size()) {
     std::iota(pool_.begin(), pool_.end(), 0U);
   }
-  [[nodiscard]] Candidate everything() const {
-    return {{}, 0, static_cast<std::uint32_t>(region_.size())};
+  [[nodiscard]] Candidate everything(NodeSpan node) const {
+    return {node, 0, static_cast<std::uint32_t>(region_.size())};
   }
   // The node as a candidate if its box meets what `parent` met; leaves never do, they are resolved.
   [[nodiscard]] std::optional<Candidate> child(NodeSpan node, const Candidate& parent) {
@@ -122,7 +122,7 @@ Status check_request(const SplitStore& store, const RegionRequest& request) {
 }
 
 Result<Demand> collect(const SplitStore& store, const RegionRequest& request,
-                       const std::function<Status(NodeSpan)>& require) {
+                       const std::function<Status(NodeSpan)>& require, AttachRule rule) {
   RegionFilter filter(store, request.region);
   const auto smaller = [](const Candidate& a, const Candidate& b) { return is_smaller(a.node, b.node); };
   std::priority_queue<Candidate, std::vector<Candidate>, decltype(smaller)> queue(smaller);
@@ -131,7 +131,12 @@ Result<Demand> collect(const SplitStore& store, const RegionRequest& request,
   };
   for (const NodeSpan& node : request.attach) {
     if (require) NEARMESH_RETURN_IF_ERROR(locate(store, node, require));
-    if (store.is_node(node)) offer(node, filter.everything());
+    if (!store.is_node(node)) continue;
+    if (rule == AttachRule::kAlways && node.size > 1) {
+      queue.push(filter.everything(node));
+    } else {
+      offer(node, filter.everything({}));
+    }
   }
   Demand demand;
   while (!queue.empty()) {
@@ -163,7 +168,7 @@ std::vector<NodeSpan> frontier(const SplitStore& store, std::span<const GridBox>
   const auto offer = [&](NodeSpan node, const Candidate& parent) {
     if (const auto candidate = filter.child(node, parent)) stack.push_back(*candidate);
   };
-  for (const BaseRoot& root : store.roots()) offer(root.node, filter.everything());
+  for (const BaseRoot& root : store.roots()) offer(root.node, filter.everything({}));
   while (!stack.empty()) {
     const Candidate top = stack.back();
     stack.pop_back();

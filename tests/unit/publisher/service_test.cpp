@@ -15,7 +15,6 @@ using publisher::ServiceOptions;
 
 constexpr wire::SessionId kPublisher = 0xa1, kPeer = 0xb1, kOtherPeer = 0xb2;
 // What the service counts beside a batch's own bytes; the window tests need it.
-constexpr std::size_t kFramingBytes = 76;
 
 // One service with a terrain, and a peer whose raw inbox the test reads.
 struct Desk {
@@ -85,7 +84,7 @@ struct Desk {
 
 std::size_t framed(const std::vector<wire::SplitBatchMessage>& batches) {
   std::size_t bytes = 0;
-  for (const auto& batch : batches) bytes += batch.bytes.size() + kFramingBytes;
+  for (const auto& batch : batches) bytes += batch.bytes.size() + kBatchFramingBytes;
   return bytes;
 }
 
@@ -109,7 +108,8 @@ TEST(Service, AnswersWithTheBatchesThatCollectNames) {
     wire::RegionSubscription subscription = desk.request(max_splits, max_splits);
     const std::int32_t middle = desk.model.store.grid_max() / 2;
     subscription.region.region = {{{{0, 0, 0}}, {{middle, middle, desk.model.store.grid_max()}}}};
-    const Result<Demand> demand = collect(desk.model.store, subscription.region, test::no_require);
+    const Result<Demand> demand = collect(desk.model.store, subscription.region, test::no_require,
+                                          AttachRule::kAlways);
     ASSERT_TRUE(demand.is_ok());
     const auto expected = encode_batches(desk.model.header, desk.model.store,
                                          demand.value().treelet, BoxPolicy::kCutNodes);
@@ -141,31 +141,45 @@ TEST(Service, NumbersItsBatchesFromOneForEachPeer) {
   }
 }
 
-TEST(Service, AnswersThatNothingWasNeeded) {
+// A peer that lost the batch with a node's box goes by an ancestor's; it must get on all the same.
+TEST(Service, SplitsAttachNodesWhateverTheirBoxes) {
   Desk desk;
   wire::RegionSubscription subscription = desk.request(1);
-  subscription.region.region = {{{{0, 0, 0}}, {{0, 0, 0}}}};  // a corner of the grid's box
-  subscription.region.attach = {desk.model.header.roots.back().node};
-  const auto demand = collect(desk.model.store, subscription.region, test::no_require);
-  ASSERT_TRUE(demand.value().treelet.empty());
+  subscription.region.region = {{{{0, 0, 0}}, {{0, 0, 0}}}};  // a corner of the grid
+  const NodeSpan root = desk.model.header.roots.back().node;
+  subscription.region.attach = {root};
+  ASSERT_FALSE(desk.model.store.box(root).meets(subscription.region.region[0]));
   desk.bus.inject(subscription);
   desk.service.step(0);
   const auto batches = desk.received();
   ASSERT_EQ(batches.size(), 1U);
   EXPECT_TRUE(batches[0].last);
-  EXPECT_FALSE(batches[0].refused);
-  EXPECT_TRUE(batches[0].bytes.empty());
+  const Result<SplitBatch> batch = decode_batch(desk.model.header, batches[0].bytes);
+  ASSERT_TRUE(batch.is_ok());
+  ASSERT_EQ(batch.value().splits.size(), 1U);
+  EXPECT_EQ(batch.value().splits[0].node, root);
 }
 
 TEST(Service, SendsByPriorityThenByArrival) {
   Desk desk;
   desk.bus.accept_batches = false;
-  for (const auto& [number, priority] : {std::pair(1U, 2), {2U, 1}, {3U, 0}, {4U, 1}, {5U, 0}}) {
-    wire::RegionSubscription subscription = desk.request(number);
+  std::vector<std::unique_ptr<test::TempFile>> files;
+  std::uint32_t number = 0;
+  for (const auto& [mesh, priority] :
+       {std::pair("sphere", 2), {"soup", 1}, {"components", 0}, {"degenerate", 1}, {"aircraft", 0}}) {
+    const BakedModel model = test::bake_named(mesh);
+    files.push_back(test::write_model(model));
+    ModelFile file = std::move(ModelFile::open(files.back()->path())).value();
+    wire::RegionSubscription subscription = desk.request(++number);
+    subscription.content_hash = file.content_hash();
     subscription.priority = static_cast<std::uint8_t>(priority);
+    subscription.region.attach.clear();
+    for (const BaseRoot& root : model.header.roots)
+      if (root.node.size > 1) subscription.region.attach.push_back(root.node);
+    ASSERT_TRUE(desk.service.add_model(mesh, std::move(file)).is_ok());
     desk.bus.inject(subscription);
   }
-  desk.service.step(0);
+  EXPECT_TRUE(desk.service.step(0).empty());
   EXPECT_TRUE(desk.received().empty());
   desk.bus.accept_batches = true;
   desk.service.step(0);
@@ -176,6 +190,24 @@ TEST(Service, SendsByPriorityThenByArrival) {
     if (order.empty() || order.back() != batch.request) order.push_back(batch.request);
   }
   EXPECT_EQ(order, (std::vector<std::uint32_t>{3, 5, 2, 4, 1}));
+}
+
+TEST(Service, NewerRequestReplacesWhatWaitsForItsModel) {
+  Desk desk;
+  wire::RegionSubscription subscription = desk.request(1);
+  subscription.window_bytes = 3000;
+  desk.bus.inject(subscription);
+  desk.service.step(0);
+  EXPECT_EQ(desk.received().size(), 2U);  // more wait for credit
+  subscription = desk.request(2, 10);
+  subscription.acknowledged_sequence = 2;
+  desk.bus.inject(subscription);
+  desk.service.step(0);
+  const auto batches = desk.received();
+  ASSERT_EQ(batches.size(), 1U);
+  EXPECT_EQ(batches[0].request, 2U);
+  EXPECT_EQ(batches[0].sequence, 3U);
+  EXPECT_TRUE(batches[0].last);
 }
 
 TEST(Service, KeepsTheWindowAndGoesOnWhenAcknowledged) {
@@ -340,7 +372,15 @@ TEST(Service, RefusesWhenTooMuchIsQueued) {
   desk.bus.accept_batches = false;
   desk.bus.inject(desk.request(1));
   EXPECT_TRUE(desk.service.step(0).empty());
-  desk.bus.inject(desk.request(2));
+  // For another model: for the same one it would replace what waits.
+  const BakedModel sphere = test::bake_named("sphere");
+  const auto file = test::write_model(sphere);
+  ModelFile opened = std::move(ModelFile::open(file->path())).value();
+  wire::RegionSubscription other = desk.request(2);
+  other.content_hash = opened.content_hash();
+  other.region.attach = {sphere.header.roots[0].node};
+  ASSERT_TRUE(desk.service.add_model("sphere", std::move(opened)).is_ok());
+  desk.bus.inject(other);
   const auto complaints = desk.service.step(0);
   ASSERT_EQ(complaints.size(), 1U);
   EXPECT_NE(complaints[0].find("more than 3000 bytes wait for this peer"), std::string::npos);

@@ -148,7 +148,10 @@ TEST(DecodeHeader, RefusesRootsBeyondTheVertices) {
 
 TEST(DecodeHeader, RefusesMoreThanTheGreatestSize) {
   const std::vector<std::uint8_t> bytes(kMaxHeaderBytes + 1);
-  EXPECT_FALSE(decode_header(bytes).is_ok());
+  const Result<SpmHeader> header = decode_header(bytes);
+  ASSERT_FALSE(header.is_ok());
+  EXPECT_NE(header.status().message().find("size: at most"), std::string::npos)
+      << header.status().message();
 }
 
 }  // namespace

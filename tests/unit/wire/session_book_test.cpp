@@ -34,16 +34,20 @@ TEST(SessionBook, WhatWasReceivedBeforeTheLossDoesNotBringItBack) {
   EXPECT_EQ(book.claim(5, writer(1), 21), Claim::kNew);
 }
 
-TEST(SessionBook, ReturnIsToldOncePerLoss) {
+TEST(SessionBook, WelcomedWriterCountsWhateverTheClockSays) {
   SessionBook book;
-  EXPECT_FALSE(book.returns(writer(1)));
   (void)book.claim(5, writer(1), 10);
   (void)book.forget(writer(1), 20);
-  EXPECT_TRUE(book.returns(writer(1)));
-  EXPECT_FALSE(book.returns(writer(1)));
-  (void)book.forget(writer(1), 30);
-  (void)book.claim(5, writer(1), 40);  // its word may overtake the news that it is back
-  EXPECT_TRUE(book.returns(writer(1)));
+  book.welcome(writer(1));
+  EXPECT_EQ(book.claim(5, writer(1), 3), Claim::kNew);
+}
+
+TEST(SessionBook, ClearTellsWhoWasKnown) {
+  SessionBook book;
+  (void)book.claim(5, writer(1), 10);
+  (void)book.claim(6, writer(2), 10);
+  EXPECT_EQ(book.clear(), (std::vector<SessionId>{5, 6}));
+  EXPECT_EQ(book.claim(5, writer(3), 1), Claim::kNew);
 }
 
 TEST(SessionBook, ReleasedClaimIsFreeAgain) {

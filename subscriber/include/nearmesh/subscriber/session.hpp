@@ -20,7 +20,8 @@ struct SessionOptions {
   double margin_m = 0;             ///< and this much further
   std::size_t region_boxes = 64;   ///< boxes by which a region is described, in [1, kMaxRegionBoxes]
   std::uint32_t request_splits = 4096;   ///< largest answer to one request
-  std::uint32_t window_bytes = 128 * 1024;  ///< batches that may be under way to this peer
+  std::uint32_t window_bytes = 64 * 1024;  ///< batches that may be under way to this peer; twice as much overran the default
+                                           ///< socket buffer, and 12 % were sent again
   double request_timeout_s = 0.5;  ///< a request without an answer is repeated after this
   std::uint32_t max_held_splits = 0;  ///< above this, detail far from every body is given up; 0: no limit
   bool publish_reports = true;     ///< send a ContactReport whenever an answer changes

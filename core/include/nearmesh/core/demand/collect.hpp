@@ -24,12 +24,21 @@ struct Demand {
 /// Checks a request from outside against the model. Errors: kInvalidArgument naming the limit or the node.
 [[nodiscard]] Status check_request(const SplitStore& store, const RegionRequest& request);
 
+/// Which attach nodes are split.
+enum class AttachRule : std::uint8_t {
+  kInRegion,  ///< those whose box meets the region
+  /// All: a peer that named a node knows perhaps only an ancestor's box, since the batch that held its own was lost or
+  /// dropped. It would find the node missing, and ask for it, for ever.
+  kAlways,
+};
+
 /// Walks below request.attach, largest node first, into every node whose box meets the region.
 /// `require` is called before a split is looked up, so that a file can decode the block; it may be empty (peer).
 /// Attach nodes that are not nodes of the forest are skipped when `require` is empty, else reported by `require`.
 /// Deterministic. Cost: O(visited log visited).
 [[nodiscard]] Result<Demand> collect(const SplitStore& store, const RegionRequest& request,
-                                     const std::function<Status(NodeSpan)>& require);
+                                     const std::function<Status(NodeSpan)>& require,
+                                     AttachRule rule = AttachRule::kInRegion);
 
 /// The frontier of a store towards a region: nodes that meet it and whose split is not known, largest first (ties to the
 /// lower id), at most `limit`. What a peer asks for next. Cost: O(known nodes that meet the region).

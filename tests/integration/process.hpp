@@ -1,0 +1,165 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// The real programs as child processes: started, waited for with a deadline, signalled, their output kept in files.
+
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <sys/file.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <csignal>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <sstream>
+#include <string>
+#include <thread>
+#include <vector>
+
+namespace nearmesh::test {
+
+constexpr double kDeadline_s = 40;  ///< for anything that ought to happen soon
+
+/// Polls until `done` holds; false when the time is over.
+inline bool await(const std::function<bool()>& done, double seconds = kDeadline_s) {
+  const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
+  while (!done()) {
+    if (std::chrono::steady_clock::now() > end) return false;
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  return true;
+}
+
+inline std::string read_text(const std::string& path) {
+  std::ifstream in(path);
+  std::ostringstream text;
+  text << in.rdbuf();
+  return text.str();
+}
+
+inline std::vector<std::string> lines_of(const std::string& text) {
+  std::vector<std::string> lines;
+  std::istringstream in(text);
+  for (std::string line; std::getline(in, line);) lines.push_back(line);
+  return lines;
+}
+
+/// A folder of one test, removed at its end.
+class Folder {
+ public:
+  Folder() {
+    std::string name = ::testing::TempDir() + "nearmesh_int_XXXXXX";
+    EXPECT_NE(::mkdtemp(name.data()), nullptr);
+    path_ = name;
+  }
+  Folder(const Folder&) = delete;
+  Folder& operator=(const Folder&) = delete;
+  ~Folder() { std::filesystem::remove_all(path_); }
+  [[nodiscard]] std::string file(const std::string& name) const { return path_ + "/" + name; }
+  void write(const std::string& name, const std::string& text) const {
+    std::ofstream(file(name)) << text;
+  }
+  [[nodiscard]] const std::string& path() const { return path_; }
+
+ private:
+  std::string path_;
+};
+
+/// One running program of NEARMESH_BIN_DIR. Killed at the end of its scope, and when the test dies.
+class Process {
+ public:
+  Process(const Folder& folder, const std::string& program, const std::vector<std::string>& arguments) {
+    static int number = 0;
+    const std::string name = folder.file(program + std::to_string(number++));
+    out_ = name + ".out";
+    err_ = name + ".err";
+    std::vector<std::string> words{NEARMESH_BIN_DIR "/" + program};
+    words.insert(words.end(), arguments.begin(), arguments.end());
+    std::vector<char*> argv;
+    for (std::string& word : words) argv.push_back(word.data());
+    argv.push_back(nullptr);
+    pid_ = ::fork();
+    if (pid_ != 0) return;
+    ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+    const int out = ::open(out_.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
+    const int err = ::open(err_.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
+    ::dup2(out, STDOUT_FILENO);
+    ::dup2(err, STDERR_FILENO);
+    ::execv(argv[0], argv.data());
+    ::_exit(127);
+  }
+  Process(const Process&) = delete;
+  Process& operator=(const Process&) = delete;
+  ~Process() {
+    if (is_over()) return;
+    ::kill(pid_, SIGKILL);
+    ::waitpid(pid_, nullptr, 0);
+  }
+
+  void signal(int number) const { ::kill(pid_, number); }
+  [[nodiscard]] bool is_over() {
+    if (exit_code_ != kRunning) return true;
+    int status = 0;
+    if (::waitpid(pid_, &status, WNOHANG) != pid_) return false;
+    exit_code_ = WIFEXITED(status) ? WEXITSTATUS(status) : 1000 + WTERMSIG(status);
+    return true;
+  }
+  /// Waits for the end: the exit code, 1000 + the signal's number, or -1 when the time is over.
+  int wait(double seconds = kDeadline_s) {
+    return await([this] { return is_over(); }, seconds) ? exit_code_ : kRunning;
+  }
+  [[nodiscard]] std::string out() const { return read_text(out_); }
+  [[nodiscard]] std::string err() const { return read_text(err_); }
+  /// Waits until standard error holds a text.
+  bool says(const std::string& text, double seconds = kDeadline_s) {
+    const auto found = [&] { return err().find(text) != std::string::npos; };
+    return await([&] { return found() || is_over(); }, seconds) && found();
+  }
+
+ private:
+  static constexpr int kRunning = -1;
+  pid_t pid_ = 0;
+  std::string out_, err_;
+  int exit_code_ = kRunning;
+};
+
+/// Runs a program to its end.
+inline int run(const Folder& folder, const std::string& program, const std::vector<std::string>& arguments,
+               std::string* out = nullptr, std::string* err = nullptr) {
+  Process process(folder, program, arguments);
+  const int code = process.wait();
+  if (out != nullptr) *out = process.out();
+  if (err != nullptr) *err = process.err();
+  return code;
+}
+
+/// Path of a small model, made by nearmesh-model when a newer program asks for the first time; tests share it.
+inline std::string model_file(const std::string& kind, int size) {
+  namespace fs = std::filesystem;
+  const fs::path folder = NEARMESH_MODELS_DIR;
+  fs::create_directories(folder);
+  const int lock = ::open((folder / "lock").c_str(), O_RDWR | O_CREAT, 0600);
+  EXPECT_EQ(::flock(lock, LOCK_EX), 0);
+  const fs::path model = folder / (kind + ".spm"), mesh = folder / (kind + ".ply");
+  const fs::path program = NEARMESH_BIN_DIR "/nearmesh-model";
+  if (!fs::exists(model) || fs::last_write_time(model) < fs::last_write_time(program)) {
+    const Folder scratch;
+    std::string err;
+    EXPECT_EQ(run(scratch, "nearmesh-model",
+                  {"generate", kind, "--size", std::to_string(size), "-o", mesh.string()}, nullptr, &err),
+              0)
+        << err;
+    EXPECT_EQ(run(scratch, "nearmesh-model",
+                  {"build", mesh.string(), "-o", model.string(), "--base-faces", "64"}, nullptr, &err),
+              0)
+        << err;
+  }
+  ::close(lock);
+  return model.string();
+}
+
+}  // namespace nearmesh::test

@@ -1,0 +1,345 @@
+// SPDX-License-Identifier: Apache-2.0
+// nearmesh-publisher and nearmesh-subscriber as a user runs them: processes that talk over UDP on 127.0.0.1. Every test
+// has a domain of its own, and topics of its own in case another checkout tests at the same time.
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "process.hpp"
+
+namespace nearmesh {
+namespace {
+
+using nlohmann::json;
+using test::Folder;
+using test::Process;
+
+constexpr int kTerrainCells = 48;
+
+std::string terrain() { return test::model_file("terrain", kTerrainCells); }
+std::string aircraft() { return test::model_file("aircraft", 600); }
+
+// What tests share: a bus of their own, a publisher, scenes, and the check of recorded answers.
+class Programs : public ::testing::Test {
+ protected:
+  Folder folder;
+
+  // `words` and how to reach the bus.
+  std::vector<std::string> on_bus(std::vector<std::string> words) const {
+    // One domain a test, by its place in this file.
+    const auto& suite = *::testing::UnitTest::GetInstance()->current_test_suite();
+    int place = 0;
+    for (int i = 0; i < suite.total_test_count(); ++i)
+      if (suite.GetTestInfo(i) == ::testing::UnitTest::GetInstance()->current_test_info()) place = i;
+    words.insert(words.end(), {"--domain", std::to_string(100 + place), "--prefix",
+                               "programs-" + std::to_string(::getpid()), "--interface", "127.0.0.1"});
+    return words;
+  }
+  std::unique_ptr<Process> serve() const {
+    auto publisher = std::make_unique<Process>(folder, "nearmesh-publisher",
+                                               on_bus({"serve", terrain(), aircraft()}));
+    EXPECT_TRUE(publisher->says("ready on domain")) << publisher->err();
+    return publisher;
+  }
+  std::unique_ptr<Process> fly(const std::string& scene, std::vector<std::string> more = {}) const {
+    std::vector<std::string> words{"run", folder.file(scene + ".yaml"), "--answers",
+                                   folder.file(scene + ".jsonl")};
+    words.insert(words.end(), more.begin(), more.end());
+    return std::make_unique<Process>(folder, "nearmesh-subscriber", on_bus(words));
+  }
+
+  // Writes flight1.csv and flight2.csv.
+  void write_flights(int frames) const {
+    std::string err;
+    ASSERT_EQ(test::run(folder, "nearmesh-demo-flights",
+                        {folder.path(), "--size", std::to_string(kTerrainCells), "--frames",
+                         std::to_string(frames), "--rate", "50"},
+                        nullptr, &err),
+              0)
+        << err;
+  }
+  // A scene with the ground and two aircraft, of which this peer moves some.
+  void write_scene(const std::string& name, const std::vector<std::string>& moves,
+                   const std::string& pairs, const std::string& more = "",
+                   const std::string& model = "aircraft") const {
+    std::string text =
+        "bodies:\n  - {name: ground, model: terrain, pose: {translation: [0, 0, 0]}}\n"
+        "  - {name: one, model: " + model + "}\n  - {name: two, model: aircraft}\nmoves:\n";
+    for (const std::string& body : moves)
+      text += "  - {body: " + body + ", trajectory: flight" + (body == "one" ? "1" : "2") + ".csv}\n";
+    text += "pairs: " + pairs + "\nframe_rate_hz: 50\nbudget_ms: 5\nlookahead_s: 0.2\n" + more;
+    folder.write(name + ".yaml", text);
+  }
+
+  struct Checked {
+    std::uint64_t answers = 0, wrong = 1, certified = 0;
+  };
+  // What nearmesh-model check says of a scene's answers.
+  Checked check(const std::string& scene) const {
+    std::string out, err;
+    const int code = test::run(
+        folder, "nearmesh-model",
+        {"check", terrain(), aircraft(), "--answers", folder.file(scene + ".jsonl")}, &out, &err);
+    EXPECT_EQ(code, 0) << err;
+    Checked checked;
+    unsigned long long answers = 0, wrong = 1, certified = 0;
+    EXPECT_EQ(std::sscanf(out.c_str(), "answers %llu, wrong %llu, certified %llu", &answers, &wrong,
+                          &certified),
+              3)
+        << out;
+    return {answers, wrong, certified};
+  }
+  std::vector<json> answers_of(const std::string& scene) const {
+    std::vector<json> answers;
+    for (const std::string& line : test::lines_of(test::read_text(folder.file(scene + ".jsonl"))))
+      if (json parsed = json::parse(line); !parsed.contains("summary")) answers.push_back(parsed);
+    return answers;
+  }
+  static bool is_certified(const json& answer) {
+    return answer.at("status") == "free" || answer.at("status") == "contact";
+  }
+};
+
+const std::string kAllPairs = "[[ground, one], [ground, two], [one, two]]";
+
+TEST_F(Programs, OnePeerFliesAndEveryAnswerIsRight) {
+  write_flights(40);
+  write_scene("both", {"one", "two"}, kAllPairs);
+  const auto publisher = serve();
+  const auto peer = fly("both");
+  ASSERT_EQ(peer->wait(), 0) << peer->err();
+  const Checked checked = check("both");
+  EXPECT_EQ(checked.answers, 120U);
+  EXPECT_EQ(checked.wrong, 0U);
+  EXPECT_GT(checked.certified, 60U);
+  const auto answers = answers_of("both");
+  for (const char* status : {"free", "contact"})
+    EXPECT_TRUE(std::any_of(answers.begin(), answers.end(),
+                            [&](const json& a) { return a.at("status") == status; }))
+        << "no answer is " << status;
+  EXPECT_NE(peer->out().find("touching face pairs"), std::string::npos) << peer->out();
+}
+
+TEST_F(Programs, TwoPeersHearOfEachOther) {
+  write_flights(40);
+  write_scene("first", {"one"}, "[[ground, one], [one, two]]");
+  write_scene("second", {"two"}, "[[ground, two], [one, two]]");
+  const auto publisher = serve();
+  const auto first = fly("first"), second = fly("second");
+  ASSERT_EQ(first->wait(), 0) << first->err();
+  ASSERT_EQ(second->wait(), 0) << second->err();
+  for (const char* scene : {"first", "second"}) {
+    const Checked checked = check(scene);
+    EXPECT_EQ(checked.answers, 80U);
+    EXPECT_EQ(checked.wrong, 0U);
+    EXPECT_GT(checked.certified, 40U);
+  }
+}
+
+TEST_F(Programs, LateJoinerIsAnsweredToo) {
+  write_flights(200);
+  write_scene("first", {"one"}, "[[ground, one]]");
+  write_scene("late", {"two"}, "[[ground, two], [one, two]]");
+  const auto publisher = serve();
+  const auto first = fly("first");
+  ASSERT_TRUE(first->says("frame 50 of 200")) << first->err();
+  const auto late = fly("late");
+  ASSERT_EQ(first->wait(), 0) << first->err();
+  ASSERT_EQ(late->wait(), 0) << late->err();
+  for (const char* scene : {"first", "late"}) {
+    const Checked checked = check(scene);
+    EXPECT_EQ(checked.wrong, 0U);
+    EXPECT_GT(checked.certified, checked.answers / 2);
+  }
+}
+
+TEST_F(Programs, KilledPublisherIsReplacedInFlight) {
+  write_flights(400);  // 8 s: a publisher that was killed is missed after 3
+  write_scene("both", {"one", "two"}, kAllPairs);
+  auto publisher = serve();
+  const auto peer = fly("both");
+  ASSERT_TRUE(peer->says("frame 100 of 400")) << peer->err();
+  publisher->signal(SIGKILL);
+  ASSERT_EQ(publisher->wait(), 1000 + SIGKILL);
+  publisher = serve();
+  ASSERT_EQ(peer->wait(), 0) << peer->err();
+  const Checked checked = check("both");
+  EXPECT_EQ(checked.answers, 1200U);
+  EXPECT_EQ(checked.wrong, 0U);
+  const auto answers = answers_of("both");
+  const auto certified = std::count_if(answers.end() - 150, answers.end(), is_certified);
+  EXPECT_GT(certified, 130) << "of the last 150 answers";
+  // And it was the new one that was asked.
+  publisher->signal(SIGINT);
+  EXPECT_EQ(publisher->wait(), 0);
+  unsigned long long requests = 0;
+  const std::string log = publisher->err();
+  const std::size_t at = log.find("stopping: ");
+  ASSERT_NE(at, std::string::npos) << log;
+  EXPECT_EQ(std::sscanf(log.c_str() + at, "stopping: %llu requests", &requests), 1);
+  EXPECT_GT(requests, 0U);
+}
+
+TEST_F(Programs, KilledPeerDoesNotDisturbTheOther) {
+  write_flights(250);
+  write_scene("first", {"one"}, "[[ground, one], [one, two]]");
+  write_scene("second", {"two"}, "[[ground, two], [one, two]]");
+  const auto publisher = serve();
+  const auto first = fly("first"), second = fly("second");
+  ASSERT_TRUE(first->says("frame 62 of 250")) << first->err();
+  second->signal(SIGKILL);
+  EXPECT_EQ(second->wait(), 1000 + SIGKILL);
+  ASSERT_EQ(first->wait(), 0) << first->err();
+  const Checked checked = check("first");
+  EXPECT_EQ(checked.answers, 500U);
+  EXPECT_EQ(checked.wrong, 0U);
+  EXPECT_GT(checked.certified, 400U);
+  publisher->signal(SIGINT);
+  EXPECT_EQ(publisher->wait(), 0) << publisher->err();
+}
+
+TEST_F(Programs, UnknownModelEndsTheStartWithItsName) {
+  write_flights(20);
+  write_scene("both", {"one", "two"}, kAllPairs, "start_timeout_s: 2\n", "spectre");
+  const auto publisher = serve();
+  const auto peer = fly("both");
+  EXPECT_EQ(peer->wait(), 1);
+  EXPECT_NE(peer->err().find("no certified answer within 2"), std::string::npos) << peer->err();
+  EXPECT_NE(peer->err().find("model spectre of body one: no publisher serves it"), std::string::npos)
+      << peer->err();
+}
+
+TEST_F(Programs, NoPublisherEndsTheStartWithAReason) {
+  write_flights(20);
+  write_scene("both", {"one", "two"}, kAllPairs, "start_timeout_s: 1\n");
+  const auto peer = fly("both");
+  EXPECT_EQ(peer->wait(), 1);
+  EXPECT_NE(peer->err().find("no publisher found"), std::string::npos) << peer->err();
+  EXPECT_NE(peer->err().find("model "), std::string::npos) << peer->err();
+}
+
+TEST_F(Programs, InterruptEndsBothCleanly) {
+  write_flights(5000);
+  write_scene("both", {"one", "two"}, kAllPairs);
+  const auto publisher = serve();
+  const auto peer = fly("both", {"--json"});
+  ASSERT_TRUE(test::await([&] { return peer->out().find("\"frame\":5,") != std::string::npos || peer->is_over(); }))
+      << peer->err();
+  peer->signal(SIGINT);
+  EXPECT_EQ(peer->wait(10), 0) << peer->err();
+  const auto lines = test::lines_of(peer->out());
+  EXPECT_TRUE(json::parse(lines.back()).contains("summary"));
+  EXPECT_LT(json::parse(lines.back()).at("summary").at("frames").get<int>(), 5000);
+  publisher->signal(SIGINT);
+  EXPECT_EQ(publisher->wait(10), 0) << publisher->err();
+  EXPECT_NE(publisher->err().find("stopping"), std::string::npos);
+}
+
+TEST_F(Programs, InterruptEndsAPeerThatStillWaits) {
+  write_flights(20);
+  write_scene("both", {"one", "two"}, kAllPairs);
+  const auto peer = fly("both", {"--json"});
+  // Discovery has begun when the answers' file is there.
+  ASSERT_TRUE(test::await([&] { return std::filesystem::exists(folder.file("both.jsonl")); }));
+  peer->signal(SIGINT);
+  EXPECT_EQ(peer->wait(10), 0) << peer->err();
+}
+
+TEST_F(Programs, CorruptModelIsRefused) {
+  std::string bytes = test::read_text(aircraft());
+  const std::string original = bytes;
+  bytes[100] = static_cast<char>(bytes[100] ^ 0x10);
+  folder.write("corrupt.spm", bytes);
+  folder.write("cut.spm", original.substr(0, original.size() / 2));
+  folder.write("text.spm", "not a model\n");
+  for (const char* name : {"corrupt.spm", "cut.spm", "text.spm", "missing.spm"}) {
+    std::string err;
+    EXPECT_EQ(test::run(folder, "nearmesh-publisher", on_bus({"serve", terrain(), folder.file(name)}),
+                        nullptr, &err),
+              1)
+        << name;
+    EXPECT_NE(err.find("error"), std::string::npos) << err;
+    EXPECT_NE(err.find(folder.file(name)), std::string::npos) << err;
+  }
+}
+
+TEST_F(Programs, OneModelTwiceIsRefused) {
+  std::string err;
+  EXPECT_EQ(test::run(folder, "nearmesh-publisher", on_bus({"serve", terrain(), terrain()}), nullptr, &err), 1);
+  EXPECT_NE(err.find("terrain"), std::string::npos) << err;
+}
+
+TEST_F(Programs, JsonParsesLineByLine) {
+  write_flights(20);
+  write_scene("both", {"one", "two"}, kAllPairs);
+  const auto publisher = serve();
+  const auto peer = fly("both", {"--json"});
+  ASSERT_EQ(peer->wait(), 0) << peer->err();
+  const std::string out = peer->out();
+  EXPECT_EQ(out, test::read_text(folder.file("both.jsonl")));
+  const auto lines = test::lines_of(out);
+  ASSERT_EQ(lines.size(), 61U);
+  for (std::size_t i = 0; i < 60; ++i) {
+    const json line = json::parse(lines[i]);
+    EXPECT_EQ(line.at("frame").get<std::size_t>(), i / 3);
+    EXPECT_EQ(line.at("a"), i % 3 == 2 ? "one" : "ground");
+    EXPECT_EQ(line.at("pose_b").size(), 12U);
+    for (const char* key : {"b", "model_a", "model_b", "status", "pairs", "pairs_digest", "clearance_m",
+                            "uncertainty_m", "safe_horizon_s", "missing", "pose_a"})
+      EXPECT_TRUE(line.contains(key)) << key;
+  }
+  const json summary = json::parse(lines.back()).at("summary");
+  EXPECT_EQ(summary.at("frames"), 20);
+  EXPECT_EQ(summary.at("free").get<int>() + summary.at("contact").get<int>() +
+                summary.at("partial").get<int>() + summary.at("uncertain").get<int>(),
+            60);
+  EXPECT_GT(summary.at("batch_bytes").get<int>(), 0);
+  EXPECT_GT(summary.at("first_certified_s").get<double>(), 0);
+}
+
+TEST_F(Programs, SceneMistakesAreNamed) {
+  folder.write("bad.yaml", "bodies:\n  - {name: one, mesh: aircraft}\n");
+  std::string err;
+  EXPECT_EQ(test::run(folder, "nearmesh-subscriber", on_bus({"run", folder.file("bad.yaml")}), nullptr, &err), 1);
+  EXPECT_NE(err.find("bad.yaml:2: body: unknown key mesh"), std::string::npos) << err;
+  EXPECT_EQ(test::run(folder, "nearmesh-subscriber", on_bus({"run", "/nowhere.yaml"}), nullptr, &err), 1);
+  EXPECT_NE(err.find("/nowhere.yaml: cannot open"), std::string::npos) << err;
+}
+
+TEST_F(Programs, AnswersThatCannotBeWrittenAreNamed) {
+  write_flights(20);
+  write_scene("both", {"one", "two"}, kAllPairs);
+  std::string err;
+  EXPECT_EQ(test::run(folder, "nearmesh-subscriber",
+                      on_bus({"run", folder.file("both.yaml"), "--answers", "/nowhere/answers.jsonl"}),
+                      nullptr, &err),
+            1);
+  EXPECT_NE(err.find("/nowhere/answers.jsonl"), std::string::npos) << err;
+}
+
+TEST_F(Programs, WrongUsageExitsWithTwo) {
+  using Words = std::vector<std::string>;
+  for (const auto& [program, words] : std::vector<std::pair<std::string, Words>>{
+           {"nearmesh-publisher", {}},
+           {"nearmesh-publisher", {"serve"}},
+           {"nearmesh-publisher", {"server", "x.spm"}},
+           {"nearmesh-publisher", {"serve", "x.spm", "--domain", "300"}},
+           {"nearmesh-publisher", {"serve", "x.spm", "--domian", "3"}},
+           {"nearmesh-subscriber", {}},
+           {"nearmesh-subscriber", {"run"}},
+           {"nearmesh-subscriber", {"run", "scene.yaml", "--domain", "x"}},
+           {"nearmesh-subscriber", {"run", "scene.yaml", "--jsonl"}},
+           {"nearmesh-model", {"check", "x.spm"}}}) {
+    std::string err;
+    EXPECT_EQ(test::run(folder, program, words, nullptr, &err), 2) << program;
+    EXPECT_FALSE(err.empty());
+  }
+  for (const char* program : {"nearmesh-publisher", "nearmesh-subscriber", "nearmesh-model"}) {
+    std::string out;
+    EXPECT_EQ(test::run(folder, program, {"--help"}, &out), 0);
+    EXPECT_NE(out.find(program), std::string::npos);
+  }
+}
+
+}  // namespace
+}  // namespace nearmesh
