@@ -59,34 +59,33 @@ struct Outcome {
 
 void print_json(const Options& options, const Outcome& o) {
   const CleanReport& c = o.clean;
-  const nlohmann::ordered_json report = {
-      {"input", options.in},
-      {"output", options.out},
-      {"faces_in", c.faces_in},
-      {"vertices_in", c.vertices_in},
-      {"welded", c.vertices_welded},
-      {"dropped_unreferenced", c.vertices_unreferenced},
-      {"dropped_duplicate", c.faces_duplicate},
-      {"dropped_degenerate", c.faces_degenerate_dropped},
-      {"kept_degenerate", c.faces_degenerate_kept},
-      {"non_manifold_edges", c.edges_non_manifold},
-      {"components", c.components},
-      {"boundary_edges", c.edges_boundary},
-      {"grid_bits", o.grid_bits},
-      {"cell_m", o.cell_m},
-      {"rounding_error_m", c.rounding_error_m},
-      {"base_faces", o.base_faces},
-      {"base_vertices", o.base_vertices},
-      {"splits", o.splits},
-      {"clustered", o.clustered},
-      {"blocks", o.written.blocks},
-      {"bytes", o.written.file_bytes},
-      {"header_bytes", o.written.header_bytes},
-      {"block_bytes", o.written.block_bytes},
-      {"content_hash", to_hex(o.written.content_hash)},
-      {"stop", to_string(o.stop)},
-      {"seconds", o.seconds},
-      {"peak_memory_bytes", peak_memory_bytes()}};
+  const nlohmann::ordered_json report = {{"input", options.in},
+                                         {"output", options.out},
+                                         {"faces_in", c.faces_in},
+                                         {"vertices_in", c.vertices_in},
+                                         {"welded", c.vertices_welded},
+                                         {"dropped_unreferenced", c.vertices_unreferenced},
+                                         {"dropped_duplicate", c.faces_duplicate},
+                                         {"dropped_degenerate", c.faces_degenerate_dropped},
+                                         {"kept_degenerate", c.faces_degenerate_kept},
+                                         {"non_manifold_edges", c.edges_non_manifold},
+                                         {"components", c.components},
+                                         {"boundary_edges", c.edges_boundary},
+                                         {"grid_bits", o.grid_bits},
+                                         {"cell_m", o.cell_m},
+                                         {"rounding_error_m", c.rounding_error_m},
+                                         {"base_faces", o.base_faces},
+                                         {"base_vertices", o.base_vertices},
+                                         {"splits", o.splits},
+                                         {"clustered", o.clustered},
+                                         {"blocks", o.written.blocks},
+                                         {"bytes", o.written.file_bytes},
+                                         {"header_bytes", o.written.header_bytes},
+                                         {"block_bytes", o.written.block_bytes},
+                                         {"content_hash", to_hex(o.written.content_hash)},
+                                         {"stop", to_string(o.stop)},
+                                         {"seconds", o.seconds},
+                                         {"peak_memory_bytes", peak_memory_bytes()}};
   std::printf("%s\n", report.dump().c_str());
 }
 
@@ -94,28 +93,31 @@ void print_text(const Options& options, const Outcome& o) {
   const CleanReport& c = o.clean;
   const auto count = [](std::uint64_t n) { return static_cast<unsigned long long>(n); };
   std::printf("%s -> %s\n", options.in.c_str(), options.out.c_str());
-  std::printf("  in            %llu faces, %llu vertices\n", count(c.faces_in), count(c.vertices_in));
+  std::printf("  in            %llu faces, %llu vertices\n", count(c.faces_in),
+              count(c.vertices_in));
   std::printf("  welded        %llu vertices\n", count(c.vertices_welded));
-  std::printf("  dropped       %llu unreferenced vertices, %llu duplicate faces, %llu degenerate faces\n",
-              count(c.vertices_unreferenced), count(c.faces_duplicate),
-              count(c.faces_degenerate_dropped));
+  std::printf(
+      "  dropped       %llu unreferenced vertices, %llu duplicate faces, %llu degenerate faces\n",
+      count(c.vertices_unreferenced), count(c.faces_duplicate), count(c.faces_degenerate_dropped));
   if (c.faces_degenerate_kept > 0)
     std::printf("  kept          %llu degenerate faces as segments or points\n",
                 count(c.faces_degenerate_kept));
   std::printf("  topology      %llu components, %llu boundary edges, %llu non-manifold edges\n",
               count(c.components), count(c.edges_boundary), count(c.edges_non_manifold));
-  std::printf("  grid          %d bits, cell %.3g m, rounding error %.3g m\n", o.grid_bits, o.cell_m,
-              c.rounding_error_m);
-  std::printf("  base          %llu faces, %llu vertices (%s%s)\n", count(o.base_faces),
-              count(o.base_vertices), to_string(o.stop),
-              o.clustered > 0 ? (", " + std::to_string(o.clustered) + " merged by nearness").c_str()
-                              : "");
+  std::printf("  grid          %d bits, cell %.3g m, rounding error %.3g m\n", o.grid_bits,
+              o.cell_m, c.rounding_error_m);
+  std::printf(
+      "  base          %llu faces, %llu vertices (%s%s)\n", count(o.base_faces),
+      count(o.base_vertices), to_string(o.stop),
+      o.clustered > 0 ? (", " + std::to_string(o.clustered) + " merged by nearness").c_str() : "");
   std::printf("  splits        %llu in %llu blocks, %.2f bytes a split\n", count(o.splits),
               count(o.written.blocks),
-              o.splits > 0 ? static_cast<double>(o.written.block_bytes) / static_cast<double>(o.splits)
-                           : 0.0);
-  std::printf("  bytes         %llu in all: header %llu, blocks %llu\n", count(o.written.file_bytes),
-              count(o.written.header_bytes), count(o.written.block_bytes));
+              o.splits > 0
+                  ? static_cast<double>(o.written.block_bytes) / static_cast<double>(o.splits)
+                  : 0.0);
+  std::printf("  bytes         %llu in all: header %llu, blocks %llu\n",
+              count(o.written.file_bytes), count(o.written.header_bytes),
+              count(o.written.block_bytes));
   std::printf("  took          %.2f s (simplification %.2f s), peak memory %.0f MB\n", o.seconds,
               o.simplify_seconds, static_cast<double>(peak_memory_bytes()) / 1e6);
 }
@@ -129,8 +131,7 @@ Status run(const Options& options) {
   if (!mesh.is_ok()) return mesh.status();
   progress.stage("cleaning");
   Result<CleanResult> clean = clean_mesh(mesh.value(), options.grid_bits);
-  if (!clean.is_ok())
-    return {clean.status().code(), options.in + ": " + clean.status().message()};
+  if (!clean.is_ok()) return {clean.status().code(), options.in + ": " + clean.status().message()};
   mesh.value() = {};
   outcome.clean = clean.value().report;
   progress.stage("simplifying");

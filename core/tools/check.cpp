@@ -81,7 +81,8 @@ Status check_line(const nlohmann::json& line, const std::map<std::string, FullMe
   if (status != "partial") ++counts.certified;
   if (is_wrong(status, line, full)) {
     ++counts.wrong;
-    std::fprintf(stderr, "%s: %s and %s: answered %s with %zu pairs, the full meshes say %s with %zu\n",
+    std::fprintf(stderr,
+                 "%s: %s and %s: answered %s with %zu pairs, the full meshes say %s with %zu\n",
                  where.c_str(), line.at("a").get<std::string>().c_str(),
                  line.at("b").get<std::string>().c_str(), status.c_str(),
                  line.at("pairs").get<std::size_t>(), to_string(full.status), full.pairs.size());
@@ -116,7 +117,8 @@ Status run(const Options& options) {
               count(counts.received), count(counts.mesh_bytes));
   std::fflush(stdout);
   if (counts.wrong > 0)
-    return {StatusCode::kConflict, std::to_string(counts.wrong) + " answers contradict the full meshes"};
+    return {StatusCode::kConflict,
+            std::to_string(counts.wrong) + " answers contradict the full meshes"};
   if (counts.answers == 0) return {StatusCode::kInvalidArgument, "no answer was found to check"};
   return Status::ok();
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "commands.hpp"
 #include "nearmesh/core/mesh/generate.hpp"
+#include "commands.hpp"
 
 namespace nearmesh::tools {
 namespace {
@@ -26,11 +26,12 @@ Status run(const Options& options) {
     const std::uint32_t size = options.size == 0 ? kind.default_size : options.size;
     if (size < kind.min_size || size > kind.max_size)
       return {StatusCode::kInvalidArgument,
-              "--size of a " + options.kind + ": expected " + std::to_string(kind.min_size) + " to " +
-                  std::to_string(kind.max_size) + ", found " + std::to_string(size)};
+              "--size of a " + options.kind + ": expected " + std::to_string(kind.min_size) +
+                  " to " + std::to_string(kind.max_size) + ", found " + std::to_string(size)};
     if (options.kind == "sphere" && size % 2 != 0)
-      return {StatusCode::kInvalidArgument,
-              "--size of a sphere: expected an even number of slices, found " + std::to_string(size)};
+      return {
+          StatusCode::kInvalidArgument,
+          "--size of a sphere: expected an even number of slices, found " + std::to_string(size)};
     const IndexedMesh mesh = kind.generate(size, options.seed);
     NEARMESH_RETURN_IF_ERROR(write_ply(mesh, options.out));
     std::printf("%s: %zu vertices, %zu triangles\n", options.out.c_str(), mesh.positions_m.size(),

@@ -58,8 +58,8 @@ Status run(const Options& options) {
   std::printf("  bytes         %llu in all, header %zu\n",
               static_cast<unsigned long long>(file.value().file_bytes()),
               file.value().header_bytes().size());
-  std::printf("  grid          %d bits, cell %.3g m, rounding error %.3g m\n", header.grid.bits, cell,
-              header.rounding_error_m);
+  std::printf("  grid          %d bits, cell %.3g m, rounding error %.3g m\n", header.grid.bits,
+              cell, header.rounding_error_m);
   std::printf("  box           within [%.6g, %.6g] x [%.6g, %.6g] x [%.6g, %.6g] m\n", lo[0], hi[0],
               lo[1], hi[1], lo[2], hi[2]);
   return Status::ok();
@@ -68,7 +68,8 @@ Status run(const Options& options) {
 }  // namespace
 
 void add_info(CLI::App& app, Action& chosen) {
-  CLI::App* command = app.add_subcommand("info", "Check every checksum of a model and describe it.");
+  CLI::App* command =
+      app.add_subcommand("info", "Check every checksum of a model and describe it.");
   const auto options = std::make_shared<Options>();
   command->add_option("model", options->path, ".spm file")->required();
   command->add_flag("--json", options->json, "Print one JSON object");

@@ -123,20 +123,23 @@ void add_query(CLI::App& app, Action& chosen) {
   command->add_option("A", options->a, ".spm file of model A")->required();
   command->add_option("B", options->b, ".spm file of model B")->required();
   command
-      ->add_option("--poses", options->poses,
-                   "CSV with a header: id, A_R00..A_R22 (row-major), A_T0..A_T2 (metres), the same for "
-                   "B; other columns are ignored")
+      ->add_option(
+          "--poses", options->poses,
+          "CSV with a header: id, A_R00..A_R22 (row-major), A_T0..A_T2 (metres), the same for "
+          "B; other columns are ignored")
       ->required();
   command
-      ->add_option("--method", options->method,
-                   "full: the full meshes. base: the base meshes. global: both refined everywhere, "
-                   "largest parts first. grid: the 2006 paper's 8x8x8 contact cells and their "
-                   "neighbours. certified: from the base mesh, only what the answer needs. Only full "
-                   "and certified answers are proofs")
+      ->add_option(
+          "--method", options->method,
+          "full: the full meshes. base: the base meshes. global: both refined everywhere, "
+          "largest parts first. grid: the 2006 paper's 8x8x8 contact cells and their "
+          "neighbours. certified: from the base mesh, only what the answer needs. Only full "
+          "and certified answers are proofs")
       ->capture_default_str()
       ->check(CLI::IsMember({"full", "base", "global", "grid", "certified"}));
-  command->add_option("--splits", options->method_options.global_splits,
-                      "Splits of each model for --method global")
+  command
+      ->add_option("--splits", options->method_options.global_splits,
+                   "Splits of each model for --method global")
       ->capture_default_str();
   command->add_flag("--any", options->method_options.query.any,
                     "Stop at the first touching pair: contact or not, without the whole set");

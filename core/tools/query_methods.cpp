@@ -103,7 +103,8 @@ class Certified : public QueryMethod {
     result.splits = a.mesh.split_count() + b.mesh.split_count();
     result.slots = a.tree.stats().slots + b.tree.stats().slots;
     watch.lap();
-    result.bytes = wire_bytes(a_.header(), a.mesh).value() + wire_bytes(b_.header(), b.mesh).value();
+    result.bytes =
+        wire_bytes(a_.header(), a.mesh).value() + wire_bytes(b_.header(), b.mesh).value();
     result.load_s += watch.seconds();
     return result;
   }
@@ -143,8 +144,8 @@ class GridCells {
  private:
   [[nodiscard]] int along(std::int32_t x, int k) const {
     const std::int64_t extent = std::int64_t{box_.hi[k]} - box_.lo[k] + 1;
-    return static_cast<int>(std::clamp<std::int64_t>((std::int64_t{x} - box_.lo[k]) * kCells / extent,
-                                                     0, kCells - 1));
+    return static_cast<int>(
+        std::clamp<std::int64_t>((std::int64_t{x} - box_.lo[k]) * kCells / extent, 0, kCells - 1));
   }
   [[nodiscard]] int cell_of(const GridPoint& p) const {
     return (along(p[0], 0) * kCells + along(p[1], 1)) * kCells + along(p[2], 2);
@@ -168,7 +169,8 @@ class PaperGrid : public QueryMethod {
       const TriangleTree tree_a = build_triangle_tree(a_.header().grid, current_triangles(mesh_a));
       const TriangleTree tree_b = build_triangle_tree(b_.header().grid, current_triangles(mesh_b));
       result.tree_s += watch.lap();
-      result.answer = query(tree_a.view(), posed.a, tree_b.view(), posed.b, {.any = false, .clearance = false});
+      result.answer =
+          query(tree_a.view(), posed.a, tree_b.view(), posed.b, {.any = false, .clearance = false});
       result.query_s += watch.lap();
       std::set<int> touched_a, touched_b;
       for (const FacePair& pair : result.answer.pairs) {
@@ -183,7 +185,8 @@ class PaperGrid : public QueryMethod {
     }
     if (options_.query.any && result.answer.pairs.size() > 1) result.answer.pairs.resize(1);
     result.splits = mesh_a.split_count() + mesh_b.split_count();
-    result.bytes = wire_bytes(a_.header(), mesh_a).value() + wire_bytes(b_.header(), mesh_b).value();
+    result.bytes =
+        wire_bytes(a_.header(), mesh_a).value() + wire_bytes(b_.header(), mesh_b).value();
     result.load_s = watch.seconds();
     return result;
   }

@@ -20,7 +20,7 @@ struct QueryMethodOptions {
 struct MethodAnswer {
   Answer answer;
   std::uint64_t splits = 0, slots = 0;  ///< held, both models
-  std::uint64_t bytes = 0;              ///< batches on the wire with their framing, both models; no headers
+  std::uint64_t bytes = 0;  ///< batches on the wire with their framing, both models; no headers
   double refine_s = 0, tree_s = 0, query_s = 0, load_s = 0;
 };
 
@@ -31,8 +31,7 @@ class QueryMethod {
 };
 
 /// Name: full, base, global, grid or certified. The files must outlive the method.
-[[nodiscard]] Result<std::unique_ptr<QueryMethod>> make_query_method(const std::string& name,
-                                                                     ModelFile& a, ModelFile& b,
-                                                                     const QueryMethodOptions& options);
+[[nodiscard]] Result<std::unique_ptr<QueryMethod>> make_query_method(
+    const std::string& name, ModelFile& a, ModelFile& b, const QueryMethodOptions& options);
 
 }  // namespace nearmesh::tools

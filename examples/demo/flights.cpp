@@ -26,12 +26,15 @@ class Ground {
     const int reach = static_cast<int>(radius_m / step_) + 1;
     const int i = cell(x), j = cell(y);
     for (int row = j - reach; row <= j + reach; ++row)
-      for (int column = i - reach; column <= i + reach; ++column) top = std::max(top, height(column, row));
+      for (int column = i - reach; column <= i + reach; ++column)
+        top = std::max(top, height(column, row));
     return top;
   }
 
  private:
-  [[nodiscard]] int cell(double x) const { return static_cast<int>(std::lround((x - origin_) / step_)); }
+  [[nodiscard]] int cell(double x) const {
+    return static_cast<int>(std::lround((x - origin_) / step_));
+  }
   [[nodiscard]] double height(int column, int row) const {
     const int last = static_cast<int>(cells_);
     column = std::clamp(column, 0, last);
@@ -49,8 +52,9 @@ double clearance_m(int frame, int frames) {
   struct Key {
     double at, height;
   };
-  constexpr Key kKeys[] = {{0.00, 120}, {0.10, 100}, {0.20, 9},  {0.30, 8},  {0.42, 90}, {0.58, 90},
-                           {0.68, 8},   {0.76, 6},   {0.82, -12}, {0.94, -12}, {1.00, 60}};
+  constexpr Key kKeys[] = {{0.00, 120}, {0.10, 100}, {0.20, 9}, {0.30, 8},
+                           {0.42, 90},  {0.58, 90},  {0.68, 8}, {0.76, 6},
+                           {0.82, -12}, {0.94, -12}, {1.00, 60}};
   const double t = static_cast<double>(frame) / (frames - 1);
   for (std::size_t i = 1; i < std::size(kKeys); ++i) {
     if (t > kKeys[i].at) continue;
@@ -62,7 +66,8 @@ double clearance_m(int frame, int frames) {
 
 // Both fly along x through the middle of the terrain, in opposite directions; the altitude that both use near the
 // meeting is the same, so that they touch there.
-bool write_flight(const std::string& path, const Ground& ground, int frames, double rate_hz, double direction) {
+bool write_flight(const std::string& path, const Ground& ground, int frames, double rate_hz,
+                  double direction) {
   constexpr double kSpeedMps = 160;
   const double middle = ground.top(0, 0, 96) + 140;
   std::ofstream out(path);
@@ -76,8 +81,8 @@ bool write_flight(const std::string& path, const Ground& ground, int frames, dou
     const double meeting = std::max(0.0, 1 - 6 * std::abs(along));
     const double low = ground.top(x, y, 48) + clearance_m(frame, frames);
     const double z = low + (middle - low) * std::min(1.0, 2 * meeting);
-    out << frame / rate_hz << ',' << direction << ",0,0,0," << direction << ",0,0,0,1," << x << ',' << y << ','
-        << z << '\n';
+    out << frame / rate_hz << ',' << direction << ",0,0,0," << direction << ",0,0,0,1," << x << ','
+        << y << ',' << z << '\n';
   }
   return out.good();
 }
@@ -98,7 +103,8 @@ int main(int argc, char** argv) {
   app.add_option("--rate", rate_hz, "Frames a second")->capture_default_str();
   CLI11_PARSE(app, argc, argv);
   const Ground ground(cells, seed);
-  for (const auto& [name, direction] : {std::pair("flight1.csv", 1.0), std::pair("flight2.csv", -1.0)}) {
+  for (const auto& [name, direction] :
+       {std::pair("flight1.csv", 1.0), std::pair("flight2.csv", -1.0)}) {
     const std::string path = folder + "/" + name;
     if (!write_flight(path, ground, frames, rate_hz, direction)) {
       std::fprintf(stderr, "nearmesh-demo-flights: cannot write %s\n", path.c_str());

@@ -23,15 +23,18 @@ int main(int argc, char** argv) {
   }
   Session session(std::move(channel).value());
   if (!session.add_body("anvil", "sphere", true).is_ok() ||
-      !session.add_body("hammer", "sphere", true).is_ok() || !session.watch("anvil", "hammer").is_ok())
+      !session.add_body("hammer", "sphere", true).is_ok() ||
+      !session.watch("anvil", "hammer").is_ok())
     return 1;
 
-  const double heights_m[] = {3.0, 2.5, 1.99, 1.0};  // between the centres of two spheres of radius 1 m
+  const double heights_m[] = {3.0, 2.5, 1.99,
+                              1.0};  // between the centres of two spheres of radius 1 m
   for (int step = 0; step < 4; ++step) {
     Motion anvil, hammer;
     hammer.pose.translation_m = {0.01, 0.02, heights_m[step]};
     std::vector<Session::OwnMotion> motions{{"anvil", anvil}, {"hammer", hammer}};
-    for (int tries = 0; tries < 5000; ++tries) {  // a simulator would simply go on with its next frame
+    for (int tries = 0; tries < 5000;
+         ++tries) {  // a simulator would simply go on with its next frame
       const auto report = session.update(static_cast<std::uint64_t>(step), step, motions, 0.005);
       if (!report.is_ok()) return 1;
       const auto& answer = report.value().answers.front().answer;

@@ -55,9 +55,10 @@ nearmesh::Status serve(const Options& options) {
       next_status_s += 10;
       const publisher::ServiceStats& stats = service.stats();
       if (stats.requests != reported_requests)
-        spdlog::info("{} peers, {} requests ({} refused), {} batches, {} bytes sent, {:.0f} MB resident",
-                     stats.peers, stats.requests, stats.refused, stats.batches, stats.bytes,
-                     static_cast<double>(resident_memory_bytes()) / 1e6);
+        spdlog::info(
+            "{} peers, {} requests ({} refused), {} batches, {} bytes sent, {:.0f} MB resident",
+            stats.peers, stats.requests, stats.refused, stats.batches, stats.bytes,
+            static_cast<double>(resident_memory_bytes()) / 1e6);
       reported_requests = stats.requests;
     }
     channel.value()->wait(0.02);
@@ -74,17 +75,21 @@ int main(int argc, char** argv) {
   CLI::App app{"Serves nearmesh models (.spm) to peers over DDS.", "nearmesh-publisher"};
   app.require_subcommand(1);
   Options options;
-  CLI::App* command = app.add_subcommand("serve", "Serve models until Ctrl-C; a model's name is its file's name.");
+  CLI::App* command =
+      app.add_subcommand("serve", "Serve models until Ctrl-C; a model's name is its file's name.");
   command->add_option("models", options.files, ".spm files")->required();
   command->add_option("--domain", options.channel.transport.domain, "DDS domain")
       ->capture_default_str()
       ->check(CLI::Range(0, 232));
-  command->add_option("--prefix", options.channel.transport.prefix, "First part of every topic's name")
+  command
+      ->add_option("--prefix", options.channel.transport.prefix, "First part of every topic's name")
       ->capture_default_str();
-  command->add_option("--interface", options.channel.transport.interface,
-                      "Use one network interface only, by address or name; 127.0.0.1 needs no network");
-  command->add_option("--peer", options.channel.transport.initial_peers,
-                      "Address to look for peers at, where multicast does not get through; repeatable");
+  command->add_option(
+      "--interface", options.channel.transport.interface,
+      "Use one network interface only, by address or name; 127.0.0.1 needs no network");
+  command->add_option(
+      "--peer", options.channel.transport.initial_peers,
+      "Address to look for peers at, where multicast does not get through; repeatable");
   try {
     spdlog::set_default_logger(spdlog::stderr_color_mt("nearmesh-publisher"));
     spdlog::set_pattern("%H:%M:%S %n %^%l%$: %v");

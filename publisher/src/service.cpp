@@ -19,8 +19,8 @@ Status Service::add_model(const std::string& name, ModelFile file) {
             "at most " + std::to_string(wire::kMaxModels) + " models"};
   for (const auto& [hash, model] : models_)
     if (model->name == name)
-      return {StatusCode::kConflict, file.path() + ": the name " + name +
-                                         " is taken by " + model->file.path()};
+      return {StatusCode::kConflict,
+              file.path() + ": the name " + name + " is taken by " + model->file.path()};
   const std::uint64_t hash = file.content_hash();
   if (const auto same = models_.find(hash); same != models_.end())
     return {StatusCode::kConflict, file.path() + ": same content as " + same->second->file.path() +
@@ -52,9 +52,9 @@ Result<std::vector<std::vector<std::uint8_t>>> Service::answer(
     return Status{StatusCode::kNotFound, "no model with that content hash is served here"};
   ModelFile& file = at->second->file;
   NEARMESH_RETURN_IF_ERROR(check_request(file.store(), subscription.region));
-  const Result<Demand> demand = collect(file.store(), subscription.region,
-                                        [&file](NodeSpan node) { return file.require(node); },
-                                        AttachRule::kAlways);
+  const Result<Demand> demand = collect(
+      file.store(), subscription.region, [&file](NodeSpan node) { return file.require(node); },
+      AttachRule::kAlways);
   if (!demand.is_ok()) return demand.status();
   return encode_batches(file.header(), file.store(), demand.value().treelet, BoxPolicy::kCutNodes);
 }
@@ -122,9 +122,9 @@ std::vector<std::string> Service::step(double now_s) {
     });
     Result<std::vector<std::vector<std::uint8_t>>> batches =
         peer.queued_bytes > options_.max_queued_bytes
-            ? Status{StatusCode::kInvalidArgument,
-                     "more than " + std::to_string(options_.max_queued_bytes) +
-                         " bytes wait for this peer"}
+            ? Status{StatusCode::kInvalidArgument, "more than " +
+                                                       std::to_string(options_.max_queued_bytes) +
+                                                       " bytes wait for this peer"}
             : answer(subscription);
     if (batches.is_ok()) {
       enqueue(peer, subscription, std::move(batches).value(), false);
@@ -133,7 +133,8 @@ std::vector<std::string> Service::step(double now_s) {
     ++stats_.refused;
     const std::string& why = batches.status().message();
     const std::size_t length = std::min(why.size(), kMaxBatchBytes);
-    enqueue(peer, subscription, {{why.begin(), why.begin() + static_cast<std::ptrdiff_t>(length)}}, true);
+    enqueue(peer, subscription, {{why.begin(), why.begin() + static_cast<std::ptrdiff_t>(length)}},
+            true);
     complaints.push_back("request " + std::to_string(subscription.request) + " of peer " +
                          to_hex(subscription.peer) + " refused: " + why);
   }

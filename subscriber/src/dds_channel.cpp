@@ -332,7 +332,13 @@ void DdsChannel::Impl::accept_hello(const wire::Hello& hello, const Handle& writ
   if (contested_hellos_.size() < kMaxContested) contested_hellos_.push_back({hello, writer});
 }
 
+/// The host takes losses before hellos, so a hello of before the loss must not wait for it.
 void DdsChannel::Impl::tell_lost(SessionId publisher) {
+  {
+    const std::lock_guard lock(mutex_);
+    std::erase_if(inbox_.hellos,
+                  [&](const wire::Hello& hello) { return hello.publisher == publisher; });
+  }
   deliver(&Inbox::lost_publishers, std::move(publisher), options_.max_waiting_others, names_.hello);
 }
 

@@ -121,24 +121,31 @@ nlohmann::ordered_json to_json(Summary& s) {
 void print_text(Summary& s) {
   const auto count = [](std::uint64_t n) { return static_cast<unsigned long long>(n); };
   const auto& [free, contact, partial, uncertain] = s.by_status;
-  std::printf("  answers       %llu free, %llu contact, %llu partial, %llu uncertain; %llu touching face pairs\n",
-              count(free), count(contact), count(partial), count(uncertain), count(s.contact_pairs));
-  std::printf("  received      %llu bytes of %llu (%.2f %%): headers %llu, %llu batches %llu; %llu requests\n",
-              count(s.stats.batch_bytes + s.stats.header_bytes), count(s.stats.mesh_bytes),
-              s.stats.mesh_bytes > 0
-                  ? 100.0 * static_cast<double>(s.stats.batch_bytes + s.stats.header_bytes) /
-                        static_cast<double>(s.stats.mesh_bytes)
-                  : 0.0,
-              count(s.stats.header_bytes), count(s.stats.batches), count(s.stats.batch_bytes),
-              count(s.stats.requests));
-  std::printf("  per frame     T_R %.3f / %.3f   T_B %.3f / %.3f   T_Q %.3f / %.3f   T_L %.3f / %.3f ms (median / 99 %%)\n",
-              s.refine.quantile(0.5), s.refine.quantile(0.99), s.tree.quantile(0.5),
-              s.tree.quantile(0.99), s.query.quantile(0.5), s.query.quantile(0.99),
-              s.load.quantile(0.5), s.load.quantile(0.99));
-  std::printf("  held          %llu splits in %llu slots, %llu exact faces, tree %.2f MB; peak memory %.0f MB\n",
-              count(s.stats.held_splits), count(s.stats.slots), count(s.stats.exact_faces),
-              static_cast<double>(s.stats.tree_bytes) / 1e6,
-              static_cast<double>(peak_memory_bytes()) / 1e6);
+  std::printf(
+      "  answers       %llu free, %llu contact, %llu partial, %llu uncertain; %llu touching face "
+      "pairs\n",
+      count(free), count(contact), count(partial), count(uncertain), count(s.contact_pairs));
+  std::printf(
+      "  received      %llu bytes of %llu (%.2f %%): headers %llu, %llu batches %llu; %llu "
+      "requests\n",
+      count(s.stats.batch_bytes + s.stats.header_bytes), count(s.stats.mesh_bytes),
+      s.stats.mesh_bytes > 0
+          ? 100.0 * static_cast<double>(s.stats.batch_bytes + s.stats.header_bytes) /
+                static_cast<double>(s.stats.mesh_bytes)
+          : 0.0,
+      count(s.stats.header_bytes), count(s.stats.batches), count(s.stats.batch_bytes),
+      count(s.stats.requests));
+  std::printf(
+      "  per frame     T_R %.3f / %.3f   T_B %.3f / %.3f   T_Q %.3f / %.3f   T_L %.3f / %.3f ms "
+      "(median / 99 %%)\n",
+      s.refine.quantile(0.5), s.refine.quantile(0.99), s.tree.quantile(0.5), s.tree.quantile(0.99),
+      s.query.quantile(0.5), s.query.quantile(0.99), s.load.quantile(0.5), s.load.quantile(0.99));
+  std::printf(
+      "  held          %llu splits in %llu slots, %llu exact faces, tree %.2f MB; peak memory %.0f "
+      "MB\n",
+      count(s.stats.held_splits), count(s.stats.slots), count(s.stats.exact_faces),
+      static_cast<double>(s.stats.tree_bytes) / 1e6,
+      static_cast<double>(peak_memory_bytes()) / 1e6);
   std::printf("  first         certified answer %.3f s after the start; %llu frames in %.1f s\n",
               s.first_certified_s, count(s.frames), s.seconds);
 }
@@ -147,8 +154,12 @@ void print_text(Summary& s) {
 class Flight {
  public:
   /// `clock` runs since the program's start.
-  Flight(const Options& options, const Scene& scene, std::unique_ptr<Channel> channel, Stopwatch clock)
-      : options_(options), scene_(scene), clock_(clock), session_(std::move(channel), scene.session) {}
+  Flight(const Options& options, const Scene& scene, std::unique_ptr<Channel> channel,
+         Stopwatch clock)
+      : options_(options),
+        scene_(scene),
+        clock_(clock),
+        session_(std::move(channel), scene.session) {}
 
   Status prepare() {
     if (!options_.answers.empty()) {
@@ -157,7 +168,8 @@ class Flight {
     }
     for (const SceneBody& body : scene_.bodies) {
       NEARMESH_RETURN_IF_ERROR(session_.add_body(body.name, body.model, !body.trajectory.empty()));
-      if (body.fixed_pose) NEARMESH_RETURN_IF_ERROR(session_.place_body(body.name, *body.fixed_pose));
+      if (body.fixed_pose)
+        NEARMESH_RETURN_IF_ERROR(session_.place_body(body.name, *body.fixed_pose));
     }
     for (const auto& [a, b] : scene_.pairs) NEARMESH_RETURN_IF_ERROR(session_.watch(a, b));
     return Status::ok();
@@ -191,8 +203,8 @@ class Flight {
       NEARMESH_RETURN_IF_ERROR(fly_frame(frame, end_s, clock));
       show_progress(frame + 1);
       while (clock.seconds() < end_s && stop_requested == 0)
-        std::this_thread::sleep_for(std::chrono::duration<double>(
-            std::min(0.01, std::max(0.0, end_s - clock.seconds()))));
+        std::this_thread::sleep_for(
+            std::chrono::duration<double>(std::min(0.01, std::max(0.0, end_s - clock.seconds()))));
     }
     summary_.seconds = clock.seconds();
     summary_.stats = session_.stats();
@@ -224,8 +236,8 @@ class Flight {
   Status fly_frame(std::uint64_t frame, double end_s, const Stopwatch& clock) {
     double load_s = 0, refine_s = 0, tree_s = 0, query_s = 0;
     for (bool again = false;; again = true) {
-      Result<FrameReport> result =
-          session_.update(frame, clock.seconds(), again ? no_motions_ : motions(frame), scene_.budget_s);
+      Result<FrameReport> result = session_.update(
+          frame, clock.seconds(), again ? no_motions_ : motions(frame), scene_.budget_s);
       if (!result.is_ok()) return result.status();
       const FrameReport& report = result.value();
       log(report);
@@ -277,9 +289,11 @@ class Flight {
     const bool terminal = ::isatty(STDERR_FILENO) != 0;
     if (!terminal && done % std::max<std::uint64_t>(1, scene_.frames / 4) != 0) return;
     const auto& [free, contact, partial, uncertain] = summary_.by_status;
-    std::fprintf(stderr, terminal ? "\rframe %llu of %llu: %llu free, %llu contact, %llu uncertain "
-                                  : "frame %llu of %llu: %llu free, %llu contact, %llu uncertain\n",
-                 static_cast<unsigned long long>(done), static_cast<unsigned long long>(scene_.frames),
+    std::fprintf(stderr,
+                 terminal ? "\rframe %llu of %llu: %llu free, %llu contact, %llu uncertain "
+                          : "frame %llu of %llu: %llu free, %llu contact, %llu uncertain\n",
+                 static_cast<unsigned long long>(done),
+                 static_cast<unsigned long long>(scene_.frames),
                  static_cast<unsigned long long>(free), static_cast<unsigned long long>(contact),
                  static_cast<unsigned long long>(partial + uncertain));
   }
@@ -311,22 +325,28 @@ Status run(const Options& options) {
 }  // namespace nearmesh::subscriber
 
 int main(int argc, char** argv) {
-  CLI::App app{"A nearmesh peer: answers frame by frame whether bodies touch.", "nearmesh-subscriber"};
+  CLI::App app{"A nearmesh peer: answers frame by frame whether bodies touch.",
+               "nearmesh-subscriber"};
   app.require_subcommand(1);
   nearmesh::subscriber::Options options;
-  CLI::App* command = app.add_subcommand("run", "Fly a scene (docs/scene.md) and answer every frame.");
+  CLI::App* command =
+      app.add_subcommand("run", "Fly a scene (docs/scene.md) and answer every frame.");
   command->add_option("scene", options.scene, "Scene file (YAML)")->required();
   command->add_option("--domain", options.channel.transport.domain, "DDS domain")
       ->capture_default_str()
       ->check(CLI::Range(0, 232));
-  command->add_option("--prefix", options.channel.transport.prefix, "First part of every topic's name")
+  command
+      ->add_option("--prefix", options.channel.transport.prefix, "First part of every topic's name")
       ->capture_default_str();
-  command->add_option("--interface", options.channel.transport.interface,
-                      "Use one network interface only, by address or name; 127.0.0.1 needs no network");
-  command->add_option("--peer", options.channel.transport.initial_peers,
-                      "Address to look for publishers at, where multicast does not get through; repeatable");
+  command->add_option(
+      "--interface", options.channel.transport.interface,
+      "Use one network interface only, by address or name; 127.0.0.1 needs no network");
+  command->add_option(
+      "--peer", options.channel.transport.initial_peers,
+      "Address to look for publishers at, where multicast does not get through; repeatable");
   command->add_option("--answers", options.answers, "Also write the JSON lines to this file");
-  command->add_flag("--json", options.json, "Print one JSON line per answer, and one with the summary");
+  command->add_flag("--json", options.json,
+                    "Print one JSON line per answer, and one with the summary");
   try {
     spdlog::set_default_logger(spdlog::stderr_color_mt("nearmesh-subscriber"));
     spdlog::set_pattern("%H:%M:%S %n %^%l%$: %v");

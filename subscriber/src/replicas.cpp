@@ -31,8 +31,9 @@ std::size_t ReplicaSet::announce(const wire::Hello& hello, std::vector<std::stri
     if (model == nullptr || model->content_hash == served.content_hash) continue;
     if (model->content_hash != 0) {
       complaints.push_back("model " + served.name + ": publisher " + to_hex(hello.publisher) +
-                           " announces content " + to_hex(served.content_hash) + ", before it was " +
-                           to_hex(model->content_hash) + "; starting again with the new content");
+                           " announces content " + to_hex(served.content_hash) +
+                           ", before it was " + to_hex(model->content_hash) +
+                           "; starting again with the new content");
       const std::string name = model->name;
       *model = PeerModel{.name = name};
     }

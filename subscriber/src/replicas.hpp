@@ -48,7 +48,8 @@ class ReplicaSet {
 
  private:
   std::map<std::string, PeerModel> models_;
-  std::map<std::uint64_t, wire::MeshHeader> unclaimed_;  // headers that came before the name they belong to
+  std::map<std::uint64_t, wire::MeshHeader>
+      unclaimed_;  // headers that came before the name they belong to
 };
 
 }  // namespace nearmesh::subscriber

@@ -22,7 +22,8 @@ struct SceneError {
   throw SceneError{node.Mark().line + 1, what};
 }
 
-void check_keys(const YAML::Node& map, const std::string& where, const std::set<std::string>& known) {
+void check_keys(const YAML::Node& map, const std::string& where,
+                const std::set<std::string>& known) {
   if (!map.IsMap()) fail(map, where + ": expected a map");
   for (const auto& entry : map)
     if (const auto key = entry.first.as<std::string>(); !known.contains(key))
@@ -38,7 +39,8 @@ T value(const YAML::Node& node, const std::string& key, const char* expected) {
   }
 }
 
-double number_in(const YAML::Node& map, const std::string& key, double otherwise, double lo, double hi) {
+double number_in(const YAML::Node& map, const std::string& key, double otherwise, double lo,
+                 double hi) {
   const YAML::Node node = map[key];
   if (!node) return otherwise;
   const double x = value<double>(node, key, "a number");
@@ -59,12 +61,14 @@ Pose fixed_pose(const YAML::Node& node, const std::string& body) {
   Pose pose;
   if (const YAML::Node r = node["rotation"]) {
     const auto x = value<std::vector<double>>(r, "rotation", "nine numbers, row-major");
-    if (x.size() != 9) fail(r, "rotation: expected nine numbers, found " + std::to_string(x.size()));
+    if (x.size() != 9)
+      fail(r, "rotation: expected nine numbers, found " + std::to_string(x.size()));
     std::copy(x.begin(), x.end(), pose.rotation.begin());
   }
   if (const YAML::Node t = node["translation"]) {
     const auto x = value<std::vector<double>>(t, "translation", "three numbers, metres");
-    if (x.size() != 3) fail(t, "translation: expected three numbers, found " + std::to_string(x.size()));
+    if (x.size() != 3)
+      fail(t, "translation: expected three numbers, found " + std::to_string(x.size()));
     std::copy(x.begin(), x.end(), pose.translation_m.begin());
   }
   if (const Status status = check_pose(pose, body); !status.is_ok()) fail(node, status.message());
@@ -97,8 +101,8 @@ Result<std::vector<Motion>> read_trajectory(const std::string& path, const std::
                                             double rate_hz) {
   const Result<CsvTable> table = CsvTable::read(path);
   if (!table.is_ok()) return table.status();
-  const auto columns = table.value().columns({"R00", "R01", "R02", "R10", "R11", "R12", "R20", "R21",
-                                              "R22", "T0", "T1", "T2"});
+  const auto columns = table.value().columns(
+      {"R00", "R01", "R02", "R10", "R11", "R12", "R20", "R21", "R22", "T0", "T1", "T2"});
   if (!columns.is_ok()) return columns.status();
   std::vector<Motion> motions(table.value().row_count());
   for (std::size_t row = 0; row < motions.size(); ++row) {
@@ -109,7 +113,8 @@ Result<std::vector<Motion>> read_trajectory(const std::string& path, const std::
       (i < 9 ? pose.rotation[i] : pose.translation_m[i - 9]) = x.value();
     }
     if (const Status status = check_pose(pose, body); !status.is_ok())
-      return Status{status.code(), path + ": frame " + std::to_string(row) + ": " + status.message()};
+      return Status{status.code(),
+                    path + ": frame " + std::to_string(row) + ": " + status.message()};
   }
   if (motions.empty())
     return Status{StatusCode::kInvalidArgument, path + ": expected at least one frame"};
@@ -118,8 +123,9 @@ Result<std::vector<Motion>> read_trajectory(const std::string& path, const std::
 }
 
 Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
-  check_keys(root, "scene", {"bodies", "moves", "pairs", "frame_rate_hz", "budget_ms", "lookahead_s",
-                             "margin_m", "max_held_splits", "start_timeout_s"});
+  check_keys(root, "scene",
+             {"bodies", "moves", "pairs", "frame_rate_hz", "budget_ms", "lookahead_s", "margin_m",
+              "max_held_splits", "start_timeout_s"});
   Scene scene;
   scene.frame_rate_hz = number_in(root, "frame_rate_hz", scene.frame_rate_hz, 0.1, 10000);
   scene.budget_s = number_in(root, "budget_ms", scene.budget_s * 1e3, 0, 1e6) / 1e3;
@@ -154,7 +160,8 @@ Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
   if (!root["pairs"] || !root["pairs"].IsSequence()) fail(root, "pairs: expected a list");
   for (const YAML::Node& node : root["pairs"]) {
     const auto names = value<std::vector<std::string>>(node, "pairs", "a list of two names each");
-    if (names.size() != 2) fail(node, "pairs: expected two names, found " + std::to_string(names.size()));
+    if (names.size() != 2)
+      fail(node, "pairs: expected two names, found " + std::to_string(names.size()));
     scene.pairs.emplace_back(names[0], names[1]);
   }
   if (scene.frames == 0) fail(root, "moves: expected at least one body that this peer moves");

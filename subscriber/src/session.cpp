@@ -76,8 +76,10 @@ struct Session::Impl {
   void report_pair(Pair& pair, const PairAnswer& answer, std::uint64_t frame, double time_s);
   void ask(const FrameReport& report);
   [[nodiscard]] std::vector<GridBox> region_of(const PeerModel& model, double lookahead_s,
-                                               const FrameReport& report, bool uncertified_only) const;
-  [[nodiscard]] std::vector<NodeSpan> missing_of(const PeerModel& model, const FrameReport& report) const;
+                                               const FrameReport& report,
+                                               bool uncertified_only) const;
+  [[nodiscard]] std::vector<NodeSpan> missing_of(const PeerModel& model,
+                                                 const FrameReport& report) const;
   bool request(PeerModel& model, const std::vector<GridBox>& region, std::vector<NodeSpan> attach,
                std::uint8_t priority, double patience_s);
   void return_credit();
@@ -148,7 +150,8 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
   impl.take_inbox(report);
   while (impl.replicas.apply_one(report) && spent.seconds() < budget_s) {
   }
-  for (const auto& [name, model] : impl.replicas.all()) report.batches_waiting += model.waiting.size();
+  for (const auto& [name, model] : impl.replicas.all())
+    report.batches_waiting += model.waiting.size();
   for (Impl::Pair& pair : impl.pairs) impl.answer_pair(pair, frame, time_s, report);
   impl.ask(report);
   if (impl.options.max_held_splits > 0)
@@ -201,8 +204,8 @@ void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& r
   const bool answers_open = open != outstanding.end() && open->second.request == message.request;
   if (message.refused) {
     // The request stays open until its time-out, so that a refusal is not asked for every frame.
-    report.complaints.push_back("publisher refused request " + std::to_string(message.request) + ": " +
-                                std::string(message.bytes.begin(), message.bytes.end()));
+    report.complaints.push_back("publisher refused request " + std::to_string(message.request) +
+                                ": " + std::string(message.bytes.begin(), message.bytes.end()));
     return;
   }
   if (answers_open) {
@@ -210,7 +213,8 @@ void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& r
     if (message.last) outstanding.erase(open);
   }
   PeerModel* model = replicas.find(message.content_hash);
-  if (model != nullptr && !message.bytes.empty()) model->waiting.push_back(std::move(message.bytes));
+  if (model != nullptr && !message.bytes.empty())
+    model->waiting.push_back(std::move(message.bytes));
 }
 
 std::string Session::Impl::why_not_ready(const Body& body) const {
@@ -239,16 +243,15 @@ void Session::Impl::answer_pair(Pair& pair, std::uint64_t frame, double time_s,
       result.answer = query(a, posed.value().a, b, posed.value().b);
       if (result.answer.status == AnswerStatus::kFree) {
         const double speed = closing_speed_mps(a, *pair.a->motion, b, *pair.b->motion);
-        result.safe_horizon_s = speed > 0 ? result.answer.clearance_m / speed
-                                          : std::numeric_limits<double>::infinity();
+        result.safe_horizon_s =
+            speed > 0 ? result.answer.clearance_m / speed : std::numeric_limits<double>::infinity();
       }
     } else {
       result.reason = posed.status().message();
     }
     report.query_s += watch.seconds();
   }
-  if (!result.reason.empty())
-    result.answer.uncertainty_m = std::numeric_limits<double>::infinity();
+  if (!result.reason.empty()) result.answer.uncertainty_m = std::numeric_limits<double>::infinity();
   if (options.publish_reports) report_pair(pair, result, frame, time_s);
   report.answers.push_back(std::move(result));
 }
@@ -279,12 +282,14 @@ void Session::Impl::report_pair(Pair& pair, const PairAnswer& answer, std::uint6
 
 // The boxes, in a model's grid, of all bodies that a body of that model is watched against.
 std::vector<GridBox> Session::Impl::region_of(const PeerModel& model, double lookahead_s,
-                                              const FrameReport& report, bool uncertified_only) const {
+                                              const FrameReport& report,
+                                              bool uncertified_only) const {
   std::vector<GridBox> region;
   std::vector<std::pair<const Body*, const Body*>> against;
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     const PairAnswer& answer = report.answers[i];
-    if (!answer.reason.empty() || (uncertified_only && is_certified(answer.answer.status))) continue;
+    if (!answer.reason.empty() || (uncertified_only && is_certified(answer.answer.status)))
+      continue;
     if (pairs[i].a->model == &model) against.emplace_back(pairs[i].a, pairs[i].b);
     if (pairs[i].b->model == &model) against.emplace_back(pairs[i].b, pairs[i].a);
   }
@@ -326,7 +331,8 @@ std::vector<NodeSpan> Session::Impl::missing_of(const PeerModel& model,
 
 // `attach`, ascending, is asked for in any case, before what else of the frontier meets the region.
 bool Session::Impl::request(PeerModel& model, const std::vector<GridBox>& region,
-                            std::vector<NodeSpan> attach, std::uint8_t priority, double patience_s) {
+                            std::vector<NodeSpan> attach, std::uint8_t priority,
+                            double patience_s) {
   if (region.empty()) return false;
   Publisher* publisher = publisher_of(model.content_hash);
   if (publisher == nullptr) return false;

@@ -22,6 +22,7 @@
 #include <limits>
 #include <thread>
 
+#include "nearmesh/core/spm/codec.hpp"
 #include "nearmesh/publisher/dds_channel.hpp"
 #include "nearmesh/subscriber/dds_channel.hpp"
 #include "nearmesh/wire/dds_support.hpp"

@@ -52,21 +52,25 @@ std::vector<Treelet> demands(ModelFile& file, int shift, int count) {
 }
 
 // How many attach nodes a batch would name if records stood largest first instead of in preorder.
-double attach_if_largest_first(const std::vector<Treelet>& treelets, std::size_t records_per_batch) {
+double attach_if_largest_first(const std::vector<Treelet>& treelets,
+                               std::size_t records_per_batch) {
   double attach = 0, batches = 0;
   for (const Treelet& treelet : treelets) {
     const auto smaller = [](const TreeletSplit* a, const TreeletSplit* b) {
       return a->node.size < b->node.size;
     };
-    std::priority_queue<const TreeletSplit*, std::vector<const TreeletSplit*>, decltype(smaller)> queue(smaller);
+    std::priority_queue<const TreeletSplit*, std::vector<const TreeletSplit*>, decltype(smaller)>
+        queue(smaller);
     const auto find = [&](NodeSpan node) {
-      return &*std::lower_bound(treelet.begin(), treelet.end(), TreeletSplit{node, {}},
-                                [](const TreeletSplit& a, const TreeletSplit& b) { return a.node < b.node; });
+      return &*std::lower_bound(
+          treelet.begin(), treelet.end(), TreeletSplit{node, {}},
+          [](const TreeletSplit& a, const TreeletSplit& b) { return a.node < b.node; });
     };
     std::vector<bool> is_child(treelet.size());
     for (const TreeletSplit& split : treelet) {
       if (split.left_included)
-        is_child[find({split.node.first, split.split.value - split.node.begin()}) - treelet.data()] = true;
+        is_child[find({split.node.first, split.split.value - split.node.begin()}) -
+                 treelet.data()] = true;
       if (split.right_included)
         is_child[find({split.split, split.node.end() - split.split.value}) - treelet.data()] = true;
     }
@@ -103,11 +107,13 @@ void bench_codec(ModelFile& file, const char* name, int shift) {
   batches = encoded.size();
   start = cpu_s();
   std::size_t decoded = 0;
-  for (const auto& batch : encoded) decoded += decode_batch(file.header(), batch).value().splits.size();
+  for (const auto& batch : encoded)
+    decoded += decode_batch(file.header(), batch).value().splits.size();
   const double decode_s = cpu_s() - start;
   const std::string prefix = name;
   row((prefix + "_splits_per_request").c_str(), static_cast<double>(splits) / 200, "splits");
-  row((prefix + "_bytes_per_split").c_str(), static_cast<double>(bytes) / static_cast<double>(splits), "B");
+  row((prefix + "_bytes_per_split").c_str(),
+      static_cast<double>(bytes) / static_cast<double>(splits), "B");
   row((prefix + "_encode").c_str(), static_cast<double>(splits) / encode_s / 1e6, "Msplits/s");
   row((prefix + "_decode").c_str(), static_cast<double>(decoded) / decode_s / 1e6, "Msplits/s");
   row((prefix + "_batches_per_request").c_str(), static_cast<double>(batches) / 200, "batches");
@@ -166,7 +172,8 @@ int main(int argc, char** argv) {
   double apply_s = 0, tree_s = 0, faces = 0;
   std::size_t applied = 0;
   for (const Treelet& treelet : treelets)
-    for (const auto& bytes : encode_batches(file.value().header(), store, treelet, BoxPolicy::kCutNodes)) {
+    for (const auto& bytes :
+         encode_batches(file.value().header(), store, treelet, BoxPolicy::kCutNodes)) {
       const SplitBatch batch = decode_batch(file.value().header(), bytes).value();
       start = cpu_s();
       const Replica::Applied result = replica.apply_batch(batch);

@@ -195,9 +195,9 @@ TEST_P(BatchStream, AskingForWhatIsMissingEndsCertified) {
   }
 }
 
-// Demand by the other body's posed boxes, the way a subscriber predicts: one request certifies the
-// answer.
-TEST_P(BatchStream, DemandOfTheOtherBodysBoxesCertifiesInOneRequest) {
+// Demand by the other body's posed boxes, the way a subscriber predicts. One request certifies nearly always; not in
+// every pose, since quantised boxes do not nest: a child's may meet the region where its parent's does not.
+TEST_P(BatchStream, DemandOfTheOtherBodysBoxesCertifiesInTwoRequests) {
   const auto faces_b = test::all_faces(b_.store);
   for (std::uint64_t seed = 0; seed < 30; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
@@ -229,13 +229,19 @@ TEST_P(BatchStream, DemandOfTheOtherBodysBoxesCertifiesInOneRequest) {
       }
       if (near) request.region.push_back(box);
     }
-    const Result<Demand> demand = collect(a_.store, request, nullptr);
-    ASSERT_TRUE(demand.is_ok());
     Body a(a_.header);
-    for (const auto& bytes :
-         encode_batches(a_.header, a_.store, demand.value().treelet, BoxPolicy::kCutNodes))
-      a.apply(bytes);
-    const Answer answer = query(a.view(), posed.a, b.view(), posed.b);
+    AttachRule rule = AttachRule::kInRegion;
+    Answer answer;
+    for (int round = 0; round < 2 && !request.attach.empty(); ++round) {
+      const Result<Demand> demand = collect(a_.store, request, nullptr, rule);
+      ASSERT_TRUE(demand.is_ok());
+      for (const auto& bytes :
+           encode_batches(a_.header, a_.store, demand.value().treelet, BoxPolicy::kCutNodes))
+        a.apply(bytes);
+      answer = query(a.view(), posed.a, b.view(), posed.b);
+      request.attach = answer.missing_a;
+      rule = AttachRule::kAlways;
+    }
     EXPECT_TRUE(is_certified(answer.status));
     EXPECT_EQ(answer.pairs, stream_.full(posed).pairs);
   }

@@ -10,10 +10,7 @@
 namespace nearmesh {
 
 AbTree::AbTree(const ActiveMesh& mesh)
-    : mesh_(&mesh),
-      free_nodes_(32),
-      free_faces_(32),
-      leaf_of_(mesh.store().vertex_count()) {
+    : mesh_(&mesh), free_nodes_(32), free_faces_(32), leaf_of_(mesh.store().vertex_count()) {
   const SplitStore& store = mesh.store();
   // A fixed tree over the roots; each of its leaves then grows with its root's splits.
   std::vector<BuildItem> items;
@@ -84,9 +81,11 @@ void AbTree::free_leaf(std::uint32_t index) {
   if (leaf.is_slot()) --slot_total_;
   exact_total_ -= leaf.exact_count;
   if (leaf.node_capacity > 0)
-    free_nodes_[static_cast<std::size_t>(std::countr_zero(leaf.node_capacity))].push_back(leaf.node_range);
+    free_nodes_[static_cast<std::size_t>(std::countr_zero(leaf.node_capacity))].push_back(
+        leaf.node_range);
   if (leaf.face_capacity > 0)
-    free_faces_[static_cast<std::size_t>(std::countr_zero(leaf.face_capacity))].push_back(leaf.face_range);
+    free_faces_[static_cast<std::size_t>(std::countr_zero(leaf.face_capacity))].push_back(
+        leaf.face_range);
   const bool queued = leaf.queued;
   leaf = Leaf{};
   leaf.queued = queued;  // its place in pending_ stays; a reused leaf is simply looked at
@@ -183,7 +182,8 @@ void AbTree::apply_collapse(NodeSpan node) {
     const auto [at, span] = stack.back();
     stack.pop_back();
     const std::uint32_t leaf = leaf_of_[span.begin()] - 1;
-    if (leaf_of_[span.begin()] != 0 && leaves_[leaf].tree_node == at && leaves_[leaf].node == span) {
+    if (leaf_of_[span.begin()] != 0 && leaves_[leaf].tree_node == at &&
+        leaves_[leaf].node == span) {
       gone.push_back(leaf);
       continue;
     }
@@ -197,7 +197,8 @@ void AbTree::apply_collapse(NodeSpan node) {
     mark_changed(leaf);
     for (const FaceKey key : leaves_[leaf].bucket)
       if (!owned(key)) bucket.push_back(key);
-    for (std::uint32_t v = leaves_[leaf].node.begin(); v < leaves_[leaf].node.end(); ++v) leaf_of_[v] = 0;
+    for (std::uint32_t v = leaves_[leaf].node.begin(); v < leaves_[leaf].node.end(); ++v)
+      leaf_of_[v] = 0;
     free_leaf(leaf);
   }
   for (const std::uint32_t pair : pairs) free_nodes_[1].push_back(pair);

@@ -74,8 +74,8 @@ void build_tree(std::vector<BuildItem>& items, BuildOutput& out) {
       for (int k = 1; k < 3; ++k)
         if (hi[k] - lo[k] > hi[axis] - lo[axis]) axis = k;
       const std::size_t middle = range.size() / 2;
-      std::nth_element(range.begin(), range.begin() + static_cast<std::ptrdiff_t>(middle), range.end(),
-                       Before{axis});
+      std::nth_element(range.begin(), range.begin() + static_cast<std::ptrdiff_t>(middle),
+                       range.end(), Before{axis});
       const auto pair = static_cast<std::uint32_t>(out.nodes.size());
       out.nodes.resize(out.nodes.size() + 2);
       node.set(TreeNode::Kind::kInner, pair, 0);

@@ -15,14 +15,15 @@ inline constexpr std::uint32_t kFacesPerLeaf = 4;
 /// What a leaf can hold: a face (index into the caller's faces) or a frontier node.
 struct BuildItem {
   GridBox box;
-  NodeSpan frontier;       // size 0: a face
+  NodeSpan frontier;  // size 0: a face
   std::uint32_t face = 0;
 };
 
 struct BuildOutput {
   TreeNode root;
-  std::vector<TreeNode> nodes;        // pairs; children's places count from 0
-  std::vector<std::uint32_t> faces;   // order in which the caller's faces must stand; places count from 0
+  std::vector<TreeNode> nodes;  // pairs; children's places count from 0
+  std::vector<std::uint32_t>
+      faces;  // order in which the caller's faces must stand; places count from 0
 };
 
 /// Ties are broken by the items' given order, which must not depend on history. Leaves `items` reordered.

@@ -15,8 +15,8 @@ namespace {
 
 // The merge forest in VertexIds. Arrays by id unless they say otherwise.
 struct Forest {
-  std::vector<std::uint32_t> id_of;   // by mesh vertex
-  std::vector<std::uint32_t> size;    // of the node that the vertex represents when its split is done
+  std::vector<std::uint32_t> id_of;  // by mesh vertex
+  std::vector<std::uint32_t> size;  // of the node that the vertex represents when its split is done
   std::vector<std::uint32_t> parent;  // the vertex it merges into; own id for a root
   std::vector<std::uint32_t> roots;   // ids, ascending
 };
@@ -96,7 +96,8 @@ struct OwnedFace {
 };
 
 // Each face appears with the deepest of the splits that part its corners; the third corner is then outside the node.
-OwnedFace own_face(const Forest& forest, const std::array<std::uint32_t, 3>& corners, FaceId number) {
+OwnedFace own_face(const Forest& forest, const std::array<std::uint32_t, 3>& corners,
+                   FaceId number) {
   OwnedFace owned;
   std::uint32_t best = 0xffffffffU;
   int odd = 2;  // the corner outside
@@ -145,7 +146,8 @@ struct NodeBoxes {
   std::vector<GridBox> root;         // of what each vertex represents in the end, by id
 };
 
-NodeBoxes bound_nodes(const GridMesh& mesh, const Forest& forest, const std::vector<Collapse>& log) {
+NodeBoxes bound_nodes(const GridMesh& mesh, const Forest& forest,
+                      const std::vector<Collapse>& log) {
   const std::size_t n = mesh.positions.size();
   NodeBoxes boxes;
   boxes.left.resize(n);
@@ -209,6 +211,20 @@ CodingTables train(const SpmHeader& header, const SplitStore& store) {
   return make_tables(counts);
 }
 
+// A split travels in one datagram; only hundreds of faces on one edge make one that does not fit.
+Status check_split_sizes(const SpmHeader& header, const SplitStore& store) {
+  constexpr std::size_t kSuspicious = 64;
+  for (VertexId u{0}; u.value < header.vertex_count; ++u.value) {
+    if (store.is_root(u) || store.faces(u).size() < kSuspicious) continue;
+    const Treelet single{{store.node_of(u), u}};
+    if (encode_batches(header, store, single, BoxPolicy::kCutNodes).front().size() > kMaxBatchBytes)
+      return {StatusCode::kUnsupported,
+              std::to_string(store.faces(u).size()) +
+                  " faces meet along one edge, more than one datagram holds"};
+  }
+  return Status::ok();
+}
+
 }  // namespace
 
 Result<BakedModel> bake(const GridMesh& mesh, double rounding_error_m,
@@ -222,7 +238,8 @@ Result<BakedModel> bake(const GridMesh& mesh, double rounding_error_m,
   const std::vector<OwnedFace> faces = own_faces(mesh, forest);
   const NodeBoxes boxes = bound_nodes(mesh, forest, log.collapses);
   std::vector<GridPoint> position(mesh.positions.size());
-  for (std::size_t v = 0; v < mesh.positions.size(); ++v) position[forest.id_of[v]] = mesh.positions[v];
+  for (std::size_t v = 0; v < mesh.positions.size(); ++v)
+    position[forest.id_of[v]] = mesh.positions[v];
 
   SpmHeader header;
   header.grid = mesh.grid;
@@ -260,6 +277,7 @@ Result<BakedModel> bake(const GridMesh& mesh, double rounding_error_m,
     static_cast<void>(inserted);
   }
   header.tables = train(header, store);
+  NEARMESH_RETURN_IF_ERROR(check_split_sizes(header, store));
 
   BakedModel baked{std::move(header), std::move(store), {}, std::move(log)};
   baked.numbers.reserve(faces.size());

@@ -18,7 +18,8 @@ std::vector<std::string> cut(const std::string& line) {
     std::size_t end = comma == std::string::npos ? line.size() : comma;
     std::size_t from = begin;
     while (from < end && (line[from] == ' ' || line[from] == '\t')) ++from;
-    while (end > from && (line[end - 1] == ' ' || line[end - 1] == '\t' || line[end - 1] == '\r')) --end;
+    while (end > from && (line[end - 1] == ' ' || line[end - 1] == '\t' || line[end - 1] == '\r'))
+      --end;
     cells.push_back(line.substr(from, end - from));
     if (comma == std::string::npos) return cells;
     begin = comma + 1;

@@ -49,9 +49,7 @@ class RegionFilter {
   std::vector<std::uint32_t> pool_;
 };
 
-NodeSpan left_of(NodeSpan node, VertexId split) {
-  return {node.first, split.value - node.begin()};
-}
+NodeSpan left_of(NodeSpan node, VertexId split) { return {node.first, split.value - node.begin()}; }
 NodeSpan right_of(NodeSpan node, VertexId split) { return {split, node.end() - split.value}; }
 
 // Larger nodes first; ties go to the lower id.
@@ -60,7 +58,8 @@ bool is_smaller(const NodeSpan& a, const NodeSpan& b) {
 }
 
 // Makes an attach node known to the store, from its root down.
-Status locate(const SplitStore& store, NodeSpan target, const std::function<Status(NodeSpan)>& require) {
+Status locate(const SplitStore& store, NodeSpan target,
+              const std::function<Status(NodeSpan)>& require) {
   if (store.is_node(target)) return Status::ok();
   NodeSpan node = store.roots()[store.root_index(target.first)].node;
   while (node.size > target.size) {
@@ -77,7 +76,9 @@ Status locate(const SplitStore& store, NodeSpan target, const std::function<Stat
 void finish(Demand& demand) {
   std::sort(demand.missing.begin(), demand.missing.end());
   Treelet& treelet = demand.treelet;
-  const auto preorder = [](const TreeletSplit& a, const TreeletSplit& b) { return a.node < b.node; };
+  const auto preorder = [](const TreeletSplit& a, const TreeletSplit& b) {
+    return a.node < b.node;
+  };
   std::sort(treelet.begin(), treelet.end(), preorder);
   for (TreeletSplit& split : treelet) {
     const auto has = [&](NodeSpan child) {
@@ -113,8 +114,8 @@ Status check_request(const SplitStore& store, const RegionRequest& request) {
   std::uint64_t next = 0;
   for (const NodeSpan& node : request.attach) {
     if (node.size < 2 || std::uint64_t{node.begin()} + node.size > store.vertex_count())
-      return refuse(name(node) + " is outside the model's " +
-                    std::to_string(store.vertex_count()) + " vertices or a leaf");
+      return refuse(name(node) + " is outside the model's " + std::to_string(store.vertex_count()) +
+                    " vertices or a leaf");
     if (node.begin() < next) return refuse("attach nodes must ascend and not overlap");
     next = node.end();
   }
@@ -124,7 +125,9 @@ Status check_request(const SplitStore& store, const RegionRequest& request) {
 Result<Demand> collect(const SplitStore& store, const RegionRequest& request,
                        const std::function<Status(NodeSpan)>& require, AttachRule rule) {
   RegionFilter filter(store, request.region);
-  const auto smaller = [](const Candidate& a, const Candidate& b) { return is_smaller(a.node, b.node); };
+  const auto smaller = [](const Candidate& a, const Candidate& b) {
+    return is_smaller(a.node, b.node);
+  };
   std::priority_queue<Candidate, std::vector<Candidate>, decltype(smaller)> queue(smaller);
   const auto offer = [&](NodeSpan node, const Candidate& parent) {
     if (const auto candidate = filter.child(node, parent)) queue.push(*candidate);

@@ -24,7 +24,11 @@ class Walk {
  public:
   Walk(const TreeView& a, const PosedFrame& frame_a, const TreeView& b, const PosedFrame& frame_b,
        const QueryOptions& options)
-      : a_(a), b_(b), frame_a_(frame_a), frame_b_(frame_b), options_(options),
+      : a_(a),
+        b_(b),
+        frame_a_(frame_a),
+        frame_b_(frame_b),
+        options_(options),
         b_in_a_(make_relative_frame(frame_a, frame_b)),
         a_in_b_(make_relative_frame(frame_b, frame_a)) {}
 
@@ -119,7 +123,8 @@ class Walk {
     return false;
   }
 
-  void add_missing(const TreeView& tree, const TreeNode& node, std::unordered_set<std::uint32_t>& set) {
+  void add_missing(const TreeView& tree, const TreeNode& node,
+                   std::unordered_set<std::uint32_t>& set) {
     set.insert(node.first);
     (&tree == &a_ ? answer_.missing_a : answer_.missing_b).push_back(node.frontier_node());
     double square = 0;
@@ -128,8 +133,8 @@ class Walk {
       square += extent * extent;
     }
     // Any point of a face in the box is within the diagonal of the representative, which lies in it too.
-    answer_.uncertainty_m = std::max(
-        answer_.uncertainty_m, std::ldexp(std::sqrt(square), tree.grid->exponent));
+    answer_.uncertainty_m =
+        std::max(answer_.uncertainty_m, std::ldexp(std::sqrt(square), tree.grid->exponent));
   }
 
   void finish() {
@@ -143,7 +148,8 @@ class Walk {
     } else {
       answer_.status = touches ? AnswerStatus::kPartial : AnswerStatus::kUncertain;
     }
-    if (answer_.status == AnswerStatus::kFree && options_.clearance) answer_.clearance_m = clearance();
+    if (answer_.status == AnswerStatus::kFree && options_.clearance)
+      answer_.clearance_m = clearance();
     std::sort(answer_.pairs.begin(), answer_.pairs.end());
     std::sort(answer_.missing_a.begin(), answer_.missing_a.end());
     std::sort(answer_.missing_b.begin(), answer_.missing_b.end());
@@ -196,7 +202,8 @@ class Walk {
       const DoubleTriangle tb = to_a_units(b_in_a_, b_.faces[nb.first + j].corners);
       for (std::uint32_t i = 0; i < na.count(); ++i) {
         const DoubleTriangle ta = as_doubles(a_.faces[na.first + i].corners);
-        if (extents_gap_m(ta, tb) < found) found = std::min(found, triangles_gap_m(b_in_a_, ta, tb));
+        if (extents_gap_m(ta, tb) < found)
+          found = std::min(found, triangles_gap_m(b_in_a_, ta, tb));
       }
     }
     return found;
@@ -227,10 +234,14 @@ class Walk {
 
 const char* to_string(AnswerStatus status) {
   switch (status) {
-    case AnswerStatus::kFree: return "free";
-    case AnswerStatus::kContact: return "contact";
-    case AnswerStatus::kPartial: return "partial";
-    case AnswerStatus::kUncertain: return "uncertain";
+    case AnswerStatus::kFree:
+      return "free";
+    case AnswerStatus::kContact:
+      return "contact";
+    case AnswerStatus::kPartial:
+      return "partial";
+    case AnswerStatus::kUncertain:
+      return "uncertain";
   }
   return "unknown";
 }
@@ -255,9 +266,11 @@ Result<PosedPair> pose_pair(const Grid& grid_a, const Pose& pose_a, std::string_
   NEARMESH_RETURN_IF_ERROR(check_pose(pose_b, name_b));
   const int lattice = lattice_exponent(grid_a, grid_b);
   Result<PosedFrame> a = make_posed_frame(grid_a, pose_a, lattice);
-  if (!a.is_ok()) return Status{a.status().code(), std::string(name_a) + ": " + a.status().message()};
+  if (!a.is_ok())
+    return Status{a.status().code(), std::string(name_a) + ": " + a.status().message()};
   Result<PosedFrame> b = make_posed_frame(grid_b, pose_b, lattice);
-  if (!b.is_ok()) return Status{b.status().code(), std::string(name_b) + ": " + b.status().message()};
+  if (!b.is_ok())
+    return Status{b.status().code(), std::string(name_b) + ": " + b.status().message()};
   return PosedPair{a.value(), b.value()};
 }
 

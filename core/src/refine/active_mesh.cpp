@@ -19,7 +19,8 @@ VertexId ActiveMesh::active_predecessor(VertexId v) const {
   std::size_t word = v.value >> 6;
   std::uint64_t bits = bits_[word] & (~std::uint64_t{0} >> (63U - (v.value & 63U)));
   while (bits == 0) bits = bits_[--word];  // ends at the latest at vertex 0, a root
-  return {static_cast<std::uint32_t>(word * 64 + 63 - static_cast<std::size_t>(std::countl_zero(bits)))};
+  return {static_cast<std::uint32_t>(word * 64 + 63 -
+                                     static_cast<std::size_t>(std::countl_zero(bits)))};
 }
 
 NodeSpan ActiveMesh::current_node(VertexId v) const {
@@ -28,7 +29,8 @@ NodeSpan ActiveMesh::current_node(VertexId v) const {
   std::size_t word = after >> 6;
   std::uint64_t bits = bits_[word] & (~std::uint64_t{0} << (after & 63U));
   while (bits == 0) bits = bits_[++word];  // ends at the latest at the sentinel
-  const auto next = static_cast<std::uint32_t>(word * 64 + static_cast<std::size_t>(std::countr_zero(bits)));
+  const auto next =
+      static_cast<std::uint32_t>(word * 64 + static_cast<std::size_t>(std::countr_zero(bits)));
   return {v, next - v.value};
 }
 
@@ -62,7 +64,8 @@ void ActiveMesh::collapse(NodeSpan node, RefineDelta& delta) {
   for (std::uint32_t v = node.begin() + 1; v < node.end();) {
     const std::uint32_t offset = v & 63U;
     const std::uint32_t span = std::min(64U - offset, node.end() - v);
-    const std::uint64_t mask = (span == 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << span) - 1) << offset;
+    const std::uint64_t mask = (span == 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << span) - 1)
+                               << offset;
     std::uint64_t gone = bits_[v >> 6] & mask;
     bits_[v >> 6] &= ~mask;
     for (; gone != 0; gone &= gone - 1) {
@@ -102,7 +105,8 @@ Treelet active_treelet(const ActiveMesh& mesh) {
 }
 
 std::vector<VertexId> global_order(const SplitStore& store, std::uint32_t count) {
-  std::vector<std::pair<std::uint32_t, std::uint32_t>> order;  // complement of the node's size, split
+  std::vector<std::pair<std::uint32_t, std::uint32_t>>
+      order;  // complement of the node's size, split
   for (std::uint32_t v = 0; v < store.vertex_count(); ++v)
     if (store.is_known({v}) && !store.is_root({v})) order.emplace_back(~store.node_of({v}).size, v);
   std::sort(order.begin(), order.end());

@@ -55,7 +55,8 @@ class BitWriter {
     const std::size_t whole = bits / 8;
     const int rest = static_cast<int>(bits % 8);
     std::uint64_t last = 0;
-    if (rest > 0) last = (whole < bytes_.size() ? bytes_[whole] : pending_ << (8 - pending_bits_)) & 0xffU;
+    if (rest > 0)
+      last = (whole < bytes_.size() ? bytes_[whole] : pending_ << (8 - pending_bits_)) & 0xffU;
     bytes_.resize(whole);
     pending_ = last >> (8 - rest);
     pending_bits_ = rest;
@@ -103,9 +104,7 @@ class BitReader {
     return get(zeros + 1) - std::uint64_t{1};
   }
   [[nodiscard]] bool overrun() const { return used_ > bytes_.size() * 8; }
-  [[nodiscard]] std::size_t bits_left() const {
-    return overrun() ? 0 : bytes_.size() * 8 - used_;
-  }
+  [[nodiscard]] std::size_t bits_left() const { return overrun() ? 0 : bytes_.size() * 8 - used_; }
 
  private:
   void refill() {

@@ -3,8 +3,8 @@
 
 #include <string>
 
-#include "record_codec.hpp"
 #include "nearmesh/core/spm/train.hpp"
+#include "record_codec.hpp"
 
 namespace nearmesh {
 namespace {
@@ -140,8 +140,8 @@ Result<SplitBatch> decode_batch(const SpmHeader& header, std::span<const std::ui
   // Every attach node takes at least two bits and every record three, whatever the tables say.
   if (in.overrun() || attach_count * 2 > in.bits_left() || record_count > in.bits_left() ||
       attach_count > record_count)
-    return Status{StatusCode::kCorrupt, "split batch: counts exceed its " +
-                                            std::to_string(bytes.size()) + " bytes"};
+    return Status{StatusCode::kCorrupt,
+                  "split batch: counts exceed its " + std::to_string(bytes.size()) + " bytes"};
   std::vector<NodeSpan> attach(attach_count);
   std::uint64_t next = 0;
   for (NodeSpan& node : attach) {

@@ -8,7 +8,8 @@
 
 namespace nearmesh::file_layout {
 
-static_assert(std::endian::native == std::endian::little, "the .spm reader maps little-endian structs");
+static_assert(std::endian::native == std::endian::little,
+              "the .spm reader maps little-endian structs");
 
 inline constexpr std::array<char, 8> kMagic{'N', 'M', 'S', 'P', 'M', '\r', '\n', '\x1a'};
 inline constexpr std::uint32_t kVersion = 1;
@@ -22,8 +23,9 @@ struct Preamble {
   std::uint64_t face_table_offset = 0;  // face_count numbers
   std::uint64_t face_table_checksum = 0;
   std::uint64_t file_bytes = 0;
-  std::uint64_t content_hash = 0;  // of header, directory and face table checksum; the directory holds the blocks' checksums
-  std::uint64_t checksum = 0;      // of the preamble before it
+  std::uint64_t content_hash =
+      0;  // of header, directory and face table checksum; the directory holds the blocks' checksums
+  std::uint64_t checksum = 0;  // of the preamble before it
 };
 static_assert(sizeof(Preamble) == 72);
 

@@ -13,9 +13,7 @@ namespace {
 
 constexpr std::uint32_t kHeaderMagic = 0x4e4d4831;  // "NMH1"
 
-Status corrupt(const std::string& field) {
-  return {StatusCode::kCorrupt, "mesh header: " + field};
-}
+Status corrupt(const std::string& field) { return {StatusCode::kCorrupt, "mesh header: " + field}; }
 
 // Code lengths of one context: present symbols are few, so runs of zeros are counted.
 void write_table(BitWriter& out, const HuffmanTable& table) {

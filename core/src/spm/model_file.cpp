@@ -31,7 +31,8 @@ struct ModelFile::Impl {
   ~Impl() {
     if (data != nullptr) ::munmap(const_cast<std::uint8_t*>(data), size);
   }
-  [[nodiscard]] std::span<const std::uint8_t> bytes(std::uint64_t offset, std::uint64_t count) const {
+  [[nodiscard]] std::span<const std::uint8_t> bytes(std::uint64_t offset,
+                                                    std::uint64_t count) const {
     return {data + offset, count};
   }
   [[nodiscard]] Status corrupt(const std::string& what) const {
@@ -87,7 +88,8 @@ Status ModelFile::Impl::read_preamble() {
   if (preamble.file_bytes != size)
     return corrupt("expected " + std::to_string(preamble.file_bytes) + " bytes, found " +
                    std::to_string(size) + " (truncated or appended to)");
-  const std::uint64_t directory_bytes = std::uint64_t{preamble.block_count} * sizeof(DirectoryEntry);
+  const std::uint64_t directory_bytes =
+      std::uint64_t{preamble.block_count} * sizeof(DirectoryEntry);
   if (preamble.header_bytes > kMaxHeaderBytes ||
       sizeof(Preamble) + preamble.header_bytes > preamble.directory_offset ||
       preamble.directory_offset % alignof(DirectoryEntry) != 0 ||
@@ -98,14 +100,14 @@ Status ModelFile::Impl::read_preamble() {
 }
 
 Status ModelFile::Impl::read_directory() {
-  const std::uint64_t found =
-      hash_bytes(bytes(preamble.directory_offset,
-                       std::uint64_t{preamble.block_count} * sizeof(DirectoryEntry)),
-                 hash_bytes(bytes(sizeof(Preamble), preamble.header_bytes),
-                            preamble.face_table_checksum));
+  const std::uint64_t found = hash_bytes(
+      bytes(preamble.directory_offset,
+            std::uint64_t{preamble.block_count} * sizeof(DirectoryEntry)),
+      hash_bytes(bytes(sizeof(Preamble), preamble.header_bytes), preamble.face_table_checksum));
   if (found != preamble.content_hash)
     return corrupt("checksum of header and directory does not match");
-  if ((size - preamble.face_table_offset) != std::uint64_t{header.face_count} * sizeof(std::uint32_t))
+  if ((size - preamble.face_table_offset) !=
+      std::uint64_t{header.face_count} * sizeof(std::uint32_t))
     return corrupt("length of the face table does not match the header's face count");
   // Entries stand by level, then by first id; require() searches within a level.
   const std::span<const DirectoryEntry> all = directory();
@@ -251,8 +253,7 @@ Result<FaceNumbering> ModelFile::face_numbering() {
                           std::to_string(faces));
   for (std::size_t i = 0; i < numbers.size(); ++i) {
     numbers[i] = {{table[i] >> 2}, static_cast<std::uint8_t>(table[i] & 3U)};
-    if (numbers[i].first_corner > 2)
-      return impl_->corrupt("face table entry " + std::to_string(i));
+    if (numbers[i].first_corner > 2) return impl_->corrupt("face table entry " + std::to_string(i));
   }
   return FaceNumbering(*impl_->store, std::move(numbers));
 }

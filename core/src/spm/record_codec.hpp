@@ -16,19 +16,19 @@ namespace nearmesh::record {
 
 // ---- contexts -----------------------------------------------------------------------------------
 
-inline constexpr int kSizeSmall = 0;              // node sizes 3..8, one each
+inline constexpr int kSizeSmall = 0;               // node sizes 3..8, one each
 inline constexpr int kSizeLarge = kSizeSmall + 6;  // six classes of larger nodes
 inline constexpr int kInclude = kSizeLarge + 6;    // three kinds x five classes
 inline constexpr int kOffset0 = kInclude + 15;     // six levels
 inline constexpr int kOffset1 = kOffset0 + 6;      // twelve classes of the previous axis
 inline constexpr int kOffset2 = kOffset1 + 12;
-inline constexpr int kFaceCount = kOffset2 + 12;   // three classes of node size
-inline constexpr int kInLeft = kFaceCount + 3;     // eight classes of side size
+inline constexpr int kFaceCount = kOffset2 + 12;  // three classes of node size
+inline constexpr int kInLeft = kFaceCount + 3;    // eight classes of side size
 inline constexpr int kInRight = kInLeft + 8;
-inline constexpr int kOutside = kInRight + 8;      // first face of the split, later ones
-inline constexpr int kBelow = kOutside + 2;        // distance below the node
+inline constexpr int kOutside = kInRight + 8;  // first face of the split, later ones
+inline constexpr int kBelow = kOutside + 2;    // distance below the node
 inline constexpr int kAbove = kBelow + 1;
-inline constexpr int kBox = kAbove + 1;            // six classes of node size x three axes
+inline constexpr int kBox = kAbove + 1;  // six classes of node size x three axes
 inline constexpr int kContextCount = kBox + 18;
 
 inline int small_class(std::uint32_t size) {  // 2, 3-4, 5-8, 9-16, 17-64, more
@@ -253,7 +253,8 @@ void code_record(Coder& coder, const SpmHeader& header, BoxPolicy box_policy, Re
       if (value > std::int64_t{0x7fffffff}) {
         fail(coder, "offset");
       } else {
-        record.offset[axis] = static_cast<std::int32_t>(magnitude != 0 && negative != 0 ? -value : value);
+        record.offset[axis] =
+            static_cast<std::int32_t>(magnitude != 0 && negative != 0 ? -value : value);
       }
     }
     previous = std::max(previous, bit_length(magnitude));

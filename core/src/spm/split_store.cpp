@@ -116,9 +116,9 @@ NodeSpan SplitStore::parent_of(NodeSpan node) const {
 }
 
 std::size_t SplitStore::root_index(VertexId v) const {
-  const auto after = std::upper_bound(
-      roots_.begin(), roots_.end(), v,
-      [](VertexId x, const BaseRoot& root) { return x < root.node.first; });
+  const auto after =
+      std::upper_bound(roots_.begin(), roots_.end(), v,
+                       [](VertexId x, const BaseRoot& root) { return x < root.node.first; });
   return static_cast<std::size_t>(after - roots_.begin()) - 1;
 }
 
@@ -145,8 +145,8 @@ GridBox SplitStore::box(NodeSpan node) const {
   const GridPoint& at = position(node.first);
   GridBox box;
   for (int k = 0; k < 3; ++k) {
-    box.lo[k] = static_cast<std::int32_t>(
-        std::max<std::int64_t>(0, at[k] - box_extent(code[2 * k])));
+    box.lo[k] =
+        static_cast<std::int32_t>(std::max<std::int64_t>(0, at[k] - box_extent(code[2 * k])));
     box.hi[k] = static_cast<std::int32_t>(
         std::min<std::int64_t>(grid_max_, at[k] + box_extent(code[2 * k + 1])));
   }

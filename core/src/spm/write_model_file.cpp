@@ -95,9 +95,8 @@ Result<WrittenModel> write_model_file(const SpmHeader& header, const SplitStore&
   append(out, table.data(), table.size());
   preamble.face_table_checksum = hash_bytes(bytes_of(table.data(), table.size()));
   preamble.file_bytes = out.size();
-  preamble.content_hash =
-      hash_bytes(bytes_of(directory.data(), directory.size()),
-                 hash_bytes(header_bytes, preamble.face_table_checksum));
+  preamble.content_hash = hash_bytes(bytes_of(directory.data(), directory.size()),
+                                     hash_bytes(header_bytes, preamble.face_table_checksum));
   preamble.checksum = hash_bytes(bytes_of(&preamble, 1).first(sizeof(Preamble) - 8));
   std::memcpy(out.data(), &preamble, sizeof preamble);
   NEARMESH_RETURN_IF_ERROR(write_whole(path, out));

@@ -201,6 +201,19 @@ TEST(CollectAttach, BelowAGivenNodeOnly) {
   for (const TreeletSplit& split : demand.value().treelet) EXPECT_TRUE(node.contains(split.split));
 }
 
+TEST(CollectAttach, OutsideTheRegionIsSplitOnlyWhereTheRuleSaysAlways) {
+  const BakedModel model = test::bake_named("terrain");
+  const NodeSpan node = model.store.node_of(test::all_splits(model.store).back());
+  const std::int32_t beyond = model.store.grid_max() + 10;
+  const RegionRequest request{
+      .attach = {node}, .region = {GridBox{{beyond, beyond, beyond}, {beyond, beyond, beyond}}}};
+  const Result<Demand> in_region = collect(model.store, request, nullptr, AttachRule::kInRegion);
+  const Result<Demand> always = collect(model.store, request, nullptr, AttachRule::kAlways);
+  EXPECT_TRUE(in_region.value().treelet.empty());
+  ASSERT_EQ(always.value().treelet.size(), 1U);
+  EXPECT_EQ(always.value().treelet[0].node, node);
+}
+
 class AttachNodesThatAreNone : public ::testing::TestWithParam<NodeSpan> {};
 INSTANTIATE_TEST_SUITE_P(Spans, AttachNodesThatAreNone,
                          ::testing::Values(NodeSpan{{1}, 3}, NodeSpan{{3}, 50}, NodeSpan{{0}, 600},

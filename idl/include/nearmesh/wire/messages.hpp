@@ -30,9 +30,9 @@ struct Hello {
   std::uint16_t wire_version = kWireVersion;
   SessionId publisher = 0;
   struct Model {
-    std::string name;                ///< unique per publisher, at most kMaxNameBytes
+    std::string name;  ///< unique per publisher, at most kMaxNameBytes
     std::uint64_t content_hash = 0;
-    std::uint64_t mesh_bytes = 0;    ///< header and all blocks: what a whole replica would take
+    std::uint64_t mesh_bytes = 0;  ///< header and all blocks: what a whole replica would take
   };
   std::vector<Model> models;
 };
@@ -42,19 +42,20 @@ struct MeshHeader {
   std::uint16_t wire_version = kWireVersion;
   std::string name;
   std::uint64_t content_hash = 0;
-  std::vector<std::uint8_t> bytes;   ///< at most kMaxHeaderBytes
+  std::vector<std::uint8_t> bytes;  ///< at most kMaxHeaderBytes
 };
 
 /// What a peer lacks, and how much it is ready to take (keyed by peer).
 struct RegionSubscription {
   std::uint16_t wire_version = kWireVersion;
   SessionId peer = 0;
-  std::uint32_t request = 0;            ///< counts up per peer; 0: no request, only credit
-  std::uint64_t content_hash = 0;       ///< the model; meaningless when request is 0
-  std::uint8_t priority = 0;            ///< 0 needed now, 1 horizon, 2 prefetch
-  SessionId publisher = 0;              ///< whom it is for; others ignore it
-  std::uint32_t acknowledged_sequence = 0;  ///< highest batch sequence received from it: returns credit
-  std::uint32_t window_bytes = 65536;   ///< the publisher keeps at most this much unacknowledged
+  std::uint32_t request = 0;       ///< counts up per peer; 0: no request, only credit
+  std::uint64_t content_hash = 0;  ///< the model; meaningless when request is 0
+  std::uint8_t priority = 0;       ///< 0 needed now, 1 horizon, 2 prefetch
+  SessionId publisher = 0;         ///< whom it is for; others ignore it
+  std::uint32_t acknowledged_sequence =
+      0;                               ///< highest batch sequence received from it: returns credit
+  std::uint32_t window_bytes = 65536;  ///< the publisher keeps at most this much unacknowledged
   RegionRequest region;
 };
 
@@ -63,11 +64,12 @@ struct SplitBatchMessage {
   std::uint16_t wire_version = kWireVersion;
   SessionId publisher = 0;
   std::uint64_t content_hash = 0;
-  std::uint32_t request = 0;    ///< which request it answers
-  std::uint32_t sequence = 0;   ///< counts up per publisher and peer, from 1: gaps are noticed
-  bool last = false;            ///< the request is answered in full with this one
-  bool refused = false;         ///< the request was refused; bytes hold the reason as text
-  std::vector<std::uint8_t> bytes;  ///< at most kMaxBatchBytes; may be empty when nothing was needed
+  std::uint32_t request = 0;   ///< which request it answers
+  std::uint32_t sequence = 0;  ///< counts up per publisher and peer, from 1: gaps are noticed
+  bool last = false;           ///< the request is answered in full with this one
+  bool refused = false;        ///< the request was refused; bytes hold the reason as text
+  std::vector<std::uint8_t>
+      bytes;  ///< at most kMaxBatchBytes; may be empty when nothing was needed
 };
 
 /// Where a body is (keyed by body name; the peer that moves it publishes).
@@ -89,10 +91,10 @@ struct ContactReport {
   std::string body_a, body_b;
   std::uint64_t frame = 0;
   double time_s = 0;
-  std::uint8_t status = 0;          ///< AnswerStatus
-  double clearance_m = 0;           ///< lower bound, when free
-  double uncertainty_m = 0;         ///< when uncertain
-  std::uint32_t pair_count = 0;     ///< all exact pairs
+  std::uint8_t status = 0;                    ///< AnswerStatus
+  double clearance_m = 0;                     ///< lower bound, when free
+  double uncertainty_m = 0;                   ///< when uncertain
+  std::uint32_t pair_count = 0;               ///< all exact pairs
   std::vector<std::array<FaceKey, 2>> pairs;  ///< the first kMaxReportPairs of them
 };
 

@@ -19,9 +19,10 @@
 namespace nearmesh::publisher {
 
 struct ServiceOptions {
-  std::size_t max_queued_bytes = 1 << 20;      ///< batches waiting for one peer; further requests are refused
-  std::uint32_t max_window_bytes = 256 * 1024; ///< cap on what a peer may have under way
-  double credit_timeout_s = 1.0;               ///< an unacknowledged batch stops counting after this
+  std::size_t max_queued_bytes =
+      1 << 20;  ///< batches waiting for one peer; further requests are refused
+  std::uint32_t max_window_bytes = 256 * 1024;  ///< cap on what a peer may have under way
+  double credit_timeout_s = 1.0;  ///< an unacknowledged batch stops counting after this
 };
 
 struct ServiceStats {

@@ -20,12 +20,14 @@ class Channel {
 
   /// Everything valid that arrived since the last call, in order of arrival within each kind.
   struct Inbox {
-    std::vector<wire::SessionId> lost_publishers;  ///< take these first: no hello of one lost after it is in here
+    std::vector<wire::SessionId>
+        lost_publishers;  ///< take these first: no hello of one lost after it is in here
     std::vector<wire::Hello> hellos;
     std::vector<wire::MeshHeader> headers;
     std::vector<wire::SplitBatchMessage> batches;
-    std::vector<wire::BodyPose> poses;      ///< of bodies that others move
-    std::vector<std::string> complaints;    ///< one line each: malformed samples, other wire versions, incompatible QoS
+    std::vector<wire::BodyPose> poses;  ///< of bodies that others move
+    std::vector<std::string>
+        complaints;  ///< one line each: malformed samples, other wire versions, incompatible QoS
   };
   [[nodiscard]] virtual Inbox take() = 0;
 };

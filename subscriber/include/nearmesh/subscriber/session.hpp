@@ -16,15 +16,17 @@
 namespace nearmesh::subscriber {
 
 struct SessionOptions {
-  double lookahead_s = 0.5;        ///< detail is asked for where the other body may be within this time
-  double margin_m = 0;             ///< and this much further
-  std::size_t region_boxes = 64;   ///< boxes by which a region is described, in [1, kMaxRegionBoxes]
-  std::uint32_t request_splits = 4096;   ///< largest answer to one request
-  std::uint32_t window_bytes = 64 * 1024;  ///< batches that may be under way to this peer; twice as much overran the default
-                                           ///< socket buffer, and 12 % were sent again
+  double lookahead_s = 0.5;  ///< detail is asked for where the other body may be within this time
+  double margin_m = 0;       ///< and this much further
+  std::size_t region_boxes = 64;  ///< boxes by which a region is described, in [1, kMaxRegionBoxes]
+  std::uint32_t request_splits = 4096;  ///< largest answer to one request
+  std::uint32_t window_bytes =
+      64 * 1024;  ///< batches that may be under way to this peer; twice as much overran the default
+                  ///< socket buffer, and 12 % were sent again
   double request_timeout_s = 0.5;  ///< a request without an answer is repeated after this
-  std::uint32_t max_held_splits = 0;  ///< above this, detail far from every body is given up; 0: no limit
-  bool publish_reports = true;     ///< send a ContactReport whenever an answer changes
+  std::uint32_t max_held_splits =
+      0;                        ///< above this, detail far from every body is given up; 0: no limit
+  bool publish_reports = true;  ///< send a ContactReport whenever an answer changes
 };
 
 /// An answer about one watched pair.
@@ -33,19 +35,19 @@ struct PairAnswer {
   Answer answer;
   /// Why nothing can be said yet (status kUncertain): a header, a publisher or a pose that has not come. Else empty.
   std::string reason;
-  Pose pose_a, pose_b;             ///< what was asked about; meaningless with a reason of missing poses
+  Pose pose_a, pose_b;  ///< what was asked about; meaningless with a reason of missing poses
   /// Free: until this much later nothing can touch, if the bodies keep within their speeds. Seconds.
   double safe_horizon_s = 0;
 };
 
 /// What one update did. Seconds are wall clock of this call.
 struct FrameReport {
-  std::vector<PairAnswer> answers;   ///< one per watched pair, in the order of watch()
-  double load_s = 0;                 ///< T_L: decoding batches
-  double refine_s = 0;               ///< T_R: vertex splits and collapses
-  double tree_s = 0;                 ///< T_B: AB-tree
-  double query_s = 0;                ///< T_Q
-  std::uint64_t batches_waiting = 0; ///< left over for want of budget
+  std::vector<PairAnswer> answers;      ///< one per watched pair, in the order of watch()
+  double load_s = 0;                    ///< T_L: decoding batches
+  double refine_s = 0;                  ///< T_R: vertex splits and collapses
+  double tree_s = 0;                    ///< T_B: AB-tree
+  double query_s = 0;                   ///< T_Q
+  std::uint64_t batches_waiting = 0;    ///< left over for want of budget
   std::vector<std::string> complaints;  ///< one line each, for a log
 
   [[nodiscard]] bool all_certified() const;
@@ -55,9 +57,9 @@ struct SessionStats {
   std::uint64_t batches = 0, batch_bytes = 0;  ///< payload of split batches
   std::uint64_t header_bytes = 0;
   std::uint64_t requests = 0;
-  std::uint64_t sequence_gaps = 0;   ///< batches that never came
+  std::uint64_t sequence_gaps = 0;  ///< batches that never came
   std::uint64_t held_splits = 0, slots = 0, exact_faces = 0, tree_bytes = 0;
-  std::uint64_t mesh_bytes = 0;      ///< what whole replicas of the models in use would take
+  std::uint64_t mesh_bytes = 0;  ///< what whole replicas of the models in use would take
 };
 
 class Session {

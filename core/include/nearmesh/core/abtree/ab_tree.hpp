@@ -39,14 +39,14 @@ class AbTree {
   // A leaf of the upper tree: a slot, or a larger node that is not split yet.
   struct Leaf {
     NodeSpan node;
-    std::uint32_t tree_node = 0;               // its place in nodes_
+    std::uint32_t tree_node = 0;  // its place in nodes_
     std::uint32_t node_range = kNone, node_capacity = 0;
     std::uint32_t face_range = kNone, face_capacity = 0, exact_count = 0;
-    std::uint64_t exact_digest = 0;            // of the exact faces in the micro tree
-    bool changed = false;                      // its own nodes changed since it was built
-    bool queued = false;                       // in pending_
-    std::vector<FaceKey> bucket;               // known faces whose home vertex lies in `node`
-    std::vector<std::uint32_t> watchers;       // leaves with a face that has a corner here
+    std::uint64_t exact_digest = 0;       // of the exact faces in the micro tree
+    bool changed = false;                 // its own nodes changed since it was built
+    bool queued = false;                  // in pending_
+    std::vector<FaceKey> bucket;          // known faces whose home vertex lies in `node`
+    std::vector<std::uint32_t> watchers;  // leaves with a face that has a corner here
 
     [[nodiscard]] bool is_slot() const { return node.size <= kSlotSize; }
   };

@@ -8,9 +8,9 @@
 #ifdef NDEBUG
 #define NEARMESH_ASSERT(condition) static_cast<void>(0)
 #else
-#define NEARMESH_ASSERT(condition)                                                       \
-  ((condition) ? static_cast<void>(0)                                                    \
+#define NEARMESH_ASSERT(condition)                                                         \
+  ((condition) ? static_cast<void>(0)                                                      \
                : (std::fprintf(stderr, "%s:%d: nearmesh assertion failed: %s\n", __FILE__, \
-                               __LINE__, #condition),                                    \
+                               __LINE__, #condition),                                      \
                   std::abort()))
 #endif

@@ -27,7 +27,8 @@ class CsvTable {
   /// Errors: kInvalidArgument naming path, line, column and what was found instead of a number.
   [[nodiscard]] Result<double> number(std::size_t row, std::size_t column) const;
   /// Errors: kInvalidArgument naming the path and the first column of `names` that is absent.
-  [[nodiscard]] Result<std::vector<std::size_t>> columns(const std::vector<std::string>& names) const;
+  [[nodiscard]] Result<std::vector<std::size_t>> columns(
+      const std::vector<std::string>& names) const;
 
  private:
   std::string path_;

@@ -45,8 +45,8 @@ class [[nodiscard]] Status {
 template <class T>
 class [[nodiscard]] Result {
  public:
-  Result(T value) : value_(std::move(value)) {}                          // NOLINT: implicit by design
-  Result(Status status) : status_(std::move(status)) {                   // NOLINT: implicit by design
+  Result(T value) : value_(std::move(value)) {}         // NOLINT: implicit by design
+  Result(Status status) : status_(std::move(status)) {  // NOLINT: implicit by design
     NEARMESH_ASSERT(!status_.is_ok());
   }
   [[nodiscard]] bool is_ok() const { return value_.has_value(); }
@@ -59,7 +59,8 @@ class [[nodiscard]] Result {
     NEARMESH_ASSERT(value_.has_value());
     return *value_;
   }
-  [[nodiscard]] T&& value() && {
+  /// By value, so that `for (x : make().value())` keeps what it walks over.
+  [[nodiscard]] T value() && {
     NEARMESH_ASSERT(value_.has_value());
     return std::move(*value_);
   }
@@ -72,8 +73,8 @@ class [[nodiscard]] Result {
 }  // namespace nearmesh
 
 /// Returns from the enclosing function when `expr`, a Status, is not ok.
-#define NEARMESH_RETURN_IF_ERROR(expr)                                   \
-  do {                                                                   \
+#define NEARMESH_RETURN_IF_ERROR(expr)                                           \
+  do {                                                                           \
     if (::nearmesh::Status nearmesh_status_ = (expr); !nearmesh_status_.is_ok()) \
-      return nearmesh_status_;                                           \
+      return nearmesh_status_;                                                   \
   } while (false)

@@ -16,9 +16,10 @@
 namespace nearmesh {
 
 struct Demand {
-  Treelet treelet;               ///< splits to send or apply, in preorder
-  std::vector<NodeSpan> missing; ///< nodes that meet the region and whose split the store does not know, ascending
-  bool truncated = false;        ///< max_splits was reached; the largest nodes were taken
+  Treelet treelet;  ///< splits to send or apply, in preorder
+  std::vector<NodeSpan>
+      missing;  ///< nodes that meet the region and whose split the store does not know, ascending
+  bool truncated = false;  ///< max_splits was reached; the largest nodes were taken
 };
 
 /// Checks a request from outside against the model. Errors: kInvalidArgument naming the limit or the node.
@@ -42,7 +43,7 @@ enum class AttachRule : std::uint8_t {
 
 /// The frontier of a store towards a region: nodes that meet it and whose split is not known, largest first (ties to the
 /// lower id), at most `limit`. What a peer asks for next. Cost: O(known nodes that meet the region).
-[[nodiscard]] std::vector<NodeSpan> frontier(const SplitStore& store, std::span<const GridBox> region,
-                                             std::size_t limit);
+[[nodiscard]] std::vector<NodeSpan> frontier(const SplitStore& store,
+                                             std::span<const GridBox> region, std::size_t limit);
 
 }  // namespace nearmesh

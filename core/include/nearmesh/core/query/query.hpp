@@ -41,8 +41,9 @@ struct FacePair {
 [[nodiscard]] std::uint64_t digest(const std::vector<FacePair>& pairs);
 
 struct QueryOptions {
-  bool any = false;        ///< stop at the first touching pair: kContact then says "touches", not "these are all"
-  bool clearance = true;   ///< also bound the distance when free
+  bool any =
+      false;  ///< stop at the first touching pair: kContact then says "touches", not "these are all"
+  bool clearance = true;  ///< also bound the distance when free
 };
 
 struct QueryStats {
@@ -51,8 +52,9 @@ struct QueryStats {
 
 struct Answer {
   AnswerStatus status = AnswerStatus::kUncertain;
-  std::vector<FacePair> pairs;                ///< exact, ascending
-  std::vector<NodeSpan> missing_a, missing_b; ///< unresolved nodes whose splits bring the answer nearer, ascending
+  std::vector<FacePair> pairs;  ///< exact, ascending
+  std::vector<NodeSpan> missing_a,
+      missing_b;  ///< unresolved nodes whose splits bring the answer nearer, ascending
   /// Free: a lower bound of the distance, metres (infinite when either side has no face). Else 0.
   double clearance_m = 0;
   /// Not certified: no face below a missing node lies farther than this from its stand-in, metres. Else 0.
@@ -69,7 +71,8 @@ struct Answer {
 struct PosedPair {
   PosedFrame a, b;
 };
-[[nodiscard]] Result<PosedPair> pose_pair(const Grid& grid_a, const Pose& pose_a, std::string_view name_a,
-                                          const Grid& grid_b, const Pose& pose_b, std::string_view name_b);
+[[nodiscard]] Result<PosedPair> pose_pair(const Grid& grid_a, const Pose& pose_a,
+                                          std::string_view name_a, const Grid& grid_b,
+                                          const Pose& pose_b, std::string_view name_b);
 
 }  // namespace nearmesh

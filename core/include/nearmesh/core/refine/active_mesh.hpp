@@ -59,7 +59,8 @@ class ActiveMesh {
 
  private:
   const SplitStore* store_;
-  LazyArray<std::uint64_t> bits_;  // one past the last vertex is set, so that is_leaf needs no bound
+  LazyArray<std::uint64_t>
+      bits_;  // one past the last vertex is set, so that is_leaf needs no bound
   std::vector<VertexId> stack_;
   std::uint32_t split_count_ = 0;
   std::uint64_t hash_ = 0;

@@ -42,14 +42,13 @@ class Replica {
   // Parked splits, by the node they divide. Bounded, so that a hostile publisher cannot fill memory; what does not fit
   // is dropped, and asked for again since it stays missing.
   static constexpr std::size_t kMaxParked = 65536;
-  static std::uint64_t key(NodeSpan node) {
-    return std::uint64_t{node.begin()} << 32 | node.size;
-  }
+  static std::uint64_t key(NodeSpan node) { return std::uint64_t{node.begin()} << 32 | node.size; }
   Status insert(const SplitRecord& record, std::span<const SplitFace> faces, RefineDelta& delta);
   Status unpark(const SplitRecord& parent, RefineDelta& delta);
 
   SpmHeader header_;
-  std::unique_ptr<SplitStore> store_;  // both behind pointers: ActiveMesh refers to the store when a Replica moves
+  std::unique_ptr<SplitStore>
+      store_;  // both behind pointers: ActiveMesh refers to the store when a Replica moves
   std::unique_ptr<ActiveMesh> mesh_;
   std::unordered_map<std::uint64_t, Parked> parked_;
 };

@@ -11,8 +11,9 @@
 namespace nearmesh {
 
 inline constexpr int kMaxCodeBits = 12;
-inline constexpr int kSymbolLimit = 127;     ///< symbols are 0..126
-inline constexpr std::uint8_t kEscape = 127;  ///< stands for a symbol never seen in training; 7 raw bits follow
+inline constexpr int kSymbolLimit = 127;  ///< symbols are 0..126
+inline constexpr std::uint8_t kEscape =
+    127;  ///< stands for a symbol never seen in training; 7 raw bits follow
 
 /// One context. Every context can code every symbol, by escape if need be.
 struct HuffmanTable {

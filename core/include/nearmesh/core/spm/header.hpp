@@ -23,7 +23,8 @@ struct BaseRoot {
 struct SpmHeader {
   Grid grid;
   double rounding_error_m = 0;
-  std::array<std::uint8_t, 3> lattice_shift{};  ///< every coordinate is a multiple of 2^shift, per axis
+  std::array<std::uint8_t, 3>
+      lattice_shift{};  ///< every coordinate is a multiple of 2^shift, per axis
   std::uint32_t vertex_count = 0;
   std::uint32_t face_count = 0;
   std::vector<BaseRoot> roots;        ///< ascending, covering [0, vertex_count)

@@ -28,7 +28,8 @@ class SplitStore {
   /// Adds one split. `faces` are the record's own.
   /// Errors: kCorrupt where the record contradicts the model or what is known (another split of the same node, another
   /// position or face, a position outside the grid); nothing is changed then. Cost: O(faces).
-  [[nodiscard]] Result<Insertion> insert(const SplitRecord& record, std::span<const SplitFace> faces);
+  [[nodiscard]] Result<Insertion> insert(const SplitRecord& record,
+                                         std::span<const SplitFace> faces);
   /// Forgets a split (eviction). Precondition: both children of its node are whole, i.e. no known split rests on it.
   void erase(VertexId split);
 
@@ -77,13 +78,16 @@ class SplitStore {
  private:
   // One entry per vertex id; all zeros (an untouched page) means unknown.
   struct Entry {
-    std::uint32_t size = 0;         // of the node that the vertex represents when it becomes active; 0: unknown
-    std::uint32_t parent = 0;       // first vertex of the node that split `id` divides (own id for a root)
+    std::uint32_t size =
+        0;  // of the node that the vertex represents when it becomes active; 0: unknown
+    std::uint32_t parent =
+        0;  // first vertex of the node that split `id` divides (own id for a root)
     std::uint32_t first_split = 0;  // split of [id, id + size); 0: unknown (id 0 is always a root)
-    std::uint32_t next_split = 0;   // split of [parent, id), the left child of split `id`; 0: unknown
+    std::uint32_t next_split =
+        0;  // split of [parent, id), the left child of split `id`; 0: unknown
     GridPoint position;
-    BoxCode box{};       // of [id, id + size), each code plus one: 0 means none
-    BoxCode left_box{};  // of [parent, id)
+    BoxCode box{};                // of [id, id + size), each code plus one: 0 means none
+    BoxCode left_box{};           // of [parent, id)
     std::uint8_t face_count = 0;  // kManyFaces: look in many_faces_
     SplitFace inline_faces[2];
   };
@@ -95,7 +99,8 @@ class SplitStore {
   std::uint32_t known_ = 0;
   std::int32_t grid_max_ = 0;
   LazyArray<Entry> entries_;
-  std::unordered_map<std::uint32_t, std::vector<SplitFace>> many_faces_;  // splits with more than two
+  std::unordered_map<std::uint32_t, std::vector<SplitFace>>
+      many_faces_;  // splits with more than two
   std::vector<BaseRoot> roots_;
   std::vector<SplitFace> base_faces_;
 };

@@ -39,7 +39,8 @@ struct NodeSpan {
 /// nearest active predecessor.
 struct SplitFace {
   VertexId left, right, outside;
-  bool flipped = false;  ///< counter-clockwise order is (right, left, outside) instead of (left, right, outside)
+  bool flipped =
+      false;  ///< counter-clockwise order is (right, left, outside) instead of (left, right, outside)
 
   [[nodiscard]] std::array<VertexId, 3> corners() const {
     return flipped ? std::array{right, left, outside} : std::array{left, right, outside};
@@ -60,7 +61,8 @@ struct FaceKey {
 using BoxCode = std::array<std::uint8_t, 6>;
 inline constexpr std::uint8_t kNoBoxCode = 0xff;
 inline constexpr std::uint8_t kMaxExtentCode = 124;
-inline constexpr BoxCode kNoBox{kNoBoxCode, kNoBoxCode, kNoBoxCode, kNoBoxCode, kNoBoxCode, kNoBoxCode};
+inline constexpr BoxCode kNoBox{kNoBoxCode, kNoBoxCode, kNoBoxCode,
+                                kNoBoxCode, kNoBoxCode, kNoBoxCode};
 
 /// Slots, stored blocks of the lowest level, and the unit of eviction: maximal nodes of at most this many ids.
 inline constexpr std::uint32_t kSlotSize = 64;
@@ -73,8 +75,9 @@ inline constexpr std::uint32_t kMaxRequestSplits = 16384;
 /// "Send the splits below these nodes that matter to this region." The peer names its own frontier, so the
 /// publisher needs no memory of what a peer has, and whatever was lost is simply asked for again.
 struct RegionRequest {
-  std::vector<NodeSpan> attach;  ///< the peer's unresolved nodes, ascending, disjoint; at most kMaxAttachNodes
-  std::vector<GridBox> region;   ///< closed boxes in the model's grid; at most kMaxRegionBoxes
+  std::vector<NodeSpan>
+      attach;  ///< the peer's unresolved nodes, ascending, disjoint; at most kMaxAttachNodes
+  std::vector<GridBox> region;      ///< closed boxes in the model's grid; at most kMaxRegionBoxes
   std::uint32_t max_splits = 1024;  ///< in [1, kMaxRequestSplits]; largest nodes come first
 };
 
@@ -82,7 +85,8 @@ struct RegionRequest {
 struct SplitRecord {
   NodeSpan node;
   VertexId split;
-  std::array<std::int32_t, 3> offset{};  ///< position of `split` minus that of node.first, grid units
+  std::array<std::int32_t, 3>
+      offset{};  ///< position of `split` minus that of node.first, grid units
   std::uint32_t face_begin = 0, face_count = 0;  ///< in SplitBatch::faces
   BoxCode left_box = kNoBox, right_box = kNoBox;
 
