@@ -9,9 +9,9 @@ namespace {
 TEST(Embed, PrintsTheExpectedOutput) {
   const std::string domain = "130", interface = "127.0.0.1";
   const test::Folder folder;
-  test::Process publisher(folder, "nearmesh-publisher",
-                          {"serve", test::model_file("sphere", 64), "--domain", domain, "--interface",
-                           interface});
+  test::Process publisher(
+      folder, "nearmesh-publisher",
+      {"serve", test::model_file("sphere", 64), "--domain", domain, "--interface", interface});
   ASSERT_TRUE(publisher.says("ready on domain")) << publisher.err();
   test::Process example(folder, "nearmesh-example-embed", {domain, interface});
   EXPECT_EQ(example.wait(), 0) << example.err();

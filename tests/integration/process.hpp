@@ -72,7 +72,8 @@ class Folder {
 /// One running program of NEARMESH_BIN_DIR. Killed at the end of its scope, and when the test dies.
 class Process {
  public:
-  Process(const Folder& folder, const std::string& program, const std::vector<std::string>& arguments) {
+  Process(const Folder& folder, const std::string& program,
+          const std::vector<std::string>& arguments) {
     static int number = 0;
     const std::string name = folder.file(program + std::to_string(number++));
     out_ = name + ".out";
@@ -128,8 +129,9 @@ class Process {
 };
 
 /// Runs a program to its end.
-inline int run(const Folder& folder, const std::string& program, const std::vector<std::string>& arguments,
-               std::string* out = nullptr, std::string* err = nullptr) {
+inline int run(const Folder& folder, const std::string& program,
+               const std::vector<std::string>& arguments, std::string* out = nullptr,
+               std::string* err = nullptr) {
   Process process(folder, program, arguments);
   const int code = process.wait();
   if (out != nullptr) *out = process.out();
@@ -149,13 +151,15 @@ inline std::string model_file(const std::string& kind, int size) {
   if (!fs::exists(model) || fs::last_write_time(model) < fs::last_write_time(program)) {
     const Folder scratch;
     std::string err;
-    EXPECT_EQ(run(scratch, "nearmesh-model",
-                  {"generate", kind, "--size", std::to_string(size), "-o", mesh.string()}, nullptr, &err),
-              0)
+    EXPECT_EQ(
+        run(scratch, "nearmesh-model",
+            {"generate", kind, "--size", std::to_string(size), "-o", mesh.string()}, nullptr, &err),
+        0)
         << err;
-    EXPECT_EQ(run(scratch, "nearmesh-model",
-                  {"build", mesh.string(), "-o", model.string(), "--base-faces", "64"}, nullptr, &err),
-              0)
+    EXPECT_EQ(
+        run(scratch, "nearmesh-model",
+            {"build", mesh.string(), "-o", model.string(), "--base-faces", "64"}, nullptr, &err),
+        0)
         << err;
   }
   ::close(lock);

@@ -30,9 +30,11 @@ class Programs : public ::testing::Test {
     const auto& suite = *::testing::UnitTest::GetInstance()->current_test_suite();
     int place = 0;
     for (int i = 0; i < suite.total_test_count(); ++i)
-      if (suite.GetTestInfo(i) == ::testing::UnitTest::GetInstance()->current_test_info()) place = i;
-    words.insert(words.end(), {"--domain", std::to_string(100 + place), "--prefix",
-                               "programs-" + std::to_string(::getpid()), "--interface", "127.0.0.1"});
+      if (suite.GetTestInfo(i) == ::testing::UnitTest::GetInstance()->current_test_info())
+        place = i;
+    words.insert(words.end(),
+                 {"--domain", std::to_string(100 + place), "--prefix",
+                  "programs-" + std::to_string(::getpid()), "--interface", "127.0.0.1"});
     return words;
   }
   std::unique_ptr<Process> serve() const {
@@ -64,9 +66,11 @@ class Programs : public ::testing::Test {
                    const std::string& model = "aircraft") const {
     std::string text =
         "bodies:\n  - {name: ground, model: terrain, pose: {translation: [0, 0, 0]}}\n"
-        "  - {name: one, model: " + model + "}\n  - {name: two, model: aircraft}\nmoves:\n";
+        "  - {name: one, model: " +
+        model + "}\n  - {name: two, model: aircraft}\nmoves:\n";
     for (const std::string& body : moves)
-      text += "  - {body: " + body + ", trajectory: flight" + (body == "one" ? "1" : "2") + ".csv}\n";
+      text +=
+          "  - {body: " + body + ", trajectory: flight" + (body == "one" ? "1" : "2") + ".csv}\n";
     text += "pairs: " + pairs + "\nframe_rate_hz: 50\nbudget_ms: 5\nlookahead_s: 0.2\n" + more;
     folder.write(name + ".yaml", text);
   }
@@ -205,7 +209,8 @@ TEST_F(Programs, UnknownModelEndsTheStartWithItsName) {
   const auto peer = fly("both");
   EXPECT_EQ(peer->wait(), 1);
   EXPECT_NE(peer->err().find("no certified answer within 2"), std::string::npos) << peer->err();
-  EXPECT_NE(peer->err().find("model spectre of body one: no publisher serves it"), std::string::npos)
+  EXPECT_NE(peer->err().find("model spectre of body one: no publisher serves it"),
+            std::string::npos)
       << peer->err();
 }
 
@@ -223,8 +228,9 @@ TEST_F(Programs, InterruptEndsBothCleanly) {
   write_scene("both", {"one", "two"}, kAllPairs);
   const auto publisher = serve();
   const auto peer = fly("both", {"--json"});
-  ASSERT_TRUE(test::await([&] { return peer->out().find("\"frame\":5,") != std::string::npos || peer->is_over(); }))
-      << peer->err();
+  ASSERT_TRUE(test::await([&] {
+    return peer->out().find("\"frame\":5,") != std::string::npos || peer->is_over();
+  })) << peer->err();
   peer->signal(SIGINT);
   EXPECT_EQ(peer->wait(10), 0) << peer->err();
   const auto lines = test::lines_of(peer->out());
@@ -254,8 +260,8 @@ TEST_F(Programs, CorruptModelIsRefused) {
   folder.write("text.spm", "not a model\n");
   for (const char* name : {"corrupt.spm", "cut.spm", "text.spm", "missing.spm"}) {
     std::string err;
-    EXPECT_EQ(test::run(folder, "nearmesh-publisher", on_bus({"serve", terrain(), folder.file(name)}),
-                        nullptr, &err),
+    EXPECT_EQ(test::run(folder, "nearmesh-publisher",
+                        on_bus({"serve", terrain(), folder.file(name)}), nullptr, &err),
               1)
         << name;
     EXPECT_NE(err.find("error"), std::string::npos) << err;
@@ -265,7 +271,9 @@ TEST_F(Programs, CorruptModelIsRefused) {
 
 TEST_F(Programs, OneModelTwiceIsRefused) {
   std::string err;
-  EXPECT_EQ(test::run(folder, "nearmesh-publisher", on_bus({"serve", terrain(), terrain()}), nullptr, &err), 1);
+  EXPECT_EQ(test::run(folder, "nearmesh-publisher", on_bus({"serve", terrain(), terrain()}),
+                      nullptr, &err),
+            1);
   EXPECT_NE(err.find("terrain"), std::string::npos) << err;
 }
 
@@ -284,8 +292,8 @@ TEST_F(Programs, JsonParsesLineByLine) {
     EXPECT_EQ(line.at("frame").get<std::size_t>(), i / 3);
     EXPECT_EQ(line.at("a"), i % 3 == 2 ? "one" : "ground");
     EXPECT_EQ(line.at("pose_b").size(), 12U);
-    for (const char* key : {"b", "model_a", "model_b", "status", "pairs", "pairs_digest", "clearance_m",
-                            "uncertainty_m", "safe_horizon_s", "missing", "pose_a"})
+    for (const char* key : {"b", "model_a", "model_b", "status", "pairs", "pairs_digest",
+                            "clearance_m", "uncertainty_m", "safe_horizon_s", "missing", "pose_a"})
       EXPECT_TRUE(line.contains(key)) << key;
   }
   const json summary = json::parse(lines.back()).at("summary");
@@ -300,9 +308,12 @@ TEST_F(Programs, JsonParsesLineByLine) {
 TEST_F(Programs, SceneMistakesAreNamed) {
   folder.write("bad.yaml", "bodies:\n  - {name: one, mesh: aircraft}\n");
   std::string err;
-  EXPECT_EQ(test::run(folder, "nearmesh-subscriber", on_bus({"run", folder.file("bad.yaml")}), nullptr, &err), 1);
+  EXPECT_EQ(test::run(folder, "nearmesh-subscriber", on_bus({"run", folder.file("bad.yaml")}),
+                      nullptr, &err),
+            1);
   EXPECT_NE(err.find("bad.yaml:2: body: unknown key mesh"), std::string::npos) << err;
-  EXPECT_EQ(test::run(folder, "nearmesh-subscriber", on_bus({"run", "/nowhere.yaml"}), nullptr, &err), 1);
+  EXPECT_EQ(
+      test::run(folder, "nearmesh-subscriber", on_bus({"run", "/nowhere.yaml"}), nullptr, &err), 1);
   EXPECT_NE(err.find("/nowhere.yaml: cannot open"), std::string::npos) << err;
 }
 
@@ -310,10 +321,11 @@ TEST_F(Programs, AnswersThatCannotBeWrittenAreNamed) {
   write_flights(20);
   write_scene("both", {"one", "two"}, kAllPairs);
   std::string err;
-  EXPECT_EQ(test::run(folder, "nearmesh-subscriber",
-                      on_bus({"run", folder.file("both.yaml"), "--answers", "/nowhere/answers.jsonl"}),
-                      nullptr, &err),
-            1);
+  EXPECT_EQ(
+      test::run(folder, "nearmesh-subscriber",
+                on_bus({"run", folder.file("both.yaml"), "--answers", "/nowhere/answers.jsonl"}),
+                nullptr, &err),
+      1);
   EXPECT_NE(err.find("/nowhere/answers.jsonl"), std::string::npos) << err;
 }
 

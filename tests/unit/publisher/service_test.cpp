@@ -25,7 +25,8 @@ struct Desk {
   ModelFile open() const { return std::move(ModelFile::open(file->path())).value(); }
 
   GridBox everything() const {
-    return {{{0, 0, 0}}, {{model.store.grid_max(), model.store.grid_max(), model.store.grid_max()}}};
+    return {{{0, 0, 0}},
+            {{model.store.grid_max(), model.store.grid_max(), model.store.grid_max()}}};
   }
   std::uint64_t hash() const { return open().content_hash(); }
 
@@ -108,8 +109,8 @@ TEST(Service, AnswersWithTheBatchesThatCollectNames) {
     wire::RegionSubscription subscription = desk.request(max_splits, max_splits);
     const std::int32_t middle = desk.model.store.grid_max() / 2;
     subscription.region.region = {{{{0, 0, 0}}, {{middle, middle, desk.model.store.grid_max()}}}};
-    const Result<Demand> demand = collect(desk.model.store, subscription.region, test::no_require,
-                                          AttachRule::kAlways);
+    const Result<Demand> demand =
+        collect(desk.model.store, subscription.region, test::no_require, AttachRule::kAlways);
     ASSERT_TRUE(demand.is_ok());
     const auto expected = encode_batches(desk.model.header, desk.model.store,
                                          demand.value().treelet, BoxPolicy::kCutNodes);
@@ -165,8 +166,11 @@ TEST(Service, SendsByPriorityThenByArrival) {
   desk.bus.accept_batches = false;
   std::vector<std::unique_ptr<test::TempFile>> files;
   std::uint32_t number = 0;
-  for (const auto& [mesh, priority] :
-       {std::pair("sphere", 2), {"soup", 1}, {"components", 0}, {"degenerate", 1}, {"aircraft", 0}}) {
+  for (const auto& [mesh, priority] : {std::pair("sphere", 2),
+                                       {"soup", 1},
+                                       {"components", 0},
+                                       {"degenerate", 1},
+                                       {"aircraft", 0}}) {
     const BakedModel model = test::bake_named(mesh);
     files.push_back(test::write_model(model));
     ModelFile file = std::move(ModelFile::open(files.back()->path())).value();
@@ -454,9 +458,11 @@ TEST(Service, IgnoresMessagesForAnotherPublisher) {
 TEST(Service, RefusesDuplicateNameAndContent) {
   Desk desk;
   const auto sphere = test::write_model(test::bake_named("sphere"));
-  Status status = desk.service.add_model("terrain", std::move(ModelFile::open(sphere->path())).value());
+  Status status =
+      desk.service.add_model("terrain", std::move(ModelFile::open(sphere->path())).value());
   EXPECT_EQ(status.code(), StatusCode::kConflict);
-  EXPECT_EQ(status.message(), sphere->path() + ": the name terrain is taken by " + desk.file->path());
+  EXPECT_EQ(status.message(),
+            sphere->path() + ": the name terrain is taken by " + desk.file->path());
   status = desk.service.add_model("ground", desk.open());
   EXPECT_EQ(status.code(), StatusCode::kConflict);
   EXPECT_NE(status.message().find("same content"), std::string::npos);
@@ -483,7 +489,8 @@ TEST(Service, SaysWhenAModelFileIsDamaged) {
     Result<ModelFile> opened = ModelFile::open(damaged.path());
     found = opened.is_ok() && !opened.value().require_all().is_ok();
     if (!found) continue;
-    ASSERT_TRUE(service.add_model("terrain", std::move(ModelFile::open(damaged.path())).value()).is_ok());
+    ASSERT_TRUE(
+        service.add_model("terrain", std::move(ModelFile::open(damaged.path())).value()).is_ok());
   }
   ASSERT_TRUE(found);
   desk.bus.inject(desk.request(1));

@@ -77,9 +77,8 @@ TEST(SweptRegion, CoversEveryFaceAtEveryTimeOfTheLookAhead) {
         random_motion(random, scene.reach_m, scene.speed_mps, scene.turn_radps);
     const std::size_t max_boxes = std::size_t{1} << random.below(8);
     const TreeView own_view = own.view(), other_view = other.view();
-    const std::vector<GridBox> region =
-        swept_region(own_view, own_motion, other_view, other_motion, scene.lookahead_s,
-                     scene.margin_m, max_boxes);
+    const std::vector<GridBox> region = swept_region(own_view, own_motion, other_view, other_motion,
+                                                     scene.lookahead_s, scene.margin_m, max_boxes);
     EXPECT_LE(region.size(), max_boxes);
 
     const GridBox& root = own_view.nodes[own_view.root].box;
@@ -157,7 +156,8 @@ TEST(ClosingSpeed, BoundsTheRelativeVelocityOfAnyTwoPointsWhicheverWayTheyGo) {
   for (std::uint64_t seed = 1; seed <= 200; ++seed) {
     Random random(seed);
     const Refined tree_a(a, random, random.unit()), tree_b(b, random, random.unit());
-    const Motion motion_a = random_motion(random, 10, 10, 3), motion_b = random_motion(random, 10, 10, 3);
+    const Motion motion_a = random_motion(random, 10, 10, 3),
+                 motion_b = random_motion(random, 10, 10, 3);
     const double bound = closing_speed_mps(tree_a.view(), motion_a, tree_b.view(), motion_b);
     const auto velocity = [&](const BakedModel& model, const Motion& motion) {
       const VertexId v{random.below(model.header.vertex_count)};

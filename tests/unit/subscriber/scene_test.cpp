@@ -38,18 +38,18 @@ class Folder {
 };
 
 constexpr const char* kScene =
-    "bodies:\n"                                                             // 1
+    "bodies:\n"                                                              // 1
     "  - {name: terrain, model: terrain, pose: {translation: [1, 2, 3]}}\n"  // 2
-    "  - {name: one, model: aircraft}\n"                                    // 3
-    "  - {name: two, model: aircraft}\n"                                    // 4
-    "moves:\n"                                                              // 5
-    "  - {body: one, trajectory: flight1.csv}\n"                            // 6
-    "pairs:\n"                                                              // 7
-    "  - [terrain, one]\n"                                                  // 8
-    "  - [one, two]\n"                                                      // 9
-    "frame_rate_hz: 20\n"                                                   // 10
-    "budget_ms: 5\n"                                                        // 11
-    "lookahead_s: 0.3\n";                                                   // 12
+    "  - {name: one, model: aircraft}\n"                                     // 3
+    "  - {name: two, model: aircraft}\n"                                     // 4
+    "moves:\n"                                                               // 5
+    "  - {body: one, trajectory: flight1.csv}\n"                             // 6
+    "pairs:\n"                                                               // 7
+    "  - [terrain, one]\n"                                                   // 8
+    "  - [one, two]\n"                                                       // 9
+    "frame_rate_hz: 20\n"                                                    // 10
+    "budget_ms: 5\n"                                                         // 11
+    "lookahead_s: 0.3\n";                                                    // 12
 
 // The scene with one piece of text replaced.
 std::string changed(const std::string& from, const std::string& to) {
@@ -64,7 +64,8 @@ TEST(ReadScene, ReadsTheDemo) {
   for (const char* number : {"1", "2"}) {
     const std::string name = std::string("peer") + number + ".yaml";
     std::filesystem::copy(std::string(NEARMESH_DEMO_DIR) + "/" + name, folder.file(name));
-    folder.write("flight2.csv", "R00,R01,R02,R10,R11,R12,R20,R21,R22,T0,T1,T2\n1,0,0,0,1,0,0,0,1,0,0,0\n");
+    folder.write("flight2.csv",
+                 "R00,R01,R02,R10,R11,R12,R20,R21,R22,T0,T1,T2\n1,0,0,0,1,0,0,0,1,0,0,0\n");
     const Result<Scene> scene = read_scene(folder.file(name));
     ASSERT_TRUE(scene.is_ok()) << scene.status().message();
     EXPECT_EQ(scene.value().bodies.size(), 3U);
@@ -74,8 +75,8 @@ TEST(ReadScene, ReadsTheDemo) {
 
 TEST(ReadScene, ReadsAllOfIt) {
   Folder folder;
-  folder.write("scene.yaml", std::string(kScene) +
-                                 "margin_m: 2\nmax_held_splits: 5000\nstart_timeout_s: 7\n");
+  folder.write("scene.yaml",
+               std::string(kScene) + "margin_m: 2\nmax_held_splits: 5000\nstart_timeout_s: 7\n");
   const Result<Scene> result = read_scene(folder.file("scene.yaml"));
   ASSERT_TRUE(result.is_ok()) << result.status().message();
   const Scene& scene = result.value();
@@ -87,8 +88,8 @@ TEST(ReadScene, ReadsAllOfIt) {
   EXPECT_EQ(scene.bodies[1].model, "aircraft");
   EXPECT_FALSE(scene.bodies[1].fixed_pose.has_value());
   EXPECT_TRUE(scene.bodies[2].trajectory.empty());
-  EXPECT_EQ(scene.pairs, (std::vector<std::pair<std::string, std::string>>{{"terrain", "one"},
-                                                                          {"one", "two"}}));
+  EXPECT_EQ(scene.pairs,
+            (std::vector<std::pair<std::string, std::string>>{{"terrain", "one"}, {"one", "two"}}));
   EXPECT_EQ(scene.frames, 3U);
   EXPECT_EQ(scene.frame_rate_hz, 20);
   EXPECT_DOUBLE_EQ(scene.budget_s, 0.005);
@@ -104,8 +105,10 @@ TEST(ReadScene, DerivesVelocitiesFromTheNextFrame) {
   const double c = std::cos(0.01), s = std::sin(0.01);
   char line[256];
   std::snprintf(line, sizeof line, "%.17g,%.17g,0,%.17g,%.17g,0,0,0,1,8,4,0\n", c, -s, s, c);
-  folder.write("flight1.csv",
-               std::string("R00,R01,R02,R10,R11,R12,R20,R21,R22,T0,T1,T2\n1,0,0,0,1,0,0,0,1,0,0,0\n") + line);
+  folder.write(
+      "flight1.csv",
+      std::string("R00,R01,R02,R10,R11,R12,R20,R21,R22,T0,T1,T2\n1,0,0,0,1,0,0,0,1,0,0,0\n") +
+          line);
   folder.write("scene.yaml", kScene);
   const Result<Scene> scene = read_scene(folder.file("scene.yaml"));
   ASSERT_TRUE(scene.is_ok()) << scene.status().message();
@@ -129,7 +132,8 @@ TEST(ReadScene, RefusesWithFileAndLine) {
   const std::vector<Bad> bad = {
       // unknown keys
       {"lookahead_s: 0.3", "look_ahead: 0.3", 12, "unknown key look_ahead"},
-      {"model: aircraft}\n  - {name: two", "mesh: aircraft}\n  - {name: two", 3, "unknown key mesh"},
+      {"model: aircraft}\n  - {name: two", "mesh: aircraft}\n  - {name: two", 3,
+       "unknown key mesh"},
       {"{body: one, traj", "{body: one, speed: 3, traj", 6, "unknown key speed"},
       {"{translation:", "{position:", 2, "unknown key position"},
       // wrong types
@@ -206,7 +210,8 @@ TEST(ReadScene, RefusesAMissingFile) {
 }
 
 TEST(ReadScene, NamesTheRowOfABadTrajectory) {
-  const std::string head = "R00,R01,R02,R10,R11,R12,R20,R21,R22,T0,T1,T2\n1,0,0,0,1,0,0,0,1,0,0,0\n";
+  const std::string head =
+      "R00,R01,R02,R10,R11,R12,R20,R21,R22,T0,T1,T2\n1,0,0,0,1,0,0,0,1,0,0,0\n";
   Folder folder;
   folder.write("scene.yaml", kScene);
   for (const auto& [rows, expected] : std::vector<std::pair<std::string, std::string>>{

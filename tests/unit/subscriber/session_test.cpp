@@ -24,7 +24,9 @@ using test::World;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
-std::string reason_of(const FrameReport& report, std::size_t pair) { return report.answers.at(pair).reason; }
+std::string reason_of(const FrameReport& report, std::size_t pair) {
+  return report.answers.at(pair).reason;
+}
 
 // ---- right answers under faults of the channel ----------------------------------------------------
 
@@ -123,7 +125,9 @@ TEST(Session, AnySingleBatchMayBeLost) {
     SCOPED_TRACE("batch " + std::to_string(lost) + " lost");
     World world;
     std::uint64_t sent = 0;
-    world.bus.batch_filter = [&](wire::SessionId, wire::SplitBatchMessage&) { return sent++ != lost; };
+    world.bus.batch_filter = [&](wire::SessionId, wire::SplitBatchMessage&) {
+      return sent++ != lost;
+    };
     world.start_publisher();
     const auto session = world.make_peer();
     ASSERT_EQ(world.fly(*session, flight), flight.frames());
@@ -259,8 +263,9 @@ TEST(Session, TwoPublishersOfOneModel) {
   const Flight flight = make_flight(2);
   const std::size_t half = flight.frames() / 2;
   EXPECT_EQ(world.fly(*session, flight, 0, half), half);
-  EXPECT_EQ(world.service(kPublisher).stats().requests + world.service(kPublisher + 1).stats().requests,
-            session->stats().requests);
+  EXPECT_EQ(
+      world.service(kPublisher).stats().requests + world.service(kPublisher + 1).stats().requests,
+      session->stats().requests);
   // Whichever was asked, the other takes over.
   const bool first = world.service(kPublisher).stats().requests > 0;
   world.stop_publisher(first ? kPublisher : kPublisher + 1);
@@ -331,8 +336,8 @@ TEST(Session, NamesAnUnknownModel) {
   for (std::size_t i = 0; i < 5; ++i) {
     FrameReport report;
     for (int round = 0; round < 20; ++round)
-      report = world.round(*session, i,
-                           {{"one", flight.one[i]}, {"two", flight.two[i]}, {"ghost", flight.two[i]}});
+      report = world.round(
+          *session, i, {{"one", flight.one[i]}, {"two", flight.two[i]}, {"ghost", flight.two[i]}});
     EXPECT_EQ(reason_of(report, 3), "model spectre of body ghost: no publisher serves it");
     EXPECT_EQ(report.answers[3].answer.status, AnswerStatus::kUncertain);
     EXPECT_FALSE(report.all_certified());
@@ -347,7 +352,8 @@ TEST(Session, SaysThatAHeaderHasNotCome) {
   const auto session = world.make_peer();
   const Flight flight = make_flight(1);
   EXPECT_EQ(world.fly(*session, flight, 0, 2, 5), 0U);
-  EXPECT_EQ(reason_of(world.round(*session), 0), "model terrain of body ground: its header has not come");
+  EXPECT_EQ(reason_of(world.round(*session), 0),
+            "model terrain of body ground: its header has not come");
   EXPECT_FALSE(session->has_all_headers());
   EXPECT_EQ(session->header_of("one"), nullptr);
   EXPECT_TRUE(world.bus.subscriptions.empty());
@@ -436,7 +442,8 @@ TEST(Session, RefusedMotionChangesNothing) {
     const auto refused = session->update(1, 0.05, motions, 1);
     ASSERT_FALSE(refused.is_ok());
     EXPECT_EQ(refused.status().code(), code);
-    EXPECT_NE(refused.status().message().find(body), std::string::npos) << refused.status().message();
+    EXPECT_NE(refused.status().message().find(body), std::string::npos)
+        << refused.status().message();
     world.bus.tick();
     EXPECT_TRUE(listener->take().poses.empty());
     const FrameReport after = world.round(*session);
@@ -465,7 +472,8 @@ TEST(Session, RefusesMalformedDeclarations) {
   const auto session = world.make_peer();
   EXPECT_EQ(session->add_body("one", "aircraft", true).code(), StatusCode::kConflict);
   EXPECT_EQ(session->add_body("", "aircraft", true).code(), StatusCode::kInvalidArgument);
-  EXPECT_EQ(session->add_body("x", std::string(64, 'm'), true).code(), StatusCode::kInvalidArgument);
+  EXPECT_EQ(session->add_body("x", std::string(64, 'm'), true).code(),
+            StatusCode::kInvalidArgument);
   EXPECT_EQ(session->place_body("nobody", {}).code(), StatusCode::kNotFound);
   EXPECT_EQ(session->place_body("ground", {.translation_m = {kNan, 0, 0}}).code(),
             StatusCode::kInvalidArgument);
@@ -481,9 +489,15 @@ TEST(Session, MalformedBatchesAreComplainedOfAndHarmNothing) {
   world.bus.batch_filter = [&](wire::SessionId, wire::SplitBatchMessage& message) {
     if (++sent % 3 != 0 || message.bytes.empty()) return true;
     switch (++spoiled % 3) {
-      case 0: message.bytes[0] = 0x77; break;                          // flags
-      case 1: message.bytes.resize(message.bytes.size() - 2); break;   // cut
-      case 2: message.bytes.insert(message.bytes.end(), 3, 0); break;  // too long
+      case 0:
+        message.bytes[0] = 0x77;
+        break;  // flags
+      case 1:
+        message.bytes.resize(message.bytes.size() - 2);
+        break;  // cut
+      case 2:
+        message.bytes.insert(message.bytes.end(), 3, 0);
+        break;  // too long
     }
     return true;
   };
@@ -516,10 +530,11 @@ TEST(Session, TellsWhyARequestWasRefused) {
   world.fly(*session, flight, 0, 1, 3);
   const auto requests = session->stats().requests;
   ASSERT_GT(requests, 0U);
-  wire::SplitBatchMessage refusal{.publisher = kPublisher, .request = 1, .sequence = 1, .last = true,
-                                  .refused = true};
+  wire::SplitBatchMessage refusal{
+      .publisher = kPublisher, .request = 1, .sequence = 1, .last = true, .refused = true};
   refusal.content_hash = world.bus.subscriptions.at(0).content_hash;
-  for (const char c : std::string("out of splits")) refusal.bytes.push_back(static_cast<std::uint8_t>(c));
+  for (const char c : std::string("out of splits"))
+    refusal.bytes.push_back(static_cast<std::uint8_t>(c));
   world.bus.inject(kPeer, refusal);
   world.fly(*session, flight, 0, 1, 10);
   EXPECT_TRUE(world.has_complaint("publisher refused request 1: out of splits"));
@@ -675,7 +690,8 @@ TEST(Session, SafeHorizonHoldsForAHeadOnApproach) {
   EXPECT_GT(horizon, 1);
   for (int i = 1; i <= 1000; ++i) {
     const double t = horizon * i / 1000;
-    ASSERT_TRUE(world.judge.touching(answer, test::moved(one, t), test::moved(two, t)).empty()) << t;
+    ASSERT_TRUE(world.judge.touching(answer, test::moved(one, t), test::moved(two, t)).empty())
+        << t;
   }
   one.linear_velocity_mps = two.linear_velocity_mps = {};
   ASSERT_TRUE(world.fly_frame(*session, 1, {{"one", one}, {"two", two}}));

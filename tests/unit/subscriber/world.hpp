@@ -138,7 +138,8 @@ class Judge {
     }
   }
   /// What the full meshes say.
-  std::vector<FacePair> touching(const PairAnswer& answer, const Pose& pose_a, const Pose& pose_b) const {
+  std::vector<FacePair> touching(const PairAnswer& answer, const Pose& pose_a,
+                                 const Pose& pose_b) const {
     const TriangleTree &a = mesh_of(answer.body_a).full.tree, &b = mesh_of(answer.body_b).full.tree;
     const Result<PosedPair> posed = pose_pair(a.grid, pose_a, "a", b.grid, pose_b, "b");
     EXPECT_TRUE(posed.is_ok());
@@ -156,8 +157,8 @@ class Judge {
         known.poses[0].translation_m != answer.pose_a.translation_m ||
         known.poses[1].rotation != answer.pose_b.rotation ||
         known.poses[1].translation_m != answer.pose_b.translation_m)
-      known = {ground, {answer.pose_a, answer.pose_b},
-               touching(answer, answer.pose_a, answer.pose_b)};
+      known = {
+          ground, {answer.pose_a, answer.pose_b}, touching(answer, answer.pose_a, answer.pose_b)};
     return known.pairs;
   }
   struct Known {
@@ -199,7 +200,8 @@ class World {
   publisher::Service& service(wire::SessionId id = kPublisher) { return *servers_.at(id).service; }
 
   /// A peer that moves both aircraft over the ground and asks about all three pairs.
-  std::unique_ptr<Session> make_peer(SessionOptions options = quick_options(), wire::SessionId id = kPeer) {
+  std::unique_ptr<Session> make_peer(SessionOptions options = quick_options(),
+                                     wire::SessionId id = kPeer) {
     return make_peer(options, id, true, true);
   }
   std::unique_ptr<Session> make_peer(SessionOptions options, wire::SessionId id, bool moves_one,
@@ -220,7 +222,8 @@ class World {
                     const std::vector<Session::OwnMotion>& motions = {}, double budget_s = 1) {
     bus.tick();
     for (auto& [id, server] : servers_)
-      for (std::string& line : server.service->step(static_cast<double>(++steps_) * seconds_per_round))
+      for (std::string& line :
+           server.service->step(static_cast<double>(++steps_) * seconds_per_round))
         complaints.push_back(std::move(line));
     Result<FrameReport> report =
         session.update(frame, static_cast<double>(frame) * 0.05, motions, budget_s);
@@ -233,8 +236,9 @@ class World {
   }
 
   /// One frame: rounds until all is certified, or the limit is reached. True when all was.
-  bool fly_frame(Session& session, std::uint64_t frame, const std::vector<Session::OwnMotion>& motions,
-                 int max_rounds = 0, double budget_s = 1) {
+  bool fly_frame(Session& session, std::uint64_t frame,
+                 const std::vector<Session::OwnMotion>& motions, int max_rounds = 0,
+                 double budget_s = 1) {
     const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(10);
     for (int i = 0; max_rounds == 0 || i < max_rounds; ++i) {
       if (round(session, frame, i == 0 ? motions : std::vector<Session::OwnMotion>{}, budget_s)
@@ -250,8 +254,8 @@ class World {
                   int max_rounds = 0, double budget_s = 1) {
     std::size_t certified = 0;
     for (std::size_t i = first; i < last && !::testing::Test::HasFailure(); ++i)
-      certified += fly_frame(session, i, {{"one", flight.one[i]}, {"two", flight.two[i]}}, max_rounds,
-                             budget_s)
+      certified += fly_frame(session, i, {{"one", flight.one[i]}, {"two", flight.two[i]}},
+                             max_rounds, budget_s)
                        ? 1
                        : 0;
     return certified;
