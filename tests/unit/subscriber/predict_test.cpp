@@ -61,7 +61,7 @@ TEST(SweptRegion, CoversEveryFaceAtEveryTimeOfTheLookAhead) {
   const BakedModel aircraft = test::bake_mesh(generate_aircraft(300, 3), 16);
   const auto terrain_faces = test::all_faces(terrain.store);
   const auto aircraft_faces = test::all_faces(aircraft.store);
-  int covered = 0, out_of_reach = 0;
+  int covered = 0, out_of_reach = 0, full = 0;
   for (std::uint64_t seed = 1; seed <= 60; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     Random random(seed);
@@ -69,17 +69,27 @@ TEST(SweptRegion, CoversEveryFaceAtEveryTimeOfTheLookAhead) {
     const BakedModel &a = swap ? terrain : aircraft, &b = swap ? aircraft : terrain;
     const auto& faces = swap ? aircraft_faces : terrain_faces;
     const Refined own(a, random, random.unit()), other(b, random, random.unit());
-    const Scene scene{400, random.below(4) == 0 ? 0.0 : 300.0, random.below(3) == 0 ? 0.0 : 2.0,
+    const Scene scene{random.below(2) == 0 ? 5.0 : 100.0, random.below(4) == 0 ? 0.0 : 300.0,
+                      random.below(3) == 0 ? 0.0 : 2.0,
                       random.below(4) == 0 ? 0 : random.between(0, 2),
                       random.below(2) == 0 ? 0 : random.between(0, 50)};
     const Motion own_motion = random_motion(random, 10, scene.speed_mps, scene.turn_radps);
-    const Motion other_motion =
-        random_motion(random, scene.reach_m, scene.speed_mps, scene.turn_radps);
+    Motion other_motion = random_motion(random, scene.reach_m, scene.speed_mps, scene.turn_radps);
+    // One vertex of the other body stands near one of our own.
+    const auto vertex = [&](const BakedModel& model, const Pose& pose) {
+      const VertexId v{random.below(model.header.vertex_count)};
+      return test::place(pose, test::position_m(model.header, model.store, v));
+    };
+    const Vector ours = vertex(a, own_motion.pose), theirs = vertex(b, other_motion.pose);
+    for (std::size_t k = 0; k < 3; ++k)
+      other_motion.pose.translation_m[k] +=
+          ours[k] - theirs[k] + random.between(-1, 1) * scene.reach_m;
     const std::size_t max_boxes = std::size_t{1} << random.below(8);
     const TreeView own_view = own.view(), other_view = other.view();
     const std::vector<GridBox> region = swept_region(own_view, own_motion, other_view, other_motion,
                                                      scene.lookahead_s, scene.margin_m, max_boxes);
     EXPECT_LE(region.size(), max_boxes);
+    full += region.size() == max_boxes ? 1 : 0;
 
     const GridBox& root = own_view.nodes[own_view.root].box;
     const double margin = std::ldexp(scene.margin_m, -a.header.grid.exponent);
@@ -116,6 +126,7 @@ TEST(SweptRegion, CoversEveryFaceAtEveryTimeOfTheLookAhead) {
   }
   EXPECT_GT(covered, 1000);
   EXPECT_GT(out_of_reach, 1000);
+  EXPECT_GT(full, 20);
 }
 
 TEST(SweptRegion, IsEmptyWhereTheBodiesCannotMeet) {
