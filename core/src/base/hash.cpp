@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nearmesh/core/base/hash.hpp"
 
-#define XXH_INLINE_ALL
+#define XXH_INLINE_ALL  // NOLINT(readability-identifier-naming): the name is xxhash's
 #include <xxhash.h>
 
 namespace nearmesh {
