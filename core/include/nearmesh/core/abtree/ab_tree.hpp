@@ -79,7 +79,6 @@ class AbTree {
   std::uint64_t exact_total_ = 0, slot_total_ = 0, rebuilt_slots_ = 0, rebuilt_faces_ = 0;
 
   // Scratch of rebuild().
-  struct Scratch;
   std::vector<FaceKey> exact_keys_;
   std::vector<TreeFace> exact_faces_;
 };
