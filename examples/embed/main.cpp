@@ -30,7 +30,7 @@ int main(int argc, char** argv) {
   const double heights_m[] = {3.0, 2.5, 1.99,
                               1.0};  // between the centres of two spheres of radius 1 m
   for (int step = 0; step < 4; ++step) {
-    Motion anvil, hammer;
+    nearmesh::Motion anvil, hammer;
     hammer.pose.translation_m = {0.01, 0.02, heights_m[step]};
     std::vector<Session::OwnMotion> motions{{"anvil", anvil}, {"hammer", hammer}};
     for (int tries = 0; tries < 5000;

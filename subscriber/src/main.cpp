@@ -75,7 +75,7 @@ nlohmann::ordered_json to_json(std::uint64_t frame, const PairAnswer& pair, cons
                                  {"model_a", model_of(pair.body_a)},
                                  {"model_b", model_of(pair.body_b)},
                                  {"status", to_string(answer.status)},
-                                 {"pairs", answer.pairs.size()},
+                                 {"pairs", answer.pair_total},
                                  {"pairs_digest", std::to_string(digest(answer.pairs))},
                                  {"clearance_m", finite(answer.clearance_m)},
                                  {"uncertainty_m", finite(answer.uncertainty_m)},
@@ -264,7 +264,7 @@ class Flight {
   void record(std::uint64_t frame, const FrameReport& report) {
     for (const PairAnswer& pair : report.answers) {
       ++summary_.by_status[static_cast<std::size_t>(pair.answer.status)];
-      summary_.contact_pairs += pair.answer.pairs.size();
+      summary_.contact_pairs += pair.answer.pair_total;
       if (!options_.json && !answers_.is_open()) continue;
       const std::string line = to_json(frame, pair, scene_).dump();
       if (options_.json) std::printf("%s\n", line.c_str());

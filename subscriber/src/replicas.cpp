@@ -106,8 +106,8 @@ void ReplicaSet::collapse_outside(PeerModel& model, const std::vector<GridBox>& 
       give_up.push_back(node);
       continue;
     }
-    stack.push_back({node.first, split.value - node.begin()});
-    stack.push_back({split, node.end() - split.value});
+    stack.push_back(node.left_of(split));
+    stack.push_back(node.right_of(split));
   }
   for (const NodeSpan& node : give_up) {
     Stopwatch watch;

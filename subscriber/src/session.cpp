@@ -61,7 +61,7 @@ struct Session::Impl {
   struct Pair {
     Body* a;
     Body* b;
-    std::optional<std::pair<AnswerStatus, std::size_t>> reported;  // status and number of pairs
+    std::optional<std::pair<AnswerStatus, std::uint64_t>> reported;  // status and number of pairs
   };
   std::vector<Pair> pairs;
   std::map<wire::SessionId, Publisher> publishers;
@@ -258,7 +258,7 @@ void Session::Impl::answer_pair(Pair& pair, std::uint64_t frame, double time_s,
 
 void Session::Impl::report_pair(Pair& pair, const PairAnswer& answer, std::uint64_t frame,
                                 double time_s) {
-  const std::pair now(answer.answer.status, answer.answer.pairs.size());
+  const std::pair now(answer.answer.status, answer.answer.pair_total);
   if (pair.reported == now) return;
   pair.reported = now;
   wire::ContactReport report;
@@ -272,7 +272,7 @@ void Session::Impl::report_pair(Pair& pair, const PairAnswer& answer, std::uint6
   const auto finite = [](double x) { return std::min(x, std::numeric_limits<double>::max()); };
   report.clearance_m = finite(answer.answer.clearance_m);
   report.uncertainty_m = finite(answer.answer.uncertainty_m);
-  report.pair_count = static_cast<std::uint32_t>(answer.answer.pairs.size());
+  report.pair_count = static_cast<std::uint32_t>(answer.answer.pair_total);
   for (const FacePair& faces : answer.answer.pairs) {
     if (report.pairs.size() == wire::kMaxReportPairs) break;
     report.pairs.push_back({faces.a, faces.b});

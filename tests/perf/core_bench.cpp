@@ -69,10 +69,9 @@ double attach_if_largest_first(const std::vector<Treelet>& treelets,
     std::vector<bool> is_child(treelet.size());
     for (const TreeletSplit& split : treelet) {
       if (split.left_included)
-        is_child[find({split.node.first, split.split.value - split.node.begin()}) -
-                 treelet.data()] = true;
+        is_child[find(split.node.left_of(split.split)) - treelet.data()] = true;
       if (split.right_included)
-        is_child[find({split.split, split.node.end() - split.split.value}) - treelet.data()] = true;
+        is_child[find(split.node.right_of(split.split)) - treelet.data()] = true;
     }
     for (std::size_t i = 0; i < treelet.size(); ++i)
       if (!is_child[i]) queue.push(&treelet[i]);
@@ -83,10 +82,8 @@ double attach_if_largest_first(const std::vector<Treelet>& treelets,
       }
       const TreeletSplit* split = queue.top();
       queue.pop();
-      if (split->left_included)
-        queue.push(find({split->node.first, split->split.value - split->node.begin()}));
-      if (split->right_included)
-        queue.push(find({split->split, split->node.end() - split->split.value}));
+      if (split->left_included) queue.push(find(split->node.left_of(split->split)));
+      if (split->right_included) queue.push(find(split->node.right_of(split->split)));
     }
   }
   return attach / batches;

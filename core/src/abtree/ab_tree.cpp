@@ -120,8 +120,8 @@ void AbTree::update(const RefineDelta& delta) {
 void AbTree::apply_split(VertexId u) {
   const SplitStore& store = mesh_->store();
   const NodeSpan node = store.node_of(u);
-  const NodeSpan left_node{node.first, u.value - node.begin()};
-  const NodeSpan right_node{u, node.end() - u.value};
+  const NodeSpan left_node = node.left_of(u);
+  const NodeSpan right_node = node.right_of(u);
   const std::uint32_t left = leaf_of(node.first);
   std::uint32_t right = left;
   if (!leaves_[left].is_slot()) {
@@ -156,8 +156,7 @@ std::uint32_t AbTree::find_tree_node(NodeSpan node) const {
   for (NodeSpan at = store.roots()[root].node; at != node;) {
     const VertexId split = store.split_of(at);
     place = nodes_[place].first + (node.first < split ? 0 : 1);
-    at = node.first < split ? NodeSpan{at.first, split.value - at.begin()}
-                            : NodeSpan{split, at.end() - split.value};
+    at = node.first < split ? at.left_of(split) : at.right_of(split);
   }
   return place;
 }
@@ -190,8 +189,8 @@ void AbTree::apply_collapse(NodeSpan node) {
     const VertexId split = mesh_->store().split_of(span);
     const std::uint32_t pair = nodes_[at].first;
     pairs.push_back(pair);
-    stack.push_back({pair, {span.first, split.value - span.begin()}});
-    stack.push_back({pair + 1, {split, span.end() - split.value}});
+    stack.push_back({pair, span.left_of(split)});
+    stack.push_back({pair + 1, span.right_of(split)});
   }
   for (const std::uint32_t leaf : gone) {
     mark_changed(leaf);

@@ -49,9 +49,6 @@ class RegionFilter {
   std::vector<std::uint32_t> pool_;
 };
 
-NodeSpan left_of(NodeSpan node, VertexId split) { return {node.first, split.value - node.begin()}; }
-NodeSpan right_of(NodeSpan node, VertexId split) { return {split, node.end() - split.value}; }
-
 // Larger nodes first; ties go to the lower id.
 bool is_smaller(const NodeSpan& a, const NodeSpan& b) {
   return a.size != b.size ? a.size < b.size : a.first > b.first;
@@ -66,7 +63,7 @@ Status locate(const SplitStore& store, NodeSpan target,
     NEARMESH_RETURN_IF_ERROR(require(node));
     const VertexId split = store.split_of(node);
     if (!split.is_valid()) break;
-    node = target.first < split ? left_of(node, split) : right_of(node, split);
+    node = target.first < split ? node.left_of(split) : node.right_of(split);
   }
   if (node != target)
     return {StatusCode::kInvalidArgument, name(target) + " is not a node of the model"};
@@ -86,8 +83,8 @@ void finish(Demand& demand) {
           std::lower_bound(treelet.begin(), treelet.end(), TreeletSplit{child, {}}, preorder);
       return at != treelet.end() && at->node == child;
     };
-    split.left_included = has(left_of(split.node, split.split));
-    split.right_included = has(right_of(split.node, split.split));
+    split.left_included = has(split.node.left_of(split.split));
+    split.right_included = has(split.node.right_of(split.split));
   }
 }
 
@@ -156,8 +153,8 @@ Result<Demand> collect(const SplitStore& store, const RegionRequest& request,
       continue;
     }
     demand.treelet.push_back({top.node, split});
-    offer(left_of(top.node, split), top);
-    offer(right_of(top.node, split), top);
+    offer(top.node.left_of(split), top);
+    offer(top.node.right_of(split), top);
   }
   finish(demand);
   return demand;
@@ -180,8 +177,8 @@ std::vector<NodeSpan> frontier(const SplitStore& store, std::span<const GridBox>
       missing.push_back(top.node);
       continue;
     }
-    offer(left_of(top.node, split), top);
-    offer(right_of(top.node, split), top);
+    offer(top.node.left_of(split), top);
+    offer(top.node.right_of(split), top);
   }
   std::sort(missing.begin(), missing.end(),
             [](const NodeSpan& a, const NodeSpan& b) { return is_smaller(b, a); });

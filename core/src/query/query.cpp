@@ -2,6 +2,7 @@
 #include "nearmesh/core/query/query.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <queue>
 #include <unordered_set>
@@ -127,14 +128,8 @@ class Walk {
                    std::unordered_set<std::uint32_t>& set) {
     set.insert(node.first);
     (&tree == &a_ ? answer_.missing_a : answer_.missing_b).push_back(node.frontier_node());
-    double square = 0;
-    for (int k = 0; k < 3; ++k) {
-      const double extent = static_cast<double>(std::int64_t{node.box.hi[k]} - node.box.lo[k]);
-      square += extent * extent;
-    }
-    // Any point of a face in the box is within the diagonal of the representative, which lies in it too.
-    answer_.uncertainty_m =
-        std::max(answer_.uncertainty_m, std::ldexp(std::sqrt(square), tree.grid->exponent));
+    const double bound = node_bound(*tree.store, node.frontier_node());
+    answer_.uncertainty_m = std::max(answer_.uncertainty_m, std::ldexp(bound, tree.grid->exponent));
   }
 
   void finish() {
@@ -151,6 +146,9 @@ class Walk {
     if (answer_.status == AnswerStatus::kFree && options_.clearance)
       answer_.clearance_m = clearance();
     std::sort(answer_.pairs.begin(), answer_.pairs.end());
+    answer_.pair_total = answer_.pairs.size();
+    answer_.truncated = answer_.pair_total > options_.max_pairs;
+    if (answer_.truncated) answer_.pairs.resize(options_.max_pairs);
     std::sort(answer_.missing_a.begin(), answer_.missing_a.end());
     std::sort(answer_.missing_b.begin(), answer_.missing_b.end());
   }
@@ -252,6 +250,33 @@ std::uint64_t digest(const std::vector<FacePair>& pairs) {
     for (const FaceKey& key : {pair.a, pair.b})
       h = mix(h ^ (std::uint64_t{key.split.value} << 32 | key.index));
   return h;
+}
+
+std::uint64_t digest(const Answer& answer) {
+  std::uint64_t h = digest(answer.pairs);
+  const auto add = [&h](std::uint64_t x) { h = mix(h ^ x); };
+  add(static_cast<std::uint64_t>(answer.status));
+  add(answer.pair_total);
+  for (const std::vector<NodeSpan>* missing : {&answer.missing_a, &answer.missing_b}) {
+    add(missing->size());
+    for (const NodeSpan& node : *missing) add(std::uint64_t{node.begin()} << 32 | node.size);
+  }
+  add(std::bit_cast<std::uint64_t>(answer.clearance_m));
+  add(std::bit_cast<std::uint64_t>(answer.uncertainty_m));
+  return h;
+}
+
+double node_bound(const SplitStore& store, NodeSpan node) {
+  const GridBox box = store.box(node);
+  const GridPoint& stand_in = store.position(node.first);
+  double square = 0;
+  for (int k = 0; k < 3; ++k) {
+    const auto farther = static_cast<double>(
+        std::max(std::int64_t{stand_in[k]} - box.lo[k], std::int64_t{box.hi[k]} - stand_in[k]));
+    square += farther * farther;
+  }
+  // Rounded up: the sum and the root err by less than 2^-50 of the result.
+  return std::sqrt(square) * (1 + 0x1p-48);
 }
 
 Answer query(const TreeView& a, const PosedFrame& frame_a, const TreeView& b,

@@ -95,7 +95,7 @@ Treelet active_treelet(const ActiveMesh& mesh) {
       };
       if (!done(node)) continue;
       const VertexId u = store.split_of(node);
-      const NodeSpan left{node.first, u.value - node.begin()}, right{u, node.end() - u.value};
+      const NodeSpan left = node.left_of(u), right = node.right_of(u);
       treelet.push_back({node, u, done(left), done(right)});
       stack.push_back(right);
       stack.push_back(left);

@@ -68,8 +68,8 @@ void Replica::forget(NodeSpan node) {
     const VertexId split = store_->split_of(top);
     if (!split.is_valid()) continue;
     below.push_back(split);
-    stack.push_back({top.first, split.value - top.begin()});
-    stack.push_back({split, top.end() - split.value});
+    stack.push_back(top.left_of(split));
+    stack.push_back(top.right_of(split));
   }
   for (; !below.empty(); below.pop_back()) store_->erase(below.back());
 }

@@ -27,8 +27,8 @@ std::vector<std::vector<StoredBlock>> cut_into_blocks(const SplitStore& store) {
       stack.pop_back();
       split.split = store.split_of(split.node);
       NEARMESH_ASSERT(split.split.is_valid());
-      const NodeSpan left{split.node.first, split.split.value - split.node.begin()};
-      const NodeSpan right{split.split, split.node.end() - split.split.value};
+      const NodeSpan left = split.node.left_of(split.split);
+      const NodeSpan right = split.node.right_of(split.split);
       // Right first, so that the left child is taken next: preorder.
       for (const NodeSpan& child : {right, left}) {
         if (child.size < 2) continue;

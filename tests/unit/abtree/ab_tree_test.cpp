@@ -112,6 +112,7 @@ TEST_P(AbTreeOf, AnswersAsOneFromScratch) {
     EXPECT_EQ(x.missing_b, y.missing_b);
     EXPECT_EQ(x.clearance_m, y.clearance_m);
     EXPECT_EQ(x.uncertainty_m, y.uncertainty_m);
+    EXPECT_EQ(digest(x), digest(y));
   }
 }
 

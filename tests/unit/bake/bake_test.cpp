@@ -52,8 +52,8 @@ TEST_P(Bake, BoxOfEveryNodeEnclosesAllFacesThatTouchIt) {
   for (const BaseRoot& root : model.header.roots) expect_enclosed(root.node);
   for (const VertexId u : test::all_splits(model.store)) {
     const NodeSpan node = model.store.node_of(u);
-    expect_enclosed({node.first, u.value - node.begin()});
-    expect_enclosed({u, node.end() - u.value});
+    expect_enclosed(node.left_of(u));
+    expect_enclosed(node.right_of(u));
   }
 }
 

@@ -94,6 +94,27 @@ TEST_P(QueryPair, SwappedBodiesGiveTheMirroredAnswer) {
   }
 }
 
+TEST_P(QueryPair, ALimitCutsTheListAndSaysSo) {
+  for (std::uint64_t seed = 0; seed < 50; ++seed) {
+    SCOPED_TRACE(seed);
+    Random random(seed);
+    LocalModel a(a_.store, a_.header.grid), b(b_.store, b_.header.grid);
+    refine_at_random(a, random);
+    refine_at_random(b, random);
+    const PosedPair posed = test::near_pose(random, a_, b_);
+    const Answer all = query(a.view(), posed.a, b.view(), posed.b);
+    EXPECT_EQ(all.pair_total, all.pairs.size());
+    EXPECT_FALSE(all.truncated);
+    const std::size_t limit = all.pairs.size() / 2;
+    const Answer cut = query(a.view(), posed.a, b.view(), posed.b, {.max_pairs = limit});
+    EXPECT_EQ(cut.pair_total, all.pair_total);
+    EXPECT_EQ(cut.truncated, all.pair_total > limit);
+    EXPECT_EQ(cut.pairs, std::vector(all.pairs.begin(), all.pairs.begin() + std::ptrdiff_t(limit)));
+    EXPECT_EQ(cut.status, all.status);
+    EXPECT_EQ(digest(cut) == digest(all), all.pair_total == 0);
+  }
+}
+
 TEST_P(QueryPair, NoFaceBelowAMissingNodeIsFartherThanTheUncertainty) {
   const test::TrueBoxes boxes_a(a_.store), boxes_b(b_.store);
   for (std::uint64_t seed = 0; seed < 50; ++seed) {

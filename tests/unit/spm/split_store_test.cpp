@@ -178,7 +178,7 @@ TEST(SplitStore, ParentAndChildNameEachOther) {
   const BakedModel model = test::bake_named("aircraft");
   for (const VertexId u : test::all_splits(model.store)) {
     const NodeSpan node = model.store.node_of(u);
-    const NodeSpan left{node.first, u.value - node.begin()}, right{u, node.end() - u.value};
+    const NodeSpan left = node.left_of(u), right = node.right_of(u);
     EXPECT_EQ(model.store.split_of(node), u);
     EXPECT_EQ(model.store.parent_of(left), node);
     EXPECT_EQ(model.store.parent_of(right), node);
@@ -192,8 +192,8 @@ TEST(SplitStore, IntervalsThatAreNoNodesAreNone) {
   for (const BaseRoot& root : model.header.roots) nodes.push_back(root.node);
   for (const VertexId u : test::all_splits(model.store)) {
     const NodeSpan node = model.store.node_of(u);
-    nodes.push_back({node.first, u.value - node.begin()});
-    nodes.push_back({u, node.end() - u.value});
+    nodes.push_back(node.left_of(u));
+    nodes.push_back(node.right_of(u));
   }
   std::sort(nodes.begin(), nodes.end());
   Random random(41);

@@ -21,7 +21,7 @@ inline std::array<double, 9> turn(const Vector& w, double t) {
 }
 
 /// The pose `t` seconds later at constant velocities.
-inline Pose moved(const subscriber::Motion& motion, double t) {
+inline Pose moved(const Motion& motion, double t) {
   Pose pose;
   const std::array<double, 9> r = turn(motion.angular_velocity_radps, t);
   for (std::size_t i = 0; i < 3; ++i)

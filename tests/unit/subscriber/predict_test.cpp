@@ -10,7 +10,6 @@ namespace nearmesh {
 namespace {
 
 using subscriber::closing_speed_mps;
-using subscriber::Motion;
 using subscriber::swept_region;
 using test::moved;
 using test::Vector;

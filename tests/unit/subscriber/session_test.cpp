@@ -16,7 +16,6 @@ using test::FrameReport;
 using test::kPeer;
 using test::kPublisher;
 using test::make_flight;
-using test::Motion;
 using test::other_terrain;
 using test::quick_options;
 using test::terrain;

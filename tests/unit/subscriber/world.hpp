@@ -16,7 +16,6 @@
 namespace nearmesh::test {
 
 using subscriber::FrameReport;
-using subscriber::Motion;
 using subscriber::PairAnswer;
 using subscriber::Session;
 using subscriber::SessionOptions;

@@ -4,21 +4,12 @@
 // answer holds. Takes trees and motions, gives boxes.
 // Source: the paper, section 3.2 (prediction by coherence); departure: swept boxes of the other body instead of grid cells.
 
-#include <array>
 #include <vector>
 
 #include "nearmesh/core/abtree/tree.hpp"
-#include "nearmesh/core/geometry/pose.hpp"
+#include "nearmesh/core/geometry/motion.hpp"
 
 namespace nearmesh::subscriber {
-
-/// A body at an instant: where it is and how it moves. World frame, metres, seconds; the angular velocity turns about
-/// the origin of the body's model frame.
-struct Motion {
-  Pose pose;
-  std::array<double, 3> linear_velocity_mps{};
-  std::array<double, 3> angular_velocity_radps{};
-};
 
 /// Boxes in the grid of `own` that cover where the faces of `other` may be during [now, now + lookahead_s] at constant
 /// velocities, grown by `margin_m`. At most `max_boxes` (>= 1): the other tree is opened largest box first. Empty when

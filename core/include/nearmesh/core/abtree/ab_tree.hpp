@@ -30,7 +30,9 @@ class AbTree {
   /// forgotten by the store. Cost: O(changed slots and their neighbours); nothing when the delta is empty.
   void update(const RefineDelta& delta);
 
-  [[nodiscard]] TreeView view(const Grid& grid) const { return {&grid, nodes_, faces_, 0}; }
+  [[nodiscard]] TreeView view(const Grid& grid) const {
+    return {&grid, nodes_, faces_, 0, &mesh_->store()};
+  }
   [[nodiscard]] AbTreeStats stats() const;
 
  private:

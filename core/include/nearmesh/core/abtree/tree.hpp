@@ -45,6 +45,8 @@ struct TreeView {
   std::span<const TreeNode> nodes;
   std::span<const TreeFace> faces;
   std::uint32_t root = 0;
+  const SplitStore* store =
+      nullptr;  ///< of the progressive model; none for a fixed set of triangles
 };
 
 /// A tree over a fixed set of triangles.
@@ -52,7 +54,7 @@ struct TriangleTree {
   Grid grid;
   std::vector<TreeNode> nodes;
   std::vector<TreeFace> faces;
-  [[nodiscard]] TreeView view() const { return {&grid, nodes, faces, 0}; }
+  [[nodiscard]] TreeView view() const { return {&grid, nodes, faces, 0, nullptr}; }
 };
 /// O(n log n). The faces' order changes.
 [[nodiscard]] TriangleTree build_triangle_tree(const Grid& grid, std::vector<TreeFace> faces);

@@ -40,10 +40,14 @@ struct FacePair {
 /// A number for comparing contact sets: equal sets, in ascending order, have equal digests.
 [[nodiscard]] std::uint64_t digest(const std::vector<FacePair>& pairs);
 
+inline constexpr std::size_t kAllPairs = std::numeric_limits<std::size_t>::max();
+
 struct QueryOptions {
   bool any =
       false;  ///< stop at the first touching pair: kContact then says "touches", not "these are all"
   bool clearance = true;  ///< also bound the distance when free
+  std::size_t max_pairs =
+      kAllPairs;  ///< list at most so many; the search goes on, so that the total is right
 };
 
 struct QueryStats {
@@ -52,15 +56,25 @@ struct QueryStats {
 
 struct Answer {
   AnswerStatus status = AnswerStatus::kUncertain;
-  std::vector<FacePair> pairs;  ///< exact, ascending
+  std::vector<FacePair> pairs;   ///< exact, ascending
+  std::uint64_t pair_total = 0;  ///< how many were found
+  bool truncated = false;        ///< `pairs` holds only the first QueryOptions::max_pairs of them
   std::vector<NodeSpan> missing_a,
       missing_b;  ///< unresolved nodes whose splits bring the answer nearer, ascending
   /// Free: a lower bound of the distance, metres (infinite when either side has no face). Else 0.
   double clearance_m = 0;
-  /// Not certified: no face below a missing node lies farther than this from its stand-in, metres. Else 0.
+  /// Not certified: a bound, metres. Every original face with a corner below a missing node lies, as a whole, within
+  /// this of the vertex that stands for that node, hence of its own image in the current mesh. Else 0.
   double uncertainty_m = 0;
   QueryStats stats;
 };
+
+/// Digest of everything in an answer but its statistics: equal answers, equal digests, on every peer and build.
+[[nodiscard]] std::uint64_t digest(const Answer& answer);
+
+/// The bound of Answer::uncertainty_m for one node, in grid units: greatest distance from its representative to a corner
+/// of its box, which encloses every original face that touches a vertex below it. Precondition: store.is_node(node).
+[[nodiscard]] double node_bound(const SplitStore& store, NodeSpan node);
 
 /// Answers for two trees under two placements on one lattice (equal lattice_exp).
 /// Deterministic: the answer depends on faces, front and poses only. Threads: views may be shared.

@@ -26,6 +26,9 @@ struct NodeSpan {
   [[nodiscard]] std::uint32_t begin() const { return first.value; }
   [[nodiscard]] std::uint32_t end() const { return first.value + size; }
   [[nodiscard]] bool contains(VertexId v) const { return v.value >= begin() && v.value < end(); }
+  /// The children that the split activating `u` makes.
+  [[nodiscard]] NodeSpan left_of(VertexId u) const { return {first, u.value - first.value}; }
+  [[nodiscard]] NodeSpan right_of(VertexId u) const { return {u, end() - u.value}; }
   /// Preorder of the forest: ancestors before descendants, left before right.
   friend bool operator<(const NodeSpan& x, const NodeSpan& y) {
     return x.first != y.first ? x.first < y.first : x.size > y.size;
@@ -90,8 +93,8 @@ struct SplitRecord {
   std::uint32_t face_begin = 0, face_count = 0;  ///< in SplitBatch::faces
   BoxCode left_box = kNoBox, right_box = kNoBox;
 
-  [[nodiscard]] NodeSpan left() const { return {node.first, split.value - node.begin()}; }
-  [[nodiscard]] NodeSpan right() const { return {split, node.end() - split.value}; }
+  [[nodiscard]] NodeSpan left() const { return node.left_of(split); }
+  [[nodiscard]] NodeSpan right() const { return node.right_of(split); }
 };
 
 /// The unit on the wire and in the file, decoded: parents before children.
