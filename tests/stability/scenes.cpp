@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "scenes.hpp"
+
+#include <functional>
+
+#include "nearmesh/core/base/assert.hpp"
+#include "variants.hpp"
+
+namespace nearmesh::stability {
+namespace {
+
+using Cases = std::vector<Case>;
+
+Cases all_base_cases() {
+  Cases cases;
+  for (const auto make : {touching_cases, small_pair_cases, degenerate_cases, concave_cases,
+                          huge_triangle_cases, gap_cases}) {
+    const Cases more = make();
+    cases.insert(cases.end(), more.begin(), more.end());
+  }
+  return cases;
+}
+
+Cases vary(const Cases& base, std::vector<Case> (*variants)(const Case&), bool quick) {
+  Cases cases;
+  std::size_t number = 0;
+  for (const Case& c : base) {
+    // A sample takes another few variants of each case.
+    const std::size_t stride = quick ? 13 : c.a.mesh->faces.size() > 2000 ? 5 : 1;
+    const Cases varied = variants(c);
+    for (std::size_t i = number++ % stride; i < varied.size(); i += stride)
+      cases.push_back(varied[i]);
+  }
+  return cases;
+}
+
+/// The same cases, asked for the number of pairs where the oracle counted them.
+Cases count_pairs(Cases cases) {
+  std::erase_if(cases, [](const Case& c) { return !c.pairs; });
+  for (Case& c : cases) c.question = Question::kPairs;
+  return cases;
+}
+
+Cases touching_and_small() {
+  Cases cases = touching_cases();
+  const Cases small = small_pair_cases();
+  cases.insert(cases.end(), small.begin(), small.end());
+  return cases;
+}
+
+struct Row {
+  const char* id;
+  const char* title;
+  std::function<Cases(const std::string& data_folder, bool quick)> make;
+};
+
+const std::vector<Row>& rows() {
+  static const std::vector<Row> kRows{
+      {"F1", "needle that has not been received, ball driven into it",
+       [](const auto&, bool quick) { return streamed_cases(quick ? 101 : 16); }},
+      {"F3", "touching and coplanar: contact or not",
+       [](const auto&, bool quick) { return vary(touching_and_small(), near_variants, quick); }},
+      {"F3 pairs", "touching and coplanar: number of touching pairs",
+       [](const auto&, bool quick) {
+         return count_pairs(vary(touching_and_small(), near_variants, quick));
+       }},
+      {"F4", "slivers, segments, points, repeated vertices",
+       [](const auto&, bool quick) { return vary(degenerate_cases(), near_variants, quick); }},
+      {"F5", "NaN, infinite, huge, denormal, no rotation",
+       [](const auto&, bool) { return invalid_cases(); }},
+      {"F6", "far from the origin, tiny, huge: contact or not",
+       [](const auto&, bool quick) { return vary(all_base_cases(), far_variants, quick); }},
+      {"F6 pairs", "far from the origin, tiny, huge: number of touching pairs",
+       [](const auto&, bool quick) {
+         return count_pairs(vary(all_base_cases(), far_variants, quick));
+       }},
+      {"F13", "two threads at once", [](const auto&, bool) { return thread_cases(); }},
+      {"F15", "concave bodies in each other's hollows",
+       [](const auto&, bool quick) { return vary(concave_cases(), near_variants, quick); }},
+      {"F16", "mesh files that are dirty, broken or hostile",
+       [](const std::string& data_folder, bool) { return file_cases(data_folder); }},
+      {"F17", "triangles of 10 km, a ball of 1/64 m",
+       [](const auto&, bool quick) { return vary(huge_triangle_cases(), near_variants, quick); }},
+      {"F18", "limit on the number of pairs listed",
+       [](const auto&, bool) { return limit_cases(); }},
+      {"F19", "gaps and overlaps down to a quarter of a grid cell",
+       [](const auto&, bool quick) { return vary(gap_cases(), near_variants, quick); }},
+  };
+  return kRows;
+}
+
+}  // namespace
+
+std::vector<std::string> scene_ids() {
+  std::vector<std::string> ids;
+  for (const Row& row : rows()) ids.emplace_back(row.id);
+  return ids;
+}
+
+Scene make_scene(const std::string& id, const std::string& data_folder, bool quick) {
+  for (const Row& row : rows())
+    if (row.id == id) return {row.id, row.title, row.make(data_folder, quick)};
+  NEARMESH_ASSERT(false);
+  return {};
+}
+
+}  // namespace nearmesh::stability

@@ -1,0 +1,191 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "variants.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <numeric>
+
+#include "nearmesh/core/base/assert.hpp"
+#include "nearmesh/core/base/random.hpp"
+
+namespace nearmesh::stability {
+namespace {
+
+constexpr double kFarthest_m = 5e8;
+
+/// x + y, if a double holds it.
+std::optional<double> exact_sum(double x, double y) {
+  const double sum = x + y;
+  // Knuth's two-sum: the error of the addition, exactly.
+  const double y_part = sum - x;
+  const double error = (x - (sum - y_part)) + (y - y_part);
+  if (error != 0) return std::nullopt;
+  return sum;
+}
+
+bool move_point(std::array<double, 3>& at, const std::array<double, 3>& by) {
+  for (std::size_t i = 0; i < 3; ++i) {
+    const auto sum = exact_sum(at[i], by[i]);
+    if (!sum) return false;
+    at[i] = *sum;
+  }
+  return true;
+}
+
+std::array<double, 3> offset_m(int k) {
+  return {std::ldexp(1.0, k), -std::ldexp(1.0, k), std::ldexp(1.0, k)};
+}
+
+MeshPtr changed(const MeshPtr& mesh, const std::function<void(IndexedMesh&)>& change) {
+  auto copy = std::make_shared<IndexedMesh>(*mesh);
+  change(*copy);
+  return copy;
+}
+
+/// One mesh of both bodies stays one mesh.
+void change_meshes(Case& c, const std::function<void(IndexedMesh&)>& change) {
+  const bool shared = c.a.mesh == c.b.mesh;
+  c.a.mesh = changed(c.a.mesh, change);
+  c.b.mesh = shared ? c.a.mesh : changed(c.b.mesh, change);
+}
+
+Pose turn_pose(const Pose& pose, const std::array<double, 9>& q) {
+  Pose out{.rotation = {}, .translation_m = {}};
+  // Each row of q has one entry that is not zero: sums are exact, and adding zeros keeps them so.
+  for (std::size_t r = 0; r < 3; ++r)
+    for (std::size_t k = 0; k < 3; ++k) {
+      out.translation_m[r] += q[3 * r + k] * pose.translation_m[k];
+      for (std::size_t c = 0; c < 3; ++c)
+        out.rotation[3 * r + c] += q[3 * r + k] * pose.rotation[3 * k + c];
+    }
+  return out;
+}
+
+void renumber(IndexedMesh& mesh, std::uint64_t seed) {
+  Random random(seed);
+  const auto shuffle = [&random](auto& items) {
+    for (std::size_t i = items.size(); i > 1; --i)
+      std::swap(items[i - 1], items[random.below(static_cast<std::uint32_t>(i))]);
+  };
+  std::vector<std::uint32_t> old_of(mesh.positions_m.size());
+  std::iota(old_of.begin(), old_of.end(), 0U);
+  shuffle(old_of);
+  std::vector<std::uint32_t> new_of(old_of.size());
+  std::vector<std::array<double, 3>> positions_m;
+  for (std::uint32_t i = 0; i < old_of.size(); ++i) {
+    new_of[old_of[i]] = i;
+    positions_m.push_back(mesh.positions_m[old_of[i]]);
+  }
+  mesh.positions_m = std::move(positions_m);
+  for (auto& face : mesh.faces) {
+    for (std::uint32_t& corner : face) corner = new_of[corner];
+    std::rotate(face.begin(), face.begin() + random.below(3), face.end());
+  }
+  shuffle(mesh.faces);
+}
+
+}  // namespace
+
+std::array<double, 9> quarter_turn(std::uint32_t turn) {
+  NEARMESH_ASSERT(turn < 24);
+  constexpr std::size_t kOrders[6][3] = {{0, 1, 2}, {1, 2, 0}, {2, 0, 1},
+                                         {1, 0, 2}, {0, 2, 1}, {2, 1, 0}};
+  const std::uint32_t order = turn % 6, signs = turn / 6;
+  const double x = (signs & 1U) != 0 ? -1 : 1, y = (signs & 2U) != 0 ? -1 : 1;
+  const double parity = order < 3 ? 1 : -1;
+  std::array<double, 9> q{};
+  q[kOrders[order][0]] = x;
+  q[3 + kOrders[order][1]] = y;
+  q[6 + kOrders[order][2]] = x * y * parity;  // the determinant is 1
+  return q;
+}
+
+Case turned(const Case& base, std::uint32_t turn) {
+  Case c = base;
+  const auto q = quarter_turn(turn);
+  for (Pose* pose : {&c.a.pose, &c.b.pose, &c.end_b}) *pose = turn_pose(*pose, q);
+  c.name += ", turn " + std::to_string(turn);
+  return c;
+}
+
+Case swapped(const Case& base) {
+  NEARMESH_ASSERT(base.held_a.empty() && base.question != Question::kSweep);
+  Case c = base;
+  std::swap(c.a, c.b);
+  c.name += ", swapped";
+  return c;
+}
+
+Case renumbered(const Case& base, std::uint64_t seed) {
+  NEARMESH_ASSERT(base.held_a.empty());
+  Case c = base;
+  change_meshes(c, [seed](IndexedMesh& mesh) { renumber(mesh, seed); });
+  c.name += ", renumbered " + std::to_string(seed);
+  return c;
+}
+
+std::optional<Case> moved(const Case& base, int k) {
+  Case c = base;
+  for (Pose* pose : {&c.a.pose, &c.b.pose, &c.end_b})
+    if (!move_point(pose->translation_m, offset_m(k))) return std::nullopt;
+  c.name += ", moved 2^" + std::to_string(k) + " m";
+  return c;
+}
+
+std::optional<Case> moved_vertices(const Case& base, int k) {
+  Case c = base;
+  bool is_exact = true;
+  change_meshes(c, [&](IndexedMesh& mesh) {
+    for (auto& p : mesh.positions_m) is_exact = is_exact && move_point(p, offset_m(k));
+  });
+  // Turned bodies would part: their poses make up for it. Exact, since quarter turns only change signs.
+  for (Pose* pose : {&c.a.pose, &c.b.pose, &c.end_b}) {
+    for (const double entry : pose->rotation)
+      is_exact = is_exact && (entry == 0 || std::abs(entry) == 1);
+    const Pose turned_offset = turn_pose({.translation_m = offset_m(k)}, pose->rotation);
+    std::array<double, 3> by = offset_m(k);
+    for (std::size_t i = 0; i < 3; ++i) by[i] -= turned_offset.translation_m[i];
+    is_exact = is_exact && move_point(pose->translation_m, by);
+  }
+  if (!is_exact) return std::nullopt;
+  c.name += ", vertices moved 2^" + std::to_string(k) + " m";
+  return c;
+}
+
+std::optional<Case> scaled(const Case& base, int k) {
+  Case c = base;
+  change_meshes(c, [k](IndexedMesh& mesh) {
+    for (auto& p : mesh.positions_m)
+      for (double& x : p) x = std::ldexp(x, k);
+  });
+  for (Pose* pose : {&c.a.pose, &c.b.pose, &c.end_b})
+    for (double& x : pose->translation_m) {
+      x = std::ldexp(x, k);
+      if (std::abs(x) > kFarthest_m) return std::nullopt;
+    }
+  c.name += ", scaled 2^" + std::to_string(k);
+  return c;
+}
+
+std::vector<Case> near_variants(const Case& base) {
+  std::vector<Case> cases{base};
+  for (std::uint32_t turn = 1; turn < 24; ++turn) cases.push_back(turned(base, turn));
+  cases.push_back(swapped(base));
+  cases.push_back(renumbered(base, 1));
+  cases.push_back(swapped(turned(renumbered(base, 2), 7)));
+  return cases;
+}
+
+std::vector<Case> far_variants(const Case& base) {
+  std::vector<Case> cases;
+  const auto keep = [&cases](std::optional<Case> c) {
+    if (c) cases.push_back(*std::move(c));
+  };
+  for (int k = 0; k <= 23; ++k) keep(moved(base, k));
+  for (const int k : {8, 16, 23}) keep(moved_vertices(base, k));
+  for (const int k : {-20, -15, -10, -5, 5, 10, 15, 20}) keep(scaled(base, k));
+  return cases;
+}
+
+}  // namespace nearmesh::stability
