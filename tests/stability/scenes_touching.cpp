@@ -56,9 +56,11 @@ std::vector<Case> touching_cases() {
   add(cases, "spheres pole on pole", {sphere, {}}, {sphere, at(0, 0, 2)});
   add(cases, "spheres pole to pole, one cell apart", {sphere, {}}, {sphere, at(0, 0, 2 + 0x1p-19)});
   add(cases, "spheres one cell into each other", {sphere, {}}, {sphere, at(0, 0, 2 - 0x1p-19)});
-  add(cases, "sphere on itself", {ball(12, 1, -19), {}}, {ball(12, 1, -19), {}});
+  const MeshPtr coarse = ball(64, 1, -9);
+  add(cases, "spheres of few bits pole on pole", {coarse, {}}, {coarse, at(0, 0, 2)});
+  add(cases, "sphere on itself", {ball(12, 1, -9), {}}, {ball(12, 1, -9), {}});
   const MeshPtr plane = share(test::make_plane(4, 4));
-  const MeshPtr small = ball(16, .5, -19);
+  const MeshPtr small = ball(16, .5, -9);
   add(cases, "sphere's pole inside a triangle", {plane, {}}, {small, at(.25, .125, .5)});
   add(cases, "sphere's pole on an edge", {plane, {}}, {small, at(.5, 0, .5)});
   add(cases, "sphere's pole on a vertex", {plane, {}}, {small, at(0, 0, .5)});
@@ -117,18 +119,18 @@ std::vector<Case> small_pair_cases() {
 
 std::vector<Case> concave_cases() {
   std::vector<Case> cases;
-  const MeshPtr torus = share(snapped(test::make_torus(1, .25, 24, 12), -18));
-  add(cases, "ball in the hole of a torus", {torus, {}}, {ball(16, .5, -19), {}});
-  add(cases, "ball beside the hole", {torus, {}}, {ball(16, .5, -19), at(.5, 0, 0)});
-  add(cases, "ball in the hole, its equator on the tube", {torus, {}}, {ball(16, .75, -19), {}});
+  const MeshPtr torus = share(snapped(test::make_torus(1, .25, 24, 12), -9));
+  add(cases, "ball in the hole of a torus", {torus, {}}, {ball(16, .5, -9), {}});
+  add(cases, "ball beside the hole", {torus, {}}, {ball(16, .5, -9), at(.5, 0, 0)});
+  add(cases, "ball in the hole, its equator on the tube", {torus, {}}, {ball(16, .75, -9), {}});
   Pose link = at(1, 0, 0);
   link.rotation = quarter_turn(4);
   add(cases, "linked tori", {torus, {}}, {torus, link});
   const MeshPtr valley = share(test::make_valley(1, 4, 8));
   add(cases, "box high in a valley", {valley, {}}, {box(.25, 2), at(0, 0, 1)});
   add(cases, "box's edges on the walls", {valley, {}}, {box(.25, 2), at(0, 0, .5)});
-  add(cases, "box one cell above the walls", {valley, {}}, {box(.25, 2), at(0, 0, .5 + 0x1p-19)});
-  add(cases, "box one cell into the walls", {valley, {}}, {box(.25, 2), at(0, 0, .5 - 0x1p-19)});
+  add(cases, "box one cell above the walls", {valley, {}}, {box(.25, 2), at(0, 0, .5 + 0x1p-9)});
+  add(cases, "box one cell into the walls", {valley, {}}, {box(.25, 2), at(0, 0, .5 - 0x1p-9)});
   // A cup: a box without its lid.
   IndexedMesh cup = test::make_box({.5, .5, .5}, 4);
   std::erase_if(cup.faces, [&cup](const auto& f) {
@@ -136,9 +138,9 @@ std::vector<Case> concave_cases() {
            cup.positions_m[f[2]][2] == .5;
   });
   const MeshPtr open = share(cup);
-  add(cases, "ball hovering in a cup", {open, {}}, {ball(16, .25, -20), {}});
-  add(cases, "ball on a cup's floor", {open, {}}, {ball(16, .25, -20), at(0, 0, -.25)});
-  add(cases, "ball half out of a cup", {open, {}}, {ball(16, .25, -20), at(0, 0, .5)});
+  add(cases, "ball hovering in a cup", {open, {}}, {ball(16, .25, -9), {}});
+  add(cases, "ball on a cup's floor", {open, {}}, {ball(16, .25, -9), at(0, 0, -.25)});
+  add(cases, "ball half out of a cup", {open, {}}, {ball(16, .25, -9), at(0, 0, .5)});
   return cases;
 }
 
@@ -149,7 +151,7 @@ std::vector<Case> huge_triangle_cases() {
   IndexedMesh slope = test::make_plane(10240, 1);
   for (auto& p : slope.positions_m) p[2] = p[0] / 8;
   const MeshPtr tilted = share(slope);
-  const MeshPtr pebble = ball(16, 0x1p-7, -24);
+  const MeshPtr pebble = ball(16, 0x1p-7, -16);
   const double r = 0x1p-7;
   for (const auto& [x, y] :
        {std::pair{0.0, 0.0}, {1000.0, -3000.5}, {5120.0, 17.0}, {5120.0, 5120.0}}) {

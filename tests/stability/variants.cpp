@@ -62,6 +62,31 @@ Pose turn_pose(const Pose& pose, const std::array<double, 9>& q) {
   return out;
 }
 
+constexpr int kCoarsest = 64;
+
+/// Every coordinate is an integer of at most so many bits times 2^exponent.
+struct Granularity {
+  int exponent = kCoarsest, bits = 0;
+};
+
+Granularity granularity_of(const IndexedMesh& mesh) {
+  Granularity g;
+  double greatest = 0;
+  for (const auto& p : mesh.positions_m)
+    for (const double x : p) {
+      greatest = std::max(greatest, std::abs(x));
+      if (x == 0) continue;
+      while (std::floor(std::ldexp(x, -g.exponent)) != std::ldexp(x, -g.exponent)) --g.exponent;
+    }
+  while (std::ldexp(greatest, -g.exponent) >= std::ldexp(1.0, g.bits)) ++g.bits;
+  return g;
+}
+
+double determinant(const std::array<double, 9>& m) {
+  return m[0] * (m[4] * m[8] - m[5] * m[7]) - m[1] * (m[3] * m[8] - m[5] * m[6]) +
+         m[2] * (m[3] * m[7] - m[4] * m[6]);
+}
+
 void renumber(IndexedMesh& mesh, std::uint64_t seed) {
   Random random(seed);
   const auto shuffle = [&random](auto& items) {
@@ -168,12 +193,48 @@ std::optional<Case> scaled(const Case& base, int k) {
   return c;
 }
 
+std::optional<Case> sheared(const Case& base, std::uint64_t seed) {
+  for (const Pose* pose : {&base.a.pose, &base.b.pose})
+    if (pose->rotation != Pose{}.rotation) return std::nullopt;
+  int finest = kCoarsest, bits = 0;
+  for (const MeshPtr& mesh : {base.a.mesh, base.b.mesh}) {
+    const Granularity g = granularity_of(*mesh);
+    finest = std::min(finest, g.exponent);
+    bits = std::max(bits, g.bits);
+  }
+  const int room = 18 - bits;  // three products are added, and there are two signs: 20 bits
+  if (room < 3) return std::nullopt;
+  for (const Pose* pose : {&base.a.pose, &base.b.pose})  // must stay on the pair's lattice
+    for (const double x : pose->translation_m)
+      if (std::floor(std::ldexp(x, 2 - finest)) != std::ldexp(x, 2 - finest)) return std::nullopt;
+  Random random(seed);
+  std::array<double, 9> m{};
+  do {
+    for (double& entry : m) entry = static_cast<double>(random.below(1U << (room + 1))) - std::ldexp(1.0, room);
+  } while (determinant(m) == 0);
+  const auto apply = [&m](std::array<double, 3>& p) {
+    // Sums of three products of integers below 2^40, by a power of two: exact.
+    p = {m[0] * p[0] + m[1] * p[1] + m[2] * p[2], m[3] * p[0] + m[4] * p[1] + m[5] * p[2],
+         m[6] * p[0] + m[7] * p[1] + m[8] * p[2]};
+  };
+  Case c = base;
+  change_meshes(c, [&apply](IndexedMesh& mesh) {
+    for (auto& p : mesh.positions_m) apply(p);
+  });
+  apply(c.a.pose.translation_m);
+  apply(c.b.pose.translation_m);
+  c.name += ", sheared " + std::to_string(seed);
+  return c;
+}
+
 std::vector<Case> near_variants(const Case& base) {
   std::vector<Case> cases{base};
   for (std::uint32_t turn = 1; turn < 24; ++turn) cases.push_back(turned(base, turn));
   cases.push_back(swapped(base));
   cases.push_back(renumbered(base, 1));
   cases.push_back(swapped(turned(renumbered(base, 2), 7)));
+  for (std::uint64_t seed = 1; seed <= 6; ++seed)
+    if (const auto c = sheared(base, seed)) cases.push_back(seed < 4 ? *c : turned(*c, static_cast<std::uint32_t>(5 * seed - 13)));
   return cases;
 }
 
@@ -184,6 +245,8 @@ std::vector<Case> far_variants(const Case& base) {
   };
   for (int k = 0; k <= 23; ++k) keep(moved(base, k));
   for (const int k : {8, 16, 23}) keep(moved_vertices(base, k));
+  for (const int k : {4, 12, 20})
+    if (const auto c = sheared(base, static_cast<std::uint64_t>(k))) keep(moved(*c, k));
   for (const int k : {-20, -15, -10, -5, 5, 10, 15, 20}) keep(scaled(base, k));
   return cases;
 }

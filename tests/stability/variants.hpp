@@ -25,7 +25,11 @@ namespace nearmesh::stability {
 /// All lengths times 2^k. None where a translation would pass 5e8 m (poses are taken up to 1e9 m).
 [[nodiscard]] std::optional<Case> scaled(const Case& base, int k);
 
-/// The base case and what keeps it near the origin at its size: the 24 turns, swapped, renumbered twice.
+/// Both bodies under one random integer matrix (seeded) that fills the 21 bits of the grid: affine maps keep what touches,
+/// and products of such coordinates no longer fit a double. None where a body is turned, or where nothing is left to fill.
+[[nodiscard]] std::optional<Case> sheared(const Case& base, std::uint64_t seed);
+
+/// The base case and what keeps it near the origin at its size: the 24 turns, swapped, renumbered twice, sheared.
 [[nodiscard]] std::vector<Case> near_variants(const Case& base);
 /// The base case far away and at other sizes (F6).
 [[nodiscard]] std::vector<Case> far_variants(const Case& base);

@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+// FCL: BVHModel<OBBRSSd>, collide() for all contacts without contact geometry (one contact a pair of triangles).
+#include <fcl/fcl.h>
+
+#include <set>
+
+#include "held.hpp"
+#include "system.hpp"
+
+namespace nearmesh::stability {
+namespace {
+
+using Kind = Verdict::Kind;
+using FclModel = fcl::BVHModel<fcl::OBBRSSd>;
+
+constexpr std::size_t kAllContacts = 100'000'000;
+
+std::shared_ptr<FclModel> build(const IndexedMesh& mesh) {
+  std::vector<fcl::Vector3d> points;
+  for (const auto& p : mesh.positions_m) points.emplace_back(p[0], p[1], p[2]);
+  std::vector<fcl::Triangle> triangles;
+  for (const auto& f : mesh.faces) triangles.emplace_back(f[0], f[1], f[2]);
+  auto model = std::make_shared<FclModel>();
+  if (model->beginModel() != fcl::BVH_OK || model->addSubModel(points, triangles) != fcl::BVH_OK ||
+      model->endModel() != fcl::BVH_OK)
+    return nullptr;
+  return model;
+}
+
+fcl::Transform3d transform(const Pose& pose) {
+  fcl::Transform3d t = fcl::Transform3d::Identity();
+  for (int r = 0; r < 3; ++r) {
+    for (int c = 0; c < 3; ++c)
+      t.linear()(r, c) = pose.rotation[static_cast<std::size_t>(3 * r + c)];
+    t.translation()[r] = pose.translation_m[static_cast<std::size_t>(r)];
+  }
+  return t;
+}
+
+class Fcl : public System {
+ public:
+  [[nodiscard]] std::string name() const override { return "FCL"; }
+  [[nodiscard]] std::string version() const override { return FCL_VERSION; }
+  [[nodiscard]] std::string call() const override {
+    return "BVHModel<OBBRSSd>, collide() with num_max_contacts 1e8 (F18: the limit) and enable_contact false; "
+           "pairs are distinct (b1, b2)";
+  }
+
+  [[nodiscard]] Verdict answer(const Case& asked) const override {
+    if (asked.question == Question::kFile) return {};
+    const auto a = build(held_of(asked)), b = build(*asked.b.mesh);
+    if (!a || !b) return {.kind = Kind::kRefused};
+    const fcl::CollisionRequestd request(
+        asked.question == Question::kLimit ? asked.limit : kAllContacts, false);
+    fcl::CollisionResultd result;
+    fcl::collide(a.get(), transform(asked.a.pose), b.get(), transform(asked.b.pose), request, result);
+    std::set<std::pair<std::intptr_t, std::intptr_t>> pairs;
+    for (std::size_t i = 0; i < result.numContacts(); ++i)
+      pairs.emplace(result.getContact(i).b1, result.getContact(i).b2);
+    return {.kind = result.isCollision() ? Kind::kTouches : Kind::kFree,
+            .has_pairs = true,
+            .pairs = pairs.size()};
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<System> make_fcl() { return std::make_unique<Fcl>(); }
+
+}  // namespace nearmesh::stability

@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// What a library without progressive meshes is given of body a: for a stream the triangles of what has come, else all.
+
+#include "nearmesh_system.hpp"
+
+namespace nearmesh::stability {
+
+inline IndexedMesh held_of(const Case& asked) {
+  if (asked.question != Question::kStream) return *asked.a.mesh;
+  return held_mesh(*build_model(*asked.a.mesh, asked.base_faces).value(), asked.held_a);
+}
+
+}  // namespace nearmesh::stability
