@@ -15,6 +15,8 @@
 
 namespace nearmesh::stability {
 
+struct Model;  // nearmesh_system.hpp
+
 using MeshPtr = std::shared_ptr<const IndexedMesh>;
 
 struct Body {
@@ -45,7 +47,8 @@ struct Case {
   bool touches = false;                ///< the truth
   std::optional<std::uint64_t> pairs;  ///< the true number of touching pairs, where it is known
   std::uint32_t base_faces = 16;       ///< of nearmesh's progressive models
-  std::vector<VertexId> held_a;        ///< kStream: parents first
+  std::shared_ptr<const Model> model_a;  ///< kStream: the baked a
+  std::vector<VertexId> held_a;          ///< kStream: parents first
   Pose end_b;                          ///< kSweep: same rotation unless `half_turn`
   bool half_turn = false;              ///< kSweep: b turns by 180 degrees about its z axis besides
   std::size_t limit = 0;               ///< kLimit

@@ -8,7 +8,7 @@ namespace nearmesh::stability {
 
 inline IndexedMesh held_of(const Case& asked) {
   if (asked.question != Question::kStream) return *asked.a.mesh;
-  return held_mesh(*build_model(*asked.a.mesh, asked.base_faces).value(), asked.held_a);
+  return held_mesh(*asked.model_a, asked.held_a);
 }
 
 }  // namespace nearmesh::stability

@@ -159,13 +159,13 @@ NearmeshAnswer ask(const Case& asked) {
 
 }  // namespace
 
-Result<std::unique_ptr<Model>> build_model(const IndexedMesh& mesh, std::uint32_t base_faces) {
+Result<std::shared_ptr<const Model>> build_model(const IndexedMesh& mesh, std::uint32_t base_faces) {
   Result<CleanResult> clean = clean_mesh(mesh, 21);
   if (!clean.is_ok()) return clean.status();
   Result<BakedModel> baked =
       bake(clean.value().mesh, clean.value().report.rounding_error_m, {.base_faces = base_faces});
   if (!baked.is_ok()) return baked.status();
-  return std::make_unique<Model>(Model{std::move(clean.value().mesh), std::move(baked).value()});
+  return std::make_shared<const Model>(Model{std::move(clean.value().mesh), std::move(baked).value()});
 }
 
 void refine(LocalModel& model, const std::vector<VertexId>& splits) {

@@ -16,7 +16,7 @@ struct Model {
   BakedModel baked;
 };
 /// At 21 bits. Errors: those of clean_mesh and bake.
-[[nodiscard]] Result<std::unique_ptr<Model>> build_model(const IndexedMesh& mesh,
+[[nodiscard]] Result<std::shared_ptr<const Model>> build_model(const IndexedMesh& mesh,
                                                          std::uint32_t base_faces);
 
 /// Does splits, each with what it rests on. The store is complete.

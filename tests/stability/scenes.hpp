@@ -18,9 +18,9 @@ namespace nearmesh::stability {
 [[nodiscard]] std::vector<Case> huge_triangle_cases();  ///< F17
 [[nodiscard]] std::vector<Case> gap_cases();            ///< F19
 
-/// F1: what a client holds of a needle on a plane, at each of `every`-th prefix of the stream, in random subsets of
-/// blocks, and with the needle's region never received; a ball at several places.
-[[nodiscard]] std::vector<Case> streamed_cases(std::uint32_t every);
+/// F1: what a client holds of a needle on a plane, at each of `every`-th prefix of the stream, in `seeds` random
+/// subsets of blocks, and with the needle's region never received; a ball at several places.
+[[nodiscard]] std::vector<Case> streamed_cases(std::uint32_t every, std::uint64_t seeds);
 [[nodiscard]] std::vector<Case> invalid_cases();  ///< F5
 [[nodiscard]] std::vector<Case> thread_cases();   ///< F13
 [[nodiscard]] std::vector<Case> limit_cases();    ///< F18
