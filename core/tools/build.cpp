@@ -71,6 +71,7 @@ void print_json(const Options& options, const Outcome& o) {
                                          {"non_manifold_edges", c.edges_non_manifold},
                                          {"components", c.components},
                                          {"boundary_edges", c.edges_boundary},
+                                         {"disagreeing_edges", c.edges_disagreeing},
                                          {"grid_bits", o.grid_bits},
                                          {"cell_m", o.cell_m},
                                          {"rounding_error_m", c.rounding_error_m},
@@ -102,8 +103,11 @@ void print_text(const Options& options, const Outcome& o) {
   if (c.faces_degenerate_kept > 0)
     std::printf("  kept          %llu degenerate faces as segments or points\n",
                 count(c.faces_degenerate_kept));
-  std::printf("  topology      %llu components, %llu boundary edges, %llu non-manifold edges\n",
-              count(c.components), count(c.edges_boundary), count(c.edges_non_manifold));
+  std::printf(
+      "  topology      %llu components, %llu boundary edges, %llu non-manifold edges, %llu whose "
+      "faces disagree\n",
+      count(c.components), count(c.edges_boundary), count(c.edges_non_manifold),
+      count(c.edges_disagreeing));
   std::printf("  grid          %d bits, cell %.3g m, rounding error %.3g m\n", o.grid_bits,
               o.cell_m, c.rounding_error_m);
   std::printf(

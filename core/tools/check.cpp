@@ -16,6 +16,7 @@ struct Options {
 };
 
 struct FullMesh {
+  SpmHeader header;
   TriangleTree tree;
 };
 
@@ -32,7 +33,10 @@ Result<FullMesh> load(const std::string& path) {
   RefineDelta delta;
   for (const VertexId u : global_order(store, 0xffffffffU))
     if (!mesh.split(u, delta)) return Status{StatusCode::kCorrupt, path + ": a split is missing"};
-  return FullMesh{build_triangle_tree(file.value().header().grid, current_triangles(mesh))};
+  const SpmHeader& header = file.value().header();
+  FullMesh full{header, build_triangle_tree(header.grid, current_triangles(mesh))};
+  full.tree.surface = header.surface;
+  return full;
 }
 
 Pose pose_of(const nlohmann::json& json) {
@@ -50,6 +54,9 @@ bool is_wrong(const std::string& status, const nlohmann::json& line, const Answe
     return full.status != AnswerStatus::kContact ||
            line.at("pairs").get<std::size_t>() != full.pairs.size() ||
            line.at("pairs_digest").get<std::string>() != std::to_string(digest(full.pairs));
+  if (status == "contained")
+    return full.status != AnswerStatus::kContained ||
+           line.at("contained").get<std::string>() != to_string(full.contained);
   return status == "partial" && full.status != AnswerStatus::kContact;
 }
 
@@ -76,8 +83,17 @@ Status check_line(const nlohmann::json& line, const std::map<std::string, FullMe
       pose_pair(mesh[0]->tree.grid, pose_of(line.at("pose_a")), line.at("a").get<std::string>(),
                 mesh[1]->tree.grid, pose_of(line.at("pose_b")), line.at("b").get<std::string>());
   if (!posed.is_ok()) return {posed.status().code(), where + ": " + posed.status().message()};
-  const Answer full = query(mesh[0]->tree.view(), posed.value().a, mesh[1]->tree.view(),
-                            posed.value().b, {.any = false, .clearance = false});
+  const QueryOptions options{.clearance = false,
+                             .solid_a = line.value("solid_a", false),
+                             .solid_b = line.value("solid_b", false)};
+  if (options.solid_a)
+    NEARMESH_RETURN_IF_ERROR(
+        check_solid(mesh[0]->header, where + ": " + line.at("a").get<std::string>()));
+  if (options.solid_b)
+    NEARMESH_RETURN_IF_ERROR(
+        check_solid(mesh[1]->header, where + ": " + line.at("b").get<std::string>()));
+  const Answer full =
+      query(mesh[0]->tree.view(), posed.value().a, mesh[1]->tree.view(), posed.value().b, options);
   if (status != "partial") ++counts.certified;
   if (is_wrong(status, line, full)) {
     ++counts.wrong;

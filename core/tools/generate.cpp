@@ -9,6 +9,7 @@ struct Options {
   std::string kind, out;
   std::uint32_t size = 0;
   std::uint64_t seed = 1;
+  std::optional<double> floor_m;
 };
 
 struct Kind {
@@ -32,7 +33,11 @@ Status run(const Options& options) {
       return {
           StatusCode::kInvalidArgument,
           "--size of a sphere: expected an even number of slices, found " + std::to_string(size)};
-    const IndexedMesh mesh = kind.generate(size, options.seed);
+    if (options.floor_m && options.kind != "terrain")
+      return {StatusCode::kInvalidArgument,
+              "--floor-m is for terrain; a " + options.kind + " is closed"};
+    IndexedMesh mesh = kind.generate(size, options.seed);
+    if (options.floor_m) NEARMESH_RETURN_IF_ERROR(close_terrain(mesh, size, *options.floor_m));
     NEARMESH_RETURN_IF_ERROR(write_ply(mesh, options.out));
     std::printf("%s: %zu vertices, %zu triangles\n", options.out.c_str(), mesh.positions_m.size(),
                 mesh.faces.size());
@@ -55,6 +60,10 @@ void add_generate(CLI::App& app, Action& chosen) {
                       "aircraft: triangles, about (default 4000); sphere: slices (default 64)");
   command->add_option("--seed", options->seed, "Seed; equal seeds give equal files")
       ->capture_default_str();
+  command->add_option(
+      "--floor-m", options->floor_m,
+      "terrain: close it by walls and a floor at this height, so that what is below "
+      "the ground is inside; metres");
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 

@@ -43,6 +43,10 @@ Status run(const Options& options) {
                                            {"grid_bits", header.grid.bits},
                                            {"cell_m", cell},
                                            {"origin_m", header.grid.origin_m},
+                                           {"closed", header.surface.is_closed()},
+                                           {"boundary_edges", header.surface.boundary_edges},
+                                           {"disagreeing_edges", header.surface.disagreeing_edges},
+                                           {"components", header.surface.component_count},
                                            {"rounding_error_m", header.rounding_error_m},
                                            {"box_min_m", lo},
                                            {"box_max_m", hi}};
@@ -53,6 +57,14 @@ Status run(const Options& options) {
   std::printf("  full          %u faces, %u vertices\n", header.face_count, header.vertex_count);
   std::printf("  base          %zu faces, %zu vertices\n", header.base_faces.size(),
               header.roots.size());
+  if (header.surface.is_closed()) {
+    std::printf("  surface       closed: may be solid; ");
+  } else {
+    std::printf("  surface       open: %u boundary edges, %u edges whose faces disagree; ",
+                header.surface.boundary_edges, header.surface.disagreeing_edges);
+  }
+  std::printf("%u parts%s\n", header.surface.component_count,
+              header.surface.has_seeds() ? "" : ", too many to be proved outside a solid");
   std::printf("  splits        %u in %llu blocks\n", header.split_count(),
               static_cast<unsigned long long>(file.value().block_count()));
   std::printf("  bytes         %llu in all, header %zu\n",

@@ -53,16 +53,19 @@ nlohmann::ordered_json to_json(const PoseRow& row, const MethodAnswer& answer) {
   nlohmann::ordered_json id = nlohmann::ordered_json::parse(row.id, nullptr, false);
   if (!id.is_number()) id = row.id;
   const auto microseconds = [](double s) { return std::round(s * 1e7) / 10; };
-  return {{"id", id},
-          {"status", to_string(answer.answer.status)},
-          {"pairs", answer.answer.pairs.size()},
-          {"splits", answer.splits},
-          {"slots", answer.slots},
-          {"bytes", answer.bytes},
-          {"t_refine_us", microseconds(answer.refine_s)},
-          {"t_tree_us", microseconds(answer.tree_s)},
-          {"t_query_us", microseconds(answer.query_s)},
-          {"t_load_us", microseconds(answer.load_s)}};
+  nlohmann::ordered_json line = {{"id", id},
+                                 {"status", to_string(answer.answer.status)},
+                                 {"pairs", answer.answer.pairs.size()},
+                                 {"splits", answer.splits},
+                                 {"slots", answer.slots},
+                                 {"bytes", answer.bytes},
+                                 {"t_refine_us", microseconds(answer.refine_s)},
+                                 {"t_tree_us", microseconds(answer.tree_s)},
+                                 {"t_query_us", microseconds(answer.query_s)},
+                                 {"t_load_us", microseconds(answer.load_s)}};
+  if (answer.answer.status == AnswerStatus::kContained)
+    line["contained"] = to_string(answer.answer.contained);
+  return line;
 }
 
 Status run(const Options& options) {
@@ -85,7 +88,7 @@ Status run(const Options& options) {
       make_query_method(options.method, a.value(), b.value(), options.method_options);
   if (!method.is_ok()) return method.status();
 
-  std::array<std::uint64_t, 4> by_status{};
+  std::array<std::uint64_t, 5> by_status{};
   for (const PoseRow& row : poses.value()) {
     const Result<PosedPair> posed =
         pose_pair(a.value().header().grid, row.a, "A of pose " + row.id, b.value().header().grid,
@@ -105,12 +108,14 @@ Status run(const Options& options) {
     ++by_status[static_cast<std::size_t>(answer.value().answer.status)];
   }
   if (!options.json)
-    std::fprintf(stderr, "%zu poses by %s: %llu free, %llu contact, %llu partial, %llu uncertain\n",
-                 poses.value().size(), options.method.c_str(),
-                 static_cast<unsigned long long>(by_status[0]),
-                 static_cast<unsigned long long>(by_status[1]),
-                 static_cast<unsigned long long>(by_status[2]),
-                 static_cast<unsigned long long>(by_status[3]));
+    std::fprintf(
+        stderr,
+        "%zu poses by %s: %llu free, %llu contact, %llu contained, %llu partial, %llu uncertain\n",
+        poses.value().size(), options.method.c_str(), static_cast<unsigned long long>(by_status[0]),
+        static_cast<unsigned long long>(by_status[1]),
+        static_cast<unsigned long long>(by_status[4]),
+        static_cast<unsigned long long>(by_status[2]),
+        static_cast<unsigned long long>(by_status[3]));
   return Status::ok();
 }
 
@@ -143,6 +148,10 @@ void add_query(CLI::App& app, Action& chosen) {
       ->capture_default_str();
   command->add_flag("--any", options->method_options.query.any,
                     "Stop at the first touching pair: contact or not, without the whole set");
+  command->add_flag("--solid-a", options->method_options.query.solid_a,
+                    "A has an inside: is B in it? For full and certified; A must be closed");
+  command->add_flag("--solid-b", options->method_options.query.solid_b,
+                    "B has an inside: is A in it?");
   command->add_flag("--list-pairs", options->list_pairs,
                     "Add the touching faces as pairs of input face numbers, sorted");
   command->add_flag("--json", options->json, "JSON lines only: no summary on standard error");

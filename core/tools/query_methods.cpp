@@ -57,6 +57,7 @@ class FixedMeshes : public QueryMethod {
     NEARMESH_RETURN_IF_ERROR(split_all(mesh, global_order(file.store(), splits_), delta));
     result.refine_s += watch.lap();
     tree = build_triangle_tree(file.header().grid, current_triangles(mesh));
+    tree.surface = file.header().surface;
     result.tree_s += watch.lap();
     const Result<std::uint64_t> bytes = wire_bytes(file.header(), mesh);
     bytes_ += bytes.value();
@@ -226,6 +227,14 @@ Result<std::unique_ptr<QueryMethod>> make_query_method(const std::string& name, 
                                                        ModelFile& b,
                                                        const QueryMethodOptions& options) {
   std::unique_ptr<QueryMethod> method;
+  if (options.query.solid_a || options.query.solid_b) {
+    // Seeds are vertices of the full mesh, which a coarser one need not have.
+    if (name != "full" && name != "certified")
+      return Status{StatusCode::kInvalidArgument,
+                    "method " + name + " knows no inside; full and certified do"};
+    if (options.query.solid_a) NEARMESH_RETURN_IF_ERROR(check_solid(a.header(), "A"));
+    if (options.query.solid_b) NEARMESH_RETURN_IF_ERROR(check_solid(b.header(), "B"));
+  }
   if (name == "full") {
     method = std::make_unique<FixedMeshes>(a, b, options, 0xffffffffU);
   } else if (name == "base") {

@@ -31,6 +31,7 @@ class QueryMethod {
 };
 
 /// Name: full, base, global, grid or certified. The files must outlive the method.
+/// Errors: kInvalidArgument where a solid is asked for whose model is open, or of a method that knows no inside.
 [[nodiscard]] Result<std::unique_ptr<QueryMethod>> make_query_method(
     const std::string& name, ModelFile& a, ModelFile& b, const QueryMethodOptions& options);
 

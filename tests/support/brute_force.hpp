@@ -123,6 +123,7 @@ struct FullModel {
     RefineDelta delta;
     for (const VertexId u : all_splits(model.store)) EXPECT_TRUE(mesh.split(u, delta));
     tree = build_triangle_tree(model.header.grid, current_triangles(mesh));
+    tree.surface = model.header.surface;
   }
   TriangleTree tree;
 };

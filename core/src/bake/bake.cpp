@@ -7,6 +7,7 @@
 
 #include "nearmesh/core/base/random.hpp"
 #include "nearmesh/core/demand/collect.hpp"
+#include "nearmesh/core/mesh/surface.hpp"
 #include "nearmesh/core/spm/blocks.hpp"
 #include "nearmesh/core/spm/train.hpp"
 
@@ -178,6 +179,27 @@ std::array<std::uint8_t, 3> lattice_shift(const GridMesh& mesh) {
   return shift;
 }
 
+SurfaceFacts describe_surface(const GridMesh& mesh, const Forest& forest) {
+  SurfaceFacts facts;
+  const OpenEdges open = count_open_edges(mesh);
+  facts.boundary_edges = static_cast<std::uint32_t>(open.boundary);
+  facts.disagreeing_edges = static_cast<std::uint32_t>(open.disagreeing);
+  const std::vector<std::uint32_t> component = find_components(mesh);
+  const std::size_t n = mesh.positions.size();
+  std::vector<std::uint32_t> vertex_of(n);  // by id
+  for (std::uint32_t v = 0; v < n; ++v) vertex_of[forest.id_of[v]] = v;
+  std::vector<bool> seen(n, false);  // by component
+  facts.component_count = 0;
+  for (const std::uint32_t v : vertex_of) {
+    if (seen[component[v]]) continue;
+    seen[component[v]] = true;
+    if (++facts.component_count <= kMaxComponentSeeds)
+      facts.component_seeds.push_back(mesh.positions[v]);
+  }
+  if (facts.component_count > kMaxComponentSeeds) facts.component_seeds.clear();
+  return facts;
+}
+
 // Typical requests: cubes of many sizes around random vertices. Every eighth stored block of a large model is enough to
 // learn what blocks look like, and keeps requests from being drowned.
 CodingTables train(const SpmHeader& header, const SplitStore& store) {
@@ -247,6 +269,7 @@ Result<BakedModel> bake(const GridMesh& mesh, double rounding_error_m,
   header.lattice_shift = lattice_shift(mesh);
   header.vertex_count = static_cast<std::uint32_t>(mesh.positions.size());
   header.face_count = static_cast<std::uint32_t>(faces.size());
+  header.surface = describe_surface(mesh, forest);
   for (const std::uint32_t root : forest.roots)
     header.roots.push_back({{{root}, forest.size[root]},
                             position[root],

@@ -11,6 +11,8 @@
 #include <optional>
 #include <span>
 
+#include "nearmesh/core/mesh/surface.hpp"
+
 namespace nearmesh {
 namespace {
 
@@ -287,14 +289,13 @@ Grouped<std::uint32_t> collect_edges(const std::vector<Triple>& faces, std::size
   });
 }
 
-void count_edges(const Grouped<std::uint32_t>& edges, CleanReport& report) {
+void count_non_manifold(const Grouped<std::uint32_t>& edges, CleanReport& report) {
   for (std::uint32_t v = 0; v + 1 < edges.start.size(); ++v) {
     const auto group = edges.of(v);
     for (std::size_t i = 0; i < group.size();) {
       std::size_t next = i + 1;
       while (next < group.size() && group[next] == group[i]) ++next;
       if (next - i > 2) ++report.edges_non_manifold;
-      if (next - i == 1) ++report.edges_boundary;
       i = next;
     }
   }
@@ -349,25 +350,6 @@ void append_kept(const std::vector<Triple>& faces, const std::vector<FaceFate>& 
   }
 }
 
-std::uint64_t count_components(const GridMesh& mesh) {
-  std::vector<std::uint32_t> parent(mesh.positions.size());
-  std::iota(parent.begin(), parent.end(), 0U);
-  const auto root = [&parent](std::uint32_t v) {
-    while (parent[v] != v) v = parent[v] = parent[parent[v]];
-    return v;
-  };
-  std::uint64_t components = mesh.positions.size();
-  for (const Triple& f : mesh.faces) {
-    for (std::size_t k = 1; k < 3; ++k) {
-      const std::uint32_t a = root(f[0]), b = root(f[k]);
-      if (a == b) continue;
-      parent[std::max(a, b)] = std::min(a, b);
-      --components;
-    }
-  }
-  return components;
-}
-
 }  // namespace
 
 Result<CleanResult> clean_mesh(const IndexedMesh& mesh, int grid_bits) {
@@ -392,10 +374,15 @@ Result<CleanResult> clean_mesh(const IndexedMesh& mesh, int grid_bits) {
   std::vector<FaceFate> fates = sort_out_faces(faces);
   drop_duplicates(faces, vertex_count, fates, report);
   const auto edges = collect_edges(faces, vertex_count, fates);
-  count_edges(edges, report);
+  count_non_manifold(edges, report);
   cover_degenerate(faces, edges, fates, report);
   append_kept(faces, fates, result.mesh);
-  report.components = count_components(result.mesh);
+  const OpenEdges open = count_open_edges(result.mesh);
+  report.edges_boundary = open.boundary;
+  report.edges_disagreeing = open.disagreeing;
+  const std::vector<std::uint32_t> component = find_components(result.mesh);
+  for (std::uint32_t v = 0; v < component.size(); ++v)
+    if (component[v] == v) ++report.components;
   return result;
 }
 

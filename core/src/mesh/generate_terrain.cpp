@@ -5,6 +5,7 @@
 // that the lattice does not show, and valleys keep a quarter of the detail.
 #include <algorithm>
 #include <cmath>
+#include <string>
 
 #include "nearmesh/core/base/assert.hpp"
 #include "nearmesh/core/base/random.hpp"
@@ -114,6 +115,53 @@ IndexedMesh generate_terrain(std::uint32_t size, std::uint64_t seed) {
     }
   }
   return mesh;
+}
+
+Status close_terrain(IndexedMesh& terrain, std::uint32_t size, double floor_m) {
+  const std::uint32_t side = size + 1;
+  NEARMESH_ASSERT(terrain.positions_m.size() == std::size_t{side} * side);
+  double lowest = terrain.positions_m.front()[2];
+  for (const auto& p : terrain.positions_m) lowest = std::min(lowest, p[2]);
+  const double floor = std::floor(floor_m * 16) * 0.0625;
+  if (!(floor < lowest && floor >= -100'000))
+    return {StatusCode::kInvalidArgument,
+            "floor of the terrain: expected from -100000 m to below its lowest height of " +
+                std::to_string(lowest) + " m, found " + std::to_string(floor_m)};
+
+  // Once round the edge, counter-clockwise from above; below each vertex of it stands one of the floor.
+  std::vector<std::uint32_t> rim;
+  for (std::uint32_t i = 0; i < size; ++i) rim.push_back(i);
+  for (std::uint32_t i = 0; i < size; ++i) rim.push_back(i * side + size);
+  for (std::uint32_t i = size; i > 0; --i) rim.push_back(size * side + i);
+  for (std::uint32_t i = size; i > 0; --i) rim.push_back(i * side);
+  const auto first = static_cast<std::uint32_t>(terrain.positions_m.size());
+  const auto count = static_cast<std::uint32_t>(rim.size());
+  for (const std::uint32_t v : rim) {
+    const auto p = terrain.positions_m[v];
+    terrain.positions_m.push_back({p[0], p[1], floor});
+  }
+  for (std::uint32_t i = 0; i < count; ++i) {
+    const std::uint32_t next = (i + 1) % count;
+    terrain.faces.push_back({rim[i], first + i, first + next});
+    terrain.faces.push_back({rim[i], first + next, rim[next]});
+  }
+  // The floor in strips of one cell from edge to edge: no triangle's box is wider than a cell, as it would be in a fan.
+  const auto south = [&](std::uint32_t i) { return first + i; };
+  const auto east = [&](std::uint32_t i) { return first + size + i; };
+  const auto north = [&](std::uint32_t i) { return first + 3 * size - i; };
+  const auto west = [&](std::uint32_t i) { return first + (4 * size - i) % count; };
+  const auto add = [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+    terrain.faces.push_back({a, b, c});
+  };
+  for (std::uint32_t i = 0; i < size; ++i) add(south(1), west(i), west(i + 1));
+  add(south(1), north(0), north(1));
+  for (std::uint32_t i = 1; i + 1 < size; ++i) {
+    add(south(i), north(i), north(i + 1));
+    add(south(i), north(i + 1), south(i + 1));
+  }
+  for (std::uint32_t i = 0; i < size; ++i) add(south(size - 1), east(i + 1), east(i));
+  add(south(size - 1), north(size - 1), north(size));
+  return Status::ok();
 }
 
 }  // namespace nearmesh

@@ -35,6 +35,10 @@ Result<Answer> certify(LocalModel& a, const PosedFrame& frame_a, const Require& 
       if (times != nullptr) *times = spent;
       return answer;
     }
+    if (answer.missing_a.empty() && answer.missing_b.empty())
+      return Status{StatusCode::kUnsupported,
+                    "a model of more than " + std::to_string(kMaxComponentSeeds) +
+                        " parts cannot be proved to be outside a solid that it is near"};
     RefineDelta delta_a, delta_b;
     NEARMESH_RETURN_IF_ERROR(split_nodes(a, answer.missing_a, require_a, delta_a));
     NEARMESH_RETURN_IF_ERROR(split_nodes(b, answer.missing_b, require_b, delta_b));

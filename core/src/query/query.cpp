@@ -7,6 +7,7 @@
 #include <queue>
 #include <unordered_set>
 
+#include "containment.hpp"
 #include "nearmesh/core/base/hash.hpp"
 #include "nearmesh/core/geometry/box_overlap.hpp"
 #include "nearmesh/core/geometry/triangle_overlap.hpp"
@@ -127,7 +128,8 @@ class Walk {
   void add_missing(const TreeView& tree, const TreeNode& node,
                    std::unordered_set<std::uint32_t>& set) {
     set.insert(node.first);
-    (&tree == &a_ ? answer_.missing_a : answer_.missing_b).push_back(node.frontier_node());
+    // By the set: both bodies may have the same tree.
+    (&set == &missing_a_ ? answer_.missing_a : answer_.missing_b).push_back(node.frontier_node());
     const double bound = node_bound(*tree.store, node.frontier_node());
     answer_.uncertainty_m = std::max(answer_.uncertainty_m, std::ldexp(bound, tree.grid->exponent));
   }
@@ -135,15 +137,18 @@ class Walk {
   void finish() {
     const bool touches = !answer_.pairs.empty();
     const bool complete = missing_a_.empty() && missing_b_.empty();
-    if (complete || (options_.any && touches)) {
-      answer_.status = touches ? AnswerStatus::kContact : AnswerStatus::kFree;
+    if (complete && !touches) {
+      answer_.status = AnswerStatus::kFree;
+      if (options_.solid_a || options_.solid_b) settle_containment();
+    } else if (complete || (options_.any && touches)) {
+      answer_.status = AnswerStatus::kContact;
       answer_.missing_a.clear();
       answer_.missing_b.clear();
       answer_.uncertainty_m = 0;
     } else {
       answer_.status = touches ? AnswerStatus::kPartial : AnswerStatus::kUncertain;
     }
-    if (answer_.status == AnswerStatus::kFree && options_.clearance)
+    if (is_certified(answer_.status) && !touches && options_.clearance)
       answer_.clearance_m = clearance();
     std::sort(answer_.pairs.begin(), answer_.pairs.end());
     answer_.pair_total = answer_.pairs.size();
@@ -153,7 +158,45 @@ class Walk {
     std::sort(answer_.missing_b.begin(), answer_.missing_b.end());
   }
 
-  // A lower bound of the distance of two free bodies: pairs of boxes by growing gap, until the least gap left is no
+  // The surfaces are apart. Each question is answered to the end, so that a certified answer is the same on every peer.
+  void settle_containment() {
+    const TreeNode &root_a = a_.nodes[a_.root], &root_b = b_.nodes[b_.root];
+    if (root_a.kind() == Kind::kEmpty || root_b.kind() == Kind::kEmpty ||
+        boxes_apart(b_in_a_, centered(root_a.box), centered(root_b.box)))
+      return;
+    const Side a_in_b =
+        options_.solid_b ? side_of(a_, frame_a_, b_, frame_b_, missing_b_) : Side::kOutside;
+    const Side b_in_a =
+        options_.solid_a ? side_of(b_, frame_b_, a_, frame_a_, missing_a_) : Side::kOutside;
+    const bool inside = a_in_b == Side::kInside || b_in_a == Side::kInside;
+    const bool open = a_in_b == Side::kOpen || b_in_a == Side::kOpen;
+    if (!missing_a_.empty() || !missing_b_.empty() || (open && !inside)) {
+      answer_.status = AnswerStatus::kUncertain;
+      if (missing_a_.empty() && missing_b_.empty())
+        answer_.uncertainty_m = std::numeric_limits<double>::infinity();
+    } else if (inside) {
+      answer_.status = AnswerStatus::kContained;
+      answer_.contained = static_cast<Containment>((a_in_b == Side::kInside ? 1 : 0) +
+                                                   (b_in_a == Side::kInside ? 2 : 0));
+    }
+  }
+
+  // Inside when one part of the inner body is; outside when all parts are.
+  Side side_of(const TreeView& inner, const PosedFrame& inner_frame, const TreeView& solid,
+               const PosedFrame& solid_frame, std::unordered_set<std::uint32_t>& known) {
+    if (!inner.surface->has_seeds()) return Side::kOpen;
+    std::vector<const TreeNode*> missing;
+    for (const GridPoint& seed : inner.surface->component_seeds) {
+      const Location at = locate(solid, solid_frame, pose_point(inner_frame, seed), answer_.stats);
+      if (at.side == Side::kInside) return Side::kInside;
+      missing.insert(missing.end(), at.missing.begin(), at.missing.end());
+    }
+    for (const TreeNode* node : missing)
+      if (!known.contains(node->first)) add_missing(solid, *node, known);
+    return missing.empty() ? Side::kOutside : Side::kOpen;
+  }
+
+  // A lower bound of the distance of two bodies that do not touch: pairs of boxes by growing gap, until the least gap left is no
   // smaller than the least distance found. Every pair of faces lies below some pair that was counted or is still
   // queued, so stopping early only makes the bound smaller.
   double clearance() {
@@ -240,6 +283,22 @@ const char* to_string(AnswerStatus status) {
       return "partial";
     case AnswerStatus::kUncertain:
       return "uncertain";
+    case AnswerStatus::kContained:
+      return "contained";
+  }
+  return "unknown";
+}
+
+const char* to_string(Containment contained) {
+  switch (contained) {
+    case Containment::kNone:
+      return "none";
+    case Containment::kAInB:
+      return "a_in_b";
+    case Containment::kBInA:
+      return "b_in_a";
+    case Containment::kBoth:
+      return "both";
   }
   return "unknown";
 }
@@ -256,6 +315,7 @@ std::uint64_t digest(const Answer& answer) {
   std::uint64_t h = digest(answer.pairs);
   const auto add = [&h](std::uint64_t x) { h = mix(h ^ x); };
   add(static_cast<std::uint64_t>(answer.status));
+  add(static_cast<std::uint64_t>(answer.contained));
   add(answer.pair_total);
   for (const std::vector<NodeSpan>* missing : {&answer.missing_a, &answer.missing_b}) {
     add(missing->size());
@@ -282,6 +342,10 @@ double node_bound(const SplitStore& store, NodeSpan node) {
 Answer query(const TreeView& a, const PosedFrame& frame_a, const TreeView& b,
              const PosedFrame& frame_b, const QueryOptions& options) {
   NEARMESH_ASSERT(frame_a.lattice_exp == frame_b.lattice_exp);
+  NEARMESH_ASSERT(!(options.solid_a || options.solid_b) ||
+                  (a.surface != nullptr && b.surface != nullptr));
+  NEARMESH_ASSERT(!options.solid_a || a.surface->is_closed());
+  NEARMESH_ASSERT(!options.solid_b || b.surface->is_closed());
   return Walk(a, frame_a, b, frame_b, options).run();
 }
 

@@ -11,7 +11,7 @@
 namespace nearmesh {
 namespace {
 
-constexpr std::uint32_t kHeaderMagic = 0x4e4d4831;  // "NMH1"
+constexpr std::uint32_t kHeaderMagic = 0x4e4d4832;  // "NMH2"
 
 Status corrupt(const std::string& field) { return {StatusCode::kCorrupt, "mesh header: " + field}; }
 
@@ -41,6 +41,48 @@ bool read_table(BitReader& in, HuffmanTable& table) {
     table.lengths[symbol++] = static_cast<std::uint8_t>(length);
   }
   return !in.overrun() && symbol <= table.lengths.size() && table.derive();
+}
+
+// The first seed is vertex 0, the first root's place, and takes no bits.
+void write_surface(BitWriter& out, const SpmHeader& header) {
+  const SurfaceFacts& surface = header.surface;
+  NEARMESH_ASSERT(surface.has_seeds() || surface.component_count == 1 ||
+                  surface.component_count > kMaxComponentSeeds);
+  out.put_gamma(surface.boundary_edges);
+  out.put_gamma(surface.disagreeing_edges);
+  out.put_gamma(surface.component_count - 1);
+  for (std::size_t i = 1; i < surface.component_seeds.size(); ++i)
+    for (int k = 0; k < 3; ++k)
+      out.put(static_cast<std::uint32_t>(surface.component_seeds[i][k]) >> header.lattice_shift[k],
+              header.grid.bits - header.lattice_shift[k]);
+}
+
+GridPoint read_position(BitReader& in, const SpmHeader& header) {
+  GridPoint position;
+  for (int k = 0; k < 3; ++k)
+    position[k] = static_cast<std::int32_t>(in.get(header.grid.bits - header.lattice_shift[k])
+                                            << header.lattice_shift[k]);
+  return position;
+}
+
+Status read_surface(BitReader& in, SpmHeader& header) {
+  SurfaceFacts& surface = header.surface;
+  surface.boundary_edges = static_cast<std::uint32_t>(in.get_gamma());
+  surface.disagreeing_edges = static_cast<std::uint32_t>(in.get_gamma());
+  const std::uint64_t edges = std::uint64_t{surface.boundary_edges} + surface.disagreeing_edges;
+  if (edges > std::uint64_t{header.face_count} * 3)
+    return corrupt(std::to_string(edges) + " open edges of " + std::to_string(header.face_count) +
+                   " faces");
+  const std::uint64_t components = in.get_gamma() + 1;
+  if (components > header.vertex_count)
+    return corrupt(std::to_string(components) + " parts of " + std::to_string(header.vertex_count) +
+                   " vertices");
+  surface.component_count = static_cast<std::uint32_t>(components);
+  if (components > kMaxComponentSeeds) return Status::ok();
+  surface.component_seeds.push_back(header.roots.front().position);
+  for (std::uint64_t i = 1; i < components; ++i)
+    surface.component_seeds.push_back(read_position(in, header));
+  return Status::ok();
 }
 
 struct CornerCoding {
@@ -88,6 +130,7 @@ std::vector<std::uint8_t> encode_header(const SpmHeader& header) {
       out.put(corner.value - node.begin(), bit_length(node.size - 1));
     }
   }
+  write_surface(out, header);
   for (const HuffmanTable& table : header.tables.contexts) write_table(out, table);
   return std::move(out).finish();
 }
@@ -134,9 +177,7 @@ Result<SpmHeader> decode_header(std::span<const std::uint8_t> bytes) {
     if (next + size > header.vertex_count) return corrupt("roots exceed the vertex count");
     root.node = {{static_cast<std::uint32_t>(next)}, static_cast<std::uint32_t>(size)};
     next += size;
-    for (int k = 0; k < 3; ++k)
-      root.position[k] = static_cast<std::int32_t>(
-          in.get(header.grid.bits - header.lattice_shift[k]) << header.lattice_shift[k]);
+    root.position = read_position(in, header);
     for (std::uint8_t& code : root.box) {
       code = static_cast<std::uint8_t>(in.get(7));
       if (code > kMaxExtentCode) return corrupt("box extent of a root");
@@ -165,12 +206,27 @@ Result<SpmHeader> decode_header(std::span<const std::uint8_t> bytes) {
       return corrupt("a base face with two corners in one root");
     header.base_faces.push_back(face);
   }
+  if (!in.overrun()) NEARMESH_RETURN_IF_ERROR(read_surface(in, header));
   header.tables.contexts.resize(static_cast<std::size_t>(coding_context_count()));
   for (HuffmanTable& table : header.tables.contexts)
     if (!read_table(in, table)) return corrupt("coding table is not a prefix code");
   if (in.overrun() || in.bits_left() >= 8)
     return corrupt("length " + std::to_string(bytes.size()) + " does not match its content");
   return header;
+}
+
+Status check_solid(const SpmHeader& header, std::string_view body) {
+  const SurfaceFacts& surface = header.surface;
+  if (surface.is_closed()) return Status::ok();
+  std::string found;
+  if (surface.boundary_edges > 0)
+    found = std::to_string(surface.boundary_edges) + " boundary edges";
+  if (surface.disagreeing_edges > 0)
+    found += (found.empty() ? "" : " and ") + std::to_string(surface.disagreeing_edges) +
+             " edges whose faces disagree in orientation";
+  return {StatusCode::kInvalidArgument, "body " + std::string(body) +
+                                            " cannot be solid: its model has " + found +
+                                            ", and an open sheet has no inside"};
 }
 
 }  // namespace nearmesh

@@ -77,7 +77,8 @@ SplitStore::SplitStore(const SpmHeader& header)
       grid_max_(static_cast<std::int32_t>((std::int64_t{1} << header.grid.bits) - 1)),
       entries_(header.vertex_count),
       roots_(header.roots),
-      base_faces_(header.base_faces) {
+      base_faces_(header.base_faces),
+      surface_(header.surface) {
   for (const BaseRoot& root : roots_) {
     Entry& entry = entries_[root.node.begin()];
     entry.size = root.node.size;

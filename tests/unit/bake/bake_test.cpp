@@ -99,5 +99,41 @@ TEST_P(Bake, IsDeterministic) {
   EXPECT_EQ(test::write_model(one)->read(), test::write_model(two)->read());
 }
 
+TEST_P(Bake, NamesTheLowestVertexOfEachPart) {
+  const BakedModel model = test::bake_named(GetParam());
+  // By spreading over the faces until nothing changes.
+  std::vector<std::uint32_t> lowest(model.header.vertex_count);
+  for (std::uint32_t v = 0; v < lowest.size(); ++v) lowest[v] = v;
+  const auto faces = test::all_faces(model.store);
+  for (bool changed = true; changed;) {
+    changed = false;
+    for (const test::KeyedFace& keyed : faces) {
+      const auto [a, b, c] = keyed.face.corners();
+      const std::uint32_t least = std::min({lowest[a.value], lowest[b.value], lowest[c.value]});
+      for (const VertexId corner : {a, b, c}) {
+        changed = changed || lowest[corner.value] != least;
+        lowest[corner.value] = least;
+      }
+    }
+  }
+  std::vector<GridPoint> seeds;
+  for (std::uint32_t v = 0; v < lowest.size(); ++v)
+    if (lowest[v] == v) seeds.push_back(model.store.position({v}));
+  EXPECT_EQ(model.header.surface.component_count, seeds.size());
+  EXPECT_EQ(model.header.surface.component_seeds, seeds);
+  EXPECT_EQ(model.store.surface(), model.header.surface);
+}
+
+TEST_P(Bake, CountsOpenEdgesAsCleaningDid) {
+  const Result<CleanResult> cleaned = clean_mesh(test::make_mesh(GetParam()), 21);
+  const SurfaceFacts facts = test::bake_named(GetParam()).header.surface;
+  EXPECT_EQ(facts.boundary_edges, cleaned.value().report.edges_boundary);
+  EXPECT_EQ(facts.disagreeing_edges, cleaned.value().report.edges_disagreeing);
+  EXPECT_EQ(facts.component_count, cleaned.value().report.components);
+  const bool closed =
+      GetParam() == "aircraft" || GetParam() == "sphere" || GetParam() == "components";
+  EXPECT_EQ(facts.is_closed(), closed);
+}
+
 }  // namespace
 }  // namespace nearmesh

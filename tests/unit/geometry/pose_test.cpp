@@ -267,5 +267,38 @@ TEST(PosePoint, LargestGridAtFullTiltDoesNotOverflow) {
   EXPECT_NEAR(static_cast<double>(posed[0]), std::sqrt(3.0) * 0x1p38, 1e4);
 }
 
+TEST(PoseBox, IsTheTightestAroundEveryPosedPoint) {
+  Random random(23);
+  for (int round = 0; round < 200; ++round) {
+    Grid grid{{random.between(-9, 9), 0, 0}, -4, 8};
+    double turn[9];
+    for (double& x : turn) x = random.between(-1, 1);
+    PosedFrame frame = make_posed_frame(grid, {}, -5 + static_cast<int>(random.below(3))).value();
+    for (std::size_t i = 0; i < 9; ++i)
+      frame.rotation[i] = static_cast<std::int64_t>(turn[i] * 0x1p30);
+    GridBox box;
+    for (int i = 0; i < 2; ++i) {
+      GridPoint p;
+      for (int k = 0; k < 3; ++k) p[k] = static_cast<std::int32_t>(random.below(6));
+      box.add(p);
+    }
+    const LatticeBox bounds = pose_box(frame, box);
+    LatticePoint lo, hi;
+    bool first = true;
+    for (std::int32_t x = box.lo[0]; x <= box.hi[0]; ++x)
+      for (std::int32_t y = box.lo[1]; y <= box.hi[1]; ++y)
+        for (std::int32_t z = box.lo[2]; z <= box.hi[2]; ++z) {
+          const LatticePoint p = pose_point(frame, {{x, y, z}});
+          for (int k = 0; k < 3; ++k) {
+            lo[k] = first ? p[k] : std::min(lo[k], p[k]);
+            hi[k] = first ? p[k] : std::max(hi[k], p[k]);
+          }
+          first = false;
+        }
+    EXPECT_EQ(bounds.lo, lo);
+    EXPECT_EQ(bounds.hi, hi);
+  }
+}
+
 }  // namespace
 }  // namespace nearmesh

@@ -208,6 +208,35 @@ TEST(CleanMesh, CountsNonManifoldEdges) {
   EXPECT_EQ(clean(square()).report.edges_non_manifold, 0U);
 }
 
+TEST(CleanMesh, CountsEdgesWhoseFacesDisagree) {
+  IndexedMesh sphere = generate_sphere(8, 0);
+  EXPECT_EQ(clean(sphere).report.edges_disagreeing, 0U);
+  std::swap(sphere.faces[20][0], sphere.faces[20][1]);
+  EXPECT_EQ(clean(sphere).report.edges_disagreeing, 3U);
+  EXPECT_EQ(clean(sphere).report.edges_boundary, 0U);
+}
+
+TEST(CleanMesh, ThreeFacesOnAnEdgeNeverAgreeAndFourMay) {
+  IndexedMesh pages{{{0, 0, 0}, {0, 0, 4}, {4, 0, 0}, {0, 4, 0}, {-4, 0, 0}, {0, -4, 0}},
+                    {{0, 1, 2}, {1, 0, 3}, {0, 1, 4}}};
+  EXPECT_EQ(clean(pages).report.edges_disagreeing, 1U);
+  pages.faces.push_back({1, 0, 5});
+  EXPECT_EQ(clean(pages).report.edges_disagreeing, 0U);
+  EXPECT_EQ(clean(pages).report.edges_boundary, 8U);
+}
+
+TEST(CleanMesh, SegmentsAndPointsOpenNoEdge) {
+  IndexedMesh sphere = generate_sphere(8, 0);
+  sphere.positions_m.push_back({3, 0, 0});
+  const auto far = static_cast<std::uint32_t>(sphere.positions_m.size() - 1);
+  sphere.faces.push_back({0, far, far});
+  const CleanReport report = clean(sphere).report;
+  EXPECT_EQ(report.faces_degenerate_kept, 1U);
+  EXPECT_EQ(report.edges_boundary, 0U);
+  EXPECT_EQ(report.edges_disagreeing, 0U);
+  EXPECT_EQ(report.components, 1U);
+}
+
 TEST(CleanMesh, CountsComponentsThroughSharedVertices) {
   IndexedMesh mesh{{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {4, 0, 0}, {5, 0, 0}, {4, 1, 0}, {0, 5, 0}},
                    {{0, 1, 2}, {3, 4, 5}}};

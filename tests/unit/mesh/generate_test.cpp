@@ -129,6 +129,34 @@ TEST(GenerateTerrain, DependsOnSeed) {
   EXPECT_NE(hash_of(generate_terrain(16, 1)), hash_of(generate_terrain(16, 2)));
 }
 
+TEST(CloseTerrain, EnclosesWhatIsBelowTheGround) {
+  for (const std::uint32_t size : {2U, 3U, 8U, 33U}) {
+    IndexedMesh mesh = generate_terrain(size, 1);
+    const std::size_t faces = mesh.faces.size();
+    double below = 0;  // under the sheet, by its triangles
+    for (const auto& f : mesh.faces)
+      for (const std::uint32_t v : f) below += (mesh.positions_m[v][2] + 4000) * 512 / 3;
+    ASSERT_TRUE(close_terrain(mesh, size, -4000).is_ok());
+    EXPECT_EQ(mesh.faces.size() - faces, 12 * size - 2);
+    const std::vector<double> volumes = closed_volumes_m3(mesh);
+    ASSERT_EQ(volumes.size(), 1U) << size;
+    EXPECT_NEAR(volumes[0], below, 1e-9 * below) << size;
+  }
+}
+
+TEST(CloseTerrain, RefusesAFloorAboveTheValleys) {
+  IndexedMesh mesh = generate_terrain(8, 1);
+  double lowest = 1e9;
+  for (const auto& p : mesh.positions_m) lowest = std::min(lowest, p[2]);
+  for (const double floor_m : {lowest, 5000.0, -1e6, std::nan("")}) {
+    EXPECT_EQ(close_terrain(mesh, 8, floor_m).code(), StatusCode::kInvalidArgument) << floor_m;
+    EXPECT_EQ(mesh.faces.size(), 128U);
+    EXPECT_EQ(mesh.positions_m.size(), 81U);
+  }
+  EXPECT_TRUE(close_terrain(mesh, 8, lowest - 0.01).is_ok());
+  expect_multiples(mesh, -4);
+}
+
 TEST(GenerateAircraft, GivesGoldenBits) {
   EXPECT_EQ(hash_of(generate_aircraft(5000, 1)), 0xe187bacbdf544b58ULL);
 }

@@ -24,6 +24,7 @@ TEST_P(Header, DecodesToWhatWasEncoded) {
   EXPECT_EQ(found.face_count, header.face_count);
   EXPECT_EQ(found.roots, header.roots);
   EXPECT_EQ(found.base_faces, header.base_faces);
+  EXPECT_EQ(found.surface, header.surface);
   ASSERT_EQ(found.tables.contexts.size(), header.tables.contexts.size());
   for (std::size_t i = 0; i < found.tables.contexts.size(); ++i)
     EXPECT_EQ(found.tables.contexts[i].lengths, header.tables.contexts[i].lengths) << i;
@@ -101,9 +102,10 @@ TEST(DecodeHeader, SurvivesManyFlippedBits) {
 // should be).
 constexpr std::uint64_t kEndless = ~std::uint64_t{0};
 std::vector<std::uint8_t> header_with_roots(std::uint32_t vertex_count,
-                                            const std::vector<std::uint64_t>& sizes) {
+                                            const std::vector<std::uint64_t>& sizes,
+                                            std::uint64_t open_edges = 0, std::uint64_t parts = 1) {
   BitWriter out;
-  out.put(0x4e4d4831, 32);
+  out.put(0x4e4d4832, 32);
   for (int i = 0; i < 4; ++i) out.put64(0);
   out.put(4096, 14);
   out.put(21, 6);
@@ -121,6 +123,11 @@ std::vector<std::uint8_t> header_with_roots(std::uint32_t vertex_count,
     for (int k = 0; k < 3; ++k) out.put(0, 21);
     for (int k = 0; k < 6; ++k) out.put(0, 7);
   }
+  out.put_gamma(open_edges);
+  out.put_gamma(0);
+  out.put_gamma(parts - 1);
+  if (parts <= kMaxComponentSeeds)
+    for (std::uint64_t i = 3; i < 3 * parts; ++i) out.put(i, 21);
   for (int i = 0; i < coding_context_count(); ++i) {
     out.put_gamma(0);
     out.put(0, 4);
@@ -144,6 +151,52 @@ TEST(DecodeHeader, RefusesRootsThatDoNotCoverTheVertices) {
 
 TEST(DecodeHeader, RefusesRootsBeyondTheVertices) {
   EXPECT_FALSE(decode_header(header_with_roots(4, {2, 3})).is_ok());
+}
+
+TEST(DecodeHeader, ReadsTheSeedsOfAllParts) {
+  const Result<SpmHeader> header = decode_header(header_with_roots(5, {2, 3}, 0, 3));
+  ASSERT_TRUE(header.is_ok()) << header.status().message();
+  EXPECT_EQ(header.value().surface.component_seeds,
+            (std::vector<GridPoint>{{{0, 0, 0}}, {{3, 4, 5}}, {{6, 7, 8}}}));
+  EXPECT_TRUE(header.value().surface.has_seeds());
+}
+
+TEST(DecodeHeader, KnowsThatTooManyPartsHaveNoSeeds) {
+  const Result<SpmHeader> most = decode_header(header_with_roots(300, {300}, 0, 256));
+  ASSERT_TRUE(most.is_ok()) << most.status().message();
+  EXPECT_EQ(most.value().surface.component_seeds.size(), 256U);
+  const Result<SpmHeader> more = decode_header(header_with_roots(300, {300}, 0, 257));
+  ASSERT_TRUE(more.is_ok()) << more.status().message();
+  EXPECT_FALSE(more.value().surface.has_seeds());
+  EXPECT_TRUE(more.value().surface.component_seeds.empty());
+}
+
+TEST(DecodeHeader, RefusesMorePartsThanVertices) {
+  EXPECT_TRUE(decode_header(header_with_roots(5, {2, 3}, 0, 5)).is_ok());
+  EXPECT_FALSE(decode_header(header_with_roots(5, {2, 3}, 0, 6)).is_ok());
+}
+
+TEST(DecodeHeader, RefusesMoreOpenEdgesThanItsFacesHave) {
+  const Result<SpmHeader> header = decode_header(header_with_roots(5, {2, 3}, 1));
+  ASSERT_FALSE(header.is_ok());
+  EXPECT_NE(header.status().message().find("1 open edges of 0 faces"), std::string::npos)
+      << header.status().message();
+}
+
+TEST(DecodeHeader, RefusesTheVersionBefore) {
+  auto bytes = encode_header(test::bake_named("sphere").header);
+  bytes[3] = '1';
+  EXPECT_FALSE(decode_header(bytes).is_ok());
+}
+
+TEST(EncodeHeader, APartMoreTakesEightBytes) {
+  SpmHeader header = test::bake_named("sphere").header;
+  ASSERT_TRUE(header.surface.is_closed());
+  const std::size_t one = encode_header(header).size();
+  header.surface.component_count = 9;
+  header.surface.component_seeds.resize(9);
+  const std::size_t nine = encode_header(header).size();
+  EXPECT_LE(nine - one, 8U * 8 + 1);
 }
 
 TEST(DecodeHeader, RefusesMoreThanTheGreatestSize) {

@@ -31,7 +31,7 @@ class AbTree {
   void update(const RefineDelta& delta);
 
   [[nodiscard]] TreeView view(const Grid& grid) const {
-    return {&grid, nodes_, faces_, 0, &mesh_->store()};
+    return {&grid, nodes_, faces_, 0, &mesh_->store(), &mesh_->store().surface()};
   }
   [[nodiscard]] AbTreeStats stats() const;
 

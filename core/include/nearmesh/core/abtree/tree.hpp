@@ -6,6 +6,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -47,6 +48,8 @@ struct TreeView {
   std::uint32_t root = 0;
   const SplitStore* store =
       nullptr;  ///< of the progressive model; none for a fixed set of triangles
+  /// Of the full mesh, for questions about inside and outside; none where the triangles are not known to be one.
+  const SurfaceFacts* surface = nullptr;
 };
 
 /// A tree over a fixed set of triangles.
@@ -54,7 +57,11 @@ struct TriangleTree {
   Grid grid;
   std::vector<TreeNode> nodes;
   std::vector<TreeFace> faces;
-  [[nodiscard]] TreeView view() const { return {&grid, nodes, faces, 0, nullptr}; }
+  /// To be set where the triangles are a model's full mesh and may be asked about inside and outside.
+  std::optional<SurfaceFacts> surface = std::nullopt;
+  [[nodiscard]] TreeView view() const {
+    return {&grid, nodes, faces, 0, nullptr, surface ? &*surface : nullptr};
+  }
 };
 /// O(n log n). The faces' order changes.
 [[nodiscard]] TriangleTree build_triangle_tree(const Grid& grid, std::vector<TreeFace> faces);

@@ -56,22 +56,47 @@ struct PosedFrame {
 [[nodiscard]] Result<PosedFrame> make_posed_frame(const Grid& grid, const Pose& pose,
                                                   int lattice_exp);
 
+/// A row of the fixed-point rotation times a grid point, in lattice cells, rounding half up. Never decreases with n.
+[[nodiscard]] inline std::int64_t round_to_cells(const PosedFrame& frame, std::int64_t n) {
+  // |n| <= 2^31 * 2^30 * sqrt(3) * (1 + 1e-5) < 2^61.8, so n + 2^(shift - 1) fits for shift <= 62,
+  // and anything shifted further rounds to 0. A left shift stays within 2^40: see make_posed_frame.
+  if (frame.shift <= 0) return n * (std::int64_t{1} << -frame.shift);
+  if (frame.shift <= 62) return (n + (std::int64_t{1} << (frame.shift - 1))) >> frame.shift;
+  return 0;
+}
+
 /// The posed vertex. Deterministic: integer arithmetic only, rounding half up. Each coordinate is
 /// within half a cell of the frame's affine image of p. p may be any int32 point.
 [[nodiscard]] inline LatticePoint pose_point(const PosedFrame& frame, const GridPoint& p) {
-  // |n| <= 2^31 * 2^30 * sqrt(3) * (1 + 1e-5) < 2^61.8, so n + 2^(shift - 1) fits for shift <= 62,
-  // and anything shifted further rounds to 0. A left shift stays within 2^40: see make_posed_frame.
   LatticePoint out;
   for (int k = 0; k < 3; ++k) {
     const std::int64_t* row = frame.rotation.data() + 3 * k;
-    const std::int64_t n = row[0] * p[0] + row[1] * p[1] + row[2] * p[2];
-    std::int64_t rotated = 0;
-    if (frame.shift <= 0) {
-      rotated = n * (std::int64_t{1} << -frame.shift);
-    } else if (frame.shift <= 62) {
-      rotated = (n + (std::int64_t{1} << (frame.shift - 1))) >> frame.shift;
+    out[k] = round_to_cells(frame, row[0] * p[0] + row[1] * p[1] + row[2] * p[2]) +
+             frame.translation[static_cast<std::size_t>(k)];
+  }
+  return out;
+}
+
+/// A closed box along the lattice's axes.
+struct LatticeBox {
+  LatticePoint lo, hi;
+};
+/// The tightest one that holds pose_point of every grid point in `box`, hence every posed triangle with corners there.
+/// Exact: each coordinate grows or falls with each of the point's, so a corner of the box is the extreme.
+/// Precondition: the box is not empty.
+[[nodiscard]] inline LatticeBox pose_box(const PosedFrame& frame, const GridBox& box) {
+  LatticeBox out;
+  for (int k = 0; k < 3; ++k) {
+    const std::int64_t* row = frame.rotation.data() + 3 * k;
+    std::int64_t least = 0, most = 0;
+    for (int i = 0; i < 3; ++i) {
+      const std::int64_t at_lo = row[i] * box.lo[i], at_hi = row[i] * box.hi[i];
+      least += std::min(at_lo, at_hi);
+      most += std::max(at_lo, at_hi);
     }
-    out[k] = rotated + frame.translation[static_cast<std::size_t>(k)];
+    const std::int64_t moved = frame.translation[static_cast<std::size_t>(k)];
+    out.lo[k] = round_to_cells(frame, least) + moved;
+    out.hi[k] = round_to_cells(frame, most) + moved;
   }
   return out;
 }

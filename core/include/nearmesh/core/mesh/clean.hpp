@@ -45,6 +45,7 @@ struct CleanReport {
   std::uint64_t faces_degenerate_kept = 0;  ///< a repeated grid point, kept as a segment or point
   std::uint64_t edges_non_manifold = 0;     ///< with more than two faces (segments not counted)
   std::uint64_t edges_boundary = 0;         ///< with one face (segments not counted)
+  std::uint64_t edges_disagreeing = 0;      ///< with more faces, not passed equally often both ways
   std::uint64_t components = 0;             ///< connected through shared vertices
   double rounding_error_m = 0;              ///< greatest distance of a vertex from its grid point
 };

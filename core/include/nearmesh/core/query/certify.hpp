@@ -33,7 +33,8 @@ using Require = std::function<Status(NodeSpan)>;
 
 /// Repeats query and split of what is missing until nothing is. Each split is one that an uncertain answer named, so
 /// both models end with no more than the answer needs. Ends: every round splits at least one node.
-/// Errors: those of require; kNotFound where require succeeds but the store still lacks the split.
+/// Errors: those of require; kNotFound where require succeeds but the store still lacks the split; kUnsupported where
+/// a model has too many parts to be proved outside a solid (query()).
 [[nodiscard]] Result<Answer> certify(LocalModel& a, const PosedFrame& frame_a,
                                      const Require& require_a, LocalModel& b,
                                      const PosedFrame& frame_b, const Require& require_b,

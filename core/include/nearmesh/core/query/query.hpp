@@ -9,6 +9,11 @@
 // resolved, hence f would be exact. For two progressive objects pairs of B are tested; same proof. Nothing is assumed
 // of the simplifier. Both sides use the fixed-point pose of geometry/pose.hpp, so the full-mesh reference and the
 // certified answer agree bit by bit.
+//
+// Solids. A body whose surface is closed may be asked about as solid: is the other one inside? Where the surfaces are
+// certainly apart, each connected part of one lies wholly on one side of the other, so one known vertex of each part
+// (SurfaceFacts::component_seeds) decides, however coarse the rest is. Inside is where the winding number is not 0: the
+// room between nested shells of opposite orientation is outside, what two overlapping shells share is inside.
 
 #include <cstdint>
 #include <limits>
@@ -24,13 +29,20 @@ enum class AnswerStatus : std::uint8_t {
   kContact = 1,    ///< certified: `pairs` is the contact set of the full meshes
   kPartial = 2,    ///< at least the pairs given touch; what is missing may add more
   kUncertain = 3,  ///< nothing exact touches, but what is missing might
+  kContained = 4,  ///< certified: no contact, but a connected part of one body is inside the other
 };
-/// "free", "contact", "partial", "uncertain".
+/// "free", "contact", "partial", "uncertain", "contained".
 [[nodiscard]] const char* to_string(AnswerStatus status);
-/// Free or complete contact.
+/// Free, contained or complete contact.
 [[nodiscard]] constexpr bool is_certified(AnswerStatus status) {
-  return status == AnswerStatus::kFree || status == AnswerStatus::kContact;
+  return status == AnswerStatus::kFree || status == AnswerStatus::kContact ||
+         status == AnswerStatus::kContained;
 }
+
+/// Which body has a part inside which (solid) one. Both: each has a part inside the other.
+enum class Containment : std::uint8_t { kNone = 0, kAInB = 1, kBInA = 2, kBoth = 3 };
+/// "none", "a_in_b", "b_in_a", "both".
+[[nodiscard]] const char* to_string(Containment contained);
 
 struct FacePair {
   FaceKey a, b;
@@ -47,7 +59,9 @@ struct QueryOptions {
       false;  ///< stop at the first touching pair: kContact then says "touches", not "these are all"
   bool clearance = true;  ///< also bound the distance when free
   std::size_t max_pairs =
-      kAllPairs;  ///< list at most so many; the search goes on, so that the total is right
+      kAllPairs;         ///< list at most so many; the search goes on, so that the total is right
+  bool solid_a = false;  ///< a has an inside: is b in it? Only where check_solid accepts a's model
+  bool solid_b = false;  ///< the same of b
 };
 
 struct QueryStats {
@@ -62,9 +76,12 @@ struct Answer {
   std::vector<NodeSpan> missing_a,
       missing_b;  ///< unresolved nodes whose splits bring the answer nearer, ascending
   /// Free: a lower bound of the distance, metres (infinite when either side has no face). Else 0.
+  /// Contained: the same, of the surfaces.
   double clearance_m = 0;
+  Containment contained = Containment::kNone;  ///< kNone but for status kContained
   /// Not certified: a bound, metres. Every original face with a corner below a missing node lies, as a whole, within
   /// this of the vertex that stands for that node, hence of its own image in the current mesh. Else 0.
+  /// Infinite, with nothing missing, where a part might be inside a solid but the model has too many parts for seeds.
   double uncertainty_m = 0;
   QueryStats stats;
 };
@@ -77,6 +94,10 @@ struct Answer {
 [[nodiscard]] double node_bound(const SplitStore& store, NodeSpan node);
 
 /// Answers for two trees under two placements on one lattice (equal lattice_exp).
+/// With solids, "free" also says that nothing is inside: free, contained or uncertain follow from where the seeds lie.
+/// A model without seeds (more parts than kMaxComponentSeeds) can hold others, but itself be proved outside a solid only
+/// where the boxes of the whole bodies are apart; else the answer stays uncertain with nothing missing.
+/// Preconditions (asserted): a solid's tree carries the facts of a closed surface, the other one's tree its facts.
 /// Deterministic: the answer depends on faces, front and poses only. Threads: views may be shared.
 [[nodiscard]] Answer query(const TreeView& a, const PosedFrame& frame_a, const TreeView& b,
                            const PosedFrame& frame_b, const QueryOptions& options = {});

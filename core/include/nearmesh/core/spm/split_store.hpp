@@ -70,6 +70,7 @@ class SplitStore {
     return key.split.is_valid() ? faces(key.split)[key.index] : base_faces_[key.index];
   }
   [[nodiscard]] const std::vector<BaseRoot>& roots() const { return roots_; }
+  [[nodiscard]] const SurfaceFacts& surface() const { return surface_; }
   /// Greatest coordinate of the model's grid.
   [[nodiscard]] std::int32_t grid_max() const { return grid_max_; }
   /// Index of the root whose node holds v. O(log roots).
@@ -103,6 +104,7 @@ class SplitStore {
       many_faces_;  // splits with more than two
   std::vector<BaseRoot> roots_;
   std::vector<SplitFace> base_faces_;
+  SurfaceFacts surface_;
 };
 
 /// extent(code), see BoxCode.

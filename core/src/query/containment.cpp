@@ -1,0 +1,223 @@
+// SPDX-License-Identifier: Apache-2.0
+// Why one ray proves a side. The posed surface is a closed 2-cycle, since posed corners are a function of grid points; so
+// every point off it has a winding number, which is the signed number of faces that a ray from it crosses. A face that is
+// not exact lies inside the box of an unresolved node (query.hpp); when the ray meets no such box, it crosses exact faces
+// only, and all of them are seen.
+//
+// Ties. The ray goes along axis w; u and v are the next two axes, in right-handed order. Instead of the point p we look
+// at p' = p + (du, dv) with infinitely small 0 < dv << du << 1. p is off the surface, hence p' is on the same side, and
+// the ray from p' meets no edge and no face that stands upright, so that rays through corners and edges need no case of
+// their own. In the plane (u, v) an edge counts by half-open intervals of v, which is dv > 0, and a point on an edge as
+// lying to the right of it, which is du >> dv.
+#include "containment.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "nearmesh/core/geometry/box_overlap.hpp"
+
+namespace nearmesh {
+namespace {
+
+using Kind = TreeNode::Kind;
+__extension__ typedef __int128 Int128;
+
+template <class Int>
+int sign(Int x) {
+  return (x > 0) - (x < 0);
+}
+
+struct Ray {
+  LatticePoint from;
+  int axis = 0;
+  bool upward = true;
+};
+
+/// Conservative tests of one ray against boxes in the solid's grid.
+///
+/// First the box along the lattice's axes, exact. Then, for turned solids, the shadow of the box itself on the plane
+/// (u, v): a hexagon whose sides run along the shadows of the grid's axes, tested in doubles along their normals n.
+/// In lattice cells relative to the frame's translation all magnitudes are below 2^41: positions in the grid span at most
+/// sqrt(3) 2^38 cells, the ray starts within the solid's box, and |n| < 1.00002 (check_pose). Fewer than 64 roundings of
+/// values below 2^41 err by less than 2^-6 in all, and pose_point moves a corner by at most half a cell on each axis,
+/// that is kError and kReach. Coordinates of boxes and differences of positions are exact.
+class RayTest {
+ public:
+  RayTest(const PosedFrame& frame, const Ray& ray) : frame_(frame), ray_(ray) {
+    const int axes[2] = {(ray.axis + 1) % 3, (ray.axis + 2) % 3};
+    std::array<std::array<double, 3>, 2> unit{};
+    for (std::size_t k = 0; k < 2; ++k) {
+      const auto row = static_cast<std::size_t>(axes[k]);
+      from_[k] = static_cast<double>(ray.from[axes[k]] - frame.translation[row]);
+      for (std::size_t i = 0; i < 3; ++i) {
+        unit[k][i] = static_cast<double>(frame.rotation[3 * row + i]) * 0x1p-30;
+        shadow_[k][i] = std::ldexp(unit[k][i], 30 - frame.shift);
+      }
+    }
+    for (std::size_t i = 0; i < 3; ++i) {
+      normals_[i] = {-unit[1][i], unit[0][i]};
+      for (std::size_t j = 0; j < 3; ++j)
+        spread_[i][j] = std::abs(normals_[i][0] * shadow_[0][j] + normals_[i][1] * shadow_[1][j]);
+    }
+  }
+
+  /// False: no posed triangle with corners in the box meets the ray from p'.
+  [[nodiscard]] bool may_meet(const GridBox& box) const {
+    const LatticeBox bounds = pose_box(frame_, box);
+    for (int k = 0; k < 3; ++k) {
+      if (ray_.from[k] > bounds.hi[k] && (k != ray_.axis || ray_.upward)) return false;
+      if (ray_.from[k] < bounds.lo[k] && (k != ray_.axis || !ray_.upward)) return false;
+    }
+    const CenteredBox b = centered(box);
+    std::array<double, 2> between{};
+    for (std::size_t k = 0; k < 2; ++k)
+      between[k] = from_[k] - (shadow_[k][0] * b.center[0] + shadow_[k][1] * b.center[1] +
+                               shadow_[k][2] * b.center[2]);
+    for (std::size_t i = 0; i < 3; ++i) {
+      const auto& n = normals_[i];
+      const double reach = spread_[i][0] * b.half[0] + spread_[i][1] * b.half[1] +
+                           spread_[i][2] * b.half[2] + kReach * (std::abs(n[0]) + std::abs(n[1]));
+      if (std::abs(n[0] * between[0] + n[1] * between[1]) > reach + kError) return false;
+    }
+    return true;
+  }
+
+ private:
+  static constexpr double kReach = 0.5, kError = 0x1p-6;
+
+  const PosedFrame& frame_;
+  const Ray& ray_;
+  std::array<double, 2> from_{};                   // of the ray, on (u, v)
+  std::array<std::array<double, 3>, 2> shadow_{};  // [k][i]: step of grid axis i along u or v
+  std::array<std::array<double, 2>, 3> normals_{};
+  std::array<std::array<double, 3>, 3> spread_{};  // [i][j]: step of grid axis j along normal i
+};
+
+/// How often the triangle's outline, seen against axis w, runs round p': 1, 0 or -1.
+/// Differences stay below 2^40 (both lie in the posed model's box), products below 2^81.
+int turns_round(const LatticeTriangle& t, const LatticePoint& p, int u, int v) {
+  int turns = 0;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const LatticePoint &a = t[i], &b = t[(i + 1) % 3];
+    const bool a_below = a[v] <= p[v], b_below = b[v] <= p[v];
+    if (a_below == b_below) continue;
+    const Int128 left_of =
+        Int128{b[u] - a[u]} * (p[v] - a[v]) - Int128{b[v] - a[v]} * (p[u] - a[u]);
+    if (a_below && left_of > 0) ++turns;
+    if (b_below && left_of < 0) --turns;
+  }
+  return turns;
+}
+
+/// On which side of the triangle's plane the point lies: 1 where the corners run counter-clockwise as seen from it.
+/// At most 6 * 2^120, within 128 bits.
+int side_of_plane(const LatticeTriangle& t, const LatticePoint& p) {
+  std::array<std::array<Int128, 3>, 3> d;
+  for (int k = 0; k < 3; ++k) {
+    const auto i = static_cast<std::size_t>(k);
+    d[0][i] = t[1][k] - t[0][k];
+    d[1][i] = t[2][k] - t[0][k];
+    d[2][i] = p[k] - t[0][k];
+  }
+  Int128 volume = 0;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const std::size_t j = (i + 1) % 3, k = (i + 2) % 3;
+    volume += (d[0][j] * d[1][k] - d[0][k] * d[1][j]) * d[2][i];
+  }
+  return sign(volume);
+}
+
+/// The triangle's share of the winding number.
+int signed_crossing(const Ray& ray, const LatticeTriangle& t) {
+  const int turns = turns_round(t, ray.from, (ray.axis + 1) % 3, (ray.axis + 2) % 3);
+  if (turns == 0) return 0;
+  // turns > 0: the normal looks along +w. An upward ray leaves through it when the point is behind the plane.
+  // Never 0, which would put the point on the face.
+  const int side = side_of_plane(t, ray.from);
+  if (ray.upward) return side == -turns ? turns : 0;
+  return side == turns ? -turns : 0;
+}
+
+struct Crossings {
+  int winding = 0;
+  std::vector<const TreeNode*> missing;
+  std::uint64_t missing_size = 0;  // vertices below them: a bound of the splits they take
+};
+
+class RayWalk {
+ public:
+  RayWalk(const TreeView& solid, const PosedFrame& frame, QueryStats& stats)
+      : solid_(solid), frame_(frame), stats_(stats) {}
+
+  Crossings run(const Ray& ray) {
+    Crossings found;
+    const RayTest test(frame_, ray);
+    stack_.assign(1, solid_.root);
+    while (!stack_.empty()) {
+      const TreeNode& node = solid_.nodes[stack_.back()];
+      stack_.pop_back();
+      if (node.kind() == Kind::kEmpty) continue;
+      ++stats_.box_tests;
+      if (!test.may_meet(node.box)) continue;
+      if (node.kind() == Kind::kInner) {
+        stack_.push_back(node.first + 1);
+        stack_.push_back(node.first);
+      } else if (node.kind() == Kind::kFrontier) {
+        found.missing.push_back(&node);
+        found.missing_size += node.count();
+      } else {
+        count_faces(ray, node, found);
+      }
+    }
+    return found;
+  }
+
+ private:
+  void count_faces(const Ray& ray, const TreeNode& node, Crossings& found) {
+    for (const TreeFace& face : solid_.faces.subspan(node.first, node.count())) {
+      ++stats_.triangle_tests;
+      found.winding += signed_crossing(
+          ray, {pose_point(frame_, face.corners[0]), pose_point(frame_, face.corners[1]),
+                pose_point(frame_, face.corners[2])});
+    }
+  }
+
+  const TreeView& solid_;
+  const PosedFrame& frame_;
+  QueryStats& stats_;
+  std::vector<std::uint32_t> stack_;
+};
+
+}  // namespace
+
+Location locate(const TreeView& solid, const PosedFrame& frame, const LatticePoint& point,
+                QueryStats& stats) {
+  const TreeNode& root = solid.nodes[solid.root];
+  if (root.kind() == Kind::kEmpty) return {Side::kOutside, {}};
+  const LatticeBox bounds = pose_box(frame, root.box);
+  for (int k = 0; k < 3; ++k)
+    if (point[k] < bounds.lo[k] || point[k] > bounds.hi[k]) return {Side::kOutside, {}};
+
+  // The nearest way out first: it is the likeliest to meet little.
+  std::array<Ray, 6> rays;
+  std::array<std::int64_t, 6> exit{};
+  std::array<std::size_t, 6> order{0, 1, 2, 3, 4, 5};
+  for (std::size_t i = 0; i < 6; ++i) {
+    const int axis = static_cast<int>(i / 2);
+    rays[i] = {point, axis, i % 2 == 0};
+    exit[i] = rays[i].upward ? bounds.hi[axis] - point[axis] : point[axis] - bounds.lo[axis];
+  }
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return exit[a] < exit[b]; });
+  RayWalk walk(solid, frame, stats);
+  Crossings least;
+  for (std::size_t i = 0; i < 6; ++i) {
+    Crossings found = walk.run(rays[order[i]]);
+    if (found.missing.empty()) return {found.winding != 0 ? Side::kInside : Side::kOutside, {}};
+    if (i == 0 || found.missing_size < least.missing_size) least = std::move(found);
+  }
+  return {Side::kOpen, std::move(least.missing)};
+}
+
+}  // namespace nearmesh
