@@ -252,6 +252,20 @@ void shuffle(std::vector<T>& items, Random& random) {
     std::swap(items[i - 1], items[random.below(static_cast<std::uint32_t>(i))]);
 }
 
+/// A random state: none, some or all of the splits, together in places.
+inline void refine_at_random(LocalModel& model, Random& random) {
+  RefineDelta delta;
+  const std::uint32_t n = model.mesh.store().vertex_count();
+  const std::uint32_t share = random.below(5);  // 0: the base; 4: nearly everything
+  for (std::uint32_t runs = share * 6; runs > 0; --runs) {
+    const std::uint32_t first = random.below(n), count = 1 + random.below(1 + n * share / 40);
+    for (std::uint32_t v = first; v < std::min(n, first + count); ++v) {
+      ASSERT_TRUE(model.mesh.split({v}, delta));
+    }
+  }
+  model.tree.update(delta);
+}
+
 inline Status no_require(NodeSpan) { return Status::ok(); }
 
 }  // namespace nearmesh::test

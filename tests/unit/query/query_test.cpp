@@ -7,20 +7,6 @@
 namespace nearmesh {
 namespace {
 
-/// A random state: none, some or all of the splits, together in places.
-void refine_at_random(LocalModel& model, Random& random) {
-  RefineDelta delta;
-  const std::uint32_t n = model.mesh.store().vertex_count();
-  const std::uint32_t share = random.below(5);  // 0: the base; 4: nearly everything
-  for (std::uint32_t runs = share * 6; runs > 0; --runs) {
-    const std::uint32_t first = random.below(n), count = 1 + random.below(1 + n * share / 40);
-    for (std::uint32_t v = first; v < std::min(n, first + count); ++v) {
-      ASSERT_TRUE(model.mesh.split({v}, delta));
-    }
-  }
-  model.tree.update(delta);
-}
-
 bool is_unresolved(const ActiveMesh& mesh, NodeSpan node) {
   return node.size > 1 && mesh.is_current(node);
 }
@@ -44,8 +30,8 @@ TEST_P(QueryPair, PairsEqualBruteForceOverExactFacesInEveryState) {
     SCOPED_TRACE(seed);
     Random random(seed);
     LocalModel a(a_.store, a_.header.grid), b(b_.store, b_.header.grid);
-    refine_at_random(a, random);
-    refine_at_random(b, random);
+    test::refine_at_random(a, random);
+    test::refine_at_random(b, random);
     const PosedPair posed = test::near_pose(random, a_, b_);
     const Answer answer = query(a.view(), posed.a, b.view(), posed.b);
     EXPECT_EQ(answer.pairs,
@@ -59,8 +45,8 @@ TEST_P(QueryPair, NamesMissingNodesExactlyWhenNotCertified) {
     SCOPED_TRACE(seed);
     Random random(seed);
     LocalModel a(a_.store, a_.header.grid), b(b_.store, b_.header.grid);
-    refine_at_random(a, random);
-    refine_at_random(b, random);
+    test::refine_at_random(a, random);
+    test::refine_at_random(b, random);
     const PosedPair posed = test::near_pose(random, a_, b_);
     const Answer answer = query(a.view(), posed.a, b.view(), posed.b);
     EXPECT_EQ(is_certified(answer.status), answer.missing_a.empty() && answer.missing_b.empty());
@@ -81,8 +67,8 @@ TEST_P(QueryPair, SwappedBodiesGiveTheMirroredAnswer) {
     SCOPED_TRACE(seed);
     Random random(seed);
     LocalModel a(a_.store, a_.header.grid), b(b_.store, b_.header.grid);
-    refine_at_random(a, random);
-    refine_at_random(b, random);
+    test::refine_at_random(a, random);
+    test::refine_at_random(b, random);
     const PosedPair posed = test::near_pose(random, a_, b_);
     const Answer answer = query(a.view(), posed.a, b.view(), posed.b);
     const Answer mirrored = query(b.view(), posed.b, a.view(), posed.a);
@@ -99,8 +85,8 @@ TEST_P(QueryPair, ALimitCutsTheListAndSaysSo) {
     SCOPED_TRACE(seed);
     Random random(seed);
     LocalModel a(a_.store, a_.header.grid), b(b_.store, b_.header.grid);
-    refine_at_random(a, random);
-    refine_at_random(b, random);
+    test::refine_at_random(a, random);
+    test::refine_at_random(b, random);
     const PosedPair posed = test::near_pose(random, a_, b_);
     const Answer all = query(a.view(), posed.a, b.view(), posed.b);
     EXPECT_EQ(all.pair_total, all.pairs.size());
@@ -121,7 +107,7 @@ TEST_P(QueryPair, NoFaceBelowAMissingNodeIsFartherThanTheUncertainty) {
     SCOPED_TRACE(seed);
     Random random(seed);
     LocalModel a(a_.store, a_.header.grid), b(b_.store, b_.header.grid);
-    refine_at_random(a, random);
+    test::refine_at_random(a, random);
     const PosedPair posed = test::near_pose(random, a_, b_);
     const Answer answer = query(a.view(), posed.a, b.view(), posed.b);
     const auto expect_near = [&](const BakedModel& model, const std::vector<NodeSpan>& missing) {
@@ -164,8 +150,8 @@ TEST_P(QueryPair, EarlyContactOfAnyIsNeverWrong) {
     SCOPED_TRACE(seed);
     Random random(seed);
     LocalModel a(a_.store, a_.header.grid), b(b_.store, b_.header.grid);
-    refine_at_random(a, random);
-    refine_at_random(b, random);
+    test::refine_at_random(a, random);
+    test::refine_at_random(b, random);
     const PosedPair posed = test::near_pose(random, a_, b_);
     const Answer full =
         query(full_a.tree.view(), posed.a, full_b.tree.view(), posed.b, {.any = true});
@@ -235,7 +221,7 @@ TEST_P(Clearance, NeverExceedsTheTrueDistance) {
     Random random(seed);
     const PosedPair posed = apart_pose(random, model_a, model_b);
     LocalModel a(model_a.store, model_a.header.grid), b(model_b.store, model_b.header.grid);
-    if (seed % 2 == 0) refine_at_random(a, random);
+    if (seed % 2 == 0) test::refine_at_random(a, random);
     const Result<Answer> answer =
         certify(a, posed.a, test::no_require, b, posed.b, test::no_require, {});
     ASSERT_TRUE(answer.is_ok()) << answer.status().message();
