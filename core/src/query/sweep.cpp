@@ -65,7 +65,7 @@ class Sweep {
   }
 
   Result<SweptAnswer> run() {
-    advance(0, 0, {{a_.tree.root, b_.tree.root}});
+    advance(level_of_first_contact(), 0, {{a_.tree.root, b_.tree.root}});
     if (!status_.is_ok()) return status_;
     finish();
     return std::move(answer_);
@@ -83,10 +83,10 @@ class Sweep {
   /// An interval, and the drift about its middle without the turns.
   struct View {
     int level;
-    std::uint64_t first, middle, last;  ///< instants
+    std::uint64_t first, middle;  ///< instants
     double start_s, half_s;
-    RelativeFrame b_in_a, a_in_b;  ///< the latter at the finest level only
-    Vec3 along_a, along_b;         ///< the way of half the interval, in each one's grid units
+    RelativeFrame b_in_a, a_in_b;
+    Vec3 along_a, along_b;  ///< the way of half the interval, in each one's grid units
     double along_m;
   };
 
@@ -94,6 +94,27 @@ class Sweep {
     const double reach = reach_m(*x.tree.grid, x.tree.nodes[x.tree.root].box);
     return placing_error_m(x.motion, reach, options_.duration_s) +
            posing_error_m(x.motion, reach, options_.duration_s, *x.tree.grid, lattice_);
+  }
+
+  /// Tests the last instant, and as long as there is contact, the middle of what is before: nothing later matters then.
+  /// The level of which the first interval is left to look at.
+  int level_of_first_contact() {
+    int level = 0;
+    for (std::uint64_t instant = last_instant_; instant > 1 && touches_at(instant); instant /= 2) {
+      answer_.hit_s = seconds(instant);
+      if (instant < last_instant_) ++level;
+    }
+    return level;
+  }
+
+  bool touches_at(std::uint64_t instant) {
+    Posed posed;
+    if (!pose_both(instant, posed)) return false;
+    const Answer there =
+        query(a_.tree, posed.a, b_.tree, posed.b, {.any = true, .clearance = false});
+    answer_.stats.box_tests += there.stats.box_tests;
+    answer_.stats.triangle_tests += there.stats.triangle_tests;
+    return there.status == AnswerStatus::kContact;
   }
 
   [[nodiscard]] double seconds(std::uint64_t instant) const {
@@ -134,7 +155,6 @@ class Sweep {
     view.level = level;
     view.first = first;
     view.middle = first + length / 2;
-    view.last = first + length;
     view.start_s = seconds(first);
     view.half_s = seconds(length / 2) + 0x1p-51 * options_.duration_s;
     const Pose pose_a = pose_at(a_.motion, seconds(view.middle));
@@ -145,7 +165,6 @@ class Sweep {
     for (std::size_t k = 0; k < 3; ++k) along[k] = velocity_[k] * view.half_s;
     view.along_a = to_grid_units(grid_a, pose_a, along);
     view.along_m = length_bound(along);
-    if (!is_finest(view)) return;
     view.a_in_b = make_relative_frame(grid_b, pose_b, grid_a, pose_a);
     view.along_b = to_grid_units(grid_b, pose_b, along);
   }
@@ -167,14 +186,26 @@ class Sweep {
     const Drift drift = in_units(view.b_in_a, view.along_a, around_m);
     if (boxes_stay_apart(view.b_in_a, drift, box_a, box_b)) return;
 
+    // Faces are often much smaller than their boxes.
+    if (ka == Kind::kFaces && kb != Kind::kFaces &&
+        stays_clear(view.a_in_b, in_units(view.a_in_b, view.along_b, around_m), box_b, a_.tree, na))
+      return;
+    if (kb == Kind::kFaces && ka != Kind::kFaces &&
+        stays_clear(view.b_in_a, drift, box_a, b_.tree, nb))
+      return;
     const bool finest = is_finest(view);
     const double size_a = size_m(a_.tree, na), size_b = size_m(b_.tree, nb);
-    const bool time_first = !finest && view.along_m + around_m > std::max(size_a, size_b);
-    if (!time_first && ka == Kind::kInner && (kb != Kind::kInner || size_a >= size_b)) {
+    const bool inner_a = ka == Kind::kInner, inner_b = kb == Kind::kInner;
+    const bool opens_a = inner_a && (!inner_b || size_a >= size_b);
+    // The greater cause first: the box to open, or the way.
+    const double way_m = view.along_m + around_m;
+    if (!finest && (inner_a || inner_b) && way_m > (opens_a ? size_a : size_b)) {
+      left.push_back(pair);
+    } else if (opens_a) {
       // Pushed in reverse, so that the first child is taken first.
       stack_.push_back({na.first + 1, pair.b});
       stack_.push_back({na.first, pair.b});
-    } else if (!time_first && kb == Kind::kInner) {
+    } else if (inner_b) {
       stack_.push_back({pair.a, nb.first + 1});
       stack_.push_back({pair.a, nb.first});
     } else if (ka == Kind::kFaces && kb == Kind::kFaces) {
@@ -195,10 +226,8 @@ class Sweep {
         add_missing(nb, view, known_b_, missing_b_);
       }
     } else if (ka == Kind::kFrontier) {
-      if (!stays_clear(view.b_in_a, drift, box_a, b_.tree, nb))
-        add_missing(na, view, known_a_, missing_a_);
-    } else if (!stays_clear(view.a_in_b, in_units(view.a_in_b, view.along_b, around_m), box_b,
-                            a_.tree, na)) {
+      add_missing(na, view, known_a_, missing_a_);
+    } else {
       add_missing(nb, view, known_b_, missing_b_);
     }
   }
@@ -238,7 +267,6 @@ class Sweep {
         apart = false;
         if (finest) test_at(view.first, start_, fa, fb);
         test_at(view.middle, mids_[static_cast<std::size_t>(view.level)], fa, fb);
-        if (finest && view.last == last_instant_) test_at(view.last, end_, fa, fb);
       }
     }
     return apart;
@@ -303,7 +331,8 @@ class Sweep {
     };
     list(missing_a_, answer_.missing_a);
     list(missing_b_, answer_.missing_b);
-    const bool complete = answer_.missing_a.empty() && answer_.missing_b.empty();
+    const bool complete =
+        answer_.missing_a.empty() && answer_.missing_b.empty() && !answer_.exhausted;
     if (answer_.hit_s < kNever) {
       answer_.status = complete ? AnswerStatus::kContact : AnswerStatus::kPartial;
     } else if (undecided_s_ == kNever) {
@@ -321,7 +350,7 @@ class Sweep {
 
   std::vector<View> views_;  ///< one a level
   std::vector<Posed> mids_;
-  Posed start_, end_;
+  Posed start_;
   std::vector<Pair> stack_;
   std::unordered_set<std::uint32_t> known_a_, known_b_;  // by first vertex; membership only
   std::vector<Missing> missing_a_, missing_b_;

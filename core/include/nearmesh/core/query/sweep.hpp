@@ -30,7 +30,7 @@ struct SweepOptions {
 struct SweptAnswer {
   /// kFree: certified free at every instant of [0, duration].
   /// kContact: free on [0, free_until_s), in contact at hit_s; nothing missing could touch earlier than hit_s.
-  /// kPartial: the same bracket, but what is missing might touch earlier than hit_s.
+  /// kPartial: the same bracket, but what is missing, or was not looked at (`exhausted`), might touch earlier than hit_s.
   /// kUncertain: no contact was found, but what is missing might touch, or something that is here comes closer than the
   /// finest step (or max_tests) resolves.
   AnswerStatus status = AnswerStatus::kUncertain;
