@@ -16,6 +16,8 @@
 //    r_j consists of entries of r_j) with coordinates, so its error is at most 64u M |n|,
 //    near-parallel edges included. The edge r_j itself projects on e_i x r_j to at most its own
 //    rounding.
+// 4. A drift moves projections on n by at most |n . along| + around |n|; what doubles add to that is
+//    below 128u (|along|_1 + around) |n|, and `reach` puts it into `around`.
 // Hence slack = 1.7322 c + 128u M, and growing A's half extents by the slack on each axis grows the
 // projection by slack |n|_1 >= slack |n|_2: enough for every axis, with no further constants.
 #include "nearmesh/core/geometry/box_overlap.hpp"
@@ -103,6 +105,38 @@ double least_stretch(const Mat3& m) {
   return std::sqrt(1 - std::min(1.0, std::sqrt(off) + 0x1p-48)) * kGapShrink;
 }
 
+/// A relative frame but for its slack. offset: from A's grid origin to B's, in A's units, not turned.
+RelativeFrame relate(const Mat3& rotation_a, const Mat3& rotation_b, const Vec3& offset,
+                     int exponent_a, int exponent_b) {
+  const Mat3 inverse_a = inverse_of(rotation_a);
+  const double scale = std::ldexp(1.0, exponent_b - exponent_a);
+  RelativeFrame f;
+  f.rotation = multiply(inverse_a, rotation_b);
+  for (double& entry : f.rotation) entry *= scale;
+  f.translation = apply(inverse_a, offset);
+  f.inverse = inverse_of(f.rotation);
+  f.abs_rotation = absolute(f.rotation);
+  f.abs_inverse = absolute(f.inverse);
+  f.abs_cofactor = absolute(cofactors(f.rotation));
+  f.metres_per_unit = std::ldexp(1.0, exponent_a);
+  f.least_metres_per_unit = f.metres_per_unit * least_stretch(rotation_a);
+  f.least_metres_per_b_unit = std::ldexp(1.0, exponent_b) * least_stretch(rotation_b);
+  return f;
+}
+
+/// M of the slack.
+double magnitude_of(int exponent_a, int exponent_b, const Vec3& offset) {
+  return std::abs(offset[0]) + std::abs(offset[1]) + std::abs(offset[2]) +
+         kInt32Magnitude * (1 + std::ldexp(1.0, exponent_b - exponent_a));
+}
+
+/// `around`, with what doubles may add to the drift.
+double reach(const Drift& drift) {
+  const double along =
+      std::abs(drift.along[0]) + std::abs(drift.along[1]) + std::abs(drift.along[2]);
+  return drift.around + kDoubleRounding * (drift.around + along);
+}
+
 /// Box a grown by the slack, box b, and the vector from a's centre to b's.
 struct BoxPair {
   Vec3 between;
@@ -110,12 +144,12 @@ struct BoxPair {
   const Vec3& hb;
 };
 
-BoxPair pair_up(const RelativeFrame& f, const CenteredBox& a, const CenteredBox& b) {
+BoxPair pair_up(const RelativeFrame& f, const CenteredBox& a, const CenteredBox& b, double grow) {
   const Vec3 mapped = apply(f.rotation, b.center);
   BoxPair pair{{}, {}, b.half};
   for (std::size_t k = 0; k < 3; ++k) {
     pair.between[k] = mapped[k] + f.translation[k] - a.center[k];
-    pair.ha[k] = a.half[k] + f.slack;
+    pair.ha[k] = a.half[k] + grow;
   }
   return pair;
 }
@@ -213,6 +247,29 @@ void offer_corner_faces(const DoubleTriangle& from, const DoubleTriangle& to, do
   }
 }
 
+/// The direction between the closest edges, or corner and face, as well as doubles find it.
+Shortest shortest_between(const DoubleTriangle& a, const DoubleTriangle& b) {
+  Shortest best;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const Vec3 u = sub(a[(i + 1) % 3], a[i]);
+    for (std::size_t j = 0; j < 3; ++j) offer_edges(a[i], u, b[j], sub(b[(j + 1) % 3], b[j]), best);
+  }
+  offer_corner_faces(a, b, 1, best);
+  offer_corner_faces(b, a, -1, best);
+  return best;
+}
+
+/// From the end of a to the start of b on the axis n, times its length.
+double gap_along(const Vec3& n, const DoubleTriangle& a, const DoubleTriangle& b) {
+  double a_end = dot(n, sub(a[0], a[0]));
+  double b_start = dot(n, sub(b[0], a[0]));
+  for (std::size_t i = 1; i < 3; ++i) {
+    a_end = std::max(a_end, dot(n, sub(a[i], a[0])));
+    b_start = std::min(b_start, dot(n, sub(b[i], a[0])));
+  }
+  return b_start - a_end;
+}
+
 }  // namespace
 
 CenteredBox centered(const GridBox& box) {
@@ -228,35 +285,47 @@ CenteredBox centered(const GridBox& box) {
 
 RelativeFrame make_relative_frame(const PosedFrame& a, const PosedFrame& b) {
   NEARMESH_ASSERT(a.lattice_exp == b.lattice_exp);
-  const Mat3 rotation_a = unit_rotation(a);
-  const Mat3 rotation_b = unit_rotation(b);
-  const Mat3 inverse_a = inverse_of(rotation_a);
-  const double scale = std::ldexp(1.0, b.grid.exponent - a.grid.exponent);
   const double cell = std::ldexp(1.0, a.lattice_exp - a.grid.exponent);
-
-  RelativeFrame f;
-  f.rotation = multiply(inverse_a, rotation_b);
-  for (double& entry : f.rotation) entry *= scale;
   Vec3 offset;
   for (std::size_t k = 0; k < 3; ++k)  // |translation| < 2^62 each: the difference fits
     offset[k] = static_cast<double>(b.translation[k] - a.translation[k]) * cell;
-  f.translation = apply(inverse_a, offset);
-  f.inverse = inverse_of(f.rotation);
-  f.abs_rotation = absolute(f.rotation);
-  f.abs_inverse = absolute(f.inverse);
-  f.abs_cofactor = absolute(cofactors(f.rotation));
-
-  const double magnitude = std::abs(offset[0]) + std::abs(offset[1]) + std::abs(offset[2]) +
-                           kInt32Magnitude * (1 + scale);
-  f.slack = kPosedRounding * cell + kDoubleRounding * magnitude;
-  f.metres_per_unit = std::ldexp(1.0, a.grid.exponent);
-  f.least_metres_per_unit = f.metres_per_unit * least_stretch(rotation_a);
-  f.least_metres_per_b_unit = std::ldexp(1.0, b.grid.exponent) * least_stretch(rotation_b);
+  RelativeFrame f =
+      relate(unit_rotation(a), unit_rotation(b), offset, a.grid.exponent, b.grid.exponent);
+  f.slack = kPosedRounding * cell +
+            kDoubleRounding * magnitude_of(a.grid.exponent, b.grid.exponent, offset);
   return f;
 }
 
+RelativeFrame make_relative_frame(const Grid& grid_a, const Pose& pose_a, const Grid& grid_b,
+                                  const Pose& pose_b) {
+  const double unit_m = std::ldexp(1.0, grid_a.exponent);
+  const Vec3 origin_a = apply(pose_a.rotation, grid_a.origin_m);
+  const Vec3 origin_b = apply(pose_b.rotation, grid_b.origin_m);
+  Vec3 offset;
+  double terms = 0;  // what rounds before the difference is taken
+  for (std::size_t k = 0; k < 3; ++k) {
+    offset[k] =
+        ((pose_b.translation_m[k] - pose_a.translation_m[k]) + (origin_b[k] - origin_a[k])) /
+        unit_m;
+    terms += 2 * (std::abs(grid_a.origin_m[k]) + std::abs(grid_b.origin_m[k])) +
+             std::abs(pose_b.translation_m[k] - pose_a.translation_m[k]);
+  }
+  RelativeFrame f =
+      relate(pose_a.rotation, pose_b.rotation, offset, grid_a.exponent, grid_b.exponent);
+  f.slack =
+      kDoubleRounding * (magnitude_of(grid_a.exponent, grid_b.exponent, offset) + terms / unit_m);
+  return f;
+}
+
+std::array<double, 3> to_grid_units(const Grid& grid, const Pose& pose,
+                                    const std::array<double, 3>& vector_world_m) {
+  const Vec3 v = apply(inverse_of(pose.rotation), vector_world_m);
+  const double unit_m = std::ldexp(1.0, grid.exponent);
+  return {v[0] / unit_m, v[1] / unit_m, v[2] / unit_m};
+}
+
 bool boxes_apart(const RelativeFrame& f, const CenteredBox& a, const CenteredBox& b) {
-  const BoxPair pair = pair_up(f, a, b);
+  const BoxPair pair = pair_up(f, a, b, f.slack);
   for (std::size_t i = 0; i < 3; ++i)
     if (gap_on_a(f, pair, i) > 0) return true;
   for (std::size_t i = 0; i < 3; ++i)
@@ -267,8 +336,28 @@ bool boxes_apart(const RelativeFrame& f, const CenteredBox& a, const CenteredBox
   return false;
 }
 
+bool boxes_stay_apart(const RelativeFrame& f, const Drift& drift, const CenteredBox& a,
+                      const CenteredBox& b) {
+  const BoxPair pair = pair_up(f, a, b, f.slack + reach(drift));
+  const Vec3& d = drift.along;
+  for (std::size_t i = 0; i < 3; ++i)
+    if (gap_on_a(f, pair, i) > std::abs(d[i])) return true;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const double* n = f.inverse.data() + 3 * i;
+    if (gap_on_b(f, pair, i) > std::abs(n[0] * d[0] + n[1] * d[1] + n[2] * d[2])) return true;
+  }
+  for (std::size_t i = 0; i < 3; ++i)
+    for (std::size_t j = 0; j < 3; ++j) {
+      const std::size_t i1 = (i + 1) % 3;
+      const std::size_t i2 = (i + 2) % 3;
+      const double moved = f.rotation[3 * i1 + j] * d[i2] - f.rotation[3 * i2 + j] * d[i1];
+      if (gap_on_edges(f, pair, i, j) > std::abs(moved)) return true;
+    }
+  return false;
+}
+
 double boxes_gap_m(const RelativeFrame& f, const CenteredBox& a, const CenteredBox& b) {
-  const BoxPair pair = pair_up(f, a, b);
+  const BoxPair pair = pair_up(f, a, b, f.slack);
   // a's axes are orthonormal in A's units, b's normals in B's, so gaps along them add as squares.
   double on_a = 0;
   double on_b = 0;
@@ -343,24 +432,35 @@ bool box_triangle_apart(const RelativeFrame& f, const CenteredBox& a, const Doub
 }
 
 double triangles_gap_m(const RelativeFrame& f, const DoubleTriangle& a, const DoubleTriangle& b) {
-  Shortest best;
-  for (std::size_t i = 0; i < 3; ++i) {
-    const Vec3 u = sub(a[(i + 1) % 3], a[i]);
-    for (std::size_t j = 0; j < 3; ++j) offer_edges(a[i], u, b[j], sub(b[(j + 1) % 3], b[j]), best);
-  }
-  offer_corner_faces(a, b, 1, best);
-  offer_corner_faces(b, a, -1, best);
+  const Shortest best = shortest_between(a, b);
   if (!(best.squared > 0)) return 0;
-
-  const Vec3& n = best.vector;
-  double a_end = dot(n, sub(a[0], a[0]));
-  double b_start = dot(n, sub(b[0], a[0]));
-  for (std::size_t i = 1; i < 3; ++i) {
-    a_end = std::max(a_end, dot(n, sub(a[i], a[0])));
-    b_start = std::min(b_start, dot(n, sub(b[i], a[0])));
-  }
-  const double gap = (b_start - a_end) / std::sqrt(best.squared) - f.slack;
+  const double gap = gap_along(best.vector, a, b) / std::sqrt(best.squared) - f.slack;
   return positive(gap) * f.least_metres_per_unit * kGapShrink;
+}
+
+bool box_triangle_stay_apart(const RelativeFrame& f, const Drift& drift, const CenteredBox& a,
+                             const DoubleTriangle& t) {
+  CenteredBox grown = a;
+  for (std::size_t k = 0; k < 3; ++k) grown.half[k] += reach(drift) + std::abs(drift.along[k]);
+  return box_triangle_apart(f, grown, t);
+}
+
+bool triangles_stay_apart(const RelativeFrame& f, const Drift& drift, const DoubleTriangle& a,
+                          const DoubleTriangle& b) {
+  const Vec3& d = drift.along;
+  const double grow = f.slack + reach(drift);
+  for (std::size_t k = 0; k < 3; ++k) {
+    const double needed = grow + std::abs(d[k]);
+    const double lo_a = std::min(std::min(a[0][k], a[1][k]), a[2][k]);
+    const double hi_a = std::max(std::max(a[0][k], a[1][k]), a[2][k]);
+    const double lo_b = std::min(std::min(b[0][k], b[1][k]), b[2][k]);
+    const double hi_b = std::max(std::max(b[0][k], b[1][k]), b[2][k]);
+    if (lo_b - hi_a > needed || lo_a - hi_b > needed) return true;
+  }
+  const Shortest best = shortest_between(a, b);
+  if (!(best.squared > 0)) return false;
+  const double gap = gap_along(best.vector, a, b) - std::abs(dot(best.vector, d));
+  return gap / std::sqrt(best.squared) * kGapShrink > grow;
 }
 
 }  // namespace nearmesh

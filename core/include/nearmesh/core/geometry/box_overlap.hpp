@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Conservative separation tests between boxes and triangles of two posed models. "Apart" is always
+// Conservative separation tests between boxes and triangles of two posed models, at rest or adrift. "Apart" is always
 // true of the posed integer geometry (pose_point): rounding of posed vertices and of doubles is
 // inside the slack. Plain double arithmetic without contraction: the same outcome on every machine.
 // Source: Gottschalk, Lin, Manocha 1996, section 5 (fifteen axes); ours assumes no orthonormality
@@ -37,6 +37,14 @@ struct RelativeFrame {
 /// Both frames on one lattice (asserted). Exact integer difference of translations, then doubles.
 [[nodiscard]] RelativeFrame make_relative_frame(const PosedFrame& a, const PosedFrame& b);
 
+/// The same of the rigid placements themselves, as far as doubles go: `slack` holds no rounding of
+/// posed vertices. Precondition: check_pose would accept the poses.
+[[nodiscard]] RelativeFrame make_relative_frame(const Grid& grid_a, const Pose& pose_a,
+                                                const Grid& grid_b, const Pose& pose_b);
+/// A vector (a velocity, a way) from the world's metres to the grid units of a placed model.
+[[nodiscard]] std::array<double, 3> to_grid_units(const Grid& grid, const Pose& pose,
+                                                  const std::array<double, 3>& vector_world_m);
+
 /// True when box a (A's grid) and box b (B's grid) are certainly apart: no posed triangle with
 /// corners in a meets one with corners in b. 15 separating axes; false proves nothing.
 [[nodiscard]] bool boxes_apart(const RelativeFrame& f, const CenteredBox& a, const CenteredBox& b);
@@ -62,5 +70,23 @@ using DoubleTriangle = std::array<std::array<double, 3>, 3>;
 /// the slack; 0 if none. Within the slack of the true distance but for near-parallel closest edges.
 [[nodiscard]] double triangles_gap_m(const RelativeFrame& f, const DoubleTriangle& a,
                                      const DoubleTriangle& b);
+
+/// How B may move against A: as a whole by s * along, s in [-1, 1], and every point besides by at
+/// most `around`, any way. A's grid units.
+struct Drift {
+  std::array<double, 3> along{};
+  double around = 0;
+};
+
+/// boxes_apart for every place to which the drift may take the boxes.
+[[nodiscard]] bool boxes_stay_apart(const RelativeFrame& f, const Drift& drift,
+                                    const CenteredBox& a, const CenteredBox& b);
+/// Box a (A's grid) and triangle t (B's, by to_a_units) stay apart under the drift.
+[[nodiscard]] bool box_triangle_stay_apart(const RelativeFrame& f, const Drift& drift,
+                                           const CenteredBox& a, const DoubleTriangle& t);
+/// Triangles a (A's) and b (B's), both in A's grid units, stay apart under the drift: tried along
+/// A's axes and the direction between their closest edges, or corner and face.
+[[nodiscard]] bool triangles_stay_apart(const RelativeFrame& f, const Drift& drift,
+                                        const DoubleTriangle& a, const DoubleTriangle& b);
 
 }  // namespace nearmesh

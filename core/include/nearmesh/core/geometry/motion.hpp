@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// A body at an instant: where it is and how it moves.
+// A body at an instant: where it is and how it moves; and where that motion takes it. Deterministic: + - * / and sqrt
+// only, so every machine gets the same pose for the same instant.
+
+#include <string_view>
 
 #include "nearmesh/core/geometry/pose.hpp"
 
@@ -12,5 +15,42 @@ struct Motion {
   std::array<double, 3> linear_velocity_mps{};
   std::array<double, 3> angular_velocity_radps{};
 };
+
+/// Checks a motion from outside. Errors: as check_pose; kInvalidArgument, naming `body`, where a velocity's component is
+/// not finite or beyond 1e9.
+[[nodiscard]] Status check_motion(const Motion& motion, std::string_view body);
+
+/// The farthest turn that pose_at follows, radians (166,886 turns).
+inline constexpr double kMaxTurnRad = 0x1p20;
+
+/// The pose after dt_s, may be negative: x(t) = exp([w] dt) R0 x + T0 + v dt, with v and w the motion's velocities.
+/// Exactly the given pose at dt_s = 0, and exactly its rotation where the body does not turn.
+/// Error: the rotation, as an operator and hence in each entry, is within pose_rotation_error(|w dt|) of the true one;
+/// the translation within 2^-50 (|T0| + |v dt|) metres.
+/// Precondition: check_motion accepted the motion, |w dt| <= kMaxTurnRad (asserted).
+[[nodiscard]] Pose pose_at(const Motion& motion, double dt_s);
+
+/// Bound of the error of a rotation by pose_at after a turn of so many radians: (64 + 320 turn) 2^-53.
+[[nodiscard]] constexpr double pose_rotation_error(double turn_rad) {
+  return (64 + 320 * turn_rad) * 0x1p-53;
+}
+
+/// Length, rounded up.
+[[nodiscard]] double length_bound(const std::array<double, 3>& v);
+
+/// Greatest distance of a point of the box from the model's origin, about which the body turns; metres, rounded up.
+[[nodiscard]] double reach_m(const Grid& grid, const GridBox& box);
+
+/// Upper bound of the speed of any point that lies within reach_m of the model's origin: |v| + |w| reach. m/s
+[[nodiscard]] double speed_bound_mps(const Motion& motion, double reach_m);
+
+/// How far pose_at's pose may place a point within reach_m of the origin from where the motion truly takes it, at any
+/// instant of [0, duration_s]. Metres.
+[[nodiscard]] double placing_error_m(const Motion& motion, double reach_m, double duration_s);
+
+/// The same for a point of a posed triangle: make_posed_frame of pose_at, then pose_point, on the given lattice.
+/// Less than 1.8 lattice cells and some 2^-29 of the reach, where turns and speeds are ordinary.
+[[nodiscard]] double posing_error_m(const Motion& motion, double reach_m, double duration_s,
+                                    const Grid& grid, int lattice_exp);
 
 }  // namespace nearmesh

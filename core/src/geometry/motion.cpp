@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: Apache-2.0
+// Where a motion takes a body, and how exactly we know it.
+//
+// The error of pose_at. u = 2^-53, turn = |w dt|.
+// 1. phi = w dt errs by u of each component: the angle by u turn.
+// 2. phi is halved k times until |phi| <= 1/4, so 2^k <= max(1, 8 turn). The series of the quaternion's cosine and sine
+//    are cut where the first term left out is below 2^-64; with rounding the quaternion errs by less than 3u.
+// 3. Each squaring doubles the error and adds less than 5u: after k of them it is below 8u 2^k.
+// 4. A unit quaternion's error d turns into 4d of its matrix as an operator (2d, doubled by the division by q.q, which
+//    removes any error of the length); computing the entries adds less than 10u, and the product with R0 less than 10u.
+// Together below u (turn + 32 max(1, 8 turn) + 20) < u (64 + 320 turn).
+#include "nearmesh/core/geometry/motion.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+namespace nearmesh {
+namespace {
+
+using Vec3 = std::array<double, 3>;
+
+constexpr double kMaxVelocity = 1e9;
+/// Covers the rounding of the few operations of a bound.
+constexpr double kRoundUp = 1 + 0x1p-48;
+/// The most by which a rotation that check_pose accepts stretches: |R^T R - I| <= 1e-5 an entry, and rounding.
+constexpr double kStretch = 1.0001;
+
+double dot(const Vec3& u, const Vec3& v) { return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]; }
+
+/// exp([phi]), row-major.
+std::array<double, 9> turn_by(const Vec3& phi) {
+  double square = dot(phi, phi);
+  double scale = 1;
+  int halvings = 0;
+  for (; square > 0x1p-4; ++halvings) {  // at most 22 times: |phi| <= 2^20
+    square *= 0.25;
+    scale *= 0.5;
+  }
+  const double x = square / 4;  // of half the angle; at most 2^-6
+  double w = 1 + x * (-1.0 / 2 +
+                      x * (1.0 / 24 + x * (-1.0 / 720 + x * (1.0 / 40320 - x * (1.0 / 3628800)))));
+  const double sine =
+      1 + x * (-1.0 / 6 +
+               x * (1.0 / 120 + x * (-1.0 / 5040 + x * (1.0 / 362880 - x * (1.0 / 39916800)))));
+  Vec3 v;
+  for (std::size_t k = 0; k < 3; ++k) v[k] = 0.5 * scale * phi[k] * sine;
+  for (; halvings > 0; --halvings) {
+    const double doubled = 2 * w;
+    w = w * w - dot(v, v);
+    for (double& c : v) c *= doubled;
+  }
+  const double n = 2 / (w * w + dot(v, v));
+  const auto [a, b, c] = v;
+  return {1 - n * (b * b + c * c), n * (a * b - c * w),     n * (a * c + b * w),
+          n * (a * b + c * w),     1 - n * (a * a + c * c), n * (b * c - a * w),
+          n * (a * c - b * w),     n * (b * c + a * w),     1 - n * (a * a + b * b)};
+}
+
+}  // namespace
+
+Status check_motion(const Motion& motion, std::string_view body) {
+  NEARMESH_RETURN_IF_ERROR(check_pose(motion.pose, body));
+  for (const Vec3& v : {motion.linear_velocity_mps, motion.angular_velocity_radps})
+    for (const double x : v)
+      if (!(std::abs(x) <= kMaxVelocity))
+        return {StatusCode::kInvalidArgument, "motion of " + std::string(body) +
+                                                  ": a velocity is not a finite number within 1e9"};
+  return Status::ok();
+}
+
+Pose pose_at(const Motion& motion, double dt_s) {
+  Pose pose = motion.pose;
+  if (dt_s == 0) return pose;
+  for (std::size_t k = 0; k < 3; ++k) pose.translation_m[k] += motion.linear_velocity_mps[k] * dt_s;
+  Vec3 phi;
+  for (std::size_t k = 0; k < 3; ++k) phi[k] = motion.angular_velocity_radps[k] * dt_s;
+  if (phi == Vec3{}) return pose;
+  NEARMESH_ASSERT(dot(phi, phi) <= kMaxTurnRad * kMaxTurnRad * kRoundUp);
+  const std::array<double, 9> turn = turn_by(phi);
+  const std::array<double, 9>& from = motion.pose.rotation;
+  for (std::size_t i = 0; i < 3; ++i)
+    for (std::size_t j = 0; j < 3; ++j)
+      pose.rotation[3 * i + j] =
+          turn[3 * i] * from[j] + turn[3 * i + 1] * from[3 + j] + turn[3 * i + 2] * from[6 + j];
+  return pose;
+}
+
+double length_bound(const Vec3& v) { return std::sqrt(dot(v, v)) * kRoundUp; }
+
+double reach_m(const Grid& grid, const GridBox& box) {
+  Vec3 farthest;
+  for (int k = 0; k < 3; ++k) {
+    const auto axis = static_cast<std::size_t>(k);
+    const double lo = grid.origin_m[axis] + std::ldexp(box.lo[k], grid.exponent);
+    const double hi = grid.origin_m[axis] + std::ldexp(box.hi[k], grid.exponent);
+    farthest[axis] = std::max(std::abs(lo), std::abs(hi));
+  }
+  return length_bound(farthest) * kRoundUp;
+}
+
+double speed_bound_mps(const Motion& motion, double reach) {
+  return (length_bound(motion.linear_velocity_mps) +
+          length_bound(motion.angular_velocity_radps) * reach * kStretch) *
+         kRoundUp;
+}
+
+double placing_error_m(const Motion& motion, double reach, double duration_s) {
+  const double turn = length_bound(motion.angular_velocity_radps) * duration_s;
+  return (pose_rotation_error(turn) * reach * kStretch +
+          0x1p-50 * (length_bound(motion.pose.translation_m) +
+                     length_bound(motion.linear_velocity_mps) * duration_s)) *
+         kRoundUp;
+}
+
+// pose_at's error; each entry of the fixed-point rotation rounded by 2^-31, which the grid's part of the point feels
+// (an operator of at most 3 * 2^-31); the grid's origin turned in doubles; its place and then the vertex rounded to
+// lattice points, sqrt(3)/2 of a cell each.
+double posing_error_m(const Motion& motion, double reach, double duration_s, const Grid& grid,
+                      int lattice_exp) {
+  const double origin = length_bound(grid.origin_m);
+  return (placing_error_m(motion, reach, duration_s) + 3.01 * 0x1p-31 * (reach + origin) +
+          0x1p-49 * (origin + length_bound(motion.pose.translation_m)) +
+          1.7322 * std::ldexp(1.0, lattice_exp)) *
+         kRoundUp;
+}
+
+}  // namespace nearmesh
