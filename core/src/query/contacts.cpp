@@ -16,6 +16,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <tuple>
 
 #include "nearmesh/core/geometry/triangle_intersection.hpp"
 
@@ -194,9 +195,7 @@ double angle_of_chord(double chord) {
 }
 
 void set_normal(const MeanNormal& a, const MeanNormal& b, ContactPatch& patch) {
-  const auto rank = [](const MeanNormal& m) {
-    return std::tuple(m.direction == Vec3{}, m.chord, -m.area, m.direction);
-  };
+  const auto rank = [](const MeanNormal& m) { return std::tuple(m.chord, -m.area, m.direction); };
   patch.normal_is_of_a = rank(a) <= rank(b);
   const MeanNormal& mean = patch.normal_is_of_a ? a : b;
   patch.normal = mean.direction;
