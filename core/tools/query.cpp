@@ -11,7 +11,7 @@ namespace {
 struct Options {
   std::string a, b, poses, method = "certified";
   QueryMethodOptions method_options;
-  bool list_pairs = false, json = false;
+  bool list_pairs = false, json = false, limited = false;
 };
 
 struct PoseRow {
@@ -68,6 +68,19 @@ nlohmann::ordered_json to_json(const PoseRow& row, const MethodAnswer& answer) {
   return line;
 }
 
+nlohmann::ordered_json to_json(const ContactPatch& patch) {
+  nlohmann::ordered_json json = {{"centroid_m", patch.centroid_m},
+                                 {"normal", patch.normal},
+                                 {"normal_of", patch.normal_is_of_a ? "a" : "b"},
+                                 {"normal_error_rad", patch.normal_error_rad},
+                                 {"segments", patch.count},
+                                 {"length_m", patch.length_m},
+                                 {"approximate", patch.approximate},
+                                 {"uncertainty_m", patch.uncertainty_m}};
+  if (patch.normal_error_rad == kNoNormal_rad) json["normal_error_rad"] = nullptr;
+  return json;
+}
+
 Status run(const Options& options) {
   Result<std::vector<PoseRow>> poses = read_poses(options.poses);
   if (!poses.is_ok()) return poses.status();
@@ -103,6 +116,18 @@ Status run(const Options& options) {
         faces.push_back({(*numbers_a)[pair.a].face.value, (*numbers_b)[pair.b].face.value});
       std::sort(faces.begin(), faces.end());
       line["faces"] = faces;
+    }
+    if (options.limited) {
+      line["pair_total"] = answer.value().answer.pair_total;
+      line["truncated"] = answer.value().answer.truncated;
+    }
+    if (options.method_options.contacts) {
+      const Contacts& contacts = answer.value().contacts;
+      nlohmann::ordered_json patches = nlohmann::ordered_json::array();
+      for (const ContactPatch& patch : contacts.patches) patches.push_back(to_json(patch));
+      line["patches"] = patches;
+      line["position_error_m"] = contacts.position_error_m;
+      line["t_contacts_us"] = std::round(answer.value().contacts_s * 1e7) / 10;
     }
     std::printf("%s\n", line.dump().c_str());
     ++by_status[static_cast<std::size_t>(answer.value().answer.status)];
@@ -146,8 +171,20 @@ void add_query(CLI::App& app, Action& chosen) {
       ->add_option("--splits", options->method_options.global_splits,
                    "Splits of each model for --method global")
       ->capture_default_str();
-  command->add_flag("--any", options->method_options.query.any,
-                    "Stop at the first touching pair: contact or not, without the whole set");
+  CLI::Option* any =
+      command->add_flag("--any", options->method_options.query.any,
+                        "Stop at the first touching pair: contact or not, without the whole set");
+  CLI::Option* max_pairs =
+      command
+          ->add_option("--max-pairs", options->method_options.query.max_pairs,
+                       "List at most this many touching pairs, the first in the order of face "
+                       "names; adds pair_total, how many there are, and truncated")
+          ->check(CLI::Range(std::uint64_t{0}, std::uint64_t{0xffffffff}));
+  command
+      ->add_flag("--contacts", options->method_options.contacts,
+                 "Add where the bodies touch: patches with centre, normal from A to B, length, and "
+                 "bounds of their errors, of the listed pairs")
+      ->excludes(any);
   command->add_flag("--solid-a", options->method_options.query.solid_a,
                     "A has an inside: is B in it? For full and certified; A must be closed");
   command->add_flag("--solid-b", options->method_options.query.solid_b,
@@ -155,7 +192,10 @@ void add_query(CLI::App& app, Action& chosen) {
   command->add_flag("--list-pairs", options->list_pairs,
                     "Add the touching faces as pairs of input face numbers, sorted");
   command->add_flag("--json", options->json, "JSON lines only: no summary on standard error");
-  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
+  command->callback([options, max_pairs, &chosen] {
+    options->limited = max_pairs->count() > 0;
+    chosen = [options] { return run(*options); };
+  });
 }
 
 }  // namespace nearmesh::tools

@@ -39,20 +39,31 @@ class FixedMeshes : public QueryMethod {
     result.bytes = bytes_;
     Stopwatch watch;
     result.answer = query(tree_a_.view(), posed.a, tree_b_.view(), posed.b, options_.query);
-    result.query_s = watch.seconds();
+    result.query_s = watch.lap();
+    if (options_.contacts) {
+      result.contacts =
+          splits_ == kAllSplits
+              ? find_contacts(tree_a_.view(), posed.a, tree_b_.view(), posed.b, result.answer)
+              : approximate_contacts(*mesh_a_, posed.a, *mesh_b_, posed.b,
+                                     options_.query.max_pairs);
+      result.contacts_s = watch.seconds();
+    }
     return result;
   }
 
+  static constexpr std::uint32_t kAllSplits = 0xffffffffU;
+
  private:
   Status prepare(MethodAnswer& result) {
-    NEARMESH_RETURN_IF_ERROR(prepare(a_, tree_a_, result));
-    return prepare(b_, tree_b_, result);
+    NEARMESH_RETURN_IF_ERROR(prepare(a_, mesh_a_, tree_a_, result));
+    return prepare(b_, mesh_b_, tree_b_, result);
   }
-  Status prepare(ModelFile& file, TriangleTree& tree, MethodAnswer& result) {
+  Status prepare(ModelFile& file, std::optional<ActiveMesh>& kept, TriangleTree& tree,
+                 MethodAnswer& result) {
     Stopwatch watch;
     if (splits_ > 0) NEARMESH_RETURN_IF_ERROR(file.require_all());
     result.load_s += watch.lap();
-    ActiveMesh mesh(file.store());
+    ActiveMesh& mesh = kept.emplace(file.store());
     RefineDelta delta;
     NEARMESH_RETURN_IF_ERROR(split_all(mesh, global_order(file.store(), splits_), delta));
     result.refine_s += watch.lap();
@@ -69,6 +80,7 @@ class FixedMeshes : public QueryMethod {
   const QueryMethodOptions options_;
   const std::uint32_t splits_;
   bool ready_ = false;
+  std::optional<ActiveMesh> mesh_a_, mesh_b_;
   TriangleTree tree_a_, tree_b_;
   std::uint64_t split_count_ = 0, bytes_ = 0;
 };
@@ -104,6 +116,9 @@ class Certified : public QueryMethod {
     result.splits = a.mesh.split_count() + b.mesh.split_count();
     result.slots = a.tree.stats().slots + b.tree.stats().slots;
     watch.lap();
+    if (options_.contacts)
+      result.contacts = find_contacts(a.view(), posed.a, b.view(), posed.b, result.answer);
+    result.contacts_s = watch.lap();
     result.bytes =
         wire_bytes(a_.header(), a.mesh).value() + wire_bytes(b_.header(), b.mesh).value();
     result.load_s += watch.seconds();
@@ -185,6 +200,12 @@ class PaperGrid : public QueryMethod {
       if (!more) break;
     }
     if (options_.query.any && result.answer.pairs.size() > 1) result.answer.pairs.resize(1);
+    result.answer.truncated = result.answer.pairs.size() > options_.query.max_pairs;
+    if (result.answer.truncated) result.answer.pairs.resize(options_.query.max_pairs);
+    if (options_.contacts)
+      result.contacts =
+          approximate_contacts(mesh_a, posed.a, mesh_b, posed.b, options_.query.max_pairs);
+    result.contacts_s = watch.lap();
     result.splits = mesh_a.split_count() + mesh_b.split_count();
     result.bytes =
         wire_bytes(a_.header(), mesh_a).value() + wire_bytes(b_.header(), mesh_b).value();
@@ -236,7 +257,7 @@ Result<std::unique_ptr<QueryMethod>> make_query_method(const std::string& name, 
     if (options.query.solid_b) NEARMESH_RETURN_IF_ERROR(check_solid(b.header(), "B"));
   }
   if (name == "full") {
-    method = std::make_unique<FixedMeshes>(a, b, options, 0xffffffffU);
+    method = std::make_unique<FixedMeshes>(a, b, options, FixedMeshes::kAllSplits);
   } else if (name == "base") {
     method = std::make_unique<FixedMeshes>(a, b, options, 0);
   } else if (name == "global") {

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "nearmesh/core/query/certify.hpp"
+#include "nearmesh/core/query/contacts.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
 
 namespace nearmesh::tools {
@@ -13,6 +14,7 @@ namespace nearmesh::tools {
 struct QueryMethodOptions {
   QueryOptions query{.any = false, .clearance = false};
   std::uint32_t global_splits = 16384;
+  bool contacts = false;  ///< fill MethodAnswer::contacts
 };
 
 /// An answer with what it cost. For full, base and global, whose meshes are the same in every pose, loading, refining and
@@ -22,6 +24,8 @@ struct MethodAnswer {
   std::uint64_t splits = 0, slots = 0;  ///< held, both models
   std::uint64_t bytes = 0;  ///< batches on the wire with their framing, both models; no headers
   double refine_s = 0, tree_s = 0, query_s = 0, load_s = 0;
+  Contacts contacts;  ///< of the meshes that the method tested; flagged where those are not exact
+  double contacts_s = 0;
 };
 
 class QueryMethod {

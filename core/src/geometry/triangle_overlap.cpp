@@ -7,14 +7,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "exact.hpp"
+
 namespace nearmesh {
 namespace {
-
-__extension__ typedef __int128 Int128;
-using Whole3 = std::array<std::int64_t, 3>;
-using Double3 = std::array<double, 3>;
-using Wide3 = std::array<Int128, 3>;
-using Signs = std::array<int, 3>;
 
 // A 3x3 determinant of differences up to E is at most 6 E^3.
 constexpr std::int64_t kDoubleExact = std::int64_t{1} << 16;      ///< 6 E^3 < 2^53
@@ -99,26 +95,6 @@ TrianglePair make_pair(const LatticeTriangle& a, const LatticeTriangle& b, const
   return pair;
 }
 
-template <class To, class From>
-std::array<To, 3> subtract(const std::array<From, 3>& p, const std::array<From, 3>& q) {
-  return {static_cast<To>(p[0] - q[0]), static_cast<To>(p[1] - q[1]), static_cast<To>(p[2] - q[2])};
-}
-
-template <class T>
-std::array<T, 3> cross(const std::array<T, 3>& u, const std::array<T, 3>& v) {
-  return {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
-}
-
-template <class T>
-T dot(const std::array<T, 3>& u, const std::array<T, 3>& v) {
-  return u[0] * v[0] + u[1] * v[1] + u[2] * v[2];
-}
-
-template <class T>
-int sign(T x) {
-  return (x > 0) - (x < 0);
-}
-
 template <class Int>
 int exact_orientation(const Whole3& o, const Whole3& p, const Whole3& q, const Whole3& r) {
   return sign(dot(cross(subtract<Int>(p, o), subtract<Int>(q, o)), subtract<Int>(r, o)));
@@ -173,29 +149,6 @@ bool certainly_one_side(const Double3& h, double bound) {
 
 bool strictly_one_side(const Signs& s) { return s[0] != 0 && s[0] == s[1] && s[1] == s[2]; }
 
-bool all_zero(const Signs& s) { return (s[0] | s[1] | s[2]) == 0; }
-
-/// The corner that stands alone on its side of a plane, the other two on the other closed side, and
-/// whether its side is the negative one. Both edges from it cross the plane, never lie in it.
-struct Lone {
-  std::uint8_t corner;
-  bool negative;
-};
-
-constexpr Lone find_lone(const Signs& s) {
-  const int positives = (s[0] > 0) + (s[1] > 0) + (s[2] > 0);
-  const int negatives = (s[0] < 0) + (s[1] < 0) + (s[2] < 0);
-  const auto first = [&s](auto is_it) {
-    return static_cast<std::uint8_t>(is_it(s[0]) ? 0 : is_it(s[1]) ? 1 : 2);
-  };
-  //  + 0 0, + 0 -, + - -: the positive     + + 0, + + -: the other, as a negative
-  //  - 0 0: the negative                   - - 0: the zero, as a positive
-  if (positives == 1) return {first([](int x) { return x > 0; }), false};
-  if (positives == 2) return {first([](int x) { return x <= 0; }), true};
-  if (negatives == 1) return {first([](int x) { return x < 0; }), true};
-  return {first([](int x) { return x == 0; }), false};
-}
-
 /// find_lone for all 27 triples: branches on random signs would cost more than all arithmetic.
 constexpr std::array<Lone, 27> kLone = [] {
   std::array<Lone, 27> table{};
@@ -203,8 +156,6 @@ constexpr std::array<Lone, 27> kLone = [] {
     table[static_cast<std::size_t>(i)] = find_lone({i / 9 - 1, i / 3 % 3 - 1, i % 3 - 1});
   return table;
 }();
-
-constexpr std::array<std::size_t, 4> kNext{1, 2, 0, 1};
 
 Lone lone_of(const Signs& s) {
   return kLone[static_cast<std::size_t>(9 * s[0] + 3 * s[1] + s[2] + 13)];
@@ -279,10 +230,6 @@ bool planar_overlap(const TrianglePair& pair, std::size_t axis) {
            !edge_separates<std::int64_t>(pair, x, y, 3, 0);
   return !edge_separates<Int128>(pair, x, y, 0, 3) && !edge_separates<Int128>(pair, x, y, 3, 0);
 }
-
-bool is_zero(const Wide3& n) { return n[0] == 0 && n[1] == 0 && n[2] == 0; }
-
-std::size_t nonzero_axis(const Wide3& n) { return n[0] != 0 ? 0U : n[1] != 0 ? 1U : 2U; }
 
 Wide3 exact_normal(const TrianglePair& pair, std::size_t base) {
   const Whole3& origin = pair.whole(base);
