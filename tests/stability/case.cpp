@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "case.hpp"
 
+#include <algorithm>
+#include <cstdio>
+
 namespace nearmesh::stability {
 namespace {
 
@@ -33,6 +36,10 @@ Mark judge(const Case& asked, const Verdict& verdict) {
     case Question::kPairs:
       if (!verdict.has_pairs) return Mark::kNotApplicable;
       return right_if(tells_truth(asked, verdict) && verdict.pairs == asked.pairs);
+    case Question::kContacts:
+      return right_if(tells_truth(asked, verdict) &&
+                      verdict.position_error_m <= kPositionTolerance_m &&
+                      verdict.normal_error_rad <= asked.normal_tolerance_rad);
     case Question::kStream:
     case Question::kSweep:
       if (verdict.kind == Kind::kUndecided) return Mark::kUndecided;
@@ -84,6 +91,12 @@ std::string describe_truth(const Case& asked) {
     case Question::kLimit:
       return "at most " + std::to_string(asked.limit) + " of " + std::to_string(*asked.pairs) +
              " pairs";
+    case Question::kContacts: {
+      char tolerance[64];
+      std::snprintf(tolerance, sizeof tolerance, "touches, normals within %.2g rad",
+                    asked.normal_tolerance_rad);
+      return tolerance;
+    }
     case Question::kPairs:
       return std::to_string(*asked.pairs) + " pairs";
     default:
@@ -94,6 +107,12 @@ std::string describe_truth(const Case& asked) {
 std::string describe(const Verdict& verdict) {
   std::string text = to_string(verdict.kind);
   if (verdict.has_pairs) text += ", " + std::to_string(verdict.pairs) + " pairs";
+  if (verdict.position_error_m > 0 || verdict.normal_error_rad > 0) {
+    char errors[96];
+    std::snprintf(errors, sizeof errors, ", points off by %.2g m, normals by %.2g rad",
+                  verdict.position_error_m, verdict.normal_error_rad);
+    text += errors;
+  }
   if (verdict.says_incomplete) text += " (more not listed)";
   return text;
 }

@@ -25,16 +25,17 @@ struct Body {
 };
 
 enum class Question : std::uint8_t {
-  kTouch,    ///< do the surfaces share a point?
-  kPairs,    ///< how many pairs of triangles share a point?
-  kStream,   ///< do the surfaces share a point, when of `a` only the splits `held_a` have come?
-  kSolids,   ///< do the closed bodies, taken with their insides, share a point?
-  kSweep,    ///< do the surfaces share a point at any time while b moves to `end_b`?
-  kLimit,    ///< list at most `limit` pairs; is it plain from the answer whether there are more?
-  kInvalid,  ///< a pose or a vertex is no number: only a refusal is right
-  kExtreme,  ///< finite but beyond use: a refusal is right, and so is the true answer
-  kThreads,  ///< do two threads at once get what one thread gets?
-  kFile,     ///< can this mesh file be read?
+  kTouch,     ///< do the surfaces share a point?
+  kPairs,     ///< how many pairs of triangles share a point?
+  kStream,    ///< do the surfaces share a point, when of `a` only the splits `held_a` have come?
+  kSolids,    ///< do the closed bodies, taken with their insides, share a point?
+  kContacts,  ///< where do the surfaces touch, and with which normal?
+  kSweep,     ///< do the surfaces share a point at any time while b moves to `end_b`?
+  kLimit,     ///< list at most `limit` pairs; is it plain from the answer whether there are more?
+  kInvalid,   ///< a pose or a vertex is no number: only a refusal is right
+  kExtreme,   ///< finite but beyond use: a refusal is right, and so is the true answer
+  kThreads,   ///< do two threads at once get what one thread gets?
+  kFile,      ///< can this mesh file be read?
 };
 
 /// What a mesh file must come to.
@@ -47,12 +48,16 @@ struct Case {
   bool touches = false;                ///< the truth
   std::optional<std::uint64_t> pairs;  ///< the true number of touching pairs, where it is known
   std::uint32_t base_faces = 16;       ///< of nearmesh's progressive models
-  std::shared_ptr<const Model> model_a;  ///< kStream: the baked a
-  std::vector<VertexId> held_a;          ///< kStream: parents first
-  Pose end_b;                          ///< kSweep: same rotation unless `half_turn`
-  bool half_turn = false;              ///< kSweep: b turns by 180 degrees about its z axis besides
-  std::size_t limit = 0;               ///< kLimit
-  std::string path;                    ///< kFile
+  std::shared_ptr<const Model>
+      model_a;  ///< kStream, kContacts: the baked a, of which `held_a` have come; none: all has
+  std::vector<VertexId> held_a;           ///< parents first
+  bool solid_a = false, solid_b = false;  ///< kSolids: which have an inside
+  std::array<double, 3> normal{};         ///< kContacts: the true one, from a to b
+  double normal_tolerance_rad = 0;        ///< kContacts
+  Pose end_b;                             ///< kSweep: same rotation unless `half_turn`
+  bool half_turn = false;  ///< kSweep: b turns by 180 degrees about its z axis besides
+  std::size_t limit = 0;   ///< kLimit
+  std::string path;        ///< kFile
   FileRule file_rule = FileRule::kLoad;  ///< kFile
 };
 
@@ -77,8 +82,13 @@ struct Verdict {
   Kind kind = Kind::kNotOffered;
   bool has_pairs = false;
   std::uint64_t pairs = 0;
+  double position_error_m = 0;   ///< kContacts: farthest contact point from either surface
+  double normal_error_rad = 0;   ///< kContacts: largest angle to the true normal
   bool says_incomplete = false;  ///< kLimit: the answer itself tells that its list is cut
 };
+
+/// Contact points must lie on both surfaces within this share of the bodies' size (a few metres): 2^-16.
+inline constexpr double kPositionTolerance_m = 0x1p-16;
 
 enum class Mark : std::uint8_t { kRight, kUndecided, kWrong, kCrash, kHang, kNotApplicable };
 

@@ -4,6 +4,7 @@
 
 #include <set>
 
+#include "contact_check.hpp"
 #include "held.hpp"
 #include "system.hpp"
 
@@ -37,23 +38,55 @@ fcl::Transform3d transform(const Pose& pose) {
   return t;
 }
 
+Verdict sweep(const Case& asked, const FclModel& a, const FclModel& b) {
+  fcl::ContinuousCollisionRequestd request;
+  request.ccd_solver_type = fcl::CCDC_CONSERVATIVE_ADVANCEMENT;
+  request.ccd_motion_type = fcl::CCDM_LINEAR;
+  request.num_max_iterations = 1000;
+  fcl::ContinuousCollisionResultd result;
+  Pose end = asked.end_b;
+  if (asked.half_turn) end.rotation = {-1, 0, 0, 0, -1, 0, 0, 0, 1};
+  fcl::continuousCollide(&a, transform(asked.a.pose), transform(asked.a.pose), &b,
+                         transform(asked.b.pose), transform(end), request, result);
+  return {.kind = result.is_collide ? Kind::kTouches : Kind::kFree};
+}
+
+Verdict contacts(const Case& asked, const FclModel& a, const FclModel& b) {
+  const fcl::CollisionRequestd request(kAllContacts, true);
+  fcl::CollisionResultd result;
+  fcl::collide(&a, transform(asked.a.pose), &b, transform(asked.b.pose), request, result);
+  std::vector<ContactPoint> points;
+  for (std::size_t i = 0; i < result.numContacts(); ++i) {
+    const auto& contact = result.getContact(i);
+    points.push_back({{contact.pos[0], contact.pos[1], contact.pos[2]},
+                      {contact.normal[0], contact.normal[1], contact.normal[2]}});
+  }
+  return judge_contacts(asked, points);
+}
+
 class Fcl : public System {
  public:
   [[nodiscard]] std::string name() const override { return "FCL"; }
   [[nodiscard]] std::string version() const override { return FCL_VERSION; }
   [[nodiscard]] std::string call() const override {
-    return "BVHModel<OBBRSSd>, collide() with num_max_contacts 1e8 (F18: the limit) and enable_contact false; "
-           "pairs are distinct (b1, b2)";
+    return "BVHModel<OBBRSSd>, collide() with num_max_contacts 1e8 (F18: the limit) and "
+           "enable_contact false; "
+           "pairs are distinct (b1, b2). F7: continuousCollide(), conservative advancement, linear "
+           "motion, 1000 iterations. "
+           "F8, F9: enable_contact true, Contact::pos and normal";
   }
 
   [[nodiscard]] Verdict answer(const Case& asked) const override {
     if (asked.question == Question::kFile) return {};
     const auto a = build(held_of(asked)), b = build(*asked.b.mesh);
     if (!a || !b) return {.kind = Kind::kRefused};
+    if (asked.question == Question::kSweep) return sweep(asked, *a, *b);
+    if (asked.question == Question::kContacts) return contacts(asked, *a, *b);
     const fcl::CollisionRequestd request(
         asked.question == Question::kLimit ? asked.limit : kAllContacts, false);
     fcl::CollisionResultd result;
-    fcl::collide(a.get(), transform(asked.a.pose), b.get(), transform(asked.b.pose), request, result);
+    fcl::collide(a.get(), transform(asked.a.pose), b.get(), transform(asked.b.pose), request,
+                 result);
     std::set<std::pair<std::intptr_t, std::intptr_t>> pairs;
     for (std::size_t i = 0; i < result.numContacts(); ++i)
       pairs.emplace(result.getContact(i).b1, result.getContact(i).b2);

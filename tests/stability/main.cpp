@@ -29,7 +29,8 @@ Tally run_scene(const Scene& scene, const System& system, std::vector<Failure>& 
   Tally tally{.scene = scene.id, .title = scene.title, .system = system.name(), .marks = {}};
   std::size_t shown = 0;
   for (const Case& c : scene.cases) {
-    const bool is_large = c.a.mesh && c.a.mesh->faces.size() + c.b.mesh->faces.size() > kLargeMesh_faces;
+    const bool is_large =
+        c.a.mesh && c.a.mesh->faces.size() + c.b.mesh->faces.size() > kLargeMesh_faces;
     const Verdict verdict = ask_in_child(system, c, is_large ? 60 : 10);
     const Mark mark = judge(c, verdict);
     ++tally.marks[static_cast<std::size_t>(mark)];
@@ -44,7 +45,8 @@ Tally run_scene(const Scene& scene, const System& system, std::vector<Failure>& 
 
 int run(const Options& options) {
   std::error_code error;
-  std::filesystem::create_directories(options.out, error);  // a failure shows when files are written
+  std::filesystem::create_directories(options.out,
+                                      error);  // a failure shows when files are written
   Report report;
   std::vector<std::unique_ptr<System>> systems = available_systems();
   std::erase_if(systems, [&](const auto& s) { return !is_chosen(options.systems, s->name()); });
@@ -72,13 +74,18 @@ int run(const Options& options) {
 
 int main(int argc, char** argv) {
   nearmesh::stability::Options options;
-  CLI::App app{"Runs the scenes in which methods fail through nearmesh and, where installed, FCL, Bullet and CGAL.",
-               "nearmesh-stability"};
-  app.add_option("--out", options.out, "Folder for results.csv, failures.csv, scale.csv, stability.md")
+  CLI::App app{
+      "Runs the scenes in which methods fail through nearmesh and, where installed, FCL, Bullet "
+      "and CGAL.",
+      "nearmesh-stability"};
+  app.add_option("--out", options.out,
+                 "Folder for results.csv, failures.csv, scale.csv, stability.md")
       ->capture_default_str();
-  app.add_option("--systems", options.systems, "Only these (nearmesh, FCL, Bullet, CGAL)")->delimiter(',');
+  app.add_option("--systems", options.systems, "Only these (nearmesh, FCL, Bullet, CGAL)")
+      ->delimiter(',');
   app.add_option("--scenes", options.scenes, "Only these rows, e.g. F3,F14")->delimiter(',');
-  app.add_option("--data", options.data_folder, "Folder of the shared test data (F16)")->capture_default_str();
+  app.add_option("--data", options.data_folder, "Folder of the shared test data (F16)")
+      ->capture_default_str();
   app.add_flag("--quick", options.quick, "A sample of the variants");
   CLI11_PARSE(app, argc, argv);
   return nearmesh::stability::run(options);

@@ -6,6 +6,7 @@
 
 #include "nearmesh/core/base/random.hpp"
 #include "nearmesh/core/meshio/import.hpp"
+#include "nearmesh_questions.hpp"
 
 namespace nearmesh::stability {
 namespace {
@@ -30,6 +31,9 @@ Verdict to_verdict(const Answer& answer) {
       return verdict;
     case AnswerStatus::kUncertain:
       verdict.kind = Kind::kUndecided;
+      return verdict;
+    case AnswerStatus::kContained:  // of solids alone, which are asked for elsewhere
+      verdict.kind = Kind::kContradicts;
       return verdict;
   }
   verdict.has_pairs = true;
@@ -145,7 +149,8 @@ NearmeshAnswer ask_file(const Case& asked) {
 
 NearmeshAnswer ask(const Case& asked) {
   if (asked.question == Question::kFile) return ask_file(asked);
-  const auto a = build_model(*asked.a.mesh, asked.base_faces);
+  const auto a =
+      asked.model_a ? Result(asked.model_a) : build_model(*asked.a.mesh, asked.base_faces);
   if (!a.is_ok()) return refused();
   const auto b = build_model(*asked.b.mesh, asked.base_faces);
   if (!b.is_ok()) return refused();
@@ -153,19 +158,31 @@ NearmeshAnswer ask(const Case& asked) {
   const Result<PosedPair> posed = pose_pair(model_a.baked.header.grid, asked.a.pose, "a",
                                             model_b.baked.header.grid, asked.b.pose, "b");
   if (!posed.is_ok()) return refused();
-  return asked.question == Question::kStream ? ask_stream(asked, model_a, model_b, posed.value())
-                                             : ask_surfaces(asked, model_a, model_b, posed.value());
+  switch (asked.question) {
+    case Question::kStream:
+      return ask_stream(asked, model_a, model_b, posed.value());
+    case Question::kSolids:
+      return ask_solids(asked, model_a, model_b, posed.value());
+    case Question::kSweep:
+      return ask_sweep(asked, model_a, model_b);
+    case Question::kContacts:
+      return ask_contacts(asked, model_a, model_b, posed.value());
+    default:
+      return ask_surfaces(asked, model_a, model_b, posed.value());
+  }
 }
 
 }  // namespace
 
-Result<std::shared_ptr<const Model>> build_model(const IndexedMesh& mesh, std::uint32_t base_faces) {
+Result<std::shared_ptr<const Model>> build_model(const IndexedMesh& mesh,
+                                                 std::uint32_t base_faces) {
   Result<CleanResult> clean = clean_mesh(mesh, 21);
   if (!clean.is_ok()) return clean.status();
   Result<BakedModel> baked =
       bake(clean.value().mesh, clean.value().report.rounding_error_m, {.base_faces = base_faces});
   if (!baked.is_ok()) return baked.status();
-  return std::make_shared<const Model>(Model{std::move(clean.value().mesh), std::move(baked).value()});
+  return std::make_shared<const Model>(
+      Model{std::move(clean.value().mesh), std::move(baked).value()});
 }
 
 void refine(LocalModel& model, const std::vector<VertexId>& splits) {

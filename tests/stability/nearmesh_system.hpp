@@ -17,7 +17,7 @@ struct Model {
 };
 /// At 21 bits. Errors: those of clean_mesh and bake.
 [[nodiscard]] Result<std::shared_ptr<const Model>> build_model(const IndexedMesh& mesh,
-                                                         std::uint32_t base_faces);
+                                                               std::uint32_t base_faces);
 
 /// Does splits, each with what it rests on. The store is complete.
 void refine(LocalModel& model, const std::vector<VertexId>& splits);

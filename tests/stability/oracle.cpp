@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "exact_overlap.hpp"
+#include "nearmesh/core/base/random.hpp"
 
 namespace nearmesh::stability {
 namespace {
@@ -65,10 +66,43 @@ PairList find_pairs(const Body& a, const Body& b, bool first_only) {
   return pairs;
 }
 
+using ExactPoint = std::array<mpq_class, 3>;
+
+/// Parity of crossings from p to a far point; another direction is taken while the ray meets an edge.
+bool is_inside(const ExactPoint& p, const std::vector<PosedTriangle>& surface) {
+  double reach = 1;
+  for (const PosedTriangle& t : surface)
+    for (std::size_t k = 0; k < 3; ++k)
+      reach = std::max({reach, std::abs(t.lo[k] - p[k].get_d()), std::abs(t.hi[k] - p[k].get_d())});
+  Random random(1);
+  while (true) {
+    ExactPoint far = p;
+    for (mpq_class& x : far) x += mpq_class(random.between(-1, 1) * 8 * reach);
+    far[0] += mpq_class(16 * reach);
+    bool meets_edge = false, is_odd = false;
+    for (const PosedTriangle& t : surface) {
+      if (!test::exact_overlap(test::ExactTriangle{p, far, far}, t.corners)) continue;
+      for (std::size_t k = 0; k < 3; ++k)
+        meets_edge =
+            meets_edge || test::exact_overlap(test::ExactTriangle{p, far, far},
+                                              {t.corners[k], t.corners[(k + 1) % 3], t.corners[k]});
+      is_odd = !is_odd;
+    }
+    if (!meets_edge) return is_odd;
+  }
+}
+
 }  // namespace
 
 PairList touching_pairs(const Body& a, const Body& b) { return find_pairs(a, b, false); }
 
 bool touches(const Body& a, const Body& b) { return !find_pairs(a, b, true).empty(); }
+
+bool solids_meet(const Body& a, bool solid_a, const Body& b, bool solid_b) {
+  if (touches(a, b)) return true;
+  const std::vector<PosedTriangle> of_a = pose_all(a), of_b = pose_all(b);
+  return (solid_a && is_inside(of_b.front().corners[0], of_a)) ||
+         (solid_b && is_inside(of_a.front().corners[0], of_b));
+}
 
 }  // namespace nearmesh::stability

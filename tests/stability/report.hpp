@@ -16,10 +16,14 @@ struct Tally {
   std::string scene, title, system;
   std::array<std::uint64_t, 6> marks{};  ///< by Mark
 
-  [[nodiscard]] std::uint64_t count(Mark mark) const { return marks[static_cast<std::size_t>(mark)]; }
+  [[nodiscard]] std::uint64_t count(Mark mark) const {
+    return marks[static_cast<std::size_t>(mark)];
+  }
   [[nodiscard]] std::uint64_t cases() const;
   /// Right, or honestly undecided.
-  [[nodiscard]] std::uint64_t right() const { return count(Mark::kRight) + count(Mark::kUndecided); }
+  [[nodiscard]] std::uint64_t right() const {
+    return count(Mark::kRight) + count(Mark::kUndecided);
+  }
   [[nodiscard]] bool is_applicable() const { return count(Mark::kNotApplicable) < cases(); }
 };
 

@@ -34,7 +34,8 @@ Case ground_contact(std::uint32_t size) {
     const double square = p[0] * p[0] + p[1] * p[1];
     if (square < nearest) nearest = square, ground_m = p[2];
   }
-  return {.name = "terrain", .a = {terrain, {}}, .b = {aircraft, at(0, 0, ground_m)}, .touches = true};
+  return {
+      .name = "terrain", .a = {terrain, {}}, .b = {aircraft, at(0, 0, ground_m)}, .touches = true};
 }
 
 Measured answer_from_files(const std::string& path_a, const std::string& path_b, const Case& c) {
@@ -44,9 +45,12 @@ Measured answer_from_files(const std::string& path_a, const std::string& path_b,
   if (!a.is_ok() || !b.is_ok()) return {};
   LocalModel local_a(a.value().store(), a.value().header().grid);
   LocalModel local_b(b.value().store(), b.value().header().grid);
-  const Result<PosedPair> posed = pose_pair(local_a.grid, c.a.pose, "a", local_b.grid, c.b.pose, "b");
+  const Result<PosedPair> posed =
+      pose_pair(local_a.grid, c.a.pose, "a", local_b.grid, c.b.pose, "b");
   if (!posed.is_ok()) return {};
-  const auto require = [](ModelFile& file) { return [&file](NodeSpan node) { return file.require(node); }; };
+  const auto require = [](ModelFile& file) {
+    return [&file](NodeSpan node) { return file.require(node); };
+  };
   const Result<Answer> answer = certify(local_a, posed.value().a, require(a.value()), local_b,
                                         posed.value().b, require(b.value()), {});
   return {watch.seconds(), peak_memory_bytes() - before,
@@ -92,9 +96,11 @@ bool write_model(const IndexedMesh& mesh, const std::string& path) {
 
 }  // namespace
 
-std::vector<ScaleRow> measure_scale(const std::vector<std::unique_ptr<System>>& systems, bool quick) {
+std::vector<ScaleRow> measure_scale(const std::vector<std::unique_ptr<System>>& systems,
+                                    bool quick) {
   const std::string stem =
-      (std::filesystem::temp_directory_path() / ("nearmesh_scale_" + std::to_string(getpid()))).string();
+      (std::filesystem::temp_directory_path() / ("nearmesh_scale_" + std::to_string(getpid())))
+          .string();
   const std::string path_a = stem + "_a.spm", path_b = stem + "_b.spm";
   std::vector<ScaleRow> rows;
   for (const std::uint32_t size : {71U, 224U, 708U}) {
@@ -115,7 +121,8 @@ std::vector<ScaleRow> measure_scale(const std::vector<std::unique_ptr<System>>& 
             },
             baked);
         row.prepare_s = baked.first_answer_s;
-        is_done = is_baked && in_child([&] { return answer_from_files(path_a, path_b, c); }, measured);
+        is_done =
+            is_baked && in_child([&] { return answer_from_files(path_a, path_b, c); }, measured);
       } else {
         is_done = in_child([&] { return answer_from_triangles(*system, c); }, measured);
       }

@@ -57,7 +57,10 @@ struct Row {
 const std::vector<Row>& rows() {
   static const std::vector<Row> kRows{
       {"F1", "needle that has not been received, ball driven into it",
-       [](const auto&, bool quick) { return quick ? streamed_cases(293, 6) : streamed_cases(32, 40); }},
+       [](const auto&, bool quick) {
+         return quick ? streamed_cases(293, 6) : streamed_cases(32, 40);
+       }},
+      {"F2", "one body inside the other", [](const auto&, bool) { return solid_cases(); }},
       {"F3", "touching and coplanar: contact or not",
        [](const auto&, bool quick) { return vary(touching_and_small(), near_variants, quick); }},
       {"F3 pairs", "touching and coplanar: number of touching pairs",
@@ -74,6 +77,13 @@ const std::vector<Row>& rows() {
        [](const auto&, bool quick) {
          return count_pairs(vary(all_base_cases(), far_variants, quick));
        }},
+      {"F7", "thin and fast: does the path hit?", [](const auto&, bool) { return sweep_cases(); }},
+      {"F8", "contact points on both surfaces, normals",
+       [](const auto&, bool) { return contact_cases(); }},
+      {"F9", "ball rolling over a flat plate's inner edges, through mixed levels",
+       [](const auto&, bool) { return rolling_cases(); }},
+      {"F10", "ball at rest on terrain while it refines and coarsens",
+       [](const auto&, bool) { return resting_cases(); }},
       {"F13", "two threads at once", [](const auto&, bool) { return thread_cases(); }},
       {"F15", "concave bodies in each other's hollows",
        [](const auto&, bool quick) { return vary(concave_cases(), near_variants, quick); }},

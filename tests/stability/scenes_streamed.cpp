@@ -27,10 +27,12 @@ IndexedMesh needle_plane(double roughness_m) {
     for (int j = -16; j <= 16; ++j) {
       const bool is_foot = std::abs(i * .5 - kNeedleX_m) < .5 && std::abs(j * .5 - kNeedleY_m) < .5;
       const double z = random.between(-roughness_m, roughness_m);
-      ground_m[static_cast<std::size_t>(i + 16)][static_cast<std::size_t>(j + 16)] = is_foot ? 0 : z;
+      ground_m[static_cast<std::size_t>(i + 16)][static_cast<std::size_t>(j + 16)] =
+          is_foot ? 0 : z;
     }
   const auto ground = [&ground_m](int i, int j) {
-    return std::array{i * .5, j * .5, ground_m[static_cast<std::size_t>(i + 16)][static_cast<std::size_t>(j + 16)]};
+    return std::array{i * .5, j * .5,
+                      ground_m[static_cast<std::size_t>(i + 16)][static_cast<std::size_t>(j + 16)]};
   };
   for (int i = -16; i < 16; ++i)
     for (int j = -16; j < 16; ++j) {
@@ -100,7 +102,8 @@ std::vector<Case> needle_cases(const char* kind, double roughness_m, std::uint32
     Random random(seed);
     const std::uint32_t kept = 1 + random.below(8);
     std::vector<bool> comes(store.vertex_count() / 32 + 1);
-    for (std::size_t block = 0; block < comes.size(); ++block) comes[block] = random.below(9) < kept;
+    for (std::size_t block = 0; block < comes.size(); ++block)
+      comes[block] = random.below(9) < kept;
     const auto is_received = [&comes](VertexId u) { return comes[u.value / 32]; };
     states.push_back({"blocks of seed " + std::to_string(seed), usable(store, order, is_received)});
     states.push_back({"blocks of seed " + std::to_string(seed) + " but the needle's region",
@@ -126,7 +129,8 @@ std::vector<Case> needle_cases(const char* kind, double roughness_m, std::uint32
     for (const Held& held : states) {
       Case c = base;
       char where[96];
-      std::snprintf(where, sizeof where, "%s ground, ball at (%g, %g, %g) of the needle, ", kind, p[0], p[1], p[2]);
+      std::snprintf(where, sizeof where, "%s ground, ball at (%g, %g, %g) of the needle, ", kind,
+                    p[0], p[1], p[2]);
       c.name = where + held.name;
       c.held_a = held.splits;
       cases.push_back(std::move(c));

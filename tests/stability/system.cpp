@@ -25,9 +25,12 @@ class Nearmesh : public System {
   [[nodiscard]] std::string name() const override { return "nearmesh"; }
   [[nodiscard]] std::string version() const override { return NEARMESH_VERSION; }
   [[nodiscard]] std::string call() const override {
-    return "clean_mesh at 21 bits, bake, query; also from the base and from a random partial state by certify";
+    return "clean_mesh at 21 bits, bake, query; also from the base and from a random partial state "
+           "by certify";
   }
-  [[nodiscard]] Verdict answer(const Case& asked) const override { return ask_nearmesh(asked).verdict; }
+  [[nodiscard]] Verdict answer(const Case& asked) const override {
+    return ask_nearmesh(asked).verdict;
+  }
 };
 
 Verdict guarded(const System& system, const Case& asked) {
@@ -57,7 +60,8 @@ Verdict ask_in_threads(const System& system, Case asked) {
 }
 
 [[noreturn]] void run_child(const System& system, const Case& asked, unsigned limit_s, int pipe) {
-  const rlimit cpu{limit_s, limit_s + 1}, memory{kMemoryLimit_bytes, kMemoryLimit_bytes}, core{0, 0};
+  const rlimit cpu{limit_s, limit_s + 1}, memory{kMemoryLimit_bytes, kMemoryLimit_bytes},
+      core{0, 0};
   setrlimit(RLIMIT_CPU, &cpu);
   setrlimit(RLIMIT_AS, &memory);
   setrlimit(RLIMIT_CORE, &core);
@@ -65,8 +69,8 @@ Verdict ask_in_threads(const System& system, Case asked) {
   const int null = open("/dev/null", O_WRONLY);
   dup2(null, STDOUT_FILENO);
   dup2(null, STDERR_FILENO);
-  const Verdict verdict = asked.question == Question::kThreads ? ask_in_threads(system, asked)
-                                                               : guarded(system, asked);
+  const Verdict verdict =
+      asked.question == Question::kThreads ? ask_in_threads(system, asked) : guarded(system, asked);
   const bool written = write(pipe, &verdict, sizeof verdict) == sizeof verdict;
   _exit(written ? 0 : 1);
 }

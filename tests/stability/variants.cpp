@@ -210,7 +210,8 @@ std::optional<Case> sheared(const Case& base, std::uint64_t seed) {
   Random random(seed);
   std::array<double, 9> m{};
   do {
-    for (double& entry : m) entry = static_cast<double>(random.below(1U << (room + 1))) - std::ldexp(1.0, room);
+    for (double& entry : m)
+      entry = static_cast<double>(random.below(1U << (room + 1))) - std::ldexp(1.0, room);
   } while (determinant(m) == 0);
   const auto apply = [&m](std::array<double, 3>& p) {
     // Sums of three products of integers below 2^40, by a power of two: exact.
@@ -234,7 +235,8 @@ std::vector<Case> near_variants(const Case& base) {
   cases.push_back(renumbered(base, 1));
   cases.push_back(swapped(turned(renumbered(base, 2), 7)));
   for (std::uint64_t seed = 1; seed <= 6; ++seed)
-    if (const auto c = sheared(base, seed)) cases.push_back(seed < 4 ? *c : turned(*c, static_cast<std::uint32_t>(5 * seed - 13)));
+    if (const auto c = sheared(base, seed))
+      cases.push_back(seed < 4 ? *c : turned(*c, static_cast<std::uint32_t>(5 * seed - 13)));
   return cases;
 }
 
