@@ -190,6 +190,21 @@ TrianglePair near_miss_at(Random& random, std::int64_t top) {
   return {a, b};
 }
 
+/// A small face a, and b with two or three corners far from it, all on a's lattice plane or on
+/// those beside it.
+TrianglePair small_and_large(Random& random) {
+  const std::int64_t top = pick_top(random);
+  const std::int64_t size = kOne << random.below(12);
+  const LatticeTriangle a = proper(random, std::min(size, top));
+  const LatticePoint u = a[1] - a[0], v = a[2] - a[0], w = above_plane(u, v);
+  const auto corner = [&](std::int64_t steps) {
+    return a[0] + whole(random, -steps, steps) * u + whole(random, -steps, steps) * v +
+           whole(random, -1, 1) * w;
+  };
+  const std::int64_t far = std::max<std::int64_t>(1, top / size / 8);
+  return {a, {corner(random.below(2) ? 1 : far), corner(far), corner(far)}};
+}
+
 TrianglePair coplanar(Random& random) { return planar_at(random, pick_top(random)); }
 TrianglePair nearly_coplanar(Random& random) {
   return face_face_at(random, pick_top(random), true);
@@ -251,10 +266,13 @@ TrianglePair box_corners(Random& random) {
 
 // ---- extents at the thresholds ------------------------------------------------------------------
 
-/// The joint extent is the threshold or one of its neighbours, exactly.
+/// The joint extent is, exactly, the threshold or one of its neighbours, or within the 16 times
+/// beyond it where a path taken too far would fail.
 TrianglePair at_threshold(Random& random, int bits) {
-  const std::int64_t extent =
-      bits == 40 ? kMaxExtent - whole(random, 0, 3) : (kOne << bits) + whole(random, -2, 2);
+  const std::int64_t threshold = kOne << bits;
+  const std::int64_t extent = bits == 40        ? kMaxExtent - whole(random, 0, 3)
+                              : random.below(2) ? threshold + whole(random, -2, 2)
+                                                : whole(random, threshold, 16 * threshold);
   const std::int64_t top = extent - 2 - (random.below(2) ? whole(random, 0, extent / 2) : 0);
   TrianglePair pair;
   do {
@@ -396,6 +414,7 @@ constexpr Family kFamilies[] = {
     {"face-face, least gap", face_face},
     {"edge-edge, least gap", edge_edge},
     {"vertex-face, least gap", vertex_face},
+    {"small and large", small_and_large},
     {"slivers", slivers},
     {"box corners", box_corners},
     {"random near misses", near_miss},

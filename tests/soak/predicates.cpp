@@ -67,13 +67,13 @@ const char* find_fault(const TrianglePair& pair, bool answer, Random& random) {
   if (answer != truth) return truth ? "they touch, the answer is free" : "they are apart";
   constexpr std::size_t kOrders[6][3] = {{0, 1, 2}, {1, 2, 0}, {2, 0, 1},
                                          {1, 0, 2}, {0, 2, 1}, {2, 1, 0}};
-  for (const auto& i : kOrders)
-    for (const auto& j : kOrders) {
-      const LatticeTriangle a{pair.a[i[0]], pair.a[i[1]], pair.a[i[2]]};
-      const LatticeTriangle b{pair.b[j[0]], pair.b[j[1]], pair.b[j[2]]};
-      if (triangles_overlap(a, b) != truth) return "another order of corners, another answer";
-      if (triangles_overlap(b, a) != truth) return "the other way round, another answer";
-    }
+  for (const auto& i : kOrders) {
+    const auto& j = kOrders[random.below(6)];
+    const LatticeTriangle a{pair.a[i[0]], pair.a[i[1]], pair.a[i[2]]};
+    const LatticeTriangle b{pair.b[j[0]], pair.b[j[1]], pair.b[j[2]]};
+    if (triangles_overlap(a, b) != truth) return "another order of corners, another answer";
+    if (triangles_overlap(b, a) != truth) return "the other way round, another answer";
+  }
   LatticePoint far;
   for (int k = 0; k < 3; ++k) {
     const std::int64_t power = std::int64_t{1} << random.below(62);
