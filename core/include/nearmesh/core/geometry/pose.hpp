@@ -57,7 +57,8 @@ struct PosedFrame {
                                                   int lattice_exp);
 
 /// The posed vertex. Deterministic: integer arithmetic only, rounding half up. Each coordinate is
-/// within half a cell of the frame's affine image of p. p may be any int32 point.
+/// within half a cell of the frame's affine image of p. p lies in the frame's grid or, where shift
+/// >= 0, is any int32 point.
 [[nodiscard]] inline LatticePoint pose_point(const PosedFrame& frame, const GridPoint& p) {
   // |n| <= 2^31 * 2^30 * sqrt(3) * (1 + 1e-5) < 2^61.8, so n + 2^(shift - 1) fits for shift <= 62,
   // and anything shifted further rounds to 0. A left shift stays within 2^40: see make_posed_frame.
