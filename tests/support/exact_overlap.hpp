@@ -38,18 +38,28 @@ struct Point {
 };
 using Polygon = std::vector<Point>;  ///< convex, corners in order; they may repeat
 
-/// What is left of a convex polygon where normal . x >= offset (Sutherland and Hodgman 1974).
-inline Polygon cut(const Polygon& polygon, const Vec& normal, const mpz_class& offset) {
+enum class Keep { kAbove, kOn };  ///< the closed half-space, or its border alone
+
+/// What is left of a convex polygon where normal . x >= offset, or = offset (Sutherland and Hodgman
+/// 1974).
+inline Polygon cut(Polygon polygon, const Vec& normal, const mpz_class& offset,
+                   Keep keep = Keep::kAbove) {
   std::vector<mpz_class> height;
   height.reserve(polygon.size());
-  for (const Point& p : polygon) height.emplace_back(dot(normal, p.x) - offset * p.w);
+  int above = 0, below = 0;
+  for (const Point& p : polygon) {
+    height.emplace_back(dot(normal, p.x) - offset * p.w);
+    above += height.back() > 0;
+    below += height.back() < 0;
+  }
+  if (below == 0 && (above == 0 || keep == Keep::kAbove)) return polygon;
   Polygon left;
   left.reserve(polygon.size() + 1);
   for (std::size_t i = 0; i < polygon.size(); ++i) {
     const std::size_t j = i + 1 == polygon.size() ? 0 : i + 1;
     const Point& p = polygon[i];
     const Point& q = polygon[j];
-    if (height[i] >= 0) left.push_back(p);
+    if (height[i] == 0 || (height[i] > 0 && keep == Keep::kAbove)) left.push_back(p);
     if (sgn(height[i]) * sgn(height[j]) >= 0) continue;
     // p has the weight |height of q| and q that of p: the point between them at height 0.
     const mpz_class s = abs(height[j]);
@@ -60,19 +70,14 @@ inline Polygon cut(const Polygon& polygon, const Vec& normal, const mpz_class& o
   return left;
 }
 
-/// Where normal . x is just offset.
-inline Polygon cut_by_plane(const Polygon& polygon, const Vec& normal, const mpz_class& offset) {
-  return cut(cut(polygon, normal, offset), {-normal[0], -normal[1], -normal[2]}, -offset);
-}
-
 /// The common part of a polygon and the triangle.
 inline Polygon common_part(Polygon polygon, const Corners& triangle) {
   const Vec normal = cross(minus(triangle[1], triangle[0]), minus(triangle[2], triangle[0]));
   if (!is_zero(normal)) {
-    polygon = cut_by_plane(polygon, normal, dot(normal, triangle[0]));
+    polygon = cut(std::move(polygon), normal, dot(normal, triangle[0]), Keep::kOn);
     for (std::size_t i = 0; i < 3 && !polygon.empty(); ++i) {
       const Vec inward = cross(normal, minus(triangle[(i + 1) % 3], triangle[i]));
-      polygon = cut(polygon, inward, dot(inward, triangle[i]));
+      polygon = cut(std::move(polygon), inward, dot(inward, triangle[i]));
     }
     return polygon;
   }
@@ -81,16 +86,16 @@ inline Polygon common_part(Polygon polygon, const Corners& triangle) {
   const Vec& first = std::min({triangle[0], triangle[1], triangle[2]});
   const Vec& last = std::max({triangle[0], triangle[1], triangle[2]});
   const Vec along = minus(last, first);
-  for (std::size_t k = 0; k < 3; ++k) {
+  for (std::size_t k = 0; k < 3 && !polygon.empty(); ++k) {
     Vec axis{0, 0, 0};
     axis[k] = 1;
     // A line is where cross(along, x - first) is zero: three planes, each with such a normal.
     const Vec normal_k = is_zero(along) ? axis : cross(along, axis);
-    polygon = cut_by_plane(polygon, normal_k, dot(normal_k, first));
+    polygon = cut(std::move(polygon), normal_k, dot(normal_k, first), Keep::kOn);
   }
   if (is_zero(along)) return polygon;
-  polygon = cut(polygon, along, dot(along, first));
-  return cut(polygon, {-along[0], -along[1], -along[2]}, -dot(along, last));
+  polygon = cut(std::move(polygon), along, dot(along, first));
+  return cut(std::move(polygon), {-along[0], -along[1], -along[2]}, -dot(along, last));
 }
 
 inline bool boxes_meet(const Corners& a, const Corners& b) {

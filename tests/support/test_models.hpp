@@ -18,6 +18,7 @@
 #include "nearmesh/core/mesh/generate.hpp"
 #include "nearmesh/core/query/certify.hpp"
 #include "nearmesh/core/spm/write_model_file.hpp"
+#include "random_rotation.hpp"
 
 namespace nearmesh::test {
 
@@ -164,23 +165,6 @@ inline std::unique_ptr<TempFile> write_model(const BakedModel& model) {
 }
 
 // ---- poses --------------------------------------------------------------------------------------
-
-/// A rotation uniform over all rotations.
-inline std::array<double, 9> random_rotation(Random& random) {
-  double q[4], length = 0;
-  do {
-    length = 0;
-    for (double& x : q) {
-      x = random.between(-1, 1);
-      length += x * x;
-    }
-  } while (length > 1 || length < 0.01);
-  length = std::sqrt(length);
-  const double w = q[0] / length, x = q[1] / length, y = q[2] / length, z = q[3] / length;
-  return {1 - 2 * (y * y + z * z), 2 * (x * y - z * w),     2 * (x * z + y * w),
-          2 * (x * y + z * w),     1 - 2 * (x * x + z * z), 2 * (y * z - x * w),
-          2 * (x * z - y * w),     2 * (y * z + x * w),     1 - 2 * (x * x + y * y)};
-}
 
 inline std::array<double, 3> place(const Pose& pose, const std::array<double, 3>& p) {
   std::array<double, 3> out = pose.translation_m;

@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "nearmesh/core/base/random.hpp"
+#include "random_rotation.hpp"
 
 namespace nearmesh {
 namespace {
@@ -15,22 +16,7 @@ namespace {
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
-std::array<double, 9> random_rotation(Random& random) {
-  double q[4];
-  double norm = 0;
-  do {
-    norm = 0;
-    for (double& x : q) {
-      x = random.between(-1, 1);
-      norm += x * x;
-    }
-  } while (norm < 0.01 || norm > 1);
-  for (double& x : q) x /= std::sqrt(norm);
-  const auto [w, x, y, z] = q;
-  return {1 - 2 * (y * y + z * z), 2 * (x * y - w * z),     2 * (x * z + w * y),
-          2 * (x * y + w * z),     1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
-          2 * (x * z - w * y),     2 * (y * z + w * x),     1 - 2 * (x * x + y * y)};
-}
+using test::random_rotation;
 
 GridPoint random_point(Random& random, int bits) {
   const auto bound = static_cast<std::uint32_t>(std::uint64_t{1} << bits);

@@ -66,7 +66,8 @@ struct PosedFrame {
 }
 
 /// The posed vertex. Deterministic: integer arithmetic only, rounding half up. Each coordinate is
-/// within half a cell of the frame's affine image of p. p may be any int32 point.
+/// within half a cell of the frame's affine image of p. p lies in the frame's grid or, where shift
+/// >= 0, is any int32 point.
 [[nodiscard]] inline LatticePoint pose_point(const PosedFrame& frame, const GridPoint& p) {
   LatticePoint out;
   for (int k = 0; k < 3; ++k) {

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// Rotations for random poses, the same on every machine.
+
+#include <array>
+#include <cmath>
+
+#include "nearmesh/core/base/random.hpp"
+
+namespace nearmesh::test {
+
+/// A rotation uniform over all rotations, row-major.
+inline std::array<double, 9> random_rotation(Random& random) {
+  double q[4], length = 0;
+  do {
+    length = 0;
+    for (double& x : q) {
+      x = random.between(-1, 1);
+      length += x * x;
+    }
+  } while (length > 1 || length < 0.01);
+  length = std::sqrt(length);
+  const double w = q[0] / length, x = q[1] / length, y = q[2] / length, z = q[3] / length;
+  return {1 - 2 * (y * y + z * z), 2 * (x * y - z * w),     2 * (x * z + y * w),
+          2 * (x * y + z * w),     1 - 2 * (x * x + z * z), 2 * (y * z - x * w),
+          2 * (x * z - y * w),     2 * (y * z + x * w),     1 - 2 * (x * x + y * y)};
+}
+
+}  // namespace nearmesh::test
