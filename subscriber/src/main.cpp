@@ -53,6 +53,19 @@ struct Summary {
   SessionStats stats;
 };
 
+nlohmann::ordered_json to_json(const ContactPatch& patch) {
+  nlohmann::ordered_json json = {{"centroid_m", patch.centroid_m},
+                                 {"normal", patch.normal},
+                                 {"normal_of", patch.normal_is_of_a ? "a" : "b"},
+                                 {"normal_error_rad", patch.normal_error_rad},
+                                 {"segments", patch.count},
+                                 {"length_m", patch.length_m},
+                                 {"approximate", patch.approximate},
+                                 {"uncertainty_m", patch.uncertainty_m}};
+  if (patch.normal_error_rad == kNoNormal_rad) json["normal_error_rad"] = nullptr;
+  return json;
+}
+
 nlohmann::ordered_json to_json(std::uint64_t frame, const PairAnswer& pair, const Scene& scene) {
   const auto model_of = [&](const std::string& body) {
     for (const SceneBody& b : scene.bodies)
@@ -84,6 +97,12 @@ nlohmann::ordered_json to_json(std::uint64_t frame, const PairAnswer& pair, cons
                                  {"pose_a", pose(pair.pose_a)},
                                  {"pose_b", pose(pair.pose_b)}};
   if (!pair.reason.empty()) line["reason"] = pair.reason;
+  if (pair.contacts) {
+    nlohmann::ordered_json patches = nlohmann::ordered_json::array();
+    for (const ContactPatch& patch : pair.contacts->patches) patches.push_back(to_json(patch));
+    line["patches"] = patches;
+    line["position_error_m"] = pair.contacts->position_error_m;
+  }
   return line;
 }
 

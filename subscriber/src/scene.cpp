@@ -125,7 +125,7 @@ Result<std::vector<Motion>> read_trajectory(const std::string& path, const std::
 Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
   check_keys(root, "scene",
              {"bodies", "moves", "pairs", "frame_rate_hz", "budget_ms", "lookahead_s", "margin_m",
-              "max_held_splits", "start_timeout_s"});
+              "max_held_splits", "contacts", "start_timeout_s"});
   Scene scene;
   scene.frame_rate_hz = number_in(root, "frame_rate_hz", scene.frame_rate_hz, 0.1, 10000);
   scene.budget_s = number_in(root, "budget_ms", scene.budget_s * 1e3, 0, 1e6) / 1e3;
@@ -134,6 +134,8 @@ Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
   scene.session.margin_m = number_in(root, "margin_m", scene.session.margin_m, 0, 1e6);
   scene.session.max_held_splits =
       static_cast<std::uint32_t>(number_in(root, "max_held_splits", 0, 0, 4e9));
+  if (root["contacts"])
+    scene.session.contacts = value<bool>(root["contacts"], "contacts", "true or false");
   if (!root["bodies"] || !root["bodies"].IsSequence()) fail(root, "bodies: expected a list");
   for (const YAML::Node& node : root["bodies"]) {
     check_keys(node, "body", {"name", "model", "pose"});

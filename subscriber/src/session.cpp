@@ -241,6 +241,8 @@ void Session::Impl::answer_pair(Pair& pair, std::uint64_t frame, double time_s,
         pose_pair(*a.grid, result.pose_a, pair.a->name, *b.grid, result.pose_b, pair.b->name);
     if (posed.is_ok()) {
       result.answer = query(a, posed.value().a, b, posed.value().b);
+      if (options.contacts && !result.answer.pairs.empty())
+        result.contacts = find_contacts(a, posed.value().a, b, posed.value().b, result.answer);
       if (result.answer.status == AnswerStatus::kFree) {
         const double speed = closing_speed_mps(a, *pair.a->motion, b, *pair.b->motion);
         result.safe_horizon_s =

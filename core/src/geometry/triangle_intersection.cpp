@@ -59,8 +59,8 @@ void add(TriangleIntersection& out, const Double3& p, const Double3& q) {
   out.pieces[out.count++] = {p, q};
 }
 
-/// Two proper triangles whose planes cross: the later start and the earlier end of the intervals in which the two cut the
-/// common line.
+/// Two proper triangles whose planes cross: the later start and the earlier end of the intervals in which the two cut
+/// the common line.
 void cross_planes(const Corners& c, const Wide3& heights_a, const Wide3& heights_b,
                   TriangleIntersection& out) {
   const Lone a = find_lone(signs_of(heights_a)), b = find_lone(signs_of(heights_b));
@@ -72,13 +72,14 @@ void cross_planes(const Corners& c, const Wide3& heights_a, const Wide3& heights
     return from < 3 ? crossing(c[from], c[to], heights_a[from], heights_a[to])
                     : crossing(c[from], c[to], heights_b[from - 3], heights_b[to - 3]);
   };
-  // Along the line a's interval runs from edge p1r1 to p1q1, b's from p2q2 to p2r2. Positive: b's edge p2y cuts the line
-  // after a's edge p1x.
+  // Along the line a's interval runs from edge p1r1 to p1q1, b's from p2q2 to p2r2. Positive: b's edge p2y cuts the
+  // line after a's edge p1x.
   const auto order = [&](std::size_t x, std::size_t y) {
     return sign(orientation(c, x, p2, p1, y));
   };
   const bool starts_with_b = order(r1, q2) > 0, ends_with_b = order(q1, r2) < 0;
-  // Ends of one triangle fall together only in a corner on the line, where both cuts give that corner's own coordinates.
+  // Ends of one triangle fall together only in a corner on the line, where both cuts give that corner's own
+  // coordinates.
   const bool is_point =
       starts_with_b != ends_with_b && (starts_with_b ? order(q1, q2) : order(r1, r2)) == 0;
   const Double3 start = starts_with_b ? cut(p2, q2) : cut(p1, r1);

@@ -321,9 +321,9 @@ class Assembly {
   std::vector<FaceWeight> weights_a_, weights_b_;
 };
 
-/// 0 for an exact face. Else how far a current face may be from the original face that it stands for: each corner moved by at most its node's
-/// bound, times what a near-rotation may stretch (R^T R is the identity within 1e-5), and both ends were rounded to the
-/// lattice.
+/// 0 for an exact face. Else how far a current face may be from the original face that it stands for: each corner
+/// moved by at most its node's bound, times what a near-rotation may stretch (R^T R is the identity within 1e-5), and
+/// both ends were rounded to the lattice.
 double face_uncertainty_m(const ActiveMesh& mesh, const PosedFrame& frame, const FaceKey& key) {
   const SplitFace face = mesh.store().face(key);
   if (mesh.is_exact(face)) return 0;

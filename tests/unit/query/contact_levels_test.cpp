@@ -125,6 +125,20 @@ TEST(RollingBall, OverThePlateTouchesNothingInAnyMixtureOfLevels) {
   }
 }
 
+/// Greatest distance of an end of one's segments from the other's segments.
+double farthest_m(const Contacts& from, const Contacts& to) {
+  const auto vec = [](const Point& p) { return test::Vec{p[0], p[1], p[2]}; };
+  long double greatest = 0;
+  for (const ContactSegment& segment : from.segments)
+    for (const Point& p : {segment.p_m, segment.q_m}) {
+      long double least = std::numeric_limits<long double>::infinity();
+      for (const ContactSegment& other : to.segments)
+        least = std::min(least, test::point_segment(vec(p), vec(other.p_m), vec(other.q_m)));
+      greatest = std::max(greatest, least);
+    }
+  return static_cast<double>(greatest);
+}
+
 TEST(RestingBall, NeverComesFreeAndStaysWithinTheStatedBound) {
   const BakedModel ground_model = test::bake_mesh(generate_terrain(16, 5), 16);
   IndexedMesh sphere = generate_sphere(24, 0);
@@ -138,8 +152,10 @@ TEST(RestingBall, NeverComesFreeAndStaysWithinTheStatedBound) {
       pose_pair(ground_model.header.grid, {}, "ground", ball_model.header.grid, pose, "ball")
           .value();
   const test::FullModel full_ground(ground_model), full_ball(ball_model);
-  const std::vector<FacePair> all =
-      query(full_ground.tree.view(), posed.a, full_ball.tree.view(), posed.b).pairs;
+  const Answer full = query(full_ground.tree.view(), posed.a, full_ball.tree.view(), posed.b);
+  const std::vector<FacePair>& all = full.pairs;
+  const Contacts exact =
+      find_contacts(full_ground.tree.view(), posed.a, full_ball.tree.view(), posed.b, full);
   const test::FullSurface ground_surface(ground_model.store, posed.a),
       ball_surface(ball_model.store, posed.b);
   ASSERT_GT(all.size(), 10U);
@@ -148,6 +164,7 @@ TEST(RestingBall, NeverComesFreeAndStaysWithinTheStatedBound) {
   LocalModel ball(ball_model.store, ball_model.header.grid);
   Random random(5);
   std::array<int, 4> seen{};
+  int coarse = 0;
   for (int step = 0; step < 150; ++step) {
     SCOPED_TRACE(step);
     change_at_random(ground, random);
@@ -161,7 +178,16 @@ TEST(RestingBall, NeverComesFreeAndStaysWithinTheStatedBound) {
       EXPECT_LE(test::bound_use(contacts, ground_surface, ball_surface), 1);
     }
     if (step % 30 != 29) continue;
-    // Refinement alone never loses a contact again, and ends with all of them.
+    // Refinement moves contacts by no more than was stated for them, both ways.
+    const Contacts before = approximate_contacts(ground.mesh, posed.a, ball.mesh, posed.b);
+    ASSERT_GT(before.segments.size(), 0U);
+    double stated = 0;
+    for (const ContactPatch& patch : before.patches) stated = std::max(stated, patch.uncertainty_m);
+    coarse += stated > 0;
+    stated += before.position_error_m + exact.position_error_m;
+    EXPECT_LE(farthest_m(before, exact), stated);
+    EXPECT_LE(farthest_m(exact, before), stated);
+    // It never loses a contact again, and ends with all of them.
     EXPECT_EQ(certify(ground, posed.a, test::no_require, ball, posed.b, test::no_require, {})
                   .value()
                   .pairs,
@@ -175,6 +201,7 @@ TEST(RestingBall, NeverComesFreeAndStaysWithinTheStatedBound) {
       EXPECT_EQ(still.pairs, all);
     }
   }
+  EXPECT_GE(coarse, 3);
   EXPECT_GT(seen[static_cast<std::size_t>(AnswerStatus::kPartial)], 20);
   EXPECT_GT(seen[static_cast<std::size_t>(AnswerStatus::kUncertain)], 5);
 }

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nearmesh/core/query/contacts.hpp"
 
+#include <bit>
 #include <map>
 
 #include "contact_errors.hpp"
 #include "exact_distance.hpp"
+#include "nearmesh/core/base/hash.hpp"
 
 namespace nearmesh {
 namespace {
@@ -401,6 +403,33 @@ TEST(Contacts, OfFacesThatCancelHaveNoNormal) {
   ASSERT_EQ(contacts.patches.size(), 1U);
   EXPECT_EQ(contacts.patches[0].normal_error_rad, kNoNormal_rad);
   EXPECT_NEAR(test::norm3(contacts.patches[0].normal), 1, 1e-12);
+}
+
+TEST(Contacts, AreTheSameBitsOnEveryMachine) {
+  const BakedModel ground = test::bake_mesh(generate_terrain(16, 5), 16);
+  const BakedModel craft = test::bake_mesh(generate_aircraft(600, 5), 16);
+  std::uint64_t hash = 0;
+  std::size_t segments = 0;
+  const auto add = [&hash](double x) { hash = mix(hash ^ std::bit_cast<std::uint64_t>(x)); };
+  for (std::uint32_t i = 0; i < 16; ++i) {
+    const auto [c, s] = test::unit_circle(i, 16);
+    const Point at = test::position_m(ground.header, ground.store, {10 + 13 * i});
+    const Contacts contacts =
+        contacts_of(ground, {}, craft, {{c, 0, s, 0, 1, 0, -s, 0, c}, {at[0], at[1], at[2] + 1}});
+    segments += contacts.segments.size();
+    add(contacts.position_error_m);
+    for (const ContactSegment& segment : contacts.segments)
+      for (const Point& p : {segment.p_m, segment.q_m})
+        for (const double x : p) add(x);
+    for (const ContactPatch& patch : contacts.patches) {
+      for (const double x : patch.centroid_m) add(x);
+      for (const double x : patch.normal) add(x);
+      add(patch.length_m);
+      add(patch.normal_error_rad);
+    }
+  }
+  EXPECT_GT(segments, 300U);
+  EXPECT_EQ(hash, 3108823861846183832U);
 }
 
 TEST(Contacts, OfSegmentsHaveNoNormal) {

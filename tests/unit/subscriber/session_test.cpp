@@ -697,6 +697,34 @@ TEST(Session, SafeHorizonHoldsForAHeadOnApproach) {
   EXPECT_TRUE(std::isinf(world.round(*session).answers[2].safe_horizon_s));
 }
 
+TEST(Session, SaysWhereBodiesTouchWhenAskedTo) {
+  for (const bool asked : {true, false}) {
+    World world;
+    world.start_publisher();
+    SessionOptions options = quick_options();
+    options.contacts = asked;
+    const auto session = world.make_peer(options);
+    Motion one, two;
+    one.pose.translation_m = {0, 0, 9000};
+    two.pose.translation_m = {0, 0, 9001};
+    ASSERT_TRUE(world.fly_frame(*session, 0, {{"one", one}, {"two", two}}));
+    std::size_t touching = 0;
+    const FrameReport report = world.round(*session);
+    for (const test::PairAnswer& pair : report.answers) {
+      EXPECT_EQ(pair.contacts.has_value(), asked && !pair.answer.pairs.empty());
+      if (!pair.contacts) continue;
+      ++touching;
+      EXPECT_EQ(pair.contacts->pair_total, pair.answer.pair_total);
+      EXPECT_GE(pair.contacts->segments.size(), pair.answer.pairs.size());
+      for (const ContactPatch& patch : pair.contacts->patches) {
+        EXPECT_FALSE(patch.approximate);
+        EXPECT_NEAR(patch.centroid_m[2], 9000, 20);  // world frame, far from the models' own
+      }
+    }
+    EXPECT_EQ(touching, asked ? 1U : 0U);
+  }
+}
+
 TEST(Session, ReportsAnswersWhenTheyChange) {
   World world;
   world.start_publisher();

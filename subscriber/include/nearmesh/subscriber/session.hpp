@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "nearmesh/core/query/query.hpp"
+#include "nearmesh/core/query/contacts.hpp"
 #include "nearmesh/subscriber/channel.hpp"
 #include "nearmesh/subscriber/predict.hpp"
 
@@ -26,6 +26,7 @@ struct SessionOptions {
   double request_timeout_s = 0.5;  ///< a request without an answer is repeated after this
   std::uint32_t max_held_splits =
       0;                        ///< above this, detail far from every body is given up; 0: no limit
+  bool contacts = false;        ///< work out where bodies touch: PairAnswer::contacts
   bool publish_reports = true;  ///< send a ContactReport whenever an answer changes
 };
 
@@ -36,6 +37,8 @@ struct PairAnswer {
   /// Why nothing can be said yet (status kUncertain): a header, a publisher or a pose that has not come. Else empty.
   std::string reason;
   Pose pose_a, pose_b;  ///< what was asked about; meaningless with a reason of missing poses
+  /// With SessionOptions::contacts, when the answer has pairs: where they touch, all exact.
+  std::optional<Contacts> contacts;
   /// Free: until this much later nothing can touch, if the bodies keep within their speeds. Seconds.
   double safe_horizon_s = 0;
 };
@@ -46,7 +49,7 @@ struct FrameReport {
   double load_s = 0;                    ///< T_L: decoding batches
   double refine_s = 0;                  ///< T_R: vertex splits and collapses
   double tree_s = 0;                    ///< T_B: AB-tree
-  double query_s = 0;                   ///< T_Q
+  double query_s = 0;                   ///< T_Q, contacts included
   std::uint64_t batches_waiting = 0;    ///< left over for want of budget
   std::vector<std::string> complaints;  ///< one line each, for a log
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Where bodies touch: the intersection of touching faces as points and segments, grouped into patches, each with a normal
-// and a bound of its error. Takes an Answer (query.hpp), gives Contacts. No depth: how far two meshes have sunk into each
-// other as wholes is not a question that their contact answers.
+// Where bodies touch: the intersection of touching faces as points and segments, grouped into patches, each with a
+// normal and a bound of its error. Takes an Answer (query.hpp), gives Contacts. No depth: how far two meshes have
+// sunk into each other as wholes is not a question that their contact answers.
 
 #include <array>
 #include <cstdint>
@@ -12,16 +12,16 @@
 
 namespace nearmesh {
 
-/// A point (p == q) or segment that two faces have in common; of coplanar faces, one side of the outline of their common
-/// area. World frame. The ends have no particular order.
+/// A point (p == q) or segment that two faces have in common; of coplanar faces, one side of the outline of their
+/// common area. World frame. The ends have no particular order.
 struct ContactSegment {
   std::array<double, 3> p_m{}, q_m{};
   FacePair pair;
   bool approximate = false;  ///< one of the faces is not a face of the full mesh
 };
 
-/// normal_error_rad where faces differ so much (by a right angle or more from their mean) or have so little shape (points
-/// and segments) that no direction stands for them; the normal is then the best guess, or +z without any.
+/// normal_error_rad where faces differ so much (by a right angle or more from their mean) or have so little shape
+/// (points and segments) that no direction stands for them; the normal is then the best guess, or +z without any.
 inline constexpr double kNoNormal_rad = 3.14159265358979323846;
 
 /// Contacts that hang together: two pairs of faces are in one patch when they share a face and their other faces are
@@ -61,7 +61,7 @@ struct Contacts {
 /// In: the arguments of the query that gave `answer`, unchanged since.
 /// Deterministic to the bit. Swapped bodies give the same patches with opposite normals, up to rounding; so do bodies
 /// that are moved together by whole lattice cells.
-/// Cost: O(pairs log pairs), some 2 us a pair; a tree without a store is searched for the faces, O(its faces).
+/// Cost: O(pairs log pairs), about 1 us a pair; a tree without a store is searched for the faces, O(its faces).
 [[nodiscard]] Contacts find_contacts(const TreeView& a, const PosedFrame& frame_a,
                                      const TreeView& b, const PosedFrame& frame_b,
                                      const Answer& answer);
