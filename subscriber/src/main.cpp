@@ -96,6 +96,11 @@ nlohmann::ordered_json to_json(std::uint64_t frame, const PairAnswer& pair, cons
                                  {"missing", answer.missing_a.size() + answer.missing_b.size()},
                                  {"pose_a", pose(pair.pose_a)},
                                  {"pose_b", pose(pair.pose_b)}};
+  if (pair.swept) {
+    line["swept_status"] = to_string(pair.swept->status);
+    line["free_until_s"] = pair.swept->free_until_s;
+    line["hit_s"] = finite(pair.swept->hit_s);
+  }
   if (!pair.reason.empty()) line["reason"] = pair.reason;
   if (pair.contacts) {
     nlohmann::ordered_json patches = nlohmann::ordered_json::array();

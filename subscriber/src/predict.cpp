@@ -37,17 +37,6 @@ std::int32_t clamp_grid(double x) {
 
 }  // namespace
 
-double closing_speed_mps(const TreeView& a, const Motion& motion_a, const TreeView& b,
-                         const Motion& motion_b) {
-  // Of any point of a body; the directions are not known, so the difference of the velocities is no bound.
-  const auto speed = [](const TreeView& tree, const Motion& motion) {
-    return vector(motion.linear_velocity_mps).norm() +
-           vector(motion.angular_velocity_radps).norm() *
-               reach_m(in_metres(*tree.grid, tree.nodes[tree.root].box));
-  };
-  return speed(a, motion_a) + speed(b, motion_b);
-}
-
 std::vector<GridBox> swept_region(const TreeView& own, const Motion& own_motion,
                                   const TreeView& other, const Motion& other_motion,
                                   double lookahead_s, double margin_m, std::size_t max_boxes) {

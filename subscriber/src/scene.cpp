@@ -125,13 +125,14 @@ Result<std::vector<Motion>> read_trajectory(const std::string& path, const std::
 Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
   check_keys(root, "scene",
              {"bodies", "moves", "pairs", "frame_rate_hz", "budget_ms", "lookahead_s", "margin_m",
-              "max_held_splits", "contacts", "start_timeout_s"});
+              "sweep_s", "max_held_splits", "contacts", "start_timeout_s"});
   Scene scene;
   scene.frame_rate_hz = number_in(root, "frame_rate_hz", scene.frame_rate_hz, 0.1, 10000);
   scene.budget_s = number_in(root, "budget_ms", scene.budget_s * 1e3, 0, 1e6) / 1e3;
   scene.start_timeout_s = number_in(root, "start_timeout_s", scene.start_timeout_s, 0, 86400);
   scene.session.lookahead_s = number_in(root, "lookahead_s", scene.session.lookahead_s, 0, 60);
   scene.session.margin_m = number_in(root, "margin_m", scene.session.margin_m, 0, 1e6);
+  scene.session.sweep_s = number_in(root, "sweep_s", scene.session.sweep_s, 0, 60);
   scene.session.max_held_splits =
       static_cast<std::uint32_t>(number_in(root, "max_held_splits", 0, 0, 4e9));
   if (root["contacts"])

@@ -37,14 +37,8 @@ struct Publisher {
 constexpr std::uint8_t kNeededNow = 0;
 constexpr std::uint8_t kHorizon = 1;
 
-Status check_motion(const Session::OwnMotion& own) {
-  NEARMESH_RETURN_IF_ERROR(check_pose(own.motion.pose, own.body));
-  for (const auto& v : {own.motion.linear_velocity_mps, own.motion.angular_velocity_radps})
-    for (const double x : v)
-      if (!std::isfinite(x) || std::abs(x) > 1e9)
-        return {StatusCode::kInvalidArgument, own.body + ": velocity is not a finite number"};
-  return Status::ok();
-}
+/// A sweep may take some twenty milliseconds, then it says what it knows.
+constexpr std::uint64_t kMaxSweepTests = 200'000;
 
 }  // namespace
 
@@ -73,13 +67,16 @@ struct Session::Impl {
   void take_inbox(FrameReport& report);
   void take_batch(wire::SplitBatchMessage&& message, FrameReport& report);
   void answer_pair(Pair& pair, std::uint64_t frame, double time_s, FrameReport& report);
+  void sweep_pair(const Pair& pair, PairAnswer& result, FrameReport& report);
   void report_pair(Pair& pair, const PairAnswer& answer, std::uint64_t frame, double time_s);
   void ask(const FrameReport& report);
   [[nodiscard]] std::vector<GridBox> region_of(const PeerModel& model, double lookahead_s,
                                                const FrameReport& report,
                                                bool uncertified_only) const;
-  [[nodiscard]] std::vector<NodeSpan> missing_of(const PeerModel& model,
-                                                 const FrameReport& report) const;
+  [[nodiscard]] std::vector<NodeSpan> missing_of(const PeerModel& model, const FrameReport& report,
+                                                 bool ahead) const;
+  [[nodiscard]] double horizon_s() const { return std::max(options.lookahead_s, options.sweep_s); }
+  bool request_ahead(PeerModel& model, const FrameReport& report, double patience_s);
   bool request(PeerModel& model, const std::vector<GridBox>& region, std::vector<NodeSpan> attach,
                std::uint8_t priority, double patience_s);
   void return_credit();
@@ -90,6 +87,7 @@ struct Session::Impl {
 Session::Session(std::unique_ptr<Channel> channel, SessionOptions options)
     : impl_(std::make_unique<Impl>()) {
   NEARMESH_ASSERT(options.region_boxes >= 1 && options.region_boxes <= kMaxRegionBoxes);
+  NEARMESH_ASSERT(options.sweep_s >= 0);
   NEARMESH_ASSERT(options.request_splits >= 1 && options.request_splits <= kMaxRequestSplits);
   impl_->channel = std::move(channel);
   impl_->options = options;
@@ -131,7 +129,7 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
     const auto at = impl.bodies.find(own.body);
     if (at == impl.bodies.end() || !at->second.own)
       return Status{StatusCode::kNotFound, own.body + " is not a body that this peer moves"};
-    NEARMESH_RETURN_IF_ERROR(check_motion(own));
+    NEARMESH_RETURN_IF_ERROR(check_motion(own.motion, own.body));
   }
   const Stopwatch spent;
   FrameReport report;
@@ -158,7 +156,7 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
     for (auto& [name, model] : impl.replicas.all())
       if (model.is_ready() && model.replica->mesh().split_count() > impl.options.max_held_splits)
         impl.replicas.collapse_outside(
-            model, impl.region_of(model, impl.options.lookahead_s, report, false), report);
+            model, impl.region_of(model, impl.horizon_s(), report, false), report);
   impl.return_credit();
   return report;
 }
@@ -244,10 +242,10 @@ void Session::Impl::answer_pair(Pair& pair, std::uint64_t frame, double time_s,
       if (options.contacts && !result.answer.pairs.empty())
         result.contacts = find_contacts(a, posed.value().a, b, posed.value().b, result.answer);
       if (result.answer.status == AnswerStatus::kFree) {
-        const double speed = closing_speed_mps(a, *pair.a->motion, b, *pair.b->motion);
         result.safe_horizon_s =
-            speed > 0 ? result.answer.clearance_m / speed : std::numeric_limits<double>::infinity();
+            safe_horizon_s(a, *pair.a->motion, b, *pair.b->motion, result.answer.clearance_m);
       }
+      if (options.sweep_s > 0) sweep_pair(pair, result, report);
     } else {
       result.reason = posed.status().message();
     }
@@ -256,6 +254,17 @@ void Session::Impl::answer_pair(Pair& pair, std::uint64_t frame, double time_s,
   if (!result.reason.empty()) result.answer.uncertainty_m = std::numeric_limits<double>::infinity();
   if (options.publish_reports) report_pair(pair, result, frame, time_s);
   report.answers.push_back(std::move(result));
+}
+
+void Session::Impl::sweep_pair(const Pair& pair, PairAnswer& result, FrameReport& report) {
+  Result<SweptAnswer> swept = sweep(pair.a->model->view(), *pair.a->motion, pair.a->name,
+                                    pair.b->model->view(), *pair.b->motion, pair.b->name,
+                                    {.duration_s = options.sweep_s, .max_tests = kMaxSweepTests});
+  if (swept.is_ok()) {
+    result.swept = std::move(swept).value();
+  } else {
+    report.complaints.push_back("no swept answer: " + swept.status().message());
+  }
 }
 
 void Session::Impl::report_pair(Pair& pair, const PairAnswer& answer, std::uint64_t frame,
@@ -314,16 +323,22 @@ Publisher* Session::Impl::publisher_of(std::uint64_t content_hash) {
   return nullptr;
 }
 
-// The nodes of a model that this update's answers lack, ascending.
-std::vector<NodeSpan> Session::Impl::missing_of(const PeerModel& model,
-                                                const FrameReport& report) const {
+// The nodes of a model that this update's answers lack, or those for the time ahead; ascending.
+std::vector<NodeSpan> Session::Impl::missing_of(const PeerModel& model, const FrameReport& report,
+                                                bool ahead) const {
   std::vector<NodeSpan> missing;
+  const auto add = [&](const PeerModel* lacks, const std::vector<NodeSpan>& nodes) {
+    if (lacks == &model) missing.insert(missing.end(), nodes.begin(), nodes.end());
+  };
   for (std::size_t i = 0; i < pairs.size(); ++i) {
-    const Answer& answer = report.answers[i].answer;
-    if (pairs[i].a->model == &model)
-      missing.insert(missing.end(), answer.missing_a.begin(), answer.missing_a.end());
-    if (pairs[i].b->model == &model)
-      missing.insert(missing.end(), answer.missing_b.begin(), answer.missing_b.end());
+    const PairAnswer& answer = report.answers[i];
+    if (!ahead) {
+      add(pairs[i].a->model, answer.answer.missing_a);
+      add(pairs[i].b->model, answer.answer.missing_b);
+    } else if (answer.swept) {
+      add(pairs[i].a->model, answer.swept->missing_a);
+      add(pairs[i].b->model, answer.swept->missing_b);
+    }
   }
   std::sort(missing.begin(), missing.end());
   missing.erase(std::unique(missing.begin(), missing.end()), missing.end());
@@ -364,6 +379,16 @@ bool Session::Impl::request(PeerModel& model, const std::vector<GridBox>& region
   return true;
 }
 
+// What the swept answers lack, and what else may be met within the horizon.
+bool Session::Impl::request_ahead(PeerModel& model, const FrameReport& report, double patience_s) {
+  std::vector<NodeSpan> missing = missing_of(model, report, true);
+  std::vector<GridBox> region = region_of(model, horizon_s(), report, false);
+  // Both are bounds, by other ways: a sweep may lack a node that the region does not reach.
+  if (region.empty() && !missing.empty())
+    region.push_back(model.replica->store().box(missing.front()));
+  return request(model, region, std::move(missing), kHorizon, patience_s);
+}
+
 void Session::Impl::ask(const FrameReport& report) {
   for (auto& [name, model] : replicas.all()) {
     if (!model.is_ready() || !model.waiting.empty()) continue;
@@ -371,7 +396,7 @@ void Session::Impl::ask(const FrameReport& report) {
     // twice. Only what is needed now does not wait for a horizon; the publisher drops what is left of that.
     const auto open = outstanding.find(model.content_hash);
     double patience_s = options.request_timeout_s;
-    bool may_prefetch = options.lookahead_s > 0;
+    bool may_prefetch = horizon_s() > 0;
     if (open != outstanding.end()) {
       const bool lost = clock.seconds() - open->second.heard_s >= open->second.patience_s;
       if (!lost && open->second.priority == kNeededNow) continue;
@@ -379,11 +404,10 @@ void Session::Impl::ask(const FrameReport& report) {
       may_prefetch = may_prefetch && lost;
     }
     // What an answer lacks is named outright: boxes of nodes need not nest, so the walk may miss a node that the query met.
-    if (!request(model, region_of(model, 0, report, true), missing_of(model, report), kNeededNow,
-                 patience_s) &&
+    if (!request(model, region_of(model, 0, report, true), missing_of(model, report, false),
+                 kNeededNow, patience_s) &&
         may_prefetch)
-      static_cast<void>(request(model, region_of(model, options.lookahead_s, report, false), {},
-                                kHorizon, patience_s));
+      static_cast<void>(request_ahead(model, report, patience_s));
   }
 }
 

@@ -279,7 +279,7 @@ TEST_F(Programs, OneModelTwiceIsRefused) {
 
 TEST_F(Programs, JsonParsesLineByLine) {
   write_flights(20);
-  write_scene("both", {"one", "two"}, kAllPairs);
+  write_scene("both", {"one", "two"}, kAllPairs, "sweep_s: 0.04\n");
   const auto publisher = serve();
   const auto peer = fly("both", {"--json"});
   ASSERT_EQ(peer->wait(), 0) << peer->err();
@@ -293,8 +293,13 @@ TEST_F(Programs, JsonParsesLineByLine) {
     EXPECT_EQ(line.at("a"), i % 3 == 2 ? "one" : "ground");
     EXPECT_EQ(line.at("pose_b").size(), 12U);
     for (const char* key : {"b", "model_a", "model_b", "status", "pairs", "pairs_digest",
-                            "clearance_m", "uncertainty_m", "safe_horizon_s", "missing", "pose_a"})
+                            "clearance_m", "uncertainty_m", "safe_horizon_s", "missing", "pose_a",
+                            "swept_status", "free_until_s", "hit_s"})
       EXPECT_TRUE(line.contains(key)) << key;
+    EXPECT_EQ(line.at("swept_status") == "free", line.at("free_until_s") == 0.04) << line;
+    if (line.at("status") == "contact") {
+      EXPECT_EQ(line.at("hit_s"), 0) << line;
+    }
   }
   const json summary = json::parse(lines.back()).at("summary");
   EXPECT_EQ(summary.at("frames"), 20);

@@ -409,4 +409,19 @@ Result<SweptAnswer> sweep(const TreeView& a, const Motion& motion_a, std::string
   return Sweep(mover_a, mover_b, options).run();
 }
 
+double safe_horizon_s(const TreeView& a, const Motion& motion_a, const TreeView& b,
+                      const Motion& motion_b, double clearance_m) {
+  const int lattice = lattice_exponent(*a.grid, *b.grid);
+  double speed_mps = 0, rounding_m = 0;
+  const auto add = [&](const TreeView& tree, const Motion& motion) {
+    const double reach = reach_m(*tree.grid, tree.nodes[tree.root].box);
+    speed_mps += speed_bound_mps(motion, reach);
+    rounding_m += 2 * posing_error_m(motion, reach, 0, *tree.grid, lattice);  // now and then
+  };
+  add(a, motion_a);
+  add(b, motion_b);
+  if (speed_mps == 0) return kNever;
+  return std::max(0.0, clearance_m - rounding_m) / (speed_mps * kRoundUp);
+}
+
 }  // namespace nearmesh

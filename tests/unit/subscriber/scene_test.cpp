@@ -77,7 +77,8 @@ TEST(ReadScene, ReadsAllOfIt) {
   Folder folder;
   folder.write("scene.yaml",
                std::string(kScene) +
-                   "margin_m: 2\nmax_held_splits: 5000\nstart_timeout_s: 7\ncontacts: true\n");
+                   "margin_m: 2\nsweep_s: 1.5\nmax_held_splits: 5000\nstart_timeout_s: 7\n"
+                   "contacts: true\n");
   const Result<Scene> result = read_scene(folder.file("scene.yaml"));
   ASSERT_TRUE(result.is_ok()) << result.status().message();
   const Scene& scene = result.value();
@@ -97,6 +98,7 @@ TEST(ReadScene, ReadsAllOfIt) {
   EXPECT_EQ(scene.start_timeout_s, 7);
   EXPECT_EQ(scene.session.lookahead_s, 0.3);
   EXPECT_EQ(scene.session.margin_m, 2);
+  EXPECT_EQ(scene.session.sweep_s, 1.5);
   EXPECT_EQ(scene.session.max_held_splits, 5000U);
   EXPECT_TRUE(scene.session.contacts);
 }
@@ -143,6 +145,7 @@ TEST(ReadScene, RefusesWithFileAndLine) {
       {"lookahead_s: 0.3", "lookahead_s: [1, 2]", 12, "lookahead_s: expected a number"},
       {"lookahead_s: 0.3", "lookahead_s: .nan", 12, "lookahead_s: expected a number in"},
       {"lookahead_s: 0.3", "lookahead_s: -1", 12, "lookahead_s: expected a number in"},
+      {"lookahead_s: 0.3", "sweep_s: 61", 12, "sweep_s: expected a number in"},
       {"frame_rate_hz: 20", "frame_rate_hz: 0", 10, "frame_rate_hz: expected a number in"},
       {"budget_ms: 5", "contacts: perhaps", 11, "contacts: expected true or false"},
       {"budget_ms: 5", "budget_ms: .inf", 11, "budget_ms: expected a number in"},

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Where will the other body be? Regions of interest in a model's grid, for the demand walk, and how long a free
-// answer holds. Takes trees and motions, gives boxes.
+// Where will the other body be? Regions of interest in a model's grid, for the demand walk. Takes trees and motions, gives
+// boxes.
 // Source: the paper, section 3.2 (prediction by coherence); departure: swept boxes of the other body instead of grid cells.
 
 #include <vector>
@@ -18,10 +18,5 @@ namespace nearmesh::subscriber {
                                                 const TreeView& other, const Motion& other_motion,
                                                 double lookahead_s, double margin_m,
                                                 std::size_t max_boxes);
-
-/// Upper bound of the speed at which any two points of the bodies approach each other while neither moves or turns
-/// faster than stated, whichever way, m/s.
-[[nodiscard]] double closing_speed_mps(const TreeView& a, const Motion& motion_a, const TreeView& b,
-                                       const Motion& motion_b);
 
 }  // namespace nearmesh::subscriber

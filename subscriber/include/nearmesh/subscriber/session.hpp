@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "nearmesh/core/query/contacts.hpp"
+#include "nearmesh/core/query/sweep.hpp"
 #include "nearmesh/subscriber/channel.hpp"
 #include "nearmesh/subscriber/predict.hpp"
 
@@ -18,6 +19,7 @@ namespace nearmesh::subscriber {
 struct SessionOptions {
   double lookahead_s = 0.5;  ///< detail is asked for where the other body may be within this time
   double margin_m = 0;       ///< and this much further
+  double sweep_s = 0;        ///< also answer for all of this time ahead; 0: do not
   std::size_t region_boxes = 64;  ///< boxes by which a region is described, in [1, kMaxRegionBoxes]
   std::uint32_t request_splits = 4096;  ///< largest answer to one request
   std::uint32_t window_bytes =
@@ -41,6 +43,9 @@ struct PairAnswer {
   std::optional<Contacts> contacts;
   /// Free: until this much later nothing can touch, if the bodies keep within their speeds. Seconds.
   double safe_horizon_s = 0;
+  /// With SessionOptions::sweep_s, where the poses are known: the answer for the time ahead, if both bodies keep their
+  /// velocities. What it misses is asked for as the look-ahead's detail is.
+  std::optional<SweptAnswer> swept;
 };
 
 /// What one update did. Seconds are wall clock of this call.
@@ -49,7 +54,7 @@ struct FrameReport {
   double load_s = 0;                    ///< T_L: decoding batches
   double refine_s = 0;                  ///< T_R: vertex splits and collapses
   double tree_s = 0;                    ///< T_B: AB-tree
-  double query_s = 0;                   ///< T_Q, contacts included
+  double query_s = 0;                   ///< T_Q, sweeps and contacts included
   std::uint64_t batches_waiting = 0;    ///< left over for want of budget
   std::vector<std::string> complaints;  ///< one line each, for a log
 

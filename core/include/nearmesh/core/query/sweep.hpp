@@ -56,4 +56,10 @@ struct SweptAnswer {
                                         const Motion& motion_b, std::string_view name_b,
                                         const SweepOptions& options);
 
+/// For so long nothing can touch while neither body moves or turns faster than its motion states, whichever way:
+/// clearance (of a free answer at the motions' poses) over the bodies' greatest speeds, less what posing rounds.
+/// Infinite when neither moves. Seconds.
+[[nodiscard]] double safe_horizon_s(const TreeView& a, const Motion& motion_a, const TreeView& b,
+                                    const Motion& motion_b, double clearance_m);
+
 }  // namespace nearmesh
