@@ -2,6 +2,7 @@
 // Solid bodies: is one inside the other? F2 and F15 of the list of failures, and every state of refinement.
 #include "../../../core/src/query/containment.hpp"
 
+#include "nearmesh/core/demand/collect.hpp"
 #include "solids.hpp"
 
 namespace nearmesh {
@@ -468,6 +469,39 @@ TEST(Containment, TakesFewSplitsFarInsideHoweverTheGroundIsTurned) {
     expect_contained(answer.value(), Containment::kBInA);
     EXPECT_LT(a.mesh.split_count(), 40U) << "of " << land.model.header.split_count();
     EXPECT_EQ(b.mesh.split_count(), 0U);
+  }
+}
+
+TEST(Containment, OneRequestAlongTheRaysSettlesIt) {
+  const Solid ball(generate_sphere(128, 0)), grain(make_cube(0.0625, 1));
+  for (const std::array<double, 9>& turn :
+       {kNoTurn, {0.36, 0.48, -0.8, -0.8, 0.6, 0, 0.48, 0.64, 0.6}}) {
+    const PosedPair posed = pose_at(ball, {.rotation = turn}, grain, moved(0.1, 0.07, 0.04));
+    LocalModel a(ball.model.store, ball.model.header.grid),
+        b(grain.model.store, grain.model.header.grid);
+    ASSERT_TRUE(certify(a, posed.a, test::no_require, b, posed.b, test::no_require, {}).is_ok());
+    const std::uint32_t apart = a.mesh.split_count();
+    Answer answer = query(a.view(), posed.a, b.view(), posed.b, {.solid_a = true});
+    EXPECT_EQ(answer.status, AnswerStatus::kUncertain);
+    int requests = 0;
+    for (; !is_certified(answer.status) && requests < 99; ++requests) {
+      ASSERT_FALSE(answer.rays_a.empty());
+      EXPECT_TRUE(answer.rays_b.empty());
+      const RegionRequest request{
+          .attach = answer.missing_a, .region = answer.rays_a, .max_splits = 4096};
+      const Result<Demand> demand =
+          collect(ball.model.store, request, nullptr, AttachRule::kAlways);
+      ASSERT_TRUE(demand.is_ok());
+      RefineDelta delta;
+      for (const TreeletSplit& split : demand.value().treelet)
+        ASSERT_TRUE(a.mesh.split(split.split, delta));
+      a.tree.update(delta);
+      answer = query(a.view(), posed.a, b.view(), posed.b, {.solid_a = true});
+    }
+    expect_contained(answer, Containment::kBInA);
+    EXPECT_TRUE(answer.rays_a.empty());
+    EXPECT_LE(requests, 2);
+    EXPECT_LT(a.mesh.split_count() - apart, 60U) << "of " << ball.model.header.split_count();
   }
 }
 
