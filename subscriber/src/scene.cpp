@@ -136,8 +136,9 @@ Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
       static_cast<std::uint32_t>(number_in(root, "max_held_splits", 0, 0, 4e9));
   if (!root["bodies"] || !root["bodies"].IsSequence()) fail(root, "bodies: expected a list");
   for (const YAML::Node& node : root["bodies"]) {
-    check_keys(node, "body", {"name", "model", "pose"});
+    check_keys(node, "body", {"name", "model", "solid", "pose"});
     SceneBody body{.name = name_of(node, "name", "body"), .model = name_of(node, "model", "body")};
+    if (node["solid"]) body.solid = value<bool>(node["solid"], "solid", "true or false");
     if (node["pose"]) body.fixed_pose = fixed_pose(node["pose"], body.name);
     scene.bodies.push_back(std::move(body));
   }
