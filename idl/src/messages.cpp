@@ -13,7 +13,7 @@ namespace nearmesh::wire {
 namespace {
 
 constexpr std::uint8_t kPriorityCount = 3;
-constexpr std::uint8_t kAnswerStatusCount = 4;  // free, contact, partial contact, uncertain
+constexpr std::uint8_t kAnswerStatusCount = 5;  // free, contact, partial, uncertain, contained
 constexpr std::uint32_t kMaxWindowBytes = 64U << 20;
 constexpr double kMaxSpeed = 1e9;
 

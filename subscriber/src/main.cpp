@@ -46,7 +46,7 @@ class Timings {
 };
 
 struct Summary {
-  std::array<std::uint64_t, 4> by_status{};
+  std::array<std::uint64_t, 5> by_status{};
   std::uint64_t frames = 0, contact_pairs = 0;
   Timings load, refine, tree, query;
   double first_certified_s = -1, seconds = 0;
@@ -67,10 +67,10 @@ nlohmann::ordered_json to_json(const ContactPatch& patch) {
 }
 
 nlohmann::ordered_json to_json(std::uint64_t frame, const PairAnswer& pair, const Scene& scene) {
-  const auto model_of = [&](const std::string& body) {
-    for (const SceneBody& b : scene.bodies)
-      if (b.name == body) return b.model;
-    return std::string();
+  const auto body_of = [&](const std::string& name) {
+    const auto at = std::find_if(scene.bodies.begin(), scene.bodies.end(),
+                                 [&](const SceneBody& b) { return b.name == name; });
+    return at == scene.bodies.end() ? SceneBody{} : *at;
   };
   const auto pose = [](const Pose& p) {
     std::vector<double> x(p.rotation.begin(), p.rotation.end());
@@ -85,8 +85,10 @@ nlohmann::ordered_json to_json(std::uint64_t frame, const PairAnswer& pair, cons
   nlohmann::ordered_json line = {{"frame", frame},
                                  {"a", pair.body_a},
                                  {"b", pair.body_b},
-                                 {"model_a", model_of(pair.body_a)},
-                                 {"model_b", model_of(pair.body_b)},
+                                 {"model_a", body_of(pair.body_a).model},
+                                 {"model_b", body_of(pair.body_b).model},
+                                 {"solid_a", body_of(pair.body_a).solid},
+                                 {"solid_b", body_of(pair.body_b).solid},
                                  {"status", to_string(answer.status)},
                                  {"pairs", answer.pair_total},
                                  {"pairs_digest", std::to_string(digest(answer.pairs))},
@@ -96,6 +98,7 @@ nlohmann::ordered_json to_json(std::uint64_t frame, const PairAnswer& pair, cons
                                  {"missing", answer.missing_a.size() + answer.missing_b.size()},
                                  {"pose_a", pose(pair.pose_a)},
                                  {"pose_b", pose(pair.pose_b)}};
+  if (answer.status == AnswerStatus::kContained) line["contained"] = to_string(answer.contained);
   if (pair.swept) {
     line["swept_status"] = to_string(pair.swept->status);
     line["free_until_s"] = pair.swept->free_until_s;
@@ -121,6 +124,7 @@ nlohmann::ordered_json to_json(Summary& s) {
             {"contact", s.by_status[1]},
             {"partial", s.by_status[2]},
             {"uncertain", s.by_status[3]},
+            {"contained", s.by_status[4]},
             {"contact_pairs", s.contact_pairs},
             {"received_bytes", s.stats.batch_bytes + s.stats.header_bytes},
             {"batch_bytes", s.stats.batch_bytes},
@@ -144,11 +148,11 @@ nlohmann::ordered_json to_json(Summary& s) {
 
 void print_text(Summary& s) {
   const auto count = [](std::uint64_t n) { return static_cast<unsigned long long>(n); };
-  const auto& [free, contact, partial, uncertain] = s.by_status;
-  std::printf(
-      "  answers       %llu free, %llu contact, %llu partial, %llu uncertain; %llu touching face "
-      "pairs\n",
-      count(free), count(contact), count(partial), count(uncertain), count(s.contact_pairs));
+  const auto& [free, contact, partial, uncertain, contained] = s.by_status;
+  std::printf("  answers       %llu free, %llu contact, %llu partial, %llu uncertain", count(free),
+              count(contact), count(partial), count(uncertain));
+  if (contained > 0) std::printf(", %llu contained", count(contained));
+  std::printf("; %llu touching face pairs\n", count(s.contact_pairs));
   std::printf(
       "  received      %llu bytes of %llu (%.2f %%): headers %llu, %llu batches %llu; %llu "
       "requests\n",
@@ -191,7 +195,8 @@ class Flight {
       if (!answers_) return {StatusCode::kIo, options_.answers + ": cannot create"};
     }
     for (const SceneBody& body : scene_.bodies) {
-      NEARMESH_RETURN_IF_ERROR(session_.add_body(body.name, body.model, !body.trajectory.empty()));
+      NEARMESH_RETURN_IF_ERROR(
+          session_.add_body(body.name, body.model, !body.trajectory.empty(), body.solid));
       if (body.fixed_pose)
         NEARMESH_RETURN_IF_ERROR(session_.place_body(body.name, *body.fixed_pose));
     }
@@ -205,6 +210,7 @@ class Flight {
     for (bool asked = false; stop_requested == 0; asked = true) {
       Result<FrameReport> report = session_.update(0, 0, asked ? no_motions_ : motions(0), 1);
       if (!report.is_ok()) return report.status();
+      NEARMESH_RETURN_IF_ERROR(check_solids());
       log(report.value());
       note_certified(report.value());
       if (report.value().all_certified()) return Status::ok();
@@ -256,6 +262,14 @@ class Flight {
     return all;
   }
 
+  // A mistake in the scene that shows when headers come, or when a publisher changes a model.
+  [[nodiscard]] Status check_solids() const {
+    for (const SceneBody& body : scene_.bodies)
+      if (const SpmHeader* header = session_.header_of(body.name); body.solid && header != nullptr)
+        NEARMESH_RETURN_IF_ERROR(check_solid(*header, body.name));
+    return Status::ok();
+  }
+
   // Asks again within the frame while detail is on its way and time is left; the last answers count.
   Status fly_frame(std::uint64_t frame, double end_s, const Stopwatch& clock) {
     double load_s = 0, refine_s = 0, tree_s = 0, query_s = 0;
@@ -263,6 +277,7 @@ class Flight {
       Result<FrameReport> result = session_.update(
           frame, clock.seconds(), again ? no_motions_ : motions(frame), scene_.budget_s);
       if (!result.is_ok()) return result.status();
+      NEARMESH_RETURN_IF_ERROR(check_solids());
       const FrameReport& report = result.value();
       log(report);
       note_certified(report);
@@ -312,14 +327,14 @@ class Flight {
   void show_progress(std::uint64_t done) const {
     const bool terminal = ::isatty(STDERR_FILENO) != 0;
     if (!terminal && done % std::max<std::uint64_t>(1, scene_.frames / 4) != 0) return;
-    const auto& [free, contact, partial, uncertain] = summary_.by_status;
-    std::fprintf(stderr,
-                 terminal ? "\rframe %llu of %llu: %llu free, %llu contact, %llu uncertain "
-                          : "frame %llu of %llu: %llu free, %llu contact, %llu uncertain\n",
-                 static_cast<unsigned long long>(done),
-                 static_cast<unsigned long long>(scene_.frames),
-                 static_cast<unsigned long long>(free), static_cast<unsigned long long>(contact),
-                 static_cast<unsigned long long>(partial + uncertain));
+    const auto& [free, contact, partial, uncertain, contained] = summary_.by_status;
+    std::fprintf(
+        stderr,
+        terminal ? "\rframe %llu of %llu: %llu free, %llu contact or contained, %llu uncertain "
+                 : "frame %llu of %llu: %llu free, %llu contact or contained, %llu uncertain\n",
+        static_cast<unsigned long long>(done), static_cast<unsigned long long>(scene_.frames),
+        static_cast<unsigned long long>(free), static_cast<unsigned long long>(contact + contained),
+        static_cast<unsigned long long>(partial + uncertain));
   }
 
   const Options& options_;

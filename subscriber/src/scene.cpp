@@ -139,8 +139,9 @@ Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
     scene.session.contacts = value<bool>(root["contacts"], "contacts", "true or false");
   if (!root["bodies"] || !root["bodies"].IsSequence()) fail(root, "bodies: expected a list");
   for (const YAML::Node& node : root["bodies"]) {
-    check_keys(node, "body", {"name", "model", "pose"});
+    check_keys(node, "body", {"name", "model", "solid", "pose"});
     SceneBody body{.name = name_of(node, "name", "body"), .model = name_of(node, "model", "body")};
+    if (node["solid"]) body.solid = value<bool>(node["solid"], "solid", "true or false");
     if (node["pose"]) body.fixed_pose = fixed_pose(node["pose"], body.name);
     scene.bodies.push_back(std::move(body));
   }

@@ -13,6 +13,7 @@ namespace nearmesh::subscriber {
 
 struct SceneBody {
   std::string name, model;
+  bool solid = false;
   std::optional<Pose> fixed_pose;
   std::vector<Motion> trajectory;  ///< one per frame; empty when another peer moves the body
 };

@@ -16,6 +16,7 @@ struct Body {
   std::string name;
   PeerModel* model = nullptr;
   bool own = false;
+  bool solid = false;
   std::optional<Motion> motion;
 };
 
@@ -94,14 +95,14 @@ Session::Session(std::unique_ptr<Channel> channel, SessionOptions options)
 }
 Session::~Session() = default;
 
-Status Session::add_body(const std::string& name, const std::string& model, bool own) {
+Status Session::add_body(const std::string& name, const std::string& model, bool own, bool solid) {
   for (const std::string& text : {name, model})
     if (text.empty() || text.size() > wire::kMaxNameBytes)
       return {StatusCode::kInvalidArgument, "name '" + text + "': expected 1 to " +
                                                 std::to_string(wire::kMaxNameBytes) + " bytes"};
   if (impl_->bodies.contains(name))
     return {StatusCode::kConflict, "body " + name + " is declared twice"};
-  impl_->bodies.emplace(name, Body{name, &impl_->replicas.add(model), own, std::nullopt});
+  impl_->bodies.emplace(name, Body{name, &impl_->replicas.add(model), own, solid, std::nullopt});
   return Status::ok();
 }
 
@@ -221,6 +222,10 @@ std::string Session::Impl::why_not_ready(const Body& body) const {
            (publishers.empty() ? "no publisher found" : "no publisher serves it");
   if (!body.model->is_ready())
     return "model " + body.model->name + " of body " + body.name + ": its header has not come";
+  if (body.solid)
+    if (const Status status = check_solid(body.model->replica->header(), body.name);
+        !status.is_ok())
+      return status.message();
   if (!body.motion) return "no pose of body " + body.name + " has come";
   return {};
 }
@@ -238,14 +243,19 @@ void Session::Impl::answer_pair(Pair& pair, std::uint64_t frame, double time_s,
     const Result<PosedPair> posed =
         pose_pair(*a.grid, result.pose_a, pair.a->name, *b.grid, result.pose_b, pair.b->name);
     if (posed.is_ok()) {
-      result.answer = query(a, posed.value().a, b, posed.value().b);
+      result.answer = query(a, posed.value().a, b, posed.value().b,
+                            {.solid_a = pair.a->solid, .solid_b = pair.b->solid});
       if (options.contacts && !result.answer.pairs.empty())
         result.contacts = find_contacts(a, posed.value().a, b, posed.value().b, result.answer);
-      if (result.answer.status == AnswerStatus::kFree) {
+      if (is_certified(result.answer.status) && result.answer.pair_total == 0)
         result.safe_horizon_s =
             safe_horizon_s(a, *pair.a->motion, b, *pair.b->motion, result.answer.clearance_m);
-      }
       if (options.sweep_s > 0) sweep_pair(pair, result, report);
+      if (result.answer.status == AnswerStatus::kUncertain && result.answer.missing_a.empty() &&
+          result.answer.missing_b.empty())
+        result.reason = "body " + (a.surface->has_seeds() ? pair.b : pair.a)->name +
+                        " has more than " + std::to_string(kMaxComponentSeeds) +
+                        " parts: whether one is inside the other body cannot be told";
     } else {
       result.reason = posed.status().message();
     }
@@ -291,7 +301,8 @@ void Session::Impl::report_pair(Pair& pair, const PairAnswer& answer, std::uint6
   channel->send(report);
 }
 
-// The boxes, in a model's grid, of all bodies that a body of that model is watched against.
+// The boxes, in a model's grid, of all bodies that a body of that model is watched against; of what is not certified, the
+// rays instead where only the inside of a solid is open.
 std::vector<GridBox> Session::Impl::region_of(const PeerModel& model, double lookahead_s,
                                               const FrameReport& report,
                                               bool uncertified_only) const {
@@ -301,12 +312,22 @@ std::vector<GridBox> Session::Impl::region_of(const PeerModel& model, double loo
     const PairAnswer& answer = report.answers[i];
     if (!answer.reason.empty() || (uncertified_only && is_certified(answer.answer.status)))
       continue;
+    const Answer& open = answer.answer;
+    if (uncertified_only && !(open.rays_a.empty() && open.rays_b.empty())) {
+      // The surfaces are apart: only the rays wait for detail.
+      if (pairs[i].a->model == &model)
+        region.insert(region.end(), open.rays_a.begin(), open.rays_a.end());
+      if (pairs[i].b->model == &model)
+        region.insert(region.end(), open.rays_b.begin(), open.rays_b.end());
+      continue;
+    }
     if (pairs[i].a->model == &model) against.emplace_back(pairs[i].a, pairs[i].b);
     if (pairs[i].b->model == &model) against.emplace_back(pairs[i].b, pairs[i].a);
   }
+  region.resize(std::min(region.size(), kMaxRegionBoxes / 2));
   if (against.empty()) return region;
-  const std::size_t each =
-      std::max<std::size_t>(1, std::min(options.region_boxes, kMaxRegionBoxes / against.size()));
+  const std::size_t each = std::max<std::size_t>(
+      1, std::min(options.region_boxes, (kMaxRegionBoxes - region.size()) / against.size()));
   for (const auto& [own, other] : against) {
     const auto boxes = swept_region(own->model->view(), *own->motion, other->model->view(),
                                     *other->motion, lookahead_s, options.margin_m, each);

@@ -334,6 +334,49 @@ TEST_F(Programs, AnswersThatCannotBeWrittenAreNamed) {
   EXPECT_NE(err.find("/nowhere/answers.jsonl"), std::string::npos) << err;
 }
 
+TEST_F(Programs, SolidBodyWithAnOpenModelEndsTheStartWithTheReason) {
+  write_flights(20);
+  folder.write(
+      "solid.yaml",
+      "bodies:\n  - {name: ground, model: terrain, solid: true, pose: {}}\n"
+      "  - {name: one, model: aircraft}\nmoves:\n  - {body: one, trajectory: flight1.csv}\n"
+      "pairs: [[ground, one]]\n");
+  const auto publisher = serve();
+  const auto peer = fly("solid");
+  EXPECT_EQ(peer->wait(), 1);
+  EXPECT_NE(peer->err().find("body ground cannot be solid"), std::string::npos) << peer->err();
+  EXPECT_NE(peer->err().find("192 boundary edges"), std::string::npos) << peer->err();
+}
+
+TEST_F(Programs, AircraftUnderSolidGroundIsContained) {
+  const std::string mesh = folder.file("sunk.ply"), model = folder.file("sunk.spm");
+  ASSERT_EQ(test::run(folder, "nearmesh-model",
+                      {"generate", "terrain", "--size", "48", "--floor-m", "-3000", "-o", mesh}),
+            0);
+  ASSERT_EQ(test::run(folder, "nearmesh-model", {"build", mesh, "-o", model}), 0);
+  std::string rows = "R00,R01,R02,R10,R11,R12,R20,R21,R22,T0,T1,T2\n";
+  for (int frame = 0; frame < 20; ++frame)
+    rows += "1,0,0,0,1,0,0,0,1," + std::to_string(10 * frame) + ",40,-2500\n";
+  folder.write("dive.csv", rows);
+  folder.write("sunk.yaml",
+               "bodies:\n  - {name: ground, model: sunk, solid: true, pose: {}}\n"
+               "  - {name: one, model: aircraft}\nmoves:\n  - {body: one, trajectory: dive.csv}\n"
+               "pairs: [[ground, one]]\n");
+  Process publisher(folder, "nearmesh-publisher", on_bus({"serve", model, aircraft()}));
+  ASSERT_TRUE(publisher.says("ready on domain")) << publisher.err();
+  const auto peer = fly("sunk");
+  ASSERT_EQ(peer->wait(), 0) << peer->err();
+  const auto answers = answers_of("sunk");
+  ASSERT_EQ(answers.size(), 20U);
+  EXPECT_EQ(answers.front().at("status"), "contained");
+  EXPECT_EQ(answers.front().at("contained"), "b_in_a");
+  std::string out;
+  EXPECT_EQ(test::run(folder, "nearmesh-model",
+                      {"check", model, aircraft(), "--answers", folder.file("sunk.jsonl")}, &out),
+            0);
+  EXPECT_NE(out.find("answers 20, wrong 0"), std::string::npos) << out;
+}
+
 TEST_F(Programs, WrongUsageExitsWithTwo) {
   using Words = std::vector<std::string>;
   for (const auto& [program, words] : std::vector<std::pair<std::string, Words>>{

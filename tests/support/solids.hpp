@@ -151,6 +151,43 @@ struct Voxels {
   std::vector<bool> filled;
 };
 
+// ---- posed solids -------------------------------------------------------------------------------
+
+/// A model with its full mesh.
+struct Solid {
+  explicit Solid(const IndexedMesh& mesh) : model(bake_mesh(mesh, 16)), full(model) {}
+  BakedModel model;
+  FullModel full;
+};
+
+inline PosedPair pose_at(const Solid& a, const Pose& pose_a, const Solid& b, const Pose& pose_b) {
+  const auto posed = pose_pair(a.model.header.grid, pose_a, "a", b.model.header.grid, pose_b, "b");
+  if (!posed.is_ok()) ADD_FAILURE() << posed.status().message();
+  return posed.value();
+}
+
+/// The 24 rotations that map the axes onto each other.
+inline const std::vector<std::array<double, 9>>& quarter_turns() {
+  static const std::vector<std::array<double, 9>> turns = [] {
+    std::vector<std::array<double, 9>> all;
+    for (const std::array<std::size_t, 3>& axes : {std::array<std::size_t, 3>{0, 1, 2},
+                                                   {1, 2, 0},
+                                                   {2, 0, 1},
+                                                   {0, 2, 1},
+                                                   {2, 1, 0},
+                                                   {1, 0, 2}})
+      for (int signs = 0; signs < 8; ++signs) {
+        std::array<double, 9> r{};
+        for (std::size_t k = 0; k < 3; ++k) r[3 * k + axes[k]] = (signs >> k & 1) != 0 ? -1 : 1;
+        const double det = r[0] * (r[4] * r[8] - r[5] * r[7]) - r[1] * (r[3] * r[8] - r[5] * r[6]) +
+                           r[2] * (r[3] * r[7] - r[4] * r[6]);
+        if (det > 0) all.push_back(r);
+      }
+    return all;
+  }();
+  return turns;
+}
+
 // ---- the truth ----------------------------------------------------------------------------------
 
 __extension__ typedef __int128 Int128;

@@ -14,6 +14,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 
 #include "nearmesh/core/geometry/box_overlap.hpp"
 
@@ -27,12 +28,6 @@ template <class Int>
 int sign(Int x) {
   return (x > 0) - (x < 0);
 }
-
-struct Ray {
-  LatticePoint from;
-  int axis = 0;
-  bool upward = true;
-};
 
 /// Conservative tests of one ray against boxes in the solid's grid.
 ///
@@ -194,10 +189,10 @@ class RayWalk {
 Location locate(const TreeView& solid, const PosedFrame& frame, const LatticePoint& point,
                 QueryStats& stats) {
   const TreeNode& root = solid.nodes[solid.root];
-  if (root.kind() == Kind::kEmpty) return {Side::kOutside, {}};
+  if (root.kind() == Kind::kEmpty) return {Side::kOutside, {}, {}};
   const LatticeBox bounds = pose_box(frame, root.box);
   for (int k = 0; k < 3; ++k)
-    if (point[k] < bounds.lo[k] || point[k] > bounds.hi[k]) return {Side::kOutside, {}};
+    if (point[k] < bounds.lo[k] || point[k] > bounds.hi[k]) return {Side::kOutside, {}, {}};
 
   // The nearest way out first: it is the likeliest to meet little.
   std::array<Ray, 6> rays;
@@ -212,12 +207,58 @@ Location locate(const TreeView& solid, const PosedFrame& frame, const LatticePoi
                    [&](std::size_t a, std::size_t b) { return exit[a] < exit[b]; });
   RayWalk walk(solid, frame, stats);
   Crossings least;
+  std::size_t best = 0;
   for (std::size_t i = 0; i < 6; ++i) {
     Crossings found = walk.run(rays[order[i]]);
-    if (found.missing.empty()) return {found.winding != 0 ? Side::kInside : Side::kOutside, {}};
-    if (i == 0 || found.missing_size < least.missing_size) least = std::move(found);
+    if (found.missing.empty()) return {found.winding != 0 ? Side::kInside : Side::kOutside, {}, {}};
+    if (i > 0 && found.missing_size >= least.missing_size) continue;
+    least = std::move(found);
+    best = order[i];
   }
-  return {Side::kOpen, std::move(least.missing)};
+  return {Side::kOpen, std::move(least.missing), rays[best]};
+}
+
+void add_ray_boxes(const PosedFrame& solid, const Ray& ray, const GridBox& box,
+                   std::vector<GridBox>& boxes) {
+  constexpr double kMargin = 2;
+  const double cells = std::ldexp(1.0, solid.shift - 30);  // a lattice cell in grid units
+  const CenteredBox b = centered(box);
+  std::array<double, 3> from{}, along{};
+  double enter = 0, leave = std::numeric_limits<double>::infinity();
+  int slanted = 0;
+  for (std::size_t i = 0; i < 3; ++i) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double r = static_cast<double>(solid.rotation[3 * k + i]) * 0x1p-30;
+      from[i] += r * static_cast<double>(ray.from.v[k] - solid.translation[k]) * cells;
+      if (k == static_cast<std::size_t>(ray.axis)) along[i] = ray.upward ? r : -r;
+    }
+    if (along[i] == 0) continue;
+    ++slanted;
+    const double middle = (b.center[i] - from[i]) / along[i];
+    const double reach = (b.half[i] + kMargin) / std::abs(along[i]);
+    enter = std::max(enter, middle - reach);
+    leave = std::min(leave, middle + reach);
+  }
+  if (!(enter <= leave)) {  // only rounding parts them: the ray met the box
+    boxes.push_back(box);
+    return;
+  }
+  // The box of a slanted piece is much larger than the piece.
+  const int pieces = slanted > 1 ? 8 : 1;
+  for (int piece = 0; piece < pieces; ++piece) {
+    const double t0 = enter + (leave - enter) * piece / pieces;
+    const double t1 = enter + (leave - enter) * (piece + 1) / pieces;
+    GridBox covered;
+    for (int k = 0; k < 3; ++k) {
+      const auto i = static_cast<std::size_t>(k);
+      const auto [lo, hi] = std::minmax({from[i] + t0 * along[i], from[i] + t1 * along[i]});
+      covered.lo[k] = static_cast<std::int32_t>(
+          std::clamp<double>(std::floor(lo - kMargin), box.lo[k], box.hi[k]));
+      covered.hi[k] = static_cast<std::int32_t>(
+          std::clamp<double>(std::ceil(hi + kMargin), box.lo[k], box.hi[k]));
+    }
+    boxes.push_back(covered);
+  }
 }
 
 }  // namespace nearmesh

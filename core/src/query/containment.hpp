@@ -11,9 +11,17 @@ namespace nearmesh {
 
 enum class Side : std::uint8_t { kOutside, kInside, kOpen };
 
+/// From a point of the pair's lattice along one of its axes, either way.
+struct Ray {
+  LatticePoint from;
+  int axis = 0;
+  bool upward = true;
+};
+
 struct Location {
   Side side = Side::kOpen;
   std::vector<const TreeNode*> missing;  ///< open: unresolved nodes on the ray that needs the least
+  Ray ray;                               ///< open: that ray
 };
 
 /// The side of `point` (of the pair's lattice) on which the full surface lies: inside where the winding number is not 0.
@@ -21,5 +29,10 @@ struct Location {
 /// kOpen. Cost: O(nodes that a ray meets), at most six rays; nothing outside the root's box.
 [[nodiscard]] Location locate(const TreeView& solid, const PosedFrame& frame,
                               const LatticePoint& point, QueryStats& stats);
+
+/// Adds boxes of the solid's grid that cover what lies of the ray inside `box`, with a cell or two around it: a hint where
+/// to ask for detail, not a bound that a decision may rest on.
+void add_ray_boxes(const PosedFrame& solid, const Ray& ray, const GridBox& box,
+                   std::vector<GridBox>& boxes);
 
 }  // namespace nearmesh

@@ -185,15 +185,20 @@ class Walk {
   Side side_of(const TreeView& inner, const PosedFrame& inner_frame, const TreeView& solid,
                const PosedFrame& solid_frame, std::unordered_set<std::uint32_t>& known) {
     if (!inner.surface->has_seeds()) return Side::kOpen;
-    std::vector<const TreeNode*> missing;
+    std::vector<Location> open;
     for (const GridPoint& seed : inner.surface->component_seeds) {
-      const Location at = locate(solid, solid_frame, pose_point(inner_frame, seed), answer_.stats);
+      Location at = locate(solid, solid_frame, pose_point(inner_frame, seed), answer_.stats);
       if (at.side == Side::kInside) return Side::kInside;
-      missing.insert(missing.end(), at.missing.begin(), at.missing.end());
+      if (at.side == Side::kOpen) open.push_back(std::move(at));
     }
-    for (const TreeNode* node : missing)
-      if (!known.contains(node->first)) add_missing(solid, *node, known);
-    return missing.empty() ? Side::kOutside : Side::kOpen;
+    std::vector<GridBox>& rays = &known == &missing_a_ ? answer_.rays_a : answer_.rays_b;
+    for (const Location& at : open)
+      for (const TreeNode* node : at.missing) {
+        if (known.contains(node->first)) continue;
+        add_missing(solid, *node, known);
+        add_ray_boxes(solid_frame, at.ray, node->box, rays);
+      }
+    return open.empty() ? Side::kOutside : Side::kOpen;
   }
 
   // A lower bound of the distance of two bodies that do not touch: pairs of boxes by growing gap, until the least gap left is no

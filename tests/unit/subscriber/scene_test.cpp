@@ -73,6 +73,15 @@ TEST(ReadScene, ReadsTheDemo) {
   }
 }
 
+TEST(ReadScene, ABodyIsSolidWhereItSaysSo) {
+  Folder folder;
+  folder.write("scene.yaml", changed("{name: one, model", "{name: one, solid: true, model"));
+  const Result<Scene> scene = read_scene(folder.file("scene.yaml"));
+  ASSERT_TRUE(scene.is_ok()) << scene.status().message();
+  EXPECT_FALSE(scene.value().bodies[0].solid);
+  EXPECT_TRUE(scene.value().bodies[1].solid);
+}
+
 TEST(ReadScene, ReadsAllOfIt) {
   Folder folder;
   folder.write("scene.yaml",
@@ -149,6 +158,7 @@ TEST(ReadScene, RefusesWithFileAndLine) {
       {"frame_rate_hz: 20", "frame_rate_hz: 0", 10, "frame_rate_hz: expected a number in"},
       {"budget_ms: 5", "contacts: perhaps", 11, "contacts: expected true or false"},
       {"budget_ms: 5", "budget_ms: .inf", 11, "budget_ms: expected a number in"},
+      {"{name: one, model", "{name: one, solid: maybe, model", 3, "solid: expected true or false"},
       {"[1, 2, 3]", "[1, 2, x]", 2, "translation: expected three numbers"},
       {"[1, 2, 3]", "[1, 2]", 2, "expected three numbers, found 2"},
       {"[1, 2, 3]", "7", 2, "translation: expected three numbers"},

@@ -97,9 +97,10 @@ inline Flight make_flight(std::uint64_t seed, int segments = 5) {
 class Judge {
  public:
   const ServedModel* ground = &terrain();  ///< what "terrain" stands for
-  std::uint64_t free = 0, contact = 0, partial = 0, uncertain = 0, unknown = 0;
+  bool solid_ground = false;               ///< the ground has an inside, always body a
+  std::uint64_t free = 0, contact = 0, partial = 0, uncertain = 0, contained = 0, unknown = 0;
 
-  [[nodiscard]] std::uint64_t certified() const { return free + contact; }
+  [[nodiscard]] std::uint64_t certified() const { return free + contact + contained; }
 
   void check(const FrameReport& report) {
     for (const PairAnswer& answer : report.answers) check(answer);
@@ -116,15 +117,22 @@ class Judge {
     switch (answer.answer.status) {
       case AnswerStatus::kFree:
         ++free;
-        EXPECT_TRUE(full(answer).empty()) << about() << " answered free, but they touch";
+        EXPECT_EQ(full(answer).status, AnswerStatus::kFree)
+            << about() << " answered free, but they are " << to_string(full(answer).status);
+        break;
+      case AnswerStatus::kContained:
+        ++contained;
+        EXPECT_EQ(full(answer).status, AnswerStatus::kContained) << about();
+        EXPECT_EQ(full(answer).contained, answer.answer.contained) << about();
+        EXPECT_TRUE(pairs.empty());
         break;
       case AnswerStatus::kContact:
         ++contact;
-        EXPECT_EQ(pairs, full(answer)) << about();
+        EXPECT_EQ(pairs, full(answer).pairs) << about();
         break;
       case AnswerStatus::kPartial: {
         ++partial;
-        const std::vector<FacePair>& all = full(answer);
+        const std::vector<FacePair>& all = full(answer).pairs;
         EXPECT_TRUE(std::includes(all.begin(), all.end(), pairs.begin(), pairs.end())) << about();
         EXPECT_FALSE(pairs.empty());
         break;
@@ -139,31 +147,35 @@ class Judge {
   /// What the full meshes say.
   std::vector<FacePair> touching(const PairAnswer& answer, const Pose& pose_a,
                                  const Pose& pose_b) const {
-    const TriangleTree &a = mesh_of(answer.body_a).full.tree, &b = mesh_of(answer.body_b).full.tree;
-    const Result<PosedPair> posed = pose_pair(a.grid, pose_a, "a", b.grid, pose_b, "b");
-    EXPECT_TRUE(posed.is_ok());
-    return query(a.view(), posed.value().a, b.view(), posed.value().b, {.clearance = false}).pairs;
+    return truth(answer, pose_a, pose_b).pairs;
   }
 
  private:
+  [[nodiscard]] Answer truth(const PairAnswer& answer, const Pose& pose_a,
+                             const Pose& pose_b) const {
+    const TriangleTree &a = mesh_of(answer.body_a).full.tree, &b = mesh_of(answer.body_b).full.tree;
+    const Result<PosedPair> posed = pose_pair(a.grid, pose_a, "a", b.grid, pose_b, "b");
+    EXPECT_TRUE(posed.is_ok());
+    return query(a.view(), posed.value().a, b.view(), posed.value().b,
+                 {.clearance = false, .solid_a = solid_ground && answer.body_a == "ground"});
+  }
   [[nodiscard]] const ServedModel& mesh_of(const std::string& body) const {
     return body == "ground" ? *ground : aircraft();
   }
   // The same question comes many times while detail is on its way.
-  const std::vector<FacePair>& full(const PairAnswer& answer) {
+  const Answer& full(const PairAnswer& answer) {
     Known& known = known_[answer.body_a + '/' + answer.body_b];
     if (known.ground != ground || known.poses[0].rotation != answer.pose_a.rotation ||
         known.poses[0].translation_m != answer.pose_a.translation_m ||
         known.poses[1].rotation != answer.pose_b.rotation ||
         known.poses[1].translation_m != answer.pose_b.translation_m)
-      known = {
-          ground, {answer.pose_a, answer.pose_b}, touching(answer, answer.pose_a, answer.pose_b)};
-    return known.pairs;
+      known = {ground, {answer.pose_a, answer.pose_b}, truth(answer, answer.pose_a, answer.pose_b)};
+    return known.answer;
   }
   struct Known {
     const ServedModel* ground = nullptr;
     std::array<Pose, 2> poses;
-    std::vector<FacePair> pairs;
+    Answer answer;
   };
   std::map<std::string, Known> known_;
 };

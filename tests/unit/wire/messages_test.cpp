@@ -128,13 +128,21 @@ TEST(CheckMessage, RefusesPoseOutsideItsLimits) {
                       {"angular", [](M& m) { m.angular_velocity_radps[2] = 1e300; }}});
 }
 
+TEST(CheckMessage, TakesAReportOfEachStatus) {
+  ContactReport report = valid_report();
+  for (std::uint8_t status = 0; status <= 4; ++status) {
+    report.status = status;
+    EXPECT_TRUE(check(report).is_ok()) << int{status};
+  }
+}
+
 TEST(CheckMessage, RefusesReportOutsideItsLimits) {
   using M = ContactReport;
   expect_refusals<M>(valid_report(), {{"peer", [](M& m) { m.peer = 0; }},
                                       {"body_a", [](M& m) { m.body_a = "\x7f"; }},
                                       {"body_b", [](M& m) { m.body_b = ""; }},
                                       {"time_s", [](M& m) { m.time_s = kNan; }},
-                                      {"status", [](M& m) { m.status = 4; }},
+                                      {"status", [](M& m) { m.status = 5; }},
                                       {"clearance", [](M& m) { m.clearance_m = -1; }},
                                       {"uncertainty", [](M& m) { m.uncertainty_m = kNan; }},
                                       {"pair_count", [](M& m) { m.pair_count = 1; }},
@@ -148,7 +156,7 @@ TEST(CheckMessage, NamesBothVersionsWhenTheyDiffer) {
   const auto expect_unsupported = [](auto message) {
     message.wire_version = 9;
     EXPECT_EQ(check(message).code(), StatusCode::kUnsupported);
-    EXPECT_EQ(check(message).message(), "wire version 9, this build speaks 1");
+    EXPECT_EQ(check(message).message(), "wire version 9, this build speaks 2");
   };
   expect_unsupported(valid_hello());
   expect_unsupported(valid_header());

@@ -9,7 +9,7 @@ namespace {
 TEST(Topics, CarryPrefixAndVersionButHelloHasNone) {
   const TopicNames names("site/nearmesh");
   EXPECT_EQ(names.hello, "site/nearmesh/hello");
-  EXPECT_EQ(names.split_batch, "site/nearmesh/v1/split_batch");
+  EXPECT_EQ(names.split_batch, "site/nearmesh/v2/split_batch");
 }
 
 TEST(Topics, PartitionIsSixteenDigits) {
@@ -29,15 +29,15 @@ TEST(Topics, RemoteEndpointsThatCannotTalkToUsAreNamed) {
   const auto judge = [](const char* topic, std::string_view type) {
     return judge_remote_endpoint("p", topic, type).value_or("");
   };
-  EXPECT_EQ(judge("p/v1/body_pose", kBodyPoseType), "");
+  EXPECT_EQ(judge("p/v2/body_pose", kBodyPoseType), "");
   EXPECT_EQ(judge("p/hello", kHelloType), "");
-  EXPECT_EQ(judge("q/v2/body_pose", kBodyPoseType), "");
-  EXPECT_EQ(judge("pp/v2/body_pose", kBodyPoseType), "");
+  EXPECT_EQ(judge("q/v1/body_pose", kBodyPoseType), "");
+  EXPECT_EQ(judge("pp/v1/body_pose", kBodyPoseType), "");
   EXPECT_EQ(judge("p/v/body_pose", "x"), "");
-  EXPECT_EQ(judge("p/v2", "x"), "");
+  EXPECT_EQ(judge("p/v1", "x"), "");
   EXPECT_EQ(judge("p/video", "x"), "");
-  EXPECT_NE(judge("p/v1/body_pose", "Other").find("Other"), std::string::npos);
-  EXPECT_NE(judge("p/v12/body_pose", kBodyPoseType).find("wire version 12"), std::string::npos);
+  EXPECT_NE(judge("p/v2/body_pose", "Other").find("Other"), std::string::npos);
+  EXPECT_NE(judge("p/v23/body_pose", kBodyPoseType).find("wire version 23"), std::string::npos);
 }
 
 TEST(Topics, SessionIdsDiffer) { EXPECT_NE(make_session_id(), make_session_id()); }

@@ -158,11 +158,11 @@ TEST(TypeSupport, SurvivesChangedBytes) {
 
 TEST(TypeSupport, RecognisesAnotherVersionWhateverFollows) {
   std::string fault;
-  (void)from_bytes<HelloType>({0, 1, 0, 0, 2, 0, 0xff, 0xff, 0xff, 0xff}, &fault);
-  EXPECT_EQ(fault, "wire version 2, this build speaks 1");
+  (void)from_bytes<HelloType>({0, 1, 0, 0, 3, 0, 0xff, 0xff, 0xff, 0xff}, &fault);
+  EXPECT_EQ(fault, "wire version 3, this build speaks 2");
   (void)from_bytes<HelloType>({0, 0, 0, 0, 1, 2, 0xff, 0xff}, &fault);  // big endian
-  EXPECT_EQ(fault, "wire version 258, this build speaks 1");
-  (void)from_bytes<HelloType>({0, 3, 0, 0, 1, 0, 0xff, 0xff}, &fault);
+  EXPECT_EQ(fault, "wire version 258, this build speaks 2");
+  (void)from_bytes<HelloType>({0, 3, 0, 0, 2, 0, 0xff, 0xff}, &fault);
   EXPECT_EQ(fault, "encapsulation 3, expected plain CDR");
 }
 

@@ -16,7 +16,7 @@
 namespace nearmesh::wire {
 
 /// Raised with every change of a topic's layout or of the batch codec. Peers of another version are refused loudly.
-inline constexpr std::uint16_t kWireVersion = 1;
+inline constexpr std::uint16_t kWireVersion = 2;
 
 /// Random per process; tells a restarted publisher from the old one, and names a peer.
 using SessionId = std::uint64_t;
@@ -91,8 +91,8 @@ struct ContactReport {
   std::string body_a, body_b;
   std::uint64_t frame = 0;
   double time_s = 0;
-  std::uint8_t status = 0;                    ///< AnswerStatus
-  double clearance_m = 0;                     ///< lower bound, when free
+  std::uint8_t status = 0;                    ///< AnswerStatus, 0 to 4
+  double clearance_m = 0;                     ///< lower bound, when free or contained
   double uncertainty_m = 0;                   ///< when uncertain
   std::uint32_t pair_count = 0;               ///< all exact pairs
   std::vector<std::array<FaceKey, 2>> pairs;  ///< the first kMaxReportPairs of them

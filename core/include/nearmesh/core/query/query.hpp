@@ -75,6 +75,9 @@ struct Answer {
   bool truncated = false;        ///< `pairs` holds only the first QueryOptions::max_pairs of them
   std::vector<NodeSpan> missing_a,
       missing_b;  ///< unresolved nodes whose splits bring the answer nearer, ascending
+  /// Where the surfaces are certainly apart and only the inside of a solid is open: boxes in the body's own grid around the
+  /// rays that wait for missing nodes. A hint for what to ask for below these nodes; else empty.
+  std::vector<GridBox> rays_a, rays_b;
   /// Free: a lower bound of the distance, metres (infinite when either side has no face). Else 0.
   /// Contained: the same, of the surfaces.
   double clearance_m = 0;
@@ -86,7 +89,7 @@ struct Answer {
   QueryStats stats;
 };
 
-/// Digest of everything in an answer but its statistics: equal answers, equal digests, on every peer and build.
+/// Digest of everything in an answer but its statistics and hints: equal answers, equal digests, on every peer and build.
 [[nodiscard]] std::uint64_t digest(const Answer& answer);
 
 /// The bound of Answer::uncertainty_m for one node, in grid units: greatest distance from its representative to a corner
