@@ -12,20 +12,18 @@ if [[ ${#names[@]} -eq 0 ]]; then names=(gcc-O0 clang-O0 clang-O3); fi
 
 build_preset dev nearmesh-digest >/dev/null
 build/dev/bin/nearmesh-digest >build/digest-dev.txt
-result=0
 for name in "${names[@]}"; do
-  start=$SECONDS
+  folder=build/digest-$name
   # A build type of no known name: the flags are those given here alone.
-  cmake -S . -B "build/digest-$name" -G Ninja --log-level=WARNING -DNEARMESH_WITH_DDS=OFF -DCMAKE_BUILD_TYPE=Digest \
+  cmake -S . -B "$folder" -G Ninja --log-level=WARNING -DNEARMESH_WITH_DDS=OFF -DCMAKE_BUILD_TYPE=Digest \
     -DCMAKE_CXX_COMPILER="${compilers[$name]}" -DCMAKE_CXX_FLAGS="${flags[$name]}" >/dev/null
-  cmake --build "build/digest-$name" --target nearmesh-digest >/dev/null
-  built=$SECONDS
-  "build/digest-$name/bin/nearmesh-digest" >"build/digest-$name.txt"
-  echo "$name: built in $((built - start)) s, ran in $((SECONDS - built)) s"
-  if ! diff "build/digest-dev.txt" "build/digest-$name.txt" >"build/digest-$name.diff"; then
-    echo "$name differs from dev, first in:"
-    grep -m 1 '^>' "build/digest-$name.diff" || head -n 2 "build/digest-$name.diff"
-    result=1
+  TIMEFORMAT="$name: built in %R s (%U s of CPU)"
+  time cmake --build "$folder" --target nearmesh-digest >/dev/null
+  TIMEFORMAT="$name: ran in %R s (%U s of CPU)"
+  time "$folder/bin/nearmesh-digest" >"build/digest-$name.txt"
+  if ! diff build/digest-dev.txt "build/digest-$name.txt" >"$folder/difference"; then
+    echo "$name and dev first differ here ('<' is dev):"
+    grep -m 2 '^[<>]' "$folder/difference"
+    exit 1
   fi
 done
-exit $result
