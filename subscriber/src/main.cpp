@@ -92,6 +92,7 @@ nlohmann::ordered_json to_json(std::uint64_t frame, const PairAnswer& pair, cons
                                  {"status", to_string(answer.status)},
                                  {"pairs", answer.pair_total},
                                  {"pairs_digest", std::to_string(digest(answer.pairs))},
+                                 {"digest", to_hex(digest(answer))},
                                  {"clearance_m", finite(answer.clearance_m)},
                                  {"uncertainty_m", finite(answer.uncertainty_m)},
                                  {"safe_horizon_s", finite(pair.safe_horizon_s)},

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "nearmesh/core/base/hash.hpp"
 #include "nearmesh/core/base/stopwatch.hpp"
 #include "nearmesh/core/demand/collect.hpp"
 #include "replicas.hpp"
@@ -151,7 +152,12 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
   }
   for (const auto& [name, model] : impl.replicas.all())
     report.batches_waiting += model.waiting.size();
+  for (const auto& [name, model] : impl.replicas.all())
+    report.state_digest =
+        mix(report.state_digest ^ (model.is_ready() ? model.replica->mesh().state_hash() + 1 : 0));
   for (Impl::Pair& pair : impl.pairs) impl.answer_pair(pair, frame, time_s, report);
+  for (const PairAnswer& pair : report.answers)
+    report.answers_digest = mix(report.answers_digest ^ digest(pair.answer));
   impl.ask(report);
   if (impl.options.max_held_splits > 0)
     for (auto& [name, model] : impl.replicas.all())

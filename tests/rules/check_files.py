@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checks every file of the project. Usage: check_files.py ROOT, or check_files.py --self-test.
 
-Code names its licence in one of its first lines, and no text names a folder of the machine it was written on.
+Code names its licence in one of its first lines, no text names a folder of the machine it was written on, and the
+libraries call no function of the mathematical library whose last bit differs between platforms.
 Prints one line per violation and exits with 1 when there is any.
 """
 import pathlib
+import re
 import sys
 import tempfile
 
@@ -13,6 +15,10 @@ LICENCE = "SPDX-License-Identifier: Apache-2.0"
 CODE = {".cpp", ".hpp", ".h", ".idl", ".py", ".sh"}
 SKIPPED = {".git", ".cache", "out"}  # and build*
 MACHINE_FOLDERS = ["/" + folder + "/" for folder in ("work", "root")]
+# Answers must be the same bits everywhere; sqrt, floor, ldexp and the like are exact by IEEE 754 or by definition.
+LIBRARIES = {"core", "idl", "publisher", "subscriber"}
+INEXACT = re.compile(r"(?:\bstd::|(?<![\w:])::|(?<![\w.:>]))(a?(?:sin|cos|tan)h?|atan2|sincos|pow|exp2|expm1|hypot|"
+                     r"cbrt|log(?:2|10|1p)|erfc?|[tl]gamma|(?<=::)(?:log|exp|fma))[fl]?\(")
 
 
 def check(root):
@@ -29,6 +35,9 @@ def check(root):
             violations.append(f"{name}:1: no line '{LICENCE}'")
         for number, line in enumerate(text.splitlines(), 1):
             violations += [f"{name}:{number}: names {folder}" for folder in MACHINE_FOLDERS if folder in line]
+            if path.suffix in (".cpp", ".hpp") and name.parts[0] in LIBRARIES:
+                violations += [f"{name}:{number}: {match[1]} differs between platforms"
+                               for match in INEXACT.finditer(line.split("//")[0])]
     return violations
 
 
@@ -36,6 +45,9 @@ def self_test():
     planted = {
         "core/good.cpp": ("// " + LICENCE + "\n", 0),
         "core/bad.cpp": ("#pragma once\n", 1),
+        "core/inexact.cpp": ("// " + LICENCE + "\ndouble x = std::pow(2, y) + ::sinf(z);  // not cos(y)\n", 2),
+        "core/exact.cpp": ("// " + LICENCE + "\ndouble x = std::ldexp(std::sqrt(y), 2) + my_pow(2);\n", 0),
+        "tests/inexact.cpp": ("// " + LICENCE + "\ndouble x = std::pow(2, y);\n", 0),
         "docs/page.md": ("see " + MACHINE_FOLDERS[0] + "main\n", 1),
         "build/generated.cpp": ("", 0),
     }

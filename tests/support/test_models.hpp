@@ -198,27 +198,40 @@ inline double radius_m(const BakedModel& model) {
   return std::sqrt(greatest);
 }
 
+struct PairOfPoses {
+  Pose a, b;
+};
 /// Both bodies turned at random. A vertex of b stands next to one of a, at a distance drawn from
 /// all magnitudes; or b's middle lies beyond a vertex of a, outward or in any direction, about its
-/// own radius away, where it may be clear of a.
-inline PosedPair near_pose(Random& random, const BakedModel& a, const BakedModel& b) {
-  Pose pose_a{.rotation = random_rotation(random)}, pose_b{.rotation = random_rotation(random)};
-  if (random.below(4) == 0) pose_a.rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+/// own radius away, where it may be clear of a. Radii as radius_m gives them.
+inline PairOfPoses near_poses(Random& random, const BakedModel& a, double radius_a_m,
+                              const BakedModel& b, double radius_b_m) {
+  PairOfPoses poses;
+  poses.a.rotation = random_rotation(random);
+  poses.b.rotation = random_rotation(random);
+  if (random.below(4) == 0) poses.a.rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1};
   const auto va = position_m(a.header, a.store, {random.below(a.header.vertex_count)});
   const auto vb = position_m(b.header, b.store, {random.below(b.header.vertex_count)});
-  const std::array<double, 3> at = place(pose_a, va), turned = place(pose_b, vb);
-  const double scale = std::min(radius_m(a), radius_m(b)) * std::exp2(random.between(-20, 0));
+  const std::array<double, 3> at = place(poses.a, va), turned = place(poses.b, vb);
+  // Exact powers of two: digests of answers must not depend on a library's exp2.
+  const double mantissa = random.between(0.5, 1);
+  const double scale =
+      std::min(radius_a_m, radius_b_m) * std::ldexp(mantissa, -static_cast<int>(random.below(20)));
   const std::uint32_t kind = random.below(4);
   std::array<double, 3> direction = at;
   if (kind > 1)
     for (double& x : direction) x = random.between(-1, 1);
   double length = 1e-30;
   for (const double x : direction) length += x * x;
-  const double reach = radius_m(b) * random.between(0.3, 1.6) / std::sqrt(length);
+  const double reach = radius_b_m * random.between(0.3, 1.6) / std::sqrt(length);
   for (std::size_t k = 0; k < 3; ++k)
-    pose_b.translation_m[k] = kind == 0 ? at[k] - turned[k] + random.between(-1, 1) * scale
-                                        : at[k] + direction[k] * reach;
-  Result<PosedPair> posed = pose_pair(a.header.grid, pose_a, "a", b.header.grid, pose_b, "b");
+    poses.b.translation_m[k] = kind == 0 ? at[k] - turned[k] + random.between(-1, 1) * scale
+                                         : at[k] + direction[k] * reach;
+  return poses;
+}
+inline PosedPair near_pose(Random& random, const BakedModel& a, const BakedModel& b) {
+  const PairOfPoses poses = near_poses(random, a, radius_m(a), b, radius_m(b));
+  Result<PosedPair> posed = pose_pair(a.header.grid, poses.a, "a", b.header.grid, poses.b, "b");
   if (!posed.is_ok()) ADD_FAILURE() << posed.status().message();
   return posed.value();
 }

@@ -109,6 +109,11 @@ void AbTree::update(const RefineDelta& delta) {
   rebuilt_slots_ = rebuilt_faces_ = 0;
   for (const NodeSpan& node : delta.collapsed) apply_collapse(node);
   for (const VertexId u : delta.split) apply_split(u);
+  for (const VertexId u : delta.boxed) {
+    const NodeSpan node = mesh_->store().node_of(u);
+    apply_box(node.left_of(u));
+    apply_box(node.right_of(u));
+  }
   std::sort(pending_.begin(), pending_.end());
   for (const std::uint32_t leaf : pending_) leaves_[leaf].queued = false;
   // rebuild() registers watchers but queues nothing, so one pass suffices.
@@ -205,6 +210,33 @@ void AbTree::apply_collapse(NodeSpan node) {
   leaves_[leaf].bucket = std::move(bucket);
   set_leaf_of(node.first, leaf);
   mark_changed(leaf);
+}
+
+// A node's own box has come: what had its ancestor's until now takes it over, as a tree made anew would.
+void AbTree::apply_box(NodeSpan node) {
+  const SplitStore& store = mesh_->store();
+  if (node.size < 2) return;
+  const std::uint32_t first = leaf_of(node.first);
+  if (leaves_[first].is_slot() && leaves_[first].node.size >= node.size) {
+    mark_changed(first);
+    return;
+  }
+  std::vector<std::pair<std::uint32_t, NodeSpan>> stack{{find_tree_node(node), node}};
+  while (!stack.empty()) {
+    const auto [at, span] = stack.back();
+    stack.pop_back();
+    const std::uint32_t leaf = leaf_of(span.first);
+    if (leaves_[leaf].tree_node == at && leaves_[leaf].node == span) {
+      mark_changed(leaf);
+      continue;
+    }
+    nodes_[at].box = store.box(span);
+    const VertexId split = store.split_of(span);
+    const std::uint32_t pair = nodes_[at].first;
+    for (const auto& child :
+         {std::pair(pair, span.left_of(split)), std::pair(pair + 1, span.right_of(split))})
+      if (store.box_code(child.second) == kNoBox) stack.push_back(child);
+  }
 }
 
 void AbTree::rebuild(std::uint32_t index) {

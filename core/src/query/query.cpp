@@ -206,19 +206,21 @@ class Walk {
   // queued, so stopping early only makes the bound smaller.
   double clearance() {
     constexpr int kMaxSteps = 4096;
+    // Equal gaps are taken in the order of their finding, which follows from the trees' shapes. Places in the trees'
+    // arrays would not do: they depend on what was refined before, and which of two equals is looked at may change the
+    // bound.
     struct Gap {
       double gap;
-      std::uint32_t a, b;
-      bool operator<(const Gap& o) const {
-        return gap != o.gap ? gap > o.gap : a != o.a ? a > o.a : b > o.b;
-      }
+      std::uint32_t order, a, b;
+      bool operator<(const Gap& o) const { return gap != o.gap ? gap > o.gap : order > o.order; }
     };
     std::priority_queue<Gap> queue;
+    std::uint32_t order = 0;
     const auto offer = [&](std::uint32_t ia, std::uint32_t ib) {
       const TreeNode &na = a_.nodes[ia], &nb = b_.nodes[ib];
       if (na.kind() == Kind::kEmpty || nb.kind() == Kind::kEmpty) return;
       ++answer_.stats.box_tests;
-      queue.push({boxes_gap_m(b_in_a_, centered(na.box), centered(nb.box)), ia, ib});
+      queue.push({boxes_gap_m(b_in_a_, centered(na.box), centered(nb.box)), order++, ia, ib});
     };
     offer(a_.root, b_.root);
     double found = std::numeric_limits<double>::infinity();

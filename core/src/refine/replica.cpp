@@ -13,14 +13,28 @@ Status Replica::insert(const SplitRecord& record, std::span<const SplitFace> fac
   const Result<SplitStore::Insertion> inserted = store_->insert(record, faces);
   if (!inserted.is_ok()) return inserted.status();
   if (inserted.value() == SplitStore::Insertion::kNoParent) {
-    if (parked_.size() < kMaxParked)
-      parked_.try_emplace(key(record.node), Parked{record, {faces.begin(), faces.end()}});
+    park(record, faces);
     return Status::ok();
   }
+  if (inserted.value() == SplitStore::Insertion::kBoxed) delta.boxed.push_back(record.split);
   const bool done = mesh_->split(record.split, delta);
   NEARMESH_ASSERT(done);
   static_cast<void>(done);
   return Status::ok();
+}
+
+void Replica::park(const SplitRecord& record, std::span<const SplitFace> faces) {
+  const auto at = parked_.find(key(record.node));
+  if (at == parked_.end()) {
+    if (parked_.size() < kMaxParked)
+      parked_.emplace(key(record.node), Parked{record, {faces.begin(), faces.end()}});
+    return;
+  }
+  // A repeat, from another batch, may carry boxes that the first did not.
+  SplitRecord& first = at->second.record;
+  if (first.split != record.split) return;
+  if (first.left_box == kNoBox) first.left_box = record.left_box;
+  if (first.right_box == kNoBox) first.right_box = record.right_box;
 }
 
 Replica::Applied Replica::apply_batch(const SplitBatch& batch) {

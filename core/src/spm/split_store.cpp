@@ -202,9 +202,16 @@ Result<SplitStore::Insertion> SplitStore::insert(const SplitRecord& record,
     split_slot(record.node) = record.split.value;
     ++known_;
   }
-  if (entry.left_box[0] == 0) entry.left_box = stored(record.left_box);
-  if (entry.box[0] == 0) entry.box = stored(record.right_box);
-  return known ? Insertion::kKnown : Insertion::kAdded;
+  bool boxed = false;
+  const auto fill = [&boxed](BoxCode& own, const BoxCode& code) {
+    if (own[0] != 0 || code[0] == kNoBoxCode) return;
+    own = stored(code);
+    boxed = true;
+  };
+  fill(entry.left_box, record.left_box);
+  fill(entry.box, record.right_box);
+  if (!known) return Insertion::kAdded;
+  return boxed ? Insertion::kBoxed : Insertion::kKnown;
 }
 
 void SplitStore::erase(VertexId split) {

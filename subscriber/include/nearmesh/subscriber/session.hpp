@@ -58,6 +58,12 @@ struct FrameReport {
   double query_s = 0;                   ///< T_Q, sweeps and contacts included
   std::uint64_t batches_waiting = 0;    ///< left over for want of budget
   std::vector<std::string> complaints;  ///< one line each, for a log
+  /// Digest of the state of refinement that the answers were given in: of all models' active vertices, in the order of
+  /// the models' names.
+  std::uint64_t state_digest = 0;
+  /// Digest of all answers, in order, but their statistics. Peers that were sent the same batches, in any order, and ask
+  /// about the same poses have the same two digests.
+  std::uint64_t answers_digest = 0;
 
   [[nodiscard]] bool all_certified() const;
 };

@@ -19,8 +19,11 @@ namespace nearmesh {
 struct RefineDelta {
   std::vector<NodeSpan> collapsed;  ///< nodes that became whole, disjoint; before any split below
   std::vector<VertexId> split;      ///< splits done, parents first
+  std::vector<VertexId> boxed;      ///< active splits of which a child's box has come only now
 
-  [[nodiscard]] bool is_empty() const { return collapsed.empty() && split.empty(); }
+  [[nodiscard]] bool is_empty() const {
+    return collapsed.empty() && split.empty() && boxed.empty();
+  }
 };
 
 class ActiveMesh {
