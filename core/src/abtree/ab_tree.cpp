@@ -109,6 +109,7 @@ void AbTree::update(const RefineDelta& delta) {
   rebuilt_slots_ = rebuilt_faces_ = 0;
   for (const NodeSpan& node : delta.collapsed) apply_collapse(node);
   for (const VertexId u : delta.split) apply_split(u);
+  for (const NodeSpan& node : delta.boxed) apply_box(node);
   std::sort(pending_.begin(), pending_.end());
   for (const std::uint32_t leaf : pending_) leaves_[leaf].queued = false;
   // rebuild() registers watchers but queues nothing, so one pass suffices.
@@ -196,8 +197,10 @@ void AbTree::apply_collapse(NodeSpan node) {
     mark_changed(leaf);
     for (const FaceKey key : leaves_[leaf].bucket)
       if (!owned(key)) bucket.push_back(key);
-    for (std::uint32_t v = leaves_[leaf].node.begin(); v < leaves_[leaf].node.end(); ++v)
-      leaf_of_[v] = 0;
+    // A leaf that is no slot has one active vertex, its first, and may span most of the model.
+    const NodeSpan span = leaves_[leaf].node;
+    const std::uint32_t end = leaves_[leaf].is_slot() ? span.end() : span.begin() + 1;
+    for (std::uint32_t v = span.begin(); v < end; ++v) leaf_of_[v] = 0;
     free_leaf(leaf);
   }
   for (const std::uint32_t pair : pairs) free_nodes_[1].push_back(pair);
@@ -205,6 +208,32 @@ void AbTree::apply_collapse(NodeSpan node) {
   leaves_[leaf].bucket = std::move(bucket);
   set_leaf_of(node.first, leaf);
   mark_changed(leaf);
+}
+
+void AbTree::apply_box(NodeSpan node) {
+  const SplitStore& store = mesh_->store();
+  const std::uint32_t first = leaf_of(mesh_->active_predecessor(node.first));
+  if (leaves_[first].node.begin() <= node.begin() && leaves_[first].node.end() >= node.end()) {
+    mark_changed(first);
+    return;
+  }
+  // Nodes below that have no box of their own took the one that the node had before.
+  std::vector<std::pair<std::uint32_t, NodeSpan>> stack{{find_tree_node(node), node}};
+  while (!stack.empty()) {
+    const auto [at, span] = stack.back();
+    stack.pop_back();
+    const std::uint32_t leaf = leaf_of(span.first);
+    if (leaves_[leaf].node == span) {
+      mark_changed(leaf);
+      continue;
+    }
+    nodes_[at].box = store.box(span);
+    const VertexId split = store.split_of(span);
+    const std::uint32_t pair = nodes_[at].first;
+    const NodeSpan left = span.left_of(split), right = span.right_of(split);
+    if (store.box_code(left)[0] == kNoBoxCode) stack.push_back({pair, left});
+    if (store.box_code(right)[0] == kNoBoxCode) stack.push_back({pair + 1, right});
+  }
 }
 
 void AbTree::rebuild(std::uint32_t index) {

@@ -17,6 +17,8 @@ Status Replica::insert(const SplitRecord& record, std::span<const SplitFace> fac
       parked_.try_emplace(key(record.node), Parked{record, {faces.begin(), faces.end()}});
     return Status::ok();
   }
+  if (inserted.value() == SplitStore::Insertion::kNewBox)
+    delta.boxed.insert(delta.boxed.end(), {record.left(), record.right()});
   const bool done = mesh_->split(record.split, delta);
   NEARMESH_ASSERT(done);
   static_cast<void>(done);

@@ -201,9 +201,15 @@ Result<SplitStore::Insertion> SplitStore::insert(const SplitRecord& record,
     split_slot(record.node) = record.split.value;
     ++known_;
   }
-  if (entry.left_box[0] == 0) entry.left_box = stored(record.left_box);
-  if (entry.box[0] == 0) entry.box = stored(record.right_box);
-  return known ? Insertion::kKnown : Insertion::kAdded;
+  bool new_box = false;
+  const auto fill_in = [&new_box](BoxCode& box, const BoxCode& found) {
+    if (box[0] != 0 || found[0] == kNoBoxCode) return;
+    box = stored(found);
+    new_box = true;
+  };
+  fill_in(entry.left_box, record.left_box);
+  fill_in(entry.box, record.right_box);
+  return !known ? Insertion::kAdded : new_box ? Insertion::kNewBox : Insertion::kKnown;
 }
 
 void SplitStore::erase(VertexId split) {

@@ -60,6 +60,7 @@ class AbTree {
   void mark_changed(std::uint32_t leaf);
   void apply_split(VertexId u);
   void apply_collapse(NodeSpan node);
+  void apply_box(NodeSpan node);
   void rebuild(std::uint32_t leaf);
   void store_micro_tree(std::uint32_t leaf);
   [[nodiscard]] std::uint32_t find_tree_node(NodeSpan node) const;

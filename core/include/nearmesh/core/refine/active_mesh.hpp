@@ -19,8 +19,11 @@ namespace nearmesh {
 struct RefineDelta {
   std::vector<NodeSpan> collapsed;  ///< nodes that became whole, disjoint; before any split below
   std::vector<VertexId> split;      ///< splits done, parents first
+  std::vector<NodeSpan> boxed;      ///< nodes whose box came later than they did
 
-  [[nodiscard]] bool is_empty() const { return collapsed.empty() && split.empty(); }
+  [[nodiscard]] bool is_empty() const {
+    return collapsed.empty() && split.empty() && boxed.empty();
+  }
 };
 
 class ActiveMesh {

@@ -22,7 +22,8 @@ class SplitStore {
 
   enum class Insertion : std::uint8_t {
     kAdded,
-    kKnown,     ///< nothing new but perhaps boxes, which are filled in
+    kKnown,     ///< nothing new
+    kNewBox,    ///< known, but not the box of one of its children, which is filled in
     kNoParent,  ///< the split that makes the record's node is not known; nothing was changed
   };
   /// Adds one split. `faces` are the record's own.
