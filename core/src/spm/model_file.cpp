@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <new>
 
 #include "file_layout.hpp"
 #include "nearmesh/core/base/hash.hpp"
@@ -168,7 +169,12 @@ Result<ModelFile> ModelFile::open(const std::string& path) {
   if (!header.is_ok()) return impl->corrupt(header.status().message());
   impl->header = std::move(header).value();
   NEARMESH_RETURN_IF_ERROR(impl->read_directory());
-  impl->store = std::make_unique<SplitStore>(impl->header);
+  try {
+    impl->store = std::make_unique<SplitStore>(impl->header);
+  } catch (const std::bad_alloc&) {  // a limit of this process: a store spans all ids
+    return Status{StatusCode::kIo, path + ": no address space for " +
+                                       std::to_string(impl->header.vertex_count) + " vertices"};
+  }
   return ModelFile(std::move(impl));
 }
 

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nearmesh/core/spm/model_file.hpp"
 
+#include <sys/resource.h>
+
+#include <cstdlib>
 #include <cstring>
 
 #include "../../../core/src/spm/file_layout.hpp"
@@ -307,6 +310,37 @@ TEST(ModelFile, SurvivesSealedNonsense) {
       EXPECT_NE(all.message().find(file.path()), std::string::npos) << all.message();
     }
   }
+}
+
+TEST(ModelFile, RefusesAModelThatFitsNoAddressSpace) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "sanitizers need the address space that this test takes away";
+#endif
+  SpmHeader header = small_model().header;
+  header.roots.back().node.size += kMaxVertices / 2;
+  header.vertex_count += kMaxVertices / 2;
+  header.face_count = static_cast<std::uint32_t>(header.base_faces.size());
+  const std::vector<std::uint8_t> encoded = encode_header(header);
+  std::vector<std::uint8_t> bytes(sizeof(Preamble));
+  bytes.insert(bytes.end(), encoded.begin(), encoded.end());
+  bytes.resize((bytes.size() + 7) / 8 * 8);
+  Preamble preamble;
+  preamble.header_bytes = encoded.size();
+  preamble.directory_offset = preamble.face_table_offset = bytes.size();
+  bytes.resize(bytes.size() + header.face_count * sizeof(std::uint32_t));
+  preamble.file_bytes = bytes.size();
+  std::memcpy(bytes.data(), &preamble, sizeof preamble);
+  seal(bytes);
+  const TempFile file;
+  file.write(bytes);
+  EXPECT_TRUE(ModelFile::open(file.path()).is_ok());  // where there is room
+  const auto open_in_4_gib = [&file] {
+    const rlimit limit{std::uint64_t{4} << 30, std::uint64_t{4} << 30};
+    static_cast<void>(::setrlimit(RLIMIT_AS, &limit));
+    expect_refused(file.path(), StatusCode::kIo);
+    std::exit(::testing::Test::HasFailure() ? 1 : 0);
+  };
+  EXPECT_EXIT(open_in_4_gib(), ::testing::ExitedWithCode(0), "");
 }
 
 TEST(ModelFile, RefusesAFaceTableThatNamesAFourthCorner) {

@@ -37,7 +37,7 @@ class FaceNumbering {
 
 class ModelFile {
  public:
-  /// Errors: kIo (cannot open or map), kCorrupt (truncated, checksum), kUnsupported (version); each names
+  /// Errors: kIo (cannot open or map, no address space), kCorrupt (truncated, checksum), kUnsupported (version); each names
   /// path, place, expected and found.
   [[nodiscard]] static Result<ModelFile> open(const std::string& path);
   ModelFile(ModelFile&&) noexcept;
