@@ -37,15 +37,6 @@ struct Publisher {
 constexpr std::uint8_t kNeededNow = 0;
 constexpr std::uint8_t kHorizon = 1;
 
-Status check_motion(const Session::OwnMotion& own) {
-  NEARMESH_RETURN_IF_ERROR(check_pose(own.motion.pose, own.body));
-  for (const auto& v : {own.motion.linear_velocity_mps, own.motion.angular_velocity_radps})
-    for (const double x : v)
-      if (!std::isfinite(x) || std::abs(x) > 1e9)
-        return {StatusCode::kInvalidArgument, own.body + ": velocity is not a finite number"};
-  return Status::ok();
-}
-
 }  // namespace
 
 bool FrameReport::all_certified() const {
@@ -131,8 +122,12 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
     const auto at = impl.bodies.find(own.body);
     if (at == impl.bodies.end() || !at->second.own)
       return Status{StatusCode::kNotFound, own.body + " is not a body that this peer moves"};
-    NEARMESH_RETURN_IF_ERROR(check_motion(own));
+    NEARMESH_RETURN_IF_ERROR(check_motion(own.motion, own.body));
   }
+  if (!std::isfinite(time_s))  // it goes out with every pose
+    return Status{StatusCode::kInvalidArgument, "time_s of frame " + std::to_string(frame) +
+                                                    " is " + std::to_string(time_s) +
+                                                    ", expected a finite number"};
   const Stopwatch spent;
   FrameReport report;
   for (const OwnMotion& own : motions) {
