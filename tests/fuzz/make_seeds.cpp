@@ -106,4 +106,7 @@ int main(int argc, char** argv) {
   write_sample<SplitBatchType>("split_batch", 3, test::valid_batch());
   write_sample<BodyPoseType>("body_pose", 4, test::valid_pose());
   write_sample<ContactReportType>("contact_report", 5, test::valid_report());
+  BodyPose skewed = test::valid_pose();
+  skewed.pose.rotation[1] = 0.5;
+  write_sample<BodyPoseType>("refused_body_pose", 4, skewed);
 }

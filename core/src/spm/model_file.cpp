@@ -205,7 +205,12 @@ Status ModelFile::require(NodeSpan node) {
   if (at == entries.begin() || node.end() > (at - 1)->first + (at - 1)->size)
     return impl.corrupt("no block holds node [" + std::to_string(node.begin()) + ", " +
                         std::to_string(node.end()) + ")");
-  return impl.load(*(at - 1));
+  const DirectoryEntry& entry = *(at - 1);
+  NEARMESH_RETURN_IF_ERROR(impl.load(entry));
+  if (!impl.store->is_node(node) || !impl.store->split_of(node).is_valid())
+    return impl.corrupt(impl.name(entry) + ": does not hold node [" + std::to_string(node.begin()) +
+                        ", " + std::to_string(node.end()) + ")");
+  return Status::ok();
 }
 
 Status ModelFile::require_all() {

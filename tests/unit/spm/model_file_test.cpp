@@ -365,6 +365,34 @@ TEST(ModelFile, RequireRefusesWhatIsNoNode) {
   EXPECT_FALSE(file.value().require({{file.value().header().vertex_count}, 2}).is_ok());
 }
 
+TEST(ModelFile, RequireRefusesABlockThatHoldsOtherNodes) {
+  auto bytes = small_file();
+  Preamble preamble;
+  std::memcpy(&preamble, bytes.data(), sizeof preamble);
+  std::vector<DirectoryEntry> entries(preamble.block_count);
+  std::memcpy(entries.data(), bytes.data() + preamble.directory_offset,
+              entries.size() * sizeof(DirectoryEntry));
+  ASSERT_GE(entries.size(), 2U);
+  ASSERT_LE(entries[1].size, kSlotSize);
+  std::swap(entries[0].offset, entries[1].offset);
+  std::swap(entries[0].bytes, entries[1].bytes);
+  std::memcpy(bytes.data() + preamble.directory_offset, entries.data(),
+              entries.size() * sizeof(DirectoryEntry));
+  seal(bytes);
+  const TempFile path;
+  path.write(bytes);
+  Result<ModelFile> file = ModelFile::open(path.path());
+  ASSERT_TRUE(file.is_ok()) << file.status().message();
+  for (const DirectoryEntry& entry : entries)  // all that the two may hang on
+    if (entry.size > kSlotSize) {
+      ASSERT_TRUE(file.value().require({{entry.first}, entry.size}).is_ok());
+    }
+  const Status refused = file.value().require({{entries[0].first}, entries[0].size});
+  EXPECT_EQ(refused.code(), StatusCode::kCorrupt);
+  EXPECT_NE(refused.message().find("does not hold node"), std::string::npos) << refused.message();
+  EXPECT_FALSE(file.value().require_all().is_ok());
+}
+
 // ---- writing ------------------------------------------------------------------------------------
 
 TEST(WriteModelFile, RefusesAFolderThatIsNotThere) {

@@ -58,7 +58,7 @@ class ModelFile {
   [[nodiscard]] const SplitStore& store() const;
 
   /// Makes the split of `node` known to store(). Cost: a look-up, or one block decoded (about 15 us).
-  /// Errors: kCorrupt naming the block. Threads: one at a time.
+  /// Errors: kCorrupt naming the block, also where it holds no such node. Threads: one at a time.
   [[nodiscard]] Status require(NodeSpan node);
   /// Decodes everything.
   [[nodiscard]] Status require_all();
