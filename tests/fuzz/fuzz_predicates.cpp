@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Poses and triangles as raw numbers: the guard of poses, the exact triangle test, and the conservative box tests, which
-// must never part what the exact test finds touching.
+// Poses and triangles as raw numbers: the guard of poses, the exact triangle test, and the conservative box tests,
+// which must never part what the exact test finds touching.
 
 #include <algorithm>
 #include <cmath>

@@ -13,8 +13,8 @@ struct Motion {
   std::array<double, 3> angular_velocity_radps{};
 };
 
-/// Checks a motion from outside. Errors: as check_pose; kInvalidArgument, naming `body` and the entry, where a velocity is
-/// not finite or beyond 1e9 (m/s, rad/s).
+/// Checks a motion from outside. Errors: as check_pose; kInvalidArgument, naming `body` and the entry,
+/// where a velocity is not finite or beyond 1e9 (m/s, rad/s).
 [[nodiscard]] Status check_motion(const Motion& motion, std::string_view body);
 
 }  // namespace nearmesh

@@ -37,8 +37,8 @@ class FaceNumbering {
 
 class ModelFile {
  public:
-  /// Errors: kIo (cannot open or map, no address space), kCorrupt (truncated, checksum), kUnsupported (version); each names
-  /// path, place, expected and found.
+  /// Errors: kIo (cannot open or map, no address space), kCorrupt (truncated, checksum),
+  /// kUnsupported (version); each names path, place, expected and found.
   [[nodiscard]] static Result<ModelFile> open(const std::string& path);
   ModelFile(ModelFile&&) noexcept;
   ModelFile& operator=(ModelFile&&) noexcept;
