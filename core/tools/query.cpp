@@ -15,7 +15,7 @@ struct Options {
 };
 
 struct PoseRow {
-  std::string id;
+  std::string id, place;
   Pose a, b;
 };
 
@@ -36,7 +36,7 @@ Result<std::vector<PoseRow>> read_poses(const std::string& path) {
     return Status{StatusCode::kInvalidArgument, path + ": no column named id"};
   std::vector<PoseRow> rows;
   for (std::size_t r = 0; r < table.value().row_count(); ++r) {
-    PoseRow row{.id = table.value().text(r, id)};
+    PoseRow row{.id = table.value().text(r, id), .place = table.value().place(r)};
     for (std::size_t i = 0; i < 24; ++i) {
       const Result<double> number = table.value().number(r, columns.value()[i]);
       if (!number.is_ok()) return number.status();
@@ -106,7 +106,7 @@ Status run(const Options& options) {
     const Result<PosedPair> posed =
         pose_pair(a.value().header().grid, row.a, "A of pose " + row.id, b.value().header().grid,
                   row.b, "B of pose " + row.id);
-    if (!posed.is_ok()) return posed.status();
+    if (!posed.is_ok()) return {posed.status().code(), row.place + ": " + posed.status().message()};
     const Result<MethodAnswer> answer = method.value()->answer(posed.value());
     if (!answer.is_ok()) return answer.status();
     nlohmann::ordered_json line = to_json(row, answer.value());

@@ -6,6 +6,7 @@
 #include <limits>
 #include <string_view>
 
+#include "nearmesh/core/geometry/motion.hpp"
 #include "nearmesh/core/spm/codec.hpp"
 
 namespace nearmesh::wire {
@@ -15,7 +16,6 @@ namespace {
 constexpr std::uint8_t kPriorityCount = 3;
 constexpr std::uint8_t kAnswerStatusCount = 5;  // free, contact, partial, uncertain, contained
 constexpr std::uint32_t kMaxWindowBytes = 64U << 20;
-constexpr double kMaxSpeed = 1e9;
 
 Status invalid(std::string message) { return {StatusCode::kInvalidArgument, std::move(message)}; }
 
@@ -55,12 +55,6 @@ Status check_time(double time_s) {
 Status check_distance(double value, const char* field) {
   if (std::isfinite(value) && value >= 0) return Status::ok();
   return invalid(std::string(field) + ": expected a finite distance, not negative");
-}
-
-Status check_velocity(const std::array<double, 3>& v, const char* field) {
-  for (const double x : v)
-    if (!(std::abs(x) <= kMaxSpeed)) return invalid(std::string(field) + " is not finite or huge");
-  return Status::ok();
 }
 
 Status check_attach(const std::vector<NodeSpan>& attach) {
@@ -151,10 +145,10 @@ Status check(const BodyPose& message) {
   NEARMESH_RETURN_IF_ERROR(check_version(message.wire_version));
   NEARMESH_RETURN_IF_ERROR(check_session(message.peer, "peer"));
   NEARMESH_RETURN_IF_ERROR(check_name(message.body, "body"));
-  NEARMESH_RETURN_IF_ERROR(check_time(message.time_s));
-  NEARMESH_RETURN_IF_ERROR(check_pose(message.pose, message.body));
-  NEARMESH_RETURN_IF_ERROR(check_velocity(message.linear_velocity_mps, "linear_velocity_mps"));
-  return check_velocity(message.angular_velocity_radps, "angular_velocity_radps");
+  if (!std::isfinite(message.time_s))
+    return invalid("pose of " + message.body + ": time_s is not finite");
+  return check_motion({message.pose, message.linear_velocity_mps, message.angular_velocity_radps},
+                      message.body);
 }
 
 Status check(const ContactReport& message) {

@@ -2,6 +2,7 @@
 #include "replicas.hpp"
 
 #include <algorithm>
+#include <new>
 
 #include "nearmesh/core/base/hash.hpp"
 #include "nearmesh/core/base/stopwatch.hpp"
@@ -63,8 +64,15 @@ std::size_t ReplicaSet::take_header(const wire::MeshHeader& message,
     complaints.push_back("model " + model->name + ": " + header.status().message());
     return 0;
   }
-  model->replica.emplace(std::move(header).value());
-  model->tree.emplace(model->replica->mesh());
+  try {
+    model->replica.emplace(std::move(header).value());
+    model->tree.emplace(model->replica->mesh());
+  } catch (const std::bad_alloc&) {  // arrays span all ids that a header announces
+    model->tree.reset();
+    model->replica.reset();
+    complaints.push_back("model " + model->name + ": no address space for its vertices");
+    return 0;
+  }
   return message.bytes.size();
 }
 

@@ -113,12 +113,14 @@ Result<std::vector<Motion>> read_trajectory(const std::string& path, const std::
       (i < 9 ? pose.rotation[i] : pose.translation_m[i - 9]) = x.value();
     }
     if (const Status status = check_pose(pose, body); !status.is_ok())
-      return Status{status.code(),
-                    path + ": frame " + std::to_string(row) + ": " + status.message()};
+      return Status{status.code(), table.value().place(row) + ": " + status.message()};
   }
   if (motions.empty())
     return Status{StatusCode::kInvalidArgument, path + ": expected at least one frame"};
   add_velocities(motions, rate_hz);
+  for (std::size_t row = 0; row < motions.size(); ++row)
+    if (const Status status = check_motion(motions[row], body); !status.is_ok())
+      return Status{status.code(), table.value().place(row) + ": " + status.message()};
   return motions;
 }
 

@@ -133,6 +133,10 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
       return Status{StatusCode::kNotFound, own.body + " is not a body that this peer moves"};
     NEARMESH_RETURN_IF_ERROR(check_motion(own.motion, own.body));
   }
+  if (!std::isfinite(time_s))  // it goes out with every pose
+    return Status{StatusCode::kInvalidArgument, "time_s of frame " + std::to_string(frame) +
+                                                    " is " + std::to_string(time_s) +
+                                                    ", expected a finite number"};
   const Stopwatch spent;
   FrameReport report;
   for (const OwnMotion& own : motions) {

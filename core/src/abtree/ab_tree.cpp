@@ -201,8 +201,10 @@ void AbTree::apply_collapse(NodeSpan node) {
     mark_changed(leaf);
     for (const FaceKey key : leaves_[leaf].bucket)
       if (!owned(key)) bucket.push_back(key);
-    for (std::uint32_t v = leaves_[leaf].node.begin(); v < leaves_[leaf].node.end(); ++v)
-      leaf_of_[v] = 0;
+    // A leaf that is no slot has one active vertex, its first, and may span most of the model.
+    const NodeSpan span = leaves_[leaf].node;
+    const std::uint32_t end = leaves_[leaf].is_slot() ? span.end() : span.begin() + 1;
+    for (std::uint32_t v = span.begin(); v < end; ++v) leaf_of_[v] = 0;
     free_leaf(leaf);
   }
   for (const std::uint32_t pair : pairs) free_nodes_[1].push_back(pair);

@@ -64,8 +64,7 @@ Result<double> CsvTable::number(std::size_t row, std::size_t column) const {
   double value = 0;
   const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
   if (error != std::errc{} || end != cell.data() + cell.size())
-    return Status{StatusCode::kInvalidArgument, path_ + ":" + std::to_string(lines_[row]) +
-                                                    ": column " + names_[column] +
+    return Status{StatusCode::kInvalidArgument, place(row) + ": column " + names_[column] +
                                                     ": expected a number, found '" + cell + "'"};
   return value;
 }

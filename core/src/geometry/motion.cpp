@@ -20,7 +20,6 @@ namespace {
 
 using Vec3 = std::array<double, 3>;
 
-constexpr double kMaxVelocity = 1e9;
 /// Covers the rounding of the few operations of a bound.
 constexpr double kRoundUp = 1 + 0x1p-48;
 /// The most by which a rotation that check_pose accepts stretches: |R^T R - I| <= 1e-5 an entry, and rounding.
@@ -58,16 +57,6 @@ std::array<double, 9> turn_by(const Vec3& phi) {
 }
 
 }  // namespace
-
-Status check_motion(const Motion& motion, std::string_view body) {
-  NEARMESH_RETURN_IF_ERROR(check_pose(motion.pose, body));
-  for (const Vec3& v : {motion.linear_velocity_mps, motion.angular_velocity_radps})
-    for (const double x : v)
-      if (!(std::abs(x) <= kMaxVelocity))
-        return {StatusCode::kInvalidArgument, "motion of " + std::string(body) +
-                                                  ": a velocity is not a finite number within 1e9"};
-  return Status::ok();
-}
 
 Pose pose_at(const Motion& motion, double dt_s) {
   Pose pose = motion.pose;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The fixed-point pose rule and its guard at the boundary.
+// The fixed-point pose rule and the guards of poses and motions at the boundary.
 #include "nearmesh/core/geometry/pose.hpp"
 
 #include <algorithm>
@@ -7,15 +7,19 @@
 #include <cstdio>
 #include <string>
 
+#include "nearmesh/core/geometry/motion.hpp"
+
 namespace nearmesh {
 namespace {
 
 constexpr double kMaxTranslationM = 1e9;
+constexpr double kMaxSpeed = 1e9;
 constexpr double kOrthonormalTolerance = 1e-5;
 constexpr double kMaxTranslationCells = 0x1p62;
 constexpr int kMaxSpanBits = 38;  ///< a posed model spans at most 2^38 lattice cells per axis
 constexpr int kSubBits = 2;       ///< the lattice divides the finer cell by 2^2
 constexpr int kRotationBits = 30;
+constexpr int kMaxFinerBits = 100;  ///< of a model's cell than the lattice's
 
 Status refuse(std::string_view body, const std::string& what) {
   return {StatusCode::kInvalidArgument, "pose of " + std::string(body) + ": " + what};
@@ -66,6 +70,19 @@ Status check_pose(const Pose& pose, std::string_view body) {
   return Status::ok();
 }
 
+Status check_motion(const Motion& motion, std::string_view body) {
+  NEARMESH_RETURN_IF_ERROR(check_pose(motion.pose, body));
+  for (const auto& [name, velocity] :
+       {std::pair("linear_velocity_mps", &motion.linear_velocity_mps),
+        {"angular_velocity_radps", &motion.angular_velocity_radps}})
+    for (std::size_t i = 0; i < 3; ++i)
+      if (!(std::abs((*velocity)[i]) <= kMaxSpeed))
+        return {StatusCode::kInvalidArgument,
+                "motion of " + std::string(body) + ": " + name + "[" + std::to_string(i) + "] is " +
+                    number((*velocity)[i]) + ", expected a finite number within 1e9"};
+  return Status::ok();
+}
+
 int lattice_exponent(const Grid& a, const Grid& b) {
   const int finest = std::min(a.exponent, b.exponent) - kSubBits;
   const int widest = std::max(a.exponent + a.bits, b.exponent + b.bits) - kMaxSpanBits;
@@ -78,6 +95,13 @@ Result<PosedFrame> make_posed_frame(const Grid& grid, const Pose& pose, int latt
                                                 std::to_string(grid.bits + grid.exponent) +
                                                 " m spans more than 2^38 lattice cells of 2^" +
                                                 std::to_string(lattice_exp) + " m");
+  // box_overlap.cpp takes products of four lengths of one model in the other's cells: they stay
+  // below 2^(4 (62 + 134)) and above 2^(-4 * 134).
+  if (lattice_exp - grid.exponent > kMaxFinerBits)
+    return Status(StatusCode::kUnsupported,
+                  "its grid's cell of 2^" + std::to_string(grid.exponent) +
+                      " m is too small beside a model that needs lattice cells of 2^" +
+                      std::to_string(lattice_exp) + " m");
   PosedFrame frame;
   frame.grid = grid;
   frame.lattice_exp = lattice_exp;

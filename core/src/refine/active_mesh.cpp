@@ -67,7 +67,7 @@ void ActiveMesh::collapse(NodeSpan node, RefineDelta& delta) {
     const std::uint64_t mask = (span == 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << span) - 1)
                                << offset;
     std::uint64_t gone = bits_[v >> 6] & mask;
-    bits_[v >> 6] &= ~mask;
+    if (gone != 0) bits_[v >> 6] &= ~mask;  // a page that was never written stays the kernel's
     for (; gone != 0; gone &= gone - 1) {
       hash_ -= mix((v & ~63U) + static_cast<std::uint32_t>(std::countr_zero(gone)));
       --split_count_;

@@ -158,8 +158,9 @@ Result<SpmHeader> decode_header(std::span<const std::uint8_t> bytes) {
   if (header.grid.bits < kMinGridBits || header.grid.bits > kMaxGridBits)
     return corrupt("grid bits: expected " + std::to_string(kMinGridBits) + " to " +
                    std::to_string(kMaxGridBits) + ", found " + std::to_string(header.grid.bits));
-  if (header.grid.exponent < -1100 || header.grid.exponent > 1000)
-    return corrupt("grid exponent out of range");
+  if (std::abs(header.grid.exponent) > kMaxGridExponent)
+    return corrupt("grid exponent: expected within " + std::to_string(kMaxGridExponent) +
+                   " of 0, found " + std::to_string(header.grid.exponent));
   for (const std::uint8_t shift : header.lattice_shift)
     if (shift > header.grid.bits) return corrupt("lattice shift exceeds the grid");
   if (header.vertex_count == 0 || header.vertex_count >= kMaxVertices)

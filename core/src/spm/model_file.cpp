@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <new>
 
 #include "file_layout.hpp"
 #include "nearmesh/core/base/hash.hpp"
@@ -168,7 +169,12 @@ Result<ModelFile> ModelFile::open(const std::string& path) {
   if (!header.is_ok()) return impl->corrupt(header.status().message());
   impl->header = std::move(header).value();
   NEARMESH_RETURN_IF_ERROR(impl->read_directory());
-  impl->store = std::make_unique<SplitStore>(impl->header);
+  try {
+    impl->store = std::make_unique<SplitStore>(impl->header);
+  } catch (const std::bad_alloc&) {  // a limit of this process: a store spans all ids
+    return Status{StatusCode::kIo, path + ": no address space for " +
+                                       std::to_string(impl->header.vertex_count) + " vertices"};
+  }
   return ModelFile(std::move(impl));
 }
 
@@ -199,7 +205,12 @@ Status ModelFile::require(NodeSpan node) {
   if (at == entries.begin() || node.end() > (at - 1)->first + (at - 1)->size)
     return impl.corrupt("no block holds node [" + std::to_string(node.begin()) + ", " +
                         std::to_string(node.end()) + ")");
-  return impl.load(*(at - 1));
+  const DirectoryEntry& entry = *(at - 1);
+  NEARMESH_RETURN_IF_ERROR(impl.load(entry));
+  if (!impl.store->is_node(node) || !impl.store->split_of(node).is_valid())
+    return impl.corrupt(impl.name(entry) + ": does not hold node [" + std::to_string(node.begin()) +
+                        ", " + std::to_string(node.end()) + ")");
+  return Status::ok();
 }
 
 Status ModelFile::require_all() {

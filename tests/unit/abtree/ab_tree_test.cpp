@@ -2,6 +2,7 @@
 #include "nearmesh/core/abtree/ab_tree.hpp"
 
 #include "brute_force.hpp"
+#include "nearmesh/core/base/resources.hpp"
 #include "nearmesh/core/query/query.hpp"
 #include "nearmesh/core/refine/replica.hpp"
 
@@ -150,6 +151,84 @@ TEST_P(AbTreeOf, FollowsAReplicaWhoseBatchesComeInAnyOrderAndAreForgottenAgain) 
       ASSERT_EQ(content.frontier, test::unresolved_nodes(replica.mesh()));
     }
   }
+}
+
+// A publisher sends a node's box only where the node's own split is not in the same answer, so a box may come long
+// after its node, and after nodes below that did without.
+TEST_P(AbTreeOf, BoxesThatComeLateChangeTheTreeAsIfTheyHadComeFirst) {
+  const BakedModel model = test::bake_named(GetParam());
+  Treelet treelet;
+  {
+    ActiveMesh mesh(model.store);
+    RefineDelta delta;
+    for (const VertexId u :
+         global_order(model.store, std::min(model.header.split_count() / 2, 150U)))
+      ASSERT_TRUE(mesh.split(u, delta));
+    treelet = active_treelet(mesh);
+  }
+  Treelet without_boxes = treelet;
+  for (TreeletSplit& split : without_boxes) {
+    split.left_included = split.node.left_of(split.split).size > 1;
+    split.right_included = split.node.right_of(split.split).size > 1;
+  }
+  // One record a batch; to the encoder all children are included, so none has a box.
+  const auto decode = [&](const TreeletSplit& split, BoxPolicy policy) {
+    const auto bytes = encode_batches(model.header, model.store, {split}, policy);
+    Result<SplitBatch> batch = decode_batch(model.header, bytes.front());
+    EXPECT_TRUE(batch.is_ok()) << batch.status().message();
+    return std::move(batch).value();
+  };
+  Replica replica(model.header);
+  AbTree tree(replica.mesh());
+  for (const TreeletSplit& split : without_boxes)
+    tree.update(replica.apply_batch(decode(split, BoxPolicy::kCutNodes)).delta);
+  const auto expect_as_from_scratch = [&] {
+    const AbTree scratch(replica.mesh());
+    const TreeView x = tree.view(model.header.grid), y = scratch.view(model.header.grid);
+    std::vector<std::pair<std::uint32_t, std::uint32_t>> stack{{x.root, y.root}};
+    while (!stack.empty()) {
+      const TreeNode &a = x.nodes[stack.back().first], &b = y.nodes[stack.back().second];
+      stack.pop_back();
+      ASSERT_EQ(a.box, b.box);
+      ASSERT_EQ(a.kind_and_count, b.kind_and_count);
+      if (a.kind() != TreeNode::Kind::kInner) continue;
+      stack.emplace_back(a.first, b.first);
+      stack.emplace_back(a.first + 1, b.first + 1);
+    }
+  };
+  expect_as_from_scratch();
+  Random random(85);
+  test::shuffle(treelet, random);
+  bool any = false;
+  for (const TreeletSplit& split : treelet) {
+    const Replica::Applied applied = replica.apply_batch(decode(split, BoxPolicy::kAllNodes));
+    any = any || !applied.delta.boxed.empty();
+    tree.update(applied.delta);
+    expect_as_from_scratch();
+    if (HasFatalFailure()) return;
+  }
+  EXPECT_TRUE(any || GetParam() == "one_face");
+  for (const TreeletSplit& split : treelet)  // nothing new: nothing to do
+    EXPECT_TRUE(replica.apply_batch(decode(split, BoxPolicy::kAllNodes)).delta.is_empty());
+}
+
+TEST(AbTree, CollapseTouchesOnlyWhatWasActive) {
+  // A header of a few bytes may announce 2^30 vertices.
+  SpmHeader header;
+  header.grid.bits = 4;
+  header.vertex_count = kMaxVertices - 1;
+  header.roots = {{{{0}, header.vertex_count}, {}, {}}};
+  Replica replica(header);
+  AbTree tree(replica.mesh());
+  const std::uint32_t middle = header.vertex_count / 2;
+  SplitBatch batch;
+  batch.splits = {{.node = header.roots[0].node, .split = {middle}}};
+  tree.update(replica.apply_batch(batch).delta);
+  ASSERT_TRUE(replica.mesh().is_active({middle}));
+  const std::uint64_t before = resident_memory_bytes();
+  tree.update(replica.collapse(header.roots[0].node));
+  EXPECT_FALSE(replica.mesh().is_active({middle}));
+  EXPECT_LT(resident_memory_bytes(), before + (32U << 20));
 }
 
 TEST(AbTree, UpdateWithoutAChangeRebuildsNothing) {

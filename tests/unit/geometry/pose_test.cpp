@@ -164,6 +164,15 @@ TEST(MakePosedFrame, RefusesLatticeTooFineForTheModel) {
   EXPECT_EQ(make_posed_frame({{}, 0, 31}, {}, -8).status().code(), StatusCode::kUnsupported);
 }
 
+TEST(MakePosedFrame, RefusesAModelThatIsNothingBesideTheOther) {
+  const Grid tiny{{}, -200, 21}, huge{{}, 12, 21};
+  EXPECT_TRUE(make_posed_frame({{}, -105, 21}, {}, lattice_exponent({{}, -105, 21}, huge)).is_ok());
+  const auto refused = make_posed_frame(tiny, {}, lattice_exponent(tiny, huge));
+  EXPECT_EQ(refused.status().code(), StatusCode::kUnsupported);
+  EXPECT_NE(refused.status().message().find("2^-200 m is too small"), std::string::npos)
+      << refused.status().message();
+}
+
 TEST(PosePoint, IdentityScalesToTheLattice) {
   const PosedFrame frame = frame_of({{0.5, -0.25, 3}, -3, 10}, {}, -5);
   EXPECT_EQ(pose_point(frame, {{7, 0, 1}}), (LatticePoint{{16 + 28, -8, 96 + 4}}));

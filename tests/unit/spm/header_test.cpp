@@ -98,6 +98,20 @@ TEST(DecodeHeader, SurvivesManyFlippedBits) {
   }
 }
 
+TEST(DecodeHeader, RefusesCellsThatDoublesCannotReckonWith) {
+  SpmHeader header = test::bake_named("one_face").header;
+  for (const int exponent : {-kMaxGridExponent - 1, kMaxGridExponent + 1}) {
+    header.grid.exponent = exponent;
+    const Result<SpmHeader> read = decode_header(encode_header(header));
+    ASSERT_FALSE(read.is_ok());
+    EXPECT_NE(read.status().message().find("grid exponent"), std::string::npos);
+  }
+  for (const int exponent : {-kMaxGridExponent, kMaxGridExponent}) {
+    header.grid.exponent = exponent;
+    EXPECT_TRUE(decode_header(encode_header(header)).is_ok());
+  }
+}
+
 // The fields before the roots, then `sizes` of roots (kEndless: 64 zero bits where a gamma code
 // should be).
 constexpr std::uint64_t kEndless = ~std::uint64_t{0};

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nearmesh/core/spm/model_file.hpp"
 
+#include <sys/resource.h>
+
+#include <cstdlib>
 #include <cstring>
 
 #include "../../../core/src/spm/file_layout.hpp"
@@ -309,6 +312,37 @@ TEST(ModelFile, SurvivesSealedNonsense) {
   }
 }
 
+TEST(ModelFile, RefusesAModelThatFitsNoAddressSpace) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "sanitizers need the address space that this test takes away";
+#endif
+  SpmHeader header = small_model().header;
+  header.roots.back().node.size += kMaxVertices / 2;
+  header.vertex_count += kMaxVertices / 2;
+  header.face_count = static_cast<std::uint32_t>(header.base_faces.size());
+  const std::vector<std::uint8_t> encoded = encode_header(header);
+  std::vector<std::uint8_t> bytes(sizeof(Preamble));
+  bytes.insert(bytes.end(), encoded.begin(), encoded.end());
+  bytes.resize((bytes.size() + 7) / 8 * 8);
+  Preamble preamble;
+  preamble.header_bytes = encoded.size();
+  preamble.directory_offset = preamble.face_table_offset = bytes.size();
+  bytes.resize(bytes.size() + header.face_count * sizeof(std::uint32_t));
+  preamble.file_bytes = bytes.size();
+  std::memcpy(bytes.data(), &preamble, sizeof preamble);
+  seal(bytes);
+  const TempFile file;
+  file.write(bytes);
+  EXPECT_TRUE(ModelFile::open(file.path()).is_ok());  // where there is room
+  const auto open_in_4_gib = [&file] {
+    const rlimit limit{std::uint64_t{4} << 30, std::uint64_t{4} << 30};
+    static_cast<void>(::setrlimit(RLIMIT_AS, &limit));
+    expect_refused(file.path(), StatusCode::kIo);
+    std::exit(::testing::Test::HasFailure() ? 1 : 0);
+  };
+  EXPECT_EXIT(open_in_4_gib(), ::testing::ExitedWithCode(0), "");
+}
+
 TEST(ModelFile, RefusesAFaceTableThatNamesAFourthCorner) {
   auto bytes = small_file();
   Preamble preamble;
@@ -329,6 +363,34 @@ TEST(ModelFile, RequireRefusesWhatIsNoNode) {
   EXPECT_FALSE(file.value().require({{0}, 0xfffffffeU}).is_ok());
   EXPECT_FALSE(file.value().require({{5}, 0xfffffffeU}).is_ok());
   EXPECT_FALSE(file.value().require({{file.value().header().vertex_count}, 2}).is_ok());
+}
+
+TEST(ModelFile, RequireRefusesABlockThatHoldsOtherNodes) {
+  auto bytes = small_file();
+  Preamble preamble;
+  std::memcpy(&preamble, bytes.data(), sizeof preamble);
+  std::vector<DirectoryEntry> entries(preamble.block_count);
+  std::memcpy(entries.data(), bytes.data() + preamble.directory_offset,
+              entries.size() * sizeof(DirectoryEntry));
+  ASSERT_GE(entries.size(), 2U);
+  ASSERT_LE(entries[1].size, kSlotSize);
+  std::swap(entries[0].offset, entries[1].offset);
+  std::swap(entries[0].bytes, entries[1].bytes);
+  std::memcpy(bytes.data() + preamble.directory_offset, entries.data(),
+              entries.size() * sizeof(DirectoryEntry));
+  seal(bytes);
+  const TempFile path;
+  path.write(bytes);
+  Result<ModelFile> file = ModelFile::open(path.path());
+  ASSERT_TRUE(file.is_ok()) << file.status().message();
+  for (const DirectoryEntry& entry : entries)  // all that the two may hang on
+    if (entry.size > kSlotSize) {
+      ASSERT_TRUE(file.value().require({{entry.first}, entry.size}).is_ok());
+    }
+  const Status refused = file.value().require({{entries[0].first}, entries[0].size});
+  EXPECT_EQ(refused.code(), StatusCode::kCorrupt);
+  EXPECT_NE(refused.message().find("does not hold node"), std::string::npos) << refused.message();
+  EXPECT_FALSE(file.value().require_all().is_ok());
 }
 
 // ---- writing ------------------------------------------------------------------------------------

@@ -67,7 +67,9 @@ TEST_F(SplitStoreInsert, TakesBoxesThatComeLater) {
   bare.left_box = bare.right_box = kNoBox;
   ASSERT_TRUE(store_.insert(bare, faces_).is_ok());
   EXPECT_EQ(store_.box_code(record_.right()), kNoBox);
-  ASSERT_TRUE(store_.insert(record_, faces_).is_ok());
+  EXPECT_EQ(store_.insert(bare, faces_).value(), SplitStore::Insertion::kKnown);
+  EXPECT_EQ(store_.insert(record_, faces_).value(), SplitStore::Insertion::kBoxed);
+  EXPECT_EQ(store_.insert(record_, faces_).value(), SplitStore::Insertion::kKnown);
   EXPECT_EQ(store_.box_code(record_.right()), record_.right_box);
 }
 

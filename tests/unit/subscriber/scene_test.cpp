@@ -234,7 +234,7 @@ TEST(ReadScene, NamesTheRowOfABadTrajectory) {
            {"1,0,0,0,1,0,0,0,1,nan,0,0\n", "flight1.csv"},
            {"1,0,0,0,1,0,0,0,1,0,0\n", "flight1.csv"},
            {"1,0,0,0,1,0,0,0,1,0,0,x\n", "flight1.csv"},
-           {"3,0,0,0,1,0,0,0,1,0,0,0\n", "flight1.csv: frame 1: pose of one"}}) {
+           {"3,0,0,0,1,0,0,0,1,0,0,0\n", "flight1.csv:3: pose of one"}}) {
     folder.write("flight1.csv", head + rows);
     const Result<Scene> scene = read_scene(folder.file("scene.yaml"));
     if (scene.is_ok()) {

@@ -102,7 +102,8 @@ class Session {
   };
   /// One frame: publishes the own bodies' motions, takes in what arrived until `budget_s` is spent (at least one batch),
   /// answers every watched pair, and asks for what is missing. May be called again for the same frame.
-  /// Errors: kNotFound or kInvalidArgument naming the body; nothing was changed then.
+  /// Errors: kNotFound or kInvalidArgument naming the body, kInvalidArgument for a time that is not finite; nothing was
+  /// changed then.
   /// Threads: one at a time. Never blocks.
   [[nodiscard]] Result<FrameReport> update(std::uint64_t frame, double time_s,
                                            const std::vector<OwnMotion>& motions, double budget_s);

@@ -21,6 +21,10 @@ class CsvTable {
   [[nodiscard]] std::size_t column(std::string_view name) const;
   static constexpr std::size_t npos = static_cast<std::size_t>(-1);
 
+  /// "path:line" of a row, for messages.
+  [[nodiscard]] std::string place(std::size_t row) const {
+    return path_ + ":" + std::to_string(lines_[row]);
+  }
   [[nodiscard]] const std::string& text(std::size_t row, std::size_t column) const {
     return rows_[row][column];
   }

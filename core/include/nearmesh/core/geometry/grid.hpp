@@ -66,5 +66,8 @@ struct Grid {
 
 inline constexpr int kMinGridBits = 4;
 inline constexpr int kMaxGridBits = 31;
+/// Cells are no smaller than 2^-kMaxGridExponent and no larger than 2^kMaxGridExponent metres, so that
+/// no length of a model leaves the range of a double.
+inline constexpr int kMaxGridExponent = 500;
 
 }  // namespace nearmesh

@@ -51,8 +51,9 @@ struct PosedFrame {
 /// Derives the fixed-point placement. Precondition: check_pose accepted the pose.
 /// Moving the pose by a multiple of the lattice cell moves `translation` by exactly that integer
 /// whenever the pose's own doubles express the move exactly, whatever the rotation.
-/// Errors: kUnsupported when the translation does not fit 2^62 lattice cells, or the model spans
-/// more than 2^38 of them (lattice_exponent never asks for that).
+/// Errors: kUnsupported when the translation does not fit 2^62 lattice cells, the model spans more
+/// than 2^38 of them (lattice_exponent never asks for that), or its cell is below 2^-100 of theirs:
+/// the other model is so much larger that doubles would overflow between the two.
 [[nodiscard]] Result<PosedFrame> make_posed_frame(const Grid& grid, const Pose& pose,
                                                   int lattice_exp);
 

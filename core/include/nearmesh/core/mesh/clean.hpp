@@ -17,7 +17,7 @@ namespace nearmesh {
 /// Greatest coordinate taken: squares of distances must stay far inside a double.
 inline constexpr double kMaxCoordinate_m = 1e150;
 /// The cell is never below 2^kMinCellExponent metres; a smaller model (denormals) becomes a point.
-inline constexpr int kMinCellExponent = -500;
+inline constexpr int kMinCellExponent = -kMaxGridExponent;
 /// Cell of a model that is a single point at the origin.
 inline constexpr int kPointCellExponent = -20;
 

@@ -37,8 +37,8 @@ class FaceNumbering {
 
 class ModelFile {
  public:
-  /// Errors: kIo (cannot open or map), kCorrupt (truncated, checksum), kUnsupported (version); each names
-  /// path, place, expected and found.
+  /// Errors: kIo (cannot open or map, no address space), kCorrupt (truncated, checksum),
+  /// kUnsupported (version); each names path, place, expected and found.
   [[nodiscard]] static Result<ModelFile> open(const std::string& path);
   ModelFile(ModelFile&&) noexcept;
   ModelFile& operator=(ModelFile&&) noexcept;
@@ -58,7 +58,7 @@ class ModelFile {
   [[nodiscard]] const SplitStore& store() const;
 
   /// Makes the split of `node` known to store(). Cost: a look-up, or one block decoded (about 15 us).
-  /// Errors: kCorrupt naming the block. Threads: one at a time.
+  /// Errors: kCorrupt naming the block, also where it holds no such node. Threads: one at a time.
   [[nodiscard]] Status require(NodeSpan node);
   /// Decodes everything.
   [[nodiscard]] Status require_all();

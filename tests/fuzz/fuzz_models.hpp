@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// Small models, baked once, with poses in which two of them touch, nearly touch or stay apart.
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "fuzz_input.hpp"
+#include "nearmesh/core/abtree/ab_tree.hpp"
+#include "nearmesh/core/bake/bake.hpp"
+#include "nearmesh/core/base/hash.hpp"
+#include "nearmesh/core/base/random.hpp"
+#include "nearmesh/core/mesh/generate.hpp"
+#include "nearmesh/core/query/query.hpp"
+
+namespace nearmesh::fuzz {
+
+/// A complete model, and its full mesh as a fixed tree.
+struct FullModel {
+  BakedModel baked;
+  TriangleTree tree;
+
+  [[nodiscard]] const SpmHeader& header() const { return baked.header; }
+  [[nodiscard]] const SplitStore& store() const { return baked.store; }
+  [[nodiscard]] std::uint32_t vertex_count() const { return baked.header.vertex_count; }
+};
+
+inline FullModel make_model(const IndexedMesh& mesh, int grid_bits) {
+  const Result<CleanResult> clean = clean_mesh(mesh, grid_bits);
+  FUZZ_CHECK(clean.is_ok());
+  Result<BakedModel> baked =
+      bake(clean.value().mesh, clean.value().report.rounding_error_m, {.base_faces = 8});
+  FUZZ_CHECK(baked.is_ok());
+  ActiveMesh mesh_of_all(baked.value().store);
+  RefineDelta delta;
+  for (std::uint32_t v = 0; v < baked.value().header.vertex_count; ++v)
+    FUZZ_CHECK(mesh_of_all.split({v}, delta));
+  TriangleTree tree =
+      build_triangle_tree(baked.value().header.grid, current_triangles(mesh_of_all));
+  return {std::move(baked).value(), std::move(tree)};
+}
+
+/// Faces between random points: edges with many faces, crossings, no orientation.
+inline IndexedMesh make_soup(std::uint32_t vertices, std::uint32_t faces) {
+  Random random(3);
+  IndexedMesh mesh;
+  for (std::uint32_t i = 0; i < vertices; ++i)
+    mesh.positions_m.push_back(
+        {random.between(-1, 1), random.between(-1, 1), random.between(-1, 1)});
+  while (mesh.faces.size() < faces) {
+    const std::uint32_t a = random.below(vertices), b = random.below(vertices),
+                        c = random.below(vertices);
+    if (a != b && b != c && c != a) mesh.faces.push_back({a, b, c});
+  }
+  return mesh;
+}
+
+/// A sphere and a rough patch of ground, both of some 80 vertices (more than a slot holds), and a soup.
+inline const std::vector<FullModel>& models() {
+  static const std::vector<FullModel> all = [] {
+    std::vector<FullModel> made;
+    made.push_back(make_model(generate_sphere(14, 0), 12));
+    IndexedMesh ground = generate_terrain(8, 7);
+    const double height = ground.positions_m.front()[2];
+    for (auto& p : ground.positions_m)  // to the others' size and place
+      p = {p[0] / 96, p[1] / 96, (p[2] - height) / 96};
+    made.push_back(make_model(ground, 16));
+    made.push_back(make_model(make_soup(24, 60), 21));
+    return made;
+  }();
+  return all;
+}
+
+/// Model `a` at rest, model `b` turned and moved by the number-th of some fixed ways.
+inline PosedPair make_pair(const FullModel& a, const FullModel& b, std::uint32_t number) {
+  Random random(number);
+  Pose pose_a, pose_b;
+  double q[4], length = 0;
+  for (double& x : q) {
+    x = random.between(-1, 1);
+    length += x * x;
+  }
+  length = std::sqrt(length);
+  const double w = q[0] / length, x = q[1] / length, y = q[2] / length, z = q[3] / length;
+  if (number % 4 != 0)
+    pose_b.rotation = {1 - 2 * (y * y + z * z), 2 * (x * y - z * w),     2 * (x * z + y * w),
+                       2 * (x * y + z * w),     1 - 2 * (x * x + z * z), 2 * (y * z - x * w),
+                       2 * (x * z - y * w),     2 * (y * z + x * w),     1 - 2 * (x * x + y * y)};
+  const double reach = number % 3 == 0 ? 0.7 : 1.9;
+  for (double& t : pose_b.translation_m) t = random.between(-reach, reach);
+  const Result<PosedPair> posed =
+      pose_pair(a.header().grid, pose_a, "a", b.header().grid, pose_b, "b");
+  FUZZ_CHECK(posed.is_ok());
+  return posed.value();
+}
+
+/// An answer must never contradict the full meshes'.
+inline void check_never_wrong(const Answer& answer, const Answer& full) {
+  FUZZ_CHECK(full.status == AnswerStatus::kFree || full.status == AnswerStatus::kContact);
+  if (is_certified(answer.status)) {
+    FUZZ_CHECK(answer.status == full.status);
+    FUZZ_CHECK(answer.pairs == full.pairs);
+  } else {
+    FUZZ_CHECK(!answer.missing_a.empty() || !answer.missing_b.empty());
+    FUZZ_CHECK(answer.uncertainty_m > 0);
+    FUZZ_CHECK((answer.status == AnswerStatus::kPartial) == !answer.pairs.empty());
+    FUZZ_CHECK(std::includes(full.pairs.begin(), full.pairs.end(), answer.pairs.begin(),
+                             answer.pairs.end()));
+  }
+}
+
+/// What a set of active vertices must be, whatever was done to reach it.
+inline void check_mesh(const ActiveMesh& mesh) {
+  const SplitStore& store = mesh.store();
+  std::uint32_t splits = 0;
+  std::uint64_t hash = 0;
+  for (std::uint32_t v = 0; v < store.vertex_count(); ++v) {
+    if (!mesh.is_active({v})) continue;
+    FUZZ_CHECK(store.is_known({v}));
+    if (store.is_root({v})) continue;
+    ++splits;
+    hash += mix(v);
+    // Closed towards the roots: the node that the split divides came about.
+    const NodeSpan node = store.node_of({v});
+    FUZZ_CHECK(store.is_node(node) && store.split_of(node) == VertexId{v});
+    FUZZ_CHECK(mesh.is_active(node.first));
+    FUZZ_CHECK(node == store.initial_node(node.first) || mesh.is_active({node.end()}));
+  }
+  FUZZ_CHECK(splits == mesh.split_count());
+  FUZZ_CHECK(hash == mesh.state_hash());
+}
+
+}  // namespace nearmesh::fuzz

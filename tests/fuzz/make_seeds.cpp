@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: Apache-2.0
+// Writes the binary seeds. Usage: fuzz_make_seeds FOLDER (tests/fuzz/seeds). The text seeds of import_mesh are by hand.
+// To be run again, and its files checked in, when a format or a target's reading of its bytes changes.
+
+#include <filesystem>
+#include <fstream>
+
+#include "fuzz_models.hpp"
+#include "nearmesh/core/spm/write_model_file.hpp"
+#include "nearmesh/wire/codec.hpp"
+#include "nearmesh/wire/type_support.hpp"
+#include "samples.hpp"
+
+using namespace nearmesh;
+
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+std::filesystem::path root;
+
+void write(const std::string& name, std::uint8_t first, const Bytes& rest) {
+  const std::filesystem::path path = root / name;
+  std::filesystem::create_directories(path.parent_path());
+  std::ofstream out(path, std::ios::binary);
+  out.put(static_cast<char>(first));
+  out.write(reinterpret_cast<const char*>(rest.data()), static_cast<std::streamsize>(rest.size()));
+  FUZZ_CHECK(out.good());
+}
+
+Bytes random_bytes(std::uint64_t seed, std::size_t count) {
+  Random random(seed);
+  Bytes bytes(count);
+  for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>(random.below(256));
+  return bytes;
+}
+
+template <class Type, class Message>
+void write_sample(const std::string& name, std::uint8_t choice, const Message& message) {
+  Type type;
+  typename Type::Data data;
+  wire::encode(message, data);
+  void* sample = static_cast<typename Type::Sample*>(&data);
+  eprosima::fastrtps::rtps::SerializedPayload_t payload(type.getSerializedSizeProvider(sample)());
+  FUZZ_CHECK(type.serialize(sample, &payload));
+  write("wire/" + name, choice, {payload.data, payload.data + payload.length});
+}
+
+void write_model_file_seeds() {
+  const fuzz::FullModel face =
+      fuzz::make_model({{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, {{0, 1, 2}}}, 8);
+  const fuzz::FullModel& soup = fuzz::models().back();
+  for (const auto& [name, model] : {std::pair("one_face", &face), std::pair("soup", &soup)}) {
+    const std::filesystem::path path = root / "model_file.spm";
+    const BakedModel& baked = model->baked;
+    FUZZ_CHECK(write_model_file(baked.header, baked.store, baked.numbers, path.string()).is_ok());
+    std::ifstream in(path, std::ios::binary);
+    const std::string text{std::istreambuf_iterator<char>(in), {}};
+    std::filesystem::remove(path);
+    write("model_file/" + std::string(name) + ".spm", 1, {text.begin(), text.end()});
+    write("model_file/" + std::string(name) + ".header", 3, encode_header(baked.header));
+  }
+  write("model_file/unchanged", 2, {});
+  for (std::uint64_t seed = 0; seed < 4; ++seed)
+    write("model_file/changed_" + std::to_string(seed), 2, random_bytes(seed, 6));
+}
+
+void write_batch_seeds() {
+  const fuzz::FullModel& model = fuzz::models().front();
+  ActiveMesh mesh(model.store());
+  RefineDelta delta;
+  for (const VertexId u : global_order(model.store(), 20)) FUZZ_CHECK(mesh.split(u, delta));
+  for (const BoxPolicy policy : {BoxPolicy::kCutNodes, BoxPolicy::kAllNodes}) {
+    Bytes program;
+    for (const Bytes& batch :
+         encode_batches(model.header(), model.store(), active_treelet(mesh), policy, 100)) {
+      FUZZ_CHECK(batch.size() < 256);
+      program.insert(program.end(), {0, static_cast<std::uint8_t>(batch.size())});
+      program.insert(program.end(), batch.begin(), batch.end());
+      program.insert(program.end(), {3, 1});
+    }
+    write("batch/raw_" + std::to_string(static_cast<int>(policy)), 0, program);
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc != 2) return 1;
+  root = argv[1];
+  write_model_file_seeds();
+  write_batch_seeds();
+  for (std::uint64_t seed = 0; seed < 6; ++seed) {
+    const auto name = "/program_" + std::to_string(seed);
+    write("batch" + name, static_cast<std::uint8_t>(seed), random_bytes(10 + seed, 60));
+    write("session" + name, static_cast<std::uint8_t>(seed * 41), random_bytes(20 + seed, 60));
+    write("predicates" + name, static_cast<std::uint8_t>(seed), random_bytes(30 + seed, 90));
+  }
+  // Two quarter turns and their grids, then corners near each other.
+  write("predicates/touching", 1,
+        {0, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 1, 0, 0, 0, 0, 0, 0, 6, 1, 0, 0,
+         0, 0, 0, 0, 0, 6, 1, 0, 0, 0, 0, 0, 0, 0, 1, 2, 3, 9, 8, 7, 3, 1, 2, 9, 9, 9});
+  using namespace wire;
+  write_sample<HelloType>("hello", 0, test::valid_hello());
+  write_sample<MeshHeaderType>("mesh_header", 1, test::valid_header());
+  write_sample<RegionSubscriptionType>("region_subscription", 2, test::valid_subscription());
+  write_sample<SplitBatchType>("split_batch", 3, test::valid_batch());
+  write_sample<BodyPoseType>("body_pose", 4, test::valid_pose());
+  write_sample<ContactReportType>("contact_report", 5, test::valid_report());
+  BodyPose skewed = test::valid_pose();
+  skewed.pose.rotation[1] = 0.5;
+  write_sample<BodyPoseType>("refused_body_pose", 4, skewed);
+}
