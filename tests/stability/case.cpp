@@ -32,13 +32,15 @@ Mark judge(const Case& asked, const Verdict& verdict) {
     case Question::kTouch:
     case Question::kSolids:
     case Question::kThreads:
+    case Question::kBounds:
+    case Question::kIncremental:
       return right_if(tells_truth(asked, verdict));
     case Question::kPairs:
       if (!verdict.has_pairs) return Mark::kNotApplicable;
       return right_if(tells_truth(asked, verdict) && verdict.pairs == asked.pairs);
     case Question::kContacts:
       return right_if(tells_truth(asked, verdict) &&
-                      verdict.position_error_m <= kPositionTolerance_m &&
+                      verdict.position_error_m <= asked.position_tolerance_m &&
                       verdict.normal_error_rad <= asked.normal_tolerance_rad);
     case Question::kStream:
     case Question::kSweep:
