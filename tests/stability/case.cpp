@@ -60,6 +60,11 @@ Mark judge(const Case& asked, const Verdict& verdict) {
   return Mark::kWrong;
 }
 
+Case as_pairs(Case asked) {
+  asked.question = Question::kPairs;
+  return asked;
+}
+
 const char* to_string(Kind kind) {
   switch (kind) {
     case Kind::kFree:
@@ -90,6 +95,9 @@ std::string describe_truth(const Case& asked) {
       return std::string("refuse, or ") + (asked.touches ? "touches" : "free");
     case Question::kFile:
       return asked.file_rule == FileRule::kLoad ? "load" : "refuse";
+    case Question::kBounds:
+    case Question::kIncremental:
+      return "holds";
     case Question::kLimit:
       return "at most " + std::to_string(asked.limit) + " of " + std::to_string(*asked.pairs) +
              " pairs";

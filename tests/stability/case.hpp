@@ -26,7 +26,7 @@ struct Body {
 
 enum class Question : std::uint8_t {
   kTouch,     ///< do the surfaces share a point?
-  kPairs,     ///< how many pairs of triangles share a point?
+  kPairs,     ///< the same, and how many pairs of triangles share a point?
   kStream,    ///< do the surfaces share a point, when of `a` only the splits `held_a` have come?
   kSolids,    ///< do the closed bodies, taken with their insides, share a point?
   kContacts,  ///< where do the surfaces touch, and with which normal?
@@ -65,9 +65,11 @@ struct Case {
 };
 
 struct Scene {
-  std::string id;     ///< "F3"; a second row of the same failure has a word more
+  std::string id;     ///< "F3"
   std::string title;  ///< one line
   std::vector<Case> cases;
+  /// Where not empty: the answers are also judged by their number of pairs, as a row of their own with this title.
+  std::string pairs_title;
 };
 
 /// One system's answer to one case. Plain bytes: it crosses a pipe.
@@ -93,6 +95,8 @@ struct Verdict {
 enum class Mark : std::uint8_t { kRight, kUndecided, kWrong, kCrash, kHang, kNotApplicable };
 
 [[nodiscard]] Mark judge(const Case& asked, const Verdict& verdict);
+/// The same question put as kPairs. Precondition: the case knows its pairs.
+[[nodiscard]] Case as_pairs(Case asked);
 [[nodiscard]] const char* to_string(Verdict::Kind kind);
 /// What the truth is, in words, for the list of failures.
 [[nodiscard]] std::string describe_truth(const Case& asked);

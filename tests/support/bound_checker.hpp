@@ -45,6 +45,7 @@ inline double distance_up(const GridPoint& p, const GridPoint& q) {
     const std::int64_t d = std::int64_t{p[k]} - q[k];
     square += d * d;
   }
+  if (square == 0) return 0;
   const auto rounded = static_cast<double>(square);
   return std::nextafter(std::sqrt(std::nextafter(rounded, 1e300)), 1e300);
 }
