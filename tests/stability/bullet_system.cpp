@@ -95,6 +95,7 @@ class Bullet : public System {
   }
 
   [[nodiscard]] Verdict answer(const Case& asked) const override {
+    if (asked.question == Question::kBounds || asked.question == Question::kIncremental) return {};
     if (asked.question == Question::kFile || asked.question == Question::kLimit) return {};
     BulletMesh a(held_of(asked)), b(*asked.b.mesh);
     if (asked.question == Question::kSweep) return sweep(asked, a, b);

@@ -32,13 +32,15 @@ Mark judge(const Case& asked, const Verdict& verdict) {
     case Question::kTouch:
     case Question::kSolids:
     case Question::kThreads:
+    case Question::kBounds:
+    case Question::kIncremental:
       return right_if(tells_truth(asked, verdict));
     case Question::kPairs:
       if (!verdict.has_pairs) return Mark::kNotApplicable;
       return right_if(tells_truth(asked, verdict) && verdict.pairs == asked.pairs);
     case Question::kContacts:
       return right_if(tells_truth(asked, verdict) &&
-                      verdict.position_error_m <= kPositionTolerance_m &&
+                      verdict.position_error_m <= asked.position_tolerance_m &&
                       verdict.normal_error_rad <= asked.normal_tolerance_rad);
     case Question::kStream:
     case Question::kSweep:
@@ -56,6 +58,11 @@ Mark judge(const Case& asked, const Verdict& verdict) {
                       (verdict.kind == Kind::kRefused) == (asked.file_rule == FileRule::kReject));
   }
   return Mark::kWrong;
+}
+
+Case as_pairs(Case asked) {
+  asked.question = Question::kPairs;
+  return asked;
 }
 
 const char* to_string(Kind kind) {
@@ -88,6 +95,9 @@ std::string describe_truth(const Case& asked) {
       return std::string("refuse, or ") + (asked.touches ? "touches" : "free");
     case Question::kFile:
       return asked.file_rule == FileRule::kLoad ? "load" : "refuse";
+    case Question::kBounds:
+    case Question::kIncremental:
+      return "holds";
     case Question::kLimit:
       return "at most " + std::to_string(asked.limit) + " of " + std::to_string(*asked.pairs) +
              " pairs";

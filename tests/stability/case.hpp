@@ -26,7 +26,7 @@ struct Body {
 
 enum class Question : std::uint8_t {
   kTouch,     ///< do the surfaces share a point?
-  kPairs,     ///< how many pairs of triangles share a point?
+  kPairs,     ///< the same, and how many pairs of triangles share a point?
   kStream,    ///< do the surfaces share a point, when of `a` only the splits `held_a` have come?
   kSolids,    ///< do the closed bodies, taken with their insides, share a point?
   kContacts,  ///< where do the surfaces touch, and with which normal?
@@ -35,7 +35,9 @@ enum class Question : std::uint8_t {
   kInvalid,   ///< a pose or a vertex is no number: only a refusal is right
   kExtreme,   ///< finite but beyond use: a refusal is right, and so is the true answer
   kThreads,   ///< do two threads at once get what one thread gets?
-  kFile,      ///< can this mesh file be read?
+  kBounds,    ///< does every stored bound of a progressive model hold?
+  kIncremental,  ///< is a refined, coarsened and queried model what it is from scratch, in any order?
+  kFile,         ///< can this mesh file be read?
 };
 
 /// What a mesh file must come to.
@@ -53,6 +55,7 @@ struct Case {
   std::vector<VertexId> held_a;           ///< parents first
   bool solid_a = false, solid_b = false;  ///< kSolids: which have an inside
   std::array<double, 3> normal{};         ///< kContacts: the true one, from a to b
+  double position_tolerance_m = 0;        ///< kContacts: how far b is sunk into a, and 2^-16 m
   double normal_tolerance_rad = 0;        ///< kContacts
   Pose end_b;                             ///< kSweep: same rotation unless `half_turn`
   bool half_turn = false;  ///< kSweep: b turns by 180 degrees about its z axis besides
@@ -62,9 +65,11 @@ struct Case {
 };
 
 struct Scene {
-  std::string id;     ///< "F3"; a second row of the same failure has a word more
+  std::string id;     ///< "F3"
   std::string title;  ///< one line
   std::vector<Case> cases;
+  /// Where not empty: the answers are also judged by their number of pairs, as a row of their own with this title.
+  std::string pairs_title;
 };
 
 /// One system's answer to one case. Plain bytes: it crosses a pipe.
@@ -87,12 +92,11 @@ struct Verdict {
   bool says_incomplete = false;  ///< kLimit: the answer itself tells that its list is cut
 };
 
-/// Contact points must lie on both surfaces within this share of the bodies' size (a few metres): 2^-16.
-inline constexpr double kPositionTolerance_m = 0x1p-16;
-
 enum class Mark : std::uint8_t { kRight, kUndecided, kWrong, kCrash, kHang, kNotApplicable };
 
 [[nodiscard]] Mark judge(const Case& asked, const Verdict& verdict);
+/// The same question put as kPairs. Precondition: the case knows its pairs.
+[[nodiscard]] Case as_pairs(Case asked);
 [[nodiscard]] const char* to_string(Verdict::Kind kind);
 /// What the truth is, in words, for the list of failures.
 [[nodiscard]] std::string describe_truth(const Case& asked);

@@ -80,6 +80,7 @@ class Cgal : public System {
   }
 
   [[nodiscard]] Verdict answer(const Case& asked) const override {
+    if (asked.question == Question::kBounds || asked.question == Question::kIncremental) return {};
     if (asked.question == Question::kLimit || asked.question == Question::kSweep ||
         asked.question == Question::kContacts)
       return {};

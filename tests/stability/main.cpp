@@ -25,22 +25,51 @@ bool is_chosen(const std::vector<std::string>& chosen, const std::string& name) 
   return chosen.empty() || std::find(chosen.begin(), chosen.end(), name) != chosen.end();
 }
 
-Tally run_scene(const Scene& scene, const System& system, std::vector<Failure>& failures) {
-  Tally tally{.scene = scene.id, .title = scene.title, .system = system.name(), .marks = {}};
-  std::size_t shown = 0;
-  for (const Case& c : scene.cases) {
-    const bool is_large =
-        c.a.mesh && c.a.mesh->faces.size() + c.b.mesh->faces.size() > kLargeMesh_faces;
-    const Verdict verdict = ask_in_child(system, c, is_large ? 60 : 10);
+/// One cell of the table, as it fills.
+class Cell {
+ public:
+  Cell(const std::string& scene, const std::string& title, const std::string& system)
+      : tally_{.scene = scene, .title = title, .system = system, .marks = {}} {}
+
+  void count(const Case& c, const Verdict& verdict, std::vector<Failure>& failures) {
     const Mark mark = judge(c, verdict);
-    ++tally.marks[static_cast<std::size_t>(mark)];
-    if (mark == Mark::kRight || mark == Mark::kUndecided || mark == Mark::kNotApplicable) continue;
-    if (shown++ < kFailuresShown)
-      failures.push_back({scene.id, system.name(), c.name, describe_truth(c), describe(verdict)});
+    ++tally_.marks[static_cast<std::size_t>(mark)];
+    if (mark == Mark::kRight || mark == Mark::kUndecided || mark == Mark::kNotApplicable) return;
+    if (shown_++ < kFailuresShown)
+      failures.push_back(
+          {tally_.scene, tally_.system, c.name, describe_truth(c), describe(verdict)});
   }
-  std::fprintf(stderr, "%-9s %-9s %6llu of %zu right\n", scene.id.c_str(), system.name().c_str(),
-               static_cast<unsigned long long>(tally.right()), scene.cases.size());
-  return tally;
+  [[nodiscard]] const Tally& tally() const { return tally_; }
+
+ private:
+  Tally tally_;
+  std::size_t shown_ = 0;
+};
+
+/// Adds a row for contact or not, and where the scene asks for it one for the number of pairs.
+void run_scene(const Scene& scene, const std::vector<std::unique_ptr<System>>& systems,
+               Report& report) {
+  std::vector<Tally> by_pairs;
+  std::vector<Failure> failures_by_pairs;
+  for (const auto& system : systems) {
+    Cell touch(scene.id, scene.title, system->name());
+    Cell pairs(scene.id + " pairs", scene.pairs_title, system->name());
+    for (const Case& c : scene.cases) {
+      const bool is_large =
+          c.a.mesh && c.a.mesh->faces.size() + c.b.mesh->faces.size() > kLargeMesh_faces;
+      const Verdict verdict = ask_in_child(*system, c, is_large ? 60 : 10);
+      touch.count(c, verdict, report.failures);
+      if (!scene.pairs_title.empty() && c.pairs)
+        pairs.count(as_pairs(c), verdict, failures_by_pairs);
+    }
+    report.tallies.push_back(touch.tally());
+    by_pairs.push_back(pairs.tally());
+    std::fprintf(stderr, "%-4s %-9s %6llu of %zu right\n", scene.id.c_str(), system->name().c_str(),
+                 static_cast<unsigned long long>(touch.tally().right()), scene.cases.size());
+  }
+  if (scene.pairs_title.empty()) return;
+  report.tallies.insert(report.tallies.end(), by_pairs.begin(), by_pairs.end());
+  report.failures.insert(report.failures.end(), failures_by_pairs.begin(), failures_by_pairs.end());
 }
 
 int run(const Options& options) {
@@ -59,8 +88,7 @@ int run(const Options& options) {
                    options.data_folder.c_str());
       continue;
     }
-    for (const auto& system : systems)
-      report.tallies.push_back(run_scene(scene, *system, report.failures));
+    run_scene(scene, systems, report);
   }
   if (is_chosen(options.scenes, "F14")) report.scale = measure_scale(systems, options.quick);
   const Status written = write_report(report, options.out);

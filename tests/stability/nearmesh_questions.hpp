@@ -12,5 +12,9 @@ namespace nearmesh::stability {
                                        const Model& model_b);
 [[nodiscard]] NearmeshAnswer ask_contacts(const Case& asked, const Model& model_a,
                                           const Model& model_b, const PosedPair& posed);
+/// Of body a alone.
+[[nodiscard]] NearmeshAnswer ask_bounds(const Model& model);
+[[nodiscard]] NearmeshAnswer ask_incremental(const Case& asked, const Model& model_a,
+                                             const Model& model_b, const PosedPair& posed);
 
 }  // namespace nearmesh::stability

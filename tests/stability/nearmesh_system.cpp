@@ -165,6 +165,10 @@ NearmeshAnswer ask(const Case& asked) {
       return ask_solids(asked, model_a, model_b, posed.value());
     case Question::kSweep:
       return ask_sweep(asked, model_a, model_b);
+    case Question::kBounds:
+      return ask_bounds(model_a);
+    case Question::kIncremental:
+      return ask_incremental(asked, model_a, model_b, posed.value());
     case Question::kContacts:
       return ask_contacts(asked, model_a, model_b, posed.value());
     default:

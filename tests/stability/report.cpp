@@ -138,9 +138,11 @@ std::string page_of(const Report& report) {
   answered truly. A matrix of denormals or negative zeros must be answered. A crash is never right.
 * F7: does b's path, one second of constant velocity (and half a turn), touch a at any time? "Free" is wrong when it hits;
   nearmesh may say "uncertain", as in F1.
-* F8, F9: every contact point within 2^-16 m of both surfaces, every normal within 0.05 rad (F9: 1e-6) of the true one. In F9
-  the plate is flat at every level, so coarse triangles are as good as fine ones; each system gets those that have come.
+* F8, F9: every contact point within 2^-16 m of both surfaces, or between them where one is sunk into the other; every normal
+  within 0.15 rad (the facets next to a ball's pole tilt by 0.1; F9: 1e-6) of the true one, which is the plane's. In F9 the
+  plate is flat at every level, so coarse triangles are as good as fine ones; each system gets those that have come.
 * F10: as F1: a ball stands on a vertex of terrain, which refines and coarsens; "free" on the way is a contact lost.
+* F11, F12: only nearmesh stores bounds, and only it refines.
 * F13: the same case once alone and four times in each of two threads; all answers must be the same and right.
 * F16: a file must load or be refused as its table says; either is right where the table leaves it open.
 * F18: at most so many pairs are asked for; right when the answer itself tells whether there are more.

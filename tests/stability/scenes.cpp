@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "scenes.hpp"
 
+#include <algorithm>
 #include <functional>
 
 #include "nearmesh/core/base/assert.hpp"
@@ -21,23 +22,18 @@ Cases all_base_cases() {
   return cases;
 }
 
-Cases vary(const Cases& base, std::vector<Case> (*variants)(const Case&), bool quick) {
+/// Every stride-th variant, of each case others; fewer of large meshes and of a quick sample.
+Cases vary(const Cases& base, std::vector<Case> (*variants)(const Case&), std::size_t stride,
+           bool quick) {
   Cases cases;
   std::size_t number = 0;
   for (const Case& c : base) {
-    // A sample takes another few variants of each case.
-    const std::size_t stride = quick ? 13 : c.a.mesh->faces.size() > 2000 ? 5 : 1;
+    const std::size_t step = quick                           ? 13
+                             : c.a.mesh->faces.size() > 2000 ? std::max<std::size_t>(5, stride)
+                                                             : stride;
     const Cases varied = variants(c);
-    for (std::size_t i = number++ % stride; i < varied.size(); i += stride)
-      cases.push_back(varied[i]);
+    for (std::size_t k = number++ % step; k < varied.size(); k += step) cases.push_back(varied[k]);
   }
-  return cases;
-}
-
-/// The same cases, asked for the number of pairs where the oracle counted them.
-Cases count_pairs(Cases cases) {
-  std::erase_if(cases, [](const Case& c) { return !c.pairs; });
-  for (Case& c : cases) c.question = Question::kPairs;
   return cases;
 }
 
@@ -52,6 +48,7 @@ struct Row {
   const char* id;
   const char* title;
   std::function<Cases(const std::string& data_folder, bool quick)> make;
+  const char* pairs_title = "";
 };
 
 const std::vector<Row>& rows() {
@@ -62,39 +59,39 @@ const std::vector<Row>& rows() {
        }},
       {"F2", "one body inside the other", [](const auto&, bool) { return solid_cases(); }},
       {"F3", "touching and coplanar: contact or not",
-       [](const auto&, bool quick) { return vary(touching_and_small(), near_variants, quick); }},
-      {"F3 pairs", "touching and coplanar: number of touching pairs",
-       [](const auto&, bool quick) {
-         return count_pairs(vary(touching_and_small(), near_variants, quick));
-       }},
+       [](const auto&, bool quick) { return vary(touching_and_small(), near_variants, 1, quick); },
+       "touching and coplanar: number of touching pairs"},
       {"F4", "slivers, segments, points, repeated vertices",
-       [](const auto&, bool quick) { return vary(degenerate_cases(), near_variants, quick); }},
+       [](const auto&, bool quick) { return vary(degenerate_cases(), near_variants, 2, quick); }},
       {"F5", "NaN, infinite, huge, denormal, no rotation",
        [](const auto&, bool) { return invalid_cases(); }},
       {"F6", "far from the origin, tiny, huge: contact or not",
-       [](const auto&, bool quick) { return vary(all_base_cases(), far_variants, quick); }},
-      {"F6 pairs", "far from the origin, tiny, huge: number of touching pairs",
-       [](const auto&, bool quick) {
-         return count_pairs(vary(all_base_cases(), far_variants, quick));
-       }},
+       [](const auto&, bool quick) { return vary(all_base_cases(), far_variants, 5, quick); },
+       "far from the origin, tiny, huge: number of touching pairs"},
       {"F7", "thin and fast: does the path hit?", [](const auto&, bool) { return sweep_cases(); }},
       {"F8", "contact points on both surfaces, normals",
        [](const auto&, bool) { return contact_cases(); }},
-      {"F9", "ball rolling over a flat plate's inner edges, through mixed levels",
+      {"F9", "ball rolling and box sliding over a flat plate, through mixed levels",
        [](const auto&, bool) { return rolling_cases(); }},
       {"F10", "ball at rest on terrain while it refines and coarsens",
        [](const auto&, bool) { return resting_cases(); }},
+      {"F11", "stored bounds of a simplified mesh",
+       [](const auto&, bool) { return bound_cases(); }},
+      {"F12", "order of updates and queries",
+       [](const auto&, bool) { return incremental_cases(); }},
       {"F13", "two threads at once", [](const auto&, bool) { return thread_cases(); }},
       {"F15", "concave bodies in each other's hollows",
-       [](const auto&, bool quick) { return vary(concave_cases(), near_variants, quick); }},
+       [](const auto&, bool quick) { return vary(concave_cases(), near_variants, 1, quick); }},
       {"F16", "mesh files that are dirty, broken or hostile",
        [](const std::string& data_folder, bool) { return file_cases(data_folder); }},
       {"F17", "triangles of 10 km, a ball of 1/64 m",
-       [](const auto&, bool quick) { return vary(huge_triangle_cases(), near_variants, quick); }},
+       [](const auto&, bool quick) {
+         return vary(huge_triangle_cases(), near_variants, 1, quick);
+       }},
       {"F18", "limit on the number of pairs listed",
        [](const auto&, bool) { return limit_cases(); }},
       {"F19", "gaps and overlaps down to a quarter of a grid cell",
-       [](const auto&, bool quick) { return vary(gap_cases(), near_variants, quick); }},
+       [](const auto&, bool quick) { return vary(gap_cases(), near_variants, 5, quick); }},
   };
   return kRows;
 }
@@ -109,7 +106,7 @@ std::vector<std::string> scene_ids() {
 
 Scene make_scene(const std::string& id, const std::string& data_folder, bool quick) {
   for (const Row& row : rows())
-    if (row.id == id) return {row.id, row.title, row.make(data_folder, quick)};
+    if (row.id == id) return {row.id, row.title, row.make(data_folder, quick), row.pairs_title};
   NEARMESH_ASSERT(false);
   return {};
 }

@@ -21,14 +21,16 @@ namespace nearmesh::stability {
 /// F1: what a client holds of a needle on a plane, at each of `every`-th prefix of the stream, in `seeds` random
 /// subsets of blocks, and with the needle's region never received; a ball at several places.
 [[nodiscard]] std::vector<Case> streamed_cases(std::uint32_t every, std::uint64_t seeds);
-[[nodiscard]] std::vector<Case> solid_cases();    ///< F2
-[[nodiscard]] std::vector<Case> sweep_cases();    ///< F7
-[[nodiscard]] std::vector<Case> contact_cases();  ///< F8
-[[nodiscard]] std::vector<Case> rolling_cases();  ///< F9
-[[nodiscard]] std::vector<Case> resting_cases();  ///< F10
-[[nodiscard]] std::vector<Case> invalid_cases();  ///< F5
-[[nodiscard]] std::vector<Case> thread_cases();   ///< F13
-[[nodiscard]] std::vector<Case> limit_cases();    ///< F18
+[[nodiscard]] std::vector<Case> solid_cases();        ///< F2
+[[nodiscard]] std::vector<Case> sweep_cases();        ///< F7
+[[nodiscard]] std::vector<Case> contact_cases();      ///< F8
+[[nodiscard]] std::vector<Case> rolling_cases();      ///< F9
+[[nodiscard]] std::vector<Case> resting_cases();      ///< F10
+[[nodiscard]] std::vector<Case> invalid_cases();      ///< F5
+[[nodiscard]] std::vector<Case> bound_cases();        ///< F11
+[[nodiscard]] std::vector<Case> incremental_cases();  ///< F12
+[[nodiscard]] std::vector<Case> thread_cases();       ///< F13
+[[nodiscard]] std::vector<Case> limit_cases();        ///< F18
 /// F16: none where `data_folder`/bad is absent.
 [[nodiscard]] std::vector<Case> file_cases(const std::string& data_folder);
 

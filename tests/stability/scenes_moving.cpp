@@ -145,13 +145,15 @@ std::vector<Case> contact_cases() {
   std::vector<Case> cases;
   // Sets a plane under b, faces up: the true normal is the plane's. Sunk only so far that b's faces there nearly face it.
   const MeshPtr plane = share(test::make_plane(4, 7));
-  const auto add = [&](const std::string& name, const MeshPtr& b, double x, double y, double z) {
+  const auto add = [&](const std::string& name, const MeshPtr& b, double x, double y, double z,
+                       double sunk_m) {
     Case c{.name = place_name(name.c_str(), x, y, z),
            .question = Question::kContacts,
            .a = {plane, {}},
            .b = {b, at(x, y, z)},
            .normal = {0, 0, 1},
-           .normal_tolerance_rad = .05};
+           .position_tolerance_m = sunk_m + 0x1p-16,
+           .normal_tolerance_rad = .15};  // facets next to a ball's pole tilt by 0.1
     c.touches = touches(c.a, c.b);
     for (const std::uint32_t turn : {0U, 4U, 9U, 14U, 19U, 23U}) {
       Case varied = turned(c, turn);
@@ -166,12 +168,12 @@ std::vector<Case> contact_cases() {
   for (auto& p : tip.positions_m) p[2] = -p[2];
   const MeshPtr cone = share(turned_inside_out(tip));
   for (const auto& [x, y] : {std::pair{0.0, 0.0}, {.125, .25}, {-.5, .375}, {.25, -.25}}) {
-    add("sphere", sphere, x, y, 1 - 0x1p-7);
-    add("sphere just touching", sphere, x, y, 1);
-    add("box resting", cube, x, y, .5);
-    add("box sunk", cube, x, y, .375);
-    add("torus lying", torus, x, y, .25 - 0x1p-8);
-    add("cone's tip", cone, x, y, 1 - 0x1p-6);
+    add("sphere", sphere, x, y, 1 - 0x1p-7, 0x1p-7);
+    add("sphere just touching", sphere, x, y, 1, 0);
+    add("box resting", cube, x, y, .5, 0);
+    add("box sunk", cube, x, y, .375, .125);
+    add("torus lying", torus, x, y, .25 - 0x1p-8, 0x1p-8);
+    add("cone's tip", cone, x, y, 1 - 0x1p-6, 0x1p-6);
   }
   return cases;
 }
@@ -183,15 +185,19 @@ std::vector<Case> rolling_cases() {
   NEARMESH_ASSERT(model.is_ok());
   const std::vector<VertexId> order = every_split(model.value()->baked.store);
   const MeshPtr sphere = ball(32, 1);
+  const MeshPtr cube = box(.5, 3);
   for (int step = 0; step < 60; ++step) {
     const double x = (step - 30) * .09375, y = step * .03125 - 1;
-    Case c{.name = place_name("ball", x, y, 1 - 0x1p-7),
+    const bool is_ball = step % 2 == 0;
+    const double sunk_m = is_ball ? 0x1p-7 : 0, z = is_ball ? 1 - sunk_m : .5;
+    Case c{.name = place_name(is_ball ? "ball" : "box", x, y, z),
            .question = Question::kContacts,
            .a = {plate, {}},
-           .b = {sphere, at(x, y, 1 - 0x1p-7)},
+           .b = {is_ball ? sphere : cube, at(x, y, z)},
            .base_faces = 16,
            .model_a = model.value(),
            .normal = {0, 0, 1},
+           .position_tolerance_m = sunk_m + 0x1p-16,
            .normal_tolerance_rad = 1e-6};
     c.touches = touches(c.a, c.b);
     // Every mixture: each step holds another random half of the plate's splits; every third all of them.
