@@ -707,10 +707,10 @@ TEST(DdsChannel, HelloIsHeldBackWhileItsPublisherCannotHear) {
 
 TEST(DdsChannel, TopicOfAnotherVersionIsReported) {
   Peer peer(make_peer(own_prefix()));
-  Stranger stranger(own_prefix(), own_prefix() + "/v2/split_batch", wire::kSplitBatchType, false,
+  Stranger stranger(own_prefix(), own_prefix() + "/v3/split_batch", wire::kSplitBatchType, false,
                     stranger_qos(wire::kSplitBatchDelivery));
   ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.complaints.empty(); }));
-  EXPECT_NE(peer.all.complaints[0].find("wire version 2"), std::string::npos)
+  EXPECT_NE(peer.all.complaints[0].find("wire version 3"), std::string::npos)
       << peer.all.complaints[0];
 }
 

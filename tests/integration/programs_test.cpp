@@ -346,6 +346,7 @@ TEST_F(Programs, SolidBodyWithAnOpenModelEndsTheStartWithTheReason) {
   EXPECT_EQ(peer->wait(), 1);
   EXPECT_NE(peer->err().find("body ground cannot be solid"), std::string::npos) << peer->err();
   EXPECT_NE(peer->err().find("192 boundary edges"), std::string::npos) << peer->err();
+  EXPECT_EQ(peer->err().find("no certified answer"), std::string::npos) << peer->err();
 }
 
 TEST_F(Programs, AircraftUnderSolidGroundIsContained) {
