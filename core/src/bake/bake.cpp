@@ -296,8 +296,8 @@ Result<BakedModel> bake(const GridMesh& mesh, double rounding_error_m,
     own.clear();
     for (std::uint32_t i = face_begin[u]; i < face_begin[u + 1]; ++i) own.push_back(faces[i].face);
     const auto inserted = store.insert(record, own);
-    NEARMESH_ASSERT(inserted.is_ok() && inserted.value() == SplitStore::Insertion::kAdded);
-    static_cast<void>(inserted);
+    if (!inserted.is_ok()) return Status{StatusCode::kUnsupported, inserted.status().message()};
+    NEARMESH_ASSERT(inserted.value() == SplitStore::Insertion::kAdded);
   }
   header.tables = train(header, store);
   NEARMESH_RETURN_IF_ERROR(check_split_sizes(header, store));

@@ -18,6 +18,7 @@ std::string name(const NodeSpan& node) {
 // their parent met.
 struct Candidate {
   NodeSpan node;
+  GridBox box;
   std::uint32_t pool_begin = 0, pool_end = 0;
 };
 
@@ -29,13 +30,16 @@ class RegionFilter {
     std::iota(pool_.begin(), pool_.end(), 0U);
   }
   [[nodiscard]] Candidate everything(NodeSpan node) const {
-    return {node, 0, static_cast<std::uint32_t>(region_.size())};
+    return {node, node.size > 0 ? store_.box(node) : GridBox{}, 0,
+            static_cast<std::uint32_t>(region_.size())};
   }
   // The node as a candidate if its box meets what `parent` met; leaves never do, they are resolved.
   [[nodiscard]] std::optional<Candidate> child(NodeSpan node, const Candidate& parent) {
     if (node.size < 2) return std::nullopt;
-    const GridBox box = store_.box(node);
-    Candidate candidate{node, static_cast<std::uint32_t>(pool_.size()), 0};
+    // A node without a box of its own has its parent's.
+    const bool inherits = parent.node.size > 0 && store_.box_code(node)[0] == kNoBoxCode;
+    const GridBox box = inherits ? parent.box : store_.box(node);
+    Candidate candidate{node, box, static_cast<std::uint32_t>(pool_.size()), 0};
     for (std::uint32_t i = parent.pool_begin; i < parent.pool_end; ++i)
       if (box.meets(region_[pool_[i]])) pool_.push_back(pool_[i]);
     candidate.pool_end = static_cast<std::uint32_t>(pool_.size());

@@ -158,6 +158,8 @@ Status SplitStore::check(const SplitRecord& record, std::span<const SplitFace> f
   const NodeSpan node = record.node;
   if (!record.right().contains(record.split) || record.split.value <= node.begin())
     return contradiction(record, "the split lies outside the node");
+  if (depth_of(node) >= kMaxForestDepth)
+    return contradiction(record, "the forest is deeper than 4096 splits");
   const VertexId known = split_of(node);
   if (known.is_valid() && known != record.split)
     return contradiction(record, "another split of the node is known");
@@ -190,6 +192,7 @@ Result<SplitStore::Insertion> SplitStore::insert(const SplitRecord& record,
   if (!known) {
     entry.size = record.right().size;
     entry.parent = record.node.begin();
+    entry.depth = static_cast<std::uint16_t>(depth_of(record.node) + 1);
     for (int k = 0; k < 3; ++k)
       entry.position[k] = position(record.node.first)[k] + record.offset[k];
     if (faces.size() <= 2) {

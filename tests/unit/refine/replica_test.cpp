@@ -138,6 +138,25 @@ TEST(ApplyBatch, ParksWhatHasNoParentYet) {
   FAIL() << "no batch hangs on another";
 }
 
+TEST(ApplyBatch, ForestDeeperThanTheLimitIsRefused) {
+  // Ever the same node less its last vertex, without boxes: the worst that a hostile publisher can make walks climb.
+  SpmHeader header;
+  header.grid.bits = 4;
+  header.vertex_count = kMaxForestDepth + 100;
+  header.roots = {{{{0}, header.vertex_count}, {}, {}}};
+  Replica replica(header);
+  SplitBatch batch;
+  for (std::uint32_t n = header.vertex_count; n > 1; --n)
+    batch.splits.push_back({.node = {{0}, n}, .split = {n - 1}});
+  const Replica::Applied applied = replica.apply_batch(batch);
+  EXPECT_EQ(applied.status.code(), StatusCode::kCorrupt);
+  EXPECT_NE(applied.status.message().find("deeper"), std::string::npos) << applied.status.message();
+  EXPECT_EQ(applied.delta.split.size(), kMaxForestDepth);
+  const NodeSpan deepest = replica.mesh().current_node({0});
+  EXPECT_EQ(deepest.size, header.vertex_count - kMaxForestDepth);
+  EXPECT_EQ(replica.store().box(deepest), replica.store().box(header.roots[0].node));
+}
+
 class ContradictingBatch : public ::testing::Test {
  protected:
   void SetUp() override {

@@ -18,8 +18,8 @@ struct BakedModel {
   CollapseLog log;  ///< for the report
 };
 
-/// In: what clean_mesh gives, with its rounding error. Errors: kUnsupported beyond 2^30 faces, or where hundreds of faces
-/// share one edge, so that their split does not fit a datagram.
+/// In: what clean_mesh gives, with its rounding error. Errors: kUnsupported beyond 2^30 faces, where hundreds of faces
+/// share one edge, so that their split does not fit a datagram, or where the forest is deeper than kMaxForestDepth.
 /// Deterministic. Cost: O(n log n), about 300 bytes a vertex.
 [[nodiscard]] Result<BakedModel> bake(const GridMesh& mesh, double rounding_error_m,
                                       const SimplifyOptions& options);

@@ -28,7 +28,8 @@ class SplitStore {
   };
   /// Adds one split. `faces` are the record's own.
   /// Errors: kCorrupt where the record contradicts the model or what is known (another split of the same node, another
-  /// position or face, a position outside the grid); nothing is changed then. Cost: O(faces).
+  /// position or face, a position outside the grid, a forest deeper than kMaxForestDepth); nothing is changed then.
+  /// Cost: O(faces).
   [[nodiscard]] Result<Insertion> insert(const SplitRecord& record,
                                          std::span<const SplitFace> faces);
   /// Forgets a split (eviction). Precondition: both children of its node are whole, i.e. no known split rests on it.
@@ -91,11 +92,16 @@ class SplitStore {
     BoxCode box{};                // of [id, id + size), each code plus one: 0 means none
     BoxCode left_box{};           // of [parent, id)
     std::uint8_t face_count = 0;  // kManyFaces: look in many_faces_
+    std::uint16_t depth = 0;      // of the two nodes that the split makes; 0 for a root
     SplitFace inline_faces[2];
   };
 
   [[nodiscard]] Status check(const SplitRecord& record, std::span<const SplitFace> faces) const;
   [[nodiscard]] std::uint32_t& split_slot(NodeSpan node);
+  [[nodiscard]] std::uint32_t depth_of(NodeSpan node) const {
+    const Entry& first = entries_[node.begin()];
+    return node.size == first.size ? first.depth : entries_[node.end()].depth;
+  }
 
   std::uint32_t vertex_count_ = 0;
   std::uint32_t known_ = 0;

@@ -70,6 +70,10 @@ inline constexpr BoxCode kNoBox{kNoBoxCode, kNoBoxCode, kNoBoxCode,
 /// Slots, stored blocks of the lowest level, and the unit of eviction: maximal nodes of at most this many ids.
 inline constexpr std::uint32_t kSlotSize = 64;
 
+/// A forest is no deeper: what walks from a node to its root takes no more steps, whoever made the model.
+/// (Simplification balances depth; real models have some 20.)
+inline constexpr std::uint32_t kMaxForestDepth = 4096;
+
 /// Limits of one request; larger ones are refused where they arrive.
 inline constexpr std::size_t kMaxRegionBoxes = 256;
 inline constexpr std::size_t kMaxAttachNodes = 512;
