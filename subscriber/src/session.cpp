@@ -291,8 +291,8 @@ void Session::Impl::report_pair(Pair& pair, const PairAnswer& answer, std::uint6
   channel->send(report);
 }
 
-// The boxes, in a model's grid, of all bodies that a body of that model is watched against; of what is not certified, the
-// rays instead where only the inside of a solid is open.
+// The boxes, in a model's grid, of all bodies that a body of that model is watched against; of what is not certified,
+// the rays instead where only the inside of a solid is open.
 std::vector<GridBox> Session::Impl::region_of(const PeerModel& model, double lookahead_s,
                                               const FrameReport& report,
                                               bool uncertified_only) const {
@@ -398,7 +398,8 @@ void Session::Impl::ask(const FrameReport& report) {
       if (lost) patience_s = std::min(2 * open->second.patience_s, kMaxPatience_s);
       may_prefetch = may_prefetch && lost;
     }
-    // What an answer lacks is named outright: boxes of nodes need not nest, so the walk may miss a node that the query met.
+    // What an answer lacks is named outright: boxes of nodes need not nest, so the walk may miss a node that the query
+    // met.
     if (!request(model, region_of(model, 0, report, true), missing_of(model, report), kNeededNow,
                  patience_s) &&
         may_prefetch)

@@ -33,8 +33,8 @@ struct SessionOptions {
 struct PairAnswer {
   std::string body_a, body_b;
   Answer answer;
-  /// Why nothing can be said (status kUncertain): a header, a publisher or a pose that has not come; or, for ever, a solid
-  /// with an open model, or a model of too many parts near a solid. Else empty.
+  /// Why nothing can be said (status kUncertain): a header, a publisher or a pose that has not come; or, for ever, a
+  /// solid with an open model, or a model of too many parts near a solid. Else empty.
   std::string reason;
   Pose pose_a, pose_b;  ///< what was asked about; meaningless with a reason of missing poses
   /// Free or contained: until this much later nothing can touch, if the bodies keep within their speeds. Seconds.
@@ -70,11 +70,11 @@ class Session {
   Session(const Session&) = delete;
   Session& operator=(const Session&) = delete;
 
-  /// Declares a body and the model (by the publisher's name for it) that it has. `own`: this peer moves it and publishes
-  /// its pose; otherwise its pose comes from whoever does. A model's first body must be declared before the first update:
-  /// headers of models that no body uses are not kept. `solid`: the body has an inside (core/query/query.hpp); where its
-  /// model turns out to be open, no answer about it is ever certified, and each names the reason.
-  /// Errors: kConflict (name taken), kInvalidArgument (name).
+  /// Declares a body and the model (by the publisher's name for it) that it has. `own`: this peer moves it and
+  /// publishes its pose; otherwise its pose comes from whoever does. A model's first body must be declared before the
+  /// first update: headers of models that no body uses are not kept. `solid`: the body has an inside
+  /// (core/query/query.hpp); where its model turns out to be open, no answer about it is ever certified, and each
+  /// names the reason. Errors: kConflict (name taken), kInvalidArgument (name).
   [[nodiscard]] Status add_body(const std::string& name, const std::string& model, bool own,
                                 bool solid = false);
   /// Fixes a body in place, for scenery that nobody moves. Errors: kNotFound, kInvalidArgument (pose).
@@ -86,10 +86,9 @@ class Session {
     std::string body;
     Motion motion;
   };
-  /// One frame: publishes the own bodies' motions, takes in what arrived until `budget_s` is spent (at least one batch),
-  /// answers every watched pair, and asks for what is missing. May be called again for the same frame.
-  /// Errors: kNotFound or kInvalidArgument naming the body; nothing was changed then.
-  /// Threads: one at a time. Never blocks.
+  /// One frame: publishes the own bodies' motions, takes in what arrived until `budget_s` is spent (at least one
+  /// batch), answers every watched pair, and asks for what is missing. May be called again for the same frame. Errors:
+  /// kNotFound or kInvalidArgument naming the body; nothing was changed then. Threads: one at a time. Never blocks.
   [[nodiscard]] Result<FrameReport> update(std::uint64_t frame, double time_s,
                                            const std::vector<OwnMotion>& motions, double budget_s);
 
