@@ -311,8 +311,8 @@ void Session::Impl::report_pair(Pair& pair, const PairAnswer& answer, std::uint6
   channel->send(report);
 }
 
-// The boxes, in a model's grid, of all bodies that a body of that model is watched against; of what is not certified, the
-// rays instead where only the inside of a solid is open.
+// The boxes, in a model's grid, of all bodies that a body of that model is watched against; of what is not certified,
+// the rays instead where only the inside of a solid is open.
 std::vector<GridBox> Session::Impl::region_of(const PeerModel& model, double lookahead_s,
                                               const FrameReport& report,
                                               bool uncertified_only) const {

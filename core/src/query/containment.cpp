@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Why one ray proves a side. The posed surface is a closed 2-cycle, since posed corners are a function of grid points; so
-// every point off it has a winding number, which is the signed number of faces that a ray from it crosses. A face that is
-// not exact lies inside the box of an unresolved node (query.hpp); when the ray meets no such box, it crosses exact faces
-// only, and all of them are seen.
+// Why one ray proves a side. The posed surface is a closed 2-cycle, since posed corners are a function of grid points;
+// so every point off it has a winding number, which is the signed number of faces that a ray from it crosses. A face
+// that is not exact lies inside the box of an unresolved node (query.hpp); when the ray meets no such box, it crosses
+// exact faces only, and all of them are seen.
 //
 // Ties. The ray goes along axis w; u and v are the next two axes, in right-handed order. Instead of the point p we look
 // at p' = p + (du, dv) with infinitely small 0 < dv << du << 1. p is off the surface, hence p' is on the same side, and
@@ -33,10 +33,10 @@ int sign(Int x) {
 ///
 /// First the box along the lattice's axes, exact. Then, for turned solids, the shadow of the box itself on the plane
 /// (u, v): a hexagon whose sides run along the shadows of the grid's axes, tested in doubles along their normals n.
-/// In lattice cells relative to the frame's translation all magnitudes are below 2^41: positions in the grid span at most
-/// sqrt(3) 2^38 cells, the ray starts within the solid's box, and |n| < 1.00002 (check_pose). Fewer than 64 roundings of
-/// values below 2^41 err by less than 2^-6 in all, and pose_point moves a corner by at most half a cell on each axis,
-/// that is kError and kReach. Coordinates of boxes and differences of positions are exact.
+/// In lattice cells relative to the frame's translation all magnitudes are below 2^41: positions in the grid span at
+/// most sqrt(3) 2^38 cells, the ray starts within the solid's box, and |n| < 1.00002 (check_pose). Fewer than 64
+/// roundings of values below 2^41 err by less than 2^-6 in all, and pose_point moves a corner by at most half a cell
+/// on each axis, that is kError and kReach. Coordinates of boxes and differences of positions are exact.
 class RayTest {
  public:
   RayTest(const PosedFrame& frame, const Ray& ray) : frame_(frame), ray_(ray) {

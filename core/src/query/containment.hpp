@@ -24,14 +24,14 @@ struct Location {
   Ray ray;                               ///< open: that ray
 };
 
-/// The side of `point` (of the pair's lattice) on which the full surface lies: inside where the winding number is not 0.
-/// In: a closed surface; a point that is on none of its faces. Exact and the same for every state of refinement, but for
-/// kOpen. Cost: O(nodes that a ray meets), at most six rays; nothing outside the root's box.
+/// The side of `point` (of the pair's lattice) on which the full surface lies: inside where the winding number is
+/// not 0. In: a closed surface; a point that is on none of its faces. Out: exact, and the same in every state of
+/// refinement, but for kOpen. Cost: O(nodes that a ray meets), at most six rays; nothing outside the root's box.
 [[nodiscard]] Location locate(const TreeView& solid, const PosedFrame& frame,
                               const LatticePoint& point, QueryStats& stats);
 
-/// Adds boxes of the solid's grid that cover what lies of the ray inside `box`, with a cell or two around it: a hint where
-/// to ask for detail, not a bound that a decision may rest on.
+/// Adds boxes of the solid's grid that cover what lies of the ray inside `box`, with a cell or two around it: a hint
+/// where to ask for detail, not a bound that a decision may rest on.
 void add_ray_boxes(const PosedFrame& solid, const Ray& ray, const GridBox& box,
                    std::vector<GridBox>& boxes);
 

@@ -201,9 +201,9 @@ class Walk {
     return open.empty() ? Side::kOutside : Side::kOpen;
   }
 
-  // A lower bound of the distance of two bodies that do not touch: pairs of boxes by growing gap, until the least gap left is no
-  // smaller than the least distance found. Every pair of faces lies below some pair that was counted or is still
-  // queued, so stopping early only makes the bound smaller.
+  // A lower bound of the distance of two bodies that do not touch: pairs of boxes by growing gap, until the least gap
+  // left is no smaller than the least distance found. Every pair of faces lies below some pair that was counted or is
+  // still queued, so stopping early only makes the bound smaller.
   double clearance() {
     constexpr int kMaxSteps = 4096;
     // Equal gaps are taken in the order of their finding, which follows from the trees' shapes. Places in the trees'

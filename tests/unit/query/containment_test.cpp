@@ -125,7 +125,8 @@ TEST(Containment, EachMayHoldAPartOfTheOther) {
 }
 
 TEST(Containment, WhoeverHoldsAPartOfTheOtherIsToldToTheEnd) {
-  // A certified answer must not depend on what came first, so one inside found early does not settle the other question.
+  // A certified answer must not depend on what came first, so one inside found early does not settle the other
+  // question.
   IndexedMesh mesh = make_cube(2, 8);
   append(mesh, make_cube(0.25, 4), {10, 0, 0});
   const Solid one(mesh);

@@ -36,8 +36,8 @@ struct SessionOptions {
 struct PairAnswer {
   std::string body_a, body_b;
   Answer answer;
-  /// Why nothing can be said (status kUncertain): a header, a publisher or a pose that has not come; or, for ever, a solid
-  /// with an open model, or a model of too many parts near a solid. Else empty.
+  /// Why nothing can be said (status kUncertain): a header, a publisher or a pose that has not come; or, for ever, a
+  /// solid with an open model, or a model of too many parts near a solid. Else empty.
   std::string reason;
   Pose pose_a, pose_b;  ///< what was asked about; meaningless with a reason of missing poses
   /// With SessionOptions::contacts, when the answer has pairs: where they touch, all exact.
@@ -84,11 +84,11 @@ class Session {
   Session(const Session&) = delete;
   Session& operator=(const Session&) = delete;
 
-  /// Declares a body and the model (by the publisher's name for it) that it has. `own`: this peer moves it and publishes
-  /// its pose; otherwise its pose comes from whoever does. A model's first body must be declared before the first update:
-  /// headers of models that no body uses are not kept. `solid`: the body has an inside (core/query/query.hpp); where its
-  /// model turns out to be open, no answer about it is ever certified, and each names the reason.
-  /// Errors: kConflict (name taken), kInvalidArgument (name).
+  /// Declares a body and the model (by the publisher's name for it) that it has. `own`: this peer moves it and
+  /// publishes its pose; otherwise its pose comes from whoever does. A model's first body must be declared before the
+  /// first update: headers of models that no body uses are not kept. `solid`: the body has an inside
+  /// (core/query/query.hpp); where its model turns out to be open, no answer about it is ever certified, and each
+  /// names the reason. Errors: kConflict (name taken), kInvalidArgument (name).
   [[nodiscard]] Status add_body(const std::string& name, const std::string& model, bool own,
                                 bool solid = false);
   /// Fixes a body in place, for scenery that nobody moves. Errors: kNotFound, kInvalidArgument (pose).

@@ -75,8 +75,8 @@ struct Answer {
   bool truncated = false;        ///< `pairs` holds only the first QueryOptions::max_pairs of them
   std::vector<NodeSpan> missing_a,
       missing_b;  ///< unresolved nodes whose splits bring the answer nearer, ascending
-  /// Where the surfaces are certainly apart and only the inside of a solid is open: boxes in the body's own grid around the
-  /// rays that wait for missing nodes. A hint for what to ask for below these nodes; else empty.
+  /// Where the surfaces are certainly apart and only the inside of a solid is open: boxes in the body's own grid
+  /// around the rays that wait for missing nodes. A hint for what to ask for below these nodes; else empty.
   std::vector<GridBox> rays_a, rays_b;
   /// Free: a lower bound of the distance, metres (infinite when either side has no face). Else 0.
   /// Contained: the same, of the surfaces.
@@ -89,7 +89,8 @@ struct Answer {
   QueryStats stats;
 };
 
-/// Digest of everything in an answer but its statistics and hints: equal answers, equal digests, on every peer and build.
+/// Digest of everything in an answer but its statistics and hints: equal answers, equal digests, on every peer and
+/// build.
 [[nodiscard]] std::uint64_t digest(const Answer& answer);
 
 /// The bound of Answer::uncertainty_m for one node, in grid units: greatest distance from its representative to a corner
@@ -98,8 +99,8 @@ struct Answer {
 
 /// Answers for two trees under two placements on one lattice (equal lattice_exp).
 /// With solids, "free" also says that nothing is inside: free, contained or uncertain follow from where the seeds lie.
-/// A model without seeds (more parts than kMaxComponentSeeds) can hold others, but itself be proved outside a solid only
-/// where the boxes of the whole bodies are apart; else the answer stays uncertain with nothing missing.
+/// A model without seeds (more parts than kMaxComponentSeeds) can hold others, but itself be proved outside a solid
+/// only where the boxes of the whole bodies are apart; else the answer stays uncertain with nothing missing.
 /// Preconditions (asserted): a solid's tree carries the facts of a closed surface, the other one's tree its facts.
 /// Deterministic: the answer depends on faces, front and poses only. Threads: views may be shared.
 [[nodiscard]] Answer query(const TreeView& a, const PosedFrame& frame_a, const TreeView& b,
