@@ -2,7 +2,6 @@
 // nearmesh-stability: runs the scenes through every system of this build and writes the tables.
 #include <CLI/CLI.hpp>
 #include <cstdio>
-#include <filesystem>
 
 #include "report.hpp"
 #include "scale.hpp"
@@ -107,7 +106,7 @@ int main(int argc, char** argv) {
       "and CGAL.",
       "nearmesh-stability"};
   app.add_option("--out", options.out,
-                 "Folder for results.csv, failures.csv, scale.csv, stability.md")
+                 "Folder for stability.md and the tables (stability/*.csv)")
       ->capture_default_str();
   app.add_option("--systems", options.systems, "Only these (nearmesh, FCL, Bullet, CGAL)")
       ->delimiter(',');

@@ -2,6 +2,7 @@
 #include "report.hpp"
 
 #include <algorithm>
+#include <filesystem>
 #include <fstream>
 #include <numeric>
 #include <sstream>
@@ -96,7 +97,7 @@ void write_scale(std::ostream& page, const Report& report) {
 
 void write_failures(std::ostream& page, const Report& report) {
   page << "\n## The first failure of each cell\n\n"
-          "`failures.csv` has a few more.\n\n| scene | system | case | expected | found "
+          "`stability/failures.csv` has a few more.\n\n| scene | system | case | expected | found "
           "|\n|---|---|---|---|---|\n";
   std::string last;
   for (const Failure& f : report.failures) {
@@ -113,7 +114,8 @@ std::string page_of(const Report& report) {
           "Written by `nearmesh-stability`; no cell is typed in. To make it again:\n\n"
           "    cmake --build --preset dev --target nearmesh-stability\n"
           "    build/dev/bin/nearmesh-stability --out docs\n"
-          "    python3 tests/stability/plot_stability.py docs/results.csv docs/stability\n\n"
+          "    python3 tests/stability/plot_stability.py docs/stability/results.csv "
+          "docs/stability\n\n"
           "![Share of right answers by scene and system](stability.svg)\n\n"
           "Each cell: right answers / cases asked. Bold: all right.\n\n";
   write_table(page, report);
@@ -170,10 +172,13 @@ std::uint64_t Tally::cases() const {
 }
 
 Status write_report(const Report& report, const std::string& folder) {
-  NEARMESH_RETURN_IF_ERROR(write_file(folder + "/results.csv", results_csv(report)));
-  NEARMESH_RETURN_IF_ERROR(write_file(folder + "/failures.csv", failures_csv(report)));
+  const std::string tables = folder + "/stability";
+  std::error_code error;
+  std::filesystem::create_directories(tables, error);  // a failure shows when files are written
+  NEARMESH_RETURN_IF_ERROR(write_file(tables + "/results.csv", results_csv(report)));
+  NEARMESH_RETURN_IF_ERROR(write_file(tables + "/failures.csv", failures_csv(report)));
   if (!report.scale.empty())
-    NEARMESH_RETURN_IF_ERROR(write_file(folder + "/scale.csv", scale_csv(report)));
+    NEARMESH_RETURN_IF_ERROR(write_file(tables + "/scale.csv", scale_csv(report)));
   return write_file(folder + "/stability.md", page_of(report));
 }
 
