@@ -105,8 +105,7 @@ int main(int argc, char** argv) {
       "Runs the scenes in which methods fail through nearmesh and, where installed, FCL, Bullet "
       "and CGAL.",
       "nearmesh-stability"};
-  app.add_option("--out", options.out,
-                 "Folder for stability.md and the tables (stability/*.csv)")
+  app.add_option("--out", options.out, "Folder for stability.md and the tables (stability/*.csv)")
       ->capture_default_str();
   app.add_option("--systems", options.systems, "Only these (nearmesh, FCL, Bullet, CGAL)")
       ->delimiter(',');

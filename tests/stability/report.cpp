@@ -128,6 +128,8 @@ std::string page_of(const Report& report) {
   question. Variants (24 quarter turns, swapped bodies, renumbered vertices and faces; F6: both bodies moved by 2^0 to 2^23 m,
   vertices moved likewise, scaled by 2^-20 to 2^20) are exact in doubles too.
 * "Pairs" rows ask for the number of touching pairs of triangles; the rows beside them only for contact or not.
+* What nearmesh cannot resolve is left out: translations off the pair's lattice (a quarter of the finer cell, not below 2^-38 of
+  the larger model), turns by other angles where exact touching is asked for, single points closer than 2^-22 m.
 * nearmesh is asked in every case for the full meshes, from the base by `certify`, and from a random partial state; two
   answers that differ make the case wrong.
 * F1: the others are given the triangles that a client of the stream would hold at that moment. "Free" on what has come is
@@ -148,6 +150,8 @@ std::string page_of(const Report& report) {
 * F13: the same case once alone and four times in each of two threads; all answers must be the same and right.
 * F16: a file must load or be refused as its table says; either is right where the table leaves it open.
 * F18: at most so many pairs are asked for; right when the answer itself tells whether there are more.
+* An error instead of an answer is wrong where there is an answer. CGAL documents that its triangles must not be degenerate and
+  throws when one is: "refused".
 * n/a: the system has no such function at all (no file reader, no limit, no pairs).
 * Every case runs in a child process of its own, with 10 s of CPU time (60 s for large meshes) and 8 GiB of memory. A crash
   or a hang is a cell, not the end of the run.

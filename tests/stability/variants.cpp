@@ -62,6 +62,11 @@ Pose turn_pose(const Pose& pose, const std::array<double, 9>& q) {
   return out;
 }
 
+bool has_no_size(const IndexedMesh& mesh) {
+  return std::all_of(mesh.positions_m.begin(), mesh.positions_m.end(),
+                     [&mesh](const auto& p) { return p == mesh.positions_m.front(); });
+}
+
 constexpr int kCoarsest = 64;
 
 /// Every coordinate is an integer of at most so many bits times 2^exponent.
@@ -179,6 +184,7 @@ std::optional<Case> moved_vertices(const Case& base, int k) {
 }
 
 std::optional<Case> scaled(const Case& base, int k) {
+  if (has_no_size(*base.a.mesh) && has_no_size(*base.b.mesh)) return std::nullopt;
   Case c = base;
   change_meshes(c, [k](IndexedMesh& mesh) {
     for (auto& p : mesh.positions_m)

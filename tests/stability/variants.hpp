@@ -22,7 +22,8 @@ namespace nearmesh::stability {
 [[nodiscard]] std::optional<Case> moved(const Case& base, int k);
 /// Both meshes' vertices moved likewise under unchanged rotations: coordinates far from the model's own origin.
 [[nodiscard]] std::optional<Case> moved_vertices(const Case& base, int k);
-/// All lengths times 2^k. None where a translation would pass 5e8 m (poses are taken up to 1e9 m).
+/// All lengths times 2^k. None where a translation would pass 5e8 m (poses are taken up to 1e9 m), and of two single points: a
+/// point at its model's origin has a cell of 2^-20 m whatever its surroundings, so they do not scale.
 [[nodiscard]] std::optional<Case> scaled(const Case& base, int k);
 
 /// Both bodies under one random integer matrix (seeded) that fills the 21 bits of the grid: affine maps keep what touches,
