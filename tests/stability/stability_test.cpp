@@ -15,6 +15,7 @@
 #include "oracle.hpp"
 #include "scenes.hpp"
 #include "test_models.hpp"
+#include "variants.hpp"
 
 namespace nearmesh::stability {
 namespace {
@@ -186,6 +187,17 @@ TEST(Stability, F5ARefusalNamesTheBodyAndDisturbsNothing) {
 // ---- F6 to F10 ----------------------------------------------------------------------------------------
 
 TEST(Stability, F6FarTinyAndHugeAreNoDifferent) { expect_scene_right("F6"); }
+// A point has no size of its own; beside a small body it must not coarsen what is resolved.
+TEST(Stability, F6PointsMeetTinyAndHugeBodies) {
+  std::size_t asked = 0;
+  for (const Case& c : degenerate_cases()) {
+    if (!c.name.starts_with("point")) continue;
+    for (const int k : {-20, -7, 7, 20})
+      if (const auto other = scaled(c, k)) expect_right(*other), ++asked;
+  }
+  EXPECT_GT(asked, 20U);
+}
+
 TEST(Stability, F7NothingTunnels) { expect_scene_right("F7"); }
 TEST(Stability, F8ContactsLieOnBothSurfaces) { expect_scene_right("F8"); }
 TEST(Stability, F9NoGhostsAtInnerEdges) { expect_scene_right("F9"); }
