@@ -51,7 +51,8 @@ struct Report {
   std::vector<ScaleRow> scale;    ///< empty when F14 was not asked for
 };
 
-/// Writes stability.md into the folder and the tables into its folder `stability`; scale.csv and its table only when there are rows. Errors: kIo.
+/// Writes stability.md into the folder and the tables into its folder `stability`; scale.csv and its table only when
+/// there are rows. Errors: kIo.
 [[nodiscard]] Status write_report(const Report& report, const std::string& folder);
 
 }  // namespace nearmesh::stability
