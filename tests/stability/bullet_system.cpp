@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bullet in double precision: btGImpactMeshShape without margin, contacts as found by its algorithm; one counts at distance <= 0.
+// Bullet in double precision: btGImpactMeshShape without margin, contacts as found by its algorithm; one counts at
+// distance <= 0.
 #include <BulletCollision/CollisionDispatch/btDefaultCollisionConfiguration.h>
 #include <BulletCollision/Gimpact/btGImpactCollisionAlgorithm.h>
 #include <BulletCollision/Gimpact/btGImpactShape.h>

@@ -36,7 +36,7 @@ Mark judge(const Case& asked, const Verdict& verdict) {
     case Question::kIncremental:
       return right_if(tells_truth(asked, verdict));
     case Question::kPairs:
-      if (!verdict.has_pairs) return Mark::kNotApplicable;
+      if (!verdict.has_pairs && verdict.kind != Kind::kRefused) return Mark::kNotApplicable;
       return right_if(tells_truth(asked, verdict) && verdict.pairs == asked.pairs);
     case Question::kContacts:
       return right_if(tells_truth(asked, verdict) &&

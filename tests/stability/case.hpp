@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The words of the stability suite: a scene is a list of cases, a case is two bodies and a question whose true answer is
-// known, a verdict is what a system answered, and `judge` says whether it was right.
+// The words of the stability suite: a scene is a list of cases, a case is two bodies and a question whose true answer
+// is known, a verdict is what a system answered, and `judge` says whether it was right.
 
 #include <cstdint>
 #include <memory>

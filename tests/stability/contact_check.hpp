@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Whether contact points lie where they should: distance of each from both posed meshes, angle of each normal to the truth.
+// Whether contact points lie where they should: distance of each from both posed meshes, angle of each normal to the
+// truth.
 
 #include <algorithm>
 #include <cmath>

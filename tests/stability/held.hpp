@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// What a library without progressive meshes is given of body a: where a part was streamed the triangles of what has come, else all.
+// What a library without progressive meshes is given of body a: where a part was streamed the triangles of what has
+// come, else all.
 
 #include "nearmesh_system.hpp"
 

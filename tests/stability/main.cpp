@@ -2,7 +2,6 @@
 // nearmesh-stability: runs the scenes through every system of this build and writes the tables.
 #include <CLI/CLI.hpp>
 #include <cstdio>
-#include <filesystem>
 
 #include "report.hpp"
 #include "scale.hpp"
@@ -106,8 +105,7 @@ int main(int argc, char** argv) {
       "Runs the scenes in which methods fail through nearmesh and, where installed, FCL, Bullet "
       "and CGAL.",
       "nearmesh-stability"};
-  app.add_option("--out", options.out,
-                 "Folder for results.csv, failures.csv, scale.csv, stability.md")
+  app.add_option("--out", options.out, "Folder for stability.md and the tables (stability/*.csv)")
       ->capture_default_str();
   app.add_option("--systems", options.systems, "Only these (nearmesh, FCL, Bullet, CGAL)")
       ->delimiter(',');

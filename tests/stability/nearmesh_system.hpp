@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// nearmesh under test: an IndexedMesh is cleaned, baked and queried in every way that there is, and all ways must agree.
+// nearmesh under test: an IndexedMesh is cleaned, baked and queried in every way that there is, and all ways must
+// agree.
 
 #include <optional>
 

@@ -21,9 +21,9 @@ using PairList = std::vector<std::pair<std::uint32_t, std::uint32_t>>;
 /// Stops at the first pair.
 [[nodiscard]] bool touches(const Body& a, const Body& b);
 
-/// Whether the closed bodies, taken with their insides, share a point: surfaces that touch, or a vertex of one inside the
-/// other, by the parity of exact crossings along a ray that passes no edge. Each body is one part whose surface does not
-/// cross itself, or parts of which the first vertices tell.
+/// Whether the closed bodies, taken with their insides, share a point: surfaces that touch, or a vertex of one inside
+/// the other, by the parity of exact crossings along a ray that passes no edge. Each body is one part whose surface
+/// does not cross itself, or parts of which the first vertices tell.
 [[nodiscard]] bool solids_meet(const Body& a, bool solid_a, const Body& b, bool solid_b);
 
 }  // namespace nearmesh::stability

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Counts of marks by scene and system, and the files made of them: results.csv, failures.csv, stability.md.
+// Counts of marks by scene and system, and the files made of them: results.csv, failures.csv, scale.csv, stability.md.
 
 #include <array>
 #include <string>
@@ -51,7 +51,8 @@ struct Report {
   std::vector<ScaleRow> scale;    ///< empty when F14 was not asked for
 };
 
-/// Writes the files into a folder that exists; scale.csv and its table only when there are rows. Errors: kIo.
+/// Writes stability.md into the folder and the tables into its folder `stability`; scale.csv and its table only when
+/// there are rows. Errors: kIo.
 [[nodiscard]] Status write_report(const Report& report, const std::string& folder);
 
 }  // namespace nearmesh::stability

@@ -143,7 +143,8 @@ std::vector<Case> sweep_cases() {
 
 std::vector<Case> contact_cases() {
   std::vector<Case> cases;
-  // Sets a plane under b, faces up: the true normal is the plane's. Sunk only so far that b's faces there nearly face it.
+  // Sets a plane under b, faces up: the true normal is the plane's. Sunk only so far that b's faces there nearly face
+  // it.
   const MeshPtr plane = share(test::make_plane(4, 7));
   const auto add = [&](const std::string& name, const MeshPtr& b, double x, double y, double z,
                        double sunk_m) {

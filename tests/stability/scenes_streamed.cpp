@@ -17,7 +17,8 @@ constexpr std::uint32_t kBaseFaces = 2;
 constexpr double kNeedleX_m = 2.25, kNeedleY_m = -1.75, kNeedleHeight_m = 5;
 
 /// A square of 16 m, cells of half a metre; in one of them stands a needle, 0.2 m about and 5 m high. Conforming.
-/// Flat: the simplifier keeps the needle's tip nearly to the end. Rough (ground within `roughness_m` of 0): it goes early.
+/// Flat: the simplifier keeps the needle's tip nearly to the end. Rough (ground within `roughness_m` of 0): it goes
+/// early.
 IndexedMesh needle_plane(double roughness_m) {
   constexpr std::uint32_t kSides = 8, kRings = 5;
   test::ShapeBuilder shape;

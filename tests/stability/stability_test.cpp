@@ -8,12 +8,14 @@
 #include <thread>
 
 #include "bound_checker.hpp"
+#include "contact_check.hpp"
 #include "meshes.hpp"
 #include "nearmesh/core/query/contacts.hpp"
 #include "nearmesh_system.hpp"
 #include "oracle.hpp"
 #include "scenes.hpp"
 #include "test_models.hpp"
+#include "variants.hpp"
 
 namespace nearmesh::stability {
 namespace {
@@ -185,12 +187,24 @@ TEST(Stability, F5ARefusalNamesTheBodyAndDisturbsNothing) {
 // ---- F6 to F10 ----------------------------------------------------------------------------------------
 
 TEST(Stability, F6FarTinyAndHugeAreNoDifferent) { expect_scene_right("F6"); }
+// A point has no size of its own; beside a small body it must not coarsen what is resolved.
+TEST(Stability, F6PointsMeetTinyAndHugeBodies) {
+  std::size_t asked = 0;
+  for (const Case& c : degenerate_cases()) {
+    if (!c.name.starts_with("point")) continue;
+    for (const int k : {-20, -7, 7, 20})
+      if (const auto other = scaled(c, k)) expect_right(*other), ++asked;
+  }
+  EXPECT_GT(asked, 20U);
+}
+
 TEST(Stability, F7NothingTunnels) { expect_scene_right("F7"); }
 TEST(Stability, F8ContactsLieOnBothSurfaces) { expect_scene_right("F8"); }
 TEST(Stability, F9NoGhostsAtInnerEdges) { expect_scene_right("F9"); }
 TEST(Stability, F10NoContactIsLostAsLevelsChange) { expect_scene_right("F10"); }
 
-// On the way down to the full mesh: once a contact is proved it stays, and no guess was farther off than its bound.
+// On the way to the full mesh: once a contact is proved it stays, and until then the mesh passes within the stated
+// bound of where the contact turns out to be.
 TEST(Stability, F10ContactsMoveWithinTheirBoundAndStay) {
   for (const Case& c : resting_cases()) {
     if (!c.held_a.empty()) continue;
@@ -216,6 +230,16 @@ TEST(Stability, F10ContactsMoveWithinTheirBoundAndStay) {
       ASSERT_NE(answer.status, AnswerStatus::kFree);
       const bool touches_now = answer.status != AnswerStatus::kUncertain;
       EXPECT_TRUE(touches_now || !proved) << c.name << " after " << i;
+      if (i % 16 == 0) {
+        const Body coarse{
+            share(held_mesh(*c.model_a,
+                            {order.begin(), order.begin() + static_cast<std::ptrdiff_t>(i) + 1})),
+            c.a.pose};
+        const double bound_m = answer.uncertainty_m + at_last.position_error_m;
+        for (const ContactSegment& segment : at_last.segments)
+          EXPECT_LE(distance_m(segment.p_m, coarse), bound_m * (1 + 1e-9))
+              << c.name << " after " << i;
+      }
       proved = proved || touches_now;
     }
     EXPECT_TRUE(proved);

@@ -65,7 +65,9 @@ Verdict ask_in_threads(const System& system, Case asked) {
   setrlimit(RLIMIT_CPU, &cpu);
   setrlimit(RLIMIT_AS, &memory);
   setrlimit(RLIMIT_CORE, &core);
-  signal(SIGXCPU, [](int) { _exit(kTimeout_exit); });
+  for (const int signal_number : {SIGXCPU, SIGALRM})
+    signal(signal_number, [](int) { _exit(kTimeout_exit); });
+  alarm(30 * limit_s);  // for one that sleeps for ever; the machine may be shared
   const int null = open("/dev/null", O_WRONLY);
   dup2(null, STDOUT_FILENO);
   dup2(null, STDERR_FILENO);

@@ -62,6 +62,11 @@ Pose turn_pose(const Pose& pose, const std::array<double, 9>& q) {
   return out;
 }
 
+bool has_no_size(const IndexedMesh& mesh) {
+  return std::all_of(mesh.positions_m.begin(), mesh.positions_m.end(),
+                     [&mesh](const auto& p) { return p == mesh.positions_m.front(); });
+}
+
 constexpr int kCoarsest = 64;
 
 /// Every coordinate is an integer of at most so many bits times 2^exponent.
@@ -179,6 +184,7 @@ std::optional<Case> moved_vertices(const Case& base, int k) {
 }
 
 std::optional<Case> scaled(const Case& base, int k) {
+  if (has_no_size(*base.a.mesh) && has_no_size(*base.b.mesh)) return std::nullopt;
   Case c = base;
   change_meshes(c, [k](IndexedMesh& mesh) {
     for (auto& p : mesh.positions_m)
@@ -196,13 +202,16 @@ std::optional<Case> scaled(const Case& base, int k) {
 std::optional<Case> sheared(const Case& base, std::uint64_t seed) {
   for (const Pose* pose : {&base.a.pose, &base.b.pose})
     if (pose->rotation != Pose{}.rotation) return std::nullopt;
-  int finest = kCoarsest, bits = 0;
+  int finest = kCoarsest, bits = 0, magnitude = -kCoarsest;
   for (const MeshPtr& mesh : {base.a.mesh, base.b.mesh}) {
     const Granularity g = granularity_of(*mesh);
     finest = std::min(finest, g.exponent);
     bits = std::max(bits, g.bits);
+    magnitude = std::max(magnitude, g.exponent + g.bits);
   }
-  const int room = 18 - bits;  // three products are added, and there are two signs: 20 bits
+  // Three products are added, and there are two signs: 20 bits. And the pair's lattice is not below 2^-38 of the larger
+  // model: a quarter of the finer cell must not be.
+  const int room = std::min(18 - bits, finest + 32 - magnitude);
   if (room < 3) return std::nullopt;
   for (const Pose* pose : {&base.a.pose, &base.b.pose})  // must stay on the pair's lattice
     for (const double x : pose->translation_m)

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The same scene seen otherwise: turned, moved, scaled, swapped, renumbered. Every change is exact in doubles (asserted),
-// so the truth stays what it was.
+// The same scene seen otherwise: turned, moved, scaled, swapped, renumbered. Every change is exact in doubles
+// (asserted), so the truth stays what it was.
 
 #include <cstdint>
 #include <optional>
@@ -22,11 +22,13 @@ namespace nearmesh::stability {
 [[nodiscard]] std::optional<Case> moved(const Case& base, int k);
 /// Both meshes' vertices moved likewise under unchanged rotations: coordinates far from the model's own origin.
 [[nodiscard]] std::optional<Case> moved_vertices(const Case& base, int k);
-/// All lengths times 2^k. None where a translation would pass 5e8 m (poses are taken up to 1e9 m).
+/// All lengths times 2^k. None where a translation would pass 5e8 m (poses are taken up to 1e9 m), and of two single
+/// points: a point at its model's origin has a cell of 2^-20 m whatever its surroundings, so they do not scale.
 [[nodiscard]] std::optional<Case> scaled(const Case& base, int k);
 
-/// Both bodies under one random integer matrix (seeded) that fills the 21 bits of the grid: affine maps keep what touches,
-/// and products of such coordinates no longer fit a double. None where a body is turned, or where nothing is left to fill.
+/// Both bodies under one random integer matrix (seeded) that fills the 21 bits of the grid: affine maps keep what
+/// touches, and products of such coordinates no longer fit a double. None where a body is turned, or where nothing is
+/// left to fill.
 [[nodiscard]] std::optional<Case> sheared(const Case& base, std::uint64_t seed);
 
 /// The base case and what keeps it near the origin at its size: the 24 turns, swapped, renumbered twice, sheared.

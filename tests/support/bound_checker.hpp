@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Is every stored bound of a progressive model a bound? An independent check over all nodes of the merge forest and over
-// levels of detail, from the faces and positions alone.
+// Is every stored bound of a progressive model a bound? An independent check over all nodes of the merge forest and
+// over levels of detail, from the faces and positions alone.
 
 #include <algorithm>
 #include <cmath>

@@ -120,8 +120,9 @@ int choose_exponent(const Bounds& bounds, int bits) {
 
 Grid choose_grid(const Bounds& bounds, int bits) {
   Grid grid;
-  grid.bits = bits;
   grid.exponent = choose_exponent(bounds, bits);
+  // A single point needs no room: a grid of metres about it would coarsen the lattice of a small partner.
+  grid.bits = bounds.lo == bounds.hi ? kMinGridBits : bits;
   for (std::size_t k = 0; k < 3; ++k)
     grid.origin_m[k] = std::ldexp(first_cell(bounds.lo[k], grid.exponent), grid.exponent);
   return grid;

@@ -58,7 +58,7 @@ struct CleanResult {
 /// Rounds to a grid of `grid_bits` bits per axis (to the nearest point, halves up), welds equal
 /// grid points, drops unreferenced vertices and duplicate faces. The cell is the smallest power of
 /// two for which the bounding box of the referenced vertices fits; the origin is a multiple of the
-/// cell, so that regular data keeps its common factors of two. A face whose corners fall together
+/// cell, so that regular data keeps its common factors of two. A mesh that is a single point has kMinGridBits. A face whose corners fall together
 /// is a segment or a point: dropped where a kept face covers it, else kept with duplicated vertices
 /// (F4: nothing touchable may vanish). Three distinct points on a line are an ordinary face. In: at
 /// least one face; indices in range; coordinates of referenced vertices finite and within
