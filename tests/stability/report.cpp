@@ -81,7 +81,8 @@ void write_scale(std::ostream& page, const Report& report) {
   page << "\n## F14: time to the first answer, and memory\n\n"
           "Terrain against an aircraft of 2,000 faces that touches it; one run, so times are good "
           "to some tens of "
-          "per cent.\nnearmesh opens an `.spm` file that was baked once; the others are given the "
+          "per cent.\nnearmesh opens an `.spm` file that was baked once (and is in the page "
+          "cache); the others are given the "
           "triangles in "
           "memory and build their tree.\nMemory is how much the process grew (peak).\n\n"
           "| system | faces | offline, s | first answer, s | memory, MB |\n|---|---|---|---|---|\n";
