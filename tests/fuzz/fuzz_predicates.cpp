@@ -112,7 +112,7 @@ void check_posed(fuzz::FuzzInput& in) {
   const RelativeFrame b_in_a = make_relative_frame(a.value(), b.value());
   const RelativeFrame a_in_b = make_relative_frame(b.value(), a.value());
   const bool apart = boxes_apart(b_in_a, centered(box_a), centered(box_b));
-  FUZZ_CHECK(boxes_gap_m(b_in_a, centered(box_a), centered(box_b)) > 0 == apart);
+  FUZZ_CHECK((boxes_gap_m(b_in_a, centered(box_a), centered(box_b)) > 0) == apart);
   const bool touch = triangles_overlap(posed_a, posed_b);
   check_pair(posed_a, posed_b, touch);
   if (!touch) return;

@@ -142,9 +142,9 @@ std::string page_of(const Report& report) {
 * F2: bodies taken with their insides. FCL and Bullet are asked by their default calls, which know surfaces only;
   CGAL by the call that it offers for bounded sides.
 * F5: for NaN and infinities only a refusal (an error, an exception) is right: "contact" or "free" without an error
-  is wrong. Finite but useless poses (1e308 m, matrices that are no rotations, taken as the affine maps they are)
-  may be refused or answered truly. Translations of denormals or negative zeros must be answered. A crash is never
-  right.
+  is wrong. Finite but useless poses (1e308 m, matrices that are no rotations, taken as the affine maps they are) and
+  pairs of a mesh of denormal size with one of metres may be refused or answered truly. Translations of denormals or
+  negative zeros must be answered. A crash is never right.
 * F7: does b's path, one second of constant velocity (and half a turn), touch a at any time? "Free" is wrong when it
   hits; nearmesh may say "uncertain", as in F1.
 * F8, F9: every contact point within 2^-16 m of both surfaces, or between them where one is sunk into the other;

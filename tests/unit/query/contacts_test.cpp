@@ -66,7 +66,7 @@ INSTANTIATE_TEST_SUITE_P(Models, ContactPair,
                          });
 
 TEST_P(ContactPair, SegmentsLieOnBothFacesWithinThePositionError) {
-  for (const Case& c : touching_cases(60, 2000)) {
+  for (const Case& c : touching_cases(120, 2000)) {
     const test::Quad bound = std::ldexp(c.contacts.position_error_m, -c.posed.a.lattice_exp);
     const test::Quad square = bound * bound;
     for (const ContactSegment& segment : c.contacts.segments) {
@@ -84,7 +84,7 @@ TEST_P(ContactPair, SegmentsLieOnBothFacesWithinThePositionError) {
 }
 
 TEST_P(ContactPair, PatchesHoldEveryPairOnceAndAreThoseOfTheDefinition) {
-  for (const Case& c : touching_cases(60, 250)) {
+  for (const Case& c : touching_cases(120, 250)) {
     const std::vector<FacePair>& pairs = c.answer.pairs;
     // By the definition: neighbours pair by pair, then the closure by flooding.
     const auto share_corner = [](const SplitStore& store, const FaceKey& x, const FaceKey& y) {
@@ -134,7 +134,7 @@ std::array<long double, 3> normal_of(const LatticeTriangle& t) {
 
 TEST_P(ContactPair, NoFaceOfTheReferenceIsFartherFromTheNormalThanStated) {
   std::size_t known = 0;
-  for (const Case& c : touching_cases(60, 2000))
+  for (const Case& c : touching_cases(120, 2000))
     for (const ContactPatch& patch : c.contacts.patches) {
       EXPECT_NEAR(test::norm3(patch.normal), 1, 1e-15);
       if (patch.normal_error_rad == kNoNormal_rad) continue;
@@ -156,7 +156,7 @@ TEST_P(ContactPair, NoFaceOfTheReferenceIsFartherFromTheNormalThanStated) {
 }
 
 TEST_P(ContactPair, SwappedBodiesHaveTheSamePatchesWithOppositeNormals) {
-  for (const Case& c : touching_cases(40, 2000)) {
+  for (const Case& c : touching_cases(80, 2000)) {
     const Answer answer = query(full_b_.tree.view(), c.posed.b, full_a_.tree.view(), c.posed.a);
     const Contacts swapped =
         find_contacts(full_b_.tree.view(), c.posed.b, full_a_.tree.view(), c.posed.a, answer);
@@ -191,7 +191,7 @@ TEST_P(ContactPair, SwappedBodiesHaveTheSamePatchesWithOppositeNormals) {
 }
 
 TEST_P(ContactPair, MovedAndTurnedTogetherTheyHaveTheSamePatches) {
-  for (const Case& c : touching_cases(40, 2000)) {
+  for (const Case& c : touching_cases(80, 2000)) {
     // A quarter turn about z, then a move by powers of two: exact on the lattice.
     PosedPair turned = c.posed;
     const std::array<std::int64_t, 3> move{1 << 20, -(1 << 25), 1 << 10};
@@ -237,7 +237,7 @@ TEST_P(ContactPair, MovedAndTurnedTogetherTheyHaveTheSamePatches) {
 
 TEST_P(ContactPair, OfTheSameFacesAreTheSameFromEitherKindOfTree) {
   LocalModel a(a_.store, a_.header.grid), b(b_.store, b_.header.grid);
-  for (const Case& c : touching_cases(20, 2000)) {
+  for (const Case& c : touching_cases(40, 2000)) {
     const Answer answer =
         certify(a, c.posed.a, test::no_require, b, c.posed.b, test::no_require, {}).value();
     const Contacts contacts = find_contacts(a.view(), c.posed.a, b.view(), c.posed.b, answer);
@@ -282,7 +282,7 @@ TEST_P(ContactPair, ApproximateOnesAreFlaggedJustWhereAFaceIsNotExact) {
 }
 
 TEST_P(ContactPair, OfATruncatedAnswerSaySo) {
-  for (const Case& c : touching_cases(30, 2000)) {
+  for (const Case& c : touching_cases(60, 2000)) {
     EXPECT_FALSE(c.contacts.truncated);
     EXPECT_EQ(c.contacts.pair_total, c.answer.pairs.size());
     const Answer cut = query(full_a_.tree.view(), c.posed.a, full_b_.tree.view(), c.posed.b,
