@@ -51,8 +51,10 @@ PosedFrame random_frame(Random& random) {
     pose.rotation = {std::sqrt(1.0 / 3), std::sqrt(1.0 / 3), std::sqrt(1.0 / 3),
                      std::sqrt(0.5),     -std::sqrt(0.5),    0,
                      std::sqrt(1.0 / 6), std::sqrt(1.0 / 6), -std::sqrt(2.0 / 3)};
-  for (double& t : pose.translation_m)
-    t = std::ldexp(random.between(-1, 1), exponent + static_cast<int>(random.below(62)));
+  for (double& t : pose.translation_m) {
+    const double share = random.between(-1, 1);
+    t = std::ldexp(share, exponent + static_cast<int>(random.below(62)));
+  }
   const Result<PosedFrame> frame = make_posed_frame({{}, 0, bits}, pose, exponent);
   EXPECT_TRUE(frame.is_ok()) << frame.status().message();
   return frame.is_ok() ? frame.value() : PosedFrame{};

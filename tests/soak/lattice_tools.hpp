@@ -43,6 +43,14 @@ inline LatticePoint offset(Random& random, std::int64_t reach) {
       {whole(random, -reach, reach), whole(random, -reach, reach), whole(random, -reach, reach)}};
 }
 
+/// i u + j v, i and j in [lo, hi]. (Compilers differ in which operand of a sum they draw first.)
+inline LatticePoint combination(Random& random, std::int64_t lo, std::int64_t hi,
+                                const LatticePoint& u, const LatticePoint& v) {
+  const std::int64_t i = whole(random, lo, hi);
+  const std::int64_t j = whole(random, lo, hi);
+  return i * u + j * v;
+}
+
 /// One of the six neighbours of the origin.
 inline LatticePoint unit_step(Random& random) {
   LatticePoint p;

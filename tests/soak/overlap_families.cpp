@@ -24,8 +24,10 @@ std::int64_t pick_top(Random& random) {
   switch (random.below(4)) {
     case 0:
       return whole(random, 2, 12);
-    case 1:
-      return (kOne << kThresholds[random.below(3)]) + whole(random, -2, 2);
+    case 1: {
+      const std::int64_t beside = whole(random, -2, 2);
+      return (kOne << kThresholds[random.below(3)]) + beside;
+    }
     case 2:
       return kMaxExtent - whole(random, 0, 3);
     default:
@@ -130,9 +132,9 @@ TrianglePair face_face_at(Random& random, std::int64_t top, bool tilted) {
   const LatticeTriangle base = proper(random, std::max<std::int64_t>(1, top / steps / 2));
   const LatticePoint u = base[1] - base[0], v = base[2] - base[0], w = above_plane(u, v);
   const auto corner = [&](std::int64_t height) {
-    return whole(random, 0, steps) * u + whole(random, 0, steps) * v + height * w;
+    return combination(random, 0, steps, u, v) + height * w;
   };
-  const std::int64_t height = whole(random, -1, 1) * whole(random, 0, 1);
+  const std::int64_t height = random.below(2) ? whole(random, -1, 1) : 0;
   TrianglePair pair;
   for (LatticePoint& p : pair.a) p = corner(0);
   for (LatticePoint& p : pair.b) p = corner(tilted ? whole(random, -1, 1) : height);
@@ -198,8 +200,8 @@ TrianglePair small_and_large(Random& random) {
   const LatticeTriangle a = proper(random, std::min(size, top));
   const LatticePoint u = a[1] - a[0], v = a[2] - a[0], w = above_plane(u, v);
   const auto corner = [&](std::int64_t steps) {
-    return a[0] + whole(random, -steps, steps) * u + whole(random, -steps, steps) * v +
-           whole(random, -1, 1) * w;
+    const std::int64_t height = whole(random, -1, 1);
+    return a[0] + combination(random, -steps, steps, u, v) + height * w;
   };
   const std::int64_t far = std::max<std::int64_t>(1, top / size / 8);
   return {a, {corner(random.below(2) ? 1 : far), corner(far), corner(far)}};
@@ -236,7 +238,8 @@ LatticeTriangle sliver(Random& random, std::int64_t top, LatticePoint& on_edge) 
     p = primitive(far);
   }
   on_edge = whole(random, 0, p.count) * p.step;
-  return {LatticePoint{}, far, whole(random, 0, p.count) * p.step + offset(random, 1)};
+  const LatticePoint third = whole(random, 0, p.count) * p.step;
+  return {LatticePoint{}, far, third + offset(random, 1)};
 }
 TrianglePair slivers(Random& random) {
   const std::int64_t top = pick_top(random) / 2;
