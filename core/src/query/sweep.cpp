@@ -199,6 +199,7 @@ class Sweep {
     const bool opens_a = inner_a && (!inner_b || size_a >= size_b);
     // The greater cause first: the box to open, or the way.
     const double way_m = view.along_m + around_m;
+    // NOLINTNEXTLINE(bugprone-branch-clone): the way may be halved first, or last
     if (!finest && (inner_a || inner_b) && way_m > (opens_a ? size_a : size_b)) {
       left.push_back(pair);
     } else if (opens_a) {
