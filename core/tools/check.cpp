@@ -28,15 +28,10 @@ Result<FullMesh> load(const std::string& path) {
   Result<ModelFile> file = ModelFile::open(path);
   if (!file.is_ok()) return file.status();
   NEARMESH_RETURN_IF_ERROR(file.value().require_all());
-  const SplitStore& store = file.value().store();
-  ActiveMesh mesh(store);
-  RefineDelta delta;
-  for (const VertexId u : global_order(store, 0xffffffffU))
-    if (!mesh.split(u, delta)) return Status{StatusCode::kCorrupt, path + ": a split is missing"};
   const SpmHeader& header = file.value().header();
-  FullMesh full{header, build_triangle_tree(header.grid, current_triangles(mesh))};
-  full.tree.surface = header.surface;
-  return full;
+  std::optional<TriangleTree> tree = build_full_tree(header, file.value().store());
+  if (!tree) return Status{StatusCode::kCorrupt, path + ": a split is missing"};
+  return FullMesh{header, *std::move(tree)};
 }
 
 Pose pose_of(const nlohmann::json& json) {

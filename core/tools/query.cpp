@@ -3,6 +3,7 @@
 
 #include "commands.hpp"
 #include "nearmesh/core/base/csv.hpp"
+#include "nearmesh/core/query/contacts_json.hpp"
 #include "query_methods.hpp"
 
 namespace nearmesh::tools {
@@ -68,19 +69,6 @@ nlohmann::ordered_json to_json(const PoseRow& row, const MethodAnswer& answer) {
   return line;
 }
 
-nlohmann::ordered_json to_json(const ContactPatch& patch) {
-  nlohmann::ordered_json json = {{"centroid_m", patch.centroid_m},
-                                 {"normal", patch.normal},
-                                 {"normal_of", patch.normal_is_of_a ? "a" : "b"},
-                                 {"normal_error_rad", patch.normal_error_rad},
-                                 {"segments", patch.count},
-                                 {"length_m", patch.length_m},
-                                 {"approximate", patch.approximate},
-                                 {"uncertainty_m", patch.uncertainty_m}};
-  if (patch.normal_error_rad == kNoNormal_rad) json["normal_error_rad"] = nullptr;
-  return json;
-}
-
 Status run(const Options& options) {
   Result<std::vector<PoseRow>> poses = read_poses(options.poses);
   if (!poses.is_ok()) return poses.status();
@@ -123,9 +111,7 @@ Status run(const Options& options) {
     }
     if (options.method_options.contacts) {
       const Contacts& contacts = answer.value().contacts;
-      nlohmann::ordered_json patches = nlohmann::ordered_json::array();
-      for (const ContactPatch& patch : contacts.patches) patches.push_back(to_json(patch));
-      line["patches"] = patches;
+      line["patches"] = contacts.patches;
       line["position_error_m"] = contacts.position_error_m;
       line["t_contacts_us"] = std::round(answer.value().contacts_s * 1e7) / 10;
     }

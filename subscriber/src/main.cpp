@@ -16,6 +16,7 @@
 #include "nearmesh/core/base/hash.hpp"
 #include "nearmesh/core/base/resources.hpp"
 #include "nearmesh/core/base/stopwatch.hpp"
+#include "nearmesh/core/query/contacts_json.hpp"
 #include "nearmesh/subscriber/dds_channel.hpp"
 #include "scene.hpp"
 
@@ -52,19 +53,6 @@ struct Summary {
   double first_certified_s = -1, seconds = 0;
   SessionStats stats;
 };
-
-nlohmann::ordered_json to_json(const ContactPatch& patch) {
-  nlohmann::ordered_json json = {{"centroid_m", patch.centroid_m},
-                                 {"normal", patch.normal},
-                                 {"normal_of", patch.normal_is_of_a ? "a" : "b"},
-                                 {"normal_error_rad", patch.normal_error_rad},
-                                 {"segments", patch.count},
-                                 {"length_m", patch.length_m},
-                                 {"approximate", patch.approximate},
-                                 {"uncertainty_m", patch.uncertainty_m}};
-  if (patch.normal_error_rad == kNoNormal_rad) json["normal_error_rad"] = nullptr;
-  return json;
-}
 
 nlohmann::ordered_json to_json(std::uint64_t frame, const PairAnswer& pair, const Scene& scene) {
   const auto body_of = [&](const std::string& name) {
@@ -107,9 +95,7 @@ nlohmann::ordered_json to_json(std::uint64_t frame, const PairAnswer& pair, cons
   }
   if (!pair.reason.empty()) line["reason"] = pair.reason;
   if (pair.contacts) {
-    nlohmann::ordered_json patches = nlohmann::ordered_json::array();
-    for (const ContactPatch& patch : pair.contacts->patches) patches.push_back(to_json(patch));
-    line["patches"] = patches;
+    line["patches"] = pair.contacts->patches;
     line["position_error_m"] = pair.contacts->position_error_m;
   }
   return line;

@@ -28,9 +28,6 @@ MetreBox in_metres(const Grid& grid, const GridBox& box) {
   return {vector(grid.origin_m) + (lo + hi) / 2, (hi - lo) / 2};
 }
 
-// Greatest distance of a point of the box from the model's origin, about which the body turns.
-double reach_m(const MetreBox& box) { return (box.center.cwiseAbs() + box.half).norm(); }
-
 std::int32_t clamp_grid(double x) {
   return static_cast<std::int32_t>(std::clamp(x, -2147483648.0, 2147483647.0));
 }
@@ -57,7 +54,7 @@ std::vector<GridBox> swept_region(const TreeView& own, const Motion& own_motion,
     const MetreBox m = in_metres(*other.grid, box);
     const Vector3d center = offset + turn * m.center;
     const Vector3d half = turn.cwiseAbs() * m.half;
-    const double grow = margin_m + other_turn * reach_m(m) +
+    const double grow = margin_m + other_turn * reach_m(*other.grid, box) +
                         own_turn * (center.norm() + half.norm() + drift.norm()) + cell;
     const Vector3d lo = center - half + drift.cwiseMin(0) - Vector3d::Constant(grow);
     const Vector3d hi = center + half + drift.cwiseMax(0) + Vector3d::Constant(grow);

@@ -14,6 +14,7 @@
 #include "nearmesh/core/base/random.hpp"
 #include "nearmesh/core/mesh/generate.hpp"
 #include "nearmesh/core/query/query.hpp"
+#include "soup.hpp"
 
 namespace nearmesh::fuzz {
 
@@ -33,28 +34,9 @@ inline FullModel make_model(const IndexedMesh& mesh, int grid_bits) {
   Result<BakedModel> baked =
       bake(clean.value().mesh, clean.value().report.rounding_error_m, {.base_faces = 8});
   FUZZ_CHECK(baked.is_ok());
-  ActiveMesh mesh_of_all(baked.value().store);
-  RefineDelta delta;
-  for (std::uint32_t v = 0; v < baked.value().header.vertex_count; ++v)
-    FUZZ_CHECK(mesh_of_all.split({v}, delta));
-  TriangleTree tree =
-      build_triangle_tree(baked.value().header.grid, current_triangles(mesh_of_all));
-  return {std::move(baked).value(), std::move(tree)};
-}
-
-/// Faces between random points: edges with many faces, crossings, no orientation.
-inline IndexedMesh make_soup(std::uint32_t vertices, std::uint32_t faces) {
-  Random random(3);
-  IndexedMesh mesh;
-  for (std::uint32_t i = 0; i < vertices; ++i)
-    mesh.positions_m.push_back(
-        {random.between(-1, 1), random.between(-1, 1), random.between(-1, 1)});
-  while (mesh.faces.size() < faces) {
-    const std::uint32_t a = random.below(vertices), b = random.below(vertices),
-                        c = random.below(vertices);
-    if (a != b && b != c && c != a) mesh.faces.push_back({a, b, c});
-  }
-  return mesh;
+  std::optional<TriangleTree> tree = build_full_tree(baked.value().header, baked.value().store);
+  FUZZ_CHECK(tree.has_value());
+  return {std::move(baked).value(), *std::move(tree)};
 }
 
 /// A sphere and a rough patch of ground, both of some 80 vertices (more than a slot holds), and a soup.
@@ -67,7 +49,7 @@ inline const std::vector<FullModel>& models() {
     for (auto& p : ground.positions_m)  // to the others' size and place
       p = {p[0] / 96, p[1] / 96, (p[2] - height) / 96};
     made.push_back(make_model(ground, 16));
-    made.push_back(make_model(make_soup(24, 60), 21));
+    made.push_back(make_model(test::make_soup(24, 60, 3), 21));
     return made;
   }();
   return all;

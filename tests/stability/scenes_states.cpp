@@ -4,28 +4,14 @@
 #include "nearmesh/core/mesh/generate.hpp"
 #include "scenes.hpp"
 #include "shapes.hpp"
+#include "soup.hpp"
 
 namespace nearmesh::stability {
 namespace {
 
-/// A soup: edges with many faces, no orientation, crossings.
-IndexedMesh soup(std::uint32_t vertices, std::uint32_t faces) {
-  Random random(7);
-  IndexedMesh mesh;
-  for (std::uint32_t i = 0; i < vertices; ++i)
-    mesh.positions_m.push_back(
-        {random.between(-1, 1), random.between(-1, 1), random.between(-1, 1)});
-  while (mesh.faces.size() < faces) {
-    const std::uint32_t a = random.below(vertices), b = random.below(vertices),
-                        c = random.below(vertices);
-    if (a != b && b != c && c != a) mesh.faces.push_back({a, b, c});
-  }
-  return mesh;
-}
-
 /// Many faces on one edge.
 IndexedMesh book(std::uint32_t pages) {
-  IndexedMesh mesh = soup(pages + 2, 1);
+  IndexedMesh mesh = test::make_soup(pages + 2, 1, 7);
   for (std::uint32_t i = 2; i < pages + 2; ++i) mesh.faces.push_back({0, 1, i});
   return mesh;
 }
@@ -45,7 +31,7 @@ std::vector<Named> varied_meshes() {
   return {{"terrain", share(generate_terrain(24, 7))},
           {"aircraft", share(generate_aircraft(1000, 7))},
           {"sphere", share(generate_sphere(24, 0))},
-          {"soup", share(soup(300, 1200))},
+          {"soup", share(test::make_soup(300, 1200, 7))},
           {"book", share(book(118))},
           {"box", share(test::make_box({.5, .5, .5}, 6))},
           {"plane", share(test::make_plane(4, 16))},

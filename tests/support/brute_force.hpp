@@ -119,11 +119,9 @@ inline std::vector<FacePair> touching_pairs(const SplitStore& a, const PosedFram
 /// The full mesh as a tree over fixed triangles: the reference where brute force is too slow.
 struct FullModel {
   explicit FullModel(const BakedModel& model) {
-    ActiveMesh mesh(model.store);
-    RefineDelta delta;
-    for (const VertexId u : all_splits(model.store)) EXPECT_TRUE(mesh.split(u, delta));
-    tree = build_triangle_tree(model.header.grid, current_triangles(mesh));
-    tree.surface = model.header.surface;
+    std::optional<TriangleTree> built = build_full_tree(model.header, model.store);
+    EXPECT_TRUE(built.has_value());
+    if (built) tree = *std::move(built);
   }
   TriangleTree tree;
 };

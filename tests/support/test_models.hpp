@@ -19,6 +19,7 @@
 #include "nearmesh/core/query/certify.hpp"
 #include "nearmesh/core/spm/write_model_file.hpp"
 #include "random_rotation.hpp"
+#include "soup.hpp"
 
 namespace nearmesh::test {
 
@@ -33,22 +34,6 @@ inline BakedModel bake_mesh(const IndexedMesh& mesh, std::uint32_t base_faces = 
 }
 
 // ---- meshes -------------------------------------------------------------------------------------
-
-/// Triangles between random ones of `vertices` points: edges with many faces, no orientation,
-/// crossings.
-inline IndexedMesh make_soup(std::uint32_t vertices, std::uint32_t faces, std::uint64_t seed) {
-  Random random(seed);
-  IndexedMesh mesh;
-  for (std::uint32_t i = 0; i < vertices; ++i)
-    mesh.positions_m.push_back(
-        {random.between(-1, 1), random.between(-1, 1), random.between(-1, 1)});
-  while (mesh.faces.size() < faces) {
-    const std::uint32_t a = random.below(vertices), b = random.below(vertices),
-                        c = random.below(vertices);
-    if (a != b && b != c && c != a) mesh.faces.push_back({a, b, c});
-  }
-  return mesh;
-}
 
 /// `count` small spheres in random places.
 inline IndexedMesh make_components(std::uint32_t count, std::uint64_t seed) {

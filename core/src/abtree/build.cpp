@@ -118,4 +118,14 @@ std::vector<TreeFace> current_triangles(const ActiveMesh& mesh) {
   return triangles;
 }
 
+std::optional<TriangleTree> build_full_tree(const SpmHeader& header, const SplitStore& store) {
+  ActiveMesh mesh(store);
+  RefineDelta delta;
+  for (std::uint32_t v = 0; v < store.vertex_count(); ++v)
+    if (!store.is_root({v}) && !mesh.split({v}, delta)) return std::nullopt;
+  TriangleTree tree = build_triangle_tree(header.grid, current_triangles(mesh));
+  tree.surface = header.surface;
+  return tree;
+}
+
 }  // namespace nearmesh

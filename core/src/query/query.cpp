@@ -11,6 +11,7 @@
 #include "nearmesh/core/base/hash.hpp"
 #include "nearmesh/core/geometry/box_overlap.hpp"
 #include "nearmesh/core/geometry/triangle_overlap.hpp"
+#include "node_size.hpp"
 
 namespace nearmesh {
 namespace {
@@ -87,13 +88,6 @@ class Walk {
   [[nodiscard]] bool opens_a(const TreeNode& na, const TreeNode& nb) const {
     return na.kind() == Kind::kInner &&
            (nb.kind() != Kind::kInner || size_m(a_, na) >= size_m(b_, nb));
-  }
-
-  // A measure of a box in metres, for choosing which of two to open.
-  static double size_m(const TreeView& tree, const TreeNode& node) {
-    std::int64_t sum = 0;
-    for (int k = 0; k < 3; ++k) sum += std::int64_t{node.box.hi[k]} - node.box.lo[k];
-    return std::ldexp(static_cast<double>(sum), tree.grid->exponent);
   }
 
   void test_faces(const TreeNode& na, const TreeNode& nb) {

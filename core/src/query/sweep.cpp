@@ -22,6 +22,7 @@
 
 #include "nearmesh/core/geometry/box_overlap.hpp"
 #include "nearmesh/core/geometry/triangle_overlap.hpp"
+#include "node_size.hpp"
 
 namespace nearmesh {
 namespace {
@@ -231,13 +232,6 @@ class Sweep {
     } else {
       add_missing(nb, view, known_b_, missing_b_);
     }
-  }
-
-  /// A measure of a box in metres, for choosing what to open.
-  static double size_m(const TreeView& tree, const TreeNode& node) {
-    std::int64_t sum = 0;
-    for (int k = 0; k < 3; ++k) sum += std::int64_t{node.box.hi[k]} - node.box.lo[k];
-    return std::ldexp(static_cast<double>(sum), tree.grid->exponent);
   }
 
   /// `around` of the bound, metres.

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "brute_force.hpp"
+#include "model_pairs.hpp"
 #include "nearmesh/core/query/query.hpp"
 
 namespace nearmesh {
@@ -41,15 +42,13 @@ TEST(TriangleTree, CurrentTrianglesAreThoseOfTheCurrentMesh) {
   }
 }
 
-using Names = std::pair<const char*, const char*>;
+using Names = test::ModelNames;
 class TriangleTreePair : public ::testing::TestWithParam<Names> {};
 INSTANTIATE_TEST_SUITE_P(Models, TriangleTreePair,
                          ::testing::Values(Names{"terrain", "aircraft"}, Names{"sphere", "sphere"},
                                            Names{"soup", "degenerate"}, Names{"book", "components"},
                                            Names{"one_face", "aircraft"}),
-                         [](const auto& names) {
-                           return std::string(names.param.first) + "_" + names.param.second;
-                         });
+                         test::name_of_pair);
 
 TEST_P(TriangleTreePair, AnswersEqualBruteForceOverAllPairs) {
   const BakedModel a = test::bake_named(GetParam().first), b = test::bake_named(GetParam().second);

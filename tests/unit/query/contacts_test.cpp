@@ -6,6 +6,7 @@
 
 #include "contact_errors.hpp"
 #include "exact_distance.hpp"
+#include "model_pairs.hpp"
 #include "nearmesh/core/base/hash.hpp"
 
 namespace nearmesh {
@@ -15,12 +16,9 @@ using test::Point;
 
 // ---- random pairs of models ---------------------------------------------------------------------
 
-using Names = std::pair<const char*, const char*>;
-
 /// Two full models, and the poses in which they touch.
-class ContactPair : public ::testing::TestWithParam<Names> {
+class ContactPair : public test::ModelPair {
  protected:
-  BakedModel a_ = test::bake_named(GetParam().first), b_ = test::bake_named(GetParam().second);
   test::FullModel full_a_{a_}, full_b_{b_};
 
   struct Case {
@@ -57,13 +55,7 @@ class ContactPair : public ::testing::TestWithParam<Names> {
     return test::posed(b_.store, c.posed.b, b_.store.face(key));
   }
 };
-INSTANTIATE_TEST_SUITE_P(Models, ContactPair,
-                         ::testing::Values(Names{"terrain", "aircraft"}, Names{"sphere", "sphere"},
-                                           Names{"soup", "degenerate"}, Names{"book", "components"},
-                                           Names{"one_face", "sphere"}),
-                         [](const auto& names) {
-                           return std::string(names.param.first) + "_" + names.param.second;
-                         });
+INSTANTIATE_TEST_SUITE_P(Models, ContactPair, test::model_pairs(), test::name_of_pair);
 
 TEST_P(ContactPair, SegmentsLieOnBothFacesWithinThePositionError) {
   for (const Case& c : touching_cases(120, 2000)) {

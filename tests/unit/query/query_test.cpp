@@ -3,6 +3,7 @@
 
 #include "brute_force.hpp"
 #include "distance.hpp"
+#include "model_pairs.hpp"
 
 namespace nearmesh {
 namespace {
@@ -11,27 +12,16 @@ bool is_unresolved(const ActiveMesh& mesh, NodeSpan node) {
   return node.size > 1 && mesh.is_current(node);
 }
 
-using Names = std::pair<const char*, const char*>;
-class QueryPair : public ::testing::TestWithParam<Names> {
- protected:
-  BakedModel a_ = test::bake_named(GetParam().first), b_ = test::bake_named(GetParam().second);
-};
-INSTANTIATE_TEST_SUITE_P(Models, QueryPair,
-                         ::testing::Values(Names{"terrain", "aircraft"}, Names{"sphere", "sphere"},
-                                           Names{"soup", "degenerate"}, Names{"book", "components"},
-                                           Names{"one_face", "sphere"}),
-                         [](const auto& names) {
-                           return std::string(names.param.first) + "_" + names.param.second;
-                         });
+using Names = test::ModelNames;
+class QueryPair : public test::ModelPair {};
+INSTANTIATE_TEST_SUITE_P(Models, QueryPair, test::model_pairs(), test::name_of_pair);
 
 TEST_P(QueryPair, PairsEqualBruteForceOverExactFacesInEveryState) {
   const auto faces_a = test::all_faces(a_.store), faces_b = test::all_faces(b_.store);
   for (std::uint64_t seed = 0; seed < 25; ++seed) {
     SCOPED_TRACE(seed);
-    Random random(seed);
-    LocalModel a(a_.store, a_.header.grid), b(b_.store, b_.header.grid);
-    test::refine_at_random(a, random);
-    test::refine_at_random(b, random);
+    State state(*this, seed);
+    auto& [random, a, b] = state;
     const PosedPair posed = test::near_pose(random, a_, b_);
     const Answer answer = query(a.view(), posed.a, b.view(), posed.b);
     EXPECT_EQ(answer.pairs,
@@ -43,10 +33,8 @@ TEST_P(QueryPair, PairsEqualBruteForceOverExactFacesInEveryState) {
 TEST_P(QueryPair, NamesMissingNodesExactlyWhenNotCertified) {
   for (std::uint64_t seed = 0; seed < 100; ++seed) {
     SCOPED_TRACE(seed);
-    Random random(seed);
-    LocalModel a(a_.store, a_.header.grid), b(b_.store, b_.header.grid);
-    test::refine_at_random(a, random);
-    test::refine_at_random(b, random);
+    State state(*this, seed);
+    auto& [random, a, b] = state;
     const PosedPair posed = test::near_pose(random, a_, b_);
     const Answer answer = query(a.view(), posed.a, b.view(), posed.b);
     EXPECT_EQ(is_certified(answer.status), answer.missing_a.empty() && answer.missing_b.empty());
@@ -65,10 +53,8 @@ TEST_P(QueryPair, NamesMissingNodesExactlyWhenNotCertified) {
 TEST_P(QueryPair, SwappedBodiesGiveTheMirroredAnswer) {
   for (std::uint64_t seed = 0; seed < 100; ++seed) {
     SCOPED_TRACE(seed);
-    Random random(seed);
-    LocalModel a(a_.store, a_.header.grid), b(b_.store, b_.header.grid);
-    test::refine_at_random(a, random);
-    test::refine_at_random(b, random);
+    State state(*this, seed);
+    auto& [random, a, b] = state;
     const PosedPair posed = test::near_pose(random, a_, b_);
     const Answer answer = query(a.view(), posed.a, b.view(), posed.b);
     const Answer mirrored = query(b.view(), posed.b, a.view(), posed.a);
@@ -83,10 +69,8 @@ TEST_P(QueryPair, SwappedBodiesGiveTheMirroredAnswer) {
 TEST_P(QueryPair, ALimitCutsTheListAndSaysSo) {
   for (std::uint64_t seed = 0; seed < 50; ++seed) {
     SCOPED_TRACE(seed);
-    Random random(seed);
-    LocalModel a(a_.store, a_.header.grid), b(b_.store, b_.header.grid);
-    test::refine_at_random(a, random);
-    test::refine_at_random(b, random);
+    State state(*this, seed);
+    auto& [random, a, b] = state;
     const PosedPair posed = test::near_pose(random, a_, b_);
     const Answer all = query(a.view(), posed.a, b.view(), posed.b);
     EXPECT_EQ(all.pair_total, all.pairs.size());
@@ -148,10 +132,8 @@ TEST_P(QueryPair, EarlyContactOfAnyIsNeverWrong) {
   const test::FullModel full_a(a_), full_b(b_);
   for (std::uint64_t seed = 0; seed < 60; ++seed) {
     SCOPED_TRACE(seed);
-    Random random(seed);
-    LocalModel a(a_.store, a_.header.grid), b(b_.store, b_.header.grid);
-    test::refine_at_random(a, random);
-    test::refine_at_random(b, random);
+    State state(*this, seed);
+    auto& [random, a, b] = state;
     const PosedPair posed = test::near_pose(random, a_, b_);
     const Answer full =
         query(full_a.tree.view(), posed.a, full_b.tree.view(), posed.b, {.any = true});
@@ -168,9 +150,7 @@ class Clearance : public ::testing::TestWithParam<Names> {};
 INSTANTIATE_TEST_SUITE_P(Models, Clearance,
                          ::testing::Values(Names{"sphere", "sphere"}, Names{"terrain", "sphere"},
                                            Names{"aircraft", "one_face"}),
-                         [](const auto& names) {
-                           return std::string(names.param.first) + "_" + names.param.second;
-                         });
+                         test::name_of_pair);
 
 IndexedMesh tiny(const std::string& name) {
   if (name == "sphere") return generate_sphere(10, 0);

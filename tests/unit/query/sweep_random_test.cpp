@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Sweeps of random models, states and motions, held against the full meshes.
 #include "brute_force.hpp"
+#include "model_pairs.hpp"
 #include "nearmesh/core/query/sweep.hpp"
 #include "swept.hpp"
 
@@ -43,18 +44,8 @@ Motions random_motions(Random& random, const BakedModel& a, const BakedModel& b)
   return m;
 }
 
-using Names = std::pair<const char*, const char*>;
-class SweepPair : public ::testing::TestWithParam<Names> {
- protected:
-  BakedModel a_ = test::bake_named(GetParam().first), b_ = test::bake_named(GetParam().second);
-};
-INSTANTIATE_TEST_SUITE_P(Models, SweepPair,
-                         ::testing::Values(Names{"terrain", "aircraft"}, Names{"sphere", "sphere"},
-                                           Names{"soup", "degenerate"}, Names{"book", "components"},
-                                           Names{"one_face", "sphere"}),
-                         [](const auto& names) {
-                           return std::string(names.param.first) + "_" + names.param.second;
-                         });
+class SweepPair : public test::ModelPair {};
+INSTANTIATE_TEST_SUITE_P(Models, SweepPair, test::model_pairs(), test::name_of_pair);
 
 constexpr SweepOptions kSecond{.duration_s = 1, .time_levels = 8, .max_tests = 100'000};
 
@@ -63,10 +54,8 @@ TEST_P(SweepPair, IsNeverContradictedByTheFullMeshes) {
   std::array<int, 4> seen{};
   for (std::uint64_t seed = 0; seed < 40; ++seed) {
     SCOPED_TRACE(seed);
-    Random random(seed);
-    LocalModel a(a_.store, a_.header.grid), b(b_.store, b_.header.grid);
-    test::refine_at_random(a, random);
-    test::refine_at_random(b, random);
+    State state(*this, seed);
+    auto& [random, a, b] = state;
     const Motions m = random_motions(random, a_, b_);
     const bool whole = random.below(2) == 0;
     const TreeView view_a = whole ? full_a.tree.view() : a.view(),
@@ -105,10 +94,8 @@ TEST_P(SweepPair, IsNeverContradictedByTheFullMeshes) {
 TEST_P(SweepPair, HitsAtTheFirstInstantAtWhichExactFacesTouch) {
   for (std::uint64_t seed = 100; seed < 160; ++seed) {
     SCOPED_TRACE(seed);
-    Random random(seed);
-    LocalModel a(a_.store, a_.header.grid), b(b_.store, b_.header.grid);
-    test::refine_at_random(a, random);
-    test::refine_at_random(b, random);
+    State state(*this, seed);
+    auto& [random, a, b] = state;
     const Motions m = random_motions(random, a_, b_);
     for (const int levels : {0, 1, 2, 4, seed < 115 ? 8 : 5}) {
       const SweepOptions options{.duration_s = 1, .time_levels = levels, .max_tests = 100'000};
@@ -183,10 +170,8 @@ TEST_P(SweepPair, RefiningWhatIsMissingNarrowsToTheAnswerOfTheWholeMeshes) {
 TEST_P(SweepPair, AtRestIsTheQuery) {
   for (std::uint64_t seed = 400; seed < 430; ++seed) {
     SCOPED_TRACE(seed);
-    Random random(seed);
-    LocalModel a(a_.store, a_.header.grid), b(b_.store, b_.header.grid);
-    test::refine_at_random(a, random);
-    test::refine_at_random(b, random);
+    State state(*this, seed);
+    auto& [random, a, b] = state;
     Motions m = random_motions(random, a_, b_);
     for (Motion* motion : {&m.a, &m.b}) *motion = Motion{.pose = pose_at(*motion, 0.5)};
     const PosedPair posed =

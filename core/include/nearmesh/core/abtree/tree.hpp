@@ -67,5 +67,9 @@ struct TriangleTree {
 [[nodiscard]] TriangleTree build_triangle_tree(const Grid& grid, std::vector<TreeFace> faces);
 /// All triangles of the current mesh of a replica, exact or not, with positions.
 [[nodiscard]] std::vector<TreeFace> current_triangles(const ActiveMesh& mesh);
+/// The tree over a model's full mesh, with the facts about its surface: the reference that certified answers must equal.
+/// Nothing where the store lacks a split. O(n log n).
+[[nodiscard]] std::optional<TriangleTree> build_full_tree(const SpmHeader& header,
+                                                          const SplitStore& store);
 
 }  // namespace nearmesh

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// Tests that run over pairs of the models of test_models.hpp.
+
+#include <string>
+#include <utility>
+
+#include "test_models.hpp"
+
+namespace nearmesh::test {
+
+using ModelNames = std::pair<const char*, const char*>;
+inline std::string name_of_pair(const ::testing::TestParamInfo<ModelNames>& names) {
+  return std::string(names.param.first) + "_" + names.param.second;
+}
+/// Every model of mesh_names(), in pairs that differ in kind.
+inline auto model_pairs() {
+  return ::testing::Values(ModelNames{"terrain", "aircraft"}, ModelNames{"sphere", "sphere"},
+                           ModelNames{"soup", "degenerate"}, ModelNames{"book", "components"},
+                           ModelNames{"one_face", "sphere"});
+}
+
+class ModelPair : public ::testing::TestWithParam<ModelNames> {
+ protected:
+  BakedModel a_ = bake_named(GetParam().first), b_ = bake_named(GetParam().second);
+
+  /// Both models, each refined at random, and what is left of the random numbers.
+  struct State {
+    State(const ModelPair& pair, std::uint64_t seed)
+        : random(seed),
+          a(pair.a_.store, pair.a_.header.grid),
+          b(pair.b_.store, pair.b_.header.grid) {
+      refine_at_random(a, random);
+      refine_at_random(b, random);
+    }
+    Random random;
+    LocalModel a, b;
+  };
+};
+
+}  // namespace nearmesh::test
