@@ -75,35 +75,32 @@ std::vector<GridBox> swept_region(const TreeView& own, const Motion& own_motion,
   // Largest first, so that the boxes end up alike in size.
   struct Open {
     std::int64_t extent;
-    std::uint32_t node;
+    std::uint32_t order;
+    TreeEntry part;
     bool operator<(const Open& o) const {
-      return extent != o.extent ? extent < o.extent : node > o.node;
+      return extent != o.extent ? extent < o.extent : order > o.order;
     }
   };
   std::priority_queue<Open> open;
+  std::uint32_t order = 0;
   std::vector<GridBox> region;
-  const GridBox& reachable = own.nodes[own.root].box;
-  const auto offer = [&](std::uint32_t place) {
-    const TreeNode& node = other.nodes[place];
-    if (node.kind() == TreeNode::Kind::kEmpty || !sweep(node.box).meets(reachable)) return;
-    if (node.kind() == TreeNode::Kind::kInner) {
-      open.push({extent(node.box), place});
+  const GridBox reachable = own.root().box;
+  const auto offer = [&](const TreeEntry& part) {
+    if (part.kind() == TreeEntry::Kind::kEmpty || !sweep(part.box).meets(reachable)) return;
+    if (part.kind() == TreeEntry::Kind::kInner) {
+      open.push({extent(part.box), order++, part});
     } else {
-      region.push_back(sweep(node.box));
+      region.push_back(sweep(part.box));
     }
   };
-  offer(other.root);
-  while (!open.empty() && open.size() + region.size() < max_boxes) {
-    const std::uint32_t place = open.top().node;
+  offer(other.root());
+  // A part is opened only where all its children go in.
+  while (!open.empty() && open.size() - 1 + region.size() + kLanes <= max_boxes) {
+    const TreeEntry part = open.top().part;
     open.pop();
-    offer(other.nodes[place].first);
-    offer(other.nodes[place].first + 1);
+    other.for_each_child(part, offer);
   }
-  for (; !open.empty(); open.pop()) region.push_back(sweep(other.nodes[open.top().node].box));
-  if (region.size() > max_boxes) {  // one pair of children may go over by one
-    region[max_boxes - 1].add(region[max_boxes]);
-    region.resize(max_boxes);
-  }
+  for (; !open.empty(); open.pop()) region.push_back(sweep(open.top().part.box));
   return region;
 }
 

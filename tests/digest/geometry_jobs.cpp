@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Predicates where signs are hard, box tests and gaps, poses up to their limits.
 #include "jobs.hpp"
-#include "nearmesh/core/geometry/box_overlap.hpp"
+#include "nearmesh/core/geometry/lanes.hpp"
 #include "nearmesh/core/geometry/triangle_overlap.hpp"
 #include "test_models.hpp"
 
@@ -120,6 +120,51 @@ std::uint64_t boxes() {
   return digest.value();
 }
 
+std::uint64_t lanes() {
+  Random random(13);
+  Digest digest;
+  for (int i = 0; i < 500; ++i) {
+    Grid a = random_grid(random), b = a;
+    b.exponent += static_cast<int>(random.below(3));
+    Pose pose_b{.rotation = test::random_rotation(random)};
+    for (double& x : pose_b.translation_m)
+      x = std::ldexp(random.between(-1, 1), a.exponent + a.bits);
+    const Result<PosedPair> posed = pose_pair(a, {}, "a", b, pose_b, "b");
+    if (!posed.is_ok()) continue;
+    const RelativeFrame frame = make_relative_frame(posed.value().a, posed.value().b);
+    BoxLanes own, other;
+    TriangleLanes triangles;
+    for (std::uint32_t lane = 0; lane < kLanes; ++lane)
+      for (const auto& [grid, into] : {std::pair(&a, &own), std::pair(&b, &other)}) {
+        const GridBox box = random_box(*grid, random);
+        const auto normal =
+            make_slab_normal({random.between(-1, 1), random.between(-1, 1), random.between(-1, 1)});
+        const Span span = span_along(normal, box.lo, box, {});
+        digest.add_bits(span.from);
+        digest.add_bits(span.to);
+        const double width = span.to - span.from;
+        const Slab slab =
+            make_slab(normal, random.between(-0.5, 0) * width, random.between(0, 0.5) * width);
+        digest.add_bits(static_cast<double>(slab.from));
+        digest.add_bits(static_cast<double>(slab.to));
+        into->set(lane, box, slab);
+        triangles.set(lane, {box.lo, box.hi, random_point(*grid, random)});
+      }
+    PlacedLanes placed;
+    place_lanes(frame, other, placed);
+    PlacedTriangles placed_triangles;
+    place_triangles(frame, triangles, placed_triangles);
+    for (std::uint32_t lane = 0; lane < kLanes; ++lane) {
+      digest.add_bits(placed.from[lane]);
+      digest.add_bits(placed.per_square[lane]);
+      digest.add(boxes_apart(frame, placed, lane, own));
+      digest.add(triangles_apart(placed, lane, triangles));
+      digest.add(planes_apart(frame, as_doubles(triangles.corners(7 - lane)), placed_triangles));
+    }
+  }
+  return digest.value();
+}
+
 }  // namespace
 
 std::vector<Job> geometry_jobs() {
@@ -129,7 +174,8 @@ std::vector<Job> geometry_jobs() {
           {"predicates.mid_range", [] { return predicates(4, std::int64_t{1} << 20, 2); }},
           {"predicates.general", [] { return predicates(1U << 30, 256, 100); }},
           {"poses", poses},
-          {"boxes", boxes}};
+          {"boxes", boxes},
+          {"lanes", lanes}};
 }
 
 }  // namespace nearmesh::digest_jobs

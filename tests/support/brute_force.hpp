@@ -132,42 +132,63 @@ struct TreeContent {
   std::vector<NodeSpan> frontier;
 };
 
-/// Checks on the way that every node's box encloses the faces below it and all original faces that
-/// touch a vertex below its frontier nodes.
+/// Whether the entry's slab, where it has one, holds the point.
+inline bool slab_holds(const TreeEntry& entry, const GridPoint& p) {
+  std::int64_t twice_along = 0;
+  for (int k = 0; k < 3; ++k)
+    twice_along += entry.slab.normal[static_cast<std::size_t>(k)] *
+                   (2 * std::int64_t{p[k]} - entry.box.lo[k] - entry.box.hi[k]);
+  const double along = 0.5 * static_cast<double>(twice_along);
+  return static_cast<double>(entry.slab.from) <= along &&
+         along <= static_cast<double>(entry.slab.to);
+}
+
+/// Checks on the way that every entry's box and slab enclose the faces below it and all original faces that touch a
+/// vertex below its frontier nodes.
 inline TreeContent walk_tree(const TreeView& view, const TrueBoxes& boxes) {
   TreeContent content;
   struct Step {
-    std::uint32_t node;
-    std::vector<GridBox> above;
+    TreeEntry part;
+    std::vector<TreeEntry> above;
   };
-  std::vector<Step> stack{{view.root, {}}};
+  std::vector<Step> stack{{view.root(), {}}};
   while (!stack.empty()) {
     Step step = std::move(stack.back());
     stack.pop_back();
-    const TreeNode& node = view.nodes[step.node];
-    step.above.push_back(node.box);
+    const TreeEntry& part = step.part;
+    step.above.push_back(part);
     const auto expect_inside = [&](const GridBox& box) {
-      for (const GridBox& outer : step.above) EXPECT_TRUE(outer.contains(box));
+      for (const TreeEntry& outer : step.above) EXPECT_TRUE(outer.box.contains(box));
     };
-    switch (node.kind()) {
-      case TreeNode::Kind::kInner:
-        stack.push_back({node.first + 1, step.above});
-        stack.push_back({node.first, step.above});
+    switch (part.kind()) {
+      case TreeEntry::Kind::kInner:
+        view.for_each_child(part, [&](const TreeEntry& child) {
+          stack.push_back({child, step.above});
+        });
         break;
-      case TreeNode::Kind::kFaces:
-        for (std::uint32_t i = 0; i < node.count(); ++i) {
-          const TreeFace& face = view.faces[node.first + i];
+      case TreeEntry::Kind::kFaces:
+        view.for_each_face(part, [&](const TreeFace& face) {
           GridBox box;
-          for (const GridPoint& corner : face.corners) box.add(corner);
+          for (const GridPoint& corner : face.corners) {
+            box.add(corner);
+            for (const TreeEntry& outer : step.above) EXPECT_TRUE(slab_holds(outer, corner));
+          }
           expect_inside(box);
           content.faces.push_back(face.key);
+        });
+        break;
+      case TreeEntry::Kind::kFrontier:
+        expect_inside(boxes.of(part.frontier_node()));
+        for (int corner = 0; corner < 8; ++corner) {
+          GridPoint p;
+          for (int k = 0; k < 3; ++k)
+            p[k] = (corner >> k & 1) != 0 ? part.box.hi[k] : part.box.lo[k];
+          for (std::size_t i = 0; i + 1 < step.above.size(); ++i)
+            EXPECT_TRUE(slab_holds(step.above[i], p));
         }
+        content.frontier.push_back(part.frontier_node());
         break;
-      case TreeNode::Kind::kFrontier:
-        expect_inside(boxes.of(node.frontier_node()));
-        content.frontier.push_back(node.frontier_node());
-        break;
-      case TreeNode::Kind::kEmpty:
+      case TreeEntry::Kind::kEmpty:
         break;
     }
   }

@@ -2,39 +2,50 @@
 #include "nearmesh/core/abtree/ab_tree.hpp"
 
 #include <algorithm>
-#include <bit>
 
 #include "build.hpp"
 #include "nearmesh/core/base/hash.hpp"
 
 namespace nearmesh {
+namespace {
+
+using Kind = TreeEntry::Kind;
+
+constexpr std::size_t kFirstRoom = 256;
+
+}  // namespace
 
 AbTree::AbTree(const ActiveMesh& mesh)
-    : mesh_(&mesh), free_nodes_(32), free_faces_(32), leaf_of_(mesh.store().vertex_count()) {
+    : mesh_(&mesh),
+      leaf_of_(mesh.store().vertex_count()),
+      builder_(std::make_unique<TreeBuilder>()) {
   const SplitStore& store = mesh.store();
   // A fixed tree over the roots; each of its leaves then grows with its root's splits.
-  std::vector<BuildItem> items;
-  for (const BaseRoot& root : store.roots()) {
-    items.push_back({.box = store.box(root.node), .frontier = root.node});
-  }
-  BuildOutput built;
-  build_tree(items, built);
-  nodes_ = {built.root, TreeNode{}};
-  nodes_.insert(nodes_.end(), built.nodes.begin(), built.nodes.end());
-  root_nodes_.resize(store.roots().size());
-  for (std::uint32_t i = 0; i < nodes_.size(); ++i) {
-    TreeNode& node = nodes_[i];
-    if (node.kind() == TreeNode::Kind::kInner) {
-      node.first += 2;
-    } else if (node.kind() == TreeNode::Kind::kFrontier) {
-      const NodeSpan span = node.frontier_node();
-      root_nodes_[store.root_index(span.first)] = i;
-      set_leaf_of(span.first, new_leaf(span, i));
-    }
+  builder_->clear();
+  for (const BaseRoot& root : store.roots())
+    builder_->add_frontier(root.node, store.box(root.node));
+  builder_->build();
+  root_places_.resize(store.roots().size());
+  const auto add = [&](std::uint32_t at, std::uint32_t lane, TreeEntry part) {
+    if (part.kind() == Kind::kInner) uppers_[++part.first].parent = at * kLanes + lane;
+    nodes_[at].set(lane, part);
+    if (part.kind() != Kind::kFrontier) return;
+    const NodeSpan span = part.frontier_node();
+    const TreePlace place = at * kLanes + lane;
+    uppers_[at].first_vertices[lane] = span.begin();
+    root_places_[store.root_index(span.first)] = place;
+    set_leaf_of(span.first, new_leaf(span, place, 0));
+  };
+  for (std::size_t i = 0; i <= builder_->nodes().size(); ++i) new_upper(kNone);
+  add(0, 0, builder_->root());
+  for (std::uint32_t at = 1; at < node_total_; ++at) {  // parents stand before their children
+    uppers_[at].level = uppers_[uppers_[at].parent / kLanes].level + 1;
+    for (std::uint32_t lane = 0; lane < kLanes; ++lane)
+      add(at, lane, builder_->nodes()[at - 1].entry(lane));
   }
   for (std::uint32_t i = 0; i < store.base_faces().size(); ++i) {
     const VertexId home = store.base_faces()[i].right;
-    leaves_[leaf_of(store.roots()[store.root_index(home)].node.first)].bucket.push_back({{}, i});
+    leaves_[leaf_of(store.roots()[store.root_index(home)].node.first)].inherited.push_back({{}, i});
   }
   RefineDelta delta;
   for (VertexId v{0}; v.value < store.vertex_count(); v = {mesh.current_node(v).end()})
@@ -47,21 +58,52 @@ AbTree::AbTree(const ActiveMesh& mesh)
   update(delta);
 }
 
-template <class T>
-std::uint32_t AbTree::allocate(std::vector<T>& pool, std::vector<std::vector<std::uint32_t>>& free,
-                               std::uint32_t capacity) {
-  auto& list = free[static_cast<std::size_t>(std::countr_zero(capacity))];
-  if (!list.empty()) {
-    const std::uint32_t place = list.back();
-    list.pop_back();
+AbTree::~AbTree() = default;
+
+// ---- memory ---------------------------------------------------------------------------------------------------------
+
+// Its content is the caller's to set.
+std::uint32_t AbTree::new_node() {
+  if (!free_nodes_.empty()) {
+    const std::uint32_t place = free_nodes_.back();
+    free_nodes_.pop_back();
     return place;
   }
-  const auto place = static_cast<std::uint32_t>(pool.size());
-  pool.resize(pool.size() + capacity);
+  if (node_total_ == nodes_.size()) {
+    nodes_.grow(std::max(kFirstRoom, 2 * nodes_.size()));
+    uppers_.grow(nodes_.size());
+  }
+  uppers_[node_total_].parent = kNone;
+  return node_total_++;
+}
+
+std::uint32_t AbTree::new_upper(TreePlace parent) {
+  const std::uint32_t place = new_node();
+  nodes_[place] = TreeNode{};
+  Upper& upper = uppers_[place];
+  upper.first_vertices.fill(kNone);
+  upper.parent = parent;
+  upper.level = parent == kNone ? 0 : uppers_[parent / kLanes].level + 1;
+  upper.queued = false;
   return place;
 }
 
-std::uint32_t AbTree::new_leaf(NodeSpan node, std::uint32_t tree_node) {
+void AbTree::free_node(std::uint32_t tree_node) {
+  uppers_[tree_node].parent = kNone;
+  free_nodes_.push_back(tree_node);
+}
+
+std::uint32_t AbTree::new_block() {
+  if (!free_blocks_.empty()) {
+    const std::uint32_t place = free_blocks_.back();
+    free_blocks_.pop_back();
+    return place;
+  }
+  if (block_total_ == blocks_.size()) blocks_.grow(std::max(kFirstRoom, 2 * blocks_.size()));
+  return block_total_++;
+}
+
+std::uint32_t AbTree::new_leaf(NodeSpan node, TreePlace place, std::uint16_t depth) {
   std::uint32_t index;
   if (free_leaves_.empty()) {
     index = static_cast<std::uint32_t>(leaves_.size());
@@ -71,25 +113,83 @@ std::uint32_t AbTree::new_leaf(NodeSpan node, std::uint32_t tree_node) {
     free_leaves_.pop_back();
   }
   leaves_[index].node = node;
-  leaves_[index].tree_node = tree_node;
+  leaves_[index].place = place;
+  leaves_[index].depth = depth;
   if (leaves_[index].is_slot()) ++slot_total_;
   return index;
 }
 
 void AbTree::free_leaf(std::uint32_t index) {
   Leaf& leaf = leaves_[index];
-  if (leaf.is_slot()) --slot_total_;
+  if (leaf.is_slot()) {
+    --slot_total_;
+    free_micro_tree(entry(leaf.place));
+  }
   exact_total_ -= leaf.exact_count;
-  if (leaf.node_capacity > 0)
-    free_nodes_[static_cast<std::size_t>(std::countr_zero(leaf.node_capacity))].push_back(
-        leaf.node_range);
-  if (leaf.face_capacity > 0)
-    free_faces_[static_cast<std::size_t>(std::countr_zero(leaf.face_capacity))].push_back(
-        leaf.face_range);
   const bool queued = leaf.queued;
   leaf = Leaf{};
   leaf.queued = queued;  // its place in pending_ stays; a reused leaf is simply looked at
   free_leaves_.push_back(index);
+}
+
+void AbTree::free_micro_tree(const TreeEntry& part) {
+  if (part.kind() == Kind::kFaces) free_blocks_.push_back(part.first);
+  if (part.kind() != Kind::kInner) return;
+  for (std::uint32_t lane = 0; lane < kLanes; ++lane)
+    free_micro_tree(nodes_[part.first].entry(lane));
+  free_node(part.first);
+}
+
+// ---- the upper tree -------------------------------------------------------------------------------------------------
+
+// The leaf of an upper lane, or kNone where the lane leads to another node.
+std::uint32_t AbTree::leaf_at(TreePlace place) const {
+  const std::uint32_t leaf = leaf_of_[uppers_[place / kLanes].first_vertices[place % kLanes]] - 1;
+  return leaves_[leaf].place == place ? leaf : kNone;
+}
+
+std::uint32_t AbTree::lane_count(std::uint32_t tree_node) const {
+  std::uint32_t count = 0;
+  while (count < kLanes && uppers_[tree_node].first_vertices[count] != kNone) ++count;
+  return count;
+}
+
+void AbTree::move_lane(std::uint32_t tree_node, std::uint32_t from, std::uint32_t to) {
+  const std::uint32_t leaf = leaf_at(tree_node * kLanes + from);
+  TreeNode& node = nodes_[tree_node];
+  node.set(to, node.entry(from));
+  node.first[to] = node.first[from];  // also where nothing is below it
+  node.kind_and_count[to] = node.kind_and_count[from];
+  uppers_[tree_node].first_vertices[to] = uppers_[tree_node].first_vertices[from];
+  if (leaf != kNone) {
+    leaves_[leaf].place = tree_node * kLanes + to;
+  } else {
+    uppers_[nodes_[tree_node].first[to]].parent = tree_node * kLanes + to;
+  }
+}
+
+// Precondition: the node is a root, or its parent is split here.
+AbTree::Lanes AbTree::find_lanes(NodeSpan node) const {
+  const SplitStore& store = mesh_->store();
+  const std::size_t root = store.root_index(node.first);
+  const TreePlace place = root_places_[root];
+  Lanes at{place / kLanes, place % kLanes, place % kLanes + 1, 0};
+  for (NodeSpan span = store.roots()[root].node; span != node;) {
+    if (at.depth % kLevelsPerNode == 0) {
+      at.tree_node = nodes_[at.tree_node].first[at.begin];
+      at.begin = 0;
+      at.end = lane_count(at.tree_node);
+    }
+    const VertexId split = store.split_of(span);
+    const auto& firsts = uppers_[at.tree_node].first_vertices;
+    std::uint32_t middle = at.begin;
+    while (middle < at.end && firsts[middle] < split.value) ++middle;
+    const bool left = node.first < split;
+    (left ? at.end : at.begin) = middle;
+    span = left ? span.left_of(split) : span.right_of(split);
+    ++at.depth;
+  }
+  return at;
 }
 
 void AbTree::mark_changed(std::uint32_t index) {
@@ -120,96 +220,135 @@ void AbTree::update(const RefineDelta& delta) {
   for (const std::uint32_t leaf : pending_)
     if (leaves_[leaf].node.size > 0) rebuild(leaf);
   pending_.clear();
+  refit();
+}
+
+void AbTree::set_entry(TreePlace place, const TreeEntry& entry) {
+  nodes_[place / kLanes].set(place % kLanes, entry);
+  queue_refit(place / kLanes);
+}
+
+void AbTree::queue_refit(std::uint32_t tree_node) {
+  Upper& upper = uppers_[tree_node];
+  if (upper.queued || upper.parent == kNone) return;
+  upper.queued = true;
+  refits_.emplace_back(upper.level, tree_node);
+  std::push_heap(refits_.begin(), refits_.end());
+}
+
+// Boxes and slabs of the lanes above those that changed, lowest first.
+void AbTree::refit() {
+  while (!refits_.empty()) {
+    std::pop_heap(refits_.begin(), refits_.end());
+    const std::uint32_t at = refits_.back().second;
+    refits_.pop_back();
+    uppers_[at].queued = false;
+    const TreePlace parent = uppers_[at].parent;
+    if (parent == kNone) continue;  // freed since
+    TreeNode& above = nodes_[parent / kLanes];
+    const std::uint32_t lane = parent % kLanes;
+    const TreeEntry before = above.entry(lane);
+    TreeEntry after = enclose(nodes_[at]);
+    after.set(Kind::kInner, at, 0);
+    above.set(lane, after);
+    if (after.box.is_empty()) above.lanes &= ~(1U << lane);
+    if (above.entry(lane) != before) queue_refit(parent / kLanes);
+  }
 }
 
 void AbTree::apply_split(VertexId u) {
   const SplitStore& store = mesh_->store();
   const NodeSpan node = store.node_of(u);
-  const NodeSpan left_node = node.left_of(u);
-  const NodeSpan right_node = node.right_of(u);
   const std::uint32_t left = leaf_of(node.first);
-  std::uint32_t right = left;
-  if (!leaves_[left].is_slot()) {
-    NEARMESH_ASSERT(leaves_[left].node == node);
+  if (leaves_[left].is_slot()) {
+    set_leaf_of(u, left);
     mark_changed(left);
-    const std::uint32_t pair = allocate(nodes_, free_nodes_, 2);
-    TreeNode& parent = nodes_[leaves_[left].tree_node];
-    parent.box = store.box(node);
-    parent.set(TreeNode::Kind::kInner, pair, 0);
-    right = new_leaf(right_node, pair + 1);
-    leaves_[left].node = left_node;
-    leaves_[left].tree_node = pair;
-    if (leaves_[left].is_slot()) ++slot_total_;
-    // Faces go with their home vertex.
-    std::vector<FaceKey> bucket;
-    bucket.swap(leaves_[left].bucket);
-    for (const FaceKey key : bucket)
-      leaves_[store.face(key).right < u ? left : right].bucket.push_back(key);
-    mark_changed(right);
+    return;
   }
-  set_leaf_of(u, right);
+  NEARMESH_ASSERT(leaves_[left].node == node);
   mark_changed(left);
-  // A face's home is its right corner, which lies in the right child.
-  const std::size_t count = store.faces(u).size();
-  for (std::uint32_t i = 0; i < count; ++i) leaves_[right].bucket.push_back({u, i});
-}
-
-std::uint32_t AbTree::find_tree_node(NodeSpan node) const {
-  const SplitStore& store = mesh_->store();
-  const std::size_t root = store.root_index(node.first);
-  std::uint32_t place = root_nodes_[root];
-  for (NodeSpan at = store.roots()[root].node; at != node;) {
-    const VertexId split = store.split_of(at);
-    place = nodes_[place].first + (node.first < split ? 0 : 1);
-    at = node.first < split ? at.left_of(split) : at.right_of(split);
+  const TreePlace place = leaves_[left].place;
+  const std::uint16_t depth = leaves_[left].depth;
+  std::uint32_t at = place / kLanes, lane = place % kLanes;
+  if (depth % kLevelsPerNode == 0) {
+    at = new_upper(place);
+    lane = 0;
+    TreeEntry inner;
+    inner.box = store.box(node);
+    inner.set(Kind::kInner, at, 0);
+    set_entry(place, inner);
+    uppers_[at].first_vertices[0] = node.begin();
+  } else {
+    for (std::uint32_t i = lane_count(at) - 1; i > lane; --i) move_lane(at, i, i + 1);
   }
-  return place;
+  uppers_[at].first_vertices[lane + 1] = u.value;
+  const auto below = static_cast<std::uint16_t>(depth + 1);
+  nodes_[at].set(lane, {});
+  nodes_[at].set(lane + 1, {});
+  const std::uint32_t right = new_leaf(node.right_of(u), at * kLanes + lane + 1, below);
+  leaves_[left].node = node.left_of(u);
+  leaves_[left].place = at * kLanes + lane;
+  leaves_[left].depth = below;
+  if (leaves_[left].is_slot()) ++slot_total_;
+  set_leaf_of(u, right);
+  // Faces go with their home vertex, the right corner: that of the new ones lies in the right child.
+  std::vector<FaceKey> inherited;
+  inherited.swap(leaves_[left].inherited);
+  for (const FaceKey key : inherited)
+    leaves_[store.face(key).right < u ? left : right].inherited.push_back(key);
+  const auto count = static_cast<std::uint32_t>(store.faces(u).size());
+  for (std::uint32_t i = 0; i < count; ++i) leaves_[right].inherited.push_back({u, i});
+  mark_changed(right);
 }
 
 void AbTree::apply_collapse(NodeSpan node) {
-  const auto owned = [node](FaceKey key) {  // by a split of the node or below
-    return key.split.is_valid() && key.split > node.first && key.split.value < node.end();
-  };
   const std::uint32_t first = leaf_of(node.first);
   if (leaves_[first].is_slot() && leaves_[first].node.size >= node.size) {
-    std::erase_if(leaves_[first].bucket, owned);
     for (std::uint32_t v = node.begin() + 1; v < node.end(); ++v) leaf_of_[v] = 0;
     mark_changed(first);
     return;
   }
   // A larger node: its whole part of the tree becomes one leaf.
-  const std::uint32_t place = find_tree_node(node);
-  std::vector<FaceKey> bucket;
-  std::vector<std::pair<std::uint32_t, NodeSpan>> stack{{place, node}};
-  std::vector<std::uint32_t> pairs, gone;
-  while (!stack.empty()) {
-    const auto [at, span] = stack.back();
-    stack.pop_back();
-    const std::uint32_t leaf = leaf_of_[span.begin()] - 1;
-    if (leaf_of_[span.begin()] != 0 && leaves_[leaf].tree_node == at &&
-        leaves_[leaf].node == span) {
+  const Lanes lanes = find_lanes(node);
+  std::vector<std::uint32_t> gone, below;
+  const auto take = [&](TreePlace place) {
+    const std::uint32_t leaf = leaf_at(place);
+    if (leaf != kNone) {
       gone.push_back(leaf);
-      continue;
+    } else {
+      below.push_back(nodes_[place / kLanes].first[place % kLanes]);
     }
-    const VertexId split = mesh_->store().split_of(span);
-    const std::uint32_t pair = nodes_[at].first;
-    pairs.push_back(pair);
-    stack.push_back({pair, span.left_of(split)});
-    stack.push_back({pair + 1, span.right_of(split)});
-  }
+  };
+  for (std::uint32_t lane = lanes.begin; lane < lanes.end; ++lane)
+    take(lanes.tree_node * kLanes + lane);
+  for (std::size_t i = 0; i < below.size(); ++i)
+    for (std::uint32_t lane = 0; lane < lane_count(below[i]); ++lane)
+      take(below[i] * kLanes + lane);
+  std::vector<FaceKey> inherited;
   for (const std::uint32_t leaf : gone) {
     mark_changed(leaf);
-    for (const FaceKey key : leaves_[leaf].bucket)
-      if (!owned(key)) bucket.push_back(key);
+    for (const FaceKey key : leaves_[leaf].inherited)  // but for the faces of splits that are gone
+      if (!key.split.is_valid() || key.split <= node.first || key.split.value >= node.end())
+        inherited.push_back(key);
     // A leaf that is no slot has one active vertex, its first, and may span most of the model.
     const NodeSpan span = leaves_[leaf].node;
     const std::uint32_t end = leaves_[leaf].is_slot() ? span.end() : span.begin() + 1;
     for (std::uint32_t v = span.begin(); v < end; ++v) leaf_of_[v] = 0;
     free_leaf(leaf);
   }
-  for (const std::uint32_t pair : pairs) free_nodes_[1].push_back(pair);
-  const std::uint32_t leaf = new_leaf(node, place);
-  leaves_[leaf].bucket = std::move(bucket);
+  for (const std::uint32_t tree_node : below) free_node(tree_node);
+  const std::uint32_t count = lane_count(lanes.tree_node), fewer = lanes.end - lanes.begin - 1;
+  const TreePlace place = lanes.tree_node * kLanes + lanes.begin;
+  uppers_[lanes.tree_node].first_vertices[lanes.begin] = node.begin();
+  for (std::uint32_t lane = lanes.end; lane < count; ++lane)
+    move_lane(lanes.tree_node, lane, lane - fewer);
+  for (std::uint32_t lane = count - fewer; lane < count; ++lane) {
+    nodes_[lanes.tree_node].set(lane, {});
+    uppers_[lanes.tree_node].first_vertices[lane] = kNone;
+  }
+  nodes_[lanes.tree_node].set(lanes.begin, {});
+  const std::uint32_t leaf = new_leaf(node, place, lanes.depth);
+  leaves_[leaf].inherited = std::move(inherited);
   set_leaf_of(node.first, leaf);
   mark_changed(leaf);
 }
@@ -223,21 +362,33 @@ void AbTree::apply_box(NodeSpan node) {
     mark_changed(first);
     return;
   }
-  std::vector<std::pair<std::uint32_t, NodeSpan>> stack{{find_tree_node(node), node}};
+  std::vector<NodeSpan> stack{node};
   while (!stack.empty()) {
-    const auto [at, span] = stack.back();
+    const NodeSpan span = stack.back();
     stack.pop_back();
     const std::uint32_t leaf = leaf_of(span.first);
-    if (leaves_[leaf].tree_node == at && leaves_[leaf].node == span) {
+    if (leaves_[leaf].node == span) {
       mark_changed(leaf);
       continue;
     }
-    nodes_[at].box = store.box(span);
     const VertexId split = store.split_of(span);
-    const std::uint32_t pair = nodes_[at].first;
-    for (const auto& child :
-         {std::pair(pair, span.left_of(split)), std::pair(pair + 1, span.right_of(split))})
-      if (store.box_code(child.second) == kNoBox) stack.push_back(child);
+    for (const NodeSpan child : {span.left_of(split), span.right_of(split)})
+      if (store.box_code(child) == kNoBox) stack.push_back(child);
+  }
+}
+
+// ---- slots ----------------------------------------------------------------------------------------------------------
+
+// The known faces that are at home in the leaf.
+template <class Visit>
+void AbTree::for_each_face(const Leaf& leaf, const Visit& visit) const {
+  const SplitStore& store = mesh_->store();
+  for (const FaceKey key : leaf.inherited) visit(key, store.face(key));
+  if (!leaf.is_slot()) return;
+  for (VertexId v{mesh_->current_node(leaf.node.first).end()}; v.value < leaf.node.end();
+       v = {mesh_->current_node(v).end()}) {
+    const std::span<const SplitFace> faces = store.faces(v);
+    for (std::uint32_t i = 0; i < faces.size(); ++i) visit(FaceKey{v, i}, faces[i]);
   }
 }
 
@@ -250,81 +401,76 @@ void AbTree::rebuild(std::uint32_t index) {
   // Which faces are exact now; and whom to watch for the rest, and for those that may be lost.
   exact_keys_.clear();
   std::uint64_t digest = 0;
-  for (const FaceKey key : leaf.bucket) {
-    const SplitFace face = store.face(key);
-    bool exact = leaf.is_slot();
+  std::uint32_t watched = kNone;  // the last: neighbouring faces have the same neighbours
+  for_each_face(leaf, [&](FaceKey key, const SplitFace& face) {
     for (const VertexId corner : {face.left, face.right, face.outside}) {
-      exact = exact && mesh_->is_leaf(corner);
       if (leaf.node.contains(corner)) continue;
-      std::vector<std::uint32_t>& watchers =
-          leaves_[leaf_of(mesh_->active_predecessor(corner))].watchers;
+      const std::uint32_t other = leaf_of(mesh_->active_predecessor(corner));
+      if (other == watched) continue;
+      watched = other;
+      std::vector<std::uint32_t>& watchers = leaves_[other].watchers;
       if (std::find(watchers.begin(), watchers.end(), index) == watchers.end())
         watchers.push_back(index);
     }
-    if (!exact) continue;
+    if (!leaf.is_slot() || !mesh_->is_exact(face)) return;
     exact_keys_.push_back(key);
     digest += mix(std::uint64_t{key.split.value} << 32 | key.index);
-  }
+  });
   if (!changed && digest == leaf.exact_digest && exact_keys_.size() == leaf.exact_count) return;
   leaf.exact_digest = digest;
-
-  TreeNode& node = nodes_[leaf.tree_node];
-  if (!leaf.is_slot()) {
-    node.box = store.box(leaf.node);
-    node.set(TreeNode::Kind::kFrontier, leaf.node.begin(), leaf.node.size);
+  if (leaf.is_slot()) {
+    store_micro_tree(index);
     return;
   }
-  store_micro_tree(index);
+  TreeEntry frontier;
+  frontier.box = store.box(leaf.node);
+  frontier.set(Kind::kFrontier, leaf.node.begin(), leaf.node.size);
+  set_entry(leaf.place, frontier);
 }
 
 void AbTree::store_micro_tree(std::uint32_t index) {
   const SplitStore& store = mesh_->store();
   Leaf& leaf = leaves_[index];
-  std::vector<BuildItem> items;
-  exact_faces_.clear();
+  builder_->clear();
   // In a canonical order, so that the tree does not depend on the order of arrival.
   std::sort(exact_keys_.begin(), exact_keys_.end());
   for (const FaceKey key : exact_keys_) {
-    TreeFace face{{}, key};
-    BuildItem item{.face = static_cast<std::uint32_t>(exact_faces_.size())};
     const auto corners = store.face(key).corners();
-    for (std::size_t k = 0; k < 3; ++k) {
-      face.corners[k] = store.position(corners[k]);
-      item.box.add(face.corners[k]);
-    }
-    exact_faces_.push_back(face);
-    items.push_back(item);
+    builder_->add_face(
+        {{store.position(corners[0]), store.position(corners[1]), store.position(corners[2])},
+         key});
   }
   for (VertexId v = leaf.node.first; v.value < leaf.node.end();) {
     const NodeSpan at = mesh_->current_node(v);
-    if (at.size > 1) items.push_back({.box = store.box(at), .frontier = at});
+    if (at.size > 1) builder_->add_frontier(at, store.box(at));
     v = {at.end()};
   }
-  BuildOutput built;
-  build_tree(items, built);
+  builder_->build();
 
-  const auto place_range = [](auto& pool, auto& free, std::uint32_t& range, std::uint32_t& capacity,
-                              std::size_t need) {
-    if (need <= capacity) return;
-    if (capacity > 0) free[static_cast<std::size_t>(std::countr_zero(capacity))].push_back(range);
-    capacity = std::bit_ceil(static_cast<std::uint32_t>(need));
-    range = allocate(pool, free, capacity);
-  };
-  place_range(nodes_, free_nodes_, leaf.node_range, leaf.node_capacity, built.nodes.size());
-  place_range(faces_, free_faces_, leaf.face_range, leaf.face_capacity, built.faces.size());
-  const auto shift = [&leaf](TreeNode& node) {
-    if (node.kind() == TreeNode::Kind::kInner) node.first += leaf.node_range;
-    if (node.kind() == TreeNode::Kind::kFaces) node.first += leaf.face_range;
-  };
-  shift(built.root);
-  nodes_[leaf.tree_node] = built.root;
-  for (std::size_t i = 0; i < built.nodes.size(); ++i) {
-    shift(built.nodes[i]);
-    nodes_[leaf.node_range + i] = built.nodes[i];
+  free_micro_tree(entry(leaf.place));
+  node_places_.clear();
+  block_places_.clear();
+  for (std::size_t i = 0; i < builder_->nodes().size(); ++i) node_places_.push_back(new_node());
+  for (const FaceBlock& block : builder_->blocks()) {
+    block_places_.push_back(new_block());
+    blocks_[block_places_.back()] = block;
   }
-  for (std::size_t i = 0; i < built.faces.size(); ++i)
-    faces_[leaf.face_range + i] = exact_faces_[built.faces[i]];
-  exact_total_ += exact_keys_.size() - leaf.exact_count;
+  const auto placed = [this](std::uint32_t kind, std::uint32_t first) {
+    if (kind == static_cast<std::uint32_t>(Kind::kInner)) return node_places_[first];
+    if ((kind & 3U) == static_cast<std::uint32_t>(Kind::kFaces)) return block_places_[first];
+    return first;
+  };
+  for (std::size_t i = 0; i < builder_->nodes().size(); ++i) {
+    TreeNode& node = nodes_[node_places_[i]];
+    node = builder_->nodes()[i];
+    for (std::uint32_t lane = 0; lane < kLanes; ++lane)
+      node.first[lane] = placed(node.kind_and_count[lane], node.first[lane]);
+  }
+  TreeEntry root = builder_->root();
+  root.first = placed(root.kind_and_count, root.first);
+  set_entry(leaf.place, root);
+  exact_total_ += exact_keys_.size();
+  exact_total_ -= leaf.exact_count;
   leaf.exact_count = static_cast<std::uint32_t>(exact_keys_.size());
   ++rebuilt_slots_;
   rebuilt_faces_ += exact_keys_.size();
@@ -332,10 +478,11 @@ void AbTree::store_micro_tree(std::uint32_t index) {
 
 AbTreeStats AbTree::stats() const {
   AbTreeStats stats{slot_total_, exact_total_, rebuilt_slots_, rebuilt_faces_, 0};
-  stats.bytes = nodes_.capacity() * sizeof(TreeNode) + faces_.capacity() * sizeof(TreeFace) +
-                leaves_.capacity() * sizeof(Leaf);
+  stats.bytes = node_total_ * (sizeof(TreeNode) + sizeof(Upper)) +
+                block_total_ * sizeof(FaceBlock) + leaves_.capacity() * sizeof(Leaf) +
+                (free_nodes_.capacity() + free_blocks_.capacity()) * sizeof(std::uint32_t);
   for (const Leaf& leaf : leaves_)
-    stats.bytes += leaf.bucket.capacity() * sizeof(FaceKey) + leaf.watchers.capacity() * 4;
+    stats.bytes += leaf.inherited.capacity() * sizeof(FaceKey) + leaf.watchers.capacity() * 4;
   return stats;
 }
 

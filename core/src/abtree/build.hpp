@@ -1,32 +1,51 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The builder shared by micro trees in slots and trees over fixed triangles: median split on the longest axis of the
-// centres. A slot has some 130 items, so the split must be cheap rather than clever; measured in ARCHITECTURE.md.
+// The builder shared by micro trees in slots and trees over fixed triangles: faces are cut into blocks of up to eight,
+// blocks and frontier nodes into nodes of up to eight lanes, each time by medians along the longest axis of the centres,
+// so that blocks and the lowest nodes are nearly full. A slot has some 130 faces, so the cut must be cheap rather than
+// clever; measured in ARCHITECTURE.md.
 
-#include <functional>
 #include <vector>
 
 #include "nearmesh/core/abtree/tree.hpp"
 
 namespace nearmesh {
 
-inline constexpr std::uint32_t kFacesPerLeaf = 4;
+/// A box and a slab around all lanes of a node; both empty where all lanes are. The kind is left to the caller.
+[[nodiscard]] TreeEntry enclose(const TreeNode& node);
 
-/// What a leaf can hold: a face (index into the caller's faces) or a frontier node.
-struct BuildItem {
-  GridBox box;
-  NodeSpan frontier;  // size 0: a face
-  std::uint32_t face = 0;
+/// Builds one tree after another, keeping its memory.
+/// The tree depends on the order in which faces and nodes are added, which must not depend on history.
+class TreeBuilder {
+ public:
+  void clear();
+  void add_face(const TreeFace& face) { faces_.push_back(face); }
+  void add_frontier(NodeSpan node, const GridBox& box);
+  void build();
+
+  /// What was built; places count from 0.
+  [[nodiscard]] const TreeEntry& root() const { return root_; }
+  [[nodiscard]] const std::vector<TreeNode>& nodes() const { return nodes_; }
+  [[nodiscard]] const std::vector<FaceBlock>& blocks() const { return blocks_; }
+
+ private:
+  /// A part to be placed: a face, a block or a frontier node.
+  struct Part {
+    std::array<std::int32_t, 3> center;  // by halves, so that it fits
+    std::uint32_t index;
+  };
+  static Part part_of(const GridBox& box, std::uint32_t index);
+  template <class Emit>
+  static void cut(std::span<Part> parts, std::size_t groups, const Emit& emit);
+  void add_block(std::span<Part> parts);
+  TreeEntry make_entry(std::span<Part> parts);
+
+  std::vector<TreeFace> faces_;
+  std::vector<TreeEntry> lanes_;
+  std::vector<Part> parts_;
+  TreeEntry root_;
+  std::vector<TreeNode> nodes_;
+  std::vector<FaceBlock> blocks_;
 };
-
-struct BuildOutput {
-  TreeNode root;
-  std::vector<TreeNode> nodes;  // pairs; children's places count from 0
-  std::vector<std::uint32_t>
-      faces;  // order in which the caller's faces must stand; places count from 0
-};
-
-/// Ties are broken by the items' given order, which must not depend on history. Leaves `items` reordered.
-void build_tree(std::vector<BuildItem>& items, BuildOutput& out);
 
 }  // namespace nearmesh

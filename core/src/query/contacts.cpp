@@ -68,11 +68,19 @@ TouchingFaces collect_faces(const TreeView& tree, const PosedFrame& frame,
     }
   } else {
     std::size_t found = 0;
-    for (const TreeFace& face : tree.faces) {
-      const auto at = static_cast<std::size_t>(place_of(face.key));
-      if (at == faces.keys.size() || faces.keys[at] != face.key) continue;
-      faces.corners[at] = face.corners;
-      ++found;
+    std::vector<TreeEntry> stack{tree.root()};
+    while (!stack.empty()) {
+      const TreeEntry part = stack.back();
+      stack.pop_back();
+      if (part.kind() == TreeEntry::Kind::kInner)
+        tree.for_each_child(part, [&](const TreeEntry& child) { stack.push_back(child); });
+      if (part.kind() != TreeEntry::Kind::kFaces) continue;
+      tree.for_each_face(part, [&](const TreeFace& face) {
+        const auto at = static_cast<std::size_t>(place_of(face.key));
+        if (at == faces.keys.size() || faces.keys[at] != face.key) return;
+        faces.corners[at] = face.corners;
+        ++found;
+      });
     }
     NEARMESH_ASSERT(found == faces.keys.size());
   }

@@ -21,7 +21,7 @@
 namespace nearmesh {
 namespace {
 
-using Kind = TreeNode::Kind;
+using Kind = TreeEntry::Kind;
 __extension__ typedef __int128 Int128;
 
 template <class Int>
@@ -136,7 +136,7 @@ int signed_crossing(const Ray& ray, const LatticeTriangle& t) {
 
 struct Crossings {
   int winding = 0;
-  std::vector<const TreeNode*> missing;
+  std::vector<TreeEntry> missing;
   std::uint64_t missing_size = 0;  // vertices below them: a bound of the splits they take
 };
 
@@ -148,47 +148,47 @@ class RayWalk {
   Crossings run(const Ray& ray) {
     Crossings found;
     const RayTest test(frame_, ray);
-    stack_.assign(1, solid_.root);
-    while (!stack_.empty()) {
-      const TreeNode& node = solid_.nodes[stack_.back()];
-      stack_.pop_back();
-      if (node.kind() == Kind::kEmpty) continue;
+    const auto offer = [&](const TreeEntry& part) {
       ++stats_.box_tests;
-      if (!test.may_meet(node.box)) continue;
-      if (node.kind() == Kind::kInner) {
-        stack_.push_back(node.first + 1);
-        stack_.push_back(node.first);
-      } else if (node.kind() == Kind::kFrontier) {
-        found.missing.push_back(&node);
-        found.missing_size += node.count();
+      if (test.may_meet(part.box)) stack_.push_back(part);
+    };
+    if (solid_.root().kind() != Kind::kEmpty) offer(solid_.root());
+    while (!stack_.empty()) {
+      const TreeEntry part = stack_.back();
+      stack_.pop_back();
+      if (part.kind() == Kind::kInner) {
+        solid_.for_each_child(part, offer);
+      } else if (part.kind() == Kind::kFrontier) {
+        found.missing.push_back(part);
+        found.missing_size += part.count();
       } else {
-        count_faces(ray, node, found);
+        count_faces(ray, part, found);
       }
     }
     return found;
   }
 
  private:
-  void count_faces(const Ray& ray, const TreeNode& node, Crossings& found) {
-    for (const TreeFace& face : solid_.faces.subspan(node.first, node.count())) {
+  void count_faces(const Ray& ray, const TreeEntry& leaf, Crossings& found) {
+    solid_.for_each_face(leaf, [&](const TreeFace& face) {
       ++stats_.triangle_tests;
       found.winding += signed_crossing(
           ray, {pose_point(frame_, face.corners[0]), pose_point(frame_, face.corners[1]),
                 pose_point(frame_, face.corners[2])});
-    }
+    });
   }
 
   const TreeView& solid_;
   const PosedFrame& frame_;
   QueryStats& stats_;
-  std::vector<std::uint32_t> stack_;
+  std::vector<TreeEntry> stack_;
 };
 
 }  // namespace
 
 Location locate(const TreeView& solid, const PosedFrame& frame, const LatticePoint& point,
                 QueryStats& stats) {
-  const TreeNode& root = solid.nodes[solid.root];
+  const TreeEntry root = solid.root();
   if (root.kind() == Kind::kEmpty) return {Side::kOutside, {}, {}};
   const LatticeBox bounds = pose_box(frame, root.box);
   for (int k = 0; k < 3; ++k)

@@ -20,8 +20,8 @@ struct Ray {
 
 struct Location {
   Side side = Side::kOpen;
-  std::vector<const TreeNode*> missing;  ///< open: unresolved nodes on the ray that needs the least
-  Ray ray;                               ///< open: that ray
+  std::vector<TreeEntry> missing;  ///< open: unresolved nodes on the ray that needs the least
+  Ray ray;                         ///< open: that ray
 };
 
 /// The side of `point` (of the pair's lattice) on which the full surface lies: inside where the winding number is

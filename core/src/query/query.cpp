@@ -11,17 +11,40 @@
 #include "nearmesh/core/base/hash.hpp"
 #include "nearmesh/core/geometry/box_overlap.hpp"
 #include "nearmesh/core/geometry/triangle_overlap.hpp"
-#include "node_size.hpp"
 
 namespace nearmesh {
 namespace {
 
-using Kind = TreeNode::Kind;
+using Kind = TreeEntry::Kind;
 
-LatticeTriangle pose_triangle(const PosedFrame& frame, const TreeFace& face) {
-  return {pose_point(frame, face.corners[0]), pose_point(frame, face.corners[1]),
-          pose_point(frame, face.corners[2])};
+LatticeTriangle pose_triangle(const PosedFrame& frame, const std::array<GridPoint, 3>& corners) {
+  return {pose_point(frame, corners[0]), pose_point(frame, corners[1]),
+          pose_point(frame, corners[2])};
 }
+
+/// One tree's nodes as the other body sees them, the latest few of them: a walk comes back to the same ones.
+class PlacedNodes {
+ public:
+  PlacedNodes(const TreeView& tree, const RelativeFrame& tree_in_other)
+      : tree_(tree), frame_(tree_in_other) {
+    held_.fill(kNone);
+  }
+  const PlacedLanes& operator[](std::uint32_t node) {
+    const std::size_t at = node % kHeld;
+    if (held_[at] != node) {
+      place_lanes(frame_, tree_.nodes[node].boxes, placed_[at]);
+      held_[at] = node;
+    }
+    return placed_[at];
+  }
+
+ private:
+  static constexpr std::uint32_t kHeld = 16, kNone = 0xffffffffU;  // each of 1.2 KB
+  const TreeView& tree_;
+  const RelativeFrame& frame_;
+  std::array<std::uint32_t, kHeld> held_;
+  std::array<PlacedLanes, kHeld> placed_;
+};
 
 class Walk {
  public:
@@ -33,14 +56,18 @@ class Walk {
         frame_b_(frame_b),
         options_(options),
         b_in_a_(make_relative_frame(frame_a, frame_b)),
-        a_in_b_(make_relative_frame(frame_b, frame_a)) {}
+        a_in_b_(make_relative_frame(frame_b, frame_a)),
+        cell_a_m_(std::ldexp(1.0, a.grid->exponent)),
+        cell_b_m_(std::ldexp(1.0, b.grid->exponent)),
+        placed_a_(a, a_in_b_),
+        placed_b_(b, b_in_a_) {}
 
   Answer run() {
-    stack_.push_back({a_.root, b_.root});
+    if (!roots_apart()) stack_.push_back({0, 0});
     while (!stack_.empty() && !(options_.any && !answer_.pairs.empty())) {
-      const auto [ia, ib] = stack_.back();
+      const Pair pair = stack_.back();
       stack_.pop_back();
-      visit(ia, ib);
+      visit(pair);
     }
     finish();
     return std::move(answer_);
@@ -48,78 +75,169 @@ class Walk {
 
  private:
   struct Pair {
-    std::uint32_t a, b;
+    TreePlace a, b;
+  };
+  /// An entry in its place.
+  struct Part {
+    Part(const TreeView& tree, TreePlace at)
+        : place(at), node(tree.nodes[at / kLanes]), lane(at % kLanes) {}
+    [[nodiscard]] Kind kind() const { return node.kind(lane); }
+    [[nodiscard]] std::uint32_t first() const { return node.first[lane]; }
+    [[nodiscard]] std::uint32_t count() const { return node.kind_and_count[lane] >> 2; }
+    [[nodiscard]] float size() const { return node.size[lane]; }
+    [[nodiscard]] TreeEntry entry() const { return node.entry(lane); }
+    /// The lanes of a block that hold faces.
+    [[nodiscard]] std::uint32_t faces() const { return (1U << count()) - 1; }
+
+    TreePlace place;
+    const TreeNode& node;
+    std::uint32_t lane;
   };
 
-  void visit(std::uint32_t ia, std::uint32_t ib) {
-    const TreeNode &na = a_.nodes[ia], &nb = b_.nodes[ib];
-    const Kind ka = na.kind(), kb = nb.kind();
-    if (ka == Kind::kEmpty || kb == Kind::kEmpty) return;
-    // A node already known to be missing will be looked at again once it is split.
-    if (ka == Kind::kFrontier && missing_a_.contains(na.first)) return;
-    if (kb == Kind::kFrontier && missing_b_.contains(nb.first)) return;
-    const CenteredBox box_a = centered(na.box), box_b = centered(nb.box);
+  bool roots_apart() {
+    const TreeNode &a = a_.nodes[0], &b = b_.nodes[0];
+    if (a.lanes == 0 || b.lanes == 0) return true;
     ++answer_.stats.box_tests;
-    if (boxes_apart(b_in_a_, box_a, box_b)) return;
-    if (opens_a(na, nb)) {
-      // Pushed in reverse, so that the first child is taken first.
-      stack_.push_back({na.first + 1, ib});
-      stack_.push_back({na.first, ib});
-    } else if (kb == Kind::kInner) {
-      stack_.push_back({ia, nb.first + 1});
-      stack_.push_back({ia, nb.first});
+    return (boxes_apart(b_in_a_, placed_b_[0], 0, a.boxes) & 1U) != 0;
+  }
+
+  // A pair whose boxes may meet.
+  void visit(const Pair& pair) {
+    const Part a(a_, pair.a), b(b_, pair.b);
+    const Kind ka = a.kind(), kb = b.kind();
+    if (ka == Kind::kInner || kb == Kind::kInner) {
+      if (opens_a(ka, a.size(), kb, b.size())) {
+        open(b_in_a_, placed_b_[pair.b / kLanes], b.lane, a_.nodes[a.first()],
+             [&](std::uint32_t lane) {
+               stack_.push_back({a.first() * kLanes + lane, pair.b});
+             });
+      } else {
+        open(a_in_b_, placed_a_[pair.a / kLanes], a.lane, b_.nodes[b.first()],
+             [&](std::uint32_t lane) {
+               stack_.push_back({pair.a, b.first() * kLanes + lane});
+             });
+      }
     } else if (ka == Kind::kFaces && kb == Kind::kFaces) {
-      test_faces(na, nb);
+      test_faces(a, b);
+    } else if (is_missing(a, b)) {
+      return;  // will be looked at again once it is split
     } else if (ka == Kind::kFrontier && kb == Kind::kFrontier) {
       // The larger of two is the one to split next; ties go to a.
-      if (size_m(a_, na) >= size_m(b_, nb)) {
-        add_missing(a_, na, missing_a_);
+      if (is_larger(a.size(), b.size())) {
+        add_missing(a_, a.entry(), missing_a_);
       } else {
-        add_missing(b_, nb, missing_b_);
+        add_missing(b_, b.entry(), missing_b_);
       }
     } else if (ka == Kind::kFrontier) {
-      if (meets_face(b_in_a_, box_a, b_, nb)) add_missing(a_, na, missing_a_);
+      if (meets_face(b_in_a_, a, placed_a_, b_.blocks[b.first()], b.faces()))
+        add_missing(a_, a.entry(), missing_a_);
     } else {
-      if (meets_face(a_in_b_, box_b, a_, na)) add_missing(b_, nb, missing_b_);
+      if (meets_face(a_in_b_, b, placed_b_, a_.blocks[a.first()], a.faces()))
+        add_missing(b_, b.entry(), missing_b_);
     }
   }
 
-  // Whether the next step goes into a's children: the larger of two inner nodes is opened first.
-  [[nodiscard]] bool opens_a(const TreeNode& na, const TreeNode& nb) const {
-    return na.kind() == Kind::kInner &&
-           (nb.kind() != Kind::kInner || size_m(a_, na) >= size_m(b_, nb));
+  // Hands on those of a node's lanes that may meet the other side's part.
+  template <class Push>
+  void open(const RelativeFrame& other_in_own, const PlacedLanes& other, std::uint32_t other_lane,
+            const TreeNode& own, const Push& push) {
+    std::uint32_t close = own.lanes & ~boxes_apart(other_in_own, other, other_lane, own.boxes);
+    answer_.stats.box_tests += kLanes;
+    if (options_.any) {
+      push_deepest_last(other, other_lane, own, close, push);
+      return;
+    }
+    // In reverse, so that the first is on top of the stack.
+    while (close != 0) {
+      const auto lane = static_cast<std::uint32_t>(std::bit_width(close) - 1);
+      close ^= 1U << lane;
+      push(lane);
+    }
   }
 
-  void test_faces(const TreeNode& na, const TreeNode& nb) {
-    std::array<LatticeTriangle, 16> posed_b;
-    for (std::uint32_t j = 0; j < nb.count(); ++j)
-      posed_b[j] = pose_triangle(frame_b_, b_.faces[nb.first + j]);
-    for (std::uint32_t i = 0; i < na.count(); ++i) {
-      const TreeFace& fa = a_.faces[na.first + i];
-      const LatticeTriangle posed_a = pose_triangle(frame_a_, fa);
-      for (std::uint32_t j = 0; j < nb.count(); ++j) {
-        const TreeFace& fb = b_.faces[nb.first + j];
-        ++answer_.stats.triangle_tests;
-        if (!triangles_overlap(posed_a, posed_b[j])) continue;
-        answer_.pairs.push_back({fa.key, fb.key});
+  // Where one contact suffices, the parts that reach deepest into each other are the likeliest to have it.
+  template <class Push>
+  static void push_deepest_last(const PlacedLanes& other, std::uint32_t other_lane,
+                                const TreeNode& own, std::uint32_t close, const Push& push) {
+    struct Lane {
+      double distance;
+      std::uint32_t lane;
+    };
+    std::array<Lane, kLanes> lanes;
+    std::size_t count = 0;
+    for (; close != 0; close &= close - 1) {
+      const auto lane = static_cast<std::uint32_t>(std::countr_zero(close));
+      double distance = 0;
+      for (std::size_t k = 0; k < 3; ++k) {
+        const double lo = own.boxes.lo[k][lane], hi = own.boxes.hi[k][lane];
+        distance = std::max(distance, std::abs(0.5 * (lo + hi) - other.center[k][other_lane]) /
+                                          (0.5 * (hi - lo) + other.reach_own[k][other_lane]));
+      }
+      std::size_t at = count++;  // insertion, farthest first
+      for (; at > 0 && lanes[at - 1].distance < distance; --at) lanes[at] = lanes[at - 1];
+      lanes[at] = {distance, lane};
+    }
+    for (std::size_t i = 0; i < count; ++i) push(lanes[i].lane);
+  }
+
+  [[nodiscard]] bool is_missing(const Part& a, const Part& b) const {
+    return (a.kind() == Kind::kFrontier && missing_a_.contains(a.first())) ||
+           (b.kind() == Kind::kFrontier && missing_b_.contains(b.first()));
+  }
+
+  [[nodiscard]] bool is_larger(float size_a, float size_b) const {
+    return static_cast<double>(size_a) * cell_a_m_ >= static_cast<double>(size_b) * cell_b_m_;
+  }
+
+  // Whether the next step goes into a's children: the larger of two inner parts is opened first.
+  [[nodiscard]] bool opens_a(Kind ka, float size_a, Kind kb, float size_b) const {
+    return ka == Kind::kInner && (kb != Kind::kInner || is_larger(size_a, size_b));
+  }
+
+  void test_faces(const Part& a, const Part& b) {
+    const FaceBlock &block_a = a_.blocks[a.first()], &block_b = b_.blocks[b.first()];
+    answer_.stats.triangle_tests += std::uint64_t{a.count()} * b.count();
+    std::uint32_t close_a =
+        a.faces() & ~triangles_apart(placed_b_[b.place / kLanes], b.lane, block_a.triangles);
+    if (close_a == 0) return;
+    const std::uint32_t close_b =
+        b.faces() & ~triangles_apart(placed_a_[a.place / kLanes], a.lane, block_b.triangles);
+    if (close_b == 0) return;
+    PlacedTriangles placed_b;
+    place_triangles(b_in_a_, block_b.triangles, placed_b);
+    for (; close_a != 0; close_a &= close_a - 1) {
+      const auto i = static_cast<std::uint32_t>(std::countr_zero(close_a));
+      const std::array<GridPoint, 3> corners_a = block_a.triangles.corners(i);
+      std::uint32_t close = close_b & ~planes_apart(b_in_a_, as_doubles(corners_a), placed_b);
+      if (close == 0) continue;
+      const LatticeTriangle posed_a = pose_triangle(frame_a_, corners_a);
+      for (; close != 0; close &= close - 1) {
+        const auto j = static_cast<std::uint32_t>(std::countr_zero(close));
+        if (!triangles_overlap(posed_a, pose_triangle(frame_b_, block_b.triangles.corners(j))))
+          continue;
+        answer_.pairs.push_back({block_a.keys[i], block_b.keys[j]});
         if (options_.any) return;
       }
     }
   }
 
   // Whether a frontier box (in its own grid) may meet one of the other side's exact faces.
-  bool meets_face(const RelativeFrame& other_in_own, const CenteredBox& box, const TreeView& other,
-                  const TreeNode& faces) {
-    for (std::uint32_t i = 0; i < faces.count(); ++i) {
-      const DoubleTriangle triangle =
-          to_a_units(other_in_own, other.faces[faces.first + i].corners);
+  bool meets_face(const RelativeFrame& other_in_own, const Part& own, PlacedNodes& own_in_other,
+                  const FaceBlock& block, std::uint32_t faces) {
+    std::uint32_t close =
+        faces & ~triangles_apart(own_in_other[own.place / kLanes], own.lane, block.triangles);
+    const CenteredBox box = centered(own.node.boxes.box(own.lane));
+    for (; close != 0; close &= close - 1) {
+      const auto i = static_cast<std::uint32_t>(std::countr_zero(close));
       ++answer_.stats.box_tests;
-      if (!box_triangle_apart(other_in_own, box, triangle)) return true;
+      if (!box_triangle_apart(other_in_own, box,
+                              to_a_units(other_in_own, block.triangles.corners(i))))
+        return true;
     }
     return false;
   }
 
-  void add_missing(const TreeView& tree, const TreeNode& node,
+  void add_missing(const TreeView& tree, const TreeEntry& node,
                    std::unordered_set<std::uint32_t>& set) {
     set.insert(node.first);
     // By the set: both bodies may have the same tree.
@@ -154,7 +272,7 @@ class Walk {
 
   // The surfaces are apart. Each question is answered to the end, so that a certified answer is the same on every peer.
   void settle_containment() {
-    const TreeNode &root_a = a_.nodes[a_.root], &root_b = b_.nodes[b_.root];
+    const TreeEntry root_a = a_.root(), root_b = b_.root();
     if (root_a.kind() == Kind::kEmpty || root_b.kind() == Kind::kEmpty ||
         boxes_apart(b_in_a_, centered(root_a.box), centered(root_b.box)))
       return;
@@ -187,10 +305,10 @@ class Walk {
     }
     std::vector<GridBox>& rays = &known == &missing_a_ ? answer_.rays_a : answer_.rays_b;
     for (const Location& at : open)
-      for (const TreeNode* node : at.missing) {
-        if (known.contains(node->first)) continue;
-        add_missing(solid, *node, known);
-        add_ray_boxes(solid_frame, at.ray, node->box, rays);
+      for (const TreeEntry& node : at.missing) {
+        if (known.contains(node.first)) continue;
+        add_missing(solid, node, known);
+        add_ray_boxes(solid_frame, at.ray, node.box, rays);
       }
     return open.empty() ? Side::kOutside : Side::kOpen;
   }
@@ -205,32 +323,29 @@ class Walk {
     // bound.
     struct Gap {
       double gap;
-      std::uint32_t order, a, b;
+      std::uint32_t order;
+      TreeEntry a, b;
       bool operator<(const Gap& o) const { return gap != o.gap ? gap > o.gap : order > o.order; }
     };
     std::priority_queue<Gap> queue;
     std::uint32_t order = 0;
-    const auto offer = [&](std::uint32_t ia, std::uint32_t ib) {
-      const TreeNode &na = a_.nodes[ia], &nb = b_.nodes[ib];
+    const auto offer = [&](const TreeEntry& na, const TreeEntry& nb) {
       if (na.kind() == Kind::kEmpty || nb.kind() == Kind::kEmpty) return;
       ++answer_.stats.box_tests;
-      queue.push({boxes_gap_m(b_in_a_, centered(na.box), centered(nb.box)), order++, ia, ib});
+      queue.push({boxes_gap_m(b_in_a_, centered(na.box), centered(nb.box)), order++, na, nb});
     };
-    offer(a_.root, b_.root);
+    offer(a_.root(), b_.root());
     double found = std::numeric_limits<double>::infinity();
     for (int step = 0; !queue.empty() && queue.top().gap < found; ++step) {
       const Gap top = queue.top();
       if (step == kMaxSteps) return top.gap;
       queue.pop();
-      const TreeNode &na = a_.nodes[top.a], &nb = b_.nodes[top.b];
-      if (opens_a(na, nb)) {
-        offer(na.first, top.b);
-        offer(na.first + 1, top.b);
-      } else if (nb.kind() == Kind::kInner) {
-        offer(top.a, nb.first);
-        offer(top.a, nb.first + 1);
-      } else if (na.kind() == Kind::kFaces && nb.kind() == Kind::kFaces) {
-        found = faces_gap_m(na, nb, found);
+      if (opens_a(top.a.kind(), size_of(top.a.box), top.b.kind(), size_of(top.b.box))) {
+        a_.for_each_child(top.a, [&](const TreeEntry& child) { offer(child, top.b); });
+      } else if (top.b.kind() == Kind::kInner) {
+        b_.for_each_child(top.b, [&](const TreeEntry& child) { offer(top.a, child); });
+      } else if (top.a.kind() == Kind::kFaces && top.b.kind() == Kind::kFaces) {
+        found = faces_gap_m(top.a, top.b, found);
       } else {
         found = std::min(found, top.gap);  // an unresolved node: its box stands for what is in it
       }
@@ -239,15 +354,15 @@ class Walk {
   }
 
   // The least gap of two leaves' faces, or `found` when none is below it. Most pairs are settled by their boxes.
-  double faces_gap_m(const TreeNode& na, const TreeNode& nb, double found) const {
-    for (std::uint32_t j = 0; j < nb.count(); ++j) {
-      const DoubleTriangle tb = to_a_units(b_in_a_, b_.faces[nb.first + j].corners);
-      for (std::uint32_t i = 0; i < na.count(); ++i) {
-        const DoubleTriangle ta = as_doubles(a_.faces[na.first + i].corners);
+  double faces_gap_m(const TreeEntry& na, const TreeEntry& nb, double found) const {
+    b_.for_each_face(nb, [&](const TreeFace& face_b) {
+      const DoubleTriangle tb = to_a_units(b_in_a_, face_b.corners);
+      a_.for_each_face(na, [&](const TreeFace& face_a) {
+        const DoubleTriangle ta = as_doubles(face_a.corners);
         if (extents_gap_m(ta, tb) < found)
           found = std::min(found, triangles_gap_m(b_in_a_, ta, tb));
-      }
-    }
+      });
+    });
     return found;
   }
 
@@ -267,6 +382,8 @@ class Walk {
   const PosedFrame &frame_a_, &frame_b_;
   const QueryOptions options_;
   const RelativeFrame b_in_a_, a_in_b_;
+  const double cell_a_m_, cell_b_m_;
+  PlacedNodes placed_a_, placed_b_;
   std::vector<Pair> stack_;
   std::unordered_set<std::uint32_t> missing_a_, missing_b_;  // by first vertex; membership only
   Answer answer_;

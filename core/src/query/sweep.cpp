@@ -22,12 +22,11 @@
 
 #include "nearmesh/core/geometry/box_overlap.hpp"
 #include "nearmesh/core/geometry/triangle_overlap.hpp"
-#include "node_size.hpp"
 
 namespace nearmesh {
 namespace {
 
-using Kind = TreeNode::Kind;
+using Kind = TreeEntry::Kind;
 using Vec3 = std::array<double, 3>;
 
 constexpr double kNever = std::numeric_limits<double>::infinity();
@@ -59,6 +58,8 @@ class Sweep {
         lattice_(lattice_exponent(*a.tree.grid, *b.tree.grid)),
         last_instant_(std::uint64_t{1} << (options.time_levels + 1)),
         error_m_(error_of(a) + error_of(b)),
+        cell_a_m_(std::ldexp(1.0, a.tree.grid->exponent)),
+        cell_b_m_(std::ldexp(1.0, b.tree.grid->exponent)),
         views_(static_cast<std::size_t>(options.time_levels) + 1),
         mids_(views_.size()) {
     for (std::size_t k = 0; k < 3; ++k)
@@ -66,7 +67,7 @@ class Sweep {
   }
 
   Result<SweptAnswer> run() {
-    advance(level_of_first_contact(), 0, {{a_.tree.root, b_.tree.root}});
+    advance(level_of_first_contact(), 0, {{a_.tree.root(), b_.tree.root()}});
     if (!status_.is_ok()) return status_;
     finish();
     return std::move(answer_);
@@ -74,7 +75,7 @@ class Sweep {
 
  private:
   struct Pair {
-    std::uint32_t a, b;
+    TreeEntry a, b;
   };
   /// Both frames at an instant.
   struct Posed {
@@ -92,7 +93,7 @@ class Sweep {
   };
 
   [[nodiscard]] double error_of(const Mover& x) const {
-    const double reach = reach_m(*x.tree.grid, x.tree.nodes[x.tree.root].box);
+    const double reach = reach_m(*x.tree.grid, x.tree.root().box);
     return placing_error_m(x.motion, reach, options_.duration_s) +
            posing_error_m(x.motion, reach, options_.duration_s, *x.tree.grid, lattice_);
   }
@@ -175,7 +176,7 @@ class Sweep {
   }
 
   void visit(const Pair& pair, const View& view, std::vector<Pair>& left) {
-    const TreeNode &na = a_.tree.nodes[pair.a], &nb = b_.tree.nodes[pair.b];
+    const TreeEntry &na = pair.a, &nb = pair.b;
     const Kind ka = na.kind(), kb = nb.kind();
     if (ka == Kind::kEmpty || kb == Kind::kEmpty) return;
     // Known to be missing since an earlier start, or the same.
@@ -195,7 +196,8 @@ class Sweep {
         stays_clear(view.b_in_a, drift, box_a, b_.tree, nb))
       return;
     const bool finest = is_finest(view);
-    const double size_a = size_m(a_.tree, na), size_b = size_m(b_.tree, nb);
+    const double size_a = static_cast<double>(size_of(na.box)) * cell_a_m_,
+                 size_b = static_cast<double>(size_of(nb.box)) * cell_b_m_;
     const bool inner_a = ka == Kind::kInner, inner_b = kb == Kind::kInner;
     const bool opens_a = inner_a && (!inner_b || size_a >= size_b);
     // The greater cause first: the box to open, or the way.
@@ -204,12 +206,9 @@ class Sweep {
     if (!finest && (inner_a || inner_b) && way_m > (opens_a ? size_a : size_b)) {
       left.push_back(pair);
     } else if (opens_a) {
-      // Pushed in reverse, so that the first child is taken first.
-      stack_.push_back({na.first + 1, pair.b});
-      stack_.push_back({na.first, pair.b});
+      a_.tree.for_each_child(na, [&](const TreeEntry& child) { stack_.push_back({child, nb}); });
     } else if (inner_b) {
-      stack_.push_back({pair.a, nb.first + 1});
-      stack_.push_back({pair.a, nb.first});
+      b_.tree.for_each_child(nb, [&](const TreeEntry& child) { stack_.push_back({na, child}); });
     } else if (ka == Kind::kFaces && kb == Kind::kFaces) {
       if (!faces_stay_apart(na, nb, view, drift)) {
         if (!finest) {
@@ -235,7 +234,7 @@ class Sweep {
   }
 
   /// `around` of the bound, metres.
-  [[nodiscard]] double around(const TreeNode& na, const TreeNode& nb, const View& view) const {
+  [[nodiscard]] double around(const TreeEntry& na, const TreeEntry& nb, const View& view) const {
     double turned = 0;
     if (a_.turn_rate > 0) turned += a_.turn_rate * reach_m(*a_.tree.grid, na.box);
     if (b_.turn_rate > 0) turned += b_.turn_rate * reach_m(*b_.tree.grid, nb.box);
@@ -248,22 +247,20 @@ class Sweep {
   }
 
   /// False when a pair is closer than the drift resolves. Such pairs are tested at the interval's instants.
-  bool faces_stay_apart(const TreeNode& na, const TreeNode& nb, const View& view,
+  bool faces_stay_apart(const TreeEntry& na, const TreeEntry& nb, const View& view,
                         const Drift& drift) {
     const bool finest = is_finest(view);
     bool apart = true;
-    for (std::uint32_t j = 0; j < nb.count(); ++j) {
-      const TreeFace& fb = b_.tree.faces[nb.first + j];
+    b_.tree.for_each_face(nb, [&](const TreeFace& fb) {
       const DoubleTriangle tb = to_a_units(view.b_in_a, fb.corners);
-      for (std::uint32_t i = 0; i < na.count(); ++i) {
-        const TreeFace& fa = a_.tree.faces[na.first + i];
+      a_.tree.for_each_face(na, [&](const TreeFace& fa) {
         ++answer_.stats.triangle_tests;
-        if (triangles_stay_apart(view.b_in_a, drift, as_doubles(fa.corners), tb)) continue;
+        if (triangles_stay_apart(view.b_in_a, drift, as_doubles(fa.corners), tb)) return;
         apart = false;
         if (finest) test_at(view.first, start_, fa, fb);
         test_at(view.middle, mids_[static_cast<std::size_t>(view.level)], fa, fb);
-      }
-    }
+      });
+    });
     return apart;
   }
 
@@ -299,17 +296,18 @@ class Sweep {
 
   /// Whether a frontier box (in its own grid) stays clear of the other side's exact faces.
   bool stays_clear(const RelativeFrame& other_in_own, const Drift& drift, const CenteredBox& box,
-                   const TreeView& other, const TreeNode& faces) {
-    for (std::uint32_t i = 0; i < faces.count(); ++i) {
+                   const TreeView& other, const TreeEntry& faces) {
+    bool clear = true;
+    other.for_each_face(faces, [&](const TreeFace& face) {
+      if (!clear) return;
       ++answer_.stats.box_tests;
-      if (!box_triangle_stay_apart(other_in_own, drift, box,
-                                   to_a_units(other_in_own, other.faces[faces.first + i].corners)))
-        return false;
-    }
-    return true;
+      clear =
+          box_triangle_stay_apart(other_in_own, drift, box, to_a_units(other_in_own, face.corners));
+    });
+    return clear;
   }
 
-  static void add_missing(const TreeNode& node, const View& view,
+  static void add_missing(const TreeEntry& node, const View& view,
                           std::unordered_set<std::uint32_t>& known, std::vector<Missing>& missing) {
     known.insert(node.first);
     missing.push_back({node.frontier_node(), view.start_s});
@@ -341,7 +339,8 @@ class Sweep {
   const int lattice_;
   const std::uint64_t last_instant_;
   const double error_m_;  ///< placing and posing, of both
-  Vec3 velocity_{};       ///< of b against a
+  const double cell_a_m_, cell_b_m_;
+  Vec3 velocity_{};  ///< of b against a
 
   std::vector<View> views_;  ///< one a level
   std::vector<Posed> mids_;
@@ -409,7 +408,7 @@ double safe_horizon_s(const TreeView& a, const Motion& motion_a, const TreeView&
   const int lattice = lattice_exponent(*a.grid, *b.grid);
   double speed_mps = 0, rounding_m = 0;
   const auto add = [&](const TreeView& tree, const Motion& motion) {
-    const double reach = reach_m(*tree.grid, tree.nodes[tree.root].box);
+    const double reach = reach_m(*tree.grid, tree.root().box);
     speed_mps += speed_bound_mps(motion, reach);
     rounding_m += 2 * posing_error_m(motion, reach, 0, *tree.grid, lattice);  // now and then
   };

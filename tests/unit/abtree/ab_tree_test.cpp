@@ -185,15 +185,16 @@ TEST_P(AbTreeOf, BoxesThatComeLateChangeTheTreeAsIfTheyHadComeFirst) {
   const auto expect_as_from_scratch = [&] {
     const AbTree scratch(replica.mesh());
     const TreeView x = tree.view(model.header.grid), y = scratch.view(model.header.grid);
-    std::vector<std::pair<std::uint32_t, std::uint32_t>> stack{{x.root, y.root}};
+    std::vector<std::pair<TreeEntry, TreeEntry>> stack{{x.root(), y.root()}};
     while (!stack.empty()) {
-      const TreeNode &a = x.nodes[stack.back().first], &b = y.nodes[stack.back().second];
+      const auto [a, b] = stack.back();
       stack.pop_back();
       ASSERT_EQ(a.box, b.box);
+      ASSERT_EQ(a.slab, b.slab);
       ASSERT_EQ(a.kind_and_count, b.kind_and_count);
-      if (a.kind() != TreeNode::Kind::kInner) continue;
-      stack.emplace_back(a.first, b.first);
-      stack.emplace_back(a.first + 1, b.first + 1);
+      if (a.kind() != TreeEntry::Kind::kInner) continue;
+      for (std::uint32_t lane = 0; lane < kLanes; ++lane)
+        stack.emplace_back(x.nodes[a.first].entry(lane), y.nodes[b.first].entry(lane));
     }
   };
   expect_as_from_scratch();

@@ -81,7 +81,9 @@ Motion moving(const Vec3& from, const Vec3& velocity) {
 
 Motion spinning_z(double radps) { return {.angular_velocity_radps = {0, 0, radps}}; }
 
-double lowest_z(const TriangleTree& tree) { return std::ldexp(tree.nodes[0].box.lo[2], -16) - 16; }
+double lowest_z(const TriangleTree& tree) {
+  return std::ldexp(tree.view().root().box.lo[2], -16) - 16;
+}
 
 // ---- F7: tunnelling -----------------------------------------------------------------------------
 

@@ -89,7 +89,7 @@ TEST(SweptRegion, CoversEveryFaceAtEveryTimeOfTheLookAhead) {
     EXPECT_LE(region.size(), max_boxes);
     full += region.size() == max_boxes ? 1 : 0;
 
-    const GridBox& root = own_view.nodes[own_view.root].box;
+    const GridBox root = own_view.root().box;
     const double margin = std::ldexp(scene.margin_m, -a.header.grid.exponent);
     for (int sample = 0; sample <= 4; ++sample) {
       const double t = scene.lookahead_s * sample / 4;

@@ -1,17 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // The active bounding tree of a replica: follows refinement at the cost of what arrived.
-// A sparse upper tree over the roots and the larger nodes of the merge forest, with boxes as they came (of original
-// faces: never refitted); below it slots, maximal nodes of at most 64 ids, each with a micro tree over its exact faces
-// and its unresolved nodes. Takes RefineDelta, gives TreeView.
+// A sparse upper tree over the roots and the larger nodes of the merge forest; below it slots, maximal nodes of at most
+// 64 ids, each with a micro tree over its exact faces and its unresolved nodes, whose boxes stand as they came. Boxes
+// above enclose what is below them. Takes RefineDelta, gives TreeView.
 // Source: the paper, section 3.3 (AB-tree; its inner workings are known from Table 1 only, so this is our own design).
 
+#include <array>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "nearmesh/core/abtree/tree.hpp"
 
 namespace nearmesh {
+
+class TreeBuilder;
 
 struct AbTreeStats {
   std::uint64_t slots = 0;
@@ -25,65 +29,104 @@ class AbTree {
  public:
   /// The tree of the mesh's current state. The mesh must outlive this. Cost: O(active).
   explicit AbTree(const ActiveMesh& mesh);
+  ~AbTree();
 
   /// Follows one operation of the mesh. Must be called for each, in order, and before a collapsed node's splits are
   /// forgotten by the store. Cost: O(changed slots and their neighbours); nothing when the delta is empty.
   void update(const RefineDelta& delta);
 
   [[nodiscard]] TreeView view(const Grid& grid) const {
-    return {&grid, nodes_, faces_, 0, &mesh_->store(), &mesh_->store().surface()};
+    return {&grid,
+            {nodes_.data(), node_total_},
+            {blocks_.data(), block_total_},
+            &mesh_->store(),
+            &mesh_->store().surface()};
   }
   [[nodiscard]] AbTreeStats stats() const;
 
  private:
   static constexpr std::uint32_t kNone = 0xffffffffU;
+  /// A node of the upper tree has the lanes of a node of the forest: of its descendants so many levels down, and of the
+  /// leaves above these, by first vertex. So its shape follows from what is active.
+  static constexpr std::uint32_t kLevelsPerNode = 3;
 
   // A leaf of the upper tree: a slot, or a larger node that is not split yet.
   struct Leaf {
     NodeSpan node;
-    std::uint32_t tree_node = 0;  // its place in nodes_
-    std::uint32_t node_range = kNone, node_capacity = 0;
-    std::uint32_t face_range = kNone, face_capacity = 0, exact_count = 0;
-    std::uint64_t exact_digest = 0;       // of the exact faces in the micro tree
-    bool changed = false;                 // its own nodes changed since it was built
-    bool queued = false;                  // in pending_
-    std::vector<FaceKey> bucket;          // known faces whose home vertex lies in `node`
+    TreePlace place = 0;
+    std::uint16_t depth = 0;         // levels of the forest above it
+    bool changed = false;            // its own nodes changed since it was built
+    bool queued = false;             // in pending_
+    std::uint32_t exact_count = 0;   // faces in the micro tree
+    std::uint64_t exact_digest = 0;  // of these
+    std::vector<FaceKey>
+        inherited;  // known faces of splits above it whose home vertex lies in `node`
     std::vector<std::uint32_t> watchers;  // leaves with a face that has a corner here
 
     [[nodiscard]] bool is_slot() const { return node.size <= kSlotSize; }
   };
+  /// What else is known of a node of the upper tree.
+  struct Upper {
+    std::array<std::uint32_t, kLanes> first_vertices;  // of the lanes, or kNone
+    TreePlace parent;
+    std::uint32_t level;  // nodes above it
+    bool queued;          // in refits_
+  };
+  /// Lanes [begin, end) of an upper node: where a node of the forest has its part of the tree.
+  struct Lanes {
+    std::uint32_t tree_node, begin, end;
+    std::uint16_t depth;
+  };
 
-  std::uint32_t new_leaf(NodeSpan node, std::uint32_t tree_node);
+  std::uint32_t new_leaf(NodeSpan node, TreePlace place, std::uint16_t depth);
   void free_leaf(std::uint32_t leaf);
   [[nodiscard]] std::uint32_t leaf_of(VertexId active) const { return leaf_of_[active.value] - 1; }
   void set_leaf_of(VertexId active, std::uint32_t leaf) { leaf_of_[active.value] = leaf + 1; }
+  [[nodiscard]] std::uint32_t leaf_at(TreePlace place) const;
+  void set_entry(TreePlace place, const TreeEntry& entry);
+  [[nodiscard]] TreeEntry entry(TreePlace place) const {
+    return nodes_[place / kLanes].entry(place % kLanes);
+  }
+
   void mark_changed(std::uint32_t leaf);
   void apply_split(VertexId u);
   void apply_collapse(NodeSpan node);
   void apply_box(NodeSpan node);
   void rebuild(std::uint32_t leaf);
   void store_micro_tree(std::uint32_t leaf);
-  [[nodiscard]] std::uint32_t find_tree_node(NodeSpan node) const;
+  void free_micro_tree(const TreeEntry& entry);
+  template <class Visit>
+  void for_each_face(const Leaf& leaf, const Visit& visit) const;
 
-  // Ranges of nodes_ and faces_ in powers of two, with free lists.
-  template <class T>
-  static std::uint32_t allocate(std::vector<T>& pool, std::vector<std::vector<std::uint32_t>>& free,
-                                std::uint32_t capacity);
+  [[nodiscard]] Lanes find_lanes(NodeSpan node) const;
+  [[nodiscard]] std::uint32_t lane_count(std::uint32_t tree_node) const;
+  void move_lane(std::uint32_t tree_node, std::uint32_t from, std::uint32_t to);
+  void queue_refit(std::uint32_t tree_node);
+  void refit();
+  std::uint32_t new_node();
+  std::uint32_t new_upper(TreePlace parent);
+  void free_node(std::uint32_t tree_node);
+  std::uint32_t new_block();
 
   const ActiveMesh* mesh_;
-  std::vector<TreeNode> nodes_;
-  std::vector<TreeFace> faces_;
-  std::vector<std::vector<std::uint32_t>> free_nodes_, free_faces_;  // by log2 of the capacity
+  // The first of each array are in use, but for what is in a list of free ones.
+  LazyArray<TreeNode> nodes_;
+  LazyArray<Upper> uppers_;  // beside nodes_
+  LazyArray<FaceBlock> blocks_;
+  std::uint32_t node_total_ = 0, block_total_ = 0;
+  std::vector<std::uint32_t> free_nodes_, free_blocks_;
   std::vector<Leaf> leaves_;
   std::vector<std::uint32_t> free_leaves_;
-  LazyArray<std::uint32_t> leaf_of_;       // by active vertex, plus one
-  std::vector<std::uint32_t> root_nodes_;  // place in nodes_ of each root
-  std::vector<std::uint32_t> pending_;     // leaves to look at
+  LazyArray<std::uint32_t> leaf_of_;                             // by active vertex, plus one
+  std::vector<TreePlace> root_places_;                           // of each root
+  std::vector<std::uint32_t> pending_;                           // leaves to look at
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> refits_;  // level and index of nodes, a heap
   std::uint64_t exact_total_ = 0, slot_total_ = 0, rebuilt_slots_ = 0, rebuilt_faces_ = 0;
 
   // Scratch of rebuild().
   std::vector<FaceKey> exact_keys_;
-  std::vector<TreeFace> exact_faces_;
+  std::vector<std::uint32_t> node_places_, block_places_;
+  std::unique_ptr<TreeBuilder> builder_;
 };
 
 }  // namespace nearmesh

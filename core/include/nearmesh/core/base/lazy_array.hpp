@@ -39,7 +39,21 @@ class LazyArray {
     if (data_ != nullptr) ::munmap(data_, size_ * sizeof(T));
   }
 
+  /// Room for more, all zero. Pages move, nothing is copied; references to elements become invalid.
+  void grow(std::size_t size) {
+    NEARMESH_ASSERT(size >= size_);
+    if (size_ == 0) {
+      *this = LazyArray(size);
+      return;
+    }
+    void* p = ::mremap(data_, size_ * sizeof(T), size * sizeof(T), MREMAP_MAYMOVE);
+    if (p == MAP_FAILED) throw std::bad_alloc();
+    data_ = static_cast<T*>(p);
+    size_ = size;
+  }
+
   [[nodiscard]] std::size_t size() const { return size_; }
+  [[nodiscard]] const T* data() const { return data_; }
   T& operator[](std::size_t i) {
     NEARMESH_ASSERT(i < size_);
     return data_[i];

@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// Eight boxes or triangles of one model side by side, and conservative separation tests of all of them at once against
+// one box or triangle of another. "Apart" means what box_overlap.hpp means by it: true of the posed integer geometry.
+// By whatever vectors the processor has; each operation stands in one order and none is contracted, so every lane gives
+// the same bits on every machine.
+//
+// Slabs. Beside its box, what lies in it may be known to lie between two parallel planes: a patch of surface is much
+// thinner than its box, unless it happens to be parallel to an axis. Two patches near to touching are almost parallel,
+// and there the slabs part what the boxes cannot. Measured in ARCHITECTURE.md.
+
+#include <cstdint>
+
+#include "nearmesh/core/geometry/box_overlap.hpp"
+
+namespace nearmesh {
+
+inline constexpr std::uint32_t kLanes = 8;
+/// All lanes, as bits.
+inline constexpr std::uint32_t kAllLanes = (1U << kLanes) - 1;
+
+/// How long the normals of slabs are, nearly.
+inline constexpr double kSlabLength = 127;
+
+/// from <= normal . (x - centre of the box beside it) <= to, in grid units, for all points x of what the box bounds.
+/// Normal 0: nothing is known.
+struct Slab {
+  std::array<std::int8_t, 3> normal{};
+  float from = 0, to = 0;
+  bool operator==(const Slab&) const = default;
+};
+
+/// Boxes and slabs of up to eight parts of a model, in its grid units. Unused lanes hold zeros.
+struct BoxLanes {
+  std::int32_t lo[3][kLanes] = {}, hi[3][kLanes] = {};
+  float from[kLanes] = {}, to[kLanes] = {};
+  std::int8_t normal[3][kLanes] = {};
+
+  /// Precondition: the box is not empty.
+  void set(std::uint32_t lane, const GridBox& box, const Slab& slab) {
+    for (int k = 0; k < 3; ++k) {
+      lo[k][lane] = box.lo[k];
+      hi[k][lane] = box.hi[k];
+      normal[k][lane] = slab.normal[static_cast<std::size_t>(k)];
+    }
+    from[lane] = slab.from;
+    to[lane] = slab.to;
+  }
+  [[nodiscard]] GridBox box(std::uint32_t lane) const {
+    return {{{lo[0][lane], lo[1][lane], lo[2][lane]}}, {{hi[0][lane], hi[1][lane], hi[2][lane]}}};
+  }
+  [[nodiscard]] Slab slab(std::uint32_t lane) const {
+    return {{normal[0][lane], normal[1][lane], normal[2][lane]}, from[lane], to[lane]};
+  }
+};
+
+/// Up to eight triangles, in grid units: [corner][axis][lane]. Unused lanes repeat a used one.
+struct TriangleLanes {
+  std::int32_t corner[3][3][kLanes] = {};
+
+  void set(std::uint32_t lane, const std::array<GridPoint, 3>& corners) {
+    for (std::size_t c = 0; c < 3; ++c)
+      for (int k = 0; k < 3; ++k) corner[c][k][lane] = corners[c][k];
+  }
+  [[nodiscard]] std::array<GridPoint, 3> corners(std::uint32_t lane) const {
+    std::array<GridPoint, 3> out;
+    for (std::size_t c = 0; c < 3; ++c)
+      for (int k = 0; k < 3; ++k) out[c][k] = corner[c][k][lane];
+    return out;
+  }
+};
+
+/// The slab between two values of normal . (x - centre of the box), rounded outwards. Precondition: from <= to.
+[[nodiscard]] Slab make_slab(const std::array<std::int8_t, 3>& normal, double from, double to);
+/// An integer direction close to `direction` (any length but 0), of a length close to kSlabLength.
+[[nodiscard]] std::array<std::int8_t, 3> make_slab_normal(const std::array<double, 3>& direction);
+/// Bounds of normal . (x - origin) over all x that a box and its slab bound.
+struct Span {
+  double from, to;
+};
+[[nodiscard]] Span span_along(const std::array<std::int8_t, 3>& normal, const GridPoint& origin,
+                              const GridBox& box, const Slab& slab);
+
+/// Parts of the other model as they are seen from one's own grid: made once, tested against many.
+struct PlacedLanes {
+  double center[3][kLanes];         ///< own units
+  double half[3][kLanes];           ///< half extents in the other's units
+  double reach_own[3][kLanes];      ///< half extents along own axes, with the slack
+  double reach_other[3][kLanes];    ///< half extents along the other's normals, with the slack
+  double normal[3][kLanes];         ///< of the slab, as a direction of own units; 0: none
+  double from[kLanes], to[kLanes];  ///< of the slab about the centre, with the slack
+  double per_square[kLanes];        ///< 1 / |normal|^2; 0 where there is none
+};
+void place_lanes(const RelativeFrame& other_in_own, const BoxLanes& other, PlacedLanes& out);
+
+/// Bit i: lane i of one's own is certainly apart from one lane of the other model's. Tried are the axes of both boxes and
+/// both slabs' normals. Bits of unused lanes mean nothing.
+[[nodiscard]] std::uint32_t boxes_apart(const RelativeFrame& other_in_own, const PlacedLanes& other,
+                                        std::uint32_t other_lane, const BoxLanes& own);
+/// The same for own triangles; the axes are one's own and the normal of the other's slab.
+[[nodiscard]] std::uint32_t triangles_apart(const PlacedLanes& other, std::uint32_t other_lane,
+                                            const TriangleLanes& own);
+
+/// The other's triangles in own units, as to_a_units places them.
+struct PlacedTriangles {
+  double corner[3][3][kLanes];
+};
+void place_triangles(const RelativeFrame& other_in_own, const TriangleLanes& other,
+                     PlacedTriangles& out);
+/// Bit i: own triangle (by as_doubles) and the other's triangle i are certainly apart, because one lies wholly on one
+/// side of the other's plane. Most pairs that do not touch end here.
+[[nodiscard]] std::uint32_t planes_apart(const RelativeFrame& other_in_own,
+                                         const DoubleTriangle& own, const PlacedTriangles& other);
+
+}  // namespace nearmesh

@@ -1,0 +1,321 @@
+// SPDX-License-Identifier: Apache-2.0
+// Errors. box_overlap.cpp bounds what rounding of posed corners and of doubles does to a projection on any axis n by
+// slack |n|_1, half of which is left over there for the doubles. The sums here have the same terms: with d the vector
+// between the centres, a slab of normal m bounds n . x by a (m . x) + (n - a m) . x for any number a, so its factor a
+// needs no error bound, and |a m|, |n - a m| are at most |n| and a few per cent, since a is nearly the projection's. So the terms
+// stay below those of box_overlap.cpp, and twice its slack, 2 slack |n|_1, covers this form of them; the slab of the
+// other part is used as an axis and as a bound, and carries its 2 slack |e|_1 itself.
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "lanes.cpp"
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "nearmesh/core/geometry/lanes.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace nearmesh::HWY_NAMESPACE {
+namespace hn = hwy::HWY_NAMESPACE;
+
+using Doubles = hn::CappedTag<double, kLanes>;
+using Ints = hn::Rebind<std::int32_t, Doubles>;
+using Bytes = hn::Rebind<std::int8_t, Doubles>;
+using Floats = hn::Rebind<float, Doubles>;
+using Vec = hn::Vec<Doubles>;
+using Mask = hn::Mask<Doubles>;
+
+Vec dot(const Vec (&a)[3], const Vec (&b)[3]) {
+  return hn::Add(hn::Add(hn::Mul(a[0], b[0]), hn::Mul(a[1], b[1])), hn::Mul(a[2], b[2]));
+}
+Vec dot(const double* a, const Vec (&b)[3]) {
+  const Doubles d;
+  return hn::Add(hn::Add(hn::Mul(hn::Set(d, a[0]), b[0]), hn::Mul(hn::Set(d, a[1]), b[1])),
+                 hn::Mul(hn::Set(d, a[2]), b[2]));
+}
+Vec load(const std::int32_t* p) { return hn::PromoteTo(Doubles(), hn::LoadU(Ints(), p)); }
+Vec load(const float* p) { return hn::PromoteTo(Doubles(), hn::LoadU(Floats(), p)); }
+Vec load(const std::int8_t* p) {
+  return hn::PromoteTo(Doubles(), hn::PromoteTo(Ints(), hn::LoadU(Bytes(), p)));
+}
+std::uint32_t bits_of(Mask mask) {
+  std::uint8_t bytes[8] = {};
+  hn::StoreMaskBits(Doubles(), mask, bytes);
+  return bytes[0];
+}
+
+void place_lanes_all(const RelativeFrame& f, const BoxLanes& other, PlacedLanes& out) {
+  const Doubles d;
+  const auto at = [&d](double x) { return hn::Set(d, x); };
+  for (std::size_t lane = 0; lane < kLanes; lane += hn::Lanes(d)) {
+    Vec c[3], half[3], m[3];
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Vec lo = load(other.lo[k] + lane), hi = load(other.hi[k] + lane);
+      c[k] = hn::Mul(at(0.5), hn::Add(lo, hi));
+      half[k] = hn::Mul(at(0.5), hn::Sub(hi, lo));
+      hn::StoreU(half[k], d, out.half[k] + lane);
+      m[k] = load(other.normal[k] + lane);
+    }
+    Vec square = hn::Zero(d), length = hn::Zero(d);
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double* abs_n = f.abs_inverse.data() + 3 * k;
+      const double column[3] = {f.inverse[k], f.inverse[3 + k], f.inverse[6 + k]};
+      hn::StoreU(hn::Add(dot(f.rotation.data() + 3 * k, c), at(f.translation[k])), d,
+                 out.center[k] + lane);
+      hn::StoreU(hn::Add(dot(f.abs_rotation.data() + 3 * k, half), at(f.slack)), d,
+                 out.reach_own[k] + lane);
+      hn::StoreU(hn::Add(half[k], at((abs_n[0] + abs_n[1] + abs_n[2]) * f.slack)), d,
+                 out.reach_other[k] + lane);
+      const Vec n = dot(column, m);
+      hn::StoreU(n, d, out.normal[k] + lane);
+      square = hn::Add(square, hn::Mul(n, n));
+      length = hn::Add(length, hn::Abs(n));
+    }
+    const Vec room = hn::Mul(at(2 * f.slack), length);
+    hn::StoreU(hn::Sub(load(other.from + lane), room), d, out.from + lane);
+    hn::StoreU(hn::Add(load(other.to + lane), room), d, out.to + lane);
+    hn::StoreU(hn::IfThenElseZero(hn::Gt(square, hn::Zero(d)), hn::Div(at(1), square)), d,
+               out.per_square + lane);
+  }
+}
+
+/// The two tests by slabs, for lanes that the boxes' axes do not part.
+HWY_INLINE Mask slabs_apart(const RelativeFrame& f, const PlacedLanes& other, std::uint32_t i,
+                            const BoxLanes& own, std::size_t lane, const Vec (&between)[3],
+                            const Vec (&half)[3]) {
+  const Doubles d;
+  const auto at = [&d](double x) { return hn::Set(d, x); };
+  Vec n[3];
+  for (std::size_t k = 0; k < 3; ++k) n[k] = load(own.normal[k] + lane);
+  const Vec own_from = load(own.from + lane), own_to = load(own.to + lane);
+  const Vec e[3] = {at(other.normal[0][i]), at(other.normal[1][i]), at(other.normal[2][i])};
+  const Vec other_from = at(other.from[i]), other_to = at(other.to[i]);
+  const Vec along = dot(e, n);
+  Mask found = hn::Gt(own_from, own_to);  // none
+  if (other.per_square[i] > 0) {          // along the other's normal e = a n + rest
+    const Vec a = hn::Mul(along, at(1.0 / (kSlabLength * kSlabLength)));  // |n|, nearly
+    Vec rest[3];
+    for (std::size_t k = 0; k < 3; ++k) rest[k] = hn::Abs(hn::Sub(e[k], hn::Mul(a, n[k])));
+    const Vec reach = dot(rest, half), middle = dot(e, between);
+    const Vec x = hn::Mul(a, own_from), y = hn::Mul(a, own_to);
+    found = hn::Or(hn::Gt(hn::Sub(hn::Add(middle, hn::Min(x, y)), reach), other_to),
+                   hn::Lt(hn::Add(hn::Add(middle, hn::Max(x, y)), reach), other_from));
+  }
+  // Along one's own n = a e + rest; a lane without a slab has n = 0 and finds nothing.
+  const Vec a = hn::Mul(along, at(other.per_square[i]));
+  Vec rest[3], reach = hn::Zero(d);
+  for (std::size_t k = 0; k < 3; ++k) rest[k] = hn::Sub(n[k], hn::Mul(a, e[k]));
+  for (std::size_t j = 0; j < 3; ++j) {
+    const double column[3] = {f.rotation[j], f.rotation[3 + j], f.rotation[6 + j]};
+    reach = hn::Add(reach, hn::Mul(hn::Abs(dot(column, rest)), at(other.half[j][i])));
+  }
+  const Vec room =
+      hn::Mul(at(2 * f.slack), hn::Add(hn::Add(hn::Abs(n[0]), hn::Abs(n[1])), hn::Abs(n[2])));
+  const Vec middle = dot(n, between);  // from the other's centre to one's own
+  const Vec x = hn::Mul(a, other_from), y = hn::Mul(a, other_to);
+  const Vec from = hn::Sub(hn::Add(middle, own_from), room);
+  const Vec to = hn::Add(hn::Add(middle, own_to), room);
+  found = hn::Or(found, hn::Gt(from, hn::Add(hn::Max(x, y), reach)));
+  return hn::Or(found, hn::Lt(to, hn::Sub(hn::Min(x, y), reach)));
+}
+
+std::uint32_t boxes_apart_lanes(const RelativeFrame& f, const PlacedLanes& other, std::uint32_t i,
+                                const BoxLanes& own) {
+  const Doubles d;
+  const auto at = [&d](double x) { return hn::Set(d, x); };
+  std::uint32_t apart = 0;
+  for (std::size_t lane = 0; lane < kLanes; lane += hn::Lanes(d)) {
+    Vec between[3], half[3];
+    Mask found = hn::Gt(hn::Zero(d), hn::Zero(d));
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Vec lo = load(own.lo[k] + lane), hi = load(own.hi[k] + lane);
+      half[k] = hn::Mul(at(0.5), hn::Sub(hi, lo));
+      between[k] = hn::Sub(hn::Mul(at(0.5), hn::Add(lo, hi)), at(other.center[k][i]));
+      found =
+          hn::Or(found, hn::Gt(hn::Abs(between[k]), hn::Add(half[k], at(other.reach_own[k][i]))));
+    }
+    for (std::size_t j = 0; j < 3; ++j)
+      found = hn::Or(found, hn::Gt(hn::Abs(dot(f.inverse.data() + 3 * j, between)),
+                                   hn::Add(dot(f.abs_inverse.data() + 3 * j, half),
+                                           at(other.reach_other[j][i]))));
+    if (!hn::AllTrue(d, found))
+      found = hn::Or(found, slabs_apart(f, other, i, own, lane, between, half));
+    apart |= bits_of(found) << lane;
+  }
+  return apart;
+}
+
+std::uint32_t triangles_apart_lanes(const PlacedLanes& other, std::uint32_t i,
+                                    const TriangleLanes& own) {
+  const Doubles d;
+  const auto at = [&d](double x) { return hn::Set(d, x); };
+  const double normal[3] = {other.normal[0][i], other.normal[1][i], other.normal[2][i]};
+  std::uint32_t apart = 0;
+  for (std::size_t lane = 0; lane < kLanes; lane += hn::Lanes(d)) {
+    Vec corner[3][3];  // about the other's centre
+    Mask found = hn::Gt(hn::Zero(d), hn::Zero(d));
+    for (std::size_t k = 0; k < 3; ++k) {
+      for (std::size_t c = 0; c < 3; ++c)
+        corner[c][k] = hn::Sub(load(own.corner[c][k] + lane), at(other.center[k][i]));
+      const Vec lo = hn::Min(hn::Min(corner[0][k], corner[1][k]), corner[2][k]);
+      const Vec hi = hn::Max(hn::Max(corner[0][k], corner[1][k]), corner[2][k]);
+      found = hn::Or(found, hn::Or(hn::Gt(lo, at(other.reach_own[k][i])),
+                                   hn::Lt(hi, at(-other.reach_own[k][i]))));
+    }
+    if (other.per_square[i] > 0) {
+      const Vec x = dot(normal, corner[0]), y = dot(normal, corner[1]), z = dot(normal, corner[2]);
+      found = hn::Or(found, hn::Or(hn::Gt(hn::Min(hn::Min(x, y), z), at(other.to[i])),
+                                   hn::Lt(hn::Max(hn::Max(x, y), z), at(other.from[i]))));
+    }
+    apart |= bits_of(found) << lane;
+  }
+  return apart;
+}
+
+void place_triangles_all(const RelativeFrame& f, const TriangleLanes& other, PlacedTriangles& out) {
+  const Doubles d;
+  for (std::size_t lane = 0; lane < kLanes; lane += hn::Lanes(d))
+    for (std::size_t c = 0; c < 3; ++c) {
+      const Vec p[3] = {load(other.corner[c][0] + lane), load(other.corner[c][1] + lane),
+                        load(other.corner[c][2] + lane)};
+      for (std::size_t k = 0; k < 3; ++k)
+        hn::StoreU(hn::Add(dot(f.rotation.data() + 3 * k, p), hn::Set(d, f.translation[k])), d,
+                   out.corner[c][k] + lane);
+    }
+}
+
+std::uint32_t planes_apart_lanes(const RelativeFrame& f, const DoubleTriangle& a,
+                                 const PlacedTriangles& other) {
+  const Doubles d;
+  const auto at = [&d](double x) { return hn::Set(d, x); };
+  const Vec slack = at(f.slack);
+  // a's plane: e x g of a's corners relative to the first.
+  double e[3], g[3];
+  for (std::size_t k = 0; k < 3; ++k) {
+    e[k] = a[1][k] - a[0][k];
+    g[k] = a[2][k] - a[0][k];
+  }
+  const double n[3] = {e[1] * g[2] - e[2] * g[1], e[2] * g[0] - e[0] * g[2],
+                       e[0] * g[1] - e[1] * g[0]};
+  const double on_e = n[0] * e[0] + n[1] * e[1] + n[2] * e[2];
+  const double on_g = n[0] * g[0] + n[1] * g[1] + n[2] * g[2];
+  const double grow =
+      f.slack * ((n[0] < 0 ? -n[0] : n[0]) + (n[1] < 0 ? -n[1] : n[1]) + (n[2] < 0 ? -n[2] : n[2]));
+  const Vec above_a = hn::Add(hn::Max(hn::Max(at(on_e), at(on_g)), hn::Zero(d)), at(grow));
+  const Vec below_a = hn::Sub(hn::Min(hn::Min(at(on_e), at(on_g)), hn::Zero(d)), at(grow));
+
+  std::uint32_t apart = 0;
+  for (std::size_t lane = 0; lane < kLanes; lane += hn::Lanes(d)) {
+    Vec b[3][3];  // corner, axis; relative to a's first corner
+    for (std::size_t c = 0; c < 3; ++c)
+      for (std::size_t k = 0; k < 3; ++k)
+        b[c][k] = hn::Sub(hn::LoadU(d, other.corner[c][k] + lane), at(a[0][k]));
+    const Vec d0 = dot(n, b[0]), d1 = dot(n, b[1]), d2 = dot(n, b[2]);
+    Mask found = hn::Or(hn::Gt(hn::Min(hn::Min(d0, d1), d2), above_a),
+                        hn::Lt(hn::Max(hn::Max(d0, d1), d2), below_a));
+    if (!hn::AllTrue(d, found)) {
+      Vec u[3], v[3];
+      for (std::size_t k = 0; k < 3; ++k) {
+        u[k] = hn::Sub(b[1][k], b[0][k]);
+        v[k] = hn::Sub(b[2][k], b[0][k]);
+      }
+      const Vec m[3] = {hn::Sub(hn::Mul(u[1], v[2]), hn::Mul(u[2], v[1])),
+                        hn::Sub(hn::Mul(u[2], v[0]), hn::Mul(u[0], v[2])),
+                        hn::Sub(hn::Mul(u[0], v[1]), hn::Mul(u[1], v[0]))};
+      const Vec room =
+          hn::Mul(slack, hn::Add(hn::Add(hn::Abs(m[0]), hn::Abs(m[1])), hn::Abs(m[2])));
+      const Vec b0 = dot(m, b[0]), b1 = dot(m, b[1]), b2 = dot(m, b[2]);
+      const Vec above_b = hn::Add(hn::Max(hn::Max(b0, b1), b2), room);
+      const Vec below_b = hn::Sub(hn::Min(hn::Min(b0, b1), b2), room);
+      const Vec a1 = dot(e, m), a2 = dot(g, m);
+      const Vec least = hn::Min(hn::Min(a1, a2), hn::Zero(d));
+      const Vec most = hn::Max(hn::Max(a1, a2), hn::Zero(d));
+      found = hn::Or(found, hn::Or(hn::Gt(least, above_b), hn::Lt(most, below_b)));
+    }
+    apart |= bits_of(found) << lane;
+  }
+  return apart;
+}
+
+}  // namespace nearmesh::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace nearmesh {
+
+HWY_EXPORT(place_lanes_all);
+HWY_EXPORT(boxes_apart_lanes);
+HWY_EXPORT(triangles_apart_lanes);
+HWY_EXPORT(place_triangles_all);
+HWY_EXPORT(planes_apart_lanes);
+
+Slab make_slab(const std::array<std::int8_t, 3>& normal, double from, double to) {
+  Slab slab{normal, static_cast<float>(from), static_cast<float>(to)};
+  constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  if (static_cast<double>(slab.from) > from) slab.from = std::nextafter(slab.from, -kInfinity);
+  if (static_cast<double>(slab.to) < to) slab.to = std::nextafter(slab.to, kInfinity);
+  return slab;
+}
+
+std::array<std::int8_t, 3> make_slab_normal(const std::array<double, 3>& direction) {
+  const double most =
+      std::max({std::abs(direction[0]), std::abs(direction[1]), std::abs(direction[2])});
+  std::array<double, 3> unit;  // nearly: the squares of very long directions overflow
+  double square = 0;
+  for (std::size_t k = 0; k < 3; ++k) {
+    unit[k] = direction[k] / most;
+    square += unit[k] * unit[k];
+  }
+  std::array<std::int8_t, 3> normal{};
+  const double scale = kSlabLength / std::sqrt(square);
+  for (std::size_t k = 0; k < 3; ++k)
+    normal[k] = static_cast<std::int8_t>(unit[k] * scale + (unit[k] < 0 ? -0.5 : 0.5));
+  return normal;
+}
+
+Span span_along(const std::array<std::int8_t, 3>& normal, const GridPoint& origin,
+                const GridBox& box, const Slab& slab) {
+  const CenteredBox b = centered(box);
+  double along = 0, square = 0, middle = 0, reach = 0;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const double n = normal[k], s = slab.normal[k];
+    along += n * s;
+    square += s * s;
+    middle += n * (b.center[k] - origin.v[k]);
+  }
+  const double a = square > 0 ? along / square : 0;
+  for (std::size_t k = 0; k < 3; ++k) reach += std::abs(normal[k] - a * slab.normal[k]) * b.half[k];
+  const double x = a * static_cast<double>(slab.from), y = a * static_cast<double>(slab.to);
+  // Terms below 2^42, some ten roundings.
+  constexpr double kRounding = 0x1p-6;
+  return {middle + std::min(x, y) - reach - kRounding, middle + std::max(x, y) + reach + kRounding};
+}
+
+void place_lanes(const RelativeFrame& other_in_own, const BoxLanes& other, PlacedLanes& out) {
+  HWY_DYNAMIC_DISPATCH(place_lanes_all)(other_in_own, other, out);
+}
+
+std::uint32_t boxes_apart(const RelativeFrame& other_in_own, const PlacedLanes& other,
+                          std::uint32_t other_lane, const BoxLanes& own) {
+  return HWY_DYNAMIC_DISPATCH(boxes_apart_lanes)(other_in_own, other, other_lane, own);
+}
+
+std::uint32_t triangles_apart(const PlacedLanes& other, std::uint32_t other_lane,
+                              const TriangleLanes& own) {
+  return HWY_DYNAMIC_DISPATCH(triangles_apart_lanes)(other, other_lane, own);
+}
+
+void place_triangles(const RelativeFrame& other_in_own, const TriangleLanes& other,
+                     PlacedTriangles& out) {
+  HWY_DYNAMIC_DISPATCH(place_triangles_all)(other_in_own, other, out);
+}
+
+std::uint32_t planes_apart(const RelativeFrame& other_in_own, const DoubleTriangle& own,
+                           const PlacedTriangles& other) {
+  return HWY_DYNAMIC_DISPATCH(planes_apart_lanes)(other_in_own, own, other);
+}
+
+}  // namespace nearmesh
+#endif
