@@ -129,7 +129,8 @@ std::vector<std::vector<std::uint8_t>> encode_batches(const SpmHeader& header,
   return batches;
 }
 
-Result<SplitBatch> decode_batch(const SpmHeader& header, std::span<const std::uint8_t> bytes) {
+[[gnu::flatten]] Result<SplitBatch> decode_batch(const SpmHeader& header,
+                                                 std::span<const std::uint8_t> bytes) {
   BitReader in(bytes);
   const std::uint32_t policy = in.get(8);
   if (policy > static_cast<std::uint32_t>(BoxPolicy::kAllNodes))
@@ -162,7 +163,7 @@ Result<SplitBatch> decode_batch(const SpmHeader& header, std::span<const std::ui
   record::ReadingCoder coder(header.tables, in);
   std::size_t next_attach = 0;
   for (std::uint32_t i = 0; i < record_count; ++i) {
-    SplitRecord record;
+    SplitRecord& record = batch.splits.emplace_back();
     if (!expected.pop(record.node)) {
       if (next_attach == attach.size()) return corrupt(i, "attach node");
       record.node = attach[next_attach++];
@@ -172,7 +173,6 @@ Result<SplitBatch> decode_batch(const SpmHeader& header, std::span<const std::ui
                         batch.faces, static_cast<std::uint32_t>(batch.faces.size()));
     if (!coder.good()) return corrupt(i, coder.error());
     expected.push_children(record, included);
-    batch.splits.push_back(record);
   }
   if (next_attach != attach.size() || coder.reader().bits_left() >= 8)
     return Status{StatusCode::kCorrupt, "split batch: bytes left over after its last record"};

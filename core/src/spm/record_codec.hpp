@@ -26,10 +26,9 @@ inline constexpr int kOffset2 = kOffset1 + 12;
 inline constexpr int kFaceCount = kOffset2 + 12;
 inline constexpr int kInLeft = kFaceCount + 1;  // eight classes of side size
 inline constexpr int kInRight = kInLeft + 8;
-inline constexpr int kOutside =
-    kInRight + 8;  // seven kinds of guesses x later face x smallest node
-inline constexpr int kDistance = kOutside + 28;  // known neighbour or the node x below or above
-inline constexpr int kBox = kDistance + 4;       // six classes of node size x three axes
+inline constexpr int kOutside = kInRight + 8;  // 32 kinds of guesses x later face x smallest node
+inline constexpr int kDistance = kOutside + 128;  // known neighbour or the node x below or above
+inline constexpr int kBox = kDistance + 4;        // six classes of node size x three axes
 inline constexpr int kContextCount = kBox + 18;
 
 // Symbols with a meaning of their own.
@@ -253,8 +252,8 @@ int code_offset(Coder& coder, int context, int shift, std::uint32_t max_bias, st
     if (value > 0x7fffffffU) {
       fail(coder, "offset");
     } else {
-      const auto positive = static_cast<std::int32_t>(value);
-      offset = (tail & 1U) != 0 ? -positive : positive;
+      const auto sign = -static_cast<std::int32_t>(tail & 1U);  // all ones when negative
+      offset = (static_cast<std::int32_t>(value) ^ sign) - sign;
     }
   }
   return static_cast<int>(length);
@@ -264,102 +263,84 @@ int code_offset(Coder& coder, int context, int shift, std::uint32_t max_bias, st
 
 /// Guesses the outside corner of a face from its other two: where an earlier face of the batch lies across one of the
 /// new face's edges, its corner there is the one. Holds, for the vertices seen last, the directed edges of faces whose
-/// other side has not come; a few bytes a vertex, since ids near each other fall on different slots.
+/// other side has not come; ids near each other fall on different slots.
 class OpenEdges {
  public:
-  static constexpr std::uint32_t kNone = 0xffffffffU;
+  /// Two vertices, the latest in the low half; the vertex that owns the list stands for none, since it is never outside.
+  using Pair = std::uint64_t;
 
   struct Guesses {
-    std::array<std::uint32_t, 4> vertex{kNone, kNone, kNone, kNone};
-    std::uint32_t count = 0;
-    bool repeated = false;  // one was guessed twice
+    Pair from_left, from_right;
+    std::uint32_t kind;  // below 32: which are outside, and whether left and right agree
 
-    [[nodiscard]] int kind() const {
-      return static_cast<int>(std::min(count, 3U)) + (repeated ? 3 : 0);
-    }
-    [[nodiscard]] std::uint32_t find(std::uint32_t v) const {
-      for (std::uint32_t i = 0; i < count; ++i)
-        if (vertex[i] == v) return i;
-      return count;
+    /// Guess i in [0, 4).
+    [[nodiscard]] std::uint32_t at(std::uint32_t i) const {
+      return static_cast<std::uint32_t>(((i & 1U) != 0 ? from_right : from_left) >> (i & 2U) * 16);
     }
   };
 
   [[nodiscard]] Guesses guess(const SplitFace& face, const NodeSpan& node) const {
-    static constexpr Slot kEmpty;
-    const Slot& l = slots_[face.left.value % kSlots];
-    const Slot& r = slots_[face.right.value % kSlots];
-    const Slot& left = l.vertex == face.left.value ? l : kEmpty;
-    const Slot& right = r.vertex == face.right.value ? r : kEmpty;
-    const Neighbours& a = face.flipped ? left.before : left.after;
-    const Neighbours& b = face.flipped ? right.after : right.before;
-    Guesses guesses;
-    const auto is_outside = [&node](std::uint32_t v) {
-      return (v != kNone) & (v - node.begin() >= node.size);
-    };
-    for (const std::uint32_t v : {a[0], b[0], a[1], b[1]}) {
-      const bool possible = is_outside(v);
-      const bool known =
-          (v == guesses.vertex[0]) | (v == guesses.vertex[1]) | (v == guesses.vertex[2]);
-      guesses.repeated |= possible & known;
-      guesses.vertex[guesses.count] = possible & !known ? v : kNone;
-      guesses.count += possible & !known ? 1 : 0;
-    }
-    return guesses;
+    const std::uint32_t begin = node.begin(), size = node.size;
+    const Pair a = list(face.left.value, face.flipped);
+    const Pair b = list(face.right.value, !face.flipped);
+    const auto a0 = static_cast<std::uint32_t>(a), b0 = static_cast<std::uint32_t>(b);
+    const auto a1 = static_cast<std::uint32_t>(a >> 32), b1 = static_cast<std::uint32_t>(b >> 32);
+    const auto outside = [&](std::uint32_t v) { return v - begin >= size ? 1U : 0U; };
+    const std::uint32_t agree = (a0 == b0) | (a0 == b1) | (a1 == b0);
+    return {a, b,
+            outside(a0) | outside(b0) << 1 | outside(a1) << 2 | outside(b1) << 3 | agree << 4};
   }
-  /// Some vertex outside of `node` that shares an open edge with the face's left or right corner, or kNone.
-  [[nodiscard]] std::uint32_t neighbour(const SplitFace& face, const NodeSpan& node) const {
-    for (const std::uint32_t corner : {face.left.value, face.right.value}) {
-      const Slot& slot = slots_[corner % kSlots];
-      if (slot.vertex != corner) continue;
-      for (const std::uint32_t v : {slot.after[0], slot.before[0], slot.after[1], slot.before[1]})
-        if (v != kNone && v - node.begin() >= node.size) return v;
-    }
-    return kNone;
+  /// Some vertex outside of `node` that shares an open edge with the face's left or right corner, or `none`.
+  [[nodiscard]] std::uint32_t neighbour(const SplitFace& face, const NodeSpan& node,
+                                        std::uint32_t none) const {
+    for (const std::uint32_t corner : {face.left.value, face.right.value})
+      for (const Pair pair : {list(corner, false), list(corner, true)})
+        for (const auto v :
+             {static_cast<std::uint32_t>(pair), static_cast<std::uint32_t>(pair >> 32)})
+          if (v - node.begin() >= node.size) return v;
+    return none;
   }
   void add(const SplitFace& face) {
-    const std::array<VertexId, 3> corners = face.corners();
-    Slot& a = take(corners[0].value);
-    Slot& b = take(corners[1].value);
-    Slot& c = take(corners[2].value);
-    add_edge(a, b, corners[0].value, corners[1].value);
-    add_edge(b, c, corners[1].value, corners[2].value);
-    add_edge(c, a, corners[2].value, corners[0].value);
+    const std::uint32_t left = face.left.value, right = face.right.value;
+    const std::uint32_t outside = face.outside.value;
+    add_corner(left, right, outside, face.flipped);
+    add_corner(right, outside, left, face.flipped);
+    add_corner(outside, left, right, face.flipped);
   }
 
  private:
   static constexpr std::uint32_t kSlots = 256;
-  using Neighbours = std::array<std::uint32_t, 2>;  // latest first
   struct Slot {
-    std::uint32_t vertex = kNone;
-    Neighbours after{kNone, kNone};   // open edges from the vertex to these
-    Neighbours before{kNone, kNone};  // open edges from these to the vertex
+    std::array<Pair, 2> lists{};  // open edges from the vertex to these; from these to the vertex
+    std::uint32_t vertex = 0xffffffffU;
   };
 
-  Slot& take(std::uint32_t v) {
+  // Which of two values is wanted is as good as random, so a branch would be guessed wrong half of the time.
+  static Pair select(bool first, Pair a, Pair b) { return b ^ ((a ^ b) & (0 - Pair{first})); }
+  static Pair none(std::uint32_t v) { return Pair{v} << 32 | v; }
+  [[nodiscard]] Pair list(std::uint32_t v, bool incoming) const {
+    const Slot& slot = slots_[v % kSlots];
+    return select(slot.vertex == v, slot.lists[incoming ? 1 : 0], none(v));
+  }
+  // The face's edges at v, one to `next` and one from `previous` (the reverse when flipped). Each closes the edge that
+  // runs the other way where the list still has it, and stays open otherwise.
+  void add_corner(std::uint32_t v, std::uint32_t next, std::uint32_t previous, bool flipped) {
     Slot& slot = slots_[v % kSlots];
-    if (slot.vertex != v) {
-      slot = Slot{};
-      slot.vertex = v;
-    }
-    return slot;
+    const std::size_t out = flipped ? 1 : 0, in = 1 - out;
+    const bool mine = slot.vertex == v;
+    const Pair to = select(mine, slot.lists[out], none(v));
+    const Pair from = select(mine, slot.lists[in], none(v));
+    const Pair to_left = removed(to, previous, v), from_left = removed(from, next, v);
+    slot.lists[out] = select(from_left == from, to_left << 32 | next, to_left);
+    slot.lists[in] = select(to_left == to, from_left << 32 | previous, from_left);
+    slot.vertex = v;
   }
-  // True when it was there.
-  static bool remove(Neighbours& list, std::uint32_t v) {
-    const bool first = list[0] == v;
-    const bool found = first | (list[1] == v);
-    list[0] = first ? list[1] : list[0];
-    list[1] = found ? kNone : list[1];
-    return found;
-  }
-  static void push(Neighbours& list, std::uint32_t v, bool really) {
-    list[1] = really ? list[0] : list[1];
-    list[0] = really ? v : list[0];
-  }
-  // The edge from v to w: closes the one from w to v, or stays open.
-  static void add_edge(Slot& from, Slot& to, std::uint32_t v, std::uint32_t w) {
-    const bool closes = remove(to.after, v) | remove(from.before, w);
-    push(from.after, w, !closes);
-    push(to.before, v, !closes);
+  // The list of `owner` without v, if it was there.
+  static Pair removed(Pair list, std::uint32_t v, std::uint32_t owner) {
+    const Pair last = Pair{owner} << 32;
+    const Pair rest =
+        select(static_cast<std::uint32_t>(list >> 32) == v, (list & 0xffffffffU) | last, list);
+    return select(static_cast<std::uint32_t>(list) == v, list >> 32 | last, rest);
   }
 
   std::array<Slot, kSlots> slots_{};
@@ -383,39 +364,34 @@ void code_face(Coder& coder, const SpmHeader& header, OpenEdges& edges, const Sp
 
   const OpenEdges::Guesses guesses = edges.guess(face, node);
   std::uint32_t outside = face.outside.value;
-  std::uint32_t symbol = 0, base = OpenEdges::kNone;
+  std::uint32_t symbol = 0;
   if (!Coder::kReads) {
-    symbol = guesses.find(outside);
-    if (symbol == guesses.count) {
-      base = edges.neighbour(face, node);
-      const bool below = outside < (base != OpenEdges::kNone ? base : node.begin());
-      symbol = kOutsideBelow + (below ? 0 : 1);
-    }
+    while (symbol < kOutsideBelow && guesses.at(symbol) != outside) ++symbol;
+    if (symbol == kOutsideBelow && outside >= edges.neighbour(face, node, node.begin())) ++symbol;
   }
   coder.refill();
-  coder.symbol(kOutside + guesses.kind() * 4 + (is_first ? 0 : 2) + (node.size == 2 ? 1 : 0),
-               symbol);
+  coder.symbol(
+      kOutside + static_cast<int>(guesses.kind) * 4 + (is_first ? 0 : 2) + (node.size == 2 ? 1 : 0),
+      symbol);
   if (symbol < kOutsideBelow) {
-    if (Coder::kReads) {
-      if (symbol >= guesses.count) return fail(coder, "guessed corner");
-      outside = guesses.vertex[symbol];
-    }
+    if (Coder::kReads) outside = guesses.at(symbol);
   } else {
     if (Coder::kReads && symbol > kOutsideBelow + 1) return fail(coder, "outside corner");
-    if (Coder::kReads) base = edges.neighbour(face, node);
     const bool below = symbol == kOutsideBelow;
-    const bool has_base = base != OpenEdges::kNone;
-    if (!has_base) base = below ? node.begin() : node.end();
+    const std::uint32_t none = below ? node.begin() : node.end();
+    const std::uint32_t base = edges.neighbour(face, node, none);
     std::uint32_t distance = below ? base - 1 - outside : outside - base;
-    code_number(coder, kDistance + (has_base ? 0 : 2) + (below ? 0 : 1), distance);
+    code_number(coder, kDistance + (base == none ? 2 : 0) + (below ? 0 : 1), distance);
     if (Coder::kReads) {
-      const std::uint32_t room = below ? base : header.vertex_count - base;
-      if (distance >= room) return fail(coder, "outside corner");
+      if (distance >= (below ? base : header.vertex_count - base))
+        return fail(coder, "outside corner");
       outside = below ? base - 1 - distance : base + distance;
-      if (node.contains({outside})) return fail(coder, "outside corner");
     }
   }
-  if (Coder::kReads) face.outside = {outside};
+  if (Coder::kReads) {
+    if (node.contains({outside})) return fail(coder, "outside corner");
+    face.outside = {outside};
+  }
   edges.add(face);
 }
 
@@ -481,7 +457,7 @@ void code_record(Coder& coder, const SpmHeader& header, BoxPolicy box_policy, Op
   for (std::uint32_t i = 0; i < record.face_count; ++i) {
     if (Coder::kReads) {
       if (!coder.good()) return;
-      faces.push_back({{}, {}, {}, i >= record.face_count - flipped});
+      faces.emplace_back().flipped = i >= record.face_count - flipped;
     }
     code_face(coder, header, edges, record, i == 0, faces[face_begin + i]);
   }
