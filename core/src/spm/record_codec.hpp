@@ -264,83 +264,74 @@ int code_offset(Coder& coder, int context, int shift, std::uint32_t max_bias, st
 /// Guesses the outside corner of a face from its other two: where an earlier face of the batch lies across one of the
 /// new face's edges, its corner there is the one. Holds, for the vertices seen last, the directed edges of faces whose
 /// other side has not come; ids near each other fall on different slots.
+/// Which of two values is wanted is as good as random here, so nothing branches: masks choose.
 class OpenEdges {
  public:
-  /// Two vertices, the latest in the low half; the vertex that owns the list stands for none, since it is never outside.
-  using Pair = std::uint64_t;
-
   struct Guesses {
-    Pair from_left, from_right;
-    std::uint32_t kind;  // below 32: which are outside, and whether left and right agree
-
-    /// Guess i in [0, 4).
-    [[nodiscard]] std::uint32_t at(std::uint32_t i) const {
-      return static_cast<std::uint32_t>(((i & 1U) != 0 ? from_right : from_left) >> (i & 2U) * 16);
-    }
+    std::array<std::uint32_t, 4>
+        vertex;          // the latest of left's and of right's, then the ones before
+    std::uint32_t kind;  // below 32: which of them are outside, and whether left and right agree
   };
 
   [[nodiscard]] Guesses guess(const SplitFace& face, const NodeSpan& node) const {
     const std::uint32_t begin = node.begin(), size = node.size;
-    const Pair a = list(face.left.value, face.flipped);
-    const Pair b = list(face.right.value, !face.flipped);
-    const auto a0 = static_cast<std::uint32_t>(a), b0 = static_cast<std::uint32_t>(b);
-    const auto a1 = static_cast<std::uint32_t>(a >> 32), b1 = static_cast<std::uint32_t>(b >> 32);
+    const Lists l = lists(face.left.value), r = lists(face.right.value);
+    const std::size_t out = face.flipped ? 2 : 0, in = 2 - out;
+    Guesses guesses{{l[out], r[in], l[out + 1], r[in + 1]}, 0};
+    const auto [a0, b0, a1, b1] = guesses.vertex;
     const auto outside = [&](std::uint32_t v) { return v - begin >= size ? 1U : 0U; };
     const std::uint32_t agree = (a0 == b0) | (a0 == b1) | (a1 == b0);
-    return {a, b,
-            outside(a0) | outside(b0) << 1 | outside(a1) << 2 | outside(b1) << 3 | agree << 4};
+    guesses.kind =
+        outside(a0) | outside(b0) << 1 | outside(a1) << 2 | outside(b1) << 3 | agree << 4;
+    return guesses;
   }
   /// Some vertex outside of `node` that shares an open edge with the face's left or right corner, or `none`.
   [[nodiscard]] std::uint32_t neighbour(const SplitFace& face, const NodeSpan& node,
                                         std::uint32_t none) const {
-    for (const std::uint32_t corner : {face.left.value, face.right.value})
-      for (const Pair pair : {list(corner, false), list(corner, true)})
-        for (const auto v :
-             {static_cast<std::uint32_t>(pair), static_cast<std::uint32_t>(pair >> 32)})
-          if (v - node.begin() >= node.size) return v;
+    for (const std::uint32_t corner : {face.left.value, face.right.value}) {
+      const Lists all = lists(corner);
+      for (std::size_t i = 0; i < 4; ++i)
+        if (all[i] - node.begin() >= node.size) return all[i];
+    }
     return none;
   }
   void add(const SplitFace& face) {
-    const std::uint32_t left = face.left.value, right = face.right.value;
     const std::uint32_t outside = face.outside.value;
-    add_corner(left, right, outside, face.flipped);
-    add_corner(right, outside, left, face.flipped);
-    add_corner(outside, left, right, face.flipped);
+    const std::uint32_t a = face.flipped ? face.right.value : face.left.value;
+    const std::uint32_t b = face.flipped ? face.left.value : face.right.value;
+    add_corner(a, outside, b);
+    add_corner(b, a, outside);
+    add_corner(outside, b, a);
   }
 
  private:
   static constexpr std::uint32_t kSlots = 256;
+  /// Open edges: from the vertex to the first two, from the last two to the vertex, each the latest first. The vertex
+  /// itself stands for none, since it is never outside.
+  using Lists = std::uint32_t __attribute__((vector_size(16)));
   struct Slot {
-    std::array<Pair, 2> lists{};  // open edges from the vertex to these; from these to the vertex
+    Lists lists{};
     std::uint32_t vertex = 0xffffffffU;
   };
 
-  // Which of two values is wanted is as good as random, so a branch would be guessed wrong half of the time.
-  static Pair select(bool first, Pair a, Pair b) { return b ^ ((a ^ b) & (0 - Pair{first})); }
-  static Pair none(std::uint32_t v) { return Pair{v} << 32 | v; }
-  [[nodiscard]] Pair list(std::uint32_t v, bool incoming) const {
+  static Lists all(std::uint32_t v) { return Lists{v, v, v, v}; }
+  static Lists select(Lists mask, Lists a, Lists b) { return b ^ ((a ^ b) & mask); }
+  [[nodiscard]] Lists lists(std::uint32_t v) const {
     const Slot& slot = slots_[v % kSlots];
-    return select(slot.vertex == v, slot.lists[incoming ? 1 : 0], none(v));
+    return select(all(slot.vertex) == all(v), slot.lists, all(v));
   }
-  // The face's edges at v, one to `next` and one from `previous` (the reverse when flipped). Each closes the edge that
-  // runs the other way where the list still has it, and stays open otherwise.
-  void add_corner(std::uint32_t v, std::uint32_t next, std::uint32_t previous, bool flipped) {
+  // A face's edges at v, one from `before` and one to `after`. Each closes the edge that runs the other way where the
+  // list still has it, and stays open otherwise.
+  void add_corner(std::uint32_t v, std::uint32_t before, std::uint32_t after) {
+    const Lists old = lists(v), none = all(v);
+    const Lists found = Lists(old == Lists{before, before, after, after});
+    const Lists gone = found | __builtin_shufflevector(found, found, 0, 0, 2, 2);
+    const Lists kept = select(gone, __builtin_shufflevector(old, none, 1, 4, 3, 4), old);
+    const Lists added =
+        __builtin_shufflevector(kept, Lists{after, before, after, before}, 4, 0, 5, 2);
     Slot& slot = slots_[v % kSlots];
-    const std::size_t out = flipped ? 1 : 0, in = 1 - out;
-    const bool mine = slot.vertex == v;
-    const Pair to = select(mine, slot.lists[out], none(v));
-    const Pair from = select(mine, slot.lists[in], none(v));
-    const Pair to_left = removed(to, previous, v), from_left = removed(from, next, v);
-    slot.lists[out] = select(from_left == from, to_left << 32 | next, to_left);
-    slot.lists[in] = select(to_left == to, from_left << 32 | previous, from_left);
+    slot.lists = select(__builtin_shufflevector(gone, gone, 3, 3, 1, 1), kept, added);
     slot.vertex = v;
-  }
-  // The list of `owner` without v, if it was there.
-  static Pair removed(Pair list, std::uint32_t v, std::uint32_t owner) {
-    const Pair last = Pair{owner} << 32;
-    const Pair rest =
-        select(static_cast<std::uint32_t>(list >> 32) == v, (list & 0xffffffffU) | last, list);
-    return select(static_cast<std::uint32_t>(list) == v, list >> 32 | last, rest);
   }
 
   std::array<Slot, kSlots> slots_{};
@@ -366,7 +357,7 @@ void code_face(Coder& coder, const SpmHeader& header, OpenEdges& edges, const Sp
   std::uint32_t outside = face.outside.value;
   std::uint32_t symbol = 0;
   if (!Coder::kReads) {
-    while (symbol < kOutsideBelow && guesses.at(symbol) != outside) ++symbol;
+    while (symbol < kOutsideBelow && guesses.vertex[symbol] != outside) ++symbol;
     if (symbol == kOutsideBelow && outside >= edges.neighbour(face, node, node.begin())) ++symbol;
   }
   coder.refill();
@@ -374,7 +365,7 @@ void code_face(Coder& coder, const SpmHeader& header, OpenEdges& edges, const Sp
       kOutside + static_cast<int>(guesses.kind) * 4 + (is_first ? 0 : 2) + (node.size == 2 ? 1 : 0),
       symbol);
   if (symbol < kOutsideBelow) {
-    if (Coder::kReads) outside = guesses.at(symbol);
+    if (Coder::kReads) outside = guesses.vertex[symbol];
   } else {
     if (Coder::kReads && symbol > kOutsideBelow + 1) return fail(coder, "outside corner");
     const bool below = symbol == kOutsideBelow;
