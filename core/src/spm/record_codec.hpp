@@ -98,13 +98,11 @@ class ReadingCoder {
   void refill() { window_ = in_.window(); }
   void symbol(int context, std::uint32_t& value) {
     const HuffmanTable& table = tables_[context];
-    HuffmanTable::Decoded found = table.fast[window_ >> (64 - kFastCodeBits)];
-    if (found.length == 0) [[unlikely]]
-      found = table.decode[window_ >> 1 >> (63 - table.decode_bits)];
-    take(found.length);
+    const HuffmanTable::Decoded found = table.fast[window_ >> (64 - kFastCodeBits)];
     value = found.symbol;
-    if (found.symbol == kEscape) [[unlikely]]
-      raw(kEscapedBits, value);
+    take(found.length);
+    if (found.length == 0) [[unlikely]]
+      long_symbol(table, value);
   }
   void raw(int bits, std::uint32_t& value) {
     value = static_cast<std::uint32_t>(window_ >> 1 >> (63 - bits));
@@ -119,6 +117,12 @@ class ReadingCoder {
   [[nodiscard]] const BitReader& reader() const { return in_; }
 
  private:
+  void long_symbol(const HuffmanTable& table, std::uint32_t& value) {
+    const HuffmanTable::Decoded found = table.decode[window_ >> 1 >> (63 - table.decode_bits)];
+    value = found.symbol;
+    take(found.length);
+    if (found.symbol == kEscape) raw(kEscapedBits, value);
+  }
   void take(int bits) {
     window_ <<= bits;
     in_.skip(bits);
@@ -445,12 +449,21 @@ void code_record(Coder& coder, const SpmHeader& header, BoxPolicy box_policy, Op
       if (Coder::kReads && flipped > record.face_count) return fail(coder, "flipped faces");
     }
   }
-  for (std::uint32_t i = 0; i < record.face_count; ++i) {
+  if (unusual == 0) {
     if (Coder::kReads) {
-      if (!coder.good()) return;
-      faces.emplace_back().flipped = i >= record.face_count - flipped;
+      faces.emplace_back();
+      faces.emplace_back().flipped = true;
     }
-    code_face(coder, header, edges, record, i == 0, faces[face_begin + i]);
+    code_face(coder, header, edges, record, true, faces[face_begin]);
+    code_face(coder, header, edges, record, false, faces[face_begin + 1]);
+  } else {
+    for (std::uint32_t i = 0; i < record.face_count; ++i) {
+      if (Coder::kReads) {
+        if (!coder.good()) return;
+        faces.emplace_back().flipped = i >= record.face_count - flipped;
+      }
+      code_face(coder, header, edges, record, i == 0, faces[face_begin + i]);
+    }
   }
 
   // Boxes of the children that stay whole.
