@@ -8,12 +8,14 @@
 #include <ctime>
 #include <queue>
 
+#include "../../core/src/spm/record_codec.hpp"
 #include "nearmesh/core/abtree/ab_tree.hpp"
 #include "nearmesh/core/base/random.hpp"
 #include "nearmesh/core/base/stopwatch.hpp"
 #include "nearmesh/core/demand/collect.hpp"
 #include "nearmesh/core/refine/replica.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
+#include "nearmesh/core/spm/train.hpp"
 
 using namespace nearmesh;
 
@@ -89,6 +91,29 @@ double attach_if_largest_first(const std::vector<Treelet>& treelets,
   return attach / batches;
 }
 
+// What box extents take of the treelet's encoding.
+double box_bits(const ModelFile& file, const Treelet& treelet) {
+  TrainingCounts counts;
+  count_treelet(file.header(), file.store(), treelet, BoxPolicy::kCutNodes, counts);
+  double bits = 0;
+  for (std::size_t c = record::kBox; c < counts.size(); ++c) {
+    const auto& lengths = file.header().tables.contexts[c].lengths;
+    for (std::size_t symbol = 0; symbol < counts[c].size(); ++symbol)
+      bits += static_cast<double>(counts[c][symbol]) *
+              (lengths[symbol] > 0 ? lengths[symbol] : lengths[kEscape] + record::kEscapedBits);
+  }
+  return bits;
+}
+
+// What stands before a batch's first record: policy, counts, attach nodes.
+double head_bits(const std::vector<std::uint8_t>& batch) {
+  BitReader in(batch);
+  in.skip(8);
+  in.get_gamma();
+  for (std::uint64_t fields = 2 * in.get_gamma(); fields > 0; --fields) in.get_gamma();
+  return static_cast<double>(batch.size() * 8 - in.bits_left());
+}
+
 void bench_codec(ModelFile& file, const char* name, int shift) {
   const std::vector<Treelet> treelets = demands(file, shift, 200);
   std::size_t splits = 0, bytes = 0, batches = 0;
@@ -100,7 +125,12 @@ void bench_codec(ModelFile& file, const char* name, int shift) {
       encoded.push_back(std::move(batch));
   }
   const double encode_s = cpu_s() - start;
-  for (const auto& batch : encoded) bytes += batch.size();
+  double head = 0, boxes = 0;
+  for (const auto& batch : encoded) {
+    bytes += batch.size();
+    head += head_bits(batch) / 8;
+  }
+  for (const Treelet& treelet : treelets) boxes += box_bits(file, treelet) / 8;
   batches = encoded.size();
   start = cpu_s();
   std::size_t decoded = 0;
@@ -111,6 +141,10 @@ void bench_codec(ModelFile& file, const char* name, int shift) {
   row((prefix + "_splits_per_request").c_str(), static_cast<double>(splits) / 200, "splits");
   row((prefix + "_bytes_per_split").c_str(),
       static_cast<double>(bytes) / static_cast<double>(splits), "B");
+  row((prefix + "_bytes_per_split_records").c_str(),
+      (static_cast<double>(bytes) - boxes - head) / static_cast<double>(splits), "B");
+  row((prefix + "_bytes_per_split_boxes").c_str(), boxes / static_cast<double>(splits), "B");
+  row((prefix + "_bytes_per_split_heads").c_str(), head / static_cast<double>(splits), "B");
   row((prefix + "_encode").c_str(), static_cast<double>(splits) / encode_s / 1e6, "Msplits/s");
   row((prefix + "_decode").c_str(), static_cast<double>(decoded) / decode_s / 1e6, "Msplits/s");
   row((prefix + "_batches_per_request").c_str(), static_cast<double>(batches) / 200, "batches");
@@ -162,8 +196,32 @@ int main(int argc, char** argv) {
       std::swap(splits[i - 1], splits[random.below(static_cast<std::uint32_t>(i))]);
   }
 
-  // A peer: batches of small requests, one after another, into a replica and its tree.
+  // The same in the order in which the answers to many small requests bring them, and one by one in reverse.
   const std::vector<Treelet> treelets = demands(file.value(), 8, 1000);
+  std::vector<TreeletSplit> arrivals;
+  std::vector<bool> arrived(store.vertex_count());
+  for (const Treelet& treelet : treelets)
+    for (const TreeletSplit& split : treelet)
+      if (!arrived[split.split.value]) {
+        arrived[split.split.value] = true;
+        arrivals.push_back(split);
+      }
+  {
+    ActiveMesh mesh(store);
+    RefineDelta delta;
+    delta.split.reserve(arrivals.size());
+    delta.collapsed.reserve(arrivals.size());
+    start = cpu_s();
+    for (const TreeletSplit& split : arrivals) static_cast<void>(mesh.split(split.split, delta));
+    row("split_arrival_order", static_cast<double>(arrivals.size()) / (cpu_s() - start) / 1e6,
+        "Msplits/s");
+    start = cpu_s();
+    for (std::size_t i = arrivals.size(); i-- > 0;) mesh.collapse(arrivals[i].node, delta);
+    row("collapse_reverse_order", static_cast<double>(arrivals.size()) / (cpu_s() - start) / 1e6,
+        "Msplits/s");
+  }
+
+  // A peer: batches of small requests, one after another, into a replica and its tree.
   Replica replica(file.value().header());
   AbTree tree(replica.mesh());
   double apply_s = 0, tree_s = 0, faces = 0;

@@ -39,7 +39,11 @@ void Replica::park(const SplitRecord& record, std::span<const SplitFace> faces) 
 
 Replica::Applied Replica::apply_batch(const SplitBatch& batch) {
   Applied applied;
-  for (const SplitRecord& record : batch.splits) {
+  applied.delta.split.reserve(batch.splits.size());
+  constexpr std::size_t kAhead = 8;  // records: enough for the entry to come from memory
+  for (std::size_t i = 0; i < batch.splits.size(); ++i) {
+    const SplitRecord& record = batch.splits[i];
+    if (i + kAhead < batch.splits.size()) store_->prefetch(batch.splits[i + kAhead].split);
     applied.status =
         insert(record, {batch.faces.data() + record.face_begin, record.face_count}, applied.delta);
     if (applied.status.is_ok() && !parked_.empty()) applied.status = unpark(record, applied.delta);

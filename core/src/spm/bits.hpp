@@ -4,6 +4,7 @@
 
 #include <bit>
 #include <cstdint>
+#include <cstring>
 #include <span>
 #include <vector>
 
@@ -18,9 +19,9 @@ class BitWriter {
   void put(std::uint64_t value, int count) {
     pending_ = (pending_ << count) | (value & ((1ULL << count) - 1));
     pending_bits_ += count;
-    while (pending_bits_ >= 8) {
-      pending_bits_ -= 8;
-      bytes_.push_back(static_cast<std::uint8_t>(pending_ >> pending_bits_));
+    if (pending_bits_ >= 32) {
+      pending_bits_ -= 32;
+      words_.push_back(static_cast<std::uint32_t>(pending_ >> pending_bits_));
     }
   }
   void put64(std::uint64_t value) {
@@ -34,37 +35,44 @@ class BitWriter {
     put(value + 1, length);
   }
   void append(const BitWriter& other) {
-    for (const std::uint8_t byte : other.bytes_) put(byte, 8);
+    for (const std::uint32_t word : other.words_) put(word, 32);
     put(other.pending_, other.pending_bits_);
   }
   [[nodiscard]] std::size_t bit_count() const {
-    return bytes_.size() * 8 + static_cast<std::size_t>(pending_bits_);
+    return words_.size() * 32 + static_cast<std::size_t>(pending_bits_);
   }
   /// The bytes, the last one filled up with zeros.
   [[nodiscard]] std::vector<std::uint8_t> finish() && {
-    if (pending_bits_ > 0) put(0, 8 - pending_bits_);
-    return std::move(bytes_);
+    const std::size_t size = (bit_count() + 7) / 8;
+    put(0, 32 - pending_bits_);  // makes the rest a word
+    std::vector<std::uint8_t> bytes(words_.size() * 4);
+    for (std::size_t i = 0; i < words_.size(); ++i)
+      for (std::size_t k = 0; k < 4; ++k)
+        bytes[4 * i + k] = static_cast<std::uint8_t>(words_[i] >> (24 - 8 * k));
+    bytes.resize(size);
+    return bytes;
   }
   void clear() {
-    bytes_.clear();
+    words_.clear();
     pending_ = 0;
     pending_bits_ = 0;
   }
   /// Cuts back to an earlier bit_count().
   void truncate(std::size_t bits) {
-    const std::size_t whole = bits / 8;
-    const int rest = static_cast<int>(bits % 8);
-    std::uint64_t last = 0;
-    if (rest > 0)
-      last = (whole < bytes_.size() ? bytes_[whole] : pending_ << (8 - pending_bits_)) & 0xffU;
-    bytes_.resize(whole);
-    pending_ = last >> (8 - rest);
+    const std::size_t whole = bits / 32;
+    const int rest = static_cast<int>(bits % 32);
+    if (whole < words_.size()) {
+      pending_ = words_[whole] >> 1 >> (31 - rest);
+      words_.resize(whole);
+    } else {
+      pending_ >>= pending_bits_ - rest;
+    }
     pending_bits_ = rest;
   }
 
  private:
-  std::vector<std::uint8_t> bytes_;
-  std::uint64_t pending_ = 0;
+  std::vector<std::uint32_t> words_;
+  std::uint64_t pending_ = 0;  // its low pending_bits_ bits, fewer than 32
   int pending_bits_ = 0;
 };
 
@@ -74,16 +82,23 @@ class BitReader {
  public:
   explicit BitReader(std::span<const std::uint8_t> bytes) : bytes_(bytes) {}
 
+  static constexpr int kWindowBits = 57;
+  /// The next bits, left-aligned: at least kWindowBits of them, without consuming any.
+  [[nodiscard]] std::uint64_t window() const {
+    const std::size_t byte = used_ / 8;
+    std::uint64_t word = 0;
+    if (byte + sizeof word <= bytes_.size()) [[likely]] {
+      std::memcpy(&word, bytes_.data() + byte, sizeof word);
+    } else if (byte < bytes_.size()) {
+      std::memcpy(&word, bytes_.data() + byte, bytes_.size() - byte);
+    }
+    return __builtin_bswap64(word) << (used_ % 8);
+  }
   /// The next `count` bits without consuming them, count in [0, 32].
-  std::uint32_t peek(int count) {
-    if (available_ < count) refill();
-    return static_cast<std::uint32_t>((window_ >> 1) >> (63 - count));
+  [[nodiscard]] std::uint32_t peek(int count) const {
+    return static_cast<std::uint32_t>((window() >> 1) >> (63 - count));
   }
-  void skip(int count) {
-    window_ <<= count;
-    available_ -= count;
-    used_ += static_cast<std::size_t>(count);
-  }
+  void skip(int count) { used_ += static_cast<std::size_t>(count); }
   std::uint32_t get(int count) {
     const std::uint32_t value = peek(count);
     skip(count);
@@ -94,31 +109,20 @@ class BitReader {
     return high << 32 | get(32);
   }
   std::uint64_t get_gamma() {
-    int zeros = 0;
-    while (peek(1) == 0) {
-      skip(1);
-      // No number that put_gamma takes has 32 leading zeros: as good as an end of the bytes, and as loud.
-      if (++zeros == 32) used_ = bytes_.size() * 8 + 1;
-      if (overrun()) return 0;
+    const int zeros = std::countl_zero(window());
+    // No number that put_gamma takes has 32 leading zeros: as good as an end of the bytes, and as loud.
+    if (zeros >= 32) {
+      used_ = bytes_.size() * 8 + 1;
+      return 0;
     }
+    skip(zeros);
     return get(zeros + 1) - std::uint64_t{1};
   }
   [[nodiscard]] bool overrun() const { return used_ > bytes_.size() * 8; }
   [[nodiscard]] std::size_t bits_left() const { return overrun() ? 0 : bytes_.size() * 8 - used_; }
 
  private:
-  void refill() {
-    while (available_ <= 56) {
-      const std::uint64_t byte = next_ < bytes_.size() ? bytes_[next_] : 0;
-      ++next_;
-      window_ |= byte << (56 - available_);
-      available_ += 8;
-    }
-  }
   std::span<const std::uint8_t> bytes_;
-  std::uint64_t window_ = 0;  // left-aligned
-  int available_ = 0;
-  std::size_t next_ = 0;
   std::size_t used_ = 0;
 };
 

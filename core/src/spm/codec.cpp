@@ -55,7 +55,7 @@ class ExpectedNodes {
 struct OpenBatch {
   BitWriter attach, body;
   std::uint32_t attach_count = 0, record_count = 0, last_attach = 0;
-  record::RecentCorners recent;
+  record::OpenEdges edges;
 
   void add_attach(const NodeSpan& node) {
     attach.put_gamma(node.begin() - last_attach);
@@ -105,7 +105,7 @@ std::vector<std::vector<std::uint8_t>> encode_batches(const SpmHeader& header,
       const bool hangs = expected.take(split.node);
       if (!hangs) open.add_attach(split.node);
       record::WritingCoder coder(header.tables, open.body);
-      record::code_record(coder, header, boxes, open.recent, record, included, faces, 0);
+      record::code_record(coder, header, boxes, open.edges, record, included, faces, 0);
       ++open.record_count;
       fits = open.byte_bound() <= max_bytes || open.record_count == 1;
       if (fits) {
@@ -129,7 +129,8 @@ std::vector<std::vector<std::uint8_t>> encode_batches(const SpmHeader& header,
   return batches;
 }
 
-Result<SplitBatch> decode_batch(const SpmHeader& header, std::span<const std::uint8_t> bytes) {
+[[gnu::flatten]] Result<SplitBatch> decode_batch(const SpmHeader& header,
+                                                 std::span<const std::uint8_t> bytes) {
   BitReader in(bytes);
   const std::uint32_t policy = in.get(8);
   if (policy > static_cast<std::uint32_t>(BoxPolicy::kAllNodes))
@@ -155,23 +156,25 @@ Result<SplitBatch> decode_batch(const SpmHeader& header, std::span<const std::ui
 
   SplitBatch batch;
   ExpectedNodes expected;
-  record::RecentCorners recent;
+  record::OpenEdges edges;
+  // Every record takes at least three bits, so what is reserved is bounded by the bytes, whatever the count says.
+  batch.splits.reserve(std::min<std::size_t>(record_count, in.bits_left() / 3));
+  batch.faces.reserve(2 * batch.splits.capacity());
   record::ReadingCoder coder(header.tables, in);
   std::size_t next_attach = 0;
   for (std::uint32_t i = 0; i < record_count; ++i) {
-    SplitRecord record;
+    SplitRecord& record = batch.splits.emplace_back();
     if (!expected.pop(record.node)) {
       if (next_attach == attach.size()) return corrupt(i, "attach node");
       record.node = attach[next_attach++];
     }
     record::Inclusion included;
-    record::code_record(coder, header, static_cast<BoxPolicy>(policy), recent, record, included,
+    record::code_record(coder, header, static_cast<BoxPolicy>(policy), edges, record, included,
                         batch.faces, static_cast<std::uint32_t>(batch.faces.size()));
     if (!coder.good()) return corrupt(i, coder.error());
     expected.push_children(record, included);
-    batch.splits.push_back(record);
   }
-  if (next_attach != attach.size() || in.bits_left() >= 8)
+  if (next_attach != attach.size() || coder.reader().bits_left() >= 8)
     return Status{StatusCode::kCorrupt, "split batch: bytes left over after its last record"};
   return batch;
 }
@@ -179,13 +182,13 @@ Result<SplitBatch> decode_batch(const SpmHeader& header, std::span<const std::ui
 void count_treelet(const SpmHeader& header, const SplitStore& store, const Treelet& treelet,
                    BoxPolicy boxes, TrainingCounts& counts) {
   record::CountingCoder coder;
-  record::RecentCorners recent;
+  record::OpenEdges edges;
   std::vector<SplitFace> faces;
   for (const TreeletSplit& split : treelet) {
     faces.clear();
     SplitRecord record = make_record(store, split, faces);
     record::Inclusion included{split.left_included, split.right_included};
-    record::code_record(coder, header, boxes, recent, record, included, faces, 0);
+    record::code_record(coder, header, boxes, edges, record, included, faces, 0);
   }
   counts.resize(record::kContextCount);
   for (int c = 0; c < record::kContextCount; ++c)

@@ -66,7 +66,8 @@ HuffmanTable HuffmanTable::from_counts(std::span<const std::uint64_t> counts) {
 }
 
 bool HuffmanTable::derive() {
-  codes.assign(lengths.size(), {});
+  codes = {};
+  fast = {};
   decode_bits = *std::max_element(lengths.begin(), lengths.end());
   if (decode_bits > kMaxCodeBits) return false;
   decode.assign(std::size_t{1} << decode_bits, {});
@@ -84,7 +85,14 @@ bool HuffmanTable::derive() {
     }
   }
   // Complete, or no code at all (then the escape is implied).
-  return next == decode.size() || decode_bits == 0;
+  if (next != decode.size() && decode_bits != 0) return false;
+  for (std::size_t bits = 0; bits < fast.size(); ++bits) {
+    const Decoded found =
+        decode[decode_bits > kFastCodeBits ? bits << (decode_bits - kFastCodeBits)
+                                           : bits >> (kFastCodeBits - decode_bits)];
+    if (found.length <= kFastCodeBits && found.symbol != kEscape) fast[bits] = found;
+  }
+  return true;
 }
 
 }  // namespace nearmesh

@@ -12,7 +12,7 @@ static_assert(std::endian::native == std::endian::little,
               "the .spm reader maps little-endian structs");
 
 inline constexpr std::array<char, 8> kMagic{'N', 'M', 'S', 'P', 'M', '\r', '\n', '\x1a'};
-inline constexpr std::uint32_t kVersion = 2;
+inline constexpr std::uint32_t kVersion = 3;
 
 struct Preamble {
   std::array<char, 8> magic = kMagic;

@@ -11,7 +11,7 @@
 namespace nearmesh {
 namespace {
 
-constexpr std::uint32_t kHeaderMagic = 0x4e4d4832;  // "NMH2"
+constexpr std::uint32_t kHeaderMagic = 0x4e4d4833;  // "NMH3"
 
 Status corrupt(const std::string& field) { return {StatusCode::kCorrupt, "mesh header: " + field}; }
 

@@ -187,8 +187,9 @@ Result<SplitStore::Insertion> SplitStore::insert(const SplitRecord& record,
                                                  std::span<const SplitFace> faces) {
   if (!is_node(record.node)) return Insertion::kNoParent;
   NEARMESH_RETURN_IF_ERROR(check(record, faces));
+  // Asked of the node, not of the entry: a page that is read before it is written costs the kernel two faults.
+  const bool known = split_of(record.node).is_valid();
   Entry& entry = entries_[record.split.value];
-  const bool known = entry.size != 0;
   if (!known) {
     entry.size = record.right().size;
     entry.parent = record.node.begin();

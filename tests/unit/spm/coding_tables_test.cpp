@@ -31,6 +31,36 @@ TEST(HuffmanTable, EveryCodeDecodesToItsSymbol) {
   }
 }
 
+TEST(HuffmanTable, FastTableHoldsTheShortCodesAndNothingElse) {
+  for (std::uint64_t seed = 0; seed < 100; ++seed) {
+    SCOPED_TRACE(seed);
+    Random random(seed);
+    const HuffmanTable table = HuffmanTable::from_counts(random_counts(random));
+    ASSERT_GE(table.decode_bits, kFastCodeBits);
+    for (std::size_t bits = 0; bits < table.decode.size(); ++bits) {
+      const HuffmanTable::Decoded& found = table.decode[bits];
+      const HuffmanTable::Decoded& fast = table.fast[bits >> (table.decode_bits - kFastCodeBits)];
+      const bool is_short = found.length <= kFastCodeBits && found.symbol != kEscape;
+      EXPECT_EQ(fast.length, is_short ? found.length : 0);
+      if (is_short) {
+        EXPECT_EQ(fast.symbol, found.symbol);
+      }
+    }
+  }
+}
+
+TEST(HuffmanTable, FastTableOfFewSymbolsRepeatsThem) {
+  std::vector<std::uint64_t> counts(kSymbolLimit);
+  counts[5] = 1000;
+  counts[9] = 10;
+  const HuffmanTable table = HuffmanTable::from_counts(counts);
+  ASSERT_LT(table.decode_bits, kFastCodeBits);
+  std::size_t fives = 0;
+  for (const HuffmanTable::Decoded& fast : table.fast)
+    fives += fast.length == 1 && fast.symbol == 5 ? 1 : 0;
+  EXPECT_EQ(fives, table.fast.size() / 2);
+}
+
 TEST(HuffmanTable, NoCodeIsLongerThanTheLimit) {
   std::vector<std::uint64_t> fibonacci(kSymbolLimit);  // the deepest code there is
   std::uint64_t a = 1, b = 1;

@@ -119,7 +119,7 @@ std::vector<std::uint8_t> header_with_roots(std::uint32_t vertex_count,
                                             const std::vector<std::uint64_t>& sizes,
                                             std::uint64_t open_edges = 0, std::uint64_t parts = 1) {
   BitWriter out;
-  out.put(0x4e4d4832, 32);
+  out.put(0x4e4d4833, 32);
   for (int i = 0; i < 4; ++i) out.put64(0);
   out.put(4096, 14);
   out.put(21, 6);

@@ -11,6 +11,7 @@
 namespace nearmesh {
 
 inline constexpr int kMaxCodeBits = 12;
+inline constexpr int kFastCodeBits = 8;
 inline constexpr int kSymbolLimit = 127;  ///< symbols are 0..126
 inline constexpr std::uint8_t kEscape =
     127;  ///< stands for a symbol never seen in training; 7 raw bits follow
@@ -26,8 +27,11 @@ struct HuffmanTable {
     std::uint8_t length = 0;
   };
   std::array<std::uint8_t, kSymbolLimit + 1> lengths{};  ///< what is stored
-  std::vector<Code> codes;                               ///< derived, by symbol
-  std::vector<Decoded> decode;                           ///< derived, by the next decode_bits bits
+  std::array<Code, kSymbolLimit + 1> codes{};            ///< derived, by symbol
+  /// Derived, by the next kFastCodeBits bits; length 0 for longer codes and the escape, which `decode` gives. All
+  /// contexts' fast tables stay in a processor's first cache.
+  std::array<Decoded, std::size_t{1} << kFastCodeBits> fast{};
+  std::vector<Decoded> decode;  ///< derived, by the next decode_bits bits
   int decode_bits = 0;
 
   /// From how often each symbol occurred (the escape is added).

@@ -32,6 +32,10 @@ class SplitStore {
   /// Cost: O(faces).
   [[nodiscard]] Result<Insertion> insert(const SplitRecord& record,
                                          std::span<const SplitFace> faces);
+  /// Tells the processor that `split` will be inserted soon. No other effect, whatever the id.
+  void prefetch(VertexId split) const {
+    if (split.value < vertex_count_) __builtin_prefetch(&entries_[split.value], 1);
+  }
   /// Forgets a split (eviction). Precondition: both children of its node are whole, i.e. no known split rests on it.
   void erase(VertexId split);
 

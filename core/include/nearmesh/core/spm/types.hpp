@@ -25,7 +25,7 @@ struct NodeSpan {
 
   [[nodiscard]] std::uint32_t begin() const { return first.value; }
   [[nodiscard]] std::uint32_t end() const { return first.value + size; }
-  [[nodiscard]] bool contains(VertexId v) const { return v.value >= begin() && v.value < end(); }
+  [[nodiscard]] bool contains(VertexId v) const { return v.value - first.value < size; }
   /// The children that the split activating `u` makes.
   [[nodiscard]] NodeSpan left_of(VertexId u) const { return {first, u.value - first.value}; }
   [[nodiscard]] NodeSpan right_of(VertexId u) const { return {u, end() - u.value}; }
