@@ -58,6 +58,8 @@ AbTree::AbTree(const ActiveMesh& mesh)
   update(delta);
 }
 
+AbTree::AbTree(AbTree&&) noexcept = default;
+AbTree& AbTree::operator=(AbTree&&) noexcept = default;
 AbTree::~AbTree() = default;
 
 // ---- memory ---------------------------------------------------------------------------------------------------------

@@ -205,6 +205,8 @@ class Walk {
     if (close_b == 0) return;
     PlacedTriangles placed_b;
     place_triangles(b_in_a_, block_b.triangles, placed_b);
+    std::array<LatticeTriangle, kLanes> posed_b;
+    std::uint32_t is_posed = 0;
     for (; close_a != 0; close_a &= close_a - 1) {
       const auto i = static_cast<std::uint32_t>(std::countr_zero(close_a));
       const std::array<GridPoint, 3> corners_a = block_a.triangles.corners(i);
@@ -213,8 +215,10 @@ class Walk {
       const LatticeTriangle posed_a = pose_triangle(frame_a_, corners_a);
       for (; close != 0; close &= close - 1) {
         const auto j = static_cast<std::uint32_t>(std::countr_zero(close));
-        if (!triangles_overlap(posed_a, pose_triangle(frame_b_, block_b.triangles.corners(j))))
-          continue;
+        if ((is_posed >> j & 1U) == 0)
+          posed_b[j] = pose_triangle(frame_b_, block_b.triangles.corners(j));
+        is_posed |= 1U << j;
+        if (!triangles_overlap(posed_a, posed_b[j])) continue;
         answer_.pairs.push_back({block_a.keys[i], block_b.keys[j]});
         if (options_.any) return;
       }

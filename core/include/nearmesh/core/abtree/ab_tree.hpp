@@ -29,6 +29,8 @@ class AbTree {
  public:
   /// The tree of the mesh's current state. The mesh must outlive this. Cost: O(active).
   explicit AbTree(const ActiveMesh& mesh);
+  AbTree(AbTree&&) noexcept;
+  AbTree& operator=(AbTree&&) noexcept;
   ~AbTree();
 
   /// Follows one operation of the mesh. Must be called for each, in order, and before a collapsed node's splits are
