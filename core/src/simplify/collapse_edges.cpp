@@ -70,6 +70,7 @@ void Simplifier::choose(std::uint32_t u) {
   gather_ring(u, ring_);
   Choice best;
   for (const std::uint32_t x : ring_) {
+    if (vertices_[x].is_locked) continue;
     const Choice choice(cost_of(u, x), std::max(vertices_[u].depth, vertices_[x].depth), x, false);
     best.value = std::min(best.value, choice.value);
   }
@@ -82,6 +83,7 @@ void Simplifier::choose_next(std::uint32_t u) {
   gather_ring(u, ring_);
   Choice best;
   for (const std::uint32_t x : ring_) {
+    if (vertices_[x].is_locked) continue;
     const double cost = cost_of(u, x);
     const std::uint32_t depth = std::max(vertices_[u].depth, vertices_[x].depth);
     for (const bool may_break : {false, true}) {
@@ -94,6 +96,7 @@ void Simplifier::choose_next(std::uint32_t u) {
 
 /// The same for x after u went into s. Of x's collapses only those to u and s have changed.
 void Simplifier::choose_again(std::uint32_t x, std::uint32_t u, std::uint32_t s) {
+  if (vertices_[x].is_locked) return;
   if (x == s || !queue_.contains(x)) return choose(x);
   const Choice present = choice_of(x);
   if (present.is_second() || present.partner() == u || present.partner() == s) return choose(x);
@@ -101,12 +104,14 @@ void Simplifier::choose_again(std::uint32_t x, std::uint32_t u, std::uint32_t s)
   if (choice.value < present.value) set_choice(x, choice);
 }
 
-void Simplifier::collapse_edges(Rule rule) {
+void Simplifier::collapse_edges(Rule rule, std::uint32_t limit, std::vector<std::uint32_t>* ranks) {
   for (std::uint32_t u = 0; u < vertices_.size(); ++u)
-    if (vertices_[u].count > 0) choose(u);
+    if (vertices_[u].count > 0 && !vertices_[u].is_locked) choose(u);
   effort_ = 0;
   while (!is_done() && !queue_.is_empty() && effort_ <= kPatience * (faces_in_ + 64)) {
     const auto u = static_cast<std::uint32_t>(queue_.top());
+    const auto rank = static_cast<std::uint32_t>(queue_.top() >> 32);
+    if (rank > limit) break;
     const Choice choice = choice_of(u);
     if (!is_legal(u, choice, rule)) {
       effort_ += vertices_[u].count + vertices_[choice.partner()].count;
@@ -114,11 +119,10 @@ void Simplifier::collapse_edges(Rule rule) {
       continue;
     }
     collapse(u, choice.partner());
-    ++log_.edge_collapses;
+    if (ranks != nullptr) ranks->push_back(rank);
     for (const std::uint32_t x : changed_) choose_again(x, u, choice.partner());
     report_progress();
   }
-  log_.stop = StopReason::kReachedTarget;
 }
 
 bool Simplifier::is_legal(std::uint32_t u, const Choice& choice, Rule rule) {
@@ -235,11 +239,11 @@ void Simplifier::move_faces(std::uint32_t u, std::uint32_t s) {
 
 void Simplifier::remove_vertex(std::uint32_t u, std::uint32_t s) {
   Vertex &removed = vertices_[u], &kept = vertices_[s];
-  kept.depth = std::max(kept.depth, removed.depth) + 1;
+  kept.depth = (std::max(kept.depth, removed.depth) + 1U) & Vertex::kMostDepth;
   removed.first = kNone;
   removed.count = removed.capacity = 0;
   queue_.remove(u);
-  log_.collapses.push_back({input_number_[u], input_number_[s]});
+  collapses_.push_back({input_number_[u], input_number_[s]});
 }
 
 void Simplifier::drop_face(std::uint32_t vertex, std::uint32_t face) {
@@ -282,11 +286,11 @@ void Simplifier::compact_pool() {
 }
 
 void Simplifier::report_progress() {
-  if (!options_.on_progress) return;
+  if (!on_progress_) return;
   const double share = static_cast<double>(faces_in_ - faces_left_) /
                        static_cast<double>(faces_in_ - std::min(target_faces_, faces_in_ - 1));
   if (share < next_report_) return;
-  options_.on_progress(std::min(share, 1.0));
+  on_progress_(std::min(share, 1.0));
   next_report_ = share + 0.01;
 }
 

@@ -57,7 +57,7 @@ Status write_whole(const std::string& path, const std::vector<std::uint8_t>& byt
 
 Result<WrittenModel> write_model_file(const SpmHeader& header, const SplitStore& store,
                                       std::span<const FaceNumber> numbers,
-                                      const std::string& path) {
+                                      const std::string& path, unsigned threads) {
   NEARMESH_ASSERT(store.known_splits() == header.split_count());
   NEARMESH_ASSERT(numbers.size() == header.face_count && numbers.size() < file_layout::kMaxFaces);
   const std::vector<std::uint8_t> header_bytes = encode_header(header);

@@ -30,7 +30,9 @@ enum class StopReason : std::uint8_t {
 
 struct SimplifyOptions {
   std::uint32_t base_faces = 256;           ///< stop at or below this many faces; at least 1
-  std::function<void(double)> on_progress;  ///< called with a share in [0, 1]; may be empty
+  unsigned threads = 0;                     ///< 0: one for each core; no influence on the result
+  std::function<void(double)> on_progress;  ///< called with a share in [0, 1] by the caller's
+                                            ///< thread; may be empty
 };
 
 struct CollapseLog {
