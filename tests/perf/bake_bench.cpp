@@ -260,7 +260,11 @@ std::size_t count_self_intersecting(const CoarseMesh& mesh, unsigned threads) {
 
 // ---- opening ----
 
-void open_model(const std::string& path) {
+/// Opens, serves one request and says what that took; `loud` or not, since the first time also loads the program.
+void open_model(const std::string& path, bool loud) {
+  const auto print = [loud](const char* metric, double value, const char* unit) {
+    if (loud) ::print(metric, value, unit);
+  };
   const double before = static_cast<double>(resident_memory_bytes());
   const auto grown = [before] { return static_cast<double>(resident_memory_bytes()) - before; };
   Stopwatch watch;
@@ -274,12 +278,12 @@ void open_model(const std::string& path) {
     all.add(root.position);
     if (root.node.size > 1) request.attach.push_back(root.node);
   }
+  const GridPoint& middle = file.header().roots[file.header().roots.size() / 2].position;
   GridBox box;
   for (int k = 0; k < 3; ++k) {
-    const std::int32_t middle = all.lo[k] + (all.hi[k] - all.lo[k]) / 2;
     const std::int32_t radius = (all.hi[k] - all.lo[k]) / 512 + 1;
-    box.lo[k] = middle - radius;
-    box.hi[k] = middle + radius;
+    box.lo[k] = middle[k] - radius;
+    box.hi[k] = middle[k] + radius;
   }
   request.region.push_back(box);
   watch.lap();
@@ -302,6 +306,12 @@ void apart(const Work& work) {
   }
   int status = 0;
   if (child < 0 || ::waitpid(child, &status, 0) < 0 || status != 0) std::exit(1);
+}
+
+void bake_small(const std::string& output) {
+  const CleanResult clean = must(clean_mesh(generate_terrain(64, 1), 21));
+  const BakedModel model = must(bake(clean.mesh, clean.report.rounding_error_m, {}));
+  must(write_model_file(model.header, model.store, model.numbers, output));
 }
 
 void bake_model(const std::string& input, const std::string& output, unsigned threads) {
@@ -365,12 +375,18 @@ int main(int argc, char** argv) {
   if (is_count)
     apart([&] {
       const double side = std::sqrt(static_cast<double>(faces) / 2);
-      const auto size = static_cast<std::uint32_t>(std::clamp(std::round(side), 2.0, 4096.0));
+      const auto size = static_cast<std::uint32_t>(std::clamp(std::ceil(side), 2.0, 4096.0));
       if (!write_ply(generate_terrain(size, 1), mesh).is_ok()) ::_exit(1);
     });
   apart([&] { bake_model(mesh, model, threads); });
   if (is_count) std::remove(mesh.c_str());
-  apart([&] { open_model(model); });
+  apart([&] {
+    const std::string small = stem + "-small.spm";
+    bake_small(small);
+    open_model(small, false);
+    std::remove(small.c_str());
+    open_model(model, true);
+  });
   std::remove(model.c_str());
   return 0;
 }

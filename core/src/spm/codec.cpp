@@ -178,7 +178,8 @@ Result<SplitBatch> decode_batch(const SpmHeader& header, std::span<const std::ui
 
 void count_treelet(const SpmHeader& header, const SplitStore& store, const Treelet& treelet,
                    BoxPolicy boxes, TrainingCounts& counts) {
-  record::CountingCoder coder;
+  counts.resize(record::kContextCount);
+  record::CountingCoder coder(counts);
   record::RecentCorners recent;
   std::vector<SplitFace> faces;
   for (const TreeletSplit& split : treelet) {
@@ -187,9 +188,6 @@ void count_treelet(const SpmHeader& header, const SplitStore& store, const Treel
     record::Inclusion included{split.left_included, split.right_included};
     record::code_record(coder, header, boxes, recent, record, included, faces, 0);
   }
-  counts.resize(record::kContextCount);
-  for (int c = 0; c < record::kContextCount; ++c)
-    for (int s = 0; s < kSymbolLimit; ++s) counts[c][s] += coder.counts[c][s];
 }
 
 CodingTables make_tables(const TrainingCounts& counts) {

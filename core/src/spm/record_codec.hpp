@@ -11,6 +11,7 @@
 
 #include "bits.hpp"
 #include "nearmesh/core/spm/codec.hpp"
+#include "nearmesh/core/spm/train.hpp"
 
 namespace nearmesh::record {
 
@@ -47,12 +48,13 @@ inline int large_size_class(std::uint32_t size) {
 class CountingCoder {
  public:
   static constexpr bool kReads = false;
-  CountingCoder() : counts(kContextCount) {}
-  void symbol(int context, std::uint32_t& value) { ++counts[context][std::min(value, 126U)]; }
+  explicit CountingCoder(TrainingCounts& counts) : counts_(counts) {}
+  void symbol(int context, std::uint32_t& value) { ++counts_[context][std::min(value, 126U)]; }
   void raw(int, std::uint32_t&) {}
   bool good() const { return true; }
 
-  std::vector<std::array<std::uint64_t, kSymbolLimit>> counts;
+ private:
+  TrainingCounts& counts_;
 };
 
 class WritingCoder {
