@@ -9,6 +9,7 @@
 #include <bit>
 #include <cmath>
 #include <limits>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -56,15 +57,16 @@ inline constexpr std::uint64_t kPatience = 200;
 
 /// 32 bytes. Faces of a vertex: a slice of one pool.
 struct Vertex {
-  static constexpr std::uint32_t kMostDepth = 0x7fffffffU;
+  static constexpr std::uint32_t kMostDepth = 0x3fffffffU;
 
   std::array<std::int32_t, 3> p{};
   std::uint32_t first = 0;          ///< in the pool; kNone once the vertex has been removed
   std::uint32_t count = 0;          ///< faces
   std::uint32_t capacity = 0;       ///< of the slice
   std::uint32_t mark = 0;           ///< scratch of gather_ring
-  std::uint32_t depth : 31 = 0;     ///< of the merge tree below, a collapse being one level
+  std::uint32_t depth : 30 = 0;     ///< of the merge tree below, a collapse being one level
   std::uint32_t is_locked : 1 = 0;  ///< neither goes nor takes another in
+  std::uint32_t is_stale : 1 = 0;   ///< its choice is a lower bound: look again before use
 };
 static_assert(sizeof(Vertex) == 32);
 
@@ -219,7 +221,9 @@ class Simplifier {
   // Choosing.
   [[nodiscard]] double cost_of(std::uint32_t u, std::uint32_t s) const;
   [[nodiscard]] Choice choice_of(std::uint32_t u) const { return {queue_.key(u), choice_[u]}; }
+  [[nodiscard]] Choice choice_between(std::uint32_t u, std::uint32_t x) const;
   void choose(std::uint32_t u);
+  void choose_among(std::uint32_t u, std::span<const std::uint32_t> ring);
   void choose_next(std::uint32_t u);
   void choose_again(std::uint32_t x, std::uint32_t u, std::uint32_t s);
   void set_choice(std::uint32_t u, const Choice& choice);
@@ -258,7 +262,7 @@ class Simplifier {
   std::vector<std::uint32_t> choice_;  ///< low half of that Choice
   std::uint32_t stamp_ = 0;
 
-  std::vector<std::uint32_t> ring_, changed_, merged_, thirds_;  // scratch
+  std::vector<std::uint32_t> ring_, ring_s_left_, left_alone_, merged_, thirds_;  // scratch
   Ring ring_u_, ring_s_;
   std::vector<std::uint32_t> live_, base_;
   std::vector<Collapse> collapses_;
