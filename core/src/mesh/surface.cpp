@@ -7,6 +7,15 @@
 
 namespace nearmesh {
 
+namespace {
+
+/// As ==, which calls memcmp.
+bool same_place(const GridPoint& p, const GridPoint& q) {
+  return p[0] == q[0] && p[1] == q[1] && p[2] == q[2];
+}
+
+}  // namespace
+
 OpenEdges count_open_edges(const GridMesh& mesh) {
   // Counting sort of the sides of all faces by their lower end, then each (short) group by the upper one. An item holds
   // that end and, in its lowest bit, whether the face passes the edge upward.
@@ -14,7 +23,7 @@ OpenEdges count_open_edges(const GridMesh& mesh) {
     for (const auto& face : mesh.faces) {
       const GridPoint &p = mesh.positions[face[0]], &q = mesh.positions[face[1]],
                       &r = mesh.positions[face[2]];
-      if (p == q || q == r || r == p) continue;
+      if (same_place(p, q) || same_place(q, r) || same_place(r, p)) continue;
       for (std::size_t k = 0; k < 3; ++k) visit(face[k], face[(k + 1) % 3]);
     }
   };

@@ -181,6 +181,11 @@ class Simplifier {
 
   [[nodiscard]] bool is_done() const { return faces_left_ <= target_faces_; }
   [[nodiscard]] std::uint64_t faces_left() const { return faces_left_; }
+  /// Vertices that are not locked.
+  [[nodiscard]] std::size_t count_free() const {
+    return static_cast<std::size_t>(std::count_if(vertices_.begin(), vertices_.end(),
+                                                  [](const Vertex& v) { return !v.is_locked; }));
+  }
   /// Called with a share in [0, 1] of the faces that are to go.
   void on_progress(std::function<void(double)> report) { on_progress_ = std::move(report); }
 
