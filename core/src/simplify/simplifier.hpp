@@ -76,8 +76,7 @@ struct Face {
   std::uint32_t normal = 0;
 };
 
-/// A mesh between two simplifications: vertices along a Morton curve, faces by their least corner
-/// (after a first one no longer quite).
+/// A mesh between two simplifications: vertices along a Morton curve, faces by their least corner.
 struct Patch {
   struct Corner {
     std::array<std::int32_t, 3> p{};
