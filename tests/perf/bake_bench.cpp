@@ -2,7 +2,8 @@
 // What a bake takes and gives, as CSV (metric,value,unit): time by phase, memory, error and self-intersections of the
 // mesh at a tenth of the vertices, size of the file and its header, opening.
 //   nearmesh-bench-bake [FACES or MESH FILE] [THREADS]      default: 1,000,000 faces of terrain, every core
-// A terrain goes through a PLY file, as a user's mesh would. Phases are wall-clock. What is opened is opened by a
+// A terrain goes through a PLY file, as a user's mesh would. Phases are wall-clock; on a machine
+// with other work compare bake_processor_time. What is opened is opened by a
 // process that has done nothing else.
 
 #include <sys/wait.h>
@@ -13,6 +14,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <ctime>
 #include <string>
 
 #include "nearmesh/core/abtree/tree.hpp"
@@ -260,17 +262,30 @@ std::size_t count_self_intersecting(const CoarseMesh& mesh, unsigned threads) {
 
 // ---- opening ----
 
+/// Resident pages that belong to this process alone: not those of the file, which the kernel can drop.
+double private_memory_bytes() {
+  long resident = 0, shared = 0;
+  if (std::FILE* file = std::fopen("/proc/self/statm", "r"); file != nullptr) {
+    if (std::fscanf(file, "%*d %ld %ld", &resident, &shared) != 2) resident = shared = 0;
+    std::fclose(file);
+  }
+  return static_cast<double>(resident - shared) * static_cast<double>(::sysconf(_SC_PAGESIZE));
+}
+
 /// Opens, serves one request and says what that took; `loud` or not, since the first time also loads the program.
 void open_model(const std::string& path, bool loud) {
   const auto print = [loud](const char* metric, double value, const char* unit) {
     if (loud) ::print(metric, value, unit);
   };
   const double before = static_cast<double>(resident_memory_bytes());
+  const double private_before = private_memory_bytes();
+  const auto grown_private = [private_before] { return private_memory_bytes() - private_before; };
   const auto grown = [before] { return static_cast<double>(resident_memory_bytes()) - before; };
   Stopwatch watch;
   ModelFile file = must(ModelFile::open(path));
   print("open", watch.seconds() * 1e3, "ms");
   print("resident_after_open", grown(), "bytes");
+  print("private_after_open", grown_private(), "bytes");
   // One request about a 256th of the model's width, as a peer far from everything else makes.
   RegionRequest request{.max_splits = 1024};
   GridBox all;
@@ -292,6 +307,7 @@ void open_model(const std::string& path, bool loud) {
   print("first_request", watch.seconds() * 1e3, "ms");
   print("first_request_splits", static_cast<double>(demand.treelet.size()), "splits");
   print("resident_after_request", grown(), "bytes");
+  print("private_after_request", grown_private(), "bytes");
 }
 
 /// Runs `work` in a process of its own, so that what this one touched does not count.
@@ -332,6 +348,7 @@ void bake_model(const std::string& input, const std::string& output, unsigned th
       must(write_model_file(model.header, model.store, model.numbers, output, threads));
   print("write", watch.lap(), "s");
   print("bake", whole.seconds(), "s");
+  print("bake_processor_time", static_cast<double>(std::clock()) / CLOCKS_PER_SEC, "s");
   print("peak_resident", static_cast<double>(peak_memory_bytes()), "bytes");
 
   print("faces", static_cast<double>(clean.mesh.faces.size()), "faces");
