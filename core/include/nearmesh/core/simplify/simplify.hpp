@@ -54,7 +54,7 @@ struct CollapseLog {
 /// forest stays balanced: a flat 256 x 256 grid gives 12 levels), then to the place in Morton
 /// order. Of a mesh of more than some 50,000 vertices, cells of 16,384 are simplified apart as far as
 /// a cost that samples suggest, on several threads, before the whole is: the error stays that of the
-/// whole alone. Cost: O(n log n) time (1 M faces of terrain in 0.9 s on one core, 0.6 s on two), about
+/// whole alone. Cost: O(n log n) time (1 M faces of terrain in 0.9 s on one core), about
 /// 140 bytes a vertex (230 of a small mesh). Throws nothing but bad_alloc.
 [[nodiscard]] CollapseLog simplify(const GridMesh& mesh, const SimplifyOptions& options);
 
