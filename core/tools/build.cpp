@@ -18,6 +18,7 @@ struct Options {
   std::string in, out;
   int grid_bits = 21;
   std::uint32_t base_faces = SimplifyOptions{}.base_faces;
+  unsigned threads = 0;
   bool json = false;
 };
 
@@ -143,12 +144,14 @@ Status run(const Options& options) {
   Result<BakedModel> baked =
       bake(clean.value().mesh, outcome.clean.rounding_error_m,
            {.base_faces = options.base_faces,
+            .threads = options.threads,
             .on_progress = [&progress](double share) { progress.show(share); }});
   if (!baked.is_ok()) return baked.status();
   outcome.simplify_seconds = simplify_watch.seconds();
   progress.stage("writing");
   const BakedModel& model = baked.value();
-  const auto written = write_model_file(model.header, model.store, model.numbers, options.out);
+  const auto written =
+      write_model_file(model.header, model.store, model.numbers, options.out, options.threads);
   if (!written.is_ok()) return written.status();
   progress.end();
 
@@ -179,6 +182,11 @@ void add_build(CLI::App& app, Action& chosen) {
   command->add_option("--base-faces", options->base_faces, "Stop simplifying at this many faces")
       ->capture_default_str()
       ->check(CLI::Range(1U, 1000U));
+  command
+      ->add_option(
+          "--threads", options->threads,
+          "Threads to use (default: one for each core); the file is the same for any number")
+      ->check(CLI::Range(1U, 256U));
   command->add_flag("--json", options->json, "Print the report as one JSON object");
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }

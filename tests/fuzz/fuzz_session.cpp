@@ -24,16 +24,16 @@ struct Operation {
 /// The stored blocks of a model, as batches of the wire.
 std::vector<SplitBatch> make_batches(const fuzz::FullModel& model) {
   std::vector<SplitBatch> batches;
-  for (const auto& level : cut_into_blocks(model.store()))
-    for (const StoredBlock& block : level)
-      for (const BoxPolicy policy : {BoxPolicy::kAllNodes, BoxPolicy::kCutNodes})
-        for (const std::size_t max_bytes : {std::size_t{80}, std::size_t{1000}})
-          for (const auto& bytes :
-               encode_batches(model.header(), model.store(), block.treelet, policy, max_bytes)) {
-            Result<SplitBatch> batch = decode_batch(model.header(), bytes);
-            FUZZ_CHECK(batch.is_ok());
-            batches.push_back(std::move(batch).value());
-          }
+  for (const NodeSpan& root : block_roots(model.store()))
+    for (const BoxPolicy policy : {BoxPolicy::kAllNodes, BoxPolicy::kCutNodes})
+      for (const std::size_t max_bytes : {std::size_t{80}, std::size_t{1000}})
+        for (const auto& bytes :
+             encode_batches(model.header(), model.store(), block_treelet(model.store(), root),
+                            policy, max_bytes)) {
+          Result<SplitBatch> batch = decode_batch(model.header(), bytes);
+          FUZZ_CHECK(batch.is_ok());
+          batches.push_back(std::move(batch).value());
+        }
   return batches;
 }
 

@@ -4,7 +4,10 @@
 #include <algorithm>
 #include <bit>
 #include <numeric>
+#include <span>
+#include <tuple>
 
+#include "nearmesh/core/base/parallel.hpp"
 #include "nearmesh/core/base/random.hpp"
 #include "nearmesh/core/demand/collect.hpp"
 #include "nearmesh/core/mesh/surface.hpp"
@@ -90,29 +93,43 @@ VertexId parting_split(const Forest& forest, std::uint32_t x, std::uint32_t y) {
   return forest.parent[v] == v ? VertexId{} : VertexId{v};
 }
 
-struct OwnedFace {
-  VertexId split;  // none: a base face
-  SplitFace face;
-  FaceNumber number;
-};
+using Corners = std::array<std::uint32_t, 3>;
+
+Corners corners_of(const GridMesh& mesh, const Forest& forest, std::size_t face) {
+  Corners corners{};
+  for (std::size_t k = 0; k < 3; ++k) corners[k] = forest.id_of[mesh.faces[face][k]];
+  return corners;
+}
 
 // Each face appears with the deepest of the splits that part its corners; the third corner is then outside the node.
-OwnedFace own_face(const Forest& forest, const std::array<std::uint32_t, 3>& corners,
-                   FaceId number) {
-  OwnedFace owned;
+struct Owner {
+  VertexId split;        // none: a base face
+  std::uint8_t odd = 2;  // the corner outside
+};
+
+Owner owner_of(const Forest& forest, const Corners& corners) {
+  Owner owner;
   std::uint32_t best = 0xffffffffU;
-  int odd = 2;  // the corner outside
-  for (int k = 0; k < 3; ++k) {
+  for (std::uint8_t k = 0; k < 3; ++k) {
     const std::uint32_t a = corners[(k + 1) % 3], b = corners[(k + 2) % 3];
     const VertexId split = parting_split(forest, std::min(a, b), std::max(a, b));
     if (!split.is_valid()) continue;
     const std::uint32_t node = split.value + forest.size[split.value] - forest.parent[split.value];
     if (node < best) {
       best = node;
-      owned.split = split;
-      odd = k;
+      owner = {split, k};
     }
   }
+  return owner;
+}
+
+struct OwnedFace {
+  SplitFace face;
+  FaceNumber number;
+};
+
+OwnedFace own_face(const Corners& corners, std::uint32_t odd, FaceId number) {
+  OwnedFace owned;
   const std::uint32_t a = corners[(odd + 1) % 3], b = corners[(odd + 2) % 3];
   owned.face = {{std::min(a, b)}, {std::max(a, b)}, {corners[odd]}, a > b};
   const auto stored = owned.face.corners();
@@ -122,49 +139,98 @@ OwnedFace own_face(const Forest& forest, const std::array<std::uint32_t, 3>& cor
   return owned;
 }
 
-std::vector<OwnedFace> own_faces(const GridMesh& mesh, const Forest& forest) {
-  std::vector<OwnedFace> faces;
-  faces.reserve(mesh.faces.size());
-  for (std::size_t i = 0; i < mesh.faces.size(); ++i) {
-    std::array<std::uint32_t, 3> corners{};
-    for (std::size_t k = 0; k < 3; ++k) corners[k] = forest.id_of[mesh.faces[i][k]];
-    faces.push_back(own_face(forest, corners, mesh.face_ids[i]));
+// Faces in canonical order: base faces, then by split; unflipped before flipped, as the codec writes them.
+struct OwnedFaces {
+  std::vector<std::uint32_t> begin;  // of the base faces, then of those of each id, then the end
+  std::vector<SplitFace> faces;
+  std::vector<FaceNumber> numbers;
+
+  [[nodiscard]] std::span<const SplitFace> base() const { return of_place(0); }
+  [[nodiscard]] std::span<const SplitFace> of(std::uint32_t split) const {
+    return of_place(split + std::size_t{1});
   }
-  // Base faces first (their split is "none", all ones, plus one wraps to zero), then by split; unflipped before
-  // flipped, as the codec writes them.
-  const auto key = [](const OwnedFace& f) {
-    return std::tuple(f.split.value + 1U, f.face.flipped, f.face.left, f.face.right, f.face.outside,
-                      f.number.face);
-  };
-  std::sort(faces.begin(), faces.end(),
-            [&](const OwnedFace& a, const OwnedFace& b) { return key(a) < key(b); });
-  return faces;
+
+ private:
+  [[nodiscard]] std::span<const SplitFace> of_place(std::size_t i) const {
+    return std::span(faces).subspan(begin[i], begin[i + 1] - begin[i]);
+  }
+};
+
+OwnedFaces own_faces(const GridMesh& mesh, const Forest& forest, unsigned threads) {
+  constexpr std::size_t kPiece = 1U << 15;
+  const std::size_t count = mesh.faces.size(), places = mesh.positions.size() + 1;
+  const auto pieces = [](std::size_t items) { return (items + kPiece - 1) / kPiece; };
+  OwnedFaces owned;
+  // By face: its place (base faces have 0, a split the next of its id), and which corner is odd.
+  std::vector<std::uint32_t> owner(count);
+  for_each_index(pieces(count), threads, [&](std::size_t piece) {
+    for (std::size_t i = piece * kPiece; i < std::min(count, (piece + 1) * kPiece); ++i) {
+      const Owner found = owner_of(forest, corners_of(mesh, forest, i));
+      owner[i] = (found.split.value + 1U) << 2 | found.odd;
+    }
+  });
+  owned.begin.assign(places + 1, 0);
+  for (const std::uint32_t o : owner) ++owned.begin[(o >> 2) + 1];
+  std::partial_sum(owned.begin.begin(), owned.begin.end(), owned.begin.begin());
+  std::vector<std::uint32_t> order(count);
+  {
+    std::vector<std::uint32_t> next(owned.begin);
+    for (std::uint32_t i = 0; i < count; ++i) order[next[owner[i] >> 2]++] = i;
+  }
+  owned.faces.resize(count);
+  owned.numbers.resize(count);
+  for_each_index(pieces(places), threads, [&](std::size_t piece) {
+    std::vector<OwnedFace> own;
+    for (std::size_t at = piece * kPiece; at < std::min(places, (piece + 1) * kPiece); ++at) {
+      own.clear();
+      for (std::uint32_t i = owned.begin[at]; i < owned.begin[at + 1]; ++i) {
+        const std::uint32_t face = order[i];
+        own.push_back(
+            own_face(corners_of(mesh, forest, face), owner[face] & 3U, mesh.face_ids[face]));
+      }
+      const auto key = [](const OwnedFace& f) {
+        return std::tuple(f.face.flipped, f.face.left, f.face.right, f.face.outside, f.number.face);
+      };
+      if (own.size() > 1)
+        std::sort(own.begin(), own.end(),
+                  [&](const OwnedFace& a, const OwnedFace& b) { return key(a) < key(b); });
+      for (std::size_t i = 0; i < own.size(); ++i) {
+        owned.faces[owned.begin[at] + i] = own[i].face;
+        owned.numbers[owned.begin[at] + i] = own[i].number;
+      }
+    }
+  });
+  return owned;
 }
 
-// Boxes of original faces: of each vertex first, then of every node, in the order in which nodes were merged.
+// Boxes of the original faces that touch a vertex of each node, by id.
 struct NodeBoxes {
-  std::vector<GridBox> left, right;  // of the children of each split, by split id
-  std::vector<GridBox> root;         // of what each vertex represents in the end, by id
+  std::vector<BoxCode> left, right;  // of the children of each split
+  std::vector<GridBox> whole;        // of what each vertex represents when its split is done
 };
 
 NodeBoxes bound_nodes(const GridMesh& mesh, const Forest& forest,
-                      const std::vector<Collapse>& log) {
-  const std::size_t n = mesh.positions.size();
+                      const std::vector<GridPoint>& position) {
+  const std::size_t n = position.size();
   NodeBoxes boxes;
-  boxes.left.resize(n);
-  boxes.right.resize(n);
-  boxes.root.resize(n);
-  for (std::size_t v = 0; v < n; ++v) boxes.root[forest.id_of[v]].add(mesh.positions[v]);
-  for (const auto& face : mesh.faces) {
+  boxes.whole.resize(n);
+  for (std::size_t v = 0; v < n; ++v) boxes.whole[v].add(position[v]);
+  for (std::size_t i = 0; i < mesh.faces.size(); ++i) {
     GridBox box;
-    for (const std::uint32_t v : face) box.add(mesh.positions[v]);
-    for (const std::uint32_t v : face) boxes.root[forest.id_of[v]].add(box);
+    for (const std::uint32_t v : mesh.faces[i]) box.add(mesh.positions[v]);
+    for (const std::uint32_t id : corners_of(mesh, forest, i)) boxes.whole[id].add(box);
   }
-  for (const Collapse& c : log) {
-    const std::uint32_t u = forest.id_of[c.removed], s = forest.id_of[c.kept];
-    boxes.left[u] = boxes.root[s];
-    boxes.right[u] = boxes.root[u];
-    boxes.root[s].add(boxes.root[u]);
+  boxes.left.resize(n, kNoBox);
+  boxes.right.resize(n, kNoBox);
+  // A vertex's children have higher ids, and the one that merged into it first the lowest: nodes grow as they were
+  // merged, and what lies together in memory is done together.
+  for (std::size_t v = n; v-- > 0;) {
+    const std::size_t end = v + forest.size[v];
+    for (std::size_t u = v + 1; u < end; u += forest.size[u]) {
+      if (u - v > 1) boxes.left[u] = encode_box(position[v], boxes.whole[v]);
+      if (forest.size[u] > 1) boxes.right[u] = encode_box(position[u], boxes.whole[u]);
+      boxes.whole[v].add(boxes.whole[u]);
+    }
   }
   return boxes;
 }
@@ -206,12 +272,12 @@ CodingTables train(const SpmHeader& header, const SplitStore& store) {
   TrainingCounts counts(static_cast<std::size_t>(coding_context_count()));
   std::size_t splits = 0;
   std::size_t number = 0;
-  for (const auto& level : cut_into_blocks(store))
-    for (const StoredBlock& block : level)
-      if (number++ % 8 == 0 || splits < 4096) {
-        count_treelet(header, store, block.treelet, BoxPolicy::kAllNodes, counts);
-        splits += block.treelet.size();
-      }
+  for (const NodeSpan& root : block_roots(store))
+    if (number++ % 8 == 0 || splits < 4096) {
+      const Treelet treelet = block_treelet(store, root);
+      count_treelet(header, store, treelet, BoxPolicy::kAllNodes, counts);
+      splits += treelet.size();
+    }
   Random random(1);
   const std::int64_t extent = store.grid_max();
   for (int i = 0; i < 256; ++i) {
@@ -247,6 +313,36 @@ Status check_split_sizes(const SpmHeader& header, const SplitStore& store) {
   return Status::ok();
 }
 
+// Every split, parents before children and what lies together one after the other: depth first, larger ids first.
+Status fill_store(const Forest& forest, const std::vector<GridPoint>& position,
+                  const NodeBoxes& boxes, const OwnedFaces& owned, SplitStore& store) {
+  std::vector<std::uint32_t> children, stack;
+  for (const std::uint32_t root : forest.roots) {
+    stack.assign(1, root);
+    while (!stack.empty()) {
+      const std::uint32_t p = stack.back();
+      stack.pop_back();
+      children.clear();
+      for (std::uint32_t u = p + 1; u < p + forest.size[p]; u += forest.size[u])
+        children.push_back(u);
+      // The last to merge is the first to split off.
+      for (; !children.empty(); children.pop_back()) {
+        const std::uint32_t u = children.back();
+        SplitRecord record{.node = {{p}, u + forest.size[u] - p},
+                           .split = {u},
+                           .left_box = boxes.left[u],
+                           .right_box = boxes.right[u]};
+        for (int k = 0; k < 3; ++k) record.offset[k] = position[u][k] - position[p][k];
+        const auto inserted = store.insert(record, owned.of(u));
+        if (!inserted.is_ok()) return {StatusCode::kUnsupported, inserted.status().message()};
+        NEARMESH_ASSERT(inserted.value() == SplitStore::Insertion::kAdded);
+        if (forest.size[u] > 1) stack.push_back(u);
+      }
+    }
+  }
+  return Status::ok();
+}
+
 }  // namespace
 
 Result<BakedModel> bake(const GridMesh& mesh, double rounding_error_m,
@@ -257,55 +353,31 @@ Result<BakedModel> bake(const GridMesh& mesh, double rounding_error_m,
                   "a model has fewer than 2^30 faces, found " + std::to_string(mesh.faces.size())};
   CollapseLog log = simplify(mesh, options);
   const Forest forest = number_forest(mesh, log.collapses);
-  const std::vector<OwnedFace> faces = own_faces(mesh, forest);
-  const NodeBoxes boxes = bound_nodes(mesh, forest, log.collapses);
   std::vector<GridPoint> position(mesh.positions.size());
   for (std::size_t v = 0; v < mesh.positions.size(); ++v)
     position[forest.id_of[v]] = mesh.positions[v];
+  const NodeBoxes boxes = bound_nodes(mesh, forest, position);
+  OwnedFaces owned = own_faces(mesh, forest, options.threads);
 
   SpmHeader header;
   header.grid = mesh.grid;
   header.rounding_error_m = rounding_error_m;
   header.lattice_shift = lattice_shift(mesh);
   header.vertex_count = static_cast<std::uint32_t>(mesh.positions.size());
-  header.face_count = static_cast<std::uint32_t>(faces.size());
+  header.face_count = static_cast<std::uint32_t>(owned.faces.size());
+  header.base_faces.assign(owned.base().begin(), owned.base().end());
   header.surface = describe_surface(mesh, forest);
   for (const std::uint32_t root : forest.roots)
     header.roots.push_back({{{root}, forest.size[root]},
                             position[root],
-                            encode_box(position[root], boxes.root[root])});
-  std::vector<std::uint32_t> face_begin(mesh.positions.size() + 1, 0);  // by split
-  for (const OwnedFace& owned : faces) {
-    if (owned.split.is_valid()) {
-      ++face_begin[owned.split.value + 1];
-    } else {
-      header.base_faces.push_back(owned.face);
-    }
-  }
-  face_begin[0] = static_cast<std::uint32_t>(header.base_faces.size());
-  std::partial_sum(face_begin.begin(), face_begin.end(), face_begin.begin());
+                            encode_box(position[root], boxes.whole[root])});
 
   SplitStore store(header);
-  std::vector<SplitFace> own;
-  for (auto c = log.collapses.rbegin(); c != log.collapses.rend(); ++c) {
-    const std::uint32_t u = forest.id_of[c->removed], p = forest.parent[u];
-    SplitRecord record{.node = {{p}, u + forest.size[u] - p}, .split = {u}};
-    for (int k = 0; k < 3; ++k) record.offset[k] = position[u][k] - position[p][k];
-    if (record.left().size > 1) record.left_box = encode_box(position[p], boxes.left[u]);
-    if (record.right().size > 1) record.right_box = encode_box(position[u], boxes.right[u]);
-    own.clear();
-    for (std::uint32_t i = face_begin[u]; i < face_begin[u + 1]; ++i) own.push_back(faces[i].face);
-    const auto inserted = store.insert(record, own);
-    if (!inserted.is_ok()) return Status{StatusCode::kUnsupported, inserted.status().message()};
-    NEARMESH_ASSERT(inserted.value() == SplitStore::Insertion::kAdded);
-  }
+  NEARMESH_RETURN_IF_ERROR(fill_store(forest, position, boxes, owned, store));
   header.tables = train(header, store);
   NEARMESH_RETURN_IF_ERROR(check_split_sizes(header, store));
 
-  BakedModel baked{std::move(header), std::move(store), {}, std::move(log)};
-  baked.numbers.reserve(faces.size());
-  for (const OwnedFace& owned : faces) baked.numbers.push_back(owned.number);
-  return baked;
+  return BakedModel{std::move(header), std::move(store), std::move(owned.numbers), std::move(log)};
 }
 
 }  // namespace nearmesh

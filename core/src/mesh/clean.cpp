@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every step sorts (by a key, then by input number) instead of hashing: the result depends on the
-// input alone.
+// Every step sorts (by a key, then by input number): the result depends on the input alone.
 #include "nearmesh/core/mesh/clean.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstdio>
 #include <limits>
@@ -11,6 +11,7 @@
 #include <optional>
 #include <span>
 
+#include "nearmesh/core/base/hash.hpp"
 #include "nearmesh/core/mesh/surface.hpp"
 
 namespace nearmesh {
@@ -82,11 +83,11 @@ Result<Bounds> find_bounds(const IndexedMesh& mesh, const std::vector<std::uint8
 
 /// x in cells, to the nearest whole cell. Halves go up everywhere, so that a translation by whole
 /// cells changes no rounding (F6); adding 0.5 before the floor would round twice.
-double nearest_cell(double x, int exponent) {
-  const double cells = std::ldexp(x, -exponent);
+double nearest_cell(double cells) {
   const double below = std::floor(cells);
   return cells - below >= 0.5 ? below + 1 : below;
 }
+double nearest_cell(double x, int exponent) { return nearest_cell(std::ldexp(x, -exponent)); }
 
 double first_cell(double lowest, int exponent) { return std::floor(std::ldexp(lowest, -exponent)); }
 
@@ -131,7 +132,8 @@ Grid choose_grid(const Bounds& bounds, int bits) {
 /// Rounds points to the grid and remembers the greatest rounding error.
 class GridRounder {
  public:
-  GridRounder(const Grid& grid, const Bounds& bounds) : exponent_(grid.exponent) {
+  GridRounder(const Grid& grid, const Bounds& bounds)
+      : exponent_(grid.exponent), cells_per_m_(std::ldexp(1.0, -grid.exponent)) {
     for (std::size_t k = 0; k < 3; ++k) first_[k] = first_cell(bounds.lo[k], exponent_);
   }
 
@@ -141,8 +143,9 @@ class GridRounder {
     for (std::size_t k = 0; k < 3; ++k) {
       // Beyond 2^53 cells from zero every double is whole and the difference of two that lie within
       // 2^31 cells is exact, so that even there nothing depends on rounding.
-      const double cell = nearest_cell(p[k], exponent_);
-      const double off = std::ldexp(p[k], -exponent_) - cell;
+      const double cells = p[k] * cells_per_m_;  // what ldexp gives: a power of two
+      const double cell = nearest_cell(cells);
+      const double off = cells - cell;
       error += off * off;
       point.v[k] = static_cast<std::int32_t>(cell - first_[k]);
     }
@@ -155,56 +158,12 @@ class GridRounder {
 
  private:
   int exponent_;
+  double cells_per_m_;
   std::array<double, 3> first_{};
   double greatest_error_ = 0;  // squared, in cells
 };
 
-// --- welding ---
-
-/// Fills `mesh.positions` with the distinct grid points of the referenced vertices, in the order of
-/// their first appearance, and returns for each input vertex its number there.
-std::vector<std::uint32_t> weld(const IndexedMesh& input,
-                                const std::vector<std::uint8_t>& referenced, const Bounds& bounds,
-                                GridMesh& mesh, CleanReport& report) {
-  struct Rounded {
-    GridPoint point;
-    std::uint32_t vertex;
-  };
-  std::vector<Rounded> rounded;
-  rounded.reserve(referenced.size());
-  GridRounder rounder(mesh.grid, bounds);
-  for (std::uint32_t v = 0; v < referenced.size(); ++v)
-    if (referenced[v] != 0) rounded.push_back({rounder.round(input.positions_m[v]), v});
-  report.rounding_error_m = rounder.greatest_error_m();
-  report.vertices_unreferenced = referenced.size() - rounded.size();
-
-  std::sort(rounded.begin(), rounded.end(), [](const Rounded& a, const Rounded& b) {
-    if (a.point != b.point) return a.point < b.point;
-    return a.vertex < b.vertex;
-  });
-
-  // First each vertex points to the first one at its place, then those are numbered in input order.
-  std::vector<std::uint32_t> number(referenced.size(), kNone);
-  for (std::size_t i = 0, first = 0; i < rounded.size(); ++i) {
-    if (rounded[i].point != rounded[first].point) first = i;
-    number[rounded[i].vertex] = rounded[first].vertex;
-  }
-  std::vector<GridPoint> point_of(referenced.size());
-  for (const Rounded& r : rounded) point_of[r.vertex] = r.point;
-  for (std::uint32_t v = 0; v < number.size(); ++v) {
-    if (number[v] == kNone) continue;
-    if (number[v] == v) {
-      number[v] = static_cast<std::uint32_t>(mesh.positions.size());
-      mesh.positions.push_back(point_of[v]);
-    } else {
-      number[v] = number[number[v]];  // an earlier vertex, already numbered
-    }
-  }
-  report.vertices_welded = rounded.size() - mesh.positions.size();
-  return number;
-}
-
-// --- faces and edges ---
+// --- grouping ---
 
 /// Items grouped by a vertex: those of vertex v are items[start[v] .. start[v+1]).
 template <class Item>
@@ -234,6 +193,63 @@ Grouped<Item> group_by_vertex(std::size_t vertex_count, const Visit& visit) {
   for (std::uint32_t v = 0; v < vertex_count; ++v) std::ranges::sort(grouped.of(v));
   return grouped;
 }
+
+// --- welding ---
+
+/// Fills `mesh.positions` with the distinct grid points of the referenced vertices, in the order of
+/// their first appearance, and returns for each input vertex its number there.
+std::vector<std::uint32_t> weld(const IndexedMesh& input,
+                                const std::vector<std::uint8_t>& referenced, const Bounds& bounds,
+                                GridMesh& mesh, CleanReport& report) {
+  GridRounder rounder(mesh.grid, bounds);
+  std::vector<GridPoint> point_of(referenced.size());
+  std::size_t rounded = 0;
+  for (std::uint32_t v = 0; v < referenced.size(); ++v) {
+    if (referenced[v] == 0) continue;
+    point_of[v] = rounder.round(input.positions_m[v]);
+    ++rounded;
+  }
+  report.rounding_error_m = rounder.greatest_error_m();
+  report.vertices_unreferenced = referenced.size() - rounded;
+
+  // First each vertex points to the first one at its place, then those are numbered in input order. Groups of a few
+  // scattered places are cheaper to sort than all of them; which places share a group decides nothing.
+  const std::size_t group_count = std::bit_ceil(rounded);
+  auto groups = group_by_vertex<std::uint32_t>(group_count, [&](const auto& emit) {
+    for (std::uint32_t v = 0; v < referenced.size(); ++v) {
+      if (referenced[v] == 0) continue;
+      const GridPoint& p = point_of[v];
+      const std::uint64_t xy = static_cast<std::uint32_t>(p[0]) |
+                               static_cast<std::uint64_t>(static_cast<std::uint32_t>(p[1])) << 32;
+      const std::uint64_t scattered = mix(mix(xy) ^ static_cast<std::uint32_t>(p[2]));
+      emit(static_cast<std::uint32_t>(scattered & (group_count - 1)), v);
+    }
+  });
+  std::vector<std::uint32_t> number(referenced.size(), kNone);
+  for (std::uint32_t g = 0; g < group_count; ++g) {
+    const auto group = groups.of(g);
+    std::ranges::sort(group, [&](std::uint32_t a, std::uint32_t b) {
+      return point_of[a] != point_of[b] ? point_of[a] < point_of[b] : a < b;
+    });
+    for (std::size_t i = 0, first = 0; i < group.size(); ++i) {
+      if (point_of[group[i]] != point_of[group[first]]) first = i;
+      number[group[i]] = group[first];
+    }
+  }
+  for (std::uint32_t v = 0; v < number.size(); ++v) {
+    if (number[v] == kNone) continue;
+    if (number[v] == v) {
+      number[v] = static_cast<std::uint32_t>(mesh.positions.size());
+      mesh.positions.push_back(point_of[v]);
+    } else {
+      number[v] = number[number[v]];  // an earlier vertex, already numbered
+    }
+  }
+  report.vertices_welded = rounded - mesh.positions.size();
+  return number;
+}
+
+// --- faces and edges ---
 
 enum class FaceFate : std::uint8_t { kKept, kDropped, kSegment, kPoint };
 

@@ -61,6 +61,7 @@ void Simplifier::set_choice(std::uint32_t u, const Choice& choice) {
     queue_.remove(u);
     return;
   }
+  vertices_[u].is_stale = 0;
   choice_[u] = choice.low();
   queue_.set(choice.key(u));
 }
@@ -68,12 +69,20 @@ void Simplifier::set_choice(std::uint32_t u, const Choice& choice) {
 /// Queues u's cheapest collapse, or takes u out if it has no neighbour.
 void Simplifier::choose(std::uint32_t u) {
   gather_ring(u, ring_);
+  choose_among(u, ring_);
+}
+
+void Simplifier::choose_among(std::uint32_t u, std::span<const std::uint32_t> ring) {
   Choice best;
-  for (const std::uint32_t x : ring_) {
-    const Choice choice(cost_of(u, x), std::max(vertices_[u].depth, vertices_[x].depth), x, false);
-    best.value = std::min(best.value, choice.value);
+  for (const std::uint32_t x : ring) {
+    if (vertices_[x].is_locked) continue;
+    best.value = std::min(best.value, choice_between(u, x).value);
   }
   set_choice(u, best);
+}
+
+Choice Simplifier::choice_between(std::uint32_t u, std::uint32_t x) const {
+  return {cost_of(u, x), std::max<std::uint32_t>(vertices_[u].depth, vertices_[x].depth), x, false};
 }
 
 /// The same for the cheapest after the present one, which turned out illegal.
@@ -82,6 +91,7 @@ void Simplifier::choose_next(std::uint32_t u) {
   gather_ring(u, ring_);
   Choice best;
   for (const std::uint32_t x : ring_) {
+    if (vertices_[x].is_locked) continue;
     const double cost = cost_of(u, x);
     const std::uint32_t depth = std::max(vertices_[u].depth, vertices_[x].depth);
     for (const bool may_break : {false, true}) {
@@ -92,21 +102,34 @@ void Simplifier::choose_next(std::uint32_t u) {
   set_choice(u, best);
 }
 
-/// The same for x after u went into s. Of x's collapses only those to u and s have changed.
+/// The same for x, a neighbour of s, after u went into s. Of x's collapses only those to u and s have
+/// changed: that to u is gone, and that to s, whose cost x alone decides, is new or has become deeper.
+/// So what x would choose is no better than before, or it is s; and where it was u or s, another look
+/// can wait until its turn comes.
 void Simplifier::choose_again(std::uint32_t x, std::uint32_t u, std::uint32_t s) {
-  if (x == s || !queue_.contains(x)) return choose(x);
+  if (vertices_[x].is_locked) return;
+  if (!queue_.contains(x)) return choose(x);
   const Choice present = choice_of(x);
-  if (present.is_second() || present.partner() == u || present.partner() == s) return choose(x);
-  const Choice choice(cost_of(x, s), std::max(vertices_[x].depth, vertices_[s].depth), s, false);
-  if (choice.value < present.value) set_choice(x, choice);
+  if (present.is_second()) return choose(x);
+  const Choice to_s = choice_between(x, s);
+  if (to_s.value <= present.value)
+    set_choice(x, to_s);
+  else if (present.partner() == u || present.partner() == s)
+    vertices_[x].is_stale = 1;
 }
 
-void Simplifier::collapse_edges(Rule rule) {
+void Simplifier::collapse_edges(Rule rule, std::uint32_t limit, std::vector<std::uint32_t>* ranks) {
   for (std::uint32_t u = 0; u < vertices_.size(); ++u)
-    if (vertices_[u].count > 0) choose(u);
+    if (vertices_[u].count > 0 && !vertices_[u].is_locked) choose(u);
   effort_ = 0;
   while (!is_done() && !queue_.is_empty() && effort_ <= kPatience * (faces_in_ + 64)) {
     const auto u = static_cast<std::uint32_t>(queue_.top());
+    const auto rank = static_cast<std::uint32_t>(queue_.top() >> 32);
+    if (rank > limit) break;
+    if (vertices_[u].is_stale) {
+      choose(u);
+      continue;
+    }
     const Choice choice = choice_of(u);
     if (!is_legal(u, choice, rule)) {
       effort_ += vertices_[u].count + vertices_[choice.partner()].count;
@@ -114,11 +137,13 @@ void Simplifier::collapse_edges(Rule rule) {
       continue;
     }
     collapse(u, choice.partner());
-    ++log_.edge_collapses;
-    for (const std::uint32_t x : changed_) choose_again(x, u, choice.partner());
+    if (ranks != nullptr) ranks->push_back(rank);
+    const std::uint32_t s = choice.partner();
+    for (const std::uint32_t x : ring_s_left_) choose_again(x, u, s);
+    for (const std::uint32_t x : left_alone_) choose(x);
+    choose_among(s, ring_s_left_);
     report_progress();
   }
-  log_.stop = StopReason::kReachedTarget;
 }
 
 bool Simplifier::is_legal(std::uint32_t u, const Choice& choice, Rule rule) {
@@ -189,19 +214,20 @@ bool Simplifier::keeps_normal(const Face& f, std::uint32_t u, std::uint32_t s, R
   return true;
 }
 
-/// Merges u into s. Leaves in changed_ the vertices whose best collapse may be another now.
+/// Merges u into s. Leaves in ring_s_left_ the neighbours of s, and in left_alone_ what was one and
+/// lost its last face with s.
 void Simplifier::collapse(std::uint32_t u, std::uint32_t s) {
   const Vec3 d = between(vertices_[s], vertices_[u]);
   quadrics_[s].add(quadrics_[u], {-d[0], -d[1], -d[2]});
   move_faces(u, s);
   remove_vertex(u, s);
-  gather_ring(s, changed_);
-  for (const std::uint32_t x : thirds_)  // may have lost their last face with s
+  gather_ring(s, ring_s_left_);
+  left_alone_.clear();
+  for (const std::uint32_t x : thirds_)
     if (vertices_[x].mark <= stamp_) {
       vertices_[x].mark = stamp_ + 1;
-      changed_.push_back(x);
+      left_alone_.push_back(x);
     }
-  changed_.push_back(s);
 }
 
 void Simplifier::move_faces(std::uint32_t u, std::uint32_t s) {
@@ -235,11 +261,11 @@ void Simplifier::move_faces(std::uint32_t u, std::uint32_t s) {
 
 void Simplifier::remove_vertex(std::uint32_t u, std::uint32_t s) {
   Vertex &removed = vertices_[u], &kept = vertices_[s];
-  kept.depth = std::max(kept.depth, removed.depth) + 1;
+  kept.depth = (std::max(kept.depth, removed.depth) + 1U) & Vertex::kMostDepth;
   removed.first = kNone;
   removed.count = removed.capacity = 0;
   queue_.remove(u);
-  log_.collapses.push_back({input_number_[u], input_number_[s]});
+  collapses_.push_back({input_number_[u], input_number_[s]});
 }
 
 void Simplifier::drop_face(std::uint32_t vertex, std::uint32_t face) {
@@ -282,11 +308,11 @@ void Simplifier::compact_pool() {
 }
 
 void Simplifier::report_progress() {
-  if (!options_.on_progress) return;
+  if (!on_progress_) return;
   const double share = static_cast<double>(faces_in_ - faces_left_) /
                        static_cast<double>(faces_in_ - std::min(target_faces_, faces_in_ - 1));
   if (share < next_report_) return;
-  options_.on_progress(std::min(share, 1.0));
+  on_progress_(std::min(share, 1.0));
   next_report_ = share + 0.01;
 }
 

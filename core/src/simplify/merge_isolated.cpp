@@ -7,7 +7,7 @@ namespace nearmesh::simplification {
 /// Merges vertices without faces: near ones pairwise, each group then into the nearest vertex that
 /// has faces. Bottom up along the octree that Morton order is, so that no vertex takes in many one
 /// after the other.
-void Simplifier::merge_isolated() {
+std::uint64_t Simplifier::merge_isolated() {
   std::vector<std::uint64_t> codes;
   for (std::uint32_t i = 0; i < vertices_.size(); ++i) {
     if (vertices_[i].first == kNone) continue;
@@ -15,10 +15,10 @@ void Simplifier::merge_isolated() {
     codes.push_back(morton_code(vertices_[i].p, code_shift_));
     if (vertices_[i].count > 0) base_.push_back(i);
   }
-  if (live_.size() == base_.size()) return;
+  if (live_.size() == base_.size()) return 0;
+  const std::size_t before = collapses_.size();
   merge_range(codes, 0, live_.size());
-  if (log_.clustered > 0 && log_.stop == StopReason::kReachedTarget)
-    log_.stop = StopReason::kClustered;
+  return collapses_.size() - before;
 }
 
 Simplifier::Range Simplifier::merge_range(const std::vector<std::uint64_t>& codes,
@@ -43,7 +43,6 @@ Simplifier::Range Simplifier::merge_range(const std::vector<std::uint64_t>& code
   Range both{kNone, left.base_begin, right.base_end};
   const auto merge = [&](std::uint32_t removed, std::uint32_t kept) {
     remove_vertex(removed, kept);
-    ++log_.clustered;
     return kept;
   };
   if (left.isolated != kNone && right.isolated != kNone) {

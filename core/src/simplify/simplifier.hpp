@@ -2,13 +2,14 @@
 #pragma once
 // The state of one simplification and its phases: set-up (simplifier_setup.cpp), edge collapses
 // (collapse_edges.cpp), merging of vertices that were left without faces (merge_isolated.cpp).
-// simplify.cpp runs them.
+// simplify.cpp runs them, over the cells of a large mesh first (cells.cpp).
 
 #include <algorithm>
 #include <array>
 #include <bit>
 #include <cmath>
 #include <limits>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -45,6 +46,8 @@ enum class Rule : std::uint8_t {
   kNoNormals,         ///< faces may flip; breaking the topology stays dear
   kNothing,           ///< nothing is tested
 };
+/// Share of the progress that simplify_cells reports.
+inline constexpr double kShareOfCells = 0.75;
 inline constexpr std::array<Rule, 4> kRules = {Rule::kAll, Rule::kNoOriginalNormal,
                                                Rule::kNoNormals, Rule::kNothing};
 /// A rule is also given up once collapses refused in vain have looked at this many faces for each
@@ -54,19 +57,43 @@ inline constexpr std::uint64_t kPatience = 200;
 
 /// 32 bytes. Faces of a vertex: a slice of one pool.
 struct Vertex {
+  static constexpr std::uint32_t kMostDepth = 0x3fffffffU;
+
   std::array<std::int32_t, 3> p{};
-  std::uint32_t first = 0;     ///< in the pool; kNone once the vertex has been removed
-  std::uint32_t count = 0;     ///< faces
-  std::uint32_t capacity = 0;  ///< of the slice
-  std::uint32_t mark = 0;      ///< scratch of gather_ring
-  std::uint32_t depth = 0;     ///< of the merge tree below, a collapse being one level
+  std::uint32_t first = 0;          ///< in the pool; kNone once the vertex has been removed
+  std::uint32_t count = 0;          ///< faces
+  std::uint32_t capacity = 0;       ///< of the slice
+  std::uint32_t mark = 0;           ///< scratch of gather_ring
+  std::uint32_t depth : 30 = 0;     ///< of the merge tree below, a collapse being one level
+  std::uint32_t is_locked : 1 = 0;  ///< neither goes nor takes another in
+  std::uint32_t is_stale : 1 = 0;   ///< its choice is a lower bound: look again before use
 };
+static_assert(sizeof(Vertex) == 32);
 
 /// 16 bytes. `normal` is that of the input face, 3 x 10 bits, 0 where it had none.
 struct Face {
   std::array<std::uint32_t, 3> corner{kNone, kNone, kNone};  ///< kNone when the face has vanished
   std::uint32_t normal = 0;
 };
+
+/// A mesh between two simplifications: vertices along a Morton curve, faces by their least corner.
+struct Patch {
+  struct Corner {
+    std::array<std::int32_t, 3> p{};
+    std::uint32_t depth = 0;
+  };
+  std::vector<Corner> vertices;
+  std::vector<std::uint32_t> number;  ///< in the input, of each vertex
+  std::vector<Face> faces;
+  std::vector<Quadric> quadrics;  ///< empty: those of the faces; else one a vertex
+  int code_shift = 0;             ///< of morton_code, for all of them
+};
+
+/// The input as a patch. Faces with a repeated corner are left out.
+[[nodiscard]] Patch place_mesh(const GridMesh& mesh);
+/// Simplifies within cells of a large patch what costs little enough, and gives what is left; the
+/// patch itself where cells would not help. Appends to the log.
+[[nodiscard]] Patch simplify_cells(Patch patch, const SimplifyOptions& options, CollapseLog& log);
 
 /// Neighbours of a vertex and how often each occurs in its faces (3 = thrice or more).
 struct Ring {
@@ -148,25 +175,29 @@ inline constexpr std::size_t kMaxVertices = std::size_t{1} << 30;
 
 class Simplifier {
  public:
-  Simplifier(const GridMesh& mesh, const SimplifyOptions& options)
-      : options_(options),
-        target_faces_(options.base_faces),
-        queue_(static_cast<std::uint32_t>(mesh.positions.size())) {
-    place_vertices(mesh);
-    place_faces(mesh);
-    link_faces();
-    add_quadrics();
-    log_.collapses.reserve(mesh.positions.size());
-  }
+  /// Vertices of the patch from `own` on are locked, as is every vertex that has one of them as a neighbour.
+  Simplifier(Patch patch, std::size_t own, std::uint64_t target_faces);
 
   [[nodiscard]] bool is_done() const { return faces_left_ <= target_faces_; }
-
-  void collapse_edges(Rule rule);
-  void merge_isolated();
-  [[nodiscard]] CollapseLog take_log() {
-    log_.base_faces = faces_left_;
-    return std::move(log_);
+  [[nodiscard]] std::uint64_t faces_left() const { return faces_left_; }
+  /// Vertices that are not locked.
+  [[nodiscard]] std::size_t count_free() const {
+    return static_cast<std::size_t>(std::count_if(vertices_.begin(), vertices_.end(),
+                                                  [](const Vertex& v) { return !v.is_locked; }));
   }
+  /// Called with a share in [0, 1] of the faces that are to go.
+  void on_progress(std::function<void(double)> report) { on_progress_ = std::move(report); }
+
+  /// Collapses the cheapest until the target is reached or nothing is left whose rank is at most `limit`.
+  /// `ranks` is called with the rank of each.
+  void collapse_edges(Rule rule, std::uint32_t limit = kNone,
+                      std::vector<std::uint32_t>* ranks = nullptr);
+  /// Returns how many there were.
+  std::uint64_t merge_isolated();
+  [[nodiscard]] const std::vector<Collapse>& collapses() const { return collapses_; }
+  /// What is left: all faces, with corners as before, and the state of the vertices below `own`, in
+  /// `place` their earlier places.
+  [[nodiscard]] Patch take_rest(std::size_t own, std::vector<std::uint32_t>& place);
 
  private:
   /// What merge_range leaves over of a range of vertices in Morton order.
@@ -175,11 +206,9 @@ class Simplifier {
     std::size_t base_begin = 0, base_end = 0;  ///< in base_
   };
 
-  // Input, in the order it is needed.
-  void place_vertices(const GridMesh& mesh);
-  void place_faces(const GridMesh& mesh);
   void link_faces();
-  void add_quadrics();
+  void lock_border(std::size_t own);
+  void add_quadrics(std::size_t own);
 
   // Adjacency.
   [[nodiscard]] const std::uint32_t* faces_begin(const Vertex& v) const {
@@ -196,7 +225,9 @@ class Simplifier {
   // Choosing.
   [[nodiscard]] double cost_of(std::uint32_t u, std::uint32_t s) const;
   [[nodiscard]] Choice choice_of(std::uint32_t u) const { return {queue_.key(u), choice_[u]}; }
+  [[nodiscard]] Choice choice_between(std::uint32_t u, std::uint32_t x) const;
   void choose(std::uint32_t u);
+  void choose_among(std::uint32_t u, std::span<const std::uint32_t> ring);
   void choose_next(std::uint32_t u);
   void choose_again(std::uint32_t x, std::uint32_t u, std::uint32_t s);
   void set_choice(std::uint32_t u, const Choice& choice);
@@ -218,14 +249,14 @@ class Simplifier {
   [[nodiscard]] std::uint32_t nearest_base(std::uint32_t v, std::size_t begin,
                                            std::size_t end) const;
 
-  const SimplifyOptions& options_;
   std::uint64_t target_faces_;
+  int code_shift_;
   std::uint64_t faces_in_ = 0, faces_left_ = 0;
   std::uint64_t effort_ = 0;  ///< faces looked at for collapses that were refused
+  std::function<void(double)> on_progress_;
   double next_report_ = 0;
-  int code_shift_ = 0;
 
-  std::vector<std::uint32_t> input_number_;  ///< of each vertex: here they are in Morton order
+  std::vector<std::uint32_t> input_number_;  ///< of each vertex
   std::vector<Vertex> vertices_;
   std::vector<Face> faces_;
   std::vector<std::uint32_t> pool_;
@@ -235,10 +266,10 @@ class Simplifier {
   std::vector<std::uint32_t> choice_;  ///< low half of that Choice
   std::uint32_t stamp_ = 0;
 
-  std::vector<std::uint32_t> ring_, changed_, merged_, thirds_;  // scratch
+  std::vector<std::uint32_t> ring_, ring_s_left_, left_alone_, merged_, thirds_;  // scratch
   Ring ring_u_, ring_s_;
   std::vector<std::uint32_t> live_, base_;
-  CollapseLog log_;
+  std::vector<Collapse> collapses_;
 };
 
 }  // namespace nearmesh::simplification

@@ -181,7 +181,8 @@ std::vector<std::vector<std::uint8_t>> encode_batches(const SpmHeader& header,
 
 void count_treelet(const SpmHeader& header, const SplitStore& store, const Treelet& treelet,
                    BoxPolicy boxes, TrainingCounts& counts) {
-  record::CountingCoder coder;
+  counts.resize(record::kContextCount);
+  record::CountingCoder coder(counts);
   record::OpenEdges edges;
   std::vector<SplitFace> faces;
   for (const TreeletSplit& split : treelet) {
@@ -190,9 +191,6 @@ void count_treelet(const SpmHeader& header, const SplitStore& store, const Treel
     record::Inclusion included{split.left_included, split.right_included};
     record::code_record(coder, header, boxes, edges, record, included, faces, 0);
   }
-  counts.resize(record::kContextCount);
-  for (int c = 0; c < record::kContextCount; ++c)
-    for (int s = 0; s < kSymbolLimit; ++s) counts[c][s] += coder.counts[c][s];
 }
 
 CodingTables make_tables(const TrainingCounts& counts) {

@@ -13,6 +13,7 @@
 
 #include "bits.hpp"
 #include "nearmesh/core/spm/codec.hpp"
+#include "nearmesh/core/spm/train.hpp"
 
 namespace nearmesh::record {
 
@@ -58,13 +59,14 @@ inline constexpr int kMaxSymbolBits = kMaxCodeBits + kEscapedBits;
 class CountingCoder {
  public:
   static constexpr bool kReads = false;
-  CountingCoder() : counts(kContextCount) {}
+  explicit CountingCoder(TrainingCounts& counts) : counts_(counts) {}
   void refill() {}
-  void symbol(int context, std::uint32_t& value) { ++counts[context][std::min(value, 126U)]; }
+  void symbol(int context, std::uint32_t& value) { ++counts_[context][std::min(value, 126U)]; }
   void raw(int, std::uint32_t&) {}
   bool good() const { return true; }
 
-  std::vector<std::array<std::uint64_t, kSymbolLimit>> counts;
+ private:
+  TrainingCounts& counts_;
 };
 
 class WritingCoder {

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <string>
 
@@ -31,8 +32,12 @@ const std::array<std::int64_t, kMaxExtentCode + 1> kExtents = make_extents();
 std::int64_t box_extent(std::uint8_t code) { return kExtents[code]; }
 
 std::uint8_t box_extent_code(std::int64_t x) {
-  return static_cast<std::uint8_t>(std::lower_bound(kExtents.begin(), kExtents.end(), x) -
-                                   kExtents.begin());
+  if (x <= 0) return 0;
+  // extent(4 (b - 1)) = 2^(b - 1) - 1 < x <= 2^b - 1 = extent(4 b), b being x's bit length: one of four.
+  const int below = 4 * (static_cast<int>(std::bit_width(static_cast<std::uint64_t>(x))) - 1);
+  NEARMESH_ASSERT(below < kMaxExtentCode);
+  return static_cast<std::uint8_t>(below + 1 + (kExtents[below + 1] < x) +
+                                   (kExtents[below + 2] < x) + (kExtents[below + 3] < x));
 }
 
 BoxCode encode_box(const GridPoint& representative, const GridBox& box) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nearmesh/core/spm/write_model_file.hpp"
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -8,6 +9,7 @@
 
 #include "file_layout.hpp"
 #include "nearmesh/core/base/hash.hpp"
+#include "nearmesh/core/base/parallel.hpp"
 #include "nearmesh/core/spm/blocks.hpp"
 
 namespace nearmesh {
@@ -53,11 +55,32 @@ Status write_whole(const std::string& path, const std::vector<std::uint8_t>& byt
   return Status::ok();
 }
 
+struct Group {
+  std::vector<DirectoryEntry> directory;  // offsets within `bytes`
+  std::vector<std::uint8_t> bytes;
+};
+
+Group encode_group(const SpmHeader& header, const SplitStore& store,
+                   std::span<const NodeSpan> roots) {
+  Group group;
+  for (const NodeSpan& root : roots) {
+    const auto encoded = encode_batches(header, store, block_treelet(store, root),
+                                        BoxPolicy::kAllNodes, std::size_t{1} << 31);
+    NEARMESH_ASSERT(encoded.size() == 1);
+    const std::vector<std::uint8_t>& bytes = encoded.front();
+    group.directory.push_back({root.begin(), root.size, group.bytes.size(),
+                               static_cast<std::uint32_t>(bytes.size()),
+                               static_cast<std::uint32_t>(hash_bytes(bytes))});
+    append(group.bytes, bytes.data(), bytes.size());
+  }
+  return group;
+}
+
 }  // namespace
 
 Result<WrittenModel> write_model_file(const SpmHeader& header, const SplitStore& store,
-                                      std::span<const FaceNumber> numbers,
-                                      const std::string& path) {
+                                      std::span<const FaceNumber> numbers, const std::string& path,
+                                      unsigned threads) {
   NEARMESH_ASSERT(store.known_splits() == header.split_count());
   NEARMESH_ASSERT(numbers.size() == header.face_count && numbers.size() < file_layout::kMaxFaces);
   const std::vector<std::uint8_t> header_bytes = encode_header(header);
@@ -66,18 +89,23 @@ Result<WrittenModel> write_model_file(const SpmHeader& header, const SplitStore&
   std::vector<std::uint8_t> out(sizeof(Preamble));
   append(out, header_bytes.data(), header_bytes.size());
   std::vector<DirectoryEntry> directory;
-  for (const auto& level : cut_into_blocks(store)) {
-    for (const StoredBlock& block : level) {
-      const auto encoded =
-          encode_batches(header, store, block.treelet, BoxPolicy::kAllNodes, std::size_t{1} << 31);
-      NEARMESH_ASSERT(encoded.size() == 1);
-      const std::vector<std::uint8_t>& bytes = encoded.front();
-      directory.push_back({block.root.begin(), block.root.size, out.size(),
-                           static_cast<std::uint32_t>(bytes.size()),
-                           static_cast<std::uint32_t>(hash_bytes(bytes))});
-      append(out, bytes.data(), bytes.size());
-      written.block_bytes += bytes.size();
+  // Blocks are encoded in groups, each alone, and stand in the order of their roots.
+  constexpr std::size_t kGroup = 64;
+  const std::vector<NodeSpan> roots = block_roots(store);
+  std::vector<Group> groups((roots.size() + kGroup - 1) / kGroup);
+  for_each_index(groups.size(), threads, [&](std::size_t i) {
+    const std::size_t count = std::min(kGroup, roots.size() - i * kGroup);
+    groups[i] = encode_group(header, store, std::span(roots).subspan(i * kGroup, count));
+  });
+  directory.reserve(roots.size());
+  for (Group& group : groups) {
+    for (DirectoryEntry& entry : group.directory) {
+      entry.offset += out.size();
+      directory.push_back(entry);
     }
+    append(out, group.bytes.data(), group.bytes.size());
+    written.block_bytes += group.bytes.size();
+    group = Group{};
   }
   written.blocks = directory.size();
 

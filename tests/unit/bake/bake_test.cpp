@@ -99,6 +99,34 @@ TEST_P(Bake, IsDeterministic) {
   EXPECT_EQ(test::write_model(one)->read(), test::write_model(two)->read());
 }
 
+void expect_same_bytes_on_threads(const IndexedMesh& mesh) {
+  const Result<CleanResult> clean = clean_mesh(mesh, 21);
+  ASSERT_TRUE(clean.is_ok());
+  std::vector<std::uint8_t> alone;
+  for (const unsigned threads : {1U, 2U, 3U, 8U}) {
+    const Result<BakedModel> model = bake(clean.value().mesh, clean.value().report.rounding_error_m,
+                                          {.base_faces = 16, .threads = threads});
+    ASSERT_TRUE(model.is_ok());
+    const auto& [header, store, numbers, log] = model.value();
+    const test::TempFile file;
+    ASSERT_TRUE(write_model_file(header, store, numbers, file.path(), threads).is_ok());
+    if (threads == 1)
+      alone = file.read();
+    else
+      EXPECT_EQ(file.read(), alone) << threads << " threads";
+  }
+}
+TEST_P(Bake, GivesTheSameFileOnAnyNumberOfThreads) {
+  expect_same_bytes_on_threads(test::make_mesh(GetParam()));
+}
+// Large enough for everything that is cut into pieces to have several.
+TEST(BakeLarge, GivesTheSameFileOnAnyNumberOfThreads) {
+  expect_same_bytes_on_threads(generate_terrain(260, 7));
+}
+TEST(BakeLarge, GivesTheSameFileOnAnyNumberOfThreadsOfParts) {
+  expect_same_bytes_on_threads(test::make_components(2500, 7));
+}
+
 TEST_P(Bake, NamesTheLowestVertexOfEachPart) {
   const BakedModel model = test::bake_named(GetParam());
   // By spreading over the faces until nothing changes.

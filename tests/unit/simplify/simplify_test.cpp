@@ -10,6 +10,7 @@
 #include <map>
 #include <set>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -453,6 +454,84 @@ TEST(Simplify, ReportsProgressInOrderAndSeldom) {
   EXPECT_EQ(shares.back(), 1.0);
   EXPECT_LE(shares.size(), 200U);
   EXPECT_GE(shares.size(), 50U);
+}
+
+// ---- meshes large enough to be simplified cell by cell first -------------------------------------
+
+CollapseLog run_on(const GridMesh& mesh, std::uint32_t base_faces, unsigned threads) {
+  return simplify(mesh, {.base_faces = base_faces, .threads = threads});
+}
+
+void expect_same_on_threads(const GridMesh& mesh) {
+  ASSERT_GT(mesh.positions.size(), 65536U) << "a mesh without cells proves nothing";
+  const std::uint64_t alone = hash_of(run_on(mesh, 256, 1));
+  for (const unsigned threads : {2U, 3U, 8U})
+    EXPECT_EQ(hash_of(run_on(mesh, 256, threads)), alone) << threads << " threads";
+}
+TEST(SimplifyInCells, GivesTheSameLogOnAnyThreadsOfTerrain) {
+  expect_same_on_threads(rough_terrain(260));
+}
+TEST(SimplifyInCells, GivesTheSameLogOnAnyThreadsOfASphere) { expect_same_on_threads(sphere(7)); }
+TEST(SimplifyInCells, GivesTheSameLogOnAnyThreadsOfDebris) {
+  expect_same_on_threads(tetrahedra(20000));
+}
+TEST(SimplifyInCells, GivesTheSameLogOnAnyThreadsOfASoup) {
+  expect_same_on_threads(soup(70000, 30000));
+}
+
+TEST(SimplifyInCells, GivesTheSameLogOnEveryMachine) {
+  EXPECT_EQ(hash_of(run(rough_terrain(260), 256)), 5729946690295680481ULL);
+}
+
+TEST(SimplifyInCells, ReachesTargetOnTerrain) { expect_reached(rough_terrain(260), 256); }
+TEST(SimplifyInCells, ReachesTargetOnDebris) { expect_reached(tetrahedra(20000), 256); }
+TEST(SimplifyInCells, ReachesTargetOnASoup) { expect_reached(soup(70000, 30000), 256); }
+TEST(SimplifyInCells, ReachesATargetThatCellsWouldMiss) {
+  const GridMesh mesh = rough_terrain(260);
+  const auto target = static_cast<std::uint32_t>(mesh.faces.size() * 9 / 10);
+  const CollapseLog log = run(mesh, target);
+  EXPECT_LE(log.base_faces, target);
+  EXPECT_GE(log.base_faces, target - 2);
+}
+
+TEST(SimplifyInCells, KeepsASphereClosedAndManifold) { expect_closed_manifold(sphere(7), 64); }
+
+TEST(SimplifyInCells, KeepsTheBorderOfASquareInPlace) {
+  const GridMesh mesh = flat_square(260);
+  std::int64_t area2 = 0;
+  for (const auto& f : replay(mesh, run(mesh, 300))) {
+    ASSERT_GE(shadow_area2(mesh, f), 0);
+    area2 += shadow_area2(mesh, f);
+  }
+  EXPECT_EQ(area2, std::int64_t{2} * 260000 * 260000);
+}
+
+TEST(SimplifyInCells, FlipsNoFaceOfAHeightField) {
+  const GridMesh mesh = rough_terrain(260);
+  for (const auto& f : replay(mesh, run(mesh, 260 * 260 * 2 / 10)))
+    ASSERT_GE(shadow_area2(mesh, f), 0);
+}
+
+TEST(SimplifyInCells, KeepsTheForestShallow) {
+  const GridMesh square = flat_square(260), terrain = rough_terrain(260);
+  EXPECT_LE(depth_of(square, run(square, 64)), 24U);
+  EXPECT_LE(depth_of(terrain, run(terrain, 64)), 30U);
+}
+
+TEST(SimplifyInCells, ReportsProgressInOrderAndFromTheCallersThread) {
+  const std::thread::id caller = std::this_thread::get_id();
+  std::vector<double> shares;
+  bool is_caller = true;
+  SimplifyOptions options;
+  options.threads = 4;
+  options.on_progress = [&](double share) {
+    is_caller = is_caller && std::this_thread::get_id() == caller;
+    shares.push_back(share);
+  };
+  static_cast<void>(simplify(rough_terrain(260), options));
+  EXPECT_TRUE(is_caller);
+  EXPECT_TRUE(std::is_sorted(shares.begin(), shares.end()));
+  EXPECT_EQ(shares.back(), 1.0);
 }
 
 }  // namespace

@@ -102,11 +102,11 @@ TEST_P(Codec, NoBatchExceedsTheDatagram) {
 TEST_P(Codec, StoredBlocksHoldEverySplitOnce) {
   const BakedModel model = test::bake_named(GetParam());
   std::vector<std::uint32_t> seen(model.header.vertex_count);
-  for (const auto& level : cut_into_blocks(model.store))
-    for (const StoredBlock& block : level) {
-      for (const TreeletSplit& split : block.treelet) ++seen[split.split.value];
-      expect_round_trip(model, block.treelet, BoxPolicy::kAllNodes, std::size_t{1} << 31);
-    }
+  for (const NodeSpan& root : block_roots(model.store)) {
+    const Treelet treelet = block_treelet(model.store, root);
+    for (const TreeletSplit& split : treelet) ++seen[split.split.value];
+    expect_round_trip(model, treelet, BoxPolicy::kAllNodes, std::size_t{1} << 31);
+  }
   for (std::uint32_t v = 0; v < seen.size(); ++v)
     EXPECT_EQ(seen[v], model.store.is_root({v}) ? 0U : 1U) << v;
 }

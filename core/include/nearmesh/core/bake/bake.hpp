@@ -20,7 +20,7 @@ struct BakedModel {
 
 /// In: what clean_mesh gives, with its rounding error. Errors: kUnsupported beyond 2^30 faces, where hundreds of faces
 /// share one edge, so that their split does not fit a datagram, or where the forest is deeper than kMaxForestDepth.
-/// Deterministic. Cost: O(n log n), about 300 bytes a vertex.
+/// Deterministic, on any number of threads. Cost: O(n log n), about 250 bytes a vertex.
 [[nodiscard]] Result<BakedModel> bake(const GridMesh& mesh, double rounding_error_m,
                                       const SimplifyOptions& options);
 

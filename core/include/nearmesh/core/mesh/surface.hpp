@@ -17,7 +17,7 @@ struct OpenEdges {
   std::uint64_t disagreeing = 0;  ///< with more faces, whose orientations do not cancel
 };
 /// Vertices are told apart by place. Segments and points pass each edge both ways, so they open none.
-/// In: what clean_mesh gives. Cost: O(n log n).
+/// In: what clean_mesh gives, below 2^31 vertices. Cost: O(n) where edges at a vertex are few, 12 bytes a face.
 [[nodiscard]] OpenEdges count_open_edges(const GridMesh& mesh);
 
 /// For each vertex, the lowest vertex of its connected part (faces that share a vertex hang together).

@@ -30,7 +30,9 @@ enum class StopReason : std::uint8_t {
 
 struct SimplifyOptions {
   std::uint32_t base_faces = 256;           ///< stop at or below this many faces; at least 1
-  std::function<void(double)> on_progress;  ///< called with a share in [0, 1]; may be empty
+  unsigned threads = 0;                     ///< 0: one for each core; no influence on the result
+  std::function<void(double)> on_progress;  ///< called with a share in [0, 1] by the caller's
+                                            ///< thread; may be empty
 };
 
 struct CollapseLog {
@@ -50,8 +52,10 @@ struct CollapseLog {
 /// no face turns by more than 60 degrees from its input normal until nothing else can collapse.
 /// Deterministic: costs are compared to 7 bits of mantissa, ties go to the shallower subtrees (the
 /// forest stays balanced: a flat 256 x 256 grid gives 12 levels), then to the place in Morton
-/// order. Cost: O(n log n) time (1 M faces of terrain in 1.7 s), about 210 bytes a vertex. Throws
-/// nothing but bad_alloc.
+/// order. Of a mesh of more than some 50,000 vertices, cells of 16,384 are simplified apart as far as
+/// a cost that samples suggest, on several threads, before the whole is: the error stays that of the
+/// whole alone. Cost: O(n log n) time (1 M faces of terrain in 0.9 s on one core), about
+/// 140 bytes a vertex (230 of a small mesh). Throws nothing but bad_alloc.
 [[nodiscard]] CollapseLog simplify(const GridMesh& mesh, const SimplifyOptions& options);
 
 }  // namespace nearmesh

@@ -13,12 +13,9 @@ namespace nearmesh {
 [[nodiscard]] int block_level(std::uint32_t size);
 inline constexpr int kMaxBlockLevels = 6;
 
-struct StoredBlock {
-  NodeSpan root;
-  Treelet treelet;
-};
-
-/// All blocks of a complete store, by level, then by first id.
-[[nodiscard]] std::vector<std::vector<StoredBlock>> cut_into_blocks(const SplitStore& store);
+/// Root nodes of all blocks of a complete store, by level, then by first id. Cost: one pass over the ids.
+[[nodiscard]] std::vector<NodeSpan> block_roots(const SplitStore& store);
+/// The splits of the block below one of them.
+[[nodiscard]] Treelet block_treelet(const SplitStore& store, NodeSpan root);
 
 }  // namespace nearmesh
