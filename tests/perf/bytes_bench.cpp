@@ -37,7 +37,7 @@ namespace {
 constexpr int kPlaces = 45;
 constexpr int kFrames = 200;
 constexpr double kLeanFramingBytes = 76;
-const std::size_t kRegionBoxes = getenv("RB") ? atoi(getenv("RB")) : 64;
+constexpr std::size_t kRegionBoxes = 64;
 constexpr std::uint32_t kRequestSplits = 4096;
 
 void row(const std::string& metric, double value, const char* unit) {
@@ -216,7 +216,8 @@ class Peer {
   bool prefetch(const Pose& pose, double margin_m, std::uint32_t max_splits) {
     return ask(pose, margin_m, {}, max_splits);
   }
-  bool lacks(const Pose& pose, double margin_m) const {
+  // Whether something is missing within a margin.
+  [[nodiscard]] bool lacks(const Pose& pose, double margin_m) const {
     const auto region = [&](std::size_t max_parts, std::span<const GridBox> near) {
       return subscriber::swept_region(view(), {}, body_, Motion{.pose = pose}, 0, margin_m,
                                       max_parts, near);
