@@ -22,7 +22,6 @@
 
 #include "nearmesh/core/base/random.hpp"
 #include "nearmesh/core/base/resources.hpp"
-#include "nearmesh/core/base/stopwatch.hpp"
 #include "nearmesh/core/mesh/clean.hpp"
 #include "nearmesh/core/query/certify.hpp"
 #include "nearmesh/core/refine/replica.hpp"
@@ -218,31 +217,30 @@ class Peer {
   }
   // Whether something is missing within a margin.
   [[nodiscard]] bool lacks(const Pose& pose, double margin_m) const {
-    const auto region = [&](std::size_t max_parts, std::span<const GridBox> near) {
-      return subscriber::swept_region(view(), {}, body_, Motion{.pose = pose}, 0, margin_m,
-                                      max_parts, near);
-    };
-    return subscriber::make_request(replica_.store(), region, {}, kRegionBoxes, 1).has_value();
+    return request(pose, margin_m, {}, 1).has_value();
   }
   [[nodiscard]] TreeView view() const { return tree_.view(replica_.header().grid); }
-  [[nodiscard]] const Replica& replica() const { return replica_; }
   [[nodiscard]] AbTreeStats tree_stats() const { return tree_.stats(); }
   Cost cost;
 
  private:
-  bool ask(const Pose& pose, double margin_m, std::vector<NodeSpan> missing,
-           std::uint32_t max_splits) {
+  [[nodiscard]] std::optional<RegionRequest> request(const Pose& pose, double margin_m,
+                                                     std::vector<NodeSpan> missing,
+                                                     std::uint32_t max_splits) const {
     const auto region = [&](std::size_t max_parts, std::span<const GridBox> near) {
       return subscriber::swept_region(view(), {}, body_, Motion{.pose = pose}, 0, margin_m,
                                       max_parts, near);
     };
-    const std::optional<RegionRequest> request = subscriber::make_request(
-        replica_.store(), region, std::move(missing), kRegionBoxes, max_splits);
-    if (!request) return false;
+    return subscriber::make_request(replica_.store(), region, std::move(missing), kRegionBoxes,
+                                    max_splits);
+  }
+  bool ask(const Pose& pose, double margin_m, std::vector<NodeSpan> missing,
+           std::uint32_t max_splits) {
+    const auto next = request(pose, margin_m, std::move(missing), max_splits);
+    if (!next) return false;
     ++cost.requests;
-    cost.request_bytes +=
-        static_cast<double>(8 * request->attach.size() + 40 * request->region.size());
-    for (const auto& bytes : serve_(*request)) {
+    cost.request_bytes += static_cast<double>(8 * next->attach.size() + 40 * next->region.size());
+    for (const auto& bytes : serve_(*next)) {
       const SplitBatch batch = decode_batch(replica_.header(), bytes).value();
       const Replica::Applied applied = replica_.apply_batch(batch);
       tree_.update(applied.delta);
@@ -283,7 +281,6 @@ void measure_poses(const std::string& path, double radius_share) {
   }
   const Serve here = [&file](const RegionRequest& request) { return serve(file, request); };
   Cost touching, ahead, least;
-  CertifyTimes times;
   double rounds = 0;
   for (const Pose& pose : poses) {
     Peer peer(file.header(), body.view(), here);
