@@ -10,7 +10,7 @@ namespace {
 constexpr std::uint8_t kFlagLast = 1;
 constexpr std::uint8_t kFlagRefused = 2;
 constexpr std::size_t kWordsPerNode = 2;
-constexpr std::size_t kWordsPerBox = 6;
+constexpr std::size_t kWordsPerPart = 10;
 constexpr std::size_t kWordsPerPair = 4;
 
 Status malformed(std::string message) { return {StatusCode::kInvalidArgument, std::move(message)}; }
@@ -106,10 +106,16 @@ void encode(const RegionSubscription& message, wire_types::RegionSubscriptionSam
     sample.attach().push_back(node.first.value);
     sample.attach().push_back(node.size);
   }
-  sample.boxes().clear();
-  for (const GridBox& box : message.region.region) {
-    sample.boxes().insert(sample.boxes().end(), box.lo.v.begin(), box.lo.v.end());
-    sample.boxes().insert(sample.boxes().end(), box.hi.v.begin(), box.hi.v.end());
+  auto& parts = sample.parts();
+  parts.clear();
+  for (const RegionPart& part : message.region.region) {
+    parts.insert(parts.end(), part.box.lo.v.begin(), part.box.lo.v.end());
+    parts.insert(parts.end(), part.box.hi.v.begin(), part.box.hi.v.end());
+    std::uint32_t normal = 0;
+    for (std::size_t k = 0; k < 3; ++k)
+      normal |= std::uint32_t{static_cast<std::uint8_t>(part.normal[k])} << (8 * k);
+    parts.insert(parts.end(),
+                 {part.radius, static_cast<std::int32_t>(normal), part.slab_lo, part.slab_hi});
   }
 }
 
@@ -125,14 +131,23 @@ Result<RegionSubscription> decode(const wire_types::RegionSubscriptionSample& sa
   message.window_bytes = sample.window_bytes();
   message.region.max_splits = sample.max_splits();
   const auto& attach = sample.attach();
-  const auto& boxes = sample.boxes();
+  const auto& parts = sample.parts();
   NEARMESH_RETURN_IF_ERROR(check_words(attach.size(), kWordsPerNode, kMaxAttachNodes, "attach"));
-  NEARMESH_RETURN_IF_ERROR(check_words(boxes.size(), kWordsPerBox, kMaxRegionBoxes, "boxes"));
+  NEARMESH_RETURN_IF_ERROR(check_words(parts.size(), kWordsPerPart, kMaxRegionBoxes, "region boxes"));
   for (std::size_t i = 0; i < attach.size(); i += kWordsPerNode)
     message.region.attach.push_back({VertexId{attach[i]}, attach[i + 1]});
-  for (std::size_t i = 0; i < boxes.size(); i += kWordsPerBox)
-    message.region.region.push_back(
-        {{{boxes[i], boxes[i + 1], boxes[i + 2]}}, {{boxes[i + 3], boxes[i + 4], boxes[i + 5]}}});
+  for (std::size_t i = 0; i < parts.size(); i += kWordsPerPart) {
+    RegionPart part(GridBox{{{parts[i], parts[i + 1], parts[i + 2]}},
+                            {{parts[i + 3], parts[i + 4], parts[i + 5]}}});
+    part.radius = parts[i + 6];
+    const auto normal = static_cast<std::uint32_t>(parts[i + 7]);
+    if (normal >> 24 != 0) return Status{StatusCode::kInvalidArgument, "region: normal of a slab"};
+    for (std::size_t k = 0; k < 3; ++k)
+      part.normal[k] = static_cast<std::int8_t>(normal >> (8 * k));
+    part.slab_lo = parts[i + 8];
+    part.slab_hi = parts[i + 9];
+    message.region.region.push_back(part);
+  }
   return checked(std::move(message));
 }
 

@@ -73,12 +73,11 @@ Status check_attach(const std::vector<NodeSpan>& attach) {
   return Status::ok();
 }
 
-Status check_region(const std::vector<GridBox>& region) {
+Status check_region(const std::vector<RegionPart>& region) {
   NEARMESH_RETURN_IF_ERROR(check_most(region.size(), kMaxRegionBoxes, "region boxes"));
   for (std::size_t i = 0; i < region.size(); ++i)
-    for (int k = 0; k < 3; ++k)
-      if (region[i].lo[k] > region[i].hi[k])
-        return invalid("region box " + std::to_string(i) + " is empty");
+    if (const char* fault = fault_of(region[i]); fault != nullptr)
+      return invalid("region box " + std::to_string(i) + ": " + fault);
   return Status::ok();
 }
 

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nearmesh/subscriber/predict.hpp"
 
-#include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <queue>
+#include <utility>
 
 namespace nearmesh::subscriber {
 namespace {
@@ -32,47 +33,152 @@ std::int32_t clamp_grid(double x) {
   return static_cast<std::int32_t>(std::clamp(x, -2147483648.0, 2147483647.0));
 }
 
+// Carries what is in the other body's tree into own's model frame and over the look-ahead.
+class Sweep {
+ public:
+  Sweep(const TreeView& own, const Motion& own_motion, const TreeView& other,
+        const Motion& other_motion, double lookahead_s, double margin_m)
+      : own_(*own.grid),
+        other_(other),
+        margin_m_(margin_m),
+        cell_(std::ldexp(1.0, own.grid->exponent)) {
+    const Rotation to_own = rotation(own_motion.pose).transpose();
+    turn_ = to_own * rotation(other_motion.pose);
+    offset_ =
+        to_own * (vector(other_motion.pose.translation_m) - vector(own_motion.pose.translation_m));
+    // Drift of the other body over the look-ahead; turning is covered by growing each box.
+    drift_ = to_own *
+             (vector(other_motion.linear_velocity_mps) - vector(own_motion.linear_velocity_mps)) *
+             lookahead_s;
+    own_turn_ = vector(own_motion.angular_velocity_radps).norm() * lookahead_s;
+    other_turn_ = vector(other_motion.angular_velocity_radps).norm() * lookahead_s;
+  }
+
+  // Where a box of the other's grid may be.
+  [[nodiscard]] GridBox box(const GridBox& box) const {
+    const MetreBox m = in_metres(*other_.grid, box);
+    const Vector3d center = offset_ + turn_ * m.center, half = turn_.cwiseAbs() * m.half;
+    return covering(center - half, center + half, growth(box) / cell_);
+  }
+  // Where what an entry of the other's tree bounds may be: closer than its box.
+  [[nodiscard]] RegionPart part(const TreeEntry& entry) const {
+    Pieces pieces;
+    gather(entry, kPartDepth, pieces);
+    Vector3d lo = Vector3d::Constant(1e300), hi = -lo;
+    for (const MetreBox& piece : pieces.boxes) {
+      const Vector3d half = turn_.cwiseAbs() * piece.half;
+      lo = lo.cwiseMin(piece.center - half);
+      hi = hi.cwiseMax(piece.center + half);
+    }
+    for (const Vector3d& point : pieces.points) {
+      lo = lo.cwiseMin(point);
+      hi = hi.cwiseMax(point);
+    }
+    const double growth_m = growth(entry.box);
+    const double radius = std::min(std::ceil(growth_m / cell_), double{kMaxRegionRadius});
+    RegionPart part = covering(lo, hi, std::max(0.0, growth_m / cell_ - radius));
+    part.radius = static_cast<std::int32_t>(radius);
+    add_slab(pieces, growth_m, part);
+    return part;
+  }
+
+ private:
+  static constexpr int kPartDepth = 2;
+  // In own's model frame, metres; halves along the other's axes.
+  struct Pieces {
+    std::vector<Vector3d> points;
+    std::vector<MetreBox> boxes;
+    Vector3d normal = Vector3d::Zero();
+  };
+
+  [[nodiscard]] double growth(const GridBox& box) const {
+    const MetreBox m = in_metres(*other_.grid, box);
+    const Vector3d center = offset_ + turn_ * m.center, half = turn_.cwiseAbs() * m.half;
+    return margin_m_ + other_turn_ * reach_m(*other_.grid, box) +
+           own_turn_ * (center.norm() + half.norm() + drift_.norm()) + cell_;
+  }
+  // The drifting box, grown by so many cells.
+  [[nodiscard]] GridBox covering(const Vector3d& lo, const Vector3d& hi, double cells) const {
+    GridBox covering;
+    for (int k = 0; k < 3; ++k) {
+      const double origin = own_.origin_m[static_cast<std::size_t>(k)];
+      const double from = (lo[k] + std::min(drift_[k], 0.0) - origin) / cell_;
+      const double to = (hi[k] + std::max(drift_[k], 0.0) - origin) / cell_;
+      covering.lo[k] = clamp_grid(std::floor(from - cells));
+      covering.hi[k] = clamp_grid(std::ceil(to + cells));
+    }
+    return covering;
+  }
+  void gather(const TreeEntry& entry, int depth, Pieces& pieces) const {
+    if (entry.kind() == TreeEntry::Kind::kFaces) {
+      other_.for_each_face(entry, [&](const TreeFace& face) {
+        std::array<Vector3d, 3> at;
+        for (std::size_t k = 0; k < 3; ++k) {
+          const GridPoint& p = face.corners[k];
+          at[k] = offset_ + turn_ * in_metres(*other_.grid, {p, p}).center;
+          pieces.points.push_back(at[k]);
+        }
+        pieces.normal += (at[1] - at[0]).cross(at[2] - at[0]);
+      });
+    } else if (entry.kind() == TreeEntry::Kind::kInner && depth > 0) {
+      other_.for_each_child(entry,
+                            [&](const TreeEntry& child) { gather(child, depth - 1, pieces); });
+    } else {
+      const MetreBox m = in_metres(*other_.grid, entry.box);
+      pieces.boxes.push_back({offset_ + turn_ * m.center, m.half});
+    }
+  }
+  // The slab across the faces' mean normal; none where they have none.
+  void add_slab(const Pieces& pieces, double growth_m, RegionPart& part) const {
+    const double size = pieces.normal.lpNorm<1>();
+    if (!(size > 0)) return;
+    Vector3d normal;
+    for (int k = 0; k < 3; ++k) {
+      // Truncated, so that the sum keeps its bound.
+      normal[k] = std::trunc(pieces.normal[k] / size * kMaxSlabNormal);
+      part.normal[static_cast<std::size_t>(k)] = static_cast<std::int8_t>(normal[k]);
+    }
+    double least = 1e300, most = -1e300;
+    for (const Vector3d& point : pieces.points) {
+      least = std::min(least, normal.dot(point));
+      most = std::max(most, normal.dot(point));
+    }
+    for (const MetreBox& piece : pieces.boxes) {
+      const double at = normal.dot(piece.center);
+      const double half = (turn_.transpose() * normal).cwiseAbs().dot(piece.half);
+      least = std::min(least, at - half);
+      most = std::max(most, at + half);
+    }
+    const double from = normal.dot(vector(own_.origin_m)), along = normal.dot(drift_);
+    const double wider = normal.norm() * growth_m;
+    part.slab_lo =
+        clamp_grid(std::floor((least - from + std::min(along, 0.0) - wider) / cell_ / 128));
+    part.slab_hi =
+        clamp_grid(std::ceil((most - from + std::max(along, 0.0) + wider) / cell_ / 128));
+  }
+
+  const Grid& own_;
+  const TreeView& other_;
+  const double margin_m_, cell_;
+  Rotation turn_;
+  Vector3d offset_, drift_;
+  double own_turn_ = 0, other_turn_ = 0;
+};
+
 }  // namespace
 
-std::vector<GridBox> swept_region(const TreeView& own, const Motion& own_motion,
-                                  const TreeView& other, const Motion& other_motion,
-                                  double lookahead_s, double margin_m, std::size_t max_boxes) {
-  // Into own's model frame.
-  const Rotation to_own = rotation(own_motion.pose).transpose();
-  const Rotation turn = to_own * rotation(other_motion.pose);
-  const Vector3d offset =
-      to_own * (vector(other_motion.pose.translation_m) - vector(own_motion.pose.translation_m));
-  // Drift of the other body over the look-ahead; turning is covered by growing each box.
-  const Vector3d drift =
-      to_own * (vector(other_motion.linear_velocity_mps) - vector(own_motion.linear_velocity_mps)) *
-      lookahead_s;
-  const double own_turn = vector(own_motion.angular_velocity_radps).norm() * lookahead_s;
-  const double other_turn = vector(other_motion.angular_velocity_radps).norm() * lookahead_s;
-  const double cell = std::ldexp(1.0, own.grid->exponent);
-
-  const auto sweep = [&](const GridBox& box) {
-    const MetreBox m = in_metres(*other.grid, box);
-    const Vector3d center = offset + turn * m.center;
-    const Vector3d half = turn.cwiseAbs() * m.half;
-    const double grow = margin_m + other_turn * reach_m(*other.grid, box) +
-                        own_turn * (center.norm() + half.norm() + drift.norm()) + cell;
-    const Vector3d lo = center - half + drift.cwiseMin(0) - Vector3d::Constant(grow);
-    const Vector3d hi = center + half + drift.cwiseMax(0) + Vector3d::Constant(grow);
-    GridBox swept;
-    for (int k = 0; k < 3; ++k) {
-      const double origin = own.grid->origin_m[static_cast<std::size_t>(k)];
-      swept.lo[k] = clamp_grid(std::floor((lo[k] - origin) / cell));
-      swept.hi[k] = clamp_grid(std::ceil((hi[k] - origin) / cell));
-    }
-    return swept;
-  };
+std::vector<RegionPart> swept_region(const TreeView& own, const Motion& own_motion,
+                                     const TreeView& other, const Motion& other_motion,
+                                     double lookahead_s, double margin_m, std::size_t max_parts,
+                                     std::span<const GridBox> near) {
+  const Sweep sweep(own, own_motion, other, other_motion, lookahead_s, margin_m);
   const auto extent = [](const GridBox& box) {
     std::int64_t sum = 0;
     for (int k = 0; k < 3; ++k) sum += std::int64_t{box.hi[k]} - box.lo[k];
     return sum;
   };
 
-  // Largest first, so that the boxes end up alike in size.
+  // Largest first, so that the parts end up alike in size.
   struct Open {
     std::int64_t extent;
     std::uint32_t order;
@@ -83,25 +189,64 @@ std::vector<GridBox> swept_region(const TreeView& own, const Motion& own_motion,
   };
   std::priority_queue<Open> open;
   std::uint32_t order = 0;
-  std::vector<GridBox> region;
-  const GridBox reachable = own.root().box;
+  std::vector<TreeEntry> chosen;
+  const auto is_near = [near](const RegionPart& part) {
+    return std::any_of(near.begin(), near.end(),
+                       [&](const GridBox& box) { return part.meets(box); });
+  };
   const auto offer = [&](const TreeEntry& part) {
-    if (part.kind() == TreeEntry::Kind::kEmpty || !sweep(part.box).meets(reachable)) return;
+    if (part.kind() == TreeEntry::Kind::kEmpty || !is_near(sweep.box(part.box))) return;
     if (part.kind() == TreeEntry::Kind::kInner) {
       open.push({extent(part.box), order++, part});
     } else {
-      region.push_back(sweep(part.box));
+      chosen.push_back(part);
     }
   };
   offer(other.root());
-  // A part is opened only where all its children go in.
-  while (!open.empty() && open.size() - 1 + region.size() + kLanes <= max_boxes) {
+  // A part is opened only where all its children may go in.
+  while (!open.empty() && open.size() - 1 + chosen.size() + kLanes <= max_parts) {
     const TreeEntry part = open.top().part;
     open.pop();
     other.for_each_child(part, offer);
   }
-  for (; !open.empty(); open.pop()) region.push_back(sweep(open.top().part.box));
+  for (; !open.empty(); open.pop()) chosen.push_back(open.top().part);
+  std::vector<RegionPart> region;
+  for (const TreeEntry& entry : chosen)
+    if (const RegionPart part = sweep.part(entry); is_near(part)) region.push_back(part);
   return region;
+}
+
+std::vector<GridBox> root_reach(const SplitStore& store) {
+  std::vector<GridBox> reach;
+  for (const BaseRoot& root : store.roots()) reach.push_back(reach_below(store.box(root.node)));
+  return reach;
+}
+
+std::optional<RegionRequest> make_request(const SplitStore& store, const RegionMaker& region,
+                                          std::vector<NodeSpan> missing, std::size_t max_parts,
+                                          std::uint32_t max_splits) {
+  std::vector<GridBox> near = root_reach(store);
+  const std::vector<NodeSpan> lacking =
+      frontier(store, region(kCoarseParts, near), store.vertex_count());
+  near.clear();
+  for (const std::vector<NodeSpan>* nodes : {&lacking, &std::as_const(missing)})
+    for (const NodeSpan& node : *nodes) near.push_back(reach_below(store.box(node)));
+  RegionRequest request{std::move(missing), region(max_parts, near), max_splits};
+  const std::size_t given = request.attach.size();
+  for (const NodeSpan& node : lacking) {
+    if (request.attach.size() == kMaxAttachNodes) break;
+    const auto end = request.attach.begin() + static_cast<std::ptrdiff_t>(given);
+    const GridBox box = store.box(node);
+    if (!std::binary_search(request.attach.begin(), end, node) &&
+        std::any_of(request.region.begin(), request.region.end(),
+                    [&](const RegionPart& part) { return part.meets(box); }))
+      request.attach.push_back(node);
+  }
+  if (request.attach.empty()) return std::nullopt;
+  // A node that was met, but by no region: it is asked for all the same.
+  if (request.region.empty()) request.region.emplace_back(store.box(request.attach.front()));
+  std::sort(request.attach.begin(), request.attach.end());
+  return request;
 }
 
 }  // namespace nearmesh::subscriber

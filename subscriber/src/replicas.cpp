@@ -99,7 +99,7 @@ bool ReplicaSet::apply_one(FrameReport& report) {
   return false;
 }
 
-void ReplicaSet::collapse_outside(PeerModel& model, const std::vector<GridBox>& keep,
+void ReplicaSet::collapse_outside(PeerModel& model, const std::vector<RegionPart>& keep,
                                   FrameReport& report) {
   const SplitStore& store = model.replica->store();
   std::vector<NodeSpan> stack, give_up;
@@ -110,7 +110,7 @@ void ReplicaSet::collapse_outside(PeerModel& model, const std::vector<GridBox>& 
     const VertexId split = node.size < 2 ? VertexId{} : store.split_of(node);
     if (!split.is_valid()) continue;
     const GridBox box = store.box(node);
-    if (std::none_of(keep.begin(), keep.end(), [&](const GridBox& k) { return k.meets(box); })) {
+    if (std::none_of(keep.begin(), keep.end(), [&](const RegionPart& k) { return k.meets(box); })) {
       give_up.push_back(node);
       continue;
     }

@@ -43,8 +43,8 @@ class ReplicaSet {
   std::size_t take_header(const wire::MeshHeader& message, std::vector<std::string>& complaints);
   /// Applies the oldest waiting batch of some model; false when none waits.
   bool apply_one(FrameReport& report);
-  /// Gives up detail of `model` outside `keep` (boxes in its grid).
-  void collapse_outside(PeerModel& model, const std::vector<GridBox>& keep, FrameReport& report);
+  /// Gives up detail of `model` outside `keep` (in its grid).
+  void collapse_outside(PeerModel& model, const std::vector<RegionPart>& keep, FrameReport& report);
 
  private:
   std::map<std::string, PeerModel> models_;

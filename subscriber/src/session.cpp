@@ -72,14 +72,15 @@ struct Session::Impl {
   void sweep_pair(const Pair& pair, PairAnswer& result, FrameReport& report);
   void report_pair(Pair& pair, const PairAnswer& answer, std::uint64_t frame, double time_s);
   void ask(const FrameReport& report);
-  [[nodiscard]] std::vector<GridBox> region_of(const PeerModel& model, double lookahead_s,
-                                               const FrameReport& report,
-                                               bool uncertified_only) const;
+  [[nodiscard]] RegionMaker region_of(const PeerModel& model, double lookahead_s,
+                                      const FrameReport& report, bool uncertified_only) const;
+  [[nodiscard]] std::vector<RegionPart> kept_of(const PeerModel& model,
+                                                const FrameReport& report) const;
   [[nodiscard]] std::vector<NodeSpan> missing_of(const PeerModel& model, const FrameReport& report,
                                                  bool ahead) const;
   [[nodiscard]] double horizon_s() const { return std::max(options.lookahead_s, options.sweep_s); }
   bool request_ahead(PeerModel& model, const FrameReport& report, double patience_s);
-  bool request(PeerModel& model, const std::vector<GridBox>& region, std::vector<NodeSpan> attach,
+  bool request(PeerModel& model, const RegionMaker& region, std::vector<NodeSpan> missing,
                std::uint8_t priority, double patience_s);
   void return_credit();
   [[nodiscard]] Publisher* publisher_of(std::uint64_t content_hash);
@@ -166,8 +167,7 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
   if (impl.options.max_held_splits > 0)
     for (auto& [name, model] : impl.replicas.all())
       if (model.is_ready() && model.replica->mesh().split_count() > impl.options.max_held_splits)
-        impl.replicas.collapse_outside(
-            model, impl.region_of(model, impl.horizon_s(), report, false), report);
+        impl.replicas.collapse_outside(model, impl.kept_of(model, report), report);
   impl.return_credit();
   return report;
 }
@@ -311,12 +311,11 @@ void Session::Impl::report_pair(Pair& pair, const PairAnswer& answer, std::uint6
   channel->send(report);
 }
 
-// The boxes, in a model's grid, of all bodies that a body of that model is watched against; of what is not certified,
+// Where, in a model's grid, all bodies are that a body of that model is watched against; of what is not certified,
 // the rays instead where only the inside of a solid is open.
-std::vector<GridBox> Session::Impl::region_of(const PeerModel& model, double lookahead_s,
-                                              const FrameReport& report,
-                                              bool uncertified_only) const {
-  std::vector<GridBox> region;
+RegionMaker Session::Impl::region_of(const PeerModel& model, double lookahead_s,
+                                     const FrameReport& report, bool uncertified_only) const {
+  std::vector<RegionPart> rays;
   std::vector<std::pair<const Body*, const Body*>> against;
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     const PairAnswer& answer = report.answers[i];
@@ -326,25 +325,42 @@ std::vector<GridBox> Session::Impl::region_of(const PeerModel& model, double loo
     if (uncertified_only && !(open.rays_a.empty() && open.rays_b.empty())) {
       // The surfaces are apart: only the rays wait for detail.
       if (pairs[i].a->model == &model)
-        region.insert(region.end(), open.rays_a.begin(), open.rays_a.end());
+        rays.insert(rays.end(), open.rays_a.begin(), open.rays_a.end());
       if (pairs[i].b->model == &model)
-        region.insert(region.end(), open.rays_b.begin(), open.rays_b.end());
+        rays.insert(rays.end(), open.rays_b.begin(), open.rays_b.end());
       continue;
     }
     if (pairs[i].a->model == &model) against.emplace_back(pairs[i].a, pairs[i].b);
     if (pairs[i].b->model == &model) against.emplace_back(pairs[i].b, pairs[i].a);
   }
-  region.resize(std::min(region.size(), kMaxRegionBoxes / 2));
-  if (against.empty()) return region;
-  const std::size_t each = std::max<std::size_t>(
-      1, std::min(options.region_boxes, (kMaxRegionBoxes - region.size()) / against.size()));
-  for (const auto& [own, other] : against) {
-    const auto boxes = swept_region(own->model->view(), *own->motion, other->model->view(),
-                                    *other->motion, lookahead_s, options.margin_m, each);
-    region.insert(region.end(), boxes.begin(), boxes.end());
+  rays.resize(std::min(rays.size(), kMaxRegionBoxes / 2));
+  if (rays.empty() && against.empty()) return nullptr;
+  return [this, lookahead_s, rays, against](std::size_t max_parts, std::span<const GridBox> near) {
+    std::vector<RegionPart> region = rays;
+    for (const auto& [own, other] : against) {
+      const std::size_t each = std::max<std::size_t>(
+          1, std::min(max_parts, (kMaxRegionBoxes - rays.size()) / against.size()));
+      const auto parts = swept_region(own->model->view(), *own->motion, other->model->view(),
+                                      *other->motion, lookahead_s, options.margin_m, each, near);
+      region.insert(region.end(), parts.begin(), parts.end());
+    }
+    region.resize(std::min(region.size(), kMaxRegionBoxes));
+    return region;
+  };
+}
+
+// What is not given up: somewhat more than will be asked for, or it would come and go.
+std::vector<RegionPart> Session::Impl::kept_of(const PeerModel& model,
+                                               const FrameReport& report) const {
+  const RegionMaker region = region_of(model, horizon_s(), report, false);
+  if (region == nullptr) return {};
+  std::vector<RegionPart> kept = region(kCoarseParts, root_reach(model.replica->store()));
+  for (RegionPart& part : kept) {
+    const std::int32_t radius = part.radius;
+    part = reach_below(part.box);
+    part.radius = radius;
   }
-  region.resize(std::min(region.size(), kMaxRegionBoxes));
-  return region;
+  return kept;
 }
 
 Publisher* Session::Impl::publisher_of(std::uint64_t content_hash) {
@@ -377,25 +393,20 @@ std::vector<NodeSpan> Session::Impl::missing_of(const PeerModel& model, const Fr
   return missing;
 }
 
-// `attach`, ascending, is asked for in any case, before what else of the frontier meets the region.
-bool Session::Impl::request(PeerModel& model, const std::vector<GridBox>& region,
-                            std::vector<NodeSpan> attach, std::uint8_t priority,
+// `missing`, ascending, is asked for in any case, before what else of the frontier meets the region.
+bool Session::Impl::request(PeerModel& model, const RegionMaker& region,
+                            std::vector<NodeSpan> missing, std::uint8_t priority,
                             double patience_s) {
-  if (region.empty()) return false;
   Publisher* publisher = publisher_of(model.content_hash);
   if (publisher == nullptr) return false;
-  const std::size_t given = attach.size();
-  for (const NodeSpan& node : frontier(model.replica->store(), region, kMaxAttachNodes)) {
-    if (attach.size() == kMaxAttachNodes) break;
-    const auto end = attach.begin() + static_cast<std::ptrdiff_t>(given);
-    if (!std::binary_search(attach.begin(), end, node)) attach.push_back(node);
-  }
-  if (attach.empty()) return false;
-  std::sort(attach.begin(), attach.end());
+  if (region == nullptr) return false;
+  std::optional<RegionRequest> region_request =
+      make_request(model.replica->store(), region, std::move(missing), options.region_boxes,
+                   priority == kNeededNow ? options.request_splits
+                                          : std::min(options.request_splits, kMaxAheadSplits));
+  if (!region_request) return false;
   wire::RegionSubscription subscription;
-  subscription.region.attach = std::move(attach);
-  subscription.region.region = region;
-  subscription.region.max_splits = options.request_splits;
+  subscription.region = std::move(*region_request);
   subscription.peer = channel->own_id();
   subscription.publisher = publisher->hello.publisher;
   subscription.request = ++last_request;
@@ -413,11 +424,13 @@ bool Session::Impl::request(PeerModel& model, const std::vector<GridBox>& region
 // What the swept answers lack, and what else may be met within the horizon.
 bool Session::Impl::request_ahead(PeerModel& model, const FrameReport& report, double patience_s) {
   std::vector<NodeSpan> missing = missing_of(model, report, true);
-  std::vector<GridBox> region = region_of(model, horizon_s(), report, false);
-  // Both are bounds, by other ways: a sweep may lack a node that the region does not reach.
-  if (region.empty() && !missing.empty())
-    region.push_back(model.replica->store().box(missing.front()));
-  return request(model, region, std::move(missing), kHorizon, patience_s);
+  // Asked for when the nearer half lacks something, then all of it: fewer and fuller batches than a little in each frame.
+  const RegionMaker nearer = region_of(model, horizon_s() / 2, report, false);
+  if (missing.empty() && (nearer == nullptr || !make_request(model.replica->store(), nearer, {},
+                                                             options.region_boxes, 1)))
+    return false;
+  return request(model, region_of(model, horizon_s(), report, false), std::move(missing), kHorizon,
+                 patience_s);
 }
 
 void Session::Impl::ask(const FrameReport& report) {

@@ -25,7 +25,7 @@ std::vector<std::uint8_t> make_batch(const fuzz::FullModel& model, fuzz::FuzzInp
   }
   if (node.size < 2) return {};
   request.attach = {node};
-  request.region = {{{{0, 0, 0}}, {{store.grid_max(), store.grid_max(), store.grid_max()}}}};
+  request.region = {GridBox{{{0, 0, 0}}, {{store.grid_max(), store.grid_max(), store.grid_max()}}}};
   request.max_splits = 1 + in.below(64);
   const Result<Demand> demand = collect(store, request, {}, AttachRule::kAlways);
   FUZZ_CHECK(demand.is_ok());

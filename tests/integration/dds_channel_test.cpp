@@ -108,7 +108,7 @@ wire::RegionSubscription request_of(wire::SessionId peer, std::uint32_t batches 
   message.request = 1;
   message.content_hash = kModel;
   message.region.attach.push_back({VertexId{0}, 100});
-  message.region.region.push_back({{{0, 0, 0}}, {{10, 10, 10}}});
+  message.region.region.push_back(GridBox{{{0, 0, 0}}, {{10, 10, 10}}});
   message.region.max_splits = batches;
   return message;
 }

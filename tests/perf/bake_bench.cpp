@@ -77,7 +77,7 @@ CoarseMesh coarse_mesh(const GridMesh& mesh, const CollapseLog& log, std::size_t
     faces.push_back(face);
     coarse.corners.push_back(c);
   }
-  coarse.tree = build_triangle_tree(mesh.grid, std::move(faces));
+  coarse.tree = build_triangle_tree(mesh.grid, faces);
   return coarse;
 }
 
@@ -125,23 +125,26 @@ double box_distance2(const Vec& p, const GridBox& box) {
 
 /// Distance to the nearest face, at most sqrt(least).
 double distance(const TreeView& tree, const Vec& p, double least) {
-  std::vector<std::pair<double, std::uint32_t>> stack{{0, tree.root}};
+  struct Open {
+    double bound;
+    TreeEntry part;
+  };
+  std::vector<Open> stack{{0, tree.root()}};
   while (!stack.empty()) {
-    const auto [bound, at] = stack.back();
+    const Open top = stack.back();
     stack.pop_back();
-    if (bound >= least) continue;
-    const TreeNode& node = tree.nodes[at];
-    if (node.kind() == TreeNode::Kind::kInner) {
-      std::pair<double, std::uint32_t> near{box_distance2(p, tree.nodes[node.first].box),
-                                            node.first};
-      std::pair<double, std::uint32_t> far{box_distance2(p, tree.nodes[node.first + 1].box),
-                                           node.first + 1};
-      if (far < near) std::swap(near, far);
-      stack.push_back(far);
-      stack.push_back(near);
+    if (top.bound >= least) continue;
+    if (top.part.kind() == TreeEntry::Kind::kInner) {
+      const auto first = static_cast<std::ptrdiff_t>(stack.size());
+      tree.for_each_child(top.part, [&](const TreeEntry& child) {
+        stack.push_back({box_distance2(p, child.box), child});
+      });
+      std::sort(stack.begin() + first, stack.end(),
+                [](const Open& x, const Open& y) { return x.bound > y.bound; });
     } else {
-      for (std::uint32_t i = node.first; i < node.first + node.count(); ++i)
-        least = std::min(least, face_distance2(p, tree.faces[i]));
+      tree.for_each_face(top.part, [&](const TreeFace& face) {
+        least = std::min(least, face_distance2(p, face));
+      });
     }
   }
   return std::sqrt(least);
@@ -234,26 +237,27 @@ bool cross_each_other(const CoarseMesh& mesh, const TreeFace& x, const TreeFace&
 
 std::size_t count_self_intersecting(const CoarseMesh& mesh, unsigned threads) {
   const TreeView tree = mesh.tree.view();
-  std::vector<std::uint8_t> crosses(tree.faces.size(), 0);
-  constexpr std::size_t kChunk = 1024;
-  for_each_index((tree.faces.size() + kChunk - 1) / kChunk, threads, [&](std::size_t chunk) {
-    std::vector<std::uint32_t> stack;
-    const std::size_t end = std::min(tree.faces.size(), (chunk + 1) * kChunk);
-    for (std::size_t i = chunk * kChunk; i < end; ++i) {
+  std::vector<std::uint8_t> crosses(mesh.corners.size(), 0);  // by key
+  for_each_index(tree.blocks.size(), threads, [&](std::size_t block) {
+    std::vector<TreeEntry> stack;
+    for (std::uint32_t lane = 0; lane < kLanes; ++lane) {  // unused lanes repeat a face
+      const TreeFace face = tree.blocks[block].face(lane);
+      std::uint8_t& crossed = crosses[face.key.index];
       GridBox box;
-      for (const GridPoint& p : tree.faces[i].corners) box.add(p);
-      stack.assign(1, tree.root);
-      while (!stack.empty() && crosses[i] == 0) {
-        const TreeNode& node = tree.nodes[stack.back()];
+      for (const GridPoint& p : face.corners) box.add(p);
+      stack.assign(1, tree.root());
+      while (!stack.empty() && crossed == 0) {
+        const TreeEntry part = stack.back();
         stack.pop_back();
-        if (!node.box.meets(box)) continue;
-        if (node.kind() == TreeNode::Kind::kInner) {
-          stack.push_back(node.first);
-          stack.push_back(node.first + 1);
+        if (part.kind() == TreeEntry::Kind::kInner) {
+          tree.for_each_child(part, [&](const TreeEntry& child) {
+            if (child.box.meets(box)) stack.push_back(child);
+          });
           continue;
         }
-        for (std::uint32_t j = node.first; j < node.first + node.count(); ++j)
-          if (j != i && cross_each_other(mesh, tree.faces[i], tree.faces[j])) crosses[i] = 1;
+        tree.for_each_face(part, [&](const TreeFace& other) {
+          if (other.key != face.key && cross_each_other(mesh, face, other)) crossed = 1;
+        });
       }
     }
   });

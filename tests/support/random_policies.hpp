@@ -116,7 +116,7 @@ inline RegionRequest request_missing(const SplitStore& store, const std::vector<
   if (request.attach.size() > kMaxAttachNodes) request.attach.resize(kMaxAttachNodes);
   for (const NodeSpan& node : request.attach) {
     if (request.region.size() == kMaxRegionBoxes)
-      request.region.back().add(store.box(node));
+      request.region.back().box.add(store.box(node));
     else
       request.region.push_back(store.box(node));
   }

@@ -2,6 +2,7 @@
 #include "nearmesh/core/demand/collect.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <numeric>
 #include <optional>
 #include <queue>
@@ -14,18 +15,18 @@ std::string name(const NodeSpan& node) {
   return "node [" + std::to_string(node.begin()) + ", " + std::to_string(node.end()) + ")";
 }
 
-// A node and the region boxes that it meets, as a range of one shared pool: children only look at what
-// their parent met.
+// A node and the parts of the region that may matter below it, as a range of one shared pool: children look at no others.
 struct Candidate {
   NodeSpan node;
   GridBox box;
   std::uint32_t pool_begin = 0, pool_end = 0;
+  bool meets = true;  // the node's own box meets one of them
 };
 
 // The step that publisher and peer share: does a node matter to the region?
 class RegionFilter {
  public:
-  RegionFilter(const SplitStore& store, std::span<const GridBox> region)
+  RegionFilter(const SplitStore& store, std::span<const RegionPart> region)
       : store_(store), region_(region), pool_(region.size()) {
     std::iota(pool_.begin(), pool_.end(), 0U);
   }
@@ -33,15 +34,19 @@ class RegionFilter {
     return {node, node.size > 0 ? store_.box(node) : GridBox{}, 0,
             static_cast<std::uint32_t>(region_.size())};
   }
-  // The node as a candidate if its box meets what `parent` met; leaves never do, they are resolved.
+  // The node as a candidate, if any part may matter to it or below it; to leaves none does, they are resolved.
   [[nodiscard]] std::optional<Candidate> child(NodeSpan node, const Candidate& parent) {
     if (node.size < 2) return std::nullopt;
     // A node without a box of its own has its parent's.
     const bool inherits = parent.node.size > 0 && store_.box_code(node)[0] == kNoBoxCode;
-    const GridBox box = inherits ? parent.box : store_.box(node);
-    Candidate candidate{node, box, static_cast<std::uint32_t>(pool_.size()), 0};
-    for (std::uint32_t i = parent.pool_begin; i < parent.pool_end; ++i)
-      if (box.meets(region_[pool_[i]])) pool_.push_back(pool_[i]);
+    const GridBox box = inherits ? parent.box : store_.box(node), reach = reach_below(box);
+    Candidate candidate{node, box, static_cast<std::uint32_t>(pool_.size()), 0, false};
+    for (std::uint32_t i = parent.pool_begin; i < parent.pool_end; ++i) {
+      const std::uint32_t part = pool_[i];
+      if (!region_[part].meets(reach)) continue;
+      pool_.push_back(part);
+      candidate.meets = candidate.meets || region_[part].meets(box);
+    }
     candidate.pool_end = static_cast<std::uint32_t>(pool_.size());
     if (candidate.pool_begin == candidate.pool_end) return std::nullopt;
     return candidate;
@@ -49,7 +54,7 @@ class RegionFilter {
 
  private:
   const SplitStore& store_;
-  std::span<const GridBox> region_;
+  std::span<const RegionPart> region_;
   std::vector<std::uint32_t> pool_;
 };
 
@@ -94,6 +99,18 @@ void finish(Demand& demand) {
 
 }  // namespace
 
+GridBox reach_below(const GridBox& box) {
+  GridBox reach;
+  for (int k = 0; k < 3; ++k) {
+    const std::int64_t lo = box.lo[k], hi = box.hi[k], more = (hi - lo) / 4 + 1;
+    reach.lo[k] = static_cast<std::int32_t>(
+        std::max<std::int64_t>(lo - more, std::numeric_limits<std::int32_t>::min()));
+    reach.hi[k] = static_cast<std::int32_t>(
+        std::min<std::int64_t>(hi + more, std::numeric_limits<std::int32_t>::max()));
+  }
+  return reach;
+}
+
 Status check_request(const SplitStore& store, const RegionRequest& request) {
   const auto refuse = [](const std::string& why) {
     return Status{StatusCode::kInvalidArgument, "region request: " + why};
@@ -109,9 +126,8 @@ Status check_request(const SplitStore& store, const RegionRequest& request) {
   if (request.max_splits < 1 || request.max_splits > kMaxRequestSplits)
     return refuse("max_splits must be in [1, " + std::to_string(kMaxRequestSplits) + "], found " +
                   std::to_string(request.max_splits));
-  for (const GridBox& box : request.region)
-    for (int k = 0; k < 3; ++k)
-      if (box.lo[k] > box.hi[k]) return refuse("an empty region box");
+  for (const RegionPart& part : request.region)
+    if (const char* fault = fault_of(part); fault != nullptr) return refuse(fault);
   std::uint64_t next = 0;
   for (const NodeSpan& node : request.attach) {
     if (node.size < 2 || std::uint64_t{node.begin()} + node.size > store.vertex_count())
@@ -131,7 +147,8 @@ Result<Demand> collect(const SplitStore& store, const RegionRequest& request,
   };
   std::priority_queue<Candidate, std::vector<Candidate>, decltype(smaller)> queue(smaller);
   const auto offer = [&](NodeSpan node, const Candidate& parent) {
-    if (const auto candidate = filter.child(node, parent)) queue.push(*candidate);
+    const auto candidate = filter.child(node, parent);
+    if (candidate && candidate->meets) queue.push(*candidate);
   };
   for (const NodeSpan& node : request.attach) {
     if (require) NEARMESH_RETURN_IF_ERROR(locate(store, node, require));
@@ -164,7 +181,7 @@ Result<Demand> collect(const SplitStore& store, const RegionRequest& request,
   return demand;
 }
 
-std::vector<NodeSpan> frontier(const SplitStore& store, std::span<const GridBox> region,
+std::vector<NodeSpan> frontier(const SplitStore& store, std::span<const RegionPart> region,
                                std::size_t limit) {
   RegionFilter filter(store, region);
   std::vector<NodeSpan> missing;
@@ -178,7 +195,7 @@ std::vector<NodeSpan> frontier(const SplitStore& store, std::span<const GridBox>
     stack.pop_back();
     const VertexId split = store.split_of(top.node);
     if (!split.is_valid()) {
-      missing.push_back(top.node);
+      if (top.meets) missing.push_back(top.node);
       continue;
     }
     offer(top.node.left_of(split), top);

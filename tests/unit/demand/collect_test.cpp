@@ -32,6 +32,29 @@ class Collect : public ::testing::TestWithParam<std::string> {};
 INSTANTIATE_TEST_SUITE_P(Models, Collect, ::testing::ValuesIn(test::mesh_names()),
                          [](const auto& model) { return model.param; });
 
+// A child's box may stand out of its parent's, and then meet parts that the parent's does not.
+TEST_P(Collect, SplitsEveryNodeBelowASplitOneWhoseBoxMeetsTheRegion) {
+  const BakedModel model = test::bake_named(GetParam());
+  Random random(75);
+  for (int i = 0; i < 20; ++i) {
+    RegionRequest request = request_for_all(model);
+    if (request.attach.empty()) GTEST_SKIP() << "nothing to refine";
+    for (int part = 0; part < 20; ++part) request.region.push_back(random_box(model, random));
+    std::set<VertexId> split;
+    for (const TreeletSplit& s : collect(model.store, request, nullptr).value().treelet)
+      split.insert(s.split);
+    for (const VertexId u : split)
+      for (const NodeSpan& child :
+           {model.store.node_of(u).left_of(u), model.store.node_of(u).right_of(u)}) {
+        if (child.size < 2) continue;
+        const GridBox box = model.store.box(child);
+        const bool meets = std::any_of(request.region.begin(), request.region.end(),
+                                       [&](const RegionPart& part) { return part.meets(box); });
+        EXPECT_EQ(split.contains(model.store.split_of(child)), meets);
+      }
+  }
+}
+
 // Brute force over all faces, whether or not they have a vertex in the region.
 TEST_P(Collect, EveryFaceWhoseBoxMeetsTheRegionBecomesExact) {
   const BakedModel model = test::bake_named(GetParam());
@@ -55,7 +78,7 @@ TEST_P(Collect, EveryFaceWhoseBoxMeetsTheRegionBecomesExact) {
       GridBox box;
       for (const VertexId corner : keyed.face.corners()) box.add(model.store.position(corner));
       if (std::any_of(request.region.begin(), request.region.end(),
-                      [&](const GridBox& region) { return region.meets(box); })) {
+                      [&](const RegionPart& part) { return part.meets(box); })) {
         EXPECT_TRUE(mesh.is_exact(keyed.face));
       }
     }
@@ -69,7 +92,7 @@ TEST_P(Collect, SplitsOnlyNodesWhoseBoxMeetsTheRegion) {
   request.region = {random_box(model, random)};
   const Result<Demand> demand = collect(model.store, request, nullptr);
   for (const TreeletSplit& split : demand.value().treelet)
-    EXPECT_TRUE(model.store.box(split.node).meets(request.region[0]));
+    EXPECT_TRUE(request.region[0].meets(model.store.box(split.node)));
 }
 
 TEST_P(Collect, TruncatedTreeletKeepsParents) {
@@ -186,7 +209,7 @@ TEST(CollectMissing, NamesNodesWhoseSplitThePeerLacks) {
   EXPECT_TRUE(demand.value().treelet.empty());
   std::vector<NodeSpan> expected;
   for (const NodeSpan& node : request.attach)
-    if (empty.box(node).meets(request.region[0])) expected.push_back(node);
+    if (request.region[0].meets(empty.box(node))) expected.push_back(node);
   EXPECT_EQ(demand.value().missing, expected);
 }
 
@@ -271,10 +294,10 @@ TEST_P(Collect, FrontierIsWhatIsKnownAndUnsplitAndMeetsTheRegion) {
     nodes.push_back(record.right());
   }
   for (int i = 0; i < 20; ++i) {
-    const std::vector<GridBox> region{random_box(model, random), random_box(model, random)};
+    const std::vector<RegionPart> region{random_box(model, random), random_box(model, random)};
     std::vector<NodeSpan> expected;
     for (const NodeSpan& node : nodes) {
-      const bool meets = peer.box(node).meets(region[0]) || peer.box(node).meets(region[1]);
+      const bool meets = region[0].meets(peer.box(node)) || region[1].meets(peer.box(node));
       if (node.size > 1 && meets && !peer.split_of(node).is_valid()) expected.push_back(node);
     }
     std::sort(expected.begin(), expected.end(), [](const NodeSpan& x, const NodeSpan& y) {
@@ -284,6 +307,103 @@ TEST_P(Collect, FrontierIsWhatIsKnownAndUnsplitAndMeetsTheRegion) {
     expected.resize(expected.size() / 2);
     EXPECT_EQ(frontier(peer, region, expected.size()), expected);
   }
+}
+
+// ---- parts of a region --------------------------------------------------------------------------
+
+RegionPart random_part(Random& random) {
+  const auto at = [&](std::int32_t range) {
+    return static_cast<std::int32_t>(random.below(static_cast<std::uint32_t>(range)));
+  };
+  RegionPart part;
+  for (int k = 0; k < 3; ++k) {
+    part.box.lo[k] = at(400);
+    part.box.hi[k] = part.box.lo[k] + at(200);
+    part.normal[static_cast<std::size_t>(k)] = static_cast<std::int8_t>(at(85) - 42);
+  }
+  part.radius = random.below(2) == 0 ? 0 : at(100);
+  part.slab_lo = at(300) - 150;
+  part.slab_hi = part.slab_lo + at(50);
+  return part;
+}
+
+bool holds(const RegionPart& part, const GridPoint& p) {
+  std::int64_t square = 0, along = 0;
+  for (int k = 0; k < 3; ++k) {
+    const std::int64_t gap = std::max({0, part.box.lo[k] - p[k], p[k] - part.box.hi[k]});
+    square += gap * gap;
+    along += std::int64_t{part.normal[static_cast<std::size_t>(k)]} * p[k];
+  }
+  return square <= std::int64_t{part.radius} * part.radius && along >= 128 * part.slab_lo &&
+         along <= 128 * part.slab_hi;
+}
+
+TEST(RegionPart, MeetsEveryBoxWithAPointOfIt) {
+  Random random(76);
+  int held = 0, apart = 0;
+  for (int i = 0; i < 60000; ++i) {
+    const RegionPart part = random_part(random);
+    ASSERT_EQ(fault_of(part), nullptr);
+    GridBox box;
+    for (int n = 0; n < 2; ++n) {
+      GridPoint p;
+      for (int k = 0; k < 3; ++k) p[k] = static_cast<std::int32_t>(random.below(700)) - 50;
+      box.add(p);
+    }
+    if (!part.meets(box)) ++apart;
+    for (int n = 0; n < 20; ++n) {
+      GridPoint p;
+      for (int k = 0; k < 3; ++k)
+        p[k] = box.lo[k] + static_cast<std::int32_t>(
+                               random.below(static_cast<std::uint32_t>(box.hi[k] - box.lo[k] + 1)));
+      if (!holds(part, p)) continue;
+      ++held;
+      ASSERT_TRUE(part.meets(box));
+    }
+  }
+  EXPECT_GT(held, 1000);
+  EXPECT_GT(apart, 1000);
+}
+
+TEST(RegionPart, ThatIsABoxMeetsWhatTheBoxMeets) {
+  Random random(77);
+  for (int i = 0; i < 1000; ++i) {
+    const GridBox a = random_part(random).box, b = random_part(random).box;
+    EXPECT_EQ(RegionPart(a).meets(b), a.meets(b));
+  }
+}
+
+TEST(RegionPart, IsRoundAtItsCorners) {
+  RegionPart part(GridBox{{0, 0, 0}, {10, 10, 10}});
+  part.radius = 5;
+  EXPECT_TRUE(part.meets({{13, 14, 0}, {20, 20, 10}}));
+  EXPECT_FALSE(part.meets({{14, 14, 0}, {20, 20, 10}}));
+  EXPECT_TRUE(part.meets({{15, 0, 0}, {20, 20, 10}}));
+}
+
+TEST(RegionPart, EndsAtItsSlab) {
+  RegionPart part(GridBox{{0, 0, 0}, {1000, 1000, 1000}});
+  part.normal = {64, 64, 0};  // (x + y) / 2, in [100, 200]
+  part.slab_lo = 100;
+  part.slab_hi = 200;
+  EXPECT_TRUE(part.meets({{200, 200, 0}, {300, 300, 0}}));
+  EXPECT_FALSE(part.meets({{201, 200, 0}, {300, 300, 0}}));
+  EXPECT_TRUE(part.meets({{0, 0, 0}, {100, 100, 0}}));
+  EXPECT_FALSE(part.meets({{0, 0, 0}, {100, 99, 0}}));
+}
+
+TEST(RegionPart, TakesTheGreatestNumbers) {
+  constexpr std::int32_t kLeast = std::numeric_limits<std::int32_t>::min(),
+                         kMost = std::numeric_limits<std::int32_t>::max();
+  RegionPart part(GridBox{{kLeast, kLeast, kLeast}, {kLeast, kLeast, kMost}});
+  part.radius = kMaxRegionRadius;
+  part.normal = {0, 0, 127};
+  part.slab_lo = kLeast;
+  part.slab_hi = kMost;
+  EXPECT_EQ(fault_of(part), nullptr);
+  EXPECT_FALSE(part.meets({{0, 0, 0}, {kMost, kMost, kMost}}));
+  part.box.hi = {kMost, kMost, kMost};
+  EXPECT_TRUE(part.meets({{0, 0, 0}, {kMost, kMost, kMost}}));
 }
 
 // ---- requests from outside ----------------------------------------------------------------------
@@ -338,13 +458,34 @@ TEST_F(CheckRequest, RefusesTooManyBoxes) {
 }
 
 TEST_F(CheckRequest, RefusesAnEmptyBox) {
-  request_.region.push_back({});
+  request_.region.emplace_back(GridBox{});
   expect_refused("empty");
 }
 
 TEST_F(CheckRequest, RefusesABoxEmptyAlongOneAxis) {
-  request_.region.push_back({{0, 5, 0}, {10, 4, 10}});
+  request_.region.push_back(GridBox{{0, 5, 0}, {10, 4, 10}});
   expect_refused("empty");
+}
+
+TEST_F(CheckRequest, RefusesARadiusBelowZero) {
+  request_.region[0].radius = -1;
+  expect_refused("radius");
+}
+
+TEST_F(CheckRequest, RefusesARadiusWhoseSquareOverflows) {
+  request_.region[0].radius = kMaxRegionRadius + 1;
+  expect_refused("radius");
+}
+
+TEST_F(CheckRequest, RefusesASteepNormal) {
+  request_.region[0].normal = {-128, 0, 0};
+  expect_refused("normal");
+}
+
+TEST_F(CheckRequest, RefusesAnEmptySlab) {
+  request_.region[0].normal = {1, 0, 0};
+  request_.region[0].slab_lo = 1;
+  expect_refused("slab");
 }
 
 TEST_F(CheckRequest, RefusesZeroSplits) {

@@ -108,7 +108,8 @@ TEST(Service, AnswersWithTheBatchesThatCollectNames) {
   for (const std::uint32_t max_splits : {1U, 50U, 16384U}) {
     wire::RegionSubscription subscription = desk.request(max_splits, max_splits);
     const std::int32_t middle = desk.model.store.grid_max() / 2;
-    subscription.region.region = {{{{0, 0, 0}}, {{middle, middle, desk.model.store.grid_max()}}}};
+    subscription.region.region = {
+        GridBox{{{0, 0, 0}}, {{middle, middle, desk.model.store.grid_max()}}}};
     const Result<Demand> demand =
         collect(desk.model.store, subscription.region, test::no_require, AttachRule::kAlways);
     ASSERT_TRUE(demand.is_ok());
@@ -146,10 +147,10 @@ TEST(Service, NumbersItsBatchesFromOneForEachPeer) {
 TEST(Service, SplitsAttachNodesWhateverTheirBoxes) {
   Desk desk;
   wire::RegionSubscription subscription = desk.request(1);
-  subscription.region.region = {{{{0, 0, 0}}, {{0, 0, 0}}}};  // a corner of the grid
+  subscription.region.region = {GridBox{{{0, 0, 0}}, {{0, 0, 0}}}};  // a corner of the grid
   const NodeSpan root = desk.model.header.roots.back().node;
   subscription.region.attach = {root};
-  ASSERT_FALSE(desk.model.store.box(root).meets(subscription.region.region[0]));
+  ASSERT_FALSE(subscription.region.region[0].meets(desk.model.store.box(root)));
   desk.bus.inject(subscription);
   desk.service.step(0);
   const auto batches = desk.received();

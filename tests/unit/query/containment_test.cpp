@@ -378,8 +378,9 @@ TEST(Containment, OneRequestAlongTheRaysSettlesIt) {
     for (; !is_certified(answer.status) && requests < 99; ++requests) {
       ASSERT_FALSE(answer.rays_a.empty());
       EXPECT_TRUE(answer.rays_b.empty());
-      const RegionRequest request{
-          .attach = answer.missing_a, .region = answer.rays_a, .max_splits = 4096};
+      const RegionRequest request{.attach = answer.missing_a,
+                                  .region = {answer.rays_a.begin(), answer.rays_a.end()},
+                                  .max_splits = 4096};
       const Result<Demand> demand =
           collect(ball.model.store, request, nullptr, AttachRule::kAlways);
       ASSERT_TRUE(demand.is_ok());

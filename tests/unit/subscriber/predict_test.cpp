@@ -4,6 +4,7 @@
 #include "brute_force.hpp"
 #include "moving.hpp"
 #include "nearmesh/core/abtree/ab_tree.hpp"
+#include "nearmesh/core/refine/replica.hpp"
 #include "test_models.hpp"
 
 namespace nearmesh {
@@ -84,33 +85,40 @@ TEST(SweptRegion, CoversEveryFaceAtEveryTimeOfTheLookAhead) {
           ours[k] - theirs[k] + random.between(-1, 1) * scene.reach_m;
     const std::size_t max_boxes = std::size_t{1} << random.below(8);
     const TreeView own_view = own.view(), other_view = other.view();
-    const std::vector<GridBox> region = swept_region(own_view, own_motion, other_view, other_motion,
-                                                     scene.lookahead_s, scene.margin_m, max_boxes);
+    const GridBox& root = own_view.nodes[own_view.root].box;
+    const std::vector<RegionPart> region =
+        swept_region(own_view, own_motion, other_view, other_motion, scene.lookahead_s,
+                     scene.margin_m, max_boxes, {{root}});
     EXPECT_LE(region.size(), max_boxes);
     full += region.size() == max_boxes ? 1 : 0;
 
-    const GridBox root = own_view.root().box;
     const double margin = std::ldexp(scene.margin_m, -a.header.grid.exponent);
     for (int sample = 0; sample <= 4; ++sample) {
       const double t = scene.lookahead_s * sample / 4;
       const Pose own_pose = moved(own_motion, t), other_pose = moved(other_motion, t);
       for (const test::KeyedFace& face : faces) {
         Vector lo{1e300, 1e300, 1e300}, hi{-1e300, -1e300, -1e300};
+        std::vector<GridBox> points;  // corners, each moved by the margin, any way
         for (const VertexId corner : face.face.corners()) {
           const Vector at =
               in_grid(a.header.grid, own_pose,
                       test::place(other_pose, test::position_m(b.header, b.store, corner)));
-          for (std::size_t k = 0; k < 3; ++k) {
-            lo[k] = std::min(lo[k], at[k] - margin);
-            hi[k] = std::max(hi[k], at[k] + margin);
+          const std::array<double, 9> turn = test::random_rotation(random);
+          GridBox point;
+          for (int k = 0; k < 3; ++k) {
+            const auto i = static_cast<std::size_t>(k);
+            lo[i] = std::min(lo[i], at[i] - margin);
+            hi[i] = std::max(hi[i], at[i] + margin);
+            const double moved_to = at[i] + turn[i] * margin;
+            point.lo[k] = static_cast<std::int32_t>(std::floor(moved_to));
+            point.hi[k] = static_cast<std::int32_t>(std::ceil(moved_to));
           }
+          points.push_back(point);
         }
-        const auto inside = [&](const GridBox& box) {
-          for (int k = 0; k < 3; ++k)
-            if (lo[static_cast<std::size_t>(k)] < box.lo[k] ||
-                hi[static_cast<std::size_t>(k)] > box.hi[k])
-              return false;
-          return true;
+        // Parts are convex, so they hold a face if they hold its corners.
+        const auto inside = [&](const RegionPart& part) {
+          return std::all_of(points.begin(), points.end(),
+                             [&](const GridBox& point) { return part.meets(point); });
         };
         bool apart = false;
         for (int k = 0; k < 3; ++k)
@@ -131,14 +139,58 @@ TEST(SweptRegion, IsEmptyWhereTheBodiesCannotMeet) {
   const BakedModel sphere = test::bake_named("sphere");
   Random random(1);
   const Refined own(sphere, random, 0.5), other(sphere, random, 0.5);
+  const std::vector<GridBox> near = subscriber::root_reach(own.model.store);
   Motion far;
   far.pose.translation_m = {0, 0, 10};
-  EXPECT_TRUE(swept_region(own.view(), {}, other.view(), far, 1, 0, 64).empty());
-  EXPECT_FALSE(swept_region(own.view(), {}, other.view(), far, 1, 9, 64).empty());
+  const auto parts = [&](double margin_m) {
+    return swept_region(own.view(), {}, other.view(), far, 1, margin_m, 64, near).size();
+  };
+  EXPECT_EQ(parts(0), 0U);
+  EXPECT_GT(parts(9), 0U);
   far.linear_velocity_mps = {0, 0, -9};
-  EXPECT_FALSE(swept_region(own.view(), {}, other.view(), far, 1, 0, 64).empty());
+  EXPECT_GT(parts(0), 0U);
   far.linear_velocity_mps = {0, 0, 9};
-  EXPECT_TRUE(swept_region(own.view(), {}, other.view(), far, 1, 0, 64).empty());
+  EXPECT_EQ(parts(0), 0U);
+}
+
+TEST(SweptRegion, HasNoPartThatIsNotNear) {
+  const BakedModel terrain = test::bake_named("terrain");
+  const BakedModel aircraft = test::bake_named("aircraft");
+  Random random(1);
+  const Refined own(terrain, random, 1), other(aircraft, random, 1);
+  Motion landed;
+  landed.pose.translation_m = test::position_m(terrain.header, terrain.store, {100});
+  const auto all = swept_region(own.view(), {}, other.view(), landed, 0, 0, 64,
+                                subscriber::root_reach(terrain.store));
+  ASSERT_GT(all.size(), 1U);
+  const std::vector<GridBox> near{all[0].box};
+  const auto some = swept_region(own.view(), {}, other.view(), landed, 0, 0, 64, near);
+  EXPECT_LT(some.size(), all.size());
+  EXPECT_FALSE(some.empty());
+  for (const RegionPart& part : some) EXPECT_TRUE(part.meets(near[0]));
+}
+
+// Of a ball: boxes must hold its bulges, slabs need not.
+TEST(SweptRegion, SlabsHugASurfaceAskewToTheAxes) {
+  const BakedModel sphere = test::bake_named("sphere");
+  Random random(1);
+  const Refined own(sphere, random, 1), other(sphere, random, 1);
+  const auto region = swept_region(own.view(), {}, other.view(), {}, 0, 0, 64,
+                                   subscriber::root_reach(sphere.store));
+  double with_slabs = 0, boxes = 0;
+  const std::int32_t most = sphere.store.grid_max();
+  for (int i = 0; i < 20000; ++i) {
+    GridBox point;
+    for (int k = 0; k < 3; ++k)
+      point.lo[k] = point.hi[k] =
+          static_cast<std::int32_t>(random.below(static_cast<std::uint32_t>(most)));
+    const auto meets = [&](const RegionPart& part) { return part.meets(point); };
+    const auto box_meets = [&](const RegionPart& part) { return part.box.meets(point); };
+    with_slabs += std::any_of(region.begin(), region.end(), meets) ? 1 : 0;
+    boxes += std::any_of(region.begin(), region.end(), box_meets) ? 1 : 0;
+  }
+  EXPECT_GT(with_slabs, 0);
+  EXPECT_LT(with_slabs, boxes / 2);
 }
 
 TEST(SweptRegion, MoreBoxesGiveASmallerRegion) {
@@ -150,14 +202,95 @@ TEST(SweptRegion, MoreBoxesGiveASmallerRegion) {
   landed.pose.translation_m = test::position_m(terrain.header, terrain.store, {100});
   const auto volume = [&](std::size_t max_boxes) {
     double sum = 0;
-    for (const GridBox& box : swept_region(own.view(), {}, other.view(), landed, 0, 0, max_boxes)) {
+    for (const RegionPart& part : swept_region(own.view(), {}, other.view(), landed, 0, 0,
+                                               max_boxes, subscriber::root_reach(terrain.store))) {
       double product = 1;
-      for (int k = 0; k < 3; ++k) product *= double{0} + box.hi[k] - box.lo[k];
+      for (int k = 0; k < 3; ++k) product *= double{0} + part.box.hi[k] - part.box.lo[k];
       sum += product;
     }
     return sum;
   };
   EXPECT_LT(volume(64), volume(1) / 2);
+}
+
+// ---- requests -----------------------------------------------------------------------------------
+
+class OneRequest : public ::testing::TestWithParam<std::string> {};
+INSTANTIATE_TEST_SUITE_P(Models, OneRequest, ::testing::ValuesIn(test::mesh_names()),
+                         [](const auto& model) { return model.param; });
+
+// What is asked for at one go suffices: nothing that the query then lacks stands outside the region, whatever was known
+// before, and however boxes of children stand out of those of their parents.
+TEST_P(OneRequest, IsEnoughToCertify) {
+  const BakedModel model = test::bake_named(GetParam());
+  const BakedModel other = test::bake_named(GetParam() == "aircraft" ? "sphere" : "aircraft");
+  const test::FullModel body(other);
+  Random random(5);
+  int asked = 0;
+  for (int i = 0; i < 40; ++i) {
+    SCOPED_TRACE(i);
+    Replica replica(model.header);
+    AbTree tree(replica.mesh());
+    const auto view = [&] { return tree.view(model.header.grid); };
+    // Two poses, so that the second finds something known.
+    for (int pose = 0; pose < 2; ++pose) {
+      const auto poses =
+          test::near_poses(random, model, test::radius_m(model), other, test::radius_m(other));
+      const Motion own{.pose = poses.a}, motion{.pose = poses.b};
+      const PosedPair posed =
+          pose_pair(model.header.grid, own.pose, "a", other.header.grid, motion.pose, "b").value();
+      const Answer before = query(view(), posed.a, body.tree.view(), posed.b);
+      if (is_certified(before.status)) continue;
+      const auto region = [&](std::size_t max_parts, std::span<const GridBox> near) {
+        return swept_region(view(), own, body.tree.view(), motion, 0, 0, max_parts, near);
+      };
+      const auto request = subscriber::make_request(replica.store(), region, before.missing_a,
+                                                    1U << random.below(9), kMaxRequestSplits);
+      ASSERT_TRUE(request.has_value());
+      ASSERT_EQ(check_request(model.store, *request).message(), "");
+      if (request->attach.size() == kMaxAttachNodes) continue;  // more than one request names
+      const Demand demand = collect(model.store, *request, nullptr, AttachRule::kAlways).value();
+      ASSERT_FALSE(demand.truncated);
+      for (const auto& bytes :
+           encode_batches(model.header, model.store, demand.treelet, BoxPolicy::kCutNodes)) {
+        const Replica::Applied applied =
+            replica.apply_batch(decode_batch(model.header, bytes).value());
+        ASSERT_TRUE(applied.status.is_ok());
+        tree.update(applied.delta);
+      }
+      ++asked;
+      const Answer after = query(view(), posed.a, body.tree.view(), posed.b);
+      EXPECT_TRUE(is_certified(after.status)) << to_string(after.status);
+      EXPECT_EQ(
+          after.pairs,
+          query(test::FullModel(model).tree.view(), posed.a, body.tree.view(), posed.b).pairs);
+    }
+  }
+  EXPECT_TRUE(asked > 5 || model.header.split_count() < 10) << asked;
+}
+
+TEST(MakeRequest, NamesNothingWhereNothingIsMissing) {
+  const BakedModel model = test::bake_named("terrain");
+  const auto everywhere = [&](std::size_t, std::span<const GridBox>) {
+    return std::vector<RegionPart>{GridBox{{0, 0, 0}, {0x7fffffff, 0x7fffffff, 0x7fffffff}}};
+  };
+  EXPECT_FALSE(subscriber::make_request(model.store, everywhere, {}, 64, 100).has_value());
+  const SplitStore empty(model.header);
+  EXPECT_TRUE(subscriber::make_request(empty, everywhere, {}, 64, 100).has_value());
+}
+
+TEST(MakeRequest, NamesWhatAnAnswerLacksWhereverItIs) {
+  const BakedModel model = test::bake_named("terrain");
+  const SplitStore empty(model.header);
+  const NodeSpan root = model.header.roots[3].node;
+  const auto nowhere = [](std::size_t, std::span<const GridBox>) {
+    return std::vector<RegionPart>{};
+  };
+  EXPECT_FALSE(subscriber::make_request(empty, nowhere, {}, 64, 100).has_value());
+  const auto request = subscriber::make_request(empty, nowhere, {root}, 64, 100);
+  ASSERT_TRUE(request.has_value());
+  EXPECT_EQ(request->attach, std::vector<NodeSpan>{root});
+  EXPECT_EQ(check_request(empty, *request).message(), "");
 }
 
 }  // namespace

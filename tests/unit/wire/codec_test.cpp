@@ -36,9 +36,9 @@ TEST(Decode, RefusesHelloWhoseListsDiffer) {
 TEST(Decode, RefusesSubscriptionWithPartialRecords) {
   using S = wire_types::RegionSubscriptionSample;
   expect_refused<S>(valid_subscription(), "attach", [](S& s) { s.attach().pop_back(); });
-  expect_refused<S>(valid_subscription(), "boxes", [](S& s) { s.boxes().push_back(1); });
+  expect_refused<S>(valid_subscription(), "boxes", [](S& s) { s.parts().push_back(1); });
   expect_refused<S>(valid_subscription(), "attach", [](S& s) { s.attach().resize(2000); });
-  expect_refused<S>(valid_subscription(), "boxes", [](S& s) { s.boxes().resize(6000); });
+  expect_refused<S>(valid_subscription(), "boxes", [](S& s) { s.parts().resize(6000); });
 }
 
 TEST(Decode, RefusesBatchWithUnknownFlags) {

@@ -88,7 +88,10 @@ TEST(CheckMessage, RefusesSubscriptionOutsideItsLimits) {
         [](M& m) {
           m.region.attach.assign(kMaxAttachNodes + 1, {VertexId{1}, 1});
         }},
-       {"box 1", [](M& m) { m.region.region[1].lo[2] = 7; }},
+       {"box 1", [](M& m) { m.region.region[1].box.lo[2] = 7; }},
+       {"radius", [](M& m) { m.region.region[1].radius = -1; }},
+       {"normal", [](M& m) { m.region.region[1].normal[0] = -128; }},
+       {"slab", [](M& m) { m.region.region[1].slab_hi = -9; }},
        {"boxes", [](M& m) { m.region.region.assign(kMaxRegionBoxes + 1, m.region.region[0]); }},
        {"only credit", [](M& m) { m.request = 0; }}});
 }
@@ -156,7 +159,7 @@ TEST(CheckMessage, NamesBothVersionsWhenTheyDiffer) {
   const auto expect_unsupported = [](auto message) {
     message.wire_version = 9;
     EXPECT_EQ(check(message).code(), StatusCode::kUnsupported);
-    EXPECT_EQ(check(message).message(), "wire version 9, this build speaks 2");
+    EXPECT_EQ(check(message).message(), "wire version 9, this build speaks 3");
   };
   expect_unsupported(valid_hello());
   expect_unsupported(valid_header());

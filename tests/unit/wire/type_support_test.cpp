@@ -104,7 +104,7 @@ TEST(TypeSupport, OverheadIsAsDocumented) {
   credit.region = {};
   EXPECT_EQ(to_bytes<RegionSubscriptionType>(credit).size(), 56U);
   // 8 bytes for each node and 24 for each box.
-  EXPECT_EQ(to_bytes<RegionSubscriptionType>(valid_subscription()).size(), 56U + 3 * 8 + 2 * 24);
+  EXPECT_EQ(to_bytes<RegionSubscriptionType>(valid_subscription()).size(), 56U + 3 * 8 + 2 * 40);
 }
 
 /// Measured with Fast DDS 2.9 and datagrams of 1,400 bytes: what is serialized to more than 1,224
@@ -158,10 +158,10 @@ TEST(TypeSupport, SurvivesChangedBytes) {
 
 TEST(TypeSupport, RecognisesAnotherVersionWhateverFollows) {
   std::string fault;
-  (void)from_bytes<HelloType>({0, 1, 0, 0, 3, 0, 0xff, 0xff, 0xff, 0xff}, &fault);
-  EXPECT_EQ(fault, "wire version 3, this build speaks 2");
+  (void)from_bytes<HelloType>({0, 1, 0, 0, 4, 0, 0xff, 0xff, 0xff, 0xff}, &fault);
+  EXPECT_EQ(fault, "wire version 4, this build speaks 3");
   (void)from_bytes<HelloType>({0, 0, 0, 0, 1, 2, 0xff, 0xff}, &fault);  // big endian
-  EXPECT_EQ(fault, "wire version 258, this build speaks 2");
+  EXPECT_EQ(fault, "wire version 258, this build speaks 3");
   (void)from_bytes<HelloType>({0, 3, 0, 0, 2, 0, 0xff, 0xff}, &fault);
   EXPECT_EQ(fault, "encapsulation 3, expected plain CDR");
 }

@@ -4,19 +4,47 @@
 // boxes.
 // Source: the paper, section 3.2 (prediction by coherence); departure: swept boxes of the other body instead of grid cells.
 
+#include <functional>
+#include <optional>
+#include <span>
 #include <vector>
 
 #include "nearmesh/core/abtree/tree.hpp"
+#include "nearmesh/core/demand/collect.hpp"
 #include "nearmesh/core/geometry/motion.hpp"
 
 namespace nearmesh::subscriber {
 
-/// Boxes in the grid of `own` that cover where the faces of `other` may be during [now, now + lookahead_s] at constant
-/// velocities, grown by `margin_m`. At most `max_boxes` (>= 1): the other tree is opened largest box first. Empty when
-/// they cannot reach own's root box.
-[[nodiscard]] std::vector<GridBox> swept_region(const TreeView& own, const Motion& own_motion,
-                                                const TreeView& other, const Motion& other_motion,
-                                                double lookahead_s, double margin_m,
-                                                std::size_t max_boxes);
+/// Parts of a region in the grid of `own` that cover where the faces of `other` may be during [now, now + lookahead_s] at
+/// constant velocities, and `margin_m` around, as far as that is near one of the boxes `near` (own's grid). At most
+/// `max_parts` (>= 1): the other tree is opened largest box first, and only where it is near.
+/// Cost: O(max_parts (near + log max_parts)).
+[[nodiscard]] std::vector<RegionPart> swept_region(const TreeView& own, const Motion& own_motion,
+                                                   const TreeView& other,
+                                                   const Motion& other_motion, double lookahead_s,
+                                                   double margin_m, std::size_t max_parts,
+                                                   std::span<const GridBox> near);
+
+/// What covers a region of at most so many parts, as far as it is near the boxes: swept_region, of one body or several.
+using RegionMaker =
+    std::function<std::vector<RegionPart>(std::size_t max_parts, std::span<const GridBox> near)>;
+
+/// Where a model may be at all, in its grid: boxes of its roots.
+[[nodiscard]] std::vector<GridBox> root_reach(const SplitStore& store);
+
+/// By so many parts a region is described where it is not yet known what of it matters.
+inline constexpr std::size_t kCoarseParts = 8;
+/// So many splits at most are asked for ahead at a time, the largest nodes first: some 5 KB, which a frame can take. What is
+/// ahead has time.
+inline constexpr std::uint32_t kMaxAheadSplits = 640;
+
+/// What a peer asks next: `missing` (ascending) in any case, then what else of the store's frontier meets the region, the
+/// largest first, as far as a request has room. Nothing where nothing is missing.
+/// A region of a few parts finds the part of the frontier that matters; only near that it is made finer.
+[[nodiscard]] std::optional<RegionRequest> make_request(const SplitStore& store,
+                                                        const RegionMaker& region,
+                                                        std::vector<NodeSpan> missing,
+                                                        std::size_t max_parts,
+                                                        std::uint32_t max_splits);
 
 }  // namespace nearmesh::subscriber

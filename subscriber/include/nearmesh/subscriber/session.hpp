@@ -17,9 +17,10 @@
 namespace nearmesh::subscriber {
 
 struct SessionOptions {
-  double lookahead_s = 0.5;  ///< detail is asked for where the other body may be within this time
-  double margin_m = 0;       ///< and this much further
-  double sweep_s = 0;        ///< also answer for all of this time ahead; 0: do not
+  /// Detail is asked for where the other body may be within this time, as soon as some is missing in the first half of it.
+  double lookahead_s = 0.5;
+  double margin_m = 0;            ///< and this much further
+  double sweep_s = 0;             ///< also answer for all of this time ahead; 0: do not
   std::size_t region_boxes = 64;  ///< boxes by which a region is described, in [1, kMaxRegionBoxes]
   std::uint32_t request_splits = 4096;  ///< largest answer to one request
   std::uint32_t window_bytes =

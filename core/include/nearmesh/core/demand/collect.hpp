@@ -25,6 +25,10 @@ struct Demand {
 /// Checks a request from outside against the model. Errors: kInvalidArgument naming the limit or the node.
 [[nodiscard]] Status check_request(const SplitStore& store, const RegionRequest& request);
 
+/// What boxes below a node may reach. Quantised boxes do not nest: the faces below a child are also below its parent, but
+/// an extent is rounded up by as much as a fifth. A part of a region that misses this matters to no node below.
+[[nodiscard]] GridBox reach_below(const GridBox& box);
+
 /// Which attach nodes are split.
 enum class AttachRule : std::uint8_t {
   kInRegion,  ///< those whose box meets the region
@@ -44,6 +48,6 @@ enum class AttachRule : std::uint8_t {
 /// The frontier of a store towards a region: nodes that meet it and whose split is not known, largest first (ties to the
 /// lower id), at most `limit`. What a peer asks for next. Cost: O(known nodes that meet the region).
 [[nodiscard]] std::vector<NodeSpan> frontier(const SplitStore& store,
-                                             std::span<const GridBox> region, std::size_t limit);
+                                             std::span<const RegionPart> region, std::size_t limit);
 
 }  // namespace nearmesh

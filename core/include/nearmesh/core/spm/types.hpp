@@ -9,6 +9,7 @@
 #include <array>
 #include <compare>
 #include <cstdint>
+#include <cstdlib>
 #include <span>
 #include <vector>
 
@@ -79,12 +80,59 @@ inline constexpr std::size_t kMaxRegionBoxes = 256;
 inline constexpr std::size_t kMaxAttachNodes = 512;
 inline constexpr std::uint32_t kMaxRequestSplits = 16384;
 
+/// A part of a region, in a model's grid: the points p within `radius` of a closed box for which lo <= (normal . p) / 128
+/// <= hi. Boxes alone are a poor fit for a surface that runs askew to the axes: the slab holds its thickness. A box that is
+/// grown instead of given a radius gains corners.
+struct RegionPart {
+  GridBox box;
+  std::int32_t radius = 0;              ///< in [0, kMaxRegionRadius]
+  std::array<std::int8_t, 3> normal{};  ///< |x| + |y| + |z| <= kMaxSlabNormal; all 0: no slab
+  std::int32_t slab_lo = 0, slab_hi = 0;
+
+  RegionPart() = default;
+  RegionPart(const GridBox& whole) : box(whole) {}  // NOLINT: a box is a region
+  /// Whether a box may meet the part: true wherever it does. Integers only.
+  [[nodiscard]] bool meets(const GridBox& other) const {
+    std::int64_t square = 0, least = 0, most = 0;
+    for (int k = 0; k < 3; ++k) {
+      const std::int64_t lo = std::int64_t{box.lo[k]} - radius,
+                         hi = std::int64_t{box.hi[k]} + radius;
+      if (other.lo[k] > hi || other.hi[k] < lo) return false;
+      const std::int64_t gap = std::max({std::int64_t{0}, std::int64_t{box.lo[k]} - other.hi[k],
+                                         std::int64_t{other.lo[k]} - box.hi[k]});
+      square += gap * gap;
+      // What of the other box is near enough, along the normal.
+      const std::int64_t n = normal[static_cast<std::size_t>(k)];
+      const std::int64_t from = n * std::max<std::int64_t>(lo, other.lo[k]);
+      const std::int64_t to = n * std::min<std::int64_t>(hi, other.hi[k]);
+      least += std::min(from, to);
+      most += std::max(from, to);
+    }
+    return square <= std::int64_t{radius} * radius && most >= std::int64_t{slab_lo} * 128 &&
+           least <= std::int64_t{slab_hi} * 128;
+  }
+  bool operator==(const RegionPart&) const = default;
+};
+inline constexpr std::int32_t kMaxRegionRadius = 1 << 30;  ///< so that squares add up below 2^62
+inline constexpr int kMaxSlabNormal = 127;
+/// What is wrong with a part from outside; nullptr where nothing is.
+[[nodiscard]] inline const char* fault_of(const RegionPart& part) {
+  for (int k = 0; k < 3; ++k)
+    if (part.box.lo[k] > part.box.hi[k]) return "an empty region box";
+  if (part.radius < 0 || part.radius > kMaxRegionRadius) return "a radius outside [0, 2^30]";
+  if (std::abs(part.normal[0]) + std::abs(part.normal[1]) + std::abs(part.normal[2]) >
+      kMaxSlabNormal)
+    return "a slab normal above 127";
+  if (part.slab_lo > part.slab_hi) return "an empty slab";
+  return nullptr;
+}
+
 /// "Send the splits below these nodes that matter to this region." The peer names its own frontier, so the
 /// publisher needs no memory of what a peer has, and whatever was lost is simply asked for again.
 struct RegionRequest {
   std::vector<NodeSpan>
       attach;  ///< the peer's unresolved nodes, ascending, disjoint; at most kMaxAttachNodes
-  std::vector<GridBox> region;      ///< closed boxes in the model's grid; at most kMaxRegionBoxes
+  std::vector<RegionPart> region;   ///< at most kMaxRegionBoxes
   std::uint32_t max_splits = 1024;  ///< in [1, kMaxRequestSplits]; largest nodes come first
 };
 
