@@ -133,7 +133,8 @@ Result<RegionSubscription> decode(const wire_types::RegionSubscriptionSample& sa
   const auto& attach = sample.attach();
   const auto& parts = sample.parts();
   NEARMESH_RETURN_IF_ERROR(check_words(attach.size(), kWordsPerNode, kMaxAttachNodes, "attach"));
-  NEARMESH_RETURN_IF_ERROR(check_words(parts.size(), kWordsPerPart, kMaxRegionBoxes, "region boxes"));
+  NEARMESH_RETURN_IF_ERROR(
+      check_words(parts.size(), kWordsPerPart, kMaxRegionBoxes, "region boxes"));
   for (std::size_t i = 0; i < attach.size(); i += kWordsPerNode)
     message.region.attach.push_back({VertexId{attach[i]}, attach[i + 1]});
   for (std::size_t i = 0; i < parts.size(); i += kWordsPerPart) {
