@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <set>
 
+#include "grid_cells.hpp"
 #include "nearmesh/core/base/stopwatch.hpp"
 
 namespace nearmesh::tools {
@@ -132,44 +133,6 @@ class Certified : public QueryMethod {
 
 // ---- the paper's grid ---------------------------------------------------------------------------
 
-// Prediction of the paper, section 3.2: the model's box is cut into 8x8x8 cells; the cells where the current meshes
-// touch, and their neighbours, are refined fully; then the query runs again, until no new cell is touched.
-class GridCells {
- public:
-  static constexpr int kCells = 8;
-
-  explicit GridCells(const SplitStore& store) {
-    for (const BaseRoot& root : store.roots()) box_.add(store.box(root.node));
-    for (std::uint32_t v = 0; v < store.vertex_count(); ++v)
-      by_cell_[cell_of(store.position({v}))].push_back({v});
-  }
-  [[nodiscard]] const std::vector<VertexId>& vertices(int cell) const { return by_cell_[cell]; }
-
-  // The cells that a box reaches into, and their neighbours.
-  void touched(const GridBox& box, std::set<int>& cells) const {
-    std::array<int, 3> lo{}, hi{};
-    for (int k = 0; k < 3; ++k) {
-      lo[k] = std::max(0, along(box.lo[k], k) - 1);
-      hi[k] = std::min(kCells - 1, along(box.hi[k], k) + 1);
-    }
-    for (int x = lo[0]; x <= hi[0]; ++x)
-      for (int y = lo[1]; y <= hi[1]; ++y)
-        for (int z = lo[2]; z <= hi[2]; ++z) cells.insert((x * kCells + y) * kCells + z);
-  }
-
- private:
-  [[nodiscard]] int along(std::int32_t x, int k) const {
-    const std::int64_t extent = std::int64_t{box_.hi[k]} - box_.lo[k] + 1;
-    return static_cast<int>(
-        std::clamp<std::int64_t>((std::int64_t{x} - box_.lo[k]) * kCells / extent, 0, kCells - 1));
-  }
-  [[nodiscard]] int cell_of(const GridPoint& p) const {
-    return (along(p[0], 0) * kCells + along(p[1], 1)) * kCells + along(p[2], 2);
-  }
-  GridBox box_;
-  std::array<std::vector<VertexId>, kCells * kCells * kCells> by_cell_;
-};
-
 class PaperGrid : public QueryMethod {
  public:
   PaperGrid(ModelFile& a, ModelFile& b, const QueryMethodOptions& options)
@@ -190,8 +153,8 @@ class PaperGrid : public QueryMethod {
       result.query_s += watch.lap();
       std::set<int> touched_a, touched_b;
       for (const FacePair& pair : result.answer.pairs) {
-        cells_a_.touched(box_of(mesh_a, pair.a), touched_a);
-        cells_b_.touched(box_of(mesh_b, pair.b), touched_b);
+        cells_a_.touched(current_box(mesh_a, pair.a), touched_a);
+        cells_b_.touched(current_box(mesh_b, pair.b), touched_b);
       }
       bool more = false;
       NEARMESH_RETURN_IF_ERROR(refine(mesh_a, cells_a_, touched_a, done_a, more));
@@ -214,12 +177,6 @@ class PaperGrid : public QueryMethod {
   }
 
  private:
-  static GridBox box_of(const ActiveMesh& mesh, FaceKey key) {
-    GridBox box;
-    for (const VertexId corner : mesh.store().face(key).corners())
-      box.add(mesh.store().position(mesh.active_predecessor(corner)));
-    return box;
-  }
   static Status refine(ActiveMesh& mesh, const GridCells& cells, const std::set<int>& touched,
                        std::set<int>& done, bool& more) {
     RefineDelta delta;

@@ -12,180 +12,39 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <functional>
-#include <map>
 #include <string>
 
-#include "nearmesh/core/base/random.hpp"
 #include "nearmesh/core/base/resources.hpp"
-#include "nearmesh/core/mesh/clean.hpp"
 #include "nearmesh/core/query/certify.hpp"
 #include "nearmesh/core/refine/replica.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
-#include "nearmesh/subscriber/predict.hpp"
-#include "random_rotation.hpp"
+#include "peer.hpp"
+#include "touching.hpp"
 
 using namespace nearmesh;
+using namespace nearmesh::perf;
 
 namespace {
 
 constexpr int kPlaces = 45;
 constexpr int kFrames = 200;
 constexpr double kLeanFramingBytes = 76;
-constexpr std::size_t kRegionBoxes = 64;
-constexpr std::uint32_t kRequestSplits = 4096;
 
 void row(const std::string& metric, double value, const char* unit) {
   std::printf("%s,%.6g,%s\n", metric.c_str(), value, unit);
 }
 
-// ---- body ---------------------------------------------------------------------------------------
-
-// An icosahedron, each face cut in four three times over, on the unit sphere.
-IndexedMesh make_ball(double radius_m) {
-  IndexedMesh mesh;
-  const double g = (1 + std::sqrt(5.0)) / 2;
-  mesh.positions_m = {{-1, g, 0},  {1, g, 0},  {-1, -g, 0}, {1, -g, 0}, {0, -1, g},  {0, 1, g},
-                      {0, -1, -g}, {0, 1, -g}, {g, 0, -1},  {g, 0, 1},  {-g, 0, -1}, {-g, 0, 1}};
-  mesh.faces = {{0, 11, 5},  {0, 5, 1},  {0, 1, 7},  {0, 7, 10}, {0, 10, 11}, {1, 5, 9}, {5, 11, 4},
-                {11, 10, 2}, {10, 7, 6}, {7, 1, 8},  {3, 9, 4},  {3, 4, 2},   {3, 2, 6}, {3, 6, 8},
-                {3, 8, 9},   {4, 9, 5},  {2, 4, 11}, {6, 2, 10}, {8, 6, 7},   {9, 8, 1}};
-  for (int level = 0; level < 3; ++level) {
-    std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> middle;
-    const auto between = [&](std::uint32_t a, std::uint32_t b) {
-      const auto [at, added] = middle.try_emplace(
-          std::minmax(a, b), static_cast<std::uint32_t>(mesh.positions_m.size()));
-      if (added) {
-        auto p = mesh.positions_m[a];
-        for (std::size_t k = 0; k < 3; ++k) p[k] = (p[k] + mesh.positions_m[b][k]) / 2;
-        mesh.positions_m.push_back(p);
-      }
-      return at->second;
-    };
-    std::vector<std::array<std::uint32_t, 3>> faces;
-    for (const auto& [a, b, c] : mesh.faces) {
-      const std::uint32_t ab = between(a, b), bc = between(b, c), ca = between(c, a);
-      faces.insert(faces.end(), {{a, ab, ca}, {ab, b, bc}, {ca, bc, c}, {ab, bc, ca}});
-    }
-    mesh.faces = std::move(faces);
-  }
-  for (auto& p : mesh.positions_m) {
-    const double length = std::sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]);
-    for (double& x : p) x *= radius_m / length;
-  }
-  return mesh;
-}
-
-TriangleTree body_tree(double radius_m) {
-  const CleanResult clean = clean_mesh(make_ball(radius_m), 21).value();
-  std::vector<TreeFace> faces;
-  for (const auto& f : clean.mesh.faces) {
-    TreeFace face{{}, {{}, static_cast<std::uint32_t>(faces.size())}};
-    for (std::size_t k = 0; k < 3; ++k) face.corners[k] = clean.mesh.positions[f[k]];
-    faces.push_back(face);
-  }
-  return build_triangle_tree(clean.mesh.grid, std::move(faces));
-}
-
-// ---- poses --------------------------------------------------------------------------------------
-
-using Vector = std::array<double, 3>;
-
-Vector in_metres(const Grid& grid, const GridPoint& p) {
-  Vector at;
-  for (std::size_t k = 0; k < 3; ++k) at[k] = grid.origin_m[k] + std::ldexp(p.v[k], grid.exponent);
-  return at;
-}
-
-double largest_side_m(const SpmHeader& header) {
-  GridBox box;
-  const SplitStore store(header);
-  for (const BaseRoot& root : header.roots) box.add(store.box(root.node));
-  std::int32_t side = 0;
-  for (int k = 0; k < 3; ++k) side = std::max(side, box.hi[k] - box.lo[k]);
-  return std::ldexp(side, header.grid.exponent);
-}
-
-PosedPair posed(const Grid& model, const Grid& body, const Pose& pose) {
-  return pose_pair(model, {}, "model", body, pose, "body").value();
-}
-
-// Sets the body down from outside along a line through `at`: within a thousandth of its radius of letting go.
-Pose touching_pose(const TreeView& model, const TreeView& body, const Vector& at,
-                   const Vector& away, double radius_m, Pose pose = {}) {
-  double in = 0.9 * radius_m, out = 4 * radius_m;  // the point is inside the body, then it is not
-  const auto touches = [&](double distance_m) {
-    for (std::size_t k = 0; k < 3; ++k) pose.translation_m[k] = at[k] + distance_m * away[k];
-    const PosedPair frames = posed(*model.grid, *body.grid, pose);
-    return !query(model, frames.a, body, frames.b, {.any = true, .clearance = false}).pairs.empty();
-  };
-  for (; touches(out); out += radius_m) in = out;
-  while (out - in > 1e-3 * radius_m) {
-    const double middle = (in + out) / 2;
-    (touches(middle) ? in : out) = middle;
-  }
-  touches(in);
-  return pose;
-}
-
-std::vector<Pose> touching_poses(const TreeView& model, const TreeView& body,
-                                 const SplitStore& store, double radius_m) {
-  Random random(11);
-  std::vector<Pose> poses;
-  const auto full = [&](const Pose& pose) {
-    const PosedPair frames = posed(*model.grid, *body.grid, pose);
-    return query(model, frames.a, body, frames.b, {.any = true, .clearance = false});
-  };
-  while (poses.size() < kPlaces) {
-    const Vector at = in_metres(*model.grid, store.position({random.below(store.vertex_count())}));
-    Vector away{random.between(-1, 1), random.between(-1, 1), random.between(-1, 1)};
-    const double length = std::sqrt(away[0] * away[0] + away[1] * away[1] + away[2] * away[2]);
-    if (length > 1 || length < 0.1) continue;
-    for (double& x : away) x /= length;
-    const Pose pose =
-        touching_pose(model, body, at, away, radius_m, {.rotation = test::random_rotation(random)});
-    if (full(pose).status == AnswerStatus::kContact) poses.push_back(pose);
-  }
-  return poses;
-}
-
-// Along a straight line over a ground whose z is up, set down anew in each frame on the nearest vertex.
-std::vector<Pose> flight_poses(const TreeView& model, const TreeView& body, const SplitStore& store,
-                               double radius_m) {
-  std::vector<Pose> poses;
-  const double length_m = 0.2 * radius_m * kFrames;
-  for (int i = 0; i < kFrames; ++i) {
-    const double x = (static_cast<double>(i) / kFrames - 0.5) * length_m, y = 0.3 * x;
-    Vector nearest{1e300, 1e300, 0};
-    for (std::uint32_t v = 0; v < store.vertex_count(); ++v) {
-      const Vector at = in_metres(*model.grid, store.position({v}));
-      if (std::hypot(at[0] - x, at[1] - y) < std::hypot(nearest[0] - x, nearest[1] - y))
-        nearest = at;
-    }
-    poses.push_back(touching_pose(model, body, nearest, {0, 0, 1}, radius_m));
-  }
-  return poses;
-}
-
 // ---- publisher and peer -------------------------------------------------------------------------
 
-using Batches = std::vector<std::vector<std::uint8_t>>;
 using Serve = std::function<Batches(const RegionRequest&)>;
 
 Batches serve(ModelFile& file, const RegionRequest& request) {
-  if (const Status status = check_request(file.store(), request); !status.is_ok()) {
-    std::fprintf(stderr, "%s\n", status.message().c_str());
-    std::exit(1);
-  }
   const Demand demand =
-      collect(
-          file.store(), request, [&file](NodeSpan node) { return file.require(node); },
-          AttachRule::kAlways)
-          .value();
+      demand_of(file.store(), request, [&file](NodeSpan node) { return file.require(node); });
   return encode_batches(file.header(), file.store(), demand.treelet, BoxPolicy::kCutNodes);
 }
 
@@ -227,19 +86,15 @@ class Peer {
   [[nodiscard]] std::optional<RegionRequest> request(const Pose& pose, double margin_m,
                                                      std::vector<NodeSpan> missing,
                                                      std::uint32_t max_splits) const {
-    const auto region = [&](std::size_t max_parts, std::span<const GridBox> near) {
-      return subscriber::swept_region(view(), {}, body_, Motion{.pose = pose}, 0, margin_m,
-                                      max_parts, near);
-    };
-    return subscriber::make_request(replica_.store(), region, std::move(missing), kRegionBoxes,
-                                    max_splits);
+    return next_request(replica_.store(), view(), {}, body_, pose, margin_m, std::move(missing),
+                        max_splits);
   }
   bool ask(const Pose& pose, double margin_m, std::vector<NodeSpan> missing,
            std::uint32_t max_splits) {
     const auto next = request(pose, margin_m, std::move(missing), max_splits);
     if (!next) return false;
     ++cost.requests;
-    cost.request_bytes += static_cast<double>(8 * next->attach.size() + 40 * next->region.size());
+    cost.request_bytes += static_cast<double>(request_bytes(*next));
     for (const auto& bytes : serve_(*next)) {
       const SplitBatch batch = decode_batch(replica_.header(), bytes).value();
       const Replica::Applied applied = replica_.apply_batch(batch);
@@ -274,15 +129,15 @@ void measure_poses(const std::string& path, double radius_share) {
   if (const Status status = file.require_all(); !status.is_ok()) std::exit(1);
   const double radius_m = radius_share * largest_side_m(file.header());
   const TriangleTree body = body_tree(radius_m);
-  std::vector<Pose> poses;
+  std::vector<TouchingPlace> places;
   {
     const TriangleTree full = build_full_tree(file.header(), file.store()).value();
-    poses = touching_poses(full.view(), body.view(), file.store(), radius_m);
+    places = touching_poses(full.view(), body.view(), file.store(), radius_m, kPlaces);
   }
   const Serve here = [&file](const RegionRequest& request) { return serve(file, request); };
   Cost touching, ahead, least;
   double rounds = 0;
-  for (const Pose& pose : poses) {
+  for (const auto& [pose, away] : places) {
     Peer peer(file.header(), body.view(), here);
     peer.certify(pose);
     const auto add = [&](Cost& sum) {
@@ -361,7 +216,7 @@ void publish(int socket, const std::string& path, double radius_share) {
   put_all(socket, std::vector<std::uint8_t>(header.begin(), header.end()));
   if (const Status status = file.require_all(); !status.is_ok()) std::exit(1);
   put_all(socket, flight_poses(build_full_tree(file.header(), file.store()).value().view(),
-                               body.view(), file.store(), radius_m));
+                               body.view(), file.store(), radius_m, kFrames));
   for (RegionRequest request; get_all(socket, request.attach) && get_all(socket, request.region) &&
                               get(socket, &request.max_splits, sizeof request.max_splits);) {
     const Batches batches = serve(file, request);

@@ -40,14 +40,15 @@ double radius_m(const IndexedMesh& mesh) {
 
 }  // namespace
 
-Model make_model(const IndexedMesh& mesh) {
+Model make_model(const IndexedMesh& mesh, std::uint32_t base_faces) {
   Result<CleanResult> clean = clean_mesh(mesh, 21);
   if (!clean.is_ok()) {
     std::fprintf(stderr, "%s\n", clean.status().message().c_str());
     std::exit(2);
   }
   GridMesh grid_mesh = clean.value().mesh;
-  Result<BakedModel> baked = bake(grid_mesh, clean.value().report.rounding_error_m, {});
+  Result<BakedModel> baked =
+      bake(grid_mesh, clean.value().report.rounding_error_m, {.base_faces = base_faces});
   if (!baked.is_ok()) {
     std::fprintf(stderr, "%s\n", baked.status().message().c_str());
     std::exit(2);
