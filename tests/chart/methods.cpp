@@ -43,12 +43,13 @@ std::vector<VertexId> collapse_order(const perf::Model& model) {
   return order;
 }
 
-// Splits in an order with parents first, as batches: whoever has the first ones has a mesh.
+// Splits in an order with parents first, as batches: whoever has the first ones has a mesh. In preorder within each of a
+// few levels: a batch names the nodes that it hangs on, so that an order split by split would cost twice the bytes.
 Batches encode_in_order(const perf::Model& model, std::span<const VertexId> order) {
   const SplitStore& store = model.baked.store;
   Batches batches;
   for (std::size_t done = 0; done < order.size();) {
-    const std::size_t count = std::min(order.size() - done, std::max<std::size_t>(256, done / 2));
+    const std::size_t count = std::min(order.size() - done, std::max<std::size_t>(256, 3 * done));
     std::vector<NodeSpan> nodes;
     for (const VertexId u : order.subspan(done, count)) nodes.push_back(store.node_of(u));
     std::sort(nodes.begin(), nodes.end());
@@ -156,6 +157,7 @@ class Stream : public Method {
   void queue(std::size_t body, Batches batches) {
     for (auto& batch : batches) queue_.push_back({body, std::move(batch)});
   }
+  [[nodiscard]] bool has_all() const { return queue_.empty(); }
   // By the faces that there are, coarse or not.
   void guess(const PosedPair& posed) {
     if (guessed_ == version_) return;
@@ -195,13 +197,11 @@ class Stream : public Method {
 // Largest nodes first, everywhere; both bodies in turn.
 class Global : public Stream {
  public:
-  explicit Global(const Scene& scene, double share = 1) : Stream(scene) {
-    for (std::size_t i = 0; i < 2; ++i) {
-      if (!bodies_[i].streamed()) continue;
-      const perf::Model& model = bodies_[i].model();
-      const auto count = static_cast<std::uint32_t>(share * model.baked.header.split_count());
-      batches_[i] = encode_in_order(model, global_order(model.baked.store, count));
-    }
+  explicit Global(const Scene& scene) : Stream(scene) {
+    for (std::size_t i = 0; i < 2; ++i)
+      if (bodies_[i].streamed())
+        batches_[i] = encode_in_order(bodies_[i].model(),
+                                      global_order(bodies_[i].model().baked.store, 0xffffffffU));
   }
   void start() override {
     Stream::start();
@@ -222,23 +222,32 @@ class Global : public Stream {
     return true;
   }
 
- private:
   std::array<Batches, 2> batches_;
+
+ private:
   bool asked_ = false;
 };
 
 // A level of detail as a mesh of its own: of no use before all of it has come.
 class StaticLevel : public Global {
  public:
-  StaticLevel(const Scene& scene, double share) : Global(scene, share) {}
-  State receive(const perf::PosePair& poses, const PosedPair& posed,
-                std::uint64_t max_bytes) override {
-    State state = Global::receive(poses, posed, max_bytes);
-    if (state.finished) return state;
-    state.answers = false;
-    state.pairs.clear();
-    state.contacts = {};
-    return state;
+  StaticLevel(const Scene& scene, double share) : Global(scene) {
+    for (std::size_t i = 0; i < 2; ++i) {
+      if (!bodies_[i].streamed()) continue;
+      const BakedModel& model = bodies_[i].model().baked;
+      ActiveMesh mesh(model.store);
+      RefineDelta delta;
+      for (const VertexId u : global_order(
+               model.store, static_cast<std::uint32_t>(share * model.header.split_count())))
+        static_cast<void>(mesh.split(u, delta));
+      batches_[i] =
+          encode_batches(model.header, model.store, active_treelet(mesh), BoxPolicy::kCutNodes);
+    }
+  }
+
+ protected:
+  void answer(const PosedPair& posed) override {
+    if (has_all()) guess(posed);
   }
 };
 
@@ -385,10 +394,11 @@ class Certified : public Stream {
     for (std::size_t i = 0; i < 2; ++i) {
       if (!bodies_[i].streamed()) continue;
       const Stopwatch watch;
-      const auto request =
-          perf::next_request(bodies_[i].replica().store(), view(i), i == 0 ? poses.a : poses.b,
-                             view(1 - i), i == 0 ? poses.b : poses.a, 0,
-                             i == 0 ? answer_.missing_a : answer_.missing_b, perf::kRequestSplits);
+      std::vector<NodeSpan> missing = i == 0 ? answer_.missing_a : answer_.missing_b;
+      missing.resize(std::min(missing.size(), kMaxAttachNodes));
+      const auto request = perf::next_request(
+          bodies_[i].replica().store(), view(i), i == 0 ? poses.a : poses.b, view(1 - i),
+          i == 0 ? poses.b : poses.a, 0, std::move(missing), perf::kRequestSplits);
       state_.query_s += watch.seconds();
       if (!request) continue;
       asked = true;

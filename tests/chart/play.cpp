@@ -131,9 +131,9 @@ bool write_row(const Row& row, const State& state, const State& before, const Tr
   return !false_certificate;
 }
 
-// 250, 350, 500, 700, ... and where the base meshes are there.
+// 100, 250, 350, 500, 700, ... and where the base meshes are there.
 std::vector<std::uint64_t> budgets(std::uint64_t header) {
-  std::vector<std::uint64_t> all{header};
+  std::vector<std::uint64_t> all{100, header};
   for (std::uint64_t bytes = 250; bytes < std::uint64_t{1} << 36; bytes *= 2) {
     all.push_back(bytes);
     all.push_back(bytes * 7 / 5);

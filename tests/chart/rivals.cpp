@@ -167,10 +167,10 @@ struct Node {
   double bits = 0;              // of the children's boxes, or the faces
 };
 
-// Faces as a tree of boxes, eight children a node, clusters of at most so many.
+// Faces as a tree of boxes, eight children a node, clusters of at most so many; with bits where they are to be sent.
 class Clusters {
  public:
-  Clusters(const perf::Model& model, std::size_t cluster_faces)
+  Clusters(const perf::Model& model, std::size_t cluster_faces, bool coded)
       : header_(&model.baked.header), cluster_faces_(cluster_faces) {
     std::vector<TreeFace> faces;
     for (const TreeNode& node : model.tree.nodes)
@@ -179,7 +179,7 @@ class Clusters {
           model.tree.view().for_each_face(entry,
                                           [&](const TreeFace& face) { faces.push_back(face); });
     build(faces, 0, faces.size(), box_of(faces, 0, faces.size()));
-    train();
+    if (coded) train();
   }
   [[nodiscard]] const Node& node(std::uint32_t i) const { return nodes_[i]; }
   // Bits of these faces as one piece, near `from`.
@@ -382,8 +382,8 @@ class Rival : public Method {
  public:
   explicit Rival(const Scene& scene)
       : scene_(scene),
-        a_(scene.a, kClusterFaces),
-        b_(scene.b, scene.b_streamed ? kClusterFaces : kOwnClusterFaces) {}
+        a_(scene.a, kClusterFaces, true),
+        b_(scene.b, scene.b_streamed ? kClusterFaces : kOwnClusterFaces, scene.b_streamed) {}
 
   void start() override {
     state_ = {};
@@ -584,8 +584,8 @@ struct NeededFaces::Impl {
   bool b_streamed;
 };
 NeededFaces::NeededFaces(const Scene& scene)
-    : impl_(new Impl{Clusters(scene.a, kOwnClusterFaces), Clusters(scene.b, kOwnClusterFaces),
-                     scene.b_streamed}) {}
+    : impl_(new Impl{Clusters(scene.a, kOwnClusterFaces, false),
+                     Clusters(scene.b, kOwnClusterFaces, false), scene.b_streamed}) {}
 NeededFaces::~NeededFaces() = default;
 std::uint64_t NeededFaces::count(const PosedPair& posed) const {
   const auto found = candidates(impl_->a, impl_->b, posed, walk(impl_->a, impl_->b, posed));
