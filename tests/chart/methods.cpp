@@ -214,8 +214,7 @@ class Global : public Stream {
       state_.finished = true;
       return false;
     }
-    asked_ = true;
-    ++state_.requests;
+    asked_ = true;  // who joins is sent all of it
     for (std::size_t at = 0; at < std::max(batches_[0].size(), batches_[1].size()); ++at)
       for (std::size_t i = 0; i < 2; ++i)
         if (at < batches_[i].size()) queue(i, {batches_[i][at]});

@@ -28,7 +28,8 @@ struct Scene {
 struct State {
   std::uint64_t bytes = 0;  ///< received, with headers and framing
   std::uint64_t request_bytes = 0;
-  std::uint32_t requests = 0;  ///< each a round trip
+  std::uint32_t requests =
+      0;  ///< each a round trip; joining, which brings base meshes, is one more
   std::uint64_t splits = 0;
   double refine_s = 0, tree_s = 0, query_s = 0, load_s = 0;  ///< the paper's T_R, T_B, T_Q, T_L
   /// What the method claims to be sure of; nothing: it never is, or cannot answer yet.

@@ -5,7 +5,8 @@
 // rows.csv, one row a scene, method, pose or frame, and point of the byte budget:
 //   scene, method, proof (whose word a certified answer is: client, server, none), kind (pose: each starts afresh; frame:
 //   one after the other, 6,250 bytes each, 1 Mbit/s at 20 frames a second), index (of the pose or frame),
-//   budget_bytes, bytes (received so far: payload, framing, headers), header_bytes (of these), requests (each a round trip),
+//   budget_bytes, bytes (received so far: payload, framing, headers), header_bytes (of these), requests (each a round trip; joining is one
+//   more),
 //   request_bytes, splits,
 //   t_r_us, t_b_us, t_q_us, t_l_us (refinement, tree, query, loading: so far; of a frame: in it),
 //   status (free, contact, partial, uncertain; none: the method is never sure, or has no answer yet), truth (0, 1: touching),

@@ -237,21 +237,19 @@ def frame_times(run, scenes, name):
         for y, method in enumerate(here):
             rows = run.last(scene, method)
             total = [1e3 * compute_s(row) for row in rows]
-            # Shares of the mean, on the median: the parts of a stack add up.
-            mean = {k: statistics.mean(row[k] for row in rows) for k, _, _ in parts}
-            median, left = quantile(total, 0.5), 0
+            left = 0
             for key, text, colour in parts:
-                width = median * mean[key] / max(1e-12, sum(mean.values()))
-                axes.barh(y, width, left=left, color=colour, label=text, height=0.6)
+                width = 1e-3 * quantile([row[key] for row in rows], 0.5)
+                axes.barh(y, width, left=left, color=colour, label=text + ", median", height=0.6)
                 left += width
             axes.plot(quantile(total, 0.99), y, "k|", markersize=10, label="99th percentile")
             right, sure = (statistics.mean(row[k] for row in rows) for k in ("correct", "certified"))
             labels.append(f"{method}\n{100 * right:.0f} % correct, {100 * sure:.0f} % certified")
         axes.set_yticks(range(len(here)), labels, fontsize=7)
         axes.invert_yaxis()
-        axes.set_xscale("symlog", linthresh=0.1)
+        axes.set_xscale("symlog", linthresh=1, linscale=3)
         axes.set_xlim(0)
-        nice(axes, scene, "milliseconds a frame (median)", log=False)
+        nice(axes, scene, "milliseconds a frame (linear up to 1)", log=False)
     save(run, figure, name, 1)
 
 
