@@ -367,6 +367,9 @@ Treelet whole_blocks(const SplitStore& store, const Treelet& demand, std::uint32
 // As a peer's Session asks: the region that the other body covers, then what the answer names. `block` 0: node by node.
 class Certified : public Stream {
  public:
+  /// As block: nothing but the splits that the answer names, round after round. No answer takes fewer splits.
+  static constexpr std::uint32_t kLeast = 0xffffffffU;
+
   explicit Certified(const Scene& scene, std::uint32_t block = 0) : Stream(scene), block_(block) {}
 
   void start() override {
@@ -393,6 +396,10 @@ class Certified : public Stream {
     for (std::size_t i = 0; i < 2; ++i) {
       if (!bodies_[i].streamed()) continue;
       const Stopwatch watch;
+      if (block_ == kLeast) {
+        asked = ask_least(i) || asked;
+        continue;
+      }
       std::vector<NodeSpan> missing = i == 0 ? answer_.missing_a : answer_.missing_b;
       missing.resize(std::min(missing.size(), kMaxAttachNodes));
       const auto request = perf::next_request(
@@ -429,6 +436,16 @@ class Certified : public Stream {
   }
 
  private:
+  bool ask_least(std::size_t i) {
+    const std::vector<NodeSpan>& missing = i == 0 ? answer_.missing_a : answer_.missing_b;
+    const BakedModel& model = bodies_[i].model().baked;
+    Treelet treelet;
+    for (const NodeSpan& node : missing)
+      treelet.push_back({node, model.store.split_of(node), false, false});
+    state_.request_bytes += 8 * missing.size();
+    queue(i, encode_batches(model.header, model.store, treelet, BoxPolicy::kCutNodes));
+    return !missing.empty();
+  }
   [[nodiscard]] TreeView view(std::size_t i) const {
     return trees_[i] ? trees_[i]->view(bodies_[i].model().baked.header.grid)
                      : bodies_[i].model().tree.view();
@@ -477,6 +494,8 @@ const std::vector<MethodInfo>& methods() {
        [](const Scene& s) -> Made { return std::make_unique<Grid3>(s, 32, Closure::kAncestors); }},
       {"certified", "client",
        [](const Scene& s) -> Made { return std::make_unique<Certified>(s); }},
+      {"certified-least", "client",
+       [](const Scene& s) -> Made { return std::make_unique<Certified>(s, Certified::kLeast); }},
       {"blocks-32", "client",
        [](const Scene& s) -> Made { return std::make_unique<Certified>(s, 32); }},
       {"blocks-64", "client",

@@ -187,11 +187,7 @@ PlayTotals play_library(const Scene& scene, const perf::ContenderInfo& info,
   PlayTotals totals;
   Stopwatch watch;
   const std::unique_ptr<perf::Contender> library = info.make(scene.a.mesh, scene.b.mesh);
-  State state{.bytes = whole_bytes,
-              .requests = 1,
-              .tree_s = watch.seconds(),
-              .answers = true,
-              .finished = true};
+  State state{.bytes = whole_bytes, .tree_s = watch.seconds(), .answers = true, .finished = true};
   state.faces_held =
       scene.a.baked.header.face_count + (scene.b_streamed ? scene.b.baked.header.face_count : 0);
   State before;
