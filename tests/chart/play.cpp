@@ -86,7 +86,7 @@ Errors errors(const Contacts& truth, const Contacts& guess) {
 
 struct Row {
   const Scene* scene;
-  std::string method, proof;
+  std::string method, proof, kind;
   std::size_t index = 0;
   std::uint64_t budget = 0, header = 0;
 };
@@ -103,10 +103,10 @@ bool write_row(const Row& row, const State& state, const State& before, const Tr
   const auto us = [](double now, double then) { return 1e6 * (now - then); };
   std::fprintf(
       out, "%s,%s,%s,%s,%zu,%llu,%llu,%llu,%u,%llu,%llu,%.1f,%.1f,%.1f,%.1f,%s,%d,%d,%d,%d,%d,",
-      row.scene->name.c_str(), row.method.c_str(), row.proof.c_str(),
-      row.scene->frames ? "frame" : "pose", row.index, static_cast<unsigned long long>(row.budget),
-      static_cast<unsigned long long>(state.bytes), static_cast<unsigned long long>(row.header),
-      state.requests, static_cast<unsigned long long>(state.request_bytes),
+      row.scene->name.c_str(), row.method.c_str(), row.proof.c_str(), row.kind.c_str(), row.index,
+      static_cast<unsigned long long>(row.budget), static_cast<unsigned long long>(state.bytes),
+      static_cast<unsigned long long>(row.header), state.requests,
+      static_cast<unsigned long long>(state.request_bytes),
       static_cast<unsigned long long>(state.splits), us(state.refine_s, before.refine_s),
       us(state.tree_s, before.tree_s), us(state.query_s, before.query_s),
       us(state.load_s, before.load_s), state.claim ? to_string(*state.claim) : "none",
@@ -153,11 +153,11 @@ PlayTotals play_method(const Scene& scene, const MethodInfo& info, const std::ve
   const std::unique_ptr<Method> method = info.make(scene);
   const std::uint64_t header = header_bytes(scene);
   const bool rival = info.name == "clusters-checked" || info.name == "triangles-trusted";
-  const auto write = [&](std::size_t i, std::uint64_t budget, const State& state,
+  const auto write = [&](const char* kind, std::size_t i, std::uint64_t budget, const State& state,
                          const State& before) {
     ++totals.rows;
-    if (!write_row({&scene, info.name, info.proof, i, budget, rival ? 0 : header}, state, before,
-                   truths[i], rows))
+    if (!write_row({&scene, info.name, info.proof, kind, i, budget, rival ? 0 : header}, state,
+                   before, truths[i], rows))
       ++totals.false_certificates;
   };
   State before;
@@ -166,16 +166,19 @@ PlayTotals play_method(const Scene& scene, const MethodInfo& info, const std::ve
     if (scene.frames) {
       const std::uint64_t budget = kFrameBytes * (i + 1);
       State state = method->receive(scene.poses[i], truths[i].posed, budget);
-      write(i, budget, state, before);
+      write("frame", i, budget, state, before);
       before = std::move(state);
       continue;
     }
     method->start();
     for (const std::uint64_t budget : budgets(header)) {
       const State state = method->receive(scene.poses[i], truths[i].posed, budget);
-      write(i, budget, state, {});
+      write("pose", i, budget, state, {});
       if (state.finished) break;
     }
+    method->start();
+    constexpr std::uint64_t kAll = std::uint64_t{1} << 40;
+    write("whole", i, kAll, method->receive(scene.poses[i], truths[i].posed, kAll), {});
   }
   return totals;
 }
@@ -202,7 +205,8 @@ PlayTotals play_library(const Scene& scene, const perf::ContenderInfo& info,
     if (touching)
       state.pairs.push_back(truths[i].pairs.empty() ? FacePair{} : truths[i].pairs.front());
     static_cast<void>(pairs);
-    write_row({&scene, info.name, "none", i, whole_bytes, 0}, state, before, truths[i], rows);
+    write_row({&scene, info.name, "none", scene.frames ? "frame" : "pose", i, whole_bytes, 0},
+              state, before, truths[i], rows);
     ++totals.rows;
     before = state;
   }

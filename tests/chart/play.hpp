@@ -3,8 +3,9 @@
 // Plays scenes through methods and writes what happened.
 //
 // rows.csv, one row a scene, method, pose or frame, and point of the byte budget:
-//   scene, method, proof (whose word a certified answer is: client, server, none), kind (pose: each starts afresh; frame:
-//   one after the other, 6,250 bytes each, 1 Mbit/s at 20 frames a second), index (of the pose or frame),
+//   scene, method, proof (whose word a certified answer is: client, server, none), kind (pose: each starts afresh,
+//   with an answer at each point of the budget; whole: the same without a budget, one answer at the end; frame: one after
+//   the other, 6,250 bytes each, 1 Mbit/s at 20 frames a second), index (of the pose or frame),
 //   budget_bytes, bytes (received so far: payload, framing, headers), header_bytes (of these), requests (each a round trip; joining is one
 //   more),
 //   request_bytes, splits,

@@ -126,12 +126,14 @@ std::optional<Scene> needle(const SceneOptions& options) {
   return scene;
 }
 
-// A ground and its own cast: everything is near everything.
+// A ground and its own cast, just above it or shifted by a sixth of a cell: everything is near everything.
 std::optional<Scene> conforming(const SceneOptions& options) {
   const IndexedMesh ground = generate_terrain(options.quick ? 32 : 96, 42);
   Scene scene{"conforming", perf::make_model(ground), perf::make_model(ground), true, {}, false};
-  for (const double gap_m : {-8.0, -0.5, 0.5, 2.0, 8.0, 32.0})
+  for (const double gap_m : {0.5, 8.0, 32.0})
     scene.poses.push_back({{}, {.translation_m = {0, 0, gap_m}}});
+  for (const double gap_m : {0.0, 2.0, 8.0})
+    scene.poses.push_back({{}, {.translation_m = {5, 3, gap_m}}});
   return scene;
 }
 
