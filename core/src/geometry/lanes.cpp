@@ -147,8 +147,8 @@ std::uint32_t boxes_apart_lanes(const RelativeFrame& f, const PlacedLanes& other
   return apart;
 }
 
-std::uint32_t triangles_apart_lanes(const PlacedLanes& other, std::uint32_t i,
-                                    const TriangleLanes& own) {
+std::uint32_t triangles_apart_lanes(const RelativeFrame& f, const PlacedLanes& other,
+                                    std::uint32_t i, const TriangleLanes& own) {
   const Doubles d;
   const auto at = [&d](double x) { return hn::Set(d, x); };
   const double normal[3] = {other.normal[0][i], other.normal[1][i], other.normal[2][i]};
@@ -164,10 +164,28 @@ std::uint32_t triangles_apart_lanes(const PlacedLanes& other, std::uint32_t i,
       found = hn::Or(found, hn::Or(hn::Gt(lo, at(other.reach_own[k][i])),
                                    hn::Lt(hi, at(-other.reach_own[k][i]))));
     }
-    if (other.per_square[i] > 0) {
-      const Vec x = dot(normal, corner[0]), y = dot(normal, corner[1]), z = dot(normal, corner[2]);
-      found = hn::Or(found, hn::Or(hn::Gt(hn::Min(hn::Min(x, y), z), at(other.to[i])),
-                                   hn::Lt(hn::Max(hn::Max(x, y), z), at(other.from[i]))));
+    const auto is_beyond = [&corner](const auto& n, Vec from, Vec to) {
+      const Vec x = dot(n, corner[0]), y = dot(n, corner[1]), z = dot(n, corner[2]);
+      return hn::Or(hn::Gt(hn::Min(hn::Min(x, y), z), to), hn::Lt(hn::Max(hn::Max(x, y), z), from));
+    };
+    if (other.per_square[i] > 0)
+      found = hn::Or(found, is_beyond(normal, at(other.from[i]), at(other.to[i])));
+    if (!hn::AllTrue(d, found)) {
+      Vec u[3], v[3];
+      for (std::size_t k = 0; k < 3; ++k) {
+        u[k] = hn::Sub(corner[1][k], corner[0][k]);
+        v[k] = hn::Sub(corner[2][k], corner[0][k]);
+      }
+      const Vec n[3] = {hn::Sub(hn::Mul(u[1], v[2]), hn::Mul(u[2], v[1])),
+                        hn::Sub(hn::Mul(u[2], v[0]), hn::Mul(u[0], v[2])),
+                        hn::Sub(hn::Mul(u[0], v[1]), hn::Mul(u[1], v[0]))};
+      Vec reach =
+          hn::Mul(at(2 * f.slack), hn::Add(hn::Add(hn::Abs(n[0]), hn::Abs(n[1])), hn::Abs(n[2])));
+      for (std::size_t j = 0; j < 3; ++j) {
+        const double column[3] = {f.rotation[j], f.rotation[3 + j], f.rotation[6 + j]};
+        reach = hn::Add(reach, hn::Mul(hn::Abs(dot(column, n)), at(other.half[j][i])));
+      }
+      found = hn::Or(found, is_beyond(n, hn::Neg(reach), reach));
     }
     apart |= bits_of(found) << lane;
   }
@@ -302,9 +320,9 @@ std::uint32_t boxes_apart(const RelativeFrame& other_in_own, const PlacedLanes& 
   return HWY_DYNAMIC_DISPATCH(boxes_apart_lanes)(other_in_own, other, other_lane, own);
 }
 
-std::uint32_t triangles_apart(const PlacedLanes& other, std::uint32_t other_lane,
-                              const TriangleLanes& own) {
-  return HWY_DYNAMIC_DISPATCH(triangles_apart_lanes)(other, other_lane, own);
+std::uint32_t triangles_apart(const RelativeFrame& other_in_own, const PlacedLanes& other,
+                              std::uint32_t other_lane, const TriangleLanes& own) {
+  return HWY_DYNAMIC_DISPATCH(triangles_apart_lanes)(other_in_own, other, other_lane, own);
 }
 
 void place_triangles(const RelativeFrame& other_in_own, const TriangleLanes& other,

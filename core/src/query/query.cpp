@@ -63,7 +63,7 @@ class Walk {
         placed_b_(b, b_in_a_) {}
 
   Answer run() {
-    if (!roots_apart()) stack_.push_back({0, 0});
+    if (!roots_apart()) stack_.push_back({.a = 0, .b = 0});
     while (!stack_.empty() && !(options_.any && !answer_.pairs.empty())) {
       const Pair pair = stack_.back();
       stack_.pop_back();
@@ -76,6 +76,8 @@ class Walk {
  private:
   struct Pair {
     TreePlace a, b;
+    /// Of an entry of kind kFaces: the faces that may meet the other entry, as far as is known.
+    std::uint32_t faces_a = kAllLanes, faces_b = kAllLanes;
   };
   /// An entry in its place.
   struct Part {
@@ -108,17 +110,13 @@ class Walk {
     if (ka == Kind::kInner || kb == Kind::kInner) {
       if (opens_a(ka, a.size(), kb, b.size())) {
         open(b_in_a_, placed_b_[pair.b / kLanes], b.lane, a_.nodes[a.first()],
-             [&](std::uint32_t lane) {
-               stack_.push_back({a.first() * kLanes + lane, pair.b});
-             });
+             [&](std::uint32_t lane) { push_a(pair, a.first(), lane, b); });
       } else {
         open(a_in_b_, placed_a_[pair.a / kLanes], a.lane, b_.nodes[b.first()],
-             [&](std::uint32_t lane) {
-               stack_.push_back({pair.a, b.first() * kLanes + lane});
-             });
+             [&](std::uint32_t lane) { push_b(pair, b.first(), lane, a); });
       }
     } else if (ka == Kind::kFaces && kb == Kind::kFaces) {
-      test_faces(a, b);
+      test_faces(a, pair.faces_a, b, pair.faces_b);
     } else if (is_missing(a, b)) {
       return;  // will be looked at again once it is split
     } else if (ka == Kind::kFrontier && kb == Kind::kFrontier) {
@@ -129,12 +127,34 @@ class Walk {
         add_missing(b_, b.entry(), missing_b_);
       }
     } else if (ka == Kind::kFrontier) {
-      if (meets_face(b_in_a_, a, placed_a_, b_.blocks[b.first()], b.faces()))
+      if (meets_face(b_in_a_, a_in_b_, a, placed_a_, b_.blocks[b.first()],
+                     pair.faces_b & b.faces()))
         add_missing(a_, a.entry(), missing_a_);
     } else {
-      if (meets_face(a_in_b_, b, placed_b_, a_.blocks[a.first()], a.faces()))
+      if (meets_face(a_in_b_, b_in_a_, b, placed_b_, a_.blocks[a.first()],
+                     pair.faces_a & a.faces()))
         add_missing(b_, b.entry(), missing_b_);
     }
+  }
+
+  // Single faces are much thinner than their block. Where the block is much larger than the lane, a look at each of them
+  // saves most of what is below the lane; else it costs as much as it saves.
+  static bool is_worth_it(double block_m, double lane_m) { return block_m > 2 * lane_m; }
+  void push_a(Pair pair, std::uint32_t node, std::uint32_t lane, const Part& b) {
+    pair.a = node * kLanes + lane;
+    if (b.kind() == Kind::kFaces &&
+        is_worth_it(b.size() * cell_b_m_, a_.nodes[node].size[lane] * cell_a_m_))
+      pair.faces_b &= b.faces() & ~triangles_apart(a_in_b_, placed_a_[node], lane,
+                                                   b_.blocks[b.first()].triangles);
+    if (pair.faces_b != 0) stack_.push_back(pair);
+  }
+  void push_b(Pair pair, std::uint32_t node, std::uint32_t lane, const Part& a) {
+    pair.b = node * kLanes + lane;
+    if (a.kind() == Kind::kFaces &&
+        is_worth_it(a.size() * cell_a_m_, b_.nodes[node].size[lane] * cell_b_m_))
+      pair.faces_a &= a.faces() & ~triangles_apart(b_in_a_, placed_b_[node], lane,
+                                                   a_.blocks[a.first()].triangles);
+    if (pair.faces_a != 0) stack_.push_back(pair);
   }
 
   // Hands on those of a node's lanes that may meet the other side's part.
@@ -194,14 +214,17 @@ class Walk {
     return ka == Kind::kInner && (kb != Kind::kInner || is_larger(size_a, size_b));
   }
 
-  void test_faces(const Part& a, const Part& b) {
+  // The leaf that was opened last has not been held against the other yet.
+  void test_faces(const Part& a, std::uint32_t close_a, const Part& b, std::uint32_t close_b) {
     const FaceBlock &block_a = a_.blocks[a.first()], &block_b = b_.blocks[b.first()];
     answer_.stats.triangle_tests += std::uint64_t{a.count()} * b.count();
-    std::uint32_t close_a =
-        a.faces() & ~triangles_apart(placed_b_[b.place / kLanes], b.lane, block_a.triangles);
+    if (close_a == kAllLanes)
+      close_a = a.faces() &
+                ~triangles_apart(b_in_a_, placed_b_[b.place / kLanes], b.lane, block_a.triangles);
     if (close_a == 0) return;
-    const std::uint32_t close_b =
-        b.faces() & ~triangles_apart(placed_a_[a.place / kLanes], a.lane, block_b.triangles);
+    if (close_b == kAllLanes)
+      close_b = b.faces() &
+                ~triangles_apart(a_in_b_, placed_a_[a.place / kLanes], a.lane, block_b.triangles);
     if (close_b == 0) return;
     PlacedTriangles placed_b;
     place_triangles(b_in_a_, block_b.triangles, placed_b);
@@ -226,10 +249,11 @@ class Walk {
   }
 
   // Whether a frontier box (in its own grid) may meet one of the other side's exact faces.
-  bool meets_face(const RelativeFrame& other_in_own, const Part& own, PlacedNodes& own_in_other,
-                  const FaceBlock& block, std::uint32_t faces) {
-    std::uint32_t close =
-        faces & ~triangles_apart(own_in_other[own.place / kLanes], own.lane, block.triangles);
+  bool meets_face(const RelativeFrame& other_in_own, const RelativeFrame& own_in_other,
+                  const Part& own, PlacedNodes& placed, const FaceBlock& block,
+                  std::uint32_t faces) {
+    std::uint32_t close = faces & ~triangles_apart(own_in_other, placed[own.place / kLanes],
+                                                   own.lane, block.triangles);
     const CenteredBox box = centered(own.node.boxes.box(own.lane));
     for (; close != 0; close &= close - 1) {
       const auto i = static_cast<std::uint32_t>(std::countr_zero(close));

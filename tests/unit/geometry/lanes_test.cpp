@@ -182,7 +182,7 @@ TEST(Lanes, NeverPartWhatTouchesAndPartMostOfWhatDoesNot) {
         for (std::uint32_t j = 0; j < kLanes; ++j) {
           const std::uint32_t boxes = boxes_apart(f, placed, j, a.boxes);
           const std::uint32_t bare = boxes_apart(f, without_slabs, j, bare_a);
-          const std::uint32_t triangles = triangles_apart(placed, j, a.triangles);
+          const std::uint32_t triangles = triangles_apart(f, placed, j, a.triangles);
           const std::uint32_t planes =
               planes_apart(f, as_doubles(a.patches[j][0]), placed_triangles);
           digest = mix(digest ^ (boxes | bare << 8 | triangles << 16 | planes << 24));

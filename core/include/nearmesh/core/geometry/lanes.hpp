@@ -97,8 +97,9 @@ void place_lanes(const RelativeFrame& other_in_own, const BoxLanes& other, Place
 /// both slabs' normals. Bits of unused lanes mean nothing.
 [[nodiscard]] std::uint32_t boxes_apart(const RelativeFrame& other_in_own, const PlacedLanes& other,
                                         std::uint32_t other_lane, const BoxLanes& own);
-/// The same for own triangles; the axes are one's own and the normal of the other's slab.
-[[nodiscard]] std::uint32_t triangles_apart(const PlacedLanes& other, std::uint32_t other_lane,
+/// The same for own triangles; the axes are one's own and the normals of the other's slab and of the triangles.
+[[nodiscard]] std::uint32_t triangles_apart(const RelativeFrame& other_in_own,
+                                            const PlacedLanes& other, std::uint32_t other_lane,
                                             const TriangleLanes& own);
 
 /// The other's triangles in own units, as to_a_units places them.
