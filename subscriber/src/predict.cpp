@@ -34,7 +34,7 @@ std::int32_t clamp_grid(double x) {
 }
 
 // So many items are found for each part of a region, then grouped.
-constexpr std::size_t kItemsPerPart = 8;
+constexpr std::size_t kItemsPerPart = 16;
 
 // Something of the other body's tree: an entry, or one face of it.
 struct Item {
