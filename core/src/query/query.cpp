@@ -352,28 +352,40 @@ class Walk {
     struct Gap {
       double gap;
       std::uint32_t order;
-      TreeEntry a, b;
+      TreePlace a, b;
       bool operator<(const Gap& o) const { return gap != o.gap ? gap > o.gap : order > o.order; }
     };
+    if (a_.nodes[0].lanes == 0 || b_.nodes[0].lanes == 0)
+      return std::numeric_limits<double>::infinity();
     std::priority_queue<Gap> queue;
     std::uint32_t order = 0;
-    const auto offer = [&](const TreeEntry& na, const TreeEntry& nb) {
-      if (na.kind() == Kind::kEmpty || nb.kind() == Kind::kEmpty) return;
-      ++answer_.stats.box_tests;
-      queue.push({boxes_gap_m(b_in_a_, centered(na.box), centered(nb.box)), order++, na, nb});
-    };
-    offer(a_.root(), b_.root());
+    queue.push({0, order++, 0, 0});
     double found = std::numeric_limits<double>::infinity();
     for (int step = 0; !queue.empty() && queue.top().gap < found; ++step) {
       const Gap top = queue.top();
       if (step == kMaxSteps) return top.gap;
       queue.pop();
-      if (opens_a(top.a.kind(), size_of(top.a.box), top.b.kind(), size_of(top.b.box))) {
-        a_.for_each_child(top.a, [&](const TreeEntry& child) { offer(child, top.b); });
-      } else if (top.b.kind() == Kind::kInner) {
-        b_.for_each_child(top.b, [&](const TreeEntry& child) { offer(top.a, child); });
-      } else if (top.a.kind() == Kind::kFaces && top.b.kind() == Kind::kFaces) {
-        found = faces_gap_m(top.a, top.b, found);
+      const Part a(a_, top.a), b(b_, top.b);
+      const auto offer = [&](const RelativeFrame& other_in_own, const PlacedLanes& other,
+                             std::uint32_t other_lane, const TreeNode& own, const auto& pair_of) {
+        double gaps_m[kLanes];
+        boxes_gaps_m(other_in_own, other, other_lane, own.boxes, gaps_m);
+        answer_.stats.box_tests += kLanes;
+        for (std::uint32_t lane = 0; lane < kLanes; ++lane) {
+          if ((own.lanes >> lane & 1U) == 0) continue;
+          const auto [place_a, place_b] = pair_of(lane);
+          const double gap = std::max(gaps_m[lane], top.gap);  // what holds above holds below
+          if (gap < found) queue.push({gap, order++, place_a, place_b});
+        }
+      };
+      if (opens_a(a.kind(), a.size(), b.kind(), b.size())) {
+        offer(b_in_a_, placed_b_[top.b / kLanes], b.lane, a_.nodes[a.first()],
+              [&](std::uint32_t lane) { return std::pair(a.first() * kLanes + lane, top.b); });
+      } else if (b.kind() == Kind::kInner) {
+        offer(a_in_b_, placed_a_[top.a / kLanes], a.lane, b_.nodes[b.first()],
+              [&](std::uint32_t lane) { return std::pair(top.a, b.first() * kLanes + lane); });
+      } else if (a.kind() == Kind::kFaces && b.kind() == Kind::kFaces) {
+        found = faces_gap_m(a, b, found);
       } else {
         found = std::min(found, top.gap);  // an unresolved node: its box stands for what is in it
       }
@@ -381,29 +393,24 @@ class Walk {
     return found;
   }
 
-  // The least gap of two leaves' faces, or `found` when none is below it. Most pairs are settled by their boxes.
-  double faces_gap_m(const TreeEntry& na, const TreeEntry& nb, double found) const {
-    b_.for_each_face(nb, [&](const TreeFace& face_b) {
-      const DoubleTriangle tb = to_a_units(b_in_a_, face_b.corners);
-      a_.for_each_face(na, [&](const TreeFace& face_a) {
-        const DoubleTriangle ta = as_doubles(face_a.corners);
-        if (extents_gap_m(ta, tb) < found)
-          found = std::min(found, triangles_gap_m(b_in_a_, ta, tb));
-      });
-    });
-    return found;
-  }
-
-  // Lower bound from the triangles' extents along A's axes.
-  [[nodiscard]] double extents_gap_m(const DoubleTriangle& ta, const DoubleTriangle& tb) const {
-    double square = 0;
-    for (std::size_t k = 0; k < 3; ++k) {
-      const auto [lo_a, hi_a] = std::minmax({ta[0][k], ta[1][k], ta[2][k]});
-      const auto [lo_b, hi_b] = std::minmax({tb[0][k], tb[1][k], tb[2][k]});
-      const double gap = std::max({0.0, lo_a - hi_b, lo_b - hi_a});
-      square += gap * gap;
+  // The least gap of two leaves' faces, or `found` when none is below it. Most pairs are settled by their extents.
+  double faces_gap_m(const Part& a, const Part& b, double found) const {
+    const FaceBlock &block_a = a_.blocks[a.first()], &block_b = b_.blocks[b.first()];
+    PlacedTriangles placed_b;
+    place_triangles(b_in_a_, block_b.triangles, placed_b);
+    for (std::uint32_t i = 0; i < a.count(); ++i) {
+      const DoubleTriangle triangle_a = as_doubles(block_a.triangles.corners(i));
+      double gaps_m[kLanes];
+      extents_gaps_m(b_in_a_, triangle_a, placed_b, gaps_m);
+      for (std::uint32_t j = 0; j < b.count(); ++j) {
+        if (!(gaps_m[j] < found)) continue;
+        DoubleTriangle triangle_b;
+        for (std::size_t c = 0; c < 3; ++c)
+          for (std::size_t k = 0; k < 3; ++k) triangle_b[c][k] = placed_b.corner[c][k][j];
+        found = std::min(found, triangles_gap_m(b_in_a_, triangle_a, triangle_b));
+      }
     }
-    return (std::sqrt(square) - b_in_a_.slack) * b_in_a_.least_metres_per_unit;
+    return found;
   }
 
   const TreeView &a_, &b_;
