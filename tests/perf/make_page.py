@@ -28,7 +28,7 @@ QUERIES = """## Queries
 
 Medians of all poses, microseconds, the least of three calls each, one thread. nearmesh answers on a replica that holds what
 the pose needs and no more, certificate included; the others hold the full meshes, posed and built beforehand (Embree has no
-transforms: it re-places the moving body, and that is in its time). Below each time: its ratio to nearmesh's. All answers
+transforms: it re-places the moving body, and that is in its time). In brackets: the ratio to nearmesh's time. All answers
 were compared first and agree, number of pairs included, but for Bullet's pairs (its test of triangles is an approximate one).
 `sphere` is 4,096 faces against itself, `bunny` 39,787; a number after the name is the distance in units of that of first
 contact, `near_miss` 1.00001, `grazing` 0.9999. `terrain1m` is a flight of an aircraft of 8,000 faces, low over a million.
@@ -53,7 +53,7 @@ def comments(path):
 
 
 def short(value):
-    return f"{value:,.0f}" if value >= 100 else f"{value:.3g}"
+    return f"{value:,.0f}" if value >= 100 or value == int(value) else f"{value:.3g}"
 
 
 def queries(path):
@@ -90,7 +90,7 @@ def plain(title, paths):
     tables = {path.stem.split("-", 1)[1]: {r["metric"]: r for r in read(path)} for path in paths}
     metrics = []
     for table in tables.values():
-        metrics += [metric for metric in table if metric not in metrics]
+        metrics += [metric for metric in table if metric not in metrics and metric != "content_hash"]
     print(f"## {title}\n\n| | " + " | ".join(name.replace("-", " ") for name in tables) + " | unit |")
     print("|---|" + "--:|" * len(tables) + "---|")
     for metric in metrics:
