@@ -33,6 +33,52 @@ std::int32_t clamp_grid(double x) {
   return static_cast<std::int32_t>(std::clamp(x, -2147483648.0, 2147483647.0));
 }
 
+// So many items are found for each part of a region, then grouped.
+constexpr std::size_t kItemsPerPart = 16;
+
+// Something of the other body's tree: an entry, or one face of it.
+struct Item {
+  GridBox box;
+  TreeEntry entry;
+  std::uint32_t faces = kAllLanes;  // of a block: those meant
+
+  [[nodiscard]] std::int64_t extent() const {
+    std::int64_t sum = 0;
+    for (int k = 0; k < 3; ++k) sum += std::int64_t{box.hi[k]} - box.lo[k];
+    return sum;
+  }
+};
+
+// Calls emit for each of `groups` parts of the items, alike in number and close together.
+template <class Emit>
+void cut(std::span<Item> items, std::size_t groups, const Emit& emit) {
+  if (groups == 1) {
+    emit(items);
+    return;
+  }
+  const auto twice_center = [](const Item& item, int axis) {
+    return std::int64_t{item.box.lo[axis]} + item.box.hi[axis];
+  };
+  int axis = 0;
+  std::int64_t longest = -1;
+  for (int k = 0; k < 3; ++k) {
+    const auto [least, most] = std::minmax_element(
+        items.begin(), items.end(),
+        [&](const Item& x, const Item& y) { return twice_center(x, k) < twice_center(y, k); });
+    const std::int64_t length = twice_center(*most, k) - twice_center(*least, k);
+    if (length <= longest) continue;
+    longest = length;
+    axis = k;
+  }
+  // Stable, so that equal centres stay in the tree's order.
+  std::stable_sort(items.begin(), items.end(), [&](const Item& x, const Item& y) {
+    return twice_center(x, axis) < twice_center(y, axis);
+  });
+  const std::size_t left = groups / 2, middle = items.size() * left / groups;
+  cut(items.first(middle), left, emit);
+  cut(items.subspan(middle), groups - left, emit);
+}
+
 // Carries what is in the other body's tree into own's model frame and over the look-ahead.
 class Sweep {
  public:
@@ -60,10 +106,14 @@ class Sweep {
     const Vector3d center = offset_ + turn_ * m.center, half = turn_.cwiseAbs() * m.half;
     return covering(center - half, center + half, growth(box) / cell_);
   }
-  // Where what an entry of the other's tree bounds may be: closer than its box.
-  [[nodiscard]] RegionPart part(const TreeEntry& entry) const {
+  // Where what some items bound may be: closer than their boxes.
+  [[nodiscard]] RegionPart part(std::span<const Item> items) const {
     Pieces pieces;
-    gather(entry, kPartDepth, pieces);
+    GridBox box;
+    for (const Item& item : items) {
+      gather(item.entry, item.faces, kPartDepth, pieces);
+      box.add(item.box);
+    }
     Vector3d lo = Vector3d::Constant(1e300), hi = -lo;
     for (const MetreBox& piece : pieces.boxes) {
       const Vector3d half = turn_.cwiseAbs() * piece.half;
@@ -74,7 +124,7 @@ class Sweep {
       lo = lo.cwiseMin(point);
       hi = hi.cwiseMax(point);
     }
-    const double growth_m = growth(entry.box);
+    const double growth_m = growth(box);
     const double radius = std::min(std::ceil(growth_m / cell_), double{kMaxRegionRadius});
     RegionPart part = covering(lo, hi, std::max(0.0, growth_m / cell_ - radius));
     part.radius = static_cast<std::int32_t>(radius);
@@ -83,7 +133,7 @@ class Sweep {
   }
 
  private:
-  static constexpr int kPartDepth = 2;
+  static constexpr int kPartDepth = 1;
   // In own's model frame, metres; halves along the other's axes.
   struct Pieces {
     std::vector<Vector3d> points;
@@ -109,9 +159,11 @@ class Sweep {
     }
     return covering;
   }
-  void gather(const TreeEntry& entry, int depth, Pieces& pieces) const {
+  void gather(const TreeEntry& entry, std::uint32_t faces, int depth, Pieces& pieces) const {
     if (entry.kind() == TreeEntry::Kind::kFaces) {
-      other_.for_each_face(entry, [&](const TreeFace& face) {
+      for (std::uint32_t i = 0; i < entry.count(); ++i) {
+        if ((faces >> i & 1U) == 0) continue;
+        const TreeFace face = other_.blocks[entry.first].face(i);
         std::array<Vector3d, 3> at;
         for (std::size_t k = 0; k < 3; ++k) {
           const GridPoint& p = face.corners[k];
@@ -119,10 +171,10 @@ class Sweep {
           pieces.points.push_back(at[k]);
         }
         pieces.normal += (at[1] - at[0]).cross(at[2] - at[0]);
-      });
+      }
     } else if (entry.kind() == TreeEntry::Kind::kInner && depth > 0) {
-      other_.for_each_child(entry,
-                            [&](const TreeEntry& child) { gather(child, depth - 1, pieces); });
+      other_.for_each_child(
+          entry, [&](const TreeEntry& child) { gather(child, kAllLanes, depth - 1, pieces); });
     } else {
       const MetreBox m = in_metres(*other_.grid, entry.box);
       pieces.boxes.push_back({offset_ + turn_ * m.center, m.half});
@@ -172,47 +224,49 @@ std::vector<RegionPart> swept_region(const TreeView& own, const Motion& own_moti
                                      double lookahead_s, double margin_m, std::size_t max_parts,
                                      std::span<const GridBox> near) {
   const Sweep sweep(own, own_motion, other, other_motion, lookahead_s, margin_m);
-  const auto extent = [](const GridBox& box) {
-    std::int64_t sum = 0;
-    for (int k = 0; k < 3; ++k) sum += std::int64_t{box.hi[k]} - box.lo[k];
-    return sum;
+  const auto is_near = [near](const RegionPart& part) {
+    return std::any_of(near.begin(), near.end(),
+                       [&](const GridBox& box) { return part.meets(box); });
   };
-
-  // Largest first, so that the parts end up alike in size.
+  // Largest first, so that the items end up alike in size.
   struct Open {
     std::int64_t extent;
     std::uint32_t order;
-    TreeEntry part;
+    Item item;
     bool operator<(const Open& o) const {
       return extent != o.extent ? extent < o.extent : order > o.order;
     }
   };
   std::priority_queue<Open> open;
   std::uint32_t order = 0;
-  std::vector<TreeEntry> chosen;
-  const auto is_near = [near](const RegionPart& part) {
-    return std::any_of(near.begin(), near.end(),
-                       [&](const GridBox& box) { return part.meets(box); });
+  std::vector<Item> items;
+  const auto offer = [&](const Item& item) {
+    if (is_near(sweep.box(item.box))) open.push({item.extent(), order++, item});
   };
-  const auto offer = [&](const TreeEntry& part) {
-    if (part.kind() == TreeEntry::Kind::kEmpty || !is_near(sweep.box(part.box))) return;
-    if (part.kind() == TreeEntry::Kind::kInner) {
-      open.push({extent(part.box), order++, part});
-    } else {
-      chosen.push_back(part);
-    }
-  };
-  offer(other.root());
-  // A part is opened only where all its children may go in.
-  while (!open.empty() && open.size() - 1 + chosen.size() + kLanes <= max_parts) {
-    const TreeEntry part = open.top().part;
+  const TreeEntry root = other.root();
+  if (root.kind() != TreeEntry::Kind::kEmpty) offer({root.box, root});
+  while (!open.empty()) {
+    const Item item = open.top().item;
     open.pop();
-    other.for_each_child(part, offer);
+    const bool has_room = open.size() + items.size() + kLanes <= kItemsPerPart * max_parts;
+    if (has_room && item.entry.kind() == TreeEntry::Kind::kInner) {
+      other.for_each_child(item.entry, [&](const TreeEntry& child) { offer({child.box, child}); });
+    } else if (has_room && item.entry.kind() == TreeEntry::Kind::kFaces &&
+               item.faces == kAllLanes) {
+      for (std::uint32_t i = 0; i < item.entry.count(); ++i) {
+        Item face{{}, item.entry, 1U << i};
+        for (const GridPoint& p : other.blocks[item.entry.first].face(i).corners) face.box.add(p);
+        offer(face);
+      }
+    } else {
+      items.push_back(item);
+    }
   }
-  for (; !open.empty(); open.pop()) chosen.push_back(open.top().part);
   std::vector<RegionPart> region;
-  for (const TreeEntry& entry : chosen)
-    if (const RegionPart part = sweep.part(entry); is_near(part)) region.push_back(part);
+  if (!items.empty())
+    cut(items, std::min(items.size(), max_parts), [&](std::span<const Item> group) {
+      if (const RegionPart part = sweep.part(group); is_near(part)) region.push_back(part);
+    });
   return region;
 }
 

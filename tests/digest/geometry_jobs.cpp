@@ -158,7 +158,7 @@ std::uint64_t lanes() {
       digest.add_bits(placed.from[lane]);
       digest.add_bits(placed.per_square[lane]);
       digest.add(boxes_apart(frame, placed, lane, own));
-      digest.add(triangles_apart(placed, lane, triangles));
+      digest.add(triangles_apart(frame, placed, lane, triangles));
       digest.add(planes_apart(frame, as_doubles(triangles.corners(7 - lane)), placed_triangles));
     }
   }

@@ -27,6 +27,9 @@ using Floats = hn::Rebind<float, Doubles>;
 using Vec = hn::Vec<Doubles>;
 using Mask = hn::Mask<Doubles>;
 
+/// Covers the rounding of the last few operations of a gap.
+constexpr double kGapShrink = 1 - 0x1p-40;
+
 Vec dot(const Vec (&a)[3], const Vec (&b)[3]) {
   return hn::Add(hn::Add(hn::Mul(a[0], b[0]), hn::Mul(a[1], b[1])), hn::Mul(a[2], b[2]));
 }
@@ -81,10 +84,13 @@ void place_lanes_all(const RelativeFrame& f, const BoxLanes& other, PlacedLanes&
   }
 }
 
-/// The two tests by slabs, for lanes that the boxes' axes do not part.
-HWY_INLINE Mask slabs_apart(const RelativeFrame& f, const PlacedLanes& other, std::uint32_t i,
-                            const BoxLanes& own, std::size_t lane, const Vec (&between)[3],
-                            const Vec (&half)[3]) {
+/// How far the slabs part two boxes: along the other's normal, and along one's own, each times that normal's length.
+struct SlabGaps {
+  Vec on_other, on_own;
+};
+HWY_INLINE SlabGaps slab_gaps(const RelativeFrame& f, const PlacedLanes& other, std::uint32_t i,
+                              const BoxLanes& own, std::size_t lane, const Vec (&between)[3],
+                              const Vec (&half)[3]) {
   const Doubles d;
   const auto at = [&d](double x) { return hn::Set(d, x); };
   Vec n[3];
@@ -93,15 +99,15 @@ HWY_INLINE Mask slabs_apart(const RelativeFrame& f, const PlacedLanes& other, st
   const Vec e[3] = {at(other.normal[0][i]), at(other.normal[1][i]), at(other.normal[2][i])};
   const Vec other_from = at(other.from[i]), other_to = at(other.to[i]);
   const Vec along = dot(e, n);
-  Mask found = hn::Gt(own_from, own_to);  // none
-  if (other.per_square[i] > 0) {          // along the other's normal e = a n + rest
+  SlabGaps gaps{hn::Zero(d), hn::Zero(d)};
+  if (other.per_square[i] > 0) {  // along the other's normal e = a n + rest
     const Vec a = hn::Mul(along, at(1.0 / (kSlabLength * kSlabLength)));  // |n|, nearly
     Vec rest[3];
     for (std::size_t k = 0; k < 3; ++k) rest[k] = hn::Abs(hn::Sub(e[k], hn::Mul(a, n[k])));
     const Vec reach = dot(rest, half), middle = dot(e, between);
     const Vec x = hn::Mul(a, own_from), y = hn::Mul(a, own_to);
-    found = hn::Or(hn::Gt(hn::Sub(hn::Add(middle, hn::Min(x, y)), reach), other_to),
-                   hn::Lt(hn::Add(hn::Add(middle, hn::Max(x, y)), reach), other_from));
+    gaps.on_other = hn::Max(hn::Sub(hn::Sub(hn::Add(middle, hn::Min(x, y)), reach), other_to),
+                            hn::Sub(other_from, hn::Add(hn::Add(middle, hn::Max(x, y)), reach)));
   }
   // Along one's own n = a e + rest; a lane without a slab has n = 0 and finds nothing.
   const Vec a = hn::Mul(along, at(other.per_square[i]));
@@ -117,38 +123,110 @@ HWY_INLINE Mask slabs_apart(const RelativeFrame& f, const PlacedLanes& other, st
   const Vec x = hn::Mul(a, other_from), y = hn::Mul(a, other_to);
   const Vec from = hn::Sub(hn::Add(middle, own_from), room);
   const Vec to = hn::Add(hn::Add(middle, own_to), room);
-  found = hn::Or(found, hn::Gt(from, hn::Add(hn::Max(x, y), reach)));
-  return hn::Or(found, hn::Lt(to, hn::Sub(hn::Min(x, y), reach)));
+  gaps.on_own = hn::Max(hn::Sub(from, hn::Add(hn::Max(x, y), reach)),
+                        hn::Sub(hn::Sub(hn::Min(x, y), reach), to));
+  return gaps;
+}
+
+/// Centres and half extents of lanes, and the vectors from the other's centre.
+HWY_INLINE void load_boxes(const PlacedLanes& other, std::uint32_t i, const BoxLanes& own,
+                           std::size_t lane, Vec (&between)[3], Vec (&half)[3]) {
+  const Doubles d;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const Vec lo = load(own.lo[k] + lane), hi = load(own.hi[k] + lane);
+    half[k] = hn::Mul(hn::Set(d, 0.5), hn::Sub(hi, lo));
+    between[k] = hn::Sub(hn::Mul(hn::Set(d, 0.5), hn::Add(lo, hi)), hn::Set(d, other.center[k][i]));
+  }
+}
+/// Gaps along the boxes' axes; not positive where they overlap.
+HWY_INLINE Vec gap_on_own(const PlacedLanes& other, std::uint32_t i, std::size_t k,
+                          const Vec (&between)[3], const Vec (&half)[3]) {
+  return hn::Sub(hn::Abs(between[k]), hn::Add(half[k], hn::Set(Doubles(), other.reach_own[k][i])));
+}
+HWY_INLINE Vec gap_on_other(const RelativeFrame& f, const PlacedLanes& other, std::uint32_t i,
+                            std::size_t j, const Vec (&between)[3], const Vec (&half)[3]) {
+  return hn::Sub(hn::Abs(dot(f.inverse.data() + 3 * j, between)),
+                 hn::Add(dot(f.abs_inverse.data() + 3 * j, half),
+                         hn::Set(Doubles(), other.reach_other[j][i])));
 }
 
 std::uint32_t boxes_apart_lanes(const RelativeFrame& f, const PlacedLanes& other, std::uint32_t i,
                                 const BoxLanes& own) {
   const Doubles d;
-  const auto at = [&d](double x) { return hn::Set(d, x); };
+  const Vec zero = hn::Zero(d);
   std::uint32_t apart = 0;
   for (std::size_t lane = 0; lane < kLanes; lane += hn::Lanes(d)) {
     Vec between[3], half[3];
-    Mask found = hn::Gt(hn::Zero(d), hn::Zero(d));
-    for (std::size_t k = 0; k < 3; ++k) {
-      const Vec lo = load(own.lo[k] + lane), hi = load(own.hi[k] + lane);
-      half[k] = hn::Mul(at(0.5), hn::Sub(hi, lo));
-      between[k] = hn::Sub(hn::Mul(at(0.5), hn::Add(lo, hi)), at(other.center[k][i]));
-      found =
-          hn::Or(found, hn::Gt(hn::Abs(between[k]), hn::Add(half[k], at(other.reach_own[k][i]))));
-    }
+    load_boxes(other, i, own, lane, between, half);
+    Mask found = hn::Gt(gap_on_own(other, i, 0, between, half), zero);
+    for (std::size_t k = 1; k < 3; ++k)
+      found = hn::Or(found, hn::Gt(gap_on_own(other, i, k, between, half), zero));
     for (std::size_t j = 0; j < 3; ++j)
-      found = hn::Or(found, hn::Gt(hn::Abs(dot(f.inverse.data() + 3 * j, between)),
-                                   hn::Add(dot(f.abs_inverse.data() + 3 * j, half),
-                                           at(other.reach_other[j][i]))));
-    if (!hn::AllTrue(d, found))
-      found = hn::Or(found, slabs_apart(f, other, i, own, lane, between, half));
+      found = hn::Or(found, hn::Gt(gap_on_other(f, other, i, j, between, half), zero));
+    if (!hn::AllTrue(d, found)) {
+      const SlabGaps gaps = slab_gaps(f, other, i, own, lane, between, half);
+      found = hn::Or(found, hn::Gt(hn::Max(gaps.on_other, gaps.on_own), zero));
+    }
     apart |= bits_of(found) << lane;
   }
   return apart;
 }
 
-std::uint32_t triangles_apart_lanes(const PlacedLanes& other, std::uint32_t i,
-                                    const TriangleLanes& own) {
+void boxes_gaps_lanes(const RelativeFrame& f, const PlacedLanes& other, std::uint32_t i,
+                      const BoxLanes& own, double* gaps_m) {
+  const Doubles d;
+  const auto at = [&d](double x) { return hn::Set(d, x); };
+  const Vec zero = hn::Zero(d);
+  const double per_length = std::sqrt(other.per_square[i]);
+  for (std::size_t lane = 0; lane < kLanes; lane += hn::Lanes(d)) {
+    Vec between[3], half[3];
+    load_boxes(other, i, own, lane, between, half);
+    // One's own axes are orthonormal in own units, the other's normals in its own, so gaps along them add as squares.
+    Vec on_own = zero, on_other = zero, square = zero;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Vec gap = hn::Max(gap_on_own(other, i, k, between, half), zero);
+      on_own = hn::Add(on_own, hn::Mul(gap, gap));
+      const Vec other_gap = hn::Max(gap_on_other(f, other, i, k, between, half), zero);
+      on_other = hn::Add(on_other, hn::Mul(other_gap, other_gap));
+      const Vec n = load(own.normal[k] + lane);
+      square = hn::Add(square, hn::Mul(n, n));
+    }
+    const SlabGaps slabs = slab_gaps(f, other, i, own, lane, between, half);
+    const Vec by_slab = hn::Max(hn::Mul(slabs.on_other, at(per_length)),
+                                hn::Div(slabs.on_own, hn::Sqrt(hn::Max(square, at(1)))));
+    const Vec in_own = hn::Max(hn::Sqrt(on_own), by_slab);
+    hn::StoreU(hn::Mul(hn::Max(hn::Mul(in_own, at(f.least_metres_per_unit)),
+                               hn::Mul(hn::Sqrt(on_other), at(f.least_metres_per_b_unit))),
+                       at(kGapShrink)),
+               d, gaps_m + lane);
+  }
+}
+
+void extents_gaps_lanes(const RelativeFrame& f, const DoubleTriangle& own,
+                        const PlacedTriangles& other, double* gaps_m) {
+  const Doubles d;
+  const auto at = [&d](double x) { return hn::Set(d, x); };
+  const Vec zero = hn::Zero(d);
+  for (std::size_t lane = 0; lane < kLanes; lane += hn::Lanes(d)) {
+    Vec square = zero;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double lo = std::min(std::min(own[0][k], own[1][k]), own[2][k]);
+      const double hi = std::max(std::max(own[0][k], own[1][k]), own[2][k]);
+      const Vec x = hn::LoadU(d, other.corner[0][k] + lane),
+                y = hn::LoadU(d, other.corner[1][k] + lane),
+                z = hn::LoadU(d, other.corner[2][k] + lane);
+      const Vec gap = hn::Max(zero, hn::Max(hn::Sub(at(lo), hn::Max(hn::Max(x, y), z)),
+                                            hn::Sub(hn::Min(hn::Min(x, y), z), at(hi))));
+      square = hn::Add(square, hn::Mul(gap, gap));
+    }
+    hn::StoreU(
+        hn::Mul(hn::Sub(hn::Sqrt(square), at(f.slack)), at(f.least_metres_per_unit * kGapShrink)),
+        d, gaps_m + lane);
+  }
+}
+
+std::uint32_t triangles_apart_lanes(const RelativeFrame& f, const PlacedLanes& other,
+                                    std::uint32_t i, const TriangleLanes& own) {
   const Doubles d;
   const auto at = [&d](double x) { return hn::Set(d, x); };
   const double normal[3] = {other.normal[0][i], other.normal[1][i], other.normal[2][i]};
@@ -164,10 +242,28 @@ std::uint32_t triangles_apart_lanes(const PlacedLanes& other, std::uint32_t i,
       found = hn::Or(found, hn::Or(hn::Gt(lo, at(other.reach_own[k][i])),
                                    hn::Lt(hi, at(-other.reach_own[k][i]))));
     }
-    if (other.per_square[i] > 0) {
-      const Vec x = dot(normal, corner[0]), y = dot(normal, corner[1]), z = dot(normal, corner[2]);
-      found = hn::Or(found, hn::Or(hn::Gt(hn::Min(hn::Min(x, y), z), at(other.to[i])),
-                                   hn::Lt(hn::Max(hn::Max(x, y), z), at(other.from[i]))));
+    const auto is_beyond = [&corner](const auto& n, Vec from, Vec to) {
+      const Vec x = dot(n, corner[0]), y = dot(n, corner[1]), z = dot(n, corner[2]);
+      return hn::Or(hn::Gt(hn::Min(hn::Min(x, y), z), to), hn::Lt(hn::Max(hn::Max(x, y), z), from));
+    };
+    if (other.per_square[i] > 0)
+      found = hn::Or(found, is_beyond(normal, at(other.from[i]), at(other.to[i])));
+    if (!hn::AllTrue(d, found)) {
+      Vec u[3], v[3];
+      for (std::size_t k = 0; k < 3; ++k) {
+        u[k] = hn::Sub(corner[1][k], corner[0][k]);
+        v[k] = hn::Sub(corner[2][k], corner[0][k]);
+      }
+      const Vec n[3] = {hn::Sub(hn::Mul(u[1], v[2]), hn::Mul(u[2], v[1])),
+                        hn::Sub(hn::Mul(u[2], v[0]), hn::Mul(u[0], v[2])),
+                        hn::Sub(hn::Mul(u[0], v[1]), hn::Mul(u[1], v[0]))};
+      Vec reach =
+          hn::Mul(at(2 * f.slack), hn::Add(hn::Add(hn::Abs(n[0]), hn::Abs(n[1])), hn::Abs(n[2])));
+      for (std::size_t j = 0; j < 3; ++j) {
+        const double column[3] = {f.rotation[j], f.rotation[3 + j], f.rotation[6 + j]};
+        reach = hn::Add(reach, hn::Mul(hn::Abs(dot(column, n)), at(other.half[j][i])));
+      }
+      found = hn::Or(found, is_beyond(n, hn::Neg(reach), reach));
     }
     apart |= bits_of(found) << lane;
   }
@@ -247,6 +343,8 @@ namespace nearmesh {
 
 HWY_EXPORT(place_lanes_all);
 HWY_EXPORT(boxes_apart_lanes);
+HWY_EXPORT(boxes_gaps_lanes);
+HWY_EXPORT(extents_gaps_lanes);
 HWY_EXPORT(triangles_apart_lanes);
 HWY_EXPORT(place_triangles_all);
 HWY_EXPORT(planes_apart_lanes);
@@ -302,9 +400,19 @@ std::uint32_t boxes_apart(const RelativeFrame& other_in_own, const PlacedLanes& 
   return HWY_DYNAMIC_DISPATCH(boxes_apart_lanes)(other_in_own, other, other_lane, own);
 }
 
-std::uint32_t triangles_apart(const PlacedLanes& other, std::uint32_t other_lane,
-                              const TriangleLanes& own) {
-  return HWY_DYNAMIC_DISPATCH(triangles_apart_lanes)(other, other_lane, own);
+void boxes_gaps_m(const RelativeFrame& other_in_own, const PlacedLanes& other,
+                  std::uint32_t other_lane, const BoxLanes& own, double (&gaps_m)[kLanes]) {
+  HWY_DYNAMIC_DISPATCH(boxes_gaps_lanes)(other_in_own, other, other_lane, own, gaps_m);
+}
+
+void extents_gaps_m(const RelativeFrame& other_in_own, const DoubleTriangle& own,
+                    const PlacedTriangles& other, double (&gaps_m)[kLanes]) {
+  HWY_DYNAMIC_DISPATCH(extents_gaps_lanes)(other_in_own, own, other, gaps_m);
+}
+
+std::uint32_t triangles_apart(const RelativeFrame& other_in_own, const PlacedLanes& other,
+                              std::uint32_t other_lane, const TriangleLanes& own) {
+  return HWY_DYNAMIC_DISPATCH(triangles_apart_lanes)(other_in_own, other, other_lane, own);
 }
 
 void place_triangles(const RelativeFrame& other_in_own, const TriangleLanes& other,

@@ -63,7 +63,7 @@ class Walk {
         placed_b_(b, b_in_a_) {}
 
   Answer run() {
-    if (!roots_apart()) stack_.push_back({0, 0});
+    if (!roots_apart()) stack_.push_back({.a = 0, .b = 0});
     while (!stack_.empty() && !(options_.any && !answer_.pairs.empty())) {
       const Pair pair = stack_.back();
       stack_.pop_back();
@@ -76,6 +76,8 @@ class Walk {
  private:
   struct Pair {
     TreePlace a, b;
+    /// Of an entry of kind kFaces: the faces that may meet the other entry, as far as is known.
+    std::uint32_t faces_a = kAllLanes, faces_b = kAllLanes;
   };
   /// An entry in its place.
   struct Part {
@@ -108,17 +110,13 @@ class Walk {
     if (ka == Kind::kInner || kb == Kind::kInner) {
       if (opens_a(ka, a.size(), kb, b.size())) {
         open(b_in_a_, placed_b_[pair.b / kLanes], b.lane, a_.nodes[a.first()],
-             [&](std::uint32_t lane) {
-               stack_.push_back({a.first() * kLanes + lane, pair.b});
-             });
+             [&](std::uint32_t lane) { push_a(pair, a.first(), lane, b); });
       } else {
         open(a_in_b_, placed_a_[pair.a / kLanes], a.lane, b_.nodes[b.first()],
-             [&](std::uint32_t lane) {
-               stack_.push_back({pair.a, b.first() * kLanes + lane});
-             });
+             [&](std::uint32_t lane) { push_b(pair, b.first(), lane, a); });
       }
     } else if (ka == Kind::kFaces && kb == Kind::kFaces) {
-      test_faces(a, b);
+      test_faces(a, pair.faces_a, b, pair.faces_b);
     } else if (is_missing(a, b)) {
       return;  // will be looked at again once it is split
     } else if (ka == Kind::kFrontier && kb == Kind::kFrontier) {
@@ -129,12 +127,34 @@ class Walk {
         add_missing(b_, b.entry(), missing_b_);
       }
     } else if (ka == Kind::kFrontier) {
-      if (meets_face(b_in_a_, a, placed_a_, b_.blocks[b.first()], b.faces()))
+      if (meets_face(b_in_a_, a_in_b_, a, placed_a_, b_.blocks[b.first()],
+                     pair.faces_b & b.faces()))
         add_missing(a_, a.entry(), missing_a_);
     } else {
-      if (meets_face(a_in_b_, b, placed_b_, a_.blocks[a.first()], a.faces()))
+      if (meets_face(a_in_b_, b_in_a_, b, placed_b_, a_.blocks[a.first()],
+                     pair.faces_a & a.faces()))
         add_missing(b_, b.entry(), missing_b_);
     }
+  }
+
+  // Single faces are much thinner than their block. Where the block is much larger than the lane, a look at each of them
+  // saves most of what is below the lane; else it costs as much as it saves.
+  static bool is_worth_it(double block_m, double lane_m) { return block_m > 2 * lane_m; }
+  void push_a(Pair pair, std::uint32_t node, std::uint32_t lane, const Part& b) {
+    pair.a = node * kLanes + lane;
+    if (b.kind() == Kind::kFaces &&
+        is_worth_it(b.size() * cell_b_m_, a_.nodes[node].size[lane] * cell_a_m_))
+      pair.faces_b &= b.faces() & ~triangles_apart(a_in_b_, placed_a_[node], lane,
+                                                   b_.blocks[b.first()].triangles);
+    if (pair.faces_b != 0) stack_.push_back(pair);
+  }
+  void push_b(Pair pair, std::uint32_t node, std::uint32_t lane, const Part& a) {
+    pair.b = node * kLanes + lane;
+    if (a.kind() == Kind::kFaces &&
+        is_worth_it(a.size() * cell_a_m_, b_.nodes[node].size[lane] * cell_b_m_))
+      pair.faces_a &= a.faces() & ~triangles_apart(b_in_a_, placed_b_[node], lane,
+                                                   a_.blocks[a.first()].triangles);
+    if (pair.faces_a != 0) stack_.push_back(pair);
   }
 
   // Hands on those of a node's lanes that may meet the other side's part.
@@ -194,14 +214,17 @@ class Walk {
     return ka == Kind::kInner && (kb != Kind::kInner || is_larger(size_a, size_b));
   }
 
-  void test_faces(const Part& a, const Part& b) {
+  // The leaf that was opened last has not been held against the other yet.
+  void test_faces(const Part& a, std::uint32_t close_a, const Part& b, std::uint32_t close_b) {
     const FaceBlock &block_a = a_.blocks[a.first()], &block_b = b_.blocks[b.first()];
     answer_.stats.triangle_tests += std::uint64_t{a.count()} * b.count();
-    std::uint32_t close_a =
-        a.faces() & ~triangles_apart(placed_b_[b.place / kLanes], b.lane, block_a.triangles);
+    if (close_a == kAllLanes)
+      close_a = a.faces() &
+                ~triangles_apart(b_in_a_, placed_b_[b.place / kLanes], b.lane, block_a.triangles);
     if (close_a == 0) return;
-    const std::uint32_t close_b =
-        b.faces() & ~triangles_apart(placed_a_[a.place / kLanes], a.lane, block_b.triangles);
+    if (close_b == kAllLanes)
+      close_b = b.faces() &
+                ~triangles_apart(a_in_b_, placed_a_[a.place / kLanes], a.lane, block_b.triangles);
     if (close_b == 0) return;
     PlacedTriangles placed_b;
     place_triangles(b_in_a_, block_b.triangles, placed_b);
@@ -226,10 +249,11 @@ class Walk {
   }
 
   // Whether a frontier box (in its own grid) may meet one of the other side's exact faces.
-  bool meets_face(const RelativeFrame& other_in_own, const Part& own, PlacedNodes& own_in_other,
-                  const FaceBlock& block, std::uint32_t faces) {
-    std::uint32_t close =
-        faces & ~triangles_apart(own_in_other[own.place / kLanes], own.lane, block.triangles);
+  bool meets_face(const RelativeFrame& other_in_own, const RelativeFrame& own_in_other,
+                  const Part& own, PlacedNodes& placed, const FaceBlock& block,
+                  std::uint32_t faces) {
+    std::uint32_t close = faces & ~triangles_apart(own_in_other, placed[own.place / kLanes],
+                                                   own.lane, block.triangles);
     const CenteredBox box = centered(own.node.boxes.box(own.lane));
     for (; close != 0; close &= close - 1) {
       const auto i = static_cast<std::uint32_t>(std::countr_zero(close));
@@ -328,28 +352,40 @@ class Walk {
     struct Gap {
       double gap;
       std::uint32_t order;
-      TreeEntry a, b;
+      TreePlace a, b;
       bool operator<(const Gap& o) const { return gap != o.gap ? gap > o.gap : order > o.order; }
     };
+    if (a_.nodes[0].lanes == 0 || b_.nodes[0].lanes == 0)
+      return std::numeric_limits<double>::infinity();
     std::priority_queue<Gap> queue;
     std::uint32_t order = 0;
-    const auto offer = [&](const TreeEntry& na, const TreeEntry& nb) {
-      if (na.kind() == Kind::kEmpty || nb.kind() == Kind::kEmpty) return;
-      ++answer_.stats.box_tests;
-      queue.push({boxes_gap_m(b_in_a_, centered(na.box), centered(nb.box)), order++, na, nb});
-    };
-    offer(a_.root(), b_.root());
+    queue.push({0, order++, 0, 0});
     double found = std::numeric_limits<double>::infinity();
     for (int step = 0; !queue.empty() && queue.top().gap < found; ++step) {
       const Gap top = queue.top();
       if (step == kMaxSteps) return top.gap;
       queue.pop();
-      if (opens_a(top.a.kind(), size_of(top.a.box), top.b.kind(), size_of(top.b.box))) {
-        a_.for_each_child(top.a, [&](const TreeEntry& child) { offer(child, top.b); });
-      } else if (top.b.kind() == Kind::kInner) {
-        b_.for_each_child(top.b, [&](const TreeEntry& child) { offer(top.a, child); });
-      } else if (top.a.kind() == Kind::kFaces && top.b.kind() == Kind::kFaces) {
-        found = faces_gap_m(top.a, top.b, found);
+      const Part a(a_, top.a), b(b_, top.b);
+      const auto offer = [&](const RelativeFrame& other_in_own, const PlacedLanes& other,
+                             std::uint32_t other_lane, const TreeNode& own, const auto& pair_of) {
+        double gaps_m[kLanes];
+        boxes_gaps_m(other_in_own, other, other_lane, own.boxes, gaps_m);
+        answer_.stats.box_tests += kLanes;
+        for (std::uint32_t lane = 0; lane < kLanes; ++lane) {
+          if ((own.lanes >> lane & 1U) == 0) continue;
+          const auto [place_a, place_b] = pair_of(lane);
+          const double gap = std::max(gaps_m[lane], top.gap);  // what holds above holds below
+          if (gap < found) queue.push({gap, order++, place_a, place_b});
+        }
+      };
+      if (opens_a(a.kind(), a.size(), b.kind(), b.size())) {
+        offer(b_in_a_, placed_b_[top.b / kLanes], b.lane, a_.nodes[a.first()],
+              [&](std::uint32_t lane) { return std::pair(a.first() * kLanes + lane, top.b); });
+      } else if (b.kind() == Kind::kInner) {
+        offer(a_in_b_, placed_a_[top.a / kLanes], a.lane, b_.nodes[b.first()],
+              [&](std::uint32_t lane) { return std::pair(top.a, b.first() * kLanes + lane); });
+      } else if (a.kind() == Kind::kFaces && b.kind() == Kind::kFaces) {
+        found = faces_gap_m(a, b, found);
       } else {
         found = std::min(found, top.gap);  // an unresolved node: its box stands for what is in it
       }
@@ -357,29 +393,24 @@ class Walk {
     return found;
   }
 
-  // The least gap of two leaves' faces, or `found` when none is below it. Most pairs are settled by their boxes.
-  double faces_gap_m(const TreeEntry& na, const TreeEntry& nb, double found) const {
-    b_.for_each_face(nb, [&](const TreeFace& face_b) {
-      const DoubleTriangle tb = to_a_units(b_in_a_, face_b.corners);
-      a_.for_each_face(na, [&](const TreeFace& face_a) {
-        const DoubleTriangle ta = as_doubles(face_a.corners);
-        if (extents_gap_m(ta, tb) < found)
-          found = std::min(found, triangles_gap_m(b_in_a_, ta, tb));
-      });
-    });
-    return found;
-  }
-
-  // Lower bound from the triangles' extents along A's axes.
-  [[nodiscard]] double extents_gap_m(const DoubleTriangle& ta, const DoubleTriangle& tb) const {
-    double square = 0;
-    for (std::size_t k = 0; k < 3; ++k) {
-      const auto [lo_a, hi_a] = std::minmax({ta[0][k], ta[1][k], ta[2][k]});
-      const auto [lo_b, hi_b] = std::minmax({tb[0][k], tb[1][k], tb[2][k]});
-      const double gap = std::max({0.0, lo_a - hi_b, lo_b - hi_a});
-      square += gap * gap;
+  // The least gap of two leaves' faces, or `found` when none is below it. Most pairs are settled by their extents.
+  double faces_gap_m(const Part& a, const Part& b, double found) const {
+    const FaceBlock &block_a = a_.blocks[a.first()], &block_b = b_.blocks[b.first()];
+    PlacedTriangles placed_b;
+    place_triangles(b_in_a_, block_b.triangles, placed_b);
+    for (std::uint32_t i = 0; i < a.count(); ++i) {
+      const DoubleTriangle triangle_a = as_doubles(block_a.triangles.corners(i));
+      double gaps_m[kLanes];
+      extents_gaps_m(b_in_a_, triangle_a, placed_b, gaps_m);
+      for (std::uint32_t j = 0; j < b.count(); ++j) {
+        if (!(gaps_m[j] < found)) continue;
+        DoubleTriangle triangle_b;
+        for (std::size_t c = 0; c < 3; ++c)
+          for (std::size_t k = 0; k < 3; ++k) triangle_b[c][k] = placed_b.corner[c][k][j];
+        found = std::min(found, triangles_gap_m(b_in_a_, triangle_a, triangle_b));
+      }
     }
-    return (std::sqrt(square) - b_in_a_.slack) * b_in_a_.least_metres_per_unit;
+    return found;
   }
 
   const TreeView &a_, &b_;

@@ -7,6 +7,7 @@
 
 #include <bit>
 #include <cmath>
+#include <span>
 
 #include "nearmesh/core/base/hash.hpp"
 #include "nearmesh/core/base/random.hpp"
@@ -120,6 +121,23 @@ LatticeTriangle posed(const PosedFrame& frame, const Triangle& t) {
   return {pose_point(frame, t[0]), pose_point(frame, t[1]), pose_point(frame, t[2])};
 }
 
+/// An upper bound of the distance, metres: that of the nearest corners.
+double corner_distance_m(const Frames& frames, std::span<const Triangle> a,
+                         std::span<const Triangle> b) {
+  double least = 1e300;
+  for (const Triangle& s : a)
+    for (const GridPoint& p : s)
+      for (const Triangle& t : b)
+        for (const GridPoint& q : t) {
+          const LatticePoint x = pose_point(frames.a, p), y = pose_point(frames.b, q);
+          double square = 0;
+          for (int k = 0; k < 3; ++k)
+            square += static_cast<double>(x[k] - y[k]) * static_cast<double>(x[k] - y[k]);
+          least = std::min(least, square);
+        }
+  return std::ldexp(std::sqrt(least), frames.a.lattice_exp);
+}
+
 bool touch(const Frames& frames, const Patch& a, const Patch& b) {
   for (const Triangle& s : a)
     for (const Triangle& t : b)
@@ -182,10 +200,21 @@ TEST(Lanes, NeverPartWhatTouchesAndPartMostOfWhatDoesNot) {
         for (std::uint32_t j = 0; j < kLanes; ++j) {
           const std::uint32_t boxes = boxes_apart(f, placed, j, a.boxes);
           const std::uint32_t bare = boxes_apart(f, without_slabs, j, bare_a);
-          const std::uint32_t triangles = triangles_apart(placed, j, a.triangles);
+          const std::uint32_t triangles = triangles_apart(f, placed, j, a.triangles);
           const std::uint32_t planes =
               planes_apart(f, as_doubles(a.patches[j][0]), placed_triangles);
           digest = mix(digest ^ (boxes | bare << 8 | triangles << 16 | planes << 24));
+          double gaps_m[kLanes], extents_m[kLanes];
+          boxes_gaps_m(f, placed, j, a.boxes, gaps_m);
+          extents_gaps_m(f, as_doubles(a.patches[j][0]), placed_triangles, extents_m);
+          for (std::uint32_t lane = 0; lane < kLanes; ++lane) {
+            digest = mix(digest ^ std::bit_cast<std::uint64_t>(gaps_m[lane]));
+            digest = mix(digest ^ std::bit_cast<std::uint64_t>(extents_m[lane]));
+            ASSERT_EQ(gaps_m[lane] > 0, (boxes >> lane & 1U) != 0);
+            ASSERT_LE(gaps_m[lane], corner_distance_m(frames, a.patches[lane], b.patches[j]));
+            ASSERT_LE(extents_m[lane], corner_distance_m(frames, {a.patches[j].data(), 1},
+                                                         {b.patches[lane].data(), 1}));
+          }
           ASSERT_EQ(bare & ~boxes, 0U);  // slabs add
           for (std::uint32_t lane = 0; lane < kLanes; ++lane) {
             if (touch(frames, a.patches[lane], b.patches[j])) {

@@ -97,9 +97,15 @@ void place_lanes(const RelativeFrame& other_in_own, const BoxLanes& other, Place
 /// both slabs' normals. Bits of unused lanes mean nothing.
 [[nodiscard]] std::uint32_t boxes_apart(const RelativeFrame& other_in_own, const PlacedLanes& other,
                                         std::uint32_t other_lane, const BoxLanes& own);
-/// The same for own triangles; the axes are one's own and the normal of the other's slab.
-[[nodiscard]] std::uint32_t triangles_apart(const PlacedLanes& other, std::uint32_t other_lane,
+/// The same for own triangles; the axes are one's own and the normals of the other's slab and of the triangles.
+[[nodiscard]] std::uint32_t triangles_apart(const RelativeFrame& other_in_own,
+                                            const PlacedLanes& other, std::uint32_t other_lane,
                                             const TriangleLanes& own);
+
+/// Lower bounds, metres, of the distance between one lane of the other model's and each of one's own: the greatest gap
+/// along these axes, or along a box's three together; 0 where none parts them. Unused lanes: any.
+void boxes_gaps_m(const RelativeFrame& other_in_own, const PlacedLanes& other,
+                  std::uint32_t other_lane, const BoxLanes& own, double (&gaps_m)[kLanes]);
 
 /// The other's triangles in own units, as to_a_units places them.
 struct PlacedTriangles {
@@ -107,6 +113,10 @@ struct PlacedTriangles {
 };
 void place_triangles(const RelativeFrame& other_in_own, const TriangleLanes& other,
                      PlacedTriangles& out);
+/// Lower bounds, metres, of the distance between an own triangle (by as_doubles) and each of the other's, by their
+/// extents along one's own axes.
+void extents_gaps_m(const RelativeFrame& other_in_own, const DoubleTriangle& own,
+                    const PlacedTriangles& other, double (&gaps_m)[kLanes]);
 /// Bit i: own triangle (by as_doubles) and the other's triangle i are certainly apart, because one lies wholly on one
 /// side of the other's plane. Most pairs that do not touch end here.
 [[nodiscard]] std::uint32_t planes_apart(const RelativeFrame& other_in_own,
