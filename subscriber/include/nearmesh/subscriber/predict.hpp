@@ -17,8 +17,8 @@ namespace nearmesh::subscriber {
 
 /// Parts of a region in the grid of `own` that cover where the faces of `other` may be during [now, now + lookahead_s] at
 /// constant velocities, and `margin_m` around, as far as that is near one of the boxes `near` (own's grid). At most
-/// `max_parts` (>= 1): the other tree is opened largest box first, and only where it is near.
-/// Cost: O(max_parts (near + log max_parts)).
+/// `max_parts` (>= 1): the other tree is opened largest box first, only where it is near, into some times as many items,
+/// down to single faces, which are then grouped alike in number. Cost: O(max_parts (near + log max_parts)).
 [[nodiscard]] std::vector<RegionPart> swept_region(const TreeView& own, const Motion& own_motion,
                                                    const TreeView& other,
                                                    const Motion& other_motion, double lookahead_s,
