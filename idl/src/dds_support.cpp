@@ -255,13 +255,16 @@ void WriterListener::on_offered_incompatible_qos(fdds::DataWriter*,
 /// Reports endpoints that DDS would ignore in silence.
 class Bus::DiscoveryListener : public fdds::DomainParticipantListener {
  public:
-  DiscoveryListener(Mailbox& mailbox, std::string prefix)
-      : mailbox_(mailbox), prefix_(std::move(prefix)) {}
+  DiscoveryListener(Mailbox& mailbox, const BusOptions& options)
+      : mailbox_(mailbox), prefix_(options.transport.prefix), on_writer_(options.on_writer) {}
 
   void on_publisher_discovery(fdds::DomainParticipant*,
                               eprosima::fastrtps::rtps::WriterDiscoveryInfo&& found) override {
-    if (found.status == eprosima::fastrtps::rtps::WriterDiscoveryInfo::DISCOVERED_WRITER)
-      judge(found.info.topicName().to_string(), found.info.typeName().to_string());
+    if (found.status != eprosima::fastrtps::rtps::WriterDiscoveryInfo::DISCOVERED_WRITER) return;
+    judge(found.info.topicName().to_string(), found.info.typeName().to_string());
+    if (!on_writer_) return;
+    const std::vector<std::string> partitions = found.info.m_qos.m_partition.names();
+    on_writer_(Handle(found.info.guid()), partitions.empty() ? "" : partitions.front());
   }
   void on_subscriber_discovery(fdds::DomainParticipant*,
                                eprosima::fastrtps::rtps::ReaderDiscoveryInfo&& found) override {
@@ -285,6 +288,7 @@ class Bus::DiscoveryListener : public fdds::DomainParticipantListener {
 
   Mailbox& mailbox_;
   std::string prefix_;
+  const std::function<void(const Handle&, const std::string&)> on_writer_;
   std::mutex mutex_;
   std::set<std::string> said_;
 };
@@ -390,7 +394,7 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
         std::max<std::int32_t>(options.header_bytes_per_s / 100, 2 * kMaxDatagramBytes);
     qos.flow_controllers().push_back(flow);
   }
-  bus->discovery_ = std::make_unique<DiscoveryListener>(mailbox, options.transport.prefix);
+  bus->discovery_ = std::make_unique<DiscoveryListener>(mailbox, options);
   // No status goes to the participant's listener: data events belong to the endpoints' own.
   bus->participant_ = fdds::DomainParticipantFactory::get_instance()->create_participant(
       options.transport.domain, qos, bus->discovery_.get(), fdds::StatusMask::none());
