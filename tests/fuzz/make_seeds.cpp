@@ -100,13 +100,13 @@ int main(int argc, char** argv) {
         {0, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 1, 0, 0, 0, 0, 0, 0, 6, 1, 0, 0,
          0, 0, 0, 0, 0, 6, 1, 0, 0, 0, 0, 0, 0, 0, 1, 2, 3, 9, 8, 7, 3, 1, 2, 9, 9, 9});
   using namespace wire;
-  write_sample<HelloType>("hello", 0, test::valid_hello());
-  write_sample<MeshHeaderType>("mesh_header", 1, test::valid_header());
-  write_sample<RegionSubscriptionType>("region_subscription", 2, test::valid_subscription());
-  write_sample<SplitBatchType>("split_batch", 3, test::valid_batch());
-  write_sample<BodyPoseType>("body_pose", 4, test::valid_pose());
-  write_sample<ContactReportType>("contact_report", 5, test::valid_report());
-  BodyPose skewed = test::valid_pose();
+  write_sample<HelloType>("hello", 0, wire::test::valid_hello());
+  write_sample<MeshHeaderType>("mesh_header", 1, wire::test::valid_header());
+  write_sample<RegionSubscriptionType>("region_subscription", 2, wire::test::valid_subscription());
+  write_sample<SplitBatchType>("split_batch", 3, wire::test::valid_batch());
+  write_sample<BodyPoseType>("body_pose", 4, wire::test::valid_pose());
+  write_sample<ContactReportType>("contact_report", 5, wire::test::valid_report());
+  BodyPose skewed = wire::test::valid_pose();
   skewed.pose.rotation[1] = 0.5;
   write_sample<BodyPoseType>("refused_body_pose", 4, skewed);
 }

@@ -85,12 +85,12 @@ TEST(SweptRegion, CoversEveryFaceAtEveryTimeOfTheLookAhead) {
           ours[k] - theirs[k] + random.between(-1, 1) * scene.reach_m;
     const std::size_t max_boxes = std::size_t{1} << random.below(8);
     const TreeView own_view = own.view(), other_view = other.view();
-    const GridBox& root = own_view.nodes[own_view.root].box;
+    const GridBox root = own_view.root().box;
     const std::vector<RegionPart> region =
         swept_region(own_view, own_motion, other_view, other_motion, scene.lookahead_s,
                      scene.margin_m, max_boxes, {{root}});
     EXPECT_LE(region.size(), max_boxes);
-    full += region.size() == max_boxes ? 1 : 0;
+    full += max_boxes > kLanes && region.size() + kLanes > max_boxes ? 1 : 0;
 
     const double margin = std::ldexp(scene.margin_m, -a.header.grid.exponent);
     for (int sample = 0; sample <= 4; ++sample) {
@@ -132,7 +132,7 @@ TEST(SweptRegion, CoversEveryFaceAtEveryTimeOfTheLookAhead) {
   }
   EXPECT_GT(covered, 1000);
   EXPECT_GT(out_of_reach, 1000);
-  EXPECT_GT(full, 20);
+  EXPECT_GT(full, 10);
 }
 
 TEST(SweptRegion, IsEmptyWhereTheBodiesCannotMeet) {
