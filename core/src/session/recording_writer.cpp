@@ -38,6 +38,9 @@ CREATE TABLE nearmesh_gaps(id INTEGER PRIMARY KEY, writer_id INTEGER NOT NULL, f
 CREATE TABLE nearmesh_models(content_hash TEXT PRIMARY KEY, name TEXT NOT NULL, message_id INTEGER NOT NULL);
 )sql";
 
+/// What a message takes beside its bytes, about.
+constexpr std::uint64_t kRowBytes = 80;
+
 }  // namespace
 
 struct RecordingWriter::Impl {
@@ -223,6 +226,7 @@ Result<std::int64_t> RecordingWriter::append(const RecordedMessage& message) {
   impl_->put_extra.bind(4, message.source_ns);
   NEARMESH_RETURN_IF_ERROR(impl_->insert(impl_->put_extra));
   impl_->messages = id;
+  impl_->bytes += message.cdr.size() + kRowBytes;
   NEARMESH_RETURN_IF_ERROR(impl_->commit_if_due());
   return id;
 }

@@ -93,7 +93,7 @@ class RecordingWriter {
   [[nodiscard]] Status add_model(const RecordedModel& model);
   /// Commits when it is due; to be called now and then where messages may stay away.
   [[nodiscard]] Status commit_if_due();
-  /// Size of the file and its log, as of the last commit.
+  /// Size of the file and its log; about, for what is not committed yet.
   [[nodiscard]] std::uint64_t bytes() const;
   /// Commits, and leaves one file without a log.
   [[nodiscard]] Status close();
