@@ -137,6 +137,10 @@ const char* policy_name(fdds::QosPolicyId_t id) {
   }
 }
 
+eprosima::fastrtps::rtps::GuidPrefix_t prefix_of(const Handle& endpoint) {
+  return eprosima::fastrtps::rtps::iHandle2GUID(endpoint).guidPrefix;
+}
+
 std::string incompatible(const std::string& topic, fdds::QosPolicyId_t id) {
   return topic +
          ": an endpoint elsewhere cannot be matched, its QoS is incompatible: " + policy_name(id) +
@@ -229,11 +233,16 @@ void WriterListener::forget_readers() {
 }
 
 bool WriterListener::is_matched_with_participant_of(const Handle& endpoint) const {
-  using eprosima::fastrtps::rtps::iHandle2GUID;
-  const auto prefix = iHandle2GUID(endpoint).guidPrefix;
   const std::lock_guard lock(mutex_);
   return std::any_of(readers_.begin(), readers_.end(), [&](const Handle& reader) {
-    return iHandle2GUID(reader).guidPrefix == prefix;
+    return prefix_of(reader) == prefix_of(endpoint);
+  });
+}
+
+bool WriterListener::is_matched_beside_participant_of(const Handle& endpoint) const {
+  const std::lock_guard lock(mutex_);
+  return std::any_of(readers_.begin(), readers_.end(), [&](const Handle& reader) {
+    return prefix_of(reader) != prefix_of(endpoint);
   });
 }
 

@@ -7,6 +7,7 @@
 #include <future>
 #include <mutex>
 #include <thread>
+#include <tuple>
 #include <utility>
 
 #include "nearmesh/wire/dds_support.hpp"
@@ -17,7 +18,8 @@ namespace {
 
 using wire::Handle;
 
-constexpr std::size_t kMaxTaken = 1024;  ///< of one topic, before the others have their turn
+constexpr std::size_t kMaxTaken = 16384;   ///< of one topic, before the others have their turn
+constexpr std::size_t kMaxWritten = 1024;  ///< before the queue is looked at again
 constexpr double kIdleWait_s = 0.5;
 constexpr auto kDiskWait =
     std::chrono::milliseconds(100);  ///< how late a commit may be noticed to be due
@@ -83,7 +85,7 @@ class DdsRecorder::Impl {
   Status open_reader(Topic& topic);
   template <class Generated>
   bool drain(std::uint32_t topic);
-  void count_gap(std::uint32_t topic, const wire::fdds::SampleInfo& info);
+  void count_gap(const Entry& entry);
   void push(Entry&& entry);
   std::string partition_of(const Handle& writer);
 
@@ -259,18 +261,20 @@ bool DdsRecorder::Impl::drain(std::uint32_t topic) {
   static_cast<void>(topics_[topic].listener->take_matches());  // nobody is missed here
   typename Type::Data data;
   wire::fdds::SampleInfo info;
-  for (std::size_t i = 0; i < kMaxTaken; ++i) {
+  std::vector<Entry> taken;
+  while (taken.size() < kMaxTaken) {
     data.fault.clear();
     if (topics_[topic].reader->take_next_sample(static_cast<typename Type::Sample*>(&data),
                                                 &info) != ReturnCode_t::RETCODE_OK)
-      return false;
-    count_gap(topic, info);
-    if (!info.valid_data) continue;
-    Entry entry{.topic = topic, .writer = info.publication_handle};
+      break;
+    Entry& entry = taken.emplace_back();
+    entry.topic = topic;
+    entry.writer = info.publication_handle;
     entry.partition = partition_of(entry.writer);
     entry.message.sequence = info.sample_identity.sequence_number().to64long();
     entry.message.received_ns = info.reception_timestamp.to_ns();
     entry.message.source_ns = info.source_timestamp.to_ns();
+    if (!info.valid_data) continue;  // a dispose, which has a number too
     if constexpr (std::is_same_v<Generated, wire_types::MeshHeaderSamplePubSubType>)
       if (data.fault.empty())
         if (const auto header = decode(data); header.is_ok()) {
@@ -281,25 +285,32 @@ bool DdsRecorder::Impl::drain(std::uint32_t topic) {
       mailbox_.complain(topics_[topic].name + ": sample of " + wire::name_of(entry.writer) +
                         " recorded, but faulty: " + data.fault);
     entry.message.cdr = std::exchange(data.cdr, {});
-    push(std::move(entry));
   }
-  return true;
+  // Fast DDS gives one key after the other; the recording is in the order of each writer.
+  std::sort(taken.begin(), taken.end(), [](const Entry& a, const Entry& b) {
+    return std::tie(a.message.source_ns, a.writer, a.message.sequence) <
+           std::tie(b.message.source_ns, b.writer, b.message.sequence);
+  });
+  for (Entry& entry : taken) {
+    count_gap(entry);
+    if (!entry.message.cdr.empty()) push(std::move(entry));
+  }
+  return taken.size() == kMaxTaken;
 }
 
 /// Of a writer that is there already we may get the latest sample of each key, numbered with gaps: none of them is missing.
-void DdsRecorder::Impl::count_gap(std::uint32_t topic, const wire::fdds::SampleInfo& info) {
-  Sequence& sequence = sequences_[info.publication_handle];
-  const std::uint64_t number = info.sample_identity.sequence_number().to64long();
-  if (sequence.live && number > sequence.next) {
-    Entry gap{.topic = topic, .writer = info.publication_handle};
-    gap.partition = partition_of(gap.writer);
+void DdsRecorder::Impl::count_gap(const Entry& entry) {
+  Sequence& sequence = sequences_[entry.writer];
+  const RecordedMessage& message = entry.message;
+  if (sequence.live && message.sequence > sequence.next) {
+    Entry gap{.topic = entry.topic, .writer = entry.writer, .partition = entry.partition};
     gap.message.sequence = sequence.next;
-    gap.message.received_ns = info.reception_timestamp.to_ns();
-    gap.missing = number - sequence.next;
+    gap.message.received_ns = message.received_ns;
+    gap.missing = message.sequence - sequence.next;
     push(std::move(gap));
   }
-  sequence.live |= info.source_timestamp.to_ns() >= joined_ns_;
-  sequence.next = std::max(sequence.next, number + 1);
+  sequence.live |= message.source_ns >= joined_ns_;
+  sequence.next = std::max(sequence.next, message.sequence + 1);
 }
 
 std::string DdsRecorder::Impl::partition_of(const Handle& writer) {
@@ -349,7 +360,7 @@ void DdsRecorder::Impl::write() {
       filled_.wait_for(lock, kDiskWait, [this] { return !waiting_.empty() || heard_all_; });
       ending = heard_all_ && waiting_.empty();
       // A little at a time, so that the limit on what waits holds.
-      while (!waiting_.empty() && entries.size() < kMaxTaken) {
+      while (!waiting_.empty() && entries.size() < kMaxWritten) {
         waiting_bytes_ -= waiting_.front().bytes();
         entries.push_back(std::move(waiting_.front()));
         waiting_.pop_front();

@@ -104,6 +104,8 @@ class WriterListener : public fdds::DataWriterListener {
   void forget_readers();
   /// Is a reader of the same participant as this endpoint matched?
   [[nodiscard]] bool is_matched_with_participant_of(const Handle& endpoint) const;
+  /// Is a reader of any other participant matched?
+  [[nodiscard]] bool is_matched_beside_participant_of(const Handle& endpoint) const;
 
   void on_publication_matched(fdds::DataWriter* writer,
                               const fdds::PublicationMatchedStatus& status) override;
