@@ -76,9 +76,8 @@ struct RecordingReader::Impl {
                    static_cast<std::uint32_t>(row.integer(3)), row.text(4), row.text(5)};
           return Status::ok();
         });
-    if (status.code() == StatusCode::kCorrupt || (status.is_ok() && !any))
-      return {StatusCode::kCorrupt, path + ": not a recorded session" +
-                                        (status.is_ok() ? "" : " (" + status.message() + ")")};
+    if (status.is_ok() && !any)
+      return {StatusCode::kCorrupt, path + ": nearmesh_session is empty"};
     return status;
   }
 
@@ -173,8 +172,10 @@ Result<std::unique_ptr<RecordingReader>> RecordingReader::open(const std::string
     }
     Result<sqlite::Database> opened = open_part(name);
     RecordingFacts facts;
-    const Status status =
+    Status status =
         opened.is_ok() ? impl->read_facts(opened.value(), name, facts) : opened.status();
+    if (status.code() == StatusCode::kCorrupt)
+      status = {StatusCode::kCorrupt, "not a recorded session: " + status.message()};
     if (part == 0) {
       NEARMESH_RETURN_IF_ERROR(status);
       impl->facts = facts;

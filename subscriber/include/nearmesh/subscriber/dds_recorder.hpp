@@ -23,7 +23,7 @@ struct RecorderOptions {
   std::size_t max_waiting_bytes =
       64U << 20;  ///< for the disk; what comes beyond is dropped and counted
 };
-inline constexpr std::uint64_t kMinFileBytes = 1U << 20;
+inline constexpr std::uint64_t kMinFileBytes = 256U << 10;
 
 struct RecorderStats {
   std::uint64_t messages = 0, bytes = 0;  ///< taken, payload bytes of them
