@@ -222,11 +222,6 @@ void ReaderListener::on_requested_incompatible_qos(
   mailbox_.complain(incompatible(topic_, status.last_policy_id));
 }
 
-bool WriterListener::is_matched() const {
-  const std::lock_guard lock(mutex_);
-  return !readers_.empty();
-}
-
 void WriterListener::forget_readers() {
   const std::lock_guard lock(mutex_);
   readers_.clear();

@@ -99,7 +99,6 @@ class WriterListener : public fdds::DataWriterListener {
   WriterListener(Mailbox& mailbox, std::string topic)
       : mailbox_(mailbox), topic_(std::move(topic)) {}
 
-  [[nodiscard]] bool is_matched() const;
   /// The writer was removed, and another will use this listener.
   void forget_readers();
   /// Is a reader of the same participant as this endpoint matched?
