@@ -359,7 +359,7 @@ std::string recording_of(const std::string& prefix) {
   return testing::TempDir() + name + ".db3";
 }
 
-TEST(DdsChannel, FrozenRecorderStallsNobody) {
+TEST(DdsChannel, RecorderHearsEveryPeerAndFrozenStallsNobody) {
   const std::string path = recording_of(own_prefix());
   Child recorder("recorder", own_prefix());
   // Its file has all tables before it is on the bus.
@@ -383,8 +383,7 @@ TEST(DdsChannel, FrozenRecorderStallsNobody) {
   };
   stream(1, 20);
   // All of them, from the first on, although the writer was made a moment before.
-  const std::string partition = wire::partition_of(peer.channel->own_id());
-  const auto recorded = [&] {
+  const auto recorded = [&](const std::string& partition) {
     const auto reader = RecordingReader::open(path).value();
     std::uint64_t batches = 0;
     EXPECT_TRUE(reader
@@ -397,7 +396,19 @@ TEST(DdsChannel, FrozenRecorderStallsNobody) {
                     .is_ok());
     return batches;
   };
-  EXPECT_TRUE(wait_for([&] { return recorded() == 20; })) << recorded();
+  const std::string own = wire::partition_of(peer.channel->own_id());
+  EXPECT_TRUE(wait_for([&] { return recorded(own) == 20; })) << recorded(own);
+  // For whoever else comes, too.
+  for (wire::SessionId other = 1; other <= 8; ++other) {
+    Peer guest(make_peer(own_prefix(), nullptr, other));
+    guest.channel->send(request_of(other, 1, 7));
+    ASSERT_TRUE(wait_for([&] {
+      (void)server.channel->take_subscriptions();
+      return server.channel->send(other, batch_of(1, true));
+    }));
+    ASSERT_TRUE(guest.await([](const Inbox& in) { return !in.batches.empty(); }));
+    EXPECT_TRUE(wait_for([&] { return recorded(wire::partition_of(other)) == 1; }, 3)) << other;
+  }
   // Several times what the writer keeps, long before anybody misses the recorder (20 s).
   recorder.signal(SIGSTOP);
   stream(21, 1500);
