@@ -35,6 +35,7 @@ ARROWS = {
 DDS_FILES = r"(idl/|(publisher|subscriber)/src/dds_[^/]*$|examples/)"
 RESERVED = [
     (re.compile(r"(fastdds|fastrtps|fastcdr|nearmesh/idl)/"), re.compile(DDS_FILES), "Fast DDS"),
+    (re.compile(r"sqlite3\.h"), re.compile(r"core/src/session/"), "SQLite"),
     (re.compile(r"assimp/"), re.compile(r"core/src/meshio/"), "assimp"),
     (re.compile(r"spdlog/"), re.compile(r"(publisher|subscriber|examples)/"), "spdlog (core returns reports)"),
 ]
@@ -113,6 +114,8 @@ def self_test():
         "core/src/demand/collect.cpp": ('#  include "nearmesh/core/refine/replica.hpp"', 1),
         "core/src/mesh/clean.cpp": ("#include <assimp/scene.h>", 1),
         "core/src/mesh/log.cpp": ("#include <spdlog/spdlog.h>", 1),
+        "core/src/bake/keep.cpp": ("#include <sqlite3.h>", 1),
+        "core/src/session/keep.cpp": ("#include <sqlite3.h>", 0),
         "core/src/mesh/far.cpp": ('#include "../spm/bits.hpp"', 1),
         "core/src/attic/old.cpp": ("", 1),
         "idl/include/nearmesh/wire/qos.hpp": ("#include <fastdds/dds/topic/Topic.hpp>", 0),

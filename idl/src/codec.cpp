@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nearmesh/wire/codec.hpp"
 
+#include <algorithm>
 #include <utility>
 
 namespace nearmesh::wire {
@@ -12,6 +13,10 @@ constexpr std::uint8_t kFlagRefused = 2;
 constexpr std::size_t kWordsPerNode = 2;
 constexpr std::size_t kWordsPerPart = 10;
 constexpr std::size_t kWordsPerPair = 4;
+constexpr std::uint8_t kFlagAsked = 1;
+constexpr std::uint8_t kFlagSolidA = 2;
+constexpr std::uint8_t kFlagSolidB = 4;
+constexpr std::uint8_t kFlagGaveUp = 8;
 
 Status malformed(std::string message) { return {StatusCode::kInvalidArgument, std::move(message)}; }
 
@@ -215,6 +220,19 @@ void encode(const ContactReport& message, wire_types::ContactReportSample& sampl
   sample.time_s(message.time_s);
   sample.clearance_m(message.clearance_m);
   sample.uncertainty_m(message.uncertainty_m);
+  sample.flags(static_cast<std::uint8_t>(
+      (message.asked ? kFlagAsked : 0) | (message.a.solid ? kFlagSolidA : 0) |
+      (message.b.solid ? kFlagSolidB : 0) | (message.gave_up_detail ? kFlagGaveUp : 0)));
+  sample.answer_digest(message.answer_digest);
+  std::size_t at = 0;
+  for (const ContactReport::Asked* body : {&message.a, &message.b}) {
+    sample.content_hashes()[at] = body->content_hash;
+    sample.state_digests()[at] = body->state_digest;
+    sample.applied_batches()[at] = body->applied_batches;
+    double* pose = &sample.poses()[12 * at++];
+    std::copy(body->pose.rotation.begin(), body->pose.rotation.end(), pose);
+    std::copy(body->pose.translation_m.begin(), body->pose.translation_m.end(), pose + 9);
+  }
   sample.pairs().clear();
   for (const auto& pair : message.pairs)
     for (const FaceKey& face : pair) {
@@ -235,6 +253,23 @@ Result<ContactReport> decode(const wire_types::ContactReportSample& sample) {
   message.time_s = sample.time_s();
   message.clearance_m = sample.clearance_m();
   message.uncertainty_m = sample.uncertainty_m();
+  const std::uint8_t flags = sample.flags();
+  if ((flags & ~(kFlagAsked | kFlagSolidA | kFlagSolidB | kFlagGaveUp)) != 0)
+    return malformed("flags: found unknown bits, " + std::to_string(flags));
+  message.asked = (flags & kFlagAsked) != 0;
+  message.gave_up_detail = (flags & kFlagGaveUp) != 0;
+  message.a.solid = (flags & kFlagSolidA) != 0;
+  message.b.solid = (flags & kFlagSolidB) != 0;
+  message.answer_digest = sample.answer_digest();
+  std::size_t at = 0;
+  for (ContactReport::Asked* body : {&message.a, &message.b}) {
+    body->content_hash = sample.content_hashes()[at];
+    body->state_digest = sample.state_digests()[at];
+    body->applied_batches = sample.applied_batches()[at];
+    const double* pose = &sample.poses()[12 * at++];
+    std::copy(pose, pose + 9, body->pose.rotation.begin());
+    std::copy(pose + 9, pose + 12, body->pose.translation_m.begin());
+  }
   const auto& words = sample.pairs();
   NEARMESH_RETURN_IF_ERROR(check_words(words.size(), kWordsPerPair, kMaxReportPairs, "pairs"));
   for (std::size_t i = 0; i < words.size(); i += kWordsPerPair)

@@ -137,6 +137,10 @@ const char* policy_name(fdds::QosPolicyId_t id) {
   }
 }
 
+eprosima::fastrtps::rtps::GuidPrefix_t prefix_of(const Handle& endpoint) {
+  return eprosima::fastrtps::rtps::iHandle2GUID(endpoint).guidPrefix;
+}
+
 std::string incompatible(const std::string& topic, fdds::QosPolicyId_t id) {
   return topic +
          ": an endpoint elsewhere cannot be matched, its QoS is incompatible: " + policy_name(id) +
@@ -218,22 +222,22 @@ void ReaderListener::on_requested_incompatible_qos(
   mailbox_.complain(incompatible(topic_, status.last_policy_id));
 }
 
-bool WriterListener::is_matched() const {
-  const std::lock_guard lock(mutex_);
-  return !readers_.empty();
-}
-
 void WriterListener::forget_readers() {
   const std::lock_guard lock(mutex_);
   readers_.clear();
 }
 
 bool WriterListener::is_matched_with_participant_of(const Handle& endpoint) const {
-  using eprosima::fastrtps::rtps::iHandle2GUID;
-  const auto prefix = iHandle2GUID(endpoint).guidPrefix;
   const std::lock_guard lock(mutex_);
   return std::any_of(readers_.begin(), readers_.end(), [&](const Handle& reader) {
-    return iHandle2GUID(reader).guidPrefix == prefix;
+    return prefix_of(reader) == prefix_of(endpoint);
+  });
+}
+
+bool WriterListener::is_matched_beside_participant_of(const Handle& endpoint) const {
+  const std::lock_guard lock(mutex_);
+  return std::any_of(readers_.begin(), readers_.end(), [&](const Handle& reader) {
+    return prefix_of(reader) != prefix_of(endpoint);
   });
 }
 
@@ -255,13 +259,16 @@ void WriterListener::on_offered_incompatible_qos(fdds::DataWriter*,
 /// Reports endpoints that DDS would ignore in silence.
 class Bus::DiscoveryListener : public fdds::DomainParticipantListener {
  public:
-  DiscoveryListener(Mailbox& mailbox, std::string prefix)
-      : mailbox_(mailbox), prefix_(std::move(prefix)) {}
+  DiscoveryListener(Mailbox& mailbox, const BusOptions& options)
+      : mailbox_(mailbox), prefix_(options.transport.prefix), on_writer_(options.on_writer) {}
 
   void on_publisher_discovery(fdds::DomainParticipant*,
                               eprosima::fastrtps::rtps::WriterDiscoveryInfo&& found) override {
-    if (found.status == eprosima::fastrtps::rtps::WriterDiscoveryInfo::DISCOVERED_WRITER)
-      judge(found.info.topicName().to_string(), found.info.typeName().to_string());
+    if (found.status != eprosima::fastrtps::rtps::WriterDiscoveryInfo::DISCOVERED_WRITER) return;
+    judge(found.info.topicName().to_string(), found.info.typeName().to_string());
+    if (!on_writer_) return;
+    const std::vector<std::string> partitions = found.info.m_qos.m_partition.names();
+    on_writer_(Handle(found.info.guid()), partitions.empty() ? "" : partitions.front());
   }
   void on_subscriber_discovery(fdds::DomainParticipant*,
                                eprosima::fastrtps::rtps::ReaderDiscoveryInfo&& found) override {
@@ -285,6 +292,7 @@ class Bus::DiscoveryListener : public fdds::DomainParticipantListener {
 
   Mailbox& mailbox_;
   std::string prefix_;
+  const std::function<void(const Handle&, const std::string&)> on_writer_;
   std::mutex mutex_;
   std::set<std::string> said_;
 };
@@ -390,7 +398,7 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
         std::max<std::int32_t>(options.header_bytes_per_s / 100, 2 * kMaxDatagramBytes);
     qos.flow_controllers().push_back(flow);
   }
-  bus->discovery_ = std::make_unique<DiscoveryListener>(mailbox, options.transport.prefix);
+  bus->discovery_ = std::make_unique<DiscoveryListener>(mailbox, options);
   // No status goes to the participant's listener: data events belong to the endpoints' own.
   bus->participant_ = fdds::DomainParticipantFactory::get_instance()->create_participant(
       options.transport.domain, qos, bus->discovery_.get(), fdds::StatusMask::none());

@@ -162,6 +162,10 @@ Status check(const ContactReport& message) {
   NEARMESH_RETURN_IF_ERROR(check_distance(message.clearance_m, "clearance_m"));
   NEARMESH_RETURN_IF_ERROR(check_distance(message.uncertainty_m, "uncertainty_m"));
   NEARMESH_RETURN_IF_ERROR(check_most(message.pairs.size(), kMaxReportPairs, "pairs"));
+  if (message.asked) {
+    NEARMESH_RETURN_IF_ERROR(check_pose(message.a.pose, message.body_a));
+    NEARMESH_RETURN_IF_ERROR(check_pose(message.b.pose, message.body_b));
+  }
   if (message.pairs.size() > message.pair_count)
     return invalid("pairs: " + std::to_string(message.pairs.size()) +
                    " listed, but pair_count is " + std::to_string(message.pair_count));

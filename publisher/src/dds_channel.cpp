@@ -19,6 +19,9 @@ namespace {
 constexpr std::size_t kMaxTaken = 1024;
 /// Announcements are rare and must get through.
 constexpr std::chrono::seconds kAnnounceDeadline{2};
+/// A recorder hears batches best-effort, so it must have found a new peer's writer before the first of them: without the
+/// first, none of what that peer answers can be proved. Peers that are not recorded do not wait.
+constexpr std::chrono::milliseconds kRecorderGrace{100};
 
 }  // namespace
 
@@ -43,6 +46,8 @@ class DdsChannel::Impl {
   struct Peer {
     std::unique_ptr<wire::WriterListener> listener;
     wire::fdds::DataWriter* writer = nullptr;
+    Handle subscriptions;  ///< the peer's writer, by which its participant is known
+    std::chrono::steady_clock::time_point added = std::chrono::steady_clock::now();
   };
 
   template <class Type, class Message>
@@ -50,7 +55,7 @@ class DdsChannel::Impl {
   void rejoin();
   void withdraw_headers(const std::vector<wire::MeshHeader>& kept);
   bool admit(SessionId peer, const Handle& writer, Microseconds received);
-  bool add_peer(SessionId peer);
+  bool add_peer(SessionId peer, const Handle& writer);
 
   DdsChannelOptions options_;
   wire::TopicNames names_;
@@ -211,12 +216,12 @@ bool DdsChannel::Impl::admit(SessionId peer, const Handle& writer, Microseconds 
     case wire::SessionBook::Claim::kNew:
       break;
   }
-  if (add_peer(peer)) return true;
+  if (add_peer(peer, writer)) return true;
   book_.release(peer);
   return false;
 }
 
-bool DdsChannel::Impl::add_peer(SessionId peer) {
+bool DdsChannel::Impl::add_peer(SessionId peer, const Handle& subscriptions) {
   if (peers_.size() >= options_.max_peers) {
     if (!std::exchange(complained_of_limit_, true))
       mailbox_.complain("peer " + wire::partition_of(peer) + " refused: there are " +
@@ -234,6 +239,7 @@ bool DdsChannel::Impl::add_peer(SessionId peer) {
     return false;
   }
   entry.writer = writer.value();
+  entry.subscriptions = subscriptions;
   peers_.emplace(peer, std::move(entry));
   return true;
 }
@@ -258,12 +264,18 @@ std::vector<SessionId> DdsChannel::Impl::take_lost_peers() {
 
 bool DdsChannel::Impl::send(SessionId peer, const wire::SplitBatchMessage& batch) {
   const auto found = peers_.find(peer);
-  if (found == peers_.end() || !found->second.listener->is_matched()) return false;
+  if (found == peers_.end()) return false;
+  const Peer& entry = found->second;
+  // By the peer itself: recorders listen to all partitions, and may be matched before it.
+  if (!entry.listener->is_matched_with_participant_of(entry.subscriptions)) return false;
+  if (std::chrono::steady_clock::now() - entry.added < kRecorderGrace &&
+      entry.listener->is_matched_beside_participant_of(entry.subscriptions))
+    return false;
   if (Status status = check(batch); !status.is_ok()) {
     mailbox_.complain(names_.split_batch + ": not sent: " + status.message());
     return true;
   }
-  return wire::write_message<wire::SplitBatchType>(*found->second.writer, batch, mailbox_) ==
+  return wire::write_message<wire::SplitBatchType>(*entry.writer, batch, mailbox_) ==
          wire::WriteResult::kTaken;
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nearmesh/subscriber/dds_channel.hpp"
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
@@ -95,6 +96,7 @@ class DdsChannel::Impl {
 
   // The I/O thread's own.
   wire::SessionBook publishers_;
+  std::set<Handle> hello_writers_;  ///< matched: who has one is a publisher
   std::vector<WaitingHello> waiting_hellos_;
   std::vector<WaitingHello> contested_hellos_;  ///< of sessions that another writer holds
   wire::fdds::DataReader* hello_reader_ = nullptr;
@@ -301,8 +303,11 @@ void DdsChannel::Impl::receive_matches() {
   for (const auto& event : hello_listener_.take_matches()) {
     if (!event.gone) {
       publishers_.welcome(event.writer);
+      hello_writers_.insert(event.writer);
+      mailbox_.wake();  // subscriptions may have waited for it
       continue;
     }
+    hello_writers_.erase(event.writer);
     std::erase_if(waiting_hellos_, [&](const WaitingHello& w) { return w.writer == event.writer; });
     const std::optional<SessionId> lost = publishers_.forget(event.writer, event.when);
     if (!lost) continue;
@@ -349,6 +354,7 @@ Status DdsChannel::Impl::rejoin() {
   bus_.reset();
   waiting_hellos_.clear();
   contested_hellos_.clear();
+  hello_writers_.clear();
   subscription_listener_.forget_readers();
   (void)hello_listener_.take_matches();
   return open();
@@ -394,7 +400,10 @@ void DdsChannel::Impl::complain_of_overflow(const std::string& topic) {
 /// Out: false when Fast DDS could not take a sample, so that it should be tried again soon.
 bool DdsChannel::Impl::flush() {
   bool all = true;
-  if (subscription_listener_.is_matched())
+  // Not by any reader: a recorder hears subscriptions too, and does not answer them.
+  if (std::any_of(hello_writers_.begin(), hello_writers_.end(), [this](const Handle& publisher) {
+        return subscription_listener_.is_matched_with_participant_of(publisher);
+      }))
     all &= flush<wire::RegionSubscriptionType>(&Impl::subscriptions_, *subscription_writer_);
   all &= flush<wire::BodyPoseType>(&Impl::poses_, *pose_writer_);
   all &= flush<wire::ContactReportType>(&Impl::reports_, *report_writer_);

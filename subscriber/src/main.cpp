@@ -13,6 +13,7 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "commands.hpp"
 #include "nearmesh/core/base/hash.hpp"
 #include "nearmesh/core/base/resources.hpp"
 #include "nearmesh/core/base/stopwatch.hpp"
@@ -21,9 +22,11 @@
 #include "scene.hpp"
 
 namespace nearmesh::subscriber {
-namespace {
 
 volatile std::sig_atomic_t stop_requested = 0;
+
+namespace {
+
 void request_stop(int) { stop_requested = 1; }
 
 struct Options {
@@ -348,38 +351,48 @@ Status run(const Options& options) {
 }
 
 }  // namespace
+
+void add_transport_options(CLI::App& command, wire::TransportOptions& transport) {
+  command.add_option("--domain", transport.domain, "DDS domain")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 232));
+  command.add_option("--prefix", transport.prefix, "First part of every topic's name")
+      ->capture_default_str();
+  command.add_option(
+      "--interface", transport.interface,
+      "Use one network interface only, by address or name; 127.0.0.1 needs no network");
+  command.add_option(
+      "--peer", transport.initial_peers,
+      "Address to look for publishers at, where multicast does not get through; repeatable");
+}
+
 }  // namespace nearmesh::subscriber
 
 int main(int argc, char** argv) {
-  CLI::App app{"A nearmesh peer: answers frame by frame whether bodies touch.",
-               "nearmesh-subscriber"};
+  CLI::App app{
+      "A nearmesh peer: answers frame by frame whether bodies touch, and records sessions.",
+      "nearmesh-subscriber"};
   app.require_subcommand(1);
   nearmesh::subscriber::Options options;
   CLI::App* command =
       app.add_subcommand("run", "Fly a scene (docs/scene.md) and answer every frame.");
   command->add_option("scene", options.scene, "Scene file (YAML)")->required();
-  command->add_option("--domain", options.channel.transport.domain, "DDS domain")
-      ->capture_default_str()
-      ->check(CLI::Range(0, 232));
-  command
-      ->add_option("--prefix", options.channel.transport.prefix, "First part of every topic's name")
-      ->capture_default_str();
-  command->add_option(
-      "--interface", options.channel.transport.interface,
-      "Use one network interface only, by address or name; 127.0.0.1 needs no network");
-  command->add_option(
-      "--peer", options.channel.transport.initial_peers,
-      "Address to look for publishers at, where multicast does not get through; repeatable");
+  nearmesh::subscriber::add_transport_options(*command, options.channel.transport);
   command->add_option("--answers", options.answers, "Also write the JSON lines to this file");
   command->add_flag("--json", options.json,
                     "Print one JSON line per answer, and one with the summary");
+  std::function<nearmesh::Status()> chosen;
+  command->callback([&] { chosen = [&] { return nearmesh::subscriber::run(options); }; });
+  nearmesh::subscriber::add_record_command(app, chosen);
+  nearmesh::subscriber::add_info_command(app, chosen);
+  nearmesh::subscriber::add_verify_command(app, chosen);
   try {
     spdlog::set_default_logger(spdlog::stderr_color_mt("nearmesh-subscriber"));
     spdlog::set_pattern("%H:%M:%S %n %^%l%$: %v");
     app.parse(argc, argv);
     std::signal(SIGINT, nearmesh::subscriber::request_stop);
     std::signal(SIGTERM, nearmesh::subscriber::request_stop);
-    const nearmesh::Status status = nearmesh::subscriber::run(options);
+    const nearmesh::Status status = chosen();
     if (status.is_ok()) return 0;
     spdlog::error("{}", status.message());
     return 1;

@@ -82,6 +82,7 @@ bool ReplicaSet::apply_one(FrameReport& report) {
     Stopwatch watch;
     const std::vector<std::uint8_t> bytes = std::move(model.waiting.front());
     model.waiting.pop_front();
+    ++model.applied_batches;
     const Result<SplitBatch> batch = decode_batch(model.replica->header(), bytes);
     report.load_s += watch.lap();
     if (!batch.is_ok()) {
@@ -117,6 +118,7 @@ void ReplicaSet::collapse_outside(PeerModel& model, const std::vector<RegionPart
     stack.push_back(node.left_of(split));
     stack.push_back(node.right_of(split));
   }
+  model.gave_up_detail |= !give_up.empty();
   for (const NodeSpan& node : give_up) {
     Stopwatch watch;
     const RefineDelta delta = model.replica->collapse(node);

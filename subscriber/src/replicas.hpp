@@ -21,6 +21,8 @@ struct PeerModel {
   std::optional<Replica> replica;  // from the header on
   std::optional<AbTree> tree;
   std::deque<std::vector<std::uint8_t>> waiting;  // encoded batches, in order of arrival
+  std::uint32_t applied_batches = 0;              // of those that came, also what did not decode
+  bool gave_up_detail = false;
 
   [[nodiscard]] bool is_ready() const { return tree.has_value(); }
   [[nodiscard]] TreeView view() const { return tree->view(replica->header().grid); }

@@ -57,7 +57,7 @@ struct Session::Impl {
   struct Pair {
     Body* a;
     Body* b;
-    std::optional<std::pair<AnswerStatus, std::uint64_t>> reported;  // status and number of pairs
+    std::optional<std::pair<std::uint64_t, std::uint64_t>> reported;  // frame and digest
   };
   std::vector<Pair> pairs;
   std::map<wire::SessionId, Publisher> publishers;
@@ -253,6 +253,7 @@ void Session::Impl::answer_pair(Pair& pair, std::uint64_t frame, double time_s,
     const Result<PosedPair> posed =
         pose_pair(*a.grid, result.pose_a, pair.a->name, *b.grid, result.pose_b, pair.b->name);
     if (posed.is_ok()) {
+      result.asked = true;
       result.answer = query(a, posed.value().a, b, posed.value().b,
                             {.solid_a = pair.a->solid, .solid_b = pair.b->solid});
       if (options.contacts && !result.answer.pairs.empty())
@@ -289,7 +290,7 @@ void Session::Impl::sweep_pair(const Pair& pair, PairAnswer& result, FrameReport
 
 void Session::Impl::report_pair(Pair& pair, const PairAnswer& answer, std::uint64_t frame,
                                 double time_s) {
-  const std::pair now(answer.answer.status, answer.answer.pair_total);
+  const std::pair now(frame, digest(answer.answer));
   if (pair.reported == now) return;
   pair.reported = now;
   wire::ContactReport report;
@@ -304,6 +305,18 @@ void Session::Impl::report_pair(Pair& pair, const PairAnswer& answer, std::uint6
   report.clearance_m = finite(answer.answer.clearance_m);
   report.uncertainty_m = finite(answer.answer.uncertainty_m);
   report.pair_count = static_cast<std::uint32_t>(answer.answer.pair_total);
+  report.asked = answer.asked;
+  report.answer_digest = now.second;
+  if (report.asked) {
+    report.gave_up_detail = pair.a->model->gave_up_detail || pair.b->model->gave_up_detail;
+    const auto as_asked = [](const Body& body, const Pose& pose) {
+      return wire::ContactReport::Asked{body.model->content_hash,
+                                        body.model->replica->mesh().state_hash(),
+                                        body.model->applied_batches, body.solid, pose};
+    };
+    report.a = as_asked(*pair.a, answer.pose_a);
+    report.b = as_asked(*pair.b, answer.pose_b);
+  }
   for (const FacePair& faces : answer.answer.pairs) {
     if (report.pairs.size() == wire::kMaxReportPairs) break;
     report.pairs.push_back({faces.a, faces.b});

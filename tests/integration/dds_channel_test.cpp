@@ -22,9 +22,11 @@
 #include <limits>
 #include <thread>
 
+#include "nearmesh/core/session/recording.hpp"
 #include "nearmesh/core/spm/codec.hpp"
 #include "nearmesh/publisher/dds_channel.hpp"
 #include "nearmesh/subscriber/dds_channel.hpp"
+#include "nearmesh/subscriber/dds_recorder.hpp"
 #include "nearmesh/wire/dds_support.hpp"
 
 namespace {
@@ -349,6 +351,69 @@ TEST(DdsChannel, FrozenPeerStallsNobodyElse) {
   EXPECT_LT(taken, 1000U);
   ASSERT_TRUE(server.await([&] { return !server.lost.empty(); }));
   EXPECT_EQ(server.lost, std::vector{kChildPeer});
+}
+
+std::string recording_of(const std::string& prefix) {
+  std::string name = prefix;
+  std::replace(name.begin(), name.end(), '/', '-');
+  return testing::TempDir() + name + ".db3";
+}
+
+TEST(DdsChannel, RecorderHearsEveryPeerAndFrozenStallsNobody) {
+  const std::string path = recording_of(own_prefix());
+  Child recorder("recorder", own_prefix());
+  // Its file has all tables before it is on the bus.
+  ASSERT_TRUE(wait_for([&] { return RecordingReader::open(path).is_ok(); }));
+  Server server(make_publisher(own_prefix()));
+  server.channel->announce(hello_of(7), {});
+  const auto hears_publisher = [&] {
+    return RecordingReader::open(path).value()->message_count() > 0;
+  };
+  ASSERT_TRUE(wait_for(hears_publisher));
+  Peer peer(make_peer(own_prefix()));
+  peer.channel->send(request_of(peer.channel->own_id(), 1, 7));
+  ASSERT_TRUE(server.await([&] { return !server.subscriptions.empty(); }));
+  const auto stream = [&](std::uint32_t first, std::uint32_t count) {
+    for (std::uint32_t i = first; i < first + count; ++i)
+      ASSERT_TRUE(wait_for(
+          [&] { return server.channel->send(peer.channel->own_id(), batch_of(i, false)); }, 8))
+          << i;
+    ASSERT_TRUE(
+        peer.await([&](const Inbox& in) { return in.batches.size() == first + count - 1; }));
+  };
+  stream(1, 20);
+  // All of them, from the first on, although the writer was made a moment before.
+  const auto recorded = [&](const std::string& partition) {
+    const auto reader = RecordingReader::open(path).value();
+    std::uint64_t batches = 0;
+    EXPECT_TRUE(reader
+                    ->read(1, reader->message_count() + 1,
+                           [&](std::int64_t, const RecordedMessage& message) {
+                             const auto& writer = reader->writers()[message.writer];
+                             batches += writer.partition == partition ? 1 : 0;
+                             return true;
+                           })
+                    .is_ok());
+    return batches;
+  };
+  const std::string own = wire::partition_of(peer.channel->own_id());
+  EXPECT_TRUE(wait_for([&] { return recorded(own) == 20; })) << recorded(own);
+  // For whoever else comes, too.
+  for (wire::SessionId other = 1; other <= 8; ++other) {
+    Peer guest(make_peer(own_prefix(), nullptr, other));
+    guest.channel->send(request_of(other, 1, 7));
+    ASSERT_TRUE(wait_for([&] {
+      (void)server.channel->take_subscriptions();
+      return server.channel->send(other, batch_of(1, true));
+    }));
+    ASSERT_TRUE(guest.await([](const Inbox& in) { return !in.batches.empty(); }));
+    EXPECT_TRUE(wait_for([&] { return recorded(wire::partition_of(other)) == 1; }, 3)) << other;
+  }
+  // Several times what the writer keeps, long before anybody misses the recorder (20 s).
+  recorder.signal(SIGSTOP);
+  stream(21, 1500);
+  recorder.end();
+  for (const char* suffix : {"", "-wal", "-shm"}) std::remove((path + suffix).c_str());
 }
 
 // --- Two participants
@@ -801,6 +866,15 @@ int run_child(const std::string& role, const std::string& prefix) {
     auto channel = PublisherChannel::create(options);
     if (!channel.is_ok()) return 1;
     serve(*channel.value(), never);
+  }
+  if (role == "recorder") {
+    subscriber::RecorderOptions options;
+    options.transport = transport(prefix);
+    options.transport.lease_s = 20;
+    options.path = recording_of(prefix);
+    const auto recorder = subscriber::DdsRecorder::create(options);
+    if (!recorder.is_ok()) return 1;
+    for (;;) std::this_thread::sleep_for(1s);
   }
   subscriber::DdsChannelOptions options;
   options.transport = transport(prefix);

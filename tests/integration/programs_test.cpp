@@ -402,5 +402,139 @@ TEST_F(Programs, WrongUsageExitsWithTwo) {
   }
 }
 
+// ---- recorded sessions
+
+// A recorder that is ready, and one that was told to end.
+std::unique_ptr<Process> record(const Folder& folder, std::vector<std::string> words) {
+  auto recorder = std::make_unique<Process>(folder, "nearmesh-subscriber", std::move(words));
+  EXPECT_TRUE(recorder->says("recording domain")) << recorder->err();
+  return recorder;
+}
+
+// What verify says: verified and different reports.
+std::pair<std::uint64_t, std::uint64_t> verify(const Folder& folder, const std::string& session,
+                                               int expected_code = 0) {
+  std::string out, err;
+  EXPECT_EQ(test::run(folder, "nearmesh-subscriber", {"verify", session}, &out, &err),
+            expected_code)
+      << out << err;
+  unsigned long long reports = 0, peers = 0, verified = 0, different = 1;
+  EXPECT_EQ(std::sscanf(out.c_str(), "%llu reports of %llu peers: %llu verified, %llu different",
+                        &reports, &peers, &verified, &different),
+            4)
+      << out;
+  return {verified, different};
+}
+
+TEST_F(Programs, RecordedSessionComesOutAgain) {
+  write_flights(100);
+  write_scene("first", {"one"}, "[[ground, one], [one, two]]");
+  write_scene("second", {"two"}, "[[ground, two], [one, two]]");
+  const std::string session = folder.file("session.db3");
+  const auto recorder = record(folder, on_bus({"record", "-o", session}));
+  const auto publisher = serve();
+  const auto first = fly("first"), second = fly("second");
+  ASSERT_EQ(first->wait(), 0) << first->err();
+  ASSERT_EQ(second->wait(), 0) << second->err();
+  recorder->signal(SIGINT);
+  ASSERT_EQ(recorder->wait(), 0) << recorder->err();
+
+  std::string out, err;
+  ASSERT_EQ(test::run(folder, "nearmesh-subscriber", {"info", session, "--json"}, &out, &err), 0)
+      << err;
+  const json info = json::parse(out);
+  EXPECT_EQ(info.at("peers").size(), 2U);
+  EXPECT_EQ(info.at("publishers").size(), 1U);
+  ASSERT_EQ(info.at("models").size(), 2U);
+  EXPECT_EQ(info.at("topics").size(), 6U);
+  std::uint64_t missing = 0;
+  for (const json& topic : info.at("topics")) {
+    EXPECT_GT(topic.at("samples"), 0U) << topic;
+    missing += topic.at("missing").get<std::uint64_t>();
+  }
+  EXPECT_GT(info.at("duration_s"), 1.0);
+  EXPECT_GT(info.at("reports").at("contact"), 0U);
+  // On a machine that is very busy a report may be overtaken by the next; what came must agree.
+  EXPECT_LT(missing, 40U);
+  const auto [verified, different] = verify(folder, session);
+  EXPECT_EQ(different, 0U);
+  EXPECT_GT(verified, 300U);  // 2 peers, 100 frames, 2 pairs
+}
+
+TEST_F(Programs, KilledRecorderLeavesWhatItHeard) {
+  write_flights(200);
+  write_scene("both", {"one", "two"}, kAllPairs);
+  const std::string session = folder.file("session.db3");
+  const auto recorder = record(folder, on_bus({"record", "-o", session}));
+  const auto publisher = serve();
+  const auto peer = fly("both");
+  ASSERT_TRUE(peer->says("frame 150 of 200")) << peer->err();
+  recorder->signal(SIGKILL);
+  ASSERT_EQ(recorder->wait(), 1000 + SIGKILL);
+  const auto [verified, different] = verify(folder, session);
+  EXPECT_EQ(different, 0U);
+  EXPECT_GT(verified, 200U);  // of 450: all but the last second
+  ASSERT_EQ(peer->wait(), 0) << peer->err();
+  EXPECT_EQ(check("both").wrong, 0U);
+}
+
+TEST_F(Programs, FrozenRecorderHoldsUpNobody) {
+  write_flights(250);  // 5 s: a frozen process is missed after 3
+  write_scene("both", {"one", "two"}, kAllPairs);
+  const auto recorder = record(folder, on_bus({"record", "-o", folder.file("session.db3")}));
+  const auto publisher = serve();
+  const auto peer = fly("both");
+  ASSERT_TRUE(peer->says("frame 62 of 250")) << peer->err();
+  recorder->signal(SIGSTOP);
+  ASSERT_EQ(peer->wait(), 0) << peer->err();
+  const Checked checked = check("both");
+  EXPECT_EQ(checked.answers, 750U);
+  EXPECT_EQ(checked.wrong, 0U);
+  EXPECT_GT(checked.certified, 700U);
+  recorder->signal(SIGCONT);
+  recorder->signal(SIGTERM);
+  EXPECT_EQ(recorder->wait(), 0) << recorder->err();
+  EXPECT_EQ(verify(folder, folder.file("session.db3")).second, 0U);
+}
+
+TEST_F(Programs, RecorderSplitsAndRefuses) {
+  write_flights(150);
+  write_scene("both", {"one", "two"}, kAllPairs);
+  const std::string session = folder.file("session.db3");
+  const auto recorder =
+      record(folder, on_bus({"record", "-o", session, "--max-size", "300KB", "--split"}));
+  const auto publisher = serve();
+  const auto peer = fly("both");
+  ASSERT_EQ(peer->wait(), 0) << peer->err();
+  recorder->signal(SIGTERM);
+  ASSERT_EQ(recorder->wait(), 0) << recorder->err();
+  std::error_code ignored;
+  EXPECT_TRUE(std::filesystem::exists(folder.file("session_1.db3"), ignored));
+  EXPECT_LE(std::filesystem::file_size(session), 300'000U);
+  const auto [verified, different] = verify(folder, session);
+  EXPECT_EQ(different, 0U);
+  EXPECT_GT(verified, 350U);
+
+  const std::vector<std::pair<std::vector<std::string>, std::string>> refusals{
+      {{"-o", session}, "exists"},
+      {{"-o", folder.file("no/such.db3")}, "No such file"},
+      {{"-o", folder.file("new.db3"), "--topics", "poses"}, "topic poses"},
+      {{"-o", folder.file("new.db3"), "--max-size", "10"}, "max-size"},
+      {{"-o", folder.file("new.db3"), "--split"}, "split"}};
+  for (const auto& [words, message] : refusals) {
+    std::vector<std::string> all{"record"};
+    all.insert(all.end(), words.begin(), words.end());
+    std::string err;
+    EXPECT_EQ(test::run(folder, "nearmesh-subscriber", on_bus(all), nullptr, &err), 1);
+    EXPECT_NE(err.find(message), std::string::npos) << err;
+  }
+  EXPECT_FALSE(std::filesystem::exists(folder.file("new.db3"), ignored));
+  std::string err;
+  EXPECT_EQ(
+      test::run(folder, "nearmesh-subscriber", {"info", folder.file("both.yaml")}, nullptr, &err),
+      1);
+  EXPECT_NE(err.find("not a recorded session"), std::string::npos) << err;
+}
+
 }  // namespace
 }  // namespace nearmesh

@@ -725,7 +725,7 @@ TEST(Session, SaysWhereBodiesTouchWhenAskedTo) {
   }
 }
 
-TEST(Session, ReportsAnswersWhenTheyChange) {
+TEST(Session, ReportsEachFrameOnceAndWhatChangesInIt) {
   World world;
   world.start_publisher();
   const auto session = world.make_peer();
@@ -740,9 +740,19 @@ TEST(Session, ReportsAnswersWhenTheyChange) {
   EXPECT_EQ(last.status, static_cast<std::uint8_t>(AnswerStatus::kContact));
   EXPECT_GT(last.pair_count, wire::kMaxReportPairs);
   EXPECT_EQ(last.pairs.size(), wire::kMaxReportPairs);
-  const auto sent = world.bus.reports.size();
+  EXPECT_TRUE(last.asked);
+  EXPECT_FALSE(last.gave_up_detail);
+  EXPECT_EQ(last.a.content_hash, aircraft().open().content_hash());
+  EXPECT_EQ(last.a.pose.translation_m, one.pose.translation_m);
+  EXPECT_GT(last.b.applied_batches, 0U);
+  auto sent = world.bus.reports.size();
   for (int i = 0; i < 5; ++i) world.round(*session, 4);
-  EXPECT_EQ(world.bus.reports.size(), sent);
+  EXPECT_EQ(world.bus.reports.size(), sent + 3);  // three pairs
+  two.pose.translation_m = {0, 0, 9100};
+  world.round(*session, 4, {{"two", two}});
+  EXPECT_GT(world.bus.reports.size(), sent + 3);
+  EXPECT_NE(world.bus.reports.back().answer_digest, last.answer_digest);
+  sent = world.bus.reports.size();
 
   SessionOptions silent = quick_options();
   silent.publish_reports = false;

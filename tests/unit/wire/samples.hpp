@@ -74,6 +74,11 @@ inline ContactReport valid_report() {
   message.clearance_m = 0.25;
   message.uncertainty_m = 0.5;
   message.pair_count = 3;
+  message.asked = true;
+  message.gave_up_detail = true;
+  message.answer_digest = 0x1020304050607080;
+  message.a = {11, 12, 13, true, {.translation_m = {1, 2, 3}}};
+  message.b = {21, 22, 23, false, {{0, -1, 0, 1, 0, 0, 0, 0, 1}, {4, 5, 6}}};
   message.pairs = {{FaceKey{VertexId{1}, 2}, FaceKey{VertexId{3}, 4}},
                    {FaceKey{VertexId{}, 6}, FaceKey{VertexId{7}, 8}}};
   return message;

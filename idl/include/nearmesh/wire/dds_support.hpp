@@ -18,6 +18,7 @@
 #include <atomic>
 #include <condition_variable>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -98,11 +99,12 @@ class WriterListener : public fdds::DataWriterListener {
   WriterListener(Mailbox& mailbox, std::string topic)
       : mailbox_(mailbox), topic_(std::move(topic)) {}
 
-  [[nodiscard]] bool is_matched() const;
   /// The writer was removed, and another will use this listener.
   void forget_readers();
   /// Is a reader of the same participant as this endpoint matched?
   [[nodiscard]] bool is_matched_with_participant_of(const Handle& endpoint) const;
+  /// Is a reader of any other participant matched?
+  [[nodiscard]] bool is_matched_beside_participant_of(const Handle& endpoint) const;
 
   void on_publication_matched(fdds::DataWriter* writer,
                               const fdds::PublicationMatchedStatus& status) override;
@@ -173,6 +175,9 @@ struct BusOptions {
   const char* participant_name = "nearmesh";
   fdds::DomainParticipant* host_participant = nullptr;  ///< used as it is, instead of an own one
   std::int32_t header_bytes_per_s = 0;  ///< above 0: makes the flow controller kHeaderFlow
+  /// Told of every writer elsewhere and its partition ("" for none) before any of its samples comes; not with a host's
+  /// participant. Called by threads of Fast DDS.
+  std::function<void(const Handle& writer, const std::string& partition)> on_writer;
 };
 
 /// A participant, own or the host's, and everything made on it; the destructor removes that, and

@@ -84,17 +84,32 @@ struct BodyPose {
   std::array<double, 3> angular_velocity_radps{};
 };
 
-/// An answer about a pair of bodies, for whoever listens (keyed by peer and pair).
+/// An answer about a pair of bodies, for whoever listens (keyed by peer and pair). With the batches that the peer was sent it
+/// is enough to ask the same again.
 struct ContactReport {
+  /// One of the two bodies as it was when it was asked about.
+  struct Asked {
+    std::uint64_t content_hash = 0;
+    std::uint64_t state_digest = 0;  ///< of the model's active vertices
+    std::uint32_t applied_batches =
+        0;  ///< so many of the model, in order of arrival, had been taken in
+    bool solid = false;
+    Pose pose;
+  };
   std::uint16_t wire_version = kWireVersion;
   SessionId peer = 0;
   std::string body_a, body_b;
   std::uint64_t frame = 0;
   double time_s = 0;
-  std::uint8_t status = 0;                    ///< AnswerStatus, 0 to 4
-  double clearance_m = 0;                     ///< lower bound, when free or contained
-  double uncertainty_m = 0;                   ///< when uncertain
-  std::uint32_t pair_count = 0;               ///< all exact pairs
+  std::uint8_t status = 0;       ///< AnswerStatus, 0 to 4
+  double clearance_m = 0;        ///< lower bound, when free or contained
+  double uncertainty_m = 0;      ///< when uncertain
+  std::uint32_t pair_count = 0;  ///< all exact pairs
+  bool asked = false;            ///< false: a header or a pose was missing, so nothing was asked
+  bool gave_up_detail =
+      false;  ///< of one of the models, at some time: applied_batches do not tell the state
+  std::uint64_t answer_digest = 0;            ///< digest(Answer)
+  Asked a, b;                                 ///< when asked
   std::vector<std::array<FaceKey, 2>> pairs;  ///< the first kMaxReportPairs of them
 };
 

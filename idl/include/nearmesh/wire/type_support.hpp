@@ -20,6 +20,7 @@
 #include <cstdint>
 #include <cstring>
 #include <string>
+#include <vector>
 
 #include "nearmesh/idl/nearmesh.h"
 #include "nearmesh/idl/nearmeshPubSubTypes.h"
@@ -123,6 +124,27 @@ class SafeType : public Generated {
   static constexpr std::size_t kMaxKeyBytes = 256;  // contact reports: 8 + 2 * 69 and padding
 
   static Data& envelope(void* data) { return static_cast<Data&>(*static_cast<Sample*>(data)); }
+};
+
+/// As SafeType, and keeps the bytes of what it reads, also of what is faulty: for recorders.
+template <class Generated>
+class RawType : public SafeType<Generated> {
+ public:
+  using Base = SafeType<Generated>;
+  using Sample = typename Base::Sample;
+  struct Data : Base::Data {
+    std::vector<std::uint8_t> cdr;
+  };
+
+  void* createData() override { return static_cast<Sample*>(new Data); }
+  void deleteData(void* data) override { delete &raw(data); }
+  bool deserialize(eprosima::fastrtps::rtps::SerializedPayload_t* payload, void* data) override {
+    raw(data).cdr.assign(payload->data, payload->data + payload->length);
+    return Base::deserialize(payload, data);
+  }
+
+ private:
+  static Data& raw(void* data) { return static_cast<Data&>(*static_cast<Sample*>(data)); }
 };
 
 using HelloType = SafeType<wire_types::HelloSamplePubSubType>;

@@ -28,9 +28,10 @@ struct SessionOptions {
                   ///< socket buffer, and 12 % were sent again
   double request_timeout_s = 0.5;  ///< a request without an answer is repeated after this
   std::uint32_t max_held_splits =
-      0;                        ///< above this, detail far from every body is given up; 0: no limit
-  bool contacts = false;        ///< work out where bodies touch: PairAnswer::contacts
-  bool publish_reports = true;  ///< send a ContactReport whenever an answer changes
+      0;                  ///< above this, detail far from every body is given up; 0: no limit
+  bool contacts = false;  ///< work out where bodies touch: PairAnswer::contacts
+  bool publish_reports =
+      true;  ///< send a ContactReport of each answer, and again when it changes within a frame
 };
 
 /// An answer about one watched pair.
@@ -40,6 +41,7 @@ struct PairAnswer {
   /// Why nothing can be said (status kUncertain): a header, a publisher or a pose that has not come; or, for ever, a
   /// solid with an open model, or a model of too many parts near a solid. Else empty.
   std::string reason;
+  bool asked = false;   ///< headers and poses were there, so the trees were asked
   Pose pose_a, pose_b;  ///< what was asked about; meaningless with a reason of missing poses
   /// With SessionOptions::contacts, when the answer has pairs: where they touch, all exact.
   std::optional<Contacts> contacts;

@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "nearmesh/wire/payload.hpp"
+
+#include "nearmesh/wire/codec.hpp"
+#include "nearmesh/wire/type_support.hpp"
+
+namespace nearmesh::wire {
+namespace {
+
+using eprosima::fastrtps::rtps::SerializedPayload_t;
+
+template <class Message>
+struct TypeOf;
+template <>
+struct TypeOf<Hello> : HelloType {};
+template <>
+struct TypeOf<MeshHeader> : MeshHeaderType {};
+template <>
+struct TypeOf<RegionSubscription> : RegionSubscriptionType {};
+template <>
+struct TypeOf<SplitBatchMessage> : SplitBatchType {};
+template <>
+struct TypeOf<BodyPose> : BodyPoseType {};
+template <>
+struct TypeOf<ContactReport> : ContactReportType {};
+
+}  // namespace
+
+template <class Message>
+Result<Message> decode_payload(std::span<const std::uint8_t> cdr) {
+  using Type = TypeOf<Message>;
+  Type type;
+  typename Type::Data data;
+  SerializedPayload_t payload;
+  payload.data = const_cast<std::uint8_t*>(cdr.data());  // only read
+  payload.length = payload.max_size = static_cast<std::uint32_t>(cdr.size());
+  type.deserialize(&payload, static_cast<typename Type::Sample*>(&data));
+  payload.data = nullptr;  // its destructor would free it
+  if (!data.fault.empty()) return Status{StatusCode::kInvalidArgument, data.fault};
+  return decode(data);
+}
+
+template <class Message>
+std::vector<std::uint8_t> encode_payload(const Message& message) {
+  using Type = TypeOf<Message>;
+  Type type;
+  typename Type::Data data;
+  encode(message, data);
+  auto* sample = static_cast<typename Type::Sample*>(&data);
+  SerializedPayload_t payload(type.getSerializedSizeProvider(sample)());
+  const bool fits = type.serialize(sample, &payload);
+  NEARMESH_ASSERT(fits);
+  return {payload.data, payload.data + payload.length};
+}
+
+#define NEARMESH_PAYLOAD_OF(Message)                                                   \
+  template Result<Message> decode_payload<Message>(std::span<const std::uint8_t> cdr); \
+  template std::vector<std::uint8_t> encode_payload<Message>(const Message& message)
+NEARMESH_PAYLOAD_OF(Hello);
+NEARMESH_PAYLOAD_OF(MeshHeader);
+NEARMESH_PAYLOAD_OF(RegionSubscription);
+NEARMESH_PAYLOAD_OF(SplitBatchMessage);
+NEARMESH_PAYLOAD_OF(BodyPose);
+NEARMESH_PAYLOAD_OF(ContactReport);
+#undef NEARMESH_PAYLOAD_OF
+
+const char* idl_text() {
+  return
+#include "nearmesh/idl/nearmesh_idl_text.inc"
+      ;
+}
+
+}  // namespace nearmesh::wire

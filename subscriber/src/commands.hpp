@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// Subcommands of nearmesh-subscriber. Each adds its options to the program and, when it was chosen, leaves what to do in
+// `chosen`.
+
+#include <CLI/CLI.hpp>
+#include <csignal>
+#include <functional>
+
+#include "nearmesh/core/base/status.hpp"
+#include "nearmesh/wire/transport_options.hpp"
+
+namespace nearmesh::subscriber {
+
+/// Set by SIGINT and SIGTERM.
+extern volatile std::sig_atomic_t stop_requested;
+
+/// How to join the bus.
+void add_transport_options(CLI::App& command, wire::TransportOptions& transport);
+
+void add_record_command(CLI::App& app, std::function<Status()>& chosen);
+void add_info_command(CLI::App& app, std::function<Status()>& chosen);
+void add_verify_command(CLI::App& app, std::function<Status()>& chosen);
+
+}  // namespace nearmesh::subscriber
