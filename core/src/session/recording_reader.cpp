@@ -76,8 +76,7 @@ struct RecordingReader::Impl {
                    static_cast<std::uint32_t>(row.integer(3)), row.text(4), row.text(5)};
           return Status::ok();
         });
-    if (status.is_ok() && !any)
-      return {StatusCode::kCorrupt, path + ": nearmesh_session is empty"};
+    if (status.is_ok() && !any) return {StatusCode::kCorrupt, path + ": nearmesh_session is empty"};
     return status;
   }
 
