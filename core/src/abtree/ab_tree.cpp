@@ -157,10 +157,11 @@ std::uint32_t AbTree::lane_count(std::uint32_t tree_node) const {
 }
 
 void AbTree::move_lane(std::uint32_t tree_node, std::uint32_t from, std::uint32_t to) {
+  NEARMESH_ASSERT(from != to);
   const std::uint32_t leaf = leaf_at(tree_node * kLanes + from);
   TreeNode& node = nodes_[tree_node];
   node.set(to, node.entry(from));
-  node.first[to] = node.first[from];  // also where nothing is below it
+  node.first[to] = node.first[from];  // also of an inner lane that has nothing below it
   node.kind_and_count[to] = node.kind_and_count[from];
   uppers_[tree_node].first_vertices[to] = uppers_[tree_node].first_vertices[from];
   if (leaf != kNone) {
@@ -342,7 +343,7 @@ void AbTree::apply_collapse(NodeSpan node) {
   const std::uint32_t count = lane_count(lanes.tree_node), fewer = lanes.end - lanes.begin - 1;
   const TreePlace place = lanes.tree_node * kLanes + lanes.begin;
   uppers_[lanes.tree_node].first_vertices[lanes.begin] = node.begin();
-  for (std::uint32_t lane = lanes.end; lane < count; ++lane)
+  for (std::uint32_t lane = lanes.end; fewer > 0 && lane < count; ++lane)
     move_lane(lanes.tree_node, lane, lane - fewer);
   for (std::uint32_t lane = count - fewer; lane < count; ++lane) {
     nodes_[lanes.tree_node].set(lane, {});

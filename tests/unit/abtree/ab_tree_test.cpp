@@ -5,6 +5,7 @@
 #include "nearmesh/core/base/resources.hpp"
 #include "nearmesh/core/query/query.hpp"
 #include "nearmesh/core/refine/replica.hpp"
+#include "random_policies.hpp"
 
 namespace nearmesh {
 namespace {
@@ -211,6 +212,31 @@ TEST_P(AbTreeOf, BoxesThatComeLateChangeTheTreeAsIfTheyHadComeFirst) {
   EXPECT_TRUE(any || GetParam() == "one_face");
   for (const TreeletSplit& split : treelet)  // nothing new: nothing to do
     EXPECT_TRUE(replica.apply_batch(decode(split, BoxPolicy::kAllNodes)).delta.is_empty());
+}
+
+// A book's vertices hang on its spine: long chains of nodes, many of them without a face, below several roots.
+TEST(AbTree, FollowsRootsThatCollapseBesideEmptyOnes) {
+  const BakedModel model = test::bake_mesh(test::make_book(200), 16);
+  ASSERT_GT(model.header.roots.size(), 8U);
+  const test::TrueBoxes boxes(model.store);
+  for (std::uint64_t seed = 0; seed < 200; ++seed) {
+    SCOPED_TRACE(seed);
+    Random random(seed);
+    LocalModel local(model.store, model.header.grid);
+    for (int round = 0; round < 4; ++round) {
+      test::split_random(local, random);
+      if (random.below(2) == 0) {
+        test::collapse_some(local, random);
+      } else {
+        test::collapse_to_base(local);
+      }
+      const AbTree anew(local.mesh);
+      const test::TreeContent followed = test::walk_tree(local.view(), boxes),
+                              built = test::walk_tree(anew.view(model.header.grid), boxes);
+      ASSERT_EQ(followed.faces, built.faces);
+      ASSERT_EQ(followed.frontier, built.frontier);
+    }
+  }
 }
 
 TEST(AbTree, CollapseTouchesOnlyWhatWasActive) {
