@@ -143,8 +143,9 @@ std::uint64_t lanes() {
         digest.add_bits(span.from);
         digest.add_bits(span.to);
         const double width = span.to - span.from;
-        const Slab slab =
-            make_slab(normal, random.between(-0.5, 0) * width, random.between(0, 0.5) * width);
+        const double from = random.between(-0.5, 0) * width;  // one after the other
+        const double to = random.between(0, 0.5) * width;
+        const Slab slab = make_slab(normal, from, to);
         digest.add_bits(static_cast<double>(slab.from));
         digest.add_bits(static_cast<double>(slab.to));
         into->set(lane, box, slab);
