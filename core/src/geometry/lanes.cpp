@@ -6,7 +6,7 @@
 // stay below those of box_overlap.cpp, and twice its slack, 2 slack |n|_1, covers this form of them; the slab of the
 // other part is used as an axis and as a bound, and carries its 2 slack |e|_1 itself.
 #undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "lanes.cpp"
+#define HWY_TARGET_INCLUDE "lanes.cpp"  // NOLINT(readability-identifier-naming): Highway's name
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 

@@ -102,7 +102,8 @@ struct RegionPart {
                                          std::int64_t{other.lo[k]} - box.hi[k]});
       square += gap * gap;
       // What of the other box is near enough, along the normal.
-      const std::int64_t n = normal[static_cast<std::size_t>(k)];
+      // NOLINTNEXTLINE(bugprone-signed-char-misuse): a number, not a character
+      const auto n = static_cast<std::int64_t>(normal[static_cast<std::size_t>(k)]);
       const std::int64_t from = n * std::max<std::int64_t>(lo, other.lo[k]);
       const std::int64_t to = n * std::min<std::int64_t>(hi, other.hi[k]);
       least += std::min(from, to);
