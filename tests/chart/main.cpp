@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <filesystem>
 
+#include "first_line_of.hpp"
 #include "nearmesh/core/base/stopwatch.hpp"
 #include "play.hpp"
 #include "scenes.hpp"
@@ -26,16 +27,6 @@ struct RunOptions {
 bool wanted(const RunOptions& options, const SceneInfo& info) {
   if (options.scenes.empty()) return !options.scene.quick || !info.full_only;
   return std::find(options.scenes.begin(), options.scenes.end(), info.name) != options.scenes.end();
-}
-
-std::string first_line_of(const std::string& command) {
-  std::string text;
-  if (std::FILE* pipe = ::popen(command.c_str(), "r")) {
-    for (int c = std::fgetc(pipe); c != EOF && c != '\n'; c = std::fgetc(pipe))
-      text += static_cast<char>(c);
-    ::pclose(pipe);
-  }
-  return text;
 }
 
 int run(const RunOptions& options) {
@@ -65,9 +56,11 @@ int run(const RunOptions& options) {
   }
   std::fprintf(
       about, "key,value\nmachine,%s\ncompiler,%s\ncommit,%s\ncommand,nearmesh-chart run -o DIR%s\n",
-      first_line_of("grep -m1 'model name' /proc/cpuinfo | cut -d: -f2- | sed 's/^ //'").c_str(),
+      perf::first_line_of("grep -m1 'model name' /proc/cpuinfo | cut -d: -f2- | sed 's/^ //'")
+          .c_str(),
       NEARMESH_CHART_COMPILER,
-      first_line_of("git -C '" NEARMESH_CHART_SOURCE "' describe --always --dirty 2>/dev/null")
+      perf::first_line_of("git -C '" NEARMESH_CHART_SOURCE
+                          "' describe --always --dirty 2>/dev/null")
           .c_str(),
       options.scene.quick ? " --quick" : "");
   std::fclose(about);

@@ -10,6 +10,7 @@
 #include <map>
 
 #include "contender.hpp"
+#include "first_line_of.hpp"
 #include "nearmesh/core/base/stopwatch.hpp"
 #include "nearmesh/core/meshio/import.hpp"
 #include "nearmesh/core/query/certify.hpp"
@@ -195,16 +196,6 @@ void time_refining(const std::string& workload, const PoseSet& set, const Model&
     report.add(workload, kUnderTest, "splits_a_frame_median", quantile(splits, 0.5), "splits",
                repeat);
   }
-}
-
-std::string first_line_of(const std::string& command) {
-  std::string text;
-  if (std::FILE* pipe = ::popen(command.c_str(), "r")) {
-    for (int c = std::fgetc(pipe); c != EOF && c != '\n'; c = std::fgetc(pipe))
-      text += static_cast<char>(c);
-    ::pclose(pipe);
-  }
-  return text;
 }
 
 }  // namespace

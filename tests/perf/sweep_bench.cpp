@@ -7,8 +7,8 @@
 #include <cstdio>
 #include <ctime>
 
+#include "full_tree.hpp"
 #include "nearmesh/core/base/random.hpp"
-#include "nearmesh/core/mesh/clean.hpp"
 #include "nearmesh/core/mesh/generate.hpp"
 #include "nearmesh/core/query/sweep.hpp"
 
@@ -20,17 +20,6 @@ double cpu_us() {
   timespec t{};
   ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
   return static_cast<double>(t.tv_sec) * 1e6 + static_cast<double>(t.tv_nsec) * 1e-3;
-}
-
-TriangleTree full_tree(const IndexedMesh& input) {
-  const CleanResult clean = clean_mesh(input, 21).value();
-  std::vector<TreeFace> faces;
-  for (const auto& f : clean.mesh.faces) {
-    TreeFace face{{}, {{}, static_cast<std::uint32_t>(faces.size())}};
-    for (std::size_t k = 0; k < 3; ++k) face.corners[k] = clean.mesh.positions[f[k]];
-    faces.push_back(face);
-  }
-  return build_triangle_tree(clean.mesh.grid, std::move(faces));
 }
 
 Answer still(const TreeView& a, const TreeView& b, const Pose& pose, bool clearance) {

@@ -10,8 +10,8 @@
 #include <utility>
 #include <vector>
 
+#include "full_tree.hpp"
 #include "nearmesh/core/base/random.hpp"
-#include "nearmesh/core/mesh/clean.hpp"
 #include "nearmesh/core/query/query.hpp"
 #include "random_rotation.hpp"
 
@@ -54,16 +54,7 @@ inline IndexedMesh make_ball(double radius_m) {
   return mesh;
 }
 
-inline TriangleTree body_tree(double radius_m) {
-  const CleanResult clean = clean_mesh(make_ball(radius_m), 21).value();
-  std::vector<TreeFace> faces;
-  for (const auto& f : clean.mesh.faces) {
-    TreeFace face{{}, {{}, static_cast<std::uint32_t>(faces.size())}};
-    for (std::size_t k = 0; k < 3; ++k) face.corners[k] = clean.mesh.positions[f[k]];
-    faces.push_back(face);
-  }
-  return build_triangle_tree(clean.mesh.grid, std::move(faces));
-}
+inline TriangleTree body_tree(double radius_m) { return full_tree(make_ball(radius_m)); }
 
 // ---- poses --------------------------------------------------------------------------------------
 

@@ -61,11 +61,7 @@ Model make_model(const IndexedMesh& mesh, std::uint32_t base_faces) {
     model.mesh.positions_m.push_back(at);
   }
   model.mesh.faces = grid_mesh.faces;
-  ActiveMesh full(model.baked.store);
-  RefineDelta delta;
-  for (const VertexId u : global_order(model.baked.store, 0xffffffffU))
-    static_cast<void>(full.split(u, delta));
-  model.tree = build_triangle_tree(model.baked.header.grid, current_triangles(full));
+  model.tree = build_full_tree(model.baked.header, model.baked.store).value();
   return model;
 }
 

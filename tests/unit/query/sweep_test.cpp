@@ -40,7 +40,7 @@ TriangleTree make_plate(double half, int n, double tilt = 0) {
   };
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < n; ++j) add_quad(faces, p(i, j), p(i + 1, j), p(i + 1, j + 1), p(i, j + 1));
-  return build_triangle_tree(kGrid, std::move(faces));
+  return build_triangle_tree(kGrid, faces);
 }
 
 /// Axis-parallel box.
@@ -54,7 +54,7 @@ TriangleTree make_box(const Vec3& lo, const Vec3& hi) {
                                 {2, 3, 7, 6}, {0, 2, 6, 4}, {1, 3, 7, 5}};
   for (const auto& side : kSides)
     add_quad(faces, corner(side[0]), corner(side[1]), corner(side[2]), corner(side[3]));
-  return build_triangle_tree(kGrid, std::move(faces));
+  return build_triangle_tree(kGrid, faces);
 }
 
 TriangleTree make_ball(double radius) {
@@ -69,7 +69,7 @@ TriangleTree make_ball(double radius) {
     }
     faces.push_back(face);
   }
-  return build_triangle_tree(kGrid, std::move(faces));
+  return build_triangle_tree(kGrid, faces);
 }
 
 Motion moving(const Vec3& from, const Vec3& velocity) {
