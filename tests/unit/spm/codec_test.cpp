@@ -135,6 +135,57 @@ TEST(CodecBatches, EachDecodesAlone) {
   EXPECT_EQ(splits, expected);
 }
 
+// A peer's store has boxes only where what it was sent was cut. What it passes on may be cut elsewhere.
+TEST(CodecBatches, ComeFromAPartOfTheModelToo) {
+  const BakedModel model = test::bake_named("terrain");
+  Random random(16);
+  const auto fill = [&](SplitStore& store, const SplitStore& from, const Treelet& treelet) {
+    for (const auto& bytes : encode_batches(model.header, from, treelet, BoxPolicy::kCutNodes)) {
+      const Result<SplitBatch> batch = decode_batch(model.header, bytes);
+      ASSERT_TRUE(batch.is_ok()) << batch.status().message();
+      for (const SplitRecord& record : batch.value().splits)
+        ASSERT_TRUE(
+            store
+                .insert(record, {batch.value().faces.data() + record.face_begin, record.face_count})
+                .is_ok());
+    }
+  };
+  std::vector<GridBox> around(model.header.vertex_count);  // the faces at each vertex
+  const auto add = [&](const SplitFace& face) {
+    for (const VertexId at : {face.left, face.right, face.outside})
+      for (const VertexId corner : {face.left, face.right, face.outside})
+        around[at.value].add(model.store.position(corner));
+  };
+  for (const SplitFace& face : model.store.base_faces()) add(face);
+  for (std::uint32_t v = 0; v < model.header.vertex_count; ++v)
+    for (const SplitFace& face : model.store.faces({v})) add(face);
+  SplitStore part(model.header), passed_on(model.header);
+  fill(part, model.store, random_treelet(random, model, 2000));
+  std::size_t without_box = 0;
+  for (int i = 0; i < 20; ++i) {
+    RegionRequest request{.attach = {}, .region = {part.box(part.roots()[0].node)}};
+    for (const BaseRoot& root : part.roots())
+      if (root.node.size > 1) request.attach.push_back(root.node);
+    request.max_splits = 1 + random.below(1000);
+    const Demand demand = collect(part, request, nullptr, AttachRule::kAlways).value();
+    fill(passed_on, part, demand.treelet);
+    for (const TreeletSplit& split : demand.treelet)
+      for (const NodeSpan& child :
+           {split.node.left_of(split.split), split.node.right_of(split.split)}) {
+        if (child.size < 2) continue;
+        without_box += part.box_code(child)[0] == kNoBoxCode ? 1 : 0;
+        GridBox faces = around[child.begin()];
+        for (std::uint32_t v = child.begin(); v < child.end(); ++v) faces.add(around[v]);
+        const GridBox box = passed_on.box(child);
+        for (int k = 0; k < 3; ++k) {
+          EXPECT_LE(box.lo[k], faces.lo[k]);
+          EXPECT_GE(box.hi[k], faces.hi[k]);
+        }
+      }
+  }
+  EXPECT_GT(without_box, 100U);
+}
+
 TEST(CodecBatches, NothingGivesNoBatch) {
   const BakedModel model = test::bake_named("sphere");
   EXPECT_TRUE(encode_batches(model.header, model.store, {}, BoxPolicy::kCutNodes).empty());

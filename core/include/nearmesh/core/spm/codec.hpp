@@ -35,7 +35,8 @@ inline constexpr std::size_t kMaxBatchBytes = 1188;
 inline constexpr std::size_t kBatchFramingBytes = 196;
 
 /// Cuts a treelet into batches of at most `max_bytes` each and encodes them; each batch decodes alone.
-/// The store must know every split named. Cost: about 200 ns a split.
+/// The store must know every split named; it need not hold all of the model: a node that came without a box is given one
+/// around its nearest ancestor's. Cost: about 200 ns a split.
 [[nodiscard]] std::vector<std::vector<std::uint8_t>> encode_batches(
     const SpmHeader& header, const SplitStore& store, const Treelet& treelet, BoxPolicy boxes,
     std::size_t max_bytes = kMaxBatchBytes);
