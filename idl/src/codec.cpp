@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "nearmesh/core/spm/region_words.hpp"
+
 namespace nearmesh::wire {
 
 namespace {
@@ -11,7 +13,6 @@ namespace {
 constexpr std::uint8_t kFlagLast = 1;
 constexpr std::uint8_t kFlagRefused = 2;
 constexpr std::size_t kWordsPerNode = 2;
-constexpr std::size_t kWordsPerPart = 10;
 constexpr std::size_t kWordsPerPair = 4;
 constexpr std::uint8_t kFlagAsked = 1;
 constexpr std::uint8_t kFlagSolidA = 2;
@@ -111,17 +112,10 @@ void encode(const RegionSubscription& message, wire_types::RegionSubscriptionSam
     sample.attach().push_back(node.first.value);
     sample.attach().push_back(node.size);
   }
-  auto& parts = sample.parts();
-  parts.clear();
-  for (const RegionPart& part : message.region.region) {
-    parts.insert(parts.end(), part.box.lo.v.begin(), part.box.lo.v.end());
-    parts.insert(parts.end(), part.box.hi.v.begin(), part.box.hi.v.end());
-    std::uint32_t normal = 0;
-    for (std::size_t k = 0; k < 3; ++k)
-      normal |= std::uint32_t{static_cast<std::uint8_t>(part.normal[k])} << (8 * k);
-    parts.insert(parts.end(),
-                 {part.radius, static_cast<std::int32_t>(normal), part.slab_lo, part.slab_hi});
-  }
+  RegionWords region = pack_region(message.region.region);
+  sample.region_origin(region.origin);
+  sample.region_shift(region.shift);
+  sample.region_words(std::move(region.words));
 }
 
 Result<RegionSubscription> decode(const wire_types::RegionSubscriptionSample& sample) {
@@ -136,24 +130,13 @@ Result<RegionSubscription> decode(const wire_types::RegionSubscriptionSample& sa
   message.window_bytes = sample.window_bytes();
   message.region.max_splits = sample.max_splits();
   const auto& attach = sample.attach();
-  const auto& parts = sample.parts();
   NEARMESH_RETURN_IF_ERROR(check_words(attach.size(), kWordsPerNode, kMaxAttachNodes, "attach"));
-  NEARMESH_RETURN_IF_ERROR(
-      check_words(parts.size(), kWordsPerPart, kMaxRegionBoxes, "region boxes"));
   for (std::size_t i = 0; i < attach.size(); i += kWordsPerNode)
     message.region.attach.push_back({VertexId{attach[i]}, attach[i + 1]});
-  for (std::size_t i = 0; i < parts.size(); i += kWordsPerPart) {
-    RegionPart part(GridBox{{{parts[i], parts[i + 1], parts[i + 2]}},
-                            {{parts[i + 3], parts[i + 4], parts[i + 5]}}});
-    part.radius = parts[i + 6];
-    const auto normal = static_cast<std::uint32_t>(parts[i + 7]);
-    if (normal >> 24 != 0) return Status{StatusCode::kInvalidArgument, "region: normal of a slab"};
-    for (std::size_t k = 0; k < 3; ++k)
-      part.normal[k] = static_cast<std::int8_t>(normal >> (8 * k));
-    part.slab_lo = parts[i + 8];
-    part.slab_hi = parts[i + 9];
-    message.region.region.push_back(part);
-  }
+  Result<std::vector<RegionPart>> region =
+      unpack_region({sample.region_origin(), sample.region_shift(), sample.region_words()});
+  if (!region.is_ok()) return region.status();
+  message.region.region = std::move(region).value();
   return checked(std::move(message));
 }
 

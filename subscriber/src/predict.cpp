@@ -41,12 +41,6 @@ struct Item {
   GridBox box;
   TreeEntry entry;
   std::uint32_t faces = kAllLanes;  // of a block: those meant
-
-  [[nodiscard]] std::int64_t extent() const {
-    std::int64_t sum = 0;
-    for (int k = 0; k < 3; ++k) sum += std::int64_t{box.hi[k]} - box.lo[k];
-    return sum;
-  }
 };
 
 // Calls emit for each of `groups` parts of the items, alike in number and close together.
@@ -129,10 +123,14 @@ class Sweep {
     RegionPart part = covering(lo, hi, std::max(0.0, growth_m / cell_ - radius));
     part.radius = static_cast<std::int32_t>(radius);
     add_slab(pieces, growth_m, part);
+    part.min_extent = min_extent(items);
     return part;
   }
 
  private:
+  // Own nodes down to so much of the size of the other's unresolved nodes are asked for: finer ones would be tested against
+  // boxes that are about to shrink. Below 1, so that two bodies never wait for each other.
+  static constexpr double kFinest = 0.5;
   static constexpr int kPartDepth = 1;
   // In own's model frame, metres; halves along the other's axes.
   struct Pieces {
@@ -158,6 +156,14 @@ class Sweep {
       covering.hi[k] = clamp_grid(std::ceil(to + cells));
     }
     return covering;
+  }
+  [[nodiscard]] std::int32_t min_extent(std::span<const Item> items) const {
+    double least = 1e300;  // cells of the other's grid
+    for (const Item& item : items)
+      least = item.entry.kind() == TreeEntry::Kind::kFrontier
+                  ? std::min(least, static_cast<double>(item.box.extent()))
+                  : 0;
+    return clamp_grid(std::floor(kFinest * std::ldexp(least, other_.grid->exponent) / cell_));
   }
   void gather(const TreeEntry& entry, std::uint32_t faces, int depth, Pieces& pieces) const {
     if (entry.kind() == TreeEntry::Kind::kFaces) {
@@ -241,7 +247,7 @@ std::vector<RegionPart> swept_region(const TreeView& own, const Motion& own_moti
   std::uint32_t order = 0;
   std::vector<Item> items;
   const auto offer = [&](const Item& item) {
-    if (is_near(sweep.box(item.box))) open.push({item.extent(), order++, item});
+    if (is_near(sweep.box(item.box))) open.push({item.box.extent(), order++, item});
   };
   const TreeEntry root = other.root();
   if (root.kind() != TreeEntry::Kind::kEmpty) offer({root.box, root});
@@ -293,7 +299,7 @@ std::optional<RegionRequest> make_request(const SplitStore& store, const RegionM
     const GridBox box = store.box(node);
     if (!std::binary_search(request.attach.begin(), end, node) &&
         std::any_of(request.region.begin(), request.region.end(),
-                    [&](const RegionPart& part) { return part.meets(box); }))
+                    [&](const RegionPart& part) { return part.asks_for(box); }))
       request.attach.push_back(node);
   }
   if (request.attach.empty()) return std::nullopt;

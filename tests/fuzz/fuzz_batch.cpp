@@ -6,6 +6,7 @@
 #include "fuzz_models.hpp"
 #include "nearmesh/core/demand/collect.hpp"
 #include "nearmesh/core/refine/replica.hpp"
+#include "nearmesh/core/spm/region_words.hpp"
 
 using namespace nearmesh;
 
@@ -89,10 +90,24 @@ void ask(const fuzz::FullModel& model, const SplitStore& partial, fuzz::FuzzInpu
       box.lo[k] = in.number<std::int32_t>() >> in.below(32);
       box.hi[k] = in.number<std::int32_t>() >> in.below(32);
     }
-    request.region.push_back(box);
+    RegionPart part(box);
+    if (in.byte() % 2 == 1) {
+      part.radius = in.number<std::int32_t>() >> in.below(32);
+      part.min_extent = in.number<std::int32_t>() >> in.below(32);
+      for (std::int8_t& n : part.normal) n = in.number<std::int8_t>();
+      part.slab_lo = in.number<std::int32_t>() >> in.below(32);
+      part.slab_hi = in.number<std::int32_t>() >> in.below(32);
+    }
+    request.region.push_back(part);
   }
   request.max_splits = in.number<std::uint16_t>();
   if (!check_request(model.store(), request).is_ok()) return;
+  const Result<std::vector<RegionPart>> arrived = unpack_region(pack_region(request.region));
+  FUZZ_CHECK(arrived.is_ok());
+  FUZZ_CHECK(pack_region(arrived.value()).words == pack_region(request.region).words);
+  for (std::size_t i = 0; i < request.region.size(); ++i)
+    FUZZ_CHECK(arrived.value()[i].box.contains(request.region[i].box));
+  request.region = arrived.value();
   for (const SplitStore* store : {&model.store(), &partial}) {
     const auto require = [](NodeSpan) { return Status::ok(); };
     const Result<Demand> demand = collect(*store, request, require);

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "nearmesh/core/demand/collect.hpp"
+#include "nearmesh/core/spm/region_words.hpp"
 #include "nearmesh/subscriber/predict.hpp"
 
 namespace nearmesh::perf {
@@ -30,12 +31,16 @@ inline std::optional<RegionRequest> next_request(const SplitStore& store, const 
     return subscriber::swept_region(own, Motion{.pose = own_pose}, other,
                                     Motion{.pose = other_pose}, 0, margin_m, max_parts, near);
   };
-  return subscriber::make_request(store, region, std::move(missing), kRegionBoxes, max_splits);
+  auto request =
+      subscriber::make_request(store, region, std::move(missing), kRegionBoxes, max_splits);
+  // As it is when it arrives.
+  if (request) request->region = unpack_region(pack_region(request->region)).value();
+  return request;
 }
 
 /// Bytes of a request's lists.
 inline std::uint64_t request_bytes(const RegionRequest& request) {
-  return 8 * request.attach.size() + 40 * request.region.size();
+  return 8 * request.attach.size() + 2 * kWordsPerPart * request.region.size();
 }
 
 /// The publisher's answer. `require` makes a node's split known to the store. Ends the program where the request is refused.

@@ -20,7 +20,7 @@ struct Candidate {
   NodeSpan node;
   GridBox box;
   std::uint32_t pool_begin = 0, pool_end = 0;
-  bool meets = true;  // the node's own box meets one of them
+  bool meets = true;  // one of them asks for the node itself
 };
 
 // The step that publisher and peer share: does a node matter to the region?
@@ -45,7 +45,7 @@ class RegionFilter {
       const std::uint32_t part = pool_[i];
       if (!region_[part].meets(reach)) continue;
       pool_.push_back(part);
-      candidate.meets = candidate.meets || region_[part].meets(box);
+      candidate.meets = candidate.meets || region_[part].asks_for(box);
     }
     candidate.pool_end = static_cast<std::uint32_t>(pool_.size());
     if (candidate.pool_begin == candidate.pool_end) return std::nullopt;

@@ -406,6 +406,42 @@ TEST(RegionPart, TakesTheGreatestNumbers) {
   EXPECT_TRUE(part.meets({{0, 0, 0}, {kMost, kMost, kMost}}));
 }
 
+TEST(RegionPart, AsksForNodesAboveItsLeastExtent) {
+  RegionPart part(GridBox{{0, 0, 0}, {10, 10, 10}});
+  part.min_extent = 12;
+  EXPECT_FALSE(part.asks_for({{2, 2, 2}, {6, 6, 6}}));
+  EXPECT_TRUE(part.asks_for({{2, 2, 2}, {7, 6, 6}}));
+  EXPECT_FALSE(part.asks_for({{11, 11, 11}, {27, 26, 26}}));
+}
+
+// A part that is itself not known better than so asks for no finer detail, but where a node is named.
+TEST(CollectRegion, StopsAtTheLeastExtent) {
+  const BakedModel model = test::bake_named("terrain");
+  RegionRequest request = request_for_all(model);
+  request.region = {
+      GridBox{{0, 0, 0}, {model.store.grid_max(), model.store.grid_max(), model.store.grid_max()}}};
+  const Demand all = collect(model.store, request, nullptr).value();
+  std::size_t finer = all.treelet.size() + 1;
+  for (const std::int32_t extent : {1 << 16, 1 << 19, 1 << 21}) {
+    request.region[0].min_extent = extent;
+    const Demand some = collect(model.store, request, nullptr).value();
+    EXPECT_LT(some.treelet.size(), finer);
+    finer = some.treelet.size();
+    for (const TreeletSplit& split : some.treelet)
+      EXPECT_GT(model.store.box(split.node).extent(), extent);
+    std::size_t expected = 0;  // boxes need not nest: what hangs below a small node stays away too
+    for (const TreeletSplit& split : all.treelet)
+      expected += model.store.box(split.node).extent() > extent ? 1 : 0;
+    EXPECT_LE(some.treelet.size(), expected);
+    EXPECT_GT(some.treelet.size(), expected / 2);
+    const std::vector<NodeSpan> missing = frontier(SplitStore(model.header), request.region, 10000);
+    for (const NodeSpan& node : missing) EXPECT_GT(model.store.box(node).extent(), extent);
+  }
+  request.region[0].min_extent = std::numeric_limits<std::int32_t>::max();
+  EXPECT_EQ(collect(model.store, request, nullptr, AttachRule::kAlways).value().treelet.size(),
+            request.attach.size());
+}
+
 // ---- requests from outside ----------------------------------------------------------------------
 
 class CheckRequest : public ::testing::Test {

@@ -269,6 +269,60 @@ TEST_P(OneRequest, IsEnoughToCertify) {
   EXPECT_TRUE(asked > 5 || model.header.split_count() < 10) << asked;
 }
 
+// Both bodies come over the wire: neither waits for the other, rounds are few, and less is asked for than by what the other
+// body's coarse boxes cover.
+TEST(MakeRequest, TwoBodiesRefineEachOtherInAFewRounds) {
+  const BakedModel model = test::bake_named("sphere");
+  const test::FullModel full(model);
+  Random random(6);
+  int touching = 0;
+  std::size_t asked = 0, covered = 0;
+  for (int i = 0; i < 20; ++i) {
+    SCOPED_TRACE(i);
+    const auto poses =
+        test::near_poses(random, model, test::radius_m(model), model, test::radius_m(model));
+    const std::array<Motion, 2> motions{Motion{.pose = poses.a}, Motion{.pose = poses.b}};
+    const Grid& grid = model.header.grid;
+    const PosedPair posed = pose_pair(grid, poses.a, "a", grid, poses.b, "b").value();
+    std::array<Replica, 2> replicas{Replica(model.header), Replica(model.header)};
+    std::array<AbTree, 2> trees{AbTree(replicas[0].mesh()), AbTree(replicas[1].mesh())};
+    const auto ask = [&] {
+      return query(trees[0].view(grid), posed.a, trees[1].view(grid), posed.b);
+    };
+    Answer answer = ask();
+    for (int round = 0; !is_certified(answer.status); ++round) {
+      ASSERT_LT(round, 12);
+      std::array<Demand, 2> demands;
+      for (std::size_t own = 0; own < 2; ++own) {
+        const auto region = [&](std::size_t max_parts, std::span<const GridBox> near) {
+          return swept_region(trees[own].view(grid), motions[own], trees[1 - own].view(grid),
+                              motions[1 - own], 0, 0, max_parts, near);
+        };
+        auto request = subscriber::make_request(replicas[own].store(), region,
+                                                own == 0 ? answer.missing_a : answer.missing_b, 64,
+                                                kMaxRequestSplits);
+        if (!request) continue;
+        demands[own] = collect(model.store, *request, nullptr, AttachRule::kAlways).value();
+        if (round > 0) continue;
+        asked += demands[own].treelet.size();
+        for (RegionPart& part : request->region) part.min_extent = 0;
+        covered +=
+            collect(model.store, *request, nullptr, AttachRule::kAlways).value().treelet.size();
+      }
+      for (std::size_t own = 0; own < 2; ++own)
+        for (const auto& bytes :
+             encode_batches(model.header, model.store, demands[own].treelet, BoxPolicy::kCutNodes))
+          trees[own].update(
+              replicas[own].apply_batch(decode_batch(model.header, bytes).value()).delta);
+      answer = ask();
+    }
+    EXPECT_EQ(answer.pairs, query(full.tree.view(), posed.a, full.tree.view(), posed.b).pairs);
+    touching += answer.pairs.empty() ? 0 : 1;
+  }
+  EXPECT_GT(touching, 3);
+  EXPECT_LT(asked, covered * 3 / 4);
+}
+
 TEST(MakeRequest, NamesNothingWhereNothingIsMissing) {
   const BakedModel model = test::bake_named("terrain");
   const auto everywhere = [&](std::size_t, std::span<const GridBox>) {

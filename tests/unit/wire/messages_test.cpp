@@ -92,6 +92,7 @@ TEST(CheckMessage, RefusesSubscriptionOutsideItsLimits) {
        {"radius", [](M& m) { m.region.region[1].radius = -1; }},
        {"normal", [](M& m) { m.region.region[1].normal[0] = -128; }},
        {"slab", [](M& m) { m.region.region[1].slab_hi = -9; }},
+       {"extent", [](M& m) { m.region.region[1].min_extent = -1; }},
        {"boxes", [](M& m) { m.region.region.assign(kMaxRegionBoxes + 1, m.region.region[0]); }},
        {"only credit", [](M& m) { m.request = 0; }}});
 }
@@ -159,7 +160,7 @@ TEST(CheckMessage, NamesBothVersionsWhenTheyDiffer) {
   const auto expect_unsupported = [](auto message) {
     message.wire_version = 9;
     EXPECT_EQ(check(message).code(), StatusCode::kUnsupported);
-    EXPECT_EQ(check(message).message(), "wire version 9, this build speaks 3");
+    EXPECT_EQ(check(message).message(), "wire version 9, this build speaks 4");
   };
   expect_unsupported(valid_hello());
   expect_unsupported(valid_header());

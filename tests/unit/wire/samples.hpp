@@ -35,7 +35,8 @@ inline RegionSubscription valid_subscription() {
   message.region.region[1].radius = 7;
   message.region.region[1].normal = {-60, 4, -1};
   message.region.region[1].slab_lo = -8;
-  message.region.region[1].slab_hi = 1 << 30;
+  message.region.region[1].slab_hi = 1 << 10;
+  message.region.region[1].min_extent = 6;
   message.region.max_splits = 99;
   return message;
 }

@@ -9,7 +9,7 @@ namespace {
 TEST(Topics, CarryPrefixAndVersionButHelloHasNone) {
   const TopicNames names("site/nearmesh");
   EXPECT_EQ(names.hello, "site/nearmesh/hello");
-  EXPECT_EQ(names.split_batch, "site/nearmesh/v3/split_batch");
+  EXPECT_EQ(names.split_batch, "site/nearmesh/v4/split_batch");
 }
 
 TEST(Topics, PartitionIsSixteenDigits) {
@@ -29,14 +29,14 @@ TEST(Topics, RemoteEndpointsThatCannotTalkToUsAreNamed) {
   const auto judge = [](const char* topic, std::string_view type) {
     return judge_remote_endpoint("p", topic, type).value_or("");
   };
-  EXPECT_EQ(judge("p/v3/body_pose", kBodyPoseType), "");
+  EXPECT_EQ(judge("p/v4/body_pose", kBodyPoseType), "");
   EXPECT_EQ(judge("p/hello", kHelloType), "");
   EXPECT_EQ(judge("q/v1/body_pose", kBodyPoseType), "");
   EXPECT_EQ(judge("pp/v1/body_pose", kBodyPoseType), "");
   EXPECT_EQ(judge("p/v/body_pose", "x"), "");
   EXPECT_EQ(judge("p/v1", "x"), "");
   EXPECT_EQ(judge("p/video", "x"), "");
-  EXPECT_NE(judge("p/v3/body_pose", "Other").find("Other"), std::string::npos);
+  EXPECT_NE(judge("p/v4/body_pose", "Other").find("Other"), std::string::npos);
   EXPECT_NE(judge("p/v23/body_pose", kBodyPoseType).find("wire version 23"), std::string::npos);
 }
 

@@ -102,9 +102,9 @@ TEST(TypeSupport, OverheadIsAsDocumented) {
   EXPECT_EQ(to_bytes<SplitBatchType>(batch).size(), kMaxBatchBytes + 36);
   RegionSubscription credit = valid_subscription();
   credit.region = {};
-  EXPECT_EQ(to_bytes<RegionSubscriptionType>(credit).size(), 56U);
-  // 8 bytes for each node and 24 for each box.
-  EXPECT_EQ(to_bytes<RegionSubscriptionType>(valid_subscription()).size(), 56U + 3 * 8 + 2 * 40);
+  EXPECT_EQ(to_bytes<RegionSubscriptionType>(credit).size(), 68U);
+  // 8 bytes for each node and 24 for each part.
+  EXPECT_EQ(to_bytes<RegionSubscriptionType>(valid_subscription()).size(), 68U + 3 * 8 + 2 * 24);
 }
 
 /// Measured with Fast DDS 2.9 and datagrams of 1,400 bytes: what is serialized to more than 1,224
@@ -158,10 +158,10 @@ TEST(TypeSupport, SurvivesChangedBytes) {
 
 TEST(TypeSupport, RecognisesAnotherVersionWhateverFollows) {
   std::string fault;
-  (void)from_bytes<HelloType>({0, 1, 0, 0, 4, 0, 0xff, 0xff, 0xff, 0xff}, &fault);
-  EXPECT_EQ(fault, "wire version 4, this build speaks 3");
+  (void)from_bytes<HelloType>({0, 1, 0, 0, 5, 0, 0xff, 0xff, 0xff, 0xff}, &fault);
+  EXPECT_EQ(fault, "wire version 5, this build speaks 4");
   (void)from_bytes<HelloType>({0, 0, 0, 0, 1, 2, 0xff, 0xff}, &fault);  // big endian
-  EXPECT_EQ(fault, "wire version 258, this build speaks 3");
+  EXPECT_EQ(fault, "wire version 258, this build speaks 4");
   (void)from_bytes<HelloType>({0, 3, 0, 0, 2, 0, 0xff, 0xff}, &fault);
   EXPECT_EQ(fault, "encapsulation 3, expected plain CDR");
 }

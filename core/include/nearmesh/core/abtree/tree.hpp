@@ -39,12 +39,8 @@ struct TreeEntry {
   bool operator==(const TreeEntry&) const = default;
 };
 
-/// How large a box is, in cells, for walks of two trees that open the larger of two first: the sum of its sides.
-[[nodiscard]] inline float size_of(const GridBox& box) {
-  std::int64_t sides = 0;
-  for (int k = 0; k < 3; ++k) sides += std::int64_t{box.hi[k]} - box.lo[k];
-  return static_cast<float>(sides);
-}
+/// How large a box is, in cells, for walks of two trees that open the larger of two first.
+[[nodiscard]] inline float size_of(const GridBox& box) { return static_cast<float>(box.extent()); }
 
 /// Where an entry stands: 8 * its node + its lane.
 using TreePlace = std::uint32_t;

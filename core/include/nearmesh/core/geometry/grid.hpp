@@ -52,6 +52,12 @@ struct GridBox {
       if (b.lo[k] > hi[k] || b.hi[k] < lo[k]) return false;
     return true;
   }
+  /// How large the box is, in cells: the sum of its sides. Precondition: not empty.
+  [[nodiscard]] std::int64_t extent() const {
+    std::int64_t sides = 0;
+    for (int k = 0; k < 3; ++k) sides += std::int64_t{hi[k]} - lo[k];
+    return sides;
+  }
   bool operator==(const GridBox&) const = default;
 };
 

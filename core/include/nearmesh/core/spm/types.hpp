@@ -88,6 +88,8 @@ struct RegionPart {
   std::int32_t radius = 0;              ///< in [0, kMaxRegionRadius]
   std::array<std::int8_t, 3> normal{};  ///< |x| + |y| + |z| <= kMaxSlabNormal; all 0: no slab
   std::int32_t slab_lo = 0, slab_hi = 0;
+  /// Nodes whose box's extent is no more are not asked for: the part stands for something that is itself not known better.
+  std::int32_t min_extent = 0;
 
   RegionPart() = default;
   RegionPart(const GridBox& whole) : box(whole) {}  // NOLINT: a box is a region
@@ -112,6 +114,10 @@ struct RegionPart {
     return square <= std::int64_t{radius} * radius && most >= std::int64_t{slab_lo} * 128 &&
            least <= std::int64_t{slab_hi} * 128;
   }
+  /// Whether the part asks that a node with this box be split.
+  [[nodiscard]] bool asks_for(const GridBox& node) const {
+    return node.extent() > min_extent && meets(node);
+  }
   bool operator==(const RegionPart&) const = default;
 };
 inline constexpr std::int32_t kMaxRegionRadius = 1 << 30;  ///< so that squares add up below 2^62
@@ -125,6 +131,7 @@ inline constexpr int kMaxSlabNormal = 127;
       kMaxSlabNormal)
     return "a slab normal above 127";
   if (part.slab_lo > part.slab_hi) return "an empty slab";
+  if (part.min_extent < 0) return "a least extent below 0";
   return nullptr;
 }
 
