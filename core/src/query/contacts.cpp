@@ -84,9 +84,7 @@ TouchingFaces collect_faces(const TreeView& tree, const PosedFrame& frame,
     }
     NEARMESH_ASSERT(found == faces.keys.size());
   }
-  for (const auto& c : faces.corners)
-    faces.posed.push_back(
-        {pose_point(frame, c[0]), pose_point(frame, c[1]), pose_point(frame, c[2])});
+  for (const auto& corners : faces.corners) faces.posed.push_back(pose_triangle(frame, corners));
   return faces;
 }
 

@@ -172,9 +172,7 @@ class RayWalk {
   void count_faces(const Ray& ray, const TreeEntry& leaf, Crossings& found) {
     solid_.for_each_face(leaf, [&](const TreeFace& face) {
       ++stats_.triangle_tests;
-      found.winding += signed_crossing(
-          ray, {pose_point(frame_, face.corners[0]), pose_point(frame_, face.corners[1]),
-                pose_point(frame_, face.corners[2])});
+      found.winding += signed_crossing(ray, pose_triangle(frame_, face.corners));
     });
   }
 

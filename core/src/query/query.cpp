@@ -17,11 +17,6 @@ namespace {
 
 using Kind = TreeEntry::Kind;
 
-LatticeTriangle pose_triangle(const PosedFrame& frame, const std::array<GridPoint, 3>& corners) {
-  return {pose_point(frame, corners[0]), pose_point(frame, corners[1]),
-          pose_point(frame, corners[2])};
-}
-
 /// One tree's nodes as the other body sees them, the latest few of them: a walk comes back to the same ones.
 class PlacedNodes {
  public:

@@ -268,7 +268,7 @@ class Sweep {
   void test_at(std::uint64_t instant, Posed& posed, const TreeFace& fa, const TreeFace& fb) {
     if (seconds(instant) >= answer_.hit_s || !pose_both(instant, posed)) return;
     ++answer_.stats.triangle_tests;
-    if (triangles_overlap(pose_triangle(posed.a, fa), pose_triangle(posed.b, fb)))
+    if (triangles_overlap(pose_triangle(posed.a, fa.corners), pose_triangle(posed.b, fb.corners)))
       answer_.hit_s = seconds(instant);
   }
 
@@ -287,11 +287,6 @@ class Sweep {
     pose(b_, posed.b);
     posed.instant = instant;
     return status_.is_ok();
-  }
-
-  static LatticeTriangle pose_triangle(const PosedFrame& frame, const TreeFace& face) {
-    return {pose_point(frame, face.corners[0]), pose_point(frame, face.corners[1]),
-            pose_point(frame, face.corners[2])};
   }
 
   /// Whether a frontier box (in its own grid) stays clear of the other side's exact faces.

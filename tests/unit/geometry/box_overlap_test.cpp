@@ -83,10 +83,6 @@ Scene some_scene(Random& random, int bits) {
           some_triangle(random, bits)};
 }
 
-LatticeTriangle posed(const PosedFrame& frame, const GridTriangle& t) {
-  return {pose_point(frame, t[0]), pose_point(frame, t[1]), pose_point(frame, t[2])};
-}
-
 CenteredBox box_around(const GridTriangle& t) {
   GridBox box;
   for (const GridPoint& p : t) box.add(p);
@@ -94,7 +90,7 @@ CenteredBox box_around(const GridTriangle& t) {
 }
 
 bool in_contact(const Scene& s) {
-  return triangles_overlap(posed(s.a, s.in_a), posed(s.b, s.in_b));
+  return triangles_overlap(pose_triangle(s.a, s.in_a), pose_triangle(s.b, s.in_b));
 }
 
 std::int64_t random_cells(Random& random, int bits) {
@@ -184,8 +180,8 @@ TEST(TrianglesGap, ZeroAcrossAContact) {
 /// Distance in metres of the posed triangles by alternating projection in long double: from above.
 long double distance_from_above_m(const Scene& s) {
   using Point = std::array<long double, 3>;
-  const LatticeTriangle ta = posed(s.a, s.in_a);
-  const LatticeTriangle tb = posed(s.b, s.in_b);
+  const LatticeTriangle ta = pose_triangle(s.a, s.in_a);
+  const LatticeTriangle tb = pose_triangle(s.b, s.in_b);
   const auto relative = [&](const LatticePoint& p) {
     Point out;
     for (std::size_t k = 0; k < 3; ++k) out[k] = static_cast<long double>(p.v[k] - ta[0].v[k]);

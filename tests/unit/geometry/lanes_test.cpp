@@ -117,10 +117,6 @@ Lanes random_lanes(Random& random) {
   return lanes;
 }
 
-LatticeTriangle posed(const PosedFrame& frame, const Triangle& t) {
-  return {pose_point(frame, t[0]), pose_point(frame, t[1]), pose_point(frame, t[2])};
-}
-
 /// An upper bound of the distance, metres: that of the nearest corners.
 double corner_distance_m(const Frames& frames, std::span<const Triangle> a,
                          std::span<const Triangle> b) {
@@ -141,7 +137,7 @@ double corner_distance_m(const Frames& frames, std::span<const Triangle> a,
 bool touch(const Frames& frames, const Patch& a, const Patch& b) {
   for (const Triangle& s : a)
     for (const Triangle& t : b)
-      if (triangles_overlap(posed(frames.a, s), posed(frames.b, t))) return true;
+      if (triangles_overlap(pose_triangle(frames.a, s), pose_triangle(frames.b, t))) return true;
   return false;
 }
 
@@ -227,15 +223,16 @@ TEST(Lanes, NeverPartWhatTouchesAndPartMostOfWhatDoesNot) {
             }
             bool one_touches = false;
             for (const Triangle& t : b.patches[j])
-              one_touches = one_touches || triangles_overlap(posed(frames.a, a.patches[lane][0]),
-                                                             posed(frames.b, t));
+              one_touches =
+                  one_touches || triangles_overlap(pose_triangle(frames.a, a.patches[lane][0]),
+                                                   pose_triangle(frames.b, t));
             if (one_touches) {
               ASSERT_EQ(triangles >> lane & 1U, 0U);
             } else {
               triangles_parted += static_cast<int>(triangles >> lane & 1U);
             }
-            if (triangles_overlap(posed(frames.a, a.patches[j][0]),
-                                  posed(frames.b, b.patches[lane][0]))) {
+            if (triangles_overlap(pose_triangle(frames.a, a.patches[j][0]),
+                                  pose_triangle(frames.b, b.patches[lane][0]))) {
               ASSERT_EQ(planes >> lane & 1U, 0U);
             } else {
               planes_parted += static_cast<int>(planes >> lane & 1U);

@@ -79,6 +79,13 @@ struct PosedFrame {
   return out;
 }
 
+/// The posed face: that is what touches.
+[[nodiscard]] inline LatticeTriangle pose_triangle(const PosedFrame& frame,
+                                                   const std::array<GridPoint, 3>& corners) {
+  return {pose_point(frame, corners[0]), pose_point(frame, corners[1]),
+          pose_point(frame, corners[2])};
+}
+
 /// A closed box along the lattice's axes.
 struct LatticeBox {
   LatticePoint lo, hi;
