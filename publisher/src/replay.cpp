@@ -102,10 +102,10 @@ Replay::Replay(RecordingReader& recording, ReplayIndex& index, ReplayOutlet& out
 }
 Replay::~Replay() = default;
 
-Status Replay::begin() { return restore(playhead_.next_id()); }
+Status Replay::begin() { return restore(std::nullopt); }
 
 Status Replay::step(double now_s) {
-  if (outlet_.take_restart()) NEARMESH_RETURN_IF_ERROR(restore(playhead_.next_id()));
+  if (outlet_.take_restart()) NEARMESH_RETURN_IF_ERROR(restore(std::nullopt));
   for (int i = 0; i < kBurst; ++i) {
     const Result<std::optional<Playhead::Due>> due = playhead_.take(now_s);
     if (!due.is_ok()) return due.status();
@@ -157,8 +157,8 @@ void Replay::play(const Playhead::Due& due) {
   topic.bytes += due.message.cdr.size();
 }
 
-/// `before`: where the replay was until now.
-Status Replay::restore(std::int64_t before) {
+/// `before`: where the replay was until now, none where nothing was said yet.
+Status Replay::restore(std::optional<std::int64_t> before) {
   const std::int64_t now = playhead_.next_id();
   const auto each = [this](const std::vector<std::int64_t>& ids, const auto& use) {
     for (const std::int64_t id : ids)
@@ -169,14 +169,20 @@ Status Replay::restore(std::int64_t before) {
           }));
     return Status::ok();
   };
-  NEARMESH_RETURN_IF_ERROR(each(index_.not_yet(now, before),
-                                [this](std::uint32_t stream, const std::vector<std::uint8_t>& cdr) {
-                                  outlet_.withdraw(stream, cdr);
-                                }));
-  return each(index_.latched(now),
-              [this](std::uint32_t stream, const std::vector<std::uint8_t>& cdr) {
-                ++(outlet_.publish(stream, cdr) ? stats_.restored : stats_.failed);
-              });
+  std::vector<std::int64_t> to_say = index_.latched(now);
+  if (before) {
+    NEARMESH_RETURN_IF_ERROR(
+        each(index_.not_yet(now, *before),
+             [this](std::uint32_t stream, const auto& cdr) { outlet_.withdraw(stream, cdr); }));
+    // What holds already is not said again: headers are large.
+    const std::vector<std::int64_t> said = index_.latched(*before);
+    std::erase_if(to_say, [&said](std::int64_t id) {
+      return std::binary_search(said.begin(), said.end(), id);
+    });
+  }
+  return each(to_say, [this](std::uint32_t stream, const auto& cdr) {
+    ++(outlet_.publish(stream, cdr) ? stats_.restored : stats_.failed);
+  });
 }
 
 void Replay::answer(double now_s) {

@@ -11,7 +11,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
-#include <span>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -105,7 +105,7 @@ class Replay {
   };
 
   void play(const Playhead::Due& due);
-  [[nodiscard]] Status restore(std::int64_t before);
+  [[nodiscard]] Status restore(std::optional<std::int64_t> before);
   void answer(double now_s);
 
   RecordingReader& recording_;

@@ -78,15 +78,17 @@ Result<std::unique_ptr<ReplayIndex>> ReplayIndex::build(
 Status ReplayIndex::add_streams(const RecordingReader& recording,
                                 const std::vector<std::string>& topics) {
   NEARMESH_RETURN_IF_ERROR(check_topics(recording, topics));
+  const auto is_wanted = [&](ReplayTopic topic) {
+    return topics.empty() ||
+           std::find(topics.begin(), topics.end(),
+                     kReplayTopicNames[static_cast<std::size_t>(topic)]) != topics.end();
+  };
+  plays_batches_ = is_wanted(ReplayTopic::kSplitBatch);
   std::map<std::tuple<std::uint32_t, EndpointGuid, std::string>, std::uint32_t> known;
   for (const RecordedWriter& writer : recording.writers()) {
     const RecordedTopic& topic = recording.topics()[writer.topic];
     const std::optional<ReplayTopic> which = topic_of_type(topic.type);
-    const bool wanted =
-        which && (topics.empty() ||
-                  std::find(topics.begin(), topics.end(),
-                            kReplayTopicNames[static_cast<std::size_t>(*which)]) != topics.end());
-    if (!wanted) {
+    if (!which || !is_wanted(*which)) {
       stream_of_writer_.push_back(kNotPlayed);
       continue;
     }
@@ -94,7 +96,6 @@ Status ReplayIndex::add_streams(const RecordingReader& recording,
                                                 static_cast<std::uint32_t>(streams_.size()));
     if (is_new) streams_.push_back({*which, topic.name, writer.partition});
     stream_of_writer_.push_back(at->second);
-    plays_batches_ |= *which == ReplayTopic::kSplitBatch;
   }
   return Status::ok();
 }

@@ -61,7 +61,7 @@ class ReplayIndex {
 
   [[nodiscard]] const std::set<wire::SessionId>& publishers() const { return publishers_; }
   [[nodiscard]] const std::set<wire::SessionId>& peers() const { return peers_; }
-  /// By content hash. Only where batches are played: none are answered with otherwise.
+  /// By content hash. Those with a header in the recording, where batches are wanted at all.
   [[nodiscard]] std::map<std::uint64_t, RecordedDetail>& details() { return details_; }
 
   /// Messages that hold at `end`, ascending: the latest of each hello, header and pose, and requests that are not answered
