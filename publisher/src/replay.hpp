@@ -90,8 +90,10 @@ class Replay {
   [[nodiscard]] Status seek(double time_s, double now_s);
 
   [[nodiscard]] Playhead& playhead() { return playhead_; }
-  /// All was played; never in a loop.
-  [[nodiscard]] bool is_done() const { return !loop_ && playhead_.at_end(); }
+  /// All was played; never in a loop, nor while paused, from where one may still go back.
+  [[nodiscard]] bool is_done() const {
+    return !loop_ && !playhead_.is_paused() && playhead_.at_end();
+  }
   [[nodiscard]] const ReplayStats& stats() const { return stats_; }
   /// One line each since the last call.
   [[nodiscard]] std::vector<std::string> take_complaints();

@@ -52,11 +52,14 @@ Result<ReplayNames> rename(const RecordingReader& recording, const std::vector<s
       continue;
     }
     std::string known = recorded;
+    bool found = false;
     for (const RecordedTopic& topic : recording.topics()) {
       known += ", " + topic.name;
-      if (topic.name == from || last_part(topic.name) == from) topics[topic.name] = to;
+      if (topic.name != from && last_part(topic.name) != from) continue;
+      topics[topic.name] = to;
+      found = true;
     }
-    if (topics.empty()) return refuse("the recording has no " + from + ", but " + known);
+    if (!found) return refuse("the recording has no " + from + ", but " + known);
   }
   const auto all = [](const wire::TopicNames& names) {
     return std::array{names.hello,       names.mesh_header, names.region_subscription,
@@ -233,6 +236,7 @@ Status replay(Options options) {
     return Status{status.code(), options.path + ": " + status.message()};
   };
   if (!index.is_ok()) return in_file(index.status());
+  if (stop_requested != 0) return Status::ok();
   Result<Playhead> playhead = Playhead::create(recording, options.playhead, clock.seconds());
   if (!playhead.is_ok()) return in_file(playhead.status());
   const Result<ReplayNames> names = rename(recording, options.remaps, options.transport);

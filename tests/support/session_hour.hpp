@@ -25,8 +25,8 @@ inline HourFacts write_session_hour(const std::string& path, const HourOptions& 
   const std::unique_ptr<TempFile> model_file = write_model(model);
   const ModelFile file = ModelFile::open(model_file->path()).value();
   Treelet all;
-  for (const NodeSpan root : block_roots(model.store))
-    for (const TreeletSplit& split : block_treelet(model.store, root)) all.push_back(split);
+  for (const VertexId split : all_splits(model.store))
+    all.push_back({model.store.node_of(split), split});
   std::sort(all.begin(), all.end(),
             [](const TreeletSplit& a, const TreeletSplit& b) { return a.node < b.node; });
   for (std::size_t i = 0; i < all.size(); ++i) {
