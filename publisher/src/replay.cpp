@@ -2,7 +2,7 @@
 #include "replay.hpp"
 
 #include <algorithm>
-#include <cmath>
+#include <bit>
 #include <utility>
 
 namespace nearmesh::publisher {
@@ -14,9 +14,12 @@ constexpr double kNothingPeriod_s = 0.1;
 
 }  // namespace
 
+// A class is named by the highest bit of the microseconds and the two below it.
 void LateTimes::add(double late_s) {
-  const double octaves = std::log2(std::max(late_s, 1e-6) * 1e6);
-  ++counts_[std::min(kClasses - 1, static_cast<std::size_t>(4 * octaves))];
+  const auto us = static_cast<std::uint64_t>(std::clamp(late_s * 1e6 + 0.5, 0.0, 1e9));
+  const auto top = static_cast<unsigned>(std::bit_width(us));
+  const std::uint64_t place = us < 4 ? us : 4 * (top - 2) + (us >> (top - 3) & 3);
+  ++counts_[std::min<std::uint64_t>(kClasses - 1, place)];
   ++total_;
 }
 
@@ -24,8 +27,9 @@ double LateTimes::quantile(double share) const {
   std::uint64_t below = 0;
   for (std::size_t i = 0; i < kClasses; ++i) {
     below += counts_[i];
-    if (total_ > 0 && static_cast<double>(below) >= share * static_cast<double>(total_))
-      return 1e-6 * std::exp2(static_cast<double>(i + 1) / 4);
+    if (total_ == 0 || static_cast<double>(below) < share * static_cast<double>(total_)) continue;
+    const std::uint64_t bound_us = i < 4 ? i + 1 : (i % 4 + 5) << (i / 4 - 1);
+    return 1e-6 * static_cast<double>(bound_us);
   }
   return 0;
 }

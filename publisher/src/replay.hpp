@@ -42,7 +42,7 @@ class ReplayOutlet {
   [[nodiscard]] virtual std::vector<std::string> take_complaints() = 0;
 };
 
-/// How late messages were, in classes of a quarter of an octave from a microsecond up.
+/// How late messages were, in classes of four to an octave from a microsecond up.
 class LateTimes {
  public:
   void add(double late_s);

@@ -171,7 +171,8 @@ TEST_F(ReplayProgram, LateJoinerIsAnsweredRight) {
               "[[ground, one], [ground, two], [one, two]]");
   const auto player =
       start("nearmesh-publisher",
-            replay(session, {"--start", "1", "--loop", "--rate", "0.5", "--json"}), "replaying");
+            replay(session, {"--start", "1", "--end", "2.5", "--loop", "--rate", "0.5", "--json"}),
+            "replaying");
   const auto late = fly("late", 1);
   ASSERT_EQ(late->wait(), 0) << late->err();
   player->signal(SIGINT);
@@ -193,7 +194,10 @@ TEST_F(ReplayProgram, LateJoinerIsAnsweredRight) {
   const json report = json::parse(test::lines_of(player->out()).back()).at("replayed");
   EXPECT_GT(report.at("live_requests"), 0);
   EXPECT_GT(report.at("live_batches"), 0);
-  EXPECT_GT(report.at("restored"), 3);  // two headers, a hello, two poses
+  EXPECT_GE(report.at("restored"), 5);  // two headers, a hello, two poses
+  EXPECT_GE(report.at("loops"), 1);     // and so it was sought, back to the start
+  // The recorded peers' subscriptions, which this process hears too, are nobody's.
+  EXPECT_EQ(player->err().find("in the recording too"), std::string::npos) << player->err();
 }
 
 TEST_F(ReplayProgram, RefusesWithAReason) {
@@ -267,6 +271,18 @@ class OnTerminal {
       return shown_.find(text) != std::string::npos;
     });
   }
+
+  /// What the next progress line counts; while it is paused.
+  long samples() {
+    press("");
+    const std::string mark = "paused: ";
+    EXPECT_TRUE(shows(mark));
+    const std::size_t begin = shown_.find(mark) + mark.size();
+    EXPECT_TRUE(test::await([&] {
+      return shows(" samples;") && shown_.find(" samples;", begin) != std::string::npos;
+    }));
+    return std::atol(shown_.c_str() + begin);
+  }
   int wait() {
     int status = 0;
     const bool over = test::await([&] {
@@ -305,12 +321,19 @@ TEST_F(ReplayProgram, KeysPauseStepSeekAndEnd) {
   EXPECT_FALSE(terminal.is_as_before());
   terminal.press(" ");
   ASSERT_TRUE(terminal.shows("paused")) << terminal.shown();
+  const long before = terminal.samples();
+  EXPECT_EQ(terminal.samples(), before);
+  terminal.press("s");
+  ASSERT_TRUE(test::await([&] { return terminal.samples() > before; })) << terminal.shown();
   terminal.press("\x1b[H");  // home
   ASSERT_TRUE(terminal.shows("] 0.0 of")) << terminal.shown();
-  terminal.press("\x1b[C\x1b[D");  // there and back: it is shorter than 5 s, or a little longer
-  ASSERT_TRUE(terminal.shows("paused")) << terminal.shown();
-  terminal.press("s");
-  ASSERT_TRUE(terminal.shows("paused")) << terminal.shown();
+  terminal.press("\x1b[C");  // 5 s on: nearly all of it, or the end
+  ASSERT_TRUE(test::await([&] {
+    terminal.press("");
+    return terminal.shows("paused") && terminal.shown().find("] 0.0 of") == std::string::npos;
+  })) << terminal.shown();
+  terminal.press("\x1b[D");
+  ASSERT_TRUE(terminal.shows("] 0.")) << terminal.shown();
   terminal.press("q");
   EXPECT_EQ(terminal.wait(), 0);
   EXPECT_TRUE(terminal.is_as_before());

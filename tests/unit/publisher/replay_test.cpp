@@ -18,6 +18,21 @@ class ReplayTest : public ::testing::Test {
   TempFile file{".db3"};
 };
 
+TEST(LateTimes, QuantilesBoundWhatWasAdded) {
+  publisher::LateTimes late;
+  EXPECT_EQ(late.quantile(0.99), 0);
+  double above_s = 0;
+  for (const double s : {0.0, 1e-6, 3e-6, 4e-6, 7e-6, 8e-6, 100e-6, 0.0123, 1.0, 77.0}) {
+    late.add(s);
+    EXPECT_GT(late.quantile(1), s);
+    EXPECT_LE(late.quantile(1), std::max(1.3 * s, s + 1.1e-6));
+    EXPECT_GT(late.quantile(1), above_s);
+    above_s = late.quantile(1);
+  }
+  EXPECT_GT(late.quantile(0.5), 7e-6);
+  EXPECT_LE(late.quantile(0.5), 9e-6);
+}
+
 TEST_F(ReplayTest, AllSamplesComeOutUnchangedAndInOrder) {
   const double length_s = record_flight(file.path());
   ReplayWorld play(file.path(), {.rate = 4});
