@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -283,8 +284,9 @@ void add_replay_command(CLI::App& app, std::function<Status()>& chosen) {
   command->add_option("--rate", options->playhead.rate, "Recorded seconds a second")
       ->capture_default_str()
       ->check([](const std::string& text) {
-        double rate = 0;
-        const bool good = CLI::detail::lexical_cast(text, rate) && std::isfinite(rate) && rate > 0;
+        char* end = nullptr;
+        const double rate = std::strtod(text.c_str(), &end);
+        const bool good = *end == '\0' && std::isfinite(rate) && rate > 0;
         return good ? std::string() : "expected a number above 0, found " + text;
       });
   command->add_option("--start", options->playhead.start_s, "Begin here, seconds into the session")
