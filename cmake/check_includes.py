@@ -25,7 +25,7 @@ ARROWS = {
     "query": "base geometry refine abtree",
     "session": "base",
     "wire": "base geometry spm",
-    "publisher": "base geometry spm demand session wire",
+    "publisher": "base geometry spm demand refine session wire",
     "subscriber": "base geometry spm demand refine abtree query session wire",
     "tools": "base geometry mesh meshio simplify spm bake refine demand abtree query session",
     "examples": "base geometry mesh meshio simplify spm bake refine demand abtree query session wire"

@@ -5,23 +5,16 @@
 #include <map>
 #include <utility>
 
-#include "nearmesh/wire/dds_support.hpp"
+#include "dds_peers.hpp"
 
 namespace nearmesh::publisher {
 
-using wire::Handle;
-using wire::Microseconds;
 using wire::SessionId;
 
 namespace {
 
-/// One call does not starve batches; what remains is taken by the next.
-constexpr std::size_t kMaxTaken = 1024;
 /// Announcements are rare and must get through.
 constexpr std::chrono::seconds kAnnounceDeadline{2};
-/// A recorder hears batches best-effort, so it must have found a new peer's writer before the first of them: without the
-/// first, none of what that peer answers can be proved. Peers that are not recorded do not wait.
-constexpr std::chrono::milliseconds kRecorderGrace{100};
 
 }  // namespace
 
@@ -32,48 +25,33 @@ class DdsChannel::Impl {
         names_(options.transport.prefix),
         hello_listener_(mailbox_, names_.hello),
         header_listener_(mailbox_, names_.mesh_header),
-        subscription_listener_(mailbox_, names_.region_subscription) {}
+        peers_(mailbox_, names_.region_subscription, names_.split_batch, options.max_peers,
+               options.transport.heartbeat_s) {}
 
   Status start();
   Status open();
   void announce(const wire::Hello& hello, const std::vector<wire::MeshHeader>& headers);
   std::vector<wire::RegionSubscription> take_subscriptions();
-  std::vector<SessionId> take_lost_peers();
-  bool send(SessionId peer, const wire::SplitBatchMessage& batch);
+  DdsPeers& peers() { return peers_; }
   wire::Mailbox& mailbox() { return mailbox_; }
 
  private:
-  struct Peer {
-    std::unique_ptr<wire::WriterListener> listener;
-    wire::fdds::DataWriter* writer = nullptr;
-    Handle subscriptions;  ///< the peer's writer, by which its participant is known
-    std::chrono::steady_clock::time_point added = std::chrono::steady_clock::now();
-  };
-
   template <class Type, class Message>
   bool write_patiently(wire::fdds::DataWriter& writer, const Message& message);
   void rejoin();
   void withdraw_headers(const std::vector<wire::MeshHeader>& kept);
-  bool admit(SessionId peer, const Handle& writer, Microseconds received);
-  bool add_peer(SessionId peer, const Handle& writer);
 
   DdsChannelOptions options_;
   wire::TopicNames names_;
   wire::Mailbox mailbox_;
   wire::WriterListener hello_listener_, header_listener_;
-  wire::ReaderListener subscription_listener_;
-  std::map<SessionId, Peer> peers_;
-  wire::SessionBook book_;
+  DdsPeers peers_;
   std::map<std::uint64_t, std::string> announced_headers_;  ///< content hash to name
-  bool complained_of_limit_ = false;
-  SessionId own_id_ = 0;  ///< known with the first announcement
-  wire::Hello hello_;     ///< what was announced last, for a rejoin
+  SessionId own_id_ = 0;                                    ///< known with the first announcement
+  wire::Hello hello_;  ///< what was announced last, for a rejoin
   std::vector<wire::MeshHeader> headers_;
-  std::vector<SessionId> lost_by_stop_;
   wire::fdds::DataWriter* hello_writer_ = nullptr;
   wire::fdds::DataWriter* header_writer_ = nullptr;
-  wire::fdds::DataReader* subscription_reader_ = nullptr;
-  wire::fdds::Topic* batch_topic_ = nullptr;
   std::unique_ptr<wire::Bus> bus_;  ///< last: goes first, while the listeners still live
   std::unique_ptr<wire::StopDetector> stops_;
 };
@@ -101,18 +79,8 @@ Status DdsChannel::Impl::open() {
   if (!hello.is_ok()) return hello.status();
   auto header = bus_->add_topic<wire::MeshHeaderType>(names_.mesh_header);
   if (!header.is_ok()) return header.status();
-  auto subscription = bus_->add_topic<wire::RegionSubscriptionType>(names_.region_subscription);
-  if (!subscription.is_ok()) return subscription.status();
-  auto batch = bus_->add_topic<wire::SplitBatchType>(names_.split_batch);
-  if (!batch.is_ok()) return batch.status();
-  batch_topic_ = batch.value();
-
   // The reader first: a peer that hears of us can be heard.
-  auto reader =
-      bus_->add_reader(subscription.value(), wire::reader_qos(wire::kRegionSubscriptionDelivery),
-                       subscription_listener_);
-  if (!reader.is_ok()) return reader.status();
-  subscription_reader_ = reader.value();
+  NEARMESH_RETURN_IF_ERROR(peers_.open(*bus_));
   const double heartbeat_s = options_.transport.heartbeat_s;
   auto header_writer =
       bus_->add_writer(header.value(), wire::mesh_header_writer_qos(heartbeat_s), header_listener_);
@@ -176,10 +144,8 @@ void DdsChannel::Impl::withdraw_headers(const std::vector<wire::MeshHeader>& kep
 /// After the process was stopped: as a new participant, with the same session. Every peer starts
 /// afresh.
 void DdsChannel::Impl::rejoin() {
-  for (const SessionId peer : book_.clear()) lost_by_stop_.push_back(peer);
   bus_.reset();
-  peers_.clear();
-  (void)subscription_listener_.take_matches();
+  peers_.forget();
   announced_headers_.clear();
   if (const Status status = open(); !status.is_ok()) {
     mailbox_.complain("could not join again after a stop: " + status.message());
@@ -191,92 +157,9 @@ void DdsChannel::Impl::rejoin() {
 std::vector<wire::RegionSubscription> DdsChannel::Impl::take_subscriptions() {
   if (stops_->take_stop()) rejoin();
   if (bus_ == nullptr) return {};
-  std::vector<wire::RegionSubscription> taken;
-  const bool more = wire::drain<wire::RegionSubscriptionType>(
-      *subscription_reader_, mailbox_, kMaxTaken,
-      [&](wire::RegionSubscription&& message, const Handle& writer, Microseconds received) {
-        if (own_id_ != 0 && message.publisher != own_id_) return;  // for another publisher
-        if (admit(message.peer, writer, received)) taken.push_back(std::move(message));
-      });
-  if (more) mailbox_.wake();
-  return taken;
-}
-
-bool DdsChannel::Impl::admit(SessionId peer, const Handle& writer, Microseconds received) {
-  switch (book_.claim(peer, writer, received)) {
-    case wire::SessionBook::Claim::kKnown:
-      return true;
-    case wire::SessionBook::Claim::kStale:
-      return false;
-    case wire::SessionBook::Claim::kTaken:
-      mailbox_.complain(names_.region_subscription + ": sample of " + wire::name_of(writer) +
-                        " dropped: peer " + wire::partition_of(peer) +
-                        " speaks through another writer");
-      return false;
-    case wire::SessionBook::Claim::kNew:
-      break;
-  }
-  if (add_peer(peer, writer)) return true;
-  book_.release(peer);
-  return false;
-}
-
-bool DdsChannel::Impl::add_peer(SessionId peer, const Handle& subscriptions) {
-  if (peers_.size() >= options_.max_peers) {
-    if (!std::exchange(complained_of_limit_, true))
-      mailbox_.complain("peer " + wire::partition_of(peer) + " refused: there are " +
-                        std::to_string(peers_.size()) + " already, the limit (max_peers)");
-    return false;
-  }
-  Peer entry;
-  entry.listener = std::make_unique<wire::WriterListener>(mailbox_, names_.split_batch);
-  auto writer = bus_->add_writer(
-      batch_topic_, wire::writer_qos(wire::kSplitBatchDelivery, options_.transport.heartbeat_s),
-      *entry.listener, wire::partition_of(peer));
-  if (!writer.is_ok()) {
-    mailbox_.complain("peer " + wire::partition_of(peer) +
-                      " refused: " + writer.status().message());
-    return false;
-  }
-  entry.writer = writer.value();
-  entry.subscriptions = subscriptions;
-  peers_.emplace(peer, std::move(entry));
-  return true;
-}
-
-std::vector<SessionId> DdsChannel::Impl::take_lost_peers() {
-  std::vector<SessionId> lost = std::exchange(lost_by_stop_, {});
-  for (const auto& event : subscription_listener_.take_matches()) {
-    if (!event.gone) {
-      book_.welcome(event.writer);
-      continue;
-    }
-    const std::optional<SessionId> peer = book_.forget(event.writer, event.when);
-    if (!peer) continue;
-    const auto found = peers_.find(*peer);
-    bus_->remove_writer(found->second.writer);
-    peers_.erase(found);
-    complained_of_limit_ = false;
-    lost.push_back(*peer);
-  }
-  return lost;
-}
-
-bool DdsChannel::Impl::send(SessionId peer, const wire::SplitBatchMessage& batch) {
-  const auto found = peers_.find(peer);
-  if (found == peers_.end()) return false;
-  const Peer& entry = found->second;
-  // By the peer itself: recorders listen to all partitions, and may be matched before it.
-  if (!entry.listener->is_matched_with_participant_of(entry.subscriptions)) return false;
-  if (std::chrono::steady_clock::now() - entry.added < kRecorderGrace &&
-      entry.listener->is_matched_beside_participant_of(entry.subscriptions))
-    return false;
-  if (Status status = check(batch); !status.is_ok()) {
-    mailbox_.complain(names_.split_batch + ": not sent: " + status.message());
-    return true;
-  }
-  return wire::write_message<wire::SplitBatchType>(*entry.writer, batch, mailbox_) ==
-         wire::WriteResult::kTaken;
+  return peers_.take_subscriptions([this](const wire::RegionSubscription& message) {
+    return own_id_ == 0 || message.publisher == own_id_;  // else for another publisher
+  });
 }
 
 Result<std::unique_ptr<DdsChannel>> DdsChannel::create(const DdsChannelOptions& options) {
@@ -294,9 +177,9 @@ void DdsChannel::announce(const wire::Hello& hello, const std::vector<wire::Mesh
 std::vector<wire::RegionSubscription> DdsChannel::take_subscriptions() {
   return impl_->take_subscriptions();
 }
-std::vector<SessionId> DdsChannel::take_lost_peers() { return impl_->take_lost_peers(); }
+std::vector<SessionId> DdsChannel::take_lost_peers() { return impl_->peers().take_lost(); }
 bool DdsChannel::send(SessionId peer, const wire::SplitBatchMessage& batch) {
-  return impl_->send(peer, batch);
+  return impl_->peers().send(peer, batch);
 }
 void DdsChannel::wait(double seconds) { impl_->mailbox().wait(seconds); }
 std::vector<std::string> DdsChannel::take_complaints() {

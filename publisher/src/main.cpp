@@ -10,14 +10,19 @@
 #include <filesystem>
 #include <random>
 
+#include "commands.hpp"
 #include "nearmesh/core/base/resources.hpp"
 #include "nearmesh/core/base/stopwatch.hpp"
 #include "nearmesh/publisher/dds_channel.hpp"
 #include "nearmesh/publisher/service.hpp"
 
+namespace nearmesh::publisher {
+volatile std::sig_atomic_t stop_requested = 0;
+}
+
 namespace {
 
-volatile std::sig_atomic_t stop_requested = 0;
+using nearmesh::publisher::stop_requested;
 void request_stop(int) { stop_requested = 1; }
 
 struct Options {
@@ -72,7 +77,8 @@ nearmesh::Status serve(const Options& options) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app{"Serves nearmesh models (.spm) to peers over DDS.", "nearmesh-publisher"};
+  CLI::App app{"Serves nearmesh models (.spm) to peers over DDS, and replays recorded sessions.",
+               "nearmesh-publisher"};
   app.require_subcommand(1);
   Options options;
   CLI::App* command =
@@ -90,13 +96,16 @@ int main(int argc, char** argv) {
   command->add_option(
       "--peer", options.channel.transport.initial_peers,
       "Address to look for peers at, where multicast does not get through; repeatable");
+  std::function<nearmesh::Status()> chosen;
+  command->callback([&] { chosen = [&] { return serve(options); }; });
+  nearmesh::publisher::add_replay_command(app, chosen);
   try {
     spdlog::set_default_logger(spdlog::stderr_color_mt("nearmesh-publisher"));
     spdlog::set_pattern("%H:%M:%S %n %^%l%$: %v");
     app.parse(argc, argv);
     std::signal(SIGINT, request_stop);
     std::signal(SIGTERM, request_stop);
-    const nearmesh::Status status = serve(options);
+    const nearmesh::Status status = chosen();
     if (status.is_ok()) return 0;
     spdlog::error("{}", status.message());
     return 1;

@@ -25,8 +25,15 @@ Status Service::add_model(const std::string& name, ModelFile file) {
   if (const auto same = models_.find(hash); same != models_.end())
     return {StatusCode::kConflict, file.path() + ": same content as " + same->second->file.path() +
                                        ", which is served as " + same->second->name};
-  models_.emplace(hash, std::make_unique<Model>(Model{name, std::move(file)}));
+  auto model = std::make_unique<Model>(Model{name, std::move(file)});
+  add_answerer(
+      hash, [&file = model->file](const RegionRequest& request) { return answer(file, request); });
+  models_.emplace(hash, std::move(model));
   return Status::ok();
+}
+
+void Service::add_answerer(std::uint64_t content_hash, Answerer answerer) {
+  answerers_[content_hash] = std::move(answerer);
 }
 
 void Service::announce() {
@@ -45,15 +52,11 @@ void Service::announce() {
   channel_.announce(hello, headers);
 }
 
-Result<std::vector<std::vector<std::uint8_t>>> Service::answer(
-    const wire::RegionSubscription& subscription) {
-  const auto at = models_.find(subscription.content_hash);
-  if (at == models_.end())
-    return Status{StatusCode::kNotFound, "no model with that content hash is served here"};
-  ModelFile& file = at->second->file;
-  NEARMESH_RETURN_IF_ERROR(check_request(file.store(), subscription.region));
+Result<std::vector<std::vector<std::uint8_t>>> Service::answer(ModelFile& file,
+                                                               const RegionRequest& request) {
+  NEARMESH_RETURN_IF_ERROR(check_request(file.store(), request));
   const Result<Demand> demand = collect(
-      file.store(), subscription.region, [&file](NodeSpan node) { return file.require(node); },
+      file.store(), request, [&file](NodeSpan node) { return file.require(node); },
       AttachRule::kAlways);
   if (!demand.is_ok()) return demand.status();
   return encode_batches(file.header(), file.store(), demand.value().treelet, BoxPolicy::kCutNodes);
@@ -120,12 +123,15 @@ std::vector<std::string> Service::step(double now_s) {
       peer.queued_bytes -= waiting.message.bytes.size() + kBatchFramingBytes;
       return true;
     });
+    const auto answerer = answerers_.find(subscription.content_hash);
     Result<std::vector<std::vector<std::uint8_t>>> batches =
         peer.queued_bytes > options_.max_queued_bytes
             ? Status{StatusCode::kInvalidArgument, "more than " +
                                                        std::to_string(options_.max_queued_bytes) +
                                                        " bytes wait for this peer"}
-            : answer(subscription);
+        : answerer == answerers_.end()
+            ? Status{StatusCode::kNotFound, "no model with that content hash is served here"}
+            : answerer->second(subscription.region);
     if (batches.is_ok()) {
       enqueue(peer, subscription, std::move(batches).value(), false);
       continue;

@@ -83,6 +83,8 @@ struct RecordingReader::Impl {
   Status add_part(sqlite::Database opened, const std::string& path) {
     Part part{.database = std::move(opened)};
     sqlite::Database& database = part.database;
+    // All of it as of one moment: between two reads the recorder may commit messages of a writer that the first did not see.
+    NEARMESH_RETURN_IF_ERROR(database.run("BEGIN"));
     std::vector<std::uint32_t> topic_index;
     NEARMESH_RETURN_IF_ERROR(each(
         database, "SELECT name, type FROM topics ORDER BY id", [&](const sqlite::Statement& row) {
@@ -152,6 +154,7 @@ struct RecordingReader::Impl {
             models.push_back(std::move(model));
           return Status::ok();
         }));
+    NEARMESH_RETURN_IF_ERROR(database.run("COMMIT"));
     messages += part.messages;
     parts.push_back(std::move(part));
     return Status::ok();

@@ -229,6 +229,27 @@ TEST_F(Recording, IsReadWhileItGrows) {
   EXPECT_EQ(count_right(*open(path())), 2100U);
 }
 
+// A reader that opens while a new writer's first message is committed sees both of them, or neither.
+TEST_F(Recording, OpensAtOneMomentOfAGrowingFile) {
+  std::unique_ptr<RecordingWriter> writer = start(path(), 0, 0);  // each message is committed
+  std::atomic<bool> done = false;
+  std::thread recorder([&] {
+    for (std::uint32_t n = 2; !done && n < 100'000; ++n) {
+      const EndpointGuid guid{static_cast<std::uint8_t>(n), static_cast<std::uint8_t>(n >> 8)};
+      EXPECT_EQ(writer->add_writer({0, guid, ""}).value(), n);
+      EXPECT_TRUE(writer->append(message(n, n, 10)).is_ok());
+    }
+  });
+  for (int i = 0; i < 300; ++i) {
+    const auto reader = open(path());
+    const Status status = reader->read(1, reader->message_count() + 1,
+                                       [](std::int64_t, const RecordedMessage&) { return true; });
+    EXPECT_TRUE(status.is_ok()) << status.message();
+  }
+  done = true;
+  recorder.join();
+}
+
 TEST_F(Recording, ExistingFileIsLeftAlone) {
   std::ofstream(path()) << "precious";
   const auto created = RecordingWriter::create(path(), facts());

@@ -197,6 +197,29 @@ TEST(TypeSupport, FailureLeavesNoKeyOfTheSampleBefore) {
   type.deleteData(data);
 }
 
+TEST(TypeSupport, GivenBytesGoOutAsTheyAre) {
+  Bytes bytes = to_bytes<BodyPoseType>(valid_pose());
+  bytes.insert(bytes.end(), {0, 0, 0});  // padding, as it comes from the wire
+  RawType<wire_types::BodyPoseSamplePubSubType> raw;
+  void* data = raw.createData();
+  Payload in(static_cast<std::uint32_t>(bytes.size()));
+  std::copy(bytes.begin(), bytes.end(), in.data);
+  in.length = static_cast<std::uint32_t>(bytes.size());
+  ASSERT_TRUE(raw.deserialize(&in, data));
+  // What was read is written again, whatever the fields say.
+  auto& sample = static_cast<BodyPoseType::Data&>(*static_cast<BodyPoseType::Sample*>(data));
+  EXPECT_EQ(sample.cdr, bytes);
+  sample.frame(99);
+  BodyPoseType type;
+  ASSERT_EQ(type.getSerializedSizeProvider(data)(), bytes.size());
+  Payload out(static_cast<std::uint32_t>(bytes.size()));
+  ASSERT_TRUE(type.serialize(data, &out));
+  EXPECT_EQ(Bytes(out.data, out.data + out.length), bytes);
+  Payload small(static_cast<std::uint32_t>(bytes.size() - 1));
+  EXPECT_FALSE(type.serialize(data, &small));
+  raw.deleteData(data);
+}
+
 TEST(TypeSupport, KeysComputedByTwoThreadsAreRight) {
   ContactReportType type;  // its key is hashed, the longest way
   const auto key_of = [&type](std::uint64_t peer) {

@@ -235,13 +235,11 @@ class Bus {
 
 enum class WriteResult { kTaken, kFull, kFailed };
 
-/// Encodes and writes one message. kFull covers every TIMEOUT of Fast DDS 2.9, which also comes
-/// spuriously: the sample was not sent and should be tried again. kFailed leaves a complaint.
-template <class Type, class Message>
-[[nodiscard]] WriteResult write_message(fdds::DataWriter& writer, const Message& message,
-                                        Mailbox& mailbox) {
-  typename Type::Data data;
-  encode(message, data);
+/// Writes one sample. kFull covers every TIMEOUT of Fast DDS 2.9, which also comes spuriously: the sample was not sent and
+/// should be tried again. kFailed leaves a complaint.
+template <class Type>
+[[nodiscard]] WriteResult write_sample(fdds::DataWriter& writer, typename Type::Data& data,
+                                       Mailbox& mailbox) {
   using eprosima::fastrtps::types::ReturnCode_t;
   const ReturnCode_t code = writer.write(static_cast<typename Type::Sample*>(&data),
                                          eprosima::fastrtps::rtps::c_InstanceHandle_Unknown);
@@ -249,6 +247,15 @@ template <class Type, class Message>
   if (code == ReturnCode_t::RETCODE_TIMEOUT) return WriteResult::kFull;
   mailbox.complain(writer.get_topic()->get_name() + ": write failed: " + name_of(code));
   return WriteResult::kFailed;
+}
+
+/// Encodes and writes one message, as write_sample does.
+template <class Type, class Message>
+[[nodiscard]] WriteResult write_message(fdds::DataWriter& writer, const Message& message,
+                                        Mailbox& mailbox) {
+  typename Type::Data data;
+  encode(message, data);
+  return write_sample<Type>(writer, data, mailbox);
 }
 
 /// Takes at most `most` samples. Valid ones go to accept(message, writer, received), the others

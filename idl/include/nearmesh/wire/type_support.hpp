@@ -19,6 +19,7 @@
 #include <array>
 #include <cstdint>
 #include <cstring>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -33,6 +34,8 @@ namespace nearmesh::wire {
 template <class Sample>
 struct Envelope : Sample {
   std::string fault;
+  /// What was read, as it was (RawType alone); what is written, where not empty: then the fields are for the key only.
+  std::vector<std::uint8_t> cdr;
 };
 
 /// Reads the wire version of a serialized sample. Out: nothing wrong, or one clause that says what.
@@ -65,7 +68,19 @@ class SafeType : public Generated {
   void* createData() override { return static_cast<Sample*>(new Data); }
   void deleteData(void* data) override { delete &envelope(data); }
 
+  std::function<std::uint32_t()> getSerializedSizeProvider(void* data) override {
+    if (envelope(data).cdr.empty()) return Generated::getSerializedSizeProvider(data);
+    return [data] { return static_cast<std::uint32_t>(envelope(data).cdr.size()); };
+  }
+
   bool serialize(void* data, eprosima::fastrtps::rtps::SerializedPayload_t* payload) override {
+    if (const std::vector<std::uint8_t>& cdr = envelope(data).cdr; !cdr.empty()) {
+      if (cdr.size() > payload->max_size || cdr.size() < 2) return false;
+      std::copy(cdr.begin(), cdr.end(), payload->data);
+      payload->length = static_cast<std::uint32_t>(cdr.size());
+      payload->encapsulation = cdr[1];
+      return true;
+    }
     try {
       return Generated::serialize(data, payload);
     } catch (...) {
@@ -132,19 +147,13 @@ class RawType : public SafeType<Generated> {
  public:
   using Base = SafeType<Generated>;
   using Sample = typename Base::Sample;
-  struct Data : Base::Data {
-    std::vector<std::uint8_t> cdr;
-  };
+  using Data = typename Base::Data;
 
-  void* createData() override { return static_cast<Sample*>(new Data); }
-  void deleteData(void* data) override { delete &raw(data); }
   bool deserialize(eprosima::fastrtps::rtps::SerializedPayload_t* payload, void* data) override {
-    raw(data).cdr.assign(payload->data, payload->data + payload->length);
+    static_cast<Data&>(*static_cast<Sample*>(data))
+        .cdr.assign(payload->data, payload->data + payload->length);
     return Base::deserialize(payload, data);
   }
-
- private:
-  static Data& raw(void* data) { return static_cast<Data&>(*static_cast<Sample*>(data)); }
 };
 
 using HelloType = SafeType<wire_types::HelloSamplePubSubType>;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The publisher service: answers the region subscriptions of any number of peers from memory-mapped models.
+// The publisher service: answers the region subscriptions of any number of peers from memory-mapped models (or, in a
+// replay, from what was recorded of them).
 // Takes RegionSubscription, gives SplitBatchMessage, through a Channel; knows nothing of DDS.
 // It remembers no peer's state of refinement: a request names the peer's own frontier, so a batch that was lost is simply
 // asked for again. What it keeps of a peer is its credit and the batches that wait for it, both bounded.
@@ -8,6 +9,7 @@
 
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <map>
 #include <memory>
 #include <string>
@@ -36,7 +38,12 @@ class Service {
 
   /// Serves a model under a name unique to this publisher. Errors: kInvalidArgument (name), kConflict (name taken).
   [[nodiscard]] Status add_model(const std::string& name, ModelFile file);
-  /// Announces all models; call once they are added.
+  /// What answers requests for a model: encoded batches, none where nothing is to be sent. A status that is not ok refuses.
+  using Answerer =
+      std::function<Result<std::vector<std::vector<std::uint8_t>>>(const RegionRequest&)>;
+  /// Requests for this content are answered so; it is announced elsewhere.
+  void add_answerer(std::uint64_t content_hash, Answerer answerer);
+  /// Announces all models that were added by add_model(); call once they are.
   void announce();
   /// Takes what arrived and sends what credit allows. Never blocks. `now_s` is any steady clock.
   /// Returns one line for each request refused, for the log.
@@ -68,8 +75,8 @@ class Service {
     std::uint32_t last_request = 0;
   };
 
-  [[nodiscard]] Result<std::vector<std::vector<std::uint8_t>>> answer(
-      const wire::RegionSubscription& subscription);
+  [[nodiscard]] static Result<std::vector<std::vector<std::uint8_t>>> answer(
+      ModelFile& file, const RegionRequest& request);
   void enqueue(Peer& peer, const wire::RegionSubscription& subscription,
                std::vector<std::vector<std::uint8_t>> batches, bool refused);
   bool send_next(wire::SessionId id, Peer& peer, double now_s);
@@ -78,6 +85,7 @@ class Service {
   const wire::SessionId session_;
   const ServiceOptions options_;
   std::map<std::uint64_t, std::unique_ptr<Model>> models_;  // by content hash
+  std::map<std::uint64_t, Answerer> answerers_;             // of the same, and others
   std::map<wire::SessionId, Peer> peers_;
   ServiceStats stats_;
 };

@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "dds_peers.hpp"
+
+#include <utility>
+
+namespace nearmesh::publisher {
+
+using wire::Handle;
+using wire::Microseconds;
+using wire::SessionId;
+
+namespace {
+
+/// A recorder hears batches best-effort, so it must have found a new peer's writer before the first of them: without the
+/// first, none of what that peer answers can be proved. Peers that are not recorded do not wait.
+constexpr std::chrono::milliseconds kRecorderGrace{100};
+
+}  // namespace
+
+DdsPeers::DdsPeers(wire::Mailbox& mailbox, std::string subscription_topic, std::string batch_topic,
+                   std::size_t max_peers, double heartbeat_s)
+    : mailbox_(mailbox),
+      subscription_topic_(std::move(subscription_topic)),
+      batch_topic_name_(std::move(batch_topic)),
+      max_peers_(max_peers),
+      heartbeat_s_(heartbeat_s),
+      listener_(mailbox, subscription_topic_) {}
+
+Status DdsPeers::open(wire::Bus& bus) {
+  bus_ = &bus;
+  auto subscription = bus.add_topic<wire::RegionSubscriptionType>(subscription_topic_);
+  if (!subscription.is_ok()) return subscription.status();
+  auto batch = bus.add_topic<wire::SplitBatchType>(batch_topic_name_);
+  if (!batch.is_ok()) return batch.status();
+  batch_topic_ = batch.value();
+  auto reader = bus.add_reader(subscription.value(),
+                               wire::reader_qos(wire::kRegionSubscriptionDelivery), listener_);
+  if (!reader.is_ok()) return reader.status();
+  reader_ = reader.value();
+  return Status::ok();
+}
+
+void DdsPeers::forget() {
+  for (const SessionId peer : book_.clear()) lost_.push_back(peer);
+  peers_.clear();
+  (void)listener_.take_matches();
+}
+
+bool DdsPeers::is_own(const Handle& writer) const {
+  return eprosima::fastrtps::rtps::iHandle2GUID(writer).guidPrefix == reader_->guid().guidPrefix;
+}
+
+bool DdsPeers::admit(SessionId peer, const Handle& writer, Microseconds received) {
+  switch (book_.claim(peer, writer, received)) {
+    case wire::SessionBook::Claim::kKnown:
+      return true;
+    case wire::SessionBook::Claim::kStale:
+      return false;
+    case wire::SessionBook::Claim::kTaken:
+      mailbox_.complain(subscription_topic_ + ": sample of " + wire::name_of(writer) +
+                        " dropped: peer " + wire::partition_of(peer) +
+                        " speaks through another writer");
+      return false;
+    case wire::SessionBook::Claim::kNew:
+      break;
+  }
+  if (add_peer(peer, writer)) return true;
+  book_.release(peer);
+  return false;
+}
+
+bool DdsPeers::add_peer(SessionId peer, const Handle& subscriptions) {
+  if (peers_.size() >= max_peers_) {
+    if (!std::exchange(complained_of_limit_, true))
+      mailbox_.complain("peer " + wire::partition_of(peer) + " refused: there are " +
+                        std::to_string(peers_.size()) + " already, the limit (max_peers)");
+    return false;
+  }
+  Peer entry;
+  entry.listener = std::make_unique<wire::WriterListener>(mailbox_, batch_topic_name_);
+  auto writer =
+      bus_->add_writer(batch_topic_, wire::writer_qos(wire::kSplitBatchDelivery, heartbeat_s_),
+                       *entry.listener, wire::partition_of(peer));
+  if (!writer.is_ok()) {
+    mailbox_.complain("peer " + wire::partition_of(peer) +
+                      " refused: " + writer.status().message());
+    return false;
+  }
+  entry.writer = writer.value();
+  entry.subscriptions = subscriptions;
+  peers_.emplace(peer, std::move(entry));
+  return true;
+}
+
+std::vector<SessionId> DdsPeers::take_lost() {
+  std::vector<SessionId> lost = std::exchange(lost_, {});
+  for (const auto& event : listener_.take_matches()) {
+    if (!event.gone) {
+      book_.welcome(event.writer);
+      continue;
+    }
+    const std::optional<SessionId> peer = book_.forget(event.writer, event.when);
+    if (!peer) continue;
+    const auto found = peers_.find(*peer);
+    bus_->remove_writer(found->second.writer);
+    peers_.erase(found);
+    complained_of_limit_ = false;
+    lost.push_back(*peer);
+  }
+  return lost;
+}
+
+bool DdsPeers::send(SessionId peer, const wire::SplitBatchMessage& batch) {
+  const auto found = peers_.find(peer);
+  if (found == peers_.end()) return false;
+  const Peer& entry = found->second;
+  // By the peer itself: recorders listen to all partitions, and may be matched before it.
+  if (!entry.listener->is_matched_with_participant_of(entry.subscriptions)) return false;
+  if (std::chrono::steady_clock::now() - entry.added < kRecorderGrace &&
+      entry.listener->is_matched_beside_participant_of(entry.subscriptions))
+    return false;
+  if (Status status = check(batch); !status.is_ok()) {
+    mailbox_.complain(batch_topic_name_ + ": not sent: " + status.message());
+    return true;
+  }
+  return wire::write_message<wire::SplitBatchType>(*entry.writer, batch, mailbox_) ==
+         wire::WriteResult::kTaken;
+}
+
+}  // namespace nearmesh::publisher

@@ -1,0 +1,199 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "replay_index.hpp"
+
+#include <algorithm>
+#include <new>
+#include <optional>
+
+#include "nearmesh/core/base/hash.hpp"
+#include "nearmesh/wire/payload.hpp"
+#include "nearmesh/wire/topics.hpp"
+
+namespace nearmesh::publisher {
+namespace {
+
+constexpr std::int64_t kChunk = 4096;  ///< messages between two reports of progress
+
+std::optional<ReplayTopic> topic_of_type(const std::string& type) {
+  const std::array<std::string_view, kReplayTopics> types{
+      wire::kHelloType,      wire::kMeshHeaderType, wire::kRegionSubscriptionType,
+      wire::kSplitBatchType, wire::kBodyPoseType,   wire::kContactReportType};
+  const auto found = std::find(types.begin(), types.end(), type);
+  if (found == types.end()) return std::nullopt;
+  return static_cast<ReplayTopic>(found - types.begin());
+}
+
+Status check_topics(const RecordingReader& recording, const std::vector<std::string>& wanted) {
+  std::set<std::string> names;
+  for (const RecordedTopic& topic : recording.topics())
+    if (const auto which = topic_of_type(topic.type))
+      names.insert(kReplayTopicNames[static_cast<std::size_t>(*which)]);
+  std::string known;
+  for (const std::string& name : names) known += (known.empty() ? "" : ", ") + name;
+  for (const std::string& name : wanted)
+    if (!names.contains(name))
+      return {StatusCode::kNotFound,
+              "topic " + name + ": not in the recording, which has " + known};
+  return Status::ok();
+}
+
+}  // namespace
+
+Result<std::unique_ptr<ReplayIndex>> ReplayIndex::build(
+    RecordingReader& recording, const std::vector<std::string>& topics,
+    const std::function<bool(double share)>& progress) {
+  if (recording.facts().wire_version != wire::kWireVersion)
+    return Status{StatusCode::kUnsupported,
+                  "recorded with wire version " + std::to_string(recording.facts().wire_version) +
+                      ", this build speaks " + std::to_string(wire::kWireVersion)};
+  if (recording.message_count() == 0)
+    return Status{StatusCode::kInvalidArgument, "the recording holds no messages"};
+  std::unique_ptr<ReplayIndex> index(new ReplayIndex);
+  NEARMESH_RETURN_IF_ERROR(index->add_streams(recording, topics));
+  try {
+    // Headers first: of batches that came before theirs nothing shall be lost.
+    if (index->plays_batches_)
+      for (const RecordedModel& model : recording.models())
+        NEARMESH_RETURN_IF_ERROR(recording.read(model.message, model.message + 1,
+                                                [&](std::int64_t, const RecordedMessage& message) {
+                                                  index->add_detail(message);
+                                                  return true;
+                                                }));
+    for (std::int64_t first = 1; first <= recording.message_count(); first += kChunk) {
+      NEARMESH_RETURN_IF_ERROR(recording.read(first, first + kChunk,
+                                              [&](std::int64_t id, const RecordedMessage& message) {
+                                                index->take(id, message);
+                                                return true;
+                                              }));
+      if (progress &&
+          !progress(static_cast<double>(first) / static_cast<double>(recording.message_count())))
+        break;
+    }
+  } catch (const std::bad_alloc&) {  // models span all ids that a header announces
+    return Status{StatusCode::kIo, "no memory for the models of the recording"};
+  }
+  return index;
+}
+
+Status ReplayIndex::add_streams(const RecordingReader& recording,
+                                const std::vector<std::string>& topics) {
+  NEARMESH_RETURN_IF_ERROR(check_topics(recording, topics));
+  const auto is_wanted = [&](ReplayTopic topic) {
+    return topics.empty() ||
+           std::find(topics.begin(), topics.end(),
+                     kReplayTopicNames[static_cast<std::size_t>(topic)]) != topics.end();
+  };
+  plays_batches_ = is_wanted(ReplayTopic::kSplitBatch);
+  std::map<std::tuple<std::uint32_t, EndpointGuid, std::string>, std::uint32_t> known;
+  for (const RecordedWriter& writer : recording.writers()) {
+    const RecordedTopic& topic = recording.topics()[writer.topic];
+    const std::optional<ReplayTopic> which = topic_of_type(topic.type);
+    if (!which || !is_wanted(*which)) {
+      stream_of_writer_.push_back(kNotPlayed);
+      continue;
+    }
+    const auto [at, is_new] = known.try_emplace({writer.topic, writer.guid, writer.partition},
+                                                static_cast<std::uint32_t>(streams_.size()));
+    if (is_new) streams_.push_back({*which, topic.name, writer.partition});
+    stream_of_writer_.push_back(at->second);
+  }
+  return Status::ok();
+}
+
+void ReplayIndex::take(std::int64_t id, const RecordedMessage& message) {
+  const std::uint32_t stream = stream_of_writer_[message.writer];
+  if (stream == kNotPlayed) return;
+  switch (streams_[stream].topic) {
+    case ReplayTopic::kHello:
+      take_hello(id, message);
+      break;
+    case ReplayTopic::kMeshHeader:
+      if (const auto header = wire::decode_payload<wire::MeshHeader>(message.cdr); header.is_ok())
+        latches_[{stream, to_hex(header.value().content_hash)}].push_back(id);
+      add_detail(message);
+      break;
+    case ReplayTopic::kRegionSubscription:
+      if (const auto asked = wire::decode_payload<wire::RegionSubscription>(message.cdr);
+          asked.is_ok()) {
+        peers_.insert(asked.value().peer);
+        if (asked.value().request != 0)
+          requests_[{wire::partition_of(asked.value().peer), asked.value().content_hash}].push_back(
+              {.id = id, .number = asked.value().request});
+      }
+      break;
+    case ReplayTopic::kSplitBatch:
+      take_batch(id, stream, message);
+      break;
+    case ReplayTopic::kBodyPose:
+      if (const auto pose = wire::decode_payload<wire::BodyPose>(message.cdr); pose.is_ok()) {
+        peers_.insert(pose.value().peer);
+        latches_[{stream, pose.value().body}].push_back(id);
+      }
+      break;
+    case ReplayTopic::kContactReport:
+      break;  // renewed every frame: nothing holds
+  }
+}
+
+void ReplayIndex::take_hello(std::int64_t id, const RecordedMessage& message) {
+  const auto hello = wire::decode_payload<wire::Hello>(message.cdr);
+  if (!hello.is_ok()) return;
+  const wire::SessionId publisher = hello.value().publisher;
+  publishers_.insert(publisher);
+  std::uint32_t& stream = stream_of_writer_[message.writer];
+  stream = hello_stream_.try_emplace(publisher, stream).first->second;
+  latches_[{stream, wire::partition_of(publisher)}].push_back(id);
+}
+
+void ReplayIndex::add_detail(const RecordedMessage& message) {
+  const auto header = wire::decode_payload<wire::MeshHeader>(message.cdr);
+  if (!plays_batches_ || !header.is_ok() || details_.contains(header.value().content_hash)) return;
+  if (auto decoded = decode_header(header.value().bytes); decoded.is_ok())
+    details_.emplace(header.value().content_hash, std::move(decoded).value());
+}
+
+void ReplayIndex::take_batch(std::int64_t id, std::uint32_t stream,
+                             const RecordedMessage& message) {
+  const auto batch = wire::decode_payload<wire::SplitBatchMessage>(message.cdr);
+  if (!batch.is_ok()) return;
+  const wire::SplitBatchMessage& sent = batch.value();
+  if (sent.last) {
+    const auto asked = requests_.find({streams_[stream].partition, sent.content_hash});
+    if (asked != requests_.end()) {
+      const auto request = std::lower_bound(
+          asked->second.begin(), asked->second.end(), sent.request,
+          [](const Request& r, std::uint32_t number) { return r.number < number; });
+      if (request != asked->second.end() && request->number == sent.request) request->answered = id;
+    }
+  }
+  const auto detail = details_.find(sent.content_hash);
+  if (sent.refused || sent.bytes.empty() || detail == details_.end()) return;
+  // What is wrong with it was wrong when it was sent; peers dropped it too.
+  static_cast<void>(detail->second.add(id, sent.bytes));
+}
+
+std::vector<std::int64_t> ReplayIndex::latched(std::int64_t end) const {
+  std::vector<std::int64_t> found;
+  for (const auto& [key, ids] : latches_)
+    if (const auto after = std::lower_bound(ids.begin(), ids.end(), end); after != ids.begin())
+      found.push_back(*(after - 1));
+  for (const auto& [key, requests] : requests_) {
+    const auto after =
+        std::partition_point(requests.begin(), requests.end(),
+                             [end](const Request& request) { return request.id < end; });
+    if (after == requests.begin()) continue;
+    const Request& last = *(after - 1);
+    if (last.answered == 0 || last.answered >= end) found.push_back(last.id);
+  }
+  std::sort(found.begin(), found.end());
+  return found;
+}
+
+std::vector<std::int64_t> ReplayIndex::not_yet(std::int64_t end, std::int64_t later) const {
+  std::vector<std::int64_t> found;
+  for (const auto& [key, ids] : latches_)
+    if (ids.front() >= end && ids.front() < later) found.push_back(ids.front());
+  return found;
+}
+
+}  // namespace nearmesh::publisher
