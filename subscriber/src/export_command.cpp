@@ -13,7 +13,7 @@ namespace nearmesh::subscriber {
 namespace {
 
 struct Options {
-  std::string session, peer, body, out;
+  std::string session, peer, body, other, out;
   double time_s = 0;
 };
 
@@ -47,9 +47,11 @@ Status run(const Options& options) {
     return {peer.status().code(), options.session + ": " + peer.status().message()};
   // Beyond a year or so nothing is recorded, and the sum must fit.
   const auto after_ns = static_cast<std::int64_t>(std::min(options.time_s, 1e8) * 1e9 + 0.5);
-  const Result<std::int64_t> report = find_report(
-      recording,
-      {.received_ns = recording.begin_ns() + after_ns, .peer = peer.value(), .body = options.body});
+  const Result<std::int64_t> report =
+      find_report(recording, {.received_ns = recording.begin_ns() + after_ns,
+                              .peer = peer.value(),
+                              .body = options.body,
+                              .other = options.other});
   if (!report.is_ok())
     return {report.status().code(), options.session + ": " + report.status().message()};
   Result<std::vector<Result<RecordedScene>>> scenes = rebuild_scenes(recording, {report.value()});
@@ -58,7 +60,9 @@ Status run(const Options& options) {
     return {scenes.value().front().status().code(),
             options.session + ": " + scenes.value().front().status().message()};
   const RecordedScene& scene = scenes.value().front().value();
-  const std::size_t looked_at = options.body == scene.report.body_b ? 1 : 0;
+  const bool is_b = options.body == scene.report.body_b ||
+                    (options.body.empty() && options.other == scene.report.body_a);
+  const std::size_t looked_at = is_b ? 1 : 0;
   Result<std::string> bytes = ends_with(options.out, ".glb")
                                   ? to_glb(scene, looked_at)
                                   : Result<std::string>(to_ply(scene, looked_at));
@@ -105,6 +109,8 @@ void add_export_command(CLI::App& app, std::function<Status()>& chosen) {
                       "Whose: the id as info lists it, or how it begins (default: the only one)");
   command->add_option("--body", options->body,
                       "Which body to look at (default: the first of the last answer)");
+  command->add_option("--other", options->other,
+                      "Against which (default: that of the last answer)");
   command->add_option("-o,--output", options->out, "File to write, .ply or .glb")
       ->required()
       ->check([](const std::string& path) {

@@ -40,7 +40,7 @@ class Panel {
       line(kLeft, y(value), kWidth - kRight, y(value), value == 0 ? "axis" : "grid");
       text(kLeft - 6, y(value) + 4, "end", number(value));
     }
-    text(2, top_ - 6, "start", y_title);
+    text(2, top_ - 14, "start", y_title);
     if (x_title.empty()) return;
     const double step = round_step(x_most_ / 8);
     for (double value = 0; value <= x_most_ * (1 + 1e-9); value += step) {
@@ -60,9 +60,15 @@ class Panel {
     out_ += "<circle class=\"" + css + "\" cx=\"" + number(x(at_x), 5) + "\" cy=\"" +
             number(y(at_y), 5) + "\" r=\"3.5\"/>";
   }
-  void curve(const std::vector<std::array<double, 2>>& points, const std::string& css) {
+  /// A value stays until the next.
+  void steps(const std::vector<std::array<double, 2>>& points, const std::string& css) {
     out_ += "<polyline class=\"" + css + "\" points=\"";
-    for (const auto& [px, py] : points) out_ += number(x(px), 5) + "," + number(y(py), 5) + " ";
+    double last = 0;
+    for (const auto& [px, py] : points) {
+      if (&px != points.front().data()) out_ += number(x(px), 5) + "," + number(y(last), 5) + " ";
+      out_ += number(x(px), 5) + "," + number(y(py), 5) + " ";
+      last = py;
+    }
     out_ += "\"/>";
   }
 
@@ -169,11 +175,11 @@ std::string timeline_figure(const std::string& peer, const PeerHistory& history,
     most_answers = std::max(most_answers, answers);
     most_bytes = std::max(most_bytes, bin.bytes);
   }
-  constexpr double kHeight = 320;
+  constexpr double kHeight = 334;
   const double width_s = duration_s / kBins;
   std::string drawing;
-  Panel answers(drawing, 24, 150, duration_s, static_cast<double>(most_answers));
-  Panel bytes(drawing, 210, 70, duration_s, static_cast<double>(most_bytes));
+  Panel answers(drawing, 30, 150, duration_s, static_cast<double>(most_answers));
+  Panel bytes(drawing, 224, 70, duration_s, static_cast<double>(most_bytes));
   answers.axes("", "answers in " + number(width_s, 3) + " s");
   bytes.axes("seconds", "bytes of batches in " + number(width_s, 3) + " s");
   std::string table = "<table><caption>Totals</caption>";
@@ -219,14 +225,14 @@ std::string contacts_figure(const History& history) {
   std::uint32_t most = 0;
   for (const auto& [body, bins] : history.contacts)
     most = std::max(most, *std::max_element(bins.begin(), bins.end()));
-  constexpr double kEach = 110;
+  constexpr double kEach = 118;
   const double width_s = history.duration_s / kBins;
   std::string drawing, table = "<table><caption>Most touching face pairs</caption>" +
                                row({"body", "face pairs", "parts of the session in contact"}, "th");
-  double top = 24;
+  double top = 30;
   for (const auto& [body, bins] : history.contacts) {
     const bool is_last = body == history.contacts.rbegin()->first;
-    Panel panel(drawing, top, kEach - 40, history.duration_s, most);
+    Panel panel(drawing, top, kEach - 48, history.duration_s, most);
     panel.axes(is_last ? "seconds" : "", body);
     std::size_t touching = 0;
     for (std::size_t i = 0; i < kBins; ++i) {
@@ -262,7 +268,7 @@ std::string certified_figure(const History& history) {
   std::string drawing,
       table = "<table><caption>Seconds to certified</caption>" +
               row({"peer", "times", "min", "median", "max", "bytes, median"}, "th");
-  Panel panel(drawing, 24, 210, most_bytes, most_s);
+  Panel panel(drawing, 30, 204, most_bytes, most_s);
   panel.axes("bytes of batches received meanwhile", "seconds to certified");
   const std::size_t stride = count / kMostPoints + 1;
   std::size_t peer_index = 0;
@@ -315,9 +321,9 @@ std::string accuracy_figure(const History& history) {
                   answers == 0 ? "" : number(curve.back()[1]), std::to_string(bytes)});
   }
   std::string drawing;
-  Panel panel(drawing, 24, 210, most_bytes, 100);
+  Panel panel(drawing, 30, 204, most_bytes, 100);
   panel.axes("bytes of batches received so far", "% of answers so far that were certified");
-  for (std::size_t i = 0; i < curves.size(); ++i) panel.curve(curves[i], series(i, "stroke"));
+  for (std::size_t i = 0; i < curves.size(); ++i) panel.steps(curves[i], series(i, "stroke"));
   return figure("Share certified against bytes received",
                 "A curve a peer: of all answers so far, the share that was certified.", 280,
                 drawing,

@@ -17,7 +17,8 @@ namespace {
 using Vector = std::array<double, 3>;
 
 constexpr double kWidth = 640, kHeight = 420;
-constexpr double kLongestEdge = 14, kLeastArea = 0.05;  // in units of the picture
+constexpr double kLongestEdge = 18, kLeastArea = 0.05;  // in units of the picture
+constexpr double kLeastOutlined = 8;  // faces whose edges are all shorter have no outline
 constexpr std::size_t kMostPieces = 15'000;
 // The camera looks down at an angle, from the south-west (z is up); right and up span the picture.
 constexpr Vector kRight{0.8, -0.6, 0}, kUp{0.36, 0.48, 0.8}, kTowards{-0.48, -0.64, 0.6};
@@ -30,15 +31,27 @@ struct Corner {
   std::array<double, 3> colour{};
 };
 
-struct Piece {
+struct Triangle {
   std::array<Corner, 3> corners;
+  std::array<bool, 3> outlined{};  // edge i, from corner i on, is one of the face
+};
+
+struct Piece {
+  Triangle triangle;
   double depth = 0, area = 0;
   Colour colour{};
 };
 
-double length_of_edge(const std::array<Corner, 3>& t, std::size_t i) {
-  const Corner &a = t[i], &b = t[(i + 1) % 3];
+double square_of_edge(const Triangle& t, std::size_t i) {
+  const Corner &a = t.corners[i], &b = t.corners[(i + 1) % 3];
   return (b.x - a.x) * (b.x - a.x) + (b.y - a.y) * (b.y - a.y);
+}
+
+std::size_t longest_edge(const Triangle& t) {
+  std::size_t longest = 0;
+  for (std::size_t i = 1; i < 3; ++i)
+    if (square_of_edge(t, i) > square_of_edge(t, longest)) longest = i;
+  return longest;
 }
 
 Corner middle(const Corner& a, const Corner& b) {
@@ -69,14 +82,16 @@ class Picture {
 
   void add(const SceneBody& body, bool other) {
     for (const auto& face : body.faces) {
-      std::array<Corner, 3> triangle;
+      Triangle triangle;
       std::array<Vector, 3> at;
       for (std::size_t i = 0; i < 3; ++i) {
         at[i] = body.positions_world_m[face[i]];
-        triangle[i] = project(at[i]);
+        triangle.corners[i] = project(at[i]);
         const Colour colour = vertex_colour(body.eps_m[face[i]], body.size_m, other);
-        for (std::size_t k = 0; k < 3; ++k) triangle[i].colour[k] = colour[k];
+        for (std::size_t k = 0; k < 3; ++k) triangle.corners[i].colour[k] = colour[k];
       }
+      triangle.outlined.fill(square_of_edge(triangle, longest_edge(triangle)) >=
+                             kLeastOutlined * kLeastOutlined);
       cut(triangle, brightness(at));
     }
   }
@@ -91,15 +106,7 @@ class Picture {
                      [](const Piece& a, const Piece& b) { return a.depth > b.depth; });
     std::string out;
     for (const Piece& piece : pieces_) {
-      out += "<path style=\"color:#";
-      for (const std::uint8_t channel : piece.colour) {
-        constexpr const char* kDigits = "0123456789abcdef";
-        out += kDigits[channel >> 4];
-        out += kDigits[channel & 15];
-      }
-      out += "\" d=\"M";
-      for (const Corner& corner : piece.corners) out += place(corner) + " ";
-      out += "z\"/>";
+      draw(piece, out);
     }
     if (segments.empty()) return out;
     out += "<path class=\"contact\" d=\"";
@@ -117,6 +124,23 @@ class Picture {
     return {kWidth / 2 + scale_ * dot(from, kRight), kHeight / 2 - scale_ * dot(from, kUp),
             -dot(from, kTowards)};
   }
+  static void draw(const Piece& piece, std::string& out) {
+    const auto& corners = piece.triangle.corners;
+    out += "<path color=\"#";
+    for (const std::uint8_t channel : piece.colour) {
+      constexpr const char* kDigits = "0123456789abcdef";
+      out += kDigits[channel >> 4];
+      out += kDigits[channel & 15];
+    }
+    out += "\" d=\"M";
+    for (const Corner& corner : corners) out += place(corner) + " ";
+    out += "z\"/>";
+    std::string outline;
+    for (std::size_t i = 0; i < 3; ++i)
+      if (piece.triangle.outlined[i])
+        outline += "M" + place(corners[i]) + " " + place(corners[(i + 1) % 3]);
+    if (!outline.empty()) out += "<path class=\"o\" d=\"" + outline + "\"/>";
+  }
   static std::string place(const Corner& corner) {
     const auto tenth = [](double x) { return number(std::floor(x * 10 + 0.5) / 10, 6); };
     return tenth(corner.x) + " " + tenth(corner.y);
@@ -133,25 +157,24 @@ class Picture {
     const double length = std::sqrt(dot(normal, normal));
     return length > 0 ? 0.45 + 0.55 * std::abs(dot(normal, kLight)) / length : 1;
   }
-  void cut(const std::array<Corner, 3>& whole, double light) {
-    std::vector<std::array<Corner, 3>> stack{whole};
+  void cut(const Triangle& whole, double light) {
+    std::vector<Triangle> stack{whole};
     while (!stack.empty()) {
-      const std::array<Corner, 3> t = stack.back();
+      const Triangle triangle = stack.back();
       stack.pop_back();
+      const std::array<Corner, 3>& t = triangle.corners;
       const auto [x0, x1] = std::minmax({t[0].x, t[1].x, t[2].x});
       const auto [y0, y1] = std::minmax({t[0].y, t[1].y, t[2].y});
       if (!(x1 >= 0 && x0 <= kWidth && y1 >= 0 && y0 <= kHeight)) continue;
-      std::size_t longest = 0;
-      for (std::size_t i = 1; i < 3; ++i)
-        if (length_of_edge(t, i) > length_of_edge(t, longest)) longest = i;
-      if (length_of_edge(t, longest) > kLongestEdge * kLongestEdge) {
-        const Corner &a = t[longest], &b = t[(longest + 1) % 3], &c = t[(longest + 2) % 3];
-        const Corner m = middle(a, b);
-        stack.push_back({a, m, c});
-        stack.push_back({m, b, c});
+      const std::size_t i = longest_edge(triangle), next = (i + 1) % 3, last = (i + 2) % 3;
+      if (square_of_edge(triangle, i) > kLongestEdge * kLongestEdge) {
+        const Corner m = middle(t[i], t[next]);
+        const auto& o = triangle.outlined;
+        stack.push_back({{t[i], m, t[last]}, {o[i], false, o[last]}});
+        stack.push_back({{m, t[next], t[last]}, {o[i], o[next], false}});
         continue;
       }
-      Piece piece{.corners = t};
+      Piece piece{.triangle = triangle};
       piece.area =
           std::abs((t[1].x - t[0].x) * (t[2].y - t[0].y) - (t[2].x - t[0].x) * (t[1].y - t[0].y)) /
           2;

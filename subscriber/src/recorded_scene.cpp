@@ -90,10 +90,16 @@ class ScenePeer final : public RecordedPeer {
   std::map<std::int64_t, std::optional<Result<RecordedScene>>>& scenes_;
 };
 
+bool fits(const SceneChoice& choice, const std::string& body, const std::string& other) {
+  return (choice.body.empty() || choice.body == body) &&
+         (choice.other.empty() || choice.other == other);
+}
+
 std::string describe(const SceneChoice& choice) {
   std::string what = "no answer";
   if (!choice.peer.empty()) what += " of peer " + choice.peer;
   if (!choice.body.empty()) what += " about body " + choice.body;
+  if (!choice.other.empty()) what += " against " + choice.other;
   return what;
 }
 
@@ -116,7 +122,7 @@ Result<std::int64_t> find_report(RecordingReader& recording, const SceneChoice& 
           const wire::ContactReport& r = report.value();
           if (r.asked && !r.gave_up_detail &&
               (choice.peer.empty() || wire::partition_of(r.peer) == choice.peer) &&
-              (choice.body.empty() || r.body_a == choice.body || r.body_b == choice.body))
+              (fits(choice, r.body_a, r.body_b) || fits(choice, r.body_b, r.body_a)))
             found = id;
           return true;
         }));

@@ -42,6 +42,7 @@ svg text{font:12px system-ui,sans-serif;fill:var(--dim)}
 .p7{--c:#b8a200}
 .fill{fill:var(--c);fill-opacity:.75}.stroke{fill:none;stroke:var(--c);stroke-width:2}
 .mesh path{fill:currentColor;stroke:currentColor;stroke-width:.6;stroke-linejoin:round}
+.mesh path.o{fill:none;stroke:#000;stroke-opacity:.3;stroke-width:.5}
 .mesh path.contact{fill:none;stroke:#f0f;stroke-width:2.4;stroke-linecap:round}
 table{border-collapse:collapse;font-size:.9rem;font-variant-numeric:tabular-nums}
 th,td{padding:.2rem .7rem .2rem 0;text-align:left;border-bottom:1px solid var(--grid)}caption{text-align:left}

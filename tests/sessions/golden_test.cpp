@@ -14,8 +14,8 @@ namespace {
 
 using test::Folder;
 
-std::string run(const Folder& folder, const std::string& program,
-                const std::vector<std::string>& words) {
+std::string output_of(const Folder& folder, const std::string& program,
+                      const std::vector<std::string>& words) {
   std::string out, err;
   EXPECT_EQ(test::run(folder, program, words, &out, &err), 0) << err;
   return out;
@@ -24,8 +24,9 @@ std::string run(const Folder& folder, const std::string& program,
 TEST(GoldenSession, InfoSaysTheSame) {
   const Folder folder;
   const std::string session = test::golden_session(folder);
-  test::expect_golden(run(folder, "nearmesh-subscriber", {"info", session}), "info.txt");
-  test::expect_golden(run(folder, "nearmesh-subscriber", {"info", session, "--json"}), "info.json");
+  test::expect_golden(output_of(folder, "nearmesh-subscriber", {"info", session}), "info.txt");
+  test::expect_golden(output_of(folder, "nearmesh-subscriber", {"info", session, "--json"}),
+                      "info.json");
 }
 
 TEST(GoldenSession, VerifiesWithAnyNumberOfThreads) {
@@ -33,7 +34,7 @@ TEST(GoldenSession, VerifiesWithAnyNumberOfThreads) {
   const std::string session = test::golden_session(folder);
   for (const char* threads : {"1", "2", "5"})
     test::expect_golden(
-        run(folder, "nearmesh-subscriber", {"verify", session, "--threads", threads}),
+        output_of(folder, "nearmesh-subscriber", {"verify", session, "--threads", threads}),
         "verify.txt");
 }
 
@@ -137,7 +138,8 @@ TEST(ReadSession, PrintsTheExpectedOutput) {
   const Folder folder;
   const std::string example = std::string(NEARMESH_SESSION_SOURCE) + "/examples/read_session";
   const std::string expected = test::read_text(example + "/expected_output.txt");
-  EXPECT_EQ(run(folder, "nearmesh-example-read-session", {test::golden_session(folder)}), expected);
+  EXPECT_EQ(output_of(folder, "nearmesh-example-read-session", {test::golden_session(folder)}),
+            expected);
   EXPECT_NE(test::read_text(example + "/README.md").find("```\n" + expected + "```"),
             std::string::npos);
   EXPECT_LT(test::lines_of(test::read_text(example + "/main.cpp")).size(), 60U);

@@ -36,6 +36,7 @@ class Tape {
 
   std::int64_t now_ns = 0;          ///< the virtual clock
   std::int64_t delay_ns = 200'000;  ///< from a sample's source to its receiver
+  std::uint64_t lose_every = 0;     ///< of each writer's poses one in so many is not heard; 0: none
   Status status;                    ///< the first failure; nothing is written after it
 
   void put(wire::SessionId by, const wire::Hello& m) { add(by, names_.hello, "", m); }
@@ -49,7 +50,15 @@ class Tape {
   void put(wire::SessionId by, wire::SessionId peer, const wire::SplitBatchMessage& m) {
     add(by, names_.split_batch, wire::partition_of(peer), m);
   }
-  void put(wire::SessionId by, const wire::BodyPose& m) { add(by, names_.body_pose, "", m); }
+  void put(wire::SessionId by, const wire::BodyPose& m) {
+    Writer& writer = writer_of(by, names_.body_pose, "");
+    if (lose_every != 0 && writer.sequence % lose_every == lose_every - 1) {
+      const RecordingGap gap{writer.index, ++writer.sequence, 1, now_ns + delay_ns};
+      if (status.is_ok()) keep(writer_->add_gap(gap));
+      return;
+    }
+    add(by, names_.body_pose, "", m);
+  }
   void put(wire::SessionId by, const wire::ContactReport& m) {
     add(by, names_.contact_report, "", m);
   }

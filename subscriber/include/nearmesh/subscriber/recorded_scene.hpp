@@ -38,7 +38,7 @@ struct RecordedScene {
 struct SceneChoice {
   std::int64_t received_ns = 0;  ///< the last one until then (inclusive)
   std::string peer;              ///< its partition; empty: any
-  std::string body;              ///< one of the two; empty: any
+  std::string body, other;       ///< the two bodies, either way round; empty: any
 };
 
 /// The id of the last report chosen that was asked and has not given up detail.
