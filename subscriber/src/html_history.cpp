@@ -34,8 +34,9 @@ class Gatherer {
          {std::pair("First contact", first_contact_), std::pair("Most contacts", most_contacts_),
           std::pair("Largest replicas", largest_)}) {
       if (best.report == 0) continue;
-      const auto same = std::find_if(history_.moments.begin(), history_.moments.end(),
-                                     [&](const Moment& m) { return m.report == best.report; });
+      const auto same =
+          std::find_if(history_.moments.begin(), history_.moments.end(),
+                       [id = best.report](const Moment& m) { return m.report == id; });
       if (same == history_.moments.end())
         history_.moments.push_back({why, best.report});
       else

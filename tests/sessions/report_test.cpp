@@ -73,9 +73,9 @@ TEST_F(Report, SaysWhatIsWrong) {
             1);
   EXPECT_NE(err.find("cannot create"), std::string::npos) << err;
   EXPECT_EQ(run(folder_, "nearmesh-subscriber",
-                {"report", session, "-o", folder_.file("out"), "--at", "0"}, nullptr, &err),
+                {"report", folder_.file("file"), "-o", folder_.file("out")}, nullptr, &err),
             1);
-  EXPECT_NE(err.find("no answer"), std::string::npos) << err;
+  EXPECT_NE(err.find("not a recorded session"), std::string::npos) << err;
   EXPECT_FALSE(std::filesystem::exists(folder_.file("out")));
 }
 
