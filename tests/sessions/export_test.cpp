@@ -237,7 +237,8 @@ TEST_F(Export, GlbIsReadByOthers) {
   aiVector3D lo(1e9F), hi(-1e9F);
   for (unsigned m = 0; m < read->mNumMeshes; ++m) {
     const aiMesh& mesh = *read->mMeshes[m];
-    (mesh.mPrimitiveTypes == aiPrimitiveType_LINE ? lines : triangles) += mesh.mNumFaces;
+    for (unsigned i = 0; i < mesh.mNumFaces; ++i)
+      ++(mesh.mFaces[i].mNumIndices == 2 ? lines : triangles);
     EXPECT_TRUE(mesh.HasVertexColors(0));
     for (unsigned i = 0; i < mesh.mNumVertices; ++i)
       for (unsigned k = 0; k < 3; ++k) {
