@@ -135,7 +135,7 @@ TEST_F(Export, ContactsLieOnBothBodies) {
 
 TEST_F(Export, PlyIsReadByOthers) {
   const std::string bytes = exported("out.ply");
-  EXPECT_EQ(bytes, subscriber::to_ply(scene_, 0));
+  EXPECT_TRUE(bytes == subscriber::to_ply(scene_, 0));
   // Its size is what its header says.
   const std::size_t header = bytes.find("end_header\n") + 11;
   const std::size_t segments = scene_.contacts.segments.size();
@@ -165,7 +165,7 @@ TEST_F(Export, PlyIsReadByOthers) {
 
 TEST_F(Export, GlbHoldsTogether) {
   const std::string bytes = exported("out.glb");
-  EXPECT_EQ(bytes, subscriber::to_glb(scene_, 0).value());
+  EXPECT_TRUE(bytes == subscriber::to_glb(scene_, 0).value());
   const auto word = [&](std::size_t at) {
     std::uint32_t value = 0;
     std::memcpy(&value, bytes.data() + at, 4);
