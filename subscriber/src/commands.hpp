@@ -21,5 +21,7 @@ void add_transport_options(CLI::App& command, wire::TransportOptions& transport)
 void add_record_command(CLI::App& app, std::function<Status()>& chosen);
 void add_info_command(CLI::App& app, std::function<Status()>& chosen);
 void add_verify_command(CLI::App& app, std::function<Status()>& chosen);
+void add_export_command(CLI::App& app, std::function<Status()>& chosen);
+void add_report_command(CLI::App& app, std::function<Status()>& chosen);
 
 }  // namespace nearmesh::subscriber

@@ -386,6 +386,8 @@ int main(int argc, char** argv) {
   nearmesh::subscriber::add_record_command(app, chosen);
   nearmesh::subscriber::add_info_command(app, chosen);
   nearmesh::subscriber::add_verify_command(app, chosen);
+  nearmesh::subscriber::add_export_command(app, chosen);
+  nearmesh::subscriber::add_report_command(app, chosen);
   try {
     spdlog::set_default_logger(spdlog::stderr_color_mt("nearmesh-subscriber"));
     spdlog::set_pattern("%H:%M:%S %n %^%l%$: %v");

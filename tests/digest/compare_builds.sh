@@ -15,7 +15,7 @@ build/dev/bin/nearmesh-digest >build/digest-dev.txt
 for name in "${names[@]}"; do
   folder=build/digest-$name
   # A build type of no known name: the flags are those given here alone.
-  cmake -S . -B "$folder" -G Ninja --log-level=WARNING -DNEARMESH_WITH_DDS=OFF -DCMAKE_BUILD_TYPE=Digest \
+  cmake -S . -B "$folder" -G Ninja --log-level=WARNING -DCMAKE_BUILD_TYPE=Digest \
     -DCMAKE_CXX_COMPILER="${compilers[$name]}" -DCMAKE_CXX_FLAGS="${flags[$name]}" >/dev/null
   TIMEFORMAT="$name: built in %R s (%U s of CPU)"
   time cmake --build "$folder" --target nearmesh-digest >/dev/null

@@ -34,5 +34,6 @@ struct Job {
 [[nodiscard]] std::vector<Job> geometry_jobs();
 [[nodiscard]] std::vector<Job> model_jobs();
 [[nodiscard]] std::vector<Job> answer_jobs();
+[[nodiscard]] std::vector<Job> session_jobs();  ///< in builds with DDS alone
 
 }  // namespace nearmesh::digest_jobs

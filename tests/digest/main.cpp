@@ -17,8 +17,11 @@ namespace {
 
 std::vector<Job> all_jobs() {
   std::vector<Job> jobs;
-  for (const std::vector<Job>& room : {geometry_jobs(), model_jobs(), answer_jobs()})
-    jobs.insert(jobs.end(), room.begin(), room.end());
+  std::vector<std::vector<Job>> rooms{geometry_jobs(), model_jobs(), answer_jobs()};
+#ifdef NEARMESH_GOLDEN_SESSION
+  rooms.push_back(session_jobs());
+#endif
+  for (const std::vector<Job>& room : rooms) jobs.insert(jobs.end(), room.begin(), room.end());
   return jobs;
 }
 

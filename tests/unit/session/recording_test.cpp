@@ -5,12 +5,14 @@
 #include <gtest/gtest.h>
 #include <sqlite3.h>
 #include <sys/mman.h>
+#include <sys/mount.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <atomic>
 #include <csignal>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <functional>
@@ -332,6 +334,52 @@ TEST_F(Recording, FullDiskKeepsWhatWasCommitted) {
               &status, 0);
     EXPECT_EQ(status, 0);
     EXPECT_GT(count_right(*open(path())), limit / 40'000);  // a commit writes some pages
+  }
+}
+
+/// A file system of so many bytes, in a folder of its own, for as long as this lives.
+class SmallDisk {
+ public:
+  SmallDisk(fs::path at, std::size_t bytes) : at_(std::move(at)) {
+    fs::create_directory(at_);
+    const std::string size = "size=" + std::to_string(bytes);
+    if (::mount("tmpfs", at_.c_str(), "tmpfs", 0, size.c_str()) != 0) refused_ = errno;
+  }
+  SmallDisk(const SmallDisk&) = delete;
+  SmallDisk& operator=(const SmallDisk&) = delete;
+  ~SmallDisk() {
+    if (refused_ == 0) ::umount2(at_.c_str(), MNT_DETACH);
+  }
+  [[nodiscard]] int refused() const { return refused_; }
+
+ private:
+  const fs::path at_;
+  int refused_ = 0;
+};
+
+TEST_F(Recording, DiskThatIsReallyFullKeepsWhatWasCommitted) {
+  for (const std::size_t size : {300'000U, 2'000'000U}) {
+    SCOPED_TRACE(size);
+    const SmallDisk disk(folder_ / "disk", size);
+    if (disk.refused() != 0)
+      GTEST_SKIP() << "may not mount here: " << std::strerror(disk.refused());
+    const std::string file = path("disk/s.db3");
+    Status failed;
+    std::uint64_t appended = 0;
+    {
+      auto writer = start(file, 0, 0);
+      while (failed.is_ok() && appended < 100'000) {
+        failed = writer->append(message(appended + 1)).status();
+        appended += failed.is_ok() ? 1 : 0;
+      }
+      EXPECT_EQ(failed.code(), StatusCode::kIo);
+      EXPECT_NE(failed.message().find("disk/s.db3"), std::string::npos) << failed.message();
+      EXPECT_NE(failed.message().find("full"), std::string::npos) << failed.message();
+      EXPECT_EQ(writer->close().message(), failed.message());
+    }
+    // While the disk is still full; every append was committed.
+    EXPECT_EQ(count_right(*open(file)), appended);
+    EXPECT_GT(appended, size / 40'000);
   }
 }
 

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+// Reads a recorded session in your own code: of each pair of bodies, when it first touched and how near it came before.
+//   nearmesh-example-read-session session.db3        see README.md in this folder
+
+#include <algorithm>
+#include <cstdio>
+#include <limits>
+#include <map>
+
+#include "nearmesh/core/query/query.hpp"
+#include "nearmesh/core/session/recording.hpp"
+#include "nearmesh/wire/payload.hpp"
+#include "nearmesh/wire/topics.hpp"
+
+using namespace nearmesh;
+
+int main(int argc, char** argv) {
+  if (argc != 2) return std::fprintf(stderr, "usage: %s SESSION.db3\n", argv[0]), 2;
+  const auto opened = RecordingReader::open(argv[1]);
+  if (!opened.is_ok()) return std::fprintf(stderr, "%s\n", opened.status().message().c_str()), 1;
+  RecordingReader& recording = *opened.value();
+  const std::string reports = wire::TopicNames(recording.facts().prefix).contact_report;
+
+  struct Pair {
+    int answers = 0, certified = 0;
+    double nearest_m = std::numeric_limits<double>::infinity(), touched_s = -1;
+  };
+  std::map<std::pair<std::string, std::string>, Pair> pairs;
+  const Status status = recording.read(
+      1, recording.message_count() + 1, [&](std::int64_t, const RecordedMessage& message) {
+        if (recording.topics()[recording.writers()[message.writer].topic].name != reports)
+          return true;  // go on with the next message
+        const auto decoded = wire::decode_payload<wire::ContactReport>(message.cdr);
+        if (!decoded.is_ok()) return true;
+        const wire::ContactReport& report = decoded.value();
+        const auto answer = static_cast<AnswerStatus>(report.status);
+        Pair& pair = pairs[{report.body_a, report.body_b}];
+        ++pair.answers;
+        if (is_certified(answer)) ++pair.certified;
+        if (answer == AnswerStatus::kFree)
+          pair.nearest_m = std::min(pair.nearest_m, report.clearance_m);
+        if (report.pair_count > 0 && pair.touched_s < 0)
+          pair.touched_s = static_cast<double>(message.source_ns - recording.begin_ns()) * 1e-9;
+        return true;
+      });
+  if (!status.is_ok()) return std::fprintf(stderr, "%s\n", status.message().c_str()), 1;
+
+  for (const auto& [names, pair] : pairs) {
+    std::printf("%s and %s: %d answers, %d certified, ", names.first.c_str(), names.second.c_str(),
+                pair.answers, pair.certified);
+    if (pair.touched_s >= 0)
+      std::printf("first touched after %.3f s\n", pair.touched_s);
+    else
+      std::printf("no contact seen, least certified clearance %.2f m\n", pair.nearest_m);
+  }
+}
