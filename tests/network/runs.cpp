@@ -136,18 +136,13 @@ BulkPeer::BulkPeer(const Lan& lan, std::size_t host, const Exercise& exercise) {
   }
 }
 
-void BulkPeer::send(wire::RegionSubscription subscription) {
-  subscription.peer = channel_->own_id();
-  subscription.publisher = publisher_;
-  subscription.acknowledged_sequence = received_sequence_;
-  subscription.window_bytes = kWindowBytes;
-  channel_->send(subscription);
-}
-
 std::uint32_t BulkPeer::request(const std::string& model, std::uint8_t priority,
                                 std::uint32_t max_splits) {
   const Model& asked = models_.at(model);
   wire::RegionSubscription subscription;
+  subscription.peer = channel_->own_id();
+  subscription.publisher = publisher_;
+  subscription.window_bytes = kWindowBytes;
   subscription.request = ++requests_;
   subscription.content_hash = asked.content_hash;
   subscription.priority = priority;
@@ -155,7 +150,7 @@ std::uint32_t BulkPeer::request(const std::string& model, std::uint8_t priority,
   subscription.region.region = {
       GridBox{{{0, 0, 0}}, {{asked.grid_max, asked.grid_max, asked.grid_max}}}};
   subscription.region.max_splits = max_splits;
-  send(subscription);
+  channel_->send(subscription);
   return requests_;
 }
 
@@ -166,13 +161,7 @@ BulkPeer::Taken BulkPeer::take(double seconds) {
     ++taken.batches;
     taken.bytes += batch.bytes.size();
     taken.sample_bytes += batch.bytes.size() + kSampleFieldsBytes;
-    received_sequence_ = std::max(received_sequence_, batch.sequence);
     if (batch.last) taken.finished.push_back(batch.request);
-  }
-  unacknowledged_bytes_ += taken.bytes;
-  if (unacknowledged_bytes_ > kWindowBytes / 4) {
-    send({});
-    unacknowledged_bytes_ = 0;
   }
   return taken;
 }

@@ -64,13 +64,11 @@ class BulkPeer {
     std::vector<NodeSpan> roots;
     std::int32_t grid_max = 0;
   };
-  void send(wire::RegionSubscription subscription);
 
   std::unique_ptr<subscriber::DdsChannel> channel_;
   wire::SessionId publisher_ = 0;
   std::map<std::string, Model> models_;
-  std::uint32_t requests_ = 0, received_sequence_ = 0;
-  std::uint64_t unacknowledged_bytes_ = 0;
+  std::uint32_t requests_ = 0;
 };
 
 struct PipeResult {

@@ -18,7 +18,13 @@ constexpr wire::SessionId kPublisher = 0xa1, kPeer = 0xb1, kOtherPeer = 0xb2;
 
 // One service with a terrain, and a peer whose raw inbox the test reads.
 struct Desk {
-  explicit Desk(ServiceOptions options = {}) : service(*publisher_end, kPublisher, options) {
+  // Time mostly stands still here, so the pace cannot be learnt: it is tested in pacing_test.cpp.
+  static ServiceOptions unpaced(ServiceOptions options) {
+    options.pacing.initial_window_bytes = options.pacing.least_window_bytes = 1 << 20;
+    return options;
+  }
+  explicit Desk(ServiceOptions options = {})
+      : service(*publisher_end, kPublisher, unpaced(options)) {
     EXPECT_EQ(service.add_model("terrain", open()).message(), "");
     service.announce();
   }
@@ -264,7 +270,7 @@ TEST(Service, SendsOneBatchAtATimeThroughATinyWindow) {
 }
 
 TEST(Service, CreditOfLostBatchesComesBackAfterTheTimeOut) {
-  Desk desk({.credit_timeout_s = 1});
+  Desk desk({.pacing = {.timeout_s = 1}});
   wire::RegionSubscription subscription = desk.request(1);
   subscription.window_bytes = 4096;
   desk.bus.inject(subscription);
