@@ -9,8 +9,8 @@ namespace {
 /// Longer than a loss and its repair, so that one window that went smoothly is remembered.
 constexpr double kRatePeriod_s = 1;
 constexpr double kTripPeriod_s = 10;
-/// Acknowledgements in one step of the clock are told apart by no less.
-constexpr double kLeastInterval_s = 1e-5;
+/// A shaper lets the first few datagrams after a pause through at once: what came in less time says nothing of the rate.
+constexpr double kLeastInterval_s = 0.02;
 
 }  // namespace
 
@@ -72,6 +72,12 @@ void Pacing::expire(double now_s) {
     under_way_.pop_front();
     stalled_ = true;
   }
+}
+
+double Pacing::repair_period_s() const {
+  if (!knows_link_) return 0;
+  return std::min(2 * static_cast<double>(window_bytes()) / rate_bytes_per_s(),
+                  options_.timeout_s / 2);
 }
 
 std::size_t Pacing::window_bytes() const {

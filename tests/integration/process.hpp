@@ -101,6 +101,7 @@ class Process {
     ::waitpid(pid_, nullptr, 0);
   }
 
+  [[nodiscard]] pid_t id() const { return pid_; }
   void signal(int number) const { ::kill(pid_, number); }
   [[nodiscard]] bool is_over() {
     if (exit_code_ != kRunning) return true;

@@ -4,22 +4,9 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 
-#include "runs.hpp"
+#include "measures.hpp"
 
-namespace {
-
-using namespace nearmesh;
-using namespace nearmesh::test;
-
-struct Options {
-  std::string out;
-  std::vector<double> mbit{0.25, 1, 10, 40};
-  std::vector<double> loss{0, 0.01, 0.05, 0.1};
-  int frames = 200;
-  double seconds = 10;
-  int cells = 708;
-  unsigned domain = 40;
-};
+namespace nearmesh::test {
 
 std::FILE* open_csv(const std::string& path) {
   std::FILE* out = std::fopen(path.c_str(), "w");
@@ -27,10 +14,12 @@ std::FILE* open_csv(const std::string& path) {
   return out;
 }
 
+namespace {
+
 unsigned long long count(std::uint64_t n) { return n; }
 
 // A flight of the demo's on every link.
-void flights(const Options& options, const Exercise& exercise) {
+void flights(const MeasureOptions& options, const Exercise& exercise) {
   std::FILE* out = open_csv(options.out + "/flights.csv");
   std::fprintf(out,
                "mbit_per_s,loss,answers,certified,contacts,wrong,longest_lag_s,first_certified_s,"
@@ -56,7 +45,7 @@ void flights(const Options& options, const Exercise& exercise) {
 }
 
 // A pipe kept full on every link, and a small request that is needed now in the middle of it.
-void pipes(const Options& options, const Exercise& exercise) {
+void pipes(const MeasureOptions& options, const Exercise& exercise) {
   std::FILE* out = open_csv(options.out + "/pipes.csv");
   std::fprintf(out,
                "mbit_per_s,loss,seconds,batches,batch_bytes,sample_bytes,wire_bytes,wire_packets,"
@@ -81,12 +70,14 @@ void pipes(const Options& options, const Exercise& exercise) {
 }
 
 }  // namespace
+}  // namespace nearmesh::test
 
 int main(int argc, char** argv) {
   CLI::App app{"Measures nearmesh on links with rates and losses, in network namespaces",
                "nearmesh-network"};
   app.require_subcommand(1);
-  Options options;
+  using namespace nearmesh::test;
+  MeasureOptions options;
   const auto add = [&](const char* name, const char* what) {
     CLI::App* command = app.add_subcommand(name, what);
     command->add_option("-o,--out", options.out, "Folder for the CSV")
@@ -107,15 +98,31 @@ int main(int argc, char** argv) {
   CLI::App* pipes_command = add("pipes", "A full pipe on every link: pipes.csv");
   pipes_command->add_option("--seconds", options.seconds, "Time on each link")
       ->capture_default_str();
+  CLI::App* poses_command = add(
+      "poses", "The chart's terrain poses on every rate, beside its simulated clock: poses.csv");
+  CLI::App* peers_command = add("peers", "More and more peers of one publisher: peers.csv");
+  peers_command->add_option("--programs", options.programs, "Numbers of nearmesh-subscribers")
+      ->delimiter(',')
+      ->capture_default_str();
+  peers_command->add_option("--light", options.light, "Numbers of light peers, in 4 processes")
+      ->delimiter(',')
+      ->capture_default_str();
+  peers_command->add_option("--rate", options.rate_hz, "Frames a second")->capture_default_str();
+  peers_command->add_option("--seconds", options.seconds, "Of each flight")->capture_default_str();
   CLI11_PARSE(app, argc, argv);
   try {
     if (const std::string why = Lan::why_not_permitted(); !why.empty())
       throw std::runtime_error("no network can be made: " + why);
+    if (poses_command->parsed()) {
+      measure_poses(options);
+      return 0;
+    }
     const Exercise exercise{{model_file("terrain", options.cells), model_file("aircraft", 600)},
                             options.cells,
                             options.domain};
     if (flights_command->parsed()) flights(options, exercise);
     if (pipes_command->parsed()) pipes(options, exercise);
+    if (peers_command->parsed()) measure_peers(options, exercise);
     return 0;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "nearmesh-network: %s\n", error.what());

@@ -26,6 +26,7 @@ class Path {
   }
 
   double rate;
+  double tokens_bytes = 0;  ///< what a shaper lets through at once after a pause
   Pacing pacing{PacingOptions{}};
   double now_s = 100;
   std::uint64_t delivered_bytes = 0;
@@ -52,9 +53,9 @@ class Path {
   };
   void send() {
     pacing.sent(++sequence_, kBatch, now_s);
-    free_s_ = std::max(free_s_, now_s) + static_cast<double>(kBatch) / rate;
+    free_s_ = std::max(free_s_, now_s - tokens_bytes / rate) + static_cast<double>(kBatch) / rate;
     longest_queue_s = std::max(longest_queue_s, free_s_ - now_s);
-    double arrives_s = free_s_ + one_way_s_;
+    double arrives_s = std::max(free_s_, now_s) + one_way_s_;
     if (random_.unit() < loss_) arrives_s += 0.1 + 2 * one_way_s_;
     in_order_s_ = std::max(in_order_s_, arrives_s);
     acks_.push_back({in_order_s_ + one_way_s_, sequence_});
@@ -93,6 +94,15 @@ TEST(Pacing, StartsWithAShortQueueOnAThinLink) {
   EXPECT_LT(path.longest_queue_s, 0.2);  // the initial window
 }
 
+TEST(Pacing, TokensOfAShaperDoNotLookLikeAFastLink) {
+  Path path(125e3, 0.0005);
+  path.tokens_bytes = 3000;
+  for (int i = 0; i < 20; ++i) path.run(0.2, 1);
+  path.longest_queue_s = 0;
+  path.run(1);
+  EXPECT_LT(path.longest_queue_s, 0.15);
+}
+
 TEST(Pacing, FollowsALinkThatBecomesSlowerOrFaster) {
   Path path(1.25e6, 0.01);
   path.run(2);
@@ -106,10 +116,15 @@ TEST(Pacing, FollowsALinkThatBecomesSlowerOrFaster) {
   EXPECT_GT(rate_over(path, 2) / path.rate, 0.9);
 }
 
-TEST(Pacing, LossesDelayButDoNotStarve) {
-  Path path(125e3, 0.005, 0.05);
-  path.run(3);
-  EXPECT_GT(rate_over(path, 5) / path.rate, 0.3);
+TEST(Pacing, LossesDelayButNeitherStarveNorOpenTheWindow) {
+  for (const double mbit : {0.25, 1.0, 10.0})
+    for (const double loss : {0.01, 0.05, 0.1}) {
+      Path path(mbit * 125e3, 0.002, loss);
+      path.run(3);
+      path.longest_queue_s = 0;
+      EXPECT_GT(rate_over(path, 10) / path.rate, 0.3) << mbit << " Mbit/s, loss " << loss;
+      EXPECT_LT(path.longest_queue_s, 0.2) << mbit << " Mbit/s, loss " << loss;
+    }
 }
 
 TEST(Pacing, LittleToSayDoesNotLookLikeASlowLink) {
@@ -135,6 +150,17 @@ TEST(Pacing, TricklesWhileNothingComesThrough) {
   EXPECT_GE(sequence, 10U);
   EXPECT_LE(sequence, 4U + 2 * 10);
   EXPECT_LE(pacing.under_way_bytes(), PacingOptions{}.least_window_bytes);
+}
+
+TEST(Pacing, RepairsWaitUntilARepairCanHaveCome) {
+  EXPECT_EQ(Pacing{PacingOptions{}}.repair_period_s(), 0);
+  for (const double mbit : {0.25, 1.0, 10.0}) {
+    Path path(mbit * 125e3, 0.02);
+    path.run(5);
+    const double drain_s = static_cast<double>(path.pacing.window_bytes()) / path.rate;
+    EXPECT_GT(path.pacing.repair_period_s(), 1.5 * drain_s) << mbit;
+    EXPECT_LT(path.pacing.repair_period_s(), 0.5) << mbit;
+  }
 }
 
 TEST(Pacing, KeepsWithinWhatThePeerTakes) {
