@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nearmesh/publisher/dds_channel.hpp"
 
-#include <algorithm>
 #include <chrono>
 #include <map>
 #include <utility>
@@ -41,7 +40,6 @@ class DdsChannel::Impl {
   std::vector<wire::RegionSubscription> take_subscriptions();
   std::vector<SessionId> take_lost_peers();
   bool send(SessionId peer, const wire::SplitBatchMessage& batch);
-  void set_repair_period(SessionId peer, double seconds);
   wire::Mailbox& mailbox() { return mailbox_; }
 
  private:
@@ -281,20 +279,6 @@ bool DdsChannel::Impl::send(SessionId peer, const wire::SplitBatchMessage& batch
          wire::WriteResult::kTaken;
 }
 
-void DdsChannel::Impl::set_repair_period(SessionId peer, double seconds) {
-  const auto found = peers_.find(peer);
-  if (found == peers_.end()) return;
-  wire::fdds::DataWriter& writer = *found->second.writer;
-  const double period_s = std::max(seconds, options_.transport.heartbeat_s);
-  wire::fdds::DataWriterQos qos = wire::writer_qos(wire::kSplitBatchDelivery, period_s);
-  // Every participant hears of a change, so not for a trifle.
-  if (qos.reliable_writer_qos() == writer.get_qos().reliable_writer_qos()) return;
-  if (const auto code = writer.set_qos(qos);
-      code != eprosima::fastrtps::types::ReturnCode_t::RETCODE_OK)
-    mailbox_.complain(names_.split_batch + ": heartbeats of peer " + wire::partition_of(peer) +
-                      " not changed: " + wire::name_of(code));
-}
-
 Result<std::unique_ptr<DdsChannel>> DdsChannel::create(const DdsChannelOptions& options) {
   auto impl = std::make_unique<Impl>(options);
   NEARMESH_RETURN_IF_ERROR(impl->start());
@@ -313,9 +297,6 @@ std::vector<wire::RegionSubscription> DdsChannel::take_subscriptions() {
 std::vector<SessionId> DdsChannel::take_lost_peers() { return impl_->take_lost_peers(); }
 bool DdsChannel::send(SessionId peer, const wire::SplitBatchMessage& batch) {
   return impl_->send(peer, batch);
-}
-void DdsChannel::set_repair_period(SessionId peer, double seconds) {
-  impl_->set_repair_period(peer, seconds);
 }
 void DdsChannel::wait(double seconds) { impl_->mailbox().wait(seconds); }
 std::vector<std::string> DdsChannel::take_complaints() {

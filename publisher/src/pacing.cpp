@@ -74,12 +74,6 @@ void Pacing::expire(double now_s) {
   }
 }
 
-double Pacing::repair_period_s() const {
-  if (!knows_link_) return 0;
-  return std::min(2 * static_cast<double>(window_bytes()) / rate_bytes_per_s(),
-                  options_.timeout_s / 2);
-}
-
 std::size_t Pacing::window_bytes() const {
   double window = static_cast<double>(options_.initial_window_bytes);
   if (const double rate = rate_bytes_per_s(); rate > 0) {

@@ -81,13 +81,6 @@ void Service::enqueue(Peer& peer, const wire::RegionSubscription& subscription,
                     std::make_move_iterator(added.end()));
 }
 
-void Service::tell_repair_period(wire::SessionId id, Peer& peer) {
-  const double period_s = peer.pacing.repair_period_s();
-  if (period_s < 2 * peer.repair_period_s && peer.repair_period_s < 2 * period_s) return;
-  peer.repair_period_s = period_s;
-  channel_.set_repair_period(id, period_s);
-}
-
 bool Service::send_next(wire::SessionId id, Peer& peer, double now_s) {
   if (peer.queue.empty()) return false;
   wire::SplitBatchMessage& message = peer.queue.front().message;
@@ -113,7 +106,6 @@ std::vector<std::string> Service::step(double now_s) {
     Peer& peer = peers_.try_emplace(subscription.peer, options_.pacing).first->second;
     peer.pacing.limit(std::min(subscription.window_bytes, options_.max_window_bytes));
     peer.pacing.acknowledged(subscription.acknowledged_sequence, now_s);
-    tell_repair_period(subscription.peer, peer);
     // Repeats of a request (a writer's history after a rematch) are not answered twice.
     if (subscription.request == 0 || subscription.request <= peer.last_request) continue;
     peer.last_request = subscription.request;

@@ -143,7 +143,7 @@ inline int run(const Folder& folder, const std::string& program,
 /// Path of a small model, made by nearmesh-model when a newer program asks for the first time; tests share it.
 inline std::string model_file(const std::string& kind, int size) {
   namespace fs = std::filesystem;
-  const fs::path folder = NEARMESH_MODELS_DIR;
+  const fs::path folder = fs::path(NEARMESH_MODELS_DIR) / std::to_string(size);
   fs::create_directories(folder);
   const int lock = ::open((folder / "lock").c_str(), O_RDWR | O_CREAT, 0600);
   EXPECT_EQ(::flock(lock, LOCK_EX), 0);

@@ -61,7 +61,8 @@ std::string shaping(const std::string& device, const Link& link) {
   if (link.mbit_per_s <= 0)
     return "tc qdisc del dev " + device + " root >/dev/null 2>/dev/null; true";
   const double bytes_per_s = link.mbit_per_s * 125e3;
-  const auto burst = static_cast<unsigned long>(std::max(3000.0, bytes_per_s / 200));
+  // As few tokens as the shaper can do with: they pass a pause's first datagrams at once.
+  const auto burst = static_cast<unsigned long>(std::max(1600.0, bytes_per_s / 4000));
   const auto queue = static_cast<unsigned long>(
       link.queue_bytes > 0 ? link.queue_bytes : std::max(32e3, bytes_per_s / 10));
   return "tc qdisc replace dev " + device + " root tbf rate " +

@@ -16,6 +16,8 @@ std::FILE* open_csv(const std::string& path) {
 
 namespace {
 
+constexpr int kTerrainCells = 708;  // a million faces
+
 unsigned long long count(std::uint64_t n) { return n; }
 
 // A flight of the demo's on every link.
@@ -87,8 +89,6 @@ int main(int argc, char** argv) {
     command->add_option("--loss", options.loss, "Shares of packets lost")
         ->delimiter(',')
         ->capture_default_str();
-    command->add_option("--size", options.cells, "Cells a side of the terrain")
-        ->capture_default_str();
     command->add_option("--domain", options.domain, "DDS domain")->capture_default_str();
     return command;
   };
@@ -117,8 +117,8 @@ int main(int argc, char** argv) {
       measure_poses(options);
       return 0;
     }
-    const Exercise exercise{{model_file("terrain", options.cells), model_file("aircraft", 600)},
-                            options.cells,
+    const Exercise exercise{{model_file("terrain", kTerrainCells), model_file("aircraft", 600)},
+                            kTerrainCells,
                             options.domain};
     if (flights_command->parsed()) flights(options, exercise);
     if (pipes_command->parsed()) pipes(options, exercise);

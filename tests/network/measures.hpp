@@ -16,7 +16,6 @@ struct MeasureOptions {
   std::vector<double> loss{0, 0.01, 0.05, 0.1};
   int frames = 200;
   double seconds = 10;
-  int cells = 708;
   unsigned domain = 40;
   std::vector<int> programs{10, 20, 50};
   std::vector<int> light{10, 20, 50, 500};

@@ -152,17 +152,6 @@ TEST(Pacing, TricklesWhileNothingComesThrough) {
   EXPECT_LE(pacing.under_way_bytes(), PacingOptions{}.least_window_bytes);
 }
 
-TEST(Pacing, RepairsWaitUntilARepairCanHaveCome) {
-  EXPECT_EQ(Pacing{PacingOptions{}}.repair_period_s(), 0);
-  for (const double mbit : {0.25, 1.0, 10.0}) {
-    Path path(mbit * 125e3, 0.02);
-    path.run(5);
-    const double drain_s = static_cast<double>(path.pacing.window_bytes()) / path.rate;
-    EXPECT_GT(path.pacing.repair_period_s(), 1.5 * drain_s) << mbit;
-    EXPECT_LT(path.pacing.repair_period_s(), 0.5) << mbit;
-  }
-}
-
 TEST(Pacing, KeepsWithinWhatThePeerTakes) {
   Path path(5e6, 0.001);
   path.pacing.limit(4000);

@@ -255,6 +255,42 @@ TEST(Service, CapsAWindowThatIsTooLarge) {
   EXPECT_LE(framed(batches), 4096U);
 }
 
+TEST(Service, SendsLittleBeforeItKnowsTheLink) {
+  Desk desk;
+  Service paced(*desk.publisher_end, kPublisher);
+  ASSERT_TRUE(paced.add_model("terrain", desk.open()).is_ok());
+  desk.bus.inject(desk.request(1));
+  paced.step(0);
+  EXPECT_LE(framed(desk.received()), ServiceOptions{}.pacing.initial_window_bytes);
+}
+
+// What is under way cannot be overtaken, so little is.
+TEST(Service, NeededNowOvertakesWhatWaitsOfAHorizon) {
+  Desk desk;
+  Service paced(*desk.publisher_end, kPublisher);
+  ASSERT_TRUE(paced.add_model("terrain", desk.open()).is_ok());
+  const BakedModel sphere = test::bake_named("sphere");
+  const auto file = test::write_model(sphere);
+  ModelFile opened = std::move(ModelFile::open(file->path())).value();
+  wire::RegionSubscription horizon = desk.request(1), urgent = desk.request(2, 10);
+  horizon.priority = 1;
+  urgent.content_hash = opened.content_hash();
+  urgent.region.attach = {sphere.header.roots[0].node};
+  ASSERT_TRUE(paced.add_model("sphere", std::move(opened)).is_ok());
+  desk.bus.inject(horizon);
+  paced.step(0);
+  const auto before = desk.received();
+  ASSERT_FALSE(before.empty());
+  EXPECT_FALSE(before.back().last);
+  EXPECT_LE(framed(before), ServiceOptions{}.pacing.initial_window_bytes);
+  desk.bus.inject(urgent);
+  desk.bus.inject(desk.credit(before.back().sequence));
+  paced.step(0.1);
+  const auto after = desk.received();
+  ASSERT_FALSE(after.empty());
+  EXPECT_EQ(after.front().request, 2U);
+}
+
 TEST(Service, SendsOneBatchAtATimeThroughATinyWindow) {
   Desk desk;
   wire::RegionSubscription subscription = desk.request(1);

@@ -22,9 +22,6 @@ class Channel {
   [[nodiscard]] virtual std::vector<wire::SessionId> take_lost_peers() = 0;
   /// Sends to one peer. False when it could not be taken now: the caller keeps the batch and tries again.
   [[nodiscard]] virtual bool send(wire::SessionId peer, const wire::SplitBatchMessage& batch) = 0;
-  /// How long a batch to this peer, or its repair, may take to be acknowledged: what is missing need not be repaired again
-  /// before. Without it, repairs of repairs would fill a thin link.
-  virtual void set_repair_period(wire::SessionId /*peer*/, double /*seconds*/) {}
   /// Blocks until something arrived or the time is over.
   virtual void wait(double seconds) = 0;
   /// One line each since the last call: malformed samples, other wire versions, incompatible QoS, limits reached.

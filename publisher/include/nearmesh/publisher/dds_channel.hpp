@@ -40,8 +40,6 @@ class DdsChannel final : public Channel {
   /// when 256 batches are unacknowledged, and for a peer that is unknown or lost. A batch that
   /// check() refuses is dropped with a complaint and true: trying again would not help.
   [[nodiscard]] bool send(wire::SessionId peer, const wire::SplitBatchMessage& batch) override;
-  /// The period of heartbeats to this peer, never below that of the transport's options.
-  void set_repair_period(wire::SessionId peer, double seconds) override;
   void wait(double seconds) override;
   [[nodiscard]] std::vector<std::string> take_complaints() override;
 

@@ -45,8 +45,6 @@ class Pacing {
   void expire(double now_s);
 
   [[nodiscard]] std::size_t window_bytes() const;
-  /// Twice the time that a window takes through the link, as known; 0 while it is not. At most half the time-out.
-  [[nodiscard]] double repair_period_s() const;
   [[nodiscard]] std::size_t under_way_bytes() const { return under_way_bytes_; }
   [[nodiscard]] double rate_bytes_per_s() const {
     return rate_.front() > rate_.back() ? rate_.front() : rate_.back();

@@ -60,7 +60,6 @@ class Service {
     std::deque<Waiting> queue;  // by priority, then arrival
     std::size_t queued_bytes = 0;
     Pacing pacing;
-    double repair_period_s = 0;  // as the channel knows it
     std::uint32_t next_sequence = 1;
     std::uint32_t last_request = 0;
   };
@@ -69,7 +68,6 @@ class Service {
       const wire::RegionSubscription& subscription);
   void enqueue(Peer& peer, const wire::RegionSubscription& subscription,
                std::vector<std::vector<std::uint8_t>> batches, bool refused);
-  void tell_repair_period(wire::SessionId id, Peer& peer);
   bool send_next(wire::SessionId id, Peer& peer, double now_s);
 
   Channel& channel_;
