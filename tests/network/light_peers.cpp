@@ -158,6 +158,7 @@ struct Options {
   std::string trajectory;
   std::size_t peers = 125, first = 0, of = 125;
   double rate_hz = 2;
+  double apart_m = 0;
 };
 
 std::vector<Motion> read_trajectory(const std::string& path, double rate_hz) {
@@ -210,7 +211,9 @@ int fly(const Options& options) {
   }
   const auto motion_of = [&](std::size_t peer, std::uint64_t frame) {
     const std::size_t lead = (options.first + peer) * motions.size() / options.of;
-    return motions[(lead + frame) % motions.size()];
+    Motion motion = motions[(lead + frame) % motions.size()];
+    motion.pose.translation_m[1] += options.apart_m * static_cast<double>(options.first + peer);
+    return motion;
   };
   std::uint64_t frames = 0, answers = 0, certified = 0, late = 0;
   Stopwatch start;
@@ -285,6 +288,8 @@ int main(int argc, char** argv) {
   app.add_option("--peers", options.peers, "How many here")->capture_default_str();
   app.add_option("--first", options.first, "How many before them, in other processes");
   app.add_option("--of", options.of, "How many in all")->capture_default_str();
+  app.add_option("--apart", options.apart_m, "Metres to the side of the one before")
+      ->capture_default_str();
   app.add_option("--rate", options.rate_hz, "Frames a second")->capture_default_str();
   app.add_option("--domain", options.transport.domain, "DDS domain")->required();
   CLI11_PARSE(app, argc, argv);

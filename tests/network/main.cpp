@@ -100,15 +100,19 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   CLI::App* poses_command = add(
       "poses", "The chart's terrain poses on every rate, beside its simulated clock: poses.csv");
-  CLI::App* peers_command = add("peers", "More and more peers of one publisher: peers.csv");
-  peers_command->add_option("--programs", options.programs, "Numbers of nearmesh-subscribers")
-      ->delimiter(',')
-      ->capture_default_str();
-  peers_command->add_option("--light", options.light, "Numbers of light peers, in 4 processes")
-      ->delimiter(',')
-      ->capture_default_str();
+  CLI::App* peers_command =
+      add("peers", "More and more peers of one publisher: peers-light.csv, peers-programs.csv");
+  const auto add_numbers = [&](const char* name, std::vector<int>& numbers, const char* what) {
+    peers_command->add_option(name, numbers, what)->delimiter(',');
+  };
+  add_numbers("--light", options.light, "Numbers of light peers, in 4 processes");
+  add_numbers("--together", options.together, "Numbers of light peers that fly in one place");
+  add_numbers("--programs", options.programs, "Numbers of nearmesh-subscribers");
   peers_command->add_option("--rate", options.rate_hz, "Frames a second")->capture_default_str();
-  peers_command->add_option("--seconds", options.seconds, "Of each flight")->capture_default_str();
+  peers_command
+      ->add_option("--seconds", options.seconds,
+                   "Of each flight of light peers; programs fly 200 frames")
+      ->capture_default_str();
   CLI11_PARSE(app, argc, argv);
   try {
     if (const std::string why = Lan::why_not_permitted(); !why.empty())

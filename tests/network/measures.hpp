@@ -17,8 +17,8 @@ struct MeasureOptions {
   int frames = 200;
   double seconds = 10;
   unsigned domain = 40;
-  std::vector<int> programs{10, 20, 50};
-  std::vector<int> light{10, 20, 50, 500};
+  std::vector<int> programs;
+  std::vector<int> light, together;
   double rate_hz = 2;
 };
 

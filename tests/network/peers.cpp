@@ -15,6 +15,7 @@ using nlohmann::json;
 
 constexpr int kLightProcesses = 4;
 constexpr double kReadyDeadline_s = 120;
+constexpr int kOnePlace = 1'000'000;
 
 struct Spent {
   double cpu_s = 0;
@@ -38,6 +39,7 @@ Spent spent_by(const Process& process) {
 struct Row {
   const char* kind = "";
   int peers = 0;
+  bool together = false;  ///< all in one place at one time: the most that they could share
   double seconds = 0, ready_s = 0;
   std::uint64_t answers = 0, certified = 0, requests = 0, batches = 0, batch_bytes = 0;
   std::uint64_t flight_bytes = 0, repeated_bytes = 0;
@@ -66,8 +68,9 @@ void fly_light(const MeasureOptions& options, const Exercise& exercise, const La
           std::vector<std::string>{
               folder.file("flight1.csv"), "--peers",
               std::to_string(row.peers * (i + 1) / kLightProcesses - first), "--first",
-              std::to_string(first), "--of", std::to_string(row.peers), "--rate",
-              std::to_string(options.rate_hz), "--domain", std::to_string(exercise.domain)}));
+              std::to_string(first), "--of", std::to_string(row.together ? kOnePlace : row.peers),
+              "--apart", row.together ? "0" : "5", "--rate", std::to_string(options.rate_hz),
+              "--domain", std::to_string(exercise.domain)}));
     }
   }
   const Stopwatch watch;
@@ -141,18 +144,22 @@ void fly_programs(const MeasureOptions& options, const Exercise& exercise, const
 }  // namespace
 
 void measure_peers(const MeasureOptions& options, const Exercise& exercise) {
-  std::FILE* out = open_csv(options.out + "/peers.csv");
-  std::fprintf(out,
-               "kind,peers,rate_hz,seconds,ready_s,answers,certified,requests,batches,batch_bytes,"
-               "flight_bytes,repeated_bytes,publisher_cpu_s,publisher_start_cpu_s,"
-               "publisher_memory_before,publisher_memory_after,publisher_sent_bytes,"
-               "publisher_received_bytes\n");
-  const auto measure = [&](const char* kind, int peers, auto fly) {
+  std::FILE* out = nullptr;
+  const auto open = [&](const char* name) {
+    out = open_csv(options.out + name);
+    std::fprintf(
+        out,
+        "kind,peers,rate_hz,seconds,ready_s,answers,certified,requests,batches,batch_bytes,"
+        "flight_bytes,repeated_bytes,publisher_cpu_s,publisher_start_cpu_s,"
+        "publisher_memory_before,publisher_memory_after,publisher_sent_bytes,"
+        "publisher_received_bytes\n");
+  };
+  const auto measure = [&](const char* kind, int peers, bool together, auto fly) {
     const Lan lan({{}, {}});
     const Folder folder;
     write_trajectory(folder, exercise, options.rate_hz);
     const auto publisher = serve(lan, folder, exercise);
-    Row row{.kind = kind, .peers = peers, .before = spent_by(*publisher)};
+    Row row{.kind = kind, .peers = peers, .together = together, .before = spent_by(*publisher)};
     fly(options, exercise, lan, folder, *publisher, row);
     const auto count = [](std::uint64_t n) { return static_cast<unsigned long long>(n); };
     std::fprintf(
@@ -168,8 +175,15 @@ void measure_peers(const MeasureOptions& options, const Exercise& exercise) {
     std::fprintf(stderr, "%d peers (%s): %llu of %llu certified\n", peers, kind,
                  count(row.certified), count(row.answers));
   };
-  for (const int peers : options.light) measure("light", peers, fly_light);
-  for (const int peers : options.programs) measure("programs", peers, fly_programs);
+  if (!options.light.empty() || !options.together.empty()) {
+    open("/peers-light.csv");
+    for (const int peers : options.light) measure("light", peers, false, fly_light);
+    for (const int peers : options.together) measure("together", peers, true, fly_light);
+    std::fclose(out);
+  }
+  if (options.programs.empty()) return;
+  open("/peers-programs.csv");
+  for (const int peers : options.programs) measure("programs", peers, false, fly_programs);
   std::fclose(out);
 }
 
