@@ -64,13 +64,18 @@ def poses(folder):
                   "clock: bytes", "driven", "clock: requests, bytes", "driven", "joining, s"], lines)
 
 
+def cpu_of_request(row):
+    """Requests are counted from the start, so is the processor time."""
+    return (row["publisher_cpu_s"] + row["publisher_start_cpu_s"]) / row["requests"]
+
+
 def peers(folder):
     lines = []
     for r in rows_of(folder / "peers-light.csv") + rows_of(folder / "peers-programs.csv"):
         n, seconds = r["peers"], r["seconds"]
         lines.append([r["kind"], f"{n:.0f}", f"{r['rate_hz']:g}", f"{r['ready_s']:.1f}",
                       f"{r['certified']:.0f} of {r['answers']:.0f}", number(r["requests"]),
-                      f"{1000 * r['publisher_cpu_s'] / seconds / n:.2f}", f"{1000 * r['publisher_cpu_s'] / r['requests']:.2f}",
+                      f"{1000 * r['publisher_cpu_s'] / seconds / n:.2f}", f"{1000 * cpu_of_request(r):.2f}",
                       number(r["batch_bytes"] / n), number(r["publisher_sent_bytes"] / seconds / n),
                       f"{(r['publisher_memory_after'] - r['publisher_memory_before']) / n / 1e3:.0f}",
                       f"{100 * r['repeated_bytes'] / r['flight_bytes']:.1f} %" if r["flight_bytes"] else "-"])
@@ -88,7 +93,9 @@ def scale(folder):
     """What n peers like those of the largest light row need of one publisher, and of discovery."""
     most = max((r for r in rows_of(folder / "peers-light.csv") if r["kind"] == "light"), key=lambda r: r["peers"])
     n = most["peers"]
-    cpu_s, sent = most["publisher_cpu_s"] / most["requests"], most["publisher_sent_bytes"] / most["requests"]
+    # Bytes were counted in flight only: those of the share of requests that was made then.
+    cpu_s = cpu_of_request(most)
+    sent = most["publisher_sent_bytes"] / (most["requests"] * most["flight_bytes"] / most["batch_bytes"])
     memory = (most["publisher_memory_after"] - most["publisher_memory_before"]) / n
     lines = []
     for peers in (500, 1000, 3000, 10000):

@@ -15,7 +15,9 @@ using nlohmann::json;
 
 constexpr int kLightProcesses = 4;
 constexpr double kReadyDeadline_s = 120;
-constexpr int kOnePlace = 1'000'000;
+constexpr double kRowsPerSecond = 2;  // of the trajectory: 80 m a row, 16 km over the terrain
+// Peers in one place start where the flight is low: at 0.3 of the trajectory.
+constexpr int kOnePlace = 1'000'000, kOnePlaceFirst = 300'000;
 
 struct Spent {
   double cpu_s = 0;
@@ -47,11 +49,11 @@ struct Row {
   Lan::Counters wire_ready, wire_after;
 };
 
-void write_trajectory(const Folder& folder, const Exercise& exercise, double rate_hz) {
+void write_trajectory(const Folder& folder, const Exercise& exercise) {
   std::string err;
   if (run(folder, "nearmesh-demo-flights",
           {folder.path(), "--size", std::to_string(exercise.terrain_cells), "--frames", "200",
-           "--rate", std::to_string(rate_hz)},
+           "--rate", std::to_string(kRowsPerSecond)},
           nullptr, &err) != 0)
     throw std::runtime_error("no flight: " + err);
 }
@@ -65,12 +67,13 @@ void fly_light(const MeasureOptions& options, const Exercise& exercise, const La
       const int first = row.peers * i / kLightProcesses;
       processes.push_back(std::make_unique<Process>(
           folder, "nearmesh-network-peers",
-          std::vector<std::string>{
-              folder.file("flight1.csv"), "--peers",
-              std::to_string(row.peers * (i + 1) / kLightProcesses - first), "--first",
-              std::to_string(first), "--of", std::to_string(row.together ? kOnePlace : row.peers),
-              "--apart", row.together ? "0" : "5", "--rate", std::to_string(options.rate_hz),
-              "--domain", std::to_string(exercise.domain)}));
+          std::vector<std::string>{folder.file("flight1.csv"), "--peers",
+                                   std::to_string(row.peers * (i + 1) / kLightProcesses - first),
+                                   "--first", std::to_string(row.together ? kOnePlaceFirst : first),
+                                   "--of", std::to_string(row.together ? kOnePlace : row.peers),
+                                   "--apart", row.together ? "0" : "5", "--rate",
+                                   std::to_string(options.rate_hz), "--domain",
+                                   std::to_string(exercise.domain)}));
     }
   }
   const Stopwatch watch;
@@ -157,7 +160,7 @@ void measure_peers(const MeasureOptions& options, const Exercise& exercise) {
   const auto measure = [&](const char* kind, int peers, bool together, auto fly) {
     const Lan lan({{}, {}});
     const Folder folder;
-    write_trajectory(folder, exercise, options.rate_hz);
+    write_trajectory(folder, exercise);
     const auto publisher = serve(lan, folder, exercise);
     Row row{.kind = kind, .peers = peers, .together = together, .before = spent_by(*publisher)};
     fly(options, exercise, lan, folder, *publisher, row);
