@@ -50,10 +50,10 @@ class Lan {
     std::uint64_t received_bytes = 0, received_packets = 0, sent_bytes = 0, sent_packets = 0;
   };
   [[nodiscard]] Counters counters(std::size_t host) const;
-  /// Changes a link from now on.
-  void shape(std::size_t host, const Link& link);
 
  private:
+  void shape(std::size_t host, const Link& link);
+
   std::vector<int> hosts_;  ///< file descriptors of namespaces
   int hub_ = -1;
 };
