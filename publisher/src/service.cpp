@@ -88,14 +88,14 @@ bool Service::send_next(wire::SessionId id, Peer& peer, double now_s) {
   if (peer.queue.empty()) return false;
   wire::SplitBatchMessage& message = peer.queue.front().message;
   const std::size_t bytes = message.bytes.size() + kBatchFramingBytes;
-  // One batch may always be under way, so that a tiny window cannot stall a peer for good.
-  if (!peer.under_way.empty() && peer.under_way_bytes + bytes > peer.window_bytes) return false;
+  if (!peer.pacing.may_send(bytes)) return false;
   message.sequence = peer.next_sequence;
   if (!channel_.send(id, message)) return false;
-  peer.under_way.push_back({peer.next_sequence++, bytes, now_s});
-  peer.under_way_bytes += bytes;
+  peer.pacing.sent(peer.next_sequence++, bytes, now_s);
   peer.queued_bytes -= bytes;
   peer.queue.pop_front();
+  if (peer.queue.empty() && peer.pacing.may_send(kMaxBatchBytes + kBatchFramingBytes))
+    peer.pacing.ran_dry();
   ++stats_.batches;
   stats_.bytes += bytes;
   return true;
@@ -106,13 +106,9 @@ std::vector<std::string> Service::step(double now_s) {
   for (const wire::SessionId id : channel_.take_lost_peers()) peers_.erase(id);
   for (const wire::RegionSubscription& subscription : channel_.take_subscriptions()) {
     if (subscription.publisher != session_) continue;
-    Peer& peer = peers_[subscription.peer];
-    peer.window_bytes = std::min(subscription.window_bytes, options_.max_window_bytes);
-    while (!peer.under_way.empty() &&
-           peer.under_way.front().sequence <= subscription.acknowledged_sequence) {
-      peer.under_way_bytes -= peer.under_way.front().bytes;
-      peer.under_way.pop_front();
-    }
+    Peer& peer = peers_.try_emplace(subscription.peer, options_.pacing).first->second;
+    peer.pacing.limit(std::min(subscription.window_bytes, options_.max_window_bytes));
+    peer.pacing.acknowledged(subscription.acknowledged_sequence, now_s);
     // Repeats of a request (a writer's history after a rematch) are not answered twice.
     if (subscription.request == 0 || subscription.request <= peer.last_request) continue;
     peer.last_request = subscription.request;
@@ -144,13 +140,7 @@ std::vector<std::string> Service::step(double now_s) {
     complaints.push_back("request " + std::to_string(subscription.request) + " of peer " +
                          to_hex(subscription.peer) + " refused: " + why);
   }
-  for (auto& [id, peer] : peers_) {
-    while (!peer.under_way.empty() &&
-           now_s - peer.under_way.front().sent_s > options_.credit_timeout_s) {
-      peer.under_way_bytes -= peer.under_way.front().bytes;
-      peer.under_way.pop_front();
-    }
-  }
+  for (auto& [id, peer] : peers_) peer.pacing.expire(now_s);
   // In turns, one batch each, so that a peer with much to send delays no other.
   for (bool sent = true; sent;) {
     sent = false;

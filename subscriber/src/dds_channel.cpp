@@ -7,6 +7,7 @@
 #include <condition_variable>
 #include <deque>
 #include <future>
+#include <map>
 #include <mutex>
 #include <thread>
 #include <utility>
@@ -25,6 +26,9 @@ constexpr std::size_t kMaxTaken = 1024;  ///< of one topic, before the others ha
 constexpr double kIdleWait_s = 0.5;      ///< everything wakes the thread; this is a safety net
 constexpr std::size_t kMaxContested = 64;
 constexpr double kRetryWait_s = 0.002;  ///< when Fast DDS could not take a sample
+/// Batches are acknowledged together for so long, or until they are that share of the window: on thin links each as it comes.
+constexpr double kAcknowledgeWait_s = 0.01;
+constexpr std::size_t kAcknowledgeShare = 8;
 
 }  // namespace
 
@@ -45,6 +49,7 @@ class DdsChannel::Impl {
 
   Status start();
   SessionId own_id() const { return own_id_; }
+  void send(const wire::RegionSubscription& subscription);
   template <class Message>
   void put(std::deque<Message> Impl::*queue, const Message& message, const std::string& topic);
   Inbox take();
@@ -62,6 +67,14 @@ class DdsChannel::Impl {
     Handle writer;
   };
 
+  /// What came of a publisher that was asked, and has not been acknowledged.
+  struct Account {
+    std::uint32_t window_bytes = 0;
+    std::uint32_t sequence = 0;
+    std::size_t bytes = 0;
+    std::chrono::steady_clock::time_point acknowledged{};
+  };
+
   void run(std::promise<Status> started);
   Status open();
   Status add_readers();
@@ -73,12 +86,14 @@ class DdsChannel::Impl {
   Status rejoin();
   void release_hellos();
   bool flush();
+  double acknowledge();
   template <class Type, class Message>
   bool flush(std::deque<Message> Impl::*queue, wire::fdds::DataWriter& writer);
   template <class Message>
   void deliver(std::vector<Message> Inbox::*list, Message&& message, std::size_t limit,
                const std::string& topic);
   void deliver_header(wire::MeshHeader&& header);
+  void note_batch(const wire::SplitBatchMessage& batch);
   void complain_of_overflow(const std::string& topic);
 
   const DdsChannelOptions options_;
@@ -91,6 +106,7 @@ class DdsChannel::Impl {
   std::mutex mutex_;  ///< outgoing queues and inbox; never held during a DDS call
   std::condition_variable arrived_;
   Inbox inbox_;
+  std::map<SessionId, Account> accounts_;  ///< by publisher: those that requests were sent to
   std::size_t waiting_header_bytes_ = 0;
   std::set<std::string> overflowed_;  ///< topics that already complained since the last take()
 
@@ -126,6 +142,14 @@ DdsChannel::Impl::~Impl() {
   stopping_ = true;
   mailbox_.wake();
   if (thread_.joinable()) thread_.join();
+}
+
+void DdsChannel::Impl::send(const wire::RegionSubscription& subscription) {
+  {
+    const std::lock_guard lock(mutex_);
+    accounts_[subscription.publisher].window_bytes = subscription.window_bytes;
+  }
+  put(&Impl::subscriptions_, subscription, names_.region_subscription);
 }
 
 template <class Message>
@@ -190,8 +214,9 @@ void DdsChannel::Impl::run(std::promise<Status> started) {
     }
     const bool sent_all = flush();
     const bool more = receive();
+    const double wait_s = acknowledge();
     arrived_.notify_all();
-    if (!more) mailbox_.wait(sent_all ? kIdleWait_s : kRetryWait_s);
+    if (!more) mailbox_.wait(sent_all ? wait_s : kRetryWait_s);
   }
   bus_.reset();
 }
@@ -279,6 +304,7 @@ bool DdsChannel::Impl::receive() {
   more |= wire::drain<wire::SplitBatchType>(
       *batch_reader_, mailbox_, kMaxTaken,
       [&](wire::SplitBatchMessage&& batch, const Handle&, Microseconds) {
+        note_batch(batch);
         deliver(&Inbox::batches, std::move(batch), options_.max_waiting_batches,
                 names_.split_batch);
       });
@@ -289,6 +315,52 @@ bool DdsChannel::Impl::receive() {
       });
   receive_matches();
   return more;
+}
+
+void DdsChannel::Impl::note_batch(const wire::SplitBatchMessage& batch) {
+  const std::lock_guard lock(mutex_);
+  const auto at = accounts_.find(batch.publisher);
+  if (at == accounts_.end()) return;
+  // Not the highest: a publisher that lost us for a while counts from 1 again.
+  at->second.sequence = batch.sequence;
+  at->second.bytes += batch.bytes.size() + 1;
+}
+
+/// Out: how long the thread may rest.
+double DdsChannel::Impl::acknowledge() {
+  const auto now = std::chrono::steady_clock::now();
+  double wait_s = kIdleWait_s;
+  std::vector<wire::RegionSubscription> due;
+  {
+    const std::lock_guard lock(mutex_);
+    for (auto& [publisher, account] : accounts_) {
+      if (account.bytes == 0) continue;
+      const std::chrono::duration<double> since = now - account.acknowledged;
+      if (since.count() < kAcknowledgeWait_s &&
+          account.bytes < account.window_bytes / kAcknowledgeShare) {
+        wait_s = std::min(wait_s, kAcknowledgeWait_s - since.count());
+        continue;
+      }
+      wire::RegionSubscription credit;
+      credit.peer = own_id_;
+      credit.publisher = publisher;
+      credit.acknowledged_sequence = account.sequence;
+      credit.window_bytes = account.window_bytes;
+      due.push_back(std::move(credit));
+      account.bytes = 0;
+      account.acknowledged = now;
+    }
+  }
+  for (const wire::RegionSubscription& credit : due)
+    if (wire::write_message<wire::RegionSubscriptionType>(*subscription_writer_, credit,
+                                                          mailbox_) == wire::WriteResult::kFull) {
+      const std::lock_guard lock(mutex_);
+      if (const auto at = accounts_.find(credit.publisher); at != accounts_.end()) {
+        at->second.bytes += at->second.window_bytes;  // overdue
+        wait_s = kRetryWait_s;
+      }
+    }
+  return wait_s;
 }
 
 void DdsChannel::Impl::release_hellos() {
@@ -343,6 +415,7 @@ void DdsChannel::Impl::tell_lost(SessionId publisher) {
     const std::lock_guard lock(mutex_);
     std::erase_if(inbox_.hellos,
                   [&](const wire::Hello& hello) { return hello.publisher == publisher; });
+    accounts_.erase(publisher);
   }
   deliver(&Inbox::lost_publishers, std::move(publisher), options_.max_waiting_others, names_.hello);
 }
@@ -440,9 +513,7 @@ DdsChannel::DdsChannel(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 DdsChannel::~DdsChannel() = default;
 
 SessionId DdsChannel::own_id() const { return impl_->own_id(); }
-void DdsChannel::send(const wire::RegionSubscription& subscription) {
-  impl_->put(&Impl::subscriptions_, subscription, impl_->names().region_subscription);
-}
+void DdsChannel::send(const wire::RegionSubscription& subscription) { impl_->send(subscription); }
 void DdsChannel::send(const wire::BodyPose& pose) {
   impl_->put(&Impl::poses_, pose, impl_->names().body_pose);
 }

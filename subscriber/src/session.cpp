@@ -33,7 +33,6 @@ constexpr double kMaxPatience_s = 8;
 struct Publisher {
   wire::Hello hello;
   std::uint32_t received_sequence = 0;
-  std::size_t unacknowledged_bytes = 0;
 };
 
 constexpr std::uint8_t kNeededNow = 0;
@@ -82,7 +81,6 @@ struct Session::Impl {
   bool request_ahead(PeerModel& model, const FrameReport& report, double patience_s);
   bool request(PeerModel& model, const RegionMaker& region, std::vector<NodeSpan> missing,
                std::uint8_t priority, double patience_s);
-  void return_credit();
   [[nodiscard]] Publisher* publisher_of(std::uint64_t content_hash);
   [[nodiscard]] std::string why_not_ready(const Body& body) const;
 };
@@ -168,7 +166,6 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
     for (auto& [name, model] : impl.replicas.all())
       if (model.is_ready() && model.replica->mesh().split_count() > impl.options.max_held_splits)
         impl.replicas.collapse_outside(model, impl.kept_of(model, report), report);
-  impl.return_credit();
   return report;
 }
 
@@ -199,13 +196,12 @@ void Session::Impl::take_inbox(FrameReport& report) {
 }
 
 void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& report) {
-  // One that was lost meanwhile gets no credit; what it sent is good all the same.
+  // What one that was lost meanwhile sent is good all the same.
   if (const auto at = publishers.find(message.publisher); at != publishers.end()) {
     Publisher& publisher = at->second;
     if (message.sequence > publisher.received_sequence + 1)
       stats.sequence_gaps += message.sequence - publisher.received_sequence - 1;
     publisher.received_sequence = std::max(publisher.received_sequence, message.sequence);
-    publisher.unacknowledged_bytes += message.bytes.size() + 1;
   }
   ++stats.batches;
   stats.batch_bytes += message.bytes.size();
@@ -425,9 +421,7 @@ bool Session::Impl::request(PeerModel& model, const RegionMaker& region,
   subscription.request = ++last_request;
   subscription.content_hash = model.content_hash;
   subscription.priority = priority;
-  subscription.acknowledged_sequence = publisher->received_sequence;
   subscription.window_bytes = options.window_bytes;
-  publisher->unacknowledged_bytes = 0;
   channel->send(subscription);
   outstanding[model.content_hash] = {last_request, priority, clock.seconds(), patience_s};
   ++stats.requests;
@@ -465,19 +459,6 @@ void Session::Impl::ask(const FrameReport& report) {
                  kNeededNow, patience_s) &&
         may_prefetch)
       static_cast<void>(request_ahead(model, report, patience_s));
-  }
-}
-
-void Session::Impl::return_credit() {
-  for (auto& [id, publisher] : publishers) {
-    if (publisher.unacknowledged_bytes <= options.window_bytes / 4) continue;
-    wire::RegionSubscription credit;
-    credit.peer = channel->own_id();
-    credit.publisher = id;
-    credit.acknowledged_sequence = publisher.received_sequence;
-    credit.window_bytes = options.window_bytes;
-    publisher.unacknowledged_bytes = 0;
-    channel->send(credit);
   }
 }
 

@@ -446,6 +446,23 @@ TEST(DdsChannel, SubscriptionSentBeforeAPublisherExistsArrives) {
   EXPECT_EQ(server.subscriptions[0].region.attach, request_of(1).region.attach);
 }
 
+// Whether or not the host takes them.
+TEST(DdsChannel, BatchesAreAcknowledgedAsTheyCome) {
+  Server server(make_publisher(own_prefix()));
+  Peer peer(make_peer(own_prefix()));
+  wire::RegionSubscription request = request_of(peer.channel->own_id());
+  request.window_bytes = 12345;
+  peer.channel->send(request);
+  ASSERT_TRUE(server.await([&] { return !server.subscriptions.empty(); }));
+  for (std::uint32_t sequence = 1; sequence <= 3; ++sequence) {
+    const wire::SplitBatchMessage batch = batch_of(sequence, false);
+    ASSERT_TRUE(wait_for([&] { return server.channel->send(peer.channel->own_id(), batch); }));
+  }
+  ASSERT_TRUE(server.await([&] { return server.subscriptions.back().acknowledged_sequence == 3; }));
+  EXPECT_EQ(server.subscriptions.back().request, 0U);
+  EXPECT_EQ(server.subscriptions.back().window_bytes, 12345U);
+}
+
 TEST(DdsChannel, LargestSubscriptionArrives) {
   Peer peer(make_peer(own_prefix()));
   Server server(make_publisher(own_prefix()));

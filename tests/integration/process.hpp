@@ -101,6 +101,7 @@ class Process {
     ::waitpid(pid_, nullptr, 0);
   }
 
+  [[nodiscard]] pid_t id() const { return pid_; }
   void signal(int number) const { ::kill(pid_, number); }
   [[nodiscard]] bool is_over() {
     if (exit_code_ != kRunning) return true;
@@ -142,7 +143,7 @@ inline int run(const Folder& folder, const std::string& program,
 /// Path of a small model, made by nearmesh-model when a newer program asks for the first time; tests share it.
 inline std::string model_file(const std::string& kind, int size) {
   namespace fs = std::filesystem;
-  const fs::path folder = NEARMESH_MODELS_DIR;
+  const fs::path folder = fs::path(NEARMESH_MODELS_DIR) / std::to_string(size);
   fs::create_directories(folder);
   const int lock = ::open((folder / "lock").c_str(), O_RDWR | O_CREAT, 0600);
   EXPECT_EQ(::flock(lock, LOCK_EX), 0);

@@ -4,7 +4,8 @@
 // kind of message may be lost, repeated and delayed (unequally, which reorders) by a seeded policy.
 // Announcements and the news that somebody is gone arrive as DDS has it: late joiners get the
 // former, and a hello is not delivered once its sender is gone. Everything the code under test
-// sends must pass wire::check, as it would have to with DDS.
+// sends must pass wire::check, as it would have to with DDS. Peers acknowledge what they take (not counted
+// in `subscriptions`).
 
 #include <gtest/gtest.h>
 
@@ -186,6 +187,7 @@ class MemoryBus::PeerEnd : public subscriber::Channel {
   wire::SessionId own_id() const override { return id_; }
   void send(const wire::RegionSubscription& subscription) override {
     EXPECT_EQ(wire::check(subscription).message(), "");
+    window_bytes_[subscription.publisher] = subscription.window_bytes;
     bus_.subscriptions.push_back(subscription);
     bus_.to_publishers(subscription);
   }
@@ -202,12 +204,26 @@ class MemoryBus::PeerEnd : public subscriber::Channel {
     Inbox inbox = std::exchange(box.inbox, {});
     inbox.batches = box.batches.take(bus_.now_);
     inbox.poses = box.poses.take(bus_.now_);
+    std::map<wire::SessionId, std::uint32_t> last;
+    for (const wire::SplitBatchMessage& batch : inbox.batches)
+      last[batch.publisher] = batch.sequence;
+    for (const auto& [publisher, sequence] : last) {
+      const auto asked = window_bytes_.find(publisher);
+      if (asked == window_bytes_.end()) continue;
+      wire::RegionSubscription credit;
+      credit.peer = id_;
+      credit.publisher = publisher;
+      credit.acknowledged_sequence = sequence;
+      credit.window_bytes = asked->second;
+      bus_.to_publishers(credit);
+    }
     return inbox;
   }
 
  private:
   MemoryBus& bus_;
   const wire::SessionId id_;
+  std::map<wire::SessionId, std::uint32_t> window_bytes_;  // by publisher that was asked
 };
 
 inline std::unique_ptr<publisher::Channel> MemoryBus::make_publisher(wire::SessionId id) {

@@ -18,7 +18,13 @@ constexpr wire::SessionId kPublisher = 0xa1, kPeer = 0xb1, kOtherPeer = 0xb2;
 
 // One service with a terrain, and a peer whose raw inbox the test reads.
 struct Desk {
-  explicit Desk(ServiceOptions options = {}) : service(*publisher_end, kPublisher, options) {
+  // Time mostly stands still here, so the pace cannot be learnt: it is tested in pacing_test.cpp.
+  static ServiceOptions unpaced(ServiceOptions options) {
+    options.pacing.initial_window_bytes = options.pacing.least_window_bytes = 1 << 20;
+    return options;
+  }
+  explicit Desk(ServiceOptions options = {})
+      : service(*publisher_end, kPublisher, unpaced(options)) {
     EXPECT_EQ(service.add_model("terrain", open()).message(), "");
     service.announce();
   }
@@ -249,6 +255,42 @@ TEST(Service, CapsAWindowThatIsTooLarge) {
   EXPECT_LE(framed(batches), 4096U);
 }
 
+TEST(Service, SendsLittleBeforeItKnowsTheLink) {
+  Desk desk;
+  Service paced(*desk.publisher_end, kPublisher);
+  ASSERT_TRUE(paced.add_model("terrain", desk.open()).is_ok());
+  desk.bus.inject(desk.request(1));
+  paced.step(0);
+  EXPECT_LE(framed(desk.received()), ServiceOptions{}.pacing.initial_window_bytes);
+}
+
+// What is under way cannot be overtaken, so little is.
+TEST(Service, NeededNowOvertakesWhatWaitsOfAHorizon) {
+  Desk desk;
+  Service paced(*desk.publisher_end, kPublisher);
+  ASSERT_TRUE(paced.add_model("terrain", desk.open()).is_ok());
+  const BakedModel sphere = test::bake_named("sphere");
+  const auto file = test::write_model(sphere);
+  ModelFile opened = std::move(ModelFile::open(file->path())).value();
+  wire::RegionSubscription horizon = desk.request(1), urgent = desk.request(2, 10);
+  horizon.priority = 1;
+  urgent.content_hash = opened.content_hash();
+  urgent.region.attach = {sphere.header.roots[0].node};
+  ASSERT_TRUE(paced.add_model("sphere", std::move(opened)).is_ok());
+  desk.bus.inject(horizon);
+  paced.step(0);
+  const auto before = desk.received();
+  ASSERT_FALSE(before.empty());
+  EXPECT_FALSE(before.back().last);
+  EXPECT_LE(framed(before), ServiceOptions{}.pacing.initial_window_bytes);
+  desk.bus.inject(urgent);
+  desk.bus.inject(desk.credit(before.back().sequence));
+  paced.step(0.1);
+  const auto after = desk.received();
+  ASSERT_FALSE(after.empty());
+  EXPECT_EQ(after.front().request, 2U);
+}
+
 TEST(Service, SendsOneBatchAtATimeThroughATinyWindow) {
   Desk desk;
   wire::RegionSubscription subscription = desk.request(1);
@@ -264,7 +306,7 @@ TEST(Service, SendsOneBatchAtATimeThroughATinyWindow) {
 }
 
 TEST(Service, CreditOfLostBatchesComesBackAfterTheTimeOut) {
-  Desk desk({.credit_timeout_s = 1});
+  Desk desk({.pacing = {.timeout_s = 1}});
   wire::RegionSubscription subscription = desk.request(1);
   subscription.window_bytes = 4096;
   desk.bus.inject(subscription);

@@ -231,7 +231,6 @@ TEST(Session, SendsNothingToALostPublisherWhoseBatchesComeLate) {
   world.bus.keep_quiet = true;
   world.start_publisher();
   SessionOptions options = quick_options();
-  options.window_bytes = 4;  // credit after every batch
   const auto session = world.make_peer(options);
   const Flight flight = make_flight(1);
   world.fly(*session, flight, 0, 1, 1);
@@ -759,19 +758,6 @@ TEST(Session, ReportsEachFrameOnceAndWhatChangesInIt) {
   const auto other = world.make_peer(silent, kPeer + 1);
   ASSERT_TRUE(world.fly_frame(*other, 0, {{"one", one}, {"two", two}}));
   EXPECT_EQ(world.bus.reports.size(), sent);
-}
-
-TEST(Session, ReturnsCreditSoThatTheStreamGoesOn) {
-  World world;
-  world.start_publisher();
-  world.seconds_per_round = 0;  // no credit comes back by itself
-  // Everything is asked for at once, and nothing again.
-  const SessionOptions options{.margin_m = 5000, .window_bytes = 3000, .request_timeout_s = 3600};
-  const auto session = world.make_peer(options);
-  const Flight flight = make_flight(1, 2);
-  EXPECT_EQ(world.fly(*session, flight), flight.frames());
-  EXPECT_TRUE(std::any_of(world.bus.subscriptions.begin(), world.bus.subscriptions.end(),
-                          [](const auto& s) { return s.request == 0; }));
 }
 
 TEST(Session, NoUpdateTakesLong) {

@@ -4,7 +4,8 @@
 // replay, from what was recorded of them).
 // Takes RegionSubscription, gives SplitBatchMessage, through a Channel; knows nothing of DDS.
 // It remembers no peer's state of refinement: a request names the peer's own frontier, so a batch that was lost is simply
-// asked for again. What it keeps of a peer is its credit and the batches that wait for it, both bounded.
+// asked for again. What it keeps of a peer is its pace and the batches that wait for it, both bounded: at most max_queued_bytes
+// and one answer more (16,384 splits), and the window. The channel bounds how many peers there are.
 // Source: the paper, section 3.3 (Server Collect VSplits).
 
 #include <cstdint>
@@ -17,6 +18,7 @@
 
 #include "nearmesh/core/spm/model_file.hpp"
 #include "nearmesh/publisher/channel.hpp"
+#include "nearmesh/publisher/pacing.hpp"
 
 namespace nearmesh::publisher {
 
@@ -24,7 +26,7 @@ struct ServiceOptions {
   std::size_t max_queued_bytes =
       1 << 20;  ///< batches waiting for one peer; further requests are refused
   std::uint32_t max_window_bytes = 256 * 1024;  ///< cap on what a peer may have under way
-  double credit_timeout_s = 1.0;  ///< an unacknowledged batch stops counting after this
+  PacingOptions pacing;
 };
 
 struct ServiceStats {
@@ -60,17 +62,11 @@ class Service {
     wire::SplitBatchMessage message;
     std::uint8_t priority = 0;
   };
-  struct UnderWay {
-    std::uint32_t sequence = 0;
-    std::size_t bytes = 0;
-    double sent_s = 0;
-  };
   struct Peer {
+    explicit Peer(const PacingOptions& options) : pacing(options) {}
     std::deque<Waiting> queue;  // by priority, then arrival
     std::size_t queued_bytes = 0;
-    std::deque<UnderWay> under_way;
-    std::size_t under_way_bytes = 0;
-    std::uint32_t window_bytes = 0;
+    Pacing pacing;
     std::uint32_t next_sequence = 1;
     std::uint32_t last_request = 0;
   };

@@ -14,6 +14,8 @@ class Channel {
   virtual ~Channel() = default;
 
   [[nodiscard]] virtual wire::SessionId own_id() const = 0;
+  /// Batches that answer it are acknowledged by the channel, as they come and with the window named here: the publisher learns
+  /// the pace of the link that way, not of the host's frames.
   virtual void send(const wire::RegionSubscription& subscription) = 0;
   virtual void send(const wire::BodyPose& pose) = 0;
   virtual void send(const wire::ContactReport& report) = 0;

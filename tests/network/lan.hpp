@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// A small network inside this process: hosts in network namespaces, joined by a bridge in one more, each over a link with a
+// rate, a queue and losses of its own. The namespaces have no names: they are held by file descriptors and by the processes
+// in them, so the kernel removes them, links and all, however this process ends.
+// Needs root, iproute2 (ip, tc) and nft. Delay is not offered: netem is not in every kernel.
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace nearmesh::test {
+
+/// Both directions alike.
+struct Link {
+  double mbit_per_s = 0;  ///< 0: as fast as the machine
+  double loss = 0;        ///< share of packets lost, in [0, 1]
+  /// What waits in front of the link; the rest is dropped. 0: 100 ms of the rate, at least 32 kB.
+  std::uint32_t queue_bytes = 0;
+};
+
+class Lan {
+ public:
+  /// Why networks cannot be made here; empty when they can.
+  [[nodiscard]] static std::string why_not_permitted();
+
+  /// Host i has the address 10.77.0.(i + 1) on its interface e0. Throws std::runtime_error with the command that failed.
+  explicit Lan(const std::vector<Link>& hosts);
+  ~Lan();
+  Lan(const Lan&) = delete;
+  Lan& operator=(const Lan&) = delete;
+
+  /// While it lives, what the calling thread starts (processes, threads, sockets) is on that host.
+  class Visit {
+   public:
+    ~Visit();
+    Visit(const Visit&) = delete;
+    Visit& operator=(const Visit&) = delete;
+
+   private:
+    friend class Lan;
+    explicit Visit(int there);
+    int home_;
+  };
+  [[nodiscard]] Visit visit(std::size_t host) const { return Visit(hosts_.at(host)); }
+
+  /// Of a host's e0 since it was made: everything that is on the wire, Ethernet headers included.
+  struct Counters {
+    std::uint64_t received_bytes = 0, received_packets = 0, sent_bytes = 0, sent_packets = 0;
+  };
+  [[nodiscard]] Counters counters(std::size_t host) const;
+
+ private:
+  void shape(std::size_t host, const Link& link);
+
+  std::vector<int> hosts_;  ///< file descriptors of namespaces
+  int hub_ = -1;
+};
+
+}  // namespace nearmesh::test

@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: Apache-2.0
+// nearmesh-network: measures on links that it makes itself (lan.hpp). Writes CSV, one row a run.
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+
+#include "measures.hpp"
+
+namespace nearmesh::test {
+
+std::FILE* open_csv(const std::string& path) {
+  std::FILE* out = std::fopen(path.c_str(), "w");
+  if (out == nullptr) throw std::runtime_error("cannot write " + path);
+  return out;
+}
+
+namespace {
+
+constexpr int kTerrainCells = 708;  // a million faces
+
+unsigned long long count(std::uint64_t n) { return n; }
+
+// A flight of the demo's on every link.
+void flights(const MeasureOptions& options, const Exercise& exercise) {
+  std::FILE* out = open_csv(options.out + "/flights.csv");
+  std::fprintf(out,
+               "mbit_per_s,loss,answers,certified,contacts,wrong,longest_lag_s,first_certified_s,"
+               "batch_bytes,batches,header_bytes,requests,wire_down_bytes,wire_up_bytes\n");
+  for (const double mbit : options.mbit)
+    for (const double loss : options.loss) {
+      const Lan lan({{}, {.mbit_per_s = mbit, .loss = loss}});
+      const Folder folder;
+      const auto publisher = serve(lan, folder, exercise);
+      const FlightResult r = fly(lan, 1, folder, exercise, {.frames = options.frames});
+      if (!r.ended)
+        std::fprintf(stderr, "%g Mbit/s, loss %g: %s\n", mbit, loss, r.complaint.c_str());
+      std::fprintf(out, "%g,%g,%llu,%llu,%llu,%llu,%.2f,%.3f,%llu,%llu,%llu,%llu,%llu,%llu\n", mbit,
+                   loss, count(r.answers), count(r.certified), count(r.contacts), count(r.wrong),
+                   r.longest_lag_s, r.first_certified_s, count(r.batch_bytes), count(r.batches),
+                   count(r.header_bytes), count(r.requests), count(r.wire.received_bytes),
+                   count(r.wire.sent_bytes));
+      std::fflush(out);
+      std::fprintf(stderr, "flight at %g Mbit/s, loss %g: %llu of %llu certified\n", mbit, loss,
+                   count(r.certified), count(r.answers));
+    }
+  std::fclose(out);
+}
+
+// A pipe kept full on every link, and a small request that is needed now in the middle of it.
+void pipes(const MeasureOptions& options, const Exercise& exercise) {
+  std::FILE* out = open_csv(options.out + "/pipes.csv");
+  std::fprintf(out,
+               "mbit_per_s,loss,seconds,batches,batch_bytes,sample_bytes,wire_bytes,wire_packets,"
+               "sent_bytes,wire_up_bytes,overtakes,overtake_median_s,overtake_worst_s\n");
+  for (const double mbit : options.mbit)
+    for (const double loss : options.loss) {
+      const Lan lan({{}, {.mbit_per_s = mbit, .loss = loss}});
+      const Folder folder;
+      const auto publisher = serve(lan, folder, exercise);
+      const PipeResult r = fill_pipe(lan, 1, exercise, options.seconds);
+      std::fprintf(out, "%g,%g,%.2f,%llu,%llu,%llu,%llu,%llu,%llu,%llu,%zu,%.3f,%.3f\n", mbit, loss,
+                   r.seconds, count(r.batches), count(r.bytes), count(r.sample_bytes),
+                   count(r.wire.received_bytes), count(r.wire.received_packets),
+                   count(r.publisher_sent_bytes), count(r.wire.sent_bytes), r.overtakes_s.size(),
+                   r.overtakes_s.empty() ? 0 : r.overtakes_s[r.overtakes_s.size() / 2],
+                   r.overtakes_s.empty() ? 0 : r.overtakes_s.back());
+      std::fflush(out);
+      std::fprintf(stderr, "pipe at %g Mbit/s, loss %g: %.3f Mbit/s of batches\n", mbit, loss,
+                   8e-6 * static_cast<double>(r.bytes) / r.seconds);
+    }
+  std::fclose(out);
+}
+
+}  // namespace
+}  // namespace nearmesh::test
+
+int main(int argc, char** argv) {
+  CLI::App app{"Measures nearmesh on links with rates and losses, in network namespaces",
+               "nearmesh-network"};
+  app.require_subcommand(1);
+  using namespace nearmesh::test;
+  MeasureOptions options;
+  const auto add = [&](const char* name, const char* what) {
+    CLI::App* command = app.add_subcommand(name, what);
+    command->add_option("-o,--out", options.out, "Folder for the CSV")
+        ->required()
+        ->check(CLI::ExistingDirectory);
+    command->add_option("--mbit", options.mbit, "Rates")->delimiter(',')->capture_default_str();
+    command->add_option("--loss", options.loss, "Shares of packets lost")
+        ->delimiter(',')
+        ->capture_default_str();
+    command->add_option("--domain", options.domain, "DDS domain")->capture_default_str();
+    return command;
+  };
+  CLI::App* flights_command = add("flights", "A touching flight on every link: flights.csv");
+  flights_command->add_option("--frames", options.frames, "Frames, 20 a second")
+      ->capture_default_str();
+  CLI::App* pipes_command = add("pipes", "A full pipe on every link: pipes.csv");
+  pipes_command->add_option("--seconds", options.seconds, "Time on each link")
+      ->capture_default_str();
+  CLI::App* poses_command = add(
+      "poses", "The chart's terrain poses on every rate, beside its simulated clock: poses.csv");
+  CLI::App* peers_command =
+      add("peers", "More and more peers of one publisher: peers-light.csv, peers-programs.csv");
+  const auto add_numbers = [&](const char* name, std::vector<int>& numbers, const char* what) {
+    peers_command->add_option(name, numbers, what)->delimiter(',');
+  };
+  add_numbers("--light", options.light, "Numbers of light peers, in 4 processes");
+  add_numbers("--together", options.together, "Numbers of light peers that fly in one place");
+  add_numbers("--programs", options.programs, "Numbers of nearmesh-subscribers");
+  peers_command->add_option("--rate", options.rate_hz, "Frames a second")->capture_default_str();
+  peers_command
+      ->add_option("--seconds", options.seconds,
+                   "Of each flight of light peers; programs fly 200 frames")
+      ->capture_default_str();
+  CLI11_PARSE(app, argc, argv);
+  try {
+    if (const std::string why = Lan::why_not_permitted(); !why.empty())
+      throw std::runtime_error("no network can be made: " + why);
+    if (poses_command->parsed()) {
+      measure_poses(options);
+      return 0;
+    }
+    const Exercise exercise{{model_file("terrain", kTerrainCells), model_file("aircraft", 600)},
+                            kTerrainCells,
+                            options.domain};
+    if (flights_command->parsed()) flights(options, exercise);
+    if (pipes_command->parsed()) pipes(options, exercise);
+    if (peers_command->parsed()) measure_peers(options, exercise);
+    return 0;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "nearmesh-network: %s\n", error.what());
+    return 1;
+  }
+}

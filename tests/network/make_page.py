@@ -1,0 +1,125 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Brings the tables of pages up to date with what nearmesh-network measured: make_page.py FOLDER PAGE...
+
+FOLDER holds the CSV files (docs/network). In a page, what stands between "<!-- table NAME -->" and "<!-- end -->" is replaced
+for the names below; other tables are left alone."""
+
+import csv
+import pathlib
+import re
+import statistics
+import sys
+
+
+def rows_of(path):
+    with open(path) as lines:
+        return [{key: value if key == "kind" else float(value) for key, value in row.items()} for row in csv.DictReader(lines)]
+
+
+def table(head, rows):
+    return "\n".join(["| " + " | ".join(head) + " |", "|" + "---|" * len(head)] +
+                     ["| " + " | ".join(str(cell) for cell in row) + " |" for row in rows]) + "\n"
+
+
+def number(x, digits=3):
+    return f"{x:,.0f}" if abs(x) >= 1000 else f"{x:.{digits}g}"
+
+
+def flights(folder):
+    return table(["Mbit/s", "lost", "certified", "contacts", "wrong", "longest without, s", "first certified, s", "batches, bytes",
+                  "to the peer, bytes", "from it, bytes"],
+                 [[f"{r['mbit_per_s']:g}", f"{100 * r['loss']:g} %", f"{r['certified']:.0f} of {r['answers']:.0f}",
+                   f"{r['contacts']:.0f}", f"{r['wrong']:.0f}", f"{r['longest_lag_s']:.2f}", f"{r['first_certified_s']:.2f}",
+                   number(r["batch_bytes"]), number(r["wire_down_bytes"]), number(r["wire_up_bytes"])]
+                  for r in rows_of(folder / "flights.csv")])
+
+
+def pipes(folder):
+    before = {(r["mbit_per_s"], r["loss"]): r for r in rows_of(folder / "pipes-unpaced.csv")}
+    lines = []
+    for r in rows_of(folder / "pipes.csv"):
+        old = before[r["mbit_per_s"], r["loss"]]
+        rate = lambda x: f"{8e-6 * x['batch_bytes'] / x['seconds']:.2f}"
+        sent = lambda x: f"{x['sent_bytes'] / x['sample_bytes']:.2f}"
+        wait = lambda x: f"{x['overtake_median_s']:.2f} / {x['overtake_worst_s']:.2f}" if x["overtakes"] else "never"
+        lines.append([f"{r['mbit_per_s']:g}", f"{100 * r['loss']:g} %", rate(r), rate(old), sent(r), sent(old), wait(r), wait(old)])
+    return table(["Mbit/s", "lost", "batches, Mbit/s", "unpaced", "sent / payload", "unpaced", "needed now, s (median / worst)",
+                  "unpaced"], lines)
+
+
+def poses(folder):
+    rows = rows_of(folder / "poses.csv")
+    lines = []
+    for mbit in sorted({r["mbit_per_s"] for r in rows}):
+        some = [r for r in rows if r["mbit_per_s"] == mbit]
+        middle = lambda key: statistics.median(r[key] for r in some)
+        ratio = statistics.median(r["driven_s"] / r["simulated_s"] for r in some)
+        lines.append([f"{mbit:g}", f"{middle('simulated_s'):.4f}", f"{middle('driven_s'):.4f}",
+                      f"{max(r['driven_s'] for r in some):.4f}", f"{ratio:.2f}",
+                      f"{8e-6 * middle('wire_down_bytes') / mbit:.4f}", number(middle("simulated_bytes")),
+                      number(middle("wire_down_bytes")), number(middle("simulated_request_bytes")), number(middle("wire_up_bytes")),
+                      f"{middle('driven_join_s'):.2f}"])
+    return table(["Mbit/s", "clock, s", "driven, s", "worst", "driven / clock", "bytes to the peer at that rate, s",
+                  "clock: bytes", "driven", "clock: requests, bytes", "driven", "joining, s"], lines)
+
+
+def cpu_of_request(row):
+    """Requests are counted from the start, so is the processor time."""
+    return (row["publisher_cpu_s"] + row["publisher_start_cpu_s"]) / row["requests"]
+
+
+def peers(folder):
+    lines = []
+    for r in rows_of(folder / "peers-light.csv") + rows_of(folder / "peers-programs.csv"):
+        n, seconds = r["peers"], r["seconds"]
+        lines.append([r["kind"], f"{n:.0f}", f"{r['rate_hz']:g}", f"{r['ready_s']:.1f}",
+                      f"{r['certified']:.0f} of {r['answers']:.0f}", number(r["requests"]),
+                      f"{1000 * r['publisher_cpu_s'] / seconds / n:.2f}", f"{1000 * cpu_of_request(r):.2f}",
+                      number(r["batch_bytes"] / n), number(r["publisher_sent_bytes"] / seconds / n),
+                      f"{(r['publisher_memory_after'] - r['publisher_memory_before']) / n / 1e3:.0f}",
+                      f"{100 * r['repeated_bytes'] / r['flight_bytes']:.1f} %" if r["flight_bytes"] else "-"])
+    return table(["kind", "peers", "frames/s", "all ready, s", "certified", "requests", "publisher, ms of CPU per s and peer",
+                  "per request, ms", "batches a peer, bytes", "sent a peer, bytes/s", "memory a peer, kB",
+                  "sent alike to another"], lines)
+
+
+# Of a participant: announcements, measured on the wire at one a second, and its endpoints told to each other participant, once.
+ANNOUNCED_BYTES_PER_S = 1000
+ENDPOINTS, ENDPOINT_BYTES = 7, 700
+
+
+def scale(folder):
+    """What n peers like those of the largest light row need of one publisher, and of discovery."""
+    most = max((r for r in rows_of(folder / "peers-light.csv") if r["kind"] == "light"), key=lambda r: r["peers"])
+    n = most["peers"]
+    # Bytes were counted in flight only: those of the share of requests that was made then.
+    cpu_s = cpu_of_request(most)
+    sent = most["publisher_sent_bytes"] / (most["requests"] * most["flight_bytes"] / most["batch_bytes"])
+    memory = (most["publisher_memory_after"] - most["publisher_memory_before"]) / n
+    lines = []
+    for peers in (500, 1000, 3000, 10000):
+        requests = 3.3 * peers
+        lines.append([number(peers), number(requests), f"{requests * cpu_s:.1f}", number(8e-6 * requests * sent),
+                      number(peers * memory / 1e6), number(8e-6 * peers * ANNOUNCED_BYTES_PER_S),
+                      number(peers * peers * ENDPOINTS * ENDPOINT_BYTES / 1e9)])
+    return table(["peers", "requests/s", "cores of the publisher", "publisher sends, Mbit/s", "its memory, MB",
+                  "announcements heard by each, Mbit/s", "endpoints told, once, GB"], lines)
+
+
+def main(folder, *pages):
+    folder = pathlib.Path(folder)
+    tables = {"flights": flights(folder), "pipes": pipes(folder), "poses": poses(folder), "peers": peers(folder),
+              "scale": scale(folder)}
+    for page in map(pathlib.Path, pages):
+        text = page.read_text()
+        for name, made in tables.items():
+            text = re.sub(rf"(<!-- table {name} -->\n).*?(<!-- end -->)", lambda m: m[1] + "\n" + made + "\n" + m[2], text,
+                          flags=re.S)
+        page.write_text(text)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) < 3:
+        sys.exit(__doc__)
+    main(*sys.argv[1:])

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// The larger measurements of nearmesh-network. Each writes one CSV file into a folder.
+
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include "runs.hpp"
+
+namespace nearmesh::test {
+
+struct MeasureOptions {
+  std::string out;  ///< folder
+  std::vector<double> mbit{0.25, 1, 10, 40};
+  std::vector<double> loss{0, 0.01, 0.05, 0.1};
+  int frames = 200;
+  double seconds = 10;
+  unsigned domain = 40;
+  std::vector<int> programs;
+  std::vector<int> light, together;
+  double rate_hz = 2;
+};
+
+/// Throws std::runtime_error.
+[[nodiscard]] std::FILE* open_csv(const std::string& path);
+
+/// For each rate and pose of the chart's terrain, both bodies streamed: seconds from the pose to the first certified answer,
+/// headers being there, and bytes of the peer's interface meanwhile; beside what the chart's clock says at no delay.
+void measure_poses(const MeasureOptions& options);
+/// Peers of one publisher, as programs of their own and as light peers: what they need and what the publisher spends.
+void measure_peers(const MeasureOptions& options, const Exercise& exercise);
+
+}  // namespace nearmesh::test
