@@ -18,6 +18,7 @@ extern volatile std::sig_atomic_t stop_requested;
 /// How to join the bus.
 void add_transport_options(CLI::App& command, wire::TransportOptions& transport);
 
+void add_run_command(CLI::App& app, std::function<Status()>& chosen);
 void add_record_command(CLI::App& app, std::function<Status()>& chosen);
 void add_info_command(CLI::App& app, std::function<Status()>& chosen);
 void add_verify_command(CLI::App& app, std::function<Status()>& chosen);
