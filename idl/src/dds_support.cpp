@@ -1,100 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nearmesh/wire/dds_support.hpp"
 
-#include <arpa/inet.h>
-#include <ifaddrs.h>
-#include <netinet/in.h>
-#include <sys/socket.h>
-
 #include <algorithm>
 #include <array>
 #include <chrono>
 #include <ctime>
 #include <sstream>
 
-#include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
-#include <fastrtps/utils/IPLocator.h>
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
+
+#include "dds_transport.hpp"
 
 namespace nearmesh::wire {
 
 namespace {
 
 using eprosima::fastrtps::Duration_t;
-using eprosima::fastrtps::rtps::IPLocator;
-using eprosima::fastrtps::rtps::Locator_t;
 using eprosima::fastrtps::types::ReturnCode_t;
 
-/// Below the usual MTU with room for IP, UDP and a tunnel: nothing fragments at IP level, where one
-/// lost fragment costs the whole datagram.
-constexpr std::uint32_t kMaxDatagramBytes = 1400;
-/// A header of a megabyte arrives as one burst. The kernel may grant less.
-constexpr std::uint32_t kSocketBufferBytes = 4U << 20;
 constexpr std::uint32_t kMaxDomain = 232;
-constexpr const char* kDiscoveryMulticast = "239.255.0.1";
-
-/// The address of an interface given by name or address.
-Result<std::string> resolve_interface(const std::string& wanted) {
-  ifaddrs* list = nullptr;
-  if (getifaddrs(&list) != 0) return Status{StatusCode::kIo, "getifaddrs failed"};
-  std::string found, known;
-  for (const ifaddrs* entry = list; entry != nullptr; entry = entry->ifa_next) {
-    if (entry->ifa_addr == nullptr || entry->ifa_addr->sa_family != AF_INET) continue;
-    char text[INET_ADDRSTRLEN] = {};
-    const auto* address = reinterpret_cast<const sockaddr_in*>(entry->ifa_addr);
-    inet_ntop(AF_INET, &address->sin_addr, text, sizeof text);
-    known += std::string(known.empty() ? "" : ", ") + entry->ifa_name + " " + text;
-    if (found.empty() && (wanted == text || wanted == entry->ifa_name)) found = text;
-  }
-  freeifaddrs(list);
-  if (!found.empty()) return found;
-  return Status{StatusCode::kInvalidArgument,
-                "interface \"" + wanted + "\": expected one of " + known};
-}
-
-/// Port 0: Fast DDS asks the ports of the first participants there.
-Status add_peer(const std::string& address, std::uint32_t port,
-                eprosima::fastrtps::rtps::LocatorList_t& peers) {
-  in_addr parsed{};
-  if (inet_pton(AF_INET, address.c_str(), &parsed) != 1)
-    return {StatusCode::kInvalidArgument,
-            "initial peer \"" + address + "\": expected an IPv4 address"};
-  Locator_t locator;
-  IPLocator::setIPv4(locator, address);
-  locator.port = port;
-  peers.push_back(locator);
-  return Status::ok();
-}
-
-Status set_transport(const TransportOptions& options, fdds::DomainParticipantQos& qos) {
-  // UDP only. Shared memory leaves files in /dev/shm when a process is killed, fails between users,
-  // takes 10 MB a participant, and is not faster for samples of our size.
-  qos.transport().use_builtin_transports = false;
-  auto udp = std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>();
-  udp->maxMessageSize = kMaxDatagramBytes;
-  udp->sendBufferSize = kSocketBufferBytes;
-  udp->receiveBufferSize = kSocketBufferBytes;
-  udp->maxInitialPeersRange = options.participants_per_peer;
-  auto& peers = qos.wire_protocol().builtin.initialPeersList;
-  const std::uint32_t multicast_port = qos.wire_protocol().port.getMulticastPort(options.domain);
-  for (const std::string& peer : options.initial_peers)
-    NEARMESH_RETURN_IF_ERROR(add_peer(peer, 0, peers));
-  if (!options.interface.empty()) {
-    Result<std::string> address = resolve_interface(options.interface);
-    if (!address.is_ok()) return address.status();
-    udp->interfaceWhiteList.push_back(address.value());
-    // Multicast works on loopback too when the socket is bound to it, even without any route. The
-    // unicast search beside it is for machines that forbid multicast; alone it would miss
-    // processes that have made many participants, whose ports lie ever higher.
-    if (address.value().starts_with("127."))
-      NEARMESH_RETURN_IF_ERROR(add_peer(address.value(), 0, peers));
-  }
-  // Naming peers replaces the multicast search, so that must then be named too.
-  if (!peers.empty())
-    NEARMESH_RETURN_IF_ERROR(add_peer(kDiscoveryMulticast, multicast_port, peers));
-  qos.transport().user_transports.push_back(udp);
-  return Status::ok();
-}
 
 Status check_options(const TransportOptions& options) {
   NEARMESH_RETURN_IF_ERROR(check_prefix(options.prefix));
@@ -387,9 +311,6 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
   fdds::DomainParticipantQos qos;
   qos.name(options.participant_name);
   NEARMESH_RETURN_IF_ERROR(set_transport(options.transport, qos));
-  auto& discovery = qos.wire_protocol().builtin.discovery_config;
-  discovery.leaseDuration = Duration_t(options.transport.lease_s);
-  discovery.leaseDuration_announcementperiod = Duration_t(options.transport.announcement_s);
   if (options.header_bytes_per_s > 0) {
     auto flow = std::make_shared<eprosima::fastdds::rtps::FlowControllerDescriptor>();
     flow->name = kHeaderFlow;

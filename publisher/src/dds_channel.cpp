@@ -32,6 +32,7 @@ class DdsChannel::Impl {
         names_(options.transport.prefix),
         hello_listener_(mailbox_, names_.hello),
         header_listener_(mailbox_, names_.mesh_header),
+        status_listener_(mailbox_, names_.process_status),
         subscription_listener_(mailbox_, names_.region_subscription) {}
 
   Status start();
@@ -40,6 +41,7 @@ class DdsChannel::Impl {
   std::vector<wire::RegionSubscription> take_subscriptions();
   std::vector<SessionId> take_lost_peers();
   bool send(SessionId peer, const wire::SplitBatchMessage& batch);
+  void tell(const wire::ProcessStatus& status);
   wire::Mailbox& mailbox() { return mailbox_; }
 
  private:
@@ -60,7 +62,7 @@ class DdsChannel::Impl {
   DdsChannelOptions options_;
   wire::TopicNames names_;
   wire::Mailbox mailbox_;
-  wire::WriterListener hello_listener_, header_listener_;
+  wire::WriterListener hello_listener_, header_listener_, status_listener_;
   wire::ReaderListener subscription_listener_;
   std::map<SessionId, Peer> peers_;
   wire::SessionBook book_;
@@ -72,6 +74,7 @@ class DdsChannel::Impl {
   std::vector<SessionId> lost_by_stop_;
   wire::fdds::DataWriter* hello_writer_ = nullptr;
   wire::fdds::DataWriter* header_writer_ = nullptr;
+  wire::fdds::DataWriter* status_writer_ = nullptr;
   wire::fdds::DataReader* subscription_reader_ = nullptr;
   wire::fdds::Topic* batch_topic_ = nullptr;
   std::unique_ptr<wire::Bus> bus_;  ///< last: goes first, while the listeners still live
@@ -122,6 +125,12 @@ Status DdsChannel::Impl::open() {
       hello.value(), wire::writer_qos(wire::kHelloDelivery, heartbeat_s), hello_listener_);
   if (!hello_writer.is_ok()) return hello_writer.status();
   hello_writer_ = hello_writer.value();
+  auto status = bus_->add_topic<wire::ProcessStatusType>(names_.process_status);
+  if (!status.is_ok()) return status.status();
+  auto status_writer = bus_->add_writer(
+      status.value(), wire::writer_qos(wire::kProcessStatusDelivery, heartbeat_s), status_listener_);
+  if (!status_writer.is_ok()) return status_writer.status();
+  status_writer_ = status_writer.value();
   return Status::ok();
 }
 
@@ -279,6 +288,16 @@ bool DdsChannel::Impl::send(SessionId peer, const wire::SplitBatchMessage& batch
          wire::WriteResult::kTaken;
 }
 
+void DdsChannel::Impl::tell(const wire::ProcessStatus& status) {
+  if (bus_ == nullptr) return;
+  if (const Status checked = check(status); !checked.is_ok()) {
+    mailbox_.complain(names_.process_status + ": not sent: " + checked.message());
+    return;
+  }
+  static_cast<void>(
+      wire::write_message<wire::ProcessStatusType>(*status_writer_, status, mailbox_));
+}
+
 Result<std::unique_ptr<DdsChannel>> DdsChannel::create(const DdsChannelOptions& options) {
   auto impl = std::make_unique<Impl>(options);
   NEARMESH_RETURN_IF_ERROR(impl->start());
@@ -298,6 +317,7 @@ std::vector<SessionId> DdsChannel::take_lost_peers() { return impl_->take_lost_p
 bool DdsChannel::send(SessionId peer, const wire::SplitBatchMessage& batch) {
   return impl_->send(peer, batch);
 }
+void DdsChannel::tell(const wire::ProcessStatus& status) { impl_->tell(status); }
 void DdsChannel::wait(double seconds) { impl_->mailbox().wait(seconds); }
 std::vector<std::string> DdsChannel::take_complaints() {
   return impl_->mailbox().take_complaints();

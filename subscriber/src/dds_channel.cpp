@@ -40,7 +40,8 @@ class DdsChannel::Impl {
         pose_listener_(mailbox_, names_.body_pose),
         subscription_listener_(mailbox_, names_.region_subscription),
         pose_writer_listener_(mailbox_, names_.body_pose),
-        report_listener_(mailbox_, names_.contact_report) {}
+        report_listener_(mailbox_, names_.contact_report),
+        status_listener_(mailbox_, names_.process_status) {}
   ~Impl();
 
   Status start();
@@ -54,6 +55,7 @@ class DdsChannel::Impl {
   std::deque<wire::RegionSubscription> subscriptions_;
   std::deque<wire::BodyPose> poses_;
   std::deque<wire::ContactReport> reports_;
+  std::deque<wire::ProcessStatus> statuses_;
   const wire::TopicNames& names() const { return names_; }
 
  private:
@@ -86,7 +88,8 @@ class DdsChannel::Impl {
   const wire::TopicNames names_;
   wire::Mailbox mailbox_;
   wire::ReaderListener hello_listener_, header_listener_, batch_listener_, pose_listener_;
-  wire::WriterListener subscription_listener_, pose_writer_listener_, report_listener_;
+  wire::WriterListener subscription_listener_, pose_writer_listener_, report_listener_,
+      status_listener_;
 
   std::mutex mutex_;  ///< outgoing queues and inbox; never held during a DDS call
   std::condition_variable arrived_;
@@ -106,6 +109,7 @@ class DdsChannel::Impl {
   wire::fdds::DataWriter* subscription_writer_ = nullptr;
   wire::fdds::DataWriter* pose_writer_ = nullptr;
   wire::fdds::DataWriter* report_writer_ = nullptr;
+  wire::fdds::DataWriter* status_writer_ = nullptr;
   std::unique_ptr<wire::Bus> bus_;
 
   std::atomic<bool> stopping_ = false;
@@ -261,6 +265,13 @@ Status DdsChannel::Impl::add_writers() {
                        report_listener_);
   if (!reports.is_ok()) return reports.status();
   report_writer_ = reports.value();
+  auto status = bus_->add_topic<wire::ProcessStatusType>(names_.process_status);
+  if (!status.is_ok()) return status.status();
+  auto statuses =
+      bus_->add_writer(status.value(), wire::writer_qos(wire::kProcessStatusDelivery, heartbeat_s),
+                       status_listener_);
+  if (!statuses.is_ok()) return statuses.status();
+  status_writer_ = statuses.value();
   return Status::ok();
 }
 
@@ -407,6 +418,7 @@ bool DdsChannel::Impl::flush() {
     all &= flush<wire::RegionSubscriptionType>(&Impl::subscriptions_, *subscription_writer_);
   all &= flush<wire::BodyPoseType>(&Impl::poses_, *pose_writer_);
   all &= flush<wire::ContactReportType>(&Impl::reports_, *report_writer_);
+  all &= flush<wire::ProcessStatusType>(&Impl::statuses_, *status_writer_);
   return all;
 }
 
@@ -448,6 +460,9 @@ void DdsChannel::send(const wire::BodyPose& pose) {
 }
 void DdsChannel::send(const wire::ContactReport& report) {
   impl_->put(&Impl::reports_, report, impl_->names().contact_report);
+}
+void DdsChannel::tell(const wire::ProcessStatus& status) {
+  impl_->put(&Impl::statuses_, status, impl_->names().process_status);
 }
 Channel::Inbox DdsChannel::take() { return impl_->take(); }
 void DdsChannel::wait(double seconds) { impl_->wait(seconds); }

@@ -10,11 +10,13 @@
 #include <deque>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "nearmesh/core/spm/model_file.hpp"
 #include "nearmesh/publisher/channel.hpp"
+#include "nearmesh/wire/status_keeper.hpp"
 
 namespace nearmesh::publisher {
 
@@ -39,10 +41,12 @@ class Service {
   /// Announces all models; call once they are added.
   void announce();
   /// Takes what arrived and sends what credit allows. Never blocks. `now_s` is any steady clock.
-  /// Returns one line for each request refused, for the log.
+  /// Returns one line for each request refused, and for each complaint of the channel, for the log.
   std::vector<std::string> step(double now_s);
 
   [[nodiscard]] const ServiceStats& stats() const { return stats_; }
+  /// As of the last full second of step().
+  [[nodiscard]] const wire::ProcessStatus& status() const { return status_; }
 
  private:
   struct Model {
@@ -73,6 +77,7 @@ class Service {
   void enqueue(Peer& peer, const wire::RegionSubscription& subscription,
                std::vector<std::vector<std::uint8_t>> batches, bool refused);
   bool send_next(wire::SessionId id, Peer& peer, double now_s);
+  void tell_status(double now_s);
 
   Channel& channel_;
   const wire::SessionId session_;
@@ -80,6 +85,9 @@ class Service {
   std::map<std::uint64_t, std::unique_ptr<Model>> models_;  // by content hash
   std::map<wire::SessionId, Peer> peers_;
   ServiceStats stats_;
+  std::optional<double> began_s_;
+  wire::StatusKeeper keeper_;
+  wire::ProcessStatus status_;
 };
 
 }  // namespace nearmesh::publisher
