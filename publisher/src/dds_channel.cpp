@@ -127,8 +127,9 @@ Status DdsChannel::Impl::open() {
   hello_writer_ = hello_writer.value();
   auto status = bus_->add_topic<wire::ProcessStatusType>(names_.process_status);
   if (!status.is_ok()) return status.status();
-  auto status_writer = bus_->add_writer(
-      status.value(), wire::writer_qos(wire::kProcessStatusDelivery, heartbeat_s), status_listener_);
+  auto status_writer =
+      bus_->add_writer(status.value(), wire::writer_qos(wire::kProcessStatusDelivery, heartbeat_s),
+                       status_listener_);
   if (!status_writer.is_ok()) return status_writer.status();
   status_writer_ = status_writer.value();
   return Status::ok();

@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // nearmesh-publisher: serves progressive models to any number of peers over DDS.
 
-#include <spdlog/sinks/stdout_color_sinks.h>
-#include <spdlog/spdlog.h>
-
 #include <CLI/CLI.hpp>
 #include <csignal>
 #include <exception>
 
 #include "commands.hpp"
+#include "nearmesh/program/logging.hpp"
 
 namespace nearmesh::publisher {
 
@@ -27,8 +25,7 @@ int main(int argc, char** argv) {
   std::function<nearmesh::Status()> chosen;
   add_serve_command(app, chosen);
   try {
-    spdlog::set_default_logger(spdlog::stderr_color_mt("nearmesh-publisher"));
-    spdlog::set_pattern("%H:%M:%S %n %^%l%$: %v");
+    nearmesh::program::begin_logging("nearmesh-publisher");
     app.parse(argc, argv);
     std::signal(SIGINT, request_stop);
     std::signal(SIGTERM, request_stop);

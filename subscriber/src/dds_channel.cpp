@@ -11,6 +11,7 @@
 #include <thread>
 #include <utility>
 
+#include "nearmesh/core/base/stopwatch.hpp"
 #include "nearmesh/wire/dds_support.hpp"
 
 namespace nearmesh::subscriber {
@@ -24,6 +25,7 @@ namespace {
 constexpr std::size_t kMaxTaken = 1024;  ///< of one topic, before the others have their turn
 constexpr double kIdleWait_s = 0.5;      ///< everything wakes the thread; this is a safety net
 constexpr std::size_t kMaxContested = 64;
+constexpr double kSilence_s = 5;  ///< of a publisher that was matched; it may still read its models
 constexpr double kRetryWait_s = 0.002;  ///< when Fast DDS could not take a sample
 
 }  // namespace
@@ -99,6 +101,8 @@ class DdsChannel::Impl {
 
   // The I/O thread's own.
   wire::SessionBook publishers_;
+  wire::SilenceWatch silence_{kSilence_s};
+  const Stopwatch clock_;
   std::set<Handle> hello_writers_;  ///< matched: who has one is a publisher
   std::vector<WaitingHello> waiting_hellos_;
   std::vector<WaitingHello> contested_hellos_;  ///< of sessions that another writer holds
@@ -281,7 +285,8 @@ bool DdsChannel::Impl::receive() {
       *hello_reader_, mailbox_, kMaxTaken,
       [&](wire::Hello&& hello, const Handle& writer, Microseconds received) {
         accept_hello(hello, writer, received);
-      });
+      },
+      [&](const Handle& writer) { silence_.heard(writer); });
   more |=
       wire::drain<wire::MeshHeaderType>(*header_reader_, mailbox_, kMaxTaken,
                                         [&](wire::MeshHeader&& header, const Handle&,
@@ -299,6 +304,8 @@ bool DdsChannel::Impl::receive() {
           deliver(&Inbox::poses, std::move(pose), options_.max_waiting_others, names_.body_pose);
       });
   receive_matches();
+  for (const Handle& writer : silence_.take_silent(clock_.seconds()))
+    mailbox_.complain("publisher " + wire::name_of(writer) + wire::kSilentHint);
   return more;
 }
 
@@ -315,10 +322,12 @@ void DdsChannel::Impl::receive_matches() {
     if (!event.gone) {
       publishers_.welcome(event.writer);
       hello_writers_.insert(event.writer);
+      silence_.matched(event.writer, clock_.seconds());
       mailbox_.wake();  // subscriptions may have waited for it
       continue;
     }
     hello_writers_.erase(event.writer);
+    silence_.gone(event.writer);
     std::erase_if(waiting_hellos_, [&](const WaitingHello& w) { return w.writer == event.writer; });
     const std::optional<SessionId> lost = publishers_.forget(event.writer, event.when);
     if (!lost) continue;
@@ -365,6 +374,7 @@ Status DdsChannel::Impl::rejoin() {
   bus_.reset();
   waiting_hellos_.clear();
   contested_hellos_.clear();
+  for (const Handle& writer : hello_writers_) silence_.gone(writer);
   hello_writers_.clear();
   subscription_listener_.forget_readers();
   (void)hello_listener_.take_matches();

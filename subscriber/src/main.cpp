@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // nearmesh-subscriber: its commands. Each is a thin user of the subscriber library.
 
-#include <spdlog/sinks/stdout_color_sinks.h>
-#include <spdlog/spdlog.h>
-
 #include <CLI/CLI.hpp>
 #include <csignal>
 #include <exception>
+#include <memory>
 
 #include "commands.hpp"
+#include "nearmesh/program/command.hpp"
+#include "nearmesh/program/logging.hpp"
 
 namespace nearmesh::subscriber {
 
@@ -19,18 +19,16 @@ void request_stop(int) { stop_requested = 1; }
 }  // namespace
 
 void add_transport_options(CLI::App& command, wire::TransportOptions& transport) {
-  command.add_option("--domain", transport.domain, "DDS domain")
-      ->capture_default_str()
-      ->check(CLI::Range(0, 232));
-  command.add_option("--prefix", transport.prefix, "First part of every topic's name")
-      ->capture_default_str();
-  command.add_option(
-      "--interface", transport.interface,
-      "Use one network interface only, by address or name; 127.0.0.1 needs no network");
-  command.add_option(
-      "--peer", transport.initial_peers,
-      "Address to look for publishers at, where multicast does not get through; repeatable");
+  const auto settings = std::make_shared<program::Settings>();
+  const auto levels = std::make_shared<std::vector<std::string>>(1, "info");
+  program::add_transport_settings(*settings, transport);
+  program::add_log_setting(*settings, *levels, {kRooms.begin(), kRooms.end()});
+  program::add_flags(command, settings, [&transport, levels, known = settings.get()] {
+    program::apply_preset(*known, transport);
+    program::set_log_levels(*levels);
+  });
 }
+
 }  // namespace nearmesh::subscriber
 
 int main(int argc, char** argv) {
@@ -44,9 +42,10 @@ int main(int argc, char** argv) {
   add_record_command(app, chosen);
   add_info_command(app, chosen);
   add_verify_command(app, chosen);
+  add_status_command(app, chosen);
+  add_doctor_command(app, chosen);
   try {
-    spdlog::set_default_logger(spdlog::stderr_color_mt("nearmesh-subscriber"));
-    spdlog::set_pattern("%H:%M:%S %n %^%l%$: %v");
+    nearmesh::program::begin_logging("nearmesh-subscriber");
     app.parse(argc, argv);
     std::signal(SIGINT, request_stop);
     std::signal(SIGTERM, request_stop);

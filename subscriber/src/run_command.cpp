@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // nearmesh-subscriber run: a peer that flies its bodies along trajectories and answers, frame by frame, what touches.
-#include <spdlog/spdlog.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -15,6 +14,9 @@
 #include "nearmesh/core/base/hash.hpp"
 #include "nearmesh/core/base/stopwatch.hpp"
 #include "nearmesh/core/query/contacts_json.hpp"
+#include "nearmesh/program/command.hpp"
+#include "nearmesh/program/logging.hpp"
+#include "nearmesh/program/metrics.hpp"
 #include "nearmesh/subscriber/dds_channel.hpp"
 #include "scene.hpp"
 
@@ -24,6 +26,8 @@ namespace {
 struct Options {
   std::string scene, answers;
   DdsChannelOptions channel;
+  std::string metrics;
+  std::vector<std::string> log{"info"};
   bool json = false;
 };
 
@@ -85,6 +89,11 @@ class Flight {
         session_(std::move(channel), scene.session) {}
 
   Status prepare() {
+    if (!options_.metrics.empty()) {
+      auto server = program::MetricsServer::start(options_.metrics);
+      if (!server.is_ok()) return server.status();
+      metrics_ = std::move(server).value();
+    }
     if (!options_.answers.empty()) {
       answers_.open(options_.answers);
       if (!answers_) return {StatusCode::kIo, options_.answers + ": cannot create"};
@@ -215,8 +224,13 @@ class Flight {
       }
   }
 
-  static void log(const FrameReport& report) {
-    for (const std::string& line : report.complaints) spdlog::warn("{}", line);
+  // What every frame may say: trouble, which is rare, and on demand what was done.
+  void log(const FrameReport& report) {
+    for (const std::string& line : report.complaints) log_.warn("{}", line);
+    log_.debug("{} answers, all certified: {}, {} batches wait; {:.3f} ms to refine, {:.3f} to ask",
+               report.answers.size(), report.all_certified(), report.batches_waiting,
+               1e3 * (report.load_s + report.refine_s + report.tree_s), 1e3 * report.query_s);
+    if (metrics_ != nullptr) metrics_->set(session_.status());
   }
 
   void show_progress(std::uint64_t done) const {
@@ -236,6 +250,8 @@ class Flight {
   const Scene& scene_;
   const Stopwatch clock_;
   const std::vector<Session::OwnMotion> no_motions_;
+  spdlog::logger& log_ = program::log("session");
+  std::unique_ptr<program::MetricsServer> metrics_;
   std::ofstream answers_;
   Session session_;
   Summary summary_;
@@ -260,12 +276,22 @@ void add_run_command(CLI::App& app, std::function<Status()>& chosen) {
   CLI::App* command =
       app.add_subcommand("run", "Fly a scene (docs/scene.md) and answer every frame.");
   const auto options = std::make_shared<Options>();
-  command->add_option("scene", options->scene, "Scene file (YAML)")->required();
-  add_transport_options(*command, options->channel.transport);
+  command->add_option("scene", options->scene, "Scene file (YAML)");
   command->add_option("--answers", options->answers, "Also write the JSON lines to this file");
   command->add_flag("--json", options->json,
                     "Print one JSON line per answer, and one with the summary");
-  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
+  const auto settings = std::make_shared<program::Settings>();
+  program::add_transport_settings(*settings, options->channel.transport);
+  program::add_metrics_setting(*settings, options->metrics);
+  program::add_log_setting(*settings, options->log, {kRooms.begin(), kRooms.end()});
+  program::add_flags(*command, settings, [options, known = settings.get()] {
+    program::apply_preset(*known, options->channel.transport);
+    program::set_log_levels(options->log);
+  });
+  command->callback([options, &chosen] {
+    if (options->scene.empty()) throw CLI::RequiredError("scene");
+    chosen = [options] { return run(*options); };
+  });
 }
 
 }  // namespace nearmesh::subscriber

@@ -68,7 +68,7 @@ struct Session::Impl {
   SessionStats stats;
   Stopwatch clock;
   wire::StatusKeeper keeper;
-  wire::ProcessStatus status;
+  wire::ProcessStatus told;  // the last status
 
   void take_inbox(FrameReport& report);
   void take_batch(wire::SplitBatchMessage&& message, FrameReport& report);
@@ -520,7 +520,7 @@ void Session::Impl::tell_status(const FrameReport& report, const SessionStats& c
   }
   keeper.complete(now, clock.seconds());
   channel->tell(now);
-  status = std::move(now);
+  told = std::move(now);
 }
 
 bool Session::has_all_headers() const {
@@ -534,7 +534,7 @@ const SpmHeader* Session::header_of(const std::string& body) const {
   return &at->second.model->replica->header();
 }
 
-const wire::ProcessStatus& Session::status() const { return impl_->status; }
+const wire::ProcessStatus& Session::status() const { return impl_->told; }
 
 SessionStats Session::stats() const {
   SessionStats stats = impl_->stats;

@@ -5,7 +5,6 @@
 
 #include <cstdio>
 #include <cstdlib>
-#include <stdexcept>
 
 #include "nearmesh/wire/topics.hpp"
 
@@ -19,7 +18,7 @@ struct Given {
 };
 
 void require(const Status& status) {
-  if (!status.is_ok()) throw std::runtime_error(status.message());
+  if (!status.is_ok()) throw CLI::ValidationError(status.message());
 }
 
 void apply(Settings& settings, const Given& given) {
@@ -27,9 +26,7 @@ void apply(Settings& settings, const Given& given) {
   const std::string file = !given.config.empty() ? given.config : variable ? variable : "";
   if (!file.empty()) require(settings.read_file(file));
   require(settings.read_environment(::environ));
-  for (const auto& [key, values] : given.flags)
-    if (const Status status = settings.set_flag(key, values); !status.is_ok())
-      throw CLI::ValidationError(status.message());
+  for (const auto& [key, values] : given.flags) require(settings.set_flag(key, values));
 }
 
 std::string transport_names() {
@@ -46,7 +43,8 @@ void add_transport_settings(Settings& settings, wire::TransportOptions& transpor
   settings.add("prefix", transport.prefix, "First part of every topic's name",
                "1 to 100 letters, digits, '_', '-' or inner '/'", wire::check_prefix);
   settings.add_text(
-      "transport", [&transport](const std::string& name) { transport.transport = *wire::transport_of(name); },
+      "transport",
+      [&transport](const std::string& name) { transport.transport = *wire::transport_of(name); },
       [&transport] { return std::string(wire::to_string(transport.transport)); },
       "How bytes travel, and what follows from it (see the presets)", transport_names(),
       [](const std::string& name) {
@@ -108,7 +106,7 @@ void add_flags(CLI::App& command, const std::shared_ptr<Settings>& settings,
               given->flags.emplace_back(key, values);
             },
             help)
-        ->type_name(name == setting.key ? "FILE ..." : "VALUE (repeatable)")
+        ->type_name(name == setting.key ? "FILE" : "VALUE")
         ->allow_extra_args(name == setting.key);
   }
   command.add_option("--config", given->config, "YAML file of settings (else NEARMESH_CONFIG)");
@@ -121,7 +119,8 @@ void add_flags(CLI::App& command, const std::shared_ptr<Settings>& settings,
     apply(*settings, *given);
     ready();
     if (!given->print) return;
-    const std::string text = json->count() > 0 ? settings->as_json().dump(2) + "\n" : settings->as_yaml();
+    const std::string text =
+        json->count() > 0 ? settings->as_json().dump(2) + "\n" : settings->as_yaml();
     std::fputs(text.c_str(), stdout);
     throw CLI::Success();
   });

@@ -2,8 +2,11 @@
 #include "nearmesh/program/metrics.hpp"
 
 #include <arpa/inet.h>
+#include <prometheus/client_metric.h>
 #include <prometheus/collectable.h>
 #include <prometheus/exposer.h>
+#include <prometheus/metric_family.h>
+#include <prometheus/metric_type.h>
 
 #include <charconv>
 #include <exception>
@@ -85,8 +88,7 @@ std::vector<prometheus::MetricFamily> families_of(const wire::ProcessStatus& sta
           true);
   all.add("nearmesh_waiting_batches", "Batches to be sent, or to be taken in",
           number(status.waiting_batches));
-  all.add("nearmesh_watched_pairs", "Pairs of bodies that a peer asks about",
-          status.watched_pairs);
+  all.add("nearmesh_watched_pairs", "Pairs of bodies that a peer asks about", status.watched_pairs);
   all.add("nearmesh_certified_pairs", "Those whose last answer is certified",
           status.certified_pairs);
   all.add("nearmesh_uncertainty_metres", "Largest bound of an answer that is not certified",
@@ -105,12 +107,12 @@ std::vector<prometheus::MetricFamily> families_of(const wire::ProcessStatus& sta
 }  // namespace
 
 void add_metrics_setting(Settings& settings, std::string& address) {
-  settings.add("metrics", address, "Serve metrics for Prometheus at /metrics",
-               "PORT (on 127.0.0.1) or ADDRESS:PORT; empty: do not", [](const std::string& text) {
-                 if (text.empty() || full_address(text)) return Status::ok();
-                 return Status{StatusCode::kInvalidArgument,
-                               "expected PORT or ADDRESS:PORT, found " + text};
-               });
+  settings.add(
+      "metrics", address, "Serve metrics for Prometheus at /metrics",
+      "PORT (on 127.0.0.1) or ADDRESS:PORT; empty: do not", [](const std::string& text) {
+        if (text.empty() || full_address(text)) return Status::ok();
+        return Status{StatusCode::kInvalidArgument, "expected PORT or ADDRESS:PORT, found " + text};
+      });
 }
 
 class MetricsServer::Impl : public prometheus::Collectable {

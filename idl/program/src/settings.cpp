@@ -20,7 +20,7 @@ Status invalid(std::string message) { return {StatusCode::kInvalidArgument, std:
 
 std::string text_of(double value) {
   char text[32];
-  const auto end = std::to_chars(text, text + sizeof text, value);
+  const auto end = std::to_chars(text, text + sizeof text, value, std::chars_format::fixed);
   return {text, end.ptr};
 }
 
@@ -128,10 +128,8 @@ void Settings::add_text(std::string key, std::function<void(const std::string&)>
 
 void Settings::add(std::string key, std::vector<std::string>& target, std::string help,
                    std::string values, Check check) {
-  Setting setting{.key = std::move(key),
-                  .help = std::move(help),
-                  .values = std::move(values),
-                  .is_list = true};
+  Setting setting{
+      .key = std::move(key), .help = std::move(help), .values = std::move(values), .is_list = true};
   setting.assign = [&target, check = std::move(check)](const std::vector<std::string>& found) {
     if (check)
       for (const std::string& value : found) NEARMESH_RETURN_IF_ERROR(check(value));
@@ -149,10 +147,10 @@ Settings::Setting* Settings::find(std::string_view key) {
 }
 
 std::string Settings::nearest(std::string_view key) const {
-  const auto at = std::min_element(settings_.begin(), settings_.end(),
-                                   [&](const Setting& a, const Setting& b) {
-                                     return distance(a.key, key) < distance(b.key, key);
-                                   });
+  const auto at =
+      std::min_element(settings_.begin(), settings_.end(), [&](const Setting& a, const Setting& b) {
+        return distance(a.key, key) < distance(b.key, key);
+      });
   return at == settings_.end() ? "" : at->key;
 }
 

@@ -17,9 +17,8 @@ void add_transport_settings(Settings& settings, wire::TransportOptions& transpor
 void apply_preset(Settings& settings, const wire::TransportOptions& transport);
 
 /// Makes a flag of each setting (those of `positional` stand without one), and --config, --print-config and, where the
-/// command has none, --json. When the command line was parsed the layers are applied in their order; a bad flag is wrong
-/// usage (CLI::ValidationError), a bad file or variable a std::runtime_error. Then `ready` is called, for what follows
-/// from the settings. With --print-config the settings are printed, and the program ends (CLI::Success).
+/// command has none, --json. When the command line was parsed the layers are applied in their order; what is wrong in any
+/// of them is wrong usage (CLI::ValidationError). Then `ready` is called, for what follows from the settings. With --print-config the settings are printed, and the program ends (CLI::Success).
 /// Call last, when the command has its other options.
 void add_flags(CLI::App& command, const std::shared_ptr<Settings>& settings,
                std::function<void()> ready, const std::string& positional = {});

@@ -27,7 +27,7 @@ class Settings {
 
   /// A number in [least, most]. The targets must live as long as this.
   template <class Number>
-    requires std::is_arithmetic_v<Number>
+  requires std::is_arithmetic_v<Number>
   void add(std::string key, Number& target, double least, double most, std::string help) {
     const bool whole = std::is_integral_v<Number>;
     add_number(
@@ -63,7 +63,8 @@ class Settings {
     std::string key, help, values;  ///< `values`: what is allowed, "number in [0, 1]"
     nlohmann::ordered_json built_in, value;
     Source source = Source::kBuiltIn;
-    std::string place;  ///< where it was set: "FILE:LINE", "NEARMESH_LEASE_S", "--lease-s", name of the preset
+    std::string
+        place;  ///< where it was set: "FILE:LINE", "NEARMESH_LEASE_S", "--lease-s", name of the preset
     bool is_list = false;
   };
   /// In the order in which they were added.
