@@ -125,8 +125,8 @@ class Doctor {
       wrong("discovery",
             "nobody was found: run doctor on the other machine at the same time, with "
             "the same --domain and --prefix. If it runs: multicast may not get "
-            "through (name the other with --peer), or a firewall blocks UDP ports "
-            "7400 to 7500");
+            "through (name the other with --peer), or a firewall blocks UDP ports from 7400 + 250 "
+            "x domain on");
     for (const std::string& line : complaints_) wrong("refusal", line);
     return Status::ok();
   }
@@ -256,7 +256,7 @@ class Doctor {
       wrong("data",
             "another doctor was matched, but nothing comes from it: its data does not get "
             "through. On one machine: use --transport lan --interface 127.0.0.1 on both "
-            "sides; between machines let UDP ports 7400 to 7500 pass the firewall");
+            "sides; between machines let UDP ports from 7400 + 250 x domain on pass the firewall");
   }
 
   /// Seconds until this many bytes were back, or nothing.

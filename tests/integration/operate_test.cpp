@@ -172,7 +172,6 @@ TEST_F(Operate, WrongSettingsNameTheirPlace) {
             "expected one of lan, thin, tcp, udp-only, same-host, found pigeon"},
            {{"--lease-s", "0"}, 2, "--lease-s: expected a number in"},
            {{"--log", "loud"}, 2, "--log: expected one of"},
-           {{"--metrics", "x"}, 2, "--metrics: expected PORT"},
            {{"--interface", "nowhere"}, 1, "interface \"nowhere\""},
            {{"--transport", "udp-only"},
             1,
@@ -269,7 +268,7 @@ TEST_F(Operate, StatusTellsOfPublisherAndPeer) {
     EXPECT_NE(metrics.find(text), std::string::npos) << text << " in " << metrics;
 }
 
-TEST_F(Operate, StatusTellsOfOneNameWithTwoContentsAndOfRefusedRequests) {
+TEST_F(Operate, StatusTellsOfOneNameWithTwoContents) {
   const std::string other = folder.file("terrain.spm");
   std::filesystem::copy_file(aircraft(), other);
   const auto one = serve(with({terrain()})), two = serve(with({other}));

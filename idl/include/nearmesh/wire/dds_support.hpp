@@ -167,8 +167,8 @@ inline constexpr const char* kSilentHint =
     " was found and matched, but nothing comes from it: its data does not get through. On one "
     "machine with shared "
     "memory, perhaps of another user: use --transport lan on both sides. Between machines: let UDP "
-    "ports 7400 to 7500 "
-    "pass the firewall";
+    "ports from 7400 + "
+    "250 x domain on pass the firewall";
 
 /// Notices that the whole process was stopped (debugger, suspended machine) for so long that others
 /// dropped it. With Fast DDS 2.9 such a process must join anew: it never missed the others, so it
