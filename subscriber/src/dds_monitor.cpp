@@ -64,13 +64,11 @@ class DdsMonitor::Impl {
         *status_reader_, mailbox_, kMaxTaken,
         [&](wire::ProcessStatus&& status, const Handle& writer, Microseconds) {
           processes_[writer] = std::move(status);
-        },
-        heard);
+        });
     if (more || more_statuses) mailbox_.wake();
-    take_matches(hello_listener_);
-    take_matches(status_listener_);
+    take_matches();
     for (const Handle& writer : silence_.take_silent(clock_.seconds()))
-      refuse("process " + wire::name_of(writer) + wire::kSilentHint);
+      refuse("publisher " + wire::name_of(writer) + wire::kSilentHint);
     for (std::string& line : mailbox_.take_complaints()) refuse(std::move(line));
     find_conflicts();
   }
@@ -88,16 +86,18 @@ class DdsMonitor::Impl {
   }
 
  private:
-  void take_matches(wire::ReaderListener& listener) {
-    for (const auto& event : listener.take_matches()) {
-      if (!event.gone) {
+  void take_matches() {
+    for (const auto& event : hello_listener_.take_matches()) {
+      if (event.gone) {
+        silence_.gone(event.writer);
+        hellos_.erase(event.writer);
+      } else {
         silence_.matched(event.writer, clock_.seconds());
-        continue;
       }
-      silence_.gone(event.writer);
-      hellos_.erase(event.writer);
-      processes_.erase(event.writer);
     }
+    // A host that uses a channel alone may have nothing to say of itself.
+    for (const auto& event : status_listener_.take_matches())
+      if (event.gone) processes_.erase(event.writer);
   }
 
   void find_conflicts() {

@@ -16,7 +16,7 @@ struct BusView {
   std::vector<wire::Hello> publishers;
   std::vector<wire::ProcessStatus> processes;
   /// Seen from here, one line each, in the order in which they were noticed: other wire versions and types, incompatible
-  /// QoS, malformed samples, one model name with two contents, processes that were matched but are not heard.
+  /// QoS, malformed samples, one model name with two contents, publishers that were matched but are not heard.
   std::vector<std::string> refusals;
 };
 
