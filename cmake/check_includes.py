@@ -25,19 +25,22 @@ ARROWS = {
     "query": "base geometry refine abtree",
     "session": "base",
     "wire": "base geometry spm",
-    "publisher": "base geometry spm demand refine session wire",
-    "subscriber": "base geometry spm demand refine abtree query session wire",
+    "program": "base wire",
+    "publisher": "base geometry spm demand refine session wire program",
+    "subscriber": "base geometry spm demand refine abtree query session wire program",
     "tools": "base geometry mesh meshio simplify spm bake refine demand abtree query session",
     "examples": "base geometry mesh meshio simplify spm bake refine demand abtree query session wire"
                 " publisher subscriber",
 }
 # Third-party headers: first part of the path, and the files (as a pattern) that may include them.
-DDS_FILES = r"(idl/|(publisher|subscriber)/src/dds_[^/]*$|examples/)"
+DDS_FILES = r"(idl/(?!program/)|(publisher|subscriber)/src/dds_[^/]*$|examples/)"
 RESERVED = [
     (re.compile(r"(fastdds|fastrtps|fastcdr|nearmesh/idl)/"), re.compile(DDS_FILES), "Fast DDS"),
     (re.compile(r"sqlite3\.h"), re.compile(r"core/src/session/"), "SQLite"),
     (re.compile(r"assimp/"), re.compile(r"core/src/meshio/"), "assimp"),
-    (re.compile(r"spdlog/"), re.compile(r"(publisher|subscriber|examples)/"), "spdlog (core returns reports)"),
+    (re.compile(r"spdlog/"), re.compile(r"(publisher|subscriber|examples|idl/program)/"),
+     "spdlog (core returns reports)"),
+    (re.compile(r"prometheus/"), re.compile(r"idl/program/"), "Prometheus"),
 ]
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]')
 FOLDERS = ("core", "idl", "publisher", "subscriber", "examples")
@@ -46,6 +49,8 @@ FOLDERS = ("core", "idl", "publisher", "subscriber", "examples")
 def room_of(path):
     """The room of a file, by its path from the root."""
     parts = path.parts
+    if parts[:2] == ("idl", "program"):
+        return "program"
     if parts[0] != "core":
         return "wire" if parts[0] == "idl" else parts[0]
     return parts[1] if parts[1] == "tools" else parts[4 if parts[1] == "include" else 2]
@@ -125,6 +130,9 @@ def self_test():
         "publisher/src/main.cpp": ('#include "nearmesh/subscriber/session.hpp"', 1),
         "subscriber/src/session.cpp": ("#include <fastrtps/utils/IPLocator.h>", 1),
         "subscriber/src/predict.cpp": ('#include "nearmesh/publisher/service.hpp"', 1),
+        "idl/program/src/metrics.cpp": ("#include <prometheus/exposer.h>\n#include <spdlog/spdlog.h>", 0),
+        "idl/program/src/log.cpp": ("#include <fastdds/dds/topic/Topic.hpp>", 1),
+        "subscriber/src/run_command.cpp": ("#include <prometheus/exposer.h>", 1),
         "examples/tour/main.cpp": ('#include "nearmesh/subscriber/session.hpp"', 0),
     }
     with tempfile.TemporaryDirectory() as folder:

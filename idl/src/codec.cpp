@@ -18,6 +18,8 @@ constexpr std::uint8_t kFlagAsked = 1;
 constexpr std::uint8_t kFlagSolidA = 2;
 constexpr std::uint8_t kFlagSolidB = 4;
 constexpr std::uint8_t kFlagGaveUp = 8;
+constexpr std::uint8_t kFlagPublisher = 1;
+constexpr std::uint8_t kFlagReply = 1;
 
 Status malformed(std::string message) { return {StatusCode::kInvalidArgument, std::move(message)}; }
 
@@ -27,6 +29,31 @@ Status check_words(std::size_t found, std::size_t per_record, std::size_t limit,
   if (found % per_record == 0 && found / per_record <= limit) return Status::ok();
   return malformed(std::string(field) + ": expected at most " + std::to_string(limit) + " times " +
                    std::to_string(per_record) + " words, found " + std::to_string(found));
+}
+
+using Octets = std::vector<std::uint8_t>;
+
+void append_line(const std::string& line, Octets& to) {
+  to.insert(to.end(), line.begin(), line.end());
+  to.push_back('\n');
+}
+
+/// The lines, each of which must end; `least` to `most` of them.
+Result<std::vector<std::string>> split_lines(const Octets& octets, std::size_t least,
+                                             std::size_t most, const std::string& field) {
+  std::vector<std::string> lines;
+  std::string line;
+  for (const std::uint8_t c : octets) {
+    if (c != '\n') {
+      line.push_back(static_cast<char>(c));
+      continue;
+    }
+    if (lines.size() == most) return malformed(field + ": more than " + std::to_string(most));
+    lines.push_back(std::exchange(line, {}));
+  }
+  if (lines.size() < least || !line.empty())
+    return malformed(field + ": fewer whole ones than " + std::to_string(least));
+  return lines;
 }
 
 template <class Message>
@@ -44,8 +71,7 @@ void encode(const Hello& message, wire_types::HelloSample& sample) {
   sample.content_hashes().clear();
   sample.mesh_bytes().clear();
   for (const Hello::Model& model : message.models) {
-    sample.names().insert(sample.names().end(), model.name.begin(), model.name.end());
-    sample.names().push_back('\n');
+    append_line(model.name, sample.names());
     sample.content_hashes().push_back(model.content_hash);
     sample.mesh_bytes().push_back(model.mesh_bytes);
   }
@@ -62,19 +88,11 @@ Result<Hello> decode(const wire_types::HelloSample& sample) {
                      std::to_string(sample.mesh_bytes().size()) + " sizes and " +
                      std::to_string(sample.names().size()) +
                      " bytes of names do not belong together");
+  const auto names = split_lines(sample.names(), count, count, "model names");
+  if (!names.is_ok()) return names.status();
   message.models.resize(count);
-  std::size_t named = 0;
-  std::string name;
-  for (const std::uint8_t c : sample.names()) {
-    if (c != '\n') {
-      name.push_back(static_cast<char>(c));
-      continue;
-    }
-    if (named == count) return malformed("models: more names than hashes");
-    message.models[named++].name = std::exchange(name, {});
-  }
-  if (named != count || !name.empty()) return malformed("models: fewer whole names than hashes");
   for (std::size_t i = 0; i < count; ++i) {
+    message.models[i].name = names.value()[i];
     message.models[i].content_hash = sample.content_hashes()[i];
     message.models[i].mesh_bytes = sample.mesh_bytes()[i];
   }
@@ -258,6 +276,100 @@ Result<ContactReport> decode(const wire_types::ContactReportSample& sample) {
   for (std::size_t i = 0; i < words.size(); i += kWordsPerPair)
     message.pairs.push_back(
         {FaceKey{VertexId{words[i]}, words[i + 1]}, FaceKey{VertexId{words[i + 2]}, words[i + 3]}});
+  return checked(std::move(message));
+}
+
+void encode(const ProcessStatus& message, wire_types::ProcessStatusSample& sample) {
+  sample.wire_version(message.wire_version);
+  sample.flags(message.is_publisher ? kFlagPublisher : 0);
+  sample.process_id(message.process_id);
+  sample.session(message.session);
+  sample.host(message.host.c_str());
+  sample.uptime_s(message.uptime_s);
+  sample.bytes_per_s(message.bytes_per_s);
+  sample.uncertainty_m(message.uncertainty_m);
+  sample.peers(message.peers);
+  sample.watched_pairs(message.watched_pairs);
+  sample.certified_pairs(message.certified_pairs);
+  sample.requests(message.requests);
+  sample.refused(message.refused);
+  sample.batches(message.batches);
+  sample.bytes(message.bytes);
+  sample.lost_batches(message.lost_batches);
+  sample.waiting_batches(message.waiting_batches);
+  sample.resident_bytes(message.resident_bytes);
+  sample.names().clear();
+  sample.content_hashes().clear();
+  sample.faces().clear();
+  sample.held_splits().clear();
+  sample.splits().clear();
+  for (const ProcessStatus::Model& model : message.models) {
+    append_line(model.name, sample.names());
+    sample.content_hashes().push_back(model.content_hash);
+    sample.faces().push_back(model.faces);
+    sample.held_splits().push_back(model.held_splits);
+    sample.splits().push_back(model.splits);
+  }
+  sample.complaints().clear();
+  for (const std::string& line : message.complaints) append_line(line, sample.complaints());
+}
+
+Result<ProcessStatus> decode(const wire_types::ProcessStatusSample& sample) {
+  ProcessStatus message;
+  message.wire_version = sample.wire_version();
+  if ((sample.flags() & ~kFlagPublisher) != 0)
+    return malformed("flags: found unknown bits, " + std::to_string(sample.flags()));
+  message.is_publisher = (sample.flags() & kFlagPublisher) != 0;
+  message.process_id = sample.process_id();
+  message.session = sample.session();
+  message.host = sample.host().to_string();
+  message.uptime_s = sample.uptime_s();
+  message.bytes_per_s = sample.bytes_per_s();
+  message.uncertainty_m = sample.uncertainty_m();
+  message.peers = sample.peers();
+  message.watched_pairs = sample.watched_pairs();
+  message.certified_pairs = sample.certified_pairs();
+  message.requests = sample.requests();
+  message.refused = sample.refused();
+  message.batches = sample.batches();
+  message.bytes = sample.bytes();
+  message.lost_batches = sample.lost_batches();
+  message.waiting_batches = sample.waiting_batches();
+  message.resident_bytes = sample.resident_bytes();
+  const std::size_t count = sample.content_hashes().size();
+  if (count > kMaxModels || sample.faces().size() != count ||
+      sample.held_splits().size() != count || sample.splits().size() != count)
+    return malformed("models: lists that do not belong together");
+  const auto names = split_lines(sample.names(), count, count, "model names");
+  if (!names.is_ok()) return names.status();
+  for (std::size_t i = 0; i < count; ++i)
+    message.models.push_back({names.value()[i], sample.content_hashes()[i], sample.faces()[i],
+                              sample.held_splits()[i], sample.splits()[i]});
+  auto lines = split_lines(sample.complaints(), 0, kMaxStatusLines, "complaints");
+  if (!lines.is_ok()) return lines.status();
+  message.complaints = std::move(lines).value();
+  return checked(std::move(message));
+}
+
+void encode(const Echo& message, wire_types::EchoSample& sample) {
+  sample.wire_version(message.wire_version);
+  sample.flags(message.is_reply ? kFlagReply : 0);
+  sample.number(message.number);
+  sample.from(message.from);
+  sample.to(message.to);
+  sample.bytes(message.bytes);
+}
+
+Result<Echo> decode(const wire_types::EchoSample& sample) {
+  Echo message;
+  message.wire_version = sample.wire_version();
+  if ((sample.flags() & ~kFlagReply) != 0)
+    return malformed("flags: found unknown bits, " + std::to_string(sample.flags()));
+  message.is_reply = (sample.flags() & kFlagReply) != 0;
+  message.number = sample.number();
+  message.from = sample.from();
+  message.to = sample.to();
+  message.bytes = sample.bytes();
   return checked(std::move(message));
 }
 

@@ -1,100 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nearmesh/wire/dds_support.hpp"
 
-#include <arpa/inet.h>
-#include <ifaddrs.h>
-#include <netinet/in.h>
-#include <sys/socket.h>
-
 #include <algorithm>
 #include <array>
 #include <chrono>
 #include <ctime>
 #include <sstream>
 
-#include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
-#include <fastrtps/utils/IPLocator.h>
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
+
+#include "dds_transport.hpp"
 
 namespace nearmesh::wire {
 
 namespace {
 
 using eprosima::fastrtps::Duration_t;
-using eprosima::fastrtps::rtps::IPLocator;
-using eprosima::fastrtps::rtps::Locator_t;
 using eprosima::fastrtps::types::ReturnCode_t;
 
-/// Below the usual MTU with room for IP, UDP and a tunnel: nothing fragments at IP level, where one
-/// lost fragment costs the whole datagram.
-constexpr std::uint32_t kMaxDatagramBytes = 1400;
-/// A header of a megabyte arrives as one burst. The kernel may grant less.
-constexpr std::uint32_t kSocketBufferBytes = 4U << 20;
 constexpr std::uint32_t kMaxDomain = 232;
-constexpr const char* kDiscoveryMulticast = "239.255.0.1";
-
-/// The address of an interface given by name or address.
-Result<std::string> resolve_interface(const std::string& wanted) {
-  ifaddrs* list = nullptr;
-  if (getifaddrs(&list) != 0) return Status{StatusCode::kIo, "getifaddrs failed"};
-  std::string found, known;
-  for (const ifaddrs* entry = list; entry != nullptr; entry = entry->ifa_next) {
-    if (entry->ifa_addr == nullptr || entry->ifa_addr->sa_family != AF_INET) continue;
-    char text[INET_ADDRSTRLEN] = {};
-    const auto* address = reinterpret_cast<const sockaddr_in*>(entry->ifa_addr);
-    inet_ntop(AF_INET, &address->sin_addr, text, sizeof text);
-    known += std::string(known.empty() ? "" : ", ") + entry->ifa_name + " " + text;
-    if (found.empty() && (wanted == text || wanted == entry->ifa_name)) found = text;
-  }
-  freeifaddrs(list);
-  if (!found.empty()) return found;
-  return Status{StatusCode::kInvalidArgument,
-                "interface \"" + wanted + "\": expected one of " + known};
-}
-
-/// Port 0: Fast DDS asks the ports of the first participants there.
-Status add_peer(const std::string& address, std::uint32_t port,
-                eprosima::fastrtps::rtps::LocatorList_t& peers) {
-  in_addr parsed{};
-  if (inet_pton(AF_INET, address.c_str(), &parsed) != 1)
-    return {StatusCode::kInvalidArgument,
-            "initial peer \"" + address + "\": expected an IPv4 address"};
-  Locator_t locator;
-  IPLocator::setIPv4(locator, address);
-  locator.port = port;
-  peers.push_back(locator);
-  return Status::ok();
-}
-
-Status set_transport(const TransportOptions& options, fdds::DomainParticipantQos& qos) {
-  // UDP only. Shared memory leaves files in /dev/shm when a process is killed, fails between users,
-  // takes 10 MB a participant, and is not faster for samples of our size.
-  qos.transport().use_builtin_transports = false;
-  auto udp = std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>();
-  udp->maxMessageSize = kMaxDatagramBytes;
-  udp->sendBufferSize = kSocketBufferBytes;
-  udp->receiveBufferSize = kSocketBufferBytes;
-  udp->maxInitialPeersRange = options.participants_per_peer;
-  auto& peers = qos.wire_protocol().builtin.initialPeersList;
-  const std::uint32_t multicast_port = qos.wire_protocol().port.getMulticastPort(options.domain);
-  for (const std::string& peer : options.initial_peers)
-    NEARMESH_RETURN_IF_ERROR(add_peer(peer, 0, peers));
-  if (!options.interface.empty()) {
-    Result<std::string> address = resolve_interface(options.interface);
-    if (!address.is_ok()) return address.status();
-    udp->interfaceWhiteList.push_back(address.value());
-    // Multicast works on loopback too when the socket is bound to it, even without any route. The
-    // unicast search beside it is for machines that forbid multicast; alone it would miss
-    // processes that have made many participants, whose ports lie ever higher.
-    if (address.value().starts_with("127."))
-      NEARMESH_RETURN_IF_ERROR(add_peer(address.value(), 0, peers));
-  }
-  // Naming peers replaces the multicast search, so that must then be named too.
-  if (!peers.empty())
-    NEARMESH_RETURN_IF_ERROR(add_peer(kDiscoveryMulticast, multicast_port, peers));
-  qos.transport().user_transports.push_back(udp);
-  return Status::ok();
-}
 
 Status check_options(const TransportOptions& options) {
   NEARMESH_RETURN_IF_ERROR(check_prefix(options.prefix));
@@ -139,6 +63,19 @@ const char* policy_name(fdds::QosPolicyId_t id) {
 
 eprosima::fastrtps::rtps::GuidPrefix_t prefix_of(const Handle& endpoint) {
   return eprosima::fastrtps::rtps::iHandle2GUID(endpoint).guidPrefix;
+}
+
+const char* durability_name(fdds::DurabilityQosPolicyKind kind) {
+  switch (kind) {
+    case fdds::VOLATILE_DURABILITY_QOS:
+      return "volatile";
+    case fdds::TRANSIENT_LOCAL_DURABILITY_QOS:
+      return "transient local";
+    case fdds::TRANSIENT_DURABILITY_QOS:
+      return "transient";
+    default:
+      return "persistent";
+  }
 }
 
 std::string incompatible(const std::string& topic, fdds::QosPolicyId_t id) {
@@ -217,11 +154,6 @@ void ReaderListener::on_subscription_matched(fdds::DataReader*,
   mailbox_.wake();
 }
 
-void ReaderListener::on_requested_incompatible_qos(
-    fdds::DataReader*, const fdds::RequestedIncompatibleQosStatus& status) {
-  mailbox_.complain(incompatible(topic_, status.last_policy_id));
-}
-
 void WriterListener::forget_readers() {
   const std::lock_guard lock(mutex_);
   readers_.clear();
@@ -251,51 +183,120 @@ void WriterListener::on_publication_matched(fdds::DataWriter*,
   mailbox_.wake();
 }
 
-void WriterListener::on_offered_incompatible_qos(fdds::DataWriter*,
-                                                 const fdds::OfferedIncompatibleQosStatus& status) {
-  mailbox_.complain(incompatible(topic_, status.last_policy_id));
-}
-
 /// Reports endpoints that DDS would ignore in silence.
-class Bus::DiscoveryListener : public fdds::DomainParticipantListener {
+class DiscoveryListener : public fdds::DomainParticipantListener {
  public:
   DiscoveryListener(Mailbox& mailbox, const BusOptions& options)
-      : mailbox_(mailbox), prefix_(options.transport.prefix), on_writer_(options.on_writer) {}
+      : mailbox_(mailbox),
+        prefix_(options.transport.prefix),
+        deliveries_(deliveries_of(TopicNames(prefix_))),
+        on_writer_(options.on_writer) {}
 
   void on_publisher_discovery(fdds::DomainParticipant*,
                               eprosima::fastrtps::rtps::WriterDiscoveryInfo&& found) override {
     if (found.status != eprosima::fastrtps::rtps::WriterDiscoveryInfo::DISCOVERED_WRITER) return;
+    const Handle writer(found.info.guid());
     judge(found.info.topicName().to_string(), found.info.typeName().to_string());
+    judge_qos(found.info.topicName().to_string(), writer, true, found.info.m_qos.m_reliability.kind,
+              found.info.m_qos.m_durability.kind);
     if (!on_writer_) return;
     const std::vector<std::string> partitions = found.info.m_qos.m_partition.names();
-    on_writer_(Handle(found.info.guid()), partitions.empty() ? "" : partitions.front());
+    on_writer_(writer, partitions.empty() ? "" : partitions.front());
   }
   void on_subscriber_discovery(fdds::DomainParticipant*,
                                eprosima::fastrtps::rtps::ReaderDiscoveryInfo&& found) override {
-    if (found.status == eprosima::fastrtps::rtps::ReaderDiscoveryInfo::DISCOVERED_READER)
-      judge(found.info.topicName().to_string(), found.info.typeName().to_string());
+    if (found.status != eprosima::fastrtps::rtps::ReaderDiscoveryInfo::DISCOVERED_READER) return;
+    judge(found.info.topicName().to_string(), found.info.typeName().to_string());
+    judge_qos(found.info.topicName().to_string(), Handle(found.info.guid()), false,
+              found.info.m_qos.m_reliability.kind, found.info.m_qos.m_durability.kind);
+  }
+
+  /// Of a mismatch in this policy a line was said, with both sides.
+  static bool judges(fdds::QosPolicyId_t id) {
+    return id == fdds::RELIABILITY_QOS_POLICY_ID || id == fdds::DURABILITY_QOS_POLICY_ID;
   }
 
  private:
   static constexpr std::size_t kMaxKnown = 256;
 
-  /// Each line once: every endpoint of another version would say the same.
+  static std::map<std::string, const Delivery*> deliveries_of(const TopicNames& names) {
+    return {{names.hello, &kHelloDelivery},
+            {names.mesh_header, &kMeshHeaderDelivery},
+            {names.region_subscription, &kRegionSubscriptionDelivery},
+            {names.split_batch, &kSplitBatchDelivery},
+            {names.body_pose, &kBodyPoseDelivery},
+            {names.contact_report, &kContactReportDelivery},
+            {names.process_status, &kProcessStatusDelivery},
+            {names.echo, &kEchoDelivery}};
+  }
+
   void judge(const std::string& topic, const std::string& type) {
-    std::optional<std::string> line = judge_remote_endpoint(prefix_, topic, type);
-    if (!line) return;
+    if (std::optional<std::string> line = judge_remote_endpoint(prefix_, topic, type))
+      say(std::move(*line));
+  }
+
+  /// A writer must offer at least what readers request; ours all offer and request what their topic has.
+  void judge_qos(const std::string& topic, const Handle& endpoint, bool is_writer,
+                 fdds::ReliabilityQosPolicyKind reliability,
+                 fdds::DurabilityQosPolicyKind durability) {
+    const auto known = deliveries_.find(topic);
+    if (known == deliveries_.end()) return;
+    const auto too_little = [&](auto theirs, auto ours) {
+      return is_writer ? theirs < ours : theirs > ours;
+    };
+    const auto line = [&](const char* policy, const char* theirs, const char* ours) {
+      return topic + ": " + (is_writer ? "writer " : "reader ") + name_of(endpoint) +
+             " cannot be matched: it " + (is_writer ? "offers " : "requests ") + policy + " " +
+             theirs + ", this side " + (is_writer ? "requests " : "offers ") + ours + "; give it " +
+             policy + " " + ours;
+    };
+    if (too_little(reliability, fdds::RELIABLE_RELIABILITY_QOS))
+      say(line("reliability", "best effort", "reliable"));
+    if (too_little(durability, known->second->durability))
+      say(line("durability", durability_name(durability),
+               durability_name(known->second->durability)));
+  }
+
+  /// Each line once: every endpoint of another version would say the same.
+  void say(std::string line) {
     {
       const std::lock_guard lock(mutex_);
-      if (said_.size() >= kMaxKnown || !said_.insert(*line).second) return;
+      if (said_.size() >= kMaxKnown || !said_.insert(line).second) return;
     }
-    mailbox_.complain(std::move(*line));
+    mailbox_.complain(std::move(line));
   }
 
   Mailbox& mailbox_;
-  std::string prefix_;
+  const std::string prefix_;
+  const std::map<std::string, const Delivery*> deliveries_;
   const std::function<void(const Handle&, const std::string&)> on_writer_;
   std::mutex mutex_;
   std::set<std::string> said_;
 };
+
+namespace {
+
+/// A participant of a host's has no listener of ours.
+template <class Parent>
+bool was_judged(const Parent* parent, fdds::QosPolicyId_t id) {
+  const fdds::DomainParticipantListener* listener = parent->get_participant()->get_listener();
+  return DiscoveryListener::judges(id) &&
+         dynamic_cast<const DiscoveryListener*>(listener) != nullptr;
+}
+
+}  // namespace
+
+void ReaderListener::on_requested_incompatible_qos(
+    fdds::DataReader* reader, const fdds::RequestedIncompatibleQosStatus& status) {
+  if (!was_judged(reader->get_subscriber(), status.last_policy_id))
+    mailbox_.complain(incompatible(topic_, status.last_policy_id));
+}
+
+void WriterListener::on_offered_incompatible_qos(fdds::DataWriter* writer,
+                                                 const fdds::OfferedIncompatibleQosStatus& status) {
+  if (!was_judged(writer->get_publisher(), status.last_policy_id))
+    mailbox_.complain(incompatible(topic_, status.last_policy_id));
+}
 
 // --- SessionBook
 
@@ -337,6 +338,32 @@ std::vector<SessionId> SessionBook::clear() {
   for (const auto& [session, writer] : sessions_) known.push_back(session);
   *this = {};
   return known;
+}
+
+// --- SilenceWatch
+
+void SilenceWatch::matched(const Handle& writer, double now_s) {
+  if (!heard_.contains(writer)) waiting_.emplace(writer, now_s);
+}
+
+void SilenceWatch::heard(const Handle& writer) {
+  heard_.insert(writer);
+  waiting_.erase(writer);
+}
+
+void SilenceWatch::gone(const Handle& writer) {
+  heard_.erase(writer);
+  waiting_.erase(writer);
+}
+
+std::vector<Handle> SilenceWatch::take_silent(double now_s) {
+  std::vector<Handle> silent;
+  std::erase_if(waiting_, [&](const auto& waiting) {
+    if (now_s - waiting.second < patience_s_) return false;
+    silent.push_back(waiting.first);
+    return true;
+  });
+  return silent;
 }
 
 // --- StopDetector
@@ -387,9 +414,6 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
   fdds::DomainParticipantQos qos;
   qos.name(options.participant_name);
   NEARMESH_RETURN_IF_ERROR(set_transport(options.transport, qos));
-  auto& discovery = qos.wire_protocol().builtin.discovery_config;
-  discovery.leaseDuration = Duration_t(options.transport.lease_s);
-  discovery.leaseDuration_announcementperiod = Duration_t(options.transport.announcement_s);
   if (options.header_bytes_per_s > 0) {
     auto flow = std::make_shared<eprosima::fastdds::rtps::FlowControllerDescriptor>();
     flow->name = kHeaderFlow;

@@ -172,4 +172,42 @@ Status check(const ContactReport& message) {
   return Status::ok();
 }
 
+Status check(const ProcessStatus& message) {
+  NEARMESH_RETURN_IF_ERROR(check_version(message.wire_version));
+  NEARMESH_RETURN_IF_ERROR(check_session(message.session, "session"));
+  NEARMESH_RETURN_IF_ERROR(check_name(message.host, "host"));
+  NEARMESH_RETURN_IF_ERROR(check_distance(message.uptime_s, "uptime_s"));
+  NEARMESH_RETURN_IF_ERROR(check_distance(message.bytes_per_s, "bytes_per_s"));
+  NEARMESH_RETURN_IF_ERROR(check_distance(message.uncertainty_m, "uncertainty_m"));
+  if (message.certified_pairs > message.watched_pairs)
+    return invalid("certified_pairs: " + std::to_string(message.certified_pairs) + " of " +
+                   std::to_string(message.watched_pairs) + " that are watched");
+  NEARMESH_RETURN_IF_ERROR(check_most(message.models.size(), kMaxModels, "models"));
+  for (const ProcessStatus::Model& model : message.models) {
+    NEARMESH_RETURN_IF_ERROR(check_name(model.name, "model name"));
+    if (model.held_splits > model.splits)
+      return invalid("model " + model.name + ": holds " + std::to_string(model.held_splits) +
+                     " of " + std::to_string(model.splits) + " splits");
+  }
+  NEARMESH_RETURN_IF_ERROR(check_most(message.complaints.size(), kMaxStatusLines, "complaints"));
+  for (const std::string& line : message.complaints)
+    if (line.size() > kMaxStatusLineBytes || !std::all_of(line.begin(), line.end(), is_printable))
+      return invalid("complaint: expected printable ASCII, at most " +
+                     std::to_string(kMaxStatusLineBytes) + " bytes");
+  return Status::ok();
+}
+
+Status check(const Echo& message) {
+  NEARMESH_RETURN_IF_ERROR(check_version(message.wire_version));
+  NEARMESH_RETURN_IF_ERROR(check_session(message.from, "from"));
+  return check_most(message.bytes.size(), kMaxEchoBytes, "echo bytes");
+}
+
+std::string status_line(std::string line) {
+  if (line.size() > kMaxStatusLineBytes) line.resize(kMaxStatusLineBytes);
+  for (char& c : line)
+    if (!is_printable(c)) c = '?';
+  return line;
+}
+
 }  // namespace nearmesh::wire

@@ -29,7 +29,10 @@ TopicNames::TopicNames(std::string_view prefix)
       region_subscription(versioned(prefix, "region_subscription")),
       split_batch(versioned(prefix, "split_batch")),
       body_pose(versioned(prefix, "body_pose")),
-      contact_report(versioned(prefix, "contact_report")) {}
+      contact_report(versioned(prefix, "contact_report")),
+      process_status(versioned(prefix, "process_status")),
+      echo(versioned(prefix, "echo")),
+      probe(versioned(prefix, "probe")) {}
 
 std::string partition_of(SessionId peer) {
   static constexpr char kDigits[] = "0123456789abcdef";
@@ -49,13 +52,16 @@ std::optional<std::string> judge_remote_endpoint(std::string_view prefix, std::s
                                                  std::string_view type) {
   if (!topic.starts_with(prefix)) return std::nullopt;
   const TopicNames names(prefix);
-  const std::array<std::pair<std::string_view, std::string_view>, 6> known{{
+  const std::array<std::pair<std::string_view, std::string_view>, 9> known{{
       {names.hello, kHelloType},
       {names.mesh_header, kMeshHeaderType},
       {names.region_subscription, kRegionSubscriptionType},
       {names.split_batch, kSplitBatchType},
       {names.body_pose, kBodyPoseType},
       {names.contact_report, kContactReportType},
+      {names.process_status, kProcessStatusType},
+      {names.echo, kEchoType},
+      {names.probe, kEchoType},
   }};
   for (const auto& [name, expected] : known) {
     if (topic != name) continue;

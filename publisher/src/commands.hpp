@@ -14,6 +14,7 @@ namespace nearmesh::publisher {
 /// Set by SIGINT and SIGTERM.
 extern volatile std::sig_atomic_t stop_requested;
 
+void add_serve_command(CLI::App& app, std::function<Status()>& chosen);
 void add_replay_command(CLI::App& app, std::function<Status()>& chosen);
 
 }  // namespace nearmesh::publisher

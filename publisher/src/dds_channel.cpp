@@ -25,6 +25,7 @@ class DdsChannel::Impl {
         names_(options.transport.prefix),
         hello_listener_(mailbox_, names_.hello),
         header_listener_(mailbox_, names_.mesh_header),
+        status_listener_(mailbox_, names_.process_status),
         peers_(mailbox_, names_.region_subscription, names_.split_batch, options.max_peers,
                options.transport.heartbeat_s) {}
 
@@ -32,6 +33,7 @@ class DdsChannel::Impl {
   Status open();
   void announce(const wire::Hello& hello, const std::vector<wire::MeshHeader>& headers);
   std::vector<wire::RegionSubscription> take_subscriptions();
+  void tell(const wire::ProcessStatus& status);
   DdsPeers& peers() { return peers_; }
   wire::Mailbox& mailbox() { return mailbox_; }
 
@@ -44,7 +46,7 @@ class DdsChannel::Impl {
   DdsChannelOptions options_;
   wire::TopicNames names_;
   wire::Mailbox mailbox_;
-  wire::WriterListener hello_listener_, header_listener_;
+  wire::WriterListener hello_listener_, header_listener_, status_listener_;
   DdsPeers peers_;
   std::map<std::uint64_t, std::string> announced_headers_;  ///< content hash to name
   SessionId own_id_ = 0;                                    ///< known with the first announcement
@@ -52,6 +54,7 @@ class DdsChannel::Impl {
   std::vector<wire::MeshHeader> headers_;
   wire::fdds::DataWriter* hello_writer_ = nullptr;
   wire::fdds::DataWriter* header_writer_ = nullptr;
+  wire::fdds::DataWriter* status_writer_ = nullptr;
   std::unique_ptr<wire::Bus> bus_;  ///< last: goes first, while the listeners still live
   std::unique_ptr<wire::StopDetector> stops_;
 };
@@ -90,6 +93,13 @@ Status DdsChannel::Impl::open() {
       hello.value(), wire::writer_qos(wire::kHelloDelivery, heartbeat_s), hello_listener_);
   if (!hello_writer.is_ok()) return hello_writer.status();
   hello_writer_ = hello_writer.value();
+  auto status = bus_->add_topic<wire::ProcessStatusType>(names_.process_status);
+  if (!status.is_ok()) return status.status();
+  auto status_writer =
+      bus_->add_writer(status.value(), wire::writer_qos(wire::kProcessStatusDelivery, heartbeat_s),
+                       status_listener_);
+  if (!status_writer.is_ok()) return status_writer.status();
+  status_writer_ = status_writer.value();
   return Status::ok();
 }
 
@@ -162,6 +172,16 @@ std::vector<wire::RegionSubscription> DdsChannel::Impl::take_subscriptions() {
   });
 }
 
+void DdsChannel::Impl::tell(const wire::ProcessStatus& status) {
+  if (bus_ == nullptr) return;
+  if (const Status checked = check(status); !checked.is_ok()) {
+    mailbox_.complain(names_.process_status + ": not sent: " + checked.message());
+    return;
+  }
+  static_cast<void>(
+      wire::write_message<wire::ProcessStatusType>(*status_writer_, status, mailbox_));
+}
+
 Result<std::unique_ptr<DdsChannel>> DdsChannel::create(const DdsChannelOptions& options) {
   auto impl = std::make_unique<Impl>(options);
   NEARMESH_RETURN_IF_ERROR(impl->start());
@@ -181,6 +201,7 @@ std::vector<SessionId> DdsChannel::take_lost_peers() { return impl_->peers().tak
 bool DdsChannel::send(SessionId peer, const wire::SplitBatchMessage& batch) {
   return impl_->peers().send(peer, batch);
 }
+void DdsChannel::tell(const wire::ProcessStatus& status) { impl_->tell(status); }
 void DdsChannel::wait(double seconds) { impl_->mailbox().wait(seconds); }
 std::vector<std::string> DdsChannel::take_complaints() {
   return impl_->mailbox().take_complaints();

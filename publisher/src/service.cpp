@@ -147,7 +147,30 @@ std::vector<std::string> Service::step(double now_s) {
     for (auto& [id, peer] : peers_) sent = send_next(id, peer, now_s) || sent;
   }
   stats_.peers = peers_.size();
+  for (std::string& line : channel_.take_complaints()) complaints.push_back(std::move(line));
+  if (!began_s_) began_s_ = now_s;
+  for (const std::string& line : complaints) keeper_.note(line, now_s - *began_s_);
+  if (keeper_.is_due(now_s - *began_s_)) tell_status(now_s - *began_s_);
   return complaints;
+}
+
+void Service::tell_status(double now_s) {
+  wire::ProcessStatus status;
+  status.session = session_;
+  status.is_publisher = true;
+  status.peers = static_cast<std::uint32_t>(stats_.peers);
+  status.requests = stats_.requests;
+  status.refused = stats_.refused;
+  status.batches = stats_.batches;
+  status.bytes = stats_.bytes;
+  for (const auto& [id, peer] : peers_) status.waiting_batches += peer.queue.size();
+  for (const auto& [hash, model] : models_) {
+    const SpmHeader& header = model->file.header();
+    status.models.push_back({model->name, hash, header.face_count, 0, header.split_count()});
+  }
+  keeper_.complete(status, now_s);
+  channel_.tell(status);
+  status_ = std::move(status);
 }
 
 }  // namespace nearmesh::publisher

@@ -4,6 +4,7 @@
 // `chosen`.
 
 #include <CLI/CLI.hpp>
+#include <array>
 #include <csignal>
 #include <functional>
 
@@ -15,13 +16,20 @@ namespace nearmesh::subscriber {
 /// Set by SIGINT and SIGTERM.
 extern volatile std::sig_atomic_t stop_requested;
 
-/// How to join the bus.
+/// Rooms of the log (--log ROOM=LEVEL).
+inline constexpr std::array<const char*, 2> kRooms{"session", "record"};
+
+/// How to join the bus, and what to log, as settings (--config, --print-config). Call last, when the command has its
+/// other options; the transport must live as long as the command.
 void add_transport_options(CLI::App& command, wire::TransportOptions& transport);
 
+void add_run_command(CLI::App& app, std::function<Status()>& chosen);
 void add_record_command(CLI::App& app, std::function<Status()>& chosen);
 void add_info_command(CLI::App& app, std::function<Status()>& chosen);
 void add_verify_command(CLI::App& app, std::function<Status()>& chosen);
 void add_export_command(CLI::App& app, std::function<Status()>& chosen);
 void add_report_command(CLI::App& app, std::function<Status()>& chosen);
+void add_status_command(CLI::App& app, std::function<Status()>& chosen);
+void add_doctor_command(CLI::App& app, std::function<Status()>& chosen);
 
 }  // namespace nearmesh::subscriber

@@ -12,6 +12,7 @@
 #include <thread>
 #include <utility>
 
+#include "nearmesh/core/base/stopwatch.hpp"
 #include "nearmesh/wire/dds_support.hpp"
 
 namespace nearmesh::subscriber {
@@ -25,6 +26,7 @@ namespace {
 constexpr std::size_t kMaxTaken = 1024;  ///< of one topic, before the others have their turn
 constexpr double kIdleWait_s = 0.5;      ///< everything wakes the thread; this is a safety net
 constexpr std::size_t kMaxContested = 64;
+constexpr double kSilence_s = 5;  ///< of a publisher that was matched; it may still read its models
 constexpr double kRetryWait_s = 0.002;  ///< when Fast DDS could not take a sample
 /// Batches are acknowledged together for so long, or until they are that share of the window: on thin links each as it comes.
 constexpr double kAcknowledgeWait_s = 0.01;
@@ -44,7 +46,8 @@ class DdsChannel::Impl {
         pose_listener_(mailbox_, names_.body_pose),
         subscription_listener_(mailbox_, names_.region_subscription),
         pose_writer_listener_(mailbox_, names_.body_pose),
-        report_listener_(mailbox_, names_.contact_report) {}
+        report_listener_(mailbox_, names_.contact_report),
+        status_listener_(mailbox_, names_.process_status) {}
   ~Impl();
 
   Status start();
@@ -59,6 +62,7 @@ class DdsChannel::Impl {
   std::deque<wire::RegionSubscription> subscriptions_;
   std::deque<wire::BodyPose> poses_;
   std::deque<wire::ContactReport> reports_;
+  std::deque<wire::ProcessStatus> statuses_;
   const wire::TopicNames& names() const { return names_; }
 
  private:
@@ -101,7 +105,8 @@ class DdsChannel::Impl {
   const wire::TopicNames names_;
   wire::Mailbox mailbox_;
   wire::ReaderListener hello_listener_, header_listener_, batch_listener_, pose_listener_;
-  wire::WriterListener subscription_listener_, pose_writer_listener_, report_listener_;
+  wire::WriterListener subscription_listener_, pose_writer_listener_, report_listener_,
+      status_listener_;
 
   std::mutex mutex_;  ///< outgoing queues and inbox; never held during a DDS call
   std::condition_variable arrived_;
@@ -112,6 +117,8 @@ class DdsChannel::Impl {
 
   // The I/O thread's own.
   wire::SessionBook publishers_;
+  wire::SilenceWatch silence_{kSilence_s};
+  const Stopwatch clock_;
   std::set<Handle> hello_writers_;  ///< matched: who has one is a publisher
   std::vector<WaitingHello> waiting_hellos_;
   std::vector<WaitingHello> contested_hellos_;  ///< of sessions that another writer holds
@@ -122,6 +129,7 @@ class DdsChannel::Impl {
   wire::fdds::DataWriter* subscription_writer_ = nullptr;
   wire::fdds::DataWriter* pose_writer_ = nullptr;
   wire::fdds::DataWriter* report_writer_ = nullptr;
+  wire::fdds::DataWriter* status_writer_ = nullptr;
   std::unique_ptr<wire::Bus> bus_;
 
   std::atomic<bool> stopping_ = false;
@@ -286,6 +294,13 @@ Status DdsChannel::Impl::add_writers() {
                        report_listener_);
   if (!reports.is_ok()) return reports.status();
   report_writer_ = reports.value();
+  auto status = bus_->add_topic<wire::ProcessStatusType>(names_.process_status);
+  if (!status.is_ok()) return status.status();
+  auto statuses =
+      bus_->add_writer(status.value(), wire::writer_qos(wire::kProcessStatusDelivery, heartbeat_s),
+                       status_listener_);
+  if (!statuses.is_ok()) return statuses.status();
+  status_writer_ = statuses.value();
   return Status::ok();
 }
 
@@ -295,7 +310,8 @@ bool DdsChannel::Impl::receive() {
       *hello_reader_, mailbox_, kMaxTaken,
       [&](wire::Hello&& hello, const Handle& writer, Microseconds received) {
         accept_hello(hello, writer, received);
-      });
+      },
+      [&](const Handle& writer) { silence_.heard(writer); });
   more |=
       wire::drain<wire::MeshHeaderType>(*header_reader_, mailbox_, kMaxTaken,
                                         [&](wire::MeshHeader&& header, const Handle&,
@@ -314,6 +330,8 @@ bool DdsChannel::Impl::receive() {
           deliver(&Inbox::poses, std::move(pose), options_.max_waiting_others, names_.body_pose);
       });
   receive_matches();
+  for (const Handle& writer : silence_.take_silent(clock_.seconds()))
+    mailbox_.complain("publisher " + wire::name_of(writer) + wire::kSilentHint);
   return more;
 }
 
@@ -376,10 +394,12 @@ void DdsChannel::Impl::receive_matches() {
     if (!event.gone) {
       publishers_.welcome(event.writer);
       hello_writers_.insert(event.writer);
+      silence_.matched(event.writer, clock_.seconds());
       mailbox_.wake();  // subscriptions may have waited for it
       continue;
     }
     hello_writers_.erase(event.writer);
+    silence_.gone(event.writer);
     std::erase_if(waiting_hellos_, [&](const WaitingHello& w) { return w.writer == event.writer; });
     const std::optional<SessionId> lost = publishers_.forget(event.writer, event.when);
     if (!lost) continue;
@@ -427,6 +447,7 @@ Status DdsChannel::Impl::rejoin() {
   bus_.reset();
   waiting_hellos_.clear();
   contested_hellos_.clear();
+  for (const Handle& writer : hello_writers_) silence_.gone(writer);
   hello_writers_.clear();
   subscription_listener_.forget_readers();
   (void)hello_listener_.take_matches();
@@ -480,6 +501,7 @@ bool DdsChannel::Impl::flush() {
     all &= flush<wire::RegionSubscriptionType>(&Impl::subscriptions_, *subscription_writer_);
   all &= flush<wire::BodyPoseType>(&Impl::poses_, *pose_writer_);
   all &= flush<wire::ContactReportType>(&Impl::reports_, *report_writer_);
+  all &= flush<wire::ProcessStatusType>(&Impl::statuses_, *status_writer_);
   return all;
 }
 
@@ -519,6 +541,9 @@ void DdsChannel::send(const wire::BodyPose& pose) {
 }
 void DdsChannel::send(const wire::ContactReport& report) {
   impl_->put(&Impl::reports_, report, impl_->names().contact_report);
+}
+void DdsChannel::tell(const wire::ProcessStatus& status) {
+  impl_->put(&Impl::statuses_, status, impl_->names().process_status);
 }
 Channel::Inbox DdsChannel::take() { return impl_->take(); }
 void DdsChannel::wait(double seconds) { impl_->wait(seconds); }

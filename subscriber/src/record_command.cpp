@@ -8,6 +8,7 @@
 
 #include "commands.hpp"
 #include "nearmesh/core/base/stopwatch.hpp"
+#include "nearmesh/program/logging.hpp"
 #include "nearmesh/subscriber/dds_recorder.hpp"
 
 namespace nearmesh::subscriber {
@@ -34,7 +35,8 @@ Status record(const RecorderOptions& options) {
   std::uint64_t warned = 0;
   for (bool ended = false; !ended && stop_requested == 0;) {
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
-    for (const std::string& line : recorder.take_complaints()) spdlog::warn("{}", line);
+    for (const std::string& line : recorder.take_complaints())
+      program::log("record").warn("{}", line);
     const RecorderStats stats = recorder.stats();
     ended = stats.ended;
     // On a terminal one line that is renewed; in a log now and then, and at once when something is missing.

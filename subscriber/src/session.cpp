@@ -8,6 +8,7 @@
 #include "nearmesh/core/base/hash.hpp"
 #include "nearmesh/core/base/stopwatch.hpp"
 #include "nearmesh/core/demand/collect.hpp"
+#include "nearmesh/wire/status_keeper.hpp"
 #include "replicas.hpp"
 
 namespace nearmesh::subscriber {
@@ -62,8 +63,11 @@ struct Session::Impl {
   std::map<wire::SessionId, Publisher> publishers;
   std::map<std::uint64_t, Outstanding> outstanding;  // by content hash
   std::uint32_t last_request = 0;
+  std::uint64_t refused = 0;
   SessionStats stats;
   Stopwatch clock;
+  wire::StatusKeeper keeper;
+  wire::ProcessStatus told;  // the last status
 
   void take_inbox(FrameReport& report);
   void take_batch(wire::SplitBatchMessage&& message, FrameReport& report);
@@ -81,6 +85,7 @@ struct Session::Impl {
   bool request_ahead(PeerModel& model, const FrameReport& report, double patience_s);
   bool request(PeerModel& model, const RegionMaker& region, std::vector<NodeSpan> missing,
                std::uint8_t priority, double patience_s);
+  void tell_status(const FrameReport& report, const SessionStats& counted);
   [[nodiscard]] Publisher* publisher_of(std::uint64_t content_hash);
   [[nodiscard]] std::string why_not_ready(const Body& body) const;
 };
@@ -166,6 +171,8 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
     for (auto& [name, model] : impl.replicas.all())
       if (model.is_ready() && model.replica->mesh().split_count() > impl.options.max_held_splits)
         impl.replicas.collapse_outside(model, impl.kept_of(model, report), report);
+  for (const std::string& line : report.complaints) impl.keeper.note(line, impl.clock.seconds());
+  if (impl.keeper.is_due(impl.clock.seconds())) impl.tell_status(report, stats());
   return report;
 }
 
@@ -209,6 +216,7 @@ void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& r
   const bool answers_open = open != outstanding.end() && open->second.request == message.request;
   if (message.refused) {
     // The request stays open until its time-out, so that a refusal is not asked for every frame.
+    ++refused;
     report.complaints.push_back("publisher refused request " + std::to_string(message.request) +
                                 ": " + std::string(message.bytes.begin(), message.bytes.end()));
     return;
@@ -462,6 +470,40 @@ void Session::Impl::ask(const FrameReport& report) {
   }
 }
 
+void Session::Impl::tell_status(const FrameReport& report, const SessionStats& counted) {
+  wire::ProcessStatus now;
+  now.session = channel->own_id();
+  now.requests = counted.requests;
+  now.refused = refused;
+  now.batches = counted.batches;
+  now.bytes = counted.batch_bytes;
+  now.lost_batches = counted.sequence_gaps;
+  now.waiting_batches = report.batches_waiting;
+  now.watched_pairs = static_cast<std::uint32_t>(report.answers.size());
+  for (const PairAnswer& pair : report.answers) {
+    if (is_certified(pair.answer.status)) {
+      ++now.certified_pairs;
+    } else {
+      now.uncertainty_m = std::max(now.uncertainty_m, std::min(pair.answer.uncertainty_m,
+                                                               std::numeric_limits<double>::max()));
+    }
+  }
+  for (const auto& [name, model] : replicas.all()) {
+    if (now.models.size() == wire::kMaxModels) break;
+    wire::ProcessStatus::Model entry{.name = name, .content_hash = model.content_hash};
+    if (model.is_ready()) {
+      const SpmHeader& header = model.replica->header();
+      entry.faces = header.face_count;
+      entry.held_splits = model.replica->mesh().split_count();
+      entry.splits = header.split_count();
+    }
+    now.models.push_back(std::move(entry));
+  }
+  keeper.complete(now, clock.seconds());
+  channel->tell(now);
+  told = std::move(now);
+}
+
 bool Session::has_all_headers() const {
   return std::all_of(impl_->bodies.begin(), impl_->bodies.end(),
                      [](const auto& body) { return body.second.model->is_ready(); });
@@ -472,6 +514,8 @@ const SpmHeader* Session::header_of(const std::string& body) const {
   if (at == impl_->bodies.end() || !at->second.model->is_ready()) return nullptr;
   return &at->second.model->replica->header();
 }
+
+const wire::ProcessStatus& Session::status() const { return impl_->told; }
 
 SessionStats Session::stats() const {
   SessionStats stats = impl_->stats;

@@ -67,7 +67,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::uint8_t choice = in.byte();
   Bytes bytes(in.rest().begin(), in.rest().end());
   if (choice >= 128) bytes.insert(bytes.begin(), {0, 1, 0, 0, kWireVersion, 0});
-  switch (choice % 6) {
+  switch (choice % 8) {
     case 0:
       run<HelloType>(bytes);
       break;
@@ -83,8 +83,14 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     case 4:
       run<BodyPoseType>(bytes);
       break;
-    default:
+    case 5:
       run<ContactReportType>(bytes);
+      break;
+    case 6:
+      run<ProcessStatusType>(bytes);
+      break;
+    default:
+      run<EchoType>(bytes);
   }
   return 0;
 }

@@ -106,6 +106,8 @@ int main(int argc, char** argv) {
   write_sample<SplitBatchType>("split_batch", 3, wire::test::valid_batch());
   write_sample<BodyPoseType>("body_pose", 4, wire::test::valid_pose());
   write_sample<ContactReportType>("contact_report", 5, wire::test::valid_report());
+  write_sample<ProcessStatusType>("process_status", 6, wire::test::valid_status());
+  write_sample<EchoType>("echo", 7, wire::test::valid_echo());
   BodyPose skewed = wire::test::valid_pose();
   skewed.pose.rotation[1] = 0.5;
   write_sample<BodyPoseType>("refused_body_pose", 4, skewed);

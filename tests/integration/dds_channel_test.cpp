@@ -4,6 +4,7 @@
 // nothing leaks from one into another. This program is also its own helper: "--child publisher|peer
 // PREFIX".
 
+#include <fastdds/rtps/attributes/ServerAttributes.h>
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 #include <fastrtps/utils/IPLocator.h>
 #include <fastrtps/xmlparser/XMLProfileManager.h>
@@ -26,6 +27,7 @@
 #include "nearmesh/core/spm/codec.hpp"
 #include "nearmesh/publisher/dds_channel.hpp"
 #include "nearmesh/subscriber/dds_channel.hpp"
+#include "nearmesh/subscriber/dds_monitor.hpp"
 #include "nearmesh/subscriber/dds_recorder.hpp"
 #include "nearmesh/wire/dds_support.hpp"
 
@@ -815,7 +817,159 @@ TEST(DdsChannel, IncompatibleQosIsReportedByPolicy) {
   Stranger stranger(own_prefix(), wire::TopicNames(own_prefix()).region_subscription,
                     wire::kRegionSubscriptionType, true, qos);
   ASSERT_TRUE(server.await([&] { return !server.complaints.empty(); }));
-  EXPECT_NE(server.complaints[0].find("reliability"), std::string::npos) << server.complaints[0];
+  EXPECT_NE(
+      server.complaints[0].find("offers reliability best effort, this side requests reliable"),
+      std::string::npos)
+      << server.complaints[0];
+  server.await([] { return false; }, 0.3);
+  EXPECT_EQ(server.complaints.size(), 1U);
+}
+
+TEST(DdsChannel, IncompatibleDurabilityNamesBothSides) {
+  Peer peer(make_peer(own_prefix()));
+  fdds::DataWriterQos qos = stranger_qos(wire::kHelloDelivery);
+  qos.durability().kind = fdds::VOLATILE_DURABILITY_QOS;
+  Stranger stranger(own_prefix(), wire::TopicNames(own_prefix()).hello, wire::kHelloType, true,
+                    qos);
+  ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.complaints.empty(); }));
+  EXPECT_NE(
+      peer.all.complaints[0].find("offers durability volatile, this side requests transient local"),
+      std::string::npos)
+      << peer.all.complaints[0];
+}
+
+// --- What an operator sees
+
+TEST(DdsChannel, PublisherThatIsMatchedButSilentIsReported) {
+  Peer peer(make_peer(own_prefix()));
+  Stranger silent(own_prefix(), wire::TopicNames(own_prefix()).hello, wire::kHelloType, true,
+                  stranger_qos(wire::kHelloDelivery));
+  ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.complaints.empty(); }));
+  EXPECT_NE(peer.all.complaints[0].find("found and matched, but nothing comes"), std::string::npos)
+      << peer.all.complaints[0];
+  EXPECT_NE(peer.all.complaints[0].find("--transport lan"), std::string::npos);
+}
+
+TEST(DdsChannel, MonitorHearsStatusOfBothSidesAndForgetsWhoLeft) {
+  auto monitor = subscriber::DdsMonitor::create(transport(own_prefix()));
+  ASSERT_TRUE(monitor.is_ok()) << monitor.status().message();
+  auto publisher = make_publisher(own_prefix());
+  auto peer = make_peer(own_prefix());
+  wire::ProcessStatus status;
+  status.host = "here";
+  status.session = 7;
+  status.is_publisher = true;
+  publisher->tell(status);
+  status.session = 8;
+  status.is_publisher = false;
+  status.requests = 12;
+  peer->tell(status);
+  const auto sees = [&](std::size_t count) {
+    return wait_for([&] {
+      monitor.value()->listen(0.05);
+      return monitor.value()->view().processes.size() == count;
+    });
+  };
+  ASSERT_TRUE(sees(2));
+  const auto processes = monitor.value()->view().processes;
+  EXPECT_TRUE(processes[0].is_publisher);
+  EXPECT_EQ(processes[1].requests, 12U);
+  peer.reset();
+  EXPECT_TRUE(sees(1));
+  EXPECT_TRUE(monitor.value()->view().refusals.empty());
+}
+
+TEST(DdsChannel, MonitorTellsOfTwoContentsUnderOneNameAndOfTheSilent) {
+  auto one = make_publisher(own_prefix()), other = make_publisher(own_prefix());
+  wire::Hello hello = hello_of(kChildPublisher);
+  one->announce(hello, {});
+  hello.publisher = kChildPublisher + 1;
+  ++hello.models[0].content_hash;
+  other->announce(hello, {});
+  Stranger silent(own_prefix(), wire::TopicNames(own_prefix()).hello, wire::kHelloType, true,
+                  stranger_qos(wire::kHelloDelivery));
+  auto monitor = subscriber::DdsMonitor::create(transport(own_prefix()));
+  ASSERT_TRUE(monitor.is_ok()) << monitor.status().message();
+  const auto says = [&](const char* text) {
+    return wait_for([&] {
+      monitor.value()->listen(0.05);
+      const auto refusals = monitor.value()->view().refusals;
+      return std::any_of(refusals.begin(), refusals.end(), [&](const std::string& line) {
+        return line.find(text) != std::string::npos;
+      });
+    });
+  };
+  EXPECT_TRUE(says("rename or replace one file"));
+  EXPECT_TRUE(says("nothing comes from it"));
+  EXPECT_EQ(monitor.value()->view().refusals.size(), 2U);
+}
+
+// --- Other ways to find each other
+
+std::uint16_t own_port() { return static_cast<std::uint16_t>(20000 + getpid() % 20000); }
+
+TEST(DdsChannel, DiscoveryServerAloneBringsThemTogether) {
+  wire::TransportOptions options = transport(own_prefix());
+  options.discovery_server = "127.0.0.1:" + std::to_string(own_port());
+  publisher::DdsChannelOptions publisher_options;
+  publisher_options.transport = options;
+  auto publisher = PublisherChannel::create(publisher_options);
+  ASSERT_TRUE(publisher.is_ok()) << publisher.status().message();
+  publisher.value()->announce(hello_of(kChildPublisher), {});
+  subscriber::DdsChannelOptions peer_options;
+  peer_options.transport = options;
+  auto made = PeerChannel::create(peer_options);
+  ASSERT_TRUE(made.is_ok()) << made.status().message();
+  Peer peer(std::move(made).value());
+  const auto found = [](const Inbox& in) { return !in.hellos.empty(); };
+  EXPECT_FALSE(peer.await(found, 0.5));
+
+  fdds::DomainParticipantQos qos;
+  auto& builtin = qos.wire_protocol().builtin;
+  builtin.discovery_config.discoveryProtocol =
+      eprosima::fastrtps::rtps::DiscoveryProtocol_t::SERVER;
+  ASSERT_TRUE(
+      eprosima::fastdds::rtps::get_server_client_default_guidPrefix(0, qos.wire_protocol().prefix));
+  eprosima::fastrtps::rtps::Locator_t locator;
+  eprosima::fastrtps::rtps::IPLocator::setIPv4(locator, "127.0.0.1");
+  locator.port = own_port();
+  builtin.metatrafficUnicastLocatorList.push_back(locator);
+  auto* factory = fdds::DomainParticipantFactory::get_instance();
+  fdds::DomainParticipant* server = factory->create_participant(options.domain, qos);
+  ASSERT_NE(server, nullptr);
+  EXPECT_TRUE(peer.await(found));
+  factory->delete_participant(server);
+}
+
+TEST(DdsChannel, WrongTransportOptionsAreNamed) {
+  const auto refuses = [&](const char* expected, auto spoil) {
+    subscriber::DdsChannelOptions options;
+    options.transport = transport(own_prefix());
+    spoil(options.transport);
+    const auto channel = PeerChannel::create(options);
+    ASSERT_FALSE(channel.is_ok()) << expected;
+    EXPECT_EQ(channel.status().code(), StatusCode::kInvalidArgument);
+    EXPECT_NE(channel.status().message().find(expected), std::string::npos)
+        << channel.status().message();
+  };
+  using Options = wire::TransportOptions;
+  refuses("tcp: expected initial peers", [](Options& o) { o.transport = wire::Transport::kTcp; });
+  refuses("a port, ADDRESS:PORT", [](Options& o) {
+    o.transport = wire::Transport::kTcp;
+    o.initial_peers = {"127.0.0.1:70000"};
+  });
+  refuses("reached by UDP", [](Options& o) {
+    o.transport = wire::Transport::kTcp;
+    o.listen_port = 5100;
+    o.discovery_server = "127.0.0.1";
+  });
+  refuses("initial peer \"127.0.0.1:7400\": expected an IPv4 address",
+          [](Options& o) { o.initial_peers = {"127.0.0.1:7400"}; });
+  refuses("nothing is sent by multicast", [](Options& o) {
+    o.transport = wire::Transport::kUdpOnly;
+    o.interface.clear();
+  });
+  refuses("discovery server \"here\"", [](Options& o) { o.discovery_server = "here"; });
 }
 
 // --- A participant given by the host

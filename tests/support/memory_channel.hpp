@@ -35,8 +35,9 @@ class MemoryBus {
   std::function<bool(wire::SessionId peer, wire::SplitBatchMessage&)> batch_filter;
   bool accept_batches = true;   ///< false: send() says "not now"
   bool deliver_headers = true;  ///< false: headers are kept back until release_headers()
-  std::vector<wire::ContactReport> reports;             ///< all that were sent
-  std::vector<wire::RegionSubscription> subscriptions;  ///< all that were sent, also those lost
+  std::vector<wire::ContactReport> reports;                 ///< all that were sent
+  std::vector<wire::RegionSubscription> subscriptions;      ///< all that were sent, also those lost
+  std::map<wire::SessionId, wire::ProcessStatus> statuses;  ///< the last of each process
   std::uint64_t batches_sent = 0;
 
   /// The bus must outlive its channels. A channel that goes away is news to the other side, see
@@ -121,6 +122,10 @@ class MemoryBus {
     for (auto& [id, box] : peers_)
       if (id != pose.peer) post(box.poses, pose, on_poses);
   }
+  void keep(const wire::ProcessStatus& status) {
+    EXPECT_EQ(wire::check(status).message(), "");
+    statuses[status.session] = status;
+  }
   void announce(wire::SessionId id, PeerBox& box) const {
     const Station& station = publishers_.at(id);
     if (station.hello.publisher == 0) return;
@@ -168,6 +173,7 @@ class MemoryBus::PublisherEnd : public publisher::Channel {
     return true;
   }
   void wait(double) override {}
+  void tell(const wire::ProcessStatus& status) override { bus_.keep(status); }
 
  private:
   MemoryBus& bus_;
@@ -199,6 +205,7 @@ class MemoryBus::PeerEnd : public subscriber::Channel {
     EXPECT_EQ(wire::check(report).message(), "");
     bus_.reports.push_back(report);
   }
+  void tell(const wire::ProcessStatus& status) override { bus_.keep(status); }
   Inbox take() override {
     PeerBox& box = bus_.peers_.at(id_);
     Inbox inbox = std::exchange(box.inbox, {});

@@ -95,6 +95,38 @@ std::size_t framed(const std::vector<wire::SplitBatchMessage>& batches) {
   return bytes;
 }
 
+TEST(Service, TellsEachSecondWhatItServesAndRefuses) {
+  Desk desk;
+  static_cast<void>(desk.service.step(10));
+  const wire::ProcessStatus& first = desk.bus.statuses.at(kPublisher);
+  EXPECT_TRUE(first.is_publisher);
+  EXPECT_EQ(first.requests, 0U);
+  ASSERT_EQ(first.models.size(), 1U);
+  EXPECT_EQ(first.models[0].content_hash, desk.hash());
+  EXPECT_EQ(first.models[0].faces, desk.model.header.face_count);
+
+  wire::RegionSubscription bad = desk.request(1);
+  bad.content_hash = 1;
+  desk.bus.inject(bad);
+  wire::RegionSubscription good = desk.request(2);
+  good.window_bytes = 2000;
+  desk.bus.inject(good);
+  static_cast<void>(desk.service.step(10.5));
+  EXPECT_EQ(desk.bus.statuses.at(kPublisher).requests, 0U);
+  static_cast<void>(desk.service.step(11));
+  const wire::ProcessStatus& second = desk.bus.statuses.at(kPublisher);
+  EXPECT_EQ(second.requests, 2U);
+  EXPECT_EQ(second.refused, 1U);
+  EXPECT_EQ(second.peers, 1U);
+  EXPECT_GT(second.waiting_batches, 0U);
+  EXPECT_EQ(second.bytes, desk.service.stats().bytes);
+  EXPECT_EQ(second.uptime_s, 1);
+  EXPECT_EQ(second.bytes_per_s, static_cast<double>(second.bytes));
+  ASSERT_EQ(second.complaints.size(), 1U);
+  EXPECT_NE(second.complaints[0].find("no model with that content hash"), std::string::npos);
+  EXPECT_EQ(desk.service.status().requests, 2U);
+}
+
 TEST(Service, AnnouncesModelsWithTheirHeaders) {
   Desk desk;
   const subscriber::Channel::Inbox inbox = desk.peer_end->take();

@@ -3,6 +3,7 @@
 
 #include <limits>
 
+#include "nearmesh/core/base/stopwatch.hpp"
 #include "world.hpp"
 
 namespace nearmesh {
@@ -463,6 +464,39 @@ TEST(Session, RefusedMotionChangesNothing) {
     expect_refused({{"one", good}, {"two", bad}}, StatusCode::kInvalidArgument, "two");
   expect_refused({{"one", good}, {"ground", good}}, StatusCode::kNotFound, "ground");
   expect_refused({{"one", good}, {"nobody", good}}, StatusCode::kNotFound, "nobody");
+}
+
+TEST(Session, TellsWhatItHoldsAndHowSureItIs) {
+  World world;
+  const auto session = world.make_peer();
+  static_cast<void>(world.round(*session));
+  const wire::ProcessStatus& alone = session->status();
+  EXPECT_EQ(alone.session, kPeer);
+  EXPECT_EQ(alone.watched_pairs, 3U);
+  EXPECT_EQ(alone.certified_pairs, 0U);
+  ASSERT_EQ(alone.models.size(), 2U);
+  EXPECT_EQ(alone.models[0].content_hash, 0U);
+
+  world.start_publisher();
+  const Flight flight = make_flight(3);
+  world.fly(*session, flight);
+  const Stopwatch clock;
+  const double before_s = session->status().uptime_s;
+  while (session->status().uptime_s == before_s && clock.seconds() < 10)
+    static_cast<void>(world.round(*session));
+  const wire::ProcessStatus& after = world.bus.statuses.at(kPeer);
+  EXPECT_EQ(after.certified_pairs, 3U);
+  EXPECT_EQ(after.uncertainty_m, 0);
+  EXPECT_EQ(after.batches, session->stats().batches);
+  EXPECT_EQ(after.bytes, session->stats().batch_bytes);
+  std::uint64_t held = 0;
+  for (const auto& model : after.models) {
+    EXPECT_NE(model.content_hash, 0U);
+    EXPECT_GT(model.faces, 0U);
+    held += model.held_splits;
+  }
+  EXPECT_GT(held, 0U);
+  EXPECT_EQ(held, session->stats().held_splits);
 }
 
 TEST(Session, RefusesMalformedDeclarations) {

@@ -27,7 +27,7 @@ TEST(Decode, RefusesHelloWhoseListsDiffer) {
   using S = wire_types::HelloSample;
   expect_refused<S>(valid_hello(), "models", [](S& s) { s.mesh_bytes().pop_back(); });
   expect_refused<S>(valid_hello(), "fewer", [](S& s) { s.names().pop_back(); });
-  expect_refused<S>(valid_hello(), "more names", [](S& s) { s.names().push_back('\n'); });
+  expect_refused<S>(valid_hello(), "more than", [](S& s) { s.names().push_back('\n'); });
   expect_refused<S>(valid_hello(), "fewer", [](S& s) { s.names().push_back('x'); });
   expect_refused<S>(valid_hello(), "models", [](S& s) { s.content_hashes().resize(100'000); });
   expect_refused<S>(valid_hello(), "models", [](S& s) { s.names().assign(100'000, 'x'); });
@@ -45,6 +45,24 @@ TEST(Decode, RefusesSubscriptionWithPartialRecords) {
 TEST(Decode, RefusesBatchWithUnknownFlags) {
   using S = wire_types::SplitBatchSample;
   expect_refused<S>(valid_batch(), "flags", [](S& s) { s.flags(4); });
+}
+
+TEST(Decode, RefusesStatusWhoseListsDiffer) {
+  using S = wire_types::ProcessStatusSample;
+  expect_refused<S>(valid_status(), "models", [](S& s) { s.faces().pop_back(); });
+  expect_refused<S>(valid_status(), "models", [](S& s) { s.held_splits().push_back(1); });
+  expect_refused<S>(valid_status(), "models", [](S& s) { s.splits().clear(); });
+  expect_refused<S>(valid_status(), "names", [](S& s) { s.names().pop_back(); });
+  expect_refused<S>(valid_status(), "flags", [](S& s) { s.flags(2); });
+  expect_refused<S>(valid_status(), "complaints: more",
+                    [](S& s) { s.complaints().assign(17, '\n'); });
+  expect_refused<S>(valid_status(), "complaints: fewer",
+                    [](S& s) { s.complaints().push_back('x'); });
+}
+
+TEST(Decode, RefusesEchoWithUnknownFlags) {
+  using S = wire_types::EchoSample;
+  expect_refused<S>(valid_echo(), "flags", [](S& s) { s.flags(2); });
 }
 
 TEST(Decode, RefusesReportWithPartialPairs) {

@@ -168,6 +168,39 @@ TEST(CheckMessage, NamesBothVersionsWhenTheyDiffer) {
   expect_unsupported(valid_batch());
   expect_unsupported(valid_pose());
   expect_unsupported(valid_report());
+  expect_unsupported(valid_status());
+  expect_unsupported(valid_echo());
+}
+
+TEST(CheckMessage, RefusesStatusOutsideItsLimits) {
+  using M = ProcessStatus;
+  expect_refusals<M>(valid_status(),
+                     {{"session", [](M& m) { m.session = 0; }},
+                      {"host", [](M& m) { m.host = ""; }},
+                      {"host", [](M& m) { m.host = "a\nb"; }},
+                      {"uptime_s", [](M& m) { m.uptime_s = kNan; }},
+                      {"bytes_per_s", [](M& m) { m.bytes_per_s = -1; }},
+                      {"uncertainty_m", [](M& m) { m.uncertainty_m = kInfinity; }},
+                      {"certified_pairs", [](M& m) { m.certified_pairs = 6; }},
+                      {"models", [](M& m) { m.models.resize(kMaxModels + 1, m.models[0]); }},
+                      {"name", [](M& m) { m.models[0].name = "\x1b[2J"; }},
+                      {"holds", [](M& m) { m.models[1].held_splits = 1; }},
+                      {"complaints", [](M& m) { m.complaints.resize(kMaxStatusLines + 1, "x"); }},
+                      {"complaint", [](M& m) { m.complaints[0] = std::string(256, 'x'); }},
+                      {"complaint", [](M& m) { m.complaints[0] = "two\nlines"; }}});
+}
+
+TEST(CheckMessage, RefusesEchoOutsideItsLimits) {
+  expect_refusals<Echo>(valid_echo(),
+                        {{"from", [](Echo& m) { m.from = 0; }},
+                         {"bytes", [](Echo& m) { m.bytes.resize(kMaxEchoBytes + 1); }}});
+}
+
+TEST(CheckMessage, AnyLineFitsIntoAStatusOnceCut) {
+  ProcessStatus status = valid_status();
+  status.complaints = {status_line("tab\tand \xc3\xa9\n" + std::string(1000, 'x'))};
+  EXPECT_TRUE(check(status).is_ok()) << check(status).message();
+  EXPECT_EQ(status.complaints[0].substr(0, 12), "tab?and ???x");
 }
 
 }  // namespace

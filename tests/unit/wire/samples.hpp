@@ -85,4 +85,38 @@ inline ContactReport valid_report() {
   return message;
 }
 
+inline ProcessStatus valid_status() {
+  ProcessStatus message;
+  message.session = 42;
+  message.is_publisher = true;
+  message.host = "rig-1";
+  message.process_id = 77;
+  message.uptime_s = 12.5;
+  message.bytes_per_s = 1e6;
+  message.uncertainty_m = 0.25;
+  message.peers = 3;
+  message.watched_pairs = 5;
+  message.certified_pairs = 4;
+  message.requests = 100;
+  message.refused = 1;
+  message.batches = 2000;
+  message.bytes = 2'000'000;
+  message.lost_batches = 6;
+  message.waiting_batches = 7;
+  message.resident_bytes = 50'000'000;
+  message.models = {{"bunny", 11, 70000, 10, 35000}, {"terrain 512", 22, 500000, 0, 0}};
+  message.complaints = {"first", "second: with, marks"};
+  return message;
+}
+
+inline Echo valid_echo() {
+  Echo message;
+  message.from = 42;
+  message.to = 43;
+  message.number = 9;
+  message.is_reply = true;
+  message.bytes = {1, 2, 3};
+  return message;
+}
+
 }  // namespace nearmesh::wire::test

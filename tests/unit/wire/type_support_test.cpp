@@ -64,6 +64,8 @@ TEST(TypeSupport, RoundTripKeepsEveryField) {
   expect_same_bytes_after_round_trip<SplitBatchType>(valid_batch());
   expect_same_bytes_after_round_trip<BodyPoseType>(valid_pose());
   expect_same_bytes_after_round_trip<ContactReportType>(valid_report());
+  expect_same_bytes_after_round_trip<ProcessStatusType>(valid_status());
+  expect_same_bytes_after_round_trip<EchoType>(valid_echo());
 }
 
 TEST(TypeSupport, RoundTripKeepsValues) {
@@ -130,6 +132,8 @@ TEST(TypeSupport, RefusesEveryPrefix) {
   expect_every_prefix_refused<SplitBatchType>(valid_batch());
   expect_every_prefix_refused<BodyPoseType>(valid_pose());
   expect_every_prefix_refused<ContactReportType>(valid_report());
+  expect_every_prefix_refused<ProcessStatusType>(valid_status());
+  expect_every_prefix_refused<EchoType>(valid_echo());
 }
 
 /// Whatever a byte is changed to: no crash, no exception, and what is accepted passes check().
@@ -154,6 +158,8 @@ TEST(TypeSupport, SurvivesChangedBytes) {
   expect_survives_changed_bytes<SplitBatchType>(valid_batch());
   expect_survives_changed_bytes<BodyPoseType>(valid_pose());
   expect_survives_changed_bytes<ContactReportType>(valid_report());
+  expect_survives_changed_bytes<ProcessStatusType>(valid_status());
+  expect_survives_changed_bytes<EchoType>(valid_echo());
 }
 
 TEST(TypeSupport, RecognisesAnotherVersionWhateverFollows) {

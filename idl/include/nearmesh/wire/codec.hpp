@@ -16,6 +16,8 @@ void encode(const RegionSubscription& message, wire_types::RegionSubscriptionSam
 void encode(const SplitBatchMessage& message, wire_types::SplitBatchSample& sample);
 void encode(const BodyPose& message, wire_types::BodyPoseSample& sample);
 void encode(const ContactReport& message, wire_types::ContactReportSample& sample);
+void encode(const ProcessStatus& message, wire_types::ProcessStatusSample& sample);
+void encode(const Echo& message, wire_types::EchoSample& sample);
 
 /// Errors: kUnsupported for another wire version; kInvalidArgument naming the field that lies
 /// outside its limits.
@@ -25,5 +27,7 @@ void encode(const ContactReport& message, wire_types::ContactReportSample& sampl
 [[nodiscard]] Result<SplitBatchMessage> decode(const wire_types::SplitBatchSample& sample);
 [[nodiscard]] Result<BodyPose> decode(const wire_types::BodyPoseSample& sample);
 [[nodiscard]] Result<ContactReport> decode(const wire_types::ContactReportSample& sample);
+[[nodiscard]] Result<ProcessStatus> decode(const wire_types::ProcessStatusSample& sample);
+[[nodiscard]] Result<Echo> decode(const wire_types::EchoSample& sample);
 
 }  // namespace nearmesh::wire

@@ -146,6 +146,30 @@ class SessionBook {
   std::map<Handle, Microseconds> gone_;  ///< when; until found again, at most kMaxGone
 };
 
+/// Notices writers that were matched, but of which nothing comes: discovery gets through, their data does not. Times are of
+/// any steady clock. Threads: one.
+class SilenceWatch {
+ public:
+  explicit SilenceWatch(double patience_s) : patience_s_(patience_s) {}
+  void matched(const Handle& writer, double now_s);
+  void heard(const Handle& writer);
+  void gone(const Handle& writer);
+  /// Those that have said nothing since they were matched patience_s ago; each once.
+  [[nodiscard]] std::vector<Handle> take_silent(double now_s);
+
+ private:
+  const double patience_s_;
+  std::map<Handle, double> waiting_;  ///< since when
+  std::set<Handle> heard_;            ///< may be before the match is told
+};
+/// What to say of such a writer, behind its name.
+inline constexpr const char* kSilentHint =
+    " was found and matched, but nothing comes from it: its data does not get through. On one "
+    "machine with shared "
+    "memory, perhaps of another user: use --transport lan on both sides. Between machines: let UDP "
+    "ports from 7400 + "
+    "250 x domain on pass the firewall";
+
 /// Notices that the whole process was stopped (debugger, suspended machine) for so long that others
 /// dropped it. With Fast DDS 2.9 such a process must join anew: it never missed the others, so it
 /// believes that they still have what it told them, and its endpoints are not found again (seen in
@@ -180,6 +204,8 @@ struct BusOptions {
   std::function<void(const Handle& writer, const std::string& partition)> on_writer;
 };
 
+class DiscoveryListener;
+
 /// A participant, own or the host's, and everything made on it; the destructor removes that, and
 /// only that. Threads: one. Listeners must outlive the bus.
 class Bus {
@@ -213,7 +239,6 @@ class Bus {
   void remove_writer(fdds::DataWriter* writer);
 
  private:
-  class DiscoveryListener;
   Bus() = default;
   void remove_reader(fdds::DataReader* reader);
   Result<fdds::Topic*> add_topic(const std::string& name, const fdds::TypeSupport& type,
@@ -259,10 +284,10 @@ template <class Type, class Message>
 }
 
 /// Takes at most `most` samples. Valid ones go to accept(message, writer, received), the others
-/// leave one complaint each. Out: true when there may be more.
+/// leave one complaint each. `heard` (may be empty) is told of every sample's writer. Out: true when there may be more.
 template <class Type, class Accept>
 [[nodiscard]] bool drain(fdds::DataReader& reader, Mailbox& mailbox, std::size_t most,
-                         Accept accept) {
+                         Accept accept, const std::function<void(const Handle&)>& heard = {}) {
   using eprosima::fastrtps::types::ReturnCode_t;
   typename Type::Data data;
   fdds::SampleInfo info;
@@ -271,6 +296,7 @@ template <class Type, class Accept>
     const ReturnCode_t code =
         reader.take_next_sample(static_cast<typename Type::Sample*>(&data), &info);
     if (code != ReturnCode_t::RETCODE_OK) return false;
+    if (heard) heard(info.publication_handle);
     if (!info.valid_data) continue;  // a dispose: nothing here depends on it
     std::string fault = data.fault;
     if (fault.empty()) {

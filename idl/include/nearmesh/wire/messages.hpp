@@ -113,11 +113,56 @@ struct ContactReport {
   std::vector<std::array<FaceKey, 2>> pairs;  ///< the first kMaxReportPairs of them
 };
 
+/// What one process knows of itself (keyed by session, transient local, renewed each second): for operators, who cannot see
+/// it from outside. Nothing else depends on it.
+struct ProcessStatus {
+  std::uint16_t wire_version = kWireVersion;
+  SessionId session = 0;
+  bool is_publisher = false;
+  std::string host;
+  std::uint32_t process_id = 0;
+  double uptime_s = 0;
+  double bytes_per_s = 0;    ///< of batches, over the last second: sent, or received
+  double uncertainty_m = 0;  ///< a peer's largest bound of an answer that is not certified
+  std::uint32_t peers = 0;   ///< that a publisher serves
+  std::uint32_t watched_pairs = 0, certified_pairs = 0;
+  std::uint64_t requests = 0, refused = 0;  ///< since the start
+  std::uint64_t batches = 0, bytes = 0;     ///< sent, or received, since the start
+  std::uint64_t lost_batches = 0;           ///< never came
+  std::uint64_t waiting_batches = 0;        ///< to be sent, or to be taken in
+  std::uint64_t resident_bytes = 0;
+  struct Model {
+    std::string name;
+    std::uint64_t content_hash = 0;
+    std::uint64_t faces = 0, held_splits = 0, splits = 0;  ///< 0 until the header has come
+  };
+  std::vector<Model> models;            ///< served, or used
+  std::vector<std::string> complaints;  ///< the newest kMaxStatusLines of the last minute
+};
+inline constexpr std::size_t kMaxStatusLines = 16;
+inline constexpr std::size_t kMaxStatusLineBytes = 255;
+
+/// One line as it may stand in a ProcessStatus: cut, with other bytes than printable ASCII replaced.
+[[nodiscard]] std::string status_line(std::string line);
+
+/// Bytes of a self-test, to be sent back (nearmesh-subscriber doctor).
+struct Echo {
+  std::uint16_t wire_version = kWireVersion;
+  SessionId from = 0;
+  SessionId to = 0;  ///< 0: whoever listens
+  std::uint32_t number = 0;
+  bool is_reply = false;
+  std::vector<std::uint8_t> bytes;
+};
+inline constexpr std::size_t kMaxEchoBytes = 1U << 20;
+
 [[nodiscard]] Status check(const Hello& message);
 [[nodiscard]] Status check(const MeshHeader& message);
 [[nodiscard]] Status check(const RegionSubscription& message);
 [[nodiscard]] Status check(const SplitBatchMessage& message);
 [[nodiscard]] Status check(const BodyPose& message);
 [[nodiscard]] Status check(const ContactReport& message);
+[[nodiscard]] Status check(const ProcessStatus& message);
+[[nodiscard]] Status check(const Echo& message);
 
 }  // namespace nearmesh::wire

@@ -48,6 +48,12 @@ inline constexpr Delivery kBodyPoseDelivery{fdds::KEEP_LAST_HISTORY_QOS, 1,
 /// Latest answer for each pair, renewed every frame: nothing to keep for latecomers.
 inline constexpr Delivery kContactReportDelivery{fdds::KEEP_LAST_HISTORY_QOS, 1,
                                                  fdds::VOLATILE_DURABILITY_QOS};
+/// What each process said last of itself; who asks later gets it at once.
+inline constexpr Delivery kProcessStatusDelivery{fdds::KEEP_LAST_HISTORY_QOS, 1,
+                                                 fdds::TRANSIENT_LOCAL_DURABILITY_QOS};
+/// A self-test's samples, each once.
+inline constexpr Delivery kEchoDelivery{fdds::KEEP_LAST_HISTORY_QOS, 64,
+                                        fdds::VOLATILE_DURABILITY_QOS};
 
 /// What readers and writers share.
 template <class EndpointQos>

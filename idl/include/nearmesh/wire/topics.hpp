@@ -15,6 +15,8 @@ namespace nearmesh::wire {
 struct TopicNames {
   explicit TopicNames(std::string_view prefix);
   std::string hello, mesh_header, region_subscription, split_batch, body_pose, contact_report;
+  std::string process_status;
+  std::string echo, probe;  ///< of a self-test: reliable, best effort
 };
 
 /// Names of the generated types, as they are announced.
@@ -25,6 +27,8 @@ inline constexpr std::string_view kRegionSubscriptionType =
 inline constexpr std::string_view kSplitBatchType = "nearmesh::wire_types::SplitBatchSample";
 inline constexpr std::string_view kBodyPoseType = "nearmesh::wire_types::BodyPoseSample";
 inline constexpr std::string_view kContactReportType = "nearmesh::wire_types::ContactReportSample";
+inline constexpr std::string_view kProcessStatusType = "nearmesh::wire_types::ProcessStatusSample";
+inline constexpr std::string_view kEchoType = "nearmesh::wire_types::EchoSample";
 
 /// The partition in which one peer's batches travel: 16 hexadecimal digits.
 [[nodiscard]] std::string partition_of(SessionId peer);

@@ -3,25 +3,52 @@
 // How a process joins the bus. No Fast DDS here.
 
 #include <cstdint>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace nearmesh::wire {
 
+/// How bytes travel, by name. All of UDP in datagrams of at most 1,400 bytes.
+enum class Transport : std::uint8_t {
+  kLan,  ///< UDP; others are found by multicast, and at initial_peers
+  kThin,  ///< as kLan, with fewer life signs and repairs, for links below some 2 Mbit/s (see preset_of)
+  kTcp,       ///< TCP: whoever has a listen_port is reached by those that name it in initial_peers
+  kUdpOnly,   ///< UDP, and nothing is sent by multicast: needs initial_peers or a discovery server
+  kSameHost,  ///< shared memory, beside UDP over loopback; leaves files in /dev/shm when killed
+};
+inline constexpr Transport kTransports[] = {Transport::kLan, Transport::kThin, Transport::kTcp,
+                                            Transport::kUdpOnly, Transport::kSameHost};
+/// "lan", "thin", "tcp", "udp-only", "same-host".
+[[nodiscard]] const char* to_string(Transport transport);
+[[nodiscard]] std::optional<Transport> transport_of(std::string_view name);
+
 struct TransportOptions {
   std::uint32_t domain = 0;         ///< DDS domain, 0 to 232
   std::string prefix = "nearmesh";  ///< of every topic; see check_prefix
+  Transport transport = Transport::kLan;
   /// "" for all; or one IPv4 address or interface name of this machine. A loopback address needs no
-  /// network at all: participants then find each other by unicast, up to loopback_peers of them on
+  /// network at all: participants then find each other by unicast, up to participants_per_peer on
   /// one machine and domain.
   std::string interface;
-  /// IPv4 addresses to look for publishers or peers at, where multicast does not get through.
+  /// IPv4 addresses to look for publishers or peers at, where multicast does not get through; with
+  /// kTcp "ADDRESS" or "ADDRESS:PORT" of who listens (kDefaultTcpPort).
   std::vector<std::string> initial_peers;
+  /// "ADDRESS" or "ADDRESS:PORT" of a Fast DDS discovery server (id 0; kDefaultServerPort), through
+  /// which alone others are then found. "": none.
+  std::string discovery_server;
+  std::uint16_t listen_port = 0;             ///< of kTcp; 0: does not listen
   std::uint32_t participants_per_peer = 16;  ///< how many are looked for at each such address
   double lease_s = 3;                        ///< a process silent for so long is lost
   double announcement_s = 1;                 ///< period of life signs; below lease_s / 2
   double heartbeat_s =
       0.1;  ///< how soon a lost datagram is noticed; Fast DDS' own 3 s stall streams
 };
+inline constexpr std::uint16_t kDefaultTcpPort = 5100;
+inline constexpr std::uint16_t kDefaultServerPort = 11811;
+
+/// The options of a transport, the rest as built in: what a preset sets is what differs here.
+[[nodiscard]] TransportOptions preset_of(Transport transport);
 
 }  // namespace nearmesh::wire

@@ -162,5 +162,7 @@ using RegionSubscriptionType = SafeType<wire_types::RegionSubscriptionSamplePubS
 using SplitBatchType = SafeType<wire_types::SplitBatchSamplePubSubType>;
 using BodyPoseType = SafeType<wire_types::BodyPoseSamplePubSubType>;
 using ContactReportType = SafeType<wire_types::ContactReportSamplePubSubType>;
+using ProcessStatusType = SafeType<wire_types::ProcessStatusSamplePubSubType>;
+using EchoType = SafeType<wire_types::EchoSamplePubSubType>;
 
 }  // namespace nearmesh::wire

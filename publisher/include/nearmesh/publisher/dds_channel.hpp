@@ -41,6 +41,8 @@ class DdsChannel final : public Channel {
   /// check() refuses is dropped with a complaint and true: trying again would not help.
   [[nodiscard]] bool send(wire::SessionId peer, const wire::SplitBatchMessage& batch) override;
   void wait(double seconds) override;
+  /// Dropped when it cannot be taken at once: the next one tells more.
+  void tell(const wire::ProcessStatus& status) override;
   [[nodiscard]] std::vector<std::string> take_complaints() override;
 
  private:

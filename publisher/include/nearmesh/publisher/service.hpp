@@ -13,12 +13,14 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "nearmesh/core/spm/model_file.hpp"
 #include "nearmesh/publisher/channel.hpp"
 #include "nearmesh/publisher/pacing.hpp"
+#include "nearmesh/wire/status_keeper.hpp"
 
 namespace nearmesh::publisher {
 
@@ -48,10 +50,12 @@ class Service {
   /// Announces all models that were added by add_model(); call once they are.
   void announce();
   /// Takes what arrived and sends what credit allows. Never blocks. `now_s` is any steady clock.
-  /// Returns one line for each request refused, for the log.
+  /// Returns one line for each request refused, and for each complaint of the channel, for the log.
   std::vector<std::string> step(double now_s);
 
   [[nodiscard]] const ServiceStats& stats() const { return stats_; }
+  /// As of the last full second of step().
+  [[nodiscard]] const wire::ProcessStatus& status() const { return status_; }
 
  private:
   struct Model {
@@ -76,6 +80,7 @@ class Service {
   void enqueue(Peer& peer, const wire::RegionSubscription& subscription,
                std::vector<std::vector<std::uint8_t>> batches, bool refused);
   bool send_next(wire::SessionId id, Peer& peer, double now_s);
+  void tell_status(double now_s);
 
   Channel& channel_;
   const wire::SessionId session_;
@@ -84,6 +89,9 @@ class Service {
   std::map<std::uint64_t, Answerer> answerers_;             // of the same, and others
   std::map<wire::SessionId, Peer> peers_;
   ServiceStats stats_;
+  std::optional<double> began_s_;
+  wire::StatusKeeper keeper_;
+  wire::ProcessStatus status_;
 };
 
 }  // namespace nearmesh::publisher

@@ -20,6 +20,9 @@ class Channel {
   virtual void send(const wire::BodyPose& pose) = 0;
   virtual void send(const wire::ContactReport& report) = 0;
 
+  /// What this process knows of itself, for operators.
+  virtual void tell(const wire::ProcessStatus&) {}
+
   /// Everything valid that arrived since the last call, in order of arrival within each kind.
   struct Inbox {
     std::vector<wire::SessionId>

@@ -114,6 +114,8 @@ class Session {
   /// True when the header of every declared body's model is here.
   [[nodiscard]] bool has_all_headers() const;
   [[nodiscard]] SessionStats stats() const;
+  /// As of the last full second of update(), which also sends it to whoever asks on the bus.
+  [[nodiscard]] const wire::ProcessStatus& status() const;
   /// The mesh header of a body's model, once it is here.
   [[nodiscard]] const SpmHeader* header_of(const std::string& body) const;
 

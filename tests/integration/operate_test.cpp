@@ -1,0 +1,400 @@
+// SPDX-License-Identifier: Apache-2.0
+// The programs as an operator meets them: settings, status, doctor, metrics, transports. Processes that talk over
+// 127.0.0.1; every test has a domain and topics of its own.
+
+#include <arpa/inet.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "process.hpp"
+
+namespace nearmesh {
+namespace {
+
+using nlohmann::json;
+using test::Folder;
+using test::Process;
+
+std::string terrain() { return test::model_file("terrain", 48); }
+std::string aircraft() { return test::model_file("aircraft", 600); }
+
+/// An environment variable for the children of one scope.
+class Variable {
+ public:
+  Variable(const char* name, const std::string& value) : name_(name) {
+    ::setenv(name, value.c_str(), 1);
+  }
+  ~Variable() { ::unsetenv(name_); }
+  Variable(const Variable&) = delete;
+  Variable& operator=(const Variable&) = delete;
+
+ private:
+  const char* name_;
+};
+
+/// A port that nobody listens at, of 127.0.0.1.
+std::string free_port() {
+  const int socket = ::socket(AF_INET, SOCK_STREAM, 0);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  EXPECT_EQ(::bind(socket, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
+  socklen_t size = sizeof address;
+  ::getsockname(socket, reinterpret_cast<sockaddr*>(&address), &size);
+  ::close(socket);
+  return std::to_string(ntohs(address.sin_port));
+}
+
+/// What http://127.0.0.1:PORT/metrics says; "" when nobody does.
+std::string get_metrics(const std::string& port) {
+  const int socket = ::socket(AF_INET, SOCK_STREAM, 0);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  address.sin_port = htons(static_cast<std::uint16_t>(std::stoi(port)));
+  std::string text;
+  if (::connect(socket, reinterpret_cast<sockaddr*>(&address), sizeof address) == 0) {
+    const std::string request = "GET /metrics HTTP/1.0\r\n\r\n";
+    EXPECT_EQ(::write(socket, request.data(), request.size()),
+              static_cast<ssize_t>(request.size()));
+    char buffer[4096];
+    for (ssize_t n; (n = ::read(socket, buffer, sizeof buffer)) > 0;)
+      text.append(buffer, static_cast<std::size_t>(n));
+  }
+  ::close(socket);
+  return text;
+}
+
+class Operate : public ::testing::Test {
+ protected:
+  Folder folder;
+
+  std::vector<std::string> bus() const {
+    const auto& suite = *::testing::UnitTest::GetInstance()->current_test_suite();
+    int place = 0;
+    for (int i = 0; i < suite.total_test_count(); ++i)
+      if (suite.GetTestInfo(i) == ::testing::UnitTest::GetInstance()->current_test_info())
+        place = i;
+    return {"--domain", std::to_string(150 + place), "--prefix",
+            "operate-" + std::to_string(::getpid())};
+  }
+  std::vector<std::string> with(std::vector<std::string> words,
+                                const std::vector<std::string>& more = {"--interface",
+                                                                        "127.0.0.1"}) const {
+    for (const auto& list : {bus(), more}) words.insert(words.end(), list.begin(), list.end());
+    return words;
+  }
+  std::unique_ptr<Process> serve(std::vector<std::string> words) const {
+    words.insert(words.begin(), "serve");
+    auto publisher = std::make_unique<Process>(folder, "nearmesh-publisher", words);
+    EXPECT_TRUE(publisher->says("ready on domain")) << publisher->err();
+    return publisher;
+  }
+  /// flight.yaml: an aircraft over ground, `frames` at 50 Hz.
+  void write_scene(int frames) const {
+    std::string err;
+    ASSERT_EQ(test::run(folder, "nearmesh-demo-flights",
+                        {folder.path(), "--size", "48", "--frames", std::to_string(frames),
+                         "--rate", "50"},
+                        nullptr, &err),
+              0)
+        << err;
+    folder.write("flight.yaml",
+                 "bodies:\n  - {name: ground, model: terrain, pose: {translation: [0, 0, 0]}}\n"
+                 "  - {name: one, model: aircraft}\n"
+                 "moves:\n  - {body: one, trajectory: flight1.csv}\n"
+                 "pairs: [[ground, one]]\nframe_rate_hz: 50\nbudget_ms: 5\nlookahead_s: 0.2\n");
+  }
+  static json finding(const json& report, const std::string& name) {
+    for (const json& entry : report.at("findings"))
+      if (entry.at("name") == name) return entry;
+    ADD_FAILURE() << "no finding " << name << " in " << report.dump(1);
+    return {};
+  }
+};
+
+// --- Settings
+
+TEST_F(Operate, PrintConfigTellsEachValueAndItsLayer) {
+  folder.write("my.yaml", "lease_s: 20\nprefix: ours\nmodels: [a.spm, b.spm]\nmax_peers: 5\n");
+  const Variable config("NEARMESH_CONFIG", folder.file("my.yaml"));
+  const Variable prefix("NEARMESH_PREFIX", "theirs");
+  std::string out, err;
+  ASSERT_EQ(
+      test::run(folder, "nearmesh-publisher",
+                {"serve", "--max-peers", "6", "--transport", "thin", "--print-config", "--json"},
+                &out, &err),
+      0)
+      << err;
+  std::map<std::string, json> settings;
+  for (const json& entry : json::parse(out)) settings[entry.at("key")] = entry;
+  const auto expect = [&](const char* key, const json& value, const char* source,
+                          const std::string& place) {
+    EXPECT_EQ(settings[key].at("value"), value) << key;
+    EXPECT_EQ(settings[key].at("source"), source) << key;
+    EXPECT_EQ(settings[key].at("place"), place) << key;
+  };
+  expect("domain", 0, "built-in", "");
+  expect("heartbeat_s", 0.3, "preset", "thin");
+  expect("lease_s", 20, "file", folder.file("my.yaml") + ":1");
+  expect("models", {"a.spm", "b.spm"}, "file", folder.file("my.yaml") + ":3");
+  expect("prefix", "theirs", "environment", "NEARMESH_PREFIX");
+  expect("max_peers", 6, "flag", "--max-peers");
+  EXPECT_EQ(test::run(folder, "nearmesh-subscriber",
+                      {"run", "--print-config", "--config", "/dev/null"}, &out, &err),
+            0)
+      << err;
+  EXPECT_NE(out.find("prefix: \"theirs\""), std::string::npos) << out;
+  EXPECT_NE(out.find("# environment NEARMESH_PREFIX"), std::string::npos) << out;
+}
+
+TEST_F(Operate, WrongSettingsNameTheirPlace) {
+  folder.write("typo.yaml", "domain: 3\nleas_s: 4\n");
+  folder.write("range.yaml", "domain: 233\n");
+  struct Case {
+    std::vector<std::string> words;
+    int code;
+    std::string expected;
+  };
+  for (const Case& wrong : std::vector<Case>{
+           {{"--config", folder.file("typo.yaml")},
+            2,
+            "typo.yaml:2: unknown key leas_s; the nearest is lease_s"},
+           {{"--config", folder.file("range.yaml")},
+            2,
+            "range.yaml:1: domain: expected a whole number in [0, 232], found 233"},
+           {{"--config", folder.file("absent.yaml")}, 2, "absent.yaml: cannot open"},
+           {{"--transport", "pigeon"},
+            2,
+            "expected one of lan, thin, tcp, udp-only, same-host, found pigeon"},
+           {{"--lease-s", "0"}, 2, "--lease-s: expected a number in"},
+           {{"--log", "loud"}, 2, "--log: expected one of"},
+           {{"--interface", "nowhere"}, 1, "interface \"nowhere\""},
+           {{"--transport", "udp-only"},
+            1,
+            "udp-only: expected initial peers or a discovery server"},
+           {{"--discovery-server", "1.2.3.4:x"}, 1, "expected an IPv4 address, or one with a port"},
+           {{"--lease-s", "1"}, 1, "lease: expected at least twice"}}) {
+    std::vector<std::string> words{"status", "--seconds", "0.1"};
+    words.insert(words.end(), wrong.words.begin(), wrong.words.end());
+    std::string err;
+    EXPECT_EQ(test::run(folder, "nearmesh-subscriber", words, nullptr, &err), wrong.code)
+        << wrong.expected;
+    EXPECT_NE(err.find(wrong.expected), std::string::npos) << err;
+  }
+  const Variable domain("NEARMESH_DOMAIN", "many");
+  std::string err;
+  EXPECT_EQ(test::run(folder, "nearmesh-subscriber", {"status"}, nullptr, &err), 2);
+  EXPECT_NE(err.find("NEARMESH_DOMAIN: expected a whole number"), std::string::npos) << err;
+}
+
+/// The tables of docs/operate.md, rows as "| `key` | built-in | values | help |", are those of the programs.
+TEST_F(Operate, PageHoldsEverySetting) {
+  const std::vector<std::string> page = test::lines_of(test::read_text(NEARMESH_OPERATE_PAGE));
+  for (const auto& [program, command] :
+       {std::pair{"nearmesh-publisher", "serve"}, std::pair{"nearmesh-subscriber", "run"}}) {
+    std::string out, err;
+    ASSERT_EQ(test::run(folder, program, {command, "--print-config", "--json"}, &out, &err), 0)
+        << err;
+    for (const json& entry : json::parse(out)) {
+      const std::string built_in = entry.at("built_in").dump();
+      const std::string row = "| `" + entry.at("key").get<std::string>() + "` | `" + built_in +
+                              "` | " + entry.at("values").get<std::string>() + " | " +
+                              entry.at("help").get<std::string>() + " |";
+      EXPECT_NE(std::find(page.begin(), page.end(), row), page.end())
+          << "docs/operate.md lacks this row: " << row;
+    }
+  }
+}
+
+TEST_F(Operate, LevelsOfTheLogCountByRoom) {
+  write_scene(5);
+  const auto publisher = serve(with({terrain(), aircraft()}));
+  std::string err;
+  ASSERT_EQ(test::run(folder, "nearmesh-subscriber", with({"run", folder.file("flight.yaml")}),
+                      nullptr, &err),
+            0);
+  EXPECT_EQ(err.find("session debug"), std::string::npos) << err;
+  ASSERT_EQ(
+      test::run(folder, "nearmesh-subscriber",
+                with({"run", folder.file("flight.yaml"), "--log", "session=debug"}), nullptr, &err),
+      0);
+  EXPECT_NE(err.find("session debug: 1 answers"), std::string::npos) << err;
+}
+
+// --- Status and metrics
+
+TEST_F(Operate, StatusTellsOfPublisherAndPeer) {
+  write_scene(1000);
+  const auto publisher = serve(with({terrain(), aircraft()}));
+  const std::string port = free_port();
+  const Process peer(folder, "nearmesh-subscriber",
+                     with({"run", folder.file("flight.yaml"), "--metrics", port}));
+  const auto looked = [&] {
+    std::string out, err;
+    EXPECT_EQ(test::run(folder, "nearmesh-subscriber",
+                        with({"status", "--json", "--seconds", "1.5"}), &out, &err),
+              0)
+        << err;
+    return json::parse(out);
+  };
+  json status;
+  ASSERT_TRUE(test::await([&] {
+    status = looked();
+    return status.at("peers").size() == 1 && status["peers"][0].at("certified_pairs") == 1 &&
+           status.at("publishers").size() == 1 && status["publishers"][0].value("peers", 0) == 1;
+  })) << status.dump(1);
+  EXPECT_EQ(status["peers"][0].at("readiness"), "ready");
+  EXPECT_EQ(status["publishers"][0].at("models").size(), 2U);
+  const json& served = status["publishers"][0]["models"];
+  for (const json& model : status["peers"][0].at("models")) {
+    EXPECT_GT(model.at("splits"), 0);
+    EXPECT_TRUE(std::any_of(served.begin(), served.end(), [&](const json& other) {
+      return other.at("name") == model.at("name") &&
+             other.at("content_hash") == model.at("content_hash") &&
+             other.at("faces") == model.at("faces");
+    })) << status.dump(1);
+  }
+  EXPECT_GT(status["peers"][0].at("requests"), 0);
+  EXPECT_TRUE(status.at("refusals").empty()) << status.dump(1);
+
+  const std::string metrics = get_metrics(port);
+  for (const char* text : {"200 OK", "nearmesh_certified_pairs{role=\"peer\"} 1",
+                           "# TYPE nearmesh_batch_bytes_total counter",
+                           "nearmesh_model_held_splits{role=\"peer\",model=\"terrain\""})
+    EXPECT_NE(metrics.find(text), std::string::npos) << text << " in " << metrics;
+}
+
+TEST_F(Operate, StatusTellsOfOneNameWithTwoContents) {
+  const std::string other = folder.file("terrain.spm");
+  std::filesystem::copy_file(aircraft(), other);
+  const auto one = serve(with({terrain()})), two = serve(with({other}));
+  std::string out, err;
+  EXPECT_EQ(
+      test::run(folder, "nearmesh-subscriber", with({"status", "--seconds", "2"}), &out, &err), 0)
+      << err;
+  EXPECT_NE(out.find("model terrain: publisher"), std::string::npos) << out;
+  EXPECT_NE(out.find("rename or replace one file"), std::string::npos) << out;
+}
+
+TEST_F(Operate, StatusOfAnEmptyBusFails) {
+  std::string err;
+  EXPECT_EQ(
+      test::run(folder, "nearmesh-subscriber", with({"status", "--seconds", "0.3"}), nullptr, &err),
+      1);
+  EXPECT_NE(err.find("nobody was heard on domain"), std::string::npos) << err;
+}
+
+TEST_F(Operate, WatchedStatusGoesOnUntilInterrupted) {
+  const auto publisher = serve(with({terrain()}));
+  Process watch(folder, "nearmesh-subscriber",
+                with({"status", "--watch", "--seconds", "0.2", "--json"}));
+  EXPECT_TRUE(test::await([&] { return test::lines_of(watch.out()).size() >= 3; }));
+  watch.signal(SIGINT);
+  EXPECT_EQ(watch.wait(), 0) << watch.err();
+  for (const std::string& line : test::lines_of(watch.out())) EXPECT_TRUE(json::accept(line));
+}
+
+TEST_F(Operate, MetricsAddressThatIsTakenIsNamed) {
+  const std::string port = free_port();
+  const auto publisher = serve(with({terrain(), "--metrics", port}));
+  EXPECT_TRUE(test::await([&] {
+    return get_metrics(port).find("nearmesh_model_faces{role=\"publisher\",model=\"terrain\"") !=
+           std::string::npos;
+  }));
+  std::string err;
+  EXPECT_EQ(test::run(folder, "nearmesh-publisher", with({"serve", aircraft(), "--metrics", port}),
+                      nullptr, &err),
+            1);
+  EXPECT_NE(err.find("metrics: cannot listen at 127.0.0.1:" + port), std::string::npos) << err;
+}
+
+// --- Doctor
+
+TEST_F(Operate, TwoDoctorsFindEachOtherHealthy) {
+  Process one(folder, "nearmesh-subscriber", with({"doctor", "--json"}));
+  Process two(folder, "nearmesh-subscriber", with({"doctor", "--json"}));
+  for (Process* doctor : {&one, &two}) {
+    EXPECT_EQ(doctor->wait(), 0) << doctor->out() << doctor->err();
+    const json report = json::parse(doctor->out());
+    EXPECT_TRUE(report.at("healthy")) << report.dump(1);
+    EXPECT_EQ(finding(report, "1 kB").at("value").at("bytes"), 1000);
+    EXPECT_EQ(finding(report, "1 MB").at("value").at("bytes"), 1000000);
+    EXPECT_LT(finding(report, "round trip").at("value").at("median_s"), 0.5);
+    EXPECT_LE(finding(report, "loss").at("value"), 0.05);
+    EXPECT_FALSE(finding(report, "locators").at("value").empty());
+    EXPECT_FALSE(finding(report, "interfaces").at("value").empty());
+  }
+}
+
+TEST_F(Operate, DoctorAgainstAPublisherSeesItsModels) {
+  const auto publisher = serve(with({terrain(), aircraft()}));
+  std::string out, err;
+  EXPECT_EQ(
+      test::run(folder, "nearmesh-subscriber", with({"doctor", "--seconds", "3"}), &out, &err), 0)
+      << out << err;
+  EXPECT_NE(out.find("2 models"), std::string::npos) << out;
+  EXPECT_NE(out.find("model terrain, "), std::string::npos) << out;
+}
+
+TEST_F(Operate, LonelyDoctorFails) {
+  std::string out, err;
+  EXPECT_EQ(
+      test::run(folder, "nearmesh-subscriber", with({"doctor", "--seconds", "2"}), &out, &err), 1);
+  EXPECT_NE(out.find("nobody was found"), std::string::npos) << out;
+  EXPECT_NE(err.find("something is wrong"), std::string::npos) << err;
+}
+
+// --- Transports
+
+TEST_F(Operate, EveryTransportFliesOnOneMachine) {
+  write_scene(5);
+  const std::string port = free_port();
+  using Words = std::vector<std::string>;
+  struct Case {
+    Words publisher, peer;
+  };
+  for (const Case& way : std::vector<Case>{
+           {{"--transport", "thin", "--interface", "127.0.0.1"}, {}},
+           {{"--transport", "udp-only", "--peer", "127.0.0.1"}, {}},
+           {{"--transport", "same-host"}, {}},
+           {{"--transport", "tcp", "--listen-port", port, "--interface", "127.0.0.1"},
+            {"--transport", "tcp", "--peer", "127.0.0.1:" + port, "--interface", "127.0.0.1"}}}) {
+    Words words = with({terrain(), aircraft()}, way.publisher);
+    const auto publisher = serve(words);
+    std::string err;
+    EXPECT_EQ(test::run(folder, "nearmesh-subscriber",
+                        with({"run", folder.file("flight.yaml")},
+                             way.peer.empty() ? way.publisher : way.peer),
+                        nullptr, &err),
+              0)
+        << way.publisher[1] << ": " << err;
+    publisher->signal(SIGTERM);
+    EXPECT_EQ(publisher->wait(), 0) << publisher->err();
+  }
+}
+
+// --- systemd
+
+TEST(SystemdUnit, IsAcceptedByItsChecker) {
+  if (std::system("command -v systemd-analyze >/dev/null") != 0)
+    GTEST_SKIP() << "systemd-analyze is not there";
+  const Folder folder;
+  // As installed, but with the program where it was built.
+  std::string text = test::read_text(NEARMESH_UNIT_FILE);
+  ASSERT_FALSE(text.empty());
+  const std::size_t begin = text.find("ExecStart=") + 10,
+                    end = text.find("/nearmesh-publisher ", begin);
+  ASSERT_NE(end, std::string::npos);
+  text.replace(begin, end - begin, NEARMESH_BIN_DIR);
+  folder.write("nearmesh-publisher.service", text);
+  EXPECT_EQ(
+      std::system(("systemd-analyze verify " + folder.file("nearmesh-publisher.service")).c_str()),
+      0);
+}
+
+}  // namespace
+}  // namespace nearmesh
