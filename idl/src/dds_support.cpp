@@ -10,11 +10,15 @@
 #include <array>
 #include <chrono>
 #include <ctime>
+#include <filesystem>
 #include <sstream>
 
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 #include <fastrtps/utils/IPLocator.h>
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
+
+#include "nearmesh/wire/security.hpp"
+#include "security_folder.hpp"
 
 namespace nearmesh::wire {
 
@@ -28,6 +32,9 @@ using eprosima::fastrtps::types::ReturnCode_t;
 /// Below the usual MTU with room for IP, UDP and a tunnel: nothing fragments at IP level, where one
 /// lost fragment costs the whole datagram.
 constexpr std::uint32_t kMaxDatagramBytes = 1400;
+/// With security: Fast DDS 2.9 sends each step of the handshake, some 6 KB of certificates and permissions, in one datagram
+/// of at most this. The kernel cuts it; batches stay below the MTU all the same.
+constexpr std::uint32_t kMaxSecuredDatagramBytes = 8192;
 /// A header of a megabyte arrives as one burst. The kernel may grant less.
 constexpr std::uint32_t kSocketBufferBytes = 4U << 20;
 constexpr std::uint32_t kMaxDomain = 232;
@@ -66,12 +73,16 @@ Status add_peer(const std::string& address, std::uint32_t port,
   return Status::ok();
 }
 
+std::uint32_t datagram_bytes(const TransportOptions& options) {
+  return options.security.empty() ? kMaxDatagramBytes : kMaxSecuredDatagramBytes;
+}
+
 Status set_transport(const TransportOptions& options, fdds::DomainParticipantQos& qos) {
   // UDP only. Shared memory leaves files in /dev/shm when a process is killed, fails between users,
   // takes 10 MB a participant, and is not faster for samples of our size.
   qos.transport().use_builtin_transports = false;
   auto udp = std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>();
-  udp->maxMessageSize = kMaxDatagramBytes;
+  udp->maxMessageSize = datagram_bytes(options);
   udp->sendBufferSize = kSocketBufferBytes;
   udp->receiveBufferSize = kSocketBufferBytes;
   udp->maxInitialPeersRange = options.participants_per_peer;
@@ -93,6 +104,32 @@ Status set_transport(const TransportOptions& options, fdds::DomainParticipantQos
   if (!peers.empty())
     NEARMESH_RETURN_IF_ERROR(add_peer(kDiscoveryMulticast, multicast_port, peers));
   qos.transport().user_transports.push_back(udp);
+  return Status::ok();
+}
+
+/// The plug-ins of DDS Security, with the files of an identity. Checked first: Fast DDS says "refused" and no more.
+Status set_security(const TransportOptions& options, fdds::DomainParticipantQos& qos) {
+  const std::vector<SecurityFault> faults =
+      check_security(options.security, options.domain, options.prefix);
+  if (!faults.empty())
+    return {StatusCode::kInvalidArgument,
+            faults.front().line() +
+                (faults.size() == 1
+                     ? ""
+                     : " (and " + std::to_string(faults.size() - 1) + " more: check-security)")};
+  const std::string folder = "file://" + std::filesystem::absolute(options.security).string() + "/";
+  const std::string authentication = "dds.sec.auth.builtin.PKI-DH.",
+                    access = "dds.sec.access.builtin.Access-Permissions.";
+  auto& properties = qos.properties().properties();
+  properties.emplace_back("dds.sec.auth.plugin", "builtin.PKI-DH");
+  properties.emplace_back(authentication + "identity_ca", folder + kIdentityCa);
+  properties.emplace_back(authentication + "identity_certificate", folder + kCertificate);
+  properties.emplace_back(authentication + "private_key", folder + kPrivateKey);
+  properties.emplace_back("dds.sec.access.plugin", "builtin.Access-Permissions");
+  properties.emplace_back(access + "permissions_ca", folder + kPermissionsCa);
+  properties.emplace_back(access + "governance", folder + kGovernance);
+  properties.emplace_back(access + "permissions", folder + kPermissions);
+  properties.emplace_back("dds.sec.crypto.plugin", "builtin.AES-GCM-GMAC");
   return Status::ok();
 }
 
@@ -387,6 +424,10 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
   fdds::DomainParticipantQos qos;
   qos.name(options.participant_name);
   NEARMESH_RETURN_IF_ERROR(set_transport(options.transport, qos));
+  if (!options.transport.security.empty()) {
+    NEARMESH_RETURN_IF_ERROR(set_security(options.transport, qos));
+    bus->refusal_hint_ = "; its permissions may not allow it: " + options.transport.security;
+  }
   auto& discovery = qos.wire_protocol().builtin.discovery_config;
   discovery.leaseDuration = Duration_t(options.transport.lease_s);
   discovery.leaseDuration_announcementperiod = Duration_t(options.transport.announcement_s);
@@ -395,7 +436,8 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
     flow->name = kHeaderFlow;
     flow->period_ms = 10;
     flow->max_bytes_per_period =
-        std::max<std::int32_t>(options.header_bytes_per_s / 100, 2 * kMaxDatagramBytes);
+        std::max(options.header_bytes_per_s / 100,
+                 static_cast<std::int32_t>(2 * datagram_bytes(options.transport)));
     qos.flow_controllers().push_back(flow);
   }
   bus->discovery_ = std::make_unique<DiscoveryListener>(mailbox, options);
@@ -404,7 +446,8 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
       options.transport.domain, qos, bus->discovery_.get(), fdds::StatusMask::none());
   if (bus->participant_ == nullptr)
     return Status{StatusCode::kIo, "Fast DDS could not create a participant in domain " +
-                                       std::to_string(options.transport.domain)};
+                                       std::to_string(options.transport.domain) +
+                                       bus->refusal_hint_};
   bus->is_own_ = true;
   return bus;
 }
@@ -460,7 +503,8 @@ Result<fdds::DataWriter*> Bus::add_writer(fdds::Topic* topic, const fdds::DataWr
     return writer;
   }
   if (publisher != nullptr) participant_->delete_publisher(publisher);
-  return Status{StatusCode::kIo, "Fast DDS could not create a writer of " + topic->get_name()};
+  return Status{StatusCode::kIo,
+                "Fast DDS could not create a writer of " + topic->get_name() + refusal_hint_};
 }
 
 Result<fdds::DataReader*> Bus::add_reader(fdds::Topic* topic, const fdds::DataReaderQos& qos,
@@ -476,7 +520,8 @@ Result<fdds::DataReader*> Bus::add_reader(fdds::Topic* topic, const fdds::DataRe
     return reader;
   }
   if (subscriber != nullptr) participant_->delete_subscriber(subscriber);
-  return Status{StatusCode::kIo, "Fast DDS could not create a reader of " + topic->get_name()};
+  return Status{StatusCode::kIo,
+                "Fast DDS could not create a reader of " + topic->get_name() + refusal_hint_};
 }
 
 void Bus::remove_writer(fdds::DataWriter* writer) {

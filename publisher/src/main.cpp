@@ -8,8 +8,10 @@
 #include <csignal>
 #include <exception>
 #include <filesystem>
+#include <functional>
 #include <random>
 
+#include "commands.hpp"
 #include "nearmesh/core/base/resources.hpp"
 #include "nearmesh/core/base/stopwatch.hpp"
 #include "nearmesh/publisher/dds_channel.hpp"
@@ -87,16 +89,21 @@ int main(int argc, char** argv) {
   command->add_option(
       "--interface", options.channel.transport.interface,
       "Use one network interface only, by address or name; 127.0.0.1 needs no network");
+  command->add_option("--security", options.channel.transport.security,
+                      "Folder of this program's identity, made by make-security");
   command->add_option(
       "--peer", options.channel.transport.initial_peers,
       "Address to look for peers at, where multicast does not get through; repeatable");
+  std::function<nearmesh::Status()> chosen;
+  command->callback([&] { chosen = [&] { return serve(options); }; });
+  nearmesh::publisher::add_security_commands(app, chosen);
   try {
     spdlog::set_default_logger(spdlog::stderr_color_mt("nearmesh-publisher"));
     spdlog::set_pattern("%H:%M:%S %n %^%l%$: %v");
     app.parse(argc, argv);
     std::signal(SIGINT, request_stop);
     std::signal(SIGTERM, request_stop);
-    const nearmesh::Status status = serve(options);
+    const nearmesh::Status status = chosen();
     if (status.is_ok()) return 0;
     spdlog::error("{}", status.message());
     return 1;

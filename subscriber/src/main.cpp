@@ -361,6 +361,8 @@ void add_transport_options(CLI::App& command, wire::TransportOptions& transport)
   command.add_option(
       "--interface", transport.interface,
       "Use one network interface only, by address or name; 127.0.0.1 needs no network");
+  command.add_option("--security", transport.security,
+                     "Folder of this program's identity, made by nearmesh-publisher make-security");
   command.add_option(
       "--peer", transport.initial_peers,
       "Address to look for publishers at, where multicast does not get through; repeatable");

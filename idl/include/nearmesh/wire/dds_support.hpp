@@ -184,7 +184,7 @@ struct BusOptions {
 /// only that. Threads: one. Listeners must outlive the bus.
 class Bus {
  public:
-  /// Errors: kInvalidArgument (prefix, interface, domain); kIo when Fast DDS refuses.
+  /// Errors: kInvalidArgument (prefix, interface, domain, security); kIo when Fast DDS refuses.
   [[nodiscard]] static Result<std::unique_ptr<Bus>> open(const BusOptions& options,
                                                          Mailbox& mailbox);
   ~Bus();
@@ -222,6 +222,7 @@ class Bus {
   std::unique_ptr<DiscoveryListener> discovery_;
   fdds::DomainParticipant* participant_ = nullptr;
   bool is_own_ = false;
+  std::string refusal_hint_;  ///< for messages, where security is on
   std::vector<fdds::DataWriter*> writers_;
   std::vector<fdds::DataReader*> readers_;
   std::vector<fdds::Topic*> topics_;

@@ -15,6 +15,8 @@ struct TransportOptions {
   /// network at all: participants then find each other by unicast, up to loopback_peers of them on
   /// one machine and domain.
   std::string interface;
+  /// Folder of this program's identity (docs/security.md): joins with it, and hears nobody without one. "" for none.
+  std::string security;
   /// IPv4 addresses to look for publishers or peers at, where multicast does not get through.
   std::vector<std::string> initial_peers;
   std::uint32_t participants_per_peer = 16;  ///< how many are looked for at each such address
