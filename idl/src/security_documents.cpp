@@ -107,6 +107,8 @@ std::string topic_rule(const std::string& topic, const std::string& protection) 
          "        </topic_rule>\n";
 }
 
+constexpr const char* kUnnamed = "does not allow to ";
+
 /// What a grant says of one endpoint: "" allows it, else a clause. As in Fast DDS the first rule that names the topic decides.
 std::string judge_endpoint(const XMLElement* grant, const Endpoint& endpoint,
                            std::uint32_t domain) {
@@ -131,7 +133,7 @@ std::string judge_endpoint(const XMLElement* grant, const Endpoint& endpoint,
              " where it allows to ";
     return "";
   }
-  return "does not allow to ";
+  return kUnnamed;
 }
 
 const XMLElement* grant_for(const XMLDocument& document, const std::string& subject) {
@@ -258,6 +260,8 @@ std::string judge_permissions(const std::string& text, const std::string& subjec
   if (parse_date(from) < 0 || parse_date(until) < 0) return "states no validity";
   if (now < parse_date(from)) return "is not valid before " + from;
   if (now >= parse_date(until)) return "expired on " + until;
+  // Of the role that it comes nearest to: whose topics it names, whatever else is wrong with them.
+  constexpr std::size_t kUnnamedWeight = 100;
   std::string least;
   std::size_t fewest = 0;
   for (const Role role : kRoles) {
@@ -265,7 +269,9 @@ std::string judge_permissions(const std::string& text, const std::string& subjec
     std::size_t count = 0;
     for (const Endpoint& endpoint : endpoints_of(role, TopicNames(prefix))) {
       const std::string fault = judge_endpoint(grant, endpoint, domain);
-      if (!fault.empty() && count++ == 0)
+      if (fault.empty()) continue;
+      count += fault == kUnnamed ? kUnnamedWeight : 1;
+      if (first.empty())
         first = fault + (endpoint.writes ? "publish " : "subscribe to ") + endpoint.topic +
                 " (as a " + to_string(role) + " must)";
     }

@@ -34,9 +34,8 @@ class Security : public ::testing::Test {
     SecurityPlan plan;
     plan.domain = kDomain;
     plan.prefix = kPrefix;
-    plan.identities = {{"serve", Role::kPublisher},
-                       {"alice", Role::kSubscriber},
-                       {"rec", Role::kRecorder}};
+    plan.identities = {
+        {"serve", Role::kPublisher}, {"alice", Role::kSubscriber}, {"rec", Role::kRecorder}};
     return plan;
   }
   [[nodiscard]] Status make(const std::string& set) const {
@@ -67,8 +66,8 @@ class Security : public ::testing::Test {
     const auto at = changed.find(from);
     ASSERT_NE(at, std::string::npos) << from;
     changed.replace(at, from.size(), to);
-    const auto text_again = crypto::sign(
-        changed, {std::move(key).value(), std::move(certificate).value()});
+    const auto text_again =
+        crypto::sign(changed, {std::move(key).value(), std::move(certificate).value()});
     ASSERT_TRUE(text_again.is_ok());
     write(alice + "/permissions.p7s", text_again.value());
   }
@@ -102,8 +101,8 @@ TEST_F(Security, WhatIsMadeIsGoodForEveryRole) {
 }
 
 TEST_F(Security, PrivateKeysAreForTheirOwnerAlone) {
-  for (const char* file : {"alice/key.pem", "private/identity_ca.key.pem",
-                           "private/permissions_ca.key.pem"}) {
+  for (const char* file :
+       {"alice/key.pem", "private/identity_ca.key.pem", "private/permissions_ca.key.pem"}) {
     struct stat facts {};
     ASSERT_EQ(::stat((folder + "/set/" + file).c_str(), &facts), 0) << file;
     EXPECT_EQ(facts.st_mode & 0777, 0600U) << file;
