@@ -10,15 +10,13 @@
 #include <array>
 #include <chrono>
 #include <ctime>
-#include <filesystem>
 #include <sstream>
 
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 #include <fastrtps/utils/IPLocator.h>
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
 
-#include "nearmesh/wire/security.hpp"
-#include "security_folder.hpp"
+#include "dds_security.hpp"
 
 namespace nearmesh::wire {
 
@@ -107,32 +105,6 @@ Status set_transport(const TransportOptions& options, fdds::DomainParticipantQos
   return Status::ok();
 }
 
-/// The plug-ins of DDS Security, with the files of an identity. Checked first: Fast DDS says "refused" and no more.
-Status set_security(const TransportOptions& options, fdds::DomainParticipantQos& qos) {
-  const std::vector<SecurityFault> faults =
-      check_security(options.security, options.domain, options.prefix);
-  if (!faults.empty())
-    return {StatusCode::kInvalidArgument,
-            faults.front().line() +
-                (faults.size() == 1
-                     ? ""
-                     : " (and " + std::to_string(faults.size() - 1) + " more: check-security)")};
-  const std::string folder = "file://" + std::filesystem::absolute(options.security).string() + "/";
-  const std::string authentication = "dds.sec.auth.builtin.PKI-DH.",
-                    access = "dds.sec.access.builtin.Access-Permissions.";
-  auto& properties = qos.properties().properties();
-  properties.emplace_back("dds.sec.auth.plugin", "builtin.PKI-DH");
-  properties.emplace_back(authentication + "identity_ca", folder + kIdentityCa);
-  properties.emplace_back(authentication + "identity_certificate", folder + kCertificate);
-  properties.emplace_back(authentication + "private_key", folder + kPrivateKey);
-  properties.emplace_back("dds.sec.access.plugin", "builtin.Access-Permissions");
-  properties.emplace_back(access + "permissions_ca", folder + kPermissionsCa);
-  properties.emplace_back(access + "governance", folder + kGovernance);
-  properties.emplace_back(access + "permissions", folder + kPermissions);
-  properties.emplace_back("dds.sec.crypto.plugin", "builtin.AES-GCM-GMAC");
-  return Status::ok();
-}
-
 Status check_options(const TransportOptions& options) {
   NEARMESH_RETURN_IF_ERROR(check_prefix(options.prefix));
   if (options.domain > kMaxDomain)
@@ -211,6 +183,10 @@ void Mailbox::wait(double seconds) {
 }
 
 void Mailbox::complain(std::string line) {
+  // Names that others chose are in it, and it goes to terminals and logs.
+  line.resize(std::min(line.size(), kMaxLine));
+  std::replace_if(
+      line.begin(), line.end(), [](char c) { return c < 0x20 || c > 0x7e; }, '?');
   {
     const std::lock_guard lock(mutex_);
     if (complaints_.size() < kMaxComplaints)

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The little of OpenSSL that security files need. Errors: kIo naming the file, kCorrupt where bytes are not what they should be.
+// The little of OpenSSL that security files need. Errors: kIo naming the file, kCorrupt for bytes that are something else.
 
 #include <openssl/evp.h>
 #include <openssl/x509.h>

@@ -51,13 +51,15 @@ class Mailbox {
   void wake();
   /// Blocks until wake() was called since the last return, or the time is over.
   void wait(double seconds);
-  /// Keeps the first kMaxComplaints lines until they are taken, then counts. Also wakes.
+  /// Keeps the first kMaxComplaints lines until they are taken, then counts. What is not printable ASCII becomes '?', and a
+  /// line ends after kMaxLine bytes. Also wakes.
   void complain(std::string line);
   [[nodiscard]] std::vector<std::string> take_complaints();
   [[nodiscard]] bool has_complaints();
 
  private:
   static constexpr std::size_t kMaxComplaints = 256;
+  static constexpr std::size_t kMaxLine = 512;
   std::mutex mutex_;
   std::condition_variable condition_;
   bool awake_ = false;
