@@ -31,7 +31,7 @@ using eprosima::fastrtps::types::ReturnCode_t;
 /// lost fragment costs the whole datagram.
 constexpr std::uint32_t kMaxDatagramBytes = 1400;
 /// With security: Fast DDS 2.9 sends each step of the handshake, some 6 KB of certificates and permissions, in one datagram
-/// of at most this. The kernel cuts it; batches stay below the MTU all the same.
+/// of at most this. The kernel cuts it, and also a full batch (1,535 bytes with its protection).
 constexpr std::uint32_t kMaxSecuredDatagramBytes = 8192;
 /// A header of a megabyte arrives as one burst. The kernel may grant less.
 constexpr std::uint32_t kSocketBufferBytes = 4U << 20;

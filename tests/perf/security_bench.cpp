@@ -24,6 +24,7 @@
 #include "nearmesh/subscriber/dds_channel.hpp"
 #include "nearmesh/subscriber/session.hpp"
 #include "nearmesh/wire/security.hpp"
+#include "nearmesh/wire/topics.hpp"
 
 using namespace nearmesh;
 
@@ -137,7 +138,8 @@ void fly(const wire::TransportOptions& transport, const std::string& terrain,
     const GridPoint& at = header.roots[i % header.roots.size()].position;
     for (std::size_t k = 0; k < 3; ++k)
       motion.pose.translation_m[k] =
-          header.grid.origin_m[k] + std::ldexp(static_cast<double>(at[k]), header.grid.exponent);
+          header.grid.origin_m[k] +
+          std::ldexp(static_cast<double>(at[static_cast<int>(k)]), header.grid.exponent);
     measured.answer_ms.push_back(certify(session, motion, i + 1));
   }
   measured.answer_bytes += lo_bytes() - joined;
