@@ -30,6 +30,7 @@ using Batch = nearmesh_wire_types_SplitBatchSample;
 
 constexpr int kLast = 1;
 constexpr std::chrono::seconds kDeadline{30};
+constexpr std::chrono::milliseconds kRepeatAfter{500};
 
 [[noreturn]] void fail(const std::string& what) {
   std::fprintf(stderr, "nearmesh-cyclone-peer: %s\n", what.c_str());
@@ -172,10 +173,16 @@ class Peer {
     message.parts._length = message.parts._maximum =
         static_cast<std::uint32_t>(request.parts.size());
     message.parts._buffer = request.parts.data();
-    if (const dds_return_t code = dds_write(subscriptions_, &message); code != DDS_RETCODE_OK)
-      fail(std::string("write: ") + dds_strretcode(-code));
     bool complete = false;
+    auto next_write = std::chrono::steady_clock::now();
     await("batches of request " + std::to_string(message.request), [&] {
+      // Again while nothing comes: the publisher may not have found our writer though we found its reader, and takes a
+      // repeated number for what it is.
+      if (std::chrono::steady_clock::now() >= next_write) {
+        if (const dds_return_t code = dds_write(subscriptions_, &message); code != DDS_RETCODE_OK)
+          fail(std::string("write: ") + dds_strretcode(-code));
+        next_write += kRepeatAfter;
+      }
       take<Batch>(batches_, [&](const Batch& batch) {
         std::printf("batch %" PRIu64 " %" PRIu64 " %u %u %u %s\n", batch.publisher,
                     batch.content_hash, batch.request, batch.sequence_number, batch.flags,
