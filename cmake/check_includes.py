@@ -37,6 +37,7 @@ DDS_FILES = r"(idl/(?!program/)|(publisher|subscriber)/src/dds_[^/]*$|examples/)
 RESERVED = [
     (re.compile(r"(fastdds|fastrtps|fastcdr|nearmesh/idl)/"), re.compile(DDS_FILES), "Fast DDS"),
     (re.compile(r"sqlite3\.h"), re.compile(r"core/src/session/"), "SQLite"),
+    (re.compile(r"(openssl/|tinyxml2)"), re.compile(r"idl/src/.*security_"), "OpenSSL and TinyXML2"),
     (re.compile(r"assimp/"), re.compile(r"core/src/meshio/"), "assimp"),
     (re.compile(r"spdlog/"), re.compile(r"(publisher|subscriber|examples|idl/program)/"),
      "spdlog (core returns reports)"),

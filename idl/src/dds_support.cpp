@@ -9,6 +9,7 @@
 
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
 
+#include "dds_security.hpp"
 #include "dds_transport.hpp"
 
 namespace nearmesh::wire {
@@ -111,6 +112,10 @@ void Mailbox::wait(double seconds) {
 }
 
 void Mailbox::complain(std::string line) {
+  // Names that others chose are in it, and it goes to terminals and logs.
+  line.resize(std::min(line.size(), kMaxLine));
+  std::replace_if(
+      line.begin(), line.end(), [](char c) { return c < 0x20 || c > 0x7e; }, '?');
   {
     const std::lock_guard lock(mutex_);
     if (complaints_.size() < kMaxComplaints)
@@ -414,12 +419,17 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
   fdds::DomainParticipantQos qos;
   qos.name(options.participant_name);
   NEARMESH_RETURN_IF_ERROR(set_transport(options.transport, qos));
+  if (!options.transport.security.empty()) {
+    NEARMESH_RETURN_IF_ERROR(set_security(options.transport, qos));
+    bus->refusal_hint_ = "; its permissions may not allow it: " + options.transport.security;
+  }
   if (options.header_bytes_per_s > 0) {
     auto flow = std::make_shared<eprosima::fastdds::rtps::FlowControllerDescriptor>();
     flow->name = kHeaderFlow;
     flow->period_ms = 10;
     flow->max_bytes_per_period =
-        std::max<std::int32_t>(options.header_bytes_per_s / 100, 2 * kMaxDatagramBytes);
+        std::max(options.header_bytes_per_s / 100,
+                 static_cast<std::int32_t>(2 * datagram_bytes(options.transport)));
     qos.flow_controllers().push_back(flow);
   }
   bus->discovery_ = std::make_unique<DiscoveryListener>(mailbox, options);
@@ -428,7 +438,8 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
       options.transport.domain, qos, bus->discovery_.get(), fdds::StatusMask::none());
   if (bus->participant_ == nullptr)
     return Status{StatusCode::kIo, "Fast DDS could not create a participant in domain " +
-                                       std::to_string(options.transport.domain)};
+                                       std::to_string(options.transport.domain) +
+                                       bus->refusal_hint_};
   bus->is_own_ = true;
   return bus;
 }
@@ -484,7 +495,8 @@ Result<fdds::DataWriter*> Bus::add_writer(fdds::Topic* topic, const fdds::DataWr
     return writer;
   }
   if (publisher != nullptr) participant_->delete_publisher(publisher);
-  return Status{StatusCode::kIo, "Fast DDS could not create a writer of " + topic->get_name()};
+  return Status{StatusCode::kIo,
+                "Fast DDS could not create a writer of " + topic->get_name() + refusal_hint_};
 }
 
 Result<fdds::DataReader*> Bus::add_reader(fdds::Topic* topic, const fdds::DataReaderQos& qos,
@@ -500,7 +512,8 @@ Result<fdds::DataReader*> Bus::add_reader(fdds::Topic* topic, const fdds::DataRe
     return reader;
   }
   if (subscriber != nullptr) participant_->delete_subscriber(subscriber);
-  return Status{StatusCode::kIo, "Fast DDS could not create a reader of " + topic->get_name()};
+  return Status{StatusCode::kIo,
+                "Fast DDS could not create a reader of " + topic->get_name() + refusal_hint_};
 }
 
 void Bus::remove_writer(fdds::DataWriter* writer) {

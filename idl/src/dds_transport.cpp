@@ -84,7 +84,7 @@ void add_udp_peer(const std::string& address, std::uint32_t port, fdds::DomainPa
 void set_udp(const TransportOptions& options, const std::string& interface,
              fdds::DomainParticipantQos& qos) {
   auto udp = std::make_shared<UDPv4TransportDescriptor>();
-  udp->maxMessageSize = kMaxDatagramBytes;
+  udp->maxMessageSize = datagram_bytes(options);
   udp->sendBufferSize = kSocketBufferBytes;
   udp->receiveBufferSize = kSocketBufferBytes;
   udp->maxInitialPeersRange = options.participants_per_peer;

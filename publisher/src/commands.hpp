@@ -16,5 +16,7 @@ extern volatile std::sig_atomic_t stop_requested;
 
 void add_serve_command(CLI::App& app, std::function<Status()>& chosen);
 void add_replay_command(CLI::App& app, std::function<Status()>& chosen);
+/// make-security and check-security.
+void add_security_commands(CLI::App& app, std::function<Status()>& chosen);
 
 }  // namespace nearmesh::publisher

@@ -26,6 +26,7 @@ int main(int argc, char** argv) {
   std::function<nearmesh::Status()> chosen;
   add_serve_command(app, chosen);
   add_replay_command(app, chosen);
+  add_security_commands(app, chosen);
   try {
     nearmesh::program::begin_logging("nearmesh-publisher");
     app.parse(argc, argv);

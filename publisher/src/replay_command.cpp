@@ -13,6 +13,8 @@
 #include "dds_replay.hpp"
 #include "keyboard.hpp"
 #include "nearmesh/core/base/stopwatch.hpp"
+#include "nearmesh/program/command.hpp"
+#include "nearmesh/program/logging.hpp"
 #include "nearmesh/wire/topics.hpp"
 
 namespace nearmesh::publisher {
@@ -29,6 +31,7 @@ struct Options {
   bool loop = false, json = false;
   std::vector<std::string> topics, remaps;
   wire::TransportOptions transport;
+  std::vector<std::string> log{"info"};
 };
 
 std::string last_part(const std::string& topic) { return topic.substr(topic.rfind('/') + 1); }
@@ -278,7 +281,7 @@ void add_replay_command(CLI::App& app, std::function<Status()>& chosen) {
                          "terminal: space pauses, s steps to the next pose, "
                          "left and right seek by 5 s, up and down by 60 s, home and end, q ends.");
   const auto options = std::make_shared<Options>();
-  options->transport.prefix.clear();
+  options->transport.prefix.clear();  // as recorded
   command->add_option("session", options->path, "Recorded session (.db3), the first of its files")
       ->required();
   command->add_option("--rate", options->playhead.rate, "Recorded seconds a second")
@@ -308,17 +311,13 @@ void add_replay_command(CLI::App& app, std::function<Status()>& chosen) {
       "OLD:=NEW, the recorded prefix or a topic and what it is called here; repeatable");
   command->add_flag("--json", options->json,
                     "Print one JSON line about what was played at the end");
-  command->add_option("--domain", options->transport.domain, "DDS domain")
-      ->capture_default_str()
-      ->check(CLI::Range(0, 232));
-  command->add_option("--prefix", options->transport.prefix,
-                      "First part of every topic's name [as recorded]");
-  command->add_option(
-      "--interface", options->transport.interface,
-      "Use one network interface only, by address or name; 127.0.0.1 needs no network");
-  command->add_option(
-      "--peer", options->transport.initial_peers,
-      "Address to look for peers at, where multicast does not get through; repeatable");
+  const auto settings = std::make_shared<program::Settings>();
+  program::add_transport_settings(*settings, options->transport);
+  program::add_log_setting(*settings, options->log, {});
+  program::add_flags(*command, settings, [options, known = settings.get()] {
+    program::apply_preset(*known, options->transport);
+    program::set_log_levels(options->log);
+  });
   command->callback([options, &chosen] { chosen = [options] { return replay(*options); }; });
 }
 

@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "nearmesh/core/base/stopwatch.hpp"
+#include "nearmesh/wire/body_book.hpp"
 #include "nearmesh/wire/dds_support.hpp"
 
 namespace nearmesh::subscriber {
@@ -47,7 +48,8 @@ class DdsChannel::Impl {
         subscription_listener_(mailbox_, names_.region_subscription),
         pose_writer_listener_(mailbox_, names_.body_pose),
         report_listener_(mailbox_, names_.contact_report),
-        status_listener_(mailbox_, names_.process_status) {}
+        status_listener_(mailbox_, names_.process_status),
+        bodies_(!options.transport.security.empty()) {}
   ~Impl();
 
   Status start();
@@ -79,11 +81,18 @@ class DdsChannel::Impl {
     std::chrono::steady_clock::time_point acknowledged{};
   };
 
+  struct ContestedPose {
+    wire::BodyPose pose;
+    Handle writer;
+  };
+
   void run(std::promise<Status> started);
   Status open();
   Status add_readers();
   Status add_writers();
   bool receive();
+  bool receive_poses();
+  void accept_pose(wire::BodyPose&& pose, const Handle& writer);
   void receive_matches();
   void accept_hello(const wire::Hello& hello, const Handle& writer, Microseconds received);
   void tell_lost(SessionId publisher);
@@ -119,6 +128,10 @@ class DdsChannel::Impl {
   wire::SessionBook publishers_;
   wire::SilenceWatch silence_{kSilence_s};
   const Stopwatch clock_;
+  wire::BodyBook bodies_;
+  std::vector<Handle> gone_movers_;  ///< not yet forgotten
+  std::map<std::string, ContestedPose>
+      contested_poses_;             ///< of bodies that another owns, the latest
   std::set<Handle> hello_writers_;  ///< matched: who has one is a publisher
   std::vector<WaitingHello> waiting_hellos_;
   std::vector<WaitingHello> contested_hellos_;  ///< of sessions that another writer holds
@@ -324,11 +337,7 @@ bool DdsChannel::Impl::receive() {
         deliver(&Inbox::batches, std::move(batch), options_.max_waiting_batches,
                 names_.split_batch);
       });
-  more |= wire::drain<wire::BodyPoseType>(
-      *pose_reader_, mailbox_, kMaxTaken, [&](wire::BodyPose&& pose, const Handle&, Microseconds) {
-        if (pose.peer != own_id_)
-          deliver(&Inbox::poses, std::move(pose), options_.max_waiting_others, names_.body_pose);
-      });
+  more |= receive_poses();
   receive_matches();
   for (const Handle& writer : silence_.take_silent(clock_.seconds()))
     mailbox_.complain("publisher " + wire::name_of(writer) + wire::kSilentHint);
@@ -389,7 +398,52 @@ void DdsChannel::Impl::release_hellos() {
   });
 }
 
+/// Out: true when there may be more.
+bool DdsChannel::Impl::receive_poses() {
+  // What a writer said before it went is taken before it is forgotten, or it would claim its bodies again.
+  for (const auto& event : pose_listener_.take_matches())
+    if (event.gone) gone_movers_.push_back(event.writer);
+  const bool more = wire::drain<wire::BodyPoseType>(
+      *pose_reader_, mailbox_, kMaxTaken,
+      [&](wire::BodyPose&& pose, const Handle& writer, Microseconds) {
+        if (pose.peer != own_id_) accept_pose(std::move(pose), writer);
+      });
+  if (more || gone_movers_.empty()) return more;
+  for (const Handle& writer : std::exchange(gone_movers_, {})) {
+    bodies_.forget(writer);
+    std::erase_if(contested_poses_, [&](const auto& c) { return c.second.writer == writer; });
+  }
+  // A peer that started again may be heard before its old self is gone.
+  for (auto& [body, contested] : std::exchange(contested_poses_, {}))
+    accept_pose(std::move(contested.pose), contested.writer);
+  return more;
+}
+
+/// Only from the body's owner; one line for each body that another claims.
+void DdsChannel::Impl::accept_pose(wire::BodyPose&& pose, const Handle& writer) {
+  const wire::BodyBook::Claim claim = bodies_.claim(pose.body, writer);
+  if (claim == wire::BodyBook::Claim::kOwn) {
+    deliver(&Inbox::poses, std::move(pose), options_.max_waiting_others, names_.body_pose);
+    return;
+  }
+  const auto known = contested_poses_.find(pose.body);
+  if (known != contested_poses_.end()) {
+    known->second = {std::move(pose), writer};
+    return;
+  }
+  if (contested_poses_.size() >= kMaxContested) return;
+  mailbox_.complain(names_.body_pose + ": body " + pose.body + " of " + wire::name_of(writer) +
+                    (claim == wire::BodyBook::Claim::kFull
+                         ? " is one too many, its poses are ignored"
+                         : " is moved by another peer already, these poses are ignored"));
+  const std::string body = pose.body;
+  contested_poses_.emplace(body, ContestedPose{std::move(pose), writer});
+}
+
 void DdsChannel::Impl::receive_matches() {
+  // Whoever comes and goes is remembered until it is taken.
+  (void)header_listener_.take_matches();
+  (void)batch_listener_.take_matches();
   for (const auto& event : hello_listener_.take_matches()) {
     if (!event.gone) {
       publishers_.welcome(event.writer);
@@ -418,6 +472,7 @@ void DdsChannel::Impl::accept_hello(const wire::Hello& hello, const Handle& writ
       return;
     case wire::SessionBook::Claim::kNew:
     case wire::SessionBook::Claim::kKnown:
+      std::erase_if(waiting_hellos_, [&](const WaitingHello& w) { return w.writer == writer; });
       waiting_hellos_.push_back({hello, writer});
       return;
     case wire::SessionBook::Claim::kTaken:
@@ -449,8 +504,12 @@ Status DdsChannel::Impl::rejoin() {
   contested_hellos_.clear();
   for (const Handle& writer : hello_writers_) silence_.gone(writer);
   hello_writers_.clear();
+  bodies_.clear();
+  gone_movers_.clear();
+  contested_poses_.clear();
   subscription_listener_.forget_readers();
   (void)hello_listener_.take_matches();
+  (void)pose_listener_.take_matches();
   return open();
 }
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "nearmesh/core/base/hash.hpp"
 #include "nearmesh/core/base/stopwatch.hpp"
@@ -36,6 +37,9 @@ struct Publisher {
   std::uint32_t received_sequence = 0;
 };
 
+/// Of one model; some 20 MB. A publisher that keeps to the window sends far fewer; what is dropped is asked for again.
+constexpr std::size_t kMaxWaitingBatches = 16384;
+
 constexpr std::uint8_t kNeededNow = 0;
 constexpr std::uint8_t kHorizon = 1;
 
@@ -64,6 +68,7 @@ struct Session::Impl {
   std::map<std::uint64_t, Outstanding> outstanding;  // by content hash
   std::uint32_t last_request = 0;
   std::uint64_t refused = 0;
+  bool is_dropping = false;  // batches, in this update
   SessionStats stats;
   Stopwatch clock;
   wire::StatusKeeper keeper;
@@ -190,6 +195,7 @@ void Session::Impl::take_inbox(FrameReport& report) {
   }
   for (const wire::MeshHeader& header : inbox.headers)
     stats.header_bytes += replicas.take_header(header, complaints);
+  is_dropping = false;
   for (wire::SplitBatchMessage& batch : inbox.batches) take_batch(std::move(batch), report);
   for (const wire::BodyPose& pose : inbox.poses) {
     const auto at = bodies.find(pose.body);
@@ -226,8 +232,14 @@ void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& r
     if (message.last) outstanding.erase(open);
   }
   PeerModel* model = replicas.find(message.content_hash);
-  if (model != nullptr && !message.bytes.empty())
+  if (model == nullptr || message.bytes.empty()) return;
+  if (model->waiting.size() < kMaxWaitingBatches) {
     model->waiting.push_back(std::move(message.bytes));
+  } else if (!std::exchange(is_dropping, true)) {
+    report.complaints.push_back("model " + model->name + ": more than " +
+                                std::to_string(kMaxWaitingBatches) +
+                                " batches wait to be applied; further ones are dropped");
+  }
 }
 
 std::string Session::Impl::why_not_ready(const Body& body) const {

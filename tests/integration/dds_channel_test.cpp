@@ -734,6 +734,23 @@ TEST_P(HostileSubscription, GivesOneComplaintAndTheNextArrives) {
 INSTANTIATE_TEST_SUITE_P(DdsChannel, HostileSubscription, testing::ValuesIn(kHostile),
                          [](const auto& tested) { return std::string(tested.param.name); });
 
+TEST(DdsChannel, BodyStaysWithItsFirstMoverUntilThatIsGone) {
+  Peer watcher(make_peer(own_prefix())), second(make_peer(own_prefix()));
+  {
+    Peer first(make_peer(own_prefix()));
+    first.channel->send(pose_of(first.channel->own_id(), "arm", 1));
+    ASSERT_TRUE(watcher.await([](const Inbox& in) { return in.poses.size() == 1; }));
+    second.channel->send(pose_of(second.channel->own_id(), "arm", 2));
+    ASSERT_TRUE(watcher.await([](const Inbox& in) { return !in.complaints.empty(); }));
+    EXPECT_NE(watcher.all.complaints[0].find("body arm"), std::string::npos);
+    EXPECT_EQ(watcher.all.poses.size(), 1U);
+  }
+  // What it said last counts then, though it says no more.
+  ASSERT_TRUE(watcher.await([](const Inbox& in) { return in.poses.size() == 2; }));
+  EXPECT_EQ(watcher.all.poses[1].frame, 2U);
+  EXPECT_EQ(watcher.all.complaints.size(), 1U);
+}
+
 TEST(DdsChannel, BatchIsNotTakenBeforeThePeerCanHearIt) {
   Server server(make_publisher(own_prefix()));
   Stranger deaf(own_prefix(), wire::TopicNames(own_prefix()).region_subscription,

@@ -55,6 +55,9 @@ void add_transport_settings(Settings& settings, wire::TransportOptions& transpor
   settings.add("interface", transport.interface,
                "Use one network interface only; 127.0.0.1 needs no network",
                "address or name; empty: all");
+  settings.add("security", transport.security,
+               "Join with this program's identity, and hear nobody without one",
+               "folder, made by nearmesh-publisher make-security; empty: none");
   settings.add("peer", transport.initial_peers,
                "Address to look for others at, where multicast does not get through",
                "IPv4 addresses; with tcp also ADDRESS:PORT");

@@ -542,6 +542,26 @@ TEST(Session, MalformedBatchesAreComplainedOfAndHarmNothing) {
   EXPECT_TRUE(world.has_complaint("model terrain: split batch: "));
 }
 
+TEST(Session, FloodOfBatchesIsBoundedAndComplainedOfOnce) {
+  World world;
+  world.start_publisher();
+  const auto session = world.make_peer();
+  const Flight flight = make_flight(1);
+  EXPECT_EQ(world.fly(*session, flight, 0, 1), 1U);
+  wire::SplitBatchMessage message{
+      .publisher = kPublisher, .content_hash = terrain().open().content_hash(), .sequence = 1};
+  message.bytes = {1, 2, 3};
+  constexpr std::size_t kMost = 16384;
+  for (std::size_t i = 0; i < kMost + 100; ++i) world.bus.inject(kPeer, message);
+  const auto report = session->update(2, 0.1, {}, 0);
+  ASSERT_TRUE(report.is_ok());
+  EXPECT_EQ(report.value().batches_waiting, kMost - 1);  // one is applied, whatever the budget
+  std::size_t complaints = 0;
+  for (const std::string& line : report.value().complaints)
+    complaints += line.find("further ones are dropped") != std::string::npos ? 1 : 0;
+  EXPECT_EQ(complaints, 1U);
+}
+
 TEST(Session, BatchOfAModelThatNobodyUsesIsIgnored) {
   World world;
   world.start_publisher();

@@ -66,5 +66,14 @@ TEST(Mailbox, CountsComplaintsItDidNotKeep) {
   EXPECT_TRUE(mailbox.take_complaints().empty());
 }
 
+TEST(Mailbox, LinesAreShortAndPrintable) {
+  Mailbox mailbox;
+  mailbox.complain("type \x1b[2J\n\xff" + std::string(1000, 'x'));
+  const auto lines = mailbox.take_complaints();
+  ASSERT_EQ(lines.size(), 1U);
+  EXPECT_EQ(lines[0].substr(0, 12), "type ?[2J??x");
+  EXPECT_EQ(lines[0].size(), 512U);
+}
+
 }  // namespace
 }  // namespace nearmesh::wire

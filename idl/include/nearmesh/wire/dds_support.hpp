@@ -51,13 +51,15 @@ class Mailbox {
   void wake();
   /// Blocks until wake() was called since the last return, or the time is over.
   void wait(double seconds);
-  /// Keeps the first kMaxComplaints lines until they are taken, then counts. Also wakes.
+  /// Keeps the first kMaxComplaints lines until they are taken, then counts. What is not printable ASCII becomes '?', and a
+  /// line ends after kMaxLine bytes. Also wakes.
   void complain(std::string line);
   [[nodiscard]] std::vector<std::string> take_complaints();
   [[nodiscard]] bool has_complaints();
 
  private:
   static constexpr std::size_t kMaxComplaints = 256;
+  static constexpr std::size_t kMaxLine = 512;
   std::mutex mutex_;
   std::condition_variable condition_;
   bool awake_ = false;
@@ -210,7 +212,7 @@ class DiscoveryListener;
 /// only that. Threads: one. Listeners must outlive the bus.
 class Bus {
  public:
-  /// Errors: kInvalidArgument (prefix, interface, domain); kIo when Fast DDS refuses.
+  /// Errors: kInvalidArgument (prefix, interface, domain, security); kIo when Fast DDS refuses.
   [[nodiscard]] static Result<std::unique_ptr<Bus>> open(const BusOptions& options,
                                                          Mailbox& mailbox);
   ~Bus();
@@ -247,6 +249,7 @@ class Bus {
   std::unique_ptr<DiscoveryListener> discovery_;
   fdds::DomainParticipant* participant_ = nullptr;
   bool is_own_ = false;
+  std::string refusal_hint_;  ///< for messages, where security is on
   std::vector<fdds::DataWriter*> writers_;
   std::vector<fdds::DataReader*> readers_;
   std::vector<fdds::Topic*> topics_;

@@ -32,6 +32,8 @@ struct TransportOptions {
   /// network at all: participants then find each other by unicast, up to participants_per_peer on
   /// one machine and domain.
   std::string interface;
+  /// Folder of this program's identity (docs/security.md): joins with it, and hears nobody without one. "" for none.
+  std::string security;
   /// IPv4 addresses to look for publishers or peers at, where multicast does not get through; with
   /// kTcp "ADDRESS" or "ADDRESS:PORT" of who listens (kDefaultTcpPort).
   std::vector<std::string> initial_peers;

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// The files of DDS Security for a set of nearmesh programs: making them, and saying what is wrong with some. No Fast DDS here.
+// An identity is a folder with six files, all that its program needs:
+//   identity_ca.cert.pem  permissions_ca.cert.pem  cert.pem  key.pem  governance.p7s  permissions.p7s
+// The set's folder holds one for each identity, and in private/ the keys of the two authorities, which no program needs.
+// Two authorities: Fast DDS 2.9 takes permissions that anybody signed whose certificate is of the permissions authority, so
+// with one for both, each identity could sign its own. Source: OMG DDS Security 1.1, sections 9.3 and 9.4.
+
+#include <cstdint>
+#include <ctime>
+#include <string>
+#include <vector>
+
+#include "nearmesh/core/base/status.hpp"
+
+namespace nearmesh::wire {
+
+/// What an identity may do. All may join; kPublisher: write hello, headers and batches, read subscriptions; kSubscriber: read
+/// those and poses, write subscriptions, poses and reports; kRecorder: read everything, write nothing.
+enum class Role : std::uint8_t { kPublisher, kSubscriber, kRecorder };
+[[nodiscard]] const char* to_string(Role role);
+
+struct SecurityPlan {
+  std::uint32_t domain = 0;
+  std::string prefix = "nearmesh";  ///< of the topics
+  struct Identity {
+    std::string
+        name;  ///< 1 to 63 of [A-Za-z0-9_-]; the certificate's common name and the folder's name
+    Role role = Role::kSubscriber;
+  };
+  std::vector<Identity> identities;
+  int valid_days =
+      365;             ///< of everything made, from a day ago, for clocks that differ; 1 to 36,500
+  bool force = false;  ///< make identities anew that exist
+};
+
+/// Makes the identities and, in a folder without them, the authorities: P-256 keys, mode 0600. An authority that is there is
+/// never replaced; another set is another folder.
+/// Errors: kInvalidArgument naming the option; kConflict for an identity that exists (without force), or a set made for
+/// another domain or prefix; kIo naming the file. Nothing is half made: an identity's folder appears when it is complete.
+[[nodiscard]] Status make_security(const std::string& folder, const SecurityPlan& plan);
+
+/// One line for the operator: which file, what is wrong, and what to do.
+struct SecurityFault {
+  std::string file, what, cure;
+  [[nodiscard]] std::string line() const { return file + ": " + what + "; " + cure; }
+};
+
+/// What is wrong with one identity's folder, for programs on this domain and prefix; empty when all is well, as of `now`.
+/// Reads nothing but the folder's files. The role is the one whose topics are named most.
+[[nodiscard]] std::vector<SecurityFault> check_security(const std::string& identity_folder,
+                                                        std::uint32_t domain,
+                                                        const std::string& prefix,
+                                                        std::time_t now = std::time(nullptr));
+
+/// The identities' folders of a set, sorted; or `folder` itself where it is one (it has one of the six files).
+[[nodiscard]] std::vector<std::string> identities_in(const std::string& folder);
+
+}  // namespace nearmesh::wire
