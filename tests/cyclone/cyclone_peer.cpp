@@ -165,6 +165,23 @@ class Peer {
     });
   }
 
+  // A first word, with credit alone, makes the publisher open our partition. Asked before that is found, it would answer
+  // what a volatile reader never hears. Said again while nothing comes, since it may not have found our writer yet.
+  void introduce(const Request& request) {
+    Subscription credit = request.message;
+    credit.request = 0;
+    auto next_write = std::chrono::steady_clock::now();
+    await("a writer in our partition", [&] {
+      if (std::chrono::steady_clock::now() >= next_write) {
+        write(credit);
+        next_write += kRepeatAfter;
+      }
+      dds_subscription_matched_status_t matched{};
+      dds_get_subscription_matched_status(batches_, &matched);
+      return matched.current_count > 0;
+    });
+  }
+
   void ask(Request& request) {
     Subscription& message = request.message;
     message.attach._length = message.attach._maximum =
@@ -173,16 +190,9 @@ class Peer {
     message.parts._length = message.parts._maximum =
         static_cast<std::uint32_t>(request.parts.size());
     message.parts._buffer = request.parts.data();
+    write(message);
     bool complete = false;
-    auto next_write = std::chrono::steady_clock::now();
     await("batches of request " + std::to_string(message.request), [&] {
-      // Again while nothing comes: the publisher may not have found our writer though we found its reader, and takes a
-      // repeated number for what it is.
-      if (std::chrono::steady_clock::now() >= next_write) {
-        if (const dds_return_t code = dds_write(subscriptions_, &message); code != DDS_RETCODE_OK)
-          fail(std::string("write: ") + dds_strretcode(-code));
-        next_write += kRepeatAfter;
-      }
       take<Batch>(batches_, [&](const Batch& batch) {
         std::printf("batch %" PRIu64 " %" PRIu64 " %u %u %u %s\n", batch.publisher,
                     batch.content_hash, batch.request, batch.sequence_number, batch.flags,
@@ -194,6 +204,11 @@ class Peer {
   }
 
  private:
+  void write(const Subscription& message) const {
+    if (const dds_return_t code = dds_write(subscriptions_, &message); code != DDS_RETCODE_OK)
+      fail(std::string("write: ") + dds_strretcode(-code));
+  }
+
   dds_entity_t reader(dds_entity_t parent, const dds_topic_descriptor_t& type,
                       const std::string& name, const Qos& qos) const {
     const dds_entity_t topic =
@@ -223,8 +238,10 @@ int main(int argc, char** argv) {
   const std::string partition = argv[4];
   Peer peer(static_cast<dds_domainid_t>(std::atoi(argv[1])), argv[2], argv[3], partition);
   peer.find_publisher();
-  for (Request& request : read_requests(argv[5], std::strtoull(partition.c_str(), nullptr, 16),
-                                        static_cast<std::uint16_t>(std::atoi(argv[3]))))
-    peer.ask(request);
+  std::vector<Request> requests =
+      read_requests(argv[5], std::strtoull(partition.c_str(), nullptr, 16),
+                    static_cast<std::uint16_t>(std::atoi(argv[3])));
+  if (!requests.empty()) peer.introduce(requests.front());
+  for (Request& request : requests) peer.ask(request);
   return 0;
 }
