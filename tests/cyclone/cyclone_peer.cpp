@@ -85,7 +85,7 @@ void take(dds_entity_t reader, OnSample on_sample) {
 struct Request {
   Subscription message{};
   std::vector<std::uint32_t> attach;
-  std::vector<std::int32_t> parts;
+  std::vector<std::uint16_t> region_words;
 };
 
 std::vector<Request> read_requests(const char* path, std::uint64_t peer, std::uint16_t version) {
@@ -105,8 +105,8 @@ std::vector<Request> read_requests(const char* path, std::uint64_t peer, std::ui
     request.attach.resize(count);
     for (std::uint32_t& word : request.attach) words >> word;
     words >> count;
-    request.parts.resize(count);
-    for (std::int32_t& word : request.parts) words >> word;
+    request.region_words.resize(count);
+    for (std::uint16_t& word : request.region_words) words >> word;
     if (!words) fail(std::string(path) + ": malformed line");
   }
   return requests;
@@ -187,9 +187,9 @@ class Peer {
     message.attach._length = message.attach._maximum =
         static_cast<std::uint32_t>(request.attach.size());
     message.attach._buffer = request.attach.data();
-    message.parts._length = message.parts._maximum =
-        static_cast<std::uint32_t>(request.parts.size());
-    message.parts._buffer = request.parts.data();
+    message.region_words._length = message.region_words._maximum =
+        static_cast<std::uint32_t>(request.region_words.size());
+    message.region_words._buffer = request.region_words.data();
     write(message);
     bool complete = false;
     await("batches of request " + std::to_string(message.request), [&] {

@@ -94,7 +94,7 @@ void ask(const fuzz::FullModel& model, const SplitStore& partial, fuzz::FuzzInpu
     if (in.byte() % 2 == 1) {
       part.radius = in.number<std::int32_t>() >> in.below(32);
       part.min_extent = in.number<std::int32_t>() >> in.below(32);
-      for (std::int8_t& n : part.normal) n = in.number<std::int8_t>();
+      for (std::int8_t& along : part.normal) along = in.number<std::int8_t>();
       part.slab_lo = in.number<std::int32_t>() >> in.below(32);
       part.slab_hi = in.number<std::int32_t>() >> in.below(32);
     }

@@ -65,8 +65,9 @@ TEST(RegionWords, CoverWhatWasPackedAndLittleMore) {
       EXPECT_GE(wider.radius, part.radius);
       EXPECT_LT(std::int64_t{wider.radius} - part.radius, step);
       EXPECT_LE(wider.min_extent, part.min_extent);
-      if (part.min_extent < 0xffff * step)  // the most that a word holds
+      if (part.min_extent < 0xffff * step) {  // the most that a word holds
         EXPECT_LT(std::int64_t{part.min_extent} - wider.min_extent, step);
+      }
       if (wider.normal != part.normal) continue;  // left out; see below
       EXPECT_LE(wider.slab_lo, part.slab_lo);
       EXPECT_GE(wider.slab_hi, part.slab_hi);
