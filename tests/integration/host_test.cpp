@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <memory>
+#include <regex>
 #include <stdexcept>
 
 #include "flight.hpp"
@@ -257,6 +258,25 @@ TEST(HostLibrary, ExportsNoSymbolOfOurs) {
     EXPECT_EQ(line.find("nearmesh"), std::string::npos) << line;
   }
   EXPECT_EQ(own, 2U);
+}
+
+/// Data of ours in that library that could be written to: constants alone (kName), which need an address or a table to be
+/// filled in at start, and Highway's tables of functions.
+TEST(HostLibrary, HasNoGlobalState) {
+  const test::Folder folder;
+  const std::string list = folder.file("symbols");
+  ASSERT_EQ(std::system(("nm -C " NEARMESH_HOST_LIBRARY " > " + list).c_str()), 0);
+  std::size_t ours = 0;
+  for (const std::string& line : test::lines_of(test::read_text(list))) {
+    if (line.find("nearmesh::") == std::string::npos || line.size() < 18) continue;
+    ++ours;
+    static const std::regex constant(
+        "(::k[A-Z][A-Za-z0-9_]*|HighwayDispatchTable)$|"
+        " (vtable|typeinfo|typeinfo name) for ");
+    if (std::string("bBdDsS").find(line[17]) != std::string::npos)
+      EXPECT_TRUE(std::regex_search(line, constant)) << line;
+  }
+  EXPECT_GT(ours, 100U);
 }
 
 TEST_F(Host, WorksBesideALibraryWithACopyOfItsOwn) {
