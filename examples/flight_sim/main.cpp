@@ -186,35 +186,26 @@ int main(int argc, char** argv) {
   CLI::App app{
       "Flies aircraft at 100 Hz over the terrain and says at its end what nearmesh answered. Needs "
       "nearmesh-publisher serving terrain.spm and aircraft.spm."};
+  app.option_defaults()->always_capture_default();
   Options options;
-  app.add_option("--domain", options.domain, "DDS domain")
-      ->check(CLI::Range(0, 232))
-      ->capture_default_str();
-  app.add_option("--profiles", options.profiles, "XML file of the simulator's QoS profiles")
-      ->capture_default_str();
+  app.add_option("--domain", options.domain, "DDS domain")->check(CLI::Range(0, 232));
+  app.add_option("--profiles", options.profiles, "XML file of the simulator's QoS profiles");
   app.add_option("--profile", options.profile,
-                 "participant profile in it: flight_sim, or flight_sim_loopback for one machine")
-      ->capture_default_str();
+                 "participant profile in it: flight_sim, or flight_sim_loopback for one machine");
   app.add_option("--callsign", options.callsign, "first part of the own aircraft's names")
       ->check(CLI::Validator(
           [](const std::string& text) {
             return text.empty() || text.size() > 20 ? "expected 1 to 20 bytes" : std::string();
           },
-          "TEXT"))
-      ->capture_default_str();
-  app.add_option("--aircraft", options.aircraft, "own aircraft")
-      ->check(CLI::Range(1, 100))
-      ->capture_default_str();
-  app.add_option("--seed", options.seed, "of the flights")->capture_default_str();
+          "TEXT"));
+  app.add_option("--aircraft", options.aircraft, "own aircraft")->check(CLI::Range(1, 100));
+  app.add_option("--seed", options.seed, "of the flights");
   app.add_option("--seconds", options.seconds, "simulated, in real time")
-      ->check(CLI::Range(0.01, 1e6))
-      ->capture_default_str();
+      ->check(CLI::Range(0.01, 1e6));
   app.add_option("--budget-ms", options.budget_ms, "of a step for taking in detail")
-      ->check(CLI::Range(0.0, 10.0))
-      ->capture_default_str();
+      ->check(CLI::Range(0.0, 10.0));
   app.add_option("--wait-s", options.wait_s, "wait so long for certainty before the first step")
-      ->check(CLI::Range(0.0, 3600.0))
-      ->capture_default_str();
+      ->check(CLI::Range(0.0, 3600.0));
   app.add_option("--policy", options.policy,
                  "while uncertain: hold (stay where it was), proceed (fly on), conservative (as if "
                  "it touched: up and away)")
@@ -222,7 +213,8 @@ int main(int argc, char** argv) {
           std::map<std::string, Policy>{{"hold", Policy::kHold},
                                         {"proceed", Policy::kProceed},
                                         {"conservative", Policy::kConservative}},
-          CLI::ignore_case));
+          CLI::ignore_case))
+      ->default_str("hold");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -13,7 +13,8 @@
 
 namespace nearmesh::subscriber {
 
-/// Headers that are kept though no body uses their model yet, so that one may spawn. 3,000 models of a million faces.
+/// Headers that are kept though no body uses their model yet, so that one may spawn: as many as a publisher serves
+/// (kMaxModels), and together no more than this.
 inline constexpr std::size_t kMaxSpareHeaderBytes = 16U << 20;
 
 /// A model that bodies of this peer use.

@@ -90,7 +90,7 @@ class Session {
 
   /// Declares a body and the model (by the publisher's name for it) that it has; at any time: what spawns is uncertain,
   /// never free, until it is known. `own`: this peer moves it and publishes its pose; otherwise its pose comes from
-  /// whoever does. Headers of models that no body uses are kept for that, up to 16 MiB. `solid`: the body has an inside
+  /// whoever does. Headers of models that no body uses are kept for that, up to 256 and 16 MiB. `solid`: the body has an inside
   /// (core/query/query.hpp); where its model turns out to be open, no answer about it is ever certified, and each
   /// names the reason. Errors: kConflict (name taken), kInvalidArgument (name).
   [[nodiscard]] Status add_body(const std::string& name, const std::string& model, bool own,
