@@ -124,7 +124,7 @@ int run(const Options& options) {
   // ---- nearmesh: end
 
   Summary summary;
-  std::set<std::string> others;
+  std::set<std::string> others, said;
   const auto clock = [] { return std::chrono::steady_clock::now(); };
   const auto ms_since = [&](auto start) {
     return std::chrono::duration<double, std::milli>(clock() - start).count();
@@ -153,7 +153,8 @@ int run(const Options& options) {
                                        options.budget_ms / 1000);
     if (!report.is_ok()) return fail(report.status().message());
     for (const std::string& line : report.value().complaints)
-      std::fprintf(stderr, "flight_sim: nearmesh: %s\n", line.c_str());
+      if (said.insert(line).second)  // they come as often as their cause
+        std::fprintf(stderr, "flight_sim: nearmesh: %s\n", line.c_str());
     for (const nm::PairAnswer& pair : report.value().answers) {
       const std::size_t own = index_of.at(pair.body_a == "terrain" ? pair.body_b : pair.body_a);
       use_answer(pair, options.policy, fleet[own], before[own], summary);
