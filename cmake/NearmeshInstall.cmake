@@ -11,16 +11,19 @@ foreach(library ${libraries})
   install(EXPORT ${library} NAMESPACE nearmesh:: FILE nearmesh-${component}.cmake DESTINATION ${package_folder})
 endforeach()
 
-set(public_folders core)
-if(NEARMESH_WITH_DDS)
-  list(APPEND public_folders idl publisher subscriber)
+set(public_folders core idl subscriber)
+set(left_out)
+if(NOT NEARMESH_WITH_DDS)
+  set(left_out REGEX "${NEARMESH_DDS_HEADERS}" EXCLUDE)
+else()
+  list(APPEND public_folders publisher)
   # Types generated from the IDL; wire/codec.hpp speaks of them.
   install(DIRECTORY ${PROJECT_BINARY_DIR}/idl/generated/nearmesh DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}
           FILES_MATCHING PATTERN *.h)
 endif()
 foreach(folder ${public_folders})
   install(DIRECTORY ${PROJECT_SOURCE_DIR}/${folder}/include/nearmesh DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}
-          FILES_MATCHING PATTERN *.hpp)
+          FILES_MATCHING PATTERN *.hpp ${left_out})
 endforeach()
 
 foreach(program nearmesh-model nearmesh-publisher nearmesh-subscriber)

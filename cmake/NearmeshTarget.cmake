@@ -37,6 +37,9 @@ function(nearmesh_add_library name)
     $<BUILD_INTERFACE:${CMAKE_CURRENT_SOURCE_DIR}/include>
     $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
   target_link_libraries(nearmesh_${name} PUBLIC ${ARG_PUBLIC_DEPS} PRIVATE ${ARG_PRIVATE_DEPS})
+  # Hidden visibility leaves instances of the standard library's templates over our types (vtables of futures, say)
+  # visible, since namespace std says so; a host's shared library shall not export these either.
+  target_link_options(nearmesh_${name} INTERFACE LINKER:--exclude-libs,libnearmesh_${name}.a)
   nearmesh_compile_options(nearmesh_${name})
   set_property(GLOBAL APPEND PROPERTY NEARMESH_LIBRARIES nearmesh_${name})
 endfunction()

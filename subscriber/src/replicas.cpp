@@ -42,6 +42,7 @@ std::size_t ReplicaSet::announce(const wire::Hello& hello, std::vector<std::stri
     model->mesh_bytes = served.mesh_bytes;
     if (const auto at = unclaimed_.find(served.content_hash); at != unclaimed_.end()) {
       const wire::MeshHeader message = std::move(at->second);
+      unclaimed_bytes_ -= message.bytes.size();
       unclaimed_.erase(at);
       header_bytes += take_header(message, complaints);
     }
@@ -49,13 +50,33 @@ std::size_t ReplicaSet::announce(const wire::Hello& hello, std::vector<std::stri
   return header_bytes;
 }
 
+std::size_t ReplicaSet::announce_new(const wire::Hello& hello,
+                                     std::vector<std::string>& complaints) {
+  wire::Hello news{.publisher = hello.publisher};
+  for (const wire::Hello::Model& served : hello.models)
+    if (const PeerModel* model = find(served.name); model != nullptr && model->content_hash == 0)
+      news.models.push_back(served);
+  return announce(news, complaints);
+}
+
+/// Beyond the limit only of names we use, whose hello is on its way.
+void ReplicaSet::keep_header(const wire::MeshHeader& message) {
+  if (const auto at = unclaimed_.find(message.content_hash); at != unclaimed_.end()) {
+    unclaimed_bytes_ -= at->second.bytes.size();
+    unclaimed_.erase(at);
+  }
+  const bool has_room = unclaimed_bytes_ + message.bytes.size() <= kMaxSpareHeaderBytes;
+  const bool is_named = find(message.name) != nullptr && unclaimed_.size() < 2 * wire::kMaxModels;
+  if (!(has_room && unclaimed_.size() < wire::kMaxModels) && !is_named) return;
+  unclaimed_bytes_ += message.bytes.size();
+  unclaimed_.emplace(message.content_hash, message);
+}
+
 std::size_t ReplicaSet::take_header(const wire::MeshHeader& message,
                                     std::vector<std::string>& complaints) {
   PeerModel* model = find(message.content_hash);
   if (model == nullptr) {
-    // Only of names we use, so that other people's models cost nothing.
-    if (find(message.name) != nullptr && unclaimed_.size() < wire::kMaxModels)
-      unclaimed_.insert_or_assign(message.content_hash, message);
+    keep_header(message);
     return 0;
   }
   if (model->is_ready()) return 0;

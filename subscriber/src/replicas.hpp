@@ -13,6 +13,10 @@
 
 namespace nearmesh::subscriber {
 
+/// Headers that are kept though no body uses their model yet, so that one may spawn: as many as a publisher serves
+/// (kMaxModels), and together no more than this.
+inline constexpr std::size_t kMaxSpareHeaderBytes = 16U << 20;
+
 /// A model that bodies of this peer use.
 struct PeerModel {
   std::string name;
@@ -41,6 +45,8 @@ class ReplicaSet {
   /// A publisher's announcement: binds names to contents. Content that changes under a name drops the replica. Returns the
   /// size of headers that had waited for it and are used now.
   std::size_t announce(const wire::Hello& hello, std::vector<std::string>& complaints);
+  /// The same of what it announces under names whose content is not known yet: for models that came into use after it.
+  std::size_t announce_new(const wire::Hello& hello, std::vector<std::string>& complaints);
   /// A header: starts the replica of the model it belongs to, if any body uses it. Returns its size if it was used.
   std::size_t take_header(const wire::MeshHeader& message, std::vector<std::string>& complaints);
   /// Applies the oldest waiting batch of some model; false when none waits.
@@ -50,8 +56,11 @@ class ReplicaSet {
 
  private:
   std::map<std::string, PeerModel> models_;
+  void keep_header(const wire::MeshHeader& message);
+
   std::map<std::uint64_t, wire::MeshHeader>
-      unclaimed_;  // headers that came before the name they belong to
+      unclaimed_;  // headers that came before the name they belong to, or a body that uses it
+  std::size_t unclaimed_bytes_ = 0;
 };
 
 }  // namespace nearmesh::subscriber

@@ -10,6 +10,7 @@
 #include "nearmesh/core/base/stopwatch.hpp"
 #include "nearmesh/core/demand/collect.hpp"
 #include "nearmesh/wire/status_keeper.hpp"
+#include "pair_readiness.hpp"
 #include "replicas.hpp"
 
 namespace nearmesh::subscriber {
@@ -62,9 +63,11 @@ struct Session::Impl {
     Body* a;
     Body* b;
     std::optional<std::pair<std::uint64_t, std::uint64_t>> reported;  // frame and digest
+    Readiness last;  // of this pair alone, as of the last update
   };
   std::vector<Pair> pairs;
   std::map<wire::SessionId, Publisher> publishers;
+  bool has_new_model = false;  // a body was added whose model nobody has announced since
   std::map<std::uint64_t, Outstanding> outstanding;  // by content hash
   std::uint32_t last_request = 0;
   std::uint64_t refused = 0;
@@ -113,6 +116,7 @@ Status Session::add_body(const std::string& name, const std::string& model, bool
   if (impl_->bodies.contains(name))
     return {StatusCode::kConflict, "body " + name + " is declared twice"};
   impl_->bodies.emplace(name, Body{name, &impl_->replicas.add(model), own, solid, std::nullopt});
+  impl_->has_new_model = true;
   return Status::ok();
 }
 
@@ -121,6 +125,9 @@ Status Session::place_body(const std::string& name, const Pose& pose) {
   if (at == impl_->bodies.end()) return {StatusCode::kNotFound, "no body named " + name};
   NEARMESH_RETURN_IF_ERROR(check_pose(pose, name));
   at->second.motion = Motion{.pose = pose};
+  for (Impl::Pair& pair : impl_->pairs)
+    if (pair.a == &at->second || pair.b == &at->second)
+      pair.last = not_asked(pair.a->name, pair.b->name);
   return Status::ok();
 }
 
@@ -129,7 +136,7 @@ Status Session::watch(const std::string& body_a, const std::string& body_b) {
   for (const auto& [at, name] : {std::pair(a, body_a), std::pair(b, body_b)})
     if (at == impl_->bodies.end()) return {StatusCode::kNotFound, "no body named " + name};
   if (a == b) return {StatusCode::kInvalidArgument, "body " + body_a + " against itself"};
-  impl_->pairs.push_back({&a->second, &b->second, std::nullopt});
+  impl_->pairs.push_back({&a->second, &b->second, std::nullopt, not_asked(body_a, body_b)});
   return Status::ok();
 }
 
@@ -196,6 +203,9 @@ void Session::Impl::take_inbox(FrameReport& report) {
   for (const wire::MeshHeader& header : inbox.headers)
     stats.header_bytes += replicas.take_header(header, complaints);
   is_dropping = false;
+  if (std::exchange(has_new_model, false))  // it may have been announced before a body used it
+    for (const auto& [id, publisher] : publishers)
+      stats.header_bytes += replicas.announce_new(publisher.hello, complaints);
   for (wire::SplitBatchMessage& batch : inbox.batches) take_batch(std::move(batch), report);
   for (const wire::BodyPose& pose : inbox.poses) {
     const auto at = bodies.find(pose.body);
@@ -289,6 +299,7 @@ void Session::Impl::answer_pair(Pair& pair, std::uint64_t frame, double time_s,
     report.query_s += watch.seconds();
   }
   if (!result.reason.empty()) result.answer.uncertainty_m = std::numeric_limits<double>::infinity();
+  pair.last = readiness_of(result);
   if (options.publish_reports) report_pair(pair, result, frame, time_s);
   report.answers.push_back(std::move(result));
 }
@@ -519,6 +530,34 @@ void Session::Impl::tell_status(const FrameReport& report, const SessionStats& c
 bool Session::has_all_headers() const {
   return std::all_of(impl_->bodies.begin(), impl_->bodies.end(),
                      [](const auto& body) { return body.second.model->is_ready(); });
+}
+
+Result<Readiness> Session::readiness(const std::string& body) const {
+  const auto at = impl_->bodies.find(body);
+  if (at == impl_->bodies.end()) return Status{StatusCode::kNotFound, "no body named " + body};
+  Readiness all{.stage = ReadyStage::kCertified};
+  for (const Impl::Pair& pair : impl_->pairs)
+    if (pair.a == &at->second || pair.b == &at->second) add_pair(all, pair.last);
+  if (all.pairs == 0) return Readiness{.reason = "body " + body + " is watched against nothing"};
+  return all;
+}
+
+Result<RegionReadiness> Session::region_readiness(const std::string& body,
+                                                  const std::array<double, 3>& lo_m,
+                                                  const std::array<double, 3>& hi_m) const {
+  const auto at = impl_->bodies.find(body);
+  if (at == impl_->bodies.end()) return Status{StatusCode::kNotFound, "no body named " + body};
+  for (std::size_t k = 0; k < 3; ++k)
+    if (!std::isfinite(lo_m[k]) || !std::isfinite(hi_m[k]) || lo_m[k] > hi_m[k])
+      return Status{StatusCode::kInvalidArgument,
+                    "region of body " + body + ": from " + std::to_string(lo_m[k]) + " to " +
+                        std::to_string(hi_m[k]) + " m on axis " + std::to_string(k) +
+                        ", expected finite numbers in ascending order"};
+  const PeerModel& model = *at->second.model;
+  if (!model.is_ready())
+    return RegionReadiness{.uncertainty_m = std::numeric_limits<double>::infinity(),
+                           .reason = impl_->why_not_ready(at->second)};
+  return lacks_in_box(model.view(), lo_m, hi_m);
 }
 
 const SpmHeader* Session::header_of(const std::string& body) const {

@@ -11,7 +11,8 @@ run(${CMAKE_COMMAND} -S ${PROJECT} -B ${SCRATCH}/build -G ${GENERATOR}
     -D CMAKE_BUILD_TYPE=${BUILD_TYPE} -D CMAKE_CXX_FLAGS=${CXX_FLAGS})
 run(${CMAKE_COMMAND} --build ${SCRATCH}/build)
 run(${SCRATCH}/build/two_spheres)
-if(COMPONENTS MATCHES subscriber)
+run(${SCRATCH}/build/local_peer ${SCRATCH}/sphere.spm)
+if(EXISTS ${SCRATCH}/build/lone_peer)  # with DDS
   run(${SCRATCH}/build/lone_peer)
 endif()
 run(${SCRATCH}/prefix/bin/nearmesh-model --help)

@@ -104,7 +104,10 @@ std::vector<Request> read_requests(const char* path, std::uint64_t peer, std::ui
     message.priority = static_cast<std::uint8_t>(priority);
     request.attach.resize(count);
     for (std::uint32_t& word : request.attach) words >> word;
-    words >> count;
+    for (std::int32_t& cells : message.region_origin) words >> cells;
+    unsigned shift = 0;
+    words >> shift >> count;
+    message.region_shift = static_cast<std::uint8_t>(shift);
     request.region_words.resize(count);
     for (std::uint16_t& word : request.region_words) words >> word;
     if (!words) fail(std::string(path) + ": malformed line");

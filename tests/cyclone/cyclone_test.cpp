@@ -67,8 +67,9 @@ std::string line_of(const wire::RegionSubscription& subscription) {
        << int{sample.priority()} << ' ' << sample.acknowledged_sequence() << ' '
        << sample.window_bytes() << ' ' << sample.max_splits() << ' ' << sample.attach().size();
   for (const std::uint32_t word : sample.attach()) line << ' ' << word;
-  line << ' ' << sample.parts().size();
-  for (const std::int32_t word : sample.parts()) line << ' ' << word;
+  for (const std::int32_t cells : sample.region_origin()) line << ' ' << cells;
+  line << ' ' << int{sample.region_shift()} << ' ' << sample.region_words().size();
+  for (const std::uint16_t word : sample.region_words()) line << ' ' << word;
   return line.str();
 }
 

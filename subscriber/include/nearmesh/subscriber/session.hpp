@@ -13,6 +13,7 @@
 #include "nearmesh/core/query/sweep.hpp"
 #include "nearmesh/subscriber/channel.hpp"
 #include "nearmesh/subscriber/predict.hpp"
+#include "nearmesh/subscriber/readiness.hpp"
 
 namespace nearmesh::subscriber {
 
@@ -87,9 +88,9 @@ class Session {
   Session(const Session&) = delete;
   Session& operator=(const Session&) = delete;
 
-  /// Declares a body and the model (by the publisher's name for it) that it has. `own`: this peer moves it and
-  /// publishes its pose; otherwise its pose comes from whoever does. A model's first body must be declared before the
-  /// first update: headers of models that no body uses are not kept. `solid`: the body has an inside
+  /// Declares a body and the model (by the publisher's name for it) that it has; at any time: what spawns is uncertain,
+  /// never free, until it is known. `own`: this peer moves it and publishes its pose; otherwise its pose comes from
+  /// whoever does. Headers of models that no body uses are kept for that, up to 256 and 16 MiB. `solid`: the body has an inside
   /// (core/query/query.hpp); where its model turns out to be open, no answer about it is ever certified, and each
   /// names the reason. Errors: kConflict (name taken), kInvalidArgument (name).
   [[nodiscard]] Status add_body(const std::string& name, const std::string& model, bool own,
@@ -111,6 +112,14 @@ class Session {
   [[nodiscard]] Result<FrameReport> update(std::uint64_t frame, double time_s,
                                            const std::vector<OwnMotion>& motions, double budget_s);
 
+  /// How far a body is, as of the last update. A pair that was watched, or a body that was placed, since then is not
+  /// certified. Cost: O(watched pairs). Errors: kNotFound.
+  [[nodiscard]] Result<Readiness> readiness(const std::string& body) const;
+  /// How far the part of a body's model within a box is: metres, the body's model frame.
+  /// Errors: kNotFound; kInvalidArgument where the box is empty or not finite.
+  [[nodiscard]] Result<RegionReadiness> region_readiness(const std::string& body,
+                                                         const std::array<double, 3>& lo_m,
+                                                         const std::array<double, 3>& hi_m) const;
   /// True when the header of every declared body's model is here.
   [[nodiscard]] bool has_all_headers() const;
   [[nodiscard]] SessionStats stats() const;

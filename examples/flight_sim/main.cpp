@@ -1,0 +1,225 @@
+// SPDX-License-Identifier: Apache-2.0
+// A fixed-step flight simulator with a DDS of its own that asks nearmesh whether its aircraft touch the terrain or those
+// of other simulators. What it takes to add nearmesh stands between the marks; the rest was there before.
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cstdio>
+#include <map>
+#include <set>
+#include <thread>
+
+#include "flight.hpp"
+#include "host_bus.hpp"
+#include "nearmesh/subscriber/dds_channel.hpp"
+#include "nearmesh/subscriber/wait_ready.hpp"
+
+namespace {
+
+using namespace flight_sim;
+
+enum class Policy { kHold, kProceed, kConservative };
+
+struct Options {
+  std::string profiles = "profiles.xml", profile = "flight_sim", callsign = "alpha";
+  std::uint32_t domain = 0, aircraft = 2;
+  std::uint64_t seed = 1;
+  double seconds = 20, budget_ms = 2, wait_s = 0;
+  Policy policy = Policy::kHold;
+};
+
+struct Summary {
+  std::uint64_t steps = 0, free = 0, contact = 0, uncertain = 0, held = 0, late = 0;
+  std::vector<double> step_ms, nearmesh_ms;
+};
+
+// ---- nearmesh: begin -----------------------------------------------------------------------------------------------
+
+namespace nm = nearmesh::subscriber;
+
+/// A session on the simulator's own participant, with the terrain and the own aircraft.
+nearmesh::Result<std::unique_ptr<nm::Session>> join_nearmesh(const HostBus& bus,
+                                                             const std::vector<Aircraft>& fleet) {
+  nm::DdsChannelOptions options;
+  options.participant = bus.participant;
+  auto channel = nm::DdsChannel::create(options);
+  if (!channel.is_ok()) return channel.status();
+  auto session = std::make_unique<nm::Session>(std::move(channel).value(),
+                                               nm::SessionOptions{.contacts = true});
+  NEARMESH_RETURN_IF_ERROR(session->add_body("terrain", "terrain", false));
+  NEARMESH_RETURN_IF_ERROR(session->place_body("terrain", {}));
+  for (const Aircraft& own : fleet) {
+    NEARMESH_RETURN_IF_ERROR(session->add_body(own.name, "aircraft", true));
+    NEARMESH_RETURN_IF_ERROR(session->watch("terrain", own.name));
+  }
+  return session;
+}
+
+std::vector<nm::Session::OwnMotion> motions_of(const std::vector<Aircraft>& fleet) {
+  std::vector<nm::Session::OwnMotion> motions;
+  for (const Aircraft& own : fleet)
+    motions.push_back(
+        {own.name, {{own.rotation, own.position_m}, own.velocity_mps, own.rates_radps}});
+  return motions;
+}
+
+/// What an answer means for an own aircraft of the pair; `before` is where it was a step ago.
+void use_answer(const nm::PairAnswer& pair, Policy policy, Aircraft& own, const Aircraft& before,
+                Summary& summary) {
+  const bool is_b = pair.body_b == own.name;
+  if (pair.contacts) {  // certified, or a part of it: what touches does touch
+    ++summary.contact;
+    for (const nearmesh::ContactPatch& patch : pair.contacts->patches) {
+      Vector away = patch.normal;  // the way B has to move
+      for (double& x : away) x = is_b ? x : -x;
+      push_out(own, away);
+    }
+  } else if (nearmesh::is_certified(pair.answer.status)) {
+    ++summary.free;
+  } else {  // not known yet: never free
+    ++summary.uncertain;
+    if (policy == Policy::kHold) own = before;
+    if (policy == Policy::kConservative) push_out(own, {0, 0, 1});
+    summary.held += policy == Policy::kHold ? 1 : 0;
+  }
+}
+
+// ---- nearmesh: end -------------------------------------------------------------------------------------------------
+
+double percentile(std::vector<double> values, double share) {
+  if (values.empty()) return 0;
+  std::sort(values.begin(), values.end());
+  return values[static_cast<std::size_t>(share * static_cast<double>(values.size() - 1))];
+}
+
+int fail(const std::string& message) {
+  std::fprintf(stderr, "flight_sim: %s\n", message.c_str());
+  return 1;
+}
+
+int run(const Options& options) {
+  const Ground ground;
+  std::vector<Aircraft> fleet =
+      make_fleet(ground, options.callsign, options.aircraft, options.seed);
+  std::string why;
+  const std::unique_ptr<HostBus> bus =
+      HostBus::join(options.profiles, options.profile, options.domain, why);
+  if (bus == nullptr) return fail(why);
+
+  // ---- nearmesh: begin
+  auto joined = join_nearmesh(*bus, fleet);
+  if (!joined.is_ok()) return fail(joined.status().message());
+  nm::Session& session = *joined.value();
+  std::map<std::string, std::size_t> index_of;
+  for (std::size_t i = 0; i < fleet.size(); ++i) index_of[fleet[i].name] = i;
+  if (options.wait_s > 0) {
+    const auto ready = nm::wait_ready(session, "terrain", options.wait_s, motions_of(fleet));
+    if (!ready.is_ok()) return fail(ready.status().message());
+    if (ready.value().readiness.stage != nm::ReadyStage::kCertified)
+      return fail("not ready after " + std::to_string(options.wait_s) +
+                  " s: " + ready.value().readiness.reason);
+  }
+  // ---- nearmesh: end
+
+  Summary summary;
+  std::set<std::string> others, said;
+  const auto clock = [] { return std::chrono::steady_clock::now(); };
+  const auto ms_since = [&](auto start) {
+    return std::chrono::duration<double, std::milli>(clock() - start).count();
+  };
+  const auto steps = static_cast<std::uint64_t>(options.seconds / kStep_s + 0.5);
+  const auto start = clock();
+  for (std::uint64_t step = 0; step < steps; ++step) {
+    const auto step_start = clock();
+    const std::vector<Aircraft> before = fleet;
+    for (Aircraft& own : fleet) fly(own, ground);
+    for (const AircraftState& state : bus->take()) {
+      const std::string name = state.name().to_string();
+      if (index_of.contains(name) || !others.insert(name).second) continue;
+      // ---- nearmesh: begin: an aircraft of another simulator, whose poses come from its own nearmesh
+      if (const auto added = session.add_body(name, "aircraft", false); !added.is_ok())
+        return fail(added.message());
+      for (const Aircraft& own : fleet)
+        if (const auto watched = session.watch(own.name, name); !watched.is_ok())
+          return fail(watched.message());
+      // ---- nearmesh: end
+    }
+
+    // ---- nearmesh: begin
+    const auto update_start = clock();
+    const auto report = session.update(step, static_cast<double>(step) * kStep_s, motions_of(fleet),
+                                       options.budget_ms / 1000);
+    if (!report.is_ok()) return fail(report.status().message());
+    for (const std::string& line : report.value().complaints)
+      if (said.insert(line).second)  // they come as often as their cause
+        std::fprintf(stderr, "flight_sim: nearmesh: %s\n", line.c_str());
+    for (const nm::PairAnswer& pair : report.value().answers) {
+      const std::size_t own = index_of.at(pair.body_a == "terrain" ? pair.body_b : pair.body_a);
+      use_answer(pair, options.policy, fleet[own], before[own], summary);
+    }
+    summary.nearmesh_ms.push_back(ms_since(update_start));
+    // ---- nearmesh: end
+
+    for (const Aircraft& own : fleet) bus->publish(own, step);
+    summary.step_ms.push_back(ms_since(step_start));
+    ++summary.steps;
+    const auto due = start + std::chrono::milliseconds(10) * (step + 1);
+    summary.late += clock() > due ? 1 : 0;
+    std::this_thread::sleep_until(due);
+  }
+  std::printf(
+      "flight_sim %s: %llu steps, %zu other aircraft; answers %llu free, %llu contact, %llu "
+      "uncertain (%llu held); p99 step %.2f ms, of it nearmesh %.2f ms; %llu steps late\n",
+      options.callsign.c_str(), static_cast<unsigned long long>(summary.steps), others.size(),
+      static_cast<unsigned long long>(summary.free),
+      static_cast<unsigned long long>(summary.contact),
+      static_cast<unsigned long long>(summary.uncertain),
+      static_cast<unsigned long long>(summary.held), percentile(summary.step_ms, 0.99),
+      percentile(summary.nearmesh_ms, 0.99), static_cast<unsigned long long>(summary.late));
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{
+      "Flies aircraft at 100 Hz over the terrain and says at its end what nearmesh answered. Needs "
+      "nearmesh-publisher serving terrain.spm and aircraft.spm."};
+  app.option_defaults()->always_capture_default();
+  Options options;
+  app.add_option("--domain", options.domain, "DDS domain")->check(CLI::Range(0, 232));
+  app.add_option("--profiles", options.profiles, "XML file of the simulator's QoS profiles");
+  app.add_option("--profile", options.profile,
+                 "participant profile in it: flight_sim, or flight_sim_loopback for one machine");
+  app.add_option("--callsign", options.callsign, "first part of the own aircraft's names")
+      ->check(CLI::Validator(
+          [](const std::string& text) {
+            return text.empty() || text.size() > 20 ? "expected 1 to 20 bytes" : std::string();
+          },
+          "TEXT"));
+  app.add_option("--aircraft", options.aircraft, "own aircraft")->check(CLI::Range(1, 100));
+  app.add_option("--seed", options.seed, "of the flights");
+  app.add_option("--seconds", options.seconds, "simulated, in real time")
+      ->check(CLI::Range(0.01, 1e6));
+  app.add_option("--budget-ms", options.budget_ms, "of a step for taking in detail")
+      ->check(CLI::Range(0.0, 10.0));
+  app.add_option("--wait-s", options.wait_s, "wait so long for certainty before the first step")
+      ->check(CLI::Range(0.0, 3600.0));
+  app.add_option("--policy", options.policy,
+                 "while uncertain: hold (stay where it was), proceed (fly on), conservative (as if "
+                 "it touched: up and away)")
+      ->transform(CLI::CheckedTransformer(
+          std::map<std::string, Policy>{{"hold", Policy::kHold},
+                                        {"proceed", Policy::kProceed},
+                                        {"conservative", Policy::kConservative}},
+          CLI::ignore_case))
+      ->default_str("hold");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : 2;
+  }
+  return run(options);
+}
