@@ -3,6 +3,7 @@
 // The models of a peer: which content a name stands for, the replica and its tree, and the batches that wait.
 
 #include <deque>
+#include <limits>
 #include <map>
 #include <memory>
 #include <optional>
@@ -27,6 +28,8 @@ struct PeerModel {
   std::deque<std::vector<std::uint8_t>> waiting;  // encoded batches, in order of arrival
   std::uint32_t applied_batches = 0;              // of those that came, also what did not decode
   bool gave_up_detail = false;
+  /// The session's time when nothing within the nearer half of the horizon lacked last.
+  double looked_ahead_s = -std::numeric_limits<double>::infinity();
 
   [[nodiscard]] bool is_ready() const { return tree.has_value(); }
   [[nodiscard]] TreeView view() const { return tree->view(replica->header().grid); }

@@ -22,6 +22,7 @@ struct Body {
   bool own = false;
   bool solid = false;
   std::optional<Motion> motion;
+  bool contested = false;  // another peer moves it too, as was said
 };
 
 // A request that was sent and not yet answered in full.
@@ -70,6 +71,7 @@ struct Session::Impl {
   bool has_new_model = false;  // a body was added whose model nobody has announced since
   std::map<std::uint64_t, Outstanding> outstanding;  // by content hash
   std::uint32_t last_request = 0;
+  double time_s = 0;  // of the update
   std::uint64_t refused = 0;
   bool is_dropping = false;  // batches, in this update
   SessionStats stats;
@@ -79,9 +81,9 @@ struct Session::Impl {
 
   void take_inbox(FrameReport& report);
   void take_batch(wire::SplitBatchMessage&& message, FrameReport& report);
-  void answer_pair(Pair& pair, std::uint64_t frame, double time_s, FrameReport& report);
+  void answer_pair(Pair& pair, std::uint64_t frame, FrameReport& report);
   void sweep_pair(const Pair& pair, PairAnswer& result, FrameReport& report);
-  void report_pair(Pair& pair, const PairAnswer& answer, std::uint64_t frame, double time_s);
+  void report_pair(Pair& pair, const PairAnswer& answer, std::uint64_t frame);
   void ask(const FrameReport& report);
   [[nodiscard]] RegionMaker region_of(const PeerModel& model, double lookahead_s,
                                       const FrameReport& report, bool uncertified_only) const;
@@ -115,7 +117,8 @@ Status Session::add_body(const std::string& name, const std::string& model, bool
                                                 std::to_string(wire::kMaxNameBytes) + " bytes"};
   if (impl_->bodies.contains(name))
     return {StatusCode::kConflict, "body " + name + " is declared twice"};
-  impl_->bodies.emplace(name, Body{name, &impl_->replicas.add(model), own, solid, std::nullopt});
+  impl_->bodies.emplace(
+      name, Body{.name = name, .model = &impl_->replicas.add(model), .own = own, .solid = solid});
   impl_->has_new_model = true;
   return Status::ok();
 }
@@ -153,6 +156,7 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
     return Status{StatusCode::kInvalidArgument, "time_s of frame " + std::to_string(frame) +
                                                     " is " + std::to_string(time_s) +
                                                     ", expected a finite number"};
+  impl.time_s = time_s;
   const Stopwatch spent;
   FrameReport report;
   for (const OwnMotion& own : motions) {
@@ -175,7 +179,7 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
   for (const auto& [name, model] : impl.replicas.all())
     report.state_digest =
         mix(report.state_digest ^ (model.is_ready() ? model.replica->mesh().state_hash() + 1 : 0));
-  for (Impl::Pair& pair : impl.pairs) impl.answer_pair(pair, frame, time_s, report);
+  for (Impl::Pair& pair : impl.pairs) impl.answer_pair(pair, frame, report);
   for (const PairAnswer& pair : report.answers)
     report.answers_digest = mix(report.answers_digest ^ digest(pair.answer));
   impl.ask(report);
@@ -211,7 +215,9 @@ void Session::Impl::take_inbox(FrameReport& report) {
     const auto at = bodies.find(pose.body);
     if (at == bodies.end()) continue;
     if (at->second.own) {
-      complaints.push_back("another peer also moves body " + pose.body + "; its poses are ignored");
+      if (!std::exchange(at->second.contested, true))
+        complaints.push_back("another peer also moves body " + pose.body +
+                             "; its poses are ignored");
       continue;
     }
     at->second.motion = Motion{pose.pose, pose.linear_velocity_mps, pose.angular_velocity_radps};
@@ -266,8 +272,7 @@ std::string Session::Impl::why_not_ready(const Body& body) const {
   return {};
 }
 
-void Session::Impl::answer_pair(Pair& pair, std::uint64_t frame, double time_s,
-                                FrameReport& report) {
+void Session::Impl::answer_pair(Pair& pair, std::uint64_t frame, FrameReport& report) {
   PairAnswer result{.body_a = pair.a->name, .body_b = pair.b->name};
   result.reason = why_not_ready(*pair.a);
   if (result.reason.empty()) result.reason = why_not_ready(*pair.b);
@@ -300,7 +305,7 @@ void Session::Impl::answer_pair(Pair& pair, std::uint64_t frame, double time_s,
   }
   if (!result.reason.empty()) result.answer.uncertainty_m = std::numeric_limits<double>::infinity();
   pair.last = readiness_of(result);
-  if (options.publish_reports) report_pair(pair, result, frame, time_s);
+  if (options.publish_reports) report_pair(pair, result, frame);
   report.answers.push_back(std::move(result));
 }
 
@@ -315,8 +320,7 @@ void Session::Impl::sweep_pair(const Pair& pair, PairAnswer& result, FrameReport
   }
 }
 
-void Session::Impl::report_pair(Pair& pair, const PairAnswer& answer, std::uint64_t frame,
-                                double time_s) {
+void Session::Impl::report_pair(Pair& pair, const PairAnswer& answer, std::uint64_t frame) {
   const std::pair now(frame, digest(answer.answer));
   if (pair.reported == now) return;
   pair.reported = now;
@@ -462,11 +466,17 @@ bool Session::Impl::request(PeerModel& model, const RegionMaker& region,
 // What the swept answers lack, and what else may be met within the horizon.
 bool Session::Impl::request_ahead(PeerModel& model, const FrameReport& report, double patience_s) {
   std::vector<NodeSpan> missing = missing_of(model, report, true);
+  // Looking ahead costs more than most answers. Where nothing lacked in the nearer half of the horizon, an eighth of it may
+  // pass before the next look.
+  if (missing.empty() && std::abs(time_s - model.looked_ahead_s) < horizon_s() / 8) return false;
+  model.looked_ahead_s = -std::numeric_limits<double>::infinity();
   // Asked for when the nearer half lacks something, then all of it: fewer and fuller batches than a little in each frame.
   const RegionMaker nearer = region_of(model, horizon_s() / 2, report, false);
   if (missing.empty() && (nearer == nullptr || !make_request(model.replica->store(), nearer, {},
-                                                             options.region_boxes, 1)))
+                                                             options.region_boxes, 1))) {
+    model.looked_ahead_s = time_s;
     return false;
+  }
   return request(model, region_of(model, horizon_s(), report, false), std::move(missing), kHorizon,
                  patience_s);
 }
