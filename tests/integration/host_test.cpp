@@ -273,8 +273,9 @@ TEST(HostLibrary, HasNoGlobalState) {
     static const std::regex constant(
         "(::k[A-Z][A-Za-z0-9_]*|HighwayDispatchTable)$|"
         " (vtable|typeinfo|typeinfo name) for ");
-    if (std::string("bBdDsS").find(line[17]) != std::string::npos)
+    if (std::string("bBdDsS").find(line[17]) != std::string::npos) {
       EXPECT_TRUE(std::regex_search(line, constant)) << line;
+    }
   }
   EXPECT_GT(ours, 100U);
 }

@@ -167,7 +167,9 @@ TEST_F(ReplayIndexTest, SaysWhyARecordingCannotBePlayed) {
   SessionFile other(file.path(), 0, wire::kWireVersion - 1);
   other.add_bytes(0, {1});
   other.close();
-  EXPECT_NE(refusal().find("recorded with wire version 2, this build speaks 3"), std::string::npos)
+  EXPECT_NE(refusal().find("recorded with wire version " + std::to_string(wire::kWireVersion - 1) +
+                           ", this build speaks " + std::to_string(wire::kWireVersion)),
+            std::string::npos)
       << refusal();
   std::remove(file.path().c_str());
   SessionFile poses(file.path());

@@ -31,8 +31,8 @@ TEST(Topics, RemoteEndpointsThatCannotTalkToUsAreNamed) {
   };
   EXPECT_EQ(judge("p/v4/body_pose", kBodyPoseType), "");
   EXPECT_EQ(judge("p/hello", kHelloType), "");
-  EXPECT_EQ(judge("p/v3/process_status", kProcessStatusType), "");
-  EXPECT_EQ(judge("p/v3/probe", kEchoType), "");
+  EXPECT_EQ(judge("p/v4/process_status", kProcessStatusType), "");
+  EXPECT_EQ(judge("p/v4/probe", kEchoType), "");
   EXPECT_EQ(judge("q/v1/body_pose", kBodyPoseType), "");
   EXPECT_EQ(judge("pp/v1/body_pose", kBodyPoseType), "");
   EXPECT_EQ(judge("p/v/body_pose", "x"), "");
