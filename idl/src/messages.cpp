@@ -83,6 +83,14 @@ Status check_region(const std::vector<RegionPart>& region) {
 
 }  // namespace
 
+Status check_new_model(const std::string& name, std::size_t served) {
+  if (name.empty() || name.size() > kMaxNameBytes)
+    return invalid("model name '" + name + "': expected 1 to " + std::to_string(kMaxNameBytes) +
+                   " bytes");
+  if (served >= kMaxModels) return invalid("at most " + std::to_string(kMaxModels) + " models");
+  return Status::ok();
+}
+
 Status check(const Hello& message) {
   NEARMESH_RETURN_IF_ERROR(check_version(message.wire_version));
   NEARMESH_RETURN_IF_ERROR(check_session(message.publisher, "publisher"));

@@ -3,8 +3,7 @@
 
 #include <algorithm>
 
-#include "nearmesh/core/demand/collect.hpp"
-#include "nearmesh/core/spm/codec.hpp"
+#include "nearmesh/core/demand/answer.hpp"
 
 namespace nearmesh::publisher {
 
@@ -57,10 +56,8 @@ Result<std::vector<std::vector<std::uint8_t>>> RecordedDetail::answer(const Regi
   end_ = end;
   RegionRequest known = request;
   std::erase_if(known.attach, [this](NodeSpan node) { return !reach(node); });
-  const Result<Demand> demand = collect(
-      *now_, known, [this](NodeSpan node) { return require(node); }, AttachRule::kAlways);
-  if (!demand.is_ok()) return demand.status();
-  return encode_batches(all_.header(), *now_, demand.value().treelet, BoxPolicy::kCutNodes);
+  return answer_request(all_.header(), *now_, known,
+                        [this](NodeSpan node) { return require(node); });
 }
 
 }  // namespace nearmesh::publisher

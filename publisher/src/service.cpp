@@ -4,19 +4,14 @@
 #include <algorithm>
 
 #include "nearmesh/core/base/hash.hpp"
-#include "nearmesh/core/demand/collect.hpp"
+#include "nearmesh/core/demand/answer.hpp"
 
 namespace nearmesh::publisher {
 Service::Service(Channel& channel, wire::SessionId session, ServiceOptions options)
     : channel_(channel), session_(session), options_(options) {}
 
 Status Service::add_model(const std::string& name, ModelFile file) {
-  if (name.empty() || name.size() > wire::kMaxNameBytes)
-    return {StatusCode::kInvalidArgument, "model name '" + name + "': expected 1 to " +
-                                              std::to_string(wire::kMaxNameBytes) + " bytes"};
-  if (models_.size() >= wire::kMaxModels)
-    return {StatusCode::kInvalidArgument,
-            "at most " + std::to_string(wire::kMaxModels) + " models"};
+  NEARMESH_RETURN_IF_ERROR(wire::check_new_model(name, models_.size()));
   for (const auto& [hash, model] : models_)
     if (model->name == name)
       return {StatusCode::kConflict,
@@ -55,11 +50,8 @@ void Service::announce() {
 Result<std::vector<std::vector<std::uint8_t>>> Service::answer(ModelFile& file,
                                                                const RegionRequest& request) {
   NEARMESH_RETURN_IF_ERROR(check_request(file.store(), request));
-  const Result<Demand> demand = collect(
-      file.store(), request, [&file](NodeSpan node) { return file.require(node); },
-      AttachRule::kAlways);
-  if (!demand.is_ok()) return demand.status();
-  return encode_batches(file.header(), file.store(), demand.value().treelet, BoxPolicy::kCutNodes);
+  return answer_request(file.header(), file.store(), request,
+                        [&file](NodeSpan node) { return file.require(node); });
 }
 
 void Service::enqueue(Peer& peer, const wire::RegionSubscription& subscription,

@@ -156,6 +156,9 @@ struct Echo {
 };
 inline constexpr std::size_t kMaxEchoBytes = 1U << 20;
 
+/// Whether who serves `served` models may serve another under this name. Errors: kInvalidArgument naming the limit.
+[[nodiscard]] Status check_new_model(const std::string& name, std::size_t served);
+
 [[nodiscard]] Status check(const Hello& message);
 [[nodiscard]] Status check(const MeshHeader& message);
 [[nodiscard]] Status check(const RegionSubscription& message);
