@@ -32,7 +32,7 @@ class DdsChannel::Impl {
   Status start();
   Status open();
   void announce(const wire::Hello& hello, const std::vector<wire::MeshHeader>& headers);
-  std::vector<wire::RegionSubscription> take_subscriptions();
+  Inbox take();
   void tell(const wire::ProcessStatus& status);
   DdsPeers& peers() { return peers_; }
   wire::Mailbox& mailbox() { return mailbox_; }
@@ -164,10 +164,10 @@ void DdsChannel::Impl::rejoin() {
   if (own_id_ != 0) announce(hello_, headers_);
 }
 
-std::vector<wire::RegionSubscription> DdsChannel::Impl::take_subscriptions() {
+Inbox DdsChannel::Impl::take() {
   if (stops_->take_stop()) rejoin();
-  if (bus_ == nullptr) return {};
-  return peers_.take_subscriptions([this](const wire::RegionSubscription& message) {
+  if (bus_ == nullptr) return {peers_.take_lost(), {}};
+  return peers_.take([this](const wire::RegionSubscription& message) {
     return own_id_ == 0 || message.publisher == own_id_;  // else for another publisher
   });
 }
@@ -194,10 +194,7 @@ DdsChannel::~DdsChannel() = default;
 void DdsChannel::announce(const wire::Hello& hello, const std::vector<wire::MeshHeader>& headers) {
   impl_->announce(hello, headers);
 }
-std::vector<wire::RegionSubscription> DdsChannel::take_subscriptions() {
-  return impl_->take_subscriptions();
-}
-std::vector<SessionId> DdsChannel::take_lost_peers() { return impl_->peers().take_lost(); }
+Inbox DdsChannel::take() { return impl_->take(); }
 bool DdsChannel::send(SessionId peer, const wire::SplitBatchMessage& batch) {
   return impl_->peers().send(peer, batch);
 }

@@ -50,6 +50,16 @@ bool DdsPeers::is_own(const Handle& writer) const {
   return eprosima::fastrtps::rtps::iHandle2GUID(writer).guidPrefix == reader_->guid().guidPrefix;
 }
 
+/// A peer that was lost and found again by the time it is taken from has said again what it wants: it must be lost before
+/// that is heard, or the answer is forgotten with it.
+Inbox DdsPeers::admit(std::vector<Heard> heard) {
+  Inbox inbox{take_lost(), {}};
+  for (Heard& one : heard)
+    if (admit(one.message.peer, one.writer, one.received))
+      inbox.subscriptions.push_back(std::move(one.message));
+  return inbox;
+}
+
 bool DdsPeers::admit(SessionId peer, const Handle& writer, Microseconds received) {
   switch (book_.claim(peer, writer, received)) {
     case wire::SessionBook::Claim::kKnown:

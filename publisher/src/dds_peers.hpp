@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "nearmesh/publisher/channel.hpp"
 #include "nearmesh/wire/dds_support.hpp"
 
 namespace nearmesh::publisher {
@@ -21,24 +22,24 @@ class DdsPeers {
 
   /// Makes the reader. After a bus was closed: forget() first.
   [[nodiscard]] Status open(wire::Bus& bus);
-  /// The bus is gone, and all peers with it; they are told by take_lost().
+  /// The bus is gone, and all peers with it; they are among the lost.
   void forget();
 
   /// `wanted`: which subscriptions count; the others leave no trace. None of this participant's own writers do.
   template <class Wanted>
-  [[nodiscard]] std::vector<wire::RegionSubscription> take_subscriptions(Wanted wanted) {
-    std::vector<wire::RegionSubscription> taken;
+  [[nodiscard]] Inbox take(Wanted wanted) {
+    std::vector<Heard> heard;
     const bool more = wire::drain<wire::RegionSubscriptionType>(
         *reader_, mailbox_, kMaxTaken,
         [&](wire::RegionSubscription&& message, const wire::Handle& writer,
             wire::Microseconds received) {
-          if (is_own(writer) || !wanted(message)) return;
-          if (admit(message.peer, writer, received)) taken.push_back(std::move(message));
+          if (!is_own(writer) && wanted(message))
+            heard.push_back({std::move(message), writer, received});
         });
     if (more) mailbox_.wake();
-    return taken;
+    return admit(std::move(heard));
   }
-  /// As Channel has them.
+  /// Of take(), when there is no reader.
   [[nodiscard]] std::vector<wire::SessionId> take_lost();
   [[nodiscard]] bool send(wire::SessionId peer, const wire::SplitBatchMessage& batch);
   [[nodiscard]] std::size_t size() const { return peers_.size(); }
@@ -46,6 +47,11 @@ class DdsPeers {
  private:
   /// One call does not starve batches; what remains is taken by the next.
   static constexpr std::size_t kMaxTaken = 1024;
+  struct Heard {
+    wire::RegionSubscription message;
+    wire::Handle writer;
+    wire::Microseconds received;
+  };
   struct Peer {
     std::unique_ptr<wire::WriterListener> listener;
     wire::fdds::DataWriter* writer = nullptr;
@@ -54,6 +60,7 @@ class DdsPeers {
   };
 
   [[nodiscard]] bool is_own(const wire::Handle& writer) const;
+  [[nodiscard]] Inbox admit(std::vector<Heard> heard);
   bool admit(wire::SessionId peer, const wire::Handle& writer, wire::Microseconds received);
   bool add_peer(wire::SessionId peer, const wire::Handle& subscriptions);
 

@@ -79,7 +79,7 @@ class DdsReplay::Impl {
     if (bus_ != nullptr) writers_[stream]->withdraw(cdr);
   }
   bool take_restart();
-  std::vector<wire::RegionSubscription> take_subscriptions();
+  Inbox take();
   DdsPeers& peers() { return peers_; }
   wire::Mailbox& mailbox() { return mailbox_; }
 
@@ -181,9 +181,9 @@ bool DdsReplay::Impl::take_restart() {
   return true;
 }
 
-std::vector<wire::RegionSubscription> DdsReplay::Impl::take_subscriptions() {
-  if (bus_ == nullptr) return {};
-  return peers_.take_subscriptions([this](const wire::RegionSubscription& message) {
+Inbox DdsReplay::Impl::take() {
+  if (bus_ == nullptr) return {peers_.take_lost(), {}};
+  return peers_.take([this](const wire::RegionSubscription& message) {
     if (!recorded_peers_.contains(message.peer)) return true;
     if (complained_of_.insert(message.peer).second)
       mailbox_.complain("peer " + wire::partition_of(message.peer) +
@@ -211,10 +211,7 @@ void DdsReplay::withdraw(std::uint32_t stream, const std::vector<std::uint8_t>& 
   impl_->withdraw(stream, cdr);
 }
 bool DdsReplay::take_restart() { return impl_->take_restart(); }
-std::vector<wire::RegionSubscription> DdsReplay::take_subscriptions() {
-  return impl_->take_subscriptions();
-}
-std::vector<SessionId> DdsReplay::take_lost_peers() { return impl_->peers().take_lost(); }
+Inbox DdsReplay::take() { return impl_->take(); }
 bool DdsReplay::send(SessionId peer, const wire::SplitBatchMessage& batch) {
   return impl_->peers().send(peer, batch);
 }

@@ -37,8 +37,7 @@ class DdsReplay final : public ReplayOutlet {
   void withdraw(std::uint32_t stream, const std::vector<std::uint8_t>& cdr) override;
   /// After the process was stopped for so long that others dropped it.
   [[nodiscard]] bool take_restart() override;
-  [[nodiscard]] std::vector<wire::RegionSubscription> take_subscriptions() override;
-  [[nodiscard]] std::vector<wire::SessionId> take_lost_peers() override;
+  [[nodiscard]] Inbox take() override;
   [[nodiscard]] bool send(wire::SessionId peer, const wire::SplitBatchMessage& batch) override;
   void wait(double seconds) override;
   [[nodiscard]] std::vector<std::string> take_complaints() override;

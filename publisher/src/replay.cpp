@@ -45,8 +45,7 @@ class Replay::Branch final : public Channel {
  public:
   explicit Branch(ReplayOutlet& outlet) : outlet_(outlet) {}
 
-  std::vector<wire::RegionSubscription> subscriptions;
-  std::vector<wire::SessionId> lost;
+  Inbox inbox;
 
   void set_time(double now_s) {
     now_s_ = now_s;
@@ -57,13 +56,10 @@ class Replay::Branch final : public Channel {
 
   /// Hellos and headers are recorded samples.
   void announce(const wire::Hello&, const std::vector<wire::MeshHeader>&) override {}
-  std::vector<wire::RegionSubscription> take_subscriptions() override {
-    return std::exchange(subscriptions, {});
-  }
-  std::vector<wire::SessionId> take_lost_peers() override {
-    for (const wire::SessionId peer : lost)
+  Inbox take() override {
+    for (const wire::SessionId peer : inbox.lost_peers)
       std::erase_if(held_, [peer](const Held& held) { return held.peer == peer; });
-    return std::exchange(lost, {});
+    return std::exchange(inbox, {});
   }
   bool send(wire::SessionId peer, const wire::SplitBatchMessage& batch) override {
     // In order: what follows one that is held waits too.
@@ -190,15 +186,15 @@ Status Replay::restore(std::optional<std::int64_t> before) {
 }
 
 void Replay::answer(double now_s) {
-  const std::vector<wire::SessionId> lost = outlet_.take_lost_peers();
-  for (wire::RegionSubscription& subscription : outlet_.take_subscriptions()) {
+  Inbox inbox = outlet_.take();
+  for (wire::RegionSubscription& subscription : inbox.subscriptions) {
     const auto publisher = publishers_.find(subscription.publisher);
     if (publisher != publishers_.end())
-      publisher->second.channel->subscriptions.push_back(std::move(subscription));
+      publisher->second.channel->inbox.subscriptions.push_back(std::move(subscription));
   }
   stats_.live_peers = stats_.requests = stats_.batches = stats_.batch_bytes = 0;
   for (auto& [id, publisher] : publishers_) {
-    publisher.channel->lost = lost;
+    publisher.channel->inbox.lost_peers = inbox.lost_peers;
     publisher.channel->set_time(now_s);
     for (std::string& line : publisher.service->step(now_s)) complaints_.push_back(std::move(line));
     const ServiceStats& stats = publisher.service->stats();

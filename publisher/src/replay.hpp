@@ -35,8 +35,7 @@ class ReplayOutlet {
   [[nodiscard]] virtual bool take_restart() = 0;
 
   /// As Channel's, for all recorded publishers together.
-  [[nodiscard]] virtual std::vector<wire::RegionSubscription> take_subscriptions() = 0;
-  [[nodiscard]] virtual std::vector<wire::SessionId> take_lost_peers() = 0;
+  [[nodiscard]] virtual Inbox take() = 0;
   [[nodiscard]] virtual bool send(wire::SessionId peer, const wire::SplitBatchMessage& batch) = 0;
   virtual void wait(double seconds) = 0;
   [[nodiscard]] virtual std::vector<std::string> take_complaints() = 0;

@@ -95,8 +95,9 @@ bool Service::send_next(wire::SessionId id, Peer& peer, double now_s) {
 
 std::vector<std::string> Service::step(double now_s) {
   std::vector<std::string> complaints;
-  for (const wire::SessionId id : channel_.take_lost_peers()) peers_.erase(id);
-  for (const wire::RegionSubscription& subscription : channel_.take_subscriptions()) {
+  const Inbox inbox = channel_.take();
+  for (const wire::SessionId id : inbox.lost_peers) peers_.erase(id);
+  for (const wire::RegionSubscription& subscription : inbox.subscriptions) {
     if (subscription.publisher != session_) continue;
     Peer& peer = peers_.try_emplace(subscription.peer, options_.pacing).first->second;
     peer.pacing.limit(std::min(subscription.window_bytes, options_.max_window_bytes));

@@ -68,6 +68,11 @@ class DdsChannel::Impl {
   const wire::TopicNames& names() const { return names_; }
 
  private:
+  struct HeardHello {
+    wire::Hello hello;
+    Handle writer;
+    Microseconds received;
+  };
   struct WaitingHello {
     wire::Hello hello;
     Handle writer;
@@ -319,12 +324,17 @@ Status DdsChannel::Impl::add_writers() {
 
 /// Out: true when some reader may hold more.
 bool DdsChannel::Impl::receive() {
+  std::vector<HeardHello> heard;
   bool more = wire::drain<wire::HelloType>(
       *hello_reader_, mailbox_, kMaxTaken,
       [&](wire::Hello&& hello, const Handle& writer, Microseconds received) {
-        accept_hello(hello, writer, received);
+        heard.push_back({std::move(hello), writer, received});
       },
       [&](const Handle& writer) { silence_.heard(writer); });
+  // A publisher that was lost and found again by now has said hello again: it must be lost before that is heard, or the
+  // hello is forgotten with it.
+  receive_matches();
+  for (const HeardHello& one : heard) accept_hello(one.hello, one.writer, one.received);
   more |=
       wire::drain<wire::MeshHeaderType>(*header_reader_, mailbox_, kMaxTaken,
                                         [&](wire::MeshHeader&& header, const Handle&,
@@ -338,7 +348,6 @@ bool DdsChannel::Impl::receive() {
                 names_.split_batch);
       });
   more |= receive_poses();
-  receive_matches();
   for (const Handle& writer : silence_.take_silent(clock_.seconds()))
     mailbox_.complain("publisher " + wire::name_of(writer) + wire::kSilentHint);
   return more;

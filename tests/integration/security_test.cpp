@@ -126,7 +126,7 @@ class Secured : public ::testing::Test {
     ASSERT_TRUE(peer.hears(kTrue));
     peer.channel->send(request_of(peer, kFalse));
     EXPECT_FALSE(
-        test::await([&] { return !false_publisher.take_subscriptions().empty(); }, kQuiet_s));
+        test::await([&] { return !false_publisher.take().subscriptions.empty(); }, kQuiet_s));
     EXPECT_FALSE(false_publisher.send(peer.channel->own_id(), wire::SplitBatchMessage{}));
     for (const wire::Hello& hello : peer.collect().hellos) EXPECT_EQ(hello.publisher, kTrue);
     for (const wire::MeshHeader& header : peer.all.headers) EXPECT_EQ(header.content_hash, kTrue);

@@ -21,8 +21,7 @@ class Nowhere final : public publisher::ReplayOutlet {
   bool publish(std::uint32_t, const std::vector<std::uint8_t>&) override { return true; }
   void withdraw(std::uint32_t, const std::vector<std::uint8_t>&) override {}
   bool take_restart() override { return false; }
-  std::vector<wire::RegionSubscription> take_subscriptions() override { return {}; }
-  std::vector<wire::SessionId> take_lost_peers() override { return {}; }
+  publisher::Inbox take() override { return {}; }
   bool send(wire::SessionId, const wire::SplitBatchMessage&) override { return true; }
   void wait(double) override {}
   std::vector<std::string> take_complaints() override { return {}; }

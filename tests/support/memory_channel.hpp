@@ -156,11 +156,9 @@ class MemoryBus::PublisherEnd : public publisher::Channel {
     station.headers = headers;
     for (auto& [id, box] : bus_.peers_) bus_.announce(id_, box);
   }
-  std::vector<wire::RegionSubscription> take_subscriptions() override {
-    return bus_.publishers_.at(id_).subscriptions.take(bus_.now_);
-  }
-  std::vector<wire::SessionId> take_lost_peers() override {
-    return std::exchange(bus_.publishers_.at(id_).lost_peers, {});
+  publisher::Inbox take() override {
+    Station& station = bus_.publishers_.at(id_);
+    return {std::exchange(station.lost_peers, {}), station.subscriptions.take(bus_.now_)};
   }
   bool send(wire::SessionId peer, const wire::SplitBatchMessage& batch) override {
     EXPECT_EQ(wire::check(batch).message(), "");

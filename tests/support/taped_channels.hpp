@@ -127,10 +127,7 @@ class TapedPublisher final : public publisher::Channel {
     for (const wire::MeshHeader& header : headers) tape_.put(id_, header);
     inner_->announce(hello, headers);
   }
-  std::vector<wire::RegionSubscription> take_subscriptions() override {
-    return inner_->take_subscriptions();
-  }
-  std::vector<wire::SessionId> take_lost_peers() override { return inner_->take_lost_peers(); }
+  publisher::Inbox take() override { return inner_->take(); }
   bool send(wire::SessionId peer, const wire::SplitBatchMessage& batch) override {
     if (!inner_->send(peer, batch)) return false;
     tape_.put(id_, peer, batch);

@@ -104,10 +104,7 @@ class MemoryOutlet final : public publisher::ReplayOutlet {
     latched.erase({stream, key_of(stream, cdr)});
   }
   bool take_restart() override { return std::exchange(restart, false); }
-  std::vector<wire::RegionSubscription> take_subscriptions() override {
-    return end_->take_subscriptions();
-  }
-  std::vector<wire::SessionId> take_lost_peers() override { return end_->take_lost_peers(); }
+  publisher::Inbox take() override { return end_->take(); }
   bool send(wire::SessionId peer, const wire::SplitBatchMessage& batch) override {
     answers.push_back(batch);
     return end_->send(peer, batch);

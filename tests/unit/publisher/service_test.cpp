@@ -168,6 +168,24 @@ TEST(Service, AnswersWithTheBatchesThatCollectNames) {
   }
 }
 
+TEST(Service, PeerLostAndBackIsAnsweredAnew) {
+  Desk desk;
+  desk.bus.inject(desk.request(1));
+  desk.service.step(0);
+  const auto before = desk.received();
+  // The loss, and what its writer says again once it is found.
+  desk.bus.lose_peer(kPeer);
+  desk.bus.inject(desk.request(1));
+  desk.service.step(0.1);
+  const auto after = desk.received();
+  ASSERT_GT(before.size(), 2U);
+  ASSERT_EQ(after.size(), before.size());
+  for (std::size_t i = 0; i < after.size(); ++i) {
+    EXPECT_EQ(after[i].sequence, i + 1);
+    EXPECT_EQ(after[i].bytes, before[i].bytes);
+  }
+}
+
 TEST(Service, NumbersItsBatchesFromOneForEachPeer) {
   Desk desk;
   wire::RegionSubscription other = desk.request(1);

@@ -10,16 +10,21 @@
 
 namespace nearmesh::publisher {
 
+/// What came since it was taken last.
+struct Inbox {
+  /// Lease over, or left; all of it before the subscriptions: a peer that is among both was lost and is there again.
+  std::vector<wire::SessionId> lost_peers;
+  /// Valid ones, in order of arrival.
+  std::vector<wire::RegionSubscription> subscriptions;
+};
+
 class Channel {
  public:
   virtual ~Channel() = default;
 
   /// Announces what is served; late joiners get it too.
   virtual void announce(const wire::Hello& hello, const std::vector<wire::MeshHeader>& headers) = 0;
-  /// Valid subscriptions received since the last call, in order of arrival.
-  [[nodiscard]] virtual std::vector<wire::RegionSubscription> take_subscriptions() = 0;
-  /// Peers that were lost since the last call (lease over, or left).
-  [[nodiscard]] virtual std::vector<wire::SessionId> take_lost_peers() = 0;
+  [[nodiscard]] virtual Inbox take() = 0;
   /// Sends to one peer. False when it could not be taken now: the caller keeps the batch and tries again.
   [[nodiscard]] virtual bool send(wire::SessionId peer, const wire::SplitBatchMessage& batch) = 0;
   /// Blocks until something arrived or the time is over.

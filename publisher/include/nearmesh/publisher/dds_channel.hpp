@@ -31,11 +31,9 @@ class DdsChannel final : public Channel {
   ~DdsChannel() override;
 
   void announce(const wire::Hello& hello, const std::vector<wire::MeshHeader>& headers) override;
-  /// Without those that are for the session of another publisher than the announced one.
-  [[nodiscard]] std::vector<wire::RegionSubscription> take_subscriptions() override;
-  /// Forgets their writers too. A process that was only stopped comes back as a new peer with its
-  /// next subscription.
-  [[nodiscard]] std::vector<wire::SessionId> take_lost_peers() override;
+  /// Without subscriptions for the session of another publisher than the announced one. Forgets the
+  /// writers of lost peers too: a process that was only stopped comes back as a new peer.
+  [[nodiscard]] Inbox take() override;
   /// False also until the peer's reader is matched (milliseconds after its first subscription),
   /// when 256 batches are unacknowledged, and for a peer that is unknown or lost. A batch that
   /// check() refuses is dropped with a complaint and true: trying again would not help.
