@@ -70,7 +70,7 @@ class Secured : public ::testing::Test {
     options.domain = kDomain;
     options.prefix = prefix;
     options.interface = "127.0.0.1";
-    options.lease_s = 1;
+    options.lease_s = 10;  // beyond what a loaded machine stalls
     options.announcement_s = 0.3;
     options.security = security;
     return options;
