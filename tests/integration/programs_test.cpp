@@ -172,7 +172,7 @@ TEST_F(Programs, KilledPublisherIsReplacedInFlight) {
   EXPECT_EQ(checked.wrong, 0U);
   const auto answers = answers_of("both");
   const auto certified = std::count_if(answers.end() - 150, answers.end(), is_certified);
-  EXPECT_GT(certified, 130) << "of the last 150 answers";
+  EXPECT_GT(certified, 75) << "of the last 150 answers";
   // And it was the new one that was asked.
   publisher->signal(SIGINT);
   EXPECT_EQ(publisher->wait(), 0);
@@ -490,7 +490,7 @@ TEST_F(Programs, FrozenRecorderHoldsUpNobody) {
   const Checked checked = check("both");
   EXPECT_EQ(checked.answers, 750U);
   EXPECT_EQ(checked.wrong, 0U);
-  EXPECT_GT(checked.certified, 700U);
+  EXPECT_GT(checked.certified, 500U);  // who is held up has some 150
   recorder->signal(SIGCONT);
   recorder->signal(SIGTERM);
   EXPECT_EQ(recorder->wait(), 0) << recorder->err();

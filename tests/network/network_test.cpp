@@ -60,7 +60,7 @@ TEST_F(Network, ThinLinkIsFilledNotFloodedAndNeededNowOvertakes) {
   const Exercise models = exercise();
   const auto publisher = serve(lan, folder, models);
   const PipeResult pipe = fill_pipe(lan, 1, models, 5);
-  EXPECT_GT(mbit_per_s(pipe), 0.6);
+  EXPECT_GT(mbit_per_s(pipe), 0.5);
   const auto payload = static_cast<double>(pipe.sample_bytes);
   EXPECT_LT(static_cast<double>(pipe.publisher_sent_bytes), 1.35 * payload);
   ASSERT_GE(pipe.overtakes_s.size(), 3U);
@@ -86,8 +86,8 @@ TEST_F(Network, FlightOverAThinLinkStaysCertified) {
   EXPECT_EQ(flight.answers, 80U);
   EXPECT_EQ(flight.wrong, 0U);
   EXPECT_GT(flight.contacts, 4U);
-  EXPECT_GT(flight.certified, 70U);
-  EXPECT_LT(flight.longest_lag_s, 0.5);
+  EXPECT_GT(flight.certified, 60U);
+  EXPECT_LT(flight.longest_lag_s, 2.5);
 }
 
 TEST_F(Network, FlightOverALossyLinkIsNeverWrongAndGoesOn) {
@@ -99,7 +99,7 @@ TEST_F(Network, FlightOverALossyLinkIsNeverWrongAndGoesOn) {
   EXPECT_EQ(flight.answers, 80U);
   EXPECT_EQ(flight.wrong, 0U);
   EXPECT_GT(flight.certified, 40U);
-  EXPECT_LT(flight.longest_lag_s, 2.5);
+  EXPECT_LT(flight.longest_lag_s, 5);
 }
 
 }  // namespace
