@@ -34,9 +34,9 @@ install_missing() {
   echo "Installing ${missing[*]}"
   local log
   log=$(mktemp)
-  if ! { "${as_root[@]}" apt-get -q update &&
+  if ! { "${as_root[@]}" apt-get -q -o Acquire::Retries=3 update &&
          "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
-           apt-get -qy install --no-install-recommends "${missing[@]}"; } >"$log" 2>&1 </dev/null; then
+           apt-get -qy -o Acquire::Retries=3 install --no-install-recommends "${missing[@]}"; } >"$log" 2>&1 </dev/null; then
     tail -n 30 "$log" >&2
     return 1
   fi

@@ -490,7 +490,7 @@ TEST_F(Programs, FrozenRecorderHoldsUpNobody) {
   const Checked checked = check("both");
   EXPECT_EQ(checked.answers, 750U);
   EXPECT_EQ(checked.wrong, 0U);
-  EXPECT_GT(checked.certified, 500U);  // who is held up has some 150
+  EXPECT_GT(checked.certified, 500U);
   recorder->signal(SIGCONT);
   recorder->signal(SIGTERM);
   EXPECT_EQ(recorder->wait(), 0) << recorder->err();
