@@ -98,6 +98,11 @@ int main(int argc, char** argv) {
   CLI::App* pipes_command = add("pipes", "A full pipe on every link: pipes.csv");
   pipes_command->add_option("--seconds", options.seconds, "Time on each link")
       ->capture_default_str();
+  std::map<std::string, nearmesh::wire::Transport> presets;
+  for (const auto preset : nearmesh::wire::kTransports) presets[to_string(preset)] = preset;
+  for (CLI::App* command : {flights_command, pipes_command})
+    command->add_option("--transport", options.transport, "Preset of both programs")
+        ->transform(CLI::CheckedTransformer(presets));
   CLI::App* poses_command = add(
       "poses", "The chart's terrain poses on every rate, beside its simulated clock: poses.csv");
   CLI::App* peers_command =
@@ -123,7 +128,8 @@ int main(int argc, char** argv) {
     }
     const Exercise exercise{{model_file("terrain", kTerrainCells), model_file("aircraft", 600)},
                             kTerrainCells,
-                            options.domain};
+                            options.domain,
+                            options.transport};
     if (flights_command->parsed()) flights(options, exercise);
     if (pipes_command->parsed()) pipes(options, exercise);
     if (peers_command->parsed()) measure_peers(options, exercise);

@@ -17,6 +17,7 @@ struct MeasureOptions {
   int frames = 200;
   double seconds = 10;
   unsigned domain = 40;
+  wire::Transport transport = wire::Transport::kLan;
   std::vector<int> programs;
   std::vector<int> light, together;
   double rate_hz = 2;

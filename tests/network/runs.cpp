@@ -17,7 +17,8 @@ constexpr std::uint32_t kWindowBytes = 64 * 1024;
 constexpr std::size_t kSampleFieldsBytes = 36;  ///< of a batch's sample, beside the batch
 
 std::vector<std::string> on_bus(const Exercise& exercise, std::vector<std::string> words) {
-  words.insert(words.end(), {"--domain", std::to_string(exercise.domain)});
+  words.insert(words.end(), {"--domain", std::to_string(exercise.domain), "--transport",
+                             wire::to_string(exercise.transport)});
   return words;
 }
 
@@ -111,6 +112,7 @@ FlightResult fly(const Lan& lan, std::size_t host, const Folder& folder, const E
 
 BulkPeer::BulkPeer(const Lan& lan, std::size_t host, const Exercise& exercise) {
   subscriber::DdsChannelOptions options;
+  options.transport = wire::preset_of(exercise.transport);
   options.transport.domain = exercise.domain;
   {
     const Lan::Visit visit = lan.visit(host);

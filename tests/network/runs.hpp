@@ -20,6 +20,7 @@ struct Exercise {
   std::vector<std::string> models;  ///< files; the first is the terrain
   int terrain_cells = 0;            ///< as it was generated with
   unsigned domain = 40;
+  wire::Transport transport = wire::Transport::kLan;
 };
 
 /// A publisher on host 0 that is ready.
