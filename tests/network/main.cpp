@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "measures.hpp"
+#include "soak.hpp"
 
 namespace nearmesh::test {
 
@@ -71,6 +72,32 @@ void pipes(const MeasureOptions& options, const Exercise& exercise) {
   std::fclose(out);
 }
 
+CLI::App* add_soak(CLI::App& app, SoakOptions& options, unsigned& domain) {
+  CLI::App* command = app.add_subcommand(
+      "soak", "Peers join, leave and crash at random: soak.csv, soak-memory.csv, soak-totals.csv");
+  command->add_option("-o,--out", options.out, "Folder for the CSV")
+      ->required()
+      ->check(CLI::ExistingDirectory);
+  command->add_option("--minutes", options.minutes, "How long")
+      ->check(CLI::Range(0.5, 1440.0))
+      ->capture_default_str();
+  command->add_option("--seed", options.seed, "Of who joins when and how it ends")
+      ->capture_default_str();
+  command->add_option("--peers", options.peers, "At most at a time; a fifth of them stays")
+      ->check(CLI::Range(1, 200))
+      ->capture_default_str();
+  command->add_option("--loss", options.loss, "Share of packets lost on each peer's link")
+      ->check(CLI::Range(0.0, 0.5))
+      ->capture_default_str();
+  command
+      ->add_option("--transport", options.transport,
+                   "lan: a host for each peer; same-host: one for all, by shared memory, no losses")
+      ->check(CLI::IsMember({"lan", "same-host"}))
+      ->capture_default_str();
+  command->add_option("--domain", domain, "DDS domain")->capture_default_str();
+  return command;
+}
+
 }  // namespace
 }  // namespace nearmesh::test
 
@@ -113,6 +140,8 @@ int main(int argc, char** argv) {
       ->add_option("--seconds", options.seconds,
                    "Of each flight of light peers; programs fly 200 frames")
       ->capture_default_str();
+  SoakOptions soak_options;
+  CLI::App* soak_command = add_soak(app, soak_options, options.domain);
   CLI11_PARSE(app, argc, argv);
   try {
     if (const std::string why = Lan::why_not_permitted(); !why.empty())
@@ -127,6 +156,10 @@ int main(int argc, char** argv) {
     if (flights_command->parsed()) flights(options, exercise);
     if (pipes_command->parsed()) pipes(options, exercise);
     if (peers_command->parsed()) measure_peers(options, exercise);
+    if (soak_command->parsed() && !soak(soak_options, exercise)) {
+      std::fprintf(stderr, "nearmesh-network: not all went as it should\n");
+      return 1;
+    }
     return 0;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "nearmesh-network: %s\n", error.what());
