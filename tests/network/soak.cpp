@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <thread>
 
-#include "nearmesh/core/base/hash.hpp"
+#include "dice.hpp"
 #include "soak_report.hpp"
 
 namespace nearmesh::test {
@@ -16,19 +16,6 @@ namespace {
 constexpr auto kTick = std::chrono::milliseconds(50);
 constexpr double kSample_s = 10, kShow_s = 30;
 constexpr double kJoining_s = 2, kLongestLife_s = 60, kLongestPause_s = 4;
-
-/// The same numbers for a seed, whatever the machine does.
-class Dice {
- public:
-  explicit Dice(std::uint64_t seed) : state_(mix(seed)) {}
-  std::uint64_t below(std::uint64_t n) { return mix(++state_) % n; }
-  double between(double low, double high) {
-    return low + (high - low) * 0x1p-53 * static_cast<double>(mix(++state_) >> 11);
-  }
-
- private:
-  std::uint64_t state_;
-};
 
 struct Place {
   Dice dice;
@@ -234,10 +221,9 @@ bool Soak::report() const {
   for (const std::string& fault : judge_.faults) std::fprintf(stderr, "%s\n", fault.c_str());
   for (const auto& [line, times] : warnings_)
     std::fprintf(stderr, "%llu times: %s\n", static_cast<unsigned long long>(times), line.c_str());
-  std::printf("answers %llu, certified %llu, wrong %llu\n",
-              static_cast<unsigned long long>(left.answers),
-              static_cast<unsigned long long>(left.certified),
-              static_cast<unsigned long long>(left.wrong));
+  std::printf(
+      "answers %llu, certified %llu, wrong %llu\n", static_cast<unsigned long long>(left.answers),
+      static_cast<unsigned long long>(left.certified), static_cast<unsigned long long>(left.wrong));
   for (const Growth& g : growth_of(samples_))
     std::printf("%-30s %8.0f kB to %8.0f kB: %+.1f kB a minute (+- %.1f)\n", g.kind.c_str(),
                 g.first, g.last, g.slope.per_minute, g.slope.error);

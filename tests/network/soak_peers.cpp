@@ -75,8 +75,8 @@ Life::Life(const LifePlan& plan, const std::vector<std::string>& bus, const Rout
       "bodies:\n  - {name: ground, model: terrain, pose: {translation: [0, 0, 0]}}\n  - {name: " +
       plan.name + ", model: aircraft}\n";
   if (!plan.other.empty()) scene += "  - {name: " + plan.other + ", model: aircraft}\n";
-  scene += "moves:\n  - {body: " + plan.name +
-           ", trajectory: route.csv}\npairs:\n  - [ground, " + plan.name + "]\n";
+  scene += "moves:\n  - {body: " + plan.name + ", trajectory: route.csv}\npairs:\n  - [ground, " +
+           plan.name + "]\n";
   if (!plan.other.empty()) scene += "  - [" + plan.name + ", " + plan.other + "]\n";
   scene += "lookahead_s: 0.3\nstart_timeout_s: " + std::to_string(kStartTimeout_s) +
            "\nframe_rate_hz: " + std::to_string(rate_hz) + "\n";

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <numeric>
 
-#include "measures.hpp"
 
 namespace nearmesh::test {
 namespace {

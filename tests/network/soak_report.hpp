@@ -29,7 +29,7 @@ void show(const SoakSample& sample);
 
 /// What memory did after the warm-up: five minutes, or a third of a shorter run.
 struct Growth {
-  std::string kind;           ///< whose and which
+  std::string kind;            ///< whose and which
   double first = 0, last = 0;  ///< kB, means of the first and the last fifth
   Slope slope;                 ///< kB a minute
 };

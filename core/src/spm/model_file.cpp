@@ -232,9 +232,7 @@ Result<ModelFile> ModelFile::open(const std::string& path) {
 
 const std::string& ModelFile::path() const { return impl_->path; }
 const SpmHeader& ModelFile::header() const { return impl_->header; }
-std::span<const std::uint8_t> ModelFile::header_bytes() const {
-  return impl_->header_bytes;
-}
+std::span<const std::uint8_t> ModelFile::header_bytes() const { return impl_->header_bytes; }
 std::uint64_t ModelFile::content_hash() const { return impl_->preamble.content_hash; }
 std::uint64_t ModelFile::file_bytes() const { return impl_->size; }
 std::uint64_t ModelFile::mesh_bytes() const {
