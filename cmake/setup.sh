@@ -12,7 +12,7 @@ nearmesh_packages=(
   libeigen3-dev libassimp-dev zlib1g-dev libcli11-dev nlohmann-json3-dev libxxhash-dev libgtest-dev libgmp-dev libhwy-dev
   libsqlite3-dev
   libfastrtps-dev libfastcdr-dev fastddsgen libspdlog-dev libyaml-cpp-dev
-  prometheus-cpp-dev libssl-dev libtinyxml2-dev iproute2 nftables)
+  prometheus-cpp-dev libssl-dev libtinyxml2-dev iproute2 nftables libfaketime)
 
 install_missing() {
   command -v dpkg-query >/dev/null || return 0  # not Debian: CMake will name what it cannot find

@@ -27,6 +27,7 @@ namespace {
 constexpr std::size_t kMaxTaken = 1024;  ///< of one topic, before the others have their turn
 constexpr double kIdleWait_s = 0.5;      ///< everything wakes the thread; this is a safety net
 constexpr std::size_t kMaxContested = 64;
+constexpr std::size_t kMaxKnownHellos = 64;
 constexpr double kSilence_s = 5;  ///< of a publisher that was matched; it may still read its models
 constexpr double kRetryWait_s = 0.002;  ///< when Fast DDS could not take a sample
 /// Batches are acknowledged together for so long, or until they are that share of the window: on thin links each as it comes.
@@ -78,6 +79,13 @@ class DdsChannel::Impl {
     Handle writer;
   };
 
+  /// The last of a writer.
+  struct KnownHello {
+    wire::Hello hello;
+    Handle writer;
+    bool gone = false;  ///< the writer; nothing of it has come since
+  };
+
   /// What came of a publisher that was asked, and has not been acknowledged.
   struct Account {
     std::uint32_t window_bytes = 0;
@@ -100,6 +108,8 @@ class DdsChannel::Impl {
   void accept_pose(wire::BodyPose&& pose, const Handle& writer);
   void receive_matches();
   void accept_hello(const wire::Hello& hello, const Handle& writer, Microseconds received);
+  void note_hello(const wire::Hello& hello, const Handle& writer);
+  void welcome(const Handle& writer);
   void tell_lost(SessionId publisher);
   Status rejoin();
   void release_hellos();
@@ -140,6 +150,7 @@ class DdsChannel::Impl {
   std::set<Handle> hello_writers_;  ///< matched: who has one is a publisher
   std::vector<WaitingHello> waiting_hellos_;
   std::vector<WaitingHello> contested_hellos_;  ///< of sessions that another writer holds
+  std::deque<KnownHello> known_hellos_;         ///< oldest first
   wire::fdds::DataReader* hello_reader_ = nullptr;
   wire::fdds::DataReader* header_reader_ = nullptr;
   wire::fdds::DataReader* batch_reader_ = nullptr;
@@ -334,7 +345,10 @@ bool DdsChannel::Impl::receive() {
   // A publisher that was lost and found again by now has said hello again: it must be lost before that is heard, or the
   // hello is forgotten with it.
   receive_matches();
-  for (const HeardHello& one : heard) accept_hello(one.hello, one.writer, one.received);
+  for (const HeardHello& one : heard) {
+    note_hello(one.hello, one.writer);
+    accept_hello(one.hello, one.writer, one.received);
+  }
   more |=
       wire::drain<wire::MeshHeaderType>(*header_reader_, mailbox_, kMaxTaken,
                                         [&](wire::MeshHeader&& header, const Handle&,
@@ -455,14 +469,13 @@ void DdsChannel::Impl::receive_matches() {
   (void)batch_listener_.take_matches();
   for (const auto& event : hello_listener_.take_matches()) {
     if (!event.gone) {
-      publishers_.welcome(event.writer);
-      hello_writers_.insert(event.writer);
-      silence_.matched(event.writer, clock_.seconds());
-      mailbox_.wake();  // subscriptions may have waited for it
+      welcome(event.writer);
       continue;
     }
     hello_writers_.erase(event.writer);
     silence_.gone(event.writer);
+    for (KnownHello& known : known_hellos_)
+      if (known.writer == event.writer) known.gone = true;
     std::erase_if(waiting_hellos_, [&](const WaitingHello& w) { return w.writer == event.writer; });
     const std::optional<SessionId> lost = publishers_.forget(event.writer, event.when);
     if (!lost) continue;
@@ -472,6 +485,26 @@ void DdsChannel::Impl::receive_matches() {
       accept_hello(contested.hello, contested.writer, wire::now_us());
     mailbox_.wake();
   }
+}
+
+void DdsChannel::Impl::note_hello(const wire::Hello& hello, const Handle& writer) {
+  std::erase_if(known_hellos_, [&](const KnownHello& known) { return known.writer == writer; });
+  known_hellos_.push_back({hello, writer});
+  if (known_hellos_.size() > kMaxKnownHellos) known_hellos_.pop_front();
+}
+
+/// A reader of Fast DDS remembers what it had of a writer that its lease took, and is not sent it again when the same writer is
+/// found again, as after a link was down: what that said last still holds, unless it says something else.
+void DdsChannel::Impl::welcome(const Handle& writer) {
+  publishers_.welcome(writer);
+  hello_writers_.insert(writer);
+  silence_.matched(writer, clock_.seconds());
+  for (KnownHello& known : known_hellos_) {
+    if (known.writer != writer || !std::exchange(known.gone, false)) continue;
+    silence_.heard(writer);
+    accept_hello(known.hello, writer, wire::now_us());
+  }
+  mailbox_.wake();  // subscriptions may have waited for it
 }
 
 void DdsChannel::Impl::accept_hello(const wire::Hello& hello, const Handle& writer,

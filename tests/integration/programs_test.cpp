@@ -269,6 +269,94 @@ TEST_F(Programs, CorruptModelIsRefused) {
   }
 }
 
+// What nearmesh-model writes is renamed into place; other tools write over a file, or cut it first.
+TEST_F(Programs, ModelReplacedUnderAPublisherIsServedAsItWasOrRefused) {
+  namespace fs = std::filesystem;
+  fs::copy_file(terrain(), folder.file("renamed.spm"));
+  fs::copy_file(test::model_file("terrain", kTerrainCells + 1), folder.file("cut.spm"));
+  Process serving(
+      folder, "nearmesh-publisher",
+      on_bus({"serve", folder.file("renamed.spm"), folder.file("cut.spm"), aircraft()}));
+  ASSERT_TRUE(serving.says("ready on domain")) << serving.err();
+  fs::copy_file(test::model_file("terrain", kTerrainCells + 2), folder.file("next.spm"));
+  fs::rename(folder.file("next.spm"), folder.file("renamed.spm"));
+  fs::resize_file(folder.file("cut.spm"), 100);
+  // All the time where the aircraft touches the ground, so that detail is needed.
+  write_flights(100);
+  const auto rows = test::lines_of(test::read_text(folder.file("flight1.csv")));
+  std::string low = rows[0] + "\n";
+  for (int i = 0; i < 20; ++i) low += rows[88] + "\n";
+  folder.write("low.csv", low);
+  const auto scene = [&](const std::string& model) {
+    folder.write(model + ".yaml",
+                 "bodies:\n  - {name: ground, model: " + model +
+                     ", pose: {translation: [0, 0, 0]}}\n  - {name: one, model: aircraft}\nmoves:\n"
+                     "  - {body: one, trajectory: low.csv}\npairs: [[ground, one]]\n"
+                     "frame_rate_hz: 50\nstart_timeout_s: 10\n");
+  };
+  scene("cut");
+  const auto refused = fly("cut");
+  EXPECT_EQ(refused->wait(), 1);
+  for (const Process* process : {refused.get(), &std::as_const(serving)})
+    EXPECT_NE(process->err().find("was changed after it was opened"), std::string::npos)
+        << process->err();
+  scene("renamed");
+  const auto served = fly("renamed");
+  EXPECT_EQ(served->wait(), 0) << served->err();
+  fs::copy_file(terrain(), folder.file("renamed.spm"), fs::copy_options::overwrite_existing);
+  std::string out, err;
+  EXPECT_EQ(test::run(folder, "nearmesh-model",
+                      {"check", folder.file("renamed.spm"), aircraft(), "--answers",
+                       folder.file("renamed.jsonl")},
+                      &out, &err),
+            0)
+      << err;
+  EXPECT_EQ(out.find("answers 20, wrong 0, certified"), 0U) << out;
+  EXPECT_FALSE(serving.is_over()) << serving.err();
+}
+
+// Nothing here may wait for, or compare, what the machine's clock says: it is set while all runs.
+TEST_F(Programs, ClockThatJumpsDisturbsNobody) {
+  constexpr char kFakeTime[] = "/usr/lib/x86_64-linux-gnu/faketime/libfaketimeMT.so.1";
+  if (!std::filesystem::exists(kFakeTime)) GTEST_SKIP() << "libfaketime is not installed";
+  write_flights(400);
+  write_scene("first", {"one"}, "[[ground, one], [one, two]]");
+  write_scene("second", {"two"}, "[[ground, two], [one, two]]");
+  const auto set_clock = [&](const std::string& offset) {
+    folder.write("offset.next", offset);
+    std::filesystem::rename(folder.file("offset.next"), folder.file("offset"));
+  };
+  set_clock("+0");
+  ::setenv("LD_PRELOAD", kFakeTime, 1);
+  ::setenv("FAKETIME_TIMESTAMP_FILE", folder.file("offset").c_str(), 1);
+  ::setenv("FAKETIME_NO_CACHE", "1", 1);
+  ::setenv("FAKETIME_DONT_FAKE_MONOTONIC", "1", 1);
+  const auto publisher = serve();
+  const auto first = fly("first");
+  for (const char* name : {"LD_PRELOAD", "FAKETIME_TIMESTAMP_FILE", "FAKETIME_NO_CACHE",
+                           "FAKETIME_DONT_FAKE_MONOTONIC"})
+    ::unsetenv(name);
+  const auto second = fly("second");  // its clock stays right
+  for (const char* offset : {"+3600", "-3600", "+86400", "+0", "-86400"}) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(800));
+    set_clock(offset);
+  }
+  ASSERT_EQ(first->wait(), 0) << first->err();
+  ASSERT_EQ(second->wait(), 0) << second->err();
+  for (const char* scene : {"first", "second"}) {
+    const Checked checked = check(scene);
+    EXPECT_EQ(checked.answers, 800U);
+    EXPECT_EQ(checked.wrong, 0U);
+    EXPECT_GT(checked.certified, 400U);
+  }
+  // Whoever joins a publisher whose clock is a day behind.
+  write_flights(20);
+  write_scene("both", {"one", "two"}, kAllPairs);
+  const auto late = fly("both");
+  EXPECT_EQ(late->wait(), 0) << late->err();
+  EXPECT_FALSE(publisher->is_over()) << publisher->err();
+}
+
 TEST_F(Programs, OneModelTwiceIsRefused) {
   std::string err;
   EXPECT_EQ(test::run(folder, "nearmesh-publisher", on_bus({"serve", terrain(), terrain()}),

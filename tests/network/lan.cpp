@@ -141,6 +141,11 @@ void Lan::shape(std::size_t host, const Link& link) {
   must(rules.str());
 }
 
+void Lan::set_up(std::size_t host, bool up) const {
+  const Visit there(hosts_.at(host));
+  must(up ? "ip link set e0 up && ip route add 224.0.0.0/4 dev e0" : "ip link set e0 down");
+}
+
 Lan::Counters Lan::counters(std::size_t host) const {
   const Visit there(hosts_.at(host));
   std::ifstream devices("/proc/thread-self/net/dev");

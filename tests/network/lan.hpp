@@ -45,6 +45,9 @@ class Lan {
   };
   [[nodiscard]] Visit visit(std::size_t host) const { return Visit(hosts_.at(host)); }
 
+  /// Takes a host's e0 down, or up again, as a pulled cable or an operator does: routes go with it, the address stays.
+  void set_up(std::size_t host, bool up) const;
+
   /// Of a host's e0 since it was made: everything that is on the wire, Ethernet headers included.
   struct Counters {
     std::uint64_t received_bytes = 0, received_packets = 0, sent_bytes = 0, sent_packets = 0;

@@ -4,15 +4,11 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 
+#include "comings.hpp"
 #include "measures.hpp"
+#include "soak.hpp"
 
 namespace nearmesh::test {
-
-std::FILE* open_csv(const std::string& path) {
-  std::FILE* out = std::fopen(path.c_str(), "w");
-  if (out == nullptr) throw std::runtime_error("cannot write " + path);
-  return out;
-}
 
 namespace {
 
@@ -71,6 +67,65 @@ void pipes(const MeasureOptions& options, const Exercise& exercise) {
   std::fclose(out);
 }
 
+struct LongRuns {
+  SoakOptions soak;
+  int times = 100;
+  CLI::App *soak_command = nullptr, *joins_command = nullptr, *outages_command = nullptr;
+};
+
+void add_long_runs(CLI::App& app, LongRuns& runs, unsigned& domain) {
+  const auto add = [&](const char* name, const char* what) {
+    CLI::App* command = app.add_subcommand(name, what);
+    command->add_option("-o,--out", runs.soak.out, "Folder for the CSV")
+        ->required()
+        ->check(CLI::ExistingDirectory);
+    command->add_option("--seed", runs.soak.seed, "Of all that is drawn")->capture_default_str();
+    command->add_option("--domain", domain, "DDS domain")->capture_default_str();
+    return command;
+  };
+  const auto add_loss = [&](CLI::App* command) {
+    command->add_option("--loss", runs.soak.loss, "Share of packets lost on each peer's link")
+        ->check(CLI::Range(0.0, 0.5))
+        ->capture_default_str();
+  };
+  const auto add_times = [&](CLI::App* command, const char* what) {
+    command->add_option("--times", runs.times, what)
+        ->check(CLI::Range(1, 100'000))
+        ->capture_default_str();
+  };
+  runs.soak_command = add(
+      "soak", "Peers join, leave and crash at random: soak.csv, soak-memory.csv, soak-totals.csv");
+  add_loss(runs.soak_command);
+  runs.soak_command->add_option("--minutes", runs.soak.minutes, "How long")
+      ->check(CLI::Range(0.5, 1440.0))
+      ->capture_default_str();
+  runs.soak_command
+      ->add_option("--peers", runs.soak.peers, "At most at a time; a fifth of them stays")
+      ->check(CLI::Range(1, 200))
+      ->capture_default_str();
+  runs.soak_command
+      ->add_option("--transport", runs.soak.transport,
+                   "lan: a host for each peer; same-host: one for all, by shared memory, no losses")
+      ->check(CLI::IsMember({"lan", "same-host"}))
+      ->capture_default_str();
+  runs.joins_command = add("joins", "One peer after the other joins late: joins.csv");
+  add_loss(runs.joins_command);
+  add_times(runs.joins_command, "How many peers");
+  runs.outages_command = add("outages", "Links go down and come up: outages.csv");
+  add_times(runs.outages_command, "How often, for each of both ends");
+}
+
+/// Out: false when something did not go as it should.
+bool run_long(const LongRuns& runs, const Exercise& exercise) {
+  const SoakOptions& options = runs.soak;
+  if (runs.soak_command->parsed()) return soak(options, exercise);
+  if (runs.joins_command->parsed())
+    return measure_joins(options.out, exercise, runs.times, options.loss, options.seed);
+  if (runs.outages_command->parsed())
+    return measure_outages(options.out, exercise, runs.times, options.seed);
+  return true;
+}
+
 }  // namespace
 }  // namespace nearmesh::test
 
@@ -118,6 +173,8 @@ int main(int argc, char** argv) {
       ->add_option("--seconds", options.seconds,
                    "Of each flight of light peers; programs fly 200 frames")
       ->capture_default_str();
+  LongRuns long_runs;
+  add_long_runs(app, long_runs, options.domain);
   CLI11_PARSE(app, argc, argv);
   try {
     if (const std::string why = Lan::why_not_permitted(); !why.empty())
@@ -133,6 +190,10 @@ int main(int argc, char** argv) {
     if (flights_command->parsed()) flights(options, exercise);
     if (pipes_command->parsed()) pipes(options, exercise);
     if (peers_command->parsed()) measure_peers(options, exercise);
+    if (!run_long(long_runs, exercise)) {
+      std::fprintf(stderr, "nearmesh-network: not all went as it should\n");
+      return 1;
+    }
     return 0;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "nearmesh-network: %s\n", error.what());

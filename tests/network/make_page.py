@@ -107,10 +107,46 @@ def scale(folder):
                   "announcements heard by each, Mbit/s", "endpoints told, once, GB"], lines)
 
 
+def soak(folder):
+    lines = []
+    for r in rows_of(folder / "soak-totals.csv"):
+        ended = f"{r['landed']:.0f} / {r['left']:.0f} / {r['crashed']:.0f}"
+        lines += [["peers at a time, of which stay", f"{r['peers']:.0f}, {max(1, r['peers'] // 5):.0f}"],
+                  ["time, minutes", f"{r['minutes']:g}"],
+                  ["lost on each peer's link, both directions", f"{100 * r['loss']:g} %"],
+                  ["joined", number(r["joined"])],
+                  ["of these landed / left / crashed", ended],
+                  ["ended otherwise (no start, abort, hang)", f"{r['failed']:.0f}"],
+                  ["answers, all checked against the full meshes", number(r["answers"])],
+                  ["certified", f"{100 * r['certified'] / r['answers']:.3f} %"],
+                  ["wrong", f"{r['wrong']:.0f}"],
+                  ["from a program's start to its first certified answer, s: median / 95 % / worst",
+                   f"{r['join_median_s']:.2f} / {r['join_p95_s']:.2f} / {r['join_worst_s']:.2f}"],
+                  ["files left in /dev/shm", f"{r['shm_files'] + r['shm_files_of_others']:.0f}"]]
+    return table(["", "found"], lines)
+
+
+def soak_memory(folder):
+    return table(["memory", "after the warm-up, MB", "at the end, MB", "slope, kB a minute"],
+                 [[r["kind"], f"{r['first_kb'] / 1024:.2f}", f"{r['last_kb'] / 1024:.2f}",
+                   f"{r['kb_per_minute']:+.1f} ± {r['error']:.1f}"] for r in rows_of(folder / "soak-memory.csv")])
+
+
+def outages(folder):
+    lines = []
+    for who in ("peer", "publisher"):
+        for low, high in ((0, 2), (2, 4), (4, 10)):
+            back = sorted(r["back_s"] for r in rows_of(folder / "outages.csv") if r["kind"] == who and low <= r["down_s"] < high)
+            if back:
+                lines.append([who, f"{low} to {high}", len(back), sum(b >= 0 for b in back),
+                              f"{statistics.median(back):.2f} / {back[-1]:.2f}"])
+    return table(["link of the", "down, s", "times", "served again", "after, s (median / worst)"], lines)
+
+
 def main(folder, *pages):
     folder = pathlib.Path(folder)
     tables = {"flights": flights(folder), "pipes": pipes(folder), "poses": poses(folder), "peers": peers(folder),
-              "scale": scale(folder)}
+              "scale": scale(folder), "soak": soak(folder), "soak memory": soak_memory(folder), "outages": outages(folder)}
     for page in map(pathlib.Path, pages):
         text = page.read_text()
         for name, made in tables.items():

@@ -23,9 +23,6 @@ struct MeasureOptions {
   double rate_hz = 2;
 };
 
-/// Throws std::runtime_error.
-[[nodiscard]] std::FILE* open_csv(const std::string& path);
-
 /// For each rate and pose of the chart's terrain, both bodies streamed: seconds from the pose to the first certified answer,
 /// headers being there, and bytes of the peer's interface meanwhile; beside what the chart's clock says at no delay.
 void measure_poses(const MeasureOptions& options);

@@ -60,6 +60,12 @@ void read_answers(const std::string& path, double period_s, FlightResult& result
 
 }  // namespace
 
+std::FILE* open_csv(const std::string& path) {
+  std::FILE* out = std::fopen(path.c_str(), "w");
+  if (out == nullptr) throw std::runtime_error("cannot write " + path);
+  return out;
+}
+
 std::unique_ptr<Process> serve(const Lan& lan, const Folder& folder, const Exercise& exercise) {
   const Lan::Visit visit = lan.visit(0);
   std::vector<std::string> words{"serve"};

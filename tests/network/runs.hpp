@@ -3,6 +3,7 @@
 // The real programs on a Lan, and peers inside this process that only move bytes: what the network tests and
 // nearmesh-network share. Host 0 is the publisher's, host i the i-th peer's. Seconds and bytes.
 
+#include <cstdio>
 #include <map>
 #include <memory>
 #include <string>
@@ -22,6 +23,9 @@ struct Exercise {
   unsigned domain = 40;
   wire::Transport transport = wire::Transport::kLan;
 };
+
+/// Throws std::runtime_error.
+[[nodiscard]] std::FILE* open_csv(const std::string& path);
 
 /// A publisher on host 0 that is ready.
 [[nodiscard]] std::unique_ptr<Process> serve(const Lan& lan, const Folder& folder,

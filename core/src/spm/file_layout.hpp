@@ -9,7 +9,7 @@
 namespace nearmesh::file_layout {
 
 static_assert(std::endian::native == std::endian::little,
-              "the .spm reader maps little-endian structs");
+              "the .spm reader takes structs as they stand in the file");
 
 inline constexpr std::array<char, 8> kMagic{'N', 'M', 'S', 'P', 'M', '\r', '\n', '\x1a'};
 inline constexpr std::uint32_t kVersion = 3;

@@ -2,7 +2,6 @@
 #include "nearmesh/core/spm/model_file.hpp"
 
 #include <fcntl.h>
-#include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -20,71 +19,100 @@ namespace nearmesh {
 using file_layout::DirectoryEntry;
 using file_layout::Preamble;
 
+namespace {
+
+std::string range(std::uint64_t offset, std::uint64_t count) {
+  return "bytes " + std::to_string(offset) + " to " + std::to_string(offset + count);
+}
+
+}  // namespace
+
 struct ModelFile::Impl {
   std::string path;
-  const std::uint8_t* data = nullptr;
-  std::size_t size = 0;
+  int descriptor = -1;
+  struct stat opened {};  ///< as the file was then
+  std::uint64_t size = 0;
   Preamble preamble;
+  std::vector<std::uint8_t> header_bytes;
   SpmHeader header;
+  std::vector<DirectoryEntry> directory;
   std::vector<std::span<const DirectoryEntry>> levels;
+  std::vector<std::uint8_t> block;  ///< scratch of require()
   std::unique_ptr<SplitStore> store;
 
   ~Impl() {
-    if (data != nullptr) ::munmap(const_cast<std::uint8_t*>(data), size);
-  }
-  [[nodiscard]] std::span<const std::uint8_t> bytes(std::uint64_t offset,
-                                                    std::uint64_t count) const {
-    return {data + offset, count};
+    if (descriptor >= 0) ::close(descriptor);
   }
   [[nodiscard]] Status corrupt(const std::string& what) const {
-    return {StatusCode::kCorrupt, path + ": " + what};
-  }
-  [[nodiscard]] std::span<const DirectoryEntry> directory() const {
-    return {reinterpret_cast<const DirectoryEntry*>(data + preamble.directory_offset),
-            preamble.block_count};
+    return {StatusCode::kCorrupt, path + ": " + what + change()};
   }
   [[nodiscard]] std::string name(const DirectoryEntry& entry) const {
     return "block of node [" + std::to_string(entry.first) + ", " +
            std::to_string(entry.first + entry.size) + ") at byte " + std::to_string(entry.offset);
   }
 
-  Status map();
+  [[nodiscard]] std::string change() const;
+  Status open();
+  Status read(std::uint64_t offset, void* bytes, std::uint64_t count) const;
   Status read_preamble();
+  Status read_header();
   Status read_directory();
-  [[nodiscard]] Status check_block(const DirectoryEntry& entry) const;
+  [[nodiscard]] Status check_directory();
+  [[nodiscard]] Status read_block(const DirectoryEntry& entry,
+                                  std::vector<std::uint8_t>& bytes) const;
+  [[nodiscard]] Status check_blocks() const;
+  [[nodiscard]] Status read_face_table(std::vector<std::uint32_t>& table) const;
   Status load(const DirectoryEntry& entry);
 };
 
-Status ModelFile::Impl::map() {
-  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  if (fd < 0) return {StatusCode::kIo, path + ": cannot open: " + std::strerror(errno)};
-  struct stat info {};
-  if (::fstat(fd, &info) != 0 || !S_ISREG(info.st_mode)) {
-    ::close(fd);
+/// For messages: why what was right when the file was opened is so no more.
+std::string ModelFile::Impl::change() const {
+  struct stat now {};
+  if (::fstat(descriptor, &now) != 0 ||
+      (now.st_size == opened.st_size && now.st_mtim.tv_sec == opened.st_mtim.tv_sec &&
+       now.st_mtim.tv_nsec == opened.st_mtim.tv_nsec))
+    return {};
+  return " (the file was changed after it was opened: " + std::to_string(opened.st_size) +
+         " bytes then, " + std::to_string(now.st_size) +
+         " now; put another in its place by renaming, and open that)";
+}
+
+Status ModelFile::Impl::open() {
+  descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (descriptor < 0) return {StatusCode::kIo, path + ": cannot open: " + std::strerror(errno)};
+  if (::fstat(descriptor, &opened) != 0 || !S_ISREG(opened.st_mode))
     return {StatusCode::kIo, path + ": not a regular file"};
-  }
-  size = static_cast<std::size_t>(info.st_size);
-  if (size < sizeof(Preamble)) {
-    ::close(fd);
+  size = static_cast<std::uint64_t>(opened.st_size);
+  if (size < sizeof(Preamble))
     return corrupt("an .spm file has at least " + std::to_string(sizeof(Preamble)) +
                    " bytes, found " + std::to_string(size));
+  return Status::ok();
+}
+
+Status ModelFile::Impl::read(std::uint64_t offset, void* bytes, std::uint64_t count) const {
+  for (std::uint64_t done = 0; done < count;) {
+    const ssize_t got = ::pread(descriptor, static_cast<std::uint8_t*>(bytes) + done, count - done,
+                                static_cast<off_t>(offset + done));
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0)
+      return {StatusCode::kIo,
+              path + ": cannot read " + range(offset, count) + ": " + std::strerror(errno)};
+    if (got == 0)
+      return corrupt(range(offset, count) + ": the file ends at " + std::to_string(offset + done));
+    done += static_cast<std::uint64_t>(got);
   }
-  void* mapped = ::mmap(nullptr, size, PROT_READ, MAP_PRIVATE, fd, 0);
-  ::close(fd);
-  if (mapped == MAP_FAILED)
-    return {StatusCode::kIo, path + ": cannot map: " + std::strerror(errno)};
-  data = static_cast<const std::uint8_t*>(mapped);
   return Status::ok();
 }
 
 Status ModelFile::Impl::read_preamble() {
-  std::memcpy(&preamble, data, sizeof preamble);
+  NEARMESH_RETURN_IF_ERROR(read(0, &preamble, sizeof preamble));
   if (preamble.magic != file_layout::kMagic) return corrupt("not an .spm file (magic bytes)");
   if (preamble.version != file_layout::kVersion)
     return {StatusCode::kUnsupported, path + ": .spm version " + std::to_string(preamble.version) +
                                           ", this build reads version " +
                                           std::to_string(file_layout::kVersion)};
-  if (preamble.checksum != hash_bytes(bytes(0, sizeof(Preamble) - 8)))
+  if (preamble.checksum !=
+      hash_bytes({reinterpret_cast<const std::uint8_t*>(&preamble), sizeof(Preamble) - 8}))
     return corrupt("checksum of the preamble does not match");
   if (preamble.file_bytes != size)
     return corrupt("expected " + std::to_string(preamble.file_bytes) + " bytes, found " +
@@ -100,18 +128,37 @@ Status ModelFile::Impl::read_preamble() {
   return Status::ok();
 }
 
+Status ModelFile::Impl::read_header() {
+  header_bytes.resize(preamble.header_bytes);
+  NEARMESH_RETURN_IF_ERROR(read(sizeof(Preamble), header_bytes.data(), header_bytes.size()));
+  Result<SpmHeader> decoded = decode_header(header_bytes);
+  if (!decoded.is_ok()) return corrupt(decoded.status().message());
+  header = std::move(decoded).value();
+  return Status::ok();
+}
+
 Status ModelFile::Impl::read_directory() {
-  const std::uint64_t found = hash_bytes(
-      bytes(preamble.directory_offset,
-            std::uint64_t{preamble.block_count} * sizeof(DirectoryEntry)),
-      hash_bytes(bytes(sizeof(Preamble), preamble.header_bytes), preamble.face_table_checksum));
+  // Each block holds a split of its own, so this also bounds what is read here.
+  if (preamble.block_count > header.split_count())
+    return corrupt("expected at most " + std::to_string(header.split_count()) + " blocks, found " +
+                   std::to_string(preamble.block_count));
+  directory.resize(preamble.block_count);
+  const std::uint64_t bytes = directory.size() * sizeof(DirectoryEntry);
+  NEARMESH_RETURN_IF_ERROR(read(preamble.directory_offset, directory.data(), bytes));
+  const std::uint64_t found =
+      hash_bytes({reinterpret_cast<const std::uint8_t*>(directory.data()), bytes},
+                 hash_bytes(header_bytes, preamble.face_table_checksum));
   if (found != preamble.content_hash)
     return corrupt("checksum of header and directory does not match");
   if ((size - preamble.face_table_offset) !=
       std::uint64_t{header.face_count} * sizeof(std::uint32_t))
     return corrupt("length of the face table does not match the header's face count");
+  return check_directory();
+}
+
+Status ModelFile::Impl::check_directory() {
   // Entries stand by level, then by first id; require() searches within a level.
-  const std::span<const DirectoryEntry> all = directory();
+  const std::span<const DirectoryEntry> all = directory;
   for (std::size_t begin = 0; begin < all.size();) {
     if (all[begin].size < 2) return corrupt("directory entry " + std::to_string(begin));
     const int level = block_level(all[begin].size);
@@ -133,15 +180,23 @@ Status ModelFile::Impl::read_directory() {
   return Status::ok();
 }
 
-Status ModelFile::Impl::check_block(const DirectoryEntry& entry) const {
-  if (static_cast<std::uint32_t>(hash_bytes(bytes(entry.offset, entry.bytes))) != entry.checksum)
+Status ModelFile::Impl::read_block(const DirectoryEntry& entry,
+                                   std::vector<std::uint8_t>& bytes) const {
+  try {
+    bytes.resize(entry.bytes);
+  } catch (const std::bad_alloc&) {
+    return {StatusCode::kIo,
+            path + ": no memory for " + std::to_string(entry.bytes) + " bytes: " + name(entry)};
+  }
+  NEARMESH_RETURN_IF_ERROR(read(entry.offset, bytes.data(), bytes.size()));
+  if (static_cast<std::uint32_t>(hash_bytes(bytes)) != entry.checksum)
     return corrupt(name(entry) + ": checksum does not match");
   return Status::ok();
 }
 
 Status ModelFile::Impl::load(const DirectoryEntry& entry) {
-  NEARMESH_RETURN_IF_ERROR(check_block(entry));
-  const Result<SplitBatch> batch = decode_batch(header, bytes(entry.offset, entry.bytes));
+  NEARMESH_RETURN_IF_ERROR(read_block(entry, block));
+  const Result<SplitBatch> batch = decode_batch(header, block);
   if (!batch.is_ok()) return corrupt(name(entry) + ": " + batch.status().message());
   for (const SplitRecord& record : batch.value().splits) {
     const std::span<const SplitFace> faces{batch.value().faces.data() + record.face_begin,
@@ -162,14 +217,11 @@ ModelFile::~ModelFile() = default;
 Result<ModelFile> ModelFile::open(const std::string& path) {
   auto impl = std::make_unique<Impl>();
   impl->path = path;
-  NEARMESH_RETURN_IF_ERROR(impl->map());
+  NEARMESH_RETURN_IF_ERROR(impl->open());
   NEARMESH_RETURN_IF_ERROR(impl->read_preamble());
-  Result<SpmHeader> header =
-      decode_header(impl->bytes(sizeof(Preamble), impl->preamble.header_bytes));
-  if (!header.is_ok()) return impl->corrupt(header.status().message());
-  impl->header = std::move(header).value();
-  NEARMESH_RETURN_IF_ERROR(impl->read_directory());
+  NEARMESH_RETURN_IF_ERROR(impl->read_header());
   try {
+    NEARMESH_RETURN_IF_ERROR(impl->read_directory());
     impl->store = std::make_unique<SplitStore>(impl->header);
   } catch (const std::bad_alloc&) {  // a limit of this process: a store spans all ids
     return Status{StatusCode::kIo, path + ": no address space for " +
@@ -180,14 +232,12 @@ Result<ModelFile> ModelFile::open(const std::string& path) {
 
 const std::string& ModelFile::path() const { return impl_->path; }
 const SpmHeader& ModelFile::header() const { return impl_->header; }
-std::span<const std::uint8_t> ModelFile::header_bytes() const {
-  return impl_->bytes(sizeof(Preamble), impl_->preamble.header_bytes);
-}
+std::span<const std::uint8_t> ModelFile::header_bytes() const { return impl_->header_bytes; }
 std::uint64_t ModelFile::content_hash() const { return impl_->preamble.content_hash; }
 std::uint64_t ModelFile::file_bytes() const { return impl_->size; }
 std::uint64_t ModelFile::mesh_bytes() const {
   std::uint64_t bytes = impl_->preamble.header_bytes;
-  for (const DirectoryEntry& entry : impl_->directory()) bytes += entry.bytes;
+  for (const DirectoryEntry& entry : impl_->directory) bytes += entry.bytes;
   return bytes;
 }
 std::uint64_t ModelFile::block_count() const { return impl_->preamble.block_count; }
@@ -223,21 +273,37 @@ Status ModelFile::require_all() {
   return Status::ok();
 }
 
-Status ModelFile::verify() const {
-  std::uint64_t end = sizeof(Preamble) + impl_->preamble.header_bytes;
-  for (const DirectoryEntry& entry : impl_->directory()) {
-    NEARMESH_RETURN_IF_ERROR(impl_->check_block(entry));
+Status ModelFile::Impl::check_blocks() const {
+  std::vector<std::uint8_t> bytes;
+  std::uint64_t end = sizeof(Preamble) + preamble.header_bytes;
+  for (const DirectoryEntry& entry : directory) {
+    NEARMESH_RETURN_IF_ERROR(read_block(entry, bytes));
     end = std::max(end, entry.offset + entry.bytes);
   }
   // What fills up the last block is under no checksum.
-  const auto padding = impl_->bytes(end, impl_->preamble.directory_offset - end);
-  if (std::any_of(padding.begin(), padding.end(), [](std::uint8_t byte) { return byte != 0; }))
-    return impl_->corrupt("bytes before the directory: expected zeros");
-  const std::uint64_t faces = impl_->size - impl_->preamble.face_table_offset;
-  if (hash_bytes(impl_->bytes(impl_->preamble.face_table_offset, faces)) !=
-      impl_->preamble.face_table_checksum)
-    return impl_->corrupt("checksum of the face table does not match");
+  if (preamble.directory_offset - end >= alignof(DirectoryEntry))
+    return corrupt(range(end, preamble.directory_offset - end) + ": expected the directory");
+  bytes.resize(preamble.directory_offset - end);
+  NEARMESH_RETURN_IF_ERROR(read(end, bytes.data(), bytes.size()));
+  if (std::any_of(bytes.begin(), bytes.end(), [](std::uint8_t byte) { return byte != 0; }))
+    return corrupt("bytes before the directory: expected zeros");
   return Status::ok();
+}
+
+Status ModelFile::Impl::read_face_table(std::vector<std::uint32_t>& table) const {
+  table.resize(header.face_count);
+  const std::uint64_t bytes = table.size() * sizeof(std::uint32_t);
+  NEARMESH_RETURN_IF_ERROR(read(preamble.face_table_offset, table.data(), bytes));
+  if (hash_bytes({reinterpret_cast<const std::uint8_t*>(table.data()), bytes}) !=
+      preamble.face_table_checksum)
+    return corrupt("checksum of the face table does not match");
+  return Status::ok();
+}
+
+Status ModelFile::verify() const {
+  NEARMESH_RETURN_IF_ERROR(impl_->check_blocks());
+  std::vector<std::uint32_t> table;
+  return impl_->read_face_table(table);
 }
 
 FaceNumbering::FaceNumbering(const SplitStore& store, std::vector<FaceNumber> numbers)
@@ -251,10 +317,10 @@ FaceNumbering::FaceNumbering(const SplitStore& store, std::vector<FaceNumber> nu
 }
 
 Result<FaceNumbering> ModelFile::face_numbering() {
-  NEARMESH_RETURN_IF_ERROR(verify());
+  NEARMESH_RETURN_IF_ERROR(impl_->check_blocks());
+  std::vector<std::uint32_t> table;
+  NEARMESH_RETURN_IF_ERROR(impl_->read_face_table(table));
   NEARMESH_RETURN_IF_ERROR(require_all());
-  const auto* table =
-      reinterpret_cast<const std::uint32_t*>(impl_->data + impl_->preamble.face_table_offset);
   std::vector<FaceNumber> numbers(impl_->header.face_count);
   std::uint64_t faces = impl_->store->base_faces().size();
   for (std::uint32_t v = 0; v < impl_->header.vertex_count; ++v)

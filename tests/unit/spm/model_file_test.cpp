@@ -343,6 +343,72 @@ TEST(ModelFile, RefusesAModelThatFitsNoAddressSpace) {
   EXPECT_EXIT(open_in_4_gib(), ::testing::ExitedWithCode(0), "");
 }
 
+// ---- a file that changes while it is open --------------------------------------------------------
+
+/// Other content, of another length.
+std::vector<std::uint8_t> other_file() {
+  return test::write_model(test::bake_mesh(generate_sphere(20, 0), 8))->read();
+}
+
+TEST(ModelFile, ReadsOnWhatWasReplacedByRenaming) {
+  const TempFile file, other;
+  file.write(small_file());
+  other.write(other_file());
+  Result<ModelFile> untouched = ModelFile::open(test::write_model(small_model())->path());
+  Result<ModelFile> opened = ModelFile::open(file.path());
+  ASSERT_EQ(std::rename(other.path().c_str(), file.path().c_str()), 0);
+  ASSERT_TRUE(opened.value().require_all().is_ok());
+  ASSERT_TRUE(untouched.value().require_all().is_ok());
+  EXPECT_TRUE(equal(content_of(opened.value()), content_of(untouched.value())));
+  EXPECT_NE(ModelFile::open(file.path()).value().content_hash(), opened.value().content_hash());
+}
+
+TEST(ModelFile, RefusesWhatWasCutOffAfterItWasOpened) {
+  const auto bytes = small_file();
+  for (const std::size_t left : {std::size_t{0}, std::size_t{72}, bytes.size() / 3}) {
+    const TempFile file;
+    file.write(bytes);
+    Result<ModelFile> opened = ModelFile::open(file.path());
+    ASSERT_TRUE(opened.is_ok());
+    const std::vector<std::uint8_t> header(opened.value().header_bytes().begin(),
+                                           opened.value().header_bytes().end());
+    file.write({bytes.data(), left});
+    const Status status = opened.value().require_all();
+    EXPECT_EQ(status.code(), StatusCode::kCorrupt);
+    EXPECT_NE(status.message().find("changed after it was opened: " + std::to_string(bytes.size())),
+              std::string::npos)
+        << status.message();
+    EXPECT_NE(status.message().find(file.path()), std::string::npos) << status.message();
+    EXPECT_FALSE(opened.value().verify().is_ok());
+    EXPECT_FALSE(opened.value().face_numbering().is_ok());
+    EXPECT_TRUE(std::equal(header.begin(), header.end(), opened.value().header_bytes().begin()));
+  }
+}
+
+/// However much of another file was written over it: what is read is the mesh that was opened, or nothing.
+TEST(ModelFile, NeverMixesWithWhatWasWrittenOverIt) {
+  const auto bytes = small_file(), other = other_file();
+  const TempFile original;
+  original.write(bytes);
+  Result<ModelFile> good = ModelFile::open(original.path());
+  ASSERT_TRUE(good.value().require_all().is_ok());
+  const Content content = content_of(good.value());
+  std::size_t refused = 0;
+  for (std::size_t over = 0; over < bytes.size(); over += 97) {
+    const TempFile file;
+    file.write(bytes);
+    Result<ModelFile> opened = ModelFile::open(file.path());
+    auto mixed = bytes;
+    std::copy_n(other.begin(), std::min(over, other.size()), mixed.begin());
+    file.write(mixed);
+    if (opened.value().require_all().is_ok())
+      EXPECT_TRUE(equal(content_of(opened.value()), content)) << over;
+    else
+      ++refused;
+  }
+  EXPECT_GT(refused, 10U);
+}
+
 TEST(ModelFile, RefusesAFaceTableThatNamesAFourthCorner) {
   auto bytes = small_file();
   Preamble preamble;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The publisher service: answers the region subscriptions of any number of peers from memory-mapped models (or, in a
+// The publisher service: answers the region subscriptions of any number of peers from model files (or, in a
 // replay, from what was recorded of them).
 // Takes RegionSubscription, gives SplitBatchMessage, through a Channel; knows nothing of DDS.
 // It remembers no peer's state of refinement: a request names the peer's own frontier, so a batch that was lost is simply

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The .spm file, memory-mapped (layout and reasons: core/spm_format.md). Opening reads the header and
-// nothing else; blocks are checked and decoded when a request first touches them, so start-up does not depend on mesh
-// size and resident memory follows what is touched.
+// The .spm file, read piece by piece (layout and reasons: core/spm_format.md). Opening reads the header and the directory
+// (24 bytes a block, some 0.6 a vertex); blocks are read, checked and decoded when a request first touches them, so resident
+// memory follows what is touched.
+// The file may change meanwhile: one that is renamed or deleted is read on as it was; one that is cut or written over gives
+// kCorrupt, never another mesh, since every block must have the checksum that the directory had when it was opened. That is
+// also why it is not mapped: what is cut off a mapped file ends the process that touches it (SIGBUS).
 
 #include <cstdint>
 #include <memory>
@@ -37,7 +40,7 @@ class FaceNumbering {
 
 class ModelFile {
  public:
-  /// Errors: kIo (cannot open or map, no address space), kCorrupt (truncated, checksum),
+  /// Holds a file descriptor. Errors: kIo (cannot open or read, no address space), kCorrupt (truncated, checksum),
   /// kUnsupported (version); each names path, place, expected and found.
   [[nodiscard]] static Result<ModelFile> open(const std::string& path);
   ModelFile(ModelFile&&) noexcept;
@@ -58,7 +61,7 @@ class ModelFile {
   [[nodiscard]] const SplitStore& store() const;
 
   /// Makes the split of `node` known to store(). Cost: a look-up, or one block decoded (about 15 us).
-  /// Errors: kCorrupt naming the block, also where it holds no such node. Threads: one at a time.
+  /// Errors: kCorrupt naming the block, also where it holds no such node or the file has changed; kIo. Threads: one at a time.
   [[nodiscard]] Status require(NodeSpan node);
   /// Decodes everything.
   [[nodiscard]] Status require_all();

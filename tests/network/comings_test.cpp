@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+// Late joins, links that go down, and a short soak, with the real programs. At length: nearmesh-network joins, outages, soak.
+
+#include <gtest/gtest.h>
+
+#include "comings.hpp"
+#include "watch.hpp"
+
+namespace nearmesh::test {
+namespace {
+
+constexpr int kTerrainCells = 256;
+
+class Comings : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    if (const std::string why = Lan::why_not_permitted(); !why.empty())
+      GTEST_SKIP() << "no network can be made here: " << why;
+  }
+  static Exercise exercise() {
+    return {{model_file("terrain", kTerrainCells), model_file("aircraft", 600)}, kTerrainCells};
+  }
+};
+
+std::string all_of(const std::vector<std::string>& lines) {
+  std::string text;
+  for (const std::string& line : lines) text += line + "\n";
+  return text;
+}
+
+TEST_F(Comings, LateJoinTenTimesInARowIsRight) {
+  const Joins joins = join_in_a_row(exercise(), 10, 0.02, 1);
+  EXPECT_EQ(joins.joined, 10U) << all_of(joins.faults);
+  EXPECT_EQ(joins.wrong, 0U) << all_of(joins.faults);
+  EXPECT_GE(joins.answers, 40U);  // two rows of two pairs each
+  EXPECT_GT(joins.certified, 20U);
+}
+
+TEST_F(Comings, LinksThatWereDownServeAgain) {
+  // Shorter and longer than the lease of three seconds.
+  const Outages outages = take_links_down(exercise(), {1, 5});
+  for (const Outage& outage : outages.all)
+    EXPECT_GE(outage.back_s, 0) << (outage.of_publisher ? "publisher" : "peer") << " after "
+                                << outage.down_s << " s";
+  EXPECT_EQ(outages.all.size(), 4U);
+  EXPECT_EQ(outages.certified_while_down, 0U);
+  EXPECT_EQ(outages.wrong, 0U);
+}
+
+TEST(Watch, SlopeIsThatOfALine) {
+  std::vector<double> seconds, values;
+  for (int i = 0; i < 10; ++i) {
+    seconds.push_back(7 * i);
+    values.push_back(100 + 0.5 * 7 * i);
+  }
+  EXPECT_NEAR(slope_of(seconds, values).per_minute, 30, 1e-9);
+  EXPECT_NEAR(slope_of(seconds, values).error, 0, 1e-6);
+  values[5] += 60;
+  EXPECT_GT(slope_of(seconds, values).error, 1);
+}
+
+TEST(Watch, SeesWhatAProcessHolds) {
+  const Holding before = holding_of(::getpid());
+  EXPECT_GE(before.threads, 1);
+  EXPECT_GE(before.descriptors, 3);
+  const std::vector<char> more(64 << 20, 'x');
+  const Holding after = holding_of(::getpid());
+  EXPECT_GT(after.heap_kb, before.heap_kb + 50'000) << more[1000];
+  EXPECT_GT(after.rss_kb, before.rss_kb + 50'000);
+}
+
+}  // namespace
+}  // namespace nearmesh::test
