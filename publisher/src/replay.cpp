@@ -117,6 +117,7 @@ Status Replay::step(double now_s) {
     stats_.late.add(due.value()->late_s);
     play(*due.value());
   }
+  NEARMESH_RETURN_IF_ERROR(prepare());
   answer(now_s);
   if (loop_ && playhead_.at_end() && !playhead_.is_paused()) {
     ++stats_.loops;
@@ -125,8 +126,10 @@ Status Replay::step(double now_s) {
   return Status::ok();
 }
 
+Status Replay::prepare() { return index_.take_batches(recording_, kPreparedBatches); }
+
 void Replay::wait(double seconds, double now_s) {
-  outlet_.wait(std::min(seconds, playhead_.wait_s(now_s)));
+  outlet_.wait(index_.has_all_batches() ? std::min(seconds, playhead_.wait_s(now_s)) : 0);
 }
 
 Status Replay::step_to_pose(double now_s) {
@@ -191,7 +194,14 @@ Status Replay::restore(std::optional<std::int64_t> before) {
 
 void Replay::answer(double now_s) {
   const std::vector<wire::SessionId> lost = outlet_.take_lost_peers();
-  for (wire::RegionSubscription& subscription : outlet_.take_subscriptions()) {
+  for (wire::RegionSubscription& subscription : outlet_.take_subscriptions())
+    early_.push_back(std::move(subscription));
+  std::erase_if(early_, [&](const wire::RegionSubscription& early) {
+    return std::find(lost.begin(), lost.end(), early.peer) != lost.end();
+  });
+  std::vector<wire::RegionSubscription> subscriptions;
+  if (index_.has_all_batches()) subscriptions.swap(early_);
+  for (wire::RegionSubscription& subscription : subscriptions) {
     const auto publisher = publishers_.find(subscription.publisher);
     if (publisher != publishers_.end())
       publisher->second.channel->subscriptions.push_back(std::move(subscription));

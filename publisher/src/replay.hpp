@@ -82,7 +82,10 @@ class Replay {
   [[nodiscard]] Status begin();
   /// Sends what is due, at most kBurst messages, and answers live peers. Never blocks but on the disk.
   [[nodiscard]] Status step(double now_s);
-  /// Blocks until something is due or came in, at most `seconds`.
+  /// Prepares answers to live peers, for some milliseconds; step() does so too. Live peers are answered when all is
+  /// prepared, which an hour of ten peers takes a second of.
+  [[nodiscard]] Status prepare();
+  /// Blocks until something is due or came in, at most `seconds`; not while answers are to be prepared.
   void wait(double seconds, double now_s);
   /// When paused: plays on up to the next pose, and with it.
   [[nodiscard]] Status step_to_pose(double now_s);
@@ -100,6 +103,7 @@ class Replay {
 
  private:
   static constexpr int kBurst = 256;
+  static constexpr std::size_t kPreparedBatches = 64;  ///< at once: some 3 ms
   class Branch;
   struct Publisher {
     std::unique_ptr<Branch> channel;
@@ -116,6 +120,7 @@ class Replay {
   Playhead playhead_;
   const bool loop_;
   std::map<wire::SessionId, Publisher> publishers_;
+  std::vector<wire::RegionSubscription> early_;  ///< that came before answers were prepared
   ReplayStats stats_;
   std::vector<std::string> complaints_;
 };
