@@ -5,6 +5,8 @@
 #include <bit>
 #include <utility>
 
+#include "nearmesh/wire/topics.hpp"
+
 namespace nearmesh::publisher {
 namespace {
 
@@ -203,7 +205,9 @@ void Replay::answer(double now_s) {
   if (index_.has_all_batches()) subscriptions.swap(early_);
   for (wire::RegionSubscription& subscription : subscriptions) {
     const auto publisher = publishers_.find(subscription.publisher);
-    if (publisher != publishers_.end())
+    if (index_.peers().contains(subscription.peer)) {
+      refuse(subscription);
+    } else if (publisher != publishers_.end())
       publisher->second.channel->subscriptions.push_back(std::move(subscription));
   }
   stats_.live_peers = stats_.requests = stats_.batches = stats_.batch_bytes = 0;
@@ -217,6 +221,26 @@ void Replay::answer(double now_s) {
     stats_.batches += stats.batches;
     stats_.batch_bytes += stats.bytes;
   }
+}
+
+void Replay::refuse(const wire::RegionSubscription& subscription) {
+  const std::string peer = wire::partition_of(subscription.peer);
+  if (refused_.insert(subscription.peer).second)
+    complaints_.push_back("peer " + peer +
+                          " is live and in the recording too, and is refused: end one of the two, "
+                          "or replay elsewhere (--domain, --prefix)");
+  // What asks another publisher is none of ours.
+  if (subscription.request == 0 || !publishers_.contains(subscription.publisher)) return;
+  const std::string reason =
+      "a replayed session has a peer with the id " + peer + ", which is refused live";
+  // Where it is not matched yet: it asks again.
+  static_cast<void>(outlet_.send(subscription.peer, {.publisher = subscription.publisher,
+                                                     .content_hash = subscription.content_hash,
+                                                     .request = subscription.request,
+                                                     .sequence = 1,
+                                                     .last = true,
+                                                     .refused = true,
+                                                     .bytes = {reason.begin(), reason.end()}}));
 }
 
 std::vector<std::string> Replay::take_complaints() {

@@ -6,12 +6,14 @@
 // What a peer that joins at a moment finds (hellos, headers, poses, detail) depends on the moment alone, however the replay
 // came there: played, sought, or looped. A seek back withdraws what was not yet said.
 // What no recorded peer was sent is not sent here either: a live peer that needs it says "uncertain".
+// A live peer with the id of a recorded one is refused: answers to it would mix with what the recorded one was sent.
 
 #include <array>
 #include <cstdint>
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -113,6 +115,7 @@ class Replay {
   void play(const Playhead::Due& due);
   [[nodiscard]] Status restore(std::optional<std::int64_t> before);
   void answer(double now_s);
+  void refuse(const wire::RegionSubscription& subscription);
 
   RecordingReader& recording_;
   ReplayIndex& index_;
@@ -120,6 +123,7 @@ class Replay {
   Playhead playhead_;
   const bool loop_;
   std::map<wire::SessionId, Publisher> publishers_;
+  std::set<wire::SessionId> refused_;            ///< live peers with ids of recorded ones
   std::vector<wire::RegionSubscription> early_;  ///< that came before answers were prepared
   ReplayStats stats_;
   std::vector<std::string> complaints_;

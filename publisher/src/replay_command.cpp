@@ -246,8 +246,7 @@ Status replay(Options options) {
   const Result<ReplayNames> names = rename(recording, options.remaps, options.transport);
   if (!names.is_ok()) return names.status();
   report_gaps(recording);
-  const auto outlet = DdsReplay::create(options.transport, index.value()->streams(), names.value(),
-                                        index.value()->peers());
+  const auto outlet = DdsReplay::create(options.transport, index.value()->streams(), names.value());
   if (!outlet.is_ok()) return outlet.status();
   spdlog::info(
       "replaying {}: {:.3f} to {:.3f} s of {} publishers and {} peers, on domain {}, topics {}/*",

@@ -145,6 +145,35 @@ TEST_F(ReplayTest, LivePeersAreAnsweredOnceAllBatchesAreTakenIn) {
   EXPECT_EQ(replay.stats().requests, 1U);
 }
 
+TEST_F(ReplayTest, ALivePeerWithTheIdOfARecordedOneIsRefused) {
+  const double length_s = record_flight(file.path());
+  ReplayWorld play(file.path()), alone(file.path());
+  const auto twin = play.join(kPeer), other = play.join(kLive);
+  std::vector<std::string> complaints;
+  while (!play.replay.playhead().at_end()) {
+    play.play_to(play.replay.playhead().time_s(play.now_s) + 0.1, twin.get());
+    play.world.round(*other);
+    for (std::string& line : play.replay.take_complaints()) complaints.push_back(std::move(line));
+  }
+  alone.play_to(length_s);
+  // Both sides say so, once here, and at each request there.
+  ASSERT_EQ(complaints.size(), 1U);
+  EXPECT_NE(
+      complaints[0].find("peer " + wire::partition_of(kPeer) + " is live and in the recording"),
+      std::string::npos)
+      << complaints[0];
+  const auto& heard = play.world.complaints;
+  EXPECT_TRUE(std::any_of(heard.begin(), heard.end(), [](const std::string& line) {
+    return line.find("a replayed session has a peer with the id") != std::string::npos;
+  }));
+  for (const wire::SplitBatchMessage& batch : play.outlet.answers)
+    EXPECT_TRUE(check(batch).is_ok()) << check(batch).message();
+  EXPECT_EQ(twin->stats().batch_bytes, play.outlet.refused_bytes);
+  // What is played does not suffer, nor does another live peer.
+  EXPECT_EQ(play.outlet.published, alone.outlet.published);
+  EXPECT_GT(other->stats().batches, 0U);
+}
+
 TEST_F(ReplayTest, WhatWasNotRecordedStaysUncertain) {
   const double length_s = record_flight(file.path(), {.batches = false});
   ReplayWorld play(file.path());

@@ -93,6 +93,7 @@ class MemoryOutlet final : public publisher::ReplayOutlet {
   std::map<Key, std::vector<std::uint8_t>> latched;  ///< what a late joiner gets
   std::vector<std::pair<std::uint32_t, std::vector<std::uint8_t>>> published;  ///< all of it
   std::vector<wire::SplitBatchMessage> answers;                                ///< to live peers
+  std::uint64_t refused_bytes = 0;  ///< of answers that refuse
   bool restart = false;
 
   bool publish(std::uint32_t stream, const std::vector<std::uint8_t>& cdr) override {
@@ -110,6 +111,7 @@ class MemoryOutlet final : public publisher::ReplayOutlet {
   std::vector<wire::SessionId> take_lost_peers() override { return end_->take_lost_peers(); }
   bool send(wire::SessionId peer, const wire::SplitBatchMessage& batch) override {
     answers.push_back(batch);
+    if (batch.refused) refused_bytes += batch.bytes.size();
     return end_->send(peer, batch);
   }
   void wait(double) override {}
