@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nearmesh/wire/payload.hpp"
 
+#include "nearmesh/core/base/hash.hpp"
 #include "nearmesh/wire/codec.hpp"
+#include "nearmesh/wire/topics.hpp"
 #include "nearmesh/wire/type_support.hpp"
 
 namespace nearmesh::wire {
@@ -63,6 +65,27 @@ NEARMESH_PAYLOAD_OF(SplitBatchMessage);
 NEARMESH_PAYLOAD_OF(BodyPose);
 NEARMESH_PAYLOAD_OF(ContactReport);
 #undef NEARMESH_PAYLOAD_OF
+
+std::string record_key(std::string_view type, std::span<const std::uint8_t> cdr) {
+  const auto key = [](const auto& message, auto of) {
+    return message.is_ok() ? of(message.value()) : std::string();
+  };
+  if (type == kHelloType)
+    return key(decode_payload<Hello>(cdr), [](const Hello& m) { return to_hex(m.publisher); });
+  if (type == kMeshHeaderType)
+    return key(decode_payload<MeshHeader>(cdr),
+               [](const MeshHeader& m) { return to_hex(m.content_hash); });
+  if (type == kRegionSubscriptionType)
+    return key(decode_payload<RegionSubscription>(cdr), [](const RegionSubscription& m) {
+      return m.request == 0 ? std::string() : to_hex(m.peer);
+    });
+  if (type == kSplitBatchType)
+    return key(decode_payload<SplitBatchMessage>(cdr),
+               [](const SplitBatchMessage& m) { return to_hex(m.content_hash); });
+  if (type == kBodyPoseType)
+    return key(decode_payload<BodyPose>(cdr), [](const BodyPose& m) { return m.body; });
+  return {};
+}
 
 const char* idl_text() {
   return

@@ -61,11 +61,10 @@ class TypedRawWriter final : public RawWriter {
 class DdsReplay::Impl {
  public:
   Impl(const wire::TransportOptions& transport, const std::vector<ReplayStream>& streams,
-       const ReplayNames& names, const std::set<SessionId>& recorded_peers)
+       const ReplayNames& names)
       : transport_(transport),
         streams_(streams),
         names_(names),
-        recorded_peers_(recorded_peers),
         peers_(mailbox_, names.of(ReplayTopic::kRegionSubscription),
                names.of(ReplayTopic::kSplitBatch), kMaxPeers, transport.heartbeat_s) {}
 
@@ -92,11 +91,9 @@ class DdsReplay::Impl {
   const wire::TransportOptions transport_;
   const std::vector<ReplayStream> streams_;
   const ReplayNames names_;
-  const std::set<SessionId> recorded_peers_;
   wire::Mailbox mailbox_;
   std::vector<std::unique_ptr<wire::WriterListener>> listeners_;  ///< by stream
   DdsPeers peers_;
-  std::set<SessionId> complained_of_;
   std::vector<std::unique_ptr<RawWriter>> writers_;  ///< by stream
   std::unique_ptr<wire::Bus>
       bus_;  ///< goes first of the DDS members, while the listeners still live
@@ -183,20 +180,13 @@ bool DdsReplay::Impl::take_restart() {
 
 Inbox DdsReplay::Impl::take() {
   if (bus_ == nullptr) return {peers_.take_lost(), {}};
-  return peers_.take([this](const wire::RegionSubscription& message) {
-    if (!recorded_peers_.contains(message.peer)) return true;
-    if (complained_of_.insert(message.peer).second)
-      mailbox_.complain("peer " + wire::partition_of(message.peer) +
-                        " is live and in the recording too, and is not answered");
-    return false;
-  });
+  return peers_.take([](const wire::RegionSubscription&) { return true; });
 }
 
 Result<std::unique_ptr<DdsReplay>> DdsReplay::create(const wire::TransportOptions& transport,
                                                      const std::vector<ReplayStream>& streams,
-                                                     const ReplayNames& names,
-                                                     const std::set<SessionId>& recorded_peers) {
-  auto impl = std::make_unique<Impl>(transport, streams, names, recorded_peers);
+                                                     const ReplayNames& names) {
+  auto impl = std::make_unique<Impl>(transport, streams, names);
   NEARMESH_RETURN_IF_ERROR(impl->start());
   return std::unique_ptr<DdsReplay>(new DdsReplay(std::move(impl)));
 }

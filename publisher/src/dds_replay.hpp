@@ -24,12 +24,11 @@ struct ReplayNames {
 /// Threads: one, from create to destruction; wait() is woken by threads of Fast DDS.
 class DdsReplay final : public ReplayOutlet {
  public:
-  /// `recorded_peers` are never answered, and nobody may speak in their name. All endpoints are made at once, so that who
-  /// listens has found them before the first sample.
+  /// All endpoints are made at once, so that who listens has found them before the first sample.
   /// Errors: kInvalidArgument naming the option; kIo when Fast DDS refuses.
   [[nodiscard]] static Result<std::unique_ptr<DdsReplay>> create(
       const wire::TransportOptions& transport, const std::vector<ReplayStream>& streams,
-      const ReplayNames& names, const std::set<wire::SessionId>& recorded_peers);
+      const ReplayNames& names);
   ~DdsReplay() override;
 
   /// Tries for two seconds where a writer's history is full.

@@ -5,6 +5,8 @@
 #include <bit>
 #include <utility>
 
+#include "nearmesh/wire/topics.hpp"
+
 namespace nearmesh::publisher {
 namespace {
 
@@ -113,6 +115,7 @@ Status Replay::step(double now_s) {
     stats_.late.add(due.value()->late_s);
     play(*due.value());
   }
+  NEARMESH_RETURN_IF_ERROR(prepare());
   answer(now_s);
   if (loop_ && playhead_.at_end() && !playhead_.is_paused()) {
     ++stats_.loops;
@@ -121,8 +124,10 @@ Status Replay::step(double now_s) {
   return Status::ok();
 }
 
+Status Replay::prepare() { return index_.take_batches(recording_, kPreparedBatches); }
+
 void Replay::wait(double seconds, double now_s) {
-  outlet_.wait(std::min(seconds, playhead_.wait_s(now_s)));
+  outlet_.wait(index_.has_all_batches() ? std::min(seconds, playhead_.wait_s(now_s)) : 0);
 }
 
 Status Replay::step_to_pose(double now_s) {
@@ -187,9 +192,19 @@ Status Replay::restore(std::optional<std::int64_t> before) {
 
 void Replay::answer(double now_s) {
   Inbox inbox = outlet_.take();
-  for (wire::RegionSubscription& subscription : inbox.subscriptions) {
+  std::erase_if(early_, [&](const wire::RegionSubscription& early) {
+    return std::find(inbox.lost_peers.begin(), inbox.lost_peers.end(), early.peer) !=
+           inbox.lost_peers.end();
+  });
+  for (wire::RegionSubscription& subscription : inbox.subscriptions)
+    early_.push_back(std::move(subscription));
+  std::vector<wire::RegionSubscription> subscriptions;
+  if (index_.has_all_batches()) subscriptions.swap(early_);
+  for (wire::RegionSubscription& subscription : subscriptions) {
     const auto publisher = publishers_.find(subscription.publisher);
-    if (publisher != publishers_.end())
+    if (index_.peers().contains(subscription.peer)) {
+      refuse(subscription);
+    } else if (publisher != publishers_.end())
       publisher->second.channel->inbox.subscriptions.push_back(std::move(subscription));
   }
   stats_.live_peers = stats_.requests = stats_.batches = stats_.batch_bytes = 0;
@@ -203,6 +218,26 @@ void Replay::answer(double now_s) {
     stats_.batches += stats.batches;
     stats_.batch_bytes += stats.bytes;
   }
+}
+
+void Replay::refuse(const wire::RegionSubscription& subscription) {
+  const std::string peer = wire::partition_of(subscription.peer);
+  if (refused_.insert(subscription.peer).second)
+    complaints_.push_back("peer " + peer +
+                          " is live and in the recording too, and is refused: end one of the two, "
+                          "or replay elsewhere (--domain, --prefix)");
+  // What asks another publisher is none of ours.
+  if (subscription.request == 0 || !publishers_.contains(subscription.publisher)) return;
+  const std::string reason =
+      "a replayed session has a peer with the id " + peer + ", which is refused live";
+  // Where it is not matched yet: it asks again.
+  static_cast<void>(outlet_.send(subscription.peer, {.publisher = subscription.publisher,
+                                                     .content_hash = subscription.content_hash,
+                                                     .request = subscription.request,
+                                                     .sequence = 1,
+                                                     .last = true,
+                                                     .refused = true,
+                                                     .bytes = {reason.begin(), reason.end()}}));
 }
 
 std::vector<std::string> Replay::take_complaints() {

@@ -6,12 +6,14 @@
 // What a peer that joins at a moment finds (hellos, headers, poses, detail) depends on the moment alone, however the replay
 // came there: played, sought, or looped. A seek back withdraws what was not yet said.
 // What no recorded peer was sent is not sent here either: a live peer that needs it says "uncertain".
+// A live peer with the id of a recorded one is refused: answers to it would mix with what the recorded one was sent.
 
 #include <array>
 #include <cstdint>
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -81,7 +83,10 @@ class Replay {
   [[nodiscard]] Status begin();
   /// Sends what is due, at most kBurst messages, and answers live peers. Never blocks but on the disk.
   [[nodiscard]] Status step(double now_s);
-  /// Blocks until something is due or came in, at most `seconds`.
+  /// Prepares answers to live peers, for some milliseconds; step() does so too. Live peers are answered when all is
+  /// prepared, which an hour of ten peers takes a second of.
+  [[nodiscard]] Status prepare();
+  /// Blocks until something is due or came in, at most `seconds`; not while answers are to be prepared.
   void wait(double seconds, double now_s);
   /// When paused: plays on up to the next pose, and with it.
   [[nodiscard]] Status step_to_pose(double now_s);
@@ -99,6 +104,7 @@ class Replay {
 
  private:
   static constexpr int kBurst = 256;
+  static constexpr std::size_t kPreparedBatches = 64;  ///< at once: some 3 ms
   class Branch;
   struct Publisher {
     std::unique_ptr<Branch> channel;
@@ -108,6 +114,7 @@ class Replay {
   void play(const Playhead::Due& due);
   [[nodiscard]] Status restore(std::optional<std::int64_t> before);
   void answer(double now_s);
+  void refuse(const wire::RegionSubscription& subscription);
 
   RecordingReader& recording_;
   ReplayIndex& index_;
@@ -115,6 +122,8 @@ class Replay {
   Playhead playhead_;
   const bool loop_;
   std::map<wire::SessionId, Publisher> publishers_;
+  std::set<wire::SessionId> refused_;            ///< live peers with ids of recorded ones
+  std::vector<wire::RegionSubscription> early_;  ///< that came before answers were prepared
   ReplayStats stats_;
   std::vector<std::string> complaints_;
 };

@@ -246,20 +246,20 @@ Status replay(Options options) {
   const Result<ReplayNames> names = rename(recording, options.remaps, options.transport);
   if (!names.is_ok()) return names.status();
   report_gaps(recording);
-  const auto outlet = DdsReplay::create(options.transport, index.value()->streams(), names.value(),
-                                        index.value()->peers());
+  const auto outlet = DdsReplay::create(options.transport, index.value()->streams(), names.value());
   if (!outlet.is_ok()) return outlet.status();
   spdlog::info(
       "replaying {}: {:.3f} to {:.3f} s of {} publishers and {} peers, on domain {}, topics {}/*",
       options.path, playhead.value().start_s(), playhead.value().end_s(),
       index.value()->publishers().size(), index.value()->peers().size(), options.transport.domain,
       options.transport.prefix);
-  for (const double until_s = clock.seconds() + kDiscovery_s;
-       clock.seconds() < until_s && stop_requested == 0;)
-    outlet.value()->wait(kLoop_s);
-
   Replay replay(recording, *index.value(), *outlet.value(), std::move(playhead).value(),
                 options.loop);
+  for (const double until_s = clock.seconds() + kDiscovery_s;
+       clock.seconds() < until_s && stop_requested == 0;) {
+    NEARMESH_RETURN_IF_ERROR(replay.prepare());
+    outlet.value()->wait(index.value()->has_all_batches() ? kLoop_s : 0);
+  }
   const double begun_s = clock.seconds();
   NEARMESH_RETURN_IF_ERROR(replay.playhead().seek(replay.playhead().start_s(), begun_s));
   NEARMESH_RETURN_IF_ERROR(play(replay, clock));

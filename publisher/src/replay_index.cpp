@@ -59,20 +59,96 @@ Result<std::unique_ptr<ReplayIndex>> ReplayIndex::build(
                                                   index->add_detail(message);
                                                   return true;
                                                 }));
-    for (std::int64_t first = 1; first <= recording.message_count(); first += kChunk) {
-      NEARMESH_RETURN_IF_ERROR(recording.read(first, first + kChunk,
-                                              [&](std::int64_t id, const RecordedMessage& message) {
-                                                index->take(id, message);
-                                                return true;
-                                              }));
-      if (progress &&
-          !progress(static_cast<double>(first) / static_cast<double>(recording.message_count())))
-        break;
-    }
+    NEARMESH_RETURN_IF_ERROR(recording.has_keys() ? index->read_keys(recording, progress)
+                                                  : index->read_all(recording, progress));
   } catch (const std::bad_alloc&) {  // models span all ids that a header announces
     return Status{StatusCode::kIo, "no memory for the models of the recording"};
   }
+  index->sort();
   return index;
+}
+
+Status ReplayIndex::read_all(RecordingReader& recording,
+                             const std::function<bool(double)>& progress) {
+  for (std::int64_t first = 1; first <= recording.message_count(); first += kChunk) {
+    NEARMESH_RETURN_IF_ERROR(
+        recording.read(first, first + kChunk, [&](std::int64_t id, const RecordedMessage& message) {
+          take(id, message);
+          return true;
+        }));
+    if (progress &&
+        !progress(static_cast<double>(first) / static_cast<double>(recording.message_count())))
+      break;
+  }
+  return Status::ok();
+}
+
+Status ReplayIndex::read_keys(RecordingReader& recording,
+                              const std::function<bool(double)>& progress) {
+  // Requests before the batches that answer them.
+  for (const bool batches : {false, true})
+    for (std::uint32_t key = 0; key < recording.keys().size(); ++key) {
+      const std::uint32_t stream = stream_of_writer_[recording.keys()[key].writer];
+      if (stream == kNotPlayed || (streams_[stream].topic == ReplayTopic::kSplitBatch) != batches)
+        continue;
+      NEARMESH_RETURN_IF_ERROR(read_key(recording, key));
+      if (progress &&
+          !progress((batches ? 0.5 : 0) +
+                    0.5 * static_cast<double>(key) / static_cast<double>(recording.keys().size())))
+        return Status::ok();
+    }
+  return Status::ok();
+}
+
+Status ReplayIndex::read_key(RecordingReader& recording, std::uint32_t key) {
+  const RecordedKey& recorded = recording.keys()[key];
+  const std::uint32_t stream = stream_of_writer_[recorded.writer];
+  const Result<std::vector<std::int64_t>> ids = recording.ids_of(key);
+  if (!ids.is_ok()) return ids.status();
+  const bool is_pose = streams_[stream].topic == ReplayTopic::kBodyPose;
+  for (const std::int64_t id : ids.value()) {
+    NEARMESH_RETURN_IF_ERROR(
+        recording.read(id, id + 1, [&](std::int64_t, const RecordedMessage& message) {
+          take(id, message);
+          return true;
+        }));
+    if (is_pose) break;  // all are of one body, and of one peer
+  }
+  if (is_pose && !ids.value().empty()) {
+    Latch& latch = latches_[{stream, recorded.name}];
+    latch.insert(latch.end(), ids.value().begin() + 1, ids.value().end());
+  }
+  return Status::ok();
+}
+
+/// Of one thing several keys may tell, in any order.
+void ReplayIndex::sort() {
+  for (auto& [key, ids] : latches_) std::sort(ids.begin(), ids.end());
+  for (auto& [key, requests] : requests_)
+    std::sort(requests.begin(), requests.end(),
+              [](const Request& a, const Request& b) { return a.id < b.id; });
+  std::sort(batches_.begin(), batches_.end());
+}
+
+Status ReplayIndex::take_batches(RecordingReader& recording, std::size_t most) {
+  try {
+    for (; most > 0 && !batches_.empty(); --most) {
+      const auto [id, content] = batches_.front();
+      batches_.pop_front();
+      RecordedDetail& detail = details_.at(content);
+      NEARMESH_RETURN_IF_ERROR(
+          recording.read(id, id + 1, [&](std::int64_t, const RecordedMessage& message) {
+            if (const auto batch = wire::decode_payload<wire::SplitBatchMessage>(message.cdr);
+                batch.is_ok())
+              // What is wrong with it was wrong when it was sent; peers dropped it too.
+              static_cast<void>(detail.add(id, batch.value().bytes));
+            return true;
+          }));
+    }
+  } catch (const std::bad_alloc&) {
+    return {StatusCode::kIo, "no memory for the models of the recording"};
+  }
+  return Status::ok();
 }
 
 Status ReplayIndex::add_streams(const RecordingReader& recording,
@@ -166,10 +242,8 @@ void ReplayIndex::take_batch(std::int64_t id, std::uint32_t stream,
       if (request != asked->second.end() && request->number == sent.request) request->answered = id;
     }
   }
-  const auto detail = details_.find(sent.content_hash);
-  if (sent.refused || sent.bytes.empty() || detail == details_.end()) return;
-  // What is wrong with it was wrong when it was sent; peers dropped it too.
-  static_cast<void>(detail->second.add(id, sent.bytes));
+  if (!sent.refused && !sent.bytes.empty() && details_.contains(sent.content_hash))
+    batches_.emplace_back(id, sent.content_hash);
 }
 
 std::vector<std::int64_t> ReplayIndex::latched(std::int64_t end) const {

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // What must be known of a recording to play it from anywhere: who wrote, which samples hold at a moment, and what detail of
-// the models had been delivered by then. Made in one pass over the file. No DDS here.
+// the models had been delivered by then. Made from the recording's keys, without reading what holds nothing; of recordings
+// that have none, in one pass over the file. No DDS here.
 // Moments are ids of messages: "at `end`" is when all messages before `end` have been played, and none from there on.
 
 #include <array>
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <map>
 #include <memory>
@@ -61,8 +63,12 @@ class ReplayIndex {
 
   [[nodiscard]] const std::set<wire::SessionId>& publishers() const { return publishers_; }
   [[nodiscard]] const std::set<wire::SessionId>& peers() const { return peers_; }
-  /// By content hash. Those with a header in the recording, where batches are wanted at all.
+  /// By content hash. Those with a header in the recording, where batches are wanted at all. Complete once all batches
+  /// were taken in.
   [[nodiscard]] std::map<std::uint64_t, RecordedDetail>& details() { return details_; }
+  /// Takes in the next batches, at most `most`. Errors: the reader's; kIo where there is no memory for them.
+  [[nodiscard]] Status take_batches(RecordingReader& recording, std::size_t most);
+  [[nodiscard]] bool has_all_batches() const { return batches_.empty(); }
 
   /// Messages that hold at `end`, ascending: the latest of each hello, header and pose, and requests that are not answered
   /// in full. Cost: O(keys log messages).
@@ -79,6 +85,10 @@ class ReplayIndex {
 
   ReplayIndex() = default;
   Status add_streams(const RecordingReader& recording, const std::vector<std::string>& topics);
+  Status read_all(RecordingReader& recording, const std::function<bool(double)>& progress);
+  Status read_keys(RecordingReader& recording, const std::function<bool(double)>& progress);
+  Status read_key(RecordingReader& recording, std::uint32_t key);
+  void sort();
   void take(std::int64_t id, const RecordedMessage& message);
   void take_hello(std::int64_t id, const RecordedMessage& message);
   void add_detail(const RecordedMessage& message);
@@ -92,6 +102,8 @@ class ReplayIndex {
   std::map<std::pair<std::uint32_t, std::string>, Latch> latches_;  // by stream and key
   std::map<std::pair<std::string, std::uint64_t>, std::vector<Request>>
       requests_;  // by the peer's partition and content
+  /// That are not in the details yet: id and content, ascending.
+  std::deque<std::pair<std::int64_t, std::uint64_t>> batches_;
   bool plays_batches_ = false;
 };
 

@@ -3,10 +3,12 @@
 
 #include <map>
 #include <set>
+#include <tuple>
 #include <utility>
 
 #include "nearmesh/core/base/hash.hpp"
 #include "nearmesh/core/base/stopwatch.hpp"
+#include "nearmesh/core/query/query.hpp"
 #include "nearmesh/wire/dds_support.hpp"
 
 namespace nearmesh::subscriber {
@@ -17,6 +19,7 @@ using wire::Microseconds;
 
 constexpr std::size_t kMaxTaken = 4096;
 constexpr std::size_t kMaxRefusals = 256;
+constexpr std::size_t kMaxRegions = 16384;
 constexpr double kSilence_s = 2;
 
 }  // namespace
@@ -28,6 +31,8 @@ class DdsMonitor::Impl {
         names_(transport.prefix),
         hello_listener_(mailbox_, names_.hello),
         status_listener_(mailbox_, names_.process_status),
+        report_listener_(mailbox_, names_.contact_report),
+        request_listener_(mailbox_, names_.region_subscription),
         silence_(kSilence_s) {}
 
   Status start() {
@@ -50,6 +55,28 @@ class DdsMonitor::Impl {
     return Status::ok();
   }
 
+  Status hear_regions() {
+    auto report = bus_->add_topic<wire::ContactReportType>(names_.contact_report);
+    if (!report.is_ok()) return report.status();
+    auto request = bus_->add_topic<wire::RegionSubscriptionType>(names_.region_subscription);
+    if (!request.is_ok()) return request.status();
+    // The latest will do, and what is lost is not sent again.
+    const auto unreliable = [](const wire::Delivery& delivery) {
+      wire::fdds::DataReaderQos qos = wire::reader_qos(delivery);
+      qos.reliability().kind = wire::fdds::BEST_EFFORT_RELIABILITY_QOS;
+      return qos;
+    };
+    auto reports = bus_->add_reader(report.value(), unreliable(wire::kContactReportDelivery),
+                                    report_listener_);
+    if (!reports.is_ok()) return reports.status();
+    report_reader_ = reports.value();
+    auto requests = bus_->add_reader(request.value(), unreliable(wire::kRegionSubscriptionDelivery),
+                                     request_listener_);
+    if (!requests.is_ok()) return requests.status();
+    request_reader_ = requests.value();
+    return Status::ok();
+  }
+
   void listen(double seconds) {
     mailbox_.wait(seconds);
     // What is faulty is heard too: it is complained of by itself.
@@ -65,7 +92,8 @@ class DdsMonitor::Impl {
         [&](wire::ProcessStatus&& status, const Handle& writer, Microseconds) {
           processes_[writer] = std::move(status);
         });
-    if (more || more_statuses) mailbox_.wake();
+    const bool more_regions = report_reader_ != nullptr && take_regions();
+    if (more || more_statuses || more_regions) mailbox_.wake();
     take_matches();
     for (const Handle& writer : silence_.take_silent(clock_.seconds()))
       refuse("publisher " + wire::name_of(writer) + wire::kSilentHint);
@@ -82,10 +110,56 @@ class DdsMonitor::Impl {
     for (const auto& [writer, status] : processes_) processes[status.session] = status;
     for (const auto& [id, status] : processes) view.processes.push_back(status);
     view.refusals = refusals_;
+    const double now_s = clock_.seconds();
+    for (const auto& [key, region] : regions_)
+      view.regions.push_back({region.report, now_s - region.heard_s,
+                              is_certified(static_cast<AnswerStatus>(region.report.status))
+                                  ? 0
+                                  : now_s - region.certified_s});
+    for (const auto& [key, request] : requests_) {
+      view.requests.push_back(request.view);
+      view.requests.back().age_s = now_s - request.heard_s;
+    }
     return view;
   }
 
  private:
+  /// Out: true when there may be more.
+  bool take_regions() {
+    const double now_s = clock_.seconds();
+    const bool more = wire::drain<wire::ContactReportType>(
+        *report_reader_, mailbox_, kMaxTaken,
+        [&](wire::ContactReport&& report, const Handle& writer, Microseconds) {
+          const auto key = std::tuple(report.peer, report.body_a, report.body_b);
+          if (regions_.size() >= kMaxRegions && !regions_.contains(key)) return;
+          Region& region = regions_.try_emplace(key, Region{.certified_s = now_s}).first->second;
+          region.writer = writer;
+          region.heard_s = now_s;
+          if (is_certified(static_cast<AnswerStatus>(report.status))) region.certified_s = now_s;
+          region.report = std::move(report);
+        });
+    const bool more_requests = wire::drain<wire::RegionSubscriptionType>(
+        *request_reader_, mailbox_, kMaxTaken,
+        [&](wire::RegionSubscription&& asked, const Handle& writer, Microseconds) {
+          const std::pair key(asked.peer, asked.content_hash);
+          if (asked.request == 0 || (requests_.size() >= kMaxRegions && !requests_.contains(key)))
+            return;
+          requests_[key] = {{asked.peer, asked.content_hash, asked.priority,
+                             static_cast<std::uint32_t>(asked.region.attach.size())},
+                            writer,
+                            now_s};
+        });
+    for (const auto& event : report_listener_.take_matches())
+      if (event.gone)
+        std::erase_if(regions_,
+                      [&](const auto& known) { return known.second.writer == event.writer; });
+    for (const auto& event : request_listener_.take_matches())
+      if (event.gone)
+        std::erase_if(requests_,
+                      [&](const auto& known) { return known.second.writer == event.writer; });
+    return more || more_requests;
+  }
+
   void take_matches() {
     for (const auto& event : hello_listener_.take_matches()) {
       if (event.gone) {
@@ -126,20 +200,35 @@ class DdsMonitor::Impl {
   const wire::TopicNames names_;
   const Stopwatch clock_;
   wire::Mailbox mailbox_;
-  wire::ReaderListener hello_listener_, status_listener_;
+  wire::ReaderListener hello_listener_, status_listener_, report_listener_, request_listener_;
   wire::SilenceWatch silence_;
   std::map<Handle, wire::Hello> hellos_;
   std::map<Handle, wire::ProcessStatus> processes_;
+  struct Region {
+    wire::ContactReport report;
+    Handle writer;
+    double heard_s = 0, certified_s = 0;
+  };
+  std::map<std::tuple<wire::SessionId, std::string, std::string>, Region> regions_;
+  struct Request {
+    RequestView view;  ///< but its age
+    Handle writer;
+    double heard_s = 0;
+  };
+  std::map<std::pair<wire::SessionId, std::uint64_t>, Request> requests_;
   std::vector<std::string> refusals_;
   std::set<std::string> known_;
   wire::fdds::DataReader* hello_reader_ = nullptr;
   wire::fdds::DataReader* status_reader_ = nullptr;
+  wire::fdds::DataReader *report_reader_ = nullptr, *request_reader_ = nullptr;
   std::unique_ptr<wire::Bus> bus_;  ///< last: goes first, while the listeners still live
 };
 
-Result<std::unique_ptr<DdsMonitor>> DdsMonitor::create(const wire::TransportOptions& transport) {
+Result<std::unique_ptr<DdsMonitor>> DdsMonitor::create(const wire::TransportOptions& transport,
+                                                       bool regions) {
   auto impl = std::make_unique<Impl>(transport);
   NEARMESH_RETURN_IF_ERROR(impl->start());
+  if (regions) NEARMESH_RETURN_IF_ERROR(impl->hear_regions());
   return std::unique_ptr<DdsMonitor>(new DdsMonitor(std::move(impl)));
 }
 

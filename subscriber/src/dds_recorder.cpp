@@ -426,7 +426,8 @@ Status DdsRecorder::Impl::write(const Entry& entry) {
         {known->second, entry.message.sequence, entry.missing, entry.message.received_ns});
   RecordedMessage message = entry.message;
   message.writer = known->second;
-  const Result<std::int64_t> id = file_->append(message);
+  const Result<std::int64_t> id =
+      file_->append(message, wire::record_key(topics_[entry.topic].type, message.cdr));
   if (!id.is_ok()) return id.status();
   if (entry.model.empty()) return Status::ok();
   return file_->add_model({entry.content_hash, entry.model, id.value()});

@@ -66,22 +66,27 @@ std::string milliseconds(double seconds) {
   return text;
 }
 
-/// "eth0 10.0.0.2, multicast; lo 127.0.0.1".
-std::vector<std::string> interfaces() {
-  std::vector<std::string> texts;
+struct Interfaces {
+  std::vector<std::string> texts;  ///< "eth0 10.0.0.2, multicast", "lo 127.0.0.1"
+  bool reaches_others = false;     ///< one that is up is not loopback
+};
+
+Interfaces interfaces() {
+  Interfaces found;
   ifaddrs* list = nullptr;
-  if (::getifaddrs(&list) != 0) return texts;
+  if (::getifaddrs(&list) != 0) return found;
   for (const ifaddrs* entry = list; entry != nullptr; entry = entry->ifa_next) {
     if (entry->ifa_addr == nullptr || entry->ifa_addr->sa_family != AF_INET) continue;
     char address[INET_ADDRSTRLEN] = {};
     ::inet_ntop(AF_INET, &reinterpret_cast<const sockaddr_in*>(entry->ifa_addr)->sin_addr, address,
                 sizeof address);
-    texts.push_back(std::string(entry->ifa_name) + " " + address +
-                    ((entry->ifa_flags & IFF_UP) != 0 ? "" : ", down") +
-                    ((entry->ifa_flags & IFF_MULTICAST) != 0 ? ", multicast" : ""));
+    const bool up = (entry->ifa_flags & IFF_UP) != 0;
+    found.reaches_others |= up && (entry->ifa_flags & IFF_LOOPBACK) == 0;
+    found.texts.push_back(std::string(entry->ifa_name) + " " + address + (up ? "" : ", down") +
+                          ((entry->ifa_flags & IFF_MULTICAST) != 0 ? ", multicast" : ""));
   }
   ::freeifaddrs(list);
-  return texts;
+  return found;
 }
 
 std::uint64_t kernel_number(const std::string& path) {
@@ -125,8 +130,8 @@ class Doctor {
       wrong("discovery",
             "nobody was found: run doctor on the other machine at the same time, with "
             "the same --domain and --prefix. If it runs: multicast may not get "
-            "through (name the other with --peer), or a firewall blocks UDP ports from 7400 + 250 "
-            "x domain on");
+            "through (name the other with --peer), or a firewall blocks UDP ports from " +
+                first_port() + " on");
     for (const std::string& line : complaints_) wrong("refusal", line);
     return Status::ok();
   }
@@ -167,6 +172,10 @@ class Doctor {
   void wrong(const std::string& name, const std::string& text) {
     add(Finding::Kind::kWrong, name, text);
   }
+  /// Of this domain, as DDS counts them.
+  [[nodiscard]] std::string first_port() const {
+    return std::to_string(7400 + 250 * options_.transport.domain);
+  }
   void fact(const std::string& name, const std::vector<std::string>& values) {
     std::string text;
     for (const std::string& value : values) text += (text.empty() ? "" : "; ") + value;
@@ -177,7 +186,11 @@ class Doctor {
     const wire::TransportOptions& transport = options_.transport;
     fact("transport", {std::string(wire::to_string(transport.transport)) + ", domain " +
                        std::to_string(transport.domain) + ", topics " + transport.prefix + "/*"});
-    fact("interfaces", interfaces());
+    const Interfaces found = interfaces();
+    fact("interfaces", found.texts);
+    if (!found.reaches_others)
+      add(Finding::Kind::kAdvice, "network",
+          "no interface but loopback is up: other machines are out of reach");
     for (const char* name : {"rmem_max", "wmem_max"}) {
       const std::uint64_t bytes = kernel_number(std::string("/proc/sys/net/core/") + name);
       if (bytes >= kWantedSocketBytes) {
@@ -256,7 +269,8 @@ class Doctor {
       wrong("data",
             "another doctor was matched, but nothing comes from it: its data does not get "
             "through. On one machine: use --transport lan --interface 127.0.0.1 on both "
-            "sides; between machines let UDP ports from 7400 + 250 x domain on pass the firewall");
+            "sides; between machines let UDP ports from " +
+                first_port() + " on pass the firewall");
   }
 
   /// Seconds until this many bytes were back, or nothing.

@@ -32,8 +32,9 @@ Result<std::string> peer_of(const RecordingReader& recording, const std::string&
   if (fitting.size() == 1) return fitting.front();
   if (peers.empty()) return Status{StatusCode::kNotFound, "no peer was sent anything"};
   if (start.empty()) return Status{StatusCode::kInvalidArgument, "--peer: expected one of " + list};
-  return Status{StatusCode::kInvalidArgument,
-                "--peer " + start + (fitting.empty() ? " is none of " : " is not one of ") + list};
+  return Status{
+      StatusCode::kInvalidArgument,
+      "--peer " + start + (fitting.empty() ? " is none of " : " fits more than one of ") + list};
 }
 
 bool ends_with(const std::string& path, const char* suffix) { return path.ends_with(suffix); }
@@ -97,7 +98,8 @@ void add_export_command(CLI::App& app, std::function<Status()>& chosen) {
       "Colours of vertices. Blue: exact (grey: of the other body). Yellow to red: eps, a bound of "
       "the "
       "distance to the full mesh, from 1/8192 to 1/8 of the model's size. Magenta: segments of "
-      "contact.");
+      "contact, with slender solids around them. How to open it in MeshLab, ParaView and Blender: "
+      "docs/sessions.md.");
   const auto options = std::make_shared<Options>();
   command->add_option("session", options->session, "Recorded session (.db3)")->required();
   command

@@ -10,6 +10,7 @@
 #include "commands.hpp"
 #include "nearmesh/core/base/hash.hpp"
 #include "nearmesh/core/base/stopwatch.hpp"
+#include "nearmesh/core/query/query.hpp"
 #include "nearmesh/subscriber/dds_monitor.hpp"
 
 namespace nearmesh::subscriber {
@@ -18,7 +19,7 @@ namespace {
 struct Options {
   wire::TransportOptions transport;
   double seconds = 3;
-  bool watch = false, json = false;
+  bool watch = false, json = false, regions = false;
 };
 
 /// "1.2 MB".
@@ -74,6 +75,37 @@ void print_process(const wire::ProcessStatus& process) {
   }
 }
 
+/// "ground and one: uncertain within 0.35 m, for 1.2 s".
+void print_region(const RegionView& region) {
+  const wire::ContactReport& report = region.report;
+  const auto status = static_cast<AnswerStatus>(report.status);
+  std::printf("    region %s and %s: %s", report.body_a.c_str(), report.body_b.c_str(),
+              to_string(status));
+  if (is_certified(status)) {
+    if (report.pair_count > 0)
+      std::printf(", %u touching face pairs", report.pair_count);
+    else
+      std::printf(", at least %.3g m apart", report.clearance_m);
+  } else {
+    if (report.uncertainty_m < 1e300) std::printf(" within %.3g m", report.uncertainty_m);
+    std::printf(", for %.1f s", region.uncertain_s);
+  }
+  if (region.age_s > 1) std::printf(" (%.0f s ago)", region.age_s);
+  std::printf("\n");
+}
+
+void print_regions(const BusView& view, const wire::ProcessStatus& peer) {
+  for (const RegionView& region : view.regions)
+    if (region.report.peer == peer.session) print_region(region);
+  for (const RequestView& request : view.requests)
+    if (request.peer == peer.session)
+      for (const auto& model : peer.models)
+        if (model.content_hash == request.content_hash)
+          std::printf("    last asked for %u nodes of model %s, %s, %.1f s ago\n", request.nodes,
+                      model.name.c_str(), request.priority == 0 ? "needed now" : "ahead",
+                      request.age_s);
+}
+
 /// Publishers of whom only their announcement was heard.
 std::vector<wire::Hello> without_status(const BusView& view) {
   std::set<wire::SessionId> known;
@@ -92,6 +124,7 @@ void print_text(const BusView& view) {
       if (process.is_publisher != publishers) continue;
       any = true;
       print_process(process);
+      if (!publishers) print_regions(view, process);
     }
     if (publishers)
       for (const wire::Hello& hello : without_status(view)) {
@@ -116,7 +149,29 @@ void print_text(const BusView& view) {
   std::fflush(stdout);
 }
 
-nlohmann::ordered_json to_json(const BusView& view) {
+void add_regions(nlohmann::ordered_json& entry, const BusView& view, wire::SessionId peer) {
+  entry["regions"] = nlohmann::ordered_json::array();
+  for (const RegionView& region : view.regions)
+    if (region.report.peer == peer)
+      entry["regions"].push_back(
+          {{"a", region.report.body_a},
+           {"b", region.report.body_b},
+           {"status", to_string(static_cast<AnswerStatus>(region.report.status))},
+           {"uncertainty_m", region.report.uncertainty_m},
+           {"uncertain_s", region.uncertain_s},
+           {"clearance_m", region.report.clearance_m},
+           {"pairs", region.report.pair_count},
+           {"age_s", region.age_s}});
+  entry["last_requests"] = nlohmann::ordered_json::array();
+  for (const RequestView& request : view.requests)
+    if (request.peer == peer)
+      entry["last_requests"].push_back({{"content_hash", to_hex(request.content_hash)},
+                                        {"nodes", request.nodes},
+                                        {"needed_now", request.priority == 0},
+                                        {"age_s", request.age_s}});
+}
+
+nlohmann::ordered_json to_json(const BusView& view, bool regions) {
   nlohmann::ordered_json json = {{"publishers", nlohmann::ordered_json::array()},
                                  {"peers", nlohmann::ordered_json::array()},
                                  {"refusals", view.refusals}};
@@ -141,6 +196,7 @@ nlohmann::ordered_json to_json(const BusView& view) {
       entry["certified_pairs"] = process.certified_pairs;
       entry["uncertainty_m"] = process.uncertainty_m;
       entry["lost_batches"] = process.lost_batches;
+      if (regions) add_regions(entry, view, process.session);
     }
     entry["models"] = nlohmann::ordered_json::array();
     for (const auto& model : process.models)
@@ -163,7 +219,7 @@ nlohmann::ordered_json to_json(const BusView& view) {
 }
 
 Status show_status(const Options& options) {
-  auto monitor = DdsMonitor::create(options.transport);
+  auto monitor = DdsMonitor::create(options.transport, options.regions);
   if (!monitor.is_ok()) return monitor.status();
   do {
     const Stopwatch clock;
@@ -171,7 +227,7 @@ Status show_status(const Options& options) {
       monitor.value()->listen(std::min(0.1, options.seconds - clock.seconds()));
     const BusView view = monitor.value()->view();
     if (options.json) {
-      std::printf("%s\n", to_json(view).dump().c_str());
+      std::printf("%s\n", to_json(view, options.regions).dump().c_str());
       std::fflush(stdout);
     } else {
       if (options.watch && ::isatty(STDOUT_FILENO) != 0) std::printf("\x1b[H\x1b[2J");
@@ -196,6 +252,9 @@ void add_status_command(CLI::App& app, std::function<Status()>& chosen) {
       ->capture_default_str()
       ->check(CLI::Range(0.1, 3600.0));
   command->add_flag("--watch", options->watch, "Go on until Ctrl-C, each --seconds anew");
+  command->add_flag("--regions", options->regions,
+                    "Also hear what each peer answers and asks: where its bodies meet, how far off "
+                    "each answer may be and since when, what it lacks");
   command->add_flag("--json", options->json, "Print one JSON line each time");
   add_transport_options(*command, options->transport);
   command->callback([options, &chosen] { chosen = [options] { return show_status(*options); }; });

@@ -268,6 +268,43 @@ TEST_F(Operate, StatusTellsOfPublisherAndPeer) {
     EXPECT_NE(metrics.find(text), std::string::npos) << text << " in " << metrics;
 }
 
+TEST_F(Operate, StatusTellsOfEachRegionOnDemand) {
+  write_scene(5000);
+  const auto publisher = serve(with({terrain(), aircraft()}));
+  const Process peer(folder, "nearmesh-subscriber", with({"run", folder.file("flight.yaml")}));
+  json region;
+  std::string out, err;
+  ASSERT_TRUE(test::await([&] {
+    EXPECT_EQ(test::run(folder, "nearmesh-subscriber",
+                        with({"status", "--regions", "--json", "--seconds", "1.5"}), &out, &err),
+              0)
+        << err;
+    const json status = json::parse(out);
+    if (status.at("peers").empty() || status["peers"][0].at("regions").empty()) return false;
+    region = status["peers"][0]["regions"][0];
+    return region.at("status") == "free" || region.at("status") == "contact";
+  })) << out;
+  EXPECT_EQ(region.at("a"), "ground");
+  EXPECT_EQ(region.at("b"), "one");
+  EXPECT_EQ(region.at("uncertain_s"), 0);
+  EXPECT_EQ(region.at("pairs") > 0, region.at("status") == "contact");
+  // While nobody serves, answers turn uncertain: how far off they may be, and since when.
+  publisher->signal(SIGKILL);
+  ASSERT_TRUE(test::await([&] {
+    EXPECT_EQ(test::run(folder, "nearmesh-subscriber",
+                        with({"status", "--regions", "--seconds", "1.5"}), &out, &err),
+              0)
+        << err;
+    return out.find("region ground and one: uncertain") != std::string::npos ||
+           out.find("region ground and one: partial") != std::string::npos;
+  })) << out;
+  EXPECT_NE(out.find(" m, for "), std::string::npos) << out;
+  // Without the flag nothing is heard of it.
+  EXPECT_EQ(
+      test::run(folder, "nearmesh-subscriber", with({"status", "--seconds", "1"}), &out, &err), 0);
+  EXPECT_EQ(out.find("region ground"), std::string::npos) << out;
+}
+
 TEST_F(Operate, StatusTellsOfOneNameWithTwoContents) {
   const std::string other = folder.file("terrain.spm");
   std::filesystem::copy_file(aircraft(), other);

@@ -12,6 +12,8 @@
 #include <nlohmann/json.hpp>
 
 #include "nearmesh/core/session/recording.hpp"
+#include "nearmesh/subscriber/dds_channel.hpp"
+#include "nearmesh/subscriber/session.hpp"
 #include "process.hpp"
 
 namespace nearmesh {
@@ -198,6 +200,44 @@ TEST_F(ReplayProgram, LateJoinerIsAnsweredRight) {
   EXPECT_GE(report.at("loops"), 1);     // and so it was sought, back to the start
   // The recorded peers' subscriptions, which this process hears too, are nobody's.
   EXPECT_EQ(player->err().find("in the recording too"), std::string::npos) << player->err();
+}
+
+TEST_F(ReplayProgram, ALivePeerWithTheIdOfARecordedOneIsRefusedOnBothSides) {
+  const std::string session = folder.file("golden.db3");
+  std::filesystem::copy_file(NEARMESH_SESSION_DATA "/session_v1.db3", session);
+  Words words = replay(session, {"--loop"});
+  const auto player = start("nearmesh-publisher", words, "replaying");
+  subscriber::DdsChannelOptions options;
+  options.session = 0xb1;  // as the first peer of that session
+  options.transport.interface = "127.0.0.1";
+  for (std::size_t i = 0; i + 1 < words.size(); ++i) {
+    if (words[i] == "--domain")
+      options.transport.domain = static_cast<std::uint32_t>(std::stoul(words[i + 1]));
+    if (words[i] == "--prefix") options.transport.prefix = words[i + 1];
+  }
+  subscriber::Session twin(subscriber::DdsChannel::create(options).value());
+  ASSERT_TRUE(twin.add_body("ground", "terrain", false).is_ok());
+  ASSERT_TRUE(twin.place_body("ground", {}).is_ok());
+  ASSERT_TRUE(twin.add_body("mine", "aircraft", true).is_ok());
+  ASSERT_TRUE(twin.watch("ground", "mine").is_ok());
+  // Deep in the ground, where the base meshes alone decide nothing.
+  std::string heard;
+  const auto update = [&] {
+    const auto report = twin.update(0, 0, {{"mine", {}}}, 0.01);
+    EXPECT_TRUE(report.is_ok());
+    for (const std::string& line : report.value().complaints) heard += line + "\n";
+    return report.value().answers[0].answer.status;
+  };
+  EXPECT_TRUE(test::await([&] {
+    EXPECT_NE(update(), AnswerStatus::kFree);
+    return heard.find("a replayed session has a peer with the id 00000000000000b1") !=
+           std::string::npos;
+  })) << heard
+      << player->err();
+  EXPECT_TRUE(player->says("peer 00000000000000b1 is live and in the recording too"))
+      << player->err();
+  player->signal(SIGINT);
+  EXPECT_EQ(player->wait(), 0) << player->err();
 }
 
 TEST_F(ReplayProgram, RefusesWithAReason) {

@@ -27,6 +27,9 @@ using subscriber::RecordedScene;
 using subscriber::SceneBody;
 using Vector = std::array<double, 3>;
 
+/// What the tetrahedra around a segment of contact add.
+constexpr std::size_t kSplintVertices = 4, kSplintFaces = 4;
+
 /// The report with most contacts, whose scene has everything that there is to write.
 class Export : public ::testing::Test {
  protected:
@@ -139,27 +142,74 @@ TEST_F(Export, PlyIsReadByOthers) {
   // Its size is what its header says.
   const std::size_t header = bytes.find("end_header\n") + 11;
   const std::size_t segments = scene_.contacts.segments.size();
-  EXPECT_EQ(bytes.size(), header + (total(scene_, false) + 2 * segments) * 31 +
-                              total(scene_, true) * 13 + segments * 11);
+  const std::size_t faces = total(scene_, true) + kSplintFaces * segments;
+  const std::size_t ends = total(scene_, false) + kSplintVertices * segments;
+  EXPECT_EQ(bytes.size(), header + (ends + 2 * segments) * 31 + faces * 13 + segments * 11);
   const auto own = import_mesh(folder_.file("out.ply"));
   ASSERT_TRUE(own.is_ok()) << own.status().message();
-  EXPECT_EQ(own.value().faces.size(), total(scene_, true));
-  ASSERT_EQ(own.value().positions_m.size(), total(scene_, false) + 2 * segments);
+  EXPECT_EQ(own.value().faces.size(), faces);
+  ASSERT_EQ(own.value().positions_m.size(), ends + 2 * segments);
   EXPECT_EQ(own.value().positions_m[5], scene_.bodies[0].positions_world_m[5]);
-  EXPECT_EQ(own.value().positions_m[total(scene_, false)], scene_.contacts.segments[0].p_m);
+  EXPECT_EQ(own.value().positions_m[ends], scene_.contacts.segments[0].p_m);
 
   Assimp::Importer importer;
   const aiScene* read = importer.ReadFile(folder_.file("out.ply"), 0);
   ASSERT_NE(read, nullptr) << importer.GetErrorString();
   ASSERT_EQ(read->mNumMeshes, 1U);
   const aiMesh& mesh = *read->mMeshes[0];
-  EXPECT_EQ(mesh.mNumFaces, total(scene_, true));
+  EXPECT_EQ(mesh.mNumFaces, faces);
   ASSERT_TRUE(mesh.HasVertexColors(0));
+  const aiColor4D& splint = mesh.mColors[0][total(scene_, false)];
+  EXPECT_EQ(std::tuple(splint.r, splint.g, splint.b), std::tuple(1.0F, 0.0F, 1.0F));
   for (unsigned i = 0; i < scene_.bodies[0].eps_m.size(); ++i) {
     const auto colour =
         subscriber::vertex_colour(scene_.bodies[0].eps_m[i], scene_.bodies[0].size_m, false);
     EXPECT_NEAR(mesh.mColors[0][i].r * 255, colour[0], 0.5);
     EXPECT_NEAR(mesh.mColors[0][i].b * 255, colour[2], 0.5);
+  }
+}
+
+// Around each segment, whatever its direction and however short: closed, outward, and a little thicker than nothing.
+TEST_F(Export, SegmentsAreSeenAsSlenderSolids) {
+  ContactSegment point, up;
+  point.p_m = point.q_m = {1, 2, 3};
+  up.p_m = {1, 2, 3};
+  up.q_m = {1, 2, 8};
+  RecordedScene scene = scene_;
+  for (const std::vector<ContactSegment>& segments :
+       {std::vector{point}, std::vector{up}, scene_.contacts.segments}) {
+    scene.contacts.segments = segments;
+    folder_.write("solids.ply", subscriber::to_ply(scene, 0));
+    const auto mesh = import_mesh(folder_.file("solids.ply")).value();
+    Vector lo = segments[0].p_m, hi = lo;
+    for (const ContactSegment& segment : segments)
+      for (std::size_t k = 0; k < 3; ++k)
+        for (const double at : {segment.p_m[k], segment.q_m[k]}) {
+          lo[k] = std::min(lo[k], at);
+          hi[k] = std::max(hi[k], at);
+        }
+    double extent = std::max({hi[0] - lo[0], hi[1] - lo[1], hi[2] - lo[2]});
+    if (extent == 0) extent = std::min(scene.bodies[0].size_m, scene.bodies[1].size_m);
+    for (std::size_t i = 0; i < segments.size(); ++i) {
+      double volume = 0;
+      std::set<std::pair<std::uint32_t, std::uint32_t>> edges;
+      for (std::size_t f = 0; f < kSplintFaces; ++f) {
+        const auto& face = mesh.faces[total(scene, true) + kSplintFaces * i + f];
+        const Vector &a = mesh.positions_m[face[0]], &b = mesh.positions_m[face[1]],
+                     &c = mesh.positions_m[face[2]], &o = segments[i].p_m;
+        const auto d = [&](const Vector& at, std::size_t k) { return at[k % 3] - o[k % 3]; };
+        for (std::size_t k = 0; k < 3; ++k) {
+          volume += d(a, k) * (d(b, k + 1) * d(c, k + 2) - d(b, k + 2) * d(c, k + 1)) / 6;
+          edges.emplace(face[k], face[(k + 1) % 3]);
+          const double at = mesh.positions_m[face[k]][2];
+          EXPECT_GE(at, std::min(o[2], segments[i].q_m[2]) - extent / 100);
+          EXPECT_LE(at, std::max(o[2], segments[i].q_m[2]) + extent / 100);
+        }
+      }
+      EXPECT_GT(volume, 0);
+      EXPECT_EQ(edges.size(), 12U);
+      for (const auto& [from, to] : edges) EXPECT_TRUE(edges.contains({to, from}));
+    }
   }
 }
 
@@ -213,7 +263,17 @@ TEST_F(Export, GlbHoldsTogether) {
     EXPECT_EQ(primitive["mode"], m < 2 ? 4 : 1);
     if (m == 2) {
       EXPECT_EQ(count, 2 * scene_.contacts.segments.size());
+      EXPECT_EQ(gltf["meshes"][m]["primitives"].size(), 2U);
       continue;
+    }
+    const json& eps = gltf["accessors"][primitive["attributes"]["_EPS_M"].get<std::size_t>()];
+    ASSERT_EQ(eps["count"], count);
+    const auto eps_from =
+        gltf["bufferViews"][eps["bufferView"].get<std::size_t>()]["byteOffset"].get<std::size_t>();
+    for (std::size_t i = 0; i < count; ++i) {
+      float eps_m = -1;
+      std::memcpy(&eps_m, data + eps_from + 4 * i, 4);
+      ASSERT_EQ(eps_m, static_cast<float>(scene_.bodies[m].eps_m[i]));
     }
     const json& indices = gltf["accessors"][primitive["indices"].get<std::size_t>()];
     const auto from = gltf["bufferViews"][indices["bufferView"].get<std::size_t>()]["byteOffset"]
@@ -246,7 +306,7 @@ TEST_F(Export, GlbIsReadByOthers) {
         hi[k] = std::max(hi[k], mesh.mVertices[i][k]);
       }
   }
-  EXPECT_EQ(triangles, total(scene_, true));
+  EXPECT_EQ(triangles, total(scene_, true) + kSplintFaces * scene_.contacts.segments.size());
   EXPECT_EQ(lines, scene_.contacts.segments.size());
   Vector least{1e9, 1e9, 1e9}, most{-1e9, -1e9, -1e9};
   for (const SceneBody& body : scene_.bodies)
@@ -263,6 +323,74 @@ TEST_F(Export, GlbIsReadByOthers) {
   EXPECT_NEAR(hi.z, -least[1], 0.01);
 }
 
+/// What a command says, both ways.
+std::string said_by(const std::string& command) {
+  std::string said;
+  std::FILE* pipe = ::popen((command + " 2>&1 </dev/null").c_str(), "r");
+  for (int c = std::fgetc(pipe); c != EOF; c = std::fgetc(pipe)) said += static_cast<char>(c);
+  ::pclose(pipe);
+  return said;
+}
+bool is_there(const char* program) {
+  return std::system(("command -v " + std::string(program) + " >/dev/null").c_str()) == 0;
+}
+
+TEST_F(Export, BlenderOpensBoth) {
+  if (!is_there("blender")) GTEST_SKIP() << "blender is not installed";
+  exported("out.ply");
+  exported("out.glb");
+  folder_.write("open.py", R"(
+import bpy
+def look():
+    meshes = bpy.data.meshes
+    print('found', sum(len(m.polygons) for m in meshes), sum(len(m.color_attributes) for m in meshes))
+bpy.ops.wm.read_factory_settings(use_empty=True)
+bpy.ops.import_mesh.ply(filepath=')" +
+                               folder_.file("out.ply") +
+                               R"(')
+look()
+bpy.ops.wm.read_factory_settings(use_empty=True)
+bpy.ops.import_scene.gltf(filepath=')" +
+                               folder_.file("out.glb") +
+                               R"(', import_shading='FLAT')
+look()
+)");
+  const std::string said = said_by("blender -b --python '" + folder_.file("open.py") + "'");
+  const std::string faces =
+      std::to_string(total(scene_, true) + kSplintFaces * scene_.contacts.segments.size());
+  EXPECT_NE(said.find("found " + faces + " 1\n"), std::string::npos) << said;
+  EXPECT_NE(said.find("found " + faces + " 3\n"), std::string::npos) << said;
+}
+
+TEST_F(Export, ParaViewOpensBoth) {
+  if (!is_there("pvpython")) GTEST_SKIP() << "pvpython (paraview) is not installed";
+  exported("out.ply");
+  exported("out.glb");
+  folder_.write("open.py", R"(
+from paraview.simple import *
+from paraview import servermanager
+def look(data):
+    if hasattr(data, 'GetNumberOfBlocks'):
+        return [x for i in range(data.GetNumberOfBlocks()) for x in look(data.GetBlock(i))]
+    arrays = data.GetPointData()
+    return [(data.GetNumberOfPolys(), data.GetNumberOfLines(),
+             [arrays.GetArrayName(i) for i in range(arrays.GetNumberOfArrays())])]
+for reader in [PLYReader(FileNames=[')" +
+                               folder_.file("out.ply") + R"(']), glTFReader(FileName=')" +
+                               folder_.file("out.glb") + R"(')]:
+    reader.UpdatePipeline()
+    parts = look(servermanager.Fetch(reader))
+    print('found', sum(p[0] for p in parts), sum(p[1] for p in parts), parts[0][2])
+)");
+  const std::string said = said_by("pvpython '" + folder_.file("open.py") + "'");
+  const std::size_t segments = scene_.contacts.segments.size();
+  const std::string faces = std::to_string(total(scene_, true) + kSplintFaces * segments);
+  EXPECT_NE(said.find("found " + faces + " 0 ['RGB']"), std::string::npos) << said;
+  EXPECT_NE(said.find("found " + faces + " " + std::to_string(segments) + " ['COLOR_0', '_EPS_M']"),
+            std::string::npos)
+      << said;
+}
+
 TEST_F(Export, SaysWhatItCannotFind) {
   const auto refused = [&](std::size_t word, const std::string& value, int code,
                            const std::string& expected) {
@@ -273,8 +401,8 @@ TEST_F(Export, SaysWhatItCannotFind) {
     EXPECT_NE(err.find(expected), std::string::npos) << err;
     EXPECT_FALSE(std::filesystem::exists(folder_.file("out.ply")));
   };
-  refused(5, "77", 1, "00000000000000b1");  // lists the peers
-  refused(5, "00", 1, "is not one of");     // both begin so
+  refused(5, "77", 1, "00000000000000b1");       // lists the peers
+  refused(5, "00", 1, "fits more than one of");  // both begin so
   refused(7, "nobody", 1, "about body nobody");
   refused(9, "nobody", 1, "against nobody");
   refused(3, "-1", 2, "--time");

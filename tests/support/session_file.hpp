@@ -70,11 +70,13 @@ class SessionFile {
     guid[1] = static_cast<std::uint8_t>(by >> 8);
     if (is_new) who->second = writer_->add_writer({at->second, guid, partition}).value();
     const std::int64_t ns = kBegin_ns + std::llround(time_s * 1e9);
+    const std::string key = wire::record_key(type, cdr);
     const auto id = writer_->append({.writer = who->second,
                                      .sequence = ++sequences_[who->second],
                                      .received_ns = ns,
                                      .source_ns = ns,
-                                     .cdr = std::move(cdr)});
+                                     .cdr = std::move(cdr)},
+                                    key);
     ASSERT_TRUE(id.is_ok()) << id.status().message();
     last_ = id.value();
   }

@@ -30,8 +30,10 @@ class Tape {
         {&names_.split_batch, wire::kSplitBatchType},
         {&names_.body_pose, wire::kBodyPoseType},
         {&names_.contact_report, wire::kContactReportType}};
-    for (const auto& [name, type] : topics)
+    for (const auto& [name, type] : topics) {
       topics_[*name] = value_of(writer_->add_topic({*name, std::string(type)}));
+      types_[*name] = type;
+    }
   }
 
   std::int64_t now_ns = 0;          ///< the virtual clock
@@ -104,7 +106,8 @@ class Tape {
     Writer& writer = writer_of(by, topic, partition);
     recorded.writer = writer.index;
     recorded.sequence = ++writer.sequence;
-    const std::int64_t id = value_of(writer_->append(recorded));
+    const std::int64_t id =
+        value_of(writer_->append(recorded, wire::record_key(types_.at(topic), recorded.cdr)));
     append_s_ += watch.seconds();
     ++messages_;
     return id;
@@ -113,6 +116,7 @@ class Tape {
   const wire::TopicNames names_;
   std::unique_ptr<RecordingWriter> writer_;
   std::map<std::string, std::uint32_t> topics_;
+  std::map<std::string, std::string_view> types_;
   std::map<std::tuple<wire::SessionId, std::string, std::string>, Writer> writers_;
   std::uint64_t messages_ = 0;
   double append_s_ = 0;

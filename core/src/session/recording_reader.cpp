@@ -2,6 +2,8 @@
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
+#include <optional>
+#include <utility>
 
 #include "nearmesh/core/session/recording.hpp"
 #include "sqlite.hpp"
@@ -14,6 +16,10 @@ struct Part {
   sqlite::Database database;
   std::int64_t messages = 0, first_message = 0;
   std::uint32_t first_writer = 0, writers = 0;
+  std::uint32_t first_key = 0, keys = 0;
+  bool has_keys = false;
+  std::optional<sqlite::Statement>
+      select;  // of read(), while no one uses it: to prepare takes longer than a message
 };
 
 std::uint64_t from_hex(const std::string& text) { return std::strtoull(text.c_str(), nullptr, 16); }
@@ -58,6 +64,7 @@ struct RecordingReader::Impl {
   std::vector<Part> parts;
   std::vector<RecordedTopic> topics;
   std::vector<RecordedWriter> writers;
+  std::vector<RecordedKey> keys;
   std::vector<RecordingGap> gaps;
   std::vector<RecordedModel> models;
   std::int64_t messages = 0, begin_ns = 0, end_ns = 0;
@@ -78,6 +85,28 @@ struct RecordingReader::Impl {
         });
     if (status.is_ok() && !any) return {StatusCode::kCorrupt, path + ": nearmesh_session is empty"};
     return status;
+  }
+
+  Status read_keys(Part& part, const std::string& path) {
+    part.first_key = static_cast<std::uint32_t>(keys.size());
+    NEARMESH_RETURN_IF_ERROR(each(part.database,
+                                  "SELECT 1 FROM sqlite_master WHERE name = 'nearmesh_keys'",
+                                  [&](const sqlite::Statement&) {
+                                    part.has_keys = true;
+                                    return Status::ok();
+                                  }));
+    if (!part.has_keys) return Status::ok();
+    return each(
+        part.database, "SELECT id, writer_id, name FROM nearmesh_keys ORDER BY id",
+        [&](const sqlite::Statement& row) -> Status {
+          const std::int64_t writer = row.integer(1) - 1;
+          if (row.integer(0) != std::int64_t{part.keys} + 1 || writer < 0 ||
+              writer >= std::int64_t{part.writers})
+            return {StatusCode::kCorrupt, path + ": nearmesh_keys does not fit the writers"};
+          keys.push_back({part.first_writer + static_cast<std::uint32_t>(writer), row.text(2)});
+          ++part.keys;
+          return Status::ok();
+        });
   }
 
   Status add_part(sqlite::Database opened, const std::string& path) {
@@ -117,6 +146,7 @@ struct RecordingReader::Impl {
                ++part.writers;
                return Status::ok();
              }));
+    NEARMESH_RETURN_IF_ERROR(read_keys(part, path));
     NEARMESH_RETURN_IF_ERROR(each(database, "SELECT coalesce(max(id), 0) FROM messages",
                                   [&](const sqlite::Statement& row) {
                                     part.messages = row.integer(0);
@@ -201,11 +231,42 @@ std::uint32_t RecordingReader::parts() const {
 }
 const std::vector<RecordedTopic>& RecordingReader::topics() const { return impl_->topics; }
 const std::vector<RecordedWriter>& RecordingReader::writers() const { return impl_->writers; }
+bool RecordingReader::has_keys() const {
+  return std::all_of(impl_->parts.begin(), impl_->parts.end(),
+                     [](const Part& part) { return part.has_keys; });
+}
+const std::vector<RecordedKey>& RecordingReader::keys() const { return impl_->keys; }
 const std::vector<RecordingGap>& RecordingReader::gaps() const { return impl_->gaps; }
 const std::vector<RecordedModel>& RecordingReader::models() const { return impl_->models; }
 std::int64_t RecordingReader::message_count() const { return impl_->messages; }
 std::int64_t RecordingReader::begin_ns() const { return impl_->begin_ns; }
 std::int64_t RecordingReader::end_ns() const { return impl_->end_ns; }
+
+namespace {
+
+/// Out: false when `visit` said so.
+Result<bool> visit_rows(Part& part, sqlite::Statement& rows,
+                        const std::function<bool(std::int64_t, const RecordedMessage&)>& visit) {
+  RecordedMessage message;
+  for (;;) {
+    const int code = rows.step();
+    if (code == SQLITE_DONE) return true;
+    if (code != SQLITE_ROW) return part.database.failure("read");
+    const std::int64_t writer = rows.integer(1) - 1;
+    if (writer < 0 || writer >= std::int64_t{part.writers})
+      return Status{StatusCode::kCorrupt, "message " + std::to_string(rows.integer(0)) +
+                                              " of the recording names no writer"};
+    message.writer = part.first_writer + static_cast<std::uint32_t>(writer);
+    message.sequence = static_cast<std::uint64_t>(rows.integer(2));
+    message.received_ns = rows.integer(3);
+    message.source_ns = rows.integer(4);
+    const auto cdr = rows.blob(5);
+    message.cdr.assign(cdr.begin(), cdr.end());
+    if (!visit(rows.integer(0) + part.first_message, message)) return false;
+  }
+}
+
+}  // namespace
 
 Status RecordingReader::read(
     std::int64_t first, std::int64_t end,
@@ -215,31 +276,42 @@ Status RecordingReader::read(
     const std::int64_t to =
         std::min(end, part.first_message + part.messages + 1) - part.first_message;
     if (from >= to) continue;
-    Result<sqlite::Statement> rows = part.database.prepare(
-        "SELECT id, writer_id, sequence, timestamp, source_timestamp, data FROM messages "
-        "JOIN nearmesh_messages ON message_id = id WHERE id >= ? AND id < ? ORDER BY id");
-    if (!rows.is_ok()) return rows.status();
-    rows.value().bind(1, from);
-    rows.value().bind(2, to);
-    RecordedMessage message;
-    for (;;) {
-      const int code = rows.value().step();
-      if (code == SQLITE_DONE) break;
-      if (code != SQLITE_ROW) return part.database.failure("read");
-      const std::int64_t writer = rows.value().integer(1) - 1;
-      if (writer < 0 || writer >= std::int64_t{part.writers})
-        return {StatusCode::kCorrupt, "message " + std::to_string(rows.value().integer(0)) +
-                                          " of the recording names no writer"};
-      message.writer = part.first_writer + static_cast<std::uint32_t>(writer);
-      message.sequence = static_cast<std::uint64_t>(rows.value().integer(2));
-      message.received_ns = rows.value().integer(3);
-      message.source_ns = rows.value().integer(4);
-      const auto cdr = rows.value().blob(5);
-      message.cdr.assign(cdr.begin(), cdr.end());
-      if (!visit(rows.value().integer(0) + part.first_message, message)) return Status::ok();
+    // Taken, since `visit` may read too.
+    std::optional<sqlite::Statement> rows = std::exchange(part.select, std::nullopt);
+    if (!rows) {
+      Result<sqlite::Statement> prepared = part.database.prepare(
+          "SELECT id, writer_id, sequence, timestamp, source_timestamp, data FROM messages "
+          "JOIN nearmesh_messages ON message_id = id WHERE id >= ? AND id < ? ORDER BY id");
+      if (!prepared.is_ok()) return prepared.status();
+      rows = std::move(prepared).value();
     }
+    rows->bind(1, from);
+    rows->bind(2, to);
+    const Result<bool> more = visit_rows(part, *rows, visit);
+    rows->reset();
+    part.select = std::move(rows);
+    if (!more.is_ok()) return more.status();
+    if (!more.value()) break;
   }
   return Status::ok();
+}
+
+Result<std::vector<std::int64_t>> RecordingReader::ids_of(std::uint32_t key) {
+  std::vector<std::int64_t> ids;
+  for (Part& part : impl_->parts) {
+    if (key < part.first_key || key - part.first_key >= part.keys) continue;
+    // Not what was recorded since it was opened.
+    NEARMESH_RETURN_IF_ERROR(each(part.database,
+                                  "SELECT message_id FROM nearmesh_messages WHERE key_id = " +
+                                      std::to_string(key - part.first_key + 1) +
+                                      " AND message_id <= " + std::to_string(part.messages) +
+                                      " ORDER BY message_id",
+                                  [&](const sqlite::Statement& row) {
+                                    ids.push_back(row.integer(0) + part.first_message);
+                                    return Status::ok();
+                                  }));
+  }
+  return ids;
 }
 
 Result<std::int64_t> RecordingReader::find(std::int64_t received_ns) {

@@ -5,6 +5,8 @@
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
+#include <map>
+#include <utility>
 
 #include "nearmesh/core/base/hash.hpp"
 #include "nearmesh/core/base/stopwatch.hpp"
@@ -31,8 +33,10 @@ CREATE TABLE nearmesh_session(version INTEGER NOT NULL, session TEXT NOT NULL, p
   wire_version INTEGER NOT NULL, prefix TEXT NOT NULL, idl TEXT NOT NULL);
 CREATE TABLE nearmesh_writers(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, guid BLOB NOT NULL,
   partition TEXT NOT NULL);
+CREATE TABLE nearmesh_keys(id INTEGER PRIMARY KEY, writer_id INTEGER NOT NULL, name BLOB NOT NULL);
 CREATE TABLE nearmesh_messages(message_id INTEGER PRIMARY KEY, writer_id INTEGER NOT NULL,
-  sequence INTEGER NOT NULL, source_timestamp INTEGER NOT NULL);
+  sequence INTEGER NOT NULL, source_timestamp INTEGER NOT NULL, key_id INTEGER);
+CREATE INDEX nearmesh_key_idx ON nearmesh_messages(key_id) WHERE key_id IS NOT NULL;
 CREATE TABLE nearmesh_gaps(id INTEGER PRIMARY KEY, writer_id INTEGER NOT NULL, first_sequence INTEGER NOT NULL,
   missing INTEGER NOT NULL, noticed INTEGER NOT NULL);
 CREATE TABLE nearmesh_models(content_hash TEXT PRIMARY KEY, name TEXT NOT NULL, message_id INTEGER NOT NULL);
@@ -52,6 +56,7 @@ struct RecordingWriter::Impl {
   double commit_period_s;
   std::string idl;
   std::vector<std::uint32_t> topic_of_writer;
+  std::map<std::pair<std::uint32_t, std::string>, std::int64_t> keys;  // by writer and name
   std::uint32_t topics = 0;
   std::int64_t messages = 0;
   std::uint64_t bytes = 0;
@@ -59,7 +64,7 @@ struct RecordingWriter::Impl {
   double begun_s = -1;  // of the open transaction; below 0: none is open
   Status broken;        // why nothing is written any more
   bool closed = false;
-  sqlite::Statement put_topic, put_definition, put_message, put_extra, put_writer, put_gap,
+  sqlite::Statement put_topic, put_definition, put_message, put_extra, put_writer, put_key, put_gap,
       put_model;
 
   Status prepare(sqlite::Statement& statement, const char* sql) {
@@ -73,7 +78,8 @@ struct RecordingWriter::Impl {
     NEARMESH_RETURN_IF_ERROR(
         prepare(put_definition, "INSERT INTO message_definitions VALUES(?,?,'omgidl',?,'')"));
     NEARMESH_RETURN_IF_ERROR(prepare(put_message, "INSERT INTO messages VALUES(?,?,?,?)"));
-    NEARMESH_RETURN_IF_ERROR(prepare(put_extra, "INSERT INTO nearmesh_messages VALUES(?,?,?,?)"));
+    NEARMESH_RETURN_IF_ERROR(prepare(put_extra, "INSERT INTO nearmesh_messages VALUES(?,?,?,?,?)"));
+    NEARMESH_RETURN_IF_ERROR(prepare(put_key, "INSERT INTO nearmesh_keys VALUES(?,?,?)"));
     NEARMESH_RETURN_IF_ERROR(prepare(put_writer, "INSERT INTO nearmesh_writers VALUES(?,?,?,?)"));
     NEARMESH_RETURN_IF_ERROR(prepare(put_gap, "INSERT INTO nearmesh_gaps VALUES(NULL,?,?,?,?)"));
     return prepare(put_model, "INSERT OR IGNORE INTO nearmesh_models VALUES(?,?,?)");
@@ -122,14 +128,27 @@ struct RecordingWriter::Impl {
     if (begun_s < 0 || clock.seconds() - begun_s < commit_period_s) return broken;
     return commit();
   }
+  /// Out: the key's id; 0 for none.
+  Result<std::int64_t> key_of(std::uint32_t writer, const std::string& name) {
+    if (name.empty()) return 0;
+    const auto [known, is_new] =
+        keys.try_emplace({writer, name}, static_cast<std::int64_t>(keys.size()) + 1);
+    if (is_new) {
+      put_key.bind(1, known->second);
+      put_key.bind(2, std::int64_t{writer} + 1);
+      put_key.bind(3, std::span(reinterpret_cast<const std::uint8_t*>(name.data()), name.size()));
+      NEARMESH_RETURN_IF_ERROR(insert(put_key));
+    }
+    return known->second;
+  }
   Status close() {
     if (closed) return broken;
     static_cast<void>(commit());
     closed = true;
     if (!broken.is_ok()) return broken;
     // Takes the log into the file. A reader that is at it keeps the log alive: then its end does so.
-    for (sqlite::Statement* statement :
-         {&put_topic, &put_definition, &put_message, &put_extra, &put_writer, &put_gap, &put_model})
+    for (sqlite::Statement* statement : {&put_topic, &put_definition, &put_message, &put_extra,
+                                         &put_writer, &put_key, &put_gap, &put_model})
       *statement = sqlite::Statement();
     static_cast<void>(database.run("PRAGMA journal_mode=DELETE"));
     return Status::ok();
@@ -211,9 +230,12 @@ Result<std::uint32_t> RecordingWriter::add_writer(const RecordedWriter& writer) 
   return index;
 }
 
-Result<std::int64_t> RecordingWriter::append(const RecordedMessage& message) {
+Result<std::int64_t> RecordingWriter::append(const RecordedMessage& message,
+                                             const std::string& key) {
   NEARMESH_ASSERT(message.writer < impl_->topic_of_writer.size());
   NEARMESH_RETURN_IF_ERROR(impl_->begin());
+  const Result<std::int64_t> key_id = impl_->key_of(message.writer, key);
+  if (!key_id.is_ok()) return key_id.status();
   const std::int64_t id = impl_->messages + 1;
   impl_->put_message.bind(1, id);
   impl_->put_message.bind(2, std::int64_t{impl_->topic_of_writer[message.writer]} + 1);
@@ -224,6 +246,11 @@ Result<std::int64_t> RecordingWriter::append(const RecordedMessage& message) {
   impl_->put_extra.bind(2, std::int64_t{message.writer} + 1);
   impl_->put_extra.bind(3, static_cast<std::int64_t>(message.sequence));
   impl_->put_extra.bind(4, message.source_ns);
+  if (key_id.value() != 0) {
+    impl_->put_extra.bind(5, key_id.value());
+  } else {
+    impl_->put_extra.bind_null(5);
+  }
   NEARMESH_RETURN_IF_ERROR(impl_->insert(impl_->put_extra));
   impl_->messages = id;
   impl_->bytes += message.cdr.size() + kRowBytes;

@@ -20,6 +20,7 @@ class Statement {
   explicit Statement(sqlite3_stmt* statement = nullptr) : statement_(statement) {}
 
   void bind(int at, std::int64_t value) { sqlite3_bind_int64(statement_.get(), at, value); }
+  void bind_null(int at) { sqlite3_bind_null(statement_.get(), at); }
   void bind(int at, std::string_view text) {
     sqlite3_bind_text64(statement_.get(), at, text.data(), text.size(), SQLITE_STATIC, SQLITE_UTF8);
   }

@@ -2,6 +2,10 @@
 // What holds at a moment of a recording, against a scan from its begin; and recordings that cannot be played.
 #include "replay_index.hpp"
 
+#include <sqlite3.h>
+
+#include <filesystem>
+
 #include "replay_world.hpp"
 
 namespace nearmesh {
@@ -12,12 +16,24 @@ using publisher::ReplayIndex;
 using publisher::ReplayTopic;
 using Ids = std::vector<std::int64_t>;
 
-class ReplayIndexTest : public ::testing::Test {
+/// As recorded before there were keys.
+void drop_keys(const std::string& path) {
+  sqlite3* database = nullptr;
+  EXPECT_EQ(sqlite3_open(path.c_str(), &database), SQLITE_OK);
+  for (const char* sql : {"DROP TABLE nearmesh_keys", "DROP INDEX nearmesh_key_idx",
+                          "ALTER TABLE nearmesh_messages DROP COLUMN key_id"})
+    EXPECT_EQ(sqlite3_exec(database, sql, nullptr, nullptr, nullptr), SQLITE_OK) << sql;
+  sqlite3_close(database);
+}
+
+/// With the recording's keys, and without.
+class ReplayIndexTest : public ::testing::TestWithParam<bool> {
  protected:
   TempFile file{".db3"};
   std::unique_ptr<RecordingReader> recording;
 
   std::unique_ptr<ReplayIndex> build(const std::vector<std::string>& topics = {}) {
+    if (!GetParam()) drop_keys(file.path());
     recording = RecordingReader::open(file.path()).value();
     auto built = ReplayIndex::build(*recording, topics, {});
     EXPECT_TRUE(built.is_ok()) << built.status().message();
@@ -30,7 +46,7 @@ class ReplayIndexTest : public ::testing::Test {
   }
 };
 
-TEST_F(ReplayIndexTest, LatchedIsTheLatestOfEachKey) {
+TEST_P(ReplayIndexTest, LatchedIsTheLatestOfEachKey) {
   record_flight(file.path());
   const auto index = build();
   EXPECT_EQ(index->publishers(), std::set<wire::SessionId>{kPublisher});
@@ -82,7 +98,7 @@ TEST_F(ReplayIndexTest, LatchedIsTheLatestOfEachKey) {
   EXPECT_GT(most_open, 0U);
 }
 
-TEST_F(ReplayIndexTest, NotYetIsWhatWasSaidFirstBetween) {
+TEST_P(ReplayIndexTest, NotYetIsWhatWasSaidFirstBetween) {
   SessionFile session(file.path());
   session.add(0, wire::BodyPose{.peer = kPeer, .body = "one"});
   session.add(1, wire::BodyPose{.peer = kPeer, .body = "two"});
@@ -95,7 +111,7 @@ TEST_F(ReplayIndexTest, NotYetIsWhatWasSaidFirstBetween) {
   EXPECT_EQ(index->not_yet(3, 4), Ids{});
 }
 
-TEST_F(ReplayIndexTest, HellosOfOnePublisherAreOneStream) {
+TEST_P(ReplayIndexTest, HellosOfOnePublisherAreOneStream) {
   const wire::Hello hello{.publisher = kPublisher}, other{.publisher = kPublisher + 1};
   SessionFile session(file.path());
   session.add(0, hello, 1);
@@ -108,7 +124,35 @@ TEST_F(ReplayIndexTest, HellosOfOnePublisherAreOneStream) {
   EXPECT_NE(index->stream_of(1), index->stream_of(0));
 }
 
-TEST_F(ReplayIndexTest, OnlyWantedTopicsArePlayed) {
+TEST_P(ReplayIndexTest, ABodyOfTwoPeersHoldsTwice) {
+  SessionFile session(file.path());
+  for (int i = 0; i < 3; ++i)
+    for (const wire::SessionId peer : {kPeer, kOther})
+      session.add(i, wire::BodyPose{.peer = peer, .body = "one"});
+  session.close();
+  const auto index = build();
+  EXPECT_EQ(index->peers(), (std::set<wire::SessionId>{kPeer, kOther}));
+  EXPECT_EQ(index->latched(5), (Ids{3, 4}));
+}
+
+TEST_P(ReplayIndexTest, PartsHoldOn) {
+  const std::string part = part_path(file.path(), 1);
+  record_flight(file.path(), {.second_part = part});
+  recording = RecordingReader::open(file.path()).value();
+  ASSERT_EQ(recording->parts(), 2U);
+  const auto whole = ReplayIndex::build(*recording, {}, {}).value();
+  const Ids held = whole->latched(recording->message_count() + 1);
+  if (!GetParam()) drop_keys(part);  // of one part alone
+  recording = RecordingReader::open(file.path()).value();
+  EXPECT_EQ(recording->has_keys(), GetParam());
+  const auto index = ReplayIndex::build(*recording, {}, {}).value();
+  for (std::int64_t end = 1; end <= recording->message_count() + 1; end += 37)
+    EXPECT_EQ(index->latched(end), whole->latched(end)) << end;
+  EXPECT_GE(held.size(), 5U);
+  std::filesystem::remove(part);
+}
+
+TEST_P(ReplayIndexTest, OnlyWantedTopicsArePlayed) {
   record_flight(file.path());
   const auto index = build({"body_pose", "hello"});
   for (const publisher::ReplayStream& stream : index->streams())
@@ -118,7 +162,7 @@ TEST_F(ReplayIndexTest, OnlyWantedTopicsArePlayed) {
   EXPECT_EQ(index->latched(recording->message_count() + 1).size(), 3U);
 }
 
-TEST_F(ReplayIndexTest, BatchesBeforeTheirHeaderAreNotLost) {
+TEST_P(ReplayIndexTest, BatchesBeforeTheirHeaderAreNotLost) {
   const auto [hello, headers] = announcement();
   const TempFile flight(".db3");
   record_flight(flight.path());
@@ -145,10 +189,14 @@ TEST_F(ReplayIndexTest, BatchesBeforeTheirHeaderAreNotLost) {
   const auto index = build();
   ASSERT_GT(batches, 10U);
   ASSERT_EQ(index->details().size(), 2U);
+  ASSERT_TRUE(index->take_batches(*recording, 3).is_ok());
+  EXPECT_FALSE(index->has_all_batches());
+  ASSERT_TRUE(index->take_batches(*recording, batches).is_ok());
+  EXPECT_TRUE(index->has_all_batches());
   for (const auto& [hash, detail] : index->details()) EXPECT_GT(detail.known_splits(), 50U);
 }
 
-TEST_F(ReplayIndexTest, FaultySamplesHaveNoEffectButTheirPlace) {
+TEST_P(ReplayIndexTest, FaultySamplesHaveNoEffectButTheirPlace) {
   SessionFile session(file.path());
   session.add_bytes(0, {1, 2, 3});
   session.add(1, wire::BodyPose{.peer = kPeer, .body = std::string(200, 'x')});
@@ -159,7 +207,7 @@ TEST_F(ReplayIndexTest, FaultySamplesHaveNoEffectButTheirPlace) {
   EXPECT_EQ(index->streams().size(), 2U);
 }
 
-TEST_F(ReplayIndexTest, SaysWhyARecordingCannotBePlayed) {
+TEST_P(ReplayIndexTest, SaysWhyARecordingCannotBePlayed) {
   SessionFile(file.path()).close();
   EXPECT_EQ(refusal(), "the recording holds no messages");
   const TempFile old(".db3");
@@ -179,7 +227,7 @@ TEST_F(ReplayIndexTest, SaysWhyARecordingCannotBePlayed) {
             "topic split_batch: not in the recording, which has body_pose");
 }
 
-TEST_F(ReplayIndexTest, CanBeEndedWhileItReads) {
+TEST_P(ReplayIndexTest, CanBeEndedWhileItReads) {
   record_flight(file.path());
   recording = RecordingReader::open(file.path()).value();
   int told = 0;
@@ -192,6 +240,9 @@ TEST_F(ReplayIndexTest, CanBeEndedWhileItReads) {
   EXPECT_TRUE(index.is_ok());
   EXPECT_EQ(told, 1);
 }
+
+INSTANTIATE_TEST_SUITE_P(Keys, ReplayIndexTest, ::testing::Bool(),
+                         [](const auto& keyed) { return keyed.param ? "With" : "Without"; });
 
 }  // namespace
 }  // namespace nearmesh

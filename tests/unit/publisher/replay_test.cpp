@@ -2,7 +2,9 @@
 // Recorded flights played to live peers on a memory bus: every answer is held against the full meshes.
 #include "replay.hpp"
 
-#include "nearmesh/core/base/stopwatch.hpp"
+#include <ctime>
+#include <limits>
+
 #include "replay_world.hpp"
 #include "session_hour.hpp"
 
@@ -69,6 +71,107 @@ TEST_F(ReplayTest, LivePeerIsAnsweredWithWhatWasDelivered) {
   EXPECT_GT(play.replay.stats().requests, 0U);
   EXPECT_EQ(play.replay.stats().live_peers, 1U);
   EXPECT_TRUE(play.world.complaints.empty()) << play.world.complaints.front();
+}
+
+// Batches are taken in while it plays; a live peer that asks before that is answered after it, as well as ever.
+TEST_F(ReplayTest, LivePeersAreAnsweredOnceAllBatchesAreTakenIn) {
+  write_session_hour(file.path(), {.length_s = 100, .rate_hz = 1, .terrain_cells = 32});
+  const auto recording = RecordingReader::open(file.path()).value();
+  const auto index = ReplayIndex::build(*recording, {}, {}).value();
+  MemoryBus bus;
+  class Asking final : public publisher::ReplayOutlet {
+   public:
+    std::vector<wire::RegionSubscription> asked;
+    std::vector<wire::SessionId> lost;
+    std::vector<wire::SplitBatchMessage> answers;
+    double waited_s = -1;
+    bool publish(std::uint32_t, const std::vector<std::uint8_t>&) override { return true; }
+    void withdraw(std::uint32_t, const std::vector<std::uint8_t>&) override {}
+    bool take_restart() override { return false; }
+    std::vector<wire::RegionSubscription> take_subscriptions() override {
+      return std::exchange(asked, {});
+    }
+    std::vector<wire::SessionId> take_lost_peers() override { return std::exchange(lost, {}); }
+    bool send(wire::SessionId, const wire::SplitBatchMessage& batch) override {
+      answers.push_back(batch);
+      return true;
+    }
+    void wait(double seconds) override { waited_s = seconds; }
+    std::vector<std::string> take_complaints() override { return {}; }
+  } outlet;
+  publisher::Replay replay(*recording, *index, outlet,
+                           publisher::Playhead::create(*recording, {.start_s = 99}, 0).value(),
+                           false);
+  replay.playhead().pause(0);
+  ASSERT_TRUE(replay.begin().is_ok());
+  ASSERT_FALSE(index->has_all_batches());
+  const auto& [content, detail] = *index->details().begin();
+  for (const wire::SessionId peer : {kLive, kLateLive}) {
+    wire::RegionSubscription asked{
+        .peer = peer, .request = 1, .content_hash = content, .publisher = 1};
+    asked.region.max_splits = kMaxRequestSplits;
+    asked.region.region = {GridBox{{{0, 0, 0}}, {{1 << 21, 1 << 21, 1 << 21}}}};
+    outlet.asked.push_back(asked);
+  }
+  SpmHeader header;
+  ASSERT_TRUE(
+      recording
+          ->read(1, 2,
+                 [&](std::int64_t, const RecordedMessage& message) {
+                   header = decode_header(
+                                wire::decode_payload<wire::MeshHeader>(message.cdr).value().bytes)
+                                .value();
+                   return true;
+                 })
+          .is_ok());
+  for (wire::RegionSubscription& asked : outlet.asked)
+    for (const BaseRoot& root : header.roots)
+      if (root.node.size > 1) asked.region.attach.push_back(root.node);
+  double now_s = 0;
+  ASSERT_TRUE(replay.step(now_s).is_ok());
+  ASSERT_FALSE(index->has_all_batches());
+  outlet.lost = {kLateLive};  // before it was answered
+  replay.wait(0.02, now_s);
+  EXPECT_EQ(outlet.waited_s, 0);  // there is something to do
+  while (!index->has_all_batches()) {
+    EXPECT_TRUE(outlet.answers.empty());
+    ASSERT_TRUE(replay.step(now_s += 0.001).is_ok());
+  }
+  for (int i = 0; i < 10; ++i) ASSERT_TRUE(replay.step(now_s += 0.001).is_ok());
+  replay.wait(0.02, now_s);
+  EXPECT_EQ(outlet.waited_s, 0.02);
+  ASSERT_FALSE(outlet.answers.empty());
+  EXPECT_FALSE(outlet.answers.front().refused);
+  EXPECT_EQ(replay.stats().requests, 1U);
+}
+
+TEST_F(ReplayTest, ALivePeerWithTheIdOfARecordedOneIsRefused) {
+  const double length_s = record_flight(file.path());
+  ReplayWorld play(file.path()), alone(file.path());
+  const auto twin = play.join(kPeer), other = play.join(kLive);
+  std::vector<std::string> complaints;
+  while (!play.replay.playhead().at_end()) {
+    play.play_to(play.replay.playhead().time_s(play.now_s) + 0.1, twin.get());
+    play.world.round(*other);
+    for (std::string& line : play.replay.take_complaints()) complaints.push_back(std::move(line));
+  }
+  alone.play_to(length_s);
+  // Both sides say so, once here, and at each request there.
+  ASSERT_EQ(complaints.size(), 1U);
+  EXPECT_NE(
+      complaints[0].find("peer " + wire::partition_of(kPeer) + " is live and in the recording"),
+      std::string::npos)
+      << complaints[0];
+  const auto& heard = play.world.complaints;
+  EXPECT_TRUE(std::any_of(heard.begin(), heard.end(), [](const std::string& line) {
+    return line.find("a replayed session has a peer with the id") != std::string::npos;
+  }));
+  for (const wire::SplitBatchMessage& batch : play.outlet.answers)
+    EXPECT_TRUE(check(batch).is_ok()) << check(batch).message();
+  EXPECT_EQ(twin->stats().batch_bytes, play.outlet.refused_bytes);
+  // What is played does not suffer, nor does another live peer.
+  EXPECT_EQ(play.outlet.published, alone.outlet.published);
+  EXPECT_GT(other->stats().batches, 0U);
 }
 
 TEST_F(ReplayTest, WhatWasNotRecordedStaysUncertain) {
@@ -176,6 +279,8 @@ TEST_F(ReplayTest, ASeekBackTakesBackWhatWasNotYetSaid) {
   EXPECT_EQ(play.outlet.latched.size(), 1U);
 }
 
+constexpr std::size_t kAll = std::numeric_limits<std::size_t>::max();
+
 /// Everything that a peer with the base mesh alone may be sent at `end`, and the state that it makes.
 std::uint64_t state_of_answer(publisher::RecordedDetail& detail, const SpmHeader& header,
                               std::int64_t end) {
@@ -200,6 +305,7 @@ TEST_F(ReplayTest, AnswersHoldAllThatWasDeliveredByThenAndNothingOfTheFuture) {
   record_flight(file.path());
   const auto recording = RecordingReader::open(file.path()).value();
   const auto index = ReplayIndex::build(*recording, {}, {}).value();
+  ASSERT_TRUE(index->take_batches(*recording, kAll).is_ok());
   const std::int64_t count = recording->message_count();
   std::set<std::uint64_t> states;
   for (const wire::MeshHeader& message : announcement().second) {
@@ -234,6 +340,7 @@ TEST_F(ReplayTest, NodesThatTheRecordingDoesNotKnowAreLeftOut) {
   record_flight(file.path());
   const auto recording = RecordingReader::open(file.path()).value();
   const auto index = ReplayIndex::build(*recording, {}, {}).value();
+  ASSERT_TRUE(index->take_batches(*recording, kAll).is_ok());
   const wire::MeshHeader message = announcement().second.front();
   const SpmHeader header = decode_header(message.bytes).value();
   RegionRequest request;
@@ -258,6 +365,7 @@ TEST_F(ReplayTest, SeeksAnywhereInAnHourInUnderASecond) {
       write_session_hour(file.path(), {.rate_hz = 2, .terrain_cells = 64, .batch_period_s = 5});
   const auto recording = RecordingReader::open(file.path()).value();
   const auto index = ReplayIndex::build(*recording, {}, {}).value();
+  ASSERT_TRUE(index->take_batches(*recording, kAll).is_ok());
   ASSERT_EQ(facts.messages, static_cast<std::uint64_t>(recording->message_count()));
   MemoryBus bus;
   MemoryOutlet outlet(bus, *index);
@@ -279,11 +387,11 @@ TEST_F(ReplayTest, SeeksAnywhereInAnHourInUnderASecond) {
     return found;
   }();
   for (const double time_s : {3599.0, 10.0, 1800.0, 3500.0, 0.0}) {
-    const Stopwatch watch;
+    const std::clock_t begun = std::clock();  // processor time: others may hold up this process
     ASSERT_TRUE(replay.seek(time_s, 0).is_ok());
     const std::uint64_t state =
         state_of_answer(index->details().begin()->second, header, replay.playhead().next_id());
-    EXPECT_LT(watch.seconds(), 1) << "to " << time_s;
+    EXPECT_LT(std::clock() - begun, CLOCKS_PER_SEC) << "to " << time_s;
     // Twelve latched: header, hello, ten poses; at the very begin none is played yet.
     EXPECT_EQ(outlet.latched.size(), time_s > 0 ? 12U : 0U);
     EXPECT_EQ(state == Replica(header).mesh().state_hash(), time_s == 0) << time_s;

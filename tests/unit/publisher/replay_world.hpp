@@ -93,6 +93,7 @@ class MemoryOutlet final : public publisher::ReplayOutlet {
   std::map<Key, std::vector<std::uint8_t>> latched;  ///< what a late joiner gets
   std::vector<std::pair<std::uint32_t, std::vector<std::uint8_t>>> published;  ///< all of it
   std::vector<wire::SplitBatchMessage> answers;                                ///< to live peers
+  std::uint64_t refused_bytes = 0;  ///< of answers that refuse
   bool restart = false;
 
   bool publish(std::uint32_t stream, const std::vector<std::uint8_t>& cdr) override {
@@ -107,6 +108,7 @@ class MemoryOutlet final : public publisher::ReplayOutlet {
   publisher::Inbox take() override { return end_->take(); }
   bool send(wire::SessionId peer, const wire::SplitBatchMessage& batch) override {
     answers.push_back(batch);
+    if (batch.refused) refused_bytes += batch.bytes.size();
     return end_->send(peer, batch);
   }
   void wait(double) override {}

@@ -209,6 +209,82 @@ TEST_F(Recording, PartsAreReadAsOne) {
   EXPECT_EQ(RecordingReader::open(path("s_1.db3")).status().code(), StatusCode::kInvalidArgument);
 }
 
+TEST_F(Recording, KeysNameTheirMessages) {
+  // Of each part: every third message of "one", the others but a fifth of "two", by two writers in turn.
+  const auto name_of = [](std::uint64_t i) { return i % 5 == 0 ? "" : i % 3 == 0 ? "one" : "two"; };
+  std::uint64_t next = 1;
+  for (std::uint32_t part = 0; part < 2; ++part) {
+    auto writer = start(part_path(path(), part), part);
+    for (const std::uint64_t end = next + 100; next < end; ++next)
+      ASSERT_TRUE(writer->append(message(next, next % 2), name_of(next)).is_ok());
+    ASSERT_TRUE(writer->close().is_ok());
+  }
+  const auto reader = open(path());
+  EXPECT_TRUE(reader->has_keys());
+  ASSERT_EQ(reader->keys().size(), 8U);  // a part has two writers, and they two names each
+  std::size_t found = 0;
+  for (std::uint32_t key = 0; key < 8; ++key) {
+    const RecordedKey& recorded = reader->keys()[key];
+    const std::uint32_t part = recorded.writer / 2;
+    std::vector<std::int64_t> expected;
+    for (std::uint64_t i = 100 * part + 1; i <= 100 * part + 100; ++i)
+      if (i % 2 == recorded.writer % 2 && name_of(i) == recorded.name)
+        expected.push_back(static_cast<std::int64_t>(i));
+    EXPECT_EQ(reader->ids_of(key).value(), expected) << recorded.name;
+    found += expected.size();
+  }
+  EXPECT_EQ(found, 160U);
+}
+
+TEST_F(Recording, KeysAreThoseOfTheMomentWhenItWasOpened) {
+  auto writer = start(path(), 0, 0);
+  ASSERT_TRUE(writer->append(message(1), "one").is_ok());
+  const auto early = open(path());
+  ASSERT_TRUE(writer->append(message(2), "one").is_ok());
+  ASSERT_TRUE(writer->append(message(3), std::string("a\0b", 3)).is_ok());
+  EXPECT_EQ(early->ids_of(0).value(), std::vector<std::int64_t>{1});
+  const auto late = open(path());
+  EXPECT_EQ(late->ids_of(0).value(), (std::vector<std::int64_t>{1, 2}));
+  ASSERT_EQ(late->keys().size(), 2U);
+  EXPECT_EQ(late->keys()[1].name, std::string("a\0b", 3));
+}
+
+TEST_F(Recording, OfBeforeThereWereKeysIsReadAsEver) {
+  std::uint64_t next = 1;
+  for (std::uint32_t part = 0; part < 2; ++part) {
+    auto writer = start(part_path(path(), part), part);
+    for (const std::uint64_t end = next + 10; next < end; ++next)
+      ASSERT_TRUE(writer->append(message(next), "one").is_ok());
+    ASSERT_TRUE(writer->close().is_ok());
+  }
+  ask(path(), "DROP TABLE nearmesh_keys");
+  ask(path(), "DROP INDEX nearmesh_key_idx");
+  ask(path(), "ALTER TABLE nearmesh_messages DROP COLUMN key_id");
+  const auto reader = open(path());
+  EXPECT_FALSE(reader->has_keys());
+  EXPECT_EQ(count_right(*reader), 20U);
+}
+
+TEST_F(Recording, MayBeReadWhileItIsRead) {
+  auto writer = start(path());
+  for (std::uint64_t i = 1; i <= 20; ++i) ASSERT_TRUE(writer->append(message(i)).is_ok());
+  ASSERT_TRUE(writer->close().is_ok());
+  const auto reader = open(path());
+  std::vector<std::int64_t> ids;
+  const auto note = [&](std::int64_t id, const RecordedMessage&) {
+    ids.push_back(id);
+    return true;
+  };
+  ASSERT_TRUE(reader
+                  ->read(1, 4,
+                         [&](std::int64_t id, const RecordedMessage& m) {
+                           EXPECT_TRUE(reader->read(10 + id, 12 + id, note).is_ok());
+                           return note(id, m);
+                         })
+                  .is_ok());
+  EXPECT_EQ(ids, (std::vector<std::int64_t>{11, 12, 1, 12, 13, 2, 13, 14, 3}));
+}
+
 TEST_F(Recording, IsReadWhileItGrows) {
   auto writer = start(path(), 0, 0);
   for (std::uint64_t i = 1; i <= 2000; ++i) {

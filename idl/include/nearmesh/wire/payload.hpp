@@ -4,6 +4,8 @@
 
 #include <cstdint>
 #include <span>
+#include <string>
+#include <string_view>
 #include <vector>
 
 #include "nearmesh/wire/messages.hpp"
@@ -19,6 +21,11 @@ template <class Message>
 /// The bytes that decode_payload takes. The message should have passed check().
 template <class Message>
 [[nodiscard]] std::vector<std::uint8_t> encode_payload(const Message& message);
+
+/// The key under which a sample is recorded (RecordingWriter::append), so that what holds at a moment is found without
+/// reading all: of a hello the publisher, of a header and a batch the content, of a request the peer, of a pose the body.
+/// None (empty) for reports, for subscriptions that only return credit, and for what does not decode.
+[[nodiscard]] std::string record_key(std::string_view type, std::span<const std::uint8_t> cdr);
 
 /// Text of nearmesh.idl, for whoever reads the bytes without this library.
 [[nodiscard]] const char* idl_text();

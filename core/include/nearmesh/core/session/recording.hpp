@@ -65,6 +65,12 @@ struct RecordedModel {
   std::int64_t message = 0;  ///< id of the message that holds the header
 };
 
+/// Samples of one writer that concern one thing, by a name that whoever recorded them gave it: those of a body, say.
+struct RecordedKey {
+  std::uint32_t writer = 0;  ///< index into the writers
+  std::string name;
+};
+
 /// The file that follows a part: "x.db3", "x_1.db3", "x_2.db3".
 [[nodiscard]] std::string part_path(const std::string& first, std::uint32_t part);
 
@@ -86,8 +92,10 @@ class RecordingWriter {
   /// Out: the index.
   [[nodiscard]] Result<std::uint32_t> add_topic(const RecordedTopic& topic);
   [[nodiscard]] Result<std::uint32_t> add_writer(const RecordedWriter& writer);
+  /// `key`: under what readers find the message without reading the others (RecordedKey::name); empty: under nothing.
   /// Out: the message's id, counted up from 1. Commits what waits when it is due.
-  [[nodiscard]] Result<std::int64_t> append(const RecordedMessage& message);
+  [[nodiscard]] Result<std::int64_t> append(const RecordedMessage& message,
+                                            const std::string& key = {});
   [[nodiscard]] Status add_gap(const RecordingGap& gap);
   /// A model that is there already is left as it is.
   [[nodiscard]] Status add_model(const RecordedModel& model);
@@ -119,6 +127,9 @@ class RecordingReader {
   [[nodiscard]] const std::vector<RecordedWriter>& writers() const;
   [[nodiscard]] const std::vector<RecordingGap>& gaps() const;
   [[nodiscard]] const std::vector<RecordedModel>& models() const;  ///< each content once
+  /// False where some part is from before there were keys: then keys() do not tell of all messages.
+  [[nodiscard]] bool has_keys() const;
+  [[nodiscard]] const std::vector<RecordedKey>& keys() const;
   /// Messages in the file when it was opened.
   [[nodiscard]] std::int64_t message_count() const;
   /// Receive times of the first and the last message; 0 where there is none.
@@ -129,6 +140,8 @@ class RecordingReader {
   [[nodiscard]] Status read(
       std::int64_t first, std::int64_t end,
       const std::function<bool(std::int64_t id, const RecordedMessage& message)>& visit);
+  /// Ids of the messages of a key, by index into the keys, ascending. Cost: of what it gives.
+  [[nodiscard]] Result<std::vector<std::int64_t>> ids_of(std::uint32_t key);
   /// Id of the first message that was received at this time or later; message_count() + 1 where there is none.
   /// Cost: O(log messages).
   [[nodiscard]] Result<std::int64_t> find(std::int64_t received_ns);
