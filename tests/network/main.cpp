@@ -113,6 +113,12 @@ int main(int argc, char** argv) {
       ->add_option("--seconds", options.seconds,
                    "Of each flight of light peers; programs fly 200 frames")
       ->capture_default_str();
+  CLI::App* faults_command =
+      add("faults", "Healthy peers beside one bad peer of each kind: faults.csv");
+  faults_command->add_option("--faults", options.faults, "Only these")->delimiter(',');
+  faults_command->add_option("--rounds", options.rounds, "Times with and without each")
+      ->capture_default_str();
+  faults_command->add_option("--seconds", options.seconds, "Of each time")->capture_default_str();
   CLI11_PARSE(app, argc, argv);
   try {
     if (const std::string why = Lan::why_not_permitted(); !why.empty())
@@ -127,6 +133,7 @@ int main(int argc, char** argv) {
     if (flights_command->parsed()) flights(options, exercise);
     if (pipes_command->parsed()) pipes(options, exercise);
     if (peers_command->parsed()) measure_peers(options, exercise);
+    if (faults_command->parsed()) measure_faults(options, exercise);
     return 0;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "nearmesh-network: %s\n", error.what());
