@@ -18,32 +18,6 @@ void must(const Status& status) {
 
 }  // namespace
 
-/// Notes who is heard and lost, on the way to the session.
-class Flyers::Tap final : public subscriber::Channel {
- public:
-  Tap(Flyers& flyers, std::unique_ptr<subscriber::DdsChannel> channel)
-      : flyers_(flyers), channel_(std::move(channel)) {}
-  wire::SessionId own_id() const override { return channel_->own_id(); }
-  void send(const wire::RegionSubscription& subscription) override { channel_->send(subscription); }
-  void send(const wire::BodyPose& pose) override { channel_->send(pose); }
-  void send(const wire::ContactReport& report) override { channel_->send(report); }
-  Inbox take() override {
-    Inbox inbox = channel_->take();
-    if (inbox.hellos.empty() && inbox.lost_publishers.empty()) return inbox;
-    const std::lock_guard lock(flyers_.mutex_);
-    for (const wire::Hello& hello : inbox.hellos)
-      flyers_.hellos_.push_back({hello.publisher, flyers_.now_s()});
-    for (const wire::SessionId lost : inbox.lost_publishers)
-      flyers_.lost_.push_back({lost, flyers_.now_s()});
-    return inbox;
-  }
-  void wait(double seconds) { channel_->wait(seconds); }
-
- private:
-  Flyers& flyers_;
-  std::unique_ptr<subscriber::DdsChannel> channel_;
-};
-
 Flyers::Flyers(const Lan& lan, std::size_t host, const Exercise& exercise,
                std::vector<Motion> trajectory, const FlyersOptions& options)
     : options_(options), trajectory_(std::move(trajectory)) {
@@ -54,9 +28,7 @@ Flyers::Flyers(const Lan& lan, std::size_t host, const Exercise& exercise,
     auto channel = subscriber::DdsChannel::create(channel_options);
     must(channel.status());
     threads_.emplace_back(
-        [this, peer, tap = std::make_unique<Tap>(*this, std::move(channel).value())]() mutable {
-          fly(peer, std::move(tap));
-        });
+        [this, peer, made = std::move(channel).value()]() mutable { fly(peer, std::move(made)); });
   }
 }
 
@@ -65,9 +37,9 @@ Flyers::~Flyers() {
   for (std::thread& thread : threads_) thread.join();
 }
 
-void Flyers::fly(int peer, std::unique_ptr<subscriber::Channel> channel) {
-  auto& tap = static_cast<Tap&>(*channel);
-  subscriber::Session session(std::move(channel), {.lookahead_s = 0});
+void Flyers::fly(int peer, std::unique_ptr<subscriber::DdsChannel> made) {
+  subscriber::DdsChannel& channel = *made;
+  subscriber::Session session(std::move(made), {.lookahead_s = 0, .max_held_splits = 3000});
   const std::string name = "flyer" + std::to_string(peer);
   must(session.add_body("ground", "terrain", false));
   must(session.place_body("ground", {}));
@@ -77,7 +49,8 @@ void Flyers::fly(int peer, std::unique_ptr<subscriber::Channel> channel) {
   for (std::uint64_t frame = 0; !ending_; ++frame) {
     const double due_s = (static_cast<double>(frame) + static_cast<double>(peer) / options_.peers) /
                          options_.rate_hz;
-    while (now_s() < due_s && !ending_) tap.wait(std::min(due_s - now_s(), 0.1));
+    while (now_s() < due_s && !ending_)  // not wait(): the poses of the others would end it
+      std::this_thread::sleep_for(std::chrono::duration<double>(std::min(due_s - now_s(), 0.1)));
     const std::size_t row =
         static_cast<std::size_t>(peer) * rows / static_cast<std::size_t>(options_.peers) + frame;
     Motion motion = trajectory_[row % rows];
@@ -92,7 +65,7 @@ void Flyers::fly(int peer, std::unique_ptr<subscriber::Channel> channel) {
       answer.certified_s = now_s();
       if (answer.certified || now_s() - answer.asked_s > options_.patience_s) break;
       answer.waited = true;
-      tap.wait(0.02);
+      channel.wait(0.02);
     }
     const std::lock_guard lock(mutex_);
     if (!ending_) answers_.push_back(answer);
@@ -103,13 +76,4 @@ std::vector<Flyers::Answer> Flyers::take_answers() {
   const std::lock_guard lock(mutex_);
   return std::exchange(answers_, {});
 }
-std::vector<Flyers::Heard> Flyers::take_hellos() {
-  const std::lock_guard lock(mutex_);
-  return std::exchange(hellos_, {});
-}
-std::vector<Flyers::Heard> Flyers::take_lost() {
-  const std::lock_guard lock(mutex_);
-  return std::exchange(lost_, {});
-}
-
 }  // namespace nearmesh::test

@@ -41,26 +41,16 @@ class Flyers {
   };
   /// Those of frames that ended since the last call, in order of time for each peer.
   [[nodiscard]] std::vector<Answer> take_answers();
-  /// When each hello was heard by some peer, with its publisher, since the last call.
-  struct Heard {
-    wire::SessionId publisher = 0;
-    double at_s = 0;
-  };
-  [[nodiscard]] std::vector<Heard> take_hellos();
-  /// Sessions that the peers lost since the last call, each as often as a peer did.
-  [[nodiscard]] std::vector<Heard> take_lost();
   [[nodiscard]] double now_s() const { return clock_.seconds(); }
 
  private:
-  class Tap;
-  void fly(int peer, std::unique_ptr<subscriber::Channel> channel);
+  void fly(int peer, std::unique_ptr<subscriber::DdsChannel> made);
 
   const FlyersOptions options_;
   const std::vector<Motion> trajectory_;
   const Stopwatch clock_;
   std::mutex mutex_;
   std::vector<Answer> answers_;
-  std::vector<Heard> hellos_, lost_;
   std::atomic<bool> ending_ = false;
   std::vector<std::thread> threads_;
 };
