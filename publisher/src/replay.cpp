@@ -97,9 +97,16 @@ Replay::Replay(RecordingReader& recording, ReplayIndex& index, ReplayOutlet& out
     publisher.channel = std::make_unique<Branch>(outlet);
     publisher.service = std::make_unique<Service>(*publisher.channel, id);
     for (auto& [hash, detail] : index.details())
-      publisher.service->add_answerer(hash, [this, &detail = detail](const RegionRequest& request) {
-        return detail.answer(request, playhead_.next_id());
-      });
+      publisher.service->add_answerer(
+          hash, [this, &detail = detail](const RegionRequest& request) -> Result<Service::Parts> {
+            // At once: what was delivered by now may not be what was delivered by then.
+            auto batches = detail.answer(request, playhead_.next_id());
+            if (!batches.is_ok()) return batches.status();
+            return Service::Parts(
+                [whole = std::move(batches).value()]() mutable -> Result<Service::Part> {
+                  return Service::Part{std::move(whole), true};
+                });
+          });
   }
 }
 Replay::~Replay() = default;

@@ -74,7 +74,7 @@ Status serve(const Options& options) {
             static_cast<double>(resident_memory_bytes()) / 1e6);
       reported_requests = stats.requests;
     }
-    channel.value()->wait(0.02);
+    if (!service.is_behind()) channel.value()->wait(0.02);
   }
   const ServiceStats& stats = service.stats();
   spdlog::info("stopping: {} requests ({} refused), {} batches, {} bytes sent", stats.requests,

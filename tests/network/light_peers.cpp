@@ -11,16 +11,17 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "nearmesh/core/base/csv.hpp"
 #include "nearmesh/core/base/hash.hpp"
 #include "nearmesh/core/base/resources.hpp"
 #include "nearmesh/core/base/stopwatch.hpp"
 #include "nearmesh/subscriber/session.hpp"
 #include "nearmesh/wire/dds_support.hpp"
+#include "trajectory.hpp"
 
 namespace {
 
 using namespace nearmesh;
+using test::read_trajectory;
 
 volatile std::sig_atomic_t stop_requested = 0;
 void request_stop(int) { stop_requested = 1; }
@@ -160,26 +161,6 @@ struct Options {
   double rate_hz = 2;
   double apart_m = 0;
 };
-
-std::vector<Motion> read_trajectory(const std::string& path, double rate_hz) {
-  const CsvTable table = LightBus::require(CsvTable::read(path));
-  std::vector<Motion> motions;
-  for (std::size_t row = 0; row < table.row_count(); ++row) {
-    Motion motion;
-    for (std::size_t i = 0; i < 12; ++i) {
-      const std::string name =
-          i < 9 ? "R" + std::to_string(i / 3) + std::to_string(i % 3) : "T" + std::to_string(i - 9);
-      (i < 9 ? motion.pose.rotation[i] : motion.pose.translation_m[i - 9]) =
-          table.number(row, table.column(name)).value();
-    }
-    motions.push_back(motion);
-  }
-  for (std::size_t row = 0; row + 1 < motions.size(); ++row)
-    for (std::size_t k = 0; k < 3; ++k)
-      motions[row].linear_velocity_mps[k] =
-          rate_hz * (motions[row + 1].pose.translation_m[k] - motions[row].pose.translation_m[k]);
-  return motions;
-}
 
 /// Bytes that some other peer of the process had been sent within the last second.
 std::uint64_t repeated_bytes(const std::vector<Received>& received) {

@@ -175,6 +175,12 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   LongRuns long_runs;
   add_long_runs(app, long_runs, options.domain);
+  CLI::App* faults_command =
+      add("faults", "Healthy peers beside one bad peer of each kind: faults.csv");
+  faults_command->add_option("--faults", options.faults, "Only these")->delimiter(',');
+  faults_command->add_option("--rounds", options.rounds, "Times with and without each")
+      ->capture_default_str();
+  faults_command->add_option("--seconds", options.seconds, "Of each time")->capture_default_str();
   CLI11_PARSE(app, argc, argv);
   try {
     if (const std::string why = Lan::why_not_permitted(); !why.empty())
@@ -194,6 +200,7 @@ int main(int argc, char** argv) {
       std::fprintf(stderr, "nearmesh-network: not all went as it should\n");
       return 1;
     }
+    if (faults_command->parsed()) measure_faults(options, exercise);
     return 0;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "nearmesh-network: %s\n", error.what());

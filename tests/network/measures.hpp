@@ -21,6 +21,8 @@ struct MeasureOptions {
   std::vector<int> programs;
   std::vector<int> light, together;
   double rate_hz = 2;
+  std::vector<std::string> faults;  ///< by name; empty: all
+  int rounds = 5;
 };
 
 /// For each rate and pose of the chart's terrain, both bodies streamed: seconds from the pose to the first certified answer,
@@ -28,5 +30,9 @@ struct MeasureOptions {
 void measure_poses(const MeasureOptions& options);
 /// Peers of one publisher, as programs of their own and as light peers: what they need and what the publisher spends.
 void measure_peers(const MeasureOptions& options, const Exercise& exercise);
+
+/// Healthy peers fly on while one bad peer after the other comes and goes: faults.csv, times to certified answers with and without
+/// each, side by side.
+void measure_faults(const MeasureOptions& options, const Exercise& exercise);
 
 }  // namespace nearmesh::test

@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <unistd.h>
-
 #include <csignal>
 #include <nlohmann/json.hpp>
-#include <sstream>
 #include <stdexcept>
 
 #include "measures.hpp"
@@ -19,25 +16,6 @@ constexpr double kRowsPerSecond = 2;  // of the trajectory: 80 m a row, 16 km ov
 // Peers in one place start where the flight is low: at 0.3 of the trajectory.
 constexpr int kOnePlace = 1'000'000, kOnePlaceFirst = 300'000;
 
-struct Spent {
-  double cpu_s = 0;
-  std::uint64_t memory_bytes = 0;
-};
-Spent spent_by(const Process& process) {
-  const std::string folder = "/proc/" + std::to_string(process.id());
-  const std::string stat = read_text(folder + "/stat");
-  std::istringstream after_name(stat.substr(stat.rfind(')') + 2));
-  std::string skipped;
-  for (int i = 3; i < 14; ++i) after_name >> skipped;
-  double user = 0, system = 0;
-  after_name >> user >> system;
-  std::istringstream pages(read_text(folder + "/statm"));
-  std::uint64_t size = 0, resident = 0;
-  pages >> size >> resident;
-  return {(user + system) / static_cast<double>(::sysconf(_SC_CLK_TCK)),
-          resident * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE))};
-}
-
 struct Row {
   const char* kind = "";
   int peers = 0;
@@ -48,15 +26,6 @@ struct Row {
   Spent before, ready, after;  ///< of the publisher: alone, with all peers ready, at the end
   Lan::Counters wire_ready, wire_after;
 };
-
-void write_trajectory(const Folder& folder, const Exercise& exercise) {
-  std::string err;
-  if (run(folder, "nearmesh-demo-flights",
-          {folder.path(), "--size", std::to_string(exercise.terrain_cells), "--frames", "200",
-           "--rate", std::to_string(kRowsPerSecond)},
-          nullptr, &err) != 0)
-    throw std::runtime_error("no flight: " + err);
-}
 
 void fly_light(const MeasureOptions& options, const Exercise& exercise, const Lan& lan,
                const Folder& folder, const Process& publisher, Row& row) {
@@ -160,7 +129,7 @@ void measure_peers(const MeasureOptions& options, const Exercise& exercise) {
   const auto measure = [&](const char* kind, int peers, bool together, auto fly) {
     const Lan lan({{}, {}});
     const Folder folder;
-    write_trajectory(folder, exercise);
+    write_flights(folder, exercise, 200, kRowsPerSecond);
     const auto publisher = serve(lan, folder, exercise);
     Row row{.kind = kind, .peers = peers, .together = together, .before = spent_by(*publisher)};
     fly(options, exercise, lan, folder, *publisher, row);

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "runs.hpp"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <nlohmann/json.hpp>
+#include <sstream>
 #include <stdexcept>
 
 #include "nearmesh/core/spm/header.hpp"
@@ -76,15 +79,34 @@ std::unique_ptr<Process> serve(const Lan& lan, const Folder& folder, const Exerc
   return publisher;
 }
 
-FlightResult fly(const Lan& lan, std::size_t host, const Folder& folder, const Exercise& exercise,
-                 const FlightOptions& options) {
-  FlightResult result;
+Spent spent_by(const Process& process) {
+  const std::string folder = "/proc/" + std::to_string(process.id());
+  const std::string stat = read_text(folder + "/stat");
+  std::istringstream after_name(stat.substr(stat.rfind(')') + 2));
+  std::string skipped;
+  for (int i = 3; i < 14; ++i) after_name >> skipped;
+  double user = 0, system = 0;
+  after_name >> user >> system;
+  std::istringstream pages(read_text(folder + "/statm"));
+  std::uint64_t size = 0, resident = 0;
+  pages >> size >> resident;
+  return {(user + system) / static_cast<double>(::sysconf(_SC_CLK_TCK)),
+          resident * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE))};
+}
+
+void write_flights(const Folder& folder, const Exercise& exercise, int frames, double rate_hz) {
   std::string err;
   if (run(folder, "nearmesh-demo-flights",
           {folder.path(), "--size", std::to_string(exercise.terrain_cells), "--frames",
-           std::to_string(options.frames), "--rate", std::to_string(options.rate_hz)},
+           std::to_string(frames), "--rate", std::to_string(rate_hz)},
           nullptr, &err) != 0)
     throw std::runtime_error("no flight: " + err);
+}
+
+FlightResult fly(const Lan& lan, std::size_t host, const Folder& folder, const Exercise& exercise,
+                 const FlightOptions& options) {
+  FlightResult result;
+  write_flights(folder, exercise, options.frames, options.rate_hz);
   folder.write("flight.yaml",
                kScene + ("frame_rate_hz: " + std::to_string(options.rate_hz)) + "\n");
   const std::string answers = folder.file("answers.jsonl");
@@ -106,7 +128,7 @@ FlightResult fly(const Lan& lan, std::size_t host, const Folder& folder, const E
   std::vector<std::string> words{"check"};
   words.insert(words.end(), exercise.models.begin(), exercise.models.end());
   words.insert(words.end(), {"--answers", answers});
-  std::string out;
+  std::string out, err;
   run(folder, "nearmesh-model", words, &out, &err);
   unsigned long long checked = 0, wrong = 0;
   if (std::sscanf(out.c_str(), "answers %llu, wrong %llu", &checked, &wrong) != 2 ||

@@ -31,6 +31,16 @@ struct Exercise {
 [[nodiscard]] std::unique_ptr<Process> serve(const Lan& lan, const Folder& folder,
                                              const Exercise& exercise);
 
+/// What a running program has used since its start.
+struct Spent {
+  double cpu_s = 0;
+  std::uint64_t memory_bytes = 0;  ///< resident now
+};
+[[nodiscard]] Spent spent_by(const Process& process);
+
+/// flight1.csv and flight2.csv of the demo over the exercise's terrain, into the folder. Throws std::runtime_error.
+void write_flights(const Folder& folder, const Exercise& exercise, int frames, double rate_hz);
+
 struct FlightOptions {
   int frames = 200;
   double rate_hz = 20;

@@ -11,6 +11,9 @@
 namespace nearmesh {
 namespace {
 
+/// A block that is decoded takes as long as so many nodes that are looked at.
+constexpr std::size_t kBlockWork = 31;
+
 std::string name(const NodeSpan& node) {
   return "node [" + std::to_string(node.begin()) + ", " + std::to_string(node.end()) + ")";
 }
@@ -49,6 +52,11 @@ class RegionFilter {
     }
     candidate.pool_end = static_cast<std::uint32_t>(pool_.size());
     if (candidate.pool_begin == candidate.pool_end) return std::nullopt;
+    if (candidate.pool_end - candidate.pool_begin == parent.pool_end - parent.pool_begin) {
+      pool_.resize(candidate.pool_begin);  // the same as the parent's, which are kept
+      candidate.pool_begin = parent.pool_begin;
+      candidate.pool_end = parent.pool_end;
+    }
     return candidate;
   }
 
@@ -82,18 +90,17 @@ Status locate(const SplitStore& store, NodeSpan target,
 void finish(Demand& demand) {
   std::sort(demand.missing.begin(), demand.missing.end());
   Treelet& treelet = demand.treelet;
-  const auto preorder = [](const TreeletSplit& a, const TreeletSplit& b) {
-    return a.node < b.node;
-  };
-  std::sort(treelet.begin(), treelet.end(), preorder);
+  std::sort(treelet.begin(), treelet.end(),
+            [](const TreeletSplit& a, const TreeletSplit& b) { return a.node < b.node; });
+  std::vector<TreeletSplit*> open;  // ancestors of the next, the nearest last
   for (TreeletSplit& split : treelet) {
-    const auto has = [&](NodeSpan child) {
-      const auto at =
-          std::lower_bound(treelet.begin(), treelet.end(), TreeletSplit{child, {}}, preorder);
-      return at != treelet.end() && at->node == child;
-    };
-    split.left_included = has(split.node.left_of(split.split));
-    split.right_included = has(split.node.right_of(split.split));
+    while (!open.empty() && !open.back()->node.contains(split.node.first)) open.pop_back();
+    if (!open.empty()) {
+      TreeletSplit& parent = *open.back();
+      if (split.node == parent.node.left_of(parent.split)) parent.left_included = true;
+      if (split.node == parent.node.right_of(parent.split)) parent.right_included = true;
+    }
+    open.push_back(&split);
   }
 }
 
@@ -139,46 +146,87 @@ Status check_request(const SplitStore& store, const RegionRequest& request) {
   return Status::ok();
 }
 
-Result<Demand> collect(const SplitStore& store, const RegionRequest& request,
-                       const std::function<Status(NodeSpan)>& require, AttachRule rule) {
-  RegionFilter filter(store, request.region);
-  const auto smaller = [](const Candidate& a, const Candidate& b) {
+struct Collector::Impl {
+  const SplitStore& store;
+  const RegionRequest request;
+  const std::function<Status(NodeSpan)> require;
+  const AttachRule rule;
+  RegionFilter filter{store, request.region};
+  static bool is_smaller_candidate(const Candidate& a, const Candidate& b) {
     return is_smaller(a.node, b.node);
-  };
-  std::priority_queue<Candidate, std::vector<Candidate>, decltype(smaller)> queue(smaller);
-  const auto offer = [&](NodeSpan node, const Candidate& parent) {
+  }
+  std::priority_queue<Candidate, std::vector<Candidate>, decltype(&is_smaller_candidate)> queue{
+      &is_smaller_candidate};
+  std::size_t attached = 0;  // so many of the attach nodes
+  Demand demand;
+
+  void offer(NodeSpan node, const Candidate& parent) {
     const auto candidate = filter.child(node, parent);
     if (candidate && candidate->meets) queue.push(*candidate);
-  };
-  for (const NodeSpan& node : request.attach) {
+  }
+  Status attach(NodeSpan node) {
     if (require) NEARMESH_RETURN_IF_ERROR(locate(store, node, require));
-    if (!store.is_node(node)) continue;
+    if (!store.is_node(node)) return Status::ok();
     if (rule == AttachRule::kAlways && node.size > 1) {
       queue.push(filter.everything(node));
     } else {
       offer(node, filter.everything({}));
     }
+    return Status::ok();
   }
-  Demand demand;
-  while (!queue.empty()) {
-    if (demand.treelet.size() >= request.max_splits) {
-      demand.truncated = true;
-      break;
-    }
-    const Candidate top = queue.top();
-    queue.pop();
+  Status visit(const Candidate& top) {
     if (require) NEARMESH_RETURN_IF_ERROR(require(top.node));
     const VertexId split = store.split_of(top.node);
     if (!split.is_valid()) {
       demand.missing.push_back(top.node);
-      continue;
+      return Status::ok();
     }
     demand.treelet.push_back({top.node, split});
     offer(top.node.left_of(split), top);
     offer(top.node.right_of(split), top);
+    return Status::ok();
   }
-  finish(demand);
-  return demand;
+  [[nodiscard]] bool is_full() const { return demand.treelet.size() >= request.max_splits; }
+  [[nodiscard]] bool is_done() const {
+    return attached == request.attach.size() && (queue.empty() || is_full());
+  }
+};
+
+Collector::Collector(const SplitStore& store, RegionRequest request,
+                     std::function<Status(NodeSpan)> require, AttachRule rule)
+    : impl_(new Impl{store, std::move(request), std::move(require), rule}) {}
+Collector::~Collector() = default;
+Collector::Collector(Collector&&) noexcept = default;
+
+Result<bool> Collector::advance(std::size_t work) {
+  Impl& impl = *impl_;
+  for (std::size_t done = 0; done < work && !impl.is_done(); ++done) {
+    const std::uint32_t known = impl.store.known_splits();
+    if (impl.attached < impl.request.attach.size()) {
+      NEARMESH_RETURN_IF_ERROR(impl.attach(impl.request.attach[impl.attached++]));
+    } else {
+      const Candidate top = impl.queue.top();
+      impl.queue.pop();
+      NEARMESH_RETURN_IF_ERROR(impl.visit(top));
+    }
+    if (impl.store.known_splits() != known) done += kBlockWork;
+  }
+  return impl.is_done();
+}
+
+Demand Collector::take() {
+  Impl& impl = *impl_;
+  impl.demand.truncated = impl.is_full() && !impl.queue.empty();
+  finish(impl.demand);
+  return std::move(impl.demand);
+}
+
+Result<Demand> collect(const SplitStore& store, const RegionRequest& request,
+                       const std::function<Status(NodeSpan)>& require, AttachRule rule) {
+  Collector collector(store, request, require, rule);
+  const Result<bool> done = collector.advance(std::numeric_limits<std::size_t>::max());
+  if (!done.is_ok()) return done.status();
+  return collector.take();
 }
 
 std::vector<NodeSpan> frontier(const SplitStore& store, std::span<const RegionPart> region,

@@ -81,17 +81,13 @@ TEST_F(ReplayTest, LivePeersAreAnsweredOnceAllBatchesAreTakenIn) {
   MemoryBus bus;
   class Asking final : public publisher::ReplayOutlet {
    public:
-    std::vector<wire::RegionSubscription> asked;
-    std::vector<wire::SessionId> lost;
+    publisher::Inbox inbox;
     std::vector<wire::SplitBatchMessage> answers;
     double waited_s = -1;
     bool publish(std::uint32_t, const std::vector<std::uint8_t>&) override { return true; }
     void withdraw(std::uint32_t, const std::vector<std::uint8_t>&) override {}
     bool take_restart() override { return false; }
-    std::vector<wire::RegionSubscription> take_subscriptions() override {
-      return std::exchange(asked, {});
-    }
-    std::vector<wire::SessionId> take_lost_peers() override { return std::exchange(lost, {}); }
+    publisher::Inbox take() override { return std::exchange(inbox, {}); }
     bool send(wire::SessionId, const wire::SplitBatchMessage& batch) override {
       answers.push_back(batch);
       return true;
@@ -111,7 +107,7 @@ TEST_F(ReplayTest, LivePeersAreAnsweredOnceAllBatchesAreTakenIn) {
         .peer = peer, .request = 1, .content_hash = content, .publisher = 1};
     asked.region.max_splits = kMaxRequestSplits;
     asked.region.region = {GridBox{{{0, 0, 0}}, {{1 << 21, 1 << 21, 1 << 21}}}};
-    outlet.asked.push_back(asked);
+    outlet.inbox.subscriptions.push_back(asked);
   }
   SpmHeader header;
   ASSERT_TRUE(
@@ -124,13 +120,13 @@ TEST_F(ReplayTest, LivePeersAreAnsweredOnceAllBatchesAreTakenIn) {
                    return true;
                  })
           .is_ok());
-  for (wire::RegionSubscription& asked : outlet.asked)
+  for (wire::RegionSubscription& asked : outlet.inbox.subscriptions)
     for (const BaseRoot& root : header.roots)
       if (root.node.size > 1) asked.region.attach.push_back(root.node);
   double now_s = 0;
   ASSERT_TRUE(replay.step(now_s).is_ok());
   ASSERT_FALSE(index->has_all_batches());
-  outlet.lost = {kLateLive};  // before it was answered
+  outlet.inbox.lost_peers = {kLateLive};  // before it was answered
   replay.wait(0.02, now_s);
   EXPECT_EQ(outlet.waited_s, 0);  // there is something to do
   while (!index->has_all_batches()) {

@@ -14,7 +14,6 @@ using publisher::Service;
 using publisher::ServiceOptions;
 
 constexpr wire::SessionId kPublisher = 0xa1, kPeer = 0xb1, kOtherPeer = 0xb2;
-// What the service counts beside a batch's own bytes; the window tests need it.
 
 // One service with a terrain, and a peer whose raw inbox the test reads.
 struct Desk {
@@ -64,7 +63,8 @@ struct Desk {
   // Sends a request that must be refused, and gives the reason that both the peer and the log got.
   std::string refusal(const wire::RegionSubscription& subscription) {
     bus.inject(subscription);
-    const auto complaints = service.step(0);
+    refused_s += Service::kRefusalPeriod_s;
+    const auto complaints = service.step(refused_s);
     const auto batches = received();
     if (batches.size() != 1 || complaints.size() != 1) {
       ADD_FAILURE() << batches.size() << " batches, " << complaints.size() << " complaints";
@@ -87,6 +87,7 @@ struct Desk {
   BakedModel model = test::bake_mesh(generate_terrain(64, 7), 16);
   std::unique_ptr<test::TempFile> file = test::write_model(model);
   Service service;
+  double refused_s = 0;
 };
 
 std::size_t framed(const std::vector<wire::SplitBatchMessage>& batches) {
@@ -464,31 +465,157 @@ TEST(Service, RefusesAttachNodeThatIsNoNode) {
   EXPECT_NE(desk.refusal(subscription).find("is not a node of the model"), std::string::npos);
 }
 
-TEST(Service, RefusesWhenTooMuchIsQueued) {
-  Desk desk({.max_queued_bytes = 3000});
+TEST(Service, RefusalsOfOnePeerAreOneLineInAWhile) {
+  Desk desk;
+  wire::RegionSubscription subscription = desk.request(0);
+  subscription.content_hash ^= 1;
+  std::size_t lines = 0, refusals = 0;
+  for (std::uint32_t i = 1; i <= 50; ++i) {
+    subscription.request = i;
+    desk.bus.inject(subscription);
+    lines += desk.service.step(0.1 * i).size();
+    for (const auto& batch : desk.received()) refusals += batch.refused ? 1 : 0;
+  }
+  EXPECT_EQ(lines, 1U);
+  EXPECT_EQ(refusals, 50U);
+  subscription.request = 51;
+  desk.bus.inject(subscription);
+  const auto later = desk.service.step(0.1 + Service::kRefusalPeriod_s);
+  ASSERT_EQ(later.size(), 1U);
+  EXPECT_NE(later[0].find("(and 49 before it)"), std::string::npos) << later[0];
+}
+
+// A model whose answers have no end, and count what is made of them: 'A' for the peer that asks for all, 'B' for the other.
+struct Endless {
+  static constexpr std::uint64_t kHash = 77;
+  static constexpr std::size_t kPartBytes = 4000;
+  explicit Endless(Desk& desk) {
+    desk.service.add_answerer(kHash, [this](const RegionRequest& request) {
+      const bool all = request.max_splits == kMaxRequestSplits;
+      begun += all ? 'A' : 'B';
+      return Service::Parts([this, all]() -> Result<Service::Part> {
+        made += all ? 'A' : 'B';
+        const std::vector<std::uint8_t> batch(kPartBytes / 4);
+        return Service::Part{{batch, batch, batch, batch}, !all};
+      });
+    });
+  }
+  static wire::RegionSubscription request(const Desk& desk, std::uint32_t number, bool all) {
+    wire::RegionSubscription subscription = desk.request(number, all ? kMaxRequestSplits : 1);
+    subscription.content_hash = kHash;
+    if (!all) subscription.peer = kOtherPeer;
+    return subscription;
+  }
+  std::string begun, made;
+};
+
+TEST(Service, FloodOfRequestsCostsTheOthersOneTurn) {
+  Desk desk;
+  Endless endless(desk);
+  std::uint32_t flood = 0;
+  for (std::uint32_t i = 1; i <= 30; ++i) {
+    for (int repeat = 0; repeat < 100; ++repeat)
+      desk.bus.inject(Endless::request(desk, ++flood, true));
+    desk.bus.inject(Endless::request(desk, i, false));
+    endless.begun.clear();
+    endless.made.clear();
+    desk.service.step(i);
+    // One of a hundred was begun, and at most one part made before the other peer had its answer.
+    EXPECT_EQ(std::count(endless.begun.begin(), endless.begun.end(), 'A'), 1);
+    EXPECT_LE(endless.made.find('B'), 1U) << endless.made;
+    const auto answered = desk.other_received();
+    ASSERT_FALSE(answered.empty());
+    EXPECT_TRUE(answered.back().last);
+    EXPECT_EQ(answered.back().request, i);
+    static_cast<void>(desk.received());
+  }
+  EXPECT_EQ(desk.service.stats().requests, 3030U);
+}
+
+TEST(Service, FloodOfRequestsForWhatIsNotThereCostsTheOthersOneTurn) {
+  Desk desk;
+  std::uint32_t flood = 0;
+  for (std::uint32_t i = 1; i <= 30; ++i) {
+    for (int repeat = 0; repeat < 100; ++repeat) {
+      wire::RegionSubscription nowhere = desk.request(++flood);
+      nowhere.content_hash = flood;
+      desk.bus.inject(nowhere);
+    }
+    wire::RegionSubscription other = desk.request(i, 10);
+    other.peer = kOtherPeer;
+    desk.bus.inject(other);
+    desk.service.step(0);
+    const auto answered = desk.other_received();
+    ASSERT_FALSE(answered.empty());
+    EXPECT_TRUE(answered.back().last);
+    EXPECT_FALSE(answered.back().refused);
+    const auto refused = desk.received();
+    ASSERT_EQ(refused.size(), 1U);  // the newest
+    EXPECT_EQ(refused[0].request, flood);
+    EXPECT_TRUE(refused[0].refused);
+    desk.bus.inject(desk.credit(refused[0].sequence));
+  }
+}
+
+TEST(Service, NothingIsMadeThatWouldOnlyWait) {
+  Desk desk;
+  Endless endless(desk);
   desk.bus.accept_batches = false;
-  desk.bus.inject(desk.request(1));
-  EXPECT_TRUE(desk.service.step(0).empty());
-  // For another model: for the same one it would replace what waits.
-  const BakedModel sphere = test::bake_named("sphere");
-  const auto file = test::write_model(sphere);
-  ModelFile opened = std::move(ModelFile::open(file->path())).value();
-  wire::RegionSubscription other = desk.request(2);
-  other.content_hash = opened.content_hash();
-  other.region.attach = {sphere.header.roots[0].node};
-  ASSERT_TRUE(desk.service.add_model("sphere", std::move(opened)).is_ok());
-  desk.bus.inject(other);
-  const auto complaints = desk.service.step(0);
-  ASSERT_EQ(complaints.size(), 1U);
-  EXPECT_NE(complaints[0].find("more than 3000 bytes wait for this peer"), std::string::npos);
+  desk.bus.inject(Endless::request(desk, 1, true));
+  for (int i = 0; i < 100; ++i) desk.service.step(0);
+  EXPECT_FALSE(desk.service.is_behind());
+  EXPECT_LE(endless.made.size() * Endless::kPartBytes,
+            Service::kEnoughQueuedBytes + Endless::kPartBytes);
+  // What it takes is what is made for it.
   desk.bus.accept_batches = true;
+  wire::RegionSubscription credit = desk.credit(0);
+  std::size_t taken = 0;
+  for (int i = 0; i < 100; ++i) {
+    desk.service.step(0.01 * i);
+    const auto batches = desk.received();
+    taken += framed(batches);
+    if (!batches.empty()) credit.acknowledged_sequence = batches.back().sequence;
+    desk.bus.inject(credit);
+  }
+  EXPECT_GT(taken, 10 * Service::kEnoughQueuedBytes);
+  EXPECT_LE(endless.made.size() * Endless::kPartBytes,
+            taken + Service::kEnoughQueuedBytes + Endless::kPartBytes);
+}
+
+TEST(Service, OneStepEndsThoughThereIsMoreToDo) {
+  Desk desk;
+  desk.service.add_answerer(7, [](const RegionRequest&) {
+    return Service::Parts([] { return Result<Service::Part>(Service::Part{}); });
+  });
+  wire::RegionSubscription subscription = desk.request(1);
+  subscription.content_hash = 7;
+  desk.bus.inject(subscription);
   desk.service.step(0);
-  const auto batches = desk.received();
-  EXPECT_TRUE(batches.back().refused);
-  EXPECT_EQ(batches.back().request, 2U);
-  // Once the queue is empty, requests are answered again.
-  desk.bus.inject(desk.request(3, 10));
-  EXPECT_TRUE(desk.service.step(0).empty());
+  EXPECT_TRUE(desk.service.is_behind());
+}
+
+// Where each answer is begun but long in coming, only some are under way; none is left out for good.
+TEST(Service, FewAnswersAreCollectedAtATime) {
+  Desk desk;
+  int under_way = 0, most = 0, answered = 0;
+  desk.service.add_answerer(7, [&](const RegionRequest&) {
+    most = std::max(most, ++under_way);
+    return Service::Parts([&, left = 5]() mutable -> Result<Service::Part> {
+      if (--left > 0) return Service::Part{};
+      --under_way;
+      ++answered;
+      return Service::Part{{}, true};
+    });
+  });
+  for (wire::SessionId peer = 1; peer <= 40; ++peer) {
+    wire::RegionSubscription subscription = desk.request(1);
+    subscription.peer = peer;
+    subscription.content_hash = 7;
+    desk.bus.inject(subscription);
+  }
+  for (int i = 0; i < 40; ++i) desk.service.step(0);
+  EXPECT_EQ(answered, 40);
+  EXPECT_EQ(most, 8);
 }
 
 TEST(Service, KeepsServingAfterARefusal) {

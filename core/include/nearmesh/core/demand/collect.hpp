@@ -6,6 +6,7 @@
 // crosses the region without a vertex inside still brings its corners.
 
 #include <functional>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -44,6 +45,27 @@ enum class AttachRule : std::uint8_t {
 [[nodiscard]] Result<Demand> collect(const SplitStore& store, const RegionRequest& request,
                                      const std::function<Status(NodeSpan)>& require,
                                      AttachRule rule = AttachRule::kInRegion);
+
+/// The same walk a little at a time, so that who serves many is never held up by one. The store may learn more between, by
+/// `require` or others; of a node it must not forget or change anything. Threads: one at a time.
+class Collector {
+ public:
+  /// The store must outlive it.
+  Collector(const SplitStore& store, RegionRequest request, std::function<Status(NodeSpan)> require,
+            AttachRule rule);
+  ~Collector();
+  Collector(Collector&&) noexcept;
+
+  /// Looks at some `work` nodes more (a block that is decoded counts as several). Out: true when the walk is over.
+  /// Errors: those of `require`; the walk is over then too.
+  [[nodiscard]] Result<bool> advance(std::size_t work);
+  /// What was found; once, when the walk is over.
+  [[nodiscard]] Demand take();
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
 
 /// The frontier of a store towards a region: nodes that meet it and whose split is not known, largest first (ties to the
 /// lower id), at most `limit`. What a peer asks for next. Cost: O(known nodes that meet the region).
