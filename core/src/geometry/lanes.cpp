@@ -172,6 +172,19 @@ std::uint32_t boxes_apart_lanes(const RelativeFrame& f, const PlacedLanes& other
   return apart;
 }
 
+void centers_apart_lanes(const PlacedLanes& other, std::uint32_t i, const BoxLanes& own,
+                         double* distances) {
+  const Doubles d;
+  for (std::size_t lane = 0; lane < kLanes; lane += hn::Lanes(d)) {
+    Vec between[3], half[3], most = hn::Zero(d);
+    load_boxes(other, i, own, lane, between, half);
+    for (std::size_t k = 0; k < 3; ++k)
+      most = hn::Max(
+          most, hn::Div(hn::Abs(between[k]), hn::Add(half[k], hn::Set(d, other.reach_own[k][i]))));
+    hn::StoreU(most, d, distances + lane);
+  }
+}
+
 void boxes_gaps_lanes(const RelativeFrame& f, const PlacedLanes& other, std::uint32_t i,
                       const BoxLanes& own, double* gaps_m) {
   const Doubles d;
@@ -343,6 +356,7 @@ namespace nearmesh {
 
 HWY_EXPORT(place_lanes_all);
 HWY_EXPORT(boxes_apart_lanes);
+HWY_EXPORT(centers_apart_lanes);
 HWY_EXPORT(boxes_gaps_lanes);
 HWY_EXPORT(extents_gaps_lanes);
 HWY_EXPORT(triangles_apart_lanes);
@@ -398,6 +412,11 @@ void place_lanes(const RelativeFrame& other_in_own, const BoxLanes& other, Place
 std::uint32_t boxes_apart(const RelativeFrame& other_in_own, const PlacedLanes& other,
                           std::uint32_t other_lane, const BoxLanes& own) {
   return HWY_DYNAMIC_DISPATCH(boxes_apart_lanes)(other_in_own, other, other_lane, own);
+}
+
+void centers_apart(const PlacedLanes& other, std::uint32_t other_lane, const BoxLanes& own,
+                   double (&distances)[kLanes]) {
+  HWY_DYNAMIC_DISPATCH(centers_apart_lanes)(other, other_lane, own, distances);
 }
 
 void boxes_gaps_m(const RelativeFrame& other_in_own, const PlacedLanes& other,

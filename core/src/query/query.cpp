@@ -174,25 +174,21 @@ class Walk {
   template <class Push>
   static void push_deepest_last(const PlacedLanes& other, std::uint32_t other_lane,
                                 const TreeNode& own, std::uint32_t close, const Push& push) {
-    struct Lane {
-      double distance;
-      std::uint32_t lane;
-    };
-    std::array<Lane, kLanes> lanes;
+    if ((close & (close - 1)) == 0) {
+      if (close != 0) push(static_cast<std::uint32_t>(std::countr_zero(close)));
+      return;
+    }
+    double distances[kLanes];
+    centers_apart(other, other_lane, own.boxes, distances);
+    std::array<std::uint32_t, kLanes> lanes;
     std::size_t count = 0;
     for (; close != 0; close &= close - 1) {
       const auto lane = static_cast<std::uint32_t>(std::countr_zero(close));
-      double distance = 0;
-      for (std::size_t k = 0; k < 3; ++k) {
-        const double lo = own.boxes.lo[k][lane], hi = own.boxes.hi[k][lane];
-        distance = std::max(distance, std::abs(0.5 * (lo + hi) - other.center[k][other_lane]) /
-                                          (0.5 * (hi - lo) + other.reach_own[k][other_lane]));
-      }
       std::size_t at = count++;  // insertion, farthest first
-      for (; at > 0 && lanes[at - 1].distance < distance; --at) lanes[at] = lanes[at - 1];
-      lanes[at] = {distance, lane};
+      for (; at > 0 && distances[lanes[at - 1]] < distances[lane]; --at) lanes[at] = lanes[at - 1];
+      lanes[at] = lane;
     }
-    for (std::size_t i = 0; i < count; ++i) push(lanes[i].lane);
+    for (std::size_t i = 0; i < count; ++i) push(lanes[i]);
   }
 
   [[nodiscard]] bool is_missing(const Part& a, const Part& b) const {

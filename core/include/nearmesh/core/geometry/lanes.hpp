@@ -97,7 +97,11 @@ void place_lanes(const RelativeFrame& other_in_own, const BoxLanes& other, Place
 /// both slabs' normals. Bits of unused lanes mean nothing.
 [[nodiscard]] std::uint32_t boxes_apart(const RelativeFrame& other_in_own, const PlacedLanes& other,
                                         std::uint32_t other_lane, const BoxLanes& own);
-/// The same for own triangles; the axes are one's own and the normals of the other's slab and of the triangles.
+/// How far the centre of one lane of the other model's lies from that of each of one's own: the most along one's own axes,
+/// in units of the extents of both. A measure of how deep they overlap, proof of nothing. Unused lanes: any.
+void centers_apart(const PlacedLanes& other, std::uint32_t other_lane, const BoxLanes& own,
+                   double (&distances)[kLanes]);
+/// The same as boxes_apart for own triangles; the axes are one's own and the normals of the other's slab and of the triangles.
 [[nodiscard]] std::uint32_t triangles_apart(const RelativeFrame& other_in_own,
                                             const PlacedLanes& other, std::uint32_t other_lane,
                                             const TriangleLanes& own);
