@@ -219,20 +219,16 @@ class Walk {
     if (close_b == 0) return;
     PlacedTriangles placed_b;
     place_triangles(b_in_a_, block_b.triangles, placed_b);
-    std::array<LatticeTriangle, kLanes> posed_b;
-    std::uint32_t is_posed = 0;
     for (; close_a != 0; close_a &= close_a - 1) {
       const auto i = static_cast<std::uint32_t>(std::countr_zero(close_a));
       const std::array<GridPoint, 3> corners_a = block_a.triangles.corners(i);
-      std::uint32_t close = close_b & ~planes_apart(b_in_a_, as_doubles(corners_a), placed_b);
-      if (close == 0) continue;
-      const LatticeTriangle posed_a = pose_triangle(frame_a_, corners_a);
-      for (; close != 0; close &= close - 1) {
+      const PairVerdicts verdicts = test_triangles(b_in_a_, as_doubles(corners_a), placed_b);
+      for (std::uint32_t close = close_b & ~verdicts.apart; close != 0; close &= close - 1) {
         const auto j = static_cast<std::uint32_t>(std::countr_zero(close));
-        if ((is_posed >> j & 1U) == 0)
-          posed_b[j] = pose_triangle(frame_b_, block_b.triangles.corners(j));
-        is_posed |= 1U << j;
-        if (!triangles_overlap(posed_a, posed_b[j])) continue;
+        if ((verdicts.touching >> j & 1U) == 0 &&
+            !triangles_overlap(pose_triangle(frame_a_, corners_a),
+                               pose_triangle(frame_b_, block_b.triangles.corners(j))))
+          continue;
         answer_.pairs.push_back({block_a.keys[i], block_b.keys[j]});
         if (options_.any) return;
       }
