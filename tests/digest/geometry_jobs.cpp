@@ -160,7 +160,10 @@ std::uint64_t lanes() {
       digest.add_bits(placed.per_square[lane]);
       digest.add(boxes_apart(frame, placed, lane, own));
       digest.add(triangles_apart(frame, placed, lane, triangles));
-      digest.add(planes_apart(frame, as_doubles(triangles.corners(7 - lane)), placed_triangles));
+      const PairVerdicts verdicts =
+          test_triangles(frame, as_doubles(triangles.corners(7 - lane)), placed_triangles);
+      digest.add(verdicts.apart);
+      digest.add(verdicts.touching);
     }
   }
   return digest.value();

@@ -27,19 +27,19 @@ AbTree::AbTree(const ActiveMesh& mesh)
   builder_->build();
   root_places_.resize(store.roots().size());
   const auto add = [&](std::uint32_t at, std::uint32_t lane, TreeEntry part) {
-    if (part.kind() == Kind::kInner) uppers_[++part.first].parent = at * kLanes + lane;
+    if (part.kind() == Kind::kInner) upper(++part.first).parent = at * kLanes + lane;
     nodes_[at].set(lane, part);
     if (part.kind() != Kind::kFrontier) return;
     const NodeSpan span = part.frontier_node();
     const TreePlace place = at * kLanes + lane;
-    uppers_[at].first_vertices[lane] = span.begin();
+    upper(at).first_vertices[lane] = span.begin();
     root_places_[store.root_index(span.first)] = place;
     set_leaf_of(span.first, new_leaf(span, place, 0));
   };
   for (std::size_t i = 0; i <= builder_->nodes().size(); ++i) new_upper(kNone);
   add(0, 0, builder_->root());
   for (std::uint32_t at = 1; at < node_total_; ++at) {  // parents stand before their children
-    uppers_[at].level = uppers_[uppers_[at].parent / kLanes].level + 1;
+    upper(at).level = upper(upper(at).parent / kLanes).level + 1;
     for (std::uint32_t lane = 0; lane < kLanes; ++lane)
       add(at, lane, builder_->nodes()[at - 1].entry(lane));
   }
@@ -54,7 +54,7 @@ AbTree::AbTree(const ActiveMesh& mesh)
   std::sort(delta.split.begin(), delta.split.end(), [&](VertexId a, VertexId b) {
     return std::pair(~store.node_of(a).size, a) < std::pair(~store.node_of(b).size, b);
   });
-  for (std::uint32_t leaf = 0; leaf < leaves_.size(); ++leaf) mark_changed(leaf);
+  for (std::uint32_t leaf = 0; leaf < leaves_.size(); ++leaf) mark_changed(leaf, kAllVertices);
   update(delta);
 }
 
@@ -73,25 +73,32 @@ std::uint32_t AbTree::new_node() {
   }
   if (node_total_ == nodes_.size()) {
     nodes_.grow(std::max(kFirstRoom, 2 * nodes_.size()));
-    uppers_.grow(nodes_.size());
+    upper_of_.grow(nodes_.size());
   }
-  uppers_[node_total_].parent = kNone;
+  upper_of_[node_total_] = kNone;
   return node_total_++;
 }
 
 std::uint32_t AbTree::new_upper(TreePlace parent) {
   const std::uint32_t place = new_node();
   nodes_[place] = TreeNode{};
-  Upper& upper = uppers_[place];
-  upper.first_vertices.fill(kNone);
-  upper.parent = parent;
-  upper.level = parent == kNone ? 0 : uppers_[parent / kLanes].level + 1;
-  upper.queued = false;
+  if (free_uppers_.empty()) {
+    free_uppers_.push_back(static_cast<std::uint32_t>(uppers_.size()));
+    uppers_.emplace_back();
+  }
+  upper_of_[place] = free_uppers_.back();
+  free_uppers_.pop_back();
+  Upper& fresh = upper(place);
+  fresh.first_vertices.fill(kNone);
+  fresh.parent = parent;
+  fresh.level = parent == kNone ? 0 : upper(parent / kLanes).level + 1;
+  fresh.queued = false;
   return place;
 }
 
-void AbTree::free_node(std::uint32_t tree_node) {
-  uppers_[tree_node].parent = kNone;
+void AbTree::free_upper(std::uint32_t tree_node) {
+  free_uppers_.push_back(upper_of_[tree_node]);
+  upper_of_[tree_node] = kNone;
   free_nodes_.push_back(tree_node);
 }
 
@@ -109,6 +116,9 @@ std::uint32_t AbTree::new_leaf(NodeSpan node, TreePlace place, std::uint16_t dep
   std::uint32_t index;
   if (free_leaves_.empty()) {
     index = static_cast<std::uint32_t>(leaves_.size());
+    // By a quarter, not twofold: they take some 80 bytes each.
+    if (leaves_.size() == leaves_.capacity())
+      leaves_.reserve(leaves_.size() + leaves_.size() / 4 + kFirstRoom);
     leaves_.emplace_back();
   } else {
     index = free_leaves_.back();
@@ -139,20 +149,20 @@ void AbTree::free_micro_tree(const TreeEntry& part) {
   if (part.kind() != Kind::kInner) return;
   for (std::uint32_t lane = 0; lane < kLanes; ++lane)
     free_micro_tree(nodes_[part.first].entry(lane));
-  free_node(part.first);
+  free_nodes_.push_back(part.first);
 }
 
 // ---- the upper tree -------------------------------------------------------------------------------------------------
 
 // The leaf of an upper lane, or kNone where the lane leads to another node.
 std::uint32_t AbTree::leaf_at(TreePlace place) const {
-  const std::uint32_t leaf = leaf_of_[uppers_[place / kLanes].first_vertices[place % kLanes]] - 1;
+  const std::uint32_t leaf = leaf_of_[upper(place / kLanes).first_vertices[place % kLanes]] - 1;
   return leaves_[leaf].place == place ? leaf : kNone;
 }
 
 std::uint32_t AbTree::lane_count(std::uint32_t tree_node) const {
   std::uint32_t count = 0;
-  while (count < kLanes && uppers_[tree_node].first_vertices[count] != kNone) ++count;
+  while (count < kLanes && upper(tree_node).first_vertices[count] != kNone) ++count;
   return count;
 }
 
@@ -163,11 +173,11 @@ void AbTree::move_lane(std::uint32_t tree_node, std::uint32_t from, std::uint32_
   node.set(to, node.entry(from));
   node.first[to] = node.first[from];  // also of an inner lane that has nothing below it
   node.kind_and_count[to] = node.kind_and_count[from];
-  uppers_[tree_node].first_vertices[to] = uppers_[tree_node].first_vertices[from];
+  upper(tree_node).first_vertices[to] = upper(tree_node).first_vertices[from];
   if (leaf != kNone) {
     leaves_[leaf].place = tree_node * kLanes + to;
   } else {
-    uppers_[nodes_[tree_node].first[to]].parent = tree_node * kLanes + to;
+    upper(nodes_[tree_node].first[to]).parent = tree_node * kLanes + to;
   }
 }
 
@@ -184,7 +194,7 @@ AbTree::Lanes AbTree::find_lanes(NodeSpan node) const {
       at.end = lane_count(at.tree_node);
     }
     const VertexId split = store.split_of(span);
-    const auto& firsts = uppers_[at.tree_node].first_vertices;
+    const auto& firsts = upper(at.tree_node).first_vertices;
     std::uint32_t middle = at.begin;
     while (middle < at.end && firsts[middle] < split.value) ++middle;
     const bool left = node.first < split;
@@ -195,17 +205,38 @@ AbTree::Lanes AbTree::find_lanes(NodeSpan node) const {
   return at;
 }
 
-void AbTree::mark_changed(std::uint32_t index) {
-  // Whoever has a face with a corner here may have gained or lost an exact face.
-  const auto queue = [this](std::uint32_t i) {
-    if (leaves_[i].queued) return;
-    leaves_[i].queued = true;
-    pending_.push_back(i);
-  };
+void AbTree::queue(std::uint32_t leaf) {
+  if (leaves_[leaf].queued) return;
+  leaves_[leaf].queued = true;
+  pending_.push_back(leaf);
+}
+
+// Something changed below a leaf; at these vertices it may be whether they are vertices of the full mesh.
+void AbTree::mark_changed(std::uint32_t index, VertexBits corners) {
   leaves_[index].changed = true;
   queue(index);
-  for (const std::uint32_t watcher : leaves_[index].watchers) queue(watcher);
-  leaves_[index].watchers.clear();
+  if (corners == 0) return;
+  // Whoever has a face with such a corner may have gained or lost an exact face.
+  std::erase_if(leaves_[index].watchers, [&](const Watch& watch) {
+    if ((watch.corners & corners) == 0) return false;
+    queue(watch.leaf);
+    return true;
+  });
+}
+
+void AbTree::watch(std::uint32_t leaf, std::uint32_t watcher, VertexId corner) {
+  std::vector<Watch>& watchers = leaves_[leaf].watchers;
+  // Neighbouring faces have the same neighbours: the latest is looked for first.
+  if (watchers.empty() || watchers.back().leaf != watcher) {
+    const auto found = std::find_if(watchers.begin(), watchers.end(),
+                                    [&](const Watch& watch) { return watch.leaf == watcher; });
+    if (found == watchers.end()) {
+      watchers.push_back({watcher, 0});
+    } else {
+      std::swap(*found, watchers.back());
+    }
+  }
+  watchers.back().corners |= bit_of(corner);
 }
 
 void AbTree::update(const RefineDelta& delta) {
@@ -232,10 +263,10 @@ void AbTree::set_entry(TreePlace place, const TreeEntry& entry) {
 }
 
 void AbTree::queue_refit(std::uint32_t tree_node) {
-  Upper& upper = uppers_[tree_node];
-  if (upper.queued || upper.parent == kNone) return;
-  upper.queued = true;
-  refits_.emplace_back(upper.level, tree_node);
+  Upper& at = upper(tree_node);
+  if (at.queued || at.parent == kNone) return;
+  at.queued = true;
+  refits_.emplace_back(at.level, tree_node);
   std::push_heap(refits_.begin(), refits_.end());
 }
 
@@ -245,9 +276,9 @@ void AbTree::refit() {
     std::pop_heap(refits_.begin(), refits_.end());
     const std::uint32_t at = refits_.back().second;
     refits_.pop_back();
-    uppers_[at].queued = false;
-    const TreePlace parent = uppers_[at].parent;
-    if (parent == kNone) continue;  // freed since
+    if (upper_of_[at] == kNone) continue;  // freed since
+    upper(at).queued = false;
+    const TreePlace parent = upper(at).parent;
     TreeNode& above = nodes_[parent / kLanes];
     const std::uint32_t lane = parent % kLanes;
     const TreeEntry before = above.entry(lane);
@@ -265,11 +296,12 @@ void AbTree::apply_split(VertexId u) {
   const std::uint32_t left = leaf_of(node.first);
   if (leaves_[left].is_slot()) {
     set_leaf_of(u, left);
-    mark_changed(left);
+    mark_changed(left, (node.left_of(u).size == 1 ? bit_of(node.first) : 0) |
+                           (node.right_of(u).size == 1 ? bit_of(u) : 0));
     return;
   }
   NEARMESH_ASSERT(leaves_[left].node == node);
-  mark_changed(left);
+  mark_changed(left, kAllVertices);
   const TreePlace place = leaves_[left].place;
   const std::uint16_t depth = leaves_[left].depth;
   std::uint32_t at = place / kLanes, lane = place % kLanes;
@@ -280,11 +312,11 @@ void AbTree::apply_split(VertexId u) {
     inner.box = store.box(node);
     inner.set(Kind::kInner, at, 0);
     set_entry(place, inner);
-    uppers_[at].first_vertices[0] = node.begin();
+    upper(at).first_vertices[0] = node.begin();
   } else {
     for (std::uint32_t i = lane_count(at) - 1; i > lane; --i) move_lane(at, i, i + 1);
   }
-  uppers_[at].first_vertices[lane + 1] = u.value;
+  upper(at).first_vertices[lane + 1] = u.value;
   const auto below = static_cast<std::uint16_t>(depth + 1);
   nodes_[at].set(lane, {});
   nodes_[at].set(lane + 1, {});
@@ -301,14 +333,18 @@ void AbTree::apply_split(VertexId u) {
     leaves_[store.face(key).right < u ? left : right].inherited.push_back(key);
   const auto count = static_cast<std::uint32_t>(store.faces(u).size());
   for (std::uint32_t i = 0; i < count; ++i) leaves_[right].inherited.push_back({u, i});
-  mark_changed(right);
+  mark_changed(right, kAllVertices);
 }
 
 void AbTree::apply_collapse(NodeSpan node) {
   const std::uint32_t first = leaf_of(node.first);
   if (leaves_[first].is_slot() && leaves_[first].node.size >= node.size) {
-    for (std::uint32_t v = node.begin() + 1; v < node.end(); ++v) leaf_of_[v] = 0;
-    mark_changed(first);
+    VertexBits corners = bit_of(node.first);
+    for (std::uint32_t v = node.begin() + 1; v < node.end(); ++v) {
+      leaf_of_[v] = 0;
+      corners |= bit_of({v});
+    }
+    mark_changed(first, corners);
     return;
   }
   // A larger node: its whole part of the tree becomes one leaf.
@@ -329,7 +365,7 @@ void AbTree::apply_collapse(NodeSpan node) {
       take(below[i] * kLanes + lane);
   std::vector<FaceKey> inherited;
   for (const std::uint32_t leaf : gone) {
-    mark_changed(leaf);
+    mark_changed(leaf, kAllVertices);
     for (const FaceKey key : leaves_[leaf].inherited)  // but for the faces of splits that are gone
       if (!key.split.is_valid() || key.split <= node.first || key.split.value >= node.end())
         inherited.push_back(key);
@@ -339,21 +375,21 @@ void AbTree::apply_collapse(NodeSpan node) {
     for (std::uint32_t v = span.begin(); v < end; ++v) leaf_of_[v] = 0;
     free_leaf(leaf);
   }
-  for (const std::uint32_t tree_node : below) free_node(tree_node);
+  for (const std::uint32_t tree_node : below) free_upper(tree_node);
   const std::uint32_t count = lane_count(lanes.tree_node), fewer = lanes.end - lanes.begin - 1;
   const TreePlace place = lanes.tree_node * kLanes + lanes.begin;
-  uppers_[lanes.tree_node].first_vertices[lanes.begin] = node.begin();
+  upper(lanes.tree_node).first_vertices[lanes.begin] = node.begin();
   for (std::uint32_t lane = lanes.end; fewer > 0 && lane < count; ++lane)
     move_lane(lanes.tree_node, lane, lane - fewer);
   for (std::uint32_t lane = count - fewer; lane < count; ++lane) {
     nodes_[lanes.tree_node].set(lane, {});
-    uppers_[lanes.tree_node].first_vertices[lane] = kNone;
+    upper(lanes.tree_node).first_vertices[lane] = kNone;
   }
   nodes_[lanes.tree_node].set(lanes.begin, {});
   const std::uint32_t leaf = new_leaf(node, place, lanes.depth);
   leaves_[leaf].inherited = std::move(inherited);
   set_leaf_of(node.first, leaf);
-  mark_changed(leaf);
+  mark_changed(leaf, kAllVertices);
 }
 
 // A node's own box has come: what had its ancestor's until now takes it over, as a tree made anew would.
@@ -362,7 +398,7 @@ void AbTree::apply_box(NodeSpan node) {
   if (node.size < 2) return;
   const std::uint32_t first = leaf_of(node.first);
   if (leaves_[first].is_slot() && leaves_[first].node.size >= node.size) {
-    mark_changed(first);
+    mark_changed(first, 0);
     return;
   }
   std::vector<NodeSpan> stack{node};
@@ -371,7 +407,7 @@ void AbTree::apply_box(NodeSpan node) {
     stack.pop_back();
     const std::uint32_t leaf = leaf_of(span.first);
     if (leaves_[leaf].node == span) {
-      mark_changed(leaf);
+      mark_changed(leaf, 0);
       continue;
     }
     const VertexId split = store.split_of(span);
@@ -404,17 +440,10 @@ void AbTree::rebuild(std::uint32_t index) {
   // Which faces are exact now; and whom to watch for the rest, and for those that may be lost.
   exact_keys_.clear();
   std::uint64_t digest = 0;
-  std::uint32_t watched = kNone;  // the last: neighbouring faces have the same neighbours
   for_each_face(leaf, [&](FaceKey key, const SplitFace& face) {
-    for (const VertexId corner : {face.left, face.right, face.outside}) {
-      if (leaf.node.contains(corner)) continue;
-      const std::uint32_t other = leaf_of(mesh_->active_predecessor(corner));
-      if (other == watched) continue;
-      watched = other;
-      std::vector<std::uint32_t>& watchers = leaves_[other].watchers;
-      if (std::find(watchers.begin(), watchers.end(), index) == watchers.end())
-        watchers.push_back(index);
-    }
+    for (const VertexId corner : {face.left, face.right, face.outside})
+      if (!leaf.node.contains(corner))
+        watch(leaf_of(mesh_->active_predecessor(corner)), index, corner);
     if (!leaf.is_slot() || !mesh_->is_exact(face)) return;
     exact_keys_.push_back(key);
     digest += mix(std::uint64_t{key.split.value} << 32 | key.index);
@@ -481,11 +510,13 @@ void AbTree::store_micro_tree(std::uint32_t index) {
 
 AbTreeStats AbTree::stats() const {
   AbTreeStats stats{slot_total_, exact_total_, rebuilt_slots_, rebuilt_faces_, 0};
-  stats.bytes = node_total_ * (sizeof(TreeNode) + sizeof(Upper)) +
-                block_total_ * sizeof(FaceBlock) + leaves_.capacity() * sizeof(Leaf) +
+  stats.bytes = node_total_ * (sizeof(TreeNode) + sizeof(std::uint32_t)) +
+                block_total_ * sizeof(FaceBlock) + uppers_.capacity() * sizeof(Upper) +
+                leaves_.capacity() * sizeof(Leaf) +
                 (free_nodes_.capacity() + free_blocks_.capacity()) * sizeof(std::uint32_t);
   for (const Leaf& leaf : leaves_)
-    stats.bytes += leaf.inherited.capacity() * sizeof(FaceKey) + leaf.watchers.capacity() * 4;
+    stats.bytes +=
+        leaf.inherited.capacity() * sizeof(FaceKey) + leaf.watchers.capacity() * sizeof(Watch);
   return stats;
 }
 

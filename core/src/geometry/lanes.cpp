@@ -15,40 +15,10 @@
 #include <limits>
 
 #include "nearmesh/core/geometry/lanes.hpp"
+#include "vectors.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace nearmesh::HWY_NAMESPACE {
-namespace hn = hwy::HWY_NAMESPACE;
-
-using Doubles = hn::CappedTag<double, kLanes>;
-using Ints = hn::Rebind<std::int32_t, Doubles>;
-using Bytes = hn::Rebind<std::int8_t, Doubles>;
-using Floats = hn::Rebind<float, Doubles>;
-using Vec = hn::Vec<Doubles>;
-using Mask = hn::Mask<Doubles>;
-
-/// Covers the rounding of the last few operations of a gap.
-constexpr double kGapShrink = 1 - 0x1p-40;
-
-Vec dot(const Vec (&a)[3], const Vec (&b)[3]) {
-  return hn::Add(hn::Add(hn::Mul(a[0], b[0]), hn::Mul(a[1], b[1])), hn::Mul(a[2], b[2]));
-}
-Vec dot(const double* a, const Vec (&b)[3]) {
-  const Doubles d;
-  return hn::Add(hn::Add(hn::Mul(hn::Set(d, a[0]), b[0]), hn::Mul(hn::Set(d, a[1]), b[1])),
-                 hn::Mul(hn::Set(d, a[2]), b[2]));
-}
-Vec load(const std::int32_t* p) { return hn::PromoteTo(Doubles(), hn::LoadU(Ints(), p)); }
-Vec load(const float* p) { return hn::PromoteTo(Doubles(), hn::LoadU(Floats(), p)); }
-Vec load(const std::int8_t* p) {
-  return hn::PromoteTo(Doubles(), hn::PromoteTo(Ints(), hn::LoadU(Bytes(), p)));
-}
-std::uint32_t bits_of(Mask mask) {
-  std::uint8_t bytes[8] = {};
-  hn::StoreMaskBits(Doubles(), mask, bytes);
-  return bytes[0];
-}
-
 void place_lanes_all(const RelativeFrame& f, const BoxLanes& other, PlacedLanes& out) {
   const Doubles d;
   const auto at = [&d](double x) { return hn::Set(d, x); };
@@ -172,6 +142,19 @@ std::uint32_t boxes_apart_lanes(const RelativeFrame& f, const PlacedLanes& other
   return apart;
 }
 
+void centers_apart_lanes(const PlacedLanes& other, std::uint32_t i, const BoxLanes& own,
+                         double* distances) {
+  const Doubles d;
+  for (std::size_t lane = 0; lane < kLanes; lane += hn::Lanes(d)) {
+    Vec between[3], half[3], most = hn::Zero(d);
+    load_boxes(other, i, own, lane, between, half);
+    for (std::size_t k = 0; k < 3; ++k)
+      most = hn::Max(
+          most, hn::Div(hn::Abs(between[k]), hn::Add(half[k], hn::Set(d, other.reach_own[k][i]))));
+    hn::StoreU(most, d, distances + lane);
+  }
+}
+
 void boxes_gaps_lanes(const RelativeFrame& f, const PlacedLanes& other, std::uint32_t i,
                       const BoxLanes& own, double* gaps_m) {
   const Doubles d;
@@ -199,29 +182,6 @@ void boxes_gaps_lanes(const RelativeFrame& f, const PlacedLanes& other, std::uin
                                hn::Mul(hn::Sqrt(on_other), at(f.least_metres_per_b_unit))),
                        at(kGapShrink)),
                d, gaps_m + lane);
-  }
-}
-
-void extents_gaps_lanes(const RelativeFrame& f, const DoubleTriangle& own,
-                        const PlacedTriangles& other, double* gaps_m) {
-  const Doubles d;
-  const auto at = [&d](double x) { return hn::Set(d, x); };
-  const Vec zero = hn::Zero(d);
-  for (std::size_t lane = 0; lane < kLanes; lane += hn::Lanes(d)) {
-    Vec square = zero;
-    for (std::size_t k = 0; k < 3; ++k) {
-      const double lo = std::min(std::min(own[0][k], own[1][k]), own[2][k]);
-      const double hi = std::max(std::max(own[0][k], own[1][k]), own[2][k]);
-      const Vec x = hn::LoadU(d, other.corner[0][k] + lane),
-                y = hn::LoadU(d, other.corner[1][k] + lane),
-                z = hn::LoadU(d, other.corner[2][k] + lane);
-      const Vec gap = hn::Max(zero, hn::Max(hn::Sub(at(lo), hn::Max(hn::Max(x, y), z)),
-                                            hn::Sub(hn::Min(hn::Min(x, y), z), at(hi))));
-      square = hn::Add(square, hn::Mul(gap, gap));
-    }
-    hn::StoreU(
-        hn::Mul(hn::Sub(hn::Sqrt(square), at(f.slack)), at(f.least_metres_per_unit * kGapShrink)),
-        d, gaps_m + lane);
   }
 }
 
@@ -270,71 +230,6 @@ std::uint32_t triangles_apart_lanes(const RelativeFrame& f, const PlacedLanes& o
   return apart;
 }
 
-void place_triangles_all(const RelativeFrame& f, const TriangleLanes& other, PlacedTriangles& out) {
-  const Doubles d;
-  for (std::size_t lane = 0; lane < kLanes; lane += hn::Lanes(d))
-    for (std::size_t c = 0; c < 3; ++c) {
-      const Vec p[3] = {load(other.corner[c][0] + lane), load(other.corner[c][1] + lane),
-                        load(other.corner[c][2] + lane)};
-      for (std::size_t k = 0; k < 3; ++k)
-        hn::StoreU(hn::Add(dot(f.rotation.data() + 3 * k, p), hn::Set(d, f.translation[k])), d,
-                   out.corner[c][k] + lane);
-    }
-}
-
-std::uint32_t planes_apart_lanes(const RelativeFrame& f, const DoubleTriangle& a,
-                                 const PlacedTriangles& other) {
-  const Doubles d;
-  const auto at = [&d](double x) { return hn::Set(d, x); };
-  const Vec slack = at(f.slack);
-  // a's plane: e x g of a's corners relative to the first.
-  double e[3], g[3];
-  for (std::size_t k = 0; k < 3; ++k) {
-    e[k] = a[1][k] - a[0][k];
-    g[k] = a[2][k] - a[0][k];
-  }
-  const double n[3] = {e[1] * g[2] - e[2] * g[1], e[2] * g[0] - e[0] * g[2],
-                       e[0] * g[1] - e[1] * g[0]};
-  const double on_e = n[0] * e[0] + n[1] * e[1] + n[2] * e[2];
-  const double on_g = n[0] * g[0] + n[1] * g[1] + n[2] * g[2];
-  const double grow =
-      f.slack * ((n[0] < 0 ? -n[0] : n[0]) + (n[1] < 0 ? -n[1] : n[1]) + (n[2] < 0 ? -n[2] : n[2]));
-  const Vec above_a = hn::Add(hn::Max(hn::Max(at(on_e), at(on_g)), hn::Zero(d)), at(grow));
-  const Vec below_a = hn::Sub(hn::Min(hn::Min(at(on_e), at(on_g)), hn::Zero(d)), at(grow));
-
-  std::uint32_t apart = 0;
-  for (std::size_t lane = 0; lane < kLanes; lane += hn::Lanes(d)) {
-    Vec b[3][3];  // corner, axis; relative to a's first corner
-    for (std::size_t c = 0; c < 3; ++c)
-      for (std::size_t k = 0; k < 3; ++k)
-        b[c][k] = hn::Sub(hn::LoadU(d, other.corner[c][k] + lane), at(a[0][k]));
-    const Vec d0 = dot(n, b[0]), d1 = dot(n, b[1]), d2 = dot(n, b[2]);
-    Mask found = hn::Or(hn::Gt(hn::Min(hn::Min(d0, d1), d2), above_a),
-                        hn::Lt(hn::Max(hn::Max(d0, d1), d2), below_a));
-    if (!hn::AllTrue(d, found)) {
-      Vec u[3], v[3];
-      for (std::size_t k = 0; k < 3; ++k) {
-        u[k] = hn::Sub(b[1][k], b[0][k]);
-        v[k] = hn::Sub(b[2][k], b[0][k]);
-      }
-      const Vec m[3] = {hn::Sub(hn::Mul(u[1], v[2]), hn::Mul(u[2], v[1])),
-                        hn::Sub(hn::Mul(u[2], v[0]), hn::Mul(u[0], v[2])),
-                        hn::Sub(hn::Mul(u[0], v[1]), hn::Mul(u[1], v[0]))};
-      const Vec room =
-          hn::Mul(slack, hn::Add(hn::Add(hn::Abs(m[0]), hn::Abs(m[1])), hn::Abs(m[2])));
-      const Vec b0 = dot(m, b[0]), b1 = dot(m, b[1]), b2 = dot(m, b[2]);
-      const Vec above_b = hn::Add(hn::Max(hn::Max(b0, b1), b2), room);
-      const Vec below_b = hn::Sub(hn::Min(hn::Min(b0, b1), b2), room);
-      const Vec a1 = dot(e, m), a2 = dot(g, m);
-      const Vec least = hn::Min(hn::Min(a1, a2), hn::Zero(d));
-      const Vec most = hn::Max(hn::Max(a1, a2), hn::Zero(d));
-      found = hn::Or(found, hn::Or(hn::Gt(least, above_b), hn::Lt(most, below_b)));
-    }
-    apart |= bits_of(found) << lane;
-  }
-  return apart;
-}
-
 }  // namespace nearmesh::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
@@ -343,11 +238,9 @@ namespace nearmesh {
 
 HWY_EXPORT(place_lanes_all);
 HWY_EXPORT(boxes_apart_lanes);
+HWY_EXPORT(centers_apart_lanes);
 HWY_EXPORT(boxes_gaps_lanes);
-HWY_EXPORT(extents_gaps_lanes);
 HWY_EXPORT(triangles_apart_lanes);
-HWY_EXPORT(place_triangles_all);
-HWY_EXPORT(planes_apart_lanes);
 
 Slab make_slab(const std::array<std::int8_t, 3>& normal, double from, double to) {
   Slab slab{normal, static_cast<float>(from), static_cast<float>(to)};
@@ -400,29 +293,19 @@ std::uint32_t boxes_apart(const RelativeFrame& other_in_own, const PlacedLanes& 
   return HWY_DYNAMIC_DISPATCH(boxes_apart_lanes)(other_in_own, other, other_lane, own);
 }
 
+void centers_apart(const PlacedLanes& other, std::uint32_t other_lane, const BoxLanes& own,
+                   double (&distances)[kLanes]) {
+  HWY_DYNAMIC_DISPATCH(centers_apart_lanes)(other, other_lane, own, distances);
+}
+
 void boxes_gaps_m(const RelativeFrame& other_in_own, const PlacedLanes& other,
                   std::uint32_t other_lane, const BoxLanes& own, double (&gaps_m)[kLanes]) {
   HWY_DYNAMIC_DISPATCH(boxes_gaps_lanes)(other_in_own, other, other_lane, own, gaps_m);
 }
 
-void extents_gaps_m(const RelativeFrame& other_in_own, const DoubleTriangle& own,
-                    const PlacedTriangles& other, double (&gaps_m)[kLanes]) {
-  HWY_DYNAMIC_DISPATCH(extents_gaps_lanes)(other_in_own, own, other, gaps_m);
-}
-
 std::uint32_t triangles_apart(const RelativeFrame& other_in_own, const PlacedLanes& other,
                               std::uint32_t other_lane, const TriangleLanes& own) {
   return HWY_DYNAMIC_DISPATCH(triangles_apart_lanes)(other_in_own, other, other_lane, own);
-}
-
-void place_triangles(const RelativeFrame& other_in_own, const TriangleLanes& other,
-                     PlacedTriangles& out) {
-  HWY_DYNAMIC_DISPATCH(place_triangles_all)(other_in_own, other, out);
-}
-
-std::uint32_t planes_apart(const RelativeFrame& other_in_own, const DoubleTriangle& own,
-                           const PlacedTriangles& other) {
-  return HWY_DYNAMIC_DISPATCH(planes_apart_lanes)(other_in_own, own, other);
 }
 
 }  // namespace nearmesh

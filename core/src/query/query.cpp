@@ -174,25 +174,21 @@ class Walk {
   template <class Push>
   static void push_deepest_last(const PlacedLanes& other, std::uint32_t other_lane,
                                 const TreeNode& own, std::uint32_t close, const Push& push) {
-    struct Lane {
-      double distance;
-      std::uint32_t lane;
-    };
-    std::array<Lane, kLanes> lanes;
+    if ((close & (close - 1)) == 0) {
+      if (close != 0) push(static_cast<std::uint32_t>(std::countr_zero(close)));
+      return;
+    }
+    double distances[kLanes];
+    centers_apart(other, other_lane, own.boxes, distances);
+    std::array<std::uint32_t, kLanes> lanes;
     std::size_t count = 0;
     for (; close != 0; close &= close - 1) {
       const auto lane = static_cast<std::uint32_t>(std::countr_zero(close));
-      double distance = 0;
-      for (std::size_t k = 0; k < 3; ++k) {
-        const double lo = own.boxes.lo[k][lane], hi = own.boxes.hi[k][lane];
-        distance = std::max(distance, std::abs(0.5 * (lo + hi) - other.center[k][other_lane]) /
-                                          (0.5 * (hi - lo) + other.reach_own[k][other_lane]));
-      }
       std::size_t at = count++;  // insertion, farthest first
-      for (; at > 0 && lanes[at - 1].distance < distance; --at) lanes[at] = lanes[at - 1];
-      lanes[at] = {distance, lane};
+      for (; at > 0 && distances[lanes[at - 1]] < distances[lane]; --at) lanes[at] = lanes[at - 1];
+      lanes[at] = lane;
     }
-    for (std::size_t i = 0; i < count; ++i) push(lanes[i].lane);
+    for (std::size_t i = 0; i < count; ++i) push(lanes[i]);
   }
 
   [[nodiscard]] bool is_missing(const Part& a, const Part& b) const {
@@ -223,20 +219,16 @@ class Walk {
     if (close_b == 0) return;
     PlacedTriangles placed_b;
     place_triangles(b_in_a_, block_b.triangles, placed_b);
-    std::array<LatticeTriangle, kLanes> posed_b;
-    std::uint32_t is_posed = 0;
     for (; close_a != 0; close_a &= close_a - 1) {
       const auto i = static_cast<std::uint32_t>(std::countr_zero(close_a));
       const std::array<GridPoint, 3> corners_a = block_a.triangles.corners(i);
-      std::uint32_t close = close_b & ~planes_apart(b_in_a_, as_doubles(corners_a), placed_b);
-      if (close == 0) continue;
-      const LatticeTriangle posed_a = pose_triangle(frame_a_, corners_a);
-      for (; close != 0; close &= close - 1) {
+      const PairVerdicts verdicts = test_triangles(b_in_a_, as_doubles(corners_a), placed_b);
+      for (std::uint32_t close = close_b & ~verdicts.apart; close != 0; close &= close - 1) {
         const auto j = static_cast<std::uint32_t>(std::countr_zero(close));
-        if ((is_posed >> j & 1U) == 0)
-          posed_b[j] = pose_triangle(frame_b_, block_b.triangles.corners(j));
-        is_posed |= 1U << j;
-        if (!triangles_overlap(posed_a, posed_b[j])) continue;
+        if ((verdicts.touching >> j & 1U) == 0 &&
+            !triangles_overlap(pose_triangle(frame_a_, corners_a),
+                               pose_triangle(frame_b_, block_b.triangles.corners(j))))
+          continue;
         answer_.pairs.push_back({block_a.keys[i], block_b.keys[j]});
         if (options_.any) return;
       }

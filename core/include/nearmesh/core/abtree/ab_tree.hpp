@@ -52,6 +52,16 @@ class AbTree {
   /// leaves above these, by first vertex. So its shape follows from what is active.
   static constexpr std::uint32_t kLevelsPerNode = 3;
 
+  /// Which vertices, a bit for each or for some: 32 in a row have bits of their own.
+  using VertexBits = std::uint32_t;
+  static constexpr VertexBits kAllVertices = ~VertexBits{0};
+  static VertexBits bit_of(VertexId v) { return VertexBits{1} << (v.value % 32); }
+  /// A leaf that has faces with corners at these vertices, or had.
+  struct Watch {
+    std::uint32_t leaf;
+    VertexBits corners;
+  };
+
   // A leaf of the upper tree: a slot, or a larger node that is not split yet.
   struct Leaf {
     NodeSpan node;
@@ -62,8 +72,8 @@ class AbTree {
     std::uint32_t exact_count = 0;   // faces in the micro tree
     std::uint64_t exact_digest = 0;  // of these
     std::vector<FaceKey>
-        inherited;  // known faces of splits above it whose home vertex lies in `node`
-    std::vector<std::uint32_t> watchers;  // leaves with a face that has a corner here
+        inherited;                // known faces of splits above it whose home vertex lies in `node`
+    std::vector<Watch> watchers;  // who has a face with a corner here
 
     [[nodiscard]] bool is_slot() const { return node.size <= kSlotSize; }
   };
@@ -90,7 +100,9 @@ class AbTree {
     return nodes_[place / kLanes].entry(place % kLanes);
   }
 
-  void mark_changed(std::uint32_t leaf);
+  void queue(std::uint32_t leaf);
+  void mark_changed(std::uint32_t leaf, VertexBits corners);
+  void watch(std::uint32_t leaf, std::uint32_t watcher, VertexId corner);
   void apply_split(VertexId u);
   void apply_collapse(NodeSpan node);
   void apply_box(NodeSpan node);
@@ -105,18 +117,24 @@ class AbTree {
   void move_lane(std::uint32_t tree_node, std::uint32_t from, std::uint32_t to);
   void queue_refit(std::uint32_t tree_node);
   void refit();
+  [[nodiscard]] Upper& upper(std::uint32_t tree_node) { return uppers_[upper_of_[tree_node]]; }
+  [[nodiscard]] const Upper& upper(std::uint32_t tree_node) const {
+    return uppers_[upper_of_[tree_node]];
+  }
   std::uint32_t new_node();
   std::uint32_t new_upper(TreePlace parent);
-  void free_node(std::uint32_t tree_node);
+  void free_upper(std::uint32_t tree_node);
   std::uint32_t new_block();
 
   const ActiveMesh* mesh_;
   // The first of each array are in use, but for what is in a list of free ones.
   LazyArray<TreeNode> nodes_;
-  LazyArray<Upper> uppers_;  // beside nodes_
+  LazyArray<std::uint32_t> upper_of_;  // beside nodes_: of a node of the upper tree
   LazyArray<FaceBlock> blocks_;
   std::uint32_t node_total_ = 0, block_total_ = 0;
   std::vector<std::uint32_t> free_nodes_, free_blocks_;
+  std::vector<Upper> uppers_;
+  std::vector<std::uint32_t> free_uppers_;
   std::vector<Leaf> leaves_;
   std::vector<std::uint32_t> free_leaves_;
   LazyArray<std::uint32_t> leaf_of_;                             // by active vertex, plus one

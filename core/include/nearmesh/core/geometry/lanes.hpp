@@ -97,7 +97,11 @@ void place_lanes(const RelativeFrame& other_in_own, const BoxLanes& other, Place
 /// both slabs' normals. Bits of unused lanes mean nothing.
 [[nodiscard]] std::uint32_t boxes_apart(const RelativeFrame& other_in_own, const PlacedLanes& other,
                                         std::uint32_t other_lane, const BoxLanes& own);
-/// The same for own triangles; the axes are one's own and the normals of the other's slab and of the triangles.
+/// How far the centre of one lane of the other model's lies from that of each of one's own: the most along one's own axes,
+/// in units of the extents of both. A measure of how deep they overlap, proof of nothing. Unused lanes: any.
+void centers_apart(const PlacedLanes& other, std::uint32_t other_lane, const BoxLanes& own,
+                   double (&distances)[kLanes]);
+/// The same as boxes_apart for own triangles; the axes are one's own and the normals of the other's slab and of the triangles.
 [[nodiscard]] std::uint32_t triangles_apart(const RelativeFrame& other_in_own,
                                             const PlacedLanes& other, std::uint32_t other_lane,
                                             const TriangleLanes& own);
@@ -107,9 +111,10 @@ void place_lanes(const RelativeFrame& other_in_own, const BoxLanes& other, Place
 void boxes_gaps_m(const RelativeFrame& other_in_own, const PlacedLanes& other,
                   std::uint32_t other_lane, const BoxLanes& own, double (&gaps_m)[kLanes]);
 
-/// The other's triangles in own units, as to_a_units places them.
+/// The other's triangles in own units, as to_a_units places them, and their normals, not of unit length.
 struct PlacedTriangles {
   double corner[3][3][kLanes];
+  double normal[3][kLanes];
 };
 void place_triangles(const RelativeFrame& other_in_own, const TriangleLanes& other,
                      PlacedTriangles& out);
@@ -117,9 +122,12 @@ void place_triangles(const RelativeFrame& other_in_own, const TriangleLanes& oth
 /// extents along one's own axes.
 void extents_gaps_m(const RelativeFrame& other_in_own, const DoubleTriangle& own,
                     const PlacedTriangles& other, double (&gaps_m)[kLanes]);
-/// Bit i: own triangle (by as_doubles) and the other's triangle i are certainly apart, because one lies wholly on one
-/// side of the other's plane. Most pairs that do not touch end here.
-[[nodiscard]] std::uint32_t planes_apart(const RelativeFrame& other_in_own,
-                                         const DoubleTriangle& own, const PlacedTriangles& other);
+/// What is certain of an own triangle (by as_doubles) and each of the other's, as bits: triangles_overlap of the posed
+/// ones is false, or is true. In neither are pairs within some lattice cells of just touching, and flat ones.
+struct PairVerdicts {
+  std::uint32_t apart = 0, touching = 0;
+};
+[[nodiscard]] PairVerdicts test_triangles(const RelativeFrame& other_in_own,
+                                          const DoubleTriangle& own, const PlacedTriangles& other);
 
 }  // namespace nearmesh
