@@ -97,7 +97,7 @@ double box_bits(const ModelFile& file, const Treelet& treelet) {
   count_treelet(file.header(), file.store(), treelet, BoxPolicy::kCutNodes, counts);
   double bits = 0;
   for (std::size_t c = record::kBox; c < counts.size(); ++c) {
-    const auto& lengths = file.header().tables.contexts[c].lengths;
+    const auto& lengths = file.header().tables.contexts()[c].lengths;
     for (std::size_t symbol = 0; symbol < counts[c].size(); ++symbol)
       bits += static_cast<double>(counts[c][symbol]) *
               (lengths[symbol] > 0 ? lengths[symbol] : lengths[kEscape] + record::kEscapedBits);

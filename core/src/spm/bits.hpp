@@ -82,8 +82,7 @@ class BitReader {
  public:
   explicit BitReader(std::span<const std::uint8_t> bytes) : bytes_(bytes) {}
 
-  static constexpr int kWindowBits = 57;
-  /// The next bits, left-aligned: at least kWindowBits of them, without consuming any.
+  /// The next bits, left-aligned: at least 57 of them, without consuming any.
   [[nodiscard]] std::uint64_t window() const {
     const std::size_t byte = used_ / 8;
     std::uint64_t word = 0;
@@ -120,10 +119,59 @@ class BitReader {
   }
   [[nodiscard]] bool overrun() const { return used_ > bytes_.size() * 8; }
   [[nodiscard]] std::size_t bits_left() const { return overrun() ? 0 : bytes_.size() * 8 - used_; }
+  [[nodiscard]] std::span<const std::uint8_t> bytes() const { return bytes_; }
+  [[nodiscard]] std::size_t used() const { return used_; }
 
  private:
   std::span<const std::uint8_t> bytes_;
   std::size_t used_ = 0;
+};
+
+/// Reads on where a BitReader stands, for decoders that take many short fields: what refill() fetches is ready before the
+/// fields ahead of it are known. Zeros past the end, as there.
+class WindowReader {
+ public:
+  explicit WindowReader(const BitReader& in) : bytes_(in.bytes()), next_(in.used() / 8) {
+    refill();
+    take(in.used() % 8);
+  }
+  /// So many bits are ready after refill().
+  static constexpr int kReadyBits = 56;
+  void refill() {
+    window_ |= word() >> held_;
+    next_ += (63 - held_) / 8;
+    held_ |= 56;
+  }
+  /// The bits ahead, left-aligned.
+  [[nodiscard]] std::uint64_t window() const { return window_; }
+  void take(std::uint64_t bits) {
+    window_ <<= bits;
+    held_ -= bits;
+  }
+  [[nodiscard]] bool overrun() const { return next_ * 8 > bytes_.size() * 8 + held_; }
+  [[nodiscard]] std::size_t bits_left() const {
+    return overrun() ? 0 : bytes_.size() * 8 + held_ - next_ * 8;
+  }
+
+ private:
+  [[nodiscard]] std::uint64_t word() const {
+    std::uint64_t word;
+    if (next_ + sizeof word > bytes_.size()) [[unlikely]]
+      return last_word();
+    std::memcpy(&word, bytes_.data() + next_, sizeof word);
+    return __builtin_bswap64(word);
+  }
+  [[nodiscard]] std::uint64_t last_word() const {
+    std::uint64_t word = 0;
+    for (std::size_t i = next_; i < bytes_.size(); ++i)
+      word |= std::uint64_t{bytes_[i]} << (56 - 8 * (i - next_));
+    return word;
+  }
+
+  std::span<const std::uint8_t> bytes_;
+  std::size_t next_;          // byte that the next word begins with
+  std::uint64_t window_ = 0;  // held_ bits, then zeros or the first of those that follow
+  std::uint64_t held_ = 0;    // below 64
 };
 
 }  // namespace nearmesh

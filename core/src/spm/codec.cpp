@@ -164,7 +164,8 @@ std::vector<std::vector<std::uint8_t>> encode_batches(const SpmHeader& header,
   record::OpenEdges edges;
   // Every record takes at least three bits, so what is reserved is bounded by the bytes, whatever the count says.
   batch.splits.reserve(std::min<std::size_t>(record_count, in.bits_left() / 3));
-  batch.faces.reserve(2 * batch.splits.capacity());
+  batch.faces.resize(2 * batch.splits.capacity());
+  std::uint32_t face_count = 0;
   record::ReadingCoder coder(header.tables, in);
   std::size_t next_attach = 0;
   for (std::uint32_t i = 0; i < record_count; ++i) {
@@ -175,12 +176,14 @@ std::vector<std::vector<std::uint8_t>> encode_batches(const SpmHeader& header,
     }
     record::Inclusion included;
     record::code_record(coder, header, static_cast<BoxPolicy>(policy), edges, record, included,
-                        batch.faces, static_cast<std::uint32_t>(batch.faces.size()));
+                        batch.faces, face_count);
     if (!coder.good()) return corrupt(i, coder.error());
+    face_count += record.face_count;
     expected.push_children(record, included);
   }
-  if (next_attach != attach.size() || coder.reader().bits_left() >= 8)
+  if (next_attach != attach.size() || coder.bits_left() >= 8)
     return Status{StatusCode::kCorrupt, "split batch: bytes left over after its last record"};
+  batch.faces.resize(face_count);
   return batch;
 }
 
@@ -199,9 +202,9 @@ void count_treelet(const SpmHeader& header, const SplitStore& store, const Treel
 }
 
 CodingTables make_tables(const TrainingCounts& counts) {
-  CodingTables tables;
-  for (const auto& context : counts) tables.contexts.push_back(HuffmanTable::from_counts(context));
-  return tables;
+  std::vector<HuffmanTable> contexts;
+  for (const auto& context : counts) contexts.push_back(HuffmanTable::from_counts(context));
+  return CodingTables(std::move(contexts));
 }
 
 int coding_context_count() { return record::kContextCount; }

@@ -47,6 +47,19 @@ std::array<std::uint8_t, kSymbolLimit + 1> huffman_lengths(
   return lengths;
 }
 
+std::vector<HuffmanTable::Decoded> fast_table(std::span<const HuffmanTable> contexts, int bits) {
+  std::vector<HuffmanTable::Decoded> fast;
+  fast.reserve(contexts.size() << bits);
+  for (const HuffmanTable& table : contexts)
+    for (std::size_t next = 0; next < std::size_t{1} << bits; ++next) {
+      const int more = table.decode_bits - bits;
+      const HuffmanTable::Decoded found = table.decode[more > 0 ? next << more : next >> -more];
+      const bool is_fast = found.length <= bits && found.symbol != kEscape;
+      fast.push_back(is_fast ? found : HuffmanTable::Decoded{});
+    }
+  return fast;
+}
+
 }  // namespace
 
 HuffmanTable HuffmanTable::from_counts(std::span<const std::uint64_t> counts) {
@@ -67,7 +80,6 @@ HuffmanTable HuffmanTable::from_counts(std::span<const std::uint64_t> counts) {
 
 bool HuffmanTable::derive() {
   codes = {};
-  fast = {};
   decode_bits = *std::max_element(lengths.begin(), lengths.end());
   if (decode_bits > kMaxCodeBits) return false;
   decode.assign(std::size_t{1} << decode_bits, {});
@@ -86,13 +98,12 @@ bool HuffmanTable::derive() {
   }
   // Complete, or no code at all (then the escape is implied).
   if (next != decode.size() && decode_bits != 0) return false;
-  for (std::size_t bits = 0; bits < fast.size(); ++bits) {
-    const Decoded found =
-        decode[decode_bits > kFastCodeBits ? bits << (decode_bits - kFastCodeBits)
-                                           : bits >> (kFastCodeBits - decode_bits)];
-    if (found.length <= kFastCodeBits && found.symbol != kEscape) fast[bits] = found;
-  }
   return true;
 }
+
+CodingTables::CodingTables(std::vector<HuffmanTable> contexts)
+    : contexts_(std::move(contexts)),
+      few_(fast_table(contexts_, kFewCodeBits)),
+      fast_(fast_table(contexts_, kFastCodeBits)) {}
 
 }  // namespace nearmesh

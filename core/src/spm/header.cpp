@@ -131,7 +131,7 @@ std::vector<std::uint8_t> encode_header(const SpmHeader& header) {
     }
   }
   write_surface(out, header);
-  for (const HuffmanTable& table : header.tables.contexts) write_table(out, table);
+  for (const HuffmanTable& table : header.tables.contexts()) write_table(out, table);
   return std::move(out).finish();
 }
 
@@ -208,11 +208,12 @@ Result<SpmHeader> decode_header(std::span<const std::uint8_t> bytes) {
     header.base_faces.push_back(face);
   }
   if (!in.overrun()) NEARMESH_RETURN_IF_ERROR(read_surface(in, header));
-  header.tables.contexts.resize(static_cast<std::size_t>(coding_context_count()));
-  for (HuffmanTable& table : header.tables.contexts)
+  std::vector<HuffmanTable> contexts(static_cast<std::size_t>(coding_context_count()));
+  for (HuffmanTable& table : contexts)
     if (!read_table(in, table)) return corrupt("coding table is not a prefix code");
   if (in.overrun() || in.bits_left() >= 8)
     return corrupt("length " + std::to_string(bytes.size()) + " does not match its content");
+  header.tables = CodingTables(std::move(contexts));
   return header;
 }
 

@@ -3,13 +3,17 @@
 // The one record codec (core/spm_format.md, "Record"): contexts, and a record described once for counting, writing and
 // reading. `Coder` is any of CountingCoder, WritingCoder, ReadingCoder; each member takes the value by reference, uses
 // it when counting or writing and sets it when reading, so that the two directions cannot drift apart.
-// A reader looks at its bytes once for several fields: refill() makes BitReader::kWindowBits of them ready, of which a
-// symbol takes at most kMaxSymbolBits and raw(n) takes n.
+// A reader looks at its bytes once for several fields: refill() makes WindowReader::kReadyBits of them ready, of which a
+// symbol takes at most kMaxCodeBits (an escape sees to itself) and raw(n) takes n.
 
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <cstring>
 #include <vector>
+#if defined(__SSE2__)
+#include <emmintrin.h>
+#endif
 
 #include "bits.hpp"
 #include "nearmesh/core/spm/codec.hpp"
@@ -40,29 +44,37 @@ inline constexpr std::uint32_t kManyNewFaces = 10;  // kFaceCount: counts stand 
 inline constexpr std::uint32_t kOutsideBelow =
     4;  // kOutside: no guess is right; kOutsideBelow + 1: above
 
-inline int small_class(std::uint32_t size) {  // 2, 3-4, 5-8, 9-16, 17-64, more
-  const int bits = bit_length(size - 1);
-  return bits <= 4 ? bits - 1 : size <= kSlotSize ? 4 : 5;
+// Classes of a node's size, by how many bits size - 1 has.
+inline constexpr std::array<std::int8_t, 33> classes_of(const std::array<int, 5>& last_bits) {
+  std::array<std::int8_t, 33> classes{};
+  for (int bits = 0; bits < 33; ++bits)
+    for (const int last : last_bits) classes[static_cast<std::size_t>(bits)] += bits > last ? 1 : 0;
+  return classes;
 }
-inline int level_class(std::uint32_t size) {  // 2, 3-4, 5-8, 9-16, 17-32, more
-  return std::min(bit_length(size - 1), 6) - 1;
-}
-inline int large_size_class(std::uint32_t size) {
-  return size <= 16 ? 0 : size <= 32 ? 1 : size <= 64 ? 2 : size <= 512 ? 3 : size <= 8192 ? 4 : 5;
+inline constexpr auto kSmallClasses =
+    classes_of({1, 2, 3, 4, 6});  // 2, 3-4, 5-8, 9-16, 17-64, more
+inline constexpr auto kLevelClasses =
+    classes_of({1, 2, 3, 4, 5});  // 2, 3-4, 5-8, 9-16, 17-32, more
+inline constexpr auto kLargeClasses =
+    classes_of({4, 5, 6, 9, 13});  // 9-16, 17-32, 33-64, 65-512, 513-8192, more
+inline int class_of(std::uint32_t size, const std::array<std::int8_t, 33>& classes) {
+  return classes[static_cast<std::size_t>(bit_length(size - 1))];
 }
 
 // ---- coders -------------------------------------------------------------------------------------
 
 inline constexpr int kEscapedBits = 7;
-inline constexpr int kMaxSymbolBits = kMaxCodeBits + kEscapedBits;
 
 class CountingCoder {
  public:
   static constexpr bool kReads = false;
   explicit CountingCoder(TrainingCounts& counts) : counts_(counts) {}
   void refill() {}
-  void symbol(int context, std::uint32_t& value) { ++counts_[context][std::min(value, 126U)]; }
-  void raw(int, std::uint32_t&) {}
+  template <int kBits = kFastCodeBits>
+  void symbol(int context, std::uint32_t& value) {
+    ++counts_[context][std::min(value, 126U)];
+  }
+  void raw(std::uint32_t, std::uint32_t&) {}
   bool good() const { return true; }
 
  private:
@@ -72,10 +84,12 @@ class CountingCoder {
 class WritingCoder {
  public:
   static constexpr bool kReads = false;
-  WritingCoder(const CodingTables& tables, BitWriter& out) : tables_(tables), out_(out) {}
+  WritingCoder(const CodingTables& tables, BitWriter& out)
+      : contexts_(tables.contexts().data()), out_(out) {}
   void refill() {}
+  template <int kBits = kFastCodeBits>
   void symbol(int context, std::uint32_t& value) {
-    const HuffmanTable& table = tables_.contexts[context];
+    const HuffmanTable& table = contexts_[context];
     const HuffmanTable::Code code = table.codes[value];
     if (code.length > 0) {
       out_.put(code.bits, code.length);
@@ -84,31 +98,37 @@ class WritingCoder {
       out_.put(value, kEscapedBits);
     }
   }
-  void raw(int bits, std::uint32_t& value) { out_.put(value, bits); }
+  void raw(std::uint32_t bits, std::uint32_t& value) { out_.put(value, static_cast<int>(bits)); }
   bool good() const { return true; }
 
  private:
-  const CodingTables& tables_;
+  const HuffmanTable* contexts_;
   BitWriter& out_;
 };
 
 class ReadingCoder {
  public:
   static constexpr bool kReads = true;
+  /// Reads on where `in` stands.
   ReadingCoder(const CodingTables& tables, const BitReader& in)
-      : tables_(tables.contexts.data()), in_(in) {}
-  void refill() { window_ = in_.window(); }
+      : few_(tables.fast<kFewCodeBits>()),
+        fast_(tables.fast<kFastCodeBits>()),
+        contexts_(tables.contexts().data()),
+        in_(in) {}
+  void refill() { in_.refill(); }
+  template <int kBits = kFastCodeBits>
   void symbol(int context, std::uint32_t& value) {
-    const HuffmanTable& table = tables_[context];
-    const HuffmanTable::Decoded found = table.fast[window_ >> (64 - kFastCodeBits)];
+    const HuffmanTable::Decoded* const fast = kBits == kFewCodeBits ? few_ : fast_;
+    const HuffmanTable::Decoded found =
+        fast[(static_cast<std::size_t>(context) << kBits) + (in_.window() >> (64 - kBits))];
     value = found.symbol;
-    take(found.length);
+    in_.take(found.length);
     if (found.length == 0) [[unlikely]]
-      long_symbol(table, value);
+      value = long_symbol(contexts_[context]);
   }
-  void raw(int bits, std::uint32_t& value) {
-    value = static_cast<std::uint32_t>(window_ >> 1 >> (63 - bits));
-    take(bits);
+  void raw(std::uint32_t bits, std::uint32_t& value) {
+    value = static_cast<std::uint32_t>(in_.window() >> 1 >> (63 - bits));
+    in_.take(bits);
   }
   /// Set by a field whose value cannot be; `what` names it.
   void fail(const char* what) {
@@ -116,23 +136,21 @@ class ReadingCoder {
   }
   bool good() const { return error_ == nullptr && !in_.overrun(); }
   const char* error() const { return error_ != nullptr ? error_ : "bytes end inside a record"; }
-  [[nodiscard]] const BitReader& reader() const { return in_; }
+  [[nodiscard]] std::size_t bits_left() const { return in_.bits_left(); }
 
  private:
-  void long_symbol(const HuffmanTable& table, std::uint32_t& value) {
-    const HuffmanTable::Decoded found = table.decode[window_ >> 1 >> (63 - table.decode_bits)];
-    value = found.symbol;
-    take(found.length);
+  std::uint32_t long_symbol(const HuffmanTable& table) {
+    const HuffmanTable::Decoded found = table.decode[in_.window() >> 1 >> (63 - table.decode_bits)];
+    std::uint32_t value = found.symbol;
+    in_.take(found.length);
     if (found.symbol == kEscape) raw(kEscapedBits, value);
-  }
-  void take(int bits) {
-    window_ <<= bits;
-    in_.skip(bits);
+    in_.refill();
+    return value;
   }
 
-  const HuffmanTable* tables_;
-  BitReader in_;
-  std::uint64_t window_ = 0;
+  const HuffmanTable::Decoded *few_, *fast_;
+  const HuffmanTable* contexts_;
+  WindowReader in_;
   const char* error_ = nullptr;
 };
 
@@ -143,11 +161,11 @@ void fail(Coder& coder, const char* what) {
 
 // ---- values -------------------------------------------------------------------------------------
 
-/// A number of at most 32 bits: its bit length as a symbol, then the bits below its leading one.
+/// A number of at most 32 bits: its bit length as a symbol, then the bits below its leading one. Takes at most
+/// kMaxCodeBits + 31 of what is ready.
 template <class Coder>
 void code_number(Coder& coder, int context, std::uint32_t& value) {
   std::uint32_t length = static_cast<std::uint32_t>(bit_length(value));
-  coder.refill();
   coder.symbol(context, length);
   if (Coder::kReads && length > 32) {
     value = 0;
@@ -155,7 +173,7 @@ void code_number(Coder& coder, int context, std::uint32_t& value) {
   }
   const std::uint64_t leading = std::uint64_t{1} << length >> 1;
   std::uint32_t low = value & static_cast<std::uint32_t>(leading - (leading != 0));
-  coder.raw(static_cast<int>(length) - (length > 0), low);
+  coder.raw(length - (length > 0 ? 1 : 0), low);
   if (Coder::kReads) value = static_cast<std::uint32_t>(leading) | low;
 }
 
@@ -203,7 +221,7 @@ void code_shape(Coder& coder, std::uint32_t size, std::uint32_t& right, Inclusio
     const std::uint32_t is_left = right > size - right ? 1 : 0;
     std::uint32_t all = static_cast<std::uint32_t>(bit_length(smaller)) * 8 + is_left * 4 + flags;
     std::uint32_t symbol = std::min(all, kLongShape);
-    coder.symbol(kShapeLarge + large_size_class(size), symbol);
+    coder.symbol(kShapeLarge + class_of(size, kLargeClasses), symbol);
     if (symbol >= kLongShape) {
       coder.raw(8, all);
     } else if (Coder::kReads) {
@@ -216,7 +234,7 @@ void code_shape(Coder& coder, std::uint32_t size, std::uint32_t& right, Inclusio
     }
     const std::uint32_t leading = 1U << (length - 1);
     std::uint32_t low = smaller & (leading - 1);
-    coder.raw(length - 1, low);
+    coder.raw(static_cast<std::uint32_t>(length - 1), low);
     if (Coder::kReads) {
       smaller = leading | low;
       right = (all & 4U) != 0 ? size - smaller : smaller;
@@ -229,7 +247,7 @@ void code_shape(Coder& coder, std::uint32_t size, std::uint32_t& right, Inclusio
     fail(coder, "size of a child");
   }
   included = {(flags & 1U) != 0, (flags & 2U) != 0};
-  if ((included.left && right == size - 1) || (included.right && right == 1))
+  if (((flags & 1U) & (right == size - 1 ? 1U : 0U)) | ((flags >> 1) & (right == 1 ? 1U : 0U)))
     fail(coder, "included children");
 }
 
@@ -252,7 +270,7 @@ int code_offset(Coder& coder, int context, int shift, std::uint32_t max_bias, st
   }
   const std::uint64_t leading = std::uint64_t{1} << length >> 1;
   auto tail = static_cast<std::uint32_t>((magnitude ^ leading) << 1 | negative);
-  coder.raw(static_cast<int>(length), tail);
+  coder.raw(length, tail);
   if (Coder::kReads) {
     const std::uint64_t value = (leading | tail >> 1) << shift;
     if (value > 0x7fffffffU) {
@@ -267,133 +285,201 @@ int code_offset(Coder& coder, int context, int shift, std::uint32_t max_bias, st
 
 // ---- outside corners ----------------------------------------------------------------------------
 
+/// Which children of a node are known to be leaves when its faces are coded: then the node says which vertex a corner is.
+template <bool kLeft, bool kRight>
+struct Leaves {
+  static constexpr bool kLeftIsLeaf = kLeft, kRightIsLeaf = kRight;
+};
+
 /// Guesses the outside corner of a face from its other two: where an earlier face of the batch lies across one of the
 /// new face's edges, its corner there is the one. Holds, for the vertices seen last, the directed edges of faces whose
 /// other side has not come; ids near each other fall on different slots.
 /// Which of two values is wanted is as good as random here, so nothing branches: masks choose.
 class OpenEdges {
  public:
-  struct Guesses {
-    std::array<std::uint32_t, 4>
-        vertex;          // the latest of left's and of right's, then the ones before
+  /// Open edges of a vertex: from it to the first two, from the last two to it, each the latest first. The vertex itself
+  /// stands for none, since it is never outside.
+  using Lists = std::uint32_t __attribute__((vector_size(16)));
+  /// What is known around a face with these two corners.
+  struct Around {
+    Lists left, right;
+    Lists guesses;       // the latest of left's and of right's, then the ones before
     std::uint32_t kind;  // below 32: which of them are outside, and whether left and right agree
   };
 
-  [[nodiscard]] Guesses guess(const SplitFace& face, const NodeSpan& node) const {
-    const std::uint32_t begin = node.begin(), size = node.size;
-    const Lists l = lists(face.left.value), r = lists(face.right.value);
-    const std::size_t out = face.flipped ? 2 : 0, in = 2 - out;
-    Guesses guesses{{l[out], r[in], l[out + 1], r[in + 1]}, 0};
-    const auto [a0, b0, a1, b1] = guesses.vertex;
-    const auto outside = [&](std::uint32_t v) { return v - begin >= size ? 1U : 0U; };
-    const std::uint32_t agree = (a0 == b0) | (a0 == b1) | (a1 == b0);
-    guesses.kind =
-        outside(a0) | outside(b0) << 1 | outside(a1) << 2 | outside(b1) << 3 | agree << 4;
-    return guesses;
+  OpenEdges() { owners_.fill(0xffffffffU); }
+
+  template <bool kFlipped>
+  [[nodiscard]] Around around(std::uint32_t left, std::uint32_t right, const NodeSpan& node) const {
+    Around a;
+    a.left = lists(left);
+    a.right = lists(right);
+    a.guesses = kFlipped ? __builtin_shufflevector(a.left, a.right, 2, 4, 3, 5)
+                         : __builtin_shufflevector(a.left, a.right, 0, 6, 1, 7);
+    const Lists agree = Lists(__builtin_shufflevector(a.guesses, a.guesses, 0, 0, 2, 2) ==
+                              __builtin_shufflevector(a.guesses, a.guesses, 1, 3, 1, 1));
+    a.kind = outside(a.guesses, node) | ((high_bits(agree) + 15) & 16U);
+    return a;
   }
   /// Some vertex outside of `node` that shares an open edge with the face's left or right corner, or `none`.
-  [[nodiscard]] std::uint32_t neighbour(const SplitFace& face, const NodeSpan& node,
-                                        std::uint32_t none) const {
-    for (const std::uint32_t corner : {face.left.value, face.right.value}) {
-      const Lists all = lists(corner);
-      for (std::size_t i = 0; i < 4; ++i)
-        if (all[i] - node.begin() >= node.size) return all[i];
-    }
-    return none;
+  [[nodiscard]] static std::uint32_t neighbour(const Around& around, const NodeSpan& node,
+                                               std::uint32_t none) {
+    const std::array<Lists, 2> all{around.left, around.right};
+    std::array<std::uint32_t, 9> vertices;
+    std::memcpy(vertices.data(), all.data(), sizeof all);
+    vertices[8] = none;
+    const std::uint32_t found = outside(around.left, node) | outside(around.right, node) << 4;
+    return vertices[static_cast<std::size_t>(std::countr_zero(found | 0x100U))];
   }
-  void add(const SplitFace& face) {
-    const std::uint32_t outside = face.outside.value;
-    const std::uint32_t a = face.flipped ? face.right.value : face.left.value;
-    const std::uint32_t b = face.flipped ? face.left.value : face.right.value;
-    add_corner(a, outside, b);
-    add_corner(b, a, outside);
-    add_corner(outside, b, a);
+  /// The face is there; `around` is of its left and right corner.
+  template <bool kFlipped>
+  void add(const Around& around, std::uint32_t left, std::uint32_t right, std::uint32_t outside) {
+    const std::uint32_t a = kFlipped ? right : left, b = kFlipped ? left : right;
+    add_corner(a, kFlipped ? around.right : around.left, outside, b);
+    const Lists is_shared =
+        all((a ^ b) % kSlots == 0 ? 0xffffffffU : 0);  // then the slot is a's now
+    add_corner(b, select(is_shared, all(b), kFlipped ? around.left : around.right), a, outside);
+    add_corner(outside, lists(outside), b, a);
   }
 
  private:
   static constexpr std::uint32_t kSlots = 256;
-  /// Open edges: from the vertex to the first two, from the last two to the vertex, each the latest first. The vertex
-  /// itself stands for none, since it is never outside.
-  using Lists = std::uint32_t __attribute__((vector_size(16)));
-  struct Slot {
-    Lists lists{};
-    std::uint32_t vertex = 0xffffffffU;
-  };
 
   static Lists all(std::uint32_t v) { return Lists{v, v, v, v}; }
   static Lists select(Lists mask, Lists a, Lists b) { return b ^ ((a ^ b) & mask); }
+  // Bit i: the highest bit of lane i.
+  static std::uint32_t high_bits(Lists lanes) {
+#if defined(__SSE2__)
+    return static_cast<std::uint32_t>(_mm_movemask_ps(__m128(lanes)));
+#else
+    const Lists bits = lanes >> 31 << Lists{0, 1, 2, 3};
+    return bits[0] | bits[1] | bits[2] | bits[3];
+#endif
+  }
+  // Bit i: vertex i is outside. Ids are below 2^30, so a difference's highest bit says that it is negative.
+  static std::uint32_t outside(Lists vertices, const NodeSpan& node) {
+    return high_bits((vertices - all(node.begin())) | (all(node.end() - 1) - vertices));
+  }
   [[nodiscard]] Lists lists(std::uint32_t v) const {
-    const Slot& slot = slots_[v % kSlots];
-    return select(all(slot.vertex) == all(v), slot.lists, all(v));
+    return select(Lists(all(owners_[v % kSlots]) == all(v)), lists_[v % kSlots], all(v));
   }
   // A face's edges at v, one from `before` and one to `after`. Each closes the edge that runs the other way where the
   // list still has it, and stays open otherwise.
-  void add_corner(std::uint32_t v, std::uint32_t before, std::uint32_t after) {
-    const Lists old = lists(v), none = all(v);
-    const Lists found = Lists(old == Lists{before, before, after, after});
+  void add_corner(std::uint32_t v, Lists old, std::uint32_t before, std::uint32_t after) {
+    const Lists none = all(v);
+    const Lists ends{before, before, after, after};
+    const Lists found = Lists(old == ends);
     const Lists gone = found | __builtin_shufflevector(found, found, 0, 0, 2, 2);
     const Lists kept = select(gone, __builtin_shufflevector(old, none, 1, 4, 3, 4), old);
-    const Lists added =
-        __builtin_shufflevector(kept, Lists{after, before, after, before}, 4, 0, 5, 2);
-    Slot& slot = slots_[v % kSlots];
-    slot.lists = select(__builtin_shufflevector(gone, gone, 3, 3, 1, 1), kept, added);
-    slot.vertex = v;
+    const Lists added = __builtin_shufflevector(kept, ends, 6, 0, 4, 2);
+    lists_[v % kSlots] = select(__builtin_shufflevector(gone, gone, 3, 3, 1, 1), kept, added);
+    owners_[v % kSlots] = v;
   }
 
-  std::array<Slot, kSlots> slots_{};
+  std::array<std::uint32_t, kSlots> owners_;
+  std::array<Lists, kSlots> lists_;  // what has no owner is not read
 };
 
 // ---- the record ---------------------------------------------------------------------------------
 
 /// One face; left, right and flipped first, then the outside corner. `is_first`: of its record.
-template <class Coder>
-void code_face(Coder& coder, const SpmHeader& header, OpenEdges& edges, const SplitRecord& record,
-               bool is_first, SplitFace& face) {
-  const NodeSpan& node = record.node;
-  std::uint32_t in_right = face.right.value - record.split.value;
-  std::uint32_t in_left = face.left.value - node.begin();
-  code_bounded(coder, kInRight, node.end() - record.split.value, in_right);
-  code_bounded(coder, kInLeft, record.split.value - node.begin(), in_left);
-  if (Coder::kReads) {
-    face.right = {record.split.value + in_right};
-    face.left = {node.begin() + in_left};
+template <bool kFlipped, class Leaf, class Coder>
+void code_face(Coder& coder, const SpmHeader& header, OpenEdges& edges, const NodeSpan& node,
+               std::uint32_t split, bool is_first, SplitFace& face) {
+  std::uint32_t left = Leaf::kLeftIsLeaf ? node.begin() : face.left.value;
+  std::uint32_t right = Leaf::kRightIsLeaf ? split : face.right.value;
+  coder.refill();
+  if (!Leaf::kRightIsLeaf) {
+    std::uint32_t in_right = right - split;
+    code_bounded(coder, kInRight, node.end() - split, in_right);
+    if (Coder::kReads) right = split + in_right;
+    if (!Leaf::kLeftIsLeaf) coder.refill();
+  }
+  if (!Leaf::kLeftIsLeaf) {
+    std::uint32_t in_left = left - node.begin();
+    code_bounded(coder, kInLeft, split - node.begin(), in_left);
+    if (Coder::kReads) left = node.begin() + in_left;
   }
 
-  const OpenEdges::Guesses guesses = edges.guess(face, node);
+  const OpenEdges::Around around = edges.around<kFlipped>(left, right, node);
+  std::array<std::uint32_t, 4> guesses;
+  std::memcpy(guesses.data(), &around.guesses, sizeof guesses);
   std::uint32_t outside = face.outside.value;
   std::uint32_t symbol = 0;
   if (!Coder::kReads) {
-    while (symbol < kOutsideBelow && guesses.vertex[symbol] != outside) ++symbol;
-    if (symbol == kOutsideBelow && outside >= edges.neighbour(face, node, node.begin())) ++symbol;
+    while (symbol < kOutsideBelow && guesses[symbol] != outside) ++symbol;
+    if (symbol == kOutsideBelow && outside >= OpenEdges::neighbour(around, node, node.begin()))
+      ++symbol;
   }
-  coder.refill();
-  coder.symbol(
-      kOutside + static_cast<int>(guesses.kind) * 4 + (is_first ? 0 : 2) + (node.size == 2 ? 1 : 0),
-      symbol);
+  coder.template symbol<kFewCodeBits>(kOutside + static_cast<int>(around.kind) * 4 +
+                                          (is_first ? 0 : 2) +
+                                          (Leaf::kLeftIsLeaf && Leaf::kRightIsLeaf ? 1 : 0),
+                                      symbol);
   if (symbol < kOutsideBelow) {
-    if (Coder::kReads) outside = guesses.vertex[symbol];
+    if (Coder::kReads) outside = guesses[symbol];
   } else {
     if (Coder::kReads && symbol > kOutsideBelow + 1) return fail(coder, "outside corner");
     const bool below = symbol == kOutsideBelow;
     const std::uint32_t none = below ? node.begin() : node.end();
-    const std::uint32_t base = edges.neighbour(face, node, none);
+    const std::uint32_t base = OpenEdges::neighbour(around, node, none);
     std::uint32_t distance = below ? base - 1 - outside : outside - base;
+    coder.refill();
     code_number(coder, kDistance + (base == none ? 2 : 0) + (below ? 0 : 1), distance);
     if (Coder::kReads) {
-      if (distance >= (below ? base : header.vertex_count - base))
+      // Below and above are as likely as each other: masks again. base - 1 - x is base + ~x.
+      const std::uint32_t down = below ? 0xffffffffU : 0;
+      if (distance >= ((base & down) | ((header.vertex_count - base) & ~down)))
         return fail(coder, "outside corner");
-      outside = below ? base - 1 - distance : base + distance;
+      outside = base + (distance ^ down);
     }
   }
   if (Coder::kReads) {
     if (node.contains({outside})) return fail(coder, "outside corner");
-    face.outside = {outside};
+    face = {{left}, {right}, {outside}, kFlipped};
   }
-  edges.add(face);
+  edges.add<kFlipped>(around, left, right, outside);
+}
+
+/// The usual two faces.
+template <class Leaf, class Coder>
+void code_two_faces(Coder& coder, const SpmHeader& header, OpenEdges& edges, const NodeSpan& node,
+                    std::uint32_t split, SplitFace* faces) {
+  code_face<false, Leaf>(coder, header, edges, node, split, true, faces[0]);
+  code_face<true, Leaf>(coder, header, edges, node, split, false, faces[1]);
+}
+
+/// Faces of any number; the last `flipped` of them are.
+template <class Coder>
+void code_any_faces(Coder& coder, const SpmHeader& header, OpenEdges& edges, const NodeSpan& node,
+                    std::uint32_t split, std::uint32_t flipped, std::uint32_t count,
+                    std::vector<SplitFace>& faces, std::uint32_t face_begin) {
+  for (std::uint32_t i = 0; i < count; ++i) {
+    if (Coder::kReads) {
+      if (!coder.good()) return;
+      if (faces.size() == face_begin + i) faces.emplace_back();
+    }
+    SplitFace& face = faces[face_begin + i];
+    const bool is_first = i == 0, is_flipped = i >= count - flipped;
+    if (node.size > 2) {
+      using Leaf = Leaves<false, false>;
+      if (is_flipped) {
+        code_face<true, Leaf>(coder, header, edges, node, split, is_first, face);
+      } else {
+        code_face<false, Leaf>(coder, header, edges, node, split, is_first, face);
+      }
+    } else {
+      using Leaf = Leaves<true, true>;
+      if (is_flipped) {
+        code_face<true, Leaf>(coder, header, edges, node, split, is_first, face);
+      } else {
+        code_face<false, Leaf>(coder, header, edges, node, split, is_first, face);
+      }
+    }
+  }
 }
 
 /// Codes `node`'s split. In: record.node, box_policy, shift; everything else is in when writing and out when reading.
-/// `faces` are the record's (reading: appended).
+/// `faces` are the record's from `face_begin` on (reading: appended there, over what stands there).
 template <class Coder>
 void code_record(Coder& coder, const SpmHeader& header, BoxPolicy box_policy, OpenEdges& edges,
                  SplitRecord& record, Inclusion& included, std::vector<SplitFace>& faces,
@@ -412,8 +498,9 @@ void code_record(Coder& coder, const SpmHeader& header, BoxPolicy box_policy, Op
                   ? 0
                   : kUnusualFaces;
   std::uint32_t none = 0;
-  const int length0 = code_offset(coder, kOffset0 + level_class(node.size), header.lattice_shift[0],
-                                  kUnusualFaces, unusual, record.offset[0]);
+  const int length0 =
+      code_offset(coder, kOffset0 + class_of(node.size, kLevelClasses), header.lattice_shift[0],
+                  kUnusualFaces, unusual, record.offset[0]);
   const int length1 = code_offset(coder, kOffset1 + std::min(length0 / 2, 11),
                                   header.lattice_shift[1], 0, none, record.offset[1]);
   code_offset(coder, kOffset2 + std::min(std::max(length0, length1) / 2, 11),
@@ -452,27 +539,30 @@ void code_record(Coder& coder, const SpmHeader& header, BoxPolicy box_policy, Op
     }
   }
   if (unusual == 0) {
-    if (Coder::kReads) {
-      faces.emplace_back();
-      faces.emplace_back().flipped = true;
+    if (Coder::kReads && faces.size() < face_begin + std::size_t{2})
+      faces.resize(face_begin + std::size_t{2});
+    SplitFace* const two = faces.data() + face_begin;
+    const std::uint32_t split = node.end() - right_size;
+    if (node.size == 2) {
+      code_two_faces<Leaves<true, true>>(coder, header, edges, node, split, two);
+    } else if (right_size == 1) {
+      code_two_faces<Leaves<false, true>>(coder, header, edges, node, split, two);
+    } else if (left_size == 1) {
+      code_two_faces<Leaves<true, false>>(coder, header, edges, node, split, two);
+    } else {
+      code_two_faces<Leaves<false, false>>(coder, header, edges, node, split, two);
     }
-    code_face(coder, header, edges, record, true, faces[face_begin]);
-    code_face(coder, header, edges, record, false, faces[face_begin + 1]);
   } else {
-    for (std::uint32_t i = 0; i < record.face_count; ++i) {
-      if (Coder::kReads) {
-        if (!coder.good()) return;
-        faces.emplace_back().flipped = i >= record.face_count - flipped;
-      }
-      code_face(coder, header, edges, record, i == 0, faces[face_begin + i]);
-    }
+    code_any_faces(coder, header, edges, node, node.end() - right_size, flipped, record.face_count,
+                   faces, face_begin);
   }
 
   // Boxes of the children that stay whole.
   const auto code_box = [&](std::uint32_t size, bool is_included, BoxCode& box) {
     if (size == 1 || (box_policy == BoxPolicy::kCutNodes && is_included)) return;
-    const int context = kBox + small_class(size) * 3;
+    const int context = kBox + class_of(size, kSmallClasses) * 3;
     std::uint32_t greatest = 0;
+#pragma GCC unroll 6
     for (std::size_t k = 0; k < 6; ++k) {
       if (k % 3 == 0) coder.refill();
       std::uint32_t code = box[k];

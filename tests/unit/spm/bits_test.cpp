@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "nearmesh/core/base/random.hpp"
 
 namespace nearmesh {
@@ -42,6 +44,31 @@ void put(BitWriter& out, const Field& field) {
 std::uint64_t get(BitReader& in, const Field& field) {
   if (field.bits == 0) return in.get_gamma();
   return field.bits == 64 ? in.get64() : in.get(field.bits);
+}
+
+// Both readers over the same bytes, in fields of random widths, from a random bit on to beyond the end.
+TEST(WindowReader, ReadsWhatABitReaderReads) {
+  for (std::uint64_t seed = 0; seed < 200; ++seed) {
+    SCOPED_TRACE(seed);
+    Random random(seed);
+    std::vector<std::uint8_t> bytes(random.below(40));
+    for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>(random.next());
+    BitReader expected(bytes);
+    expected.skip(static_cast<int>(random.below(static_cast<std::uint32_t>(bytes.size() * 8 + 1))));
+    WindowReader in(expected);
+    for (int field = 0; field < 30; ++field) {
+      in.refill();
+      for (int ready = WindowReader::kReadyBits; ready > 0;) {
+        const int bits =
+            1 + static_cast<int>(random.below(static_cast<std::uint32_t>(std::min(ready, 32))));
+        ASSERT_EQ(in.window() >> (64 - bits), expected.get(bits));
+        in.take(static_cast<std::uint64_t>(bits));
+        ASSERT_EQ(in.overrun(), expected.overrun());
+        ASSERT_EQ(in.bits_left(), expected.bits_left());
+        ready -= bits;
+      }
+    }
+  }
 }
 
 TEST(Bits, ReadsBackWhatWasWritten) {

@@ -25,9 +25,9 @@ TEST_P(Header, DecodesToWhatWasEncoded) {
   EXPECT_EQ(found.roots, header.roots);
   EXPECT_EQ(found.base_faces, header.base_faces);
   EXPECT_EQ(found.surface, header.surface);
-  ASSERT_EQ(found.tables.contexts.size(), header.tables.contexts.size());
-  for (std::size_t i = 0; i < found.tables.contexts.size(); ++i)
-    EXPECT_EQ(found.tables.contexts[i].lengths, header.tables.contexts[i].lengths) << i;
+  ASSERT_EQ(found.tables.contexts().size(), header.tables.contexts().size());
+  for (std::size_t i = 0; i < found.tables.contexts().size(); ++i)
+    EXPECT_EQ(found.tables.contexts()[i].lengths, header.tables.contexts()[i].lengths) << i;
 }
 
 TEST_P(Header, EncodesToTheSameBytesAgain) {

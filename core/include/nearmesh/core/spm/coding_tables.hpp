@@ -11,7 +11,9 @@
 namespace nearmesh {
 
 inline constexpr int kMaxCodeBits = 12;
-inline constexpr int kFastCodeBits = 8;
+/// Codes of so many bits are decoded by one look-up: of contexts with few symbols, and of others. What a batch uses of these
+/// tables stays in a processor's first cache.
+inline constexpr int kFewCodeBits = 5, kFastCodeBits = 7;
 inline constexpr int kSymbolLimit = 127;  ///< symbols are 0..126
 inline constexpr std::uint8_t kEscape =
     127;  ///< stands for a symbol never seen in training; 7 raw bits follow
@@ -28,10 +30,7 @@ struct HuffmanTable {
   };
   std::array<std::uint8_t, kSymbolLimit + 1> lengths{};  ///< what is stored
   std::array<Code, kSymbolLimit + 1> codes{};            ///< derived, by symbol
-  /// Derived, by the next kFastCodeBits bits; length 0 for longer codes and the escape, which `decode` gives. All
-  /// contexts' fast tables stay in a processor's first cache.
-  std::array<Decoded, std::size_t{1} << kFastCodeBits> fast{};
-  std::vector<Decoded> decode;  ///< derived, by the next decode_bits bits
+  std::vector<Decoded> decode;                           ///< derived, by the next decode_bits bits
   int decode_bits = 0;
 
   /// From how often each symbol occurred (the escape is added).
@@ -40,8 +39,24 @@ struct HuffmanTable {
   [[nodiscard]] bool derive();
 };
 
-struct CodingTables {
-  std::vector<HuffmanTable> contexts;
+/// The tables of all contexts.
+class CodingTables {
+ public:
+  CodingTables() = default;
+  explicit CodingTables(std::vector<HuffmanTable> contexts);
+
+  [[nodiscard]] const std::vector<HuffmanTable>& contexts() const { return contexts_; }
+  /// By context and, within, the next kBits bits (kFewCodeBits or kFastCodeBits); length 0 for longer codes and the
+  /// escape, which HuffmanTable::decode gives.
+  template <int kBits>
+  [[nodiscard]] const HuffmanTable::Decoded* fast() const {
+    static_assert(kBits == kFewCodeBits || kBits == kFastCodeBits);
+    return (kBits == kFewCodeBits ? few_ : fast_).data();
+  }
+
+ private:
+  std::vector<HuffmanTable> contexts_;
+  std::vector<HuffmanTable::Decoded> few_, fast_;
 };
 
 }  // namespace nearmesh
