@@ -260,6 +260,19 @@ TEST_F(Operate, StatusTellsOfPublisherAndPeer) {
     })) << status.dump(1);
   }
   EXPECT_GT(status["peers"][0].at("requests"), 0);
+  EXPECT_EQ(status["peers"][0].at("process_id"), peer.id());
+  EXPECT_EQ(status["publishers"][0].at("process_id"), publisher->id());
+  for (const char* role : {"peers", "publishers"}) {
+    const json& process = status[role][0];
+    EXPECT_GT(process.at("uptime_s"), 0);
+    EXPECT_GT(process.at("resident_bytes"), 1'000'000);
+    EXPECT_GT(process.at("batches"), 0) << role;
+    // A batch is a datagram.
+    EXPECT_GT(process.at("bytes"), process.at("batches")) << role;
+    EXPECT_LE(process.at("bytes").get<double>(), 1200 * process.at("batches").get<double>())
+        << role;
+    EXPECT_EQ(process.at("refused"), 0);
+  }
   EXPECT_TRUE(status.at("refusals").empty()) << status.dump(1);
 
   const std::string metrics = get_metrics(port);
@@ -267,6 +280,20 @@ TEST_F(Operate, StatusTellsOfPublisherAndPeer) {
                            "# TYPE nearmesh_batch_bytes_total counter",
                            "nearmesh_model_held_splits{role=\"peer\",model=\"terrain\""})
     EXPECT_NE(metrics.find(text), std::string::npos) << text << " in " << metrics;
+}
+
+TEST_F(Operate, StatusTellsWhatAPeerWaitsFor) {
+  write_scene(5);
+  const auto publisher = serve(with({terrain()}));  // and nobody serves the aircraft
+  const Process peer(folder, "nearmesh-subscriber", with({"run", folder.file("flight.yaml")}));
+  std::string out, err;
+  EXPECT_TRUE(test::await([&] {
+    EXPECT_EQ(
+        test::run(folder, "nearmesh-subscriber", with({"status", "--seconds", "1"}), &out, &err), 0)
+        << err;
+    return out.find("waits: nobody serves model aircraft: 0 of 1 pairs certified") !=
+           std::string::npos;
+  })) << out;
 }
 
 TEST_F(Operate, StatusTellsOfEachRegionOnDemand) {
