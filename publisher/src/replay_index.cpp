@@ -133,9 +133,9 @@ void ReplayIndex::sort() {
 Status ReplayIndex::take_batches(RecordingReader& recording, std::size_t most) {
   try {
     for (; most > 0 && !batches_.empty(); --most) {
-      const auto [id, content] = batches_.front();
+      const std::int64_t id = batches_.front().first;
+      RecordedDetail& detail = details_.at(batches_.front().second);
       batches_.pop_front();
-      RecordedDetail& detail = details_.at(content);
       NEARMESH_RETURN_IF_ERROR(
           recording.read(id, id + 1, [&](std::int64_t, const RecordedMessage& message) {
             if (const auto batch = wire::decode_payload<wire::SplitBatchMessage>(message.cdr);

@@ -40,7 +40,6 @@ void put_vertex(std::string& out, const Vector& at, const Colour& colour, double
 /// Slender tetrahedra around the segments of contact, four faces each: few programs draw a file's lines, fewer in their
 /// colour.
 struct Splints {
-  static constexpr std::size_t kVertices = 4, kFaces = 4;  // a segment
   std::vector<Vector> positions;
   std::vector<std::array<std::uint32_t, 3>> faces;
 };

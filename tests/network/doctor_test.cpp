@@ -65,7 +65,7 @@ TEST_F(DoctorOn, AGoodLinkIsHealthy) {
 }
 
 TEST_F(DoctorOn, AMachineWithoutANetworkIsToldSo) {
-  const Lan lan({{}});
+  const Lan lan(std::vector<Link>(1));
   run_on(lan, 0, "ip link set e0 down");
   const auto doctor = examine(lan, 0, {"--seconds", "2"});
   EXPECT_EQ(doctor->wait(), 1) << doctor->out();
