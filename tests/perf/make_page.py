@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Writes docs/perf.md from the CSV files of the benchmarks in docs/perf.
+"""Writes docs/perf.md from the CSV files of the benchmarks in docs/perf, and from limits.md beside this file.
 
 Usage: make_page.py docs/perf > docs/perf.md
 """
@@ -11,7 +11,7 @@ import sys
 
 HEAD = """# Speed and size
 
-Written by `tests/perf/make_page.py` from the files in [perf](perf); no figure is typed in. To make it again (some
+Written by `tests/perf/make_page.py` from the files in [perf](perf); no figure is typed in but in the last section. To make it again (some
 fifteen minutes; FCL, Bullet, Embree and CGAL are compared where they are installed):
 
     bin=build/dev/bin
@@ -107,6 +107,7 @@ def main():
     plain("Codec, refinement, tree", sorted(folder.glob("core-*.csv")))
     plain("Baking and opening", sorted(folder.glob("bake-*.csv")))
     plain("Bytes to certify, and a peer's memory", sorted(folder.glob("bytes-*.csv")))
+    print(pathlib.Path(__file__).with_name("limits.md").read_text(), end="")
 
 
 if __name__ == "__main__":
