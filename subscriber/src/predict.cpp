@@ -226,8 +226,9 @@ class Sweep {
 
 // ---- what an answer brings ----------------------------------------------------------------------
 
-// An answer of the size expected weighs as much as this many splits' worth of region parts: 24 bytes a part, some 8 a split.
-constexpr double kSplitsPerPart = 3;
+// A part takes 24 bytes of a request, a split some 12 of a small answer, its share of datagrams included: with one part for
+// so many splits a request weighs no more than its answer.
+constexpr double kSplitsPerPart = 2;
 
 // Where a part reaches.
 GridBox reach_of(const RegionPart& part) {
@@ -253,7 +254,7 @@ double expected_splits(const GridBox& box, std::uint32_t vertices, const GridBox
   for (double nodes = 1; nodes<vertices&& static_cast<double>(box.extent()) * side> min_extent;
        nodes *= 2, side *= 0.70710678) {
     double met = nodes;
-    for (const double s : share) met *= std::min(1.0, s + side);
+    for (const double s : share) met *= (s + side) / (1 + side);
     splits += met;
   }
   return std::min(splits, double{0} + vertices - 1);
@@ -283,7 +284,7 @@ void keep_whole_nodes(const SplitStore& store, std::span<const RegionPart> regio
   };
   double sum = 0;
   for (const NodeSpan& node : nodes) sum += expected(node);
-  if (sum <= max_splits) return;
+  if (sum <= max_splits || nodes.empty()) return;
   std::sort(nodes.begin(), nodes.end());
   sum = expected(nodes.front());
   std::size_t count = 1;
@@ -373,12 +374,19 @@ std::optional<RegionRequest> make_request(const SplitStore& store, const RegionM
                     [&](const RegionPart& part) { return part.asks_for(box); }))
       request.attach.push_back(node);
   }
-  if (portion == Portion::kWholeNodes && !request.attach.empty())
+  if (portion == Portion::kWholeNodes)
     keep_whole_nodes(store, request.region, max_splits, request.attach);
   request.attach.resize(
       std::min(request.attach.size(), kMaxAttachNodes - std::min(kMaxAttachNodes, missing.size())));
   request.attach.insert(request.attach.end(), missing.begin(), missing.end());
   if (request.attach.empty()) return std::nullopt;
+  // Parts that matter to none of these nodes need not travel.
+  near.clear();
+  for (const NodeSpan& node : request.attach) near.push_back(reach_below(store.box(node)));
+  std::erase_if(request.region, [&near](const RegionPart& part) {
+    return std::none_of(near.begin(), near.end(),
+                        [&part](const GridBox& box) { return part.meets(box); });
+  });
   // A node that was met, but by no region: it is asked for all the same.
   if (request.region.empty()) request.region.emplace_back(store.box(request.attach.front()));
   std::sort(request.attach.begin(), request.attach.end());

@@ -34,9 +34,9 @@ using RegionMaker =
 
 /// By so many parts a region is described where it is not yet known what of it matters.
 inline constexpr std::size_t kCoarseParts = 8;
-/// So many splits at most are asked for ahead at a time, the largest nodes first: some 5 KB, which a frame can take. What is
-/// ahead has time.
-inline constexpr std::uint32_t kMaxAheadSplits = 640;
+/// So many splits at most are asked for ahead at a time: some 5 KB arrive, which a frame can take, since half as much comes
+/// as is expected where a region only grazes nodes. What is ahead has time.
+inline constexpr std::uint32_t kMaxAheadSplits = 1280;
 
 /// What a request leaves for the next one where more is expected than it may bring.
 enum class Portion : std::uint8_t {
