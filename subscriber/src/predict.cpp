@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <queue>
 #include <utility>
 
@@ -223,6 +224,74 @@ class Sweep {
   double own_turn_ = 0, other_turn_ = 0;
 };
 
+// ---- what an answer brings ----------------------------------------------------------------------
+
+// A part takes 24 bytes of a request, a split some 12 of a small answer, its share of datagrams included: with one part for
+// so many splits a request weighs no more than its answer.
+constexpr double kSplitsPerPart = 2;
+
+// Where a part reaches.
+GridBox reach_of(const RegionPart& part) {
+  GridBox reach;
+  for (int k = 0; k < 3; ++k) {
+    reach.lo[k] = clamp_grid(double{0} + part.box.lo[k] - part.radius);
+    reach.hi[k] = clamp_grid(double{0} + part.box.hi[k] + part.radius);
+  }
+  return reach;
+}
+
+// Splits to expect below a node of so many vertices where a region reaches into its box: nodes k levels down are 2^k, spread
+// evenly, of 2^(-k/2) times its size.
+double expected_splits(const GridBox& box, std::uint32_t vertices, const GridBox& reach,
+                       std::int32_t min_extent) {
+  std::array<double, 3> share;
+  for (int k = 0; k < 3; ++k) {
+    const double lo = std::max(reach.lo[k], box.lo[k]), hi = std::min(reach.hi[k], box.hi[k]);
+    if (lo > hi) return 0;
+    share[static_cast<std::size_t>(k)] = (hi - lo + 1) / (double{1} + box.hi[k] - box.lo[k]);
+  }
+  double splits = 0, side = 1;
+  for (double nodes = 1; nodes<vertices&& static_cast<double>(box.extent()) * side> min_extent;
+       nodes *= 2, side *= 0.70710678) {
+    double met = nodes;
+    for (const double s : share) met *= (s + side) / (1 + side);
+    splits += met;
+  }
+  return std::min(splits, double{0} + vertices - 1);
+}
+// The same for all parts of a region: no more than their sum, nor than one box around them.
+double expected_splits(const GridBox& box, std::uint32_t vertices,
+                       std::span<const RegionPart> region) {
+  double sum = 0;
+  GridBox whole;
+  std::int32_t least = std::numeric_limits<std::int32_t>::max();
+  for (const RegionPart& part : region) {
+    if (!part.asks_for(box)) continue;
+    const GridBox reach = reach_of(part);
+    sum += expected_splits(box, vertices, reach, part.min_extent);
+    whole.add(reach);
+    least = std::min(least, part.min_extent);
+  }
+  return sum > 0 ? std::min(sum, expected_splits(box, vertices, whole, least)) : 0;
+}
+
+// Of the nodes that a region asks for, those in the order of their ids of which `max_splits` are expected; one at least.
+// Neighbours by id are neighbours in space.
+void keep_whole_nodes(const SplitStore& store, std::span<const RegionPart> region,
+                      std::uint32_t max_splits, std::vector<NodeSpan>& nodes) {
+  const auto expected = [&](const NodeSpan& node) {
+    return expected_splits(store.box(node), node.size, region);
+  };
+  double sum = 0;
+  for (const NodeSpan& node : nodes) sum += expected(node);
+  if (sum <= max_splits || nodes.empty()) return;
+  std::sort(nodes.begin(), nodes.end());
+  sum = expected(nodes.front());
+  std::size_t count = 1;
+  while (count < nodes.size() && (sum += expected(nodes[count])) <= max_splits) ++count;
+  nodes.resize(count);
+}
+
 }  // namespace
 
 std::vector<RegionPart> swept_region(const TreeView& own, const Motion& own_motion,
@@ -284,25 +353,40 @@ std::vector<GridBox> root_reach(const SplitStore& store) {
 
 std::optional<RegionRequest> make_request(const SplitStore& store, const RegionMaker& region,
                                           std::vector<NodeSpan> missing, std::size_t max_parts,
-                                          std::uint32_t max_splits) {
+                                          std::uint32_t max_splits, Portion portion) {
   std::vector<GridBox> near = root_reach(store);
-  const std::vector<NodeSpan> lacking =
-      frontier(store, region(kCoarseParts, near), store.vertex_count());
+  const std::vector<RegionPart> coarse = region(kCoarseParts, near);
+  const std::vector<NodeSpan> lacking = frontier(store, coarse, store.vertex_count());
   near.clear();
   for (const std::vector<NodeSpan>* nodes : {&lacking, &std::as_const(missing)})
     for (const NodeSpan& node : *nodes) near.push_back(reach_below(store.box(node)));
-  RegionRequest request{std::move(missing), region(max_parts, near), max_splits};
-  const std::size_t given = request.attach.size();
+  auto expected = static_cast<double>(missing.size());
+  for (const NodeSpan& node : lacking)
+    expected += expected_splits(store.box(node), node.size, coarse);
+  const double parts = std::min<double>(expected, max_splits) / kSplitsPerPart;
+  max_parts = std::clamp<std::size_t>(static_cast<std::size_t>(parts), 1, max_parts);
+
+  RegionRequest request{{}, region(max_parts, near), max_splits};
   for (const NodeSpan& node : lacking) {
-    if (request.attach.size() == kMaxAttachNodes) break;
-    const auto end = request.attach.begin() + static_cast<std::ptrdiff_t>(given);
     const GridBox box = store.box(node);
-    if (!std::binary_search(request.attach.begin(), end, node) &&
+    if (!std::binary_search(missing.begin(), missing.end(), node) &&
         std::any_of(request.region.begin(), request.region.end(),
                     [&](const RegionPart& part) { return part.asks_for(box); }))
       request.attach.push_back(node);
   }
+  if (portion == Portion::kWholeNodes)
+    keep_whole_nodes(store, request.region, max_splits, request.attach);
+  request.attach.resize(
+      std::min(request.attach.size(), kMaxAttachNodes - std::min(kMaxAttachNodes, missing.size())));
+  request.attach.insert(request.attach.end(), missing.begin(), missing.end());
   if (request.attach.empty()) return std::nullopt;
+  // Parts that matter to none of these nodes need not travel.
+  near.clear();
+  for (const NodeSpan& node : request.attach) near.push_back(reach_below(store.box(node)));
+  std::erase_if(request.region, [&near](const RegionPart& part) {
+    return std::none_of(near.begin(), near.end(),
+                        [&part](const GridBox& box) { return part.meets(box); });
+  });
   // A node that was met, but by no region: it is asked for all the same.
   if (request.region.empty()) request.region.emplace_back(store.box(request.attach.front()));
   std::sort(request.attach.begin(), request.attach.end());

@@ -447,7 +447,8 @@ bool Session::Impl::request(PeerModel& model, const RegionMaker& region,
   std::optional<RegionRequest> region_request =
       make_request(model.replica->store(), region, std::move(missing), options.region_boxes,
                    priority == kNeededNow ? options.request_splits
-                                          : std::min(options.request_splits, kMaxAheadSplits));
+                                          : std::min(options.request_splits, kMaxAheadSplits),
+                   priority == kNeededNow ? Portion::kLargestNodes : Portion::kWholeNodes);
   if (!region_request) return false;
   wire::RegionSubscription subscription;
   subscription.region = std::move(*region_request);

@@ -402,9 +402,10 @@ class Certified : public Stream {
       }
       std::vector<NodeSpan> missing = i == 0 ? answer_.missing_a : answer_.missing_b;
       missing.resize(std::min(missing.size(), kMaxAttachNodes));
-      const auto request = perf::next_request(
-          bodies_[i].replica().store(), view(i), i == 0 ? poses.a : poses.b, view(1 - i),
-          i == 0 ? poses.b : poses.a, 0, std::move(missing), perf::kRequestSplits);
+      const auto request =
+          perf::next_request(bodies_[i].replica().store(), view(i), i == 0 ? poses.a : poses.b,
+                             view(1 - i), i == 0 ? poses.b : poses.a, 0, std::move(missing),
+                             perf::kRequestSplits, subscriber::Portion::kLargestNodes);
       state_.query_s += watch.seconds();
       if (!request) continue;
       asked = true;

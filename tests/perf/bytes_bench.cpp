@@ -27,6 +27,7 @@
 
 using namespace nearmesh;
 using namespace nearmesh::perf;
+using subscriber::Portion;
 
 namespace {
 
@@ -67,16 +68,16 @@ class Peer {
       const PosedPair frames = posed(replica_.header().grid, *body_.grid, pose);
       const Answer answer = query(view(), frames.a, body_, frames.b);
       if (is_certified(answer.status)) return;
-      ask(pose, 0, answer.missing_a, kRequestSplits);
+      ask(pose, 0, answer.missing_a, kRequestSplits, Portion::kLargestNodes);
     }
   }
   // Asks once for what the body may meet within a margin; false when nothing is missing.
-  bool prefetch(const Pose& pose, double margin_m, std::uint32_t max_splits) {
-    return ask(pose, margin_m, {}, max_splits);
+  bool prefetch(const Pose& pose, double margin_m, std::uint32_t max_splits, Portion portion) {
+    return ask(pose, margin_m, {}, max_splits, portion);
   }
   // Whether something is missing within a margin.
   [[nodiscard]] bool lacks(const Pose& pose, double margin_m) const {
-    return request(pose, margin_m, {}, 1).has_value();
+    return request(pose, margin_m, {}, 1, Portion::kLargestNodes).has_value();
   }
   [[nodiscard]] TreeView view() const { return tree_.view(replica_.header().grid); }
   [[nodiscard]] AbTreeStats tree_stats() const { return tree_.stats(); }
@@ -85,13 +86,14 @@ class Peer {
  private:
   [[nodiscard]] std::optional<RegionRequest> request(const Pose& pose, double margin_m,
                                                      std::vector<NodeSpan> missing,
-                                                     std::uint32_t max_splits) const {
+                                                     std::uint32_t max_splits,
+                                                     Portion portion) const {
     return next_request(replica_.store(), view(), {}, body_, pose, margin_m, std::move(missing),
-                        max_splits);
+                        max_splits, portion);
   }
   bool ask(const Pose& pose, double margin_m, std::vector<NodeSpan> missing,
-           std::uint32_t max_splits) {
-    const auto next = request(pose, margin_m, std::move(missing), max_splits);
+           std::uint32_t max_splits, Portion portion) {
+    const auto next = request(pose, margin_m, std::move(missing), max_splits, portion);
     if (!next) return false;
     ++cost.requests;
     cost.request_bytes += static_cast<double>(request_bytes(*next));
@@ -148,7 +150,7 @@ void measure_poses(const std::string& path, double radius_share) {
       sum.request_bytes += peer.cost.request_bytes;
     };
     add(touching);
-    static_cast<void>(peer.prefetch(pose, 0.5 * radius_m, kRequestSplits));
+    static_cast<void>(peer.prefetch(pose, 0.5 * radius_m, kRequestSplits, Portion::kLargestNodes));
     add(ahead);
     // What the query itself names, split by split: no answer takes less.
     LocalModel model(file.store(), file.header().grid);
@@ -251,7 +253,8 @@ void fly(int socket, double radius_share) {
     const double start = peer.cost.wire();
     peer.certify(pose);
     if (peer.lacks(pose, 0.25 * radius_m))
-      static_cast<void>(peer.prefetch(pose, 0.5 * radius_m, subscriber::kMaxAheadSplits));
+      static_cast<void>(
+          peer.prefetch(pose, 0.5 * radius_m, subscriber::kMaxAheadSplits, Portion::kWholeNodes));
     frames.push_back(peer.cost.wire() - start);
   }
   std::sort(frames.begin(), frames.end());

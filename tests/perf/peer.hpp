@@ -26,13 +26,14 @@ inline std::optional<RegionRequest> next_request(const SplitStore& store, const 
                                                  const Pose& own_pose, const TreeView& other,
                                                  const Pose& other_pose, double margin_m,
                                                  std::vector<NodeSpan> missing,
-                                                 std::uint32_t max_splits) {
+                                                 std::uint32_t max_splits,
+                                                 subscriber::Portion portion) {
   const auto region = [&](std::size_t max_parts, std::span<const GridBox> near) {
     return subscriber::swept_region(own, Motion{.pose = own_pose}, other,
                                     Motion{.pose = other_pose}, 0, margin_m, max_parts, near);
   };
-  auto request =
-      subscriber::make_request(store, region, std::move(missing), kRegionBoxes, max_splits);
+  auto request = subscriber::make_request(store, region, std::move(missing), kRegionBoxes,
+                                          max_splits, portion);
   // As it is when it arrives.
   if (request) request->region = unpack_region(pack_region(request->region)).value();
   return request;

@@ -31,34 +31,38 @@ TEST(HuffmanTable, EveryCodeDecodesToItsSymbol) {
   }
 }
 
-TEST(HuffmanTable, FastTableHoldsTheShortCodesAndNothingElse) {
-  for (std::uint64_t seed = 0; seed < 100; ++seed) {
-    SCOPED_TRACE(seed);
-    Random random(seed);
-    const HuffmanTable table = HuffmanTable::from_counts(random_counts(random));
-    ASSERT_GE(table.decode_bits, kFastCodeBits);
-    for (std::size_t bits = 0; bits < table.decode.size(); ++bits) {
-      const HuffmanTable::Decoded& found = table.decode[bits];
-      const HuffmanTable::Decoded& fast = table.fast[bits >> (table.decode_bits - kFastCodeBits)];
-      const bool is_short = found.length <= kFastCodeBits && found.symbol != kEscape;
-      EXPECT_EQ(fast.length, is_short ? found.length : 0);
+// By the next kBits bits: every code of no more bits but the escape, and nothing else.
+template <int kBits>
+void expect_fast_codes(const CodingTables& tables) {
+  for (std::size_t c = 0; c < tables.contexts().size(); ++c) {
+    const HuffmanTable& table = tables.contexts()[c];
+    for (std::size_t next = 0; next < std::size_t{1} << kBits; ++next) {
+      const HuffmanTable::Decoded& fast = tables.fast<kBits>()[(c << kBits) + next];
+      const std::size_t twelve = next << (kMaxCodeBits - kBits);
+      const HuffmanTable::Decoded& found =
+          table.decode[twelve >> (kMaxCodeBits - table.decode_bits)];
+      const bool is_short = found.length <= kBits && found.symbol != kEscape;
+      ASSERT_EQ(fast.length, is_short ? found.length : 0);
       if (is_short) {
-        EXPECT_EQ(fast.symbol, found.symbol);
+        ASSERT_EQ(fast.symbol, found.symbol);
       }
     }
   }
 }
 
-TEST(HuffmanTable, FastTableOfFewSymbolsRepeatsThem) {
-  std::vector<std::uint64_t> counts(kSymbolLimit);
-  counts[5] = 1000;
-  counts[9] = 10;
-  const HuffmanTable table = HuffmanTable::from_counts(counts);
-  ASSERT_LT(table.decode_bits, kFastCodeBits);
-  std::size_t fives = 0;
-  for (const HuffmanTable::Decoded& fast : table.fast)
-    fives += fast.length == 1 && fast.symbol == 5 ? 1 : 0;
-  EXPECT_EQ(fives, table.fast.size() / 2);
+TEST(CodingTables, FastTablesHoldTheShortCodesAndNothingElse) {
+  Random random(1);
+  std::vector<HuffmanTable> contexts;
+  for (int i = 0; i < 100; ++i)
+    contexts.push_back(HuffmanTable::from_counts(random_counts(random)));
+  std::vector<std::uint64_t> few(kSymbolLimit);
+  few[5] = 1000;
+  few[9] = 10;
+  contexts.push_back(HuffmanTable::from_counts(few));
+  contexts.push_back(HuffmanTable::from_counts(std::vector<std::uint64_t>(kSymbolLimit)));
+  const CodingTables tables(contexts);
+  expect_fast_codes<kFastCodeBits>(tables);
+  expect_fast_codes<kFewCodeBits>(tables);
 }
 
 TEST(HuffmanTable, NoCodeIsLongerThanTheLimit) {

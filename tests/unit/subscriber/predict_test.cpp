@@ -323,6 +323,61 @@ TEST(MakeRequest, TwoBodiesRefineEachOtherInAFewRounds) {
   EXPECT_LT(asked, covered * 3 / 4);
 }
 
+// Parts of a request are 24 bytes each: where little is missing, a few say enough.
+TEST(MakeRequest, WeighsNoMoreThanTheAnswerThatIsExpected) {
+  const BakedModel terrain = test::bake_named("terrain");
+  std::vector<std::size_t> asked_for;
+  const auto region = [&](std::size_t max_parts, std::span<const GridBox>) {
+    asked_for.push_back(max_parts);
+    return std::vector<RegionPart>{GridBox{{0, 0, 0}, {0x7fffffff, 0x7fffffff, 0x7fffffff}}};
+  };
+  SplitStore store(terrain.header);
+  ASSERT_TRUE(subscriber::make_request(store, region, {}, 64, kMaxRequestSplits).has_value());
+  EXPECT_EQ(asked_for.back(), 64U);
+  ASSERT_TRUE(subscriber::make_request(store, region, {}, 64, 30).has_value());
+  EXPECT_EQ(asked_for.back(), 15U);
+  // All but the last few splits are known.
+  Replica replica(terrain.header);
+  RegionRequest everything{.region = {GridBox{{0, 0, 0}, {0x7fffffff, 0x7fffffff, 0x7fffffff}}},
+                           .max_splits = terrain.header.split_count() - 6};
+  for (const BaseRoot& root : terrain.header.roots)
+    if (root.node.size > 1) everything.attach.push_back(root.node);
+  const Demand demand = collect(terrain.store, everything, nullptr, AttachRule::kAlways).value();
+  for (const auto& bytes :
+       encode_batches(terrain.header, terrain.store, demand.treelet, BoxPolicy::kCutNodes))
+    ASSERT_TRUE(replica.apply_batch(decode_batch(terrain.header, bytes).value()).status.is_ok());
+  ASSERT_TRUE(
+      subscriber::make_request(replica.store(), region, {}, 64, kMaxRequestSplits).has_value());
+  EXPECT_LE(asked_for.back(), 3U);
+}
+
+// What is asked for ahead comes whole: each answer leaves nothing below the nodes it was asked for, and about as much is
+// asked for as may be.
+TEST(MakeRequest, AsksForWholeNodesWhereThereIsTime) {
+  const BakedModel terrain = test::bake_named("terrain");
+  const auto region = [](std::size_t, std::span<const GridBox>) {
+    return std::vector<RegionPart>{GridBox{{0, 0, 0}, {0x7fffffff, 0x7fffffff, 0x7fffffff}}};
+  };
+  Replica replica(terrain.header);
+  constexpr std::uint32_t kMost = 150;
+  std::size_t requests = 0;
+  while (const auto request = subscriber::make_request(replica.store(), region, {}, 64, kMost,
+                                                       subscriber::Portion::kWholeNodes)) {
+    ASSERT_EQ(check_request(terrain.store, *request).message(), "");
+    const Demand demand = collect(terrain.store, *request, nullptr, AttachRule::kAlways).value();
+    if (request->attach.size() > 1) {
+      EXPECT_FALSE(demand.truncated);
+    }
+    ASSERT_FALSE(demand.treelet.empty());
+    for (const auto& bytes :
+         encode_batches(terrain.header, terrain.store, demand.treelet, BoxPolicy::kCutNodes))
+      ASSERT_TRUE(replica.apply_batch(decode_batch(terrain.header, bytes).value()).status.is_ok());
+    ++requests;
+  }
+  EXPECT_EQ(replica.mesh().split_count(), terrain.header.split_count());
+  EXPECT_LT(requests, 3 * terrain.header.split_count() / kMost);
+}
+
 TEST(MakeRequest, NamesNothingWhereNothingIsMissing) {
   const BakedModel model = test::bake_named("terrain");
   const auto everywhere = [&](std::size_t, std::span<const GridBox>) {

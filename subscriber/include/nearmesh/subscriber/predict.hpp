@@ -34,17 +34,24 @@ using RegionMaker =
 
 /// By so many parts a region is described where it is not yet known what of it matters.
 inline constexpr std::size_t kCoarseParts = 8;
-/// So many splits at most are asked for ahead at a time, the largest nodes first: some 5 KB, which a frame can take. What is
-/// ahead has time.
-inline constexpr std::uint32_t kMaxAheadSplits = 640;
+/// So many splits at most are asked for ahead at a time: some 5 KB arrive, which a frame can take, since half as much comes
+/// as is expected where a region only grazes nodes. What is ahead has time.
+inline constexpr std::uint32_t kMaxAheadSplits = 1280;
+
+/// What a request leaves for the next one where more is expected than it may bring.
+enum class Portion : std::uint8_t {
+  kLargestNodes,  ///< small nodes: everything is known a little better first, which bounds an answer soonest
+  /// All below some nodes: what comes is whole, so that the next request need not name what this one cut, nor its answer
+  /// repeat boxes and open edges. Where what is asked for has time.
+  kWholeNodes,
+};
 
 /// What a peer asks next: `missing` (ascending) in any case, then what else of the store's frontier meets the region, the
 /// largest first, as far as a request has room. Nothing where nothing is missing.
-/// A region of a few parts finds the part of the frontier that matters; only near that it is made finer.
-[[nodiscard]] std::optional<RegionRequest> make_request(const SplitStore& store,
-                                                        const RegionMaker& region,
-                                                        std::vector<NodeSpan> missing,
-                                                        std::size_t max_parts,
-                                                        std::uint32_t max_splits);
+/// A region of a few parts finds the part of the frontier that matters; only near that it is made finer, by so many parts
+/// that they weigh no more than the answer that is expected.
+[[nodiscard]] std::optional<RegionRequest> make_request(
+    const SplitStore& store, const RegionMaker& region, std::vector<NodeSpan> missing,
+    std::size_t max_parts, std::uint32_t max_splits, Portion portion = Portion::kLargestNodes);
 
 }  // namespace nearmesh::subscriber
