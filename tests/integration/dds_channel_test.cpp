@@ -296,10 +296,13 @@ TEST(DdsChannel, PublisherStoppedBeyondItsLeaseComesBack) {
   publisher.signal(SIGSTOP);
   ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.lost_publishers.empty(); }));
   publisher.signal(SIGCONT);
+  // It may be found again as it was before it joins anew; what is asked of it then is lost, so it is asked again.
   ASSERT_TRUE(
-      peer.await([](const Inbox& in) { return in.hellos.size() == 2 && in.headers.size() == 2; }));
-  peer.channel->send(request_of(peer.channel->own_id(), 10));
-  EXPECT_TRUE(peer.await([](const Inbox& in) { return in.batches.size() == 20; }));
+      peer.await([](const Inbox& in) { return in.hellos.size() >= 2 && in.headers.size() >= 2; }));
+  EXPECT_TRUE(wait_for([&] {
+    peer.channel->send(request_of(peer.channel->own_id(), 10));
+    return peer.await([](const Inbox& in) { return in.batches.size() >= 20; }, 1);
+  }));
 }
 
 TEST(DdsChannel, PeerStoppedBeyondItsLeaseIsServedAgain) {
