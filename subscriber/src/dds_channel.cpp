@@ -83,7 +83,7 @@ class DdsChannel::Impl {
   struct KnownHello {
     wire::Hello hello;
     Handle writer;
-    bool gone = false;  ///< the writer; nothing of it has come since
+    bool gone = false;  ///< the writer was lost, and has not been found again
   };
 
   /// What came of a publisher that was asked, and has not been acknowledged.
@@ -488,8 +488,15 @@ void DdsChannel::Impl::receive_matches() {
 }
 
 void DdsChannel::Impl::note_hello(const wire::Hello& hello, const Handle& writer) {
-  std::erase_if(known_hellos_, [&](const KnownHello& known) { return known.writer == writer; });
-  known_hellos_.push_back({hello, writer});
+  // Of a writer that is found again it may be read before the match, and be taken for one from before the loss where the clock
+  // was set back meanwhile: it then counts with the match.
+  bool gone = false;
+  std::erase_if(known_hellos_, [&](const KnownHello& known) {
+    if (known.writer != writer) return false;
+    gone = known.gone;
+    return true;
+  });
+  known_hellos_.push_back({hello, writer, gone});
   if (known_hellos_.size() > kMaxKnownHellos) known_hellos_.pop_front();
 }
 

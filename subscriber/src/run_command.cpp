@@ -153,6 +153,9 @@ class Flight {
       print_text(summary_);
     }
     if (answers_.is_open()) answers_ << to_json(summary_).dump() << '\n';
+    // Before the bus is left: an assertion of Fast DDS may end the process there (docs/network.md).
+    answers_.flush();
+    std::fflush(stdout);
   }
 
  private:

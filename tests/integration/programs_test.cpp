@@ -297,7 +297,7 @@ TEST_F(Programs, ModelReplacedUnderAPublisherIsServedAsItWasOrRefused) {
   scene("cut");
   const auto refused = fly("cut");
   EXPECT_EQ(refused->wait(), 1);
-  for (const Process* process : {refused.get(), &std::as_const(serving)})
+  for (const Process* process : std::initializer_list<const Process*>{refused.get(), &serving})
     EXPECT_NE(process->err().find("was changed after it was opened"), std::string::npos)
         << process->err();
   scene("renamed");

@@ -132,6 +132,12 @@ def soak_memory(folder):
                    f"{r['kb_per_minute']:+.1f} ± {r['error']:.1f}"] for r in rows_of(folder / "soak-memory.csv")])
 
 
+def joins(folder):
+    return table(["joins", "certified from the first frame on", "answers", "certified", "wrong", "start to first certified answer, s: median / 95 % / worst"],
+                 [[f"{r['times']:.0f}", f"{r['joined']:.0f}", number(r["answers"]), number(r["certified"]), f"{r['wrong']:.0f}",
+                   f"{r['median_s']:.2f} / {r['p95_s']:.2f} / {r['worst_s']:.2f}"] for r in rows_of(folder / "joins.csv")])
+
+
 def outages(folder):
     lines = []
     for who in ("peer", "publisher"):
@@ -146,7 +152,7 @@ def outages(folder):
 def main(folder, *pages):
     folder = pathlib.Path(folder)
     tables = {"flights": flights(folder), "pipes": pipes(folder), "poses": poses(folder), "peers": peers(folder),
-              "scale": scale(folder), "soak": soak(folder), "soak memory": soak_memory(folder), "outages": outages(folder)}
+              "scale": scale(folder), "soak": soak(folder), "soak memory": soak_memory(folder), "joins": joins(folder), "outages": outages(folder)}
     for page in map(pathlib.Path, pages):
         text = page.read_text()
         for name, made in tables.items():
