@@ -327,8 +327,10 @@ TEST(DdsChannel, KilledPeerIsReportedLost) {
 
 TEST(DdsChannel, FrozenPeerStallsNobodyElse) {
   Server server(make_publisher(own_prefix()));
+  server.channel->announce(hello_of(kChildPublisher), {});
   Child frozen("peer", own_prefix());
   Peer healthy(make_peer(own_prefix()));
+  ASSERT_TRUE(healthy.await([](const Inbox& in) { return !in.hellos.empty(); }));
   healthy.channel->send(request_of(healthy.channel->own_id()));
   const auto heard = [&](wire::SessionId peer) {
     return std::any_of(server.subscriptions.begin(), server.subscriptions.end(),
@@ -367,13 +369,14 @@ TEST(DdsChannel, RecorderHearsEveryPeerAndFrozenStallsNobody) {
   // Its file has all tables before it is on the bus.
   ASSERT_TRUE(wait_for([&] { return RecordingReader::open(path).is_ok(); }));
   Server server(make_publisher(own_prefix()));
-  server.channel->announce(hello_of(7), {});
+  server.channel->announce(hello_of(kChildPublisher), {});
   const auto hears_publisher = [&] {
     return RecordingReader::open(path).value()->message_count() > 0;
   };
   ASSERT_TRUE(wait_for(hears_publisher));
   Peer peer(make_peer(own_prefix()));
-  peer.channel->send(request_of(peer.channel->own_id(), 1, 7));
+  ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.hellos.empty(); }));
+  peer.channel->send(request_of(peer.channel->own_id()));
   ASSERT_TRUE(server.await([&] { return !server.subscriptions.empty(); }));
   const auto stream = [&](std::uint32_t first, std::uint32_t count) {
     for (std::uint32_t i = first; i < first + count; ++i)
@@ -403,7 +406,8 @@ TEST(DdsChannel, RecorderHearsEveryPeerAndFrozenStallsNobody) {
   // For whoever else comes, too.
   for (wire::SessionId other = 1; other <= 8; ++other) {
     Peer guest(make_peer(own_prefix(), nullptr, other));
-    guest.channel->send(request_of(other, 1, 7));
+    ASSERT_TRUE(guest.await([](const Inbox& in) { return !in.hellos.empty(); }));
+    guest.channel->send(request_of(other));
     ASSERT_TRUE(wait_for([&] {
       (void)server.channel->take_subscriptions();
       return server.channel->send(other, batch_of(1, true));
@@ -872,10 +876,9 @@ TEST(DdsChannel, HelloIsHeldBackWhileItsPublisherCannotHear) {
   ASSERT_TRUE(deaf.await_match());
   deaf.write(bytes_of<wire::HelloType>(hello_of(3)));
   // Two malformed samples mark the time: with the second complaint the hello has been taken too.
-  const RawType::Bytes mark{0, 1, 0, 0, 9, 0};
-  deaf.write(mark);
+  deaf.write({0, 1, 0, 0, 9, 0});
   ASSERT_TRUE(peer.await([](const Inbox& in) { return in.complaints.size() == 1; }));
-  deaf.write(mark);
+  deaf.write({0, 1, 0, 0, 8, 0});
   ASSERT_TRUE(peer.await([](const Inbox& in) { return in.complaints.size() == 2; }));
   EXPECT_TRUE(peer.all.hellos.empty());
 }

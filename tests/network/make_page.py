@@ -148,10 +148,16 @@ def restarts(folder):
                   "the last of them, s (median)", "(worst)"], lines)
 
 
+def restarts_flight(folder):
+    r, = rows_of(folder / "restarts-flight.csv")
+    return table(["answers", "certified", "wrong", "longest without, s"],
+                 [[number(r["answers"]), number(r["certified"]), f"{r['wrong']:.0f}", f"{r['longest_lag_s']:.2f}"]])
+
+
 def main(folder, *pages):
     folder = pathlib.Path(folder)
     tables = {"flights": flights(folder), "pipes": pipes(folder), "poses": poses(folder), "peers": peers(folder),
-              "scale": scale(folder), "faults": faults(folder), "restarts": restarts(folder)}
+              "scale": scale(folder), "faults": faults(folder), "restarts": restarts(folder), "restarts-flight": restarts_flight(folder)}
     for page in map(pathlib.Path, pages):
         text = page.read_text()
         for name, made in tables.items():
