@@ -118,10 +118,18 @@ void Mailbox::complain(std::string line) {
       line.begin(), line.end(), [](char c) { return c < 0x20 || c > 0x7e; }, '?');
   {
     const std::lock_guard lock(mutex_);
-    if (complaints_.size() < kMaxComplaints)
-      complaints_.push_back(std::move(line));
-    else
+    const Clock::time_point now = Clock::now();
+    const auto is_over = [&](Clock::time_point said) { return now - said >= quiet_; };
+    if (const auto known = said_.find(line); known != said_.end() && !is_over(known->second))
+      return;
+    if (said_.size() >= kMaxComplaints)
+      std::erase_if(said_, [&](const auto& said) { return is_over(said.second); });
+    if (said_.size() >= kMaxComplaints) {
       ++dropped_complaints_;
+      return;
+    }
+    said_[line] = now;
+    complaints_.push_back(std::move(line));
     awake_ = true;
   }
   condition_.notify_all();
@@ -130,8 +138,11 @@ void Mailbox::complain(std::string line) {
 std::vector<std::string> Mailbox::take_complaints() {
   const std::lock_guard lock(mutex_);
   std::vector<std::string> taken = std::exchange(complaints_, {});
-  if (const std::uint64_t more = std::exchange(dropped_complaints_, 0); more > 0)
-    taken.push_back(std::to_string(more) + " more complaints were not kept");
+  if (dropped_complaints_ > 0 && Clock::now() - told_dropped_ >= quiet_) {
+    taken.push_back(std::to_string(std::exchange(dropped_complaints_, 0)) +
+                    " more complaints were not kept");
+    told_dropped_ = Clock::now();
+  }
   return taken;
 }
 
@@ -329,6 +340,11 @@ std::optional<SessionId> SessionBook::forget(const Handle& writer, Microseconds 
   sessions_.erase(session);
   writers_.erase(found);
   return session;
+}
+
+std::optional<Handle> SessionBook::writer_of(SessionId session) const {
+  const auto found = sessions_.find(session);
+  return found == sessions_.end() ? std::nullopt : std::optional(found->second);
 }
 
 void SessionBook::release(SessionId session) {
@@ -547,6 +563,8 @@ const char* name_of(const ReturnCode_t& code) {
                                                       "not allowed by security"};
   return code() < kNames.size() ? kNames[code()] : "unknown";
 }
+
+bool have_one_participant(const Handle& a, const Handle& b) { return prefix_of(a) == prefix_of(b); }
 
 std::string name_of(const Handle& endpoint) {
   std::ostringstream text;

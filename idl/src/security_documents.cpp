@@ -163,11 +163,8 @@ std::vector<Endpoint> endpoints_of(Role role, const TopicNames& names) {
   const auto& [hello, header, subscription, batch, pose, report, status, echo, probe] = names;
   switch (role) {
     case Role::kPublisher:
-      return {{hello, true, ""},
-              {header, true, ""},
-              {batch, true, "*"},
-              {status, true, ""},
-              {subscription, false, ""}};
+      return {{hello, true, ""},  {header, true, ""},        {batch, true, "*"},
+              {status, true, ""}, {subscription, false, ""}, {hello, false, ""}};
     case Role::kSubscriber:
       return {{subscription, true, ""}, {pose, true, ""},  {report, true, ""},  {status, true, ""},
               {echo, true, ""},         {probe, true, ""}, {hello, false, ""},  {header, false, ""},

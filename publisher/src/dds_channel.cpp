@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "dds_peers.hpp"
+#include "nearmesh/core/base/hash.hpp"
 
 namespace nearmesh::publisher {
 
@@ -15,6 +16,9 @@ namespace {
 
 /// Announcements are rare and must get through.
 constexpr std::chrono::seconds kAnnounceDeadline{2};
+/// How often a name that another publisher has for other content is told.
+constexpr std::chrono::seconds kConflictPeriod{30};
+constexpr std::size_t kMaxRivals = 256;
 
 }  // namespace
 
@@ -26,6 +30,7 @@ class DdsChannel::Impl {
         hello_listener_(mailbox_, names_.hello),
         header_listener_(mailbox_, names_.mesh_header),
         status_listener_(mailbox_, names_.process_status),
+        rival_listener_(mailbox_, names_.hello),
         peers_(mailbox_, names_.region_subscription, names_.split_batch, options.max_peers,
                options.transport.heartbeat_s) {}
 
@@ -42,12 +47,19 @@ class DdsChannel::Impl {
   bool write_patiently(wire::fdds::DataWriter& writer, const Message& message);
   void rejoin();
   void withdraw_headers(const std::vector<wire::MeshHeader>& kept);
+  void listen_for_rivals(wire::fdds::Topic* hello);
+  void take_rivals();
+  void find_conflicts();
 
   DdsChannelOptions options_;
   wire::TopicNames names_;
   wire::Mailbox mailbox_;
   wire::WriterListener hello_listener_, header_listener_, status_listener_;
+  wire::ReaderListener rival_listener_;
   DdsPeers peers_;
+  std::map<wire::Handle, wire::Hello> rivals_;  ///< other publishers, by their writer
+  bool has_news_of_rivals_ = false;
+  std::chrono::steady_clock::time_point told_conflicts_{};
   std::map<std::uint64_t, std::string> announced_headers_;  ///< content hash to name
   SessionId own_id_ = 0;                                    ///< known with the first announcement
   wire::Hello hello_;  ///< what was announced last, for a rejoin
@@ -55,6 +67,7 @@ class DdsChannel::Impl {
   wire::fdds::DataWriter* hello_writer_ = nullptr;
   wire::fdds::DataWriter* header_writer_ = nullptr;
   wire::fdds::DataWriter* status_writer_ = nullptr;
+  wire::fdds::DataReader* rival_reader_ = nullptr;
   std::unique_ptr<wire::Bus> bus_;  ///< last: goes first, while the listeners still live
   std::unique_ptr<wire::StopDetector> stops_;
 };
@@ -100,7 +113,49 @@ Status DdsChannel::Impl::open() {
                        status_listener_);
   if (!status_writer.is_ok()) return status_writer.status();
   status_writer_ = status_writer.value();
+  listen_for_rivals(hello.value());
   return Status::ok();
+}
+
+/// Nothing is served through it, so it may fail.
+void DdsChannel::Impl::listen_for_rivals(wire::fdds::Topic* hello) {
+  auto reader = bus_->add_reader(hello, wire::reader_qos(wire::kHelloDelivery), rival_listener_);
+  rival_reader_ = reader.is_ok() ? reader.value() : nullptr;
+  if (!reader.is_ok())
+    mailbox_.complain("other publishers with other models of the same names will go unnoticed: " +
+                      reader.status().message());
+}
+
+void DdsChannel::Impl::take_rivals() {
+  if (rival_reader_ == nullptr) return;
+  const bool more = wire::drain<wire::HelloType>(
+      *rival_reader_, mailbox_, kMaxRivals,
+      [this](wire::Hello&& hello, const wire::Handle& writer, wire::Microseconds) {
+        if (wire::have_one_participant(writer, hello_writer_->get_instance_handle())) return;
+        if (rivals_.size() >= kMaxRivals && !rivals_.contains(writer)) return;
+        rivals_[writer] = std::move(hello);
+        has_news_of_rivals_ = true;
+      });
+  if (more) mailbox_.wake();
+  for (const auto& event : rival_listener_.take_matches())
+    if (event.gone) rivals_.erase(event.writer);
+}
+
+/// Peers take whichever they hear first, so both sides should know; told again while it lasts.
+void DdsChannel::Impl::find_conflicts() {
+  const auto now = std::chrono::steady_clock::now();
+  if (!has_news_of_rivals_ && now - told_conflicts_ < kConflictPeriod) return;
+  has_news_of_rivals_ = false;
+  told_conflicts_ = now;
+  for (const auto& [writer, rival] : rivals_)
+    for (const wire::Hello::Model& theirs : rival.models)
+      for (const wire::Hello::Model& ours : hello_.models)
+        if (theirs.name == ours.name && theirs.content_hash != ours.content_hash)
+          mailbox_.complain("model " + ours.name + ": publisher " +
+                            wire::partition_of(rival.publisher) + " serves other content, " +
+                            to_hex(theirs.content_hash) + ", under that name; here it is " +
+                            to_hex(ours.content_hash) +
+                            "; peers take either: rename or replace one file");
 }
 
 /// Tries again while Fast DDS says TIMEOUT, which in 2.9 it also says without need.
@@ -157,6 +212,8 @@ void DdsChannel::Impl::rejoin() {
   bus_.reset();
   peers_.forget();
   announced_headers_.clear();
+  rivals_.clear();
+  (void)rival_listener_.take_matches();
   if (const Status status = open(); !status.is_ok()) {
     mailbox_.complain("could not join again after a stop: " + status.message());
     return;
@@ -167,6 +224,8 @@ void DdsChannel::Impl::rejoin() {
 Inbox DdsChannel::Impl::take() {
   if (stops_->take_stop()) rejoin();
   if (bus_ == nullptr) return {peers_.take_lost(), {}};
+  take_rivals();
+  find_conflicts();
   return peers_.take([this](const wire::RegionSubscription& message) {
     return own_id_ == 0 || message.publisher == own_id_;  // else for another publisher
   });

@@ -10,7 +10,7 @@ namespace nearmesh::publisher {
 namespace {
 
 /// Of one step(), before whoever calls it may look at something else.
-constexpr int kMaxTurns = 32;
+constexpr int kMaxTurns = 128;
 /// Sent before requests are looked at again.
 constexpr int kMaxSent = 64;
 /// Answers that are being collected at a time, since each may take some 20 MB for it.

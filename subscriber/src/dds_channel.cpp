@@ -121,6 +121,8 @@ class DdsChannel::Impl {
   void deliver(std::vector<Message> Inbox::*list, Message&& message, std::size_t limit,
                const std::string& topic);
   void deliver_header(wire::MeshHeader&& header);
+  [[nodiscard]] bool is_of_its_publisher(const wire::SplitBatchMessage& batch,
+                                         const Handle& writer);
   void note_batch(const wire::SplitBatchMessage& batch);
   void complain_of_overflow(const std::string& topic);
 
@@ -356,7 +358,8 @@ bool DdsChannel::Impl::receive() {
   release_hellos();
   more |= wire::drain<wire::SplitBatchType>(
       *batch_reader_, mailbox_, kMaxTaken,
-      [&](wire::SplitBatchMessage&& batch, const Handle&, Microseconds) {
+      [&](wire::SplitBatchMessage&& batch, const Handle& writer, Microseconds) {
+        if (!is_of_its_publisher(batch, writer)) return;
         note_batch(batch);
         deliver(&Inbox::batches, std::move(batch), options_.max_waiting_batches,
                 names_.split_batch);
@@ -365,6 +368,19 @@ bool DdsChannel::Impl::receive() {
   for (const Handle& writer : silence_.take_silent(clock_.seconds()))
     mailbox_.complain("publisher " + wire::name_of(writer) + wire::kSilentHint);
   return more;
+}
+
+/// Anybody can write into our partition; only who is the publisher can say what a model is.
+bool DdsChannel::Impl::is_of_its_publisher(const wire::SplitBatchMessage& batch,
+                                           const Handle& writer) {
+  const std::optional<Handle> hello = publishers_.writer_of(batch.publisher);
+  if (hello && wire::have_one_participant(*hello, writer)) return true;
+  // Of one that was just lost something may still be on its way.
+  if (hello)
+    mailbox_.complain(names_.split_batch + ": samples of " + wire::name_of(writer) +
+                      " dropped: publisher " + wire::partition_of(batch.publisher) +
+                      " is another participant");
+  return false;
 }
 
 void DdsChannel::Impl::note_batch(const wire::SplitBatchMessage& batch) {

@@ -18,9 +18,8 @@ namespace nearmesh::subscriber {
   if (!pair.reason.empty())
     return {pair.asked ? ReadyStage::kAnswering : ReadyStage::kWaiting, 1, 0, names + pair.reason};
   return {ReadyStage::kAnswering, 1, 0,
-          names + to_string(answer.status) + ", " +
-              std::to_string(answer.missing_a.size() + answer.missing_b.size()) +
-              " nodes are missing, known to within " + std::to_string(answer.uncertainty_m) + " m"};
+          names + to_string(answer.status) + ", " + pair.awaited + "; known to within " +
+              std::to_string(answer.uncertainty_m) + " m"};
 }
 
 /// A body is as far as the least far of its pairs; start with {.stage = kCertified}.

@@ -71,6 +71,7 @@ nlohmann::ordered_json to_json(std::uint64_t frame, const PairAnswer& pair, cons
     line["hit_s"] = finite(pair.swept->hit_s);
   }
   if (!pair.reason.empty()) line["reason"] = pair.reason;
+  if (!pair.awaited.empty()) line["awaited"] = pair.awaited;
   if (pair.contacts) {
     line["patches"] = pair.contacts->patches;
     line["position_error_m"] = pair.contacts->position_error_m;
@@ -119,11 +120,12 @@ class Flight {
       note_certified(report.value());
       if (report.value().all_certified()) return Status::ok();
       for (const PairAnswer& pair : report.value().answers)
-        if (!pair.reason.empty()) reason = pair.reason;
+        if (!pair.reason.empty() || !pair.awaited.empty())
+          reason = pair.reason.empty() ? pair.awaited : pair.reason;
       if (clock_.seconds() > scene_.start_timeout_s)
-        return {StatusCode::kNotFound,
-                "no certified answer within " + std::to_string(scene_.start_timeout_s) + " s: " +
-                    (reason.empty() ? "detail is missing and no publisher sends it" : reason)};
+        return {StatusCode::kNotFound, "no certified answer within " +
+                                           std::to_string(scene_.start_timeout_s) +
+                                           " s: " + reason};
       std::this_thread::sleep_for(std::chrono::milliseconds(2));
     }
     return Status::ok();

@@ -31,12 +31,16 @@ struct Outstanding {
   std::uint8_t priority = 0;
   double heard_s = 0;     // when it was sent, or its last batch came
   double patience_s = 0;  // silence after which it counts as lost; doubles with each loss in a row
+  wire::SessionId publisher = 0;  // that was asked
+  bool is_counted = false;        // as lost
 };
 constexpr double kMaxPatience_s = 8;
 
 struct Publisher {
   wire::Hello hello;
   std::uint32_t received_sequence = 0;
+  std::uint32_t lost_requests =
+      0;  // in a row: it may be dead, which DDS tells only when its lease is over
 };
 
 /// Of one model; some 20 MB. A publisher that keeps to the window sends far fewer; what is dropped is asked for again.
@@ -97,7 +101,10 @@ struct Session::Impl {
                std::uint8_t priority, double patience_s);
   void tell_status(const FrameReport& report, const SessionStats& counted);
   [[nodiscard]] Publisher* publisher_of(std::uint64_t content_hash);
+  [[nodiscard]] double patience_after(std::uint64_t content_hash, Outstanding& lost);
   [[nodiscard]] std::string why_not_ready(const Body& body) const;
+  void take_hello(const wire::Hello& hello, std::vector<std::string>& complaints);
+  [[nodiscard]] std::string awaited_of(const PeerModel& model, std::size_t missing);
 };
 
 Session::Session(std::unique_ptr<Channel> channel, SessionOptions options)
@@ -198,12 +205,10 @@ void Session::Impl::take_inbox(FrameReport& report) {
   complaints.insert(complaints.end(), inbox.complaints.begin(), inbox.complaints.end());
   for (const wire::SessionId id : inbox.lost_publishers) {
     publishers.erase(id);
-    outstanding.clear();  // whoever serves next is asked anew
+    // Whoever serves next is asked anew.
+    std::erase_if(outstanding, [id](const auto& open) { return open.second.publisher == id; });
   }
-  for (const wire::Hello& hello : inbox.hellos) {
-    publishers[hello.publisher].hello = hello;
-    stats.header_bytes += replicas.announce(hello, complaints);
-  }
+  for (const wire::Hello& hello : inbox.hellos) take_hello(hello, complaints);
   for (const wire::MeshHeader& header : inbox.headers)
     stats.header_bytes += replicas.take_header(header, complaints);
   is_dropping = false;
@@ -224,10 +229,24 @@ void Session::Impl::take_inbox(FrameReport& report) {
   }
 }
 
+void Session::Impl::take_hello(const wire::Hello& hello, std::vector<std::string>& complaints) {
+  if (!publishers.contains(
+          hello.publisher))  // what the others have not answered may be asked of it
+    std::erase_if(outstanding, [this](const auto& open) {
+      const auto asked = publishers.find(open.second.publisher);
+      return clock.seconds() - open.second.heard_s >= options.request_timeout_s ||
+             (asked != publishers.end() && asked->second.lost_requests > 0);
+    });
+  publishers[hello.publisher].hello = hello;
+  publishers[hello.publisher].lost_requests = 0;
+  stats.header_bytes += replicas.announce(hello, complaints);
+}
+
 void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& report) {
   // What one that was lost meanwhile sent is good all the same.
   if (const auto at = publishers.find(message.publisher); at != publishers.end()) {
     Publisher& publisher = at->second;
+    publisher.lost_requests = 0;
     if (message.sequence > publisher.received_sequence + 1)
       stats.sequence_gaps += message.sequence - publisher.received_sequence - 1;
     publisher.received_sequence = std::max(publisher.received_sequence, message.sequence);
@@ -302,6 +321,12 @@ void Session::Impl::answer_pair(Pair& pair, std::uint64_t frame, FrameReport& re
       result.reason = posed.status().message();
     }
     report.query_s += watch.seconds();
+  }
+  if (result.reason.empty() && !is_certified(result.answer.status)) {
+    result.awaited = awaited_of(*pair.a->model, result.answer.missing_a.size());
+    const std::string more = awaited_of(*pair.b->model, result.answer.missing_b.size());
+    if (!result.awaited.empty() && !more.empty()) result.awaited += "; ";
+    result.awaited += more;
   }
   if (!result.reason.empty()) result.answer.uncertainty_m = std::numeric_limits<double>::infinity();
   pair.last = readiness_of(result);
@@ -407,11 +432,33 @@ std::vector<RegionPart> Session::Impl::kept_of(const PeerModel& model,
   return kept;
 }
 
+// Of those that serve it the one that left the fewest requests in a row unanswered; ties go to the lower id.
 Publisher* Session::Impl::publisher_of(std::uint64_t content_hash) {
-  for (auto& [id, publisher] : publishers)
-    for (const wire::Hello::Model& model : publisher.hello.models)
-      if (model.content_hash == content_hash) return &publisher;
-  return nullptr;
+  Publisher* best = nullptr;
+  for (auto& [id, publisher] : publishers) {
+    const auto& models = publisher.hello.models;
+    const bool serves = std::any_of(models.begin(), models.end(), [&](const auto& model) {
+      return model.content_hash == content_hash;
+    });
+    if (serves && (best == nullptr || publisher.lost_requests < best->lost_requests))
+      best = &publisher;
+  }
+  return best;
+}
+
+// Why detail of a model is not here, and whether it may be expected.
+std::string Session::Impl::awaited_of(const PeerModel& model, std::size_t missing) {
+  if (missing == 0) return {};
+  const std::string what =
+      std::to_string(missing) + " nodes of model " + model.name + " are missing, ";
+  const Publisher* publisher = publisher_of(model.content_hash);
+  if (publisher == nullptr)
+    return what +
+           (publishers.empty() ? "no publisher is there" : "no publisher that is there serves it");
+  if (publisher->lost_requests > 0)
+    return what + "publisher " + to_hex(publisher->hello.publisher) + " has not answered " +
+           std::to_string(publisher->lost_requests) + " requests in a row";
+  return what + "publisher " + to_hex(publisher->hello.publisher) + " is asked for them";
 }
 
 // The nodes of a model that this update's answers lack, or those for the time ahead; ascending.
@@ -459,7 +506,8 @@ bool Session::Impl::request(PeerModel& model, const RegionMaker& region,
   subscription.priority = priority;
   subscription.window_bytes = options.window_bytes;
   channel->send(subscription);
-  outstanding[model.content_hash] = {last_request, priority, clock.seconds(), patience_s};
+  outstanding[model.content_hash] = {last_request, priority, clock.seconds(), patience_s,
+                                     publisher->hello.publisher};
   ++stats.requests;
   return true;
 }
@@ -482,6 +530,16 @@ bool Session::Impl::request_ahead(PeerModel& model, const FrameReport& report, d
                  patience_s);
 }
 
+// A request for a model was lost: how long to wait for the answer to the next, perhaps of another publisher.
+double Session::Impl::patience_after(std::uint64_t content_hash, Outstanding& lost) {
+  const auto asked = publishers.find(lost.publisher);
+  if (asked != publishers.end() && !std::exchange(lost.is_counted, true))
+    ++asked->second.lost_requests;
+  const Publisher* next = publisher_of(content_hash);
+  if (next != nullptr && next->lost_requests == 0) return options.request_timeout_s;
+  return std::min(2 * lost.patience_s, kMaxPatience_s);
+}
+
 void Session::Impl::ask(const FrameReport& report) {
   for (auto& [name, model] : replicas.all()) {
     if (!model.is_ready() || !model.waiting.empty()) continue;
@@ -493,8 +551,8 @@ void Session::Impl::ask(const FrameReport& report) {
     if (open != outstanding.end()) {
       const bool lost = clock.seconds() - open->second.heard_s >= open->second.patience_s;
       if (!lost && open->second.priority == kNeededNow) continue;
-      if (lost) patience_s = std::min(2 * open->second.patience_s, kMaxPatience_s);
       may_prefetch = may_prefetch && lost;
+      if (lost) patience_s = patience_after(model.content_hash, open->second);
     }
     // What an answer lacks is named outright: boxes of nodes need not nest, so the walk may miss a node that the query met.
     if (!request(model, region_of(model, 0, report, true), missing_of(model, report, false),

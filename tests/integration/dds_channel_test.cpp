@@ -363,8 +363,10 @@ TEST_F(DdsLease, KilledPeerIsReportedLost) {
 
 TEST_F(DdsLease, FrozenPeerStallsNobodyElse) {
   Server server(make_publisher(own_prefix()));
+  server.channel->announce(hello_of(kChildPublisher), {});
   Child frozen("peer", own_prefix());
   Peer healthy(make_peer(own_prefix()));
+  ASSERT_TRUE(healthy.await([](const Inbox& in) { return !in.hellos.empty(); }));
   healthy.channel->send(request_of(healthy.channel->own_id()));
   const auto heard = [&](wire::SessionId peer) {
     return std::any_of(server.subscriptions.begin(), server.subscriptions.end(),
@@ -403,13 +405,14 @@ TEST(DdsChannel, RecorderHearsEveryPeerAndFrozenStallsNobody) {
   // Its file has all tables before it is on the bus.
   ASSERT_TRUE(wait_for([&] { return RecordingReader::open(path).is_ok(); }));
   Server server(make_publisher(own_prefix()));
-  server.channel->announce(hello_of(7), {});
+  server.channel->announce(hello_of(kChildPublisher), {});
   const auto hears_publisher = [&] {
     return RecordingReader::open(path).value()->message_count() > 0;
   };
   ASSERT_TRUE(wait_for(hears_publisher));
   Peer peer(make_peer(own_prefix()));
-  peer.channel->send(request_of(peer.channel->own_id(), 1, 7));
+  ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.hellos.empty(); }));
+  peer.channel->send(request_of(peer.channel->own_id()));
   ASSERT_TRUE(server.await([&] { return !server.subscriptions.empty(); }));
   const auto stream = [&](std::uint32_t first, std::uint32_t count) {
     for (std::uint32_t i = first; i < first + count; ++i)
@@ -439,7 +442,8 @@ TEST(DdsChannel, RecorderHearsEveryPeerAndFrozenStallsNobody) {
   // For whoever else comes, too.
   for (wire::SessionId other = 1; other <= 8; ++other) {
     Peer guest(make_peer(own_prefix(), nullptr, other));
-    guest.channel->send(request_of(other, 1, 7));
+    ASSERT_TRUE(guest.await([](const Inbox& in) { return !in.hellos.empty(); }));
+    guest.channel->send(request_of(other));
     ASSERT_TRUE(wait_for([&] {
       (void)server.channel->take();
       return server.channel->send(other, batch_of(1, true));
@@ -488,7 +492,9 @@ TEST(DdsChannel, SubscriptionSentBeforeAPublisherExistsArrives) {
 // Whether or not the host takes them.
 TEST(DdsChannel, BatchesAreAcknowledgedAsTheyCome) {
   Server server(make_publisher(own_prefix()));
+  server.channel->announce(hello_of(kChildPublisher), {});
   Peer peer(make_peer(own_prefix()));
+  ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.hellos.empty(); }));
   wire::RegionSubscription request = request_of(peer.channel->own_id());
   request.window_bytes = 12345;
   peer.channel->send(request);
@@ -580,12 +586,81 @@ TEST(DdsChannel, NobodyCanSpeakForAnotherPeer) {
   owner.channel->send(request_of(5));
   ASSERT_TRUE(server.await([&] { return !server.subscriptions.empty(); }));
   Peer thief(make_peer(own_prefix(), nullptr, 6));
-  thief.channel->send(request_of(5));
+  for (int i = 0; i < 100; ++i) thief.channel->send(request_of(5, 77));
   ASSERT_TRUE(server.await([&] { return !server.complaints.empty(); }));
   thief.channel.reset();
   owner.channel->send(request_of(5));
-  ASSERT_TRUE(server.await([&] { return server.subscriptions.size() == 2; }));
+  ASSERT_TRUE(server.await([&] { return server.subscriptions.size() >= 2; }));
+  for (const wire::RegionSubscription& taken : server.subscriptions)
+    EXPECT_EQ(taken.region.max_splits, 1U) << "of the thief";
   EXPECT_TRUE(server.lost.empty());
+  EXPECT_NE(server.complaints[0].find("speaks through another writer"), std::string::npos)
+      << server.complaints[0];
+}
+
+TEST(DdsChannel, NobodyCanSendForAPublisher) {
+  Server server(make_publisher(own_prefix()));
+  server.channel->announce(hello_of(kChildPublisher), {});
+  Peer peer(make_peer(own_prefix(), nullptr, 5));
+  ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.hellos.empty(); }));
+  peer.channel->send(request_of(5));
+  ASSERT_TRUE(server.await([&] { return !server.subscriptions.empty(); }));
+  wire::Mailbox mailbox;
+  wire::WriterListener listener(mailbox, "");
+  auto bus = std::move(wire::Bus::open({.transport = transport(own_prefix())}, mailbox)).value();
+  fdds::Topic* topic =
+      bus->add_topic<wire::SplitBatchType>(wire::TopicNames(own_prefix()).split_batch).value();
+  fdds::DataWriter* forger =
+      bus->add_writer(topic, wire::writer_qos(wire::kSplitBatchDelivery, 0.1), listener,
+                      wire::partition_of(5))
+          .value();
+  ASSERT_TRUE(wait_for([&] {
+    fdds::PublicationMatchedStatus status;
+    forger->get_publication_matched_status(status);
+    return status.current_count > 0;
+  }));
+  wire::SplitBatchMessage forged = batch_of(1, true);
+  forged.bytes.assign(10, 99);
+  for (int i = 0; i < 100; ++i)
+    ASSERT_EQ(wire::write_message<wire::SplitBatchType>(*forger, forged, mailbox),
+              wire::WriteResult::kTaken);
+  ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.complaints.empty(); }));
+  EXPECT_NE(peer.all.complaints[0].find("is another participant"), std::string::npos)
+      << peer.all.complaints[0];
+  ASSERT_TRUE(wait_for([&] { return server.channel->send(5, batch_of(1, true)); }));
+  ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.batches.empty(); }));
+  for (const wire::SplitBatchMessage& taken : peer.all.batches)
+    EXPECT_EQ(taken.bytes, batch_of(1, true).bytes);
+  EXPECT_EQ(peer.all.complaints.size(), 1U);
+}
+
+TEST(DdsChannel, PublishersTellOfAnotherWithOtherContentUnderTheirName) {
+  Server one(make_publisher(own_prefix())), other(make_publisher(own_prefix())),
+      same(make_publisher(own_prefix()));
+  wire::Hello hello = hello_of(kChildPublisher);
+  one.channel->announce(hello, {});
+  hello.publisher = kChildPublisher + 1;
+  same.channel->announce(hello, {});
+  // Same content under the same name is what a second publisher is for: nothing is said of it.
+  const auto serves_other = [](const std::string& line, wire::SessionId publisher) {
+    return line.find("model bunny: publisher " + wire::partition_of(publisher) +
+                     " serves other content") != std::string::npos;
+  };
+  hello.publisher = kChildPublisher + 2;
+  ++hello.models[0].content_hash;
+  other.channel->announce(hello, {});
+  const auto tells = [&](Server& server, wire::SessionId of) {
+    return server.await([&] {
+      return std::any_of(server.complaints.begin(), server.complaints.end(),
+                         [&](const std::string& line) { return serves_other(line, of); });
+    });
+  };
+  EXPECT_TRUE(tells(one, kChildPublisher + 2));
+  EXPECT_TRUE(tells(same, kChildPublisher + 2));
+  EXPECT_TRUE(tells(other, kChildPublisher));
+  EXPECT_TRUE(tells(other, kChildPublisher + 1));
+  for (const std::string& line : one.complaints)
+    EXPECT_FALSE(serves_other(line, kChildPublisher + 1)) << line;
 }
 
 TEST(DdsChannel, InvalidMessageIsNotSent) {
@@ -838,10 +913,9 @@ TEST(DdsChannel, HelloIsHeldBackWhileItsPublisherCannotHear) {
   ASSERT_TRUE(deaf.await_match());
   deaf.write(bytes_of<wire::HelloType>(hello_of(3)));
   // Two malformed samples mark the time: with the second complaint the hello has been taken too.
-  const RawType::Bytes mark{0, 1, 0, 0, 9, 0};
-  deaf.write(mark);
+  deaf.write({0, 1, 0, 0, 9, 0});
   ASSERT_TRUE(peer.await([](const Inbox& in) { return in.complaints.size() == 1; }));
-  deaf.write(mark);
+  deaf.write({0, 1, 0, 0, 8, 0});
   ASSERT_TRUE(peer.await([](const Inbox& in) { return in.complaints.size() == 2; }));
   EXPECT_TRUE(peer.all.hellos.empty());
 }

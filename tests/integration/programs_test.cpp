@@ -173,6 +173,9 @@ TEST_F(Programs, KilledPublisherIsReplacedInFlight) {
   const auto answers = answers_of("both");
   const auto certified = std::count_if(answers.end() - 150, answers.end(), is_certified);
   EXPECT_GT(certified, 75) << "of the last 150 answers";
+  for (const json& answer : answers)
+    EXPECT_NE(is_certified(answer), answer.contains("reason") || answer.contains("awaited"))
+        << answer.dump();
   // And it was the new one that was asked.
   publisher->signal(SIGINT);
   EXPECT_EQ(publisher->wait(), 0);

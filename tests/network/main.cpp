@@ -181,6 +181,9 @@ int main(int argc, char** argv) {
   faults_command->add_option("--rounds", options.rounds, "Times with and without each")
       ->capture_default_str();
   faults_command->add_option("--seconds", options.seconds, "Of each time")->capture_default_str();
+  CLI::App* restarts_command = add(
+      "restarts", "The publisher killed and started again, and one of two killed: restarts.csv");
+  restarts_command->add_option("--rounds", options.rounds, "Of each")->capture_default_str();
   CLI11_PARSE(app, argc, argv);
   try {
     if (const std::string why = Lan::why_not_permitted(); !why.empty())
@@ -201,6 +204,7 @@ int main(int argc, char** argv) {
       return 1;
     }
     if (faults_command->parsed()) measure_faults(options, exercise);
+    if (restarts_command->parsed()) measure_restarts(options, exercise);
     return 0;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "nearmesh-network: %s\n", error.what());

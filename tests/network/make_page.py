@@ -149,10 +149,59 @@ def outages(folder):
     return table(["link of the", "down, s", "times", "served again", "after, s (median / worst)"], lines)
 
 
+FAULTS = {"nobody": "nobody", "frozen": "one that takes all, then is frozen", "killed": "one that takes all, then is killed",
+          "slow": "asks for everything, reads 1 kB/s", "everything": "asks for everything, again and again",
+          "flood": "1,000 small requests a second", "flood-large": "1,000 requests for everything a second",
+          "nowhere": "1,000 requests a second for what is not there", "thief": "speaks for others and for the publisher",
+          "inventor": "300 invented peers a second"}
+
+
+def faults(folder):
+    """Round 0 holds all rounds together."""
+    rows = rows_of(folder / "faults.csv")
+    lines = []
+    for kind, text in FAULTS.items():
+        some = [r for r in rows if r["kind"] == kind and r["round"] > 0]
+        if not some:
+            continue
+        every = next(r for r in rows if r["kind"] == kind and r["round"] == 0)
+        ms = lambda key: f"{1000 * every[key]:.1f}"
+        change = statistics.median(r["p99_s"] / r["quiet_p99_s"] - 1 for r in some)
+        middle = lambda key: statistics.median(r[key] for r in some)
+        lines.append([text, f"{every['waited']:.0f}", ms("quiet_p50_s"), ms("p50_s"), ms("quiet_p99_s"), ms("p99_s"),
+                      f"{100 * (every['p99_s'] / every['quiet_p99_s'] - 1):+.0f} %", f"{100 * change:+.0f} %",
+                      f"{every['certified']:.0f} of {every['frames']:.0f}", f"{100 * middle('quiet_publisher_cpu'):.0f} %",
+                      f"{100 * middle('publisher_cpu'):.0f} %", f"{max(r['publisher_lines'] for r in some):.0f}"])
+    return table(["the bad peer", "answers waited for", "median without, ms", "with", "p99 without, ms", "with", "change of p99",
+                  "median of rounds", "certified", "publisher's CPU without", "with", "lines in its log, most"], lines)
+
+
+def restarts(folder):
+    rows = rows_of(folder / "restarts.csv")
+    lines = []
+    for kind, away in sorted({(r["kind"], r["away_s"]) for r in rows}):
+        some = [r for r in rows if r["kind"] == kind and r["away_s"] == away]
+        middle = lambda key: f"{statistics.median(r[key] for r in some):.2f}"
+        back = kind == "restart"
+        lines.append([f"killed, back after {away:g} s" if back else "one of two killed", len(some),
+                      f"{sum(r['stuck'] for r in some):.0f}", middle("hello_s") if back else "-", middle("median_s"), middle("worst_s"),
+                      f"{max(r['worst_s'] for r in some):.2f}"])
+    return table(["publisher", "times", "answers that waited", "first hello, s after its start", "answers, s (median)",
+                  "the last of them, s (median)", "(worst)"], lines)
+
+
+def restarts_flight(folder):
+    r, = rows_of(folder / "restarts-flight.csv")
+    return table(["answers", "certified", "wrong", "longest without, s"],
+                 [[number(r["answers"]), number(r["certified"]), f"{r['wrong']:.0f}", f"{r['longest_lag_s']:.2f}"]])
+
+
 def main(folder, *pages):
     folder = pathlib.Path(folder)
     tables = {"flights": flights(folder), "pipes": pipes(folder), "poses": poses(folder), "peers": peers(folder),
-              "scale": scale(folder), "soak": soak(folder), "soak memory": soak_memory(folder), "joins": joins(folder), "outages": outages(folder)}
+              "scale": scale(folder), "soak": soak(folder), "soak memory": soak_memory(folder), "joins": joins(folder),
+              "outages": outages(folder), "faults": faults(folder), "restarts": restarts(folder),
+              "restarts-flight": restarts_flight(folder)}
     for page in map(pathlib.Path, pages):
         text = page.read_text()
         for name, made in tables.items():

@@ -34,5 +34,8 @@ void measure_peers(const MeasureOptions& options, const Exercise& exercise);
 /// Healthy peers fly on while one bad peer after the other comes and goes: faults.csv, times to certified answers with and without
 /// each, side by side.
 void measure_faults(const MeasureOptions& options, const Exercise& exercise);
+/// The publisher killed and started again, and one of two that serve the same killed: restarts.csv, and restarts-flight.csv of a
+/// flight meanwhile whose answers are checked.
+void measure_restarts(const MeasureOptions& options, const Exercise& exercise);
 
 }  // namespace nearmesh::test

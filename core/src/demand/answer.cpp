@@ -23,6 +23,9 @@ AnswerMaker::AnswerMaker(const SpmHeader& header, const SplitStore& store, Regio
 
 Result<std::vector<std::vector<std::uint8_t>>> AnswerMaker::next() {
   using Batches = std::vector<std::vector<std::uint8_t>>;
+  const auto is_later = [](const TreeletSplit& a, const TreeletSplit& b) {
+    return b.node < a.node;
+  };
   if (collector_) {
     const Result<bool> done = collector_->advance(kPartNodes);
     if (!done.is_ok()) {
@@ -30,16 +33,24 @@ Result<std::vector<std::vector<std::uint8_t>>> AnswerMaker::next() {
       return done.status();
     }
     if (!done.value()) return Batches{};
-    treelet_ = collector_->take().treelet;
+    unordered_ = collector_->take().treelet;
     collector_.reset();
-    // Small answers are whole at once.
-    if (treelet_.size() > kPartNodes) return Batches{};
+    std::make_heap(unordered_.begin(), unordered_.end(), is_later);
+    if (unordered_.size() > kPartNodes) return Batches{};  // small answers are whole at once
   }
-  const auto begin = treelet_.begin() + static_cast<std::ptrdiff_t>(encoded_);
-  const std::size_t count = std::min(kPartSplits, treelet_.size() - encoded_);
-  encoded_ += count;
-  return encode_batches(header_, store_, Treelet(begin, begin + static_cast<std::ptrdiff_t>(count)),
-                        BoxPolicy::kCutNodes);
+  next_.erase(next_.begin(), next_.begin() + static_cast<std::ptrdiff_t>(encoded_));
+  while (next_.size() < kPartSplits && !unordered_.empty()) {
+    std::pop_heap(unordered_.begin(), unordered_.end(), is_later);
+    next_.push_back(unordered_.back());
+    unordered_.pop_back();
+  }
+  Batches batches = encode_batches(header_, store_, next_, BoxPolicy::kCutNodes);
+  encoded_ = next_.size();
+  if (!unordered_.empty() && batches.size() > 1) {  // the last is not full: again, with the next
+    encoded_ -= decode_batch(header_, batches.back()).value().splits.size();
+    batches.pop_back();
+  }
+  return batches;
 }
 
 }  // namespace nearmesh

@@ -18,12 +18,15 @@ std::string name(const NodeSpan& node) {
   return "node [" + std::to_string(node.begin()) + ", " + std::to_string(node.end()) + ")";
 }
 
+constexpr std::uint32_t kNoParent = 0xffffffffU;
+
 // A node and the parts of the region that may matter below it, as a range of one shared pool: children look at no others.
 struct Candidate {
   NodeSpan node;
   GridBox box;
   std::uint32_t pool_begin = 0, pool_end = 0;
-  bool meets = true;  // one of them asks for the node itself
+  bool meets = true;                 // one of them asks for the node itself
+  std::uint32_t parent = kNoParent;  // its place in the treelet, where there is one
 };
 
 // The step that publisher and peer share: does a node matter to the region?
@@ -87,23 +90,6 @@ Status locate(const SplitStore& store, NodeSpan target,
   return Status::ok();
 }
 
-void finish(Demand& demand) {
-  std::sort(demand.missing.begin(), demand.missing.end());
-  Treelet& treelet = demand.treelet;
-  std::sort(treelet.begin(), treelet.end(),
-            [](const TreeletSplit& a, const TreeletSplit& b) { return a.node < b.node; });
-  std::vector<TreeletSplit*> open;  // ancestors of the next, the nearest last
-  for (TreeletSplit& split : treelet) {
-    while (!open.empty() && !open.back()->node.contains(split.node.first)) open.pop_back();
-    if (!open.empty()) {
-      TreeletSplit& parent = *open.back();
-      if (split.node == parent.node.left_of(parent.split)) parent.left_included = true;
-      if (split.node == parent.node.right_of(parent.split)) parent.right_included = true;
-    }
-    open.push_back(&split);
-  }
-}
-
 }  // namespace
 
 GridBox reach_below(const GridBox& box) {
@@ -160,9 +146,11 @@ struct Collector::Impl {
   std::size_t attached = 0;  // so many of the attach nodes
   Demand demand;
 
-  void offer(NodeSpan node, const Candidate& parent) {
-    const auto candidate = filter.child(node, parent);
-    if (candidate && candidate->meets) queue.push(*candidate);
+  void offer(NodeSpan node, const Candidate& parent, std::uint32_t place) {
+    auto candidate = filter.child(node, parent);
+    if (!candidate || !candidate->meets) return;
+    candidate->parent = place;
+    queue.push(*candidate);
   }
   Status attach(NodeSpan node) {
     if (require) NEARMESH_RETURN_IF_ERROR(locate(store, node, require));
@@ -170,7 +158,7 @@ struct Collector::Impl {
     if (rule == AttachRule::kAlways && node.size > 1) {
       queue.push(filter.everything(node));
     } else {
-      offer(node, filter.everything({}));
+      offer(node, filter.everything({}), kNoParent);
     }
     return Status::ok();
   }
@@ -181,9 +169,14 @@ struct Collector::Impl {
       demand.missing.push_back(top.node);
       return Status::ok();
     }
+    if (top.parent != kNoParent) {
+      TreeletSplit& parent = demand.treelet[top.parent];
+      (top.node.first == parent.node.first ? parent.left_included : parent.right_included) = true;
+    }
+    const auto place = static_cast<std::uint32_t>(demand.treelet.size());
     demand.treelet.push_back({top.node, split});
-    offer(top.node.left_of(split), top);
-    offer(top.node.right_of(split), top);
+    offer(top.node.left_of(split), top, place);
+    offer(top.node.right_of(split), top, place);
     return Status::ok();
   }
   [[nodiscard]] bool is_full() const { return demand.treelet.size() >= request.max_splits; }
@@ -217,7 +210,7 @@ Result<bool> Collector::advance(std::size_t work) {
 Demand Collector::take() {
   Impl& impl = *impl_;
   impl.demand.truncated = impl.is_full() && !impl.queue.empty();
-  finish(impl.demand);
+  std::sort(impl.demand.missing.begin(), impl.demand.missing.end());
   return std::move(impl.demand);
 }
 
@@ -226,7 +219,10 @@ Result<Demand> collect(const SplitStore& store, const RegionRequest& request,
   Collector collector(store, request, require, rule);
   const Result<bool> done = collector.advance(std::numeric_limits<std::size_t>::max());
   if (!done.is_ok()) return done.status();
-  return collector.take();
+  Demand demand = collector.take();
+  std::sort(demand.treelet.begin(), demand.treelet.end(),
+            [](const TreeletSplit& a, const TreeletSplit& b) { return a.node < b.node; });
+  return demand;
 }
 
 std::vector<NodeSpan> frontier(const SplitStore& store, std::span<const RegionPart> region,

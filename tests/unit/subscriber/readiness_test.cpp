@@ -48,7 +48,8 @@ TEST(Readiness, GoesFromWaitingToAnsweringToCertified) {
   EXPECT_NE(readiness(host, "one").reason.find("no pose of body one"), std::string::npos);
   host.update({{"one", above_ground(800, 0)}});
   EXPECT_EQ(readiness(host, "one").stage, ReadyStage::kAnswering);
-  EXPECT_NE(readiness(host, "one").reason.find("nodes are missing"), std::string::npos)
+  EXPECT_NE(readiness(host, "one").reason.find("nodes of model terrain are missing"),
+            std::string::npos)
       << readiness(host, "one").reason;
   ASSERT_GT(host.settle(), 0);
   EXPECT_EQ(readiness(host, "one").stage, ReadyStage::kCertified);

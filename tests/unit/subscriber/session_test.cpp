@@ -221,6 +221,12 @@ TEST(Session, WithoutPublisherKeepsWhatIsCertifiedAndIsUncertainBeyond) {
   // The same place: as before.
   EXPECT_EQ(world.fly(*session, flight, 0, 1, 5), 1U);
   world.judge = {};
+  world.on_report = [](const FrameReport& report) {
+    for (const subscriber::PairAnswer& answer : report.answers)
+      EXPECT_EQ(answer.awaited.find("no publisher is there") == std::string::npos,
+                is_certified(answer.answer.status))
+          << answer.awaited;
+  };
   EXPECT_LT(world.fly(*session, flight, 1, flight.frames(), 3), flight.frames() - 1);
   EXPECT_GT(world.judge.uncertain + world.judge.partial, 10U);
   EXPECT_EQ(world.bus.subscriptions.size(), requests) << "asked a publisher that is gone";
@@ -270,6 +276,42 @@ TEST(Session, TwoPublishersOfOneModel) {
   world.stop_publisher(first ? kPublisher : kPublisher + 1);
   EXPECT_EQ(world.fly(*session, flight, half, flight.frames()), flight.frames() - half);
   EXPECT_TRUE(world.complaints.empty()) << world.complaints.front();
+}
+
+// DDS tells that one is gone only when its lease is over.
+TEST(Session, AsksAnotherPublisherWhenTheFirstFallsSilent) {
+  World world;
+  world.bus.keep_quiet = true;
+  world.start_publisher();
+  world.start_publisher(kPublisher + 1);
+  const auto session = world.make_peer();
+  const Flight flight = make_flight(2);
+  const std::size_t half = flight.frames() / 2;
+  EXPECT_EQ(world.fly(*session, flight, 0, half), half);
+  const bool first = world.service(kPublisher).stats().requests > 0;
+  world.stop_publisher(first ? kPublisher : kPublisher + 1);
+  EXPECT_EQ(world.fly(*session, flight, half, flight.frames()), flight.frames() - half);
+  EXPECT_TRUE(world.complaints.empty()) << world.complaints.front();
+}
+
+TEST(Session, SaysThatItsPublisherDoesNotAnswer) {
+  World world;
+  world.bus.keep_quiet = true;
+  world.start_publisher();
+  const auto session = world.make_peer();
+  const Flight flight = make_flight(1);
+  world.fly(*session, flight, 0, 1);
+  world.stop_publisher();
+  bool is_said = false;
+  world.on_report = [&](const FrameReport& report) {
+    for (const subscriber::PairAnswer& answer : report.answers)
+      is_said = is_said || answer.awaited.find("publisher 00000000000000a1 has not answered") !=
+                               std::string::npos;
+  };
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+  while (!is_said && std::chrono::steady_clock::now() < deadline)
+    world.fly(*session, flight, 1, flight.frames(), 3);
+  EXPECT_TRUE(is_said);
 }
 
 TEST(Session, StartsAgainWhenTheContentChanges) {

@@ -57,13 +57,50 @@ TEST(SessionBook, ReleasedClaimIsFreeAgain) {
   EXPECT_EQ(book.claim(5, writer(2), 11), Claim::kNew);
 }
 
+TEST(SessionBook, TellsThroughWhichWriterASessionSpeaks) {
+  SessionBook book;
+  EXPECT_EQ(book.writer_of(5), std::nullopt);
+  EXPECT_EQ(book.claim(5, writer(1), 10), Claim::kNew);
+  EXPECT_EQ(book.claim(5, writer(2), 10), Claim::kTaken);
+  EXPECT_EQ(book.writer_of(5), writer(1));
+  static_cast<void>(book.forget(writer(1), 20));
+  EXPECT_EQ(book.writer_of(5), std::nullopt);
+}
+
 TEST(Mailbox, CountsComplaintsItDidNotKeep) {
   Mailbox mailbox;
-  for (int i = 0; i < 300; ++i) mailbox.complain("line");
+  for (int i = 0; i < 300; ++i) mailbox.complain("line " + std::to_string(i));
   const auto lines = mailbox.take_complaints();
   ASSERT_EQ(lines.size(), 257U);
   EXPECT_EQ(lines.back(), "44 more complaints were not kept");
   EXPECT_TRUE(mailbox.take_complaints().empty());
+}
+
+TEST(Mailbox, SaysALineOnceInAWhile) {
+  Mailbox mailbox;
+  for (int i = 0; i < 300; ++i) mailbox.complain("line");
+  EXPECT_EQ(mailbox.take_complaints(), std::vector<std::string>{"line"});
+  mailbox.complain("line");
+  mailbox.complain("another");
+  EXPECT_EQ(mailbox.take_complaints(), std::vector<std::string>{"another"});
+}
+
+TEST(Mailbox, SaysALineAgainWhenItGoesOn) {
+  Mailbox mailbox(0);
+  mailbox.complain("line");
+  EXPECT_EQ(mailbox.take_complaints(), std::vector<std::string>{"line"});
+  mailbox.complain("line");
+  EXPECT_EQ(mailbox.take_complaints(), std::vector<std::string>{"line"});
+}
+
+TEST(Mailbox, LinesThatAllDifferFillNoLog) {
+  Mailbox mailbox;
+  std::size_t taken = 0;
+  for (int i = 0; i < 10'000; ++i) {
+    mailbox.complain("line " + std::to_string(i));
+    taken += mailbox.take_complaints().size();
+  }
+  EXPECT_LE(taken, 258U);
 }
 
 TEST(Mailbox, LinesAreShortAndPrintable) {

@@ -16,6 +16,7 @@
 #include <fastdds/dds/topic/Topic.hpp>
 
 #include <atomic>
+#include <chrono>
 #include <condition_variable>
 #include <cstdint>
 #include <functional>
@@ -48,11 +49,15 @@ using Microseconds = std::int64_t;
 /// all.
 class Mailbox {
  public:
+  /// A line is not said again for so long.
+  explicit Mailbox(double quiet_s = 10) : quiet_(quiet_s) {}
+
   void wake();
   /// Blocks until wake() was called since the last return, or the time is over.
   void wait(double seconds);
-  /// Keeps the first kMaxComplaints lines until they are taken, then counts. What is not printable ASCII becomes '?', and a
-  /// line ends after kMaxLine bytes. Also wakes.
+  /// Keeps a line until it is taken; what was said a moment ago is not said again, so that whoever sends faults without end
+  /// gives one line, not a log full. More than kMaxComplaints different ones are counted. What is not printable ASCII becomes
+  /// '?', and a line ends after kMaxLine bytes. Also wakes, when there is something to take.
   void complain(std::string line);
   [[nodiscard]] std::vector<std::string> take_complaints();
   [[nodiscard]] bool has_complaints();
@@ -60,11 +65,15 @@ class Mailbox {
  private:
   static constexpr std::size_t kMaxComplaints = 256;
   static constexpr std::size_t kMaxLine = 512;
+  using Clock = std::chrono::steady_clock;
+  const std::chrono::duration<double> quiet_;
   std::mutex mutex_;
   std::condition_variable condition_;
   bool awake_ = false;
   std::vector<std::string> complaints_;
+  std::map<std::string, Clock::time_point> said_;  ///< of late, at most kMaxComplaints
   std::uint64_t dropped_complaints_ = 0;
+  Clock::time_point told_dropped_{};
 };
 
 /// Of one reader and its Subscriber: wakes, and remembers which writers came and went.
@@ -135,6 +144,8 @@ class SessionBook {
   [[nodiscard]] std::optional<SessionId> forget(const Handle& writer, Microseconds when);
   /// The writer is found again: what it says from now on counts, whatever the clock says.
   void welcome(const Handle& writer) { gone_.erase(writer); }
+  /// The writer that a session speaks through.
+  [[nodiscard]] std::optional<Handle> writer_of(SessionId session) const;
   /// Takes back a claim that was new.
   void release(SessionId session);
   [[nodiscard]] std::size_t size() const { return sessions_.size(); }
@@ -258,6 +269,8 @@ class Bus {
 
 /// Short name of a Fast DDS return code, for messages.
 [[nodiscard]] const char* name_of(const eprosima::fastrtps::types::ReturnCode_t& code);
+/// Do two endpoints belong to one participant?
+[[nodiscard]] bool have_one_participant(const Handle& a, const Handle& b);
 /// The endpoint's GUID, for messages.
 [[nodiscard]] std::string name_of(const Handle& endpoint);
 

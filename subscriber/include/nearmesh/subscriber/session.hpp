@@ -42,6 +42,8 @@ struct PairAnswer {
   /// Why nothing can be said (status kUncertain): a header, a publisher or a pose that has not come; or, for ever, a
   /// solid with an open model, or a model of too many parts near a solid. Else empty.
   std::string reason;
+  /// Not certified for want of detail: of which model, and whether any publisher is there that sends it. Else empty.
+  std::string awaited;
   bool asked = false;   ///< headers and poses were there, so the trees were asked
   Pose pose_a, pose_b;  ///< what was asked about; meaningless with a reason of missing poses
   /// With SessionOptions::contacts, when the answer has pairs: where they touch, all exact.

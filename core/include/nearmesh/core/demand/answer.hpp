@@ -18,12 +18,12 @@ namespace nearmesh {
     const SpmHeader& header, const SplitStore& store, const RegionRequest& request,
     const std::function<Status(NodeSpan)>& require);
 
-/// The same, part by part: many can be served in turns, and nothing is made that is not yet wanted. Threads: one at a time.
+/// The same batches, part by part: many can be served in turns, and nothing is made that is not yet wanted. Threads: one at a
+/// time.
 class AnswerMaker {
  public:
-  /// Some 0.3 ms each: nodes looked at, splits encoded. Answers up to the latter are made of the same batches as
-  /// answer_request()'s; larger ones have a batch that is not full at the end of each part.
-  static constexpr std::size_t kPartNodes = 768, kPartSplits = 2048;
+  /// Nodes looked at, splits encoded: some 0.2 ms each.
+  static constexpr std::size_t kPartNodes = 256, kPartSplits = 768;
 
   /// Header and store must outlive it; the store as in Collector.
   AnswerMaker(const SpmHeader& header, const SplitStore& store, RegionRequest request,
@@ -32,14 +32,18 @@ class AnswerMaker {
   /// Batches that are made now, in order; perhaps none yet. Errors: those of `require`; nothing follows then.
   [[nodiscard]] Result<std::vector<std::vector<std::uint8_t>>> next();
   /// All were given.
-  [[nodiscard]] bool is_done() const { return !collector_ && encoded_ == treelet_.size(); }
+  [[nodiscard]] bool is_done() const {
+    return !collector_ && unordered_.empty() && encoded_ == next_.size();
+  }
 
  private:
   const SpmHeader& header_;
   const SplitStore& store_;
   std::optional<Collector> collector_;  ///< until the walk is over
-  Treelet treelet_;
-  std::size_t encoded_ = 0;  ///< so many of its splits
+  Treelet
+      unordered_;  ///< a heap, the first in preorder on top: sorting all at once takes a millisecond
+  Treelet next_;   ///< in preorder, of which the first encoded_ were given
+  std::size_t encoded_ = 0;
 };
 
 }  // namespace nearmesh

@@ -59,7 +59,7 @@ class Collector {
   /// Looks at some `work` nodes more (a block that is decoded counts as several). Out: true when the walk is over.
   /// Errors: those of `require`; the walk is over then too.
   [[nodiscard]] Result<bool> advance(std::size_t work);
-  /// What was found; once, when the walk is over.
+  /// What was found, the treelet not in preorder but in the order of the walk; once, when the walk is over.
   [[nodiscard]] Demand take();
 
  private:
