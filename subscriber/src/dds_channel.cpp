@@ -12,7 +12,7 @@
 #include <thread>
 #include <utility>
 
-#include "nearmesh/core/base/stopwatch.hpp"
+#include "dds_hellos.hpp"
 #include "nearmesh/wire/body_book.hpp"
 #include "nearmesh/wire/dds_support.hpp"
 
@@ -27,8 +27,6 @@ namespace {
 constexpr std::size_t kMaxTaken = 1024;  ///< of one topic, before the others have their turn
 constexpr double kIdleWait_s = 0.5;      ///< everything wakes the thread; this is a safety net
 constexpr std::size_t kMaxContested = 64;
-constexpr std::size_t kMaxKnownHellos = 64;
-constexpr double kSilence_s = 5;  ///< of a publisher that was matched; it may still read its models
 constexpr double kRetryWait_s = 0.002;  ///< when Fast DDS could not take a sample
 /// Batches are acknowledged together for so long, or until they are that share of the window: on thin links each as it comes.
 constexpr double kAcknowledgeWait_s = 0.01;
@@ -50,6 +48,7 @@ class DdsChannel::Impl {
         pose_writer_listener_(mailbox_, names_.body_pose),
         report_listener_(mailbox_, names_.contact_report),
         status_listener_(mailbox_, names_.process_status),
+        hellos_(mailbox_, names_.hello),
         bodies_(!options.transport.security.empty()) {}
   ~Impl();
 
@@ -69,23 +68,6 @@ class DdsChannel::Impl {
   const wire::TopicNames& names() const { return names_; }
 
  private:
-  struct HeardHello {
-    wire::Hello hello;
-    Handle writer;
-    Microseconds received;
-  };
-  struct WaitingHello {
-    wire::Hello hello;
-    Handle writer;
-  };
-
-  /// The last of a writer.
-  struct KnownHello {
-    wire::Hello hello;
-    Handle writer;
-    bool gone = false;  ///< the writer was lost, and has not been found again
-  };
-
   /// What came of a publisher that was asked, and has not been acknowledged.
   struct Account {
     std::uint32_t window_bytes = 0;
@@ -104,15 +86,11 @@ class DdsChannel::Impl {
   Status add_readers();
   Status add_writers();
   bool receive();
+  bool receive_hellos();
   bool receive_poses();
   void accept_pose(wire::BodyPose&& pose, const Handle& writer);
-  void receive_matches();
-  void accept_hello(const wire::Hello& hello, const Handle& writer, Microseconds received);
-  void note_hello(const wire::Hello& hello, const Handle& writer);
-  void welcome(const Handle& writer);
   void tell_lost(SessionId publisher);
   Status rejoin();
-  void release_hellos();
   bool flush();
   double acknowledge();
   template <class Type, class Message>
@@ -142,17 +120,11 @@ class DdsChannel::Impl {
   std::set<std::string> overflowed_;  ///< topics that already complained since the last take()
 
   // The I/O thread's own.
-  wire::SessionBook publishers_;
-  wire::SilenceWatch silence_{kSilence_s};
-  const Stopwatch clock_;
+  DdsHellos hellos_;
   wire::BodyBook bodies_;
   std::vector<Handle> gone_movers_;  ///< not yet forgotten
   std::map<std::string, ContestedPose>
-      contested_poses_;             ///< of bodies that another owns, the latest
-  std::set<Handle> hello_writers_;  ///< matched: who has one is a publisher
-  std::vector<WaitingHello> waiting_hellos_;
-  std::vector<WaitingHello> contested_hellos_;  ///< of sessions that another writer holds
-  std::deque<KnownHello> known_hellos_;         ///< oldest first
+      contested_poses_;  ///< of bodies that another owns, the latest
   wire::fdds::DataReader* hello_reader_ = nullptr;
   wire::fdds::DataReader* header_reader_ = nullptr;
   wire::fdds::DataReader* batch_reader_ = nullptr;
@@ -337,25 +309,18 @@ Status DdsChannel::Impl::add_writers() {
 
 /// Out: true when some reader may hold more.
 bool DdsChannel::Impl::receive() {
-  std::vector<HeardHello> heard;
-  bool more = wire::drain<wire::HelloType>(
-      *hello_reader_, mailbox_, kMaxTaken,
-      [&](wire::Hello&& hello, const Handle& writer, Microseconds received) {
-        heard.push_back({std::move(hello), writer, received});
-      },
-      [&](const Handle& writer) { silence_.heard(writer); });
-  // A publisher that was lost and found again by now has said hello again: it must be lost before that is heard, or the
-  // hello is forgotten with it.
-  receive_matches();
-  for (const HeardHello& one : heard) {
-    note_hello(one.hello, one.writer);
-    accept_hello(one.hello, one.writer, one.received);
-  }
+  // Whoever comes and goes is remembered until it is taken.
+  (void)header_listener_.take_matches();
+  (void)batch_listener_.take_matches();
+  bool more = receive_hellos();
   more |=
       wire::drain<wire::MeshHeaderType>(*header_reader_, mailbox_, kMaxTaken,
                                         [&](wire::MeshHeader&& header, const Handle&,
                                             Microseconds) { deliver_header(std::move(header)); });
-  release_hellos();
+  for (wire::Hello& hello : hellos_.release([this](const Handle& writer) {
+         return subscription_listener_.is_matched_with_participant_of(writer);
+       }))
+    deliver(&Inbox::hellos, std::move(hello), options_.max_waiting_others, names_.hello);
   more |= wire::drain<wire::SplitBatchType>(
       *batch_reader_, mailbox_, kMaxTaken,
       [&](wire::SplitBatchMessage&& batch, const Handle& writer, Microseconds) {
@@ -365,15 +330,28 @@ bool DdsChannel::Impl::receive() {
                 names_.split_batch);
       });
   more |= receive_poses();
-  for (const Handle& writer : silence_.take_silent(clock_.seconds()))
-    mailbox_.complain("publisher " + wire::name_of(writer) + wire::kSilentHint);
+  hellos_.complain_of_silence();
+  return more;
+}
+
+/// Out: true when there may be more.
+bool DdsChannel::Impl::receive_hellos() {
+  std::vector<DdsHellos::Heard> heard;
+  const bool more = wire::drain<wire::HelloType>(
+      *hello_reader_, mailbox_, kMaxTaken,
+      [&](wire::Hello&& hello, const Handle& writer, Microseconds received) {
+        heard.push_back({std::move(hello), writer, received});
+      },
+      [&](const Handle& writer) { hellos_.heard_of(writer); });
+  for (const SessionId lost : hellos_.take(hello_listener_.take_matches(), std::move(heard)))
+    tell_lost(lost);
   return more;
 }
 
 /// Anybody can write into our partition; only who is the publisher can say what a model is.
 bool DdsChannel::Impl::is_of_its_publisher(const wire::SplitBatchMessage& batch,
                                            const Handle& writer) {
-  const std::optional<Handle> hello = publishers_.writer_of(batch.publisher);
+  const std::optional<Handle> hello = hellos_.writer_of(batch.publisher);
   if (hello && wire::have_one_participant(*hello, writer)) return true;
   // Of one that was just lost something may still be on its way.
   if (hello)
@@ -429,14 +407,6 @@ double DdsChannel::Impl::acknowledge() {
   return wait_s;
 }
 
-void DdsChannel::Impl::release_hellos() {
-  std::erase_if(waiting_hellos_, [this](WaitingHello& waiting) {
-    if (!subscription_listener_.is_matched_with_participant_of(waiting.writer)) return false;
-    deliver(&Inbox::hellos, std::move(waiting.hello), options_.max_waiting_others, names_.hello);
-    return true;
-  });
-}
-
 /// Out: true when there may be more.
 bool DdsChannel::Impl::receive_poses() {
   // What a writer said before it went is taken before it is forgotten, or it would claim its bodies again.
@@ -479,76 +449,6 @@ void DdsChannel::Impl::accept_pose(wire::BodyPose&& pose, const Handle& writer) 
   contested_poses_.emplace(body, ContestedPose{std::move(pose), writer});
 }
 
-void DdsChannel::Impl::receive_matches() {
-  // Whoever comes and goes is remembered until it is taken.
-  (void)header_listener_.take_matches();
-  (void)batch_listener_.take_matches();
-  for (const auto& event : hello_listener_.take_matches()) {
-    if (!event.gone) {
-      welcome(event.writer);
-      continue;
-    }
-    hello_writers_.erase(event.writer);
-    silence_.gone(event.writer);
-    for (KnownHello& known : known_hellos_)
-      if (known.writer == event.writer) known.gone = true;
-    std::erase_if(waiting_hellos_, [&](const WaitingHello& w) { return w.writer == event.writer; });
-    const std::optional<SessionId> lost = publishers_.forget(event.writer, event.when);
-    if (!lost) continue;
-    tell_lost(*lost);
-    // A publisher that joined anew may be heard before its old self is gone.
-    for (const WaitingHello& contested : std::exchange(contested_hellos_, {}))
-      accept_hello(contested.hello, contested.writer, wire::now_us());
-    mailbox_.wake();
-  }
-}
-
-void DdsChannel::Impl::note_hello(const wire::Hello& hello, const Handle& writer) {
-  // Of a writer that is found again it may be read before the match, and be taken for one from before the loss where the clock
-  // was set back meanwhile: it then counts with the match.
-  bool gone = false;
-  std::erase_if(known_hellos_, [&](const KnownHello& known) {
-    if (known.writer != writer) return false;
-    gone = known.gone;
-    return true;
-  });
-  known_hellos_.push_back({hello, writer, gone});
-  if (known_hellos_.size() > kMaxKnownHellos) known_hellos_.pop_front();
-}
-
-/// A reader of Fast DDS remembers what it had of a writer that its lease took, and is not sent it again when the same writer is
-/// found again, as after a link was down: what that said last still holds, unless it says something else.
-void DdsChannel::Impl::welcome(const Handle& writer) {
-  publishers_.welcome(writer);
-  hello_writers_.insert(writer);
-  silence_.matched(writer, clock_.seconds());
-  for (KnownHello& known : known_hellos_) {
-    if (known.writer != writer || !std::exchange(known.gone, false)) continue;
-    silence_.heard(writer);
-    accept_hello(known.hello, writer, wire::now_us());
-  }
-  mailbox_.wake();  // subscriptions may have waited for it
-}
-
-void DdsChannel::Impl::accept_hello(const wire::Hello& hello, const Handle& writer,
-                                    Microseconds received) {
-  switch (publishers_.claim(hello.publisher, writer, received)) {
-    case wire::SessionBook::Claim::kStale:
-      return;
-    case wire::SessionBook::Claim::kNew:
-    case wire::SessionBook::Claim::kKnown:
-      std::erase_if(waiting_hellos_, [&](const WaitingHello& w) { return w.writer == writer; });
-      waiting_hellos_.push_back({hello, writer});
-      return;
-    case wire::SessionBook::Claim::kTaken:
-      break;
-  }
-  mailbox_.complain(names_.hello + ": publisher " + wire::partition_of(hello.publisher) +
-                    " is heard from " + wire::name_of(writer) +
-                    " too, which is ignored while the first is there");
-  if (contested_hellos_.size() < kMaxContested) contested_hellos_.push_back({hello, writer});
-}
-
 /// The host takes losses before hellos, so a hello of before the loss must not wait for it.
 void DdsChannel::Impl::tell_lost(SessionId publisher) {
   {
@@ -563,12 +463,8 @@ void DdsChannel::Impl::tell_lost(SessionId publisher) {
 /// After the process was stopped: as a new participant, with the same session. Every publisher is
 /// lost and, if it still lives, found again.
 Status DdsChannel::Impl::rejoin() {
-  for (const SessionId publisher : publishers_.clear()) tell_lost(publisher);
+  for (const SessionId publisher : hellos_.clear()) tell_lost(publisher);
   bus_.reset();
-  waiting_hellos_.clear();
-  contested_hellos_.clear();
-  for (const Handle& writer : hello_writers_) silence_.gone(writer);
-  hello_writers_.clear();
   bodies_.clear();
   gone_movers_.clear();
   contested_poses_.clear();
@@ -619,9 +515,10 @@ void DdsChannel::Impl::complain_of_overflow(const std::string& topic) {
 bool DdsChannel::Impl::flush() {
   bool all = true;
   // Not by any reader: a recorder hears subscriptions too, and does not answer them.
-  if (std::any_of(hello_writers_.begin(), hello_writers_.end(), [this](const Handle& publisher) {
-        return subscription_listener_.is_matched_with_participant_of(publisher);
-      }))
+  if (std::any_of(hellos_.writers().begin(), hellos_.writers().end(),
+                  [this](const Handle& publisher) {
+                    return subscription_listener_.is_matched_with_participant_of(publisher);
+                  }))
     all &= flush<wire::RegionSubscriptionType>(&Impl::subscriptions_, *subscription_writer_);
   all &= flush<wire::BodyPoseType>(&Impl::poses_, *pose_writer_);
   all &= flush<wire::ContactReportType>(&Impl::reports_, *report_writer_);
