@@ -5,6 +5,7 @@
 #include <array>
 #include <chrono>
 #include <ctime>
+#include <limits>
 #include <sstream>
 
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
@@ -408,12 +409,16 @@ void StopDetector::watch(double lease_s) {
     clock_gettime(CLOCK_BOOTTIME, &time);
     return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
   };
-  const std::chrono::duration<double> period(lease_s / 8);
+  constexpr double kAgain_s = 1;
+  const std::chrono::duration<double> period(std::min(lease_s / 8, 0.5));
+  double again_s = std::numeric_limits<double>::infinity();
   std::unique_lock lock(mutex_);
   for (double last = now_s(); !ending_;) {
     condition_.wait_for(lock, period, [this] { return ending_; });
     const double now = now_s();
-    if (now - last > 0.75 * lease_s) {
+    if (again_.exchange(false)) again_s = now + kAgain_s;
+    if (now - last > 0.75 * lease_s || now >= again_s) {
+      again_s = std::numeric_limits<double>::infinity();
       stopped_ = true;
       mailbox_.wake();
     }

@@ -216,6 +216,8 @@ void DdsChannel::Impl::rejoin() {
   (void)rival_listener_.take_matches();
   if (const Status status = open(); !status.is_ok()) {
     mailbox_.complain("could not join again after a stop: " + status.message());
+    bus_.reset();
+    stops_->try_again();
     return;
   }
   if (own_id_ != 0) announce(hello_, headers_);

@@ -173,6 +173,7 @@ bool DdsReplay::Impl::take_restart() {
   if (const Status status = open(); !status.is_ok()) {
     mailbox_.complain("could not join again after a stop: " + status.message());
     bus_.reset();
+    stops_->try_again();
     return false;
   }
   return true;

@@ -220,8 +220,13 @@ void DdsChannel::Impl::run(std::promise<Status> started) {
     if (stops != nullptr && stops->take_stop()) {
       if (const Status status = rejoin(); !status.is_ok()) {
         mailbox_.complain("could not join again after a stop: " + status.message());
-        break;
+        bus_.reset();
+        stops->try_again();
       }
+    }
+    if (bus_ == nullptr) {
+      mailbox_.wait(kIdleWait_s);
+      continue;
     }
     const bool sent_all = flush();
     const bool more = receive();

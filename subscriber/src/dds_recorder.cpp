@@ -206,8 +206,13 @@ void DdsRecorder::Impl::listen(std::promise<Status> started) {
       bus_.reset();
       if (const Status status = join(); !status.is_ok()) {
         mailbox_.complain("could not join again: " + status.message());
-        break;
+        bus_.reset();
+        stops.try_again();
       }
+    }
+    if (bus_ == nullptr) {
+      mailbox_.wait(kIdleWait_s);
+      continue;
     }
     bool more = false;
     for (std::uint32_t i = 0; i < topics_.size(); ++i) more |= (this->*topics_[i].drain)(i);

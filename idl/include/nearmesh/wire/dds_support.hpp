@@ -195,12 +195,15 @@ class StopDetector {
   StopDetector& operator=(const StopDetector&) = delete;
   /// True once after each stop; the mailbox is woken then.
   [[nodiscard]] bool take_stop() { return stopped_.exchange(false); }
+  /// Joining anew failed, say because the network of a resumed machine is not up yet: take_stop() is true again in a second.
+  void try_again() { again_ = true; }
 
  private:
   void watch(double lease_s);
 
   Mailbox& mailbox_;
   std::atomic<bool> stopped_ = false;
+  std::atomic<bool> again_ = false;
   std::mutex mutex_;
   std::condition_variable condition_;
   bool ending_ = false;
