@@ -9,8 +9,8 @@
 // 2^-47 L^3 <= s L^2 / 2, since L <= M and s >= 2^-46 M there. So a sign beyond 4 s (L^2 + 7 s^2) is that of the exact
 // test; and a triangle whose corners are all beyond it on one side of the other's plane is parted along that plane's normal.
 #undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE \
-  "triangle_lanes.cpp"  // NOLINT(readability-identifier-naming): Highway's name
+// Highway's name. NOLINTNEXTLINE(readability-identifier-naming)
+#define HWY_TARGET_INCLUDE "triangle_lanes.cpp"
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
