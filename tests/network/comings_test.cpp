@@ -4,23 +4,13 @@
 #include <gtest/gtest.h>
 
 #include "comings.hpp"
+#include "network_fixture.hpp"
 #include "watch.hpp"
 
 namespace nearmesh::test {
 namespace {
 
-constexpr int kTerrainCells = 256;
-
-class Comings : public ::testing::Test {
- protected:
-  void SetUp() override {
-    if (const std::string why = Lan::why_not_permitted(); !why.empty())
-      GTEST_SKIP() << "no network can be made here: " << why;
-  }
-  static Exercise exercise() {
-    return {{model_file("terrain", kTerrainCells), model_file("aircraft", 600)}, kTerrainCells};
-  }
-};
+class Comings : public NetworkFixture {};
 
 std::string all_of(const std::vector<std::string>& lines) {
   std::string text;

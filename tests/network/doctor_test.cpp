@@ -5,7 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "runs.hpp"
+#include "network_fixture.hpp"
 
 namespace nearmesh::test {
 namespace {
@@ -15,12 +15,8 @@ using Words = std::vector<std::string>;
 
 constexpr int kDomain = 45;
 
-class DoctorOn : public ::testing::Test {
+class DoctorOn : public NetworkFixture {
  protected:
-  void SetUp() override {
-    if (const std::string why = Lan::why_not_permitted(); !why.empty())
-      GTEST_SKIP() << "no network can be made here: " << why;
-  }
   std::unique_ptr<Process> examine(const Lan& lan, std::size_t host, const Words& more = {}) {
     const Lan::Visit there = lan.visit(host);
     Words words{"doctor", "--json", "--domain", std::to_string(kDomain)};

@@ -6,22 +6,13 @@
 #include <netinet/in.h>
 #include <sys/socket.h>
 
-#include "runs.hpp"
+#include "network_fixture.hpp"
 
 namespace nearmesh::test {
 namespace {
 
-constexpr int kTerrainCells = 256;
-
-class Network : public ::testing::Test {
+class Network : public NetworkFixture {
  protected:
-  void SetUp() override {
-    if (const std::string why = Lan::why_not_permitted(); !why.empty())
-      GTEST_SKIP() << "no network can be made here: " << why;
-  }
-  static Exercise exercise() {
-    return {{model_file("terrain", kTerrainCells), model_file("aircraft", 600)}, kTerrainCells};
-  }
   Folder folder;
 };
 
