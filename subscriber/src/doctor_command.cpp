@@ -252,9 +252,11 @@ class Doctor {
     call.from = echo_->own_id();
     double called_s = -1;
     std::optional<double> matched_s;
-    while (!other_ && stop_requested == 0 && clock_.seconds() < options_.seconds / 2 &&
-           (publishers_.empty() || clock_.seconds() < options_.seconds / 5)) {
-      if (echo_->is_matched()) {
+    // Who calls first may be heard before it is matched both ways: what is sent to it then is lost.
+    while (!(other_ && echo_->is_matched()) && stop_requested == 0 &&
+           clock_.seconds() < options_.seconds / 2 &&
+           (other_ || publishers_.empty() || clock_.seconds() < options_.seconds / 5)) {
+      if (!other_ && echo_->is_matched()) {
         if (!matched_s) matched_s = clock_.seconds();
         if (clock_.seconds() - called_s > 0.2) {
           called_s = clock_.seconds();
