@@ -15,11 +15,11 @@ Written by `tests/perf/make_page.py` from the files in [perf](perf); no figure i
 fifteen minutes; FCL, Bullet, Embree and CGAL are compared where they are installed):
 
     bin=build/dev/bin
-    $bin/nearmesh-perf -o docs/perf/queries.csv
+    $bin/nearmesh-perf --workload sphere bunny terrain1m terrain8m -o docs/perf/queries.csv     # 11 GB
     $bin/nearmesh-model generate terrain --size 708 -o terrain.ply && $bin/nearmesh-model build terrain.ply -o terrain.spm
     $bin/nearmesh-bench-core terrain.spm > docs/perf/core-terrain.csv
     $bin/nearmesh-bench-bake 1000000 1 > docs/perf/bake-1M-faces-1-thread.csv
-    $bin/nearmesh-bench-bake 10000000 2 > docs/perf/bake-10M-faces-2-threads.csv
+    $bin/nearmesh-bench-bake 10000000 2 > docs/perf/bake-10M-faces-2-threads.csv                 # and 30000000
     $bin/nearmesh-bench-bytes MODEL.spm 0.05 > docs/perf/bytes-MODEL.csv       # terrain: 0.02, the largest with --flight
     python3 tests/perf/make_page.py docs/perf > docs/perf.md
 """
@@ -31,7 +31,8 @@ the pose needs and no more, certificate included; the others hold the full meshe
 transforms: it re-places the moving body, and that is in its time). In brackets: the ratio to nearmesh's time. All answers
 were compared first and agree, number of pairs included, but for Bullet's pairs (its test of triangles is an approximate one).
 `sphere` is 4,096 faces against itself, `bunny` 39,787; a number after the name is the distance in units of that of first
-contact, `near_miss` 1.00001, `grazing` 0.9999. `terrain1m` is a flight of an aircraft of 8,000 faces, low over a million.
+contact, `near_miss` 1.00001, `grazing` 0.9999. `terrain1m` is a flight of an aircraft of 8,000 faces, low over a million,
+`terrain8m` the same over eight.
 """
 
 REFINING = """## A frame in which detail arrives
@@ -39,6 +40,79 @@ REFINING = """## A frame in which detail arrives
 The same flight, from the base mesh on: splits that a frame's pose needs are done, the tree follows, one query of all pairs.
 Medians of the frames in which something arrived, each measured once and in passing, microseconds.
 """
+
+
+AIMS = """## Aims
+
+What the figures below are held against: ratios are to FCL's OBB trees over the full meshes in the same run.
+"""
+
+MB = 1 << 20
+
+
+def aims(folder):
+    """What is aimed at, in the words of the table below, with a figure each for what was measured."""
+    times = query_times(folder / "queries.csv")
+    table = {path.stem: {row["metric"]: row["value"] for row in read(path)} for path in folder.glob("*-*.csv")}
+
+    def ratio(workload, metric):
+        at = times[workload, metric]
+        return at["nearmesh"] / at["fcl-obb"]
+
+    def core(metric):
+        return [float(table[model][metric]) for model in ("core-armadillo", "core-terrain")]
+
+    def codec(metric):
+        return [value for size in ("small", "large") for value in core(f"{size}_{metric}")]
+
+    def size(model, metric):
+        return float(table["bytes-" + model][metric])
+
+    def bake(model, metric):
+        return float(table["bake-" + model][metric])
+
+    def apart(model):
+        return [float(table["core-" + model][f"{n}_bytes_per_split"]) - float(table["core-" + model][f"{n}_bytes_per_split_boxes"])
+                for n in ("small", "large")]
+
+    refining = times["terrain1m/refining", "T_R+T_B+T_Q_median"]["nearmesh"] / times["terrain1m/flight", "all_pairs_median"]["fcl-obb"]
+    million, ten = "1M-faces-1-thread", "10M-faces-2-threads"
+    models = ("bunny", "armadillo", "terrain-263k-vertices", "terrain-1M-vertices")
+    flight = "terrain-1M-vertices"
+    rows = [("sphere near miss, first contact", "at most", [0.10], [ratio("sphere/near_miss", "first_contact_median")]),
+            ("bunny grazing / deep, all pairs", "at most", [0.12, 0.10],
+             [ratio("bunny/grazing", "all_pairs_median"), ratio("bunny/deep_0.5", "all_pairs_median")]),
+            ("terrain of 1 M faces, 95th percentile of first contact", "at most", [0.15], [ratio("terrain1m/flight", "first_contact_p95")]),
+            ("a frame that refines, all of it, to FCL's query alone", "at most", [1], [refining]),
+            ("tree update, armadillo / terrain, M faces/s", "at least", [8, 8], core("tree_update")),
+            ("splits / collapses in order of arrival, terrain, M/s", "at least", [10, 10],
+             [core("split_arrival_order")[1], core("collapse_reverse_order")[1]]),
+            ("encoding, small requests (armadillo, terrain), large ones, M splits/s", "at least", [3] * 4, codec("encode")),
+            ("decoding, the same, M splits/s", "at least", [10] * 4, codec("decode")),
+            ("bytes a split without boxes, armadillo, small / large", "at most", [8, 8], apart("armadillo")),
+            ("the same, terrain", "at most", [5, 5], apart("terrain")),
+            ("boxes, bytes a split, as decoding", "at most", [1] * 4, codec("bytes_per_split_boxes")),
+            ("bytes to certify a touching pose: bunny, armadillo, terrain of 263 k and 1 M vertices", "at most",
+             [1300, 1800, 1000, 1800], [size(m, "touching_lean_bytes") for m in models]),
+            ("with half a radius of look-ahead", "at most", [3400, 5500, 3700, 10500], [size(m, "lookahead_lean_bytes") for m in models]),
+            ("flight over 1 M vertices, KB in all / in the worst frame", "at most", [500, 10],
+             [size(flight, "flight_lean_bytes") / 1000, size(flight, "flight_frame_worst") / 1000]),
+            ("a peer's memory after it, MB", "at most", [64], [size(flight, "flight_resident")]),
+            ("tree, armadillo / terrain, bytes a face", "at most", [100, 100], core("tree_bytes_per_face")),
+            ("header, terrain of 1 M / 10 M faces, KB", "at most", [8, 32], [bake(million, "header") / 1024, bake(ten, "header") / 1024]),
+            ("bake 1 M faces on one thread, s / MB", "at most", [3, 200], [bake(million, "bake"), bake(million, "peak_resident") / MB]),
+            ("its mean error at a tenth of the faces, diagonals / faces that meet others", "at most", [1.36e-4, 0],
+             [bake(million, "mean_error_at_10_percent"), bake(million, "self_intersecting_at_10_percent")]),
+            ("bake 10 M faces on two threads, s / GB", "at most", [40, 3], [bake(ten, "bake"), bake(ten, "peak_resident") / 1024 / MB]),
+            ("open a file of 10 M faces, ms", "at most", [50], [bake(ten, "open")])]
+    print(AIMS)
+    print("| | aim | measured | |\n|---|--:|--:|---|")
+    for what, bound, aim, found in rows:
+        met = [f <= a if bound == "at most" else f >= a for f, a in zip(found, aim, strict=True)]
+        wanted = aim[:1] if len(set(aim)) == 1 else aim
+        state = "met" if all(met) else "partly" if any(met) else "missed"
+        print(f"| {what} | {bound} {' / '.join(map(short, wanted))} | {' / '.join(map(short, found))} | {state} |")
+    print()
 
 
 def read(path):
@@ -56,11 +130,15 @@ def short(value):
     return f"{value:,.0f}" if value >= 100 or value == int(value) else f"{value:.3g}"
 
 
-def queries(path):
+def query_times(path):
     times = {}
     for row in read(path):
         times.setdefault((row["workload"], row["metric"]), {}).setdefault(row["contender"], []).append(float(row["value"]))
-    times = {key: {who: statistics.median(v) for who, v in value.items()} for key, value in times.items()}
+    return {key: {who: statistics.median(v) for who, v in value.items()} for key, value in times.items()}
+
+
+def queries(path):
+    times = query_times(path)
     others = []
     for value in times.values():
         others += [who for who in value if who != "nearmesh" and who not in others]
@@ -103,6 +181,7 @@ def plain(title, paths):
 def main():
     folder = pathlib.Path(sys.argv[1])
     print(HEAD)
+    aims(folder)
     queries(folder / "queries.csv")
     plain("Codec, refinement, tree", sorted(folder.glob("core-*.csv")))
     plain("Baking and opening", sorted(folder.glob("bake-*.csv")))
