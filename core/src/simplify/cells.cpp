@@ -2,7 +2,7 @@
 // A large mesh is first simplified cell by cell: runs of vertices along the Morton curve, fixed by
 // the mesh alone, each small enough for a core's cache and independent of the others, so that any
 // number of threads gives the same result. Vertices with a neighbour outside of their cell stay as
-// they are; what is left, with its quadrics, normals and depths, is one mesh again. Every cell stops
+// they are; what is left, with its clusters, normals and depths, is one mesh again. Every cell stops
 // at the same cost, which samples of the mesh suggest, so that detail is left where a single queue
 // would leave it.
 #include <atomic>
@@ -91,12 +91,12 @@ class CutOut {
     const std::size_t count = own_ + outside_.size();
     part_.vertices.reserve(count);
     part_.number.reserve(count);
-    if (!patch.quadrics.empty()) part_.quadrics.reserve(count);
+    if (!patch.clusters.empty()) part_.clusters.reserve(count);
     for (std::uint32_t i = 0; i < count; ++i) {
       const std::uint32_t from = place(i);
       part_.vertices.push_back(patch.vertices[from]);
       part_.number.push_back(patch.number[from]);
-      if (!patch.quadrics.empty()) part_.quadrics.push_back(patch.quadrics[from]);
+      if (!patch.clusters.empty()) part_.clusters.push_back(patch.clusters[from]);
     }
     faces_ = part_.faces.size();
   }
@@ -189,13 +189,13 @@ Patch join(const Patch& whole, std::vector<Cell>& cells) {
   }
   rest.vertices.reserve(vertices);
   rest.number.reserve(vertices);
-  rest.quadrics.reserve(vertices);
+  rest.clusters.reserve(vertices);
   rest.faces.reserve(faces);
   for (Cell& cell : cells) {
     const Patch& from = cell.rest;
     rest.vertices.insert(rest.vertices.end(), from.vertices.begin(), from.vertices.end());
     rest.number.insert(rest.number.end(), from.number.begin(), from.number.end());
-    rest.quadrics.insert(rest.quadrics.end(), from.quadrics.begin(), from.quadrics.end());
+    rest.clusters.insert(rest.clusters.end(), from.clusters.begin(), from.clusters.end());
     const std::size_t first = rest.faces.size();
     for (Face f : from.faces) {
       for (std::uint32_t& c : f.corner) c = place[c];

@@ -50,10 +50,20 @@ Vec3 Simplifier::normal_of(const Face& f) const {
   return cross(between(v, vertices_[f.corner[1]]), between(v, vertices_[f.corner[2]]));
 }
 
+/// Chiefly how large the merged node's box would be: what meets a body asks for the nodes whose boxes it
+/// meets, so as in trees built for rays the area of their sides says how many these will be.
 double Simplifier::cost_of(std::uint32_t u, std::uint32_t s) const {
-  const Quadric& q = quadrics_[u];
+  const Cluster& from = clusters_[u];
+  GridBox box = from.box;
+  box.add(clusters_[s].box);
+  Vec3 side;
+  for (int k = 0; k < 3; ++k)
+    side[static_cast<std::size_t>(k)] = static_cast<double>(box.hi[k]) - box.lo[k];
   const Vec3 d = between(vertices_[u], vertices_[s]);
-  return q.error(d) + kLengthWeight * q.total_weight() * dot(d, d);
+  const double weight = from.quadric.total_weight();
+  const double distance2 = weight > 0 ? from.quadric.error(d) / weight : 0;
+  return side[0] * side[1] + side[1] * side[2] + side[2] * side[0] + kErrorWeight * distance2 +
+         kLengthWeight * dot(d, d);
 }
 
 void Simplifier::set_choice(std::uint32_t u, const Choice& choice) {
@@ -103,7 +113,7 @@ void Simplifier::choose_next(std::uint32_t u) {
 }
 
 /// The same for x, a neighbour of s, after u went into s. Of x's collapses only those to u and s have
-/// changed: that to u is gone, and that to s, whose cost x alone decides, is new or has become deeper.
+/// changed: that to u is gone, and that to s is new, or has become dearer (its box has grown) and deeper.
 /// So what x would choose is no better than before, or it is s; and where it was u or s, another look
 /// can wait until its turn comes.
 void Simplifier::choose_again(std::uint32_t x, std::uint32_t u, std::uint32_t s) {
@@ -218,7 +228,7 @@ bool Simplifier::keeps_normal(const Face& f, std::uint32_t u, std::uint32_t s, R
 /// lost its last face with s.
 void Simplifier::collapse(std::uint32_t u, std::uint32_t s) {
   const Vec3 d = between(vertices_[s], vertices_[u]);
-  quadrics_[s].add(quadrics_[u], {-d[0], -d[1], -d[2]});
+  clusters_[s].add(clusters_[u], {-d[0], -d[1], -d[2]});
   move_faces(u, s);
   remove_vertex(u, s);
   gather_ring(s, ring_s_left_);

@@ -30,10 +30,12 @@ inline constexpr double kBorderWeight = 10;
 /// before it touches debris: five times the error on a truck of 59 components; manifold meshes are
 /// the same either way.
 inline constexpr double kBreakingFactor = 64;
-/// Cost of a collapse's length on a surface of no error: the shortest goes first there, so that
-/// flat places are thinned evenly. Equals an error of sqrt(1e-7) of the length: never felt on a
-/// curved surface.
-inline constexpr double kLengthWeight = 1e-7;
+/// Weight of the squared distance from the planes merged so far, against 1 for the area of the sides
+/// of the merged box. Boxes decide what an answer takes, the distance only how the coarse levels look:
+/// measured in ARCHITECTURE.md.
+inline constexpr double kErrorWeight = 10;
+/// Weight of a collapse's squared length: the shortest goes first among boxes that are alike, or flat.
+inline constexpr double kLengthWeight = 0.01;
 /// A face may turn by 78 degrees in one collapse, and by 60 since the input.
 inline constexpr double kLeastCosine = 0.2;
 inline constexpr double kLeastCosineToInput = 0.5;
@@ -76,6 +78,18 @@ struct Face {
   std::uint32_t normal = 0;
 };
 
+/// What has merged into a vertex: the planes of its faces, and a box around these: its node's in the forest.
+struct Cluster {
+  Quadric quadric;
+  GridBox box;
+
+  /// Adds another vertex's; `d` leads from that vertex to this one.
+  void add(const Cluster& other, const Vec3& d) {
+    quadric.add(other.quadric, d);
+    box.add(other.box);
+  }
+};
+
 /// A mesh between two simplifications: vertices along a Morton curve, faces by their least corner.
 struct Patch {
   struct Corner {
@@ -85,7 +99,7 @@ struct Patch {
   std::vector<Corner> vertices;
   std::vector<std::uint32_t> number;  ///< in the input, of each vertex
   std::vector<Face> faces;
-  std::vector<Quadric> quadrics;  ///< empty: those of the faces; else one a vertex
+  std::vector<Cluster> clusters;  ///< empty: those of the faces; else one a vertex
   int code_shift = 0;             ///< of morton_code, for all of them
 };
 
@@ -208,7 +222,7 @@ class Simplifier {
 
   void link_faces();
   void lock_border(std::size_t own);
-  void add_quadrics(std::size_t own);
+  void add_clusters(std::size_t own);
 
   // Adjacency.
   [[nodiscard]] const std::uint32_t* faces_begin(const Vertex& v) const {
@@ -261,7 +275,7 @@ class Simplifier {
   std::vector<Face> faces_;
   std::vector<std::uint32_t> pool_;
   std::size_t pool_limit_ = 0;
-  std::vector<Quadric> quadrics_;
+  std::vector<Cluster> clusters_;
   VertexQueue queue_;                  ///< key: rank of the vertex's Choice, then the vertex
   std::vector<std::uint32_t> choice_;  ///< low half of that Choice
   std::uint32_t stamp_ = 0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Vertices along a Morton curve, faces by their least corner, adjacency, quadrics; and what is left
+// Vertices along a Morton curve, faces by their least corner, adjacency, clusters; and what is left
 // at the end.
 #include "simplifier.hpp"
 
@@ -73,7 +73,7 @@ Simplifier::Simplifier(Patch patch, std::size_t own, std::uint64_t target_faces)
       input_number_(std::move(patch.number)),
       vertices_(patch.vertices.size()),
       faces_(std::move(patch.faces)),
-      quadrics_(std::move(patch.quadrics)),
+      clusters_(std::move(patch.clusters)),
       queue_(static_cast<std::uint32_t>(vertices_.size())),
       choice_(vertices_.size(), kNone) {
   for (std::size_t i = 0; i < vertices_.size(); ++i) {
@@ -84,7 +84,7 @@ Simplifier::Simplifier(Patch patch, std::size_t own, std::uint64_t target_faces)
   faces_in_ = faces_left_ = faces_.size();
   link_faces();
   lock_border(own);
-  if (quadrics_.empty()) add_quadrics(own);
+  if (clusters_.empty()) add_clusters(own);
   collapses_.reserve(vertices_.size());
 }
 
@@ -116,11 +116,12 @@ void Simplifier::lock_border(std::size_t own) {
   }
 }
 
-void Simplifier::add_quadrics(std::size_t own) {
-  quadrics_.resize(vertices_.size());
+void Simplifier::add_clusters(std::size_t own) {
+  clusters_.resize(vertices_.size());
   for (std::uint32_t u = 0; u < own; ++u) {
-    Quadric& q = quadrics_[u];
+    auto& [q, box] = clusters_[u];
     const Vertex& v = vertices_[u];
+    box.add(GridPoint{v.p});
     gather_ring(u, ring_);
     const std::uint32_t once = stamp_ + 1;
     for (const std::uint32_t* it = faces_begin(v); it != faces_end(v); ++it) {
@@ -130,6 +131,7 @@ void Simplifier::add_quadrics(std::size_t own) {
       const Vec3 unit = length > 0 ? Vec3{n[0] / length, n[1] / length, n[2] / length} : Vec3{};
       q.add_plane(unit, length / 2);
       for (const std::uint32_t x : f.corner) {
+        box.add(GridPoint{vertices_[x].p});
         if (x == u || vertices_[x].mark != once) continue;
         // A border edge: the plane through it that stands upright on its face.
         const Vec3 e = between(v, vertices_[x]);
@@ -150,11 +152,11 @@ Patch Simplifier::take_rest(std::size_t own, std::vector<std::uint32_t>& place) 
     if (vertices_[i].first != kNone) place.push_back(i);
   rest.vertices.reserve(place.size());
   rest.number.reserve(place.size());
-  rest.quadrics.reserve(place.size());
+  rest.clusters.reserve(place.size());
   for (const std::uint32_t i : place) {
     rest.vertices.push_back({vertices_[i].p, vertices_[i].depth});
     rest.number.push_back(input_number_[i]);
-    rest.quadrics.push_back(quadrics_[i]);
+    rest.clusters.push_back(clusters_[i]);
   }
   rest.faces.reserve(faces_left_);
   for (const Face& f : faces_)
