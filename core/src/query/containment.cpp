@@ -31,30 +31,41 @@ int sign(Int x) {
 
 /// Conservative tests of one ray against boxes in the solid's grid.
 ///
-/// First the box along the lattice's axes, exact. Then, for turned solids, the shadow of the box itself on the plane
-/// (u, v): a hexagon whose sides run along the shadows of the grid's axes, tested in doubles along their normals n.
+/// First the box along the lattice's axes, exact. Then, for turned solids, in doubles along six axes n: the normals of
+/// the sides of the box's shadow on the plane (u, v), a hexagon whose sides run along the shadows of the grid's axes;
+/// and the grid's axes themselves, along each of which the ray goes one way for ever.
 /// In lattice cells relative to the frame's translation all magnitudes are below 2^41: positions in the grid span at
 /// most sqrt(3) 2^38 cells, the ray starts within the solid's box, and |n| < 1.00002 (check_pose). Fewer than 64
 /// roundings of values below 2^41 err by less than 2^-6 in all, and pose_point moves a corner by at most half a cell
-/// on each axis, that is kError and kReach. Coordinates of boxes and differences of positions are exact.
+/// on each axis, that is kError and kReach. Coordinates of boxes and differences of positions are exact, and so is the
+/// way that the ray goes, an integer's sign.
 class RayTest {
  public:
   RayTest(const PosedFrame& frame, const Ray& ray) : frame_(frame), ray_(ray) {
-    const int axes[2] = {(ray.axis + 1) % 3, (ray.axis + 2) % 3};
-    std::array<std::array<double, 3>, 2> unit{};
-    for (std::size_t k = 0; k < 2; ++k) {
-      const auto row = static_cast<std::size_t>(axes[k]);
-      from_[k] = static_cast<double>(ray.from[axes[k]] - frame.translation[row]);
-      for (std::size_t i = 0; i < 3; ++i) {
-        unit[k][i] = static_cast<double>(frame.rotation[3 * row + i]) * 0x1p-30;
-        shadow_[k][i] = std::ldexp(unit[k][i], 30 - frame.shift);
-      }
-    }
-    for (std::size_t i = 0; i < 3; ++i) {
-      normals_[i] = {-unit[1][i], unit[0][i]};
+    for (std::size_t k = 0; k < 3; ++k) {
+      from_[k] = static_cast<double>(ray.from.v[k] - frame.translation[k]);
       for (std::size_t j = 0; j < 3; ++j)
-        spread_[i][j] = std::abs(normals_[i][0] * shadow_[0][j] + normals_[i][1] * shadow_[1][j]);
+        step_[k][j] = std::ldexp(static_cast<double>(frame.rotation[3 * k + j]), -frame.shift);
     }
+    const auto w = static_cast<std::size_t>(ray.axis), u = (w + 1) % 3, v = (w + 2) % 3;
+    const auto unit = [&frame](std::size_t k, std::size_t i) {
+      return static_cast<double>(frame.rotation[3 * k + i]) * 0x1p-30;
+    };
+    for (std::size_t i = 0; i < 3; ++i) {
+      Axis& side = axes_[i];
+      side.normal[u] = -unit(v, i);
+      side.normal[v] = unit(u, i);
+      Axis& own = axes_[3 + i];
+      for (std::size_t k = 0; k < 3; ++k) own.normal[k] = unit(k, i);
+      own.goes_up = ray.upward == (own.normal[w] > 0) && own.normal[w] != 0;
+      own.goes_down = ray.upward == (own.normal[w] < 0) && own.normal[w] != 0;
+    }
+    for (Axis& axis : axes_)
+      for (std::size_t j = 0; j < 3; ++j) {
+        axis.spread[j] = std::abs(axis.normal[0] * step_[0][j] + axis.normal[1] * step_[1][j] +
+                                  axis.normal[2] * step_[2][j]);
+        axis.room += kReach * std::abs(axis.normal[j]);
+      }
   }
 
   /// False: no posed triangle with corners in the box meets the ray from p'.
@@ -65,28 +76,32 @@ class RayTest {
       if (ray_.from[k] < bounds.lo[k] && (k != ray_.axis || !ray_.upward)) return false;
     }
     const CenteredBox b = centered(box);
-    std::array<double, 2> between{};
-    for (std::size_t k = 0; k < 2; ++k)
-      between[k] = from_[k] - (shadow_[k][0] * b.center[0] + shadow_[k][1] * b.center[1] +
-                               shadow_[k][2] * b.center[2]);
-    for (std::size_t i = 0; i < 3; ++i) {
-      const auto& n = normals_[i];
-      const double reach = spread_[i][0] * b.half[0] + spread_[i][1] * b.half[1] +
-                           spread_[i][2] * b.half[2] + kReach * (std::abs(n[0]) + std::abs(n[1]));
-      if (std::abs(n[0] * between[0] + n[1] * between[1]) > reach + kError) return false;
-    }
-    return true;
+    std::array<double, 3> between{};  // from the box's centre to where the ray starts
+    for (std::size_t k = 0; k < 3; ++k)
+      between[k] = from_[k] - (step_[k][0] * b.center[0] + step_[k][1] * b.center[1] +
+                               step_[k][2] * b.center[2]);
+    return std::none_of(axes_.begin(), axes_.end(), [&](const Axis& axis) {
+      const auto& n = axis.normal;
+      const double along = n[0] * between[0] + n[1] * between[1] + n[2] * between[2];
+      const double reach = axis.spread[0] * b.half[0] + axis.spread[1] * b.half[1] +
+                           axis.spread[2] * b.half[2] + axis.room;
+      return (along > reach && !axis.goes_down) || (-along > reach && !axis.goes_up);
+    });
   }
 
  private:
   static constexpr double kReach = 0.5, kError = 0x1p-6;
+  struct Axis {
+    std::array<double, 3> normal{}, spread{};  // spread: a step of each of the grid's axes along it
+    double room = kError;
+    bool goes_up = false, goes_down = false;  // the ray, along it; neither: it stays where it is
+  };
 
   const PosedFrame& frame_;
   const Ray& ray_;
-  std::array<double, 2> from_{};                   // of the ray, on (u, v)
-  std::array<std::array<double, 3>, 2> shadow_{};  // [k][i]: step of grid axis i along u or v
-  std::array<std::array<double, 2>, 3> normals_{};
-  std::array<std::array<double, 3>, 3> spread_{};  // [i][j]: step of grid axis j along normal i
+  std::array<double, 3> from_{};                 // of the ray
+  std::array<std::array<double, 3>, 3> step_{};  // [k][j]: of grid axis j along lattice axis k
+  std::array<Axis, 6> axes_{};
 };
 
 /// How often the triangle's outline, seen against axis w, runs round p': 1, 0 or -1.

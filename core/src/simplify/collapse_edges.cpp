@@ -160,11 +160,12 @@ bool Simplifier::is_legal(std::uint32_t u, const Choice& choice, Rule rule) {
   if (rule == Rule::kNothing) return true;
   const std::uint32_t s = choice.partner();
   bool is_tetrahedron = false;
-  if (!choice.may_break() && !keeps_topology(u, s, is_tetrahedron)) return false;
+  const bool keeps = keeps_topology(u, s, is_tetrahedron);
+  if (!keeps && !choice.may_break()) return false;
   if (is_tetrahedron || rule == Rule::kNoNormals) return true;
   const Vertex& v = vertices_[u];
   return std::all_of(faces_begin(v), faces_end(v),
-                     [&](std::uint32_t face) { return keeps_normal(faces_[face], u, s, rule); });
+                     [&](std::uint32_t face) { return keeps_normal(faces_[face], u, s, choice.may_break() && keeps && rule == Rule::kAll ? Rule::kNoOriginalNormal : rule); });
 }
 
 /// The link condition; where an end is not manifold, only that no two faces become one. The last
