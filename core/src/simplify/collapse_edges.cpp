@@ -50,8 +50,8 @@ Vec3 Simplifier::normal_of(const Face& f) const {
   return cross(between(v, vertices_[f.corner[1]]), between(v, vertices_[f.corner[2]]));
 }
 
-/// Chiefly how large the merged node's box would be: what meets a body asks for the nodes whose boxes it
-/// meets, so as in trees built for rays the area of their sides says how many these will be.
+/// How far the surface moves, and how large the merged node's box would be. What meets a body asks for the nodes whose
+/// boxes it meets, and as in trees built for rays the area of their sides says how many these will be.
 double Simplifier::cost_of(std::uint32_t u, std::uint32_t s) const {
   const Cluster& from = clusters_[u];
   GridBox box = from.box;
@@ -59,11 +59,10 @@ double Simplifier::cost_of(std::uint32_t u, std::uint32_t s) const {
   Vec3 side;
   for (int k = 0; k < 3; ++k)
     side[static_cast<std::size_t>(k)] = static_cast<double>(box.hi[k]) - box.lo[k];
+  const double area = side[0] * side[1] + side[1] * side[2] + side[2] * side[0];
   const Vec3 d = between(vertices_[u], vertices_[s]);
-  const double weight = from.quadric.total_weight();
-  const double distance2 = weight > 0 ? from.quadric.error(d) / weight : 0;
-  return side[0] * side[1] + side[1] * side[2] + side[2] * side[0] + kErrorWeight * distance2 +
-         kLengthWeight * dot(d, d);
+  return error_weight_ * from.quadric.error(d) +
+         from.quadric.total_weight() * (area + kLengthWeight * dot(d, d));
 }
 
 void Simplifier::set_choice(std::uint32_t u, const Choice& choice) {
@@ -104,8 +103,8 @@ void Simplifier::choose_next(std::uint32_t u) {
     if (vertices_[x].is_locked) continue;
     const double cost = cost_of(u, x);
     const std::uint32_t depth = std::max(vertices_[u].depth, vertices_[x].depth);
-    for (const bool may_break : {false, true}) {
-      const Choice choice(may_break ? cost * kBreakingFactor : cost, depth, x, may_break);
+    for (const bool is_dear : {false, true}) {
+      const Choice choice(is_dear ? cost * kDearFactor : cost, depth, x, is_dear);
       if (choice.value > present) best.value = std::min(best.value, choice.value | 1U);
     }
   }
@@ -132,7 +131,8 @@ void Simplifier::collapse_edges(Rule rule, std::uint32_t limit, std::vector<std:
   for (std::uint32_t u = 0; u < vertices_.size(); ++u)
     if (vertices_[u].count > 0 && !vertices_[u].is_locked) choose(u);
   effort_ = 0;
-  while (!is_done() && !queue_.is_empty() && effort_ <= kPatience * (faces_in_ + 64)) {
+  while (!is_done() && faces_left_ > pause_faces_ && !queue_.is_empty() &&
+         effort_ <= kPatience * (faces_in_ + 64)) {
     const auto u = static_cast<std::uint32_t>(queue_.top());
     const auto rank = static_cast<std::uint32_t>(queue_.top() >> 32);
     if (rank > limit) break;
@@ -161,11 +161,14 @@ bool Simplifier::is_legal(std::uint32_t u, const Choice& choice, Rule rule) {
   const std::uint32_t s = choice.partner();
   bool is_tetrahedron = false;
   const bool keeps = keeps_topology(u, s, is_tetrahedron);
-  if (!keeps && !choice.may_break()) return false;
+  if (!keeps && !choice.is_dear()) return false;
   if (is_tetrahedron || rule == Rule::kNoNormals) return true;
+  // What is dear is granted one fault of the two.
+  const bool may_turn = rule == Rule::kNoOriginalNormal || (choice.is_dear() && keeps);
   const Vertex& v = vertices_[u];
-  return std::all_of(faces_begin(v), faces_end(v),
-                     [&](std::uint32_t face) { return keeps_normal(faces_[face], u, s, choice.may_break() && keeps && rule == Rule::kAll ? Rule::kNoOriginalNormal : rule); });
+  return std::all_of(faces_begin(v), faces_end(v), [&](std::uint32_t face) {
+    return keeps_normal(faces_[face], u, s, may_turn);
+  });
 }
 
 /// The link condition; where an end is not manifold, only that no two faces become one. The last
@@ -203,7 +206,8 @@ bool Simplifier::keeps_topology(std::uint32_t u, std::uint32_t s, bool& is_tetra
   return true;
 }
 
-bool Simplifier::keeps_normal(const Face& f, std::uint32_t u, std::uint32_t s, Rule rule) const {
+bool Simplifier::keeps_normal(const Face& f, std::uint32_t u, std::uint32_t s,
+                              bool may_turn) const {
   const int at = f.corner[0] == u ? 0 : f.corner[1] == u ? 1 : 2;
   const std::uint32_t a = f.corner[(at + 1) % 3], b = f.corner[(at + 2) % 3];
   if (a == s || b == s) return true;  // vanishes
@@ -216,7 +220,7 @@ bool Simplifier::keeps_normal(const Face& f, std::uint32_t u, std::uint32_t s, R
     const double turn = dot(before, after);
     if (turn <= 0 || turn * turn < kLeastCosine * kLeastCosine * before2 * after2) return false;
   }
-  if (rule == Rule::kAll && f.normal != 0) {
+  if (!may_turn && f.normal != 0) {
     const Vec3 original = unpack_normal(f.normal);
     const double turn = dot(original, after);
     constexpr double kLeast2 = kLeastCosineToInput * kLeastCosineToInput;

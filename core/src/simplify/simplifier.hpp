@@ -25,17 +25,18 @@ inline constexpr std::uint32_t kNone = 0xffffffffU;
 /// measured on open vehicles: from 100 on the borders keep so many faces that the surface between
 /// them suffers.)
 inline constexpr double kBorderWeight = 10;
-/// A collapse that breaks the topology costs this much more, that is, waits until it is eight times
-/// nearer than one that does not. Forbidding it altogether grinds down whatever is well connected
-/// before it touches debris: five times the error on a truck of 59 components; manifold meshes are
-/// the same either way.
-inline constexpr double kBreakingFactor = 64;
-/// Weight of the squared distance from the planes merged so far, against 1 for the area of the sides
-/// of the merged box. Boxes decide what an answer takes, the distance only how the coarse levels look:
-/// measured in ARCHITECTURE.md.
-inline constexpr double kErrorWeight = 10;
-/// Weight of a collapse's squared length: the shortest goes first among boxes that are alike, or flat.
-inline constexpr double kLengthWeight = 0.01;
+/// A collapse that breaks the topology, or turns a face too far from the input's normal, costs this much more, that is,
+/// waits until its box is an eighth as large as those of others. Forbidding the first altogether grinds down whatever is
+/// well connected before it touches debris: five times the error on a truck of 59 components; manifold meshes are the same
+/// either way. Forbidding the second keeps small rings until all else is gone.
+inline constexpr double kDearFactor = 64;
+/// Weight of the squared distance from the planes merged so far, against 1 for the area of the merged box's sides (both
+/// times the area of the faces that move): until one face of kCoarseShare is left, and from there on. Boxes decide what an
+/// answer takes, distances how the coarse levels look: measured in ARCHITECTURE.md.
+inline constexpr double kFineErrorWeight = 1000, kCoarseErrorWeight = 30;
+inline constexpr std::uint64_t kCoarseShare = 10;
+/// That of the squared length of the collapse: of those that are alike the shortest goes first.
+inline constexpr double kLengthWeight = 0.1;
 /// A face may turn by 78 degrees in one collapse, and by 60 since the input.
 inline constexpr double kLeastCosine = 0.2;
 inline constexpr double kLeastCosineToInput = 0.5;
@@ -43,7 +44,7 @@ inline constexpr double kLeastCosineToInput = 0.5;
 /// What a collapse must respect; each rule is tried only when the one before it allows nothing
 /// more.
 enum class Rule : std::uint8_t {
-  kAll,
+  kAll,  ///< what is dear may break the topology, or turn a face further from the input
   kNoOriginalNormal,  ///< turns may add up
   kNoNormals,         ///< faces may flip; breaking the topology stays dear
   kNothing,           ///< nothing is tested
@@ -165,16 +166,15 @@ inline std::uint32_t rank_of(double cost, std::uint32_t depth) {
 }
 
 /// A way for a vertex to go: cheapest first, ties to the shallower pair, then to the lower partner.
-/// All in one number: 32 bits of rank, 30 of partner, may it break the topology, was another tried
-/// before.
+/// All in one number: 32 bits of rank, 30 of partner, is it dear (kDearFactor), was another tried before.
 struct Choice {
   static constexpr std::uint64_t kNever = std::numeric_limits<std::uint64_t>::max();
   std::uint64_t value = kNever;
 
   Choice() = default;
-  Choice(double cost, std::uint32_t depth, std::uint32_t partner, bool may_break)
+  Choice(double cost, std::uint32_t depth, std::uint32_t partner, bool is_dear)
       : value(std::uint64_t{rank_of(cost, depth)} << 32 | partner << 2 |
-              std::uint64_t{may_break} << 1) {}
+              std::uint64_t{is_dear} << 1) {}
   Choice(std::uint64_t key, std::uint32_t low) : value((key >> 32 << 32) | low) {}
 
   [[nodiscard]] std::uint64_t key(std::uint32_t vertex) const {
@@ -182,7 +182,7 @@ struct Choice {
   }
   [[nodiscard]] std::uint32_t low() const { return static_cast<std::uint32_t>(value); }
   [[nodiscard]] std::uint32_t partner() const { return low() >> 2; }
-  [[nodiscard]] bool may_break() const { return (value & 2) != 0; }
+  [[nodiscard]] bool is_dear() const { return (value & 2) != 0; }
   [[nodiscard]] bool is_second() const { return (value & 1) != 0; }
 };
 inline constexpr std::size_t kMaxVertices = std::size_t{1} << 30;
@@ -202,7 +202,12 @@ class Simplifier {
   /// Called with a share in [0, 1] of the faces that are to go.
   void on_progress(std::function<void(double)> report) { on_progress_ = std::move(report); }
 
-  /// Collapses the cheapest until the target is reached or nothing is left whose rank is at most `limit`.
+  /// What follows is weighed so, and pauses when so many faces are left.
+  void start_phase(double error_weight, std::uint64_t pause_faces) {
+    error_weight_ = error_weight;
+    pause_faces_ = pause_faces;
+  }
+  /// Collapses the cheapest until the target or the pause is reached or nothing is left whose rank is at most `limit`.
   /// `ranks` is called with the rank of each.
   void collapse_edges(Rule rule, std::uint32_t limit = kNone,
                       std::vector<std::uint32_t>* ranks = nullptr);
@@ -247,7 +252,8 @@ class Simplifier {
   void set_choice(std::uint32_t u, const Choice& choice);
   [[nodiscard]] bool is_legal(std::uint32_t u, const Choice& choice, Rule rule);
   [[nodiscard]] bool keeps_topology(std::uint32_t u, std::uint32_t s, bool& is_tetrahedron);
-  [[nodiscard]] bool keeps_normal(const Face& f, std::uint32_t u, std::uint32_t s, Rule rule) const;
+  [[nodiscard]] bool keeps_normal(const Face& f, std::uint32_t u, std::uint32_t s,
+                                  bool may_turn) const;
 
   // Doing.
   void collapse(std::uint32_t u, std::uint32_t s);
@@ -263,7 +269,8 @@ class Simplifier {
   [[nodiscard]] std::uint32_t nearest_base(std::uint32_t v, std::size_t begin,
                                            std::size_t end) const;
 
-  std::uint64_t target_faces_;
+  std::uint64_t target_faces_, pause_faces_ = 0;
+  double error_weight_ = kFineErrorWeight;
   int code_shift_;
   std::uint64_t faces_in_ = 0, faces_left_ = 0;
   std::uint64_t effort_ = 0;  ///< faces looked at for collapses that were refused

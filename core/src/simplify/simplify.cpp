@@ -30,6 +30,9 @@ CollapseLog simplify(const GridMesh& mesh, const SimplifyOptions& options) {
   if (options.on_progress)
     simplifier.on_progress([&](double share) { options.on_progress(done + (1 - done) * share); });
   if (!simplifier.is_done()) log.stop = StopReason::kReachedTarget;
+  simplifier.start_phase(kFineErrorWeight, mesh.faces.size() / kCoarseShare);
+  simplifier.collapse_edges(Rule::kAll);
+  simplifier.start_phase(kCoarseErrorWeight, 0);
   for (const Rule rule : kRules)
     if (!simplifier.is_done()) simplifier.collapse_edges(rule);
   log.clustered = simplifier.merge_isolated();

@@ -169,7 +169,7 @@ TEST(CollectCoverage, BringsALargeFaceThatHasNoVertexInTheRegion) {
       mesh.faces.push_back({f[0] + first, f[1] + first, f[2] + first});
   }
   mesh.faces.push_back({50, count + 51, 2 * count + 52});
-  const BakedModel model = test::bake_mesh(mesh, 16);
+  const BakedModel model = test::bake_mesh(mesh, 4);  // a larger base holds the large face
   const auto all = test::all_faces(model.store);
   const auto box_of = [&](const SplitFace& face) {
     GridBox box;
@@ -422,7 +422,7 @@ TEST(CollectRegion, StopsAtTheLeastExtent) {
       GridBox{{0, 0, 0}, {model.store.grid_max(), model.store.grid_max(), model.store.grid_max()}}};
   const Demand all = collect(model.store, request, nullptr).value();
   std::size_t finer = all.treelet.size() + 1;
-  for (const std::int32_t extent : {1 << 16, 1 << 19, 1 << 21}) {
+  for (const std::int32_t extent : {1 << 16, 1 << 18, 1 << 20}) {
     request.region[0].min_extent = extent;
     const Demand some = collect(model.store, request, nullptr).value();
     EXPECT_LT(some.treelet.size(), finer);

@@ -421,7 +421,7 @@ TEST(Contacts, AreTheSameBitsOnEveryMachine) {
     }
   }
   EXPECT_GT(segments, 300U);
-  EXPECT_EQ(hash, 3108823861846183832U);
+  EXPECT_EQ(hash, 11437440862670415025U);
 }
 
 TEST(Contacts, OfSegmentsHaveNoNormal) {

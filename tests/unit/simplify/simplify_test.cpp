@@ -312,7 +312,7 @@ TEST(Simplify, GivesTheSameLogForTheSameInput) {
 }
 
 TEST(Simplify, GivesTheSameLogOnEveryMachine) {
-  EXPECT_EQ(hash_of(run(rough_terrain(48), 64)), 5779224306315160610ULL);
+  EXPECT_EQ(hash_of(run(rough_terrain(48), 64)), 1759262865400711756ULL);
 }
 
 void expect_closed_manifold(const GridMesh& mesh, std::uint32_t base_faces) {
@@ -480,7 +480,7 @@ TEST(SimplifyInCells, GivesTheSameLogOnAnyThreadsOfASoup) {
 }
 
 TEST(SimplifyInCells, GivesTheSameLogOnEveryMachine) {
-  EXPECT_EQ(hash_of(run(rough_terrain(260), 256)), 5729946690295680481ULL);
+  EXPECT_EQ(hash_of(run(rough_terrain(260), 256)), 6466816091858026778ULL);
 }
 
 TEST(SimplifyInCells, ReachesTargetOnTerrain) { expect_reached(rough_terrain(260), 256); }

@@ -162,7 +162,7 @@ TEST(CodecBatches, ComeFromAPartOfTheModelToo) {
   SplitStore part(model.header), passed_on(model.header);
   fill(part, model.store, random_treelet(random, model, 2000));
   std::size_t without_box = 0;
-  for (int i = 0; i < 20; ++i) {
+  for (int i = 0; i < 80; ++i) {
     RegionRequest request{.attach = {}, .region = {part.box(part.roots()[0].node)}};
     for (const BaseRoot& root : part.roots())
       if (root.node.size > 1) request.attach.push_back(root.node);

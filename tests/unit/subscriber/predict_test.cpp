@@ -4,6 +4,7 @@
 #include "brute_force.hpp"
 #include "moving.hpp"
 #include "nearmesh/core/abtree/ab_tree.hpp"
+#include "nearmesh/core/geometry/box_overlap.hpp"
 #include "nearmesh/core/refine/replica.hpp"
 #include "test_models.hpp"
 
@@ -97,7 +98,7 @@ TEST(SweptRegion, CoversEveryFaceAtEveryTimeOfTheLookAhead) {
       const double t = scene.lookahead_s * sample / 4;
       const Pose own_pose = moved(own_motion, t), other_pose = moved(other_motion, t);
       for (const test::KeyedFace& face : faces) {
-        Vector lo{1e300, 1e300, 1e300}, hi{-1e300, -1e300, -1e300};
+        DoubleTriangle corners{};
         std::vector<GridBox> points;  // corners, each moved by the margin, any way
         for (const VertexId corner : face.face.corners()) {
           const Vector at =
@@ -107,8 +108,7 @@ TEST(SweptRegion, CoversEveryFaceAtEveryTimeOfTheLookAhead) {
           GridBox point;
           for (int k = 0; k < 3; ++k) {
             const auto i = static_cast<std::size_t>(k);
-            lo[i] = std::min(lo[i], at[i] - margin);
-            hi[i] = std::max(hi[i], at[i] + margin);
+            corners[points.size()][i] = at[i];
             const double moved_to = at[i] + turn[i] * margin;
             point.lo[k] = static_cast<std::int32_t>(std::floor(moved_to));
             point.hi[k] = static_cast<std::int32_t>(std::ceil(moved_to));
@@ -120,10 +120,11 @@ TEST(SweptRegion, CoversEveryFaceAtEveryTimeOfTheLookAhead) {
           return std::all_of(points.begin(), points.end(),
                              [&](const GridBox& point) { return part.meets(point); });
         };
-        bool apart = false;
-        for (int k = 0; k < 3; ++k)
-          apart = apart || hi[static_cast<std::size_t>(k)] < root.lo[k] ||
-                  lo[static_cast<std::size_t>(k)] > root.hi[k];
+        CenteredBox reach = centered(root);
+        for (double& half : reach.half) half += margin;
+        const bool apart = box_triangle_apart(
+            make_relative_frame(a.header.grid, own_pose, b.header.grid, other_pose), reach,
+            corners);
         const bool is_covered = std::any_of(region.begin(), region.end(), inside);
         ++(is_covered ? covered : out_of_reach);
         ASSERT_TRUE(is_covered || apart) << "time " << t;

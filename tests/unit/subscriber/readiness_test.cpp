@@ -261,8 +261,8 @@ TEST(RegionReadiness, ResolvedMeansThatEveryFaceThereIsHere) {
   for (int i = 0; i < 2000; ++i) {
     Vector lo_m{}, hi_m{};
     for (std::size_t k = 0; k < 3; ++k) {
-      lo_m[k] = touching.translation_m[k] + random.between(-300, 300);
-      hi_m[k] = lo_m[k] + random.between(0, 200);
+      lo_m[k] = touching.translation_m[k] + random.between(-100, 100);
+      hi_m[k] = lo_m[k] + random.between(0, 100);
     }
     const RegionReadiness ready = subscriber::lacks_in_box(local.view(), lo_m, hi_m);
     EXPECT_EQ(ready.resolved, ready.unresolved_nodes == 0 && ready.reason.empty());
