@@ -3,6 +3,7 @@
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
 
+#include <algorithm>
 #include <assimp/Importer.hpp>
 #include <cstring>
 #include <nlohmann/json.hpp>
@@ -95,12 +96,17 @@ TEST_F(Export, ExactFacesAreThoseOfTheFullMesh) {
       EXPECT_TRUE(mesh.split(u, delta));
     return mesh;
   }();
+  // Which corner comes first follows from the forest, and the recorded model's may be another.
+  const auto from_least = [](std::array<Vector, 3> at) {
+    std::rotate(at.begin(), std::min_element(at.begin(), at.end()), at.end());
+    return at;
+  };
   std::set<std::array<Vector, 3>> original;
   for (const ActiveFace& face : extract_faces(full)) {
     std::array<Vector, 3> at;
     for (std::size_t k = 0; k < 3; ++k)
       at[k] = position_m(ground.header, ground.store, face.corners[k]);
-    original.insert(at);
+    original.insert(from_least(at));
   }
   const SceneBody& body = scene_.bodies[0];  // the ground, which lies where its model says
   std::size_t exact = 0, coarse = 0;
@@ -111,7 +117,7 @@ TEST_F(Export, ExactFacesAreThoseOfTheFullMesh) {
       at[k] = body.positions_world_m[face[k]];
       is_exact = is_exact && body.eps_m[face[k]] == 0;
     }
-    EXPECT_TRUE(!is_exact || original.contains(at));
+    EXPECT_TRUE(!is_exact || original.contains(from_least(at)));
     ++(is_exact ? exact : coarse);
   }
   EXPECT_GT(exact, 20U);

@@ -119,7 +119,7 @@ TEST(Session, CertifiesAWholeFlightUnderAllFaultsAtOnce) {
 }
 
 TEST(Session, AnySingleBatchMayBeLost) {
-  const Flight flight = make_flight(3, 2);
+  const Flight flight = make_flight(5, 2);
   std::uint64_t batches = 1;  // of a flight; more where a loss brings repeats
   for (std::uint64_t lost = 0; lost < batches; ++lost) {
     SCOPED_TRACE("batch " + std::to_string(lost) + " lost");
@@ -643,7 +643,7 @@ TEST(Session, MakesProgressWithoutBudget) {
   SessionOptions options = quick_options();
   options.request_splits = 4096;
   const auto session = world.make_peer(options);
-  const Flight flight = make_flight(2);
+  const Flight flight = make_flight(3);
   // One batch an update, whatever the budget.
   std::uint64_t most_waiting = 0, waiting = 0;
   world.on_report = [&](const FrameReport& report) {
