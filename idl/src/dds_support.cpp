@@ -3,9 +3,6 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
-#include <ctime>
-#include <limits>
 #include <sstream>
 
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
@@ -94,62 +91,6 @@ Microseconds now_us() {
   Timestamp time;
   Timestamp::now(time);
   return to_us(time);
-}
-
-// --- Mailbox
-
-void Mailbox::wake() {
-  {
-    const std::lock_guard lock(mutex_);
-    awake_ = true;
-  }
-  condition_.notify_all();
-}
-
-void Mailbox::wait(double seconds) {
-  std::unique_lock lock(mutex_);
-  condition_.wait_for(lock, std::chrono::duration<double>(seconds), [this] { return awake_; });
-  awake_ = false;
-}
-
-void Mailbox::complain(std::string line) {
-  // Names that others chose are in it, and it goes to terminals and logs.
-  line.resize(std::min(line.size(), kMaxLine));
-  std::replace_if(
-      line.begin(), line.end(), [](char c) { return c < 0x20 || c > 0x7e; }, '?');
-  {
-    const std::lock_guard lock(mutex_);
-    const Clock::time_point now = Clock::now();
-    const auto is_over = [&](Clock::time_point said) { return now - said >= quiet_; };
-    if (const auto known = said_.find(line); known != said_.end() && !is_over(known->second))
-      return;
-    if (said_.size() >= kMaxComplaints)
-      std::erase_if(said_, [&](const auto& said) { return is_over(said.second); });
-    if (said_.size() >= kMaxComplaints) {
-      ++dropped_complaints_;
-      return;
-    }
-    said_[line] = now;
-    complaints_.push_back(std::move(line));
-    awake_ = true;
-  }
-  condition_.notify_all();
-}
-
-std::vector<std::string> Mailbox::take_complaints() {
-  const std::lock_guard lock(mutex_);
-  std::vector<std::string> taken = std::exchange(complaints_, {});
-  if (dropped_complaints_ > 0 && Clock::now() - told_dropped_ >= quiet_) {
-    taken.push_back(std::to_string(std::exchange(dropped_complaints_, 0)) +
-                    " more complaints were not kept");
-    told_dropped_ = Clock::now();
-  }
-  return taken;
-}
-
-bool Mailbox::has_complaints() {
-  const std::lock_guard lock(mutex_);
-  return !complaints_.empty();
 }
 
 // --- Listeners
@@ -386,44 +327,6 @@ std::vector<Handle> SilenceWatch::take_silent(double now_s) {
     return true;
   });
   return silent;
-}
-
-// --- StopDetector
-
-StopDetector::StopDetector(Mailbox& mailbox, double lease_s)
-    : mailbox_(mailbox), thread_([this, lease_s] { watch(lease_s); }) {}
-
-StopDetector::~StopDetector() {
-  {
-    const std::lock_guard lock(mutex_);
-    ending_ = true;
-  }
-  condition_.notify_all();
-  thread_.join();
-}
-
-void StopDetector::watch(double lease_s) {
-  // The one clock that also counts while the machine is suspended.
-  const auto now_s = [] {
-    timespec time{};
-    clock_gettime(CLOCK_BOOTTIME, &time);
-    return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-  };
-  constexpr double kAgain_s = 1;
-  const std::chrono::duration<double> period(std::min(lease_s / 8, 0.5));
-  double again_s = std::numeric_limits<double>::infinity();
-  std::unique_lock lock(mutex_);
-  for (double last = now_s(); !ending_;) {
-    condition_.wait_for(lock, period, [this] { return ending_; });
-    const double now = now_s();
-    if (again_.exchange(false)) again_s = now + kAgain_s;
-    if (now - last > 0.75 * lease_s || now >= again_s) {
-      again_s = std::numeric_limits<double>::infinity();
-      stopped_ = true;
-      mailbox_.wake();
-    }
-    last = now;
-  }
 }
 
 // --- Bus

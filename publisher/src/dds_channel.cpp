@@ -7,6 +7,7 @@
 
 #include "dds_peers.hpp"
 #include "nearmesh/core/base/hash.hpp"
+#include "nearmesh/wire/rejoin_watch.hpp"
 
 namespace nearmesh::publisher {
 
@@ -69,13 +70,12 @@ class DdsChannel::Impl {
   wire::fdds::DataWriter* status_writer_ = nullptr;
   wire::fdds::DataReader* rival_reader_ = nullptr;
   std::unique_ptr<wire::Bus> bus_;  ///< last: goes first, while the listeners still live
-  std::unique_ptr<wire::StopDetector> stops_;
+  std::unique_ptr<wire::RejoinWatch> rejoin_watch_;
 };
 
 Status DdsChannel::Impl::start() {
-  NEARMESH_RETURN_IF_ERROR(open());
-  stops_ = std::make_unique<wire::StopDetector>(mailbox_, options_.transport.lease_s);
-  return Status::ok();
+  rejoin_watch_ = std::make_unique<wire::RejoinWatch>(mailbox_, options_.transport);
+  return open();
 }
 
 Status DdsChannel::Impl::open() {
@@ -206,7 +206,7 @@ void DdsChannel::Impl::withdraw_headers(const std::vector<wire::MeshHeader>& kep
   });
 }
 
-/// After the process was stopped: as a new participant, with the same session. Every peer starts
+/// When the watch says so: as a new participant, with the same session. Every peer starts
 /// afresh.
 void DdsChannel::Impl::rejoin() {
   bus_.reset();
@@ -215,16 +215,16 @@ void DdsChannel::Impl::rejoin() {
   rivals_.clear();
   (void)rival_listener_.take_matches();
   if (const Status status = open(); !status.is_ok()) {
-    mailbox_.complain("could not join again after a stop: " + status.message());
+    mailbox_.complain("could not join again: " + status.message());
     bus_.reset();
-    stops_->try_again();
+    rejoin_watch_->try_again();
     return;
   }
   if (own_id_ != 0) announce(hello_, headers_);
 }
 
 Inbox DdsChannel::Impl::take() {
-  if (stops_->take_stop()) rejoin();
+  if (rejoin_watch_->take_due()) rejoin();
   if (bus_ == nullptr) return {peers_.take_lost(), {}};
   take_rivals();
   find_conflicts();

@@ -15,6 +15,7 @@
 #include "dds_hellos.hpp"
 #include "nearmesh/wire/body_book.hpp"
 #include "nearmesh/wire/dds_support.hpp"
+#include "nearmesh/wire/rejoin_watch.hpp"
 
 namespace nearmesh::subscriber {
 
@@ -209,19 +210,19 @@ void DdsChannel::Impl::wait(double seconds) {
 // --- The I/O thread
 
 void DdsChannel::Impl::run(std::promise<Status> started) {
+  // A participant of the host's is the host's to repair.
+  std::unique_ptr<wire::RejoinWatch> rejoin_watch;
+  if (options_.participant == nullptr)
+    rejoin_watch = std::make_unique<wire::RejoinWatch>(mailbox_, options_.transport);
   const Status opened = open();
   const bool works = opened.is_ok();
   started.set_value(opened);
-  // A participant of the host's is the host's to repair.
-  std::unique_ptr<wire::StopDetector> stops;
-  if (works && options_.participant == nullptr)
-    stops = std::make_unique<wire::StopDetector>(mailbox_, options_.transport.lease_s);
   while (works && !stopping_) {
-    if (stops != nullptr && stops->take_stop()) {
+    if (rejoin_watch != nullptr && rejoin_watch->take_due()) {
       if (const Status status = rejoin(); !status.is_ok()) {
-        mailbox_.complain("could not join again after a stop: " + status.message());
+        mailbox_.complain("could not join again: " + status.message());
         bus_.reset();
-        stops->try_again();
+        rejoin_watch->try_again();
       }
     }
     if (bus_ == nullptr) {
@@ -465,7 +466,7 @@ void DdsChannel::Impl::tell_lost(SessionId publisher) {
   deliver(&Inbox::lost_publishers, std::move(publisher), options_.max_waiting_others, names_.hello);
 }
 
-/// After the process was stopped: as a new participant, with the same session. Every publisher is
+/// When the watch says so: as a new participant, with the same session. Every publisher is
 /// lost and, if it still lives, found again.
 Status DdsChannel::Impl::rejoin() {
   for (const SessionId publisher : hellos_.clear()) tell_lost(publisher);

@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+// Programs that were stopped for longer than their lease, as a machine that was suspended, and resumed before their network is
+// there again.
+
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "network_fixture.hpp"
+#include "probe_peer.hpp"
+
+namespace nearmesh::test {
+namespace {
+
+constexpr double kStopped_s = 3.5;  // more than the lease of three seconds
+constexpr double kAway_s = 3;       // of the network, after the program goes on
+
+void pause(double seconds) { std::this_thread::sleep_for(std::chrono::duration<double>(seconds)); }
+
+/// The interface that programs are told to use: none, which is all there are, or the one that loses its address.
+class Rejoin : public NetworkFixture, public ::testing::WithParamInterface<std::string> {
+ protected:
+  static Exercise on_interface() {
+    Exercise made = exercise();
+    made.interface = GetParam();
+    return made;
+  }
+  /// Stops it, takes its address, and lets it go on without.
+  void resume_without_network(pid_t process, std::size_t host) const {
+    ::kill(process, SIGSTOP);
+    lan.take_address(host);
+    pause(kStopped_s);
+    ::kill(process, SIGCONT);
+    pause(kAway_s);
+  }
+
+  const Lan lan{{{}, {}}};
+  const Folder folder;
+};
+
+TEST_P(Rejoin, PublisherThatResumesBeforeItsNetworkServesOnceThatIsBack) {
+  const Exercise models = on_interface();
+  const auto publisher = serve(lan, folder, models);
+  ProbePeer peer(lan, 1, models);
+  ASSERT_GE(peer.certify_at(0, kDeadline_s), 0) << peer.reason();
+  resume_without_network(publisher->id(), 0);
+  lan.give_address(0, 1);
+  EXPECT_GE(peer.certify_at(1, kDeadline_s), 0) << peer.reason() << "\n" << publisher->err();
+  EXPECT_EQ(peer.wrong(), 0U);
+}
+
+TEST_P(Rejoin, PublisherThatGetsAnotherAddressServesFromThere) {
+  const Exercise models = on_interface();
+  const auto publisher = serve(lan, folder, models);
+  ProbePeer peer(lan, 1, models);
+  ASSERT_GE(peer.certify_at(0, kDeadline_s), 0) << peer.reason();
+  lan.take_address(0);
+  lan.give_address(0, 77);
+  EXPECT_GE(peer.certify_at(1, kDeadline_s), 0) << peer.reason() << "\n" << publisher->err();
+  EXPECT_NE(publisher->err().find("10.77.0.77 now: joining again"), std::string::npos)
+      << publisher->err();
+}
+
+/// The demo's flight from where it comes down into the ground until it leaves it, a few metres a row: nothing down there is
+/// certified without the detail of each place.
+void write_low_flight(const Folder& folder, const Exercise& exercise) {
+  constexpr std::ptrdiff_t kRows = 800, kFrom = 640, kTo = 752;
+  write_flights(folder, exercise, kRows, 20);
+  const std::vector<std::string> lines = lines_of(read_text(folder.file("flight1.csv")));
+  std::string low = lines.front() + "\n";
+  for (std::ptrdiff_t row = kFrom; row < kTo; ++row)
+    low += lines[static_cast<std::size_t>(row) + 1] + "\n";
+  folder.write("flight1.csv", low);
+}
+
+TEST_P(Rejoin, PeerThatResumesBeforeItsNetworkIsServedOnceThatIsBack) {
+  constexpr double kRows_hz = 4;
+  const Exercise models = on_interface();
+  const auto publisher = serve(lan, folder, models);
+  write_low_flight(folder, models);
+  const auto flight = start_flight(lan, 1, folder, models, kRows_hz);
+  std::size_t seen = 0;  // answers
+  const auto says_status = [&](const std::string& status) {
+    return await([&] {
+      std::vector<std::string> lines = lines_of(read_text(folder.file("answers.jsonl")));
+      if (!lines.empty()) lines.pop_back();  // it may be half of one
+      while (seen < lines.size())
+        if (nlohmann::json::parse(lines[seen++]).value("status", "") == status) return true;
+      return false;
+    });
+  };
+  ASSERT_TRUE(says_status("free")) << flight->err();
+  resume_without_network(flight->id(), 1);
+  ASSERT_TRUE(says_status("uncertain")) << flight->err();
+  lan.give_address(1, 2);
+  EXPECT_TRUE(says_status("contact")) << flight->err();
+  flight->signal(SIGINT);
+  ASSERT_EQ(flight->wait(), 0) << flight->err();
+  const std::size_t lines = lines_of(read_text(folder.file("answers.jsonl"))).size();
+  EXPECT_EQ(count_wrong_answers(folder, models, lines - 1), 0U);  // the last is the summary
+}
+
+INSTANTIATE_TEST_SUITE_P(Interface, Rejoin, ::testing::Values("", "e0"), [](const auto& tested) {
+  return tested.param.empty() ? std::string("All") : tested.param;
+});
+
+}  // namespace
+}  // namespace nearmesh::test
