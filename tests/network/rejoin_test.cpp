@@ -15,47 +15,36 @@ namespace {
 constexpr double kStopped_s = 3.5;  // more than the lease of three seconds
 constexpr double kAway_s = 3;       // of the network, after the program goes on
 
-void pause(double seconds) { std::this_thread::sleep_for(std::chrono::duration<double>(seconds)); }
-
 /// The interface that programs are told to use: none, which is all there are, or the one that loses its address.
-class Rejoin : public NetworkFixture, public ::testing::WithParamInterface<std::string> {
+class Rejoin : public ServedFixture, public ::testing::WithParamInterface<std::string> {
  protected:
-  static Exercise on_interface() {
-    Exercise made = exercise();
-    made.interface = GetParam();
-    return made;
-  }
+  void serve_two() { serve_over({{}, {}}, GetParam()); }
   /// Stops it, takes its address, and lets it go on without.
   void resume_without_network(pid_t process, std::size_t host) const {
     ::kill(process, SIGSTOP);
-    lan.take_address(host);
+    lan->take_address(host);
     pause(kStopped_s);
     ::kill(process, SIGCONT);
     pause(kAway_s);
   }
-
-  const Lan lan{{{}, {}}};
-  const Folder folder;
 };
 
 TEST_P(Rejoin, PublisherThatResumesBeforeItsNetworkServesOnceThatIsBack) {
-  const Exercise models = on_interface();
-  const auto publisher = serve(lan, folder, models);
-  ProbePeer peer(lan, 1, models);
+  serve_two();
+  ProbePeer peer(*lan, 1, models);
   ASSERT_GE(peer.certify_at(0, kDeadline_s), 0) << peer.reason();
   resume_without_network(publisher->id(), 0);
-  lan.give_address(0, 1);
+  lan->give_address(0, 1);
   EXPECT_GE(peer.certify_at(1, kDeadline_s), 0) << peer.reason() << "\n" << publisher->err();
   EXPECT_EQ(peer.wrong(), 0U);
 }
 
 TEST_P(Rejoin, PublisherThatGetsAnotherAddressServesFromThere) {
-  const Exercise models = on_interface();
-  const auto publisher = serve(lan, folder, models);
-  ProbePeer peer(lan, 1, models);
+  serve_two();
+  ProbePeer peer(*lan, 1, models);
   ASSERT_GE(peer.certify_at(0, kDeadline_s), 0) << peer.reason();
-  lan.take_address(0);
-  lan.give_address(0, 77);
+  lan->take_address(0);
+  lan->give_address(0, 77);
   EXPECT_GE(peer.certify_at(1, kDeadline_s), 0) << peer.reason() << "\n" << publisher->err();
   EXPECT_NE(publisher->err().find("10.77.0.77 now: joining again"), std::string::npos)
       << publisher->err();
@@ -75,10 +64,9 @@ void write_low_flight(const Folder& folder, const Exercise& exercise) {
 
 TEST_P(Rejoin, PeerThatResumesBeforeItsNetworkIsServedOnceThatIsBack) {
   constexpr double kRows_hz = 4;
-  const Exercise models = on_interface();
-  const auto publisher = serve(lan, folder, models);
+  serve_two();
   write_low_flight(folder, models);
-  const auto flight = start_flight(lan, 1, folder, models, kRows_hz);
+  const auto flight = start_flight(*lan, 1, folder, models, kRows_hz);
   std::size_t seen = 0;  // answers
   const auto says_status = [&](const std::string& status) {
     return await([&] {
@@ -92,7 +80,7 @@ TEST_P(Rejoin, PeerThatResumesBeforeItsNetworkIsServedOnceThatIsBack) {
   ASSERT_TRUE(says_status("free")) << flight->err();
   resume_without_network(flight->id(), 1);
   ASSERT_TRUE(says_status("uncertain")) << flight->err();
-  lan.give_address(1, 2);
+  lan->give_address(1, 2);
   EXPECT_TRUE(says_status("contact")) << flight->err();
   flight->signal(SIGINT);
   ASSERT_EQ(flight->wait(), 0) << flight->err();
