@@ -303,6 +303,32 @@ std::vector<SessionId> SessionBook::clear() {
   return known;
 }
 
+// --- HelloMemory
+
+void HelloMemory::heard(const Hello& hello, const Handle& writer) {
+  // Of a writer that is found again it may be read before the match, and be taken for one from before the loss where the clock
+  // was set back meanwhile: it then counts with the match.
+  bool gone = false;
+  std::erase_if(known_, [&](const Known& known) {
+    if (known.writer != writer) return false;
+    gone = known.gone;
+    return true;
+  });
+  known_.push_back({hello, writer, gone});
+  if (known_.size() > kMaxKnown) known_.pop_front();
+}
+
+void HelloMemory::lost(const Handle& writer) {
+  for (Known& known : known_)
+    if (known.writer == writer) known.gone = true;
+}
+
+const Hello* HelloMemory::found(const Handle& writer) {
+  for (Known& known : known_)
+    if (known.writer == writer && std::exchange(known.gone, false)) return &known.hello;
+  return nullptr;
+}
+
 // --- SilenceWatch
 
 void SilenceWatch::matched(const Handle& writer, double now_s) {

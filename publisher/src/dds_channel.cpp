@@ -50,6 +50,7 @@ class DdsChannel::Impl {
   void withdraw_headers(const std::vector<wire::MeshHeader>& kept);
   void listen_for_rivals(wire::fdds::Topic* hello);
   void take_rivals();
+  void note_rival(wire::Hello hello, const wire::Handle& writer);
   void find_conflicts();
 
   DdsChannelOptions options_;
@@ -59,6 +60,7 @@ class DdsChannel::Impl {
   wire::ReaderListener rival_listener_;
   DdsPeers peers_;
   std::map<wire::Handle, wire::Hello> rivals_;  ///< other publishers, by their writer
+  wire::HelloMemory rival_memory_;
   bool has_news_of_rivals_ = false;
   std::chrono::steady_clock::time_point told_conflicts_{};
   std::map<std::uint64_t, std::string> announced_headers_;  ///< content hash to name
@@ -132,13 +134,24 @@ void DdsChannel::Impl::take_rivals() {
       *rival_reader_, mailbox_, kMaxRivals,
       [this](wire::Hello&& hello, const wire::Handle& writer, wire::Microseconds) {
         if (wire::have_one_participant(writer, hello_writer_->get_instance_handle())) return;
-        if (rivals_.size() >= kMaxRivals && !rivals_.contains(writer)) return;
-        rivals_[writer] = std::move(hello);
-        has_news_of_rivals_ = true;
+        rival_memory_.heard(hello, writer);
+        note_rival(std::move(hello), writer);
       });
   if (more) mailbox_.wake();
-  for (const auto& event : rival_listener_.take_matches())
-    if (event.gone) rivals_.erase(event.writer);
+  for (const auto& event : rival_listener_.take_matches()) {
+    if (event.gone) {
+      rivals_.erase(event.writer);
+      rival_memory_.lost(event.writer);
+    } else if (const wire::Hello* known = rival_memory_.found(event.writer)) {
+      note_rival(*known, event.writer);
+    }
+  }
+}
+
+void DdsChannel::Impl::note_rival(wire::Hello hello, const wire::Handle& writer) {
+  if (rivals_.size() >= kMaxRivals && !rivals_.contains(writer)) return;
+  rivals_[writer] = std::move(hello);
+  has_news_of_rivals_ = true;
 }
 
 /// Peers take whichever they hear first, so both sides should know; told again while it lasts.
@@ -179,9 +192,9 @@ bool DdsChannel::Impl::write_patiently(wire::fdds::DataWriter& writer, const Mes
 void DdsChannel::Impl::announce(const wire::Hello& hello,
                                 const std::vector<wire::MeshHeader>& headers) {
   own_id_ = hello.publisher;
-  if (bus_ == nullptr) return;
   if (&hello != &hello_) hello_ = hello;
   if (&headers != &headers_) headers_ = headers;
+  if (bus_ == nullptr) return;  // told when this process has joined again
   withdraw_headers(headers);
   for (const wire::MeshHeader& header : headers) {
     const auto known = announced_headers_.find(header.content_hash);

@@ -33,14 +33,14 @@ void send_datagrams(const Lan& lan, const char* to, int count) {
 }
 
 TEST_F(Network, LinksKeepTheirRateAndLoseWhatTheyShould) {
-  const Lan lan({{}, {.mbit_per_s = 4}, {.loss = 0.5}});
+  const Lan links({{}, {.mbit_per_s = 4}, {.loss = 0.5}});
   const Stopwatch watch;
-  send_datagrams(lan, "10.77.0.2", 600);
+  send_datagrams(links, "10.77.0.2", 600);
   const double most = 125e3 * 4 * watch.seconds() + 60e3;  // and the queue
-  EXPECT_LT(static_cast<double>(lan.counters(1).received_bytes), most);
-  EXPECT_GT(lan.counters(1).received_bytes, 100'000U);
-  send_datagrams(lan, "10.77.0.3", 400);
-  EXPECT_NEAR(static_cast<double>(lan.counters(2).received_packets) / 400, 0.5, 0.15);
+  EXPECT_LT(static_cast<double>(links.counters(1).received_bytes), most);
+  EXPECT_GT(links.counters(1).received_bytes, 100'000U);
+  send_datagrams(links, "10.77.0.3", 400);
+  EXPECT_NEAR(static_cast<double>(links.counters(2).received_packets) / 400, 0.5, 0.15);
 }
 
 TEST_F(Network, ThinLinkIsFilledNotFloodedAndNeededNowOvertakes) {

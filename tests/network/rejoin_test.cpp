@@ -4,8 +4,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "nearmesh/publisher/dds_channel.hpp"
 #include "network_fixture.hpp"
 #include "probe_peer.hpp"
 
@@ -48,6 +50,51 @@ TEST_P(Rejoin, PublisherThatGetsAnotherAddressServesFromThere) {
   EXPECT_GE(peer.certify_at(1, kDeadline_s), 0) << peer.reason() << "\n" << publisher->err();
   EXPECT_NE(publisher->err().find("10.77.0.77 now: joining again"), std::string::npos)
       << publisher->err();
+}
+
+class Announced : public NetworkFixture {};
+
+/// What a publisher announces while it has no network is told once it has one again.
+TEST_F(Announced, WithoutANetworkIsHeardOnceThatIsThere) {
+  const Lan lan({{}, {}});
+  std::unique_ptr<publisher::DdsChannel> channel;
+  std::unique_ptr<subscriber::DdsChannel> peer;
+  {
+    const Lan::Visit visit = lan.visit(0);
+    publisher::DdsChannelOptions options;
+    options.transport.interface = "e0";
+    channel = std::move(publisher::DdsChannel::create(options)).value();
+  }
+  {
+    const Lan::Visit visit = lan.visit(1);
+    peer = std::move(subscriber::DdsChannel::create({})).value();
+  }
+  std::vector<std::string> said;
+  const auto says = [&](const std::string& part) {
+    return await([&] {
+      const Lan::Visit visit = lan.visit(0);
+      static_cast<void>(channel->take());
+      for (std::string& line : channel->take_complaints()) said.push_back(std::move(line));
+      return std::any_of(said.begin(), said.end(), [&](const std::string& line) {
+        return line.find(part) != std::string::npos;
+      });
+    });
+  };
+  // Another address makes it join again, which cannot be done when that is gone too.
+  lan.take_address(0);
+  lan.give_address(0, 77);
+  pause(1);
+  lan.take_address(0);
+  ASSERT_TRUE(says("could not join again"));
+  wire::Hello hello;
+  hello.publisher = 5;
+  channel->announce(hello, {});
+  lan.give_address(0, 78);
+  EXPECT_TRUE(await([&] {
+    const Lan::Visit visit = lan.visit(0);
+    static_cast<void>(channel->take());
+    return !peer->take().hellos.empty();
+  }));
 }
 
 /// The demo's flight from where it comes down into the ground until it leaves it, a few metres a row: nothing down there is

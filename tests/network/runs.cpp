@@ -71,8 +71,9 @@ std::FILE* open_csv(const std::string& path) {
   return out;
 }
 
-std::unique_ptr<Process> serve(const Lan& lan, const Folder& folder, const Exercise& exercise) {
-  const Lan::Visit visit = lan.visit(0);
+std::unique_ptr<Process> serve(const Lan& lan, const Folder& folder, const Exercise& exercise,
+                               std::size_t host) {
+  const Lan::Visit visit = lan.visit(host);
   std::vector<std::string> words{"serve"};
   words.insert(words.end(), exercise.models.begin(), exercise.models.end());
   auto publisher = std::make_unique<Process>(folder, "nearmesh-publisher", on_bus(exercise, words));

@@ -28,9 +28,9 @@ struct Exercise {
 /// Throws std::runtime_error.
 [[nodiscard]] std::FILE* open_csv(const std::string& path);
 
-/// A publisher on host 0 that is ready.
+/// A publisher on a host that is ready.
 [[nodiscard]] std::unique_ptr<Process> serve(const Lan& lan, const Folder& folder,
-                                             const Exercise& exercise);
+                                             const Exercise& exercise, std::size_t host = 0);
 
 /// What a running program has used since its start.
 struct Spent {

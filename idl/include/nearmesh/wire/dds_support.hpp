@@ -16,6 +16,7 @@
 #include <fastdds/dds/topic/Topic.hpp>
 
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <map>
 #include <memory>
@@ -123,6 +124,26 @@ class SessionBook {
   std::map<Handle, SessionId> writers_;
   std::map<SessionId, Handle> sessions_;
   std::map<Handle, Microseconds> gone_;  ///< when; until found again, at most kMaxGone
+};
+
+/// What each writer of hellos said last. A reader of Fast DDS remembers what it had of a writer that its lease took, and is not sent
+/// it again when the same writer is found again, as after a link was down: what that said last still holds, unless it says
+/// something else. Threads: one.
+class HelloMemory {
+ public:
+  void heard(const Hello& hello, const Handle& writer);
+  void lost(const Handle& writer);
+  /// The writer is matched. Out: what it said last, if it was lost since; nullptr else.
+  [[nodiscard]] const Hello* found(const Handle& writer);
+
+ private:
+  static constexpr std::size_t kMaxKnown = 256;
+  struct Known {
+    Hello hello;
+    Handle writer;
+    bool gone = false;  ///< the writer was lost, and has not been found again
+  };
+  std::deque<Known> known_;  ///< oldest first
 };
 
 /// Notices writers that were matched, but of which nothing comes: discovery gets through, their data does not. Times are of
