@@ -93,8 +93,9 @@ TEST_F(Announced, WithoutANetworkIsHeardOnceThatIsThere) {
   EXPECT_TRUE(await([&] {
     const Lan::Visit visit = lan.visit(0);
     static_cast<void>(channel->take());
+    for (std::string& line : channel->take_complaints()) said.push_back(std::move(line));
     return !peer->take().hellos.empty();
-  }));
+  })) << ::testing::PrintToString(said);
 }
 
 /// The demo's flight from where it comes down into the ground until it leaves it, a few metres a row: nothing down there is
