@@ -10,7 +10,7 @@ using wire::Interface;
 
 namespace {
 
-// That stops and addresses are noticed is tested where there are some (integration/dds_lease_test.cpp, network/rejoin_test.cpp).
+// That stops and addresses are noticed is tested where there are some (integration/dds_channel_test.cpp, network/rejoin_test.cpp).
 TEST(RejoinWatch, SaysItOnceMoreWhereJoiningAnewFailed) {
   wire::Mailbox mailbox;
   wire::TransportOptions options;
