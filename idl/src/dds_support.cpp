@@ -3,9 +3,6 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
-#include <ctime>
-#include <limits>
 #include <sstream>
 
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
@@ -94,62 +91,6 @@ Microseconds now_us() {
   Timestamp time;
   Timestamp::now(time);
   return to_us(time);
-}
-
-// --- Mailbox
-
-void Mailbox::wake() {
-  {
-    const std::lock_guard lock(mutex_);
-    awake_ = true;
-  }
-  condition_.notify_all();
-}
-
-void Mailbox::wait(double seconds) {
-  std::unique_lock lock(mutex_);
-  condition_.wait_for(lock, std::chrono::duration<double>(seconds), [this] { return awake_; });
-  awake_ = false;
-}
-
-void Mailbox::complain(std::string line) {
-  // Names that others chose are in it, and it goes to terminals and logs.
-  line.resize(std::min(line.size(), kMaxLine));
-  std::replace_if(
-      line.begin(), line.end(), [](char c) { return c < 0x20 || c > 0x7e; }, '?');
-  {
-    const std::lock_guard lock(mutex_);
-    const Clock::time_point now = Clock::now();
-    const auto is_over = [&](Clock::time_point said) { return now - said >= quiet_; };
-    if (const auto known = said_.find(line); known != said_.end() && !is_over(known->second))
-      return;
-    if (said_.size() >= kMaxComplaints)
-      std::erase_if(said_, [&](const auto& said) { return is_over(said.second); });
-    if (said_.size() >= kMaxComplaints) {
-      ++dropped_complaints_;
-      return;
-    }
-    said_[line] = now;
-    complaints_.push_back(std::move(line));
-    awake_ = true;
-  }
-  condition_.notify_all();
-}
-
-std::vector<std::string> Mailbox::take_complaints() {
-  const std::lock_guard lock(mutex_);
-  std::vector<std::string> taken = std::exchange(complaints_, {});
-  if (dropped_complaints_ > 0 && Clock::now() - told_dropped_ >= quiet_) {
-    taken.push_back(std::to_string(std::exchange(dropped_complaints_, 0)) +
-                    " more complaints were not kept");
-    told_dropped_ = Clock::now();
-  }
-  return taken;
-}
-
-bool Mailbox::has_complaints() {
-  const std::lock_guard lock(mutex_);
-  return !complaints_.empty();
 }
 
 // --- Listeners
@@ -313,117 +254,6 @@ void WriterListener::on_offered_incompatible_qos(fdds::DataWriter* writer,
                                                  const fdds::OfferedIncompatibleQosStatus& status) {
   if (!was_judged(writer->get_publisher(), status.last_policy_id))
     mailbox_.complain(incompatible(topic_, status.last_policy_id));
-}
-
-// --- SessionBook
-
-SessionBook::Claim SessionBook::claim(SessionId session, const Handle& writer,
-                                      Microseconds received) {
-  const auto gone = gone_.find(writer);
-  if (gone != gone_.end() && received <= gone->second) return Claim::kStale;
-  const auto by_writer = writers_.find(writer);
-  if (by_writer != writers_.end())
-    return by_writer->second == session ? Claim::kKnown : Claim::kTaken;
-  if (sessions_.contains(session)) return Claim::kTaken;
-  writers_.emplace(writer, session);
-  sessions_.emplace(session, writer);
-  return Claim::kNew;
-}
-
-std::optional<SessionId> SessionBook::forget(const Handle& writer, Microseconds when) {
-  gone_[writer] = when;
-  if (gone_.size() > kMaxGone)
-    gone_.erase(std::min_element(gone_.begin(), gone_.end(),
-                                 [](const auto& a, const auto& b) { return a.second < b.second; }));
-  const auto found = writers_.find(writer);
-  if (found == writers_.end()) return std::nullopt;
-  const SessionId session = found->second;
-  sessions_.erase(session);
-  writers_.erase(found);
-  return session;
-}
-
-std::optional<Handle> SessionBook::writer_of(SessionId session) const {
-  const auto found = sessions_.find(session);
-  return found == sessions_.end() ? std::nullopt : std::optional(found->second);
-}
-
-void SessionBook::release(SessionId session) {
-  const auto found = sessions_.find(session);
-  if (found == sessions_.end()) return;
-  writers_.erase(found->second);
-  sessions_.erase(found);
-}
-
-std::vector<SessionId> SessionBook::clear() {
-  std::vector<SessionId> known;
-  for (const auto& [session, writer] : sessions_) known.push_back(session);
-  *this = {};
-  return known;
-}
-
-// --- SilenceWatch
-
-void SilenceWatch::matched(const Handle& writer, double now_s) {
-  if (!heard_.contains(writer)) waiting_.emplace(writer, now_s);
-}
-
-void SilenceWatch::heard(const Handle& writer) {
-  heard_.insert(writer);
-  waiting_.erase(writer);
-}
-
-void SilenceWatch::gone(const Handle& writer) {
-  heard_.erase(writer);
-  waiting_.erase(writer);
-}
-
-std::vector<Handle> SilenceWatch::take_silent(double now_s) {
-  std::vector<Handle> silent;
-  std::erase_if(waiting_, [&](const auto& waiting) {
-    if (now_s - waiting.second < patience_s_) return false;
-    silent.push_back(waiting.first);
-    return true;
-  });
-  return silent;
-}
-
-// --- StopDetector
-
-StopDetector::StopDetector(Mailbox& mailbox, double lease_s)
-    : mailbox_(mailbox), thread_([this, lease_s] { watch(lease_s); }) {}
-
-StopDetector::~StopDetector() {
-  {
-    const std::lock_guard lock(mutex_);
-    ending_ = true;
-  }
-  condition_.notify_all();
-  thread_.join();
-}
-
-void StopDetector::watch(double lease_s) {
-  // The one clock that also counts while the machine is suspended.
-  const auto now_s = [] {
-    timespec time{};
-    clock_gettime(CLOCK_BOOTTIME, &time);
-    return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-  };
-  constexpr double kAgain_s = 1;
-  const std::chrono::duration<double> period(std::min(lease_s / 8, 0.5));
-  double again_s = std::numeric_limits<double>::infinity();
-  std::unique_lock lock(mutex_);
-  for (double last = now_s(); !ending_;) {
-    condition_.wait_for(lock, period, [this] { return ending_; });
-    const double now = now_s();
-    if (again_.exchange(false)) again_s = now + kAgain_s;
-    if (now - last > 0.75 * lease_s || now >= again_s) {
-      again_s = std::numeric_limits<double>::infinity();
-      stopped_ = true;
-      mailbox_.wake();
-    }
-    last = now;
-  }
 }
 
 // --- Bus

@@ -7,12 +7,13 @@
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 #include <fastdds/rtps/transport/shared_mem/SharedMemTransportDescriptor.h>
 #include <fastrtps/utils/IPLocator.h>
-#include <ifaddrs.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
 
 #include <charconv>
 #include <memory>
+
+#include "nearmesh/wire/interfaces.hpp"
 
 namespace nearmesh::wire {
 namespace {
@@ -33,19 +34,11 @@ constexpr const char* kLoopback = "127.0.0.1";
 
 /// The address of an interface given by name or address.
 Result<std::string> resolve_interface(const std::string& wanted) {
-  ifaddrs* list = nullptr;
-  if (getifaddrs(&list) != 0) return Status{StatusCode::kIo, "getifaddrs failed"};
-  std::string found, known;
-  for (const ifaddrs* entry = list; entry != nullptr; entry = entry->ifa_next) {
-    if (entry->ifa_addr == nullptr || entry->ifa_addr->sa_family != AF_INET) continue;
-    char text[INET_ADDRSTRLEN] = {};
-    const auto* address = reinterpret_cast<const sockaddr_in*>(entry->ifa_addr);
-    inet_ntop(AF_INET, &address->sin_addr, text, sizeof text);
-    known += std::string(known.empty() ? "" : ", ") + entry->ifa_name + " " + text;
-    if (found.empty() && (wanted == text || wanted == entry->ifa_name)) found = text;
+  std::string known;
+  for (const Interface& interface : ipv4_interfaces()) {
+    if (wanted == interface.address || wanted == interface.name) return interface.address;
+    known += (known.empty() ? "" : ", ") + interface.name + " " + interface.address;
   }
-  freeifaddrs(list);
-  if (!found.empty()) return found;
   return Status{StatusCode::kInvalidArgument,
                 "interface \"" + wanted + "\": expected one of " + known};
 }

@@ -8,6 +8,7 @@
 
 #include "nearmesh/core/geometry/motion.hpp"
 #include "nearmesh/core/spm/codec.hpp"
+#include "nearmesh/core/spm/model_file.hpp"
 
 namespace nearmesh::wire {
 
@@ -89,6 +90,12 @@ Status check_new_model(const std::string& name, std::size_t served) {
                    " bytes");
   if (served >= kMaxModels) return invalid("at most " + std::to_string(kMaxModels) + " models");
   return Status::ok();
+}
+
+MeshHeader announce_model(const std::string& name, const ModelFile& file, Hello& hello) {
+  hello.models.push_back({name, file.content_hash(), file.mesh_bytes()});
+  const auto bytes = file.header_bytes();
+  return {kWireVersion, name, file.content_hash(), {bytes.begin(), bytes.end()}};
 }
 
 Status check(const Hello& message) {

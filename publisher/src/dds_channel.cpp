@@ -7,6 +7,7 @@
 
 #include "dds_peers.hpp"
 #include "nearmesh/core/base/hash.hpp"
+#include "nearmesh/wire/rejoin_watch.hpp"
 
 namespace nearmesh::publisher {
 
@@ -49,6 +50,7 @@ class DdsChannel::Impl {
   void withdraw_headers(const std::vector<wire::MeshHeader>& kept);
   void listen_for_rivals(wire::fdds::Topic* hello);
   void take_rivals();
+  void note_rival(wire::Hello hello, const wire::Handle& writer);
   void find_conflicts();
 
   DdsChannelOptions options_;
@@ -58,6 +60,7 @@ class DdsChannel::Impl {
   wire::ReaderListener rival_listener_;
   DdsPeers peers_;
   std::map<wire::Handle, wire::Hello> rivals_;  ///< other publishers, by their writer
+  wire::HelloMemory rival_memory_;
   bool has_news_of_rivals_ = false;
   std::chrono::steady_clock::time_point told_conflicts_{};
   std::map<std::uint64_t, std::string> announced_headers_;  ///< content hash to name
@@ -69,13 +72,12 @@ class DdsChannel::Impl {
   wire::fdds::DataWriter* status_writer_ = nullptr;
   wire::fdds::DataReader* rival_reader_ = nullptr;
   std::unique_ptr<wire::Bus> bus_;  ///< last: goes first, while the listeners still live
-  std::unique_ptr<wire::StopDetector> stops_;
+  std::unique_ptr<wire::RejoinWatch> rejoin_watch_;
 };
 
 Status DdsChannel::Impl::start() {
-  NEARMESH_RETURN_IF_ERROR(open());
-  stops_ = std::make_unique<wire::StopDetector>(mailbox_, options_.transport.lease_s);
-  return Status::ok();
+  rejoin_watch_ = std::make_unique<wire::RejoinWatch>(mailbox_, options_.transport);
+  return open();
 }
 
 Status DdsChannel::Impl::open() {
@@ -132,13 +134,24 @@ void DdsChannel::Impl::take_rivals() {
       *rival_reader_, mailbox_, kMaxRivals,
       [this](wire::Hello&& hello, const wire::Handle& writer, wire::Microseconds) {
         if (wire::have_one_participant(writer, hello_writer_->get_instance_handle())) return;
-        if (rivals_.size() >= kMaxRivals && !rivals_.contains(writer)) return;
-        rivals_[writer] = std::move(hello);
-        has_news_of_rivals_ = true;
+        rival_memory_.heard(hello, writer);
+        note_rival(std::move(hello), writer);
       });
   if (more) mailbox_.wake();
-  for (const auto& event : rival_listener_.take_matches())
-    if (event.gone) rivals_.erase(event.writer);
+  for (const auto& event : rival_listener_.take_matches()) {
+    if (event.gone) {
+      rivals_.erase(event.writer);
+      rival_memory_.lost(event.writer);
+    } else if (const wire::Hello* known = rival_memory_.found(event.writer)) {
+      note_rival(*known, event.writer);
+    }
+  }
+}
+
+void DdsChannel::Impl::note_rival(wire::Hello hello, const wire::Handle& writer) {
+  if (rivals_.size() >= kMaxRivals && !rivals_.contains(writer)) return;
+  rivals_[writer] = std::move(hello);
+  has_news_of_rivals_ = true;
 }
 
 /// Peers take whichever they hear first, so both sides should know; told again while it lasts.
@@ -179,9 +192,9 @@ bool DdsChannel::Impl::write_patiently(wire::fdds::DataWriter& writer, const Mes
 void DdsChannel::Impl::announce(const wire::Hello& hello,
                                 const std::vector<wire::MeshHeader>& headers) {
   own_id_ = hello.publisher;
-  if (bus_ == nullptr) return;
   if (&hello != &hello_) hello_ = hello;
   if (&headers != &headers_) headers_ = headers;
+  if (bus_ == nullptr) return;  // told when this process has joined again
   withdraw_headers(headers);
   for (const wire::MeshHeader& header : headers) {
     const auto known = announced_headers_.find(header.content_hash);
@@ -206,7 +219,7 @@ void DdsChannel::Impl::withdraw_headers(const std::vector<wire::MeshHeader>& kep
   });
 }
 
-/// After the process was stopped: as a new participant, with the same session. Every peer starts
+/// When the watch says so: as a new participant, with the same session. Every peer starts
 /// afresh.
 void DdsChannel::Impl::rejoin() {
   bus_.reset();
@@ -215,16 +228,16 @@ void DdsChannel::Impl::rejoin() {
   rivals_.clear();
   (void)rival_listener_.take_matches();
   if (const Status status = open(); !status.is_ok()) {
-    mailbox_.complain("could not join again after a stop: " + status.message());
+    mailbox_.complain("could not join again: " + status.message());
     bus_.reset();
-    stops_->try_again();
+    rejoin_watch_->try_again();
     return;
   }
   if (own_id_ != 0) announce(hello_, headers_);
 }
 
 Inbox DdsChannel::Impl::take() {
-  if (stops_->take_stop()) rejoin();
+  if (rejoin_watch_->take_due()) rejoin();
   if (bus_ == nullptr) return {peers_.take_lost(), {}};
   take_rivals();
   find_conflicts();

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "dds_peers.hpp"
+#include "nearmesh/wire/rejoin_watch.hpp"
 
 namespace nearmesh::publisher {
 
@@ -69,9 +70,8 @@ class DdsReplay::Impl {
                names.of(ReplayTopic::kSplitBatch), kMaxPeers, transport.heartbeat_s) {}
 
   Status start() {
-    NEARMESH_RETURN_IF_ERROR(open());
-    stops_ = std::make_unique<wire::StopDetector>(mailbox_, transport_.lease_s);
-    return Status::ok();
+    rejoin_watch_ = std::make_unique<wire::RejoinWatch>(mailbox_, transport_);
+    return open();
   }
   bool publish(std::uint32_t stream, const std::vector<std::uint8_t>& cdr);
   void withdraw(std::uint32_t stream, const std::vector<std::uint8_t>& cdr) {
@@ -97,7 +97,7 @@ class DdsReplay::Impl {
   std::vector<std::unique_ptr<RawWriter>> writers_;  ///< by stream
   std::unique_ptr<wire::Bus>
       bus_;  ///< goes first of the DDS members, while the listeners still live
-  std::unique_ptr<wire::StopDetector> stops_;
+  std::unique_ptr<wire::RejoinWatch> rejoin_watch_;
 };
 
 Status DdsReplay::Impl::open() {
@@ -165,15 +165,15 @@ bool DdsReplay::Impl::publish(std::uint32_t stream, const std::vector<std::uint8
 }
 
 bool DdsReplay::Impl::take_restart() {
-  if (!stops_->take_stop()) return false;
+  if (!rejoin_watch_->take_due()) return false;
   bus_.reset();
   writers_.clear();
   listeners_.clear();
   peers_.forget();
   if (const Status status = open(); !status.is_ok()) {
-    mailbox_.complain("could not join again after a stop: " + status.message());
+    mailbox_.complain("could not join again: " + status.message());
     bus_.reset();
-    stops_->try_again();
+    rejoin_watch_->try_again();
     return false;
   }
   return true;

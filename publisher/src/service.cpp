@@ -46,15 +46,8 @@ void Service::announce() {
   wire::Hello hello;
   hello.publisher = session_;
   std::vector<wire::MeshHeader> headers;
-  for (const auto& [hash, model] : models_) {
-    hello.models.push_back({model->name, hash, model->file.mesh_bytes()});
-    const auto bytes = model->file.header_bytes();
-    wire::MeshHeader header;
-    header.name = model->name;
-    header.content_hash = hash;
-    header.bytes.assign(bytes.begin(), bytes.end());
-    headers.push_back(std::move(header));
-  }
+  for (const auto& [hash, model] : models_)
+    headers.push_back(wire::announce_model(model->name, model->file, hello));
   channel_.announce(hello, headers);
 }
 

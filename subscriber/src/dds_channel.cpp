@@ -13,8 +13,9 @@
 #include <utility>
 
 #include "dds_hellos.hpp"
-#include "nearmesh/wire/body_book.hpp"
+#include "dds_poses.hpp"
 #include "nearmesh/wire/dds_support.hpp"
+#include "nearmesh/wire/rejoin_watch.hpp"
 
 namespace nearmesh::subscriber {
 
@@ -26,8 +27,7 @@ namespace {
 
 constexpr std::size_t kMaxTaken = 1024;  ///< of one topic, before the others have their turn
 constexpr double kIdleWait_s = 0.5;      ///< everything wakes the thread; this is a safety net
-constexpr std::size_t kMaxContested = 64;
-constexpr double kRetryWait_s = 0.002;  ///< when Fast DDS could not take a sample
+constexpr double kRetryWait_s = 0.002;   ///< when Fast DDS could not take a sample
 /// Batches are acknowledged together for so long, or until they are that share of the window: on thin links each as it comes.
 constexpr double kAcknowledgeWait_s = 0.01;
 constexpr std::size_t kAcknowledgeShare = 8;
@@ -49,7 +49,7 @@ class DdsChannel::Impl {
         report_listener_(mailbox_, names_.contact_report),
         status_listener_(mailbox_, names_.process_status),
         hellos_(mailbox_, names_.hello),
-        bodies_(!options.transport.security.empty()) {}
+        movers_(mailbox_, names_.body_pose, !options.transport.security.empty()) {}
   ~Impl();
 
   Status start();
@@ -76,11 +76,6 @@ class DdsChannel::Impl {
     std::chrono::steady_clock::time_point acknowledged{};
   };
 
-  struct ContestedPose {
-    wire::BodyPose pose;
-    Handle writer;
-  };
-
   void run(std::promise<Status> started);
   Status open();
   Status add_readers();
@@ -88,7 +83,6 @@ class DdsChannel::Impl {
   bool receive();
   bool receive_hellos();
   bool receive_poses();
-  void accept_pose(wire::BodyPose&& pose, const Handle& writer);
   void tell_lost(SessionId publisher);
   Status rejoin();
   bool flush();
@@ -121,10 +115,7 @@ class DdsChannel::Impl {
 
   // The I/O thread's own.
   DdsHellos hellos_;
-  wire::BodyBook bodies_;
-  std::vector<Handle> gone_movers_;  ///< not yet forgotten
-  std::map<std::string, ContestedPose>
-      contested_poses_;  ///< of bodies that another owns, the latest
+  DdsPoses movers_;
   wire::fdds::DataReader* hello_reader_ = nullptr;
   wire::fdds::DataReader* header_reader_ = nullptr;
   wire::fdds::DataReader* batch_reader_ = nullptr;
@@ -209,19 +200,19 @@ void DdsChannel::Impl::wait(double seconds) {
 // --- The I/O thread
 
 void DdsChannel::Impl::run(std::promise<Status> started) {
+  // A participant of the host's is the host's to repair.
+  std::unique_ptr<wire::RejoinWatch> rejoin_watch;
+  if (options_.participant == nullptr)
+    rejoin_watch = std::make_unique<wire::RejoinWatch>(mailbox_, options_.transport);
   const Status opened = open();
   const bool works = opened.is_ok();
   started.set_value(opened);
-  // A participant of the host's is the host's to repair.
-  std::unique_ptr<wire::StopDetector> stops;
-  if (works && options_.participant == nullptr)
-    stops = std::make_unique<wire::StopDetector>(mailbox_, options_.transport.lease_s);
   while (works && !stopping_) {
-    if (stops != nullptr && stops->take_stop()) {
+    if (rejoin_watch != nullptr && rejoin_watch->take_due()) {
       if (const Status status = rejoin(); !status.is_ok()) {
-        mailbox_.complain("could not join again after a stop: " + status.message());
+        mailbox_.complain("could not join again: " + status.message());
         bus_.reset();
-        stops->try_again();
+        rejoin_watch->try_again();
       }
     }
     if (bus_ == nullptr) {
@@ -414,44 +405,17 @@ double DdsChannel::Impl::acknowledge() {
 
 /// Out: true when there may be more.
 bool DdsChannel::Impl::receive_poses() {
-  // What a writer said before it went is taken before it is forgotten, or it would claim its bodies again.
-  for (const auto& event : pose_listener_.take_matches())
-    if (event.gone) gone_movers_.push_back(event.writer);
+  // The matches first: of who is gone by then, what it said is all there.
+  const std::vector<wire::ReaderListener::Match> matches = pose_listener_.take_matches();
+  std::vector<DdsPoses::Heard> heard;
   const bool more = wire::drain<wire::BodyPoseType>(
       *pose_reader_, mailbox_, kMaxTaken,
       [&](wire::BodyPose&& pose, const Handle& writer, Microseconds) {
-        if (pose.peer != own_id_) accept_pose(std::move(pose), writer);
+        if (pose.peer != own_id_) heard.push_back({std::move(pose), writer});
       });
-  if (more || gone_movers_.empty()) return more;
-  for (const Handle& writer : std::exchange(gone_movers_, {})) {
-    bodies_.forget(writer);
-    std::erase_if(contested_poses_, [&](const auto& c) { return c.second.writer == writer; });
-  }
-  // A peer that started again may be heard before its old self is gone.
-  for (auto& [body, contested] : std::exchange(contested_poses_, {}))
-    accept_pose(std::move(contested.pose), contested.writer);
-  return more;
-}
-
-/// Only from the body's owner; one line for each body that another claims.
-void DdsChannel::Impl::accept_pose(wire::BodyPose&& pose, const Handle& writer) {
-  const wire::BodyBook::Claim claim = bodies_.claim(pose.body, writer);
-  if (claim == wire::BodyBook::Claim::kOwn) {
+  for (wire::BodyPose& pose : movers_.take(matches, std::move(heard), more))
     deliver(&Inbox::poses, std::move(pose), options_.max_waiting_others, names_.body_pose);
-    return;
-  }
-  const auto known = contested_poses_.find(pose.body);
-  if (known != contested_poses_.end()) {
-    known->second = {std::move(pose), writer};
-    return;
-  }
-  if (contested_poses_.size() >= kMaxContested) return;
-  mailbox_.complain(names_.body_pose + ": body " + pose.body + " of " + wire::name_of(writer) +
-                    (claim == wire::BodyBook::Claim::kFull
-                         ? " is one too many, its poses are ignored"
-                         : " is moved by another peer already, these poses are ignored"));
-  const std::string body = pose.body;
-  contested_poses_.emplace(body, ContestedPose{std::move(pose), writer});
+  return more;
 }
 
 /// The host takes losses before hellos, so a hello of before the loss must not wait for it.
@@ -465,14 +429,12 @@ void DdsChannel::Impl::tell_lost(SessionId publisher) {
   deliver(&Inbox::lost_publishers, std::move(publisher), options_.max_waiting_others, names_.hello);
 }
 
-/// After the process was stopped: as a new participant, with the same session. Every publisher is
+/// When the watch says so: as a new participant, with the same session. Every publisher is
 /// lost and, if it still lives, found again.
 Status DdsChannel::Impl::rejoin() {
   for (const SessionId publisher : hellos_.clear()) tell_lost(publisher);
   bus_.reset();
-  bodies_.clear();
-  gone_movers_.clear();
-  contested_poses_.clear();
+  movers_.clear();
   subscription_listener_.forget_readers();
   (void)hello_listener_.take_matches();
   (void)pose_listener_.take_matches();

@@ -12,7 +12,6 @@ using wire::SessionId;
 namespace {
 
 constexpr std::size_t kMaxContested = 64;
-constexpr std::size_t kMaxKnown = 64;
 constexpr double kSilence_s = 5;  ///< of a publisher that was matched; it may still read its models
 
 }  // namespace
@@ -31,7 +30,7 @@ std::vector<SessionId> DdsHellos::take(const std::vector<wire::ReaderListener::M
     }
   }
   for (const Heard& one : heard) {
-    note(one.hello, one.writer);
+    memory_.heard(one.hello, one.writer);
     accept(one.hello, one.writer, one.received);
   }
   return lost;
@@ -40,8 +39,7 @@ std::vector<SessionId> DdsHellos::take(const std::vector<wire::ReaderListener::M
 std::optional<SessionId> DdsHellos::lose(const wire::ReaderListener::Match& event) {
   writers_.erase(event.writer);
   silence_.gone(event.writer);
-  for (Known& known : known_)
-    if (known.writer == event.writer) known.gone = true;
+  memory_.lost(event.writer);
   std::erase_if(waiting_, [&](const Said& waiting) { return waiting.writer == event.writer; });
   const std::optional<SessionId> lost = book_.forget(event.writer, event.when);
   if (!lost) return lost;
@@ -52,29 +50,13 @@ std::optional<SessionId> DdsHellos::lose(const wire::ReaderListener::Match& even
   return lost;
 }
 
-void DdsHellos::note(const wire::Hello& hello, const Handle& writer) {
-  // Of a writer that is found again it may be read before the match, and be taken for one from before the loss where the clock
-  // was set back meanwhile: it then counts with the match.
-  bool gone = false;
-  std::erase_if(known_, [&](const Known& known) {
-    if (known.writer != writer) return false;
-    gone = known.gone;
-    return true;
-  });
-  known_.push_back({hello, writer, gone});
-  if (known_.size() > kMaxKnown) known_.pop_front();
-}
-
-/// A reader of Fast DDS remembers what it had of a writer that its lease took, and is not sent it again when the same writer is
-/// found again, as after a link was down: what that said last still holds, unless it says something else.
 void DdsHellos::welcome(const Handle& writer) {
   book_.welcome(writer);
   writers_.insert(writer);
   silence_.matched(writer, clock_.seconds());
-  for (Known& known : known_) {
-    if (known.writer != writer || !std::exchange(known.gone, false)) continue;
+  if (const wire::Hello* known = memory_.found(writer)) {
     silence_.heard(writer);
-    accept(known.hello, writer, wire::now_us());
+    accept(*known, writer, wire::now_us());
   }
   mailbox_.wake();  // subscriptions may have waited for it
 }

@@ -3,7 +3,6 @@
 // Which publishers there are, by their hellos and by the matches of those who write them: who speaks for which session, what each
 // said last, who was lost, who says nothing. Fast DDS: for dds_*.cpp alone.
 
-#include <deque>
 #include <optional>
 #include <set>
 #include <string>
@@ -58,14 +57,6 @@ class DdsHellos {
     wire::Hello hello;
     wire::Handle writer;
   };
-  /// The last of a writer.
-  struct Known {
-    wire::Hello hello;
-    wire::Handle writer;
-    bool gone = false;  ///< the writer was lost, and has not been found again
-  };
-
-  void note(const wire::Hello& hello, const wire::Handle& writer);
   void accept(const wire::Hello& hello, const wire::Handle& writer, wire::Microseconds received);
   void welcome(const wire::Handle& writer);
   [[nodiscard]] std::optional<wire::SessionId> lose(const wire::ReaderListener::Match& event);
@@ -78,7 +69,7 @@ class DdsHellos {
   std::set<wire::Handle> writers_;
   std::vector<Said> waiting_;
   std::vector<Said> contested_;  ///< of sessions that another writer holds
-  std::deque<Known> known_;      ///< oldest first
+  wire::HelloMemory memory_;
 };
 
 }  // namespace nearmesh::subscriber

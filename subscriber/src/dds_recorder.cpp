@@ -12,6 +12,7 @@
 
 #include "nearmesh/wire/dds_support.hpp"
 #include "nearmesh/wire/payload.hpp"
+#include "nearmesh/wire/rejoin_watch.hpp"
 
 namespace nearmesh::subscriber {
 namespace {
@@ -196,18 +197,18 @@ Status DdsRecorder::Impl::finish() {
 // --- The DDS thread
 
 void DdsRecorder::Impl::listen(std::promise<Status> started) {
+  wire::RejoinWatch rejoin_watch(mailbox_, options_.transport);
   const Status joined = join();
   started.set_value(joined);
   if (!joined.is_ok()) return;
-  wire::StopDetector stops(mailbox_, options_.transport.lease_s);
   while (!leaving_) {
-    if (stops.take_stop()) {
-      mailbox_.complain("this process was stopped for long: what was sent meanwhile is missing");
+    if (rejoin_watch.take_due()) {
+      mailbox_.complain("what was sent before it has joined again is missing");
       bus_.reset();
       if (const Status status = join(); !status.is_ok()) {
         mailbox_.complain("could not join again: " + status.message());
         bus_.reset();
-        stops.try_again();
+        rejoin_watch.try_again();
       }
     }
     if (bus_ == nullptr) {

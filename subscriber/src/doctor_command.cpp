@@ -1,9 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // nearmesh-subscriber doctor: does this machine reach others? Run it on both ends, or against a publisher.
-#include <arpa/inet.h>
-#include <ifaddrs.h>
-#include <net/if.h>
-#include <netinet/in.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -21,6 +17,7 @@
 #include "nearmesh/core/base/stopwatch.hpp"
 #include "nearmesh/subscriber/dds_channel.hpp"
 #include "nearmesh/subscriber/dds_echo.hpp"
+#include "nearmesh/wire/interfaces.hpp"
 
 namespace nearmesh::subscriber {
 namespace {
@@ -73,19 +70,11 @@ struct Interfaces {
 
 Interfaces interfaces() {
   Interfaces found;
-  ifaddrs* list = nullptr;
-  if (::getifaddrs(&list) != 0) return found;
-  for (const ifaddrs* entry = list; entry != nullptr; entry = entry->ifa_next) {
-    if (entry->ifa_addr == nullptr || entry->ifa_addr->sa_family != AF_INET) continue;
-    char address[INET_ADDRSTRLEN] = {};
-    ::inet_ntop(AF_INET, &reinterpret_cast<const sockaddr_in*>(entry->ifa_addr)->sin_addr, address,
-                sizeof address);
-    const bool up = (entry->ifa_flags & IFF_UP) != 0;
-    found.reaches_others |= up && (entry->ifa_flags & IFF_LOOPBACK) == 0;
-    found.texts.push_back(std::string(entry->ifa_name) + " " + address + (up ? "" : ", down") +
-                          ((entry->ifa_flags & IFF_MULTICAST) != 0 ? ", multicast" : ""));
+  for (const wire::Interface& one : wire::ipv4_interfaces()) {
+    found.reaches_others |= one.is_up && !one.is_loopback;
+    found.texts.push_back(one.name + " " + one.address + (one.is_up ? "" : ", down") +
+                          (one.has_multicast ? ", multicast" : ""));
   }
-  ::freeifaddrs(list);
   return found;
 }
 

@@ -36,11 +36,8 @@ void LocalChannel::announce() {
   wire::Hello hello;
   hello.publisher = kPublisher;
   inbox_.headers.clear();
-  for (const auto& [hash, model] : models_) {
-    hello.models.push_back({model.name, hash, model.file.mesh_bytes()});
-    const auto bytes = model.file.header_bytes();
-    inbox_.headers.push_back({wire::kWireVersion, model.name, hash, {bytes.begin(), bytes.end()}});
-  }
+  for (const auto& [hash, model] : models_)
+    inbox_.headers.push_back(wire::announce_model(model.name, model.file, hello));
   inbox_.hellos.assign(1, std::move(hello));
 }
 

@@ -24,6 +24,10 @@ namespace nearmesh::test {
 
 constexpr double kDeadline_s = 40;  ///< for anything that ought to happen soon
 
+inline void pause(double seconds) {
+  std::this_thread::sleep_for(std::chrono::duration<double>(seconds));
+}
+
 /// Polls until `done` holds; false when the time is over.
 inline bool await(const std::function<bool()>& done, double seconds = kDeadline_s) {
   const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);

@@ -18,8 +18,6 @@ constexpr double kRate_hz = 5;
 constexpr double kBackDeadline_s = 60;
 constexpr std::uint64_t kRowsOfRoute = 800;
 
-void pause(double seconds) { std::this_thread::sleep_for(std::chrono::duration<double>(seconds)); }
-
 /// Progress of what takes minutes; tests are silent.
 void say(bool aloud, std::size_t done, std::size_t of, const char* what) {
   if (aloud) std::fprintf(stderr, "%zu of %zu %s\n", done, of, what);

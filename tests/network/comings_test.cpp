@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "comings.hpp"
 #include "network_fixture.hpp"
 #include "watch.hpp"
@@ -35,6 +37,27 @@ TEST_F(Comings, LinksThatWereDownServeAgain) {
   EXPECT_EQ(outages.all.size(), 4U);
   EXPECT_EQ(outages.certified_while_down, 0U);
   EXPECT_EQ(outages.wrong, 0U);
+}
+
+class Rivals : public ServedFixture {};
+
+TEST_F(Rivals, APublisherIsWarnedAgainOfOneThatWasLostAndFound) {
+  serve_over({{}, {}});
+  Exercise others = models;
+  others.models = {model_file("terrain", 32)};  // of the same name
+  const auto rival = serve(*lan, folder, others, 1);
+  const auto warnings = [&] {
+    const std::vector<std::string> lines = lines_of(publisher->err());
+    return std::count_if(lines.begin(), lines.end(), [](const std::string& line) {
+      return line.find("model terrain: publisher") != std::string::npos;
+    });
+  };
+  ASSERT_TRUE(await([&] { return warnings() == 1; })) << publisher->err();
+  lan->set_up(1, false);
+  pause(11);  // beyond the lease, and a line is not said again for ten seconds
+  lan->set_up(1, true);
+  // While it lasts it is said each half minute, but of who was lost no more.
+  EXPECT_TRUE(await([&] { return warnings() == 2; })) << publisher->err();
 }
 
 TEST(Watch, SlopeIsThatOfALine) {

@@ -44,8 +44,6 @@ class DoctorOn : public NetworkFixture {
                           const std::string& part) {
     EXPECT_NE(text_of(report, kind, name).find(part), std::string::npos) << report.dump(1);
   }
-
-  const Folder folder;
 };
 
 TEST_F(DoctorOn, AGoodLinkIsHealthy) {

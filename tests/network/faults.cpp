@@ -6,12 +6,10 @@
 
 #include "flyers.hpp"
 #include "measures.hpp"
-#include "trajectory.hpp"
 
 namespace nearmesh::test {
 namespace {
 
-constexpr double kFlyRows_hz = 2;   // of the trajectory: 80 m a row
 constexpr double kLeaveTime_s = 4;  // more than the lease, until nothing is left of a bad peer
 
 /// A kind of nearmesh-network-mean-peer, or what is done to one.
@@ -55,14 +53,9 @@ struct Times {
 class Trial {
  public:
   Trial(const MeasureOptions& options, const Exercise& exercise)
-      : options_(options), exercise_(exercise), lan_({{}, {}, {}}) {
-    write_flights(folder_, exercise, 200, kFlyRows_hz);
-    publisher_ = serve(lan_, folder_, exercise);
-    flyers_ = std::make_unique<Flyers>(lan_, 1, exercise,
-                                       read_trajectory(folder_.file("flight1.csv"), kFlyRows_hz),
-                                       FlyersOptions{});
+      : options_(options), exercise_(exercise), airspace_(exercise) {
     pause(5);
-    static_cast<void>(flyers_->take_answers());
+    static_cast<void>(airspace_.flyers->take_answers());
     out_ = open_csv(options.out + "/faults.csv");
     std::fprintf(out_,
                  "kind,round,quiet_frames,quiet_certified,quiet_waited,quiet_p50_s,quiet_p99_s,"
@@ -75,16 +68,16 @@ class Trial {
     Times all_quiet, all;
     for (int round = 1; round <= options_.rounds; ++round) {
       Times quiet, with;
-      const Spent before = spent_by(*publisher_);
+      const Spent before = spent_by(*airspace_.publisher);
       quiet.add(fly());
       std::unique_ptr<Process> bad = start(fault);
-      const std::size_t lines = lines_of(publisher_->err()).size();
-      const Spent middle = spent_by(*publisher_);
+      const std::size_t lines = lines_of(airspace_.publisher->err()).size();
+      const Spent middle = spent_by(*airspace_.publisher);
       with.add(fly());
-      const Spent after = spent_by(*publisher_);
+      const Spent after = spent_by(*airspace_.publisher);
       write(fault, round, quiet, with, (after.cpu_s - middle.cpu_s) / options_.seconds,
             (middle.cpu_s - before.cpu_s) / options_.seconds, after.memory_bytes,
-            lines_of(publisher_->err()).size() - lines);
+            lines_of(airspace_.publisher->err()).size() - lines);
       for (auto& [sum, part] : {std::pair(&all_quiet, &quiet), std::pair(&all, &with)}) {
         sum->waits_s.insert(sum->waits_s.end(), part->waits_s.begin(), part->waits_s.end());
         sum->frames += part->frames;
@@ -92,9 +85,9 @@ class Trial {
       }
       bad.reset();
       if (fault.kind != nullptr) pause(kLeaveTime_s);
-      static_cast<void>(flyers_->take_answers());
-      if (publisher_->is_over())
-        throw std::runtime_error("the publisher died: " + publisher_->err());
+      static_cast<void>(airspace_.flyers->take_answers());
+      if (airspace_.publisher->is_over())
+        throw std::runtime_error("the publisher died: " + airspace_.publisher->err());
     }
     write(fault, 0, all_quiet, all, 0, 0, 0, 0);
     std::fprintf(stderr, "%s: p99 %.1f ms, without %.1f ms\n", fault.name, 1e3 * all.quantile(0.99),
@@ -102,19 +95,16 @@ class Trial {
   }
 
  private:
-  static void pause(double seconds) {
-    std::this_thread::sleep_for(std::chrono::duration<double>(seconds));
-  }
   [[nodiscard]] std::vector<Flyers::Answer> fly() {
-    static_cast<void>(flyers_->take_answers());
+    static_cast<void>(airspace_.flyers->take_answers());
     pause(options_.seconds);
-    return flyers_->take_answers();
+    return airspace_.flyers->take_answers();
   }
   [[nodiscard]] std::unique_ptr<Process> start(const Fault& fault) {
     if (fault.kind == nullptr) return nullptr;
-    const Lan::Visit visit = lan_.visit(2);
+    const Lan::Visit visit = airspace_.lan.visit(2);
     auto bad = std::make_unique<Process>(
-        folder_, "nearmesh-network-mean-peer",
+        airspace_.folder, "nearmesh-network-mean-peer",
         std::vector<std::string>{fault.kind, "--rate", std::to_string(fault.rate_hz), "--domain",
                                  std::to_string(exercise_.domain)});
     if (!await([&] { return bad->is_over() || bad->out().starts_with("ready"); }) || bad->is_over())
@@ -137,10 +127,7 @@ class Trial {
 
   const MeasureOptions& options_;
   const Exercise& exercise_;
-  const Lan lan_;
-  const Folder folder_;
-  std::unique_ptr<Process> publisher_;
-  std::unique_ptr<Flyers> flyers_;
+  Airspace airspace_;
   std::FILE* out_ = nullptr;
 };
 

@@ -5,12 +5,14 @@
 #include <utility>
 
 #include "nearmesh/subscriber/session.hpp"
+#include "trajectory.hpp"
 
 namespace nearmesh::test {
 namespace {
 
 /// To the side of the one before, and of the same peer's last time round: nobody flies where it holds the detail already.
 constexpr double kApart_m = 20, kRound_m = 170;
+constexpr double kFlyRows_hz = 2;  ///< of the trajectory: 80 m a row
 
 void must(const Status& status) {
   if (!status.is_ok()) throw std::runtime_error(status.message());
@@ -76,4 +78,11 @@ std::vector<Flyers::Answer> Flyers::take_answers() {
   const std::lock_guard lock(mutex_);
   return std::exchange(answers_, {});
 }
+Airspace::Airspace(const Exercise& exercise) : lan({{}, {}, {}}) {
+  write_flights(folder, exercise, 200, kFlyRows_hz);
+  publisher = serve(lan, folder, exercise);
+  flyers = std::make_unique<Flyers>(
+      lan, 1, exercise, read_trajectory(folder.file("flight1.csv"), kFlyRows_hz), FlyersOptions{});
+}
+
 }  // namespace nearmesh::test

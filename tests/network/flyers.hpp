@@ -55,4 +55,15 @@ class Flyers {
   std::vector<std::thread> threads_;
 };
 
+/// A publisher on host 0, peers that fly on host 1, and host 2 for whoever disturbs or watches them.
+struct Airspace {
+  /// Throws std::runtime_error.
+  explicit Airspace(const Exercise& exercise);
+
+  const Lan lan;
+  const Folder folder;
+  std::unique_ptr<Process> publisher;
+  std::unique_ptr<Flyers> flyers;
+};
+
 }  // namespace nearmesh::test

@@ -104,8 +104,8 @@ Lan::Lan(const std::vector<Link>& hosts) : hub_(make_namespace()) {
       must("ip link add " + port + " type veth peer name e0 netns " + name_for_ip(hosts_[i]));
       must("ip link set " + port + " master br0 up");
       const Visit host(hosts_[i]);
-      must("ip address add 10.77.0." + std::to_string(i + 1) +
-           "/24 dev e0 && ip link set e0 up && ip route add 224.0.0.0/4 dev e0");
+      must("ip link set e0 up");
+      give_address(i, i + 1);
     }
     for (std::size_t i = 0; i < hosts.size(); ++i) shape(i, hosts[i]);
   } catch (...) {
@@ -144,6 +144,17 @@ void Lan::shape(std::size_t host, const Link& link) {
 void Lan::set_up(std::size_t host, bool up) const {
   const Visit there(hosts_.at(host));
   must(up ? "ip link set e0 up && ip route add 224.0.0.0/4 dev e0" : "ip link set e0 down");
+}
+
+void Lan::give_address(std::size_t host, std::size_t last) const {
+  const Visit there(hosts_.at(host));
+  must("ip address add 10.77.0." + std::to_string(last) +
+       "/24 dev e0 && ip route add 224.0.0.0/4 dev e0");
+}
+
+void Lan::take_address(std::size_t host) const {
+  const Visit there(hosts_.at(host));
+  must("ip address flush dev e0");
 }
 
 Lan::Counters Lan::counters(std::size_t host) const {

@@ -47,6 +47,9 @@ class Lan {
 
   /// Takes a host's e0 down, or up again, as a pulled cable or an operator does: routes go with it, the address stays.
   void set_up(std::size_t host, bool up) const;
+  /// Gives a host's e0 the address 10.77.0.`last`, or takes what it has, as on a machine that was suspended and has resumed.
+  void give_address(std::size_t host, std::size_t last) const;
+  void take_address(std::size_t host) const;
 
   /// Of a host's e0 since it was made: everything that is on the wire, Ethernet headers included.
   struct Counters {

@@ -11,10 +11,7 @@
 namespace nearmesh::test {
 namespace {
 
-class Network : public NetworkFixture {
- protected:
-  Folder folder;
-};
+class Network : public ServedFixture {};
 
 double mbit_per_s(const PipeResult& pipe) {
   return 8e-6 * static_cast<double>(pipe.bytes) / pipe.seconds;
@@ -36,21 +33,19 @@ void send_datagrams(const Lan& lan, const char* to, int count) {
 }
 
 TEST_F(Network, LinksKeepTheirRateAndLoseWhatTheyShould) {
-  const Lan lan({{}, {.mbit_per_s = 4}, {.loss = 0.5}});
+  const Lan links({{}, {.mbit_per_s = 4}, {.loss = 0.5}});
   const Stopwatch watch;
-  send_datagrams(lan, "10.77.0.2", 600);
+  send_datagrams(links, "10.77.0.2", 600);
   const double most = 125e3 * 4 * watch.seconds() + 60e3;  // and the queue
-  EXPECT_LT(static_cast<double>(lan.counters(1).received_bytes), most);
-  EXPECT_GT(lan.counters(1).received_bytes, 100'000U);
-  send_datagrams(lan, "10.77.0.3", 400);
-  EXPECT_NEAR(static_cast<double>(lan.counters(2).received_packets) / 400, 0.5, 0.15);
+  EXPECT_LT(static_cast<double>(links.counters(1).received_bytes), most);
+  EXPECT_GT(links.counters(1).received_bytes, 100'000U);
+  send_datagrams(links, "10.77.0.3", 400);
+  EXPECT_NEAR(static_cast<double>(links.counters(2).received_packets) / 400, 0.5, 0.15);
 }
 
 TEST_F(Network, ThinLinkIsFilledNotFloodedAndNeededNowOvertakes) {
-  const Lan lan({{}, {.mbit_per_s = 1}});
-  const Exercise models = exercise();
-  const auto publisher = serve(lan, folder, models);
-  const PipeResult pipe = fill_pipe(lan, 1, models, 5);
+  serve_over({{}, {.mbit_per_s = 1}});
+  const PipeResult pipe = fill_pipe(*lan, 1, models, 5);
   EXPECT_GT(mbit_per_s(pipe), 0.5);
   const auto payload = static_cast<double>(pipe.sample_bytes);
   EXPECT_LT(static_cast<double>(pipe.publisher_sent_bytes), 1.35 * payload);
@@ -59,20 +54,16 @@ TEST_F(Network, ThinLinkIsFilledNotFloodedAndNeededNowOvertakes) {
 }
 
 TEST_F(Network, LossesAreRepairedWithoutAFlood) {
-  const Lan lan({{}, {.mbit_per_s = 1, .loss = 0.05}});
-  const Exercise models = exercise();
-  const auto publisher = serve(lan, folder, models);
-  const PipeResult pipe = fill_pipe(lan, 1, models, 5);
+  serve_over({{}, {.mbit_per_s = 1, .loss = 0.05}});
+  const PipeResult pipe = fill_pipe(*lan, 1, models, 5);
   EXPECT_GT(mbit_per_s(pipe), 0.25);
   EXPECT_LT(static_cast<double>(pipe.publisher_sent_bytes),
             2.5 * static_cast<double>(pipe.sample_bytes));
 }
 
 TEST_F(Network, FlightOverAThinLinkStaysCertified) {
-  const Lan lan({{}, {.mbit_per_s = 0.25}});
-  const Exercise models = exercise();
-  const auto publisher = serve(lan, folder, models);
-  const FlightResult flight = fly(lan, 1, folder, models, {.frames = 80});
+  serve_over({{}, {.mbit_per_s = 0.25}});
+  const FlightResult flight = fly(*lan, 1, folder, models, {.frames = 80});
   ASSERT_TRUE(flight.ended) << flight.complaint;
   EXPECT_EQ(flight.answers, 80U);
   EXPECT_EQ(flight.wrong, 0U);
@@ -82,10 +73,8 @@ TEST_F(Network, FlightOverAThinLinkStaysCertified) {
 }
 
 TEST_F(Network, FlightOverALossyLinkIsNeverWrongAndGoesOn) {
-  const Lan lan({{}, {.mbit_per_s = 1, .loss = 0.1}});
-  const Exercise models = exercise();
-  const auto publisher = serve(lan, folder, models);
-  const FlightResult flight = fly(lan, 1, folder, models, {.frames = 80});
+  serve_over({{}, {.mbit_per_s = 1, .loss = 0.1}});
+  const FlightResult flight = fly(*lan, 1, folder, models, {.frames = 80});
   ASSERT_TRUE(flight.ended) << flight.complaint;
   EXPECT_EQ(flight.answers, 80U);
   EXPECT_EQ(flight.wrong, 0U);

@@ -55,7 +55,7 @@ void fly_light(const MeasureOptions& options, const Exercise& exercise, const La
   row.ready = spent_by(publisher);
   row.wire_ready = lan.counters(0);
   const Stopwatch flight;
-  std::this_thread::sleep_for(std::chrono::duration<double>(options.seconds));
+  pause(options.seconds);
   row.after = spent_by(publisher);
   row.wire_after = lan.counters(0);
   row.seconds = flight.seconds();

@@ -6,18 +6,14 @@
 
 #include "flyers.hpp"
 #include "measures.hpp"
-#include "trajectory.hpp"
 
 namespace nearmesh::test {
 namespace {
 
-constexpr double kFlyRows_hz = 2;            // of the trajectory: 80 m a row
 constexpr double kAway_s[] = {0.3, 1.5, 6};  // below the lease, and above
 constexpr double kSettle_s = 4;              // more than a lease
 constexpr double kResume_s = 20;
 constexpr double kFlight_hz = 20;
-
-void pause(double seconds) { std::this_thread::sleep_for(std::chrono::duration<double>(seconds)); }
 
 /// A flight of a nearmesh-subscriber meanwhile, on a host of its own, whose every answer is held against the full mesh.
 class CheckedFlight {
@@ -50,13 +46,8 @@ class CheckedFlight {
 class Restarts {
  public:
   Restarts(const MeasureOptions& options, const Exercise& exercise)
-      : options_(options), exercise_(exercise), lan_({{}, {}, {}}) {
-    write_flights(folder_, exercise, 200, kFlyRows_hz);
-    publisher_ = serve(lan_, folder_, exercise);
-    flyers_ = std::make_unique<Flyers>(lan_, 1, exercise,
-                                       read_trajectory(folder_.file("flight1.csv"), kFlyRows_hz),
-                                       FlyersOptions{});
-    const Lan::Visit visit = lan_.visit(1);
+      : options_(options), exercise_(exercise), airspace_(exercise) {
+    const Lan::Visit visit = airspace_.lan.visit(1);
     subscriber::DdsChannelOptions listener;
     listener.transport.domain = exercise.domain;
     listener_ = std::move(subscriber::DdsChannel::create(listener)).value();
@@ -69,7 +60,7 @@ class Restarts {
   void measure() {
     const double most_s =
         options_.rounds * (std::size(kAway_s) * (kSettle_s + 10) + 2 * (kSettle_s + 4));
-    CheckedFlight flight(lan_, 2, exercise_, most_s);
+    CheckedFlight flight(airspace_.lan, 2, exercise_, most_s);
     for (int round = 1; round <= options_.rounds; ++round)
       for (const double away_s : kAway_s) restart(away_s, round);
     for (int round = 1; round <= options_.rounds; ++round) lose_twin(round);
@@ -106,52 +97,50 @@ class Restarts {
 
   /// Killed, away, and started again: how long after its start the frames are answered that waited for it.
   void restart(double away_s, int round) {
-    publisher_->signal(SIGKILL);
-    static_cast<void>(publisher_->wait());
+    airspace_.publisher->signal(SIGKILL);
+    static_cast<void>(airspace_.publisher->wait());
     pause(away_s);
     static_cast<void>(listener_->take());
-    static_cast<void>(flyers_->take_answers());
-    const double began_s = flyers_->now_s();
+    static_cast<void>(airspace_.flyers->take_answers());
+    const double began_s = airspace_.flyers->now_s();
     double hello_s = -1;
     std::thread ear([&] {
-      while (hello_s < 0 && flyers_->now_s() - began_s < kResume_s) {
+      while (hello_s < 0 && airspace_.flyers->now_s() - began_s < kResume_s) {
         listener_->wait(0.01);
-        if (!listener_->take().hellos.empty()) hello_s = flyers_->now_s() - began_s;
+        if (!listener_->take().hellos.empty()) hello_s = airspace_.flyers->now_s() - began_s;
       }
     });
-    publisher_ = serve(lan_, folder_, exercise_);
+    airspace_.publisher = serve(airspace_.lan, airspace_.folder, exercise_);
     ear.join();
     pause(kSettle_s);
-    write("restart", away_s, round, open_frames(flyers_->take_answers(), began_s), hello_s);
+    write("restart", away_s, round, open_frames(airspace_.flyers->take_answers(), began_s),
+          hello_s);
   }
 
   /// Two serve the same; each of them dies once. How long the frames wait that were open then or began in the next seconds.
   void lose_twin(int round) {
-    auto twin = serve(lan_, folder_, exercise_);
+    auto twin = serve(airspace_.lan, airspace_.folder, exercise_);
     pause(kSettle_s);
-    for (auto* dying : {&publisher_, &twin}) {
-      static_cast<void>(flyers_->take_answers());
-      const double began_s = flyers_->now_s();
+    for (auto* dying : {&airspace_.publisher, &twin}) {
+      static_cast<void>(airspace_.flyers->take_answers());
+      const double began_s = airspace_.flyers->now_s();
       (*dying)->signal(SIGKILL);
       static_cast<void>((*dying)->wait());
       pause(kSettle_s);
       std::vector<double> waits_s;
-      for (const Flyers::Answer& answer : flyers_->take_answers())
+      for (const Flyers::Answer& answer : airspace_.flyers->take_answers())
         if (answer.waited && answer.certified_s > began_s)
           waits_s.push_back(answer.certified_s - std::max(answer.asked_s, began_s));
       std::sort(waits_s.begin(), waits_s.end());
       write("twin", 0, round, waits_s, 0);
-      *dying = serve(lan_, folder_, exercise_);
+      *dying = serve(airspace_.lan, airspace_.folder, exercise_);
       pause(kSettle_s);
     }
   }
 
   const MeasureOptions& options_;
   const Exercise& exercise_;
-  const Lan lan_;
-  const Folder folder_;
-  std::unique_ptr<Process> publisher_;
-  std::unique_ptr<Flyers> flyers_;
+  Airspace airspace_;
   std::unique_ptr<subscriber::DdsChannel> listener_;
   std::FILE* out_ = nullptr;
 };

@@ -16,12 +16,14 @@ namespace {
 
 using nlohmann::json;
 
+constexpr char kAnswers[] = "answers.jsonl";
 constexpr std::uint32_t kWindowBytes = 64 * 1024;
 constexpr std::size_t kSampleFieldsBytes = 36;  ///< of a batch's sample, beside the batch
 
 std::vector<std::string> on_bus(const Exercise& exercise, std::vector<std::string> words) {
   words.insert(words.end(), {"--domain", std::to_string(exercise.domain), "--transport",
                              wire::to_string(exercise.transport)});
+  if (!exercise.interface.empty()) words.insert(words.end(), {"--interface", exercise.interface});
   return words;
 }
 
@@ -69,8 +71,9 @@ std::FILE* open_csv(const std::string& path) {
   return out;
 }
 
-std::unique_ptr<Process> serve(const Lan& lan, const Folder& folder, const Exercise& exercise) {
-  const Lan::Visit visit = lan.visit(0);
+std::unique_ptr<Process> serve(const Lan& lan, const Folder& folder, const Exercise& exercise,
+                               std::size_t host) {
+  const Lan::Visit visit = lan.visit(host);
   std::vector<std::string> words{"serve"};
   words.insert(words.end(), exercise.models.begin(), exercise.models.end());
   auto publisher = std::make_unique<Process>(folder, "nearmesh-publisher", on_bus(exercise, words));
@@ -103,38 +106,48 @@ void write_flights(const Folder& folder, const Exercise& exercise, int frames, d
     throw std::runtime_error("no flight: " + err);
 }
 
+std::unique_ptr<Process> start_flight(const Lan& lan, std::size_t host, const Folder& folder,
+                                      const Exercise& exercise, double rate_hz) {
+  folder.write("flight.yaml", kScene + ("frame_rate_hz: " + std::to_string(rate_hz)) + "\n");
+  const std::string answers = folder.file(kAnswers);
+  std::filesystem::remove(answers);
+  const Lan::Visit visit = lan.visit(host);
+  return std::make_unique<Process>(
+      folder, "nearmesh-subscriber",
+      on_bus(exercise, {"run", folder.file("flight.yaml"), "--answers", answers}));
+}
+
+std::uint64_t count_wrong_answers(const Folder& folder, const Exercise& exercise,
+                                  std::uint64_t answers) {
+  std::vector<std::string> words{"check"};
+  words.insert(words.end(), exercise.models.begin(), exercise.models.end());
+  words.insert(words.end(), {"--answers", folder.file(kAnswers)});
+  std::string out, err;
+  run(folder, "nearmesh-model", words, &out, &err);
+  unsigned long long checked = 0, wrong = 0;
+  if (std::sscanf(out.c_str(), "answers %llu, wrong %llu", &checked, &wrong) != 2 ||
+      checked != answers)
+    throw std::runtime_error("answers were not checked: " + out + err);
+  return wrong;
+}
+
 FlightResult fly(const Lan& lan, std::size_t host, const Folder& folder, const Exercise& exercise,
                  const FlightOptions& options) {
   FlightResult result;
   write_flights(folder, exercise, options.frames, options.rate_hz);
-  folder.write("flight.yaml",
-               kScene + ("frame_rate_hz: " + std::to_string(options.rate_hz)) + "\n");
-  const std::string answers = folder.file("answers.jsonl");
-  std::filesystem::remove(answers);
   const Lan::Counters before = lan.counters(host);
   {
-    const Lan::Visit visit = lan.visit(host);
-    Process peer(folder, "nearmesh-subscriber",
-                 on_bus(exercise, {"run", folder.file("flight.yaml"), "--answers", answers}));
-    result.ended = peer.wait(60 + 3 * options.frames / options.rate_hz) == 0;
-    result.complaint = peer.err();
+    const auto peer = start_flight(lan, host, folder, exercise, options.rate_hz);
+    result.ended = peer->wait(60 + 3 * options.frames / options.rate_hz) == 0;
+    result.complaint = peer->err();
   }
   const Lan::Counters after = lan.counters(host);
   result.wire = {after.received_bytes - before.received_bytes,
                  after.received_packets - before.received_packets,
                  after.sent_bytes - before.sent_bytes, after.sent_packets - before.sent_packets};
   if (!result.ended) return result;
-  read_answers(answers, 1 / options.rate_hz, result);
-  std::vector<std::string> words{"check"};
-  words.insert(words.end(), exercise.models.begin(), exercise.models.end());
-  words.insert(words.end(), {"--answers", answers});
-  std::string out, err;
-  run(folder, "nearmesh-model", words, &out, &err);
-  unsigned long long checked = 0, wrong = 0;
-  if (std::sscanf(out.c_str(), "answers %llu, wrong %llu", &checked, &wrong) != 2 ||
-      checked != result.answers)
-    throw std::runtime_error("answers were not checked: " + out + err);
-  result.wrong = wrong;
+  read_answers(folder.file(kAnswers), 1 / options.rate_hz, result);
+  result.wrong = count_wrong_answers(folder, exercise, result.answers);
   return result;
 }
 

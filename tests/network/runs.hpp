@@ -22,14 +22,15 @@ struct Exercise {
   int terrain_cells = 0;            ///< as it was generated with
   unsigned domain = 40;
   wire::Transport transport = wire::Transport::kLan;
+  std::string interface = {};  ///< of every program; empty: all
 };
 
 /// Throws std::runtime_error.
 [[nodiscard]] std::FILE* open_csv(const std::string& path);
 
-/// A publisher on host 0 that is ready.
+/// A publisher on a host that is ready.
 [[nodiscard]] std::unique_ptr<Process> serve(const Lan& lan, const Folder& folder,
-                                             const Exercise& exercise);
+                                             const Exercise& exercise, std::size_t host = 0);
 
 /// What a running program has used since its start.
 struct Spent {
@@ -54,6 +55,15 @@ struct FlightResult {
   std::uint64_t batch_bytes = 0, batches = 0, header_bytes = 0, requests = 0;
   Lan::Counters wire;  ///< of the peer's interface: from before its start to its end
 };
+/// A nearmesh-subscriber on a host that flies aircraft1 along the folder's flight1.csv, so many rows a second. Its answers go to
+/// answers.jsonl in the folder.
+[[nodiscard]] std::unique_ptr<Process> start_flight(const Lan& lan, std::size_t host,
+                                                    const Folder& folder, const Exercise& exercise,
+                                                    double rate_hz);
+/// The answers in answers.jsonl, of a flight that ended, against the full meshes. Throws std::runtime_error when they were not all
+/// checked.
+[[nodiscard]] std::uint64_t count_wrong_answers(const Folder& folder, const Exercise& exercise,
+                                                std::uint64_t answers);
 /// One aircraft of the demo over the terrain, flown by nearmesh-subscriber on a host; every answer is checked.
 [[nodiscard]] FlightResult fly(const Lan& lan, std::size_t host, const Folder& folder,
                                const Exercise& exercise, const FlightOptions& options);

@@ -67,6 +67,24 @@ TEST(SessionBook, TellsThroughWhichWriterASessionSpeaks) {
   EXPECT_EQ(book.writer_of(5), std::nullopt);
 }
 
+TEST(HelloMemory, GivesBackWhatAWriterSaidLastOnceItIsFoundAgain) {
+  HelloMemory memory;
+  Hello hello;
+  hello.publisher = 1;
+  memory.heard(hello, writer(1));
+  EXPECT_EQ(memory.found(writer(1)), nullptr);  // it was never lost
+  memory.lost(writer(1));
+  EXPECT_EQ(memory.found(writer(2)), nullptr);
+  ASSERT_NE(memory.found(writer(1)), nullptr);
+  EXPECT_EQ(memory.found(writer(1)), nullptr);
+  memory.lost(writer(1));
+  hello.publisher = 2;
+  memory.heard(hello, writer(1));  // again, before the match is told
+  const Hello* known = memory.found(writer(1));
+  ASSERT_NE(known, nullptr);
+  EXPECT_EQ(known->publisher, 2U);
+}
+
 TEST(Mailbox, CountsComplaintsItDidNotKeep) {
   Mailbox mailbox;
   for (int i = 0; i < 300; ++i) mailbox.complain("line " + std::to_string(i));

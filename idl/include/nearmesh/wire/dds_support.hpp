@@ -15,10 +15,8 @@
 #include <fastdds/dds/subscriber/SubscriberListener.hpp>
 #include <fastdds/dds/topic/Topic.hpp>
 
-#include <atomic>
-#include <chrono>
-#include <condition_variable>
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <map>
 #include <memory>
@@ -26,10 +24,10 @@
 #include <optional>
 #include <set>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "nearmesh/wire/codec.hpp"
+#include "nearmesh/wire/mailbox.hpp"
 #include "nearmesh/wire/qos.hpp"
 #include "nearmesh/wire/topics.hpp"
 #include "nearmesh/wire/transport_options.hpp"
@@ -44,37 +42,6 @@ using Microseconds = std::int64_t;
 /// Since the epoch, by the clock that stamps received samples.
 [[nodiscard]] Microseconds now_us();
 [[nodiscard]] Microseconds to_us(const Timestamp& time);
-
-/// Where the threads of Fast DDS leave word for the one thread that makes the DDS calls. Threads:
-/// all.
-class Mailbox {
- public:
-  /// A line is not said again for so long.
-  explicit Mailbox(double quiet_s = 10) : quiet_(quiet_s) {}
-
-  void wake();
-  /// Blocks until wake() was called since the last return, or the time is over.
-  void wait(double seconds);
-  /// Keeps a line until it is taken; what was said a moment ago is not said again, so that whoever sends faults without end
-  /// gives one line, not a log full. More than kMaxComplaints different ones are counted. What is not printable ASCII becomes
-  /// '?', and a line ends after kMaxLine bytes. Also wakes, when there is something to take.
-  void complain(std::string line);
-  [[nodiscard]] std::vector<std::string> take_complaints();
-  [[nodiscard]] bool has_complaints();
-
- private:
-  static constexpr std::size_t kMaxComplaints = 256;
-  static constexpr std::size_t kMaxLine = 512;
-  using Clock = std::chrono::steady_clock;
-  const std::chrono::duration<double> quiet_;
-  std::mutex mutex_;
-  std::condition_variable condition_;
-  bool awake_ = false;
-  std::vector<std::string> complaints_;
-  std::map<std::string, Clock::time_point> said_;  ///< of late, at most kMaxComplaints
-  std::uint64_t dropped_complaints_ = 0;
-  Clock::time_point told_dropped_{};
-};
 
 /// Of one reader and its Subscriber: wakes, and remembers which writers came and went.
 /// on_data_on_readers is taken here so that it does not reach a listener of the host's participant.
@@ -159,6 +126,26 @@ class SessionBook {
   std::map<Handle, Microseconds> gone_;  ///< when; until found again, at most kMaxGone
 };
 
+/// What each writer of hellos said last. A reader of Fast DDS remembers what it had of a writer that its lease took, and is not sent
+/// it again when the same writer is found again, as after a link was down: what that said last still holds, unless it says
+/// something else. Threads: one.
+class HelloMemory {
+ public:
+  void heard(const Hello& hello, const Handle& writer);
+  void lost(const Handle& writer);
+  /// The writer is matched. Out: what it said last, if it was lost since; nullptr else.
+  [[nodiscard]] const Hello* found(const Handle& writer);
+
+ private:
+  static constexpr std::size_t kMaxKnown = 256;
+  struct Known {
+    Hello hello;
+    Handle writer;
+    bool gone = false;  ///< the writer was lost, and has not been found again
+  };
+  std::deque<Known> known_;  ///< oldest first
+};
+
 /// Notices writers that were matched, but of which nothing comes: discovery gets through, their data does not. Times are of
 /// any steady clock. Threads: one.
 class SilenceWatch {
@@ -182,33 +169,6 @@ inline constexpr const char* kSilentHint =
     "memory, perhaps of another user: use --transport lan on both sides. Between machines: let UDP "
     "ports from 7400 + "
     "250 x domain on pass the firewall";
-
-/// Notices that the whole process was stopped (debugger, suspended machine) for so long that others
-/// dropped it. With Fast DDS 2.9 such a process must join anew: it never missed the others, so it
-/// believes that they still have what it told them, and its endpoints are not found again (seen in
-/// 3 of 10 trials).
-class StopDetector {
- public:
-  StopDetector(Mailbox& mailbox, double lease_s);
-  ~StopDetector();
-  StopDetector(const StopDetector&) = delete;
-  StopDetector& operator=(const StopDetector&) = delete;
-  /// True once after each stop; the mailbox is woken then.
-  [[nodiscard]] bool take_stop() { return stopped_.exchange(false); }
-  /// Joining anew failed, say because the network of a resumed machine is not up yet: take_stop() is true again in a second.
-  void try_again() { again_ = true; }
-
- private:
-  void watch(double lease_s);
-
-  Mailbox& mailbox_;
-  std::atomic<bool> stopped_ = false;
-  std::atomic<bool> again_ = false;
-  std::mutex mutex_;
-  std::condition_variable condition_;
-  bool ending_ = false;
-  std::thread thread_;
-};
 
 struct BusOptions {
   TransportOptions transport;

@@ -13,6 +13,10 @@
 #include "nearmesh/core/geometry/pose.hpp"
 #include "nearmesh/core/spm/types.hpp"
 
+namespace nearmesh {
+class ModelFile;
+}
+
 namespace nearmesh::wire {
 
 /// Raised with every change of a topic's layout or of the batch codec. Peers of another version are refused loudly.
@@ -158,6 +162,10 @@ inline constexpr std::size_t kMaxEchoBytes = 1U << 20;
 
 /// Whether who serves `served` models may serve another under this name. Errors: kInvalidArgument naming the limit.
 [[nodiscard]] Status check_new_model(const std::string& name, std::size_t served);
+
+/// What is told of a model that is served: adds it to the hello. Out: its header.
+[[nodiscard]] MeshHeader announce_model(const std::string& name, const ModelFile& file,
+                                        Hello& hello);
 
 [[nodiscard]] Status check(const Hello& message);
 [[nodiscard]] Status check(const MeshHeader& message);

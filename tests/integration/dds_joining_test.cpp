@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: Apache-2.0
+// Both channels: other ways to find each other, and participants given by a host.
+
+#include <fastdds/rtps/attributes/ServerAttributes.h>
+
+#include <atomic>
+
+#include "dds_channel_fixture.hpp"
+
+namespace nearmesh::test {
+namespace {
+
+// --- Other ways to find each other
+
+std::uint16_t own_port() { return static_cast<std::uint16_t>(20000 + getpid() % 20000); }
+
+TEST(DdsChannel, DiscoveryServerAloneBringsThemTogether) {
+  wire::TransportOptions options = transport(own_prefix());
+  options.discovery_server = "127.0.0.1:" + std::to_string(own_port());
+  publisher::DdsChannelOptions publisher_options;
+  publisher_options.transport = options;
+  auto publisher = PublisherChannel::create(publisher_options);
+  ASSERT_TRUE(publisher.is_ok()) << publisher.status().message();
+  publisher.value()->announce(hello_of(kChildPublisher), {});
+  subscriber::DdsChannelOptions peer_options;
+  peer_options.transport = options;
+  auto made = PeerChannel::create(peer_options);
+  ASSERT_TRUE(made.is_ok()) << made.status().message();
+  Peer peer(std::move(made).value());
+  const auto found = [](const Inbox& in) { return !in.hellos.empty(); };
+  EXPECT_FALSE(peer.await(found, 0.5));
+
+  fdds::DomainParticipantQos qos;
+  auto& builtin = qos.wire_protocol().builtin;
+  builtin.discovery_config.discoveryProtocol =
+      eprosima::fastrtps::rtps::DiscoveryProtocol_t::SERVER;
+  ASSERT_TRUE(
+      eprosima::fastdds::rtps::get_server_client_default_guidPrefix(0, qos.wire_protocol().prefix));
+  eprosima::fastrtps::rtps::Locator_t locator;
+  eprosima::fastrtps::rtps::IPLocator::setIPv4(locator, "127.0.0.1");
+  locator.port = own_port();
+  builtin.metatrafficUnicastLocatorList.push_back(locator);
+  auto* factory = fdds::DomainParticipantFactory::get_instance();
+  fdds::DomainParticipant* server = factory->create_participant(options.domain, qos);
+  ASSERT_NE(server, nullptr);
+  EXPECT_TRUE(peer.await(found));
+  factory->delete_participant(server);
+}
+
+TEST(DdsChannel, WrongTransportOptionsAreNamed) {
+  const auto refuses = [&](const char* expected, auto spoil) {
+    subscriber::DdsChannelOptions options;
+    options.transport = transport(own_prefix());
+    spoil(options.transport);
+    const auto channel = PeerChannel::create(options);
+    ASSERT_FALSE(channel.is_ok()) << expected;
+    EXPECT_EQ(channel.status().code(), StatusCode::kInvalidArgument);
+    EXPECT_NE(channel.status().message().find(expected), std::string::npos)
+        << channel.status().message();
+  };
+  using Options = wire::TransportOptions;
+  refuses("tcp: expected initial peers", [](Options& o) { o.transport = wire::Transport::kTcp; });
+  refuses("a port, ADDRESS:PORT", [](Options& o) {
+    o.transport = wire::Transport::kTcp;
+    o.initial_peers = {"127.0.0.1:70000"};
+  });
+  refuses("reached by UDP", [](Options& o) {
+    o.transport = wire::Transport::kTcp;
+    o.listen_port = 5100;
+    o.discovery_server = "127.0.0.1";
+  });
+  refuses("initial peer \"127.0.0.1:7400\": expected an IPv4 address",
+          [](Options& o) { o.initial_peers = {"127.0.0.1:7400"}; });
+  refuses("nothing is sent by multicast", [](Options& o) {
+    o.transport = wire::Transport::kUdpOnly;
+    o.interface.clear();
+  });
+  refuses("discovery server \"here\"", [](Options& o) { o.discovery_server = "here"; });
+}
+
+// --- A participant given by the host
+
+TEST(DdsChannel, HostParticipantIsLeftAsItWas) {
+  class HostListener : public fdds::DomainParticipantListener {
+   public:
+    void on_data_available(fdds::DataReader*) override { ++events; }
+    void on_data_on_readers(fdds::Subscriber*) override { ++events; }
+    void on_subscription_matched(fdds::DataReader*,
+                                 const fdds::SubscriptionMatchedStatus&) override {
+      ++events;
+    }
+    std::atomic<int> events = 0;
+  } listener;
+  fdds::DomainParticipant* host = make_participant(own_prefix());
+  ASSERT_NE(host, nullptr);
+  host->set_listener(&listener, fdds::StatusMask::all());
+  const fdds::DomainParticipantQos before = host->get_qos();
+  {
+    Child publisher("publisher", own_prefix());
+    Peer one(make_peer(own_prefix(), host));
+    Peer two(make_peer(own_prefix(), host));
+    for (Peer* peer : {&one, &two}) {
+      ASSERT_TRUE(peer->await([](const Inbox& in) { return !in.hellos.empty(); }));
+      peer->channel->send(request_of(peer->channel->own_id(), 20));
+      ASSERT_TRUE(peer->await([](const Inbox& in) { return in.batches.size() == 20; }));
+    }
+    one.channel.reset();  // the other goes on with what they shared
+    two.channel->send(request_of(two.channel->own_id(), 20));
+    EXPECT_TRUE(two.await([](const Inbox& in) { return in.batches.size() == 40; }));
+  }
+  EXPECT_TRUE(host->get_qos() == before);
+  EXPECT_EQ(host->get_listener(), &listener);
+  EXPECT_EQ(listener.events, 0);
+  const wire::TopicNames names(own_prefix());
+  for (const auto& topic : {names.hello, names.mesh_header, names.split_batch, names.body_pose,
+                            names.region_subscription, names.contact_report})
+    EXPECT_EQ(host->lookup_topicdescription(topic), nullptr) << topic;
+  EXPECT_TRUE(host->find_type(std::string(wire::kSplitBatchType)).empty());
+  EXPECT_TRUE(fdds::DomainParticipantFactory::get_instance()->delete_participant(host) ==
+              eprosima::fastrtps::types::ReturnCode_t::RETCODE_OK);
+}
+
+TEST(DdsChannel, ForeignTypeOnHostParticipantIsAConflict) {
+  fdds::DomainParticipant* host = make_participant(own_prefix());
+  fdds::TypeSupport foreign(new RawType(wire::kSplitBatchType, false));
+  host->register_type(foreign);
+  subscriber::DdsChannelOptions options;
+  options.transport = transport(own_prefix());
+  options.participant = host;
+  auto channel = PeerChannel::create(options);
+  ASSERT_FALSE(channel.is_ok());
+  EXPECT_EQ(channel.status().code(), StatusCode::kConflict);
+  EXPECT_FALSE(host->find_type(std::string(wire::kSplitBatchType)).empty());
+  EXPECT_TRUE(fdds::DomainParticipantFactory::get_instance()->delete_participant(host) ==
+              eprosima::fastrtps::types::ReturnCode_t::RETCODE_OK);
+}
+
+}  // namespace
+}  // namespace nearmesh::test
