@@ -2,36 +2,34 @@
 #include "build.hpp"
 
 #include <algorithm>
+#include <bit>
 
 namespace nearmesh {
 namespace {
 
-bool has_length(const std::array<double, 3>& v) { return v[0] != 0 || v[1] != 0 || v[2] != 0; }
+/// Up to so many parts are ranked by holding each against each, in vectors, which costs less than to sort them.
+constexpr std::size_t kRankedParts = 64;
+
+/// How many of `keys` are less than each.
+void rank(std::span<const std::int32_t, kRankedParts> keys, std::size_t count,
+          std::span<std::int32_t, kRankedParts> ranks) {
+  constexpr std::size_t kAtOnce = 16;
+  for (std::size_t at = 0; at < count; at += kAtOnce) {
+    std::array<std::int32_t, kAtOnce> own{}, less{};
+    std::copy_n(keys.begin() + at, kAtOnce, own.begin());
+    for (std::size_t j = 0; j < count; ++j)
+      for (std::size_t i = 0; i < kAtOnce; ++i) less[i] += keys[j] < own[i] ? 1 : 0;
+    std::copy_n(less.begin(), kAtOnce, ranks.begin() + at);
+  }
+}
 
 }  // namespace
 
 TreeEntry enclose(const TreeNode& node) {
+  const Bound bound = bound_of(node.boxes, node.size, node.lanes);
   TreeEntry out;
-  std::array<double, 3> direction{};
-  for (std::uint32_t left = node.lanes; left != 0; left &= left - 1) {
-    const auto lane = static_cast<std::uint32_t>(std::countr_zero(left));
-    out.box.add(node.boxes.box(lane));
-    // Large parts count as their area, as well as boxes tell.
-    const double size = static_cast<double>(node.size[lane]);
-    for (std::size_t k = 0; k < 3; ++k) direction[k] += size * size * node.boxes.normal[k][lane];
-  }
-  if (!has_length(direction)) return out;
-  const std::array<std::int8_t, 3> normal = make_slab_normal(direction);
-  double from = std::numeric_limits<double>::infinity(), to = -from, middle = 0;
-  for (std::uint32_t left = node.lanes; left != 0; left &= left - 1) {
-    const auto lane = static_cast<std::uint32_t>(std::countr_zero(left));
-    const Span span = span_along(normal, out.box.lo, node.boxes.box(lane), node.boxes.slab(lane));
-    from = std::min(from, span.from);
-    to = std::max(to, span.to);
-  }
-  const CenteredBox box = centered(out.box);
-  for (std::size_t k = 0; k < 3; ++k) middle += normal[k] * box.half[k];
-  out.slab = make_slab(normal, from - middle, to - middle);
+  out.box = bound.box;
+  out.slab = bound.slab;
   return out;
 }
 
@@ -54,15 +52,9 @@ TreeBuilder::Part TreeBuilder::part_of(const GridBox& box, std::uint32_t index) 
   return part;
 }
 
-/// Calls emit for each of `groups` parts of the range, alike in number, in the order given within each.
-template <class Emit>
-void TreeBuilder::cut(std::span<Part> parts, std::size_t groups, const Emit& emit) {
-  if (groups < 2) {
-    std::sort(parts.begin(), parts.end(),
-              [](const Part& x, const Part& y) { return x.index < y.index; });
-    emit(parts);
-    return;
-  }
+/// Puts the `middle` parts with the least centres along the longest axis first. Both sides keep their order. Equal centres
+/// are as good on either side, but must fall the same way everywhere: those that stand first are less.
+void TreeBuilder::divide(std::span<Part> parts, std::size_t middle) {
   std::array<std::int32_t, 3> lo = parts.front().center, hi = lo;
   for (const Part& part : parts)
     for (std::size_t k = 0; k < 3; ++k) {
@@ -72,112 +64,123 @@ void TreeBuilder::cut(std::span<Part> parts, std::size_t groups, const Emit& emi
   std::size_t axis = 0;
   for (std::size_t k = 1; k < 3; ++k)
     if (std::int64_t{hi[k]} - lo[k] > std::int64_t{hi[axis]} - lo[axis]) axis = k;
+
+  const auto along = [&](const Part& part) {  // from 0
+    return static_cast<std::uint32_t>(part.center[axis]) - static_cast<std::uint32_t>(lo[axis]);
+  };
+
+  right_parts_.clear();
+  Part* left = parts.data();
+  const auto put = [&](const Part& part, bool is_left) {
+    if (is_left) {
+      *left++ = part;
+    } else {
+      right_parts_.push_back(part);
+    }
+  };
+  if (parts.size() <= kRankedParts) {
+    std::array<std::int32_t, kRankedParts> keys{}, ranks;
+    // 25 bits of the centre and 6 of the place.
+    const std::uint32_t extent =
+        static_cast<std::uint32_t>(hi[axis]) - static_cast<std::uint32_t>(lo[axis]);
+    const int shift = std::max(0, static_cast<int>(std::bit_width(extent)) - 25);
+    for (std::uint32_t i = 0; i < parts.size(); ++i)
+      keys[i] = static_cast<std::int32_t>(along(parts[i]) >> shift << 6 | i);
+    rank(keys, parts.size(), ranks);
+    for (std::size_t i = 0; i < parts.size(); ++i)
+      put(parts[i], static_cast<std::size_t>(ranks[i]) < middle);
+  } else {
+    const auto key = [&](std::size_t i) {
+      return std::uint64_t{along(parts[i])} << 32 | i;
+    };
+    keys_.resize(parts.size());
+    for (std::size_t i = 0; i < parts.size(); ++i) keys_[i] = key(i);
+    std::nth_element(keys_.begin(), keys_.begin() + static_cast<std::ptrdiff_t>(middle),
+                     keys_.end());
+    const std::uint64_t least_right = keys_[middle];
+    for (std::size_t i = 0; i < parts.size(); ++i) put(parts[i], key(i) < least_right);
+  }
+  std::copy(right_parts_.begin(), right_parts_.end(), left);
+}
+
+/// Calls emit for each of `groups` parts of the range, alike in number, in the order given within each.
+template <class Emit>
+void TreeBuilder::cut(std::span<Part> parts, std::size_t groups, const Emit& emit) {
+  if (groups < 2) {
+    emit(parts);
+    return;
+  }
   const std::size_t left_groups = groups / 2;
   const std::size_t middle = parts.size() * left_groups / groups;
-  // Equal centres are as good on either side, but must fall the same way everywhere.
-  std::nth_element(parts.begin(), parts.begin() + static_cast<std::ptrdiff_t>(middle), parts.end(),
-                   [axis](const Part& x, const Part& y) {
-                     return x.center[axis] != y.center[axis] ? x.center[axis] < y.center[axis]
-                                                             : x.index < y.index;
-                   });
+  divide(parts, middle);
   cut(parts.first(middle), left_groups, emit);
   cut(parts.subspan(middle), groups - left_groups, emit);
 }
 
-void TreeBuilder::add_block(std::span<Part> parts) {
-  FaceBlock block;
-  TreeEntry entry;
-  std::array<double, 3> direction{};  // of the normals, each as long as its face is large
+void TreeBuilder::add_block(std::span<const Part> parts, TreePages<FaceBlock>& blocks) {
+  const std::uint32_t place = blocks.take();
+  FaceBlock& block = blocks[place];
   for (std::uint32_t i = 0; i < kLanes; ++i) {
     const TreeFace& face = faces_[parts[std::min<std::size_t>(i, parts.size() - 1)].index];
     block.triangles.set(i, face.corners);
     block.keys[i] = face.key;
-    if (i >= parts.size()) continue;
-    std::array<double, 3> e, g;
-    for (std::size_t k = 0; k < 3; ++k) {
-      e[k] = static_cast<double>(face.corners[1].v[k]) - face.corners[0].v[k];
-      g[k] = static_cast<double>(face.corners[2].v[k]) - face.corners[0].v[k];
-    }
-    for (std::size_t k = 0; k < 3; ++k)
-      direction[k] += e[(k + 1) % 3] * g[(k + 2) % 3] - e[(k + 2) % 3] * g[(k + 1) % 3];
-    for (const GridPoint& corner : face.corners) entry.box.add(corner);
   }
-  if (has_length(direction)) {
-    const std::array<std::int8_t, 3> normal = make_slab_normal(direction);
-    const CenteredBox box = centered(entry.box);
-    // Exact: |n . (x - c)| < 2^41 in halves.
-    double from = std::numeric_limits<double>::infinity(), to = -from;
-    for (const auto& corner : block.triangles.corner)
-      for (std::uint32_t i = 0; i < kLanes; ++i) {
-        const double along = normal[0] * (corner[0][i] - box.center[0]) +
-                             normal[1] * (corner[1][i] - box.center[1]) +
-                             normal[2] * (corner[2][i] - box.center[2]);
-        from = std::min(from, along);
-        to = std::max(to, along);
-      }
-    entry.slab = make_slab(normal, from, to);
-  }
-  entry.set(TreeEntry::Kind::kFaces, static_cast<std::uint32_t>(blocks_.size()),
-            static_cast<std::uint32_t>(parts.size()));
-  blocks_.push_back(block);
-  lanes_.push_back(entry);
+  const auto count = static_cast<std::uint32_t>(parts.size());
+  const Bound bound = bound_of(block.triangles, count);
+  TreeEntry& entry = lanes_.emplace_back();
+  entry.box = bound.box;
+  entry.slab = bound.slab;
+  entry.set(TreeEntry::Kind::kFaces, place, count);
 }
 
-TreeEntry TreeBuilder::make_entry(std::span<Part> parts) {
+TreeEntry TreeBuilder::make_entry(std::span<Part> parts, TreePages<TreeNode>& nodes) {
   if (parts.size() == 1) return lanes_[parts.front().index];
   // Full subtrees of `below` lanes each, as far as they go round.
   std::size_t below = 1;
   while (below * kLanes < parts.size()) below *= kLanes;
-  const auto place = static_cast<std::uint32_t>(nodes_.size());
-  nodes_.emplace_back();
+  const std::uint32_t place = nodes.take();
+  nodes[place] = {};
   std::uint32_t count = 0;
-  const auto add = [&](std::span<Part> group) {
-    const TreeEntry child = make_entry(group);
-    nodes_[place].set(count++, child);
-  };
   if (below == 1) {
-    std::sort(parts.begin(), parts.end(),
-              [](const Part& x, const Part& y) { return x.index < y.index; });
-    for (std::size_t i = 0; i < parts.size(); ++i) add(parts.subspan(i, 1));
+    for (const Part& part : parts) nodes[place].set(count++, lanes_[part.index]);
   } else {
-    cut(parts, (parts.size() + below - 1) / below, add);
+    cut(parts, (parts.size() + below - 1) / below, [&](std::span<Part> group) {
+      const TreeEntry child = make_entry(group, nodes);
+      nodes[place].set(count++, child);
+    });
   }
-  TreeEntry entry = enclose(nodes_[place]);
+  TreeEntry entry = enclose(nodes[place]);
   entry.set(TreeEntry::Kind::kInner, place, 0);
   return entry;
 }
 
-void TreeBuilder::build() {
-  nodes_.clear();
-  blocks_.clear();
-  root_ = {};
-  parts_.clear();
+TreeEntry TreeBuilder::build(TreeArrays& arrays) {
+  parts_.resize(faces_.size());
   for (std::uint32_t i = 0; i < faces_.size(); ++i) {
     GridBox box;
-    for (const GridPoint& corner : faces_[i].corners) box.add(corner);
-    parts_.push_back(part_of(box, i));
+    if (faces_.size() > kLanes)
+      for (const GridPoint& corner : faces_[i].corners) box.add(corner);
+    parts_[i] = part_of(box, i);
   }
   if (!parts_.empty())
     cut(std::span<Part>(parts_), (parts_.size() + kLanes - 1) / kLanes,
-        [this](std::span<Part> parts) { add_block(parts); });
-  parts_.clear();
-  for (std::uint32_t i = 0; i < lanes_.size(); ++i) parts_.push_back(part_of(lanes_[i].box, i));
-  if (!parts_.empty()) root_ = make_entry(parts_);
+        [&](std::span<const Part> parts) { add_block(parts, arrays.blocks); });
+  parts_.resize(lanes_.size());
+  for (std::uint32_t i = 0; i < lanes_.size(); ++i) parts_[i] = part_of(lanes_[i].box, i);
+  return parts_.empty() ? TreeEntry{} : make_entry(parts_, arrays.nodes);
 }
 
 TriangleTree build_triangle_tree(const Grid& grid, const std::vector<TreeFace>& faces) {
   TreeBuilder builder;
   for (const TreeFace& face : faces) builder.add_face(face);
-  builder.build();
-  TriangleTree tree{grid, {TreeNode{}}, builder.blocks()};
-  TreeEntry root = builder.root();
-  if (root.kind() == TreeEntry::Kind::kInner) ++root.first;
-  tree.nodes[0].set(0, root);
-  tree.nodes.insert(tree.nodes.end(), builder.nodes().begin(), builder.nodes().end());
-  for (std::size_t i = 1; i < tree.nodes.size(); ++i)
-    for (std::uint32_t lane = 0; lane < kLanes; ++lane)
-      if (tree.nodes[i].entry(lane).kind() == TreeEntry::Kind::kInner) ++tree.nodes[i].first[lane];
-  return tree;
+  TreeArrays arrays;
+  const std::uint32_t top = arrays.nodes.take();
+  arrays.nodes[top] = {};
+  const TreeEntry root = builder.build(arrays);
+  arrays.nodes[top].set(0, root);
+  const auto nodes = arrays.nodes.view();
+  const auto blocks = arrays.blocks.view();
+  return {grid, {nodes.begin(), nodes.end()}, {blocks.begin(), blocks.end()}};
 }
 
 std::vector<TreeFace> current_triangles(const ActiveMesh& mesh) {

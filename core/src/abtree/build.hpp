@@ -2,12 +2,12 @@
 #pragma once
 // The builder shared by micro trees in slots and trees over fixed triangles: faces are cut into blocks of up to eight,
 // blocks and frontier nodes into nodes of up to eight lanes, each time by medians along the longest axis of the centres,
-// so that blocks and the lowest nodes are nearly full. A slot has some 130 faces, so the cut must be cheap rather than
-// clever; measured in ARCHITECTURE.md.
+// so that blocks and the lowest nodes are nearly full. A slot that changes has some 20 faces, so the cut must be cheap
+// rather than clever; measured in ARCHITECTURE.md.
 
 #include <vector>
 
-#include "nearmesh/core/abtree/tree.hpp"
+#include "nearmesh/core/abtree/tree_pages.hpp"
 
 namespace nearmesh {
 
@@ -21,12 +21,8 @@ class TreeBuilder {
   void clear();
   void add_face(const TreeFace& face) { faces_.push_back(face); }
   void add_frontier(NodeSpan node, const GridBox& box);
-  void build();
-
-  /// What was built; places count from 0.
-  [[nodiscard]] const TreeEntry& root() const { return root_; }
-  [[nodiscard]] const std::vector<TreeNode>& nodes() const { return nodes_; }
-  [[nodiscard]] const std::vector<FaceBlock>& blocks() const { return blocks_; }
+  /// Makes the tree in place and returns its root. Parents are made before children.
+  [[nodiscard]] TreeEntry build(TreeArrays& arrays);
 
  private:
   /// A part to be placed: a face, a block or a frontier node.
@@ -35,17 +31,16 @@ class TreeBuilder {
     std::uint32_t index;
   };
   static Part part_of(const GridBox& box, std::uint32_t index);
+  void divide(std::span<Part> parts, std::size_t middle);
   template <class Emit>
-  static void cut(std::span<Part> parts, std::size_t groups, const Emit& emit);
-  void add_block(std::span<Part> parts);
-  TreeEntry make_entry(std::span<Part> parts);
+  void cut(std::span<Part> parts, std::size_t groups, const Emit& emit);
+  void add_block(std::span<const Part> parts, TreePages<FaceBlock>& blocks);
+  TreeEntry make_entry(std::span<Part> parts, TreePages<TreeNode>& nodes);
 
   std::vector<TreeFace> faces_;
   std::vector<TreeEntry> lanes_;
-  std::vector<Part> parts_;
-  TreeEntry root_;
-  std::vector<TreeNode> nodes_;
-  std::vector<FaceBlock> blocks_;
+  std::vector<Part> parts_, right_parts_;
+  std::vector<std::uint64_t> keys_;
 };
 
 }  // namespace nearmesh

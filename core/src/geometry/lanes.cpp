@@ -266,24 +266,6 @@ std::array<std::int8_t, 3> make_slab_normal(const std::array<double, 3>& directi
   return normal;
 }
 
-Span span_along(const std::array<std::int8_t, 3>& normal, const GridPoint& origin,
-                const GridBox& box, const Slab& slab) {
-  const CenteredBox b = centered(box);
-  double along = 0, square = 0, middle = 0, reach = 0;
-  for (std::size_t k = 0; k < 3; ++k) {
-    const double n = normal[k], s = slab.normal[k];
-    along += n * s;
-    square += s * s;
-    middle += n * (b.center[k] - origin.v[k]);
-  }
-  const double a = square > 0 ? along / square : 0;
-  for (std::size_t k = 0; k < 3; ++k) reach += std::abs(normal[k] - a * slab.normal[k]) * b.half[k];
-  const double x = a * static_cast<double>(slab.from), y = a * static_cast<double>(slab.to);
-  // Terms below 2^42, some ten roundings.
-  constexpr double kRounding = 0x1p-6;
-  return {middle + std::min(x, y) - reach - kRounding, middle + std::max(x, y) + reach + kRounding};
-}
-
 void place_lanes(const RelativeFrame& other_in_own, const BoxLanes& other, PlacedLanes& out) {
   HWY_DYNAMIC_DISPATCH(place_lanes_all)(other_in_own, other, out);
 }

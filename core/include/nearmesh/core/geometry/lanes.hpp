@@ -74,12 +74,17 @@ struct TriangleLanes {
 [[nodiscard]] Slab make_slab(const std::array<std::int8_t, 3>& normal, double from, double to);
 /// An integer direction close to `direction` (any length but 0), of a length close to kSlabLength.
 [[nodiscard]] std::array<std::int8_t, 3> make_slab_normal(const std::array<double, 3>& direction);
-/// Bounds of normal . (x - origin) over all x that a box and its slab bound.
-struct Span {
-  double from, to;
+/// A box, and a slab about the mean normal of what it bounds; no slab where that has none.
+struct Bound {
+  GridBox box;
+  Slab slab;
 };
-[[nodiscard]] Span span_along(const std::array<std::int8_t, 3>& normal, const GridPoint& origin,
-                              const GridBox& box, const Slab& slab);
+/// Around boxes and their slabs in the lanes of which the bits are set; the box is empty where none is. Large parts count
+/// as the square of their size.
+[[nodiscard]] Bound bound_of(const BoxLanes& boxes, const float (&sizes)[kLanes],
+                             std::uint32_t lanes);
+/// Around the first `count` triangles, which count as their areas. Precondition: 1 <= count <= kLanes.
+[[nodiscard]] Bound bound_of(const TriangleLanes& triangles, std::uint32_t count);
 
 /// Parts of the other model as they are seen from one's own grid: made once, tested against many.
 struct PlacedLanes {

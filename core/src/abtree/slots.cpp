@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: Apache-2.0
+// The part of AbTree that follows slots: which of a slot's faces are exact, and the micro tree over them.
+// A slot watches as clauses of a SAT solver watch literals (Moskewicz et al. 2001, Chaff): a face that is not exact yet is
+// woken by one of its missing corners only, an exact one by any that it may lose.
+
+#include <algorithm>
+#include <bit>
+
+#include "build.hpp"
+#include "nearmesh/core/abtree/ab_tree.hpp"
+
+namespace nearmesh {
+
+static_assert(kSlotSize == 64, "a slot's vertices are the bits of a word");
+
+// A leaf that is no slot has nothing exact; what becomes of its faces its own splits tell.
+void AbTree::look_at(std::uint32_t index) {
+  Leaf& leaf = leaves_[index];
+  const bool changed = leaf.changed;
+  leaf.changed = false;
+  if (leaf.is_slot()) {
+    find_exact_faces(index);
+    if (changed || exact_faces_.size() != leaf.exact_count) build_micro_tree(index);
+    return;
+  }
+  TreeEntry frontier;
+  frontier.box = mesh_->store().box(leaf.node);
+  frontier.set(TreeEntry::Kind::kFrontier, leaf.node.begin(), leaf.node.size);
+  set_entry(leaf.place, frontier);
+}
+
+void AbTree::watch(std::uint32_t leaf, std::uint32_t watcher, VertexId corner) {
+  std::vector<Watch>& watchers = leaves_[leaf].watchers;
+  // Neighbouring faces have the same neighbours: the latest is looked for first.
+  if (watchers.empty() || watchers.back().leaf != watcher) {
+    const auto found = std::find_if(watchers.begin(), watchers.end(),
+                                    [&](const Watch& watch) { return watch.leaf == watcher; });
+    if (found == watchers.end()) {
+      watchers.push_back({watcher, 0});
+    } else {
+      std::swap(*found, watchers.back());
+    }
+  }
+  watchers.back().corners |= bit_of(corner);
+}
+
+// In a canonical order, so that the tree does not depend on the order of arrival: by key.
+void AbTree::find_exact_faces(std::uint32_t index) {
+  const SplitStore& store = mesh_->store();
+  const Leaf& slot = leaves_[index];
+  const std::uint32_t first = slot.node.begin(), size = slot.node.size;
+  const std::uint64_t active = mesh_->active_bits(slot.node.first) & ~std::uint64_t{0} >> (64 - size);
+  const std::uint64_t leaves = active & mesh_->active_bits({first + 1});
+  const auto is_leaf_here = [&](std::uint32_t offset) { return (leaves >> offset & 1U) != 0; };
+  exact_faces_.clear();
+  // A face's home is its right corner's slot, so without that corner there is nothing to wait for elsewhere.
+  const auto add = [&](FaceKey key, const SplitFace& face) {
+    if (!is_leaf_here(face.right.value - first)) return;
+    for (const VertexId corner : {face.left, face.outside})
+      if (corner.value - first < size && !is_leaf_here(corner.value - first)) return;
+    for (const VertexId corner : {face.left, face.outside})
+      if (corner.value - first >= size && !mesh_->is_leaf(corner)) {
+        watch(leaf_of(mesh_->active_predecessor(corner)), index, corner);
+        return;
+      }
+    for (const VertexId corner : {face.left, face.outside})
+      if (corner.value - first >= size) watch(leaf_of(corner), index, corner);
+    exact_faces_.push_back({key, face.corners()});
+  };
+  const auto by_key = [](const ExactFace& x, const ExactFace& y) { return x.key < y.key; };
+  if (leaves == 0) return;
+  for (const FaceKey key : slot.inherited) add(key, store.face(key));
+  std::sort(exact_faces_.begin(), exact_faces_.end(), by_key);
+  const auto inherited = static_cast<std::ptrdiff_t>(exact_faces_.size());
+  for (std::uint64_t left = active & (active - 1); left != 0; left &= left - 1) {
+    const VertexId v{first + static_cast<std::uint32_t>(std::countr_zero(left))};
+    const std::span<const SplitFace> faces = store.faces(v);
+    for (std::uint32_t i = 0; i < faces.size(); ++i) add({v, i}, faces[i]);
+  }
+  std::inplace_merge(exact_faces_.begin(), exact_faces_.begin() + inherited, exact_faces_.end(), by_key);
+}
+
+void AbTree::build_micro_tree(std::uint32_t index) {
+  const SplitStore& store = mesh_->store();
+  Leaf& slot = leaves_[index];
+  builder_->clear();
+  for (const ExactFace& face : exact_faces_)
+    builder_->add_face({{store.position(face.corners[0]), store.position(face.corners[1]),
+                         store.position(face.corners[2])},
+                        face.key});
+  for (VertexId v = slot.node.first; v.value < slot.node.end();) {
+    const NodeSpan at = mesh_->current_node(v);
+    if (at.size > 1) builder_->add_frontier(at, store.box(at));
+    v = {at.end()};
+  }
+  free_micro_tree(slot.place);
+  set_entry(slot.place, builder_->build(arrays_));
+  exact_total_ += exact_faces_.size();
+  exact_total_ -= slot.exact_count;
+  slot.exact_count = static_cast<std::uint32_t>(exact_faces_.size());
+  ++rebuilt_slots_;
+  rebuilt_faces_ += exact_faces_.size();
+}
+
+}  // namespace nearmesh
