@@ -4,23 +4,27 @@
 #include <algorithm>
 #include <bit>
 
+#include "medians.hpp"
+
 namespace nearmesh {
 namespace {
 
-/// Up to so many parts are ranked by holding each against each, in vectors, which costs less than to sort them.
-constexpr std::size_t kRankedParts = 64;
+/// The lowest `count` bits, 1 to 64.
+std::uint64_t first_bits(std::size_t count) { return ~std::uint64_t{0} >> (kWordParts - count); }
 
-/// How many of `keys` are less than each.
-void rank(std::span<const std::int32_t, kRankedParts> keys, std::size_t count,
-          std::span<std::int32_t, kRankedParts> ranks) {
-  constexpr std::size_t kAtOnce = 16;
-  for (std::size_t at = 0; at < count; at += kAtOnce) {
-    std::array<std::int32_t, kAtOnce> own{}, less{};
-    std::copy_n(keys.begin() + at, kAtOnce, own.begin());
-    for (std::size_t j = 0; j < count; ++j)
-      for (std::size_t i = 0; i < kAtOnce; ++i) less[i] += keys[j] < own[i] ? 1 : 0;
-    std::copy_n(less.begin(), kAtOnce, ranks.begin() + at);
+/// Calls emit for each of `groups` parts of the word, alike in number.
+template <class Emit>
+void cut_word(const PartCenters& centers, std::uint64_t parts, std::size_t groups,
+              const Emit& emit) {
+  if (groups < 2) {
+    emit(parts);
+    return;
   }
+  const auto count = static_cast<std::size_t>(std::popcount(parts));
+  const std::uint64_t left =
+      least_parts(centers, parts, static_cast<std::uint32_t>(count * (groups / 2) / groups));
+  cut_word(centers, left, groups / 2, emit);
+  cut_word(centers, parts & ~left, groups - groups / 2, emit);
 }
 
 }  // namespace
@@ -34,26 +38,25 @@ TreeEntry enclose(const TreeNode& node) {
 }
 
 void TreeBuilder::clear() {
-  faces_.clear();
+  face_count_ = 0;
   lanes_.clear();
 }
 
+void TreeBuilder::add_face(FaceKey key, const std::array<GridPoint, 3>& corners) {
+  const std::size_t block = face_count_ / kLanes;
+  const auto lane = static_cast<std::uint32_t>(face_count_++ % kLanes);
+  if (block == faces_.size()) faces_.emplace_back();
+  faces_[block].triangles.set(lane, corners);
+  faces_[block].keys[lane] = key;
+}
+
 void TreeBuilder::add_frontier(NodeSpan node, const GridBox& box) {
-  TreeEntry entry;
+  TreeEntry& entry = lanes_.emplace_back();
   entry.box = box;
   entry.set(TreeEntry::Kind::kFrontier, node.begin(), node.size);
-  lanes_.push_back(entry);
 }
 
-TreeBuilder::Part TreeBuilder::part_of(const GridBox& box, std::uint32_t index) {
-  Part part{{}, index};
-  for (int k = 0; k < 3; ++k)
-    part.center[static_cast<std::size_t>(k)] = (box.lo[k] >> 1) + (box.hi[k] >> 1);
-  return part;
-}
-
-/// Puts the `middle` parts with the least centres along the longest axis first. Both sides keep their order. Equal centres
-/// are as good on either side, but must fall the same way everywhere: those that stand first are less.
+/// Puts the `middle` parts with the least centres along the longest axis first, as least_parts() does for few.
 void TreeBuilder::divide(std::span<Part> parts, std::size_t middle) {
   std::array<std::int32_t, 3> lo = parts.front().center, hi = lo;
   for (const Part& part : parts)
@@ -64,43 +67,23 @@ void TreeBuilder::divide(std::span<Part> parts, std::size_t middle) {
   std::size_t axis = 0;
   for (std::size_t k = 1; k < 3; ++k)
     if (std::int64_t{hi[k]} - lo[k] > std::int64_t{hi[axis]} - lo[axis]) axis = k;
-
-  const auto along = [&](const Part& part) {  // from 0
-    return static_cast<std::uint32_t>(part.center[axis]) - static_cast<std::uint32_t>(lo[axis]);
+  const auto key = [&](std::size_t i) {
+    return static_cast<std::uint64_t>(std::int64_t{parts[i].center[axis]} - lo[axis]) << 32 | i;
   };
-
+  keys_.resize(parts.size());
+  for (std::size_t i = 0; i < parts.size(); ++i) keys_[i] = key(i);
+  std::nth_element(keys_.begin(), keys_.begin() + static_cast<std::ptrdiff_t>(middle), keys_.end());
+  const std::uint64_t least_right = keys_[middle];
   right_parts_.clear();
-  Part* left = parts.data();
-  const auto put = [&](const Part& part, bool is_left) {
-    if (is_left) {
-      *left++ = part;
+  std::size_t left = 0;
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    if (key(i) < least_right) {
+      parts[left++] = parts[i];
     } else {
-      right_parts_.push_back(part);
+      right_parts_.push_back(parts[i]);
     }
-  };
-  if (parts.size() <= kRankedParts) {
-    std::array<std::int32_t, kRankedParts> keys{}, ranks;
-    // 25 bits of the centre and 6 of the place.
-    const std::uint32_t extent =
-        static_cast<std::uint32_t>(hi[axis]) - static_cast<std::uint32_t>(lo[axis]);
-    const int shift = std::max(0, static_cast<int>(std::bit_width(extent)) - 25);
-    for (std::uint32_t i = 0; i < parts.size(); ++i)
-      keys[i] = static_cast<std::int32_t>(along(parts[i]) >> shift << 6 | i);
-    rank(keys, parts.size(), ranks);
-    for (std::size_t i = 0; i < parts.size(); ++i)
-      put(parts[i], static_cast<std::size_t>(ranks[i]) < middle);
-  } else {
-    const auto key = [&](std::size_t i) {
-      return std::uint64_t{along(parts[i])} << 32 | i;
-    };
-    keys_.resize(parts.size());
-    for (std::size_t i = 0; i < parts.size(); ++i) keys_[i] = key(i);
-    std::nth_element(keys_.begin(), keys_.begin() + static_cast<std::ptrdiff_t>(middle),
-                     keys_.end());
-    const std::uint64_t least_right = keys_[middle];
-    for (std::size_t i = 0; i < parts.size(); ++i) put(parts[i], key(i) < least_right);
   }
-  std::copy(right_parts_.begin(), right_parts_.end(), left);
+  std::copy(right_parts_.begin(), right_parts_.end(), parts.begin() + static_cast<std::ptrdiff_t>(left));
 }
 
 /// Calls emit for each of `groups` parts of the range, alike in number, in the order given within each.
@@ -110,27 +93,64 @@ void TreeBuilder::cut(std::span<Part> parts, std::size_t groups, const Emit& emi
     emit(parts);
     return;
   }
-  const std::size_t left_groups = groups / 2;
-  const std::size_t middle = parts.size() * left_groups / groups;
+  if (parts.size() <= kWordParts) {
+    PartCenters centers;
+    for (std::size_t i = 0; i < parts.size(); ++i)
+      for (std::size_t k = 0; k < 3; ++k) centers.axis[k][i] = parts[i].center[k];
+    cut_word(centers, first_bits(parts.size()), groups, [&](std::uint64_t bits) {
+      std::array<Part, kWordParts> group;
+      std::size_t count = 0;
+      for (; bits != 0; bits &= bits - 1) group[count++] = parts[std::countr_zero(bits)];
+      emit(std::span(group).first(count));
+    });
+    return;
+  }
+  const std::size_t middle = parts.size() * (groups / 2) / groups;
   divide(parts, middle);
-  cut(parts.first(middle), left_groups, emit);
-  cut(parts.subspan(middle), groups - left_groups, emit);
+  cut(parts.first(middle), groups / 2, emit);
+  cut(parts.subspan(middle), groups - groups / 2, emit);
+}
+
+void TreeBuilder::cut_faces(TreePages<FaceBlock>& blocks) {
+  const std::size_t groups = (face_count_ + kLanes - 1) / kLanes;
+  parts_.clear();
+  for (std::size_t first = 0; first < face_count_; first += kWordParts) {
+    const std::size_t count = std::min<std::size_t>(kWordParts, face_count_ - first);
+    PartCenters centers;
+    for (std::uint32_t i = 0; i < count && groups > 1; i += kLanes)
+      set_centers(faces_[(first + i) / kLanes].triangles, i, centers);
+    if (face_count_ <= kWordParts) {
+      cut_word(centers, first_bits(count), groups, [&](std::uint64_t bits) {
+        std::array<Part, kLanes> group;
+        std::size_t size = 0;
+        for (; bits != 0; bits &= bits - 1)
+          group[size++].index = static_cast<std::uint32_t>(std::countr_zero(bits));
+        add_block(std::span(group).first(size), blocks);
+      });
+      return;
+    }
+    for (std::size_t i = 0; i < count; ++i)
+      parts_.push_back({{centers.axis[0][i], centers.axis[1][i], centers.axis[2][i]},
+                        static_cast<std::uint32_t>(first + i)});
+  }
+  if (!parts_.empty())
+    cut(std::span<Part>(parts_), groups,
+        [&](std::span<const Part> parts) { add_block(parts, blocks); });
 }
 
 void TreeBuilder::add_block(std::span<const Part> parts, TreePages<FaceBlock>& blocks) {
   const std::uint32_t place = blocks.take();
   FaceBlock& block = blocks[place];
   for (std::uint32_t i = 0; i < kLanes; ++i) {
-    const TreeFace& face = faces_[parts[std::min<std::size_t>(i, parts.size() - 1)].index];
-    block.triangles.set(i, face.corners);
-    block.keys[i] = face.key;
+    const std::uint32_t face = parts[std::min<std::size_t>(i, parts.size() - 1)].index;
+    const FaceBlock& from = faces_[face / kLanes];
+    for (std::size_t c = 0; c < 3; ++c)
+      for (std::size_t k = 0; k < 3; ++k)
+        block.triangles.corner[c][k][i] = from.triangles.corner[c][k][face % kLanes];
+    block.keys[i] = from.keys[face % kLanes];
   }
-  const auto count = static_cast<std::uint32_t>(parts.size());
-  const Bound bound = bound_of(block.triangles, count);
-  TreeEntry& entry = lanes_.emplace_back();
-  entry.box = bound.box;
-  entry.slab = bound.slab;
-  entry.set(TreeEntry::Kind::kFaces, place, count);
+  lanes_.emplace_back().set(TreeEntry::Kind::kFaces, place,
+                            static_cast<std::uint32_t>(parts.size()));
 }
 
 TreeEntry TreeBuilder::make_entry(std::span<Part> parts, TreePages<TreeNode>& nodes) {
@@ -155,24 +175,26 @@ TreeEntry TreeBuilder::make_entry(std::span<Part> parts, TreePages<TreeNode>& no
 }
 
 TreeEntry TreeBuilder::build(TreeArrays& arrays) {
-  parts_.resize(faces_.size());
-  for (std::uint32_t i = 0; i < faces_.size(); ++i) {
-    GridBox box;
-    if (faces_.size() > kLanes)
-      for (const GridPoint& corner : faces_[i].corners) box.add(corner);
-    parts_[i] = part_of(box, i);
+  cut_faces(arrays.blocks);
+  for (TreeEntry& lane : lanes_) {
+    if (lane.kind() != TreeEntry::Kind::kFaces) continue;
+    const Bound bound = bound_of(arrays.blocks[lane.first].triangles, lane.count());
+    lane.box = bound.box;
+    lane.slab = bound.slab;
   }
-  if (!parts_.empty())
-    cut(std::span<Part>(parts_), (parts_.size() + kLanes - 1) / kLanes,
-        [&](std::span<const Part> parts) { add_block(parts, arrays.blocks); });
   parts_.resize(lanes_.size());
-  for (std::uint32_t i = 0; i < lanes_.size(); ++i) parts_[i] = part_of(lanes_[i].box, i);
+  for (std::uint32_t i = 0; i < lanes_.size(); ++i) {
+    parts_[i].index = i;
+    const GridBox& box = lanes_[i].box;
+    for (int k = 0; k < 3; ++k)
+      parts_[i].center[static_cast<std::size_t>(k)] = (box.lo[k] >> 1) + (box.hi[k] >> 1);
+  }
   return parts_.empty() ? TreeEntry{} : make_entry(parts_, arrays.nodes);
 }
 
 TriangleTree build_triangle_tree(const Grid& grid, const std::vector<TreeFace>& faces) {
   TreeBuilder builder;
-  for (const TreeFace& face : faces) builder.add_face(face);
+  for (const TreeFace& face : faces) builder.add_face(face.key, face.corners);
   TreeArrays arrays;
   const std::uint32_t top = arrays.nodes.take();
   arrays.nodes[top] = {};

@@ -19,7 +19,7 @@ namespace nearmesh {
 class TreeBuilder {
  public:
   void clear();
-  void add_face(const TreeFace& face) { faces_.push_back(face); }
+  void add_face(FaceKey key, const std::array<GridPoint, 3>& corners);
   void add_frontier(NodeSpan node, const GridBox& box);
   /// Makes the tree in place and returns its root. Parents are made before children.
   [[nodiscard]] TreeEntry build(TreeArrays& arrays);
@@ -30,14 +30,15 @@ class TreeBuilder {
     std::array<std::int32_t, 3> center;  // by halves, so that it fits
     std::uint32_t index;
   };
-  static Part part_of(const GridBox& box, std::uint32_t index);
   void divide(std::span<Part> parts, std::size_t middle);
   template <class Emit>
   void cut(std::span<Part> parts, std::size_t groups, const Emit& emit);
+  void cut_faces(TreePages<FaceBlock>& blocks);
   void add_block(std::span<const Part> parts, TreePages<FaceBlock>& blocks);
   TreeEntry make_entry(std::span<Part> parts, TreePages<TreeNode>& nodes);
 
-  std::vector<TreeFace> faces_;
+  std::size_t face_count_ = 0;
+  std::vector<FaceBlock> faces_;  // as they were added
   std::vector<TreeEntry> lanes_;
   std::vector<Part> parts_, right_parts_;
   std::vector<std::uint64_t> keys_;

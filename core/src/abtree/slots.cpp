@@ -85,9 +85,9 @@ void AbTree::build_micro_tree(std::uint32_t index) {
   Leaf& slot = leaves_[index];
   builder_->clear();
   for (const ExactFace& face : exact_faces_)
-    builder_->add_face({{store.position(face.corners[0]), store.position(face.corners[1]),
-                         store.position(face.corners[2])},
-                        face.key});
+    builder_->add_face(face.key,
+                       {store.position(face.corners[0]), store.position(face.corners[1]),
+                        store.position(face.corners[2])});
   for (VertexId v = slot.node.first; v.value < slot.node.end();) {
     const NodeSpan at = mesh_->current_node(v);
     if (at.size > 1) builder_->add_frontier(at, store.box(at));
