@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <initializer_list>
 
 #include "build.hpp"
 #include "nearmesh/core/abtree/ab_tree.hpp"
@@ -44,40 +45,56 @@ void AbTree::watch(std::uint32_t leaf, std::uint32_t watcher, VertexId corner) {
   watchers.back().corners |= bit_of(corner);
 }
 
-// In a canonical order, so that the tree does not depend on the order of arrival: by key.
+// Which of a slot's vertices are active, and which of these are vertices of the full mesh: bits from its first vertex.
+AbTree::SlotBits AbTree::bits_of(NodeSpan slot) const {
+  const std::uint64_t active = mesh_->active_bits(slot.first) & ~std::uint64_t{0} >> (64 - slot.size);
+  return {active, active & mesh_->active_bits({slot.begin() + 1})};
+}
+
+// Whether a face of the slot with these corners elsewhere is exact, and whom to watch. Its other corners are leaves.
+bool AbTree::is_exact_elsewhere(std::uint32_t slot, std::initializer_list<VertexId> corners) {
+  for (const VertexId corner : corners)
+    if (!mesh_->is_leaf(corner)) {
+      watch(leaf_of(mesh_->active_predecessor(corner)), slot, corner);
+      return false;
+    }
+  for (const VertexId corner : corners) watch(leaf_of(corner), slot, corner);
+  return true;
+}
+
+// By key, so that the tree does not depend on the order of arrival. A face's home is its right corner's slot: while that
+// or another corner in the slot is missing there is nothing to wait for elsewhere.
 void AbTree::find_exact_faces(std::uint32_t index) {
   const SplitStore& store = mesh_->store();
-  const Leaf& slot = leaves_[index];
-  const std::uint32_t first = slot.node.begin(), size = slot.node.size;
-  const std::uint64_t active = mesh_->active_bits(slot.node.first) & ~std::uint64_t{0} >> (64 - size);
-  const std::uint64_t leaves = active & mesh_->active_bits({first + 1});
-  const auto is_leaf_here = [&](std::uint32_t offset) { return (leaves >> offset & 1U) != 0; };
+  const NodeSpan node = leaves_[index].node;
+  const SlotBits bits = bits_of(node);
   exact_faces_.clear();
-  // A face's home is its right corner's slot, so without that corner there is nothing to wait for elsewhere.
-  const auto add = [&](FaceKey key, const SplitFace& face) {
-    if (!is_leaf_here(face.right.value - first)) return;
-    for (const VertexId corner : {face.left, face.outside})
-      if (corner.value - first < size && !is_leaf_here(corner.value - first)) return;
-    for (const VertexId corner : {face.left, face.outside})
-      if (corner.value - first >= size && !mesh_->is_leaf(corner)) {
-        watch(leaf_of(mesh_->active_predecessor(corner)), index, corner);
-        return;
-      }
-    for (const VertexId corner : {face.left, face.outside})
-      if (corner.value - first >= size) watch(leaf_of(corner), index, corner);
-    exact_faces_.push_back({key, face.corners()});
-  };
+  if (bits.leaves == 0) return;
+  const auto lacks = [&](VertexId v) { return (bits.leaves >> (v.value - node.begin()) & 1U) == 0; };
+
+  for (const FaceKey key : leaves_[index].inherited) {
+    const SplitFace face = store.face(key);  // of a split above the slot: two corners are elsewhere
+    if (!lacks(face.right) && is_exact_elsewhere(index, {face.left, face.outside}))
+      exact_faces_.push_back({key, face.corners()});
+  }
   const auto by_key = [](const ExactFace& x, const ExactFace& y) { return x.key < y.key; };
-  if (leaves == 0) return;
-  for (const FaceKey key : slot.inherited) add(key, store.face(key));
   std::sort(exact_faces_.begin(), exact_faces_.end(), by_key);
   const auto inherited = static_cast<std::ptrdiff_t>(exact_faces_.size());
-  for (std::uint64_t left = active & (active - 1); left != 0; left &= left - 1) {
-    const VertexId v{first + static_cast<std::uint32_t>(std::countr_zero(left))};
+
+  for (std::uint64_t left = bits.active & (bits.active - 1); left != 0; left &= left - 1) {
+    const VertexId v{node.begin() + static_cast<std::uint32_t>(std::countr_zero(left))};
     const std::span<const SplitFace> faces = store.faces(v);
-    for (std::uint32_t i = 0; i < faces.size(); ++i) add({v, i}, faces[i]);
+    for (std::uint32_t i = 0; i < faces.size(); ++i) {
+      const SplitFace& face = faces[i];
+      if (lacks(face.left) || lacks(face.right)) continue;  // both lie in the slot
+      if (node.contains(face.outside) ? lacks(face.outside)
+                                      : !is_exact_elsewhere(index, {face.outside}))
+        continue;
+      exact_faces_.push_back({{v, i}, face.corners()});
+    }
   }
-  std::inplace_merge(exact_faces_.begin(), exact_faces_.begin() + inherited, exact_faces_.end(), by_key);
+  std::inplace_merge(exact_faces_.begin(), exact_faces_.begin() + inherited, exact_faces_.end(),
+                     by_key);
 }
 
 void AbTree::build_micro_tree(std::uint32_t index) {
@@ -88,10 +105,11 @@ void AbTree::build_micro_tree(std::uint32_t index) {
     builder_->add_face(face.key,
                        {store.position(face.corners[0]), store.position(face.corners[1]),
                         store.position(face.corners[2])});
-  for (VertexId v = slot.node.first; v.value < slot.node.end();) {
-    const NodeSpan at = mesh_->current_node(v);
-    if (at.size > 1) builder_->add_frontier(at, store.box(at));
-    v = {at.end()};
+  const SlotBits bits = bits_of(slot.node);
+  for (std::uint64_t left = bits.active & ~bits.leaves; left != 0; left &= left - 1) {
+    const NodeSpan at = mesh_->current_node(
+        {slot.node.begin() + static_cast<std::uint32_t>(std::countr_zero(left))});
+    builder_->add_frontier(at, store.box(at));
   }
   free_micro_tree(slot.place);
   set_entry(slot.place, builder_->build(arrays_));

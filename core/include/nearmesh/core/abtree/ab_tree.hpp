@@ -8,6 +8,7 @@
 
 #include <array>
 #include <cstdint>
+#include <initializer_list>
 #include <memory>
 #include <vector>
 
@@ -107,6 +108,11 @@ class AbTree {
 
   // Slots: slots.cpp.
   void look_at(std::uint32_t leaf);
+  struct SlotBits {
+    std::uint64_t active, leaves;
+  };
+  [[nodiscard]] SlotBits bits_of(NodeSpan slot) const;
+  bool is_exact_elsewhere(std::uint32_t slot, std::initializer_list<VertexId> corners);
   void find_exact_faces(std::uint32_t slot);
   void build_micro_tree(std::uint32_t slot);
 

@@ -72,7 +72,7 @@ struct TriangleLanes {
 
 /// The slab between two values of normal . (x - centre of the box), rounded outwards. Precondition: from <= to.
 [[nodiscard]] Slab make_slab(const std::array<std::int8_t, 3>& normal, double from, double to);
-/// An integer direction close to `direction` (any length but 0), of a length close to kSlabLength.
+/// An integer direction close to `direction`, whose length is in [2^-500, 2^500], of a length close to kSlabLength.
 [[nodiscard]] std::array<std::int8_t, 3> make_slab_normal(const std::array<double, 3>& direction);
 /// A box, and a slab about the mean normal of what it bounds; no slab where that has none.
 struct Bound {
