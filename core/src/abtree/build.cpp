@@ -42,14 +42,6 @@ void TreeBuilder::clear() {
   lanes_.clear();
 }
 
-void TreeBuilder::add_face(FaceKey key, const std::array<GridPoint, 3>& corners) {
-  const std::size_t block = face_count_ / kLanes;
-  const auto lane = static_cast<std::uint32_t>(face_count_++ % kLanes);
-  if (block == faces_.size()) faces_.emplace_back();
-  faces_[block].triangles.set(lane, corners);
-  faces_[block].keys[lane] = key;
-}
-
 void TreeBuilder::add_frontier(NodeSpan node, const GridBox& box) {
   TreeEntry& entry = lanes_.emplace_back();
   entry.box = box;
@@ -194,7 +186,7 @@ TreeEntry TreeBuilder::build(TreeArrays& arrays) {
 
 TriangleTree build_triangle_tree(const Grid& grid, const std::vector<TreeFace>& faces) {
   TreeBuilder builder;
-  for (const TreeFace& face : faces) builder.add_face(face.key, face.corners);
+  for (const TreeFace& face : faces) builder.add_face(face.key, {&face.corners[0], &face.corners[1], &face.corners[2]});
   TreeArrays arrays;
   const std::uint32_t top = arrays.nodes.take();
   arrays.nodes[top] = {};

@@ -19,7 +19,15 @@ namespace nearmesh {
 class TreeBuilder {
  public:
   void clear();
-  void add_face(FaceKey key, const std::array<GridPoint, 3>& corners);
+  void add_face(FaceKey key, const std::array<const GridPoint*, 3>& corners) {
+    const std::size_t block = face_count_ / kLanes, lane = face_count_ % kLanes;
+    ++face_count_;
+    if (block == faces_.size()) faces_.emplace_back();
+    FaceBlock& into = faces_[block];
+    for (std::size_t c = 0; c < 3; ++c)
+      for (std::size_t k = 0; k < 3; ++k) into.triangles.corner[c][k][lane] = corners[c]->v[k];
+    into.keys[lane] = key;
+  }
   void add_frontier(NodeSpan node, const GridBox& box);
   /// Makes the tree in place and returns its root. Parents are made before children.
   [[nodiscard]] TreeEntry build(TreeArrays& arrays);

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <bit>
-#include <initializer_list>
 
 #include "build.hpp"
 #include "nearmesh/core/abtree/ab_tree.hpp"
@@ -21,7 +20,7 @@ void AbTree::look_at(std::uint32_t index) {
   leaf.changed = false;
   if (leaf.is_slot()) {
     find_exact_faces(index);
-    if (changed || exact_faces_.size() != leaf.exact_count) build_micro_tree(index);
+    if (changed || exact_count_ != leaf.exact_count) build_micro_tree(index);
     return;
   }
   TreeEntry frontier;
@@ -51,60 +50,86 @@ AbTree::SlotBits AbTree::bits_of(NodeSpan slot) const {
   return {active, active & mesh_->active_bits({slot.begin() + 1})};
 }
 
-// Whether a face of the slot with these corners elsewhere is exact, and whom to watch. Its other corners are leaves.
-bool AbTree::is_exact_elsewhere(std::uint32_t slot, std::initializer_list<VertexId> corners) {
-  for (const VertexId corner : corners)
-    if (!mesh_->is_leaf(corner)) {
-      watch(leaf_of(mesh_->active_predecessor(corner)), slot, corner);
-      return false;
-    }
-  for (const VertexId corner : corners) watch(leaf_of(corner), slot, corner);
-  return true;
-}
-
 // By key, so that the tree does not depend on the order of arrival. A face's home is its right corner's slot: while that
 // or another corner in the slot is missing there is nothing to wait for elsewhere.
 void AbTree::find_exact_faces(std::uint32_t index) {
-  const SplitStore& store = mesh_->store();
-  const NodeSpan node = leaves_[index].node;
-  const SlotBits bits = bits_of(node);
-  exact_faces_.clear();
+  const NodeSpan slot = leaves_[index].node;
+  const SlotBits bits = bits_of(slot);
+  exact_count_ = elsewhere_count_ = 0;
   if (bits.leaves == 0) return;
-  const auto lacks = [&](VertexId v) { return (bits.leaves >> (v.value - node.begin()) & 1U) == 0; };
+  find_inherited_faces(index, bits);
+  const std::size_t inherited = exact_count_;
+  find_own_faces(slot, bits);
+  for (const VertexId corner : std::span(corners_elsewhere_).first(elsewhere_count_))
+    watch(leaf_of(mesh_->active_predecessor(corner)), index, corner);
+  const auto first = exact_faces_.begin();
+  std::inplace_merge(first, first + static_cast<std::ptrdiff_t>(inherited),
+                     first + static_cast<std::ptrdiff_t>(exact_count_),
+                     [](const ExactFace& x, const ExactFace& y) { return x.key < y.key; });
+}
 
-  for (const FaceKey key : leaves_[index].inherited) {
-    const SplitFace face = store.face(key);  // of a split above the slot: two corners are elsewhere
-    if (!lacks(face.right) && is_exact_elsewhere(index, {face.left, face.outside}))
-      exact_faces_.push_back({key, face.corners()});
+// For so many faces more.
+void AbTree::make_room(std::size_t faces) {
+  const std::size_t exact = exact_count_ + faces, elsewhere = elsewhere_count_ + 2 * faces;
+  if (exact_faces_.size() < exact) exact_faces_.resize(2 * exact);
+  if (corners_elsewhere_.size() < elsewhere) corners_elsewhere_.resize(2 * elsewhere);
+}
+
+// Faces of splits above the slot: two of their corners are elsewhere.
+void AbTree::find_inherited_faces(std::uint32_t index, const SlotBits& bits) {
+  const Leaf& slot = leaves_[index];
+  make_room(slot.inherited.size());
+  for (const FaceKey key : slot.inherited) {
+    const SplitFace& face = mesh_->store().face(key);
+    if ((bits.leaves >> (face.right.value - slot.node.begin()) & 1U) == 0) continue;
+    const bool has_left = mesh_->is_leaf(face.left);
+    corners_elsewhere_[elsewhere_count_++] = has_left ? face.outside : face.left;
+    if (!has_left || !mesh_->is_leaf(face.outside)) continue;
+    corners_elsewhere_[elsewhere_count_++] = face.left;
+    exact_faces_[exact_count_++] = {key, &face};
   }
-  const auto by_key = [](const ExactFace& x, const ExactFace& y) { return x.key < y.key; };
-  std::sort(exact_faces_.begin(), exact_faces_.end(), by_key);
-  const auto inherited = static_cast<std::ptrdiff_t>(exact_faces_.size());
+  std::sort(exact_faces_.begin(), exact_faces_.begin() + static_cast<std::ptrdiff_t>(exact_count_),
+            [](const ExactFace& x, const ExactFace& y) { return x.key < y.key; });
+}
 
+// Faces of the slot's own splits: only their outside corner may be elsewhere. Which are exact is hard to foretell, so each
+// is put down, and counted where it is.
+void AbTree::find_own_faces(NodeSpan slot, const SlotBits& bits) {
+  const SplitStore& store = mesh_->store();
+  std::size_t exact = exact_count_, elsewhere = elsewhere_count_;
+  std::size_t room = 0;  // for so many faces
   for (std::uint64_t left = bits.active & (bits.active - 1); left != 0; left &= left - 1) {
-    const VertexId v{node.begin() + static_cast<std::uint32_t>(std::countr_zero(left))};
+    const VertexId v{slot.begin() + static_cast<std::uint32_t>(std::countr_zero(left))};
     const std::span<const SplitFace> faces = store.faces(v);
+    if (faces.size() > room) {
+      exact_count_ = exact;
+      elsewhere_count_ = elsewhere;
+      make_room(room = 2 * kSlotSize + faces.size());
+    }
+    room -= faces.size();
     for (std::uint32_t i = 0; i < faces.size(); ++i) {
       const SplitFace& face = faces[i];
-      if (lacks(face.left) || lacks(face.right)) continue;  // both lie in the slot
-      if (node.contains(face.outside) ? lacks(face.outside)
-                                      : !is_exact_elsewhere(index, {face.outside}))
-        continue;
-      exact_faces_.push_back({{v, i}, face.corners()});
+      const std::uint64_t is_here = bits.leaves >> (face.left.value - slot.begin()) &
+                                    bits.leaves >> (face.right.value - slot.begin()) & 1U;
+      exact_faces_[exact] = {{v, i}, &face};
+      exact += is_here & static_cast<std::uint64_t>(mesh_->is_leaf(face.outside));
+      corners_elsewhere_[elsewhere] = face.outside;
+      elsewhere += is_here & static_cast<std::uint64_t>(!slot.contains(face.outside));
     }
   }
-  std::inplace_merge(exact_faces_.begin(), exact_faces_.begin() + inherited, exact_faces_.end(),
-                     by_key);
+  exact_count_ = exact;
+  elsewhere_count_ = elsewhere;
 }
 
 void AbTree::build_micro_tree(std::uint32_t index) {
   const SplitStore& store = mesh_->store();
   Leaf& slot = leaves_[index];
   builder_->clear();
-  for (const ExactFace& face : exact_faces_)
-    builder_->add_face(face.key,
-                       {store.position(face.corners[0]), store.position(face.corners[1]),
-                        store.position(face.corners[2])});
+  for (const ExactFace& exact : std::span(exact_faces_).first(exact_count_)) {
+    const std::array<VertexId, 3> corners = exact.face->corners();
+    builder_->add_face(exact.key, {&store.position(corners[0]), &store.position(corners[1]),
+                                   &store.position(corners[2])});
+  }
   const SlotBits bits = bits_of(slot.node);
   for (std::uint64_t left = bits.active & ~bits.leaves; left != 0; left &= left - 1) {
     const NodeSpan at = mesh_->current_node(
@@ -113,11 +138,11 @@ void AbTree::build_micro_tree(std::uint32_t index) {
   }
   free_micro_tree(slot.place);
   set_entry(slot.place, builder_->build(arrays_));
-  exact_total_ += exact_faces_.size();
+  exact_total_ += exact_count_;
   exact_total_ -= slot.exact_count;
-  slot.exact_count = static_cast<std::uint32_t>(exact_faces_.size());
+  slot.exact_count = static_cast<std::uint32_t>(exact_count_);
   ++rebuilt_slots_;
-  rebuilt_faces_ += exact_faces_.size();
+  rebuilt_faces_ += exact_count_;
 }
 
 }  // namespace nearmesh

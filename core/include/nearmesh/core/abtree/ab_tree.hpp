@@ -8,7 +8,6 @@
 
 #include <array>
 #include <cstdint>
-#include <initializer_list>
 #include <memory>
 #include <vector>
 
@@ -112,8 +111,10 @@ class AbTree {
     std::uint64_t active, leaves;
   };
   [[nodiscard]] SlotBits bits_of(NodeSpan slot) const;
-  bool is_exact_elsewhere(std::uint32_t slot, std::initializer_list<VertexId> corners);
   void find_exact_faces(std::uint32_t slot);
+  void make_room(std::size_t faces);
+  void find_inherited_faces(std::uint32_t slot, const SlotBits& bits);
+  void find_own_faces(NodeSpan slot, const SlotBits& bits);
   void build_micro_tree(std::uint32_t slot);
 
   [[nodiscard]] Lanes find_lanes(NodeSpan node) const;
@@ -144,9 +145,11 @@ class AbTree {
   // Scratch of look_at().
   struct ExactFace {
     FaceKey key;
-    std::array<VertexId, 3> corners;
+    const SplitFace* face;
   };
   std::vector<ExactFace> exact_faces_;
+  std::vector<VertexId> corners_elsewhere_;           // to watch
+  std::size_t exact_count_ = 0, elsewhere_count_ = 0;  // the first so many of these
   std::unique_ptr<TreeBuilder> builder_;
 };
 

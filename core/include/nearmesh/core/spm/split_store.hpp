@@ -76,7 +76,7 @@ class SplitStore {
     return {entry.inline_faces, entry.face_count};
   }
   [[nodiscard]] std::span<const SplitFace> base_faces() const { return base_faces_; }
-  [[nodiscard]] SplitFace face(FaceKey key) const {
+  [[nodiscard]] const SplitFace& face(FaceKey key) const {
     return key.split.is_valid() ? faces(key.split)[key.index] : base_faces_[key.index];
   }
   [[nodiscard]] const std::vector<BaseRoot>& roots() const { return roots_; }
