@@ -24,7 +24,8 @@ AbTree::AbTree(const ActiveMesh& mesh)
   for (const BaseRoot& root : store.roots())
     builder_->add_frontier(root.node, store.box(root.node));
   TreeArrays fixed;
-  const TreeEntry top = builder_->build(fixed);
+  TreeEntry top = builder_->build(fixed);
+  if (top.kind() == Kind::kInner) top = inner_entry(fixed.nodes, top.first);
   root_places_.resize(store.roots().size());
   const auto add = [&](std::uint32_t at, std::uint32_t lane, TreeEntry part) {
     if (part.kind() == Kind::kInner) upper(++part.first).parent = at * kLanes + lane;
@@ -66,7 +67,7 @@ AbTree::~AbTree() = default;
 
 std::uint32_t AbTree::new_upper(TreePlace parent) {
   const std::uint32_t place = arrays_.nodes.take();
-  arrays_.nodes[place] = {};
+  std::construct_at(&arrays_.nodes[place]);
   if (place >= upper_of_.size()) upper_of_.grow(std::max(kFirstUppers, 2 * std::size_t{place}));
   if (free_uppers_.empty()) {
     free_uppers_.push_back(static_cast<std::uint32_t>(uppers_.size()));
@@ -230,8 +231,21 @@ void AbTree::queue_refit(std::uint32_t tree_node) {
   std::push_heap(refits_.begin(), refits_.end());
 }
 
+// Takes the box and slab of an inner lane anew; false where they stay.
+bool AbTree::refit_lane(TreePlace place) {
+  TreeNode& node = arrays_.nodes[place / kLanes];
+  const std::uint32_t lane = place % kLanes;
+  const TreeEntry before = node.entry(lane);
+  const TreeEntry after = inner_entry(arrays_.nodes, node.first[lane]);
+  node.set(lane, after);
+  if (after.box.is_empty()) node.lanes &= ~(1U << lane);
+  return node.entry(lane) != before;
+}
+
 // Boxes and slabs of the lanes above those that changed, lowest first.
 void AbTree::refit() {
+  for (const TreePlace place : micro_roots_) refit_lane(place);
+  micro_roots_.clear();
   while (!refits_.empty()) {
     std::pop_heap(refits_.begin(), refits_.end());
     const std::uint32_t at = refits_.back().second;
@@ -239,14 +253,7 @@ void AbTree::refit() {
     if (upper_of_[at] == kNone) continue;  // freed since
     upper(at).queued = false;
     const TreePlace parent = upper(at).parent;
-    TreeNode& above = arrays_.nodes[parent / kLanes];
-    const std::uint32_t lane = parent % kLanes;
-    const TreeEntry before = above.entry(lane);
-    TreeEntry after = enclose(arrays_.nodes[at]);
-    after.set(Kind::kInner, at, 0);
-    above.set(lane, after);
-    if (after.box.is_empty()) above.lanes &= ~(1U << lane);
-    if (above.entry(lane) != before) queue_refit(parent / kLanes);
+    if (refit_lane(parent)) queue_refit(parent / kLanes);
   }
 }
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <memory>
 
 #include "medians.hpp"
 
@@ -29,12 +30,12 @@ void cut_word(const PartCenters& centers, std::uint64_t parts, std::size_t group
 
 }  // namespace
 
-TreeEntry enclose(const TreeNode& node) {
-  const Bound bound = bound_of(node.boxes, node.size, node.lanes);
-  TreeEntry out;
-  out.box = bound.box;
-  out.slab = bound.slab;
-  return out;
+TreeEntry inner_entry(const TreePages<TreeNode>& nodes, std::uint32_t place) {
+  const TreeNode& node = nodes[place];
+  TreeEntry entry;
+  bound(node.boxes, node.size, node.lanes, entry.box, entry.slab);
+  entry.set(TreeEntry::Kind::kInner, place, 0);
+  return entry;
 }
 
 void TreeBuilder::clear() {
@@ -145,35 +146,34 @@ void TreeBuilder::add_block(std::span<const Part> parts, TreePages<FaceBlock>& b
                             static_cast<std::uint32_t>(parts.size()));
 }
 
-TreeEntry TreeBuilder::make_entry(std::span<Part> parts, TreePages<TreeNode>& nodes) {
+TreeEntry TreeBuilder::make_entry(std::span<Part> parts, TreePlace place,
+                                  TreePages<TreeNode>& nodes) {
   if (parts.size() == 1) return lanes_[parts.front().index];
   // Full subtrees of `below` lanes each, as far as they go round.
   std::size_t below = 1;
   while (below * kLanes < parts.size()) below *= kLanes;
-  const std::uint32_t place = nodes.take();
-  nodes[place] = {};
+  const std::uint32_t own = nodes.take();
+  std::construct_at(&nodes[own]);
+  inner_.emplace_back(own, place);
   std::uint32_t count = 0;
   if (below == 1) {
-    for (const Part& part : parts) nodes[place].set(count++, lanes_[part.index]);
+    for (const Part& part : parts) nodes[own].set(count++, lanes_[part.index]);
   } else {
     cut(parts, (parts.size() + below - 1) / below, [&](std::span<Part> group) {
-      const TreeEntry child = make_entry(group, nodes);
-      nodes[place].set(count++, child);
+      const TreeEntry child = make_entry(group, own * kLanes + count, nodes);
+      nodes[own].set(count++, child);
     });
   }
-  TreeEntry entry = enclose(nodes[place]);
-  entry.set(TreeEntry::Kind::kInner, place, 0);
+  TreeEntry entry;
+  entry.set(TreeEntry::Kind::kInner, own, 0);
   return entry;
 }
 
 TreeEntry TreeBuilder::build(TreeArrays& arrays) {
   cut_faces(arrays.blocks);
-  for (TreeEntry& lane : lanes_) {
-    if (lane.kind() != TreeEntry::Kind::kFaces) continue;
-    const Bound bound = bound_of(arrays.blocks[lane.first].triangles, lane.count());
-    lane.box = bound.box;
-    lane.slab = bound.slab;
-  }
+  for (TreeEntry& lane : lanes_)
+    if (lane.kind() == TreeEntry::Kind::kFaces)
+      bound(arrays.blocks[lane.first].triangles, lane.count(), lane.box, lane.slab);
   parts_.resize(lanes_.size());
   for (std::uint32_t i = 0; i < lanes_.size(); ++i) {
     parts_[i].index = i;
@@ -181,16 +181,25 @@ TreeEntry TreeBuilder::build(TreeArrays& arrays) {
     for (int k = 0; k < 3; ++k)
       parts_[i].center[static_cast<std::size_t>(k)] = (box.lo[k] >> 1) + (box.hi[k] >> 1);
   }
-  return parts_.empty() ? TreeEntry{} : make_entry(parts_, arrays.nodes);
+  inner_.clear();
+  if (parts_.empty()) return {};
+  const TreeEntry root = make_entry(parts_, 0, arrays.nodes);
+  for (std::size_t i = inner_.size(); i-- > 1;) {  // children before parents
+    const auto [node, place] = inner_[i];
+    arrays.nodes[place / kLanes].set(place % kLanes, inner_entry(arrays.nodes, node));
+  }
+  return root;
 }
 
 TriangleTree build_triangle_tree(const Grid& grid, const std::vector<TreeFace>& faces) {
   TreeBuilder builder;
-  for (const TreeFace& face : faces) builder.add_face(face.key, {&face.corners[0], &face.corners[1], &face.corners[2]});
+  for (const TreeFace& face : faces)
+    builder.add_face(face.key, {&face.corners[0], &face.corners[1], &face.corners[2]});
   TreeArrays arrays;
   const std::uint32_t top = arrays.nodes.take();
   arrays.nodes[top] = {};
-  const TreeEntry root = builder.build(arrays);
+  TreeEntry root = builder.build(arrays);
+  if (root.kind() == TreeEntry::Kind::kInner) root = inner_entry(arrays.nodes, root.first);
   arrays.nodes[top].set(0, root);
   const auto nodes = arrays.nodes.view();
   const auto blocks = arrays.blocks.view();

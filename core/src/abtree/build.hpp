@@ -11,8 +11,8 @@
 
 namespace nearmesh {
 
-/// A box and a slab around all lanes of a node; both empty where all lanes are. The kind is left to the caller.
-[[nodiscard]] TreeEntry enclose(const TreeNode& node);
+/// The entry of an inner node: a box and a slab around all its lanes; both empty where all lanes are.
+[[nodiscard]] TreeEntry inner_entry(const TreePages<TreeNode>& nodes, std::uint32_t place);
 
 /// Builds one tree after another, keeping its memory.
 /// The tree depends on the order in which faces and nodes are added, which must not depend on history.
@@ -29,7 +29,8 @@ class TreeBuilder {
     into.keys[lane] = key;
   }
   void add_frontier(NodeSpan node, const GridBox& box);
-  /// Makes the tree in place and returns its root. Parents are made before children.
+  /// Makes the tree in place, parents before children, and returns its root, but for its box and slab if that is an inner
+  /// entry: inner_entry() finds them, and sooner when what was written here has had time to reach the cache.
   [[nodiscard]] TreeEntry build(TreeArrays& arrays);
 
  private:
@@ -43,11 +44,12 @@ class TreeBuilder {
   void cut(std::span<Part> parts, std::size_t groups, const Emit& emit);
   void cut_faces(TreePages<FaceBlock>& blocks);
   void add_block(std::span<const Part> parts, TreePages<FaceBlock>& blocks);
-  TreeEntry make_entry(std::span<Part> parts, TreePages<TreeNode>& nodes);
+  TreeEntry make_entry(std::span<Part> parts, TreePlace place, TreePages<TreeNode>& nodes);
 
   std::size_t face_count_ = 0;
   std::vector<FaceBlock> faces_;  // as they were added
   std::vector<TreeEntry> lanes_;
+  std::vector<std::pair<std::uint32_t, TreePlace>> inner_;  // nodes but for the top, and where they hang
   std::vector<Part> parts_, right_parts_;
   std::vector<std::uint64_t> keys_;
 };

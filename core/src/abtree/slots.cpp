@@ -137,7 +137,9 @@ void AbTree::build_micro_tree(std::uint32_t index) {
     builder_->add_frontier(at, store.box(at));
   }
   free_micro_tree(slot.place);
-  set_entry(slot.place, builder_->build(arrays_));
+  const TreeEntry root = builder_->build(arrays_);
+  set_entry(slot.place, root);
+  if (root.kind() == TreeEntry::Kind::kInner) micro_roots_.push_back(slot.place);
   exact_total_ += exact_count_;
   exact_total_ -= slot.exact_count;
   slot.exact_count = static_cast<std::uint32_t>(exact_count_);

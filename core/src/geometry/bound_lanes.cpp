@@ -83,7 +83,8 @@ HWY_INLINE Spans spans_along(const std::array<std::int8_t, 3>& normal, const Gri
           hn::Add(hn::Add(hn::Add(middle, hn::Max(x, y)), reach), rounding)};
 }
 
-void bound_boxes(const BoxLanes& boxes, const float* sizes, std::uint32_t lanes, Bound& out) {
+void bound_boxes(const BoxLanes& boxes, const float* sizes, std::uint32_t lanes, GridBox& box,
+                 Slab& slab) {
   const Doubles d;
   double directions[3][kLanes];
   for (std::size_t lane = 0; lane < kLanes; lane += hn::Lanes(d)) {
@@ -92,25 +93,26 @@ void bound_boxes(const BoxLanes& boxes, const float* sizes, std::uint32_t lanes,
       hn::StoreU(hn::Mul(hn::Mul(size, size), load(boxes.normal[k] + lane)), d,
                  directions[k] + lane);
   }
-  out.box = box_around(boxes, lanes);
-  out.slab = {};
+  box = box_around(boxes, lanes);
+  slab = {};
   const std::array<double, 3> direction = sums_of(directions);
   if (!has_length(direction)) return;
   const std::array<std::int8_t, 3> normal = make_slab_normal(direction);
   Vec from = hn::Set(d, kInfinity), to = hn::Set(d, -kInfinity);
   for (std::size_t lane = 0; lane < kLanes; lane += hn::Lanes(d)) {
     const Mask used = mask_of(d, lanes, lane);
-    const Spans spans = spans_along(normal, out.box.lo, boxes, lane);
+    const Spans spans = spans_along(normal, box.lo, boxes, lane);
     from = hn::Min(from, hn::IfThenElse(used, spans.from, from));
     to = hn::Max(to, hn::IfThenElse(used, spans.to, to));
   }
   double middle = 0;  // the box's centre, from its lower corner
-  const CenteredBox box = centered(out.box);
-  for (std::size_t k = 0; k < 3; ++k) middle += normal[k] * box.half[k];
-  out.slab = make_slab(normal, least_of(from) - middle, most_of(to) - middle);
+  for (std::size_t k = 0; k < 3; ++k)
+    middle += normal[k] * (0.5 * (static_cast<double>(box.hi.v[k]) - box.lo.v[k]));
+  slab = make_slab(normal, least_of(from) - middle, most_of(to) - middle);
 }
 
-void bound_triangles(const TriangleLanes& triangles, std::uint32_t count, Bound& out) {
+void bound_triangles(const TriangleLanes& triangles, std::uint32_t count, GridBox& box,
+                     Slab& slab) {
   const Units units;
   for (int k = 0; k < 3; ++k) {
     auto lo = hn::LoadU(units, triangles.corner[0][k]), hi = lo;
@@ -120,10 +122,10 @@ void bound_triangles(const TriangleLanes& triangles, std::uint32_t count, Bound&
         lo = hn::Min(lo, at);
         hi = hn::Max(hi, at);
       }
-    out.box.lo[k] = hn::GetLane(hn::MinOfLanes(units, lo));
-    out.box.hi[k] = hn::GetLane(hn::MaxOfLanes(units, hi));
+    box.lo[k] = hn::GetLane(hn::MinOfLanes(units, lo));
+    box.hi[k] = hn::GetLane(hn::MaxOfLanes(units, hi));
   }
-  out.slab = {};
+  slab = {};
   const Doubles d;
   double directions[3][kLanes];
   for (std::size_t lane = 0; lane < kLanes; lane += hn::Lanes(d)) {
@@ -140,20 +142,22 @@ void bound_triangles(const TriangleLanes& triangles, std::uint32_t count, Bound&
   const std::array<double, 3> direction = sums_of(directions);
   if (!has_length(direction)) return;
   const std::array<std::int8_t, 3> normal = make_slab_normal(direction);
-  const CenteredBox box = centered(out.box);
   // Exact: |n . (x - c)| < 2^41 in halves.
   const Vec n[3] = {hn::Set(d, normal[0]), hn::Set(d, normal[1]), hn::Set(d, normal[2])};
+  Vec center[3];
+  for (std::size_t k = 0; k < 3; ++k)
+    center[k] = hn::Set(d, 0.5 * (static_cast<double>(box.lo.v[k]) + box.hi.v[k]));
   Vec from = hn::Set(d, kInfinity), to = hn::Set(d, -kInfinity);
   for (const auto& corner : triangles.corner)
     for (std::size_t lane = 0; lane < kLanes; lane += hn::Lanes(d)) {
       Vec at[3];
-      for (std::size_t k = 0; k < 3; ++k)
-        at[k] = hn::Sub(load(corner[k] + lane), hn::Set(d, box.center[k]));
+      for (std::size_t k = 0; k < 3; ++k) at[k] = hn::Sub(load(corner[k] + lane), center[k]);
       const Vec along = dot(n, at);
       from = hn::Min(from, along);
       to = hn::Max(to, along);
     }
-  out.slab = make_slab(normal, least_of(from), most_of(to));
+  // Of 0 and -0 vectors take either.
+  slab = make_slab(normal, least_of(from) + 0.0, most_of(to) + 0.0);
 }
 
 }  // namespace nearmesh::HWY_NAMESPACE
@@ -165,16 +169,13 @@ namespace nearmesh {
 HWY_EXPORT(bound_boxes);
 HWY_EXPORT(bound_triangles);
 
-Bound bound_of(const BoxLanes& boxes, const float (&sizes)[kLanes], std::uint32_t lanes) {
-  Bound bound;
-  HWY_DYNAMIC_DISPATCH(bound_boxes)(boxes, sizes, lanes, bound);
-  return bound;
+void bound(const BoxLanes& boxes, const float (&sizes)[kLanes], std::uint32_t lanes, GridBox& box,
+           Slab& slab) {
+  HWY_DYNAMIC_DISPATCH(bound_boxes)(boxes, sizes, lanes, box, slab);
 }
 
-Bound bound_of(const TriangleLanes& triangles, std::uint32_t count) {
-  Bound bound;
-  HWY_DYNAMIC_DISPATCH(bound_triangles)(triangles, count, bound);
-  return bound;
+void bound(const TriangleLanes& triangles, std::uint32_t count, GridBox& box, Slab& slab) {
+  HWY_DYNAMIC_DISPATCH(bound_triangles)(triangles, count, box, slab);
 }
 
 }  // namespace nearmesh

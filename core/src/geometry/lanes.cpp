@@ -11,9 +11,7 @@
 #include <hwy/highway.h>
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
-#include <limits>
 
 #include "nearmesh/core/geometry/lanes.hpp"
 #include "vectors.hpp"
@@ -242,36 +240,6 @@ HWY_EXPORT(boxes_apart_lanes);
 HWY_EXPORT(centers_apart_lanes);
 HWY_EXPORT(boxes_gaps_lanes);
 HWY_EXPORT(triangles_apart_lanes);
-
-namespace {
-
-/// The next float away from 0 or towards it. Not for 0, and not across it.
-float stepped(float x, std::int32_t step) {
-  return std::bit_cast<float>(std::bit_cast<std::int32_t>(x) + step);
-}
-float next_below(float x) {
-  if (x == 0) return -std::numeric_limits<float>::denorm_min();
-  return stepped(x, x > 0 ? -1 : 1);
-}
-
-}  // namespace
-
-Slab make_slab(const std::array<std::int8_t, 3>& normal, double from, double to) {
-  Slab slab{normal, static_cast<float>(from), static_cast<float>(to)};
-  if (static_cast<double>(slab.from) > from) slab.from = next_below(slab.from);
-  if (static_cast<double>(slab.to) < to) slab.to = -next_below(-slab.to);
-  return slab;
-}
-
-std::array<std::int8_t, 3> make_slab_normal(const std::array<double, 3>& direction) {
-  double square = 0;
-  for (const double x : direction) square += x * x;
-  const double scale = kSlabLength / std::sqrt(square);
-  std::array<std::int8_t, 3> normal{};
-  for (std::size_t k = 0; k < 3; ++k)
-    normal[k] = static_cast<std::int8_t>(direction[k] * scale + (direction[k] < 0 ? -0.5 : 0.5));
-  return normal;
-}
 
 void place_lanes(const RelativeFrame& other_in_own, const BoxLanes& other, PlacedLanes& out) {
   HWY_DYNAMIC_DISPATCH(place_lanes_all)(other_in_own, other, out);

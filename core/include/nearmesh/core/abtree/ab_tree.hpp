@@ -121,6 +121,7 @@ class AbTree {
   [[nodiscard]] std::uint32_t lane_count(std::uint32_t tree_node) const;
   void move_lane(std::uint32_t tree_node, std::uint32_t from, std::uint32_t to);
   void queue_refit(std::uint32_t tree_node);
+  bool refit_lane(TreePlace place);
   void refit();
   [[nodiscard]] Upper& upper(std::uint32_t tree_node) { return uppers_[upper_of_[tree_node]]; }
   [[nodiscard]] const Upper& upper(std::uint32_t tree_node) const {
@@ -140,6 +141,7 @@ class AbTree {
   std::vector<TreePlace> root_places_;                           // of each root
   std::vector<std::uint32_t> pending_;                           // leaves to look at
   std::vector<std::pair<std::uint32_t, std::uint32_t>> refits_;  // level and index of nodes, a heap
+  std::vector<TreePlace> micro_roots_;  // lanes of slots whose box and slab are to be found
   std::uint64_t exact_total_ = 0, slot_total_ = 0, rebuilt_slots_ = 0, rebuilt_faces_ = 0;
 
   // Scratch of look_at().
