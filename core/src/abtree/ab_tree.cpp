@@ -2,6 +2,8 @@
 #include "nearmesh/core/abtree/ab_tree.hpp"
 
 #include <algorithm>
+#include <memory>
+#include <utility>
 
 #include "build.hpp"
 
@@ -235,11 +237,14 @@ void AbTree::queue_refit(std::uint32_t tree_node) {
 bool AbTree::refit_lane(TreePlace place) {
   TreeNode& node = arrays_.nodes[place / kLanes];
   const std::uint32_t lane = place % kLanes;
-  const TreeEntry before = node.entry(lane);
-  const TreeEntry after = inner_entry(arrays_.nodes, node.first[lane]);
-  node.set(lane, after);
-  if (after.box.is_empty()) node.lanes &= ~(1U << lane);
-  return node.entry(lane) != before;
+  const TreeEntry entry = inner_entry(arrays_.nodes, node.first[lane]);
+  if (entry.box.is_empty()) {
+    const std::uint32_t before = std::exchange(node.lanes, node.lanes & ~(1U << lane));
+    return node.lanes != before;
+  }
+  if (node.holds(lane, entry)) return false;
+  node.set(lane, entry);
+  return true;
 }
 
 // Boxes and slabs of the lanes above those that changed, lowest first.

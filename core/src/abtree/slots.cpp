@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <utility>
 
 #include "build.hpp"
 #include "nearmesh/core/abtree/ab_tree.hpp"
@@ -29,19 +30,30 @@ void AbTree::look_at(std::uint32_t index) {
   set_entry(leaf.place, frontier);
 }
 
-void AbTree::watch(std::uint32_t leaf, std::uint32_t watcher, VertexId corner) {
-  std::vector<Watch>& watchers = leaves_[leaf].watchers;
-  // Neighbouring faces have the same neighbours: the latest is looked for first.
-  if (watchers.empty() || watchers.back().leaf != watcher) {
-    const auto found = std::find_if(watchers.begin(), watchers.end(),
-                                    [&](const Watch& watch) { return watch.leaf == watcher; });
-    if (found == watchers.end()) {
-      watchers.push_back({watcher, 0});
-    } else {
-      std::swap(*found, watchers.back());
-    }
+// Who has the corners elsewhere shall tell this slot when one of them changes.
+void AbTree::watch_corners(std::uint32_t watcher) {
+  std::uint32_t leaf = kNone;
+  VertexBits bits = 0;
+  for (const VertexId corner : std::span(corners_elsewhere_).first(elsewhere_count_)) {
+    // Neighbouring faces have the same neighbours.
+    const std::uint32_t next = leaf_of(mesh_->active_predecessor(corner));
+    if (next != leaf && bits != 0) watch(leaf, watcher, std::exchange(bits, 0));
+    leaf = next;
+    bits |= bit_of(corner);
   }
-  watchers.back().corners |= bit_of(corner);
+  if (bits != 0) watch(leaf, watcher, bits);
+}
+
+void AbTree::watch(std::uint32_t leaf, std::uint32_t watcher, VertexBits corners) {
+  std::vector<Watch>& watchers = leaves_[leaf].watchers;
+  // From the latest on, who is likely to watch more.
+  for (std::size_t i = watchers.size(); i-- > 0;)
+    if (watchers[i].leaf == watcher) {
+      watchers[i].corners |= corners;
+      std::swap(watchers[i], watchers.back());
+      return;
+    }
+  watchers.push_back({watcher, corners});
 }
 
 // Which of a slot's vertices are active, and which of these are vertices of the full mesh: bits from its first vertex.
@@ -60,8 +72,7 @@ void AbTree::find_exact_faces(std::uint32_t index) {
   find_inherited_faces(index, bits);
   const std::size_t inherited = exact_count_;
   find_own_faces(slot, bits);
-  for (const VertexId corner : std::span(corners_elsewhere_).first(elsewhere_count_))
-    watch(leaf_of(mesh_->active_predecessor(corner)), index, corner);
+  watch_corners(index);
   const auto first = exact_faces_.begin();
   std::inplace_merge(first, first + static_cast<std::ptrdiff_t>(inherited),
                      first + static_cast<std::ptrdiff_t>(exact_count_),

@@ -99,7 +99,8 @@ class AbTree {
   void queue(std::uint32_t leaf);
   void mark_changed(std::uint32_t leaf);
   void tell_watchers(std::uint32_t leaf, VertexBits corners, bool may_lose);
-  void watch(std::uint32_t leaf, std::uint32_t watcher, VertexId corner);
+  void watch_corners(std::uint32_t watcher);
+  void watch(std::uint32_t leaf, std::uint32_t watcher, VertexBits corners);
   void apply_split(VertexId u);
   void apply_collapse(NodeSpan node);
   void apply_box(NodeSpan node);

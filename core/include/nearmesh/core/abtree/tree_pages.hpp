@@ -24,6 +24,7 @@ class TreePages {
       return place;
     }
     if (total_ == pages_.size()) pages_.grow(std::max(kFirstRoom, 2 * pages_.size()));
+    if (total_ % kAtOnce == 0 && total_ > 0) pages_.prepare(total_, kAtOnce);
     return total_++;
   }
   void give_back(std::uint32_t place) { free_.push_back(place); }
@@ -37,7 +38,7 @@ class TreePages {
   }
 
  private:
-  static constexpr std::size_t kFirstRoom = 256;
+  static constexpr std::size_t kFirstRoom = 256, kAtOnce = 128;
   LazyArray<T> pages_;
   std::uint32_t total_ = 0;
   std::vector<std::uint32_t> free_;
