@@ -39,6 +39,13 @@ HWY_INLINE bool has_length(const std::array<double, 3>& v) {
   return v[0] != 0 || v[1] != 0 || v[2] != 0;
 }
 
+/// Number by number: a whole slab would be put together in memory first.
+HWY_INLINE void set(Slab& slab, const std::array<std::int8_t, 3>& normal, double from, double to) {
+  for (std::size_t k = 0; k < 3; ++k) slab.normal[k] = normal[k];
+  slab.from = rounded_down(from);
+  slab.to = -rounded_down(-to);
+}
+
 HWY_INLINE GridBox box_around(const BoxLanes& boxes, std::uint32_t lanes) {
   const Units d;
   GridBox box;
@@ -108,7 +115,7 @@ void bound_boxes(const BoxLanes& boxes, const float* sizes, std::uint32_t lanes,
   double middle = 0;  // the box's centre, from its lower corner
   for (std::size_t k = 0; k < 3; ++k)
     middle += normal[k] * (0.5 * (static_cast<double>(box.hi.v[k]) - box.lo.v[k]));
-  slab = make_slab(normal, least_of(from) - middle, most_of(to) - middle);
+  set(slab, normal, least_of(from) - middle, most_of(to) - middle);
 }
 
 void bound_triangles(const TriangleLanes& triangles, std::uint32_t count, GridBox& box,
@@ -157,7 +164,7 @@ void bound_triangles(const TriangleLanes& triangles, std::uint32_t count, GridBo
       to = hn::Max(to, along);
     }
   // Of 0 and -0 vectors take either.
-  slab = make_slab(normal, least_of(from) + 0.0, most_of(to) + 0.0);
+  set(slab, normal, least_of(from) + 0.0, most_of(to) + 0.0);
 }
 
 }  // namespace nearmesh::HWY_NAMESPACE

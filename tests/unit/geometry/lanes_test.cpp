@@ -97,7 +97,7 @@ Slab slab_of(const Patch& patch, const GridBox& box) {
       from = std::min(from, along(normal, p, box));
       to = std::max(to, along(normal, p, box));
     }
-  return make_slab(normal, from, to);
+  return {normal, rounded_down(from), -rounded_down(-to)};
 }
 
 struct Lanes {
@@ -352,6 +352,11 @@ TEST(Lanes, SlabsPartParallelPatchesWhoseBoxesOverlap) {
   EXPECT_GT(parted, 90);
 }
 
+struct Bound {
+  GridBox box;
+  Slab slab;
+};
+
 void expect_holds(const Bound& bound, const Patch& patch) {
   for (const Triangle& triangle : patch)
     for (const GridPoint& p : triangle) {
@@ -376,17 +381,18 @@ TEST(Lanes, BoundOfBoxesHoldsWhatTheyAndTheirSlabsHold) {
     const std::uint32_t used = random.below(kAllLanes + 1);
     float sizes[kLanes];
     for (float& size : sizes) size = static_cast<float>(1 + random.below(1000));
-    const Bound bound = bound_of(lanes.boxes, sizes, used);
+    Bound found;
+    bound(lanes.boxes, sizes, used, found.box, found.slab);
     GridBox box;
     for (std::uint32_t lane = 0; lane < kLanes; ++lane) {
       if ((used >> lane & 1U) == 0) continue;
-      expect_holds(bound, lanes.patches[lane]);
+      expect_holds(found, lanes.patches[lane]);
       box.add(lanes.boxes.box(lane));
     }
-    EXPECT_EQ(bound.box, box);
-    if (bound.slab == Slab{}) continue;
+    EXPECT_EQ(found.box, box);
+    if (found.slab == Slab{}) continue;
     ++slabs;
-    EXPECT_NEAR(length_of(bound.slab.normal), kSlabLength, 1.0);
+    EXPECT_NEAR(length_of(found.slab.normal), kSlabLength, 1.0);
   }
   EXPECT_GT(slabs, 500);
 }
@@ -404,22 +410,23 @@ TEST(Lanes, BoundOfTrianglesIsTightAboutTheirMeanNormal) {
       triangles.set(lane, used.back());
       for (const GridPoint& p : used.back()) box.add(p);
     }
-    const Bound bound = bound_of(triangles, count);
-    EXPECT_EQ(bound.box, box);
+    Bound found;
+    bound(triangles, count, found.box, found.slab);
+    EXPECT_EQ(found.box, box);
     std::array<double, 3> direction{};
     double least = 1e300, most = -1e300;
     for (const Triangle& triangle : used) {
       const std::array<double, 3> normal = normal_of(triangle);
       for (std::size_t k = 0; k < 3; ++k) direction[k] += normal[k];
       for (const GridPoint& p : triangle) {
-        least = std::min(least, along(bound.slab.normal, p, bound.box));
-        most = std::max(most, along(bound.slab.normal, p, bound.box));
+        least = std::min(least, along(found.slab.normal, p, found.box));
+        most = std::max(most, along(found.slab.normal, p, found.box));
       }
     }
     if (direction == std::array<double, 3>{}) continue;
-    EXPECT_EQ(bound.slab.normal, make_slab_normal(direction));
-    EXPECT_NEAR(static_cast<double>(bound.slab.from), least, 1e-6 * std::abs(least));
-    EXPECT_NEAR(static_cast<double>(bound.slab.to), most, 1e-6 * std::abs(most));
+    EXPECT_EQ(found.slab.normal, make_slab_normal(direction));
+    EXPECT_NEAR(static_cast<double>(found.slab.from), least, 1e-6 * std::abs(least));
+    EXPECT_NEAR(static_cast<double>(found.slab.to), most, 1e-6 * std::abs(most));
   }
 }
 

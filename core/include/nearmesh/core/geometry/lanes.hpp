@@ -73,7 +73,7 @@ struct TriangleLanes {
   }
 };
 
-/// The greatest float that is not above x.
+/// The greatest float that is not above x: slabs are rounded outwards.
 [[nodiscard]] inline float rounded_down(double x) {
   const auto nearest = static_cast<float>(x);
   const bool is_above = static_cast<double>(nearest) > x;
@@ -81,11 +81,6 @@ struct TriangleLanes {
   // No branch on which side it fell to: that is hard to foretell.
   const auto bits = std::bit_cast<std::int32_t>(nearest);
   return std::bit_cast<float>(bits + (bits >> 31 | 1) * -static_cast<std::int32_t>(is_above));
-}
-/// The slab between two values of normal . (x - centre of the box), rounded outwards. Precondition: from <= to.
-[[nodiscard]] inline Slab make_slab(const std::array<std::int8_t, 3>& normal, double from,
-                                    double to) {
-  return {normal, rounded_down(from), -rounded_down(-to)};
 }
 /// An integer direction close to `direction`, whose length is in [2^-500, 2^500], of a length close to kSlabLength.
 [[nodiscard]] inline std::array<std::int8_t, 3> make_slab_normal(
