@@ -76,7 +76,8 @@ void TreeBuilder::divide(std::span<Part> parts, std::size_t middle) {
       right_parts_.push_back(parts[i]);
     }
   }
-  std::copy(right_parts_.begin(), right_parts_.end(), parts.begin() + static_cast<std::ptrdiff_t>(left));
+  std::copy(right_parts_.begin(), right_parts_.end(),
+            parts.begin() + static_cast<std::ptrdiff_t>(left));
 }
 
 /// Calls emit for each of `groups` parts of the range, alike in number, in the order given within each.
@@ -193,8 +194,11 @@ TreeEntry TreeBuilder::build(TreeArrays& arrays) {
 
 TriangleTree build_triangle_tree(const Grid& grid, const std::vector<TreeFace>& faces) {
   TreeBuilder builder;
-  for (const TreeFace& face : faces)
-    builder.add_face(face.key, {&face.corners[0], &face.corners[1], &face.corners[2]});
+  FaceBlock* blocks_to_be = builder.add_faces(faces.size());
+  for (std::uint32_t i = 0; i < faces.size(); ++i) {
+    blocks_to_be[i / kLanes].triangles.set(i % kLanes, faces[i].corners);
+    blocks_to_be[i / kLanes].keys[i % kLanes] = faces[i].key;
+  }
   TreeArrays arrays;
   const std::uint32_t top = arrays.nodes.take();
   arrays.nodes[top] = {};

@@ -19,14 +19,11 @@ namespace nearmesh {
 class TreeBuilder {
  public:
   void clear();
-  void add_face(FaceKey key, const std::array<const GridPoint*, 3>& corners) {
-    const std::size_t block = face_count_ / kLanes, lane = face_count_ % kLanes;
-    ++face_count_;
-    if (block == faces_.size()) faces_.emplace_back();
-    FaceBlock& into = faces_[block];
-    for (std::size_t c = 0; c < 3; ++c)
-      for (std::size_t k = 0; k < 3; ++k) into.triangles.corner[c][k][lane] = corners[c]->v[k];
-    into.keys[lane] = key;
+  /// Room for the faces to be: face i is to be set in lane i % kLanes of block i / kLanes.
+  [[nodiscard]] FaceBlock* add_faces(std::size_t count) {
+    face_count_ = count;
+    if (faces_.size() * kLanes < count) faces_.resize(2 * ((count + kLanes - 1) / kLanes));
+    return faces_.data();
   }
   void add_frontier(NodeSpan node, const GridBox& box);
   /// Makes the tree in place, parents before children, and returns its root, but for its box and slab if that is an inner
@@ -47,9 +44,10 @@ class TreeBuilder {
   TreeEntry make_entry(std::span<Part> parts, TreePlace place, TreePages<TreeNode>& nodes);
 
   std::size_t face_count_ = 0;
-  std::vector<FaceBlock> faces_;  // as they were added
+  std::vector<FaceBlock> faces_;  // the first so many
   std::vector<TreeEntry> lanes_;
-  std::vector<std::pair<std::uint32_t, TreePlace>> inner_;  // nodes but for the top, and where they hang
+  std::vector<std::pair<std::uint32_t, TreePlace>>
+      inner_;  // nodes but for the top, and where they hang
   std::vector<Part> parts_, right_parts_;
   std::vector<std::uint64_t> keys_;
 };

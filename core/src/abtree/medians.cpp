@@ -76,30 +76,25 @@ std::uint64_t least_parts_lanes(const PartCenters& centers, std::uint64_t parts,
   }
   // Keys: 25 bits of the centre and the part's bit, so no two are equal.
   const int shift = std::max(0, static_cast<int>(std::bit_width(extent.size())) - 25);
-  HWY_ALIGN std::int32_t keys[kWordParts], own[kWordParts + 16];
+  HWY_ALIGN std::int32_t keys[kWordParts], own[kWordParts];
   for (std::size_t lane = 0; lane < end; lane += hn::Lanes(d)) {
-    const auto from_lo = hn::BitCast(
-        du, hn::Sub(hn::LoadU(d, centers.axis[axis] + lane), hn::Set(d, extent.lo)));
+    const auto from_lo =
+        hn::BitCast(du, hn::Sub(hn::LoadU(d, centers.axis[axis] + lane), hn::Set(d, extent.lo)));
     const UnitVec key = hn::BitCast(d, hn::ShiftLeft<6>(hn::ShiftRightSame(from_lo, shift)));
     hn::StoreU(hn::Or(key, hn::Iota(d, static_cast<std::int32_t>(lane))), d, keys + lane);
   }
   std::size_t total = 0;
   for (std::uint64_t left = parts; left != 0; left &= left - 1)
     own[total++] = keys[std::countr_zero(left)];
-  for (std::size_t pad = 0; pad < 16; pad += hn::Lanes(d))
-    hn::StoreU(hn::Zero(d), d, own + total + pad);
-  std::uint64_t least_own = 0;
-  for (std::size_t lane = 0; lane < total; lane += hn::Lanes(d)) {
-    const UnitVec key = hn::LoadU(d, own + lane);
+  std::uint64_t least = 0;
+  for (std::size_t lane = 0; lane < end; lane += hn::Lanes(d)) {
+    const UnitVec key = hn::LoadU(d, keys + lane);
     UnitVec rank = hn::Zero(d);
     for (std::size_t j = 0; j < total; ++j)
       rank = hn::Sub(rank, hn::VecFromMask(d, hn::Lt(hn::Set(d, own[j]), key)));
-    least_own |= bits_of(hn::Lt(rank, hn::Set(d, static_cast<std::int32_t>(count)))) << lane;
+    least |= bits_of(hn::Lt(rank, hn::Set(d, static_cast<std::int32_t>(count)))) << lane;
   }
-  std::uint64_t least = 0;
-  for (std::uint64_t left = parts; left != 0; left &= left - 1, least_own >>= 1)
-    least |= (left & -left) & -(least_own & 1U);
-  return least;
+  return least & parts;
 }
 
 }  // namespace nearmesh::HWY_NAMESPACE

@@ -58,7 +58,8 @@ void AbTree::watch(std::uint32_t leaf, std::uint32_t watcher, VertexBits corners
 
 // Which of a slot's vertices are active, and which of these are vertices of the full mesh: bits from its first vertex.
 AbTree::SlotBits AbTree::bits_of(NodeSpan slot) const {
-  const std::uint64_t active = mesh_->active_bits(slot.first) & ~std::uint64_t{0} >> (64 - slot.size);
+  const std::uint64_t active =
+      mesh_->active_bits(slot.first) & ~std::uint64_t{0} >> (64 - slot.size);
   return {active, active & mesh_->active_bits({slot.begin() + 1})};
 }
 
@@ -136,10 +137,15 @@ void AbTree::build_micro_tree(std::uint32_t index) {
   const SplitStore& store = mesh_->store();
   Leaf& slot = leaves_[index];
   builder_->clear();
-  for (const ExactFace& exact : std::span(exact_faces_).first(exact_count_)) {
-    const std::array<VertexId, 3> corners = exact.face->corners();
-    builder_->add_face(exact.key, {&store.position(corners[0]), &store.position(corners[1]),
-                                   &store.position(corners[2])});
+  FaceBlock* blocks = builder_->add_faces(exact_count_);
+  for (std::size_t i = 0; i < exact_count_; ++i) {
+    FaceBlock& block = blocks[i / kLanes];
+    const std::array<VertexId, 3> corners = exact_faces_[i].face->corners();
+    for (std::size_t c = 0; c < 3; ++c) {
+      const GridPoint& at = store.position(corners[c]);
+      for (int k = 0; k < 3; ++k) block.triangles.corner[c][k][i % kLanes] = at[k];
+    }
+    block.keys[i % kLanes] = exact_faces_[i].key;
   }
   const SlotBits bits = bits_of(slot.node);
   for (std::uint64_t left = bits.active & ~bits.leaves; left != 0; left &= left - 1) {

@@ -126,13 +126,9 @@ std::size_t SplitStore::root_index(VertexId v) const {
   return static_cast<std::size_t>(after - roots_.begin()) - 1;
 }
 
-BoxCode SplitStore::box_code(NodeSpan node) const {
-  NEARMESH_ASSERT(is_node(node));
-  return unstored(stored_code(node));
-}
+BoxCode SplitStore::box_code(NodeSpan node) const { return unstored(stored_code(node)); }
 
 GridBox SplitStore::box(NodeSpan node) const {
-  NEARMESH_ASSERT(is_node(node));
   const BoxCode* code = &stored_code(node);
   while ((*code)[0] == 0) {
     node = parent_of(node);
@@ -143,7 +139,8 @@ GridBox SplitStore::box(NodeSpan node) const {
   const GridPoint& at = position(node.first);
   GridBox box;
   for (int k = 0; k < 3; ++k) {
-    const std::int64_t below = kExtents[(*code)[2 * k] - 1], above = kExtents[(*code)[2 * k + 1] - 1];
+    const std::int64_t below = kExtents[(*code)[2 * k] - 1],
+                       above = kExtents[(*code)[2 * k + 1] - 1];
     box.lo[k] = static_cast<std::int32_t>(std::max<std::int64_t>(0, at[k] - below));
     box.hi[k] = static_cast<std::int32_t>(std::min<std::int64_t>(grid_max_, at[k] + above));
   }

@@ -63,7 +63,7 @@ class AbTree {
   struct Leaf {
     NodeSpan node;
     TreePlace place = 0;
-    std::uint16_t depth = 0;         // levels of the forest above it
+    std::uint16_t depth = 0;        // levels of the forest above it
     bool changed = false;           // to be built anew, whichever faces are exact
     bool queued = false;            // in pending_
     std::uint32_t exact_count = 0;  // faces in the micro tree
@@ -151,7 +151,7 @@ class AbTree {
     const SplitFace* face;
   };
   std::vector<ExactFace> exact_faces_;
-  std::vector<VertexId> corners_elsewhere_;           // to watch
+  std::vector<VertexId> corners_elsewhere_;            // to watch
   std::size_t exact_count_ = 0, elsewhere_count_ = 0;  // the first so many of these
   std::unique_ptr<TreeBuilder> builder_;
 };

@@ -110,7 +110,10 @@ class SplitStore {
   /// The node's own box as entries hold it.
   [[nodiscard]] const BoxCode& stored_code(NodeSpan node) const {
     const Entry& first = entries_[node.begin()];
-    return node.size == first.size ? first.box : entries_[node.end()].left_box;
+    if (node.size == first.size) return first.box;
+    const Entry& maker = entries_[node.end()];
+    NEARMESH_ASSERT(maker.size != 0 && maker.parent == node.begin());
+    return maker.left_box;
   }
   [[nodiscard]] std::uint32_t depth_of(NodeSpan node) const {
     const Entry& first = entries_[node.begin()];
