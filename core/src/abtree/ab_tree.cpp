@@ -303,12 +303,15 @@ void AbTree::apply_split(VertexId u) {
   if (leaves_[left].is_slot()) ++slot_total_;
   set_leaf_of(u, right);
   // Faces go with their home vertex, the right corner: that of the new ones lies in the right child.
-  std::vector<FaceKey> inherited;
-  inherited.swap(leaves_[left].inherited);
-  for (const FaceKey key : inherited)
-    leaves_[store.face(key).right < u ? left : right].inherited.push_back(key);
+  std::vector<FaceKey>& stay = leaves_[left].inherited;
+  std::vector<FaceKey>& go = leaves_[right].inherited;
+  const auto gone = std::partition(stay.begin(), stay.end(),
+                                   [&](FaceKey key) { return store.face(key).right < u; });
   const auto count = static_cast<std::uint32_t>(store.faces(u).size());
-  for (std::uint32_t i = 0; i < count; ++i) leaves_[right].inherited.push_back({u, i});
+  go.reserve(static_cast<std::size_t>(stay.end() - gone) + count);
+  go.assign(gone, stay.end());
+  stay.erase(gone, stay.end());
+  for (std::uint32_t i = 0; i < count; ++i) go.push_back({u, i});
   mark_changed(right);
 }
 

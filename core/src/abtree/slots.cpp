@@ -149,8 +149,11 @@ void AbTree::build_micro_tree(std::uint32_t index) {
   }
   const SlotBits bits = bits_of(slot.node);
   for (std::uint64_t left = bits.active & ~bits.leaves; left != 0; left &= left - 1) {
-    const NodeSpan at = mesh_->current_node(
-        {slot.node.begin() + static_cast<std::uint32_t>(std::countr_zero(left))});
+    const auto offset = static_cast<std::uint32_t>(std::countr_zero(left));
+    const std::uint64_t after = bits.active >> offset >> 1;
+    const std::uint32_t size = after != 0 ? static_cast<std::uint32_t>(std::countr_zero(after)) + 1
+                                          : slot.node.size - offset;
+    const NodeSpan at{{slot.node.begin() + offset}, size};
     builder_->add_frontier(at, store.box(at));
   }
   free_micro_tree(slot.place);
