@@ -95,7 +95,7 @@ std::uint32_t AbTree::new_leaf(NodeSpan node, TreePlace place, std::uint16_t dep
   std::uint32_t index;
   if (free_leaves_.empty()) {
     index = static_cast<std::uint32_t>(leaves_.size());
-    // By a quarter, not twofold: they take some 80 bytes each.
+    // By a quarter, not twofold: they take some 70 bytes each.
     if (leaves_.size() == leaves_.capacity())
       leaves_.reserve(leaves_.size() + leaves_.size() / 4 + kFirstLeaves);
     leaves_.emplace_back();

@@ -18,7 +18,8 @@ struct PartCenters {
 /// Sets the centres of eight triangles, from `first` on.
 void set_centers(const TriangleLanes& triangles, std::uint32_t first, PartCenters& centers);
 /// Of the parts whose bits are set, the `count` with the least centres along the longest axis of all their centres.
-/// Equal centres are as good on either side, but must fall the same way everywhere: lower bits are less.
+/// Equal centres are as good on either side, but must fall the same way everywhere: lower bits are less. Of extents of 2^25
+/// and more only the upper 25 bits count.
 /// Precondition: 0 < count < bits that are set.
 [[nodiscard]] std::uint64_t least_parts(const PartCenters& centers, std::uint64_t parts,
                                         std::uint32_t count);
