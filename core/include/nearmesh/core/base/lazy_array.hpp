@@ -58,9 +58,10 @@ class LazyArray {
   void prepare(std::size_t first, std::size_t count) {
     NEARMESH_ASSERT(first + count <= size_);
     constexpr std::uintptr_t kPage = 4096;
-    const auto begin = reinterpret_cast<std::uintptr_t>(data_ + first) & ~(kPage - 1);
-    const auto end = reinterpret_cast<std::uintptr_t>(data_ + first + count);
-    static_cast<void>(::madvise(reinterpret_cast<void*>(begin), end - begin, MADV_POPULATE_WRITE));
+    auto* begin = reinterpret_cast<char*>(data_ + first);
+    const auto* end = reinterpret_cast<char*>(data_ + first + count);
+    begin -= reinterpret_cast<std::uintptr_t>(begin) % kPage;
+    static_cast<void>(::madvise(begin, static_cast<std::size_t>(end - begin), MADV_POPULATE_WRITE));
   }
 
   [[nodiscard]] std::size_t size() const { return size_; }
