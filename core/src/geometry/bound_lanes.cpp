@@ -2,8 +2,8 @@
 // A box and a slab around eight parts at once. The slab's normal is the mean of what it bounds: of faces each as long as
 // the face is large, of parts each as large as its box tells. Sums over lanes stand in one order, whatever the vectors.
 #undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE \
-  "bound_lanes.cpp"  // NOLINT(readability-identifier-naming): Highway's name
+// Highway's name. NOLINTNEXTLINE(readability-identifier-naming)
+#define HWY_TARGET_INCLUDE "bound_lanes.cpp"
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
