@@ -139,18 +139,33 @@ std::uint64_t lanes() {
         const GridBox box = random_box(*grid, random);
         const auto normal =
             make_slab_normal({random.between(-1, 1), random.between(-1, 1), random.between(-1, 1)});
-        const Span span = span_along(normal, box.lo, box, {});
-        digest.add_bits(span.from);
-        digest.add_bits(span.to);
-        const double width = span.to - span.from;
+        const double width = kSlabLength * static_cast<double>(box.extent());
         const double from = random.between(-0.5, 0) * width;  // one after the other
         const double to = random.between(0, 0.5) * width;
-        const Slab slab = make_slab(normal, from, to);
+        const Slab slab{normal, rounded_down(from), -rounded_down(-to)};
         digest.add_bits(static_cast<double>(slab.from));
         digest.add_bits(static_cast<double>(slab.to));
         into->set(lane, box, slab);
         triangles.set(lane, {box.lo, box.hi, random_point(*grid, random)});
       }
+    float sizes[kLanes];
+    for (float& size : sizes) size = static_cast<float>(random.below(1U << 20));
+    for (const bool of_boxes : {true, false}) {
+      GridBox box;
+      Slab slab;
+      if (of_boxes) {
+        bound(own, sizes, random.below(kAllLanes + 1), box, slab);
+      } else {
+        bound(triangles, 1 + random.below(kLanes), box, slab);
+      }
+      digest.add_bits(static_cast<double>(slab.from));
+      digest.add_bits(static_cast<double>(slab.to));
+      for (std::size_t k = 0; k < 3; ++k) {
+        digest.add(static_cast<std::uint8_t>(slab.normal[k]));
+        digest.add(static_cast<std::uint32_t>(box.lo.v[k]));
+        digest.add(static_cast<std::uint32_t>(box.hi.v[k]));
+      }
+    }
     PlacedLanes placed;
     place_lanes(frame, other, placed);
     PlacedTriangles placed_triangles;

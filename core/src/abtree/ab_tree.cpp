@@ -2,16 +2,17 @@
 #include "nearmesh/core/abtree/ab_tree.hpp"
 
 #include <algorithm>
+#include <memory>
+#include <utility>
 
 #include "build.hpp"
-#include "nearmesh/core/base/hash.hpp"
 
 namespace nearmesh {
 namespace {
 
 using Kind = TreeEntry::Kind;
 
-constexpr std::size_t kFirstRoom = 256;
+constexpr std::size_t kFirstLeaves = 256, kFirstUppers = 256;
 
 }  // namespace
 
@@ -24,11 +25,13 @@ AbTree::AbTree(const ActiveMesh& mesh)
   builder_->clear();
   for (const BaseRoot& root : store.roots())
     builder_->add_frontier(root.node, store.box(root.node));
-  builder_->build();
+  TreeArrays fixed;
+  TreeEntry top = builder_->build(fixed);
+  if (top.kind() == Kind::kInner) top = inner_entry(fixed.nodes, top.first);
   root_places_.resize(store.roots().size());
   const auto add = [&](std::uint32_t at, std::uint32_t lane, TreeEntry part) {
     if (part.kind() == Kind::kInner) upper(++part.first).parent = at * kLanes + lane;
-    nodes_[at].set(lane, part);
+    arrays_.nodes[at].set(lane, part);
     if (part.kind() != Kind::kFrontier) return;
     const NodeSpan span = part.frontier_node();
     const TreePlace place = at * kLanes + lane;
@@ -36,12 +39,12 @@ AbTree::AbTree(const ActiveMesh& mesh)
     root_places_[store.root_index(span.first)] = place;
     set_leaf_of(span.first, new_leaf(span, place, 0));
   };
-  for (std::size_t i = 0; i <= builder_->nodes().size(); ++i) new_upper(kNone);
-  add(0, 0, builder_->root());
-  for (std::uint32_t at = 1; at < node_total_; ++at) {  // parents stand before their children
+  const auto nodes = fixed.nodes.view();
+  for (std::size_t i = 0; i <= nodes.size(); ++i) new_upper(kNone);
+  add(0, 0, top);
+  for (std::uint32_t at = 1; at <= nodes.size(); ++at) {  // parents stand before their children
     upper(at).level = upper(upper(at).parent / kLanes).level + 1;
-    for (std::uint32_t lane = 0; lane < kLanes; ++lane)
-      add(at, lane, builder_->nodes()[at - 1].entry(lane));
+    for (std::uint32_t lane = 0; lane < kLanes; ++lane) add(at, lane, nodes[at - 1].entry(lane));
   }
   for (std::uint32_t i = 0; i < store.base_faces().size(); ++i) {
     const VertexId home = store.base_faces()[i].right;
@@ -54,7 +57,7 @@ AbTree::AbTree(const ActiveMesh& mesh)
   std::sort(delta.split.begin(), delta.split.end(), [&](VertexId a, VertexId b) {
     return std::pair(~store.node_of(a).size, a) < std::pair(~store.node_of(b).size, b);
   });
-  for (std::uint32_t leaf = 0; leaf < leaves_.size(); ++leaf) mark_changed(leaf, kAllVertices);
+  for (std::uint32_t leaf = 0; leaf < leaves_.size(); ++leaf) mark_changed(leaf);
   update(delta);
 }
 
@@ -64,24 +67,10 @@ AbTree::~AbTree() = default;
 
 // ---- memory ---------------------------------------------------------------------------------------------------------
 
-// Its content is the caller's to set.
-std::uint32_t AbTree::new_node() {
-  if (!free_nodes_.empty()) {
-    const std::uint32_t place = free_nodes_.back();
-    free_nodes_.pop_back();
-    return place;
-  }
-  if (node_total_ == nodes_.size()) {
-    nodes_.grow(std::max(kFirstRoom, 2 * nodes_.size()));
-    upper_of_.grow(nodes_.size());
-  }
-  upper_of_[node_total_] = kNone;
-  return node_total_++;
-}
-
 std::uint32_t AbTree::new_upper(TreePlace parent) {
-  const std::uint32_t place = new_node();
-  nodes_[place] = TreeNode{};
+  const std::uint32_t place = arrays_.nodes.take();
+  std::construct_at(&arrays_.nodes[place]);
+  if (place >= upper_of_.size()) upper_of_.grow(std::max(kFirstUppers, 2 * std::size_t{place}));
   if (free_uppers_.empty()) {
     free_uppers_.push_back(static_cast<std::uint32_t>(uppers_.size()));
     uppers_.emplace_back();
@@ -99,26 +88,16 @@ std::uint32_t AbTree::new_upper(TreePlace parent) {
 void AbTree::free_upper(std::uint32_t tree_node) {
   free_uppers_.push_back(upper_of_[tree_node]);
   upper_of_[tree_node] = kNone;
-  free_nodes_.push_back(tree_node);
-}
-
-std::uint32_t AbTree::new_block() {
-  if (!free_blocks_.empty()) {
-    const std::uint32_t place = free_blocks_.back();
-    free_blocks_.pop_back();
-    return place;
-  }
-  if (block_total_ == blocks_.size()) blocks_.grow(std::max(kFirstRoom, 2 * blocks_.size()));
-  return block_total_++;
+  arrays_.nodes.give_back(tree_node);
 }
 
 std::uint32_t AbTree::new_leaf(NodeSpan node, TreePlace place, std::uint16_t depth) {
   std::uint32_t index;
   if (free_leaves_.empty()) {
     index = static_cast<std::uint32_t>(leaves_.size());
-    // By a quarter, not twofold: they take some 80 bytes each.
+    // By a quarter, not twofold: they take some 70 bytes each.
     if (leaves_.size() == leaves_.capacity())
-      leaves_.reserve(leaves_.size() + leaves_.size() / 4 + kFirstRoom);
+      leaves_.reserve(leaves_.size() + leaves_.size() / 4 + kFirstLeaves);
     leaves_.emplace_back();
   } else {
     index = free_leaves_.back();
@@ -135,7 +114,7 @@ void AbTree::free_leaf(std::uint32_t index) {
   Leaf& leaf = leaves_[index];
   if (leaf.is_slot()) {
     --slot_total_;
-    free_micro_tree(entry(leaf.place));
+    free_micro_tree(leaf.place);
   }
   exact_total_ -= leaf.exact_count;
   const bool queued = leaf.queued;
@@ -144,12 +123,9 @@ void AbTree::free_leaf(std::uint32_t index) {
   free_leaves_.push_back(index);
 }
 
-void AbTree::free_micro_tree(const TreeEntry& part) {
-  if (part.kind() == Kind::kFaces) free_blocks_.push_back(part.first);
-  if (part.kind() != Kind::kInner) return;
-  for (std::uint32_t lane = 0; lane < kLanes; ++lane)
-    free_micro_tree(nodes_[part.first].entry(lane));
-  free_nodes_.push_back(part.first);
+void AbTree::free_micro_tree(TreePlace place) {
+  const TreeNode& node = arrays_.nodes[place / kLanes];
+  arrays_.free_below(node.kind(place % kLanes), node.first[place % kLanes]);
 }
 
 // ---- the upper tree -------------------------------------------------------------------------------------------------
@@ -169,7 +145,7 @@ std::uint32_t AbTree::lane_count(std::uint32_t tree_node) const {
 void AbTree::move_lane(std::uint32_t tree_node, std::uint32_t from, std::uint32_t to) {
   NEARMESH_ASSERT(from != to);
   const std::uint32_t leaf = leaf_at(tree_node * kLanes + from);
-  TreeNode& node = nodes_[tree_node];
+  TreeNode& node = arrays_.nodes[tree_node];
   node.set(to, node.entry(from));
   node.first[to] = node.first[from];  // also of an inner lane that has nothing below it
   node.kind_and_count[to] = node.kind_and_count[from];
@@ -177,7 +153,7 @@ void AbTree::move_lane(std::uint32_t tree_node, std::uint32_t from, std::uint32_
   if (leaf != kNone) {
     leaves_[leaf].place = tree_node * kLanes + to;
   } else {
-    upper(nodes_[tree_node].first[to]).parent = tree_node * kLanes + to;
+    upper(arrays_.nodes[tree_node].first[to]).parent = tree_node * kLanes + to;
   }
 }
 
@@ -189,7 +165,7 @@ AbTree::Lanes AbTree::find_lanes(NodeSpan node) const {
   Lanes at{place / kLanes, place % kLanes, place % kLanes + 1, 0};
   for (NodeSpan span = store.roots()[root].node; span != node;) {
     if (at.depth % kLevelsPerNode == 0) {
-      at.tree_node = nodes_[at.tree_node].first[at.begin];
+      at.tree_node = arrays_.nodes[at.tree_node].first[at.begin];
       at.begin = 0;
       at.end = lane_count(at.tree_node);
     }
@@ -211,32 +187,19 @@ void AbTree::queue(std::uint32_t leaf) {
   pending_.push_back(leaf);
 }
 
-// Something changed below a leaf; at these vertices it may be whether they are vertices of the full mesh.
-void AbTree::mark_changed(std::uint32_t index, VertexBits corners) {
-  leaves_[index].changed = true;
-  queue(index);
-  if (corners == 0) return;
-  // Whoever has a face with such a corner may have gained or lost an exact face.
-  std::erase_if(leaves_[index].watchers, [&](const Watch& watch) {
-    if ((watch.corners & corners) == 0) return false;
-    queue(watch.leaf);
-    return true;
-  });
+void AbTree::mark_changed(std::uint32_t leaf) {
+  leaves_[leaf].changed = true;
+  queue(leaf);
 }
 
-void AbTree::watch(std::uint32_t leaf, std::uint32_t watcher, VertexId corner) {
-  std::vector<Watch>& watchers = leaves_[leaf].watchers;
-  // Neighbouring faces have the same neighbours: the latest is looked for first.
-  if (watchers.empty() || watchers.back().leaf != watcher) {
-    const auto found = std::find_if(watchers.begin(), watchers.end(),
-                                    [&](const Watch& watch) { return watch.leaf == watcher; });
-    if (found == watchers.end()) {
-      watchers.push_back({watcher, 0});
-    } else {
-      std::swap(*found, watchers.back());
-    }
+// At these vertices of a leaf it changed whether they are vertices of the full mesh. Who waits for one looks again, which
+// need not come to anything; where exact faces may be lost their number alone would not tell.
+void AbTree::tell_watchers(std::uint32_t index, VertexBits corners, bool may_lose) {
+  for (const Watch& watch : leaves_[index].watchers) {
+    if ((watch.corners & corners) == 0) continue;
+    leaves_[watch.leaf].changed |= may_lose;
+    queue(watch.leaf);
   }
-  watchers.back().corners |= bit_of(corner);
 }
 
 void AbTree::update(const RefineDelta& delta) {
@@ -250,15 +213,15 @@ void AbTree::update(const RefineDelta& delta) {
   }
   std::sort(pending_.begin(), pending_.end());
   for (const std::uint32_t leaf : pending_) leaves_[leaf].queued = false;
-  // rebuild() registers watchers but queues nothing, so one pass suffices.
+  // Who is looked at may watch others, but queues nothing, so one pass suffices.
   for (const std::uint32_t leaf : pending_)
-    if (leaves_[leaf].node.size > 0) rebuild(leaf);
+    if (leaves_[leaf].node.size > 0) look_at(leaf);
   pending_.clear();
   refit();
 }
 
 void AbTree::set_entry(TreePlace place, const TreeEntry& entry) {
-  nodes_[place / kLanes].set(place % kLanes, entry);
+  arrays_.nodes[place / kLanes].set(place % kLanes, entry);
   queue_refit(place / kLanes);
 }
 
@@ -270,8 +233,24 @@ void AbTree::queue_refit(std::uint32_t tree_node) {
   std::push_heap(refits_.begin(), refits_.end());
 }
 
+// Takes the box and slab of an inner lane anew; false where they stay.
+bool AbTree::refit_lane(TreePlace place) {
+  TreeNode& node = arrays_.nodes[place / kLanes];
+  const std::uint32_t lane = place % kLanes;
+  const TreeEntry entry = inner_entry(arrays_.nodes, node.first[lane]);
+  if (entry.box.is_empty()) {
+    const std::uint32_t before = std::exchange(node.lanes, node.lanes & ~(1U << lane));
+    return node.lanes != before;
+  }
+  if (node.holds(lane, entry)) return false;
+  node.set(lane, entry);
+  return true;
+}
+
 // Boxes and slabs of the lanes above those that changed, lowest first.
 void AbTree::refit() {
+  for (const TreePlace place : micro_roots_) refit_lane(place);
+  micro_roots_.clear();
   while (!refits_.empty()) {
     std::pop_heap(refits_.begin(), refits_.end());
     const std::uint32_t at = refits_.back().second;
@@ -279,14 +258,7 @@ void AbTree::refit() {
     if (upper_of_[at] == kNone) continue;  // freed since
     upper(at).queued = false;
     const TreePlace parent = upper(at).parent;
-    TreeNode& above = nodes_[parent / kLanes];
-    const std::uint32_t lane = parent % kLanes;
-    const TreeEntry before = above.entry(lane);
-    TreeEntry after = enclose(nodes_[at]);
-    after.set(Kind::kInner, at, 0);
-    above.set(lane, after);
-    if (after.box.is_empty()) above.lanes &= ~(1U << lane);
-    if (above.entry(lane) != before) queue_refit(parent / kLanes);
+    if (refit_lane(parent)) queue_refit(parent / kLanes);
   }
 }
 
@@ -296,12 +268,16 @@ void AbTree::apply_split(VertexId u) {
   const std::uint32_t left = leaf_of(node.first);
   if (leaves_[left].is_slot()) {
     set_leaf_of(u, left);
-    mark_changed(left, (node.left_of(u).size == 1 ? bit_of(node.first) : 0) |
-                           (node.right_of(u).size == 1 ? bit_of(u) : 0));
+    mark_changed(left);
+    const VertexBits corners = (node.left_of(u).size == 1 ? bit_of(node.first) : 0) |
+                               (node.right_of(u).size == 1 ? bit_of(u) : 0);
+    if (corners != 0) tell_watchers(left, corners, false);
     return;
   }
   NEARMESH_ASSERT(leaves_[left].node == node);
-  mark_changed(left, kAllVertices);
+  mark_changed(left);
+  tell_watchers(left, kAllVertices, false);  // they find out which child to watch
+  leaves_[left].watchers.clear();
   const TreePlace place = leaves_[left].place;
   const std::uint16_t depth = leaves_[left].depth;
   std::uint32_t at = place / kLanes, lane = place % kLanes;
@@ -318,8 +294,8 @@ void AbTree::apply_split(VertexId u) {
   }
   upper(at).first_vertices[lane + 1] = u.value;
   const auto below = static_cast<std::uint16_t>(depth + 1);
-  nodes_[at].set(lane, {});
-  nodes_[at].set(lane + 1, {});
+  arrays_.nodes[at].set(lane, {});
+  arrays_.nodes[at].set(lane + 1, {});
   const std::uint32_t right = new_leaf(node.right_of(u), at * kLanes + lane + 1, below);
   leaves_[left].node = node.left_of(u);
   leaves_[left].place = at * kLanes + lane;
@@ -327,13 +303,16 @@ void AbTree::apply_split(VertexId u) {
   if (leaves_[left].is_slot()) ++slot_total_;
   set_leaf_of(u, right);
   // Faces go with their home vertex, the right corner: that of the new ones lies in the right child.
-  std::vector<FaceKey> inherited;
-  inherited.swap(leaves_[left].inherited);
-  for (const FaceKey key : inherited)
-    leaves_[store.face(key).right < u ? left : right].inherited.push_back(key);
+  std::vector<FaceKey>& stay = leaves_[left].inherited;
+  std::vector<FaceKey>& go = leaves_[right].inherited;
+  const auto gone = std::partition(stay.begin(), stay.end(),
+                                   [&](FaceKey key) { return store.face(key).right < u; });
   const auto count = static_cast<std::uint32_t>(store.faces(u).size());
-  for (std::uint32_t i = 0; i < count; ++i) leaves_[right].inherited.push_back({u, i});
-  mark_changed(right, kAllVertices);
+  go.reserve(static_cast<std::size_t>(stay.end() - gone) + count);
+  go.assign(gone, stay.end());
+  stay.erase(gone, stay.end());
+  for (std::uint32_t i = 0; i < count; ++i) go.push_back({u, i});
+  mark_changed(right);
 }
 
 void AbTree::apply_collapse(NodeSpan node) {
@@ -344,7 +323,8 @@ void AbTree::apply_collapse(NodeSpan node) {
       leaf_of_[v] = 0;
       corners |= bit_of({v});
     }
-    mark_changed(first, corners);
+    mark_changed(first);
+    tell_watchers(first, corners, true);
     return;
   }
   // A larger node: its whole part of the tree becomes one leaf.
@@ -355,7 +335,7 @@ void AbTree::apply_collapse(NodeSpan node) {
     if (leaf != kNone) {
       gone.push_back(leaf);
     } else {
-      below.push_back(nodes_[place / kLanes].first[place % kLanes]);
+      below.push_back(arrays_.nodes[place / kLanes].first[place % kLanes]);
     }
   };
   for (std::uint32_t lane = lanes.begin; lane < lanes.end; ++lane)
@@ -365,7 +345,7 @@ void AbTree::apply_collapse(NodeSpan node) {
       take(below[i] * kLanes + lane);
   std::vector<FaceKey> inherited;
   for (const std::uint32_t leaf : gone) {
-    mark_changed(leaf, kAllVertices);
+    tell_watchers(leaf, kAllVertices, true);
     for (const FaceKey key : leaves_[leaf].inherited)  // but for the faces of splits that are gone
       if (!key.split.is_valid() || key.split <= node.first || key.split.value >= node.end())
         inherited.push_back(key);
@@ -382,14 +362,14 @@ void AbTree::apply_collapse(NodeSpan node) {
   for (std::uint32_t lane = lanes.end; fewer > 0 && lane < count; ++lane)
     move_lane(lanes.tree_node, lane, lane - fewer);
   for (std::uint32_t lane = count - fewer; lane < count; ++lane) {
-    nodes_[lanes.tree_node].set(lane, {});
+    arrays_.nodes[lanes.tree_node].set(lane, {});
     upper(lanes.tree_node).first_vertices[lane] = kNone;
   }
-  nodes_[lanes.tree_node].set(lanes.begin, {});
+  arrays_.nodes[lanes.tree_node].set(lanes.begin, {});
   const std::uint32_t leaf = new_leaf(node, place, lanes.depth);
   leaves_[leaf].inherited = std::move(inherited);
   set_leaf_of(node.first, leaf);
-  mark_changed(leaf, kAllVertices);
+  mark_changed(leaf);
 }
 
 // A node's own box has come: what had its ancestor's until now takes it over, as a tree made anew would.
@@ -398,7 +378,7 @@ void AbTree::apply_box(NodeSpan node) {
   if (node.size < 2) return;
   const std::uint32_t first = leaf_of(node.first);
   if (leaves_[first].is_slot() && leaves_[first].node.size >= node.size) {
-    mark_changed(first, 0);
+    mark_changed(first);
     return;
   }
   std::vector<NodeSpan> stack{node};
@@ -407,7 +387,7 @@ void AbTree::apply_box(NodeSpan node) {
     stack.pop_back();
     const std::uint32_t leaf = leaf_of(span.first);
     if (leaves_[leaf].node == span) {
-      mark_changed(leaf, 0);
+      mark_changed(leaf);
       continue;
     }
     const VertexId split = store.split_of(span);
@@ -416,104 +396,11 @@ void AbTree::apply_box(NodeSpan node) {
   }
 }
 
-// ---- slots ----------------------------------------------------------------------------------------------------------
-
-// The known faces that are at home in the leaf.
-template <class Visit>
-void AbTree::for_each_face(const Leaf& leaf, const Visit& visit) const {
-  const SplitStore& store = mesh_->store();
-  for (const FaceKey key : leaf.inherited) visit(key, store.face(key));
-  if (!leaf.is_slot()) return;
-  for (VertexId v{mesh_->current_node(leaf.node.first).end()}; v.value < leaf.node.end();
-       v = {mesh_->current_node(v).end()}) {
-    const std::span<const SplitFace> faces = store.faces(v);
-    for (std::uint32_t i = 0; i < faces.size(); ++i) visit(FaceKey{v, i}, faces[i]);
-  }
-}
-
-void AbTree::rebuild(std::uint32_t index) {
-  const SplitStore& store = mesh_->store();
-  Leaf& leaf = leaves_[index];
-  const bool changed = leaf.changed;
-  leaf.changed = false;
-
-  // Which faces are exact now; and whom to watch for the rest, and for those that may be lost.
-  exact_keys_.clear();
-  std::uint64_t digest = 0;
-  for_each_face(leaf, [&](FaceKey key, const SplitFace& face) {
-    for (const VertexId corner : {face.left, face.right, face.outside})
-      if (!leaf.node.contains(corner))
-        watch(leaf_of(mesh_->active_predecessor(corner)), index, corner);
-    if (!leaf.is_slot() || !mesh_->is_exact(face)) return;
-    exact_keys_.push_back(key);
-    digest += mix(std::uint64_t{key.split.value} << 32 | key.index);
-  });
-  if (!changed && digest == leaf.exact_digest && exact_keys_.size() == leaf.exact_count) return;
-  leaf.exact_digest = digest;
-  if (leaf.is_slot()) {
-    store_micro_tree(index);
-    return;
-  }
-  TreeEntry frontier;
-  frontier.box = store.box(leaf.node);
-  frontier.set(Kind::kFrontier, leaf.node.begin(), leaf.node.size);
-  set_entry(leaf.place, frontier);
-}
-
-void AbTree::store_micro_tree(std::uint32_t index) {
-  const SplitStore& store = mesh_->store();
-  Leaf& leaf = leaves_[index];
-  builder_->clear();
-  // In a canonical order, so that the tree does not depend on the order of arrival.
-  std::sort(exact_keys_.begin(), exact_keys_.end());
-  for (const FaceKey key : exact_keys_) {
-    const auto corners = store.face(key).corners();
-    builder_->add_face(
-        {{store.position(corners[0]), store.position(corners[1]), store.position(corners[2])},
-         key});
-  }
-  for (VertexId v = leaf.node.first; v.value < leaf.node.end();) {
-    const NodeSpan at = mesh_->current_node(v);
-    if (at.size > 1) builder_->add_frontier(at, store.box(at));
-    v = {at.end()};
-  }
-  builder_->build();
-
-  free_micro_tree(entry(leaf.place));
-  node_places_.clear();
-  block_places_.clear();
-  for (std::size_t i = 0; i < builder_->nodes().size(); ++i) node_places_.push_back(new_node());
-  for (const FaceBlock& block : builder_->blocks()) {
-    block_places_.push_back(new_block());
-    blocks_[block_places_.back()] = block;
-  }
-  const auto placed = [this](std::uint32_t kind, std::uint32_t first) {
-    if (kind == static_cast<std::uint32_t>(Kind::kInner)) return node_places_[first];
-    if ((kind & 3U) == static_cast<std::uint32_t>(Kind::kFaces)) return block_places_[first];
-    return first;
-  };
-  for (std::size_t i = 0; i < builder_->nodes().size(); ++i) {
-    TreeNode& node = nodes_[node_places_[i]];
-    node = builder_->nodes()[i];
-    for (std::uint32_t lane = 0; lane < kLanes; ++lane)
-      node.first[lane] = placed(node.kind_and_count[lane], node.first[lane]);
-  }
-  TreeEntry root = builder_->root();
-  root.first = placed(root.kind_and_count, root.first);
-  set_entry(leaf.place, root);
-  exact_total_ += exact_keys_.size();
-  exact_total_ -= leaf.exact_count;
-  leaf.exact_count = static_cast<std::uint32_t>(exact_keys_.size());
-  ++rebuilt_slots_;
-  rebuilt_faces_ += exact_keys_.size();
-}
-
 AbTreeStats AbTree::stats() const {
   AbTreeStats stats{slot_total_, exact_total_, rebuilt_slots_, rebuilt_faces_, 0};
-  stats.bytes = node_total_ * (sizeof(TreeNode) + sizeof(std::uint32_t)) +
-                block_total_ * sizeof(FaceBlock) + uppers_.capacity() * sizeof(Upper) +
-                leaves_.capacity() * sizeof(Leaf) +
-                (free_nodes_.capacity() + free_blocks_.capacity()) * sizeof(std::uint32_t);
+  stats.bytes = arrays_.nodes.bytes() + arrays_.nodes.view().size() * sizeof(std::uint32_t) +
+                arrays_.blocks.bytes() + uppers_.capacity() * sizeof(Upper) +
+                leaves_.capacity() * sizeof(Leaf);
   for (const Leaf& leaf : leaves_)
     stats.bytes +=
         leaf.inherited.capacity() * sizeof(FaceKey) + leaf.watchers.capacity() * sizeof(Watch);

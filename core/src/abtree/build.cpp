@@ -2,67 +2,55 @@
 #include "build.hpp"
 
 #include <algorithm>
+#include <bit>
+#include <memory>
+
+#include "medians.hpp"
 
 namespace nearmesh {
 namespace {
 
-bool has_length(const std::array<double, 3>& v) { return v[0] != 0 || v[1] != 0 || v[2] != 0; }
+/// The lowest `count` bits, 1 to 64.
+std::uint64_t first_bits(std::size_t count) { return ~std::uint64_t{0} >> (kWordParts - count); }
+
+/// Calls emit for each of `groups` parts of the word, alike in number.
+template <class Emit>
+void cut_word(const PartCenters& centers, std::uint64_t parts, std::size_t groups,
+              const Emit& emit) {
+  if (groups < 2) {
+    emit(parts);
+    return;
+  }
+  const auto count = static_cast<std::size_t>(std::popcount(parts));
+  const std::uint64_t left =
+      least_parts(centers, parts, static_cast<std::uint32_t>(count * (groups / 2) / groups));
+  cut_word(centers, left, groups / 2, emit);
+  cut_word(centers, parts & ~left, groups - groups / 2, emit);
+}
 
 }  // namespace
 
-TreeEntry enclose(const TreeNode& node) {
-  TreeEntry out;
-  std::array<double, 3> direction{};
-  for (std::uint32_t left = node.lanes; left != 0; left &= left - 1) {
-    const auto lane = static_cast<std::uint32_t>(std::countr_zero(left));
-    out.box.add(node.boxes.box(lane));
-    // Large parts count as their area, as well as boxes tell.
-    const double size = static_cast<double>(node.size[lane]);
-    for (std::size_t k = 0; k < 3; ++k) direction[k] += size * size * node.boxes.normal[k][lane];
-  }
-  if (!has_length(direction)) return out;
-  const std::array<std::int8_t, 3> normal = make_slab_normal(direction);
-  double from = std::numeric_limits<double>::infinity(), to = -from, middle = 0;
-  for (std::uint32_t left = node.lanes; left != 0; left &= left - 1) {
-    const auto lane = static_cast<std::uint32_t>(std::countr_zero(left));
-    const Span span = span_along(normal, out.box.lo, node.boxes.box(lane), node.boxes.slab(lane));
-    from = std::min(from, span.from);
-    to = std::max(to, span.to);
-  }
-  const CenteredBox box = centered(out.box);
-  for (std::size_t k = 0; k < 3; ++k) middle += normal[k] * box.half[k];
-  out.slab = make_slab(normal, from - middle, to - middle);
-  return out;
+TreeEntry inner_entry(const TreePages<TreeNode>& nodes, std::uint32_t place) {
+  const TreeNode& node = nodes[place];
+  TreeEntry entry;
+  bound(node.boxes, node.size, node.lanes, entry.box, entry.slab);
+  entry.set(TreeEntry::Kind::kInner, place, 0);
+  return entry;
 }
 
 void TreeBuilder::clear() {
-  faces_.clear();
+  face_count_ = 0;
   lanes_.clear();
 }
 
 void TreeBuilder::add_frontier(NodeSpan node, const GridBox& box) {
-  TreeEntry entry;
+  TreeEntry& entry = lanes_.emplace_back();
   entry.box = box;
   entry.set(TreeEntry::Kind::kFrontier, node.begin(), node.size);
-  lanes_.push_back(entry);
 }
 
-TreeBuilder::Part TreeBuilder::part_of(const GridBox& box, std::uint32_t index) {
-  Part part{{}, index};
-  for (int k = 0; k < 3; ++k)
-    part.center[static_cast<std::size_t>(k)] = (box.lo[k] >> 1) + (box.hi[k] >> 1);
-  return part;
-}
-
-/// Calls emit for each of `groups` parts of the range, alike in number, in the order given within each.
-template <class Emit>
-void TreeBuilder::cut(std::span<Part> parts, std::size_t groups, const Emit& emit) {
-  if (groups < 2) {
-    std::sort(parts.begin(), parts.end(),
-              [](const Part& x, const Part& y) { return x.index < y.index; });
-    emit(parts);
-    return;
-  }
+/// Puts the `middle` parts with the least centres along the longest axis first, as least_parts() does for few.
+void TreeBuilder::divide(std::span<Part> parts, std::size_t middle) {
   std::array<std::int32_t, 3> lo = parts.front().center, hi = lo;
   for (const Part& part : parts)
     for (std::size_t k = 0; k < 3; ++k) {
@@ -72,112 +60,154 @@ void TreeBuilder::cut(std::span<Part> parts, std::size_t groups, const Emit& emi
   std::size_t axis = 0;
   for (std::size_t k = 1; k < 3; ++k)
     if (std::int64_t{hi[k]} - lo[k] > std::int64_t{hi[axis]} - lo[axis]) axis = k;
-  const std::size_t left_groups = groups / 2;
-  const std::size_t middle = parts.size() * left_groups / groups;
-  // Equal centres are as good on either side, but must fall the same way everywhere.
-  std::nth_element(parts.begin(), parts.begin() + static_cast<std::ptrdiff_t>(middle), parts.end(),
-                   [axis](const Part& x, const Part& y) {
-                     return x.center[axis] != y.center[axis] ? x.center[axis] < y.center[axis]
-                                                             : x.index < y.index;
-                   });
-  cut(parts.first(middle), left_groups, emit);
-  cut(parts.subspan(middle), groups - left_groups, emit);
-}
-
-void TreeBuilder::add_block(std::span<Part> parts) {
-  FaceBlock block;
-  TreeEntry entry;
-  std::array<double, 3> direction{};  // of the normals, each as long as its face is large
-  for (std::uint32_t i = 0; i < kLanes; ++i) {
-    const TreeFace& face = faces_[parts[std::min<std::size_t>(i, parts.size() - 1)].index];
-    block.triangles.set(i, face.corners);
-    block.keys[i] = face.key;
-    if (i >= parts.size()) continue;
-    std::array<double, 3> e, g;
-    for (std::size_t k = 0; k < 3; ++k) {
-      e[k] = static_cast<double>(face.corners[1].v[k]) - face.corners[0].v[k];
-      g[k] = static_cast<double>(face.corners[2].v[k]) - face.corners[0].v[k];
+  const auto key = [&](std::size_t i) {
+    return static_cast<std::uint64_t>(std::int64_t{parts[i].center[axis]} - lo[axis]) << 32 | i;
+  };
+  keys_.resize(parts.size());
+  for (std::size_t i = 0; i < parts.size(); ++i) keys_[i] = key(i);
+  std::nth_element(keys_.begin(), keys_.begin() + static_cast<std::ptrdiff_t>(middle), keys_.end());
+  const std::uint64_t least_right = keys_[middle];
+  right_parts_.clear();
+  std::size_t left = 0;
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    if (key(i) < least_right) {
+      parts[left++] = parts[i];
+    } else {
+      right_parts_.push_back(parts[i]);
     }
-    for (std::size_t k = 0; k < 3; ++k)
-      direction[k] += e[(k + 1) % 3] * g[(k + 2) % 3] - e[(k + 2) % 3] * g[(k + 1) % 3];
-    for (const GridPoint& corner : face.corners) entry.box.add(corner);
   }
-  if (has_length(direction)) {
-    const std::array<std::int8_t, 3> normal = make_slab_normal(direction);
-    const CenteredBox box = centered(entry.box);
-    // Exact: |n . (x - c)| < 2^41 in halves.
-    double from = std::numeric_limits<double>::infinity(), to = -from;
-    for (const auto& corner : block.triangles.corner)
-      for (std::uint32_t i = 0; i < kLanes; ++i) {
-        const double along = normal[0] * (corner[0][i] - box.center[0]) +
-                             normal[1] * (corner[1][i] - box.center[1]) +
-                             normal[2] * (corner[2][i] - box.center[2]);
-        from = std::min(from, along);
-        to = std::max(to, along);
-      }
-    entry.slab = make_slab(normal, from, to);
-  }
-  entry.set(TreeEntry::Kind::kFaces, static_cast<std::uint32_t>(blocks_.size()),
-            static_cast<std::uint32_t>(parts.size()));
-  blocks_.push_back(block);
-  lanes_.push_back(entry);
+  std::copy(right_parts_.begin(), right_parts_.end(),
+            parts.begin() + static_cast<std::ptrdiff_t>(left));
 }
 
-TreeEntry TreeBuilder::make_entry(std::span<Part> parts) {
+/// Calls emit for each of `groups` parts of the range, alike in number, in the order given within each.
+template <class Emit>
+void TreeBuilder::cut(std::span<Part> parts, std::size_t groups, const Emit& emit) {
+  if (groups < 2) {
+    emit(parts);
+    return;
+  }
+  if (parts.size() <= kWordParts) {
+    PartCenters centers;
+    for (std::size_t i = 0; i < parts.size(); ++i)
+      for (std::size_t k = 0; k < 3; ++k) centers.axis[k][i] = parts[i].center[k];
+    cut_word(centers, first_bits(parts.size()), groups, [&](std::uint64_t bits) {
+      std::array<Part, kWordParts> group;
+      std::size_t count = 0;
+      for (; bits != 0; bits &= bits - 1) group[count++] = parts[std::countr_zero(bits)];
+      emit(std::span(group).first(count));
+    });
+    return;
+  }
+  const std::size_t middle = parts.size() * (groups / 2) / groups;
+  divide(parts, middle);
+  cut(parts.first(middle), groups / 2, emit);
+  cut(parts.subspan(middle), groups - groups / 2, emit);
+}
+
+void TreeBuilder::cut_faces(TreePages<FaceBlock>& blocks) {
+  const std::size_t groups = (face_count_ + kLanes - 1) / kLanes;
+  parts_.clear();
+  for (std::size_t first = 0; first < face_count_; first += kWordParts) {
+    const std::size_t count = std::min<std::size_t>(kWordParts, face_count_ - first);
+    PartCenters centers;
+    for (std::uint32_t i = 0; i < count && groups > 1; i += kLanes)
+      set_centers(faces_[(first + i) / kLanes].triangles, i, centers);
+    if (face_count_ <= kWordParts) {
+      cut_word(centers, first_bits(count), groups, [&](std::uint64_t bits) {
+        std::array<Part, kLanes> group;
+        std::size_t size = 0;
+        for (; bits != 0; bits &= bits - 1)
+          group[size++].index = static_cast<std::uint32_t>(std::countr_zero(bits));
+        add_block(std::span(group).first(size), blocks);
+      });
+      return;
+    }
+    for (std::size_t i = 0; i < count; ++i)
+      parts_.push_back({{centers.axis[0][i], centers.axis[1][i], centers.axis[2][i]},
+                        static_cast<std::uint32_t>(first + i)});
+  }
+  if (!parts_.empty())
+    cut(std::span<Part>(parts_), groups,
+        [&](std::span<const Part> parts) { add_block(parts, blocks); });
+}
+
+void TreeBuilder::add_block(std::span<const Part> parts, TreePages<FaceBlock>& blocks) {
+  const std::uint32_t place = blocks.take();
+  FaceBlock& block = blocks[place];
+  for (std::uint32_t i = 0; i < kLanes; ++i) {
+    const std::uint32_t face = parts[std::min<std::size_t>(i, parts.size() - 1)].index;
+    const FaceBlock& from = faces_[face / kLanes];
+    for (std::size_t c = 0; c < 3; ++c)
+      for (std::size_t k = 0; k < 3; ++k)
+        block.triangles.corner[c][k][i] = from.triangles.corner[c][k][face % kLanes];
+    block.keys[i] = from.keys[face % kLanes];
+  }
+  lanes_.emplace_back().set(TreeEntry::Kind::kFaces, place,
+                            static_cast<std::uint32_t>(parts.size()));
+}
+
+TreeEntry TreeBuilder::make_entry(std::span<Part> parts, TreePlace place,
+                                  TreePages<TreeNode>& nodes) {
   if (parts.size() == 1) return lanes_[parts.front().index];
   // Full subtrees of `below` lanes each, as far as they go round.
   std::size_t below = 1;
   while (below * kLanes < parts.size()) below *= kLanes;
-  const auto place = static_cast<std::uint32_t>(nodes_.size());
-  nodes_.emplace_back();
+  const std::uint32_t own = nodes.take();
+  std::construct_at(&nodes[own]);
+  inner_.emplace_back(own, place);
   std::uint32_t count = 0;
-  const auto add = [&](std::span<Part> group) {
-    const TreeEntry child = make_entry(group);
-    nodes_[place].set(count++, child);
-  };
   if (below == 1) {
-    std::sort(parts.begin(), parts.end(),
-              [](const Part& x, const Part& y) { return x.index < y.index; });
-    for (std::size_t i = 0; i < parts.size(); ++i) add(parts.subspan(i, 1));
+    for (const Part& part : parts) nodes[own].set(count++, lanes_[part.index]);
   } else {
-    cut(parts, (parts.size() + below - 1) / below, add);
+    cut(parts, (parts.size() + below - 1) / below, [&](std::span<Part> group) {
+      const TreeEntry child = make_entry(group, own * kLanes + count, nodes);
+      nodes[own].set(count++, child);
+    });
   }
-  TreeEntry entry = enclose(nodes_[place]);
-  entry.set(TreeEntry::Kind::kInner, place, 0);
+  TreeEntry entry;
+  entry.set(TreeEntry::Kind::kInner, own, 0);
   return entry;
 }
 
-void TreeBuilder::build() {
-  nodes_.clear();
-  blocks_.clear();
-  root_ = {};
-  parts_.clear();
-  for (std::uint32_t i = 0; i < faces_.size(); ++i) {
-    GridBox box;
-    for (const GridPoint& corner : faces_[i].corners) box.add(corner);
-    parts_.push_back(part_of(box, i));
+TreeEntry TreeBuilder::build(TreeArrays& arrays) {
+  cut_faces(arrays.blocks);
+  for (TreeEntry& lane : lanes_)
+    if (lane.kind() == TreeEntry::Kind::kFaces)
+      bound(arrays.blocks[lane.first].triangles, lane.count(), lane.box, lane.slab);
+  parts_.resize(lanes_.size());
+  for (std::uint32_t i = 0; i < lanes_.size(); ++i) {
+    parts_[i].index = i;
+    const GridBox& box = lanes_[i].box;
+    for (int k = 0; k < 3; ++k)
+      parts_[i].center[static_cast<std::size_t>(k)] = (box.lo[k] >> 1) + (box.hi[k] >> 1);
   }
-  if (!parts_.empty())
-    cut(std::span<Part>(parts_), (parts_.size() + kLanes - 1) / kLanes,
-        [this](std::span<Part> parts) { add_block(parts); });
-  parts_.clear();
-  for (std::uint32_t i = 0; i < lanes_.size(); ++i) parts_.push_back(part_of(lanes_[i].box, i));
-  if (!parts_.empty()) root_ = make_entry(parts_);
+  inner_.clear();
+  if (parts_.empty()) return {};
+  const TreeEntry root = make_entry(parts_, 0, arrays.nodes);
+  for (std::size_t i = inner_.size(); i-- > 1;) {  // children before parents
+    const auto [node, place] = inner_[i];
+    arrays.nodes[place / kLanes].set(place % kLanes, inner_entry(arrays.nodes, node));
+  }
+  return root;
 }
 
 TriangleTree build_triangle_tree(const Grid& grid, const std::vector<TreeFace>& faces) {
   TreeBuilder builder;
-  for (const TreeFace& face : faces) builder.add_face(face);
-  builder.build();
-  TriangleTree tree{grid, {TreeNode{}}, builder.blocks()};
-  TreeEntry root = builder.root();
-  if (root.kind() == TreeEntry::Kind::kInner) ++root.first;
-  tree.nodes[0].set(0, root);
-  tree.nodes.insert(tree.nodes.end(), builder.nodes().begin(), builder.nodes().end());
-  for (std::size_t i = 1; i < tree.nodes.size(); ++i)
-    for (std::uint32_t lane = 0; lane < kLanes; ++lane)
-      if (tree.nodes[i].entry(lane).kind() == TreeEntry::Kind::kInner) ++tree.nodes[i].first[lane];
-  return tree;
+  FaceBlock* blocks_to_be = builder.add_faces(faces.size());
+  for (std::uint32_t i = 0; i < faces.size(); ++i) {
+    blocks_to_be[i / kLanes].triangles.set(i % kLanes, faces[i].corners);
+    blocks_to_be[i / kLanes].keys[i % kLanes] = faces[i].key;
+  }
+  TreeArrays arrays;
+  const std::uint32_t top = arrays.nodes.take();
+  arrays.nodes[top] = {};
+  TreeEntry root = builder.build(arrays);
+  if (root.kind() == TreeEntry::Kind::kInner) root = inner_entry(arrays.nodes, root.first);
+  arrays.nodes[top].set(0, root);
+  const auto nodes = arrays.nodes.view();
+  const auto blocks = arrays.blocks.view();
+  return {grid, {nodes.begin(), nodes.end()}, {blocks.begin(), blocks.end()}};
 }
 
 std::vector<TreeFace> current_triangles(const ActiveMesh& mesh) {

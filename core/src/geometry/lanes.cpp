@@ -12,7 +12,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "nearmesh/core/geometry/lanes.hpp"
 #include "vectors.hpp"
@@ -241,48 +240,6 @@ HWY_EXPORT(boxes_apart_lanes);
 HWY_EXPORT(centers_apart_lanes);
 HWY_EXPORT(boxes_gaps_lanes);
 HWY_EXPORT(triangles_apart_lanes);
-
-Slab make_slab(const std::array<std::int8_t, 3>& normal, double from, double to) {
-  Slab slab{normal, static_cast<float>(from), static_cast<float>(to)};
-  constexpr float kInfinity = std::numeric_limits<float>::infinity();
-  if (static_cast<double>(slab.from) > from) slab.from = std::nextafter(slab.from, -kInfinity);
-  if (static_cast<double>(slab.to) < to) slab.to = std::nextafter(slab.to, kInfinity);
-  return slab;
-}
-
-std::array<std::int8_t, 3> make_slab_normal(const std::array<double, 3>& direction) {
-  const double most =
-      std::max({std::abs(direction[0]), std::abs(direction[1]), std::abs(direction[2])});
-  std::array<double, 3> unit;  // nearly: the squares of very long directions overflow
-  double square = 0;
-  for (std::size_t k = 0; k < 3; ++k) {
-    unit[k] = direction[k] / most;
-    square += unit[k] * unit[k];
-  }
-  std::array<std::int8_t, 3> normal{};
-  const double scale = kSlabLength / std::sqrt(square);
-  for (std::size_t k = 0; k < 3; ++k)
-    normal[k] = static_cast<std::int8_t>(unit[k] * scale + (unit[k] < 0 ? -0.5 : 0.5));
-  return normal;
-}
-
-Span span_along(const std::array<std::int8_t, 3>& normal, const GridPoint& origin,
-                const GridBox& box, const Slab& slab) {
-  const CenteredBox b = centered(box);
-  double along = 0, square = 0, middle = 0, reach = 0;
-  for (std::size_t k = 0; k < 3; ++k) {
-    const double n = normal[k], s = slab.normal[k];
-    along += n * s;
-    square += s * s;
-    middle += n * (b.center[k] - origin.v[k]);
-  }
-  const double a = square > 0 ? along / square : 0;
-  for (std::size_t k = 0; k < 3; ++k) reach += std::abs(normal[k] - a * slab.normal[k]) * b.half[k];
-  const double x = a * static_cast<double>(slab.from), y = a * static_cast<double>(slab.to);
-  // Terms below 2^42, some ten roundings.
-  constexpr double kRounding = 0x1p-6;
-  return {middle + std::min(x, y) - reach - kRounding, middle + std::max(x, y) + reach + kRounding};
-}
 
 void place_lanes(const RelativeFrame& other_in_own, const BoxLanes& other, PlacedLanes& out) {
   HWY_DYNAMIC_DISPATCH(place_lanes_all)(other_in_own, other, out);

@@ -53,8 +53,6 @@ BoxCode encode_box(const GridPoint& representative, const GridBox& box) {
 
 namespace {
 
-constexpr std::uint8_t kManyFaces = 255;
-
 // Entries hold codes plus one, so that an untouched page means "no box".
 BoxCode stored(const BoxCode& code) {
   BoxCode s{};
@@ -128,33 +126,23 @@ std::size_t SplitStore::root_index(VertexId v) const {
   return static_cast<std::size_t>(after - roots_.begin()) - 1;
 }
 
-std::span<const SplitFace> SplitStore::faces(VertexId split) const {
-  const Entry& entry = entries_[split.value];
-  if (entry.face_count == kManyFaces) return many_faces_.at(split.value);
-  return {entry.inline_faces, entry.face_count};
-}
-
-BoxCode SplitStore::box_code(NodeSpan node) const {
-  NEARMESH_ASSERT(is_node(node));
-  const Entry& first = entries_[node.begin()];
-  return unstored(node.size == first.size ? first.box : entries_[node.end()].left_box);
-}
+BoxCode SplitStore::box_code(NodeSpan node) const { return unstored(stored_code(node)); }
 
 GridBox SplitStore::box(NodeSpan node) const {
-  BoxCode code = box_code(node);
-  while (code[0] == kNoBoxCode) {
+  const BoxCode* code = &stored_code(node);
+  while ((*code)[0] == 0) {
     node = parent_of(node);
     NEARMESH_ASSERT(node.size != 0);  // roots have boxes: the header is refused without
-    code = box_code(node);
+    code = &stored_code(node);
   }
   // Faces lie in the grid, so the box may be cut to it.
   const GridPoint& at = position(node.first);
   GridBox box;
   for (int k = 0; k < 3; ++k) {
-    box.lo[k] =
-        static_cast<std::int32_t>(std::max<std::int64_t>(0, at[k] - box_extent(code[2 * k])));
-    box.hi[k] = static_cast<std::int32_t>(
-        std::min<std::int64_t>(grid_max_, at[k] + box_extent(code[2 * k + 1])));
+    const std::int64_t below = kExtents[(*code)[2 * k] - 1],
+                       above = kExtents[(*code)[2 * k + 1] - 1];
+    box.lo[k] = static_cast<std::int32_t>(std::max<std::int64_t>(0, at[k] - below));
+    box.hi[k] = static_cast<std::int32_t>(std::min<std::int64_t>(grid_max_, at[k] + above));
   }
   return box;
 }

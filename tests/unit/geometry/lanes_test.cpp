@@ -97,7 +97,7 @@ Slab slab_of(const Patch& patch, const GridBox& box) {
       from = std::min(from, along(normal, p, box));
       to = std::max(to, along(normal, p, box));
     }
-  return make_slab(normal, from, to);
+  return {normal, rounded_down(from), -rounded_down(-to)};
 }
 
 struct Lanes {
@@ -352,31 +352,81 @@ TEST(Lanes, SlabsPartParallelPatchesWhoseBoxesOverlap) {
   EXPECT_GT(parted, 90);
 }
 
-TEST(Lanes, SpansHoldWhatBoxAndSlabHold) {
+struct Bound {
+  GridBox box;
+  Slab slab;
+};
+
+void expect_holds(const Bound& bound, const Patch& patch) {
+  for (const Triangle& triangle : patch)
+    for (const GridPoint& p : triangle) {
+      EXPECT_TRUE(bound.box.contains({p, p}));
+      EXPECT_LE(static_cast<double>(bound.slab.from), along(bound.slab.normal, p, bound.box));
+      EXPECT_GE(static_cast<double>(bound.slab.to), along(bound.slab.normal, p, bound.box));
+    }
+}
+
+double length_of(const std::array<std::int8_t, 3>& normal) {
+  double square = 0;
+  for (const std::int8_t x : normal) square += x * x;
+  return std::sqrt(square);
+}
+
+TEST(Lanes, BoundOfBoxesHoldsWhatTheyAndTheirSlabsHold) {
   Random random(35);
-  for (int i = 0; i < 2000; ++i) {
-    const Patch patch = random_patch(random);
-    const GridBox box = box_of(patch);
-    const Slab slab = random.below(3) == 0 ? Slab{} : slab_of(patch, box);
-    std::array<double, 3> direction;
-    for (double& x : direction) x = random.between(-1, 1);
-    const auto normal = make_slab_normal(direction);
-    double square = 0;
-    for (const std::int8_t x : normal) square += x * x;
-    EXPECT_NEAR(std::sqrt(square), kSlabLength, 1.0);
-    const Span span = span_along(normal, box.lo, box, slab);
-    for (const Triangle& triangle : patch)
+  int slabs = 0;
+  for (int i = 0; i < 1000; ++i) {
+    SCOPED_TRACE(i);
+    const Lanes lanes = random_lanes(random);
+    const std::uint32_t used = random.below(kAllLanes + 1);
+    float sizes[kLanes];
+    for (float& size : sizes) size = static_cast<float>(1 + random.below(1000));
+    Bound found;
+    bound(lanes.boxes, sizes, used, found.box, found.slab);
+    GridBox box;
+    for (std::uint32_t lane = 0; lane < kLanes; ++lane) {
+      if ((used >> lane & 1U) == 0) continue;
+      expect_holds(found, lanes.patches[lane]);
+      box.add(lanes.boxes.box(lane));
+    }
+    EXPECT_EQ(found.box, box);
+    if (found.slab == Slab{}) continue;
+    ++slabs;
+    EXPECT_NEAR(length_of(found.slab.normal), kSlabLength, 1.0);
+  }
+  EXPECT_GT(slabs, 500);
+}
+
+TEST(Lanes, BoundOfTrianglesIsTightAboutTheirMeanNormal) {
+  Random random(36);
+  for (int i = 0; i < 1000; ++i) {
+    SCOPED_TRACE(i);
+    const std::uint32_t count = 1 + random.below(kLanes);
+    std::vector<Triangle> used;
+    TriangleLanes triangles;
+    GridBox box;
+    for (std::uint32_t lane = 0; lane < kLanes; ++lane) {
+      if (lane < count) used.push_back(random_patch(random)[0]);
+      triangles.set(lane, used.back());
+      for (const GridPoint& p : used.back()) box.add(p);
+    }
+    Bound found;
+    bound(triangles, count, found.box, found.slab);
+    EXPECT_EQ(found.box, box);
+    std::array<double, 3> direction{};
+    double least = 1e300, most = -1e300;
+    for (const Triangle& triangle : used) {
+      const std::array<double, 3> normal = normal_of(triangle);
+      for (std::size_t k = 0; k < 3; ++k) direction[k] += normal[k];
       for (const GridPoint& p : triangle) {
-        double value = 0;
-        for (int k = 0; k < 3; ++k)
-          value += normal[static_cast<std::size_t>(k)] * (double(p[k]) - box.lo[k]);
-        EXPECT_LE(span.from, value);
-        EXPECT_GE(span.to, value);
-        if (slab.normal != std::array<std::int8_t, 3>{}) {
-          EXPECT_LE(static_cast<double>(slab.from), along(slab.normal, p, box));
-          EXPECT_GE(static_cast<double>(slab.to), along(slab.normal, p, box));
-        }
+        least = std::min(least, along(found.slab.normal, p, found.box));
+        most = std::max(most, along(found.slab.normal, p, found.box));
       }
+    }
+    if (direction == std::array<double, 3>{}) continue;
+    EXPECT_EQ(found.slab.normal, make_slab_normal(direction));
+    EXPECT_NEAR(static_cast<double>(found.slab.from), least, 1e-6 * std::abs(least));
+    EXPECT_NEAR(static_cast<double>(found.slab.to), most, 1e-6 * std::abs(most));
   }
 }
 

@@ -11,7 +11,7 @@
 #include <memory>
 #include <vector>
 
-#include "nearmesh/core/abtree/tree.hpp"
+#include "nearmesh/core/abtree/tree_pages.hpp"
 
 namespace nearmesh {
 
@@ -38,10 +38,7 @@ class AbTree {
   void update(const RefineDelta& delta);
 
   [[nodiscard]] TreeView view(const Grid& grid) const {
-    return {&grid,
-            {nodes_.data(), node_total_},
-            {blocks_.data(), block_total_},
-            &mesh_->store(),
+    return {&grid, arrays_.nodes.view(), arrays_.blocks.view(), &mesh_->store(),
             &mesh_->store().surface()};
   }
   [[nodiscard]] AbTreeStats stats() const;
@@ -56,7 +53,7 @@ class AbTree {
   using VertexBits = std::uint32_t;
   static constexpr VertexBits kAllVertices = ~VertexBits{0};
   static VertexBits bit_of(VertexId v) { return VertexBits{1} << (v.value % 32); }
-  /// A leaf that has faces with corners at these vertices, or had.
+  /// A leaf whose faces depend, or did, on whether these are vertices of the full mesh.
   struct Watch {
     std::uint32_t leaf;
     VertexBits corners;
@@ -66,14 +63,13 @@ class AbTree {
   struct Leaf {
     NodeSpan node;
     TreePlace place = 0;
-    std::uint16_t depth = 0;         // levels of the forest above it
-    bool changed = false;            // its own nodes changed since it was built
-    bool queued = false;             // in pending_
-    std::uint32_t exact_count = 0;   // faces in the micro tree
-    std::uint64_t exact_digest = 0;  // of these
+    std::uint16_t depth = 0;        // levels of the forest above it
+    bool changed = false;           // to be built anew, whichever faces are exact
+    bool queued = false;            // in pending_
+    std::uint32_t exact_count = 0;  // faces in the micro tree
     std::vector<FaceKey>
         inherited;                // known faces of splits above it whose home vertex lies in `node`
-    std::vector<Watch> watchers;  // who has a face with a corner here
+    std::vector<Watch> watchers;  // who waits for a corner here, or might lose one
 
     [[nodiscard]] bool is_slot() const { return node.size <= kSlotSize; }
   };
@@ -97,42 +93,47 @@ class AbTree {
   [[nodiscard]] std::uint32_t leaf_at(TreePlace place) const;
   void set_entry(TreePlace place, const TreeEntry& entry);
   [[nodiscard]] TreeEntry entry(TreePlace place) const {
-    return nodes_[place / kLanes].entry(place % kLanes);
+    return arrays_.nodes[place / kLanes].entry(place % kLanes);
   }
 
   void queue(std::uint32_t leaf);
-  void mark_changed(std::uint32_t leaf, VertexBits corners);
-  void watch(std::uint32_t leaf, std::uint32_t watcher, VertexId corner);
+  void mark_changed(std::uint32_t leaf);
+  void tell_watchers(std::uint32_t leaf, VertexBits corners, bool may_lose);
+  void watch_corners(std::uint32_t watcher);
+  void watch(std::uint32_t leaf, std::uint32_t watcher, VertexBits corners);
   void apply_split(VertexId u);
   void apply_collapse(NodeSpan node);
   void apply_box(NodeSpan node);
-  void rebuild(std::uint32_t leaf);
-  void store_micro_tree(std::uint32_t leaf);
-  void free_micro_tree(const TreeEntry& entry);
-  template <class Visit>
-  void for_each_face(const Leaf& leaf, const Visit& visit) const;
+  void free_micro_tree(TreePlace place);
+
+  // Slots: slots.cpp.
+  void look_at(std::uint32_t leaf);
+  struct SlotBits {
+    std::uint64_t active, leaves;
+  };
+  [[nodiscard]] SlotBits bits_of(NodeSpan slot) const;
+  void find_exact_faces(std::uint32_t slot);
+  void make_room(std::size_t faces);
+  void find_inherited_faces(std::uint32_t slot, const SlotBits& bits);
+  void find_own_faces(NodeSpan slot, const SlotBits& bits);
+  void build_micro_tree(std::uint32_t slot);
 
   [[nodiscard]] Lanes find_lanes(NodeSpan node) const;
   [[nodiscard]] std::uint32_t lane_count(std::uint32_t tree_node) const;
   void move_lane(std::uint32_t tree_node, std::uint32_t from, std::uint32_t to);
   void queue_refit(std::uint32_t tree_node);
+  bool refit_lane(TreePlace place);
   void refit();
   [[nodiscard]] Upper& upper(std::uint32_t tree_node) { return uppers_[upper_of_[tree_node]]; }
   [[nodiscard]] const Upper& upper(std::uint32_t tree_node) const {
     return uppers_[upper_of_[tree_node]];
   }
-  std::uint32_t new_node();
   std::uint32_t new_upper(TreePlace parent);
   void free_upper(std::uint32_t tree_node);
-  std::uint32_t new_block();
 
   const ActiveMesh* mesh_;
-  // The first of each array are in use, but for what is in a list of free ones.
-  LazyArray<TreeNode> nodes_;
-  LazyArray<std::uint32_t> upper_of_;  // beside nodes_: of a node of the upper tree
-  LazyArray<FaceBlock> blocks_;
-  std::uint32_t node_total_ = 0, block_total_ = 0;
-  std::vector<std::uint32_t> free_nodes_, free_blocks_;
+  TreeArrays arrays_;
+  LazyArray<std::uint32_t> upper_of_;  // beside the nodes: of one of the upper tree
   std::vector<Upper> uppers_;
   std::vector<std::uint32_t> free_uppers_;
   std::vector<Leaf> leaves_;
@@ -141,11 +142,17 @@ class AbTree {
   std::vector<TreePlace> root_places_;                           // of each root
   std::vector<std::uint32_t> pending_;                           // leaves to look at
   std::vector<std::pair<std::uint32_t, std::uint32_t>> refits_;  // level and index of nodes, a heap
+  std::vector<TreePlace> micro_roots_;  // lanes of slots whose box and slab are to be found
   std::uint64_t exact_total_ = 0, slot_total_ = 0, rebuilt_slots_ = 0, rebuilt_faces_ = 0;
 
-  // Scratch of rebuild().
-  std::vector<FaceKey> exact_keys_;
-  std::vector<std::uint32_t> node_places_, block_places_;
+  // Scratch of look_at().
+  struct ExactFace {
+    FaceKey key;
+    const SplitFace* face;
+  };
+  std::vector<ExactFace> exact_faces_;
+  std::vector<VertexId> corners_elsewhere_;            // to watch
+  std::size_t exact_count_ = 0, elsewhere_count_ = 0;  // the first so many of these
   std::unique_ptr<TreeBuilder> builder_;
 };
 

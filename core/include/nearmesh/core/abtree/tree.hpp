@@ -65,13 +65,27 @@ struct TreeNode {
     return {boxes.box(lane), boxes.slab(lane), first[lane], kind_and_count[lane]};
   }
   void set(std::uint32_t lane, const TreeEntry& entry) {
-    const bool is_empty = entry.kind() == TreeEntry::Kind::kEmpty;
-    const GridBox box = is_empty ? GridBox{{}, {}} : entry.box;
-    boxes.set(lane, box, entry.slab);
-    size[lane] = size_of(box);
     first[lane] = entry.first;
     kind_and_count[lane] = entry.kind_and_count;
-    lanes = is_empty ? lanes & ~(1U << lane) : lanes | 1U << lane;
+    if (entry.kind() == TreeEntry::Kind::kEmpty) {
+      boxes.set(lane, {{}, {}}, {});
+      size[lane] = 0;
+      lanes &= ~(1U << lane);
+    } else {
+      boxes.set(lane, entry.box, entry.slab);
+      size[lane] = size_of(entry.box);
+      lanes |= 1U << lane;
+    }
+  }
+  /// Whether set() would change nothing. Number by number: what was written by number is slow to read by the word.
+  [[nodiscard]] bool holds(std::uint32_t lane, const TreeEntry& entry) const {
+    bool same = (lanes >> lane & 1U) != 0 && first[lane] == entry.first &&
+                kind_and_count[lane] == entry.kind_and_count &&
+                boxes.from[lane] == entry.slab.from && boxes.to[lane] == entry.slab.to;
+    for (int k = 0; k < 3; ++k)
+      same = same && boxes.lo[k][lane] == entry.box.lo[k] && boxes.hi[k][lane] == entry.box.hi[k] &&
+             boxes.normal[k][lane] == entry.slab.normal[static_cast<std::size_t>(k)];
+    return same;
   }
 };
 

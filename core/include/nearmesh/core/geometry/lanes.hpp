@@ -9,7 +9,10 @@
 // thinner than its box, unless it happens to be parallel to an axis. Two patches near to touching are almost parallel,
 // and there the slabs part what the boxes cannot. Measured in ARCHITECTURE.md.
 
+#include <bit>
+#include <cmath>
 #include <cstdint>
+#include <limits>
 
 #include "nearmesh/core/geometry/box_overlap.hpp"
 
@@ -70,16 +73,34 @@ struct TriangleLanes {
   }
 };
 
-/// The slab between two values of normal . (x - centre of the box), rounded outwards. Precondition: from <= to.
-[[nodiscard]] Slab make_slab(const std::array<std::int8_t, 3>& normal, double from, double to);
-/// An integer direction close to `direction` (any length but 0), of a length close to kSlabLength.
-[[nodiscard]] std::array<std::int8_t, 3> make_slab_normal(const std::array<double, 3>& direction);
-/// Bounds of normal . (x - origin) over all x that a box and its slab bound.
-struct Span {
-  double from, to;
-};
-[[nodiscard]] Span span_along(const std::array<std::int8_t, 3>& normal, const GridPoint& origin,
-                              const GridBox& box, const Slab& slab);
+/// The greatest float that is not above x: slabs are rounded outwards.
+[[nodiscard]] inline float rounded_down(double x) {
+  const auto nearest = static_cast<float>(x);
+  const bool is_above = static_cast<double>(nearest) > x;
+  if (nearest == 0) return is_above ? -std::numeric_limits<float>::denorm_min() : nearest;
+  // No branch on which side it fell to: that is hard to foretell.
+  const auto bits = std::bit_cast<std::int32_t>(nearest);
+  return std::bit_cast<float>(bits + (bits >> 31 | 1) * -static_cast<std::int32_t>(is_above));
+}
+/// An integer direction close to `direction`, whose length is in [2^-500, 2^500], of a length close to kSlabLength.
+[[nodiscard]] inline std::array<std::int8_t, 3> make_slab_normal(
+    const std::array<double, 3>& direction) {
+  double square = 0;
+  for (const double x : direction) square += x * x;
+  const double scale = kSlabLength / std::sqrt(square);
+  std::array<std::int8_t, 3> normal{};
+  for (std::size_t k = 0; k < 3; ++k)
+    normal[k] = static_cast<std::int8_t>(direction[k] * scale + std::copysign(0.5, direction[k]));
+  return normal;
+}
+
+/// Sets a box, and a slab about the mean normal of what it bounds; no slab where that has none.
+/// Around boxes and their slabs in the lanes of which the bits are set; the box is empty where none is. Large parts count
+/// as the square of their size.
+void bound(const BoxLanes& boxes, const float (&sizes)[kLanes], std::uint32_t lanes, GridBox& box,
+           Slab& slab);
+/// Around the first `count` triangles, which count as their areas. Precondition: 1 <= count <= kLanes.
+void bound(const TriangleLanes& triangles, std::uint32_t count, GridBox& box, Slab& slab);
 
 /// Parts of the other model as they are seen from one's own grid: made once, tested against many.
 struct PlacedLanes {

@@ -36,7 +36,21 @@ class ActiveMesh {
     return (bits_[v.value >> 6] >> (v.value & 63U) & 1U) != 0;
   }
   /// Active and standing for itself alone: a vertex of the full mesh in its final place.
-  [[nodiscard]] bool is_leaf(VertexId v) const { return is_active(v) && is_active({v.value + 1}); }
+  [[nodiscard]] bool is_leaf(VertexId v) const {
+    // No branch: which are leaves is hard to foretell.
+    const std::uint64_t* words = bits_.data();
+    const std::uint32_t after = v.value + 1;
+    NEARMESH_ASSERT((after >> 6) < bits_.size());
+    return (words[v.value >> 6] >> (v.value & 63U) & words[after >> 6] >> (after & 63U) & 1U) != 0;
+  }
+  /// Which of [first, first + 64) are active, a bit for each; bits of ids beyond the last mean nothing.
+  [[nodiscard]] std::uint64_t active_bits(VertexId first) const {
+    const std::uint64_t* word = bits_.data() + (first.value >> 6);
+    const std::uint32_t offset = first.value & 63U;
+    // What lies beyond the sentinel's word is nobody's.
+    const bool is_last = (first.value >> 6) + 1 >= bits_.size();
+    return offset == 0 || is_last ? *word >> offset : *word >> offset | word[1] << (64 - offset);
+  }
   /// The active vertex that stands for v: the largest active id <= v.
   [[nodiscard]] VertexId active_predecessor(VertexId v) const;
   /// The node that an active vertex stands for now.

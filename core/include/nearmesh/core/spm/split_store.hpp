@@ -70,9 +70,13 @@ class SplitStore {
   /// ancestor's. Precondition: is_node(node). O(1) but where boxes are missing.
   [[nodiscard]] GridBox box(NodeSpan node) const;
 
-  [[nodiscard]] std::span<const SplitFace> faces(VertexId split) const;
+  [[nodiscard]] std::span<const SplitFace> faces(VertexId split) const {
+    const Entry& entry = entries_[split.value];
+    if (entry.face_count == kManyFaces) return many_faces_.at(split.value);
+    return {entry.inline_faces, entry.face_count};
+  }
   [[nodiscard]] std::span<const SplitFace> base_faces() const { return base_faces_; }
-  [[nodiscard]] SplitFace face(FaceKey key) const {
+  [[nodiscard]] const SplitFace& face(FaceKey key) const {
     return key.split.is_valid() ? faces(key.split)[key.index] : base_faces_[key.index];
   }
   [[nodiscard]] const std::vector<BaseRoot>& roots() const { return roots_; }
@@ -83,6 +87,7 @@ class SplitStore {
   [[nodiscard]] std::size_t root_index(VertexId v) const;
 
  private:
+  static constexpr std::uint8_t kManyFaces = 255;
   // One entry per vertex id; all zeros (an untouched page) means unknown.
   struct Entry {
     std::uint32_t size =
@@ -102,6 +107,14 @@ class SplitStore {
 
   [[nodiscard]] Status check(const SplitRecord& record, std::span<const SplitFace> faces) const;
   [[nodiscard]] std::uint32_t& split_slot(NodeSpan node);
+  /// The node's own box as entries hold it.
+  [[nodiscard]] const BoxCode& stored_code(NodeSpan node) const {
+    const Entry& first = entries_[node.begin()];
+    if (node.size == first.size) return first.box;
+    const Entry& maker = entries_[node.end()];
+    NEARMESH_ASSERT(maker.size != 0 && maker.parent == node.begin());
+    return maker.left_box;
+  }
   [[nodiscard]] std::uint32_t depth_of(NodeSpan node) const {
     const Entry& first = entries_[node.begin()];
     return node.size == first.size ? first.depth : entries_[node.end()].depth;

@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: Apache-2.0
+// The part of AbTree that follows slots: which of a slot's faces are exact, and the micro tree over them.
+// A slot watches as clauses of a SAT solver watch literals (Moskewicz et al. 2001, Chaff): a face that is not exact yet is
+// woken by one of its missing corners only, an exact one by any that it may lose.
+
+#include <algorithm>
+#include <bit>
+#include <utility>
+
+#include "build.hpp"
+#include "nearmesh/core/abtree/ab_tree.hpp"
+
+namespace nearmesh {
+
+static_assert(kSlotSize == 64, "a slot's vertices are the bits of a word");
+
+// A leaf that is no slot has nothing exact; what becomes of its faces its own splits tell.
+void AbTree::look_at(std::uint32_t index) {
+  Leaf& leaf = leaves_[index];
+  const bool changed = leaf.changed;
+  leaf.changed = false;
+  if (leaf.is_slot()) {
+    find_exact_faces(index);
+    if (changed || exact_count_ != leaf.exact_count) build_micro_tree(index);
+    return;
+  }
+  TreeEntry frontier;
+  frontier.box = mesh_->store().box(leaf.node);
+  frontier.set(TreeEntry::Kind::kFrontier, leaf.node.begin(), leaf.node.size);
+  set_entry(leaf.place, frontier);
+}
+
+// Who has the corners elsewhere shall tell this slot when one of them changes.
+void AbTree::watch_corners(std::uint32_t watcher) {
+  std::uint32_t leaf = kNone;
+  VertexBits bits = 0;
+  for (const VertexId corner : std::span(corners_elsewhere_).first(elsewhere_count_)) {
+    // Neighbouring faces have the same neighbours.
+    const std::uint32_t next = leaf_of(mesh_->active_predecessor(corner));
+    if (next != leaf && bits != 0) watch(leaf, watcher, std::exchange(bits, 0));
+    leaf = next;
+    bits |= bit_of(corner);
+  }
+  if (bits != 0) watch(leaf, watcher, bits);
+}
+
+void AbTree::watch(std::uint32_t leaf, std::uint32_t watcher, VertexBits corners) {
+  std::vector<Watch>& watchers = leaves_[leaf].watchers;
+  // From the latest on, who is likely to watch more.
+  for (std::size_t i = watchers.size(); i-- > 0;)
+    if (watchers[i].leaf == watcher) {
+      watchers[i].corners |= corners;
+      std::swap(watchers[i], watchers.back());
+      return;
+    }
+  watchers.push_back({watcher, corners});
+}
+
+// Which of a slot's vertices are active, and which of these are vertices of the full mesh: bits from its first vertex.
+AbTree::SlotBits AbTree::bits_of(NodeSpan slot) const {
+  const std::uint64_t active =
+      mesh_->active_bits(slot.first) & ~std::uint64_t{0} >> (64 - slot.size);
+  return {active, active & mesh_->active_bits({slot.begin() + 1})};
+}
+
+// By key, so that the tree does not depend on the order of arrival. A face's home is its right corner's slot: while that
+// or another corner in the slot is missing there is nothing to wait for elsewhere.
+void AbTree::find_exact_faces(std::uint32_t index) {
+  const NodeSpan slot = leaves_[index].node;
+  const SlotBits bits = bits_of(slot);
+  exact_count_ = elsewhere_count_ = 0;
+  if (bits.leaves == 0) return;
+  find_inherited_faces(index, bits);
+  const std::size_t inherited = exact_count_;
+  find_own_faces(slot, bits);
+  watch_corners(index);
+  const auto first = exact_faces_.begin();
+  std::inplace_merge(first, first + static_cast<std::ptrdiff_t>(inherited),
+                     first + static_cast<std::ptrdiff_t>(exact_count_),
+                     [](const ExactFace& x, const ExactFace& y) { return x.key < y.key; });
+}
+
+// For so many faces more.
+void AbTree::make_room(std::size_t faces) {
+  const std::size_t exact = exact_count_ + faces, elsewhere = elsewhere_count_ + 2 * faces;
+  if (exact_faces_.size() < exact) exact_faces_.resize(2 * exact);
+  if (corners_elsewhere_.size() < elsewhere) corners_elsewhere_.resize(2 * elsewhere);
+}
+
+// Faces of splits above the slot: two of their corners are elsewhere.
+void AbTree::find_inherited_faces(std::uint32_t index, const SlotBits& bits) {
+  const Leaf& slot = leaves_[index];
+  make_room(slot.inherited.size());
+  for (const FaceKey key : slot.inherited) {
+    const SplitFace& face = mesh_->store().face(key);
+    if ((bits.leaves >> (face.right.value - slot.node.begin()) & 1U) == 0) continue;
+    const bool has_left = mesh_->is_leaf(face.left);
+    corners_elsewhere_[elsewhere_count_++] = has_left ? face.outside : face.left;
+    if (!has_left || !mesh_->is_leaf(face.outside)) continue;
+    corners_elsewhere_[elsewhere_count_++] = face.left;
+    exact_faces_[exact_count_++] = {key, &face};
+  }
+  std::sort(exact_faces_.begin(), exact_faces_.begin() + static_cast<std::ptrdiff_t>(exact_count_),
+            [](const ExactFace& x, const ExactFace& y) { return x.key < y.key; });
+}
+
+// Faces of the slot's own splits: only their outside corner may be elsewhere. Which are exact is hard to foretell, so each
+// is put down, and counted where it is.
+void AbTree::find_own_faces(NodeSpan slot, const SlotBits& bits) {
+  const SplitStore& store = mesh_->store();
+  std::size_t exact = exact_count_, elsewhere = elsewhere_count_;
+  std::size_t room = 0;  // for so many faces
+  for (std::uint64_t left = bits.active & (bits.active - 1); left != 0; left &= left - 1) {
+    const VertexId v{slot.begin() + static_cast<std::uint32_t>(std::countr_zero(left))};
+    const std::span<const SplitFace> faces = store.faces(v);
+    if (faces.size() > room) {
+      exact_count_ = exact;
+      elsewhere_count_ = elsewhere;
+      make_room(room = 2 * kSlotSize + faces.size());
+    }
+    room -= faces.size();
+    for (std::uint32_t i = 0; i < faces.size(); ++i) {
+      const SplitFace& face = faces[i];
+      const std::uint64_t is_here = bits.leaves >> (face.left.value - slot.begin()) &
+                                    bits.leaves >> (face.right.value - slot.begin()) & 1U;
+      exact_faces_[exact] = {{v, i}, &face};
+      exact += is_here & static_cast<std::uint64_t>(mesh_->is_leaf(face.outside));
+      corners_elsewhere_[elsewhere] = face.outside;
+      elsewhere += is_here & static_cast<std::uint64_t>(!slot.contains(face.outside));
+    }
+  }
+  exact_count_ = exact;
+  elsewhere_count_ = elsewhere;
+}
+
+void AbTree::build_micro_tree(std::uint32_t index) {
+  const SplitStore& store = mesh_->store();
+  Leaf& slot = leaves_[index];
+  builder_->clear();
+  FaceBlock* blocks = builder_->add_faces(exact_count_);
+  for (std::size_t i = 0; i < exact_count_; ++i) {
+    FaceBlock& block = blocks[i / kLanes];
+    const std::array<VertexId, 3> corners = exact_faces_[i].face->corners();
+    for (std::size_t c = 0; c < 3; ++c) {
+      const GridPoint& at = store.position(corners[c]);
+      for (int k = 0; k < 3; ++k) block.triangles.corner[c][k][i % kLanes] = at[k];
+    }
+    block.keys[i % kLanes] = exact_faces_[i].key;
+  }
+  const SlotBits bits = bits_of(slot.node);
+  for (std::uint64_t left = bits.active & ~bits.leaves; left != 0; left &= left - 1) {
+    const auto offset = static_cast<std::uint32_t>(std::countr_zero(left));
+    const std::uint64_t after = bits.active >> offset >> 1;
+    const std::uint32_t size = after != 0 ? static_cast<std::uint32_t>(std::countr_zero(after)) + 1
+                                          : slot.node.size - offset;
+    const NodeSpan at{{slot.node.begin() + offset}, size};
+    builder_->add_frontier(at, store.box(at));
+  }
+  free_micro_tree(slot.place);
+  const TreeEntry root = builder_->build(arrays_);
+  set_entry(slot.place, root);
+  if (root.kind() == TreeEntry::Kind::kInner) micro_roots_.push_back(slot.place);
+  exact_total_ += exact_count_;
+  exact_total_ -= slot.exact_count;
+  slot.exact_count = static_cast<std::uint32_t>(exact_count_);
+  ++rebuilt_slots_;
+  rebuilt_faces_ += exact_count_;
+}
+
+}  // namespace nearmesh
