@@ -141,7 +141,10 @@ class ReadingCoder {
     const HuffmanTable::Decoded found = table.decode[in_.window() >> 1 >> (63 - table.decode_bits)];
     std::uint32_t value = found.symbol;
     in_.take(found.length);
-    if (found.symbol == kEscape) raw(kEscapedBits, value);
+    if (found.symbol == kEscape) {
+      in_.refill();  // a long number and the code of the escape may have left fewer bits
+      raw(kEscapedBits, value);
+    }
     in_.refill();
     return value;
   }
