@@ -46,7 +46,8 @@ inline constexpr std::uint32_t kOutsideBelow =
 inline constexpr std::array<std::int8_t, 33> classes_of(const std::array<int, 5>& last_bits) {
   std::array<std::int8_t, 33> classes{};
   for (int bits = 0; bits < 33; ++bits)
-    for (const int last : last_bits) classes[static_cast<std::size_t>(bits)] += bits > last ? 1 : 0;
+    for (const int last : last_bits)
+      if (bits > last) ++classes[static_cast<std::size_t>(bits)];
   return classes;
 }
 inline constexpr auto kSmallClasses =
