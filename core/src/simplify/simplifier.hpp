@@ -25,10 +25,10 @@ inline constexpr std::uint32_t kNone = 0xffffffffU;
 /// measured on open vehicles: from 100 on the borders keep so many faces that the surface between
 /// them suffers.)
 inline constexpr double kBorderWeight = 10;
-/// A collapse that breaks the topology, or turns a face too far from the input's normal, costs this much more, that is,
-/// waits until its box is an eighth as large as those of others. Forbidding the first altogether grinds down whatever is
-/// well connected before it touches debris: five times the error on a truck of 59 components; manifold meshes are the same
-/// either way. Forbidding the second keeps small rings until all else is gone.
+/// A collapse that breaks the topology, or turns a face too far from the input's normal, costs this much more: it waits until
+/// others have become as dear. Forbidding the first altogether grinds down whatever is well connected before it touches
+/// debris (five times the error on a truck of 59 components, ranked by error alone); manifold meshes are the same either
+/// way. Forbidding the second keeps small rings until all else is gone.
 inline constexpr double kDearFactor = 64;
 /// Weight of the squared distance from the planes merged so far, against 1 for the area of the merged box's sides (both
 /// times the area of the faces that move): until one face of kCoarseShare is left, and from there on. Boxes decide what an
