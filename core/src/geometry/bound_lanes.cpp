@@ -73,12 +73,11 @@ HWY_INLINE Spans spans_along(const std::array<std::int8_t, 3>& normal, const Gri
   const Doubles d;
   const auto at = [&d](double x) { return hn::Set(d, x); };
   Vec n[3], s[3], center[3], half[3];
+  load_boxes(boxes, lane, center, half);
   for (std::size_t k = 0; k < 3; ++k) {
-    const Vec lo = load(boxes.lo[k] + lane), hi = load(boxes.hi[k] + lane);
     n[k] = at(normal[k]);
     s[k] = load(boxes.normal[k] + lane);
-    half[k] = hn::Mul(at(0.5), hn::Sub(hi, lo));
-    center[k] = hn::Sub(hn::Mul(at(0.5), hn::Add(lo, hi)), at(origin.v[k]));
+    center[k] = hn::Sub(center[k], at(origin.v[k]));
   }
   const Vec square = dot(s, s), middle = dot(n, center);
   const Vec a = hn::Div(dot(n, s), hn::Max(square, at(1)));  // 0 where there is no slab

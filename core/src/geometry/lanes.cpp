@@ -23,10 +23,8 @@ void place_lanes_all(const RelativeFrame& f, const BoxLanes& other, PlacedLanes&
   const auto at = [&d](double x) { return hn::Set(d, x); };
   for (std::size_t lane = 0; lane < kLanes; lane += hn::Lanes(d)) {
     Vec c[3], half[3], m[3];
+    load_boxes(other, lane, c, half);
     for (std::size_t k = 0; k < 3; ++k) {
-      const Vec lo = load(other.lo[k] + lane), hi = load(other.hi[k] + lane);
-      c[k] = hn::Mul(at(0.5), hn::Add(lo, hi));
-      half[k] = hn::Mul(at(0.5), hn::Sub(hi, lo));
       hn::StoreU(half[k], d, out.half[k] + lane);
       m[k] = load(other.normal[k] + lane);
     }
@@ -97,15 +95,12 @@ HWY_INLINE SlabGaps slab_gaps(const RelativeFrame& f, const PlacedLanes& other, 
   return gaps;
 }
 
-/// Centres and half extents of lanes, and the vectors from the other's centre.
-HWY_INLINE void load_boxes(const PlacedLanes& other, std::uint32_t i, const BoxLanes& own,
-                           std::size_t lane, Vec (&between)[3], Vec (&half)[3]) {
-  const Doubles d;
-  for (std::size_t k = 0; k < 3; ++k) {
-    const Vec lo = load(own.lo[k] + lane), hi = load(own.hi[k] + lane);
-    half[k] = hn::Mul(hn::Set(d, 0.5), hn::Sub(hi, lo));
-    between[k] = hn::Sub(hn::Mul(hn::Set(d, 0.5), hn::Add(lo, hi)), hn::Set(d, other.center[k][i]));
-  }
+/// Half extents of lanes, and the vectors from the other's centre.
+HWY_INLINE void load_boxes_from(const PlacedLanes& other, std::uint32_t i, const BoxLanes& own,
+                                std::size_t lane, Vec (&between)[3], Vec (&half)[3]) {
+  load_boxes(own, lane, between, half);
+  for (std::size_t k = 0; k < 3; ++k)
+    between[k] = hn::Sub(between[k], hn::Set(Doubles(), other.center[k][i]));
 }
 /// Gaps along the boxes' axes; not positive where they overlap.
 HWY_INLINE Vec gap_on_own(const PlacedLanes& other, std::uint32_t i, std::size_t k,
@@ -126,7 +121,7 @@ std::uint32_t boxes_apart_lanes(const RelativeFrame& f, const PlacedLanes& other
   std::uint32_t apart = 0;
   for (std::size_t lane = 0; lane < kLanes; lane += hn::Lanes(d)) {
     Vec between[3], half[3];
-    load_boxes(other, i, own, lane, between, half);
+    load_boxes_from(other, i, own, lane, between, half);
     Mask found = hn::Gt(gap_on_own(other, i, 0, between, half), zero);
     for (std::size_t k = 1; k < 3; ++k)
       found = hn::Or(found, hn::Gt(gap_on_own(other, i, k, between, half), zero));
@@ -146,7 +141,7 @@ void centers_apart_lanes(const PlacedLanes& other, std::uint32_t i, const BoxLan
   const Doubles d;
   for (std::size_t lane = 0; lane < kLanes; lane += hn::Lanes(d)) {
     Vec between[3], half[3], most = hn::Zero(d);
-    load_boxes(other, i, own, lane, between, half);
+    load_boxes_from(other, i, own, lane, between, half);
     for (std::size_t k = 0; k < 3; ++k)
       most = hn::Max(
           most, hn::Div(hn::Abs(between[k]), hn::Add(half[k], hn::Set(d, other.reach_own[k][i]))));
@@ -162,7 +157,7 @@ void boxes_gaps_lanes(const RelativeFrame& f, const PlacedLanes& other, std::uin
   const double per_length = std::sqrt(other.per_square[i]);
   for (std::size_t lane = 0; lane < kLanes; lane += hn::Lanes(d)) {
     Vec between[3], half[3];
-    load_boxes(other, i, own, lane, between, half);
+    load_boxes_from(other, i, own, lane, between, half);
     // One's own axes are orthonormal in own units, the other's normals in its own, so gaps along them add as squares.
     Vec on_own = zero, on_other = zero, square = zero;
     for (std::size_t k = 0; k < 3; ++k) {
@@ -213,9 +208,7 @@ std::uint32_t triangles_apart_lanes(const RelativeFrame& f, const PlacedLanes& o
         u[k] = hn::Sub(corner[1][k], corner[0][k]);
         v[k] = hn::Sub(corner[2][k], corner[0][k]);
       }
-      const Vec n[3] = {hn::Sub(hn::Mul(u[1], v[2]), hn::Mul(u[2], v[1])),
-                        hn::Sub(hn::Mul(u[2], v[0]), hn::Mul(u[0], v[2])),
-                        hn::Sub(hn::Mul(u[0], v[1]), hn::Mul(u[1], v[0]))};
+      const Vec n[3] = {cross(u, v, 0), cross(u, v, 1), cross(u, v, 2)};
       Vec reach =
           hn::Mul(at(2 * f.slack), hn::Add(hn::Add(hn::Abs(n[0]), hn::Abs(n[1])), hn::Abs(n[2])));
       for (std::size_t j = 0; j < 3; ++j) {

@@ -47,6 +47,16 @@ HWY_INLINE Vec cross(const Vec (&u)[3], const Vec (&v)[3], std::size_t k) {
   const std::size_t i = (k + 1) % 3, j = (k + 2) % 3;
   return hn::Sub(hn::Mul(u[i], v[j]), hn::Mul(u[j], v[i]));
 }
+/// Centres and half extents of the boxes from `lane` on.
+HWY_INLINE void load_boxes(const BoxLanes& boxes, std::size_t lane, Vec (&center)[3],
+                           Vec (&half)[3]) {
+  const Vec by_two = hn::Set(Doubles(), 0.5);
+  for (std::size_t k = 0; k < 3; ++k) {
+    const Vec lo = load(boxes.lo[k] + lane), hi = load(boxes.hi[k] + lane);
+    center[k] = hn::Mul(by_two, hn::Add(lo, hi));
+    half[k] = hn::Mul(by_two, hn::Sub(hi, lo));
+  }
+}
 HWY_INLINE std::uint32_t bits_of(Mask mask) {
   std::uint8_t bytes[8] = {};
   hn::StoreMaskBits(Doubles(), mask, bytes);
