@@ -22,10 +22,12 @@
 #include <thread>
 #include <vector>
 
+#include "inbox.hpp"
 #include "nearmesh/core/spm/codec.hpp"
 #include "nearmesh/publisher/dds_channel.hpp"
 #include "nearmesh/subscriber/dds_channel.hpp"
 #include "nearmesh/wire/dds_support.hpp"
+#include "poll.hpp"
 
 namespace nearmesh::test {
 
@@ -193,12 +195,7 @@ class Child {
 
 /// Waits for a condition; false when the deadline passes.
 inline bool wait_for(const std::function<bool()>& condition, double seconds = kDeadline_s) {
-  const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
-  while (!condition()) {
-    if (std::chrono::steady_clock::now() > end) return false;
-    std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  }
-  return true;
+  return poll(condition, seconds, 0.001);
 }
 
 /// A peer with everything it ever received.
@@ -208,17 +205,7 @@ struct Peer {
   Inbox all;
 
   Inbox& collect() {
-    Inbox now = channel->take();
-    const auto append = [](auto& to, auto& from) {
-      to.insert(to.end(), std::make_move_iterator(from.begin()),
-                std::make_move_iterator(from.end()));
-    };
-    append(all.hellos, now.hellos);
-    append(all.lost_publishers, now.lost_publishers);
-    append(all.headers, now.headers);
-    append(all.batches, now.batches);
-    append(all.poses, now.poses);
-    append(all.complaints, now.complaints);
+    take_into(*channel, all);
     return all;
   }
   bool await(const std::function<bool(const Inbox&)>& condition, double seconds = kDeadline_s) {

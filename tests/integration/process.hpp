@@ -20,6 +20,8 @@
 #include <thread>
 #include <vector>
 
+#include "poll.hpp"
+
 namespace nearmesh::test {
 
 constexpr double kDeadline_s = 40;  ///< for anything that ought to happen soon
@@ -30,12 +32,7 @@ inline void pause(double seconds) {
 
 /// Polls until `done` holds; false when the time is over.
 inline bool await(const std::function<bool()>& done, double seconds = kDeadline_s) {
-  const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
-  while (!done()) {
-    if (std::chrono::steady_clock::now() > end) return false;
-    std::this_thread::sleep_for(std::chrono::milliseconds(5));
-  }
-  return true;
+  return poll(done, seconds, 0.005);
 }
 
 inline std::string read_text(const std::string& path) {

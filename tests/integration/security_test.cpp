@@ -5,6 +5,7 @@
 #include <fastrtps/xmlparser/XMLProfileManager.h>
 #include <gtest/gtest.h>
 
+#include "inbox.hpp"
 #include "nearmesh/publisher/dds_channel.hpp"
 #include "nearmesh/subscriber/dds_channel.hpp"
 #include "nearmesh/wire/security.hpp"
@@ -27,13 +28,7 @@ struct Peer {
   subscriber::Channel::Inbox all;
 
   subscriber::Channel::Inbox& collect() {
-    subscriber::Channel::Inbox now = channel->take();
-    const auto append = [](auto& to, auto& from) { to.insert(to.end(), from.begin(), from.end()); };
-    append(all.hellos, now.hellos);
-    append(all.headers, now.headers);
-    append(all.batches, now.batches);
-    append(all.poses, now.poses);
-    append(all.complaints, now.complaints);
+    test::take_into(*channel, all);
     return all;
   }
   bool hears(wire::SessionId publisher) {
