@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Predicates where signs are hard, box tests and gaps, poses up to their limits.
 #include "jobs.hpp"
-#include "nearmesh/core/geometry/lanes.hpp"
+#include "nearmesh/core/geometry/placed_boxes.hpp"
 #include "nearmesh/core/geometry/triangle_overlap.hpp"
 #include "test_models.hpp"
 
@@ -166,17 +166,29 @@ std::uint64_t lanes() {
         digest.add(static_cast<std::uint32_t>(box.hi.v[k]));
       }
     }
-    PlacedLanes placed;
-    place_lanes(frame, other, placed);
-    PlacedTriangles placed_triangles;
-    place_triangles(frame, triangles, placed_triangles);
+    const RelativeFrame back = make_relative_frame(posed.value().b, posed.value().a);
+    GridBox bounds_a, bounds_b;
     for (std::uint32_t lane = 0; lane < kLanes; ++lane) {
-      digest.add_bits(placed.from[lane]);
-      digest.add_bits(placed.per_square[lane]);
-      digest.add(boxes_apart(frame, placed, lane, own));
-      digest.add(triangles_apart(frame, placed, lane, triangles));
-      const PairVerdicts verdicts =
-          test_triangles(frame, as_doubles(triangles.corners(7 - lane)), placed_triangles);
+      bounds_a.add(own.box(lane));
+      bounds_b.add(other.box(lane));
+      for (const GridPoint& corner : triangles.corners(lane)) bounds_b.add(corner);
+    }
+    const Placing placing_a(back, frame, bounds_a), placing_b(frame, back, bounds_b);
+    PlacedBoxes placed_a, placed_b;
+    PlacedFaces placed_faces;
+    place_boxes(placing_a, own, placed_a);
+    place_boxes(placing_b, other, placed_b);
+    place_faces(placing_b, triangles, placed_faces);
+    for (std::uint32_t lane = 0; lane < kLanes; ++lane) {
+      digest.add_bits(static_cast<double>(placed_b.other.thickness[lane]));
+      digest.add_bits(static_cast<double>(placed_faces.boxes.own.normal[0][lane]));
+      digest.add(boxes_apart(placing_a, placed_a, placed_b, lane));
+      digest.add(boxes_apart(placing_a, placed_a, placed_faces.boxes, lane));
+      digest.add(faces_apart(placing_b, placed_faces, placed_a, lane));
+      TriangleLanes turned;
+      for (std::uint32_t to = 0; to < kLanes; ++to)
+        turned.set(to, triangles.corners((to + lane) % kLanes));
+      const PairVerdicts verdicts = test_triangles(frame, turned, triangles);
       digest.add(verdicts.apart);
       digest.add(verdicts.touching);
     }

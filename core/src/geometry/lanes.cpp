@@ -114,41 +114,6 @@ HWY_INLINE Vec gap_on_other(const RelativeFrame& f, const PlacedLanes& other, st
                          hn::Set(Doubles(), other.reach_other[j][i])));
 }
 
-std::uint32_t boxes_apart_lanes(const RelativeFrame& f, const PlacedLanes& other, std::uint32_t i,
-                                const BoxLanes& own) {
-  const Doubles d;
-  const Vec zero = hn::Zero(d);
-  std::uint32_t apart = 0;
-  for (std::size_t lane = 0; lane < kLanes; lane += hn::Lanes(d)) {
-    Vec between[3], half[3];
-    load_boxes_from(other, i, own, lane, between, half);
-    Mask found = hn::Gt(gap_on_own(other, i, 0, between, half), zero);
-    for (std::size_t k = 1; k < 3; ++k)
-      found = hn::Or(found, hn::Gt(gap_on_own(other, i, k, between, half), zero));
-    for (std::size_t j = 0; j < 3; ++j)
-      found = hn::Or(found, hn::Gt(gap_on_other(f, other, i, j, between, half), zero));
-    if (!hn::AllTrue(d, found)) {
-      const SlabGaps gaps = slab_gaps(f, other, i, own, lane, between, half);
-      found = hn::Or(found, hn::Gt(hn::Max(gaps.on_other, gaps.on_own), zero));
-    }
-    apart |= bits_of(found) << lane;
-  }
-  return apart;
-}
-
-void centers_apart_lanes(const PlacedLanes& other, std::uint32_t i, const BoxLanes& own,
-                         double* distances) {
-  const Doubles d;
-  for (std::size_t lane = 0; lane < kLanes; lane += hn::Lanes(d)) {
-    Vec between[3], half[3], most = hn::Zero(d);
-    load_boxes_from(other, i, own, lane, between, half);
-    for (std::size_t k = 0; k < 3; ++k)
-      most = hn::Max(
-          most, hn::Div(hn::Abs(between[k]), hn::Add(half[k], hn::Set(d, other.reach_own[k][i]))));
-    hn::StoreU(most, d, distances + lane);
-  }
-}
-
 void boxes_gaps_lanes(const RelativeFrame& f, const PlacedLanes& other, std::uint32_t i,
                       const BoxLanes& own, double* gaps_m) {
   const Doubles d;
@@ -179,49 +144,6 @@ void boxes_gaps_lanes(const RelativeFrame& f, const PlacedLanes& other, std::uin
   }
 }
 
-std::uint32_t triangles_apart_lanes(const RelativeFrame& f, const PlacedLanes& other,
-                                    std::uint32_t i, const TriangleLanes& own) {
-  const Doubles d;
-  const auto at = [&d](double x) { return hn::Set(d, x); };
-  const double normal[3] = {other.normal[0][i], other.normal[1][i], other.normal[2][i]};
-  std::uint32_t apart = 0;
-  for (std::size_t lane = 0; lane < kLanes; lane += hn::Lanes(d)) {
-    Vec corner[3][3];  // about the other's centre
-    Mask found = hn::Gt(hn::Zero(d), hn::Zero(d));
-    for (std::size_t k = 0; k < 3; ++k) {
-      for (std::size_t c = 0; c < 3; ++c)
-        corner[c][k] = hn::Sub(load(own.corner[c][k] + lane), at(other.center[k][i]));
-      const Vec lo = hn::Min(hn::Min(corner[0][k], corner[1][k]), corner[2][k]);
-      const Vec hi = hn::Max(hn::Max(corner[0][k], corner[1][k]), corner[2][k]);
-      found = hn::Or(found, hn::Or(hn::Gt(lo, at(other.reach_own[k][i])),
-                                   hn::Lt(hi, at(-other.reach_own[k][i]))));
-    }
-    const auto is_beyond = [&corner](const auto& n, Vec from, Vec to) {
-      const Vec x = dot(n, corner[0]), y = dot(n, corner[1]), z = dot(n, corner[2]);
-      return hn::Or(hn::Gt(hn::Min(hn::Min(x, y), z), to), hn::Lt(hn::Max(hn::Max(x, y), z), from));
-    };
-    if (other.per_square[i] > 0)
-      found = hn::Or(found, is_beyond(normal, at(other.from[i]), at(other.to[i])));
-    if (!hn::AllTrue(d, found)) {
-      Vec u[3], v[3];
-      for (std::size_t k = 0; k < 3; ++k) {
-        u[k] = hn::Sub(corner[1][k], corner[0][k]);
-        v[k] = hn::Sub(corner[2][k], corner[0][k]);
-      }
-      const Vec n[3] = {cross(u, v, 0), cross(u, v, 1), cross(u, v, 2)};
-      Vec reach =
-          hn::Mul(at(2 * f.slack), hn::Add(hn::Add(hn::Abs(n[0]), hn::Abs(n[1])), hn::Abs(n[2])));
-      for (std::size_t j = 0; j < 3; ++j) {
-        const double column[3] = {f.rotation[j], f.rotation[3 + j], f.rotation[6 + j]};
-        reach = hn::Add(reach, hn::Mul(hn::Abs(dot(column, n)), at(other.half[j][i])));
-      }
-      found = hn::Or(found, is_beyond(n, hn::Neg(reach), reach));
-    }
-    apart |= bits_of(found) << lane;
-  }
-  return apart;
-}
-
 }  // namespace nearmesh::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
@@ -229,33 +151,15 @@ HWY_AFTER_NAMESPACE();
 namespace nearmesh {
 
 HWY_EXPORT(place_lanes_all);
-HWY_EXPORT(boxes_apart_lanes);
-HWY_EXPORT(centers_apart_lanes);
 HWY_EXPORT(boxes_gaps_lanes);
-HWY_EXPORT(triangles_apart_lanes);
 
 void place_lanes(const RelativeFrame& other_in_own, const BoxLanes& other, PlacedLanes& out) {
   HWY_DYNAMIC_DISPATCH(place_lanes_all)(other_in_own, other, out);
 }
 
-std::uint32_t boxes_apart(const RelativeFrame& other_in_own, const PlacedLanes& other,
-                          std::uint32_t other_lane, const BoxLanes& own) {
-  return HWY_DYNAMIC_DISPATCH(boxes_apart_lanes)(other_in_own, other, other_lane, own);
-}
-
-void centers_apart(const PlacedLanes& other, std::uint32_t other_lane, const BoxLanes& own,
-                   double (&distances)[kLanes]) {
-  HWY_DYNAMIC_DISPATCH(centers_apart_lanes)(other, other_lane, own, distances);
-}
-
 void boxes_gaps_m(const RelativeFrame& other_in_own, const PlacedLanes& other,
                   std::uint32_t other_lane, const BoxLanes& own, double (&gaps_m)[kLanes]) {
   HWY_DYNAMIC_DISPATCH(boxes_gaps_lanes)(other_in_own, other, other_lane, own, gaps_m);
-}
-
-std::uint32_t triangles_apart(const RelativeFrame& other_in_own, const PlacedLanes& other,
-                              std::uint32_t other_lane, const TriangleLanes& own) {
-  return HWY_DYNAMIC_DISPATCH(triangles_apart_lanes)(other_in_own, other, other_lane, own);
 }
 
 }  // namespace nearmesh

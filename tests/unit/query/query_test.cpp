@@ -3,6 +3,7 @@
 
 #include "brute_force.hpp"
 #include "distance.hpp"
+#include "instruction_sets.hpp"
 #include "model_pairs.hpp"
 
 namespace nearmesh {
@@ -48,6 +49,23 @@ TEST_P(QueryPair, NamesMissingNodesExactlyWhenNotCertified) {
               answer.missing_a.end());
     EXPECT_EQ(answer.uncertainty_m > 0, !is_certified(answer.status));
   }
+}
+
+TEST_P(QueryPair, AnswersDoNotDependOnTheInstructionSet) {
+  std::vector<std::uint64_t> digests;
+  test::for_each_instruction_set([&] {
+    std::vector<std::uint64_t> found;
+    for (std::uint64_t seed = 0; seed < 25; ++seed) {
+      State state(*this, seed);
+      auto& [random, a, b] = state;
+      const PosedPair posed = test::near_pose(random, a_, b_);
+      for (const bool any : {false, true})
+        found.push_back(
+            digest(query(a.view(), posed.a, b.view(), posed.b, {.any = any, .clearance = true})));
+    }
+    if (digests.empty()) digests = found;
+    EXPECT_EQ(found, digests);
+  });
 }
 
 TEST_P(QueryPair, SwappedBodiesGiveTheMirroredAnswer) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Eight boxes or triangles of one model side by side, and conservative separation tests of all of them at once against
-// one box or triangle of another. "Apart" means what box_overlap.hpp means by it: true of the posed integer geometry.
+// Eight boxes or triangles of one model side by side: what bounds them, and lower bounds of the distance of all of them at
+// once from one box or triangle of another model. Whether they are apart: placed_boxes.hpp.
 // By whatever vectors the processor has; each operation stands in one order and none is contracted, so every lane gives
 // the same bits on every machine.
 //
@@ -114,28 +114,14 @@ struct PlacedLanes {
 };
 void place_lanes(const RelativeFrame& other_in_own, const BoxLanes& other, PlacedLanes& out);
 
-/// Bit i: lane i of one's own is certainly apart from one lane of the other model's. Tried are the axes of both boxes and
-/// both slabs' normals. Bits of unused lanes mean nothing.
-[[nodiscard]] std::uint32_t boxes_apart(const RelativeFrame& other_in_own, const PlacedLanes& other,
-                                        std::uint32_t other_lane, const BoxLanes& own);
-/// How far the centre of one lane of the other model's lies from that of each of one's own: the most along one's own axes,
-/// in units of the extents of both. A measure of how deep they overlap, proof of nothing. Unused lanes: any.
-void centers_apart(const PlacedLanes& other, std::uint32_t other_lane, const BoxLanes& own,
-                   double (&distances)[kLanes]);
-/// The same as boxes_apart for own triangles; the axes are one's own and the normals of the other's slab and of the triangles.
-[[nodiscard]] std::uint32_t triangles_apart(const RelativeFrame& other_in_own,
-                                            const PlacedLanes& other, std::uint32_t other_lane,
-                                            const TriangleLanes& own);
-
 /// Lower bounds, metres, of the distance between one lane of the other model's and each of one's own: the greatest gap
-/// along these axes, or along a box's three together; 0 where none parts them. Unused lanes: any.
+/// along a slab's normal, or along a box's three axes together; 0 where none parts them. Unused lanes: any.
 void boxes_gaps_m(const RelativeFrame& other_in_own, const PlacedLanes& other,
                   std::uint32_t other_lane, const BoxLanes& own, double (&gaps_m)[kLanes]);
 
-/// The other's triangles in own units, as to_a_units places them, and their normals, not of unit length.
+/// The other's triangles in own units, as to_a_units places them.
 struct PlacedTriangles {
   double corner[3][3][kLanes];
-  double normal[3][kLanes];
 };
 void place_triangles(const RelativeFrame& other_in_own, const TriangleLanes& other,
                      PlacedTriangles& out);
@@ -143,12 +129,5 @@ void place_triangles(const RelativeFrame& other_in_own, const TriangleLanes& oth
 /// extents along one's own axes.
 void extents_gaps_m(const RelativeFrame& other_in_own, const DoubleTriangle& own,
                     const PlacedTriangles& other, double (&gaps_m)[kLanes]);
-/// What is certain of an own triangle (by as_doubles) and each of the other's, as bits: triangles_overlap of the posed
-/// ones is false, or is true. In neither are pairs within some lattice cells of just touching, and flat ones.
-struct PairVerdicts {
-  std::uint32_t apart = 0, touching = 0;
-};
-[[nodiscard]] PairVerdicts test_triangles(const RelativeFrame& other_in_own,
-                                          const DoubleTriangle& own, const PlacedTriangles& other);
 
 }  // namespace nearmesh

@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "clearance.hpp"
+
+#include <algorithm>
+#include <limits>
+#include <queue>
+#include <utility>
+
+namespace nearmesh {
+namespace {
+
+using Kind = TreeEntry::Kind;
+
+/// One tree's nodes as the other body sees them, the latest few of them: a search comes back to the same ones.
+class PlacedNodes {
+ public:
+  PlacedNodes(const TreeView& tree, const RelativeFrame& tree_in_other)
+      : tree_(tree), frame_(tree_in_other) {
+    held_.fill(kNone);
+  }
+  const PlacedLanes& operator[](std::uint32_t node) {
+    const std::size_t at = node % kHeld;
+    if (held_[at] != node) {
+      place_lanes(frame_, tree_.nodes[node].boxes, placed_[at]);
+      held_[at] = node;
+    }
+    return placed_[at];
+  }
+
+ private:
+  static constexpr std::uint32_t kHeld = 16, kNone = 0xffffffffU;  // each of 1.2 KB
+  const TreeView& tree_;
+  const RelativeFrame& frame_;
+  std::array<std::uint32_t, kHeld> held_;
+  std::array<PlacedLanes, kHeld> placed_;
+};
+
+/// Pairs of boxes by growing gap, until the least gap left is no smaller than the least distance found. Every pair of faces
+/// lies below some pair that was counted or is still queued, so stopping early only makes the bound smaller.
+class Search {
+ public:
+  Search(const Scene& scene, QueryStats& stats)
+      : s_(scene),
+        stats_(stats),
+        placed_a_(scene.a, scene.a_in_b()),
+        placed_b_(scene.b, scene.b_in_a) {}
+
+  double run() {
+    constexpr int kMaxSteps = 4096;
+    queue_.push({0, order_++, 0, 0});
+    for (int step = 0; !queue_.empty() && queue_.top().gap < found_; ++step) {
+      const Gap top = queue_.top();
+      if (step == kMaxSteps) return top.gap;
+      queue_.pop();
+      visit(top);
+    }
+    return found_;
+  }
+
+ private:
+  // Equal gaps are taken in the order of their finding, which follows from the trees' shapes. Places in the trees'
+  // arrays would not do: they depend on what was refined before, and which of two equals is looked at may change the
+  // bound.
+  struct Gap {
+    double gap;
+    std::uint32_t order;
+    TreePlace a, b;
+    bool operator<(const Gap& o) const { return gap != o.gap ? gap > o.gap : order > o.order; }
+  };
+
+  void visit(const Gap& top) {
+    const Part a(s_.a, top.a), b(s_.b, top.b);
+    if (opens_a(s_, a, b)) {
+      offer(top, s_.b_in_a, placed_b_[top.b / kLanes], b.lane, s_.a.nodes[a.first()],
+            [&](std::uint32_t lane) { return std::pair(a.first() * kLanes + lane, top.b); });
+    } else if (b.kind() == Kind::kInner) {
+      offer(top, s_.a_in_b(), placed_a_[top.a / kLanes], a.lane, s_.b.nodes[b.first()],
+            [&](std::uint32_t lane) { return std::pair(top.a, b.first() * kLanes + lane); });
+    } else if (a.kind() == Kind::kFaces && b.kind() == Kind::kFaces) {
+      hold_faces(a, b);
+    } else {
+      found_ = std::min(found_, top.gap);  // an unresolved node: its box stands for what is in it
+    }
+  }
+
+  // Queues the lanes of a node.
+  template <class PairOf>
+  void offer(const Gap& top, const RelativeFrame& other_in_own, const PlacedLanes& other,
+             std::uint32_t other_lane, const TreeNode& own, const PairOf& pair_of) {
+    double gaps_m[kLanes];
+    boxes_gaps_m(other_in_own, other, other_lane, own.boxes, gaps_m);
+    stats_.box_tests += kLanes;
+    for (std::uint32_t lane = 0; lane < kLanes; ++lane) {
+      if ((own.lanes >> lane & 1U) == 0) continue;
+      const auto [place_a, place_b] = pair_of(lane);
+      const double gap = std::max(gaps_m[lane], top.gap);  // what holds above holds below
+      if (gap < found_) queue_.push({gap, order_++, place_a, place_b});
+    }
+  }
+
+  // The least gap of two leaves' faces, where it is the least so far. Most pairs are settled by their extents.
+  void hold_faces(const Part& a, const Part& b) {
+    const FaceBlock &block_a = s_.a.blocks[a.first()], &block_b = s_.b.blocks[b.first()];
+    PlacedTriangles placed_b;
+    place_triangles(s_.b_in_a, block_b.triangles, placed_b);
+    for (std::uint32_t i = 0; i < a.count(); ++i) {
+      const DoubleTriangle triangle_a = as_doubles(block_a.triangles.corners(i));
+      double gaps_m[kLanes];
+      extents_gaps_m(s_.b_in_a, triangle_a, placed_b, gaps_m);
+      for (std::uint32_t j = 0; j < b.count(); ++j) {
+        if (!(gaps_m[j] < found_)) continue;
+        DoubleTriangle triangle_b;
+        for (std::size_t c = 0; c < 3; ++c)
+          for (std::size_t k = 0; k < 3; ++k) triangle_b[c][k] = placed_b.corner[c][k][j];
+        found_ = std::min(found_, triangles_gap_m(s_.b_in_a, triangle_a, triangle_b));
+      }
+    }
+  }
+
+  const Scene& s_;
+  QueryStats& stats_;
+  PlacedNodes placed_a_, placed_b_;
+  std::priority_queue<Gap> queue_;
+  std::uint32_t order_ = 0;
+  double found_ = std::numeric_limits<double>::infinity();
+};
+
+}  // namespace
+
+double clearance_m(const Scene& scene, QueryStats& stats) {
+  if (scene.a.nodes[0].lanes == 0 || scene.b.nodes[0].lanes == 0)
+    return std::numeric_limits<double>::infinity();
+  return Search(scene, stats).run();
+}
+
+}  // namespace nearmesh
