@@ -34,7 +34,10 @@ class SplitStore {
                                          std::span<const SplitFace> faces);
   /// Tells the processor that `split` will be inserted soon. No other effect, whatever the id.
   void prefetch(VertexId split) const {
-    if (split.value < vertex_count_) __builtin_prefetch(&entries_[split.value], 1);
+    if (split.value >= vertex_count_) return;
+    const char* entry = reinterpret_cast<const char*>(&entries_[split.value]);
+    __builtin_prefetch(entry, 1);
+    __builtin_prefetch(entry + sizeof(Entry) - 1, 1);
   }
   /// Forgets a split (eviction). Precondition: both children of its node are whole, i.e. no known split rests on it.
   void erase(VertexId split);
