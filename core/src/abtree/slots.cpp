@@ -103,13 +103,13 @@ void AbTree::find_inherited_faces(std::uint32_t index, const SlotBits& bits) {
   const Leaf& slot = leaves_[index];
   make_room(slot.inherited.size());
   for (const FaceKey key : slot.inherited) {
-    const SplitFace& face = mesh_->store().face(key);
+    const SplitFace face = mesh_->store().face(key);
     if ((bits.leaves >> (face.right.value - slot.node.begin()) & 1U) == 0) continue;
     const bool has_left = mesh_->is_leaf(face.left);
     corners_elsewhere_[elsewhere_count_++] = has_left ? face.outside : face.left;
     if (!has_left || !mesh_->is_leaf(face.outside)) continue;
     corners_elsewhere_[elsewhere_count_++] = face.left;
-    exact_faces_[exact_count_++] = {key, &face};
+    exact_faces_[exact_count_++] = {key, FaceCorners(face.corners())};
   }
   std::sort(exact_faces_.begin(), exact_faces_.begin() + static_cast<std::ptrdiff_t>(exact_count_),
             [](const ExactFace& x, const ExactFace& y) { return x.key < y.key; });
@@ -131,11 +131,11 @@ void AbTree::find_own_faces(NodeSpan slot, const SlotBits& bits) {
     exact_count_ = static_cast<std::size_t>(exact - exact_faces_.data());
     elsewhere_count_ = static_cast<std::size_t>(elsewhere - corners_elsewhere_.data());
   };
-  const auto put_down = [&](FaceKey key, const SplitFace& face, bool is_there) {
-    const std::uint64_t is_here = bits.leaves >> (face.left.value - slot.begin()) % 64 &
-                                  bits.leaves >> (face.right.value - slot.begin()) % 64 &
-                                  static_cast<std::uint64_t>(is_there);
-    *exact = {key, &face};
+  const auto put_down = [&](FaceKey key, const FaceCorners& face) {
+    const std::uint64_t is_here = bits.leaves >> (face.first.value - slot.begin()) % 64 &
+                                  bits.leaves >> (face.second.value - slot.begin()) % 64 &
+                                  static_cast<std::uint64_t>(face.is_there());
+    *exact = {key, face};
     exact += is_here & static_cast<std::uint64_t>(mesh.is_leaf(face.outside));
     *elsewhere = face.outside;
     elsewhere += is_here & static_cast<std::uint64_t>(!slot.contains(face.outside));
@@ -143,15 +143,16 @@ void AbTree::find_own_faces(NodeSpan slot, const SlotBits& bits) {
   make_room_for(0);
   for (std::uint64_t left = bits.active & (bits.active - 1); left != 0; left &= left - 1) {
     const VertexId v{slot.begin() + static_cast<std::uint32_t>(std::countr_zero(left))};
-    const std::span<const SplitFace> faces = store.faces(v);
-    if (faces.size() > 2) {
-      count();
-      make_room_for(faces.size());
-      for (std::uint32_t i = 0; i < faces.size(); ++i) put_down({v, i}, faces[i], true);
+    if (const FaceCorners* two = store.two_faces(v)) {
+      put_down({v, 0}, two[0]);
+      put_down({v, 1}, two[1]);
       continue;
     }
-    put_down({v, 0}, faces.data()[0], !faces.empty());
-    put_down({v, 1}, faces.data()[1], faces.size() > 1);
+    const SplitFaces faces = store.faces(v);
+    count();
+    make_room_for(faces.size());
+    for (std::uint32_t i = 0; i < faces.size(); ++i)
+      put_down({v, i}, FaceCorners(faces[i].corners()));
   }
   count();
 }
@@ -163,7 +164,8 @@ void AbTree::build_micro_tree(std::uint32_t index) {
   FaceBlock* blocks = builder_->add_faces(exact_count_);
   for (std::size_t i = 0; i < exact_count_; ++i) {
     FaceBlock& block = blocks[i / kLanes];
-    const std::array<VertexId, 3> corners = exact_faces_[i].face->corners();
+    const FaceCorners& face = exact_faces_[i].face;
+    const std::array<VertexId, 3> corners{face.first, face.second, face.outside};
     for (std::size_t c = 0; c < 3; ++c) {
       const GridPoint& at = store.position(corners[c]);
       for (int k = 0; k < 3; ++k) block.triangles.corner[c][k][i % kLanes] = at[k];

@@ -150,7 +150,7 @@ class AbTree {
   // Scratch of look_at().
   struct ExactFace {
     FaceKey key;
-    const SplitFace* face;
+    FaceCorners face;
   };
   std::vector<ExactFace> exact_faces_;
   std::vector<VertexId> corners_elsewhere_;            // to watch
