@@ -35,7 +35,7 @@ Status RecordedDetail::require(NodeSpan node) {
   for (int k = 0; k < 3; ++k) record.offset[k] = to[k] - from[k];
   record.left_box = store.box_code(record.left());
   record.right_box = store.box_code(record.right());
-  return now_->insert(record, store.faces(split)).status();
+  return now_->insert(record, store.faces(split).span()).status();
 }
 
 /// From the root down; false when the node was not known.

@@ -60,23 +60,29 @@ void TreeBuilder::divide(std::span<Part> parts, std::size_t middle) {
   std::size_t axis = 0;
   for (std::size_t k = 1; k < 3; ++k)
     if (std::int64_t{hi[k]} - lo[k] > std::int64_t{hi[axis]} - lo[axis]) axis = k;
-  const auto key = [&](std::size_t i) {
-    return static_cast<std::uint64_t>(std::int64_t{parts[i].center[axis]} - lo[axis]) << 32 | i;
-  };
-  keys_.resize(parts.size());
-  for (std::size_t i = 0; i < parts.size(); ++i) keys_[i] = key(i);
-  std::nth_element(keys_.begin(), keys_.begin() + static_cast<std::ptrdiff_t>(middle), keys_.end());
-  const std::uint64_t least_right = keys_[middle];
-  right_parts_.clear();
-  std::size_t left = 0;
+  offsets_.resize(parts.size());
+  for (std::size_t i = 0; i < parts.size(); ++i)
+    offsets_[i] =
+        static_cast<std::uint32_t>(parts[i].center[axis]) - static_cast<std::uint32_t>(lo[axis]);
+  const std::uint32_t least_right = nth_least(offsets_, middle);
+  // Of those that lie on the median the first go left, as many as there is room for.
+  std::size_t ties = middle;
+  for (const std::uint32_t offset : offsets_)
+    ties -= static_cast<std::size_t>(offset < least_right);
+  right_parts_.resize(parts.size());
+  std::size_t left = 0, right = 0;
   for (std::size_t i = 0; i < parts.size(); ++i) {
-    if (key(i) < least_right) {
-      parts[left++] = parts[i];
-    } else {
-      right_parts_.push_back(parts[i]);
-    }
+    const bool is_tie = offsets_[i] == least_right && ties > 0;
+    const bool is_left = offsets_[i] < least_right || is_tie;
+    ties -= static_cast<std::size_t>(is_tie);
+    // To both, and counted where it is right: that is hard to foretell.
+    const Part part = parts[i];
+    parts[left] = part;
+    right_parts_[right] = part;
+    left += static_cast<std::size_t>(is_left);
+    right += static_cast<std::size_t>(!is_left);
   }
-  std::copy(right_parts_.begin(), right_parts_.end(),
+  std::copy(right_parts_.begin(), right_parts_.begin() + static_cast<std::ptrdiff_t>(right),
             parts.begin() + static_cast<std::ptrdiff_t>(left));
 }
 
@@ -176,12 +182,13 @@ TreeEntry TreeBuilder::build(TreeArrays& arrays) {
     if (lane.kind() == TreeEntry::Kind::kFaces)
       bound(arrays.blocks[lane.first].triangles, lane.count(), lane.box, lane.slab);
   parts_.resize(lanes_.size());
-  for (std::uint32_t i = 0; i < lanes_.size(); ++i) {
-    parts_[i].index = i;
-    const GridBox& box = lanes_[i].box;
-    for (int k = 0; k < 3; ++k)
-      parts_[i].center[static_cast<std::size_t>(k)] = (box.lo[k] >> 1) + (box.hi[k] >> 1);
-  }
+  for (std::uint32_t i = 0; i < lanes_.size(); ++i) parts_[i].index = i;
+  if (lanes_.size() > kLanes)  // else nothing is cut
+    for (std::uint32_t i = 0; i < lanes_.size(); ++i) {
+      const GridBox& box = lanes_[i].box;
+      for (int k = 0; k < 3; ++k)
+        parts_[i].center[static_cast<std::size_t>(k)] = (box.lo[k] >> 1) + (box.hi[k] >> 1);
+    }
   inner_.clear();
   if (parts_.empty()) return {};
   const TreeEntry root = make_entry(parts_, 0, arrays.nodes);

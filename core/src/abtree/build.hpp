@@ -49,7 +49,7 @@ class TreeBuilder {
   std::vector<std::pair<std::uint32_t, TreePlace>>
       inner_;  // nodes but for the top, and where they hang
   std::vector<Part> parts_, right_parts_;
-  std::vector<std::uint64_t> keys_;
+  std::vector<std::uint32_t> offsets_;
 };
 
 }  // namespace nearmesh

@@ -4,6 +4,7 @@
 // them, and no branch depends on the data. Parts are the bits of a word, so that to divide them moves nothing.
 
 #include <cstdint>
+#include <span>
 
 #include "nearmesh/core/geometry/lanes.hpp"
 
@@ -23,5 +24,8 @@ void set_centers(const TriangleLanes& triangles, std::uint32_t first, PartCenter
 /// Precondition: 0 < count < bits that are set.
 [[nodiscard]] std::uint64_t least_parts(const PartCenters& centers, std::uint64_t parts,
                                         std::uint32_t count);
+/// The number that `n` of them stand before when they are sorted. No branch depends on the data. Precondition: n < their
+/// count.
+[[nodiscard]] std::uint32_t nth_least(std::span<const std::uint32_t> numbers, std::size_t n);
 
 }  // namespace nearmesh

@@ -20,6 +20,7 @@ void AbTree::look_at(std::uint32_t index) {
   const bool changed = leaf.changed;
   leaf.changed = false;
   if (leaf.is_slot()) {
+    fetch_micro_tree(leaf.place);
     find_exact_faces(index);
     if (changed || exact_count_ != leaf.exact_count) build_micro_tree(index);
     return;
@@ -32,14 +33,22 @@ void AbTree::look_at(std::uint32_t index) {
 
 // Who has the corners elsewhere shall tell this slot when one of them changes.
 void AbTree::watch_corners(std::uint32_t watcher) {
+  // Looked up before any is watched, so that none waits for another to come from memory.
+  leaves_elsewhere_.resize(std::max(leaves_elsewhere_.size(), elsewhere_count_));
+  for (std::size_t i = 0; i < elsewhere_count_; ++i) {
+    const VertexId corner = corners_elsewhere_[i];
+    leaves_elsewhere_[i] = leaf_of(mesh_->active_predecessor(corner));
+    __builtin_prefetch(&leaves_[leaves_elsewhere_[i]].watchers);
+    mesh_->store().prefetch(corner);
+  }
   std::uint32_t leaf = kNone;
   VertexBits bits = 0;
-  for (const VertexId corner : std::span(corners_elsewhere_).first(elsewhere_count_)) {
+  for (std::size_t i = 0; i < elsewhere_count_; ++i) {
     // Neighbouring faces have the same neighbours.
-    const std::uint32_t next = leaf_of(mesh_->active_predecessor(corner));
+    const std::uint32_t next = leaves_elsewhere_[i];
     if (next != leaf && bits != 0) watch(leaf, watcher, std::exchange(bits, 0));
     leaf = next;
-    bits |= bit_of(corner);
+    bits |= bit_of(corners_elsewhere_[i]);
   }
   if (bits != 0) watch(leaf, watcher, bits);
 }
@@ -74,10 +83,12 @@ void AbTree::find_exact_faces(std::uint32_t index) {
   const std::size_t inherited = exact_count_;
   find_own_faces(slot, bits);
   watch_corners(index);
+  // Splits above a slot are no later than its first vertex; base faces, of no split, are last.
   const auto first = exact_faces_.begin();
-  std::inplace_merge(first, first + static_cast<std::ptrdiff_t>(inherited),
-                     first + static_cast<std::ptrdiff_t>(exact_count_),
-                     [](const ExactFace& x, const ExactFace& y) { return x.key < y.key; });
+  const auto own = first + static_cast<std::ptrdiff_t>(inherited);
+  const auto base =
+      std::find_if(first, own, [](const ExactFace& face) { return !face.key.split.is_valid(); });
+  std::rotate(base, own, first + static_cast<std::ptrdiff_t>(exact_count_));
 }
 
 // For so many faces more.
@@ -92,45 +103,58 @@ void AbTree::find_inherited_faces(std::uint32_t index, const SlotBits& bits) {
   const Leaf& slot = leaves_[index];
   make_room(slot.inherited.size());
   for (const FaceKey key : slot.inherited) {
-    const SplitFace& face = mesh_->store().face(key);
+    const SplitFace face = mesh_->store().face(key);
     if ((bits.leaves >> (face.right.value - slot.node.begin()) & 1U) == 0) continue;
     const bool has_left = mesh_->is_leaf(face.left);
     corners_elsewhere_[elsewhere_count_++] = has_left ? face.outside : face.left;
     if (!has_left || !mesh_->is_leaf(face.outside)) continue;
     corners_elsewhere_[elsewhere_count_++] = face.left;
-    exact_faces_[exact_count_++] = {key, &face};
+    exact_faces_[exact_count_++] = {key, FaceCorners(face.corners())};
   }
   std::sort(exact_faces_.begin(), exact_faces_.begin() + static_cast<std::ptrdiff_t>(exact_count_),
             [](const ExactFace& x, const ExactFace& y) { return x.key < y.key; });
 }
 
-// Faces of the slot's own splits: only their outside corner may be elsewhere. Which are exact is hard to foretell, so each
-// is put down, and counted where it is.
+// Faces of the slot's own splits: only their outside corner may be elsewhere. Which are exact is hard to foretell, and so
+// is how many a split has: two are put down for each, and counted where they are there and exact.
 void AbTree::find_own_faces(NodeSpan slot, const SlotBits& bits) {
-  const SplitStore& store = mesh_->store();
-  std::size_t exact = exact_count_, elsewhere = elsewhere_count_;
-  std::size_t room = 0;  // for so many faces
+  const ActiveMesh& mesh = *mesh_;
+  const SplitStore& store = mesh.store();
+  ExactFace* exact = nullptr;
+  VertexId* elsewhere = nullptr;
+  const auto make_room_for = [&](std::size_t many) {
+    make_room(2 * kSlotSize + many);
+    exact = exact_faces_.data() + exact_count_;
+    elsewhere = corners_elsewhere_.data() + elsewhere_count_;
+  };
+  const auto count = [&] {
+    exact_count_ = static_cast<std::size_t>(exact - exact_faces_.data());
+    elsewhere_count_ = static_cast<std::size_t>(elsewhere - corners_elsewhere_.data());
+  };
+  const auto put_down = [&](FaceKey key, const FaceCorners& face) {
+    const std::uint64_t is_here = bits.leaves >> (face.first.value - slot.begin()) % 64 &
+                                  bits.leaves >> (face.second.value - slot.begin()) % 64 &
+                                  static_cast<std::uint64_t>(face.is_there());
+    *exact = {key, face};
+    exact += is_here & static_cast<std::uint64_t>(mesh.is_leaf(face.outside));
+    *elsewhere = face.outside;
+    elsewhere += is_here & static_cast<std::uint64_t>(!slot.contains(face.outside));
+  };
+  make_room_for(0);
   for (std::uint64_t left = bits.active & (bits.active - 1); left != 0; left &= left - 1) {
     const VertexId v{slot.begin() + static_cast<std::uint32_t>(std::countr_zero(left))};
-    const std::span<const SplitFace> faces = store.faces(v);
-    if (faces.size() > room) {
-      exact_count_ = exact;
-      elsewhere_count_ = elsewhere;
-      make_room(room = 2 * kSlotSize + faces.size());
+    if (const FaceCorners* two = store.two_faces(v)) {
+      put_down({v, 0}, two[0]);
+      put_down({v, 1}, two[1]);
+      continue;
     }
-    room -= faces.size();
-    for (std::uint32_t i = 0; i < faces.size(); ++i) {
-      const SplitFace& face = faces[i];
-      const std::uint64_t is_here = bits.leaves >> (face.left.value - slot.begin()) &
-                                    bits.leaves >> (face.right.value - slot.begin()) & 1U;
-      exact_faces_[exact] = {{v, i}, &face};
-      exact += is_here & static_cast<std::uint64_t>(mesh_->is_leaf(face.outside));
-      corners_elsewhere_[elsewhere] = face.outside;
-      elsewhere += is_here & static_cast<std::uint64_t>(!slot.contains(face.outside));
-    }
+    const SplitFaces faces = store.faces(v);
+    count();
+    make_room_for(faces.size());
+    for (std::uint32_t i = 0; i < faces.size(); ++i)
+      put_down({v, i}, FaceCorners(faces[i].corners()));
   }
-  exact_count_ = exact;
-  elsewhere_count_ = elsewhere;
+  count();
 }
 
 void AbTree::build_micro_tree(std::uint32_t index) {
@@ -140,7 +164,8 @@ void AbTree::build_micro_tree(std::uint32_t index) {
   FaceBlock* blocks = builder_->add_faces(exact_count_);
   for (std::size_t i = 0; i < exact_count_; ++i) {
     FaceBlock& block = blocks[i / kLanes];
-    const std::array<VertexId, 3> corners = exact_faces_[i].face->corners();
+    const FaceCorners& face = exact_faces_[i].face;
+    const std::array<VertexId, 3> corners{face.first, face.second, face.outside};
     for (std::size_t c = 0; c < 3; ++c) {
       const GridPoint& at = store.position(corners[c]);
       for (int k = 0; k < 3; ++k) block.triangles.corner[c][k][i % kLanes] = at[k];

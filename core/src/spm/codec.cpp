@@ -16,7 +16,7 @@ SplitRecord make_record(const SplitStore& store, const TreeletSplit& split,
   const GridPoint& from = store.position(split.node.first);
   const GridPoint& to = store.position(split.split);
   for (int k = 0; k < 3; ++k) record.offset[k] = to[k] - from[k];
-  const std::span<const SplitFace> own = store.faces(split.split);
+  const SplitFaces own = store.faces(split.split);
   record.face_begin = static_cast<std::uint32_t>(faces.size());
   record.face_count = static_cast<std::uint32_t>(own.size());
   faces.insert(faces.end(), own.begin(), own.end());

@@ -53,19 +53,14 @@ BoxCode encode_box(const GridPoint& representative, const GridBox& box) {
 
 namespace {
 
-// Entries hold codes plus one, so that an untouched page means "no box".
-BoxCode stored(const BoxCode& code) {
-  BoxCode s{};
+// Codes plus one, so that an untouched page means "no box".
+std::uint64_t packed(const BoxCode& code) {
+  std::uint64_t p = 0;
   if (code[0] != kNoBoxCode)
-    for (std::size_t k = 0; k < 6; ++k) s[k] = static_cast<std::uint8_t>(code[k] + 1);
-  return s;
+    for (std::size_t k = 0; k < 6; ++k) p |= std::uint64_t{code[k] + 1U} << 7 * k;
+  return p;
 }
-BoxCode unstored(const BoxCode& s) {
-  if (s[0] == 0) return kNoBox;
-  BoxCode code{};
-  for (std::size_t k = 0; k < 6; ++k) code[k] = static_cast<std::uint8_t>(s[k] - 1);
-  return code;
-}
+std::size_t unpacked(std::uint64_t p, int k) { return (p >> 7 * k & 127U) - 1; }
 
 Status contradiction(const SplitRecord& record, const char* what) {
   return {StatusCode::kCorrupt, "split " + std::to_string(record.split.value) + " of node [" +
@@ -87,7 +82,7 @@ SplitStore::SplitStore(const SpmHeader& header)
     entry.size = root.node.size;
     entry.parent = root.node.begin();
     entry.position = root.position;
-    entry.box = stored(root.box);
+    entry.box = packed(root.box) & kBoxMask;
   }
 }
 
@@ -126,21 +121,28 @@ std::size_t SplitStore::root_index(VertexId v) const {
   return static_cast<std::size_t>(after - roots_.begin()) - 1;
 }
 
-BoxCode SplitStore::box_code(NodeSpan node) const { return unstored(stored_code(node)); }
+BoxCode SplitStore::box_code(NodeSpan node) const {
+  const PackedBox own = packed_box(node);
+  if (own == 0) return kNoBox;
+  BoxCode code{};
+  for (int k = 0; k < 6; ++k)
+    code[static_cast<std::size_t>(k)] = static_cast<std::uint8_t>(unpacked(own, k));
+  return code;
+}
 
 GridBox SplitStore::box(NodeSpan node) const {
-  const BoxCode* code = &stored_code(node);
-  while ((*code)[0] == 0) {
+  PackedBox code = packed_box(node);
+  while (code == 0) {
     node = parent_of(node);
     NEARMESH_ASSERT(node.size != 0);  // roots have boxes: the header is refused without
-    code = &stored_code(node);
+    code = packed_box(node);
   }
   // Faces lie in the grid, so the box may be cut to it.
   const GridPoint& at = position(node.first);
   GridBox box;
   for (int k = 0; k < 3; ++k) {
-    const std::int64_t below = kExtents[(*code)[2 * k] - 1],
-                       above = kExtents[(*code)[2 * k + 1] - 1];
+    const std::int64_t below = kExtents[unpacked(code, 2 * k)],
+                       above = kExtents[unpacked(code, 2 * k + 1)];
     box.lo[k] = static_cast<std::int32_t>(std::max<std::int64_t>(0, at[k] - below));
     box.hi[k] = static_cast<std::int32_t>(std::min<std::int64_t>(grid_max_, at[k] + above));
   }
@@ -169,7 +171,7 @@ Status SplitStore::check(const SplitRecord& record, std::span<const SplitFace> f
       return contradiction(record, "a face does not belong to it");
   }
   if (known.is_valid()) {
-    const std::span<const SplitFace> own = this->faces(known);
+    const SplitFaces own = this->faces(known);
     if (!std::equal(own.begin(), own.end(), faces.begin(), faces.end()))
       return contradiction(record, "other faces are known");
   }
@@ -186,27 +188,28 @@ Result<SplitStore::Insertion> SplitStore::insert(const SplitRecord& record,
   if (!known) {
     entry.size = record.right().size;
     entry.parent = record.node.begin();
-    entry.depth = static_cast<std::uint16_t>(depth_of(record.node) + 1);
+    entry.depth_less_one = depth_of(record.node) & 0xfffU;  // check() has seen that it fits
     for (int k = 0; k < 3; ++k)
       entry.position[k] = position(record.node.first)[k] + record.offset[k];
     if (faces.size() <= 2) {
-      std::copy(faces.begin(), faces.end(), entry.inline_faces);
-      entry.face_count = static_cast<std::uint8_t>(faces.size());
+      for (std::size_t i = 0; i < faces.size(); ++i)
+        entry.faces[i] = FaceCorners(faces[i].corners());
     } else {
-      entry.face_count = kManyFaces;
+      entry.faces[0] = kManyFaces;
       many_faces_[record.split.value].assign(faces.begin(), faces.end());
     }
     split_slot(record.node) = record.split.value;
     ++known_;
   }
   bool boxed = false;
-  const auto fill = [&boxed](BoxCode& own, const BoxCode& code) {
-    if (own[0] != 0 || code[0] == kNoBoxCode) return;
-    own = stored(code);
+  if (entry.left_box() == 0 && record.left_box[0] != kNoBoxCode) {
+    entry.set_left_box(packed(record.left_box));
     boxed = true;
-  };
-  fill(entry.left_box, record.left_box);
-  fill(entry.box, record.right_box);
+  }
+  if (entry.box == 0 && record.right_box[0] != kNoBoxCode) {
+    entry.box = packed(record.right_box) & kBoxMask;
+    boxed = true;
+  }
   if (!known) return Insertion::kAdded;
   return boxed ? Insertion::kBoxed : Insertion::kKnown;
 }
@@ -217,7 +220,7 @@ void SplitStore::erase(VertexId split) {
   NEARMESH_ASSERT(entry.size != 0 && entry.parent != split.value);
   NEARMESH_ASSERT(entry.first_split == 0 && entry.next_split == 0);
   split_slot(node) = 0;
-  if (entry.face_count == kManyFaces) many_faces_.erase(split.value);
+  if (entry.faces[0] == kManyFaces) many_faces_.erase(split.value);
   entry = Entry{};
   --known_;
 }

@@ -62,6 +62,23 @@ TEST(Medians, LeastPartsAreThoseOfASort) {
   }
 }
 
+TEST(Medians, NthLeastIsTheOneThatSortingFinds) {
+  Random random(93);
+  for (int i = 0; i < 2000; ++i) {
+    // Few different ones, so that some are equal, or all 32 bits; also counts that do not fill a vector.
+    const std::uint32_t range = i % 3 == 0 ? 5 : i % 3 == 1 ? 0x7fffffffU : 1U << random.below(31);
+    std::vector<std::uint32_t> numbers(1 + random.below(200));
+    for (std::uint32_t& x : numbers) {
+      x = random.below(range);
+      if (i % 3 == 1) x = x << 1 | random.below(2);
+    }
+    const std::size_t n = random.below(static_cast<std::uint32_t>(numbers.size()));
+    std::vector<std::uint32_t> sorted = numbers;
+    std::sort(sorted.begin(), sorted.end());
+    ASSERT_EQ(nth_least(numbers, n), sorted[n]);
+  }
+}
+
 TEST(Medians, CentersLieHalfwayOfCorners) {
   Random random(92);
   TriangleLanes triangles;

@@ -289,7 +289,7 @@ TEST_P(Collect, FrontierIsWhatIsKnownAndUnsplitAndMeetsTheRegion) {
           model.store.position(u)[k] - model.store.position(record.node.first)[k];
     if (record.left().size > 1) record.left_box = model.store.box_code(record.left());
     if (record.right().size > 1) record.right_box = model.store.box_code(record.right());
-    ASSERT_TRUE(peer.insert(record, model.store.faces(u)).is_ok());
+    ASSERT_TRUE(peer.insert(record, model.store.faces(u).span()).is_ok());
     nodes.push_back(record.left());
     nodes.push_back(record.right());
   }

@@ -108,6 +108,8 @@ class AbTree {
 
   // Slots: slots.cpp.
   void look_at(std::uint32_t leaf);
+  void fetch_slot(std::uint32_t leaf);
+  void fetch_micro_tree(TreePlace place);
   struct SlotBits {
     std::uint64_t active, leaves;
   };
@@ -148,10 +150,11 @@ class AbTree {
   // Scratch of look_at().
   struct ExactFace {
     FaceKey key;
-    const SplitFace* face;
+    FaceCorners face;
   };
   std::vector<ExactFace> exact_faces_;
   std::vector<VertexId> corners_elsewhere_;            // to watch
+  std::vector<std::uint32_t> leaves_elsewhere_;        // that have them
   std::size_t exact_count_ = 0, elsewhere_count_ = 0;  // the first so many of these
   std::unique_ptr<TreeBuilder> builder_;
 };

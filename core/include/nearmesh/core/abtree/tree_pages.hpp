@@ -38,7 +38,8 @@ class TreePages {
   }
 
  private:
-  static constexpr std::size_t kFirstRoom = 256, kAtOnce = 128;
+  // Room is addresses, not memory, and to move it later takes the kernel time.
+  static constexpr std::size_t kFirstRoom = 16384, kAtOnce = 128;
   LazyArray<T> pages_;
   std::uint32_t total_ = 0;
   std::vector<std::uint32_t> free_;

@@ -4,6 +4,8 @@
 // from file blocks, a peer from batches; which of them are *active* is refine's matter.
 // Arrays span all ids but are backed by pages only where touched, so a store costs what it holds.
 
+#include <algorithm>
+#include <array>
 #include <cstdint>
 #include <span>
 #include <unordered_map>
@@ -14,6 +16,45 @@
 #include "nearmesh/core/spm/header.hpp"
 
 namespace nearmesh {
+
+/// A face as SplitFace::corners() gives it. The lower of the first two is the left one; equal, they stand for no face.
+struct FaceCorners {
+  VertexId first{0}, second{0}, outside{0};
+
+  FaceCorners() = default;
+  constexpr FaceCorners(VertexId x, VertexId y, VertexId z) : first(x), second(y), outside(z) {}
+  explicit FaceCorners(const std::array<VertexId, 3>& corners)
+      : FaceCorners(corners[0], corners[1], corners[2]) {}
+  [[nodiscard]] bool is_there() const { return first != second; }
+  [[nodiscard]] SplitFace face() const {
+    return {std::min(first, second), std::max(first, second), outside, second < first};
+  }
+  bool operator==(const FaceCorners&) const = default;
+};
+
+/// The faces of a split, by value: the store holds them in fewer bytes.
+class SplitFaces {
+ public:
+  explicit SplitFaces(const std::vector<SplitFace>& many)
+      : many_(many.data()), size_(many.size()) {}
+  SplitFaces(const SplitFace& first, const SplitFace& second, std::size_t size)
+      : few_{first, second}, size_(size) {}
+  [[nodiscard]] std::size_t size() const { return size_; }
+  [[nodiscard]] bool empty() const { return size_ == 0; }
+  [[nodiscard]] const SplitFace* begin() const { return many_ != nullptr ? many_ : few_.data(); }
+  [[nodiscard]] const SplitFace* end() const { return begin() + size_; }
+  [[nodiscard]] const SplitFace& operator[](std::size_t i) const {
+    NEARMESH_ASSERT(i < size_);
+    return begin()[i];
+  }
+  /// While these live, and those of more than two their store.
+  [[nodiscard]] std::span<const SplitFace> span() const { return {begin(), size_}; }
+
+ private:
+  std::array<SplitFace, 2> few_{};
+  const SplitFace* many_ = nullptr;
+  std::size_t size_ = 0;
+};
 
 class SplitStore {
  public:
@@ -70,13 +111,20 @@ class SplitStore {
   /// ancestor's. Precondition: is_node(node). O(1) but where boxes are missing.
   [[nodiscard]] GridBox box(NodeSpan node) const;
 
-  [[nodiscard]] std::span<const SplitFace> faces(VertexId split) const {
+  [[nodiscard]] SplitFaces faces(VertexId split) const {
     const Entry& entry = entries_[split.value];
-    if (entry.face_count == kManyFaces) return many_faces_.at(split.value);
-    return {entry.inline_faces, entry.face_count};
+    if (entry.faces[0] == kManyFaces) return SplitFaces(many_faces_.at(split.value));
+    return {entry.faces[0].face(), entry.faces[1].face(),
+            std::size_t{entry.faces[0].is_there()} + std::size_t{entry.faces[1].is_there()}};
+  }
+  /// The faces of a split that has at most two, both places of them; nullptr where it has more. For loops that are to have
+  /// no branch.
+  [[nodiscard]] const FaceCorners* two_faces(VertexId split) const {
+    const Entry& entry = entries_[split.value];
+    return entry.faces[0] == kManyFaces ? nullptr : entry.faces;
   }
   [[nodiscard]] std::span<const SplitFace> base_faces() const { return base_faces_; }
-  [[nodiscard]] const SplitFace& face(FaceKey key) const {
+  [[nodiscard]] SplitFace face(FaceKey key) const {
     return key.split.is_valid() ? faces(key.split)[key.index] : base_faces_[key.index];
   }
   [[nodiscard]] const std::vector<BaseRoot>& roots() const { return roots_; }
@@ -87,9 +135,14 @@ class SplitStore {
   [[nodiscard]] std::size_t root_index(VertexId v) const;
 
  private:
-  static constexpr std::uint8_t kManyFaces = 255;
-  // One entry per vertex id; all zeros (an untouched page) means unknown.
-  struct Entry {
+  static constexpr FaceCorners kManyFaces{VertexId{1}, VertexId{1}, VertexId{0}};
+  /// Six codes of seven bits, each plus one; 0: none.
+  using PackedBox = std::uint64_t;
+  static constexpr int kCodeBits = 7, kBoxBits = 6 * kCodeBits, kBoxLowBits = 10;
+  static constexpr PackedBox kBoxMask = (PackedBox{1} << kBoxBits) - 1;
+  static_assert(kMaxExtentCode + 1 < 1 << kCodeBits);
+  /// One entry per vertex id, a cache line; all zeros (an untouched page) means unknown.
+  struct alignas(64) Entry {
     std::uint32_t size =
         0;  // of the node that the vertex represents when it becomes active; 0: unknown
     std::uint32_t parent =
@@ -98,26 +151,37 @@ class SplitStore {
     std::uint32_t next_split =
         0;  // split of [parent, id), the left child of split `id`; 0: unknown
     GridPoint position;
-    BoxCode box{};                // of [id, id + size), each code plus one: 0 means none
-    BoxCode left_box{};           // of [parent, id)
-    std::uint8_t face_count = 0;  // kManyFaces: look in many_faces_
-    std::uint16_t depth = 0;      // of the two nodes that the split makes; 0 for a root
-    SplitFace inline_faces[2];
+    std::uint32_t left_box_high = 0;  // of [parent, id)
+    std::uint64_t left_box_low : kBoxLowBits = 0;
+    std::uint64_t box : kBoxBits = 0;       // of [id, id + size)
+    std::uint64_t depth_less_one : 12 = 0;  // of the two nodes that the split makes; not for a root
+    FaceCorners faces[2];                   // kManyFaces: look in many_faces_
+
+    [[nodiscard]] PackedBox left_box() const {
+      return PackedBox{left_box_high} << kBoxLowBits | left_box_low;
+    }
+    void set_left_box(PackedBox code) {
+      left_box_high = static_cast<std::uint32_t>(code >> kBoxLowBits);
+      left_box_low = code & ((1U << kBoxLowBits) - 1);
+    }
   };
+  static_assert(sizeof(Entry) == 64 && kMaxForestDepth <= 1U << 12);
 
   [[nodiscard]] Status check(const SplitRecord& record, std::span<const SplitFace> faces) const;
   [[nodiscard]] std::uint32_t& split_slot(NodeSpan node);
   /// The node's own box as entries hold it.
-  [[nodiscard]] const BoxCode& stored_code(NodeSpan node) const {
+  [[nodiscard]] PackedBox packed_box(NodeSpan node) const {
     const Entry& first = entries_[node.begin()];
     if (node.size == first.size) return first.box;
     const Entry& maker = entries_[node.end()];
     NEARMESH_ASSERT(maker.size != 0 && maker.parent == node.begin());
-    return maker.left_box;
+    return maker.left_box();
   }
   [[nodiscard]] std::uint32_t depth_of(NodeSpan node) const {
-    const Entry& first = entries_[node.begin()];
-    return node.size == first.size ? first.depth : entries_[node.end()].depth;
+    const bool initial = node.size == entries_[node.begin()].size;
+    const VertexId maker{initial ? node.begin() : node.end()};
+    return is_root(maker) ? 0
+                          : static_cast<std::uint32_t>(entries_[maker.value].depth_less_one) + 1;
   }
 
   std::uint32_t vertex_count_ = 0;
