@@ -335,7 +335,8 @@ TEST_F(Operate, StatusTellsOfEachRegionOnDemand) {
   EXPECT_NE(out.find(" m, for "), std::string::npos) << out;
   // Without the flag nothing is heard of it.
   EXPECT_EQ(
-      test::run(folder, "nearmesh-subscriber", with({"status", "--seconds", "1"}), &out, &err), 0);
+      test::run(folder, "nearmesh-subscriber", with({"status", "--seconds", "1"}), &out, &err), 0)
+      << err;
   EXPECT_EQ(out.find("region ground"), std::string::npos) << out;
 }
 
