@@ -245,15 +245,15 @@ class Walk {
   void push(const Opened& opened) {
     const hn::CappedTag<std::uint32_t, kLanes> d;
     const hn::Rebind<std::uint8_t, decltype(d)> bytes;
-    std::uint32_t* const own = stack_.place[opened.side].data() + stack_.size;
-    std::uint32_t* const other = stack_.place[opened.side ^ 1].data() + stack_.size;
+    std::uint32_t* const own = stack_.place[opened.side] + stack_.size;
+    std::uint32_t* const other = stack_.place[opened.side ^ 1] + stack_.size;
     const std::uint8_t* const order = kLanesOf[opened.close].data();
     for (std::size_t i = 0; i < kLanes; i += hn::Lanes(d)) {
       const auto lanes = hn::PromoteTo(d, hn::LoadU(bytes, order + i));
       hn::StoreU(hn::Add(lanes, hn::Set(d, opened.first)), d, own + i);
       hn::StoreU(hn::Set(d, opened.other), d, other + i);
       hn::StoreU(hn::Set(d, opened.faces[0] | std::uint32_t{opened.faces[1]} << kLanes), d,
-                 stack_.faces.data() + stack_.size + i);
+                 stack_.faces + stack_.size + i);
     }
     stack_.size += static_cast<std::size_t>(std::popcount(opened.close));
   }
@@ -383,9 +383,7 @@ void walk_trees(const Scene& scene, bool any, std::vector<FacePair>& pairs,
   if (a.lanes == 0 || b.lanes == 0) return;
   ++stats.box_tests;
   if (boxes_apart(scene.b_in_a, centered(a.boxes.box(0)), centered(b.boxes.box(0)))) return;
-  // Not in the thread's own storage, which is taken from its stack.
-  thread_local const auto memory = std::make_unique<WalkMemory>();
-  memory->clear();
+  const auto memory = std::make_unique_for_overwrite<WalkMemory>();  // too large for small stacks
   HWY_DYNAMIC_DISPATCH(walk_all)(scene, any, *memory, pairs, unresolved, stats);
 }
 

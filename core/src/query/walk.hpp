@@ -57,7 +57,7 @@ struct UnresolvedPair {
 };
 
 /// Adds pairs of faces that touch to `pairs`, and pairs that need detail to `unresolved`, each in an order that follows
-/// from the trees' shapes. With `any` it ends at the first pair of faces. Threads: any, each has its own scratch memory.
+/// from the trees' shapes. With `any` it ends at the first pair of faces. Threads: any.
 void walk_trees(const Scene& scene, bool any, std::vector<FacePair>& pairs,
                 std::vector<UnresolvedPair>& unresolved, QueryStats& stats);
 

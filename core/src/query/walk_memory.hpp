@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// What a walk of two trees keeps while it runs: nodes in their places, and the pairs still to be looked at. One for each
-// thread, so that no query allocates it anew.
+// What a walk of two trees keeps while it runs: nodes and blocks in their places, and the pairs still to be looked at. Some
+// 230 KB, of which a short walk touches the first few: made for each query without being filled.
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "nearmesh/core/abtree/tree.hpp"
@@ -19,33 +19,28 @@ namespace nearmesh {
 template <class Boxes>
 class Placed {
  public:
+  Placed() { which_.fill(kNone); }  // the rest is not read before it is written
+
   [[nodiscard]] const Boxes* find(std::uint32_t which) const {
-    const Entry& entry = entries_[which % kEntries];
-    return entry.which == which ? &boxes_[entry.at] : nullptr;
+    const std::uint32_t entry = which % kEntries;
+    return which_[entry] == which ? &boxes_[at_[entry]] : nullptr;
   }
   /// Where to place what is not held yet.
   Boxes& add(std::uint32_t which) {
-    const std::uint32_t at = next_++ % kHeld, entry = which % kEntries;
-    Entry& former = entries_[entry_of_[at]];
-    if (former.at == at) former.which = kNone;
-    entries_[entry] = {which, at};
+    const std::uint32_t at = next_ % kHeld, entry = which % kEntries;
+    if (next_ >= kHeld && at_[entry_of_[at]] == at) which_[entry_of_[at]] = kNone;
+    ++next_;
+    which_[entry] = which;
+    at_[entry] = at;
     entry_of_[at] = entry;
     return boxes_[at];
-  }
-  void clear() {
-    for (std::uint32_t at = 0; at < std::min(next_, kHeld); ++at)
-      entries_[entry_of_[at]].which = kNone;
-    next_ = 0;
   }
 
  private:
   static constexpr std::uint32_t kHeld = 64, kEntries = 128, kNone = 0xffffffffU;
-  struct Entry {
-    std::uint32_t which = kNone, at = 0;
-  };
-  std::array<Entry, kEntries> entries_;
-  std::array<std::uint32_t, kHeld> entry_of_{};
   std::uint32_t next_ = 0;
+  std::array<std::uint32_t, kEntries> which_, at_;
+  std::array<std::uint32_t, kHeld> entry_of_;
   std::array<Boxes, kHeld> boxes_;
 };
 
@@ -57,13 +52,15 @@ struct PendingPair {
 
 /// The pairs still to be looked at, side by side. What is beyond `size` may be overwritten by any push.
 struct PairStack {
-  std::vector<std::uint32_t> place[2], faces;  ///< faces of both in one, b's kLanes bits higher
+  std::uint32_t *place[2], *faces;  ///< faces of both in one, b's kLanes bits higher
   std::size_t size = 0;
 
+  PairStack() { use(first_room_.data(), kFirst); }
+  PairStack(const PairStack&) = delete;
+  PairStack& operator=(const PairStack&) = delete;
+
   void reserve(std::size_t more) {
-    if (faces.size() >= size + more) return;
-    for (std::vector<std::uint32_t>* of : {&place[0], &place[1], &faces})
-      of->resize(2 * size + more + 1024);
+    if (size + more > room_) grow(2 * (size + more));
   }
   /// Precondition: reserved.
   void push(const PendingPair& pair) {
@@ -78,18 +75,36 @@ struct PairStack {
         {place[0][size], place[1][size]},
         {static_cast<std::uint8_t>(faces[size]), static_cast<std::uint8_t>(faces[size] >> kLanes)}};
   }
+
+ private:
+  static constexpr std::size_t kFirst = 1024;
+
+  void use(std::uint32_t* memory, std::size_t room) {
+    place[0] = memory;
+    place[1] = memory + room;
+    faces = memory + 2 * room;
+    room_ = room;
+  }
+  void grow(std::size_t room) {
+    std::vector<std::uint32_t> memory(3 * room);
+    std::size_t to = 0;
+    for (const std::uint32_t* of : {place[0], place[1], faces}) {
+      std::copy(of, of + size, memory.data() + to);
+      to += room;
+    }
+    more_room_ = std::move(memory);
+    use(more_room_.data(), room);
+  }
+
+  std::size_t room_;
+  std::array<std::uint32_t, 3 * kFirst> first_room_;
+  std::vector<std::uint32_t> more_room_;
 };
 
 struct WalkMemory {
   Placed<PlacedBoxes> nodes[2];  ///< a's and b's
   Placed<PlacedFaces> blocks[2];
   PairStack stack;
-
-  void clear() {
-    for (auto& placed : nodes) placed.clear();
-    for (auto& placed : blocks) placed.clear();
-    stack.size = 0;
-  }
 };
 
 }  // namespace nearmesh
