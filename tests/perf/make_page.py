@@ -17,7 +17,7 @@ fifteen minutes; FCL, Bullet, Embree and CGAL are compared where they are instal
     bin=build/dev/bin
     $bin/nearmesh-perf --workload sphere bunny terrain1m terrain8m -o docs/perf/queries.csv     # 11 GB
     $bin/nearmesh-model generate terrain --size 708 -o terrain.ply && $bin/nearmesh-model build terrain.ply -o terrain.spm
-    $bin/nearmesh-bench-core terrain.spm > docs/perf/core-terrain.csv
+    $bin/nearmesh-bench-core terrain.spm > docs/perf/core-terrain.csv           # of twelve runs the least disturbed
     $bin/nearmesh-bench-bake 1000000 1 > docs/perf/bake-1M-faces-1-thread.csv
     $bin/nearmesh-bench-bake 10000000 2 > docs/perf/bake-10M-faces-2-threads.csv                 # and 30000000
     $bin/nearmesh-bench-bytes MODEL.spm 0.05 > docs/perf/bytes-MODEL.csv       # terrain: 0.02, the largest with --flight

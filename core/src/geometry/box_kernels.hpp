@@ -328,24 +328,28 @@ HWY_INLINE FloatMask slabs_part(const Meeting& m, const PlacedFaces& faces,
   return hn::Gt(hn::Max(from, hn::Neg(to)), reach);
 }
 
-/// As faces_apart.
-HWY_INLINE std::uint32_t faces_apart_inline(const PlacedFaces& faces, const PlacedBoxes& other,
-                                            std::uint32_t i, float cells_ratio) {
+/// As faces_apart, of `wanted`. With kGuess it ends where own units part all of these: a branch, which saves half where it
+/// can be predicted.
+template <bool kGuess>
+HWY_INLINE std::uint32_t faces_apart_inline(const PlacedFaces& faces, std::uint32_t wanted,
+                                            const PlacedBoxes& other, std::uint32_t i,
+                                            float cells_ratio) {
   const FloatLanes d;
   const PlacedBoxes& own = faces.boxes;
   std::uint32_t apart = 0;
   for (std::size_t lane = 0; lane < kLanes; lane += hn::Lanes(d)) {
     const BoxesThere p = load_lanes(own, own.own, lane), q = repeat_lane(other, other.other, i);
     const Meeting in_own = meet(p, q);
-    const BoxesThere r = repeat_lane(other, other.own, i), s = load_lanes(own, own.other, lane);
-    const Meeting in_other = meet(r, s);
-    const FloatVec a = hn::Mul(share_of(p, q), hn::Set(d, cells_ratio * cells_ratio));
-    const FloatMask found =
-        hn::Or(hn::Or(in_own.parted, slabs_part(in_own, faces, other, i, q, lane)),
-               hn::Or(in_other.parted, slabs_part(in_other, r, s, a)));
+    FloatMask found = hn::Or(in_own.parted, slabs_part(in_own, faces, other, i, q, lane));
+    if (!kGuess || (wanted >> lane & ~bits_of(found) & ((1U << hn::Lanes(d)) - 1)) != 0) {
+      const BoxesThere r = repeat_lane(other, other.own, i), s = load_lanes(own, own.other, lane);
+      const Meeting in_other = meet(r, s);
+      const FloatVec a = hn::Mul(share_of(p, q), hn::Set(d, cells_ratio * cells_ratio));
+      found = hn::Or(found, hn::Or(in_other.parted, slabs_part(in_other, r, s, a)));
+    }
     apart |= bits_of(found) << lane;
   }
-  return apart;
+  return apart & wanted;
 }
 
 }  // namespace nearmesh::HWY_NAMESPACE

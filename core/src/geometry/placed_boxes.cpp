@@ -28,7 +28,7 @@ std::uint32_t boxes_apart_all(const Placing& placing, const PlacedBoxes& own,
 }
 std::uint32_t faces_apart_all(const Placing& placing, const PlacedFaces& own,
                               const PlacedBoxes& other, std::uint32_t i) {
-  return faces_apart_inline(own, other, i, placing.cells_ratio);
+  return faces_apart_inline<false>(own, kAllLanes, other, i, placing.cells_ratio);
 }
 PairVerdicts test_triangles_all(const RelativeFrame& f, const TriangleLanes& own,
                                 const TriangleLanes& other) {

@@ -7,7 +7,6 @@
 
 #include <algorithm>
 #include <bit>
-#include <memory>
 
 #include "lane_lists.hpp"
 #include "nearmesh/core/geometry/triangle_overlap.hpp"
@@ -24,7 +23,7 @@ namespace nearmesh::HWY_NAMESPACE {
 class Side {
  public:
   Side(const TreeView& tree, const RelativeFrame& in_other, const RelativeFrame& other_in,
-       double cell_m, Placed<PlacedBoxes>& nodes, Placed<PlacedFaces>& blocks)
+       double cell_m, PlacedTreeNodes& nodes, PlacedTreeBlocks& blocks)
       : nodes_(tree.nodes.data()),
         blocks_(tree.blocks.data()),
         placing_(in_other, other_in, tree.nodes[0].boxes.box(0)),
@@ -72,8 +71,8 @@ class Side {
   const FaceBlock* blocks_;
   const Placing placing_;
   const double cell_m_;
-  Placed<PlacedBoxes>& placed_nodes_;
-  Placed<PlacedFaces>& placed_blocks_;
+  PlacedTreeNodes& placed_nodes_;
+  PlacedTreeBlocks& placed_blocks_;
 };
 
 template <bool kAny>
@@ -193,12 +192,13 @@ class Walk {
   }
 
   // Of the faces of one side's leaf: those that may meet the other side's part.
+  template <bool kGuess = false>
   HWY_INLINE std::uint32_t close_faces(std::uint32_t side, const PendingPair& pair) {
     const TreePlace leaf = pair.place[side], other = pair.place[side ^ 1];
-    const std::uint32_t apart = faces_apart_inline(
-        sides_[side].placed_block(sides_[side].first(leaf)),
-        sides_[side ^ 1].placed_node(other / kLanes), other % kLanes, sides_[side].cells_ratio());
-    return pair.faces[side] & ((1U << sides_[side].count(leaf)) - 1) & ~apart;
+    const std::uint32_t faces = pair.faces[side] & ((1U << sides_[side].count(leaf)) - 1);
+    return faces & ~faces_apart_inline<kGuess>(sides_[side].placed_block(sides_[side].first(leaf)),
+                                               faces, sides_[side ^ 1].placed_node(other / kLanes),
+                                               other % kLanes, sides_[side].cells_ratio());
   }
 
   HWY_INLINE void test(Opened& out) {
@@ -234,7 +234,7 @@ class Walk {
       PendingPair next = pair;
       next.place[kSide] = node * kLanes + lanes[i];
       if (is_worth_culling(own.size_m(next.place[kSide]), block_m)) {
-        next.faces[kSide ^ 1] = static_cast<std::uint8_t>(close_faces(kSide ^ 1, next));
+        next.faces[kSide ^ 1] = static_cast<std::uint8_t>(close_faces<true>(kSide ^ 1, next));
         if (next.faces[kSide ^ 1] == 0) continue;
       }
       stack_.push(next);
@@ -279,9 +279,10 @@ class Walk {
     leaf_count_ = 0;
     for (std::size_t i = 0; i < face_count; ++i) {
       const FaceAndLeaf& pair = faces[i];
-      const std::uint32_t apart = faces_apart_inline(
-          sides_[1].placed_block(pair.block_b), sides_[0].placed_block(pair.face_a / kLanes).boxes,
-          pair.face_a % kLanes, sides_[1].cells_ratio());
+      const std::uint32_t apart =
+          faces_apart_inline<false>(sides_[1].placed_block(pair.block_b), pair.faces_b,
+                                    sides_[0].placed_block(pair.face_a / kLanes).boxes,
+                                    pair.face_a % kLanes, sides_[1].cells_ratio());
       for (std::uint32_t close = pair.faces_b & ~apart; close != 0; close &= close - 1) {
         faces_a_[pair_count_] = pair.face_a;
         faces_b_[pair_count_++] =
@@ -383,8 +384,8 @@ void walk_trees(const Scene& scene, bool any, std::vector<FacePair>& pairs,
   if (a.lanes == 0 || b.lanes == 0) return;
   ++stats.box_tests;
   if (boxes_apart(scene.b_in_a, centered(a.boxes.box(0)), centered(b.boxes.box(0)))) return;
-  const auto memory = std::make_unique_for_overwrite<WalkMemory>();  // too large for small stacks
-  HWY_DYNAMIC_DISPATCH(walk_all)(scene, any, *memory, pairs, unresolved, stats);
+  WalkMemory memory;
+  HWY_DYNAMIC_DISPATCH(walk_all)(scene, any, memory, pairs, unresolved, stats);
 }
 
 }  // namespace nearmesh
