@@ -160,6 +160,7 @@ inline TreeContent walk_tree(const TreeView& view, const TrueBoxes& boxes) {
     const auto expect_inside = [&](const GridBox& box) {
       for (const TreeEntry& outer : step.above) EXPECT_TRUE(outer.box.contains(box));
     };
+    if (part.kind() != TreeEntry::Kind::kEmpty) expect_inside(part.box);
     switch (part.kind()) {
       case TreeEntry::Kind::kInner:
         view.for_each_child(part, [&](const TreeEntry& child) {
