@@ -19,7 +19,8 @@ int main(int argc, char** argv) {
   const auto opened = RecordingReader::open(argv[1]);
   if (!opened.is_ok()) return std::fprintf(stderr, "%s\n", opened.status().message().c_str()), 1;
   RecordingReader& recording = *opened.value();
-  const std::string reports = wire::TopicNames(recording.facts().prefix).contact_report;
+  const std::string reports =
+      wire::TopicNames(recording.facts().prefix, recording.facts().wire_version).contact_report;
 
   struct Pair {
     int answers = 0, certified = 0;

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "nearmesh/core/spm/region_words.hpp"
+#include "nearmesh/core/spm/packed_region.hpp"
 
 namespace nearmesh::wire {
 
@@ -130,10 +130,11 @@ void encode(const RegionSubscription& message, wire_types::RegionSubscriptionSam
     sample.attach().push_back(node.first.value);
     sample.attach().push_back(node.size);
   }
-  RegionWords region = pack_region(message.region.region);
+  PackedRegion region = pack_region(message.region.region);
   sample.region_origin(region.origin);
   sample.region_shift(region.shift);
-  sample.region_words(std::move(region.words));
+  sample.region_radius(region.radius);
+  sample.region_parts(std::move(region.parts));
 }
 
 Result<RegionSubscription> decode(const wire_types::RegionSubscriptionSample& sample) {
@@ -152,7 +153,8 @@ Result<RegionSubscription> decode(const wire_types::RegionSubscriptionSample& sa
   for (std::size_t i = 0; i < attach.size(); i += kWordsPerNode)
     message.region.attach.push_back({VertexId{attach[i]}, attach[i + 1]});
   Result<std::vector<RegionPart>> region =
-      unpack_region({sample.region_origin(), sample.region_shift(), sample.region_words()});
+      unpack_region({sample.region_origin(), sample.region_shift(), sample.region_radius(),
+                     sample.region_parts()});
   if (!region.is_ok()) return region.status();
   message.region.region = std::move(region).value();
   return checked(std::move(message));

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nearmesh/wire/payload.hpp"
 
+#include <type_traits>
+
 #include "nearmesh/core/base/hash.hpp"
 #include "nearmesh/wire/codec.hpp"
 #include "nearmesh/wire/topics.hpp"
@@ -28,14 +30,35 @@ struct TypeOf<ContactReport> : ContactReportType {};
 
 }  // namespace
 
+Status check_recorded_version(std::uint32_t wire_version) {
+  if (wire_version >= kOldestRecordedWireVersion && wire_version <= kWireVersion)
+    return Status::ok();
+  return {StatusCode::kUnsupported,
+          "recorded with wire version " + std::to_string(wire_version) + ", this build reads " +
+              std::to_string(kOldestRecordedWireVersion) + " to " + std::to_string(kWireVersion)};
+}
+
+std::vector<std::uint8_t> as_of_now(std::span<const std::uint8_t> cdr) {
+  static_assert(kWireVersion < 256);
+  std::vector<std::uint8_t> bytes(cdr.begin(), cdr.end());
+  if (bytes.size() < 6) return bytes;
+  const bool is_little = bytes[1] == 1;  // of the encapsulation, after which the version stands
+  std::uint8_t &low = bytes[is_little ? 4 : 5], &high = bytes[is_little ? 5 : 4];
+  if (high == 0 && low == kOldestRecordedWireVersion) low = kWireVersion;
+  return bytes;
+}
+
 template <class Message>
 Result<Message> decode_payload(std::span<const std::uint8_t> cdr) {
   using Type = TypeOf<Message>;
+  constexpr bool kHasChanged = std::is_same_v<Message, RegionSubscription>;
+  std::vector<std::uint8_t> bytes =
+      kHasChanged ? std::vector<std::uint8_t>(cdr.begin(), cdr.end()) : as_of_now(cdr);
   Type type;
   typename Type::Data data;
   SerializedPayload_t payload;
-  payload.data = const_cast<std::uint8_t*>(cdr.data());  // only read
-  payload.length = payload.max_size = static_cast<std::uint32_t>(cdr.size());
+  payload.data = bytes.data();
+  payload.length = payload.max_size = static_cast<std::uint32_t>(bytes.size());
   type.deserialize(&payload, static_cast<typename Type::Sample*>(&data));
   payload.data = nullptr;  // its destructor would free it
   if (!data.fault.empty()) return Status{StatusCode::kInvalidArgument, data.fault};

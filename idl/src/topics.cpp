@@ -10,10 +10,6 @@ namespace nearmesh::wire {
 
 namespace {
 
-std::string versioned(std::string_view prefix, std::string_view name) {
-  return std::string(prefix) + "/v" + std::to_string(kWireVersion) + "/" + std::string(name);
-}
-
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
 bool is_prefix_char(char c) {
@@ -23,16 +19,18 @@ bool is_prefix_char(char c) {
 
 }  // namespace
 
-TopicNames::TopicNames(std::string_view prefix)
-    : hello(std::string(prefix) + "/hello"),
-      mesh_header(versioned(prefix, "mesh_header")),
-      region_subscription(versioned(prefix, "region_subscription")),
-      split_batch(versioned(prefix, "split_batch")),
-      body_pose(versioned(prefix, "body_pose")),
-      contact_report(versioned(prefix, "contact_report")),
-      process_status(versioned(prefix, "process_status")),
-      echo(versioned(prefix, "echo")),
-      probe(versioned(prefix, "probe")) {}
+TopicNames::TopicNames(std::string_view prefix, std::uint32_t wire_version)
+    : hello(std::string(prefix) + "/hello") {
+  const std::string versioned = std::string(prefix) + "/v" + std::to_string(wire_version) + "/";
+  mesh_header = versioned + "mesh_header";
+  region_subscription = versioned + "region_subscription";
+  split_batch = versioned + "split_batch";
+  body_pose = versioned + "body_pose";
+  contact_report = versioned + "contact_report";
+  process_status = versioned + "process_status";
+  echo = versioned + "echo";
+  probe = versioned + "probe";
+}
 
 std::string partition_of(SessionId peer) {
   static constexpr char kDigits[] = "0123456789abcdef";

@@ -42,10 +42,7 @@ Status check_topics(const RecordingReader& recording, const std::vector<std::str
 Result<std::unique_ptr<ReplayIndex>> ReplayIndex::build(
     RecordingReader& recording, const std::vector<std::string>& topics,
     const std::function<bool(double share)>& progress) {
-  if (recording.facts().wire_version != wire::kWireVersion)
-    return Status{StatusCode::kUnsupported,
-                  "recorded with wire version " + std::to_string(recording.facts().wire_version) +
-                      ", this build speaks " + std::to_string(wire::kWireVersion)};
+  NEARMESH_RETURN_IF_ERROR(wire::check_recorded_version(recording.facts().wire_version));
   if (recording.message_count() == 0)
     return Status{StatusCode::kInvalidArgument, "the recording holds no messages"};
   std::unique_ptr<ReplayIndex> index(new ReplayIndex);
@@ -164,7 +161,10 @@ Status ReplayIndex::add_streams(const RecordingReader& recording,
   for (const RecordedWriter& writer : recording.writers()) {
     const RecordedTopic& topic = recording.topics()[writer.topic];
     const std::optional<ReplayTopic> which = topic_of_type(topic.type);
-    if (!which || !is_wanted(*which)) {
+    // Requests of an earlier version are laid out otherwise.
+    const bool is_readable = which != ReplayTopic::kRegionSubscription ||
+                             recording.facts().wire_version == wire::kWireVersion;
+    if (!which || !is_wanted(*which) || !is_readable) {
       stream_of_writer_.push_back(kNotPlayed);
       continue;
     }

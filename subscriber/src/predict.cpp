@@ -226,8 +226,8 @@ class Sweep {
 
 // ---- what an answer brings ----------------------------------------------------------------------
 
-// A part takes 24 bytes of a request, a split some 12 of a small answer, its share of datagrams included: with one part for
-// so many splits a request weighs no more than its answer.
+// A part takes 17 bytes of a request, a split some 9 of a small answer, its share of datagrams included: with one part for so
+// many splits a small request weighs no more than its answer.
 constexpr double kSplitsPerPart = 2;
 
 // Where a part reaches.

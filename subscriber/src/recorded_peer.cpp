@@ -97,7 +97,9 @@ namespace {
 class Player {
  public:
   Player(const RecordingReader& recording, const PlayPlan& plan)
-      : recording_(recording), plan_(plan), names_(recording.facts().prefix) {}
+      : recording_(recording),
+        plan_(plan),
+        names_(recording.facts().prefix, recording.facts().wire_version) {}
 
   void take(std::int64_t id, const RecordedMessage& message) {
     const RecordedWriter& writer = recording_.writers()[message.writer];
@@ -156,10 +158,7 @@ class Player {
 }  // namespace
 
 Result<Played> play(RecordingReader& recording, const PlayPlan& plan) {
-  if (recording.facts().wire_version != wire::kWireVersion)
-    return Status{StatusCode::kUnsupported,
-                  "recorded with wire version " + std::to_string(recording.facts().wire_version) +
-                      ", this build speaks " + std::to_string(wire::kWireVersion)};
+  NEARMESH_RETURN_IF_ERROR(wire::check_recorded_version(recording.facts().wire_version));
   Player player(recording, plan);
   const auto take = [&](std::int64_t id, const RecordedMessage& message) {
     player.take(id, message);

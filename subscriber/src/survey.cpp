@@ -13,7 +13,7 @@ Result<Survey> survey(RecordingReader& recording) {
   Survey survey;
   survey.topics.resize(recording.topics().size());
   survey.duration_s = static_cast<double>(recording.end_ns() - recording.begin_ns()) * 1e-9;
-  const wire::TopicNames names(recording.facts().prefix);
+  const wire::TopicNames names(recording.facts().prefix, recording.facts().wire_version);
   CertifiedTimes open;
   const auto take = [&](std::int64_t, const RecordedMessage& message) {
     const std::uint32_t topic = recording.writers()[message.writer].topic;

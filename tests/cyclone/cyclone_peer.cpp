@@ -85,7 +85,7 @@ void take(dds_entity_t reader, OnSample on_sample) {
 struct Request {
   Subscription message{};
   std::vector<std::uint32_t> attach;
-  std::vector<std::uint16_t> region_words;
+  std::vector<std::uint8_t> region_parts;
 };
 
 std::vector<Request> read_requests(const char* path, std::uint64_t peer, std::uint16_t version) {
@@ -106,10 +106,14 @@ std::vector<Request> read_requests(const char* path, std::uint64_t peer, std::ui
     for (std::uint32_t& word : request.attach) words >> word;
     for (std::int32_t& cells : message.region_origin) words >> cells;
     unsigned shift = 0;
-    words >> shift >> count;
+    words >> shift >> message.region_radius >> count;
     message.region_shift = static_cast<std::uint8_t>(shift);
-    request.region_words.resize(count);
-    for (std::uint16_t& word : request.region_words) words >> word;
+    request.region_parts.resize(count);
+    for (std::uint8_t& byte : request.region_parts) {
+      unsigned number = 0;
+      words >> number;
+      byte = static_cast<std::uint8_t>(number);
+    }
     if (!words) fail(std::string(path) + ": malformed line");
   }
   return requests;
@@ -190,9 +194,9 @@ class Peer {
     message.attach._length = message.attach._maximum =
         static_cast<std::uint32_t>(request.attach.size());
     message.attach._buffer = request.attach.data();
-    message.region_words._length = message.region_words._maximum =
-        static_cast<std::uint32_t>(request.region_words.size());
-    message.region_words._buffer = request.region_words.data();
+    message.region_parts._length = message.region_parts._maximum =
+        static_cast<std::uint32_t>(request.region_parts.size());
+    message.region_parts._buffer = request.region_parts.data();
     write(message);
     bool complete = false;
     await("batches of request " + std::to_string(message.request), [&] {

@@ -68,8 +68,9 @@ std::string line_of(const wire::RegionSubscription& subscription) {
        << sample.window_bytes() << ' ' << sample.max_splits() << ' ' << sample.attach().size();
   for (const std::uint32_t word : sample.attach()) line << ' ' << word;
   for (const std::int32_t cells : sample.region_origin()) line << ' ' << cells;
-  line << ' ' << int{sample.region_shift()} << ' ' << sample.region_words().size();
-  for (const std::uint16_t word : sample.region_words()) line << ' ' << word;
+  line << ' ' << int{sample.region_shift()} << ' ' << sample.region_radius() << ' '
+       << sample.region_parts().size();
+  for (const std::uint8_t byte : sample.region_parts()) line << ' ' << int{byte};
   return line.str();
 }
 

@@ -6,7 +6,7 @@
 #include "fuzz_models.hpp"
 #include "nearmesh/core/demand/collect.hpp"
 #include "nearmesh/core/refine/replica.hpp"
-#include "nearmesh/core/spm/region_words.hpp"
+#include "nearmesh/core/spm/packed_region.hpp"
 
 using namespace nearmesh;
 
@@ -104,7 +104,7 @@ void ask(const fuzz::FullModel& model, const SplitStore& partial, fuzz::FuzzInpu
   if (!check_request(model.store(), request).is_ok()) return;
   const Result<std::vector<RegionPart>> arrived = unpack_region(pack_region(request.region));
   FUZZ_CHECK(arrived.is_ok());
-  FUZZ_CHECK(pack_region(arrived.value()).words == pack_region(request.region).words);
+  FUZZ_CHECK(pack_region(arrived.value()).parts == pack_region(request.region).parts);
   for (std::size_t i = 0; i < request.region.size(); ++i)
     FUZZ_CHECK(arrived.value()[i].box.contains(request.region[i].box));
   request.region = arrived.value();

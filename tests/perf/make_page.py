@@ -20,7 +20,8 @@ fifteen minutes; FCL, Bullet, Embree and CGAL are compared where they are instal
     $bin/nearmesh-bench-core terrain.spm > docs/perf/core-terrain.csv           # of twelve runs the least disturbed
     $bin/nearmesh-bench-bake 1000000 1 > docs/perf/bake-1M-faces-1-thread.csv
     $bin/nearmesh-bench-bake 10000000 2 > docs/perf/bake-10M-faces-2-threads.csv                 # and 30000000
-    $bin/nearmesh-bench-bytes MODEL.spm 0.05 > docs/perf/bytes-MODEL.csv       # terrain: 0.02, the largest with --flight
+    $bin/nearmesh-bench-bytes MODEL.spm 0.05 > docs/perf/bytes-MODEL.csv       # terrain: 0.02, the largest with --flight;
+                                                                                # generate terrain --size 512 and 1024, --seed 42
     python3 tests/perf/make_page.py docs/perf > docs/perf.md
 """
 

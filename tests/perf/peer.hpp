@@ -10,14 +10,14 @@
 #include <vector>
 
 #include "nearmesh/core/demand/collect.hpp"
-#include "nearmesh/core/spm/region_words.hpp"
+#include "nearmesh/core/spm/packed_region.hpp"
 #include "nearmesh/subscriber/predict.hpp"
+#include "nearmesh/subscriber/session.hpp"
 
 namespace nearmesh::perf {
 
 using Batches = std::vector<std::vector<std::uint8_t>>;
 
-inline constexpr std::size_t kRegionBoxes = 64;
 inline constexpr std::uint32_t kRequestSplits = 4096;
 
 /// What a peer asks for `own`, whose store is given, where `other` stands or moves: `missing`, and what lies within a margin.
@@ -32,8 +32,9 @@ inline std::optional<RegionRequest> next_request(const SplitStore& store, const 
     return subscriber::swept_region(own, Motion{.pose = own_pose}, other,
                                     Motion{.pose = other_pose}, 0, margin_m, max_parts, near);
   };
-  auto request = subscriber::make_request(store, region, std::move(missing), kRegionBoxes,
-                                          max_splits, portion);
+  auto request =
+      subscriber::make_request(store, region, std::move(missing),
+                               subscriber::SessionOptions{}.region_boxes, max_splits, portion);
   // As it is when it arrives.
   if (request) request->region = unpack_region(pack_region(request->region)).value();
   return request;
@@ -41,7 +42,7 @@ inline std::optional<RegionRequest> next_request(const SplitStore& store, const 
 
 /// Bytes of a request's lists.
 inline std::uint64_t request_bytes(const RegionRequest& request) {
-  return 8 * request.attach.size() + 2 * kWordsPerPart * request.region.size();
+  return 8 * request.attach.size() + kBytesPerPart * request.region.size();
 }
 
 /// The publisher's answer. `require` makes a node's split known to the store. Ends the program where the request is refused.

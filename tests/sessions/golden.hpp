@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The golden session, and what is expected of it. Written by `nearmesh-bench-session -o session_v1.db3`; it is never written
-// again: later versions must read and verify it.
+// The golden session, and what is expected of it. Written by `nearmesh-bench-session -o session_v1.db3` with wire version 4;
+// it is never written again: later versions must read and verify it.
 
 #include <cstdlib>
 

@@ -2,6 +2,8 @@
 #pragma once
 // Bit strings, most significant bit first.
 
+#include <algorithm>
+#include <array>
 #include <bit>
 #include <cstdint>
 #include <cstring>
@@ -11,7 +13,10 @@
 namespace nearmesh {
 
 /// Number of bits needed for x: 0 for 0, 1 for 1, 2 for 2 and 3, ...
-inline int bit_length(std::uint64_t x) { return static_cast<int>(std::bit_width(x)); }
+constexpr int bit_length(std::uint64_t x) { return static_cast<int>(std::bit_width(x)); }
+
+/// Number of bits needed for count - 1, count in [1, 2^31]: to say which of so many. Without a branch for 1.
+constexpr int index_bits(std::uint32_t count) { return std::bit_width(2 * count - 1) - 1; }
 
 class BitWriter {
  public:
@@ -127,18 +132,44 @@ class BitReader {
   std::size_t used_ = 0;
 };
 
-/// Reads on where a BitReader stands, for decoders that take many short fields: what refill() fetches is ready before the
-/// fields ahead of it are known. Zeros past the end, as there.
+/// Bytes and zeros after them, so that a reader who asks now and then how far it got need not check each read.
+class PaddedBytes {
+ public:
+  static constexpr std::size_t kPadding = 256;
+
+  explicit PaddedBytes(std::span<const std::uint8_t> bytes) {
+    if (bytes.size() + kPadding > few_.size()) many_.resize(bytes.size() + kPadding);
+    std::uint8_t* const begin = many_.empty() ? few_.data() : many_.data();
+    std::copy(bytes.begin(), bytes.end(), begin);
+    std::memset(begin + bytes.size(), 0, kPadding);
+    begin_ = begin;
+  }
+  PaddedBytes(const PaddedBytes&) = delete;
+  PaddedBytes& operator=(const PaddedBytes&) = delete;
+  [[nodiscard]] const std::uint8_t* begin() const { return begin_; }
+
+ private:
+  std::array<std::uint8_t, 2048> few_;  // enough for a batch on the wire
+  std::vector<std::uint8_t> many_;
+  const std::uint8_t* begin_;
+};
+
+/// For decoders that take many short fields: what refill() fetches is ready before the fields ahead of it are known. Goes on
+/// past the end of what it reads: who uses it asks used_bits() before it may have passed PaddedBytes::kPadding.
 class WindowReader {
  public:
-  explicit WindowReader(const BitReader& in) : bytes_(in.bytes()), next_(in.used() / 8) {
+  /// From the bit `first` on.
+  WindowReader(const PaddedBytes& bytes, std::size_t first)
+      : begin_(bytes.begin()), next_(begin_ + first / 8) {
     refill();
-    take(in.used() % 8);
+    take(first % 8);
   }
   /// So many bits are ready after refill().
   static constexpr int kReadyBits = 56;
   void refill() {
-    window_ |= word() >> held_;
+    std::uint64_t word;
+    std::memcpy(&word, next_, sizeof word);
+    window_ |= __builtin_bswap64(word) >> held_;
     next_ += (63 - held_) / 8;
     held_ |= 56;
   }
@@ -148,30 +179,15 @@ class WindowReader {
     window_ <<= bits;
     held_ -= bits;
   }
-  [[nodiscard]] bool overrun() const { return next_ * 8 > bytes_.size() * 8 + held_; }
-  [[nodiscard]] std::size_t bits_left() const {
-    return overrun() ? 0 : bytes_.size() * 8 + held_ - next_ * 8;
+  /// Of all bytes.
+  [[nodiscard]] std::size_t used_bits() const {
+    return static_cast<std::size_t>(next_ - begin_) * 8 - held_;
   }
 
  private:
-  [[nodiscard]] std::uint64_t word() const {
-    std::uint64_t word;
-    if (next_ + sizeof word > bytes_.size()) [[unlikely]]
-      return last_word();
-    std::memcpy(&word, bytes_.data() + next_, sizeof word);
-    return __builtin_bswap64(word);
-  }
-  [[nodiscard]] std::uint64_t last_word() const {
-    std::uint64_t word = 0;
-    for (std::size_t i = next_; i < bytes_.size(); ++i)
-      word |= std::uint64_t{bytes_[i]} << (56 - 8 * (i - next_));
-    return word;
-  }
-
-  std::span<const std::uint8_t> bytes_;
-  std::size_t next_;          // byte that the next word begins with
-  std::uint64_t window_ = 0;  // held_ bits, then zeros or the first of those that follow
-  std::uint64_t held_ = 0;    // below 64
+  const std::uint8_t *begin_, *next_;  // next_: where the next word begins
+  std::uint64_t window_ = 0;           // held_ bits, then zeros or the first of those that follow
+  std::uint64_t held_ = 0;             // below 64
 };
 
 }  // namespace nearmesh

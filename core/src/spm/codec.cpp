@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nearmesh/core/spm/codec.hpp"
 
+#include <numeric>
 #include <string>
+#include <type_traits>
+#include <utility>
 
 #include "nearmesh/core/spm/train.hpp"
 #include "record_codec.hpp"
@@ -33,27 +36,32 @@ SplitRecord make_record(const SplitStore& store, const TreeletSplit& split,
 // Follows which nodes the decoder expects next, so that only true attach nodes are named.
 class ExpectedNodes {
  public:
+  /// For so many records.
+  explicit ExpectedNodes(std::size_t records) : nodes_(records + 1) {}
   /// Takes `node`; true when it hangs on an earlier record of the same batch.
   bool take(const NodeSpan& node) {
-    if (stack_.empty()) return false;
-    NEARMESH_ASSERT(stack_.back() == node);
-    stack_.pop_back();
+    if (count_ == 0) return false;
+    NEARMESH_ASSERT(nodes_[count_ - 1] == node);
+    --count_;
     return true;
   }
+  // Which children are included is as good as random, so nothing branches: what is not is written over.
   void push_children(const SplitRecord& record, const record::Inclusion& included) {
-    if (included.right) stack_.push_back(record.right());
-    if (included.left) stack_.push_back(record.left());
+    nodes_[count_] = record.right();
+    count_ += included.right ? 1 : 0;
+    nodes_[count_] = record.left();
+    count_ += included.left ? 1 : 0;
   }
   [[nodiscard]] bool pop(NodeSpan& node) {
-    if (stack_.empty()) return false;
-    node = stack_.back();
-    stack_.pop_back();
+    if (count_ == 0) return false;
+    node = nodes_[--count_];
     return true;
   }
-  void clear() { stack_.clear(); }
+  void clear() { count_ = 0; }
 
  private:
-  std::vector<NodeSpan> stack_;
+  std::vector<NodeSpan> nodes_;  // a record takes one at most and adds two at most
+  std::size_t count_ = 0;
 };
 
 // One batch under construction.
@@ -73,6 +81,22 @@ struct OpenBatch {
     const std::size_t counts = 2 * (bit_length(record_count + 1) + bit_length(attach_count + 1));
     return (8 + counts + attach.bit_count() + body.bit_count() + 7) / 8;
   }
+  /// Where to cut back to.
+  struct Mark {
+    std::size_t attach, body;
+    std::uint32_t attach_count, last_attach;
+  };
+  [[nodiscard]] Mark mark() const {
+    return {attach.bit_count(), body.bit_count(), attach_count, last_attach};
+  }
+  /// Takes the last record back. `edges` stay as they are: the batch can be finished, no more.
+  void take_back(const Mark& mark) {
+    attach.truncate(mark.attach);
+    body.truncate(mark.body);
+    attach_count = mark.attach_count;
+    last_attach = mark.last_attach;
+    --record_count;
+  }
   [[nodiscard]] std::vector<std::uint8_t> finish(BoxPolicy policy) const {
     BitWriter out;
     out.put(static_cast<std::uint64_t>(policy), 8);
@@ -89,6 +113,66 @@ Status corrupt(std::uint32_t record, const char* field) {
           "split batch: record " + std::to_string(record) + ": " + field + " out of range"};
 }
 
+// What stands before the records.
+struct BatchHead {
+  BoxPolicy boxes;
+  std::uint32_t record_count;
+  std::vector<NodeSpan> attach;
+};
+
+Result<BatchHead> read_head(const SpmHeader& header, BitReader& in) {
+  const std::uint32_t policy = in.get(8);
+  if (policy > static_cast<std::uint32_t>(BoxPolicy::kAllNodes))
+    return Status{StatusCode::kCorrupt,
+                  "split batch: flags: expected 0 or 1, found " + std::to_string(policy)};
+  const std::uint64_t record_count = in.get_gamma();
+  const std::uint64_t attach_count = in.get_gamma();
+  // Every attach node takes at least two bits and every record three, whatever the tables say: so what is allocated is bounded
+  // by the bytes.
+  if (in.overrun() || attach_count * 2 + record_count * 3 > in.bits_left() ||
+      attach_count > record_count)
+    return Status{StatusCode::kCorrupt,
+                  "split batch: counts exceed its " + std::to_string(in.bytes().size()) + " bytes"};
+  BatchHead head{static_cast<BoxPolicy>(policy), static_cast<std::uint32_t>(record_count), {}};
+  head.attach.resize(attach_count);
+  std::uint64_t next = 0;
+  for (NodeSpan& node : head.attach) {
+    next += in.get_gamma();
+    const std::uint64_t size = in.get_gamma() + 2;
+    if (in.overrun() || next + size > header.vertex_count)
+      return Status{StatusCode::kCorrupt, "split batch: attach node outside the model's " +
+                                              std::to_string(header.vertex_count) + " vertices"};
+    node = {{static_cast<std::uint32_t>(next)}, static_cast<std::uint32_t>(size)};
+  }
+  return head;
+}
+
+template <bool kVersion3>
+[[gnu::flatten]] Status read_records(const SpmHeader& header, const BatchHead& head,
+                                     record::ReadingCoder<kVersion3> coder, SplitBatch& batch) {
+  ExpectedNodes expected(head.record_count);
+  record::OpenEdges edges;
+  std::uint32_t face_count = 0;
+  std::size_t next_attach = 0;
+  for (std::uint32_t i = 0; i < head.record_count; ++i) {
+    SplitRecord& record = batch.splits[i];
+    if (!expected.pop(record.node)) {
+      if (next_attach == head.attach.size()) return corrupt(i, "attach node");
+      record.node = head.attach[next_attach++];
+    }
+    record.face_begin = face_count;
+    record::Inclusion included;
+    record::code_record(coder, header, head.boxes, edges, record, included, batch.faces);
+    if (!coder.good()) return corrupt(i, coder.error());
+    face_count += record.face_count;
+    expected.push_children(record, included);
+  }
+  if (next_attach != head.attach.size() || coder.bits_left() >= 8)
+    return {StatusCode::kCorrupt, "split batch: bytes left over after its last record"};
+  batch.faces.resize(face_count);
+  return Status::ok();
+}
+
 }  // namespace
 
 std::vector<std::vector<std::uint8_t>> encode_batches(const SpmHeader& header,
@@ -97,34 +181,28 @@ std::vector<std::vector<std::uint8_t>> encode_batches(const SpmHeader& header,
                                                       std::size_t max_bytes) {
   std::vector<std::vector<std::uint8_t>> batches;
   OpenBatch open;
-  ExpectedNodes expected;
+  ExpectedNodes expected(treelet.size());
   std::vector<SplitFace> faces;
   for (const TreeletSplit& split : treelet) {
     for (bool fits = false; !fits;) {
       faces.clear();
       SplitRecord record = make_record(store, split, faces);
       record::Inclusion included{split.left_included, split.right_included};
-      const std::size_t attach_mark = open.attach.bit_count();
-      const std::size_t body_mark = open.body.bit_count();
-      const std::uint32_t last_attach = open.last_attach;
-      const bool hangs = expected.take(split.node);
-      if (!hangs) open.add_attach(split.node);
-      record::WritingCoder coder(header.tables, open.body);
-      record::code_record(coder, header, boxes, open.edges, record, included, faces, 0);
+      const OpenBatch::Mark mark = open.mark();
+      if (!expected.take(split.node)) open.add_attach(split.node);
+      const auto write = [&]<bool kVersion3>(std::bool_constant<kVersion3>) {
+        record::WritingCoder<kVersion3> coder(header.tables, open.body);
+        record::code_record(coder, header, boxes, open.edges, record, included, faces);
+      };
+      header.tables.is_version_3() ? write(std::true_type{}) : write(std::false_type{});
       ++open.record_count;
       fits = open.byte_bound() <= max_bytes || open.record_count == 1;
       if (fits) {
         expected.push_children(record, included);
         continue;
       }
-      // Take the record back, close the batch, and start the next one with it.
-      open.body.truncate(body_mark);
-      --open.record_count;
-      if (!hangs) {
-        open.attach.truncate(attach_mark);
-        open.last_attach = last_attach;
-        --open.attach_count;
-      }
+      // Close the batch without the record, and start the next one with it.
+      open.take_back(mark);
       batches.push_back(open.finish(boxes));
       open = OpenBatch{};
       expected.clear();
@@ -134,56 +212,22 @@ std::vector<std::vector<std::uint8_t>> encode_batches(const SpmHeader& header,
   return batches;
 }
 
-[[gnu::flatten]] Result<SplitBatch> decode_batch(const SpmHeader& header,
-                                                 std::span<const std::uint8_t> bytes) {
+Result<SplitBatch> decode_batch(const SpmHeader& header, std::span<const std::uint8_t> bytes) {
   BitReader in(bytes);
-  const std::uint32_t policy = in.get(8);
-  if (policy > static_cast<std::uint32_t>(BoxPolicy::kAllNodes))
-    return Status{StatusCode::kCorrupt,
-                  "split batch: flags: expected 0 or 1, found " + std::to_string(policy)};
-  const std::uint64_t record_count = in.get_gamma();
-  const std::uint64_t attach_count = in.get_gamma();
-  // Every attach node takes at least two bits and every record three, whatever the tables say.
-  if (in.overrun() || attach_count * 2 > in.bits_left() || record_count > in.bits_left() ||
-      attach_count > record_count)
-    return Status{StatusCode::kCorrupt,
-                  "split batch: counts exceed its " + std::to_string(bytes.size()) + " bytes"};
-  std::vector<NodeSpan> attach(attach_count);
-  std::uint64_t next = 0;
-  for (NodeSpan& node : attach) {
-    next += in.get_gamma();
-    const std::uint64_t size = in.get_gamma() + 2;
-    if (in.overrun() || next + size > header.vertex_count)
-      return Status{StatusCode::kCorrupt, "split batch: attach node outside the model's " +
-                                              std::to_string(header.vertex_count) + " vertices"};
-    node = {{static_cast<std::uint32_t>(next)}, static_cast<std::uint32_t>(size)};
-  }
-
+  Result<BatchHead> head = read_head(header, in);
+  if (!head.is_ok()) return head.status();
+  const PaddedBytes padded(bytes);
+  const WindowReader window(padded, in.used());
   SplitBatch batch;
-  ExpectedNodes expected;
-  record::OpenEdges edges;
-  // Every record takes at least three bits, so what is reserved is bounded by the bytes, whatever the count says.
-  batch.splits.reserve(std::min<std::size_t>(record_count, in.bits_left() / 3));
-  batch.faces.resize(2 * batch.splits.capacity());
-  std::uint32_t face_count = 0;
-  record::ReadingCoder coder(header.tables, in);
-  std::size_t next_attach = 0;
-  for (std::uint32_t i = 0; i < record_count; ++i) {
-    SplitRecord& record = batch.splits.emplace_back();
-    if (!expected.pop(record.node)) {
-      if (next_attach == attach.size()) return corrupt(i, "attach node");
-      record.node = attach[next_attach++];
-    }
-    record::Inclusion included;
-    record::code_record(coder, header, static_cast<BoxPolicy>(policy), edges, record, included,
-                        batch.faces, face_count);
-    if (!coder.good()) return corrupt(i, coder.error());
-    face_count += record.face_count;
-    expected.push_children(record, included);
-  }
-  if (next_attach != attach.size() || coder.bits_left() >= 8)
-    return Status{StatusCode::kCorrupt, "split batch: bytes left over after its last record"};
-  batch.faces.resize(face_count);
+  batch.splits.resize(head.value().record_count);
+  batch.faces.resize(2 * batch.splits.size());
+  const auto read = [&]<bool kVersion3>(std::bool_constant<kVersion3>) {
+    return read_records(header, head.value(),
+                        record::ReadingCoder<kVersion3>(header.tables, window, bytes.size() * 8),
+                        batch);
+  };
+  NEARMESH_RETURN_IF_ERROR(header.tables.is_version_3() ? read(std::true_type{})
+                                                        : read(std::false_type{}));
   return batch;
 }
 
@@ -197,13 +241,22 @@ void count_treelet(const SpmHeader& header, const SplitStore& store, const Treel
     faces.clear();
     SplitRecord record = make_record(store, split, faces);
     record::Inclusion included{split.left_included, split.right_included};
-    record::code_record(coder, header, boxes, edges, record, included, faces, 0);
+    record::code_record(coder, header, boxes, edges, record, included, faces);
   }
 }
 
 CodingTables make_tables(const TrainingCounts& counts) {
+  // Each record has one symbol in these contexts.
+  std::uint64_t records = 0;
+  for (std::size_t i = record::kOffset0; i < record::kOffset1; ++i)
+    records += std::accumulate(counts[i].begin(), counts[i].end(), std::uint64_t{0});
   std::vector<HuffmanTable> contexts;
-  for (const auto& context : counts) contexts.push_back(HuffmanTable::from_counts(context));
+  for (auto context : counts) {
+    std::uint64_t escapes = 0;
+    for (std::uint64_t& count : context)
+      if (count * kTableSplits < records) escapes += std::exchange(count, 0);
+    contexts.push_back(HuffmanTable::from_counts(context, escapes));
+  }
   return CodingTables(std::move(contexts));
 }
 

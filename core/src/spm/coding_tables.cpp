@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <queue>
 
+#include "contexts.hpp"
+
 namespace nearmesh {
 namespace {
 
@@ -47,25 +49,34 @@ std::array<std::uint8_t, kSymbolLimit + 1> huffman_lengths(
   return lengths;
 }
 
-std::vector<HuffmanTable::Decoded> fast_table(std::span<const HuffmanTable> contexts, int bits) {
+template <bool kVersion3>
+std::vector<HuffmanTable::Decoded> fast_table(std::span<const HuffmanTable> contexts) {
   std::vector<HuffmanTable::Decoded> fast;
-  fast.reserve(contexts.size() << bits);
-  for (const HuffmanTable& table : contexts)
-    for (std::size_t next = 0; next < std::size_t{1} << bits; ++next) {
-      const int more = table.decode_bits - bits;
-      const HuffmanTable::Decoded found = table.decode[more > 0 ? next << more : next >> -more];
-      const bool is_fast = found.length <= bits && found.symbol != kEscape;
-      fast.push_back(is_fast ? found : HuffmanTable::Decoded{});
+  fast.reserve(contexts.size() << kFastCodeBits);
+  for (std::size_t context = 0; context < contexts.size(); ++context) {
+    const HuffmanTable& table = contexts[context];
+    for (std::size_t next = 0; next < std::size_t{1} << kFastCodeBits; ++next) {
+      const int more = table.decode_bits - kFastCodeBits;
+      HuffmanTable::Decoded found = table.decode[more > 0 ? next << more : next >> -more];
+      if (found.length > kFastCodeBits || found.symbol == kEscape) {
+        found = {};
+      } else {
+        found.length += static_cast<std::uint8_t>(
+            record::tail_bits<kVersion3>(static_cast<int>(context), found.symbol));
+      }
+      fast.push_back(found);
     }
+  }
   return fast;
 }
 
 }  // namespace
 
-HuffmanTable HuffmanTable::from_counts(std::span<const std::uint64_t> counts) {
+HuffmanTable HuffmanTable::from_counts(std::span<const std::uint64_t> counts,
+                                       std::uint64_t escapes) {
   std::array<std::uint64_t, kSymbolLimit + 1> weights{};
   std::copy(counts.begin(), counts.end(), weights.begin());
-  weights[kEscape] = 1;
+  weights[kEscape] = escapes + 1;
   HuffmanTable table;
   table.lengths = huffman_lengths(weights);
   // Flatten the rarest until no code is too long; three or four rounds at most in practice, and each
@@ -103,7 +114,10 @@ bool HuffmanTable::derive() {
 
 CodingTables::CodingTables(std::vector<HuffmanTable> contexts)
     : contexts_(std::move(contexts)),
-      few_(fast_table(contexts_, kFewCodeBits)),
-      fast_(fast_table(contexts_, kFastCodeBits)) {}
+      fast_(is_version_3() ? fast_table<true>(contexts_) : fast_table<false>(contexts_)) {}
+
+bool CodingTables::is_version_3() const {
+  return contexts_.size() == record::version3::kContextCount;
+}
 
 }  // namespace nearmesh

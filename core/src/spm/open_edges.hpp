@@ -54,15 +54,13 @@ class OpenEdges {
     const std::uint32_t found = outside(around.left, node) | outside(around.right, node) << 4;
     return vertices[static_cast<std::size_t>(std::countr_zero(found | 0x100U))];
   }
-  /// The face is there; `around` is of its left and right corner.
+  /// The face is there.
   template <bool kFlipped>
-  void add(const Around& around, std::uint32_t left, std::uint32_t right, std::uint32_t outside) {
+  void add(std::uint32_t left, std::uint32_t right, std::uint32_t outside) {
     const std::uint32_t a = kFlipped ? right : left, b = kFlipped ? left : right;
-    add_corner(a, kFlipped ? around.right : around.left, outside, b);
-    const Lists is_shared =
-        all((a ^ b) % kSlots == 0 ? 0xffffffffU : 0);  // then the slot is a's now
-    add_corner(b, select(is_shared, all(b), kFlipped ? around.left : around.right), a, outside);
-    add_corner(outside, lists(outside), b, a);
+    add_corner(a, outside, b);
+    add_corner(b, a, outside);
+    add_corner(outside, b, a);
   }
 
  private:
@@ -88,7 +86,8 @@ class OpenEdges {
   }
   // A face's edges at v, one from `before` and one to `after`. Each closes the edge that runs the other way where the
   // list still has it, and stays open otherwise.
-  void add_corner(std::uint32_t v, Lists old, std::uint32_t before, std::uint32_t after) {
+  void add_corner(std::uint32_t v, std::uint32_t before, std::uint32_t after) {
+    const Lists old = lists(v);
     const Lists none = all(v);
     const Lists ends{before, before, after, after};
     const Lists found = Lists(old == ends);

@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The one record codec (core/spm_format.md, "Record"): contexts, and a record described once for counting, writing and
-// reading. `Coder` is any of CountingCoder, WritingCoder, ReadingCoder; each member takes the value by reference, uses
-// it when counting or writing and sets it when reading, so that the two directions cannot drift apart.
-// A reader looks at its bytes once for several fields: refill() makes WindowReader::kReadyBits of them ready, of which a
-// symbol takes at most kMaxCodeBits (an escape sees to itself) and raw(n) takes n.
+// The one record codec (core/spm_format.md, "Record"): a record described once for counting, writing and reading. `Coder` is
+// any of CountingCoder, WritingCoder, ReadingCoder; each member takes the value by reference, uses it when counting or
+// writing and sets it when reading, so that the two directions cannot drift apart.
 
 #include <algorithm>
 #include <array>
@@ -12,154 +10,12 @@
 #include <cstring>
 #include <vector>
 
-#include "bits.hpp"
+#include "contexts.hpp"
 #include "nearmesh/core/spm/codec.hpp"
-#include "nearmesh/core/spm/train.hpp"
 #include "open_edges.hpp"
+#include "record_coders.hpp"
 
 namespace nearmesh::record {
-
-// ---- contexts -----------------------------------------------------------------------------------
-
-inline constexpr int kShapeSmall = 0;                // node sizes 3..8, one each
-inline constexpr int kShapeLarge = kShapeSmall + 6;  // six classes of larger nodes
-inline constexpr int kOffset0 = kShapeLarge + 6;     // six levels
-inline constexpr int kOffset1 = kOffset0 + 6;        // twelve classes of the previous axis
-inline constexpr int kOffset2 = kOffset1 + 12;
-inline constexpr int kFaceCount = kOffset2 + 12;
-inline constexpr int kInLeft = kFaceCount + 1;  // eight classes of side size
-inline constexpr int kInRight = kInLeft + 8;
-inline constexpr int kOutside = kInRight + 8;  // 32 kinds of guesses x later face x smallest node
-inline constexpr int kDistance = kOutside + 128;  // known neighbour or the node x below or above
-inline constexpr int kBox = kDistance + 4;        // six classes of node size x three axes
-inline constexpr int kContextCount = kBox + 18;
-
-// Symbols with a meaning of their own.
-inline constexpr std::uint32_t kLongShape = 120;  // kShapeLarge: the length stands after it
-inline constexpr std::uint32_t kUnusualFaces =
-    33;  // kOffset0: added when the faces are not the usual two
-inline constexpr std::uint32_t kManyNewFaces = 10;  // kFaceCount: counts stand after it
-inline constexpr std::uint32_t kOutsideBelow =
-    4;  // kOutside: no guess is right; kOutsideBelow + 1: above
-
-// Classes of a node's size, by how many bits size - 1 has.
-inline constexpr std::array<std::int8_t, 33> classes_of(const std::array<int, 5>& last_bits) {
-  std::array<std::int8_t, 33> classes{};
-  for (int bits = 0; bits < 33; ++bits)
-    for (const int last : last_bits)
-      if (bits > last) ++classes[static_cast<std::size_t>(bits)];
-  return classes;
-}
-inline constexpr auto kSmallClasses =
-    classes_of({1, 2, 3, 4, 6});  // 2, 3-4, 5-8, 9-16, 17-64, more
-inline constexpr auto kLevelClasses =
-    classes_of({1, 2, 3, 4, 5});  // 2, 3-4, 5-8, 9-16, 17-32, more
-inline constexpr auto kLargeClasses =
-    classes_of({4, 5, 6, 9, 13});  // 9-16, 17-32, 33-64, 65-512, 513-8192, more
-inline int class_of(std::uint32_t size, const std::array<std::int8_t, 33>& classes) {
-  return classes[static_cast<std::size_t>(bit_length(size - 1))];
-}
-
-// ---- coders -------------------------------------------------------------------------------------
-
-inline constexpr int kEscapedBits = 7;
-
-class CountingCoder {
- public:
-  static constexpr bool kReads = false;
-  explicit CountingCoder(TrainingCounts& counts) : counts_(counts) {}
-  void refill() {}
-  template <int kBits = kFastCodeBits>
-  void symbol(int context, std::uint32_t& value) {
-    ++counts_[context][std::min(value, 126U)];
-  }
-  void raw(std::uint32_t, std::uint32_t&) {}
-  bool good() const { return true; }
-
- private:
-  TrainingCounts& counts_;
-};
-
-class WritingCoder {
- public:
-  static constexpr bool kReads = false;
-  WritingCoder(const CodingTables& tables, BitWriter& out)
-      : contexts_(tables.contexts().data()), out_(out) {}
-  void refill() {}
-  template <int kBits = kFastCodeBits>
-  void symbol(int context, std::uint32_t& value) {
-    const HuffmanTable& table = contexts_[context];
-    const HuffmanTable::Code code = table.codes[value];
-    if (code.length > 0) {
-      out_.put(code.bits, code.length);
-    } else {
-      out_.put(table.codes[kEscape].bits, table.codes[kEscape].length);
-      out_.put(value, kEscapedBits);
-    }
-  }
-  void raw(std::uint32_t bits, std::uint32_t& value) { out_.put(value, static_cast<int>(bits)); }
-  bool good() const { return true; }
-
- private:
-  const HuffmanTable* contexts_;
-  BitWriter& out_;
-};
-
-class ReadingCoder {
- public:
-  static constexpr bool kReads = true;
-  /// Reads on where `in` stands.
-  ReadingCoder(const CodingTables& tables, const BitReader& in)
-      : few_(tables.fast<kFewCodeBits>()),
-        fast_(tables.fast<kFastCodeBits>()),
-        contexts_(tables.contexts().data()),
-        in_(in) {}
-  void refill() { in_.refill(); }
-  template <int kBits = kFastCodeBits>
-  void symbol(int context, std::uint32_t& value) {
-    const HuffmanTable::Decoded* const fast = kBits == kFewCodeBits ? few_ : fast_;
-    const HuffmanTable::Decoded found =
-        fast[(static_cast<std::size_t>(context) << kBits) + (in_.window() >> (64 - kBits))];
-    value = found.symbol;
-    in_.take(found.length);
-    if (found.length == 0) [[unlikely]]
-      value = long_symbol(contexts_[context]);
-  }
-  void raw(std::uint32_t bits, std::uint32_t& value) {
-    value = static_cast<std::uint32_t>(in_.window() >> 1 >> (63 - bits));
-    in_.take(bits);
-  }
-  /// Set by a field whose value cannot be; `what` names it.
-  void fail(const char* what) {
-    if (error_ == nullptr) error_ = what;
-  }
-  bool good() const { return error_ == nullptr && !in_.overrun(); }
-  const char* error() const { return error_ != nullptr ? error_ : "bytes end inside a record"; }
-  [[nodiscard]] std::size_t bits_left() const { return in_.bits_left(); }
-
- private:
-  std::uint32_t long_symbol(const HuffmanTable& table) {
-    const HuffmanTable::Decoded found = table.decode[in_.window() >> 1 >> (63 - table.decode_bits)];
-    std::uint32_t value = found.symbol;
-    in_.take(found.length);
-    if (found.symbol == kEscape) {
-      in_.refill();  // a long number and the code of the escape may have left fewer bits
-      raw(kEscapedBits, value);
-    }
-    in_.refill();
-    return value;
-  }
-
-  const HuffmanTable::Decoded *few_, *fast_;
-  const HuffmanTable* contexts_;
-  WindowReader in_;
-  const char* error_ = nullptr;
-};
-
-template <class Coder>
-void fail(Coder& coder, const char* what) {
-  if constexpr (Coder::kReads) coder.fail(what);
-}
 
 // ---- values -------------------------------------------------------------------------------------
 
@@ -167,16 +23,15 @@ void fail(Coder& coder, const char* what) {
 /// kMaxCodeBits + 31 of what is ready.
 template <class Coder>
 void code_number(Coder& coder, int context, std::uint32_t& value) {
-  std::uint32_t length = static_cast<std::uint32_t>(bit_length(value));
-  coder.symbol(context, length);
-  if (Coder::kReads && length > 32) {
-    value = 0;
-    return fail(coder, "length of a number");
+  auto length = static_cast<std::uint32_t>(bit_length(value));
+  std::uint32_t low = value & ~static_cast<std::uint32_t>(std::uint64_t{1} << length >> 1);
+  coder.template number<NumberTail>(context, length, low);
+  if (!Coder::kReads) return;
+  if (length > 32) {
+    length = 0;
+    fail(coder, "length of a number");
   }
-  const std::uint64_t leading = std::uint64_t{1} << length >> 1;
-  std::uint32_t low = value & static_cast<std::uint32_t>(leading - (leading != 0));
-  coder.raw(length - (length > 0 ? 1 : 0), low);
-  if (Coder::kReads) value = static_cast<std::uint32_t>(leading) | low;
+  value = static_cast<std::uint32_t>(std::uint64_t{1} << length >> 1) | low;
 }
 
 /// A number in [0, limit): nothing when limit is 1.
@@ -186,12 +41,14 @@ void code_bounded(Coder& coder, int context, std::uint32_t limit, std::uint32_t&
     if (Coder::kReads) value = 0;
     return;
   }
-  code_number(coder, context + std::min(bit_length(limit - 1), 8) - 1, value);
+  code_number(coder, context + std::min(index_bits(limit), 8) - 1, value);
   if (Coder::kReads && value >= limit) {
     fail(coder, "corner inside the node");
     value = 0;
   }
 }
+
+// ---- node and place -----------------------------------------------------------------------------
 
 /// What the codec needs of a record beside SplitRecord.
 struct Inclusion {
@@ -249,7 +106,8 @@ void code_shape(Coder& coder, std::uint32_t size, std::uint32_t& right, Inclusio
     fail(coder, "size of a child");
   }
   included = {(flags & 1U) != 0, (flags & 2U) != 0};
-  if (((flags & 1U) & (right == size - 1 ? 1U : 0U)) | ((flags >> 1) & (right == 1 ? 1U : 0U)))
+  // A leaf cannot be divided. Sizes are below 2^31: the highest bit of one less two says that it is 1, and nothing branches.
+  if ((flags & ((size - right - 2) >> 31)) | (flags >> 1 & ((right - 2) >> 31)))
     fail(coder, "included children");
 }
 
@@ -261,156 +119,251 @@ int code_offset(Coder& coder, int context, int shift, std::uint32_t max_bias, st
   const std::uint32_t negative = offset < 0 ? 1 : 0;
   const auto magnitude =
       static_cast<std::uint32_t>((negative != 0 ? -std::int64_t{offset} : offset) >> shift);
-  std::uint32_t length = static_cast<std::uint32_t>(bit_length(magnitude)) + bias;
+  std::uint32_t length = static_cast<std::uint32_t>(bit_length(magnitude));
+  auto tail =
+      static_cast<std::uint32_t>((magnitude ^ (std::uint64_t{1} << length >> 1)) << 1 | negative);
+  length += bias;
   coder.refill();
-  coder.symbol(context, length);
+  coder.template number<OffsetTail>(context, length, tail);
   if (Coder::kReads) bias = length >= kUnusualFaces ? kUnusualFaces : 0;
   length -= bias;
-  if (Coder::kReads && (length > 32 || bias > max_bias)) {
+  if (!Coder::kReads) return static_cast<int>(length);
+  if (length > 32 || bias > max_bias) {
     fail(coder, "length of a number");
     length = 0;
   }
-  const std::uint64_t leading = std::uint64_t{1} << length >> 1;
-  auto tail = static_cast<std::uint32_t>((magnitude ^ leading) << 1 | negative);
-  coder.raw(length, tail);
-  if (Coder::kReads) {
-    const std::uint64_t value = (leading | tail >> 1) << shift;
-    if (value > 0x7fffffffU) {
-      fail(coder, "offset");
-    } else {
-      const auto sign = -static_cast<std::int32_t>(tail & 1U);  // all ones when negative
-      offset = (static_cast<std::int32_t>(value) ^ sign) - sign;
-    }
+  const std::uint64_t value = ((std::uint64_t{1} << length >> 1) | tail >> 1) << shift;
+  if (value > 0x7fffffffU) {
+    fail(coder, "offset");
+  } else {
+    const auto sign = -static_cast<std::int32_t>(tail & 1U);  // all ones when negative
+    offset = (static_cast<std::int32_t>(value) ^ sign) - sign;
   }
   return static_cast<int>(length);
 }
 
-// ---- outside corners ----------------------------------------------------------------------------
+// ---- faces --------------------------------------------------------------------------------------
 
-/// Which children of a node are known to be leaves when its faces are coded: then the node says which vertex a corner is.
-template <bool kLeft, bool kRight>
-struct Leaves {
-  static constexpr bool kLeftIsLeaf = kLeft, kRightIsLeaf = kRight;
+/// The usual two faces of a record: their corners in the node's children, given as places there.
+struct InnerCorners {
+  std::array<std::uint32_t, 2> left{}, right{};
 };
 
-// ---- the record ---------------------------------------------------------------------------------
-
-/// One face; left, right and flipped first, then the outside corner. `is_first`: of its record.
-template <bool kFlipped, class Leaf, class Coder>
-void code_face(Coder& coder, const SpmHeader& header, OpenEdges& edges, const NodeSpan& node,
-               std::uint32_t split, bool is_first, SplitFace& face) {
-  std::uint32_t left = Leaf::kLeftIsLeaf ? node.begin() : face.left.value;
-  std::uint32_t right = Leaf::kRightIsLeaf ? split : face.right.value;
+/// One symbol for all four where the sides are small, else a number each; nothing where both are leaves.
+template <class Coder>
+void code_inner_corners(Coder& coder, std::uint32_t left_size, std::uint32_t right_size,
+                        InnerCorners& corners) {
+  auto& [left, right] = corners;
+  if (left_size + right_size == 2) return;
+  const int left_bits = index_bits(left_size), right_bits = index_bits(right_size);
   coder.refill();
-  if (!Leaf::kRightIsLeaf) {
-    std::uint32_t in_right = right - split;
-    code_bounded(coder, kInRight, node.end() - split, in_right);
-    if (Coder::kReads) right = split + in_right;
-    if (!Leaf::kLeftIsLeaf) coder.refill();
+  if (left_bits + right_bits <= kMaxCornerBits) {
+    const int right_at = 2 * left_bits;
+    std::uint32_t symbol =
+        left[0] | left[1] << left_bits | right[0] << right_at | right[1] << (right_at + right_bits);
+    coder.symbol(kCornerContexts[left_size][right_size], symbol);
+    if (!Coder::kReads) return;
+    const std::uint32_t left_mask = (1U << left_bits) - 1, right_mask = (1U << right_bits) - 1;
+    left = {symbol & left_mask, symbol >> left_bits & left_mask};
+    right = {symbol >> right_at & right_mask, symbol >> (right_at + right_bits)};
+    if ((left[0] >= left_size) | (left[1] >= left_size) | (right[0] >= right_size) |
+        (right[1] >= right_size)) {
+      corners = {};
+      fail(coder, "corner inside the node");
+    }
+    return;
   }
-  if (!Leaf::kLeftIsLeaf) {
-    std::uint32_t in_left = left - node.begin();
-    code_bounded(coder, kInLeft, split - node.begin(), in_left);
-    if (Coder::kReads) left = node.begin() + in_left;
+  for (std::size_t i = 0; i < 2; ++i) {
+    if (i > 0) coder.refill();
+    code_bounded(coder, kInRight, right_size, right[i]);
+    if (left_size > 1 && right_size > 1) coder.refill();
+    code_bounded(coder, kInLeft, left_size, left[i]);
   }
+}
 
-  const OpenEdges::Around around = edges.around<kFlipped>(left, right, node);
+/// The symbol of an outside corner: which guess is right, or on which side of the neighbour it lies.
+inline std::uint32_t outside_symbol(const OpenEdges::Around& around, const NodeSpan& node,
+                                    std::uint32_t outside) {
   std::array<std::uint32_t, 4> guesses;
   std::memcpy(guesses.data(), &around.guesses, sizeof guesses);
-  std::uint32_t outside = face.outside.value;
-  std::uint32_t symbol = 0;
-  if (!Coder::kReads) {
-    while (symbol < kOutsideBelow && guesses[symbol] != outside) ++symbol;
-    if (symbol == kOutsideBelow && outside >= OpenEdges::neighbour(around, node, node.begin()))
-      ++symbol;
-  }
-  coder.template symbol<kFewCodeBits>(kOutside + static_cast<int>(around.kind) * 4 +
-                                          (is_first ? 0 : 2) +
-                                          (Leaf::kLeftIsLeaf && Leaf::kRightIsLeaf ? 1 : 0),
-                                      symbol);
+  const auto found = std::find(guesses.begin(), guesses.end(), outside);
+  if (found != guesses.end()) return static_cast<std::uint32_t>(found - guesses.begin());
+  return kOutsideBelow + (outside < OpenEdges::neighbour(around, node, node.begin()) ? 0 : 1);
+}
+
+/// The outside corner that `symbol` stands for.
+template <class Coder>
+void code_outside(Coder& coder, const SpmHeader& header, const OpenEdges::Around& around,
+                  const NodeSpan& node, std::uint32_t symbol, std::uint32_t& outside) {
   if (symbol < kOutsideBelow) {
-    if (Coder::kReads) outside = guesses[symbol];
+    std::array<std::uint32_t, 4> guesses;
+    std::memcpy(guesses.data(), &around.guesses, sizeof guesses);
+    outside = guesses[symbol];
   } else {
-    if (Coder::kReads && symbol > kOutsideBelow + 1) return fail(coder, "outside corner");
     const bool below = symbol == kOutsideBelow;
     const std::uint32_t none = below ? node.begin() : node.end();
     const std::uint32_t base = OpenEdges::neighbour(around, node, none);
     std::uint32_t distance = below ? base - 1 - outside : outside - base;
     coder.refill();
-    code_number(coder, kDistance + (base == none ? 2 : 0) + (below ? 0 : 1), distance);
+    code_number(coder, distance_context<Coder::kVersion3>(base != none, below, node.size),
+                distance);
     if (Coder::kReads) {
-      // Below and above are as likely as each other: masks again. base - 1 - x is base + ~x.
+      // Below and above are as likely as each other: masks choose. base - 1 - x is base + ~x.
       const std::uint32_t down = below ? 0xffffffffU : 0;
       if (distance >= ((base & down) | ((header.vertex_count - base) & ~down)))
         return fail(coder, "outside corner");
       outside = base + (distance ^ down);
     }
   }
-  if (Coder::kReads) {
-    if (node.contains({outside})) return fail(coder, "outside corner");
-    face = {{left}, {right}, {outside}, kFlipped};
-  }
-  edges.add<kFlipped>(around, left, right, outside);
+  if (Coder::kReads && node.contains({outside})) fail(coder, "outside corner");
 }
 
-/// The usual two faces.
-template <class Leaf, class Coder>
+/// The usual two faces. Both corners' guesses are of what is known before either: all but the symbols can then be had at once.
+template <class Coder>
 void code_two_faces(Coder& coder, const SpmHeader& header, OpenEdges& edges, const NodeSpan& node,
                     std::uint32_t split, SplitFace* faces) {
-  code_face<false, Leaf>(coder, header, edges, node, split, true, faces[0]);
-  code_face<true, Leaf>(coder, header, edges, node, split, false, faces[1]);
+  InnerCorners corners;
+  if (!Coder::kReads)
+    corners = {{faces[0].left.value - node.begin(), faces[1].left.value - node.begin()},
+               {faces[0].right.value - split, faces[1].right.value - split}};
+  code_inner_corners(coder, split - node.begin(), node.end() - split, corners);
+  const std::array left{node.begin() + corners.left[0], node.begin() + corners.left[1]};
+  const std::array right{split + corners.right[0], split + corners.right[1]};
+
+  const OpenEdges::Around first = edges.around<false>(left[0], right[0], node);
+  const OpenEdges::Around second = edges.around<true>(left[1], right[1], node);
+  std::array outside{faces[0].outside.value, faces[1].outside.value};
+  std::array<std::uint32_t, 2> symbols{};
+  if (!Coder::kReads)
+    symbols = {outside_symbol(first, node, outside[0]), outside_symbol(second, node, outside[1])};
+  std::uint32_t both = symbols[0] * 8 + symbols[1];
+  coder.symbol(kOutsidePair + kPairKinds[first.kind] * 13 + kPairKinds[second.kind], both);
+  if (Coder::kReads) {
+    if (both / 8 >= kOutsideSymbols || both % 8 >= kOutsideSymbols) {
+      both = 0;
+      fail(coder, "outside corner");
+    }
+    symbols = {both / 8, both % 8};
+  }
+  code_outside(coder, header, first, node, symbols[0], outside[0]);
+  code_outside(coder, header, second, node, symbols[1], outside[1]);
+  if (Coder::kReads) {
+    faces[0] = {{left[0]}, {right[0]}, {outside[0]}, false};
+    faces[1] = {{left[1]}, {right[1]}, {outside[1]}, true};
+  }
+  edges.add<false>(left[0], right[0], outside[0]);
+  edges.add<true>(left[1], right[1], outside[1]);
 }
 
-/// Faces of any number; the last `flipped` of them are.
+/// One of any number of faces, the first of its record or a later one.
+template <bool kFlipped, class Coder>
+void code_any_face(Coder& coder, const SpmHeader& header, OpenEdges& edges, const NodeSpan& node,
+                   std::uint32_t split, bool is_first, SplitFace& face) {
+  std::uint32_t in_right = face.right.value - split, in_left = face.left.value - node.begin();
+  coder.refill();
+  code_bounded(coder, kInRight, node.end() - split, in_right);
+  coder.refill();
+  code_bounded(coder, kInLeft, split - node.begin(), in_left);
+  const std::uint32_t left = node.begin() + in_left, right = split + in_right;
+  const OpenEdges::Around around = edges.around<kFlipped>(left, right, node);
+  std::uint32_t outside = face.outside.value;
+  std::uint32_t symbol = Coder::kReads ? 0 : outside_symbol(around, node, outside);
+  const int kind = static_cast<int>(around.kind);
+  const int context3 =
+      version3::kOutside + kind * 4 + (is_first ? 0 : 2) + (node.size == 2 ? 1 : 0);
+  coder.symbol(Coder::kVersion3 ? context3 : kOutside + kind, symbol);
+  if (Coder::kReads && symbol >= kOutsideSymbols) return fail(coder, "outside corner");
+  code_outside(coder, header, around, node, symbol, outside);
+  face = {{left}, {right}, {outside}, kFlipped};
+  edges.add<kFlipped>(left, right, outside);
+}
+
+/// How many faces, and how many of them flipped, where they are not the usual two.
 template <class Coder>
-void code_any_faces(Coder& coder, const SpmHeader& header, OpenEdges& edges, const NodeSpan& node,
-                    std::uint32_t split, std::uint32_t flipped, std::uint32_t count,
-                    std::vector<SplitFace>& faces, std::uint32_t face_begin) {
-  for (std::uint32_t i = 0; i < count; ++i) {
-    if (Coder::kReads) {
-      if (!coder.good()) return;
-      if (faces.size() == face_begin + i) faces.emplace_back();
-    }
-    SplitFace& face = faces[face_begin + i];
-    const bool is_first = i == 0, is_flipped = i >= count - flipped;
-    if (node.size > 2) {
-      using Leaf = Leaves<false, false>;
-      if (is_flipped) {
-        code_face<true, Leaf>(coder, header, edges, node, split, is_first, face);
-      } else {
-        code_face<false, Leaf>(coder, header, edges, node, split, is_first, face);
-      }
-    } else {
-      using Leaf = Leaves<true, true>;
-      if (is_flipped) {
-        code_face<true, Leaf>(coder, header, edges, node, split, is_first, face);
-      } else {
-        code_face<false, Leaf>(coder, header, edges, node, split, is_first, face);
-      }
-    }
+void code_face_count(Coder& coder, std::uint32_t& count, std::uint32_t& flipped) {
+  std::uint32_t symbol = count <= 3 ? count * (count + 1) / 2 + flipped : kManyNewFaces;
+  coder.refill();
+  coder.symbol(kFaceCount, symbol);
+  if (Coder::kReads) {
+    count = 0;
+    while (symbol < kManyNewFaces && (count + 1) * (count + 2) / 2 <= symbol) ++count;
+    flipped = symbol < kManyNewFaces ? symbol - count * (count + 1) / 2 : 0;
+    if (symbol > kManyNewFaces) return fail(coder, "face count");
+  }
+  if (symbol == kManyNewFaces) {
+    coder.refill();
+    coder.raw(24, count);
+    coder.raw(24, flipped);
+    if (Coder::kReads && flipped > count) fail(coder, "flipped faces");
   }
 }
 
-/// Codes `node`'s split. In: record.node, box_policy, shift; everything else is in when writing and out when reading.
-/// `faces` are the record's from `face_begin` on (reading: appended there, over what stands there).
+/// Faces of any number, the flipped ones last. In: node and split of the record, whether they are the usual two; reading:
+/// faces are appended from record.face_begin on, over what stands there.
+template <class Coder>
+[[gnu::noinline]] void code_any_faces(Coder& coder, const SpmHeader& header, OpenEdges& edges,
+                                      bool are_usual, SplitRecord& record,
+                                      std::vector<SplitFace>& faces) {
+  std::uint32_t count = are_usual ? 2 : record.face_count, flipped = are_usual ? 1 : 0;
+  if (!are_usual) {
+    if (!Coder::kReads)
+      for (std::uint32_t i = 0; i < count; ++i)
+        flipped += faces[record.face_begin + i].flipped ? 1 : 0;
+    code_face_count(coder, count, flipped);
+  }
+  for (std::uint32_t i = 0; i < count && coder.good(); ++i) {
+    if (Coder::kReads && faces.size() == record.face_begin + i) faces.emplace_back();
+    SplitFace& face = faces[record.face_begin + i];
+    if (i >= count - flipped) {
+      code_any_face<true>(coder, header, edges, record.node, record.split.value, i == 0, face);
+    } else {
+      code_any_face<false>(coder, header, edges, record.node, record.split.value, i == 0, face);
+    }
+  }
+  record.face_count = count;
+}
+
+// ---- boxes --------------------------------------------------------------------------------------
+
+/// The box of a node of this size.
+template <class Coder>
+void code_box(Coder& coder, std::uint32_t size, BoxCode& box) {
+  const int context =
+      (Coder::kVersion3 ? version3::kBox : kBox) + class_of(size, kSmallClasses) * 3;
+  std::uint32_t greatest = 0;
+#pragma GCC unroll 6
+  for (std::size_t k = 0; k < 6; ++k) {
+    if (k % 3 == 0) coder.refill();
+    std::uint32_t code = box[k];
+    coder.symbol(context + static_cast<int>(k / 2), code);
+    if (Coder::kReads) {
+      greatest = std::max(greatest, code);
+      box[k] = static_cast<std::uint8_t>(code);
+    }
+  }
+  if (greatest > kMaxExtentCode) fail(coder, "box extent");
+}
+
+// ---- the record ---------------------------------------------------------------------------------
+
+/// Codes `node`'s split. In: record.node and face_begin, box_policy; everything else is in when writing and out when reading.
+/// `faces` are the record's from face_begin on (reading: appended there, over what stands there).
 template <class Coder>
 void code_record(Coder& coder, const SpmHeader& header, BoxPolicy box_policy, OpenEdges& edges,
-                 SplitRecord& record, Inclusion& included, std::vector<SplitFace>& faces,
-                 std::uint32_t face_begin) {
+                 SplitRecord& record, Inclusion& included, std::vector<SplitFace>& faces) {
   const NodeSpan node = record.node;
   std::uint32_t right_size = Coder::kReads ? 0 : record.right().size;
   code_shape(coder, node.size, right_size, included);
-  if (Coder::kReads) record.split = {node.end() - right_size};
-  const std::uint32_t left_size = node.size - right_size;
+  const std::uint32_t split = node.end() - right_size, left_size = node.size - right_size;
+  if (Coder::kReads) record.split = {split};
 
   // Where the new vertex stands, from the old one; and whether the faces that appear are other than two, the second of
   // them flipped.
-  std::uint32_t unusual = 0;
-  if (!Coder::kReads)
-    unusual = record.face_count == 2 && !faces[face_begin].flipped && faces[face_begin + 1].flipped
-                  ? 0
-                  : kUnusualFaces;
-  std::uint32_t none = 0;
+  std::uint32_t unusual = 0, none = 0;
+  if (!Coder::kReads) {
+    const SplitFace* const own = faces.data() + record.face_begin;
+    unusual = record.face_count == 2 && !own[0].flipped && own[1].flipped ? 0 : kUnusualFaces;
+  }
   const int length0 =
       code_offset(coder, kOffset0 + class_of(node.size, kLevelClasses), header.lattice_shift[0],
                   kUnusualFaces, unusual, record.offset[0]);
@@ -419,76 +372,24 @@ void code_record(Coder& coder, const SpmHeader& header, BoxPolicy box_policy, Op
   code_offset(coder, kOffset2 + std::min(std::max(length0, length1) / 2, 11),
               header.lattice_shift[2], 0, none, record.offset[2]);
 
-  std::uint32_t flipped = 1;
-  if (Coder::kReads) {
-    record.face_begin = face_begin;
-    record.face_count = 2;
-  }
-  if (unusual != 0) {
-    // How many, and how many of them flipped (those come last).
-    if (!Coder::kReads) {
-      flipped = 0;
-      for (std::uint32_t i = 0; i < record.face_count; ++i)
-        flipped += faces[face_begin + i].flipped ? 1 : 0;
-    }
-    std::uint32_t symbol = record.face_count <= 3
-                               ? record.face_count * (record.face_count + 1) / 2 + flipped
-                               : kManyNewFaces;
-    coder.refill();
-    coder.symbol(kFaceCount, symbol);
-    if (Coder::kReads) {
-      record.face_count = 0;
-      if (symbol > kManyNewFaces) return fail(coder, "face count");
-      while (symbol < kManyNewFaces &&
-             (record.face_count + 1) * (record.face_count + 2) / 2 <= symbol)
-        ++record.face_count;
-      flipped = symbol - record.face_count * (record.face_count + 1) / 2;
-    }
-    if (symbol == kManyNewFaces) {
-      coder.refill();
-      coder.raw(24, record.face_count);
-      coder.raw(24, flipped);
-      if (Coder::kReads && flipped > record.face_count) return fail(coder, "flipped faces");
-    }
-  }
-  if (unusual == 0) {
-    if (Coder::kReads && faces.size() < face_begin + std::size_t{2})
-      faces.resize(face_begin + std::size_t{2});
-    SplitFace* const two = faces.data() + face_begin;
-    const std::uint32_t split = node.end() - right_size;
-    if (node.size == 2) {
-      code_two_faces<Leaves<true, true>>(coder, header, edges, node, split, two);
-    } else if (right_size == 1) {
-      code_two_faces<Leaves<false, true>>(coder, header, edges, node, split, two);
-    } else if (left_size == 1) {
-      code_two_faces<Leaves<true, false>>(coder, header, edges, node, split, two);
-    } else {
-      code_two_faces<Leaves<false, false>>(coder, header, edges, node, split, two);
-    }
+  if (unusual == 0 && !Coder::kVersion3) [[likely]] {
+    if (Coder::kReads && faces.size() < record.face_begin + std::size_t{2})
+      faces.resize(record.face_begin + std::size_t{2});
+    code_two_faces(coder, header, edges, node, split, faces.data() + record.face_begin);
+    if (Coder::kReads) record.face_count = 2;
   } else {
-    code_any_faces(coder, header, edges, node, node.end() - right_size, flipped, record.face_count,
-                   faces, face_begin);
+    // By way of a copy: an object that others know the place of is not kept in registers.
+    Coder copy = coder;
+    code_any_faces(copy, header, edges, unusual == 0, record, faces);
+    if constexpr (Coder::kReads) coder = copy;
   }
 
   // Boxes of the children that stay whole.
-  const auto code_box = [&](std::uint32_t size, bool is_included, BoxCode& box) {
-    if (size == 1 || (box_policy == BoxPolicy::kCutNodes && is_included)) return;
-    const int context = kBox + class_of(size, kSmallClasses) * 3;
-    std::uint32_t greatest = 0;
-#pragma GCC unroll 6
-    for (std::size_t k = 0; k < 6; ++k) {
-      if (k % 3 == 0) coder.refill();
-      std::uint32_t code = box[k];
-      coder.symbol(context + static_cast<int>(k / 2), code);
-      if (Coder::kReads) {
-        greatest = std::max(greatest, code);
-        box[k] = static_cast<std::uint8_t>(code);
-      }
-    }
-    if (greatest > kMaxExtentCode) fail(coder, "box extent");
+  const auto has_box = [box_policy](std::uint32_t size, bool is_included) {
+    return size > 1 && (box_policy == BoxPolicy::kAllNodes || !is_included);
   };
-  code_box(left_size, included.left, record.left_box);
-  code_box(right_size, included.right, record.right_box);
+  if (has_box(left_size, included.left)) code_box(coder, left_size, record.left_box);
+  if (has_box(right_size, included.right)) code_box(coder, right_size, record.right_box);
 }
 
 }  // namespace nearmesh::record

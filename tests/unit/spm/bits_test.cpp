@@ -55,7 +55,8 @@ TEST(WindowReader, ReadsWhatABitReaderReads) {
     for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>(random.next());
     BitReader expected(bytes);
     expected.skip(static_cast<int>(random.below(static_cast<std::uint32_t>(bytes.size() * 8 + 1))));
-    WindowReader in(expected);
+    const PaddedBytes padded(bytes);
+    WindowReader in(padded, expected.used());
     for (int field = 0; field < 30; ++field) {
       in.refill();
       for (int ready = WindowReader::kReadyBits; ready > 0;) {
@@ -63,8 +64,7 @@ TEST(WindowReader, ReadsWhatABitReaderReads) {
             1 + static_cast<int>(random.below(static_cast<std::uint32_t>(std::min(ready, 32))));
         ASSERT_EQ(in.window() >> (64 - bits), expected.get(bits));
         in.take(static_cast<std::uint64_t>(bits));
-        ASSERT_EQ(in.overrun(), expected.overrun());
-        ASSERT_EQ(in.bits_left(), expected.bits_left());
+        ASSERT_EQ(in.used_bits(), expected.used());
         ready -= bits;
       }
     }

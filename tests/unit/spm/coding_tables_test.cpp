@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "../../../core/src/spm/contexts.hpp"
 #include "nearmesh/core/base/random.hpp"
 
 namespace nearmesh {
@@ -31,29 +32,12 @@ TEST(HuffmanTable, EveryCodeDecodesToItsSymbol) {
   }
 }
 
-// By the next kBits bits: every code of no more bits but the escape, and nothing else.
-template <int kBits>
-void expect_fast_codes(const CodingTables& tables) {
-  for (std::size_t c = 0; c < tables.contexts().size(); ++c) {
-    const HuffmanTable& table = tables.contexts()[c];
-    for (std::size_t next = 0; next < std::size_t{1} << kBits; ++next) {
-      const HuffmanTable::Decoded& fast = tables.fast<kBits>()[(c << kBits) + next];
-      const std::size_t twelve = next << (kMaxCodeBits - kBits);
-      const HuffmanTable::Decoded& found =
-          table.decode[twelve >> (kMaxCodeBits - table.decode_bits)];
-      const bool is_short = found.length <= kBits && found.symbol != kEscape;
-      ASSERT_EQ(fast.length, is_short ? found.length : 0);
-      if (is_short) {
-        ASSERT_EQ(fast.symbol, found.symbol);
-      }
-    }
-  }
-}
-
-TEST(CodingTables, FastTablesHoldTheShortCodesAndNothingElse) {
+/// By the next kFastCodeBits bits: every code of no more bits but the escape, and nothing else; with the bits that follow.
+template <bool kVersion3>
+void expect_fast_table(int context_count) {
   Random random(1);
   std::vector<HuffmanTable> contexts;
-  for (int i = 0; i < 100; ++i)
+  for (int i = 0; i < context_count - 2; ++i)
     contexts.push_back(HuffmanTable::from_counts(random_counts(random)));
   std::vector<std::uint64_t> few(kSymbolLimit);
   few[5] = 1000;
@@ -61,8 +45,22 @@ TEST(CodingTables, FastTablesHoldTheShortCodesAndNothingElse) {
   contexts.push_back(HuffmanTable::from_counts(few));
   contexts.push_back(HuffmanTable::from_counts(std::vector<std::uint64_t>(kSymbolLimit)));
   const CodingTables tables(contexts);
-  expect_fast_codes<kFastCodeBits>(tables);
-  expect_fast_codes<kFewCodeBits>(tables);
+  ASSERT_EQ(tables.is_version_3(), kVersion3);
+  for (std::size_t c = 0; c < contexts.size(); ++c)
+    for (std::size_t next = 0; next < std::size_t{1} << kFastCodeBits; ++next) {
+      const HuffmanTable::Decoded& fast = tables.fast()[(c << kFastCodeBits) + next];
+      const std::size_t twelve = next << (kMaxCodeBits - kFastCodeBits);
+      const HuffmanTable::Decoded& found =
+          contexts[c].decode[twelve >> (kMaxCodeBits - contexts[c].decode_bits)];
+      const bool is_short = found.length <= kFastCodeBits && found.symbol != kEscape;
+      ASSERT_EQ(fast.symbol, is_short ? found.symbol : kEscape);
+      const std::uint32_t tail = record::tail_bits<kVersion3>(static_cast<int>(c), found.symbol);
+      ASSERT_EQ(fast.length, is_short ? found.length + tail : 0U);
+    }
+}
+TEST(CodingTables, FastTableHoldsTheShortCodesAndNothingElse) {
+  expect_fast_table<false>(record::kContextCount);
+  expect_fast_table<true>(record::version3::kContextCount);
 }
 
 TEST(HuffmanTable, NoCodeIsLongerThanTheLimit) {

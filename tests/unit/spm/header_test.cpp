@@ -2,6 +2,7 @@
 #include "nearmesh/core/spm/header.hpp"
 
 #include "../../../core/src/spm/bits.hpp"
+#include "../../../core/src/spm/contexts.hpp"
 #include "nearmesh/core/spm/train.hpp"
 #include "test_models.hpp"
 
@@ -35,6 +36,40 @@ TEST_P(Header, EncodesToTheSameBytesAgain) {
   const Result<SpmHeader> decoded = decode_header(bytes);
   ASSERT_TRUE(decoded.is_ok()) << decoded.status().message();
   EXPECT_EQ(encode_header(decoded.value()), bytes);
+}
+
+TEST(Header, OfVersion3EncodesToTheSameBytesAgain) {
+  SpmHeader header = test::bake_named("sphere").header;
+  Random random(30);
+  std::vector<HuffmanTable> contexts;
+  for (int i = 0; i < record::version3::kContextCount; ++i) {
+    std::array<std::uint64_t, kSymbolLimit> counts{};
+    for (std::uint64_t& count : counts) count = random.below(4) == 0 ? random.below(1000) : 0;
+    contexts.push_back(i % 5 == 0 ? HuffmanTable::from_counts({})
+                                  : HuffmanTable::from_counts(counts));
+  }
+  header.tables = CodingTables(std::move(contexts));
+  const auto bytes = encode_header(header);
+  const Result<SpmHeader> decoded = decode_header(bytes);
+  ASSERT_TRUE(decoded.is_ok()) << decoded.status().message();
+  EXPECT_TRUE(decoded.value().tables.is_version_3());
+  EXPECT_EQ(encode_header(decoded.value()), bytes);
+}
+
+TEST(DecodeHeader, RefusesTablesThatAreNoPrefixCode) {
+  // The tables stand last: of escapes alone, 345 times four bits.
+  SpmHeader header = test::bake_named("sphere").header;
+  header.tables = make_tables(TrainingCounts(static_cast<std::size_t>(coding_context_count())));
+  const auto good = encode_header(header);
+  ASSERT_TRUE(decode_header(good).is_ok());
+  auto too_long = good, too_many = good;
+  too_long[good.size() - 100] = 0xff;  // escapes of 15 bits
+  too_many[good.size() - 100] = 0x11;  // an escape of one bit, and no symbol of the rest
+  for (const auto& bytes : {too_long, too_many}) {
+    const Result<SpmHeader> refused = decode_header(bytes);
+    ASSERT_FALSE(refused.is_ok());
+    EXPECT_NE(refused.status().message().find("coding table"), std::string::npos);
+  }
 }
 
 /// What was accepted must be fit for use.
@@ -119,7 +154,7 @@ std::vector<std::uint8_t> header_with_roots(std::uint32_t vertex_count,
                                             const std::vector<std::uint64_t>& sizes,
                                             std::uint64_t open_edges = 0, std::uint64_t parts = 1) {
   BitWriter out;
-  out.put(0x4e4d4833, 32);
+  out.put(0x4e4d4834, 32);
   for (int i = 0; i < 4; ++i) out.put64(0);
   out.put(4096, 14);
   out.put(21, 6);
@@ -142,10 +177,7 @@ std::vector<std::uint8_t> header_with_roots(std::uint32_t vertex_count,
   out.put_gamma(parts - 1);
   if (parts <= kMaxComponentSeeds)
     for (std::uint64_t i = 3; i < 3 * parts; ++i) out.put(i, 21);
-  for (int i = 0; i < coding_context_count(); ++i) {
-    out.put_gamma(0);
-    out.put(0, 4);
-  }
+  for (int i = 0; i < coding_context_count(); ++i) out.put(0, 4);  // the escape alone
   return std::move(out).finish();
 }
 

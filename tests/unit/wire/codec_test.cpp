@@ -36,9 +36,9 @@ TEST(Decode, RefusesHelloWhoseListsDiffer) {
 TEST(Decode, RefusesSubscriptionWithPartialRecords) {
   using S = wire_types::RegionSubscriptionSample;
   expect_refused<S>(valid_subscription(), "attach", [](S& s) { s.attach().pop_back(); });
-  expect_refused<S>(valid_subscription(), "boxes", [](S& s) { s.region_words().push_back(1); });
+  expect_refused<S>(valid_subscription(), "boxes", [](S& s) { s.region_parts().push_back(1); });
   expect_refused<S>(valid_subscription(), "attach", [](S& s) { s.attach().resize(2000); });
-  expect_refused<S>(valid_subscription(), "boxes", [](S& s) { s.region_words().resize(6000); });
+  expect_refused<S>(valid_subscription(), "boxes", [](S& s) { s.region_parts().resize(6000); });
   expect_refused<S>(valid_subscription(), "steps", [](S& s) { s.region_shift(18); });
 }
 

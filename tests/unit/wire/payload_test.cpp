@@ -51,6 +51,28 @@ TEST(Payload, ReportKeepsWhatWasAsked) {
   EXPECT_TRUE(decode_payload<ContactReport>(encode_payload(tilted)).is_ok());
 }
 
+template <class Message>
+Result<Message> recorded_with(const Message& message, std::uint8_t version) {
+  std::vector<std::uint8_t> cdr = encode_payload(message);
+  cdr[4] = version;
+  return decode_payload<Message>(cdr);
+}
+
+TEST(Payload, OfTheOldestRecordedVersionIsReadButForRegions) {
+  constexpr auto kOldest = static_cast<std::uint8_t>(kOldestRecordedWireVersion);
+  const BodyPose pose = test::valid_pose();
+  const Result<BodyPose> read = recorded_with(pose, kOldest);
+  ASSERT_TRUE(read.is_ok()) << read.status().message();
+  EXPECT_EQ(encode_payload(read.value()), encode_payload(pose));
+  EXPECT_TRUE(recorded_with(test::valid_hello(), kOldest).is_ok());
+  EXPECT_TRUE(recorded_with(test::valid_header(), kOldest).is_ok());
+  EXPECT_TRUE(recorded_with(test::valid_batch(), kOldest).is_ok());
+  EXPECT_TRUE(recorded_with(test::valid_report(), kOldest).is_ok());
+  EXPECT_FALSE(recorded_with(test::valid_subscription(), kOldest).is_ok());
+  EXPECT_FALSE(recorded_with(pose, kOldest - 1).is_ok());
+  EXPECT_FALSE(recorded_with(pose, kWireVersion + 1).is_ok());
+}
+
 TEST(Payload, IdlIsTheText) {
   EXPECT_NE(std::string_view(idl_text()).find("struct ContactReportSample {"),
             std::string_view::npos);

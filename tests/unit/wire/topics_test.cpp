@@ -9,7 +9,12 @@ namespace {
 TEST(Topics, CarryPrefixAndVersionButHelloHasNone) {
   const TopicNames names("site/nearmesh");
   EXPECT_EQ(names.hello, "site/nearmesh/hello");
-  EXPECT_EQ(names.split_batch, "site/nearmesh/v4/split_batch");
+  EXPECT_EQ(names.split_batch, "site/nearmesh/v5/split_batch");
+}
+
+TEST(Topics, OfARecordingCarryItsVersion) {
+  EXPECT_EQ(TopicNames("site", 4).body_pose, "site/v4/body_pose");
+  EXPECT_EQ(TopicNames("site", 4).hello, "site/hello");
 }
 
 TEST(Topics, PartitionIsSixteenDigits) {
@@ -29,16 +34,16 @@ TEST(Topics, RemoteEndpointsThatCannotTalkToUsAreNamed) {
   const auto judge = [](const char* topic, std::string_view type) {
     return judge_remote_endpoint("p", topic, type).value_or("");
   };
-  EXPECT_EQ(judge("p/v4/body_pose", kBodyPoseType), "");
+  EXPECT_EQ(judge("p/v5/body_pose", kBodyPoseType), "");
   EXPECT_EQ(judge("p/hello", kHelloType), "");
-  EXPECT_EQ(judge("p/v4/process_status", kProcessStatusType), "");
-  EXPECT_EQ(judge("p/v4/probe", kEchoType), "");
+  EXPECT_EQ(judge("p/v5/process_status", kProcessStatusType), "");
+  EXPECT_EQ(judge("p/v5/probe", kEchoType), "");
   EXPECT_EQ(judge("q/v1/body_pose", kBodyPoseType), "");
   EXPECT_EQ(judge("pp/v1/body_pose", kBodyPoseType), "");
   EXPECT_EQ(judge("p/v/body_pose", "x"), "");
   EXPECT_EQ(judge("p/v1", "x"), "");
   EXPECT_EQ(judge("p/video", "x"), "");
-  EXPECT_NE(judge("p/v4/body_pose", "Other").find("Other"), std::string::npos);
+  EXPECT_NE(judge("p/v5/body_pose", "Other").find("Other"), std::string::npos);
   EXPECT_NE(judge("p/v23/body_pose", kBodyPoseType).find("wire version 23"), std::string::npos);
 }
 

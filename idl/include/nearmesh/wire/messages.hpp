@@ -20,7 +20,10 @@ class ModelFile;
 namespace nearmesh::wire {
 
 /// Raised with every change of a topic's layout or of the batch codec. Peers of another version are refused loudly.
-inline constexpr std::uint16_t kWireVersion = 4;
+inline constexpr std::uint16_t kWireVersion = 5;
+/// Recordings from this version on are read and verified. Version 4 differs in how regions are laid out, and in headers and
+/// batches, which say themselves how they are coded.
+inline constexpr std::uint16_t kOldestRecordedWireVersion = 4;
 
 /// Random per process; tells a restarted publisher from the old one, and names a peer.
 using SessionId = std::uint64_t;

@@ -22,7 +22,7 @@ struct SessionOptions {
   double lookahead_s = 0.5;
   double margin_m = 0;            ///< and this much further
   double sweep_s = 0;             ///< also answer for all of this time ahead; 0: do not
-  std::size_t region_boxes = 64;  ///< boxes by which a region is described, in [1, kMaxRegionBoxes]
+  std::size_t region_boxes = 96;  ///< boxes by which a region is described, in [1, kMaxRegionBoxes]
   std::uint32_t request_splits = 4096;  ///< largest answer to one request
   std::uint32_t window_bytes =
       64 * 1024;  ///< batches that may be under way to this peer; twice as much overran the default

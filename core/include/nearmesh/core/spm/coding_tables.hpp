@@ -11,9 +11,8 @@
 namespace nearmesh {
 
 inline constexpr int kMaxCodeBits = 12;
-/// Codes of so many bits are decoded by one look-up: of contexts with few symbols, and of others. What a batch uses of these
-/// tables stays in a processor's first cache.
-inline constexpr int kFewCodeBits = 5, kFastCodeBits = 7;
+/// Codes of so many bits are decoded by one look-up. What a batch uses of this table stays in a processor's first cache.
+inline constexpr int kFastCodeBits = 7;
 inline constexpr int kSymbolLimit = 127;  ///< symbols are 0..126
 inline constexpr std::uint8_t kEscape =
     127;  ///< stands for a symbol never seen in training; 7 raw bits follow
@@ -33,8 +32,9 @@ struct HuffmanTable {
   std::vector<Decoded> decode;                           ///< derived, by the next decode_bits bits
   int decode_bits = 0;
 
-  /// From how often each symbol occurred (the escape is added).
-  [[nodiscard]] static HuffmanTable from_counts(std::span<const std::uint64_t> counts);
+  /// From how often each symbol occurred, and how often none of them.
+  [[nodiscard]] static HuffmanTable from_counts(std::span<const std::uint64_t> counts,
+                                                std::uint64_t escapes = 0);
   /// Fills the derived members; false when the lengths are not a prefix code of at most kMaxCodeBits.
   [[nodiscard]] bool derive();
 };
@@ -46,17 +46,15 @@ class CodingTables {
   explicit CodingTables(std::vector<HuffmanTable> contexts);
 
   [[nodiscard]] const std::vector<HuffmanTable>& contexts() const { return contexts_; }
-  /// By context and, within, the next kBits bits (kFewCodeBits or kFastCodeBits); length 0 for longer codes and the
-  /// escape, which HuffmanTable::decode gives.
-  template <int kBits>
-  [[nodiscard]] const HuffmanTable::Decoded* fast() const {
-    static_assert(kBits == kFewCodeBits || kBits == kFastCodeBits);
-    return (kBits == kFewCodeBits ? few_ : fast_).data();
-  }
+  /// Of a model in a recording of wire version 4: its batches are coded as they were then.
+  [[nodiscard]] bool is_version_3() const;
+  /// By context and, within, the next kFastCodeBits bits: the symbol, and how many bits it and what follows it in any case take.
+  /// kEscape for longer codes and the escape, which HuffmanTable::decode gives.
+  [[nodiscard]] const HuffmanTable::Decoded* fast() const { return fast_.data(); }
 
  private:
   std::vector<HuffmanTable> contexts_;
-  std::vector<HuffmanTable::Decoded> few_, fast_;
+  std::vector<HuffmanTable::Decoded> fast_;
 };
 
 }  // namespace nearmesh
