@@ -61,8 +61,8 @@ inline constexpr std::size_t kMaxHeaderBytes = 1 << 20;
 
 [[nodiscard]] std::vector<std::uint8_t> encode_header(const SpmHeader& header);
 
-/// Version 3 is read too, as recordings hold it (CodingTables::is_version_3). Errors: kCorrupt with the field, expected and found; kUnsupported for another version.
-/// Trusts no count. Cost: O(bytes).
+/// Version 3 is read too, as recordings hold it (CodingTables::is_version_3). Trusts no count. Cost: O(bytes).
+/// Errors: kCorrupt with the field, expected and found.
 [[nodiscard]] Result<SpmHeader> decode_header(std::span<const std::uint8_t> bytes);
 
 /// Whether a body with this model may be taken as solid: only a closed surface has an inside.
