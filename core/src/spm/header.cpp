@@ -17,13 +17,10 @@ constexpr std::uint32_t kVersion3Magic = 0x4e4d4833;  // of recordings of wire v
 
 Status corrupt(const std::string& field) { return {StatusCode::kCorrupt, "mesh header: " + field}; }
 
-// Code lengths of one context: the escape's, 0 for none at all, then symbols in order until the code is complete. Of these few
-// are present, so runs of zeros are counted.
-void write_table(BitWriter& out, const HuffmanTable& table) {
-  out.put(table.lengths[kEscape], 4);
+// Present symbols are few, so runs of zeros are counted. Gives how many there are at the end.
+std::uint32_t write_lengths(BitWriter& out, std::span<const std::uint8_t> lengths) {
   std::uint32_t zeros = 0;
-  for (std::size_t symbol = 0; symbol < kEscape; ++symbol) {
-    const std::uint8_t length = table.lengths[symbol];
+  for (const std::uint8_t length : lengths) {
     if (length == 0) {
       ++zeros;
       continue;
@@ -32,6 +29,13 @@ void write_table(BitWriter& out, const HuffmanTable& table) {
     out.put(length, 4);
     zeros = 0;
   }
+  return zeros;
+}
+
+// Code lengths of one context: the escape's, 0 for none at all, then symbols in order until the code is complete.
+void write_table(BitWriter& out, const HuffmanTable& table) {
+  out.put(table.lengths[kEscape], 4);
+  write_lengths(out, std::span(table.lengths).first(kEscape));
 }
 
 bool read_table(BitReader& in, HuffmanTable& table) {
@@ -51,17 +55,7 @@ bool read_table(BitReader& in, HuffmanTable& table) {
 
 // Version 3 lists the escape with the symbols, and ends each context with a length of 0.
 void write_table_of_version_3(BitWriter& out, const HuffmanTable& table) {
-  std::uint32_t zeros = 0;
-  for (const std::uint8_t length : table.lengths) {
-    if (length == 0) {
-      ++zeros;
-      continue;
-    }
-    out.put_gamma(zeros);
-    out.put(length, 4);
-    zeros = 0;
-  }
-  out.put_gamma(zeros);
+  out.put_gamma(write_lengths(out, table.lengths));
   out.put(0, 4);
 }
 
