@@ -28,6 +28,15 @@ struct TypeOf<BodyPose> : BodyPoseType {};
 template <>
 struct TypeOf<ContactReport> : ContactReportType {};
 
+// After the encapsulation, whose second byte is 1 for little-endian.
+std::size_t low_byte_of_version(std::span<const std::uint8_t> cdr) { return cdr[1] == 1 ? 4 : 5; }
+
+bool is_of_oldest(std::span<const std::uint8_t> cdr) {
+  if (cdr.size() < 6) return false;
+  const std::size_t low = low_byte_of_version(cdr);
+  return cdr[low] == kOldestRecordedWireVersion && cdr[low ^ 1] == 0;
+}
+
 }  // namespace
 
 Status check_recorded_version(std::uint32_t wire_version) {
@@ -41,24 +50,21 @@ Status check_recorded_version(std::uint32_t wire_version) {
 std::vector<std::uint8_t> as_of_now(std::span<const std::uint8_t> cdr) {
   static_assert(kWireVersion < 256);
   std::vector<std::uint8_t> bytes(cdr.begin(), cdr.end());
-  if (bytes.size() < 6) return bytes;
-  const bool is_little = bytes[1] == 1;  // of the encapsulation, after which the version stands
-  std::uint8_t &low = bytes[is_little ? 4 : 5], &high = bytes[is_little ? 5 : 4];
-  if (high == 0 && low == kOldestRecordedWireVersion) low = kWireVersion;
+  if (is_of_oldest(cdr)) bytes[low_byte_of_version(cdr)] = kWireVersion;
   return bytes;
 }
 
 template <class Message>
 Result<Message> decode_payload(std::span<const std::uint8_t> cdr) {
   using Type = TypeOf<Message>;
-  constexpr bool kHasChanged = std::is_same_v<Message, RegionSubscription>;
-  std::vector<std::uint8_t> bytes =
-      kHasChanged ? std::vector<std::uint8_t>(cdr.begin(), cdr.end()) : as_of_now(cdr);
+  std::vector<std::uint8_t> older;
+  if (!std::is_same_v<Message, RegionSubscription> && is_of_oldest(cdr))
+    cdr = older = as_of_now(cdr);
   Type type;
   typename Type::Data data;
   SerializedPayload_t payload;
-  payload.data = bytes.data();
-  payload.length = payload.max_size = static_cast<std::uint32_t>(bytes.size());
+  payload.data = const_cast<std::uint8_t*>(cdr.data());  // only read
+  payload.length = payload.max_size = static_cast<std::uint32_t>(cdr.size());
   type.deserialize(&payload, static_cast<typename Type::Sample*>(&data));
   payload.data = nullptr;  // its destructor would free it
   if (!data.fault.empty()) return Status{StatusCode::kInvalidArgument, data.fault};
