@@ -42,7 +42,7 @@ bool read_table(BitReader& in, HuffmanTable& table) {
   const auto share = [](std::uint32_t length) { return (1U << kMaxCodeBits) >> length; };
   const std::uint32_t escape = in.get(4);
   table.lengths[kEscape] = static_cast<std::uint8_t>(escape);
-  std::uint32_t sum = escape == 0 ? share(0) : share(escape);
+  std::uint32_t sum = share(escape);
   for (std::uint64_t symbol = 0; sum < share(0); ++symbol) {
     symbol += in.get_gamma();
     const std::uint32_t length = in.get(4);

@@ -168,13 +168,13 @@ Result<std::vector<RegionPart>> unpack_region(const PackedRegion& region) {
   std::vector<RegionPart> parts;
   for (std::size_t at = 0; at < region.parts.size(); at += kBytesPerPart) {
     const std::uint8_t* bytes = &region.parts[at];
-    const std::string number = std::to_string(at / kBytesPerPart);
-    if (bytes[9] > kMaxSizeShift) return refuse("size of box " + number);
-    if (bytes[16] > kMaxExtentCode) return refuse("least extent of box " + number);
+    const auto box = [at] { return "box " + std::to_string(at / kBytesPerPart); };
+    if (bytes[9] > kMaxSizeShift) return refuse("size of " + box());
+    if (bytes[16] > kMaxExtentCode) return refuse("least extent of " + box());
     for (std::size_t k = 0; k < 3; ++k)
       if (region.origin[k] + (std::int64_t{bytes[2 * k] | bytes[2 * k + 1] << 8} << region.shift) >
           kMostCell)
-        return refuse("box " + number + " is beyond 2^31 cells");
+        return refuse(box() + " is beyond 2^31 cells");
     RegionPart part = unpack_body(region, bytes);
     const SlabScale scale(part);
     part.slab_lo = scale.lo(bytes[13]);

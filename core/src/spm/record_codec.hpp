@@ -6,8 +6,8 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cstdint>
-#include <cstring>
 #include <vector>
 
 #include "contexts.hpp"
@@ -181,11 +181,15 @@ void code_inner_corners(Coder& coder, std::uint32_t left_size, std::uint32_t rig
   }
 }
 
+using Guesses = std::array<std::uint32_t, 4>;
+inline Guesses guesses_of(const OpenEdges::Around& around) {
+  return std::bit_cast<Guesses>(around.guesses);
+}
+
 /// The symbol of an outside corner: which guess is right, or on which side of the neighbour it lies.
 inline std::uint32_t outside_symbol(const OpenEdges::Around& around, const NodeSpan& node,
                                     std::uint32_t outside) {
-  std::array<std::uint32_t, 4> guesses;
-  std::memcpy(guesses.data(), &around.guesses, sizeof guesses);
+  const Guesses guesses = guesses_of(around);
   const auto found = std::find(guesses.begin(), guesses.end(), outside);
   if (found != guesses.end()) return static_cast<std::uint32_t>(found - guesses.begin());
   return kOutsideBelow + (outside < OpenEdges::neighbour(around, node, node.begin()) ? 0 : 1);
@@ -196,9 +200,7 @@ template <class Coder>
 void code_outside(Coder& coder, const SpmHeader& header, const OpenEdges::Around& around,
                   const NodeSpan& node, std::uint32_t symbol, std::uint32_t& outside) {
   if (symbol < kOutsideBelow) {
-    std::array<std::uint32_t, 4> guesses;
-    std::memcpy(guesses.data(), &around.guesses, sizeof guesses);
-    outside = guesses[symbol];
+    outside = guesses_of(around)[symbol];
   } else {
     const bool below = symbol == kOutsideBelow;
     const std::uint32_t none = below ? node.begin() : node.end();
