@@ -166,8 +166,7 @@ void code_inner_corners(Coder& coder, std::uint32_t left_size, std::uint32_t rig
     const std::uint32_t left_mask = (1U << left_bits) - 1, right_mask = (1U << right_bits) - 1;
     left = {symbol & left_mask, symbol >> left_bits & left_mask};
     right = {symbol >> right_at & right_mask, symbol >> (right_at + right_bits)};
-    if ((left[0] >= left_size) | (left[1] >= left_size) | (right[0] >= right_size) |
-        (right[1] >= right_size)) {
+    if (std::max(left[0], left[1]) >= left_size || std::max(right[0], right[1]) >= right_size) {
       corners = {};
       fail(coder, "corner inside the node");
     }
