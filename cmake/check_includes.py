@@ -2,7 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checks who includes whom. Usage: check_includes.py ROOT, or check_includes.py --self-test.
 
-Rooms are folders; the table below is the whole law. Examples may include all that is public; tests are not checked.
+The law is the table of rooms in ARCHITECTURE.md: what a room may include, beside itself, and which headers of others. A
+room is a folder: core/query and core/include/nearmesh/core/query are both the room core/query. Beside the table:
+  * a header that is installed (in include/) includes installed ones alone; what lies in a folder `detail` is needed by
+    some header that does not;
+  * headers that bring Fast DDS along are for rooms that may include it;
+  * arrows do not run in a circle;
+  * examples include what is installed and not in `detail`; the one of tests only reads, so tests are not checked.
 Prints one line per violation (file:line: what) and exits with 1 when there is any.
 """
 import pathlib
@@ -10,149 +16,172 @@ import re
 import sys
 import tempfile
 
-# Room: the rooms it may include, beside itself.
-ARROWS = {
-    "base": "",
-    "geometry": "base",
-    "mesh": "base geometry",
-    "meshio": "base mesh",
-    "simplify": "base geometry mesh",
-    "spm": "base geometry mesh",
-    "bake": "base geometry mesh simplify spm demand",  # coding tables are trained on demand walks
-    "refine": "base geometry mesh spm",
-    "demand": "base geometry spm",
-    "abtree": "base geometry refine",
-    "query": "base geometry refine abtree",
-    "session": "base",
-    "wire": "base geometry spm",
-    "program": "base wire",
-    "publisher": "base geometry spm demand refine session wire program",
-    "subscriber": "base geometry spm demand refine abtree query session wire program",
-    "tools": "base geometry mesh meshio simplify spm bake refine demand abtree query session",
-    "examples": "base geometry mesh meshio simplify spm bake refine demand abtree query session wire"
-                " publisher subscriber",
-}
-# Third-party headers: first part of the path, and the files (as a pattern) that may include them.
-DDS_FILES = r"(idl/(?!program/)|(publisher|subscriber)/src/dds_[^/]*$|examples/)"
-RESERVED = [
-    (re.compile(r"(fastdds|fastrtps|fastcdr|nearmesh/idl)/"), re.compile(DDS_FILES), "Fast DDS"),
-    (re.compile(r"sqlite3\.h"), re.compile(r"core/src/session/"), "SQLite"),
-    (re.compile(r"(openssl/|tinyxml2)"), re.compile(r"idl/src/.*security_"), "OpenSSL and TinyXML2"),
-    (re.compile(r"assimp/"), re.compile(r"core/src/meshio/"), "assimp"),
-    (re.compile(r"spdlog/"), re.compile(r"(publisher|subscriber|examples|idl/program)/"),
-     "spdlog (core returns reports)"),
-    (re.compile(r"prometheus/"), re.compile(r"idl/program/"), "Prometheus"),
-]
-INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]')
-FOLDERS = ("core", "idl", "publisher", "subscriber", "examples")
+WINGS = ("core", "idl", "publisher", "subscriber")
+ROW = re.compile(r"^\| `([a-z]+/[a-z]+)` \|[^|]*\| ([^|]*) \| ([^|]*) \|$", re.MULTILINE)
+INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]')
+TABLE = "ARCHITECTURE.md"
+DDS = "fastdds/"
+DDS_HEADERS = ("fastdds/", "fastrtps/", "fastcdr/", "nearmesh/idl/nearmesh")
+
+
+def read_law(text):
+    """{room: (rooms that it may include, headers of others that it may include)}."""
+    def words(cell):
+        return set() if cell.strip() == "-" else set(cell.split())
+    return {room: (words(rooms), words(headers)) for room, rooms, headers in ROW.findall(text)}
+
+
+def is_installed(path):
+    return path.parts[1] == "include"
 
 
 def room_of(path):
-    """The room of a file, by its path from the root."""
+    """core/query/walk.cpp and core/include/nearmesh/core/query/query.hpp: core/query."""
     parts = path.parts
-    if parts[:2] == ("idl", "program"):
-        return "program"
-    if parts[0] != "core":
-        return "wire" if parts[0] == "idl" else parts[0]
-    return parts[1] if parts[1] == "tools" else parts[4 if parts[1] == "include" else 2]
-
-
-def room_of_include(name):
-    """The room that an #include names, or None where it is none of ours."""
-    parts = name.split("/")
-    if parts[0] == ".." and len(parts) == 3 and name.endswith("_kernels.hpp"):
-        return parts[1]  # what is inlined into another room's loops
-    if parts[0] != "nearmesh" or len(parts) < 3:
-        return None
-    return parts[2] if parts[1] == "core" else "wire" if parts[1] == "idl" else parts[1]
+    return "/".join((parts[0], parts[4] if is_installed(path) else parts[1]))
 
 
 def includes_of(text):
     for number, line in enumerate(text.splitlines(), 1):
         if match := INCLUDE.match(line):
-            yield number, match[1], match[2]
+            yield number, match[1]
 
 
-def find_dds_headers(files):
-    """Wire headers that bring Fast DDS along, directly or through others, as they are spelled in an #include."""
-    headers = {str(path).split("include/", 1)[1]: list(includes_of(text))
-               for path, text in files.items() if str(path).startswith("idl/include/")}
+def resolve(path, name, files):
+    """The file that an #include in `path` names, or None where it is none of the project's."""
+    parts = name.split("/")
+    if parts[0] == "nearmesh" and len(parts) > 3:
+        return pathlib.Path(parts[1], "include", *parts)
+    beside = path.parent / name
+    if "/" not in name and (beside in files or name.endswith(".hpp")):
+        return beside
+    return pathlib.Path(name) if parts[0] in WINGS + ("tests",) else None
+
+
+def find_circle(law):
+    """Rooms that include each other in a circle, or nothing."""
+    left = {room: set(rooms) for room, (rooms, _) in law.items()}
+    while free := [room for room, rooms in left.items() if not rooms & left.keys()]:
+        for room in free:
+            del left[room]
+    return sorted(left)
+
+
+def find_bringing_dds(files):
+    """Headers that bring Fast DDS along, directly or through others."""
     found = set()
     while True:
-        more = {name for name, lines in headers.items() if name not in found
-                and any(RESERVED[0][0].match(i) or i in found for _, _, i in lines)}
+        more = {path for path, text in files.items() if path.suffix == ".hpp" and path not in found and
+                any(name.startswith(DDS_HEADERS) or resolve(path, name, files) in found for _, name in includes_of(text))}
         if not more:
             return found
         found |= more
 
 
+def check_example(path, files):
+    for number, name in includes_of(files[path]):
+        if name.startswith("nearmesh/") and "/detail/" in name or name.split("/")[0] in WINGS:
+            yield f"{path}:{number}: not for users: {name}"
+
+
+def check_file(path, files, law, bringing_dds):
+    room = room_of(path)
+    if room not in law:
+        yield f"{path}: room '{room}' is not in the table of {TABLE}"
+        return
+    rooms, others = law[room]
+    reserved = set().union(*(headers for _, headers in law.values())) | set(DDS_HEADERS)
+    for number, name in includes_of(files[path]):
+        def line(what, number=number, name=name):
+            return f"{path}:{number}: {what}: {name}"
+        target = resolve(path, name, files)
+        if target is None:
+            may = others | set(DDS_HEADERS) if DDS in others else others
+            if any(name.startswith(prefix) for prefix in reserved) and not any(name.startswith(p) for p in may):
+                yield line(f"not in {room}'s row of the table of {TABLE}")
+        elif target not in files:
+            yield line("no such file; name a header from its public folder, from the root, or plainly beside the file")
+        elif target.parts[0] == "tests":
+            yield line("a test's")
+        else:
+            if room_of(target) not in rooms | {room}:
+                yield line(f"{room} may not include {room_of(target)}")
+            if is_installed(path) and not is_installed(target):
+                yield line("is not installed, but this header is")
+            if target in bringing_dds and DDS not in others:
+                yield line(f"brings Fast DDS into {room}")
+
+
+def find_idle_details(files):
+    """Headers in `detail` that no installed header outside needs."""
+    installed = [path for path in files if is_installed(path)]
+    needed, open_ = set(), [path for path in installed if "detail" not in path.parts]
+    while open_:
+        path = open_.pop()
+        if path not in needed and path in files:
+            needed.add(path)
+            open_ += [target for _, name in includes_of(files[path]) if (target := resolve(path, name, files))]
+    return [path for path in installed if path not in needed]
+
+
 def check(root):
-    files = {path.relative_to(root): path.read_text() for folder in FOLDERS
+    law = read_law((root / TABLE).read_text())
+    found = {path.relative_to(root): path.read_text() for folder in WINGS + ("examples",)
              for path in sorted((root / folder).rglob("*.?pp"))}
-    dds_headers = find_dds_headers(files)
-    violations = []
-    for path, text in files.items():
-        room = room_of(path)
-        if room not in ARROWS:
-            violations.append(f"{path}: room '{room}' is not in the table of cmake/check_includes.py")
-            continue
-        for number, quote, name in includes_of(text):
-            def report(what):
-                violations.append(f"{path}:{number}: {what}: {name}")
-            target = room_of_include(name)
-            if target not in (None, room) and target not in ARROWS[room].split():
-                report(f"{room} may not include {target}")
-            is_ours = "/" in name or name.endswith(".hpp")  # not generated
-            if target is None and quote == '"' and is_ours and path.parent / name not in files:
-                report("name a header from its public folder, or plainly beside the file")
-            if name in dds_headers and not re.match(DDS_FILES, str(path)):
-                report("brings Fast DDS into a file that is not dds_*.cpp")
-            for pattern, may, what in RESERVED:
-                if pattern.match(name) and not may.match(str(path)):
-                    report(f"{what} is not for this file")
+    files = {path: text for path, text in found.items() if path.parts[0] in WINGS}
+    bringing_dds = find_bringing_dds(files)
+    violations = [line for path in files for line in check_file(path, files, law, bringing_dds)]
+    violations += [line for path in found if path not in files for line in check_example(path, found)]
+    violations += [f"{path}: in detail/, but no installed header outside needs it" for path in find_idle_details(files)]
+    violations += [f"{room}: may not be in the table of {TABLE}, there is no such folder"
+                   for room in law if not (root / room).is_dir()]
+    if circle := find_circle(law):
+        violations.append(f"{TABLE}: rooms include each other in a circle: {' '.join(circle)}")
     return violations
 
 
 def self_test():
     """Every kind of violation is planted and must be found; the rest must pass."""
+    table = ("| `core/base` | x | - | - |\n| `core/spm` | x | core/base | sqlite3.h |\n| `core/query` | x | core/spm | hwy/ |\n"
+             "| `idl/dds` | x | core/base | fastdds/ |\n| `publisher/serve` | x | idl/dds | - |\n"
+             "| `publisher/gone` | x | - | - |\n"
+             "| `subscriber/peer` | x | subscriber/dds | - |\n| `subscriber/dds` | x | subscriber/peer | - |\n")
     planted = {
-        "core/include/nearmesh/core/base/hash.hpp": ("#include <vector>", 0),
-        "core/src/spm/codec.cpp": ('#include "nearmesh/core/base/hash.hpp"\n#include "bits.hpp"', 0),
-        "core/src/spm/bits.hpp": ("", 0),
-        "core/src/geometry/bits.cpp": ('#include "bits.hpp"', 1),
-        "core/src/query/walk.cpp": ('#include "../geometry/box_kernels.hpp"', 0),
-        "core/src/geometry/walk.cpp": ('#include "../query/walk_kernels.hpp"', 1),
-        "core/src/query/query.cpp": ('#include "nearmesh/core/abtree/tree.hpp"', 0),
-        "core/src/base/hash.cpp": ('#include "nearmesh/core/spm/types.hpp"', 1),
-        "core/src/demand/collect.cpp": ('#  include "nearmesh/core/refine/replica.hpp"', 1),
-        "core/src/mesh/clean.cpp": ("#include <assimp/scene.h>", 1),
-        "core/src/mesh/log.cpp": ("#include <spdlog/spdlog.h>", 1),
-        "core/src/bake/keep.cpp": ("#include <sqlite3.h>", 1),
-        "core/src/session/keep.cpp": ("#include <sqlite3.h>", 0),
-        "core/src/mesh/far.cpp": ('#include "../spm/bits.hpp"', 1),
-        "core/src/attic/old.cpp": ("", 1),
-        "idl/include/nearmesh/wire/qos.hpp": ("#include <fastdds/dds/topic/Topic.hpp>", 0),
-        "idl/include/nearmesh/wire/indirect.hpp": ('#include "nearmesh/wire/qos.hpp"', 0),
-        "publisher/src/dds_channel.cpp": ('#include "nearmesh/wire/indirect.hpp"', 0),
-        "publisher/src/service.cpp": ('#include "nearmesh/wire/indirect.hpp"', 1),
-        "publisher/src/main.cpp": ('#include "nearmesh/subscriber/session.hpp"', 1),
-        "subscriber/src/session.cpp": ("#include <fastrtps/utils/IPLocator.h>", 1),
-        "subscriber/src/predict.cpp": ('#include "nearmesh/publisher/service.hpp"', 1),
-        "idl/program/src/metrics.cpp": ("#include <prometheus/exposer.h>\n#include <spdlog/spdlog.h>", 0),
-        "idl/program/src/log.cpp": ("#include <fastdds/dds/topic/Topic.hpp>", 1),
-        "subscriber/src/run_command.cpp": ("#include <prometheus/exposer.h>", 1),
-        "examples/tour/main.cpp": ('#include "nearmesh/subscriber/session.hpp"', 0),
+        "core/include/nearmesh/core/base/status.hpp": ('#include <vector>\n#include "nearmesh/core/base/detail/ids.hpp"', 0),
+        "core/include/nearmesh/core/base/detail/ids.hpp": ("", 0),
+        "core/include/nearmesh/core/base/detail/idle.hpp": ("", 1),
+        "core/include/nearmesh/core/spm/file.hpp": ('#include "core/spm/bits.hpp"', 1),
+        "core/spm/bits.hpp": ('#include "nearmesh/core/base/status.hpp"', 0),
+        "core/spm/bits.cpp": ('#include "bits.hpp"\n#include <sqlite3.h>', 0),
+        "core/spm/codec.cpp": ('#include "gone.hpp"\n#include <hwy/highway.h>\n#include "core/query/walk.hpp"', 3),
+        "core/query/walk.hpp": ('#include "core/spm/bits.hpp"', 0),
+        "core/query/walk.cpp": ('#  include "core/base/hash.hpp"\n#include "tests/support/a.hpp"', 2),
+        "core/base/hash.hpp": ("", 0),
+        "core/attic/old.cpp": ("", 1),
+        "idl/dds/qos.hpp": ("#include <fastdds/dds/topic/Topic.hpp>", 0),
+        "idl/dds/indirect.hpp": ('#include "qos.hpp"\n#include <fastrtps/a.h>', 0),
+        "idl/dds/plain.hpp": ("", 0),
+        "publisher/serve/service.cpp": ('#include "idl/dds/indirect.hpp"\n#include "idl/dds/plain.hpp"', 1),
+        "publisher/serve/b.cpp": ("#include <fastrtps/utils/IPLocator.h>", 1),
+        "subscriber/peer/a.cpp": ("", 0),
+        "subscriber/dds/a.cpp": ("", 0),
+        "examples/tour/main.cpp": ('#include "nearmesh/core/spm/file.hpp"\n#include "nearmesh/core/base/detail/ids.hpp"\n'
+                                   '#include "core/base/hash.hpp"', 2),
+        TABLE: ("", 1),  # the circle
+        "publisher/gone": (None, 1),
     }
     with tempfile.TemporaryDirectory() as folder:
         root = pathlib.Path(folder)
         for name, (text, _) in planted.items():
             (root / name).parent.mkdir(parents=True, exist_ok=True)
-            (root / name).write_text(text + "\n")
+            if text is not None:
+                (root / name).write_text(text + "\n")
+        (root / TABLE).write_text(table)
+        (root / "tests/support").mkdir(parents=True)
         violations = check(root)
-    wrong = [f"{name}: expected {count} violations, found {found}"
-             for name, (_, count) in planted.items()
-             if (found := sum(v.startswith(name) for v in violations)) != count]
-    return wrong
+    return [f"{name}: expected {count} violations, found {found}"
+            for name, (_, count) in planted.items()
+            if (found := sum(v.startswith(name + ":") for v in violations)) != count]
 
 
 if __name__ == "__main__":

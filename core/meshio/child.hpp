@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <functional>
 
-#include "nearmesh/core/mesh/detail/indexed_mesh.hpp"
+#include "nearmesh/core/mesh/indexed_mesh.hpp"
 
 namespace nearmesh::meshio {
 

@@ -10,7 +10,7 @@
 #include <string>
 #include <string_view>
 
-#include "nearmesh/core/mesh/detail/indexed_mesh.hpp"
+#include "nearmesh/core/mesh/indexed_mesh.hpp"
 
 namespace nearmesh::meshio {
 

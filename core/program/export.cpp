@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "commands.hpp"
-#include "nearmesh/core/mesh/detail/indexed_mesh.hpp"
+#include "nearmesh/core/mesh/indexed_mesh.hpp"
 #include "nearmesh/core/refine/detail/active_mesh.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
 

@@ -41,9 +41,10 @@ void set_axes(Aircraft& aircraft, const Vector& nose, const Vector& up_hint) {
 }
 
 Vector next_way_point(Aircraft& aircraft, const Ground& ground) {
-  const double x = aircraft.random.between(-kArea_m, kArea_m);
-  const double y = aircraft.random.between(-kArea_m, kArea_m);
-  return {x, y, ground.height_m(x, y) + aircraft.random.between(-30, 120)};
+  std::uniform_real_distribution<double> across_m(-kArea_m, kArea_m), above_m(-30, 120);
+  const double x = across_m(aircraft.random);
+  const double y = across_m(aircraft.random);
+  return {x, y, ground.height_m(x, y) + above_m(aircraft.random)};
 }
 
 Vector acceleration(const Aircraft& aircraft) {
@@ -90,7 +91,7 @@ std::vector<Aircraft> make_fleet(const Ground& ground, const std::string& callsi
   for (std::uint32_t i = 0; i < count; ++i) {
     Aircraft& aircraft = fleet[i];
     aircraft.name = callsign + std::to_string(i + 1);
-    aircraft.random = nearmesh::Random(seed + i);
+    aircraft.random = std::mt19937_64(seed + i);
     aircraft.position_m = next_way_point(aircraft, ground);
     aircraft.position_m[2] += 200;
     aircraft.way_point_m = next_way_point(aircraft, ground);

@@ -5,11 +5,11 @@
 
 #include <array>
 #include <cstdint>
+#include <random>
 #include <string>
 #include <vector>
 
-#include "core/base/random.hpp"
-#include "nearmesh/core/mesh/detail/indexed_mesh.hpp"
+#include "nearmesh/core/mesh/indexed_mesh.hpp"
 
 namespace flight_sim {
 
@@ -23,7 +23,7 @@ struct Aircraft {
   std::array<double, 9> rotation{1, 0, 0, 0, 1,
                                  0, 0, 0, 1};  ///< row-major; columns: nose, left, up
   Vector way_point_m{};
-  nearmesh::Random random{0};
+  std::mt19937_64 random{0};
 };
 
 /// What the autopilot knows of the ground: heights on a lattice, for choosing way points. It knows nothing of contact.

@@ -5,7 +5,7 @@
 #include <cstdint>
 
 #include "core/base/random.hpp"
-#include "nearmesh/core/mesh/detail/indexed_mesh.hpp"
+#include "nearmesh/core/mesh/indexed_mesh.hpp"
 
 namespace nearmesh::test {
 

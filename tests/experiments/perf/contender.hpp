@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "nearmesh/core/geometry/pose.hpp"
-#include "nearmesh/core/mesh/detail/indexed_mesh.hpp"
+#include "nearmesh/core/mesh/indexed_mesh.hpp"
 
 namespace nearmesh::perf {
 

@@ -8,7 +8,7 @@
 #include "nearmesh/core/abtree/detail/tree.hpp"
 #include "nearmesh/core/bake/bake.hpp"
 #include "nearmesh/core/geometry/pose.hpp"
-#include "nearmesh/core/mesh/detail/indexed_mesh.hpp"
+#include "nearmesh/core/mesh/indexed_mesh.hpp"
 
 namespace nearmesh::perf {
 

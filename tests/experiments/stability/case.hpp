@@ -11,7 +11,7 @@
 
 #include "nearmesh/core/base/detail/ids.hpp"
 #include "nearmesh/core/geometry/pose.hpp"
-#include "nearmesh/core/mesh/detail/indexed_mesh.hpp"
+#include "nearmesh/core/mesh/indexed_mesh.hpp"
 
 namespace nearmesh::stability {
 

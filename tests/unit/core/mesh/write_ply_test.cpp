@@ -5,7 +5,7 @@
 #include <fstream>
 #include <iterator>
 
-#include "nearmesh/core/mesh/detail/indexed_mesh.hpp"
+#include "nearmesh/core/mesh/indexed_mesh.hpp"
 #include "nearmesh/core/mesh/generate.hpp"
 
 namespace nearmesh {

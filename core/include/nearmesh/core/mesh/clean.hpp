@@ -10,7 +10,7 @@
 
 #include "nearmesh/core/base/detail/ids.hpp"
 #include "nearmesh/core/geometry/detail/grid.hpp"
-#include "nearmesh/core/mesh/detail/indexed_mesh.hpp"
+#include "nearmesh/core/mesh/indexed_mesh.hpp"
 
 namespace nearmesh {
 
