@@ -155,9 +155,8 @@ def summary(folder):
     for (workload, metric), at in query_times(folder / "queries.csv").items():
         if metric.endswith("median") and "fcl-obb" in at and "refining" not in workload:
             (apart if "/apart" in workload else near).append(at["fcl-obb"] / at["nearmesh"])
-    print("On a replica that holds what a pose needs, a query takes the time of FCL's OBB trees over the full meshes divided by "
-          f"{short(min(near))} to\n{short(max(near))} where bodies touch or nearly do, and by {short(min(apart))} to "
-          f"{short(max(apart))} where they are apart.\n")
+    print(f"Where bodies touch or nearly do, queries are {short(min(near))} to {short(max(near))} times as fast as FCL's OBB trees over "
+          f"the full meshes; where they are apart,\n{short(min(apart))} to {short(max(apart))} times.\n")
 
 
 def queries(path):
