@@ -1,4 +1,4 @@
-# Install and export; tests/consumer proves that the result can be used with find_package(nearmesh).
+# Install and export (public headers: nearmesh_add_library); tests/consumer proves that the result can be used with find_package(nearmesh).
 # One export file a library, so that a project which asks for core alone needs none of the others' dependencies.
 include(CMakePackageConfigHelpers)
 
@@ -9,21 +9,6 @@ foreach(library ${libraries})
   string(REPLACE nearmesh_ "" component ${library})
   install(TARGETS ${library} EXPORT ${library} ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
   install(EXPORT ${library} NAMESPACE nearmesh:: FILE nearmesh-${component}.cmake DESTINATION ${package_folder})
-endforeach()
-
-set(public_folders core idl subscriber)
-set(left_out)
-if(NOT NEARMESH_WITH_DDS)
-  set(left_out REGEX "${NEARMESH_DDS_HEADERS}" EXCLUDE)
-else()
-  list(APPEND public_folders publisher)
-  # Types generated from the IDL; wire/codec.hpp speaks of them.
-  install(DIRECTORY ${PROJECT_BINARY_DIR}/idl/generated/nearmesh DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}
-          FILES_MATCHING PATTERN *.h)
-endif()
-foreach(folder ${public_folders})
-  install(DIRECTORY ${PROJECT_SOURCE_DIR}/${folder}/include/nearmesh DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}
-          FILES_MATCHING PATTERN *.hpp ${left_out})
 endforeach()
 
 foreach(program nearmesh-model nearmesh-publisher nearmesh-subscriber)

@@ -1,4 +1,5 @@
-# One way to make a target, so that every library and program of the project is compiled alike.
+# How every library and program of the project is made. A target is one folder, or a stated list of folders: all sources in
+# them belong to it, and a new file needs no line in any CMake file.
 
 if(NOT CMAKE_BUILD_TYPE AND NOT CMAKE_CONFIGURATION_TYPES)
   set(CMAKE_BUILD_TYPE RelWithDebInfo CACHE STRING "" FORCE)
@@ -33,30 +34,72 @@ function(nearmesh_compile_quickly target)
   endif()
 endfunction()
 
-# nearmesh_add_library(NAME SOURCES ... [PUBLIC_DEPS ...] [PRIVATE_DEPS ...])
-# Makes the static library nearmesh_NAME, alias nearmesh::NAME, with ./include as its public folder.
+# nearmesh_inside(TARGET): sees the headers that stay inside the project, named from its root: "core/demand/collect.hpp".
+function(nearmesh_inside target)
+  target_include_directories(${target} PRIVATE ${PROJECT_SOURCE_DIR})
+endfunction()
+
+# nearmesh_find_sources(OUT FOLDERS...): all sources in the folders.
+function(nearmesh_find_sources out)
+  set(found)
+  foreach(folder ${ARGN})
+    if(NOT IS_DIRECTORY ${CMAKE_CURRENT_SOURCE_DIR}/${folder})
+      message(FATAL_ERROR "${CMAKE_CURRENT_SOURCE_DIR}/${folder}: no such folder")
+    endif()
+    file(GLOB sources CONFIGURE_DEPENDS ${folder}/*.cpp)
+    list(APPEND found ${sources})
+  endforeach()
+  set(${out} ${found} PARENT_SCOPE)
+endfunction()
+
+# nearmesh_add_library(NAME [INSTALLED] FOLDERS ... [SOURCES generated ...] [USES ...] [PRIVATE_USES ...])
+# The static library nearmesh_NAME, alias nearmesh::NAME, of these rooms. Its public headers lie in include/nearmesh beside
+# the rooms. INSTALLED: with those headers; else it serves the programs and tests of this project alone.
 function(nearmesh_add_library name)
-  cmake_parse_arguments(ARG "" "" "SOURCES;PUBLIC_DEPS;PRIVATE_DEPS" ${ARGN})
-  add_library(nearmesh_${name} STATIC ${ARG_SOURCES})
+  cmake_parse_arguments(ARG "INSTALLED" "" "FOLDERS;SOURCES;USES;PRIVATE_USES" ${ARGN})
+  nearmesh_find_sources(sources ${ARG_FOLDERS})
+  list(REMOVE_ITEM sources ${CMAKE_CURRENT_SOURCE_DIR}/program/main.cpp)  # the program itself
+  add_library(nearmesh_${name} STATIC ${sources} ${ARG_SOURCES})
   add_library(nearmesh::${name} ALIAS nearmesh_${name})
   set_target_properties(nearmesh_${name} PROPERTIES EXPORT_NAME ${name})
   target_compile_features(nearmesh_${name} PUBLIC cxx_std_20)
   target_include_directories(nearmesh_${name} PUBLIC
     $<BUILD_INTERFACE:${CMAKE_CURRENT_SOURCE_DIR}/include>
     $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
-  target_link_libraries(nearmesh_${name} PUBLIC ${ARG_PUBLIC_DEPS} PRIVATE ${ARG_PRIVATE_DEPS})
+  nearmesh_inside(nearmesh_${name})
+  target_link_libraries(nearmesh_${name} PUBLIC ${ARG_USES} PRIVATE ${ARG_PRIVATE_USES})
   # Hidden visibility leaves instances of the standard library's templates over our types (vtables of futures, say)
   # visible, since namespace std says so; a host's shared library shall not export these either.
   target_link_options(nearmesh_${name} INTERFACE LINKER:--exclude-libs,libnearmesh_${name}.a)
   nearmesh_compile_options(nearmesh_${name})
-  set_property(GLOBAL APPEND PROPERTY NEARMESH_LIBRARIES nearmesh_${name})
+  if(ARG_INSTALLED)
+    set_property(GLOBAL APPEND PROPERTY NEARMESH_LIBRARIES nearmesh_${name})
+    cmake_path(GET CMAKE_CURRENT_SOURCE_DIR FILENAME wing)
+    foreach(room ${ARG_FOLDERS})
+      set(headers ${CMAKE_CURRENT_SOURCE_DIR}/include/nearmesh/${wing}/${room})
+      if(IS_DIRECTORY ${headers})
+        install(DIRECTORY ${headers} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/nearmesh/${wing} FILES_MATCHING PATTERN *.hpp)
+      endif()
+    endforeach()
+  endif()
 endfunction()
 
-# nearmesh_add_program(NAME SOURCES ... DEPS ...)
+# nearmesh_add_program(NAME SOURCES ... [USES ...]): an executable of these sources.
 function(nearmesh_add_program name)
-  cmake_parse_arguments(ARG "" "" "SOURCES;DEPS" ${ARGN})
+  cmake_parse_arguments(ARG "" "" "SOURCES;USES" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
-  target_link_libraries(${name} PRIVATE ${ARG_DEPS})
+  target_link_libraries(${name} PRIVATE ${ARG_USES})
+  nearmesh_inside(${name})
   nearmesh_compile_options(${name})
   set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/bin)
+endfunction()
+
+# nearmesh_add_program_room(NAME LIBRARY [USES ...]): the program NAME of the room ./program: its main.cpp, and all else as
+# the library nearmesh::LIBRARY, so that tests reach what a program is made of.
+function(nearmesh_add_program_room name library)
+  cmake_parse_arguments(ARG "" "" "USES" ${ARGN})
+  nearmesh_add_library(${library} FOLDERS program USES ${ARG_USES})
+  nearmesh_compile_quickly(nearmesh_${library})
+  nearmesh_add_program(${name} SOURCES program/main.cpp USES nearmesh::${library})
+  nearmesh_compile_quickly(${name})
 endfunction()

@@ -7,8 +7,8 @@
 #include <cstdlib>
 #include <thread>
 
-#include "nearmesh/subscriber/dds_channel.hpp"
-#include "nearmesh/subscriber/session.hpp"
+#include "nearmesh/subscriber/dds/dds_channel.hpp"
+#include "nearmesh/subscriber/peer/session.hpp"
 
 using namespace nearmesh::subscriber;
 

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "nearmesh/core/base/random.hpp"
-#include "nearmesh/core/mesh/indexed_mesh.hpp"
+#include "core/base/random.hpp"
+#include "nearmesh/core/mesh/detail/indexed_mesh.hpp"
 
 namespace flight_sim {
 

@@ -13,8 +13,8 @@
 
 #include "flight.hpp"
 #include "host_bus.hpp"
-#include "nearmesh/subscriber/dds_channel.hpp"
-#include "nearmesh/subscriber/wait_ready.hpp"
+#include "nearmesh/subscriber/dds/dds_channel.hpp"
+#include "nearmesh/subscriber/peer/wait_ready.hpp"
 
 namespace {
 

@@ -8,9 +8,9 @@
 #include <map>
 
 #include "nearmesh/core/query/query.hpp"
-#include "nearmesh/core/session/recording.hpp"
-#include "nearmesh/wire/payload.hpp"
-#include "nearmesh/wire/topics.hpp"
+#include "nearmesh/core/recording/recording.hpp"
+#include "nearmesh/idl/dds/payload.hpp"
+#include "nearmesh/idl/messages/topics.hpp"
 
 using namespace nearmesh;
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Predicates where signs are hard, box tests and gaps, poses up to their limits.
+#include "core/geometry/placed_boxes.hpp"
+#include "core/geometry/triangle_overlap.hpp"
 #include "jobs.hpp"
-#include "nearmesh/core/geometry/placed_boxes.hpp"
-#include "nearmesh/core/geometry/triangle_overlap.hpp"
 #include "test_models.hpp"
 
 namespace nearmesh::digest_jobs {

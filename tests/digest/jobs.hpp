@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "nearmesh/core/base/hash.hpp"
+#include "core/base/hash.hpp"
 
 namespace nearmesh::digest_jobs {
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // From meshes to models: clean, simplify, bake, encode; what is encoded is decoded again.
+#include "core/refine/replica.hpp"
+#include "core/spm/blocks.hpp"
 #include "jobs.hpp"
-#include "nearmesh/core/refine/replica.hpp"
-#include "nearmesh/core/spm/blocks.hpp"
 #include "test_models.hpp"
 
 namespace nearmesh::digest_jobs {

@@ -5,7 +5,7 @@
 #include <filesystem>
 
 #include "jobs.hpp"
-#include "nearmesh/subscriber/verify.hpp"
+#include "subscriber/recorded/verify.hpp"
 
 namespace nearmesh::digest_jobs {
 namespace {

@@ -3,10 +3,10 @@
 // replica of a small model; and what a hostile peer can do to a publisher: requests of any content.
 // Holds: what is not refused leaves a replica in order, and its tree answers as one made afresh.
 
+#include "core/demand/collect.hpp"
+#include "core/refine/replica.hpp"
+#include "core/spm/packed_region.hpp"
 #include "fuzz_models.hpp"
-#include "nearmesh/core/demand/collect.hpp"
-#include "nearmesh/core/refine/replica.hpp"
-#include "nearmesh/core/spm/packed_region.hpp"
 
 using namespace nearmesh;
 

@@ -2,9 +2,9 @@
 // A mesh file of one of the four formats that our own readers take, then its clean-up and, where it is small, the
 // baking of a model. The first byte names the format.
 
+#include "core/meshio/plain_formats.hpp"
 #include "fuzz_input.hpp"
 #include "nearmesh/core/bake/bake.hpp"
-#include "plain_formats.hpp"
 
 using namespace nearmesh;
 

@@ -7,7 +7,7 @@
 
 #include <string>
 
-#include "file_layout.hpp"
+#include "core/spm/file_layout.hpp"
 #include "fuzz_models.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
 #include "nearmesh/core/spm/write_model_file.hpp"

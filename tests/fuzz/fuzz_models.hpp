@@ -7,11 +7,11 @@
 #include <string>
 #include <vector>
 
+#include "core/base/hash.hpp"
+#include "core/base/random.hpp"
 #include "fuzz_input.hpp"
-#include "nearmesh/core/abtree/ab_tree.hpp"
+#include "nearmesh/core/abtree/detail/ab_tree.hpp"
 #include "nearmesh/core/bake/bake.hpp"
-#include "nearmesh/core/base/hash.hpp"
-#include "nearmesh/core/base/random.hpp"
 #include "nearmesh/core/mesh/generate.hpp"
 #include "nearmesh/core/query/query.hpp"
 #include "soup.hpp"

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/geometry/triangle_overlap.hpp"
 #include "fuzz_input.hpp"
-#include "nearmesh/core/geometry/box_overlap.hpp"
-#include "nearmesh/core/geometry/triangle_overlap.hpp"
+#include "nearmesh/core/geometry/detail/box_overlap.hpp"
 
 using namespace nearmesh;
 

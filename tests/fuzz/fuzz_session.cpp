@@ -6,9 +6,9 @@
 
 #include <map>
 
+#include "core/refine/replica.hpp"
+#include "core/spm/blocks.hpp"
 #include "fuzz_models.hpp"
-#include "nearmesh/core/refine/replica.hpp"
-#include "nearmesh/core/spm/blocks.hpp"
 
 using namespace nearmesh;
 

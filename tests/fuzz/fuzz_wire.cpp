@@ -4,8 +4,8 @@
 // Holds: what is accepted survives the way to bytes and back.
 
 #include "fuzz_input.hpp"
-#include "nearmesh/wire/codec.hpp"
-#include "nearmesh/wire/type_support.hpp"
+#include "idl/dds/codec.hpp"
+#include "idl/dds/type_support.hpp"
 
 using namespace nearmesh;
 using namespace nearmesh::wire;

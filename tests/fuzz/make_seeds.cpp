@@ -6,10 +6,10 @@
 #include <fstream>
 
 #include "fuzz_models.hpp"
+#include "idl/dds/codec.hpp"
+#include "idl/dds/type_support.hpp"
 #include "nearmesh/core/spm/write_model_file.hpp"
-#include "nearmesh/wire/codec.hpp"
-#include "nearmesh/wire/type_support.hpp"
-#include "samples.hpp"
+#include "tests/unit/idl/dds/samples.hpp"
 
 using namespace nearmesh;
 

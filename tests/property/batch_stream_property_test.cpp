@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A peer's view of a stream: whatever prefix of it has come, whatever is lost, no certified answer
 // is wrong.
-#include "nearmesh/core/geometry/box_overlap.hpp"
+#include "nearmesh/core/geometry/detail/box_overlap.hpp"
 #include "random_policies.hpp"
 
 namespace nearmesh {

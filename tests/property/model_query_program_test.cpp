@@ -7,7 +7,7 @@
 #include <map>
 #include <sstream>
 
-#include "nearmesh/core/base/csv.hpp"
+#include "core/base/csv.hpp"
 #include "test_models.hpp"
 
 namespace nearmesh {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "nearmesh/core/query/query.hpp"
-#include "nearmesh/core/refine/active_mesh.hpp"
+#include "nearmesh/core/refine/detail/active_mesh.hpp"
 
 namespace nearmesh::test {
 

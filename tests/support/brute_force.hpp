@@ -6,7 +6,7 @@
 #include <iterator>
 #include <set>
 
-#include "nearmesh/core/geometry/triangle_overlap.hpp"
+#include "core/geometry/triangle_overlap.hpp"
 #include "test_models.hpp"
 
 namespace nearmesh::test {

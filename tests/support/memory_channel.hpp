@@ -14,9 +14,9 @@
 #include <map>
 #include <memory>
 
-#include "nearmesh/core/base/random.hpp"
-#include "nearmesh/publisher/channel.hpp"
-#include "nearmesh/subscriber/channel.hpp"
+#include "core/base/random.hpp"
+#include "nearmesh/subscriber/peer/channel.hpp"
+#include "publisher/serve/channel.hpp"
 
 namespace nearmesh::test {
 

@@ -3,8 +3,8 @@
 // Random states of refinement that a peer can be in, and what must hold of every answer given in them.
 
 #include "brute_force.hpp"
-#include "nearmesh/core/demand/collect.hpp"
-#include "nearmesh/core/refine/replica.hpp"
+#include "core/demand/collect.hpp"
+#include "core/refine/replica.hpp"
 
 namespace nearmesh::test {
 

@@ -5,7 +5,7 @@
 #include <array>
 #include <cmath>
 
-#include "nearmesh/core/base/random.hpp"
+#include "core/base/random.hpp"
 
 namespace nearmesh::test {
 

@@ -10,9 +10,9 @@
 #include <string>
 #include <tuple>
 
-#include "nearmesh/core/session/recording.hpp"
-#include "nearmesh/wire/payload.hpp"
-#include "nearmesh/wire/topics.hpp"
+#include "nearmesh/core/recording/recording.hpp"
+#include "nearmesh/idl/dds/payload.hpp"
+#include "nearmesh/idl/messages/topics.hpp"
 
 namespace nearmesh::test {
 

@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <map>
 
-#include "nearmesh/core/mesh/indexed_mesh.hpp"
+#include "nearmesh/core/mesh/detail/indexed_mesh.hpp"
 
 namespace nearmesh::test {
 

@@ -4,8 +4,8 @@
 
 #include <cstdint>
 
-#include "nearmesh/core/base/random.hpp"
-#include "nearmesh/core/mesh/indexed_mesh.hpp"
+#include "core/base/random.hpp"
+#include "nearmesh/core/mesh/detail/indexed_mesh.hpp"
 
 namespace nearmesh::test {
 

@@ -9,12 +9,12 @@
 #include <tuple>
 #include <utility>
 
-#include "nearmesh/core/base/stopwatch.hpp"
-#include "nearmesh/core/session/recording.hpp"
-#include "nearmesh/publisher/channel.hpp"
-#include "nearmesh/subscriber/channel.hpp"
-#include "nearmesh/wire/payload.hpp"
-#include "nearmesh/wire/topics.hpp"
+#include "core/base/stopwatch.hpp"
+#include "nearmesh/core/recording/recording.hpp"
+#include "nearmesh/idl/dds/payload.hpp"
+#include "nearmesh/idl/messages/topics.hpp"
+#include "nearmesh/subscriber/peer/channel.hpp"
+#include "publisher/serve/channel.hpp"
 
 namespace nearmesh::test {
 

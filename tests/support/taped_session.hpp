@@ -11,8 +11,8 @@
 #include "memory_channel.hpp"
 #include "nearmesh/core/geometry/motion.hpp"
 #include "nearmesh/core/mesh/generate.hpp"
-#include "nearmesh/publisher/service.hpp"
-#include "nearmesh/subscriber/session.hpp"
+#include "nearmesh/subscriber/peer/session.hpp"
+#include "publisher/serve/service.hpp"
 #include "taped_channels.hpp"
 #include "test_models.hpp"
 

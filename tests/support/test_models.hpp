@@ -13,8 +13,8 @@
 #include <string>
 #include <vector>
 
+#include "core/base/random.hpp"
 #include "nearmesh/core/bake/bake.hpp"
-#include "nearmesh/core/base/random.hpp"
 #include "nearmesh/core/mesh/generate.hpp"
 #include "nearmesh/core/query/certify.hpp"
 #include "nearmesh/core/spm/write_model_file.hpp"

@@ -8,8 +8,8 @@
 #include "nearmesh/core/bake/bake.hpp"
 #include "nearmesh/core/mesh/generate.hpp"
 #include "nearmesh/core/spm/write_model_file.hpp"
-#include "nearmesh/subscriber/local_channel.hpp"
-#include "nearmesh/subscriber/session.hpp"
+#include "nearmesh/subscriber/peer/local_channel.hpp"
+#include "nearmesh/subscriber/peer/session.hpp"
 
 namespace {
 

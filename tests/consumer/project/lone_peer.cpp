@@ -3,7 +3,7 @@
 
 #include <cstdio>
 
-#include "nearmesh/subscriber/dds_channel.hpp"
+#include "nearmesh/subscriber/dds/dds_channel.hpp"
 
 int main() {
   nearmesh::subscriber::DdsChannelOptions options;

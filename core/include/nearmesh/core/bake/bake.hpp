@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "nearmesh/core/mesh/clean.hpp"
-#include "nearmesh/core/simplify/simplify.hpp"
+#include "nearmesh/core/simplify/detail/simplify.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
 
 namespace nearmesh {

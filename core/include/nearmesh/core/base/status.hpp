@@ -8,7 +8,7 @@
 #include <string>
 #include <utility>
 
-#include "nearmesh/core/base/assert.hpp"
+#include "nearmesh/core/base/detail/assert.hpp"
 
 namespace nearmesh {
 

@@ -10,7 +10,7 @@
 #include <string_view>
 
 #include "nearmesh/core/base/status.hpp"
-#include "nearmesh/core/geometry/grid.hpp"
+#include "nearmesh/core/geometry/detail/grid.hpp"
 
 namespace nearmesh {
 

@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "nearmesh/core/base/ids.hpp"
-#include "nearmesh/core/geometry/grid.hpp"
-#include "nearmesh/core/mesh/indexed_mesh.hpp"
+#include "nearmesh/core/base/detail/ids.hpp"
+#include "nearmesh/core/geometry/detail/grid.hpp"
+#include "nearmesh/core/mesh/detail/indexed_mesh.hpp"
 
 namespace nearmesh {
 

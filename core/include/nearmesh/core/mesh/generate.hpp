@@ -6,7 +6,7 @@
 
 #include <cstdint>
 
-#include "nearmesh/core/mesh/indexed_mesh.hpp"
+#include "nearmesh/core/mesh/detail/indexed_mesh.hpp"
 
 namespace nearmesh {
 

@@ -5,7 +5,7 @@
 
 #include <string>
 
-#include "nearmesh/core/mesh/indexed_mesh.hpp"
+#include "nearmesh/core/mesh/detail/indexed_mesh.hpp"
 
 namespace nearmesh {
 

@@ -5,7 +5,7 @@
 
 #include <functional>
 
-#include "nearmesh/core/abtree/ab_tree.hpp"
+#include "nearmesh/core/abtree/detail/ab_tree.hpp"
 #include "nearmesh/core/query/query.hpp"
 
 namespace nearmesh {

@@ -19,7 +19,7 @@
 #include <limits>
 #include <vector>
 
-#include "nearmesh/core/abtree/tree.hpp"
+#include "nearmesh/core/abtree/detail/tree.hpp"
 #include "nearmesh/core/geometry/pose.hpp"
 
 namespace nearmesh {

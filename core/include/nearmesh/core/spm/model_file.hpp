@@ -13,8 +13,8 @@
 #include <vector>
 
 #include "nearmesh/core/base/status.hpp"
-#include "nearmesh/core/spm/header.hpp"
-#include "nearmesh/core/spm/split_store.hpp"
+#include "nearmesh/core/spm/detail/header.hpp"
+#include "nearmesh/core/spm/detail/split_store.hpp"
 
 namespace nearmesh {
 

@@ -1,0 +1,456 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "nearmesh/core/abtree/detail/ab_tree.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <memory>
+#include <utility>
+
+#include "build.hpp"
+
+namespace nearmesh {
+namespace {
+
+using Kind = TreeEntry::Kind;
+
+constexpr std::size_t kFirstLeaves = 256, kFirstUppers = 256;
+
+/// Tells the processor that all of it will be read or written soon.
+template <class T>
+void fetch(const T* what) {
+  const char* at = reinterpret_cast<const char*>(what);
+  for (std::size_t i = 0; i < sizeof(T); i += 64) __builtin_prefetch(at + i, 1);
+}
+
+}  // namespace
+
+AbTree::AbTree(const ActiveMesh& mesh)
+    : mesh_(&mesh),
+      leaf_of_(mesh.store().vertex_count()),
+      builder_(std::make_unique<TreeBuilder>()) {
+  const SplitStore& store = mesh.store();
+  // A fixed tree over the roots; each of its leaves then grows with its root's splits.
+  builder_->clear();
+  for (const BaseRoot& root : store.roots())
+    builder_->add_frontier(root.node, store.box(root.node));
+  TreeArrays fixed;
+  TreeEntry top = builder_->build(fixed);
+  if (top.kind() == Kind::kInner) top = inner_entry(fixed.nodes, top.first);
+  root_places_.resize(store.roots().size());
+  const auto add = [&](std::uint32_t at, std::uint32_t lane, TreeEntry part) {
+    if (part.kind() == Kind::kInner) upper(++part.first).parent = at * kLanes + lane;
+    arrays_.nodes[at].set(lane, part);
+    if (part.kind() != Kind::kFrontier) return;
+    const NodeSpan span = part.frontier_node();
+    const TreePlace place = at * kLanes + lane;
+    upper(at).first_vertices[lane] = span.begin();
+    root_places_[store.root_index(span.first)] = place;
+    set_leaf_of(span.first, new_leaf(span, place, 0));
+  };
+  const auto nodes = fixed.nodes.view();
+  for (std::size_t i = 0; i <= nodes.size(); ++i) new_upper(kNone);
+  add(0, 0, top);
+  for (std::uint32_t at = 1; at <= nodes.size(); ++at) {  // parents stand before their children
+    upper(at).level = upper(upper(at).parent / kLanes).level + 1;
+    for (std::uint32_t lane = 0; lane < kLanes; ++lane) add(at, lane, nodes[at - 1].entry(lane));
+  }
+  for (std::uint32_t i = 0; i < store.base_faces().size(); ++i) {
+    const VertexId home = store.base_faces()[i].right;
+    leaves_[leaf_of(store.roots()[store.root_index(home)].node.first)].inherited.push_back({{}, i});
+  }
+  RefineDelta delta;
+  for (VertexId v{0}; v.value < store.vertex_count(); v = {mesh.current_node(v).end()})
+    if (!store.is_root(v)) delta.split.push_back(v);
+  // Parents first: larger nodes before smaller.
+  std::sort(delta.split.begin(), delta.split.end(), [&](VertexId a, VertexId b) {
+    return std::pair(~store.node_of(a).size, a) < std::pair(~store.node_of(b).size, b);
+  });
+  for (std::uint32_t leaf = 0; leaf < leaves_.size(); ++leaf) mark_changed(leaf);
+  update(delta);
+}
+
+AbTree::AbTree(AbTree&&) noexcept = default;
+AbTree& AbTree::operator=(AbTree&&) noexcept = default;
+AbTree::~AbTree() = default;
+
+// ---- memory ---------------------------------------------------------------------------------------------------------
+
+std::uint32_t AbTree::new_upper(TreePlace parent) {
+  const std::uint32_t place = arrays_.nodes.take();
+  std::construct_at(&arrays_.nodes[place]);
+  if (place >= upper_of_.size()) upper_of_.grow(std::max(kFirstUppers, 2 * std::size_t{place}));
+  if (free_uppers_.empty()) {
+    free_uppers_.push_back(static_cast<std::uint32_t>(uppers_.size()));
+    uppers_.emplace_back();
+  }
+  upper_of_[place] = free_uppers_.back();
+  free_uppers_.pop_back();
+  Upper& fresh = upper(place);
+  fresh.first_vertices.fill(kNone);
+  fresh.parent = parent;
+  fresh.level = parent == kNone ? 0 : upper(parent / kLanes).level + 1;
+  fresh.queued = false;
+  return place;
+}
+
+void AbTree::free_upper(std::uint32_t tree_node) {
+  free_uppers_.push_back(upper_of_[tree_node]);
+  upper_of_[tree_node] = kNone;
+  arrays_.nodes.give_back(tree_node);
+}
+
+std::uint32_t AbTree::new_leaf(NodeSpan node, TreePlace place, std::uint16_t depth) {
+  std::uint32_t index;
+  if (free_leaves_.empty()) {
+    index = static_cast<std::uint32_t>(leaves_.size());
+    // By a quarter, not twofold: they take some 70 bytes each.
+    if (leaves_.size() == leaves_.capacity())
+      leaves_.reserve(leaves_.size() + leaves_.size() / 4 + kFirstLeaves);
+    leaves_.emplace_back();
+  } else {
+    index = free_leaves_.back();
+    free_leaves_.pop_back();
+  }
+  leaves_[index].node = node;
+  leaves_[index].place = place;
+  leaves_[index].depth = depth;
+  if (leaves_[index].is_slot()) ++slot_total_;
+  return index;
+}
+
+void AbTree::free_leaf(std::uint32_t index) {
+  Leaf& leaf = leaves_[index];
+  if (leaf.is_slot()) {
+    --slot_total_;
+    free_micro_tree(leaf.place);
+  }
+  exact_total_ -= leaf.exact_count;
+  const bool queued = leaf.queued;
+  leaf = Leaf{};
+  leaf.queued = queued;  // its place in pending_ stays; a reused leaf is simply looked at
+  free_leaves_.push_back(index);
+}
+
+// What free_micro_tree() gives back is what the next tree is written to.
+void AbTree::fetch_micro_tree(TreePlace place) {
+  const TreeNode& above = arrays_.nodes[place / kLanes];
+  if (above.kind(place % kLanes) != Kind::kInner) return;
+  const TreeNode& node = arrays_.nodes[above.first[place % kLanes]];
+  for (std::uint32_t left = node.lanes; left != 0; left &= left - 1) {
+    const auto lane = static_cast<std::uint32_t>(std::countr_zero(left));
+    if (node.kind(lane) == Kind::kInner) fetch(&arrays_.nodes[node.first[lane]]);
+    if (node.kind(lane) == Kind::kFaces) fetch(&arrays_.blocks[node.first[lane]]);
+  }
+}
+
+void AbTree::free_micro_tree(TreePlace place) {
+  const TreeNode& node = arrays_.nodes[place / kLanes];
+  arrays_.free_below(node.kind(place % kLanes), node.first[place % kLanes]);
+}
+
+// ---- the upper tree -------------------------------------------------------------------------------------------------
+
+// The leaf of an upper lane, or kNone where the lane leads to another node.
+std::uint32_t AbTree::leaf_at(TreePlace place) const {
+  const std::uint32_t leaf = leaf_of_[upper(place / kLanes).first_vertices[place % kLanes]] - 1;
+  return leaves_[leaf].place == place ? leaf : kNone;
+}
+
+std::uint32_t AbTree::lane_count(std::uint32_t tree_node) const {
+  std::uint32_t count = 0;
+  while (count < kLanes && upper(tree_node).first_vertices[count] != kNone) ++count;
+  return count;
+}
+
+void AbTree::move_lane(std::uint32_t tree_node, std::uint32_t from, std::uint32_t to) {
+  NEARMESH_ASSERT(from != to);
+  const std::uint32_t leaf = leaf_at(tree_node * kLanes + from);
+  TreeNode& node = arrays_.nodes[tree_node];
+  node.set(to, node.entry(from));
+  node.first[to] = node.first[from];  // also of an inner lane that has nothing below it
+  node.kind_and_count[to] = node.kind_and_count[from];
+  upper(tree_node).first_vertices[to] = upper(tree_node).first_vertices[from];
+  if (leaf != kNone) {
+    leaves_[leaf].place = tree_node * kLanes + to;
+  } else {
+    upper(arrays_.nodes[tree_node].first[to]).parent = tree_node * kLanes + to;
+  }
+}
+
+// Precondition: the node is a root, or its parent is split here.
+AbTree::Lanes AbTree::find_lanes(NodeSpan node) const {
+  const SplitStore& store = mesh_->store();
+  const std::size_t root = store.root_index(node.first);
+  const TreePlace place = root_places_[root];
+  Lanes at{place / kLanes, place % kLanes, place % kLanes + 1, 0};
+  for (NodeSpan span = store.roots()[root].node; span != node;) {
+    if (at.depth % kLevelsPerNode == 0) {
+      at.tree_node = arrays_.nodes[at.tree_node].first[at.begin];
+      at.begin = 0;
+      at.end = lane_count(at.tree_node);
+    }
+    const VertexId split = store.split_of(span);
+    const auto& firsts = upper(at.tree_node).first_vertices;
+    std::uint32_t middle = at.begin;
+    while (middle < at.end && firsts[middle] < split.value) ++middle;
+    const bool left = node.first < split;
+    (left ? at.end : at.begin) = middle;
+    span = left ? span.left_of(split) : span.right_of(split);
+    ++at.depth;
+  }
+  return at;
+}
+
+void AbTree::queue(std::uint32_t leaf) {
+  if (leaves_[leaf].queued) return;
+  leaves_[leaf].queued = true;
+  pending_.push_back(leaf);
+}
+
+void AbTree::mark_changed(std::uint32_t leaf) {
+  leaves_[leaf].changed = true;
+  queue(leaf);
+}
+
+// At these vertices of a leaf it changed whether they are vertices of the full mesh. Who waits for one looks again, which
+// need not come to anything; where exact faces may be lost their number alone would not tell.
+void AbTree::tell_watchers(std::uint32_t index, VertexBits corners, bool may_lose) {
+  for (const Watch& watch : leaves_[index].watchers) {
+    if ((watch.corners & corners) == 0) continue;
+    leaves_[watch.leaf].changed |= may_lose;
+    queue(watch.leaf);
+  }
+}
+
+void AbTree::update(const RefineDelta& delta) {
+  rebuilt_slots_ = rebuilt_faces_ = 0;
+  for (const NodeSpan& node : delta.collapsed) apply_collapse(node);
+  constexpr std::size_t kAhead = 8;  // splits: enough for what a split looks up to come from memory
+  for (std::size_t i = 0; i < delta.split.size(); ++i) {
+    if (i + kAhead < delta.split.size())
+      __builtin_prefetch(&leaf_of_[delta.split[i + kAhead].value], 1);
+    apply_split(delta.split[i]);
+  }
+  for (const VertexId u : delta.boxed) {
+    const NodeSpan node = mesh_->store().node_of(u);
+    apply_box(node.left_of(u));
+    apply_box(node.right_of(u));
+  }
+  for (const std::uint32_t leaf : pending_) {
+    const TreePlace place = leaves_[leaf].place;
+    fetch(&arrays_.nodes[place / kLanes].first[place % kLanes]);
+    fetch(&arrays_.nodes[place / kLanes].kind_and_count[place % kLanes]);
+  }
+  std::sort(pending_.begin(), pending_.end());
+  for (const std::uint32_t leaf : pending_) leaves_[leaf].queued = false;
+  // Who is looked at may watch others, but queues nothing, so one pass suffices.
+  if (!pending_.empty()) fetch_slot(pending_.front());
+  for (std::size_t i = 0; i < pending_.size(); ++i) {
+    if (i + 1 < pending_.size()) fetch_slot(pending_[i + 1]);
+    if (leaves_[pending_[i]].node.size > 0) look_at(pending_[i]);
+  }
+  pending_.clear();
+  refit();
+}
+
+// What will be read of a slot, while another is looked at: no other effect. A quarter of the time would go by waiting.
+void AbTree::fetch_slot(std::uint32_t leaf) {
+  const Leaf& slot = leaves_[leaf];
+  if (!slot.is_slot() || slot.node.size == 0) return;
+  for (std::uint64_t left = bits_of(slot.node).active; left != 0; left &= left - 1)
+    mesh_->store().prefetch(
+        {slot.node.begin() + static_cast<std::uint32_t>(std::countr_zero(left))});
+  const TreeNode& node = arrays_.nodes[slot.place / kLanes];
+  const std::uint32_t lane = slot.place % kLanes;
+  if (node.kind(lane) == Kind::kInner) fetch(&arrays_.nodes[node.first[lane]]);
+  if (node.kind(lane) == Kind::kFaces) fetch(&arrays_.blocks[node.first[lane]]);
+}
+
+void AbTree::set_entry(TreePlace place, const TreeEntry& entry) {
+  arrays_.nodes[place / kLanes].set(place % kLanes, entry);
+  queue_refit(place / kLanes);
+}
+
+void AbTree::queue_refit(std::uint32_t tree_node) {
+  Upper& at = upper(tree_node);
+  if (at.queued || at.parent == kNone) return;
+  at.queued = true;
+  refits_.emplace_back(at.level, tree_node);
+  std::push_heap(refits_.begin(), refits_.end());
+}
+
+// Takes the box and slab of an inner lane anew; false where they stay.
+bool AbTree::refit_lane(TreePlace place) {
+  TreeNode& node = arrays_.nodes[place / kLanes];
+  const std::uint32_t lane = place % kLanes;
+  const TreeEntry entry = inner_entry(arrays_.nodes, node.first[lane]);
+  if (entry.box.is_empty()) {
+    const std::uint32_t before = std::exchange(node.lanes, node.lanes & ~(1U << lane));
+    return node.lanes != before;
+  }
+  if (node.holds(lane, entry)) return false;
+  node.set(lane, entry);
+  return true;
+}
+
+// Boxes and slabs of the lanes above those that changed, lowest first.
+void AbTree::refit() {
+  for (const TreePlace place : micro_roots_) refit_lane(place);
+  micro_roots_.clear();
+  while (!refits_.empty()) {
+    std::pop_heap(refits_.begin(), refits_.end());
+    const std::uint32_t at = refits_.back().second;
+    refits_.pop_back();
+    if (upper_of_[at] == kNone) continue;  // freed since
+    upper(at).queued = false;
+    const TreePlace parent = upper(at).parent;
+    if (refit_lane(parent)) queue_refit(parent / kLanes);
+  }
+}
+
+void AbTree::apply_split(VertexId u) {
+  const SplitStore& store = mesh_->store();
+  const NodeSpan node = store.node_of(u);
+  const std::uint32_t left = leaf_of(node.first);
+  if (leaves_[left].is_slot()) {
+    set_leaf_of(u, left);
+    mark_changed(left);
+    const VertexBits corners = (node.left_of(u).size == 1 ? bit_of(node.first) : 0) |
+                               (node.right_of(u).size == 1 ? bit_of(u) : 0);
+    if (corners != 0) tell_watchers(left, corners, false);
+    return;
+  }
+  NEARMESH_ASSERT(leaves_[left].node == node);
+  mark_changed(left);
+  tell_watchers(left, kAllVertices, false);  // they find out which child to watch
+  leaves_[left].watchers.clear();
+  const TreePlace place = leaves_[left].place;
+  const std::uint16_t depth = leaves_[left].depth;
+  std::uint32_t at = place / kLanes, lane = place % kLanes;
+  if (depth % kLevelsPerNode == 0) {
+    at = new_upper(place);
+    lane = 0;
+    TreeEntry inner;
+    inner.box = store.box(node);
+    inner.set(Kind::kInner, at, 0);
+    set_entry(place, inner);
+    upper(at).first_vertices[0] = node.begin();
+  } else {
+    for (std::uint32_t i = lane_count(at) - 1; i > lane; --i) move_lane(at, i, i + 1);
+  }
+  upper(at).first_vertices[lane + 1] = u.value;
+  const auto below = static_cast<std::uint16_t>(depth + 1);
+  arrays_.nodes[at].set(lane, {});
+  arrays_.nodes[at].set(lane + 1, {});
+  const std::uint32_t right = new_leaf(node.right_of(u), at * kLanes + lane + 1, below);
+  leaves_[left].node = node.left_of(u);
+  leaves_[left].place = at * kLanes + lane;
+  leaves_[left].depth = below;
+  if (leaves_[left].is_slot()) ++slot_total_;
+  set_leaf_of(u, right);
+  // Faces go with their home vertex, the right corner: that of the new ones lies in the right child.
+  std::vector<FaceKey>& stay = leaves_[left].inherited;
+  std::vector<FaceKey>& go = leaves_[right].inherited;
+  const auto gone = std::partition(stay.begin(), stay.end(),
+                                   [&](FaceKey key) { return store.face(key).right < u; });
+  const auto count = static_cast<std::uint32_t>(store.faces(u).size());
+  go.reserve(static_cast<std::size_t>(stay.end() - gone) + count);
+  go.assign(gone, stay.end());
+  stay.erase(gone, stay.end());
+  for (std::uint32_t i = 0; i < count; ++i) go.push_back({u, i});
+  mark_changed(right);
+}
+
+void AbTree::apply_collapse(NodeSpan node) {
+  const std::uint32_t first = leaf_of(node.first);
+  if (leaves_[first].is_slot() && leaves_[first].node.size >= node.size) {
+    VertexBits corners = bit_of(node.first);
+    for (std::uint32_t v = node.begin() + 1; v < node.end(); ++v) {
+      leaf_of_[v] = 0;
+      corners |= bit_of({v});
+    }
+    mark_changed(first);
+    tell_watchers(first, corners, true);
+    return;
+  }
+  // A larger node: its whole part of the tree becomes one leaf.
+  const Lanes lanes = find_lanes(node);
+  std::vector<std::uint32_t> gone, below;
+  const auto take = [&](TreePlace place) {
+    const std::uint32_t leaf = leaf_at(place);
+    if (leaf != kNone) {
+      gone.push_back(leaf);
+    } else {
+      below.push_back(arrays_.nodes[place / kLanes].first[place % kLanes]);
+    }
+  };
+  for (std::uint32_t lane = lanes.begin; lane < lanes.end; ++lane)
+    take(lanes.tree_node * kLanes + lane);
+  for (std::size_t i = 0; i < below.size(); ++i)
+    for (std::uint32_t lane = 0; lane < lane_count(below[i]); ++lane)
+      take(below[i] * kLanes + lane);
+  std::vector<FaceKey> inherited;
+  for (const std::uint32_t leaf : gone) {
+    tell_watchers(leaf, kAllVertices, true);
+    for (const FaceKey key : leaves_[leaf].inherited)  // but for the faces of splits that are gone
+      if (!key.split.is_valid() || key.split <= node.first || key.split.value >= node.end())
+        inherited.push_back(key);
+    // A leaf that is no slot has one active vertex, its first, and may span most of the model.
+    const NodeSpan span = leaves_[leaf].node;
+    const std::uint32_t end = leaves_[leaf].is_slot() ? span.end() : span.begin() + 1;
+    for (std::uint32_t v = span.begin(); v < end; ++v) leaf_of_[v] = 0;
+    free_leaf(leaf);
+  }
+  for (const std::uint32_t tree_node : below) free_upper(tree_node);
+  const std::uint32_t count = lane_count(lanes.tree_node), fewer = lanes.end - lanes.begin - 1;
+  const TreePlace place = lanes.tree_node * kLanes + lanes.begin;
+  upper(lanes.tree_node).first_vertices[lanes.begin] = node.begin();
+  for (std::uint32_t lane = lanes.end; fewer > 0 && lane < count; ++lane)
+    move_lane(lanes.tree_node, lane, lane - fewer);
+  for (std::uint32_t lane = count - fewer; lane < count; ++lane) {
+    arrays_.nodes[lanes.tree_node].set(lane, {});
+    upper(lanes.tree_node).first_vertices[lane] = kNone;
+  }
+  arrays_.nodes[lanes.tree_node].set(lanes.begin, {});
+  const std::uint32_t leaf = new_leaf(node, place, lanes.depth);
+  leaves_[leaf].inherited = std::move(inherited);
+  set_leaf_of(node.first, leaf);
+  mark_changed(leaf);
+}
+
+// A node's own box has come: what had its ancestor's until now takes it over, as a tree made anew would.
+void AbTree::apply_box(NodeSpan node) {
+  const SplitStore& store = mesh_->store();
+  if (node.size < 2) return;
+  const std::uint32_t first = leaf_of(node.first);
+  if (leaves_[first].is_slot() && leaves_[first].node.size >= node.size) {
+    mark_changed(first);
+    return;
+  }
+  std::vector<NodeSpan> stack{node};
+  while (!stack.empty()) {
+    const NodeSpan span = stack.back();
+    stack.pop_back();
+    const std::uint32_t leaf = leaf_of(span.first);
+    if (leaves_[leaf].node == span) {
+      mark_changed(leaf);
+      continue;
+    }
+    const VertexId split = store.split_of(span);
+    for (const NodeSpan child : {span.left_of(split), span.right_of(split)})
+      if (store.box_code(child) == kNoBox) stack.push_back(child);
+  }
+}
+
+AbTreeStats AbTree::stats() const {
+  AbTreeStats stats{slot_total_, exact_total_, rebuilt_slots_, rebuilt_faces_, 0};
+  stats.bytes = arrays_.nodes.bytes() + arrays_.nodes.view().size() * sizeof(std::uint32_t) +
+                arrays_.blocks.bytes() + uppers_.capacity() * sizeof(Upper) +
+                leaves_.capacity() * sizeof(Leaf);
+  for (const Leaf& leaf : leaves_)
+    stats.bytes +=
+        leaf.inherited.capacity() * sizeof(FaceKey) + leaf.watchers.capacity() * sizeof(Watch);
+  return stats;
+}
+
+}  // namespace nearmesh

@@ -1,0 +1,195 @@
+// SPDX-License-Identifier: Apache-2.0
+// The part of AbTree that follows slots: which of a slot's faces are exact, and the micro tree over them.
+// A slot watches as clauses of a SAT solver watch literals (Moskewicz et al. 2001, Chaff): a face that is not exact yet is
+// woken by one of its missing corners only, an exact one by any that it may lose.
+
+#include <algorithm>
+#include <bit>
+#include <utility>
+
+#include "build.hpp"
+#include "nearmesh/core/abtree/detail/ab_tree.hpp"
+
+namespace nearmesh {
+
+static_assert(kSlotSize == 64, "a slot's vertices are the bits of a word");
+
+// A leaf that is no slot has nothing exact; what becomes of its faces its own splits tell.
+void AbTree::look_at(std::uint32_t index) {
+  Leaf& leaf = leaves_[index];
+  const bool changed = leaf.changed;
+  leaf.changed = false;
+  if (leaf.is_slot()) {
+    fetch_micro_tree(leaf.place);
+    find_exact_faces(index);
+    if (changed || exact_count_ != leaf.exact_count) build_micro_tree(index);
+    return;
+  }
+  TreeEntry frontier;
+  frontier.box = mesh_->store().box(leaf.node);
+  frontier.set(TreeEntry::Kind::kFrontier, leaf.node.begin(), leaf.node.size);
+  set_entry(leaf.place, frontier);
+}
+
+// Who has the corners elsewhere shall tell this slot when one of them changes.
+void AbTree::watch_corners(std::uint32_t watcher) {
+  // Looked up before any is watched, so that none waits for another to come from memory.
+  leaves_elsewhere_.resize(std::max(leaves_elsewhere_.size(), elsewhere_count_));
+  for (std::size_t i = 0; i < elsewhere_count_; ++i) {
+    const VertexId corner = corners_elsewhere_[i];
+    leaves_elsewhere_[i] = leaf_of(mesh_->active_predecessor(corner));
+    __builtin_prefetch(&leaves_[leaves_elsewhere_[i]].watchers);
+    mesh_->store().prefetch(corner);
+  }
+  std::uint32_t leaf = kNone;
+  VertexBits bits = 0;
+  for (std::size_t i = 0; i < elsewhere_count_; ++i) {
+    // Neighbouring faces have the same neighbours.
+    const std::uint32_t next = leaves_elsewhere_[i];
+    if (next != leaf && bits != 0) watch(leaf, watcher, std::exchange(bits, 0));
+    leaf = next;
+    bits |= bit_of(corners_elsewhere_[i]);
+  }
+  if (bits != 0) watch(leaf, watcher, bits);
+}
+
+void AbTree::watch(std::uint32_t leaf, std::uint32_t watcher, VertexBits corners) {
+  std::vector<Watch>& watchers = leaves_[leaf].watchers;
+  // From the latest on, who is likely to watch more.
+  for (std::size_t i = watchers.size(); i-- > 0;)
+    if (watchers[i].leaf == watcher) {
+      watchers[i].corners |= corners;
+      std::swap(watchers[i], watchers.back());
+      return;
+    }
+  watchers.push_back({watcher, corners});
+}
+
+// Which of a slot's vertices are active, and which of these are vertices of the full mesh: bits from its first vertex.
+AbTree::SlotBits AbTree::bits_of(NodeSpan slot) const {
+  const std::uint64_t active =
+      mesh_->active_bits(slot.first) & ~std::uint64_t{0} >> (64 - slot.size);
+  return {active, active & mesh_->active_bits({slot.begin() + 1})};
+}
+
+// By key, so that the tree does not depend on the order of arrival. A face's home is its right corner's slot: while that
+// or another corner in the slot is missing there is nothing to wait for elsewhere.
+void AbTree::find_exact_faces(std::uint32_t index) {
+  const NodeSpan slot = leaves_[index].node;
+  const SlotBits bits = bits_of(slot);
+  exact_count_ = elsewhere_count_ = 0;
+  if (bits.leaves == 0) return;
+  find_inherited_faces(index, bits);
+  const std::size_t inherited = exact_count_;
+  find_own_faces(slot, bits);
+  watch_corners(index);
+  // Splits above a slot are no later than its first vertex; base faces, of no split, are last.
+  const auto first = exact_faces_.begin();
+  const auto own = first + static_cast<std::ptrdiff_t>(inherited);
+  const auto base =
+      std::find_if(first, own, [](const ExactFace& face) { return !face.key.split.is_valid(); });
+  std::rotate(base, own, first + static_cast<std::ptrdiff_t>(exact_count_));
+}
+
+// For so many faces more.
+void AbTree::make_room(std::size_t faces) {
+  const std::size_t exact = exact_count_ + faces, elsewhere = elsewhere_count_ + 2 * faces;
+  if (exact_faces_.size() < exact) exact_faces_.resize(2 * exact);
+  if (corners_elsewhere_.size() < elsewhere) corners_elsewhere_.resize(2 * elsewhere);
+}
+
+// Faces of splits above the slot: two of their corners are elsewhere.
+void AbTree::find_inherited_faces(std::uint32_t index, const SlotBits& bits) {
+  const Leaf& slot = leaves_[index];
+  make_room(slot.inherited.size());
+  for (const FaceKey key : slot.inherited) {
+    const SplitFace face = mesh_->store().face(key);
+    if ((bits.leaves >> (face.right.value - slot.node.begin()) & 1U) == 0) continue;
+    const bool has_left = mesh_->is_leaf(face.left);
+    corners_elsewhere_[elsewhere_count_++] = has_left ? face.outside : face.left;
+    if (!has_left || !mesh_->is_leaf(face.outside)) continue;
+    corners_elsewhere_[elsewhere_count_++] = face.left;
+    exact_faces_[exact_count_++] = {key, FaceCorners(face.corners())};
+  }
+  std::sort(exact_faces_.begin(), exact_faces_.begin() + static_cast<std::ptrdiff_t>(exact_count_),
+            [](const ExactFace& x, const ExactFace& y) { return x.key < y.key; });
+}
+
+// Faces of the slot's own splits: only their outside corner may be elsewhere. Which are exact is hard to foretell, and so
+// is how many a split has: two are put down for each, and counted where they are there and exact.
+void AbTree::find_own_faces(NodeSpan slot, const SlotBits& bits) {
+  const ActiveMesh& mesh = *mesh_;
+  const SplitStore& store = mesh.store();
+  ExactFace* exact = nullptr;
+  VertexId* elsewhere = nullptr;
+  const auto make_room_for = [&](std::size_t many) {
+    make_room(2 * kSlotSize + many);
+    exact = exact_faces_.data() + exact_count_;
+    elsewhere = corners_elsewhere_.data() + elsewhere_count_;
+  };
+  const auto count = [&] {
+    exact_count_ = static_cast<std::size_t>(exact - exact_faces_.data());
+    elsewhere_count_ = static_cast<std::size_t>(elsewhere - corners_elsewhere_.data());
+  };
+  const auto put_down = [&](FaceKey key, const FaceCorners& face) {
+    const std::uint64_t is_here = bits.leaves >> (face.first.value - slot.begin()) % 64 &
+                                  bits.leaves >> (face.second.value - slot.begin()) % 64 &
+                                  static_cast<std::uint64_t>(face.is_there());
+    *exact = {key, face};
+    exact += is_here & static_cast<std::uint64_t>(mesh.is_leaf(face.outside));
+    *elsewhere = face.outside;
+    elsewhere += is_here & static_cast<std::uint64_t>(!slot.contains(face.outside));
+  };
+  make_room_for(0);
+  for (std::uint64_t left = bits.active & (bits.active - 1); left != 0; left &= left - 1) {
+    const VertexId v{slot.begin() + static_cast<std::uint32_t>(std::countr_zero(left))};
+    if (const FaceCorners* two = store.two_faces(v)) {
+      put_down({v, 0}, two[0]);
+      put_down({v, 1}, two[1]);
+      continue;
+    }
+    const SplitFaces faces = store.faces(v);
+    count();
+    make_room_for(faces.size());
+    for (std::uint32_t i = 0; i < faces.size(); ++i)
+      put_down({v, i}, FaceCorners(faces[i].corners()));
+  }
+  count();
+}
+
+void AbTree::build_micro_tree(std::uint32_t index) {
+  const SplitStore& store = mesh_->store();
+  Leaf& slot = leaves_[index];
+  builder_->clear();
+  FaceBlock* blocks = builder_->add_faces(exact_count_);
+  for (std::size_t i = 0; i < exact_count_; ++i) {
+    FaceBlock& block = blocks[i / kLanes];
+    const FaceCorners& face = exact_faces_[i].face;
+    const std::array<VertexId, 3> corners{face.first, face.second, face.outside};
+    for (std::size_t c = 0; c < 3; ++c) {
+      const GridPoint& at = store.position(corners[c]);
+      for (int k = 0; k < 3; ++k) block.triangles.corner[c][k][i % kLanes] = at[k];
+    }
+    block.keys[i % kLanes] = exact_faces_[i].key;
+  }
+  const SlotBits bits = bits_of(slot.node);
+  for (std::uint64_t left = bits.active & ~bits.leaves; left != 0; left &= left - 1) {
+    const auto offset = static_cast<std::uint32_t>(std::countr_zero(left));
+    const std::uint64_t after = bits.active >> offset >> 1;
+    const std::uint32_t size = after != 0 ? static_cast<std::uint32_t>(std::countr_zero(after)) + 1
+                                          : slot.node.size - offset;
+    const NodeSpan at{{slot.node.begin() + offset}, size};
+    builder_->add_frontier(at, store.box(at));
+  }
+  free_micro_tree(slot.place);
+  const TreeEntry root = builder_->build(arrays_);
+  set_entry(slot.place, root);
+  if (root.kind() == TreeEntry::Kind::kInner) micro_roots_.push_back(slot.place);
+  exact_total_ += exact_count_;
+  exact_total_ -= slot.exact_count;
+  slot.exact_count = static_cast<std::uint32_t>(exact_count_);
+  ++rebuilt_slots_;
+  rebuilt_faces_ += exact_count_;
+}
+
+}  // namespace nearmesh

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "answer.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace nearmesh {
+
+Result<std::vector<std::vector<std::uint8_t>>> answer_request(
+    const SpmHeader& header, const SplitStore& store, const RegionRequest& request,
+    const std::function<Status(NodeSpan)>& require) {
+  const Result<Demand> demand = collect(store, request, require, AttachRule::kAlways);
+  if (!demand.is_ok()) return demand.status();
+  return encode_batches(header, store, demand.value().treelet, BoxPolicy::kCutNodes);
+}
+
+AnswerMaker::AnswerMaker(const SpmHeader& header, const SplitStore& store, RegionRequest request,
+                         std::function<Status(NodeSpan)> require)
+    : header_(header),
+      store_(store),
+      collector_(std::in_place, store, std::move(request), std::move(require),
+                 AttachRule::kAlways) {}
+
+Result<std::vector<std::vector<std::uint8_t>>> AnswerMaker::next() {
+  using Batches = std::vector<std::vector<std::uint8_t>>;
+  const auto is_later = [](const TreeletSplit& a, const TreeletSplit& b) {
+    return b.node < a.node;
+  };
+  if (collector_) {
+    const Result<bool> done = collector_->advance(kPartNodes);
+    if (!done.is_ok()) {
+      collector_.reset();
+      return done.status();
+    }
+    if (!done.value()) return Batches{};
+    unordered_ = collector_->take().treelet;
+    collector_.reset();
+    std::make_heap(unordered_.begin(), unordered_.end(), is_later);
+    if (unordered_.size() > kPartNodes) return Batches{};  // small answers are whole at once
+  }
+  next_.erase(next_.begin(), next_.begin() + static_cast<std::ptrdiff_t>(encoded_));
+  while (next_.size() < kPartSplits && !unordered_.empty()) {
+    std::pop_heap(unordered_.begin(), unordered_.end(), is_later);
+    next_.push_back(unordered_.back());
+    unordered_.pop_back();
+  }
+  Batches batches = encode_batches(header_, store_, next_, BoxPolicy::kCutNodes);
+  encoded_ = next_.size();
+  if (!unordered_.empty() && batches.size() > 1) {  // the last is not full: again, with the next
+    encoded_ -= decode_batch(header_, batches.back()).value().splits.size();
+    batches.pop_back();
+  }
+  return batches;
+}
+
+}  // namespace nearmesh

@@ -1,0 +1,466 @@
+// SPDX-License-Identifier: Apache-2.0
+// Separation of boxes and triangles of two posed models, in doubles, on the safe side.
+//
+// The slack. All lengths in A's grid units; u = 2^-53; s = scale of B's unit (2^(exp_b - exp_a)).
+// 1. pose_point rounds each coordinate of a posed corner by at most half a lattice cell, so a posed
+//    corner, hence any point of a posed triangle, lies within sqrt(3)/2 cells of the frame's affine
+//    image. Of both models: sqrt(3) cells. A's inverse stretches by less than 1.0001 (check_pose:
+//    |R^T R - I| <= 1e-5 an entry, plus 2^-30 rounding). Together 1.7322 c, c = the cell's length.
+// 2. Doubles. Centres and corners are exact (int32). rotation carries an error of at most 30u s,
+//    translation 30u |t|, and a mapped point 4u more of its terms; in all less than 64u M, where
+//    M = |t|_1 + 2^33 (1 + s) bounds the sum of all magnitudes (int32 points, three axes).
+// 3. Any vector n may serve as an axis, so an axis needs no error bound: n is taken as the exact
+// double
+//    computed. What must hold is that projections on n are honest. Every projection below is a sum
+//    of products of n's components (or of the very factors that are n's components: an axis e_i x
+//    r_j consists of entries of r_j) with coordinates, so its error is at most 64u M |n|,
+//    near-parallel edges included. The edge r_j itself projects on e_i x r_j to at most its own
+//    rounding.
+// 4. A drift moves projections on n by at most |n . along| + around |n|; what doubles add to that is
+//    below 128u (|along|_1 + around) |n|, and `reach` puts it into `around`.
+// Hence slack = 1.7322 c + 128u M, and growing A's half extents by the slack on each axis grows the
+// projection by slack |n|_1 >= slack |n|_2: enough for every axis, with no further constants.
+#include "nearmesh/core/geometry/detail/box_overlap.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace nearmesh {
+namespace {
+
+using Vec3 = std::array<double, 3>;
+using Mat3 = std::array<double, 9>;
+
+constexpr double kPosedRounding = 1.7322;  ///< lattice cells, of both models; > 1.0001 sqrt(3)
+constexpr double kDoubleRounding = 0x1p-46;
+constexpr double kInt32Magnitude = 0x1p33;
+/// Covers the rounding of the last few operations of a gap.
+constexpr double kGapShrink = 1 - 0x1p-40;
+
+Vec3 sub(const Vec3& p, const Vec3& q) { return {p[0] - q[0], p[1] - q[1], p[2] - q[2]}; }
+double dot(const Vec3& u, const Vec3& v) { return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]; }
+Vec3 cross(const Vec3& u, const Vec3& v) {
+  return {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
+}
+/// v + t d
+Vec3 along(const Vec3& v, double t, const Vec3& d) {
+  return {v[0] + t * d[0], v[1] + t * d[1], v[2] + t * d[2]};
+}
+
+Vec3 apply(const Mat3& m, const Vec3& v) {
+  return {m[0] * v[0] + m[1] * v[1] + m[2] * v[2], m[3] * v[0] + m[4] * v[1] + m[5] * v[2],
+          m[6] * v[0] + m[7] * v[1] + m[8] * v[2]};
+}
+
+Mat3 multiply(const Mat3& m, const Mat3& n) {
+  Mat3 out;
+  for (std::size_t i = 0; i < 3; ++i)
+    for (std::size_t j = 0; j < 3; ++j)
+      out[3 * i + j] = m[3 * i] * n[j] + m[3 * i + 1] * n[3 + j] + m[3 * i + 2] * n[6 + j];
+  return out;
+}
+
+/// [3 i + l] = e_i . (column j x column k), (j, k, l) a cyclic turn of (0, 1, 2).
+Mat3 cofactors(const Mat3& m) {
+  Mat3 out;
+  for (std::size_t i = 0; i < 3; ++i)
+    for (std::size_t l = 0; l < 3; ++l) {
+      const std::size_t i1 = 3 * ((i + 1) % 3);
+      const std::size_t i2 = 3 * ((i + 2) % 3);
+      const std::size_t j = (l + 1) % 3;
+      const std::size_t k = (l + 2) % 3;
+      out[3 * i + l] = m[i1 + j] * m[i2 + k] - m[i1 + k] * m[i2 + j];
+    }
+  return out;
+}
+
+Mat3 inverse_of(const Mat3& m) {
+  const Mat3 c = cofactors(m);
+  const double det = m[0] * c[0] + m[3] * c[3] + m[6] * c[6];
+  return {c[0] / det, c[3] / det, c[6] / det, c[1] / det, c[4] / det,
+          c[7] / det, c[2] / det, c[5] / det, c[8] / det};
+}
+
+Mat3 absolute(const Mat3& m) {
+  Mat3 out;
+  for (std::size_t i = 0; i < 9; ++i) out[i] = std::abs(m[i]);
+  return out;
+}
+
+/// A frame's rotation as doubles (exact integers below 2^31, scaled to order 1).
+Mat3 unit_rotation(const PosedFrame& frame) {
+  Mat3 out;
+  for (std::size_t i = 0; i < 9; ++i) out[i] = static_cast<double>(frame.rotation[i]) * 0x1p-30;
+  return out;
+}
+
+/// A lower bound of |m x| / |x|: |m x|^2 = |x|^2 + x (m^T m - I) x >= |x|^2 (1 - Frobenius norm).
+double least_stretch(const Mat3& m) {
+  double off = 0;
+  for (std::size_t i = 0; i < 3; ++i)
+    for (std::size_t j = 0; j < 3; ++j) {
+      const double g = m[i] * m[j] + m[3 + i] * m[3 + j] + m[6 + i] * m[6 + j] - (i == j ? 1 : 0);
+      off += g * g;
+    }
+  return std::sqrt(1 - std::min(1.0, std::sqrt(off) + 0x1p-48)) * kGapShrink;
+}
+
+/// A relative frame but for its slack. offset: from A's grid origin to B's, in A's units, not turned.
+RelativeFrame relate(const Mat3& rotation_a, const Mat3& rotation_b, const Vec3& offset,
+                     int exponent_a, int exponent_b) {
+  const Mat3 inverse_a = inverse_of(rotation_a);
+  const double scale = std::ldexp(1.0, exponent_b - exponent_a);
+  RelativeFrame f;
+  f.rotation = multiply(inverse_a, rotation_b);
+  for (double& entry : f.rotation) entry *= scale;
+  f.translation = apply(inverse_a, offset);
+  f.inverse = inverse_of(f.rotation);
+  f.abs_rotation = absolute(f.rotation);
+  f.abs_inverse = absolute(f.inverse);
+  f.abs_cofactor = absolute(cofactors(f.rotation));
+  f.metres_per_unit = std::ldexp(1.0, exponent_a);
+  f.least_metres_per_unit = f.metres_per_unit * least_stretch(rotation_a);
+  f.least_metres_per_b_unit = std::ldexp(1.0, exponent_b) * least_stretch(rotation_b);
+  return f;
+}
+
+/// M of the slack.
+double magnitude_of(int exponent_a, int exponent_b, const Vec3& offset) {
+  return std::abs(offset[0]) + std::abs(offset[1]) + std::abs(offset[2]) +
+         kInt32Magnitude * (1 + std::ldexp(1.0, exponent_b - exponent_a));
+}
+
+/// `around`, with what doubles may add to the drift.
+double reach(const Drift& drift) {
+  const double along =
+      std::abs(drift.along[0]) + std::abs(drift.along[1]) + std::abs(drift.along[2]);
+  return drift.around + kDoubleRounding * (drift.around + along);
+}
+
+/// Box a grown by the slack, box b, and the vector from a's centre to b's.
+struct BoxPair {
+  Vec3 between;
+  Vec3 ha;
+  const Vec3& hb;
+};
+
+BoxPair pair_up(const RelativeFrame& f, const CenteredBox& a, const CenteredBox& b, double grow) {
+  const Vec3 mapped = apply(f.rotation, b.center);
+  BoxPair pair{{}, {}, b.half};
+  for (std::size_t k = 0; k < 3; ++k) {
+    pair.between[k] = mapped[k] + f.translation[k] - a.center[k];
+    pair.ha[k] = a.half[k] + grow;
+  }
+  return pair;
+}
+
+/// Gap along a's axis i, in A's units; not positive when the boxes overlap there.
+double gap_on_a(const RelativeFrame& f, const BoxPair& p, std::size_t i) {
+  const double* row = f.abs_rotation.data() + 3 * i;
+  return std::abs(p.between[i]) -
+         (p.ha[i] + (row[0] * p.hb[0] + row[1] * p.hb[1] + row[2] * p.hb[2]));
+}
+
+/// Gap along the normal of b's face pair i, in B's units.
+double gap_on_b(const RelativeFrame& f, const BoxPair& p, std::size_t i) {
+  const double* n = f.inverse.data() + 3 * i;
+  const double* abs_n = f.abs_inverse.data() + 3 * i;
+  return std::abs(n[0] * p.between[0] + n[1] * p.between[1] + n[2] * p.between[2]) -
+         (p.hb[i] + (abs_n[0] * p.ha[0] + abs_n[1] * p.ha[1] + abs_n[2] * p.ha[2]));
+}
+
+/// Gap along e_i x r_j, times that vector's length.
+double gap_on_edges(const RelativeFrame& f, const BoxPair& p, std::size_t i, std::size_t j) {
+  const std::size_t i1 = (i + 1) % 3;
+  const std::size_t i2 = (i + 2) % 3;
+  const std::size_t j1 = (j + 1) % 3;
+  const std::size_t j2 = (j + 2) % 3;
+  const double n1 = f.rotation[3 * i2 + j];  // the axis is (0, -n1, n2) on (i, i1, i2)
+  const double n2 = f.rotation[3 * i1 + j];
+  return std::abs(n2 * p.between[i2] - n1 * p.between[i1]) -
+         (p.ha[i1] * f.abs_rotation[3 * i2 + j] + p.ha[i2] * f.abs_rotation[3 * i1 + j] +
+          (p.hb[j1] * f.abs_cofactor[3 * i + j2] + p.hb[j2] * f.abs_cofactor[3 * i + j1]));
+}
+
+double edge_axis_length_squared(const RelativeFrame& f, std::size_t i, std::size_t j) {
+  const double n1 = f.rotation[3 * ((i + 2) % 3) + j];
+  const double n2 = f.rotation[3 * ((i + 1) % 3) + j];
+  return n1 * n1 + n2 * n2;
+}
+
+double positive(double x) { return x > 0 ? x : 0; }
+
+double clamp01(double x) { return x < 0 ? 0 : x > 1 ? 1 : x; }
+
+double ratio(double numerator, double denominator) {
+  return denominator > 0 ? clamp01(numerator / denominator) : 0;
+}
+
+/// Shortest vector found so far from a's triangle to b's.
+struct Shortest {
+  Vec3 vector{};
+  double squared = -1;
+  void offer(const Vec3& v) {
+    const double length = dot(v, v);
+    if (squared < 0 || length < squared) {
+      squared = length;
+      vector = v;
+    }
+  }
+};
+
+/// Source: Ericson, Real-Time Collision Detection, 2005, section 5.1.9. Approximate: the caller
+/// projects honestly on the direction found.
+void offer_edges(const Vec3& p, const Vec3& u, const Vec3& q, const Vec3& v, Shortest& best) {
+  const Vec3 r = sub(p, q);
+  const double a = dot(u, u);
+  const double e = dot(v, v);
+  const double b = dot(u, v);
+  const double c = dot(u, r);
+  const double g = dot(v, r);
+  double s = ratio(b * g - c * e, a * e - b * b);
+  double t = e > 0 ? (b * s + g) / e : 0;
+  if (!(t >= 0 && t <= 1)) {
+    t = clamp01(t);
+    s = ratio(b * t - c, a);
+  } else if (e <= 0) {
+    s = ratio(-c, a);
+  }
+  best.offer(sub(along(q, t, v), along(p, s, u)));
+}
+
+/// Corners of `from` above the face of `to`: the vector from corner to face, times `direction`.
+void offer_corner_faces(const DoubleTriangle& from, const DoubleTriangle& to, double direction,
+                        Shortest& best) {
+  const Vec3 u = sub(to[1], to[0]);
+  const Vec3 v = sub(to[2], to[0]);
+  const Vec3 n = cross(u, v);
+  const double n2 = dot(n, n);
+  if (!(n2 > 0)) return;
+  for (const Vec3& corner : from) {
+    const Vec3 w = sub(corner, to[0]);
+    const double x = dot(cross(w, v), n);
+    const double y = dot(cross(u, w), n);
+    if (x < 0 || y < 0 || x + y > n2) continue;
+    const double height = -direction * dot(w, n) / n2;
+    best.offer({height * n[0], height * n[1], height * n[2]});
+  }
+}
+
+/// The direction between the closest edges, or corner and face, as well as doubles find it.
+Shortest shortest_between(const DoubleTriangle& a, const DoubleTriangle& b) {
+  Shortest best;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const Vec3 u = sub(a[(i + 1) % 3], a[i]);
+    for (std::size_t j = 0; j < 3; ++j) offer_edges(a[i], u, b[j], sub(b[(j + 1) % 3], b[j]), best);
+  }
+  offer_corner_faces(a, b, 1, best);
+  offer_corner_faces(b, a, -1, best);
+  return best;
+}
+
+/// From the end of a to the start of b on the axis n, times its length.
+double gap_along(const Vec3& n, const DoubleTriangle& a, const DoubleTriangle& b) {
+  double a_end = dot(n, sub(a[0], a[0]));
+  double b_start = dot(n, sub(b[0], a[0]));
+  for (std::size_t i = 1; i < 3; ++i) {
+    a_end = std::max(a_end, dot(n, sub(a[i], a[0])));
+    b_start = std::min(b_start, dot(n, sub(b[i], a[0])));
+  }
+  return b_start - a_end;
+}
+
+}  // namespace
+
+CenteredBox centered(const GridBox& box) {
+  CenteredBox out;
+  for (int k = 0; k < 3; ++k) {
+    const double lo = box.lo[k];
+    const double hi = box.hi[k];
+    out.center[static_cast<std::size_t>(k)] = 0.5 * (lo + hi);
+    out.half[static_cast<std::size_t>(k)] = 0.5 * (hi - lo);
+  }
+  return out;
+}
+
+RelativeFrame make_relative_frame(const PosedFrame& a, const PosedFrame& b) {
+  NEARMESH_ASSERT(a.lattice_exp == b.lattice_exp);
+  const double cell = std::ldexp(1.0, a.lattice_exp - a.grid.exponent);
+  Vec3 offset;
+  for (std::size_t k = 0; k < 3; ++k)  // |translation| < 2^62 each: the difference fits
+    offset[k] = static_cast<double>(b.translation[k] - a.translation[k]) * cell;
+  RelativeFrame f =
+      relate(unit_rotation(a), unit_rotation(b), offset, a.grid.exponent, b.grid.exponent);
+  f.slack = kPosedRounding * cell +
+            kDoubleRounding * magnitude_of(a.grid.exponent, b.grid.exponent, offset);
+  return f;
+}
+
+RelativeFrame make_relative_frame(const Grid& grid_a, const Pose& pose_a, const Grid& grid_b,
+                                  const Pose& pose_b) {
+  const double unit_m = std::ldexp(1.0, grid_a.exponent);
+  const Vec3 origin_a = apply(pose_a.rotation, grid_a.origin_m);
+  const Vec3 origin_b = apply(pose_b.rotation, grid_b.origin_m);
+  Vec3 offset;
+  double terms = 0;  // what rounds before the difference is taken
+  for (std::size_t k = 0; k < 3; ++k) {
+    offset[k] =
+        ((pose_b.translation_m[k] - pose_a.translation_m[k]) + (origin_b[k] - origin_a[k])) /
+        unit_m;
+    terms += 2 * (std::abs(grid_a.origin_m[k]) + std::abs(grid_b.origin_m[k])) +
+             std::abs(pose_b.translation_m[k] - pose_a.translation_m[k]);
+  }
+  RelativeFrame f =
+      relate(pose_a.rotation, pose_b.rotation, offset, grid_a.exponent, grid_b.exponent);
+  f.slack =
+      kDoubleRounding * (magnitude_of(grid_a.exponent, grid_b.exponent, offset) + terms / unit_m);
+  return f;
+}
+
+std::array<double, 3> to_grid_units(const Grid& grid, const Pose& pose,
+                                    const std::array<double, 3>& vector_world_m) {
+  const Vec3 v = apply(inverse_of(pose.rotation), vector_world_m);
+  const double unit_m = std::ldexp(1.0, grid.exponent);
+  return {v[0] / unit_m, v[1] / unit_m, v[2] / unit_m};
+}
+
+bool boxes_apart(const RelativeFrame& f, const CenteredBox& a, const CenteredBox& b) {
+  const BoxPair pair = pair_up(f, a, b, f.slack);
+  for (std::size_t i = 0; i < 3; ++i)
+    if (gap_on_a(f, pair, i) > 0) return true;
+  for (std::size_t i = 0; i < 3; ++i)
+    if (gap_on_b(f, pair, i) > 0) return true;
+  for (std::size_t i = 0; i < 3; ++i)
+    for (std::size_t j = 0; j < 3; ++j)
+      if (gap_on_edges(f, pair, i, j) > 0) return true;
+  return false;
+}
+
+bool boxes_stay_apart(const RelativeFrame& f, const Drift& drift, const CenteredBox& a,
+                      const CenteredBox& b) {
+  const BoxPair pair = pair_up(f, a, b, f.slack + reach(drift));
+  const Vec3& d = drift.along;
+  for (std::size_t i = 0; i < 3; ++i)
+    if (gap_on_a(f, pair, i) > std::abs(d[i])) return true;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const double* n = f.inverse.data() + 3 * i;
+    if (gap_on_b(f, pair, i) > std::abs(n[0] * d[0] + n[1] * d[1] + n[2] * d[2])) return true;
+  }
+  for (std::size_t i = 0; i < 3; ++i)
+    for (std::size_t j = 0; j < 3; ++j) {
+      const std::size_t i1 = (i + 1) % 3;
+      const std::size_t i2 = (i + 2) % 3;
+      const double moved = f.rotation[3 * i1 + j] * d[i2] - f.rotation[3 * i2 + j] * d[i1];
+      if (gap_on_edges(f, pair, i, j) > std::abs(moved)) return true;
+    }
+  return false;
+}
+
+double boxes_gap_m(const RelativeFrame& f, const CenteredBox& a, const CenteredBox& b) {
+  const BoxPair pair = pair_up(f, a, b, f.slack);
+  // a's axes are orthonormal in A's units, b's normals in B's, so gaps along them add as squares.
+  double on_a = 0;
+  double on_b = 0;
+  double on_edges = 0;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const double gap_a = positive(gap_on_a(f, pair, i));
+    const double gap_b = positive(gap_on_b(f, pair, i));
+    on_a += gap_a * gap_a;
+    on_b += gap_b * gap_b;
+    for (std::size_t j = 0; j < 3; ++j) {
+      const double gap = gap_on_edges(f, pair, i, j);
+      if (gap > 0)
+        on_edges = std::max(on_edges, gap / std::sqrt(edge_axis_length_squared(f, i, j)));
+    }
+  }
+  return std::max({std::sqrt(on_a) * f.least_metres_per_unit,
+                   std::sqrt(on_b) * f.least_metres_per_b_unit,
+                   on_edges * f.least_metres_per_unit}) *
+         kGapShrink;
+}
+
+DoubleTriangle to_a_units(const RelativeFrame& f, const std::array<GridPoint, 3>& b) {
+  DoubleTriangle out;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const Vec3 mapped = apply(
+        f.rotation,
+        {static_cast<double>(b[i][0]), static_cast<double>(b[i][1]), static_cast<double>(b[i][2])});
+    for (std::size_t k = 0; k < 3; ++k) out[i][k] = mapped[k] + f.translation[k];
+  }
+  return out;
+}
+
+DoubleTriangle as_doubles(const std::array<GridPoint, 3>& a) {
+  DoubleTriangle out;
+  for (std::size_t i = 0; i < 3; ++i)
+    for (int k = 0; k < 3; ++k) out[i][static_cast<std::size_t>(k)] = a[i][k];
+  return out;
+}
+
+bool box_triangle_apart(const RelativeFrame& f, const CenteredBox& a, const DoubleTriangle& t) {
+  const Vec3 half{a.half[0] + f.slack, a.half[1] + f.slack, a.half[2] + f.slack};
+  const DoubleTriangle v{sub(t[0], a.center), sub(t[1], a.center), sub(t[2], a.center)};
+  for (std::size_t k = 0; k < 3; ++k) {
+    const double lo = std::min(std::min(v[0][k], v[1][k]), v[2][k]);
+    const double hi = std::max(std::max(v[0][k], v[1][k]), v[2][k]);
+    if (lo > half[k] || hi < -half[k]) return true;
+  }
+  const DoubleTriangle edges{sub(v[1], v[0]), sub(v[2], v[1]), sub(v[0], v[2])};
+  {
+    const Vec3 n = cross(edges[0], edges[1]);
+    const double radius =
+        std::abs(n[0]) * half[0] + std::abs(n[1]) * half[1] + std::abs(n[2]) * half[2];
+    const Vec3 d{dot(n, v[0]), dot(n, v[1]), dot(n, v[2])};
+    if (std::min(std::min(d[0], d[1]), d[2]) > radius ||
+        std::max(std::max(d[0], d[1]), d[2]) < -radius)
+      return true;
+  }
+  for (std::size_t j = 0; j < 3; ++j) {
+    const Vec3& e = edges[j];
+    const Vec3& on_edge = v[j];  // both ends of the edge project alike
+    const Vec3& opposite = v[(j + 2) % 3];
+    for (std::size_t i = 0; i < 3; ++i) {
+      const std::size_t i1 = (i + 1) % 3;
+      const std::size_t i2 = (i + 2) % 3;
+      const double d0 = e[i1] * on_edge[i2] - e[i2] * on_edge[i1];
+      const double d1 = e[i1] * opposite[i2] - e[i2] * opposite[i1];
+      const double radius = std::abs(e[i2]) * half[i1] + std::abs(e[i1]) * half[i2];
+      if (std::min(d0, d1) > radius || std::max(d0, d1) < -radius) return true;
+    }
+  }
+  return false;
+}
+
+double triangles_gap_m(const RelativeFrame& f, const DoubleTriangle& a, const DoubleTriangle& b) {
+  const Shortest best = shortest_between(a, b);
+  if (!(best.squared > 0)) return 0;
+  const double gap = gap_along(best.vector, a, b) / std::sqrt(best.squared) - f.slack;
+  return positive(gap) * f.least_metres_per_unit * kGapShrink;
+}
+
+bool box_triangle_stay_apart(const RelativeFrame& f, const Drift& drift, const CenteredBox& a,
+                             const DoubleTriangle& t) {
+  CenteredBox grown = a;
+  for (std::size_t k = 0; k < 3; ++k) grown.half[k] += reach(drift) + std::abs(drift.along[k]);
+  return box_triangle_apart(f, grown, t);
+}
+
+bool triangles_stay_apart(const RelativeFrame& f, const Drift& drift, const DoubleTriangle& a,
+                          const DoubleTriangle& b) {
+  const Vec3& d = drift.along;
+  const double grow = f.slack + reach(drift);
+  for (std::size_t k = 0; k < 3; ++k) {
+    const double needed = grow + std::abs(d[k]);
+    const double lo_a = std::min(std::min(a[0][k], a[1][k]), a[2][k]);
+    const double hi_a = std::max(std::max(a[0][k], a[1][k]), a[2][k]);
+    const double lo_b = std::min(std::min(b[0][k], b[1][k]), b[2][k]);
+    const double hi_b = std::max(std::max(b[0][k], b[1][k]), b[2][k]);
+    if (lo_b - hi_a > needed || lo_a - hi_b > needed) return true;
+  }
+  const Shortest best = shortest_between(a, b);
+  if (!(best.squared > 0)) return false;
+  const double gap = gap_along(best.vector, a, b) - std::abs(dot(best.vector, d));
+  return gap / std::sqrt(best.squared) * kGapShrink > grow;
+}
+
+}  // namespace nearmesh

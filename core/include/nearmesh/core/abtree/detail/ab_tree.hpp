@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// The active bounding tree of a replica: follows refinement at the cost of what arrived.
+// A sparse upper tree over the roots and the larger nodes of the merge forest; below it slots, maximal nodes of at most
+// 64 ids, each with a micro tree over its exact faces and its unresolved nodes, whose boxes stand as they came. Boxes
+// above enclose what is below them. Takes RefineDelta, gives TreeView.
+// Source: the paper, section 3.3 (AB-tree; its inner workings are known from Table 1 only, so this is our own design).
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "nearmesh/core/abtree/detail/tree_pages.hpp"
+
+namespace nearmesh {
+
+class TreeBuilder;
+
+struct AbTreeStats {
+  std::uint64_t slots = 0;
+  std::uint64_t exact_faces = 0;
+  std::uint64_t rebuilt_slots = 0;  ///< by the last update
+  std::uint64_t rebuilt_faces = 0;  ///< by the last update
+  std::uint64_t bytes = 0;
+};
+
+class AbTree {
+ public:
+  /// The tree of the mesh's current state. The mesh must outlive this. Cost: O(active).
+  explicit AbTree(const ActiveMesh& mesh);
+  AbTree(AbTree&&) noexcept;
+  AbTree& operator=(AbTree&&) noexcept;
+  ~AbTree();
+
+  /// Follows one operation of the mesh. Must be called for each, in order, and before a collapsed node's splits are
+  /// forgotten by the store. Cost: O(changed slots and their neighbours); nothing when the delta is empty.
+  void update(const RefineDelta& delta);
+
+  [[nodiscard]] TreeView view(const Grid& grid) const {
+    return {&grid, arrays_.nodes.view(), arrays_.blocks.view(), &mesh_->store(),
+            &mesh_->store().surface()};
+  }
+  [[nodiscard]] AbTreeStats stats() const;
+
+ private:
+  static constexpr std::uint32_t kNone = 0xffffffffU;
+  /// A node of the upper tree has the lanes of a node of the forest: of its descendants so many levels down, and of the
+  /// leaves above these, by first vertex. So its shape follows from what is active.
+  static constexpr std::uint32_t kLevelsPerNode = 3;
+
+  /// Which vertices, a bit for each or for some: 32 in a row have bits of their own.
+  using VertexBits = std::uint32_t;
+  static constexpr VertexBits kAllVertices = ~VertexBits{0};
+  static VertexBits bit_of(VertexId v) { return VertexBits{1} << (v.value % 32); }
+  /// A leaf whose faces depend, or did, on whether these are vertices of the full mesh.
+  struct Watch {
+    std::uint32_t leaf;
+    VertexBits corners;
+  };
+
+  // A leaf of the upper tree: a slot, or a larger node that is not split yet.
+  struct Leaf {
+    NodeSpan node;
+    TreePlace place = 0;
+    std::uint16_t depth = 0;        // levels of the forest above it
+    bool changed = false;           // to be built anew, whichever faces are exact
+    bool queued = false;            // in pending_
+    std::uint32_t exact_count = 0;  // faces in the micro tree
+    std::vector<FaceKey>
+        inherited;                // known faces of splits above it whose home vertex lies in `node`
+    std::vector<Watch> watchers;  // who waits for a corner here, or might lose one
+
+    [[nodiscard]] bool is_slot() const { return node.size <= kSlotSize; }
+  };
+  /// What else is known of a node of the upper tree.
+  struct Upper {
+    std::array<std::uint32_t, kLanes> first_vertices;  // of the lanes, or kNone
+    TreePlace parent;
+    std::uint32_t level;  // nodes above it
+    bool queued;          // in refits_
+  };
+  /// Lanes [begin, end) of an upper node: where a node of the forest has its part of the tree.
+  struct Lanes {
+    std::uint32_t tree_node, begin, end;
+    std::uint16_t depth;
+  };
+
+  std::uint32_t new_leaf(NodeSpan node, TreePlace place, std::uint16_t depth);
+  void free_leaf(std::uint32_t leaf);
+  [[nodiscard]] std::uint32_t leaf_of(VertexId active) const { return leaf_of_[active.value] - 1; }
+  void set_leaf_of(VertexId active, std::uint32_t leaf) { leaf_of_[active.value] = leaf + 1; }
+  [[nodiscard]] std::uint32_t leaf_at(TreePlace place) const;
+  void set_entry(TreePlace place, const TreeEntry& entry);
+  [[nodiscard]] TreeEntry entry(TreePlace place) const {
+    return arrays_.nodes[place / kLanes].entry(place % kLanes);
+  }
+
+  void queue(std::uint32_t leaf);
+  void mark_changed(std::uint32_t leaf);
+  void tell_watchers(std::uint32_t leaf, VertexBits corners, bool may_lose);
+  void watch_corners(std::uint32_t watcher);
+  void watch(std::uint32_t leaf, std::uint32_t watcher, VertexBits corners);
+  void apply_split(VertexId u);
+  void apply_collapse(NodeSpan node);
+  void apply_box(NodeSpan node);
+  void free_micro_tree(TreePlace place);
+
+  // Slots: slots.cpp.
+  void look_at(std::uint32_t leaf);
+  void fetch_slot(std::uint32_t leaf);
+  void fetch_micro_tree(TreePlace place);
+  struct SlotBits {
+    std::uint64_t active, leaves;
+  };
+  [[nodiscard]] SlotBits bits_of(NodeSpan slot) const;
+  void find_exact_faces(std::uint32_t slot);
+  void make_room(std::size_t faces);
+  void find_inherited_faces(std::uint32_t slot, const SlotBits& bits);
+  void find_own_faces(NodeSpan slot, const SlotBits& bits);
+  void build_micro_tree(std::uint32_t slot);
+
+  [[nodiscard]] Lanes find_lanes(NodeSpan node) const;
+  [[nodiscard]] std::uint32_t lane_count(std::uint32_t tree_node) const;
+  void move_lane(std::uint32_t tree_node, std::uint32_t from, std::uint32_t to);
+  void queue_refit(std::uint32_t tree_node);
+  bool refit_lane(TreePlace place);
+  void refit();
+  [[nodiscard]] Upper& upper(std::uint32_t tree_node) { return uppers_[upper_of_[tree_node]]; }
+  [[nodiscard]] const Upper& upper(std::uint32_t tree_node) const {
+    return uppers_[upper_of_[tree_node]];
+  }
+  std::uint32_t new_upper(TreePlace parent);
+  void free_upper(std::uint32_t tree_node);
+
+  const ActiveMesh* mesh_;
+  TreeArrays arrays_;
+  LazyArray<std::uint32_t> upper_of_;  // beside the nodes: of one of the upper tree
+  std::vector<Upper> uppers_;
+  std::vector<std::uint32_t> free_uppers_;
+  std::vector<Leaf> leaves_;
+  std::vector<std::uint32_t> free_leaves_;
+  LazyArray<std::uint32_t> leaf_of_;                             // by active vertex, plus one
+  std::vector<TreePlace> root_places_;                           // of each root
+  std::vector<std::uint32_t> pending_;                           // leaves to look at
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> refits_;  // level and index of nodes, a heap
+  std::vector<TreePlace> micro_roots_;  // lanes of slots whose box and slab are to be found
+  std::uint64_t exact_total_ = 0, slot_total_ = 0, rebuilt_slots_ = 0, rebuilt_faces_ = 0;
+
+  // Scratch of look_at().
+  struct ExactFace {
+    FaceKey key;
+    FaceCorners face;
+  };
+  std::vector<ExactFace> exact_faces_;
+  std::vector<VertexId> corners_elsewhere_;            // to watch
+  std::vector<std::uint32_t> leaves_elsewhere_;        // that have them
+  std::size_t exact_count_ = 0, elsewhere_count_ = 0;  // the first so many of these
+  std::unique_ptr<TreeBuilder> builder_;
+};
+
+}  // namespace nearmesh

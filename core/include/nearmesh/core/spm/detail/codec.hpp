@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// One record codec for batches on the wire and blocks in the file: static Huffman symbols with raw
+// mantissas, bit-packed, most significant bit first. Layout and figures: core/spm_format.md.
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "nearmesh/core/base/status.hpp"
+#include "nearmesh/core/spm/detail/header.hpp"
+#include "nearmesh/core/spm/detail/split_store.hpp"
+
+namespace nearmesh {
+
+/// A split of a treelet, with which of its children are split in the same treelet.
+struct TreeletSplit {
+  NodeSpan node;
+  VertexId split;
+  bool left_included = false, right_included = false;
+};
+/// Splits in preorder (NodeSpan's order); a split's parent is in the treelet or its node is an attach node.
+using Treelet = std::vector<TreeletSplit>;
+
+enum class BoxPolicy : std::uint8_t {
+  kCutNodes,  ///< wire: a box on every child of size > 1 that is not split in the treelet
+  kAllNodes,  ///< file: a box on every child of size > 1
+};
+
+/// Largest encoded batch: with 36 bytes of sample fields and 140 of RTPS it fits one 1,400-byte datagram (Fast DDS 2.9.1
+/// cuts a sample in two from 1,225 bytes on).
+inline constexpr std::size_t kMaxBatchBytes = 1188;
+/// What a batch costs on the wire beyond its own bytes: sample fields, RTPS (60 of them a statistics submessage of
+/// Fast DDS), UDP and IP. Measured on a capture.
+inline constexpr std::size_t kBatchFramingBytes = 196;
+
+/// Cuts a treelet into batches of at most `max_bytes` each and encodes them; each batch decodes alone.
+/// The store must know every split named; it need not hold all of the model: a node that came without a box is given one
+/// around its nearest ancestor's. Cost: about 200 ns a split.
+[[nodiscard]] std::vector<std::vector<std::uint8_t>> encode_batches(
+    const SpmHeader& header, const SplitStore& store, const Treelet& treelet, BoxPolicy boxes,
+    std::size_t max_bytes = kMaxBatchBytes);
+
+/// Decodes one batch. Needs the header alone: no state of the peer enters.
+/// Errors: kCorrupt with the record and field where bytes contradict the header; nothing is allocated beyond what the
+/// bytes can hold. Cost: about 110 ns a split.
+[[nodiscard]] Result<SplitBatch> decode_batch(const SpmHeader& header,
+                                              std::span<const std::uint8_t> bytes);
+
+}  // namespace nearmesh

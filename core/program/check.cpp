@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "commands.hpp"
+#include "nearmesh/core/query/query.hpp"
+#include "nearmesh/core/spm/model_file.hpp"
+
+namespace nearmesh::program {
+namespace {
+
+struct Options {
+  std::vector<std::string> models, answers;
+};
+
+struct FullMesh {
+  SpmHeader header;
+  TriangleTree tree;
+};
+
+struct Counts {
+  std::uint64_t answers = 0, wrong = 0, certified = 0, received = 0, mesh_bytes = 0;
+};
+
+Result<FullMesh> load(const std::string& path) {
+  Result<ModelFile> file = ModelFile::open(path);
+  if (!file.is_ok()) return file.status();
+  NEARMESH_RETURN_IF_ERROR(file.value().require_all());
+  const SpmHeader& header = file.value().header();
+  std::optional<TriangleTree> tree = build_full_tree(header, file.value().store());
+  if (!tree) return Status{StatusCode::kCorrupt, path + ": a split is missing"};
+  return FullMesh{header, *std::move(tree)};
+}
+
+Pose pose_of(const nlohmann::json& json) {
+  const auto x = json.get<std::array<double, 12>>();
+  Pose pose;
+  std::copy(x.begin(), x.begin() + 9, pose.rotation.begin());
+  std::copy(x.begin() + 9, x.end(), pose.translation_m.begin());
+  return pose;
+}
+
+// A certified answer is wrong when the full meshes say otherwise; a partial one when they do not touch at all.
+bool is_wrong(const std::string& status, const nlohmann::json& line, const Answer& full) {
+  if (status == "free") return full.status != AnswerStatus::kFree;
+  if (status == "contact")
+    return full.status != AnswerStatus::kContact ||
+           line.at("pairs").get<std::size_t>() != full.pairs.size() ||
+           line.at("pairs_digest").get<std::string>() != std::to_string(digest(full.pairs));
+  if (status == "contained")
+    return full.status != AnswerStatus::kContained ||
+           line.at("contained").get<std::string>() != to_string(full.contained);
+  return status == "partial" && full.status != AnswerStatus::kContact;
+}
+
+Status check_line(const nlohmann::json& line, const std::map<std::string, FullMesh>& models,
+                  const std::string& where, Counts& counts) {
+  if (line.contains("summary")) {
+    counts.received += line["summary"].at("received_bytes").get<std::uint64_t>();
+    counts.mesh_bytes += line["summary"].at("mesh_bytes").get<std::uint64_t>();
+    return Status::ok();
+  }
+  ++counts.answers;
+  const auto status = line.at("status").get<std::string>();
+  if (status == "uncertain") return Status::ok();  // claims nothing
+  const FullMesh* mesh[2] = {};
+  int side = 0;
+  for (const char* key : {"model_a", "model_b"}) {
+    const auto at = models.find(line.at(key).get<std::string>());
+    if (at == models.end())
+      return {StatusCode::kNotFound, where + ": model " + line.at(key).get<std::string>() +
+                                         " is not among the .spm files given"};
+    mesh[side++] = &at->second;
+  }
+  const Result<PosedPair> posed =
+      pose_pair(mesh[0]->tree.grid, pose_of(line.at("pose_a")), line.at("a").get<std::string>(),
+                mesh[1]->tree.grid, pose_of(line.at("pose_b")), line.at("b").get<std::string>());
+  if (!posed.is_ok()) return {posed.status().code(), where + ": " + posed.status().message()};
+  const QueryOptions options{.clearance = false,
+                             .solid_a = line.value("solid_a", false),
+                             .solid_b = line.value("solid_b", false)};
+  if (options.solid_a)
+    NEARMESH_RETURN_IF_ERROR(
+        check_solid(mesh[0]->header, where + ": " + line.at("a").get<std::string>()));
+  if (options.solid_b)
+    NEARMESH_RETURN_IF_ERROR(
+        check_solid(mesh[1]->header, where + ": " + line.at("b").get<std::string>()));
+  const Answer full =
+      query(mesh[0]->tree.view(), posed.value().a, mesh[1]->tree.view(), posed.value().b, options);
+  if (status != "partial") ++counts.certified;
+  if (is_wrong(status, line, full)) {
+    ++counts.wrong;
+    std::fprintf(stderr,
+                 "%s: %s and %s: answered %s with %zu pairs, the full meshes say %s with %zu\n",
+                 where.c_str(), line.at("a").get<std::string>().c_str(),
+                 line.at("b").get<std::string>().c_str(), status.c_str(),
+                 line.at("pairs").get<std::size_t>(), to_string(full.status), full.pairs.size());
+  }
+  return Status::ok();
+}
+
+Status run(const Options& options) {
+  std::map<std::string, FullMesh> models;
+  for (const std::string& path : options.models) {
+    Result<FullMesh> mesh = load(path);
+    if (!mesh.is_ok()) return mesh.status();
+    models.insert_or_assign(std::filesystem::path(path).stem().string(), std::move(mesh).value());
+  }
+  Counts counts;
+  for (const std::string& path : options.answers) {
+    std::ifstream in(path);
+    if (!in) return {StatusCode::kIo, path + ": cannot open"};
+    std::string text;
+    for (std::size_t number = 1; std::getline(in, text); ++number) {
+      const std::string where = path + ":" + std::to_string(number);
+      try {
+        NEARMESH_RETURN_IF_ERROR(check_line(nlohmann::json::parse(text), models, where, counts));
+      } catch (const nlohmann::json::exception& error) {
+        return {StatusCode::kInvalidArgument, where + ": " + error.what()};
+      }
+    }
+  }
+  const auto count = [](std::uint64_t n) { return static_cast<unsigned long long>(n); };
+  std::printf("answers %llu, wrong %llu, certified %llu, received %llu of %llu bytes\n",
+              count(counts.answers), count(counts.wrong), count(counts.certified),
+              count(counts.received), count(counts.mesh_bytes));
+  std::fflush(stdout);
+  if (counts.wrong > 0)
+    return {StatusCode::kConflict,
+            std::to_string(counts.wrong) + " answers contradict the full meshes"};
+  if (counts.answers == 0) return {StatusCode::kInvalidArgument, "no answer was found to check"};
+  return Status::ok();
+}
+
+}  // namespace
+
+void add_check(CLI::App& app, Action& chosen) {
+  CLI::App* command = app.add_subcommand(
+      "check", "Check a peer's recorded answers against the full meshes; fails if one is wrong.");
+  const auto options = std::make_shared<Options>();
+  command->add_option("models", options->models, ".spm files of all models that occur")->required();
+  command
+      ->add_option("--answers", options->answers,
+                   "Files written by nearmesh-subscriber run --answers (or its --json output)")
+      ->required();
+  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
+}
+
+}  // namespace nearmesh::program

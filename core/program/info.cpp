@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "commands.hpp"
+#include "core/base/hash.hpp"
+#include "nearmesh/core/spm/model_file.hpp"
+
+namespace nearmesh::program {
+namespace {
+
+struct Options {
+  std::string path;
+  bool json = false;
+};
+
+Status run(const Options& options) {
+  Result<ModelFile> file = ModelFile::open(options.path);
+  if (!file.is_ok()) return file.status();
+  NEARMESH_RETURN_IF_ERROR(file.value().verify());
+  const SpmHeader& header = file.value().header();
+  GridBox box;
+  for (const BaseRoot& root : header.roots) box.add(file.value().store().box(root.node));
+  std::array<double, 3> lo{}, hi{};
+  for (int k = 0; k < 3; ++k) {
+    const auto axis = static_cast<std::size_t>(k);
+    lo[axis] = header.grid.origin_m[axis] + std::ldexp(box.lo[k], header.grid.exponent);
+    hi[axis] = header.grid.origin_m[axis] + std::ldexp(box.hi[k], header.grid.exponent);
+  }
+  const double cell = std::ldexp(1.0, header.grid.exponent);
+  const std::string hash = to_hex(file.value().content_hash());
+  if (options.json) {
+    const nlohmann::ordered_json report = {{"path", options.path},
+                                           {"content_hash", hash},
+                                           {"faces", header.face_count},
+                                           {"vertices", header.vertex_count},
+                                           {"base_faces", header.base_faces.size()},
+                                           {"base_vertices", header.roots.size()},
+                                           {"splits", header.split_count()},
+                                           {"blocks", file.value().block_count()},
+                                           {"bytes", file.value().file_bytes()},
+                                           {"header_bytes", file.value().header_bytes().size()},
+                                           {"grid_bits", header.grid.bits},
+                                           {"cell_m", cell},
+                                           {"origin_m", header.grid.origin_m},
+                                           {"closed", header.surface.is_closed()},
+                                           {"boundary_edges", header.surface.boundary_edges},
+                                           {"disagreeing_edges", header.surface.disagreeing_edges},
+                                           {"components", header.surface.component_count},
+                                           {"rounding_error_m", header.rounding_error_m},
+                                           {"box_min_m", lo},
+                                           {"box_max_m", hi}};
+    std::printf("%s\n", report.dump().c_str());
+    return Status::ok();
+  }
+  std::printf("%s: nearmesh model %s, checksums good\n", options.path.c_str(), hash.c_str());
+  std::printf("  full          %u faces, %u vertices\n", header.face_count, header.vertex_count);
+  std::printf("  base          %zu faces, %zu vertices\n", header.base_faces.size(),
+              header.roots.size());
+  if (header.surface.is_closed()) {
+    std::printf("  surface       closed: may be solid; ");
+  } else {
+    std::printf("  surface       open: %u boundary edges, %u edges whose faces disagree; ",
+                header.surface.boundary_edges, header.surface.disagreeing_edges);
+  }
+  std::printf("%u parts%s\n", header.surface.component_count,
+              header.surface.has_seeds() ? "" : ", too many to be proved outside a solid");
+  std::printf("  splits        %u in %llu blocks\n", header.split_count(),
+              static_cast<unsigned long long>(file.value().block_count()));
+  std::printf("  bytes         %llu in all, header %zu\n",
+              static_cast<unsigned long long>(file.value().file_bytes()),
+              file.value().header_bytes().size());
+  std::printf("  grid          %d bits, cell %.3g m, rounding error %.3g m\n", header.grid.bits,
+              cell, header.rounding_error_m);
+  std::printf("  box           within [%.6g, %.6g] x [%.6g, %.6g] x [%.6g, %.6g] m\n", lo[0], hi[0],
+              lo[1], hi[1], lo[2], hi[2]);
+  return Status::ok();
+}
+
+}  // namespace
+
+void add_info(CLI::App& app, Action& chosen) {
+  CLI::App* command =
+      app.add_subcommand("info", "Check every checksum of a model and describe it.");
+  const auto options = std::make_shared<Options>();
+  command->add_option("model", options->path, ".spm file")->required();
+  command->add_flag("--json", options->json, "Print one JSON object");
+  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
+}
+
+}  // namespace nearmesh::program

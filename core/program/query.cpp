@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <nlohmann/json.hpp>
+
+#include "commands.hpp"
+#include "core/base/csv.hpp"
+#include "core/query/contacts_json.hpp"
+#include "query_methods.hpp"
+
+namespace nearmesh::program {
+namespace {
+
+struct Options {
+  std::string a, b, poses, method = "certified";
+  QueryMethodOptions method_options;
+  bool list_pairs = false, json = false, limited = false;
+};
+
+struct PoseRow {
+  std::string id, place;
+  Pose a, b;
+};
+
+Result<std::vector<PoseRow>> read_poses(const std::string& path) {
+  Result<CsvTable> table = CsvTable::read(path);
+  if (!table.is_ok()) return table.status();
+  std::vector<std::string> names;
+  for (const char* body : {"A", "B"}) {
+    for (int row = 0; row < 3; ++row)
+      for (int column = 0; column < 3; ++column)
+        names.push_back(std::string(body) + "_R" + std::to_string(row) + std::to_string(column));
+    for (int k = 0; k < 3; ++k) names.push_back(std::string(body) + "_T" + std::to_string(k));
+  }
+  const Result<std::vector<std::size_t>> columns = table.value().columns(names);
+  if (!columns.is_ok()) return columns.status();
+  const std::size_t id = table.value().column("id");
+  if (id == CsvTable::npos)
+    return Status{StatusCode::kInvalidArgument, path + ": no column named id"};
+  std::vector<PoseRow> rows;
+  for (std::size_t r = 0; r < table.value().row_count(); ++r) {
+    PoseRow row{.id = table.value().text(r, id), .place = table.value().place(r)};
+    for (std::size_t i = 0; i < 24; ++i) {
+      const Result<double> number = table.value().number(r, columns.value()[i]);
+      if (!number.is_ok()) return number.status();
+      Pose& pose = i < 12 ? row.a : row.b;
+      (i % 12 < 9 ? pose.rotation[i % 12] : pose.translation_m[i % 12 - 9]) = number.value();
+    }
+    rows.push_back(row);
+  }
+  return rows;
+}
+
+nlohmann::ordered_json to_json(const PoseRow& row, const MethodAnswer& answer) {
+  // Numbers stay numbers, so that scripts can join on them.
+  nlohmann::ordered_json id = nlohmann::ordered_json::parse(row.id, nullptr, false);
+  if (!id.is_number()) id = row.id;
+  const auto microseconds = [](double s) { return std::round(s * 1e7) / 10; };
+  nlohmann::ordered_json line = {{"id", id},
+                                 {"status", to_string(answer.answer.status)},
+                                 {"pairs", answer.answer.pairs.size()},
+                                 {"splits", answer.splits},
+                                 {"slots", answer.slots},
+                                 {"bytes", answer.bytes},
+                                 {"t_refine_us", microseconds(answer.refine_s)},
+                                 {"t_tree_us", microseconds(answer.tree_s)},
+                                 {"t_query_us", microseconds(answer.query_s)},
+                                 {"t_load_us", microseconds(answer.load_s)}};
+  if (answer.answer.status == AnswerStatus::kContained)
+    line["contained"] = to_string(answer.answer.contained);
+  return line;
+}
+
+Status run(const Options& options) {
+  Result<std::vector<PoseRow>> poses = read_poses(options.poses);
+  if (!poses.is_ok()) return poses.status();
+  Result<ModelFile> a = ModelFile::open(options.a);
+  if (!a.is_ok()) return a.status();
+  Result<ModelFile> b = ModelFile::open(options.b);
+  if (!b.is_ok()) return b.status();
+  std::optional<FaceNumbering> numbers_a, numbers_b;
+  if (options.list_pairs) {
+    Result<FaceNumbering> na = a.value().face_numbering();
+    if (!na.is_ok()) return na.status();
+    Result<FaceNumbering> nb = b.value().face_numbering();
+    if (!nb.is_ok()) return nb.status();
+    numbers_a = std::move(na).value();
+    numbers_b = std::move(nb).value();
+  }
+  Result<std::unique_ptr<QueryMethod>> method =
+      make_query_method(options.method, a.value(), b.value(), options.method_options);
+  if (!method.is_ok()) return method.status();
+
+  std::array<std::uint64_t, 5> by_status{};
+  for (const PoseRow& row : poses.value()) {
+    const Result<PosedPair> posed =
+        pose_pair(a.value().header().grid, row.a, "A of pose " + row.id, b.value().header().grid,
+                  row.b, "B of pose " + row.id);
+    if (!posed.is_ok()) return {posed.status().code(), row.place + ": " + posed.status().message()};
+    const Result<MethodAnswer> answer = method.value()->answer(posed.value());
+    if (!answer.is_ok()) return answer.status();
+    nlohmann::ordered_json line = to_json(row, answer.value());
+    if (options.list_pairs) {
+      std::vector<std::array<std::uint32_t, 2>> faces;
+      for (const FacePair& pair : answer.value().answer.pairs)
+        faces.push_back({(*numbers_a)[pair.a].face.value, (*numbers_b)[pair.b].face.value});
+      std::sort(faces.begin(), faces.end());
+      line["faces"] = faces;
+    }
+    if (options.limited) {
+      line["pair_total"] = answer.value().answer.pair_total;
+      line["truncated"] = answer.value().answer.truncated;
+    }
+    if (options.method_options.contacts) {
+      const Contacts& contacts = answer.value().contacts;
+      line["patches"] = contacts.patches;
+      line["position_error_m"] = contacts.position_error_m;
+      line["t_contacts_us"] = std::round(answer.value().contacts_s * 1e7) / 10;
+    }
+    std::printf("%s\n", line.dump().c_str());
+    ++by_status[static_cast<std::size_t>(answer.value().answer.status)];
+  }
+  if (!options.json)
+    std::fprintf(
+        stderr,
+        "%zu poses by %s: %llu free, %llu contact, %llu contained, %llu partial, %llu uncertain\n",
+        poses.value().size(), options.method.c_str(), static_cast<unsigned long long>(by_status[0]),
+        static_cast<unsigned long long>(by_status[1]),
+        static_cast<unsigned long long>(by_status[4]),
+        static_cast<unsigned long long>(by_status[2]),
+        static_cast<unsigned long long>(by_status[3]));
+  return Status::ok();
+}
+
+}  // namespace
+
+void add_query(CLI::App& app, Action& chosen) {
+  CLI::App* command = app.add_subcommand(
+      "query", "Test two models for contact in given poses; prints one JSON line per pose.");
+  const auto options = std::make_shared<Options>();
+  command->add_option("A", options->a, ".spm file of model A")->required();
+  command->add_option("B", options->b, ".spm file of model B")->required();
+  command
+      ->add_option(
+          "--poses", options->poses,
+          "CSV with a header: id, A_R00..A_R22 (row-major), A_T0..A_T2 (metres), the same for "
+          "B; other columns are ignored")
+      ->required();
+  command
+      ->add_option(
+          "--method", options->method,
+          "full: the full meshes. base: the base meshes. global: both refined everywhere, "
+          "largest parts first. grid: the 2006 paper's 8x8x8 contact cells and their "
+          "neighbours. certified: from the base mesh, only what the answer needs. Only full "
+          "and certified answers are proofs")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"full", "base", "global", "grid", "certified"}));
+  command
+      ->add_option("--splits", options->method_options.global_splits,
+                   "Splits of each model for --method global")
+      ->capture_default_str();
+  CLI::Option* any =
+      command->add_flag("--any", options->method_options.query.any,
+                        "Stop at the first touching pair: contact or not, without the whole set");
+  CLI::Option* max_pairs =
+      command
+          ->add_option("--max-pairs", options->method_options.query.max_pairs,
+                       "List at most this many touching pairs, the first in the order of face "
+                       "names; adds pair_total, how many there are, and truncated")
+          ->check(CLI::Range(std::uint64_t{0}, std::uint64_t{0xffffffff}));
+  command
+      ->add_flag("--contacts", options->method_options.contacts,
+                 "Add where the bodies touch: patches with centre, normal from A to B, length, and "
+                 "bounds of their errors, of the listed pairs")
+      ->excludes(any);
+  command->add_flag("--solid-a", options->method_options.query.solid_a,
+                    "A has an inside: is B in it? For full and certified; A must be closed");
+  command->add_flag("--solid-b", options->method_options.query.solid_b,
+                    "B has an inside: is A in it?");
+  command->add_flag("--list-pairs", options->list_pairs,
+                    "Add the touching faces as pairs of input face numbers, sorted");
+  command->add_flag("--json", options->json, "JSON lines only: no summary on standard error");
+  command->callback([options, max_pairs, &chosen] {
+    options->limited = max_pairs->count() > 0;
+    chosen = [options] { return run(*options); };
+  });
+}
+
+}  // namespace nearmesh::program

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "nearmesh/core/query/certify.hpp"
+
+#include <string>
+
+#include "core/base/stopwatch.hpp"
+
+namespace nearmesh {
+namespace {
+
+Status split_nodes(LocalModel& model, const std::vector<NodeSpan>& nodes, const Require& require,
+                   RefineDelta& delta) {
+  for (const NodeSpan& node : nodes) {
+    NEARMESH_RETURN_IF_ERROR(require(node));
+    const VertexId split = model.mesh.store().split_of(node);
+    if (!split.is_valid() || !model.mesh.split(split, delta))
+      return {StatusCode::kNotFound, "the split of node [" + std::to_string(node.begin()) + ", " +
+                                         std::to_string(node.end()) + ") is not to be had"};
+  }
+  return Status::ok();
+}
+
+}  // namespace
+
+Result<Answer> certify(LocalModel& a, const PosedFrame& frame_a, const Require& require_a,
+                       LocalModel& b, const PosedFrame& frame_b, const Require& require_b,
+                       const QueryOptions& options, CertifyTimes* times) {
+  CertifyTimes spent;
+  Stopwatch watch;
+  while (true) {
+    Answer answer = query(a.view(), frame_a, b.view(), frame_b, options);
+    spent.query_s += watch.lap();
+    ++spent.rounds;
+    if (is_certified(answer.status)) {
+      if (times != nullptr) *times = spent;
+      return answer;
+    }
+    if (answer.missing_a.empty() && answer.missing_b.empty())
+      return Status{StatusCode::kUnsupported,
+                    "a model of more than " + std::to_string(kMaxComponentSeeds) +
+                        " parts cannot be proved to be outside a solid that it is near"};
+    RefineDelta delta_a, delta_b;
+    NEARMESH_RETURN_IF_ERROR(split_nodes(a, answer.missing_a, require_a, delta_a));
+    NEARMESH_RETURN_IF_ERROR(split_nodes(b, answer.missing_b, require_b, delta_b));
+    spent.refine_s += watch.lap();
+    a.tree.update(delta_a);
+    b.tree.update(delta_b);
+    spent.tree_s += watch.lap();
+  }
+}
+
+}  // namespace nearmesh

@@ -1,0 +1,246 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "nearmesh/core/query/query.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <unordered_set>
+
+#include "clearance.hpp"
+#include "containment.hpp"
+#include "core/base/hash.hpp"
+#include "nearmesh/core/geometry/detail/box_overlap.hpp"
+#include "walk.hpp"
+
+namespace nearmesh {
+namespace {
+
+using Kind = TreeEntry::Kind;
+
+class Query {
+ public:
+  Query(const Scene& scene, const QueryOptions& options) : s_(scene), options_(options) {}
+
+  Answer run() {
+    std::vector<UnresolvedPair> unresolved;
+    walk_trees(s_, options_.any, answer_.pairs, unresolved, answer_.stats);
+    if (!options_.any || answer_.pairs.empty())
+      for (const UnresolvedPair& pair : unresolved) settle(pair);
+    finish();
+    return std::move(answer_);
+  }
+
+ private:
+  // Names what to split next, unless the pair is proved apart, or has a part that is named already: it will be looked at
+  // again once that is split.
+  void settle(const UnresolvedPair& pair) {
+    const TreeEntry a = s_.a.nodes[pair.a / kLanes].entry(pair.a % kLanes),
+                    b = s_.b.nodes[pair.b / kLanes].entry(pair.b % kLanes);
+    const bool open_a = a.kind() == Kind::kFrontier, open_b = b.kind() == Kind::kFrontier;
+    if ((open_a && missing_a_.contains(a.first)) || (open_b && missing_b_.contains(b.first)))
+      return;
+    if (open_a && open_b) {
+      // The larger of two is the one to split next; ties go to a.
+      if (size_of(a.box) * s_.cell_a_m >= size_of(b.box) * s_.cell_b_m) {
+        add_missing(s_.a, a, missing_a_);
+      } else {
+        add_missing(s_.b, b, missing_b_);
+      }
+    } else if (open_a) {
+      if (meets_face(s_.b_in_a, a.box, s_.b.blocks[b.first], pair.faces))
+        add_missing(s_.a, a, missing_a_);
+    } else {
+      if (meets_face(s_.a_in_b(), b.box, s_.a.blocks[a.first], pair.faces))
+        add_missing(s_.b, b, missing_b_);
+    }
+  }
+
+  // Whether an unresolved node's box (in its own grid) may meet one of the other side's faces.
+  bool meets_face(const RelativeFrame& other_in_own, const GridBox& own, const FaceBlock& block,
+                  std::uint32_t faces) {
+    const CenteredBox box = centered(own);
+    for (; faces != 0; faces &= faces - 1) {
+      const auto i = static_cast<std::uint32_t>(std::countr_zero(faces));
+      ++answer_.stats.box_tests;
+      if (!box_triangle_apart(other_in_own, box,
+                              to_a_units(other_in_own, block.triangles.corners(i))))
+        return true;
+    }
+    return false;
+  }
+
+  void add_missing(const TreeView& tree, const TreeEntry& node,
+                   std::unordered_set<std::uint32_t>& set) {
+    set.insert(node.first);
+    // By the set: both bodies may have the same tree.
+    (&set == &missing_a_ ? answer_.missing_a : answer_.missing_b).push_back(node.frontier_node());
+    const double bound = node_bound(*tree.store, node.frontier_node());
+    answer_.uncertainty_m = std::max(answer_.uncertainty_m, std::ldexp(bound, tree.grid->exponent));
+  }
+
+  void finish() {
+    const bool touches = !answer_.pairs.empty();
+    const bool complete = missing_a_.empty() && missing_b_.empty();
+    if (complete && !touches) {
+      answer_.status = AnswerStatus::kFree;
+      if (options_.solid_a || options_.solid_b) settle_containment();
+    } else if (complete || (options_.any && touches)) {
+      answer_.status = AnswerStatus::kContact;
+      answer_.missing_a.clear();
+      answer_.missing_b.clear();
+      answer_.uncertainty_m = 0;
+    } else {
+      answer_.status = touches ? AnswerStatus::kPartial : AnswerStatus::kUncertain;
+    }
+    if (is_certified(answer_.status) && !touches && options_.clearance)
+      answer_.clearance_m = clearance_m(s_, answer_.stats);
+    std::sort(answer_.pairs.begin(), answer_.pairs.end());
+    answer_.pair_total = answer_.pairs.size();
+    answer_.truncated = answer_.pair_total > options_.max_pairs;
+    if (answer_.truncated) answer_.pairs.resize(options_.max_pairs);
+    std::sort(answer_.missing_a.begin(), answer_.missing_a.end());
+    std::sort(answer_.missing_b.begin(), answer_.missing_b.end());
+  }
+
+  // The surfaces are apart. Each question is answered to the end, so that a certified answer is the same on every peer.
+  void settle_containment() {
+    const TreeEntry root_a = s_.a.root(), root_b = s_.b.root();
+    if (root_a.kind() == Kind::kEmpty || root_b.kind() == Kind::kEmpty ||
+        boxes_apart(s_.b_in_a, centered(root_a.box), centered(root_b.box)))
+      return;
+    const Side a_in_b =
+        options_.solid_b ? side_of(s_.a, s_.frame_a, s_.b, s_.frame_b, missing_b_) : Side::kOutside;
+    const Side b_in_a =
+        options_.solid_a ? side_of(s_.b, s_.frame_b, s_.a, s_.frame_a, missing_a_) : Side::kOutside;
+    const bool inside = a_in_b == Side::kInside || b_in_a == Side::kInside;
+    const bool open = a_in_b == Side::kOpen || b_in_a == Side::kOpen;
+    if (!missing_a_.empty() || !missing_b_.empty() || (open && !inside)) {
+      answer_.status = AnswerStatus::kUncertain;
+      if (missing_a_.empty() && missing_b_.empty())
+        answer_.uncertainty_m = std::numeric_limits<double>::infinity();
+    } else if (inside) {
+      answer_.status = AnswerStatus::kContained;
+      answer_.contained = static_cast<Containment>((a_in_b == Side::kInside ? 1 : 0) +
+                                                   (b_in_a == Side::kInside ? 2 : 0));
+    }
+  }
+
+  // Inside when one part of the inner body is; outside when all parts are.
+  Side side_of(const TreeView& inner, const PosedFrame& inner_frame, const TreeView& solid,
+               const PosedFrame& solid_frame, std::unordered_set<std::uint32_t>& known) {
+    if (!inner.surface->has_seeds()) return Side::kOpen;
+    std::vector<Location> open;
+    for (const GridPoint& seed : inner.surface->component_seeds) {
+      Location at = locate(solid, solid_frame, pose_point(inner_frame, seed), answer_.stats);
+      if (at.side == Side::kInside) return Side::kInside;
+      if (at.side == Side::kOpen) open.push_back(std::move(at));
+    }
+    std::vector<GridBox>& rays = &known == &missing_a_ ? answer_.rays_a : answer_.rays_b;
+    for (const Location& at : open)
+      for (const TreeEntry& node : at.missing) {
+        if (known.contains(node.first)) continue;
+        add_missing(solid, node, known);
+        add_ray_boxes(solid_frame, at.ray, node.box, rays);
+      }
+    return open.empty() ? Side::kOutside : Side::kOpen;
+  }
+
+  const Scene& s_;
+  const QueryOptions options_;
+  std::unordered_set<std::uint32_t> missing_a_, missing_b_;  // by first vertex; membership only
+  Answer answer_;
+};
+
+}  // namespace
+
+const char* to_string(AnswerStatus status) {
+  switch (status) {
+    case AnswerStatus::kFree:
+      return "free";
+    case AnswerStatus::kContact:
+      return "contact";
+    case AnswerStatus::kPartial:
+      return "partial";
+    case AnswerStatus::kUncertain:
+      return "uncertain";
+    case AnswerStatus::kContained:
+      return "contained";
+  }
+  return "unknown";
+}
+
+const char* to_string(Containment contained) {
+  switch (contained) {
+    case Containment::kNone:
+      return "none";
+    case Containment::kAInB:
+      return "a_in_b";
+    case Containment::kBInA:
+      return "b_in_a";
+    case Containment::kBoth:
+      return "both";
+  }
+  return "unknown";
+}
+
+std::uint64_t digest(const std::vector<FacePair>& pairs) {
+  std::uint64_t h = pairs.size();
+  for (const FacePair& pair : pairs)
+    for (const FaceKey& key : {pair.a, pair.b})
+      h = mix(h ^ (std::uint64_t{key.split.value} << 32 | key.index));
+  return h;
+}
+
+std::uint64_t digest(const Answer& answer) {
+  std::uint64_t h = digest(answer.pairs);
+  const auto add = [&h](std::uint64_t x) { h = mix(h ^ x); };
+  add(static_cast<std::uint64_t>(answer.status));
+  add(static_cast<std::uint64_t>(answer.contained));
+  add(answer.pair_total);
+  for (const std::vector<NodeSpan>* missing : {&answer.missing_a, &answer.missing_b}) {
+    add(missing->size());
+    for (const NodeSpan& node : *missing) add(std::uint64_t{node.begin()} << 32 | node.size);
+  }
+  add(std::bit_cast<std::uint64_t>(answer.clearance_m));
+  add(std::bit_cast<std::uint64_t>(answer.uncertainty_m));
+  return h;
+}
+
+double node_bound(const SplitStore& store, NodeSpan node) {
+  const GridBox box = store.box(node);
+  const GridPoint& stand_in = store.position(node.first);
+  double square = 0;
+  for (int k = 0; k < 3; ++k) {
+    const auto farther = static_cast<double>(
+        std::max(std::int64_t{stand_in[k]} - box.lo[k], std::int64_t{box.hi[k]} - stand_in[k]));
+    square += farther * farther;
+  }
+  // Rounded up: the sum and the root err by less than 2^-50 of the result.
+  return std::sqrt(square) * (1 + 0x1p-48);
+}
+
+Answer query(const TreeView& a, const PosedFrame& frame_a, const TreeView& b,
+             const PosedFrame& frame_b, const QueryOptions& options) {
+  NEARMESH_ASSERT(frame_a.lattice_exp == frame_b.lattice_exp);
+  NEARMESH_ASSERT(!(options.solid_a || options.solid_b) ||
+                  (a.surface != nullptr && b.surface != nullptr));
+  NEARMESH_ASSERT(!options.solid_a || a.surface->is_closed());
+  NEARMESH_ASSERT(!options.solid_b || b.surface->is_closed());
+  return Query(Scene(a, frame_a, b, frame_b), options).run();
+}
+
+Result<PosedPair> pose_pair(const Grid& grid_a, const Pose& pose_a, std::string_view name_a,
+                            const Grid& grid_b, const Pose& pose_b, std::string_view name_b) {
+  NEARMESH_RETURN_IF_ERROR(check_pose(pose_a, name_a));
+  NEARMESH_RETURN_IF_ERROR(check_pose(pose_b, name_b));
+  const int lattice = lattice_exponent(grid_a, grid_b);
+  Result<PosedFrame> a = make_posed_frame(grid_a, pose_a, lattice);
+  if (!a.is_ok())
+    return Status{a.status().code(), std::string(name_a) + ": " + a.status().message()};
+  Result<PosedFrame> b = make_posed_frame(grid_b, pose_b, lattice);
+  if (!b.is_ok())
+    return Status{b.status().code(), std::string(name_b) + ": " + b.status().message()};
+  return PosedPair{a.value(), b.value()};
+}
+
+}  // namespace nearmesh

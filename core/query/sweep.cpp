@@ -1,0 +1,416 @@
+// SPDX-License-Identifier: Apache-2.0
+// Time by halves, earliest first; in each interval both trees are walked together with boxes grown by the motion.
+//
+// The bound. Let m be the middle of an interval of half-length h, and t in [m - h, m + h].
+// 1. The relative frame of the two placements at m (make_relative_frame of poses) is that of pose_at, up to doubles,
+//    which are inside its slack; pose_at is within placing_error_m of the true motion.
+// 2. From m to t the true motion takes a point of B, as seen from A's place at m, by (v_b - v_a)(t - m), which is what
+//    `along` holds for h, and besides turns it by at most |w_b| h |R0 x_b| and a point of A by |w_a| h |R0 x_a|: an arc is
+//    longer than its chord. |R0 x| <= 1.0001 reach (check_pose), reach that of the node's own box.
+// 3. At t a point of a posed triangle is within posing_error_m of the true motion's.
+// So `around` = h (|w_a| reach_a + |w_b| reach_b) 1.0001 + both bodies' placing and posing errors, and boxes that stay apart
+// under that drift have no common point at t, whether rigid or posed; boxes enclose what is not refined (query.hpp).
+// Instants k T / 2^n are rounded to doubles: m and the ends err by 2^-53 T each, so h is taken larger by 2^-51 T.
+#include "nearmesh/core/query/sweep.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+#include <string>
+#include <unordered_set>
+
+#include "core/geometry/triangle_overlap.hpp"
+#include "nearmesh/core/geometry/detail/box_overlap.hpp"
+
+namespace nearmesh {
+namespace {
+
+using Kind = TreeEntry::Kind;
+using Vec3 = std::array<double, 3>;
+
+constexpr double kNever = std::numeric_limits<double>::infinity();
+constexpr double kMinDuration_s = 1e-9;
+constexpr double kMaxDuration_s = 1e9;
+constexpr double kRoundUp = 1 + 0x1p-40;
+constexpr double kStretch = 1.0001;
+
+/// One of the two, with what does not change on the way.
+struct Mover {
+  const TreeView& tree;
+  const Motion& motion;
+  std::string_view name;
+  double turn_rate;  ///< |w|
+};
+
+/// An unresolved node, and the start of the first interval in which it might touch.
+struct Missing {
+  NodeSpan node;
+  double since_s;
+};
+
+class Sweep {
+ public:
+  Sweep(const Mover& a, const Mover& b, const SweepOptions& options)
+      : a_(a),
+        b_(b),
+        options_(options),
+        lattice_(lattice_exponent(*a.tree.grid, *b.tree.grid)),
+        last_instant_(std::uint64_t{1} << (options.time_levels + 1)),
+        error_m_(error_of(a) + error_of(b)),
+        cell_a_m_(std::ldexp(1.0, a.tree.grid->exponent)),
+        cell_b_m_(std::ldexp(1.0, b.tree.grid->exponent)),
+        views_(static_cast<std::size_t>(options.time_levels) + 1),
+        mids_(views_.size()) {
+    for (std::size_t k = 0; k < 3; ++k)
+      velocity_[k] = b.motion.linear_velocity_mps[k] - a.motion.linear_velocity_mps[k];
+  }
+
+  Result<SweptAnswer> run() {
+    advance(level_of_first_contact(), 0, {{a_.tree.root(), b_.tree.root()}});
+    if (!status_.is_ok()) return status_;
+    finish();
+    return std::move(answer_);
+  }
+
+ private:
+  struct Pair {
+    TreeEntry a, b;
+  };
+  /// Both frames at an instant.
+  struct Posed {
+    std::uint64_t instant = ~std::uint64_t{0};
+    PosedFrame a, b;
+  };
+  /// An interval, and the drift about its middle without the turns.
+  struct View {
+    int level;
+    std::uint64_t first, middle;  ///< instants
+    double start_s, half_s;
+    RelativeFrame b_in_a, a_in_b;
+    Vec3 along_a, along_b;  ///< the way of half the interval, in each one's grid units
+    double along_m;
+  };
+
+  [[nodiscard]] double error_of(const Mover& x) const {
+    const double reach = reach_m(*x.tree.grid, x.tree.root().box);
+    return placing_error_m(x.motion, reach, options_.duration_s) +
+           posing_error_m(x.motion, reach, options_.duration_s, *x.tree.grid, lattice_);
+  }
+
+  /// Tests the last instant, and as long as there is contact, the middle of what is before: nothing later matters then.
+  /// The level of which the first interval is left to look at.
+  int level_of_first_contact() {
+    int level = 0;
+    for (std::uint64_t instant = last_instant_; instant > 1 && touches_at(instant); instant /= 2) {
+      answer_.hit_s = seconds(instant);
+      if (instant < last_instant_) ++level;
+    }
+    return level;
+  }
+
+  bool touches_at(std::uint64_t instant) {
+    Posed posed;
+    if (!pose_both(instant, posed)) return false;
+    const Answer there =
+        query(a_.tree, posed.a, b_.tree, posed.b, {.any = true, .clearance = false});
+    answer_.stats.box_tests += there.stats.box_tests;
+    answer_.stats.triangle_tests += there.stats.triangle_tests;
+    return there.status == AnswerStatus::kContact;
+  }
+
+  [[nodiscard]] double seconds(std::uint64_t instant) const {
+    return options_.duration_s *
+           std::ldexp(static_cast<double>(instant), -(options_.time_levels + 1));
+  }
+
+  /// Everything that starts in the interval `index` of 2^level, for the pairs given.
+  void advance(int level, std::uint64_t index, const std::vector<Pair>& pairs) {
+    const std::uint64_t length = last_instant_ >> level;
+    if (is_over(seconds(index * length))) return;
+    View& view = views_[static_cast<std::size_t>(level)];
+    set_view(view, level, index * length, length);
+    std::vector<Pair> left;
+    for (const Pair& pair : pairs) {
+      stack_.push_back(pair);
+      while (!stack_.empty()) {
+        const Pair at = stack_.back();
+        stack_.pop_back();
+        if (!is_over(view.start_s)) visit(at, view, left);
+      }
+    }
+    if (left.empty()) return;
+    advance(level + 1, 2 * index, left);
+    advance(level + 1, 2 * index + 1, left);
+  }
+
+  /// Nothing that starts at that time or later can change the answer. Notes an exhausted budget.
+  bool is_over(double start_s) {
+    if (!status_.is_ok() || answer_.exhausted || start_s >= answer_.hit_s) return true;
+    if (answer_.stats.box_tests + answer_.stats.triangle_tests < options_.max_tests) return false;
+    answer_.exhausted = true;
+    undecided_s_ = std::min(undecided_s_, start_s);
+    return true;
+  }
+
+  void set_view(View& view, int level, std::uint64_t first, std::uint64_t length) const {
+    view.level = level;
+    view.first = first;
+    view.middle = first + length / 2;
+    view.start_s = seconds(first);
+    view.half_s = seconds(length / 2) + 0x1p-51 * options_.duration_s;
+    const Pose pose_a = pose_at(a_.motion, seconds(view.middle));
+    const Pose pose_b = pose_at(b_.motion, seconds(view.middle));
+    const Grid &grid_a = *a_.tree.grid, &grid_b = *b_.tree.grid;
+    view.b_in_a = make_relative_frame(grid_a, pose_a, grid_b, pose_b);
+    Vec3 along;
+    for (std::size_t k = 0; k < 3; ++k) along[k] = velocity_[k] * view.half_s;
+    view.along_a = to_grid_units(grid_a, pose_a, along);
+    view.along_m = length_bound(along);
+    view.a_in_b = make_relative_frame(grid_b, pose_b, grid_a, pose_a);
+    view.along_b = to_grid_units(grid_b, pose_b, along);
+  }
+
+  [[nodiscard]] bool is_finest(const View& view) const {
+    return view.level == options_.time_levels;
+  }
+
+  void visit(const Pair& pair, const View& view, std::vector<Pair>& left) {
+    const TreeEntry &na = pair.a, &nb = pair.b;
+    const Kind ka = na.kind(), kb = nb.kind();
+    if (ka == Kind::kEmpty || kb == Kind::kEmpty) return;
+    // Known to be missing since an earlier start, or the same.
+    if (ka == Kind::kFrontier && known_a_.contains(na.first)) return;
+    if (kb == Kind::kFrontier && known_b_.contains(nb.first)) return;
+    const double around_m = around(na, nb, view);
+    const CenteredBox box_a = centered(na.box), box_b = centered(nb.box);
+    ++answer_.stats.box_tests;
+    const Drift drift = in_units(view.b_in_a, view.along_a, around_m);
+    if (boxes_stay_apart(view.b_in_a, drift, box_a, box_b)) return;
+
+    // Faces are often much smaller than their boxes.
+    if (ka == Kind::kFaces && kb != Kind::kFaces &&
+        stays_clear(view.a_in_b, in_units(view.a_in_b, view.along_b, around_m), box_b, a_.tree, na))
+      return;
+    if (kb == Kind::kFaces && ka != Kind::kFaces &&
+        stays_clear(view.b_in_a, drift, box_a, b_.tree, nb))
+      return;
+    const bool finest = is_finest(view);
+    const double size_a = static_cast<double>(size_of(na.box)) * cell_a_m_,
+                 size_b = static_cast<double>(size_of(nb.box)) * cell_b_m_;
+    const bool inner_a = ka == Kind::kInner, inner_b = kb == Kind::kInner;
+    const bool opens_a = inner_a && (!inner_b || size_a >= size_b);
+    // The greater cause first: the box to open, or the way.
+    const double way_m = view.along_m + around_m;
+    // NOLINTNEXTLINE(bugprone-branch-clone): the way may be halved first, or last
+    if (!finest && (inner_a || inner_b) && way_m > (opens_a ? size_a : size_b)) {
+      left.push_back(pair);
+    } else if (opens_a) {
+      a_.tree.for_each_child(na, [&](const TreeEntry& child) { stack_.push_back({child, nb}); });
+    } else if (inner_b) {
+      b_.tree.for_each_child(nb, [&](const TreeEntry& child) { stack_.push_back({na, child}); });
+    } else if (ka == Kind::kFaces && kb == Kind::kFaces) {
+      if (!faces_stay_apart(na, nb, view, drift)) {
+        if (!finest) {
+          left.push_back(pair);
+        } else {
+          undecided_s_ = std::min(undecided_s_, view.start_s);
+        }
+      }
+    } else if (!finest) {
+      left.push_back(pair);
+    } else if (ka == Kind::kFrontier && kb == Kind::kFrontier) {
+      // The larger of two is the one to split next; ties go to a.
+      if (size_a >= size_b) {
+        add_missing(na, view, known_a_, missing_a_);
+      } else {
+        add_missing(nb, view, known_b_, missing_b_);
+      }
+    } else if (ka == Kind::kFrontier) {
+      add_missing(na, view, known_a_, missing_a_);
+    } else {
+      add_missing(nb, view, known_b_, missing_b_);
+    }
+  }
+
+  /// `around` of the bound, metres.
+  [[nodiscard]] double around(const TreeEntry& na, const TreeEntry& nb, const View& view) const {
+    double turned = 0;
+    if (a_.turn_rate > 0) turned += a_.turn_rate * reach_m(*a_.tree.grid, na.box);
+    if (b_.turn_rate > 0) turned += b_.turn_rate * reach_m(*b_.tree.grid, nb.box);
+    // Last: the velocities' difference and its way were rounded.
+    return (view.half_s * turned * kStretch + error_m_ + 0x1p-40 * view.along_m) * kRoundUp;
+  }
+
+  static Drift in_units(const RelativeFrame& f, const Vec3& along, double around_m) {
+    return {along, around_m / f.least_metres_per_unit * kRoundUp};
+  }
+
+  /// False when a pair is closer than the drift resolves. Such pairs are tested at the interval's instants.
+  bool faces_stay_apart(const TreeEntry& na, const TreeEntry& nb, const View& view,
+                        const Drift& drift) {
+    const bool finest = is_finest(view);
+    bool apart = true;
+    b_.tree.for_each_face(nb, [&](const TreeFace& fb) {
+      const DoubleTriangle tb = to_a_units(view.b_in_a, fb.corners);
+      a_.tree.for_each_face(na, [&](const TreeFace& fa) {
+        ++answer_.stats.triangle_tests;
+        if (triangles_stay_apart(view.b_in_a, drift, as_doubles(fa.corners), tb)) return;
+        apart = false;
+        if (finest) test_at(view.first, start_, fa, fb);
+        test_at(view.middle, mids_[static_cast<std::size_t>(view.level)], fa, fb);
+      });
+    });
+    return apart;
+  }
+
+  /// The exact test at one instant; `posed` keeps the frames for the next pair.
+  void test_at(std::uint64_t instant, Posed& posed, const TreeFace& fa, const TreeFace& fb) {
+    if (seconds(instant) >= answer_.hit_s || !pose_both(instant, posed)) return;
+    ++answer_.stats.triangle_tests;
+    if (triangles_overlap(pose_triangle(posed.a, fa.corners), pose_triangle(posed.b, fb.corners)))
+      answer_.hit_s = seconds(instant);
+  }
+
+  bool pose_both(std::uint64_t instant, Posed& posed) {
+    if (posed.instant == instant) return status_.is_ok();
+    const auto pose = [&](const Mover& x, PosedFrame& frame) {
+      const Result<PosedFrame> made =
+          make_posed_frame(*x.tree.grid, pose_at(x.motion, seconds(instant)), lattice_);
+      if (made.is_ok()) {
+        frame = made.value();
+      } else {
+        status_ = {made.status().code(), std::string(x.name) + ": " + made.status().message()};
+      }
+    };
+    pose(a_, posed.a);
+    pose(b_, posed.b);
+    posed.instant = instant;
+    return status_.is_ok();
+  }
+
+  /// Whether a frontier box (in its own grid) stays clear of the other side's exact faces.
+  bool stays_clear(const RelativeFrame& other_in_own, const Drift& drift, const CenteredBox& box,
+                   const TreeView& other, const TreeEntry& faces) {
+    bool clear = true;
+    other.for_each_face(faces, [&](const TreeFace& face) {
+      if (!clear) return;
+      ++answer_.stats.box_tests;
+      clear =
+          box_triangle_stay_apart(other_in_own, drift, box, to_a_units(other_in_own, face.corners));
+    });
+    return clear;
+  }
+
+  static void add_missing(const TreeEntry& node, const View& view,
+                          std::unordered_set<std::uint32_t>& known, std::vector<Missing>& missing) {
+    known.insert(node.first);
+    missing.push_back({node.frontier_node(), view.start_s});
+  }
+
+  void finish() {
+    const auto list = [this](const std::vector<Missing>& missing, std::vector<NodeSpan>& out) {
+      for (const Missing& m : missing) {
+        if (m.since_s >= answer_.hit_s) continue;
+        undecided_s_ = std::min(undecided_s_, m.since_s);
+        out.push_back(m.node);
+      }
+      std::sort(out.begin(), out.end());
+    };
+    list(missing_a_, answer_.missing_a);
+    list(missing_b_, answer_.missing_b);
+    const bool complete =
+        answer_.missing_a.empty() && answer_.missing_b.empty() && !answer_.exhausted;
+    if (answer_.hit_s < kNever) {
+      answer_.status = complete ? AnswerStatus::kContact : AnswerStatus::kPartial;
+    } else if (undecided_s_ == kNever) {
+      answer_.status = AnswerStatus::kFree;
+    }
+    answer_.free_until_s = std::min({undecided_s_, answer_.hit_s, options_.duration_s});
+  }
+
+  const Mover a_, b_;
+  const SweepOptions options_;
+  const int lattice_;
+  const std::uint64_t last_instant_;
+  const double error_m_;  ///< placing and posing, of both
+  const double cell_a_m_, cell_b_m_;
+  Vec3 velocity_{};  ///< of b against a
+
+  std::vector<View> views_;  ///< one a level
+  std::vector<Posed> mids_;
+  Posed start_;
+  std::vector<Pair> stack_;
+  std::unordered_set<std::uint32_t> known_a_, known_b_;  // by first vertex; membership only
+  std::vector<Missing> missing_a_, missing_b_;
+  double undecided_s_ = kNever;  ///< start of the first interval that could not be settled
+  Status status_;
+  SweptAnswer answer_;
+};
+
+Status check_way(const Mover& x, double duration_s) {
+  NEARMESH_RETURN_IF_ERROR(check_motion(x.motion, x.name));
+  if (!(x.turn_rate * duration_s <= kMaxTurnRad))
+    return {StatusCode::kInvalidArgument,
+            "motion of " + std::string(x.name) + ": turns by more than 2^20 radians on the way"};
+  Pose end = x.motion.pose;
+  end.translation_m = pose_at(x.motion, duration_s).translation_m;
+  return check_pose(end, x.name);
+}
+
+/// Bodies at rest, or already in contact, need no time. `missing` is meant for the former.
+SweptAnswer at_once(Answer&& answer, double duration_s) {
+  SweptAnswer swept;
+  swept.status = answer.status;
+  if (answer.status == AnswerStatus::kFree) swept.free_until_s = duration_s;
+  if (answer.status == AnswerStatus::kContact) swept.hit_s = 0;
+  swept.missing_a = std::move(answer.missing_a);
+  swept.missing_b = std::move(answer.missing_b);
+  swept.stats = answer.stats;
+  return swept;
+}
+
+bool is_at_rest(const Motion& motion) {
+  return motion.linear_velocity_mps == Vec3{} && motion.angular_velocity_radps == Vec3{};
+}
+
+}  // namespace
+
+Result<SweptAnswer> sweep(const TreeView& a, const Motion& motion_a, std::string_view name_a,
+                          const TreeView& b, const Motion& motion_b, std::string_view name_b,
+                          const SweepOptions& options) {
+  NEARMESH_ASSERT(options.time_levels >= 0 && options.time_levels <= kMaxTimeLevels);
+  if (!(options.duration_s >= kMinDuration_s && options.duration_s <= kMaxDuration_s))
+    return Status{StatusCode::kInvalidArgument,
+                  "a sweep's duration must lie between 1e-9 and 1e9 seconds"};
+  const Mover mover_a{a, motion_a, name_a, length_bound(motion_a.angular_velocity_radps)};
+  const Mover mover_b{b, motion_b, name_b, length_bound(motion_b.angular_velocity_radps)};
+  NEARMESH_RETURN_IF_ERROR(check_way(mover_a, options.duration_s));
+  NEARMESH_RETURN_IF_ERROR(check_way(mover_b, options.duration_s));
+
+  // Contact at the start is the commonest hit, and settles all.
+  const Result<PosedPair> start =
+      pose_pair(*a.grid, motion_a.pose, name_a, *b.grid, motion_b.pose, name_b);
+  if (!start.is_ok()) return start.status();
+  Answer now = query(a, start.value().a, b, start.value().b, {.any = true, .clearance = false});
+  if (now.status == AnswerStatus::kContact || (is_at_rest(motion_a) && is_at_rest(motion_b)))
+    return at_once(std::move(now), options.duration_s);
+  return Sweep(mover_a, mover_b, options).run();
+}
+
+double safe_horizon_s(const TreeView& a, const Motion& motion_a, const TreeView& b,
+                      const Motion& motion_b, double clearance_m) {
+  const int lattice = lattice_exponent(*a.grid, *b.grid);
+  double speed_mps = 0, rounding_m = 0;
+  const auto add = [&](const TreeView& tree, const Motion& motion) {
+    const double reach = reach_m(*tree.grid, tree.root().box);
+    speed_mps += speed_bound_mps(motion, reach);
+    rounding_m += 2 * posing_error_m(motion, reach, 0, *tree.grid, lattice);  // now and then
+  };
+  add(a, motion_a);
+  add(b, motion_b);
+  if (speed_mps == 0) return kNever;
+  return std::max(0.0, clearance_m - rounding_m) / (speed_mps * kRoundUp);
+}
+
+}  // namespace nearmesh

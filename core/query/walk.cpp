@@ -1,0 +1,393 @@
+// SPDX-License-Identifier: Apache-2.0
+// The whole walk is made once for each instruction set, so that its tests, a hundred or more a query, are inlined.
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE \
+  "core/query/walk.cpp"  // NOLINT(readability-identifier-naming): Highway's name
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
+
+#include <algorithm>
+#include <bit>
+
+#include "core/geometry/triangle_overlap.hpp"
+#include "lane_lists.hpp"
+#include "walk.hpp"
+#include "walk_memory.hpp"
+//
+#include "core/geometry/box_kernels.hpp"
+#include "core/geometry/triangle_kernels.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace nearmesh::HWY_NAMESPACE {
+
+/// One body: its tree's nodes and blocks as the pair of bodies sees them.
+class Side {
+ public:
+  Side(const TreeView& tree, const RelativeFrame& in_other, const RelativeFrame& other_in,
+       double cell_m, PlacedTreeNodes& nodes, PlacedTreeBlocks& blocks)
+      : nodes_(tree.nodes.data()),
+        blocks_(tree.blocks.data()),
+        placing_(in_other, other_in, tree.nodes[0].boxes.box(0)),
+        cell_m_(cell_m),
+        placed_nodes_(nodes),
+        placed_blocks_(blocks) {}
+
+  [[nodiscard]] HWY_INLINE const PlacedBoxes& placed_node(std::uint32_t node) {
+    const PlacedBoxes* const held = placed_nodes_.find(node);
+    return HWY_LIKELY(held != nullptr) ? *held : place_node(node);
+  }
+  [[nodiscard]] HWY_INLINE const PlacedFaces& placed_block(std::uint32_t block) {
+    const PlacedFaces* const held = placed_blocks_.find(block);
+    return HWY_LIKELY(held != nullptr) ? *held : place_block(block);
+  }
+  [[nodiscard]] float cells_ratio() const { return placing_.cells_ratio; }
+  [[nodiscard]] const TreeNode& node(std::uint32_t node) const { return nodes_[node]; }
+  [[nodiscard]] const FaceBlock& block(std::uint32_t block) const { return blocks_[block]; }
+  [[nodiscard]] double size_m(TreePlace at) const {
+    return static_cast<double>(nodes_[at / kLanes].size[at % kLanes]) * cell_m_;
+  }
+  [[nodiscard]] TreeEntry::Kind kind(TreePlace at) const {
+    return nodes_[at / kLanes].kind(at % kLanes);
+  }
+  [[nodiscard]] std::uint32_t first(TreePlace at) const {
+    return nodes_[at / kLanes].first[at % kLanes];
+  }
+  [[nodiscard]] std::uint32_t count(TreePlace at) const {
+    return nodes_[at / kLanes].kind_and_count[at % kLanes] >> 2;
+  }
+
+ private:
+  HWY_NOINLINE const PlacedBoxes& place_node(std::uint32_t node) {
+    PlacedBoxes& out = placed_nodes_.add(node);
+    place_boxes_inline(placing_, nodes_[node].boxes, out);
+    return out;
+  }
+  HWY_NOINLINE const PlacedFaces& place_block(std::uint32_t block) {
+    PlacedFaces& out = placed_blocks_.add(block);
+    place_faces_inline(placing_, blocks_[block].triangles, out);
+    return out;
+  }
+
+  const TreeNode* nodes_;
+  const FaceBlock* blocks_;
+  const Placing placing_;
+  const double cell_m_;
+  PlacedTreeNodes& placed_nodes_;
+  PlacedTreeBlocks& placed_blocks_;
+};
+
+template <bool kAny>
+class Walk {
+ public:
+  Walk(const Scene& scene, WalkMemory& memory, std::vector<FacePair>& pairs,
+       std::vector<UnresolvedPair>& unresolved, QueryStats& stats)
+      : s_(scene),
+        stack_(memory.stack),
+        sides_{{scene.a, scene.a_in_b(), scene.b_in_a, scene.cell_a_m, memory.nodes[0],
+                memory.blocks[0]},
+               {scene.b, scene.b_in_a, scene.a_in_b(), scene.cell_b_m, memory.nodes[1],
+                memory.blocks[1]}},
+        pairs_(pairs),
+        unresolved_(unresolved),
+        stats_(stats) {}
+
+  void run() {
+    stack_.reserve(1);
+    stack_.push({{0, 0}, {kAllLanes, kAllLanes}});
+    while (stack_.size != 0) {
+      if (kAny && opened_ < kHopeful) {
+        look_at_deepest();
+      } else {
+        look_at_latest();
+      }
+      if (kAny && !pairs_.empty()) return;
+    }
+    test_leaves();
+  }
+
+ private:
+  using Kind = TreeEntry::Kind;
+
+  // Where one contact suffices, the part that reaches deepest into the other comes next: it is the likeliest to have it.
+  // With branches, which the processor may guess ahead of the tests: there is but one at a time.
+  void look_at_deepest() {
+    const PendingPair pair = stack_.pop();
+    const bool inner_a = sides_[0].kind(pair.place[0]) == Kind::kInner,
+               inner_b = sides_[1].kind(pair.place[1]) == Kind::kInner;
+    if (!inner_a && !inner_b) {
+      leaves_[leaf_count_++] = pair;
+      test_leaves();
+      return;
+    }
+    ++opened_;
+    if (inner_a &&
+        (!inner_b || sides_[0].size_m(pair.place[0]) >= sides_[1].size_m(pair.place[1]))) {
+      open_by_depth<0>(pair);
+    } else {
+      open_by_depth<1>(pair);
+    }
+  }
+
+  // The latest few pairs at once, so that one test need not wait for the other: what comes of it can not be predicted.
+  void look_at_latest() {
+    const std::size_t count = std::min(stack_.size, kBatch);
+    Opened opened[kBatch];
+    std::size_t inner_count = 0;
+    for (std::size_t i = 0; i < count; ++i) {
+      const PendingPair pair = stack_.pop();
+      Opened& next = opened[inner_count];
+      const bool is_inner = plan(pair, next);
+      if (HWY_UNLIKELY(static_cast<int>(is_inner) &
+                       static_cast<int>(sides_[next.side ^ 1].kind(next.other) == Kind::kFaces) &
+                       static_cast<int>(next.is_worth_culling)))
+        cull(pair, next);
+      leaves_[leaf_count_] = pair;
+      leaf_count_ += is_inner ? 0 : 1;
+      inner_count += next.close != 0 && is_inner ? 1 : 0;
+    }
+    if (leaf_count_ > (kAny ? 0 : kLeaves - kBatch)) {
+      test_leaves();
+      if (kAny && !pairs_.empty()) return;
+    }
+    stack_.reserve(kBatch * kLanes);
+    for (std::size_t i = 0; i < inner_count; ++i) test(opened[i]);
+    for (std::size_t i = inner_count; i-- > 0;) push(opened[i]);
+  }
+
+  /// Lanes of a node of one side's that may meet a part of the other's.
+  struct Opened {
+    std::uint32_t side;
+    TreePlace first, other;
+    std::uint8_t faces[2];
+    std::uint32_t close;
+    bool is_worth_culling;
+  };
+
+  // Which of two parts to open: the larger of two inner ones, a's of equals. False, and nothing, if neither is. Without
+  // branches: they could not be predicted.
+  HWY_INLINE bool plan(const PendingPair& pair, Opened& out) {
+    const double sizes_m[2] = {sides_[0].size_m(pair.place[0]), sides_[1].size_m(pair.place[1])};
+    const auto inner_a = static_cast<std::uint32_t>(sides_[0].kind(pair.place[0]) == Kind::kInner),
+               inner_b = static_cast<std::uint32_t>(sides_[1].kind(pair.place[1]) == Kind::kInner);
+    const std::uint32_t side =
+        (inner_a ^ 1U) | (inner_b & static_cast<std::uint32_t>(sizes_m[0] < sizes_m[1]));
+    const bool is_inner = (inner_a | inner_b) != 0;
+    const Side& own = sides_[side];
+    const std::uint32_t node = is_inner ? own.first(pair.place[side]) : 0;
+    out = {side,
+           node * kLanes,
+           pair.place[side ^ 1],
+           {pair.faces[0], pair.faces[1]},
+           own.node(node).lanes,
+           is_worth_culling(sizes_m[side], sizes_m[side ^ 1])};
+    return is_inner;
+  }
+
+  // Single faces are much thinner than their block. Where the block is much larger than what it is held against, a look at
+  // each of them saves most of what is below; else it costs as much as it saves.
+  static bool is_worth_culling(double own_m, double block_m) { return block_m > 2 * own_m; }
+  HWY_NOINLINE void cull(const PendingPair& pair, Opened& out) {
+    const std::uint32_t other = out.side ^ 1;
+    out.faces[other] = static_cast<std::uint8_t>(close_faces(other, pair));
+    if (out.faces[other] == 0) out.close = 0;
+  }
+
+  // Of the faces of one side's leaf: those that may meet the other side's part.
+  template <bool kGuess = false>
+  HWY_INLINE std::uint32_t close_faces(std::uint32_t side, const PendingPair& pair) {
+    const TreePlace leaf = pair.place[side], other = pair.place[side ^ 1];
+    const std::uint32_t faces = pair.faces[side] & ((1U << sides_[side].count(leaf)) - 1);
+    return faces & ~faces_apart_inline<kGuess>(sides_[side].placed_block(sides_[side].first(leaf)),
+                                               faces, sides_[side ^ 1].placed_node(other / kLanes),
+                                               other % kLanes, sides_[side].cells_ratio());
+  }
+
+  HWY_INLINE void test(Opened& out) {
+    Side& own = sides_[out.side];
+    out.close &= ~boxes_apart_inline<false>(own.placed_node(out.first / kLanes),
+                                            sides_[out.side ^ 1].placed_node(out.other / kLanes),
+                                            out.other % kLanes, own.cells_ratio(), nullptr);
+    stats_.box_tests += kLanes;
+  }
+
+  template <std::uint32_t kSide>
+  void open_by_depth(const PendingPair& pair) {
+    Side &own = sides_[kSide], &other = sides_[kSide ^ 1];
+    const std::uint32_t node = own.first(pair.place[kSide]);
+    const TreePlace partner = pair.place[kSide ^ 1];
+    float depths[kLanes];
+    std::uint32_t close =
+        own.node(node).lanes &
+        ~boxes_apart_inline<true>(own.placed_node(node), other.placed_node(partner / kLanes),
+                                  partner % kLanes, own.cells_ratio(), depths);
+    stats_.box_tests += kLanes;
+    std::uint32_t lanes[kLanes];
+    std::size_t count = 0;
+    for (; close != 0; close &= close - 1) {
+      const auto lane = static_cast<std::uint32_t>(std::countr_zero(close));
+      std::size_t at = count++;  // insertion, farthest first
+      for (; at > 0 && depths[lanes[at - 1]] < depths[lane]; --at) lanes[at] = lanes[at - 1];
+      lanes[at] = lane;
+    }
+    stack_.reserve(kLanes);
+    const double block_m = other.kind(partner) == Kind::kFaces ? other.size_m(partner) : 0;
+    for (std::size_t i = 0; i < count; ++i) {
+      PendingPair next = pair;
+      next.place[kSide] = node * kLanes + lanes[i];
+      if (is_worth_culling(own.size_m(next.place[kSide]), block_m)) {
+        next.faces[kSide ^ 1] = static_cast<std::uint8_t>(close_faces<true>(kSide ^ 1, next));
+        if (next.faces[kSide ^ 1] == 0) continue;
+      }
+      stack_.push(next);
+    }
+  }
+
+  // The first lane comes on top.
+  void push(const Opened& opened) {
+    const hn::CappedTag<std::uint32_t, kLanes> d;
+    const hn::Rebind<std::uint8_t, decltype(d)> bytes;
+    std::uint32_t* const own = stack_.place[opened.side] + stack_.size;
+    std::uint32_t* const other = stack_.place[opened.side ^ 1] + stack_.size;
+    const std::uint8_t* const order = kLanesOf[opened.close].data();
+    for (std::size_t i = 0; i < kLanes; i += hn::Lanes(d)) {
+      const auto lanes = hn::PromoteTo(d, hn::LoadU(bytes, order + i));
+      hn::StoreU(hn::Add(lanes, hn::Set(d, opened.first)), d, own + i);
+      hn::StoreU(hn::Set(d, opened.other), d, other + i);
+      hn::StoreU(hn::Set(d, opened.faces[0] | std::uint32_t{opened.faces[1]} << kLanes), d,
+                 stack_.faces + stack_.size + i);
+    }
+    stack_.size += static_cast<std::size_t>(std::popcount(opened.close));
+  }
+
+  // Pairs of parts neither of which is inner, collected.
+  void test_leaves() {
+    FaceAndLeaf faces[kLeaves * kLanes];
+    std::size_t face_count = 0;
+    for (std::size_t i = leaf_count_; i-- > 0;) {
+      const PendingPair& pair = leaves_[i];
+      const TreePlace a = pair.place[0], b = pair.place[1];
+      if (HWY_UNLIKELY(sides_[0].kind(a) != Kind::kFaces || sides_[1].kind(b) != Kind::kFaces)) {
+        leave(pair);
+        continue;
+      }
+      const std::uint32_t count_b = sides_[1].count(b);
+      stats_.triangle_tests += std::uint64_t{sides_[0].count(a)} * count_b;
+      const TreePlace first = sides_[0].first(a) * kLanes;
+      for (std::uint32_t close = close_faces(0, pair); close != 0; close &= close - 1)
+        faces[face_count++] = {first + static_cast<std::uint32_t>(std::countr_zero(close)),
+                               sides_[1].first(b), pair.faces[1] & ((1U << count_b) - 1)};
+    }
+    leaf_count_ = 0;
+    for (std::size_t i = 0; i < face_count; ++i) {
+      const FaceAndLeaf& pair = faces[i];
+      const std::uint32_t apart =
+          faces_apart_inline<false>(sides_[1].placed_block(pair.block_b), pair.faces_b,
+                                    sides_[0].placed_block(pair.face_a / kLanes).boxes,
+                                    pair.face_a % kLanes, sides_[1].cells_ratio());
+      for (std::uint32_t close = pair.faces_b & ~apart; close != 0; close &= close - 1) {
+        faces_a_[pair_count_] = pair.face_a;
+        faces_b_[pair_count_++] =
+            pair.block_b * kLanes + static_cast<std::uint32_t>(std::countr_zero(close));
+        if (pair_count_ == kLanes) {
+          test_pairs();
+          if (kAny && !pairs_.empty()) return;
+        }
+      }
+    }
+    if (pair_count_ != 0) test_pairs();
+  }
+
+  // Faces that no plane of theirs and no axis parts, up to eight pairs.
+  void test_pairs() {
+    TriangleLanes a, b;
+    for (std::uint32_t i = 0; i < pair_count_; ++i) {
+      a.set(i, face(0, faces_a_[i]));
+      b.set(i, face(1, faces_b_[i]));
+    }
+    const PairVerdicts verdicts = test_triangles_inline(s_.b_in_a, a, b, (1U << pair_count_) - 1);
+    for (std::uint32_t i = 0; i < pair_count_; ++i) {
+      if ((verdicts.apart >> i & 1U) != 0) continue;
+      if ((verdicts.touching >> i & 1U) == 0 &&
+          !triangles_overlap(pose_triangle(s_.frame_a, a.corners(i)),
+                             pose_triangle(s_.frame_b, b.corners(i))))
+        continue;
+      pairs_.push_back({sides_[0].block(faces_a_[i] / kLanes).keys[faces_a_[i] % kLanes],
+                        sides_[1].block(faces_b_[i] / kLanes).keys[faces_b_[i] % kLanes]});
+      if (kAny) break;
+    }
+    pair_count_ = 0;
+  }
+  [[nodiscard]] std::array<GridPoint, 3> face(std::uint32_t side, std::uint32_t at) const {
+    return sides_[side].block(at / kLanes).triangles.corners(at % kLanes);
+  }
+
+  // A pair of which one at least is unresolved.
+  HWY_NOINLINE void leave(const PendingPair& pair) {
+    std::uint32_t faces = 0;
+    for (const std::uint32_t side : {0U, 1U})
+      if (sides_[side].kind(pair.place[side]) == Kind::kFaces &&
+          (faces = close_faces(side, pair)) == 0)
+        return;
+    unresolved_.push_back({pair.place[0], pair.place[1], faces});
+  }
+
+  struct FaceAndLeaf {
+    std::uint32_t face_a, block_b, faces_b;
+  };
+
+  static constexpr std::size_t kBatch = 8, kHopeful = 64, kLeaves = 2 * kBatch;
+  const Scene& s_;
+  PairStack& stack_;
+  Side sides_[2];
+  PendingPair leaves_[kLeaves + 1];
+  std::size_t leaf_count_ = 0, opened_ = 0;
+  std::uint32_t faces_a_[kLanes], faces_b_[kLanes], pair_count_ = 0;
+  std::vector<FacePair>& pairs_;
+  std::vector<UnresolvedPair>& unresolved_;
+  QueryStats& stats_;
+};
+
+void walk_all(const Scene& scene, bool any, WalkMemory& memory, std::vector<FacePair>& pairs,
+              std::vector<UnresolvedPair>& unresolved, QueryStats& stats) {
+  if (any) {
+    Walk<true>(scene, memory, pairs, unresolved, stats).run();
+  } else {
+    Walk<false>(scene, memory, pairs, unresolved, stats).run();
+  }
+}
+
+}  // namespace nearmesh::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace nearmesh {
+
+HWY_EXPORT(walk_all);
+
+Scene::Scene(const TreeView& tree_a, const PosedFrame& posed_a, const TreeView& tree_b,
+             const PosedFrame& posed_b)
+    : a(tree_a),
+      b(tree_b),
+      frame_a(posed_a),
+      frame_b(posed_b),
+      b_in_a(make_relative_frame(posed_a, posed_b)),
+      cell_a_m(std::ldexp(1.0, tree_a.grid->exponent)),
+      cell_b_m(std::ldexp(1.0, tree_b.grid->exponent)) {}
+
+const RelativeFrame& Scene::a_in_b() const {
+  if (!a_in_b_) a_in_b_ = make_relative_frame(frame_b, frame_a);
+  return *a_in_b_;
+}
+
+void walk_trees(const Scene& scene, bool any, std::vector<FacePair>& pairs,
+                std::vector<UnresolvedPair>& unresolved, QueryStats& stats) {
+  const TreeNode &a = scene.a.nodes[0], &b = scene.b.nodes[0];
+  if (a.lanes == 0 || b.lanes == 0) return;
+  ++stats.box_tests;
+  if (boxes_apart(scene.b_in_a, centered(a.boxes.box(0)), centered(b.boxes.box(0)))) return;
+  WalkMemory memory;
+  HWY_DYNAMIC_DISPATCH(walk_all)(scene, any, memory, pairs, unresolved, stats);
+}
+
+}  // namespace nearmesh
+#endif

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// The walk of two trees at once that every query starts with: which exact faces touch, and which unresolved parts may.
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "nearmesh/core/geometry/detail/box_overlap.hpp"
+#include "nearmesh/core/query/query.hpp"
+
+namespace nearmesh {
+
+/// Two bodies in their places. Threads: one at a time.
+struct Scene {
+  const TreeView &a, &b;
+  const PosedFrame &frame_a, &frame_b;
+  RelativeFrame b_in_a;
+  double cell_a_m, cell_b_m;
+
+  Scene(const TreeView& tree_a, const PosedFrame& posed_a, const TreeView& tree_b,
+        const PosedFrame& posed_b);
+  /// Made when it is first asked for: bodies far apart do without.
+  [[nodiscard]] const RelativeFrame& a_in_b() const;
+
+ private:
+  mutable std::optional<RelativeFrame> a_in_b_;
+};
+
+/// An entry in its place.
+struct Part {
+  Part(const TreeView& tree, TreePlace at)
+      : place(at), node(tree.nodes[at / kLanes]), lane(at % kLanes) {}
+  [[nodiscard]] TreeEntry::Kind kind() const { return node.kind(lane); }
+  [[nodiscard]] std::uint32_t first() const { return node.first[lane]; }
+  [[nodiscard]] std::uint32_t count() const { return node.kind_and_count[lane] >> 2; }
+  [[nodiscard]] double size() const { return static_cast<double>(node.size[lane]); }
+  /// The lanes of a block that hold faces.
+  [[nodiscard]] std::uint32_t faces() const { return (1U << count()) - 1; }
+
+  TreePlace place;
+  const TreeNode& node;
+  std::uint32_t lane;
+};
+
+/// Whether the next step goes into a's children: the larger of two inner parts is opened first, a of equals.
+[[nodiscard]] inline bool opens_a(const Scene& scene, const Part& a, const Part& b) {
+  return a.kind() == TreeEntry::Kind::kInner &&
+         (b.kind() != TreeEntry::Kind::kInner ||
+          a.size() * scene.cell_a_m >= b.size() * scene.cell_b_m);
+}
+
+/// Parts of both that may meet, at least one of them unresolved; of a part that holds faces, those that may, as bits.
+struct UnresolvedPair {
+  TreePlace a, b;
+  std::uint32_t faces;
+};
+
+/// Adds pairs of faces that touch to `pairs`, and pairs that need detail to `unresolved`, each in an order that follows
+/// from the trees' shapes. With `any` it ends at the first pair of faces. Threads: any.
+void walk_trees(const Scene& scene, bool any, std::vector<FacePair>& pairs,
+                std::vector<UnresolvedPair>& unresolved, QueryStats& stats);
+
+}  // namespace nearmesh

@@ -1,0 +1,333 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <optional>
+#include <utility>
+
+#include "nearmesh/core/recording/recording.hpp"
+#include "sqlite.hpp"
+
+namespace nearmesh {
+namespace {
+
+// One file of a recording; the first ids of what it holds, counted through all parts.
+struct Part {
+  sqlite::Database database;
+  std::int64_t messages = 0, first_message = 0;
+  std::uint32_t first_writer = 0, writers = 0;
+  std::uint32_t first_key = 0, keys = 0;
+  bool has_keys = false;
+  std::optional<sqlite::Statement>
+      select;  // of read(), while no one uses it: to prepare takes longer than a message
+};
+
+std::uint64_t from_hex(const std::string& text) { return std::strtoull(text.c_str(), nullptr, 16); }
+
+/// Visits all rows of a query.
+template <class Visit>
+Status each(sqlite::Database& database, const std::string& sql, Visit visit) {
+  Result<sqlite::Statement> rows = database.prepare(sql);
+  if (!rows.is_ok()) return rows.status();
+  for (;;) {
+    const int code = rows.value().step();
+    if (code == SQLITE_DONE) return Status::ok();
+    if (code != SQLITE_ROW) return database.failure("read");
+    NEARMESH_RETURN_IF_ERROR(visit(rows.value()));
+  }
+}
+
+Result<sqlite::Database> open_part(const std::string& path) {
+  const auto attempt = [&](int flags, const char* mode) -> Result<sqlite::Database> {
+    Result<sqlite::Database> opened = sqlite::Database::open(path, flags);
+    if (!opened.is_ok()) return opened.status();
+    if (mode != nullptr) NEARMESH_RETURN_IF_ERROR(opened.value().run(mode));
+    NEARMESH_RETURN_IF_ERROR(opened.value().run("SELECT count(*) FROM sqlite_master"));
+    return opened;
+  };
+  // Writing, since what a killed process has left in the log must be taken in.
+  Result<sqlite::Database> opened = attempt(SQLITE_OPEN_READWRITE, nullptr);
+  // On a full disk the log's index finds no room in a file; alone with the file it may be held in memory.
+  if (!opened.is_ok())
+    if (auto alone = attempt(SQLITE_OPEN_READWRITE, "PRAGMA locking_mode=EXCLUSIVE"); alone.is_ok())
+      return alone;
+  // In a folder where nothing may be written.
+  if (!opened.is_ok())
+    if (auto plain = attempt(SQLITE_OPEN_READONLY, nullptr); plain.is_ok()) return plain;
+  return opened;
+}
+
+}  // namespace
+
+struct RecordingReader::Impl {
+  RecordingFacts facts;
+  std::vector<Part> parts;
+  std::vector<RecordedTopic> topics;
+  std::vector<RecordedWriter> writers;
+  std::vector<RecordedKey> keys;
+  std::vector<RecordingGap> gaps;
+  std::vector<RecordedModel> models;
+  std::int64_t messages = 0, begin_ns = 0, end_ns = 0;
+
+  Status read_facts(sqlite::Database& database, const std::string& path, RecordingFacts& found) {
+    bool any = false;
+    const Status status = each(
+        database, "SELECT version, session, part, wire_version, prefix, idl FROM nearmesh_session",
+        [&](const sqlite::Statement& row) -> Status {
+          any = true;
+          if (row.integer(0) != kRecordingVersion)
+            return {StatusCode::kUnsupported,
+                    path + ": recording version " + std::to_string(row.integer(0)) +
+                        ", this build reads " + std::to_string(kRecordingVersion)};
+          found = {from_hex(row.text(1)), static_cast<std::uint32_t>(row.integer(2)),
+                   static_cast<std::uint32_t>(row.integer(3)), row.text(4), row.text(5)};
+          return Status::ok();
+        });
+    if (status.is_ok() && !any) return {StatusCode::kCorrupt, path + ": nearmesh_session is empty"};
+    return status;
+  }
+
+  Status read_keys(Part& part, const std::string& path) {
+    part.first_key = static_cast<std::uint32_t>(keys.size());
+    NEARMESH_RETURN_IF_ERROR(each(part.database,
+                                  "SELECT 1 FROM sqlite_master WHERE name = 'nearmesh_keys'",
+                                  [&](const sqlite::Statement&) {
+                                    part.has_keys = true;
+                                    return Status::ok();
+                                  }));
+    if (!part.has_keys) return Status::ok();
+    return each(
+        part.database, "SELECT id, writer_id, name FROM nearmesh_keys ORDER BY id",
+        [&](const sqlite::Statement& row) -> Status {
+          const std::int64_t writer = row.integer(1) - 1;
+          if (row.integer(0) != std::int64_t{part.keys} + 1 || writer < 0 ||
+              writer >= std::int64_t{part.writers})
+            return {StatusCode::kCorrupt, path + ": nearmesh_keys does not fit the writers"};
+          keys.push_back({part.first_writer + static_cast<std::uint32_t>(writer), row.text(2)});
+          ++part.keys;
+          return Status::ok();
+        });
+  }
+
+  Status add_part(sqlite::Database opened, const std::string& path) {
+    Part part{.database = std::move(opened)};
+    sqlite::Database& database = part.database;
+    // All of it as of one moment: between two reads the recorder may commit messages of a writer that the first did not see.
+    NEARMESH_RETURN_IF_ERROR(database.run("BEGIN"));
+    std::vector<std::uint32_t> topic_index;
+    NEARMESH_RETURN_IF_ERROR(each(
+        database, "SELECT name, type FROM topics ORDER BY id", [&](const sqlite::Statement& row) {
+          const std::string name = row.text(0);
+          const auto known = std::find_if(topics.begin(), topics.end(),
+                                          [&](const RecordedTopic& t) { return t.name == name; });
+          topic_index.push_back(static_cast<std::uint32_t>(known - topics.begin()));
+          if (known == topics.end()) topics.push_back({name, row.text(1)});
+          return Status::ok();
+        }));
+    part.first_writer = static_cast<std::uint32_t>(writers.size());
+    const auto corrupt = [&](const char* what) {
+      return Status{StatusCode::kCorrupt, path + ": " + what};
+    };
+    // Writers, gaps and models name what comes before them.
+    NEARMESH_RETURN_IF_ERROR(
+        each(database, "SELECT id, topic_id, guid, partition FROM nearmesh_writers ORDER BY id",
+             [&](const sqlite::Statement& row) {
+               RecordedWriter writer;
+               const std::int64_t topic = row.integer(1) - 1;
+               const auto guid = row.blob(2);
+               if (row.integer(0) != std::int64_t{part.writers} + 1 || topic < 0 ||
+                   topic >= static_cast<std::int64_t>(topic_index.size()) ||
+                   guid.size() != writer.guid.size())
+                 return corrupt("nearmesh_writers does not fit the topics");
+               writer.topic = topic_index[static_cast<std::size_t>(topic)];
+               std::copy(guid.begin(), guid.end(), writer.guid.begin());
+               writer.partition = row.text(3);
+               writers.push_back(writer);
+               ++part.writers;
+               return Status::ok();
+             }));
+    NEARMESH_RETURN_IF_ERROR(read_keys(part, path));
+    NEARMESH_RETURN_IF_ERROR(each(database, "SELECT coalesce(max(id), 0) FROM messages",
+                                  [&](const sqlite::Statement& row) {
+                                    part.messages = row.integer(0);
+                                    return Status::ok();
+                                  }));
+    NEARMESH_RETURN_IF_ERROR(each(database,
+                                  "SELECT timestamp FROM messages WHERE id IN (1, " +
+                                      std::to_string(part.messages) + ") ORDER BY id",
+                                  [&](const sqlite::Statement& row) {
+                                    if (messages == 0 && begin_ns == 0) begin_ns = row.integer(0);
+                                    end_ns = row.integer(0);
+                                    return Status::ok();
+                                  }));
+    NEARMESH_RETURN_IF_ERROR(
+        each(database,
+             "SELECT writer_id, first_sequence, missing, noticed FROM nearmesh_gaps ORDER BY id",
+             [&](const sqlite::Statement& row) {
+               const std::int64_t writer = row.integer(0) - 1;
+               if (writer < 0 || writer >= std::int64_t{part.writers})
+                 return corrupt("nearmesh_gaps names no writer");
+               gaps.push_back({part.first_writer + static_cast<std::uint32_t>(writer),
+                               static_cast<std::uint64_t>(row.integer(1)),
+                               static_cast<std::uint64_t>(row.integer(2)), row.integer(3)});
+               return Status::ok();
+             }));
+    part.first_message = messages;
+    NEARMESH_RETURN_IF_ERROR(each(
+        database, "SELECT content_hash, name, message_id FROM nearmesh_models ORDER BY message_id",
+        [&](const sqlite::Statement& row) {
+          RecordedModel model{from_hex(row.text(0)), row.text(1),
+                              row.integer(2) + part.first_message};
+          if (std::none_of(models.begin(), models.end(), [&](const RecordedModel& m) {
+                return m.content_hash == model.content_hash;
+              }))
+            models.push_back(std::move(model));
+          return Status::ok();
+        }));
+    NEARMESH_RETURN_IF_ERROR(database.run("COMMIT"));
+    messages += part.messages;
+    parts.push_back(std::move(part));
+    return Status::ok();
+  }
+};
+
+Result<std::unique_ptr<RecordingReader>> RecordingReader::open(const std::string& path) {
+  auto impl = std::make_unique<Impl>();
+  for (std::uint32_t part = 0;; ++part) {
+    const std::string name = part_path(path, part);
+    std::error_code error;
+    if (!std::filesystem::exists(name, error)) {
+      if (part == 0)
+        return Status{StatusCode::kNotFound,
+                      name + ": " + (error ? error.message() : "no such file")};
+      break;
+    }
+    Result<sqlite::Database> opened = open_part(name);
+    RecordingFacts facts;
+    Status status =
+        opened.is_ok() ? impl->read_facts(opened.value(), name, facts) : opened.status();
+    if (status.code() == StatusCode::kCorrupt)
+      status = {StatusCode::kCorrupt, "not a recorded session: " + status.message()};
+    if (part == 0) {
+      NEARMESH_RETURN_IF_ERROR(status);
+      impl->facts = facts;
+      if (facts.part != 0)
+        return Status{StatusCode::kInvalidArgument, name + ": part " + std::to_string(facts.part) +
+                                                        " of a recording; open its first file"};
+    } else if (!status.is_ok() || facts.session != impl->facts.session || facts.part != part) {
+      break;  // killed while it was begun, or none of ours
+    }
+    NEARMESH_RETURN_IF_ERROR(impl->add_part(std::move(opened).value(), name));
+  }
+  return std::unique_ptr<RecordingReader>(new RecordingReader(std::move(impl)));
+}
+
+RecordingReader::RecordingReader(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+RecordingReader::~RecordingReader() = default;
+
+const RecordingFacts& RecordingReader::facts() const { return impl_->facts; }
+std::uint32_t RecordingReader::parts() const {
+  return static_cast<std::uint32_t>(impl_->parts.size());
+}
+const std::vector<RecordedTopic>& RecordingReader::topics() const { return impl_->topics; }
+const std::vector<RecordedWriter>& RecordingReader::writers() const { return impl_->writers; }
+bool RecordingReader::has_keys() const {
+  return std::all_of(impl_->parts.begin(), impl_->parts.end(),
+                     [](const Part& part) { return part.has_keys; });
+}
+const std::vector<RecordedKey>& RecordingReader::keys() const { return impl_->keys; }
+const std::vector<RecordingGap>& RecordingReader::gaps() const { return impl_->gaps; }
+const std::vector<RecordedModel>& RecordingReader::models() const { return impl_->models; }
+std::int64_t RecordingReader::message_count() const { return impl_->messages; }
+std::int64_t RecordingReader::begin_ns() const { return impl_->begin_ns; }
+std::int64_t RecordingReader::end_ns() const { return impl_->end_ns; }
+
+namespace {
+
+/// Out: false when `visit` said so.
+Result<bool> visit_rows(Part& part, sqlite::Statement& rows,
+                        const std::function<bool(std::int64_t, const RecordedMessage&)>& visit) {
+  RecordedMessage message;
+  for (;;) {
+    const int code = rows.step();
+    if (code == SQLITE_DONE) return true;
+    if (code != SQLITE_ROW) return part.database.failure("read");
+    const std::int64_t writer = rows.integer(1) - 1;
+    if (writer < 0 || writer >= std::int64_t{part.writers})
+      return Status{StatusCode::kCorrupt, "message " + std::to_string(rows.integer(0)) +
+                                              " of the recording names no writer"};
+    message.writer = part.first_writer + static_cast<std::uint32_t>(writer);
+    message.sequence = static_cast<std::uint64_t>(rows.integer(2));
+    message.received_ns = rows.integer(3);
+    message.source_ns = rows.integer(4);
+    const auto cdr = rows.blob(5);
+    message.cdr.assign(cdr.begin(), cdr.end());
+    if (!visit(rows.integer(0) + part.first_message, message)) return false;
+  }
+}
+
+}  // namespace
+
+Status RecordingReader::read(
+    std::int64_t first, std::int64_t end,
+    const std::function<bool(std::int64_t, const RecordedMessage&)>& visit) {
+  for (Part& part : impl_->parts) {
+    const std::int64_t from = std::max(first, part.first_message + 1) - part.first_message;
+    const std::int64_t to =
+        std::min(end, part.first_message + part.messages + 1) - part.first_message;
+    if (from >= to) continue;
+    // Taken, since `visit` may read too.
+    std::optional<sqlite::Statement> rows = std::exchange(part.select, std::nullopt);
+    if (!rows) {
+      Result<sqlite::Statement> prepared = part.database.prepare(
+          "SELECT id, writer_id, sequence, timestamp, source_timestamp, data FROM messages "
+          "JOIN nearmesh_messages ON message_id = id WHERE id >= ? AND id < ? ORDER BY id");
+      if (!prepared.is_ok()) return prepared.status();
+      rows = std::move(prepared).value();
+    }
+    rows->bind(1, from);
+    rows->bind(2, to);
+    const Result<bool> more = visit_rows(part, *rows, visit);
+    rows->reset();
+    part.select = std::move(rows);
+    if (!more.is_ok()) return more.status();
+    if (!more.value()) break;
+  }
+  return Status::ok();
+}
+
+Result<std::vector<std::int64_t>> RecordingReader::ids_of(std::uint32_t key) {
+  std::vector<std::int64_t> ids;
+  for (Part& part : impl_->parts) {
+    if (key < part.first_key || key - part.first_key >= part.keys) continue;
+    // Not what was recorded since it was opened.
+    NEARMESH_RETURN_IF_ERROR(each(part.database,
+                                  "SELECT message_id FROM nearmesh_messages WHERE key_id = " +
+                                      std::to_string(key - part.first_key + 1) +
+                                      " AND message_id <= " + std::to_string(part.messages) +
+                                      " ORDER BY message_id",
+                                  [&](const sqlite::Statement& row) {
+                                    ids.push_back(row.integer(0) + part.first_message);
+                                    return Status::ok();
+                                  }));
+  }
+  return ids;
+}
+
+Result<std::int64_t> RecordingReader::find(std::int64_t received_ns) {
+  for (Part& part : impl_->parts) {
+    std::int64_t found = 0;
+    NEARMESH_RETURN_IF_ERROR(
+        each(part.database,
+             "SELECT id FROM messages WHERE timestamp >= " + std::to_string(received_ns) +
+                 " ORDER BY timestamp, id LIMIT 1",
+             [&](const sqlite::Statement& row) {
+               found = row.integer(0);
+               return Status::ok();
+             }));
+    if (found != 0 && found <= part.messages) return found + part.first_message;
+  }
+  return impl_->messages + 1;
+}
+
+}  // namespace nearmesh

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// A peer's copy of one model: header, the splits it was sent, and which are active (takes SplitBatch, gives RefineDelta).
+
+#include <memory>
+#include <unordered_map>
+#include <vector>
+
+#include "nearmesh/core/refine/detail/active_mesh.hpp"
+
+namespace nearmesh {
+
+class Replica {
+ public:
+  explicit Replica(SpmHeader header);
+
+  [[nodiscard]] const SpmHeader& header() const { return header_; }
+  [[nodiscard]] const SplitStore& store() const { return *store_; }
+  [[nodiscard]] const ActiveMesh& mesh() const { return *mesh_; }
+
+  /// Adds a batch and activates all of it that can be. Splits whose parent has not come are parked until it does;
+  /// repeats are harmless; the result depends on the set of batches, not on their order.
+  /// The delta is what was applied, also beside a status that is not ok: kCorrupt where a record contradicts the model;
+  /// records before it stay applied, it and later ones are not. Cost: O(batch).
+  struct Applied {
+    Status status;
+    RefineDelta delta;
+  };
+  [[nodiscard]] Applied apply_batch(const SplitBatch& batch);
+  /// Makes a node whole; its splits stay known until `forget`. The AB-tree must see the delta before that.
+  [[nodiscard]] RefineDelta collapse(NodeSpan node);
+  /// Forgets all splits below a node that is whole. Cost: O(splits forgotten).
+  void forget(NodeSpan node);
+
+  [[nodiscard]] std::size_t parked_splits() const { return parked_.size(); }
+
+ private:
+  struct Parked {
+    SplitRecord record;
+    std::vector<SplitFace> faces;
+  };
+  // Parked splits, by the node they divide. Bounded, so that a hostile publisher cannot fill memory; what does not fit
+  // is dropped, and asked for again since it stays missing.
+  static constexpr std::size_t kMaxParked = 65536;
+  static std::uint64_t key(NodeSpan node) { return std::uint64_t{node.begin()} << 32 | node.size; }
+  Status insert(const SplitRecord& record, std::span<const SplitFace> faces, RefineDelta& delta);
+  void park(const SplitRecord& record, std::span<const SplitFace> faces);
+  Status unpark(const SplitRecord& parent, RefineDelta& delta);
+
+  SpmHeader header_;
+  std::unique_ptr<SplitStore>
+      store_;  // both behind pointers: ActiveMesh refers to the store when a Replica moves
+  std::unique_ptr<ActiveMesh> mesh_;
+  std::unordered_map<std::uint64_t, Parked> parked_;
+};
+
+}  // namespace nearmesh

@@ -1,0 +1,265 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "nearmesh/core/spm/detail/codec.hpp"
+
+#include <numeric>
+#include <string>
+#include <type_traits>
+#include <utility>
+
+#include "record_codec.hpp"
+#include "train.hpp"
+
+namespace nearmesh {
+namespace {
+
+// The record of a treelet split, as the store knows it; faces are appended.
+SplitRecord make_record(const SplitStore& store, const TreeletSplit& split,
+                        std::vector<SplitFace>& faces) {
+  SplitRecord record{.node = split.node, .split = split.split};
+  const GridPoint& from = store.position(split.node.first);
+  const GridPoint& to = store.position(split.split);
+  for (int k = 0; k < 3; ++k) record.offset[k] = to[k] - from[k];
+  const SplitFaces own = store.faces(split.split);
+  record.face_begin = static_cast<std::uint32_t>(faces.size());
+  record.face_count = static_cast<std::uint32_t>(own.size());
+  faces.insert(faces.end(), own.begin(), own.end());
+  // Who holds a part has no box of its own for a node that came split: it lies within the nearest ancestor's.
+  const auto box_of = [&store](const NodeSpan& child) {
+    const BoxCode code = store.box_code(child);
+    return code[0] != kNoBoxCode ? code : encode_box(store.position(child.first), store.box(child));
+  };
+  if (record.left().size > 1) record.left_box = box_of(record.left());
+  if (record.right().size > 1) record.right_box = box_of(record.right());
+  return record;
+}
+
+// Follows which nodes the decoder expects next, so that only true attach nodes are named.
+class ExpectedNodes {
+ public:
+  /// For so many records.
+  explicit ExpectedNodes(std::size_t records) : nodes_(records + 1) {}
+  /// Takes `node`; true when it hangs on an earlier record of the same batch.
+  bool take(const NodeSpan& node) {
+    if (count_ == 0) return false;
+    NEARMESH_ASSERT(nodes_[count_ - 1] == node);
+    --count_;
+    return true;
+  }
+  // Which children are included is as good as random, so nothing branches: what is not is written over.
+  void push_children(const SplitRecord& record, const record::Inclusion& included) {
+    nodes_[count_] = record.right();
+    count_ += included.right ? 1 : 0;
+    nodes_[count_] = record.left();
+    count_ += included.left ? 1 : 0;
+  }
+  [[nodiscard]] bool pop(NodeSpan& node) {
+    if (count_ == 0) return false;
+    node = nodes_[--count_];
+    return true;
+  }
+  void clear() { count_ = 0; }
+
+ private:
+  std::vector<NodeSpan> nodes_;  // a record takes one at most and adds two at most
+  std::size_t count_ = 0;
+};
+
+// One batch under construction.
+struct OpenBatch {
+  BitWriter attach, body;
+  std::uint32_t attach_count = 0, record_count = 0, last_attach = 0;
+  record::OpenEdges edges;
+
+  void add_attach(const NodeSpan& node) {
+    attach.put_gamma(node.begin() - last_attach);
+    attach.put_gamma(node.size - 2);
+    last_attach = node.begin();
+    ++attach_count;
+  }
+  // Upper bound of finish()'s size: flags and two counts of at most 63 bits.
+  [[nodiscard]] std::size_t byte_bound() const {
+    const std::size_t counts = 2 * (bit_length(record_count + 1) + bit_length(attach_count + 1));
+    return (8 + counts + attach.bit_count() + body.bit_count() + 7) / 8;
+  }
+  /// Where to cut back to.
+  struct Mark {
+    std::size_t attach, body;
+    std::uint32_t attach_count, last_attach;
+  };
+  [[nodiscard]] Mark mark() const {
+    return {attach.bit_count(), body.bit_count(), attach_count, last_attach};
+  }
+  /// Takes the last record back. `edges` stay as they are: the batch can be finished, no more.
+  void take_back(const Mark& mark) {
+    attach.truncate(mark.attach);
+    body.truncate(mark.body);
+    attach_count = mark.attach_count;
+    last_attach = mark.last_attach;
+    --record_count;
+  }
+  [[nodiscard]] std::vector<std::uint8_t> finish(BoxPolicy policy) const {
+    BitWriter out;
+    out.put(static_cast<std::uint64_t>(policy), 8);
+    out.put_gamma(record_count);
+    out.put_gamma(attach_count);
+    out.append(attach);
+    out.append(body);
+    return std::move(out).finish();
+  }
+};
+
+Status corrupt(std::uint32_t record, const char* field) {
+  return {StatusCode::kCorrupt,
+          "split batch: record " + std::to_string(record) + ": " + field + " out of range"};
+}
+
+// What stands before the records.
+struct BatchHead {
+  BoxPolicy boxes;
+  std::uint32_t record_count;
+  std::vector<NodeSpan> attach;
+};
+
+Result<BatchHead> read_head(const SpmHeader& header, BitReader& in) {
+  const std::uint32_t policy = in.get(8);
+  if (policy > static_cast<std::uint32_t>(BoxPolicy::kAllNodes))
+    return Status{StatusCode::kCorrupt,
+                  "split batch: flags: expected 0 or 1, found " + std::to_string(policy)};
+  const std::uint64_t record_count = in.get_gamma();
+  const std::uint64_t attach_count = in.get_gamma();
+  // Every attach node takes at least two bits and every record three, whatever the tables say: so what is allocated is bounded
+  // by the bytes.
+  if (in.overrun() || attach_count * 2 + record_count * 3 > in.bits_left() ||
+      attach_count > record_count)
+    return Status{StatusCode::kCorrupt,
+                  "split batch: counts exceed its " + std::to_string(in.bytes().size()) + " bytes"};
+  BatchHead head{static_cast<BoxPolicy>(policy), static_cast<std::uint32_t>(record_count), {}};
+  head.attach.resize(attach_count);
+  std::uint64_t next = 0;
+  for (NodeSpan& node : head.attach) {
+    next += in.get_gamma();
+    const std::uint64_t size = in.get_gamma() + 2;
+    if (in.overrun() || next + size > header.vertex_count)
+      return Status{StatusCode::kCorrupt, "split batch: attach node outside the model's " +
+                                              std::to_string(header.vertex_count) + " vertices"};
+    node = {{static_cast<std::uint32_t>(next)}, static_cast<std::uint32_t>(size)};
+  }
+  return head;
+}
+
+template <bool kVersion3>
+[[gnu::flatten]] Status read_records(const SpmHeader& header, const BatchHead& head,
+                                     record::ReadingCoder<kVersion3> coder, SplitBatch& batch) {
+  ExpectedNodes expected(head.record_count);
+  record::OpenEdges edges;
+  std::uint32_t face_count = 0;
+  std::size_t next_attach = 0;
+  for (std::uint32_t i = 0; i < head.record_count; ++i) {
+    SplitRecord& record = batch.splits[i];
+    if (!expected.pop(record.node)) {
+      if (next_attach == head.attach.size()) return corrupt(i, "attach node");
+      record.node = head.attach[next_attach++];
+    }
+    record.face_begin = face_count;
+    record::Inclusion included;
+    record::code_record(coder, header, head.boxes, edges, record, included, batch.faces);
+    if (!coder.good()) return corrupt(i, coder.error());
+    face_count += record.face_count;
+    expected.push_children(record, included);
+  }
+  if (next_attach != head.attach.size() || coder.bits_left() >= 8)
+    return {StatusCode::kCorrupt, "split batch: bytes left over after its last record"};
+  batch.faces.resize(face_count);
+  return Status::ok();
+}
+
+}  // namespace
+
+std::vector<std::vector<std::uint8_t>> encode_batches(const SpmHeader& header,
+                                                      const SplitStore& store,
+                                                      const Treelet& treelet, BoxPolicy boxes,
+                                                      std::size_t max_bytes) {
+  std::vector<std::vector<std::uint8_t>> batches;
+  OpenBatch open;
+  ExpectedNodes expected(treelet.size());
+  std::vector<SplitFace> faces;
+  for (const TreeletSplit& split : treelet) {
+    for (bool fits = false; !fits;) {
+      faces.clear();
+      SplitRecord record = make_record(store, split, faces);
+      record::Inclusion included{split.left_included, split.right_included};
+      const OpenBatch::Mark mark = open.mark();
+      if (!expected.take(split.node)) open.add_attach(split.node);
+      const auto write = [&]<bool kVersion3>(std::bool_constant<kVersion3>) {
+        record::WritingCoder<kVersion3> coder(header.tables, open.body);
+        record::code_record(coder, header, boxes, open.edges, record, included, faces);
+      };
+      header.tables.is_version_3() ? write(std::true_type{}) : write(std::false_type{});
+      ++open.record_count;
+      fits = open.byte_bound() <= max_bytes || open.record_count == 1;
+      if (fits) {
+        expected.push_children(record, included);
+        continue;
+      }
+      // Close the batch without the record, and start the next one with it.
+      open.take_back(mark);
+      batches.push_back(open.finish(boxes));
+      open = OpenBatch{};
+      expected.clear();
+    }
+  }
+  if (open.record_count > 0) batches.push_back(open.finish(boxes));
+  return batches;
+}
+
+Result<SplitBatch> decode_batch(const SpmHeader& header, std::span<const std::uint8_t> bytes) {
+  BitReader in(bytes);
+  Result<BatchHead> head = read_head(header, in);
+  if (!head.is_ok()) return head.status();
+  const PaddedBytes padded(bytes);
+  const WindowReader window(padded, in.used());
+  SplitBatch batch;
+  batch.splits.resize(head.value().record_count);
+  batch.faces.resize(2 * batch.splits.size());
+  const auto read = [&]<bool kVersion3>(std::bool_constant<kVersion3>) {
+    return read_records(header, head.value(),
+                        record::ReadingCoder<kVersion3>(header.tables, window, bytes.size() * 8),
+                        batch);
+  };
+  NEARMESH_RETURN_IF_ERROR(header.tables.is_version_3() ? read(std::true_type{})
+                                                        : read(std::false_type{}));
+  return batch;
+}
+
+void count_treelet(const SpmHeader& header, const SplitStore& store, const Treelet& treelet,
+                   BoxPolicy boxes, TrainingCounts& counts) {
+  counts.resize(record::kContextCount);
+  record::CountingCoder coder(counts);
+  record::OpenEdges edges;
+  std::vector<SplitFace> faces;
+  for (const TreeletSplit& split : treelet) {
+    faces.clear();
+    SplitRecord record = make_record(store, split, faces);
+    record::Inclusion included{split.left_included, split.right_included};
+    record::code_record(coder, header, boxes, edges, record, included, faces);
+  }
+}
+
+CodingTables make_tables(const TrainingCounts& counts) {
+  // Each record has one symbol in these contexts.
+  std::uint64_t records = 0;
+  for (std::size_t i = record::kOffset0; i < record::kOffset1; ++i)
+    records += std::accumulate(counts[i].begin(), counts[i].end(), std::uint64_t{0});
+  std::vector<HuffmanTable> contexts;
+  for (auto context : counts) {
+    std::uint64_t escapes = 0;
+    for (std::uint64_t& count : context)
+      if (count * kTableSplits < records) escapes += std::exchange(count, 0);
+    contexts.push_back(HuffmanTable::from_counts(context, escapes));
+  }
+  return CodingTables(std::move(contexts));
+}
+
+int coding_context_count() { return record::kContextCount; }
+
+}  // namespace nearmesh

@@ -1,0 +1,268 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "nearmesh/core/spm/detail/header.hpp"
+
+#include <bit>
+#include <cmath>
+#include <string>
+
+#include "bits.hpp"
+#include "contexts.hpp"
+#include "train.hpp"
+
+namespace nearmesh {
+namespace {
+
+constexpr std::uint32_t kHeaderMagic = 0x4e4d4834;    // "NMH4"
+constexpr std::uint32_t kVersion3Magic = 0x4e4d4833;  // of recordings of wire version 4
+
+Status corrupt(const std::string& field) { return {StatusCode::kCorrupt, "mesh header: " + field}; }
+
+// Present symbols are few, so runs of zeros are counted. Gives how many there are at the end.
+std::uint32_t write_lengths(BitWriter& out, std::span<const std::uint8_t> lengths) {
+  std::uint32_t zeros = 0;
+  for (const std::uint8_t length : lengths) {
+    if (length == 0) {
+      ++zeros;
+      continue;
+    }
+    out.put_gamma(zeros);
+    out.put(length, 4);
+    zeros = 0;
+  }
+  return zeros;
+}
+
+// Code lengths of one context: the escape's, 0 for none at all, then symbols in order until the code is complete.
+void write_table(BitWriter& out, const HuffmanTable& table) {
+  out.put(table.lengths[kEscape], 4);
+  write_lengths(out, std::span(table.lengths).first(kEscape));
+}
+
+bool read_table(BitReader& in, HuffmanTable& table) {
+  const auto share = [](std::uint32_t length) { return (1U << kMaxCodeBits) >> length; };
+  const std::uint32_t escape = in.get(4);
+  table.lengths[kEscape] = static_cast<std::uint8_t>(escape);
+  std::uint32_t sum = share(escape);
+  for (std::uint64_t symbol = 0; sum < share(0); ++symbol) {
+    symbol += in.get_gamma();
+    const std::uint32_t length = in.get(4);
+    if (in.overrun() || symbol >= kEscape || length == 0 || length > kMaxCodeBits) return false;
+    table.lengths[symbol] = static_cast<std::uint8_t>(length);
+    sum += share(length);
+  }
+  return !in.overrun() && table.derive();
+}
+
+// Version 3 lists the escape with the symbols, and ends each context with a length of 0.
+void write_table_of_version_3(BitWriter& out, const HuffmanTable& table) {
+  out.put_gamma(write_lengths(out, table.lengths));
+  out.put(0, 4);
+}
+
+bool read_table_of_version_3(BitReader& in, HuffmanTable& table) {
+  std::size_t symbol = 0;
+  while (!in.overrun()) {
+    symbol += in.get_gamma();
+    const std::uint32_t length = in.get(4);
+    if (length == 0) break;
+    if (symbol >= table.lengths.size()) return false;
+    table.lengths[symbol++] = static_cast<std::uint8_t>(length);
+  }
+  return !in.overrun() && table.derive();
+}
+
+// The first seed is vertex 0, the first root's place, and takes no bits.
+void write_surface(BitWriter& out, const SpmHeader& header) {
+  const SurfaceFacts& surface = header.surface;
+  NEARMESH_ASSERT(surface.has_seeds() || surface.component_count == 1 ||
+                  surface.component_count > kMaxComponentSeeds);
+  out.put_gamma(surface.boundary_edges);
+  out.put_gamma(surface.disagreeing_edges);
+  out.put_gamma(surface.component_count - 1);
+  for (std::size_t i = 1; i < surface.component_seeds.size(); ++i)
+    for (int k = 0; k < 3; ++k)
+      out.put(static_cast<std::uint32_t>(surface.component_seeds[i][k]) >> header.lattice_shift[k],
+              header.grid.bits - header.lattice_shift[k]);
+}
+
+GridPoint read_position(BitReader& in, const SpmHeader& header) {
+  GridPoint position;
+  for (int k = 0; k < 3; ++k)
+    position[k] = static_cast<std::int32_t>(in.get(header.grid.bits - header.lattice_shift[k])
+                                            << header.lattice_shift[k]);
+  return position;
+}
+
+Status read_surface(BitReader& in, SpmHeader& header) {
+  SurfaceFacts& surface = header.surface;
+  surface.boundary_edges = static_cast<std::uint32_t>(in.get_gamma());
+  surface.disagreeing_edges = static_cast<std::uint32_t>(in.get_gamma());
+  const std::uint64_t edges = std::uint64_t{surface.boundary_edges} + surface.disagreeing_edges;
+  if (edges > std::uint64_t{header.face_count} * 3)
+    return corrupt(std::to_string(edges) + " open edges of " + std::to_string(header.face_count) +
+                   " faces");
+  const std::uint64_t components = in.get_gamma() + 1;
+  if (components > header.vertex_count)
+    return corrupt(std::to_string(components) + " parts of " + std::to_string(header.vertex_count) +
+                   " vertices");
+  surface.component_count = static_cast<std::uint32_t>(components);
+  if (components > kMaxComponentSeeds) return Status::ok();
+  surface.component_seeds.push_back(header.roots.front().position);
+  for (std::uint64_t i = 1; i < components; ++i)
+    surface.component_seeds.push_back(read_position(in, header));
+  return Status::ok();
+}
+
+struct CornerCoding {
+  int root_bits;
+  explicit CornerCoding(std::size_t roots) : root_bits(bit_length(roots - 1)) {}
+};
+
+}  // namespace
+
+std::vector<std::uint8_t> encode_header(const SpmHeader& header) {
+  const bool is_version_3 = header.tables.is_version_3();
+  BitWriter out;
+  out.put(is_version_3 ? kVersion3Magic : kHeaderMagic, 32);
+  for (const double x : header.grid.origin_m) out.put64(std::bit_cast<std::uint64_t>(x));
+  out.put64(std::bit_cast<std::uint64_t>(header.rounding_error_m));
+  out.put(static_cast<std::uint32_t>(header.grid.exponent + 4096), 14);
+  out.put(static_cast<std::uint32_t>(header.grid.bits), 6);
+  for (const std::uint8_t shift : header.lattice_shift) out.put(shift, 5);
+  out.put(header.vertex_count, 32);
+  out.put(header.face_count, 32);
+  out.put(header.roots.size(), 32);
+  out.put(header.base_faces.size(), 32);
+  for (const BaseRoot& root : header.roots) {
+    out.put_gamma(root.node.size - 1);
+    for (int k = 0; k < 3; ++k)
+      out.put(static_cast<std::uint32_t>(root.position[k]) >> header.lattice_shift[k],
+              header.grid.bits - header.lattice_shift[k]);
+    for (const std::uint8_t code : root.box) out.put(code, 7);
+  }
+  const CornerCoding coding(header.roots.size());
+  for (const SplitFace& face : header.base_faces) {
+    out.put(face.flipped ? 1 : 0, 1);
+    for (const VertexId corner : {face.left, face.right, face.outside}) {
+      std::size_t r = header.roots.size() - 1;
+      for (std::size_t lo = 0, hi = header.roots.size(); lo < hi;) {
+        const std::size_t mid = (lo + hi) / 2;
+        if (header.roots[mid].node.first <= corner) {
+          r = mid;
+          lo = mid + 1;
+        } else {
+          hi = mid;
+        }
+      }
+      const NodeSpan& node = header.roots[r].node;
+      out.put(r, coding.root_bits);
+      out.put(corner.value - node.begin(), bit_length(node.size - 1));
+    }
+  }
+  write_surface(out, header);
+  for (const HuffmanTable& table : header.tables.contexts())
+    is_version_3 ? write_table_of_version_3(out, table) : write_table(out, table);
+  return std::move(out).finish();
+}
+
+Result<SpmHeader> decode_header(std::span<const std::uint8_t> bytes) {
+  if (bytes.size() > kMaxHeaderBytes)
+    return corrupt("size: at most " + std::to_string(kMaxHeaderBytes) + " bytes expected, found " +
+                   std::to_string(bytes.size()));
+  BitReader in(bytes);
+  const std::uint32_t magic = in.get(32);
+  const bool is_version_3 = magic == kVersion3Magic;
+  if (magic != kHeaderMagic && !is_version_3) return corrupt("magic number: not a nearmesh header");
+  SpmHeader header;
+  for (double& x : header.grid.origin_m) x = std::bit_cast<double>(in.get64());
+  header.rounding_error_m = std::bit_cast<double>(in.get64());
+  header.grid.exponent = static_cast<int>(in.get(14)) - 4096;
+  header.grid.bits = static_cast<int>(in.get(6));
+  for (std::uint8_t& shift : header.lattice_shift) shift = static_cast<std::uint8_t>(in.get(5));
+  header.vertex_count = in.get(32);
+  header.face_count = in.get(32);
+  const std::uint32_t root_count = in.get(32);
+  const std::uint32_t base_face_count = in.get(32);
+  for (const double x : header.grid.origin_m)
+    if (!std::isfinite(x)) return corrupt("grid origin is not finite");
+  if (!std::isfinite(header.rounding_error_m) || header.rounding_error_m < 0)
+    return corrupt("rounding error is not a length");
+  if (header.grid.bits < kMinGridBits || header.grid.bits > kMaxGridBits)
+    return corrupt("grid bits: expected " + std::to_string(kMinGridBits) + " to " +
+                   std::to_string(kMaxGridBits) + ", found " + std::to_string(header.grid.bits));
+  if (std::abs(header.grid.exponent) > kMaxGridExponent)
+    return corrupt("grid exponent: expected within " + std::to_string(kMaxGridExponent) +
+                   " of 0, found " + std::to_string(header.grid.exponent));
+  for (const std::uint8_t shift : header.lattice_shift)
+    if (shift > header.grid.bits) return corrupt("lattice shift exceeds the grid");
+  if (header.vertex_count == 0 || header.vertex_count >= kMaxVertices)
+    return corrupt("vertex count " + std::to_string(header.vertex_count));
+  // A root takes at least four bits and a base face four: no count can ask for more memory than the bytes justify.
+  if (root_count == 0 || root_count > header.vertex_count || root_count > bytes.size() * 2)
+    return corrupt("root count " + std::to_string(root_count));
+  if (base_face_count > header.face_count || base_face_count > bytes.size() * 2)
+    return corrupt("base face count " + std::to_string(base_face_count));
+
+  std::uint64_t next = 0;
+  for (std::uint32_t i = 0; i < root_count && !in.overrun(); ++i) {
+    BaseRoot root;
+    const std::uint64_t size = in.get_gamma() + 1;
+    if (next + size > header.vertex_count) return corrupt("roots exceed the vertex count");
+    root.node = {{static_cast<std::uint32_t>(next)}, static_cast<std::uint32_t>(size)};
+    next += size;
+    root.position = read_position(in, header);
+    for (std::uint8_t& code : root.box) {
+      code = static_cast<std::uint8_t>(in.get(7));
+      if (code > kMaxExtentCode) return corrupt("box extent of a root");
+    }
+    header.roots.push_back(root);
+  }
+  if (!in.overrun() && next != header.vertex_count)
+    return corrupt("roots cover " + std::to_string(next) + " of " +
+                   std::to_string(header.vertex_count) + " vertices");
+  const CornerCoding coding(header.roots.size());
+  for (std::uint32_t i = 0; i < base_face_count && !in.overrun(); ++i) {
+    SplitFace face;
+    face.flipped = in.get(1) != 0;
+    std::array<std::uint32_t, 3> root{};
+    std::size_t k = 0;
+    for (VertexId* corner : {&face.left, &face.right, &face.outside}) {
+      root[k] = in.get(coding.root_bits);
+      if (root[k] >= header.roots.size()) return corrupt("corner of a base face");
+      const NodeSpan& node = header.roots[root[k]].node;
+      const std::uint32_t offset = in.get(bit_length(node.size - 1));
+      if (offset >= node.size) return corrupt("corner of a base face");
+      *corner = {node.begin() + offset};
+      ++k;
+    }
+    if (root[0] == root[1] || root[1] == root[2] || root[2] == root[0])
+      return corrupt("a base face with two corners in one root");
+    header.base_faces.push_back(face);
+  }
+  if (!in.overrun()) NEARMESH_RETURN_IF_ERROR(read_surface(in, header));
+  std::vector<HuffmanTable> contexts(static_cast<std::size_t>(
+      is_version_3 ? record::version3::kContextCount : coding_context_count()));
+  for (HuffmanTable& table : contexts)
+    if (!(is_version_3 ? read_table_of_version_3(in, table) : read_table(in, table)))
+      return corrupt("coding table is not a prefix code");
+  if (in.overrun() || in.bits_left() >= 8)
+    return corrupt("length " + std::to_string(bytes.size()) + " does not match its content");
+  header.tables = CodingTables(std::move(contexts));
+  return header;
+}
+
+Status check_solid(const SpmHeader& header, std::string_view body) {
+  const SurfaceFacts& surface = header.surface;
+  if (surface.is_closed()) return Status::ok();
+  std::string found;
+  if (surface.boundary_edges > 0)
+    found = std::to_string(surface.boundary_edges) + " boundary edges";
+  if (surface.disagreeing_edges > 0)
+    found += (found.empty() ? "" : " and ") + std::to_string(surface.disagreeing_edges) +
+             " edges whose faces disagree in orientation";
+  return {StatusCode::kInvalidArgument, "body " + std::string(body) +
+                                            " cannot be solid: its model has " + found +
+                                            ", and an open sheet has no inside"};
+}
+
+}  // namespace nearmesh

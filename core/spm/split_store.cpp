@@ -1,0 +1,228 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "nearmesh/core/spm/detail/split_store.hpp"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <string>
+
+namespace nearmesh {
+
+// ---- boxes --------------------------------------------------------------------------------------
+
+namespace {
+
+// floor(2^(k/4)) scaled is irrational but for k % 4 == 0, so the smallest integer >= 2^(k/4) - 1 is its floor; the four
+// constants are exact to a double, far more than 32 bits need.
+std::array<std::int64_t, kMaxExtentCode + 1> make_extents() {
+  constexpr double kQuarter[4] = {1.0, 1.1892071150027210667, 1.4142135623730950488,
+                                  1.6817928305074290861};
+  std::array<std::int64_t, kMaxExtentCode + 1> extents{};
+  for (int code = 0; code <= kMaxExtentCode; ++code)
+    extents[code] = code % 4 == 0
+                        ? (std::int64_t{1} << (code / 4)) - 1
+                        : static_cast<std::int64_t>(std::ldexp(kQuarter[code % 4], code / 4));
+  return extents;
+}
+const std::array<std::int64_t, kMaxExtentCode + 1> kExtents = make_extents();
+
+}  // namespace
+
+std::int64_t box_extent(std::uint8_t code) { return kExtents[code]; }
+
+std::uint8_t box_extent_code(std::int64_t x) {
+  if (x <= 0) return 0;
+  // extent(4 (b - 1)) = 2^(b - 1) - 1 < x <= 2^b - 1 = extent(4 b), b being x's bit length: one of four.
+  const int below = 4 * (static_cast<int>(std::bit_width(static_cast<std::uint64_t>(x))) - 1);
+  NEARMESH_ASSERT(below < kMaxExtentCode);
+  return static_cast<std::uint8_t>(below + 1 + (kExtents[below + 1] < x) +
+                                   (kExtents[below + 2] < x) + (kExtents[below + 3] < x));
+}
+
+BoxCode encode_box(const GridPoint& representative, const GridBox& box) {
+  BoxCode code{};
+  for (int k = 0; k < 3; ++k) {
+    code[2 * k] = box_extent_code(std::int64_t{representative[k]} - box.lo[k]);
+    code[2 * k + 1] = box_extent_code(std::int64_t{box.hi[k]} - representative[k]);
+  }
+  return code;
+}
+
+// ---- store --------------------------------------------------------------------------------------
+
+namespace {
+
+// Codes plus one, so that an untouched page means "no box".
+std::uint64_t packed(const BoxCode& code) {
+  std::uint64_t p = 0;
+  if (code[0] != kNoBoxCode)
+    for (std::size_t k = 0; k < 6; ++k) p |= std::uint64_t{code[k] + 1U} << 7 * k;
+  return p;
+}
+std::size_t unpacked(std::uint64_t p, int k) { return (p >> 7 * k & 127U) - 1; }
+
+Status contradiction(const SplitRecord& record, const char* what) {
+  return {StatusCode::kCorrupt, "split " + std::to_string(record.split.value) + " of node [" +
+                                    std::to_string(record.node.begin()) + ", " +
+                                    std::to_string(record.node.end()) + "): " + what};
+}
+
+}  // namespace
+
+SplitStore::SplitStore(const SpmHeader& header)
+    : vertex_count_(header.vertex_count),
+      grid_max_(static_cast<std::int32_t>((std::int64_t{1} << header.grid.bits) - 1)),
+      entries_(header.vertex_count),
+      roots_(header.roots),
+      base_faces_(header.base_faces),
+      surface_(header.surface) {
+  for (const BaseRoot& root : roots_) {
+    Entry& entry = entries_[root.node.begin()];
+    entry.size = root.node.size;
+    entry.parent = root.node.begin();
+    entry.position = root.position;
+    entry.box = packed(root.box) & kBoxMask;
+  }
+}
+
+bool SplitStore::is_node(NodeSpan node) const {
+  if (node.size == 0 || node.begin() >= vertex_count_ || node.size > vertex_count_ - node.begin())
+    return false;
+  const Entry& first = entries_[node.begin()];
+  if (first.size == 0 || node.size > first.size) return false;
+  if (node.size == first.size) return true;
+  const Entry& maker = entries_[node.end()];
+  return maker.size != 0 && maker.parent == node.begin();
+}
+
+std::uint32_t& SplitStore::split_slot(NodeSpan node) {
+  Entry& first = entries_[node.begin()];
+  return node.size == first.size ? first.first_split : entries_[node.end()].next_split;
+}
+
+VertexId SplitStore::split_of(NodeSpan node) const {
+  NEARMESH_ASSERT(is_node(node));
+  const std::uint32_t u = const_cast<SplitStore*>(this)->split_slot(node);
+  return u == 0 ? VertexId{} : VertexId{u};
+}
+
+NodeSpan SplitStore::parent_of(NodeSpan node) const {
+  NEARMESH_ASSERT(is_node(node));
+  const bool initial = node.size == entries_[node.begin()].size;
+  const VertexId maker{initial ? node.begin() : node.end()};
+  return is_root(maker) ? NodeSpan{} : node_of(maker);
+}
+
+std::size_t SplitStore::root_index(VertexId v) const {
+  const auto after =
+      std::upper_bound(roots_.begin(), roots_.end(), v,
+                       [](VertexId x, const BaseRoot& root) { return x < root.node.first; });
+  return static_cast<std::size_t>(after - roots_.begin()) - 1;
+}
+
+BoxCode SplitStore::box_code(NodeSpan node) const {
+  const PackedBox own = packed_box(node);
+  if (own == 0) return kNoBox;
+  BoxCode code{};
+  for (int k = 0; k < 6; ++k)
+    code[static_cast<std::size_t>(k)] = static_cast<std::uint8_t>(unpacked(own, k));
+  return code;
+}
+
+GridBox SplitStore::box(NodeSpan node) const {
+  PackedBox code = packed_box(node);
+  while (code == 0) {
+    node = parent_of(node);
+    NEARMESH_ASSERT(node.size != 0);  // roots have boxes: the header is refused without
+    code = packed_box(node);
+  }
+  // Faces lie in the grid, so the box may be cut to it.
+  const GridPoint& at = position(node.first);
+  GridBox box;
+  for (int k = 0; k < 3; ++k) {
+    const std::int64_t below = kExtents[unpacked(code, 2 * k)],
+                       above = kExtents[unpacked(code, 2 * k + 1)];
+    box.lo[k] = static_cast<std::int32_t>(std::max<std::int64_t>(0, at[k] - below));
+    box.hi[k] = static_cast<std::int32_t>(std::min<std::int64_t>(grid_max_, at[k] + above));
+  }
+  return box;
+}
+
+Status SplitStore::check(const SplitRecord& record, std::span<const SplitFace> faces) const {
+  const NodeSpan node = record.node;
+  if (!record.right().contains(record.split) || record.split.value <= node.begin())
+    return contradiction(record, "the split lies outside the node");
+  if (depth_of(node) >= kMaxForestDepth)
+    return contradiction(record, "the forest is deeper than 4096 splits");
+  const VertexId known = split_of(node);
+  if (known.is_valid() && known != record.split)
+    return contradiction(record, "another split of the node is known");
+  const GridPoint& from = position(node.first);
+  for (int k = 0; k < 3; ++k) {
+    const std::int64_t at = std::int64_t{from[k]} + record.offset[k];
+    if (at < 0 || at > grid_max_) return contradiction(record, "position outside the grid");
+    if (known.is_valid() && at != position(known)[k])
+      return contradiction(record, "another position is known");
+  }
+  for (const SplitFace& face : faces) {
+    if (!record.left().contains(face.left) || !record.right().contains(face.right) ||
+        node.contains(face.outside) || face.outside.value >= vertex_count_)
+      return contradiction(record, "a face does not belong to it");
+  }
+  if (known.is_valid()) {
+    const SplitFaces own = this->faces(known);
+    if (!std::equal(own.begin(), own.end(), faces.begin(), faces.end()))
+      return contradiction(record, "other faces are known");
+  }
+  return Status::ok();
+}
+
+Result<SplitStore::Insertion> SplitStore::insert(const SplitRecord& record,
+                                                 std::span<const SplitFace> faces) {
+  if (!is_node(record.node)) return Insertion::kNoParent;
+  NEARMESH_RETURN_IF_ERROR(check(record, faces));
+  // Asked of the node, not of the entry: a page that is read before it is written costs the kernel two faults.
+  const bool known = split_of(record.node).is_valid();
+  Entry& entry = entries_[record.split.value];
+  if (!known) {
+    entry.size = record.right().size;
+    entry.parent = record.node.begin();
+    entry.depth_less_one = depth_of(record.node) & 0xfffU;  // check() has seen that it fits
+    for (int k = 0; k < 3; ++k)
+      entry.position[k] = position(record.node.first)[k] + record.offset[k];
+    if (faces.size() <= 2) {
+      for (std::size_t i = 0; i < faces.size(); ++i)
+        entry.faces[i] = FaceCorners(faces[i].corners());
+    } else {
+      entry.faces[0] = kManyFaces;
+      many_faces_[record.split.value].assign(faces.begin(), faces.end());
+    }
+    split_slot(record.node) = record.split.value;
+    ++known_;
+  }
+  bool boxed = false;
+  if (entry.left_box() == 0 && record.left_box[0] != kNoBoxCode) {
+    entry.set_left_box(packed(record.left_box));
+    boxed = true;
+  }
+  if (entry.box == 0 && record.right_box[0] != kNoBoxCode) {
+    entry.box = packed(record.right_box) & kBoxMask;
+    boxed = true;
+  }
+  if (!known) return Insertion::kAdded;
+  return boxed ? Insertion::kBoxed : Insertion::kKnown;
+}
+
+void SplitStore::erase(VertexId split) {
+  Entry& entry = entries_[split.value];
+  const NodeSpan node = node_of(split);
+  NEARMESH_ASSERT(entry.size != 0 && entry.parent != split.value);
+  NEARMESH_ASSERT(entry.first_split == 0 && entry.next_split == 0);
+  split_slot(node) = 0;
+  if (entry.faces[0] == kManyFaces) many_faces_.erase(split.value);
+  entry = Entry{};
+  --known_;
+}
+
+}  // namespace nearmesh

@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "nearmesh/core/spm/write_model_file.hpp"
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <memory>
+
+#include "blocks.hpp"
+#include "core/base/hash.hpp"
+#include "core/base/parallel.hpp"
+#include "file_layout.hpp"
+
+namespace nearmesh {
+namespace {
+
+using file_layout::DirectoryEntry;
+using file_layout::Preamble;
+
+template <class T>
+std::span<const std::uint8_t> bytes_of(const T* data, std::size_t count) {
+  return {reinterpret_cast<const std::uint8_t*>(data), count * sizeof(T)};
+}
+
+void pad_to(std::vector<std::uint8_t>& out, std::size_t alignment) {
+  out.resize((out.size() + alignment - 1) / alignment * alignment);
+}
+
+template <class T>
+void append(std::vector<std::uint8_t>& out, const T* data, std::size_t count) {
+  const auto bytes = bytes_of(data, count);
+  out.insert(out.end(), bytes.begin(), bytes.end());
+}
+
+Status io_error(const std::string& path, const char* what) {
+  return {StatusCode::kIo, path + ": " + what + ": " + std::strerror(errno)};
+}
+
+Status write_whole(const std::string& path, const std::vector<std::uint8_t>& bytes) {
+  const std::string partial = path + ".partial";
+  std::FILE* file = std::fopen(partial.c_str(), "wb");
+  if (file == nullptr) return io_error(partial, "cannot create");
+  const bool written = std::fwrite(bytes.data(), 1, bytes.size(), file) == bytes.size();
+  if (std::fclose(file) != 0 || !written) {
+    const Status status = io_error(partial, "cannot write");
+    std::remove(partial.c_str());
+    return status;
+  }
+  if (std::rename(partial.c_str(), path.c_str()) != 0) {
+    const Status status = io_error(path, "cannot rename into place");
+    std::remove(partial.c_str());
+    return status;
+  }
+  return Status::ok();
+}
+
+struct Group {
+  std::vector<DirectoryEntry> directory;  // offsets within `bytes`
+  std::vector<std::uint8_t> bytes;
+};
+
+Group encode_group(const SpmHeader& header, const SplitStore& store,
+                   std::span<const NodeSpan> roots) {
+  Group group;
+  for (const NodeSpan& root : roots) {
+    const auto encoded = encode_batches(header, store, block_treelet(store, root),
+                                        BoxPolicy::kAllNodes, std::size_t{1} << 31);
+    NEARMESH_ASSERT(encoded.size() == 1);
+    const std::vector<std::uint8_t>& bytes = encoded.front();
+    group.directory.push_back({root.begin(), root.size, group.bytes.size(),
+                               static_cast<std::uint32_t>(bytes.size()),
+                               static_cast<std::uint32_t>(hash_bytes(bytes))});
+    append(group.bytes, bytes.data(), bytes.size());
+  }
+  return group;
+}
+
+}  // namespace
+
+Result<WrittenModel> write_model_file(const SpmHeader& header, const SplitStore& store,
+                                      std::span<const FaceNumber> numbers, const std::string& path,
+                                      unsigned threads) {
+  NEARMESH_ASSERT(store.known_splits() == header.split_count());
+  NEARMESH_ASSERT(numbers.size() == header.face_count && numbers.size() < file_layout::kMaxFaces);
+  const std::vector<std::uint8_t> header_bytes = encode_header(header);
+  WrittenModel written{.header_bytes = header_bytes.size()};
+
+  std::vector<std::uint8_t> out(sizeof(Preamble));
+  append(out, header_bytes.data(), header_bytes.size());
+  std::vector<DirectoryEntry> directory;
+  // Blocks are encoded in groups, each alone, and stand in the order of their roots.
+  constexpr std::size_t kGroup = 64;
+  const std::vector<NodeSpan> roots = block_roots(store);
+  std::vector<Group> groups((roots.size() + kGroup - 1) / kGroup);
+  for_each_index(groups.size(), threads, [&](std::size_t i) {
+    const std::size_t count = std::min(kGroup, roots.size() - i * kGroup);
+    groups[i] = encode_group(header, store, std::span(roots).subspan(i * kGroup, count));
+  });
+  directory.reserve(roots.size());
+  for (Group& group : groups) {
+    for (DirectoryEntry& entry : group.directory) {
+      entry.offset += out.size();
+      directory.push_back(entry);
+    }
+    append(out, group.bytes.data(), group.bytes.size());
+    written.block_bytes += group.bytes.size();
+    group = Group{};
+  }
+  written.blocks = directory.size();
+
+  Preamble preamble;
+  preamble.block_count = static_cast<std::uint32_t>(directory.size());
+  preamble.header_bytes = header_bytes.size();
+  pad_to(out, alignof(DirectoryEntry));
+  preamble.directory_offset = out.size();
+  append(out, directory.data(), directory.size());
+  preamble.face_table_offset = out.size();
+  std::vector<std::uint32_t> table;
+  table.reserve(numbers.size());
+  for (const FaceNumber& number : numbers)
+    table.push_back(number.face.value << 2 | number.first_corner);
+  append(out, table.data(), table.size());
+  preamble.face_table_checksum = hash_bytes(bytes_of(table.data(), table.size()));
+  preamble.file_bytes = out.size();
+  preamble.content_hash = hash_bytes(bytes_of(directory.data(), directory.size()),
+                                     hash_bytes(header_bytes, preamble.face_table_checksum));
+  preamble.checksum = hash_bytes(bytes_of(&preamble, 1).first(sizeof(Preamble) - 8));
+  std::memcpy(out.data(), &preamble, sizeof preamble);
+  NEARMESH_RETURN_IF_ERROR(write_whole(path, out));
+  written.file_bytes = out.size();
+  written.content_hash = preamble.content_hash;
+  return written;
+}
+
+}  // namespace nearmesh

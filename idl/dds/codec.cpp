@@ -1,0 +1,378 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "codec.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include "core/spm/packed_region.hpp"
+
+namespace nearmesh::wire {
+
+namespace {
+
+constexpr std::uint8_t kFlagLast = 1;
+constexpr std::uint8_t kFlagRefused = 2;
+constexpr std::size_t kWordsPerNode = 2;
+constexpr std::size_t kWordsPerPair = 4;
+constexpr std::uint8_t kFlagAsked = 1;
+constexpr std::uint8_t kFlagSolidA = 2;
+constexpr std::uint8_t kFlagSolidB = 4;
+constexpr std::uint8_t kFlagGaveUp = 8;
+constexpr std::uint8_t kFlagPublisher = 1;
+constexpr std::uint8_t kFlagReply = 1;
+
+Status malformed(std::string message) { return {StatusCode::kInvalidArgument, std::move(message)}; }
+
+/// A flat list must hold whole records, and no more than the message may have.
+Status check_words(std::size_t found, std::size_t per_record, std::size_t limit,
+                   const char* field) {
+  if (found % per_record == 0 && found / per_record <= limit) return Status::ok();
+  return malformed(std::string(field) + ": expected at most " + std::to_string(limit) + " times " +
+                   std::to_string(per_record) + " words, found " + std::to_string(found));
+}
+
+using Octets = std::vector<std::uint8_t>;
+
+void append_line(const std::string& line, Octets& to) {
+  to.insert(to.end(), line.begin(), line.end());
+  to.push_back('\n');
+}
+
+/// The lines, each of which must end; `least` to `most` of them.
+Result<std::vector<std::string>> split_lines(const Octets& octets, std::size_t least,
+                                             std::size_t most, const std::string& field) {
+  std::vector<std::string> lines;
+  std::string line;
+  for (const std::uint8_t c : octets) {
+    if (c != '\n') {
+      line.push_back(static_cast<char>(c));
+      continue;
+    }
+    if (lines.size() == most) return malformed(field + ": more than " + std::to_string(most));
+    lines.push_back(std::exchange(line, {}));
+  }
+  if (lines.size() < least || !line.empty())
+    return malformed(field + ": fewer whole ones than " + std::to_string(least));
+  return lines;
+}
+
+template <class Message>
+Result<Message> checked(Message message) {
+  NEARMESH_RETURN_IF_ERROR(check(message));
+  return message;
+}
+
+}  // namespace
+
+void encode(const Hello& message, wire_types::HelloSample& sample) {
+  sample.wire_version(message.wire_version);
+  sample.publisher(message.publisher);
+  sample.names().clear();
+  sample.content_hashes().clear();
+  sample.mesh_bytes().clear();
+  for (const Hello::Model& model : message.models) {
+    append_line(model.name, sample.names());
+    sample.content_hashes().push_back(model.content_hash);
+    sample.mesh_bytes().push_back(model.mesh_bytes);
+  }
+}
+
+Result<Hello> decode(const wire_types::HelloSample& sample) {
+  Hello message;
+  message.wire_version = sample.wire_version();
+  message.publisher = sample.publisher();
+  const std::size_t count = sample.content_hashes().size();
+  if (count > kMaxModels || sample.mesh_bytes().size() != count ||
+      sample.names().size() > kMaxModels * (kMaxNameBytes + 1))
+    return malformed("models: lists of " + std::to_string(count) + " hashes, " +
+                     std::to_string(sample.mesh_bytes().size()) + " sizes and " +
+                     std::to_string(sample.names().size()) +
+                     " bytes of names do not belong together");
+  const auto names = split_lines(sample.names(), count, count, "model names");
+  if (!names.is_ok()) return names.status();
+  message.models.resize(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    message.models[i].name = names.value()[i];
+    message.models[i].content_hash = sample.content_hashes()[i];
+    message.models[i].mesh_bytes = sample.mesh_bytes()[i];
+  }
+  return checked(std::move(message));
+}
+
+void encode(const MeshHeader& message, wire_types::MeshHeaderSample& sample) {
+  sample.wire_version(message.wire_version);
+  sample.content_hash(message.content_hash);
+  sample.name(message.name.c_str());
+  sample.bytes(message.bytes);
+}
+
+Result<MeshHeader> decode(const wire_types::MeshHeaderSample& sample) {
+  MeshHeader message;
+  message.wire_version = sample.wire_version();
+  message.content_hash = sample.content_hash();
+  message.name = sample.name().to_string();
+  message.bytes = sample.bytes();
+  return checked(std::move(message));
+}
+
+void encode(const RegionSubscription& message, wire_types::RegionSubscriptionSample& sample) {
+  sample.wire_version(message.wire_version);
+  sample.priority(message.priority);
+  sample.request(message.request);
+  sample.peer(message.peer);
+  sample.content_hash(message.content_hash);
+  sample.publisher(message.publisher);
+  sample.acknowledged_sequence(message.acknowledged_sequence);
+  sample.window_bytes(message.window_bytes);
+  sample.max_splits(message.region.max_splits);
+  sample.attach().clear();
+  for (const NodeSpan& node : message.region.attach) {
+    sample.attach().push_back(node.first.value);
+    sample.attach().push_back(node.size);
+  }
+  PackedRegion region = pack_region(message.region.region);
+  sample.region_origin(region.origin);
+  sample.region_shift(region.shift);
+  sample.region_radius(region.radius);
+  sample.region_parts(std::move(region.parts));
+}
+
+Result<RegionSubscription> decode(const wire_types::RegionSubscriptionSample& sample) {
+  RegionSubscription message;
+  message.wire_version = sample.wire_version();
+  message.priority = sample.priority();
+  message.request = sample.request();
+  message.peer = sample.peer();
+  message.content_hash = sample.content_hash();
+  message.publisher = sample.publisher();
+  message.acknowledged_sequence = sample.acknowledged_sequence();
+  message.window_bytes = sample.window_bytes();
+  message.region.max_splits = sample.max_splits();
+  const auto& attach = sample.attach();
+  NEARMESH_RETURN_IF_ERROR(check_words(attach.size(), kWordsPerNode, kMaxAttachNodes, "attach"));
+  for (std::size_t i = 0; i < attach.size(); i += kWordsPerNode)
+    message.region.attach.push_back({VertexId{attach[i]}, attach[i + 1]});
+  Result<std::vector<RegionPart>> region =
+      unpack_region({sample.region_origin(), sample.region_shift(), sample.region_radius(),
+                     sample.region_parts()});
+  if (!region.is_ok()) return region.status();
+  message.region.region = std::move(region).value();
+  return checked(std::move(message));
+}
+
+void encode(const SplitBatchMessage& message, wire_types::SplitBatchSample& sample) {
+  sample.wire_version(message.wire_version);
+  sample.flags(static_cast<std::uint8_t>((message.last ? kFlagLast : 0) |
+                                         (message.refused ? kFlagRefused : 0)));
+  sample.request(message.request);
+  sample.publisher(message.publisher);
+  sample.content_hash(message.content_hash);
+  sample.sequence_number(message.sequence);
+  sample.bytes(message.bytes);
+}
+
+Result<SplitBatchMessage> decode(const wire_types::SplitBatchSample& sample) {
+  SplitBatchMessage message;
+  message.wire_version = sample.wire_version();
+  if ((sample.flags() & ~(kFlagLast | kFlagRefused)) != 0)
+    return malformed("flags: found unknown bits, " + std::to_string(sample.flags()));
+  message.last = (sample.flags() & kFlagLast) != 0;
+  message.refused = (sample.flags() & kFlagRefused) != 0;
+  message.request = sample.request();
+  message.publisher = sample.publisher();
+  message.content_hash = sample.content_hash();
+  message.sequence = sample.sequence_number();
+  message.bytes = sample.bytes();
+  return checked(std::move(message));
+}
+
+void encode(const BodyPose& message, wire_types::BodyPoseSample& sample) {
+  sample.wire_version(message.wire_version);
+  sample.body(message.body.c_str());
+  sample.peer(message.peer);
+  sample.frame(message.frame);
+  sample.time_s(message.time_s);
+  sample.rotation(message.pose.rotation);
+  sample.translation_m(message.pose.translation_m);
+  sample.linear_velocity_mps(message.linear_velocity_mps);
+  sample.angular_velocity_radps(message.angular_velocity_radps);
+}
+
+Result<BodyPose> decode(const wire_types::BodyPoseSample& sample) {
+  BodyPose message;
+  message.wire_version = sample.wire_version();
+  message.body = sample.body().to_string();
+  message.peer = sample.peer();
+  message.frame = sample.frame();
+  message.time_s = sample.time_s();
+  message.pose.rotation = sample.rotation();
+  message.pose.translation_m = sample.translation_m();
+  message.linear_velocity_mps = sample.linear_velocity_mps();
+  message.angular_velocity_radps = sample.angular_velocity_radps();
+  return checked(std::move(message));
+}
+
+void encode(const ContactReport& message, wire_types::ContactReportSample& sample) {
+  sample.wire_version(message.wire_version);
+  sample.status(message.status);
+  sample.pair_count(message.pair_count);
+  sample.peer(message.peer);
+  sample.body_a(message.body_a.c_str());
+  sample.body_b(message.body_b.c_str());
+  sample.frame(message.frame);
+  sample.time_s(message.time_s);
+  sample.clearance_m(message.clearance_m);
+  sample.uncertainty_m(message.uncertainty_m);
+  sample.flags(static_cast<std::uint8_t>(
+      (message.asked ? kFlagAsked : 0) | (message.a.solid ? kFlagSolidA : 0) |
+      (message.b.solid ? kFlagSolidB : 0) | (message.gave_up_detail ? kFlagGaveUp : 0)));
+  sample.answer_digest(message.answer_digest);
+  std::size_t at = 0;
+  for (const ContactReport::Asked* body : {&message.a, &message.b}) {
+    sample.content_hashes()[at] = body->content_hash;
+    sample.state_digests()[at] = body->state_digest;
+    sample.applied_batches()[at] = body->applied_batches;
+    double* pose = &sample.poses()[12 * at++];
+    std::copy(body->pose.rotation.begin(), body->pose.rotation.end(), pose);
+    std::copy(body->pose.translation_m.begin(), body->pose.translation_m.end(), pose + 9);
+  }
+  sample.pairs().clear();
+  for (const auto& pair : message.pairs)
+    for (const FaceKey& face : pair) {
+      sample.pairs().push_back(face.split.value);
+      sample.pairs().push_back(face.index);
+    }
+}
+
+Result<ContactReport> decode(const wire_types::ContactReportSample& sample) {
+  ContactReport message;
+  message.wire_version = sample.wire_version();
+  message.status = sample.status();
+  message.pair_count = sample.pair_count();
+  message.peer = sample.peer();
+  message.body_a = sample.body_a().to_string();
+  message.body_b = sample.body_b().to_string();
+  message.frame = sample.frame();
+  message.time_s = sample.time_s();
+  message.clearance_m = sample.clearance_m();
+  message.uncertainty_m = sample.uncertainty_m();
+  const std::uint8_t flags = sample.flags();
+  if ((flags & ~(kFlagAsked | kFlagSolidA | kFlagSolidB | kFlagGaveUp)) != 0)
+    return malformed("flags: found unknown bits, " + std::to_string(flags));
+  message.asked = (flags & kFlagAsked) != 0;
+  message.gave_up_detail = (flags & kFlagGaveUp) != 0;
+  message.a.solid = (flags & kFlagSolidA) != 0;
+  message.b.solid = (flags & kFlagSolidB) != 0;
+  message.answer_digest = sample.answer_digest();
+  std::size_t at = 0;
+  for (ContactReport::Asked* body : {&message.a, &message.b}) {
+    body->content_hash = sample.content_hashes()[at];
+    body->state_digest = sample.state_digests()[at];
+    body->applied_batches = sample.applied_batches()[at];
+    const double* pose = &sample.poses()[12 * at++];
+    std::copy(pose, pose + 9, body->pose.rotation.begin());
+    std::copy(pose + 9, pose + 12, body->pose.translation_m.begin());
+  }
+  const auto& words = sample.pairs();
+  NEARMESH_RETURN_IF_ERROR(check_words(words.size(), kWordsPerPair, kMaxReportPairs, "pairs"));
+  for (std::size_t i = 0; i < words.size(); i += kWordsPerPair)
+    message.pairs.push_back(
+        {FaceKey{VertexId{words[i]}, words[i + 1]}, FaceKey{VertexId{words[i + 2]}, words[i + 3]}});
+  return checked(std::move(message));
+}
+
+void encode(const ProcessStatus& message, wire_types::ProcessStatusSample& sample) {
+  sample.wire_version(message.wire_version);
+  sample.flags(message.is_publisher ? kFlagPublisher : 0);
+  sample.process_id(message.process_id);
+  sample.session(message.session);
+  sample.host(message.host.c_str());
+  sample.uptime_s(message.uptime_s);
+  sample.bytes_per_s(message.bytes_per_s);
+  sample.uncertainty_m(message.uncertainty_m);
+  sample.peers(message.peers);
+  sample.watched_pairs(message.watched_pairs);
+  sample.certified_pairs(message.certified_pairs);
+  sample.requests(message.requests);
+  sample.refused(message.refused);
+  sample.batches(message.batches);
+  sample.bytes(message.bytes);
+  sample.lost_batches(message.lost_batches);
+  sample.waiting_batches(message.waiting_batches);
+  sample.resident_bytes(message.resident_bytes);
+  sample.names().clear();
+  sample.content_hashes().clear();
+  sample.faces().clear();
+  sample.held_splits().clear();
+  sample.splits().clear();
+  for (const ProcessStatus::Model& model : message.models) {
+    append_line(model.name, sample.names());
+    sample.content_hashes().push_back(model.content_hash);
+    sample.faces().push_back(model.faces);
+    sample.held_splits().push_back(model.held_splits);
+    sample.splits().push_back(model.splits);
+  }
+  sample.complaints().clear();
+  for (const std::string& line : message.complaints) append_line(line, sample.complaints());
+}
+
+Result<ProcessStatus> decode(const wire_types::ProcessStatusSample& sample) {
+  ProcessStatus message;
+  message.wire_version = sample.wire_version();
+  if ((sample.flags() & ~kFlagPublisher) != 0)
+    return malformed("flags: found unknown bits, " + std::to_string(sample.flags()));
+  message.is_publisher = (sample.flags() & kFlagPublisher) != 0;
+  message.process_id = sample.process_id();
+  message.session = sample.session();
+  message.host = sample.host().to_string();
+  message.uptime_s = sample.uptime_s();
+  message.bytes_per_s = sample.bytes_per_s();
+  message.uncertainty_m = sample.uncertainty_m();
+  message.peers = sample.peers();
+  message.watched_pairs = sample.watched_pairs();
+  message.certified_pairs = sample.certified_pairs();
+  message.requests = sample.requests();
+  message.refused = sample.refused();
+  message.batches = sample.batches();
+  message.bytes = sample.bytes();
+  message.lost_batches = sample.lost_batches();
+  message.waiting_batches = sample.waiting_batches();
+  message.resident_bytes = sample.resident_bytes();
+  const std::size_t count = sample.content_hashes().size();
+  if (count > kMaxModels || sample.faces().size() != count ||
+      sample.held_splits().size() != count || sample.splits().size() != count)
+    return malformed("models: lists that do not belong together");
+  const auto names = split_lines(sample.names(), count, count, "model names");
+  if (!names.is_ok()) return names.status();
+  for (std::size_t i = 0; i < count; ++i)
+    message.models.push_back({names.value()[i], sample.content_hashes()[i], sample.faces()[i],
+                              sample.held_splits()[i], sample.splits()[i]});
+  auto lines = split_lines(sample.complaints(), 0, kMaxStatusLines, "complaints");
+  if (!lines.is_ok()) return lines.status();
+  message.complaints = std::move(lines).value();
+  return checked(std::move(message));
+}
+
+void encode(const Echo& message, wire_types::EchoSample& sample) {
+  sample.wire_version(message.wire_version);
+  sample.flags(message.is_reply ? kFlagReply : 0);
+  sample.number(message.number);
+  sample.from(message.from);
+  sample.to(message.to);
+  sample.bytes(message.bytes);
+}
+
+Result<Echo> decode(const wire_types::EchoSample& sample) {
+  Echo message;
+  message.wire_version = sample.wire_version();
+  if ((sample.flags() & ~kFlagReply) != 0)
+    return malformed("flags: found unknown bits, " + std::to_string(sample.flags()));
+  message.is_reply = (sample.flags() & kFlagReply) != 0;
+  message.number = sample.number();
+  message.from = sample.from();
+  message.to = sample.to();
+  message.bytes = sample.bytes();
+  return checked(std::move(message));
+}
+
+}  // namespace nearmesh::wire

@@ -1,0 +1,410 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "dds_support.hpp"
+
+#include <algorithm>
+#include <array>
+#include <sstream>
+
+#include <fastdds/dds/domain/DomainParticipantFactory.hpp>
+
+#include "dds_security.hpp"
+#include "dds_transport.hpp"
+
+namespace nearmesh::wire {
+
+namespace {
+
+using eprosima::fastrtps::Duration_t;
+using eprosima::fastrtps::types::ReturnCode_t;
+
+constexpr std::uint32_t kMaxDomain = 232;
+
+Status check_options(const TransportOptions& options) {
+  NEARMESH_RETURN_IF_ERROR(check_prefix(options.prefix));
+  if (options.domain > kMaxDomain)
+    return {StatusCode::kInvalidArgument, "domain: expected at most " + std::to_string(kMaxDomain) +
+                                              ", found " + std::to_string(options.domain)};
+  if (!(options.announcement_s > 0) || !(options.lease_s >= 2 * options.announcement_s) ||
+      !(options.heartbeat_s > 0))
+    return {StatusCode::kInvalidArgument,
+            "lease: expected at least twice the announcement period, all above 0"};
+  return Status::ok();
+}
+
+const char* policy_name(fdds::QosPolicyId_t id) {
+  switch (id) {
+    case fdds::DURABILITY_QOS_POLICY_ID:
+      return "durability";
+    case fdds::PRESENTATION_QOS_POLICY_ID:
+      return "presentation";
+    case fdds::DEADLINE_QOS_POLICY_ID:
+      return "deadline";
+    case fdds::LATENCYBUDGET_QOS_POLICY_ID:
+      return "latency budget";
+    case fdds::OWNERSHIP_QOS_POLICY_ID:
+      return "ownership";
+    case fdds::LIVELINESS_QOS_POLICY_ID:
+      return "liveliness";
+    case fdds::RELIABILITY_QOS_POLICY_ID:
+      return "reliability";
+    case fdds::DESTINATIONORDER_QOS_POLICY_ID:
+      return "destination order";
+    case fdds::DATAREPRESENTATION_QOS_POLICY_ID:
+      return "data representation";
+    case fdds::TYPECONSISTENCYENFORCEMENT_QOS_POLICY_ID:
+      return "type consistency";
+    case fdds::DISABLEPOSITIVEACKS_QOS_POLICY_ID:
+      return "disabled positive acks";
+    default:
+      return "other";
+  }
+}
+
+eprosima::fastrtps::rtps::GuidPrefix_t prefix_of(const Handle& endpoint) {
+  return eprosima::fastrtps::rtps::iHandle2GUID(endpoint).guidPrefix;
+}
+
+const char* durability_name(fdds::DurabilityQosPolicyKind kind) {
+  switch (kind) {
+    case fdds::VOLATILE_DURABILITY_QOS:
+      return "volatile";
+    case fdds::TRANSIENT_LOCAL_DURABILITY_QOS:
+      return "transient local";
+    case fdds::TRANSIENT_DURABILITY_QOS:
+      return "transient";
+    default:
+      return "persistent";
+  }
+}
+
+std::string incompatible(const std::string& topic, fdds::QosPolicyId_t id) {
+  return topic +
+         ": an endpoint elsewhere cannot be matched, its QoS is incompatible: " + policy_name(id) +
+         " (policy " + std::to_string(static_cast<unsigned>(id)) + ")";
+}
+
+}  // namespace
+
+Microseconds to_us(const Timestamp& time) { return time.to_ns() / 1000; }
+
+Microseconds now_us() {
+  Timestamp time;
+  Timestamp::now(time);
+  return to_us(time);
+}
+
+// --- Listeners
+
+std::vector<ReaderListener::Match> ReaderListener::take_matches() {
+  const std::lock_guard lock(mutex_);
+  return std::exchange(matches_, {});
+}
+
+void ReaderListener::on_data_on_readers(fdds::Subscriber*) { mailbox_.wake(); }
+void ReaderListener::on_data_available(fdds::DataReader*) { mailbox_.wake(); }
+
+void ReaderListener::on_subscription_matched(fdds::DataReader*,
+                                             const fdds::SubscriptionMatchedStatus& status) {
+  {
+    const std::lock_guard lock(mutex_);
+    matches_.push_back({status.last_publication_handle, now_us(), status.current_count_change < 0});
+  }
+  mailbox_.wake();
+}
+
+void WriterListener::forget_readers() {
+  const std::lock_guard lock(mutex_);
+  readers_.clear();
+}
+
+bool WriterListener::is_matched_with_participant_of(const Handle& endpoint) const {
+  const std::lock_guard lock(mutex_);
+  return std::any_of(readers_.begin(), readers_.end(), [&](const Handle& reader) {
+    return prefix_of(reader) == prefix_of(endpoint);
+  });
+}
+
+bool WriterListener::is_matched_beside_participant_of(const Handle& endpoint) const {
+  const std::lock_guard lock(mutex_);
+  return std::any_of(readers_.begin(), readers_.end(), [&](const Handle& reader) {
+    return prefix_of(reader) != prefix_of(endpoint);
+  });
+}
+
+void WriterListener::on_publication_matched(fdds::DataWriter*,
+                                            const fdds::PublicationMatchedStatus& status) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (status.current_count_change > 0) readers_.insert(status.last_subscription_handle);
+    if (status.current_count_change < 0) readers_.erase(status.last_subscription_handle);
+  }
+  mailbox_.wake();
+}
+
+/// Reports endpoints that DDS would ignore in silence.
+class DiscoveryListener : public fdds::DomainParticipantListener {
+ public:
+  DiscoveryListener(Mailbox& mailbox, const BusOptions& options)
+      : mailbox_(mailbox),
+        prefix_(options.transport.prefix),
+        deliveries_(deliveries_of(TopicNames(prefix_))),
+        on_writer_(options.on_writer) {}
+
+  void on_publisher_discovery(fdds::DomainParticipant*,
+                              eprosima::fastrtps::rtps::WriterDiscoveryInfo&& found) override {
+    if (found.status != eprosima::fastrtps::rtps::WriterDiscoveryInfo::DISCOVERED_WRITER) return;
+    const Handle writer(found.info.guid());
+    judge(found.info.topicName().to_string(), found.info.typeName().to_string());
+    judge_qos(found.info.topicName().to_string(), writer, true, found.info.m_qos.m_reliability.kind,
+              found.info.m_qos.m_durability.kind);
+    if (!on_writer_) return;
+    const std::vector<std::string> partitions = found.info.m_qos.m_partition.names();
+    on_writer_(writer, partitions.empty() ? "" : partitions.front());
+  }
+  void on_subscriber_discovery(fdds::DomainParticipant*,
+                               eprosima::fastrtps::rtps::ReaderDiscoveryInfo&& found) override {
+    if (found.status != eprosima::fastrtps::rtps::ReaderDiscoveryInfo::DISCOVERED_READER) return;
+    judge(found.info.topicName().to_string(), found.info.typeName().to_string());
+    judge_qos(found.info.topicName().to_string(), Handle(found.info.guid()), false,
+              found.info.m_qos.m_reliability.kind, found.info.m_qos.m_durability.kind);
+  }
+
+  /// Of a mismatch in this policy a line was said, with both sides.
+  static bool judges(fdds::QosPolicyId_t id) {
+    return id == fdds::RELIABILITY_QOS_POLICY_ID || id == fdds::DURABILITY_QOS_POLICY_ID;
+  }
+
+ private:
+  static constexpr std::size_t kMaxKnown = 256;
+
+  static std::map<std::string, const Delivery*> deliveries_of(const TopicNames& names) {
+    return {{names.hello, &kHelloDelivery},
+            {names.mesh_header, &kMeshHeaderDelivery},
+            {names.region_subscription, &kRegionSubscriptionDelivery},
+            {names.split_batch, &kSplitBatchDelivery},
+            {names.body_pose, &kBodyPoseDelivery},
+            {names.contact_report, &kContactReportDelivery},
+            {names.process_status, &kProcessStatusDelivery},
+            {names.echo, &kEchoDelivery}};
+  }
+
+  void judge(const std::string& topic, const std::string& type) {
+    if (std::optional<std::string> line = judge_remote_endpoint(prefix_, topic, type))
+      say(std::move(*line));
+  }
+
+  /// A writer must offer at least what readers request; ours all offer and request what their topic has.
+  void judge_qos(const std::string& topic, const Handle& endpoint, bool is_writer,
+                 fdds::ReliabilityQosPolicyKind reliability,
+                 fdds::DurabilityQosPolicyKind durability) {
+    const auto known = deliveries_.find(topic);
+    if (known == deliveries_.end()) return;
+    const auto too_little = [&](auto theirs, auto ours) {
+      return is_writer ? theirs < ours : theirs > ours;
+    };
+    const auto line = [&](const char* policy, const char* theirs, const char* ours) {
+      return topic + ": " + (is_writer ? "writer " : "reader ") + name_of(endpoint) +
+             " cannot be matched: it " + (is_writer ? "offers " : "requests ") + policy + " " +
+             theirs + ", this side " + (is_writer ? "requests " : "offers ") + ours + "; give it " +
+             policy + " " + ours;
+    };
+    if (too_little(reliability, fdds::RELIABLE_RELIABILITY_QOS))
+      say(line("reliability", "best effort", "reliable"));
+    if (too_little(durability, known->second->durability))
+      say(line("durability", durability_name(durability),
+               durability_name(known->second->durability)));
+  }
+
+  /// Each line once: every endpoint of another version would say the same.
+  void say(std::string line) {
+    {
+      const std::lock_guard lock(mutex_);
+      if (said_.size() >= kMaxKnown || !said_.insert(line).second) return;
+    }
+    mailbox_.complain(std::move(line));
+  }
+
+  Mailbox& mailbox_;
+  const std::string prefix_;
+  const std::map<std::string, const Delivery*> deliveries_;
+  const std::function<void(const Handle&, const std::string&)> on_writer_;
+  std::mutex mutex_;
+  std::set<std::string> said_;
+};
+
+namespace {
+
+/// A participant of a host's has no listener of ours.
+template <class Parent>
+bool was_judged(const Parent* parent, fdds::QosPolicyId_t id) {
+  const fdds::DomainParticipantListener* listener = parent->get_participant()->get_listener();
+  return DiscoveryListener::judges(id) &&
+         dynamic_cast<const DiscoveryListener*>(listener) != nullptr;
+}
+
+}  // namespace
+
+void ReaderListener::on_requested_incompatible_qos(
+    fdds::DataReader* reader, const fdds::RequestedIncompatibleQosStatus& status) {
+  if (!was_judged(reader->get_subscriber(), status.last_policy_id))
+    mailbox_.complain(incompatible(topic_, status.last_policy_id));
+}
+
+void WriterListener::on_offered_incompatible_qos(fdds::DataWriter* writer,
+                                                 const fdds::OfferedIncompatibleQosStatus& status) {
+  if (!was_judged(writer->get_publisher(), status.last_policy_id))
+    mailbox_.complain(incompatible(topic_, status.last_policy_id));
+}
+
+// --- Bus
+
+Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailbox) {
+  NEARMESH_RETURN_IF_ERROR(check_options(options.transport));
+  std::unique_ptr<Bus> bus(new Bus);
+  if (options.host_participant != nullptr) {
+    bus->participant_ = options.host_participant;
+    return bus;
+  }
+  // From scratch, not from the default profile: an XML file meant for other programs must not reach
+  // us.
+  fdds::DomainParticipantQos qos;
+  qos.name(options.participant_name);
+  NEARMESH_RETURN_IF_ERROR(set_transport(options.transport, qos));
+  if (!options.transport.security.empty()) {
+    NEARMESH_RETURN_IF_ERROR(set_security(options.transport, qos));
+    bus->refusal_hint_ = "; its permissions may not allow it: " + options.transport.security;
+  }
+  if (options.header_bytes_per_s > 0) {
+    auto flow = std::make_shared<eprosima::fastdds::rtps::FlowControllerDescriptor>();
+    flow->name = kHeaderFlow;
+    flow->period_ms = 10;
+    flow->max_bytes_per_period =
+        std::max(options.header_bytes_per_s / 100,
+                 static_cast<std::int32_t>(2 * datagram_bytes(options.transport)));
+    qos.flow_controllers().push_back(flow);
+  }
+  bus->discovery_ = std::make_unique<DiscoveryListener>(mailbox, options);
+  // No status goes to the participant's listener: data events belong to the endpoints' own.
+  bus->participant_ = fdds::DomainParticipantFactory::get_instance()->create_participant(
+      options.transport.domain, qos, bus->discovery_.get(), fdds::StatusMask::none());
+  if (bus->participant_ == nullptr)
+    return Status{StatusCode::kIo, "Fast DDS could not create a participant in domain " +
+                                       std::to_string(options.transport.domain) +
+                                       bus->refusal_hint_};
+  bus->is_own_ = true;
+  return bus;
+}
+
+Bus::~Bus() {
+  if (participant_ == nullptr) return;
+  while (!writers_.empty()) remove_writer(writers_.back());
+  while (!readers_.empty()) remove_reader(readers_.back());
+  for (fdds::Topic* topic : topics_) participant_->delete_topic(topic);
+  // Refused, rightly, while another session on the host's participant uses the type.
+  for (const std::string& type : types_) participant_->unregister_type(type);
+  if (is_own_) fdds::DomainParticipantFactory::get_instance()->delete_participant(participant_);
+}
+
+Result<fdds::Topic*> Bus::add_topic(const std::string& name, const fdds::TypeSupport& type,
+                                    bool (*is_ours)(const fdds::TypeSupport&)) {
+  const std::string type_name = type.get_type_name();
+  fdds::TypeSupport found = participant_->find_type(type_name);
+  if (found.empty()) {
+    // Another session on the host's participant may be faster; then its type is found.
+    participant_->register_type(type, type_name);
+    found = participant_->find_type(type_name);
+  }
+  if (found.empty() || !is_ours(found))
+    return Status{StatusCode::kConflict,
+                  "type " + type_name + " is registered on the participant by other code"};
+  types_.push_back(type_name);
+  // find_topic counts its users, so every session deletes what it got and the last one removes the
+  // topic.
+  fdds::Topic* topic = participant_->find_topic(name, Duration_t(0, 0));
+  if (topic == nullptr) topic = participant_->create_topic(name, type_name, fdds::TopicQos{});
+  if (topic == nullptr) topic = participant_->find_topic(name, Duration_t(0, 0));
+  if (topic == nullptr)
+    return Status{StatusCode::kIo, "Fast DDS could not create the topic " + name};
+  topics_.push_back(topic);
+  if (topic->get_type_name() != type_name)
+    return Status{StatusCode::kConflict, "topic " + name + " exists on the participant with type " +
+                                             topic->get_type_name()};
+  return topic;
+}
+
+Result<fdds::DataWriter*> Bus::add_writer(fdds::Topic* topic, const fdds::DataWriterQos& qos,
+                                          WriterListener& listener, const std::string& partition) {
+  fdds::PublisherQos
+      publisher_qos;  // not the participant's default, which the host may have changed
+  if (!partition.empty()) publisher_qos.partition().push_back(partition.c_str());
+  fdds::Publisher* publisher =
+      participant_->create_publisher(publisher_qos, nullptr, fdds::StatusMask::none());
+  fdds::DataWriter* writer =
+      publisher == nullptr ? nullptr : publisher->create_datawriter(topic, qos, &listener);
+  if (writer != nullptr) {
+    writers_.push_back(writer);
+    return writer;
+  }
+  if (publisher != nullptr) participant_->delete_publisher(publisher);
+  return Status{StatusCode::kIo,
+                "Fast DDS could not create a writer of " + topic->get_name() + refusal_hint_};
+}
+
+Result<fdds::DataReader*> Bus::add_reader(fdds::Topic* topic, const fdds::DataReaderQos& qos,
+                                          ReaderListener& listener, const std::string& partition) {
+  fdds::SubscriberQos subscriber_qos;
+  if (!partition.empty()) subscriber_qos.partition().push_back(partition.c_str());
+  fdds::Subscriber* subscriber = participant_->create_subscriber(
+      subscriber_qos, &listener, fdds::StatusMask::data_on_readers());
+  fdds::DataReader* reader =
+      subscriber == nullptr ? nullptr : subscriber->create_datareader(topic, qos, &listener);
+  if (reader != nullptr) {
+    readers_.push_back(reader);
+    return reader;
+  }
+  if (subscriber != nullptr) participant_->delete_subscriber(subscriber);
+  return Status{StatusCode::kIo,
+                "Fast DDS could not create a reader of " + topic->get_name() + refusal_hint_};
+}
+
+void Bus::remove_writer(fdds::DataWriter* writer) {
+  std::erase(writers_, writer);
+  auto* publisher = const_cast<fdds::Publisher*>(writer->get_publisher());
+  publisher->delete_datawriter(writer);
+  participant_->delete_publisher(publisher);
+}
+
+void Bus::remove_reader(fdds::DataReader* reader) {
+  std::erase(readers_, reader);
+  auto* subscriber = const_cast<fdds::Subscriber*>(reader->get_subscriber());
+  subscriber->delete_datareader(reader);
+  participant_->delete_subscriber(subscriber);
+}
+
+const char* name_of(const ReturnCode_t& code) {
+  static constexpr std::array<const char*, 14> kNames{"ok",
+                                                      "error",
+                                                      "unsupported",
+                                                      "bad parameter",
+                                                      "precondition not met",
+                                                      "out of resources",
+                                                      "not enabled",
+                                                      "immutable policy",
+                                                      "inconsistent policy",
+                                                      "already deleted",
+                                                      "timeout",
+                                                      "no data",
+                                                      "illegal operation",
+                                                      "not allowed by security"};
+  return code() < kNames.size() ? kNames[code()] : "unknown";
+}
+
+bool have_one_participant(const Handle& a, const Handle& b) { return prefix_of(a) == prefix_of(b); }
+
+std::string name_of(const Handle& endpoint) {
+  std::ostringstream text;
+  text << eprosima::fastrtps::rtps::iHandle2GUID(endpoint);
+  return text.str();
+}
+
+}  // namespace nearmesh::wire

@@ -1,0 +1,296 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// What both channels need of Fast DDS: joining the bus, entities that are removed again, listeners
+// that only wake, and a book of who is who. Used by dds_*.cpp alone. A change of Fast DDS' major
+// version is absorbed here.
+
+#include <fastdds/dds/domain/DomainParticipant.hpp>
+#include <fastdds/dds/domain/DomainParticipantListener.hpp>
+#include <fastdds/dds/publisher/DataWriter.hpp>
+#include <fastdds/dds/publisher/DataWriterListener.hpp>
+#include <fastdds/dds/publisher/Publisher.hpp>
+#include <fastdds/dds/subscriber/DataReader.hpp>
+#include <fastdds/dds/subscriber/SampleInfo.hpp>
+#include <fastdds/dds/subscriber/Subscriber.hpp>
+#include <fastdds/dds/subscriber/SubscriberListener.hpp>
+#include <fastdds/dds/topic/Topic.hpp>
+
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "codec.hpp"
+#include "mailbox.hpp"
+#include "nearmesh/idl/dds/detail/transport_options.hpp"
+#include "nearmesh/idl/messages/topics.hpp"
+#include "qos.hpp"
+#include "type_support.hpp"
+
+namespace nearmesh::wire {
+
+using Handle = eprosima::fastrtps::rtps::InstanceHandle_t;
+using Timestamp = eprosima::fastrtps::rtps::Time_t;
+using Microseconds = std::int64_t;
+
+/// Since the epoch, by the clock that stamps received samples.
+[[nodiscard]] Microseconds now_us();
+[[nodiscard]] Microseconds to_us(const Timestamp& time);
+
+/// Of one reader and its Subscriber: wakes, and remembers which writers came and went.
+/// on_data_on_readers is taken here so that it does not reach a listener of the host's participant.
+class ReaderListener : public fdds::SubscriberListener {
+ public:
+  ReaderListener(Mailbox& mailbox, std::string topic)
+      : mailbox_(mailbox), topic_(std::move(topic)) {}
+
+  struct Match {
+    Handle writer;
+    Microseconds when;
+    bool gone;  ///< else: found
+  };
+  [[nodiscard]] std::vector<Match> take_matches();
+
+  void on_data_on_readers(fdds::Subscriber* subscriber) override;
+  void on_data_available(fdds::DataReader* reader) override;
+  void on_subscription_matched(fdds::DataReader* reader,
+                               const fdds::SubscriptionMatchedStatus& status) override;
+  void on_requested_incompatible_qos(fdds::DataReader* reader,
+                                     const fdds::RequestedIncompatibleQosStatus& status) override;
+
+ private:
+  Mailbox& mailbox_;
+  std::string topic_;
+  std::mutex mutex_;
+  std::vector<Match> matches_;
+};
+
+/// Of one writer: wakes, and knows the readers that are matched.
+class WriterListener : public fdds::DataWriterListener {
+ public:
+  WriterListener(Mailbox& mailbox, std::string topic)
+      : mailbox_(mailbox), topic_(std::move(topic)) {}
+
+  /// The writer was removed, and another will use this listener.
+  void forget_readers();
+  /// Is a reader of the same participant as this endpoint matched?
+  [[nodiscard]] bool is_matched_with_participant_of(const Handle& endpoint) const;
+  /// Is a reader of any other participant matched?
+  [[nodiscard]] bool is_matched_beside_participant_of(const Handle& endpoint) const;
+
+  void on_publication_matched(fdds::DataWriter* writer,
+                              const fdds::PublicationMatchedStatus& status) override;
+  void on_offered_incompatible_qos(fdds::DataWriter* writer,
+                                   const fdds::OfferedIncompatibleQosStatus& status) override;
+
+ private:
+  Mailbox& mailbox_;
+  std::string topic_;
+  mutable std::mutex mutex_;
+  std::set<Handle> readers_;
+};
+
+/// Which session speaks through which writer. The first writer that claims a session keeps it, so
+/// nobody can speak for, or be lost in the name of, another. Threads: one.
+class SessionBook {
+ public:
+  enum class Claim {
+    kNew,    ///< first word of this session
+    kKnown,  ///< as before
+    kTaken,  ///< the session belongs to another writer, or the writer to another session
+    kStale,  ///< received before its writer went: must not bring the session back
+  };
+  [[nodiscard]] Claim claim(SessionId session, const Handle& writer, Microseconds received);
+  /// The session that is lost with this writer.
+  [[nodiscard]] std::optional<SessionId> forget(const Handle& writer, Microseconds when);
+  /// The writer is found again: what it says from now on counts, whatever the clock says.
+  void welcome(const Handle& writer) { gone_.erase(writer); }
+  /// The writer that a session speaks through.
+  [[nodiscard]] std::optional<Handle> writer_of(SessionId session) const;
+  /// Takes back a claim that was new.
+  void release(SessionId session);
+  [[nodiscard]] std::size_t size() const { return sessions_.size(); }
+  /// Forgets everything. Out: the sessions that were known.
+  [[nodiscard]] std::vector<SessionId> clear();
+
+ private:
+  static constexpr std::size_t kMaxGone = 4096;
+  std::map<Handle, SessionId> writers_;
+  std::map<SessionId, Handle> sessions_;
+  std::map<Handle, Microseconds> gone_;  ///< when; until found again, at most kMaxGone
+};
+
+/// What each writer of hellos said last. A reader of Fast DDS remembers what it had of a writer that its lease took, and is not sent
+/// it again when the same writer is found again, as after a link was down: what that said last still holds, unless it says
+/// something else. Threads: one.
+class HelloMemory {
+ public:
+  void heard(const Hello& hello, const Handle& writer);
+  void lost(const Handle& writer);
+  /// The writer is matched. Out: what it said last, if it was lost since; nullptr else.
+  [[nodiscard]] const Hello* found(const Handle& writer);
+
+ private:
+  static constexpr std::size_t kMaxKnown = 256;
+  struct Known {
+    Hello hello;
+    Handle writer;
+    bool gone = false;  ///< the writer was lost, and has not been found again
+  };
+  std::deque<Known> known_;  ///< oldest first
+};
+
+/// Notices writers that were matched, but of which nothing comes: discovery gets through, their data does not. Times are of
+/// any steady clock. Threads: one.
+class SilenceWatch {
+ public:
+  explicit SilenceWatch(double patience_s) : patience_s_(patience_s) {}
+  void matched(const Handle& writer, double now_s);
+  void heard(const Handle& writer);
+  void gone(const Handle& writer);
+  /// Those that have said nothing since they were matched patience_s ago; each once.
+  [[nodiscard]] std::vector<Handle> take_silent(double now_s);
+
+ private:
+  const double patience_s_;
+  std::map<Handle, double> waiting_;  ///< since when
+  std::set<Handle> heard_;            ///< may be before the match is told
+};
+/// What to say of such a writer, behind its name.
+inline constexpr const char* kSilentHint =
+    " was found and matched, but nothing comes from it: its data does not get through. On one "
+    "machine with shared "
+    "memory, perhaps of another user: use --transport lan on both sides. Between machines: let UDP "
+    "ports from 7400 + "
+    "250 x domain on pass the firewall";
+
+struct BusOptions {
+  TransportOptions transport;
+  const char* participant_name = "nearmesh";
+  fdds::DomainParticipant* host_participant = nullptr;  ///< used as it is, instead of an own one
+  std::int32_t header_bytes_per_s = 0;  ///< above 0: makes the flow controller kHeaderFlow
+  /// Told of every writer elsewhere and its partition ("" for none) before any of its samples comes; not with a host's
+  /// participant. Called by threads of Fast DDS.
+  std::function<void(const Handle& writer, const std::string& partition)> on_writer;
+};
+
+class DiscoveryListener;
+
+/// A participant, own or the host's, and everything made on it; the destructor removes that, and
+/// only that. Threads: one. Listeners must outlive the bus.
+class Bus {
+ public:
+  /// Errors: kInvalidArgument (prefix, interface, domain, security); kIo when Fast DDS refuses.
+  [[nodiscard]] static Result<std::unique_ptr<Bus>> open(const BusOptions& options,
+                                                         Mailbox& mailbox);
+  ~Bus();
+  Bus(const Bus&) = delete;
+  Bus& operator=(const Bus&) = delete;
+
+  /// Registers SafeType `Type`, or uses the one that is registered, and likewise the topic.
+  /// Errors: kConflict when the host has another type or topic under the name.
+  template <class Type>
+  [[nodiscard]] Result<fdds::Topic*> add_topic(const std::string& name) {
+    fdds::TypeSupport type(new Type);
+    return add_topic(name, type, [](const fdds::TypeSupport& found) {
+      return dynamic_cast<const Type*>(found.get()) != nullptr;
+    });
+  }
+
+  /// A Publisher or Subscriber of its own in the partition ("" for none), with one endpoint.
+  [[nodiscard]] Result<fdds::DataWriter*> add_writer(fdds::Topic* topic,
+                                                     const fdds::DataWriterQos& qos,
+                                                     WriterListener& listener,
+                                                     const std::string& partition = "");
+  [[nodiscard]] Result<fdds::DataReader*> add_reader(fdds::Topic* topic,
+                                                     const fdds::DataReaderQos& qos,
+                                                     ReaderListener& listener,
+                                                     const std::string& partition = "");
+  void remove_writer(fdds::DataWriter* writer);
+
+ private:
+  Bus() = default;
+  void remove_reader(fdds::DataReader* reader);
+  Result<fdds::Topic*> add_topic(const std::string& name, const fdds::TypeSupport& type,
+                                 bool (*is_ours)(const fdds::TypeSupport&));
+
+  std::unique_ptr<DiscoveryListener> discovery_;
+  fdds::DomainParticipant* participant_ = nullptr;
+  bool is_own_ = false;
+  std::string refusal_hint_;  ///< for messages, where security is on
+  std::vector<fdds::DataWriter*> writers_;
+  std::vector<fdds::DataReader*> readers_;
+  std::vector<fdds::Topic*> topics_;
+  std::vector<std::string> types_;
+};
+
+/// Short name of a Fast DDS return code, for messages.
+[[nodiscard]] const char* name_of(const eprosima::fastrtps::types::ReturnCode_t& code);
+/// Do two endpoints belong to one participant?
+[[nodiscard]] bool have_one_participant(const Handle& a, const Handle& b);
+/// The endpoint's GUID, for messages.
+[[nodiscard]] std::string name_of(const Handle& endpoint);
+
+enum class WriteResult { kTaken, kFull, kFailed };
+
+/// Writes one sample. kFull covers every TIMEOUT of Fast DDS 2.9, which also comes spuriously: the sample was not sent and
+/// should be tried again. kFailed leaves a complaint.
+template <class Type>
+[[nodiscard]] WriteResult write_sample(fdds::DataWriter& writer, typename Type::Data& data,
+                                       Mailbox& mailbox) {
+  using eprosima::fastrtps::types::ReturnCode_t;
+  const ReturnCode_t code = writer.write(static_cast<typename Type::Sample*>(&data),
+                                         eprosima::fastrtps::rtps::c_InstanceHandle_Unknown);
+  if (code == ReturnCode_t::RETCODE_OK) return WriteResult::kTaken;
+  if (code == ReturnCode_t::RETCODE_TIMEOUT) return WriteResult::kFull;
+  mailbox.complain(writer.get_topic()->get_name() + ": write failed: " + name_of(code));
+  return WriteResult::kFailed;
+}
+
+/// Encodes and writes one message, as write_sample does.
+template <class Type, class Message>
+[[nodiscard]] WriteResult write_message(fdds::DataWriter& writer, const Message& message,
+                                        Mailbox& mailbox) {
+  typename Type::Data data;
+  encode(message, data);
+  return write_sample<Type>(writer, data, mailbox);
+}
+
+/// Takes at most `most` samples. Valid ones go to accept(message, writer, received), the others
+/// leave one complaint each. `heard` (may be empty) is told of every sample's writer. Out: true when there may be more.
+template <class Type, class Accept>
+[[nodiscard]] bool drain(fdds::DataReader& reader, Mailbox& mailbox, std::size_t most,
+                         Accept accept, const std::function<void(const Handle&)>& heard = {}) {
+  using eprosima::fastrtps::types::ReturnCode_t;
+  typename Type::Data data;
+  fdds::SampleInfo info;
+  for (std::size_t i = 0; i < most; ++i) {
+    data.fault.clear();
+    const ReturnCode_t code =
+        reader.take_next_sample(static_cast<typename Type::Sample*>(&data), &info);
+    if (code != ReturnCode_t::RETCODE_OK) return false;
+    if (heard) heard(info.publication_handle);
+    if (!info.valid_data) continue;  // a dispose: nothing here depends on it
+    std::string fault = data.fault;
+    if (fault.empty()) {
+      auto message = decode(data);
+      if (message.is_ok()) {
+        accept(std::move(message).value(), info.publication_handle,
+               to_us(info.reception_timestamp));
+        continue;
+      }
+      fault = message.status().message();
+    }
+    mailbox.complain(reader.get_topicdescription()->get_name() + ": sample of " +
+                     name_of(info.publication_handle) + " dropped: " + fault);
+  }
+  return true;
+}
+
+}  // namespace nearmesh::wire

@@ -1,0 +1,183 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "dds_transport.hpp"
+
+#include <arpa/inet.h>
+#include <fastdds/rtps/attributes/ServerAttributes.h>
+#include <fastdds/rtps/transport/TCPv4TransportDescriptor.h>
+#include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
+#include <fastdds/rtps/transport/shared_mem/SharedMemTransportDescriptor.h>
+#include <fastrtps/utils/IPLocator.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+
+#include <charconv>
+#include <memory>
+
+#include "interfaces.hpp"
+
+namespace nearmesh::wire {
+namespace {
+
+using eprosima::fastdds::rtps::SharedMemTransportDescriptor;
+using eprosima::fastdds::rtps::TCPv4TransportDescriptor;
+using eprosima::fastdds::rtps::UDPv4TransportDescriptor;
+using eprosima::fastrtps::Duration_t;
+using eprosima::fastrtps::rtps::IPLocator;
+using eprosima::fastrtps::rtps::Locator_t;
+
+/// A header of a megabyte arrives as one burst. The kernel may grant less.
+constexpr std::uint32_t kSocketBufferBytes = 4U << 20;
+/// Holds the largest header beside batches.
+constexpr std::uint32_t kSharedSegmentBytes = 4U << 20;
+constexpr const char* kDiscoveryMulticast = "239.255.0.1";
+constexpr const char* kLoopback = "127.0.0.1";
+
+/// The address of an interface given by name or address.
+Result<std::string> resolve_interface(const std::string& wanted) {
+  std::string known;
+  for (const Interface& interface : ipv4_interfaces()) {
+    if (wanted == interface.address || wanted == interface.name) return interface.address;
+    known += (known.empty() ? "" : ", ") + interface.name + " " + interface.address;
+  }
+  return Status{StatusCode::kInvalidArgument,
+                "interface \"" + wanted + "\": expected one of " + known};
+}
+
+/// "ADDRESS" or, where a default port is given, "ADDRESS:PORT" too.
+Result<Locator_t> parse_locator(const std::string& text, std::uint16_t default_port,
+                                const char* option) {
+  const std::size_t colon = default_port != 0 ? text.find(':') : std::string::npos;
+  const std::string address = text.substr(0, colon);
+  std::uint32_t port = default_port;
+  bool right = true;
+  if (colon != std::string::npos) {
+    const char* end = text.data() + text.size();
+    const auto parsed = std::from_chars(text.data() + colon + 1, end, port);
+    right = parsed.ec == std::errc{} && parsed.ptr == end && port >= 1 && port <= 65535;
+  }
+  in_addr unused{};
+  if (!right || inet_pton(AF_INET, address.c_str(), &unused) != 1)
+    return Status{StatusCode::kInvalidArgument,
+                  std::string(option) + " \"" + text + "\": expected an IPv4 address" +
+                      (default_port != 0 ? ", or one with a port, ADDRESS:PORT" : "")};
+  Locator_t locator;
+  IPLocator::setIPv4(locator, address);
+  locator.port = port;
+  return locator;
+}
+
+/// Port 0: Fast DDS asks the ports of the first participants there.
+void add_udp_peer(const std::string& address, std::uint32_t port, fdds::DomainParticipantQos& qos) {
+  Locator_t locator;
+  IPLocator::setIPv4(locator, address);
+  locator.port = port;
+  qos.wire_protocol().builtin.initialPeersList.push_back(locator);
+}
+
+void set_udp(const TransportOptions& options, const std::string& interface,
+             fdds::DomainParticipantQos& qos) {
+  auto udp = std::make_shared<UDPv4TransportDescriptor>();
+  udp->maxMessageSize = datagram_bytes(options);
+  udp->sendBufferSize = kSocketBufferBytes;
+  udp->receiveBufferSize = kSocketBufferBytes;
+  udp->maxInitialPeersRange = options.participants_per_peer;
+  if (!interface.empty()) udp->interfaceWhiteList.push_back(interface);
+  qos.transport().user_transports.push_back(udp);
+}
+
+Status set_udp_peers(const TransportOptions& options, const std::string& interface,
+                     fdds::DomainParticipantQos& qos) {
+  auto& peers = qos.wire_protocol().builtin.initialPeersList;
+  for (const std::string& peer : options.initial_peers) {
+    Result<Locator_t> locator = parse_locator(peer, 0, "initial peer");
+    if (!locator.is_ok()) return locator.status();
+    peers.push_back(locator.value());
+  }
+  // Multicast works on loopback too when the socket is bound to it, even without any route. The
+  // unicast search beside it is for machines that forbid multicast; alone it would miss
+  // processes that have made many participants, whose ports lie ever higher.
+  if (interface.starts_with("127.")) add_udp_peer(interface, 0, qos);
+  if (options.transport == Transport::kUdpOnly) {
+    if (peers.empty() && options.discovery_server.empty())
+      return {StatusCode::kInvalidArgument,
+              "transport udp-only: expected initial peers or a discovery server (--peer, "
+              "--discovery-server), since nothing is sent by multicast"};
+    return Status::ok();
+  }
+  // Naming peers replaces the multicast search, so that must then be named too.
+  if (!peers.empty())
+    add_udp_peer(kDiscoveryMulticast, qos.wire_protocol().port.getMulticastPort(options.domain),
+                 qos);
+  return Status::ok();
+}
+
+Status set_tcp(const TransportOptions& options, const std::string& interface,
+               fdds::DomainParticipantQos& qos) {
+  if (options.listen_port == 0 && options.initial_peers.empty())
+    return {
+        StatusCode::kInvalidArgument,
+        "transport tcp: expected initial peers (--peer), or a port to listen at (--listen-port)"};
+  if (!options.discovery_server.empty())
+    return {StatusCode::kInvalidArgument,
+            "transport tcp: a discovery server is reached by UDP; expected initial peers"};
+  auto tcp = std::make_shared<TCPv4TransportDescriptor>();
+  tcp->sendBufferSize = kSocketBufferBytes;
+  tcp->receiveBufferSize = kSocketBufferBytes;
+  tcp->maxInitialPeersRange = options.participants_per_peer;
+  if (options.listen_port != 0) tcp->add_listener_port(options.listen_port);
+  if (!interface.empty()) tcp->interfaceWhiteList.push_back(interface);
+  qos.transport().user_transports.push_back(tcp);
+  for (const std::string& peer : options.initial_peers) {
+    Result<Locator_t> parsed = parse_locator(peer, kDefaultTcpPort, "initial peer");
+    if (!parsed.is_ok()) return parsed.status();
+    Locator_t locator;
+    locator.kind = LOCATOR_KIND_TCPv4;
+    IPLocator::setIPv4(locator, IPLocator::toIPv4string(parsed.value()));
+    IPLocator::setPhysicalPort(locator, static_cast<std::uint16_t>(parsed.value().port));
+    qos.wire_protocol().builtin.initialPeersList.push_back(locator);
+  }
+  return Status::ok();
+}
+
+Status set_discovery_server(const TransportOptions& options, fdds::DomainParticipantQos& qos) {
+  Result<Locator_t> locator =
+      parse_locator(options.discovery_server, kDefaultServerPort, "discovery server");
+  if (!locator.is_ok()) return locator.status();
+  eprosima::fastdds::rtps::RemoteServerAttributes server;
+  eprosima::fastdds::rtps::get_server_client_default_guidPrefix(0, server.guidPrefix);
+  server.metatrafficUnicastLocatorList.push_back(locator.value());
+  auto& config = qos.wire_protocol().builtin.discovery_config;
+  config.discoveryProtocol = eprosima::fastrtps::rtps::DiscoveryProtocol_t::CLIENT;
+  config.m_DiscoveryServers.push_back(server);
+  return Status::ok();
+}
+
+}  // namespace
+
+Status set_transport(const TransportOptions& options, fdds::DomainParticipantQos& qos) {
+  // Not the built-in ones: shared memory leaves files in /dev/shm when a process is killed, fails between users,
+  // takes 10 MB a participant, and is not faster for samples of our size. Who wants it says same-host.
+  qos.transport().use_builtin_transports = false;
+  auto& discovery = qos.wire_protocol().builtin.discovery_config;
+  discovery.leaseDuration = Duration_t(options.lease_s);
+  discovery.leaseDuration_announcementperiod = Duration_t(options.announcement_s);
+  std::string interface = options.interface.empty() && options.transport == Transport::kSameHost
+                              ? kLoopback
+                              : options.interface;
+  if (!interface.empty()) {
+    Result<std::string> address = resolve_interface(interface);
+    if (!address.is_ok()) return address.status();
+    interface = std::move(address).value();
+  }
+  if (options.transport == Transport::kTcp) return set_tcp(options, interface, qos);
+  if (options.transport == Transport::kSameHost) {
+    auto shared = std::make_shared<SharedMemTransportDescriptor>();
+    shared->segment_size(kSharedSegmentBytes);
+    qos.transport().user_transports.push_back(shared);
+  }
+  set_udp(options, interface, qos);
+  if (!options.discovery_server.empty()) return set_discovery_server(options, qos);
+  return set_udp_peers(options, interface, qos);
+}
+
+}  // namespace nearmesh::wire

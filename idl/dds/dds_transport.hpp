@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// Turns TransportOptions into what Fast DDS wants to know of transports and discovery.
+
+#include <fastdds/dds/domain/qos/DomainParticipantQos.hpp>
+
+#include "nearmesh/core/base/status.hpp"
+#include "nearmesh/idl/dds/detail/transport_options.hpp"
+
+namespace nearmesh::wire {
+
+namespace fdds = eprosima::fastdds::dds;
+
+/// Below the usual MTU with room for IP, UDP and a tunnel: nothing fragments at IP level, where one
+/// lost fragment costs the whole datagram.
+inline constexpr std::uint32_t kMaxDatagramBytes = 1400;
+/// With security: Fast DDS 2.9 sends each step of the handshake, some 6 KB of certificates and permissions, in one datagram
+/// of at most this. The kernel cuts it, and also a full batch (1,535 bytes with its protection).
+inline constexpr std::uint32_t kMaxSecuredDatagramBytes = 8192;
+
+[[nodiscard]] inline std::uint32_t datagram_bytes(const TransportOptions& options) {
+  return options.security.empty() ? kMaxDatagramBytes : kMaxSecuredDatagramBytes;
+}
+
+/// Sets transports, initial peers, discovery, lease and life signs.
+/// Errors: kInvalidArgument naming the option and what was expected.
+[[nodiscard]] Status set_transport(const TransportOptions& options,
+                                   fdds::DomainParticipantQos& qos);
+
+}  // namespace nearmesh::wire

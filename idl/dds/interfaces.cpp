@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "interfaces.hpp"
+
+#include <arpa/inet.h>
+#include <ifaddrs.h>
+#include <net/if.h>
+#include <netinet/in.h>
+
+namespace nearmesh::wire {
+
+std::vector<Interface> ipv4_interfaces() {
+  std::vector<Interface> found;
+  ifaddrs* list = nullptr;
+  if (::getifaddrs(&list) != 0) return found;
+  for (const ifaddrs* entry = list; entry != nullptr; entry = entry->ifa_next) {
+    if (entry->ifa_addr == nullptr || entry->ifa_addr->sa_family != AF_INET) continue;
+    char address[INET_ADDRSTRLEN] = {};
+    ::inet_ntop(AF_INET, &reinterpret_cast<const sockaddr_in*>(entry->ifa_addr)->sin_addr, address,
+                sizeof address);
+    const auto is = [&](unsigned flag) { return (entry->ifa_flags & flag) != 0; };
+    found.push_back({entry->ifa_name, address, is(IFF_UP), is(IFF_RUNNING), is(IFF_LOOPBACK),
+                     is(IFF_MULTICAST)});
+  }
+  ::freeifaddrs(list);
+  return found;
+}
+
+}  // namespace nearmesh::wire

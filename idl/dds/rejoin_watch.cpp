@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "rejoin_watch.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <ctime>
+#include <limits>
+
+namespace nearmesh::wire {
+namespace {
+
+constexpr double kAgain_s = 1;
+
+/// By the one clock that also counts while the machine is suspended.
+double now_s() {
+  timespec time{};
+  clock_gettime(CLOCK_BOOTTIME, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
+
+}  // namespace
+
+bool NetworkMemory::is_used(const Interface& interface) const {
+  return interface.is_running &&
+         (wanted_.empty() || wanted_ == interface.name || wanted_ == interface.address);
+}
+
+void NetworkMemory::joined(const std::vector<Interface>& now) {
+  joined_.clear();
+  has_loopback_alone_ = true;
+  for (const Interface& interface : now) {
+    if (!is_used(interface)) continue;
+    joined_.emplace(interface.name, interface.address);
+    names_.insert(interface.name);
+    has_loopback_alone_ = has_loopback_alone_ && interface.is_loopback;
+  }
+}
+
+const Interface* NetworkMemory::news(const std::vector<Interface>& now) const {
+  for (const Interface& interface : now)
+    if (is_used(interface) && !joined_.contains({interface.name, interface.address}) &&
+        (has_loopback_alone_ || names_.contains(interface.name)))
+      return &interface;
+  return nullptr;
+}
+
+RejoinWatch::RejoinWatch(Mailbox& mailbox, const TransportOptions& options)
+    : mailbox_(mailbox), network_(options.interface) {
+  network_.joined(ipv4_interfaces());
+  thread_ = std::thread([this, lease_s = options.lease_s] { watch(lease_s); });
+}
+
+RejoinWatch::~RejoinWatch() {
+  {
+    const std::lock_guard lock(mutex_);
+    ending_ = true;
+  }
+  condition_.notify_all();
+  thread_.join();
+}
+
+void RejoinWatch::watch(double lease_s) {
+  const std::chrono::duration<double> period(std::min(lease_s / 8, 0.5));
+  double again_s = std::numeric_limits<double>::infinity();
+  std::unique_lock lock(mutex_);
+  for (double last = now_s(); !ending_;) {
+    condition_.wait_for(lock, period, [this] { return ending_; });
+    const double now = now_s();
+    if (again_.exchange(false)) again_s = now + kAgain_s;
+    const std::vector<Interface> interfaces = ipv4_interfaces();
+    const Interface* news = network_.news(interfaces);
+    const bool was_stopped = now - last > 0.75 * lease_s;
+    last = now;
+    if (!was_stopped && news == nullptr && now < again_s) continue;
+    again_s = std::numeric_limits<double>::infinity();
+    network_.joined(interfaces);
+    if (was_stopped)
+      mailbox_.complain("this process stood still for longer than others wait: joining again");
+    else if (news != nullptr)
+      mailbox_.complain(news->name + " has the address " + news->address + " now: joining again");
+    due_ = true;
+    mailbox_.wake();
+  }
+}
+
+}  // namespace nearmesh::wire

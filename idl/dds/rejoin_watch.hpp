@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// Notices when a participant is of no use any more, and this process must join anew. Used by dds_*.cpp alone.
+
+#include <atomic>
+#include <condition_variable>
+#include <mutex>
+#include <set>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "interfaces.hpp"
+#include "mailbox.hpp"
+#include "nearmesh/idl/dds/detail/transport_options.hpp"
+
+namespace nearmesh::wire {
+
+/// Fast DDS 2.9 uses the addresses that were there when a participant was made; one that is made before the network of a machine
+/// that has resumed, or has just started, is never found. Threads: one.
+class NetworkMemory {
+ public:
+  /// `wanted`: name or address of the only interface that is used; empty: all.
+  explicit NetworkMemory(std::string wanted) : wanted_(std::move(wanted)) {}
+  /// A participant is about to be made, or was just made, with these.
+  void joined(const std::vector<Interface>& now);
+  /// An address that the participant does not know: of an interface that was used before, or of any where it has loopback alone.
+  /// Others do not count, say a bridge for containers: joining anew costs a pause. nullptr: there is none.
+  [[nodiscard]] const Interface* news(const std::vector<Interface>& now) const;
+
+ private:
+  [[nodiscard]] bool is_used(const Interface& interface) const;
+
+  const std::string wanted_;
+  std::set<std::pair<std::string, std::string>> joined_;  ///< names and addresses
+  std::set<std::string> names_;                           ///< of all that were ever used
+  bool has_loopback_alone_ = true;
+};
+
+/// Two things make joining anew necessary. The whole process was stopped (debugger, suspended machine) for so long that others
+/// dropped it: with Fast DDS 2.9 it never missed the others, so it believes that they still have what it told them, and its
+/// endpoints are not found again (seen in 3 of 10 trials). And an address came that the participant was made without
+/// (NetworkMemory). What it was is left in the mailbox.
+class RejoinWatch {
+ public:
+  /// Make it before the participant, so that no address comes unseen between the two.
+  RejoinWatch(Mailbox& mailbox, const TransportOptions& options);
+  ~RejoinWatch();
+  RejoinWatch(const RejoinWatch&) = delete;
+  RejoinWatch& operator=(const RejoinWatch&) = delete;
+  /// True once after each cause; the mailbox is woken then.
+  [[nodiscard]] bool take_due() { return due_.exchange(false); }
+  /// Joining anew failed, say because the network of a resumed machine is not up yet: take_due() is true again in a second.
+  void try_again() { again_ = true; }
+
+ private:
+  void watch(double lease_s);
+
+  Mailbox& mailbox_;
+  NetworkMemory network_;  ///< of the thread, once that runs
+  std::atomic<bool> due_ = false;
+  std::atomic<bool> again_ = false;
+  std::mutex mutex_;
+  std::condition_variable condition_;
+  bool ending_ = false;
+  std::thread thread_;
+};
+
+}  // namespace nearmesh::wire

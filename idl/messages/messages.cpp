@@ -1,0 +1,228 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "nearmesh/idl/messages/messages.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string_view>
+
+#include "nearmesh/core/geometry/motion.hpp"
+#include "nearmesh/core/spm/detail/codec.hpp"
+#include "nearmesh/core/spm/model_file.hpp"
+
+namespace nearmesh::wire {
+
+namespace {
+
+constexpr std::uint8_t kPriorityCount = 3;
+constexpr std::uint8_t kAnswerStatusCount = 5;  // free, contact, partial, uncertain, contained
+constexpr std::uint32_t kMaxWindowBytes = 64U << 20;
+
+Status invalid(std::string message) { return {StatusCode::kInvalidArgument, std::move(message)}; }
+
+Status check_version(std::uint16_t version) {
+  if (version == kWireVersion) return Status::ok();
+  return {StatusCode::kUnsupported, "wire version " + std::to_string(version) +
+                                        ", this build speaks " + std::to_string(kWireVersion)};
+}
+
+Status check_session(SessionId id, const char* field) {
+  return id != 0 ? Status::ok() : invalid(std::string(field) + ": expected a session id, found 0");
+}
+
+Status check_most(std::size_t found, std::size_t limit, const char* field) {
+  if (found <= limit) return Status::ok();
+  return invalid(std::string(field) + ": expected at most " + std::to_string(limit) + ", found " +
+                 std::to_string(found));
+}
+
+bool is_printable(char c) { return c >= 0x20 && c <= 0x7e; }
+
+/// Names go to logs, file names and JSON: printable ASCII, so that nothing can be hidden in them.
+Status check_name(std::string_view name, const char* field) {
+  if (name.empty() || name.size() > kMaxNameBytes)
+    return invalid(std::string(field) + ": expected 1 to " + std::to_string(kMaxNameBytes) +
+                   " bytes, found " + std::to_string(name.size()));
+  if (!std::all_of(name.begin(), name.end(), is_printable) || name.front() == ' ' ||
+      name.back() == ' ')
+    return invalid(std::string(field) + ": expected printable ASCII without blanks at the ends");
+  return Status::ok();
+}
+
+Status check_time(double time_s) {
+  return std::isfinite(time_s) ? Status::ok() : invalid("time_s is not finite");
+}
+
+Status check_distance(double value, const char* field) {
+  if (std::isfinite(value) && value >= 0) return Status::ok();
+  return invalid(std::string(field) + ": expected a finite distance, not negative");
+}
+
+Status check_attach(const std::vector<NodeSpan>& attach) {
+  NEARMESH_RETURN_IF_ERROR(check_most(attach.size(), kMaxAttachNodes, "attach nodes"));
+  std::uint64_t end = 0;
+  for (std::size_t i = 0; i < attach.size(); ++i) {
+    const NodeSpan& node = attach[i];
+    const std::uint64_t begin = node.first.value;
+    if (node.size == 0 || begin < end ||
+        begin + node.size > std::numeric_limits<std::uint32_t>::max())
+      return invalid("attach node " + std::to_string(i) +
+                     ": expected not empty, ascending and disjoint, found first " +
+                     std::to_string(begin) + " size " + std::to_string(node.size));
+    end = begin + node.size;
+  }
+  return Status::ok();
+}
+
+Status check_region(const std::vector<RegionPart>& region) {
+  NEARMESH_RETURN_IF_ERROR(check_most(region.size(), kMaxRegionBoxes, "region boxes"));
+  for (std::size_t i = 0; i < region.size(); ++i)
+    if (const char* fault = fault_of(region[i]); fault != nullptr)
+      return invalid("region box " + std::to_string(i) + ": " + fault);
+  return Status::ok();
+}
+
+}  // namespace
+
+Status check_new_model(const std::string& name, std::size_t served) {
+  if (name.empty() || name.size() > kMaxNameBytes)
+    return invalid("model name '" + name + "': expected 1 to " + std::to_string(kMaxNameBytes) +
+                   " bytes");
+  if (served >= kMaxModels) return invalid("at most " + std::to_string(kMaxModels) + " models");
+  return Status::ok();
+}
+
+MeshHeader announce_model(const std::string& name, const ModelFile& file, Hello& hello) {
+  hello.models.push_back({name, file.content_hash(), file.mesh_bytes()});
+  const auto bytes = file.header_bytes();
+  return {kWireVersion, name, file.content_hash(), {bytes.begin(), bytes.end()}};
+}
+
+Status check(const Hello& message) {
+  NEARMESH_RETURN_IF_ERROR(check_version(message.wire_version));
+  NEARMESH_RETURN_IF_ERROR(check_session(message.publisher, "publisher"));
+  NEARMESH_RETURN_IF_ERROR(check_most(message.models.size(), kMaxModels, "models"));
+  std::vector<std::string_view> names;
+  for (const Hello::Model& model : message.models) {
+    NEARMESH_RETURN_IF_ERROR(check_name(model.name, "model name"));
+    names.push_back(model.name);
+  }
+  std::sort(names.begin(), names.end());
+  const auto twice = std::adjacent_find(names.begin(), names.end());
+  if (twice != names.end()) return invalid("model name \"" + std::string(*twice) + "\" twice");
+  return Status::ok();
+}
+
+Status check(const MeshHeader& message) {
+  NEARMESH_RETURN_IF_ERROR(check_version(message.wire_version));
+  NEARMESH_RETURN_IF_ERROR(check_name(message.name, "model name"));
+  if (message.bytes.empty()) return invalid("header: no bytes");
+  return check_most(message.bytes.size(), kMaxHeaderBytes, "header bytes");
+}
+
+Status check(const RegionSubscription& message) {
+  NEARMESH_RETURN_IF_ERROR(check_version(message.wire_version));
+  NEARMESH_RETURN_IF_ERROR(check_session(message.peer, "peer"));
+  NEARMESH_RETURN_IF_ERROR(check_session(message.publisher, "publisher"));
+  if (message.priority >= kPriorityCount)
+    return invalid("priority: expected below " + std::to_string(kPriorityCount) + ", found " +
+                   std::to_string(message.priority));
+  if (message.window_bytes == 0) return invalid("window_bytes is 0: nothing could ever be sent");
+  NEARMESH_RETURN_IF_ERROR(check_most(message.window_bytes, kMaxWindowBytes, "window_bytes"));
+  if (message.request == 0) {
+    if (!message.region.attach.empty() || !message.region.region.empty())
+      return invalid("request 0 (only credit) with a region");
+    return Status::ok();
+  }
+  const std::uint32_t splits = message.region.max_splits;
+  if (splits == 0 || splits > kMaxRequestSplits)
+    return invalid("max_splits: expected 1 to " + std::to_string(kMaxRequestSplits) + ", found " +
+                   std::to_string(splits));
+  NEARMESH_RETURN_IF_ERROR(check_attach(message.region.attach));
+  return check_region(message.region.region);
+}
+
+Status check(const SplitBatchMessage& message) {
+  NEARMESH_RETURN_IF_ERROR(check_version(message.wire_version));
+  NEARMESH_RETURN_IF_ERROR(check_session(message.publisher, "publisher"));
+  if (message.sequence == 0) return invalid("sequence: expected from 1, found 0");
+  NEARMESH_RETURN_IF_ERROR(check_most(message.bytes.size(), kMaxBatchBytes, "batch bytes"));
+  if (message.refused) {
+    const auto printable = [](std::uint8_t c) { return is_printable(static_cast<char>(c)); };
+    if (!std::all_of(message.bytes.begin(), message.bytes.end(), printable))
+      return invalid("reason of a refusal: expected printable ASCII");
+  }
+  return Status::ok();
+}
+
+Status check(const BodyPose& message) {
+  NEARMESH_RETURN_IF_ERROR(check_version(message.wire_version));
+  NEARMESH_RETURN_IF_ERROR(check_session(message.peer, "peer"));
+  NEARMESH_RETURN_IF_ERROR(check_name(message.body, "body"));
+  if (!std::isfinite(message.time_s))
+    return invalid("pose of " + message.body + ": time_s is not finite");
+  return check_motion({message.pose, message.linear_velocity_mps, message.angular_velocity_radps},
+                      message.body);
+}
+
+Status check(const ContactReport& message) {
+  NEARMESH_RETURN_IF_ERROR(check_version(message.wire_version));
+  NEARMESH_RETURN_IF_ERROR(check_session(message.peer, "peer"));
+  NEARMESH_RETURN_IF_ERROR(check_name(message.body_a, "body_a"));
+  NEARMESH_RETURN_IF_ERROR(check_name(message.body_b, "body_b"));
+  NEARMESH_RETURN_IF_ERROR(check_time(message.time_s));
+  if (message.status >= kAnswerStatusCount)
+    return invalid("status: expected below " + std::to_string(kAnswerStatusCount) + ", found " +
+                   std::to_string(message.status));
+  NEARMESH_RETURN_IF_ERROR(check_distance(message.clearance_m, "clearance_m"));
+  NEARMESH_RETURN_IF_ERROR(check_distance(message.uncertainty_m, "uncertainty_m"));
+  NEARMESH_RETURN_IF_ERROR(check_most(message.pairs.size(), kMaxReportPairs, "pairs"));
+  if (message.asked) {
+    NEARMESH_RETURN_IF_ERROR(check_pose(message.a.pose, message.body_a));
+    NEARMESH_RETURN_IF_ERROR(check_pose(message.b.pose, message.body_b));
+  }
+  if (message.pairs.size() > message.pair_count)
+    return invalid("pairs: " + std::to_string(message.pairs.size()) +
+                   " listed, but pair_count is " + std::to_string(message.pair_count));
+  return Status::ok();
+}
+
+Status check(const ProcessStatus& message) {
+  NEARMESH_RETURN_IF_ERROR(check_version(message.wire_version));
+  NEARMESH_RETURN_IF_ERROR(check_session(message.session, "session"));
+  NEARMESH_RETURN_IF_ERROR(check_name(message.host, "host"));
+  NEARMESH_RETURN_IF_ERROR(check_distance(message.uptime_s, "uptime_s"));
+  NEARMESH_RETURN_IF_ERROR(check_distance(message.bytes_per_s, "bytes_per_s"));
+  NEARMESH_RETURN_IF_ERROR(check_distance(message.uncertainty_m, "uncertainty_m"));
+  if (message.certified_pairs > message.watched_pairs)
+    return invalid("certified_pairs: " + std::to_string(message.certified_pairs) + " of " +
+                   std::to_string(message.watched_pairs) + " that are watched");
+  NEARMESH_RETURN_IF_ERROR(check_most(message.models.size(), kMaxModels, "models"));
+  for (const ProcessStatus::Model& model : message.models) {
+    NEARMESH_RETURN_IF_ERROR(check_name(model.name, "model name"));
+    if (model.held_splits > model.splits)
+      return invalid("model " + model.name + ": holds " + std::to_string(model.held_splits) +
+                     " of " + std::to_string(model.splits) + " splits");
+  }
+  NEARMESH_RETURN_IF_ERROR(check_most(message.complaints.size(), kMaxStatusLines, "complaints"));
+  for (const std::string& line : message.complaints)
+    if (line.size() > kMaxStatusLineBytes || !std::all_of(line.begin(), line.end(), is_printable))
+      return invalid("complaint: expected printable ASCII, at most " +
+                     std::to_string(kMaxStatusLineBytes) + " bytes");
+  return Status::ok();
+}
+
+Status check(const Echo& message) {
+  NEARMESH_RETURN_IF_ERROR(check_version(message.wire_version));
+  NEARMESH_RETURN_IF_ERROR(check_session(message.from, "from"));
+  return check_most(message.bytes.size(), kMaxEchoBytes, "echo bytes");
+}
+
+std::string status_line(std::string line) {
+  if (line.size() > kMaxStatusLineBytes) line.resize(kMaxStatusLineBytes);
+  for (char& c : line)
+    if (!is_printable(c)) c = '?';
+  return line;
+}
+
+}  // namespace nearmesh::wire

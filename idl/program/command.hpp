@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// Settings as flags of a command line, and those that both programs have.
+
+#include <CLI/CLI.hpp>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "nearmesh/idl/dds/detail/transport_options.hpp"
+#include "settings.hpp"
+
+namespace nearmesh::wire::program {
+
+/// How to join the bus. Presets come with the transport: call apply_preset() when all layers have spoken.
+void add_transport_settings(Settings& settings, wire::TransportOptions& transport);
+void apply_preset(Settings& settings, const wire::TransportOptions& transport);
+
+/// Makes a flag of each setting (those of `positional` stand without one), and --config, --print-config and, where the
+/// command has none, --json. When the command line was parsed the layers are applied in their order; what is wrong in any
+/// of them is wrong usage (CLI::ValidationError). Then `ready` is called, for what follows from the settings. With --print-config the settings are printed, and the program ends (CLI::Success).
+/// Call last, when the command has its other options.
+void add_flags(CLI::App& command, const std::shared_ptr<Settings>& settings,
+               std::function<void()> ready, const std::string& positional = {});
+
+}  // namespace nearmesh::wire::program

@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// A program's log on standard error: one logger for each room, each with a level of its own. Nothing is logged each frame
+// unless a level of debug is asked for.
+
+#include <spdlog/spdlog.h>
+
+#include <string>
+#include <vector>
+
+#include "settings.hpp"
+
+namespace nearmesh::wire::program {
+
+/// Until start_logging: level info.
+void begin_logging(const std::string& program);
+/// Adds the setting "log": levels as "LEVEL" for all, or "ROOM=LEVEL" of the rooms named here; the later wins.
+void add_log_setting(Settings& settings, std::vector<std::string>& levels,
+                     const std::vector<std::string>& rooms);
+/// In: what passed the setting's check.
+void set_log_levels(const std::vector<std::string>& levels);
+/// The logger of a room. Threads: all.
+[[nodiscard]] spdlog::logger& log(const std::string& room);
+
+}  // namespace nearmesh::wire::program

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// The publisher's endpoints towards live peers: one reader of subscriptions, and for each peer a writer of batches in a
+// partition of its own. Shared by the channel of a publisher and that of a replay. Fast DDS: for dds_*.cpp alone.
+
+#include <chrono>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "idl/dds/dds_support.hpp"
+#include "publisher/serve/channel.hpp"
+
+namespace nearmesh::publisher {
+
+/// Threads: one. The mailbox must outlive it, and the bus be closed before it goes.
+class DdsPeers {
+ public:
+  DdsPeers(wire::Mailbox& mailbox, std::string subscription_topic, std::string batch_topic,
+           std::size_t max_peers, double heartbeat_s);
+
+  /// Makes the reader. After a bus was closed: forget() first.
+  [[nodiscard]] Status open(wire::Bus& bus);
+  /// The bus is gone, and all peers with it; they are among the lost.
+  void forget();
+
+  /// `wanted`: which subscriptions count; the others leave no trace. None of this participant's own writers do.
+  template <class Wanted>
+  [[nodiscard]] Inbox take(Wanted wanted) {
+    std::vector<Heard> heard;
+    const bool more = wire::drain<wire::RegionSubscriptionType>(
+        *reader_, mailbox_, kMaxTaken,
+        [&](wire::RegionSubscription&& message, const wire::Handle& writer,
+            wire::Microseconds received) {
+          if (!is_own(writer) && wanted(message))
+            heard.push_back({std::move(message), writer, received});
+        });
+    if (more) mailbox_.wake();
+    return admit(std::move(heard));
+  }
+  /// Of take(), when there is no reader.
+  [[nodiscard]] std::vector<wire::SessionId> take_lost();
+  [[nodiscard]] bool send(wire::SessionId peer, const wire::SplitBatchMessage& batch);
+  [[nodiscard]] std::size_t size() const { return peers_.size(); }
+
+ private:
+  /// One call does not starve batches; what remains is taken by the next.
+  static constexpr std::size_t kMaxTaken = 1024;
+  struct Heard {
+    wire::RegionSubscription message;
+    wire::Handle writer;
+    wire::Microseconds received;
+  };
+  struct Peer {
+    std::unique_ptr<wire::WriterListener> listener;
+    wire::fdds::DataWriter* writer = nullptr;
+    wire::Handle subscriptions;  ///< the peer's writer, by which its participant is known
+    std::chrono::steady_clock::time_point added = std::chrono::steady_clock::now();
+  };
+
+  [[nodiscard]] bool is_own(const wire::Handle& writer) const;
+  [[nodiscard]] Inbox admit(std::vector<Heard> heard);
+  bool admit(wire::SessionId peer, const wire::Handle& writer, wire::Microseconds received);
+  bool add_peer(wire::SessionId peer, const wire::Handle& subscriptions);
+
+  wire::Mailbox& mailbox_;
+  const std::string subscription_topic_, batch_topic_name_;
+  const std::size_t max_peers_;
+  const double heartbeat_s_;
+  wire::ReaderListener listener_;
+  std::map<wire::SessionId, Peer> peers_;
+  wire::SessionBook book_;
+  std::vector<wire::SessionId> lost_;  ///< with a bus
+  bool complained_of_limit_ = false;
+  wire::Bus* bus_ = nullptr;
+  wire::fdds::DataReader* reader_ = nullptr;
+  wire::fdds::Topic* batch_topic_ = nullptr;
+};
+
+}  // namespace nearmesh::publisher

@@ -1,0 +1,324 @@
+// SPDX-License-Identifier: Apache-2.0
+// nearmesh-publisher replay: a recorded session into a live domain.
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "commands.hpp"
+#include "core/base/stopwatch.hpp"
+#include "idl/program/command.hpp"
+#include "idl/program/logging.hpp"
+#include "keyboard.hpp"
+#include "nearmesh/idl/messages/topics.hpp"
+#include "publisher/dds/dds_replay.hpp"
+
+namespace nearmesh::publisher::program {
+namespace {
+
+constexpr double kDiscovery_s = 1;  ///< who listens has found all writers by then
+constexpr double kLinger_s = 0.3;   ///< what was lost at the very end is repaired within that
+constexpr double kLoop_s = 0.02;    ///< how soon a key or a signal is noticed
+constexpr double kNear_s = 5, kFar_s = 60;
+
+struct Options {
+  std::string path;
+  PlayheadOptions playhead;
+  bool loop = false, json = false;
+  std::vector<std::string> topics, remaps;
+  wire::TransportOptions transport;
+  std::vector<std::string> log{"info"};
+};
+
+std::string last_part(const std::string& topic) { return topic.substr(topic.rfind('/') + 1); }
+
+/// Names on the bus; the prefix is set in `transport`.
+Result<ReplayNames> rename(const RecordingReader& recording, const std::vector<std::string>& remaps,
+                           wire::TransportOptions& transport) {
+  const std::string& recorded = recording.facts().prefix;
+  if (transport.prefix.empty()) transport.prefix = recorded;
+  std::map<std::string, std::string> topics;  // recorded to new
+  for (const std::string& remap : remaps) {
+    const std::size_t at = remap.find(":=");
+    const auto refuse = [&](const std::string& why) {
+      return Status{StatusCode::kInvalidArgument, "remap " + remap + ": " + why};
+    };
+    if (at == std::string::npos || at == 0) return refuse("expected OLD:=NEW");
+    const std::string from = remap.substr(0, at), to = remap.substr(at + 2);
+    if (const Status status = wire::check_prefix(to); !status.is_ok())
+      return refuse(status.message());
+    if (from == recorded) {
+      transport.prefix = to;
+      continue;
+    }
+    std::string known = recorded;
+    bool found = false;
+    for (const RecordedTopic& topic : recording.topics()) {
+      known += ", " + topic.name;
+      if (topic.name != from && last_part(topic.name) != from) continue;
+      topics[topic.name] = to;
+      found = true;
+    }
+    if (!found) return refuse("the recording has no " + from + ", but " + known);
+  }
+  const auto all = [](const wire::TopicNames& names) {
+    return std::array{names.hello,       names.mesh_header, names.region_subscription,
+                      names.split_batch, names.body_pose,   names.contact_report};
+  };
+  const auto old_names = all(wire::TopicNames(recorded, recording.facts().wire_version));
+  ReplayNames names{all(wire::TopicNames(transport.prefix))};
+  for (std::size_t i = 0; i < kReplayTopics; ++i)
+    if (const auto to = topics.find(old_names[i]); to != topics.end()) names.names[i] = to->second;
+  return names;
+}
+
+void report_gaps(const RecordingReader& recording) {
+  std::map<std::string, std::uint64_t> missing;
+  for (const RecordingGap& gap : recording.gaps())
+    missing[last_part(recording.topics()[recording.writers()[gap.writer].topic].name)] += gap.count;
+  for (const auto& [topic, count] : missing)
+    spdlog::warn("{}: {} samples are missing in the recording", topic, count);
+}
+
+/// What is happening, on standard error: one line that is renewed on a terminal, else a line now and then.
+class Progress {
+ public:
+  explicit Progress(bool keys) : keys_(keys) {}
+
+  void show(double clock_s, Replay& replay) {
+    const Playhead& playhead = replay.playhead();
+    const double time_s = playhead.time_s(clock_s), start_s = playhead.start_s();
+    const double share = (time_s - start_s) / std::max(1e-9, playhead.end_s() - start_s);
+    if (terminal_ ? clock_s - shown_s_ < 0.1
+                  : clock_s - shown_s_ < 10 && share < shown_share_ + 0.25)
+      return;
+    shown_s_ = clock_s;
+    shown_share_ = share;
+    constexpr int kWidth = 24;
+    const int filled = static_cast<int>(kWidth * std::min(1.0, share));
+    const ReplayStats& stats = replay.stats();
+    std::fprintf(stderr, "%s[%.*s%*s] %.1f of %.1f s%s: %llu samples; %llu live peers%s%s",
+                 terminal_ ? "\r" : "", filled, "========================", kWidth - filled, "",
+                 time_s, playhead.end_s(), playhead.is_paused() ? ", paused" : "",
+                 static_cast<unsigned long long>(stats.messages()),
+                 static_cast<unsigned long long>(stats.live_peers), hint(),
+                 terminal_ ? "\x1b[K" : "\n");
+  }
+  /// While the recording is read.
+  void show_reading(double share, double clock_s) {
+    if (!terminal_ || clock_s - shown_s_ < 0.1) return;
+    shown_s_ = clock_s;
+    std::fprintf(stderr, "\rreading the session: %.0f %%\x1b[K", 100 * share);
+  }
+  void clear() const {
+    if (terminal_) std::fprintf(stderr, "\r\x1b[K");
+  }
+
+ private:
+  [[nodiscard]] const char* hint() const {
+    return keys_ && terminal_ ? "  (space, s, arrows, q)" : "";
+  }
+  const bool keys_;
+  const bool terminal_ = ::isatty(STDERR_FILENO) != 0;
+  double shown_s_ = -1, shown_share_ = 0;
+};
+
+/// False when it is to end.
+Result<bool> obey(Key key, Replay& replay, double now_s) {
+  Playhead& playhead = replay.playhead();
+  const auto seek = [&](double time_s) -> Result<bool> {
+    NEARMESH_RETURN_IF_ERROR(replay.seek(time_s, now_s));
+    return true;
+  };
+  const double time_s = playhead.time_s(now_s);
+  switch (key) {
+    case Key::kPause:
+      playhead.is_paused() ? playhead.resume(now_s) : playhead.pause(now_s);
+      break;
+    case Key::kStep:
+      playhead.pause(now_s);
+      NEARMESH_RETURN_IF_ERROR(replay.step_to_pose(now_s));
+      break;
+    case Key::kBack:
+      return seek(time_s - kNear_s);
+    case Key::kForward:
+      return seek(time_s + kNear_s);
+    case Key::kFarBack:
+      return seek(time_s - kFar_s);
+    case Key::kFarForward:
+      return seek(time_s + kFar_s);
+    case Key::kStart:
+      return seek(playhead.start_s());
+    case Key::kEnd:
+      return seek(playhead.end_s());
+    case Key::kQuit:
+      return false;
+    case Key::kNone:
+      break;
+  }
+  return true;
+}
+
+nlohmann::ordered_json to_json(const Options& options, const ReplayStats& stats, double seconds,
+                               double until_s) {
+  nlohmann::ordered_json topics = nlohmann::ordered_json::array();
+  std::uint64_t bytes = 0;
+  for (std::size_t i = 0; i < kReplayTopics; ++i) {
+    const ReplayStats::Topic& topic = stats.topics[i];
+    bytes += topic.bytes;
+    topics.push_back(
+        {{"name", kReplayTopicNames[i]}, {"messages", topic.messages}, {"bytes", topic.bytes}});
+  }
+  return {{"replayed",
+           {{"session", options.path},
+            {"rate", options.playhead.rate},
+            {"start_s", options.playhead.start_s},
+            {"until_s", until_s},
+            {"loops", stats.loops},
+            {"seconds", seconds},
+            {"messages", stats.messages()},
+            {"bytes", bytes},
+            {"topics", topics},
+            {"restored", stats.restored},
+            {"failed", stats.failed},
+            {"late_p99_ms", 1e3 * stats.late.quantile(0.99)},
+            {"live_requests", stats.requests},
+            {"live_batches", stats.batches},
+            {"live_batch_bytes", stats.batch_bytes}}}};
+}
+
+/// Until all was played, or a key or a signal ends it.
+Status play(Replay& replay, const Stopwatch& clock) {
+  Keyboard keyboard;
+  Progress progress(keyboard.is_active());
+  NEARMESH_RETURN_IF_ERROR(replay.begin());
+  bool going = true;
+  while (going && stop_requested == 0 && !replay.is_done()) {
+    NEARMESH_RETURN_IF_ERROR(replay.step(clock.seconds()));
+    for (Key key = keyboard.read(); going && key != Key::kNone; key = keyboard.read()) {
+      const Result<bool> obeyed = obey(key, replay, clock.seconds());
+      if (!obeyed.is_ok()) return obeyed.status();
+      going = obeyed.value();
+    }
+    const std::vector<std::string> complaints = replay.take_complaints();
+    if (!complaints.empty()) progress.clear();
+    for (const std::string& line : complaints) spdlog::warn("{}", line);
+    progress.show(clock.seconds(), replay);
+    replay.wait(kLoop_s, clock.seconds());
+  }
+  progress.clear();
+  return Status::ok();
+}
+
+void report(const Options& options, Replay& replay, double seconds, double until_s) {
+  const ReplayStats& stats = replay.stats();
+  spdlog::info(
+      "played up to {:.3f} s: {} samples in {:.3f} s, 99 % at most {:.2f} ms late; {} requests of "
+      "live peers, {} batches",
+      until_s, stats.messages(), seconds, 1e3 * stats.late.quantile(0.99), stats.requests,
+      stats.batches);
+  if (stats.failed > 0) spdlog::warn("{} samples could not be sent", stats.failed);
+  if (options.json) std::printf("%s\n", to_json(options, stats, seconds, until_s).dump().c_str());
+}
+
+Status replay(Options options) {
+  const Result<std::unique_ptr<RecordingReader>> opened = RecordingReader::open(options.path);
+  if (!opened.is_ok()) return opened.status();
+  RecordingReader& recording = *opened.value();
+  const Stopwatch clock;
+  Progress reading(false);
+  const auto index = ReplayIndex::build(recording, options.topics, [&](double share) {
+    reading.show_reading(share, clock.seconds());
+    return stop_requested == 0;
+  });
+  reading.clear();
+  const auto in_file = [&](const Status& status) {
+    return Status{status.code(), options.path + ": " + status.message()};
+  };
+  if (!index.is_ok()) return in_file(index.status());
+  if (stop_requested != 0) return Status::ok();
+  Result<Playhead> playhead = Playhead::create(recording, options.playhead, clock.seconds());
+  if (!playhead.is_ok()) return in_file(playhead.status());
+  const Result<ReplayNames> names = rename(recording, options.remaps, options.transport);
+  if (!names.is_ok()) return names.status();
+  report_gaps(recording);
+  const auto outlet = DdsReplay::create(options.transport, index.value()->streams(), names.value());
+  if (!outlet.is_ok()) return outlet.status();
+  spdlog::info(
+      "replaying {}: {:.3f} to {:.3f} s of {} publishers and {} peers, on domain {}, topics {}/*",
+      options.path, playhead.value().start_s(), playhead.value().end_s(),
+      index.value()->publishers().size(), index.value()->peers().size(), options.transport.domain,
+      options.transport.prefix);
+  Replay replay(recording, *index.value(), *outlet.value(), std::move(playhead).value(),
+                options.loop);
+  for (const double until_s = clock.seconds() + kDiscovery_s;
+       clock.seconds() < until_s && stop_requested == 0;) {
+    NEARMESH_RETURN_IF_ERROR(replay.prepare());
+    outlet.value()->wait(index.value()->has_all_batches() ? kLoop_s : 0);
+  }
+  const double begun_s = clock.seconds();
+  NEARMESH_RETURN_IF_ERROR(replay.playhead().seek(replay.playhead().start_s(), begun_s));
+  NEARMESH_RETURN_IF_ERROR(play(replay, clock));
+  const double ended_s = clock.seconds();
+  while (clock.seconds() < ended_s + kLinger_s && stop_requested == 0)
+    outlet.value()->wait(kLoop_s);
+  report(options, replay, ended_s - begun_s, replay.playhead().time_s(ended_s));
+  return Status::ok();
+}
+
+}  // namespace
+
+void add_replay_command(CLI::App& app, std::function<Status()>& chosen) {
+  CLI::App* command =
+      app.add_subcommand("replay",
+                         "Play a recorded session (nearmesh-subscriber record) into a live domain, "
+                         "as it was. Peers that join are answered "
+                         "with the detail that recorded peers had been sent by then. On a "
+                         "terminal: space pauses, s steps to the next pose, "
+                         "left and right seek by 5 s, up and down by 60 s, home and end, q ends.");
+  const auto options = std::make_shared<Options>();
+  options->transport.prefix.clear();  // as recorded
+  command->add_option("session", options->path, "Recorded session (.db3), the first of its files")
+      ->required();
+  command->add_option("--rate", options->playhead.rate, "Recorded seconds a second")
+      ->capture_default_str()
+      ->check([](const std::string& text) {
+        char* end = nullptr;
+        const double rate = std::strtod(text.c_str(), &end);
+        const bool good = *end == '\0' && std::isfinite(rate) && rate > 0;
+        return good ? std::string() : "expected a number above 0, found " + text;
+      });
+  command->add_option("--start", options->playhead.start_s, "Begin here, seconds into the session")
+      ->capture_default_str();
+  command
+      ->add_option("--end", options->playhead.end_s,
+                   "End here, seconds into the session [after the last sample]")
+      ->check(CLI::NonNegativeNumber);
+  command->add_flag("--loop", options->loop, "Begin again at the end, until Ctrl-C");
+  command
+      ->add_option("--topics", options->topics,
+                   "Only these: hello, mesh_header, region_subscription, split_batch, "
+                   "body_pose, contact_report")
+      ->delimiter(',')
+      ->check(CLI::IsMember(
+          std::vector<std::string>(kReplayTopicNames.begin(), kReplayTopicNames.end())));
+  command->add_option(
+      "--remap", options->remaps,
+      "OLD:=NEW, the recorded prefix or a topic and what it is called here; repeatable");
+  command->add_flag("--json", options->json,
+                    "Print one JSON line about what was played at the end");
+  const auto settings = std::make_shared<wire::program::Settings>();
+  wire::program::add_transport_settings(*settings, options->transport);
+  wire::program::add_log_setting(*settings, options->log, {});
+  wire::program::add_flags(*command, settings, [options, known = settings.get()] {
+    wire::program::apply_preset(*known, options->transport);
+    wire::program::set_log_levels(options->log);
+  });
+  command->callback([options, &chosen] { chosen = [options] { return replay(*options); }; });
+}
+
+}  // namespace nearmesh::publisher::program

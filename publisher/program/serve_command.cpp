@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+// nearmesh-publisher serve: models to any number of peers, until Ctrl-C.
+#include <spdlog/spdlog.h>
+
+#include <filesystem>
+#include <memory>
+
+#include "commands.hpp"
+#include "core/base/resources.hpp"
+#include "core/base/stopwatch.hpp"
+#include "idl/program/command.hpp"
+#include "idl/program/logging.hpp"
+#include "idl/program/metrics.hpp"
+#include "nearmesh/idl/messages/topics.hpp"
+#include "publisher/dds/dds_channel.hpp"
+#include "publisher/serve/service.hpp"
+
+namespace nearmesh::publisher::program {
+namespace {
+
+/// 0.8 Mbit/s.
+constexpr double kThinHeaderBytesPerSecond = 100'000;
+
+struct Options {
+  std::vector<std::string> models;
+  DdsChannelOptions channel;
+  std::string metrics;
+  std::vector<std::string> log{"info"};
+};
+
+Status add_models(const Options& options, Service& service) {
+  for (const std::string& path : options.models) {
+    Result<ModelFile> file = ModelFile::open(path);
+    if (!file.is_ok()) return file.status();
+    const SpmHeader& header = file.value().header();
+    spdlog::info("serving {}: {} faces, {} splits, header {} bytes", path, header.face_count,
+                 header.split_count(), file.value().header_bytes().size());
+    NEARMESH_RETURN_IF_ERROR(
+        service.add_model(std::filesystem::path(path).stem().string(), std::move(file).value()));
+  }
+  return Status::ok();
+}
+
+Status serve(const Options& options) {
+  std::unique_ptr<wire::program::MetricsServer> metrics;
+  if (!options.metrics.empty()) {
+    auto server = wire::program::MetricsServer::start(options.metrics);
+    if (!server.is_ok()) return server.status();
+    metrics = std::move(server).value();
+  }
+  auto channel = DdsChannel::create(options.channel);
+  if (!channel.is_ok()) return channel.status();
+  Service service(*channel.value(), wire::make_session_id());
+  NEARMESH_RETURN_IF_ERROR(add_models(options, service));
+  service.announce();
+  spdlog::info("ready on domain {}, topics {}/*, transport {}", options.channel.transport.domain,
+               options.channel.transport.prefix,
+               wire::to_string(options.channel.transport.transport));
+
+  spdlog::logger& log = wire::program::log("service");
+  const Stopwatch clock;
+  double next_status_s = 10;
+  std::uint64_t reported_requests = 0;
+  while (stop_requested == 0) {
+    for (const std::string& line : service.step(clock.seconds())) log.warn("{}", line);
+    const ServiceStats& stats = service.stats();
+    if (metrics != nullptr) metrics->set(service.status());
+    if (clock.seconds() >= next_status_s) {
+      next_status_s += 10;
+      if (stats.requests != reported_requests)
+        log.info(
+            "{} peers, {} requests ({} refused), {} batches, {} bytes sent, {:.0f} MB resident",
+            stats.peers, stats.requests, stats.refused, stats.batches, stats.bytes,
+            static_cast<double>(resident_memory_bytes()) / 1e6);
+      reported_requests = stats.requests;
+    }
+    if (!service.is_behind()) channel.value()->wait(0.02);
+  }
+  const ServiceStats& stats = service.stats();
+  spdlog::info("stopping: {} requests ({} refused), {} batches, {} bytes sent", stats.requests,
+               stats.refused, stats.batches, stats.bytes);
+  return Status::ok();
+}
+
+void add_settings(wire::program::Settings& settings, Options& options) {
+  settings.add("models", options.models, "What is served; a model's name is its file's name",
+               ".spm files");
+  wire::program::add_transport_settings(settings, options.channel.transport);
+  settings.add("max_peers", options.channel.max_peers, 1, 100'000,
+               "Peers beyond this many are refused");
+  settings.add("header_bytes_per_s", options.channel.header_bytes_per_s, 100'000, 1'000'000'000,
+               "Pace of mesh headers, all peers together; below the link's rate");
+  wire::program::add_metrics_setting(settings, options.metrics);
+  wire::program::add_log_setting(settings, options.log, {"service"});
+}
+
+}  // namespace
+
+void add_serve_command(CLI::App& app, std::function<Status()>& chosen) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command =
+      app.add_subcommand("serve", "Serve models until Ctrl-C; a model's name is its file's name.");
+  options->channel.transport.listen_port = wire::kDefaultTcpPort;
+  const auto settings = std::make_shared<wire::program::Settings>();
+  add_settings(*settings, *options);
+  wire::program::add_flags(
+      *command, settings,
+      [options, known = settings.get()] {
+        const wire::Transport transport = options->channel.transport.transport;
+        wire::program::apply_preset(*known, options->channel.transport);
+        if (transport == wire::Transport::kThin)
+          known->set_preset("header_bytes_per_s", kThinHeaderBytesPerSecond,
+                            wire::to_string(transport));
+        wire::program::set_log_levels(options->log);
+      },
+      "models");
+  command->callback([options, &chosen] {
+    if (options->models.empty()) throw CLI::RequiredError("models");
+    chosen = [options] { return serve(*options); };
+  });
+}
+
+}  // namespace nearmesh::publisher::program

@@ -1,0 +1,273 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "replay_index.hpp"
+
+#include <algorithm>
+#include <new>
+#include <optional>
+
+#include "core/base/hash.hpp"
+#include "nearmesh/idl/dds/payload.hpp"
+#include "nearmesh/idl/messages/topics.hpp"
+
+namespace nearmesh::publisher {
+namespace {
+
+constexpr std::int64_t kChunk = 4096;  ///< messages between two reports of progress
+
+std::optional<ReplayTopic> topic_of_type(const std::string& type) {
+  const std::array<std::string_view, kReplayTopics> types{
+      wire::kHelloType,      wire::kMeshHeaderType, wire::kRegionSubscriptionType,
+      wire::kSplitBatchType, wire::kBodyPoseType,   wire::kContactReportType};
+  const auto found = std::find(types.begin(), types.end(), type);
+  if (found == types.end()) return std::nullopt;
+  return static_cast<ReplayTopic>(found - types.begin());
+}
+
+Status check_topics(const RecordingReader& recording, const std::vector<std::string>& wanted) {
+  std::set<std::string> names;
+  for (const RecordedTopic& topic : recording.topics())
+    if (const auto which = topic_of_type(topic.type))
+      names.insert(kReplayTopicNames[static_cast<std::size_t>(*which)]);
+  std::string known;
+  for (const std::string& name : names) known += (known.empty() ? "" : ", ") + name;
+  for (const std::string& name : wanted)
+    if (!names.contains(name))
+      return {StatusCode::kNotFound,
+              "topic " + name + ": not in the recording, which has " + known};
+  return Status::ok();
+}
+
+}  // namespace
+
+Result<std::unique_ptr<ReplayIndex>> ReplayIndex::build(
+    RecordingReader& recording, const std::vector<std::string>& topics,
+    const std::function<bool(double share)>& progress) {
+  NEARMESH_RETURN_IF_ERROR(wire::check_recorded_version(recording.facts().wire_version));
+  if (recording.message_count() == 0)
+    return Status{StatusCode::kInvalidArgument, "the recording holds no messages"};
+  std::unique_ptr<ReplayIndex> index(new ReplayIndex);
+  NEARMESH_RETURN_IF_ERROR(index->add_streams(recording, topics));
+  try {
+    // Headers first: of batches that came before theirs nothing shall be lost.
+    if (index->plays_batches_)
+      for (const RecordedModel& model : recording.models())
+        NEARMESH_RETURN_IF_ERROR(recording.read(model.message, model.message + 1,
+                                                [&](std::int64_t, const RecordedMessage& message) {
+                                                  index->add_detail(message);
+                                                  return true;
+                                                }));
+    NEARMESH_RETURN_IF_ERROR(recording.has_keys() ? index->read_keys(recording, progress)
+                                                  : index->read_all(recording, progress));
+  } catch (const std::bad_alloc&) {  // models span all ids that a header announces
+    return Status{StatusCode::kIo, "no memory for the models of the recording"};
+  }
+  index->sort();
+  return index;
+}
+
+Status ReplayIndex::read_all(RecordingReader& recording,
+                             const std::function<bool(double)>& progress) {
+  for (std::int64_t first = 1; first <= recording.message_count(); first += kChunk) {
+    NEARMESH_RETURN_IF_ERROR(
+        recording.read(first, first + kChunk, [&](std::int64_t id, const RecordedMessage& message) {
+          take(id, message);
+          return true;
+        }));
+    if (progress &&
+        !progress(static_cast<double>(first) / static_cast<double>(recording.message_count())))
+      break;
+  }
+  return Status::ok();
+}
+
+Status ReplayIndex::read_keys(RecordingReader& recording,
+                              const std::function<bool(double)>& progress) {
+  // Requests before the batches that answer them.
+  for (const bool batches : {false, true})
+    for (std::uint32_t key = 0; key < recording.keys().size(); ++key) {
+      const std::uint32_t stream = stream_of_writer_[recording.keys()[key].writer];
+      if (stream == kNotPlayed || (streams_[stream].topic == ReplayTopic::kSplitBatch) != batches)
+        continue;
+      NEARMESH_RETURN_IF_ERROR(read_key(recording, key));
+      if (progress &&
+          !progress((batches ? 0.5 : 0) +
+                    0.5 * static_cast<double>(key) / static_cast<double>(recording.keys().size())))
+        return Status::ok();
+    }
+  return Status::ok();
+}
+
+Status ReplayIndex::read_key(RecordingReader& recording, std::uint32_t key) {
+  const RecordedKey& recorded = recording.keys()[key];
+  const std::uint32_t stream = stream_of_writer_[recorded.writer];
+  const Result<std::vector<std::int64_t>> ids = recording.ids_of(key);
+  if (!ids.is_ok()) return ids.status();
+  const bool is_pose = streams_[stream].topic == ReplayTopic::kBodyPose;
+  for (const std::int64_t id : ids.value()) {
+    NEARMESH_RETURN_IF_ERROR(
+        recording.read(id, id + 1, [&](std::int64_t, const RecordedMessage& message) {
+          take(id, message);
+          return true;
+        }));
+    if (is_pose) break;  // all are of one body, and of one peer
+  }
+  if (is_pose && !ids.value().empty()) {
+    Latch& latch = latches_[{stream, recorded.name}];
+    latch.insert(latch.end(), ids.value().begin() + 1, ids.value().end());
+  }
+  return Status::ok();
+}
+
+/// Of one thing several keys may tell, in any order.
+void ReplayIndex::sort() {
+  for (auto& [key, ids] : latches_) std::sort(ids.begin(), ids.end());
+  for (auto& [key, requests] : requests_)
+    std::sort(requests.begin(), requests.end(),
+              [](const Request& a, const Request& b) { return a.id < b.id; });
+  std::sort(batches_.begin(), batches_.end());
+}
+
+Status ReplayIndex::take_batches(RecordingReader& recording, std::size_t most) {
+  try {
+    for (; most > 0 && !batches_.empty(); --most) {
+      const std::int64_t id = batches_.front().first;
+      RecordedDetail& detail = details_.at(batches_.front().second);
+      batches_.pop_front();
+      NEARMESH_RETURN_IF_ERROR(
+          recording.read(id, id + 1, [&](std::int64_t, const RecordedMessage& message) {
+            if (const auto batch = wire::decode_payload<wire::SplitBatchMessage>(message.cdr);
+                batch.is_ok())
+              // What is wrong with it was wrong when it was sent; peers dropped it too.
+              static_cast<void>(detail.add(id, batch.value().bytes));
+            return true;
+          }));
+    }
+  } catch (const std::bad_alloc&) {
+    return {StatusCode::kIo, "no memory for the models of the recording"};
+  }
+  return Status::ok();
+}
+
+Status ReplayIndex::add_streams(const RecordingReader& recording,
+                                const std::vector<std::string>& topics) {
+  NEARMESH_RETURN_IF_ERROR(check_topics(recording, topics));
+  const auto is_wanted = [&](ReplayTopic topic) {
+    return topics.empty() ||
+           std::find(topics.begin(), topics.end(),
+                     kReplayTopicNames[static_cast<std::size_t>(topic)]) != topics.end();
+  };
+  plays_batches_ = is_wanted(ReplayTopic::kSplitBatch);
+  std::map<std::tuple<std::uint32_t, EndpointGuid, std::string>, std::uint32_t> known;
+  for (const RecordedWriter& writer : recording.writers()) {
+    const RecordedTopic& topic = recording.topics()[writer.topic];
+    const std::optional<ReplayTopic> which = topic_of_type(topic.type);
+    // Requests of an earlier version are laid out otherwise.
+    const bool is_readable = which != ReplayTopic::kRegionSubscription ||
+                             recording.facts().wire_version == wire::kWireVersion;
+    if (!which || !is_wanted(*which) || !is_readable) {
+      stream_of_writer_.push_back(kNotPlayed);
+      continue;
+    }
+    const auto [at, is_new] = known.try_emplace({writer.topic, writer.guid, writer.partition},
+                                                static_cast<std::uint32_t>(streams_.size()));
+    if (is_new) streams_.push_back({*which, topic.name, writer.partition});
+    stream_of_writer_.push_back(at->second);
+  }
+  return Status::ok();
+}
+
+void ReplayIndex::take(std::int64_t id, const RecordedMessage& message) {
+  const std::uint32_t stream = stream_of_writer_[message.writer];
+  if (stream == kNotPlayed) return;
+  switch (streams_[stream].topic) {
+    case ReplayTopic::kHello:
+      take_hello(id, message);
+      break;
+    case ReplayTopic::kMeshHeader:
+      if (const auto header = wire::decode_payload<wire::MeshHeader>(message.cdr); header.is_ok())
+        latches_[{stream, to_hex(header.value().content_hash)}].push_back(id);
+      add_detail(message);
+      break;
+    case ReplayTopic::kRegionSubscription:
+      if (const auto asked = wire::decode_payload<wire::RegionSubscription>(message.cdr);
+          asked.is_ok()) {
+        peers_.insert(asked.value().peer);
+        if (asked.value().request != 0)
+          requests_[{wire::partition_of(asked.value().peer), asked.value().content_hash}].push_back(
+              {.id = id, .number = asked.value().request});
+      }
+      break;
+    case ReplayTopic::kSplitBatch:
+      take_batch(id, stream, message);
+      break;
+    case ReplayTopic::kBodyPose:
+      if (const auto pose = wire::decode_payload<wire::BodyPose>(message.cdr); pose.is_ok()) {
+        peers_.insert(pose.value().peer);
+        latches_[{stream, pose.value().body}].push_back(id);
+      }
+      break;
+    case ReplayTopic::kContactReport:
+      break;  // renewed every frame: nothing holds
+  }
+}
+
+void ReplayIndex::take_hello(std::int64_t id, const RecordedMessage& message) {
+  const auto hello = wire::decode_payload<wire::Hello>(message.cdr);
+  if (!hello.is_ok()) return;
+  const wire::SessionId publisher = hello.value().publisher;
+  publishers_.insert(publisher);
+  std::uint32_t& stream = stream_of_writer_[message.writer];
+  stream = hello_stream_.try_emplace(publisher, stream).first->second;
+  latches_[{stream, wire::partition_of(publisher)}].push_back(id);
+}
+
+void ReplayIndex::add_detail(const RecordedMessage& message) {
+  const auto header = wire::decode_payload<wire::MeshHeader>(message.cdr);
+  if (!plays_batches_ || !header.is_ok() || details_.contains(header.value().content_hash)) return;
+  if (auto decoded = decode_header(header.value().bytes); decoded.is_ok())
+    details_.emplace(header.value().content_hash, std::move(decoded).value());
+}
+
+void ReplayIndex::take_batch(std::int64_t id, std::uint32_t stream,
+                             const RecordedMessage& message) {
+  const auto batch = wire::decode_payload<wire::SplitBatchMessage>(message.cdr);
+  if (!batch.is_ok()) return;
+  const wire::SplitBatchMessage& sent = batch.value();
+  if (sent.last) {
+    const auto asked = requests_.find({streams_[stream].partition, sent.content_hash});
+    if (asked != requests_.end()) {
+      const auto request = std::lower_bound(
+          asked->second.begin(), asked->second.end(), sent.request,
+          [](const Request& r, std::uint32_t number) { return r.number < number; });
+      if (request != asked->second.end() && request->number == sent.request) request->answered = id;
+    }
+  }
+  if (!sent.refused && !sent.bytes.empty() && details_.contains(sent.content_hash))
+    batches_.emplace_back(id, sent.content_hash);
+}
+
+std::vector<std::int64_t> ReplayIndex::latched(std::int64_t end) const {
+  std::vector<std::int64_t> found;
+  for (const auto& [key, ids] : latches_)
+    if (const auto after = std::lower_bound(ids.begin(), ids.end(), end); after != ids.begin())
+      found.push_back(*(after - 1));
+  for (const auto& [key, requests] : requests_) {
+    const auto after =
+        std::partition_point(requests.begin(), requests.end(),
+                             [end](const Request& request) { return request.id < end; });
+    if (after == requests.begin()) continue;
+    const Request& last = *(after - 1);
+    if (last.answered == 0 || last.answered >= end) found.push_back(last.id);
+  }
+  std::sort(found.begin(), found.end());
+  return found;
+}
+
+std::vector<std::int64_t> ReplayIndex::not_yet(std::int64_t end, std::int64_t later) const {
+  std::vector<std::int64_t> found;
+  for (const auto& [key, ids] : latches_)
+    if (ids.front() >= end && ids.front() < later) found.push_back(ids.front());
+  return found;
+}
+
+}  // namespace nearmesh::publisher

@@ -1,0 +1,260 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "service.hpp"
+
+#include <algorithm>
+
+#include "core/base/hash.hpp"
+#include "core/demand/answer.hpp"
+
+namespace nearmesh::publisher {
+namespace {
+
+/// Of one step(), before whoever calls it may look at something else.
+constexpr int kMaxTurns = 128;
+/// Sent before requests are looked at again.
+constexpr int kMaxSent = 64;
+/// Answers that are being collected at a time, since each may take some 20 MB for it.
+constexpr std::size_t kMaxCollecting = 8;
+
+}  // namespace
+
+Service::Service(Channel& channel, wire::SessionId session, ServiceOptions options)
+    : channel_(channel), session_(session), options_(options) {}
+
+Status Service::add_model(const std::string& name, ModelFile file) {
+  NEARMESH_RETURN_IF_ERROR(wire::check_new_model(name, models_.size()));
+  for (const auto& [hash, model] : models_)
+    if (model->name == name)
+      return {StatusCode::kConflict,
+              file.path() + ": the name " + name + " is taken by " + model->file.path()};
+  const std::uint64_t hash = file.content_hash();
+  if (const auto same = models_.find(hash); same != models_.end())
+    return {StatusCode::kConflict, file.path() + ": same content as " + same->second->file.path() +
+                                       ", which is served as " + same->second->name};
+  auto model = std::make_unique<Model>(Model{name, std::move(file)});
+  add_answerer(
+      hash, [&file = model->file](const RegionRequest& request) { return answer(file, request); });
+  models_.emplace(hash, std::move(model));
+  return Status::ok();
+}
+
+void Service::add_answerer(std::uint64_t content_hash, Answerer answerer) {
+  answerers_[content_hash] = std::move(answerer);
+}
+
+void Service::announce() {
+  wire::Hello hello;
+  hello.publisher = session_;
+  std::vector<wire::MeshHeader> headers;
+  for (const auto& [hash, model] : models_)
+    headers.push_back(wire::announce_model(model->name, model->file, hello));
+  channel_.announce(hello, headers);
+}
+
+Result<Service::Parts> Service::answer(ModelFile& file, const RegionRequest& request) {
+  NEARMESH_RETURN_IF_ERROR(check_request(file.store(), request));
+  auto maker = std::make_shared<AnswerMaker>(file.header(), file.store(), request,
+                                             [&file](NodeSpan node) { return file.require(node); });
+  return Parts([maker]() -> Result<Part> {
+    auto batches = maker->next();
+    if (!batches.is_ok()) return batches.status();
+    return Part{std::move(batches).value(), maker->is_done()};
+  });
+}
+
+void Service::take_requests(double now_s) {
+  Inbox inbox = channel_.take();
+  for (const wire::SessionId id : inbox.lost_peers) peers_.erase(id);
+  for (wire::RegionSubscription& subscription : inbox.subscriptions) {
+    if (subscription.publisher != session_) continue;
+    Peer& peer = peers_.try_emplace(subscription.peer, options_.pacing).first->second;
+    peer.pacing.limit(std::min(subscription.window_bytes, options_.max_window_bytes));
+    peer.pacing.acknowledged(subscription.acknowledged_sequence, now_s);
+    // Repeats of a request (a writer's history after a rematch) are not answered twice.
+    if (subscription.request == 0 || subscription.request <= peer.last_request) continue;
+    peer.last_request = subscription.request;
+    ++stats_.requests;
+    // A request names the peer's frontier as it is now, so it replaces what is open and what waits for that model.
+    std::erase_if(peer.queue, [&](const Waiting& waiting) {
+      return waiting.message.content_hash == subscription.content_hash;
+    });
+    const std::uint64_t hash =
+        answerers_.contains(subscription.content_hash) ? subscription.content_hash : 0;
+    peer.open[hash] = Open{std::move(subscription), {}, false};
+  }
+}
+
+/// The end when its queue is full enough at that urgency, or nothing is open.
+std::map<std::uint64_t, Service::Open>::iterator Service::most_urgent(Peer& peer) const {
+  const auto found =
+      std::min_element(peer.open.begin(), peer.open.end(), [](const auto& a, const auto& b) {
+        const wire::RegionSubscription &x = a.second.subscription, &y = b.second.subscription;
+        return std::pair(x.priority, x.request) < std::pair(y.priority, y.request);
+      });
+  if (found == peer.open.end()) return found;
+  std::size_t queued_bytes = 0;
+  for (const Waiting& waiting : peer.queue)
+    if (waiting.priority <= found->second.subscription.priority)
+      queued_bytes += waiting.message.bytes.size() + kBatchFramingBytes;
+  return queued_bytes < kEnoughQueuedBytes ? found : peer.open.end();
+}
+
+/// Whose last turn is longest ago.
+Service::Peers::iterator Service::next_in_turn() {
+  std::size_t collecting = 0;
+  for (const auto& [id, peer] : peers_)
+    for (const auto& [hash, open] : peer.open) collecting += open.is_collecting ? 1 : 0;
+  auto next = peers_.end();
+  for (auto at = peers_.begin(); at != peers_.end(); ++at) {
+    Peer& peer = at->second;
+    if (peer.open.empty() || (next != peers_.end() && next->second.last_turn <= peer.last_turn))
+      continue;
+    const auto open = most_urgent(peer);
+    if (open == peer.open.end()) continue;
+    if (collecting >= kMaxCollecting && !open->second.parts) continue;
+    next = at;
+  }
+  return next;
+}
+
+/// One part of the peer's most urgent request.
+void Service::serve(wire::SessionId id, Peer& peer, double now_s, std::vector<std::string>& lines) {
+  peer.last_turn = ++turns_;
+  const auto at = most_urgent(peer);
+  Open& open = at->second;
+  Status fault;
+  if (!open.parts) {
+    const auto answerer = answerers_.find(open.subscription.content_hash);
+    Result<Parts> parts =
+        answerer == answerers_.end()
+            ? Status{StatusCode::kNotFound, "no model with that content hash is served here"}
+            : answerer->second(open.subscription.region);
+    if (parts.is_ok()) {
+      open.parts = std::move(parts).value();
+      open.subscription.region = {};  // the parts have it
+    } else {
+      fault = parts.status();
+    }
+  }
+  if (fault.is_ok()) {
+    Result<Part> part = open.parts();
+    if (part.is_ok()) {
+      const bool last = part.value().last;
+      open.is_collecting = !last && part.value().batches.empty();
+      enqueue(peer, open.subscription, std::move(part).value(), false);
+      if (last) peer.open.erase(at);
+      return;
+    }
+    fault = part.status();
+  }
+  refuse(id, peer, open.subscription, fault.message(), now_s, lines);
+  peer.open.erase(at);
+}
+
+void Service::refuse(wire::SessionId id, Peer& peer, const wire::RegionSubscription& request,
+                     const std::string& why, double now_s, std::vector<std::string>& lines) {
+  ++stats_.refused;
+  const auto length = static_cast<std::ptrdiff_t>(std::min(why.size(), kMaxBatchBytes));
+  enqueue(peer, request, {{{why.begin(), why.begin() + length}}, true}, true);
+  if (peer.unsaid_refusals && now_s < peer.said_refusal_s + kRefusalPeriod_s) {
+    ++*peer.unsaid_refusals;
+    return;
+  }
+  const std::uint64_t unsaid = peer.unsaid_refusals.value_or(0);
+  lines.push_back("request " + std::to_string(request.request) + " of peer " + to_hex(id) +
+                  " refused: " + why +
+                  (unsaid > 0 ? " (and " + std::to_string(unsaid) + " before it)" : ""));
+  peer.said_refusal_s = now_s;
+  peer.unsaid_refusals = 0;
+}
+
+void Service::enqueue(Peer& peer, const wire::RegionSubscription& subscription, Part part,
+                      bool refused) {
+  if (part.batches.empty() && part.last)
+    part.batches.emplace_back();  // "nothing was needed" is an answer too
+  const auto place = std::find_if(peer.queue.begin(), peer.queue.end(), [&](const Waiting& w) {
+    return w.priority > subscription.priority;
+  });
+  std::deque<Waiting> added;
+  for (std::size_t i = 0; i < part.batches.size(); ++i) {
+    wire::SplitBatchMessage message;
+    message.publisher = session_;
+    message.content_hash = subscription.content_hash;
+    message.request = subscription.request;
+    message.last = part.last && i + 1 == part.batches.size();
+    message.refused = refused;
+    message.bytes = std::move(part.batches[i]);
+    added.push_back({std::move(message), subscription.priority});
+  }
+  peer.queue.insert(place, std::make_move_iterator(added.begin()),
+                    std::make_move_iterator(added.end()));
+}
+
+bool Service::send_next(wire::SessionId id, Peer& peer, double now_s) {
+  if (peer.queue.empty()) return false;
+  wire::SplitBatchMessage& message = peer.queue.front().message;
+  const std::size_t bytes = message.bytes.size() + kBatchFramingBytes;
+  if (!peer.pacing.may_send(bytes)) return false;
+  message.sequence = peer.next_sequence;
+  if (!channel_.send(id, message)) return false;
+  peer.pacing.sent(peer.next_sequence++, bytes, now_s);
+  peer.queue.pop_front();
+  if (peer.queue.empty() && peer.pacing.may_send(kMaxBatchBytes + kBatchFramingBytes))
+    peer.pacing.ran_dry();
+  ++stats_.batches;
+  stats_.bytes += bytes;
+  return true;
+}
+
+/// In turns, one batch each, so that a peer with much to send delays no other. Out: something was sent.
+bool Service::send(double now_s) {
+  int count = 0;
+  for (bool sent = true; sent && count < kMaxSent;) {
+    sent = false;
+    for (auto& [id, peer] : peers_) {
+      if (!send_next(id, peer, now_s)) continue;
+      sent = true;
+      ++count;
+    }
+  }
+  return count > 0;
+}
+
+std::vector<std::string> Service::step(double now_s) {
+  std::vector<std::string> complaints;
+  for (auto& [id, peer] : peers_) peer.pacing.expire(now_s);
+  is_behind_ = true;
+  for (int turn = 0; turn < kMaxTurns && is_behind_; ++turn) {
+    take_requests(now_s);  // before each turn: what came now may have waited least, but is due
+    const auto next = next_in_turn();
+    if (next != peers_.end()) serve(next->first, next->second, now_s, complaints);
+    is_behind_ = send(now_s) || next != peers_.end();
+  }
+  stats_.peers = peers_.size();
+  for (std::string& line : channel_.take_complaints()) complaints.push_back(std::move(line));
+  if (!began_s_) began_s_ = now_s;
+  for (const std::string& line : complaints) keeper_.note(line, now_s - *began_s_);
+  if (keeper_.is_due(now_s - *began_s_)) tell_status(now_s - *began_s_);
+  return complaints;
+}
+
+void Service::tell_status(double now_s) {
+  wire::ProcessStatus status;
+  status.session = session_;
+  status.is_publisher = true;
+  status.peers = static_cast<std::uint32_t>(stats_.peers);
+  status.requests = stats_.requests;
+  status.refused = stats_.refused;
+  status.batches = stats_.batches;
+  status.bytes = stats_.bytes;
+  for (const auto& [id, peer] : peers_) status.waiting_batches += peer.queue.size();
+  for (const auto& [hash, model] : models_) {
+    const SpmHeader& header = model->file.header();
+    status.models.push_back({model->name, hash, header.face_count, 0, header.split_count()});
+  }
+  keeper_.complete(status, now_s);
+  channel_.tell(status);
+  status_ = std::move(status);
+}
+
+}  // namespace nearmesh::publisher

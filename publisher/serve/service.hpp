@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// The publisher service: answers the region subscriptions of any number of peers from model files (or, in a
+// replay, from what was recorded of them).
+// Takes RegionSubscription, gives SplitBatchMessage, through a Channel; knows nothing of DDS.
+// It remembers no peer's state of refinement: a request names the peer's own frontier, so a batch that was lost is simply
+// asked for again. What it keeps of a peer is its pace, its newest request for each model, and the batches that wait for it.
+// No peer can take more than its turn: an answer is made part by part, peers in turn, and only while little of it waits to
+// be sent; so whoever asks for everything, floods requests or reads slowly costs the others one part (AnswerMaker, below a
+// millisecond) each turn, and no memory beyond the requests, what is sorted of one answer (262 kB) and kEnoughQueuedBytes
+// and a part of batches.
+// The channel bounds how many peers there are.
+// Source: the paper, section 3.3 (Server Collect VSplits).
+
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "channel.hpp"
+#include "idl/messages/status_keeper.hpp"
+#include "nearmesh/core/spm/model_file.hpp"
+#include "pacing.hpp"
+
+namespace nearmesh::publisher {
+
+struct ServiceOptions {
+  std::uint32_t max_window_bytes = 256 * 1024;  ///< cap on what a peer may have under way
+  PacingOptions pacing;
+};
+
+struct ServiceStats {
+  std::uint64_t requests = 0, refused = 0, batches = 0, bytes = 0, peers = 0;
+};
+
+class Service {
+ public:
+  /// The channel must outlive the service.
+  Service(Channel& channel, wire::SessionId session, ServiceOptions options = {});
+
+  /// Serves a model under a name unique to this publisher. Errors: kInvalidArgument (name), kConflict (name taken).
+  [[nodiscard]] Status add_model(const std::string& name, ModelFile file);
+  /// Encoded batches; none where nothing is to be sent, or none is made yet.
+  struct Part {
+    std::vector<std::vector<std::uint8_t>> batches;
+    bool last = false;
+  };
+  /// The next part of one answer; a status that is not ok refuses, and nothing follows.
+  using Parts = std::function<Result<Part>()>;
+  /// What answers requests for a model. A status that is not ok refuses.
+  using Answerer = std::function<Result<Parts>(const RegionRequest&)>;
+  /// Requests for this content are answered so; it is announced elsewhere.
+  void add_answerer(std::uint64_t content_hash, Answerer answerer);
+  /// Announces all models that were added by add_model(); call once they are.
+  void announce();
+  /// Takes what arrived, makes and sends what credit allows, for some milliseconds at most. Never blocks. `now_s` is any
+  /// steady clock. Returns one line for refused requests, of each peer at most one in kRefusalPeriod_s, and for each
+  /// complaint of the channel, for the log.
+  std::vector<std::string> step(double now_s);
+  /// The last step() left something that could have been done: call it again without waiting.
+  [[nodiscard]] bool is_behind() const { return is_behind_; }
+  static constexpr double kRefusalPeriod_s = 10;
+  /// Of a peer and urgency: nothing more is made while so much waits to be sent.
+  static constexpr std::size_t kEnoughQueuedBytes = 16 * 1024;
+
+  [[nodiscard]] const ServiceStats& stats() const { return stats_; }
+  /// As of the last full second of step().
+  [[nodiscard]] const wire::ProcessStatus& status() const { return status_; }
+
+ private:
+  struct Model {
+    std::string name;
+    ModelFile file;
+  };
+  struct Waiting {
+    wire::SplitBatchMessage message;
+    std::uint8_t priority = 0;
+  };
+  /// A request that is not answered in full.
+  struct Open {
+    wire::RegionSubscription subscription;
+    Parts parts;                 ///< empty until it is begun
+    bool is_collecting = false;  ///< begun, and nothing has come of it yet
+  };
+  struct Peer {
+    explicit Peer(const PacingOptions& options) : pacing(options) {}
+    std::map<std::uint64_t, Open> open;  ///< by content hash, 0 for all that are not served
+    std::uint64_t last_turn = 0;
+    double said_refusal_s = 0;
+    std::optional<std::uint64_t> unsaid_refusals;  ///< none: nothing was ever said of it
+    std::deque<Waiting> queue;                     // by priority, then arrival
+    Pacing pacing;
+    std::uint32_t next_sequence = 1;
+    std::uint32_t last_request = 0;
+  };
+
+  using Peers = std::map<wire::SessionId, Peer>;
+
+  [[nodiscard]] static Result<Parts> answer(ModelFile& file, const RegionRequest& request);
+  void take_requests(double now_s);
+  [[nodiscard]] std::map<std::uint64_t, Open>::iterator most_urgent(Peer& peer) const;
+  [[nodiscard]] Peers::iterator next_in_turn();
+  void serve(wire::SessionId id, Peer& peer, double now_s, std::vector<std::string>& lines);
+  void refuse(wire::SessionId id, Peer& peer, const wire::RegionSubscription& request,
+              const std::string& why, double now_s, std::vector<std::string>& lines);
+  void enqueue(Peer& peer, const wire::RegionSubscription& subscription, Part part, bool refused);
+  bool send(double now_s);
+  bool send_next(wire::SessionId id, Peer& peer, double now_s);
+  void tell_status(double now_s);
+
+  Channel& channel_;
+  const wire::SessionId session_;
+  const ServiceOptions options_;
+  std::map<std::uint64_t, std::unique_ptr<Model>> models_;  // by content hash
+  std::map<std::uint64_t, Answerer> answerers_;             // of the same, and others
+  Peers peers_;
+  std::uint64_t turns_ = 0;
+  bool is_behind_ = false;
+  ServiceStats stats_;
+  std::optional<double> began_s_;
+  wire::StatusKeeper keeper_;
+  wire::ProcessStatus status_;
+};
+
+}  // namespace nearmesh::publisher

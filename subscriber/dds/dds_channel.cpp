@@ -1,0 +1,539 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "nearmesh/subscriber/dds/dds_channel.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <deque>
+#include <future>
+#include <map>
+#include <mutex>
+#include <thread>
+#include <utility>
+
+#include "dds_hellos.hpp"
+#include "dds_poses.hpp"
+#include "idl/dds/dds_support.hpp"
+#include "idl/dds/rejoin_watch.hpp"
+
+namespace nearmesh::subscriber {
+
+using wire::Handle;
+using wire::Microseconds;
+using wire::SessionId;
+
+namespace {
+
+constexpr std::size_t kMaxTaken = 1024;  ///< of one topic, before the others have their turn
+constexpr double kIdleWait_s = 0.5;      ///< everything wakes the thread; this is a safety net
+constexpr double kRetryWait_s = 0.002;   ///< when Fast DDS could not take a sample
+/// Batches are acknowledged together for so long, or until they are that share of the window: on thin links each as it comes.
+constexpr double kAcknowledgeWait_s = 0.01;
+constexpr std::size_t kAcknowledgeShare = 8;
+
+}  // namespace
+
+class DdsChannel::Impl {
+ public:
+  explicit Impl(const DdsChannelOptions& options)
+      : options_(options),
+        own_id_(options.session != 0 ? options.session : wire::make_session_id()),
+        names_(options.transport.prefix),
+        hello_listener_(mailbox_, names_.hello),
+        header_listener_(mailbox_, names_.mesh_header),
+        batch_listener_(mailbox_, names_.split_batch),
+        pose_listener_(mailbox_, names_.body_pose),
+        subscription_listener_(mailbox_, names_.region_subscription),
+        pose_writer_listener_(mailbox_, names_.body_pose),
+        report_listener_(mailbox_, names_.contact_report),
+        status_listener_(mailbox_, names_.process_status),
+        hellos_(mailbox_, names_.hello),
+        movers_(mailbox_, names_.body_pose, !options.transport.security.empty()) {}
+  ~Impl();
+
+  Status start();
+  SessionId own_id() const { return own_id_; }
+  void send(const wire::RegionSubscription& subscription);
+  template <class Message>
+  void put(std::deque<Message> Impl::*queue, const Message& message, const std::string& topic);
+  Inbox take();
+  void wait(double seconds);
+
+  // Written by the host, emptied by the I/O thread.
+  std::deque<wire::RegionSubscription> subscriptions_;
+  std::deque<wire::BodyPose> poses_;
+  std::deque<wire::ContactReport> reports_;
+  std::deque<wire::ProcessStatus> statuses_;
+  const wire::TopicNames& names() const { return names_; }
+
+ private:
+  /// What came of a publisher that was asked, and has not been acknowledged.
+  struct Account {
+    std::uint32_t window_bytes = 0;
+    std::uint32_t sequence = 0;
+    std::size_t bytes = 0;
+    std::chrono::steady_clock::time_point acknowledged{};
+  };
+
+  void run(std::promise<Status> started);
+  Status open();
+  Status add_readers();
+  Status add_writers();
+  bool receive();
+  bool receive_hellos();
+  bool receive_poses();
+  void tell_lost(SessionId publisher);
+  Status rejoin();
+  bool flush();
+  double acknowledge();
+  template <class Type, class Message>
+  bool flush(std::deque<Message> Impl::*queue, wire::fdds::DataWriter& writer);
+  template <class Message>
+  void deliver(std::vector<Message> Inbox::*list, Message&& message, std::size_t limit,
+               const std::string& topic);
+  void deliver_header(wire::MeshHeader&& header);
+  [[nodiscard]] bool is_of_its_publisher(const wire::SplitBatchMessage& batch,
+                                         const Handle& writer);
+  void note_batch(const wire::SplitBatchMessage& batch);
+  void complain_of_overflow(const std::string& topic);
+
+  const DdsChannelOptions options_;
+  const SessionId own_id_;
+  const wire::TopicNames names_;
+  wire::Mailbox mailbox_;
+  wire::ReaderListener hello_listener_, header_listener_, batch_listener_, pose_listener_;
+  wire::WriterListener subscription_listener_, pose_writer_listener_, report_listener_,
+      status_listener_;
+
+  std::mutex mutex_;  ///< outgoing queues and inbox; never held during a DDS call
+  std::condition_variable arrived_;
+  Inbox inbox_;
+  std::map<SessionId, Account> accounts_;  ///< by publisher: those that requests were sent to
+  std::size_t waiting_header_bytes_ = 0;
+  std::set<std::string> overflowed_;  ///< topics that already complained since the last take()
+
+  // The I/O thread's own.
+  DdsHellos hellos_;
+  DdsPoses movers_;
+  wire::fdds::DataReader* hello_reader_ = nullptr;
+  wire::fdds::DataReader* header_reader_ = nullptr;
+  wire::fdds::DataReader* batch_reader_ = nullptr;
+  wire::fdds::DataReader* pose_reader_ = nullptr;
+  wire::fdds::DataWriter* subscription_writer_ = nullptr;
+  wire::fdds::DataWriter* pose_writer_ = nullptr;
+  wire::fdds::DataWriter* report_writer_ = nullptr;
+  wire::fdds::DataWriter* status_writer_ = nullptr;
+  std::unique_ptr<wire::Bus> bus_;
+
+  std::atomic<bool> stopping_ = false;
+  std::thread thread_;
+};
+
+// --- Called by the host
+
+Status DdsChannel::Impl::start() {
+  std::promise<Status> started;
+  std::future<Status> outcome = started.get_future();
+  thread_ =
+      std::thread([this, promise = std::move(started)]() mutable { run(std::move(promise)); });
+  return outcome.get();
+}
+
+DdsChannel::Impl::~Impl() {
+  stopping_ = true;
+  mailbox_.wake();
+  if (thread_.joinable()) thread_.join();
+}
+
+void DdsChannel::Impl::send(const wire::RegionSubscription& subscription) {
+  {
+    const std::lock_guard lock(mutex_);
+    accounts_[subscription.publisher].window_bytes = subscription.window_bytes;
+  }
+  put(&Impl::subscriptions_, subscription, names_.region_subscription);
+}
+
+template <class Message>
+void DdsChannel::Impl::put(std::deque<Message> Impl::*queue, const Message& message,
+                           const std::string& topic) {
+  if (Status status = check(message); !status.is_ok()) {
+    mailbox_.complain(topic + ": not sent: " + status.message());
+    return;
+  }
+  bool dropped = false;
+  {
+    const std::lock_guard lock(mutex_);
+    auto& waiting = this->*queue;
+    if (waiting.size() >= options_.max_outgoing) {
+      waiting.pop_front();
+      dropped = overflowed_.insert("to " + topic).second;
+    }
+    waiting.push_back(message);
+  }
+  if (dropped)
+    mailbox_.complain(topic + ": more than " + std::to_string(options_.max_outgoing) +
+                      " samples wait to be sent, the oldest are dropped");
+  mailbox_.wake();
+}
+
+Channel::Inbox DdsChannel::Impl::take() {
+  Inbox taken;
+  {
+    const std::lock_guard lock(mutex_);
+    taken = std::exchange(inbox_, {});
+    waiting_header_bytes_ = 0;
+    overflowed_.clear();
+  }
+  taken.complaints = mailbox_.take_complaints();
+  return taken;
+}
+
+void DdsChannel::Impl::wait(double seconds) {
+  std::unique_lock lock(mutex_);
+  arrived_.wait_for(lock, std::chrono::duration<double>(seconds), [this] {
+    return !inbox_.hellos.empty() || !inbox_.lost_publishers.empty() || !inbox_.headers.empty() ||
+           !inbox_.batches.empty() || !inbox_.poses.empty() || mailbox_.has_complaints();
+  });
+}
+
+// --- The I/O thread
+
+void DdsChannel::Impl::run(std::promise<Status> started) {
+  // A participant of the host's is the host's to repair.
+  std::unique_ptr<wire::RejoinWatch> rejoin_watch;
+  if (options_.participant == nullptr)
+    rejoin_watch = std::make_unique<wire::RejoinWatch>(mailbox_, options_.transport);
+  const Status opened = open();
+  const bool works = opened.is_ok();
+  started.set_value(opened);
+  while (works && !stopping_) {
+    if (rejoin_watch != nullptr && rejoin_watch->take_due()) {
+      if (const Status status = rejoin(); !status.is_ok()) {
+        mailbox_.complain("could not join again: " + status.message());
+        bus_.reset();
+        rejoin_watch->try_again();
+      }
+    }
+    if (bus_ == nullptr) {
+      mailbox_.wait(kIdleWait_s);
+      continue;
+    }
+    const bool sent_all = flush();
+    const bool more = receive();
+    const double wait_s = acknowledge();
+    arrived_.notify_all();
+    if (!more) mailbox_.wait(sent_all ? wait_s : kRetryWait_s);
+  }
+  bus_.reset();
+}
+
+Status DdsChannel::Impl::open() {
+  wire::BusOptions bus_options;
+  bus_options.transport = options_.transport;
+  bus_options.participant_name = "nearmesh subscriber";
+  bus_options.host_participant = options_.participant;
+  auto bus = wire::Bus::open(bus_options, mailbox_);
+  if (!bus.is_ok()) return bus.status();
+  bus_ = std::move(bus).value();
+  NEARMESH_RETURN_IF_ERROR(add_readers());
+  return add_writers();
+}
+
+/// Before the writers: who hears our subscriptions can answer them.
+Status DdsChannel::Impl::add_readers() {
+  auto batch = bus_->add_topic<wire::SplitBatchType>(names_.split_batch);
+  if (!batch.is_ok()) return batch.status();
+  auto hello = bus_->add_topic<wire::HelloType>(names_.hello);
+  if (!hello.is_ok()) return hello.status();
+  auto header = bus_->add_topic<wire::MeshHeaderType>(names_.mesh_header);
+  if (!header.is_ok()) return header.status();
+  auto pose = bus_->add_topic<wire::BodyPoseType>(names_.body_pose);
+  if (!pose.is_ok()) return pose.status();
+
+  auto batches = bus_->add_reader(batch.value(), wire::reader_qos(wire::kSplitBatchDelivery),
+                                  batch_listener_, wire::partition_of(own_id_));
+  if (!batches.is_ok()) return batches.status();
+  batch_reader_ = batches.value();
+  auto hellos =
+      bus_->add_reader(hello.value(), wire::reader_qos(wire::kHelloDelivery), hello_listener_);
+  if (!hellos.is_ok()) return hellos.status();
+  hello_reader_ = hellos.value();
+  auto headers = bus_->add_reader(header.value(), wire::reader_qos(wire::kMeshHeaderDelivery),
+                                  header_listener_);
+  if (!headers.is_ok()) return headers.status();
+  header_reader_ = headers.value();
+  auto poses =
+      bus_->add_reader(pose.value(), wire::reader_qos(wire::kBodyPoseDelivery), pose_listener_);
+  if (!poses.is_ok()) return poses.status();
+  pose_reader_ = poses.value();
+  return Status::ok();
+}
+
+Status DdsChannel::Impl::add_writers() {
+  const double heartbeat_s = options_.transport.heartbeat_s;
+  auto subscription = bus_->add_topic<wire::RegionSubscriptionType>(names_.region_subscription);
+  if (!subscription.is_ok()) return subscription.status();
+  auto pose = bus_->add_topic<wire::BodyPoseType>(names_.body_pose);
+  if (!pose.is_ok()) return pose.status();
+  auto report = bus_->add_topic<wire::ContactReportType>(names_.contact_report);
+  if (!report.is_ok()) return report.status();
+
+  auto subscriptions = bus_->add_writer(
+      subscription.value(), wire::writer_qos(wire::kRegionSubscriptionDelivery, heartbeat_s),
+      subscription_listener_);
+  if (!subscriptions.is_ok()) return subscriptions.status();
+  subscription_writer_ = subscriptions.value();
+  auto poses = bus_->add_writer(
+      pose.value(), wire::writer_qos(wire::kBodyPoseDelivery, heartbeat_s), pose_writer_listener_);
+  if (!poses.is_ok()) return poses.status();
+  pose_writer_ = poses.value();
+  auto reports =
+      bus_->add_writer(report.value(), wire::writer_qos(wire::kContactReportDelivery, heartbeat_s),
+                       report_listener_);
+  if (!reports.is_ok()) return reports.status();
+  report_writer_ = reports.value();
+  auto status = bus_->add_topic<wire::ProcessStatusType>(names_.process_status);
+  if (!status.is_ok()) return status.status();
+  auto statuses =
+      bus_->add_writer(status.value(), wire::writer_qos(wire::kProcessStatusDelivery, heartbeat_s),
+                       status_listener_);
+  if (!statuses.is_ok()) return statuses.status();
+  status_writer_ = statuses.value();
+  return Status::ok();
+}
+
+/// Out: true when some reader may hold more.
+bool DdsChannel::Impl::receive() {
+  // Whoever comes and goes is remembered until it is taken.
+  (void)header_listener_.take_matches();
+  (void)batch_listener_.take_matches();
+  bool more = receive_hellos();
+  more |=
+      wire::drain<wire::MeshHeaderType>(*header_reader_, mailbox_, kMaxTaken,
+                                        [&](wire::MeshHeader&& header, const Handle&,
+                                            Microseconds) { deliver_header(std::move(header)); });
+  for (wire::Hello& hello : hellos_.release([this](const Handle& writer) {
+         return subscription_listener_.is_matched_with_participant_of(writer);
+       }))
+    deliver(&Inbox::hellos, std::move(hello), options_.max_waiting_others, names_.hello);
+  more |= wire::drain<wire::SplitBatchType>(
+      *batch_reader_, mailbox_, kMaxTaken,
+      [&](wire::SplitBatchMessage&& batch, const Handle& writer, Microseconds) {
+        if (!is_of_its_publisher(batch, writer)) return;
+        note_batch(batch);
+        deliver(&Inbox::batches, std::move(batch), options_.max_waiting_batches,
+                names_.split_batch);
+      });
+  more |= receive_poses();
+  hellos_.complain_of_silence();
+  return more;
+}
+
+/// Out: true when there may be more.
+bool DdsChannel::Impl::receive_hellos() {
+  std::vector<DdsHellos::Heard> heard;
+  const bool more = wire::drain<wire::HelloType>(
+      *hello_reader_, mailbox_, kMaxTaken,
+      [&](wire::Hello&& hello, const Handle& writer, Microseconds received) {
+        heard.push_back({std::move(hello), writer, received});
+      },
+      [&](const Handle& writer) { hellos_.heard_of(writer); });
+  for (const SessionId lost : hellos_.take(hello_listener_.take_matches(), std::move(heard)))
+    tell_lost(lost);
+  return more;
+}
+
+/// Anybody can write into our partition; only who is the publisher can say what a model is.
+bool DdsChannel::Impl::is_of_its_publisher(const wire::SplitBatchMessage& batch,
+                                           const Handle& writer) {
+  const std::optional<Handle> hello = hellos_.writer_of(batch.publisher);
+  if (hello && wire::have_one_participant(*hello, writer)) return true;
+  // Of one that was just lost something may still be on its way.
+  if (hello)
+    mailbox_.complain(names_.split_batch + ": samples of " + wire::name_of(writer) +
+                      " dropped: publisher " + wire::partition_of(batch.publisher) +
+                      " is another participant");
+  return false;
+}
+
+void DdsChannel::Impl::note_batch(const wire::SplitBatchMessage& batch) {
+  const std::lock_guard lock(mutex_);
+  const auto at = accounts_.find(batch.publisher);
+  if (at == accounts_.end()) return;
+  // Not the highest: a publisher that lost us for a while counts from 1 again.
+  at->second.sequence = batch.sequence;
+  at->second.bytes += batch.bytes.size() + 1;
+}
+
+/// Out: how long the thread may rest.
+double DdsChannel::Impl::acknowledge() {
+  const auto now = std::chrono::steady_clock::now();
+  double wait_s = kIdleWait_s;
+  std::vector<wire::RegionSubscription> due;
+  {
+    const std::lock_guard lock(mutex_);
+    for (auto& [publisher, account] : accounts_) {
+      if (account.bytes == 0) continue;
+      const std::chrono::duration<double> since = now - account.acknowledged;
+      if (since.count() < kAcknowledgeWait_s &&
+          account.bytes < account.window_bytes / kAcknowledgeShare) {
+        wait_s = std::min(wait_s, kAcknowledgeWait_s - since.count());
+        continue;
+      }
+      wire::RegionSubscription credit;
+      credit.peer = own_id_;
+      credit.publisher = publisher;
+      credit.acknowledged_sequence = account.sequence;
+      credit.window_bytes = account.window_bytes;
+      due.push_back(std::move(credit));
+      account.bytes = 0;
+      account.acknowledged = now;
+    }
+  }
+  for (const wire::RegionSubscription& credit : due)
+    if (wire::write_message<wire::RegionSubscriptionType>(*subscription_writer_, credit,
+                                                          mailbox_) == wire::WriteResult::kFull) {
+      const std::lock_guard lock(mutex_);
+      if (const auto at = accounts_.find(credit.publisher); at != accounts_.end()) {
+        at->second.bytes += at->second.window_bytes;  // overdue
+        wait_s = kRetryWait_s;
+      }
+    }
+  return wait_s;
+}
+
+/// Out: true when there may be more.
+bool DdsChannel::Impl::receive_poses() {
+  // The matches first: of who is gone by then, what it said is all there.
+  const std::vector<wire::ReaderListener::Match> matches = pose_listener_.take_matches();
+  std::vector<DdsPoses::Heard> heard;
+  const bool more = wire::drain<wire::BodyPoseType>(
+      *pose_reader_, mailbox_, kMaxTaken,
+      [&](wire::BodyPose&& pose, const Handle& writer, Microseconds) {
+        if (pose.peer != own_id_) heard.push_back({std::move(pose), writer});
+      });
+  for (wire::BodyPose& pose : movers_.take(matches, std::move(heard), more))
+    deliver(&Inbox::poses, std::move(pose), options_.max_waiting_others, names_.body_pose);
+  return more;
+}
+
+/// The host takes losses before hellos, so a hello of before the loss must not wait for it.
+void DdsChannel::Impl::tell_lost(SessionId publisher) {
+  {
+    const std::lock_guard lock(mutex_);
+    std::erase_if(inbox_.hellos,
+                  [&](const wire::Hello& hello) { return hello.publisher == publisher; });
+    accounts_.erase(publisher);
+  }
+  deliver(&Inbox::lost_publishers, std::move(publisher), options_.max_waiting_others, names_.hello);
+}
+
+/// When the watch says so: as a new participant, with the same session. Every publisher is
+/// lost and, if it still lives, found again.
+Status DdsChannel::Impl::rejoin() {
+  for (const SessionId publisher : hellos_.clear()) tell_lost(publisher);
+  bus_.reset();
+  movers_.clear();
+  subscription_listener_.forget_readers();
+  (void)hello_listener_.take_matches();
+  (void)pose_listener_.take_matches();
+  return open();
+}
+
+template <class Message>
+void DdsChannel::Impl::deliver(std::vector<Message> Inbox::*list, Message&& message,
+                               std::size_t limit, const std::string& topic) {
+  {
+    const std::lock_guard lock(mutex_);
+    auto& waiting = inbox_.*list;
+    if (waiting.size() < limit) {
+      waiting.push_back(std::move(message));
+      return;
+    }
+  }
+  complain_of_overflow(topic);
+}
+
+void DdsChannel::Impl::deliver_header(wire::MeshHeader&& header) {
+  const std::size_t bytes = header.bytes.size();
+  {
+    const std::lock_guard lock(mutex_);
+    if (waiting_header_bytes_ + bytes <= options_.max_waiting_header_bytes) {
+      waiting_header_bytes_ += bytes;
+      inbox_.headers.push_back(std::move(header));
+      return;
+    }
+  }
+  complain_of_overflow(names_.mesh_header);
+}
+
+/// Once until the host takes: it may have stopped for long.
+void DdsChannel::Impl::complain_of_overflow(const std::string& topic) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!overflowed_.insert(topic).second) return;
+  }
+  mailbox_.complain(topic +
+                    ": the inbox is full because take() was not called, samples are dropped");
+}
+
+/// Out: false when Fast DDS could not take a sample, so that it should be tried again soon.
+bool DdsChannel::Impl::flush() {
+  bool all = true;
+  // Not by any reader: a recorder hears subscriptions too, and does not answer them.
+  if (std::any_of(hellos_.writers().begin(), hellos_.writers().end(),
+                  [this](const Handle& publisher) {
+                    return subscription_listener_.is_matched_with_participant_of(publisher);
+                  }))
+    all &= flush<wire::RegionSubscriptionType>(&Impl::subscriptions_, *subscription_writer_);
+  all &= flush<wire::BodyPoseType>(&Impl::poses_, *pose_writer_);
+  all &= flush<wire::ContactReportType>(&Impl::reports_, *report_writer_);
+  all &= flush<wire::ProcessStatusType>(&Impl::statuses_, *status_writer_);
+  return all;
+}
+
+template <class Type, class Message>
+bool DdsChannel::Impl::flush(std::deque<Message> Impl::*queue, wire::fdds::DataWriter& writer) {
+  std::deque<Message> outgoing;
+  {
+    const std::lock_guard lock(mutex_);
+    outgoing.swap(this->*queue);
+  }
+  while (!outgoing.empty() &&
+         wire::write_message<Type>(writer, outgoing.front(), mailbox_) != wire::WriteResult::kFull)
+    outgoing.pop_front();
+  if (outgoing.empty()) return true;
+  const std::lock_guard lock(mutex_);
+  auto& waiting = this->*queue;
+  waiting.insert(waiting.begin(), std::make_move_iterator(outgoing.begin()),
+                 std::make_move_iterator(outgoing.end()));
+  return false;
+}
+
+// --- The channel
+
+Result<std::unique_ptr<DdsChannel>> DdsChannel::create(const DdsChannelOptions& options) {
+  auto impl = std::make_unique<Impl>(options);
+  NEARMESH_RETURN_IF_ERROR(impl->start());
+  return std::unique_ptr<DdsChannel>(new DdsChannel(std::move(impl)));
+}
+
+DdsChannel::DdsChannel(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+DdsChannel::~DdsChannel() = default;
+
+SessionId DdsChannel::own_id() const { return impl_->own_id(); }
+void DdsChannel::send(const wire::RegionSubscription& subscription) { impl_->send(subscription); }
+void DdsChannel::send(const wire::BodyPose& pose) {
+  impl_->put(&Impl::poses_, pose, impl_->names().body_pose);
+}
+void DdsChannel::send(const wire::ContactReport& report) {
+  impl_->put(&Impl::reports_, report, impl_->names().contact_report);
+}
+void DdsChannel::tell(const wire::ProcessStatus& status) {
+  impl_->put(&Impl::statuses_, status, impl_->names().process_status);
+}
+Channel::Inbox DdsChannel::take() { return impl_->take(); }
+void DdsChannel::wait(double seconds) { impl_->wait(seconds); }
+
+}  // namespace nearmesh::subscriber

@@ -1,0 +1,240 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "dds_monitor.hpp"
+
+#include <map>
+#include <set>
+#include <tuple>
+#include <utility>
+
+#include "core/base/hash.hpp"
+#include "core/base/stopwatch.hpp"
+#include "idl/dds/dds_support.hpp"
+#include "nearmesh/core/query/query.hpp"
+
+namespace nearmesh::subscriber {
+namespace {
+
+using wire::Handle;
+using wire::Microseconds;
+
+constexpr std::size_t kMaxTaken = 4096;
+constexpr std::size_t kMaxRefusals = 256;
+constexpr std::size_t kMaxRegions = 16384;
+constexpr double kSilence_s = 2;
+
+}  // namespace
+
+class DdsMonitor::Impl {
+ public:
+  explicit Impl(const wire::TransportOptions& transport)
+      : transport_(transport),
+        names_(transport.prefix),
+        hello_listener_(mailbox_, names_.hello),
+        status_listener_(mailbox_, names_.process_status),
+        report_listener_(mailbox_, names_.contact_report),
+        request_listener_(mailbox_, names_.region_subscription),
+        silence_(kSilence_s) {}
+
+  Status start() {
+    auto bus = wire::Bus::open({.transport = transport_, .participant_name = "nearmesh monitor"},
+                               mailbox_);
+    if (!bus.is_ok()) return bus.status();
+    bus_ = std::move(bus).value();
+    auto hello = bus_->add_topic<wire::HelloType>(names_.hello);
+    if (!hello.is_ok()) return hello.status();
+    auto hellos =
+        bus_->add_reader(hello.value(), wire::reader_qos(wire::kHelloDelivery), hello_listener_);
+    if (!hellos.is_ok()) return hellos.status();
+    hello_reader_ = hellos.value();
+    auto status = bus_->add_topic<wire::ProcessStatusType>(names_.process_status);
+    if (!status.is_ok()) return status.status();
+    auto statuses = bus_->add_reader(status.value(), wire::reader_qos(wire::kProcessStatusDelivery),
+                                     status_listener_);
+    if (!statuses.is_ok()) return statuses.status();
+    status_reader_ = statuses.value();
+    return Status::ok();
+  }
+
+  Status hear_regions() {
+    auto report = bus_->add_topic<wire::ContactReportType>(names_.contact_report);
+    if (!report.is_ok()) return report.status();
+    auto request = bus_->add_topic<wire::RegionSubscriptionType>(names_.region_subscription);
+    if (!request.is_ok()) return request.status();
+    // The latest will do, and what is lost is not sent again.
+    const auto unreliable = [](const wire::Delivery& delivery) {
+      wire::fdds::DataReaderQos qos = wire::reader_qos(delivery);
+      qos.reliability().kind = wire::fdds::BEST_EFFORT_RELIABILITY_QOS;
+      return qos;
+    };
+    auto reports = bus_->add_reader(report.value(), unreliable(wire::kContactReportDelivery),
+                                    report_listener_);
+    if (!reports.is_ok()) return reports.status();
+    report_reader_ = reports.value();
+    auto requests = bus_->add_reader(request.value(), unreliable(wire::kRegionSubscriptionDelivery),
+                                     request_listener_);
+    if (!requests.is_ok()) return requests.status();
+    request_reader_ = requests.value();
+    return Status::ok();
+  }
+
+  void listen(double seconds) {
+    mailbox_.wait(seconds);
+    // What is faulty is heard too: it is complained of by itself.
+    const auto heard = [this](const Handle& writer) { silence_.heard(writer); };
+    const bool more = wire::drain<wire::HelloType>(
+        *hello_reader_, mailbox_, kMaxTaken,
+        [&](wire::Hello&& hello, const Handle& writer, Microseconds) {
+          hellos_[writer] = std::move(hello);
+        },
+        heard);
+    const bool more_statuses = wire::drain<wire::ProcessStatusType>(
+        *status_reader_, mailbox_, kMaxTaken,
+        [&](wire::ProcessStatus&& status, const Handle& writer, Microseconds) {
+          processes_[writer] = std::move(status);
+        });
+    const bool more_regions = report_reader_ != nullptr && take_regions();
+    if (more || more_statuses || more_regions) mailbox_.wake();
+    take_matches();
+    for (const Handle& writer : silence_.take_silent(clock_.seconds()))
+      refuse("publisher " + wire::name_of(writer) + wire::kSilentHint);
+    for (std::string& line : mailbox_.take_complaints()) refuse(std::move(line));
+    find_conflicts();
+  }
+
+  BusView view() const {
+    BusView view;
+    std::map<wire::SessionId, wire::Hello> publishers;
+    for (const auto& [writer, hello] : hellos_) publishers[hello.publisher] = hello;
+    for (const auto& [id, hello] : publishers) view.publishers.push_back(hello);
+    std::map<wire::SessionId, wire::ProcessStatus> processes;
+    for (const auto& [writer, status] : processes_) processes[status.session] = status;
+    for (const auto& [id, status] : processes) view.processes.push_back(status);
+    view.refusals = refusals_;
+    const double now_s = clock_.seconds();
+    for (const auto& [key, region] : regions_)
+      view.regions.push_back({region.report, now_s - region.heard_s,
+                              is_certified(static_cast<AnswerStatus>(region.report.status))
+                                  ? 0
+                                  : now_s - region.certified_s});
+    for (const auto& [key, request] : requests_) {
+      view.requests.push_back(request.view);
+      view.requests.back().age_s = now_s - request.heard_s;
+    }
+    return view;
+  }
+
+ private:
+  /// Out: true when there may be more.
+  bool take_regions() {
+    const double now_s = clock_.seconds();
+    const bool more = wire::drain<wire::ContactReportType>(
+        *report_reader_, mailbox_, kMaxTaken,
+        [&](wire::ContactReport&& report, const Handle& writer, Microseconds) {
+          const auto key = std::tuple(report.peer, report.body_a, report.body_b);
+          if (regions_.size() >= kMaxRegions && !regions_.contains(key)) return;
+          Region& region = regions_.try_emplace(key, Region{.certified_s = now_s}).first->second;
+          region.writer = writer;
+          region.heard_s = now_s;
+          if (is_certified(static_cast<AnswerStatus>(report.status))) region.certified_s = now_s;
+          region.report = std::move(report);
+        });
+    const bool more_requests = wire::drain<wire::RegionSubscriptionType>(
+        *request_reader_, mailbox_, kMaxTaken,
+        [&](wire::RegionSubscription&& asked, const Handle& writer, Microseconds) {
+          const std::pair key(asked.peer, asked.content_hash);
+          if (asked.request == 0 || (requests_.size() >= kMaxRegions && !requests_.contains(key)))
+            return;
+          requests_[key] = {{asked.peer, asked.content_hash, asked.priority,
+                             static_cast<std::uint32_t>(asked.region.attach.size())},
+                            writer,
+                            now_s};
+        });
+    for (const auto& event : report_listener_.take_matches())
+      if (event.gone)
+        std::erase_if(regions_,
+                      [&](const auto& known) { return known.second.writer == event.writer; });
+    for (const auto& event : request_listener_.take_matches())
+      if (event.gone)
+        std::erase_if(requests_,
+                      [&](const auto& known) { return known.second.writer == event.writer; });
+    return more || more_requests;
+  }
+
+  void take_matches() {
+    for (const auto& event : hello_listener_.take_matches()) {
+      if (event.gone) {
+        silence_.gone(event.writer);
+        hellos_.erase(event.writer);
+      } else {
+        silence_.matched(event.writer, clock_.seconds());
+      }
+    }
+    // A host that uses a channel alone may have nothing to say of itself.
+    for (const auto& event : status_listener_.take_matches())
+      if (event.gone) processes_.erase(event.writer);
+  }
+
+  void find_conflicts() {
+    std::map<std::string, std::pair<std::uint64_t, wire::SessionId>> by_name;
+    for (const auto& [writer, hello] : hellos_)
+      for (const wire::Hello::Model& model : hello.models) {
+        const auto [first, is_new] =
+            by_name.try_emplace(model.name, model.content_hash, hello.publisher);
+        if (first->second.first == model.content_hash) continue;
+        // Smaller id first, whoever was heard first.
+        std::pair one{first->second.second, first->second.first},
+            other{hello.publisher, model.content_hash};
+        if (other < one) std::swap(one, other);
+        refuse("model " + model.name + ": publisher " + to_hex(one.first) + " serves content " +
+               to_hex(one.second) + ", publisher " + to_hex(other.first) + " content " +
+               to_hex(other.second) + "; peers take either: rename or replace one file");
+      }
+  }
+
+  void refuse(std::string line) {
+    if (refusals_.size() < kMaxRefusals && known_.insert(line).second)
+      refusals_.push_back(std::move(line));
+  }
+
+  const wire::TransportOptions transport_;
+  const wire::TopicNames names_;
+  const Stopwatch clock_;
+  wire::Mailbox mailbox_;
+  wire::ReaderListener hello_listener_, status_listener_, report_listener_, request_listener_;
+  wire::SilenceWatch silence_;
+  std::map<Handle, wire::Hello> hellos_;
+  std::map<Handle, wire::ProcessStatus> processes_;
+  struct Region {
+    wire::ContactReport report;
+    Handle writer;
+    double heard_s = 0, certified_s = 0;
+  };
+  std::map<std::tuple<wire::SessionId, std::string, std::string>, Region> regions_;
+  struct Request {
+    RequestView view;  ///< but its age
+    Handle writer;
+    double heard_s = 0;
+  };
+  std::map<std::pair<wire::SessionId, std::uint64_t>, Request> requests_;
+  std::vector<std::string> refusals_;
+  std::set<std::string> known_;
+  wire::fdds::DataReader* hello_reader_ = nullptr;
+  wire::fdds::DataReader* status_reader_ = nullptr;
+  wire::fdds::DataReader *report_reader_ = nullptr, *request_reader_ = nullptr;
+  std::unique_ptr<wire::Bus> bus_;  ///< last: goes first, while the listeners still live
+};
+
+Result<std::unique_ptr<DdsMonitor>> DdsMonitor::create(const wire::TransportOptions& transport,
+                                                       bool regions) {
+  auto impl = std::make_unique<Impl>(transport);
+  NEARMESH_RETURN_IF_ERROR(impl->start());
+  if (regions) NEARMESH_RETURN_IF_ERROR(impl->hear_regions());
+  return std::unique_ptr<DdsMonitor>(new DdsMonitor(std::move(impl)));
+}
+
+DdsMonitor::DdsMonitor(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+DdsMonitor::~DdsMonitor() = default;
+void DdsMonitor::listen(double seconds) { impl_->listen(seconds); }
+BusView DdsMonitor::view() const { return impl_->view(); }
+
+}  // namespace nearmesh::subscriber

@@ -1,0 +1,457 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "dds_recorder.hpp"
+
+#include <algorithm>
+#include <condition_variable>
+#include <deque>
+#include <future>
+#include <mutex>
+#include <thread>
+#include <tuple>
+#include <utility>
+
+#include "idl/dds/dds_support.hpp"
+#include "idl/dds/rejoin_watch.hpp"
+#include "nearmesh/idl/dds/payload.hpp"
+
+namespace nearmesh::subscriber {
+namespace {
+
+using wire::Handle;
+
+constexpr std::size_t kMaxTaken = 16384;   ///< of one topic, before the others have their turn
+constexpr std::size_t kMaxWritten = 1024;  ///< before the queue is looked at again
+constexpr double kIdleWait_s = 0.5;
+constexpr auto kDiskWait =
+    std::chrono::milliseconds(100);  ///< how late a commit may be noticed to be due
+
+/// What the disk thread is to write: a message, or what is known to be missing before it.
+struct Entry {
+  std::uint32_t topic = 0;
+  Handle writer;
+  std::string partition;
+  RecordedMessage message;
+  std::uint64_t missing = 0;  ///< above 0: a gap of so many from message.sequence on; no message
+  std::uint64_t content_hash = 0;  ///< of a header, with its name
+  std::string model;
+
+  [[nodiscard]] std::size_t bytes() const { return sizeof(Entry) + message.cdr.size(); }
+};
+
+/// Counts what is missing of one writer.
+struct Sequence {
+  std::uint64_t next = 0;  ///< 0: nothing came yet
+  bool live = false;  ///< what came last was sent while we listened, so that the next must follow
+};
+
+EndpointGuid guid_of(const Handle& writer) {
+  EndpointGuid guid{};
+  for (std::size_t i = 0; i < guid.size(); ++i) guid[i] = writer.value[i];
+  return guid;
+}
+
+}  // namespace
+
+class DdsRecorder::Impl {
+ public:
+  explicit Impl(const RecorderOptions& options) : options_(options) {}
+  ~Impl() { static_cast<void>(finish()); }
+
+  Status start();
+  RecorderStats stats() const {
+    const std::lock_guard lock(mutex_);
+    return stats_;
+  }
+  std::vector<std::string> take_complaints() { return mailbox_.take_complaints(); }
+  Status finish();
+
+ private:
+  struct Topic {
+    std::string name, type;
+    std::unique_ptr<wire::ReaderListener> listener;
+    wire::fdds::DataReader* reader = nullptr;
+    bool (Impl::*drain)(std::uint32_t topic) = nullptr;
+    Status (Impl::*open)(Topic& topic) = nullptr;
+    const wire::Delivery* delivery = nullptr;
+  };
+
+  template <class Generated>
+  void add_topic(const std::string& name, std::string_view type, const wire::Delivery& delivery);
+  Status check_topics() const;
+
+  // The DDS thread.
+  void listen(std::promise<Status> started);
+  Status join();
+  template <class Generated>
+  Status open_reader(Topic& topic);
+  template <class Generated>
+  bool drain(std::uint32_t topic);
+  void count_gap(const Entry& entry);
+  void push(Entry&& entry);
+  std::string partition_of(const Handle& writer);
+
+  // The disk thread.
+  void write();
+  Status write(const Entry& entry);
+  Status begin_part();
+  Status make_room();
+
+  const RecorderOptions options_;
+  RecordingFacts facts_;
+  std::vector<Topic> topics_;
+  wire::Mailbox mailbox_;
+  std::unique_ptr<wire::Bus> bus_;
+  std::atomic<bool> leaving_ = false;
+  std::thread dds_thread_, disk_thread_;
+
+  // The DDS thread's own.
+  std::map<Handle, Sequence> sequences_;
+  std::int64_t joined_ns_ = 0;
+
+  std::mutex partitions_mutex_;
+  std::map<Handle, std::string> partitions_;  ///< of writers that have one
+
+  mutable std::mutex mutex_;  ///< what follows; never held during a call of DDS or of the file
+  std::condition_variable filled_;
+  std::deque<Entry> waiting_;
+  std::size_t waiting_bytes_ = 0;
+  bool heard_all_ = false;
+  RecorderStats stats_;
+
+  // The disk thread's own.
+  std::unique_ptr<RecordingWriter> file_;
+  std::map<std::pair<std::uint32_t, Handle>, std::uint32_t> writers_;  ///< of the current part
+  bool finished_ = false;
+};
+
+template <class Generated>
+void DdsRecorder::Impl::add_topic(const std::string& name, std::string_view type,
+                                  const wire::Delivery& delivery) {
+  const std::string last = name.substr(name.rfind('/') + 1);
+  if (!options_.topics.empty() &&
+      std::find(options_.topics.begin(), options_.topics.end(), last) == options_.topics.end())
+    return;
+  topics_.push_back({name, std::string(type),
+                     std::make_unique<wire::ReaderListener>(mailbox_, name), nullptr,
+                     &Impl::drain<Generated>, &Impl::open_reader<Generated>, &delivery});
+}
+
+Status DdsRecorder::Impl::start() {
+  if (options_.max_bytes != 0 && options_.max_bytes < kMinFileBytes)
+    return {StatusCode::kInvalidArgument, "max-size: expected at least " +
+                                              std::to_string(kMinFileBytes) + " bytes, found " +
+                                              std::to_string(options_.max_bytes)};
+  if (options_.split && options_.max_bytes == 0)
+    return {StatusCode::kInvalidArgument, "split: expected a max-size to split at"};
+  const wire::TopicNames names(options_.transport.prefix);
+  using namespace wire_types;
+  add_topic<HelloSamplePubSubType>(names.hello, wire::kHelloType, wire::kHelloDelivery);
+  add_topic<MeshHeaderSamplePubSubType>(names.mesh_header, wire::kMeshHeaderType,
+                                        wire::kMeshHeaderDelivery);
+  add_topic<RegionSubscriptionSamplePubSubType>(
+      names.region_subscription, wire::kRegionSubscriptionType, wire::kRegionSubscriptionDelivery);
+  add_topic<SplitBatchSamplePubSubType>(names.split_batch, wire::kSplitBatchType,
+                                        wire::kSplitBatchDelivery);
+  add_topic<BodyPoseSamplePubSubType>(names.body_pose, wire::kBodyPoseType,
+                                      wire::kBodyPoseDelivery);
+  add_topic<ContactReportSamplePubSubType>(names.contact_report, wire::kContactReportType,
+                                           wire::kContactReportDelivery);
+  NEARMESH_RETURN_IF_ERROR(check_topics());
+  facts_ = {wire::make_session_id(), 0, wire::kWireVersion, options_.transport.prefix,
+            wire::idl_text()};
+  NEARMESH_RETURN_IF_ERROR(begin_part());
+
+  disk_thread_ = std::thread([this] { write(); });
+  std::promise<Status> started;
+  std::future<Status> outcome = started.get_future();
+  dds_thread_ =
+      std::thread([this, promise = std::move(started)]() mutable { listen(std::move(promise)); });
+  return outcome.get();
+}
+
+Status DdsRecorder::Impl::check_topics() const {
+  for (const std::string& wanted : options_.topics)
+    if (std::none_of(topics_.begin(), topics_.end(), [&](const Topic& topic) {
+          return topic.name.substr(topic.name.rfind('/') + 1) == wanted;
+        }))
+      return {StatusCode::kInvalidArgument,
+              "topic " + wanted +
+                  ": expected hello, mesh_header, region_subscription, split_batch, body_pose or "
+                  "contact_report"};
+  return Status::ok();
+}
+
+Status DdsRecorder::Impl::finish() {
+  leaving_ = true;
+  mailbox_.wake();
+  if (dds_thread_.joinable()) dds_thread_.join();
+  {
+    const std::lock_guard lock(mutex_);
+    heard_all_ = true;
+  }
+  filled_.notify_all();
+  if (disk_thread_.joinable()) disk_thread_.join();
+  return stats().status;
+}
+
+// --- The DDS thread
+
+void DdsRecorder::Impl::listen(std::promise<Status> started) {
+  wire::RejoinWatch rejoin_watch(mailbox_, options_.transport);
+  const Status joined = join();
+  started.set_value(joined);
+  if (!joined.is_ok()) return;
+  while (!leaving_) {
+    if (rejoin_watch.take_due()) {
+      mailbox_.complain("what was sent before it has joined again is missing");
+      bus_.reset();
+      if (const Status status = join(); !status.is_ok()) {
+        mailbox_.complain("could not join again: " + status.message());
+        bus_.reset();
+        rejoin_watch.try_again();
+      }
+    }
+    if (bus_ == nullptr) {
+      mailbox_.wait(kIdleWait_s);
+      continue;
+    }
+    bool more = false;
+    for (std::uint32_t i = 0; i < topics_.size(); ++i) more |= (this->*topics_[i].drain)(i);
+    if (!more) mailbox_.wait(kIdleWait_s);
+  }
+  if (bus_ != nullptr)
+    for (std::uint32_t i = 0; i < topics_.size(); ++i)
+      while ((this->*topics_[i].drain)(i)) {
+      }
+  bus_.reset();
+}
+
+Status DdsRecorder::Impl::join() {
+  wire::BusOptions bus_options;
+  bus_options.transport = options_.transport;
+  bus_options.participant_name = "nearmesh recorder";
+  bus_options.on_writer = [this](const Handle& writer, const std::string& partition) {
+    if (partition.empty()) return;
+    const std::lock_guard lock(partitions_mutex_);
+    partitions_[writer] = partition;
+  };
+  auto bus = wire::Bus::open(bus_options, mailbox_);
+  if (!bus.is_ok()) return bus.status();
+  bus_ = std::move(bus).value();
+  joined_ns_ = wire::now_us() * 1000;
+  for (Topic& topic : topics_) NEARMESH_RETURN_IF_ERROR((this->*topic.open)(topic));
+  return Status::ok();
+}
+
+template <class Generated>
+Status DdsRecorder::Impl::open_reader(Topic& topic) {
+  auto added = bus_->add_topic<wire::RawType<Generated>>(topic.name);
+  if (!added.is_ok()) return added.status();
+  // All that comes is kept until it is taken, not the latest alone. The writers do not care: theirs keep the latest, or
+  // (batches) do not wait for a best-effort reader.
+  wire::fdds::DataReaderQos qos = wire::reader_qos(*topic.delivery);
+  const bool writers_wait = topic.delivery->history == wire::fdds::KEEP_ALL_HISTORY_QOS;
+  qos.history().kind = wire::fdds::KEEP_ALL_HISTORY_QOS;
+  if (writers_wait) qos.reliability().kind = wire::fdds::BEST_EFFORT_RELIABILITY_QOS;
+  auto reader = bus_->add_reader(added.value(), qos, *topic.listener, writers_wait ? "*" : "");
+  if (!reader.is_ok()) return reader.status();
+  topic.reader = reader.value();
+  return Status::ok();
+}
+
+/// Out: true when there may be more.
+template <class Generated>
+bool DdsRecorder::Impl::drain(std::uint32_t topic) {
+  using Type = wire::RawType<Generated>;
+  using eprosima::fastrtps::types::ReturnCode_t;
+  static_cast<void>(topics_[topic].listener->take_matches());  // nobody is missed here
+  typename Type::Data data;
+  wire::fdds::SampleInfo info;
+  std::vector<Entry> taken;
+  while (taken.size() < kMaxTaken) {
+    data.fault.clear();
+    if (topics_[topic].reader->take_next_sample(static_cast<typename Type::Sample*>(&data),
+                                                &info) != ReturnCode_t::RETCODE_OK)
+      break;
+    Entry& entry = taken.emplace_back();
+    entry.topic = topic;
+    entry.writer = info.publication_handle;
+    entry.partition = partition_of(entry.writer);
+    entry.message.sequence = info.sample_identity.sequence_number().to64long();
+    entry.message.received_ns = info.reception_timestamp.to_ns();
+    entry.message.source_ns = info.source_timestamp.to_ns();
+    if (!info.valid_data) continue;  // a dispose, which has a number too
+    if constexpr (std::is_same_v<Generated, wire_types::MeshHeaderSamplePubSubType>)
+      if (data.fault.empty())
+        if (const auto header = decode(data); header.is_ok()) {
+          entry.content_hash = header.value().content_hash;
+          entry.model = header.value().name;
+        }
+    if (!data.fault.empty())
+      mailbox_.complain(topics_[topic].name + ": sample of " + wire::name_of(entry.writer) +
+                        " recorded, but faulty: " + data.fault);
+    entry.message.cdr = std::exchange(data.cdr, {});
+  }
+  // Fast DDS gives one key after the other; the recording is in the order of each writer.
+  std::sort(taken.begin(), taken.end(), [](const Entry& a, const Entry& b) {
+    return std::tie(a.message.source_ns, a.writer, a.message.sequence) <
+           std::tie(b.message.source_ns, b.writer, b.message.sequence);
+  });
+  for (Entry& entry : taken) {
+    count_gap(entry);
+    if (!entry.message.cdr.empty()) push(std::move(entry));
+  }
+  return taken.size() == kMaxTaken;
+}
+
+/// Of a writer that is there already we may get the latest sample of each key, numbered with gaps: none of them is missing.
+void DdsRecorder::Impl::count_gap(const Entry& entry) {
+  Sequence& sequence = sequences_[entry.writer];
+  const RecordedMessage& message = entry.message;
+  if (sequence.live && message.sequence > sequence.next) {
+    Entry gap{.topic = entry.topic, .writer = entry.writer, .partition = entry.partition};
+    gap.message.sequence = sequence.next;
+    gap.message.received_ns = message.received_ns;
+    gap.missing = message.sequence - sequence.next;
+    push(std::move(gap));
+  }
+  sequence.live |= message.source_ns >= joined_ns_;
+  sequence.next = std::max(sequence.next, message.sequence + 1);
+}
+
+std::string DdsRecorder::Impl::partition_of(const Handle& writer) {
+  const std::lock_guard lock(partitions_mutex_);
+  const auto found = partitions_.find(writer);
+  return found == partitions_.end() ? "" : found->second;
+}
+
+void DdsRecorder::Impl::push(Entry&& entry) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (stats_.ended) return;
+    if (entry.missing > 0) {
+      stats_.lost += entry.missing;
+    } else if (waiting_bytes_ + entry.bytes() > options_.max_waiting_bytes) {
+      // In its place the fact that it is missing, joined to one that waits already.
+      ++stats_.dropped;
+      const auto same = std::find_if(waiting_.rbegin(), waiting_.rend(), [&](const Entry& other) {
+        return other.writer == entry.writer;
+      });
+      if (same != waiting_.rend() && same->missing > 0 &&
+          same->message.sequence + same->missing == entry.message.sequence) {
+        ++same->missing;
+        return;
+      }
+      entry.message.cdr.clear();
+      entry.missing = 1;
+      entry.content_hash = 0;
+    } else {
+      ++stats_.messages;
+      stats_.bytes += entry.message.cdr.size();
+    }
+    waiting_bytes_ += entry.bytes();
+    waiting_.push_back(std::move(entry));
+  }
+  filled_.notify_one();
+}
+
+// --- The disk thread
+
+void DdsRecorder::Impl::write() {
+  Status status;
+  for (bool ending = false; status.is_ok() && !ending;) {
+    std::deque<Entry> entries;
+    {
+      std::unique_lock lock(mutex_);
+      filled_.wait_for(lock, kDiskWait, [this] { return !waiting_.empty() || heard_all_; });
+      ending = heard_all_ && waiting_.empty();
+      // A little at a time, so that the limit on what waits holds.
+      while (!waiting_.empty() && entries.size() < kMaxWritten) {
+        waiting_bytes_ -= waiting_.front().bytes();
+        entries.push_back(std::move(waiting_.front()));
+        waiting_.pop_front();
+      }
+    }
+    for (const Entry& entry : entries) {
+      status = write(entry);
+      if (!status.is_ok() || finished_) break;
+    }
+    if (status.is_ok()) status = file_->commit_if_due();
+    const std::lock_guard lock(mutex_);
+    stats_.file_bytes = file_->bytes();
+    if (finished_) break;
+  }
+  const Status closed = file_->close();
+  const std::lock_guard lock(mutex_);
+  stats_.file_bytes = file_->bytes();
+  stats_.status = status.is_ok() ? closed : status;
+  stats_.ended = true;
+  waiting_.clear();
+  waiting_bytes_ = 0;
+}
+
+Status DdsRecorder::Impl::begin_part() {
+  auto file = RecordingWriter::create(part_path(options_.path, facts_.part), facts_);
+  if (!file.is_ok()) return file.status();
+  file_ = std::move(file).value();
+  writers_.clear();
+  for (const Topic& topic : topics_)
+    if (const auto added = file_->add_topic({topic.name, topic.type}); !added.is_ok())
+      return added.status();
+  return Status::ok();
+}
+
+Status DdsRecorder::Impl::make_room() {
+  if (options_.max_bytes == 0 || file_->bytes() < options_.max_bytes) return Status::ok();
+  if (!options_.split) {
+    finished_ = true;
+    return Status::ok();
+  }
+  NEARMESH_RETURN_IF_ERROR(file_->close());
+  ++facts_.part;
+  NEARMESH_RETURN_IF_ERROR(begin_part());
+  const std::lock_guard lock(mutex_);
+  stats_.parts = facts_.part + 1;
+  return Status::ok();
+}
+
+Status DdsRecorder::Impl::write(const Entry& entry) {
+  NEARMESH_RETURN_IF_ERROR(make_room());
+  if (finished_) return Status::ok();
+  const auto [known, is_new] = writers_.try_emplace({entry.topic, entry.writer}, 0);
+  if (is_new) {
+    const auto added = file_->add_writer({entry.topic, guid_of(entry.writer), entry.partition});
+    if (!added.is_ok()) return added.status();
+    known->second = added.value();
+    const std::lock_guard lock(mutex_);
+    stats_.writers =
+        static_cast<std::uint32_t>(std::max<std::size_t>(stats_.writers, writers_.size()));
+  }
+  if (entry.missing > 0)
+    return file_->add_gap(
+        {known->second, entry.message.sequence, entry.missing, entry.message.received_ns});
+  RecordedMessage message = entry.message;
+  message.writer = known->second;
+  const Result<std::int64_t> id =
+      file_->append(message, wire::record_key(topics_[entry.topic].type, message.cdr));
+  if (!id.is_ok()) return id.status();
+  if (entry.model.empty()) return Status::ok();
+  return file_->add_model({entry.content_hash, entry.model, id.value()});
+}
+
+// --- Called by the host
+
+Result<std::unique_ptr<DdsRecorder>> DdsRecorder::create(const RecorderOptions& options) {
+  auto impl = std::make_unique<Impl>(options);
+  NEARMESH_RETURN_IF_ERROR(impl->start());
+  return std::unique_ptr<DdsRecorder>(new DdsRecorder(std::move(impl)));
+}
+
+DdsRecorder::DdsRecorder(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+DdsRecorder::~DdsRecorder() = default;
+
+RecorderStats DdsRecorder::stats() const { return impl_->stats(); }
+std::vector<std::string> DdsRecorder::take_complaints() { return impl_->take_complaints(); }
+Status DdsRecorder::finish() { return impl_->finish(); }
+
+}  // namespace nearmesh::subscriber

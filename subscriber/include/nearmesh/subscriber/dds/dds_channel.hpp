@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// A peer's channel over Fast DDS. One thread inside makes every DDS call; the host's only puts into
+// and takes from queues, so no call here waits for the network.
+
+#include <cstddef>
+#include <memory>
+
+#include "nearmesh/core/base/status.hpp"
+#include "nearmesh/idl/dds/detail/transport_options.hpp"
+#include "nearmesh/subscriber/peer/channel.hpp"
+
+namespace eprosima::fastdds::dds {
+class DomainParticipant;
+}
+
+namespace nearmesh::subscriber {
+
+struct DdsChannelOptions {
+  wire::TransportOptions transport;
+  wire::SessionId session = 0;  ///< 0: random
+  /// Given by the host: used as it is (its domain, transports, lease; only prefix and heartbeat_s
+  /// apply here); its QoS and listeners stay, types and topics that exist are used, and only what
+  /// was made here is removed. Must outlive the channel.
+  eprosima::fastdds::dds::DomainParticipant* participant = nullptr;
+  /// What may wait for take(), each kind; the newest beyond are dropped with a complaint.
+  std::size_t max_waiting_batches = 16384;  ///< about 20 MB
+  std::size_t max_waiting_others = 4096;
+  std::size_t max_waiting_header_bytes = 64U << 20;
+  std::size_t max_outgoing = 4096;  ///< each kind; the oldest are dropped with a complaint
+};
+
+/// Threads: all functions, any thread.
+class DdsChannel final : public Channel {
+ public:
+  /// Waits until the thread has made its entities, some ten milliseconds.
+  /// Errors: kInvalidArgument naming the option; kConflict when the host's participant has other
+  /// types under our names; kIo when Fast DDS refuses.
+  [[nodiscard]] static Result<std::unique_ptr<DdsChannel>> create(const DdsChannelOptions& options);
+  /// Leaves the bus; below a second.
+  ~DdsChannel() override;
+
+  [[nodiscard]] wire::SessionId own_id() const override;
+  /// Kept until a publisher can hear it. A message that check() refuses leaves a complaint.
+  void send(const wire::RegionSubscription& subscription) override;
+  void send(const wire::BodyPose& pose) override;
+  void send(const wire::ContactReport& report) override;
+  void tell(const wire::ProcessStatus& status) override;
+  /// A Hello comes out only when its publisher can hear subscriptions, so no request that follows
+  /// it is lost.
+  [[nodiscard]] Inbox take() override;
+  /// For programs without a frame loop: blocks until take() has something, or the time is over.
+  void wait(double seconds);
+
+ private:
+  class Impl;
+  explicit DdsChannel(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace nearmesh::subscriber

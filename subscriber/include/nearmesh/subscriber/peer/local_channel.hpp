@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// A peer's channel without a network: serves models straight from their .spm files, through the same demand walk as the
+// publisher's. For hosts' unit tests, and for programs that have the files at hand. Takes RegionSubscription, gives
+// SplitBatch; needs no DDS (NEARMESH_WITH_DDS=OFF builds it).
+
+#include <map>
+#include <string>
+
+#include "nearmesh/core/spm/model_file.hpp"
+#include "nearmesh/subscriber/peer/channel.hpp"
+
+namespace nearmesh::subscriber {
+
+/// A request that is sent in one update is answered in full in the next, so a host's test is: add the models, make a
+/// Session, update until it is certified; the same numbers of updates on every machine, since no clock is involved.
+/// Memory: what the requests touch of the files. Cost: of an answer as in demand/collect.hpp, in the caller's send().
+/// Threads: one at a time, the Session's; models of two channels do not share anything.
+class LocalChannel final : public Channel {
+ public:
+  /// Serves a model under a name, from the next take() on; also later, as a publisher may come that late.
+  /// Errors: kInvalidArgument (name, too many models); kConflict (the name is taken, or the same content is served).
+  [[nodiscard]] Status add_model(const std::string& name, ModelFile file);
+
+  /// False: as when the network goes down; the publisher is lost, nothing is answered and nobody's pose arrives until it
+  /// is true again. To test what a host does while answers are uncertain.
+  void set_connected(bool connected);
+
+  /// As if another peer had moved one of its bodies. Dropped while not connected.
+  /// Errors: those of wire::check.
+  [[nodiscard]] Status deliver(const wire::BodyPose& pose);
+
+  [[nodiscard]] wire::SessionId own_id() const override { return kPeer; }
+  void send(const wire::RegionSubscription& subscription) override;
+  void send(const wire::BodyPose&) override {}       ///< nobody else is there
+  void send(const wire::ContactReport&) override {}  ///< nobody else is there
+  [[nodiscard]] Inbox take() override;
+
+ private:
+  static constexpr wire::SessionId kPeer = 1, kPublisher = 2;
+  struct Model {
+    std::string name;
+    ModelFile file;
+  };
+  void announce();
+
+  std::map<std::uint64_t, Model> models_;  // by content hash
+  Inbox inbox_;
+  std::uint32_t sequence_ = 0;
+  bool connected_ = true;
+};
+
+}  // namespace nearmesh::subscriber

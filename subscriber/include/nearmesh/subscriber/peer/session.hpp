@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// A peer: holds replicas of the models its bodies use, asks publishers for the detail that is about to be touched,
+// and answers, every frame, whether pairs of bodies touch, with how far each answer can be trusted.
+// Polled by the host: update() never blocks and never calls DDS (the channel's own thread does).
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/ask/predict.hpp"
+#include "nearmesh/core/query/contacts.hpp"
+#include "nearmesh/core/query/sweep.hpp"
+#include "nearmesh/subscriber/peer/channel.hpp"
+#include "nearmesh/subscriber/peer/readiness.hpp"
+
+namespace nearmesh::subscriber {
+
+struct SessionOptions {
+  /// Detail is asked for where the other body may be within this time, as soon as some is missing in the first half of it.
+  double lookahead_s = 0.5;
+  double margin_m = 0;            ///< and this much further
+  double sweep_s = 0;             ///< also answer for all of this time ahead; 0: do not
+  std::size_t region_boxes = 96;  ///< boxes by which a region is described, in [1, kMaxRegionBoxes]
+  std::uint32_t request_splits = 4096;  ///< largest answer to one request
+  std::uint32_t window_bytes =
+      64 * 1024;  ///< batches that may be under way to this peer; twice as much overran the default
+                  ///< socket buffer, and 12 % were sent again
+  double request_timeout_s = 0.5;  ///< a request without an answer is repeated after this
+  std::uint32_t max_held_splits =
+      0;                  ///< above this, detail far from every body is given up; 0: no limit
+  bool contacts = false;  ///< work out where bodies touch: PairAnswer::contacts
+  bool publish_reports =
+      true;  ///< send a ContactReport of each answer, and again when it changes within a frame
+};
+
+/// An answer about one watched pair.
+struct PairAnswer {
+  std::string body_a, body_b;
+  Answer answer;
+  /// Why nothing can be said (status kUncertain): a header, a publisher or a pose that has not come; or, for ever, a
+  /// solid with an open model, or a model of too many parts near a solid. Else empty.
+  std::string reason;
+  /// Not certified for want of detail: of which model, and whether any publisher is there that sends it. Else empty.
+  std::string awaited;
+  bool asked = false;   ///< headers and poses were there, so the trees were asked
+  Pose pose_a, pose_b;  ///< what was asked about; meaningless with a reason of missing poses
+  /// With SessionOptions::contacts, when the answer has pairs: where they touch, all exact.
+  std::optional<Contacts> contacts;
+  /// Free or contained: until this much later nothing can touch, if the bodies keep within their speeds. Seconds.
+  double safe_horizon_s = 0;
+  /// With SessionOptions::sweep_s, where the poses are known: the answer for the time ahead, if both bodies keep their
+  /// velocities. What it misses is asked for as the look-ahead's detail is.
+  std::optional<SweptAnswer> swept;
+};
+
+/// What one update did. Seconds are wall clock of this call.
+struct FrameReport {
+  std::vector<PairAnswer> answers;      ///< one per watched pair, in the order of watch()
+  double load_s = 0;                    ///< T_L: decoding batches
+  double refine_s = 0;                  ///< T_R: vertex splits and collapses
+  double tree_s = 0;                    ///< T_B: AB-tree
+  double query_s = 0;                   ///< T_Q, sweeps and contacts included
+  std::uint64_t batches_waiting = 0;    ///< left over for want of budget
+  std::vector<std::string> complaints;  ///< one line each, for a log
+  /// Digest of the state of refinement that the answers were given in: of all models' active vertices, in the order of
+  /// the models' names.
+  std::uint64_t state_digest = 0;
+  /// Digest of all answers, in order, but their statistics. Peers that were sent the same batches, in any order, and ask
+  /// about the same poses have the same two digests.
+  std::uint64_t answers_digest = 0;
+
+  [[nodiscard]] bool all_certified() const;
+};
+
+struct SessionStats {
+  std::uint64_t batches = 0, batch_bytes = 0;  ///< payload of split batches
+  std::uint64_t header_bytes = 0;
+  std::uint64_t requests = 0;
+  std::uint64_t sequence_gaps = 0;  ///< batches that never came
+  std::uint64_t held_splits = 0, slots = 0, exact_faces = 0, tree_bytes = 0;
+  std::uint64_t mesh_bytes = 0;  ///< what whole replicas of the models in use would take
+};
+
+class Session {
+ public:
+  explicit Session(std::unique_ptr<Channel> channel, SessionOptions options = {});
+  ~Session();
+  Session(const Session&) = delete;
+  Session& operator=(const Session&) = delete;
+
+  /// Declares a body and the model (by the publisher's name for it) that it has; at any time: what spawns is uncertain,
+  /// never free, until it is known. `own`: this peer moves it and publishes its pose; otherwise its pose comes from
+  /// whoever does. Headers of models that no body uses are kept for that, up to 256 and 16 MiB. `solid`: the body has an inside
+  /// (core/query/query.hpp); where its model turns out to be open, no answer about it is ever certified, and each
+  /// names the reason. Errors: kConflict (name taken), kInvalidArgument (name).
+  [[nodiscard]] Status add_body(const std::string& name, const std::string& model, bool own,
+                                bool solid = false);
+  /// Fixes a body in place, for scenery that nobody moves. Errors: kNotFound, kInvalidArgument (pose).
+  [[nodiscard]] Status place_body(const std::string& name, const Pose& pose);
+  /// Asks for an answer about two bodies in every update. Errors: kNotFound, kInvalidArgument (the same body).
+  [[nodiscard]] Status watch(const std::string& body_a, const std::string& body_b);
+
+  struct OwnMotion {
+    std::string body;
+    Motion motion;
+  };
+  /// One frame: publishes the own bodies' motions, takes in what arrived until `budget_s` is spent (at least one batch),
+  /// answers every watched pair, and asks for what is missing. May be called again for the same frame.
+  /// Errors: kNotFound or kInvalidArgument naming the body, kInvalidArgument for a time that is not finite; nothing was
+  /// changed then.
+  /// Threads: one at a time. Never blocks.
+  [[nodiscard]] Result<FrameReport> update(std::uint64_t frame, double time_s,
+                                           const std::vector<OwnMotion>& motions, double budget_s);
+
+  /// How far a body is, as of the last update. A pair that was watched, or a body that was placed, since then is not
+  /// certified. Cost: O(watched pairs). Errors: kNotFound.
+  [[nodiscard]] Result<Readiness> readiness(const std::string& body) const;
+  /// How far the part of a body's model within a box is: metres, the body's model frame.
+  /// Errors: kNotFound; kInvalidArgument where the box is empty or not finite.
+  [[nodiscard]] Result<RegionReadiness> region_readiness(const std::string& body,
+                                                         const std::array<double, 3>& lo_m,
+                                                         const std::array<double, 3>& hi_m) const;
+  /// True when the header of every declared body's model is here.
+  [[nodiscard]] bool has_all_headers() const;
+  [[nodiscard]] SessionStats stats() const;
+  /// As of the last full second of update(), which also sends it to whoever asks on the bus.
+  [[nodiscard]] const wire::ProcessStatus& status() const;
+  /// The mesh header of a body's model, once it is here.
+  [[nodiscard]] const SpmHeader* header_of(const std::string& body) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace nearmesh::subscriber

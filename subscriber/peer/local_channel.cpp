@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "nearmesh/subscriber/peer/local_channel.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include "core/demand/answer.hpp"
+
+namespace nearmesh::subscriber {
+namespace {
+
+Result<std::vector<std::vector<std::uint8_t>>> answer(ModelFile& file,
+                                                      const RegionRequest& request) {
+  NEARMESH_RETURN_IF_ERROR(check_request(file.store(), request));
+  return answer_request(file.header(), file.store(), request,
+                        [&file](NodeSpan node) { return file.require(node); });
+}
+
+}  // namespace
+
+Status LocalChannel::add_model(const std::string& name, ModelFile file) {
+  NEARMESH_RETURN_IF_ERROR(wire::check_new_model(name, models_.size()));
+  for (const auto& [hash, model] : models_)
+    if (model.name == name || hash == file.content_hash())
+      return {StatusCode::kConflict,
+              file.path() + " as " + name + ": " +
+                  (model.name == name ? "the name is taken by " : "same content as ") +
+                  model.file.path() + ", served as " + model.name};
+  const std::uint64_t hash = file.content_hash();
+  models_.emplace(hash, Model{name, std::move(file)});
+  if (connected_) announce();
+  return Status::ok();
+}
+
+void LocalChannel::announce() {
+  wire::Hello hello;
+  hello.publisher = kPublisher;
+  inbox_.headers.clear();
+  for (const auto& [hash, model] : models_)
+    inbox_.headers.push_back(wire::announce_model(model.name, model.file, hello));
+  inbox_.hellos.assign(1, std::move(hello));
+}
+
+void LocalChannel::set_connected(bool connected) {
+  if (std::exchange(connected_, connected) == connected) return;
+  if (connected) {
+    sequence_ = 0;  // a publisher that was lost comes back as a new one
+    announce();
+    return;
+  }
+  inbox_ = {};
+  inbox_.lost_publishers.push_back(kPublisher);
+}
+
+Status LocalChannel::deliver(const wire::BodyPose& pose) {
+  NEARMESH_RETURN_IF_ERROR(wire::check(pose));
+  if (connected_) inbox_.poses.push_back(pose);
+  return Status::ok();
+}
+
+void LocalChannel::send(const wire::RegionSubscription& subscription) {
+  // Whoever returns credit alone asks for nothing: there is no link here to overrun.
+  if (!connected_ || subscription.request == 0) return;
+  const auto at = models_.find(subscription.content_hash);
+  Result<std::vector<std::vector<std::uint8_t>>> batches =
+      at == models_.end()
+          ? Status{StatusCode::kNotFound, "no model with that content hash is served here"}
+          : answer(at->second.file, subscription.region);
+  wire::SplitBatchMessage message;
+  message.publisher = kPublisher;
+  message.content_hash = subscription.content_hash;
+  message.request = subscription.request;
+  message.refused = !batches.is_ok();
+  std::vector<std::vector<std::uint8_t>> payloads(1);  // "nothing was needed" is an answer too
+  if (!batches.is_ok()) {
+    const std::string why = batches.status().message().substr(0, kMaxBatchBytes);
+    payloads[0].assign(why.begin(), why.end());
+  } else if (!batches.value().empty()) {
+    payloads = std::move(batches).value();
+  }
+  for (std::size_t i = 0; i < payloads.size(); ++i) {
+    message.sequence = ++sequence_;
+    message.last = i + 1 == payloads.size();
+    message.bytes = std::move(payloads[i]);
+    inbox_.batches.push_back(message);
+  }
+}
+
+Channel::Inbox LocalChannel::take() { return std::exchange(inbox_, {}); }
+
+}  // namespace nearmesh::subscriber

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// Readiness of one watched pair, and of a body from its pairs.
+
+#include "nearmesh/subscriber/peer/session.hpp"
+
+namespace nearmesh::subscriber {
+
+/// Of a pair that the next update will ask about.
+[[nodiscard]] inline Readiness not_asked(const std::string& body_a, const std::string& body_b) {
+  return {.pairs = 1, .reason = body_a + " and " + body_b + ": not asked since the last update"};
+}
+
+[[nodiscard]] inline Readiness readiness_of(const PairAnswer& pair) {
+  const Answer& answer = pair.answer;
+  if (is_certified(answer.status)) return {ReadyStage::kCertified, 1, 1, {}};
+  const std::string names = pair.body_a + " and " + pair.body_b + ": ";
+  if (!pair.reason.empty())
+    return {pair.asked ? ReadyStage::kAnswering : ReadyStage::kWaiting, 1, 0, names + pair.reason};
+  return {ReadyStage::kAnswering, 1, 0,
+          names + to_string(answer.status) + ", " + pair.awaited + "; known to within " +
+              std::to_string(answer.uncertainty_m) + " m"};
+}
+
+/// A body is as far as the least far of its pairs; start with {.stage = kCertified}.
+inline void add_pair(Readiness& body, const Readiness& pair) {
+  body.pairs += pair.pairs;
+  body.certified += pair.certified;
+  if (pair.stage >= body.stage) return;
+  body.stage = pair.stage;
+  body.reason = pair.reason;
+}
+
+}  // namespace nearmesh::subscriber

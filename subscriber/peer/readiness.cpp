@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "nearmesh/subscriber/peer/readiness.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "core/base/stopwatch.hpp"
+#include "nearmesh/core/query/query.hpp"
+#include "nearmesh/subscriber/peer/wait_ready.hpp"
+
+namespace nearmesh::subscriber {
+namespace {
+
+constexpr auto kPause = std::chrono::milliseconds(2);  ///< about what an answer takes on a LAN
+
+/// The box's cells, rounded outward by one more: the division by a power of two is exact, the subtraction is not.
+GridBox cells_around(const Grid& grid, const std::array<double, 3>& lo_m,
+                     const std::array<double, 3>& hi_m) {
+  // Far beyond any box of a model, and still an integer.
+  constexpr double kFar = 0x1p31 - 1;
+  GridBox box;
+  for (int k = 0; k < 3; ++k) {
+    const auto axis = static_cast<std::size_t>(k);
+    const auto cells = [&](double at_m) {
+      return std::ldexp(at_m - grid.origin_m[axis], -grid.exponent);
+    };
+    box.lo[k] =
+        static_cast<std::int32_t>(std::clamp(std::floor(cells(lo_m[axis])) - 1, -kFar, kFar));
+    box.hi[k] =
+        static_cast<std::int32_t>(std::clamp(std::ceil(cells(hi_m[axis])) + 1, -kFar, kFar));
+  }
+  return box;
+}
+
+}  // namespace
+
+const char* to_string(ReadyStage stage) {
+  switch (stage) {
+    case ReadyStage::kWaiting:
+      return "waiting";
+    case ReadyStage::kAnswering:
+      return "answering";
+    case ReadyStage::kCertified:
+      return "certified";
+  }
+  return "?";
+}
+
+RegionReadiness lacks_in_box(const TreeView& tree, const std::array<double, 3>& lo_m,
+                             const std::array<double, 3>& hi_m) {
+  NEARMESH_ASSERT(tree.store != nullptr);
+  const GridBox box = cells_around(*tree.grid, lo_m, hi_m);
+  RegionReadiness lacks;
+  double bound_cells = 0;
+  std::vector<TreeEntry> open{tree.root()};
+  while (!open.empty()) {
+    const TreeEntry entry = open.back();
+    open.pop_back();
+    if (entry.kind() == TreeEntry::Kind::kEmpty || !entry.box.meets(box)) continue;
+    if (entry.kind() == TreeEntry::Kind::kInner) {
+      tree.for_each_child(entry, [&](const TreeEntry& child) { open.push_back(child); });
+    } else if (entry.kind() == TreeEntry::Kind::kFrontier) {
+      const NodeSpan node = entry.frontier_node();
+      ++lacks.unresolved_nodes;
+      lacks.missing_vertices += node.size - 1;
+      bound_cells = std::max(bound_cells, node_bound(*tree.store, node));
+    }
+  }
+  lacks.uncertainty_m = std::ldexp(bound_cells, tree.grid->exponent);
+  lacks.resolved = lacks.unresolved_nodes == 0;
+  if (!lacks.resolved)
+    lacks.reason =
+        std::to_string(lacks.unresolved_nodes) + " nodes are not refined there, at most " +
+        std::to_string(lacks.missing_vertices) + " vertices below them, known to within " +
+        std::to_string(lacks.uncertainty_m) + " m";
+  return lacks;
+}
+
+Result<Waited> wait_ready(Session& session, const std::string& body, double timeout_s,
+                          std::vector<Session::OwnMotion> motions, std::uint64_t frame,
+                          double time_s) {
+  constexpr double kBudget_s = 0.1;  // nobody has a frame to keep here
+  const Stopwatch waited;
+  Waited result;
+  for (;;) {
+    Result<FrameReport> report = session.update(frame, time_s, motions, kBudget_s);
+    if (!report.is_ok()) return report.status();
+    motions.clear();  // the session knows them by now
+    std::vector<std::string> complaints = std::move(result.report.complaints);
+    result.report = std::move(report).value();
+    complaints.insert(complaints.end(), result.report.complaints.begin(),
+                      result.report.complaints.end());
+    result.report.complaints = std::move(complaints);
+    Result<Readiness> readiness = session.readiness(body);
+    if (!readiness.is_ok()) return readiness.status();
+    result.readiness = std::move(readiness).value();
+    if (result.readiness.stage == ReadyStage::kCertified || waited.seconds() >= timeout_s)
+      return result;
+    std::this_thread::sleep_for(kPause);
+  }
+}
+
+}  // namespace nearmesh::subscriber

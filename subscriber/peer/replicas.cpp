@@ -1,0 +1,154 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "replicas.hpp"
+
+#include <algorithm>
+#include <new>
+
+#include "core/base/hash.hpp"
+#include "core/base/stopwatch.hpp"
+
+namespace nearmesh::subscriber {
+PeerModel& ReplicaSet::add(const std::string& name) {
+  PeerModel& model = models_[name];
+  model.name = name;
+  return model;
+}
+
+PeerModel* ReplicaSet::find(const std::string& name) {
+  const auto at = models_.find(name);
+  return at == models_.end() ? nullptr : &at->second;
+}
+
+PeerModel* ReplicaSet::find(std::uint64_t content_hash) {
+  for (auto& [name, model] : models_)
+    if (model.content_hash == content_hash && content_hash != 0) return &model;
+  return nullptr;
+}
+
+std::size_t ReplicaSet::announce(const wire::Hello& hello, std::vector<std::string>& complaints) {
+  std::size_t header_bytes = 0;
+  for (const wire::Hello::Model& served : hello.models) {
+    PeerModel* model = find(served.name);
+    if (model == nullptr || model->content_hash == served.content_hash) continue;
+    if (model->content_hash != 0) {
+      complaints.push_back("model " + served.name + ": publisher " + to_hex(hello.publisher) +
+                           " announces content " + to_hex(served.content_hash) +
+                           ", before it was " + to_hex(model->content_hash) +
+                           "; starting again with the new content");
+      const std::string name = model->name;
+      *model = PeerModel{.name = name};
+    }
+    model->content_hash = served.content_hash;
+    model->mesh_bytes = served.mesh_bytes;
+    if (const auto at = unclaimed_.find(served.content_hash); at != unclaimed_.end()) {
+      const wire::MeshHeader message = std::move(at->second);
+      unclaimed_bytes_ -= message.bytes.size();
+      unclaimed_.erase(at);
+      header_bytes += take_header(message, complaints);
+    }
+  }
+  return header_bytes;
+}
+
+std::size_t ReplicaSet::announce_new(const wire::Hello& hello,
+                                     std::vector<std::string>& complaints) {
+  wire::Hello news{.publisher = hello.publisher};
+  for (const wire::Hello::Model& served : hello.models)
+    if (const PeerModel* model = find(served.name); model != nullptr && model->content_hash == 0)
+      news.models.push_back(served);
+  return announce(news, complaints);
+}
+
+/// Beyond the limit only of names we use, whose hello is on its way.
+void ReplicaSet::keep_header(const wire::MeshHeader& message) {
+  if (const auto at = unclaimed_.find(message.content_hash); at != unclaimed_.end()) {
+    unclaimed_bytes_ -= at->second.bytes.size();
+    unclaimed_.erase(at);
+  }
+  const bool has_room = unclaimed_bytes_ + message.bytes.size() <= kMaxSpareHeaderBytes;
+  const bool is_named = find(message.name) != nullptr && unclaimed_.size() < 2 * wire::kMaxModels;
+  if (!(has_room && unclaimed_.size() < wire::kMaxModels) && !is_named) return;
+  unclaimed_bytes_ += message.bytes.size();
+  unclaimed_.emplace(message.content_hash, message);
+}
+
+std::size_t ReplicaSet::take_header(const wire::MeshHeader& message,
+                                    std::vector<std::string>& complaints) {
+  PeerModel* model = find(message.content_hash);
+  if (model == nullptr) {
+    keep_header(message);
+    return 0;
+  }
+  if (model->is_ready()) return 0;
+  Result<SpmHeader> header = decode_header(message.bytes);
+  if (!header.is_ok()) {
+    complaints.push_back("model " + model->name + ": " + header.status().message());
+    return 0;
+  }
+  try {
+    model->replica.emplace(std::move(header).value());
+    model->tree.emplace(model->replica->mesh());
+  } catch (const std::bad_alloc&) {  // arrays span all ids that a header announces
+    model->tree.reset();
+    model->replica.reset();
+    complaints.push_back("model " + model->name + ": no address space for its vertices");
+    return 0;
+  }
+  return message.bytes.size();
+}
+
+bool ReplicaSet::apply_one(FrameReport& report) {
+  for (auto& [name, model] : models_) {
+    if (!model.is_ready() || model.waiting.empty()) continue;
+    Stopwatch watch;
+    const std::vector<std::uint8_t> bytes = std::move(model.waiting.front());
+    model.waiting.pop_front();
+    ++model.applied_batches;
+    const Result<SplitBatch> batch = decode_batch(model.replica->header(), bytes);
+    report.load_s += watch.lap();
+    if (!batch.is_ok()) {
+      report.complaints.push_back("model " + name + ": " + batch.status().message());
+      return true;
+    }
+    const Replica::Applied applied = model.replica->apply_batch(batch.value());
+    report.refine_s += watch.lap();
+    model.tree->update(applied.delta);
+    report.tree_s += watch.lap();
+    if (!applied.status.is_ok())
+      report.complaints.push_back("model " + name + ": " + applied.status.message());
+    return true;
+  }
+  return false;
+}
+
+void ReplicaSet::collapse_outside(PeerModel& model, const std::vector<RegionPart>& keep,
+                                  FrameReport& report) {
+  const SplitStore& store = model.replica->store();
+  std::vector<NodeSpan> stack, give_up;
+  for (const BaseRoot& root : store.roots()) stack.push_back(root.node);
+  while (!stack.empty()) {
+    const NodeSpan node = stack.back();
+    stack.pop_back();
+    const VertexId split = node.size < 2 ? VertexId{} : store.split_of(node);
+    if (!split.is_valid()) continue;
+    const GridBox box = store.box(node);
+    if (std::none_of(keep.begin(), keep.end(), [&](const RegionPart& k) { return k.meets(box); })) {
+      give_up.push_back(node);
+      continue;
+    }
+    stack.push_back(node.left_of(split));
+    stack.push_back(node.right_of(split));
+  }
+  model.gave_up_detail |= !give_up.empty();
+  for (const NodeSpan& node : give_up) {
+    Stopwatch watch;
+    const RefineDelta delta = model.replica->collapse(node);
+    report.refine_s += watch.lap();
+    model.tree->update(delta);
+    report.tree_s += watch.lap();
+    model.replica->forget(node);
+    report.refine_s += watch.lap();
+  }
+}
+
+}  // namespace nearmesh::subscriber

@@ -1,0 +1,204 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a session asks of publishers: of whom, for which parts, how soon again.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "core/base/hash.hpp"
+#include "core/demand/collect.hpp"
+#include "session_impl.hpp"
+
+namespace nearmesh::subscriber {
+namespace {
+
+constexpr double kMaxPatience_s = 8;
+
+constexpr std::uint8_t kNeededNow = 0;
+constexpr std::uint8_t kHorizon = 1;
+
+}  // namespace
+
+// Where, in a model's grid, all bodies are that a body of that model is watched against; of what is not certified,
+// the rays instead where only the inside of a solid is open.
+RegionMaker Session::Impl::region_of(const PeerModel& model, double lookahead_s,
+                                     const FrameReport& report, bool uncertified_only) const {
+  std::vector<RegionPart> rays;
+  std::vector<std::pair<const Body*, const Body*>> against;
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const PairAnswer& answer = report.answers[i];
+    if (!answer.reason.empty() || (uncertified_only && is_certified(answer.answer.status)))
+      continue;
+    const Answer& open = answer.answer;
+    if (uncertified_only && !(open.rays_a.empty() && open.rays_b.empty())) {
+      // The surfaces are apart: only the rays wait for detail.
+      if (pairs[i].a->model == &model)
+        rays.insert(rays.end(), open.rays_a.begin(), open.rays_a.end());
+      if (pairs[i].b->model == &model)
+        rays.insert(rays.end(), open.rays_b.begin(), open.rays_b.end());
+      continue;
+    }
+    if (pairs[i].a->model == &model) against.emplace_back(pairs[i].a, pairs[i].b);
+    if (pairs[i].b->model == &model) against.emplace_back(pairs[i].b, pairs[i].a);
+  }
+  rays.resize(std::min(rays.size(), kMaxRegionBoxes / 2));
+  if (rays.empty() && against.empty()) return nullptr;
+  return [this, lookahead_s, rays, against](std::size_t max_parts, std::span<const GridBox> near) {
+    std::vector<RegionPart> region = rays;
+    for (const auto& [own, other] : against) {
+      const std::size_t each = std::max<std::size_t>(
+          1, std::min(max_parts, (kMaxRegionBoxes - rays.size()) / against.size()));
+      const auto parts = swept_region(own->model->view(), *own->motion, other->model->view(),
+                                      *other->motion, lookahead_s, options.margin_m, each, near);
+      region.insert(region.end(), parts.begin(), parts.end());
+    }
+    region.resize(std::min(region.size(), kMaxRegionBoxes));
+    return region;
+  };
+}
+
+// What is not given up: somewhat more than will be asked for, or it would come and go.
+std::vector<RegionPart> Session::Impl::kept_of(const PeerModel& model,
+                                               const FrameReport& report) const {
+  const RegionMaker region = region_of(model, horizon_s(), report, false);
+  if (region == nullptr) return {};
+  std::vector<RegionPart> kept = region(kCoarseParts, root_reach(model.replica->store()));
+  for (RegionPart& part : kept) {
+    const std::int32_t radius = part.radius;
+    part = reach_below(part.box);
+    part.radius = radius;
+  }
+  return kept;
+}
+
+// Of those that serve it the one that left the fewest requests in a row unanswered; ties go to the lower id.
+Publisher* Session::Impl::publisher_of(std::uint64_t content_hash) {
+  Publisher* best = nullptr;
+  for (auto& [id, publisher] : publishers) {
+    const auto& models = publisher.hello.models;
+    const bool serves = std::any_of(models.begin(), models.end(), [&](const auto& model) {
+      return model.content_hash == content_hash;
+    });
+    if (serves && (best == nullptr || publisher.lost_requests < best->lost_requests))
+      best = &publisher;
+  }
+  return best;
+}
+
+// Why detail of a model is not here, and whether it may be expected.
+std::string Session::Impl::awaited_of(const PeerModel& model, std::size_t missing) {
+  if (missing == 0) return {};
+  const std::string what =
+      std::to_string(missing) + " nodes of model " + model.name + " are missing, ";
+  const Publisher* publisher = publisher_of(model.content_hash);
+  if (publisher == nullptr)
+    return what +
+           (publishers.empty() ? "no publisher is there" : "no publisher that is there serves it");
+  if (publisher->lost_requests > 0)
+    return what + "publisher " + to_hex(publisher->hello.publisher) + " has not answered " +
+           std::to_string(publisher->lost_requests) + " requests in a row";
+  return what + "publisher " + to_hex(publisher->hello.publisher) + " is asked for them";
+}
+
+// The nodes of a model that this update's answers lack, or those for the time ahead; ascending.
+std::vector<NodeSpan> Session::Impl::missing_of(const PeerModel& model, const FrameReport& report,
+                                                bool ahead) const {
+  std::vector<NodeSpan> missing;
+  const auto add = [&](const PeerModel* lacks, const std::vector<NodeSpan>& nodes) {
+    if (lacks == &model) missing.insert(missing.end(), nodes.begin(), nodes.end());
+  };
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const PairAnswer& answer = report.answers[i];
+    if (!ahead) {
+      add(pairs[i].a->model, answer.answer.missing_a);
+      add(pairs[i].b->model, answer.answer.missing_b);
+    } else if (answer.swept) {
+      add(pairs[i].a->model, answer.swept->missing_a);
+      add(pairs[i].b->model, answer.swept->missing_b);
+    }
+  }
+  std::sort(missing.begin(), missing.end());
+  missing.erase(std::unique(missing.begin(), missing.end()), missing.end());
+  missing.resize(std::min(missing.size(), kMaxAttachNodes));
+  return missing;
+}
+
+// `missing`, ascending, is asked for in any case, before what else of the frontier meets the region.
+bool Session::Impl::request(PeerModel& model, const RegionMaker& region,
+                            std::vector<NodeSpan> missing, std::uint8_t priority,
+                            double patience_s) {
+  Publisher* publisher = publisher_of(model.content_hash);
+  if (publisher == nullptr) return false;
+  if (region == nullptr) return false;
+  std::optional<RegionRequest> region_request =
+      make_request(model.replica->store(), region, std::move(missing), options.region_boxes,
+                   priority == kNeededNow ? options.request_splits
+                                          : std::min(options.request_splits, kMaxAheadSplits),
+                   priority == kNeededNow ? Portion::kLargestNodes : Portion::kWholeNodes);
+  if (!region_request) return false;
+  wire::RegionSubscription subscription;
+  subscription.region = std::move(*region_request);
+  subscription.peer = channel->own_id();
+  subscription.publisher = publisher->hello.publisher;
+  subscription.request = ++last_request;
+  subscription.content_hash = model.content_hash;
+  subscription.priority = priority;
+  subscription.window_bytes = options.window_bytes;
+  channel->send(subscription);
+  outstanding[model.content_hash] = {last_request, priority, clock.seconds(), patience_s,
+                                     publisher->hello.publisher};
+  ++stats.requests;
+  return true;
+}
+
+// What the swept answers lack, and what else may be met within the horizon.
+bool Session::Impl::request_ahead(PeerModel& model, const FrameReport& report, double patience_s) {
+  std::vector<NodeSpan> missing = missing_of(model, report, true);
+  // Looking ahead costs more than most answers. Where nothing lacked in the nearer half of the horizon, an eighth of it may
+  // pass before the next look.
+  if (missing.empty() && std::abs(time_s - model.looked_ahead_s) < horizon_s() / 8) return false;
+  model.looked_ahead_s = -std::numeric_limits<double>::infinity();
+  // Asked for when the nearer half lacks something, then all of it: fewer and fuller batches than a little in each frame.
+  const RegionMaker nearer = region_of(model, horizon_s() / 2, report, false);
+  if (missing.empty() && (nearer == nullptr || !make_request(model.replica->store(), nearer, {},
+                                                             options.region_boxes, 1))) {
+    model.looked_ahead_s = time_s;
+    return false;
+  }
+  return request(model, region_of(model, horizon_s(), report, false), std::move(missing), kHorizon,
+                 patience_s);
+}
+
+// A request for a model was lost: how long to wait for the answer to the next, perhaps of another publisher.
+double Session::Impl::patience_after(std::uint64_t content_hash, Outstanding& lost) {
+  const auto asked = publishers.find(lost.publisher);
+  if (asked != publishers.end() && !std::exchange(lost.is_counted, true))
+    ++asked->second.lost_requests;
+  const Publisher* next = publisher_of(content_hash);
+  if (next != nullptr && next->lost_requests == 0) return options.request_timeout_s;
+  return std::min(2 * lost.patience_s, kMaxPatience_s);
+}
+
+void Session::Impl::ask(const FrameReport& report) {
+  for (auto& [name, model] : replicas.all()) {
+    if (!model.is_ready() || !model.waiting.empty()) continue;
+    // One request at a time and model: the next one names the frontier as the answer has left it, so nothing is sent
+    // twice. Only what is needed now does not wait for a horizon; the publisher drops what is left of that.
+    const auto open = outstanding.find(model.content_hash);
+    double patience_s = options.request_timeout_s;
+    bool may_prefetch = horizon_s() > 0;
+    if (open != outstanding.end()) {
+      const bool lost = clock.seconds() - open->second.heard_s >= open->second.patience_s;
+      if (!lost && open->second.priority == kNeededNow) continue;
+      may_prefetch = may_prefetch && lost;
+      if (lost) patience_s = patience_after(model.content_hash, open->second);
+    }
+    // What an answer lacks is named outright: boxes of nodes need not nest, so the walk may miss a node that the query met.
+    if (!request(model, region_of(model, 0, report, true), missing_of(model, report, false),
+                 kNeededNow, patience_s) &&
+        may_prefetch)
+      static_cast<void>(request_ahead(model, report, patience_s));
+  }
+}
+
+}  // namespace nearmesh::subscriber

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// What the files of Session share: session.cpp (samples in, answers and status out) and session_ask.cpp (what is asked of
+// publishers). Threads: one.
+
+#include "core/base/stopwatch.hpp"
+#include "idl/messages/status_keeper.hpp"
+#include "nearmesh/subscriber/peer/session.hpp"
+#include "replicas.hpp"
+
+namespace nearmesh::subscriber {
+
+struct Body {
+  std::string name;
+  PeerModel* model = nullptr;
+  bool own = false;
+  bool solid = false;
+  std::optional<Motion> motion;
+  bool contested = false;  // another peer moves it too, as was said
+};
+
+// A request that was sent and not yet answered in full.
+struct Outstanding {
+  std::uint32_t request = 0;
+  std::uint8_t priority = 0;
+  double heard_s = 0;     // when it was sent, or its last batch came
+  double patience_s = 0;  // silence after which it counts as lost; doubles with each loss in a row
+  wire::SessionId publisher = 0;  // that was asked
+  bool is_counted = false;        // as lost
+};
+
+struct Publisher {
+  wire::Hello hello;
+  std::uint32_t received_sequence = 0;
+  std::uint32_t lost_requests =
+      0;  // in a row: it may be dead, which DDS tells only when its lease is over
+};
+
+struct Session::Impl {
+  std::unique_ptr<Channel> channel;
+  SessionOptions options;
+  ReplicaSet replicas;
+  std::map<std::string, Body> bodies;
+  struct Pair {
+    Body* a;
+    Body* b;
+    std::optional<std::pair<std::uint64_t, std::uint64_t>> reported;  // frame and digest
+    Readiness last;  // of this pair alone, as of the last update
+  };
+  std::vector<Pair> pairs;
+  std::map<wire::SessionId, Publisher> publishers;
+  bool has_new_model = false;  // a body was added whose model nobody has announced since
+  std::map<std::uint64_t, Outstanding> outstanding;  // by content hash
+  std::uint32_t last_request = 0;
+  double time_s = 0;  // of the update
+  std::uint64_t refused = 0;
+  bool is_dropping = false;  // batches, in this update
+  SessionStats stats;
+  Stopwatch clock;
+  wire::StatusKeeper keeper;
+  wire::ProcessStatus told;  // the last status
+
+  void take_inbox(FrameReport& report);
+  void take_batch(wire::SplitBatchMessage&& message, FrameReport& report);
+  void answer_pair(Pair& pair, std::uint64_t frame, FrameReport& report);
+  void sweep_pair(const Pair& pair, PairAnswer& result, FrameReport& report);
+  void report_pair(Pair& pair, const PairAnswer& answer, std::uint64_t frame);
+  void ask(const FrameReport& report);
+  [[nodiscard]] RegionMaker region_of(const PeerModel& model, double lookahead_s,
+                                      const FrameReport& report, bool uncertified_only) const;
+  [[nodiscard]] std::vector<RegionPart> kept_of(const PeerModel& model,
+                                                const FrameReport& report) const;
+  [[nodiscard]] std::vector<NodeSpan> missing_of(const PeerModel& model, const FrameReport& report,
+                                                 bool ahead) const;
+  [[nodiscard]] double horizon_s() const { return std::max(options.lookahead_s, options.sweep_s); }
+  bool request_ahead(PeerModel& model, const FrameReport& report, double patience_s);
+  bool request(PeerModel& model, const RegionMaker& region, std::vector<NodeSpan> missing,
+               std::uint8_t priority, double patience_s);
+  void tell_status(const FrameReport& report, const SessionStats& counted);
+  [[nodiscard]] Publisher* publisher_of(std::uint64_t content_hash);
+  [[nodiscard]] double patience_after(std::uint64_t content_hash, Outstanding& lost);
+  [[nodiscard]] std::string why_not_ready(const Body& body) const;
+  void take_hello(const wire::Hello& hello, std::vector<std::string>& complaints);
+  [[nodiscard]] std::string awaited_of(const PeerModel& model, std::size_t missing);
+};
+
+}  // namespace nearmesh::subscriber

@@ -1,0 +1,418 @@
+// SPDX-License-Identifier: Apache-2.0
+// nearmesh-subscriber doctor: does this machine reach others? Run it on both ends, or against a publisher.
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <set>
+
+#include "commands.hpp"
+#include "core/base/hash.hpp"
+#include "core/base/stopwatch.hpp"
+#include "idl/dds/interfaces.hpp"
+#include "nearmesh/subscriber/dds/dds_channel.hpp"
+#include "subscriber/dds/dds_echo.hpp"
+
+namespace nearmesh::subscriber::program {
+namespace {
+
+struct Options {
+  wire::TransportOptions transport;
+  double seconds = 10;
+  bool json = false;
+};
+
+constexpr std::uint32_t kSmallCount = 50, kLargeCount = 3, kProbeCount = 200;
+constexpr std::size_t kSmallBytes = 16, kKilobyte = 1000, kMegabyte = 1'000'000;
+constexpr double kProbePeriod_s = 0.002;
+constexpr double kProbeGrace_s = 0.5;  ///< for the last answers
+constexpr double kMostLoss = 0.05;     ///< of both ways together; above, say so
+constexpr std::uint64_t kWantedSocketBytes = 4U << 20;
+
+/// One line of the diagnosis.
+struct Finding {
+  enum class Kind { kFact, kGood, kAdvice, kWrong };
+  Kind kind = Kind::kFact;
+  std::string name, text;
+  nlohmann::ordered_json value;
+};
+
+const char* to_string(Finding::Kind kind) {
+  switch (kind) {
+    case Finding::Kind::kFact:
+      return "fact";
+    case Finding::Kind::kGood:
+      return "good";
+    case Finding::Kind::kAdvice:
+      return "advice";
+    case Finding::Kind::kWrong:
+      return "wrong";
+  }
+  return "unknown";
+}
+
+std::string milliseconds(double seconds) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.2f ms", seconds * 1e3);
+  return text;
+}
+
+struct Interfaces {
+  std::vector<std::string> texts;  ///< "eth0 10.0.0.2, multicast", "lo 127.0.0.1"
+  bool reaches_others = false;     ///< one that is up is not loopback
+};
+
+Interfaces interfaces() {
+  Interfaces found;
+  for (const wire::Interface& one : wire::ipv4_interfaces()) {
+    found.reaches_others |= one.is_up && !one.is_loopback;
+    found.texts.push_back(one.name + " " + one.address + (one.is_up ? "" : ", down") +
+                          (one.has_multicast ? ", multicast" : ""));
+  }
+  return found;
+}
+
+std::uint64_t kernel_number(const std::string& path) {
+  std::uint64_t value = 0;
+  std::ifstream(path) >> value;
+  return value;
+}
+
+/// Files of Fast DDS in shared memory that this user may not open.
+std::vector<std::string> foreign_shared_memory() {
+  std::vector<std::string> files;
+  std::error_code error;
+  for (const auto& entry : std::filesystem::directory_iterator("/dev/shm", error)) {
+    const std::string name = entry.path().filename();
+    if (name.find("fastrtps_") == std::string::npos &&
+        name.find("fast_datasharing") == std::string::npos)
+      continue;
+    if (::access(entry.path().c_str(), R_OK | W_OK) != 0) files.push_back(name);
+  }
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+class Doctor {
+ public:
+  explicit Doctor(const Options& options) : options_(options) {}
+
+  Status examine() {
+    look_at_machine();
+    auto echo = DdsEcho::create(options_.transport);
+    if (!echo.is_ok()) return echo.status();
+    echo_ = std::move(echo).value();
+    NEARMESH_RETURN_IF_ERROR(join_as_peer());
+    fact("locators", echo_->locators());
+    find_others();
+    if (other_) test_other();
+    // The other doctor may not be through with us yet.
+    while (left_s() > 0 && stop_requested == 0) poll(std::min(0.05, left_s()));
+    look_at_publishers();
+    if (!other_ && publishers_.empty())
+      wrong("discovery",
+            "nobody was found: run doctor on the other machine at the same time, with "
+            "the same --domain and --prefix. If it runs: multicast may not get "
+            "through (name the other with --peer), or a firewall blocks UDP ports from " +
+                first_port() + " on");
+    for (const std::string& line : complaints_) wrong("refusal", line);
+    return Status::ok();
+  }
+
+  void print() const {
+    if (options_.json) {
+      nlohmann::ordered_json json = {{"healthy", is_healthy()},
+                                     {"findings", nlohmann::ordered_json::array()}};
+      for (const Finding& finding : findings_)
+        json["findings"].push_back({{"kind", to_string(finding.kind)},
+                                    {"name", finding.name},
+                                    {"value", finding.value},
+                                    {"text", finding.text}});
+      std::printf("%s\n", json.dump().c_str());
+      return;
+    }
+    for (const Finding& finding : findings_)
+      std::printf("%-8s%-16s%s\n",
+                  finding.kind == Finding::Kind::kFact ? "" : to_string(finding.kind),
+                  finding.name.c_str(), finding.text.c_str());
+  }
+
+  [[nodiscard]] bool is_healthy() const {
+    return std::none_of(findings_.begin(), findings_.end(),
+                        [](const Finding& f) { return f.kind == Finding::Kind::kWrong; });
+  }
+
+ private:
+  [[nodiscard]] double left_s() const { return options_.seconds - clock_.seconds(); }
+
+  void add(Finding::Kind kind, const std::string& name, const std::string& text,
+           nlohmann::ordered_json value = nullptr) {
+    findings_.push_back({kind, name, text, std::move(value)});
+  }
+  void good(const std::string& name, const std::string& text, nlohmann::ordered_json value) {
+    add(Finding::Kind::kGood, name, text, std::move(value));
+  }
+  void wrong(const std::string& name, const std::string& text) {
+    add(Finding::Kind::kWrong, name, text);
+  }
+  /// Of this domain, as DDS counts them.
+  [[nodiscard]] std::string first_port() const {
+    return std::to_string(7400 + 250 * options_.transport.domain);
+  }
+  void fact(const std::string& name, const std::vector<std::string>& values) {
+    std::string text;
+    for (const std::string& value : values) text += (text.empty() ? "" : "; ") + value;
+    add(Finding::Kind::kFact, name, text.empty() ? "none" : text, values);
+  }
+
+  void look_at_machine() {
+    const wire::TransportOptions& transport = options_.transport;
+    fact("transport", {std::string(wire::to_string(transport.transport)) + ", domain " +
+                       std::to_string(transport.domain) + ", topics " + transport.prefix + "/*"});
+    const Interfaces found = interfaces();
+    fact("interfaces", found.texts);
+    if (!found.reaches_others)
+      add(Finding::Kind::kAdvice, "network",
+          "no interface but loopback is up: other machines are out of reach");
+    for (const char* name : {"rmem_max", "wmem_max"}) {
+      const std::uint64_t bytes = kernel_number(std::string("/proc/sys/net/core/") + name);
+      if (bytes >= kWantedSocketBytes) {
+        good(name, std::to_string(bytes) + " bytes", bytes);
+      } else {
+        add(Finding::Kind::kAdvice, name,
+            std::to_string(bytes) +
+                " bytes: bursts overrun a socket and are sent again; sysctl -w "
+                "net.core." +
+                name + "=" + std::to_string(kWantedSocketBytes),
+            bytes);
+      }
+    }
+    const std::vector<std::string> foreign = foreign_shared_memory();
+    if (foreign.empty()) return;
+    const std::string text = "files of another user in /dev/shm, " + foreign[0] + " the first of " +
+                             std::to_string(foreign.size()) +
+                             ": processes would match and hear nothing; use --transport lan "
+                             "--interface 127.0.0.1 on both sides";
+    add(transport.transport == wire::Transport::kSameHost ? Finding::Kind::kWrong
+                                                          : Finding::Kind::kAdvice,
+        "shared memory", text, foreign);
+  }
+
+  /// To hear publishers.
+  Status join_as_peer() {
+    DdsChannelOptions options;
+    options.transport = options_.transport;
+    options.transport.listen_port = 0;  // the other participant here has it
+    // Who only listens is reached by doctors alone: no publisher calls a peer.
+    if (options.transport.transport == wire::Transport::kTcp &&
+        options.transport.initial_peers.empty())
+      return Status::ok();
+    auto channel = DdsChannel::create(options);
+    if (!channel.is_ok()) return channel.status();
+    channel_ = std::move(channel).value();
+    return Status::ok();
+  }
+
+  /// Takes in what comes for so long, at least once.
+  std::vector<wire::Echo> poll(double seconds) {
+    std::vector<wire::Echo> taken = echo_->poll(seconds);
+    for (const wire::Echo& echo : taken)
+      if (!other_) other_ = echo.from;
+    Channel::Inbox inbox = channel_ != nullptr ? channel_->take() : Channel::Inbox{};
+    for (const wire::Hello& hello : inbox.hellos)
+      publishers_.try_emplace(hello.publisher, clock_.seconds(), hello);
+    for (const wire::MeshHeader& header : inbox.headers)
+      headers_.try_emplace(header.content_hash, clock_.seconds(), header.bytes.size());
+    for (const auto& lines : {inbox.complaints, echo_->take_complaints()})
+      for (const std::string& line : lines)
+        if (known_.insert(line).second) complaints_.push_back(line);
+    return taken;
+  }
+
+  /// Another doctor, for at most half of the time; a publisher alone is worth a fifth.
+  void find_others() {
+    wire::Echo call;
+    call.from = echo_->own_id();
+    double called_s = -1;
+    std::optional<double> matched_s;
+    // Who calls first may be heard before it is matched both ways: what is sent to it then is lost.
+    while (!(other_ && echo_->is_matched()) && stop_requested == 0 &&
+           clock_.seconds() < options_.seconds / 2 &&
+           (other_ || publishers_.empty() || clock_.seconds() < options_.seconds / 5)) {
+      if (!other_ && echo_->is_matched()) {
+        if (!matched_s) matched_s = clock_.seconds();
+        if (clock_.seconds() - called_s > 0.2) {
+          called_s = clock_.seconds();
+          ++call.number;
+          static_cast<void>(echo_->send(call, false));
+        }
+      }
+      static_cast<void>(poll(0.01));
+    }
+    if (other_ && !matched_s) matched_s = clock_.seconds();  // it called first
+    if (matched_s) good("match", "another doctor after " + milliseconds(*matched_s), *matched_s);
+    if (matched_s && !other_)
+      wrong("data",
+            "another doctor was matched, but nothing comes from it: its data does not get "
+            "through. On one machine: use --transport lan --interface 127.0.0.1 on both "
+            "sides; between machines let UDP ports from " +
+                first_port() + " on pass the firewall");
+  }
+
+  /// Seconds until this many bytes were back, or nothing.
+  std::optional<double> round_trip(std::size_t bytes, double patience_s) {
+    wire::Echo echo;
+    echo.from = echo_->own_id();
+    echo.to = *other_;
+    echo.number = ++number_;
+    echo.bytes.resize(bytes);
+    for (std::size_t i = 0; i < bytes; ++i)
+      echo.bytes[i] = static_cast<std::uint8_t>((i * 2654435761U) >> 13);
+    const Stopwatch clock;
+    bool sent = false;
+    while (clock.seconds() < patience_s && stop_requested == 0) {
+      sent = sent || echo_->send(echo, false);
+      for (const wire::Echo& back : poll(sent ? 0.05 : 0.002))
+        if (back.is_reply && back.from == *other_ && back.number == echo.number)
+          return back.bytes == echo.bytes ? std::optional(clock.seconds()) : std::nullopt;
+    }
+    return std::nullopt;
+  }
+
+  void test_size(const std::string& name, std::size_t bytes, std::uint32_t count,
+                 double patience_s) {
+    std::vector<double> times_s;
+    const Stopwatch clock;
+    while (times_s.size() < count && (times_s.empty() || clock.seconds() < patience_s)) {
+      const std::optional<double> time_s = round_trip(bytes, patience_s);
+      if (!time_s) {
+        wrong(name, std::to_string(bytes) + " bytes there and back: not within " +
+                        std::to_string(patience_s) + " s");
+        return;
+      }
+      times_s.push_back(*time_s);
+    }
+    std::sort(times_s.begin(), times_s.end());
+    const double median_s = times_s[times_s.size() / 2];
+    std::string text = "median " + milliseconds(median_s) + ", worst " +
+                       milliseconds(times_s.back()) + " of " + std::to_string(times_s.size());
+    nlohmann::ordered_json value = {{"bytes", bytes},
+                                    {"count", times_s.size()},
+                                    {"median_s", median_s},
+                                    {"worst_s", times_s.back()}};
+    if (bytes >= kMegabyte) {
+      const double mbit_s = 16e-6 * static_cast<double>(bytes) / median_s;
+      char rate[48];
+      std::snprintf(rate, sizeof rate, "; %.1f Mbit/s, both ways added", mbit_s);
+      text += rate;
+      value["mbit_per_s"] = mbit_s;
+    }
+    good(name, text, value);
+  }
+
+  /// Kilobytes that nobody repairs, there and back.
+  void test_loss() {
+    wire::Echo echo;
+    echo.from = echo_->own_id();
+    echo.to = *other_;
+    echo.bytes.assign(kKilobyte, 7);
+    const std::uint32_t first = number_ + 1;
+    std::set<std::uint32_t> back;
+    const auto collect = [&](double seconds) {
+      for (const wire::Echo& reply : poll(seconds))
+        if (reply.is_reply && reply.from == *other_ && reply.number >= first)
+          back.insert(reply.number);
+    };
+    const Stopwatch clock;
+    for (std::uint32_t i = 0; i < kProbeCount && stop_requested == 0; ++i) {
+      echo.number = ++number_;
+      static_cast<void>(echo_->send(echo, true));
+      const double due_s = (i + 1) * kProbePeriod_s;
+      do collect(std::max(0.0, due_s - clock.seconds()));
+      while (clock.seconds() < due_s);
+    }
+    const Stopwatch grace;
+    while (back.size() < kProbeCount && grace.seconds() < kProbeGrace_s) collect(0.02);
+    const double loss = 1 - static_cast<double>(back.size()) / kProbeCount;
+    char text[80];
+    std::snprintf(text, sizeof text, "%.1f %% of %u kilobytes there and back", 100 * loss,
+                  kProbeCount);
+    if (loss > kMostLoss)
+      add(Finding::Kind::kWrong, "loss", std::string(text) + ": try --transport thin, or tcp",
+          loss);
+    else
+      good("loss", text, loss);
+  }
+
+  void test_other() {
+    fact("other", {"doctor " + to_hex(*other_)});
+    test_size("round trip", kSmallBytes, kSmallCount, 1);
+    test_size("1 kB", kKilobyte, kSmallCount, 1);
+    test_size("1 MB", kMegabyte, kLargeCount, 3);
+    test_loss();
+  }
+
+  void look_at_publishers() {
+    for (const auto& [id, found] : publishers_) {
+      good("publisher",
+           to_hex(id) + " after " + milliseconds(found.first) + ", " +
+               std::to_string(found.second.models.size()) + " models",
+           found.first);
+      for (const auto& model : found.second.models) {
+        const auto header = headers_.find(model.content_hash);
+        if (header == headers_.end()) {
+          wrong("header", "model " + model.name + ": its header has not come");
+        } else {
+          good("header",
+               "model " + model.name + ", " + std::to_string(header->second.second) +
+                   " bytes after " + milliseconds(header->second.first),
+               header->second.first);
+        }
+      }
+    }
+  }
+
+  const Options& options_;
+  const Stopwatch clock_;
+  std::unique_ptr<DdsChannel> channel_;
+  std::unique_ptr<DdsEcho> echo_;
+  std::optional<wire::SessionId> other_;
+  std::map<wire::SessionId, std::pair<double, wire::Hello>> publishers_;
+  std::map<std::uint64_t, std::pair<double, std::size_t>> headers_;
+  std::vector<std::string> complaints_;
+  std::set<std::string> known_;
+  std::uint32_t number_ = 1000;  ///< above those of calls
+  std::vector<Finding> findings_;
+};
+
+Status diagnose(const Options& options) {
+  Doctor doctor(options);
+  NEARMESH_RETURN_IF_ERROR(doctor.examine());
+  doctor.print();
+  if (doctor.is_healthy()) return Status::ok();
+  return {StatusCode::kNotFound, "something is wrong, see above"};
+}
+
+}  // namespace
+
+void add_doctor_command(CLI::App& app, std::function<Status()>& chosen) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand(
+      "doctor",
+      "Test the way to others for ten seconds: run it on both machines, or against a "
+      "publisher.");
+  command->add_option("--seconds", options->seconds, "How long to test")
+      ->capture_default_str()
+      ->check(CLI::Range(2.0, 600.0));
+  command->add_flag("--json", options->json, "Print one JSON object");
+  add_transport_options(*command, options->transport);
+  command->callback([options, &chosen] { chosen = [options] { return diagnose(*options); }; });
+}
+
+}  // namespace nearmesh::subscriber::program

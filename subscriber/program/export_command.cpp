@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: Apache-2.0
+// nearmesh-subscriber export: what a peer held at a moment of a recorded session, as a mesh file.
+#include <algorithm>
+#include <cstdio>
+#include <memory>
+
+#include "commands.hpp"
+#include "nearmesh/core/query/query.hpp"
+#include "nearmesh/idl/messages/topics.hpp"
+#include "subscriber/report/mesh_files.hpp"
+
+namespace nearmesh::subscriber::program {
+namespace {
+
+struct Options {
+  std::string session, peer, body, other, out;
+  double time_s = 0;
+};
+
+/// The partition of the one peer whose id begins like this; of the only one, where none is named.
+Result<std::string> peer_of(const RecordingReader& recording, const std::string& start) {
+  std::vector<std::string> peers, fitting;
+  for (const RecordedWriter& writer : recording.writers())
+    if (!writer.partition.empty()) peers.push_back(writer.partition);
+  std::sort(peers.begin(), peers.end());
+  peers.erase(std::unique(peers.begin(), peers.end()), peers.end());
+  std::string list;
+  for (const std::string& peer : peers) {
+    if (peer.starts_with(start)) fitting.push_back(peer);
+    list += (list.empty() ? "" : ", ") + peer;
+  }
+  if (fitting.size() == 1) return fitting.front();
+  if (peers.empty()) return Status{StatusCode::kNotFound, "no peer was sent anything"};
+  if (start.empty()) return Status{StatusCode::kInvalidArgument, "--peer: expected one of " + list};
+  return Status{
+      StatusCode::kInvalidArgument,
+      "--peer " + start + (fitting.empty() ? " is none of " : " fits more than one of ") + list};
+}
+
+bool ends_with(const std::string& path, const char* suffix) { return path.ends_with(suffix); }
+
+Status run(const Options& options) {
+  Result<std::unique_ptr<RecordingReader>> opened = RecordingReader::open(options.session);
+  if (!opened.is_ok()) return opened.status();
+  RecordingReader& recording = *opened.value();
+  const Result<std::string> peer = peer_of(recording, options.peer);
+  if (!peer.is_ok())
+    return {peer.status().code(), options.session + ": " + peer.status().message()};
+  // Beyond a year or so nothing is recorded, and the sum must fit.
+  const auto after_ns = static_cast<std::int64_t>(std::min(options.time_s, 1e8) * 1e9 + 0.5);
+  const Result<std::int64_t> report =
+      find_report(recording, {.received_ns = recording.begin_ns() + after_ns,
+                              .peer = peer.value(),
+                              .body = options.body,
+                              .other = options.other});
+  if (!report.is_ok())
+    return {report.status().code(), options.session + ": " + report.status().message()};
+  Result<std::vector<Result<RecordedScene>>> scenes = rebuild_scenes(recording, {report.value()});
+  if (!scenes.is_ok()) return scenes.status();
+  if (!scenes.value().front().is_ok())
+    return {scenes.value().front().status().code(),
+            options.session + ": " + scenes.value().front().status().message()};
+  const RecordedScene& scene = scenes.value().front().value();
+  const bool is_b = options.body == scene.report.body_b ||
+                    (options.body.empty() && options.other == scene.report.body_a);
+  const std::size_t looked_at = is_b ? 1 : 0;
+  Result<std::string> bytes = ends_with(options.out, ".glb")
+                                  ? report::to_glb(scene, looked_at)
+                                  : Result<std::string>(report::to_ply(scene, looked_at));
+  if (!bytes.is_ok()) return {bytes.status().code(), options.out + ": " + bytes.status().message()};
+  NEARMESH_RETURN_IF_ERROR(report::write_file(bytes.value(), options.out));
+  std::printf("%s: peer %s, frame %llu, %.6f s after the start: %s, %zu segments of contact\n",
+              options.out.c_str(), peer.value().c_str(),
+              static_cast<unsigned long long>(scene.report.frame),
+              static_cast<double>(scene.received_ns - recording.begin_ns()) * 1e-9,
+              to_string(static_cast<AnswerStatus>(scene.report.status)),
+              scene.contacts.segments.size());
+  for (const std::size_t i : {looked_at, 1 - looked_at}) {
+    const RecordedBody& body = scene.bodies[i];
+    const auto exact = std::count_if(body.faces.begin(), body.faces.end(), [&](const auto& face) {
+      return std::all_of(face.begin(), face.end(),
+                         [&](std::uint32_t corner) { return body.eps_m[corner] == 0; });
+    });
+    std::printf("  %-16s %zu vertices, %zu faces, %zu of them exact, eps up to %.4g m\n",
+                body.name.c_str(), body.positions_world_m.size(), body.faces.size(),
+                static_cast<std::size_t>(exact),
+                body.eps_m.empty() ? 0 : *std::max_element(body.eps_m.begin(), body.eps_m.end()));
+  }
+  return Status::ok();
+}
+
+}  // namespace
+
+void add_export_command(CLI::App& app, std::function<Status()>& chosen) {
+  CLI::App* command = app.add_subcommand(
+      "export", "Write what a peer held at a moment of a recorded session as a mesh file.");
+  command->footer(
+      "Colours of vertices. Blue: exact (grey: of the other body). Yellow to red: eps, a bound of "
+      "the "
+      "distance to the full mesh, from 1/8192 to 1/8 of the model's size. Magenta: segments of "
+      "contact, with slender solids around them. How to open it in MeshLab, ParaView and Blender: "
+      "docs/sessions.md.");
+  const auto options = std::make_shared<Options>();
+  command->add_option("session", options->session, "Recorded session (.db3)")->required();
+  command
+      ->add_option("--time", options->time_s,
+                   "Seconds after the first message: the last answer until then is shown")
+      ->required()
+      ->check(CLI::NonNegativeNumber);
+  command->add_option("--peer", options->peer,
+                      "Whose: the id as info lists it, or how it begins (default: the only one)");
+  command->add_option("--body", options->body,
+                      "Which body to look at (default: the first of the last answer)");
+  command->add_option("--other", options->other,
+                      "Against which (default: that of the last answer)");
+  command->add_option("-o,--output", options->out, "File to write, .ply or .glb")
+      ->required()
+      ->check([](const std::string& path) {
+        return ends_with(path, ".ply") || ends_with(path, ".glb")
+                   ? std::string()
+                   : path + ": expected a name that ends with .ply or .glb";
+      });
+  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
+}
+
+}  // namespace nearmesh::subscriber::program

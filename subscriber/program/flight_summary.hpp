@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// What nearmesh-subscriber counts while it flies, and how it prints that at the end.
+
+#include <array>
+#include <cstdint>
+#include <nlohmann/json.hpp>
+#include <vector>
+
+#include "nearmesh/subscriber/peer/session.hpp"
+
+namespace nearmesh::subscriber::program {
+
+// Milliseconds of one phase, frame by frame.
+class Timings {
+ public:
+  void add(double seconds) { ms_.push_back(seconds * 1e3); }
+  [[nodiscard]] double quantile(double q);
+
+ private:
+  std::vector<double> ms_;
+};
+
+struct Summary {
+  std::array<std::uint64_t, 5> by_status{};
+  std::uint64_t frames = 0, contact_pairs = 0;
+  Timings load, refine, tree, query;
+  double first_certified_s = -1, seconds = 0;
+  SessionStats stats;
+};
+/// One object, "summary" (docs/answers.md).
+[[nodiscard]] nlohmann::ordered_json to_json(Summary& s);
+/// A few lines on standard output.
+void print_text(Summary& s);
+
+}  // namespace nearmesh::subscriber::program

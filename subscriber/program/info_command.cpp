@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: Apache-2.0
+// nearmesh-subscriber info: one screen about a recorded session.
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "commands.hpp"
+#include "core/base/hash.hpp"
+#include "nearmesh/core/query/query.hpp"
+#include "nearmesh/idl/messages/topics.hpp"
+#include "subscriber/recorded/survey.hpp"
+
+namespace nearmesh::subscriber::program {
+namespace {
+
+nlohmann::ordered_json to_json(const RecordingReader& recording, const Survey& survey) {
+  nlohmann::ordered_json json = {{"duration_s", survey.duration_s},
+                                 {"files", recording.parts()},
+                                 {"messages", recording.message_count()},
+                                 {"wire_version", recording.facts().wire_version},
+                                 {"prefix", recording.facts().prefix}};
+  const auto ids = [](const std::set<wire::SessionId>& sessions) {
+    nlohmann::ordered_json list = nlohmann::ordered_json::array();
+    for (const wire::SessionId id : sessions) list.push_back(wire::partition_of(id));
+    return list;
+  };
+  json["publishers"] = ids(survey.publishers);
+  json["peers"] = ids(survey.peers);
+  json["models"] = nlohmann::ordered_json::array();
+  for (const auto& [hash, model] : survey.models)
+    json["models"].push_back(
+        {{"name", model.name}, {"content_hash", to_hex(hash)}, {"faces", model.faces}});
+  json["topics"] = nlohmann::ordered_json::array();
+  for (std::size_t i = 0; i < survey.topics.size(); ++i)
+    json["topics"].push_back({{"name", recording.topics()[i].name},
+                              {"samples", survey.topics[i].samples},
+                              {"bytes", survey.topics[i].bytes},
+                              {"missing", survey.topics[i].missing}});
+  for (std::size_t i = 0; i < survey.by_status.size(); ++i)
+    json["reports"][to_string(static_cast<AnswerStatus>(i))] = survey.by_status[i];
+  json["contact_pairs"] = survey.contact_pairs;
+  if (const auto& times = survey.to_certified_s; !times.empty())
+    json["to_certified_s"] = {{"count", times.size()},
+                              {"min", times.front()},
+                              {"median", times[times.size() / 2]},
+                              {"max", times.back()}};
+  return json;
+}
+
+void print_text(const RecordingReader& recording, const Survey& survey) {
+  const auto count = [](std::uint64_t n) { return static_cast<unsigned long long>(n); };
+  std::printf("%.3f s in %u file%s; %zu publishers, %zu peers\n", survey.duration_s,
+              recording.parts(), recording.parts() == 1 ? "" : "s", survey.publishers.size(),
+              survey.peers.size());
+  for (const auto& [hash, model] : survey.models)
+    std::printf("model   %-24s %s, %llu faces\n", model.name.c_str(), to_hex(hash).c_str(),
+                count(model.faces));
+  for (std::size_t i = 0; i < survey.topics.size(); ++i)
+    std::printf(
+        "topic   %-24s %10llu samples %12llu bytes %8llu missing\n",
+        recording.topics()[i].name.substr(recording.topics()[i].name.rfind('/') + 1).c_str(),
+        count(survey.topics[i].samples), count(survey.topics[i].bytes),
+        count(survey.topics[i].missing));
+  std::printf("reports ");
+  for (std::size_t i = 0; i < survey.by_status.size(); ++i)
+    std::printf(" %llu %s%s", count(survey.by_status[i]), to_string(static_cast<AnswerStatus>(i)),
+                i + 1 < survey.by_status.size() ? "," : "");
+  std::printf("; %llu touching face pairs\n", count(survey.contact_pairs));
+  if (const auto& times = survey.to_certified_s; !times.empty())
+    std::printf("certified after %.4f / %.4f / %.4f s (min, median, max of %zu times)\n",
+                times.front(), times[times.size() / 2], times.back(), times.size());
+}
+
+Status run(const std::string& path, bool json) {
+  const Result<std::unique_ptr<RecordingReader>> recording = RecordingReader::open(path);
+  if (!recording.is_ok()) return recording.status();
+  const Result<Survey> result = survey(*recording.value());
+  if (!result.is_ok()) return result.status();
+  if (json)
+    std::printf("%s\n", to_json(*recording.value(), result.value())
+                            .dump(2, ' ', false, nlohmann::json::error_handler_t::replace)
+                            .c_str());
+  else
+    print_text(*recording.value(), result.value());
+  return Status::ok();
+}
+
+}  // namespace
+
+void add_info_command(CLI::App& app, std::function<Status()>& chosen) {
+  CLI::App* command = app.add_subcommand("info", "What is in a recorded session.");
+  struct Options {
+    std::string path;
+    bool json = false;
+  };
+  const auto options = std::make_shared<Options>();
+  command->add_option("session", options->path, "Recorded session (.db3)")->required();
+  command->add_flag("--json", options->json, "As JSON");
+  command->callback(
+      [options, &chosen] { chosen = [options] { return run(options->path, options->json); }; });
+}
+
+}  // namespace nearmesh::subscriber::program

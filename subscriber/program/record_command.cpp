@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+// nearmesh-subscriber record: a live session into a file, until Ctrl-C.
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <memory>
+#include <thread>
+
+#include "commands.hpp"
+#include "core/base/stopwatch.hpp"
+#include "idl/program/logging.hpp"
+#include "subscriber/dds/dds_recorder.hpp"
+
+namespace nearmesh::subscriber::program {
+namespace {
+
+void show(const char* end, const RecorderStats& stats, double seconds) {
+  const auto count = [](std::uint64_t n) { return static_cast<unsigned long long>(n); };
+  std::fprintf(
+      stderr, "%s%.0f s: %llu samples, %.1f MB of %u writers, %u file%s, %llu lost, %llu dropped%s",
+      *end == '\n' ? "" : "\r", seconds, count(stats.messages),
+      static_cast<double>(stats.bytes) / 1e6, stats.writers, stats.parts,
+      stats.parts == 1 ? "" : "s", count(stats.lost), count(stats.dropped), end);
+}
+
+Status record(const RecorderOptions& options) {
+  Result<std::unique_ptr<DdsRecorder>> created = DdsRecorder::create(options);
+  if (!created.is_ok()) return created.status();
+  DdsRecorder& recorder = *created.value();
+  spdlog::info("recording domain {}, topics {}/*, into {}", options.transport.domain,
+               options.transport.prefix, options.path);
+  const bool terminal = ::isatty(STDERR_FILENO) != 0;
+  const Stopwatch clock;
+  double shown_s = 0;
+  std::uint64_t warned = 0;
+  for (bool ended = false; !ended && stop_requested == 0;) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    for (const std::string& line : recorder.take_complaints())
+      wire::program::log("record").warn("{}", line);
+    const RecorderStats stats = recorder.stats();
+    ended = stats.ended;
+    // On a terminal one line that is renewed; in a log now and then, and at once when something is missing.
+    const bool missed = stats.lost + stats.dropped > warned;
+    if (clock.seconds() - shown_s < (terminal ? 0.5 : missed ? 1 : 10)) continue;
+    shown_s = clock.seconds();
+    warned = stats.lost + stats.dropped;
+    show(terminal ? " " : "\n", stats, shown_s);
+  }
+  const bool at_limit = recorder.stats().ended;
+  const Status status = recorder.finish();
+  if (terminal) std::fprintf(stderr, "\n");
+  show("\n", recorder.stats(), clock.seconds());
+  NEARMESH_RETURN_IF_ERROR(status);
+  if (at_limit) spdlog::info("ended: {} has reached its size", options.path);
+  return Status::ok();
+}
+
+}  // namespace
+
+void add_record_command(CLI::App& app, std::function<Status()>& chosen) {
+  CLI::App* command =
+      app.add_subcommand("record", "Record all that is said on the bus, until Ctrl-C.");
+  const auto options = std::make_shared<RecorderOptions>();
+  command->add_option("-o,--output", options->path, "File to create (.db3, SQLite)")->required();
+  command
+      ->add_option("--topics", options->topics,
+                   "Only these: hello, mesh_header, region_subscription, split_batch, "
+                   "body_pose, contact_report")
+      ->delimiter(',');
+  command
+      ->add_option("--max-size", options->max_bytes,
+                   "End at this size of the file, in bytes or as 100MB")
+      ->transform(CLI::AsSizeValue(true));
+  command->add_flag("--split", options->split,
+                    "At --max-size go on in another file: SESSION_1.db3 and so on");
+  add_transport_options(*command, options->transport);
+  command->callback([options, &chosen] { chosen = [options] { return record(*options); }; });
+}
+
+}  // namespace nearmesh::subscriber::program

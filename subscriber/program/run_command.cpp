@@ -1,0 +1,302 @@
+// SPDX-License-Identifier: Apache-2.0
+// nearmesh-subscriber run: a peer that flies its bodies along trajectories and answers, frame by frame, what touches.
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "commands.hpp"
+#include "core/base/hash.hpp"
+#include "core/base/stopwatch.hpp"
+#include "core/query/contacts_json.hpp"
+#include "flight_summary.hpp"
+#include "idl/program/command.hpp"
+#include "idl/program/logging.hpp"
+#include "idl/program/metrics.hpp"
+#include "nearmesh/subscriber/dds/dds_channel.hpp"
+#include "scene.hpp"
+
+namespace nearmesh::subscriber::program {
+namespace {
+
+struct Options {
+  std::string scene, answers;
+  DdsChannelOptions channel;
+  std::string metrics;
+  std::vector<std::string> log{"info"};
+  bool json = false;
+};
+
+nlohmann::ordered_json to_json(std::uint64_t frame, const PairAnswer& pair, const Scene& scene) {
+  const auto body_of = [&](const std::string& name) {
+    const auto at = std::find_if(scene.bodies.begin(), scene.bodies.end(),
+                                 [&](const SceneBody& b) { return b.name == name; });
+    return at == scene.bodies.end() ? SceneBody{} : *at;
+  };
+  const auto pose = [](const Pose& p) {
+    std::vector<double> x(p.rotation.begin(), p.rotation.end());
+    x.insert(x.end(), p.translation_m.begin(), p.translation_m.end());
+    return x;
+  };
+  const auto finite = [](double x) -> nlohmann::ordered_json {
+    if (std::isfinite(x)) return x;
+    return nullptr;
+  };
+  const Answer& answer = pair.answer;
+  nlohmann::ordered_json line = {{"frame", frame},
+                                 {"a", pair.body_a},
+                                 {"b", pair.body_b},
+                                 {"model_a", body_of(pair.body_a).model},
+                                 {"model_b", body_of(pair.body_b).model},
+                                 {"solid_a", body_of(pair.body_a).solid},
+                                 {"solid_b", body_of(pair.body_b).solid},
+                                 {"status", to_string(answer.status)},
+                                 {"pairs", answer.pair_total},
+                                 {"pairs_digest", std::to_string(digest(answer.pairs))},
+                                 {"digest", to_hex(digest(answer))},
+                                 {"clearance_m", finite(answer.clearance_m)},
+                                 {"uncertainty_m", finite(answer.uncertainty_m)},
+                                 {"safe_horizon_s", finite(pair.safe_horizon_s)},
+                                 {"missing", answer.missing_a.size() + answer.missing_b.size()},
+                                 {"pose_a", pose(pair.pose_a)},
+                                 {"pose_b", pose(pair.pose_b)}};
+  if (answer.status == AnswerStatus::kContained) line["contained"] = to_string(answer.contained);
+  if (pair.swept) {
+    line["swept_status"] = to_string(pair.swept->status);
+    line["free_until_s"] = pair.swept->free_until_s;
+    line["hit_s"] = finite(pair.swept->hit_s);
+  }
+  if (!pair.reason.empty()) line["reason"] = pair.reason;
+  if (!pair.awaited.empty()) line["awaited"] = pair.awaited;
+  if (pair.contacts) {
+    line["patches"] = pair.contacts->patches;
+    line["position_error_m"] = pair.contacts->position_error_m;
+  }
+  return line;
+}
+// One peer, from the scene to the summary.
+class Flight {
+ public:
+  /// `clock` runs since the program's start.
+  Flight(const Options& options, const Scene& scene, std::unique_ptr<Channel> channel,
+         Stopwatch clock)
+      : options_(options),
+        scene_(scene),
+        clock_(clock),
+        session_(std::move(channel), scene.session) {}
+
+  Status prepare() {
+    if (!options_.metrics.empty()) {
+      auto server = wire::program::MetricsServer::start(options_.metrics);
+      if (!server.is_ok()) return server.status();
+      metrics_ = std::move(server).value();
+    }
+    if (!options_.answers.empty()) {
+      answers_.open(options_.answers);
+      if (!answers_) return {StatusCode::kIo, options_.answers + ": cannot create"};
+    }
+    for (const SceneBody& body : scene_.bodies) {
+      NEARMESH_RETURN_IF_ERROR(
+          session_.add_body(body.name, body.model, !body.trajectory.empty(), body.solid));
+      if (body.fixed_pose)
+        NEARMESH_RETURN_IF_ERROR(session_.place_body(body.name, *body.fixed_pose));
+    }
+    for (const auto& [a, b] : scene_.pairs) NEARMESH_RETURN_IF_ERROR(session_.watch(a, b));
+    return Status::ok();
+  }
+
+  // Holds the first frame until publishers and other peers have been heard, so that all start together.
+  Status wait_for_start() {
+    std::string reason;
+    for (bool asked = false; stop_requested == 0; asked = true) {
+      Result<FrameReport> report = session_.update(0, 0, asked ? no_motions_ : motions(0), 1);
+      if (!report.is_ok()) return report.status();
+      NEARMESH_RETURN_IF_ERROR(check_solids());
+      log(report.value());
+      note_certified(report.value());
+      if (report.value().all_certified()) return Status::ok();
+      for (const PairAnswer& pair : report.value().answers)
+        if (!pair.reason.empty() || !pair.awaited.empty())
+          reason = pair.reason.empty() ? pair.awaited : pair.reason;
+      if (clock_.seconds() > scene_.start_timeout_s)
+        return {StatusCode::kNotFound, "no certified answer within " +
+                                           std::to_string(scene_.start_timeout_s) +
+                                           " s: " + reason};
+      std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    }
+    return Status::ok();
+  }
+
+  Status fly() {
+    const double period_s = 1 / scene_.frame_rate_hz;
+    const Stopwatch clock;
+    for (std::uint64_t frame = 0; frame < scene_.frames && stop_requested == 0; ++frame) {
+      const double end_s = static_cast<double>(frame + 1) * period_s;
+      NEARMESH_RETURN_IF_ERROR(fly_frame(frame, end_s, clock));
+      show_progress(frame + 1);
+      while (clock.seconds() < end_s && stop_requested == 0)
+        std::this_thread::sleep_for(
+            std::chrono::duration<double>(std::min(0.01, std::max(0.0, end_s - clock.seconds()))));
+    }
+    summary_.seconds = clock.seconds();
+    summary_.stats = session_.stats();
+    return Status::ok();
+  }
+
+  void print_summary() {
+    if (::isatty(STDERR_FILENO) != 0) std::fprintf(stderr, "\r%40s\r", "");
+    if (options_.json) {
+      std::printf("%s\n", to_json(summary_).dump().c_str());
+    } else {
+      print_text(summary_);
+    }
+    if (answers_.is_open()) answers_ << to_json(summary_).dump() << '\n';
+    // Before the bus is left: an assertion of Fast DDS may end the process there (docs/network.md).
+    answers_.flush();
+    std::fflush(stdout);
+  }
+
+ private:
+  std::vector<Session::OwnMotion> motions(std::uint64_t frame) const {
+    std::vector<Session::OwnMotion> all;
+    for (const SceneBody& body : scene_.bodies) {
+      if (body.trajectory.empty()) continue;
+      const std::size_t at = std::min<std::size_t>(frame, body.trajectory.size() - 1);
+      all.push_back({body.name, body.trajectory[at]});
+    }
+    return all;
+  }
+
+  // A mistake in the scene that shows when headers come, or when a publisher changes a model.
+  [[nodiscard]] Status check_solids() const {
+    for (const SceneBody& body : scene_.bodies)
+      if (const SpmHeader* header = session_.header_of(body.name); body.solid && header != nullptr)
+        NEARMESH_RETURN_IF_ERROR(check_solid(*header, body.name));
+    return Status::ok();
+  }
+
+  // Asks again within the frame while detail is on its way and time is left; the last answers count.
+  Status fly_frame(std::uint64_t frame, double end_s, const Stopwatch& clock) {
+    double load_s = 0, refine_s = 0, tree_s = 0, query_s = 0;
+    for (bool again = false;; again = true) {
+      Result<FrameReport> result = session_.update(
+          frame, clock.seconds(), again ? no_motions_ : motions(frame), scene_.budget_s);
+      if (!result.is_ok()) return result.status();
+      NEARMESH_RETURN_IF_ERROR(check_solids());
+      const FrameReport& report = result.value();
+      log(report);
+      note_certified(report);
+      load_s += report.load_s;
+      refine_s += report.refine_s;
+      tree_s += report.tree_s;
+      query_s += report.query_s;
+      const bool more_time = clock.seconds() + 0.002 < end_s - 0.25 / scene_.frame_rate_hz;
+      if (report.all_certified() || !more_time || stop_requested != 0) {
+        record(frame, report);
+        break;
+      }
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    summary_.load.add(load_s);
+    summary_.refine.add(refine_s);
+    summary_.tree.add(tree_s);
+    summary_.query.add(query_s);
+    ++summary_.frames;
+    return Status::ok();
+  }
+
+  void record(std::uint64_t frame, const FrameReport& report) {
+    for (const PairAnswer& pair : report.answers) {
+      ++summary_.by_status[static_cast<std::size_t>(pair.answer.status)];
+      summary_.contact_pairs += pair.answer.pair_total;
+      if (!options_.json && !answers_.is_open()) continue;
+      const std::string line = to_json(frame, pair, scene_).dump();
+      if (options_.json) std::printf("%s\n", line.c_str());
+      if (answers_.is_open()) answers_ << line << '\n';
+    }
+  }
+
+  void note_certified(const FrameReport& report) {
+    if (summary_.first_certified_s >= 0) return;
+    for (const PairAnswer& pair : report.answers)
+      if (is_certified(pair.answer.status)) {
+        summary_.first_certified_s = clock_.seconds();
+        return;
+      }
+  }
+
+  // What every frame may say: trouble, which is rare, and on demand what was done.
+  void log(const FrameReport& report) {
+    for (const std::string& line : report.complaints) log_.warn("{}", line);
+    log_.debug("{} answers, all certified: {}, {} batches wait; {:.3f} ms to refine, {:.3f} to ask",
+               report.answers.size(), report.all_certified(), report.batches_waiting,
+               1e3 * (report.load_s + report.refine_s + report.tree_s), 1e3 * report.query_s);
+    if (metrics_ != nullptr) metrics_->set(session_.status());
+  }
+
+  void show_progress(std::uint64_t done) const {
+    const bool terminal = ::isatty(STDERR_FILENO) != 0;
+    if (!terminal && done % std::max<std::uint64_t>(1, scene_.frames / 4) != 0) return;
+    const auto& [free, contact, partial, uncertain, contained] = summary_.by_status;
+    std::fprintf(
+        stderr,
+        terminal ? "\rframe %llu of %llu: %llu free, %llu contact or contained, %llu uncertain "
+                 : "frame %llu of %llu: %llu free, %llu contact or contained, %llu uncertain\n",
+        static_cast<unsigned long long>(done), static_cast<unsigned long long>(scene_.frames),
+        static_cast<unsigned long long>(free), static_cast<unsigned long long>(contact + contained),
+        static_cast<unsigned long long>(partial + uncertain));
+  }
+
+  const Options& options_;
+  const Scene& scene_;
+  const Stopwatch clock_;
+  const std::vector<Session::OwnMotion> no_motions_;
+  spdlog::logger& log_ = wire::program::log("session");
+  std::unique_ptr<wire::program::MetricsServer> metrics_;
+  std::ofstream answers_;
+  Session session_;
+  Summary summary_;
+};
+
+Status run(const Options& options) {
+  const Stopwatch clock;
+  const Result<Scene> scene = read_scene(options.scene);
+  if (!scene.is_ok()) return scene.status();
+  Result<std::unique_ptr<DdsChannel>> channel = DdsChannel::create(options.channel);
+  if (!channel.is_ok()) return channel.status();
+  Flight flight(options, scene.value(), std::move(channel).value(), clock);
+  NEARMESH_RETURN_IF_ERROR(flight.prepare());
+  NEARMESH_RETURN_IF_ERROR(flight.wait_for_start());
+  NEARMESH_RETURN_IF_ERROR(flight.fly());
+  flight.print_summary();
+  return Status::ok();
+}
+}  // namespace
+
+void add_run_command(CLI::App& app, std::function<Status()>& chosen) {
+  CLI::App* command =
+      app.add_subcommand("run", "Fly a scene (docs/scene.md) and answer every frame.");
+  const auto options = std::make_shared<Options>();
+  command->add_option("scene", options->scene, "Scene file (YAML)");
+  command->add_option("--answers", options->answers, "Also write the JSON lines to this file");
+  command->add_flag("--json", options->json,
+                    "Print one JSON line per answer, and one with the summary");
+  const auto settings = std::make_shared<wire::program::Settings>();
+  wire::program::add_transport_settings(*settings, options->channel.transport);
+  wire::program::add_metrics_setting(*settings, options->metrics);
+  wire::program::add_log_setting(*settings, options->log, {kRooms.begin(), kRooms.end()});
+  wire::program::add_flags(*command, settings, [options, known = settings.get()] {
+    wire::program::apply_preset(*known, options->channel.transport);
+    wire::program::set_log_levels(options->log);
+  });
+  command->callback([options, &chosen] {
+    if (options->scene.empty()) throw CLI::RequiredError("scene");
+    chosen = [options] { return run(*options); };
+  });
+}
+
+}  // namespace nearmesh::subscriber::program

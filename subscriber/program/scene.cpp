@@ -1,0 +1,192 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "scene.hpp"
+
+#include <yaml-cpp/yaml.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <set>
+
+#include "core/base/csv.hpp"
+
+namespace nearmesh::subscriber::program {
+namespace {
+
+// Thrown inside this file only, and turned into a Status by read_scene.
+struct SceneError {
+  int line;
+  std::string what;
+};
+
+[[noreturn]] void fail(const YAML::Node& node, const std::string& what) {
+  throw SceneError{node.Mark().line + 1, what};
+}
+
+void check_keys(const YAML::Node& map, const std::string& where,
+                const std::set<std::string>& known) {
+  if (!map.IsMap()) fail(map, where + ": expected a map");
+  for (const auto& entry : map)
+    if (const auto key = entry.first.as<std::string>(); !known.contains(key))
+      fail(entry.first, where + ": unknown key " + key);
+}
+
+template <class T>
+T value(const YAML::Node& node, const std::string& key, const char* expected) {
+  try {
+    return node.as<T>();
+  } catch (const YAML::Exception&) {
+    fail(node, key + ": expected " + expected);
+  }
+}
+
+double number_in(const YAML::Node& map, const std::string& key, double otherwise, double lo,
+                 double hi) {
+  const YAML::Node node = map[key];
+  if (!node) return otherwise;
+  const double x = value<double>(node, key, "a number");
+  if (!(x >= lo && x <= hi))
+    fail(node, key + ": expected a number in [" + std::to_string(lo) + ", " + std::to_string(hi) +
+                   "], found " + node.as<std::string>());
+  return x;
+}
+
+std::string name_of(const YAML::Node& map, const std::string& key, const std::string& where) {
+  const YAML::Node node = map[key];
+  if (!node) fail(map, where + ": no " + key);
+  return value<std::string>(node, key, "a name");
+}
+
+Pose fixed_pose(const YAML::Node& node, const std::string& body) {
+  check_keys(node, "pose of " + body, {"rotation", "translation"});
+  Pose pose;
+  if (const YAML::Node r = node["rotation"]) {
+    const auto x = value<std::vector<double>>(r, "rotation", "nine numbers, row-major");
+    if (x.size() != 9)
+      fail(r, "rotation: expected nine numbers, found " + std::to_string(x.size()));
+    std::copy(x.begin(), x.end(), pose.rotation.begin());
+  }
+  if (const YAML::Node t = node["translation"]) {
+    const auto x = value<std::vector<double>>(t, "translation", "three numbers, metres");
+    if (x.size() != 3)
+      fail(t, "translation: expected three numbers, found " + std::to_string(x.size()));
+    std::copy(x.begin(), x.end(), pose.translation_m.begin());
+  }
+  if (const Status status = check_pose(pose, body); !status.is_ok()) fail(node, status.message());
+  return pose;
+}
+
+// Velocities by the next frame's pose; the last frame keeps those before it.
+void add_velocities(std::vector<Motion>& motions, double rate_hz) {
+  for (std::size_t i = 0; i + 1 < motions.size(); ++i) {
+    const Pose &now = motions[i].pose, &next = motions[i + 1].pose;
+    for (std::size_t k = 0; k < 3; ++k)
+      motions[i].linear_velocity_mps[k] = (next.translation_m[k] - now.translation_m[k]) * rate_hz;
+    // next * now^T turns by the frame's rotation; its skew part is the axis times the sine of the angle.
+    const auto turn = [&](std::size_t r, std::size_t c) {
+      double sum = 0;
+      for (std::size_t k = 0; k < 3; ++k) sum += next.rotation[3 * r + k] * now.rotation[3 * c + k];
+      return sum;
+    };
+    motions[i].angular_velocity_radps = {(turn(2, 1) - turn(1, 2)) / 2 * rate_hz,
+                                         (turn(0, 2) - turn(2, 0)) / 2 * rate_hz,
+                                         (turn(1, 0) - turn(0, 1)) / 2 * rate_hz};
+  }
+  if (motions.size() > 1) {
+    motions.back().linear_velocity_mps = motions[motions.size() - 2].linear_velocity_mps;
+    motions.back().angular_velocity_radps = motions[motions.size() - 2].angular_velocity_radps;
+  }
+}
+
+Result<std::vector<Motion>> read_trajectory(const std::string& path, const std::string& body,
+                                            double rate_hz) {
+  const Result<CsvTable> table = CsvTable::read(path);
+  if (!table.is_ok()) return table.status();
+  const auto columns = table.value().columns(
+      {"R00", "R01", "R02", "R10", "R11", "R12", "R20", "R21", "R22", "T0", "T1", "T2"});
+  if (!columns.is_ok()) return columns.status();
+  std::vector<Motion> motions(table.value().row_count());
+  for (std::size_t row = 0; row < motions.size(); ++row) {
+    Pose& pose = motions[row].pose;
+    for (std::size_t i = 0; i < 12; ++i) {
+      const Result<double> x = table.value().number(row, columns.value()[i]);
+      if (!x.is_ok()) return x.status();
+      (i < 9 ? pose.rotation[i] : pose.translation_m[i - 9]) = x.value();
+    }
+    if (const Status status = check_pose(pose, body); !status.is_ok())
+      return Status{status.code(), table.value().place(row) + ": " + status.message()};
+  }
+  if (motions.empty())
+    return Status{StatusCode::kInvalidArgument, path + ": expected at least one frame"};
+  add_velocities(motions, rate_hz);
+  for (std::size_t row = 0; row < motions.size(); ++row)
+    if (const Status status = check_motion(motions[row], body); !status.is_ok())
+      return Status{status.code(), table.value().place(row) + ": " + status.message()};
+  return motions;
+}
+
+Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
+  check_keys(root, "scene",
+             {"bodies", "moves", "pairs", "frame_rate_hz", "budget_ms", "lookahead_s", "margin_m",
+              "sweep_s", "max_held_splits", "contacts", "start_timeout_s"});
+  Scene scene;
+  scene.frame_rate_hz = number_in(root, "frame_rate_hz", scene.frame_rate_hz, 0.1, 10000);
+  scene.budget_s = number_in(root, "budget_ms", scene.budget_s * 1e3, 0, 1e6) / 1e3;
+  scene.start_timeout_s = number_in(root, "start_timeout_s", scene.start_timeout_s, 0, 86400);
+  scene.session.lookahead_s = number_in(root, "lookahead_s", scene.session.lookahead_s, 0, 60);
+  scene.session.margin_m = number_in(root, "margin_m", scene.session.margin_m, 0, 1e6);
+  scene.session.sweep_s = number_in(root, "sweep_s", scene.session.sweep_s, 0, 60);
+  scene.session.max_held_splits =
+      static_cast<std::uint32_t>(number_in(root, "max_held_splits", 0, 0, 4e9));
+  if (root["contacts"])
+    scene.session.contacts = value<bool>(root["contacts"], "contacts", "true or false");
+  if (!root["bodies"] || !root["bodies"].IsSequence()) fail(root, "bodies: expected a list");
+  for (const YAML::Node& node : root["bodies"]) {
+    check_keys(node, "body", {"name", "model", "solid", "pose"});
+    SceneBody body{.name = name_of(node, "name", "body"), .model = name_of(node, "model", "body")};
+    if (node["solid"]) body.solid = value<bool>(node["solid"], "solid", "true or false");
+    if (node["pose"]) body.fixed_pose = fixed_pose(node["pose"], body.name);
+    scene.bodies.push_back(std::move(body));
+  }
+  if (const YAML::Node moves = root["moves"]) {
+    if (!moves.IsSequence()) fail(moves, "moves: expected a list");
+    for (const YAML::Node& node : moves) {
+      check_keys(node, "move", {"body", "trajectory"});
+      const std::string name = name_of(node, "body", "move");
+      const auto at = std::find_if(scene.bodies.begin(), scene.bodies.end(),
+                                   [&](const SceneBody& b) { return b.name == name; });
+      if (at == scene.bodies.end()) fail(node["body"], "moves: no body named " + name);
+      const std::filesystem::path file = name_of(node, "trajectory", "move of " + name);
+      auto motions = read_trajectory((file.is_absolute() ? file : folder / file).string(), name,
+                                     scene.frame_rate_hz);
+      if (!motions.is_ok()) fail(node["trajectory"], motions.status().message());
+      at->trajectory = std::move(motions).value();
+      scene.frames = std::max<std::uint64_t>(scene.frames, at->trajectory.size());
+    }
+  }
+  if (!root["pairs"] || !root["pairs"].IsSequence()) fail(root, "pairs: expected a list");
+  for (const YAML::Node& node : root["pairs"]) {
+    const auto names = value<std::vector<std::string>>(node, "pairs", "a list of two names each");
+    if (names.size() != 2)
+      fail(node, "pairs: expected two names, found " + std::to_string(names.size()));
+    scene.pairs.emplace_back(names[0], names[1]);
+  }
+  if (scene.frames == 0) fail(root, "moves: expected at least one body that this peer moves");
+  return scene;
+}
+
+}  // namespace
+
+Result<Scene> read_scene(const std::string& path) {
+  try {
+    return parse(YAML::LoadFile(path), std::filesystem::path(path).parent_path());
+  } catch (const SceneError& error) {
+    return Status{StatusCode::kInvalidArgument,
+                  path + ":" + std::to_string(error.line) + ": " + error.what};
+  } catch (const YAML::BadFile&) {
+    return Status{StatusCode::kIo, path + ": cannot open"};
+  } catch (const YAML::Exception& error) {
+    return Status{StatusCode::kInvalidArgument, path + ": " + error.what()};
+  }
+}
+
+}  // namespace nearmesh::subscriber::program

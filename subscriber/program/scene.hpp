@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// The scene file of nearmesh-subscriber (docs/scene.md): bodies, which of them this peer moves along which trajectory,
+// which pairs it asks about, frame rate and budget.
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "nearmesh/subscriber/peer/session.hpp"
+
+namespace nearmesh::subscriber::program {
+
+struct SceneBody {
+  std::string name, model;
+  bool solid = false;
+  std::optional<Pose> fixed_pose;
+  std::vector<Motion> trajectory;  ///< one per frame; empty when another peer moves the body
+};
+
+struct Scene {
+  std::vector<SceneBody> bodies;
+  std::vector<std::pair<std::string, std::string>> pairs;
+  double frame_rate_hz = 20;
+  double budget_s = 0.01;
+  double start_timeout_s = 30;
+  SessionOptions session;
+  std::uint64_t frames = 0;  ///< of the longest trajectory
+};
+
+/// Errors: kIo, kInvalidArgument; each names file, line, key, what was expected and what was found.
+[[nodiscard]] Result<Scene> read_scene(const std::string& path);
+
+}  // namespace nearmesh::subscriber::program

@@ -1,0 +1,263 @@
+// SPDX-License-Identifier: Apache-2.0
+// nearmesh-subscriber status: who publishes, who flies, and what is refused, as heard on the bus.
+#include <unistd.h>
+
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "commands.hpp"
+#include "core/base/hash.hpp"
+#include "core/base/stopwatch.hpp"
+#include "nearmesh/core/query/query.hpp"
+#include "subscriber/dds/dds_monitor.hpp"
+
+namespace nearmesh::subscriber::program {
+namespace {
+
+struct Options {
+  wire::TransportOptions transport;
+  double seconds = 3;
+  bool watch = false, json = false, regions = false;
+};
+
+/// "1.2 MB".
+std::string human(double bytes) {
+  static constexpr const char* kUnits[] = {"B", "kB", "MB", "GB", "TB"};
+  std::size_t unit = 0;
+  while (bytes >= 999.5 && unit + 1 < std::size(kUnits)) {
+    bytes /= 1000;
+    ++unit;
+  }
+  char text[32];
+  std::snprintf(text, sizeof text, unit == 0 ? "%.0f %s" : "%.1f %s", bytes, kUnits[unit]);
+  return text;
+}
+
+/// What a peer can say now: "ready", or what it waits for.
+std::string readiness(const wire::ProcessStatus& peer) {
+  for (const auto& model : peer.models) {
+    if (model.content_hash == 0) return "waits: nobody serves model " + model.name;
+    if (model.splits == 0) return "waits for the header of model " + model.name;
+  }
+  if (peer.certified_pairs == peer.watched_pairs) return "ready";
+  if (!(peer.uncertainty_m < 1e300)) return "uncertain";
+  char text[48];
+  std::snprintf(text, sizeof text, "uncertain within %.3g m", peer.uncertainty_m);
+  return text;
+}
+
+void print_process(const wire::ProcessStatus& process) {
+  const auto count = [](std::uint64_t n) { return static_cast<unsigned long long>(n); };
+  std::printf("  %s  %s/%u  up %.0f s  %s\n", to_hex(process.session).c_str(), process.host.c_str(),
+              process.process_id, process.uptime_s,
+              human(static_cast<double>(process.resident_bytes)).c_str());
+  if (process.is_publisher) {
+    std::printf("    %u peers, %llu requests (%llu refused)", process.peers,
+                count(process.requests), count(process.refused));
+  } else {
+    std::printf("    %s: %u of %u pairs certified, %llu requests (%llu refused)",
+                readiness(process).c_str(), process.certified_pairs, process.watched_pairs,
+                count(process.requests), count(process.refused));
+  }
+  std::printf("; %llu batches, %s, %s/s; %llu wait", count(process.batches),
+              human(static_cast<double>(process.bytes)).c_str(), human(process.bytes_per_s).c_str(),
+              count(process.waiting_batches));
+  if (!process.is_publisher) std::printf(", %llu lost", count(process.lost_batches));
+  std::printf("\n");
+  for (const auto& model : process.models) {
+    std::printf("    model %s  content %s  %llu faces", model.name.c_str(),
+                to_hex(model.content_hash).c_str(), count(model.faces));
+    if (!process.is_publisher)
+      std::printf(", holds %llu of %llu splits", count(model.held_splits), count(model.splits));
+    std::printf("\n");
+  }
+}
+
+/// "ground and one: uncertain within 0.35 m, for 1.2 s".
+void print_region(const RegionView& region) {
+  const wire::ContactReport& report = region.report;
+  const auto status = static_cast<AnswerStatus>(report.status);
+  std::printf("    region %s and %s: %s", report.body_a.c_str(), report.body_b.c_str(),
+              to_string(status));
+  if (is_certified(status)) {
+    if (report.pair_count > 0)
+      std::printf(", %u touching face pairs", report.pair_count);
+    else
+      std::printf(", at least %.3g m apart", report.clearance_m);
+  } else {
+    if (report.uncertainty_m < 1e300) std::printf(" within %.3g m", report.uncertainty_m);
+    std::printf(", for %.1f s", region.uncertain_s);
+  }
+  if (region.age_s > 1) std::printf(" (%.0f s ago)", region.age_s);
+  std::printf("\n");
+}
+
+void print_regions(const BusView& view, const wire::ProcessStatus& peer) {
+  for (const RegionView& region : view.regions)
+    if (region.report.peer == peer.session) print_region(region);
+  for (const RequestView& request : view.requests)
+    if (request.peer == peer.session)
+      for (const auto& model : peer.models)
+        if (model.content_hash == request.content_hash)
+          std::printf("    last asked for %u nodes of model %s, %s, %.1f s ago\n", request.nodes,
+                      model.name.c_str(), request.priority == 0 ? "needed now" : "ahead",
+                      request.age_s);
+}
+
+/// Publishers of whom only their announcement was heard.
+std::vector<wire::Hello> without_status(const BusView& view) {
+  std::set<wire::SessionId> known;
+  for (const auto& process : view.processes) known.insert(process.session);
+  std::vector<wire::Hello> rest;
+  for (const wire::Hello& hello : view.publishers)
+    if (!known.contains(hello.publisher)) rest.push_back(hello);
+  return rest;
+}
+
+void print_text(const BusView& view) {
+  for (const bool publishers : {true, false}) {
+    std::printf("%s\n", publishers ? "publishers" : "peers");
+    bool any = false;
+    for (const auto& process : view.processes) {
+      if (process.is_publisher != publishers) continue;
+      any = true;
+      print_process(process);
+      if (!publishers) print_regions(view, process);
+    }
+    if (publishers)
+      for (const wire::Hello& hello : without_status(view)) {
+        any = true;
+        std::printf("  %s  (says nothing of itself)\n", to_hex(hello.publisher).c_str());
+        for (const auto& model : hello.models)
+          std::printf("    model %s  content %s\n", model.name.c_str(),
+                      to_hex(model.content_hash).c_str());
+      }
+    if (!any) std::printf("  none\n");
+  }
+  std::printf("refusals\n");
+  bool any = !view.refusals.empty();
+  for (const std::string& line : view.refusals) std::printf("  %s\n", line.c_str());
+  for (const auto& process : view.processes)
+    for (const std::string& line : process.complaints) {
+      any = true;
+      std::printf("  %s %s: %s\n", process.is_publisher ? "publisher" : "peer",
+                  to_hex(process.session).c_str(), line.c_str());
+    }
+  if (!any) std::printf("  none\n");
+  std::fflush(stdout);
+}
+
+void add_regions(nlohmann::ordered_json& entry, const BusView& view, wire::SessionId peer) {
+  entry["regions"] = nlohmann::ordered_json::array();
+  for (const RegionView& region : view.regions)
+    if (region.report.peer == peer)
+      entry["regions"].push_back(
+          {{"a", region.report.body_a},
+           {"b", region.report.body_b},
+           {"status", to_string(static_cast<AnswerStatus>(region.report.status))},
+           {"uncertainty_m", region.report.uncertainty_m},
+           {"uncertain_s", region.uncertain_s},
+           {"clearance_m", region.report.clearance_m},
+           {"pairs", region.report.pair_count},
+           {"age_s", region.age_s}});
+  entry["last_requests"] = nlohmann::ordered_json::array();
+  for (const RequestView& request : view.requests)
+    if (request.peer == peer)
+      entry["last_requests"].push_back({{"content_hash", to_hex(request.content_hash)},
+                                        {"nodes", request.nodes},
+                                        {"needed_now", request.priority == 0},
+                                        {"age_s", request.age_s}});
+}
+
+nlohmann::ordered_json to_json(const BusView& view, bool regions) {
+  nlohmann::ordered_json json = {{"publishers", nlohmann::ordered_json::array()},
+                                 {"peers", nlohmann::ordered_json::array()},
+                                 {"refusals", view.refusals}};
+  for (const auto& process : view.processes) {
+    nlohmann::ordered_json entry = {{"session", to_hex(process.session)},
+                                    {"host", process.host},
+                                    {"process_id", process.process_id},
+                                    {"uptime_s", process.uptime_s},
+                                    {"resident_bytes", process.resident_bytes},
+                                    {"requests", process.requests},
+                                    {"refused", process.refused},
+                                    {"batches", process.batches},
+                                    {"bytes", process.bytes},
+                                    {"bytes_per_s", process.bytes_per_s},
+                                    {"waiting_batches", process.waiting_batches},
+                                    {"complaints", process.complaints}};
+    if (process.is_publisher) {
+      entry["peers"] = process.peers;
+    } else {
+      entry["readiness"] = readiness(process);
+      entry["watched_pairs"] = process.watched_pairs;
+      entry["certified_pairs"] = process.certified_pairs;
+      entry["uncertainty_m"] = process.uncertainty_m;
+      entry["lost_batches"] = process.lost_batches;
+      if (regions) add_regions(entry, view, process.session);
+    }
+    entry["models"] = nlohmann::ordered_json::array();
+    for (const auto& model : process.models)
+      entry["models"].push_back({{"name", model.name},
+                                 {"content_hash", to_hex(model.content_hash)},
+                                 {"faces", model.faces},
+                                 {"held_splits", model.held_splits},
+                                 {"splits", model.splits}});
+    json[process.is_publisher ? "publishers" : "peers"].push_back(std::move(entry));
+  }
+  for (const wire::Hello& hello : without_status(view)) {
+    nlohmann::ordered_json entry = {{"session", to_hex(hello.publisher)}};
+    entry["models"] = nlohmann::ordered_json::array();
+    for (const auto& model : hello.models)
+      entry["models"].push_back(
+          {{"name", model.name}, {"content_hash", to_hex(model.content_hash)}});
+    json["publishers"].push_back(std::move(entry));
+  }
+  return json;
+}
+
+Status show_status(const Options& options) {
+  auto monitor = DdsMonitor::create(options.transport, options.regions);
+  if (!monitor.is_ok()) return monitor.status();
+  do {
+    const Stopwatch clock;
+    while (clock.seconds() < options.seconds && stop_requested == 0)
+      monitor.value()->listen(std::min(0.1, options.seconds - clock.seconds()));
+    const BusView view = monitor.value()->view();
+    if (options.json) {
+      std::printf("%s\n", to_json(view, options.regions).dump().c_str());
+      std::fflush(stdout);
+    } else {
+      if (options.watch && ::isatty(STDOUT_FILENO) != 0) std::printf("\x1b[H\x1b[2J");
+      print_text(view);
+    }
+    if (!options.watch && view.processes.empty() && view.publishers.empty())
+      return {StatusCode::kNotFound, "nobody was heard on domain " +
+                                         std::to_string(options.transport.domain) + ", topics " +
+                                         options.transport.prefix +
+                                         "/*: nearmesh-subscriber doctor may say why"};
+  } while (options.watch && stop_requested == 0);
+  return Status::ok();
+}
+
+}  // namespace
+
+void add_status_command(CLI::App& app, std::function<Status()>& chosen) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand(
+      "status", "Show publishers, peers, what they hold and how they do, and what is refused.");
+  command->add_option("--seconds", options->seconds, "How long to listen")
+      ->capture_default_str()
+      ->check(CLI::Range(0.1, 3600.0));
+  command->add_flag("--watch", options->watch, "Go on until Ctrl-C, each --seconds anew");
+  command->add_flag("--regions", options->regions,
+                    "Also hear what each peer answers and asks: where its bodies meet, how far off "
+                    "each answer may be and since when, what it lacks");
+  command->add_flag("--json", options->json, "Print one JSON line each time");
+  add_transport_options(*command, options->transport);
+  command->callback([options, &chosen] { chosen = [options] { return show_status(*options); }; });
+}
+
+}  // namespace nearmesh::subscriber::program

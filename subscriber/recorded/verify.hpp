@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// Proves a recorded session: runs every peer's refinement and queries again from the recorded batches, and compares the state
+// and the answer of each report with the recorded digests (takes a recording, gives what agrees and what does not).
+// No network, no clock: the same result on every machine, build and number of threads.
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "nearmesh/core/recording/recording.hpp"
+#include "nearmesh/idl/messages/messages.hpp"
+
+namespace nearmesh::subscriber {
+
+/// A report that contradicts what comes out now.
+struct Difference {
+  std::int64_t message = 0;      ///< the report's id in the recording
+  wire::ContactReport recorded;  ///< says frame, peer and bodies
+  bool state =
+      false;  ///< the states of refinement differ (and so nothing was asked); else the answers do
+  std::string what;  ///< one line: what was recorded, what was found
+  /// Face pairs, of the first kMaxReportPairs: those recorded alone, and those found alone.
+  std::vector<std::array<FaceKey, 2>> only_recorded, only_found;
+};
+
+struct VerifyReport {
+  std::uint64_t reports = 0;   ///< all contact reports; the sum of the next six
+  std::uint64_t verified = 0;  ///< state and answer agree
+  std::uint64_t different = 0;
+  std::uint64_t not_asked =
+      0;  ///< the peer lacked a header or a pose, so there is nothing to compare
+  std::uint64_t lacking = 0;  ///< batches (or a header) that the peer had are not in the recording
+  std::uint64_t gave_up = 0;  ///< the peer had given up detail, which is not recorded
+  std::uint64_t malformed = 0;  ///< reports that do not decode
+  std::uint64_t peers = 0, batches = 0;
+  std::uint64_t digest = 0;  ///< of all that was found, for comparing builds
+  std::vector<Difference>
+      differences;  ///< the first kMaxDifferences of each peer, in order of the recording
+};
+inline constexpr std::size_t kMaxDifferences = 16;
+
+/// `threads`: peers are spread over so many (>= 1). Memory: the peers' replicas, and a few thousand messages.
+/// Errors: those of the reader; kUnsupported for another wire version.
+[[nodiscard]] Result<VerifyReport> verify(RecordingReader& recording, unsigned threads);
+
+}  // namespace nearmesh::subscriber

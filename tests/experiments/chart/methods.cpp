@@ -1,0 +1,512 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "methods.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <deque>
+#include <map>
+
+#include "core/base/stopwatch.hpp"
+#include "core/program/grid_cells.hpp"
+#include "core/refine/replica.hpp"
+#include "hoppe.hpp"
+#include "nearmesh/core/abtree/detail/ab_tree.hpp"
+#include "tests/experiments/perf/peer.hpp"
+
+namespace nearmesh::chart {
+namespace {
+
+using perf::Batches;
+
+std::uint64_t framed_batch(const std::vector<std::uint8_t>& batch) {
+  return batch.size() + kBatchFramingBytes;
+}
+
+// The splits in the reverse order of the collapses: the progressive mesh as it was made. Where vertices share a place, so
+// that the log cannot be followed by positions, the largest nodes first.
+std::vector<VertexId> collapse_order(const perf::Model& model) {
+  const SplitStore& store = model.baked.store;
+  const auto [origin_m, exponent, bits] = model.baked.header.grid;
+  std::map<GridPoint, VertexId> ids;
+  for (std::uint32_t v = 0; v < store.vertex_count(); ++v) ids[store.position({v})] = {v};
+  if (ids.size() < store.vertex_count()) return global_order(store, 0xffffffffU);
+  std::vector<VertexId> order;
+  const auto& collapses = model.baked.log.collapses;
+  for (auto at = collapses.rbegin(); at != collapses.rend(); ++at) {
+    GridPoint p;
+    for (std::size_t k = 0; k < 3; ++k)
+      p.v[k] = static_cast<std::int32_t>(
+          std::ldexp(model.mesh.positions_m[at->removed][k] - origin_m[k], -exponent));
+    order.push_back(ids.at(p));
+  }
+  return order;
+}
+
+// Splits in an order with parents first, as batches: whoever has the first ones has a mesh. In preorder within each of a
+// few levels: a batch names the nodes that it hangs on, so that an order split by split would cost twice the bytes.
+Batches encode_in_order(const perf::Model& model, std::span<const VertexId> order) {
+  const SplitStore& store = model.baked.store;
+  Batches batches;
+  for (std::size_t done = 0; done < order.size();) {
+    const std::size_t count = std::min(order.size() - done, std::max<std::size_t>(256, 3 * done));
+    std::vector<NodeSpan> nodes;
+    for (const VertexId u : order.subspan(done, count)) nodes.push_back(store.node_of(u));
+    std::sort(nodes.begin(), nodes.end());
+    const auto included = [&](NodeSpan node) {
+      return std::binary_search(nodes.begin(), nodes.end(), node);
+    };
+    Treelet treelet;
+    for (const NodeSpan& node : nodes) {
+      const VertexId u = store.split_of(node);
+      treelet.push_back({node, u, included(node.left_of(u)), included(node.right_of(u))});
+    }
+    for (auto& batch : encode_batches(model.baked.header, store, treelet, BoxPolicy::kCutNodes))
+      batches.push_back(std::move(batch));
+    done += count;
+  }
+  return batches;
+}
+
+// One body on the peer's side.
+class Body {
+ public:
+  Body(const perf::Model& model, bool streamed)
+      : model_(&model),
+        streamed_(streamed),
+        header_bytes_(streamed ? framed(encode_header(model.baked.header).size()) : 0) {}
+
+  void start() {
+    replica_.reset();
+    if (streamed_) replica_.emplace(model_->baked.header);
+    coarse_.reset();
+  }
+  [[nodiscard]] bool streamed() const { return streamed_; }
+  [[nodiscard]] std::uint64_t header_bytes() const { return header_bytes_; }
+  [[nodiscard]] const perf::Model& model() const { return *model_; }
+  [[nodiscard]] const Replica& replica() const { return *replica_; }
+
+  RefineDelta apply(const std::vector<std::uint8_t>& bytes, State& state) {
+    Stopwatch watch;
+    const SplitBatch batch = decode_batch(model_->baked.header, bytes).value();
+    state.load_s += watch.lap();
+    Replica::Applied applied = replica_->apply_batch(batch);
+    state.refine_s += watch.lap();
+    state.splits += applied.delta.split.size();
+    coarse_.reset();
+    return std::move(applied.delta);
+  }
+  // All faces of the current mesh, exact or not. Built anew where something came: the paper refits, so its T_B is less.
+  const TriangleTree& tree(State& state) {
+    if (!streamed_) return model_->tree;
+    if (!coarse_) {
+      const Stopwatch watch;
+      const std::vector<TreeFace> faces = current_triangles(replica_->mesh());
+      coarse_faces_ = faces.size();
+      coarse_.emplace(build_triangle_tree(model_->baked.header.grid, faces));
+      state.tree_s += watch.seconds();
+    }
+    return *coarse_;
+  }
+  void weigh(State& state) const {
+    if (!streamed_ || !coarse_) return;
+    state.faces_held += coarse_faces_;
+    state.tree_bytes +=
+        coarse_->nodes.size() * sizeof(TreeNode) + coarse_->blocks.size() * sizeof(FaceBlock);
+  }
+
+ private:
+  const perf::Model* model_;
+  bool streamed_;
+  std::uint64_t header_bytes_, coarse_faces_ = 0;
+  std::optional<Replica> replica_;
+  std::optional<TriangleTree> coarse_;
+};
+
+// Bodies, and batches on their way to them.
+class Stream : public Method {
+ public:
+  explicit Stream(const Scene& scene)
+      : bodies_{Body(scene.a, true), Body(scene.b, scene.b_streamed)} {}
+
+  void start() override {
+    for (Body& body : bodies_) body.start();
+    state_ = State{.bytes = bodies_[0].header_bytes() + bodies_[1].header_bytes()};
+    queue_.clear();
+  }
+  State receive(const perf::PosePair& poses, const PosedPair& posed,
+                std::uint64_t max_bytes) override {
+    if (state_.bytes > max_bytes) return state_;  // still without base meshes
+    state_.finished = false;
+    ++version_;
+    while (true) {
+      take(max_bytes);
+      if (!queue_.empty() || !ask(poses, posed)) break;
+    }
+    answer(posed);
+    state_.finished = queue_.empty() && state_.finished;
+    return state_;
+  }
+
+ protected:
+  // Queues what the peer asks for next; false, with state_.finished, where there is nothing.
+  virtual bool ask(const perf::PosePair& poses, const PosedPair& posed) = 0;
+  virtual void answer(const PosedPair& posed) { guess(posed); }
+  virtual void applied(std::size_t /*body*/, const RefineDelta& /*delta*/) {}
+
+  void queue(std::size_t body, Batches batches) {
+    for (auto& batch : batches) queue_.push_back({body, std::move(batch)});
+  }
+  [[nodiscard]] bool has_all() const { return queue_.empty(); }
+  // By the faces that there are, coarse or not.
+  void guess(const PosedPair& posed) {
+    if (guessed_ == version_) return;
+    guessed_ = version_;
+    const TriangleTree &a = bodies_[0].tree(state_), &b = bodies_[1].tree(state_);
+    const Stopwatch watch;
+    Answer answer = query(a.view(), posed.a, b.view(), posed.b, {.clearance = false});
+    state_.query_s += watch.seconds();
+    state_.answers = true;
+    state_.contacts = find_contacts(a.view(), posed.a, b.view(), posed.b, answer);
+    state_.pairs = std::move(answer.pairs);
+    state_.faces_held = state_.tree_bytes = 0;
+    for (const Body& body : bodies_) body.weigh(state_);
+  }
+
+  std::array<Body, 2> bodies_;
+  State state_;
+  std::uint64_t version_ = 0;  // of poses and what has come
+
+ private:
+  void take(std::uint64_t max_bytes) {
+    while (!queue_.empty()) {
+      auto& [body, batch] = queue_.front();
+      if (state_.bytes + framed_batch(batch) > max_bytes) return;
+      state_.bytes += framed_batch(batch);
+      applied(body, bodies_[body].apply(batch, state_));
+      queue_.pop_front();
+      ++version_;
+    }
+  }
+  std::deque<std::pair<std::size_t, std::vector<std::uint8_t>>> queue_;
+  std::uint64_t guessed_ = 0;  // version of the last guess
+};
+
+// ---- global refinement and static levels --------------------------------------------------------
+
+// Largest nodes first, everywhere; both bodies in turn.
+class Global : public Stream {
+ public:
+  explicit Global(const Scene& scene) : Stream(scene) {
+    for (std::size_t i = 0; i < 2; ++i)
+      if (bodies_[i].streamed())
+        batches_[i] = encode_in_order(bodies_[i].model(),
+                                      global_order(bodies_[i].model().baked.store, 0xffffffffU));
+  }
+  void start() override {
+    Stream::start();
+    asked_ = false;
+  }
+
+ protected:
+  bool ask(const perf::PosePair& /*poses*/, const PosedPair& /*posed*/) override {
+    if (asked_) {
+      state_.finished = true;
+      return false;
+    }
+    asked_ = true;  // who joins is sent all of it
+    for (std::size_t at = 0; at < std::max(batches_[0].size(), batches_[1].size()); ++at)
+      for (std::size_t i = 0; i < 2; ++i)
+        if (at < batches_[i].size()) queue(i, {batches_[i][at]});
+    return true;
+  }
+
+  std::array<Batches, 2> batches_;
+
+ private:
+  bool asked_ = false;
+};
+
+// A level of detail as a mesh of its own: of no use before all of it has come.
+class StaticLevel : public Global {
+ public:
+  StaticLevel(const Scene& scene, double share) : Global(scene) {
+    for (std::size_t i = 0; i < 2; ++i) {
+      if (!bodies_[i].streamed()) continue;
+      const BakedModel& model = bodies_[i].model().baked;
+      ActiveMesh mesh(model.store);
+      RefineDelta delta;
+      for (const VertexId u : global_order(
+               model.store, static_cast<std::uint32_t>(share * model.header.split_count())))
+        static_cast<void>(mesh.split(u, delta));
+      batches_[i] =
+          encode_batches(model.header, model.store, active_treelet(mesh), BoxPolicy::kCutNodes);
+    }
+  }
+
+ protected:
+  void answer(const PosedPair& posed) override {
+    if (has_all()) guess(posed);
+  }
+};
+
+// ---- the paper's grid ---------------------------------------------------------------------------
+
+enum class Closure : std::uint8_t { kHoppe, kAncestors };
+
+class Grid3 : public Stream {
+ public:
+  Grid3(const Scene& scene, int cells, Closure closure) : Stream(scene) {
+    for (std::size_t i = 0; i < 2; ++i) {
+      if (!bodies_[i].streamed()) continue;
+      const SplitStore& store = bodies_[i].model().baked.store;
+      cells_[i].emplace(store, cells);
+      if (closure == Closure::kHoppe) rules_[i].emplace(store, collapse_order(bodies_[i].model()));
+    }
+  }
+  void start() override {
+    Stream::start();
+    for (std::size_t i = 0; i < 2; ++i) {
+      done_[i].clear();
+      if (bodies_[i].streamed()) sent_[i].emplace(bodies_[i].model().baked.store);
+    }
+  }
+
+ protected:
+  bool ask(const perf::PosePair& /*poses*/, const PosedPair& posed) override {
+    guess(posed);
+    bool more = false;
+    for (std::size_t i = 0; i < 2; ++i) {
+      if (!bodies_[i].streamed()) continue;
+      std::set<int> touched;
+      for (const FacePair& pair : state_.pairs)
+        cells_[i]->touched(
+            program::current_box(bodies_[i].replica().mesh(), i == 0 ? pair.a : pair.b), touched);
+      const RefineDelta delta = refine(i, touched);
+      if (delta.split.empty()) continue;
+      more = true;
+      state_.request_bytes += 4 * touched.size();
+      std::vector<VertexId> order = delta.split;  // coarse first, as a progressive mesh is sent
+      const SplitStore& store = bodies_[i].model().baked.store;
+      std::stable_sort(order.begin(), order.end(), [&](VertexId x, VertexId y) {
+        return store.node_of(x).size > store.node_of(y).size;
+      });
+      queue(i, encode_in_order(bodies_[i].model(), order));
+    }
+    if (more) ++state_.requests;
+    state_.finished = !more;
+    return more;
+  }
+
+ private:
+  // The server's walk: what makes every vertex of the new cells active and alone.
+  RefineDelta refine(std::size_t i, const std::set<int>& touched) {
+    RefineDelta delta;
+    ActiveMesh& mesh = *sent_[i];
+    const auto split = [&](VertexId u) {
+      if (rules_[i]) {
+        rules_[i]->split(mesh, u, delta);
+      } else {
+        static_cast<void>(mesh.split(u, delta));
+      }
+    };
+    for (const int cell : touched) {
+      if (!done_[i].insert(cell).second) continue;
+      for (const VertexId v : cells_[i]->vertices(cell)) {
+        if (!mesh.store().is_root(v)) split(v);
+        while (!mesh.is_leaf(v)) split(mesh.store().split_of(mesh.current_node(v)));
+      }
+    }
+    return delta;
+  }
+
+  std::array<std::optional<program::GridCells>, 2> cells_;
+  std::array<std::optional<HoppeRule>, 2> rules_;
+  std::array<std::optional<ActiveMesh>, 2> sent_;
+  std::array<std::set<int>, 2> done_;
+};
+
+// ---- certified ----------------------------------------------------------------------------------
+
+// The splits of `demand`, each with the rest of its block: splits of nodes between block^k and block^(k + 1) vertices below
+// one maximal such node. What the peer has already is left out.
+Treelet whole_blocks(const SplitStore& store, const Treelet& demand, std::uint32_t block,
+                     const SplitStore& peer) {
+  const auto level = [block](std::uint32_t size) {
+    int at = 0;
+    for (std::uint64_t reach = block; reach < size; reach *= block) ++at;
+    return at;
+  };
+  std::set<NodeSpan> nodes;
+  for (const TreeletSplit& wanted : demand) {
+    NodeSpan root = wanted.node;
+    for (NodeSpan up = store.parent_of(root); up.size > 0 && level(up.size) == level(root.size);
+         up = store.parent_of(up))
+      root = up;
+    if (nodes.contains(root)) continue;
+    std::vector<NodeSpan> stack{root};
+    while (!stack.empty()) {
+      const NodeSpan node = stack.back();
+      stack.pop_back();
+      nodes.insert(node);
+      const VertexId u = store.split_of(node);
+      for (const NodeSpan& child : {node.left_of(u), node.right_of(u)})
+        if (child.size > 1 && level(child.size) == level(root.size)) stack.push_back(child);
+    }
+  }
+  Treelet treelet;
+  const auto included = [&](NodeSpan node) { return nodes.contains(node); };
+  for (const NodeSpan& node : nodes) {
+    const VertexId u = store.split_of(node);
+    if (!peer.is_known(u))
+      treelet.push_back({node, u, included(node.left_of(u)), included(node.right_of(u))});
+  }
+  return treelet;
+}
+
+// As a peer's Session asks: the region that the other body covers, then what the answer names. `block` 0: node by node.
+class Certified : public Stream {
+ public:
+  /// As block: nothing but the splits that the answer names, round after round. No answer takes fewer splits.
+  static constexpr std::uint32_t kLeast = 0xffffffffU;
+
+  explicit Certified(const Scene& scene, std::uint32_t block = 0) : Stream(scene), block_(block) {}
+
+  void start() override {
+    for (auto& tree : trees_) tree.reset();
+    Stream::start();
+    answer_ = {};
+    for (std::size_t i = 0; i < 2; ++i)
+      if (bodies_[i].streamed()) trees_[i].emplace(bodies_[i].replica().mesh());
+  }
+
+ protected:
+  void applied(std::size_t body, const RefineDelta& delta) override {
+    const Stopwatch watch;
+    trees_[body]->update(delta);
+    state_.tree_s += watch.seconds();
+  }
+  bool ask(const perf::PosePair& poses, const PosedPair& posed) override {
+    exact(posed);
+    if (is_certified(answer_.status)) {
+      state_.finished = true;
+      return false;
+    }
+    bool asked = false;
+    for (std::size_t i = 0; i < 2; ++i) {
+      if (!bodies_[i].streamed()) continue;
+      const Stopwatch watch;
+      if (block_ == kLeast) {
+        asked = ask_least(i) || asked;
+        continue;
+      }
+      std::vector<NodeSpan> missing = i == 0 ? answer_.missing_a : answer_.missing_b;
+      missing.resize(std::min(missing.size(), kMaxAttachNodes));
+      const auto request =
+          perf::next_request(bodies_[i].replica().store(), view(i), i == 0 ? poses.a : poses.b,
+                             view(1 - i), i == 0 ? poses.b : poses.a, 0, std::move(missing),
+                             perf::kRequestSplits, subscriber::Portion::kLargestNodes);
+      state_.query_s += watch.seconds();
+      if (!request) continue;
+      asked = true;
+      state_.request_bytes += perf::request_bytes(*request);
+      const SplitStore& store = bodies_[i].model().baked.store;
+      Treelet treelet =
+          perf::demand_of(store, *request, [](NodeSpan) { return Status::ok(); }).treelet;
+      if (block_ > 0) treelet = whole_blocks(store, treelet, block_, bodies_[i].replica().store());
+      queue(i,
+            encode_batches(bodies_[i].model().baked.header, store, treelet, BoxPolicy::kCutNodes));
+    }
+    if (asked) ++state_.requests;
+    return asked;
+  }
+  void answer(const PosedPair& posed) override {
+    exact(posed);
+    state_.claim = answer_.status;
+    if (!is_certified(answer_.status)) return guess(posed);
+    state_.answers = true;
+    state_.contacts = find_contacts(view(0), posed.a, view(1), posed.b, answer_);
+    state_.pairs = answer_.pairs;
+    state_.faces_held = state_.tree_bytes = 0;
+    for (std::size_t i = 0; i < 2; ++i) {
+      if (!trees_[i]) continue;
+      const AbTreeStats stats = trees_[i]->stats();
+      state_.faces_held += stats.exact_faces;
+      state_.tree_bytes += stats.bytes;
+    }
+  }
+
+ private:
+  bool ask_least(std::size_t i) {
+    const std::vector<NodeSpan>& missing = i == 0 ? answer_.missing_a : answer_.missing_b;
+    const BakedModel& model = bodies_[i].model().baked;
+    Treelet treelet;
+    for (const NodeSpan& node : missing)
+      treelet.push_back({node, model.store.split_of(node), false, false});
+    state_.request_bytes += 8 * missing.size();
+    queue(i, encode_batches(model.header, model.store, treelet, BoxPolicy::kCutNodes));
+    return !missing.empty();
+  }
+  [[nodiscard]] TreeView view(std::size_t i) const {
+    return trees_[i] ? trees_[i]->view(bodies_[i].model().baked.header.grid)
+                     : bodies_[i].model().tree.view();
+  }
+  void exact(const PosedPair& posed) {
+    if (exact_ == version_) return;
+    exact_ = version_;
+    const Stopwatch watch;
+    answer_ = query(view(0), posed.a, view(1), posed.b, {.clearance = false});
+    state_.query_s += watch.seconds();
+  }
+
+  std::uint32_t block_;
+  std::array<std::optional<AbTree>, 2> trees_;
+  Answer answer_;
+  std::uint64_t exact_ = 0;  // version of answer_
+};
+
+}  // namespace
+
+std::uint64_t framed(std::uint64_t payload) {
+  return payload + (payload + kMaxBatchBytes - 1) / kMaxBatchBytes * kBatchFramingBytes;
+}
+
+const std::vector<MethodInfo>& methods() {
+  using Made = std::unique_ptr<Method>;
+  static const std::vector<MethodInfo> all{
+      {"static-1/256", "none",
+       [](const Scene& s) -> Made { return std::make_unique<StaticLevel>(s, 1.0 / 256); }},
+      {"static-1/64", "none",
+       [](const Scene& s) -> Made { return std::make_unique<StaticLevel>(s, 1.0 / 64); }},
+      {"static-1/16", "none",
+       [](const Scene& s) -> Made { return std::make_unique<StaticLevel>(s, 1.0 / 16); }},
+      {"static-1/4", "none",
+       [](const Scene& s) -> Made { return std::make_unique<StaticLevel>(s, 1.0 / 4); }},
+      {"static-full", "none",
+       [](const Scene& s) -> Made { return std::make_unique<StaticLevel>(s, 1); }},
+      {"global", "none", [](const Scene& s) -> Made { return std::make_unique<Global>(s); }},
+      {"grid8-hoppe", "none",
+       [](const Scene& s) -> Made { return std::make_unique<Grid3>(s, 8, Closure::kHoppe); }},
+      {"grid8", "none",
+       [](const Scene& s) -> Made { return std::make_unique<Grid3>(s, 8, Closure::kAncestors); }},
+      {"grid16", "none",
+       [](const Scene& s) -> Made { return std::make_unique<Grid3>(s, 16, Closure::kAncestors); }},
+      {"grid32", "none",
+       [](const Scene& s) -> Made { return std::make_unique<Grid3>(s, 32, Closure::kAncestors); }},
+      {"certified", "client",
+       [](const Scene& s) -> Made { return std::make_unique<Certified>(s); }},
+      {"certified-least", "client",
+       [](const Scene& s) -> Made { return std::make_unique<Certified>(s, Certified::kLeast); }},
+      {"blocks-32", "client",
+       [](const Scene& s) -> Made { return std::make_unique<Certified>(s, 32); }},
+      {"blocks-64", "client",
+       [](const Scene& s) -> Made { return std::make_unique<Certified>(s, 64); }},
+      {"blocks-128", "client",
+       [](const Scene& s) -> Made { return std::make_unique<Certified>(s, 128); }},
+      {"clusters-checked", "client", make_checked_rival},
+      {"triangles-trusted", "server", make_trusted_rival},
+  };
+  return all;
+}
+
+}  // namespace nearmesh::chart

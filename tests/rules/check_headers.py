@@ -1,0 +1,82 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Checks that every header of the product stands alone. Usage: check_headers.py ROOT BUILD
+
+A header that is the first that some source file of its own room includes was shown to stand alone by the build. Of the
+others each room's are compiled here, with the options of that room and -fsyntax-only: each by itself, all at once where
+that finds nothing. Prints the compiler's errors and exits with 1 when there are any.
+"""
+import json
+import pathlib
+import re
+import shlex
+import subprocess
+import sys
+
+WINGS = ("core", "idl", "publisher", "subscriber")
+FIRST = re.compile(r'^#include "([^"]+)"', re.MULTILINE)
+
+
+def spelled(header):
+    """The header as an #include names it: from its public folder, or from the root."""
+    parts = header.parts
+    return "/".join(parts[2:] if parts[1] == "include" else parts)
+
+
+def room_of(path):
+    """core/query/walk.cpp and core/include/nearmesh/core/query/query.hpp: core/query."""
+    parts = path.parts
+    return "/".join((parts[0], parts[4] if parts[1] == "include" else parts[1]))
+
+
+def find_unshown(root, sources):
+    """Headers by room, but those that a source file of the room includes first."""
+    shown = set()
+    for source in sources:
+        if first := FIRST.search((root / source).read_text()):
+            shown |= {first[1], f"{source.parent}/{first[1]}"}
+    unshown = {}
+    for wing in WINGS:
+        for path in sorted((root / wing).rglob("*.hpp")):
+            header = path.relative_to(root)
+            if spelled(header) not in shown and not header.name.endswith("_kernels.hpp"):
+                unshown.setdefault(room_of(header), []).append(spelled(header))
+    return unshown
+
+
+def compile_text(text, command):
+    """Errors of a text, compiled with the options of a command of the build; empty when there are none."""
+    options = [word for word in shlex.split(command["command"])]
+    # Neither what it compiles nor where to.
+    options = options[:options.index("-o")]
+    done = subprocess.run(options + ["-fsyntax-only", "-x", "c++", "-"], input=text, text=True, cwd=command["directory"],
+                          capture_output=True, check=False)
+    return done.stderr if done.returncode else ""
+
+
+def main(root, build):
+    commands = {}
+    sources = []
+    for command in json.loads((build / "compile_commands.json").read_text()):
+        path = pathlib.Path(command["file"])
+        if path.is_relative_to(root) and (source := path.relative_to(root)).parts[0] in WINGS:
+            sources.append(source)
+            commands.setdefault(room_of(source), command)
+    failed = 0
+    for room, headers in find_unshown(root, sources).items():
+        if room not in commands:
+            continue  # not part of this build
+        lines = [f'#include "{header}"\n' for header in headers]
+        # All in one go, each by itself only where that fails or where order could hide what is missing.
+        for line in lines:
+            if errors := compile_text(line, commands[room]):
+                print(errors)
+                failed += 1
+        print(f"{room}: {len(lines)} headers")
+    return failed
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 3:
+        sys.exit(__doc__)
+    sys.exit(1 if main(pathlib.Path(sys.argv[1]).resolve(), pathlib.Path(sys.argv[2]).resolve()) else 0)

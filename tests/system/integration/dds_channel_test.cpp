@@ -1,0 +1,495 @@
+// SPDX-License-Identifier: Apache-2.0
+// Two processes, and two participants of one. This program is also its own helper: "--child
+// publisher|peer|recorder PREFIX LEASE".
+
+#include <fastrtps/xmlparser/XMLProfileManager.h>
+
+#include "dds_channel_fixture.hpp"
+#include "nearmesh/core/recording/recording.hpp"
+#include "subscriber/dds/dds_recorder.hpp"
+
+namespace nearmesh::test {
+namespace {
+
+// --- Two processes
+
+TEST(DdsChannel, BatchesComeBackInOrder) {
+  const auto start = std::chrono::steady_clock::now();
+  Child publisher("publisher", own_prefix());
+  Peer peer(make_peer(own_prefix()));
+  ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.hellos.empty(); }));
+  RecordProperty("match_ms", static_cast<int>(seconds_since(start) * 1000));
+  EXPECT_EQ(peer.all.hellos[0].publisher, kChildPublisher);
+  constexpr std::uint32_t kCount = 2000;
+  peer.channel->send(request_of(peer.channel->own_id(), kCount));
+  ASSERT_TRUE(peer.await([](const Inbox& in) { return in.batches.size() >= kCount; }))
+      << peer.all.batches.size();
+  for (std::uint32_t i = 0; i < kCount; ++i) {
+    ASSERT_EQ(peer.all.batches[i].sequence, i + 1);
+    ASSERT_EQ(peer.all.batches[i].bytes, batch_of(i + 1, false).bytes);
+    ASSERT_EQ(peer.all.batches[i].last, i + 1 == kCount);
+  }
+  EXPECT_EQ(peer.all.complaints, std::vector<std::string>{});
+}
+
+TEST(DdsChannel, LateJoinerGetsHelloAndLargeHeader) {
+  Child publisher("publisher", own_prefix());
+  Peer early(make_peer(own_prefix()));
+  ASSERT_TRUE(
+      early.await([](const Inbox& in) { return !in.hellos.empty() && !in.headers.empty(); }));
+  Peer late(make_peer(own_prefix()));
+  ASSERT_TRUE(
+      late.await([](const Inbox& in) { return !in.hellos.empty() && !in.headers.empty(); }));
+  EXPECT_EQ(late.all.hellos[0].models[0].name, "bunny");
+  EXPECT_EQ(late.all.headers[0].bytes, big_header().bytes);
+}
+
+TEST_F(DdsLease, KilledPublisherIsReportedLost) {
+  Child publisher("publisher", own_prefix());
+  Peer peer(make_peer(own_prefix()));
+  ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.hellos.empty(); }));
+  publisher.end();
+  ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.lost_publishers.empty(); }));
+  EXPECT_EQ(peer.all.lost_publishers, std::vector{kChildPublisher});
+}
+
+TEST_F(DdsLease, PublisherStoppedBeyondItsLeaseComesBack) {
+  Child publisher("publisher", own_prefix());
+  Peer peer(make_peer(own_prefix()));
+  ASSERT_TRUE(
+      peer.await([](const Inbox& in) { return !in.hellos.empty() && !in.headers.empty(); }));
+  const auto has_batch = [](std::uint32_t sequence) {
+    return [sequence](const Inbox& in) {
+      return std::any_of(in.batches.begin(), in.batches.end(),
+                         [&](const auto& batch) { return batch.sequence == sequence; });
+    };
+  };
+  // As a host does: again after each hello, since what was asked before a loss is lost.
+  const auto is_served = [&](std::uint32_t batches) {
+    std::size_t answered_hellos = 0;
+    return peer.await([&](const Inbox& in) {
+      if (std::exchange(answered_hellos, in.hellos.size()) < in.hellos.size())
+        peer.channel->send(request_of(peer.channel->own_id(), batches));
+      return has_batch(batches)(in);
+    });
+  };
+  ASSERT_TRUE(is_served(10)) << peer.story();
+  publisher.signal(SIGSTOP);
+  ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.lost_publishers.empty(); }));
+  publisher.signal(SIGCONT);
+  ASSERT_TRUE(peer.await([](const Inbox& in) {
+    return in.hellos.size() >= 2 && in.headers.size() >= 2;
+  })) << peer.story();
+  EXPECT_TRUE(is_served(15)) << peer.story();
+}
+
+TEST_F(DdsLease, PeerStoppedBeyondItsLeaseIsServedAgain) {
+  Server server(make_publisher(own_prefix()));
+  Child peer("peer", own_prefix());
+  ASSERT_TRUE(server.await([&] { return !server.subscriptions.empty(); }));
+  peer.signal(SIGSTOP);
+  ASSERT_TRUE(server.await([&] { return !server.lost.empty(); }));
+  server.subscriptions.clear();
+  peer.signal(SIGCONT);
+  ASSERT_TRUE(server.await([&] { return !server.subscriptions.empty(); }));
+  EXPECT_TRUE(wait_for([&] { return server.channel->send(kChildPeer, batch_of(1, true)); }));
+}
+
+TEST_F(DdsLease, KilledPeerIsReportedLost) {
+  Server server(make_publisher(own_prefix()));
+  Child peer("peer", own_prefix());
+  ASSERT_TRUE(server.await([&] { return !server.subscriptions.empty(); }));
+  ASSERT_TRUE(wait_for([&] { return server.channel->send(kChildPeer, batch_of(1, true)); }));
+  peer.end();
+  ASSERT_TRUE(server.await([&] { return !server.lost.empty(); }));
+  EXPECT_EQ(server.lost, std::vector{kChildPeer});
+  EXPECT_FALSE(server.channel->send(kChildPeer, batch_of(2, true)));
+}
+
+TEST_F(DdsLease, FrozenPeerStallsNobodyElse) {
+  Server server(make_publisher(own_prefix()));
+  server.channel->announce(hello_of(kChildPublisher), {});
+  Child frozen("peer", own_prefix());
+  Peer healthy(make_peer(own_prefix()));
+  ASSERT_TRUE(healthy.await([](const Inbox& in) { return !in.hellos.empty(); }));
+  healthy.channel->send(request_of(healthy.channel->own_id()));
+  const auto heard = [&](wire::SessionId peer) {
+    return std::any_of(server.subscriptions.begin(), server.subscriptions.end(),
+                       [&](const auto& s) { return s.peer == peer; });
+  };
+  ASSERT_TRUE(server.await([&] { return heard(kChildPeer) && heard(healthy.channel->own_id()); }));
+  ASSERT_TRUE(wait_for([&] { return server.channel->send(kChildPeer, batch_of(1, false)); }));
+  frozen.signal(SIGSTOP);
+  // Until its lease is over the frozen peer takes what fits its history, and then no more.
+  std::uint32_t taken = 1;
+  const auto fill = [&] {
+    while (taken < 1000 && server.channel->send(kChildPeer, batch_of(taken + 1, false))) ++taken;
+  };
+  constexpr std::uint32_t kCount = 600;
+  for (std::uint32_t i = 1; i <= kCount; ++i) {
+    ASSERT_TRUE(wait_for([&] {
+      fill();
+      return server.channel->send(healthy.channel->own_id(), batch_of(i, i == kCount));
+    }));
+  }
+  ASSERT_TRUE(healthy.await([](const Inbox& in) { return in.batches.size() == kCount; }));
+  EXPECT_LT(taken, 1000U);
+  ASSERT_TRUE(server.await([&] { return !server.lost.empty(); }));
+  EXPECT_EQ(server.lost, std::vector{kChildPeer});
+}
+
+TEST(DdsChannel, RecorderHearsEveryPeerAndFrozenStallsNobody) {
+  const std::string path = recording_of(own_prefix());
+  Child recorder("recorder", own_prefix());
+  // Its file has all tables before it is on the bus.
+  ASSERT_TRUE(wait_for([&] { return RecordingReader::open(path).is_ok(); }));
+  Server server(make_publisher(own_prefix()));
+  server.channel->announce(hello_of(kChildPublisher), {});
+  const auto hears_publisher = [&] {
+    return RecordingReader::open(path).value()->message_count() > 0;
+  };
+  ASSERT_TRUE(wait_for(hears_publisher));
+  Peer peer(make_peer(own_prefix()));
+  ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.hellos.empty(); }));
+  peer.channel->send(request_of(peer.channel->own_id()));
+  ASSERT_TRUE(server.await([&] { return !server.subscriptions.empty(); }));
+  const auto stream = [&](std::uint32_t first, std::uint32_t count) {
+    for (std::uint32_t i = first; i < first + count; ++i)
+      ASSERT_TRUE(wait_for(
+          [&] { return server.channel->send(peer.channel->own_id(), batch_of(i, false)); }, 8))
+          << i;
+    ASSERT_TRUE(
+        peer.await([&](const Inbox& in) { return in.batches.size() == first + count - 1; }));
+  };
+  stream(1, 20);
+  // All of them, from the first on, although the writer was made a moment before.
+  const auto recorded = [&](const std::string& partition) {
+    const auto reader = RecordingReader::open(path).value();
+    std::uint64_t batches = 0;
+    EXPECT_TRUE(reader
+                    ->read(1, reader->message_count() + 1,
+                           [&](std::int64_t, const RecordedMessage& message) {
+                             const auto& writer = reader->writers()[message.writer];
+                             batches += writer.partition == partition ? 1 : 0;
+                             return true;
+                           })
+                    .is_ok());
+    return batches;
+  };
+  const std::string own = wire::partition_of(peer.channel->own_id());
+  EXPECT_TRUE(wait_for([&] { return recorded(own) == 20; })) << recorded(own);
+  // For whoever else comes, too.
+  for (wire::SessionId other = 1; other <= 8; ++other) {
+    Peer guest(make_peer(own_prefix(), nullptr, other));
+    ASSERT_TRUE(guest.await([](const Inbox& in) { return !in.hellos.empty(); }));
+    guest.channel->send(request_of(other));
+    ASSERT_TRUE(wait_for([&] {
+      (void)server.channel->take();
+      return server.channel->send(other, batch_of(1, true));
+    }));
+    ASSERT_TRUE(guest.await([](const Inbox& in) { return !in.batches.empty(); }));
+    EXPECT_TRUE(wait_for([&] { return recorded(wire::partition_of(other)) == 1; })) << other;
+  }
+  // Several times what the writer keeps, before anybody misses the recorder.
+  recorder.signal(SIGSTOP);
+  stream(21, 1500);
+  recorder.end();
+  for (const char* suffix : {"", "-wal", "-shm"}) std::remove((path + suffix).c_str());
+}
+
+// --- Two participants
+
+TEST(DdsChannel, LeavingPeerAndPublisherAreReportedAtOnce) {
+  Server server(make_publisher(own_prefix()));
+  server.channel->announce(hello_of(7), {});
+  Peer watcher(make_peer(own_prefix()));
+  ASSERT_TRUE(watcher.await([](const Inbox& in) { return !in.hellos.empty(); }));
+  {
+    Peer leaver(make_peer(own_prefix(), nullptr, 5));
+    leaver.channel->send(request_of(5, 1, 7));
+    ASSERT_TRUE(server.await([&] { return !server.subscriptions.empty(); }));
+    const auto start = std::chrono::steady_clock::now();
+    leaver.channel.reset();
+    EXPECT_LT(seconds_since(start), lease_s / 2);
+  }
+  ASSERT_TRUE(server.await([&] { return !server.lost.empty(); }, lease_s / 2));
+  EXPECT_EQ(server.lost, std::vector<wire::SessionId>{5});
+  server.channel.reset();
+  EXPECT_TRUE(
+      watcher.await([](const Inbox& in) { return !in.lost_publishers.empty(); }, lease_s / 2));
+}
+
+TEST(DdsChannel, SubscriptionSentBeforeAPublisherExistsArrives) {
+  Peer peer(make_peer(own_prefix()));
+  peer.channel->send(request_of(peer.channel->own_id(), 77));
+  Server server(make_publisher(own_prefix()));
+  ASSERT_TRUE(server.await([&] { return !server.subscriptions.empty(); }));
+  EXPECT_EQ(server.subscriptions[0].region.max_splits, 77U);
+  EXPECT_EQ(server.subscriptions[0].region.attach, request_of(1).region.attach);
+}
+
+// Whether or not the host takes them.
+TEST(DdsChannel, BatchesAreAcknowledgedAsTheyCome) {
+  Server server(make_publisher(own_prefix()));
+  server.channel->announce(hello_of(kChildPublisher), {});
+  Peer peer(make_peer(own_prefix()));
+  ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.hellos.empty(); }));
+  wire::RegionSubscription request = request_of(peer.channel->own_id());
+  request.window_bytes = 12345;
+  peer.channel->send(request);
+  ASSERT_TRUE(server.await([&] { return !server.subscriptions.empty(); }));
+  for (std::uint32_t sequence = 1; sequence <= 3; ++sequence) {
+    const wire::SplitBatchMessage batch = batch_of(sequence, false);
+    ASSERT_TRUE(wait_for([&] { return server.channel->send(peer.channel->own_id(), batch); }));
+  }
+  ASSERT_TRUE(server.await([&] { return server.subscriptions.back().acknowledged_sequence == 3; }));
+  EXPECT_EQ(server.subscriptions.back().request, 0U);
+  EXPECT_EQ(server.subscriptions.back().window_bytes, 12345U);
+}
+
+TEST(DdsChannel, LargestSubscriptionArrives) {
+  Peer peer(make_peer(own_prefix()));
+  Server server(make_publisher(own_prefix()));
+  wire::RegionSubscription largest = request_of(peer.channel->own_id());
+  largest.region.attach.clear();
+  for (std::uint32_t i = 0; i < kMaxAttachNodes; ++i)
+    largest.region.attach.push_back({VertexId{2 * i}, 2});
+  largest.region.region.assign(kMaxRegionBoxes, largest.region.region[0]);
+  peer.channel->send(largest);
+  ASSERT_TRUE(server.await([&] { return !server.subscriptions.empty(); }));
+  EXPECT_EQ(server.subscriptions[0].region.attach, largest.region.attach);
+  EXPECT_EQ(server.subscriptions[0].region.region, largest.region.region);
+}
+
+TEST(DdsChannel, RequestAfterHelloReachesASecondPublisherToo) {
+  Server first(make_publisher(own_prefix()));
+  first.channel->announce(hello_of(7), {});
+  Peer peer(make_peer(own_prefix()));
+  ASSERT_TRUE(peer.await([](const Inbox& in) { return in.hellos.size() == 1; }));
+  Server second(make_publisher(own_prefix()));
+  second.channel->announce(hello_of(8), {});
+  ASSERT_TRUE(peer.await([](const Inbox& in) { return in.hellos.size() == 2; }));
+  peer.channel->send(request_of(peer.channel->own_id(), 1, 8));
+  peer.channel->send(request_of(peer.channel->own_id(), 2, 7));
+  EXPECT_TRUE(second.await([&] { return !second.subscriptions.empty(); }));
+  ASSERT_TRUE(first.await([&] { return !first.subscriptions.empty(); }));
+  EXPECT_EQ(first.subscriptions[0].publisher, 7U);  // the other was not for it
+}
+
+TEST(DdsChannel, NamedPeersAreLookedForBesideMulticast) {
+  subscriber::DdsChannelOptions options;
+  options.transport = transport(own_prefix());
+  options.transport.initial_peers = {"127.0.0.1"};
+  auto channel = PeerChannel::create(options);
+  ASSERT_TRUE(channel.is_ok()) << channel.status().message();
+  Peer peer(std::move(channel).value());
+  Server server(make_publisher(own_prefix()));
+  server.channel->announce(hello_of(7), {});
+  EXPECT_TRUE(peer.await([](const Inbox& in) { return !in.hellos.empty(); }));
+  options.transport.initial_peers = {"nowhere"};
+  EXPECT_EQ(PeerChannel::create(options).status().code(), StatusCode::kInvalidArgument);
+}
+
+TEST(DdsChannel, PosesReachOthersButNotTheirSender) {
+  Peer mover(make_peer(own_prefix()));
+  mover.channel->send(pose_of(mover.channel->own_id(), "arm", 1));
+  Peer late(make_peer(own_prefix()));
+  ASSERT_TRUE(late.await([](const Inbox& in) { return !in.poses.empty(); }));
+  EXPECT_EQ(late.all.poses[0].body, "arm");
+  late.channel->send(pose_of(late.channel->own_id(), "leg", 2));
+  ASSERT_TRUE(mover.await([](const Inbox& in) { return !in.poses.empty(); }));
+  EXPECT_EQ(mover.all.poses.size(), 1U);
+  EXPECT_EQ(mover.all.poses[0].body, "leg");
+}
+
+TEST(DdsChannel, PeerBeyondTheLimitIsRefusedWithOneComplaint) {
+  Server server(make_publisher(own_prefix(), 1));
+  Peer first(make_peer(own_prefix(), nullptr, 5));
+  first.channel->send(request_of(5));
+  ASSERT_TRUE(server.await([&] { return !server.subscriptions.empty(); }));
+  Peer second(make_peer(own_prefix(), nullptr, 6));
+  second.channel->send(request_of(6));
+  second.channel->send(request_of(6));
+  ASSERT_TRUE(server.await([&] { return !server.complaints.empty(); }));
+  EXPECT_EQ(server.complaints.size(), 1U);
+  EXPECT_NE(server.complaints[0].find("limit"), std::string::npos) << server.complaints[0];
+  first.channel.reset();
+  ASSERT_TRUE(server.await([&] { return !server.lost.empty(); }));
+  second.channel->send(request_of(6));
+  EXPECT_TRUE(server.await([&] { return server.subscriptions.size() == 2; }));
+}
+
+TEST(DdsChannel, NobodyCanSpeakForAnotherPeer) {
+  Server server(make_publisher(own_prefix()));
+  Peer owner(make_peer(own_prefix(), nullptr, 5));
+  owner.channel->send(request_of(5));
+  ASSERT_TRUE(server.await([&] { return !server.subscriptions.empty(); }));
+  Peer thief(make_peer(own_prefix(), nullptr, 6));
+  for (int i = 0; i < 100; ++i) thief.channel->send(request_of(5, 77));
+  ASSERT_TRUE(server.await([&] { return !server.complaints.empty(); }));
+  thief.channel.reset();
+  owner.channel->send(request_of(5));
+  ASSERT_TRUE(server.await([&] { return server.subscriptions.size() >= 2; }));
+  for (const wire::RegionSubscription& taken : server.subscriptions)
+    EXPECT_EQ(taken.region.max_splits, 1U) << "of the thief";
+  EXPECT_TRUE(server.lost.empty());
+  EXPECT_NE(server.complaints[0].find("speaks through another writer"), std::string::npos)
+      << server.complaints[0];
+}
+
+TEST(DdsChannel, NobodyCanSendForAPublisher) {
+  Server server(make_publisher(own_prefix()));
+  server.channel->announce(hello_of(kChildPublisher), {});
+  Peer peer(make_peer(own_prefix(), nullptr, 5));
+  ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.hellos.empty(); }));
+  peer.channel->send(request_of(5));
+  ASSERT_TRUE(server.await([&] { return !server.subscriptions.empty(); }));
+  wire::Mailbox mailbox;
+  wire::WriterListener listener(mailbox, "");
+  auto bus = std::move(wire::Bus::open({.transport = transport(own_prefix())}, mailbox)).value();
+  fdds::Topic* topic =
+      bus->add_topic<wire::SplitBatchType>(wire::TopicNames(own_prefix()).split_batch).value();
+  fdds::DataWriter* forger =
+      bus->add_writer(topic, wire::writer_qos(wire::kSplitBatchDelivery, 0.1), listener,
+                      wire::partition_of(5))
+          .value();
+  ASSERT_TRUE(wait_for([&] {
+    fdds::PublicationMatchedStatus status;
+    forger->get_publication_matched_status(status);
+    return status.current_count > 0;
+  }));
+  wire::SplitBatchMessage forged = batch_of(1, true);
+  forged.bytes.assign(10, 99);
+  for (int i = 0; i < 100; ++i)
+    ASSERT_EQ(wire::write_message<wire::SplitBatchType>(*forger, forged, mailbox),
+              wire::WriteResult::kTaken);
+  ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.complaints.empty(); }));
+  EXPECT_NE(peer.all.complaints[0].find("is another participant"), std::string::npos)
+      << peer.all.complaints[0];
+  ASSERT_TRUE(wait_for([&] { return server.channel->send(5, batch_of(1, true)); }));
+  ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.batches.empty(); }));
+  for (const wire::SplitBatchMessage& taken : peer.all.batches)
+    EXPECT_EQ(taken.bytes, batch_of(1, true).bytes);
+  EXPECT_EQ(peer.all.complaints.size(), 1U);
+}
+
+TEST(DdsChannel, PublishersTellOfAnotherWithOtherContentUnderTheirName) {
+  Server one(make_publisher(own_prefix())), other(make_publisher(own_prefix())),
+      same(make_publisher(own_prefix()));
+  wire::Hello hello = hello_of(kChildPublisher);
+  one.channel->announce(hello, {});
+  hello.publisher = kChildPublisher + 1;
+  same.channel->announce(hello, {});
+  // Same content under the same name is what a second publisher is for: nothing is said of it.
+  const auto serves_other = [](const std::string& line, wire::SessionId publisher) {
+    return line.find("model bunny: publisher " + wire::partition_of(publisher) +
+                     " serves other content") != std::string::npos;
+  };
+  hello.publisher = kChildPublisher + 2;
+  ++hello.models[0].content_hash;
+  other.channel->announce(hello, {});
+  const auto tells = [&](Server& server, wire::SessionId of) {
+    return server.await([&] {
+      return std::any_of(server.complaints.begin(), server.complaints.end(),
+                         [&](const std::string& line) { return serves_other(line, of); });
+    });
+  };
+  EXPECT_TRUE(tells(one, kChildPublisher + 2));
+  EXPECT_TRUE(tells(same, kChildPublisher + 2));
+  EXPECT_TRUE(tells(other, kChildPublisher));
+  EXPECT_TRUE(tells(other, kChildPublisher + 1));
+  for (const std::string& line : one.complaints)
+    EXPECT_FALSE(serves_other(line, kChildPublisher + 1)) << line;
+}
+
+TEST(DdsChannel, InvalidMessageIsNotSent) {
+  Peer peer(make_peer(own_prefix()));
+  peer.channel->send(pose_of(peer.channel->own_id(), "", 1));
+  ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.complaints.empty(); }));
+  EXPECT_NE(peer.all.complaints[0].find("not sent: body"), std::string::npos)
+      << peer.all.complaints[0];
+}
+
+TEST(DdsChannel, FullInboxComplainsOnce) {
+  subscriber::DdsChannelOptions options;
+  options.transport = transport(own_prefix());
+  options.max_waiting_others = 2;
+  auto channel = PeerChannel::create(options);
+  ASSERT_TRUE(channel.is_ok());
+  Peer mover(make_peer(own_prefix()));
+  for (int i = 0; i < 10; ++i)
+    mover.channel->send(pose_of(mover.channel->own_id(), "body" + std::to_string(i), 1));
+  Peer witness(make_peer(own_prefix()));
+  ASSERT_TRUE(witness.await([](const Inbox& in) { return in.poses.size() == 10; }));
+  // Nothing tells when it has overflowed without taking, so more is sent until it must have.
+  Inbox taken;
+  std::uint64_t frame = 1;
+  ASSERT_TRUE(wait_for([&] {
+    ++frame;
+    for (int i = 0; i < 10; ++i)
+      mover.channel->send(pose_of(mover.channel->own_id(), "body" + std::to_string(i), frame));
+    const auto arrived = [&](const Inbox& in) { return in.poses.back().frame == frame; };
+    if (!witness.await(arrived)) return false;
+    taken = channel.value()->take();
+    return !taken.complaints.empty();
+  }));
+  EXPECT_EQ(taken.poses.size(), 2U);
+  ASSERT_EQ(taken.complaints.size(), 1U);
+  EXPECT_NE(taken.complaints[0].find("full"), std::string::npos) << taken.complaints[0];
+}
+
+TEST(DdsChannel, WrongOptionsAreNamed) {
+  subscriber::DdsChannelOptions options;
+  options.transport = transport("x");
+  options.transport.interface = "203.0.113.7";
+  auto channel = PeerChannel::create(options);
+  ASSERT_FALSE(channel.is_ok());
+  EXPECT_NE(channel.status().message().find("203.0.113.7"), std::string::npos);
+  options.transport = transport("/bad/");
+  EXPECT_EQ(PeerChannel::create(options).status().code(), StatusCode::kInvalidArgument);
+}
+
+int run_child(const std::string& role, const std::string& prefix) {
+  const auto never = [] { return false; };
+  if (role == "publisher") {
+    publisher::DdsChannelOptions options;
+    options.transport = transport(prefix);
+    auto channel = PublisherChannel::create(options);
+    if (!channel.is_ok()) return 1;
+    serve(*channel.value(), never);
+  }
+  if (role == "recorder") {
+    subscriber::RecorderOptions options;
+    options.transport = transport(prefix);
+    options.path = recording_of(prefix);
+    const auto recorder = subscriber::DdsRecorder::create(options);
+    if (!recorder.is_ok()) return 1;
+    for (;;) std::this_thread::sleep_for(std::chrono::seconds(1));
+  }
+  subscriber::DdsChannelOptions options;
+  options.transport = transport(prefix);
+  options.session = kChildPeer;
+  auto channel = PeerChannel::create(options);
+  if (!channel.is_ok()) return 1;
+  for (;;) {
+    channel.value()->send(request_of(kChildPeer));
+    channel.value()->wait(0.1);
+    (void)channel.value()->take();
+  }
+}
+
+}  // namespace
+}  // namespace nearmesh::test
+
+int main(int argc, char** argv) {
+  using namespace nearmesh::test;
+  if (argc == 5 && std::string(argv[1]) == "--child") {
+    lease_s = std::atof(argv[4]);
+    return run_child(argv[2], argv[3]);
+  }
+  eprosima::fastrtps::LibrarySettingsAttributes settings;
+  settings.intraprocess_delivery = eprosima::fastrtps::INTRAPROCESS_OFF;
+  eprosima::fastrtps::xmlparser::XMLProfileManager::library_settings(settings);
+  testing::InitGoogleTest(&argc, argv);
+  return RUN_ALL_TESTS();
+}

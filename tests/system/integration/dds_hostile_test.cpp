@@ -1,0 +1,243 @@
+// SPDX-License-Identifier: Apache-2.0
+// Both channels and hostile or mistaken programs; what an operator is told of them.
+
+#include <limits>
+
+#include "dds_channel_fixture.hpp"
+#include "subscriber/dds/dds_monitor.hpp"
+
+namespace nearmesh::test {
+namespace {
+
+struct HostileCase {
+  const char* name;
+  const char* expected;  ///< in the complaint
+  std::function<void(RawType::Bytes&)> spoil;
+};
+
+// A subscription: 4 bytes of encapsulation, version, priority, -, request, peer, publisher, hash,
+// acknowledged, window, max_splits; the count of attach words is at 48.
+const std::vector<HostileCase> kHostile{
+    {"OtherVersion", "wire version 9", [](RawType::Bytes& b) { b[4] = 9; }},
+    {"HugeAttachCount", "contradict", [](RawType::Bytes& b) { b[51] = 0x7f; }},
+    {"AttachCountBeyondBytes", "contradict", [](RawType::Bytes& b) { b[48] = 30; }},
+    {"UnknownPriority", "priority", [](RawType::Bytes& b) { b[6] = 3; }},
+    {"Truncated", "contradict", [](RawType::Bytes& b) { b.resize(b.size() - 5); }},
+    {"Tiny", "too short", [](RawType::Bytes& b) { b.resize(4); }},
+    {"ExtraBytes", "contradict", [](RawType::Bytes& b) { b.resize(b.size() + 100); }},
+    {"OtherEncapsulation", "encapsulation", [](RawType::Bytes& b) { b[1] = 7; }},
+    {"NoPeer", "peer", [](RawType::Bytes& b) { std::fill(b.begin() + 12, b.begin() + 20, 0); }},
+};
+
+class HostileSubscription : public testing::TestWithParam<HostileCase> {};
+
+TEST_P(HostileSubscription, GivesOneComplaintAndTheNextArrives) {
+  const std::string prefix = "test-" + std::to_string(getpid()) + "/hostile/" + GetParam().name;
+  Server server(make_publisher(prefix));
+  Stranger stranger(prefix, wire::TopicNames(prefix).region_subscription,
+                    wire::kRegionSubscriptionType, true,
+                    stranger_qos(wire::kRegionSubscriptionDelivery));
+  ASSERT_TRUE(stranger.await_match());
+  RawType::Bytes bad = bytes_of<wire::RegionSubscriptionType>(request_of(9));
+  GetParam().spoil(bad);
+  stranger.write(bad);
+  stranger.write(bytes_of<wire::RegionSubscriptionType>(request_of(9, 55)));
+  ASSERT_TRUE(server.await([&] { return !server.subscriptions.empty(); }));
+  EXPECT_EQ(server.subscriptions.size(), 1U);
+  EXPECT_EQ(server.subscriptions[0].region.max_splits, 55U);
+  ASSERT_EQ(server.complaints.size(), 1U);
+  EXPECT_NE(server.complaints[0].find(GetParam().expected), std::string::npos)
+      << server.complaints[0];
+}
+
+INSTANTIATE_TEST_SUITE_P(DdsChannel, HostileSubscription, testing::ValuesIn(kHostile),
+                         [](const auto& tested) { return std::string(tested.param.name); });
+
+TEST(DdsChannel, BodyStaysWithItsFirstMoverUntilThatIsGone) {
+  Peer watcher(make_peer(own_prefix())), second(make_peer(own_prefix()));
+  {
+    Peer first(make_peer(own_prefix()));
+    first.channel->send(pose_of(first.channel->own_id(), "arm", 1));
+    ASSERT_TRUE(watcher.await([](const Inbox& in) { return in.poses.size() == 1; }));
+    second.channel->send(pose_of(second.channel->own_id(), "arm", 2));
+    ASSERT_TRUE(watcher.await([](const Inbox& in) { return !in.complaints.empty(); }));
+    EXPECT_NE(watcher.all.complaints[0].find("body arm"), std::string::npos);
+    EXPECT_EQ(watcher.all.poses.size(), 1U);
+  }
+  // What it said last counts then, though it says no more.
+  ASSERT_TRUE(watcher.await([](const Inbox& in) { return in.poses.size() == 2; }));
+  EXPECT_EQ(watcher.all.poses[1].frame, 2U);
+  EXPECT_EQ(watcher.all.complaints.size(), 1U);
+}
+
+TEST(DdsChannel, BatchIsNotTakenBeforeThePeerCanHearIt) {
+  Server server(make_publisher(own_prefix()));
+  Stranger deaf(own_prefix(), wire::TopicNames(own_prefix()).region_subscription,
+                wire::kRegionSubscriptionType, true,
+                stranger_qos(wire::kRegionSubscriptionDelivery));
+  ASSERT_TRUE(deaf.await_match());
+  deaf.write(bytes_of<wire::RegionSubscriptionType>(request_of(9)));
+  ASSERT_TRUE(server.await([&] { return !server.subscriptions.empty(); }));
+  EXPECT_FALSE(server.channel->send(9, batch_of(1, true)));
+  EXPECT_FALSE(server.channel->send(10, batch_of(1, true)));  // unknown
+}
+
+TEST(DdsChannel, PoseThatIsNotFiniteGivesOneComplaint) {
+  Peer peer(make_peer(own_prefix()));
+  Stranger stranger(own_prefix(), wire::TopicNames(own_prefix()).body_pose, wire::kBodyPoseType,
+                    true, stranger_qos(wire::kBodyPoseDelivery));
+  ASSERT_TRUE(stranger.await_match());
+  wire::BodyPose bad = pose_of(3, "arm", 1);
+  bad.pose.translation_m[1] = std::numeric_limits<double>::quiet_NaN();
+  stranger.write(bytes_of<wire::BodyPoseType>(bad));
+  stranger.write(bytes_of<wire::BodyPoseType>(pose_of(3, "leg", 2)));
+  ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.poses.empty(); }));
+  EXPECT_EQ(peer.all.poses[0].body, "leg");
+  ASSERT_EQ(peer.all.complaints.size(), 1U);
+  EXPECT_NE(peer.all.complaints[0].find("arm"), std::string::npos) << peer.all.complaints[0];
+}
+
+TEST(DdsChannel, HelloOfAnotherVersionIsRefusedLoudly) {
+  Peer peer(make_peer(own_prefix()));
+  Stranger stranger(own_prefix(), wire::TopicNames(own_prefix()).hello, wire::kHelloType, true,
+                    stranger_qos(wire::kHelloDelivery));
+  RawType::Bytes bytes = bytes_of<wire::HelloType>(hello_of(3));
+  bytes[4] = wire::kWireVersion + 1;
+  bytes.resize(17);
+  stranger.write(bytes);
+  ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.complaints.empty(); }));
+  EXPECT_NE(
+      peer.all.complaints[0].find("wire version " + std::to_string(wire::kWireVersion + 1) +
+                                  ", this build speaks " + std::to_string(wire::kWireVersion)),
+      std::string::npos)
+      << peer.all.complaints[0];
+}
+
+TEST(DdsChannel, HelloIsHeldBackWhileItsPublisherCannotHear) {
+  Peer peer(make_peer(own_prefix()));
+  Stranger deaf(own_prefix(), wire::TopicNames(own_prefix()).hello, wire::kHelloType, true,
+                stranger_qos(wire::kHelloDelivery));
+  ASSERT_TRUE(deaf.await_match());
+  deaf.write(bytes_of<wire::HelloType>(hello_of(3)));
+  // Two malformed samples mark the time: with the second complaint the hello has been taken too.
+  deaf.write({0, 1, 0, 0, 9, 0});
+  ASSERT_TRUE(peer.await([](const Inbox& in) { return in.complaints.size() == 1; }));
+  deaf.write({0, 1, 0, 0, 8, 0});
+  ASSERT_TRUE(peer.await([](const Inbox& in) { return in.complaints.size() == 2; }));
+  EXPECT_TRUE(peer.all.hellos.empty());
+}
+
+TEST(DdsChannel, TopicOfAnotherVersionIsReported) {
+  Peer peer(make_peer(own_prefix()));
+  const std::string newer = std::to_string(wire::kWireVersion + 1);
+  Stranger stranger(own_prefix(), own_prefix() + "/v" + newer + "/split_batch",
+                    wire::kSplitBatchType, false, stranger_qos(wire::kSplitBatchDelivery));
+  ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.complaints.empty(); }));
+  EXPECT_NE(peer.all.complaints[0].find("wire version " + newer), std::string::npos)
+      << peer.all.complaints[0];
+}
+
+TEST(DdsChannel, OtherTypeOnOurTopicIsReported) {
+  Server server(make_publisher(own_prefix()));
+  Stranger stranger(own_prefix(), wire::TopicNames(own_prefix()).region_subscription, "Foreign",
+                    true, stranger_qos(wire::kRegionSubscriptionDelivery));
+  ASSERT_TRUE(server.await([&] { return !server.complaints.empty(); }));
+  EXPECT_NE(server.complaints[0].find("Foreign"), std::string::npos) << server.complaints[0];
+}
+
+TEST(DdsChannel, IncompatibleQosIsReportedByPolicy) {
+  Server server(make_publisher(own_prefix()));
+  fdds::DataWriterQos qos = stranger_qos(wire::kRegionSubscriptionDelivery);
+  qos.reliability().kind = fdds::BEST_EFFORT_RELIABILITY_QOS;
+  Stranger stranger(own_prefix(), wire::TopicNames(own_prefix()).region_subscription,
+                    wire::kRegionSubscriptionType, true, qos);
+  ASSERT_TRUE(server.await([&] { return !server.complaints.empty(); }));
+  EXPECT_NE(
+      server.complaints[0].find("offers reliability best effort, this side requests reliable"),
+      std::string::npos)
+      << server.complaints[0];
+  server.await([] { return false; }, 0.3);
+  EXPECT_EQ(server.complaints.size(), 1U);
+}
+
+TEST(DdsChannel, IncompatibleDurabilityNamesBothSides) {
+  Peer peer(make_peer(own_prefix()));
+  fdds::DataWriterQos qos = stranger_qos(wire::kHelloDelivery);
+  qos.durability().kind = fdds::VOLATILE_DURABILITY_QOS;
+  Stranger stranger(own_prefix(), wire::TopicNames(own_prefix()).hello, wire::kHelloType, true,
+                    qos);
+  ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.complaints.empty(); }));
+  EXPECT_NE(
+      peer.all.complaints[0].find("offers durability volatile, this side requests transient local"),
+      std::string::npos)
+      << peer.all.complaints[0];
+}
+
+// --- What an operator sees
+
+TEST(DdsChannel, PublisherThatIsMatchedButSilentIsReported) {
+  Peer peer(make_peer(own_prefix()));
+  Stranger silent(own_prefix(), wire::TopicNames(own_prefix()).hello, wire::kHelloType, true,
+                  stranger_qos(wire::kHelloDelivery));
+  ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.complaints.empty(); }));
+  EXPECT_NE(peer.all.complaints[0].find("found and matched, but nothing comes"), std::string::npos)
+      << peer.all.complaints[0];
+  EXPECT_NE(peer.all.complaints[0].find("--transport lan"), std::string::npos);
+}
+
+TEST(DdsChannel, MonitorHearsStatusOfBothSidesAndForgetsWhoLeft) {
+  auto monitor = subscriber::DdsMonitor::create(transport(own_prefix()));
+  ASSERT_TRUE(monitor.is_ok()) << monitor.status().message();
+  auto publisher = make_publisher(own_prefix());
+  auto peer = make_peer(own_prefix());
+  wire::ProcessStatus status;
+  status.host = "here";
+  status.session = 7;
+  status.is_publisher = true;
+  publisher->tell(status);
+  status.session = 8;
+  status.is_publisher = false;
+  status.requests = 12;
+  peer->tell(status);
+  const auto sees = [&](std::size_t count) {
+    return wait_for([&] {
+      monitor.value()->listen(0.05);
+      return monitor.value()->view().processes.size() == count;
+    });
+  };
+  ASSERT_TRUE(sees(2));
+  const auto processes = monitor.value()->view().processes;
+  EXPECT_TRUE(processes[0].is_publisher);
+  EXPECT_EQ(processes[1].requests, 12U);
+  peer.reset();
+  EXPECT_TRUE(sees(1));
+  EXPECT_TRUE(monitor.value()->view().refusals.empty());
+}
+
+TEST(DdsChannel, MonitorTellsOfTwoContentsUnderOneNameAndOfTheSilent) {
+  auto one = make_publisher(own_prefix()), other = make_publisher(own_prefix());
+  wire::Hello hello = hello_of(kChildPublisher);
+  one->announce(hello, {});
+  hello.publisher = kChildPublisher + 1;
+  ++hello.models[0].content_hash;
+  other->announce(hello, {});
+  Stranger silent(own_prefix(), wire::TopicNames(own_prefix()).hello, wire::kHelloType, true,
+                  stranger_qos(wire::kHelloDelivery));
+  auto monitor = subscriber::DdsMonitor::create(transport(own_prefix()));
+  ASSERT_TRUE(monitor.is_ok()) << monitor.status().message();
+  const auto says = [&](const char* text) {
+    return wait_for([&] {
+      monitor.value()->listen(0.05);
+      const auto refusals = monitor.value()->view().refusals;
+      return std::any_of(refusals.begin(), refusals.end(), [&](const std::string& line) {
+        return line.find(text) != std::string::npos;
+      });
+    });
+  };
+  EXPECT_TRUE(says("rename or replace one file"));
+  EXPECT_TRUE(says("nothing comes from it"));
+  EXPECT_EQ(monitor.value()->view().refusals.size(), 2U);
+}
+
+}  // namespace
+}  // namespace nearmesh::test

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+// A host's shared library, a plug-in say, that links nearmesh and exports two functions of its own.
+
+#include "core/base/stopwatch.hpp"
+#include "nearmesh/subscriber/dds/dds_channel.hpp"
+#include "nearmesh/subscriber/peer/local_channel.hpp"
+#include "nearmesh/subscriber/peer/wait_ready.hpp"
+
+/// 1 when two touching bodies of the model come to be certified, 0 when they do not or the file cannot be read.
+extern "C" __attribute__((visibility("default"))) int host_library_certifies(
+    const char* model_file) {
+  using namespace nearmesh;
+  auto file = ModelFile::open(model_file);
+  if (!file.is_ok()) return 0;
+  auto channel = std::make_unique<subscriber::LocalChannel>();
+  if (!channel->add_model("sphere", std::move(file).value()).is_ok()) return 0;
+  subscriber::Session session(std::move(channel));
+  if (!session.add_body("left", "sphere", true).is_ok() ||
+      !session.add_body("right", "sphere", true).is_ok() || !session.watch("left", "right").is_ok())
+    return 0;
+  Motion right;
+  right.pose.translation_m = {1.98, 0.1, 0.05};
+  const auto ready = subscriber::wait_ready(session, "left", 10, {{"left", {}}, {"right", right}});
+  return ready.is_ok() && ready.value().readiness.stage == subscriber::ReadyStage::kCertified;
+}
+
+/// How many publishers a channel of its own hears of until the first comes.
+extern "C" __attribute__((visibility("default"))) int host_library_hears(int domain,
+                                                                         double timeout_s) {
+  nearmesh::subscriber::DdsChannelOptions options;
+  options.transport.domain = static_cast<std::uint32_t>(domain);
+  options.transport.interface = "127.0.0.1";
+  const auto channel = nearmesh::subscriber::DdsChannel::create(options);
+  if (!channel.is_ok()) return 0;
+  std::size_t heard = 0;
+  for (const nearmesh::Stopwatch waited; heard == 0 && waited.seconds() < timeout_s;) {
+    channel.value()->wait(0.05);
+    heard += channel.value()->take().hellos.size();
+  }
+  return static_cast<int>(heard);
+}

@@ -1,0 +1,301 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/refine/replica.hpp"
+
+#include "brute_force.hpp"
+
+namespace nearmesh {
+namespace {
+
+/// The whole model in batches of at most `max_bytes`, decoded.
+std::vector<SplitBatch> all_batches(const BakedModel& model, std::size_t max_bytes) {
+  ActiveMesh mesh(model.store);
+  RefineDelta delta;
+  for (const VertexId u : test::all_splits(model.store)) EXPECT_TRUE(mesh.split(u, delta));
+  std::vector<SplitBatch> batches;
+  for (const auto& bytes : encode_batches(model.header, model.store, active_treelet(mesh),
+                                          BoxPolicy::kCutNodes, max_bytes)) {
+    Result<SplitBatch> batch = decode_batch(model.header, bytes);
+    EXPECT_TRUE(batch.is_ok()) << batch.status().message();
+    batches.push_back(std::move(batch).value());
+  }
+  return batches;
+}
+
+void apply(Replica& replica, const SplitBatch& batch) {
+  const Replica::Applied applied = replica.apply_batch(batch);
+  ASSERT_TRUE(applied.status.is_ok()) << applied.status.message();
+}
+
+void expect_same_mesh(const Replica& a, const Replica& b) {
+  EXPECT_EQ(a.mesh().state_hash(), b.mesh().state_hash());
+  const std::vector<ActiveFace> x = extract_faces(a.mesh()), y = extract_faces(b.mesh());
+  ASSERT_EQ(x.size(), y.size());
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    ASSERT_EQ(x[i].key, y[i].key);
+    ASSERT_EQ(x[i].corners, y[i].corners);
+    for (const VertexId corner : x[i].corners)
+      ASSERT_EQ(a.store().position(corner), b.store().position(corner));
+  }
+}
+
+class ApplyBatchTo : public ::testing::TestWithParam<std::string> {};
+INSTANTIATE_TEST_SUITE_P(Models, ApplyBatchTo, ::testing::ValuesIn(test::mesh_names()),
+                         [](const auto& model) { return model.param; });
+
+TEST_P(ApplyBatchTo, AllBatchesGiveTheFullMesh) {
+  const BakedModel model = test::bake_named(GetParam());
+  Replica replica(model.header);
+  for (const SplitBatch& batch : all_batches(model, kMaxBatchBytes)) apply(replica, batch);
+  EXPECT_EQ(replica.mesh().split_count(), model.header.split_count());
+  EXPECT_EQ(extract_faces(replica.mesh()).size(), model.header.face_count);
+}
+
+TEST_P(ApplyBatchTo, AnyOrderWithRepeatsGivesTheSameMesh) {
+  const BakedModel model = test::bake_named(GetParam());
+  const std::vector<SplitBatch> batches = all_batches(model, 80);
+  Replica straight(model.header);
+  for (const SplitBatch& batch : batches) apply(straight, batch);
+  for (std::uint64_t seed = 0; seed < 3; ++seed) {
+    SCOPED_TRACE(seed);
+    Random random(seed);
+    std::vector<std::size_t> order;
+    for (std::size_t i = 0; i < batches.size(); ++i)
+      for (std::uint32_t n = 1 + random.below(2); n > 0; --n) order.push_back(i);
+    test::shuffle(order, random);
+    Replica replica(model.header);
+    for (const std::size_t i : order) apply(replica, batches[i]);
+    EXPECT_EQ(replica.parked_splits(), 0U);
+    expect_same_mesh(replica, straight);
+  }
+}
+
+TEST_P(ApplyBatchTo, LostBatchesSentAgainGiveTheSameMesh) {
+  const BakedModel model = test::bake_named(GetParam());
+  const std::vector<SplitBatch> batches = all_batches(model, 80);
+  Replica straight(model.header);
+  for (const SplitBatch& batch : batches) apply(straight, batch);
+  Random random(61);
+  Replica replica(model.header);
+  std::vector<std::size_t> lost;
+  for (std::size_t i = 0; i < batches.size(); ++i) {
+    if (random.below(3) == 0) {
+      lost.push_back(i);
+    } else {
+      apply(replica, batches[i]);
+    }
+  }
+  test::shuffle(lost, random);
+  for (const std::size_t i : lost) apply(replica, batches[i]);
+  expect_same_mesh(replica, straight);
+}
+
+TEST_P(ApplyBatchTo, StateIsClosedUnderParentsWhateverIsLost) {
+  const BakedModel model = test::bake_named(GetParam());
+  const std::vector<SplitBatch> batches = all_batches(model, 60);
+  Random random(62);
+  Replica replica(model.header);
+  for (const SplitBatch& batch : batches)
+    if (random.below(2) == 0) apply(replica, batch);
+  for (const std::uint32_t v : test::active_ids(replica.mesh())) {
+    ASSERT_TRUE(replica.store().is_known({v}));
+    if (replica.store().is_root({v})) continue;
+    const NodeSpan parent = replica.store().parent_of(replica.store().node_of({v}));
+    if (parent.size > 0) {
+      EXPECT_TRUE(replica.mesh().is_active(replica.store().split_of(parent)));
+    }
+  }
+}
+
+TEST(ApplyBatch, ReportsWhatBecameActiveParentsFirst) {
+  const BakedModel model = test::bake_named("aircraft");
+  std::vector<SplitBatch> batches = all_batches(model, 60);
+  std::reverse(batches.begin(), batches.end());
+  Replica replica(model.header);
+  ActiveMesh replay(model.store);
+  RefineDelta ignored;
+  for (const SplitBatch& batch : batches) {
+    const Replica::Applied applied = replica.apply_batch(batch);
+    ASSERT_TRUE(applied.status.is_ok());
+    for (const VertexId u : applied.delta.split) {
+      EXPECT_TRUE(replay.is_current(model.store.node_of(u)));
+      ASSERT_TRUE(replay.split(u, ignored));
+    }
+    ASSERT_EQ(replay.state_hash(), replica.mesh().state_hash());
+  }
+}
+
+TEST(ApplyBatch, ParksWhatHasNoParentYet) {
+  const BakedModel model = test::bake_named("terrain");
+  const std::vector<SplitBatch> batches = all_batches(model, 60);
+  for (const SplitBatch& batch : batches) {
+    Replica replica(model.header);
+    if (replica.store().is_node(batch.splits.front().node)) continue;
+    apply(replica, batch);
+    EXPECT_EQ(replica.mesh().split_count(), 0U);
+    EXPECT_GT(replica.parked_splits(), 0U);
+    return;
+  }
+  FAIL() << "no batch hangs on another";
+}
+
+TEST(ApplyBatch, ForestDeeperThanTheLimitIsRefused) {
+  // Ever the same node less its last vertex, without boxes: the worst that a hostile publisher can make walks climb.
+  SpmHeader header;
+  header.grid.bits = 4;
+  header.vertex_count = kMaxForestDepth + 100;
+  header.roots = {{{{0}, header.vertex_count}, {}, {}}};
+  Replica replica(header);
+  SplitBatch batch;
+  for (std::uint32_t n = header.vertex_count; n > 1; --n)
+    batch.splits.push_back({.node = {{0}, n}, .split = {n - 1}});
+  const Replica::Applied applied = replica.apply_batch(batch);
+  EXPECT_EQ(applied.status.code(), StatusCode::kCorrupt);
+  EXPECT_NE(applied.status.message().find("deeper"), std::string::npos) << applied.status.message();
+  EXPECT_EQ(applied.delta.split.size(), kMaxForestDepth);
+  const NodeSpan deepest = replica.mesh().current_node({0});
+  EXPECT_EQ(deepest.size, header.vertex_count - kMaxForestDepth);
+  EXPECT_EQ(replica.store().box(deepest), replica.store().box(header.roots[0].node));
+}
+
+class ContradictingBatch : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    for (std::size_t i = 0; i < batches_.size() / 2; ++i) apply(replica_, batches_[i]);
+    hash_ = replica_.mesh().state_hash();
+    known_ = replica_.store().known_splits();
+  }
+  /// A record known to the replica, alone.
+  [[nodiscard]] SplitBatch known_record() const {
+    SplitBatch batch;
+    for (const SplitRecord& record : batches_[0].splits) {
+      if (record.face_count == 0) continue;
+      batch.splits = {record};
+      batch.faces.assign(batches_[0].faces.begin() + record.face_begin,
+                         batches_[0].faces.begin() + record.face_begin + record.face_count);
+      batch.splits[0].face_begin = 0;
+      break;
+    }
+    return batch;
+  }
+  void expect_refused(const SplitBatch& batch) {
+    const Replica::Applied applied = replica_.apply_batch(batch);
+    EXPECT_EQ(applied.status.code(), StatusCode::kCorrupt);
+    EXPECT_TRUE(applied.delta.is_empty());
+    EXPECT_EQ(replica_.mesh().state_hash(), hash_);
+    EXPECT_EQ(replica_.store().known_splits(), known_);
+  }
+
+  BakedModel model_ = test::bake_named("aircraft");
+  std::vector<SplitBatch> batches_ = all_batches(model_, 100);
+  Replica replica_{model_.header};
+  std::uint64_t hash_ = 0;
+  std::uint32_t known_ = 0;
+};
+
+TEST_F(ContradictingBatch, RepeatIsAccepted) {
+  EXPECT_TRUE(replica_.apply_batch(known_record()).status.is_ok());
+  EXPECT_EQ(replica_.mesh().state_hash(), hash_);
+}
+
+TEST_F(ContradictingBatch, AnotherPositionIsRefused) {
+  SplitBatch batch = known_record();
+  batch.splits[0].offset[2] += batch.splits[0].offset[2] > 0 ? -1 : 1;
+  expect_refused(batch);
+}
+
+TEST_F(ContradictingBatch, AnotherFaceIsRefused) {
+  SplitBatch batch = known_record();
+  batch.faces[0].flipped = !batch.faces[0].flipped;
+  expect_refused(batch);
+}
+
+TEST_F(ContradictingBatch, AnotherSplitOfANodeIsRefused) {
+  SplitBatch batch = known_record();
+  batch.splits[0].face_count = 0;
+  batch.splits[0].split = {
+      batch.splits[0].node.begin() +
+      (batch.splits[0].split.value == batch.splits[0].node.begin() + 1 ? 2U : 1U)};
+  if (batch.splits[0].node.size < 3) GTEST_SKIP() << "the node has one split only";
+  expect_refused(batch);
+}
+
+TEST_F(ContradictingBatch, PositionOutsideTheGridIsRefused) {
+  SplitBatch batch{.splits = {batches_[0].splits[0]}};  // of a root
+  Replica fresh(model_.header);
+  batch.splits[0].face_begin = batch.splits[0].face_count = 0;
+  batch.splits[0].offset[0] = 0x7fffffff;
+  EXPECT_EQ(fresh.apply_batch(batch).status.code(), StatusCode::kCorrupt);
+  EXPECT_EQ(fresh.store().known_splits(), 0U);
+}
+
+TEST_F(ContradictingBatch, WhatStoodBeforeItIsReportedAsApplied) {
+  SplitBatch batch = known_record();
+  batch.splits[0].offset[2] += batch.splits[0].offset[2] > 0 ? -1 : 1;
+  // A good batch that is new, with the contradiction behind it.
+  SplitBatch mixed = batches_[batches_.size() / 2];
+  SplitRecord bad = batch.splits[0];
+  bad.face_begin = static_cast<std::uint32_t>(mixed.faces.size());
+  mixed.faces.insert(mixed.faces.end(), batch.faces.begin(), batch.faces.end());
+  mixed.splits.push_back(bad);
+  ActiveMesh replay(model_.store);
+  RefineDelta ignored;
+  for (const std::uint32_t v : test::active_ids(replica_.mesh()))
+    ASSERT_TRUE(replay.split({v}, ignored));
+  const Replica::Applied applied = replica_.apply_batch(mixed);
+  EXPECT_EQ(applied.status.code(), StatusCode::kCorrupt);
+  EXPECT_FALSE(applied.delta.split.empty());
+  for (const VertexId u : applied.delta.split) ASSERT_TRUE(replay.split(u, ignored));
+  EXPECT_EQ(replay.state_hash(), replica_.mesh().state_hash());
+}
+
+TEST(Replica, CollapsedForgottenAndSentAgainIsTheSame) {
+  const BakedModel model = test::bake_named("terrain");
+  const std::vector<SplitBatch> batches = all_batches(model, 200);
+  Replica straight(model.header), replica(model.header);
+  for (const SplitBatch& batch : batches) {
+    apply(straight, batch);
+    apply(replica, batch);
+  }
+  Random random(63);
+  for (int round = 0; round < 10; ++round) {
+    for (int i = 0; i < 20; ++i) {
+      const VertexId u{random.below(model.header.vertex_count)};
+      if (model.store.is_root(u)) continue;
+      const NodeSpan node = model.store.node_of(u);
+      if (!replica.store().is_node(node)) continue;
+      static_cast<void>(replica.collapse(node));
+      if (replica.mesh().is_current(node)) replica.forget(node);
+    }
+    ASSERT_LT(replica.store().known_splits(), model.header.split_count());
+    std::vector<std::size_t> order(batches.size());
+    for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
+    test::shuffle(order, random);
+    for (const std::size_t i : order) apply(replica, batches[i]);
+    expect_same_mesh(replica, straight);
+  }
+}
+
+TEST(Replica, ForgetDropsAllKnowledgeBelowTheNode) {
+  const BakedModel model = test::bake_named("terrain");
+  Replica replica(model.header);
+  for (const SplitBatch& batch : all_batches(model, 200)) apply(replica, batch);
+  for (const BaseRoot& root : model.header.roots) {
+    static_cast<void>(replica.collapse(root.node));
+    replica.forget(root.node);
+  }
+  EXPECT_EQ(replica.store().known_splits(), 0U);
+  EXPECT_EQ(replica.mesh().split_count(), 0U);
+}
+
+TEST(Replica, MovedReplicaWorksOn) {
+  const BakedModel model = test::bake_named("sphere");
+  const std::vector<SplitBatch> batches = all_batches(model, 100);
+  Replica first(model.header);
+  apply(first, batches[0]);
+  Replica second(std::move(first));
+  for (const SplitBatch& batch : batches) apply(second, batch);
+  EXPECT_EQ(second.mesh().split_count(), model.header.split_count());
+}
+
+}  // namespace
+}  // namespace nearmesh

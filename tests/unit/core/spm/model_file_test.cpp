@@ -1,0 +1,493 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "nearmesh/core/spm/model_file.hpp"
+
+#include <sys/resource.h>
+
+#include <cstdlib>
+#include <cstring>
+
+#include "brute_force.hpp"
+#include "core/base/hash.hpp"
+#include "core/demand/collect.hpp"
+#include "core/spm/file_layout.hpp"
+
+namespace nearmesh {
+namespace {
+
+using file_layout::DirectoryEntry;
+using file_layout::Preamble;
+using test::TempFile;
+
+/// A file of a few kilobytes with blocks of two levels, as bytes.
+BakedModel small_model() { return test::bake_mesh(generate_sphere(14, 0), 8); }
+std::vector<std::uint8_t> small_file() { return test::write_model(small_model())->read(); }
+
+/// Everything that a file says of its mesh, for comparing.
+struct Content {
+  std::vector<std::uint8_t> header;
+  std::vector<GridPoint> positions;
+  std::vector<test::KeyedFace> faces;
+};
+Content content_of(const ModelFile& file) {
+  Content content;
+  content.header.assign(file.header_bytes().begin(), file.header_bytes().end());
+  for (std::uint32_t v = 0; v < file.header().vertex_count; ++v)
+    content.positions.push_back(file.store().position({v}));
+  content.faces = test::all_faces(file.store());
+  return content;
+}
+bool equal(const Content& a, const Content& b) {
+  return a.header == b.header && a.positions == b.positions &&
+         std::equal(
+             a.faces.begin(), a.faces.end(), b.faces.begin(), b.faces.end(),
+             [](const auto& x, const auto& y) { return x.key == y.key && x.face == y.face; });
+}
+
+class ModelFileOf : public ::testing::TestWithParam<std::string> {};
+INSTANTIATE_TEST_SUITE_P(Models, ModelFileOf, ::testing::ValuesIn(test::mesh_names()),
+                         [](const auto& model) { return model.param; });
+
+TEST_P(ModelFileOf, HoldsTheBakedModel) {
+  const BakedModel model = test::bake_named(GetParam());
+  const auto path = test::write_model(model);
+  Result<ModelFile> file = ModelFile::open(path->path());
+  ASSERT_TRUE(file.is_ok()) << file.status().message();
+  const Status status = file.value().require_all();
+  ASSERT_TRUE(status.is_ok()) << status.message();
+  const SplitStore &found = file.value().store(), &baked = model.store;
+  EXPECT_EQ(found.known_splits(), baked.known_splits());
+  for (std::uint32_t i = 0; i < model.header.vertex_count; ++i) {
+    const VertexId v{i};
+    EXPECT_EQ(found.position(v), baked.position(v));
+    EXPECT_EQ(found.initial_node(v), baked.initial_node(v));
+    EXPECT_EQ(found.box_code(found.initial_node(v)), baked.box_code(found.initial_node(v)));
+    if (baked.is_root(v)) continue;
+    EXPECT_EQ(found.node_of(v), baked.node_of(v));
+    const NodeSpan node = found.node_of(v), left{node.first, i - node.begin()};
+    EXPECT_EQ(found.box_code(left), baked.box_code(left));
+  }
+}
+
+// Through the file and back: every input face at its number, with the corner that the input names
+// first, first.
+TEST_P(ModelFileOf, RestoresTheInputExactly) {
+  Result<CleanResult> cleaned = clean_mesh(test::make_mesh(GetParam()), 21);
+  ASSERT_TRUE(cleaned.is_ok()) << cleaned.status().message();
+  const GridMesh& input = cleaned.value().mesh;
+  Result<BakedModel> baked = bake(input, 0, {.base_faces = 16});
+  ASSERT_TRUE(baked.is_ok()) << baked.status().message();
+  const auto path = test::write_model(baked.value());
+  Result<ModelFile> file = ModelFile::open(path->path());
+  ASSERT_TRUE(file.is_ok()) << file.status().message();
+  const Result<FaceNumbering> numbering = file.value().face_numbering();
+  ASSERT_TRUE(numbering.is_ok()) << numbering.status().message();
+  ActiveMesh mesh(file.value().store());
+  RefineDelta delta;
+  for (const VertexId u : test::all_splits(file.value().store())) ASSERT_TRUE(mesh.split(u, delta));
+
+  std::vector<std::uint32_t> place(input.face_ids.back().value + 1, 0xffffffffU);
+  for (std::uint32_t i = 0; i < input.faces.size(); ++i) place[input.face_ids[i].value] = i;
+  std::vector<bool> seen(input.faces.size());
+  const std::vector<ActiveFace> faces = extract_faces(mesh);
+  ASSERT_EQ(faces.size(), input.faces.size());
+  for (const ActiveFace& face : faces) {
+    const FaceNumber number = numbering.value()[face.key];
+    ASSERT_LT(number.face.value, place.size());
+    const std::uint32_t i = place[number.face.value];
+    ASSERT_LT(i, input.faces.size());
+    EXPECT_FALSE(seen[i]) << i;
+    seen[i] = true;
+    for (std::size_t k = 0; k < 3; ++k)
+      EXPECT_EQ(mesh.store().position(face.corners[(number.first_corner + k) % 3]),
+                input.positions[input.faces[i][k]]);
+  }
+}
+
+TEST(ModelFile, KeepsTheHeaderAsItGoesOnTheWire) {
+  const BakedModel model = small_model();
+  const auto path = test::write_model(model);
+  const Result<ModelFile> file = ModelFile::open(path->path());
+  ASSERT_TRUE(file.is_ok());
+  const auto bytes = encode_header(model.header);
+  EXPECT_TRUE(std::equal(bytes.begin(), bytes.end(), file.value().header_bytes().begin(),
+                         file.value().header_bytes().end()));
+}
+
+TEST(ModelFile, OpensWithoutDecodingABlock) {
+  const auto path = test::write_model(test::bake_named("terrain"));
+  const Result<ModelFile> file = ModelFile::open(path->path());
+  ASSERT_TRUE(file.is_ok());
+  EXPECT_EQ(file.value().store().known_splits(), 0U);
+}
+
+TEST(ModelFile, RequireDecodesOneBlock) {
+  const auto path = test::write_model(test::bake_named("terrain"));
+  Result<ModelFile> file = ModelFile::open(path->path());
+  ASSERT_TRUE(file.is_ok());
+  for (const BaseRoot& root : file.value().header().roots) {
+    if (root.node.size < 2) continue;
+    ASSERT_TRUE(file.value().require(root.node).is_ok());
+    EXPECT_TRUE(file.value().store().split_of(root.node).is_valid());
+    break;
+  }
+  EXPECT_LT(file.value().store().known_splits(), file.value().header().split_count());
+}
+
+TEST(ModelFile, EqualModelsHaveEqualHashes) {
+  const auto one = test::write_model(small_model()), two = test::write_model(small_model());
+  EXPECT_EQ(ModelFile::open(one->path()).value().content_hash(),
+            ModelFile::open(two->path()).value().content_hash());
+}
+
+TEST(ModelFile, OtherModelsHaveOtherHashes) {
+  const auto one = test::write_model(test::bake_mesh(generate_terrain(8, 1)));
+  const auto two = test::write_model(test::bake_mesh(generate_terrain(8, 2)));
+  EXPECT_NE(ModelFile::open(one->path()).value().content_hash(),
+            ModelFile::open(two->path()).value().content_hash());
+}
+
+// ---- what is no model ---------------------------------------------------------------------------
+
+void expect_refused(const std::string& path, StatusCode code) {
+  const Result<ModelFile> file = ModelFile::open(path);
+  ASSERT_FALSE(file.is_ok());
+  EXPECT_EQ(file.status().code(), code) << file.status().message();
+  EXPECT_NE(file.status().message().find(path), std::string::npos) << file.status().message();
+}
+
+TEST(ModelFile, RefusesAMissingFile) { expect_refused("/nonexistent/model.spm", StatusCode::kIo); }
+
+TEST(ModelFile, RefusesADirectory) { expect_refused("/tmp", StatusCode::kIo); }
+
+TEST(ModelFile, RefusesAnEmptyFile) {
+  const TempFile file;
+  file.write({});
+  expect_refused(file.path(), StatusCode::kCorrupt);
+}
+
+TEST(ModelFile, RefusesAnotherKindOfFile) {
+  const TempFile file;
+  file.write(std::vector<std::uint8_t>(1000, 'x'));
+  expect_refused(file.path(), StatusCode::kCorrupt);
+}
+
+/// Checksums made right again, so that what lies behind them is tested.
+void seal(std::vector<std::uint8_t>& bytes) {
+  Preamble preamble;
+  std::memcpy(&preamble, bytes.data(), sizeof preamble);
+  const auto section = [&](std::uint64_t offset,
+                           std::uint64_t count) -> std::span<const std::uint8_t> {
+    if (offset > bytes.size() || count > bytes.size() - offset) return {};
+    return {bytes.data() + offset, count};
+  };
+  for (std::uint32_t i = 0; i < preamble.block_count; ++i) {
+    const std::uint64_t at = preamble.directory_offset + i * sizeof(DirectoryEntry);
+    if (at > bytes.size() || sizeof(DirectoryEntry) > bytes.size() - at) break;
+    DirectoryEntry entry;
+    std::memcpy(&entry, bytes.data() + at, sizeof entry);
+    entry.checksum = static_cast<std::uint32_t>(hash_bytes(section(entry.offset, entry.bytes)));
+    std::memcpy(bytes.data() + at, &entry, sizeof entry);
+  }
+  if (preamble.face_table_offset <= bytes.size())
+    preamble.face_table_checksum =
+        hash_bytes(section(preamble.face_table_offset, bytes.size() - preamble.face_table_offset));
+  preamble.content_hash = hash_bytes(
+      section(preamble.directory_offset,
+              std::uint64_t{preamble.block_count} * sizeof(DirectoryEntry)),
+      hash_bytes(section(sizeof(Preamble), preamble.header_bytes), preamble.face_table_checksum));
+  std::memcpy(bytes.data(), &preamble, sizeof preamble);
+  preamble.checksum = hash_bytes(section(0, sizeof(Preamble) - 8));
+  std::memcpy(bytes.data(), &preamble, sizeof preamble);
+}
+
+template <class T>
+void patch(std::vector<std::uint8_t>& bytes, std::size_t offset, T value) {
+  std::memcpy(bytes.data() + offset, &value, sizeof value);
+}
+
+TEST(ModelFile, RefusesAnotherVersionByItsNumber) {
+  auto bytes = small_file();
+  patch(bytes, offsetof(Preamble, version), std::uint32_t{7});
+  seal(bytes);
+  const TempFile file;
+  file.write(bytes);
+  expect_refused(file.path(), StatusCode::kUnsupported);
+  EXPECT_NE(ModelFile::open(file.path()).status().message().find("version 7"), std::string::npos);
+}
+
+TEST(ModelFile, RefusesEveryTruncation) {
+  const auto bytes = small_file();
+  const TempFile file;
+  for (std::size_t n = 0; n < bytes.size(); ++n) {
+    file.write({bytes.data(), n});
+    expect_refused(file.path(), StatusCode::kCorrupt);
+  }
+}
+
+TEST(ModelFile, RefusesAFileThatGrew) {
+  auto bytes = small_file();
+  const TempFile file;
+  for (const std::size_t more : {1, 4, 72, 4096}) {
+    auto grown = bytes;
+    grown.insert(grown.end(), more, 0);
+    file.write(grown);
+    expect_refused(file.path(), StatusCode::kCorrupt);
+  }
+}
+
+TEST(ModelFile, NoticesEveryFlippedBit) {
+  const auto good = small_file();
+  const TempFile file;
+  for (std::size_t i = 0; i < good.size(); ++i)
+    for (const unsigned flip : {0x01U, 0x10U, 0x80U, 0xffU}) {
+      SCOPED_TRACE("byte " + std::to_string(i) + " of " + std::to_string(good.size()));
+      auto bytes = good;
+      bytes[i] ^= static_cast<std::uint8_t>(flip);
+      file.write(bytes);
+      const Result<ModelFile> opened = ModelFile::open(file.path());
+      const Status status = opened.is_ok() ? opened.value().verify() : opened.status();
+      ASSERT_FALSE(status.is_ok());
+      EXPECT_NE(status.message().find(file.path()), std::string::npos) << status.message();
+    }
+}
+
+TEST(ModelFile, FlippedBitNeverGivesAnotherMesh) {
+  const auto good = small_file();
+  const TempFile file;
+  file.write(good);
+  Result<ModelFile> original = ModelFile::open(file.path());
+  ASSERT_TRUE(original.value().require_all().is_ok());
+  const Content content = content_of(original.value());
+  const TempFile flipped;
+  for (std::size_t i = 0; i < good.size(); ++i) {
+    SCOPED_TRACE("byte " + std::to_string(i) + " of " + std::to_string(good.size()));
+    auto bytes = good;
+    bytes[i] ^= 0x20;
+    flipped.write(bytes);
+    Result<ModelFile> opened = ModelFile::open(flipped.path());
+    if (!opened.is_ok()) continue;
+    const Status status = opened.value().require_all();
+    if (status.is_ok()) {
+      EXPECT_TRUE(equal(content_of(opened.value()), content));
+    } else {
+      EXPECT_NE(status.message().find(flipped.path()), std::string::npos) << status.message();
+    }
+    EXPECT_FALSE(opened.value().face_numbering().is_ok());
+  }
+}
+
+TEST(ModelFile, SurvivesSealedNonsense) {
+  const auto good = small_file();
+  Preamble preamble;
+  std::memcpy(&preamble, good.data(), sizeof preamble);
+  const TempFile file;
+  for (std::uint64_t seed = 0; seed < 4000; ++seed) {
+    SCOPED_TRACE(seed);
+    Random random(seed);
+    auto bytes = good;
+    const std::size_t begin = random.below(3) == 0 ? preamble.directory_offset : 8;
+    for (std::uint32_t n = 1 + random.below(3); n > 0; --n) {
+      const std::size_t at =
+          begin + random.below(static_cast<std::uint32_t>(preamble.face_table_offset - begin));
+      bytes[at] ^= static_cast<std::uint8_t>(1U << random.below(8));
+    }
+    seal(bytes);
+    file.write(bytes);
+    Result<ModelFile> opened = ModelFile::open(file.path());
+    if (!opened.is_ok()) continue;
+    ModelFile& model = opened.value();
+    RegionRequest request{.region = {GridBox{{0, 0, 0}, {1 << 20, 1 << 21, 1 << 21}}}};
+    for (const BaseRoot& root : model.header().roots)
+      if (root.node.size > 1) request.attach.push_back(root.node);
+    const Result<Demand> demand =
+        collect(model.store(), request, [&](NodeSpan node) { return model.require(node); });
+    if (demand.is_ok()) {
+      EXPECT_TRUE(demand.value().missing.empty());
+    }
+    const Status all = model.require_all();
+    const Result<FaceNumbering> numbers = model.face_numbering();
+    if (!all.is_ok()) {
+      EXPECT_NE(all.message().find(file.path()), std::string::npos) << all.message();
+    }
+  }
+}
+
+TEST(ModelFile, RefusesAModelThatFitsNoAddressSpace) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "sanitizers need the address space that this test takes away";
+#endif
+  SpmHeader header = small_model().header;
+  header.roots.back().node.size += kMaxVertices / 2;
+  header.vertex_count += kMaxVertices / 2;
+  header.face_count = static_cast<std::uint32_t>(header.base_faces.size());
+  const std::vector<std::uint8_t> encoded = encode_header(header);
+  std::vector<std::uint8_t> bytes(sizeof(Preamble));
+  bytes.insert(bytes.end(), encoded.begin(), encoded.end());
+  bytes.resize((bytes.size() + 7) / 8 * 8);
+  Preamble preamble;
+  preamble.header_bytes = encoded.size();
+  preamble.directory_offset = preamble.face_table_offset = bytes.size();
+  bytes.resize(bytes.size() + header.face_count * sizeof(std::uint32_t));
+  preamble.file_bytes = bytes.size();
+  std::memcpy(bytes.data(), &preamble, sizeof preamble);
+  seal(bytes);
+  const TempFile file;
+  file.write(bytes);
+  EXPECT_TRUE(ModelFile::open(file.path()).is_ok());  // where there is room
+  const auto open_in_4_gib = [&file] {
+    const rlimit limit{std::uint64_t{4} << 30, std::uint64_t{4} << 30};
+    static_cast<void>(::setrlimit(RLIMIT_AS, &limit));
+    expect_refused(file.path(), StatusCode::kIo);
+    std::exit(::testing::Test::HasFailure() ? 1 : 0);
+  };
+  EXPECT_EXIT(open_in_4_gib(), ::testing::ExitedWithCode(0), "");
+}
+
+// ---- a file that changes while it is open --------------------------------------------------------
+
+/// Other content, of another length.
+std::vector<std::uint8_t> other_file() {
+  return test::write_model(test::bake_mesh(generate_sphere(20, 0), 8))->read();
+}
+
+TEST(ModelFile, ReadsOnWhatWasReplacedByRenaming) {
+  const TempFile file, other;
+  file.write(small_file());
+  other.write(other_file());
+  Result<ModelFile> untouched = ModelFile::open(test::write_model(small_model())->path());
+  Result<ModelFile> opened = ModelFile::open(file.path());
+  ASSERT_EQ(std::rename(other.path().c_str(), file.path().c_str()), 0);
+  ASSERT_TRUE(opened.value().require_all().is_ok());
+  ASSERT_TRUE(untouched.value().require_all().is_ok());
+  EXPECT_TRUE(equal(content_of(opened.value()), content_of(untouched.value())));
+  EXPECT_NE(ModelFile::open(file.path()).value().content_hash(), opened.value().content_hash());
+}
+
+TEST(ModelFile, RefusesWhatWasCutOffAfterItWasOpened) {
+  const auto bytes = small_file();
+  for (const std::size_t left : {std::size_t{0}, std::size_t{72}, bytes.size() / 3}) {
+    const TempFile file;
+    file.write(bytes);
+    Result<ModelFile> opened = ModelFile::open(file.path());
+    ASSERT_TRUE(opened.is_ok());
+    const std::vector<std::uint8_t> header(opened.value().header_bytes().begin(),
+                                           opened.value().header_bytes().end());
+    file.write({bytes.data(), left});
+    const Status status = opened.value().require_all();
+    EXPECT_EQ(status.code(), StatusCode::kCorrupt);
+    EXPECT_NE(status.message().find("changed after it was opened: " + std::to_string(bytes.size())),
+              std::string::npos)
+        << status.message();
+    EXPECT_NE(status.message().find(file.path()), std::string::npos) << status.message();
+    EXPECT_FALSE(opened.value().verify().is_ok());
+    EXPECT_FALSE(opened.value().face_numbering().is_ok());
+    EXPECT_TRUE(std::equal(header.begin(), header.end(), opened.value().header_bytes().begin()));
+  }
+}
+
+/// However much of another file was written over it: what is read is the mesh that was opened, or nothing.
+TEST(ModelFile, NeverMixesWithWhatWasWrittenOverIt) {
+  const auto bytes = small_file(), other = other_file();
+  const TempFile original;
+  original.write(bytes);
+  Result<ModelFile> good = ModelFile::open(original.path());
+  ASSERT_TRUE(good.value().require_all().is_ok());
+  const Content content = content_of(good.value());
+  std::size_t refused = 0;
+  for (std::size_t over = 0; over < bytes.size(); over += 97) {
+    const TempFile file;
+    file.write(bytes);
+    Result<ModelFile> opened = ModelFile::open(file.path());
+    auto mixed = bytes;
+    std::copy_n(other.begin(), std::min(over, other.size()), mixed.begin());
+    file.write(mixed);
+    if (opened.value().require_all().is_ok())
+      EXPECT_TRUE(equal(content_of(opened.value()), content)) << over;
+    else
+      ++refused;
+  }
+  EXPECT_GT(refused, 10U);
+}
+
+TEST(ModelFile, RefusesAFaceTableThatNamesAFourthCorner) {
+  auto bytes = small_file();
+  Preamble preamble;
+  std::memcpy(&preamble, bytes.data(), sizeof preamble);
+  bytes[preamble.face_table_offset] |= 3;
+  seal(bytes);
+  const TempFile file;
+  file.write(bytes);
+  Result<ModelFile> opened = ModelFile::open(file.path());
+  ASSERT_TRUE(opened.is_ok()) << opened.status().message();
+  EXPECT_FALSE(opened.value().face_numbering().is_ok());
+}
+
+TEST(ModelFile, RequireRefusesWhatIsNoNode) {
+  const auto path = test::write_model(small_model());
+  Result<ModelFile> file = ModelFile::open(path->path());
+  ASSERT_TRUE(file.is_ok());
+  EXPECT_FALSE(file.value().require({{0}, 0xfffffffeU}).is_ok());
+  EXPECT_FALSE(file.value().require({{5}, 0xfffffffeU}).is_ok());
+  EXPECT_FALSE(file.value().require({{file.value().header().vertex_count}, 2}).is_ok());
+}
+
+TEST(ModelFile, RequireRefusesABlockThatHoldsOtherNodes) {
+  auto bytes = small_file();
+  Preamble preamble;
+  std::memcpy(&preamble, bytes.data(), sizeof preamble);
+  std::vector<DirectoryEntry> entries(preamble.block_count);
+  std::memcpy(entries.data(), bytes.data() + preamble.directory_offset,
+              entries.size() * sizeof(DirectoryEntry));
+  ASSERT_GE(entries.size(), 2U);
+  ASSERT_LE(entries[1].size, kSlotSize);
+  std::swap(entries[0].offset, entries[1].offset);
+  std::swap(entries[0].bytes, entries[1].bytes);
+  std::memcpy(bytes.data() + preamble.directory_offset, entries.data(),
+              entries.size() * sizeof(DirectoryEntry));
+  seal(bytes);
+  const TempFile path;
+  path.write(bytes);
+  Result<ModelFile> file = ModelFile::open(path.path());
+  ASSERT_TRUE(file.is_ok()) << file.status().message();
+  for (const DirectoryEntry& entry : entries)  // all that the two may hang on
+    if (entry.size > kSlotSize) {
+      ASSERT_TRUE(file.value().require({{entry.first}, entry.size}).is_ok());
+    }
+  const Status refused = file.value().require({{entries[0].first}, entries[0].size});
+  EXPECT_EQ(refused.code(), StatusCode::kCorrupt);
+  EXPECT_NE(refused.message().find("does not hold node"), std::string::npos) << refused.message();
+  EXPECT_FALSE(file.value().require_all().is_ok());
+}
+
+// ---- writing ------------------------------------------------------------------------------------
+
+TEST(WriteModelFile, RefusesAFolderThatIsNotThere) {
+  const BakedModel model = small_model();
+  const auto written =
+      write_model_file(model.header, model.store, model.numbers, "/nonexistent/model.spm");
+  ASSERT_FALSE(written.is_ok());
+  EXPECT_EQ(written.status().code(), StatusCode::kIo);
+  EXPECT_NE(written.status().message().find("/nonexistent/model.spm"), std::string::npos);
+}
+
+TEST(WriteModelFile, ReportsWhatItWrote) {
+  const BakedModel model = small_model();
+  const TempFile path;
+  const auto written = write_model_file(model.header, model.store, model.numbers, path.path());
+  ASSERT_TRUE(written.is_ok());
+  const Result<ModelFile> file = ModelFile::open(path.path());
+  ASSERT_TRUE(file.is_ok());
+  EXPECT_EQ(written.value().file_bytes, path.read().size());
+  EXPECT_EQ(written.value().content_hash, file.value().content_hash());
+  EXPECT_EQ(written.value().blocks, file.value().block_count());
+  EXPECT_EQ(written.value().header_bytes, file.value().header_bytes().size());
+}
+
+TEST(WriteModelFile, LeavesNoPartialFileBehind) {
+  const auto path = test::write_model(small_model());
+  std::FILE* partial = std::fopen((path->path() + ".partial").c_str(), "rb");
+  EXPECT_EQ(partial, nullptr);
+}
+
+}  // namespace
+}  // namespace nearmesh

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+// Samples that are well formed as CDR, but not as messages.
+#include "idl/dds/codec.hpp"
+
+#include <gtest/gtest.h>
+
+#include "samples.hpp"
+
+namespace nearmesh::wire {
+namespace {
+
+using namespace test;
+
+template <class Sample, class Message, class Spoil>
+void expect_refused(const Message& valid, const char* expected, Spoil spoil) {
+  Sample sample;
+  encode(valid, sample);
+  ASSERT_TRUE(decode(sample).is_ok());
+  spoil(sample);
+  const auto decoded = decode(sample);
+  ASSERT_FALSE(decoded.is_ok()) << expected;
+  EXPECT_NE(decoded.status().message().find(expected), std::string::npos)
+      << decoded.status().message();
+}
+
+TEST(Decode, RefusesHelloWhoseListsDiffer) {
+  using S = wire_types::HelloSample;
+  expect_refused<S>(valid_hello(), "models", [](S& s) { s.mesh_bytes().pop_back(); });
+  expect_refused<S>(valid_hello(), "fewer", [](S& s) { s.names().pop_back(); });
+  expect_refused<S>(valid_hello(), "more than", [](S& s) { s.names().push_back('\n'); });
+  expect_refused<S>(valid_hello(), "fewer", [](S& s) { s.names().push_back('x'); });
+  expect_refused<S>(valid_hello(), "models", [](S& s) { s.content_hashes().resize(100'000); });
+  expect_refused<S>(valid_hello(), "models", [](S& s) { s.names().assign(100'000, 'x'); });
+}
+
+TEST(Decode, RefusesSubscriptionWithPartialRecords) {
+  using S = wire_types::RegionSubscriptionSample;
+  expect_refused<S>(valid_subscription(), "attach", [](S& s) { s.attach().pop_back(); });
+  expect_refused<S>(valid_subscription(), "boxes", [](S& s) { s.region_parts().push_back(1); });
+  expect_refused<S>(valid_subscription(), "attach", [](S& s) { s.attach().resize(2000); });
+  expect_refused<S>(valid_subscription(), "boxes", [](S& s) { s.region_parts().resize(6000); });
+  expect_refused<S>(valid_subscription(), "steps", [](S& s) { s.region_shift(18); });
+}
+
+TEST(Decode, RefusesBatchWithUnknownFlags) {
+  using S = wire_types::SplitBatchSample;
+  expect_refused<S>(valid_batch(), "flags", [](S& s) { s.flags(4); });
+}
+
+TEST(Decode, RefusesStatusWhoseListsDiffer) {
+  using S = wire_types::ProcessStatusSample;
+  expect_refused<S>(valid_status(), "models", [](S& s) { s.faces().pop_back(); });
+  expect_refused<S>(valid_status(), "models", [](S& s) { s.held_splits().push_back(1); });
+  expect_refused<S>(valid_status(), "models", [](S& s) { s.splits().clear(); });
+  expect_refused<S>(valid_status(), "names", [](S& s) { s.names().pop_back(); });
+  expect_refused<S>(valid_status(), "flags", [](S& s) { s.flags(2); });
+  expect_refused<S>(valid_status(), "complaints: more",
+                    [](S& s) { s.complaints().assign(17, '\n'); });
+  expect_refused<S>(valid_status(), "complaints: fewer",
+                    [](S& s) { s.complaints().push_back('x'); });
+}
+
+TEST(Decode, RefusesEchoWithUnknownFlags) {
+  using S = wire_types::EchoSample;
+  expect_refused<S>(valid_echo(), "flags", [](S& s) { s.flags(2); });
+}
+
+TEST(Decode, RefusesReportWithPartialPairs) {
+  using S = wire_types::ContactReportSample;
+  expect_refused<S>(valid_report(), "pairs", [](S& s) { s.pairs().pop_back(); });
+  expect_refused<S>(valid_report(), "pairs", [](S& s) { s.pairs().resize(4000); });
+}
+
+}  // namespace
+}  // namespace nearmesh::wire

@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "idl/dds/rejoin_watch.hpp"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+
+using namespace nearmesh;
+using wire::Interface;
+
+namespace {
+
+// That stops and addresses are noticed is tested where there are some (integration/dds_channel_test.cpp, network/rejoin_test.cpp).
+TEST(RejoinWatch, SaysItOnceMoreWhereJoiningAnewFailed) {
+  wire::Mailbox mailbox;
+  wire::TransportOptions options;
+  options.lease_s = 20;  // nothing here stands still for 15 s
+  options.interface = "127.0.0.1";
+  wire::RejoinWatch watch(mailbox, options);
+  EXPECT_FALSE(watch.take_due());
+  watch.try_again();
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(15);
+  bool again = false;
+  while (!again && std::chrono::steady_clock::now() < end) {
+    mailbox.wait(0.1);
+    again = watch.take_due();
+  }
+  EXPECT_TRUE(again);
+  EXPECT_FALSE(watch.take_due());
+}
+
+const Interface kLoopback{"lo", "127.0.0.1", true, true, true, false};
+const Interface kWlan{"wlan0", "10.0.0.5", true, true, false, true};
+const Interface kBridge{"docker0", "172.17.0.1", true, true, false, true};
+
+Interface at(Interface interface, const char* address) {
+  interface.address = address;
+  return interface;
+}
+
+/// What is news to who first joined with some interfaces and later with others: "name address", or nothing.
+std::string news(const std::string& wanted, const std::vector<std::vector<Interface>>& joined,
+                 const std::vector<Interface>& now) {
+  wire::NetworkMemory memory(wanted);
+  for (const auto& interfaces : joined) memory.joined(interfaces);
+  const Interface* found = memory.news(now);
+  return found == nullptr ? "" : found->name + " " + found->address;
+}
+
+TEST(NetworkMemory, WhatWasJoinedWithIsNoNews) {
+  EXPECT_EQ(news("", {{kLoopback, kWlan}}, {kLoopback, kWlan}), "");
+  EXPECT_EQ(news("", {{kLoopback, kWlan}}, {kLoopback}), "");
+}
+
+TEST(NetworkMemory, AnInterfaceThatWasUsedAndComesBackIsNews) {
+  EXPECT_EQ(
+      news("", {{kLoopback, kWlan, kBridge}, {kLoopback, kBridge}}, {kLoopback, kBridge, kWlan}),
+      "wlan0 10.0.0.5");
+}
+
+TEST(NetworkMemory, AnotherAddressOfAnInterfaceIsNews) {
+  EXPECT_EQ(news("", {{kLoopback, kWlan}}, {kLoopback, at(kWlan, "10.0.0.9")}), "wlan0 10.0.0.9");
+}
+
+TEST(NetworkMemory, AnInterfaceNeverUsedIsNewsToWhoHasLoopbackAlone) {
+  EXPECT_EQ(news("", {{kLoopback}}, {kLoopback, kWlan}), "wlan0 10.0.0.5");
+  EXPECT_EQ(news("", {{kLoopback, kWlan}}, {kLoopback, kWlan, kBridge}), "");
+}
+
+TEST(NetworkMemory, OneWithoutALinkIsNotThere) {
+  Interface unplugged = kWlan;
+  unplugged.is_running = false;
+  EXPECT_EQ(news("", {{kLoopback}}, {kLoopback, unplugged}), "");
+  EXPECT_EQ(news("", {{kLoopback, unplugged}}, {kLoopback, kWlan}), "wlan0 10.0.0.5");
+}
+
+TEST(NetworkMemory, WhoUsesOneInterfaceCaresForNoOther) {
+  EXPECT_EQ(news("127.0.0.1", {{kLoopback}}, {kLoopback, kWlan}), "");
+  EXPECT_EQ(news("wlan0", {{kLoopback, kWlan}}, {kLoopback, at(kWlan, "10.0.0.9")}),
+            "wlan0 10.0.0.9");
+}
+
+}  // namespace

@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// Valid messages with every field set, for the tests to spoil.
+
+#include "nearmesh/idl/messages/messages.hpp"
+
+namespace nearmesh::wire::test {
+
+inline Hello valid_hello() {
+  Hello message;
+  message.publisher = 0x1122334455667788;
+  message.models = {{"bunny", 11, 100}, {"terrain 512", 22, 200}};
+  return message;
+}
+
+inline MeshHeader valid_header() {
+  MeshHeader message;
+  message.name = "bunny";
+  message.content_hash = 11;
+  message.bytes = {1, 2, 3, 4, 5};
+  return message;
+}
+
+inline RegionSubscription valid_subscription() {
+  RegionSubscription message;
+  message.peer = 42;
+  message.request = 7;
+  message.publisher = 8;
+  message.content_hash = 11;
+  message.priority = 2;
+  message.acknowledged_sequence = 17;
+  message.window_bytes = 4096;
+  message.region.attach = {{VertexId{3}, 10}, {VertexId{13}, 1}, {VertexId{50}, 2}};
+  message.region.region = {GridBox{{{-5, 0, 1}}, {{5, 0, 9}}}, GridBox{{{1, 2, 3}}, {{4, 5, 6}}}};
+  message.region.region[1].radius = 7;
+  message.region.region[1].normal = {-60, 4, -1};
+  message.region.region[1].slab_lo = -8;
+  message.region.region[1].slab_hi = 1 << 10;
+  message.region.region[1].min_extent = 6;
+  message.region.max_splits = 99;
+  return message;
+}
+
+inline SplitBatchMessage valid_batch() {
+  SplitBatchMessage message;
+  message.publisher = 8;
+  message.content_hash = 11;
+  message.request = 7;
+  message.sequence = 3;
+  message.last = true;
+  message.bytes = {9, 8, 7};
+  return message;
+}
+
+inline BodyPose valid_pose() {
+  BodyPose message;
+  message.peer = 42;
+  message.body = "robot/arm-1";
+  message.frame = 1000;
+  message.time_s = 1.5;
+  message.pose.translation_m = {1, 2, 3};
+  message.linear_velocity_mps = {0.1, 0.2, 0.3};
+  message.angular_velocity_radps = {4, 5, 6};
+  return message;
+}
+
+inline ContactReport valid_report() {
+  ContactReport message;
+  message.peer = 42;
+  message.body_a = "arm";
+  message.body_b = "wall";
+  message.frame = 9;
+  message.time_s = 2.5;
+  message.status = 1;
+  message.clearance_m = 0.25;
+  message.uncertainty_m = 0.5;
+  message.pair_count = 3;
+  message.asked = true;
+  message.gave_up_detail = true;
+  message.answer_digest = 0x1020304050607080;
+  message.a = {11, 12, 13, true, {.translation_m = {1, 2, 3}}};
+  message.b = {21, 22, 23, false, {{0, -1, 0, 1, 0, 0, 0, 0, 1}, {4, 5, 6}}};
+  message.pairs = {{FaceKey{VertexId{1}, 2}, FaceKey{VertexId{3}, 4}},
+                   {FaceKey{VertexId{}, 6}, FaceKey{VertexId{7}, 8}}};
+  return message;
+}
+
+inline ProcessStatus valid_status() {
+  ProcessStatus message;
+  message.session = 42;
+  message.is_publisher = true;
+  message.host = "rig-1";
+  message.process_id = 77;
+  message.uptime_s = 12.5;
+  message.bytes_per_s = 1e6;
+  message.uncertainty_m = 0.25;
+  message.peers = 3;
+  message.watched_pairs = 5;
+  message.certified_pairs = 4;
+  message.requests = 100;
+  message.refused = 1;
+  message.batches = 2000;
+  message.bytes = 2'000'000;
+  message.lost_batches = 6;
+  message.waiting_batches = 7;
+  message.resident_bytes = 50'000'000;
+  message.models = {{"bunny", 11, 70000, 10, 35000}, {"terrain 512", 22, 500000, 0, 0}};
+  message.complaints = {"first", "second: with, marks"};
+  return message;
+}
+
+inline Echo valid_echo() {
+  Echo message;
+  message.from = 42;
+  message.to = 43;
+  message.number = 9;
+  message.is_reply = true;
+  message.bytes = {1, 2, 3};
+  return message;
+}
+
+}  // namespace nearmesh::wire::test

@@ -1,0 +1,207 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "nearmesh/idl/messages/messages.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <limits>
+
+#include "nearmesh/core/spm/detail/codec.hpp"
+#include "tests/unit/idl/dds/samples.hpp"
+
+namespace nearmesh::wire {
+namespace {
+
+using namespace test;
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+template <class Message>
+struct Spoiled {
+  const char* expected;  ///< in the complaint
+  std::function<void(Message&)> spoil;
+};
+
+/// The valid message passes; each spoiled one is refused with a line that names the field.
+template <class Message>
+void expect_refusals(const Message& valid, const std::vector<Spoiled<Message>>& cases) {
+  EXPECT_TRUE(check(valid).is_ok()) << check(valid).message();
+  for (const auto& spoiled : cases) {
+    Message message = valid;
+    spoiled.spoil(message);
+    const Status status = check(message);
+    EXPECT_EQ(status.code(), StatusCode::kInvalidArgument) << spoiled.expected;
+    EXPECT_NE(status.message().find(spoiled.expected), std::string::npos)
+        << spoiled.expected << ": " << status.message();
+  }
+}
+
+TEST(CheckMessage, RefusesHelloOutsideItsLimits) {
+  expect_refusals<Hello>(
+      valid_hello(),
+      {{"publisher", [](Hello& m) { m.publisher = 0; }},
+       {"models", [](Hello& m) { m.models.resize(kMaxModels + 1, m.models[0]); }},
+       {"name", [](Hello& m) { m.models[1].name = ""; }},
+       {"name", [](Hello& m) { m.models[1].name = std::string(kMaxNameBytes + 1, 'x'); }},
+       {"name", [](Hello& m) { m.models[1].name = "a\nb"; }},
+       {"name", [](Hello& m) { m.models[1].name = std::string("a\0b", 3); }},
+       {"name", [](Hello& m) { m.models[1].name = "m\xc3\xa9"; }},
+       {"name", [](Hello& m) { m.models[1].name = " blank"; }},
+       {"twice", [](Hello& m) { m.models[1].name = "bunny"; }}});
+}
+
+TEST(CheckMessage, TakesNamesUpToTheLimit) {
+  Hello message = valid_hello();
+  message.models[0].name = std::string(kMaxNameBytes, '~');
+  EXPECT_TRUE(check(message).is_ok());
+}
+
+TEST(CheckMessage, RefusesHeaderOutsideItsLimits) {
+  expect_refusals<MeshHeader>(
+      valid_header(),
+      {{"name", [](MeshHeader& m) { m.name = ""; }},
+       {"no bytes", [](MeshHeader& m) { m.bytes.clear(); }},
+       {"header bytes", [](MeshHeader& m) { m.bytes.resize(kMaxHeaderBytes + 1); }}});
+}
+
+TEST(CheckMessage, RefusesSubscriptionOutsideItsLimits) {
+  using M = RegionSubscription;
+  expect_refusals<M>(
+      valid_subscription(),
+      {{"peer", [](M& m) { m.peer = 0; }},
+       {"publisher", [](M& m) { m.publisher = 0; }},
+       {"priority", [](M& m) { m.priority = 3; }},
+       {"window", [](M& m) { m.window_bytes = 0; }},
+       {"window", [](M& m) { m.window_bytes = 1U << 31; }},
+       {"max_splits", [](M& m) { m.region.max_splits = 0; }},
+       {"max_splits", [](M& m) { m.region.max_splits = kMaxRequestSplits + 1; }},
+       {"attach", [](M& m) { m.region.attach[1].size = 0; }},
+       {"attach", [](M& m) { m.region.attach[1].first.value = 12; }},
+       {"attach", [](M& m) { std::swap(m.region.attach[0], m.region.attach[2]); }},
+       {"attach",
+        [](M& m) {
+          m.region.attach[2] = {VertexId{0xfffffff0}, 0x20};
+        }},
+       {"attach",
+        [](M& m) {
+          m.region.attach.assign(kMaxAttachNodes + 1, {VertexId{1}, 1});
+        }},
+       {"box 1", [](M& m) { m.region.region[1].box.lo[2] = 7; }},
+       {"radius", [](M& m) { m.region.region[1].radius = -1; }},
+       {"normal", [](M& m) { m.region.region[1].normal[0] = -128; }},
+       {"slab", [](M& m) { m.region.region[1].slab_hi = -9; }},
+       {"extent", [](M& m) { m.region.region[1].min_extent = -1; }},
+       {"boxes", [](M& m) { m.region.region.assign(kMaxRegionBoxes + 1, m.region.region[0]); }},
+       {"only credit", [](M& m) { m.request = 0; }}});
+}
+
+TEST(CheckMessage, TakesCreditWithoutRegion) {
+  RegionSubscription message = valid_subscription();
+  message.request = 0;
+  message.region = {};
+  message.region.max_splits = 0;
+  EXPECT_TRUE(check(message).is_ok()) << check(message).message();
+}
+
+TEST(CheckMessage, RefusesBatchOutsideItsLimits) {
+  using M = SplitBatchMessage;
+  expect_refusals<M>(valid_batch(), {{"publisher", [](M& m) { m.publisher = 0; }},
+                                     {"sequence", [](M& m) { m.sequence = 0; }},
+                                     {"bytes", [](M& m) { m.bytes.resize(kMaxBatchBytes + 1); }},
+                                     {"reason", [](M& m) { m.refused = true; }}});
+}
+
+TEST(CheckMessage, TakesRefusalWithPrintableReason) {
+  SplitBatchMessage message = valid_batch();
+  message.refused = true;
+  message.bytes = {'n', 'o', ' ', '!'};
+  EXPECT_TRUE(check(message).is_ok());
+}
+
+TEST(CheckMessage, RefusesPoseOutsideItsLimits) {
+  using M = BodyPose;
+  expect_refusals<M>(valid_pose(),
+                     {{"peer", [](M& m) { m.peer = 0; }},
+                      {"body", [](M& m) { m.body = ""; }},
+                      {"time_s", [](M& m) { m.time_s = kInfinity; }},
+                      {"robot/arm-1", [](M& m) { m.pose.rotation[4] = kNan; }},
+                      {"robot/arm-1", [](M& m) { m.pose.translation_m[2] = -kInfinity; }},
+                      {"linear", [](M& m) { m.linear_velocity_mps[0] = kNan; }},
+                      {"angular", [](M& m) { m.angular_velocity_radps[2] = 1e300; }}});
+}
+
+TEST(CheckMessage, TakesAReportOfEachStatus) {
+  ContactReport report = valid_report();
+  for (std::uint8_t status = 0; status <= 4; ++status) {
+    report.status = status;
+    EXPECT_TRUE(check(report).is_ok()) << int{status};
+  }
+}
+
+TEST(CheckMessage, RefusesReportOutsideItsLimits) {
+  using M = ContactReport;
+  expect_refusals<M>(valid_report(), {{"peer", [](M& m) { m.peer = 0; }},
+                                      {"body_a", [](M& m) { m.body_a = "\x7f"; }},
+                                      {"body_b", [](M& m) { m.body_b = ""; }},
+                                      {"time_s", [](M& m) { m.time_s = kNan; }},
+                                      {"status", [](M& m) { m.status = 5; }},
+                                      {"clearance", [](M& m) { m.clearance_m = -1; }},
+                                      {"uncertainty", [](M& m) { m.uncertainty_m = kNan; }},
+                                      {"pair_count", [](M& m) { m.pair_count = 1; }},
+                                      {"pairs", [](M& m) {
+                                         m.pair_count = 1000;
+                                         m.pairs.resize(kMaxReportPairs + 1);
+                                       }}});
+}
+
+TEST(CheckMessage, NamesBothVersionsWhenTheyDiffer) {
+  const auto expect_unsupported = [](auto message) {
+    message.wire_version = 9;
+    EXPECT_EQ(check(message).code(), StatusCode::kUnsupported);
+    EXPECT_EQ(check(message).message(), "wire version 9, this build speaks 5");
+  };
+  expect_unsupported(valid_hello());
+  expect_unsupported(valid_header());
+  expect_unsupported(valid_subscription());
+  expect_unsupported(valid_batch());
+  expect_unsupported(valid_pose());
+  expect_unsupported(valid_report());
+  expect_unsupported(valid_status());
+  expect_unsupported(valid_echo());
+}
+
+TEST(CheckMessage, RefusesStatusOutsideItsLimits) {
+  using M = ProcessStatus;
+  expect_refusals<M>(valid_status(),
+                     {{"session", [](M& m) { m.session = 0; }},
+                      {"host", [](M& m) { m.host = ""; }},
+                      {"host", [](M& m) { m.host = "a\nb"; }},
+                      {"uptime_s", [](M& m) { m.uptime_s = kNan; }},
+                      {"bytes_per_s", [](M& m) { m.bytes_per_s = -1; }},
+                      {"uncertainty_m", [](M& m) { m.uncertainty_m = kInfinity; }},
+                      {"certified_pairs", [](M& m) { m.certified_pairs = 6; }},
+                      {"models", [](M& m) { m.models.resize(kMaxModels + 1, m.models[0]); }},
+                      {"name", [](M& m) { m.models[0].name = "\x1b[2J"; }},
+                      {"holds", [](M& m) { m.models[1].held_splits = 1; }},
+                      {"complaints", [](M& m) { m.complaints.resize(kMaxStatusLines + 1, "x"); }},
+                      {"complaint", [](M& m) { m.complaints[0] = std::string(256, 'x'); }},
+                      {"complaint", [](M& m) { m.complaints[0] = "two\nlines"; }}});
+}
+
+TEST(CheckMessage, RefusesEchoOutsideItsLimits) {
+  expect_refusals<Echo>(valid_echo(),
+                        {{"from", [](Echo& m) { m.from = 0; }},
+                         {"bytes", [](Echo& m) { m.bytes.resize(kMaxEchoBytes + 1); }}});
+}
+
+TEST(CheckMessage, AnyLineFitsIntoAStatusOnceCut) {
+  ProcessStatus status = valid_status();
+  status.complaints = {status_line("tab\tand \xc3\xa9\n" + std::string(1000, 'x'))};
+  EXPECT_TRUE(check(status).is_ok()) << check(status).message();
+  EXPECT_EQ(status.complaints[0].substr(0, 12), "tab?and ???x");
+}
+
+}  // namespace
+}  // namespace nearmesh::wire

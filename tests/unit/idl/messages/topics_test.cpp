@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "nearmesh/idl/messages/topics.hpp"
+
+#include <gtest/gtest.h>
+
+namespace nearmesh::wire {
+namespace {
+
+TEST(Topics, CarryPrefixAndVersionButHelloHasNone) {
+  const TopicNames names("site/nearmesh");
+  EXPECT_EQ(names.hello, "site/nearmesh/hello");
+  EXPECT_EQ(names.split_batch, "site/nearmesh/v5/split_batch");
+}
+
+TEST(Topics, OfARecordingCarryItsVersion) {
+  EXPECT_EQ(TopicNames("site", 4).body_pose, "site/v4/body_pose");
+  EXPECT_EQ(TopicNames("site", 4).hello, "site/hello");
+}
+
+TEST(Topics, PartitionIsSixteenDigits) {
+  EXPECT_EQ(partition_of(0xab), "00000000000000ab");
+  EXPECT_EQ(partition_of(~SessionId{0}), "ffffffffffffffff");
+}
+
+TEST(Topics, PrefixIsChecked) {
+  EXPECT_TRUE(check_prefix("nearmesh").is_ok());
+  EXPECT_TRUE(check_prefix("a/b_c-9").is_ok());
+  for (const auto* bad : {"", "/a", "a/", "a b", "a*", "\xc3\xa9"})
+    EXPECT_FALSE(check_prefix(bad).is_ok()) << bad;
+  EXPECT_FALSE(check_prefix(std::string(101, 'a')).is_ok());
+}
+
+TEST(Topics, RemoteEndpointsThatCannotTalkToUsAreNamed) {
+  const auto judge = [](const char* topic, std::string_view type) {
+    return judge_remote_endpoint("p", topic, type).value_or("");
+  };
+  EXPECT_EQ(judge("p/v5/body_pose", kBodyPoseType), "");
+  EXPECT_EQ(judge("p/hello", kHelloType), "");
+  EXPECT_EQ(judge("p/v5/process_status", kProcessStatusType), "");
+  EXPECT_EQ(judge("p/v5/probe", kEchoType), "");
+  EXPECT_EQ(judge("q/v1/body_pose", kBodyPoseType), "");
+  EXPECT_EQ(judge("pp/v1/body_pose", kBodyPoseType), "");
+  EXPECT_EQ(judge("p/v/body_pose", "x"), "");
+  EXPECT_EQ(judge("p/v1", "x"), "");
+  EXPECT_EQ(judge("p/video", "x"), "");
+  EXPECT_NE(judge("p/v5/body_pose", "Other").find("Other"), std::string::npos);
+  EXPECT_NE(judge("p/v23/body_pose", kBodyPoseType).find("wire version 23"), std::string::npos);
+}
+
+TEST(Topics, SessionIdsDiffer) { EXPECT_NE(make_session_id(), make_session_id()); }
+
+}  // namespace
+}  // namespace nearmesh::wire

@@ -1,0 +1,247 @@
+// SPDX-License-Identifier: Apache-2.0
+// What holds at a moment of a recording, against a scan from its begin; and recordings that cannot be played.
+#include "publisher/replay/replay_index.hpp"
+
+#include <sqlite3.h>
+
+#include <filesystem>
+
+#include "replay_world.hpp"
+
+namespace nearmesh {
+namespace {
+
+using namespace test;
+using publisher::ReplayIndex;
+using publisher::ReplayTopic;
+using Ids = std::vector<std::int64_t>;
+
+/// As recorded before there were keys.
+void drop_keys(const std::string& path) {
+  sqlite3* database = nullptr;
+  EXPECT_EQ(sqlite3_open(path.c_str(), &database), SQLITE_OK);
+  for (const char* sql : {"DROP TABLE nearmesh_keys", "DROP INDEX nearmesh_key_idx",
+                          "ALTER TABLE nearmesh_messages DROP COLUMN key_id"})
+    EXPECT_EQ(sqlite3_exec(database, sql, nullptr, nullptr, nullptr), SQLITE_OK) << sql;
+  sqlite3_close(database);
+}
+
+/// With the recording's keys, and without.
+class ReplayIndexTest : public ::testing::TestWithParam<bool> {
+ protected:
+  TempFile file{".db3"};
+  std::unique_ptr<RecordingReader> recording;
+
+  std::unique_ptr<ReplayIndex> build(const std::vector<std::string>& topics = {}) {
+    if (!GetParam()) drop_keys(file.path());
+    recording = RecordingReader::open(file.path()).value();
+    auto built = ReplayIndex::build(*recording, topics, {});
+    EXPECT_TRUE(built.is_ok()) << built.status().message();
+    return std::move(built).value();
+  }
+  std::string refusal(const std::vector<std::string>& topics = {}) {
+    recording = RecordingReader::open(file.path()).value();
+    const auto built = ReplayIndex::build(*recording, topics, {});
+    return built.is_ok() ? "" : built.status().message();
+  }
+};
+
+TEST_P(ReplayIndexTest, LatchedIsTheLatestOfEachKey) {
+  record_flight(file.path());
+  const auto index = build();
+  EXPECT_EQ(index->publishers(), std::set<wire::SessionId>{kPublisher});
+  EXPECT_EQ(index->peers(), (std::set<wire::SessionId>{kPeer, kOther}));
+  std::map<std::string, std::int64_t> latest;
+  struct Asked {
+    std::int64_t id = 0;
+    std::uint32_t request = 0;
+  };
+  std::map<std::pair<std::string, std::uint64_t>, Asked> open;
+  std::size_t most_open = 0;
+  const auto check = [&](std::int64_t id, const RecordedMessage& message) {
+    Ids expected;
+    for (const auto& [key, at] : latest) expected.push_back(at);
+    for (const auto& [key, asked] : open) expected.push_back(asked.id);
+    most_open = std::max(most_open, open.size());
+    std::sort(expected.begin(), expected.end());
+    EXPECT_EQ(index->latched(id), expected) << "at " << id;
+    const publisher::ReplayStream& stream = index->streams()[index->stream_of(message.writer)];
+    switch (stream.topic) {
+      case ReplayTopic::kHello:
+        latest["hello"] = id;
+        break;
+      case ReplayTopic::kMeshHeader:
+        latest["header " + wire::decode_payload<wire::MeshHeader>(message.cdr).value().name] = id;
+        break;
+      case ReplayTopic::kBodyPose:
+        latest["pose " + wire::decode_payload<wire::BodyPose>(message.cdr).value().body] = id;
+        break;
+      case ReplayTopic::kRegionSubscription: {
+        const auto asked = wire::decode_payload<wire::RegionSubscription>(message.cdr).value();
+        if (asked.request != 0)
+          open[{wire::partition_of(asked.peer), asked.content_hash}] = {id, asked.request};
+        break;
+      }
+      case ReplayTopic::kSplitBatch: {
+        const auto sent = wire::decode_payload<wire::SplitBatchMessage>(message.cdr).value();
+        const auto at = open.find({stream.partition, sent.content_hash});
+        if (sent.last && at != open.end() && at->second.request == sent.request) open.erase(at);
+        break;
+      }
+      case ReplayTopic::kContactReport:
+        break;
+    }
+    return !::testing::Test::HasFailure();
+  };
+  ASSERT_TRUE(recording->read(1, recording->message_count() + 1, check).is_ok());
+  EXPECT_EQ(latest.size(), 5U);
+  EXPECT_GT(most_open, 0U);
+}
+
+TEST_P(ReplayIndexTest, NotYetIsWhatWasSaidFirstBetween) {
+  SessionFile session(file.path());
+  session.add(0, wire::BodyPose{.peer = kPeer, .body = "one"});
+  session.add(1, wire::BodyPose{.peer = kPeer, .body = "two"});
+  session.add(2, wire::BodyPose{.peer = kPeer, .body = "one"});
+  session.add(3, wire::BodyPose{.peer = kPeer, .body = "three"});
+  session.close();
+  const auto index = build();
+  EXPECT_EQ(index->not_yet(1, 5), (Ids{1, 4, 2}));  // in the order of names
+  EXPECT_EQ(index->not_yet(2, 4), Ids{2});
+  EXPECT_EQ(index->not_yet(3, 4), Ids{});
+}
+
+TEST_P(ReplayIndexTest, HellosOfOnePublisherAreOneStream) {
+  const wire::Hello hello{.publisher = kPublisher}, other{.publisher = kPublisher + 1};
+  SessionFile session(file.path());
+  session.add(0, hello, 1);
+  session.add(1, other, 2);
+  session.add(2, hello, 3);  // the same publisher as a new participant
+  session.close();
+  const auto index = build();
+  EXPECT_EQ(index->latched(4), (Ids{2, 3}));
+  EXPECT_EQ(index->stream_of(2), index->stream_of(0));
+  EXPECT_NE(index->stream_of(1), index->stream_of(0));
+}
+
+TEST_P(ReplayIndexTest, ABodyOfTwoPeersHoldsTwice) {
+  SessionFile session(file.path());
+  for (int i = 0; i < 3; ++i)
+    for (const wire::SessionId peer : {kPeer, kOther})
+      session.add(i, wire::BodyPose{.peer = peer, .body = "one"});
+  session.close();
+  const auto index = build();
+  EXPECT_EQ(index->peers(), (std::set<wire::SessionId>{kPeer, kOther}));
+  EXPECT_EQ(index->latched(5), (Ids{3, 4}));
+}
+
+TEST_P(ReplayIndexTest, PartsHoldOn) {
+  const std::string part = part_path(file.path(), 1);
+  record_flight(file.path(), {.second_part = part});
+  recording = RecordingReader::open(file.path()).value();
+  ASSERT_EQ(recording->parts(), 2U);
+  const auto whole = ReplayIndex::build(*recording, {}, {}).value();
+  const Ids held = whole->latched(recording->message_count() + 1);
+  if (!GetParam()) drop_keys(part);  // of one part alone
+  recording = RecordingReader::open(file.path()).value();
+  EXPECT_EQ(recording->has_keys(), GetParam());
+  const auto index = ReplayIndex::build(*recording, {}, {}).value();
+  for (std::int64_t end = 1; end <= recording->message_count() + 1; end += 37)
+    EXPECT_EQ(index->latched(end), whole->latched(end)) << end;
+  EXPECT_GE(held.size(), 5U);
+  std::filesystem::remove(part);
+}
+
+TEST_P(ReplayIndexTest, OnlyWantedTopicsArePlayed) {
+  record_flight(file.path());
+  const auto index = build({"body_pose", "hello"});
+  for (const publisher::ReplayStream& stream : index->streams())
+    EXPECT_TRUE(stream.topic == ReplayTopic::kBodyPose || stream.topic == ReplayTopic::kHello);
+  EXPECT_EQ(index->streams().size(), 3U);
+  EXPECT_TRUE(index->details().empty());
+  EXPECT_EQ(index->latched(recording->message_count() + 1).size(), 3U);
+}
+
+TEST_P(ReplayIndexTest, BatchesBeforeTheirHeaderAreNotLost) {
+  const auto [hello, headers] = announcement();
+  const TempFile flight(".db3");
+  record_flight(flight.path());
+  const auto flown = RecordingReader::open(flight.path()).value();
+  SessionFile session(file.path());
+  const auto names = wire::TopicNames("recorded");
+  std::uint32_t batches = 0;
+  ASSERT_TRUE(
+      flown
+          ->read(1, flown->message_count() + 1,
+                 [&](std::int64_t, const RecordedMessage& message) {
+                   if (flown->topics()[flown->writers()[message.writer].topic].name ==
+                       names.split_batch) {
+                     session.add(
+                         0, kPeer,
+                         wire::decode_payload<wire::SplitBatchMessage>(message.cdr).value());
+                     ++batches;
+                   }
+                   return true;
+                 })
+          .is_ok());
+  for (const wire::MeshHeader& header : headers) session.add(1, header);
+  session.close();
+  const auto index = build();
+  ASSERT_GT(batches, 10U);
+  ASSERT_EQ(index->details().size(), 2U);
+  ASSERT_TRUE(index->take_batches(*recording, 3).is_ok());
+  EXPECT_FALSE(index->has_all_batches());
+  ASSERT_TRUE(index->take_batches(*recording, batches).is_ok());
+  EXPECT_TRUE(index->has_all_batches());
+  for (const auto& [hash, detail] : index->details()) EXPECT_GT(detail.known_splits(), 50U);
+}
+
+TEST_P(ReplayIndexTest, FaultySamplesHaveNoEffectButTheirPlace) {
+  SessionFile session(file.path());
+  session.add_bytes(0, {1, 2, 3});
+  session.add(1, wire::BodyPose{.peer = kPeer, .body = std::string(200, 'x')});
+  session.add(2, wire::BodyPose{.peer = kPeer, .body = "good"});
+  session.close();
+  const auto index = build();
+  EXPECT_EQ(index->latched(4), Ids{3});
+  EXPECT_EQ(index->streams().size(), 2U);
+}
+
+TEST_P(ReplayIndexTest, SaysWhyARecordingCannotBePlayed) {
+  SessionFile(file.path()).close();
+  EXPECT_EQ(refusal(), "the recording holds no messages");
+  const TempFile old(".db3");
+  std::remove(file.path().c_str());
+  SessionFile other(file.path(), 0, wire::kOldestRecordedWireVersion - 1);
+  other.add_bytes(0, {1});
+  other.close();
+  EXPECT_NE(refusal().find("recorded with wire version 3, this build reads 4 to 5"),
+            std::string::npos)
+      << refusal();
+  std::remove(file.path().c_str());
+  SessionFile poses(file.path());
+  poses.add(0, wire::BodyPose{.peer = kPeer, .body = "one"});
+  poses.close();
+  EXPECT_EQ(refusal({"split_batch"}),
+            "topic split_batch: not in the recording, which has body_pose");
+}
+
+TEST_P(ReplayIndexTest, CanBeEndedWhileItReads) {
+  record_flight(file.path());
+  recording = RecordingReader::open(file.path()).value();
+  int told = 0;
+  const auto index = ReplayIndex::build(*recording, {}, [&](double share) {
+    EXPECT_GE(share, 0);
+    EXPECT_LE(share, 1);
+    ++told;
+    return false;
+  });
+  EXPECT_TRUE(index.is_ok());
+  EXPECT_EQ(told, 1);
+}
+
+INSTANTIATE_TEST_SUITE_P(Keys, ReplayIndexTest, ::testing::Bool(),
+                         [](const auto& keyed) { return keyed.param ? "With" : "Without"; });
+
+}  // namespace
+}  // namespace nearmesh

@@ -1,0 +1,254 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "subscriber/program/scene.hpp"
+
+#include <filesystem>
+#include <fstream>
+
+#include "test_models.hpp"
+
+namespace nearmesh {
+namespace {
+
+using subscriber::read_scene;
+using subscriber::Scene;
+
+// A folder with a scene and a flight of three frames, gone at the end.
+class Folder {
+ public:
+  Folder() {
+    std::string name = ::testing::TempDir() + "nearmesh_scene_XXXXXX";
+    EXPECT_NE(::mkdtemp(name.data()), nullptr);
+    path_ = name;
+    write("flight1.csv",
+          "t,R00,R01,R02,R10,R11,R12,R20,R21,R22,T0,T1,T2\n"
+          "0,1,0,0,0,1,0,0,0,1,0,0,100\n"
+          "0.05,1,0,0,0,1,0,0,0,1,8,0,100\n"
+          "0.1,1,0,0,0,1,0,0,0,1,20,0,100\n");
+  }
+  Folder(const Folder&) = delete;
+  Folder& operator=(const Folder&) = delete;
+  ~Folder() { std::filesystem::remove_all(path_); }
+  void write(const std::string& name, const std::string& text) const {
+    std::ofstream(path_ / name) << text;
+  }
+  std::string file(const std::string& name) const { return (path_ / name).string(); }
+
+ private:
+  std::filesystem::path path_;
+};
+
+constexpr const char* kScene =
+    "bodies:\n"                                                              // 1
+    "  - {name: terrain, model: terrain, pose: {translation: [1, 2, 3]}}\n"  // 2
+    "  - {name: one, model: aircraft}\n"                                     // 3
+    "  - {name: two, model: aircraft}\n"                                     // 4
+    "moves:\n"                                                               // 5
+    "  - {body: one, trajectory: flight1.csv}\n"                             // 6
+    "pairs:\n"                                                               // 7
+    "  - [terrain, one]\n"                                                   // 8
+    "  - [one, two]\n"                                                       // 9
+    "frame_rate_hz: 20\n"                                                    // 10
+    "budget_ms: 5\n"                                                         // 11
+    "lookahead_s: 0.3\n";                                                    // 12
+
+// The scene with one piece of text replaced.
+std::string changed(const std::string& from, const std::string& to) {
+  std::string text = kScene;
+  const std::size_t at = text.find(from);
+  EXPECT_NE(at, std::string::npos) << from;
+  return text.replace(at, from.size(), to);
+}
+
+TEST(ReadScene, ReadsTheDemo) {
+  Folder folder;
+  for (const char* number : {"1", "2"}) {
+    const std::string name = std::string("peer") + number + ".yaml";
+    std::filesystem::copy(std::string(NEARMESH_DEMO_DIR) + "/" + name, folder.file(name));
+    folder.write("flight2.csv",
+                 "R00,R01,R02,R10,R11,R12,R20,R21,R22,T0,T1,T2\n1,0,0,0,1,0,0,0,1,0,0,0\n");
+    const Result<Scene> scene = read_scene(folder.file(name));
+    ASSERT_TRUE(scene.is_ok()) << scene.status().message();
+    EXPECT_EQ(scene.value().bodies.size(), 3U);
+    EXPECT_EQ(scene.value().pairs.size(), 2U);
+  }
+}
+
+TEST(ReadScene, ABodyIsSolidWhereItSaysSo) {
+  Folder folder;
+  folder.write("scene.yaml", changed("{name: one, model", "{name: one, solid: true, model"));
+  const Result<Scene> scene = read_scene(folder.file("scene.yaml"));
+  ASSERT_TRUE(scene.is_ok()) << scene.status().message();
+  EXPECT_FALSE(scene.value().bodies[0].solid);
+  EXPECT_TRUE(scene.value().bodies[1].solid);
+}
+
+TEST(ReadScene, ReadsAllOfIt) {
+  Folder folder;
+  folder.write("scene.yaml",
+               std::string(kScene) +
+                   "margin_m: 2\nsweep_s: 1.5\nmax_held_splits: 5000\nstart_timeout_s: 7\n"
+                   "contacts: true\n");
+  const Result<Scene> result = read_scene(folder.file("scene.yaml"));
+  ASSERT_TRUE(result.is_ok()) << result.status().message();
+  const Scene& scene = result.value();
+  ASSERT_EQ(scene.bodies.size(), 3U);
+  EXPECT_EQ(scene.bodies[0].name, "terrain");
+  EXPECT_EQ(scene.bodies[0].model, "terrain");
+  ASSERT_TRUE(scene.bodies[0].fixed_pose.has_value());
+  EXPECT_EQ(scene.bodies[0].fixed_pose->translation_m, (std::array<double, 3>{1, 2, 3}));
+  EXPECT_EQ(scene.bodies[1].model, "aircraft");
+  EXPECT_FALSE(scene.bodies[1].fixed_pose.has_value());
+  EXPECT_TRUE(scene.bodies[2].trajectory.empty());
+  EXPECT_EQ(scene.pairs,
+            (std::vector<std::pair<std::string, std::string>>{{"terrain", "one"}, {"one", "two"}}));
+  EXPECT_EQ(scene.frames, 3U);
+  EXPECT_EQ(scene.frame_rate_hz, 20);
+  EXPECT_DOUBLE_EQ(scene.budget_s, 0.005);
+  EXPECT_EQ(scene.start_timeout_s, 7);
+  EXPECT_EQ(scene.session.lookahead_s, 0.3);
+  EXPECT_EQ(scene.session.margin_m, 2);
+  EXPECT_EQ(scene.session.sweep_s, 1.5);
+  EXPECT_EQ(scene.session.max_held_splits, 5000U);
+  EXPECT_TRUE(scene.session.contacts);
+}
+
+TEST(ReadScene, DerivesVelocitiesFromTheNextFrame) {
+  Folder folder;
+  // A quarter turn about z in 256 frames would be small; this one turns by 0.01 rad a frame.
+  const double c = std::cos(0.01), s = std::sin(0.01);
+  char line[256];
+  std::snprintf(line, sizeof line, "%.17g,%.17g,0,%.17g,%.17g,0,0,0,1,8,4,0\n", c, -s, s, c);
+  folder.write(
+      "flight1.csv",
+      std::string("R00,R01,R02,R10,R11,R12,R20,R21,R22,T0,T1,T2\n1,0,0,0,1,0,0,0,1,0,0,0\n") +
+          line);
+  folder.write("scene.yaml", kScene);
+  const Result<Scene> scene = read_scene(folder.file("scene.yaml"));
+  ASSERT_TRUE(scene.is_ok()) << scene.status().message();
+  const auto& motions = scene.value().bodies[1].trajectory;
+  ASSERT_EQ(motions.size(), 2U);
+  for (const auto& motion : motions) {  // the last keeps the velocity of the one before
+    EXPECT_NEAR(motion.linear_velocity_mps[0], 160, 1e-9);
+    EXPECT_NEAR(motion.linear_velocity_mps[1], 80, 1e-9);
+    EXPECT_NEAR(motion.angular_velocity_radps[2], 0.2, 1e-4);
+    EXPECT_NEAR(motion.angular_velocity_radps[0], 0, 1e-9);
+  }
+}
+
+struct Bad {
+  std::string from, to;
+  int line;
+  std::string message;
+};
+
+TEST(ReadScene, RefusesWithFileAndLine) {
+  const std::vector<Bad> bad = {
+      // unknown keys
+      {"lookahead_s: 0.3", "look_ahead: 0.3", 12, "unknown key look_ahead"},
+      {"model: aircraft}\n  - {name: two", "mesh: aircraft}\n  - {name: two", 3,
+       "unknown key mesh"},
+      {"{body: one, traj", "{body: one, speed: 3, traj", 6, "unknown key speed"},
+      {"{translation:", "{position:", 2, "unknown key position"},
+      // wrong types
+      {"lookahead_s: 0.3", "lookahead_s: soon", 12, "lookahead_s: expected a number"},
+      {"lookahead_s: 0.3", "lookahead_s: [1, 2]", 12, "lookahead_s: expected a number"},
+      {"lookahead_s: 0.3", "lookahead_s: .nan", 12, "lookahead_s: expected a number in"},
+      {"lookahead_s: 0.3", "lookahead_s: -1", 12, "lookahead_s: expected a number in"},
+      {"lookahead_s: 0.3", "sweep_s: 61", 12, "sweep_s: expected a number in"},
+      {"frame_rate_hz: 20", "frame_rate_hz: 0", 10, "frame_rate_hz: expected a number in"},
+      {"budget_ms: 5", "contacts: perhaps", 11, "contacts: expected true or false"},
+      {"budget_ms: 5", "budget_ms: .inf", 11, "budget_ms: expected a number in"},
+      {"{name: one, model", "{name: one, solid: maybe, model", 3, "solid: expected true or false"},
+      {"[1, 2, 3]", "[1, 2, x]", 2, "translation: expected three numbers"},
+      {"[1, 2, 3]", "[1, 2]", 2, "expected three numbers, found 2"},
+      {"[1, 2, 3]", "7", 2, "translation: expected three numbers"},
+      {"{translation: [1, 2, 3]}", "{rotation: [1, 2, 3]}", 2, "expected nine numbers, found 3"},
+      {"[terrain, one]", "[terrain]", 8, "pairs: expected two names, found 1"},
+      {"[terrain, one]", "[terrain, {a: b}]", 8, "pairs: expected a list of two names"},
+      {"{name: one, model", "{name: [one], model", 3, "name: expected a name"},
+      {"{name: one, model: aircraft}", "{name: one}", 3, "no model"},
+      {"{name: one, model: aircraft}", "one", 3, "body: expected a map"},
+      {"bodies:\n", "bodies: 3\nx:\n", 2, "unknown key x"},
+      {"{body: one, trajectory: flight1.csv}", "{body: six, trajectory: flight1.csv}", 6,
+       "no body named six"},
+      {"{body: one, trajectory: flight1.csv}", "{trajectory: flight1.csv}", 6, "no body"},
+      // poses
+      {"[1, 2, 3]", "[1, .nan, 3]", 2, "terrain"},
+      {"[1, 2, 3]", "[1, .inf, 3]", 2, "terrain"},
+      {"[1, 2, 3]", "[1, 2e12, 3]", 2, "terrain"},
+      {"{translation: [1, 2, 3]}", "{rotation: [2, 0, 0, 0, 1, 0, 0, 0, 1]}", 2, "terrain"},
+      // files
+      {"flight1.csv", "nowhere.csv", 6, "nowhere.csv"},
+  };
+  Folder folder;
+  for (const Bad& b : bad) {
+    folder.write("scene.yaml", changed(b.from, b.to));
+    const Result<Scene> scene = read_scene(folder.file("scene.yaml"));
+    if (scene.is_ok()) {
+      ADD_FAILURE() << b.to << " was accepted";
+      continue;
+    }
+    const std::string& message = scene.status().message();
+    const std::string where = folder.file("scene.yaml") + ":" + std::to_string(b.line) + ": ";
+    EXPECT_EQ(message.substr(0, where.size()), where) << b.to;
+    EXPECT_NE(message.find(b.message), std::string::npos) << b.to << "\n  gave " << message;
+  }
+}
+
+TEST(ReadScene, RefusesASceneThatLacksSomething) {
+  Folder folder;
+  const std::string file = folder.file("scene.yaml");
+  for (const auto& [text, expected] : std::vector<std::pair<std::string, std::string>>{
+           {"pairs: []\n", "bodies: expected a list"},
+           {"bodies: []\n", "pairs: expected a list"},
+           {"bodies: []\npairs: []\n", "moves: expected at least one body"},
+           {"- a\n- b\n", "scene: expected a map"},
+           {"", "scene: expected a map"},
+           {"bodies: [\n", file + ":"},
+           {"? [a, b]\n: 3\n", file + ":"}}) {
+    folder.write("scene.yaml", text);
+    const Result<Scene> scene = read_scene(file);
+    if (scene.is_ok()) {
+      ADD_FAILURE() << text << " was accepted";
+      continue;
+    }
+    EXPECT_NE(scene.status().message().find(expected), std::string::npos)
+        << scene.status().message();
+    EXPECT_EQ(scene.status().message().find(file + ":"), 0U) << scene.status().message();
+  }
+}
+
+TEST(ReadScene, RefusesAMissingFile) {
+  const Result<Scene> scene = read_scene("/nowhere/scene.yaml");
+  ASSERT_FALSE(scene.is_ok());
+  EXPECT_EQ(scene.status().code(), StatusCode::kIo);
+  EXPECT_EQ(scene.status().message(), "/nowhere/scene.yaml: cannot open");
+}
+
+TEST(ReadScene, NamesTheRowOfABadTrajectory) {
+  const std::string head =
+      "R00,R01,R02,R10,R11,R12,R20,R21,R22,T0,T1,T2\n1,0,0,0,1,0,0,0,1,0,0,0\n";
+  Folder folder;
+  folder.write("scene.yaml", kScene);
+  for (const auto& [rows, expected] : std::vector<std::pair<std::string, std::string>>{
+           {"1,0,0,0,1,0,0,0,1,nan,0,0\n", "flight1.csv"},
+           {"1,0,0,0,1,0,0,0,1,0,0\n", "flight1.csv"},
+           {"1,0,0,0,1,0,0,0,1,0,0,x\n", "flight1.csv"},
+           {"3,0,0,0,1,0,0,0,1,0,0,0\n", "flight1.csv:3: pose of one"}}) {
+    folder.write("flight1.csv", head + rows);
+    const Result<Scene> scene = read_scene(folder.file("scene.yaml"));
+    if (scene.is_ok()) {
+      ADD_FAILURE() << rows << " was accepted";
+      continue;
+    }
+    EXPECT_NE(scene.status().message().find(expected), std::string::npos)
+        << scene.status().message();
+  }
+  folder.write("flight1.csv", "R00,R01,R02,R10,R11,R12,R20,R21,R22,T0,T1,T2\n");
+  EXPECT_FALSE(read_scene(folder.file("scene.yaml")).is_ok());
+  folder.write("flight1.csv", "R00,R01\n1,0\n");
+  EXPECT_FALSE(read_scene(folder.file("scene.yaml")).is_ok());
+}
+
+}  // namespace
+}  // namespace nearmesh

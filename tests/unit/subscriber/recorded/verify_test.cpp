@@ -1,0 +1,221 @@
+// SPDX-License-Identifier: Apache-2.0
+// A session on the memory bus is recorded and proved; recordings that were tampered with are found out.
+#include "subscriber/recorded/verify.hpp"
+
+#include <unistd.h>
+
+#include <filesystem>
+
+#include "nearmesh/idl/dds/payload.hpp"
+#include "nearmesh/idl/messages/topics.hpp"
+#include "tests/unit/subscriber/peer/world.hpp"
+
+namespace nearmesh {
+namespace {
+
+using namespace test;
+using subscriber::Difference;
+using subscriber::VerifyReport;
+
+constexpr wire::SessionId kOther = 0xb2;
+
+/// What a recorder would keep, in order; to be spoilt and written.
+struct Recorded {
+  struct Batch {
+    wire::SessionId peer;
+    wire::SplitBatchMessage message;
+  };
+  struct Item {
+    std::optional<Batch> batch;
+    std::optional<wire::ContactReport> report;
+  };
+  std::vector<Item> items;
+  std::vector<wire::MeshHeader> headers;
+};
+
+class Verify : public ::testing::Test {
+ protected:
+  Verify() {
+    std::string name = ::testing::TempDir() + "nearmesh_verify_XXXXXX";
+    EXPECT_NE(::mkdtemp(name.data()), nullptr);
+    folder_ = name;
+  }
+  ~Verify() override { std::filesystem::remove_all(folder_); }
+
+  /// Two peers that fly, each on its own, over the same ground.
+  Recorded record(SessionOptions options = quick_options()) {
+    Recorded recorded;
+    World world;
+    world.start_publisher();
+    for (const ServedModel* served : {&terrain(), &aircraft()}) {
+      const ModelFile file = served->open();
+      const auto bytes = file.header_bytes();
+      recorded.headers.push_back({.name = served == &terrain() ? "terrain" : "aircraft",
+                                  .content_hash = file.content_hash(),
+                                  .bytes = {bytes.begin(), bytes.end()}});
+    }
+    world.bus.batch_filter = [&](wire::SessionId peer, wire::SplitBatchMessage& batch) {
+      recorded.items.push_back({.batch = Recorded::Batch{peer, batch}});
+      return true;
+    };
+    world.on_report = [&](const FrameReport&) {
+      for (wire::ContactReport& report : world.bus.reports)
+        recorded.items.push_back({.report = std::move(report)});
+      world.bus.reports.clear();
+    };
+    const Flight flight = make_flight(5), other_flight = make_flight(6);
+    const auto one = world.make_peer(options);
+    const auto other = world.make_peer(options, kOther);
+    // In turns, several rounds a frame, so that answers change while batches come.
+    for (std::size_t i = 0; i < flight.frames(); ++i) {
+      world.fly_frame(*one, i, {{"one", flight.one[i]}, {"two", flight.two[i]}}, 20);
+      world.fly_frame(*other, i, {{"one", other_flight.one[i]}, {"two", other_flight.two[i]}}, 20);
+    }
+    return recorded;
+  }
+
+  VerifyReport verify(const Recorded& recorded, unsigned threads = 1) {
+    const std::string path = folder_ + "/" + std::to_string(files_++) + ".db3";
+    const wire::TopicNames names("prefix");
+    auto writer =
+        RecordingWriter::create(path, {1, 0, wire::kWireVersion, "prefix", "idl"}).value();
+    const auto add = [&](const std::string& topic, const std::string& partition) {
+      return writer->add_writer({writer->add_topic({topic, "type"}).value(), {}, partition})
+          .value();
+    };
+    const std::uint32_t headers = add(names.mesh_header, ""),
+                        reports = add(names.contact_report, "");
+    const std::uint32_t batches = writer->add_topic({names.split_batch, "type"}).value();
+    std::map<wire::SessionId, std::uint32_t> writers;
+    const auto append = [&](std::uint32_t by, std::vector<std::uint8_t> cdr) {
+      EXPECT_TRUE(writer->append({.writer = by, .cdr = std::move(cdr)}).is_ok());
+    };
+    for (const wire::MeshHeader& header : recorded.headers) append(headers, encode_payload(header));
+    for (const Recorded::Item& item : recorded.items) {
+      if (item.report) append(reports, encode_payload(*item.report));
+      if (!item.batch) continue;
+      const auto [at, is_new] = writers.try_emplace(item.batch->peer, 0);
+      if (is_new)
+        at->second =
+            writer->add_writer({batches, {}, wire::partition_of(item.batch->peer)}).value();
+      append(at->second, encode_payload(item.batch->message));
+    }
+    EXPECT_TRUE(writer->close().is_ok());
+    const auto reader = RecordingReader::open(path).value();
+    const auto report = subscriber::verify(*reader, threads);
+    EXPECT_TRUE(report.is_ok()) << report.status().message();
+    return report.value();
+  }
+
+  std::string folder_;
+  int files_ = 0;
+};
+
+std::size_t find_report(const Recorded& recorded,
+                        const std::function<bool(const wire::ContactReport&)>& which) {
+  for (std::size_t i = 0; i < recorded.items.size(); ++i)
+    if (recorded.items[i].report && which(*recorded.items[i].report)) return i;
+  ADD_FAILURE() << "no such report";
+  return 0;
+}
+
+void expect_sum(const VerifyReport& r) {
+  EXPECT_EQ(r.verified + r.different + r.not_asked + r.lacking + r.gave_up + r.malformed,
+            r.reports);
+}
+
+TEST_F(Verify, EveryAnswerComesOutAgain) {
+  const Recorded recorded = record();
+  const VerifyReport one = verify(recorded), two = verify(recorded, 2);
+  EXPECT_EQ(one.different, 0U);
+  EXPECT_EQ(one.lacking + one.gave_up + one.malformed, 0U);
+  EXPECT_GT(one.verified, 200U);
+  EXPECT_EQ(one.verified + one.not_asked, one.reports);
+  EXPECT_EQ(one.peers, 2U);
+  EXPECT_GT(one.batches, 20U);
+  EXPECT_EQ(one.digest, two.digest);
+  EXPECT_EQ(one.verified, two.verified);
+  // Answers of all kinds that streaming has.
+  std::set<std::uint8_t> statuses;
+  for (const Recorded::Item& item : recorded.items)
+    if (item.report && item.report->asked) statuses.insert(item.report->status);
+  EXPECT_GE(statuses.size(), 3U);
+}
+
+TEST_F(Verify, ShowsTheFirstAnswerThatDiffers) {
+  Recorded recorded = record();
+  const std::size_t at = find_report(
+      recorded, [](const wire::ContactReport& r) { return r.pairs.size() > 1 && r.frame > 3; });
+  wire::ContactReport& spoilt = *recorded.items[at].report;
+  const auto lost = spoilt.pairs.front();
+  spoilt.pairs.front()[0].index += 1000;
+  spoilt.answer_digest ^= 1;
+  const VerifyReport found = verify(recorded);
+  expect_sum(found);
+  EXPECT_EQ(found.different, 1U);
+  ASSERT_EQ(found.differences.size(), 1U);
+  const Difference& first = found.differences[0];
+  EXPECT_EQ(first.message, static_cast<std::int64_t>(recorded.headers.size() + at + 1));
+  EXPECT_FALSE(first.state);
+  EXPECT_EQ(first.recorded.frame, spoilt.frame);
+  EXPECT_EQ(first.only_recorded, std::vector{spoilt.pairs.front()});
+  EXPECT_EQ(first.only_found, std::vector{lost});
+}
+
+TEST_F(Verify, FindsAPoseThatWasChanged) {
+  Recorded recorded = record();
+  const std::size_t at = find_report(recorded, [](const wire::ContactReport& r) {
+    return r.asked && r.status == 0 && r.clearance_m > 0 && r.frame > 3;
+  });
+  recorded.items[at].report->a.pose.translation_m[2] += 1e-3;  // another clearance
+  EXPECT_EQ(verify(recorded).different, 1U);
+}
+
+TEST_F(Verify, FindsABatchThatWasChanged) {
+  Recorded recorded = record();
+  for (Recorded::Item& item : recorded.items)
+    if (item.batch && item.batch->peer == kOther && item.batch->message.bytes.size() > 100) {
+      item.batch->message.bytes[60] ^= 0x10;
+      break;
+    }
+  const VerifyReport found = verify(recorded);
+  expect_sum(found);
+  ASSERT_GT(found.different, 0U);
+  for (const Difference& difference : found.differences)
+    EXPECT_EQ(difference.recorded.peer, kOther);
+}
+
+TEST_F(Verify, LostBatchLeavesTheRestOfThatPeerUncompared) {
+  Recorded recorded = record();
+  std::size_t seen = 0;
+  std::erase_if(recorded.items, [&](const Recorded::Item& item) {
+    return item.batch && item.batch->peer == kPeer && ++seen == 5;
+  });
+  const VerifyReport found = verify(recorded);
+  expect_sum(found);
+  EXPECT_EQ(found.different, 0U);
+  EXPECT_GT(found.lacking, 50U);
+  EXPECT_GT(found.verified, 100U);  // the other peer, and what came before
+}
+
+TEST_F(Verify, WithoutAHeaderNothingIsCompared) {
+  Recorded recorded = record();
+  recorded.headers.clear();
+  const VerifyReport found = verify(recorded);
+  expect_sum(found);
+  EXPECT_EQ(found.verified + found.different, 0U);
+  EXPECT_GT(found.lacking, 200U);
+}
+
+TEST_F(Verify, GivenUpDetailIsSaidAndNotCompared) {
+  SessionOptions options = quick_options();
+  options.max_held_splits = 300;
+  const VerifyReport found = verify(record(options));
+  expect_sum(found);
+  EXPECT_EQ(found.different, 0U);
+  EXPECT_GT(found.gave_up, 10U);
+  EXPECT_GT(found.verified, 10U);
+}
+
+}  // namespace
+}  // namespace nearmesh
