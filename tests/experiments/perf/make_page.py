@@ -11,9 +11,43 @@ import sys
 
 HEAD = """# Speed and size
 
-Written by `tests/perf/make_page.py` from the files in [perf](perf); no figure is typed in but in the last section. To make it again (some
-fifteen minutes; FCL, Bullet, Embree and CGAL are compared where they are installed):
+For whoever asks whether nearmesh is fast and small enough: aims and what was measured, times beside FCL, Bullet, Embree and CGAL,
+bytes, baking, and what stands in the way of the aims that are missed.
+"""
 
+QUERIES = """## Queries
+
+Microseconds, one thread: medians of all poses, the least of three calls each. In brackets: the ratio to nearmesh's time.
+
+* **nearmesh** answers on a replica that holds what the pose needs and no more, certificate included.
+* **The others** hold the full meshes, posed and built beforehand. Embree has no transforms: it re-places the moving body, and that
+  is in its time.
+* **All answers agree**, number of pairs included, but for Bullet's pairs: its test of triangles is an approximate one.
+
+`sphere` is 4,096 faces against itself, `bunny` 39,787. A number after the name is the distance in units of that of first contact;
+`near_miss` is 1.00001, `grazing` 0.9999. `terrain1m` is a flight of an aircraft of 8,000 faces, low over a million faces, `terrain8m`
+the same over eight million.
+"""
+
+REFINING = """## A frame in which detail arrives
+
+The same flight, from the base mesh on: the splits that a frame's pose needs are done (T R), the tree follows (T B), one query finds
+all pairs (T Q). Medians of the frames in which something arrived, each measured once and in passing, microseconds.
+"""
+
+
+AIMS = """## Aims
+
+Ratios are to FCL's OBB trees over the full meshes in the same run.
+"""
+
+AGAIN = """
+## To measure again
+
+Tables are written by `tests/experiments/perf/make_page.py` from the files in [perf](perf); the section above by hand, in `limits.md`
+beside it. It takes some fifteen minutes. FCL, Bullet, Embree and CGAL are compared where they are installed.
+
+    cmake --build --preset dev --target experiments nearmesh-model    # programs that are run by hand are not in `all`
     bin=build/dev/bin
     $bin/nearmesh-perf --workload sphere bunny terrain1m terrain8m -o docs/perf/queries.csv     # 11 GB
     $bin/nearmesh-model generate terrain --size 708 -o terrain.ply && $bin/nearmesh-model build terrain.ply -o terrain.spm
@@ -22,30 +56,7 @@ fifteen minutes; FCL, Bullet, Embree and CGAL are compared where they are instal
     $bin/nearmesh-bench-bake 10000000 2 > docs/perf/bake-10M-faces-2-threads.csv                 # and 30000000
     $bin/nearmesh-bench-bytes MODEL.spm 0.05 > docs/perf/bytes-MODEL.csv       # terrain: 0.02, the largest with --flight;
                                                                                 # generate terrain --size 512 and 1024, --seed 42
-    python3 tests/perf/make_page.py docs/perf > docs/perf.md
-"""
-
-QUERIES = """## Queries
-
-Medians of all poses, microseconds, the least of three calls each, one thread. nearmesh answers on a replica that holds what
-the pose needs and no more, certificate included; the others hold the full meshes, posed and built beforehand (Embree has no
-transforms: it re-places the moving body, and that is in its time). In brackets: the ratio to nearmesh's time. All answers
-were compared first and agree, number of pairs included, but for Bullet's pairs (its test of triangles is an approximate one).
-`sphere` is 4,096 faces against itself, `bunny` 39,787; a number after the name is the distance in units of that of first
-contact, `near_miss` 1.00001, `grazing` 0.9999. `terrain1m` is a flight of an aircraft of 8,000 faces, low over a million,
-`terrain8m` the same over eight.
-"""
-
-REFINING = """## A frame in which detail arrives
-
-The same flight, from the base mesh on: splits that a frame's pose needs are done, the tree follows, one query of all pairs.
-Medians of the frames in which something arrived, each measured once and in passing, microseconds.
-"""
-
-
-AIMS = """## Aims
-
-What the figures below are held against: ratios are to FCL's OBB trees over the full meshes in the same run.
+    python3 tests/experiments/perf/make_page.py docs/perf > docs/perf.md
 """
 
 MB = 1 << 20
@@ -138,6 +149,16 @@ def query_times(path):
     return {key: {who: statistics.median(v) for who, v in value.items()} for key, value in times.items()}
 
 
+def summary(folder):
+    """How many times as fast as FCL's OBB trees, in one sentence."""
+    near, apart = [], []
+    for (workload, metric), at in query_times(folder / "queries.csv").items():
+        if metric.endswith("median") and "fcl-obb" in at and "refining" not in workload:
+            (apart if "/apart" in workload else near).append(at["fcl-obb"] / at["nearmesh"])
+    print(f"Where bodies touch or nearly do, queries are {short(min(near))} to {short(max(near))} times as fast as FCL's OBB trees over "
+          f"the full meshes; where they are apart,\n{short(min(apart))} to {short(max(apart))} times.\n")
+
+
 def queries(path):
     times = query_times(path)
     others = []
@@ -182,12 +203,14 @@ def plain(title, paths):
 def main():
     folder = pathlib.Path(sys.argv[1])
     print(HEAD)
+    summary(folder)
     aims(folder)
     queries(folder / "queries.csv")
     plain("Codec, refinement, tree", sorted(folder.glob("core-*.csv")))
     plain("Baking and opening", sorted(folder.glob("bake-*.csv")))
     plain("Bytes to certify, and a peer's memory", sorted(folder.glob("bytes-*.csv")))
     print(pathlib.Path(__file__).with_name("limits.md").read_text(), end="")
+    print(AGAIN, end="")
 
 
 if __name__ == "__main__":

@@ -112,55 +112,47 @@ void write_failures(std::ostream& page, const Report& report) {
 std::string page_of(const Report& report) {
   std::ostringstream page;
   page << "# Stability: scenes in which methods fail\n\n"
-          "Written by `nearmesh-stability`; no cell is typed in. To make it again:\n\n"
-          "    cmake --build --preset dev --target nearmesh-stability\n"
-          "    build/dev/bin/nearmesh-stability --out docs\n"
-          "    python3 tests/stability/plot_stability.py docs/stability/results.csv "
-          "docs/stability\n\n"
+          "For whoever asks when a collision method gives a wrong answer. Each row is a kind of "
+          "scene that is known to be hard, each cell says how\n"
+          "many answers were right. Written by `nearmesh-stability`; no cell is typed in.\n\n"
           "![Share of right answers by scene and system](stability.svg)\n\n"
-          "Each cell: right answers / cases asked. Bold: all right.\n\n";
+          "Right answers / cases asked. Bold: all right.\n\n";
   write_table(page, report);
   page << R"(
 ## What counts as right
 
-* The truth of a case is computed from the very doubles that every system is given, in exact rational arithmetic
-  over all pairs of triangles. Sets are closed: touching is contact. Coordinates are multiples of a power of two
-  within 21 bits of the mesh, and rotations are quarter turns, so that neither rounding to nearmesh's grid nor
-  posing in doubles changes the question. Variants (24 quarter turns, swapped bodies, renumbered vertices and faces;
-  F6: both bodies moved by 2^0 to 2^23 m, vertices moved likewise, scaled by 2^-20 to 2^20) are exact in doubles
-  too; so is the shear: both bodies under one random integer matrix, which keeps what touches and fills the 21 bits.
-* "Pairs" rows ask for the number of touching pairs of triangles; the rows beside them only for contact or not.
-* What nearmesh cannot resolve is left out: translations off the pair's lattice (a quarter of the finer cell, not
-  below 2^-38 of the larger model), turns by other angles where exact touching is asked for, single points closer
-  than 2^-22 m.
-* nearmesh is asked in every case for the full meshes, from the base by `certify`, and from a random partial state;
-  two answers that differ make the case wrong.
-* F1: the others are given the triangles that a client of the stream would hold at that moment. "Free" on what has
-  come is wrong when the full meshes touch. nearmesh may also say "uncertain": that claims nothing, counts as right,
-  and is shown as undecided; once the nodes that it names have come, the answer is the truth, and that is part of
-  the case.
-* F2: bodies taken with their insides. FCL and Bullet are asked by their default calls, which know surfaces only;
-  CGAL by the call that it offers for bounded sides.
-* F5: for NaN and infinities only a refusal (an error, an exception) is right: "contact" or "free" without an error
-  is wrong. Finite but useless poses (1e308 m, matrices that are no rotations, taken as the affine maps they are) and
-  pairs of a mesh of denormal size with one of metres may be refused or answered truly. Translations of denormals or
-  negative zeros must be answered. A crash is never right.
-* F7: does b's path, one second of constant velocity (and half a turn), touch a at any time? "Free" is wrong when it
-  hits; nearmesh may say "uncertain", as in F1.
-* F8, F9: every contact point within 2^-16 m of both surfaces, or between them where one is sunk into the other;
-  every normal within 0.15 rad (the facets next to a ball's pole tilt by 0.1; F9: 1e-6) of the true one, which is
-  the plane's. In F9 the plate is flat at every level, so coarse triangles are as good as fine ones; each system
-  gets those that have come.
-* F10: as F1: a ball stands on a vertex of terrain, which refines and coarsens; "free" on the way is a contact lost.
-* F11, F12: only nearmesh stores bounds, and only it refines.
-* F13: the same case once alone and four times in each of two threads; all answers must be the same and right.
-* F16: a file must load or be refused as its table says; either is right where the table leaves it open.
-* F18: at most so many pairs are asked for; right when the answer itself tells whether there are more.
-* An error instead of an answer is wrong where there is an answer. CGAL documents that its triangles must not be
-  degenerate and throws when one is: "refused".
-* n/a: the system has no such function at all (no file reader, no limit, no pairs).
-* Every case runs in a child process of its own, with 10 s of CPU time (60 s for large meshes) and 8 GiB of memory.
-  A crash or a hang is a cell, not the end of the run.
+The truth of a case is computed from the very doubles that every system is given, in exact rational arithmetic over all pairs of
+triangles. Touching is contact.
+
+* **Nothing hangs on rounding.** Coordinates are multiples of a power of two within 21 bits of the mesh, and rotations are quarter
+  turns. Variants are exact in doubles too: 24 quarter turns, swapped bodies, renumbered vertices and faces, both bodies sheared
+  by one random integer matrix. F6 also moves both bodies or their vertices by 2^0 to 2^23 m, and scales by 2^-20 to 2^20.
+* **Left out** is what nearmesh cannot resolve: translations off the pair's lattice (a quarter of the finer cell, not below 2^-38 of the
+  larger model), turns by other angles where exact touching is asked for, single points closer than 2^-22 m.
+* **nearmesh is asked three times** in every case: over the full meshes, from the base by `certify`, and from a random partial state. Two
+  answers that differ make the case wrong.
+* **"Uncertain" counts as right** and is shown as undecided: it claims nothing. Once the nodes that it names have come, the answer must be
+  the truth; that is part of the case.
+* **An error instead of an answer is wrong** where there is an answer. CGAL documents that its triangles must not be degenerate and throws
+  when one is: "refused".
+* **A crash or a hang is a cell**, not the end of the run. Every case runs in a child process of its own, with 10 s of CPU time (60 s
+  for large meshes) and 8 GiB of memory.
+* **n/a**: the system has no such function at all (no file reader, no limit, no pairs).
+
+| scene | what is asked, and what is right |
+|---|---|
+| pairs | rows "pairs" ask for the number of touching pairs of triangles, the rows beside them only for contact or not |
+| F1 | the others are given the triangles that a client of the stream would hold at that moment; "free" on these is wrong when the full meshes touch |
+| F2 | bodies with their insides. FCL and Bullet are asked by their default calls, which know surfaces only; CGAL by the call that it offers for bounded sides |
+| F5 | NaN and infinities: only a refusal (an error, an exception) is right. Finite but useless poses (1e308 m, matrices that are no rotations, taken as the affine maps they are), and a mesh of denormal size beside one of metres: refused or answered truly. Translations of denormals or negative zeros: answered. A crash is never right |
+| F7 | does b's path, one second of constant velocity (and half a turn), touch a at any time? "Free" is wrong when it hits; "uncertain" as in F1 |
+| F8 | every contact point within 2^-16 m of both surfaces, or between them where one is sunk into the other; every normal within 0.15 rad of the true one, the plane's (the facets next to a ball's pole tilt by 0.1) |
+| F9 | as F8, normals within 1e-6 rad. The plate is flat at every level, so coarse triangles are as good as fine ones; each system gets those that have come |
+| F10 | as F1: a ball stands on a vertex of terrain, which refines and coarsens; "free" on the way is a contact lost |
+| F11, F12 | only nearmesh stores bounds, and only it refines |
+| F13 | the same case once alone and four times in each of two threads: all answers the same and right |
+| F16 | a file must load or be refused as its table says; either is right where the table leaves it open |
+| F18 | at most so many pairs are asked for; right when the answer itself tells whether there are more |
 
 ## How each system is called
 
@@ -172,6 +164,13 @@ std::string page_of(const Report& report) {
 #endif
   write_scale(page, report);
   write_failures(page, report);
+  page << R"(
+## To make it again
+
+    cmake --build --preset dev --target experiments
+    build/dev/bin/nearmesh-stability --out docs
+    python3 tests/experiments/stability/plot_stability.py docs/stability/results.csv docs/stability
+)";
   return page.str();
 }
 
