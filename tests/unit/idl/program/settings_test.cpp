@@ -11,7 +11,7 @@
 #include "idl/program/logging.hpp"
 #include "idl/program/metrics.hpp"
 
-namespace nearmesh::program {
+namespace nearmesh::wire::program {
 namespace {
 
 class SettingsTest : public ::testing::Test {
@@ -172,4 +172,4 @@ TEST(MetricsSetting, TakesPortsAndAddresses) {
 }
 
 }  // namespace
-}  // namespace nearmesh::program
+}  // namespace nearmesh::wire::program
