@@ -69,7 +69,7 @@ Result<ReplayNames> rename(const RecordingReader& recording, const std::vector<s
     return std::array{names.hello,       names.mesh_header, names.region_subscription,
                       names.split_batch, names.body_pose,   names.contact_report};
   };
-  const auto old_names = all(wire::TopicNames(recorded, recording.facts().wire_version));
+  const auto old_names = all(wire::TopicNames(recorded));
   ReplayNames names{all(wire::TopicNames(transport.prefix))};
   for (std::size_t i = 0; i < kReplayTopics; ++i)
     if (const auto to = topics.find(old_names[i]); to != topics.end()) names.names[i] = to->second;
