@@ -34,6 +34,10 @@ using RegionMaker =
 
 /// By so many parts a region is described where it is not yet known what of it matters.
 inline constexpr std::size_t kCoarseParts = 8;
+/// By so many parts a region is described in a request.
+inline constexpr std::size_t kRegionParts = 96;
+/// So many splits at most are asked for at a time where they are needed now.
+inline constexpr std::uint32_t kRequestSplits = 4096;
 /// So many splits at most are asked for ahead at a time: some 5 KB arrive, which a frame can take, since half as much comes
 /// as is expected where a region only grazes nodes. What is ahead has time.
 inline constexpr std::uint32_t kMaxAheadSplits = 1280;

@@ -17,7 +17,6 @@ struct Part {
   std::int64_t messages = 0, first_message = 0;
   std::uint32_t first_writer = 0, writers = 0;
   std::uint32_t first_key = 0, keys = 0;
-  bool has_keys = false;
   std::optional<sqlite::Statement>
       select;  // of read(), while no one uses it: to prepare takes longer than a message
 };
@@ -89,13 +88,15 @@ struct RecordingReader::Impl {
 
   Status read_keys(Part& part, const std::string& path) {
     part.first_key = static_cast<std::uint32_t>(keys.size());
+    // Where an earlier build has recorded, there may be none. Such a file is opened, so that its wire version can be told.
+    bool any = false;
     NEARMESH_RETURN_IF_ERROR(each(part.database,
                                   "SELECT 1 FROM sqlite_master WHERE name = 'nearmesh_keys'",
                                   [&](const sqlite::Statement&) {
-                                    part.has_keys = true;
+                                    any = true;
                                     return Status::ok();
                                   }));
-    if (!part.has_keys) return Status::ok();
+    if (!any) return Status::ok();
     return each(
         part.database, "SELECT id, writer_id, name FROM nearmesh_keys ORDER BY id",
         [&](const sqlite::Statement& row) -> Status {
@@ -231,10 +232,6 @@ std::uint32_t RecordingReader::parts() const {
 }
 const std::vector<RecordedTopic>& RecordingReader::topics() const { return impl_->topics; }
 const std::vector<RecordedWriter>& RecordingReader::writers() const { return impl_->writers; }
-bool RecordingReader::has_keys() const {
-  return std::all_of(impl_->parts.begin(), impl_->parts.end(),
-                     [](const Part& part) { return part.has_keys; });
-}
 const std::vector<RecordedKey>& RecordingReader::keys() const { return impl_->keys; }
 const std::vector<RecordingGap>& RecordingReader::gaps() const { return impl_->gaps; }
 const std::vector<RecordedModel>& RecordingReader::models() const { return impl_->models; }

@@ -3,7 +3,6 @@
 
 #include <numeric>
 #include <string>
-#include <type_traits>
 #include <utility>
 
 #include "record_codec.hpp"
@@ -147,9 +146,8 @@ Result<BatchHead> read_head(const SpmHeader& header, BitReader& in) {
   return head;
 }
 
-template <bool kVersion3>
 [[gnu::flatten]] Status read_records(const SpmHeader& header, const BatchHead& head,
-                                     record::ReadingCoder<kVersion3> coder, SplitBatch& batch) {
+                                     record::ReadingCoder coder, SplitBatch& batch) {
   ExpectedNodes expected(head.record_count);
   record::OpenEdges edges;
   std::uint32_t face_count = 0;
@@ -190,11 +188,8 @@ std::vector<std::vector<std::uint8_t>> encode_batches(const SpmHeader& header,
       record::Inclusion included{split.left_included, split.right_included};
       const OpenBatch::Mark mark = open.mark();
       if (!expected.take(split.node)) open.add_attach(split.node);
-      const auto write = [&]<bool kVersion3>(std::bool_constant<kVersion3>) {
-        record::WritingCoder<kVersion3> coder(header.tables, open.body);
-        record::code_record(coder, header, boxes, open.edges, record, included, faces);
-      };
-      header.tables.is_version_3() ? write(std::true_type{}) : write(std::false_type{});
+      record::WritingCoder coder(header.tables, open.body);
+      record::code_record(coder, header, boxes, open.edges, record, included, faces);
       ++open.record_count;
       fits = open.byte_bound() <= max_bytes || open.record_count == 1;
       if (fits) {
@@ -221,13 +216,8 @@ Result<SplitBatch> decode_batch(const SpmHeader& header, std::span<const std::ui
   SplitBatch batch;
   batch.splits.resize(head.value().record_count);
   batch.faces.resize(2 * batch.splits.size());
-  const auto read = [&]<bool kVersion3>(std::bool_constant<kVersion3>) {
-    return read_records(header, head.value(),
-                        record::ReadingCoder<kVersion3>(header.tables, window, bytes.size() * 8),
-                        batch);
-  };
-  NEARMESH_RETURN_IF_ERROR(header.tables.is_version_3() ? read(std::true_type{})
-                                                        : read(std::false_type{}));
+  NEARMESH_RETURN_IF_ERROR(read_records(
+      header, head.value(), record::ReadingCoder(header.tables, window, bytes.size() * 8), batch));
   return batch;
 }
 

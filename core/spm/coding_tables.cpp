@@ -49,7 +49,6 @@ std::array<std::uint8_t, kSymbolLimit + 1> huffman_lengths(
   return lengths;
 }
 
-template <bool kVersion3>
 std::vector<HuffmanTable::Decoded> fast_table(std::span<const HuffmanTable> contexts) {
   std::vector<HuffmanTable::Decoded> fast;
   fast.reserve(contexts.size() << kFastCodeBits);
@@ -61,8 +60,8 @@ std::vector<HuffmanTable::Decoded> fast_table(std::span<const HuffmanTable> cont
       if (found.length > kFastCodeBits || found.symbol == kEscape) {
         found = {};
       } else {
-        found.length += static_cast<std::uint8_t>(
-            record::tail_bits<kVersion3>(static_cast<int>(context), found.symbol));
+        found.length +=
+            static_cast<std::uint8_t>(record::tail_bits(static_cast<int>(context), found.symbol));
       }
       fast.push_back(found);
     }
@@ -113,11 +112,6 @@ bool HuffmanTable::derive() {
 }
 
 CodingTables::CodingTables(std::vector<HuffmanTable> contexts)
-    : contexts_(std::move(contexts)),
-      fast_(is_version_3() ? fast_table<true>(contexts_) : fast_table<false>(contexts_)) {}
-
-bool CodingTables::is_version_3() const {
-  return contexts_.size() == record::version3::kContextCount;
-}
+    : contexts_(std::move(contexts)), fast_(fast_table(contexts_)) {}
 
 }  // namespace nearmesh

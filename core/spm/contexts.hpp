@@ -29,15 +29,6 @@ inline constexpr int kDistance =
 inline constexpr int kBox = kDistance + 48;  // six classes of node size x three axes
 inline constexpr int kContextCount = kBox + 18;
 
-/// Contexts of version 3, for the headers and batches in recordings of wire version 4. Up to kCorners they are the same; each
-/// face is coded on its own, and its edges are known to the next.
-namespace version3 {
-inline constexpr int kOutside = kCorners;  // 32 kinds of guesses x later face x smallest node
-inline constexpr int kDistance = kOutside + 128;  // known neighbour or the node x below or above
-inline constexpr int kBox = kDistance + 4;
-inline constexpr int kContextCount = kBox + 18;
-}  // namespace version3
-
 // Symbols with a meaning of their own.
 inline constexpr std::uint32_t kLongShape = 120;  // kShapeLarge: the length stands after it
 inline constexpr std::uint32_t kUnusualFaces =
@@ -61,13 +52,10 @@ struct OffsetTail {
   }
 };
 /// How many bits follow a symbol whatever else is known.
-template <bool kVersion3>
 constexpr std::uint32_t tail_bits(int context, std::uint32_t symbol) {
-  constexpr int kFirst = kVersion3 ? version3::kDistance : kDistance;
-  constexpr int kEnd = kVersion3 ? version3::kBox : kBox;
   if (context >= kOffset0 && context < kFaceCount) return OffsetTail::bits(symbol);
   const bool is_number =
-      (context >= kInLeft && context < kCorners) || (context >= kFirst && context < kEnd);
+      (context >= kInLeft && context < kCorners) || (context >= kDistance && context < kBox);
   return is_number ? NumberTail::bits(symbol) : 0;
 }
 
@@ -90,10 +78,8 @@ inline int class_of(std::uint32_t size, const std::array<std::int8_t, 33>& class
 }
 
 /// Context of the distance to an outside corner that no guess names.
-template <bool kVersion3>
-int distance_context(bool has_neighbour, bool below, std::uint32_t node_size) {
+inline int distance_context(bool has_neighbour, bool below, std::uint32_t node_size) {
   const int direction = (has_neighbour ? 0 : 2) + (below ? 0 : 1);
-  if (kVersion3) return version3::kDistance + direction;
   return kDistance + direction * 12 + std::min(index_bits(node_size), 12) - 1;
 }
 

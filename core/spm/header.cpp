@@ -6,21 +6,21 @@
 #include <string>
 
 #include "bits.hpp"
-#include "contexts.hpp"
 #include "train.hpp"
 
 namespace nearmesh {
 namespace {
 
-constexpr std::uint32_t kHeaderMagic = 0x4e4d4834;    // "NMH4"
-constexpr std::uint32_t kVersion3Magic = 0x4e4d4833;  // of recordings of wire version 4
+constexpr std::uint32_t kHeaderMagic = 0x4e4d4834;  // "NMH4"
 
 Status corrupt(const std::string& field) { return {StatusCode::kCorrupt, "mesh header: " + field}; }
 
-// Present symbols are few, so runs of zeros are counted. Gives how many there are at the end.
-std::uint32_t write_lengths(BitWriter& out, std::span<const std::uint8_t> lengths) {
+// Code lengths of one context: the escape's, 0 for none at all, then symbols in order until the code is complete.
+// Present symbols are few, so runs of zeros are counted.
+void write_table(BitWriter& out, const HuffmanTable& table) {
+  out.put(table.lengths[kEscape], 4);
   std::uint32_t zeros = 0;
-  for (const std::uint8_t length : lengths) {
+  for (const std::uint8_t length : std::span(table.lengths).first(kEscape)) {
     if (length == 0) {
       ++zeros;
       continue;
@@ -29,13 +29,6 @@ std::uint32_t write_lengths(BitWriter& out, std::span<const std::uint8_t> length
     out.put(length, 4);
     zeros = 0;
   }
-  return zeros;
-}
-
-// Code lengths of one context: the escape's, 0 for none at all, then symbols in order until the code is complete.
-void write_table(BitWriter& out, const HuffmanTable& table) {
-  out.put(table.lengths[kEscape], 4);
-  write_lengths(out, std::span(table.lengths).first(kEscape));
 }
 
 bool read_table(BitReader& in, HuffmanTable& table) {
@@ -49,24 +42,6 @@ bool read_table(BitReader& in, HuffmanTable& table) {
     if (in.overrun() || symbol >= kEscape || length == 0 || length > kMaxCodeBits) return false;
     table.lengths[symbol] = static_cast<std::uint8_t>(length);
     sum += share(length);
-  }
-  return !in.overrun() && table.derive();
-}
-
-// Version 3 lists the escape with the symbols, and ends each context with a length of 0.
-void write_table_of_version_3(BitWriter& out, const HuffmanTable& table) {
-  out.put_gamma(write_lengths(out, table.lengths));
-  out.put(0, 4);
-}
-
-bool read_table_of_version_3(BitReader& in, HuffmanTable& table) {
-  std::size_t symbol = 0;
-  while (!in.overrun()) {
-    symbol += in.get_gamma();
-    const std::uint32_t length = in.get(4);
-    if (length == 0) break;
-    if (symbol >= table.lengths.size()) return false;
-    table.lengths[symbol++] = static_cast<std::uint8_t>(length);
   }
   return !in.overrun() && table.derive();
 }
@@ -121,9 +96,8 @@ struct CornerCoding {
 }  // namespace
 
 std::vector<std::uint8_t> encode_header(const SpmHeader& header) {
-  const bool is_version_3 = header.tables.is_version_3();
   BitWriter out;
-  out.put(is_version_3 ? kVersion3Magic : kHeaderMagic, 32);
+  out.put(kHeaderMagic, 32);
   for (const double x : header.grid.origin_m) out.put64(std::bit_cast<std::uint64_t>(x));
   out.put64(std::bit_cast<std::uint64_t>(header.rounding_error_m));
   out.put(static_cast<std::uint32_t>(header.grid.exponent + 4096), 14);
@@ -160,8 +134,7 @@ std::vector<std::uint8_t> encode_header(const SpmHeader& header) {
     }
   }
   write_surface(out, header);
-  for (const HuffmanTable& table : header.tables.contexts())
-    is_version_3 ? write_table_of_version_3(out, table) : write_table(out, table);
+  for (const HuffmanTable& table : header.tables.contexts()) write_table(out, table);
   return std::move(out).finish();
 }
 
@@ -170,9 +143,7 @@ Result<SpmHeader> decode_header(std::span<const std::uint8_t> bytes) {
     return corrupt("size: at most " + std::to_string(kMaxHeaderBytes) + " bytes expected, found " +
                    std::to_string(bytes.size()));
   BitReader in(bytes);
-  const std::uint32_t magic = in.get(32);
-  const bool is_version_3 = magic == kVersion3Magic;
-  if (magic != kHeaderMagic && !is_version_3) return corrupt("magic number: not a nearmesh header");
+  if (in.get(32) != kHeaderMagic) return corrupt("magic number: not a nearmesh header");
   SpmHeader header;
   for (double& x : header.grid.origin_m) x = std::bit_cast<double>(in.get64());
   header.rounding_error_m = std::bit_cast<double>(in.get64());
@@ -240,11 +211,9 @@ Result<SpmHeader> decode_header(std::span<const std::uint8_t> bytes) {
     header.base_faces.push_back(face);
   }
   if (!in.overrun()) NEARMESH_RETURN_IF_ERROR(read_surface(in, header));
-  std::vector<HuffmanTable> contexts(static_cast<std::size_t>(
-      is_version_3 ? record::version3::kContextCount : coding_context_count()));
+  std::vector<HuffmanTable> contexts(static_cast<std::size_t>(coding_context_count()));
   for (HuffmanTable& table : contexts)
-    if (!(is_version_3 ? read_table_of_version_3(in, table) : read_table(in, table)))
-      return corrupt("coding table is not a prefix code");
+    if (!read_table(in, table)) return corrupt("coding table is not a prefix code");
   if (in.overrun() || in.bits_left() >= 8)
     return corrupt("length " + std::to_string(bytes.size()) + " does not match its content");
   header.tables = CodingTables(std::move(contexts));

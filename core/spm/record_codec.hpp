@@ -206,8 +206,7 @@ void code_outside(Coder& coder, const SpmHeader& header, const OpenEdges::Around
     const std::uint32_t base = OpenEdges::neighbour(around, node, none);
     std::uint32_t distance = below ? base - 1 - outside : outside - base;
     coder.refill();
-    code_number(coder, distance_context<Coder::kVersion3>(base != none, below, node.size),
-                distance);
+    code_number(coder, distance_context(base != none, below, node.size), distance);
     if (Coder::kReads) {
       // Below and above are as likely as each other: masks choose. base - 1 - x is base + ~x.
       const std::uint32_t down = below ? 0xffffffffU : 0;
@@ -256,10 +255,10 @@ void code_two_faces(Coder& coder, const SpmHeader& header, OpenEdges& edges, con
   edges.add<true>(left[1], right[1], outside[1]);
 }
 
-/// One of any number of faces, the first of its record or a later one.
+/// One of any number of faces.
 template <bool kFlipped, class Coder>
 void code_any_face(Coder& coder, const SpmHeader& header, OpenEdges& edges, const NodeSpan& node,
-                   std::uint32_t split, bool is_first, SplitFace& face) {
+                   std::uint32_t split, SplitFace& face) {
   std::uint32_t in_right = face.right.value - split, in_left = face.left.value - node.begin();
   coder.refill();
   code_bounded(coder, kInRight, node.end() - split, in_right);
@@ -269,10 +268,7 @@ void code_any_face(Coder& coder, const SpmHeader& header, OpenEdges& edges, cons
   const OpenEdges::Around around = edges.around<kFlipped>(left, right, node);
   std::uint32_t outside = face.outside.value;
   std::uint32_t symbol = Coder::kReads ? 0 : outside_symbol(around, node, outside);
-  const int kind = static_cast<int>(around.kind);
-  const int context3 =
-      version3::kOutside + kind * 4 + (is_first ? 0 : 2) + (node.size == 2 ? 1 : 0);
-  coder.symbol(Coder::kVersion3 ? context3 : kOutside + kind, symbol);
+  coder.symbol(kOutside + static_cast<int>(around.kind), symbol);
   if (Coder::kReads && symbol >= kOutsideSymbols) return fail(coder, "outside corner");
   code_outside(coder, header, around, node, symbol, outside);
   face = {{left}, {right}, {outside}, kFlipped};
@@ -299,26 +295,23 @@ void code_face_count(Coder& coder, std::uint32_t& count, std::uint32_t& flipped)
   }
 }
 
-/// Faces of any number, the flipped ones last. In: node and split of the record, whether they are the usual two; reading:
-/// faces are appended from record.face_begin on, over what stands there.
+/// Faces of any number but the usual two, the flipped ones last. In: node and split of the record; reading: faces are appended
+/// from record.face_begin on, over what stands there.
 template <class Coder>
 [[gnu::noinline]] void code_any_faces(Coder& coder, const SpmHeader& header, OpenEdges& edges,
-                                      bool are_usual, SplitRecord& record,
-                                      std::vector<SplitFace>& faces) {
-  std::uint32_t count = are_usual ? 2 : record.face_count, flipped = are_usual ? 1 : 0;
-  if (!are_usual) {
-    if (!Coder::kReads)
-      for (std::uint32_t i = 0; i < count; ++i)
-        flipped += faces[record.face_begin + i].flipped ? 1 : 0;
-    code_face_count(coder, count, flipped);
-  }
+                                      SplitRecord& record, std::vector<SplitFace>& faces) {
+  std::uint32_t count = record.face_count, flipped = 0;
+  if (!Coder::kReads)
+    for (std::uint32_t i = 0; i < count; ++i)
+      flipped += faces[record.face_begin + i].flipped ? 1 : 0;
+  code_face_count(coder, count, flipped);
   for (std::uint32_t i = 0; i < count && coder.good(); ++i) {
     if (Coder::kReads && faces.size() == record.face_begin + i) faces.emplace_back();
     SplitFace& face = faces[record.face_begin + i];
     if (i >= count - flipped) {
-      code_any_face<true>(coder, header, edges, record.node, record.split.value, i == 0, face);
+      code_any_face<true>(coder, header, edges, record.node, record.split.value, face);
     } else {
-      code_any_face<false>(coder, header, edges, record.node, record.split.value, i == 0, face);
+      code_any_face<false>(coder, header, edges, record.node, record.split.value, face);
     }
   }
   record.face_count = count;
@@ -329,8 +322,7 @@ template <class Coder>
 /// The box of a node of this size.
 template <class Coder>
 void code_box(Coder& coder, std::uint32_t size, BoxCode& box) {
-  const int context =
-      (Coder::kVersion3 ? version3::kBox : kBox) + class_of(size, kSmallClasses) * 3;
+  const int context = kBox + class_of(size, kSmallClasses) * 3;
   std::uint32_t greatest = 0;
 #pragma GCC unroll 6
   for (std::size_t k = 0; k < 6; ++k) {
@@ -373,7 +365,7 @@ void code_record(Coder& coder, const SpmHeader& header, BoxPolicy box_policy, Op
   code_offset(coder, kOffset2 + std::min(std::max(length0, length1) / 2, 11),
               header.lattice_shift[2], 0, none, record.offset[2]);
 
-  if (unusual == 0 && !Coder::kVersion3) [[likely]] {
+  if (unusual == 0) [[likely]] {
     if (Coder::kReads && faces.size() < record.face_begin + std::size_t{2})
       faces.resize(record.face_begin + std::size_t{2});
     code_two_faces(coder, header, edges, node, split, faces.data() + record.face_begin);
@@ -381,7 +373,7 @@ void code_record(Coder& coder, const SpmHeader& header, BoxPolicy box_policy, Op
   } else {
     // By way of a copy: an object that others know the place of is not kept in registers.
     Coder copy = coder;
-    code_any_faces(copy, header, edges, unusual == 0, record, faces);
+    code_any_faces(copy, header, edges, record, faces);
     if constexpr (Coder::kReads) coder = copy;
   }
 

@@ -19,7 +19,7 @@ inline constexpr int kEscapedBits = 7;
 
 class CountingCoder {
  public:
-  static constexpr bool kReads = false, kVersion3 = false;
+  static constexpr bool kReads = false;
   explicit CountingCoder(TrainingCounts& counts) : counts_(counts) {}
   void refill() {}
   void symbol(int context, std::uint32_t& value) { ++counts_[context][std::min(value, 126U)]; }
@@ -34,10 +34,9 @@ class CountingCoder {
   TrainingCounts& counts_;
 };
 
-template <bool kIsVersion3>
 class WritingCoder {
  public:
-  static constexpr bool kReads = false, kVersion3 = kIsVersion3;
+  static constexpr bool kReads = false;
   WritingCoder(const CodingTables& tables, BitWriter& out)
       : contexts_(tables.contexts().data()), out_(out) {}
   void refill() {}
@@ -64,10 +63,9 @@ class WritingCoder {
   BitWriter& out_;
 };
 
-template <bool kIsVersion3>
 class ReadingCoder {
  public:
-  static constexpr bool kReads = true, kVersion3 = kIsVersion3;
+  static constexpr bool kReads = true;
   /// Reads on where `in` stands, of bytes that end after `bits`.
   ReadingCoder(const CodingTables& tables, const WindowReader& in, std::size_t bits)
       : fast_(tables.fast()), contexts_(tables.contexts().data()), in_(in), bits_(bits) {}

@@ -19,8 +19,9 @@ int main(int argc, char** argv) {
   const auto opened = RecordingReader::open(argv[1]);
   if (!opened.is_ok()) return std::fprintf(stderr, "%s\n", opened.status().message().c_str()), 1;
   RecordingReader& recording = *opened.value();
-  const std::string reports =
-      wire::TopicNames(recording.facts().prefix, recording.facts().wire_version).contact_report;
+  const Status fits = wire::check_recorded_version(recording.facts().wire_version);
+  if (!fits.is_ok()) return std::fprintf(stderr, "%s\n", fits.message().c_str()), 1;
+  const std::string reports = wire::TopicNames(recording.facts().prefix).contact_report;
 
   struct Pair {
     int answers = 0, certified = 0;

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nearmesh/idl/dds/payload.hpp"
 
-#include <type_traits>
-
 #include "codec.hpp"
 #include "core/base/hash.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
@@ -28,38 +26,18 @@ struct TypeOf<BodyPose> : BodyPoseType {};
 template <>
 struct TypeOf<ContactReport> : ContactReportType {};
 
-// After the encapsulation, whose second byte is 1 for little-endian.
-std::size_t low_byte_of_version(std::span<const std::uint8_t> cdr) { return cdr[1] == 1 ? 4 : 5; }
-
-bool is_of_oldest(std::span<const std::uint8_t> cdr) {
-  if (cdr.size() < 6) return false;
-  const std::size_t low = low_byte_of_version(cdr);
-  return cdr[low] == kOldestRecordedWireVersion && cdr[low ^ 1] == 0;
-}
-
 }  // namespace
 
 Status check_recorded_version(std::uint32_t wire_version) {
-  if (wire_version >= kOldestRecordedWireVersion && wire_version <= kWireVersion)
-    return Status::ok();
-  return {StatusCode::kUnsupported,
-          "recorded with wire version " + std::to_string(wire_version) + ", this build reads " +
-              std::to_string(kOldestRecordedWireVersion) + " to " + std::to_string(kWireVersion)};
-}
-
-std::vector<std::uint8_t> as_of_now(std::span<const std::uint8_t> cdr) {
-  static_assert(kWireVersion < 256);
-  std::vector<std::uint8_t> bytes(cdr.begin(), cdr.end());
-  if (is_of_oldest(cdr)) bytes[low_byte_of_version(cdr)] = kWireVersion;
-  return bytes;
+  if (wire_version == kWireVersion) return Status::ok();
+  return {StatusCode::kUnsupported, "recorded with wire version " + std::to_string(wire_version) +
+                                        ", this build reads " + std::to_string(kWireVersion) +
+                                        ": use the build that recorded it, or record anew"};
 }
 
 template <class Message>
 Result<Message> decode_payload(std::span<const std::uint8_t> cdr) {
   using Type = TypeOf<Message>;
-  std::vector<std::uint8_t> older;
-  if (!std::is_same_v<Message, RegionSubscription> && is_of_oldest(cdr))
-    cdr = older = as_of_now(cdr);
   Type type;
   typename Type::Data data;
   SerializedPayload_t payload;

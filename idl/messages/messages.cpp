@@ -14,7 +14,7 @@ namespace nearmesh::wire {
 
 namespace {
 
-constexpr std::uint8_t kPriorityCount = 3;
+constexpr std::uint8_t kPriorityCount = 2;
 constexpr std::uint8_t kAnswerStatusCount = 5;  // free, contact, partial, uncertain, contained
 constexpr std::uint32_t kMaxWindowBytes = 64U << 20;
 

@@ -19,9 +19,8 @@ bool is_prefix_char(char c) {
 
 }  // namespace
 
-TopicNames::TopicNames(std::string_view prefix, std::uint32_t wire_version)
-    : hello(std::string(prefix) + "/hello") {
-  const std::string versioned = std::string(prefix) + "/v" + std::to_string(wire_version) + "/";
+TopicNames::TopicNames(std::string_view prefix) : hello(std::string(prefix) + "/hello") {
+  const std::string versioned = std::string(prefix) + "/v" + std::to_string(kWireVersion) + "/";
   mesh_header = versioned + "mesh_header";
   region_subscription = versioned + "region_subscription";
   split_batch = versioned + "split_batch";

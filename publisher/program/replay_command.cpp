@@ -8,12 +8,13 @@
 #include <cstdlib>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "commands.hpp"
 #include "core/base/stopwatch.hpp"
 #include "idl/program/command.hpp"
 #include "idl/program/logging.hpp"
-#include "keyboard.hpp"
+#include "line_commands.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
 #include "publisher/dds/dds_replay.hpp"
 
@@ -22,8 +23,7 @@ namespace {
 
 constexpr double kDiscovery_s = 1;  ///< who listens has found all writers by then
 constexpr double kLinger_s = 0.3;   ///< what was lost at the very end is repaired within that
-constexpr double kLoop_s = 0.02;    ///< how soon a key or a signal is noticed
-constexpr double kNear_s = 5, kFar_s = 60;
+constexpr double kLoop_s = 0.02;    ///< how soon a line or a signal is noticed
 
 struct Options {
   std::string path;
@@ -69,7 +69,7 @@ Result<ReplayNames> rename(const RecordingReader& recording, const std::vector<s
     return std::array{names.hello,       names.mesh_header, names.region_subscription,
                       names.split_batch, names.body_pose,   names.contact_report};
   };
-  const auto old_names = all(wire::TopicNames(recorded, recording.facts().wire_version));
+  const auto old_names = all(wire::TopicNames(recorded));
   ReplayNames names{all(wire::TopicNames(transport.prefix))};
   for (std::size_t i = 0; i < kReplayTopics; ++i)
     if (const auto to = topics.find(old_names[i]); to != topics.end()) names.names[i] = to->second;
@@ -84,11 +84,10 @@ void report_gaps(const RecordingReader& recording) {
     spdlog::warn("{}: {} samples are missing in the recording", topic, count);
 }
 
-/// What is happening, on standard error: one line that is renewed on a terminal, else a line now and then.
+/// What is happening, on standard error: one line that is renewed on a terminal, else a line now and then. What is being typed
+/// behind it stays.
 class Progress {
  public:
-  explicit Progress(bool keys) : keys_(keys) {}
-
   void show(double clock_s, Replay& replay) {
     const Playhead& playhead = replay.playhead();
     const double time_s = playhead.time_s(clock_s), start_s = playhead.start_s();
@@ -101,12 +100,18 @@ class Progress {
     constexpr int kWidth = 24;
     const int filled = static_cast<int>(kWidth * std::min(1.0, share));
     const ReplayStats& stats = replay.stats();
-    std::fprintf(stderr, "%s[%.*s%*s] %.1f of %.1f s%s: %llu samples; %llu live peers%s%s",
-                 terminal_ ? "\r" : "", filled, "========================", kWidth - filled, "",
-                 time_s, playhead.end_s(), playhead.is_paused() ? ", paused" : "",
-                 static_cast<unsigned long long>(stats.messages()),
-                 static_cast<unsigned long long>(stats.live_peers), hint(),
-                 terminal_ ? "\x1b[K" : "\n");
+    char text[200];
+    std::snprintf(text, sizeof text, "[%.*s%*s] %.1f of %.1f s%s: %llu samples; %llu live peers",
+                  filled, "========================", kWidth - filled, "", time_s, playhead.end_s(),
+                  playhead.is_paused() ? ", paused" : "",
+                  static_cast<unsigned long long>(stats.messages()),
+                  static_cast<unsigned long long>(stats.live_peers));
+    // Over the line that stands there the cursor is kept where it is.
+    if (!terminal_)
+      std::fprintf(stderr, "%s\n", text);
+    else
+      std::fprintf(stderr, std::exchange(stands_, true) ? "\x1b7\r%-76.76s\x1b8" : "\r%-76.76s> ",
+                   text);
   }
   /// While the recording is read.
   void show_reading(double share, double clock_s) {
@@ -114,51 +119,36 @@ class Progress {
     shown_s_ = clock_s;
     std::fprintf(stderr, "\rreading the session: %.0f %%\x1b[K", 100 * share);
   }
-  void clear() const {
+  void clear() {
     if (terminal_) std::fprintf(stderr, "\r\x1b[K");
+    stands_ = false;
   }
 
  private:
-  [[nodiscard]] const char* hint() const {
-    return keys_ && terminal_ ? "  (space, s, arrows, q)" : "";
-  }
-  const bool keys_;
+  bool stands_ = false;
   const bool terminal_ = ::isatty(STDERR_FILENO) != 0;
   double shown_s_ = -1, shown_share_ = 0;
 };
 
 /// False when it is to end.
-Result<bool> obey(Key key, Replay& replay, double now_s) {
+Result<bool> obey(const Order& order, Replay& replay, double now_s) {
   Playhead& playhead = replay.playhead();
-  const auto seek = [&](double time_s) -> Result<bool> {
-    NEARMESH_RETURN_IF_ERROR(replay.seek(time_s, now_s));
-    return true;
-  };
-  const double time_s = playhead.time_s(now_s);
-  switch (key) {
-    case Key::kPause:
+  switch (order.kind) {
+    case Order::Kind::kPause:
       playhead.is_paused() ? playhead.resume(now_s) : playhead.pause(now_s);
       break;
-    case Key::kStep:
+    case Order::Kind::kStep:
       playhead.pause(now_s);
       NEARMESH_RETURN_IF_ERROR(replay.step_to_pose(now_s));
       break;
-    case Key::kBack:
-      return seek(time_s - kNear_s);
-    case Key::kForward:
-      return seek(time_s + kNear_s);
-    case Key::kFarBack:
-      return seek(time_s - kFar_s);
-    case Key::kFarForward:
-      return seek(time_s + kFar_s);
-    case Key::kStart:
-      return seek(playhead.start_s());
-    case Key::kEnd:
-      return seek(playhead.end_s());
-    case Key::kQuit:
-      return false;
-    case Key::kNone:
+    case Order::Kind::kSeek:
+      NEARMESH_RETURN_IF_ERROR(replay.seek(std::min(order.seconds, playhead.end_s()), now_s));
       break;
+    case Order::Kind::kMove:
+      NEARMESH_RETURN_IF_ERROR(replay.seek(playhead.time_s(now_s) + order.seconds, now_s));
+      break;
+    case Order::Kind::kQuit:
+      return false;
   }
   return true;
 }
@@ -191,16 +181,22 @@ nlohmann::ordered_json to_json(const Options& options, const ReplayStats& stats,
             {"live_batch_bytes", stats.batch_bytes}}}};
 }
 
-/// Until all was played, or a key or a signal ends it.
+/// Until all was played, or a line or a signal ends it.
 Status play(Replay& replay, const Stopwatch& clock) {
-  Keyboard keyboard;
-  Progress progress(keyboard.is_active());
+  LineInput input;
+  Progress progress;
   NEARMESH_RETURN_IF_ERROR(replay.begin());
   bool going = true;
   while (going && stop_requested == 0 && !replay.is_done()) {
     NEARMESH_RETURN_IF_ERROR(replay.step(clock.seconds()));
-    for (Key key = keyboard.read(); going && key != Key::kNone; key = keyboard.read()) {
-      const Result<bool> obeyed = obey(key, replay, clock.seconds());
+    for (auto line = input.read(); going && line; line = input.read()) {
+      progress.clear();
+      const Result<Order> order = parse_order(*line);
+      if (!order.is_ok()) {
+        spdlog::warn("{}", order.status().message());
+        continue;
+      }
+      const Result<bool> obeyed = obey(order.value(), replay, clock.seconds());
       if (!obeyed.is_ok()) return obeyed.status();
       going = obeyed.value();
     }
@@ -230,7 +226,7 @@ Status replay(Options options) {
   if (!opened.is_ok()) return opened.status();
   RecordingReader& recording = *opened.value();
   const Stopwatch clock;
-  Progress reading(false);
+  Progress reading;
   const auto index = ReplayIndex::build(recording, options.topics, [&](double share) {
     reading.show_reading(share, clock.seconds());
     return stop_requested == 0;
@@ -273,13 +269,13 @@ Status replay(Options options) {
 }  // namespace
 
 void add_replay_command(CLI::App& app, std::function<Status()>& chosen) {
-  CLI::App* command =
-      app.add_subcommand("replay",
-                         "Play a recorded session (nearmesh-subscriber record) into a live domain, "
-                         "as it was. Peers that join are answered "
-                         "with the detail that recorded peers had been sent by then. On a "
-                         "terminal: space pauses, s steps to the next pose, "
-                         "left and right seek by 5 s, up and down by 60 s, home and end, q ends.");
+  CLI::App* command = app.add_subcommand(
+      "replay",
+      "Play a recorded session (nearmesh-subscriber record) into a live domain, "
+      "as it was. Peers that join are answered "
+      "with the detail that recorded peers had been sent by then. Obeys lines "
+      "of standard input: pause (and again: go on), step (to the next pose), "
+      "12.5 (to that second), +5 or -60 (seconds on or back), start, end, quit.");
   const auto options = std::make_shared<Options>();
   options->transport.prefix.clear();  // as recorded
   command->add_option("session", options->path, "Recorded session (.db3), the first of its files")

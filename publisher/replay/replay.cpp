@@ -5,7 +5,6 @@
 #include <bit>
 #include <utility>
 
-#include "nearmesh/idl/dds/payload.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
 
 namespace nearmesh::publisher {
@@ -160,7 +159,7 @@ Status Replay::seek(double time_s, double now_s) {
 void Replay::play(const Playhead::Due& due) {
   const std::uint32_t stream = index_.stream_of(due.message.writer);
   if (stream == ReplayIndex::kNotPlayed) return;
-  if (!outlet_.publish(stream, wire::as_of_now(due.message.cdr))) {
+  if (!outlet_.publish(stream, due.message.cdr)) {
     ++stats_.failed;
     return;
   }
@@ -177,7 +176,7 @@ Status Replay::restore(std::optional<std::int64_t> before) {
     for (const std::int64_t id : ids)
       NEARMESH_RETURN_IF_ERROR(
           recording_.read(id, id + 1, [&](std::int64_t, const RecordedMessage& message) {
-            use(index_.stream_of(message.writer), wire::as_of_now(message.cdr));
+            use(index_.stream_of(message.writer), message.cdr);
             return true;
           }));
     return Status::ok();

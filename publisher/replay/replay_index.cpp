@@ -12,8 +12,6 @@
 namespace nearmesh::publisher {
 namespace {
 
-constexpr std::int64_t kChunk = 4096;  ///< messages between two reports of progress
-
 std::optional<ReplayTopic> topic_of_type(const std::string& type) {
   const std::array<std::string_view, kReplayTopics> types{
       wire::kHelloType,      wire::kMeshHeaderType, wire::kRegionSubscriptionType,
@@ -56,28 +54,12 @@ Result<std::unique_ptr<ReplayIndex>> ReplayIndex::build(
                                                   index->add_detail(message);
                                                   return true;
                                                 }));
-    NEARMESH_RETURN_IF_ERROR(recording.has_keys() ? index->read_keys(recording, progress)
-                                                  : index->read_all(recording, progress));
+    NEARMESH_RETURN_IF_ERROR(index->read_keys(recording, progress));
   } catch (const std::bad_alloc&) {  // models span all ids that a header announces
     return Status{StatusCode::kIo, "no memory for the models of the recording"};
   }
   index->sort();
   return index;
-}
-
-Status ReplayIndex::read_all(RecordingReader& recording,
-                             const std::function<bool(double)>& progress) {
-  for (std::int64_t first = 1; first <= recording.message_count(); first += kChunk) {
-    NEARMESH_RETURN_IF_ERROR(
-        recording.read(first, first + kChunk, [&](std::int64_t id, const RecordedMessage& message) {
-          take(id, message);
-          return true;
-        }));
-    if (progress &&
-        !progress(static_cast<double>(first) / static_cast<double>(recording.message_count())))
-      break;
-  }
-  return Status::ok();
 }
 
 Status ReplayIndex::read_keys(RecordingReader& recording,
@@ -161,16 +143,13 @@ Status ReplayIndex::add_streams(const RecordingReader& recording,
   for (const RecordedWriter& writer : recording.writers()) {
     const RecordedTopic& topic = recording.topics()[writer.topic];
     const std::optional<ReplayTopic> which = topic_of_type(topic.type);
-    // Requests of an earlier version are laid out otherwise.
-    const bool is_readable = which != ReplayTopic::kRegionSubscription ||
-                             recording.facts().wire_version == wire::kWireVersion;
-    if (!which || !is_wanted(*which) || !is_readable) {
+    if (!which || !is_wanted(*which)) {
       stream_of_writer_.push_back(kNotPlayed);
       continue;
     }
     const auto [at, is_new] = known.try_emplace({writer.topic, writer.guid, writer.partition},
                                                 static_cast<std::uint32_t>(streams_.size()));
-    if (is_new) streams_.push_back({*which, topic.name, writer.partition});
+    if (is_new) streams_.push_back({*which, writer.partition});
     stream_of_writer_.push_back(at->second);
   }
   return Status::ok();

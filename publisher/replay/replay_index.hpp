@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // What must be known of a recording to play it from anywhere: who wrote, which samples hold at a moment, and what detail of
-// the models had been delivered by then. Made from the recording's keys, without reading what holds nothing; of recordings
-// that have none, in one pass over the file. No DDS here.
+// the models had been delivered by then. Made from the recording's keys, without reading what holds nothing. No DDS here.
 // Moments are ids of messages: "at `end`" is when all messages before `end` have been played, and none from there on.
 
 #include <array>
@@ -40,8 +39,7 @@ inline constexpr std::array<const char*, kReplayTopics> kReplayTopicNames{
 /// the writers of one publisher's hello: had it joined twice, peers would take the second for an impostor.
 struct ReplayStream {
   ReplayTopic topic = ReplayTopic::kHello;
-  std::string topic_name;  ///< as recorded
-  std::string partition;   ///< "" for none
+  std::string partition;  ///< "" for none
 };
 
 class ReplayIndex {
@@ -85,7 +83,6 @@ class ReplayIndex {
 
   ReplayIndex() = default;
   Status add_streams(const RecordingReader& recording, const std::vector<std::string>& topics);
-  Status read_all(RecordingReader& recording, const std::function<bool(double)>& progress);
   Status read_keys(RecordingReader& recording, const std::function<bool(double)>& progress);
   Status read_key(RecordingReader& recording, std::uint32_t key);
   void sort();

@@ -165,14 +165,14 @@ void DdsChannel::Impl::put(std::deque<Message> Impl::*queue, const Message& mess
   {
     const std::lock_guard lock(mutex_);
     auto& waiting = this->*queue;
-    if (waiting.size() >= options_.max_outgoing) {
+    if (waiting.size() >= kMaxOutgoing) {
       waiting.pop_front();
       dropped = overflowed_.insert("to " + topic).second;
     }
     waiting.push_back(message);
   }
   if (dropped)
-    mailbox_.complain(topic + ": more than " + std::to_string(options_.max_outgoing) +
+    mailbox_.complain(topic + ": more than " + std::to_string(kMaxOutgoing) +
                       " samples wait to be sent, the oldest are dropped");
   mailbox_.wake();
 }
@@ -316,14 +316,13 @@ bool DdsChannel::Impl::receive() {
   for (wire::Hello& hello : hellos_.release([this](const Handle& writer) {
          return subscription_listener_.is_matched_with_participant_of(writer);
        }))
-    deliver(&Inbox::hellos, std::move(hello), options_.max_waiting_others, names_.hello);
+    deliver(&Inbox::hellos, std::move(hello), kMaxWaitingOthers, names_.hello);
   more |= wire::drain<wire::SplitBatchType>(
       *batch_reader_, mailbox_, kMaxTaken,
       [&](wire::SplitBatchMessage&& batch, const Handle& writer, Microseconds) {
         if (!is_of_its_publisher(batch, writer)) return;
         note_batch(batch);
-        deliver(&Inbox::batches, std::move(batch), options_.max_waiting_batches,
-                names_.split_batch);
+        deliver(&Inbox::batches, std::move(batch), kMaxWaitingBatches, names_.split_batch);
       });
   more |= receive_poses();
   hellos_.complain_of_silence();
@@ -414,7 +413,7 @@ bool DdsChannel::Impl::receive_poses() {
         if (pose.peer != own_id_) heard.push_back({std::move(pose), writer});
       });
   for (wire::BodyPose& pose : movers_.take(matches, std::move(heard), more))
-    deliver(&Inbox::poses, std::move(pose), options_.max_waiting_others, names_.body_pose);
+    deliver(&Inbox::poses, std::move(pose), kMaxWaitingOthers, names_.body_pose);
   return more;
 }
 
@@ -426,7 +425,7 @@ void DdsChannel::Impl::tell_lost(SessionId publisher) {
                   [&](const wire::Hello& hello) { return hello.publisher == publisher; });
     accounts_.erase(publisher);
   }
-  deliver(&Inbox::lost_publishers, std::move(publisher), options_.max_waiting_others, names_.hello);
+  deliver(&Inbox::lost_publishers, std::move(publisher), kMaxWaitingOthers, names_.hello);
 }
 
 /// When the watch says so: as a new participant, with the same session. Every publisher is
@@ -459,7 +458,7 @@ void DdsChannel::Impl::deliver_header(wire::MeshHeader&& header) {
   const std::size_t bytes = header.bytes.size();
   {
     const std::lock_guard lock(mutex_);
-    if (waiting_header_bytes_ + bytes <= options_.max_waiting_header_bytes) {
+    if (waiting_header_bytes_ + bytes <= kMaxWaitingHeaderBytes) {
       waiting_header_bytes_ += bytes;
       inbox_.headers.push_back(std::move(header));
       return;

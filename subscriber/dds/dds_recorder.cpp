@@ -21,6 +21,8 @@ using wire::Handle;
 
 constexpr std::size_t kMaxTaken = 16384;   ///< of one topic, before the others have their turn
 constexpr std::size_t kMaxWritten = 1024;  ///< before the queue is looked at again
+/// For the disk; what comes beyond is dropped and counted.
+constexpr std::size_t kMaxWaitingBytes = 64U << 20;
 constexpr double kIdleWait_s = 0.5;
 constexpr auto kDiskWait =
     std::chrono::milliseconds(100);  ///< how late a commit may be noticed to be due
@@ -331,7 +333,7 @@ void DdsRecorder::Impl::push(Entry&& entry) {
     if (stats_.ended) return;
     if (entry.missing > 0) {
       stats_.lost += entry.missing;
-    } else if (waiting_bytes_ + entry.bytes() > options_.max_waiting_bytes) {
+    } else if (waiting_bytes_ + entry.bytes() > kMaxWaitingBytes) {
       // In its place the fact that it is missing, joined to one that waits already.
       ++stats_.dropped;
       const auto same = std::find_if(waiting_.rbegin(), waiting_.rend(), [&](const Entry& other) {

@@ -20,8 +20,6 @@ struct RecorderOptions {
   std::vector<std::string> topics;  ///< by their last name, "body_pose"; empty: all six
   std::uint64_t max_bytes = 0;      ///< of a file with its log, at least kMinFileBytes; 0: no limit
   bool split = false;               ///< at max_bytes go on in another file, instead of ending
-  std::size_t max_waiting_bytes =
-      64U << 20;  ///< for the disk; what comes beyond is dropped and counted
 };
 inline constexpr std::uint64_t kMinFileBytes = 256U << 10;
 

@@ -26,9 +26,7 @@ bool FrameReport::all_certified() const {
 
 Session::Session(std::unique_ptr<Channel> channel, SessionOptions options)
     : impl_(std::make_unique<Impl>()) {
-  NEARMESH_ASSERT(options.region_boxes >= 1 && options.region_boxes <= kMaxRegionBoxes);
   NEARMESH_ASSERT(options.sweep_s >= 0);
-  NEARMESH_ASSERT(options.request_splits >= 1 && options.request_splits <= kMaxRequestSplits);
   impl_->channel = std::move(channel);
   impl_->options = options;
 }
@@ -329,11 +327,6 @@ void Session::Impl::tell_status(const FrameReport& report, const SessionStats& c
   keeper.complete(now, clock.seconds());
   channel->tell(now);
   told = std::move(now);
-}
-
-bool Session::has_all_headers() const {
-  return std::all_of(impl_->bodies.begin(), impl_->bodies.end(),
-                     [](const auto& body) { return body.second.model->is_ready(); });
 }
 
 Result<Readiness> Session::readiness(const std::string& body) const {

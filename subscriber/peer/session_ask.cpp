@@ -131,9 +131,8 @@ bool Session::Impl::request(PeerModel& model, const RegionMaker& region,
   if (publisher == nullptr) return false;
   if (region == nullptr) return false;
   std::optional<RegionRequest> region_request =
-      make_request(model.replica->store(), region, std::move(missing), options.region_boxes,
-                   priority == kNeededNow ? options.request_splits
-                                          : std::min(options.request_splits, kMaxAheadSplits),
+      make_request(model.replica->store(), region, std::move(missing), kRegionParts,
+                   priority == kNeededNow ? kRequestSplits : kMaxAheadSplits,
                    priority == kNeededNow ? Portion::kLargestNodes : Portion::kWholeNodes);
   if (!region_request) return false;
   wire::RegionSubscription subscription;
@@ -160,8 +159,8 @@ bool Session::Impl::request_ahead(PeerModel& model, const FrameReport& report, d
   model.looked_ahead_s = -std::numeric_limits<double>::infinity();
   // Asked for when the nearer half lacks something, then all of it: fewer and fuller batches than a little in each frame.
   const RegionMaker nearer = region_of(model, horizon_s() / 2, report, false);
-  if (missing.empty() && (nearer == nullptr || !make_request(model.replica->store(), nearer, {},
-                                                             options.region_boxes, 1))) {
+  if (missing.empty() &&
+      (nearer == nullptr || !make_request(model.replica->store(), nearer, {}, kRegionParts, 1))) {
     model.looked_ahead_s = time_s;
     return false;
   }

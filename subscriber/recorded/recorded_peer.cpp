@@ -97,9 +97,7 @@ namespace {
 class Player {
  public:
   Player(const RecordingReader& recording, const PlayPlan& plan)
-      : recording_(recording),
-        plan_(plan),
-        names_(recording.facts().prefix, recording.facts().wire_version) {}
+      : recording_(recording), plan_(plan), names_(recording.facts().prefix) {}
 
   void take(std::int64_t id, const RecordedMessage& message) {
     const RecordedWriter& writer = recording_.writers()[message.writer];

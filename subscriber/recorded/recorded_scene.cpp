@@ -106,9 +106,9 @@ std::string describe(const SceneChoice& choice) {
 }  // namespace
 
 Result<std::int64_t> find_report(RecordingReader& recording, const SceneChoice& choice) {
+  NEARMESH_RETURN_IF_ERROR(wire::check_recorded_version(recording.facts().wire_version));
   constexpr std::int64_t kStep = 1024;
-  const std::string topic =
-      wire::TopicNames(recording.facts().prefix, recording.facts().wire_version).contact_report;
+  const std::string topic = wire::TopicNames(recording.facts().prefix).contact_report;
   const Result<std::int64_t> after = recording.find(choice.received_ns + 1);
   if (!after.is_ok()) return after.status();
   for (std::int64_t end = after.value(); end > 1; end -= std::min(kStep, end - 1)) {

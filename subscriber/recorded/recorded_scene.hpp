@@ -42,7 +42,8 @@ struct SceneChoice {
 };
 
 /// The id of the last report chosen that was asked and has not given up detail.
-/// Errors: kNotFound, saying what there is; those of the reader. Cost: reads backwards until it is found.
+/// Errors: kUnsupported for another wire version; kNotFound, saying what there is; those of the reader.
+/// Cost: reads backwards until it is found.
 [[nodiscard]] Result<std::int64_t> find_report(RecordingReader& recording,
                                                const SceneChoice& choice);
 

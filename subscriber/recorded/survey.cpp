@@ -10,10 +10,11 @@
 namespace nearmesh::subscriber {
 
 Result<Survey> survey(RecordingReader& recording) {
+  NEARMESH_RETURN_IF_ERROR(wire::check_recorded_version(recording.facts().wire_version));
   Survey survey;
   survey.topics.resize(recording.topics().size());
   survey.duration_s = static_cast<double>(recording.end_ns() - recording.begin_ns()) * 1e-9;
-  const wire::TopicNames names(recording.facts().prefix, recording.facts().wire_version);
+  const wire::TopicNames names(recording.facts().prefix);
   CertifiedTimes open;
   const auto take = [&](std::int64_t, const RecordedMessage& message) {
     const std::uint32_t topic = recording.writers()[message.writer].topic;

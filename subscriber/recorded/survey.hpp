@@ -36,7 +36,7 @@ struct Survey {
   std::vector<double> to_certified_s;  // ascending
 };
 
-/// Errors: those of the reader. Samples that do not decode count as samples, and no further.
+/// Errors: kUnsupported for another wire version; those of the reader. Samples that do not decode count as samples, and no further.
 [[nodiscard]] Result<Survey> survey(RecordingReader& recording);
 
 /// From the first report of a pair that is not certified to the next that is.

@@ -12,7 +12,7 @@ namespace {
 class Gatherer {
  public:
   explicit Gatherer(const RecordingReader& recording)
-      : recording_(recording), names_(recording.facts().prefix, recording.facts().wire_version) {
+      : recording_(recording), names_(recording.facts().prefix) {
     history_.duration_s = static_cast<double>(recording.end_ns() - recording.begin_ns()) * 1e-9;
   }
 

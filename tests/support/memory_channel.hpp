@@ -73,6 +73,8 @@ class MemoryBus {
   }
   /// True: a channel that goes away is not noticed before lose_publisher says so.
   bool keep_quiet = false;
+  /// No answer is larger, whatever a peer asks for: a flight then takes many.
+  std::uint32_t most_splits = kMaxRequestSplits;
 
  private:
   class PublisherEnd;
@@ -115,7 +117,8 @@ class MemoryBus {
     for (int copies = random_.unit() < faults.repeat ? 2 : 1; copies > 0; --copies)
       to.push(now_ + random_.below(faults.max_delay + 1), message);
   }
-  void to_publishers(const wire::RegionSubscription& message) {
+  void to_publishers(wire::RegionSubscription message) {
+    message.region.max_splits = std::min(message.region.max_splits, most_splits);
     for (auto& [id, station] : publishers_) post(station.subscriptions, message, on_subscriptions);
   }
   void to_peers(const wire::BodyPose& pose) {

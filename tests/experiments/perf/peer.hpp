@@ -32,9 +32,8 @@ inline std::optional<RegionRequest> next_request(const SplitStore& store, const 
     return subscriber::swept_region(own, Motion{.pose = own_pose}, other,
                                     Motion{.pose = other_pose}, 0, margin_m, max_parts, near);
   };
-  auto request =
-      subscriber::make_request(store, region, std::move(missing),
-                               subscriber::SessionOptions{}.region_boxes, max_splits, portion);
+  auto request = subscriber::make_request(store, region, std::move(missing),
+                                          subscriber::kRegionParts, max_splits, portion);
   // As it is when it arrives.
   if (request) request->region = unpack_region(pack_region(request->region)).value();
   return request;

@@ -413,7 +413,6 @@ TEST(DdsChannel, InvalidMessageIsNotSent) {
 TEST(DdsChannel, FullInboxComplainsOnce) {
   subscriber::DdsChannelOptions options;
   options.transport = transport(own_prefix());
-  options.max_waiting_others = 2;
   auto channel = PeerChannel::create(options);
   ASSERT_TRUE(channel.is_ok());
   Peer mover(make_peer(own_prefix()));
@@ -425,15 +424,17 @@ TEST(DdsChannel, FullInboxComplainsOnce) {
   Inbox taken;
   std::uint64_t frame = 1;
   ASSERT_TRUE(wait_for([&] {
-    ++frame;
-    for (int i = 0; i < 10; ++i)
-      mover.channel->send(pose_of(mover.channel->own_id(), "body" + std::to_string(i), frame));
-    const auto arrived = [&](const Inbox& in) { return in.poses.back().frame == frame; };
-    if (!witness.await(arrived)) return false;
+    for (std::size_t sent = 0; sent < PeerChannel::kMaxWaitingOthers + 1000; sent += 10) {
+      ++frame;
+      for (int i = 0; i < 10; ++i)
+        mover.channel->send(pose_of(mover.channel->own_id(), "body" + std::to_string(i), frame));
+      const auto arrived = [&](const Inbox& in) { return in.poses.back().frame == frame; };
+      if (!witness.await(arrived)) return false;
+    }
     taken = channel.value()->take();
     return !taken.complaints.empty();
   }));
-  EXPECT_EQ(taken.poses.size(), 2U);
+  EXPECT_EQ(taken.poses.size(), PeerChannel::kMaxWaitingOthers);
   ASSERT_EQ(taken.complaints.size(), 1U);
   EXPECT_NE(taken.complaints[0].find("full"), std::string::npos) << taken.complaints[0];
 }

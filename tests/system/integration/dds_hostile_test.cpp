@@ -21,7 +21,7 @@ const std::vector<HostileCase> kHostile{
     {"OtherVersion", "wire version 9", [](RawType::Bytes& b) { b[4] = 9; }},
     {"HugeAttachCount", "contradict", [](RawType::Bytes& b) { b[51] = 0x7f; }},
     {"AttachCountBeyondBytes", "contradict", [](RawType::Bytes& b) { b[48] = 30; }},
-    {"UnknownPriority", "priority", [](RawType::Bytes& b) { b[6] = 3; }},
+    {"UnknownPriority", "priority", [](RawType::Bytes& b) { b[6] = 2; }},
     {"Truncated", "contradict", [](RawType::Bytes& b) { b.resize(b.size() - 5); }},
     {"Tiny", "too short", [](RawType::Bytes& b) { b.resize(4); }},
     {"ExtraBytes", "contradict", [](RawType::Bytes& b) { b.resize(b.size() + 100); }},

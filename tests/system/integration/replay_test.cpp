@@ -3,11 +3,9 @@
 // domains of its own.
 
 #include <pty.h>
-#include <termios.h>
 #include <utmp.h>
 
 #include <algorithm>
-#include <cstring>
 #include <map>
 #include <nlohmann/json.hpp>
 
@@ -281,7 +279,6 @@ class OnTerminal {
     argv.push_back(nullptr);
     int slave = -1;
     EXPECT_EQ(::openpty(&master_, &slave, nullptr, nullptr, nullptr), 0);
-    EXPECT_EQ(::tcgetattr(master_, &before_), 0);
     pid_ = ::fork();
     if (pid_ == 0) {
       ::prctl(PR_SET_PDEATHSIG, SIGKILL);
@@ -300,10 +297,12 @@ class OnTerminal {
     ::close(slave_);
     ::close(master_);
   }
-  void press(const std::string& keys) {
-    shown_.clear();
-    EXPECT_EQ(::write(master_, keys.data(), keys.size()), static_cast<ssize_t>(keys.size()));
+  void type(std::string line) {
+    forget();
+    line += '\n';
+    EXPECT_EQ(::write(master_, line.data(), line.size()), static_cast<ssize_t>(line.size()));
   }
+  void forget() { shown_.clear(); }
   bool shows(const std::string& text) {
     return test::await([&] {
       char bytes[4096];
@@ -315,7 +314,7 @@ class OnTerminal {
 
   /// What the next progress line counts; while it is paused.
   long samples() {
-    press("");
+    forget();
     const std::string mark = "paused: ";
     EXPECT_TRUE(shows(mark));
     const std::size_t begin = shown_.find(mark) + mark.size();
@@ -334,13 +333,6 @@ class OnTerminal {
     pid_ = 0;
     return WIFEXITED(status) ? WEXITSTATUS(status) : 1000 + WTERMSIG(status);
   }
-  void signal(int number) const { ::kill(pid_, number); }
-  [[nodiscard]] bool is_as_before() const {
-    termios now{};
-    EXPECT_EQ(::tcgetattr(master_, &now), 0);
-    return now.c_lflag == before_.c_lflag && now.c_iflag == before_.c_iflag &&
-           std::memcmp(now.c_cc, before_.c_cc, sizeof now.c_cc) == 0;
-  }
   [[nodiscard]] const std::string& shown() const { return shown_; }
 
  private:
@@ -351,47 +343,45 @@ class OnTerminal {
   }
   int master_ = -1, slave_ = -1;
   pid_t pid_ = 0;
-  termios before_{};
   std::string shown_;
 };
 
-TEST_F(ReplayProgram, KeysPauseStepSeekAndEnd) {
+TEST_F(ReplayProgram, LinesPauseStepSeekAndEnd) {
   const std::string session = record_session();
   OnTerminal terminal(replay(session, {"--loop", "--rate", "0.1"}));
   ASSERT_TRUE(terminal.shows("samples;")) << terminal.shown();
-  EXPECT_FALSE(terminal.is_as_before());
-  terminal.press(" ");
-  ASSERT_TRUE(terminal.shows("paused")) << terminal.shown();
+  terminal.type("pause");
+  ASSERT_TRUE(terminal.shows(", paused")) << terminal.shown();
   const long before = terminal.samples();
   EXPECT_EQ(terminal.samples(), before);
-  terminal.press("s");
+  terminal.type("step");
   ASSERT_TRUE(test::await([&] { return terminal.samples() > before; })) << terminal.shown();
-  terminal.press("\x1b[H");  // home
+  terminal.type("2.5");
+  ASSERT_TRUE(terminal.shows("] 2.5 of")) << terminal.shown();
+  terminal.type("-1");
+  ASSERT_TRUE(terminal.shows("] 1.5 of")) << terminal.shown();
+  terminal.type("start");
   ASSERT_TRUE(terminal.shows("] 0.0 of")) << terminal.shown();
-  terminal.press("\x1b[C");  // 5 s on: nearly all of it, or the end
-  ASSERT_TRUE(test::await([&] {
-    terminal.press("");
-    return terminal.shows("paused") && terminal.shown().find("] 0.0 of") == std::string::npos;
-  })) << terminal.shown();
-  terminal.press("\x1b[D");
-  ASSERT_TRUE(terminal.shows("] 0.")) << terminal.shown();
-  terminal.press("q");
+  terminal.type("+100");  // the end
+  ASSERT_TRUE(terminal.shows("[========================]")) << terminal.shown();
+  terminal.type("faster");
+  ASSERT_TRUE(terminal.shows("'faster': expected pause, step")) << terminal.shown();
+  terminal.type("quit");
   EXPECT_EQ(terminal.wait(), 0);
-  EXPECT_TRUE(terminal.is_as_before());
 }
 
-TEST_F(ReplayProgram, TheTerminalIsGivenBackHoweverItEnds) {
+TEST_F(ReplayProgram, AScriptMayCommandIt) {
   const std::string session = record_session();
-  for (const auto& [signal, code] :
-       {std::pair(SIGINT, 0), std::pair(SIGTERM, 0), std::pair(SIGQUIT, 1000 + SIGQUIT),
-        std::pair(SIGHUP, 1000 + SIGHUP), std::pair(SIGSEGV, 1000 + SIGSEGV)}) {
-    OnTerminal terminal(replay(session, {"--loop"}));
-    ASSERT_TRUE(terminal.shows("samples;")) << terminal.shown();
-    EXPECT_FALSE(terminal.is_as_before());
-    terminal.signal(signal);
-    EXPECT_EQ(terminal.wait(), code);
-    EXPECT_TRUE(terminal.is_as_before()) << signal;
-  }
+  folder.write("orders", "pause\n1.5\nquit");
+  std::string command = NEARMESH_BIN_DIR "/nearmesh-publisher";
+  for (const std::string& word : replay(session, {"--loop", "--json"}))
+    command += " '" + word + "'";
+  command += " <'" + folder.file("orders") + "' >'" + folder.file("out") + "'";
+  ASSERT_EQ(std::system(command.c_str()), 0);
+  const json report =
+      json::parse(test::lines_of(test::read_text(folder.file("out"))).back()).at("replayed");
+  EXPECT_NEAR(report.at("until_s").get<double>(), 1.5, 0.01);
+  EXPECT_GT(report.at("restored"), 0);
 }
 
 }  // namespace

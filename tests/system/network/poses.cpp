@@ -70,7 +70,9 @@ Driven drive(const Lan& lan, const perf::PosePair& poses, unsigned domain) {
       if (watch.seconds() > kDeadline_s) throw std::runtime_error("a pose took too long");
     }
   };
-  update_until([&](const subscriber::FrameReport&) { return session.has_all_headers(); });
+  update_until([&](const subscriber::FrameReport&) {
+    return session.header_of("a") != nullptr && session.header_of("b") != nullptr;
+  });
   Driven driven{.join_s = join.seconds()};
   // The clock knows no discovery, the rest of which would take its share of the link.
   const Stopwatch settling;

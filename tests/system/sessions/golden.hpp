@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The golden session, and what is expected of it. Written by `nearmesh-bench-session -o session_v1.db3` with wire version 4;
-// it is never written again: later versions must read and verify it.
+// The golden session, and what is expected of it. Both are made by make_golden.py, anew with each wire version.
 
 #include <cstdlib>
 

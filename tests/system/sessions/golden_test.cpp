@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A recording of an earlier version is read, proved, analysed and asked as the documents say.
+// A recording that was made once is read, proved, analysed and asked as the documents say; one of another version is refused.
 #include <sqlite3.h>
 
 #include <memory>
@@ -46,6 +46,38 @@ TEST(GoldenSession, HasWhatIsWorthKeeping) {
   EXPECT_EQ(report.value().different + report.value().lacking + report.value().gave_up, 0U);
   EXPECT_EQ(report.value().peers, 2U);
   EXPECT_LT(std::filesystem::file_size(test::golden_file("session_v1.db3")), 200'000U);
+}
+
+// ---- another wire version ------------------------------------------------------------------------
+
+TEST(OtherVersion, IsRefusedByAllThatReadsASession) {
+  const Folder folder;
+  const std::string session = test::golden_session(folder);
+  sqlite3* opened = nullptr;
+  ASSERT_EQ(sqlite3_open(session.c_str(), &opened), SQLITE_OK);
+  ASSERT_EQ(sqlite3_exec(opened, "UPDATE nearmesh_session SET wire_version = 4", nullptr, nullptr,
+                         nullptr),
+            SQLITE_OK);
+  sqlite3_close(opened);
+  struct Reader {
+    const char* program;
+    std::vector<std::string> words;
+  };
+  for (const auto& [program, words] : std::vector<Reader>{
+           {"nearmesh-subscriber", {"info", session}},
+           {"nearmesh-subscriber", {"verify", session}},
+           {"nearmesh-subscriber", {"report", session, "-o", folder.file("report")}},
+           {"nearmesh-subscriber",
+            {"export", session, "--time", "2", "--peer", "00000000000000b1", "-o",
+             folder.file("mesh.ply")}},
+           {"nearmesh-publisher", {"replay", session}},
+           {"nearmesh-example-read-session", {session}}}) {
+    if (!std::filesystem::exists(NEARMESH_BIN_DIR + std::string("/") + program)) continue;
+    std::string out, err;
+    EXPECT_EQ(test::run(folder, program, words, &out, &err), 1) << program << " " << words[0];
+    EXPECT_NE(err.find(wire::check_recorded_version(4).message()), std::string::npos) << err;
+    EXPECT_EQ(out, "") << program << " " << words[0];
+  }
 }
 
 // ---- the questions of docs/sessions.md ----------------------------------------------------------

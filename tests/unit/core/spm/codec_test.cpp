@@ -316,25 +316,6 @@ TEST(CodecBatches, AnyForestWithAnyFacesDecodesToItself) {
   }
 }
 
-// As headers and batches in recordings of wire version 4 are; that they are just those is held by the golden session.
-TEST(CodecBatches, AnyForestDecodesToItselfInVersion3) {
-  for (std::uint64_t seed = 0; seed < 30; ++seed) {
-    SCOPED_TRACE(seed);
-    Random random(seed);
-    AnyModel model = make_any_model(random, 2 + random.below(1500), 3 + random.below(1500));
-    std::vector<HuffmanTable> contexts;
-    for (int i = 0; i < record::version3::kContextCount; ++i) {
-      std::array<std::uint64_t, kSymbolLimit> counts{};
-      for (auto& count : counts) count = random.below(3) == 0 ? random.below(1000) : 0;
-      contexts.push_back(HuffmanTable::from_counts(counts));
-    }
-    model.header.tables = CodingTables(std::move(contexts));
-    ASSERT_TRUE(model.header.tables.is_version_3());
-    expect_any_round_trip(model, std::size_t{1} << 31);
-    expect_any_round_trip(model, 40 + random.below(2000));
-  }
-}
-
 // Sides of 2^14 vertices and more have their size written out.
 TEST(CodecBatches, LargeNodesDecodeToThemselves) {
   Random random(31);

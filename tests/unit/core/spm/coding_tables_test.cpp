@@ -33,11 +33,10 @@ TEST(HuffmanTable, EveryCodeDecodesToItsSymbol) {
 }
 
 /// By the next kFastCodeBits bits: every code of no more bits but the escape, and nothing else; with the bits that follow.
-template <bool kVersion3>
-void expect_fast_table(int context_count) {
+TEST(CodingTables, FastTableHoldsTheShortCodesAndNothingElse) {
   Random random(1);
   std::vector<HuffmanTable> contexts;
-  for (int i = 0; i < context_count - 2; ++i)
+  for (int i = 0; i < record::kContextCount - 2; ++i)
     contexts.push_back(HuffmanTable::from_counts(random_counts(random)));
   std::vector<std::uint64_t> few(kSymbolLimit);
   few[5] = 1000;
@@ -45,7 +44,6 @@ void expect_fast_table(int context_count) {
   contexts.push_back(HuffmanTable::from_counts(few));
   contexts.push_back(HuffmanTable::from_counts(std::vector<std::uint64_t>(kSymbolLimit)));
   const CodingTables tables(contexts);
-  ASSERT_EQ(tables.is_version_3(), kVersion3);
   for (std::size_t c = 0; c < contexts.size(); ++c)
     for (std::size_t next = 0; next < std::size_t{1} << kFastCodeBits; ++next) {
       const HuffmanTable::Decoded& fast = tables.fast()[(c << kFastCodeBits) + next];
@@ -54,13 +52,9 @@ void expect_fast_table(int context_count) {
           contexts[c].decode[twelve >> (kMaxCodeBits - contexts[c].decode_bits)];
       const bool is_short = found.length <= kFastCodeBits && found.symbol != kEscape;
       ASSERT_EQ(fast.symbol, is_short ? found.symbol : kEscape);
-      const std::uint32_t tail = record::tail_bits<kVersion3>(static_cast<int>(c), found.symbol);
+      const std::uint32_t tail = record::tail_bits(static_cast<int>(c), found.symbol);
       ASSERT_EQ(fast.length, is_short ? found.length + tail : 0U);
     }
-}
-TEST(CodingTables, FastTableHoldsTheShortCodesAndNothingElse) {
-  expect_fast_table<false>(record::kContextCount);
-  expect_fast_table<true>(record::version3::kContextCount);
 }
 
 TEST(HuffmanTable, NoCodeIsLongerThanTheLimit) {

@@ -51,26 +51,26 @@ TEST(Payload, ReportKeepsWhatWasAsked) {
   EXPECT_TRUE(decode_payload<ContactReport>(encode_payload(tilted)).is_ok());
 }
 
-template <class Message>
-Result<Message> recorded_with(const Message& message, std::uint8_t version) {
-  std::vector<std::uint8_t> cdr = encode_payload(message);
-  cdr[4] = version;
-  return decode_payload<Message>(cdr);
+TEST(Payload, OfAnotherVersionIsRefused) {
+  for (const int other : {kWireVersion - 1, kWireVersion + 1}) {
+    std::vector<std::uint8_t> cdr = encode_payload(test::valid_pose());
+    cdr[4] = static_cast<std::uint8_t>(other);
+    const Result<BodyPose> read = decode_payload<BodyPose>(cdr);
+    ASSERT_FALSE(read.is_ok()) << other;
+    EXPECT_EQ(read.status().message(), "wire version " + std::to_string(other) +
+                                           ", this build speaks " + std::to_string(kWireVersion));
+  }
 }
 
-TEST(Payload, OfTheOldestRecordedVersionIsReadButForRegions) {
-  constexpr auto kOldest = static_cast<std::uint8_t>(kOldestRecordedWireVersion);
-  const BodyPose pose = test::valid_pose();
-  const Result<BodyPose> read = recorded_with(pose, kOldest);
-  ASSERT_TRUE(read.is_ok()) << read.status().message();
-  EXPECT_EQ(encode_payload(read.value()), encode_payload(pose));
-  EXPECT_TRUE(recorded_with(test::valid_hello(), kOldest).is_ok());
-  EXPECT_TRUE(recorded_with(test::valid_header(), kOldest).is_ok());
-  EXPECT_TRUE(recorded_with(test::valid_batch(), kOldest).is_ok());
-  EXPECT_TRUE(recorded_with(test::valid_report(), kOldest).is_ok());
-  EXPECT_FALSE(recorded_with(test::valid_subscription(), kOldest).is_ok());
-  EXPECT_FALSE(recorded_with(pose, kOldest - 1).is_ok());
-  EXPECT_FALSE(recorded_with(pose, kWireVersion + 1).is_ok());
+TEST(Payload, RecordingsOfAnotherVersionAreRefusedWithBothVersionsAndWhatToDo) {
+  EXPECT_TRUE(check_recorded_version(kWireVersion).is_ok());
+  const Status older = check_recorded_version(4), newer = check_recorded_version(kWireVersion + 1);
+  EXPECT_EQ(older.code(), StatusCode::kUnsupported);
+  EXPECT_EQ(older.message(),
+            "recorded with wire version 4, this build reads 5: use the build that recorded it, or "
+            "record anew");
+  EXPECT_EQ(newer.code(), StatusCode::kUnsupported);
+  EXPECT_NE(newer.message().find("wire version 6, this build reads 5"), std::string::npos);
 }
 
 TEST(Payload, IdlIsTheText) {

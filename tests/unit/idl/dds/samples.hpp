@@ -27,7 +27,7 @@ inline RegionSubscription valid_subscription() {
   message.request = 7;
   message.publisher = 8;
   message.content_hash = 11;
-  message.priority = 2;
+  message.priority = 1;
   message.acknowledged_sequence = 17;
   message.window_bytes = 4096;
   message.region.attach = {{VertexId{3}, 10}, {VertexId{13}, 1}, {VertexId{50}, 2}};

@@ -79,7 +79,7 @@ TEST(TypeSupport, RoundTripKeepsValues) {
   EXPECT_EQ(subscription.value().request, 7U);
   EXPECT_EQ(subscription.value().publisher, 8U);
   EXPECT_EQ(subscription.value().acknowledged_sequence, 17U);
-  EXPECT_EQ(subscription.value().priority, 2);
+  EXPECT_EQ(subscription.value().priority, 1);
   const auto report = from_bytes<ContactReportType>(to_bytes<ContactReportType>(valid_report()));
   ASSERT_TRUE(report.is_ok());
   EXPECT_EQ(report.value().pairs, valid_report().pairs);

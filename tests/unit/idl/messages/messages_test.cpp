@@ -72,7 +72,7 @@ TEST(CheckMessage, RefusesSubscriptionOutsideItsLimits) {
       valid_subscription(),
       {{"peer", [](M& m) { m.peer = 0; }},
        {"publisher", [](M& m) { m.publisher = 0; }},
-       {"priority", [](M& m) { m.priority = 3; }},
+       {"priority", [](M& m) { m.priority = 2; }},
        {"window", [](M& m) { m.window_bytes = 0; }},
        {"window", [](M& m) { m.window_bytes = 1U << 31; }},
        {"max_splits", [](M& m) { m.region.max_splits = 0; }},

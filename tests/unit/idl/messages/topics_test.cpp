@@ -12,11 +12,6 @@ TEST(Topics, CarryPrefixAndVersionButHelloHasNone) {
   EXPECT_EQ(names.split_batch, "site/nearmesh/v5/split_batch");
 }
 
-TEST(Topics, OfARecordingCarryItsVersion) {
-  EXPECT_EQ(TopicNames("site", 4).body_pose, "site/v4/body_pose");
-  EXPECT_EQ(TopicNames("site", 4).hello, "site/hello");
-}
-
 TEST(Topics, PartitionIsSixteenDigits) {
   EXPECT_EQ(partition_of(0xab), "00000000000000ab");
   EXPECT_EQ(partition_of(~SessionId{0}), "ffffffffffffffff");

@@ -68,7 +68,7 @@ void expect_names(const std::string& message, const std::string& what, const std
 }
 
 /// Nothing is lost here, so nothing need be asked for twice, and no clock decides what a peer holds.
-constexpr subscriber::SessionOptions kOptions{.request_splits = 256, .request_timeout_s = 60};
+constexpr subscriber::SessionOptions kOptions{.request_timeout_s = 60};
 
 /// Two worlds alike; bad numbers reach only one of them.
 class BadNumbers : public ::testing::Test {

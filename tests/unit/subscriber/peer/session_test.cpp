@@ -237,8 +237,7 @@ TEST(Session, SendsNothingToALostPublisherWhoseBatchesComeLate) {
   World world;
   world.bus.keep_quiet = true;
   world.start_publisher();
-  SessionOptions options = quick_options();
-  const auto session = world.make_peer(options);
+  const auto session = world.make_peer();
   const Flight flight = make_flight(1);
   world.fly(*session, flight, 0, 1, 1);
   wire::SplitBatchMessage late;
@@ -364,7 +363,7 @@ TEST(Session, SaysThatThereIsNoPublisher) {
   EXPECT_EQ(reason_of(report, 2), "model aircraft of body one: no publisher found");
   EXPECT_TRUE(std::isinf(report.answers[0].answer.uncertainty_m));
   EXPECT_EQ(world.judge.certified(), 0U);
-  EXPECT_FALSE(session->has_all_headers());
+  EXPECT_EQ(session->header_of("one"), nullptr);
 }
 
 TEST(Session, NamesAnUnknownModel) {
@@ -395,12 +394,10 @@ TEST(Session, SaysThatAHeaderHasNotCome) {
   EXPECT_EQ(world.fly(*session, flight, 0, 2, 5), 0U);
   EXPECT_EQ(reason_of(world.round(*session), 0),
             "model terrain of body ground: its header has not come");
-  EXPECT_FALSE(session->has_all_headers());
   EXPECT_EQ(session->header_of("one"), nullptr);
   EXPECT_TRUE(world.bus.subscriptions.empty());
   world.bus.release_headers();
   EXPECT_EQ(world.fly(*session, flight), flight.frames());
-  EXPECT_TRUE(session->has_all_headers());
   EXPECT_EQ(session->header_of("one")->face_count, aircraft().model.header.face_count);
   EXPECT_EQ(session->header_of("nobody"), nullptr);
 }
@@ -417,11 +414,13 @@ TEST(Session, TakesAHeaderThatComesBeforeItsHello) {
   world.bus.inject(header("terrain", terrain()));
   world.bus.inject(header("aircraft", aircraft()));
   world.round(*session);
-  EXPECT_FALSE(session->has_all_headers());
+  EXPECT_EQ(session->header_of("ground"), nullptr);
+  EXPECT_EQ(session->header_of("one"), nullptr);
   world.bus.deliver_headers = false;
   world.start_publisher();
   world.round(*session);
-  EXPECT_TRUE(session->has_all_headers());
+  EXPECT_NE(session->header_of("ground"), nullptr);
+  EXPECT_NE(session->header_of("one"), nullptr);
 }
 
 TEST(Session, ComplainsOfAMalformedHeader) {
@@ -639,10 +638,9 @@ TEST(Session, TellsWhyARequestWasRefused) {
 
 TEST(Session, MakesProgressWithoutBudget) {
   World world;
+  world.bus.most_splits = kMaxRequestSplits;
   world.start_publisher();
-  SessionOptions options = quick_options();
-  options.request_splits = 4096;
-  const auto session = world.make_peer(options);
+  const auto session = world.make_peer();
   const Flight flight = make_flight(3);
   // One batch an update, whatever the budget.
   std::uint64_t most_waiting = 0, waiting = 0;
@@ -699,9 +697,9 @@ TEST(Session, AsksAheadOfNeed) {
   std::uint64_t uncertain[2] = {};
   for (const bool ahead : {false, true}) {
     World world;
+    world.bus.most_splits = kMaxRequestSplits;
     world.start_publisher();
     SessionOptions options = quick_options();
-    options.request_splits = 4096;
     options.lookahead_s = ahead ? 0.5 : 0;
     const auto session = world.make_peer(options);
     const Flight flight = make_flight(1, 6);
@@ -859,10 +857,9 @@ TEST(Session, ReportsEachFrameOnceAndWhatChangesInIt) {
 TEST(Session, NoUpdateTakesLong) {
   // Polled by a host: even an inbox full of batches is left for later once the budget is spent.
   World world;
+  world.bus.most_splits = kMaxRequestSplits;
   world.start_publisher();
-  SessionOptions options = quick_options();
-  options.request_splits = 4096;
-  const auto session = world.make_peer(options);
+  const auto session = world.make_peer();
   const Flight flight = make_flight(1);
   world.fly(*session, flight, 0, 1, 1);
   EXPECT_GT(world.round(*session, 0, {}, 0).batches_waiting, 0U);

@@ -127,8 +127,6 @@ class RecordingReader {
   [[nodiscard]] const std::vector<RecordedWriter>& writers() const;
   [[nodiscard]] const std::vector<RecordingGap>& gaps() const;
   [[nodiscard]] const std::vector<RecordedModel>& models() const;  ///< each content once
-  /// False where some part is from before there were keys: then keys() do not tell of all messages.
-  [[nodiscard]] bool has_keys() const;
   [[nodiscard]] const std::vector<RecordedKey>& keys() const;
   /// Messages in the file when it was opened.
   [[nodiscard]] std::int64_t message_count() const;

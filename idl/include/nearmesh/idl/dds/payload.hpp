@@ -12,15 +12,10 @@
 
 namespace nearmesh::wire {
 
-/// Whether recordings of a wire version are read and played. Errors: kUnsupported naming both versions.
+/// Recordings of this build's wire version are read and played, no others. Errors: kUnsupported naming both versions.
 [[nodiscard]] Status check_recorded_version(std::uint32_t wire_version);
 
-/// A recorded sample of any type but RegionSubscription, as one of this wire version where it is of an earlier one that is
-/// read (kOldestRecordedWireVersion); others stay as they are.
-[[nodiscard]] std::vector<std::uint8_t> as_of_now(std::span<const std::uint8_t> cdr);
-
 /// In: Hello, MeshHeader, RegionSubscription, SplitBatchMessage, BodyPose or ContactReport.
-/// What as_of_now() makes of it; a RegionSubscription of an earlier version is refused.
 /// Errors: kUnsupported for another wire version; kInvalidArgument for bytes that contradict the type, or a field outside
 /// its limits.
 template <class Message>

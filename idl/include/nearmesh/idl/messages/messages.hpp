@@ -21,9 +21,6 @@ namespace nearmesh::wire {
 
 /// Raised with every change of a topic's layout or of the batch codec. Peers of another version are refused loudly.
 inline constexpr std::uint16_t kWireVersion = 5;
-/// Recordings from this version on are read and verified. Version 4 differs in how regions are laid out, and in headers and
-/// batches, which say themselves how they are coded.
-inline constexpr std::uint16_t kOldestRecordedWireVersion = 4;
 
 /// Random per process; tells a restarted publisher from the old one, and names a peer.
 using SessionId = std::uint64_t;
@@ -58,7 +55,7 @@ struct RegionSubscription {
   SessionId peer = 0;
   std::uint32_t request = 0;       ///< counts up per peer; 0: no request, only credit
   std::uint64_t content_hash = 0;  ///< the model; meaningless when request is 0
-  std::uint8_t priority = 0;       ///< 0 needed now, 1 horizon, 2 prefetch
+  std::uint8_t priority = 0;       ///< 0 needed now, 1 horizon
   SessionId publisher = 0;         ///< whom it is for; others ignore it
   std::uint32_t acknowledged_sequence =
       0;                               ///< highest batch sequence received from it: returns credit

@@ -13,8 +13,7 @@
 namespace nearmesh::wire {
 
 struct TopicNames {
-  /// Of another wire version: those in its recordings.
-  explicit TopicNames(std::string_view prefix, std::uint32_t wire_version = kWireVersion);
+  explicit TopicNames(std::string_view prefix);
   std::string hello, mesh_header, region_subscription, split_batch, body_pose, contact_report;
   std::string process_status;
   std::string echo, probe;  ///< of a self-test: reliable, best effort

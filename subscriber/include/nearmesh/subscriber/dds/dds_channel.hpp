@@ -23,16 +23,18 @@ struct DdsChannelOptions {
   /// apply here); its QoS and listeners stay, types and topics that exist are used, and only what
   /// was made here is removed. Must outlive the channel.
   eprosima::fastdds::dds::DomainParticipant* participant = nullptr;
-  /// What may wait for take(), each kind; the newest beyond are dropped with a complaint.
-  std::size_t max_waiting_batches = 16384;  ///< about 20 MB
-  std::size_t max_waiting_others = 4096;
-  std::size_t max_waiting_header_bytes = 64U << 20;
-  std::size_t max_outgoing = 4096;  ///< each kind; the oldest are dropped with a complaint
 };
 
 /// Threads: all functions, any thread.
 class DdsChannel final : public Channel {
  public:
+  /// What may wait for take(), each kind; the newest beyond are dropped with a complaint.
+  static constexpr std::size_t kMaxWaitingBatches = 16384;  ///< about 20 MB
+  static constexpr std::size_t kMaxWaitingOthers = 4096;
+  static constexpr std::size_t kMaxWaitingHeaderBytes = 64U << 20;
+  /// What may wait to be sent, each kind; the oldest beyond are dropped with a complaint.
+  static constexpr std::size_t kMaxOutgoing = 4096;
+
   /// Waits until the thread has made its entities, some ten milliseconds.
   /// Errors: kInvalidArgument naming the option; kConflict when the host's participant has other
   /// types under our names; kIo when Fast DDS refuses.

@@ -20,10 +20,8 @@ namespace nearmesh::subscriber {
 struct SessionOptions {
   /// Detail is asked for where the other body may be within this time, as soon as some is missing in the first half of it.
   double lookahead_s = 0.5;
-  double margin_m = 0;            ///< and this much further
-  double sweep_s = 0;             ///< also answer for all of this time ahead; 0: do not
-  std::size_t region_boxes = 96;  ///< boxes by which a region is described, in [1, kMaxRegionBoxes]
-  std::uint32_t request_splits = 4096;  ///< largest answer to one request
+  double margin_m = 0;  ///< and this much further
+  double sweep_s = 0;   ///< also answer for all of this time ahead; 0: do not
   std::uint32_t window_bytes =
       64 * 1024;  ///< batches that may be under way to this peer; twice as much overran the default
                   ///< socket buffer, and 12 % were sent again
@@ -122,8 +120,6 @@ class Session {
   [[nodiscard]] Result<RegionReadiness> region_readiness(const std::string& body,
                                                          const std::array<double, 3>& lo_m,
                                                          const std::array<double, 3>& hi_m) const;
-  /// True when the header of every declared body's model is here.
-  [[nodiscard]] bool has_all_headers() const;
   [[nodiscard]] SessionStats stats() const;
   /// As of the last full second of update(), which also sends it to whoever asks on the bus.
   [[nodiscard]] const wire::ProcessStatus& status() const;

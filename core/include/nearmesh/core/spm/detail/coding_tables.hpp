@@ -46,8 +46,6 @@ class CodingTables {
   explicit CodingTables(std::vector<HuffmanTable> contexts);
 
   [[nodiscard]] const std::vector<HuffmanTable>& contexts() const { return contexts_; }
-  /// Of a model in a recording of wire version 4: its batches are coded as they were then.
-  [[nodiscard]] bool is_version_3() const;
   /// By context and, within, the next kFastCodeBits bits: the symbol, and how many bits it and what follows it in any case take.
   /// kEscape for longer codes and the escape, which HuffmanTable::decode gives.
   [[nodiscard]] const HuffmanTable::Decoded* fast() const { return fast_.data(); }

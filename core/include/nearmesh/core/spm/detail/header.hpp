@@ -61,7 +61,7 @@ inline constexpr std::size_t kMaxHeaderBytes = 1 << 20;
 
 [[nodiscard]] std::vector<std::uint8_t> encode_header(const SpmHeader& header);
 
-/// Version 3 is read too, as recordings hold it (CodingTables::is_version_3). Trusts no count. Cost: O(bytes).
+/// Trusts no count. Cost: O(bytes).
 /// Errors: kCorrupt with the field, expected and found.
 [[nodiscard]] Result<SpmHeader> decode_header(std::span<const std::uint8_t> bytes);
 
