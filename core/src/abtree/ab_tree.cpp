@@ -32,7 +32,7 @@ AbTree::AbTree(const ActiveMesh& mesh)
   // A fixed tree over the roots; each of its leaves then grows with its root's splits.
   builder_->clear();
   for (const BaseRoot& root : store.roots())
-    builder_->add_frontier(root.node, store.box(root.node));
+    builder_->add_unresolved(root.node, store.box(root.node));
   TreeArrays fixed;
   TreeEntry top = builder_->build(fixed);
   if (top.kind() == Kind::kInner) top = inner_entry(fixed.nodes, top.first);
@@ -40,8 +40,8 @@ AbTree::AbTree(const ActiveMesh& mesh)
   const auto add = [&](std::uint32_t at, std::uint32_t lane, TreeEntry part) {
     if (part.kind() == Kind::kInner) upper(++part.first).parent = at * kLanes + lane;
     arrays_.nodes[at].set(lane, part);
-    if (part.kind() != Kind::kFrontier) return;
-    const NodeSpan span = part.frontier_node();
+    if (part.kind() != Kind::kUnresolved) return;
+    const NodeSpan span = part.unresolved_node();
     const TreePlace place = at * kLanes + lane;
     upper(at).first_vertices[lane] = span.begin();
     root_places_[store.root_index(span.first)] = place;

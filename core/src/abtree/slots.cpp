@@ -25,10 +25,10 @@ void AbTree::look_at(std::uint32_t index) {
     if (changed || exact_count_ != leaf.exact_count) build_micro_tree(index);
     return;
   }
-  TreeEntry frontier;
-  frontier.box = mesh_->store().box(leaf.node);
-  frontier.set(TreeEntry::Kind::kFrontier, leaf.node.begin(), leaf.node.size);
-  set_entry(leaf.place, frontier);
+  TreeEntry unresolved;
+  unresolved.box = mesh_->store().box(leaf.node);
+  unresolved.set(TreeEntry::Kind::kUnresolved, leaf.node.begin(), leaf.node.size);
+  set_entry(leaf.place, unresolved);
 }
 
 // Who has the corners elsewhere shall tell this slot when one of them changes.
@@ -179,7 +179,7 @@ void AbTree::build_micro_tree(std::uint32_t index) {
     const std::uint32_t size = after != 0 ? static_cast<std::uint32_t>(std::countr_zero(after)) + 1
                                           : slot.node.size - offset;
     const NodeSpan at{{slot.node.begin() + offset}, size};
-    builder_->add_frontier(at, store.box(at));
+    builder_->add_unresolved(at, store.box(at));
   }
   free_micro_tree(slot.place);
   const TreeEntry root = builder_->build(arrays_);

@@ -173,7 +173,7 @@ class RayWalk {
       stack_.pop_back();
       if (part.kind() == Kind::kInner) {
         solid_.for_each_child(part, offer);
-      } else if (part.kind() == Kind::kFrontier) {
+      } else if (part.kind() == Kind::kUnresolved) {
         found.missing.push_back(part);
         found.missing_size += part.count();
       } else {

@@ -36,17 +36,19 @@ class Query {
   void settle(const UnresolvedPair& pair) {
     const TreeEntry a = s_.a.nodes[pair.a / kLanes].entry(pair.a % kLanes),
                     b = s_.b.nodes[pair.b / kLanes].entry(pair.b % kLanes);
-    const bool open_a = a.kind() == Kind::kFrontier, open_b = b.kind() == Kind::kFrontier;
-    if ((open_a && missing_a_.contains(a.first)) || (open_b && missing_b_.contains(b.first)))
+    const bool unresolved_a = a.kind() == Kind::kUnresolved,
+               unresolved_b = b.kind() == Kind::kUnresolved;
+    if ((unresolved_a && missing_a_.contains(a.first)) ||
+        (unresolved_b && missing_b_.contains(b.first)))
       return;
-    if (open_a && open_b) {
+    if (unresolved_a && unresolved_b) {
       // The larger of two is the one to split next; ties go to a.
       if (size_of(a.box) * s_.cell_a_m >= size_of(b.box) * s_.cell_b_m) {
         add_missing(s_.a, a, missing_a_);
       } else {
         add_missing(s_.b, b, missing_b_);
       }
-    } else if (open_a) {
+    } else if (unresolved_a) {
       if (meets_face(s_.b_in_a, a.box, s_.b.blocks[b.first], pair.faces))
         add_missing(s_.a, a, missing_a_);
     } else {
@@ -73,8 +75,8 @@ class Query {
                    std::unordered_set<std::uint32_t>& set) {
     set.insert(node.first);
     // By the set: both bodies may have the same tree.
-    (&set == &missing_a_ ? answer_.missing_a : answer_.missing_b).push_back(node.frontier_node());
-    const double bound = node_bound(*tree.store, node.frontier_node());
+    (&set == &missing_a_ ? answer_.missing_a : answer_.missing_b).push_back(node.unresolved_node());
+    const double bound = node_bound(*tree.store, node.unresolved_node());
     answer_.uncertainty_m = std::max(answer_.uncertainty_m, std::ldexp(bound, tree.grid->exponent));
   }
 

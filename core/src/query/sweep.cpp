@@ -180,8 +180,8 @@ class Sweep {
     const Kind ka = na.kind(), kb = nb.kind();
     if (ka == Kind::kEmpty || kb == Kind::kEmpty) return;
     // Known to be missing since an earlier start, or the same.
-    if (ka == Kind::kFrontier && known_a_.contains(na.first)) return;
-    if (kb == Kind::kFrontier && known_b_.contains(nb.first)) return;
+    if (ka == Kind::kUnresolved && known_a_.contains(na.first)) return;
+    if (kb == Kind::kUnresolved && known_b_.contains(nb.first)) return;
     const double around_m = around(na, nb, view);
     const CenteredBox box_a = centered(na.box), box_b = centered(nb.box);
     ++answer_.stats.box_tests;
@@ -219,14 +219,14 @@ class Sweep {
       }
     } else if (!finest) {
       left.push_back(pair);
-    } else if (ka == Kind::kFrontier && kb == Kind::kFrontier) {
+    } else if (ka == Kind::kUnresolved && kb == Kind::kUnresolved) {
       // The larger of two is the one to split next; ties go to a.
       if (size_a >= size_b) {
         add_missing(na, view, known_a_, missing_a_);
       } else {
         add_missing(nb, view, known_b_, missing_b_);
       }
-    } else if (ka == Kind::kFrontier) {
+    } else if (ka == Kind::kUnresolved) {
       add_missing(na, view, known_a_, missing_a_);
     } else {
       add_missing(nb, view, known_b_, missing_b_);
@@ -289,7 +289,7 @@ class Sweep {
     return status_.is_ok();
   }
 
-  /// Whether a frontier box (in its own grid) stays clear of the other side's exact faces.
+  /// Whether an unresolved node's box (in its own grid) stays clear of the other side's exact faces.
   bool stays_clear(const RelativeFrame& other_in_own, const Drift& drift, const CenteredBox& box,
                    const TreeView& other, const TreeEntry& faces) {
     bool clear = true;
@@ -305,7 +305,7 @@ class Sweep {
   static void add_missing(const TreeEntry& node, const View& view,
                           std::unordered_set<std::uint32_t>& known, std::vector<Missing>& missing) {
     known.insert(node.first);
-    missing.push_back({node.frontier_node(), view.start_s});
+    missing.push_back({node.unresolved_node(), view.start_s});
   }
 
   void finish() {

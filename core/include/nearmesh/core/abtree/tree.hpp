@@ -19,10 +19,10 @@ namespace nearmesh {
 /// One part of a tree: its box, and what is in it.
 struct TreeEntry {
   enum class Kind : std::uint32_t {
-    kInner,     ///< the lanes of node `first`
-    kFaces,     ///< the first `count` exact faces of block `first`
-    kFrontier,  ///< an unresolved node of the forest: first is its first vertex, count its size
-    kEmpty,     ///< nothing: resolved, without faces. The box is empty
+    kInner,       ///< the lanes of node `first`
+    kFaces,       ///< the first `count` exact faces of block `first`
+    kUnresolved,  ///< an unresolved node of the forest: first is its first vertex, count its size
+    kEmpty,       ///< nothing: resolved, without faces. The box is empty
   };
   GridBox box;
   Slab slab;
@@ -31,7 +31,7 @@ struct TreeEntry {
 
   [[nodiscard]] Kind kind() const { return static_cast<Kind>(kind_and_count & 3U); }
   [[nodiscard]] std::uint32_t count() const { return kind_and_count >> 2; }
-  [[nodiscard]] NodeSpan frontier_node() const { return {{first}, count()}; }
+  [[nodiscard]] NodeSpan unresolved_node() const { return {{first}, count()}; }
   void set(Kind kind, std::uint32_t first_place, std::uint32_t count) {
     first = first_place;
     kind_and_count = static_cast<std::uint32_t>(kind) | count << 2;
