@@ -186,7 +186,7 @@ class PaperGrid : public QueryMethod {
       // Active, and alone: the vertex itself, and whoever would still stand for it and its right neighbour.
       for (const VertexId v : cells.vertices(cell)) {
         NEARMESH_RETURN_IF_ERROR(split_all(mesh, {v}, delta));
-        while (!mesh.is_leaf(v))
+        while (!mesh.is_resolved(v))
           NEARMESH_RETURN_IF_ERROR(
               split_all(mesh, {mesh.store().split_of(mesh.current_node(v))}, delta));
       }

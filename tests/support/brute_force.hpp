@@ -80,13 +80,13 @@ inline std::vector<KeyedFace> exact_faces(const ActiveMesh& mesh,
                                           const std::vector<KeyedFace>& faces) {
   const std::set<std::uint32_t> active = active_ids(mesh);
   std::vector<KeyedFace> exact;
-  const auto is_leaf = [&](VertexId v) {
+  const auto is_resolved = [&](VertexId v) {
     return active.contains(v.value) &&
            (active.contains(v.value + 1) || v.value + 1 == mesh.store().vertex_count());
   };
   for (const KeyedFace& keyed : faces) {
     const auto corners = keyed.face.corners();
-    if (std::all_of(corners.begin(), corners.end(), is_leaf)) exact.push_back(keyed);
+    if (std::all_of(corners.begin(), corners.end(), is_resolved)) exact.push_back(keyed);
   }
   return exact;
 }

@@ -78,7 +78,7 @@ void AbTree::find_exact_faces(std::uint32_t index) {
   const NodeSpan slot = leaves_[index].node;
   const SlotBits bits = bits_of(slot);
   exact_count_ = elsewhere_count_ = 0;
-  if (bits.leaves == 0) return;
+  if (bits.resolved == 0) return;
   find_inherited_faces(index, bits);
   const std::size_t inherited = exact_count_;
   find_own_faces(slot, bits);
@@ -104,10 +104,10 @@ void AbTree::find_inherited_faces(std::uint32_t index, const SlotBits& bits) {
   make_room(slot.inherited.size());
   for (const FaceKey key : slot.inherited) {
     const SplitFace face = mesh_->store().face(key);
-    if ((bits.leaves >> (face.right.value - slot.node.begin()) & 1U) == 0) continue;
-    const bool has_left = mesh_->is_leaf(face.left);
+    if ((bits.resolved >> (face.right.value - slot.node.begin()) & 1U) == 0) continue;
+    const bool has_left = mesh_->is_resolved(face.left);
     corners_elsewhere_[elsewhere_count_++] = has_left ? face.outside : face.left;
-    if (!has_left || !mesh_->is_leaf(face.outside)) continue;
+    if (!has_left || !mesh_->is_resolved(face.outside)) continue;
     corners_elsewhere_[elsewhere_count_++] = face.left;
     exact_faces_[exact_count_++] = {key, FaceCorners(face.corners())};
   }
@@ -132,11 +132,11 @@ void AbTree::find_own_faces(NodeSpan slot, const SlotBits& bits) {
     elsewhere_count_ = static_cast<std::size_t>(elsewhere - corners_elsewhere_.data());
   };
   const auto put_down = [&](FaceKey key, const FaceCorners& face) {
-    const std::uint64_t is_here = bits.leaves >> (face.first.value - slot.begin()) % 64 &
-                                  bits.leaves >> (face.second.value - slot.begin()) % 64 &
+    const std::uint64_t is_here = bits.resolved >> (face.first.value - slot.begin()) % 64 &
+                                  bits.resolved >> (face.second.value - slot.begin()) % 64 &
                                   static_cast<std::uint64_t>(face.is_there());
     *exact = {key, face};
-    exact += is_here & static_cast<std::uint64_t>(mesh.is_leaf(face.outside));
+    exact += is_here & static_cast<std::uint64_t>(mesh.is_resolved(face.outside));
     *elsewhere = face.outside;
     elsewhere += is_here & static_cast<std::uint64_t>(!slot.contains(face.outside));
   };
@@ -173,7 +173,7 @@ void AbTree::build_micro_tree(std::uint32_t index) {
     block.keys[i % kLanes] = exact_faces_[i].key;
   }
   const SlotBits bits = bits_of(slot.node);
-  for (std::uint64_t left = bits.active & ~bits.leaves; left != 0; left &= left - 1) {
+  for (std::uint64_t left = bits.active & ~bits.resolved; left != 0; left &= left - 1) {
     const auto offset = static_cast<std::uint32_t>(std::countr_zero(left));
     const std::uint64_t after = bits.active >> offset >> 1;
     const std::uint32_t size = after != 0 ? static_cast<std::uint32_t>(std::countr_zero(after)) + 1

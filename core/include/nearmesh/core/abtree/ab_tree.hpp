@@ -111,7 +111,7 @@ class AbTree {
   void fetch_slot(std::uint32_t leaf);
   void fetch_micro_tree(TreePlace place);
   struct SlotBits {
-    std::uint64_t active, leaves;
+    std::uint64_t active, resolved;
   };
   [[nodiscard]] SlotBits bits_of(NodeSpan slot) const;
   void find_exact_faces(std::uint32_t slot);

@@ -36,8 +36,8 @@ class ActiveMesh {
     return (bits_[v.value >> 6] >> (v.value & 63U) & 1U) != 0;
   }
   /// Active and standing for itself alone: a vertex of the full mesh in its final place.
-  [[nodiscard]] bool is_leaf(VertexId v) const {
-    // No branch: which are leaves is hard to foretell.
+  [[nodiscard]] bool is_resolved(VertexId v) const {
+    // No branch: which are is hard to foretell.
     const std::uint64_t* words = bits_.data();
     const std::uint32_t after = v.value + 1;
     NEARMESH_ASSERT((after >> 6) < bits_.size());
@@ -55,9 +55,9 @@ class ActiveMesh {
   [[nodiscard]] VertexId active_predecessor(VertexId v) const;
   /// The node that an active vertex stands for now.
   [[nodiscard]] NodeSpan current_node(VertexId v) const;
-  /// Whether all three corners are leaves, so that the face is as in the full mesh.
+  /// Whether all three corners are resolved, so that the face is as in the full mesh.
   [[nodiscard]] bool is_exact(const SplitFace& face) const {
-    return is_leaf(face.left) && is_leaf(face.right) && is_leaf(face.outside);
+    return is_resolved(face.left) && is_resolved(face.right) && is_resolved(face.outside);
   }
   /// Whether the node is in the current front.
   [[nodiscard]] bool is_current(NodeSpan node) const;
@@ -77,7 +77,7 @@ class ActiveMesh {
  private:
   const SplitStore* store_;
   LazyArray<std::uint64_t>
-      bits_;  // one past the last vertex is set, so that is_leaf needs no bound
+      bits_;  // one past the last vertex is set, so that is_resolved needs no bound
   std::vector<VertexId> stack_;
   std::uint32_t split_count_ = 0;
   std::uint64_t hash_ = 0;
