@@ -13,7 +13,7 @@ namespace {
 
 using Kind = TreeEntry::Kind;
 
-constexpr std::size_t kFirstLeaves = 256, kFirstUppers = 256;
+constexpr std::size_t kFirstTips = 256, kFirstUppers = 256;
 
 /// Tells the processor that all of it will be read or written soon.
 template <class T>
@@ -26,10 +26,10 @@ void fetch(const T* what) {
 
 AbTree::AbTree(const ActiveMesh& mesh)
     : mesh_(&mesh),
-      leaf_of_(mesh.store().vertex_count()),
+      tip_of_(mesh.store().vertex_count()),
       builder_(std::make_unique<TreeBuilder>()) {
   const SplitStore& store = mesh.store();
-  // A fixed tree over the roots; each of its leaves then grows with its root's splits.
+  // A fixed tree over the roots; each of its tips then grows with its root's splits.
   builder_->clear();
   for (const BaseRoot& root : store.roots())
     builder_->add_unresolved(root.node, store.box(root.node));
@@ -45,7 +45,7 @@ AbTree::AbTree(const ActiveMesh& mesh)
     const TreePlace place = at * kLanes + lane;
     upper(at).first_vertices[lane] = span.begin();
     root_places_[store.root_index(span.first)] = place;
-    set_leaf_of(span.first, new_leaf(span, place, 0));
+    set_tip_of(span.first, new_tip(span, place, 0));
   };
   const auto nodes = fixed.nodes.view();
   for (std::size_t i = 0; i <= nodes.size(); ++i) new_upper(kNone);
@@ -56,7 +56,7 @@ AbTree::AbTree(const ActiveMesh& mesh)
   }
   for (std::uint32_t i = 0; i < store.base_faces().size(); ++i) {
     const VertexId home = store.base_faces()[i].right;
-    leaves_[leaf_of(store.roots()[store.root_index(home)].node.first)].inherited.push_back({{}, i});
+    tips_[tip_of(store.roots()[store.root_index(home)].node.first)].inherited.push_back({{}, i});
   }
   RefineDelta delta;
   for (VertexId v{0}; v.value < store.vertex_count(); v = {mesh.current_node(v).end()})
@@ -65,7 +65,7 @@ AbTree::AbTree(const ActiveMesh& mesh)
   std::sort(delta.split.begin(), delta.split.end(), [&](VertexId a, VertexId b) {
     return std::pair(~store.node_of(a).size, a) < std::pair(~store.node_of(b).size, b);
   });
-  for (std::uint32_t leaf = 0; leaf < leaves_.size(); ++leaf) mark_changed(leaf);
+  for (std::uint32_t tip = 0; tip < tips_.size(); ++tip) mark_changed(tip);
   update(delta);
 }
 
@@ -99,36 +99,36 @@ void AbTree::free_upper(std::uint32_t tree_node) {
   arrays_.nodes.give_back(tree_node);
 }
 
-std::uint32_t AbTree::new_leaf(NodeSpan node, TreePlace place, std::uint16_t depth) {
+std::uint32_t AbTree::new_tip(NodeSpan node, TreePlace place, std::uint16_t depth) {
   std::uint32_t index;
-  if (free_leaves_.empty()) {
-    index = static_cast<std::uint32_t>(leaves_.size());
+  if (free_tips_.empty()) {
+    index = static_cast<std::uint32_t>(tips_.size());
     // By a quarter, not twofold: they take some 70 bytes each.
-    if (leaves_.size() == leaves_.capacity())
-      leaves_.reserve(leaves_.size() + leaves_.size() / 4 + kFirstLeaves);
-    leaves_.emplace_back();
+    if (tips_.size() == tips_.capacity())
+      tips_.reserve(tips_.size() + tips_.size() / 4 + kFirstTips);
+    tips_.emplace_back();
   } else {
-    index = free_leaves_.back();
-    free_leaves_.pop_back();
+    index = free_tips_.back();
+    free_tips_.pop_back();
   }
-  leaves_[index].node = node;
-  leaves_[index].place = place;
-  leaves_[index].depth = depth;
-  if (leaves_[index].is_slot()) ++slot_total_;
+  tips_[index].node = node;
+  tips_[index].place = place;
+  tips_[index].depth = depth;
+  if (tips_[index].is_slot()) ++slot_total_;
   return index;
 }
 
-void AbTree::free_leaf(std::uint32_t index) {
-  Leaf& leaf = leaves_[index];
-  if (leaf.is_slot()) {
+void AbTree::free_tip(std::uint32_t index) {
+  Tip& tip = tips_[index];
+  if (tip.is_slot()) {
     --slot_total_;
-    free_micro_tree(leaf.place);
+    free_micro_tree(tip.place);
   }
-  exact_total_ -= leaf.exact_count;
-  const bool queued = leaf.queued;
-  leaf = Leaf{};
-  leaf.queued = queued;  // its place in pending_ stays; a reused leaf is simply looked at
-  free_leaves_.push_back(index);
+  exact_total_ -= tip.exact_count;
+  const bool queued = tip.queued;
+  tip = Tip{};
+  tip.queued = queued;  // its place in pending_ stays; a reused tip is simply looked at
+  free_tips_.push_back(index);
 }
 
 // What free_micro_tree() gives back is what the next tree is written to.
@@ -150,10 +150,10 @@ void AbTree::free_micro_tree(TreePlace place) {
 
 // ---- the upper tree -------------------------------------------------------------------------------------------------
 
-// The leaf of an upper lane, or kNone where the lane leads to another node.
-std::uint32_t AbTree::leaf_at(TreePlace place) const {
-  const std::uint32_t leaf = leaf_of_[upper(place / kLanes).first_vertices[place % kLanes]] - 1;
-  return leaves_[leaf].place == place ? leaf : kNone;
+// The tip of an upper lane, or kNone where the lane leads to another node.
+std::uint32_t AbTree::tip_at(TreePlace place) const {
+  const std::uint32_t tip = tip_of_[upper(place / kLanes).first_vertices[place % kLanes]] - 1;
+  return tips_[tip].place == place ? tip : kNone;
 }
 
 std::uint32_t AbTree::lane_count(std::uint32_t tree_node) const {
@@ -164,14 +164,14 @@ std::uint32_t AbTree::lane_count(std::uint32_t tree_node) const {
 
 void AbTree::move_lane(std::uint32_t tree_node, std::uint32_t from, std::uint32_t to) {
   NEARMESH_ASSERT(from != to);
-  const std::uint32_t leaf = leaf_at(tree_node * kLanes + from);
+  const std::uint32_t tip = tip_at(tree_node * kLanes + from);
   TreeNode& node = arrays_.nodes[tree_node];
   node.set(to, node.entry(from));
   node.first[to] = node.first[from];  // also of an inner lane that has nothing below it
   node.kind_and_count[to] = node.kind_and_count[from];
   upper(tree_node).first_vertices[to] = upper(tree_node).first_vertices[from];
-  if (leaf != kNone) {
-    leaves_[leaf].place = tree_node * kLanes + to;
+  if (tip != kNone) {
+    tips_[tip].place = tree_node * kLanes + to;
   } else {
     upper(arrays_.nodes[tree_node].first[to]).parent = tree_node * kLanes + to;
   }
@@ -201,24 +201,24 @@ AbTree::Lanes AbTree::find_lanes(NodeSpan node) const {
   return at;
 }
 
-void AbTree::queue(std::uint32_t leaf) {
-  if (leaves_[leaf].queued) return;
-  leaves_[leaf].queued = true;
-  pending_.push_back(leaf);
+void AbTree::queue(std::uint32_t tip) {
+  if (tips_[tip].queued) return;
+  tips_[tip].queued = true;
+  pending_.push_back(tip);
 }
 
-void AbTree::mark_changed(std::uint32_t leaf) {
-  leaves_[leaf].changed = true;
-  queue(leaf);
+void AbTree::mark_changed(std::uint32_t tip) {
+  tips_[tip].changed = true;
+  queue(tip);
 }
 
-// At these vertices of a leaf it changed whether they are vertices of the full mesh. Who waits for one looks again, which
+// At these vertices of a tip it changed whether they are vertices of the full mesh. Who waits for one looks again, which
 // need not come to anything; where exact faces may be lost their number alone would not tell.
 void AbTree::tell_watchers(std::uint32_t index, VertexBits corners, bool may_lose) {
-  for (const Watch& watch : leaves_[index].watchers) {
+  for (const Watch& watch : tips_[index].watchers) {
     if ((watch.corners & corners) == 0) continue;
-    leaves_[watch.leaf].changed |= may_lose;
-    queue(watch.leaf);
+    tips_[watch.tip].changed |= may_lose;
+    queue(watch.tip);
   }
 }
 
@@ -228,7 +228,7 @@ void AbTree::update(const RefineDelta& delta) {
   constexpr std::size_t kAhead = 8;  // splits: enough for what a split looks up to come from memory
   for (std::size_t i = 0; i < delta.split.size(); ++i) {
     if (i + kAhead < delta.split.size())
-      __builtin_prefetch(&leaf_of_[delta.split[i + kAhead].value], 1);
+      __builtin_prefetch(&tip_of_[delta.split[i + kAhead].value], 1);
     apply_split(delta.split[i]);
   }
   for (const VertexId u : delta.boxed) {
@@ -236,26 +236,26 @@ void AbTree::update(const RefineDelta& delta) {
     apply_box(node.left_of(u));
     apply_box(node.right_of(u));
   }
-  for (const std::uint32_t leaf : pending_) {
-    const TreePlace place = leaves_[leaf].place;
+  for (const std::uint32_t tip : pending_) {
+    const TreePlace place = tips_[tip].place;
     fetch(&arrays_.nodes[place / kLanes].first[place % kLanes]);
     fetch(&arrays_.nodes[place / kLanes].kind_and_count[place % kLanes]);
   }
   std::sort(pending_.begin(), pending_.end());
-  for (const std::uint32_t leaf : pending_) leaves_[leaf].queued = false;
+  for (const std::uint32_t tip : pending_) tips_[tip].queued = false;
   // Who is looked at may watch others, but queues nothing, so one pass suffices.
   if (!pending_.empty()) fetch_slot(pending_.front());
   for (std::size_t i = 0; i < pending_.size(); ++i) {
     if (i + 1 < pending_.size()) fetch_slot(pending_[i + 1]);
-    if (leaves_[pending_[i]].node.size > 0) look_at(pending_[i]);
+    if (tips_[pending_[i]].node.size > 0) look_at(pending_[i]);
   }
   pending_.clear();
   refit();
 }
 
 // What will be read of a slot, while another is looked at: no other effect. A quarter of the time would go by waiting.
-void AbTree::fetch_slot(std::uint32_t leaf) {
-  const Leaf& slot = leaves_[leaf];
+void AbTree::fetch_slot(std::uint32_t tip) {
+  const Tip& slot = tips_[tip];
   if (!slot.is_slot() || slot.node.size == 0) return;
   for (std::uint64_t left = bits_of(slot.node).active; left != 0; left &= left - 1)
     mesh_->store().prefetch(
@@ -311,21 +311,21 @@ void AbTree::refit() {
 void AbTree::apply_split(VertexId u) {
   const SplitStore& store = mesh_->store();
   const NodeSpan node = store.node_of(u);
-  const std::uint32_t left = leaf_of(node.first);
-  if (leaves_[left].is_slot()) {
-    set_leaf_of(u, left);
+  const std::uint32_t left = tip_of(node.first);
+  if (tips_[left].is_slot()) {
+    set_tip_of(u, left);
     mark_changed(left);
     const VertexBits corners = (node.left_of(u).size == 1 ? bit_of(node.first) : 0) |
                                (node.right_of(u).size == 1 ? bit_of(u) : 0);
     if (corners != 0) tell_watchers(left, corners, false);
     return;
   }
-  NEARMESH_ASSERT(leaves_[left].node == node);
+  NEARMESH_ASSERT(tips_[left].node == node);
   mark_changed(left);
   tell_watchers(left, kAllVertices, false);  // they find out which child to watch
-  leaves_[left].watchers.clear();
-  const TreePlace place = leaves_[left].place;
-  const std::uint16_t depth = leaves_[left].depth;
+  tips_[left].watchers.clear();
+  const TreePlace place = tips_[left].place;
+  const std::uint16_t depth = tips_[left].depth;
   std::uint32_t at = place / kLanes, lane = place % kLanes;
   if (depth % kLevelsPerNode == 0) {
     at = new_upper(place);
@@ -342,15 +342,15 @@ void AbTree::apply_split(VertexId u) {
   const auto below = static_cast<std::uint16_t>(depth + 1);
   arrays_.nodes[at].set(lane, {});
   arrays_.nodes[at].set(lane + 1, {});
-  const std::uint32_t right = new_leaf(node.right_of(u), at * kLanes + lane + 1, below);
-  leaves_[left].node = node.left_of(u);
-  leaves_[left].place = at * kLanes + lane;
-  leaves_[left].depth = below;
-  if (leaves_[left].is_slot()) ++slot_total_;
-  set_leaf_of(u, right);
+  const std::uint32_t right = new_tip(node.right_of(u), at * kLanes + lane + 1, below);
+  tips_[left].node = node.left_of(u);
+  tips_[left].place = at * kLanes + lane;
+  tips_[left].depth = below;
+  if (tips_[left].is_slot()) ++slot_total_;
+  set_tip_of(u, right);
   // Faces go with their home vertex, the right corner: that of the new ones lies in the right child.
-  std::vector<FaceKey>& stay = leaves_[left].inherited;
-  std::vector<FaceKey>& go = leaves_[right].inherited;
+  std::vector<FaceKey>& stay = tips_[left].inherited;
+  std::vector<FaceKey>& go = tips_[right].inherited;
   const auto gone = std::partition(stay.begin(), stay.end(),
                                    [&](FaceKey key) { return store.face(key).right < u; });
   const auto count = static_cast<std::uint32_t>(store.faces(u).size());
@@ -362,24 +362,24 @@ void AbTree::apply_split(VertexId u) {
 }
 
 void AbTree::apply_collapse(NodeSpan node) {
-  const std::uint32_t first = leaf_of(node.first);
-  if (leaves_[first].is_slot() && leaves_[first].node.size >= node.size) {
+  const std::uint32_t first = tip_of(node.first);
+  if (tips_[first].is_slot() && tips_[first].node.size >= node.size) {
     VertexBits corners = bit_of(node.first);
     for (std::uint32_t v = node.begin() + 1; v < node.end(); ++v) {
-      leaf_of_[v] = 0;
+      tip_of_[v] = 0;
       corners |= bit_of({v});
     }
     mark_changed(first);
     tell_watchers(first, corners, true);
     return;
   }
-  // A larger node: its whole part of the tree becomes one leaf.
+  // A larger node: its whole part of the tree becomes one tip.
   const Lanes lanes = find_lanes(node);
   std::vector<std::uint32_t> gone, below;
   const auto take = [&](TreePlace place) {
-    const std::uint32_t leaf = leaf_at(place);
-    if (leaf != kNone) {
-      gone.push_back(leaf);
+    const std::uint32_t tip = tip_at(place);
+    if (tip != kNone) {
+      gone.push_back(tip);
     } else {
       below.push_back(arrays_.nodes[place / kLanes].first[place % kLanes]);
     }
@@ -390,16 +390,16 @@ void AbTree::apply_collapse(NodeSpan node) {
     for (std::uint32_t lane = 0; lane < lane_count(below[i]); ++lane)
       take(below[i] * kLanes + lane);
   std::vector<FaceKey> inherited;
-  for (const std::uint32_t leaf : gone) {
-    tell_watchers(leaf, kAllVertices, true);
-    for (const FaceKey key : leaves_[leaf].inherited)  // but for the faces of splits that are gone
+  for (const std::uint32_t tip : gone) {
+    tell_watchers(tip, kAllVertices, true);
+    for (const FaceKey key : tips_[tip].inherited)  // but for the faces of splits that are gone
       if (!key.split.is_valid() || key.split <= node.first || key.split.value >= node.end())
         inherited.push_back(key);
-    // A leaf that is no slot has one active vertex, its first, and may span most of the model.
-    const NodeSpan span = leaves_[leaf].node;
-    const std::uint32_t end = leaves_[leaf].is_slot() ? span.end() : span.begin() + 1;
-    for (std::uint32_t v = span.begin(); v < end; ++v) leaf_of_[v] = 0;
-    free_leaf(leaf);
+    // A tip that is no slot has one active vertex, its first, and may span most of the model.
+    const NodeSpan span = tips_[tip].node;
+    const std::uint32_t end = tips_[tip].is_slot() ? span.end() : span.begin() + 1;
+    for (std::uint32_t v = span.begin(); v < end; ++v) tip_of_[v] = 0;
+    free_tip(tip);
   }
   for (const std::uint32_t tree_node : below) free_upper(tree_node);
   const std::uint32_t count = lane_count(lanes.tree_node), fewer = lanes.end - lanes.begin - 1;
@@ -412,18 +412,18 @@ void AbTree::apply_collapse(NodeSpan node) {
     upper(lanes.tree_node).first_vertices[lane] = kNone;
   }
   arrays_.nodes[lanes.tree_node].set(lanes.begin, {});
-  const std::uint32_t leaf = new_leaf(node, place, lanes.depth);
-  leaves_[leaf].inherited = std::move(inherited);
-  set_leaf_of(node.first, leaf);
-  mark_changed(leaf);
+  const std::uint32_t tip = new_tip(node, place, lanes.depth);
+  tips_[tip].inherited = std::move(inherited);
+  set_tip_of(node.first, tip);
+  mark_changed(tip);
 }
 
 // A node's own box has come: what had its ancestor's until now takes it over, as a tree made anew would.
 void AbTree::apply_box(NodeSpan node) {
   const SplitStore& store = mesh_->store();
   if (node.size < 2) return;
-  const std::uint32_t first = leaf_of(node.first);
-  if (leaves_[first].is_slot() && leaves_[first].node.size >= node.size) {
+  const std::uint32_t first = tip_of(node.first);
+  if (tips_[first].is_slot() && tips_[first].node.size >= node.size) {
     mark_changed(first);
     return;
   }
@@ -431,9 +431,9 @@ void AbTree::apply_box(NodeSpan node) {
   while (!stack.empty()) {
     const NodeSpan span = stack.back();
     stack.pop_back();
-    const std::uint32_t leaf = leaf_of(span.first);
-    if (leaves_[leaf].node == span) {
-      mark_changed(leaf);
+    const std::uint32_t tip = tip_of(span.first);
+    if (tips_[tip].node == span) {
+      mark_changed(tip);
       continue;
     }
     const VertexId split = store.split_of(span);
@@ -446,10 +446,10 @@ AbTreeStats AbTree::stats() const {
   AbTreeStats stats{slot_total_, exact_total_, rebuilt_slots_, rebuilt_faces_, 0};
   stats.bytes = arrays_.nodes.bytes() + arrays_.nodes.view().size() * sizeof(std::uint32_t) +
                 arrays_.blocks.bytes() + uppers_.capacity() * sizeof(Upper) +
-                leaves_.capacity() * sizeof(Leaf);
-  for (const Leaf& leaf : leaves_)
+                tips_.capacity() * sizeof(Tip);
+  for (const Tip& tip : tips_)
     stats.bytes +=
-        leaf.inherited.capacity() * sizeof(FaceKey) + leaf.watchers.capacity() * sizeof(Watch);
+        tip.inherited.capacity() * sizeof(FaceKey) + tip.watchers.capacity() * sizeof(Watch);
   return stats;
 }
 

@@ -14,50 +14,50 @@ namespace nearmesh {
 
 static_assert(kSlotSize == 64, "a slot's vertices are the bits of a word");
 
-// A leaf that is no slot has nothing exact; what becomes of its faces its own splits tell.
+// A tip that is no slot has nothing exact; what becomes of its faces its own splits tell.
 void AbTree::look_at(std::uint32_t index) {
-  Leaf& leaf = leaves_[index];
-  const bool changed = leaf.changed;
-  leaf.changed = false;
-  if (leaf.is_slot()) {
-    fetch_micro_tree(leaf.place);
+  Tip& tip = tips_[index];
+  const bool changed = tip.changed;
+  tip.changed = false;
+  if (tip.is_slot()) {
+    fetch_micro_tree(tip.place);
     find_exact_faces(index);
-    if (changed || exact_count_ != leaf.exact_count) build_micro_tree(index);
+    if (changed || exact_count_ != tip.exact_count) build_micro_tree(index);
     return;
   }
   TreeEntry unresolved;
-  unresolved.box = mesh_->store().box(leaf.node);
-  unresolved.set(TreeEntry::Kind::kUnresolved, leaf.node.begin(), leaf.node.size);
-  set_entry(leaf.place, unresolved);
+  unresolved.box = mesh_->store().box(tip.node);
+  unresolved.set(TreeEntry::Kind::kUnresolved, tip.node.begin(), tip.node.size);
+  set_entry(tip.place, unresolved);
 }
 
 // Who has the corners elsewhere shall tell this slot when one of them changes.
 void AbTree::watch_corners(std::uint32_t watcher) {
   // Looked up before any is watched, so that none waits for another to come from memory.
-  leaves_elsewhere_.resize(std::max(leaves_elsewhere_.size(), elsewhere_count_));
+  tips_elsewhere_.resize(std::max(tips_elsewhere_.size(), elsewhere_count_));
   for (std::size_t i = 0; i < elsewhere_count_; ++i) {
     const VertexId corner = corners_elsewhere_[i];
-    leaves_elsewhere_[i] = leaf_of(mesh_->active_predecessor(corner));
-    __builtin_prefetch(&leaves_[leaves_elsewhere_[i]].watchers);
+    tips_elsewhere_[i] = tip_of(mesh_->active_predecessor(corner));
+    __builtin_prefetch(&tips_[tips_elsewhere_[i]].watchers);
     mesh_->store().prefetch(corner);
   }
-  std::uint32_t leaf = kNone;
+  std::uint32_t tip = kNone;
   VertexBits bits = 0;
   for (std::size_t i = 0; i < elsewhere_count_; ++i) {
     // Neighbouring faces have the same neighbours.
-    const std::uint32_t next = leaves_elsewhere_[i];
-    if (next != leaf && bits != 0) watch(leaf, watcher, std::exchange(bits, 0));
-    leaf = next;
+    const std::uint32_t next = tips_elsewhere_[i];
+    if (next != tip && bits != 0) watch(tip, watcher, std::exchange(bits, 0));
+    tip = next;
     bits |= bit_of(corners_elsewhere_[i]);
   }
-  if (bits != 0) watch(leaf, watcher, bits);
+  if (bits != 0) watch(tip, watcher, bits);
 }
 
-void AbTree::watch(std::uint32_t leaf, std::uint32_t watcher, VertexBits corners) {
-  std::vector<Watch>& watchers = leaves_[leaf].watchers;
+void AbTree::watch(std::uint32_t tip, std::uint32_t watcher, VertexBits corners) {
+  std::vector<Watch>& watchers = tips_[tip].watchers;
   // From the latest on, who is likely to watch more.
   for (std::size_t i = watchers.size(); i-- > 0;)
-    if (watchers[i].leaf == watcher) {
+    if (watchers[i].tip == watcher) {
       watchers[i].corners |= corners;
       std::swap(watchers[i], watchers.back());
       return;
@@ -75,7 +75,7 @@ AbTree::SlotBits AbTree::bits_of(NodeSpan slot) const {
 // By key, so that the tree does not depend on the order of arrival. A face's home is its right corner's slot: while that
 // or another corner in the slot is missing there is nothing to wait for elsewhere.
 void AbTree::find_exact_faces(std::uint32_t index) {
-  const NodeSpan slot = leaves_[index].node;
+  const NodeSpan slot = tips_[index].node;
   const SlotBits bits = bits_of(slot);
   exact_count_ = elsewhere_count_ = 0;
   if (bits.resolved == 0) return;
@@ -100,7 +100,7 @@ void AbTree::make_room(std::size_t faces) {
 
 // Faces of splits above the slot: two of their corners are elsewhere.
 void AbTree::find_inherited_faces(std::uint32_t index, const SlotBits& bits) {
-  const Leaf& slot = leaves_[index];
+  const Tip& slot = tips_[index];
   make_room(slot.inherited.size());
   for (const FaceKey key : slot.inherited) {
     const SplitFace face = mesh_->store().face(key);
@@ -159,7 +159,7 @@ void AbTree::find_own_faces(NodeSpan slot, const SlotBits& bits) {
 
 void AbTree::build_micro_tree(std::uint32_t index) {
   const SplitStore& store = mesh_->store();
-  Leaf& slot = leaves_[index];
+  Tip& slot = tips_[index];
   builder_->clear();
   FaceBlock* blocks = builder_->add_faces(exact_count_);
   for (std::size_t i = 0; i < exact_count_; ++i) {
