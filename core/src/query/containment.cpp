@@ -184,8 +184,8 @@ class RayWalk {
   }
 
  private:
-  void count_faces(const Ray& ray, const TreeEntry& leaf, Crossings& found) {
-    solid_.for_each_face(leaf, [&](const TreeFace& face) {
+  void count_faces(const Ray& ray, const TreeEntry& faces, Crossings& found) {
+    solid_.for_each_face(faces, [&](const TreeFace& face) {
       ++stats_.triangle_tests;
       found.winding += signed_crossing(ray, pose_triangle(frame_, face.corners));
     });

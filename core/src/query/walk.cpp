@@ -101,7 +101,7 @@ class Walk {
       }
       if (kAny && !pairs_.empty()) return;
     }
-    test_leaves();
+    test_ends();
   }
 
  private:
@@ -114,8 +114,8 @@ class Walk {
     const bool inner_a = sides_[0].kind(pair.place[0]) == Kind::kInner,
                inner_b = sides_[1].kind(pair.place[1]) == Kind::kInner;
     if (!inner_a && !inner_b) {
-      leaves_[leaf_count_++] = pair;
-      test_leaves();
+      ends_[end_count_++] = pair;
+      test_ends();
       return;
     }
     ++opened_;
@@ -140,12 +140,12 @@ class Walk {
                        static_cast<int>(sides_[next.side ^ 1].kind(next.other) == Kind::kFaces) &
                        static_cast<int>(next.is_worth_culling)))
         cull(pair, next);
-      leaves_[leaf_count_] = pair;
-      leaf_count_ += is_inner ? 0 : 1;
+      ends_[end_count_] = pair;
+      end_count_ += is_inner ? 0 : 1;
       inner_count += next.close != 0 && is_inner ? 1 : 0;
     }
-    if (leaf_count_ > (kAny ? 0 : kLeaves - kBatch)) {
-      test_leaves();
+    if (end_count_ > (kAny ? 0 : kEnds - kBatch)) {
+      test_ends();
       if (kAny && !pairs_.empty()) return;
     }
     stack_.reserve(kBatch * kLanes);
@@ -191,12 +191,12 @@ class Walk {
     if (out.faces[other] == 0) out.close = 0;
   }
 
-  // Of the faces of one side's leaf: those that may meet the other side's part.
+  // Of the faces of one side's block: those that may meet the other side's part.
   template <bool kGuess = false>
   HWY_INLINE std::uint32_t close_faces(std::uint32_t side, const PendingPair& pair) {
-    const TreePlace leaf = pair.place[side], other = pair.place[side ^ 1];
-    const std::uint32_t faces = pair.faces[side] & ((1U << sides_[side].count(leaf)) - 1);
-    return faces & ~faces_apart_inline<kGuess>(sides_[side].placed_block(sides_[side].first(leaf)),
+    const TreePlace own = pair.place[side], other = pair.place[side ^ 1];
+    const std::uint32_t faces = pair.faces[side] & ((1U << sides_[side].count(own)) - 1);
+    return faces & ~faces_apart_inline<kGuess>(sides_[side].placed_block(sides_[side].first(own)),
                                                faces, sides_[side ^ 1].placed_node(other / kLanes),
                                                other % kLanes, sides_[side].cells_ratio());
   }
@@ -259,11 +259,11 @@ class Walk {
   }
 
   // Pairs of parts neither of which is inner, collected.
-  void test_leaves() {
-    FaceAndLeaf faces[kLeaves * kLanes];
+  void test_ends() {
+    FaceAndBlock faces[kEnds * kLanes];
     std::size_t face_count = 0;
-    for (std::size_t i = leaf_count_; i-- > 0;) {
-      const PendingPair& pair = leaves_[i];
+    for (std::size_t i = end_count_; i-- > 0;) {
+      const PendingPair& pair = ends_[i];
       const TreePlace a = pair.place[0], b = pair.place[1];
       if (HWY_UNLIKELY(sides_[0].kind(a) != Kind::kFaces || sides_[1].kind(b) != Kind::kFaces)) {
         leave(pair);
@@ -276,9 +276,9 @@ class Walk {
         faces[face_count++] = {first + static_cast<std::uint32_t>(std::countr_zero(close)),
                                sides_[1].first(b), pair.faces[1] & ((1U << count_b) - 1)};
     }
-    leaf_count_ = 0;
+    end_count_ = 0;
     for (std::size_t i = 0; i < face_count; ++i) {
-      const FaceAndLeaf& pair = faces[i];
+      const FaceAndBlock& pair = faces[i];
       const std::uint32_t apart =
           faces_apart_inline<false>(sides_[1].placed_block(pair.block_b), pair.faces_b,
                                     sides_[0].placed_block(pair.face_a / kLanes).boxes,
@@ -330,16 +330,16 @@ class Walk {
     unresolved_.push_back({pair.place[0], pair.place[1], faces});
   }
 
-  struct FaceAndLeaf {
+  struct FaceAndBlock {
     std::uint32_t face_a, block_b, faces_b;
   };
 
-  static constexpr std::size_t kBatch = 8, kHopeful = 64, kLeaves = 2 * kBatch;
+  static constexpr std::size_t kBatch = 8, kHopeful = 64, kEnds = 2 * kBatch;
   const Scene& s_;
   PairStack& stack_;
   Side sides_[2];
-  PendingPair leaves_[kLeaves + 1];
-  std::size_t leaf_count_ = 0, opened_ = 0;
+  PendingPair ends_[kEnds + 1];
+  std::size_t end_count_ = 0, opened_ = 0;
   std::uint32_t faces_a_[kLanes], faces_b_[kLanes], pair_count_ = 0;
   std::vector<FacePair>& pairs_;
   std::vector<UnresolvedPair>& unresolved_;

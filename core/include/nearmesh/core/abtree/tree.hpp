@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // What the query walks: a tree of boxes in one model's grid, eight children a node, side by side for vector tests, whose
-// leaves hold exact faces or unresolved nodes. AbTree makes one that follows a replica; build_triangle_tree makes one
+// ends hold exact faces or unresolved nodes. AbTree makes one that follows a replica; build_triangle_tree makes one
 // over a fixed set of triangles (the full-mesh reference, and the coarse meshes that the uncertified methods test).
 
 #include <array>
@@ -124,8 +124,8 @@ struct TreeView {
   }
   /// The faces of an entry of kind kFaces.
   template <class Visit>
-  void for_each_face(const TreeEntry& leaf, const Visit& visit) const {
-    for (std::uint32_t i = 0; i < leaf.count(); ++i) visit(blocks[leaf.first].face(i));
+  void for_each_face(const TreeEntry& part, const Visit& visit) const {
+    for (std::uint32_t i = 0; i < part.count(); ++i) visit(blocks[part.first].face(i));
   }
 };
 
