@@ -228,7 +228,7 @@ Location locate(const TreeView& solid, const PosedFrame& frame, const LatticePoi
     least = std::move(found);
     best = order[i];
   }
-  return {Side::kOpen, std::move(least.missing), rays[best]};
+  return {Side::kUndecided, std::move(least.missing), rays[best]};
 }
 
 void add_ray_boxes(const PosedFrame& solid, const Ray& ray, const GridBox& box,

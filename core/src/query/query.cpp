@@ -115,8 +115,8 @@ class Query {
     const Side b_in_a =
         options_.solid_a ? side_of(s_.b, s_.frame_b, s_.a, s_.frame_a, missing_a_) : Side::kOutside;
     const bool inside = a_in_b == Side::kInside || b_in_a == Side::kInside;
-    const bool open = a_in_b == Side::kOpen || b_in_a == Side::kOpen;
-    if (!missing_a_.empty() || !missing_b_.empty() || (open && !inside)) {
+    const bool undecided = a_in_b == Side::kUndecided || b_in_a == Side::kUndecided;
+    if (!missing_a_.empty() || !missing_b_.empty() || (undecided && !inside)) {
       answer_.status = AnswerStatus::kUncertain;
       if (missing_a_.empty() && missing_b_.empty())
         answer_.uncertainty_m = std::numeric_limits<double>::infinity();
@@ -130,21 +130,21 @@ class Query {
   // Inside when one part of the inner body is; outside when all parts are.
   Side side_of(const TreeView& inner, const PosedFrame& inner_frame, const TreeView& solid,
                const PosedFrame& solid_frame, std::unordered_set<std::uint32_t>& known) {
-    if (!inner.surface->has_seeds()) return Side::kOpen;
-    std::vector<Location> open;
+    if (!inner.surface->has_seeds()) return Side::kUndecided;
+    std::vector<Location> undecided;
     for (const GridPoint& seed : inner.surface->component_seeds) {
       Location at = locate(solid, solid_frame, pose_point(inner_frame, seed), answer_.stats);
       if (at.side == Side::kInside) return Side::kInside;
-      if (at.side == Side::kOpen) open.push_back(std::move(at));
+      if (at.side == Side::kUndecided) undecided.push_back(std::move(at));
     }
     std::vector<GridBox>& rays = &known == &missing_a_ ? answer_.rays_a : answer_.rays_b;
-    for (const Location& at : open)
+    for (const Location& at : undecided)
       for (const TreeEntry& node : at.missing) {
         if (known.contains(node.first)) continue;
         add_missing(solid, node, known);
         add_ray_boxes(solid_frame, at.ray, node.box, rays);
       }
-    return open.empty() ? Side::kOutside : Side::kOpen;
+    return undecided.empty() ? Side::kOutside : Side::kUndecided;
   }
 
   const Scene& s_;

@@ -20,10 +20,10 @@ HWY_BEFORE_NAMESPACE();
 namespace nearmesh::HWY_NAMESPACE {
 
 /// One body: its tree's nodes and blocks as the pair of bodies sees them.
-class Side {
+class WalkedBody {
  public:
-  Side(const TreeView& tree, const RelativeFrame& in_other, const RelativeFrame& other_in,
-       double cell_m, PlacedTreeNodes& nodes, PlacedTreeBlocks& blocks)
+  WalkedBody(const TreeView& tree, const RelativeFrame& in_other, const RelativeFrame& other_in,
+             double cell_m, PlacedTreeNodes& nodes, PlacedTreeBlocks& blocks)
       : nodes_(tree.nodes.data()),
         blocks_(tree.blocks.data()),
         placing_(in_other, other_in, tree.nodes[0].boxes.box(0)),
@@ -82,10 +82,10 @@ class Walk {
        std::vector<UnresolvedPair>& unresolved, QueryStats& stats)
       : s_(scene),
         stack_(memory.stack),
-        sides_{{scene.a, scene.a_in_b(), scene.b_in_a, scene.cell_a_m, memory.nodes[0],
-                memory.blocks[0]},
-               {scene.b, scene.b_in_a, scene.a_in_b(), scene.cell_b_m, memory.nodes[1],
-                memory.blocks[1]}},
+        bodies_{{scene.a, scene.a_in_b(), scene.b_in_a, scene.cell_a_m, memory.nodes[0],
+                 memory.blocks[0]},
+                {scene.b, scene.b_in_a, scene.a_in_b(), scene.cell_b_m, memory.nodes[1],
+                 memory.blocks[1]}},
         pairs_(pairs),
         unresolved_(unresolved),
         stats_(stats) {}
@@ -111,8 +111,8 @@ class Walk {
   // With branches, which the processor may guess ahead of the tests: there is but one at a time.
   void look_at_deepest() {
     const PendingPair pair = stack_.pop();
-    const bool inner_a = sides_[0].kind(pair.place[0]) == Kind::kInner,
-               inner_b = sides_[1].kind(pair.place[1]) == Kind::kInner;
+    const bool inner_a = bodies_[0].kind(pair.place[0]) == Kind::kInner,
+               inner_b = bodies_[1].kind(pair.place[1]) == Kind::kInner;
     if (!inner_a && !inner_b) {
       ends_[end_count_++] = pair;
       test_ends();
@@ -120,7 +120,7 @@ class Walk {
     }
     ++opened_;
     if (inner_a &&
-        (!inner_b || sides_[0].size_m(pair.place[0]) >= sides_[1].size_m(pair.place[1]))) {
+        (!inner_b || bodies_[0].size_m(pair.place[0]) >= bodies_[1].size_m(pair.place[1]))) {
       open_by_depth<0>(pair);
     } else {
       open_by_depth<1>(pair);
@@ -137,7 +137,7 @@ class Walk {
       Opened& next = opened[inner_count];
       const bool is_inner = plan(pair, next);
       if (HWY_UNLIKELY(static_cast<int>(is_inner) &
-                       static_cast<int>(sides_[next.side ^ 1].kind(next.other) == Kind::kFaces) &
+                       static_cast<int>(bodies_[next.side ^ 1].kind(next.other) == Kind::kFaces) &
                        static_cast<int>(next.is_worth_culling)))
         cull(pair, next);
       ends_[end_count_] = pair;
@@ -165,13 +165,13 @@ class Walk {
   // Which of two parts to open: the larger of two inner ones, a's of equals. False, and nothing, if neither is. Without
   // branches: they could not be predicted.
   HWY_INLINE bool plan(const PendingPair& pair, Opened& out) {
-    const double sizes_m[2] = {sides_[0].size_m(pair.place[0]), sides_[1].size_m(pair.place[1])};
-    const auto inner_a = static_cast<std::uint32_t>(sides_[0].kind(pair.place[0]) == Kind::kInner),
-               inner_b = static_cast<std::uint32_t>(sides_[1].kind(pair.place[1]) == Kind::kInner);
+    const double sizes_m[2] = {bodies_[0].size_m(pair.place[0]), bodies_[1].size_m(pair.place[1])};
+    const auto inner_a = static_cast<std::uint32_t>(bodies_[0].kind(pair.place[0]) == Kind::kInner),
+               inner_b = static_cast<std::uint32_t>(bodies_[1].kind(pair.place[1]) == Kind::kInner);
     const std::uint32_t side =
         (inner_a ^ 1U) | (inner_b & static_cast<std::uint32_t>(sizes_m[0] < sizes_m[1]));
     const bool is_inner = (inner_a | inner_b) != 0;
-    const Side& own = sides_[side];
+    const WalkedBody& own = bodies_[side];
     const std::uint32_t node = is_inner ? own.first(pair.place[side]) : 0;
     out = {side,
            node * kLanes,
@@ -195,23 +195,23 @@ class Walk {
   template <bool kGuess = false>
   HWY_INLINE std::uint32_t close_faces(std::uint32_t side, const PendingPair& pair) {
     const TreePlace own = pair.place[side], other = pair.place[side ^ 1];
-    const std::uint32_t faces = pair.faces[side] & ((1U << sides_[side].count(own)) - 1);
-    return faces & ~faces_apart_inline<kGuess>(sides_[side].placed_block(sides_[side].first(own)),
-                                               faces, sides_[side ^ 1].placed_node(other / kLanes),
-                                               other % kLanes, sides_[side].cells_ratio());
+    const std::uint32_t faces = pair.faces[side] & ((1U << bodies_[side].count(own)) - 1);
+    return faces & ~faces_apart_inline<kGuess>(bodies_[side].placed_block(bodies_[side].first(own)),
+                                               faces, bodies_[side ^ 1].placed_node(other / kLanes),
+                                               other % kLanes, bodies_[side].cells_ratio());
   }
 
   HWY_INLINE void test(Opened& out) {
-    Side& own = sides_[out.side];
+    WalkedBody& own = bodies_[out.side];
     out.close &= ~boxes_apart_inline<false>(own.placed_node(out.first / kLanes),
-                                            sides_[out.side ^ 1].placed_node(out.other / kLanes),
+                                            bodies_[out.side ^ 1].placed_node(out.other / kLanes),
                                             out.other % kLanes, own.cells_ratio(), nullptr);
     stats_.box_tests += kLanes;
   }
 
   template <std::uint32_t kSide>
   void open_by_depth(const PendingPair& pair) {
-    Side &own = sides_[kSide], &other = sides_[kSide ^ 1];
+    WalkedBody &own = bodies_[kSide], &other = bodies_[kSide ^ 1];
     const std::uint32_t node = own.first(pair.place[kSide]);
     const TreePlace partner = pair.place[kSide ^ 1];
     float depths[kLanes];
@@ -265,24 +265,24 @@ class Walk {
     for (std::size_t i = end_count_; i-- > 0;) {
       const PendingPair& pair = ends_[i];
       const TreePlace a = pair.place[0], b = pair.place[1];
-      if (HWY_UNLIKELY(sides_[0].kind(a) != Kind::kFaces || sides_[1].kind(b) != Kind::kFaces)) {
+      if (HWY_UNLIKELY(bodies_[0].kind(a) != Kind::kFaces || bodies_[1].kind(b) != Kind::kFaces)) {
         leave(pair);
         continue;
       }
-      const std::uint32_t count_b = sides_[1].count(b);
-      stats_.triangle_tests += std::uint64_t{sides_[0].count(a)} * count_b;
-      const TreePlace first = sides_[0].first(a) * kLanes;
+      const std::uint32_t count_b = bodies_[1].count(b);
+      stats_.triangle_tests += std::uint64_t{bodies_[0].count(a)} * count_b;
+      const TreePlace first = bodies_[0].first(a) * kLanes;
       for (std::uint32_t close = close_faces(0, pair); close != 0; close &= close - 1)
         faces[face_count++] = {first + static_cast<std::uint32_t>(std::countr_zero(close)),
-                               sides_[1].first(b), pair.faces[1] & ((1U << count_b) - 1)};
+                               bodies_[1].first(b), pair.faces[1] & ((1U << count_b) - 1)};
     }
     end_count_ = 0;
     for (std::size_t i = 0; i < face_count; ++i) {
       const FaceAndBlock& pair = faces[i];
       const std::uint32_t apart =
-          faces_apart_inline<false>(sides_[1].placed_block(pair.block_b), pair.faces_b,
-                                    sides_[0].placed_block(pair.face_a / kLanes).boxes,
-                                    pair.face_a % kLanes, sides_[1].cells_ratio());
+          faces_apart_inline<false>(bodies_[1].placed_block(pair.block_b), pair.faces_b,
+                                    bodies_[0].placed_block(pair.face_a / kLanes).boxes,
+                                    pair.face_a % kLanes, bodies_[1].cells_ratio());
       for (std::uint32_t close = pair.faces_b & ~apart; close != 0; close &= close - 1) {
         faces_a_[pair_count_] = pair.face_a;
         faces_b_[pair_count_++] =
@@ -310,21 +310,21 @@ class Walk {
           !triangles_overlap(pose_triangle(s_.frame_a, a.corners(i)),
                              pose_triangle(s_.frame_b, b.corners(i))))
         continue;
-      pairs_.push_back({sides_[0].block(faces_a_[i] / kLanes).keys[faces_a_[i] % kLanes],
-                        sides_[1].block(faces_b_[i] / kLanes).keys[faces_b_[i] % kLanes]});
+      pairs_.push_back({bodies_[0].block(faces_a_[i] / kLanes).keys[faces_a_[i] % kLanes],
+                        bodies_[1].block(faces_b_[i] / kLanes).keys[faces_b_[i] % kLanes]});
       if (kAny) break;
     }
     pair_count_ = 0;
   }
   [[nodiscard]] std::array<GridPoint, 3> face(std::uint32_t side, std::uint32_t at) const {
-    return sides_[side].block(at / kLanes).triangles.corners(at % kLanes);
+    return bodies_[side].block(at / kLanes).triangles.corners(at % kLanes);
   }
 
   // A pair of which one at least is unresolved.
   HWY_NOINLINE void leave(const PendingPair& pair) {
     std::uint32_t faces = 0;
     for (const std::uint32_t side : {0U, 1U})
-      if (sides_[side].kind(pair.place[side]) == Kind::kFaces &&
+      if (bodies_[side].kind(pair.place[side]) == Kind::kFaces &&
           (faces = close_faces(side, pair)) == 0)
         return;
     unresolved_.push_back({pair.place[0], pair.place[1], faces});
@@ -337,7 +337,7 @@ class Walk {
   static constexpr std::size_t kBatch = 8, kHopeful = 64, kEnds = 2 * kBatch;
   const Scene& s_;
   PairStack& stack_;
-  Side sides_[2];
+  WalkedBody bodies_[2];
   PendingPair ends_[kEnds + 1];
   std::size_t end_count_ = 0, opened_ = 0;
   std::uint32_t faces_a_[kLanes], faces_b_[kLanes], pair_count_ = 0;
