@@ -49,9 +49,9 @@ struct Missing {
   double since_s;
 };
 
-class Sweep {
+class SweptQuery {
  public:
-  Sweep(const Mover& a, const Mover& b, const SweepOptions& options)
+  SweptQuery(const Mover& a, const Mover& b, const SweepOptions& options)
       : a_(a),
         b_(b),
         options_(options),
@@ -395,7 +395,7 @@ Result<SweptAnswer> sweep(const TreeView& a, const Motion& motion_a, std::string
   Answer now = query(a, start.value().a, b, start.value().b, {.any = true, .clearance = false});
   if (now.status == AnswerStatus::kContact || (is_at_rest(motion_a) && is_at_rest(motion_b)))
     return at_once(std::move(now), options.duration_s);
-  return Sweep(mover_a, mover_b, options).run();
+  return SweptQuery(mover_a, mover_b, options).run();
 }
 
 double safe_horizon_s(const TreeView& a, const Motion& motion_a, const TreeView& b,
