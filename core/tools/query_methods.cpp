@@ -131,7 +131,7 @@ class Certified : public QueryMethod {
   const QueryMethodOptions options_;
 };
 
-// ---- the paper's grid ---------------------------------------------------------------------------
+// ---- the grid of Liu, Georganas, Roth 2006 ------------------------------------------------------
 
 class PaperGrid : public QueryMethod {
  public:
@@ -144,7 +144,7 @@ class PaperGrid : public QueryMethod {
     std::set<int> done_a, done_b;
     Stopwatch watch;
     while (true) {
-      // The whole tree is built anew: the paper refits, so its T_B is the smaller.
+      // The whole tree is built anew; they refit theirs, so their T_B is the smaller.
       const TriangleTree tree_a = build_triangle_tree(a_.header().grid, current_triangles(mesh_a));
       const TriangleTree tree_b = build_triangle_tree(b_.header().grid, current_triangles(mesh_b));
       result.tree_s += watch.lap();

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Why one ray proves a side. The posed surface is a closed 2-cycle, since posed corners are a function of grid points;
 // so every point off it has a winding number, which is the signed number of faces that a ray from it crosses. A face
-// that is not exact lies inside the box of an unresolved node (query.hpp); when the ray meets no such box, it crosses
+// that is not exact lies inside the box of an unresolved node (core/THEOREM.md); when the ray meets no such box, it crosses
 // exact faces only, and all of them are seen.
 //
 // Ties. The ray goes along axis w; u and v are the next two axes, in right-handed order. Instead of the point p we look

@@ -9,7 +9,7 @@
 //    longer than its chord. |R0 x| <= 1.0001 reach (check_pose), reach that of the node's own box.
 // 3. At t a point of a posed triangle is within posing_error_m of the true motion's.
 // So `around` = h (|w_a| reach_a + |w_b| reach_b) 1.0001 + both bodies' placing and posing errors, and boxes that stay apart
-// under that drift have no common point at t, whether rigid or posed; boxes enclose what is not refined (query.hpp).
+// under that drift have no common point at t, whether rigid or posed; boxes enclose what is not refined (core/THEOREM.md).
 // Instants k T / 2^n are rounded to doubles: m and the ends err by 2^-53 T each, so h is taken larger by 2^-51 T.
 #include "nearmesh/core/query/sweep.hpp"
 

@@ -4,7 +4,8 @@
 // A sparse upper tree over the roots and the larger nodes of the merge forest; below it slots, maximal nodes of at most
 // 64 ids, each with a micro tree over its exact faces and its unresolved nodes, whose boxes stand as they came. Boxes
 // above enclose what is below them. Takes RefineDelta, gives TreeView.
-// Source: the paper, section 3.3 (AB-tree; its inner workings are known from Table 1 only, so this is our own design).
+// Source: Liu, Georganas, Roth 2006, section 3.3 (AB-tree; its inner workings are known from Table 1 there only, so this is
+// our own design). How it works inside: core/src/abtree/ab_tree.cpp.
 
 #include <array>
 #include <cstdint>

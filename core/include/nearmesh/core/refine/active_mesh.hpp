@@ -3,8 +3,8 @@
 // Which vertices of a progressive mesh are active: the state of a replica, as a set.
 // The mesh is a function of that set (each corner replaced by its nearest active predecessor), so order of arrival,
 // repetition and loss cannot change the result, and there are no cracks between fine and coarse.
-// Source: the paper, section 3.3 (Local Vertex Split, Local Edge Collapse). Departure: a split's only legal condition
-// is that its node is current ("ancestors" closure); Hoppe's neighbour conditions are not needed for certified answers.
+// Source: Liu, Georganas, Roth 2006, section 3.3 (Local Vertex Split, Local Edge Collapse). Departure: a split's only
+// legal condition is that its node is current ("ancestors" closure); Hoppe's neighbour conditions are not needed for certified answers.
 
 #include <cstdint>
 #include <vector>
