@@ -1,4 +1,56 @@
 // SPDX-License-Identifier: Apache-2.0
+// How the tree follows a mesh that is refined here and made coarse there. (Slots from the inside: slots.cpp.)
+//
+// 1. What hangs where. Take a model of two roots, [0..999] and [1000..1003], of which a good part is refined:
+//
+//      node 0, lane 0
+//      the fixed tree over the roots             made once, by the constructor; each of its tips is a root
+//         |                      |
+//      [0..999]               [1000..1003]       a tip, and a slot since it has at most 64 vertices
+//         |
+//      upper node of [0..999]                    its lanes: what became of [0..999], up to three levels of the forest down,
+//        lane 0     lane 1      lane 2       lane 3        by first vertex, eight at most, without gaps
+//        [0..59]    [60..203]   [204..497]   [498..999]
+//        slot       not split   upper node   not split     of more than 64 vertices: unresolved nodes with their boxes
+//         |                      |
+//      micro tree               its lanes: what became of [204..497], three levels down again
+//
+//    A *tip* is where the upper tree ends: a slot, or a larger node that is not split. Tips share out all vertices.
+//    tip_of_ finds the tip of an active vertex, Upper::first_vertices the way back from a lane.
+//
+// 2. One slot from the inside. [128..191], where the splits 129, 130 and 134 are done:
+//
+//      vertex      128 129 130 131 132 133 134 135 ... 191
+//      active       1   1   1   0   0   0   1   0  ...  0
+//      resolved     1   1   0   0   0   0   0   0  ...  0     active, and so is the next
+//      node        [ ] [ ] [130 ..... 133] [134 .......191]   the last two are unresolved
+//
+//      micro tree   one node of four lanes, say:   8 exact faces | 5 exact faces | [130..133] | [134..191]
+//
+//    It holds those exact faces whose *home* is here, and the unresolved nodes with their boxes. The home of a face is the tip
+//    that has its right corner (SplitFace), so each face has one. Faces of the slot's own splits are found through the
+//    store. Faces of splits above stand in `inherited` of the tip that is their home; when a tip is split, they go
+//    with their right corner.
+//
+// 3. Who watches whom. A face may have corners in other tips, and becomes exact when the last of its three is resolved. Its
+//    slot must hear of that. It would cost much to tell every slot around of every split, so a face names *one* corner
+//    that it waits for, as clauses of a SAT solver watch one literal: while that is missing the others do not matter.
+//    An exact face names all its corners elsewhere: a collapse may take any of them. "Slot 7 watches corners 3 and 5
+//    of mine" stands in `watchers` of the tip that has these corners.
+//
+// 4. When a slot is rebuilt. A split or collapse in it, or a box of one of its nodes that comes late, marks it `changed`. A
+//    corner that it watches only queues it: it counts its exact faces again and is rebuilt if there are more. (A corner
+//    that is lost marks it changed: as many faces may have come as went.) Rebuilt means: its exact faces are collected in the
+//    order of their keys and the micro tree is made anew (build.cpp). Some 20 faces take a few microseconds, and no
+//    order of arrival leaves a trace.
+//
+// 5. Bounds above. The lane that a micro tree hangs in gets the box and slab around the tree. If these are not what they
+//    were, the node above is queued, deepest first, so that no node is looked at before all that changed below it. It stops
+//    where a lane comes out as it was; so what lies far from a change is not read.
+//
+// The shape follows from what is active, by rule 1, and the content of slots by rule 4. So a tree that followed
+// a replica equals one made from scratch, which the tests compare. Places in the arrays do depend on history;
+// therefore nothing that a query answers may depend on them.
 #include "nearmesh/core/abtree/ab_tree.hpp"
 
 #include <algorithm>
@@ -37,6 +89,7 @@ AbTree::AbTree(const ActiveMesh& mesh)
   TreeEntry top = builder_->build(fixed);
   if (top.kind() == Kind::kInner) top = inner_entry(fixed.nodes, top.first);
   root_places_.resize(store.roots().size());
+  // Node 0 holds the root of all, so the nodes of the fixed tree come one place later than the builder put them.
   const auto add = [&](std::uint32_t at, std::uint32_t lane, TreeEntry part) {
     if (part.kind() == Kind::kInner) upper(++part.first).parent = at * kLanes + lane;
     arrays_.nodes[at].set(lane, part);
@@ -54,10 +107,12 @@ AbTree::AbTree(const ActiveMesh& mesh)
     upper(at).level = upper(upper(at).parent / kLanes).level + 1;
     for (std::uint32_t lane = 0; lane < kLanes; ++lane) add(at, lane, nodes[at - 1].entry(lane));
   }
+  // Until its root is split a base face waits there, as the faces of any split above a tip do.
   for (std::uint32_t i = 0; i < store.base_faces().size(); ++i) {
     const VertexId home = store.base_faces()[i].right;
     tips_[tip_of(store.roots()[store.root_index(home)].node.first)].inherited.push_back({{}, i});
   }
+  // What is active already is caught up with as if it came now.
   RefineDelta delta;
   for (VertexId v{0}; v.value < store.vertex_count(); v = {mesh.current_node(v).end()})
     if (!store.is_root(v)) delta.split.push_back(v);
@@ -126,7 +181,7 @@ void AbTree::free_tip(std::uint32_t index) {
   }
   exact_total_ -= tip.exact_count;
   const bool queued = tip.queued;
-  tip = Tip{};
+  tip = Tip{};          // of size 0, so that nobody looks at it
   tip.queued = queued;  // its place in pending_ stays; a reused tip is simply looked at
   free_tips_.push_back(index);
 }
@@ -156,12 +211,15 @@ std::uint32_t AbTree::tip_at(TreePlace place) const {
   return tips_[tip].place == place ? tip : kNone;
 }
 
+// Lanes of an upper node have no gaps, so the first without a vertex ends them. (A lane with a vertex may still be empty: a
+// slot without an unresolved node that is home to no exact face.)
 std::uint32_t AbTree::lane_count(std::uint32_t tree_node) const {
   std::uint32_t count = 0;
   while (count < kLanes && upper(tree_node).first_vertices[count] != kNone) ++count;
   return count;
 }
 
+// To another lane of its node, with what leads back to it from below.
 void AbTree::move_lane(std::uint32_t tree_node, std::uint32_t from, std::uint32_t to) {
   NEARMESH_ASSERT(from != to);
   const std::uint32_t tip = tip_at(tree_node * kLanes + from);
@@ -177,6 +235,8 @@ void AbTree::move_lane(std::uint32_t tree_node, std::uint32_t from, std::uint32_
   }
 }
 
+// Which lanes hold what became of a node: down from its root, split by split. Each split parts a range of lanes at its
+// vertex; each third level is a tree node further down.
 // Precondition: the node is a root, or its parent is split here.
 AbTree::Lanes AbTree::find_lanes(NodeSpan node) const {
   const SplitStore& store = mesh_->store();
@@ -222,6 +282,8 @@ void AbTree::tell_watchers(std::uint32_t index, VertexBits corners, bool may_los
   }
 }
 
+// First the shape above slots, and who is to be looked at; then slots; then bounds. Each of the three sees all that the one
+// before has done, so a slot with ten new splits is built once.
 void AbTree::update(const RefineDelta& delta) {
   rebuilt_slots_ = rebuilt_faces_ = 0;
   for (const NodeSpan& node : delta.collapsed) apply_collapse(node);
@@ -241,6 +303,7 @@ void AbTree::update(const RefineDelta& delta) {
     fetch(&arrays_.nodes[place / kLanes].first[place % kLanes]);
     fetch(&arrays_.nodes[place / kLanes].kind_and_count[place % kLanes]);
   }
+  // In order of their numbers, which is about that of their places in memory.
   std::sort(pending_.begin(), pending_.end());
   for (const std::uint32_t tip : pending_) tips_[tip].queued = false;
   // Who is looked at may watch others, but queues nothing, so one pass suffices.
@@ -266,6 +329,7 @@ void AbTree::fetch_slot(std::uint32_t tip) {
   if (node.kind(lane) == Kind::kFaces) fetch(&arrays_.blocks[node.first[lane]]);
 }
 
+// The lane changed, so the node's own lane above must be looked at.
 void AbTree::set_entry(TreePlace place, const TreeEntry& entry) {
   arrays_.nodes[place / kLanes].set(place % kLanes, entry);
   queue_refit(place / kLanes);
@@ -284,6 +348,7 @@ bool AbTree::refit_lane(TreePlace place) {
   TreeNode& node = arrays_.nodes[place / kLanes];
   const std::uint32_t lane = place % kLanes;
   const TreeEntry entry = inner_entry(arrays_.nodes, node.first[lane]);
+  // An inner lane with nothing below it counts as empty for queries, but keeps leading to its node: more may come there.
   if (entry.box.is_empty()) {
     const std::uint32_t before = std::exchange(node.lanes, node.lanes & ~(1U << lane));
     return node.lanes != before;
@@ -293,8 +358,10 @@ bool AbTree::refit_lane(TreePlace place) {
   return true;
 }
 
-// Boxes and slabs of the lanes above those that changed, lowest first.
+// Boxes and slabs of the lanes above those that changed, lowest first: the heap gives the greatest level. A lane that
+// comes out as it was queues nothing, and there the way up ends.
 void AbTree::refit() {
+  // Micro trees were written a while ago by now: to read back what has just been written would stall.
   for (const TreePlace place : micro_roots_) refit_lane(place);
   micro_roots_.clear();
   while (!refits_.empty()) {
@@ -312,6 +379,7 @@ void AbTree::apply_split(VertexId u) {
   const SplitStore& store = mesh_->store();
   const NodeSpan node = store.node_of(u);
   const std::uint32_t left = tip_of(node.first);
+  // Within a slot the shape above stays. Others wait for vertices that this split has resolved, if any.
   if (tips_[left].is_slot()) {
     set_tip_of(u, left);
     mark_changed(left);
@@ -320,6 +388,7 @@ void AbTree::apply_split(VertexId u) {
     if (corners != 0) tell_watchers(left, corners, false);
     return;
   }
+  // A larger tip becomes two: the old one keeps the left child, a new one gets the right child.
   NEARMESH_ASSERT(tips_[left].node == node);
   mark_changed(left);
   tell_watchers(left, kAllVertices, false);  // they find out which child to watch
@@ -327,11 +396,12 @@ void AbTree::apply_split(VertexId u) {
   const TreePlace place = tips_[left].place;
   const std::uint16_t depth = tips_[left].depth;
   std::uint32_t at = place / kLanes, lane = place % kLanes;
+  // On each third level a tree node is hung below the lane; on the others the lane is parted in two, side by side.
   if (depth % kLevelsPerNode == 0) {
     at = new_upper(place);
     lane = 0;
     TreeEntry inner;
-    inner.box = store.box(node);
+    inner.box = store.box(node);  // until refit(), which will reach it: both new lanes are marked
     inner.set(Kind::kInner, at, 0);
     set_entry(place, inner);
     upper(at).first_vertices[0] = node.begin();
@@ -361,10 +431,11 @@ void AbTree::apply_split(VertexId u) {
   mark_changed(right);
 }
 
+// Makes a node whole: unlike a split it may undo any number of levels at once.
 void AbTree::apply_collapse(NodeSpan node) {
   const std::uint32_t first = tip_of(node.first);
   if (tips_[first].is_slot() && tips_[first].node.size >= node.size) {
-    VertexBits corners = bit_of(node.first);
+    VertexBits corners = bit_of(node.first);  // all of them, whichever were resolved
     for (std::uint32_t v = node.begin() + 1; v < node.end(); ++v) {
       tip_of_[v] = 0;
       corners |= bit_of({v});
@@ -402,6 +473,7 @@ void AbTree::apply_collapse(NodeSpan node) {
     free_tip(tip);
   }
   for (const std::uint32_t tree_node : below) free_upper(tree_node);
+  // One lane is left of those that the node had; the lanes right of them move up.
   const std::uint32_t count = lane_count(lanes.tree_node), fewer = lanes.end - lanes.begin - 1;
   const TreePlace place = lanes.tree_node * kLanes + lanes.begin;
   upper(lanes.tree_node).first_vertices[lanes.begin] = node.begin();
@@ -427,6 +499,7 @@ void AbTree::apply_box(NodeSpan node) {
     mark_changed(first);
     return;
   }
+  // Down through larger nodes: also tips further down had that ancestor's box, unless one between has its own.
   std::vector<NodeSpan> stack{node};
   while (!stack.empty()) {
     const NodeSpan span = stack.back();

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The part of AbTree that follows slots: which of a slot's faces are exact, and the micro tree over them.
+// The part of AbTree that follows slots: which of a slot's faces are exact, and the micro tree over them. A picture of one
+// slot, and who watches whom, stand at the top of ab_tree.cpp.
 // A slot watches as clauses of a SAT solver watch literals (Moskewicz et al. 2001, Chaff): a face that is not exact yet is
 // woken by one of its missing corners only, an exact one by any that it may lose.
 
@@ -22,6 +23,7 @@ void AbTree::look_at(std::uint32_t index) {
   if (tip.is_slot()) {
     fetch_micro_tree(tip.place);
     find_exact_faces(index);
+    // Not marked as changed, it was woken by a corner that has come: then faces were only gained, and their number tells.
     if (changed || exact_count_ != tip.exact_count) build_micro_tree(index);
     return;
   }
@@ -105,6 +107,7 @@ void AbTree::find_inherited_faces(std::uint32_t index, const SlotBits& bits) {
   for (const FaceKey key : slot.inherited) {
     const SplitFace face = mesh_->store().face(key);
     if ((bits.resolved >> (face.right.value - slot.node.begin()) & 1U) == 0) continue;
+    // The one corner to wait for: the left one while it is missing, then the outside one.
     const bool has_left = mesh_->is_resolved(face.left);
     corners_elsewhere_[elsewhere_count_++] = has_left ? face.outside : face.left;
     if (!has_left || !mesh_->is_resolved(face.outside)) continue;
@@ -141,6 +144,7 @@ void AbTree::find_own_faces(NodeSpan slot, const SlotBits& bits) {
     elsewhere += is_here & static_cast<std::uint64_t>(!slot.contains(face.outside));
   };
   make_room_for(0);
+  // Without the lowest: the slot's first vertex came with a split above, whose faces are inherited.
   for (std::uint64_t left = bits.active & (bits.active - 1); left != 0; left &= left - 1) {
     const VertexId v{slot.begin() + static_cast<std::uint32_t>(std::countr_zero(left))};
     if (const FaceCorners* two = store.two_faces(v)) {
@@ -175,6 +179,7 @@ void AbTree::build_micro_tree(std::uint32_t index) {
   const SlotBits bits = bits_of(slot.node);
   for (std::uint64_t left = bits.active & ~bits.resolved; left != 0; left &= left - 1) {
     const auto offset = static_cast<std::uint32_t>(std::countr_zero(left));
+    // The node of an active vertex ends where the next active one begins. By two shifts: one by 64 is undefined.
     const std::uint64_t after = bits.active >> offset >> 1;
     const std::uint32_t size = after != 0 ? static_cast<std::uint32_t>(std::countr_zero(after)) + 1
                                           : slot.node.size - offset;

@@ -1,5 +1,50 @@
 // SPDX-License-Identifier: Apache-2.0
-// The whole walk is made once for each instruction set, so that its tests, a hundred or more a query, are inlined.
+// The walk of two trees at once: from the pair of both roots down to the pairs of faces that touch, and to the pairs with an
+// unresolved node that may.
+//
+// 1. The work list. It holds pairs of entries, one of each tree, that are not proved apart. Three kinds of pairs come out
+//    of it:
+//
+//      inner x anything         One of them is opened: the larger, in metres, where both are inner. Its eight lanes are
+//                               held against the other part at once, and those not apart go on the list.
+//      block x block            An "end". Ends are collected; test_ends() decides their faces.
+//      block or node x node     An end as well, since an unresolved node cannot be opened. leave() notes it for the
+//                               caller, unless no face of the block comes near the node.
+//
+//    For example (a: root R over nodes P and Q, Q over blocks; b: one block S):
+//
+//      list                     done
+//      (R, S)                   R is opened: P is apart from S, Q is not
+//      (Q, S)                   Q is opened: block 1 and unresolved node 4 are not apart from S
+//      (1, S) (4, S)            both are ends: the faces of 1 and S are tested, (4, S) is left to the caller
+//
+// 2. Why it ends, and loses nothing. Each step takes a pair off and puts on pairs one level deeper, and trees are finite.
+//    A pair is dropped only where a test proves it apart, and then all below it is apart, since bounds enclose what is
+//    below (core/THEOREM.md). So each touching pair of exact faces, and each pair with an unresolved node that is not
+//    proved apart, is found.
+//
+// 3. Eight pairs in flight. A test of eight lanes is a long chain of operations, each of which waits for the one before, and
+//    what comes of it cannot be predicted. So look_at_latest() takes the latest eight pairs off the list and does
+//    each step for all of them before the next, without branches that depend on data:
+//
+//      pop 8 pairs -> plan: which side is opened? -> (cull) -> test 8 x 8 lanes -> push what is left, last pair first
+//                        \-> neither is inner: ends
+//
+//    The latest are taken, not the oldest, so the list stays short: depth first, eight abreast.
+//    Where one contact suffices (kAny), the first 64 nodes are opened one by one instead, deepest overlap first: a contact
+//    is likely to be found among them, and every node opened beside the way is lost.
+//
+// 4. What is placed when. Both trees are in their own grids, and tests need the boxes of one in the units of the other. A
+//    node (eight boxes and slabs) or a block (eight faces) is placed in both bodies' units when a test first reads it, for
+//    this pair of poses, as floats rounded outwards (box_kernels.hpp). Some 64 placed last are kept for each tree
+//    (walk_memory.hpp): a walk comes back to the same ones, and most nodes are never reached.
+//
+// 5. The funnel of faces. Of two blocks first each face of a is held against b's box, then against b's faces eight at a
+//    time, by planes and axes in floats; what is left is collected over blocks into eights and decided in doubles
+//    (triangle_kernels.hpp), and only what rounding leaves open is decided exactly on posed integers.
+//
+// The whole walk is made once for each instruction set, so that its tests, a hundred or more a query, are inlined. Each
+// finds the same answer, bit for bit.
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "walk.cpp"  // NOLINT(readability-identifier-naming): Highway's name
 #include <hwy/foreach_target.h>
@@ -19,7 +64,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace nearmesh::HWY_NAMESPACE {
 
-/// One body: its tree's nodes and blocks as the pair of bodies sees them.
+/// One body: its tree's nodes and blocks, placed when they are first asked for.
 class WalkedBody {
  public:
   WalkedBody(const TreeView& tree, const RelativeFrame& in_other, const RelativeFrame& other_in,
@@ -90,6 +135,7 @@ class Walk {
         unresolved_(unresolved),
         stats_(stats) {}
 
+  // The caller has seen that the roots are not apart.
   void run() {
     stack_.reserve(1);
     stack_.push({{0, 0}, {kAllLanes, kAllLanes}});
@@ -101,7 +147,7 @@ class Walk {
       }
       if (kAny && !pairs_.empty()) return;
     }
-    test_ends();
+    test_ends();  // what was collected last
   }
 
  private:
@@ -132,6 +178,7 @@ class Walk {
     const std::size_t count = std::min(stack_.size, kBatch);
     Opened opened[kBatch];
     std::size_t inner_count = 0;
+    // A pair is written both where ends and where nodes to open go, and counted where it belongs.
     for (std::size_t i = 0; i < count; ++i) {
       const PendingPair pair = stack_.pop();
       Opened& next = opened[inner_count];
@@ -144,12 +191,14 @@ class Walk {
       end_count_ += is_inner ? 0 : 1;
       inner_count += next.close != 0 && is_inner ? 1 : 0;
     }
+    // Ends wait for company, but not where the first contact is the last one wanted.
     if (end_count_ > (kAny ? 0 : kEnds - kBatch)) {
       test_ends();
       if (kAny && !pairs_.empty()) return;
     }
     stack_.reserve(kBatch * kLanes);
     for (std::size_t i = 0; i < inner_count; ++i) test(opened[i]);
+    // What comes of the pair that was on top comes on top again: depth first.
     for (std::size_t i = inner_count; i-- > 0;) push(opened[i]);
   }
 
@@ -201,6 +250,7 @@ class Walk {
                                                other % kLanes, bodies_[side].cells_ratio());
   }
 
+  // Leaves in `close` the lanes that may meet the other part.
   HWY_INLINE void test(Opened& out) {
     WalkedBody& own = bodies_[out.side];
     out.close &= ~boxes_apart_inline<false>(own.placed_node(out.first / kLanes),
@@ -209,6 +259,7 @@ class Walk {
     stats_.box_tests += kLanes;
   }
 
+  // Opens one node and pushes its lanes so that the one that overlaps most comes off the list first.
   template <std::uint32_t kSide>
   void open_by_depth(const PendingPair& pair) {
     WalkedBody &own = bodies_[kSide], &other = bodies_[kSide ^ 1];
@@ -241,7 +292,8 @@ class Walk {
     }
   }
 
-  // The first lane comes on top.
+  // The first lane comes on top. Eight are written whatever `close` says, and as many counted as it has; what is beyond
+  // the size is written over by the next.
   void push(const Opened& opened) {
     const hn::CappedTag<std::uint32_t, kLanes> d;
     const hn::Rebind<std::uint8_t, decltype(d)> bytes;
@@ -262,6 +314,7 @@ class Walk {
   void test_ends() {
     FaceAndBlock faces[kEnds * kLanes];
     std::size_t face_count = 0;
+    // First each face of a's block against the whole of b's block.
     for (std::size_t i = end_count_; i-- > 0;) {
       const PendingPair& pair = ends_[i];
       const TreePlace a = pair.place[0], b = pair.place[1];
@@ -277,6 +330,7 @@ class Walk {
                                bodies_[1].first(b), pair.faces[1] & ((1U << count_b) - 1)};
     }
     end_count_ = 0;
+    // Then each face that is left against b's faces one by one, eight at a time.
     for (std::size_t i = 0; i < face_count; ++i) {
       const FaceAndBlock& pair = faces[i];
       const std::uint32_t apart =
@@ -306,6 +360,7 @@ class Walk {
     const PairVerdicts verdicts = test_triangles_inline(s_.b_in_a, a, b, (1U << pair_count_) - 1);
     for (std::uint32_t i = 0; i < pair_count_; ++i) {
       if ((verdicts.apart >> i & 1U) != 0) continue;
+      // In neither: too near to tell in doubles, so it is decided exactly.
       if ((verdicts.touching >> i & 1U) == 0 &&
           !triangles_overlap(pose_triangle(s_.frame_a, a.corners(i)),
                              pose_triangle(s_.frame_b, b.corners(i))))
@@ -320,7 +375,8 @@ class Walk {
     return bodies_[side].block(at / kLanes).triangles.corners(at % kLanes);
   }
 
-  // A pair of which one at least is unresolved.
+  // A pair of which one at least is unresolved. What such a pair needs, the caller decides when all are known: most nodes
+  // appear in many pairs.
   HWY_NOINLINE void leave(const PendingPair& pair) {
     std::uint32_t faces = 0;
     for (const std::uint32_t side : {0U, 1U})
@@ -334,6 +390,7 @@ class Walk {
     std::uint32_t face_a, block_b, faces_b;
   };
 
+  // Pairs in flight; nodes opened one by one where one contact suffices; ends collected before they are tested.
   static constexpr std::size_t kBatch = 8, kHopeful = 64, kEnds = 2 * kBatch;
   const Scene& s_;
   PairStack& stack_;
