@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Predicates where signs are hard, box tests and gaps, poses up to their limits.
+#include "../../core/src/geometry/kernels_for_tests.hpp"
 #include "jobs.hpp"
-#include "nearmesh/core/geometry/placed_boxes.hpp"
 #include "nearmesh/core/geometry/triangle_overlap.hpp"
 #include "test_models.hpp"
 

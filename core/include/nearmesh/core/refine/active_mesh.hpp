@@ -35,9 +35,9 @@ class ActiveMesh {
   [[nodiscard]] bool is_active(VertexId v) const {
     return (bits_[v.value >> 6] >> (v.value & 63U) & 1U) != 0;
   }
-  /// Active and standing for itself alone: a vertex of the full mesh in its final place.
+  /// Active and standing for itself alone: a vertex of the full mesh in its final place. What stands for more is unresolved.
   [[nodiscard]] bool is_resolved(VertexId v) const {
-    // No branch: which are is hard to foretell.
+    // No branch: what comes of it is hard to foretell.
     const std::uint64_t* words = bits_.data();
     const std::uint32_t after = v.value + 1;
     NEARMESH_ASSERT((after >> 6) < bits_.size());
