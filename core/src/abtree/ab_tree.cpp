@@ -4,7 +4,7 @@
 // 1. What hangs where. Take a model of two roots, [0..999] and [1000..1003], of which a good part is refined:
 //
 //      node 0, lane 0
-//      the fixed tree over the roots             made once, by the constructor; each of its tips is a root
+//      the fixed tree over the roots             made once, by the constructor, with a tip for each root
 //         |                      |
 //      [0..999]               [1000..1003]       a tip, and a slot since it has at most 64 vertices
 //         |
@@ -44,9 +44,10 @@
 //    order of their keys and the micro tree is made anew (build.cpp). Some 20 faces take a few microseconds, and no
 //    order of arrival leaves a trace.
 //
-// 5. Bounds above. The lane that a micro tree hangs in gets the box and slab around the tree. If these are not what they
-//    were, the node above is queued, deepest first, so that no node is looked at before all that changed below it. It stops
-//    where a lane comes out as it was; so what lies far from a change is not read.
+// 5. Bounds above. The lane that a micro tree hangs in gets the box and slab around the tree, and its node is queued. Of a
+//    queued node the lane that it hangs in, one node up, is taken anew around all its lanes. Does it come out as it was,
+//    the way up ends there; else the node up there is queued too. The deepest node comes first, so each is looked at once,
+//    after all that changed below it. What lies far from a change is not read.
 //
 // The shape follows from what is active, by rule 1, and the content of slots by rule 4. So a tree that followed
 // a replica equals one made from scratch, which the tests compare. Places in the arrays do depend on history;
