@@ -1,4 +1,57 @@
 // SPDX-License-Identifier: Apache-2.0
+// How the tree follows a mesh that is refined here and made coarse there. (Slots from the inside: slots.cpp.)
+//
+// 1. What hangs where. Take a model of two roots, [0..999] and [1000..1003], of which a good part is refined:
+//
+//      node 0, lane 0
+//      the fixed tree over the roots             made once, by the constructor, with a tip for each root
+//         |                      |
+//      [0..999]               [1000..1003]       a tip, and a slot since it has at most 64 vertices
+//         |
+//      upper node of [0..999]                    its lanes: what became of [0..999], up to three levels of the forest down,
+//        lane 0     lane 1      lane 2       lane 3        by first vertex, eight at most, without gaps
+//        [0..59]    [60..203]   [204..497]   [498..999]
+//        slot       not split   upper node   not split     of more than 64 vertices: unresolved nodes with their boxes
+//         |                      |
+//      micro tree               its lanes: what became of [204..497], three levels down again
+//
+//    A *tip* is where the upper tree ends: a slot, or a larger node that is not split. Tips share out all vertices.
+//    tip_of_ finds the tip of an active vertex, Upper::first_vertices the way back from a lane.
+//
+// 2. One slot from the inside. [128..191], where the splits 129, 130 and 134 are done:
+//
+//      vertex      128 129 130 131 132 133 134 135 ... 191
+//      active       1   1   1   0   0   0   1   0  ...  0
+//      resolved     1   1   0   0   0   0   0   0  ...  0     active, and so is the next
+//      node        [ ] [ ] [130 ..... 133] [134 .......191]   the last two are unresolved
+//
+//      micro tree   one node of four lanes, say:   8 exact faces | 5 exact faces | [130..133] | [134..191]
+//
+//    It holds those exact faces whose *home* is here, and the unresolved nodes with their boxes. The home of a face is the tip
+//    that has its right corner (SplitFace), so each face has one. Faces of the slot's own splits are found through the
+//    store. Faces of splits above stand in `inherited` of the tip that is their home; when a tip is split, they go
+//    with their right corner.
+//
+// 3. Who watches whom. A face may have corners in other tips, and becomes exact when the last of its three is resolved. Its
+//    slot must hear of that. It would cost much to tell every slot around of every split, so a face names *one* corner
+//    that it waits for, as clauses of a SAT solver watch one literal: while that is missing the others do not matter.
+//    An exact face names all its corners elsewhere: a collapse may take any of them. "Slot 7 watches corners 3 and 5
+//    of mine" stands in `watchers` of the tip that has these corners.
+//
+// 4. When a slot is rebuilt. A split or collapse in it, or a box of one of its nodes that comes late, marks it `changed`. A
+//    corner that it watches only queues it: it counts its exact faces again and is rebuilt if there are more. (A corner
+//    that is lost marks it changed: as many faces may have come as went.) Rebuilt means: its exact faces are collected in the
+//    order of their keys and the micro tree is made anew (build.cpp). Some 20 faces take a few microseconds, and no
+//    order of arrival leaves a trace.
+//
+// 5. Bounds above. The lane that a micro tree hangs in gets the box and slab around the tree, and its node is queued. Of a
+//    queued node the lane that it hangs in, one node up, is taken anew around all its lanes. Does it come out as it was,
+//    the way up ends there; else the node up there is queued too. The deepest node comes first, so each is looked at once,
+//    after all that changed below it. What lies far from a change is not read.
+//
+// The shape follows from what is active, by rule 1, and the content of slots by rule 4. So a tree that followed
+// a replica equals one made from scratch, which the tests compare. Places in the arrays do depend on history;
+// therefore nothing that a query answers may depend on them.
 #include "nearmesh/core/abtree/detail/ab_tree.hpp"
 
 #include <algorithm>
@@ -13,7 +66,7 @@ namespace {
 
 using Kind = TreeEntry::Kind;
 
-constexpr std::size_t kFirstLeaves = 256, kFirstUppers = 256;
+constexpr std::size_t kFirstTips = 256, kFirstUppers = 256;
 
 /// Tells the processor that all of it will be read or written soon.
 template <class T>
@@ -26,26 +79,27 @@ void fetch(const T* what) {
 
 AbTree::AbTree(const ActiveMesh& mesh)
     : mesh_(&mesh),
-      leaf_of_(mesh.store().vertex_count()),
+      tip_of_(mesh.store().vertex_count()),
       builder_(std::make_unique<TreeBuilder>()) {
   const SplitStore& store = mesh.store();
-  // A fixed tree over the roots; each of its leaves then grows with its root's splits.
+  // A fixed tree over the roots; each of its tips then grows with its root's splits.
   builder_->clear();
   for (const BaseRoot& root : store.roots())
-    builder_->add_frontier(root.node, store.box(root.node));
+    builder_->add_unresolved(root.node, store.box(root.node));
   TreeArrays fixed;
   TreeEntry top = builder_->build(fixed);
   if (top.kind() == Kind::kInner) top = inner_entry(fixed.nodes, top.first);
   root_places_.resize(store.roots().size());
+  // Node 0 holds the root of all, so the nodes of the fixed tree come one place later than the builder put them.
   const auto add = [&](std::uint32_t at, std::uint32_t lane, TreeEntry part) {
     if (part.kind() == Kind::kInner) upper(++part.first).parent = at * kLanes + lane;
     arrays_.nodes[at].set(lane, part);
-    if (part.kind() != Kind::kFrontier) return;
-    const NodeSpan span = part.frontier_node();
+    if (part.kind() != Kind::kUnresolved) return;
+    const NodeSpan span = part.unresolved_node();
     const TreePlace place = at * kLanes + lane;
     upper(at).first_vertices[lane] = span.begin();
     root_places_[store.root_index(span.first)] = place;
-    set_leaf_of(span.first, new_leaf(span, place, 0));
+    set_tip_of(span.first, new_tip(span, place, 0));
   };
   const auto nodes = fixed.nodes.view();
   for (std::size_t i = 0; i <= nodes.size(); ++i) new_upper(kNone);
@@ -54,10 +108,12 @@ AbTree::AbTree(const ActiveMesh& mesh)
     upper(at).level = upper(upper(at).parent / kLanes).level + 1;
     for (std::uint32_t lane = 0; lane < kLanes; ++lane) add(at, lane, nodes[at - 1].entry(lane));
   }
+  // Until its root is split a base face waits there, as the faces of any split above a tip do.
   for (std::uint32_t i = 0; i < store.base_faces().size(); ++i) {
     const VertexId home = store.base_faces()[i].right;
-    leaves_[leaf_of(store.roots()[store.root_index(home)].node.first)].inherited.push_back({{}, i});
+    tips_[tip_of(store.roots()[store.root_index(home)].node.first)].inherited.push_back({{}, i});
   }
+  // What is active already is caught up with as if it came now.
   RefineDelta delta;
   for (VertexId v{0}; v.value < store.vertex_count(); v = {mesh.current_node(v).end()})
     if (!store.is_root(v)) delta.split.push_back(v);
@@ -65,7 +121,7 @@ AbTree::AbTree(const ActiveMesh& mesh)
   std::sort(delta.split.begin(), delta.split.end(), [&](VertexId a, VertexId b) {
     return std::pair(~store.node_of(a).size, a) < std::pair(~store.node_of(b).size, b);
   });
-  for (std::uint32_t leaf = 0; leaf < leaves_.size(); ++leaf) mark_changed(leaf);
+  for (std::uint32_t tip = 0; tip < tips_.size(); ++tip) mark_changed(tip);
   update(delta);
 }
 
@@ -99,36 +155,36 @@ void AbTree::free_upper(std::uint32_t tree_node) {
   arrays_.nodes.give_back(tree_node);
 }
 
-std::uint32_t AbTree::new_leaf(NodeSpan node, TreePlace place, std::uint16_t depth) {
+std::uint32_t AbTree::new_tip(NodeSpan node, TreePlace place, std::uint16_t depth) {
   std::uint32_t index;
-  if (free_leaves_.empty()) {
-    index = static_cast<std::uint32_t>(leaves_.size());
+  if (free_tips_.empty()) {
+    index = static_cast<std::uint32_t>(tips_.size());
     // By a quarter, not twofold: they take some 70 bytes each.
-    if (leaves_.size() == leaves_.capacity())
-      leaves_.reserve(leaves_.size() + leaves_.size() / 4 + kFirstLeaves);
-    leaves_.emplace_back();
+    if (tips_.size() == tips_.capacity())
+      tips_.reserve(tips_.size() + tips_.size() / 4 + kFirstTips);
+    tips_.emplace_back();
   } else {
-    index = free_leaves_.back();
-    free_leaves_.pop_back();
+    index = free_tips_.back();
+    free_tips_.pop_back();
   }
-  leaves_[index].node = node;
-  leaves_[index].place = place;
-  leaves_[index].depth = depth;
-  if (leaves_[index].is_slot()) ++slot_total_;
+  tips_[index].node = node;
+  tips_[index].place = place;
+  tips_[index].depth = depth;
+  if (tips_[index].is_slot()) ++slot_total_;
   return index;
 }
 
-void AbTree::free_leaf(std::uint32_t index) {
-  Leaf& leaf = leaves_[index];
-  if (leaf.is_slot()) {
+void AbTree::free_tip(std::uint32_t index) {
+  Tip& tip = tips_[index];
+  if (tip.is_slot()) {
     --slot_total_;
-    free_micro_tree(leaf.place);
+    free_micro_tree(tip.place);
   }
-  exact_total_ -= leaf.exact_count;
-  const bool queued = leaf.queued;
-  leaf = Leaf{};
-  leaf.queued = queued;  // its place in pending_ stays; a reused leaf is simply looked at
-  free_leaves_.push_back(index);
+  exact_total_ -= tip.exact_count;
+  const bool queued = tip.queued;
+  tip = Tip{};          // of size 0, so that nobody looks at it
+  tip.queued = queued;  // its place in pending_ stays; a reused tip is simply looked at
+  free_tips_.push_back(index);
 }
 
 // What free_micro_tree() gives back is what the next tree is written to.
@@ -150,33 +206,38 @@ void AbTree::free_micro_tree(TreePlace place) {
 
 // ---- the upper tree -------------------------------------------------------------------------------------------------
 
-// The leaf of an upper lane, or kNone where the lane leads to another node.
-std::uint32_t AbTree::leaf_at(TreePlace place) const {
-  const std::uint32_t leaf = leaf_of_[upper(place / kLanes).first_vertices[place % kLanes]] - 1;
-  return leaves_[leaf].place == place ? leaf : kNone;
+// The tip of an upper lane, or kNone where the lane leads to another node.
+std::uint32_t AbTree::tip_at(TreePlace place) const {
+  const std::uint32_t tip = tip_of_[upper(place / kLanes).first_vertices[place % kLanes]] - 1;
+  return tips_[tip].place == place ? tip : kNone;
 }
 
+// Lanes of an upper node have no gaps, so the first without a vertex ends them. (A lane with a vertex may still be empty: a
+// slot without an unresolved node that is home to no exact face.)
 std::uint32_t AbTree::lane_count(std::uint32_t tree_node) const {
   std::uint32_t count = 0;
   while (count < kLanes && upper(tree_node).first_vertices[count] != kNone) ++count;
   return count;
 }
 
+// To another lane of its node, with what leads back to it from below.
 void AbTree::move_lane(std::uint32_t tree_node, std::uint32_t from, std::uint32_t to) {
   NEARMESH_ASSERT(from != to);
-  const std::uint32_t leaf = leaf_at(tree_node * kLanes + from);
+  const std::uint32_t tip = tip_at(tree_node * kLanes + from);
   TreeNode& node = arrays_.nodes[tree_node];
   node.set(to, node.entry(from));
   node.first[to] = node.first[from];  // also of an inner lane that has nothing below it
   node.kind_and_count[to] = node.kind_and_count[from];
   upper(tree_node).first_vertices[to] = upper(tree_node).first_vertices[from];
-  if (leaf != kNone) {
-    leaves_[leaf].place = tree_node * kLanes + to;
+  if (tip != kNone) {
+    tips_[tip].place = tree_node * kLanes + to;
   } else {
     upper(arrays_.nodes[tree_node].first[to]).parent = tree_node * kLanes + to;
   }
 }
 
+// Which lanes hold what became of a node: down from its root, split by split. Each split parts a range of lanes at its
+// vertex; each third level is a tree node further down.
 // Precondition: the node is a root, or its parent is split here.
 AbTree::Lanes AbTree::find_lanes(NodeSpan node) const {
   const SplitStore& store = mesh_->store();
@@ -201,34 +262,36 @@ AbTree::Lanes AbTree::find_lanes(NodeSpan node) const {
   return at;
 }
 
-void AbTree::queue(std::uint32_t leaf) {
-  if (leaves_[leaf].queued) return;
-  leaves_[leaf].queued = true;
-  pending_.push_back(leaf);
+void AbTree::queue(std::uint32_t tip) {
+  if (tips_[tip].queued) return;
+  tips_[tip].queued = true;
+  pending_.push_back(tip);
 }
 
-void AbTree::mark_changed(std::uint32_t leaf) {
-  leaves_[leaf].changed = true;
-  queue(leaf);
+void AbTree::mark_changed(std::uint32_t tip) {
+  tips_[tip].changed = true;
+  queue(tip);
 }
 
-// At these vertices of a leaf it changed whether they are vertices of the full mesh. Who waits for one looks again, which
+// At these vertices of a tip it changed whether they are vertices of the full mesh. Who waits for one looks again, which
 // need not come to anything; where exact faces may be lost their number alone would not tell.
 void AbTree::tell_watchers(std::uint32_t index, VertexBits corners, bool may_lose) {
-  for (const Watch& watch : leaves_[index].watchers) {
+  for (const Watch& watch : tips_[index].watchers) {
     if ((watch.corners & corners) == 0) continue;
-    leaves_[watch.leaf].changed |= may_lose;
-    queue(watch.leaf);
+    tips_[watch.tip].changed |= may_lose;
+    queue(watch.tip);
   }
 }
 
+// First the shape above slots, and who is to be looked at; then slots; then bounds. Each of the three sees all that the one
+// before has done, so a slot with ten new splits is built once.
 void AbTree::update(const RefineDelta& delta) {
   rebuilt_slots_ = rebuilt_faces_ = 0;
   for (const NodeSpan& node : delta.collapsed) apply_collapse(node);
   constexpr std::size_t kAhead = 8;  // splits: enough for what a split looks up to come from memory
   for (std::size_t i = 0; i < delta.split.size(); ++i) {
     if (i + kAhead < delta.split.size())
-      __builtin_prefetch(&leaf_of_[delta.split[i + kAhead].value], 1);
+      __builtin_prefetch(&tip_of_[delta.split[i + kAhead].value], 1);
     apply_split(delta.split[i]);
   }
   for (const VertexId u : delta.boxed) {
@@ -236,26 +299,27 @@ void AbTree::update(const RefineDelta& delta) {
     apply_box(node.left_of(u));
     apply_box(node.right_of(u));
   }
-  for (const std::uint32_t leaf : pending_) {
-    const TreePlace place = leaves_[leaf].place;
+  for (const std::uint32_t tip : pending_) {
+    const TreePlace place = tips_[tip].place;
     fetch(&arrays_.nodes[place / kLanes].first[place % kLanes]);
     fetch(&arrays_.nodes[place / kLanes].kind_and_count[place % kLanes]);
   }
+  // In order of their numbers, which is about that of their places in memory.
   std::sort(pending_.begin(), pending_.end());
-  for (const std::uint32_t leaf : pending_) leaves_[leaf].queued = false;
+  for (const std::uint32_t tip : pending_) tips_[tip].queued = false;
   // Who is looked at may watch others, but queues nothing, so one pass suffices.
   if (!pending_.empty()) fetch_slot(pending_.front());
   for (std::size_t i = 0; i < pending_.size(); ++i) {
     if (i + 1 < pending_.size()) fetch_slot(pending_[i + 1]);
-    if (leaves_[pending_[i]].node.size > 0) look_at(pending_[i]);
+    if (tips_[pending_[i]].node.size > 0) look_at(pending_[i]);
   }
   pending_.clear();
   refit();
 }
 
 // What will be read of a slot, while another is looked at: no other effect. A quarter of the time would go by waiting.
-void AbTree::fetch_slot(std::uint32_t leaf) {
-  const Leaf& slot = leaves_[leaf];
+void AbTree::fetch_slot(std::uint32_t tip) {
+  const Tip& slot = tips_[tip];
   if (!slot.is_slot() || slot.node.size == 0) return;
   for (std::uint64_t left = bits_of(slot.node).active; left != 0; left &= left - 1)
     mesh_->store().prefetch(
@@ -266,6 +330,7 @@ void AbTree::fetch_slot(std::uint32_t leaf) {
   if (node.kind(lane) == Kind::kFaces) fetch(&arrays_.blocks[node.first[lane]]);
 }
 
+// The lane changed, so the node's own lane above must be looked at.
 void AbTree::set_entry(TreePlace place, const TreeEntry& entry) {
   arrays_.nodes[place / kLanes].set(place % kLanes, entry);
   queue_refit(place / kLanes);
@@ -284,6 +349,7 @@ bool AbTree::refit_lane(TreePlace place) {
   TreeNode& node = arrays_.nodes[place / kLanes];
   const std::uint32_t lane = place % kLanes;
   const TreeEntry entry = inner_entry(arrays_.nodes, node.first[lane]);
+  // An inner lane with nothing below it counts as empty for queries, but keeps leading to its node: more may come there.
   if (entry.box.is_empty()) {
     const std::uint32_t before = std::exchange(node.lanes, node.lanes & ~(1U << lane));
     return node.lanes != before;
@@ -293,8 +359,10 @@ bool AbTree::refit_lane(TreePlace place) {
   return true;
 }
 
-// Boxes and slabs of the lanes above those that changed, lowest first.
+// Boxes and slabs of the lanes above those that changed, lowest first: the heap gives the greatest level. A lane that
+// comes out as it was queues nothing, and there the way up ends.
 void AbTree::refit() {
+  // Micro trees were written a while ago by now: to read back what has just been written would stall.
   for (const TreePlace place : micro_roots_) refit_lane(place);
   micro_roots_.clear();
   while (!refits_.empty()) {
@@ -311,27 +379,30 @@ void AbTree::refit() {
 void AbTree::apply_split(VertexId u) {
   const SplitStore& store = mesh_->store();
   const NodeSpan node = store.node_of(u);
-  const std::uint32_t left = leaf_of(node.first);
-  if (leaves_[left].is_slot()) {
-    set_leaf_of(u, left);
+  const std::uint32_t left = tip_of(node.first);
+  // Within a slot the shape above stays. Others wait for vertices that this split has resolved, if any.
+  if (tips_[left].is_slot()) {
+    set_tip_of(u, left);
     mark_changed(left);
     const VertexBits corners = (node.left_of(u).size == 1 ? bit_of(node.first) : 0) |
                                (node.right_of(u).size == 1 ? bit_of(u) : 0);
     if (corners != 0) tell_watchers(left, corners, false);
     return;
   }
-  NEARMESH_ASSERT(leaves_[left].node == node);
+  // A larger tip becomes two: the old one keeps the left child, a new one gets the right child.
+  NEARMESH_ASSERT(tips_[left].node == node);
   mark_changed(left);
   tell_watchers(left, kAllVertices, false);  // they find out which child to watch
-  leaves_[left].watchers.clear();
-  const TreePlace place = leaves_[left].place;
-  const std::uint16_t depth = leaves_[left].depth;
+  tips_[left].watchers.clear();
+  const TreePlace place = tips_[left].place;
+  const std::uint16_t depth = tips_[left].depth;
   std::uint32_t at = place / kLanes, lane = place % kLanes;
+  // On each third level a tree node is hung below the lane; on the others the lane is parted in two, side by side.
   if (depth % kLevelsPerNode == 0) {
     at = new_upper(place);
     lane = 0;
     TreeEntry inner;
-    inner.box = store.box(node);
+    inner.box = store.box(node);  // until refit(), which will reach it: both new lanes are marked
     inner.set(Kind::kInner, at, 0);
     set_entry(place, inner);
     upper(at).first_vertices[0] = node.begin();
@@ -342,15 +413,15 @@ void AbTree::apply_split(VertexId u) {
   const auto below = static_cast<std::uint16_t>(depth + 1);
   arrays_.nodes[at].set(lane, {});
   arrays_.nodes[at].set(lane + 1, {});
-  const std::uint32_t right = new_leaf(node.right_of(u), at * kLanes + lane + 1, below);
-  leaves_[left].node = node.left_of(u);
-  leaves_[left].place = at * kLanes + lane;
-  leaves_[left].depth = below;
-  if (leaves_[left].is_slot()) ++slot_total_;
-  set_leaf_of(u, right);
+  const std::uint32_t right = new_tip(node.right_of(u), at * kLanes + lane + 1, below);
+  tips_[left].node = node.left_of(u);
+  tips_[left].place = at * kLanes + lane;
+  tips_[left].depth = below;
+  if (tips_[left].is_slot()) ++slot_total_;
+  set_tip_of(u, right);
   // Faces go with their home vertex, the right corner: that of the new ones lies in the right child.
-  std::vector<FaceKey>& stay = leaves_[left].inherited;
-  std::vector<FaceKey>& go = leaves_[right].inherited;
+  std::vector<FaceKey>& stay = tips_[left].inherited;
+  std::vector<FaceKey>& go = tips_[right].inherited;
   const auto gone = std::partition(stay.begin(), stay.end(),
                                    [&](FaceKey key) { return store.face(key).right < u; });
   const auto count = static_cast<std::uint32_t>(store.faces(u).size());
@@ -361,25 +432,26 @@ void AbTree::apply_split(VertexId u) {
   mark_changed(right);
 }
 
+// Makes a node whole: unlike a split it may undo any number of levels at once.
 void AbTree::apply_collapse(NodeSpan node) {
-  const std::uint32_t first = leaf_of(node.first);
-  if (leaves_[first].is_slot() && leaves_[first].node.size >= node.size) {
-    VertexBits corners = bit_of(node.first);
+  const std::uint32_t first = tip_of(node.first);
+  if (tips_[first].is_slot() && tips_[first].node.size >= node.size) {
+    VertexBits corners = bit_of(node.first);  // all of them, whichever were resolved
     for (std::uint32_t v = node.begin() + 1; v < node.end(); ++v) {
-      leaf_of_[v] = 0;
+      tip_of_[v] = 0;
       corners |= bit_of({v});
     }
     mark_changed(first);
     tell_watchers(first, corners, true);
     return;
   }
-  // A larger node: its whole part of the tree becomes one leaf.
+  // A larger node: its whole part of the tree becomes one tip.
   const Lanes lanes = find_lanes(node);
   std::vector<std::uint32_t> gone, below;
   const auto take = [&](TreePlace place) {
-    const std::uint32_t leaf = leaf_at(place);
-    if (leaf != kNone) {
-      gone.push_back(leaf);
+    const std::uint32_t tip = tip_at(place);
+    if (tip != kNone) {
+      gone.push_back(tip);
     } else {
       below.push_back(arrays_.nodes[place / kLanes].first[place % kLanes]);
     }
@@ -390,18 +462,19 @@ void AbTree::apply_collapse(NodeSpan node) {
     for (std::uint32_t lane = 0; lane < lane_count(below[i]); ++lane)
       take(below[i] * kLanes + lane);
   std::vector<FaceKey> inherited;
-  for (const std::uint32_t leaf : gone) {
-    tell_watchers(leaf, kAllVertices, true);
-    for (const FaceKey key : leaves_[leaf].inherited)  // but for the faces of splits that are gone
+  for (const std::uint32_t tip : gone) {
+    tell_watchers(tip, kAllVertices, true);
+    for (const FaceKey key : tips_[tip].inherited)  // but for the faces of splits that are gone
       if (!key.split.is_valid() || key.split <= node.first || key.split.value >= node.end())
         inherited.push_back(key);
-    // A leaf that is no slot has one active vertex, its first, and may span most of the model.
-    const NodeSpan span = leaves_[leaf].node;
-    const std::uint32_t end = leaves_[leaf].is_slot() ? span.end() : span.begin() + 1;
-    for (std::uint32_t v = span.begin(); v < end; ++v) leaf_of_[v] = 0;
-    free_leaf(leaf);
+    // A tip that is no slot has one active vertex, its first, and may span most of the model.
+    const NodeSpan span = tips_[tip].node;
+    const std::uint32_t end = tips_[tip].is_slot() ? span.end() : span.begin() + 1;
+    for (std::uint32_t v = span.begin(); v < end; ++v) tip_of_[v] = 0;
+    free_tip(tip);
   }
   for (const std::uint32_t tree_node : below) free_upper(tree_node);
+  // One lane is left of those that the node had; the lanes right of them move up.
   const std::uint32_t count = lane_count(lanes.tree_node), fewer = lanes.end - lanes.begin - 1;
   const TreePlace place = lanes.tree_node * kLanes + lanes.begin;
   upper(lanes.tree_node).first_vertices[lanes.begin] = node.begin();
@@ -412,28 +485,29 @@ void AbTree::apply_collapse(NodeSpan node) {
     upper(lanes.tree_node).first_vertices[lane] = kNone;
   }
   arrays_.nodes[lanes.tree_node].set(lanes.begin, {});
-  const std::uint32_t leaf = new_leaf(node, place, lanes.depth);
-  leaves_[leaf].inherited = std::move(inherited);
-  set_leaf_of(node.first, leaf);
-  mark_changed(leaf);
+  const std::uint32_t tip = new_tip(node, place, lanes.depth);
+  tips_[tip].inherited = std::move(inherited);
+  set_tip_of(node.first, tip);
+  mark_changed(tip);
 }
 
 // A node's own box has come: what had its ancestor's until now takes it over, as a tree made anew would.
 void AbTree::apply_box(NodeSpan node) {
   const SplitStore& store = mesh_->store();
   if (node.size < 2) return;
-  const std::uint32_t first = leaf_of(node.first);
-  if (leaves_[first].is_slot() && leaves_[first].node.size >= node.size) {
+  const std::uint32_t first = tip_of(node.first);
+  if (tips_[first].is_slot() && tips_[first].node.size >= node.size) {
     mark_changed(first);
     return;
   }
+  // Down through larger nodes: also tips further down had that ancestor's box, unless one between has its own.
   std::vector<NodeSpan> stack{node};
   while (!stack.empty()) {
     const NodeSpan span = stack.back();
     stack.pop_back();
-    const std::uint32_t leaf = leaf_of(span.first);
-    if (leaves_[leaf].node == span) {
-      mark_changed(leaf);
+    const std::uint32_t tip = tip_of(span.first);
+    if (tips_[tip].node == span) {
+      mark_changed(tip);
       continue;
     }
     const VertexId split = store.split_of(span);
@@ -446,10 +520,10 @@ AbTreeStats AbTree::stats() const {
   AbTreeStats stats{slot_total_, exact_total_, rebuilt_slots_, rebuilt_faces_, 0};
   stats.bytes = arrays_.nodes.bytes() + arrays_.nodes.view().size() * sizeof(std::uint32_t) +
                 arrays_.blocks.bytes() + uppers_.capacity() * sizeof(Upper) +
-                leaves_.capacity() * sizeof(Leaf);
-  for (const Leaf& leaf : leaves_)
+                tips_.capacity() * sizeof(Tip);
+  for (const Tip& tip : tips_)
     stats.bytes +=
-        leaf.inherited.capacity() * sizeof(FaceKey) + leaf.watchers.capacity() * sizeof(Watch);
+        tip.inherited.capacity() * sizeof(FaceKey) + tip.watchers.capacity() * sizeof(Watch);
   return stats;
 }
 

@@ -43,10 +43,10 @@ void TreeBuilder::clear() {
   lanes_.clear();
 }
 
-void TreeBuilder::add_frontier(NodeSpan node, const GridBox& box) {
+void TreeBuilder::add_unresolved(NodeSpan node, const GridBox& box) {
   TreeEntry& entry = lanes_.emplace_back();
   entry.box = box;
-  entry.set(TreeEntry::Kind::kFrontier, node.begin(), node.size);
+  entry.set(TreeEntry::Kind::kUnresolved, node.begin(), node.size);
 }
 
 /// Puts the `middle` parts with the least centres along the longest axis first, as least_parts() does for few.

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // The builder shared by micro trees in slots and trees over fixed triangles: faces are cut into blocks of up to eight,
-// blocks and frontier nodes into nodes of up to eight lanes, each time by medians along the longest axis of the centres,
+// blocks and unresolved nodes into nodes of up to eight lanes, each time by medians along the longest axis of the centres,
 // so that blocks and the lowest nodes are nearly full. A slot that changes has some 20 faces, so the cut must be cheap
 // rather than clever; measured in ARCHITECTURE.md.
 
@@ -25,13 +25,13 @@ class TreeBuilder {
     if (faces_.size() * kLanes < count) faces_.resize(2 * ((count + kLanes - 1) / kLanes));
     return faces_.data();
   }
-  void add_frontier(NodeSpan node, const GridBox& box);
+  void add_unresolved(NodeSpan node, const GridBox& box);
   /// Makes the tree in place, parents before children, and returns its root, but for its box and slab if that is an inner
   /// entry: inner_entry() finds them, and sooner when what was written here has had time to reach the cache.
   [[nodiscard]] TreeEntry build(TreeArrays& arrays);
 
  private:
-  /// A part to be placed: a face, a block or a frontier node.
+  /// A part to be placed: a face, a block or an unresolved node.
   struct Part {
     std::array<std::int32_t, 3> center;  // by halves, so that it fits
     std::uint32_t index;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The part of AbTree that follows slots: which of a slot's faces are exact, and the micro tree over them.
+// The part of AbTree that follows slots: which of a slot's faces are exact, and the micro tree over them. A picture of one
+// slot, and who watches whom, stand at the top of ab_tree.cpp.
 // A slot watches as clauses of a SAT solver watch literals (Moskewicz et al. 2001, Chaff): a face that is not exact yet is
 // woken by one of its missing corners only, an exact one by any that it may lose.
 
@@ -14,50 +15,51 @@ namespace nearmesh {
 
 static_assert(kSlotSize == 64, "a slot's vertices are the bits of a word");
 
-// A leaf that is no slot has nothing exact; what becomes of its faces its own splits tell.
+// A tip that is no slot has nothing exact; what becomes of its faces its own splits tell.
 void AbTree::look_at(std::uint32_t index) {
-  Leaf& leaf = leaves_[index];
-  const bool changed = leaf.changed;
-  leaf.changed = false;
-  if (leaf.is_slot()) {
-    fetch_micro_tree(leaf.place);
+  Tip& tip = tips_[index];
+  const bool changed = tip.changed;
+  tip.changed = false;
+  if (tip.is_slot()) {
+    fetch_micro_tree(tip.place);
     find_exact_faces(index);
-    if (changed || exact_count_ != leaf.exact_count) build_micro_tree(index);
+    // Not marked as changed, it was woken by a corner that has come: then faces were only gained, and their number tells.
+    if (changed || exact_count_ != tip.exact_count) build_micro_tree(index);
     return;
   }
-  TreeEntry frontier;
-  frontier.box = mesh_->store().box(leaf.node);
-  frontier.set(TreeEntry::Kind::kFrontier, leaf.node.begin(), leaf.node.size);
-  set_entry(leaf.place, frontier);
+  TreeEntry unresolved;
+  unresolved.box = mesh_->store().box(tip.node);
+  unresolved.set(TreeEntry::Kind::kUnresolved, tip.node.begin(), tip.node.size);
+  set_entry(tip.place, unresolved);
 }
 
 // Who has the corners elsewhere shall tell this slot when one of them changes.
 void AbTree::watch_corners(std::uint32_t watcher) {
   // Looked up before any is watched, so that none waits for another to come from memory.
-  leaves_elsewhere_.resize(std::max(leaves_elsewhere_.size(), elsewhere_count_));
+  tips_elsewhere_.resize(std::max(tips_elsewhere_.size(), elsewhere_count_));
   for (std::size_t i = 0; i < elsewhere_count_; ++i) {
     const VertexId corner = corners_elsewhere_[i];
-    leaves_elsewhere_[i] = leaf_of(mesh_->active_predecessor(corner));
-    __builtin_prefetch(&leaves_[leaves_elsewhere_[i]].watchers);
+    tips_elsewhere_[i] = tip_of(mesh_->active_predecessor(corner));
+    __builtin_prefetch(&tips_[tips_elsewhere_[i]].watchers);
     mesh_->store().prefetch(corner);
   }
-  std::uint32_t leaf = kNone;
+  std::uint32_t tip = kNone;
   VertexBits bits = 0;
   for (std::size_t i = 0; i < elsewhere_count_; ++i) {
     // Neighbouring faces have the same neighbours.
-    const std::uint32_t next = leaves_elsewhere_[i];
-    if (next != leaf && bits != 0) watch(leaf, watcher, std::exchange(bits, 0));
-    leaf = next;
+    const std::uint32_t next = tips_elsewhere_[i];
+    if (next != tip && bits != 0) watch(tip, watcher, std::exchange(bits, 0));
+    tip = next;
     bits |= bit_of(corners_elsewhere_[i]);
   }
-  if (bits != 0) watch(leaf, watcher, bits);
+  if (bits != 0) watch(tip, watcher, bits);
 }
 
-void AbTree::watch(std::uint32_t leaf, std::uint32_t watcher, VertexBits corners) {
-  std::vector<Watch>& watchers = leaves_[leaf].watchers;
+void AbTree::watch(std::uint32_t tip, std::uint32_t watcher, VertexBits corners) {
+  std::vector<Watch>& watchers = tips_[tip].watchers;
   // From the latest on, who is likely to watch more.
   for (std::size_t i = watchers.size(); i-- > 0;)
-    if (watchers[i].leaf == watcher) {
+    if (watchers[i].tip == watcher) {
       watchers[i].corners |= corners;
       std::swap(watchers[i], watchers.back());
       return;
@@ -75,10 +77,10 @@ AbTree::SlotBits AbTree::bits_of(NodeSpan slot) const {
 // By key, so that the tree does not depend on the order of arrival. A face's home is its right corner's slot: while that
 // or another corner in the slot is missing there is nothing to wait for elsewhere.
 void AbTree::find_exact_faces(std::uint32_t index) {
-  const NodeSpan slot = leaves_[index].node;
+  const NodeSpan slot = tips_[index].node;
   const SlotBits bits = bits_of(slot);
   exact_count_ = elsewhere_count_ = 0;
-  if (bits.leaves == 0) return;
+  if (bits.resolved == 0) return;
   find_inherited_faces(index, bits);
   const std::size_t inherited = exact_count_;
   find_own_faces(slot, bits);
@@ -100,14 +102,15 @@ void AbTree::make_room(std::size_t faces) {
 
 // Faces of splits above the slot: two of their corners are elsewhere.
 void AbTree::find_inherited_faces(std::uint32_t index, const SlotBits& bits) {
-  const Leaf& slot = leaves_[index];
+  const Tip& slot = tips_[index];
   make_room(slot.inherited.size());
   for (const FaceKey key : slot.inherited) {
     const SplitFace face = mesh_->store().face(key);
-    if ((bits.leaves >> (face.right.value - slot.node.begin()) & 1U) == 0) continue;
-    const bool has_left = mesh_->is_leaf(face.left);
+    if ((bits.resolved >> (face.right.value - slot.node.begin()) & 1U) == 0) continue;
+    // The one corner to wait for: the left one while it is missing, then the outside one.
+    const bool has_left = mesh_->is_resolved(face.left);
     corners_elsewhere_[elsewhere_count_++] = has_left ? face.outside : face.left;
-    if (!has_left || !mesh_->is_leaf(face.outside)) continue;
+    if (!has_left || !mesh_->is_resolved(face.outside)) continue;
     corners_elsewhere_[elsewhere_count_++] = face.left;
     exact_faces_[exact_count_++] = {key, FaceCorners(face.corners())};
   }
@@ -132,15 +135,16 @@ void AbTree::find_own_faces(NodeSpan slot, const SlotBits& bits) {
     elsewhere_count_ = static_cast<std::size_t>(elsewhere - corners_elsewhere_.data());
   };
   const auto put_down = [&](FaceKey key, const FaceCorners& face) {
-    const std::uint64_t is_here = bits.leaves >> (face.first.value - slot.begin()) % 64 &
-                                  bits.leaves >> (face.second.value - slot.begin()) % 64 &
+    const std::uint64_t is_here = bits.resolved >> (face.first.value - slot.begin()) % 64 &
+                                  bits.resolved >> (face.second.value - slot.begin()) % 64 &
                                   static_cast<std::uint64_t>(face.is_there());
     *exact = {key, face};
-    exact += is_here & static_cast<std::uint64_t>(mesh.is_leaf(face.outside));
+    exact += is_here & static_cast<std::uint64_t>(mesh.is_resolved(face.outside));
     *elsewhere = face.outside;
     elsewhere += is_here & static_cast<std::uint64_t>(!slot.contains(face.outside));
   };
   make_room_for(0);
+  // Without the lowest: the slot's first vertex came with a split above, whose faces are inherited.
   for (std::uint64_t left = bits.active & (bits.active - 1); left != 0; left &= left - 1) {
     const VertexId v{slot.begin() + static_cast<std::uint32_t>(std::countr_zero(left))};
     if (const FaceCorners* two = store.two_faces(v)) {
@@ -159,7 +163,7 @@ void AbTree::find_own_faces(NodeSpan slot, const SlotBits& bits) {
 
 void AbTree::build_micro_tree(std::uint32_t index) {
   const SplitStore& store = mesh_->store();
-  Leaf& slot = leaves_[index];
+  Tip& slot = tips_[index];
   builder_->clear();
   FaceBlock* blocks = builder_->add_faces(exact_count_);
   for (std::size_t i = 0; i < exact_count_; ++i) {
@@ -173,13 +177,14 @@ void AbTree::build_micro_tree(std::uint32_t index) {
     block.keys[i % kLanes] = exact_faces_[i].key;
   }
   const SlotBits bits = bits_of(slot.node);
-  for (std::uint64_t left = bits.active & ~bits.leaves; left != 0; left &= left - 1) {
+  for (std::uint64_t left = bits.active & ~bits.resolved; left != 0; left &= left - 1) {
     const auto offset = static_cast<std::uint32_t>(std::countr_zero(left));
+    // The node of an active vertex ends where the next active one begins. By two shifts: one by 64 is undefined.
     const std::uint64_t after = bits.active >> offset >> 1;
     const std::uint32_t size = after != 0 ? static_cast<std::uint32_t>(std::countr_zero(after)) + 1
                                           : slot.node.size - offset;
     const NodeSpan at{{slot.node.begin() + offset}, size};
-    builder_->add_frontier(at, store.box(at));
+    builder_->add_unresolved(at, store.box(at));
   }
   free_micro_tree(slot.place);
   const TreeEntry root = builder_->build(arrays_);

@@ -161,7 +161,7 @@ class Sweep {
   [[nodiscard]] std::int32_t min_extent(std::span<const Item> items) const {
     double least = 1e300;  // cells of the other's grid
     for (const Item& item : items)
-      least = item.entry.kind() == TreeEntry::Kind::kFrontier
+      least = item.entry.kind() == TreeEntry::Kind::kUnresolved
                   ? std::min(least, static_cast<double>(item.box.extent()))
                   : 0;
     return clamp_grid(std::floor(kFinest * std::ldexp(least, other_.grid->exponent) / cell_));

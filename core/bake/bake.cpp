@@ -247,7 +247,7 @@ std::array<std::uint8_t, 3> lattice_shift(const GridMesh& mesh) {
 
 SurfaceFacts describe_surface(const GridMesh& mesh, const Forest& forest) {
   SurfaceFacts facts;
-  const OpenEdges open = count_open_edges(mesh);
+  const UnclosedEdges open = count_unclosed_edges(mesh);
   facts.boundary_edges = static_cast<std::uint32_t>(open.boundary);
   facts.disagreeing_edges = static_cast<std::uint32_t>(open.disagreeing);
   const std::vector<std::uint32_t> component = find_components(mesh);

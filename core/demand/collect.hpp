@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Which splits does an answer need? The publisher's Server Collect VSplits (the paper, section 3.3)
-// and the peer's own frontier are this one walk, so both sides agree by construction.
+// Which splits does an answer need? The publisher's Server Collect VSplits (Liu, Georganas, Roth
+// 2006, section 3.3) and the peer's own frontier are this one walk, so both sides agree by construction.
 // Coverage is by face: a node's box encloses every original face that touches a vertex below it, so a large face that
 // crosses the region without a vertex inside still brings its corners.
 

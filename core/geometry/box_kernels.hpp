@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The tests of placed_boxes.hpp for one instruction set, to be inlined where a walk needs them by the hundred; included once
-// for each set, so its guard is Highway's.
+// Places boxes and faces (placed_boxes.hpp) and tests whether they are apart, for one instruction set, to be inlined where a
+// walk needs them by the hundred; included once for each set, so its guard is Highway's.
 //
 // Errors. What doubles and posed corners do to boxes and slabs is bounded in box_overlap.cpp and lanes.cpp, and is in the
 // slack. Here floats are added; u = 2^-24, h and r are the greatest half extents of a box and of the other as placed.
@@ -286,7 +286,9 @@ HWY_INLINE FloatVec depth_of(const Meeting& m, const BoxesThere& p, const BoxesT
   return depth;
 }
 
-/// As boxes_apart. With kDepth also how deep each overlaps the other, along own axes: least is deepest.
+/// Bit i: lane i of one's own is certainly apart from one lane of the other model's. Tried are the axes of both boxes and
+/// both slabs' normals. Bits of unused lanes mean nothing. In: the ratio of cells of one's own placing. With kDepth also how
+/// deep each overlaps the other, along own axes: least is deepest.
 template <bool kDepth>
 HWY_INLINE std::uint32_t boxes_apart_inline(const PlacedBoxes& own, const PlacedBoxes& other,
                                             std::uint32_t i, float cells_ratio, float* depths) {
@@ -328,8 +330,9 @@ HWY_INLINE FloatMask slabs_part(const Meeting& m, const PlacedFaces& faces,
   return hn::Gt(hn::Max(from, hn::Neg(to)), reach);
 }
 
-/// As faces_apart, of `wanted`. With kGuess it ends where own units part all of these: a branch, which saves half where it
-/// can be predicted.
+/// The same of own triangles, of `wanted` alone. Along the other's slab they are held by their corners: large ones are much
+/// smaller than their boxes. With kGuess it ends where own units part all of these: a branch, which saves half where it can be
+/// predicted.
 template <bool kGuess>
 HWY_INLINE std::uint32_t faces_apart_inline(const PlacedFaces& faces, std::uint32_t wanted,
                                             const PlacedBoxes& other, std::uint32_t i,

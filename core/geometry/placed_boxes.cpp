@@ -11,6 +11,7 @@
 #include "placed_boxes.hpp"
 //
 #include "box_kernels.hpp"
+#include "kernels_for_tests.hpp"
 #include "triangle_kernels.hpp"
 
 HWY_BEFORE_NAMESPACE();

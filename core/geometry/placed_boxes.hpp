@@ -40,24 +40,11 @@ struct PlacedFaces {
   float corner[3][3][kLanes];  ///< [corner][axis][lane], own units
   float room[kLanes];          ///< what centres and corners may be off, times |axis|_1
 };
-void place_boxes(const Placing& placing, const BoxLanes& boxes, PlacedBoxes& out);
-void place_faces(const Placing& placing, const TriangleLanes& faces, PlacedFaces& out);
-
-/// Bit i: lane i of one's own is certainly apart from one lane of the other model's. Tried are the axes of both boxes and
-/// both slabs' normals. Bits of unused lanes mean nothing. In: own placing, for the ratio of cells.
-[[nodiscard]] std::uint32_t boxes_apart(const Placing& placing, const PlacedBoxes& own,
-                                        const PlacedBoxes& other, std::uint32_t other_lane);
-/// The same of own triangles. Along the other's slab they are held by their corners: large ones are much smaller than their
-/// boxes.
-[[nodiscard]] std::uint32_t faces_apart(const Placing& placing, const PlacedFaces& own,
-                                        const PlacedBoxes& other, std::uint32_t other_lane);
 
 /// What is certain of pairs of triangles, lane by lane, as bits: triangles_overlap of the posed ones is false, or is true.
 /// In neither are pairs within some lattice cells of just touching, and flat ones.
 struct PairVerdicts {
   std::uint32_t apart = 0, touching = 0;
 };
-[[nodiscard]] PairVerdicts test_triangles(const RelativeFrame& other_in_own,
-                                          const TriangleLanes& own, const TriangleLanes& other);
 
 }  // namespace nearmesh

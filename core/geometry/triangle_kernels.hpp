@@ -139,7 +139,7 @@ HWY_INLINE MaskVerdicts test_edges(const OwnTriangle& own, const Vec (&b)[3][3],
           hn::And(certain, hn::Lt(most, hn::Neg(error)))};
 }
 
-/// As test_triangles, but of `wanted` alone.
+/// What is certain of eight pairs of triangles, of `wanted` alone.
 HWY_INLINE PairVerdicts test_triangles_inline(const RelativeFrame& f,
                                               const TriangleLanes& own_lanes,
                                               const TriangleLanes& other, std::uint32_t wanted) {

@@ -394,7 +394,7 @@ Result<CleanResult> clean_mesh(const IndexedMesh& mesh, int grid_bits) {
   count_non_manifold(edges, report);
   cover_degenerate(faces, edges, fates, report);
   append_kept(faces, fates, result.mesh);
-  const OpenEdges open = count_open_edges(result.mesh);
+  const UnclosedEdges open = count_unclosed_edges(result.mesh);
   report.edges_boundary = open.boundary;
   report.edges_disagreeing = open.disagreeing;
   const std::vector<std::uint32_t> component = find_components(result.mesh);

@@ -16,7 +16,7 @@ bool same_place(const GridPoint& p, const GridPoint& q) {
 
 }  // namespace
 
-OpenEdges count_open_edges(const GridMesh& mesh) {
+UnclosedEdges count_unclosed_edges(const GridMesh& mesh) {
   // Counting sort of the sides of all faces by their lower end, then each (short) group by the upper one. An item holds
   // that end and, in its lowest bit, whether the face passes the edge upward.
   const auto visit_sides = [&mesh](const auto& visit) {
@@ -36,7 +36,7 @@ OpenEdges count_open_edges(const GridMesh& mesh) {
   visit_sides([&](std::uint32_t a, std::uint32_t b) {
     items[--begin[std::min(a, b)]] = std::max(a, b) << 1 | (a < b ? 1U : 0U);
   });
-  OpenEdges open;
+  UnclosedEdges open;
   for (std::size_t v = 0; v < vertices; ++v) {
     const auto group = std::span(items).subspan(begin[v], begin[v + 1] - begin[v]);
     std::sort(group.begin(), group.end());

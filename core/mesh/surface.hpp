@@ -12,13 +12,13 @@ namespace nearmesh {
 
 /// Edges at which a surface does not close, i.e. that its faces do not pass equally often in both directions. None: the
 /// surface is an oriented closed 2-cycle, so that every point off it has a winding number.
-struct OpenEdges {
+struct UnclosedEdges {
   std::uint64_t boundary = 0;     ///< with one face
   std::uint64_t disagreeing = 0;  ///< with more faces, whose orientations do not cancel
 };
 /// Vertices are told apart by place. Segments and points pass each edge both ways, so they open none.
 /// In: what clean_mesh gives, below 2^31 vertices. Cost: O(n) where edges at a vertex are few, 12 bytes a face.
-[[nodiscard]] OpenEdges count_open_edges(const GridMesh& mesh);
+[[nodiscard]] UnclosedEdges count_unclosed_edges(const GridMesh& mesh);
 
 /// For each vertex, the lowest vertex of its connected part (faces that share a vertex hang together).
 [[nodiscard]] std::vector<std::uint32_t> find_components(const GridMesh& mesh);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The 2006 paper's way to predict where detail is needed. For the methods that certified answers are compared with.
+// How Liu, Georganas and Roth 2006 predict where detail is needed. For the methods that certified answers are compared with.
 
 #include <algorithm>
 #include <array>
@@ -11,7 +11,7 @@
 
 namespace nearmesh::program {
 
-/// Prediction of the paper, section 3.2: the model's box is cut into cells, 8 along each axis in the paper; the cells where
+/// Their section 3.2: the model's box is cut into cells, 8 along each axis as printed; the cells where
 /// the current meshes touch, and their neighbours, are refined fully; then the query runs again, until no new cell is
 /// touched.
 class GridCells {

@@ -131,7 +131,7 @@ class Certified : public QueryMethod {
   const QueryMethodOptions options_;
 };
 
-// ---- the paper's grid ---------------------------------------------------------------------------
+// ---- the grid of Liu, Georganas, Roth 2006 ------------------------------------------------------
 
 class PaperGrid : public QueryMethod {
  public:
@@ -144,7 +144,7 @@ class PaperGrid : public QueryMethod {
     std::set<int> done_a, done_b;
     Stopwatch watch;
     while (true) {
-      // The whole tree is built anew: the paper refits, so its T_B is the smaller.
+      // The whole tree is built anew; they refit theirs, so their T_B is the smaller.
       const TriangleTree tree_a = build_triangle_tree(a_.header().grid, current_triangles(mesh_a));
       const TriangleTree tree_b = build_triangle_tree(b_.header().grid, current_triangles(mesh_b));
       result.tree_s += watch.lap();
@@ -186,7 +186,7 @@ class PaperGrid : public QueryMethod {
       // Active, and alone: the vertex itself, and whoever would still stand for it and its right neighbour.
       for (const VertexId v : cells.vertices(cell)) {
         NEARMESH_RETURN_IF_ERROR(split_all(mesh, {v}, delta));
-        while (!mesh.is_leaf(v))
+        while (!mesh.is_resolved(v))
           NEARMESH_RETURN_IF_ERROR(
               split_all(mesh, {mesh.store().split_of(mesh.current_node(v))}, delta));
       }

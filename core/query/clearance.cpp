@@ -98,7 +98,7 @@ class Search {
     }
   }
 
-  // The least gap of two leaves' faces, where it is the least so far. Most pairs are settled by their extents.
+  // The least gap of two blocks' faces, where it is the least so far. Most pairs are settled by their extents.
   void hold_faces(const Part& a, const Part& b) {
     const FaceBlock &block_a = s_.a.blocks[a.first()], &block_b = s_.b.blocks[b.first()];
     PlacedTriangles placed_b;

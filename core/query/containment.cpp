@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Why one ray proves a side. The posed surface is a closed 2-cycle, since posed corners are a function of grid points;
 // so every point off it has a winding number, which is the signed number of faces that a ray from it crosses. A face
-// that is not exact lies inside the box of an unresolved node (query.hpp); when the ray meets no such box, it crosses
+// that is not exact lies inside the box of an unresolved node (core/THEOREM.md); when the ray meets no such box, it crosses
 // exact faces only, and all of them are seen.
 //
 // Ties. The ray goes along axis w; u and v are the next two axes, in right-handed order. Instead of the point p we look
@@ -173,7 +173,7 @@ class RayWalk {
       stack_.pop_back();
       if (part.kind() == Kind::kInner) {
         solid_.for_each_child(part, offer);
-      } else if (part.kind() == Kind::kFrontier) {
+      } else if (part.kind() == Kind::kUnresolved) {
         found.missing.push_back(part);
         found.missing_size += part.count();
       } else {
@@ -184,8 +184,8 @@ class RayWalk {
   }
 
  private:
-  void count_faces(const Ray& ray, const TreeEntry& leaf, Crossings& found) {
-    solid_.for_each_face(leaf, [&](const TreeFace& face) {
+  void count_faces(const Ray& ray, const TreeEntry& faces, Crossings& found) {
+    solid_.for_each_face(faces, [&](const TreeFace& face) {
       ++stats_.triangle_tests;
       found.winding += signed_crossing(ray, pose_triangle(frame_, face.corners));
     });
@@ -228,7 +228,7 @@ Location locate(const TreeView& solid, const PosedFrame& frame, const LatticePoi
     least = std::move(found);
     best = order[i];
   }
-  return {Side::kOpen, std::move(least.missing), rays[best]};
+  return {Side::kUndecided, std::move(least.missing), rays[best]};
 }
 
 void add_ray_boxes(const PosedFrame& solid, const Ray& ray, const GridBox& box,

@@ -9,7 +9,7 @@
 
 namespace nearmesh {
 
-enum class Side : std::uint8_t { kOutside, kInside, kOpen };
+enum class Side : std::uint8_t { kOutside, kInside, kUndecided };
 
 /// From a point of the pair's lattice along one of its axes, either way.
 struct Ray {
@@ -19,14 +19,14 @@ struct Ray {
 };
 
 struct Location {
-  Side side = Side::kOpen;
-  std::vector<TreeEntry> missing;  ///< open: unresolved nodes on the ray that needs the least
-  Ray ray;                         ///< open: that ray
+  Side side = Side::kUndecided;
+  std::vector<TreeEntry> missing;  ///< undecided: unresolved nodes on the ray that needs the least
+  Ray ray;                         ///< undecided: that ray
 };
 
 /// The side of `point` (of the pair's lattice) on which the full surface lies: inside where the winding number is
 /// not 0. In: a closed surface; a point that is on none of its faces. Out: exact, and the same in every state of
-/// refinement, but for kOpen. Cost: O(nodes that a ray meets), at most six rays; nothing outside the root's box.
+/// refinement, but for kUndecided. Cost: O(nodes that a ray meets), at most six rays; nothing outside the root's box.
 [[nodiscard]] Location locate(const TreeView& solid, const PosedFrame& frame,
                               const LatticePoint& point, QueryStats& stats);
 

@@ -36,17 +36,19 @@ class Query {
   void settle(const UnresolvedPair& pair) {
     const TreeEntry a = s_.a.nodes[pair.a / kLanes].entry(pair.a % kLanes),
                     b = s_.b.nodes[pair.b / kLanes].entry(pair.b % kLanes);
-    const bool open_a = a.kind() == Kind::kFrontier, open_b = b.kind() == Kind::kFrontier;
-    if ((open_a && missing_a_.contains(a.first)) || (open_b && missing_b_.contains(b.first)))
+    const bool unresolved_a = a.kind() == Kind::kUnresolved,
+               unresolved_b = b.kind() == Kind::kUnresolved;
+    if ((unresolved_a && missing_a_.contains(a.first)) ||
+        (unresolved_b && missing_b_.contains(b.first)))
       return;
-    if (open_a && open_b) {
+    if (unresolved_a && unresolved_b) {
       // The larger of two is the one to split next; ties go to a.
       if (size_of(a.box) * s_.cell_a_m >= size_of(b.box) * s_.cell_b_m) {
         add_missing(s_.a, a, missing_a_);
       } else {
         add_missing(s_.b, b, missing_b_);
       }
-    } else if (open_a) {
+    } else if (unresolved_a) {
       if (meets_face(s_.b_in_a, a.box, s_.b.blocks[b.first], pair.faces))
         add_missing(s_.a, a, missing_a_);
     } else {
@@ -73,8 +75,8 @@ class Query {
                    std::unordered_set<std::uint32_t>& set) {
     set.insert(node.first);
     // By the set: both bodies may have the same tree.
-    (&set == &missing_a_ ? answer_.missing_a : answer_.missing_b).push_back(node.frontier_node());
-    const double bound = node_bound(*tree.store, node.frontier_node());
+    (&set == &missing_a_ ? answer_.missing_a : answer_.missing_b).push_back(node.unresolved_node());
+    const double bound = node_bound(*tree.store, node.unresolved_node());
     answer_.uncertainty_m = std::max(answer_.uncertainty_m, std::ldexp(bound, tree.grid->exponent));
   }
 
@@ -113,8 +115,8 @@ class Query {
     const Side b_in_a =
         options_.solid_a ? side_of(s_.b, s_.frame_b, s_.a, s_.frame_a, missing_a_) : Side::kOutside;
     const bool inside = a_in_b == Side::kInside || b_in_a == Side::kInside;
-    const bool open = a_in_b == Side::kOpen || b_in_a == Side::kOpen;
-    if (!missing_a_.empty() || !missing_b_.empty() || (open && !inside)) {
+    const bool undecided = a_in_b == Side::kUndecided || b_in_a == Side::kUndecided;
+    if (!missing_a_.empty() || !missing_b_.empty() || (undecided && !inside)) {
       answer_.status = AnswerStatus::kUncertain;
       if (missing_a_.empty() && missing_b_.empty())
         answer_.uncertainty_m = std::numeric_limits<double>::infinity();
@@ -128,21 +130,21 @@ class Query {
   // Inside when one part of the inner body is; outside when all parts are.
   Side side_of(const TreeView& inner, const PosedFrame& inner_frame, const TreeView& solid,
                const PosedFrame& solid_frame, std::unordered_set<std::uint32_t>& known) {
-    if (!inner.surface->has_seeds()) return Side::kOpen;
-    std::vector<Location> open;
+    if (!inner.surface->has_seeds()) return Side::kUndecided;
+    std::vector<Location> undecided;
     for (const GridPoint& seed : inner.surface->component_seeds) {
       Location at = locate(solid, solid_frame, pose_point(inner_frame, seed), answer_.stats);
       if (at.side == Side::kInside) return Side::kInside;
-      if (at.side == Side::kOpen) open.push_back(std::move(at));
+      if (at.side == Side::kUndecided) undecided.push_back(std::move(at));
     }
     std::vector<GridBox>& rays = &known == &missing_a_ ? answer_.rays_a : answer_.rays_b;
-    for (const Location& at : open)
+    for (const Location& at : undecided)
       for (const TreeEntry& node : at.missing) {
         if (known.contains(node.first)) continue;
         add_missing(solid, node, known);
         add_ray_boxes(solid_frame, at.ray, node.box, rays);
       }
-    return open.empty() ? Side::kOutside : Side::kOpen;
+    return undecided.empty() ? Side::kOutside : Side::kUndecided;
   }
 
   const Scene& s_;

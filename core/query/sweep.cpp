@@ -9,7 +9,7 @@
 //    longer than its chord. |R0 x| <= 1.0001 reach (check_pose), reach that of the node's own box.
 // 3. At t a point of a posed triangle is within posing_error_m of the true motion's.
 // So `around` = h (|w_a| reach_a + |w_b| reach_b) 1.0001 + both bodies' placing and posing errors, and boxes that stay apart
-// under that drift have no common point at t, whether rigid or posed; boxes enclose what is not refined (query.hpp).
+// under that drift have no common point at t, whether rigid or posed; boxes enclose what is not refined (core/THEOREM.md).
 // Instants k T / 2^n are rounded to doubles: m and the ends err by 2^-53 T each, so h is taken larger by 2^-51 T.
 #include "nearmesh/core/query/sweep.hpp"
 
@@ -49,9 +49,9 @@ struct Missing {
   double since_s;
 };
 
-class Sweep {
+class SweptQuery {
  public:
-  Sweep(const Mover& a, const Mover& b, const SweepOptions& options)
+  SweptQuery(const Mover& a, const Mover& b, const SweepOptions& options)
       : a_(a),
         b_(b),
         options_(options),
@@ -180,8 +180,8 @@ class Sweep {
     const Kind ka = na.kind(), kb = nb.kind();
     if (ka == Kind::kEmpty || kb == Kind::kEmpty) return;
     // Known to be missing since an earlier start, or the same.
-    if (ka == Kind::kFrontier && known_a_.contains(na.first)) return;
-    if (kb == Kind::kFrontier && known_b_.contains(nb.first)) return;
+    if (ka == Kind::kUnresolved && known_a_.contains(na.first)) return;
+    if (kb == Kind::kUnresolved && known_b_.contains(nb.first)) return;
     const double around_m = around(na, nb, view);
     const CenteredBox box_a = centered(na.box), box_b = centered(nb.box);
     ++answer_.stats.box_tests;
@@ -219,14 +219,14 @@ class Sweep {
       }
     } else if (!finest) {
       left.push_back(pair);
-    } else if (ka == Kind::kFrontier && kb == Kind::kFrontier) {
+    } else if (ka == Kind::kUnresolved && kb == Kind::kUnresolved) {
       // The larger of two is the one to split next; ties go to a.
       if (size_a >= size_b) {
         add_missing(na, view, known_a_, missing_a_);
       } else {
         add_missing(nb, view, known_b_, missing_b_);
       }
-    } else if (ka == Kind::kFrontier) {
+    } else if (ka == Kind::kUnresolved) {
       add_missing(na, view, known_a_, missing_a_);
     } else {
       add_missing(nb, view, known_b_, missing_b_);
@@ -289,7 +289,7 @@ class Sweep {
     return status_.is_ok();
   }
 
-  /// Whether a frontier box (in its own grid) stays clear of the other side's exact faces.
+  /// Whether an unresolved node's box (in its own grid) stays clear of the other side's exact faces.
   bool stays_clear(const RelativeFrame& other_in_own, const Drift& drift, const CenteredBox& box,
                    const TreeView& other, const TreeEntry& faces) {
     bool clear = true;
@@ -305,7 +305,7 @@ class Sweep {
   static void add_missing(const TreeEntry& node, const View& view,
                           std::unordered_set<std::uint32_t>& known, std::vector<Missing>& missing) {
     known.insert(node.first);
-    missing.push_back({node.frontier_node(), view.start_s});
+    missing.push_back({node.unresolved_node(), view.start_s});
   }
 
   void finish() {
@@ -395,7 +395,7 @@ Result<SweptAnswer> sweep(const TreeView& a, const Motion& motion_a, std::string
   Answer now = query(a, start.value().a, b, start.value().b, {.any = true, .clearance = false});
   if (now.status == AnswerStatus::kContact || (is_at_rest(motion_a) && is_at_rest(motion_b)))
     return at_once(std::move(now), options.duration_s);
-  return Sweep(mover_a, mover_b, options).run();
+  return SweptQuery(mover_a, mover_b, options).run();
 }
 
 double safe_horizon_s(const TreeView& a, const Motion& motion_a, const TreeView& b,

@@ -1,5 +1,50 @@
 // SPDX-License-Identifier: Apache-2.0
-// The whole walk is made once for each instruction set, so that its tests, a hundred or more a query, are inlined.
+// The walk of two trees at once: from the pair of both roots down to the pairs of faces that touch, and to the pairs with an
+// unresolved node that may.
+//
+// 1. The work list. It holds pairs of entries, one of each tree, that are not proved apart. Three kinds of pairs come out
+//    of it:
+//
+//      inner x anything         One of them is opened: the larger, in metres, where both are inner. Its eight lanes are
+//                               held against the other part at once, and those not apart go on the list.
+//      block x block            An "end". Ends are collected; test_ends() decides their faces.
+//      block or node x node     An end as well, since an unresolved node cannot be opened. leave() notes it for the
+//                               caller, unless no face of the block comes near the node.
+//
+//    For example (a: root R over nodes P and Q, Q over blocks; b: one block S):
+//
+//      list                     done
+//      (R, S)                   R is opened: P is apart from S, Q is not
+//      (Q, S)                   Q is opened: block 1 and unresolved node 4 are not apart from S
+//      (1, S) (4, S)            both are ends: the faces of 1 and S are tested, (4, S) is left to the caller
+//
+// 2. Why it ends, and loses nothing. Each step takes a pair off and puts on pairs one level deeper, and trees are finite.
+//    A pair is dropped only where a test proves it apart, and then all below it is apart, since bounds enclose what is
+//    below (core/THEOREM.md). So each touching pair of exact faces, and each pair with an unresolved node that is not
+//    proved apart, is found.
+//
+// 3. Eight pairs in flight. A test of eight lanes is a long chain of operations, each of which waits for the one before, and
+//    what comes of it cannot be predicted. So look_at_latest() takes the latest eight pairs off the list and does
+//    each step for all of them before the next, without branches that depend on data:
+//
+//      pop 8 pairs -> plan: which side is opened? -> (cull) -> test 8 x 8 lanes -> push what is left, last pair first
+//                        \-> neither is inner: ends
+//
+//    The latest are taken, not the oldest, so the list stays short: depth first, eight abreast.
+//    Where one contact suffices (kAny), the first 64 nodes are opened one by one instead, deepest overlap first: a contact
+//    is likely to be found among them, and every node opened beside the way is lost.
+//
+// 4. What is placed when. Both trees are in their own grids, and tests need the boxes of one in the units of the other. A
+//    node (eight boxes and slabs) or a block (eight faces) is placed in both bodies' units when a test first reads it, for
+//    this pair of poses, as floats rounded outwards (box_kernels.hpp). Some 64 placed last are kept for each tree
+//    (walk_memory.hpp): a walk comes back to the same ones, and most nodes are never reached.
+//
+// 5. The funnel of faces. Of two blocks first each face of a is held against b's box, then against b's faces eight at a
+//    time, by planes and axes in floats; what is left is collected over blocks into eights and decided in doubles
+//    (triangle_kernels.hpp), and only what rounding leaves open is decided exactly on posed integers.
+//
+// The whole walk is made once for each instruction set, so that its tests, a hundred or more a query, are inlined. Each
+// finds the same answer, bit for bit.
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE \
   "core/query/walk.cpp"  // NOLINT(readability-identifier-naming): Highway's name
@@ -20,11 +65,11 @@
 HWY_BEFORE_NAMESPACE();
 namespace nearmesh::HWY_NAMESPACE {
 
-/// One body: its tree's nodes and blocks as the pair of bodies sees them.
-class Side {
+/// One body: its tree's nodes and blocks, placed when they are first asked for.
+class WalkedBody {
  public:
-  Side(const TreeView& tree, const RelativeFrame& in_other, const RelativeFrame& other_in,
-       double cell_m, PlacedTreeNodes& nodes, PlacedTreeBlocks& blocks)
+  WalkedBody(const TreeView& tree, const RelativeFrame& in_other, const RelativeFrame& other_in,
+             double cell_m, PlacedTreeNodes& nodes, PlacedTreeBlocks& blocks)
       : nodes_(tree.nodes.data()),
         blocks_(tree.blocks.data()),
         placing_(in_other, other_in, tree.nodes[0].boxes.box(0)),
@@ -83,14 +128,15 @@ class Walk {
        std::vector<UnresolvedPair>& unresolved, QueryStats& stats)
       : s_(scene),
         stack_(memory.stack),
-        sides_{{scene.a, scene.a_in_b(), scene.b_in_a, scene.cell_a_m, memory.nodes[0],
-                memory.blocks[0]},
-               {scene.b, scene.b_in_a, scene.a_in_b(), scene.cell_b_m, memory.nodes[1],
-                memory.blocks[1]}},
+        bodies_{{scene.a, scene.a_in_b(), scene.b_in_a, scene.cell_a_m, memory.nodes[0],
+                 memory.blocks[0]},
+                {scene.b, scene.b_in_a, scene.a_in_b(), scene.cell_b_m, memory.nodes[1],
+                 memory.blocks[1]}},
         pairs_(pairs),
         unresolved_(unresolved),
         stats_(stats) {}
 
+  // The caller has seen that the roots are not apart.
   void run() {
     stack_.reserve(1);
     stack_.push({{0, 0}, {kAllLanes, kAllLanes}});
@@ -102,7 +148,7 @@ class Walk {
       }
       if (kAny && !pairs_.empty()) return;
     }
-    test_leaves();
+    test_ends();  // what was collected last
   }
 
  private:
@@ -112,16 +158,16 @@ class Walk {
   // With branches, which the processor may guess ahead of the tests: there is but one at a time.
   void look_at_deepest() {
     const PendingPair pair = stack_.pop();
-    const bool inner_a = sides_[0].kind(pair.place[0]) == Kind::kInner,
-               inner_b = sides_[1].kind(pair.place[1]) == Kind::kInner;
+    const bool inner_a = bodies_[0].kind(pair.place[0]) == Kind::kInner,
+               inner_b = bodies_[1].kind(pair.place[1]) == Kind::kInner;
     if (!inner_a && !inner_b) {
-      leaves_[leaf_count_++] = pair;
-      test_leaves();
+      ends_[end_count_++] = pair;
+      test_ends();
       return;
     }
     ++opened_;
     if (inner_a &&
-        (!inner_b || sides_[0].size_m(pair.place[0]) >= sides_[1].size_m(pair.place[1]))) {
+        (!inner_b || bodies_[0].size_m(pair.place[0]) >= bodies_[1].size_m(pair.place[1]))) {
       open_by_depth<0>(pair);
     } else {
       open_by_depth<1>(pair);
@@ -133,24 +179,27 @@ class Walk {
     const std::size_t count = std::min(stack_.size, kBatch);
     Opened opened[kBatch];
     std::size_t inner_count = 0;
+    // A pair is written both where ends and where nodes to open go, and counted where it belongs.
     for (std::size_t i = 0; i < count; ++i) {
       const PendingPair pair = stack_.pop();
       Opened& next = opened[inner_count];
       const bool is_inner = plan(pair, next);
       if (HWY_UNLIKELY(static_cast<int>(is_inner) &
-                       static_cast<int>(sides_[next.side ^ 1].kind(next.other) == Kind::kFaces) &
+                       static_cast<int>(bodies_[next.side ^ 1].kind(next.other) == Kind::kFaces) &
                        static_cast<int>(next.is_worth_culling)))
         cull(pair, next);
-      leaves_[leaf_count_] = pair;
-      leaf_count_ += is_inner ? 0 : 1;
+      ends_[end_count_] = pair;
+      end_count_ += is_inner ? 0 : 1;
       inner_count += next.close != 0 && is_inner ? 1 : 0;
     }
-    if (leaf_count_ > (kAny ? 0 : kLeaves - kBatch)) {
-      test_leaves();
+    // Ends wait for company, but not where the first contact is the last one wanted.
+    if (end_count_ > (kAny ? 0 : kEnds - kBatch)) {
+      test_ends();
       if (kAny && !pairs_.empty()) return;
     }
     stack_.reserve(kBatch * kLanes);
     for (std::size_t i = 0; i < inner_count; ++i) test(opened[i]);
+    // What comes of the pair that was on top comes on top again: depth first.
     for (std::size_t i = inner_count; i-- > 0;) push(opened[i]);
   }
 
@@ -166,13 +215,13 @@ class Walk {
   // Which of two parts to open: the larger of two inner ones, a's of equals. False, and nothing, if neither is. Without
   // branches: they could not be predicted.
   HWY_INLINE bool plan(const PendingPair& pair, Opened& out) {
-    const double sizes_m[2] = {sides_[0].size_m(pair.place[0]), sides_[1].size_m(pair.place[1])};
-    const auto inner_a = static_cast<std::uint32_t>(sides_[0].kind(pair.place[0]) == Kind::kInner),
-               inner_b = static_cast<std::uint32_t>(sides_[1].kind(pair.place[1]) == Kind::kInner);
+    const double sizes_m[2] = {bodies_[0].size_m(pair.place[0]), bodies_[1].size_m(pair.place[1])};
+    const auto inner_a = static_cast<std::uint32_t>(bodies_[0].kind(pair.place[0]) == Kind::kInner),
+               inner_b = static_cast<std::uint32_t>(bodies_[1].kind(pair.place[1]) == Kind::kInner);
     const std::uint32_t side =
         (inner_a ^ 1U) | (inner_b & static_cast<std::uint32_t>(sizes_m[0] < sizes_m[1]));
     const bool is_inner = (inner_a | inner_b) != 0;
-    const Side& own = sides_[side];
+    const WalkedBody& own = bodies_[side];
     const std::uint32_t node = is_inner ? own.first(pair.place[side]) : 0;
     out = {side,
            node * kLanes,
@@ -192,27 +241,29 @@ class Walk {
     if (out.faces[other] == 0) out.close = 0;
   }
 
-  // Of the faces of one side's leaf: those that may meet the other side's part.
+  // Of the faces of one side's block: those that may meet the other side's part.
   template <bool kGuess = false>
   HWY_INLINE std::uint32_t close_faces(std::uint32_t side, const PendingPair& pair) {
-    const TreePlace leaf = pair.place[side], other = pair.place[side ^ 1];
-    const std::uint32_t faces = pair.faces[side] & ((1U << sides_[side].count(leaf)) - 1);
-    return faces & ~faces_apart_inline<kGuess>(sides_[side].placed_block(sides_[side].first(leaf)),
-                                               faces, sides_[side ^ 1].placed_node(other / kLanes),
-                                               other % kLanes, sides_[side].cells_ratio());
+    const TreePlace own = pair.place[side], other = pair.place[side ^ 1];
+    const std::uint32_t faces = pair.faces[side] & ((1U << bodies_[side].count(own)) - 1);
+    return faces & ~faces_apart_inline<kGuess>(bodies_[side].placed_block(bodies_[side].first(own)),
+                                               faces, bodies_[side ^ 1].placed_node(other / kLanes),
+                                               other % kLanes, bodies_[side].cells_ratio());
   }
 
+  // Leaves in `close` the lanes that may meet the other part.
   HWY_INLINE void test(Opened& out) {
-    Side& own = sides_[out.side];
+    WalkedBody& own = bodies_[out.side];
     out.close &= ~boxes_apart_inline<false>(own.placed_node(out.first / kLanes),
-                                            sides_[out.side ^ 1].placed_node(out.other / kLanes),
+                                            bodies_[out.side ^ 1].placed_node(out.other / kLanes),
                                             out.other % kLanes, own.cells_ratio(), nullptr);
     stats_.box_tests += kLanes;
   }
 
+  // Opens one node and pushes its lanes so that the one that overlaps most comes off the list first.
   template <std::uint32_t kSide>
   void open_by_depth(const PendingPair& pair) {
-    Side &own = sides_[kSide], &other = sides_[kSide ^ 1];
+    WalkedBody &own = bodies_[kSide], &other = bodies_[kSide ^ 1];
     const std::uint32_t node = own.first(pair.place[kSide]);
     const TreePlace partner = pair.place[kSide ^ 1];
     float depths[kLanes];
@@ -242,7 +293,8 @@ class Walk {
     }
   }
 
-  // The first lane comes on top.
+  // The first lane comes on top. Eight are written whatever `close` says, and as many counted as it has; what is beyond
+  // the size is written over by the next.
   void push(const Opened& opened) {
     const hn::CappedTag<std::uint32_t, kLanes> d;
     const hn::Rebind<std::uint8_t, decltype(d)> bytes;
@@ -260,30 +312,32 @@ class Walk {
   }
 
   // Pairs of parts neither of which is inner, collected.
-  void test_leaves() {
-    FaceAndLeaf faces[kLeaves * kLanes];
+  void test_ends() {
+    FaceAndBlock faces[kEnds * kLanes];
     std::size_t face_count = 0;
-    for (std::size_t i = leaf_count_; i-- > 0;) {
-      const PendingPair& pair = leaves_[i];
+    // First each face of a's block against the whole of b's block.
+    for (std::size_t i = end_count_; i-- > 0;) {
+      const PendingPair& pair = ends_[i];
       const TreePlace a = pair.place[0], b = pair.place[1];
-      if (HWY_UNLIKELY(sides_[0].kind(a) != Kind::kFaces || sides_[1].kind(b) != Kind::kFaces)) {
+      if (HWY_UNLIKELY(bodies_[0].kind(a) != Kind::kFaces || bodies_[1].kind(b) != Kind::kFaces)) {
         leave(pair);
         continue;
       }
-      const std::uint32_t count_b = sides_[1].count(b);
-      stats_.triangle_tests += std::uint64_t{sides_[0].count(a)} * count_b;
-      const TreePlace first = sides_[0].first(a) * kLanes;
+      const std::uint32_t count_b = bodies_[1].count(b);
+      stats_.triangle_tests += std::uint64_t{bodies_[0].count(a)} * count_b;
+      const TreePlace first = bodies_[0].first(a) * kLanes;
       for (std::uint32_t close = close_faces(0, pair); close != 0; close &= close - 1)
         faces[face_count++] = {first + static_cast<std::uint32_t>(std::countr_zero(close)),
-                               sides_[1].first(b), pair.faces[1] & ((1U << count_b) - 1)};
+                               bodies_[1].first(b), pair.faces[1] & ((1U << count_b) - 1)};
     }
-    leaf_count_ = 0;
+    end_count_ = 0;
+    // Then each face that is left against b's faces one by one, eight at a time.
     for (std::size_t i = 0; i < face_count; ++i) {
-      const FaceAndLeaf& pair = faces[i];
+      const FaceAndBlock& pair = faces[i];
       const std::uint32_t apart =
-          faces_apart_inline<false>(sides_[1].placed_block(pair.block_b), pair.faces_b,
-                                    sides_[0].placed_block(pair.face_a / kLanes).boxes,
-                                    pair.face_a % kLanes, sides_[1].cells_ratio());
+          faces_apart_inline<false>(bodies_[1].placed_block(pair.block_b), pair.faces_b,
+                                    bodies_[0].placed_block(pair.face_a / kLanes).boxes,
+                                    pair.face_a % kLanes, bodies_[1].cells_ratio());
       for (std::uint32_t close = pair.faces_b & ~apart; close != 0; close &= close - 1) {
         faces_a_[pair_count_] = pair.face_a;
         faces_b_[pair_count_++] =
@@ -307,40 +361,43 @@ class Walk {
     const PairVerdicts verdicts = test_triangles_inline(s_.b_in_a, a, b, (1U << pair_count_) - 1);
     for (std::uint32_t i = 0; i < pair_count_; ++i) {
       if ((verdicts.apart >> i & 1U) != 0) continue;
+      // In neither: too near to tell in doubles, so it is decided exactly.
       if ((verdicts.touching >> i & 1U) == 0 &&
           !triangles_overlap(pose_triangle(s_.frame_a, a.corners(i)),
                              pose_triangle(s_.frame_b, b.corners(i))))
         continue;
-      pairs_.push_back({sides_[0].block(faces_a_[i] / kLanes).keys[faces_a_[i] % kLanes],
-                        sides_[1].block(faces_b_[i] / kLanes).keys[faces_b_[i] % kLanes]});
+      pairs_.push_back({bodies_[0].block(faces_a_[i] / kLanes).keys[faces_a_[i] % kLanes],
+                        bodies_[1].block(faces_b_[i] / kLanes).keys[faces_b_[i] % kLanes]});
       if (kAny) break;
     }
     pair_count_ = 0;
   }
   [[nodiscard]] std::array<GridPoint, 3> face(std::uint32_t side, std::uint32_t at) const {
-    return sides_[side].block(at / kLanes).triangles.corners(at % kLanes);
+    return bodies_[side].block(at / kLanes).triangles.corners(at % kLanes);
   }
 
-  // A pair of which one at least is unresolved.
+  // A pair of which one at least is unresolved. What such a pair needs, the caller decides when all are known: most nodes
+  // appear in many pairs.
   HWY_NOINLINE void leave(const PendingPair& pair) {
     std::uint32_t faces = 0;
     for (const std::uint32_t side : {0U, 1U})
-      if (sides_[side].kind(pair.place[side]) == Kind::kFaces &&
+      if (bodies_[side].kind(pair.place[side]) == Kind::kFaces &&
           (faces = close_faces(side, pair)) == 0)
         return;
     unresolved_.push_back({pair.place[0], pair.place[1], faces});
   }
 
-  struct FaceAndLeaf {
+  struct FaceAndBlock {
     std::uint32_t face_a, block_b, faces_b;
   };
 
-  static constexpr std::size_t kBatch = 8, kHopeful = 64, kLeaves = 2 * kBatch;
+  // Pairs in flight; nodes opened one by one where one contact suffices; ends collected before they are tested.
+  static constexpr std::size_t kBatch = 8, kHopeful = 64, kEnds = 2 * kBatch;
   const Scene& s_;
   PairStack& stack_;
-  Side sides_[2];
-  PendingPair leaves_[kLeaves + 1];
-  std::size_t leaf_count_ = 0, opened_ = 0;
+  WalkedBody bodies_[2];
+  PendingPair ends_[kEnds + 1];
+  std::size_t end_count_ = 0, opened_ = 0;
   std::uint32_t faces_a_[kLanes], faces_b_[kLanes], pair_count_ = 0;
   std::vector<FacePair>& pairs_;
   std::vector<UnresolvedPair>& unresolved_;

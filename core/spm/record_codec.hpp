@@ -3,6 +3,40 @@
 // The one record codec (core/spm_format.md, "Record"): a record described once for counting, writing and reading. `Coder` is
 // any of CountingCoder, WritingCoder, ReadingCoder; each member takes the value by reference, uses it when counting or
 // writing and sets it when reading, so that the two directions cannot drift apart.
+//
+// A record is the split of one node. Say node [40..44] is split at 42: vertex 42 appears beside 40, with two faces:
+//
+//          a                  a             left child [40..41], right child [42..44]
+//         / \                /|\            face 1: left 40, right 42, outside a
+//        /   \              / | \           face 2: left 40, right 42, outside b, flipped (runs the other way round)
+//       40    .    ->      40--42  .        a and b are vertices outside of the node; a face's left corner is any vertex of
+//        \   /              \ | /           the left child, and its right one any of the right child: in the full mesh the
+//         \ /                \|/            face may join 41 and 44
+//          b                  b
+//
+// On the wire it is, symbol by symbol, each by the Huffman code of a context that follows from what is in [ ]:
+//
+//      shape          [node size 5]        right child has 3 vertices; its split is in this batch, the left child's is not
+//      x offset       [node size]          bit length of |42.x - 40.x|, then its bits below the leading one, and the sign
+//      y offset       [length of x]        the same
+//      z offset       [longer of x and y]  the same
+//      inner corners  [sizes of children]  all four of the two faces, as places in their children: here 0, 0 and 0, 0
+//      outside pair   [kinds of guesses]   both outside corners: "a is guess 0, b is none of the guesses and above"
+//      distance       [...]                how far b lies above: only for a corner that was not guessed
+//      box of left    [size of left child] six extents. The right child's is not sent: it is split in this batch as well
+//
+// The node itself is not on the wire: it follows from the record before (codec.cpp, ExpectedNodes). Five things keep it short:
+//   - The first vertex stands for the node, so an offset from it is small, and the smaller the node the smaller.
+//   - A number is coded as its bit length and its bits: what is predictable is its size.
+//   - What is usual costs nothing. Nearly every record has two faces, the second flipped, so a record says only when it has
+//     not: by 33 added to the first offset's length (kUnusualFaces).
+//   - Outside corners are guessed. Next to a face there mostly is a face of this batch already, which has an edge that waits
+//     for its other side (open_edges.hpp): the corner across it is the guess.
+//   - Symbols that go together are one: a Huffman code spends a whole bit at least on each.
+//
+// Whoever reads must not believe a field. Each value is checked where it is read, and set to something harmless where it
+// is wrong, so that reading can go on to the end of the record without a look at an error after each field; the first one
+// is kept in the coder, and good() asks for it.
 
 #include <algorithm>
 #include <array>
@@ -24,6 +58,7 @@ namespace nearmesh::record {
 template <class Coder>
 void code_number(Coder& coder, int context, std::uint32_t& value) {
   auto length = static_cast<std::uint32_t>(bit_length(value));
+  // By a shift in 64 bits: a length of 32 is allowed, and one of 0 must give 0.
   std::uint32_t low = value & ~static_cast<std::uint32_t>(std::uint64_t{1} << length >> 1);
   coder.template number<NumberTail>(context, length, low);
   if (!Coder::kReads) return;
@@ -58,6 +93,7 @@ struct Inclusion {
 /// Where the node is divided, as the size of the right child in [1, size), and which children are divided too.
 template <class Coder>
 void code_shape(Coder& coder, std::uint32_t size, std::uint32_t& right, Inclusion& included) {
+  // Two vertices can be parted one way, and neither child can be divided: no symbol.
   if (size == 2) {
     if (Coder::kReads) {
       right = 1;
@@ -67,6 +103,7 @@ void code_shape(Coder& coder, std::uint32_t size, std::uint32_t& right, Inclusio
   }
   std::uint32_t flags = (included.left ? 1U : 0U) | (included.right ? 2U : 0U);
   coder.refill();
+  // Small nodes: place and flags in one symbol, with a code for each size.
   if (size <= 8) {
     std::uint32_t symbol = (right - 1) * 4 + flags;
     coder.symbol(kShapeSmall + static_cast<int>(size) - 3, symbol);
@@ -157,6 +194,7 @@ void code_inner_corners(Coder& coder, std::uint32_t left_size, std::uint32_t rig
   if (left_size + right_size == 2) return;
   const int left_bits = index_bits(left_size), right_bits = index_bits(right_size);
   coder.refill();
+  // As digits of one number, each as wide as its side needs: at most 2 * kMaxCornerBits bits in all.
   if (left_bits + right_bits <= kMaxCornerBits) {
     const int right_at = 2 * left_bits;
     std::uint32_t symbol =
@@ -194,7 +232,8 @@ inline std::uint32_t outside_symbol(const OpenEdges::Around& around, const NodeS
   return kOutsideBelow + (outside < OpenEdges::neighbour(around, node, node.begin()) ? 0 : 1);
 }
 
-/// The outside corner that `symbol` stands for.
+/// The outside corner that `symbol` stands for. If it is not among the guesses it is likely to be near some vertex that
+/// the face's own corners share an edge with; without one, near the node.
 template <class Coder>
 void code_outside(Coder& coder, const SpmHeader& header, const OpenEdges::Around& around,
                   const NodeSpan& node, std::uint32_t symbol, std::uint32_t& outside) {

@@ -63,8 +63,8 @@ RegionReadiness lacks_in_box(const TreeView& tree, const std::array<double, 3>& 
     if (entry.kind() == TreeEntry::Kind::kEmpty || !entry.box.meets(box)) continue;
     if (entry.kind() == TreeEntry::Kind::kInner) {
       tree.for_each_child(entry, [&](const TreeEntry& child) { open.push_back(child); });
-    } else if (entry.kind() == TreeEntry::Kind::kFrontier) {
-      const NodeSpan node = entry.frontier_node();
+    } else if (entry.kind() == TreeEntry::Kind::kUnresolved) {
+      const NodeSpan node = entry.unresolved_node();
       ++lacks.unresolved_nodes;
       lacks.missing_vertices += node.size - 1;
       bound_cells = std::max(bound_cells, node_bound(*tree.store, node));

@@ -36,8 +36,9 @@ RecordedBody body_of(const std::string& name, const Replica& replica, const Pose
   for (VertexId v{0}; v.value < store.vertex_count(); v = {mesh.current_node(v).end()}) {
     place[v.value] = static_cast<std::uint32_t>(body.positions_world_m.size());
     body.positions_world_m.push_back(to_world(grid, pose, store.position(v)));
-    body.eps_m.push_back(
-        mesh.is_leaf(v) ? 0 : std::ldexp(node_bound(store, mesh.current_node(v)), grid.exponent));
+    body.eps_m.push_back(mesh.is_resolved(v)
+                             ? 0
+                             : std::ldexp(node_bound(store, mesh.current_node(v)), grid.exponent));
   }
   for (const ActiveFace& face : extract_faces(mesh))
     body.faces.push_back(

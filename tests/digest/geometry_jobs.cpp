@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Predicates where signs are hard, box tests and gaps, poses up to their limits.
-#include "core/geometry/placed_boxes.hpp"
+#include "core/geometry/kernels_for_tests.hpp"
 #include "core/geometry/triangle_overlap.hpp"
 #include "jobs.hpp"
 #include "test_models.hpp"

@@ -80,13 +80,13 @@ inline std::vector<KeyedFace> exact_faces(const ActiveMesh& mesh,
                                           const std::vector<KeyedFace>& faces) {
   const std::set<std::uint32_t> active = active_ids(mesh);
   std::vector<KeyedFace> exact;
-  const auto is_leaf = [&](VertexId v) {
+  const auto is_resolved = [&](VertexId v) {
     return active.contains(v.value) &&
            (active.contains(v.value + 1) || v.value + 1 == mesh.store().vertex_count());
   };
   for (const KeyedFace& keyed : faces) {
     const auto corners = keyed.face.corners();
-    if (std::all_of(corners.begin(), corners.end(), is_leaf)) exact.push_back(keyed);
+    if (std::all_of(corners.begin(), corners.end(), is_resolved)) exact.push_back(keyed);
   }
   return exact;
 }
@@ -129,7 +129,7 @@ struct FullModel {
 /// What a tree holds, by walking all of it.
 struct TreeContent {
   std::vector<FaceKey> faces;
-  std::vector<NodeSpan> frontier;
+  std::vector<NodeSpan> unresolved;
 };
 
 /// Whether the entry's slab, where it has one, holds the point.
@@ -144,7 +144,7 @@ inline bool slab_holds(const TreeEntry& entry, const GridPoint& p) {
 }
 
 /// Checks on the way that every entry's box and slab enclose the faces below it and all original faces that touch a
-/// vertex below its frontier nodes.
+/// vertex below its unresolved nodes.
 inline TreeContent walk_tree(const TreeView& view, const TrueBoxes& boxes) {
   TreeContent content;
   struct Step {
@@ -178,8 +178,8 @@ inline TreeContent walk_tree(const TreeView& view, const TrueBoxes& boxes) {
           content.faces.push_back(face.key);
         });
         break;
-      case TreeEntry::Kind::kFrontier:
-        expect_inside(boxes.of(part.frontier_node()));
+      case TreeEntry::Kind::kUnresolved:
+        expect_inside(boxes.of(part.unresolved_node()));
         for (int corner = 0; corner < 8; ++corner) {
           GridPoint p;
           for (int k = 0; k < 3; ++k)
@@ -187,14 +187,14 @@ inline TreeContent walk_tree(const TreeView& view, const TrueBoxes& boxes) {
           for (std::size_t i = 0; i + 1 < step.above.size(); ++i)
             EXPECT_TRUE(slab_holds(step.above[i], p));
         }
-        content.frontier.push_back(part.frontier_node());
+        content.unresolved.push_back(part.unresolved_node());
         break;
       case TreeEntry::Kind::kEmpty:
         break;
     }
   }
   std::sort(content.faces.begin(), content.faces.end());
-  std::sort(content.frontier.begin(), content.frontier.end());
+  std::sort(content.unresolved.begin(), content.unresolved.end());
   return content;
 }
 

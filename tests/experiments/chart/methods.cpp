@@ -314,7 +314,7 @@ class Grid3 : public Stream {
       if (!done_[i].insert(cell).second) continue;
       for (const VertexId v : cells_[i]->vertices(cell)) {
         if (!mesh.store().is_root(v)) split(v);
-        while (!mesh.is_leaf(v)) split(mesh.store().split_of(mesh.current_node(v)));
+        while (!mesh.is_resolved(v)) split(mesh.store().split_of(mesh.current_node(v)));
       }
     }
     return delta;

@@ -67,7 +67,7 @@ TEST_P(AbTreeOf, HoldsExactlyTheExactFacesAndTheUnresolvedNodes) {
       const test::TreeContent content =
           test::walk_tree(wanderer.tree().view(model.header.grid), boxes);
       ASSERT_EQ(content.faces, test::keys_of(test::exact_faces(wanderer.mesh(), all)));
-      ASSERT_EQ(content.frontier, test::unresolved_nodes(wanderer.mesh()));
+      ASSERT_EQ(content.unresolved, test::unresolved_nodes(wanderer.mesh()));
       ASSERT_EQ(wanderer.tree().stats().exact_faces, content.faces.size());
     }
   }
@@ -84,7 +84,7 @@ TEST_P(AbTreeOf, FollowedTreeHoldsWhatOneFromScratchHolds) {
     const auto followed = test::walk_tree(wanderer.tree().view(model.header.grid), boxes);
     const auto built = test::walk_tree(scratch.view(model.header.grid), boxes);
     ASSERT_EQ(followed.faces, built.faces);
-    ASSERT_EQ(followed.frontier, built.frontier);
+    ASSERT_EQ(followed.unresolved, built.unresolved);
     ASSERT_EQ(wanderer.tree().stats().slots, scratch.stats().slots);
   }
 }
@@ -139,7 +139,7 @@ TEST_P(AbTreeOf, FollowsAReplicaWhoseBatchesComeInAnyOrderAndAreForgottenAgain) 
       if (i % 8 != 0) continue;
       const auto content = test::walk_tree(tree.view(model.header.grid), boxes);
       ASSERT_EQ(content.faces, test::keys_of(test::exact_faces(replica.mesh(), all)));
-      ASSERT_EQ(content.frontier, test::unresolved_nodes(replica.mesh()));
+      ASSERT_EQ(content.unresolved, test::unresolved_nodes(replica.mesh()));
     }
     for (int i = 0; i < 30; ++i) {
       const VertexId u{random.below(model.header.vertex_count)};
@@ -149,7 +149,7 @@ TEST_P(AbTreeOf, FollowsAReplicaWhoseBatchesComeInAnyOrderAndAreForgottenAgain) 
       if (replica.mesh().is_current(node)) replica.forget(node);
       const auto content = test::walk_tree(tree.view(model.header.grid), boxes);
       ASSERT_EQ(content.faces, test::keys_of(test::exact_faces(replica.mesh(), all)));
-      ASSERT_EQ(content.frontier, test::unresolved_nodes(replica.mesh()));
+      ASSERT_EQ(content.unresolved, test::unresolved_nodes(replica.mesh()));
     }
   }
 }
@@ -234,7 +234,7 @@ TEST(AbTree, FollowsRootsThatCollapseBesideEmptyOnes) {
       const test::TreeContent followed = test::walk_tree(local.view(), boxes),
                               built = test::walk_tree(anew.view(model.header.grid), boxes);
       ASSERT_EQ(followed.faces, built.faces);
-      ASSERT_EQ(followed.frontier, built.frontier);
+      ASSERT_EQ(followed.unresolved, built.unresolved);
     }
   }
 }
@@ -295,7 +295,7 @@ TEST(AbTree, CollapsedToTheBaseItForgetsItsFaces) {
   RefineDelta back;
   for (const BaseRoot& root : model.header.roots) mesh.collapse(root.node, back);
   tree.update(back);
-  EXPECT_EQ(test::walk_tree(tree.view(model.header.grid), test::TrueBoxes(model.store)).frontier,
+  EXPECT_EQ(test::walk_tree(tree.view(model.header.grid), test::TrueBoxes(model.store)).unresolved,
             test::unresolved_nodes(mesh));
   EXPECT_LT(tree.stats().exact_faces, model.header.face_count);
 }

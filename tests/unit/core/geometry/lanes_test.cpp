@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The vector tests never part what touches, part most of what does not, and say the same on every instruction set.
-#include "core/geometry/placed_boxes.hpp"
+#include "core/geometry/kernels_for_tests.hpp"
 
 #include <gtest/gtest.h>
 

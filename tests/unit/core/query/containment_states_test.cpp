@@ -141,7 +141,7 @@ TEST_P(SolidPair, SwappedBodiesGiveTheMirroredAnswer) {
     const auto c = static_cast<int>(answer.contained), m = static_cast<int>(mirrored.contained);
     EXPECT_EQ(c, (m & 1) * 2 + m / 2);
     if (answer.pair_total == 0 && answer.status == AnswerStatus::kUncertain) {
-      // Which of two frontier nodes of one size is named goes by the order of the bodies.
+      // Which of two unresolved nodes of one size is named goes by the order of the bodies.
       EXPECT_EQ(answer.missing_a.empty() && answer.missing_b.empty(),
                 mirrored.missing_a.empty() && mirrored.missing_b.empty());
     }

@@ -91,7 +91,7 @@ TEST_P(ActiveMeshOf, ExtractsEveryFaceWithItsCornersReplaced) {
   }
 }
 
-TEST_P(ActiveMeshOf, ExactFacesAreThoseWhoseCornersAreLeaves) {
+TEST_P(ActiveMeshOf, ExactFacesAreThoseWhoseCornersAreResolved) {
   const BakedModel model = test::bake_named(GetParam());
   const std::vector<test::KeyedFace> all = test::all_faces(model.store);
   Random random(53);

@@ -3,12 +3,13 @@
 // The certified collision query between two posed trees: exact face pairs, and a proof that what is not
 // refined cannot matter, or the list of what is missing.
 //
-// Theorem (DESIGN, section 3). B(p) encloses every original face that touches a vertex below node p. If no
-// unresolved active node's B meets the other object, the exact faces that hit it are precisely the faces of the full
-// mesh that hit it: were an original face f to meet it, each corner's active node would have f inside its B, hence be
-// resolved, hence f would be exact. For two progressive objects pairs of B are tested; same proof. Nothing is assumed
-// of the simplifier. Both sides use the fixed-point pose of geometry/pose.hpp, so the full-mesh reference and the
-// certified answer agree bit by bit.
+// Why a certified answer is right. A face is exact when its three vertices stand for themselves alone: it is then a face
+// of the full mesh, in its place. Every other face of the full mesh, held or not, has a vertex in an unresolved node and
+// lies in that node's box. So where no unresolved node's box meets anything of the other body, no face but exact ones
+// can touch, and the exact pairs are all there are. Nothing is assumed of the simplifier. core/THEOREM.md states and
+// proves it, with what follows for distances, insides and motions, and says which test holds which step.
+// Both sides use the fixed-point pose of geometry/pose.hpp, so the full-mesh reference and the certified answer agree
+// bit by bit.
 //
 // Solids. A body whose surface is closed may be asked about as solid: is the other one inside? Where the surfaces are
 // certainly apart, each connected part of one lies wholly on one side of the other, so one known vertex of each part
@@ -73,9 +74,10 @@ struct Answer {
   std::vector<FacePair> pairs;   ///< exact, ascending
   std::uint64_t pair_total = 0;  ///< how many were found
   bool truncated = false;        ///< `pairs` holds only the first QueryOptions::max_pairs of them
-  std::vector<NodeSpan> missing_a,
-      missing_b;  ///< unresolved nodes whose splits bring the answer nearer, ascending
-  /// Where the surfaces are certainly apart and only the inside of a solid is open: boxes in the body's own grid
+  /// What the answer misses: the unresolved nodes whose splits bring it nearer, ascending. Most unresolved nodes are out of
+  /// the way and are not missed.
+  std::vector<NodeSpan> missing_a, missing_b;
+  /// Where the surfaces are certainly apart and only the inside of a solid is undecided: boxes in the body's own grid
   /// around the rays that wait for missing nodes. A hint for what to ask for below these nodes; else empty.
   std::vector<GridBox> rays_a, rays_b;
   /// Free: a lower bound of the distance, metres (infinite when either side has no face). Else 0.

@@ -4,7 +4,7 @@
 // of each other, or an instant at which they touch, or what is missing.
 // Source: conservative advancement over boxes (Zhang, Lee, Kim 2006, "Interactive continuous collision detection for
 // non-convex polyhedra"); ours walks time by halves, earliest first, grows boxes along the motion instead of dividing
-// gaps by speeds, and extends the certificate of query.hpp: the same theorem holds at each instant.
+// gaps by speeds, and extends the certificate of query.hpp: the theorem (core/THEOREM.md) holds at each instant.
 
 #include <cstdint>
 #include <limits>

@@ -4,7 +4,8 @@
 // A sparse upper tree over the roots and the larger nodes of the merge forest; below it slots, maximal nodes of at most
 // 64 ids, each with a micro tree over its exact faces and its unresolved nodes, whose boxes stand as they came. Boxes
 // above enclose what is below them. Takes RefineDelta, gives TreeView.
-// Source: the paper, section 3.3 (AB-tree; its inner workings are known from Table 1 only, so this is our own design).
+// Source: Liu, Georganas, Roth 2006, section 3.3 (AB-tree; its inner workings are known from Table 1 there only, so this is
+// our own design). How it works inside: core/src/abtree/ab_tree.cpp.
 
 #include <array>
 #include <cstdint>
@@ -46,21 +47,21 @@ class AbTree {
  private:
   static constexpr std::uint32_t kNone = 0xffffffffU;
   /// A node of the upper tree has the lanes of a node of the forest: of its descendants so many levels down, and of the
-  /// leaves above these, by first vertex. So its shape follows from what is active.
+  /// tips above these, by first vertex. So its shape follows from what is active.
   static constexpr std::uint32_t kLevelsPerNode = 3;
 
   /// Which vertices, a bit for each or for some: 32 in a row have bits of their own.
   using VertexBits = std::uint32_t;
   static constexpr VertexBits kAllVertices = ~VertexBits{0};
   static VertexBits bit_of(VertexId v) { return VertexBits{1} << (v.value % 32); }
-  /// A leaf whose faces depend, or did, on whether these are vertices of the full mesh.
+  /// A tip whose faces depend, or did, on whether these are vertices of the full mesh.
   struct Watch {
-    std::uint32_t leaf;
+    std::uint32_t tip;
     VertexBits corners;
   };
 
-  // A leaf of the upper tree: a slot, or a larger node that is not split yet.
-  struct Leaf {
+  // A tip of the upper tree: a slot, or a larger node that is not split yet.
+  struct Tip {
     NodeSpan node;
     TreePlace place = 0;
     std::uint16_t depth = 0;        // levels of the forest above it
@@ -86,32 +87,32 @@ class AbTree {
     std::uint16_t depth;
   };
 
-  std::uint32_t new_leaf(NodeSpan node, TreePlace place, std::uint16_t depth);
-  void free_leaf(std::uint32_t leaf);
-  [[nodiscard]] std::uint32_t leaf_of(VertexId active) const { return leaf_of_[active.value] - 1; }
-  void set_leaf_of(VertexId active, std::uint32_t leaf) { leaf_of_[active.value] = leaf + 1; }
-  [[nodiscard]] std::uint32_t leaf_at(TreePlace place) const;
+  std::uint32_t new_tip(NodeSpan node, TreePlace place, std::uint16_t depth);
+  void free_tip(std::uint32_t tip);
+  [[nodiscard]] std::uint32_t tip_of(VertexId active) const { return tip_of_[active.value] - 1; }
+  void set_tip_of(VertexId active, std::uint32_t tip) { tip_of_[active.value] = tip + 1; }
+  [[nodiscard]] std::uint32_t tip_at(TreePlace place) const;
   void set_entry(TreePlace place, const TreeEntry& entry);
   [[nodiscard]] TreeEntry entry(TreePlace place) const {
     return arrays_.nodes[place / kLanes].entry(place % kLanes);
   }
 
-  void queue(std::uint32_t leaf);
-  void mark_changed(std::uint32_t leaf);
-  void tell_watchers(std::uint32_t leaf, VertexBits corners, bool may_lose);
+  void queue(std::uint32_t tip);
+  void mark_changed(std::uint32_t tip);
+  void tell_watchers(std::uint32_t tip, VertexBits corners, bool may_lose);
   void watch_corners(std::uint32_t watcher);
-  void watch(std::uint32_t leaf, std::uint32_t watcher, VertexBits corners);
+  void watch(std::uint32_t tip, std::uint32_t watcher, VertexBits corners);
   void apply_split(VertexId u);
   void apply_collapse(NodeSpan node);
   void apply_box(NodeSpan node);
   void free_micro_tree(TreePlace place);
 
   // Slots: slots.cpp.
-  void look_at(std::uint32_t leaf);
-  void fetch_slot(std::uint32_t leaf);
+  void look_at(std::uint32_t tip);
+  void fetch_slot(std::uint32_t tip);
   void fetch_micro_tree(TreePlace place);
   struct SlotBits {
-    std::uint64_t active, leaves;
+    std::uint64_t active, resolved;
   };
   [[nodiscard]] SlotBits bits_of(NodeSpan slot) const;
   void find_exact_faces(std::uint32_t slot);
@@ -138,11 +139,11 @@ class AbTree {
   LazyArray<std::uint32_t> upper_of_;  // beside the nodes: of one of the upper tree
   std::vector<Upper> uppers_;
   std::vector<std::uint32_t> free_uppers_;
-  std::vector<Leaf> leaves_;
-  std::vector<std::uint32_t> free_leaves_;
-  LazyArray<std::uint32_t> leaf_of_;                             // by active vertex, plus one
+  std::vector<Tip> tips_;
+  std::vector<std::uint32_t> free_tips_;
+  LazyArray<std::uint32_t> tip_of_;                              // by active vertex, plus one
   std::vector<TreePlace> root_places_;                           // of each root
-  std::vector<std::uint32_t> pending_;                           // leaves to look at
+  std::vector<std::uint32_t> pending_;                           // tips to look at
   std::vector<std::pair<std::uint32_t, std::uint32_t>> refits_;  // level and index of nodes, a heap
   std::vector<TreePlace> micro_roots_;  // lanes of slots whose box and slab are to be found
   std::uint64_t exact_total_ = 0, slot_total_ = 0, rebuilt_slots_ = 0, rebuilt_faces_ = 0;
@@ -154,7 +155,7 @@ class AbTree {
   };
   std::vector<ExactFace> exact_faces_;
   std::vector<VertexId> corners_elsewhere_;            // to watch
-  std::vector<std::uint32_t> leaves_elsewhere_;        // that have them
+  std::vector<std::uint32_t> tips_elsewhere_;          // that have them
   std::size_t exact_count_ = 0, elsewhere_count_ = 0;  // the first so many of these
   std::unique_ptr<TreeBuilder> builder_;
 };

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // What the query walks: a tree of boxes in one model's grid, eight children a node, side by side for vector tests, whose
-// leaves hold exact faces or unresolved nodes. AbTree makes one that follows a replica; build_triangle_tree makes one
+// ends hold exact faces or unresolved nodes. AbTree makes one that follows a replica; build_triangle_tree makes one
 // over a fixed set of triangles (the full-mesh reference, and the coarse meshes that the uncertified methods test).
 
 #include <array>
@@ -19,10 +19,10 @@ namespace nearmesh {
 /// One part of a tree: its box, and what is in it.
 struct TreeEntry {
   enum class Kind : std::uint32_t {
-    kInner,     ///< the lanes of node `first`
-    kFaces,     ///< the first `count` exact faces of block `first`
-    kFrontier,  ///< an unresolved node of the forest: first is its first vertex, count its size
-    kEmpty,     ///< nothing: resolved, without faces. The box is empty
+    kInner,       ///< the lanes of node `first`
+    kFaces,       ///< the first `count` exact faces of block `first`
+    kUnresolved,  ///< an unresolved node of the forest: first is its first vertex, count its size
+    kEmpty,       ///< nothing: resolved, without faces. The box is empty
   };
   GridBox box;
   Slab slab;
@@ -31,7 +31,7 @@ struct TreeEntry {
 
   [[nodiscard]] Kind kind() const { return static_cast<Kind>(kind_and_count & 3U); }
   [[nodiscard]] std::uint32_t count() const { return kind_and_count >> 2; }
-  [[nodiscard]] NodeSpan frontier_node() const { return {{first}, count()}; }
+  [[nodiscard]] NodeSpan unresolved_node() const { return {{first}, count()}; }
   void set(Kind kind, std::uint32_t first_place, std::uint32_t count) {
     first = first_place;
     kind_and_count = static_cast<std::uint32_t>(kind) | count << 2;
@@ -124,8 +124,8 @@ struct TreeView {
   }
   /// The faces of an entry of kind kFaces.
   template <class Visit>
-  void for_each_face(const TreeEntry& leaf, const Visit& visit) const {
-    for (std::uint32_t i = 0; i < leaf.count(); ++i) visit(blocks[leaf.first].face(i));
+  void for_each_face(const TreeEntry& part, const Visit& visit) const {
+    for (std::uint32_t i = 0; i < part.count(); ++i) visit(blocks[part.first].face(i));
   }
 };
 

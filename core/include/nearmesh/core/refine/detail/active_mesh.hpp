@@ -3,8 +3,8 @@
 // Which vertices of a progressive mesh are active: the state of a replica, as a set.
 // The mesh is a function of that set (each corner replaced by its nearest active predecessor), so order of arrival,
 // repetition and loss cannot change the result, and there are no cracks between fine and coarse.
-// Source: the paper, section 3.3 (Local Vertex Split, Local Edge Collapse). Departure: a split's only legal condition
-// is that its node is current ("ancestors" closure); Hoppe's neighbour conditions are not needed for certified answers.
+// Source: Liu, Georganas, Roth 2006, section 3.3 (Local Vertex Split, Local Edge Collapse). Departure: a split's only
+// legal condition is that its node is current ("ancestors" closure); Hoppe's neighbour conditions are not needed for certified answers.
 
 #include <cstdint>
 #include <vector>
@@ -35,9 +35,9 @@ class ActiveMesh {
   [[nodiscard]] bool is_active(VertexId v) const {
     return (bits_[v.value >> 6] >> (v.value & 63U) & 1U) != 0;
   }
-  /// Active and standing for itself alone: a vertex of the full mesh in its final place.
-  [[nodiscard]] bool is_leaf(VertexId v) const {
-    // No branch: which are leaves is hard to foretell.
+  /// Active and standing for itself alone: a vertex of the full mesh in its final place. What stands for more is unresolved.
+  [[nodiscard]] bool is_resolved(VertexId v) const {
+    // No branch: what comes of it is hard to foretell.
     const std::uint64_t* words = bits_.data();
     const std::uint32_t after = v.value + 1;
     NEARMESH_ASSERT((after >> 6) < bits_.size());
@@ -55,9 +55,9 @@ class ActiveMesh {
   [[nodiscard]] VertexId active_predecessor(VertexId v) const;
   /// The node that an active vertex stands for now.
   [[nodiscard]] NodeSpan current_node(VertexId v) const;
-  /// Whether all three corners are leaves, so that the face is as in the full mesh.
+  /// Whether all three corners are resolved, so that the face is as in the full mesh.
   [[nodiscard]] bool is_exact(const SplitFace& face) const {
-    return is_leaf(face.left) && is_leaf(face.right) && is_leaf(face.outside);
+    return is_resolved(face.left) && is_resolved(face.right) && is_resolved(face.outside);
   }
   /// Whether the node is in the current front.
   [[nodiscard]] bool is_current(NodeSpan node) const;
@@ -77,7 +77,7 @@ class ActiveMesh {
  private:
   const SplitStore* store_;
   LazyArray<std::uint64_t>
-      bits_;  // one past the last vertex is set, so that is_leaf needs no bound
+      bits_;  // one past the last vertex is set, so that is_resolved needs no bound
   std::vector<VertexId> stack_;
   std::uint32_t split_count_ = 0;
   std::uint64_t hash_ = 0;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // Half-edge collapses by quadric error down to a small base (takes GridMesh, gives CollapseLog).
-// Sources: Garland and Heckbert 1997 (quadrics), Hoppe 1996 (progressive meshes), the paper
-// section 3.3. Departures: the kept vertex stays where it is, so every vertex of every level is an
+// Sources: Garland and Heckbert 1997 (quadrics), Hoppe 1996 (progressive meshes), Liu,
+// Georganas, Roth 2006, section 3.3. Departures: the kept vertex stays where it is, so every vertex of every level is an
 // original vertex; flips are tested against the original normals too (small turns would add up);
 // the topology may break, at a price, so that debris goes before what matters; parts that vanish
 // whole are merged into near ones.

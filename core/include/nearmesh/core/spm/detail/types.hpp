@@ -2,7 +2,7 @@
 #pragma once
 // The words of the progressive mesh: nodes of the merge forest, faces that appear with a split, boxes,
 // and the request by which a peer names the detail it lacks.
-// Source: the paper, section 3.3 (vertex hierarchy, VSP); ids and intervals are ours: vertices are numbered
+// Source: Liu, Georganas, Roth 2006, section 3.3 (vertex hierarchy, VSP); ids and intervals are ours: vertices are numbered
 // by depth-first order of the merge forest, kept child first, so a subtree is an interval of ids and its
 // representative is the lowest. A split has the id of the vertex that it activates.
 
