@@ -14,6 +14,7 @@ HEAD = """# Speed and size
 Written by `tests/perf/make_page.py` from the files in [perf](perf); no figure is typed in but in the last section. To make it again (some
 fifteen minutes; FCL, Bullet, Embree and CGAL are compared where they are installed):
 
+    cmake --build --preset dev --target experiments nearmesh-model    # programs that are run by hand are not in `all`
     bin=build/dev/bin
     $bin/nearmesh-perf --workload sphere bunny terrain1m terrain8m -o docs/perf/queries.csv     # 11 GB
     $bin/nearmesh-model generate terrain --size 708 -o terrain.ply && $bin/nearmesh-model build terrain.ply -o terrain.spm
