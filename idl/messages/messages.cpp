@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <string_view>
+#include <utility>
 
 #include "nearmesh/core/geometry/motion.hpp"
 #include "nearmesh/core/spm/detail/codec.hpp"
@@ -96,6 +97,32 @@ MeshHeader announce_model(const std::string& name, const ModelFile& file, Hello&
   hello.models.push_back({name, file.content_hash(), file.mesh_bytes()});
   const auto bytes = file.header_bytes();
   return {kWireVersion, name, file.content_hash(), {bytes.begin(), bytes.end()}};
+}
+
+std::vector<SplitBatchMessage> answer_messages(SessionId publisher,
+                                               const RegionSubscription& request,
+                                               std::vector<std::vector<std::uint8_t>> batches,
+                                               bool last) {
+  if (batches.empty() && last) batches.emplace_back();
+  std::vector<SplitBatchMessage> messages;
+  for (std::size_t i = 0; i < batches.size(); ++i)
+    messages.push_back({.publisher = publisher,
+                        .content_hash = request.content_hash,
+                        .request = request.request,
+                        .last = last && i + 1 == batches.size(),
+                        .bytes = std::move(batches[i])});
+  return messages;
+}
+
+SplitBatchMessage refusal_message(SessionId publisher, const RegionSubscription& request,
+                                  const std::string& why) {
+  const auto length = static_cast<std::ptrdiff_t>(std::min(why.size(), kMaxBatchBytes));
+  return {.publisher = publisher,
+          .content_hash = request.content_hash,
+          .request = request.request,
+          .last = true,
+          .refused = true,
+          .bytes = {why.begin(), why.begin() + length}};
 }
 
 Status check(const Hello& message) {

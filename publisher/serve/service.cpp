@@ -141,7 +141,9 @@ void Service::serve(wire::SessionId id, Peer& peer, double now_s, std::vector<st
     if (part.is_ok()) {
       const bool last = part.value().last;
       open.is_collecting = !last && part.value().batches.empty();
-      enqueue(peer, open.subscription, std::move(part).value(), false);
+      enqueue(peer, open.subscription.priority,
+              wire::answer_messages(session_, open.subscription, std::move(part.value().batches),
+                                    last));
       if (last) peer.open.erase(at);
       return;
     }
@@ -154,8 +156,7 @@ void Service::serve(wire::SessionId id, Peer& peer, double now_s, std::vector<st
 void Service::refuse(wire::SessionId id, Peer& peer, const wire::RegionSubscription& request,
                      const std::string& why, double now_s, std::vector<std::string>& lines) {
   ++stats_.refused;
-  const auto length = static_cast<std::ptrdiff_t>(std::min(why.size(), kMaxBatchBytes));
-  enqueue(peer, request, {{{why.begin(), why.begin() + length}}, true}, true);
+  enqueue(peer, request.priority, {wire::refusal_message(session_, request, why)});
   if (peer.unsaid_refusals && now_s < peer.said_refusal_s + kRefusalPeriod_s) {
     ++*peer.unsaid_refusals;
     return;
@@ -168,24 +169,12 @@ void Service::refuse(wire::SessionId id, Peer& peer, const wire::RegionSubscript
   peer.unsaid_refusals = 0;
 }
 
-void Service::enqueue(Peer& peer, const wire::RegionSubscription& subscription, Part part,
-                      bool refused) {
-  if (part.batches.empty() && part.last)
-    part.batches.emplace_back();  // "nothing was needed" is an answer too
-  const auto place = std::find_if(peer.queue.begin(), peer.queue.end(), [&](const Waiting& w) {
-    return w.priority > subscription.priority;
-  });
+void Service::enqueue(Peer& peer, std::uint8_t priority,
+                      std::vector<wire::SplitBatchMessage> messages) {
+  const auto place = std::find_if(peer.queue.begin(), peer.queue.end(),
+                                  [&](const Waiting& w) { return w.priority > priority; });
   std::deque<Waiting> added;
-  for (std::size_t i = 0; i < part.batches.size(); ++i) {
-    wire::SplitBatchMessage message;
-    message.publisher = session_;
-    message.content_hash = subscription.content_hash;
-    message.request = subscription.request;
-    message.last = part.last && i + 1 == part.batches.size();
-    message.refused = refused;
-    message.bytes = std::move(part.batches[i]);
-    added.push_back({std::move(message), subscription.priority});
-  }
+  for (wire::SplitBatchMessage& message : messages) added.push_back({std::move(message), priority});
   peer.queue.insert(place, std::make_move_iterator(added.begin()),
                     std::make_move_iterator(added.end()));
 }

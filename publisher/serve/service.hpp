@@ -107,7 +107,7 @@ class Service {
   void serve(wire::SessionId id, Peer& peer, double now_s, std::vector<std::string>& lines);
   void refuse(wire::SessionId id, Peer& peer, const wire::RegionSubscription& request,
               const std::string& why, double now_s, std::vector<std::string>& lines);
-  void enqueue(Peer& peer, const wire::RegionSubscription& subscription, Part part, bool refused);
+  void enqueue(Peer& peer, std::uint8_t priority, std::vector<wire::SplitBatchMessage> messages);
   bool send(double now_s);
   bool send_next(wire::SessionId id, Peer& peer, double now_s);
   void tell_status(double now_s);

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nearmesh/subscriber/peer/local_channel.hpp"
 
-#include <algorithm>
 #include <utility>
 
 #include "core/demand/answer.hpp"
@@ -66,23 +65,14 @@ void LocalChannel::send(const wire::RegionSubscription& subscription) {
       at == models_.end()
           ? Status{StatusCode::kNotFound, "no model with that content hash is served here"}
           : answer(at->second.file, subscription.region);
-  wire::SplitBatchMessage message;
-  message.publisher = kPublisher;
-  message.content_hash = subscription.content_hash;
-  message.request = subscription.request;
-  message.refused = !batches.is_ok();
-  std::vector<std::vector<std::uint8_t>> payloads(1);  // "nothing was needed" is an answer too
-  if (!batches.is_ok()) {
-    const std::string why = batches.status().message().substr(0, kMaxBatchBytes);
-    payloads[0].assign(why.begin(), why.end());
-  } else if (!batches.value().empty()) {
-    payloads = std::move(batches).value();
-  }
-  for (std::size_t i = 0; i < payloads.size(); ++i) {
+  std::vector<wire::SplitBatchMessage> messages;
+  if (batches.is_ok())
+    messages = wire::answer_messages(kPublisher, subscription, std::move(batches).value(), true);
+  else
+    messages.push_back(wire::refusal_message(kPublisher, subscription, batches.status().message()));
+  for (wire::SplitBatchMessage& message : messages) {
     message.sequence = ++sequence_;
-    message.last = i + 1 == payloads.size();
-    message.bytes = std::move(payloads[i]);
-    inbox_.batches.push_back(message);
+    inbox_.batches.push_back(std::move(message));
   }
 }
 

@@ -34,8 +34,8 @@ struct Options {
 nlohmann::ordered_json to_json(std::uint64_t frame, const PairAnswer& pair, const Scene& scene) {
   const auto body_of = [&](const std::string& name) {
     const auto at = std::find_if(scene.bodies.begin(), scene.bodies.end(),
-                                 [&](const SceneBody& b) { return b.name == name; });
-    return at == scene.bodies.end() ? SceneBody{} : *at;
+                                 [&](const BodyOfScene& b) { return b.name == name; });
+    return at == scene.bodies.end() ? BodyOfScene{} : *at;
   };
   const auto pose = [](const Pose& p) {
     std::vector<double> x(p.rotation.begin(), p.rotation.end());
@@ -99,7 +99,7 @@ class Flight {
       answers_.open(options_.answers);
       if (!answers_) return {StatusCode::kIo, options_.answers + ": cannot create"};
     }
-    for (const SceneBody& body : scene_.bodies) {
+    for (const BodyOfScene& body : scene_.bodies) {
       NEARMESH_RETURN_IF_ERROR(
           session_.add_body(body.name, body.model, !body.trajectory.empty(), body.solid));
       if (body.fixed_pose)
@@ -163,7 +163,7 @@ class Flight {
  private:
   std::vector<Session::OwnMotion> motions(std::uint64_t frame) const {
     std::vector<Session::OwnMotion> all;
-    for (const SceneBody& body : scene_.bodies) {
+    for (const BodyOfScene& body : scene_.bodies) {
       if (body.trajectory.empty()) continue;
       const std::size_t at = std::min<std::size_t>(frame, body.trajectory.size() - 1);
       all.push_back({body.name, body.trajectory[at]});
@@ -173,7 +173,7 @@ class Flight {
 
   // A mistake in the scene that shows when headers come, or when a publisher changes a model.
   [[nodiscard]] Status check_solids() const {
-    for (const SceneBody& body : scene_.bodies)
+    for (const BodyOfScene& body : scene_.bodies)
       if (const SpmHeader* header = session_.header_of(body.name); body.solid && header != nullptr)
         NEARMESH_RETURN_IF_ERROR(check_solid(*header, body.name));
     return Status::ok();

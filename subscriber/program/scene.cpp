@@ -142,7 +142,8 @@ Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
   if (!root["bodies"] || !root["bodies"].IsSequence()) fail(root, "bodies: expected a list");
   for (const YAML::Node& node : root["bodies"]) {
     check_keys(node, "body", {"name", "model", "solid", "pose"});
-    SceneBody body{.name = name_of(node, "name", "body"), .model = name_of(node, "model", "body")};
+    BodyOfScene body{.name = name_of(node, "name", "body"),
+                     .model = name_of(node, "model", "body")};
     if (node["solid"]) body.solid = value<bool>(node["solid"], "solid", "true or false");
     if (node["pose"]) body.fixed_pose = fixed_pose(node["pose"], body.name);
     scene.bodies.push_back(std::move(body));
@@ -153,7 +154,7 @@ Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
       check_keys(node, "move", {"body", "trajectory"});
       const std::string name = name_of(node, "body", "move");
       const auto at = std::find_if(scene.bodies.begin(), scene.bodies.end(),
-                                   [&](const SceneBody& b) { return b.name == name; });
+                                   [&](const BodyOfScene& b) { return b.name == name; });
       if (at == scene.bodies.end()) fail(node["body"], "moves: no body named " + name);
       const std::filesystem::path file = name_of(node, "trajectory", "move of " + name);
       auto motions = read_trajectory((file.is_absolute() ? file : folder / file).string(), name,

@@ -11,7 +11,7 @@
 
 namespace nearmesh::subscriber::program {
 
-struct SceneBody {
+struct BodyOfScene {
   std::string name, model;
   bool solid = false;
   std::optional<Pose> fixed_pose;
@@ -19,7 +19,7 @@ struct SceneBody {
 };
 
 struct Scene {
-  std::vector<SceneBody> bodies;
+  std::vector<BodyOfScene> bodies;
   std::vector<std::pair<std::string, std::string>> pairs;
   double frame_rate_hz = 20;
   double budget_s = 0.01;

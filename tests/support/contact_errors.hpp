@@ -168,9 +168,7 @@ class FullSurface {
   [[nodiscard]] long double distance(const Point& at) const {
     const Vec p{at[0], at[1], at[2]};
     long double least = std::numeric_limits<long double>::infinity();
-    for (const auto& t : faces_)
-      least = std::min({least, point_face(p, t), point_segment(p, t[0], t[1]),
-                        point_segment(p, t[1], t[2]), point_segment(p, t[2], t[0])});
+    for (const auto& t : faces_) least = std::min(least, point_triangle(p, t));
     return least;
   }
 

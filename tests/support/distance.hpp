@@ -59,6 +59,11 @@ inline long double point_face(const Vec& p, const std::array<Vec, 3>& t) {
   return std::abs(dot(p - t[0], n)) / area;
 }
 
+inline long double point_triangle(const Vec& p, const std::array<Vec, 3>& t) {
+  return std::min({point_face(p, t), point_segment(p, t[0], t[1]), point_segment(p, t[1], t[2]),
+                   point_segment(p, t[2], t[0])});
+}
+
 /// Of triangles that do not meet, metres.
 inline double distance_m(const LatticeTriangle& a, const LatticeTriangle& b, int lattice_exp) {
   std::array<Vec, 3> x, y;

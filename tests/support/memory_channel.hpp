@@ -2,6 +2,7 @@
 #pragma once
 // Both channels without a network: one bus, any number of publishers and peers, in one thread. Each
 // kind of message may be lost, repeated and delayed (unequally, which reorders) by a seeded policy.
+// A transport without a server: publisher::Service serves, where subscriber::LocalChannel is a server without a transport.
 // Announcements and the news that somebody is gone arrive as DDS has it: late joiners get the
 // former, and a hello is not delivered once its sender is gone. Everything the code under test
 // sends must pass wire::check, as it would have to with DDS. Peers acknowledge what they take (not counted
@@ -38,7 +39,6 @@ class MemoryBus {
   std::vector<wire::ContactReport> reports;                 ///< all that were sent
   std::vector<wire::RegionSubscription> subscriptions;      ///< all that were sent, also those lost
   std::map<wire::SessionId, wire::ProcessStatus> statuses;  ///< the last of each process
-  std::uint64_t batches_sent = 0;
 
   /// The bus must outlive its channels. A channel that goes away is news to the other side, see
   /// keep_quiet.
@@ -166,7 +166,6 @@ class MemoryBus::PublisherEnd : public publisher::Channel {
   bool send(wire::SessionId peer, const wire::SplitBatchMessage& batch) override {
     EXPECT_EQ(wire::check(batch).message(), "");
     if (!bus_.accept_batches) return false;
-    ++bus_.batches_sent;
     const auto at = bus_.peers_.find(peer);
     wire::SplitBatchMessage copy = batch;
     if (bus_.batch_filter && !bus_.batch_filter(peer, copy)) return true;

@@ -1,35 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Random states of refinement that a peer can be in, and what must hold of every answer given in them.
+// Random states of refinement that a peer can be in.
 
 #include "brute_force.hpp"
 #include "core/demand/collect.hpp"
 #include "core/refine/replica.hpp"
+#include "fault_of.hpp"
 
 namespace nearmesh::test {
-
-/// What is wrong with an answer beside the full meshes' answer for the same poses; empty when nothing is.
-inline std::string fault_of(const Answer& answer, const Answer& full) {
-  const bool lacks = !answer.missing_a.empty() || !answer.missing_b.empty();
-  if (is_certified(answer.status)) {
-    if (answer.status != full.status)
-      return std::string("certified ") + to_string(answer.status) + ", but the full meshes say " +
-             to_string(full.status);
-    if (answer.pairs != full.pairs)
-      return "certified contact of " + std::to_string(answer.pairs.size()) +
-             " pairs, but the full meshes have " + std::to_string(full.pairs.size()) + " or others";
-    if (lacks) return "certified although detail is missing";
-    return {};
-  }
-  if (!lacks) return std::string(to_string(answer.status)) + " although nothing is missing";
-  if ((answer.status == AnswerStatus::kPartial) == answer.pairs.empty())
-    return std::string(to_string(answer.status)) + " with " + std::to_string(answer.pairs.size()) +
-           " pairs";
-  if (!std::includes(full.pairs.begin(), full.pairs.end(), answer.pairs.begin(),
-                     answer.pairs.end()))
-    return "a pair touches that does not in the full meshes";
-  return {};
-}
 
 // ---- states of a model at hand ------------------------------------------------------------------
 

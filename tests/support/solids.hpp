@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "brute_force.hpp"
+#include "shapes.hpp"
 
 namespace nearmesh::test {
 
@@ -29,46 +30,7 @@ inline IndexedMesh turned_over(IndexedMesh mesh) {
 
 /// The cube [-half, half]^3 with n x n squares a side, oriented outward.
 inline IndexedMesh make_cube(double half, std::uint32_t n) {
-  IndexedMesh mesh;
-  const auto along = [&](std::uint32_t i) { return half * (2.0 * i / n - 1); };
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    for (const double side : {-half, half}) {
-      const auto first = static_cast<std::uint32_t>(mesh.positions_m.size());
-      for (std::uint32_t i = 0; i <= n; ++i)
-        for (std::uint32_t j = 0; j <= n; ++j) {
-          Point p{};
-          p[axis] = side;
-          p[(axis + 1) % 3] = along(i);
-          p[(axis + 2) % 3] = along(j);
-          mesh.positions_m.push_back(p);
-        }
-      for (std::uint32_t i = 0; i < n; ++i)
-        for (std::uint32_t j = 0; j < n; ++j) {
-          const std::uint32_t a = first + i * (n + 1) + j, b = a + n + 1;
-          for (std::array<std::uint32_t, 3> face : {std::array{a, b, b + 1}, {a, b + 1, a + 1}}) {
-            if (side < 0) std::swap(face[1], face[2]);
-            mesh.faces.push_back(face);
-          }
-        }
-    }
-  }
-  return mesh;
-}
-
-/// About z, through (ring, 0, 0), oriented outward.
-inline IndexedMesh make_torus(double ring, double tube, std::uint32_t n, std::uint32_t m) {
-  IndexedMesh mesh;
-  for (std::uint32_t i = 0; i < n; ++i)
-    for (std::uint32_t j = 0; j < m; ++j) {
-      const double a = 6.283185307179586 * i / n, b = 6.283185307179586 * j / m;
-      const double r = ring + tube * std::cos(b);
-      mesh.positions_m.push_back({r * std::cos(a), r * std::sin(a), tube * std::sin(b)});
-      const std::uint32_t p = i * m + j, q = (i + 1) % n * m + j;
-      const std::uint32_t p1 = i * m + (j + 1) % m, q1 = (i + 1) % n * m + (j + 1) % m;
-      mesh.faces.push_back({p, q, q1});
-      mesh.faces.push_back({p, q1, p1});
-    }
-  return mesh;
+  return make_box({half, half, half}, n);
 }
 
 /// Base of radius 3 at z = -1, apex at z = 5: encloses the unit sphere. Oriented outward.

@@ -6,14 +6,15 @@
 #include <set>
 
 #include "core/base/stopwatch.hpp"
-#include "tests/experiments/perf/contender.hpp"
+#include "fault_of.hpp"
+#include "tests/peers/peers.hpp"
 
 namespace nearmesh::chart {
 namespace {
 
 struct Truth {
   PosedPair posed;
-  std::vector<FacePair> pairs;
+  Answer answer;  // of the full meshes
   std::set<FaceKey> faces_a;
   Contacts contacts;
   std::uint64_t needed_faces = 0;
@@ -27,12 +28,11 @@ std::vector<Truth> find_truth(const Scene& scene) {
     truth.posed =
         pose_pair(scene.a.baked.header.grid, poses.a, "a", scene.b.baked.header.grid, poses.b, "b")
             .value();
-    Answer answer = query(scene.a.tree.view(), truth.posed.a, scene.b.tree.view(), truth.posed.b,
-                          {.clearance = false});
+    truth.answer = query(scene.a.tree.view(), truth.posed.a, scene.b.tree.view(), truth.posed.b,
+                         {.clearance = false});
     truth.contacts = find_contacts(scene.a.tree.view(), truth.posed.a, scene.b.tree.view(),
-                                   truth.posed.b, answer);
-    truth.pairs = std::move(answer.pairs);
-    for (const FacePair& pair : truth.pairs) truth.faces_a.insert(pair.a);
+                                   truth.posed.b, truth.answer);
+    for (const FacePair& pair : truth.answer.pairs) truth.faces_a.insert(pair.a);
     truth.needed_faces = needed.count(truth.posed);
     all.push_back(std::move(truth));
   }
@@ -94,12 +94,11 @@ struct Row {
 // False where the row holds a false certificate.
 bool write_row(const Row& row, const State& state, const State& before, const Truth& truth,
                std::FILE* out) {
-  const bool touching = !truth.pairs.empty();
+  const bool touching = !truth.answer.pairs.empty();
   const bool correct = state.answers && !state.pairs.empty() == touching;
   const bool certified = state.claim && is_certified(*state.claim);
   const bool false_certificate =
-      certified &&
-      (state.pairs != truth.pairs || (*state.claim == AnswerStatus::kContact) != touching);
+      certified && !test::contradiction(*state.claim, state.pairs, truth.answer).empty();
   const auto us = [](double now, double then) { return 1e6 * (now - then); };
   std::fprintf(
       out, "%s,%s,%s,%s,%zu,%llu,%llu,%llu,%u,%llu,%llu,%.1f,%.1f,%.1f,%.1f,%s,%d,%d,%d,%d,%d,",
@@ -184,12 +183,12 @@ PlayTotals play_method(const Scene& scene, const MethodInfo& info, const std::ve
 }
 
 // A library with the whole of both meshes: one row a pose.
-PlayTotals play_library(const Scene& scene, const perf::ContenderInfo& info,
+PlayTotals play_library(const Scene& scene, const peers::PeerInfo& info,
                         const std::vector<Truth>& truths, std::uint64_t whole_bytes,
                         std::FILE* rows) {
   PlayTotals totals;
   Stopwatch watch;
-  const std::unique_ptr<perf::Contender> library = info.make(scene.a.mesh, scene.b.mesh);
+  const std::unique_ptr<peers::Peer> library = info.make(scene.a.mesh, scene.b.mesh);
   State state{.bytes = whole_bytes, .tree_s = watch.seconds(), .answers = true, .finished = true};
   state.faces_held =
       scene.a.baked.header.face_count + (scene.b_streamed ? scene.b.baked.header.face_count : 0);
@@ -203,7 +202,8 @@ PlayTotals play_library(const Scene& scene, const perf::ContenderInfo& info,
     // Which faces a library names is not compared: the true ones stand for "touching".
     state.pairs.clear();
     if (touching)
-      state.pairs.push_back(truths[i].pairs.empty() ? FacePair{} : truths[i].pairs.front());
+      state.pairs.push_back(truths[i].answer.pairs.empty() ? FacePair{}
+                                                           : truths[i].answer.pairs.front());
     static_cast<void>(pairs);
     write_row({&scene, info.name, "none", scene.frames ? "frame" : "pose", i, whole_bytes, 0},
               state, before, truths[i], rows);
@@ -286,7 +286,7 @@ PlayTotals play(const Scene& scene, const std::vector<std::string>& only, std::F
   if (large) return totals;
   std::uint64_t bytes = whole_bytes(scene.a);
   if (scene.b_streamed) bytes += whole_bytes(scene.b);
-  for (const perf::ContenderInfo& info : perf::peers())
+  for (const peers::PeerInfo& info : peers::timed_peers())
     if (wanted(info.name)) add(play_library(scene, info, truths, bytes, rows));
   return totals;
 }

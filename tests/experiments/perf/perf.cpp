@@ -9,12 +9,11 @@
 #include <fstream>
 #include <map>
 
-#include "contender.hpp"
-#include "core/base/stopwatch.hpp"
 #include "first_line_of.hpp"
 #include "nearmesh/core/meshio/import.hpp"
 #include "nearmesh/core/query/certify.hpp"
 #include "test_models.hpp"
+#include "tests/peers/peers.hpp"
 #include "workloads.hpp"
 
 using namespace nearmesh;
@@ -25,7 +24,7 @@ namespace {
 constexpr const char* kUnderTest = "nearmesh";
 
 // A replica of each model that holds what the pose needs: certified before it is timed.
-class Nearmesh : public Contender {
+class Nearmesh : public peers::Peer {
  public:
   Nearmesh(const Model& a, const Model& b)
       : a_(a.baked.store, a.baked.header.grid), b_(b.baked.store, b.baked.header.grid) {}
@@ -41,7 +40,6 @@ class Nearmesh : public Contender {
   std::optional<std::uint64_t> count_pairs() override {
     return query(a_.view(), posed_.a, b_.view(), posed_.b, {.clearance = false}).pair_total;
   }
-  bool refit_b(const std::vector<std::array<double, 3>>& /*positions_m*/) override { return false; }
 
  private:
   LocalModel a_, b_;
@@ -88,8 +86,8 @@ void Report::print_summary() const {
 }
 
 struct Entry {
-  ContenderInfo info;
-  std::unique_ptr<Contender> contender;
+  peers::PeerInfo info;
+  std::unique_ptr<peers::Peer> contender;
 };
 
 // False, with a message, where a contender's answers differ from ours.
@@ -135,7 +133,7 @@ void time_poses(const std::string& workload, const PoseSet& set, std::vector<Ent
     std::vector<std::vector<double>> first(entries.size()), all(entries.size());
     for (const PosePair& poses : set.poses)
       for (std::size_t i = 0; i < entries.size(); ++i) {
-        Contender& contender = *entries[i].contender;
+        peers::Peer& contender = *entries[i].contender;
         contender.place(poses.a, poses.b);
         first[i].push_back(time_us([&] { contender.touches(); }));
         if (contender.count_pairs()) all[i].push_back(time_us([&] { contender.count_pairs(); }));
@@ -242,9 +240,9 @@ int main(int argc, char** argv) {
   int differences = 0;
   const auto enter = [&](const Model& a, const Model& b) {
     std::vector<Entry> entries(1);
-    entries[0].info = ContenderInfo{kUnderTest, true, nullptr};
+    entries[0].info = {.name = kUnderTest, .counts_exactly = true};
     entries[0].contender = std::make_unique<Nearmesh>(a, b);
-    for (ContenderInfo info : peers())
+    for (peers::PeerInfo info : peers::timed_peers())
       if (contenders.empty() ||
           std::find(contenders.begin(), contenders.end(), info.name) != contenders.end()) {
         std::fprintf(stderr, "building %s\n", info.name.c_str());

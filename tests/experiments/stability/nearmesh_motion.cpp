@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // nearmesh's answers about insides, paths and places of contact.
 #include "contact_check.hpp"
+#include "fault_of.hpp"
 #include "nearmesh/core/query/contacts.hpp"
 #include "nearmesh/core/query/sweep.hpp"
 #include "nearmesh_questions.hpp"
@@ -42,17 +43,18 @@ NearmeshAnswer ask_solids(const Case& asked, const Model& model_a, const Model& 
   refine(b, every_split(model_b.baked.store));
   const Answer full = query(a.view(), posed.a, b.view(), posed.b, options);
   NearmeshAnswer out{.verdict = {.kind = kind_of(full.status)}};
-  if (is_certified(base.status) && base.status != full.status)
-    out.trouble = std::string("the base says ") + to_string(base.status);
+  if (const std::string fault = test::fault_of(base, full); !fault.empty())
+    out.trouble = "the base: " + fault;
   LocalModel part_a(model_a.baked.store, header_a.grid), part_b(model_b.baked.store, header_b.grid);
   const auto require = [](NodeSpan) { return Status::ok(); };
   const Result<Answer> certified =
       certify(part_a, posed.a, require, part_b, posed.b, require, options);
   if (!certified.is_ok()) {
     out.trouble = certified.status().message();
-  } else if (certified.value().status != full.status ||
-             certified.value().contained != full.contained) {
-    out.trouble = std::string("certify says ") + to_string(certified.value().status);
+  } else if (!is_certified(certified.value().status)) {
+    out.trouble = "certify: not certified";
+  } else if (const std::string fault = test::fault_of(certified.value(), full); !fault.empty()) {
+    out.trouble = "certify: " + fault;
   }
   return out;
 }

@@ -298,23 +298,6 @@ TEST(Stability, F16FilesLoadOrAreRefusedAsListed) {
 TEST(Stability, F17HugeTrianglesMeetSmallBodies) { expect_scene_right("F17"); }
 TEST(Stability, F18ACutListSaysSo) { expect_scene_right("F18"); }
 
-TEST(Stability, F18TheTotalIsThatOfTheWholeList) {
-  for (const Case& c : limit_cases()) {
-    const auto a = build_model(*c.a.mesh, 16), b = build_model(*c.b.mesh, 16);
-    ASSERT_TRUE(a.is_ok() && b.is_ok());
-    LocalModel local_a(a.value()->baked.store, a.value()->baked.header.grid);
-    LocalModel local_b(b.value()->baked.store, b.value()->baked.header.grid);
-    split_all(local_a);
-    split_all(local_b);
-    const PosedPair posed =
-        pose_pair(local_a.grid, c.a.pose, "a", local_b.grid, c.b.pose, "b").value();
-    const Answer answer =
-        query(local_a.view(), posed.a, local_b.view(), posed.b, {.max_pairs = c.limit});
-    EXPECT_EQ(answer.pair_total, *c.pairs) << c.name;
-    EXPECT_EQ(answer.truncated, *c.pairs > c.limit) << c.name;
-  }
-}
-
 TEST(Stability, F19GapsDownToAQuarterOfACell) { expect_scene_right("F19"); }
 
 // Bisection over the lattice, a quarter of a grid cell a step: contact on one side, free on the other, all the way.

@@ -84,15 +84,7 @@ std::unique_ptr<System> make_nearmesh() { return std::make_unique<Nearmesh>(); }
 std::vector<std::unique_ptr<System>> available_systems() {
   std::vector<std::unique_ptr<System>> systems;
   systems.push_back(make_nearmesh());
-#ifdef NEARMESH_HAS_FCL
-  systems.push_back(make_fcl());
-#endif
-#ifdef NEARMESH_HAS_BULLET
-  systems.push_back(make_bullet());
-#endif
-#ifdef NEARMESH_HAS_CGAL
-  systems.push_back(make_cgal());
-#endif
+  for (auto& peer : make_peers()) systems.push_back(std::move(peer));
   return systems;
 }
 

@@ -23,9 +23,8 @@ class System {
 };
 
 std::unique_ptr<System> make_nearmesh();
-std::unique_ptr<System> make_fcl();
-std::unique_ptr<System> make_bullet();
-std::unique_ptr<System> make_cgal();
+/// The other libraries that this build has.
+std::vector<std::unique_ptr<System>> make_peers();
 
 /// nearmesh first, then those of the others that this build has.
 [[nodiscard]] std::vector<std::unique_ptr<System>> available_systems();

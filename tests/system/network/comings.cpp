@@ -29,7 +29,7 @@ Joins join(const Exercise& exercise, int times, double loss, std::uint64_t seed,
   const auto publisher = serve(lan, folder, exercise);
   const Routes routes(folder, exercise);
   const std::vector<std::string> bus{"--domain", std::to_string(exercise.domain)};
-  Judge judge(exercise);
+  AnswerCheck judge(exercise);
   Joins joins;
   const auto start = [&](std::size_t host, const LifePlan& plan) {
     const Lan::Visit visit = lan.visit(host);

@@ -57,7 +57,7 @@ class Soak {
   const Folder folder_;
   const Lan lan_;
   const Routes routes_;
-  Judge judge_;
+  AnswerCheck judge_;
   std::unique_ptr<Process> publisher_;
   std::vector<Place> places_;
   SoakCounts counts_;

@@ -120,7 +120,7 @@ std::string Life::answers() const {
   return text;
 }
 
-void Judge::take(const std::string& lines) {
+void AnswerCheck::take(const std::string& lines) {
   if (lines.empty()) return;
   const std::string last = lines_of(lines).back();
   if (const auto line = nlohmann::json::parse(last); line.contains("summary"))
@@ -130,7 +130,7 @@ void Judge::take(const std::string& lines) {
   files_.push_back(waiting_->file(name));
 }
 
-void Judge::step(bool all) {
+void AnswerCheck::step(bool all) {
   if (check_ != nullptr) {
     if (!check_->is_over()) return;
     take_verdict();
@@ -146,7 +146,7 @@ void Judge::step(bool all) {
   ::setpriority(PRIO_PROCESS, static_cast<id_t>(check_->id()), 10);
 }
 
-void Judge::take_verdict() {
+void AnswerCheck::take_verdict() {
   unsigned long long checked = 0, found_wrong = 0, found_certified = 0;
   const std::string out = check_->out();
   if (std::sscanf(out.c_str(), "answers %llu, wrong %llu, certified %llu", &checked, &found_wrong,
@@ -161,7 +161,7 @@ void Judge::take_verdict() {
   check_.reset();
 }
 
-void Judge::finish() {
+void AnswerCheck::finish() {
   for (step(true); check_ != nullptr; step(true))
     if (check_->wait(kCheckDeadline_s) < 0)
       throw std::runtime_error("answers were not checked in time");

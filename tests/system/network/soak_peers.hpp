@@ -68,9 +68,9 @@ class Life {
 };
 
 /// Checks answers against the full meshes with nearmesh-model, some lives at a time, beside the run.
-class Judge {
+class AnswerCheck {
  public:
-  explicit Judge(const Exercise& exercise) : exercise_(exercise) {}
+  explicit AnswerCheck(const Exercise& exercise) : exercise_(exercise) {}
   void take(const std::string& lines);
   /// Takes the verdict of a check that ended, and starts one of what waits: of all, or when that is enough to be worth it.
   /// Throws std::runtime_error when a check gave no verdict.

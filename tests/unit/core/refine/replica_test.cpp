@@ -69,26 +69,6 @@ TEST_P(ApplyBatchTo, AnyOrderWithRepeatsGivesTheSameMesh) {
   }
 }
 
-TEST_P(ApplyBatchTo, LostBatchesSentAgainGiveTheSameMesh) {
-  const BakedModel model = test::bake_named(GetParam());
-  const std::vector<SplitBatch> batches = all_batches(model, 80);
-  Replica straight(model.header);
-  for (const SplitBatch& batch : batches) apply(straight, batch);
-  Random random(61);
-  Replica replica(model.header);
-  std::vector<std::size_t> lost;
-  for (std::size_t i = 0; i < batches.size(); ++i) {
-    if (random.below(3) == 0) {
-      lost.push_back(i);
-    } else {
-      apply(replica, batches[i]);
-    }
-  }
-  test::shuffle(lost, random);
-  for (const std::size_t i : lost) apply(replica, batches[i]);
-  expect_same_mesh(replica, straight);
-}
-
 TEST_P(ApplyBatchTo, StateIsClosedUnderParentsWhateverIsLost) {
   const BakedModel model = test::bake_named(GetParam());
   const std::vector<SplitBatch> batches = all_batches(model, 60);

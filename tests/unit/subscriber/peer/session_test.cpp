@@ -70,28 +70,6 @@ TEST(Session, CertifiesAWholeFlightThoughAFifthOfTheBatchesIsLost) {
   EXPECT_GT(gaps, 0U);
 }
 
-TEST(Session, CertifiesAWholeFlightThoughRequestsAreLostToo) {
-  World world(5);
-  world.bus.on_batches.lose = world.bus.on_subscriptions.lose = 0.3;
-  world.start_publisher();
-  const auto session = world.make_peer();
-  const Flight flight = make_flight(5);
-  EXPECT_EQ(world.fly(*session, flight), flight.frames());
-}
-
-TEST(Session, CertifiesAWholeFlightThoughMessagesChangeOrder) {
-  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
-    SCOPED_TRACE("seed " + std::to_string(seed));
-    World world(seed);
-    world.bus.on_batches.max_delay = 20;
-    world.bus.on_subscriptions.max_delay = 5;
-    world.start_publisher();
-    const auto session = world.make_peer();
-    const Flight flight = make_flight(seed);
-    EXPECT_EQ(world.fly(*session, flight), flight.frames());
-  }
-}
-
 TEST(Session, CertifiesAWholeFlightThoughMessagesAreRepeated) {
   World world(2);
   world.bus.on_batches = {.repeat = 0.5, .max_delay = 3};

@@ -167,6 +167,16 @@ inline constexpr std::size_t kMaxEchoBytes = 1U << 20;
 [[nodiscard]] MeshHeader announce_model(const std::string& name, const ModelFile& file,
                                         Hello& hello);
 
+/// The batches of an answer, or of a part of one, as messages to the peer that asked; their sequence is the channel's to count.
+/// `last`: the request is answered in full with these. That nothing was needed is an answer too: one message without bytes.
+[[nodiscard]] std::vector<SplitBatchMessage> answer_messages(
+    SessionId publisher, const RegionSubscription& request,
+    std::vector<std::vector<std::uint8_t>> batches, bool last);
+/// The same of a request that is refused, with as much of the reason as a batch holds.
+[[nodiscard]] SplitBatchMessage refusal_message(SessionId publisher,
+                                                const RegionSubscription& request,
+                                                const std::string& why);
+
 [[nodiscard]] Status check(const Hello& message);
 [[nodiscard]] Status check(const MeshHeader& message);
 [[nodiscard]] Status check(const RegionSubscription& message);

@@ -7,10 +7,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "contender.hpp"
 #include "core/geometry/triangle_overlap.hpp"
+#include "peers.hpp"
 
-namespace nearmesh::perf {
+namespace nearmesh::peers {
 namespace {
 
 struct Body {
@@ -34,7 +34,7 @@ void bounds(const RTCBoundsFunctionArguments* args) {
   *args->bounds_o = {lo[0], lo[1], lo[2], 0, hi[0], hi[1], hi[2], 0};
 }
 
-class Embree : public Contender {
+class Embree : public Peer {
  public:
   Embree(const IndexedMesh& a, const IndexedMesh& b) : device_(rtcNewDevice("threads=1")) {
     double size = 0;
@@ -132,8 +132,14 @@ class Embree : public Contender {
 
 }  // namespace
 
-std::unique_ptr<Contender> make_embree(const IndexedMesh& a, const IndexedMesh& b) {
-  return std::make_unique<Embree>(a, b);
+PeerInfo embree() {
+  return {.name = "embree-collide",
+          .library = "Embree",
+          .version = RTC_VERSION_STRING,
+          .counts_exactly = true,
+          .make = [](const IndexedMesh& a, const IndexedMesh& b) -> std::unique_ptr<Peer> {
+            return std::make_unique<Embree>(a, b);
+          }};
 }
 
-}  // namespace nearmesh::perf
+}  // namespace nearmesh::peers
