@@ -106,11 +106,12 @@ class Progress {
                   playhead.is_paused() ? ", paused" : "",
                   static_cast<unsigned long long>(stats.messages()),
                   static_cast<unsigned long long>(stats.live_peers));
-    // Over the line that stands there the cursor is kept where it is.
+    // Over the line that stands there; the cursor goes back to where it was (ESC 7 and ESC 8).
     if (!terminal_)
       std::fprintf(stderr, "%s\n", text);
     else
-      std::fprintf(stderr, std::exchange(stands_, true) ? "\x1b7\r%-76.76s\x1b8" : "\r%-76.76s> ",
+      std::fprintf(stderr,
+                   std::exchange(stands_, true) ? "\x1b\x37\r%-76.76s\x1b\x38" : "\r%-76.76s> ",
                    text);
   }
   /// While the recording is read.

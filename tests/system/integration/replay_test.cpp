@@ -354,6 +354,8 @@ TEST_F(ReplayProgram, LinesPauseStepSeekAndEnd) {
   ASSERT_TRUE(terminal.shows(", paused")) << terminal.shown();
   const long before = terminal.samples();
   EXPECT_EQ(terminal.samples(), before);
+  // What is being typed stays where it is: the cursor is kept and given back.
+  EXPECT_TRUE(terminal.shows("\x1b\x37\r[") && terminal.shows("\x1b\x38"));
   terminal.type("step");
   ASSERT_TRUE(test::await([&] { return terminal.samples() > before; })) << terminal.shown();
   terminal.type("2.5");
