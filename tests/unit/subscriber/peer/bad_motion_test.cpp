@@ -1,12 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bad numbers at every door: the host's call, a sample of another peer, a trajectory, a scene. Each is refused with the
-// body (or file and line) named, and nobody else's answer changes by a bit.
-#include <filesystem>
-#include <fstream>
-#include <limits>
-
+// Bad numbers at the doors of a session: the host's call, a sample of another peer. Each is refused with the body named, and nobody else's answer changes by a bit.
+#include "bad_motions.hpp"
 #include "nearmesh/idl/messages/messages.hpp"
-#include "subscriber/program/scene.hpp"
 #include "world.hpp"
 
 namespace nearmesh {
@@ -14,58 +9,14 @@ namespace {
 
 using subscriber::PairAnswer;
 using subscriber::Session;
+using test::bad_motions;
+using test::BadMotion;
+using test::expect_names;
 using test::FrameReport;
+using test::kDenormal;
+using test::kInfinity;
+using test::kNan;
 using test::World;
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr double kDenormal = std::numeric_limits<double>::denorm_min();
-
-struct BadMotion {
-  std::string name;
-  Motion motion;
-};
-
-/// `good` with every field spoilt in every way.
-std::vector<BadMotion> bad_motions(const Motion& good) {
-  std::vector<BadMotion> bad;
-  const auto add = [&](const std::string& name, const auto& spoil) {
-    bad.push_back({name, good});
-    spoil(bad.back().motion);
-  };
-  for (const double x : {kNan, kInfinity, -kInfinity, 1e308, -1e308}) {
-    const std::string to = " = " + std::to_string(x);
-    for (std::size_t i = 0; i < 9; ++i)
-      add("rotation" + std::to_string(i) + to, [&](Motion& m) { m.pose.rotation[i] = x; });
-    for (std::size_t i = 0; i < 3; ++i) {
-      const std::string at = std::to_string(i) + to;
-      add("translation" + at, [&](Motion& m) { m.pose.translation_m[i] = x; });
-      add("linear velocity" + at, [&](Motion& m) { m.linear_velocity_mps[i] = x; });
-      add("angular velocity" + at, [&](Motion& m) { m.angular_velocity_radps[i] = x; });
-    }
-  }
-  for (std::size_t i = 0; i < 9; ++i)  // a rotation has no row or column of almost zeros
-    add("denormal row " + std::to_string(i / 3), [&](Motion& m) {
-      for (std::size_t k = 0; k < 3; ++k) m.pose.rotation[i / 3 * 3 + k] = kDenormal;
-    });
-  add("reflection", [](Motion& m) {
-    for (std::size_t i = 0; i < 3; ++i) m.pose.rotation[i] = -m.pose.rotation[i];
-  });
-  add("skewed", [](Motion& m) {
-    for (std::size_t i = 0; i < 3; ++i) m.pose.rotation[i] += 1e-3 * m.pose.rotation[3 + i];
-  });
-  for (const double scale : {1.001, 0.999, 1e-200, 1e200})
-    add("scaled by " + std::to_string(scale), [&](Motion& m) {
-      for (double& x : m.pose.rotation) x *= scale;
-    });
-  add("all zero", [](Motion& m) { m.pose.rotation = {}; });
-  add("far away", [](Motion& m) { m.pose.translation_m = {7e8, 7e8, 7e8}; });
-  return bad;
-}
-
-void expect_names(const std::string& message, const std::string& what, const std::string& name) {
-  EXPECT_NE(message.find(what), std::string::npos) << name << " gave: " << message;
-}
 
 /// Nothing is lost here, so nothing need be asked for twice, and no clock decides what a peer holds.
 constexpr subscriber::SessionOptions kOptions{.request_timeout_s = 60};
@@ -190,96 +141,6 @@ TEST_F(BadNumbers, DenormalsAreSmallNumbers) {
   ASSERT_TRUE(x.is_ok()) << x.status().message();
   EXPECT_EQ(x.value().a.translation, x.value().b.translation);
   EXPECT_EQ(x.value().a.rotation, x.value().b.rotation);
-}
-
-// ---- files --------------------------------------------------------------------------------------
-
-class BadNumbersInFiles : public ::testing::Test {
- protected:
-  void SetUp() override {
-    std::string name = ::testing::TempDir() + "nearmesh_bad_XXXXXX";
-    ASSERT_NE(::mkdtemp(name.data()), nullptr);
-    folder_ = name;
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
-  static std::string row(const Motion& motion) {
-    std::string text;
-    char cell[40];
-    for (const double x : motion.pose.rotation)
-      text.append(cell, static_cast<std::size_t>(std::snprintf(cell, sizeof cell, "%.17g,", x)));
-    for (const double x : motion.pose.translation_m)
-      text.append(cell, static_cast<std::size_t>(std::snprintf(cell, sizeof cell, "%.17g,", x)));
-    text.back() = '\n';
-    return text;
-  }
-  Result<subscriber::Scene> read(const std::string& rows, const std::string& pose = "{}") {
-    std::ofstream(folder_ / "flight.csv") << "R00,R01,R02,R10,R11,R12,R20,R21,R22,T0,T1,T2\n"
-                                          << rows;
-    std::ofstream(folder_ / "scene.yaml")
-        << "bodies:\n  - {name: ground, model: terrain, pose: " << pose
-        << "}\n  - {name: one, model: aircraft}\nmoves:\n  - {body: one, trajectory: flight.csv}\n"
-           "pairs:\n  - [ground, one]\n";
-    return subscriber::read_scene((folder_ / "scene.yaml").string());
-  }
-  std::filesystem::path folder_;
-};
-
-TEST_F(BadNumbersInFiles, OfATrajectoryAreRefusedWithFileAndLine) {
-  const test::Flight flight = test::make_flight(3, 1);
-  const std::string good = row(flight.one[0]);
-  ASSERT_TRUE(read(good + good).is_ok());
-  for (const BadMotion& bad : bad_motions(flight.one[1])) {
-    if (check_pose(bad.motion.pose, "x").is_ok()) continue;  // a file has no velocities
-    const auto scene = read(good + row(bad.motion) + good);
-    ASSERT_FALSE(scene.is_ok()) << bad.name;
-    expect_names(scene.status().message(), "flight.csv:3: pose of one: ", bad.name);
-  }
-}
-
-TEST_F(BadNumbersInFiles, OfATrajectoryThatJumpsFasterThanAnyPeerWouldTakeAreRefused) {
-  Motion here, there;
-  here.pose.translation_m = {-5e8, 0, 0};
-  there.pose.translation_m = {5e8, 0, 0};
-  const auto scene = read(row(here) + row(here) + row(there));
-  ASSERT_FALSE(scene.is_ok());
-  expect_names(scene.status().message(), "flight.csv:3: motion of one: linear_velocity_mps[0]", "");
-}
-
-TEST_F(BadNumbersInFiles, OfADenormalAreTakenOrRefusedAsTextThatIsNoNumber) {
-  const std::string text = "1,0,0,0,1,0,0,0,1,";
-  EXPECT_TRUE(read(text + "4.9406564584124654e-324,-0.0,0\n").is_ok());
-  for (const char* tiny : {"1e-400", "1e400"}) {  // no double holds them
-    const auto scene = read(text + tiny + ",0,0\n");
-    ASSERT_FALSE(scene.is_ok());
-    expect_names(scene.status().message(), "flight.csv:2: column T0: expected a number", tiny);
-  }
-}
-
-TEST_F(BadNumbersInFiles, OfASceneAreRefusedWithFileAndLine) {
-  const test::Flight flight = test::make_flight(3, 1);
-  for (const BadMotion& bad : bad_motions(flight.one[1])) {
-    if (check_pose(bad.motion.pose, "x").is_ok()) continue;
-    const auto list = [](const auto& numbers) {
-      std::string text = "[";
-      char cell[40];
-      for (const double x : numbers) {
-        if (std::isnan(x))
-          text += ".nan, ";
-        else if (std::isinf(x))
-          text += x > 0 ? ".inf, " : "-.inf, ";
-        else
-          text.append(cell,
-                      static_cast<std::size_t>(std::snprintf(cell, sizeof cell, "%.17g, ", x)));
-      }
-      return text + "]";
-    };
-    const auto scene =
-        read(row(flight.one[0]), "{rotation: " + list(bad.motion.pose.rotation) +
-                                     ", translation: " + list(bad.motion.pose.translation_m) + "}");
-    ASSERT_FALSE(scene.is_ok()) << bad.name;
-    expect_names(scene.status().message(), "scene.yaml:2: ", bad.name);
-    expect_names(scene.status().message(), "ground", bad.name);
-  }
 }
 
 }  // namespace

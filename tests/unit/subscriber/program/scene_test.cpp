@@ -9,8 +9,8 @@
 namespace nearmesh {
 namespace {
 
-using subscriber::read_scene;
-using subscriber::Scene;
+using subscriber::program::read_scene;
+using subscriber::program::Scene;
 
 // A folder with a scene and a flight of three frames, gone at the end.
 class Folder {
