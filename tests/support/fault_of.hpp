@@ -28,8 +28,8 @@ inline std::string contradiction(AnswerStatus status, const std::vector<FacePair
   return {};
 }
 
-/// What is wrong with an answer; empty when nothing is. Precondition: no body has more parts than answers about insides look
-/// at (such answers stay open whatever has come).
+/// What is wrong with an answer; empty when nothing is. Preconditions: no body has more parts than answers about insides look
+/// at (such answers stay open whatever has come), or a part that is a single point (what is not known of it is in its place).
 inline std::string fault_of(const Answer& answer, const Answer& full) {
   if (std::string wrong = contradiction(answer.status, answer.pairs, full); !wrong.empty())
     return wrong;
