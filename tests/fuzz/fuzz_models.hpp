@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "core/base/hash.hpp"
 #include "fault_of.hpp"
 #include "fuzz_input.hpp"
 #include "nearmesh/core/abtree/detail/ab_tree.hpp"

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // A host's shared library, a plug-in say, that links nearmesh and exports two functions of its own.
 
-#include "core/base/stopwatch.hpp"
+#include <chrono>
+
 #include "nearmesh/subscriber/dds/dds_channel.hpp"
 #include "nearmesh/subscriber/peer/local_channel.hpp"
 #include "nearmesh/subscriber/peer/wait_ready.hpp"
@@ -33,7 +34,9 @@ extern "C" __attribute__((visibility("default"))) int host_library_hears(int dom
   const auto channel = nearmesh::subscriber::DdsChannel::create(options);
   if (!channel.is_ok()) return 0;
   std::size_t heard = 0;
-  for (const nearmesh::Stopwatch waited; heard == 0 && waited.seconds() < timeout_s;) {
+  using Clock = std::chrono::steady_clock;
+  const auto end = Clock::now() + std::chrono::duration<double>(timeout_s);
+  while (heard == 0 && Clock::now() < end) {
     channel.value()->wait(0.05);
     heard += channel.value()->take().hellos.size();
   }

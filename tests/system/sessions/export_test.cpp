@@ -144,7 +144,7 @@ TEST_F(Export, ContactsLieOnBothBodies) {
 
 TEST_F(Export, PlyIsReadByOthers) {
   const std::string bytes = exported("out.ply");
-  EXPECT_TRUE(bytes == subscriber::to_ply(scene_, 0));
+  EXPECT_TRUE(bytes == subscriber::report::to_ply(scene_, 0));
   // Its size is what its header says.
   const std::size_t header = bytes.find("end_header\n") + 11;
   const std::size_t segments = scene_.contacts.segments.size();
@@ -169,7 +169,7 @@ TEST_F(Export, PlyIsReadByOthers) {
   EXPECT_EQ(std::tuple(splint.r, splint.g, splint.b), std::tuple(1.0F, 0.0F, 1.0F));
   for (unsigned i = 0; i < scene_.bodies[0].eps_m.size(); ++i) {
     const auto colour =
-        subscriber::vertex_colour(scene_.bodies[0].eps_m[i], scene_.bodies[0].size_m, false);
+        subscriber::report::vertex_colour(scene_.bodies[0].eps_m[i], scene_.bodies[0].size_m, false);
     EXPECT_NEAR(mesh.mColors[0][i].r * 255, colour[0], 0.5);
     EXPECT_NEAR(mesh.mColors[0][i].b * 255, colour[2], 0.5);
   }
@@ -185,7 +185,7 @@ TEST_F(Export, SegmentsAreSeenAsSlenderSolids) {
   for (const std::vector<ContactSegment>& segments :
        {std::vector{point}, std::vector{up}, scene_.contacts.segments}) {
     scene.contacts.segments = segments;
-    folder_.write("solids.ply", subscriber::to_ply(scene, 0));
+    folder_.write("solids.ply", subscriber::report::to_ply(scene, 0));
     const auto mesh = import_mesh(folder_.file("solids.ply")).value();
     Vector lo = segments[0].p_m, hi = lo;
     for (const ContactSegment& segment : segments)
@@ -221,7 +221,7 @@ TEST_F(Export, SegmentsAreSeenAsSlenderSolids) {
 
 TEST_F(Export, GlbHoldsTogether) {
   const std::string bytes = exported("out.glb");
-  EXPECT_TRUE(bytes == subscriber::to_glb(scene_, 0).value());
+  EXPECT_TRUE(bytes == subscriber::report::to_glb(scene_, 0).value());
   const auto word = [&](std::size_t at) {
     std::uint32_t value = 0;
     std::memcpy(&value, bytes.data() + at, 4);
@@ -417,8 +417,8 @@ TEST_F(Export, SaysWhatItCannotFind) {
 }
 
 TEST(EpsColours, RunFromYellowToRed) {
-  using subscriber::eps_colour;
-  using subscriber::kEpsColours;
+  using subscriber::report::eps_colour;
+  using subscriber::report::kEpsColours;
   EXPECT_EQ(eps_colour(1.0 / 8192, 1), kEpsColours.front());
   EXPECT_EQ(eps_colour(1e-9, 1), kEpsColours.front());
   EXPECT_EQ(eps_colour(0.125, 1), kEpsColours.back());

@@ -107,7 +107,7 @@ TEST_F(Report, BrowserShowsItWithoutComplaint) {
 }
 
 TEST(Escape, LeavesNothingThatIsMarkup) {
-  using subscriber::escape;
+  using subscriber::report::escape;
   EXPECT_EQ(escape("<b a=\"1\">&"), "&lt;b a=&quot;1&quot;&gt;&amp;");
   EXPECT_EQ(escape("Kübel"), "Kübel");
   EXPECT_EQ(escape("\xc3"), "?");
