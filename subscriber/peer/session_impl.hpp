@@ -3,6 +3,7 @@
 // What the files of Session share: session.cpp (samples in, answers and status out) and session_ask.cpp (what is asked of
 // publishers). Threads: one.
 
+#include "core/ask/predict.hpp"
 #include "core/base/stopwatch.hpp"
 #include "idl/messages/status_keeper.hpp"
 #include "nearmesh/subscriber/peer/session.hpp"

@@ -9,7 +9,6 @@
 #include <string>
 #include <vector>
 
-#include "core/ask/predict.hpp"
 #include "nearmesh/core/query/contacts.hpp"
 #include "nearmesh/core/query/sweep.hpp"
 #include "nearmesh/subscriber/peer/channel.hpp"
