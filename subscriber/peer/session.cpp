@@ -6,6 +6,7 @@
 
 #include "core/base/hash.hpp"
 #include "pair_readiness.hpp"
+#include "region_readiness.hpp"
 #include "session_impl.hpp"
 
 namespace nearmesh::subscriber {
@@ -16,6 +17,11 @@ constexpr std::size_t kMaxWaitingBatches = 16384;
 
 /// A sweep may take some twenty milliseconds, then it says what it knows.
 constexpr std::uint64_t kMaxSweepTests = 200'000;
+
+Status no_such(BodyId body) {
+  return {StatusCode::kNotFound, "body " + (body.is_valid() ? std::to_string(body.value) : "none") +
+                                     " is not of this session"};
+}
 
 }  // namespace
 
@@ -32,47 +38,58 @@ Session::Session(std::unique_ptr<Channel> channel, SessionOptions options)
 }
 Session::~Session() = default;
 
-Status Session::add_body(const std::string& name, const std::string& model, bool own, bool solid) {
-  for (const std::string& text : {name, model})
+Result<BodyId> Session::add_body(BodyOptions options) {
+  for (const std::string& text : {options.name, options.model})
     if (text.empty() || text.size() > wire::kMaxNameBytes)
-      return {StatusCode::kInvalidArgument, "name '" + text + "': expected 1 to " +
-                                                std::to_string(wire::kMaxNameBytes) + " bytes"};
-  if (impl_->bodies.contains(name))
-    return {StatusCode::kConflict, "body " + name + " is declared twice"};
-  impl_->bodies.emplace(
-      name, Body{.name = name, .model = &impl_->replicas.add(model), .own = own, .solid = solid});
+      return Status{
+          StatusCode::kInvalidArgument,
+          "name '" + text + "': expected 1 to " + std::to_string(wire::kMaxNameBytes) + " bytes"};
+  const BodyId id{static_cast<std::uint32_t>(impl_->bodies.size())};
+  if (!impl_->named.emplace(options.name, id).second)
+    return Status{StatusCode::kConflict, "body " + options.name + " is declared twice"};
+  impl_->bodies.push_back({.id = id,
+                           .name = std::move(options.name),
+                           .model = &impl_->replicas.add(options.model),
+                           .own = options.own,
+                           .solid = options.solid});
   impl_->has_new_model = true;
-  return Status::ok();
+  return id;
 }
 
-Status Session::place_body(const std::string& name, const Pose& pose) {
-  const auto at = impl_->bodies.find(name);
-  if (at == impl_->bodies.end()) return {StatusCode::kNotFound, "no body named " + name};
-  NEARMESH_RETURN_IF_ERROR(check_pose(pose, name));
-  at->second.motion = Motion{.pose = pose};
+Status Session::place_body(BodyId body, const Pose& pose) {
+  Body* placed = impl_->find(body);
+  if (placed == nullptr) return no_such(body);
+  NEARMESH_RETURN_IF_ERROR(check_pose(pose, placed->name));
+  placed->motion = Motion{.pose = pose};
   for (Impl::Pair& pair : impl_->pairs)
-    if (pair.a == &at->second || pair.b == &at->second)
-      pair.last = not_asked(pair.a->name, pair.b->name);
+    if (pair.has(*placed)) pair.last = not_asked(pair.names());
   return Status::ok();
 }
 
-Status Session::watch(const std::string& body_a, const std::string& body_b) {
-  const auto a = impl_->bodies.find(body_a), b = impl_->bodies.find(body_b);
-  for (const auto& [at, name] : {std::pair(a, body_a), std::pair(b, body_b)})
-    if (at == impl_->bodies.end()) return {StatusCode::kNotFound, "no body named " + name};
-  if (a == b) return {StatusCode::kInvalidArgument, "body " + body_a + " against itself"};
-  impl_->pairs.push_back({&a->second, &b->second, std::nullopt, not_asked(body_a, body_b)});
-  return Status::ok();
+Result<PairId> Session::watch(BodyId a, BodyId b) {
+  for (const BodyId body : {a, b})
+    if (impl_->find(body) == nullptr) return no_such(body);
+  if (a == b) return Status{StatusCode::kInvalidArgument, "body " + name_of(a) + " against itself"};
+  Impl::Pair pair{.a = impl_->find(a), .b = impl_->find(b)};
+  pair.last = not_asked(pair.names());
+  impl_->pairs.push_back(std::move(pair));
+  return PairId{static_cast<std::uint32_t>(impl_->pairs.size() - 1)};
+}
+
+std::string Session::name_of(BodyId body) const {
+  const Body* named = impl_->find(body);
+  return named == nullptr ? std::string() : named->name;
 }
 
 Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
                                     const std::vector<OwnMotion>& motions, double budget_s) {
   Impl& impl = *impl_;
   for (const OwnMotion& own : motions) {
-    const auto at = impl.bodies.find(own.body);
-    if (at == impl.bodies.end() || !at->second.own)
-      return Status{StatusCode::kNotFound, own.body + " is not a body that this peer moves"};
-    NEARMESH_RETURN_IF_ERROR(check_motion(own.motion, own.body));
+    const Body* body = impl.find(own.body);
+    if (body == nullptr) return no_such(own.body);
+    if (!body->own)
+      return Status{StatusCode::kNotFound, body->name + " is not a body that this peer moves"};
+    NEARMESH_RETURN_IF_ERROR(check_motion(own.motion, body->name));
   }
   if (!std::isfinite(time_s))  // it goes out with every pose
     return Status{StatusCode::kInvalidArgument, "time_s of frame " + std::to_string(frame) +
@@ -82,10 +99,11 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
   const Stopwatch spent;
   FrameReport report;
   for (const OwnMotion& own : motions) {
-    impl.bodies.at(own.body).motion = own.motion;
+    Body& body = *impl.find(own.body);
+    body.motion = own.motion;
     wire::BodyPose pose;
     pose.peer = impl.channel->own_id();
-    pose.body = own.body;
+    pose.body = body.name;
     pose.frame = frame;
     pose.time_s = time_s;
     pose.pose = own.motion.pose;
@@ -101,7 +119,7 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
   for (const auto& [name, model] : impl.replicas.all())
     report.state_digest =
         mix(report.state_digest ^ (model.is_ready() ? model.replica->mesh().state_hash() + 1 : 0));
-  for (Impl::Pair& pair : impl.pairs) impl.answer_pair(pair, frame, report);
+  for (std::uint32_t i = 0; i < impl.pairs.size(); ++i) impl.answer_pair(PairId{i}, frame, report);
   for (const PairAnswer& pair : report.answers)
     report.answers_digest = mix(report.answers_digest ^ digest(pair.answer));
   impl.ask(report);
@@ -132,15 +150,16 @@ void Session::Impl::take_inbox(FrameReport& report) {
       stats.header_bytes += replicas.announce_new(publisher.hello, complaints);
   for (wire::SplitBatchMessage& batch : inbox.batches) take_batch(std::move(batch), report);
   for (const wire::BodyPose& pose : inbox.poses) {
-    const auto at = bodies.find(pose.body);
-    if (at == bodies.end()) continue;
-    if (at->second.own) {
-      if (!std::exchange(at->second.contested, true))
+    const auto at = named.find(pose.body);
+    if (at == named.end()) continue;
+    Body& body = bodies[at->second.value];
+    if (body.own) {
+      if (!std::exchange(body.contested, true))
         complaints.push_back("another peer also moves body " + pose.body +
                              "; its poses are ignored");
       continue;
     }
-    at->second.motion = Motion{pose.pose, pose.linear_velocity_mps, pose.angular_velocity_radps};
+    body.motion = Motion{pose.pose, pose.linear_velocity_mps, pose.angular_velocity_radps};
   }
 }
 
@@ -206,8 +225,9 @@ std::string Session::Impl::why_not_ready(const Body& body) const {
   return {};
 }
 
-void Session::Impl::answer_pair(Pair& pair, std::uint64_t frame, FrameReport& report) {
-  PairAnswer result{.body_a = pair.a->name, .body_b = pair.b->name};
+void Session::Impl::answer_pair(PairId id, std::uint64_t frame, FrameReport& report) {
+  Pair& pair = pairs[id.value];
+  PairAnswer result{.pair = id, .a = pair.a->id, .b = pair.b->id};
   result.reason = why_not_ready(*pair.a);
   if (result.reason.empty()) result.reason = why_not_ready(*pair.b);
   if (result.reason.empty()) {
@@ -244,7 +264,7 @@ void Session::Impl::answer_pair(Pair& pair, std::uint64_t frame, FrameReport& re
     result.awaited += more;
   }
   if (!result.reason.empty()) result.answer.uncertainty_m = std::numeric_limits<double>::infinity();
-  pair.last = readiness_of(result);
+  pair.last = readiness_of(result, pair.names());
   if (options.publish_reports) report_pair(pair, result, frame);
   report.answers.push_back(std::move(result));
 }
@@ -266,8 +286,8 @@ void Session::Impl::report_pair(Pair& pair, const PairAnswer& answer, std::uint6
   pair.reported = now;
   wire::ContactReport report;
   report.peer = channel->own_id();
-  report.body_a = answer.body_a;
-  report.body_b = answer.body_b;
+  report.body_a = pair.a->name;
+  report.body_b = pair.b->name;
   report.frame = frame;
   report.time_s = time_s;
   report.status = static_cast<std::uint8_t>(answer.answer.status);
@@ -329,38 +349,38 @@ void Session::Impl::tell_status(const FrameReport& report, const SessionStats& c
   told = std::move(now);
 }
 
-Result<Readiness> Session::readiness(const std::string& body) const {
-  const auto at = impl_->bodies.find(body);
-  if (at == impl_->bodies.end()) return Status{StatusCode::kNotFound, "no body named " + body};
+Result<Readiness> Session::readiness(BodyId body) const {
+  const Body* asked = impl_->find(body);
+  if (asked == nullptr) return no_such(body);
   Readiness all{.stage = ReadyStage::kCertified};
   for (const Impl::Pair& pair : impl_->pairs)
-    if (pair.a == &at->second || pair.b == &at->second) add_pair(all, pair.last);
-  if (all.pairs == 0) return Readiness{.reason = "body " + body + " is watched against nothing"};
+    if (pair.has(*asked)) add_pair(all, pair.last);
+  if (all.pairs == 0)
+    return Readiness{.reason = "body " + asked->name + " is watched against nothing"};
   return all;
 }
 
-Result<RegionReadiness> Session::region_readiness(const std::string& body,
-                                                  const std::array<double, 3>& lo_m,
+Result<RegionReadiness> Session::region_readiness(BodyId body, const std::array<double, 3>& lo_m,
                                                   const std::array<double, 3>& hi_m) const {
-  const auto at = impl_->bodies.find(body);
-  if (at == impl_->bodies.end()) return Status{StatusCode::kNotFound, "no body named " + body};
+  const Body* asked = impl_->find(body);
+  if (asked == nullptr) return no_such(body);
   for (std::size_t k = 0; k < 3; ++k)
     if (!std::isfinite(lo_m[k]) || !std::isfinite(hi_m[k]) || lo_m[k] > hi_m[k])
       return Status{StatusCode::kInvalidArgument,
-                    "region of body " + body + ": from " + std::to_string(lo_m[k]) + " to " +
+                    "region of body " + asked->name + ": from " + std::to_string(lo_m[k]) + " to " +
                         std::to_string(hi_m[k]) + " m on axis " + std::to_string(k) +
                         ", expected finite numbers in ascending order"};
-  const PeerModel& model = *at->second.model;
+  const PeerModel& model = *asked->model;
   if (!model.is_ready())
     return RegionReadiness{.uncertainty_m = std::numeric_limits<double>::infinity(),
-                           .reason = impl_->why_not_ready(at->second)};
+                           .reason = impl_->why_not_ready(*asked)};
   return lacks_in_box(model.view(), lo_m, hi_m);
 }
 
-const SpmHeader* Session::header_of(const std::string& body) const {
-  const auto at = impl_->bodies.find(body);
-  if (at == impl_->bodies.end() || !at->second.model->is_ready()) return nullptr;
-  return &at->second.model->replica->header();
+const SpmHeader* Session::header_of(BodyId body) const {
+  const Body* asked = impl_->find(body);
+  if (asked == nullptr || !asked->model->is_ready()) return nullptr;
+  return &asked->model->replica->header();
 }
 
 const wire::ProcessStatus& Session::status() const { return impl_->told; }
