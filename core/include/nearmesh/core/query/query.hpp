@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
+// API (docs/api.md).
 // The certified collision query between two posed trees: exact face pairs, and a proof that what is not
 // refined cannot matter, or the list of what is missing.
 //
