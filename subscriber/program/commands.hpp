@@ -9,7 +9,7 @@
 #include <functional>
 
 #include "nearmesh/core/base/status.hpp"
-#include "nearmesh/idl/dds/detail/transport_options.hpp"
+#include "nearmesh/idl/dds/transport_options.hpp"
 
 namespace nearmesh::subscriber::program {
 
