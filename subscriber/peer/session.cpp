@@ -120,16 +120,20 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
     report.state_digest =
         mix(report.state_digest ^ (model.is_ready() ? model.replica->mesh().state_hash() + 1 : 0));
   for (std::uint32_t i = 0; i < impl.pairs.size(); ++i) impl.answer_pair(PairId{i}, frame, report);
-  for (const PairAnswer& pair : report.answers)
-    report.answers_digest = mix(report.answers_digest ^ digest(pair.answer));
   impl.ask(report);
   if (impl.options.max_held_splits > 0)
     for (auto& [name, model] : impl.replicas.all())
       if (model.is_ready() && model.replica->mesh().split_count() > impl.options.max_held_splits)
-        impl.replicas.collapse_outside(model, impl.kept_of(model, report), report);
+        impl.give_up(model, report);
   for (const std::string& line : report.complaints) impl.keeper.note(line, impl.clock.seconds());
   if (impl.keeper.is_due(impl.clock.seconds())) impl.tell_status(report, stats());
   return report;
+}
+
+void Session::Impl::give_up(PeerModel& model, FrameReport& report) {
+  const Replica::Times times = model.replica->give_up(kept_of(model, report));
+  report.refine_s += times.refine_s;
+  report.tree_s += times.tree_s;
 }
 
 void Session::Impl::take_inbox(FrameReport& report) {
@@ -225,6 +229,22 @@ std::string Session::Impl::why_not_ready(const Body& body) const {
   return {};
 }
 
+namespace {
+
+void take_answer(Answered&& all, PairAnswer& result, std::vector<std::string>& complaints) {
+  result.answer = std::move(all.answer);
+  result.contacts = std::move(all.contacts);
+  result.safe_horizon_s = all.safe_horizon_s;
+  if (!all.swept) return;
+  if (all.swept->is_ok()) {
+    result.swept = std::move(*all.swept).value();
+  } else {
+    complaints.push_back("no swept answer: " + all.swept->status().message());
+  }
+}
+
+}  // namespace
+
 void Session::Impl::answer_pair(PairId id, std::uint64_t frame, FrameReport& report) {
   Pair& pair = pairs[id.value];
   PairAnswer result{.pair = id, .a = pair.a->id, .b = pair.b->id};
@@ -232,63 +252,50 @@ void Session::Impl::answer_pair(PairId id, std::uint64_t frame, FrameReport& rep
   if (result.reason.empty()) result.reason = why_not_ready(*pair.b);
   if (result.reason.empty()) {
     const Stopwatch watch;
-    const TreeView a = pair.a->model->view(), b = pair.b->model->view();
-    result.pose_a = pair.a->motion->pose;
-    result.pose_b = pair.b->motion->pose;
-    const Result<PosedPair> posed =
-        pose_pair(*a.grid, result.pose_a, pair.a->name, *b.grid, result.pose_b, pair.b->name);
-    if (posed.is_ok()) {
+    const auto body = [](const Body& of) {
+      return AskedBody{of.model->replica->view(), *of.motion, of.name, of.solid};
+    };
+    const AskedBody a = body(*pair.a), b = body(*pair.b);
+    result.pose_a = a.motion.pose;
+    result.pose_b = b.motion.pose;
+    Result<Answered> asked = answer(a, b,
+                                    {.contacts = options.contacts,
+                                     .sweep_s = options.sweep_s,
+                                     .max_sweep_tests = kMaxSweepTests});
+    if (asked.is_ok()) {
       result.asked = true;
-      result.answer = query(a, posed.value().a, b, posed.value().b,
-                            {.solid_a = pair.a->solid, .solid_b = pair.b->solid});
-      if (options.contacts && !result.answer.pairs.empty())
-        result.contacts = find_contacts(a, posed.value().a, b, posed.value().b, result.answer);
-      if (is_certified(result.answer.status) && result.answer.pair_total == 0)
-        result.safe_horizon_s =
-            safe_horizon_s(a, *pair.a->motion, b, *pair.b->motion, result.answer.clearance_m);
-      if (options.sweep_s > 0) sweep_pair(pair, result, report);
-      if (result.answer.status == AnswerStatus::kUncertain && result.answer.missing_a.empty() &&
-          result.answer.missing_b.empty())
-        result.reason = "body " + (a.surface->has_seeds() ? pair.b : pair.a)->name +
+      take_answer(std::move(asked).value(), result, report.complaints);
+      if (is_beyond_detail(result.answer))
+        result.reason = "body " + (a.view.surface->has_seeds() ? pair.b : pair.a)->name +
                         " has more than " + std::to_string(kMaxComponentSeeds) +
                         " parts: whether one is inside the other body cannot be told";
     } else {
-      result.reason = posed.status().message();
+      result.reason = asked.status().message();
     }
     report.query_s += watch.seconds();
   }
+  if (!result.asked) result.answer.uncertainty_m = std::numeric_limits<double>::infinity();
   if (result.reason.empty() && !is_certified(result.answer.status)) {
     result.awaited = awaited_of(*pair.a->model, result.answer.missing_a.size());
     const std::string more = awaited_of(*pair.b->model, result.answer.missing_b.size());
     if (!result.awaited.empty() && !more.empty()) result.awaited += "; ";
     result.awaited += more;
   }
-  if (!result.reason.empty()) result.answer.uncertainty_m = std::numeric_limits<double>::infinity();
   pair.last = readiness_of(result, pair.names());
-  if (options.publish_reports) report_pair(pair, result, frame);
+  const std::uint64_t answer_digest = digest(result.answer);
+  report.answers_digest = mix(report.answers_digest ^ answer_digest);
+  if (options.publish_reports) report_pair(pair, result, {frame, answer_digest});
   report.answers.push_back(std::move(result));
 }
 
-void Session::Impl::sweep_pair(const Pair& pair, PairAnswer& result, FrameReport& report) {
-  Result<SweptAnswer> swept = sweep(pair.a->model->view(), *pair.a->motion, pair.a->name,
-                                    pair.b->model->view(), *pair.b->motion, pair.b->name,
-                                    {.duration_s = options.sweep_s, .max_tests = kMaxSweepTests});
-  if (swept.is_ok()) {
-    result.swept = std::move(swept).value();
-  } else {
-    report.complaints.push_back("no swept answer: " + swept.status().message());
-  }
-}
-
-void Session::Impl::report_pair(Pair& pair, const PairAnswer& answer, std::uint64_t frame) {
-  const std::pair now(frame, digest(answer.answer));
+void Session::Impl::report_pair(Pair& pair, const PairAnswer& answer, const Reported& now) {
   if (pair.reported == now) return;
   pair.reported = now;
   wire::ContactReport report;
   report.peer = channel->own_id();
   report.body_a = pair.a->name;
   report.body_b = pair.b->name;
-  report.frame = frame;
+  report.frame = now.first;
   report.time_s = time_s;
   report.status = static_cast<std::uint8_t>(answer.answer.status);
   // The wire carries finite numbers; "cannot be bounded" is the largest of them.
@@ -299,11 +306,12 @@ void Session::Impl::report_pair(Pair& pair, const PairAnswer& answer, std::uint6
   report.asked = answer.asked;
   report.answer_digest = now.second;
   if (report.asked) {
-    report.gave_up_detail = pair.a->model->gave_up_detail || pair.b->model->gave_up_detail;
+    report.gave_up_detail =
+        pair.a->model->replica->gave_up_detail() || pair.b->model->replica->gave_up_detail();
     const auto as_asked = [](const Body& body, const Pose& pose) {
       return wire::ContactReport::Asked{body.model->content_hash,
                                         body.model->replica->mesh().state_hash(),
-                                        body.model->applied_batches, body.solid, pose};
+                                        body.model->replica->taken_batches(), body.solid, pose};
     };
     report.a = as_asked(*pair.a, answer.pose_a);
     report.b = as_asked(*pair.b, answer.pose_b);
@@ -374,7 +382,7 @@ Result<RegionReadiness> Session::region_readiness(BodyId body, const std::array<
   if (!model.is_ready())
     return RegionReadiness{.uncertainty_m = std::numeric_limits<double>::infinity(),
                            .reason = impl_->why_not_ready(*asked)};
-  return lacks_in_box(model.view(), lo_m, hi_m);
+  return lacks_in_box(model.replica->view(), lo_m, hi_m);
 }
 
 const SpmHeader* Session::header_of(BodyId body) const {
@@ -390,7 +398,7 @@ SessionStats Session::stats() const {
   for (const auto& [name, model] : impl_->replicas.all()) {
     stats.mesh_bytes += model.mesh_bytes;
     if (!model.is_ready()) continue;
-    const AbTreeStats tree = model.tree->stats();
+    const AbTreeStats tree = model.replica->tree().stats();
     stats.held_splits += model.replica->mesh().split_count();
     stats.slots += tree.slots;
     stats.exact_faces += tree.exact_faces;

@@ -8,6 +8,7 @@
 
 #include "core/ask/predict.hpp"
 #include "core/base/stopwatch.hpp"
+#include "core/query/answer.hpp"
 #include "idl/messages/status_keeper.hpp"
 #include "nearmesh/subscriber/peer/session.hpp"
 #include "replicas.hpp"
@@ -46,11 +47,12 @@ struct Session::Impl {
   SessionOptions options;
   ReplicaSet replicas;
   std::deque<Body> bodies;  // by BodyId; where they are does not change, so pairs may point at them
-  std::unordered_map<std::string, BodyId> named;  // for what comes from the bus
+  std::unordered_map<std::string, BodyId> named;             // for what comes from the bus
+  using Reported = std::pair<std::uint64_t, std::uint64_t>;  // frame and digest of the answer
   struct Pair {
     Body* a;
     Body* b;
-    std::optional<std::pair<std::uint64_t, std::uint64_t>> reported;  // frame and digest
+    std::optional<Reported> reported;
     Readiness last;  // of this pair alone, as of the last update
 
     [[nodiscard]] bool has(const Body& body) const { return a == &body || b == &body; }
@@ -76,13 +78,12 @@ struct Session::Impl {
   void take_inbox(FrameReport& report);
   void take_batch(wire::SplitBatchMessage&& message, FrameReport& report);
   void answer_pair(PairId id, std::uint64_t frame, FrameReport& report);
-  void sweep_pair(const Pair& pair, PairAnswer& result, FrameReport& report);
-  void report_pair(Pair& pair, const PairAnswer& answer, std::uint64_t frame);
+  void report_pair(Pair& pair, const PairAnswer& answer, const Reported& now);
+  void give_up(PeerModel& model, FrameReport& report);
   void ask(const FrameReport& report);
   [[nodiscard]] RegionMaker region_of(const PeerModel& model, double lookahead_s,
-                                      const FrameReport& report, bool uncertified_only) const;
-  [[nodiscard]] std::vector<RegionPart> kept_of(const PeerModel& model,
-                                                const FrameReport& report) const;
+                                      const FrameReport& report, bool uncertified_only);
+  [[nodiscard]] std::vector<RegionPart> kept_of(const PeerModel& model, const FrameReport& report);
   [[nodiscard]] std::vector<NodeSpan> missing_of(const PeerModel& model, const FrameReport& report,
                                                  bool ahead) const;
   [[nodiscard]] double horizon_s() const { return std::max(options.lookahead_s, options.sweep_s); }

@@ -92,6 +92,13 @@ struct Answer {
   QueryStats stats;
 };
 
+/// Uncertain with nothing missing: no detail can settle it, since a part might be inside a solid, but the model has too many
+/// parts for seeds. query() then says that the uncertainty is infinite.
+[[nodiscard]] inline bool is_beyond_detail(const Answer& answer) {
+  return answer.status == AnswerStatus::kUncertain && answer.missing_a.empty() &&
+         answer.missing_b.empty();
+}
+
 /// Digest of everything in an answer but its statistics and hints: equal answers, equal digests, on every peer and
 /// build.
 [[nodiscard]] std::uint64_t digest(const Answer& answer);
