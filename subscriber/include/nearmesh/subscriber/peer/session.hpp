@@ -5,6 +5,7 @@
 // and answers, every frame, whether pairs of bodies touch, with how far each answer can be trusted.
 // Polled by the host: update() never blocks and never calls DDS (the channel's own thread does).
 
+#include <array>
 #include <memory>
 #include <optional>
 #include <string>
@@ -24,10 +25,9 @@ using BodyId = Id<struct BodyTag>;
 using PairId = Id<struct PairTag>;
 
 struct BodyOptions {
-  std::string name;   ///< on the bus and for people, unique in the session; 1 to 63 bytes
-  std::string model;  ///< the publisher's name for it; 1 to 63 bytes
-  bool own =
-      false;  ///< this peer moves it and publishes its pose; else that comes from whoever does
+  std::string name;    ///< on the bus and for people, unique in the session; 1 to 63 bytes
+  std::string model;   ///< the publisher's name for it; 1 to 63 bytes
+  bool own = false;    ///< this peer moves it and publishes its pose; else another peer does
   bool solid = false;  ///< it has an inside (core/query/query.hpp)
 };
 
