@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// QoS of every topic, with a reason each. Used by dds_*.cpp alone. Both sides take theirs from
+// QoS of every topic, with a reason each. For the rooms named dds alone. Both sides take theirs from
 // here, so they match.
 
 #include <fastdds/dds/publisher/qos/DataWriterQos.hpp>

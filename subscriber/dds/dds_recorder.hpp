@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // Records a live session: a passive peer that hears every sample of our topics and keeps its bytes (takes samples, gives
-// core/session/recording.hpp). It asks nobody for anything, and holds up nobody: batches, the one stream whose writers wait
+// core/recording). It asks nobody for anything, and holds up nobody: batches, the one stream whose writers wait
 // for readers, it hears best-effort; what it misses it counts.
 
 #include <cstdint>

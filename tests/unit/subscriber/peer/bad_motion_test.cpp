@@ -99,7 +99,7 @@ TEST_F(BadNumbers, OnTheWireAreRefusedAndChangeNoAnswer) {
   ASSERT_TRUE(send(flight_.two[0]).is_ok());
   fly(0, false);
   for (const BadMotion& bad : bad_motions(flight_.two[1])) {
-    // A channel hands over nothing that check() refuses (wire/codec.hpp).
+    // A channel hands over nothing that check() refuses (idl/dds/codec.hpp).
     const Status status = send(bad.motion);
     ASSERT_FALSE(status.is_ok()) << bad.name;
     expect_names(status.message(), " of two", bad.name);
