@@ -28,7 +28,7 @@
 
 #include "codec.hpp"
 #include "mailbox.hpp"
-#include "nearmesh/idl/dds/detail/transport_options.hpp"
+#include "nearmesh/idl/dds/transport_options.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
 #include "qos.hpp"
 #include "type_support.hpp"

@@ -13,7 +13,7 @@
 
 #include "interfaces.hpp"
 #include "mailbox.hpp"
-#include "nearmesh/idl/dds/detail/transport_options.hpp"
+#include "nearmesh/idl/dds/transport_options.hpp"
 
 namespace nearmesh::wire {
 

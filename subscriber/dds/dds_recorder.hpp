@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "nearmesh/core/recording/recording.hpp"
-#include "nearmesh/idl/dds/detail/transport_options.hpp"
+#include "nearmesh/idl/dds/transport_options.hpp"
 
 namespace nearmesh::subscriber {
 

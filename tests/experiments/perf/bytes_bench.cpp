@@ -27,7 +27,6 @@
 
 using namespace nearmesh;
 using namespace nearmesh::perf;
-using subscriber::Portion;
 
 namespace {
 
@@ -253,8 +252,7 @@ void fly(int socket, double radius_share) {
     const double start = peer.cost.wire();
     peer.certify(pose);
     if (peer.lacks(pose, 0.25 * radius_m))
-      static_cast<void>(
-          peer.prefetch(pose, 0.5 * radius_m, subscriber::kMaxAheadSplits, Portion::kWholeNodes));
+      static_cast<void>(peer.prefetch(pose, 0.5 * radius_m, kMaxAheadSplits, Portion::kWholeNodes));
     frames.push_back(peer.cost.wire() - start);
   }
   std::sort(frames.begin(), frames.end());

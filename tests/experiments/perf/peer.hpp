@@ -26,14 +26,12 @@ inline std::optional<RegionRequest> next_request(const SplitStore& store, const 
                                                  const Pose& own_pose, const TreeView& other,
                                                  const Pose& other_pose, double margin_m,
                                                  std::vector<NodeSpan> missing,
-                                                 std::uint32_t max_splits,
-                                                 subscriber::Portion portion) {
+                                                 std::uint32_t max_splits, Portion portion) {
   const auto region = [&](std::size_t max_parts, std::span<const GridBox> near) {
-    return subscriber::swept_region(own, Motion{.pose = own_pose}, other,
-                                    Motion{.pose = other_pose}, 0, margin_m, max_parts, near);
+    return swept_region(own, Motion{.pose = own_pose}, other, Motion{.pose = other_pose}, 0,
+                        margin_m, max_parts, near);
   };
-  auto request = subscriber::make_request(store, region, std::move(missing),
-                                          subscriber::kRegionParts, max_splits, portion);
+  auto request = make_request(store, region, std::move(missing), kRegionParts, max_splits, portion);
   // As it is when it arrives.
   if (request) request->region = unpack_region(pack_region(request->region)).value();
   return request;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
+// API (docs/api.md).
 // Names on the bus. No Fast DDS here.
 // Every topic but hello carries the wire version, so that layouts of two versions never meet. Hello
 // does not: a publisher of another version must be heard in order to be refused loudly.
