@@ -17,8 +17,6 @@ namespace nearmesh::perf {
 
 using Batches = std::vector<std::vector<std::uint8_t>>;
 
-inline constexpr std::uint32_t kRequestSplits = 4096;
-
 /// Where `other` stands, and a margin around, in the grid of `own`; both are kept by reference.
 inline RegionMaker region_around(const TreeView& own, const Pose& own_pose, const TreeView& other,
                                  const Pose& other_pose, double margin_m) {
