@@ -48,6 +48,7 @@ RegionMaker Session::Impl::region_of(const PeerModel& model, double lookahead_s,
     for (const auto& [own, other] : against) {
       const std::size_t each = std::max<std::size_t>(
           1, std::min(max_parts, (kMaxRegionBoxes - rays.size()) / against.size()));
+      ++stats.region_sweeps;
       const auto parts =
           swept_region(own->model->replica->view(), *own->motion, other->model->replica->view(),
                        *other->motion, lookahead_s, options.margin_m, each, near);

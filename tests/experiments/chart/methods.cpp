@@ -405,7 +405,7 @@ class Certified : public Stream {
       const auto request =
           perf::next_request(bodies_[i].replica().store(), view(i), i == 0 ? poses.a : poses.b,
                              view(1 - i), i == 0 ? poses.b : poses.a, 0, std::move(missing),
-                             perf::kRequestSplits, Portion::kLargestNodes);
+                             kRequestSplits, Portion::kLargestNodes);
       state_.query_s += watch.seconds();
       if (!request) continue;
       asked = true;

@@ -70,7 +70,7 @@ TEST(LookAhead, IsNotRepeatedInEachFrameWhereNothingIsLacking) {
     const std::uint64_t sweeps = after.region_sweeps - before.region_sweeps;
     EXPECT_GT(sweeps, 0U);
     EXPECT_LE(sweeps, 6U * 4);
-    looks += sweeps > 6 ? 1 : 0;
+    looks += sweeps > 6U * 2 ? 1 : 0;
   }
   // Of these scenes some must be such that the region by few parts, unlike the finer one, meets something unresolved.
   EXPECT_GT(looks, 2);
