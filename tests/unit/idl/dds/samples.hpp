@@ -30,7 +30,7 @@ inline RegionSubscription valid_subscription() {
   message.priority = 1;
   message.acknowledged_sequence = 17;
   message.window_bytes = 4096;
-  message.region.attach = {{VertexId{3}, 10}, {VertexId{13}, 1}, {VertexId{50}, 2}};
+  message.region.attach = {{VertexId{3}, 10}, {VertexId{13}, 2}, {VertexId{50}, 2}};
   message.region.region = {GridBox{{{-5, 0, 1}}, {{5, 0, 9}}}, GridBox{{{1, 2, 3}}, {{4, 5, 6}}}};
   message.region.region[1].radius = 7;
   message.region.region[1].normal = {-60, 4, -1};
