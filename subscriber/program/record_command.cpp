@@ -9,6 +9,7 @@
 #include "commands.hpp"
 #include "core/base/stopwatch.hpp"
 #include "idl/program/logging.hpp"
+#include "nearmesh/idl/messages/topics.hpp"
 #include "subscriber/dds/dds_recorder.hpp"
 
 namespace nearmesh::subscriber::program {
@@ -64,8 +65,7 @@ void add_record_command(CLI::App& app, std::function<Status()>& chosen) {
   command->add_option("-o,--output", options->path, "File to create (.db3, SQLite)")->required();
   command
       ->add_option("--topics", options->topics,
-                   "Only these: hello, mesh_header, region_subscription, split_batch, "
-                   "body_pose, contact_report")
+                   "Only these: " + CLI::detail::join(wire::recorded_topics(), ", "))
       ->delimiter(',');
   command
       ->add_option("--max-size", options->max_bytes,

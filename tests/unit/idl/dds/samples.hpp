@@ -2,7 +2,9 @@
 #pragma once
 // Valid messages with every field set, for the tests to spoil.
 
-#include "nearmesh/idl/messages/messages.hpp"
+#include <tuple>
+
+#include "nearmesh/idl/messages/topics.hpp"
 
 namespace nearmesh::wire::test {
 
@@ -117,6 +119,19 @@ inline Echo valid_echo() {
   message.is_reply = true;
   message.bytes = {1, 2, 3};
   return message;
+}
+
+/// One of each topic of the table.
+template <class Message>
+Message valid() {
+  return std::get<Message>(std::tuple(valid_hello(), valid_header(), valid_subscription(),
+                                      valid_batch(), valid_pose(), valid_report(), valid_status(),
+                                      valid_echo(), Probe{valid_echo()}));
+}
+/// use(message) with one of each.
+template <class Use>
+void for_each_valid(Use use) {
+  for_each_topic([&]<class Message>(const Topic<Message>&) { use(valid<Message>()); });
 }
 
 }  // namespace nearmesh::wire::test
