@@ -23,7 +23,8 @@ struct Demand {
   bool truncated = false;  ///< max_splits was reached; the largest nodes were taken
 };
 
-/// Checks a request from outside against the model. Errors: kInvalidArgument naming the limit or the node.
+/// Checks a request from outside: check_request(request), and that its nodes lie in the model. Errors: kInvalidArgument naming
+/// the limit or the node.
 [[nodiscard]] Status check_request(const SplitStore& store, const RegionRequest& request);
 
 /// What boxes below a node may reach. Quantised boxes do not nest: the faces below a child are also below its parent, but

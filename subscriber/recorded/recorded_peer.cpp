@@ -4,8 +4,7 @@
 #include <new>
 
 #include "core/base/parallel.hpp"
-#include "nearmesh/idl/dds/payload.hpp"
-#include "nearmesh/idl/messages/topics.hpp"
+#include "nearmesh/idl/dds/recorded_samples.hpp"
 
 namespace nearmesh::subscriber {
 namespace {
@@ -74,23 +73,21 @@ namespace {
 /// Hands the messages of a recording to its peers.
 class Player {
  public:
-  Player(const RecordingReader& recording, const PlayPlan& plan)
-      : recording_(recording), plan_(plan), names_(recording.facts().prefix) {}
+  Player(const RecordingReader& recording, const wire::RecordedSamples& samples,
+         const PlayPlan& plan)
+      : recording_(recording), samples_(samples), plan_(plan) {}
 
   void take(std::int64_t id, const RecordedMessage& message) {
-    const RecordedWriter& writer = recording_.writers()[message.writer];
-    const std::string& topic = recording_.topics()[writer.topic].name;
-    if (topic == names_.mesh_header) {
-      const auto header = wire::decode_payload<wire::MeshHeader>(message.cdr);
-      if (!header.is_ok() || headers_.contains(header.value().content_hash)) return;
-      if (auto decoded = decode_header(header.value().bytes); decoded.is_ok())
-        headers_.emplace(header.value().content_hash, std::move(decoded).value());
-    } else if (topic == names_.split_batch) {
-      RecordedPeer* peer = peer_of(writer.partition);
+    if (const auto header = samples_.read<wire::MeshHeader>(message)) {
+      if (headers_.contains(header->content_hash)) return;
+      if (auto decoded = decode_header(header->bytes); decoded.is_ok())
+        headers_.emplace(header->content_hash, std::move(decoded).value());
+    } else if (samples_.is<wire::SplitBatchMessage>(message)) {
+      RecordedPeer* peer = peer_of(recording_.writers()[message.writer].partition);
       if (peer == nullptr) return;
       if (auto batch = wire::decode_payload<wire::SplitBatchMessage>(message.cdr); batch.is_ok())
         peer->take(std::move(batch).value());
-    } else if (topic == names_.contact_report) {
+    } else if (samples_.is<wire::ContactReport>(message)) {
       take_report(id, message);
     }
   }
@@ -125,8 +122,8 @@ class Player {
   }
 
   const RecordingReader& recording_;
+  const wire::RecordedSamples& samples_;
   const PlayPlan& plan_;
-  const wire::TopicNames names_;
   RecordedHeaders headers_;
   Played played_;
 };
@@ -134,8 +131,9 @@ class Player {
 }  // namespace
 
 Result<Played> play(RecordingReader& recording, const PlayPlan& plan) {
-  NEARMESH_RETURN_IF_ERROR(wire::check_recorded_version(recording.facts().wire_version));
-  Player player(recording, plan);
+  const Result<wire::RecordedSamples> samples = wire::RecordedSamples::of(recording);
+  if (!samples.is_ok()) return samples.status();
+  Player player(recording, samples.value(), plan);
   const auto take = [&](std::int64_t id, const RecordedMessage& message) {
     player.take(id, message);
     return true;

@@ -13,7 +13,6 @@ namespace {
 
 using namespace test;
 using publisher::ReplayIndex;
-using publisher::ReplayTopic;
 
 class ReplayTest : public ::testing::Test {
  protected:
@@ -315,7 +314,7 @@ TEST_F(ReplayTest, AnswersHoldAllThatWasDeliveredByThenAndNothingOfTheFuture) {
                                const auto batch =
                                    wire::decode_payload<wire::SplitBatchMessage>(recorded.cdr);
                                const std::uint32_t stream = index->stream_of(recorded.writer);
-                               if (index->streams()[stream].topic == ReplayTopic::kSplitBatch &&
+                               if (index->streams()[stream].carries<wire::SplitBatchMessage>() &&
                                    batch.value().content_hash == message.content_hash &&
                                    !batch.value().bytes.empty())
                                  static_cast<void>(expected.apply_batch(

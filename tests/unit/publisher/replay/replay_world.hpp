@@ -120,25 +120,26 @@ class MemoryOutlet final : public publisher::ReplayOutlet {
   }
 
  private:
-  using Topic = publisher::ReplayTopic;
   std::string key_of(std::uint32_t stream, const std::vector<std::uint8_t>& cdr) const {
     switch (index_.streams()[stream].topic) {
-      case Topic::kHello:
+      case wire::place_of<wire::Hello>():
         return wire::partition_of(wire::decode_payload<wire::Hello>(cdr).value().publisher);
-      case Topic::kMeshHeader:
+      case wire::place_of<wire::MeshHeader>():
         return wire::partition_of(wire::decode_payload<wire::MeshHeader>(cdr).value().content_hash);
-      case Topic::kBodyPose:
+      case wire::place_of<wire::BodyPose>():
         return wire::decode_payload<wire::BodyPose>(cdr).value().body;
       default:
         return "";
     }
   }
   std::string deliver(std::uint32_t stream, const std::vector<std::uint8_t>& cdr) {
-    const Topic topic = index_.streams()[stream].topic;
-    if (topic == Topic::kHello) bus_.inject(wire::decode_payload<wire::Hello>(cdr).value());
-    if (topic == Topic::kMeshHeader)
+    const wire::TopicPlace topic = index_.streams()[stream].topic;
+    if (topic == wire::place_of<wire::Hello>())
+      bus_.inject(wire::decode_payload<wire::Hello>(cdr).value());
+    if (topic == wire::place_of<wire::MeshHeader>())
       bus_.inject(wire::decode_payload<wire::MeshHeader>(cdr).value());
-    if (topic == Topic::kBodyPose) bus_.inject(wire::decode_payload<wire::BodyPose>(cdr).value());
+    if (topic == wire::place_of<wire::BodyPose>())
+      bus_.inject(wire::decode_payload<wire::BodyPose>(cdr).value());
     return key_of(stream, cdr);
   }
 

@@ -83,9 +83,10 @@ class Verify : public ::testing::Test {
       return writer->add_writer({writer->add_topic({topic, "type"}).value(), {}, partition})
           .value();
     };
-    const std::uint32_t headers = add(names.mesh_header, ""),
-                        reports = add(names.contact_report, "");
-    const std::uint32_t batches = writer->add_topic({names.split_batch, "type"}).value();
+    const std::uint32_t headers = add(names.of<wire::MeshHeader>(), ""),
+                        reports = add(names.of<wire::ContactReport>(), "");
+    const std::uint32_t batches =
+        writer->add_topic({names.of<wire::SplitBatchMessage>(), "type"}).value();
     std::map<wire::SessionId, std::uint32_t> writers;
     const auto append = [&](std::uint32_t by, std::vector<std::uint8_t> cdr) {
       EXPECT_TRUE(writer->append({.writer = by, .cdr = std::move(cdr)}).is_ok());

@@ -160,6 +160,8 @@ struct Echo {
   std::vector<std::uint8_t> bytes;
 };
 inline constexpr std::size_t kMaxEchoBytes = 1U << 20;
+/// An Echo that may be lost: on a topic of its own.
+struct Probe : Echo {};
 
 /// Whether who serves `served` models may serve another under this name. Errors: kInvalidArgument naming the limit.
 [[nodiscard]] Status check_new_model(const std::string& name, std::size_t served);
