@@ -63,7 +63,7 @@ TEST(Readiness, OfABodyIsNotHeldUpByOthers) {
   const BodyId lost =
       host.session->add_body({.name = "lost", .model = "no such model", .own = true}).value();
   ASSERT_TRUE(host.session->watch(kGround, lost).is_ok());
-  for (int i = 0; i < 10; ++i) host.update({{kOne, above_ground(800, 0)}, {"lost", {}}});
+  for (int i = 0; i < 10; ++i) host.update({{kOne, above_ground(800, 0)}, {lost, {}}});
   EXPECT_EQ(readiness(host, kOne).stage, ReadyStage::kCertified);
   EXPECT_EQ(readiness(host, lost).stage, ReadyStage::kWaiting);
   EXPECT_NE(readiness(host, lost).reason.find("no such model"), std::string::npos);
