@@ -13,7 +13,7 @@ namespace {
 using wire::Handle;
 using wire::Microseconds;
 
-constexpr std::size_t kMaxTaken = 256;
+constexpr std::size_t kMaxEchoesTaken = 256;
 constexpr std::size_t kMaxReplies =
     1024;  ///< waiting to be sent; others' requests beyond are dropped
 constexpr double kRetry_s = 0.002;
@@ -64,7 +64,7 @@ class DdsEcho::Impl {
     std::vector<wire::Echo> taken;
     bool more = false;
     for (Lane* lane : {&echo_, &probe_}) {
-      more |= wire::drain<wire::EchoType>(*lane->reader, mailbox_, kMaxTaken,
+      more |= wire::drain<wire::EchoType>(*lane->reader, mailbox_, kMaxEchoesTaken,
                                           [&](wire::Echo&& echo, const Handle&, Microseconds) {
                                             take(std::move(echo), *lane, taken);
                                           });

@@ -17,10 +17,10 @@ namespace {
 using wire::Handle;
 using wire::Microseconds;
 
-constexpr std::size_t kMaxTaken = 4096;
+constexpr std::size_t kMaxHeard = 4096;
 constexpr std::size_t kMaxRefusals = 256;
 constexpr std::size_t kMaxRegions = 16384;
-constexpr double kSilence_s = 2;
+constexpr double kStatusSilence_s = 2;
 
 }  // namespace
 
@@ -33,7 +33,7 @@ class DdsMonitor::Impl {
         status_listener_(mailbox_, names_.process_status),
         report_listener_(mailbox_, names_.contact_report),
         request_listener_(mailbox_, names_.region_subscription),
-        silence_(kSilence_s) {}
+        silence_(kStatusSilence_s) {}
 
   Status start() {
     auto bus = wire::Bus::open({.transport = transport_, .participant_name = "nearmesh monitor"},
@@ -82,13 +82,13 @@ class DdsMonitor::Impl {
     // What is faulty is heard too: it is complained of by itself.
     const auto heard = [this](const Handle& writer) { silence_.heard(writer); };
     const bool more = wire::drain<wire::HelloType>(
-        *hello_reader_, mailbox_, kMaxTaken,
+        *hello_reader_, mailbox_, kMaxHeard,
         [&](wire::Hello&& hello, const Handle& writer, Microseconds) {
           hellos_[writer] = std::move(hello);
         },
         heard);
     const bool more_statuses = wire::drain<wire::ProcessStatusType>(
-        *status_reader_, mailbox_, kMaxTaken,
+        *status_reader_, mailbox_, kMaxHeard,
         [&](wire::ProcessStatus&& status, const Handle& writer, Microseconds) {
           processes_[writer] = std::move(status);
         });
@@ -128,7 +128,7 @@ class DdsMonitor::Impl {
   bool take_regions() {
     const double now_s = clock_.seconds();
     const bool more = wire::drain<wire::ContactReportType>(
-        *report_reader_, mailbox_, kMaxTaken,
+        *report_reader_, mailbox_, kMaxHeard,
         [&](wire::ContactReport&& report, const Handle& writer, Microseconds) {
           const auto key = std::tuple(report.peer, report.body_a, report.body_b);
           if (regions_.size() >= kMaxRegions && !regions_.contains(key)) return;
@@ -139,7 +139,7 @@ class DdsMonitor::Impl {
           region.report = std::move(report);
         });
     const bool more_requests = wire::drain<wire::RegionSubscriptionType>(
-        *request_reader_, mailbox_, kMaxTaken,
+        *request_reader_, mailbox_, kMaxHeard,
         [&](wire::RegionSubscription&& asked, const Handle& writer, Microseconds) {
           const std::pair key(asked.peer, asked.content_hash);
           if (asked.request == 0 || (requests_.size() >= kMaxRegions && !requests_.contains(key)))

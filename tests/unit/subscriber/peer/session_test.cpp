@@ -3,6 +3,7 @@
 
 #include <limits>
 
+#include "bad_motions.hpp"
 #include "core/base/stopwatch.hpp"
 #include "world.hpp"
 
@@ -14,6 +15,7 @@ using subscriber::SessionOptions;
 using test::aircraft;
 using test::Flight;
 using test::FrameReport;
+using test::kNan;
 using test::kPeer;
 using test::kPublisher;
 using test::make_flight;
@@ -21,8 +23,6 @@ using test::other_terrain;
 using test::quick_options;
 using test::terrain;
 using test::World;
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 std::string reason_of(const FrameReport& report, std::size_t pair) {
   return report.answers.at(pair).reason;
