@@ -3,6 +3,7 @@
 
 #include <limits>
 
+#include "bad_motions.hpp"
 #include "core/base/stopwatch.hpp"
 #include "world.hpp"
 
@@ -16,6 +17,7 @@ using test::BodyId;
 using test::Flight;
 using test::FrameReport;
 using test::kGround;
+using test::kNan;
 using test::kOne;
 using test::kPeer;
 using test::kPublisher;
@@ -25,8 +27,6 @@ using test::other_terrain;
 using test::quick_options;
 using test::terrain;
 using test::World;
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 std::string reason_of(const FrameReport& report, std::size_t pair) {
   return report.answers.at(pair).reason;
