@@ -203,10 +203,10 @@ Result<Demand> collect(const SplitStore& store, const RegionRequest& request,
   return demand;
 }
 
-std::vector<NodeSpan> frontier(const SplitStore& store, std::span<const RegionPart> region,
-                               std::size_t limit) {
+std::vector<NodeSpan> unresolved_in(const SplitStore& store, std::span<const RegionPart> region,
+                                    std::size_t limit) {
   RegionFilter filter(store, region);
-  std::vector<NodeSpan> missing;
+  std::vector<NodeSpan> unresolved;
   std::vector<Candidate> stack;
   const auto offer = [&](NodeSpan node, const Candidate& parent) {
     if (const auto candidate = filter.child(node, parent)) stack.push_back(*candidate);
@@ -217,16 +217,16 @@ std::vector<NodeSpan> frontier(const SplitStore& store, std::span<const RegionPa
     stack.pop_back();
     const VertexId split = store.split_of(top.node);
     if (!split.is_valid()) {
-      if (top.meets) missing.push_back(top.node);
+      if (top.meets) unresolved.push_back(top.node);
       continue;
     }
     offer(top.node.left_of(split), top);
     offer(top.node.right_of(split), top);
   }
-  std::sort(missing.begin(), missing.end(),
+  std::sort(unresolved.begin(), unresolved.end(),
             [](const NodeSpan& a, const NodeSpan& b) { return is_smaller(b, a); });
-  missing.resize(std::min(missing.size(), limit));
-  return missing;
+  unresolved.resize(std::min(unresolved.size(), limit));
+  return unresolved;
 }
 
 }  // namespace nearmesh

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Which peer moves which body. Used by dds_*.cpp alone.
+// Which peer moves which body. For the rooms named dds alone.
 // The first writer of a body's poses keeps the body: poses of others are dropped. On an open bus until that writer is gone; on
 // a secured one for good, and for all programs of its identity: Fast DDS lets nobody join whose participant does not carry 47
 // bits of the hash of the certificate's subject in front (OMG DDS Security 1.1, 9.3.3; PKIDH::process_handshake_request).

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Plain structs to generated samples and back. Used by dds_*.cpp alone.
+// Plain structs to generated samples and back. For the rooms named dds alone.
 // decode() is where bytes from outside become a message: it trusts nothing and ends with check().
 
 #include "nearmesh/idl/messages/messages.hpp"

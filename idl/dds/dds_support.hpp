@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // What both channels need of Fast DDS: joining the bus, entities that are removed again, listeners
-// that only wake, and a book of who is who. Used by dds_*.cpp alone. A change of Fast DDS' major
+// that only wake, and a book of who is who. For the rooms named dds alone. A change of Fast DDS' major
 // version is absorbed here.
 
 #include <fastdds/dds/domain/DomainParticipant.hpp>
@@ -29,7 +29,7 @@
 
 #include "codec.hpp"
 #include "mailbox.hpp"
-#include "nearmesh/idl/dds/detail/transport_options.hpp"
+#include "nearmesh/idl/dds/transport_options.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
 #include "qos.hpp"
 #include "type_support.hpp"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Where the threads of Fast DDS leave word for the one thread that makes the DDS calls. Used by dds_*.cpp alone.
+// Where the threads of Fast DDS leave word for the one thread that makes the DDS calls. For the rooms named dds alone.
 
 #include <chrono>
 #include <condition_variable>

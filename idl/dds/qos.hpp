@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// From what the table of topics promises to QoS. Used by dds_*.cpp alone. Both sides take theirs from here, so they match.
+// From what the table of topics promises to QoS. For the rooms named dds alone. Both sides take theirs from here, so they
+// match.
 
 #include <fastdds/dds/publisher/qos/DataWriterQos.hpp>
 #include <fastdds/dds/subscriber/qos/DataReaderQos.hpp>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Notices when a participant is of no use any more, and this process must join anew. Used by dds_*.cpp alone.
+// Notices when a participant is of no use any more, and this process must join anew. For the rooms named dds alone.
 
 #include <atomic>
 #include <condition_variable>
@@ -15,7 +15,7 @@
 #include "interfaces.hpp"
 #include "mailbox.hpp"
 #include "nearmesh/core/base/status.hpp"
-#include "nearmesh/idl/dds/detail/transport_options.hpp"
+#include "nearmesh/idl/dds/transport_options.hpp"
 
 namespace nearmesh::wire {
 

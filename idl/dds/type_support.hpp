@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Makes the generated type supports of Fast DDS 2.9 fit for bytes from strangers. Used by dds_*.cpp
+// Makes the generated type supports of Fast DDS 2.9 fit for bytes from strangers. For the rooms named dds
 // alone.
 // * getKey of the generated code shares one buffer between threads (3,338 wrong keys in 4 M calls);
 // ours has its own.

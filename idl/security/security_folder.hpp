@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Names of the files in an identity's folder (wire/security.hpp); those of ROS 2's enclaves.
+// Names of the files in an identity's folder (security.hpp); those of ROS 2's enclaves.
 
 #include <array>
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // The publisher's endpoints towards live peers: one reader of subscriptions, and for each peer a writer of batches in a
-// partition of its own. Shared by the channel of a publisher and that of a replay. Fast DDS: for dds_*.cpp alone.
+// partition of its own. Shared by the channel of a publisher and that of a replay. Fast DDS: for the rooms named dds alone.
 
 #include <chrono>
 #include <map>

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "nearmesh/idl/dds/detail/transport_options.hpp"
+#include "nearmesh/idl/dds/transport_options.hpp"
 #include "publisher/replay/replay.hpp"
 
 namespace nearmesh::publisher {

@@ -13,7 +13,7 @@ namespace {
 using wire::Handle;
 using wire::Microseconds;
 
-constexpr std::size_t kMaxTaken = 256;
+constexpr std::size_t kMaxEchoesTaken = 256;
 constexpr std::size_t kMaxReplies =
     1024;  ///< waiting to be sent; others' requests beyond are dropped
 constexpr double kRetry_s = 0.002;
@@ -90,7 +90,7 @@ class DdsEcho::Impl {
   template <class Message>
   bool take(Lane<Message>& lane, std::vector<wire::Echo>& taken) {
     const bool more =
-        lane.reader.drain(kMaxTaken, [&](wire::Echo&& echo, const Handle&, Microseconds) {
+        lane.reader.drain(kMaxEchoesTaken, [&](wire::Echo&& echo, const Handle&, Microseconds) {
           if (echo.from == own_id_ || (echo.to != 0 && echo.to != own_id_)) return;
           if (!echo.is_reply && lane.replies.size() < kMaxReplies) {
             wire::Echo& reply = lane.replies.emplace_back(Message{echo});

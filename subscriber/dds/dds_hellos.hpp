@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // Which publishers there are, by their hellos and by the matches of those who write them: who speaks for which session, what each
-// said last, who was lost, who says nothing. Fast DDS: for dds_*.cpp alone.
+// said last, who was lost, who says nothing. Fast DDS: for the rooms named dds alone.
 
 #include <optional>
 #include <set>

@@ -17,17 +17,17 @@ namespace {
 using wire::Handle;
 using wire::Microseconds;
 
-constexpr std::size_t kMaxTaken = 4096;
+constexpr std::size_t kMaxHeard = 4096;
 constexpr std::size_t kMaxRefusals = 256;
 constexpr std::size_t kMaxRegions = 16384;
-constexpr double kSilence_s = 2;
+constexpr double kStatusSilence_s = 2;
 
 }  // namespace
 
 class DdsMonitor::Impl {
  public:
   explicit Impl(const wire::TransportOptions& transport)
-      : transport_(transport), silence_(kSilence_s) {}
+      : transport_(transport), silence_(kStatusSilence_s) {}
 
   Status start() {
     auto bus = wire::Bus::open({.transport = transport_, .participant_name = "nearmesh monitor"},
@@ -48,13 +48,13 @@ class DdsMonitor::Impl {
     // What is faulty is heard too: it is complained of by itself.
     const auto heard = [this](const Handle& writer) { silence_.heard(writer); };
     const bool more = hello_reader_.drain(
-        kMaxTaken,
+        kMaxHeard,
         [&](wire::Hello&& hello, const Handle& writer, Microseconds) {
           hellos_[writer] = std::move(hello);
         },
         heard);
     const bool more_statuses = status_reader_.drain(
-        kMaxTaken, [&](wire::ProcessStatus&& status, const Handle& writer, Microseconds) {
+        kMaxHeard, [&](wire::ProcessStatus&& status, const Handle& writer, Microseconds) {
           processes_[writer] = std::move(status);
         });
     const bool more_regions = report_reader_.is_open() && take_regions();
@@ -93,7 +93,7 @@ class DdsMonitor::Impl {
   bool take_regions() {
     const double now_s = clock_.seconds();
     const bool more = report_reader_.drain(
-        kMaxTaken, [&](wire::ContactReport&& report, const Handle& writer, Microseconds) {
+        kMaxHeard, [&](wire::ContactReport&& report, const Handle& writer, Microseconds) {
           const auto key = std::tuple(report.peer, report.body_a, report.body_b);
           if (regions_.size() >= kMaxRegions && !regions_.contains(key)) return;
           Region& region = regions_.try_emplace(key, Region{.certified_s = now_s}).first->second;
@@ -103,7 +103,7 @@ class DdsMonitor::Impl {
           region.report = std::move(report);
         });
     const bool more_requests = request_reader_.drain(
-        kMaxTaken, [&](wire::RegionSubscription&& asked, const Handle& writer, Microseconds) {
+        kMaxHeard, [&](wire::RegionSubscription&& asked, const Handle& writer, Microseconds) {
           const std::pair key(asked.peer, asked.content_hash);
           if (asked.request == 0 || (requests_.size() >= kMaxRegions && !requests_.contains(key)))
             return;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Whose poses of a body count: those of the peer that moved it first, until that is gone. Fast DDS: for dds_*.cpp alone.
+// Whose poses of a body count: those of the peer that moved it first, until that is gone. Fast DDS: for the rooms named dds alone.
 
 #include <map>
 #include <string>

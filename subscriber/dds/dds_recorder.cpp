@@ -19,11 +19,12 @@ namespace {
 
 using wire::Handle;
 
-constexpr std::size_t kMaxTaken = 16384;   ///< of one topic, before the others have their turn
+constexpr std::size_t kMaxRecordedAtOnce =
+    16384;                                 ///< of one topic, before the others have their turn
 constexpr std::size_t kMaxWritten = 1024;  ///< before the queue is looked at again
 /// For the disk; what comes beyond is dropped and counted.
 constexpr std::size_t kMaxWaitingBytes = 64U << 20;
-constexpr double kIdleWait_s = 0.5;
+constexpr double kNothingToStore_s = 0.5;
 constexpr auto kDiskWait =
     std::chrono::milliseconds(100);  ///< how late a commit may be noticed to be due
 
@@ -192,12 +193,12 @@ void DdsRecorder::Impl::listen(std::promise<Status> started) {
       return join();
     }));
     if (bus_ == nullptr) {
-      mailbox_.wait(kIdleWait_s);
+      mailbox_.wait(kNothingToStore_s);
       continue;
     }
     bool more = false;
     for (std::uint32_t i = 0; i < topics_.size(); ++i) more |= (this->*topics_[i].drain)(i);
-    if (!more) mailbox_.wait(kIdleWait_s);
+    if (!more) mailbox_.wait(kNothingToStore_s);
   }
   if (bus_ != nullptr)
     for (std::uint32_t i = 0; i < topics_.size(); ++i)
@@ -241,7 +242,7 @@ bool DdsRecorder::Impl::drain(std::uint32_t topic) {
   typename Type::Data data;
   wire::fdds::SampleInfo info;
   std::vector<Entry> taken;
-  while (taken.size() < kMaxTaken) {
+  while (taken.size() < kMaxRecordedAtOnce) {
     data.fault.clear();
     if (topics_[topic].reader->take_next_sample(static_cast<typename Type::Sample*>(&data),
                                                 &info) != ReturnCode_t::RETCODE_OK)
@@ -274,7 +275,7 @@ bool DdsRecorder::Impl::drain(std::uint32_t topic) {
     count_gap(entry);
     if (!entry.message.cdr.empty()) push(std::move(entry));
   }
-  return taken.size() == kMaxTaken;
+  return taken.size() == kMaxRecordedAtOnce;
 }
 
 /// Of a writer that is there already we may get the latest sample of each key, numbered with gaps: none of them is missing.

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // Records a live session: a passive peer that hears every sample of our topics and keeps its bytes (takes samples, gives
-// core/session/recording.hpp). It asks nobody for anything, and holds up nobody: batches, the one stream whose writers wait
+// core/recording). It asks nobody for anything, and holds up nobody: batches, the one stream whose writers wait
 // for readers, it hears best-effort; what it misses it counts.
 
 #include <cstdint>
@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "nearmesh/core/recording/recording.hpp"
-#include "nearmesh/idl/dds/detail/transport_options.hpp"
+#include "nearmesh/idl/dds/transport_options.hpp"
 
 namespace nearmesh::subscriber {
 

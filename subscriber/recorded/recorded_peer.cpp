@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "recorded_peer.hpp"
 
-#include <limits>
 #include <new>
 
 #include "core/base/parallel.hpp"
@@ -46,48 +45,27 @@ void RecordedPeer::work(const RecordedHeaders& headers, bool final) {
 /// Takes in batches up to what the report has; false when they are not here.
 bool RecordedPeer::reach(const wire::ContactReport::Asked& asked, const RecordedHeaders& headers) {
   Stream& stream = streams_[asked.content_hash];
-  if (stream.model == nullptr) {
+  if (!stream.replica) {
     const auto header = headers.find(asked.content_hash);
     if (header == headers.end()) return false;
-    stream.model = std::make_unique<Model>(header->second);
+    stream.replica.emplace(header->second);
   }
   if (asked.applied_batches > stream.received) return false;
-  for (; stream.applied < asked.applied_batches; ++stream.applied) {
-    Model& model = *stream.model;
-    const Result<SplitBatch> batch = decode_batch(model.replica.header(), stream.waiting.front());
-    stream.waiting.pop_front();
-    if (batch.is_ok()) model.tree.update(model.replica.apply_batch(batch.value()).delta);
-  }
+  for (; stream.replica->taken_batches() < asked.applied_batches; stream.waiting.pop_front())
+    static_cast<void>(stream.replica->take(stream.waiting.front()));  // the peer went on too
   return true;
 }
 
 const Replica& RecordedPeer::replica(const wire::ContactReport::Asked& asked) const {
-  return streams_.at(asked.content_hash).model->replica;
+  return *streams_.at(asked.content_hash).replica;
 }
 
-TreeView RecordedPeer::view(const wire::ContactReport::Asked& asked) const {
-  const Model& model = *streams_.at(asked.content_hash).model;
-  return model.tree.view(model.replica.header().grid);
-}
-
-std::uint32_t RecordedPeer::applied(const wire::ContactReport::Asked& asked) const {
-  return streams_.at(asked.content_hash).applied;
-}
-
-Result<PosedPair> RecordedPeer::posed(const wire::ContactReport& report) const {
-  return pose_pair(*view(report.a).grid, report.a.pose, report.body_a, *view(report.b).grid,
-                   report.b.pose, report.body_b);
-}
-
-Answer RecordedPeer::ask(const wire::ContactReport& report) const {
-  const Result<PosedPair> placed = posed(report);
-  if (!placed.is_ok()) return {};
-  Answer answer = query(view(report.a), placed.value().a, view(report.b), placed.value().b,
-                        {.solid_a = report.a.solid, .solid_b = report.b.solid});
-  if (answer.status == AnswerStatus::kUncertain && answer.missing_a.empty() &&
-      answer.missing_b.empty())
-    answer.uncertainty_m = std::numeric_limits<double>::infinity();
-  return answer;
+Result<Answered> RecordedPeer::ask(const wire::ContactReport& report,
+                                   const AnswerOptions& options) const {
+  const auto body = [this](const wire::ContactReport::Asked& asked, const std::string& name) {
+    return AskedBody{replica(asked).view(), Motion{.pose = asked.pose}, name, asked.solid};
+  };
+  return answer(body(report.a, report.body_a), body(report.b, report.body_b), options);
 }
 
 namespace {

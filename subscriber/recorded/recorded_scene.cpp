@@ -72,7 +72,7 @@ class ScenePeer final : public RecordedPeer {
         break;
     }
     for (const wire::ContactReport::Asked* asked : {&recorded.a, &recorded.b})
-      if (applied(*asked) != asked->applied_batches ||
+      if (replica(*asked).taken_batches() != asked->applied_batches ||
           replica(*asked).mesh().state_hash() != asked->state_digest)
         return Status{StatusCode::kConflict,
                       about + "the meshes do not come out as recorded; see verify"};
@@ -80,10 +80,9 @@ class ScenePeer final : public RecordedPeer {
     scene.report = recorded;
     scene.bodies = {body_of(recorded.body_a, replica(recorded.a), recorded.a.pose),
                     body_of(recorded.body_b, replica(recorded.b), recorded.b.pose)};
-    const Result<PosedPair> placed = posed(recorded);
-    if (!placed.is_ok()) return placed.status();
-    scene.contacts = find_contacts(view(recorded.a), placed.value().a, view(recorded.b),
-                                   placed.value().b, ask(recorded));
+    Result<Answered> asked = ask(recorded, {.contacts = true});
+    if (!asked.is_ok()) return asked.status();
+    if (asked.value().contacts) scene.contacts = std::move(*asked.value().contacts);
     return scene;
   }
 

@@ -12,6 +12,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <limits>
 #include <map>
 #include <memory>
 
@@ -74,7 +75,7 @@ class MemoryBus {
   /// True: a channel that goes away is not noticed before lose_publisher says so.
   bool keep_quiet = false;
   /// No answer is larger, whatever a peer asks for: a flight then takes many.
-  std::uint32_t most_splits = kMaxRequestSplits;
+  std::uint32_t most_splits = std::numeric_limits<std::uint32_t>::max();
 
  private:
   class PublisherEnd;

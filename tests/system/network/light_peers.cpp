@@ -158,6 +158,7 @@ int fly(const Options& options) {
   LightBus bus(options.transport);
   const std::vector<Motion> motions = read_trajectory(options.trajectory, options.rate_hz);
   std::vector<std::unique_ptr<subscriber::Session>> sessions;
+  subscriber::BodyId aircraft;
   for (std::size_t i = 0; i < options.peers; ++i) {
     auto& session = sessions.emplace_back(std::make_unique<subscriber::Session>(
         std::make_unique<LightChannel>(bus),
@@ -165,10 +166,13 @@ int fly(const Options& options) {
     const auto check = [](const Status& status) {
       if (!status.is_ok()) throw std::runtime_error(status.message());
     };
-    check(session->add_body("ground", "terrain", false));
-    check(session->place_body("ground", {}));
-    check(session->add_body("aircraft", "aircraft", true));
-    check(session->watch("ground", "aircraft"));
+    const auto ground = session->add_body({.name = "ground", .model = "terrain"});
+    const auto own = session->add_body({.name = "aircraft", .model = "aircraft", .own = true});
+    check(ground.status());
+    check(own.status());
+    check(session->place_body(ground.value(), {}));
+    check(session->watch(ground.value(), own.value()).status());
+    aircraft = own.value();  // the same in all
   }
   const auto motion_of = [&](std::size_t peer, std::uint64_t frame) {
     const std::size_t lead = (options.first + peer) * motions.size() / options.of;
@@ -186,7 +190,7 @@ int fly(const Options& options) {
       if (done[i]) continue;
       const auto report =
           LightBus::require(sessions[i]->update(frame, static_cast<double>(frame) / options.rate_hz,
-                                                {{"aircraft", motion_of(i, frame)}}, 1));
+                                                {{aircraft, motion_of(i, frame)}}, 1));
       done[i] = report.all_certified();
     }
     return static_cast<std::size_t>(std::count(done.begin(), done.end(), true));

@@ -55,10 +55,10 @@ inline double record_flight(const std::string& path, const RecordOptions& option
       file = std::make_unique<SessionFile>(options.second_part, 1);
     }
     now_s = static_cast<double>(frame) * kFrame_s;
-    const auto fly = [&](Session& session, wire::SessionId peer, const char* body,
+    const auto fly = [&](Session& session, wire::SessionId peer, BodyId body,
                          const Motion& motion) {
       file->add(now_s, wire::BodyPose{.peer = peer,
-                                      .body = body,
+                                      .body = session.name_of(body),
                                       .frame = frame,
                                       .time_s = now_s,
                                       .pose = motion.pose,
@@ -75,8 +75,8 @@ inline double record_flight(const std::string& path, const RecordOptions& option
         now_s += 0.001;
       }
     };
-    fly(*one, kPeer, "one", flight.one[frame]);
-    fly(*two, kOther, "two", flight.two[frame]);
+    fly(*one, kPeer, kOne, flight.one[frame]);
+    fly(*two, kOther, kTwo, flight.two[frame]);
   }
   EXPECT_GT(world.judge.certified(), 0U);
   file->close();

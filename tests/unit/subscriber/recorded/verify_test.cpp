@@ -68,8 +68,8 @@ class Verify : public ::testing::Test {
     const auto other = world.make_peer(options, kOther);
     // In turns, several rounds a frame, so that answers change while batches come.
     for (std::size_t i = 0; i < flight.frames(); ++i) {
-      world.fly_frame(*one, i, {{"one", flight.one[i]}, {"two", flight.two[i]}}, 20);
-      world.fly_frame(*other, i, {{"one", other_flight.one[i]}, {"two", other_flight.two[i]}}, 20);
+      world.fly_frame(*one, i, {{kOne, flight.one[i]}, {kTwo, flight.two[i]}}, 20);
+      world.fly_frame(*other, i, {{kOne, other_flight.one[i]}, {kTwo, other_flight.two[i]}}, 20);
     }
     return recorded;
   }

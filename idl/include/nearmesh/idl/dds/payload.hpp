@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
+// API (docs/api.md).
 // A sample's bytes (CDR with its encapsulation, as on the wire and in a recording) to a message and back. No Fast DDS here.
 
 #include <cstdint>

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
+// API (docs/api.md).
 // The samples of a recording as messages: which topic each is of, and what it says. No Fast DDS here.
 
 #include <cstdint>

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// What travels between publisher and peers, as plain structs: no DDS type is seen outside idl/ and dds_*.cpp.
+// API (docs/api.md).
+// What travels between publisher and peers, as plain structs: no DDS type is seen outside the rooms named dds.
 // Every struct is checked on receipt (check_*): sizes, counts, enums and finite numbers; a sample that
 // fails is dropped with one line that says why, and nothing else notices.
 

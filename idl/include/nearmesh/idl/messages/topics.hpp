@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
+// API (docs/api.md).
 // The table of topics: what each is called, what it carries, how it is delivered, who may write and read it, whether it is
 // recorded and under which key. Names, QoS, security documents, recorder and replay follow from it. No Fast DDS here.
 // A new topic is one entry here, one struct with its check (messages.hpp, nearmesh.idl), one codec (idl/dds/codec.hpp).

@@ -5,7 +5,7 @@
 // 64 ids, each with a micro tree over its exact faces and its unresolved nodes, whose boxes stand as they came. Boxes
 // above enclose what is below them. Takes RefineDelta, gives TreeView.
 // Source: Liu, Georganas, Roth 2006, section 3.3 (AB-tree; its inner workings are known from Table 1 there only, so this is
-// our own design). How it works inside: core/src/abtree/ab_tree.cpp.
+// our own design). How it works inside: core/abtree/ab_tree.cpp.
 
 #include <array>
 #include <cstdint>

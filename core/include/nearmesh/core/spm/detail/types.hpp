@@ -141,7 +141,7 @@ inline constexpr int kMaxSlabNormal = 127;
   return nullptr;
 }
 
-/// "Send the splits below these nodes that matter to this region." The peer names its own frontier, so the
+/// "Send the splits below these nodes that matter to this region." The peer names its unresolved nodes, so the
 /// publisher needs no memory of what a peer has, and whatever was lost is simply asked for again.
 struct RegionRequest {
   std::vector<NodeSpan>
