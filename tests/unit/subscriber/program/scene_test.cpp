@@ -164,6 +164,7 @@ TEST(ReadScene, RefusesWithFileAndLine) {
       {"{translation: [1, 2, 3]}", "{rotation: [1, 2, 3]}", 2, "expected nine numbers, found 3"},
       {"[terrain, one]", "[terrain]", 8, "pairs: expected two names, found 1"},
       {"[terrain, one]", "[terrain, {a: b}]", 8, "pairs: expected a list of two names"},
+      {"[terrain, one]", "[terrain, six]", 8, "pairs: no body named six"},
       {"{name: one, model", "{name: [one], model", 3, "name: expected a name"},
       {"{name: one, model: aircraft}", "{name: one}", 3, "no model"},
       {"{name: one, model: aircraft}", "one", 3, "body: expected a map"},
