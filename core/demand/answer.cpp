@@ -10,7 +10,7 @@ Result<std::vector<std::vector<std::uint8_t>>> answer_request(
     const SpmHeader& header, const SplitStore& store, const RegionRequest& request,
     const std::function<Status(NodeSpan)>& require) {
   const Result<Demand> demand = collect(store, request, require, AttachRule::kAlways);
-  if (!demand.is_ok()) return demand.status();
+  NEARMESH_RETURN_IF_ERROR(demand);
   return encode_batches(header, store, demand.value().treelet, BoxPolicy::kCutNodes);
 }
 

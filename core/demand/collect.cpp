@@ -196,7 +196,7 @@ Result<Demand> collect(const SplitStore& store, const RegionRequest& request,
                        const std::function<Status(NodeSpan)>& require, AttachRule rule) {
   Collector collector(store, request, require, rule);
   const Result<bool> done = collector.advance(std::numeric_limits<std::size_t>::max());
-  if (!done.is_ok()) return done.status();
+  NEARMESH_RETURN_IF_ERROR(done);
   Demand demand = collector.take();
   std::sort(demand.treelet.begin(), demand.treelet.end(),
             [](const TreeletSplit& a, const TreeletSplit& b) { return a.node < b.node; });

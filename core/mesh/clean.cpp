@@ -372,9 +372,9 @@ void append_kept(const std::vector<Triple>& faces, const std::vector<FaceFate>& 
 Result<CleanResult> clean_mesh(const IndexedMesh& mesh, const CleanOptions& options) {
   NEARMESH_RETURN_IF_ERROR(check_sizes(mesh, options.grid_bits));
   const auto referenced = find_referenced(mesh);
-  if (!referenced.is_ok()) return referenced.status();
+  NEARMESH_RETURN_IF_ERROR(referenced);
   const auto bounds = find_bounds(mesh, referenced.value());
-  if (!bounds.is_ok()) return bounds.status();
+  NEARMESH_RETURN_IF_ERROR(bounds);
 
   CleanResult result;
   CleanReport& report = result.report;

@@ -236,7 +236,7 @@ Result<IndexedMesh> run_in_child(const std::function<Result<IndexedMesh>()>& rea
   if (outcome == ReadOutcome::kMalformed)
     return Status(StatusCode::kCorrupt,
                   "the reader gave more than a file of this size should hold");
-  if (!status.is_ok()) return status;
+  NEARMESH_RETURN_IF_ERROR(status);
   return mesh;
 }
 

@@ -47,7 +47,7 @@ Result<IndexedMesh> read_any(const std::string& path) {
   std::uint64_t file_bytes = 0;
   {
     const Result<std::string> bytes = read_file(path);
-    if (!bytes.is_ok()) return bytes.status();
+    NEARMESH_RETURN_IF_ERROR(bytes);
     if (bytes.value().empty()) return Status(StatusCode::kCorrupt, "the file is empty");
     if (const auto format = meshio::find_plain_format(path, bytes.value()))
       return meshio::read_plain(*format, bytes.value());

@@ -246,7 +246,7 @@ Result<IndexedMesh> read_stl(std::string_view bytes) {
 Result<IndexedMesh> read_off(std::string_view bytes) {
   OffLines lines(bytes);
   const auto counts = parse_off_header(lines);
-  if (!counts.is_ok()) return counts.status();
+  NEARMESH_RETURN_IF_ERROR(counts);
   IndexedMesh mesh;
   for (std::int64_t v = 0; v < counts.value().vertices; ++v) {
     auto line = lines.next();

@@ -288,7 +288,7 @@ Status read_instance(const Header& header, const Element& element, BodyReader& b
 
 Result<IndexedMesh> read_ply(std::string_view bytes) {
   const Result<Header> parsed = parse_header(bytes);
-  if (!parsed.is_ok()) return parsed.status();
+  NEARMESH_RETURN_IF_ERROR(parsed);
   const Header& header = parsed.value();
   NEARMESH_RETURN_IF_ERROR(check_header(header, bytes.size()));
 

@@ -127,7 +127,7 @@ Status run(const BuildOptions& options) {
   Outcome outcome;
   progress.stage("reading");
   Result<IndexedMesh> mesh = import_mesh(options.in);
-  if (!mesh.is_ok()) return mesh.status();
+  NEARMESH_RETURN_IF_ERROR(mesh);
   progress.stage("cleaning");
   Result<CleanResult> clean = clean_mesh(mesh.value(), {.grid_bits = options.grid_bits});
   if (!clean.is_ok()) return {clean.status().code(), options.in + ": " + clean.status().message()};
@@ -140,13 +140,13 @@ Status run(const BuildOptions& options) {
            {.base_faces = options.base_faces,
             .threads = options.threads,
             .on_progress = [&progress](double share) { progress.show(share); }});
-  if (!baked.is_ok()) return baked.status();
+  NEARMESH_RETURN_IF_ERROR(baked);
   outcome.simplify_seconds = simplify_watch.seconds();
   progress.stage("writing");
   const BakedModel& model = baked.value();
   const auto written =
       write_model_file(model.header, model.store, model.numbers, options.out, options.threads);
-  if (!written.is_ok()) return written.status();
+  NEARMESH_RETURN_IF_ERROR(written);
   progress.end();
 
   outcome.seconds = watch.seconds();

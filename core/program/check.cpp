@@ -22,7 +22,7 @@ struct Counts {
 
 Result<FullMesh> load(const std::string& path) {
   Result<ModelFile> file = ModelFile::open(path);
-  if (!file.is_ok()) return file.status();
+  NEARMESH_RETURN_IF_ERROR(file);
   NEARMESH_RETURN_IF_ERROR(file.value().require_all());
   const SpmHeader& header = file.value().header();
   std::optional<TriangleTree> tree = build_full_tree(header, file.value().store());
@@ -103,7 +103,7 @@ Status run(const CheckOptions& options) {
   std::map<std::string, FullMesh> models;
   for (const std::string& path : options.models) {
     Result<FullMesh> mesh = load(path);
-    if (!mesh.is_ok()) return mesh.status();
+    NEARMESH_RETURN_IF_ERROR(mesh);
     models.insert_or_assign(std::filesystem::path(path).stem().string(), std::move(mesh).value());
   }
   Counts counts;

@@ -10,9 +10,9 @@
 namespace nearmesh::program {
 Status run(const ExportOptions& options) {
   Result<ModelFile> file = ModelFile::open(options.in);
-  if (!file.is_ok()) return file.status();
+  NEARMESH_RETURN_IF_ERROR(file);
   Result<FaceNumbering> numbering = file.value().face_numbering();
-  if (!numbering.is_ok()) return numbering.status();
+  NEARMESH_RETURN_IF_ERROR(numbering);
   const SplitStore& store = file.value().store();
   ActiveMesh mesh(store);
   RefineDelta delta;

@@ -9,7 +9,7 @@
 namespace nearmesh::program {
 Status run(const InfoOptions& options) {
   Result<ModelFile> file = ModelFile::open(options.path);
-  if (!file.is_ok()) return file.status();
+  NEARMESH_RETURN_IF_ERROR(file);
   NEARMESH_RETURN_IF_ERROR(file.value().verify());
   const SpmHeader& header = file.value().header();
   GridBox box;

@@ -16,7 +16,7 @@ struct PoseRow {
 
 Result<std::vector<PoseRow>> read_poses(const std::string& path) {
   Result<CsvTable> table = CsvTable::read(path);
-  if (!table.is_ok()) return table.status();
+  NEARMESH_RETURN_IF_ERROR(table);
   std::vector<std::string> names;
   for (const char* body : {"A", "B"}) {
     for (int row = 0; row < 3; ++row)
@@ -25,7 +25,7 @@ Result<std::vector<PoseRow>> read_poses(const std::string& path) {
     for (int k = 0; k < 3; ++k) names.push_back(std::string(body) + "_T" + std::to_string(k));
   }
   const Result<std::vector<std::size_t>> columns = table.value().columns(names);
-  if (!columns.is_ok()) return columns.status();
+  NEARMESH_RETURN_IF_ERROR(columns);
   const std::size_t id = table.value().column("id");
   if (id == CsvTable::npos)
     return Status{StatusCode::kInvalidArgument, path + ": no column named id"};
@@ -34,7 +34,7 @@ Result<std::vector<PoseRow>> read_poses(const std::string& path) {
     PoseRow row{.id = table.value().text(r, id), .place = table.value().place(r)};
     for (std::size_t i = 0; i < 24; ++i) {
       const Result<double> number = table.value().number(r, columns.value()[i]);
-      if (!number.is_ok()) return number.status();
+      NEARMESH_RETURN_IF_ERROR(number);
       Pose& pose = i < 12 ? row.a : row.b;
       (i % 12 < 9 ? pose.rotation[i % 12] : pose.translation_m[i % 12 - 9]) = number.value();
     }
@@ -67,23 +67,23 @@ nlohmann::ordered_json to_json(const PoseRow& row, const MethodAnswer& answer) {
 
 Status run(const PoseQueryOptions& options) {
   Result<std::vector<PoseRow>> poses = read_poses(options.poses);
-  if (!poses.is_ok()) return poses.status();
+  NEARMESH_RETURN_IF_ERROR(poses);
   Result<ModelFile> a = ModelFile::open(options.a);
-  if (!a.is_ok()) return a.status();
+  NEARMESH_RETURN_IF_ERROR(a);
   Result<ModelFile> b = ModelFile::open(options.b);
-  if (!b.is_ok()) return b.status();
+  NEARMESH_RETURN_IF_ERROR(b);
   std::optional<FaceNumbering> numbers_a, numbers_b;
   if (options.list_pairs) {
     Result<FaceNumbering> na = a.value().face_numbering();
-    if (!na.is_ok()) return na.status();
+    NEARMESH_RETURN_IF_ERROR(na);
     Result<FaceNumbering> nb = b.value().face_numbering();
-    if (!nb.is_ok()) return nb.status();
+    NEARMESH_RETURN_IF_ERROR(nb);
     numbers_a = std::move(na).value();
     numbers_b = std::move(nb).value();
   }
   Result<std::unique_ptr<QueryMethod>> method =
       make_query_method(options.method, a.value(), b.value(), options.method_options);
-  if (!method.is_ok()) return method.status();
+  NEARMESH_RETURN_IF_ERROR(method);
 
   std::array<std::uint64_t, 5> by_status{};
   for (const PoseRow& row : poses.value()) {
@@ -92,7 +92,7 @@ Status run(const PoseQueryOptions& options) {
                   row.b, "B of pose " + row.id);
     if (!posed.is_ok()) return {posed.status().code(), row.place + ": " + posed.status().message()};
     const Result<MethodAnswer> answer = method.value()->answer(posed.value());
-    if (!answer.is_ok()) return answer.status();
+    NEARMESH_RETURN_IF_ERROR(answer);
     nlohmann::ordered_json line = to_json(row, answer.value());
     if (options.list_pairs) {
       std::vector<std::array<std::uint32_t, 2>> faces;

@@ -109,7 +109,7 @@ class Certified : public QueryMethod {
     CertifyTimes times;
     Result<Answer> answer =
         certify(a, posed.a, require(a_), b, posed.b, require(b_), options_.query, &times);
-    if (!answer.is_ok()) return answer.status();
+    NEARMESH_RETURN_IF_ERROR(answer);
     result.answer = std::move(answer).value();
     result.refine_s = std::max(0.0, times.refine_s - result.load_s);  // require runs inside refine
     result.tree_s += times.tree_s;

@@ -21,7 +21,7 @@ Result<Answered> answer(const AskedBody& a, const AskedBody& b, const AnswerOpti
   NEARMESH_RETURN_IF_ERROR(check_inside(b));
   const Result<PosedPair> posed =
       pose_pair(*a.view.grid, a.motion.pose, a.name, *b.view.grid, b.motion.pose, b.name);
-  if (!posed.is_ok()) return posed.status();
+  NEARMESH_RETURN_IF_ERROR(posed);
   const auto& [frame_a, frame_b] = posed.value();
   Answered all;
   all.answer = query(a.view, frame_a, b.view, frame_b, {.solid_a = a.solid, .solid_b = b.solid});

@@ -69,7 +69,7 @@ class SweptQuery {
 
   Result<SweptAnswer> run() {
     advance(level_of_first_contact(), 0, {{a_.tree.root(), b_.tree.root()}});
-    if (!status_.is_ok()) return status_;
+    NEARMESH_RETURN_IF_ERROR(status_);
     finish();
     return std::move(answer_);
   }
@@ -405,7 +405,7 @@ Result<SweptAnswer> sweep_from(const Answer* now, const TreeView& a, const Motio
   if (now == nullptr) {
     const Result<PosedPair> start =
         pose_pair(*a.grid, motion_a.pose, name_a, *b.grid, motion_b.pose, name_b);
-    if (!start.is_ok()) return start.status();
+    NEARMESH_RETURN_IF_ERROR(start);
     now = &asked.emplace(
         query(a, start.value().a, b, start.value().b, {.any = true, .clearance = false}));
   }

@@ -27,7 +27,7 @@ std::uint64_t from_hex(const std::string& text) { return std::strtoull(text.c_st
 template <class Visit>
 Status each(sqlite::Database& database, const std::string& sql, Visit visit) {
   Result<sqlite::Statement> rows = database.prepare(sql);
-  if (!rows.is_ok()) return rows.status();
+  NEARMESH_RETURN_IF_ERROR(rows);
   for (;;) {
     const int code = rows.value().step();
     if (code == SQLITE_DONE) return Status::ok();
@@ -39,7 +39,7 @@ Status each(sqlite::Database& database, const std::string& sql, Visit visit) {
 Result<sqlite::Database> open_part(const std::string& path) {
   const auto attempt = [&](int flags, const char* mode) -> Result<sqlite::Database> {
     Result<sqlite::Database> opened = sqlite::Database::open(path, flags);
-    if (!opened.is_ok()) return opened.status();
+    NEARMESH_RETURN_IF_ERROR(opened);
     if (mode != nullptr) NEARMESH_RETURN_IF_ERROR(opened.value().run(mode));
     NEARMESH_RETURN_IF_ERROR(opened.value().run("SELECT count(*) FROM sqlite_master"));
     return opened;
@@ -279,7 +279,7 @@ Status RecordingReader::read(
       Result<sqlite::Statement> prepared = part.database.prepare(
           "SELECT id, writer_id, sequence, timestamp, source_timestamp, data FROM messages "
           "JOIN nearmesh_messages ON message_id = id WHERE id >= ? AND id < ? ORDER BY id");
-      if (!prepared.is_ok()) return prepared.status();
+      NEARMESH_RETURN_IF_ERROR(prepared);
       rows = std::move(prepared).value();
     }
     rows->bind(1, from);
@@ -287,7 +287,7 @@ Status RecordingReader::read(
     const Result<bool> more = visit_rows(part, *rows, visit);
     rows->reset();
     part.select = std::move(rows);
-    if (!more.is_ok()) return more.status();
+    NEARMESH_RETURN_IF_ERROR(more);
     if (!more.value()) break;
   }
   return Status::ok();

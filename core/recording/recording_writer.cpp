@@ -69,7 +69,7 @@ struct RecordingWriter::Impl {
 
   Status prepare(sqlite::Statement& statement, const char* sql) {
     Result<sqlite::Statement> prepared = database.prepare(sql);
-    if (!prepared.is_ok()) return prepared.status();
+    NEARMESH_RETURN_IF_ERROR(prepared);
     statement = std::move(prepared).value();
     return Status::ok();
   }
@@ -145,7 +145,7 @@ struct RecordingWriter::Impl {
     if (closed) return broken;
     static_cast<void>(commit());
     closed = true;
-    if (!broken.is_ok()) return broken;
+    NEARMESH_RETURN_IF_ERROR(broken);
     // Takes the log into the file. A reader that is at it keeps the log alive: then its end does so.
     for (sqlite::Statement* statement : {&put_topic, &put_definition, &put_message, &put_extra,
                                          &put_writer, &put_key, &put_gap, &put_model})
@@ -175,7 +175,7 @@ Result<std::unique_ptr<RecordingWriter>> RecordingWriter::create(const std::stri
   }
   ::close(file);
   Result<sqlite::Database> opened = sqlite::Database::open(path, SQLITE_OPEN_READWRITE);
-  if (!opened.is_ok()) return opened.status();
+  NEARMESH_RETURN_IF_ERROR(opened);
   auto impl = std::make_unique<Impl>(std::move(opened).value(), path, commit_period_s);
   // A killed process loses nothing that was committed; a power cut may lose the last seconds, and damages nothing.
   NEARMESH_RETURN_IF_ERROR(impl->database.run("PRAGMA journal_mode=WAL"));
@@ -186,7 +186,7 @@ Result<std::unique_ptr<RecordingWriter>> RecordingWriter::create(const std::stri
   NEARMESH_RETURN_IF_ERROR(impl->prepare_all());
   Result<sqlite::Statement> put =
       impl->database.prepare("INSERT INTO nearmesh_session VALUES(?,?,?,?,?,?)");
-  if (!put.is_ok()) return put.status();
+  NEARMESH_RETURN_IF_ERROR(put);
   const std::string session = to_hex(facts.session);
   put.value().bind(1, std::int64_t{kRecordingVersion});
   put.value().bind(2, session);
@@ -235,7 +235,7 @@ Result<std::int64_t> RecordingWriter::append(const RecordedMessage& message,
   NEARMESH_ASSERT(message.writer < impl_->topic_of_writer.size());
   NEARMESH_RETURN_IF_ERROR(impl_->begin());
   const Result<std::int64_t> key_id = impl_->key_of(message.writer, key);
-  if (!key_id.is_ok()) return key_id.status();
+  NEARMESH_RETURN_IF_ERROR(key_id);
   const std::int64_t id = impl_->messages + 1;
   impl_->put_message.bind(1, id);
   impl_->put_message.bind(2, std::int64_t{impl_->topic_of_writer[message.writer]} + 1);

@@ -11,7 +11,7 @@ RefinedMesh::RefinedMesh(SpmHeader header)
 Status RefinedMesh::insert(const SplitRecord& record, std::span<const SplitFace> faces,
                            RefineDelta& delta) {
   const Result<SplitStore::Insertion> inserted = store_->insert(record, faces);
-  if (!inserted.is_ok()) return inserted.status();
+  NEARMESH_RETURN_IF_ERROR(inserted);
   if (inserted.value() == SplitStore::Insertion::kNoParent) {
     park(record, faces);
     return Status::ok();

@@ -36,7 +36,7 @@ Replica::Replica(SpmHeader header) : refined_(std::move(header)), tree_(refined_
 
 Result<Replica> Replica::from_header(std::span<const std::uint8_t> bytes) {
   Result<SpmHeader> header = decode_header(bytes);
-  if (!header.is_ok()) return header.status();
+  NEARMESH_RETURN_IF_ERROR(header);
   try {
     return Replica(std::move(header).value());
   } catch (const std::bad_alloc&) {

@@ -210,7 +210,7 @@ std::vector<std::vector<std::uint8_t>> encode_batches(const SpmHeader& header,
 Result<SplitBatch> decode_batch(const SpmHeader& header, std::span<const std::uint8_t> bytes) {
   BitReader in(bytes);
   Result<BatchHead> head = read_head(header, in);
-  if (!head.is_ok()) return head.status();
+  NEARMESH_RETURN_IF_ERROR(head);
   const PaddedBytes padded(bytes);
   const WindowReader window(padded, in.used());
   SplitBatch batch;

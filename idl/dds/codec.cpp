@@ -89,7 +89,7 @@ Result<Hello> decode(const wire_types::HelloSample& sample) {
                      std::to_string(sample.names().size()) +
                      " bytes of names do not belong together");
   const auto names = split_lines(sample.names(), count, count, "model names");
-  if (!names.is_ok()) return names.status();
+  NEARMESH_RETURN_IF_ERROR(names);
   message.models.resize(count);
   for (std::size_t i = 0; i < count; ++i) {
     message.models[i].name = names.value()[i];
@@ -155,7 +155,7 @@ Result<RegionSubscription> decode(const wire_types::RegionSubscriptionSample& sa
   Result<std::vector<RegionPart>> region =
       unpack_region({sample.region_origin(), sample.region_shift(), sample.region_radius(),
                      sample.region_parts()});
-  if (!region.is_ok()) return region.status();
+  NEARMESH_RETURN_IF_ERROR(region);
   message.region.region = std::move(region).value();
   return checked(std::move(message));
 }
@@ -343,12 +343,12 @@ Result<ProcessStatus> decode(const wire_types::ProcessStatusSample& sample) {
       sample.held_splits().size() != count || sample.splits().size() != count)
     return malformed("models: lists that do not belong together");
   const auto names = split_lines(sample.names(), count, count, "model names");
-  if (!names.is_ok()) return names.status();
+  NEARMESH_RETURN_IF_ERROR(names);
   for (std::size_t i = 0; i < count; ++i)
     message.models.push_back({names.value()[i], sample.content_hashes()[i], sample.faces()[i],
                               sample.held_splits()[i], sample.splits()[i]});
   auto lines = split_lines(sample.complaints(), 0, kMaxStatusLines, "complaints");
-  if (!lines.is_ok()) return lines.status();
+  NEARMESH_RETURN_IF_ERROR(lines);
   message.complaints = std::move(lines).value();
   return checked(std::move(message));
 }

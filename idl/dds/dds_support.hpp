@@ -198,7 +198,7 @@ class Bus {
                                                  const std::string& partition = "",
                                                  Hearing hearing = Hearing::kAsPromised) {
     const auto topic = add_topic<Type>(names_->of<Message>());
-    if (!topic.is_ok()) return topic.status();
+    NEARMESH_RETURN_IF_ERROR(topic);
     return add_reader(topic.value(), reader_qos(topic_of<Message>().delivery, hearing), listener,
                       partition);
   }
@@ -206,7 +206,7 @@ class Bus {
   [[nodiscard]] Result<fdds::DataWriter*> writer(WriterListener& listener,
                                                  const std::string& partition = "") {
     const auto topic = add_topic<TypeOf<Message>>(names_->of<Message>());
-    if (!topic.is_ok()) return topic.status();
+    NEARMESH_RETURN_IF_ERROR(topic);
     return add_writer(topic.value(), writer_qos(topic_of<Message>().delivery, heartbeat_s_),
                       listener, partition);
   }

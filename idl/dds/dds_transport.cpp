@@ -90,7 +90,7 @@ Status set_udp_peers(const TransportOptions& options, const std::string& interfa
   auto& peers = qos.wire_protocol().builtin.initialPeersList;
   for (const std::string& peer : options.initial_peers) {
     Result<Locator_t> locator = parse_locator(peer, 0, "initial peer");
-    if (!locator.is_ok()) return locator.status();
+    NEARMESH_RETURN_IF_ERROR(locator);
     peers.push_back(locator.value());
   }
   // Multicast works on loopback too when the socket is bound to it, even without any route. The
@@ -129,7 +129,7 @@ Status set_tcp(const TransportOptions& options, const std::string& interface,
   qos.transport().user_transports.push_back(tcp);
   for (const std::string& peer : options.initial_peers) {
     Result<Locator_t> parsed = parse_locator(peer, kDefaultTcpPort, "initial peer");
-    if (!parsed.is_ok()) return parsed.status();
+    NEARMESH_RETURN_IF_ERROR(parsed);
     Locator_t locator;
     locator.kind = LOCATOR_KIND_TCPv4;
     IPLocator::setIPv4(locator, IPLocator::toIPv4string(parsed.value()));
@@ -142,7 +142,7 @@ Status set_tcp(const TransportOptions& options, const std::string& interface,
 Status set_discovery_server(const TransportOptions& options, fdds::DomainParticipantQos& qos) {
   Result<Locator_t> locator =
       parse_locator(options.discovery_server, kDefaultServerPort, "discovery server");
-  if (!locator.is_ok()) return locator.status();
+  NEARMESH_RETURN_IF_ERROR(locator);
   eprosima::fastdds::rtps::RemoteServerAttributes server;
   eprosima::fastdds::rtps::get_server_client_default_guidPrefix(0, server.guidPrefix);
   server.metatrafficUnicastLocatorList.push_back(locator.value());
@@ -166,7 +166,7 @@ Status set_transport(const TransportOptions& options, fdds::DomainParticipantQos
                               : options.interface;
   if (!interface.empty()) {
     Result<std::string> address = resolve_interface(interface);
-    if (!address.is_ok()) return address.status();
+    NEARMESH_RETURN_IF_ERROR(address);
     interface = std::move(address).value();
   }
   if (options.transport == Transport::kTcp) return set_tcp(options, interface, qos);

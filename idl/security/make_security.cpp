@@ -101,9 +101,9 @@ Result<Issuer> make_authority(const fs::path& folder, const std::string& name,
                               const std::string& common_name, const SecurityPlan& plan,
                               std::time_t now) {
   auto made = crypto::make_identity(common_name, plan.valid_days, now, nullptr);
-  if (!made.is_ok()) return made.status();
+  NEARMESH_RETURN_IF_ERROR(made);
   const auto key = crypto::to_pem(*made.value().key);
-  if (!key.is_ok()) return key.status();
+  NEARMESH_RETURN_IF_ERROR(key);
   NEARMESH_RETURN_IF_ERROR(write_file(folder / (name + ".key.pem"), key.value(), kPrivate));
   NEARMESH_RETURN_IF_ERROR(write_file(folder / (name + ".cert.pem"),
                                       crypto::to_pem(*made.value().certificate), kPublic));
@@ -118,21 +118,21 @@ Result<Authorities> read_authorities(const fs::path& folder, const SecurityPlan&
                       std::to_string(plan.domain) + " and " + plan.prefix +
                       "; give those, or another folder"};
   auto identity = read_authority(folder, "identity_ca");
-  if (!identity.is_ok()) return identity.status();
+  NEARMESH_RETURN_IF_ERROR(identity);
   auto permissions = read_authority(folder, "permissions_ca");
-  if (!permissions.is_ok()) return permissions.status();
+  NEARMESH_RETURN_IF_ERROR(permissions);
   return Authorities{std::move(identity).value(), std::move(permissions).value(),
                      read_file(folder / kGovernance)};
 }
 
 Status fill_authorities(const fs::path& folder, const SecurityPlan& plan, std::time_t now) {
   auto identity = make_authority(folder, "identity_ca", "nearmesh identities", plan, now);
-  if (!identity.is_ok()) return identity.status();
+  NEARMESH_RETURN_IF_ERROR(identity);
   auto permissions = make_authority(folder, "permissions_ca", "nearmesh permissions", plan, now);
-  if (!permissions.is_ok()) return permissions.status();
+  NEARMESH_RETURN_IF_ERROR(permissions);
   const std::string text = governance_text(plan.domain, plan.prefix);
   const auto governance = crypto::sign(text, permissions.value());
-  if (!governance.is_ok()) return governance.status();
+  NEARMESH_RETURN_IF_ERROR(governance);
   NEARMESH_RETURN_IF_ERROR(write_file(folder / "governance.xml", text, kPublic));
   return write_file(folder / kGovernance, governance.value(), kPublic);
 }
@@ -165,12 +165,12 @@ Status fill_identity(const fs::path& folder, const SecurityPlan& plan,
                      std::time_t now) {
   const auto made =
       crypto::make_identity(identity.name, plan.valid_days, now, &authorities.identity);
-  if (!made.is_ok()) return made.status();
+  NEARMESH_RETURN_IF_ERROR(made);
   const auto key = crypto::to_pem(*made.value().key);
-  if (!key.is_ok()) return key.status();
+  NEARMESH_RETURN_IF_ERROR(key);
   const auto permissions =
       crypto::sign(permissions_text(plan, identity, now), authorities.permissions);
-  if (!permissions.is_ok()) return permissions.status();
+  NEARMESH_RETURN_IF_ERROR(permissions);
   const auto pem = [](const Issuer& issuer) { return crypto::to_pem(*issuer.certificate); };
   NEARMESH_RETURN_IF_ERROR(write_file(folder / kIdentityCa, pem(authorities.identity), kPublic));
   NEARMESH_RETURN_IF_ERROR(
@@ -197,7 +197,7 @@ Status make_security(const std::string& folder, const SecurityPlan& plan) {
   const auto authorities = fs::exists(authorities_folder)
                                ? read_authorities(authorities_folder, plan)
                                : make_authorities(authorities_folder, plan, now);
-  if (!authorities.is_ok()) return authorities.status();
+  NEARMESH_RETURN_IF_ERROR(authorities);
   for (const SecurityPlan::Identity& identity : plan.identities)
     NEARMESH_RETURN_IF_ERROR(put_folder(set / identity.name, 0755, [&](const fs::path& made) {
       return fill_identity(made, plan, identity, authorities.value(), now);

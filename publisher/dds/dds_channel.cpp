@@ -78,7 +78,7 @@ Status DdsChannel::Impl::open() {
   bus_options.participant_name = "nearmesh publisher";
   bus_options.header_bytes_per_s = options_.header_bytes_per_s;
   auto bus = wire::Bus::open(bus_options, mailbox_);
-  if (!bus.is_ok()) return bus.status();
+  NEARMESH_RETURN_IF_ERROR(bus);
   bus_ = std::move(bus).value();
 
   // The reader first: a peer that hears of us can be heard.

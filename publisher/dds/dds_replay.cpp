@@ -93,7 +93,7 @@ Status DdsReplay::Impl::open() {
   options.header_bytes_per_s = kHeaderBytesPerS;
   options.names = names_;
   auto bus = wire::Bus::open(options, mailbox_);
-  if (!bus.is_ok()) return bus.status();
+  NEARMESH_RETURN_IF_ERROR(bus);
   bus_ = std::move(bus).value();
   // The reader first: a peer that hears of a recorded publisher can be heard.
   NEARMESH_RETURN_IF_ERROR(peers_.open(*bus_));

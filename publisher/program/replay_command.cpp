@@ -187,7 +187,7 @@ Status play(Replay& replay, const Stopwatch& clock) {
         continue;
       }
       const Result<bool> obeyed = obey(order.value(), replay, clock.seconds());
-      if (!obeyed.is_ok()) return obeyed.status();
+      NEARMESH_RETURN_IF_ERROR(obeyed);
       going = obeyed.value();
     }
     const std::vector<std::string> complaints = replay.take_complaints();
@@ -215,7 +215,7 @@ void report(const ReplayOptions& options, Replay& replay, double seconds, double
 
 Status run(ReplayOptions options) {
   const Result<std::unique_ptr<RecordingReader>> opened = RecordingReader::open(options.path);
-  if (!opened.is_ok()) return opened.status();
+  NEARMESH_RETURN_IF_ERROR(opened);
   RecordingReader& recording = *opened.value();
   const Stopwatch clock;
   Progress reading;
@@ -232,10 +232,10 @@ Status run(ReplayOptions options) {
   Result<Playhead> playhead = Playhead::create(recording, options.playhead, clock.seconds());
   if (!playhead.is_ok()) return in_file(playhead.status());
   const Result<wire::TopicNames> names = rename(recording, options.remaps, options.transport);
-  if (!names.is_ok()) return names.status();
+  NEARMESH_RETURN_IF_ERROR(names);
   report_gaps(recording);
   const auto outlet = DdsReplay::create(options.transport, index.value()->streams(), names.value());
-  if (!outlet.is_ok()) return outlet.status();
+  NEARMESH_RETURN_IF_ERROR(outlet);
   spdlog::info(
       "replaying {}: {:.3f} to {:.3f} s of {} publishers and {} peers, on domain {}, topics {}/*",
       options.path, playhead.value().start_s(), playhead.value().end_s(),

@@ -20,7 +20,7 @@ namespace {
 Status add_models(const ServeOptions& options, Service& service) {
   for (const std::string& path : options.models) {
     Result<ModelFile> file = ModelFile::open(path);
-    if (!file.is_ok()) return file.status();
+    NEARMESH_RETURN_IF_ERROR(file);
     const SpmHeader& header = file.value().header();
     spdlog::info("serving {}: {} faces, {} splits, header {} bytes", path, header.face_count,
                  header.split_count(), file.value().header_bytes().size());
@@ -36,11 +36,11 @@ Status run(const ServeOptions& options) {
   std::unique_ptr<wire::program::MetricsServer> metrics;
   if (!options.metrics.empty()) {
     auto server = wire::program::MetricsServer::start(options.metrics);
-    if (!server.is_ok()) return server.status();
+    NEARMESH_RETURN_IF_ERROR(server);
     metrics = std::move(server).value();
   }
   auto channel = DdsChannel::create(options.channel);
-  if (!channel.is_ok()) return channel.status();
+  NEARMESH_RETURN_IF_ERROR(channel);
   Service service(*channel.value(), wire::make_session_id());
   NEARMESH_RETURN_IF_ERROR(add_models(options, service));
   service.announce();

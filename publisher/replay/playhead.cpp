@@ -46,7 +46,7 @@ Result<Playhead> Playhead::create(RecordingReader& recording, const PlayheadOpti
   playhead.end_id_ = recording.message_count() + 1;
   if (!to_last) {
     const Result<std::int64_t> end = recording.find(playhead.ns_of(options.end_s));
-    if (!end.is_ok()) return end.status();
+    NEARMESH_RETURN_IF_ERROR(end);
     playhead.end_id_ = end.value();
   }
   NEARMESH_RETURN_IF_ERROR(playhead.seek(options.start_s, now_s));
@@ -61,7 +61,7 @@ Status Playhead::seek(double time_s, double now_s) {
   const double to_s = std::clamp(time_s, start_s_, end_s_);
   // The first messages may be stamped a little before the very first.
   Result<std::int64_t> id = to_s <= 0 ? Result<std::int64_t>(1) : recording_->find(ns_of(to_s));
-  if (!id.is_ok()) return id.status();
+  NEARMESH_RETURN_IF_ERROR(id);
   next_id_ = std::min(id.value(), end_id_);
   ahead_.clear();
   played_s_ = to_s;

@@ -101,7 +101,7 @@ Replay::Replay(RecordingReader& recording, ReplayIndex& index, ReplayOutlet& out
           hash, [this, &detail = detail](const RegionRequest& request) -> Result<Service::Parts> {
             // At once: what was delivered by now may not be what was delivered by then.
             auto batches = detail.answer(request, playhead_.next_id());
-            if (!batches.is_ok()) return batches.status();
+            NEARMESH_RETURN_IF_ERROR(batches);
             return Service::Parts(
                 [whole = std::move(batches).value()]() mutable -> Result<Service::Part> {
                   return Service::Part{std::move(whole), true};
@@ -117,7 +117,7 @@ Status Replay::step(double now_s) {
   if (outlet_.take_restart()) NEARMESH_RETURN_IF_ERROR(restore(std::nullopt));
   for (int i = 0; i < kBurst; ++i) {
     const Result<std::optional<Playhead::Due>> due = playhead_.take(now_s);
-    if (!due.is_ok()) return due.status();
+    NEARMESH_RETURN_IF_ERROR(due);
     if (!due.value()) break;
     stats_.late.add(due.value()->late_s);
     play(*due.value());
@@ -140,7 +140,7 @@ void Replay::wait(double seconds, double now_s) {
 Status Replay::step_to_pose(double now_s) {
   for (bool at_pose = false; !at_pose;) {
     const Result<std::optional<Playhead::Due>> due = playhead_.take_early(now_s);
-    if (!due.is_ok()) return due.status();
+    NEARMESH_RETURN_IF_ERROR(due);
     if (!due.value()) break;
     play(*due.value());
     const std::uint32_t stream = index_.stream_of(due.value()->message.writer);

@@ -19,7 +19,7 @@ void RecordedDetail::rewind(std::int64_t end) {
 
 Status RecordedDetail::add(std::int64_t id, std::span<const std::uint8_t> batch) {
   const Result<SplitBatch> decoded = decode_batch(all_.header(), batch);
-  if (!decoded.is_ok()) return decoded.status();
+  NEARMESH_RETURN_IF_ERROR(decoded);
   const RefinedMesh::Applied applied = all_.apply_batch(decoded.value());
   for (const VertexId split : applied.delta.split) delivered_[split.value] = id;
   return applied.status;

@@ -37,7 +37,7 @@ Result<std::unique_ptr<ReplayIndex>> ReplayIndex::build(
     RecordingReader& recording, const std::vector<std::string>& topics,
     const std::function<bool(double share)>& progress) {
   const Result<wire::RecordedSamples> samples = wire::RecordedSamples::of(recording);
-  if (!samples.is_ok()) return samples.status();
+  NEARMESH_RETURN_IF_ERROR(samples);
   if (recording.message_count() == 0)
     return Status{StatusCode::kInvalidArgument, "the recording holds no messages"};
   std::unique_ptr<ReplayIndex> index(new ReplayIndex);
@@ -80,7 +80,7 @@ Status ReplayIndex::read_key(RecordingReader& recording, std::uint32_t key) {
   const RecordedKey& recorded = recording.keys()[key];
   const std::uint32_t stream = stream_of_writer_[recorded.writer];
   const Result<std::vector<std::int64_t>> ids = recording.ids_of(key);
-  if (!ids.is_ok()) return ids.status();
+  NEARMESH_RETURN_IF_ERROR(ids);
   const bool is_pose = streams_[stream].carries<wire::BodyPose>();
   for (const std::int64_t id : ids.value()) {
     NEARMESH_RETURN_IF_ERROR(

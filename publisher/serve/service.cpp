@@ -57,7 +57,7 @@ Result<Service::Parts> Service::answer(ModelFile& file, const RegionRequest& req
                                              [&file](NodeSpan node) { return file.require(node); });
   return Parts([maker]() -> Result<Part> {
     auto batches = maker->next();
-    if (!batches.is_ok()) return batches.status();
+    NEARMESH_RETURN_IF_ERROR(batches);
     return Part{std::move(batches).value(), maker->is_done()};
   });
 }

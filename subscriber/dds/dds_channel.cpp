@@ -215,7 +215,7 @@ Status DdsChannel::Impl::open() {
   bus_options.participant_name = "nearmesh subscriber";
   bus_options.host_participant = options_.participant;
   auto bus = wire::Bus::open(bus_options, mailbox_);
-  if (!bus.is_ok()) return bus.status();
+  NEARMESH_RETURN_IF_ERROR(bus);
   bus_ = std::move(bus).value();
   // Readers first: who hears our subscriptions can answer them.
   NEARMESH_RETURN_IF_ERROR(batch_reader_.open(*bus_, wire::partition_of(own_id_)));

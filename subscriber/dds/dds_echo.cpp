@@ -28,7 +28,7 @@ class DdsEcho::Impl {
   Status start() {
     auto bus =
         wire::Bus::open({.transport = transport_, .participant_name = "nearmesh doctor"}, mailbox_);
-    if (!bus.is_ok()) return bus.status();
+    NEARMESH_RETURN_IF_ERROR(bus);
     bus_ = std::move(bus).value();
     NEARMESH_RETURN_IF_ERROR(echo_.open(*bus_));
     return probe_.open(*bus_);

@@ -32,7 +32,7 @@ class DdsMonitor::Impl {
   Status start() {
     auto bus = wire::Bus::open({.transport = transport_, .participant_name = "nearmesh monitor"},
                                mailbox_);
-    if (!bus.is_ok()) return bus.status();
+    NEARMESH_RETURN_IF_ERROR(bus);
     bus_ = std::move(bus).value();
     NEARMESH_RETURN_IF_ERROR(hello_reader_.open(*bus_));
     return status_reader_.open(*bus_);

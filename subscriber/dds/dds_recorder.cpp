@@ -217,7 +217,7 @@ Status DdsRecorder::Impl::join() {
     partitions_[writer] = partition;
   };
   auto bus = wire::Bus::open(bus_options, mailbox_);
-  if (!bus.is_ok()) return bus.status();
+  NEARMESH_RETURN_IF_ERROR(bus);
   bus_ = std::move(bus).value();
   joined_ns_ = wire::now_us() * 1000;
   for (Topic& topic : topics_) NEARMESH_RETURN_IF_ERROR((this->*topic.open)(topic));
@@ -366,7 +366,7 @@ void DdsRecorder::Impl::write() {
 
 Status DdsRecorder::Impl::begin_part() {
   auto file = RecordingWriter::create(part_path(options_.path, facts_.part), facts_);
-  if (!file.is_ok()) return file.status();
+  NEARMESH_RETURN_IF_ERROR(file);
   file_ = std::move(file).value();
   writers_.clear();
   for (const Topic& topic : topics_)
@@ -397,7 +397,7 @@ Status DdsRecorder::Impl::write(const Entry& entry) {
   const auto [known, is_new] = writers_.try_emplace({entry.topic, entry.writer}, 0);
   if (is_new) {
     const auto added = file_->add_writer({entry.topic, guid_of(entry.writer), entry.partition});
-    if (!added.is_ok()) return added.status();
+    NEARMESH_RETURN_IF_ERROR(added);
     known->second = added.value();
     const std::lock_guard lock(mutex_);
     stats_.writers =
@@ -410,7 +410,7 @@ Status DdsRecorder::Impl::write(const Entry& entry) {
   message.writer = known->second;
   const Result<std::int64_t> id =
       file_->append(message, wire::record_key(topics_[entry.topic].place, message.cdr));
-  if (!id.is_ok()) return id.status();
+  NEARMESH_RETURN_IF_ERROR(id);
   if (entry.model.empty()) return Status::ok();
   return file_->add_model({entry.content_hash, entry.model, id.value()});
 }

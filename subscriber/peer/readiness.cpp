@@ -89,7 +89,7 @@ Result<Waited> wait_ready(Session& session, BodyId body, double timeout_s,
   Waited result;
   for (;;) {
     Result<FrameReport> report = session.update(frame, time_s, motions, kBudget_s);
-    if (!report.is_ok()) return report.status();
+    NEARMESH_RETURN_IF_ERROR(report);
     motions.clear();  // the session knows them by now
     std::vector<std::string> complaints = std::move(result.report.complaints);
     result.report = std::move(report).value();
@@ -97,7 +97,7 @@ Result<Waited> wait_ready(Session& session, BodyId body, double timeout_s,
                       result.report.complaints.end());
     result.report.complaints = std::move(complaints);
     Result<Readiness> readiness = session.readiness(body);
-    if (!readiness.is_ok()) return readiness.status();
+    NEARMESH_RETURN_IF_ERROR(readiness);
     result.readiness = std::move(readiness).value();
     if (result.readiness.stage == ReadyStage::kCertified || waited.seconds() >= timeout_s)
       return result;

@@ -100,7 +100,7 @@ class Doctor {
   Status examine() {
     look_at_machine();
     auto echo = DdsEcho::create(options_.transport);
-    if (!echo.is_ok()) return echo.status();
+    NEARMESH_RETURN_IF_ERROR(echo);
     echo_ = std::move(echo).value();
     NEARMESH_RETURN_IF_ERROR(join_as_peer());
     fact("locators", echo_->locators());
@@ -208,7 +208,7 @@ class Doctor {
         options.transport.initial_peers.empty())
       return Status::ok();
     auto channel = DdsChannel::create(options);
-    if (!channel.is_ok()) return channel.status();
+    NEARMESH_RETURN_IF_ERROR(channel);
     channel_ = std::move(channel).value();
     return Status::ok();
   }

@@ -36,7 +36,7 @@ Result<std::string> peer_of(const RecordingReader& recording, const std::string&
 
 Status run(const ExportOptions& options) {
   Result<std::unique_ptr<RecordingReader>> opened = RecordingReader::open(options.session);
-  if (!opened.is_ok()) return opened.status();
+  NEARMESH_RETURN_IF_ERROR(opened);
   RecordingReader& recording = *opened.value();
   const Result<std::string> peer = peer_of(recording, options.peer);
   if (!peer.is_ok())
@@ -51,7 +51,7 @@ Status run(const ExportOptions& options) {
   if (!report.is_ok())
     return {report.status().code(), options.session + ": " + report.status().message()};
   Result<std::vector<Result<RecordedScene>>> scenes = rebuild_scenes(recording, {report.value()});
-  if (!scenes.is_ok()) return scenes.status();
+  NEARMESH_RETURN_IF_ERROR(scenes);
   if (!scenes.value().front().is_ok())
     return {scenes.value().front().status().code(),
             options.session + ": " + scenes.value().front().status().message()};

@@ -75,9 +75,9 @@ void print_text(const RecordingReader& recording, const Survey& survey) {
 
 Status run(const InfoOptions& options) {
   const Result<std::unique_ptr<RecordingReader>> recording = RecordingReader::open(options.path);
-  if (!recording.is_ok()) return recording.status();
+  NEARMESH_RETURN_IF_ERROR(recording);
   const Result<Survey> result = survey(*recording.value());
-  if (!result.is_ok()) return result.status();
+  NEARMESH_RETURN_IF_ERROR(result);
   if (options.json)
     std::printf("%s\n", to_json(*recording.value(), result.value())
                             .dump(2, ' ', false, nlohmann::json::error_handler_t::replace)

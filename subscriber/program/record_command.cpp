@@ -28,7 +28,7 @@ void show(const char* end, const RecorderStats& stats, double seconds) {
 
 Status run(const RecorderOptions& options) {
   Result<std::unique_ptr<DdsRecorder>> created = DdsRecorder::create(options);
-  if (!created.is_ok()) return created.status();
+  NEARMESH_RETURN_IF_ERROR(created);
   DdsRecorder& recorder = *created.value();
   spdlog::info("recording domain {}, topics {}/*, into {}", options.transport.domain,
                options.transport.prefix, options.path);

@@ -12,7 +12,7 @@
 namespace nearmesh::subscriber::program {
 Status run(const ReportOptions& options) {
   Result<std::unique_ptr<RecordingReader>> opened = RecordingReader::open(options.session);
-  if (!opened.is_ok()) return opened.status();
+  NEARMESH_RETURN_IF_ERROR(opened);
   const Result<std::string> html = report::html_page(
       *opened.value(), std::filesystem::path(options.session).filename().string(), options.at_s);
   if (!html.is_ok())

@@ -79,7 +79,7 @@ class Flight {
   Status prepare() {
     if (!options_.metrics.empty()) {
       auto server = wire::program::MetricsServer::start(options_.metrics);
-      if (!server.is_ok()) return server.status();
+      NEARMESH_RETURN_IF_ERROR(server);
       metrics_ = std::move(server).value();
     }
     if (!options_.answers.empty()) {
@@ -105,7 +105,7 @@ class Flight {
     std::string reason;
     for (bool asked = false; stop_requested == 0; asked = true) {
       Result<FrameReport> report = session_.update(0, 0, asked ? no_motions_ : motions(0), 1);
-      if (!report.is_ok()) return report.status();
+      NEARMESH_RETURN_IF_ERROR(report);
       NEARMESH_RETURN_IF_ERROR(check_solids());
       log(report.value());
       note_certified(report.value());
@@ -180,7 +180,7 @@ class Flight {
     for (bool again = false;; again = true) {
       Result<FrameReport> result = session_.update(
           frame, clock.seconds(), again ? no_motions_ : motions(frame), scene_.budget_s);
-      if (!result.is_ok()) return result.status();
+      NEARMESH_RETURN_IF_ERROR(result);
       NEARMESH_RETURN_IF_ERROR(check_solids());
       const FrameReport& report = result.value();
       log(report);
@@ -262,9 +262,9 @@ class Flight {
 Status run(const RunOptions& options) {
   const Stopwatch clock;
   const Result<Scene> scene = read_scene(options.scene);
-  if (!scene.is_ok()) return scene.status();
+  NEARMESH_RETURN_IF_ERROR(scene);
   Result<std::unique_ptr<DdsChannel>> channel = DdsChannel::create(options.channel);
-  if (!channel.is_ok()) return channel.status();
+  NEARMESH_RETURN_IF_ERROR(channel);
   Flight flight(options, scene.value(), std::move(channel).value(), clock);
   NEARMESH_RETURN_IF_ERROR(flight.prepare());
   NEARMESH_RETURN_IF_ERROR(flight.wait_for_start());

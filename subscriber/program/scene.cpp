@@ -100,16 +100,16 @@ void add_velocities(std::vector<Motion>& motions, double rate_hz) {
 Result<std::vector<Motion>> read_trajectory(const std::string& path, const std::string& body,
                                             double rate_hz) {
   const Result<CsvTable> table = CsvTable::read(path);
-  if (!table.is_ok()) return table.status();
+  NEARMESH_RETURN_IF_ERROR(table);
   const auto columns = table.value().columns(
       {"R00", "R01", "R02", "R10", "R11", "R12", "R20", "R21", "R22", "T0", "T1", "T2"});
-  if (!columns.is_ok()) return columns.status();
+  NEARMESH_RETURN_IF_ERROR(columns);
   std::vector<Motion> motions(table.value().row_count());
   for (std::size_t row = 0; row < motions.size(); ++row) {
     Pose& pose = motions[row].pose;
     for (std::size_t i = 0; i < 12; ++i) {
       const Result<double> x = table.value().number(row, columns.value()[i]);
-      if (!x.is_ok()) return x.status();
+      NEARMESH_RETURN_IF_ERROR(x);
       (i < 9 ? pose.rotation[i] : pose.translation_m[i - 9]) = x.value();
     }
     if (const Status status = check_pose(pose, body); !status.is_ok())

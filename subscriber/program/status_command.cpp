@@ -216,7 +216,7 @@ nlohmann::ordered_json to_json(const BusView& view, bool regions) {
 
 Status run(const StatusOptions& options) {
   auto monitor = DdsMonitor::create(options.transport, options.regions);
-  if (!monitor.is_ok()) return monitor.status();
+  NEARMESH_RETURN_IF_ERROR(monitor);
   do {
     const Stopwatch clock;
     while (clock.seconds() < options.seconds && stop_requested == 0)

@@ -24,11 +24,11 @@ void print(const std::vector<std::array<FaceKey, 2>>& pairs, const char* where) 
 Status run(const VerifyOptions& options) {
   const auto count = [](std::uint64_t n) { return static_cast<unsigned long long>(n); };
   Result<std::unique_ptr<RecordingReader>> recording = RecordingReader::open(options.path);
-  if (!recording.is_ok()) return recording.status();
+  NEARMESH_RETURN_IF_ERROR(recording);
   RecordingReader& reader = *recording.value();
   const Stopwatch clock;
   const Result<VerifyReport> result = verify(reader, options.threads);
-  if (!result.is_ok()) return result.status();
+  NEARMESH_RETURN_IF_ERROR(result);
   const VerifyReport& report = result.value();
   const double seconds = clock.seconds();
   std::printf("%llu reports of %llu peers: %llu verified, %llu different, digest %s\n",

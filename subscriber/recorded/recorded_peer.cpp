@@ -132,7 +132,7 @@ class Player {
 
 Result<Played> play(RecordingReader& recording, const PlayPlan& plan) {
   const Result<wire::RecordedSamples> samples = wire::RecordedSamples::of(recording);
-  if (!samples.is_ok()) return samples.status();
+  NEARMESH_RETURN_IF_ERROR(samples);
   Player player(recording, samples.value(), plan);
   const auto take = [&](std::int64_t id, const RecordedMessage& message) {
     player.take(id, message);

@@ -81,7 +81,7 @@ class ScenePeer final : public RecordedPeer {
     scene.bodies = {body_of(recorded.body_a, replica(recorded.a), recorded.a.pose),
                     body_of(recorded.body_b, replica(recorded.b), recorded.b.pose)};
     Result<Answered> asked = ask(recorded, {.contacts = true});
-    if (!asked.is_ok()) return asked.status();
+    NEARMESH_RETURN_IF_ERROR(asked);
     if (asked.value().contacts) scene.contacts = std::move(*asked.value().contacts);
     return scene;
   }
@@ -106,10 +106,10 @@ std::string describe(const SceneChoice& choice) {
 
 Result<std::int64_t> find_report(RecordingReader& recording, const SceneChoice& choice) {
   const Result<wire::RecordedSamples> samples = wire::RecordedSamples::of(recording);
-  if (!samples.is_ok()) return samples.status();
+  NEARMESH_RETURN_IF_ERROR(samples);
   constexpr std::int64_t kStep = 1024;
   const Result<std::int64_t> after = recording.find(choice.received_ns + 1);
-  if (!after.is_ok()) return after.status();
+  NEARMESH_RETURN_IF_ERROR(after);
   for (std::int64_t end = after.value(); end > 1; end -= std::min(kStep, end - 1)) {
     std::int64_t found = 0;
     NEARMESH_RETURN_IF_ERROR(
@@ -146,7 +146,7 @@ Result<std::vector<Result<RecordedScene>>> rebuild_scenes(
                   return std::all_of(scenes.begin(), scenes.end(),
                                      [](const auto& entry) { return entry.second.has_value(); });
                 }});
-  if (!played.is_ok()) return played.status();
+  NEARMESH_RETURN_IF_ERROR(played);
   std::vector<Result<RecordedScene>> result;
   for (const std::int64_t id : reports) {
     const std::optional<Result<RecordedScene>>& scene = scenes.at(id);

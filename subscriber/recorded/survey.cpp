@@ -10,7 +10,7 @@ namespace nearmesh::subscriber {
 
 Result<Survey> survey(RecordingReader& recording) {
   const Result<wire::RecordedSamples> opened = wire::RecordedSamples::of(recording);
-  if (!opened.is_ok()) return opened.status();
+  NEARMESH_RETURN_IF_ERROR(opened);
   const wire::RecordedSamples& samples = opened.value();
   Survey survey;
   survey.topics.resize(recording.topics().size());

@@ -100,7 +100,7 @@ Result<VerifyReport> verify(RecordingReader& recording, unsigned threads) {
   const Result<Played> played = play(
       recording, {.threads = threads,
                   .make_peer = [](const std::string&) { return std::make_unique<CheckedPeer>(); }});
-  if (!played.is_ok()) return played.status();
+  NEARMESH_RETURN_IF_ERROR(played);
   VerifyReport sum{.reports = played.value().reports, .malformed = played.value().malformed};
   sum.peers = played.value().peers.size();
   for (const auto& [partition, peer] : played.value().peers) {

@@ -87,7 +87,7 @@ class Gatherer {
 
 Result<History> gather_history(RecordingReader& recording) {
   const Result<wire::RecordedSamples> samples = wire::RecordedSamples::of(recording);
-  if (!samples.is_ok()) return samples.status();
+  NEARMESH_RETURN_IF_ERROR(samples);
   Gatherer gatherer(recording, samples.value());
   NEARMESH_RETURN_IF_ERROR(recording.read(1, recording.message_count() + 1,
                                           [&](std::int64_t id, const RecordedMessage& message) {

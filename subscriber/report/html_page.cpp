@@ -82,7 +82,7 @@ Result<std::vector<Moment>> moments_of(RecordingReader& recording, const History
     const auto after_ns = static_cast<std::int64_t>(std::min(time_s, 1e8) * 1e9 + 0.5);
     const Result<std::int64_t> report =
         find_report(recording, {.received_ns = recording.begin_ns() + after_ns});
-    if (!report.is_ok()) return report.status();
+    NEARMESH_RETURN_IF_ERROR(report);
     moments.push_back({"At " + number(time_s, 6) + " s", report.value()});
   }
   return moments;
@@ -93,7 +93,7 @@ Result<std::string> pictures_section(RecordingReader& recording,
   std::vector<std::int64_t> reports;
   for (const Moment& moment : moments) reports.push_back(moment.report);
   const auto scenes = rebuild_scenes(recording, reports);
-  if (!scenes.is_ok()) return scenes.status();
+  NEARMESH_RETURN_IF_ERROR(scenes);
   std::string out =
       "<section id=\"pictures\"><h2>Meshes at chosen moments</h2><p>"
       "<span class=\"chip\" style=\"background:#3182bd\"></span> exact "
@@ -119,14 +119,14 @@ Result<std::string> pictures_section(RecordingReader& recording,
 Result<std::string> html_page(RecordingReader& recording, const std::string& title,
                               const std::vector<double>& at_s) {
   const Result<Survey> counts = survey(recording);
-  if (!counts.is_ok()) return counts.status();
+  NEARMESH_RETURN_IF_ERROR(counts);
   const Result<History> gathered = gather_history(recording);
-  if (!gathered.is_ok()) return gathered.status();
+  NEARMESH_RETURN_IF_ERROR(gathered);
   const History& history = gathered.value();
   const Result<std::vector<Moment>> moments = moments_of(recording, history, at_s);
-  if (!moments.is_ok()) return moments.status();
+  NEARMESH_RETURN_IF_ERROR(moments);
   const Result<std::string> pictures = pictures_section(recording, moments.value());
-  if (!pictures.is_ok()) return pictures.status();
+  NEARMESH_RETURN_IF_ERROR(pictures);
   const std::string name = escape(title);
   std::string out =
       "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"

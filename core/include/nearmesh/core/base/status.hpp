@@ -71,11 +71,20 @@ class [[nodiscard]] Result {
   Status status_;
 };
 
+namespace detail {
+[[nodiscard]] inline const Status& status_of(const Status& status) { return status; }
+template <class T>
+[[nodiscard]] const Status& status_of(const Result<T>& result) {
+  return result.status();
+}
+}  // namespace detail
+
 }  // namespace nearmesh
 
-/// Returns from the enclosing function when `expr`, a Status, is not ok.
-#define NEARMESH_RETURN_IF_ERROR(expr)                                           \
-  do {                                                                           \
-    if (::nearmesh::Status nearmesh_status_ = (expr); !nearmesh_status_.is_ok()) \
-      return nearmesh_status_;                                                   \
+/// Hands an error on: returns from the enclosing function, whose result is a Status or a Result, when `expr`, a Status or a
+/// Result, is not ok.
+#define NEARMESH_RETURN_IF_ERROR(expr)                                  \
+  do {                                                                  \
+    if (const auto& nearmesh_tried_ = (expr); !nearmesh_tried_.is_ok()) \
+      return ::nearmesh::detail::status_of(nearmesh_tried_);            \
   } while (false)
