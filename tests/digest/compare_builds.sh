@@ -14,11 +14,14 @@ if [[ ${#names[@]} -eq 0 ]]; then names=(gcc-O0 clang-O0 clang-O3 sanitized); fi
 build_preset dev nearmesh-digest >/dev/null
 build/dev/bin/nearmesh-digest >build/digest-dev.txt
 for name in "${names[@]}"; do
-  folder=build/digest-$name
-  if [[ $name == sanitized ]]; then folder=build/fuzz; fi
-  # A build type of no known name: the flags are those given here alone.
-  if [[ $name == sanitized ]]; then cmake --preset fuzz --log-level=WARNING >/dev/null; else cmake -S . -B "$folder" -G Ninja --log-level=WARNING -DCMAKE_BUILD_TYPE=Digest \
-    -DCMAKE_CXX_COMPILER="${compilers[$name]}" -DCMAKE_CXX_FLAGS="${flags[$name]}" >/dev/null
+  if [[ $name == sanitized ]]; then
+    folder=build/fuzz
+    cmake --preset fuzz --log-level=WARNING >/dev/null
+  else
+    folder=build/digest-$name
+    # A build type of no known name: the flags are those given here alone.
+    cmake -S . -B "$folder" -G Ninja --log-level=WARNING -DCMAKE_BUILD_TYPE=Digest \
+      -DCMAKE_CXX_COMPILER="${compilers[$name]}" -DCMAKE_CXX_FLAGS="${flags[$name]}" >/dev/null
   fi
   TIMEFORMAT="$name: built in %R s (%U s of CPU)"
   time cmake --build "$folder" --target nearmesh-digest >/dev/null
