@@ -129,7 +129,7 @@ Status run(const BuildOptions& options) {
   Result<IndexedMesh> mesh = import_mesh(options.in);
   if (!mesh.is_ok()) return mesh.status();
   progress.stage("cleaning");
-  Result<CleanResult> clean = clean_mesh(mesh.value(), options.grid_bits);
+  Result<CleanResult> clean = clean_mesh(mesh.value(), {.grid_bits = options.grid_bits});
   if (!clean.is_ok()) return {clean.status().code(), options.in + ": " + clean.status().message()};
   mesh.value() = {};
   outcome.clean = clean.value().report;

@@ -11,6 +11,7 @@
 #include "idl/program/command.hpp"
 #include "idl/program/logging.hpp"
 #include "idl/program/metrics.hpp"
+#include "nearmesh/idl/messages/topics.hpp"
 
 namespace nearmesh::publisher::program {
 
@@ -91,11 +92,9 @@ void add_replay_command(CLI::App& app, Action& chosen) {
   command->add_flag("--loop", options->loop, "Begin again at the end, until Ctrl-C");
   command
       ->add_option("--topics", options->topics,
-                   "Only these: hello, mesh_header, region_subscription, split_batch, "
-                   "body_pose, contact_report")
+                   "Only these: " + CLI::detail::join(wire::recorded_topics(), ", "))
       ->delimiter(',')
-      ->check(CLI::IsMember(
-          std::vector<std::string>(kReplayTopicNames.begin(), kReplayTopicNames.end())));
+      ->check(CLI::IsMember(wire::recorded_topics()));
   command->add_option(
       "--remap", options->remaps,
       "OLD:=NEW, the recorded prefix or a topic and what it is called here; repeatable");

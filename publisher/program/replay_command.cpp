@@ -27,8 +27,9 @@ constexpr double kLoop_s = 0.02;    ///< how soon a line or a signal is noticed
 std::string last_part(const std::string& topic) { return topic.substr(topic.rfind('/') + 1); }
 
 /// Names on the bus; the prefix is set in `transport`.
-Result<ReplayNames> rename(const RecordingReader& recording, const std::vector<std::string>& remaps,
-                           wire::TransportOptions& transport) {
+Result<wire::TopicNames> rename(const RecordingReader& recording,
+                                const std::vector<std::string>& remaps,
+                                wire::TransportOptions& transport) {
   const std::string& recorded = recording.facts().prefix;
   if (transport.prefix.empty()) transport.prefix = recorded;
   std::map<std::string, std::string> topics;  // recorded to new
@@ -55,14 +56,10 @@ Result<ReplayNames> rename(const RecordingReader& recording, const std::vector<s
     }
     if (!found) return refuse("the recording has no " + from + ", but " + known);
   }
-  const auto all = [](const wire::TopicNames& names) {
-    return std::array{names.hello,       names.mesh_header, names.region_subscription,
-                      names.split_batch, names.body_pose,   names.contact_report};
-  };
-  const auto old_names = all(wire::TopicNames(recorded));
-  ReplayNames names{all(wire::TopicNames(transport.prefix))};
-  for (std::size_t i = 0; i < kReplayTopics; ++i)
-    if (const auto to = topics.find(old_names[i]); to != topics.end()) names.names[i] = to->second;
+  const wire::TopicNames old_names(recorded);
+  wire::TopicNames names(transport.prefix);
+  for (const auto& [from, to] : topics)
+    if (const auto place = old_names.find(from)) names.rename(*place, to);
   return names;
 }
 
@@ -148,11 +145,13 @@ nlohmann::ordered_json to_json(const ReplayOptions& options, const ReplayStats& 
                                double seconds, double until_s) {
   nlohmann::ordered_json topics = nlohmann::ordered_json::array();
   std::uint64_t bytes = 0;
-  for (std::size_t i = 0; i < kReplayTopics; ++i) {
-    const ReplayStats::Topic& topic = stats.topics[i];
+  for (wire::TopicPlace place = 0; place < wire::kTopicCount; ++place) {
+    if (!wire::kTopicFacts[place].is_recorded) continue;
+    const ReplayStats::Topic& topic = stats.topics[place];
     bytes += topic.bytes;
-    topics.push_back(
-        {{"name", kReplayTopicNames[i]}, {"messages", topic.messages}, {"bytes", topic.bytes}});
+    topics.push_back({{"name", wire::kTopicFacts[place].name},
+                      {"messages", topic.messages},
+                      {"bytes", topic.bytes}});
   }
   return {{"replayed",
            {{"session", options.path},
@@ -232,7 +231,7 @@ Status run(ReplayOptions options) {
   if (stop_requested != 0) return Status::ok();
   Result<Playhead> playhead = Playhead::create(recording, options.playhead, clock.seconds());
   if (!playhead.is_ok()) return in_file(playhead.status());
-  const Result<ReplayNames> names = rename(recording, options.remaps, options.transport);
+  const Result<wire::TopicNames> names = rename(recording, options.remaps, options.transport);
   if (!names.is_ok()) return names.status();
   report_gaps(recording);
   const auto outlet = DdsReplay::create(options.transport, index.value()->streams(), names.value());

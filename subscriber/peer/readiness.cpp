@@ -11,6 +11,7 @@
 #include "core/base/stopwatch.hpp"
 #include "nearmesh/core/query/query.hpp"
 #include "nearmesh/subscriber/peer/wait_ready.hpp"
+#include "region_readiness.hpp"
 
 namespace nearmesh::subscriber {
 namespace {
@@ -80,7 +81,7 @@ RegionReadiness lacks_in_box(const TreeView& tree, const std::array<double, 3>& 
   return lacks;
 }
 
-Result<Waited> wait_ready(Session& session, const std::string& body, double timeout_s,
+Result<Waited> wait_ready(Session& session, BodyId body, double timeout_s,
                           std::vector<Session::OwnMotion> motions, std::uint64_t frame,
                           double time_s) {
   constexpr double kBudget_s = 0.1;  // nobody has a frame to keep here

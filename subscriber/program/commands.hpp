@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "nearmesh/core/base/status.hpp"
-#include "nearmesh/idl/dds/detail/transport_options.hpp"
+#include "nearmesh/idl/dds/transport_options.hpp"
 #include "nearmesh/subscriber/dds/dds_channel.hpp"
 #include "subscriber/dds/dds_recorder.hpp"
 

@@ -12,6 +12,7 @@
 #include "idl/program/command.hpp"
 #include "idl/program/logging.hpp"
 #include "idl/program/metrics.hpp"
+#include "nearmesh/idl/messages/topics.hpp"
 
 namespace nearmesh::subscriber::program {
 
@@ -69,8 +70,7 @@ void add_record_command(CLI::App& app, Action& chosen) {
   command->add_option("-o,--output", options->path, "File to create (.db3, SQLite)")->required();
   command
       ->add_option("--topics", options->topics,
-                   "Only these: hello, mesh_header, region_subscription, split_batch, "
-                   "body_pose, contact_report")
+                   "Only these: " + CLI::detail::join(wire::recorded_topics(), ", "))
       ->delimiter(',');
   command
       ->add_option("--max-size", options->max_bytes,

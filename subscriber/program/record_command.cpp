@@ -9,6 +9,7 @@
 #include "commands.hpp"
 #include "core/base/stopwatch.hpp"
 #include "idl/program/logging.hpp"
+#include "nearmesh/idl/messages/topics.hpp"
 #include "subscriber/dds/dds_recorder.hpp"
 
 namespace nearmesh::subscriber::program {
