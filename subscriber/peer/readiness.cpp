@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/float_guard.hpp"
 #include "core/base/stopwatch.hpp"
 #include "nearmesh/core/query/query.hpp"
 #include "nearmesh/subscriber/peer/wait_ready.hpp"
@@ -52,6 +53,7 @@ const char* to_string(ReadyStage stage) {
 
 RegionReadiness lacks_in_box(const TreeView& tree, const std::array<double, 3>& lo_m,
                              const std::array<double, 3>& hi_m) {
+  const FloatGuard guard;
   NEARMESH_ASSERT(tree.store != nullptr);
   const GridBox box = cells_around(*tree.grid, lo_m, hi_m);
   RegionReadiness lacks;
@@ -83,6 +85,7 @@ RegionReadiness lacks_in_box(const TreeView& tree, const std::array<double, 3>& 
 Result<Waited> wait_ready(Session& session, const std::string& body, double timeout_s,
                           std::vector<Session::OwnMotion> motions, std::uint64_t frame,
                           double time_s) {
+  const FloatGuard guard;
   constexpr double kBudget_s = 0.1;  // nobody has a frame to keep here
   const Stopwatch waited;
   Waited result;

@@ -4,6 +4,7 @@
 #include <limits>
 #include <utility>
 
+#include "core/base/float_guard.hpp"
 #include "core/base/hash.hpp"
 #include "pair_readiness.hpp"
 #include "session_impl.hpp"
@@ -46,6 +47,7 @@ Status Session::add_body(const std::string& name, const std::string& model, bool
 }
 
 Status Session::place_body(const std::string& name, const Pose& pose) {
+  const FloatGuard guard;
   const auto at = impl_->bodies.find(name);
   if (at == impl_->bodies.end()) return {StatusCode::kNotFound, "no body named " + name};
   NEARMESH_RETURN_IF_ERROR(check_pose(pose, name));
@@ -67,6 +69,7 @@ Status Session::watch(const std::string& body_a, const std::string& body_b) {
 
 Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
                                     const std::vector<OwnMotion>& motions, double budget_s) {
+  const FloatGuard guard;
   Impl& impl = *impl_;
   for (const OwnMotion& own : motions) {
     const auto at = impl.bodies.find(own.body);
@@ -330,6 +333,7 @@ void Session::Impl::tell_status(const FrameReport& report, const SessionStats& c
 }
 
 Result<Readiness> Session::readiness(const std::string& body) const {
+  const FloatGuard guard;
   const auto at = impl_->bodies.find(body);
   if (at == impl_->bodies.end()) return Status{StatusCode::kNotFound, "no body named " + body};
   Readiness all{.stage = ReadyStage::kCertified};
@@ -342,6 +346,7 @@ Result<Readiness> Session::readiness(const std::string& body) const {
 Result<RegionReadiness> Session::region_readiness(const std::string& body,
                                                   const std::array<double, 3>& lo_m,
                                                   const std::array<double, 3>& hi_m) const {
+  const FloatGuard guard;
   const auto at = impl_->bodies.find(body);
   if (at == impl_->bodies.end()) return Status{StatusCode::kNotFound, "no body named " + body};
   for (std::size_t k = 0; k < 3; ++k)

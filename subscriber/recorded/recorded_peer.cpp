@@ -4,6 +4,7 @@
 #include <limits>
 #include <new>
 
+#include "core/base/float_guard.hpp"
 #include "core/base/parallel.hpp"
 #include "nearmesh/idl/dds/payload.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
@@ -156,6 +157,7 @@ class Player {
 }  // namespace
 
 Result<Played> play(RecordingReader& recording, const PlayPlan& plan) {
+  const FloatGuard guard;
   NEARMESH_RETURN_IF_ERROR(wire::check_recorded_version(recording.facts().wire_version));
   Player player(recording, plan);
   const auto take = [&](std::int64_t id, const RecordedMessage& message) {
