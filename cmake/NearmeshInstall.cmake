@@ -16,7 +16,8 @@ foreach(program nearmesh-model nearmesh-publisher nearmesh-subscriber)
     install(TARGETS ${program} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
   endif()
 endforeach()
-install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})
+# api.md lists the headers that users may include; each of them says so in its third line.
+install(FILES ${PROJECT_SOURCE_DIR}/LICENSE ${PROJECT_SOURCE_DIR}/docs/api.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
 
 configure_package_config_file(${PROJECT_SOURCE_DIR}/cmake/nearmeshConfig.cmake.in
   ${PROJECT_BINARY_DIR}/cmake/nearmeshConfig.cmake INSTALL_DESTINATION ${package_folder})

@@ -16,6 +16,7 @@ set(CMAKE_CXX_FLAGS_RELWITHDEBINFO "-O3 -g1")
 
 # nearmesh_compile_options(TARGET): warnings and the flags that answers depend on.
 function(nearmesh_compile_options target)
+  set_property(GLOBAL APPEND PROPERTY NEARMESH_TARGETS ${target})
   target_compile_options(${target} PRIVATE -Wall -Wextra -Wpedantic -Wshadow -Wconversion
                                            -Wno-sign-conversion
                          # Designated initialisers leave the rest to its stated default.

@@ -8,7 +8,7 @@
 #include <queue>
 #include <utility>
 
-namespace nearmesh::subscriber {
+namespace nearmesh {
 namespace {
 
 using Eigen::Vector3d;
@@ -351,29 +351,62 @@ std::vector<GridBox> root_reach(const SplitStore& store) {
   return reach;
 }
 
+namespace {
+
+/// What is unresolved within a region of a few parts: the nodes, largest first, and that region.
+struct Unresolved {
+  std::vector<NodeSpan> nodes;
+  std::vector<RegionPart> region;
+};
+
+Unresolved find_unresolved(const SplitStore& store, const RegionMaker& region) {
+  Unresolved found;
+  found.region = region(kCoarseParts, root_reach(store));
+  found.nodes = unresolved_in(store, found.region, store.vertex_count());
+  return found;
+}
+
+std::vector<GridBox> reach_of(const SplitStore& store, std::span<const NodeSpan> nodes) {
+  std::vector<GridBox> reach;
+  for (const NodeSpan& node : nodes) reach.push_back(reach_below(store.box(node)));
+  return reach;
+}
+
+bool asks_for(std::span<const RegionPart> region, const GridBox& box) {
+  return std::any_of(region.begin(), region.end(),
+                     [&](const RegionPart& part) { return part.asks_for(box); });
+}
+
+}  // namespace
+
+bool lacks(const SplitStore& store, const RegionMaker& region) {
+  const std::vector<NodeSpan> unresolved = find_unresolved(store, region).nodes;
+  if (unresolved.empty()) return false;
+  // Anew, near these nodes only: the other body's parts that are elsewhere do not count.
+  const std::vector<RegionPart> near = region(1, reach_of(store, unresolved));
+  return std::any_of(unresolved.begin(), unresolved.end(),
+                     [&](const NodeSpan& node) { return asks_for(near, store.box(node)); });
+}
+
 std::optional<RegionRequest> make_request(const SplitStore& store, const RegionMaker& region,
                                           std::vector<NodeSpan> missing, std::size_t max_parts,
                                           std::uint32_t max_splits, Portion portion) {
-  std::vector<GridBox> near = root_reach(store);
-  const std::vector<RegionPart> coarse = region(kCoarseParts, near);
-  const std::vector<NodeSpan> lacking = frontier(store, coarse, store.vertex_count());
-  near.clear();
-  for (const std::vector<NodeSpan>* nodes : {&lacking, &std::as_const(missing)})
-    for (const NodeSpan& node : *nodes) near.push_back(reach_below(store.box(node)));
+  const auto [unresolved, coarse] = find_unresolved(store, region);
+  if (unresolved.empty() && missing.empty()) return std::nullopt;
+  std::vector<GridBox> near = reach_of(store, unresolved);
+  const std::vector<GridBox> near_missing = reach_of(store, missing);
+  near.insert(near.end(), near_missing.begin(), near_missing.end());
   auto expected = static_cast<double>(missing.size());
-  for (const NodeSpan& node : lacking)
+  for (const NodeSpan& node : unresolved)
     expected += expected_splits(store.box(node), node.size, coarse);
   const double parts = std::min<double>(expected, max_splits) / kSplitsPerPart;
   max_parts = std::clamp<std::size_t>(static_cast<std::size_t>(parts), 1, max_parts);
 
   RegionRequest request{{}, region(max_parts, near), max_splits};
-  for (const NodeSpan& node : lacking) {
-    const GridBox box = store.box(node);
+  for (const NodeSpan& node : unresolved)
     if (!std::binary_search(missing.begin(), missing.end(), node) &&
-        std::any_of(request.region.begin(), request.region.end(),
-                    [&](const RegionPart& part) { return part.asks_for(box); }))
+        asks_for(request.region, store.box(node)))
       request.attach.push_back(node);
-  }
   if (portion == Portion::kWholeNodes)
     keep_whole_nodes(store, request.region, max_splits, request.attach);
   request.attach.resize(
@@ -381,8 +414,7 @@ std::optional<RegionRequest> make_request(const SplitStore& store, const RegionM
   request.attach.insert(request.attach.end(), missing.begin(), missing.end());
   if (request.attach.empty()) return std::nullopt;
   // Parts that matter to none of these nodes need not travel.
-  near.clear();
-  for (const NodeSpan& node : request.attach) near.push_back(reach_below(store.box(node)));
+  near = reach_of(store, request.attach);
   std::erase_if(request.region, [&near](const RegionPart& part) {
     return std::none_of(near.begin(), near.end(),
                         [&part](const GridBox& box) { return part.meets(box); });
@@ -393,4 +425,4 @@ std::optional<RegionRequest> make_request(const SplitStore& store, const RegionM
   return request;
 }
 
-}  // namespace nearmesh::subscriber
+}  // namespace nearmesh

@@ -13,7 +13,7 @@
 #include "nearmesh/core/abtree/detail/tree.hpp"
 #include "nearmesh/core/geometry/motion.hpp"
 
-namespace nearmesh::subscriber {
+namespace nearmesh {
 
 /// Parts of a region in the grid of `own` that cover where the faces of `other` may be during [now, now + lookahead_s] at
 /// constant velocities, and `margin_m` around, as far as that is near one of the boxes `near` (own's grid). At most
@@ -50,12 +50,16 @@ enum class Portion : std::uint8_t {
   kWholeNodes,
 };
 
-/// What a peer asks next: `missing` (ascending) in any case, then what else of the store's frontier meets the region, the
-/// largest first, as far as a request has room. Nothing where nothing is missing.
-/// A region of a few parts finds the part of the frontier that matters; only near that it is made finer, by so many parts
-/// that they weigh no more than the answer that is expected.
+/// Whether the region asks for an unresolved node of the store. The region is taken twice at most, in few parts, so a
+/// request may find that a finer one asks for none. Cost: O(known nodes that meet the region).
+[[nodiscard]] bool lacks(const SplitStore& store, const RegionMaker& region);
+
+/// What a peer asks next: `missing` (ascending) in any case, then what other unresolved nodes of the store meet the region,
+/// the largest first, as far as a request has room. Nothing where nothing is missing.
+/// A region of a few parts finds the unresolved nodes that matter; only near these it is made finer, by so many parts that
+/// they weigh no more than the answer that is expected.
 [[nodiscard]] std::optional<RegionRequest> make_request(
     const SplitStore& store, const RegionMaker& region, std::vector<NodeSpan> missing,
     std::size_t max_parts, std::uint32_t max_splits, Portion portion = Portion::kLargestNodes);
 
-}  // namespace nearmesh::subscriber
+}  // namespace nearmesh

@@ -14,10 +14,6 @@ namespace {
 /// A block that is decoded takes as long as so many nodes that are looked at.
 constexpr std::size_t kBlockWork = 31;
 
-std::string name(const NodeSpan& node) {
-  return "node [" + std::to_string(node.begin()) + ", " + std::to_string(node.end()) + ")";
-}
-
 constexpr std::uint32_t kNoParent = 0xffffffffU;
 
 // A node and the parts of the region that may matter below it, as a range of one shared pool: children look at no others.
@@ -86,7 +82,7 @@ Status locate(const SplitStore& store, NodeSpan target,
     node = target.first < split ? node.left_of(split) : node.right_of(split);
   }
   if (node != target)
-    return {StatusCode::kInvalidArgument, name(target) + " is not a node of the model"};
+    return {StatusCode::kInvalidArgument, to_string(target) + " is not a node of the model"};
   return Status::ok();
 }
 
@@ -105,30 +101,12 @@ GridBox reach_below(const GridBox& box) {
 }
 
 Status check_request(const SplitStore& store, const RegionRequest& request) {
-  const auto refuse = [](const std::string& why) {
-    return Status{StatusCode::kInvalidArgument, "region request: " + why};
-  };
-  if (request.attach.empty()) return refuse("no attach node");
-  if (request.attach.size() > kMaxAttachNodes)
-    return refuse("at most " + std::to_string(kMaxAttachNodes) + " attach nodes, found " +
-                  std::to_string(request.attach.size()));
-  if (request.region.empty()) return refuse("no region box");
-  if (request.region.size() > kMaxRegionBoxes)
-    return refuse("at most " + std::to_string(kMaxRegionBoxes) + " region boxes, found " +
-                  std::to_string(request.region.size()));
-  if (request.max_splits < 1 || request.max_splits > kMaxRequestSplits)
-    return refuse("max_splits must be in [1, " + std::to_string(kMaxRequestSplits) + "], found " +
-                  std::to_string(request.max_splits));
-  for (const RegionPart& part : request.region)
-    if (const char* fault = fault_of(part); fault != nullptr) return refuse(fault);
-  std::uint64_t next = 0;
-  for (const NodeSpan& node : request.attach) {
-    if (node.size < 2 || std::uint64_t{node.begin()} + node.size > store.vertex_count())
-      return refuse(name(node) + " is outside the model's " + std::to_string(store.vertex_count()) +
-                    " vertices or a leaf");
-    if (node.begin() < next) return refuse("attach nodes must ascend and not overlap");
-    next = node.end();
-  }
+  NEARMESH_RETURN_IF_ERROR(check_request(request));
+  for (const NodeSpan& node : request.attach)
+    if (std::uint64_t{node.begin()} + node.size > store.vertex_count())
+      return {StatusCode::kInvalidArgument, "region request: " + to_string(node) +
+                                                " is outside the model's " +
+                                                std::to_string(store.vertex_count()) + " vertices"};
   return Status::ok();
 }
 
@@ -225,10 +203,10 @@ Result<Demand> collect(const SplitStore& store, const RegionRequest& request,
   return demand;
 }
 
-std::vector<NodeSpan> frontier(const SplitStore& store, std::span<const RegionPart> region,
-                               std::size_t limit) {
+std::vector<NodeSpan> unresolved_in(const SplitStore& store, std::span<const RegionPart> region,
+                                    std::size_t limit) {
   RegionFilter filter(store, region);
-  std::vector<NodeSpan> missing;
+  std::vector<NodeSpan> unresolved;
   std::vector<Candidate> stack;
   const auto offer = [&](NodeSpan node, const Candidate& parent) {
     if (const auto candidate = filter.child(node, parent)) stack.push_back(*candidate);
@@ -239,16 +217,16 @@ std::vector<NodeSpan> frontier(const SplitStore& store, std::span<const RegionPa
     stack.pop_back();
     const VertexId split = store.split_of(top.node);
     if (!split.is_valid()) {
-      if (top.meets) missing.push_back(top.node);
+      if (top.meets) unresolved.push_back(top.node);
       continue;
     }
     offer(top.node.left_of(split), top);
     offer(top.node.right_of(split), top);
   }
-  std::sort(missing.begin(), missing.end(),
+  std::sort(unresolved.begin(), unresolved.end(),
             [](const NodeSpan& a, const NodeSpan& b) { return is_smaller(b, a); });
-  missing.resize(std::min(missing.size(), limit));
-  return missing;
+  unresolved.resize(std::min(unresolved.size(), limit));
+  return unresolved;
 }
 
 }  // namespace nearmesh

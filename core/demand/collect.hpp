@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // Which splits does an answer need? The publisher's Server Collect VSplits (Liu, Georganas, Roth
-// 2006, section 3.3) and the peer's own frontier are this one walk, so both sides agree by construction.
+// 2006, section 3.3) and what a peer finds unresolved are this one walk, so both sides agree by construction.
 // Coverage is by face: a node's box encloses every original face that touches a vertex below it, so a large face that
 // crosses the region without a vertex inside still brings its corners.
 
@@ -23,7 +23,8 @@ struct Demand {
   bool truncated = false;  ///< max_splits was reached; the largest nodes were taken
 };
 
-/// Checks a request from outside against the model. Errors: kInvalidArgument naming the limit or the node.
+/// Checks a request from outside: check_request(request), and that its nodes lie in the model. Errors: kInvalidArgument naming
+/// the limit or the node.
 [[nodiscard]] Status check_request(const SplitStore& store, const RegionRequest& request);
 
 /// What boxes below a node may reach. Quantised boxes do not nest: the faces below a child are also below its parent, but
@@ -67,9 +68,10 @@ class Collector {
   std::unique_ptr<Impl> impl_;
 };
 
-/// The frontier of a store towards a region: nodes that meet it and whose split is not known, largest first (ties to the
-/// lower id), at most `limit`. What a peer asks for next. Cost: O(known nodes that meet the region).
-[[nodiscard]] std::vector<NodeSpan> frontier(const SplitStore& store,
-                                             std::span<const RegionPart> region, std::size_t limit);
+/// The unresolved nodes that a region meets: their split is not known. Largest first (ties to the lower id), at most
+/// `limit`. What a peer asks for next. Cost: O(known nodes that meet the region).
+[[nodiscard]] std::vector<NodeSpan> unresolved_in(const SplitStore& store,
+                                                  std::span<const RegionPart> region,
+                                                  std::size_t limit);
 
 }  // namespace nearmesh

@@ -370,9 +370,9 @@ void append_kept(const std::vector<Triple>& faces, const std::vector<FaceFate>& 
 
 }  // namespace
 
-Result<CleanResult> clean_mesh(const IndexedMesh& mesh, int grid_bits) {
+Result<CleanResult> clean_mesh(const IndexedMesh& mesh, const CleanOptions& options) {
   const FloatGuard guard;
-  NEARMESH_RETURN_IF_ERROR(check_sizes(mesh, grid_bits));
+  NEARMESH_RETURN_IF_ERROR(check_sizes(mesh, options.grid_bits));
   const auto referenced = find_referenced(mesh);
   if (!referenced.is_ok()) return referenced.status();
   const auto bounds = find_bounds(mesh, referenced.value());
@@ -382,7 +382,7 @@ Result<CleanResult> clean_mesh(const IndexedMesh& mesh, int grid_bits) {
   CleanReport& report = result.report;
   report.vertices_in = mesh.positions_m.size();
   report.faces_in = mesh.faces.size();
-  result.mesh.grid = choose_grid(bounds.value(), grid_bits);
+  result.mesh.grid = choose_grid(bounds.value(), options.grid_bits);
 
   const auto number = weld(mesh, referenced.value(), bounds.value(), result.mesh, report);
   std::vector<Triple> faces(mesh.faces);

@@ -37,7 +37,7 @@ Result<Answer> certify(LocalModel& a, const PosedFrame& frame_a, const Require& 
       if (times != nullptr) *times = spent;
       return answer;
     }
-    if (answer.missing_a.empty() && answer.missing_b.empty())
+    if (is_beyond_detail(answer))
       return Status{StatusCode::kUnsupported,
                     "a model of more than " + std::to_string(kMaxComponentSeeds) +
                         " parts cannot be proved to be outside a solid that it is near"};

@@ -119,7 +119,7 @@ class Query {
     const bool undecided = a_in_b == Side::kUndecided || b_in_a == Side::kUndecided;
     if (!missing_a_.empty() || !missing_b_.empty() || (undecided && !inside)) {
       answer_.status = AnswerStatus::kUncertain;
-      if (missing_a_.empty() && missing_b_.empty())
+      if (is_beyond_detail(answer_))
         answer_.uncertainty_m = std::numeric_limits<double>::infinity();
     } else if (inside) {
       answer_.status = AnswerStatus::kContained;

@@ -23,6 +23,7 @@
 #include "core/base/float_guard.hpp"
 #include "core/geometry/triangle_overlap.hpp"
 #include "nearmesh/core/geometry/detail/box_overlap.hpp"
+#include "sweep_from.hpp"
 
 namespace nearmesh {
 namespace {
@@ -359,15 +360,20 @@ Status check_way(const Mover& x, double duration_s) {
   return check_pose(end, x.name);
 }
 
-/// Bodies at rest, or already in contact, need no time. `missing` is meant for the former.
-SweptAnswer at_once(Answer&& answer, double duration_s) {
+/// Bodies at rest, or already in contact, need no time. In: an answer as sweep_from() takes it.
+SweptAnswer at_once(const Answer& now, double duration_s) {
   SweptAnswer swept;
-  swept.status = answer.status;
-  if (answer.status == AnswerStatus::kFree) swept.free_until_s = duration_s;
-  if (answer.status == AnswerStatus::kContact) swept.hit_s = 0;
-  swept.missing_a = std::move(answer.missing_a);
-  swept.missing_b = std::move(answer.missing_b);
-  swept.stats = answer.stats;
+  if (now.pair_total > 0) {
+    swept.status = AnswerStatus::kContact;
+    swept.hit_s = 0;
+    return swept;
+  }
+  swept.missing_a = now.missing_a;
+  swept.missing_b = now.missing_b;
+  if (!is_certified(now.status)) return swept;
+  swept.status =
+      AnswerStatus::kFree;  // as far as surfaces go, also where one body is inside the other
+  swept.free_until_s = duration_s;
   return swept;
 }
 
@@ -381,6 +387,12 @@ Result<SweptAnswer> sweep(const TreeView& a, const Motion& motion_a, std::string
                           const TreeView& b, const Motion& motion_b, std::string_view name_b,
                           const SweepOptions& options) {
   const FloatGuard guard;
+  return sweep_from(nullptr, a, motion_a, name_a, b, motion_b, name_b, options);
+}
+
+Result<SweptAnswer> sweep_from(const Answer* now, const TreeView& a, const Motion& motion_a,
+                               std::string_view name_a, const TreeView& b, const Motion& motion_b,
+                               std::string_view name_b, const SweepOptions& options) {
   NEARMESH_ASSERT(options.time_levels >= 0 && options.time_levels <= kMaxTimeLevels);
   if (!(options.duration_s >= kMinDuration_s && options.duration_s <= kMaxDuration_s))
     return Status{StatusCode::kInvalidArgument,
@@ -391,12 +403,19 @@ Result<SweptAnswer> sweep(const TreeView& a, const Motion& motion_a, std::string
   NEARMESH_RETURN_IF_ERROR(check_way(mover_b, options.duration_s));
 
   // Contact at the start is the commonest hit, and settles all.
-  const Result<PosedPair> start =
-      pose_pair(*a.grid, motion_a.pose, name_a, *b.grid, motion_b.pose, name_b);
-  if (!start.is_ok()) return start.status();
-  Answer now = query(a, start.value().a, b, start.value().b, {.any = true, .clearance = false});
-  if (now.status == AnswerStatus::kContact || (is_at_rest(motion_a) && is_at_rest(motion_b)))
-    return at_once(std::move(now), options.duration_s);
+  std::optional<Answer> asked;
+  if (now == nullptr) {
+    const Result<PosedPair> start =
+        pose_pair(*a.grid, motion_a.pose, name_a, *b.grid, motion_b.pose, name_b);
+    if (!start.is_ok()) return start.status();
+    now = &asked.emplace(
+        query(a, start.value().a, b, start.value().b, {.any = true, .clearance = false}));
+  }
+  if (now->pair_total > 0 || (is_at_rest(motion_a) && is_at_rest(motion_b))) {
+    SweptAnswer swept = at_once(*now, options.duration_s);
+    if (asked) swept.stats = asked->stats;
+    return swept;
+  }
   return SweptQuery(mover_a, mover_b, options).run();
 }
 

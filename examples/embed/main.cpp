@@ -22,22 +22,21 @@ int main(int argc, char** argv) {
     return 1;
   }
   Session session(std::move(channel).value());
-  if (!session.add_body("anvil", "sphere", true).is_ok() ||
-      !session.add_body("hammer", "sphere", true).is_ok() ||
-      !session.watch("anvil", "hammer").is_ok())
-    return 1;
+  const auto anvil = session.add_body({.name = "anvil", .model = "sphere", .own = true}).value();
+  const auto hammer = session.add_body({.name = "hammer", .model = "sphere", .own = true}).value();
+  const auto pair = session.watch(anvil, hammer).value();
 
   const double heights_m[] = {3.0, 2.5, 1.99,
                               1.0};  // between the centres of two spheres of radius 1 m
   for (int step = 0; step < 4; ++step) {
-    nearmesh::Motion anvil, hammer;
-    hammer.pose.translation_m = {0.01, 0.02, heights_m[step]};
-    std::vector<Session::OwnMotion> motions{{"anvil", anvil}, {"hammer", hammer}};
+    nearmesh::Motion here, above;
+    above.pose.translation_m = {0.01, 0.02, heights_m[step]};
     for (int tries = 0; tries < 5000;
          ++tries) {  // a simulator would simply go on with its next frame
-      const auto report = session.update(static_cast<std::uint64_t>(step), step, motions, 0.005);
+      const auto report = session.update(static_cast<std::uint64_t>(step), step,
+                                         {{anvil, here}, {hammer, above}}, 0.005);
       if (!report.is_ok()) return 1;
-      const auto& answer = report.value().answers.front().answer;
+      const auto& answer = report.value().answers[pair.value].answer;
       if (nearmesh::is_certified(answer.status)) {
         std::printf("height %.2f m: %s, %zu touching face pairs\n", heights_m[step],
                     nearmesh::to_string(answer.status), answer.pairs.size());

@@ -39,36 +39,59 @@ struct Summary {
 
 namespace nm = nearmesh::subscriber;
 
+/// A session, and what the simulator remembers of it.
+struct Peer {
+  std::unique_ptr<nm::Session> session;
+  nm::BodyId terrain;
+  std::vector<nm::BodyId> bodies;   ///< of the own aircraft, by place in the fleet
+  std::vector<std::size_t> own_of;  ///< of each pair: the own aircraft's place in the fleet
+};
+
 /// A session on the simulator's own participant, with the terrain and the own aircraft.
-nearmesh::Result<std::unique_ptr<nm::Session>> join_nearmesh(const HostBus& bus,
-                                                             const std::vector<Aircraft>& fleet) {
+nearmesh::Result<Peer> join_nearmesh(const HostBus& bus, const std::vector<Aircraft>& fleet) {
   nm::DdsChannelOptions options;
   options.participant = bus.participant;
   auto channel = nm::DdsChannel::create(options);
   if (!channel.is_ok()) return channel.status();
-  auto session = std::make_unique<nm::Session>(std::move(channel).value(),
-                                               nm::SessionOptions{.contacts = true});
-  NEARMESH_RETURN_IF_ERROR(session->add_body("terrain", "terrain", false));
-  NEARMESH_RETURN_IF_ERROR(session->place_body("terrain", {}));
+  Peer peer{.session = std::make_unique<nm::Session>(std::move(channel).value(),
+                                                     nm::SessionOptions{.contacts = true})};
+  nm::Session& session = *peer.session;
+  peer.terrain = session.add_body({.name = "terrain", .model = "terrain"}).value();
+  NEARMESH_RETURN_IF_ERROR(session.place_body(peer.terrain, {}));
   for (const Aircraft& own : fleet) {
-    NEARMESH_RETURN_IF_ERROR(session->add_body(own.name, "aircraft", true));
-    NEARMESH_RETURN_IF_ERROR(session->watch("terrain", own.name));
+    const auto body = session.add_body({.name = own.name, .model = "aircraft", .own = true});
+    if (!body.is_ok()) return body.status();
+    NEARMESH_RETURN_IF_ERROR(session.watch(peer.terrain, body.value()).status());
+    peer.own_of.push_back(peer.bodies.size());
+    peer.bodies.push_back(body.value());
   }
-  return session;
+  return peer;
 }
 
-std::vector<nm::Session::OwnMotion> motions_of(const std::vector<Aircraft>& fleet) {
+/// An aircraft of another simulator, whose poses come from its own nearmesh.
+nearmesh::Status meet(Peer& peer, const std::string& name) {
+  const auto other = peer.session->add_body({.name = name, .model = "aircraft"});
+  if (!other.is_ok()) return other.status();
+  for (std::size_t own = 0; own < peer.bodies.size(); ++own) {
+    NEARMESH_RETURN_IF_ERROR(peer.session->watch(peer.bodies[own], other.value()).status());
+    peer.own_of.push_back(own);
+  }
+  return nearmesh::Status::ok();
+}
+
+std::vector<nm::Session::OwnMotion> motions_of(const Peer& peer,
+                                               const std::vector<Aircraft>& fleet) {
   std::vector<nm::Session::OwnMotion> motions;
-  for (const Aircraft& own : fleet)
+  for (std::size_t i = 0; i < fleet.size(); ++i)
     motions.push_back(
-        {own.name, {{own.rotation, own.position_m}, own.velocity_mps, own.rates_radps}});
+        {peer.bodies[i],
+         {{fleet[i].rotation, fleet[i].position_m}, fleet[i].velocity_mps, fleet[i].rates_radps}});
   return motions;
 }
 
-/// What an answer means for an own aircraft of the pair; `before` is where it was a step ago.
-void use_answer(const nm::PairAnswer& pair, Policy policy, Aircraft& own, const Aircraft& before,
-                Summary& summary) {
-  const bool is_b = pair.body_b == own.name;
+/// What an answer means for the pair's own aircraft, B or else A; `before` is where it was a step ago.
+void use_answer(const nm::PairAnswer& pair, bool is_b, Policy policy, Aircraft& own,
+                const Aircraft& before, Summary& summary) {
   if (pair.contacts) {  // certified, or a part of it: what touches does touch
     ++summary.contact;
     for (const nearmesh::ContactPatch& patch : pair.contacts->patches) {
@@ -111,11 +134,10 @@ int run(const Options& options) {
   // ---- nearmesh: begin
   auto joined = join_nearmesh(*bus, fleet);
   if (!joined.is_ok()) return fail(joined.status().message());
-  nm::Session& session = *joined.value();
-  std::map<std::string, std::size_t> index_of;
-  for (std::size_t i = 0; i < fleet.size(); ++i) index_of[fleet[i].name] = i;
+  Peer& peer = joined.value();
   if (options.wait_s > 0) {
-    const auto ready = nm::wait_ready(session, "terrain", options.wait_s, motions_of(fleet));
+    const auto ready =
+        nm::wait_ready(*peer.session, peer.terrain, options.wait_s, motions_of(peer, fleet));
     if (!ready.is_ok()) return fail(ready.status().message());
     if (ready.value().readiness.stage != nm::ReadyStage::kCertified)
       return fail("not ready after " + std::to_string(options.wait_s) +
@@ -124,7 +146,8 @@ int run(const Options& options) {
   // ---- nearmesh: end
 
   Summary summary;
-  std::set<std::string> others, said;
+  std::set<std::string> known, said;  // aircraft; complaints
+  for (const Aircraft& own : fleet) known.insert(own.name);
   const auto clock = [] { return std::chrono::steady_clock::now(); };
   const auto ms_since = [&](auto start) {
     return std::chrono::duration<double, std::milli>(clock() - start).count();
@@ -137,27 +160,24 @@ int run(const Options& options) {
     for (Aircraft& own : fleet) fly(own, ground);
     for (const AircraftState& state : bus->take()) {
       const std::string name = state.name().to_string();
-      if (index_of.contains(name) || !others.insert(name).second) continue;
-      // ---- nearmesh: begin: an aircraft of another simulator, whose poses come from its own nearmesh
-      if (const auto added = session.add_body(name, "aircraft", false); !added.is_ok())
-        return fail(added.message());
-      for (const Aircraft& own : fleet)
-        if (const auto watched = session.watch(own.name, name); !watched.is_ok())
-          return fail(watched.message());
+      if (!known.insert(name).second) continue;
+      // ---- nearmesh: begin
+      if (const auto met = meet(peer, name); !met.is_ok()) return fail(met.message());
       // ---- nearmesh: end
     }
 
     // ---- nearmesh: begin
     const auto update_start = clock();
-    const auto report = session.update(step, static_cast<double>(step) * kStep_s, motions_of(fleet),
-                                       options.budget_ms / 1000);
+    const auto report = peer.session->update(step, static_cast<double>(step) * kStep_s,
+                                             motions_of(peer, fleet), options.budget_ms / 1000);
     if (!report.is_ok()) return fail(report.status().message());
     for (const std::string& line : report.value().complaints)
       if (said.insert(line).second)  // they come as often as their cause
         std::fprintf(stderr, "flight_sim: nearmesh: %s\n", line.c_str());
     for (const nm::PairAnswer& pair : report.value().answers) {
-      const std::size_t own = index_of.at(pair.body_a == "terrain" ? pair.body_b : pair.body_a);
-      use_answer(pair, options.policy, fleet[own], before[own], summary);
+      const std::size_t own = peer.own_of[pair.pair.value];
+      use_answer(pair, pair.b == peer.bodies[own], options.policy, fleet[own], before[own],
+                 summary);
     }
     summary.nearmesh_ms.push_back(ms_since(update_start));
     // ---- nearmesh: end
@@ -172,8 +192,8 @@ int run(const Options& options) {
   std::printf(
       "flight_sim %s: %llu steps, %zu other aircraft; answers %llu free, %llu contact, %llu "
       "uncertain (%llu held); p99 step %.2f ms, of it nearmesh %.2f ms; %llu steps late\n",
-      options.callsign.c_str(), static_cast<unsigned long long>(summary.steps), others.size(),
-      static_cast<unsigned long long>(summary.free),
+      options.callsign.c_str(), static_cast<unsigned long long>(summary.steps),
+      known.size() - fleet.size(), static_cast<unsigned long long>(summary.free),
       static_cast<unsigned long long>(summary.contact),
       static_cast<unsigned long long>(summary.uncertain),
       static_cast<unsigned long long>(summary.held), percentile(summary.step_ms, 0.99),

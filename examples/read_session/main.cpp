@@ -9,8 +9,7 @@
 
 #include "nearmesh/core/query/query.hpp"
 #include "nearmesh/core/recording/recording.hpp"
-#include "nearmesh/idl/dds/payload.hpp"
-#include "nearmesh/idl/messages/topics.hpp"
+#include "nearmesh/idl/dds/recorded_samples.hpp"
 
 using namespace nearmesh;
 
@@ -19,9 +18,8 @@ int main(int argc, char** argv) {
   const auto opened = RecordingReader::open(argv[1]);
   if (!opened.is_ok()) return std::fprintf(stderr, "%s\n", opened.status().message().c_str()), 1;
   RecordingReader& recording = *opened.value();
-  const Status fits = wire::check_recorded_version(recording.facts().wire_version);
-  if (!fits.is_ok()) return std::fprintf(stderr, "%s\n", fits.message().c_str()), 1;
-  const std::string reports = wire::TopicNames(recording.facts().prefix).contact_report;
+  const auto samples = wire::RecordedSamples::of(recording);
+  if (!samples.is_ok()) return std::fprintf(stderr, "%s\n", samples.status().message().c_str()), 1;
 
   struct Pair {
     int answers = 0, certified = 0;
@@ -30,11 +28,9 @@ int main(int argc, char** argv) {
   std::map<std::pair<std::string, std::string>, Pair> pairs;
   const Status status = recording.read(
       1, recording.message_count() + 1, [&](std::int64_t, const RecordedMessage& message) {
-        if (recording.topics()[recording.writers()[message.writer].topic].name != reports)
-          return true;  // go on with the next message
-        const auto decoded = wire::decode_payload<wire::ContactReport>(message.cdr);
-        if (!decoded.is_ok()) return true;
-        const wire::ContactReport& report = decoded.value();
+        const auto read = samples.value().read<wire::ContactReport>(message);
+        if (!read) return true;  // of another topic: go on with the next message
+        const wire::ContactReport& report = *read;
         const auto answer = static_cast<AnswerStatus>(report.status);
         Pair& pair = pairs[{report.body_a, report.body_b}];
         ++pair.answers;

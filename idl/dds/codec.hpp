@@ -5,29 +5,34 @@
 
 #include "nearmesh/idl/messages/messages.hpp"
 #include "nearmesh/idl/nearmesh.h"
+#include "nearmesh/idl/nearmeshPubSubTypes.h"
 
 namespace nearmesh::wire {
 
-/// Out: every field of `sample` is set. The message should have passed check(): nothing is cut or
-/// refused here.
-void encode(const Hello& message, wire_types::HelloSample& sample);
-void encode(const MeshHeader& message, wire_types::MeshHeaderSample& sample);
-void encode(const RegionSubscription& message, wire_types::RegionSubscriptionSample& sample);
-void encode(const SplitBatchMessage& message, wire_types::SplitBatchSample& sample);
-void encode(const BodyPose& message, wire_types::BodyPoseSample& sample);
-void encode(const ContactReport& message, wire_types::ContactReportSample& sample);
-void encode(const ProcessStatus& message, wire_types::ProcessStatusSample& sample);
-void encode(const Echo& message, wire_types::EchoSample& sample);
+/// The generated type that carries a message.
+template <class Message>
+struct Generated;
 
-/// Errors: kUnsupported for another wire version; kInvalidArgument naming the field that lies
-/// outside its limits.
-[[nodiscard]] Result<Hello> decode(const wire_types::HelloSample& sample);
-[[nodiscard]] Result<MeshHeader> decode(const wire_types::MeshHeaderSample& sample);
-[[nodiscard]] Result<RegionSubscription> decode(const wire_types::RegionSubscriptionSample& sample);
-[[nodiscard]] Result<SplitBatchMessage> decode(const wire_types::SplitBatchSample& sample);
-[[nodiscard]] Result<BodyPose> decode(const wire_types::BodyPoseSample& sample);
-[[nodiscard]] Result<ContactReport> decode(const wire_types::ContactReportSample& sample);
-[[nodiscard]] Result<ProcessStatus> decode(const wire_types::ProcessStatusSample& sample);
-[[nodiscard]] Result<Echo> decode(const wire_types::EchoSample& sample);
+/// encode(). Out: every field of `sample` is set. The message should have passed check(): nothing is cut or refused here.
+/// decode(). Errors: kUnsupported for another wire version; kInvalidArgument naming the field that lies outside its limits.
+#define NEARMESH_CODEC(Message, SampleName)                            \
+  template <>                                                          \
+  struct Generated<Message> {                                          \
+    using Sample = wire_types::SampleName;                             \
+    using Type = wire_types::SampleName##PubSubType;                   \
+  };                                                                   \
+  void encode(const Message& message, wire_types::SampleName& sample); \
+  [[nodiscard]] Result<Message> decode(const wire_types::SampleName& sample)
+NEARMESH_CODEC(Hello, HelloSample);
+NEARMESH_CODEC(MeshHeader, MeshHeaderSample);
+NEARMESH_CODEC(RegionSubscription, RegionSubscriptionSample);
+NEARMESH_CODEC(SplitBatchMessage, SplitBatchSample);
+NEARMESH_CODEC(BodyPose, BodyPoseSample);
+NEARMESH_CODEC(ContactReport, ContactReportSample);
+NEARMESH_CODEC(ProcessStatus, ProcessStatusSample);
+NEARMESH_CODEC(Echo, EchoSample);
+#undef NEARMESH_CODEC
+template <>
+struct Generated<Probe> : Generated<Echo> {};
 
 }  // namespace nearmesh::wire

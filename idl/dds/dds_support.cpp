@@ -77,6 +77,10 @@ const char* durability_name(fdds::DurabilityQosPolicyKind kind) {
   }
 }
 
+const char* reliability_name(fdds::ReliabilityQosPolicyKind kind) {
+  return kind == fdds::RELIABLE_RELIABILITY_QOS ? "reliable" : "best effort";
+}
+
 std::string incompatible(const std::string& topic, fdds::QosPolicyId_t id) {
   return topic +
          ": an endpoint elsewhere cannot be matched, its QoS is incompatible: " + policy_name(id) +
@@ -147,7 +151,7 @@ class DiscoveryListener : public fdds::DomainParticipantListener {
   DiscoveryListener(Mailbox& mailbox, const BusOptions& options)
       : mailbox_(mailbox),
         prefix_(options.transport.prefix),
-        deliveries_(deliveries_of(TopicNames(prefix_))),
+        names_(prefix_),
         on_writer_(options.on_writer) {}
 
   void on_publisher_discovery(fdds::DomainParticipant*,
@@ -177,17 +181,6 @@ class DiscoveryListener : public fdds::DomainParticipantListener {
  private:
   static constexpr std::size_t kMaxKnown = 256;
 
-  static std::map<std::string, const Delivery*> deliveries_of(const TopicNames& names) {
-    return {{names.hello, &kHelloDelivery},
-            {names.mesh_header, &kMeshHeaderDelivery},
-            {names.region_subscription, &kRegionSubscriptionDelivery},
-            {names.split_batch, &kSplitBatchDelivery},
-            {names.body_pose, &kBodyPoseDelivery},
-            {names.contact_report, &kContactReportDelivery},
-            {names.process_status, &kProcessStatusDelivery},
-            {names.echo, &kEchoDelivery}};
-  }
-
   void judge(const std::string& topic, const std::string& type) {
     if (std::optional<std::string> line = judge_remote_endpoint(prefix_, topic, type))
       say(std::move(*line));
@@ -197,8 +190,9 @@ class DiscoveryListener : public fdds::DomainParticipantListener {
   void judge_qos(const std::string& topic, const Handle& endpoint, bool is_writer,
                  fdds::ReliabilityQosPolicyKind reliability,
                  fdds::DurabilityQosPolicyKind durability) {
-    const auto known = deliveries_.find(topic);
-    if (known == deliveries_.end()) return;
+    const std::optional<TopicPlace> place = names_.find(topic);
+    if (!place) return;
+    const Delivery& delivery = kTopicFacts[*place].delivery;
     const auto too_little = [&](auto theirs, auto ours) {
       return is_writer ? theirs < ours : theirs > ours;
     };
@@ -208,11 +202,12 @@ class DiscoveryListener : public fdds::DomainParticipantListener {
              theirs + ", this side " + (is_writer ? "requests " : "offers ") + ours + "; give it " +
              policy + " " + ours;
     };
-    if (too_little(reliability, fdds::RELIABLE_RELIABILITY_QOS))
-      say(line("reliability", "best effort", "reliable"));
-    if (too_little(durability, known->second->durability))
+    if (too_little(reliability, reliability_of(delivery)))
+      say(line("reliability", reliability_name(reliability),
+               reliability_name(reliability_of(delivery))));
+    if (too_little(durability, durability_of(delivery)))
       say(line("durability", durability_name(durability),
-               durability_name(known->second->durability)));
+               durability_name(durability_of(delivery))));
   }
 
   /// Each line once: every endpoint of another version would say the same.
@@ -226,7 +221,7 @@ class DiscoveryListener : public fdds::DomainParticipantListener {
 
   Mailbox& mailbox_;
   const std::string prefix_;
-  const std::map<std::string, const Delivery*> deliveries_;
+  const TopicNames names_;
   const std::function<void(const Handle&, const std::string&)> on_writer_;
   std::mutex mutex_;
   std::set<std::string> said_;
@@ -247,13 +242,14 @@ bool was_judged(const Parent* parent, fdds::QosPolicyId_t id) {
 void ReaderListener::on_requested_incompatible_qos(
     fdds::DataReader* reader, const fdds::RequestedIncompatibleQosStatus& status) {
   if (!was_judged(reader->get_subscriber(), status.last_policy_id))
-    mailbox_.complain(incompatible(topic_, status.last_policy_id));
+    mailbox_.complain(
+        incompatible(reader->get_topicdescription()->get_name(), status.last_policy_id));
 }
 
 void WriterListener::on_offered_incompatible_qos(fdds::DataWriter* writer,
                                                  const fdds::OfferedIncompatibleQosStatus& status) {
   if (!was_judged(writer->get_publisher(), status.last_policy_id))
-    mailbox_.complain(incompatible(topic_, status.last_policy_id));
+    mailbox_.complain(incompatible(writer->get_topic()->get_name(), status.last_policy_id));
 }
 
 // --- Bus
@@ -261,6 +257,8 @@ void WriterListener::on_offered_incompatible_qos(fdds::DataWriter* writer,
 Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailbox) {
   NEARMESH_RETURN_IF_ERROR(check_options(options.transport));
   std::unique_ptr<Bus> bus(new Bus);
+  bus->names_ = options.names ? options.names : TopicNames(options.transport.prefix);
+  bus->heartbeat_s_ = options.transport.heartbeat_s;
   if (options.host_participant != nullptr) {
     bus->participant_ = options.host_participant;
     return bus;
@@ -276,7 +274,7 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
   }
   if (options.header_bytes_per_s > 0) {
     auto flow = std::make_shared<eprosima::fastdds::rtps::FlowControllerDescriptor>();
-    flow->name = kHeaderFlow;
+    flow->name = kPacedFlow;
     flow->period_ms = 10;
     flow->max_bytes_per_period =
         std::max(options.header_bytes_per_s / 100,
@@ -299,7 +297,8 @@ Bus::~Bus() {
   if (participant_ == nullptr) return;
   while (!writers_.empty()) remove_writer(writers_.back());
   while (!readers_.empty()) remove_reader(readers_.back());
-  for (fdds::Topic* topic : topics_) participant_->delete_topic(topic);
+  for (const auto& [name, topic] : topics_)
+    if (topic != nullptr) participant_->delete_topic(topic);
   // Refused, rightly, while another session on the host's participant uses the type.
   for (const std::string& type : types_) participant_->unregister_type(type);
   if (is_own_) fdds::DomainParticipantFactory::get_instance()->delete_participant(participant_);
@@ -308,6 +307,24 @@ Bus::~Bus() {
 Result<fdds::Topic*> Bus::add_topic(const std::string& name, const fdds::TypeSupport& type,
                                     bool (*is_ours)(const fdds::TypeSupport&)) {
   const std::string type_name = type.get_type_name();
+  fdds::Topic*& topic = topics_[name];
+  if (topic == nullptr) {
+    NEARMESH_RETURN_IF_ERROR(add_type(type, is_ours));
+    // find_topic counts its users, so every session deletes what it got and the last one removes the topic.
+    topic = participant_->find_topic(name, Duration_t(0, 0));
+    if (topic == nullptr) topic = participant_->create_topic(name, type_name, fdds::TopicQos{});
+    if (topic == nullptr) topic = participant_->find_topic(name, Duration_t(0, 0));
+  }
+  if (topic == nullptr)
+    return Status{StatusCode::kIo, "Fast DDS could not create the topic " + name};
+  if (topic->get_type_name() != type_name)
+    return Status{StatusCode::kConflict, "topic " + name + " exists on the participant with type " +
+                                             topic->get_type_name()};
+  return topic;
+}
+
+Status Bus::add_type(const fdds::TypeSupport& type, bool (*is_ours)(const fdds::TypeSupport&)) {
+  const std::string type_name = type.get_type_name();
   fdds::TypeSupport found = participant_->find_type(type_name);
   if (found.empty()) {
     // Another session on the host's participant may be faster; then its type is found.
@@ -315,21 +332,10 @@ Result<fdds::Topic*> Bus::add_topic(const std::string& name, const fdds::TypeSup
     found = participant_->find_type(type_name);
   }
   if (found.empty() || !is_ours(found))
-    return Status{StatusCode::kConflict,
-                  "type " + type_name + " is registered on the participant by other code"};
+    return {StatusCode::kConflict,
+            "type " + type_name + " is registered on the participant by other code"};
   types_.push_back(type_name);
-  // find_topic counts its users, so every session deletes what it got and the last one removes the
-  // topic.
-  fdds::Topic* topic = participant_->find_topic(name, Duration_t(0, 0));
-  if (topic == nullptr) topic = participant_->create_topic(name, type_name, fdds::TopicQos{});
-  if (topic == nullptr) topic = participant_->find_topic(name, Duration_t(0, 0));
-  if (topic == nullptr)
-    return Status{StatusCode::kIo, "Fast DDS could not create the topic " + name};
-  topics_.push_back(topic);
-  if (topic->get_type_name() != type_name)
-    return Status{StatusCode::kConflict, "topic " + name + " exists on the participant with type " +
-                                             topic->get_type_name()};
-  return topic;
+  return Status::ok();
 }
 
 Result<fdds::DataWriter*> Bus::add_writer(fdds::Topic* topic, const fdds::DataWriterQos& qos,

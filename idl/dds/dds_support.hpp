@@ -15,6 +15,7 @@
 #include <fastdds/dds/subscriber/SubscriberListener.hpp>
 #include <fastdds/dds/topic/Topic.hpp>
 
+#include <chrono>
 #include <cstdint>
 #include <deque>
 #include <functional>
@@ -28,7 +29,7 @@
 
 #include "codec.hpp"
 #include "mailbox.hpp"
-#include "nearmesh/idl/dds/detail/transport_options.hpp"
+#include "nearmesh/idl/dds/transport_options.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
 #include "qos.hpp"
 #include "type_support.hpp"
@@ -47,8 +48,7 @@ using Microseconds = std::int64_t;
 /// on_data_on_readers is taken here so that it does not reach a listener of the host's participant.
 class ReaderListener : public fdds::SubscriberListener {
  public:
-  ReaderListener(Mailbox& mailbox, std::string topic)
-      : mailbox_(mailbox), topic_(std::move(topic)) {}
+  explicit ReaderListener(Mailbox& mailbox) : mailbox_(mailbox) {}
 
   struct Match {
     Handle writer;
@@ -66,7 +66,6 @@ class ReaderListener : public fdds::SubscriberListener {
 
  private:
   Mailbox& mailbox_;
-  std::string topic_;
   std::mutex mutex_;
   std::vector<Match> matches_;
 };
@@ -74,8 +73,7 @@ class ReaderListener : public fdds::SubscriberListener {
 /// Of one writer: wakes, and knows the readers that are matched.
 class WriterListener : public fdds::DataWriterListener {
  public:
-  WriterListener(Mailbox& mailbox, std::string topic)
-      : mailbox_(mailbox), topic_(std::move(topic)) {}
+  explicit WriterListener(Mailbox& mailbox) : mailbox_(mailbox) {}
 
   /// The writer was removed, and another will use this listener.
   void forget_readers();
@@ -91,7 +89,6 @@ class WriterListener : public fdds::DataWriterListener {
 
  private:
   Mailbox& mailbox_;
-  std::string topic_;
   mutable std::mutex mutex_;
   std::set<Handle> readers_;
 };
@@ -174,7 +171,8 @@ struct BusOptions {
   TransportOptions transport;
   const char* participant_name = "nearmesh";
   fdds::DomainParticipant* host_participant = nullptr;  ///< used as it is, instead of an own one
-  std::int32_t header_bytes_per_s = 0;  ///< above 0: makes the flow controller kHeaderFlow
+  std::int32_t header_bytes_per_s = 0;  ///< above 0: makes the flow controller kPacedFlow
+  std::optional<TopicNames> names;      ///< where topics are called otherwise than the prefix says
   /// Told of every writer elsewhere and its partition ("" for none) before any of its samples comes; not with a host's
   /// participant. Called by threads of Fast DDS.
   std::function<void(const Handle& writer, const std::string& partition)> on_writer;
@@ -193,32 +191,45 @@ class Bus {
   Bus(const Bus&) = delete;
   Bus& operator=(const Bus&) = delete;
 
-  /// Registers SafeType `Type`, or uses the one that is registered, and likewise the topic.
-  /// Errors: kConflict when the host has another type or topic under the name.
+  /// A Subscriber or Publisher of its own in the partition ("" for none) with one endpoint of the message's topic: name, type
+  /// and QoS are those of the table. Errors: kConflict when the host has another type or topic under the name; kIo.
+  template <class Message, class Type = TypeOf<Message>>
+  [[nodiscard]] Result<fdds::DataReader*> reader(ReaderListener& listener,
+                                                 const std::string& partition = "",
+                                                 Hearing hearing = Hearing::kAsPromised) {
+    const auto topic = add_topic<Type>(names_->of<Message>());
+    if (!topic.is_ok()) return topic.status();
+    return add_reader(topic.value(), reader_qos(topic_of<Message>().delivery, hearing), listener,
+                      partition);
+  }
+  template <class Message>
+  [[nodiscard]] Result<fdds::DataWriter*> writer(WriterListener& listener,
+                                                 const std::string& partition = "") {
+    const auto topic = add_topic<TypeOf<Message>>(names_->of<Message>());
+    if (!topic.is_ok()) return topic.status();
+    return add_writer(topic.value(), writer_qos(topic_of<Message>().delivery, heartbeat_s_),
+                      listener, partition);
+  }
+  void remove_writer(fdds::DataWriter* writer);
+  [[nodiscard]] const TopicNames& names() const { return *names_; }
+
+ private:
+  Bus() = default;
+  void remove_reader(fdds::DataReader* reader);
   template <class Type>
-  [[nodiscard]] Result<fdds::Topic*> add_topic(const std::string& name) {
+  Result<fdds::Topic*> add_topic(const std::string& name) {
     fdds::TypeSupport type(new Type);
     return add_topic(name, type, [](const fdds::TypeSupport& found) {
       return dynamic_cast<const Type*>(found.get()) != nullptr;
     });
   }
-
-  /// A Publisher or Subscriber of its own in the partition ("" for none), with one endpoint.
-  [[nodiscard]] Result<fdds::DataWriter*> add_writer(fdds::Topic* topic,
-                                                     const fdds::DataWriterQos& qos,
-                                                     WriterListener& listener,
-                                                     const std::string& partition = "");
-  [[nodiscard]] Result<fdds::DataReader*> add_reader(fdds::Topic* topic,
-                                                     const fdds::DataReaderQos& qos,
-                                                     ReaderListener& listener,
-                                                     const std::string& partition = "");
-  void remove_writer(fdds::DataWriter* writer);
-
- private:
-  Bus() = default;
-  void remove_reader(fdds::DataReader* reader);
   Result<fdds::Topic*> add_topic(const std::string& name, const fdds::TypeSupport& type,
                                  bool (*is_ours)(const fdds::TypeSupport&));
+  Status add_type(const fdds::TypeSupport& type, bool (*is_ours)(const fdds::TypeSupport&));
+  Result<fdds::DataReader*> add_reader(fdds::Topic* topic, const fdds::DataReaderQos& qos,
+                                       ReaderListener& listener, const std::string& partition);
+  Result<fdds::DataWriter*> add_writer(fdds::Topic* topic, const fdds::DataWriterQos& qos,
+                                       WriterListener& listener, const std::string& partition);
 
   std::unique_ptr<DiscoveryListener> discovery_;
   fdds::DomainParticipant* participant_ = nullptr;
@@ -226,8 +237,10 @@ class Bus {
   std::string refusal_hint_;  ///< for messages, where security is on
   std::vector<fdds::DataWriter*> writers_;
   std::vector<fdds::DataReader*> readers_;
-  std::vector<fdds::Topic*> topics_;
+  std::map<std::string, fdds::Topic*> topics_;
   std::vector<std::string> types_;
+  std::optional<TopicNames> names_;
+  double heartbeat_s_ = 0;
 };
 
 /// Short name of a Fast DDS return code, for messages.
@@ -239,58 +252,126 @@ class Bus {
 
 enum class WriteResult { kTaken, kFull, kFailed };
 
-/// Writes one sample. kFull covers every TIMEOUT of Fast DDS 2.9, which also comes spuriously: the sample was not sent and
-/// should be tried again. kFailed leaves a complaint.
-template <class Type>
-[[nodiscard]] WriteResult write_sample(fdds::DataWriter& writer, typename Type::Data& data,
-                                       Mailbox& mailbox) {
-  using eprosima::fastrtps::types::ReturnCode_t;
-  const ReturnCode_t code = writer.write(static_cast<typename Type::Sample*>(&data),
-                                         eprosima::fastrtps::rtps::c_InstanceHandle_Unknown);
-  if (code == ReturnCode_t::RETCODE_OK) return WriteResult::kTaken;
-  if (code == ReturnCode_t::RETCODE_TIMEOUT) return WriteResult::kFull;
-  mailbox.complain(writer.get_topic()->get_name() + ": write failed: " + name_of(code));
-  return WriteResult::kFailed;
+/// Tries again for two seconds while `write` finds no room; Fast DDS 2.9 also says so without need. Out: it was taken. Waiting may
+/// take a wake-up that was meant for others, so the mailbox is woken again.
+template <class Write>
+[[nodiscard]] bool write_patiently(const std::string& topic, Mailbox& mailbox, Write write) {
+  constexpr std::chrono::seconds kDeadline{2};
+  const auto deadline = std::chrono::steady_clock::now() + kDeadline;
+  WriteResult result = write();
+  if (result != WriteResult::kFull) return result == WriteResult::kTaken;
+  for (; result == WriteResult::kFull && std::chrono::steady_clock::now() < deadline;
+       result = write())
+    mailbox.wait(0.002);
+  mailbox.wake();
+  if (result == WriteResult::kFull) mailbox.complain(topic + ": not sent: no room for 2 s");
+  return result == WriteResult::kTaken;
 }
 
-/// Encodes and writes one message, as write_sample does.
-template <class Type, class Message>
-[[nodiscard]] WriteResult write_message(fdds::DataWriter& writer, const Message& message,
-                                        Mailbox& mailbox) {
-  typename Type::Data data;
-  encode(message, data);
-  return write_sample<Type>(writer, data, mailbox);
-}
+/// A topic's writer with its listener. Make it before the bus that opens it, and let it outlive that. Threads: one.
+template <class Message>
+class Writer {
+ public:
+  using Data = typename TypeOf<Message>::Data;
 
-/// Takes at most `most` samples. Valid ones go to accept(message, writer, received), the others
-/// leave one complaint each. `heard` (may be empty) is told of every sample's writer. Out: true when there may be more.
-template <class Type, class Accept>
-[[nodiscard]] bool drain(fdds::DataReader& reader, Mailbox& mailbox, std::size_t most,
-                         Accept accept, const std::function<void(const Handle&)>& heard = {}) {
-  using eprosima::fastrtps::types::ReturnCode_t;
-  typename Type::Data data;
-  fdds::SampleInfo info;
-  for (std::size_t i = 0; i < most; ++i) {
-    data.fault.clear();
-    const ReturnCode_t code =
-        reader.take_next_sample(static_cast<typename Type::Sample*>(&data), &info);
-    if (code != ReturnCode_t::RETCODE_OK) return false;
-    if (heard) heard(info.publication_handle);
-    if (!info.valid_data) continue;  // a dispose: nothing here depends on it
-    std::string fault = data.fault;
-    if (fault.empty()) {
-      auto message = decode(data);
-      if (message.is_ok()) {
-        accept(std::move(message).value(), info.publication_handle,
-               to_us(info.reception_timestamp));
-        continue;
-      }
-      fault = message.status().message();
-    }
-    mailbox.complain(reader.get_topicdescription()->get_name() + ": sample of " +
-                     name_of(info.publication_handle) + " dropped: " + fault);
+  explicit Writer(Mailbox& mailbox) : mailbox_(mailbox), listener_(mailbox) {}
+
+  /// Errors: as Bus::writer.
+  [[nodiscard]] Status open(Bus& bus, const std::string& partition = "") {
+    auto made = bus.writer<Message>(listener_, partition);
+    writer_ = made.is_ok() ? made.value() : nullptr;
+    return made.status();
   }
-  return true;
-}
+  [[nodiscard]] fdds::DataWriter& endpoint() const { return *writer_; }
+  [[nodiscard]] WriterListener& listener() { return listener_; }
+  [[nodiscard]] const WriterListener& listener() const { return listener_; }
+
+  [[nodiscard]] WriteResult write(const Message& message) {
+    Data data;
+    encode(message, data);
+    return write_sample(data);
+  }
+  /// kFull covers every TIMEOUT of Fast DDS 2.9, which also comes spuriously: the sample was not sent and should be tried
+  /// again. kFailed leaves a complaint.
+  [[nodiscard]] WriteResult write_sample(Data& data) {
+    using eprosima::fastrtps::types::ReturnCode_t;
+    const ReturnCode_t code =
+        writer_->write(sample_of(data), eprosima::fastrtps::rtps::c_InstanceHandle_Unknown);
+    if (code == ReturnCode_t::RETCODE_OK) return WriteResult::kTaken;
+    if (code == ReturnCode_t::RETCODE_TIMEOUT) return WriteResult::kFull;
+    mailbox_.complain(writer_->get_topic()->get_name() + ": write failed: " + name_of(code));
+    return WriteResult::kFailed;
+  }
+  /// Late joiners shall not get the sample with this key any more.
+  void dispose(Data& data) {
+    writer_->dispose(sample_of(data), eprosima::fastrtps::rtps::c_InstanceHandle_Unknown);
+  }
+
+ private:
+  static auto* sample_of(Data& data) {
+    return static_cast<typename TypeOf<Message>::Sample*>(&data);
+  }
+
+  Mailbox& mailbox_;
+  WriterListener listener_;
+  fdds::DataWriter* writer_ = nullptr;
+};
+
+/// A topic's reader with its listener; as Writer.
+template <class Message>
+class Reader {
+ public:
+  explicit Reader(Mailbox& mailbox) : mailbox_(mailbox), listener_(mailbox) {}
+
+  /// Errors: as Bus::reader; then it is not open.
+  [[nodiscard]] Status open(Bus& bus, const std::string& partition = "",
+                            Hearing hearing = Hearing::kAsPromised) {
+    auto made = bus.reader<Message>(listener_, partition, hearing);
+    reader_ = made.is_ok() ? made.value() : nullptr;
+    return made.status();
+  }
+  [[nodiscard]] bool is_open() const { return reader_ != nullptr; }
+  [[nodiscard]] fdds::DataReader& endpoint() const { return *reader_; }
+  /// Which writers came and went since the last call.
+  [[nodiscard]] std::vector<ReaderListener::Match> take_matches() {
+    return listener_.take_matches();
+  }
+
+  /// Takes at most `most` samples. Valid ones go to accept(message, writer, received), the others
+  /// leave one complaint each. `heard` (may be empty) is told of every sample's writer. Out: true when there may be more.
+  template <class Accept>
+  [[nodiscard]] bool drain(std::size_t most, Accept accept,
+                           const std::function<void(const Handle&)>& heard = {}) {
+    using eprosima::fastrtps::types::ReturnCode_t;
+    typename TypeOf<Message>::Data data;
+    fdds::SampleInfo info;
+    for (std::size_t i = 0; i < most; ++i) {
+      data.fault.clear();
+      const ReturnCode_t code =
+          reader_->take_next_sample(static_cast<typename TypeOf<Message>::Sample*>(&data), &info);
+      if (code != ReturnCode_t::RETCODE_OK) return false;
+      if (heard) heard(info.publication_handle);
+      if (!info.valid_data) continue;  // a dispose: nothing here depends on it
+      std::string fault = data.fault;
+      if (fault.empty()) {
+        auto message = decode(data);
+        if (message.is_ok()) {
+          accept(std::move(message).value(), info.publication_handle,
+                 to_us(info.reception_timestamp));
+          continue;
+        }
+        fault = message.status().message();
+      }
+      mailbox_.complain(reader_->get_topicdescription()->get_name() + ": sample of " +
+                        name_of(info.publication_handle) + " dropped: " + fault);
+    }
+    return true;
+  }
+
+ private:
+  Mailbox& mailbox_;
+  ReaderListener listener_;
+  fdds::DataReader* reader_ = nullptr;
+};
 
 }  // namespace nearmesh::wire

@@ -1,32 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nearmesh/idl/dds/payload.hpp"
 
-#include "codec.hpp"
-#include "core/base/hash.hpp"
-#include "nearmesh/idl/messages/topics.hpp"
 #include "type_support.hpp"
 
 namespace nearmesh::wire {
-namespace {
-
-using eprosima::fastrtps::rtps::SerializedPayload_t;
-
-template <class Message>
-struct TypeOf;
-template <>
-struct TypeOf<Hello> : HelloType {};
-template <>
-struct TypeOf<MeshHeader> : MeshHeaderType {};
-template <>
-struct TypeOf<RegionSubscription> : RegionSubscriptionType {};
-template <>
-struct TypeOf<SplitBatchMessage> : SplitBatchType {};
-template <>
-struct TypeOf<BodyPose> : BodyPoseType {};
-template <>
-struct TypeOf<ContactReport> : ContactReportType {};
-
-}  // namespace
 
 Status check_recorded_version(std::uint32_t wire_version) {
   if (wire_version == kWireVersion) return Status::ok();
@@ -35,63 +12,42 @@ Status check_recorded_version(std::uint32_t wire_version) {
                                         ": use the build that recorded it, or record anew"};
 }
 
-template <class Message>
-Result<Message> decode_payload(std::span<const std::uint8_t> cdr) {
-  using Type = TypeOf<Message>;
-  Type type;
-  typename Type::Data data;
-  SerializedPayload_t payload;
-  payload.data = const_cast<std::uint8_t*>(cdr.data());  // only read
-  payload.length = payload.max_size = static_cast<std::uint32_t>(cdr.size());
-  type.deserialize(&payload, static_cast<typename Type::Sample*>(&data));
-  payload.data = nullptr;  // its destructor would free it
-  if (!data.fault.empty()) return Status{StatusCode::kInvalidArgument, data.fault};
-  return decode(data);
+namespace detail {
+
+Status decode_payload(TopicPlace place, std::span<const std::uint8_t> cdr, void* message) {
+  return visit_topic(place, [&]<class Message>(const Topic<Message>&) -> Status {
+    TypeOf<Message> type;
+    typename TypeOf<Message>::Data data;
+    read_cdr(type, cdr, data);
+    if (!data.fault.empty()) return {StatusCode::kInvalidArgument, data.fault};
+    auto decoded = decode(data);
+    if (decoded.is_ok()) *static_cast<Message*>(message) = {std::move(decoded).value()};
+    return decoded.status();
+  });
 }
 
-template <class Message>
-std::vector<std::uint8_t> encode_payload(const Message& message) {
-  using Type = TypeOf<Message>;
-  Type type;
-  typename Type::Data data;
-  encode(message, data);
-  auto* sample = static_cast<typename Type::Sample*>(&data);
-  SerializedPayload_t payload(type.getSerializedSizeProvider(sample)());
-  const bool fits = type.serialize(sample, &payload);
-  NEARMESH_ASSERT(fits);
-  return {payload.data, payload.data + payload.length};
+std::vector<std::uint8_t> encode_payload(TopicPlace place, const void* message) {
+  return visit_topic(place, [&]<class Message>(const Topic<Message>&) {
+    using Type = TypeOf<Message>;
+    Type type;
+    typename Type::Data data;
+    encode(*static_cast<const Message*>(message), data);
+    auto* sample = static_cast<typename Type::Sample*>(&data);
+    eprosima::fastrtps::rtps::SerializedPayload_t payload(type.getSerializedSizeProvider(sample)());
+    const bool fits = type.serialize(sample, &payload);
+    NEARMESH_ASSERT(fits);
+    return std::vector<std::uint8_t>(payload.data, payload.data + payload.length);
+  });
 }
 
-#define NEARMESH_PAYLOAD_OF(Message)                                                   \
-  template Result<Message> decode_payload<Message>(std::span<const std::uint8_t> cdr); \
-  template std::vector<std::uint8_t> encode_payload<Message>(const Message& message)
-NEARMESH_PAYLOAD_OF(Hello);
-NEARMESH_PAYLOAD_OF(MeshHeader);
-NEARMESH_PAYLOAD_OF(RegionSubscription);
-NEARMESH_PAYLOAD_OF(SplitBatchMessage);
-NEARMESH_PAYLOAD_OF(BodyPose);
-NEARMESH_PAYLOAD_OF(ContactReport);
-#undef NEARMESH_PAYLOAD_OF
+}  // namespace detail
 
-std::string record_key(std::string_view type, std::span<const std::uint8_t> cdr) {
-  const auto key = [](const auto& message, auto of) {
-    return message.is_ok() ? of(message.value()) : std::string();
-  };
-  if (type == kHelloType)
-    return key(decode_payload<Hello>(cdr), [](const Hello& m) { return to_hex(m.publisher); });
-  if (type == kMeshHeaderType)
-    return key(decode_payload<MeshHeader>(cdr),
-               [](const MeshHeader& m) { return to_hex(m.content_hash); });
-  if (type == kRegionSubscriptionType)
-    return key(decode_payload<RegionSubscription>(cdr), [](const RegionSubscription& m) {
-      return m.request == 0 ? std::string() : to_hex(m.peer);
-    });
-  if (type == kSplitBatchType)
-    return key(decode_payload<SplitBatchMessage>(cdr),
-               [](const SplitBatchMessage& m) { return to_hex(m.content_hash); });
-  if (type == kBodyPoseType)
-    return key(decode_payload<BodyPose>(cdr), [](const BodyPose& m) { return m.body; });
-  return {};
+std::string record_key(TopicPlace place, std::span<const std::uint8_t> cdr) {
+  return visit_topic(place, [&]<class Message>(const Topic<Message>& topic) -> std::string {
+    if (topic.key == nullptr) return {};
+    const Result<Message> message = decode_payload<Message>(cdr);
+    return message.is_ok() ? topic.key(message.value()) : std::string();
+  });
 }
 
 const char* idl_text() {

@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <condition_variable>
+#include <memory>
 #include <mutex>
 #include <set>
 #include <string>
@@ -13,7 +14,8 @@
 
 #include "interfaces.hpp"
 #include "mailbox.hpp"
-#include "nearmesh/idl/dds/detail/transport_options.hpp"
+#include "nearmesh/core/base/status.hpp"
+#include "nearmesh/idl/dds/transport_options.hpp"
 
 namespace nearmesh::wire {
 
@@ -53,6 +55,19 @@ class RejoinWatch {
   [[nodiscard]] bool take_due() { return due_.exchange(false); }
   /// Joining anew failed, say because the network of a resumed machine is not up yet: take_due() is true again in a second.
   void try_again() { again_ = true; }
+  /// When it is due: gives up the bus and joins anew. `join` makes the bus and says whether that worked; where it did not, there
+  /// is none, the mailbox has a line, and it will be due again. Out: true when all endpoints are new.
+  template <class Bus, class Join>
+  [[nodiscard]] bool rejoin_if_due(std::unique_ptr<Bus>& bus, Join join) {
+    if (!take_due()) return false;
+    bus.reset();
+    const Status status = join();
+    if (status.is_ok()) return true;
+    mailbox_.complain("could not join again: " + status.message());
+    bus.reset();
+    try_again();
+    return false;
+  }
 
  private:
   void watch(double lease_s);

@@ -20,12 +20,11 @@
 #include <cstdint>
 #include <cstring>
 #include <functional>
+#include <span>
 #include <string>
 #include <vector>
 
-#include "nearmesh/idl/messages/messages.hpp"
-#include "nearmesh/idl/nearmesh.h"
-#include "nearmesh/idl/nearmeshPubSubTypes.h"
+#include "codec.hpp"
 
 namespace nearmesh::wire {
 
@@ -54,10 +53,10 @@ struct Envelope : Sample {
 
 /// In: the generated type support. Its maximum size stays: a reader of Fast DDS 2.9 drops what is
 /// larger, in silence.
-template <class Generated>
-class SafeType : public Generated {
+template <class Support>
+class SafeType : public Support {
  public:
-  using Sample = typename Generated::type;
+  using Sample = typename Support::type;
   using Data = Envelope<Sample>;
 
   SafeType() {
@@ -69,7 +68,7 @@ class SafeType : public Generated {
   void deleteData(void* data) override { delete &envelope(data); }
 
   std::function<std::uint32_t()> getSerializedSizeProvider(void* data) override {
-    if (envelope(data).cdr.empty()) return Generated::getSerializedSizeProvider(data);
+    if (envelope(data).cdr.empty()) return Support::getSerializedSizeProvider(data);
     return [data] { return static_cast<std::uint32_t>(envelope(data).cdr.size()); };
   }
 
@@ -82,7 +81,7 @@ class SafeType : public Generated {
       return true;
     }
     try {
-      return Generated::serialize(data, payload);
+      return Support::serialize(data, payload);
     } catch (...) {
       return false;
     }
@@ -95,7 +94,7 @@ class SafeType : public Generated {
     if (!target.fault.empty()) return true;
     bool read = false;
     try {
-      read = Generated::deserialize(payload, data);
+      read = Support::deserialize(payload, data);
       // Also catches names that were cut to their bound, and bytes that belong to no field. Up to
       // three bytes of padding follow a sample on the wire.
       const std::size_t expected = 4 + Sample::getCdrSerializedSize(target);
@@ -142,10 +141,10 @@ class SafeType : public Generated {
 };
 
 /// As SafeType, and keeps the bytes of what it reads, also of what is faulty: for recorders.
-template <class Generated>
-class RawType : public SafeType<Generated> {
+template <class Support>
+class RawType : public SafeType<Support> {
  public:
-  using Base = SafeType<Generated>;
+  using Base = SafeType<Support>;
   using Sample = typename Base::Sample;
   using Data = typename Base::Data;
 
@@ -156,13 +155,20 @@ class RawType : public SafeType<Generated> {
   }
 };
 
-using HelloType = SafeType<wire_types::HelloSamplePubSubType>;
-using MeshHeaderType = SafeType<wire_types::MeshHeaderSamplePubSubType>;
-using RegionSubscriptionType = SafeType<wire_types::RegionSubscriptionSamplePubSubType>;
-using SplitBatchType = SafeType<wire_types::SplitBatchSamplePubSubType>;
-using BodyPoseType = SafeType<wire_types::BodyPoseSamplePubSubType>;
-using ContactReportType = SafeType<wire_types::ContactReportSamplePubSubType>;
-using ProcessStatusType = SafeType<wire_types::ProcessStatusSamplePubSubType>;
-using EchoType = SafeType<wire_types::EchoSamplePubSubType>;
+/// The type supports of a message, as it is written and read, and as a recorder reads it.
+template <class Message>
+using TypeOf = SafeType<typename Generated<Message>::Type>;
+template <class Message>
+using RawTypeOf = RawType<typename Generated<Message>::Type>;
+
+/// A sample's bytes into a data object, as when they come from the bus.
+template <class Type>
+void read_cdr(Type& type, std::span<const std::uint8_t> cdr, typename Type::Data& data) {
+  eprosima::fastrtps::rtps::SerializedPayload_t payload;
+  payload.data = const_cast<std::uint8_t*>(cdr.data());  // only read
+  payload.length = payload.max_size = static_cast<std::uint32_t>(cdr.size());
+  type.deserialize(&payload, static_cast<typename Type::Sample*>(&data));
+  payload.data = nullptr;  // its destructor would free it
+}
 
 }  // namespace nearmesh::wire

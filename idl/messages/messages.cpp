@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <string_view>
 #include <utility>
 
@@ -57,30 +56,6 @@ Status check_time(double time_s) {
 Status check_distance(double value, const char* field) {
   if (std::isfinite(value) && value >= 0) return Status::ok();
   return invalid(std::string(field) + ": expected a finite distance, not negative");
-}
-
-Status check_attach(const std::vector<NodeSpan>& attach) {
-  NEARMESH_RETURN_IF_ERROR(check_most(attach.size(), kMaxAttachNodes, "attach nodes"));
-  std::uint64_t end = 0;
-  for (std::size_t i = 0; i < attach.size(); ++i) {
-    const NodeSpan& node = attach[i];
-    const std::uint64_t begin = node.first.value;
-    if (node.size == 0 || begin < end ||
-        begin + node.size > std::numeric_limits<std::uint32_t>::max())
-      return invalid("attach node " + std::to_string(i) +
-                     ": expected not empty, ascending and disjoint, found first " +
-                     std::to_string(begin) + " size " + std::to_string(node.size));
-    end = begin + node.size;
-  }
-  return Status::ok();
-}
-
-Status check_region(const std::vector<RegionPart>& region) {
-  NEARMESH_RETURN_IF_ERROR(check_most(region.size(), kMaxRegionBoxes, "region boxes"));
-  for (std::size_t i = 0; i < region.size(); ++i)
-    if (const char* fault = fault_of(region[i]); fault != nullptr)
-      return invalid("region box " + std::to_string(i) + ": " + fault);
-  return Status::ok();
 }
 
 }  // namespace
@@ -161,12 +136,7 @@ Status check(const RegionSubscription& message) {
       return invalid("request 0 (only credit) with a region");
     return Status::ok();
   }
-  const std::uint32_t splits = message.region.max_splits;
-  if (splits == 0 || splits > kMaxRequestSplits)
-    return invalid("max_splits: expected 1 to " + std::to_string(kMaxRequestSplits) + ", found " +
-                   std::to_string(splits));
-  NEARMESH_RETURN_IF_ERROR(check_attach(message.region.attach));
-  return check_region(message.region.region);
+  return check_request(message.region);
 }
 
 Status check(const SplitBatchMessage& message) {

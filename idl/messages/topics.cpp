@@ -2,9 +2,9 @@
 #include "nearmesh/idl/messages/topics.hpp"
 
 #include <algorithm>
-#include <array>
 #include <random>
-#include <utility>
+
+#include "core/base/hash.hpp"
 
 namespace nearmesh::wire {
 
@@ -19,24 +19,30 @@ bool is_prefix_char(char c) {
 
 }  // namespace
 
-TopicNames::TopicNames(std::string_view prefix) : hello(std::string(prefix) + "/hello") {
-  const std::string versioned = std::string(prefix) + "/v" + std::to_string(kWireVersion) + "/";
-  mesh_header = versioned + "mesh_header";
-  region_subscription = versioned + "region_subscription";
-  split_batch = versioned + "split_batch";
-  body_pose = versioned + "body_pose";
-  contact_report = versioned + "contact_report";
-  process_status = versioned + "process_status";
-  echo = versioned + "echo";
-  probe = versioned + "probe";
+std::vector<std::string> recorded_topics() {
+  std::vector<std::string> names;
+  for (const TopicFacts& topic : kTopicFacts)
+    if (topic.is_recorded) names.emplace_back(topic.name);
+  return names;
 }
 
-std::string partition_of(SessionId peer) {
-  static constexpr char kDigits[] = "0123456789abcdef";
-  std::string name(16, '0');
-  for (std::size_t i = 16; i-- > 0; peer >>= 4) name[i] = kDigits[peer & 0xf];
-  return name;
+TopicNames::TopicNames(std::string_view prefix, std::string_view version) {
+  for (TopicPlace place = 0; place < kTopicCount; ++place) {
+    std::string& name = names_[place] = prefix;
+    if (kTopicFacts[place].is_versioned) name.append("/v").append(version);
+    name.append("/").append(kTopicFacts[place].name);
+  }
 }
+
+std::optional<TopicPlace> TopicNames::find(std::string_view name) const {
+  const auto found = std::find(names_.begin(), names_.end(), name);
+  if (found == names_.end()) return std::nullopt;
+  return static_cast<TopicPlace>(found - names_.begin());
+}
+
+std::string key_of(std::uint64_t id) { return to_hex(id); }
+
+std::string partition_of(SessionId peer) { return to_hex(peer); }
 
 SessionId make_session_id() {
   std::random_device device;
@@ -48,20 +54,8 @@ SessionId make_session_id() {
 std::optional<std::string> judge_remote_endpoint(std::string_view prefix, std::string_view topic,
                                                  std::string_view type) {
   if (!topic.starts_with(prefix)) return std::nullopt;
-  const TopicNames names(prefix);
-  const std::array<std::pair<std::string_view, std::string_view>, 9> known{{
-      {names.hello, kHelloType},
-      {names.mesh_header, kMeshHeaderType},
-      {names.region_subscription, kRegionSubscriptionType},
-      {names.split_batch, kSplitBatchType},
-      {names.body_pose, kBodyPoseType},
-      {names.contact_report, kContactReportType},
-      {names.process_status, kProcessStatusType},
-      {names.echo, kEchoType},
-      {names.probe, kEchoType},
-  }};
-  for (const auto& [name, expected] : known) {
-    if (topic != name) continue;
+  if (const auto place = TopicNames(prefix).find(topic)) {
+    const std::string_view expected = kTopicFacts[*place].type;
     if (type == expected) return std::nullopt;
     return "topic " + std::string(topic) + " is used elsewhere with type " + std::string(type) +
            ", expected " + std::string(expected) + ": the two will never exchange data";

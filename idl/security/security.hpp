@@ -13,12 +13,11 @@
 #include <vector>
 
 #include "nearmesh/core/base/status.hpp"
+#include "nearmesh/idl/messages/topics.hpp"
 
 namespace nearmesh::wire {
 
-/// What an identity may do. All may join; kPublisher: write hello, headers and batches, read subscriptions; kSubscriber: read
-/// those and poses, write subscriptions, poses and reports; kRecorder: read everything, write nothing.
-enum class Role : std::uint8_t { kPublisher, kSubscriber, kRecorder };
+/// All may join; what a role may write and read is in the table of topics.
 [[nodiscard]] const char* to_string(Role role);
 
 struct SecurityPlan {

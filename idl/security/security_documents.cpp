@@ -38,17 +38,8 @@ std::time_t parse_date(const std::string& text) {
   return end == nullptr ? -1 : timegm(&parts);
 }
 
-const std::string kThisVersion = "/v" + std::to_string(kWireVersion) + "/";
-
 /// The topics of every wire version, so that documents outlive an upgrade.
-TopicNames all_versions(const std::string& prefix) {
-  TopicNames names(prefix);
-  for (std::string* name :
-       {&names.mesh_header, &names.region_subscription, &names.split_batch, &names.body_pose,
-        &names.contact_report, &names.process_status, &names.echo, &names.probe})
-    name->replace(name->find(kThisVersion, prefix.size()), kThisVersion.size(), "/v*/");
-  return names;
-}
+TopicNames all_versions(const std::string& prefix) { return TopicNames(prefix, "*"); }
 
 /// As Fast DDS matches the names in documents.
 bool matches(const std::string& pattern, const std::string& name) {
@@ -160,22 +151,16 @@ const char* to_string(Role role) {
 }
 
 std::vector<Endpoint> endpoints_of(Role role, const TopicNames& names) {
-  const auto& [hello, header, subscription, batch, pose, report, status, echo, probe] = names;
-  switch (role) {
-    case Role::kPublisher:
-      return {{hello, true, ""},  {header, true, ""},        {batch, true, "*"},
-              {status, true, ""}, {subscription, false, ""}, {hello, false, ""}};
-    case Role::kSubscriber:
-      return {{subscription, true, ""}, {pose, true, ""},  {report, true, ""},  {status, true, ""},
-              {echo, true, ""},         {probe, true, ""}, {hello, false, ""},  {header, false, ""},
-              {batch, false, "*"},      {pose, false, ""}, {status, false, ""}, {echo, false, ""},
-              {probe, false, ""}};
-    case Role::kRecorder:
-      return {{hello, false, ""},        {header, false, ""}, {batch, false, "*"},
-              {subscription, false, ""}, {pose, false, ""},   {report, false, ""},
-              {status, false, ""}};
-  }
-  return {};
+  std::vector<Endpoint> endpoints;
+  const auto add = [&](Roles TopicFacts::*who, bool writes) {
+    for (TopicPlace place = 0; place < kTopicCount; ++place)
+      if (const TopicFacts& topic = kTopicFacts[place]; (topic.*who).has(role))
+        endpoints.push_back({names.at(place), writes, topic.has_partitions ? "*" : ""});
+  };
+  add(&TopicFacts::writers, true);
+  add(&TopicFacts::readers, false);
+  add(&TopicFacts::listeners, false);
+  return endpoints;
 }
 
 std::string governance_text(std::uint32_t domain, const std::string& prefix) {
@@ -185,9 +170,9 @@ std::string governance_text(std::uint32_t domain, const std::string& prefix) {
   // forge it to another; 20 bytes a reader and message would not fit where there are hundreds.
   const TopicNames names = all_versions(prefix);
   std::string topics;
-  for (const std::string& topic :
-       {names.split_batch, names.region_subscription, names.contact_report})
-    topics += topic_rule(topic, "ENCRYPT_WITH_ORIGIN_AUTHENTICATION");
+  for (TopicPlace place = 0; place < kTopicCount; ++place)
+    if (kTopicFacts[place].signs_for_each)
+      topics += topic_rule(names.at(place), "ENCRYPT_WITH_ORIGIN_AUTHENTICATION");
   topics += topic_rule(prefix + "/*", "ENCRYPT");
   return kHead +
          std::string(

@@ -15,8 +15,6 @@ using wire::SessionId;
 
 namespace {
 
-/// Announcements are rare and must get through.
-constexpr std::chrono::seconds kAnnounceDeadline{2};
 /// How often a name that another publisher has for other content is told.
 constexpr std::chrono::seconds kConflictPeriod{30};
 constexpr std::size_t kMaxRivals = 256;
@@ -26,14 +24,7 @@ constexpr std::size_t kMaxRivals = 256;
 class DdsChannel::Impl {
  public:
   explicit Impl(const DdsChannelOptions& options)
-      : options_(options),
-        names_(options.transport.prefix),
-        hello_listener_(mailbox_, names_.hello),
-        header_listener_(mailbox_, names_.mesh_header),
-        status_listener_(mailbox_, names_.process_status),
-        rival_listener_(mailbox_, names_.hello),
-        peers_(mailbox_, names_.region_subscription, names_.split_batch, options.max_peers,
-               options.transport.heartbeat_s) {}
+      : options_(options), peers_(mailbox_, options.max_peers) {}
 
   Status start();
   Status open();
@@ -44,20 +35,21 @@ class DdsChannel::Impl {
   wire::Mailbox& mailbox() { return mailbox_; }
 
  private:
-  template <class Type, class Message>
-  bool write_patiently(wire::fdds::DataWriter& writer, const Message& message);
-  void rejoin();
+  template <class Message>
+  bool announce(wire::Writer<Message>& writer, const Message& message);
+  Status rejoin();
   void withdraw_headers(const std::vector<wire::MeshHeader>& kept);
-  void listen_for_rivals(wire::fdds::Topic* hello);
+  void listen_for_rivals();
   void take_rivals();
   void note_rival(wire::Hello hello, const wire::Handle& writer);
   void find_conflicts();
 
   DdsChannelOptions options_;
-  wire::TopicNames names_;
   wire::Mailbox mailbox_;
-  wire::WriterListener hello_listener_, header_listener_, status_listener_;
-  wire::ReaderListener rival_listener_;
+  wire::Writer<wire::Hello> hello_writer_{mailbox_};
+  wire::Writer<wire::MeshHeader> header_writer_{mailbox_};
+  wire::Writer<wire::ProcessStatus> status_writer_{mailbox_};
+  wire::Reader<wire::Hello> rival_reader_{mailbox_};
   DdsPeers peers_;
   std::map<wire::Handle, wire::Hello> rivals_;  ///< other publishers, by their writer
   wire::HelloMemory rival_memory_;
@@ -67,10 +59,6 @@ class DdsChannel::Impl {
   SessionId own_id_ = 0;                                    ///< known with the first announcement
   wire::Hello hello_;  ///< what was announced last, for a rejoin
   std::vector<wire::MeshHeader> headers_;
-  wire::fdds::DataWriter* hello_writer_ = nullptr;
-  wire::fdds::DataWriter* header_writer_ = nullptr;
-  wire::fdds::DataWriter* status_writer_ = nullptr;
-  wire::fdds::DataReader* rival_reader_ = nullptr;
   std::unique_ptr<wire::Bus> bus_;  ///< last: goes first, while the listeners still live
   std::unique_ptr<wire::RejoinWatch> rejoin_watch_;
 };
@@ -93,52 +81,33 @@ Status DdsChannel::Impl::open() {
   if (!bus.is_ok()) return bus.status();
   bus_ = std::move(bus).value();
 
-  auto hello = bus_->add_topic<wire::HelloType>(names_.hello);
-  if (!hello.is_ok()) return hello.status();
-  auto header = bus_->add_topic<wire::MeshHeaderType>(names_.mesh_header);
-  if (!header.is_ok()) return header.status();
   // The reader first: a peer that hears of us can be heard.
   NEARMESH_RETURN_IF_ERROR(peers_.open(*bus_));
-  const double heartbeat_s = options_.transport.heartbeat_s;
-  auto header_writer =
-      bus_->add_writer(header.value(), wire::mesh_header_writer_qos(heartbeat_s), header_listener_);
-  if (!header_writer.is_ok()) return header_writer.status();
-  header_writer_ = header_writer.value();
-  auto hello_writer = bus_->add_writer(
-      hello.value(), wire::writer_qos(wire::kHelloDelivery, heartbeat_s), hello_listener_);
-  if (!hello_writer.is_ok()) return hello_writer.status();
-  hello_writer_ = hello_writer.value();
-  auto status = bus_->add_topic<wire::ProcessStatusType>(names_.process_status);
-  if (!status.is_ok()) return status.status();
-  auto status_writer =
-      bus_->add_writer(status.value(), wire::writer_qos(wire::kProcessStatusDelivery, heartbeat_s),
-                       status_listener_);
-  if (!status_writer.is_ok()) return status_writer.status();
-  status_writer_ = status_writer.value();
-  listen_for_rivals(hello.value());
+  NEARMESH_RETURN_IF_ERROR(header_writer_.open(*bus_));
+  NEARMESH_RETURN_IF_ERROR(hello_writer_.open(*bus_));
+  NEARMESH_RETURN_IF_ERROR(status_writer_.open(*bus_));
+  listen_for_rivals();
   return Status::ok();
 }
 
 /// Nothing is served through it, so it may fail.
-void DdsChannel::Impl::listen_for_rivals(wire::fdds::Topic* hello) {
-  auto reader = bus_->add_reader(hello, wire::reader_qos(wire::kHelloDelivery), rival_listener_);
-  rival_reader_ = reader.is_ok() ? reader.value() : nullptr;
-  if (!reader.is_ok())
+void DdsChannel::Impl::listen_for_rivals() {
+  if (const Status opened = rival_reader_.open(*bus_); !opened.is_ok())
     mailbox_.complain("other publishers with other models of the same names will go unnoticed: " +
-                      reader.status().message());
+                      opened.message());
 }
 
 void DdsChannel::Impl::take_rivals() {
-  if (rival_reader_ == nullptr) return;
-  const bool more = wire::drain<wire::HelloType>(
-      *rival_reader_, mailbox_, kMaxRivals,
-      [this](wire::Hello&& hello, const wire::Handle& writer, wire::Microseconds) {
-        if (wire::have_one_participant(writer, hello_writer_->get_instance_handle())) return;
+  if (!rival_reader_.is_open()) return;
+  const bool more = rival_reader_.drain(
+      kMaxRivals, [this](wire::Hello&& hello, const wire::Handle& writer, wire::Microseconds) {
+        const wire::Handle& own = hello_writer_.endpoint().get_instance_handle();
+        if (wire::have_one_participant(writer, own)) return;
         rival_memory_.heard(hello, writer);
         note_rival(std::move(hello), writer);
       });
   if (more) mailbox_.wake();
-  for (const auto& event : rival_listener_.take_matches()) {
+  for (const auto& event : rival_reader_.take_matches()) {
     if (event.gone) {
       rivals_.erase(event.writer);
       rival_memory_.lost(event.writer);
@@ -171,22 +140,15 @@ void DdsChannel::Impl::find_conflicts() {
                             "; peers take either: rename or replace one file");
 }
 
-/// Tries again while Fast DDS says TIMEOUT, which in 2.9 it also says without need.
-template <class Type, class Message>
-bool DdsChannel::Impl::write_patiently(wire::fdds::DataWriter& writer, const Message& message) {
+/// Announcements are rare and must get through.
+template <class Message>
+bool DdsChannel::Impl::announce(wire::Writer<Message>& writer, const Message& message) {
+  const std::string& topic = bus_->names().of<Message>();
   if (Status status = check(message); !status.is_ok()) {
-    mailbox_.complain(writer.get_topic()->get_name() + ": not sent: " + status.message());
+    mailbox_.complain(topic + ": not sent: " + status.message());
     return false;
   }
-  const auto deadline = std::chrono::steady_clock::now() + kAnnounceDeadline;
-  for (;;) {
-    const wire::WriteResult result = wire::write_message<Type>(writer, message, mailbox_);
-    if (result != wire::WriteResult::kFull) return result == wire::WriteResult::kTaken;
-    if (std::chrono::steady_clock::now() >= deadline) break;
-    mailbox_.wait(0.002);
-  }
-  mailbox_.complain(writer.get_topic()->get_name() + ": not sent: no room for 2 s");
-  return false;
+  return wire::write_patiently(topic, mailbox_, [&] { return writer.write(message); });
 }
 
 void DdsChannel::Impl::announce(const wire::Hello& hello,
@@ -199,11 +161,9 @@ void DdsChannel::Impl::announce(const wire::Hello& hello,
   for (const wire::MeshHeader& header : headers) {
     const auto known = announced_headers_.find(header.content_hash);
     if (known != announced_headers_.end() && known->second == header.name) continue;
-    if (write_patiently<wire::MeshHeaderType>(*header_writer_, header))
-      announced_headers_[header.content_hash] = header.name;
+    if (announce(header_writer_, header)) announced_headers_[header.content_hash] = header.name;
   }
-  write_patiently<wire::HelloType>(*hello_writer_, hello);
-  mailbox_.wake();  // waiting for room may have taken a wake-up that was meant for wait()
+  static_cast<void>(announce(hello_writer_, hello));
 }
 
 /// Latecomers shall not get headers of models that are no longer served.
@@ -211,33 +171,25 @@ void DdsChannel::Impl::withdraw_headers(const std::vector<wire::MeshHeader>& kep
   std::erase_if(announced_headers_, [&](const auto& known) {
     for (const wire::MeshHeader& header : kept)
       if (header.content_hash == known.first) return false;
-    wire::MeshHeaderType::Data data;
+    wire::Writer<wire::MeshHeader>::Data data;
     data.content_hash(known.first);
-    header_writer_->dispose(static_cast<wire::MeshHeaderType::Sample*>(&data),
-                            eprosima::fastrtps::rtps::c_InstanceHandle_Unknown);
+    header_writer_.dispose(data);
     return true;
   });
 }
 
-/// When the watch says so: as a new participant, with the same session. Every peer starts
-/// afresh.
-void DdsChannel::Impl::rejoin() {
-  bus_.reset();
+/// As a new participant, with the same session. Every peer starts afresh.
+Status DdsChannel::Impl::rejoin() {
   peers_.forget();
   announced_headers_.clear();
   rivals_.clear();
-  (void)rival_listener_.take_matches();
-  if (const Status status = open(); !status.is_ok()) {
-    mailbox_.complain("could not join again: " + status.message());
-    bus_.reset();
-    rejoin_watch_->try_again();
-    return;
-  }
-  if (own_id_ != 0) announce(hello_, headers_);
+  (void)rival_reader_.take_matches();
+  return open();
 }
 
 Inbox DdsChannel::Impl::take() {
-  if (rejoin_watch_->take_due()) rejoin();
+  if (rejoin_watch_->rejoin_if_due(bus_, [this] { return rejoin(); }) && own_id_ != 0)
+    announce(hello_, headers_);
   if (bus_ == nullptr) return {peers_.take_lost(), {}};
   take_rivals();
   find_conflicts();
@@ -249,11 +201,10 @@ Inbox DdsChannel::Impl::take() {
 void DdsChannel::Impl::tell(const wire::ProcessStatus& status) {
   if (bus_ == nullptr) return;
   if (const Status checked = check(status); !checked.is_ok()) {
-    mailbox_.complain(names_.process_status + ": not sent: " + checked.message());
+    mailbox_.complain(bus_->names().of<wire::ProcessStatus>() + ": not sent: " + checked.message());
     return;
   }
-  static_cast<void>(
-      wire::write_message<wire::ProcessStatusType>(*status_writer_, status, mailbox_));
+  static_cast<void>(status_writer_.write(status));
 }
 
 Result<std::unique_ptr<DdsChannel>> DdsChannel::create(const DdsChannelOptions& options) {

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "nearmesh/core/base/status.hpp"
-#include "nearmesh/idl/dds/detail/transport_options.hpp"
+#include "nearmesh/idl/dds/transport_options.hpp"
 #include "publisher/serve/channel.hpp"
 
 namespace nearmesh::publisher {

@@ -17,37 +17,19 @@ constexpr std::chrono::milliseconds kRecorderGrace{100};
 
 }  // namespace
 
-DdsPeers::DdsPeers(wire::Mailbox& mailbox, std::string subscription_topic, std::string batch_topic,
-                   std::size_t max_peers, double heartbeat_s)
-    : mailbox_(mailbox),
-      subscription_topic_(std::move(subscription_topic)),
-      batch_topic_name_(std::move(batch_topic)),
-      max_peers_(max_peers),
-      heartbeat_s_(heartbeat_s),
-      listener_(mailbox, subscription_topic_) {}
-
 Status DdsPeers::open(wire::Bus& bus) {
   bus_ = &bus;
-  auto subscription = bus.add_topic<wire::RegionSubscriptionType>(subscription_topic_);
-  if (!subscription.is_ok()) return subscription.status();
-  auto batch = bus.add_topic<wire::SplitBatchType>(batch_topic_name_);
-  if (!batch.is_ok()) return batch.status();
-  batch_topic_ = batch.value();
-  auto reader = bus.add_reader(subscription.value(),
-                               wire::reader_qos(wire::kRegionSubscriptionDelivery), listener_);
-  if (!reader.is_ok()) return reader.status();
-  reader_ = reader.value();
-  return Status::ok();
+  return reader_.open(bus);
 }
 
 void DdsPeers::forget() {
   for (const SessionId peer : book_.clear()) lost_.push_back(peer);
   peers_.clear();
-  (void)listener_.take_matches();
+  (void)reader_.take_matches();
 }
 
 bool DdsPeers::is_own(const Handle& writer) const {
-  return eprosima::fastrtps::rtps::iHandle2GUID(writer).guidPrefix == reader_->guid().guidPrefix;
+  return wire::have_one_participant(writer, reader_.endpoint().get_instance_handle());
 }
 
 /// A peer that was lost and found again by the time it is taken from has said again what it wants: it must be lost before
@@ -67,8 +49,8 @@ bool DdsPeers::admit(SessionId peer, const Handle& writer, Microseconds received
     case wire::SessionBook::Claim::kStale:
       return false;
     case wire::SessionBook::Claim::kTaken:
-      mailbox_.complain(subscription_topic_ + ": sample of " + wire::name_of(writer) +
-                        " dropped: peer " + wire::partition_of(peer) +
+      mailbox_.complain(bus_->names().of<wire::RegionSubscription>() + ": sample of " +
+                        wire::name_of(writer) + " dropped: peer " + wire::partition_of(peer) +
                         " speaks through another writer");
       return false;
     case wire::SessionBook::Claim::kNew:
@@ -87,16 +69,11 @@ bool DdsPeers::add_peer(SessionId peer, const Handle& subscriptions) {
     return false;
   }
   Peer entry;
-  entry.listener = std::make_unique<wire::WriterListener>(mailbox_, batch_topic_name_);
-  auto writer =
-      bus_->add_writer(batch_topic_, wire::writer_qos(wire::kSplitBatchDelivery, heartbeat_s_),
-                       *entry.listener, wire::partition_of(peer));
-  if (!writer.is_ok()) {
-    mailbox_.complain("peer " + wire::partition_of(peer) +
-                      " refused: " + writer.status().message());
+  entry.writer = std::make_unique<wire::Writer<wire::SplitBatchMessage>>(mailbox_);
+  if (const Status opened = entry.writer->open(*bus_, wire::partition_of(peer)); !opened.is_ok()) {
+    mailbox_.complain("peer " + wire::partition_of(peer) + " refused: " + opened.message());
     return false;
   }
-  entry.writer = writer.value();
   entry.subscriptions = subscriptions;
   peers_.emplace(peer, std::move(entry));
   return true;
@@ -104,7 +81,7 @@ bool DdsPeers::add_peer(SessionId peer, const Handle& subscriptions) {
 
 std::vector<SessionId> DdsPeers::take_lost() {
   std::vector<SessionId> lost = std::exchange(lost_, {});
-  for (const auto& event : listener_.take_matches()) {
+  for (const auto& event : reader_.take_matches()) {
     if (!event.gone) {
       book_.welcome(event.writer);
       continue;
@@ -112,7 +89,7 @@ std::vector<SessionId> DdsPeers::take_lost() {
     const std::optional<SessionId> peer = book_.forget(event.writer, event.when);
     if (!peer) continue;
     const auto found = peers_.find(*peer);
-    bus_->remove_writer(found->second.writer);
+    bus_->remove_writer(&found->second.writer->endpoint());
     peers_.erase(found);
     complained_of_limit_ = false;
     lost.push_back(*peer);
@@ -125,16 +102,17 @@ bool DdsPeers::send(SessionId peer, const wire::SplitBatchMessage& batch) {
   if (found == peers_.end()) return false;
   const Peer& entry = found->second;
   // By the peer itself: recorders listen to all partitions, and may be matched before it.
-  if (!entry.listener->is_matched_with_participant_of(entry.subscriptions)) return false;
+  const wire::WriterListener& readers = entry.writer->listener();
+  if (!readers.is_matched_with_participant_of(entry.subscriptions)) return false;
   if (std::chrono::steady_clock::now() - entry.added < kRecorderGrace &&
-      entry.listener->is_matched_beside_participant_of(entry.subscriptions))
+      readers.is_matched_beside_participant_of(entry.subscriptions))
     return false;
   if (Status status = check(batch); !status.is_ok()) {
-    mailbox_.complain(batch_topic_name_ + ": not sent: " + status.message());
+    mailbox_.complain(bus_->names().of<wire::SplitBatchMessage>() +
+                      ": not sent: " + status.message());
     return true;
   }
-  return wire::write_message<wire::SplitBatchType>(*entry.writer, batch, mailbox_) ==
-         wire::WriteResult::kTaken;
+  return entry.writer->write(batch) == wire::WriteResult::kTaken;
 }
 
 }  // namespace nearmesh::publisher

@@ -17,8 +17,8 @@ namespace nearmesh::publisher {
 /// Threads: one. The mailbox must outlive it, and the bus be closed before it goes.
 class DdsPeers {
  public:
-  DdsPeers(wire::Mailbox& mailbox, std::string subscription_topic, std::string batch_topic,
-           std::size_t max_peers, double heartbeat_s);
+  DdsPeers(wire::Mailbox& mailbox, std::size_t max_peers)
+      : mailbox_(mailbox), max_peers_(max_peers), reader_(mailbox) {}
 
   /// Makes the reader. After a bus was closed: forget() first.
   [[nodiscard]] Status open(wire::Bus& bus);
@@ -29,10 +29,9 @@ class DdsPeers {
   template <class Wanted>
   [[nodiscard]] Inbox take(Wanted wanted) {
     std::vector<Heard> heard;
-    const bool more = wire::drain<wire::RegionSubscriptionType>(
-        *reader_, mailbox_, kMaxTaken,
-        [&](wire::RegionSubscription&& message, const wire::Handle& writer,
-            wire::Microseconds received) {
+    const bool more =
+        reader_.drain(kMaxTaken, [&](wire::RegionSubscription&& message, const wire::Handle& writer,
+                                     wire::Microseconds received) {
           if (!is_own(writer) && wanted(message))
             heard.push_back({std::move(message), writer, received});
         });
@@ -53,8 +52,7 @@ class DdsPeers {
     wire::Microseconds received;
   };
   struct Peer {
-    std::unique_ptr<wire::WriterListener> listener;
-    wire::fdds::DataWriter* writer = nullptr;
+    std::unique_ptr<wire::Writer<wire::SplitBatchMessage>> writer;
     wire::Handle subscriptions;  ///< the peer's writer, by which its participant is known
     std::chrono::steady_clock::time_point added = std::chrono::steady_clock::now();
   };
@@ -65,17 +63,13 @@ class DdsPeers {
   bool add_peer(wire::SessionId peer, const wire::Handle& subscriptions);
 
   wire::Mailbox& mailbox_;
-  const std::string subscription_topic_, batch_topic_name_;
   const std::size_t max_peers_;
-  const double heartbeat_s_;
-  wire::ReaderListener listener_;
+  wire::Reader<wire::RegionSubscription> reader_;
   std::map<wire::SessionId, Peer> peers_;
   wire::SessionBook book_;
   std::vector<wire::SessionId> lost_;  ///< with a bus
   bool complained_of_limit_ = false;
   wire::Bus* bus_ = nullptr;
-  wire::fdds::DataReader* reader_ = nullptr;
-  wire::fdds::Topic* batch_topic_ = nullptr;
 };
 
 }  // namespace nearmesh::publisher

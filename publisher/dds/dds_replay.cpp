@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "dds_replay.hpp"
 
-#include <chrono>
 #include <utility>
 
 #include "dds_peers.hpp"
@@ -14,47 +13,41 @@ using wire::SessionId;
 namespace {
 
 constexpr std::size_t kMaxPeers = 1000;
-constexpr std::chrono::seconds kPublishDeadline{2};
 constexpr std::int32_t kHeaderBytesPerS = 4'000'000;  ///< as DdsChannelOptions
 
-/// One DDS writer of recorded bytes, whatever its type.
+/// One DDS writer of recorded bytes, whatever its topic.
 class RawWriter {
  public:
   virtual ~RawWriter() = default;
-  virtual wire::WriteResult write(const std::vector<std::uint8_t>& cdr, wire::Mailbox& mailbox) = 0;
+  virtual Status open(wire::Bus& bus, const std::string& partition) = 0;
+  virtual wire::WriteResult write(const std::vector<std::uint8_t>& cdr) = 0;
   virtual void withdraw(const std::vector<std::uint8_t>& cdr) = 0;
 };
 
-template <class Type>
+template <class Message>
 class TypedRawWriter final : public RawWriter {
  public:
-  explicit TypedRawWriter(wire::fdds::DataWriter& writer) : writer_(writer) {}
+  explicit TypedRawWriter(wire::Mailbox& mailbox) : writer_(mailbox) {}
 
-  wire::WriteResult write(const std::vector<std::uint8_t>& cdr, wire::Mailbox& mailbox) override {
-    read(cdr);
+  Status open(wire::Bus& bus, const std::string& partition) override {
+    return writer_.open(bus, partition);
+  }
+  // The fields are read for the key. Bytes that do not decode have the key of an empty sample.
+  wire::WriteResult write(const std::vector<std::uint8_t>& cdr) override {
+    wire::read_cdr(type_, cdr, data_);
     data_.cdr = cdr;
-    return wire::write_sample<Type>(writer_, data_, mailbox);
+    return writer_.write_sample(data_);
   }
   void withdraw(const std::vector<std::uint8_t>& cdr) override {
-    read(cdr);
+    wire::read_cdr(type_, cdr, data_);
     data_.cdr.clear();
-    writer_.dispose(static_cast<typename Type::Sample*>(&data_),
-                    eprosima::fastrtps::rtps::c_InstanceHandle_Unknown);
+    writer_.dispose(data_);
   }
 
  private:
-  /// The fields, for the key. Bytes that do not decode have the key of an empty sample.
-  void read(const std::vector<std::uint8_t>& cdr) {
-    eprosima::fastrtps::rtps::SerializedPayload_t payload;
-    payload.data = const_cast<std::uint8_t*>(cdr.data());  // only read
-    payload.length = payload.max_size = static_cast<std::uint32_t>(cdr.size());
-    type_.deserialize(&payload, static_cast<typename Type::Sample*>(&data_));
-    payload.data = nullptr;  // its destructor would free it
-  }
-
-  wire::fdds::DataWriter& writer_;
-  Type type_;
-  typename Type::Data data_;
+  wire::Writer<Message> writer_;
+  wire::TypeOf<Message> type_;
+  typename wire::Writer<Message>::Data data_;
 };
 
 }  // namespace
@@ -62,12 +55,8 @@ class TypedRawWriter final : public RawWriter {
 class DdsReplay::Impl {
  public:
   Impl(const wire::TransportOptions& transport, const std::vector<ReplayStream>& streams,
-       const ReplayNames& names)
-      : transport_(transport),
-        streams_(streams),
-        names_(names),
-        peers_(mailbox_, names.of(ReplayTopic::kRegionSubscription),
-               names.of(ReplayTopic::kSplitBatch), kMaxPeers, transport.heartbeat_s) {}
+       const wire::TopicNames& names)
+      : transport_(transport), streams_(streams), names_(names), peers_(mailbox_, kMaxPeers) {}
 
   Status start() {
     rejoin_watch_ = std::make_unique<wire::RejoinWatch>(mailbox_, transport_);
@@ -85,14 +74,11 @@ class DdsReplay::Impl {
  private:
   Status open();
   Status add_writer(const ReplayStream& stream);
-  template <class Type>
-  Status add_writer(const ReplayStream& stream, const wire::fdds::DataWriterQos& qos);
 
   const wire::TransportOptions transport_;
   const std::vector<ReplayStream> streams_;
-  const ReplayNames names_;
+  const wire::TopicNames names_;
   wire::Mailbox mailbox_;
-  std::vector<std::unique_ptr<wire::WriterListener>> listeners_;  ///< by stream
   DdsPeers peers_;
   std::vector<std::unique_ptr<RawWriter>> writers_;  ///< by stream
   std::unique_ptr<wire::Bus>
@@ -105,6 +91,7 @@ Status DdsReplay::Impl::open() {
   options.transport = transport_;
   options.participant_name = "nearmesh replay";
   options.header_bytes_per_s = kHeaderBytesPerS;
+  options.names = names_;
   auto bus = wire::Bus::open(options, mailbox_);
   if (!bus.is_ok()) return bus.status();
   bus_ = std::move(bus).value();
@@ -115,68 +102,26 @@ Status DdsReplay::Impl::open() {
 }
 
 Status DdsReplay::Impl::add_writer(const ReplayStream& stream) {
-  const double heartbeat_s = transport_.heartbeat_s;
-  switch (stream.topic) {
-    case ReplayTopic::kHello:
-      return add_writer<wire::HelloType>(stream,
-                                         wire::writer_qos(wire::kHelloDelivery, heartbeat_s));
-    case ReplayTopic::kMeshHeader:
-      return add_writer<wire::MeshHeaderType>(stream, wire::mesh_header_writer_qos(heartbeat_s));
-    case ReplayTopic::kRegionSubscription:
-      return add_writer<wire::RegionSubscriptionType>(
-          stream, wire::writer_qos(wire::kRegionSubscriptionDelivery, heartbeat_s));
-    case ReplayTopic::kSplitBatch:
-      return add_writer<wire::SplitBatchType>(
-          stream, wire::writer_qos(wire::kSplitBatchDelivery, heartbeat_s));
-    case ReplayTopic::kBodyPose:
-      return add_writer<wire::BodyPoseType>(stream,
-                                            wire::writer_qos(wire::kBodyPoseDelivery, heartbeat_s));
-    case ReplayTopic::kContactReport:
-      break;
-  }
-  return add_writer<wire::ContactReportType>(
-      stream, wire::writer_qos(wire::kContactReportDelivery, heartbeat_s));
-}
-
-template <class Type>
-Status DdsReplay::Impl::add_writer(const ReplayStream& stream,
-                                   const wire::fdds::DataWriterQos& qos) {
-  auto topic = bus_->add_topic<Type>(names_.of(stream.topic));
-  if (!topic.is_ok()) return topic.status();
-  listeners_.push_back(std::make_unique<wire::WriterListener>(mailbox_, names_.of(stream.topic)));
-  auto writer = bus_->add_writer(topic.value(), qos, *listeners_.back(), stream.partition);
-  if (!writer.is_ok()) return writer.status();
-  writers_.push_back(std::make_unique<TypedRawWriter<Type>>(*writer.value()));
-  return Status::ok();
+  writers_.push_back(wire::visit_topic(
+      stream.topic,
+      [this]<class Message>(const wire::Topic<Message>&) -> std::unique_ptr<RawWriter> {
+        return std::make_unique<TypedRawWriter<Message>>(mailbox_);
+      }));
+  return writers_.back()->open(*bus_, stream.partition);
 }
 
 bool DdsReplay::Impl::publish(std::uint32_t stream, const std::vector<std::uint8_t>& cdr) {
   if (bus_ == nullptr) return false;
-  const auto deadline = std::chrono::steady_clock::now() + kPublishDeadline;
-  for (;;) {
-    const wire::WriteResult result = writers_[stream]->write(cdr, mailbox_);
-    if (result != wire::WriteResult::kFull) return result == wire::WriteResult::kTaken;
-    if (std::chrono::steady_clock::now() >= deadline) break;
-    mailbox_.wait(0.002);
-  }
-  mailbox_.wake();  // waiting for room may have taken a wake-up that was meant for wait()
-  mailbox_.complain(names_.of(streams_[stream].topic) + ": not sent: no room for 2 s");
-  return false;
+  return wire::write_patiently(names_.at(streams_[stream].topic), mailbox_,
+                               [&] { return writers_[stream]->write(cdr); });
 }
 
 bool DdsReplay::Impl::take_restart() {
-  if (!rejoin_watch_->take_due()) return false;
-  bus_.reset();
-  writers_.clear();
-  listeners_.clear();
-  peers_.forget();
-  if (const Status status = open(); !status.is_ok()) {
-    mailbox_.complain("could not join again: " + status.message());
-    bus_.reset();
-    rejoin_watch_->try_again();
-    return false;
-  }
-  return true;
+  return rejoin_watch_->rejoin_if_due(bus_, [this] {
+    writers_.clear();
+    peers_.forget();
+    return open();
+  });
 }
 
 Inbox DdsReplay::Impl::take() {
@@ -186,7 +131,7 @@ Inbox DdsReplay::Impl::take() {
 
 Result<std::unique_ptr<DdsReplay>> DdsReplay::create(const wire::TransportOptions& transport,
                                                      const std::vector<ReplayStream>& streams,
-                                                     const ReplayNames& names) {
+                                                     const wire::TopicNames& names) {
   auto impl = std::make_unique<Impl>(transport, streams, names);
   NEARMESH_RETURN_IF_ERROR(impl->start());
   return std::unique_ptr<DdsReplay>(new DdsReplay(std::move(impl)));

@@ -8,18 +8,10 @@
 #include <string>
 #include <vector>
 
-#include "nearmesh/idl/dds/detail/transport_options.hpp"
+#include "nearmesh/idl/dds/transport_options.hpp"
 #include "publisher/replay/replay.hpp"
 
 namespace nearmesh::publisher {
-
-/// What a topic is called on the bus.
-struct ReplayNames {
-  std::array<std::string, kReplayTopics> names;  ///< in the order of ReplayTopic
-  [[nodiscard]] const std::string& of(ReplayTopic topic) const {
-    return names[static_cast<std::size_t>(topic)];
-  }
-};
 
 /// Threads: one, from create to destruction; wait() is woken by threads of Fast DDS.
 class DdsReplay final : public ReplayOutlet {
@@ -28,7 +20,7 @@ class DdsReplay final : public ReplayOutlet {
   /// Errors: kInvalidArgument naming the option; kIo when Fast DDS refuses.
   [[nodiscard]] static Result<std::unique_ptr<DdsReplay>> create(
       const wire::TransportOptions& transport, const std::vector<ReplayStream>& streams,
-      const ReplayNames& names);
+      const wire::TopicNames& names);
   ~DdsReplay() override;
 
   /// Tries for two seconds where a writer's history is full.

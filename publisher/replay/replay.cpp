@@ -144,8 +144,8 @@ Status Replay::step_to_pose(double now_s) {
     if (!due.value()) break;
     play(*due.value());
     const std::uint32_t stream = index_.stream_of(due.value()->message.writer);
-    at_pose = stream != ReplayIndex::kNotPlayed &&
-              index_.streams()[stream].topic == ReplayTopic::kBodyPose;
+    at_pose =
+        stream != ReplayIndex::kNotPlayed && index_.streams()[stream].carries<wire::BodyPose>();
   }
   return Status::ok();
 }
@@ -163,8 +163,7 @@ void Replay::play(const Playhead::Due& due) {
     ++stats_.failed;
     return;
   }
-  ReplayStats::Topic& topic =
-      stats_.topics[static_cast<std::size_t>(index_.streams()[stream].topic)];
+  ReplayStats::Topic& topic = stats_.topics[index_.streams()[stream].topic];
   ++topic.messages;
   topic.bytes += due.message.cdr.size();
 }
@@ -235,16 +234,12 @@ void Replay::refuse(const wire::RegionSubscription& subscription) {
                           "or replay elsewhere (--domain, --prefix)");
   // What asks another publisher is none of ours.
   if (subscription.request == 0 || !publishers_.contains(subscription.publisher)) return;
-  const std::string reason =
-      "a replayed session has a peer with the id " + peer + ", which is refused live";
+  wire::SplitBatchMessage refusal = wire::refusal_message(
+      subscription.publisher, subscription,
+      "a replayed session has a peer with the id " + peer + ", which is refused live");
+  refusal.sequence = 1;
   // Where it is not matched yet: it asks again.
-  static_cast<void>(outlet_.send(subscription.peer, {.publisher = subscription.publisher,
-                                                     .content_hash = subscription.content_hash,
-                                                     .request = subscription.request,
-                                                     .sequence = 1,
-                                                     .last = true,
-                                                     .refused = true,
-                                                     .bytes = {reason.begin(), reason.end()}}));
+  static_cast<void>(outlet_.send(subscription.peer, refusal));
 }
 
 std::vector<std::string> Replay::take_complaints() {

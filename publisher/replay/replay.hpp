@@ -60,8 +60,7 @@ struct ReplayStats {
   struct Topic {
     std::uint64_t messages = 0, bytes = 0;
   };
-  std::array<Topic, kReplayTopics>
-      topics{};                ///< played, in the order of ReplayTopic; not what a seek restored
+  std::array<Topic, wire::kTopicCount> topics{};  ///< played, by place; not what a seek restored
   std::uint64_t restored = 0;  ///< sent after a start within the session, a seek, or a loop
   std::uint64_t failed = 0;    ///< not taken by the outlet
   std::uint64_t loops = 0;     ///< begun again so many times

@@ -20,7 +20,7 @@ void RecordedDetail::rewind(std::int64_t end) {
 Status RecordedDetail::add(std::int64_t id, std::span<const std::uint8_t> batch) {
   const Result<SplitBatch> decoded = decode_batch(all_.header(), batch);
   if (!decoded.is_ok()) return decoded.status();
-  const Replica::Applied applied = all_.apply_batch(decoded.value());
+  const RefinedMesh::Applied applied = all_.apply_batch(decoded.value());
   for (const VertexId split : applied.delta.split) delivered_[split.value] = id;
   return applied.status;
 }

@@ -9,7 +9,7 @@
 #include <span>
 #include <vector>
 
-#include "core/refine/replica.hpp"
+#include "core/refine/refined_mesh.hpp"
 
 namespace nearmesh::publisher {
 
@@ -38,7 +38,7 @@ class RecordedDetail {
   [[nodiscard]] Status require(NodeSpan node);
   [[nodiscard]] bool reach(NodeSpan node);
 
-  Replica all_;                        ///< everything, of all times
+  RefinedMesh all_;                    ///< everything, of all times
   LazyArray<std::int64_t> delivered_;  ///< by split: the first message after which it was whole
   std::unique_ptr<SplitStore>
       now_;  ///< of what was delivered before end_, that which was asked for

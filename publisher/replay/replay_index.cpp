@@ -7,27 +7,23 @@
 
 #include "core/base/hash.hpp"
 #include "nearmesh/idl/dds/payload.hpp"
-#include "nearmesh/idl/messages/topics.hpp"
 
 namespace nearmesh::publisher {
 namespace {
 
-std::optional<ReplayTopic> topic_of_type(const std::string& type) {
-  const std::array<std::string_view, kReplayTopics> types{
-      wire::kHelloType,      wire::kMeshHeaderType, wire::kRegionSubscriptionType,
-      wire::kSplitBatchType, wire::kBodyPoseType,   wire::kContactReportType};
-  const auto found = std::find(types.begin(), types.end(), type);
-  if (found == types.end()) return std::nullopt;
-  return static_cast<ReplayTopic>(found - types.begin());
+/// The topic of a recorded one that a recorder hears.
+std::optional<wire::TopicPlace> played(const wire::RecordedSamples& samples, std::uint32_t topic) {
+  const std::optional<wire::TopicPlace> place = samples.place_of(topic);
+  return place && wire::kTopicFacts[*place].is_recorded ? place : std::nullopt;
 }
 
-Status check_topics(const RecordingReader& recording, const std::vector<std::string>& wanted) {
-  std::set<std::string> names;
-  for (const RecordedTopic& topic : recording.topics())
-    if (const auto which = topic_of_type(topic.type))
-      names.insert(kReplayTopicNames[static_cast<std::size_t>(*which)]);
+Status check_topics(const RecordingReader& recording, const wire::RecordedSamples& samples,
+                    const std::vector<std::string>& wanted) {
+  std::set<std::string_view> names;
+  for (std::uint32_t topic = 0; topic < recording.topics().size(); ++topic)
+    if (const auto place = played(samples, topic)) names.insert(wire::kTopicFacts[*place].name);
   std::string known;
-  for (const std::string& name : names) known += (known.empty() ? "" : ", ") + name;
+  for (const std::string_view name : names) known.append(known.empty() ? "" : ", ").append(name);
   for (const std::string& name : wanted)
     if (!names.contains(name))
       return {StatusCode::kNotFound,
@@ -40,11 +36,12 @@ Status check_topics(const RecordingReader& recording, const std::vector<std::str
 Result<std::unique_ptr<ReplayIndex>> ReplayIndex::build(
     RecordingReader& recording, const std::vector<std::string>& topics,
     const std::function<bool(double share)>& progress) {
-  NEARMESH_RETURN_IF_ERROR(wire::check_recorded_version(recording.facts().wire_version));
+  const Result<wire::RecordedSamples> samples = wire::RecordedSamples::of(recording);
+  if (!samples.is_ok()) return samples.status();
   if (recording.message_count() == 0)
     return Status{StatusCode::kInvalidArgument, "the recording holds no messages"};
   std::unique_ptr<ReplayIndex> index(new ReplayIndex);
-  NEARMESH_RETURN_IF_ERROR(index->add_streams(recording, topics));
+  NEARMESH_RETURN_IF_ERROR(index->add_streams(recording, samples.value(), topics));
   try {
     // Headers first: of batches that came before theirs nothing shall be lost.
     if (index->plays_batches_)
@@ -68,7 +65,7 @@ Status ReplayIndex::read_keys(RecordingReader& recording,
   for (const bool batches : {false, true})
     for (std::uint32_t key = 0; key < recording.keys().size(); ++key) {
       const std::uint32_t stream = stream_of_writer_[recording.keys()[key].writer];
-      if (stream == kNotPlayed || (streams_[stream].topic == ReplayTopic::kSplitBatch) != batches)
+      if (stream == kNotPlayed || streams_[stream].carries<wire::SplitBatchMessage>() != batches)
         continue;
       NEARMESH_RETURN_IF_ERROR(read_key(recording, key));
       if (progress &&
@@ -84,7 +81,7 @@ Status ReplayIndex::read_key(RecordingReader& recording, std::uint32_t key) {
   const std::uint32_t stream = stream_of_writer_[recorded.writer];
   const Result<std::vector<std::int64_t>> ids = recording.ids_of(key);
   if (!ids.is_ok()) return ids.status();
-  const bool is_pose = streams_[stream].topic == ReplayTopic::kBodyPose;
+  const bool is_pose = streams_[stream].carries<wire::BodyPose>();
   for (const std::int64_t id : ids.value()) {
     NEARMESH_RETURN_IF_ERROR(
         recording.read(id, id + 1, [&](std::int64_t, const RecordedMessage& message) {
@@ -131,62 +128,54 @@ Status ReplayIndex::take_batches(RecordingReader& recording, std::size_t most) {
 }
 
 Status ReplayIndex::add_streams(const RecordingReader& recording,
+                                const wire::RecordedSamples& samples,
                                 const std::vector<std::string>& topics) {
-  NEARMESH_RETURN_IF_ERROR(check_topics(recording, topics));
-  const auto is_wanted = [&](ReplayTopic topic) {
+  NEARMESH_RETURN_IF_ERROR(check_topics(recording, samples, topics));
+  const auto is_wanted = [&](wire::TopicPlace topic) {
     return topics.empty() ||
-           std::find(topics.begin(), topics.end(),
-                     kReplayTopicNames[static_cast<std::size_t>(topic)]) != topics.end();
+           std::find(topics.begin(), topics.end(), wire::kTopicFacts[topic].name) != topics.end();
   };
-  plays_batches_ = is_wanted(ReplayTopic::kSplitBatch);
+  plays_batches_ = is_wanted(wire::place_of<wire::SplitBatchMessage>());
   std::map<std::tuple<std::uint32_t, EndpointGuid, std::string>, std::uint32_t> known;
   for (const RecordedWriter& writer : recording.writers()) {
-    const RecordedTopic& topic = recording.topics()[writer.topic];
-    const std::optional<ReplayTopic> which = topic_of_type(topic.type);
-    if (!which || !is_wanted(*which)) {
+    const std::optional<wire::TopicPlace> topic = played(samples, writer.topic);
+    if (!topic || !is_wanted(*topic)) {
       stream_of_writer_.push_back(kNotPlayed);
       continue;
     }
     const auto [at, is_new] = known.try_emplace({writer.topic, writer.guid, writer.partition},
                                                 static_cast<std::uint32_t>(streams_.size()));
-    if (is_new) streams_.push_back({*which, writer.partition});
+    if (is_new) streams_.push_back({*topic, writer.partition});
     stream_of_writer_.push_back(at->second);
   }
   return Status::ok();
 }
 
+/// Of what is renewed all the time (contact reports) nothing holds.
 void ReplayIndex::take(std::int64_t id, const RecordedMessage& message) {
-  const std::uint32_t stream = stream_of_writer_[message.writer];
-  if (stream == kNotPlayed) return;
-  switch (streams_[stream].topic) {
-    case ReplayTopic::kHello:
-      take_hello(id, message);
-      break;
-    case ReplayTopic::kMeshHeader:
-      if (const auto header = wire::decode_payload<wire::MeshHeader>(message.cdr); header.is_ok())
-        latches_[{stream, to_hex(header.value().content_hash)}].push_back(id);
-      add_detail(message);
-      break;
-    case ReplayTopic::kRegionSubscription:
-      if (const auto asked = wire::decode_payload<wire::RegionSubscription>(message.cdr);
-          asked.is_ok()) {
-        peers_.insert(asked.value().peer);
-        if (asked.value().request != 0)
-          requests_[{wire::partition_of(asked.value().peer), asked.value().content_hash}].push_back(
-              {.id = id, .number = asked.value().request});
-      }
-      break;
-    case ReplayTopic::kSplitBatch:
-      take_batch(id, stream, message);
-      break;
-    case ReplayTopic::kBodyPose:
-      if (const auto pose = wire::decode_payload<wire::BodyPose>(message.cdr); pose.is_ok()) {
-        peers_.insert(pose.value().peer);
-        latches_[{stream, pose.value().body}].push_back(id);
-      }
-      break;
-    case ReplayTopic::kContactReport:
-      break;  // renewed every frame: nothing holds
+  const std::uint32_t at = stream_of_writer_[message.writer];
+  if (at == kNotPlayed) return;
+  const ReplayStream& stream = streams_[at];
+  if (stream.carries<wire::Hello>()) {
+    take_hello(id, message);
+  } else if (stream.carries<wire::MeshHeader>()) {
+    if (const auto header = wire::decode_payload<wire::MeshHeader>(message.cdr); header.is_ok())
+      latches_[{at, to_hex(header.value().content_hash)}].push_back(id);
+    add_detail(message);
+  } else if (stream.carries<wire::RegionSubscription>()) {
+    const auto asked = wire::decode_payload<wire::RegionSubscription>(message.cdr);
+    if (!asked.is_ok()) return;
+    peers_.insert(asked.value().peer);
+    if (asked.value().request != 0)
+      requests_[{wire::partition_of(asked.value().peer), asked.value().content_hash}].push_back(
+          {.id = id, .number = asked.value().request});
+  } else if (stream.carries<wire::SplitBatchMessage>()) {
+    take_batch(id, at, message);
+  } else if (stream.carries<wire::BodyPose>()) {
+    if (const auto pose = wire::decode_payload<wire::BodyPose>(message.cdr); pose.is_ok()) {
+      peers_.insert(pose.value().peer);
+      latches_[{at, pose.value().body}].push_back(id);
+    }
   }
 }
 

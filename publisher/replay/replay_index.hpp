@@ -4,7 +4,6 @@
 // the models had been delivered by then. Made from the recording's keys, without reading what holds nothing. No DDS here.
 // Moments are ids of messages: "at `end`" is when all messages before `end` have been played, and none from there on.
 
-#include <array>
 #include <cstdint>
 #include <deque>
 #include <functional>
@@ -17,29 +16,21 @@
 #include <vector>
 
 #include "nearmesh/core/recording/recording.hpp"
-#include "nearmesh/idl/messages/messages.hpp"
+#include "nearmesh/idl/dds/recorded_samples.hpp"
 #include "replay_detail.hpp"
 
 namespace nearmesh::publisher {
 
-enum class ReplayTopic : std::uint8_t {
-  kHello,
-  kMeshHeader,
-  kRegionSubscription,
-  kSplitBatch,
-  kBodyPose,
-  kContactReport,
-};
-inline constexpr std::size_t kReplayTopics = 6;
-/// Last parts of the topics' names, in the order of ReplayTopic.
-inline constexpr std::array<const char*, kReplayTopics> kReplayTopicNames{
-    "hello", "mesh_header", "region_subscription", "split_batch", "body_pose", "contact_report"};
-
 /// One writer to be. The parts of a recording count their writers anew: the same endpoint in two parts is one stream. So are
 /// the writers of one publisher's hello: had it joined twice, peers would take the second for an impostor.
 struct ReplayStream {
-  ReplayTopic topic = ReplayTopic::kHello;
+  wire::TopicPlace topic = 0;
   std::string partition;  ///< "" for none
+
+  template <class Message>
+  [[nodiscard]] bool carries() const {
+    return topic == wire::place_of<Message>();
+  }
 };
 
 class ReplayIndex {
@@ -82,7 +73,8 @@ class ReplayIndex {
   using Latch = std::vector<std::int64_t>;  ///< ids, ascending
 
   ReplayIndex() = default;
-  Status add_streams(const RecordingReader& recording, const std::vector<std::string>& topics);
+  Status add_streams(const RecordingReader& recording, const wire::RecordedSamples& samples,
+                     const std::vector<std::string>& topics);
   Status read_keys(RecordingReader& recording, const std::function<bool(double)>& progress);
   Status read_key(RecordingReader& recording, std::uint32_t key);
   void sort();

@@ -74,7 +74,7 @@ void Service::take_requests(double now_s) {
     if (subscription.request == 0 || subscription.request <= peer.last_request) continue;
     peer.last_request = subscription.request;
     ++stats_.requests;
-    // A request names the peer's frontier as it is now, so it replaces what is open and what waits for that model.
+    // A request names the peer's unresolved nodes as they are now, so it replaces what is open and what waits for that model.
     std::erase_if(peer.queue, [&](const Waiting& waiting) {
       return waiting.message.content_hash == subscription.content_hash;
     });

@@ -3,7 +3,7 @@
 // The publisher service: answers the region subscriptions of any number of peers from model files (or, in a
 // replay, from what was recorded of them).
 // Takes RegionSubscription, gives SplitBatchMessage, through a Channel; knows nothing of DDS.
-// It remembers no peer's state of refinement: a request names the peer's own frontier, so a batch that was lost is simply
+// It remembers no peer's state of refinement: a request names the peer's unresolved nodes, so a batch that was lost is simply
 // asked for again. What it keeps of a peer is its pace, its newest request for each model, and the batches that wait for it.
 // No peer can take more than its turn: an answer is made part by part, peers in turn, and only while little of it waits to
 // be sent; so whoever asks for everything, floods requests or reads slowly costs the others one part (AnswerMaker, below a

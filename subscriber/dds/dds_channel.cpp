@@ -41,23 +41,15 @@ class DdsChannel::Impl {
       : options_(options),
         own_id_(options.session != 0 ? options.session : wire::make_session_id()),
         names_(options.transport.prefix),
-        hello_listener_(mailbox_, names_.hello),
-        header_listener_(mailbox_, names_.mesh_header),
-        batch_listener_(mailbox_, names_.split_batch),
-        pose_listener_(mailbox_, names_.body_pose),
-        subscription_listener_(mailbox_, names_.region_subscription),
-        pose_writer_listener_(mailbox_, names_.body_pose),
-        report_listener_(mailbox_, names_.contact_report),
-        status_listener_(mailbox_, names_.process_status),
-        hellos_(mailbox_, names_.hello),
-        movers_(mailbox_, names_.body_pose, !options.transport.security.empty()) {}
+        hellos_(mailbox_, names_.of<wire::Hello>()),
+        movers_(mailbox_, names_.of<wire::BodyPose>(), !options.transport.security.empty()) {}
   ~Impl();
 
   Status start();
   SessionId own_id() const { return own_id_; }
   void send(const wire::RegionSubscription& subscription);
   template <class Message>
-  void put(std::deque<Message> Impl::*queue, const Message& message, const std::string& topic);
+  void put(std::deque<Message> Impl::*queue, const Message& message);
   Inbox take();
   void wait(double seconds);
 
@@ -66,7 +58,6 @@ class DdsChannel::Impl {
   std::deque<wire::BodyPose> poses_;
   std::deque<wire::ContactReport> reports_;
   std::deque<wire::ProcessStatus> statuses_;
-  const wire::TopicNames& names() const { return names_; }
 
  private:
   /// What came of a publisher that was asked, and has not been acknowledged.
@@ -79,8 +70,6 @@ class DdsChannel::Impl {
 
   void run(std::promise<Status> started);
   Status open();
-  Status add_readers();
-  Status add_writers();
   bool receive();
   bool receive_hellos();
   bool receive_poses();
@@ -88,8 +77,8 @@ class DdsChannel::Impl {
   Status rejoin();
   bool flush();
   double acknowledge();
-  template <class Type, class Message>
-  bool flush(std::deque<Message> Impl::*queue, wire::fdds::DataWriter& writer);
+  template <class Message>
+  bool flush(std::deque<Message> Impl::*queue, wire::Writer<Message>& writer);
   template <class Message>
   void deliver(std::vector<Message> Inbox::*list, Message&& message, std::size_t limit,
                const std::string& topic);
@@ -103,9 +92,14 @@ class DdsChannel::Impl {
   const SessionId own_id_;
   const wire::TopicNames names_;
   wire::Mailbox mailbox_;
-  wire::ReaderListener hello_listener_, header_listener_, batch_listener_, pose_listener_;
-  wire::WriterListener subscription_listener_, pose_writer_listener_, report_listener_,
-      status_listener_;
+  wire::Reader<wire::Hello> hello_reader_{mailbox_};
+  wire::Reader<wire::MeshHeader> header_reader_{mailbox_};
+  wire::Reader<wire::SplitBatchMessage> batch_reader_{mailbox_};
+  wire::Reader<wire::BodyPose> pose_reader_{mailbox_};
+  wire::Writer<wire::RegionSubscription> subscription_writer_{mailbox_};
+  wire::Writer<wire::BodyPose> pose_writer_{mailbox_};
+  wire::Writer<wire::ContactReport> report_writer_{mailbox_};
+  wire::Writer<wire::ProcessStatus> status_writer_{mailbox_};
 
   std::mutex mutex_;  ///< outgoing queues and inbox; never held during a DDS call
   std::condition_variable arrived_;
@@ -117,14 +111,6 @@ class DdsChannel::Impl {
   // The I/O thread's own.
   DdsHellos hellos_;
   DdsPoses movers_;
-  wire::fdds::DataReader* hello_reader_ = nullptr;
-  wire::fdds::DataReader* header_reader_ = nullptr;
-  wire::fdds::DataReader* batch_reader_ = nullptr;
-  wire::fdds::DataReader* pose_reader_ = nullptr;
-  wire::fdds::DataWriter* subscription_writer_ = nullptr;
-  wire::fdds::DataWriter* pose_writer_ = nullptr;
-  wire::fdds::DataWriter* report_writer_ = nullptr;
-  wire::fdds::DataWriter* status_writer_ = nullptr;
   std::unique_ptr<wire::Bus> bus_;
 
   std::atomic<bool> stopping_ = false;
@@ -152,12 +138,12 @@ void DdsChannel::Impl::send(const wire::RegionSubscription& subscription) {
     const std::lock_guard lock(mutex_);
     accounts_[subscription.publisher].window_bytes = subscription.window_bytes;
   }
-  put(&Impl::subscriptions_, subscription, names_.region_subscription);
+  put(&Impl::subscriptions_, subscription);
 }
 
 template <class Message>
-void DdsChannel::Impl::put(std::deque<Message> Impl::*queue, const Message& message,
-                           const std::string& topic) {
+void DdsChannel::Impl::put(std::deque<Message> Impl::*queue, const Message& message) {
+  const std::string& topic = names_.of<Message>();
   if (Status status = check(message); !status.is_ok()) {
     mailbox_.complain(topic + ": not sent: " + status.message());
     return;
@@ -210,13 +196,8 @@ void DdsChannel::Impl::run(std::promise<Status> started) {
   const bool works = opened.is_ok();
   started.set_value(opened);
   while (works && !stopping_) {
-    if (rejoin_watch != nullptr && rejoin_watch->take_due()) {
-      if (const Status status = rejoin(); !status.is_ok()) {
-        mailbox_.complain("could not join again: " + status.message());
-        bus_.reset();
-        rejoin_watch->try_again();
-      }
-    }
+    if (rejoin_watch != nullptr)
+      static_cast<void>(rejoin_watch->rejoin_if_due(bus_, [this] { return rejoin(); }));
     if (bus_ == nullptr) {
       mailbox_.wait(kIdleWait_s);
       continue;
@@ -238,93 +219,35 @@ Status DdsChannel::Impl::open() {
   auto bus = wire::Bus::open(bus_options, mailbox_);
   if (!bus.is_ok()) return bus.status();
   bus_ = std::move(bus).value();
-  NEARMESH_RETURN_IF_ERROR(add_readers());
-  return add_writers();
-}
-
-/// Before the writers: who hears our subscriptions can answer them.
-Status DdsChannel::Impl::add_readers() {
-  auto batch = bus_->add_topic<wire::SplitBatchType>(names_.split_batch);
-  if (!batch.is_ok()) return batch.status();
-  auto hello = bus_->add_topic<wire::HelloType>(names_.hello);
-  if (!hello.is_ok()) return hello.status();
-  auto header = bus_->add_topic<wire::MeshHeaderType>(names_.mesh_header);
-  if (!header.is_ok()) return header.status();
-  auto pose = bus_->add_topic<wire::BodyPoseType>(names_.body_pose);
-  if (!pose.is_ok()) return pose.status();
-
-  auto batches = bus_->add_reader(batch.value(), wire::reader_qos(wire::kSplitBatchDelivery),
-                                  batch_listener_, wire::partition_of(own_id_));
-  if (!batches.is_ok()) return batches.status();
-  batch_reader_ = batches.value();
-  auto hellos =
-      bus_->add_reader(hello.value(), wire::reader_qos(wire::kHelloDelivery), hello_listener_);
-  if (!hellos.is_ok()) return hellos.status();
-  hello_reader_ = hellos.value();
-  auto headers = bus_->add_reader(header.value(), wire::reader_qos(wire::kMeshHeaderDelivery),
-                                  header_listener_);
-  if (!headers.is_ok()) return headers.status();
-  header_reader_ = headers.value();
-  auto poses =
-      bus_->add_reader(pose.value(), wire::reader_qos(wire::kBodyPoseDelivery), pose_listener_);
-  if (!poses.is_ok()) return poses.status();
-  pose_reader_ = poses.value();
-  return Status::ok();
-}
-
-Status DdsChannel::Impl::add_writers() {
-  const double heartbeat_s = options_.transport.heartbeat_s;
-  auto subscription = bus_->add_topic<wire::RegionSubscriptionType>(names_.region_subscription);
-  if (!subscription.is_ok()) return subscription.status();
-  auto pose = bus_->add_topic<wire::BodyPoseType>(names_.body_pose);
-  if (!pose.is_ok()) return pose.status();
-  auto report = bus_->add_topic<wire::ContactReportType>(names_.contact_report);
-  if (!report.is_ok()) return report.status();
-
-  auto subscriptions = bus_->add_writer(
-      subscription.value(), wire::writer_qos(wire::kRegionSubscriptionDelivery, heartbeat_s),
-      subscription_listener_);
-  if (!subscriptions.is_ok()) return subscriptions.status();
-  subscription_writer_ = subscriptions.value();
-  auto poses = bus_->add_writer(
-      pose.value(), wire::writer_qos(wire::kBodyPoseDelivery, heartbeat_s), pose_writer_listener_);
-  if (!poses.is_ok()) return poses.status();
-  pose_writer_ = poses.value();
-  auto reports =
-      bus_->add_writer(report.value(), wire::writer_qos(wire::kContactReportDelivery, heartbeat_s),
-                       report_listener_);
-  if (!reports.is_ok()) return reports.status();
-  report_writer_ = reports.value();
-  auto status = bus_->add_topic<wire::ProcessStatusType>(names_.process_status);
-  if (!status.is_ok()) return status.status();
-  auto statuses =
-      bus_->add_writer(status.value(), wire::writer_qos(wire::kProcessStatusDelivery, heartbeat_s),
-                       status_listener_);
-  if (!statuses.is_ok()) return statuses.status();
-  status_writer_ = statuses.value();
-  return Status::ok();
+  // Readers first: who hears our subscriptions can answer them.
+  NEARMESH_RETURN_IF_ERROR(batch_reader_.open(*bus_, wire::partition_of(own_id_)));
+  NEARMESH_RETURN_IF_ERROR(hello_reader_.open(*bus_));
+  NEARMESH_RETURN_IF_ERROR(header_reader_.open(*bus_));
+  NEARMESH_RETURN_IF_ERROR(pose_reader_.open(*bus_));
+  NEARMESH_RETURN_IF_ERROR(subscription_writer_.open(*bus_));
+  NEARMESH_RETURN_IF_ERROR(pose_writer_.open(*bus_));
+  NEARMESH_RETURN_IF_ERROR(report_writer_.open(*bus_));
+  return status_writer_.open(*bus_);
 }
 
 /// Out: true when some reader may hold more.
 bool DdsChannel::Impl::receive() {
   // Whoever comes and goes is remembered until it is taken.
-  (void)header_listener_.take_matches();
-  (void)batch_listener_.take_matches();
+  (void)header_reader_.take_matches();
+  (void)batch_reader_.take_matches();
   bool more = receive_hellos();
-  more |=
-      wire::drain<wire::MeshHeaderType>(*header_reader_, mailbox_, kMaxTaken,
-                                        [&](wire::MeshHeader&& header, const Handle&,
-                                            Microseconds) { deliver_header(std::move(header)); });
+  more |= header_reader_.drain(kMaxTaken, [&](wire::MeshHeader&& header, const Handle&,
+                                              Microseconds) { deliver_header(std::move(header)); });
   for (wire::Hello& hello : hellos_.release([this](const Handle& writer) {
-         return subscription_listener_.is_matched_with_participant_of(writer);
+         return subscription_writer_.listener().is_matched_with_participant_of(writer);
        }))
-    deliver(&Inbox::hellos, std::move(hello), kMaxWaitingOthers, names_.hello);
-  more |= wire::drain<wire::SplitBatchType>(
-      *batch_reader_, mailbox_, kMaxTaken,
-      [&](wire::SplitBatchMessage&& batch, const Handle& writer, Microseconds) {
+    deliver(&Inbox::hellos, std::move(hello), kMaxWaitingOthers, names_.of<wire::Hello>());
+  more |= batch_reader_.drain(
+      kMaxTaken, [&](wire::SplitBatchMessage&& batch, const Handle& writer, Microseconds) {
         if (!is_of_its_publisher(batch, writer)) return;
         note_batch(batch);
-        deliver(&Inbox::batches, std::move(batch), kMaxWaitingBatches, names_.split_batch);
+        deliver(&Inbox::batches, std::move(batch), kMaxWaitingBatches,
+                names_.of<wire::SplitBatchMessage>());
       });
   more |= receive_poses();
   hellos_.complain_of_silence();
@@ -334,13 +257,13 @@ bool DdsChannel::Impl::receive() {
 /// Out: true when there may be more.
 bool DdsChannel::Impl::receive_hellos() {
   std::vector<DdsHellos::Heard> heard;
-  const bool more = wire::drain<wire::HelloType>(
-      *hello_reader_, mailbox_, kMaxTaken,
+  const bool more = hello_reader_.drain(
+      kMaxTaken,
       [&](wire::Hello&& hello, const Handle& writer, Microseconds received) {
         heard.push_back({std::move(hello), writer, received});
       },
       [&](const Handle& writer) { hellos_.heard_of(writer); });
-  for (const SessionId lost : hellos_.take(hello_listener_.take_matches(), std::move(heard)))
+  for (const SessionId lost : hellos_.take(hello_reader_.take_matches(), std::move(heard)))
     tell_lost(lost);
   return more;
 }
@@ -352,9 +275,9 @@ bool DdsChannel::Impl::is_of_its_publisher(const wire::SplitBatchMessage& batch,
   if (hello && wire::have_one_participant(*hello, writer)) return true;
   // Of one that was just lost something may still be on its way.
   if (hello)
-    mailbox_.complain(names_.split_batch + ": samples of " + wire::name_of(writer) +
-                      " dropped: publisher " + wire::partition_of(batch.publisher) +
-                      " is another participant");
+    mailbox_.complain(names_.of<wire::SplitBatchMessage>() + ": samples of " +
+                      wire::name_of(writer) + " dropped: publisher " +
+                      wire::partition_of(batch.publisher) + " is another participant");
   return false;
 }
 
@@ -393,8 +316,7 @@ double DdsChannel::Impl::acknowledge() {
     }
   }
   for (const wire::RegionSubscription& credit : due)
-    if (wire::write_message<wire::RegionSubscriptionType>(*subscription_writer_, credit,
-                                                          mailbox_) == wire::WriteResult::kFull) {
+    if (subscription_writer_.write(credit) == wire::WriteResult::kFull) {
       const std::lock_guard lock(mutex_);
       if (const auto at = accounts_.find(credit.publisher); at != accounts_.end()) {
         at->second.bytes += at->second.window_bytes;  // overdue
@@ -407,15 +329,14 @@ double DdsChannel::Impl::acknowledge() {
 /// Out: true when there may be more.
 bool DdsChannel::Impl::receive_poses() {
   // The matches first: of who is gone by then, what it said is all there.
-  const std::vector<wire::ReaderListener::Match> matches = pose_listener_.take_matches();
+  const std::vector<wire::ReaderListener::Match> matches = pose_reader_.take_matches();
   std::vector<DdsPoses::Heard> heard;
-  const bool more = wire::drain<wire::BodyPoseType>(
-      *pose_reader_, mailbox_, kMaxTaken,
-      [&](wire::BodyPose&& pose, const Handle& writer, Microseconds) {
+  const bool more =
+      pose_reader_.drain(kMaxTaken, [&](wire::BodyPose&& pose, const Handle& writer, Microseconds) {
         if (pose.peer != own_id_) heard.push_back({std::move(pose), writer});
       });
   for (wire::BodyPose& pose : movers_.take(matches, std::move(heard), more))
-    deliver(&Inbox::poses, std::move(pose), kMaxWaitingOthers, names_.body_pose);
+    deliver(&Inbox::poses, std::move(pose), kMaxWaitingOthers, names_.of<wire::BodyPose>());
   return more;
 }
 
@@ -427,18 +348,18 @@ void DdsChannel::Impl::tell_lost(SessionId publisher) {
                   [&](const wire::Hello& hello) { return hello.publisher == publisher; });
     accounts_.erase(publisher);
   }
-  deliver(&Inbox::lost_publishers, std::move(publisher), kMaxWaitingOthers, names_.hello);
+  deliver(&Inbox::lost_publishers, std::move(publisher), kMaxWaitingOthers,
+          names_.of<wire::Hello>());
 }
 
-/// When the watch says so: as a new participant, with the same session. Every publisher is
+/// As a new participant, with the same session. Every publisher is
 /// lost and, if it still lives, found again.
 Status DdsChannel::Impl::rejoin() {
   for (const SessionId publisher : hellos_.clear()) tell_lost(publisher);
-  bus_.reset();
   movers_.clear();
-  subscription_listener_.forget_readers();
-  (void)hello_listener_.take_matches();
-  (void)pose_listener_.take_matches();
+  subscription_writer_.listener().forget_readers();
+  (void)hello_reader_.take_matches();
+  (void)pose_reader_.take_matches();
   return open();
 }
 
@@ -466,7 +387,7 @@ void DdsChannel::Impl::deliver_header(wire::MeshHeader&& header) {
       return;
     }
   }
-  complain_of_overflow(names_.mesh_header);
+  complain_of_overflow(names_.of<wire::MeshHeader>());
 }
 
 /// Once until the host takes: it may have stopped for long.
@@ -483,26 +404,25 @@ void DdsChannel::Impl::complain_of_overflow(const std::string& topic) {
 bool DdsChannel::Impl::flush() {
   bool all = true;
   // Not by any reader: a recorder hears subscriptions too, and does not answer them.
-  if (std::any_of(hellos_.writers().begin(), hellos_.writers().end(),
-                  [this](const Handle& publisher) {
-                    return subscription_listener_.is_matched_with_participant_of(publisher);
-                  }))
-    all &= flush<wire::RegionSubscriptionType>(&Impl::subscriptions_, *subscription_writer_);
-  all &= flush<wire::BodyPoseType>(&Impl::poses_, *pose_writer_);
-  all &= flush<wire::ContactReportType>(&Impl::reports_, *report_writer_);
-  all &= flush<wire::ProcessStatusType>(&Impl::statuses_, *status_writer_);
+  if (std::any_of(
+          hellos_.writers().begin(), hellos_.writers().end(), [this](const Handle& publisher) {
+            return subscription_writer_.listener().is_matched_with_participant_of(publisher);
+          }))
+    all &= flush(&Impl::subscriptions_, subscription_writer_);
+  all &= flush(&Impl::poses_, pose_writer_);
+  all &= flush(&Impl::reports_, report_writer_);
+  all &= flush(&Impl::statuses_, status_writer_);
   return all;
 }
 
-template <class Type, class Message>
-bool DdsChannel::Impl::flush(std::deque<Message> Impl::*queue, wire::fdds::DataWriter& writer) {
+template <class Message>
+bool DdsChannel::Impl::flush(std::deque<Message> Impl::*queue, wire::Writer<Message>& writer) {
   std::deque<Message> outgoing;
   {
     const std::lock_guard lock(mutex_);
     outgoing.swap(this->*queue);
   }
-  while (!outgoing.empty() &&
-         wire::write_message<Type>(writer, outgoing.front(), mailbox_) != wire::WriteResult::kFull)
+  while (!outgoing.empty() && writer.write(outgoing.front()) != wire::WriteResult::kFull)
     outgoing.pop_front();
   if (outgoing.empty()) return true;
   const std::lock_guard lock(mutex_);
@@ -525,15 +445,9 @@ DdsChannel::~DdsChannel() = default;
 
 SessionId DdsChannel::own_id() const { return impl_->own_id(); }
 void DdsChannel::send(const wire::RegionSubscription& subscription) { impl_->send(subscription); }
-void DdsChannel::send(const wire::BodyPose& pose) {
-  impl_->put(&Impl::poses_, pose, impl_->names().body_pose);
-}
-void DdsChannel::send(const wire::ContactReport& report) {
-  impl_->put(&Impl::reports_, report, impl_->names().contact_report);
-}
-void DdsChannel::tell(const wire::ProcessStatus& status) {
-  impl_->put(&Impl::statuses_, status, impl_->names().process_status);
-}
+void DdsChannel::send(const wire::BodyPose& pose) { impl_->put(&Impl::poses_, pose); }
+void DdsChannel::send(const wire::ContactReport& report) { impl_->put(&Impl::reports_, report); }
+void DdsChannel::tell(const wire::ProcessStatus& status) { impl_->put(&Impl::statuses_, status); }
 Channel::Inbox DdsChannel::take() { return impl_->take(); }
 void DdsChannel::wait(double seconds) { impl_->wait(seconds); }
 

@@ -17,82 +17,47 @@ namespace {
 using wire::Handle;
 using wire::Microseconds;
 
-constexpr std::size_t kMaxTaken = 4096;
+constexpr std::size_t kMaxHeard = 4096;
 constexpr std::size_t kMaxRefusals = 256;
 constexpr std::size_t kMaxRegions = 16384;
-constexpr double kSilence_s = 2;
+constexpr double kStatusSilence_s = 2;
 
 }  // namespace
 
 class DdsMonitor::Impl {
  public:
   explicit Impl(const wire::TransportOptions& transport)
-      : transport_(transport),
-        names_(transport.prefix),
-        hello_listener_(mailbox_, names_.hello),
-        status_listener_(mailbox_, names_.process_status),
-        report_listener_(mailbox_, names_.contact_report),
-        request_listener_(mailbox_, names_.region_subscription),
-        silence_(kSilence_s) {}
+      : transport_(transport), silence_(kStatusSilence_s) {}
 
   Status start() {
     auto bus = wire::Bus::open({.transport = transport_, .participant_name = "nearmesh monitor"},
                                mailbox_);
     if (!bus.is_ok()) return bus.status();
     bus_ = std::move(bus).value();
-    auto hello = bus_->add_topic<wire::HelloType>(names_.hello);
-    if (!hello.is_ok()) return hello.status();
-    auto hellos =
-        bus_->add_reader(hello.value(), wire::reader_qos(wire::kHelloDelivery), hello_listener_);
-    if (!hellos.is_ok()) return hellos.status();
-    hello_reader_ = hellos.value();
-    auto status = bus_->add_topic<wire::ProcessStatusType>(names_.process_status);
-    if (!status.is_ok()) return status.status();
-    auto statuses = bus_->add_reader(status.value(), wire::reader_qos(wire::kProcessStatusDelivery),
-                                     status_listener_);
-    if (!statuses.is_ok()) return statuses.status();
-    status_reader_ = statuses.value();
-    return Status::ok();
+    NEARMESH_RETURN_IF_ERROR(hello_reader_.open(*bus_));
+    return status_reader_.open(*bus_);
   }
 
   Status hear_regions() {
-    auto report = bus_->add_topic<wire::ContactReportType>(names_.contact_report);
-    if (!report.is_ok()) return report.status();
-    auto request = bus_->add_topic<wire::RegionSubscriptionType>(names_.region_subscription);
-    if (!request.is_ok()) return request.status();
-    // The latest will do, and what is lost is not sent again.
-    const auto unreliable = [](const wire::Delivery& delivery) {
-      wire::fdds::DataReaderQos qos = wire::reader_qos(delivery);
-      qos.reliability().kind = wire::fdds::BEST_EFFORT_RELIABILITY_QOS;
-      return qos;
-    };
-    auto reports = bus_->add_reader(report.value(), unreliable(wire::kContactReportDelivery),
-                                    report_listener_);
-    if (!reports.is_ok()) return reports.status();
-    report_reader_ = reports.value();
-    auto requests = bus_->add_reader(request.value(), unreliable(wire::kRegionSubscriptionDelivery),
-                                     request_listener_);
-    if (!requests.is_ok()) return requests.status();
-    request_reader_ = requests.value();
-    return Status::ok();
+    NEARMESH_RETURN_IF_ERROR(report_reader_.open(*bus_, "", wire::Hearing::kLatest));
+    return request_reader_.open(*bus_, "", wire::Hearing::kLatest);
   }
 
   void listen(double seconds) {
     mailbox_.wait(seconds);
     // What is faulty is heard too: it is complained of by itself.
     const auto heard = [this](const Handle& writer) { silence_.heard(writer); };
-    const bool more = wire::drain<wire::HelloType>(
-        *hello_reader_, mailbox_, kMaxTaken,
+    const bool more = hello_reader_.drain(
+        kMaxHeard,
         [&](wire::Hello&& hello, const Handle& writer, Microseconds) {
           hellos_[writer] = std::move(hello);
         },
         heard);
-    const bool more_statuses = wire::drain<wire::ProcessStatusType>(
-        *status_reader_, mailbox_, kMaxTaken,
-        [&](wire::ProcessStatus&& status, const Handle& writer, Microseconds) {
+    const bool more_statuses = status_reader_.drain(
+        kMaxHeard, [&](wire::ProcessStatus&& status, const Handle& writer, Microseconds) {
           processes_[writer] = std::move(status);
         });
-    const bool more_regions = report_reader_ != nullptr && take_regions();
+    const bool more_regions = report_reader_.is_open() && take_regions();
     if (more || more_statuses || more_regions) mailbox_.wake();
     take_matches();
     for (const Handle& writer : silence_.take_silent(clock_.seconds()))
@@ -127,9 +92,8 @@ class DdsMonitor::Impl {
   /// Out: true when there may be more.
   bool take_regions() {
     const double now_s = clock_.seconds();
-    const bool more = wire::drain<wire::ContactReportType>(
-        *report_reader_, mailbox_, kMaxTaken,
-        [&](wire::ContactReport&& report, const Handle& writer, Microseconds) {
+    const bool more = report_reader_.drain(
+        kMaxHeard, [&](wire::ContactReport&& report, const Handle& writer, Microseconds) {
           const auto key = std::tuple(report.peer, report.body_a, report.body_b);
           if (regions_.size() >= kMaxRegions && !regions_.contains(key)) return;
           Region& region = regions_.try_emplace(key, Region{.certified_s = now_s}).first->second;
@@ -138,9 +102,8 @@ class DdsMonitor::Impl {
           if (is_certified(static_cast<AnswerStatus>(report.status))) region.certified_s = now_s;
           region.report = std::move(report);
         });
-    const bool more_requests = wire::drain<wire::RegionSubscriptionType>(
-        *request_reader_, mailbox_, kMaxTaken,
-        [&](wire::RegionSubscription&& asked, const Handle& writer, Microseconds) {
+    const bool more_requests = request_reader_.drain(
+        kMaxHeard, [&](wire::RegionSubscription&& asked, const Handle& writer, Microseconds) {
           const std::pair key(asked.peer, asked.content_hash);
           if (asked.request == 0 || (requests_.size() >= kMaxRegions && !requests_.contains(key)))
             return;
@@ -149,11 +112,11 @@ class DdsMonitor::Impl {
                             writer,
                             now_s};
         });
-    for (const auto& event : report_listener_.take_matches())
+    for (const auto& event : report_reader_.take_matches())
       if (event.gone)
         std::erase_if(regions_,
                       [&](const auto& known) { return known.second.writer == event.writer; });
-    for (const auto& event : request_listener_.take_matches())
+    for (const auto& event : request_reader_.take_matches())
       if (event.gone)
         std::erase_if(requests_,
                       [&](const auto& known) { return known.second.writer == event.writer; });
@@ -161,7 +124,7 @@ class DdsMonitor::Impl {
   }
 
   void take_matches() {
-    for (const auto& event : hello_listener_.take_matches()) {
+    for (const auto& event : hello_reader_.take_matches()) {
       if (event.gone) {
         silence_.gone(event.writer);
         hellos_.erase(event.writer);
@@ -170,7 +133,7 @@ class DdsMonitor::Impl {
       }
     }
     // A host that uses a channel alone may have nothing to say of itself.
-    for (const auto& event : status_listener_.take_matches())
+    for (const auto& event : status_reader_.take_matches())
       if (event.gone) processes_.erase(event.writer);
   }
 
@@ -197,10 +160,12 @@ class DdsMonitor::Impl {
   }
 
   const wire::TransportOptions transport_;
-  const wire::TopicNames names_;
   const Stopwatch clock_;
   wire::Mailbox mailbox_;
-  wire::ReaderListener hello_listener_, status_listener_, report_listener_, request_listener_;
+  wire::Reader<wire::Hello> hello_reader_{mailbox_};
+  wire::Reader<wire::ProcessStatus> status_reader_{mailbox_};
+  wire::Reader<wire::ContactReport> report_reader_{mailbox_};
+  wire::Reader<wire::RegionSubscription> request_reader_{mailbox_};
   wire::SilenceWatch silence_;
   std::map<Handle, wire::Hello> hellos_;
   std::map<Handle, wire::ProcessStatus> processes_;
@@ -218,9 +183,6 @@ class DdsMonitor::Impl {
   std::map<std::pair<wire::SessionId, std::uint64_t>, Request> requests_;
   std::vector<std::string> refusals_;
   std::set<std::string> known_;
-  wire::fdds::DataReader* hello_reader_ = nullptr;
-  wire::fdds::DataReader* status_reader_ = nullptr;
-  wire::fdds::DataReader *report_reader_ = nullptr, *request_reader_ = nullptr;
   std::unique_ptr<wire::Bus> bus_;  ///< last: goes first, while the listeners still live
 };
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "nearmesh/idl/dds/detail/transport_options.hpp"
+#include "nearmesh/idl/dds/transport_options.hpp"
 #include "nearmesh/idl/messages/messages.hpp"
 
 namespace nearmesh::subscriber {

@@ -6,7 +6,7 @@
 namespace nearmesh::subscriber {
 namespace {
 
-constexpr std::size_t kMaxContested = 64;
+constexpr std::size_t kMaxContestedBodies = 64;
 
 }  // namespace
 
@@ -40,7 +40,7 @@ void DdsPoses::accept(Heard&& heard, std::vector<wire::BodyPose>& accepted) {
     known->second = std::move(heard);
     return;
   }
-  if (contested_.size() >= kMaxContested) return;
+  if (contested_.size() >= kMaxContestedBodies) return;
   mailbox_.complain(topic_ + ": body " + body + " of " + wire::name_of(heard.writer) +
                     (claim == wire::BodyBook::Claim::kFull
                          ? " is one too many, its poses are ignored"

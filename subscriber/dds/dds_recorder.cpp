@@ -19,11 +19,12 @@ namespace {
 
 using wire::Handle;
 
-constexpr std::size_t kMaxTaken = 16384;   ///< of one topic, before the others have their turn
+constexpr std::size_t kMaxRecordedAtOnce =
+    16384;                                 ///< of one topic, before the others have their turn
 constexpr std::size_t kMaxWritten = 1024;  ///< before the queue is looked at again
 /// For the disk; what comes beyond is dropped and counted.
 constexpr std::size_t kMaxWaitingBytes = 64U << 20;
-constexpr double kIdleWait_s = 0.5;
+constexpr double kNothingToStore_s = 0.5;
 constexpr auto kDiskWait =
     std::chrono::milliseconds(100);  ///< how late a commit may be noticed to be due
 
@@ -69,24 +70,22 @@ class DdsRecorder::Impl {
 
  private:
   struct Topic {
-    std::string name, type;
+    wire::TopicPlace place = 0;
+    std::string name;
     std::unique_ptr<wire::ReaderListener> listener;
     wire::fdds::DataReader* reader = nullptr;
     bool (Impl::*drain)(std::uint32_t topic) = nullptr;
     Status (Impl::*open)(Topic& topic) = nullptr;
-    const wire::Delivery* delivery = nullptr;
   };
 
-  template <class Generated>
-  void add_topic(const std::string& name, std::string_view type, const wire::Delivery& delivery);
-  Status check_topics() const;
+  Status add_topics();
 
   // The DDS thread.
   void listen(std::promise<Status> started);
   Status join();
-  template <class Generated>
+  template <class Message>
   Status open_reader(Topic& topic);
-  template <class Generated>
+  template <class Message>
   bool drain(std::uint32_t topic);
   void count_gap(const Entry& entry);
   void push(Entry&& entry);
@@ -126,16 +125,26 @@ class DdsRecorder::Impl {
   bool finished_ = false;
 };
 
-template <class Generated>
-void DdsRecorder::Impl::add_topic(const std::string& name, std::string_view type,
-                                  const wire::Delivery& delivery) {
-  const std::string last = name.substr(name.rfind('/') + 1);
-  if (!options_.topics.empty() &&
-      std::find(options_.topics.begin(), options_.topics.end(), last) == options_.topics.end())
-    return;
-  topics_.push_back({name, std::string(type),
-                     std::make_unique<wire::ReaderListener>(mailbox_, name), nullptr,
-                     &Impl::drain<Generated>, &Impl::open_reader<Generated>, &delivery});
+Status DdsRecorder::Impl::add_topics() {
+  const std::vector<std::string> known = wire::recorded_topics();
+  const std::vector<std::string>& wanted = options_.topics.empty() ? known : options_.topics;
+  const auto contains = [](const std::vector<std::string>& names, std::string_view name) {
+    return std::find(names.begin(), names.end(), name) != names.end();
+  };
+  for (const std::string& name : wanted)
+    if (!contains(known, name)) {
+      std::string expected;
+      for (const std::string& one : known) expected += (expected.empty() ? "" : ", ") + one;
+      return {StatusCode::kInvalidArgument, "topic " + name + ": expected one of " + expected};
+    }
+  const wire::TopicNames names(options_.transport.prefix);
+  wire::for_each_topic([&]<class Message>(const wire::Topic<Message>& topic) {
+    if (topic.is_recorded && contains(wanted, topic.name))
+      topics_.push_back({wire::place_of<Message>(), names.of<Message>(),
+                         std::make_unique<wire::ReaderListener>(mailbox_), nullptr,
+                         &Impl::drain<Message>, &Impl::open_reader<Message>});
+  });
+  return Status::ok();
 }
 
 Status DdsRecorder::Impl::start() {
@@ -145,20 +154,7 @@ Status DdsRecorder::Impl::start() {
                                               std::to_string(options_.max_bytes)};
   if (options_.split && options_.max_bytes == 0)
     return {StatusCode::kInvalidArgument, "split: expected a max-size to split at"};
-  const wire::TopicNames names(options_.transport.prefix);
-  using namespace wire_types;
-  add_topic<HelloSamplePubSubType>(names.hello, wire::kHelloType, wire::kHelloDelivery);
-  add_topic<MeshHeaderSamplePubSubType>(names.mesh_header, wire::kMeshHeaderType,
-                                        wire::kMeshHeaderDelivery);
-  add_topic<RegionSubscriptionSamplePubSubType>(
-      names.region_subscription, wire::kRegionSubscriptionType, wire::kRegionSubscriptionDelivery);
-  add_topic<SplitBatchSamplePubSubType>(names.split_batch, wire::kSplitBatchType,
-                                        wire::kSplitBatchDelivery);
-  add_topic<BodyPoseSamplePubSubType>(names.body_pose, wire::kBodyPoseType,
-                                      wire::kBodyPoseDelivery);
-  add_topic<ContactReportSamplePubSubType>(names.contact_report, wire::kContactReportType,
-                                           wire::kContactReportDelivery);
-  NEARMESH_RETURN_IF_ERROR(check_topics());
+  NEARMESH_RETURN_IF_ERROR(add_topics());
   facts_ = {wire::make_session_id(), 0, wire::kWireVersion, options_.transport.prefix,
             wire::idl_text()};
   NEARMESH_RETURN_IF_ERROR(begin_part());
@@ -169,18 +165,6 @@ Status DdsRecorder::Impl::start() {
   dds_thread_ =
       std::thread([this, promise = std::move(started)]() mutable { listen(std::move(promise)); });
   return outcome.get();
-}
-
-Status DdsRecorder::Impl::check_topics() const {
-  for (const std::string& wanted : options_.topics)
-    if (std::none_of(topics_.begin(), topics_.end(), [&](const Topic& topic) {
-          return topic.name.substr(topic.name.rfind('/') + 1) == wanted;
-        }))
-      return {StatusCode::kInvalidArgument,
-              "topic " + wanted +
-                  ": expected hello, mesh_header, region_subscription, split_batch, body_pose or "
-                  "contact_report"};
-  return Status::ok();
 }
 
 Status DdsRecorder::Impl::finish() {
@@ -204,22 +188,17 @@ void DdsRecorder::Impl::listen(std::promise<Status> started) {
   started.set_value(joined);
   if (!joined.is_ok()) return;
   while (!leaving_) {
-    if (rejoin_watch.take_due()) {
+    static_cast<void>(rejoin_watch.rejoin_if_due(bus_, [this] {
       mailbox_.complain("what was sent before it has joined again is missing");
-      bus_.reset();
-      if (const Status status = join(); !status.is_ok()) {
-        mailbox_.complain("could not join again: " + status.message());
-        bus_.reset();
-        rejoin_watch.try_again();
-      }
-    }
+      return join();
+    }));
     if (bus_ == nullptr) {
-      mailbox_.wait(kIdleWait_s);
+      mailbox_.wait(kNothingToStore_s);
       continue;
     }
     bool more = false;
     for (std::uint32_t i = 0; i < topics_.size(); ++i) more |= (this->*topics_[i].drain)(i);
-    if (!more) mailbox_.wait(kIdleWait_s);
+    if (!more) mailbox_.wait(kNothingToStore_s);
   }
   if (bus_ != nullptr)
     for (std::uint32_t i = 0; i < topics_.size(); ++i)
@@ -245,32 +224,25 @@ Status DdsRecorder::Impl::join() {
   return Status::ok();
 }
 
-template <class Generated>
+template <class Message>
 Status DdsRecorder::Impl::open_reader(Topic& topic) {
-  auto added = bus_->add_topic<wire::RawType<Generated>>(topic.name);
-  if (!added.is_ok()) return added.status();
-  // All that comes is kept until it is taken, not the latest alone. The writers do not care: theirs keep the latest, or
-  // (batches) do not wait for a best-effort reader.
-  wire::fdds::DataReaderQos qos = wire::reader_qos(*topic.delivery);
-  const bool writers_wait = topic.delivery->history == wire::fdds::KEEP_ALL_HISTORY_QOS;
-  qos.history().kind = wire::fdds::KEEP_ALL_HISTORY_QOS;
-  if (writers_wait) qos.reliability().kind = wire::fdds::BEST_EFFORT_RELIABILITY_QOS;
-  auto reader = bus_->add_reader(added.value(), qos, *topic.listener, writers_wait ? "*" : "");
-  if (!reader.is_ok()) return reader.status();
-  topic.reader = reader.value();
-  return Status::ok();
+  const bool all_partitions = wire::topic_of<Message>().has_partitions;
+  auto reader = bus_->reader<Message, wire::RawTypeOf<Message>>(
+      *topic.listener, all_partitions ? "*" : "", wire::Hearing::kAll);
+  if (reader.is_ok()) topic.reader = reader.value();
+  return reader.status();
 }
 
 /// Out: true when there may be more.
-template <class Generated>
+template <class Message>
 bool DdsRecorder::Impl::drain(std::uint32_t topic) {
-  using Type = wire::RawType<Generated>;
+  using Type = wire::RawTypeOf<Message>;
   using eprosima::fastrtps::types::ReturnCode_t;
   static_cast<void>(topics_[topic].listener->take_matches());  // nobody is missed here
   typename Type::Data data;
   wire::fdds::SampleInfo info;
   std::vector<Entry> taken;
-  while (taken.size() < kMaxTaken) {
+  while (taken.size() < kMaxRecordedAtOnce) {
     data.fault.clear();
     if (topics_[topic].reader->take_next_sample(static_cast<typename Type::Sample*>(&data),
                                                 &info) != ReturnCode_t::RETCODE_OK)
@@ -283,7 +255,7 @@ bool DdsRecorder::Impl::drain(std::uint32_t topic) {
     entry.message.received_ns = info.reception_timestamp.to_ns();
     entry.message.source_ns = info.source_timestamp.to_ns();
     if (!info.valid_data) continue;  // a dispose, which has a number too
-    if constexpr (std::is_same_v<Generated, wire_types::MeshHeaderSamplePubSubType>)
+    if constexpr (std::is_same_v<Message, wire::MeshHeader>)
       if (data.fault.empty())
         if (const auto header = decode(data); header.is_ok()) {
           entry.content_hash = header.value().content_hash;
@@ -303,7 +275,7 @@ bool DdsRecorder::Impl::drain(std::uint32_t topic) {
     count_gap(entry);
     if (!entry.message.cdr.empty()) push(std::move(entry));
   }
-  return taken.size() == kMaxTaken;
+  return taken.size() == kMaxRecordedAtOnce;
 }
 
 /// Of a writer that is there already we may get the latest sample of each key, numbered with gaps: none of them is missing.
@@ -398,7 +370,9 @@ Status DdsRecorder::Impl::begin_part() {
   file_ = std::move(file).value();
   writers_.clear();
   for (const Topic& topic : topics_)
-    if (const auto added = file_->add_topic({topic.name, topic.type}); !added.is_ok())
+    if (const auto added =
+            file_->add_topic({topic.name, std::string(wire::kTopicFacts[topic.place].type)});
+        !added.is_ok())
       return added.status();
   return Status::ok();
 }
@@ -435,7 +409,7 @@ Status DdsRecorder::Impl::write(const Entry& entry) {
   RecordedMessage message = entry.message;
   message.writer = known->second;
   const Result<std::int64_t> id =
-      file_->append(message, wire::record_key(topics_[entry.topic].type, message.cdr));
+      file_->append(message, wire::record_key(topics_[entry.topic].place, message.cdr));
   if (!id.is_ok()) return id.status();
   if (entry.model.empty()) return Status::ok();
   return file_->add_model({entry.content_hash, entry.model, id.value()});

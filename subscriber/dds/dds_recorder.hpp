@@ -10,16 +10,17 @@
 #include <vector>
 
 #include "nearmesh/core/recording/recording.hpp"
-#include "nearmesh/idl/dds/detail/transport_options.hpp"
+#include "nearmesh/idl/dds/transport_options.hpp"
 
 namespace nearmesh::subscriber {
 
 struct RecorderOptions {
   wire::TransportOptions transport;
-  std::string path;                 ///< of the first file; must not exist
-  std::vector<std::string> topics;  ///< by their last name, "body_pose"; empty: all six
-  std::uint64_t max_bytes = 0;      ///< of a file with its log, at least kMinFileBytes; 0: no limit
-  bool split = false;               ///< at max_bytes go on in another file, instead of ending
+  std::string path;  ///< of the first file; must not exist
+  std::vector<std::string>
+      topics;                   ///< by their last name, "body_pose"; empty: all that are recorded
+  std::uint64_t max_bytes = 0;  ///< of a file with its log, at least kMinFileBytes; 0: no limit
+  bool split = false;           ///< at max_bytes go on in another file, instead of ending
 };
 inline constexpr std::uint64_t kMinFileBytes = 256U << 10;
 

@@ -6,19 +6,19 @@
 
 namespace nearmesh::subscriber {
 
-/// Of a pair that the next update will ask about.
-[[nodiscard]] inline Readiness not_asked(const std::string& body_a, const std::string& body_b) {
-  return {.pairs = 1, .reason = body_a + " and " + body_b + ": not asked since the last update"};
+/// Of a pair that the next update will ask about; `names` of the two bodies, for the reason.
+[[nodiscard]] inline Readiness not_asked(const std::string& names) {
+  return {.pairs = 1, .reason = names + ": not asked since the last update"};
 }
 
-[[nodiscard]] inline Readiness readiness_of(const PairAnswer& pair) {
+[[nodiscard]] inline Readiness readiness_of(const PairAnswer& pair, const std::string& names) {
   const Answer& answer = pair.answer;
   if (is_certified(answer.status)) return {ReadyStage::kCertified, 1, 1, {}};
-  const std::string names = pair.body_a + " and " + pair.body_b + ": ";
   if (!pair.reason.empty())
-    return {pair.asked ? ReadyStage::kAnswering : ReadyStage::kWaiting, 1, 0, names + pair.reason};
+    return {pair.asked ? ReadyStage::kAnswering : ReadyStage::kWaiting, 1, 0,
+            names + ": " + pair.reason};
   return {ReadyStage::kAnswering, 1, 0,
-          names + to_string(answer.status) + ", " + pair.awaited + "; known to within " +
+          names + ": " + to_string(answer.status) + ", " + pair.awaited + "; known to within " +
               std::to_string(answer.uncertainty_m) + " m"};
 }
 

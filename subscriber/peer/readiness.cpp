@@ -12,6 +12,7 @@
 #include "core/base/stopwatch.hpp"
 #include "nearmesh/core/query/query.hpp"
 #include "nearmesh/subscriber/peer/wait_ready.hpp"
+#include "region_readiness.hpp"
 
 namespace nearmesh::subscriber {
 namespace {
@@ -53,7 +54,6 @@ const char* to_string(ReadyStage stage) {
 
 RegionReadiness lacks_in_box(const TreeView& tree, const std::array<double, 3>& lo_m,
                              const std::array<double, 3>& hi_m) {
-  const FloatGuard guard;
   NEARMESH_ASSERT(tree.store != nullptr);
   const GridBox box = cells_around(*tree.grid, lo_m, hi_m);
   RegionReadiness lacks;
@@ -82,7 +82,7 @@ RegionReadiness lacks_in_box(const TreeView& tree, const std::array<double, 3>& 
   return lacks;
 }
 
-Result<Waited> wait_ready(Session& session, const std::string& body, double timeout_s,
+Result<Waited> wait_ready(Session& session, BodyId body, double timeout_s,
                           std::vector<Session::OwnMotion> motions, std::uint64_t frame,
                           double time_s) {
   const FloatGuard guard;

@@ -1,11 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "replicas.hpp"
 
-#include <algorithm>
-#include <new>
-
 #include "core/base/hash.hpp"
-#include "core/base/stopwatch.hpp"
 
 namespace nearmesh::subscriber {
 PeerModel& ReplicaSet::add(const std::string& name) {
@@ -80,75 +76,28 @@ std::size_t ReplicaSet::take_header(const wire::MeshHeader& message,
     return 0;
   }
   if (model->is_ready()) return 0;
-  Result<SpmHeader> header = decode_header(message.bytes);
-  if (!header.is_ok()) {
-    complaints.push_back("model " + model->name + ": " + header.status().message());
+  Result<Replica> replica = Replica::from_header(message.bytes);
+  if (!replica.is_ok()) {
+    complaints.push_back("model " + model->name + ": " + replica.status().message());
     return 0;
   }
-  try {
-    model->replica.emplace(std::move(header).value());
-    model->tree.emplace(model->replica->mesh());
-  } catch (const std::bad_alloc&) {  // arrays span all ids that a header announces
-    model->tree.reset();
-    model->replica.reset();
-    complaints.push_back("model " + model->name + ": no address space for its vertices");
-    return 0;
-  }
+  model->replica = std::move(replica).value();
   return message.bytes.size();
 }
 
 bool ReplicaSet::apply_one(FrameReport& report) {
   for (auto& [name, model] : models_) {
     if (!model.is_ready() || model.waiting.empty()) continue;
-    Stopwatch watch;
-    const std::vector<std::uint8_t> bytes = std::move(model.waiting.front());
+    const Replica::Taken taken = model.replica->take(model.waiting.front());
     model.waiting.pop_front();
-    ++model.applied_batches;
-    const Result<SplitBatch> batch = decode_batch(model.replica->header(), bytes);
-    report.load_s += watch.lap();
-    if (!batch.is_ok()) {
-      report.complaints.push_back("model " + name + ": " + batch.status().message());
-      return true;
-    }
-    const Replica::Applied applied = model.replica->apply_batch(batch.value());
-    report.refine_s += watch.lap();
-    model.tree->update(applied.delta);
-    report.tree_s += watch.lap();
-    if (!applied.status.is_ok())
-      report.complaints.push_back("model " + name + ": " + applied.status.message());
+    report.load_s += taken.times.load_s;
+    report.refine_s += taken.times.refine_s;
+    report.tree_s += taken.times.tree_s;
+    if (!taken.status.is_ok())
+      report.complaints.push_back("model " + name + ": " + taken.status.message());
     return true;
   }
   return false;
-}
-
-void ReplicaSet::collapse_outside(PeerModel& model, const std::vector<RegionPart>& keep,
-                                  FrameReport& report) {
-  const SplitStore& store = model.replica->store();
-  std::vector<NodeSpan> stack, give_up;
-  for (const BaseRoot& root : store.roots()) stack.push_back(root.node);
-  while (!stack.empty()) {
-    const NodeSpan node = stack.back();
-    stack.pop_back();
-    const VertexId split = node.size < 2 ? VertexId{} : store.split_of(node);
-    if (!split.is_valid()) continue;
-    const GridBox box = store.box(node);
-    if (std::none_of(keep.begin(), keep.end(), [&](const RegionPart& k) { return k.meets(box); })) {
-      give_up.push_back(node);
-      continue;
-    }
-    stack.push_back(node.left_of(split));
-    stack.push_back(node.right_of(split));
-  }
-  model.gave_up_detail |= !give_up.empty();
-  for (const NodeSpan& node : give_up) {
-    Stopwatch watch;
-    const RefineDelta delta = model.replica->collapse(node);
-    report.refine_s += watch.lap();
-    model.tree->update(delta);
-    report.tree_s += watch.lap();
-    model.replica->forget(node);
-    report.refine_s += watch.lap();
-  }
 }
 
 }  // namespace nearmesh::subscriber

@@ -8,8 +8,7 @@
 #include <memory>
 #include <optional>
 
-#include "core/refine/replica.hpp"
-#include "nearmesh/core/abtree/detail/ab_tree.hpp"
+#include "core/replica/replica.hpp"
 #include "nearmesh/subscriber/peer/session.hpp"
 
 namespace nearmesh::subscriber {
@@ -23,20 +22,15 @@ struct PeerModel {
   std::string name;
   std::uint64_t content_hash = 0;  // 0: nobody has announced it yet
   std::uint64_t mesh_bytes = 0;
-  std::optional<Replica> replica;  // from the header on
-  std::optional<AbTree> tree;
+  std::optional<Replica> replica;                 // from the header on
   std::deque<std::vector<std::uint8_t>> waiting;  // encoded batches, in order of arrival
-  std::uint32_t applied_batches = 0;              // of those that came, also what did not decode
-  bool gave_up_detail = false;
-  /// The session's time when nothing within the nearer half of the horizon lacked last.
+  /// The session's time when the last look ahead found nothing to ask for.
   double looked_ahead_s = -std::numeric_limits<double>::infinity();
 
-  [[nodiscard]] bool is_ready() const { return tree.has_value(); }
-  [[nodiscard]] TreeView view() const { return tree->view(replica->header().grid); }
+  [[nodiscard]] bool is_ready() const { return replica.has_value(); }
 };
 
-/// Applies waiting batches until `deadline` says stop. T_L, T_R and T_B go to the report.
-/// A batch that does not decode or contradicts the model is dropped with a complaint.
+/// T_L, T_R and T_B go to the report. A batch that does not decode or contradicts the model is dropped with a complaint.
 class ReplicaSet {
  public:
   PeerModel& add(const std::string& name);
@@ -54,8 +48,6 @@ class ReplicaSet {
   std::size_t take_header(const wire::MeshHeader& message, std::vector<std::string>& complaints);
   /// Applies the oldest waiting batch of some model; false when none waits.
   bool apply_one(FrameReport& report);
-  /// Gives up detail of `model` outside `keep` (in its grid).
-  void collapse_outside(PeerModel& model, const std::vector<RegionPart>& keep, FrameReport& report);
 
  private:
   std::map<std::string, PeerModel> models_;

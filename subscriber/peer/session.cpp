@@ -7,6 +7,7 @@
 #include "core/base/float_guard.hpp"
 #include "core/base/hash.hpp"
 #include "pair_readiness.hpp"
+#include "region_readiness.hpp"
 #include "session_impl.hpp"
 
 namespace nearmesh::subscriber {
@@ -17,6 +18,11 @@ constexpr std::size_t kMaxWaitingBatches = 16384;
 
 /// A sweep may take some twenty milliseconds, then it says what it knows.
 constexpr std::uint64_t kMaxSweepTests = 200'000;
+
+Status no_such(BodyId body) {
+  return {StatusCode::kNotFound, "body " + (body.is_valid() ? std::to_string(body.value) : "none") +
+                                     " is not of this session"};
+}
 
 }  // namespace
 
@@ -33,38 +39,48 @@ Session::Session(std::unique_ptr<Channel> channel, SessionOptions options)
 }
 Session::~Session() = default;
 
-Status Session::add_body(const std::string& name, const std::string& model, bool own, bool solid) {
-  for (const std::string& text : {name, model})
+Result<BodyId> Session::add_body(BodyOptions options) {
+  for (const std::string& text : {options.name, options.model})
     if (text.empty() || text.size() > wire::kMaxNameBytes)
-      return {StatusCode::kInvalidArgument, "name '" + text + "': expected 1 to " +
-                                                std::to_string(wire::kMaxNameBytes) + " bytes"};
-  if (impl_->bodies.contains(name))
-    return {StatusCode::kConflict, "body " + name + " is declared twice"};
-  impl_->bodies.emplace(
-      name, Body{.name = name, .model = &impl_->replicas.add(model), .own = own, .solid = solid});
+      return Status{
+          StatusCode::kInvalidArgument,
+          "name '" + text + "': expected 1 to " + std::to_string(wire::kMaxNameBytes) + " bytes"};
+  const BodyId id{static_cast<std::uint32_t>(impl_->bodies.size())};
+  if (!impl_->named.emplace(options.name, id).second)
+    return Status{StatusCode::kConflict, "body " + options.name + " is declared twice"};
+  impl_->bodies.push_back({.id = id,
+                           .name = std::move(options.name),
+                           .model = &impl_->replicas.add(options.model),
+                           .own = options.own,
+                           .solid = options.solid});
   impl_->has_new_model = true;
-  return Status::ok();
+  return id;
 }
 
-Status Session::place_body(const std::string& name, const Pose& pose) {
+Status Session::place_body(BodyId body, const Pose& pose) {
   const FloatGuard guard;
-  const auto at = impl_->bodies.find(name);
-  if (at == impl_->bodies.end()) return {StatusCode::kNotFound, "no body named " + name};
-  NEARMESH_RETURN_IF_ERROR(check_pose(pose, name));
-  at->second.motion = Motion{.pose = pose};
+  Body* placed = impl_->find(body);
+  if (placed == nullptr) return no_such(body);
+  NEARMESH_RETURN_IF_ERROR(check_pose(pose, placed->name));
+  placed->motion = Motion{.pose = pose};
   for (Impl::Pair& pair : impl_->pairs)
-    if (pair.a == &at->second || pair.b == &at->second)
-      pair.last = not_asked(pair.a->name, pair.b->name);
+    if (pair.has(*placed)) pair.last = not_asked(pair.names());
   return Status::ok();
 }
 
-Status Session::watch(const std::string& body_a, const std::string& body_b) {
-  const auto a = impl_->bodies.find(body_a), b = impl_->bodies.find(body_b);
-  for (const auto& [at, name] : {std::pair(a, body_a), std::pair(b, body_b)})
-    if (at == impl_->bodies.end()) return {StatusCode::kNotFound, "no body named " + name};
-  if (a == b) return {StatusCode::kInvalidArgument, "body " + body_a + " against itself"};
-  impl_->pairs.push_back({&a->second, &b->second, std::nullopt, not_asked(body_a, body_b)});
-  return Status::ok();
+Result<PairId> Session::watch(BodyId a, BodyId b) {
+  for (const BodyId body : {a, b})
+    if (impl_->find(body) == nullptr) return no_such(body);
+  if (a == b) return Status{StatusCode::kInvalidArgument, "body " + name_of(a) + " against itself"};
+  Impl::Pair pair{.a = impl_->find(a), .b = impl_->find(b)};
+  pair.last = not_asked(pair.names());
+  impl_->pairs.push_back(std::move(pair));
+  return PairId{static_cast<std::uint32_t>(impl_->pairs.size() - 1)};
+}
+
+std::string Session::name_of(BodyId body) const {
+  const Body* named = impl_->find(body);
+  return named == nullptr ? std::string() : named->name;
 }
 
 Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
@@ -72,10 +88,11 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
   const FloatGuard guard;
   Impl& impl = *impl_;
   for (const OwnMotion& own : motions) {
-    const auto at = impl.bodies.find(own.body);
-    if (at == impl.bodies.end() || !at->second.own)
-      return Status{StatusCode::kNotFound, own.body + " is not a body that this peer moves"};
-    NEARMESH_RETURN_IF_ERROR(check_motion(own.motion, own.body));
+    const Body* body = impl.find(own.body);
+    if (body == nullptr) return no_such(own.body);
+    if (!body->own)
+      return Status{StatusCode::kNotFound, body->name + " is not a body that this peer moves"};
+    NEARMESH_RETURN_IF_ERROR(check_motion(own.motion, body->name));
   }
   if (!std::isfinite(time_s))  // it goes out with every pose
     return Status{StatusCode::kInvalidArgument, "time_s of frame " + std::to_string(frame) +
@@ -85,10 +102,11 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
   const Stopwatch spent;
   FrameReport report;
   for (const OwnMotion& own : motions) {
-    impl.bodies.at(own.body).motion = own.motion;
+    Body& body = *impl.find(own.body);
+    body.motion = own.motion;
     wire::BodyPose pose;
     pose.peer = impl.channel->own_id();
-    pose.body = own.body;
+    pose.body = body.name;
     pose.frame = frame;
     pose.time_s = time_s;
     pose.pose = own.motion.pose;
@@ -104,17 +122,21 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
   for (const auto& [name, model] : impl.replicas.all())
     report.state_digest =
         mix(report.state_digest ^ (model.is_ready() ? model.replica->mesh().state_hash() + 1 : 0));
-  for (Impl::Pair& pair : impl.pairs) impl.answer_pair(pair, frame, report);
-  for (const PairAnswer& pair : report.answers)
-    report.answers_digest = mix(report.answers_digest ^ digest(pair.answer));
+  for (std::uint32_t i = 0; i < impl.pairs.size(); ++i) impl.answer_pair(PairId{i}, frame, report);
   impl.ask(report);
   if (impl.options.max_held_splits > 0)
     for (auto& [name, model] : impl.replicas.all())
       if (model.is_ready() && model.replica->mesh().split_count() > impl.options.max_held_splits)
-        impl.replicas.collapse_outside(model, impl.kept_of(model, report), report);
+        impl.give_up(model, report);
   for (const std::string& line : report.complaints) impl.keeper.note(line, impl.clock.seconds());
   if (impl.keeper.is_due(impl.clock.seconds())) impl.tell_status(report, stats());
   return report;
+}
+
+void Session::Impl::give_up(PeerModel& model, FrameReport& report) {
+  const Replica::Times times = model.replica->give_up(kept_of(model, report));
+  report.refine_s += times.refine_s;
+  report.tree_s += times.tree_s;
 }
 
 void Session::Impl::take_inbox(FrameReport& report) {
@@ -135,15 +157,16 @@ void Session::Impl::take_inbox(FrameReport& report) {
       stats.header_bytes += replicas.announce_new(publisher.hello, complaints);
   for (wire::SplitBatchMessage& batch : inbox.batches) take_batch(std::move(batch), report);
   for (const wire::BodyPose& pose : inbox.poses) {
-    const auto at = bodies.find(pose.body);
-    if (at == bodies.end()) continue;
-    if (at->second.own) {
-      if (!std::exchange(at->second.contested, true))
+    const auto at = named.find(pose.body);
+    if (at == named.end()) continue;
+    Body& body = bodies[at->second.value];
+    if (body.own) {
+      if (!std::exchange(body.contested, true))
         complaints.push_back("another peer also moves body " + pose.body +
                              "; its poses are ignored");
       continue;
     }
-    at->second.motion = Motion{pose.pose, pose.linear_velocity_mps, pose.angular_velocity_radps};
+    body.motion = Motion{pose.pose, pose.linear_velocity_mps, pose.angular_velocity_radps};
   }
 }
 
@@ -209,69 +232,73 @@ std::string Session::Impl::why_not_ready(const Body& body) const {
   return {};
 }
 
-void Session::Impl::answer_pair(Pair& pair, std::uint64_t frame, FrameReport& report) {
-  PairAnswer result{.body_a = pair.a->name, .body_b = pair.b->name};
+namespace {
+
+void take_answer(Answered&& all, PairAnswer& result, std::vector<std::string>& complaints) {
+  result.answer = std::move(all.answer);
+  result.contacts = std::move(all.contacts);
+  result.safe_horizon_s = all.safe_horizon_s;
+  if (!all.swept) return;
+  if (all.swept->is_ok()) {
+    result.swept = std::move(*all.swept).value();
+  } else {
+    complaints.push_back("no swept answer: " + all.swept->status().message());
+  }
+}
+
+}  // namespace
+
+void Session::Impl::answer_pair(PairId id, std::uint64_t frame, FrameReport& report) {
+  Pair& pair = pairs[id.value];
+  PairAnswer result{.pair = id, .a = pair.a->id, .b = pair.b->id};
   result.reason = why_not_ready(*pair.a);
   if (result.reason.empty()) result.reason = why_not_ready(*pair.b);
   if (result.reason.empty()) {
     const Stopwatch watch;
-    const TreeView a = pair.a->model->view(), b = pair.b->model->view();
-    result.pose_a = pair.a->motion->pose;
-    result.pose_b = pair.b->motion->pose;
-    const Result<PosedPair> posed =
-        pose_pair(*a.grid, result.pose_a, pair.a->name, *b.grid, result.pose_b, pair.b->name);
-    if (posed.is_ok()) {
+    const auto body = [](const Body& of) {
+      return AskedBody{of.model->replica->view(), *of.motion, of.name, of.solid};
+    };
+    const AskedBody a = body(*pair.a), b = body(*pair.b);
+    result.pose_a = a.motion.pose;
+    result.pose_b = b.motion.pose;
+    Result<Answered> asked = answer(a, b,
+                                    {.contacts = options.contacts,
+                                     .sweep_s = options.sweep_s,
+                                     .max_sweep_tests = kMaxSweepTests});
+    if (asked.is_ok()) {
       result.asked = true;
-      result.answer = query(a, posed.value().a, b, posed.value().b,
-                            {.solid_a = pair.a->solid, .solid_b = pair.b->solid});
-      if (options.contacts && !result.answer.pairs.empty())
-        result.contacts = find_contacts(a, posed.value().a, b, posed.value().b, result.answer);
-      if (is_certified(result.answer.status) && result.answer.pair_total == 0)
-        result.safe_horizon_s =
-            safe_horizon_s(a, *pair.a->motion, b, *pair.b->motion, result.answer.clearance_m);
-      if (options.sweep_s > 0) sweep_pair(pair, result, report);
-      if (result.answer.status == AnswerStatus::kUncertain && result.answer.missing_a.empty() &&
-          result.answer.missing_b.empty())
-        result.reason = "body " + (a.surface->has_seeds() ? pair.b : pair.a)->name +
+      take_answer(std::move(asked).value(), result, report.complaints);
+      if (is_beyond_detail(result.answer))
+        result.reason = "body " + (a.view.surface->has_seeds() ? pair.b : pair.a)->name +
                         " has more than " + std::to_string(kMaxComponentSeeds) +
                         " parts: whether one is inside the other body cannot be told";
     } else {
-      result.reason = posed.status().message();
+      result.reason = asked.status().message();
     }
     report.query_s += watch.seconds();
   }
+  if (!result.asked) result.answer.uncertainty_m = std::numeric_limits<double>::infinity();
   if (result.reason.empty() && !is_certified(result.answer.status)) {
     result.awaited = awaited_of(*pair.a->model, result.answer.missing_a.size());
     const std::string more = awaited_of(*pair.b->model, result.answer.missing_b.size());
     if (!result.awaited.empty() && !more.empty()) result.awaited += "; ";
     result.awaited += more;
   }
-  if (!result.reason.empty()) result.answer.uncertainty_m = std::numeric_limits<double>::infinity();
-  pair.last = readiness_of(result);
-  if (options.publish_reports) report_pair(pair, result, frame);
+  pair.last = readiness_of(result, pair.names());
+  const std::uint64_t answer_digest = digest(result.answer);
+  report.answers_digest = mix(report.answers_digest ^ answer_digest);
+  if (options.publish_reports) report_pair(pair, result, {frame, answer_digest});
   report.answers.push_back(std::move(result));
 }
 
-void Session::Impl::sweep_pair(const Pair& pair, PairAnswer& result, FrameReport& report) {
-  Result<SweptAnswer> swept = sweep(pair.a->model->view(), *pair.a->motion, pair.a->name,
-                                    pair.b->model->view(), *pair.b->motion, pair.b->name,
-                                    {.duration_s = options.sweep_s, .max_tests = kMaxSweepTests});
-  if (swept.is_ok()) {
-    result.swept = std::move(swept).value();
-  } else {
-    report.complaints.push_back("no swept answer: " + swept.status().message());
-  }
-}
-
-void Session::Impl::report_pair(Pair& pair, const PairAnswer& answer, std::uint64_t frame) {
-  const std::pair now(frame, digest(answer.answer));
+void Session::Impl::report_pair(Pair& pair, const PairAnswer& answer, const Reported& now) {
   if (pair.reported == now) return;
   pair.reported = now;
   wire::ContactReport report;
   report.peer = channel->own_id();
-  report.body_a = answer.body_a;
-  report.body_b = answer.body_b;
-  report.frame = frame;
+  report.body_a = pair.a->name;
+  report.body_b = pair.b->name;
+  report.frame = now.first;
   report.time_s = time_s;
   report.status = static_cast<std::uint8_t>(answer.answer.status);
   // The wire carries finite numbers; "cannot be bounded" is the largest of them.
@@ -282,11 +309,12 @@ void Session::Impl::report_pair(Pair& pair, const PairAnswer& answer, std::uint6
   report.asked = answer.asked;
   report.answer_digest = now.second;
   if (report.asked) {
-    report.gave_up_detail = pair.a->model->gave_up_detail || pair.b->model->gave_up_detail;
+    report.gave_up_detail =
+        pair.a->model->replica->gave_up_detail() || pair.b->model->replica->gave_up_detail();
     const auto as_asked = [](const Body& body, const Pose& pose) {
       return wire::ContactReport::Asked{body.model->content_hash,
                                         body.model->replica->mesh().state_hash(),
-                                        body.model->applied_batches, body.solid, pose};
+                                        body.model->replica->taken_batches(), body.solid, pose};
     };
     report.a = as_asked(*pair.a, answer.pose_a);
     report.b = as_asked(*pair.b, answer.pose_b);
@@ -332,40 +360,40 @@ void Session::Impl::tell_status(const FrameReport& report, const SessionStats& c
   told = std::move(now);
 }
 
-Result<Readiness> Session::readiness(const std::string& body) const {
+Result<Readiness> Session::readiness(BodyId body) const {
   const FloatGuard guard;
-  const auto at = impl_->bodies.find(body);
-  if (at == impl_->bodies.end()) return Status{StatusCode::kNotFound, "no body named " + body};
+  const Body* asked = impl_->find(body);
+  if (asked == nullptr) return no_such(body);
   Readiness all{.stage = ReadyStage::kCertified};
   for (const Impl::Pair& pair : impl_->pairs)
-    if (pair.a == &at->second || pair.b == &at->second) add_pair(all, pair.last);
-  if (all.pairs == 0) return Readiness{.reason = "body " + body + " is watched against nothing"};
+    if (pair.has(*asked)) add_pair(all, pair.last);
+  if (all.pairs == 0)
+    return Readiness{.reason = "body " + asked->name + " is watched against nothing"};
   return all;
 }
 
-Result<RegionReadiness> Session::region_readiness(const std::string& body,
-                                                  const std::array<double, 3>& lo_m,
+Result<RegionReadiness> Session::region_readiness(BodyId body, const std::array<double, 3>& lo_m,
                                                   const std::array<double, 3>& hi_m) const {
   const FloatGuard guard;
-  const auto at = impl_->bodies.find(body);
-  if (at == impl_->bodies.end()) return Status{StatusCode::kNotFound, "no body named " + body};
+  const Body* asked = impl_->find(body);
+  if (asked == nullptr) return no_such(body);
   for (std::size_t k = 0; k < 3; ++k)
     if (!std::isfinite(lo_m[k]) || !std::isfinite(hi_m[k]) || lo_m[k] > hi_m[k])
       return Status{StatusCode::kInvalidArgument,
-                    "region of body " + body + ": from " + std::to_string(lo_m[k]) + " to " +
+                    "region of body " + asked->name + ": from " + std::to_string(lo_m[k]) + " to " +
                         std::to_string(hi_m[k]) + " m on axis " + std::to_string(k) +
                         ", expected finite numbers in ascending order"};
-  const PeerModel& model = *at->second.model;
+  const PeerModel& model = *asked->model;
   if (!model.is_ready())
     return RegionReadiness{.uncertainty_m = std::numeric_limits<double>::infinity(),
-                           .reason = impl_->why_not_ready(at->second)};
-  return lacks_in_box(model.view(), lo_m, hi_m);
+                           .reason = impl_->why_not_ready(*asked)};
+  return lacks_in_box(model.replica->view(), lo_m, hi_m);
 }
 
-const SpmHeader* Session::header_of(const std::string& body) const {
-  const auto at = impl_->bodies.find(body);
-  if (at == impl_->bodies.end() || !at->second.model->is_ready()) return nullptr;
-  return &at->second.model->replica->header();
+const SpmHeader* Session::header_of(BodyId body) const {
+  const Body* asked = impl_->find(body);
+  if (asked == nullptr || !asked->model->is_ready()) return nullptr;
+  return &asked->model->replica->header();
 }
 
 const wire::ProcessStatus& Session::status() const { return impl_->told; }
@@ -375,7 +403,7 @@ SessionStats Session::stats() const {
   for (const auto& [name, model] : impl_->replicas.all()) {
     stats.mesh_bytes += model.mesh_bytes;
     if (!model.is_ready()) continue;
-    const AbTreeStats tree = model.tree->stats();
+    const AbTreeStats tree = model.replica->tree().stats();
     stats.held_splits += model.replica->mesh().split_count();
     stats.slots += tree.slots;
     stats.exact_faces += tree.exact_faces;

@@ -20,22 +20,22 @@ constexpr std::uint8_t kHorizon = 1;
 }  // namespace
 
 // Where, in a model's grid, all bodies are that a body of that model is watched against; of what is not certified,
-// the rays instead where only the inside of a solid is open.
+// the rays instead where only the inside of a solid is undecided.
 RegionMaker Session::Impl::region_of(const PeerModel& model, double lookahead_s,
-                                     const FrameReport& report, bool uncertified_only) const {
+                                     const FrameReport& report, bool uncertified_only) {
   std::vector<RegionPart> rays;
   std::vector<std::pair<const Body*, const Body*>> against;
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     const PairAnswer& answer = report.answers[i];
     if (!answer.reason.empty() || (uncertified_only && is_certified(answer.answer.status)))
       continue;
-    const Answer& open = answer.answer;
-    if (uncertified_only && !(open.rays_a.empty() && open.rays_b.empty())) {
+    const Answer& undecided = answer.answer;
+    if (uncertified_only && !(undecided.rays_a.empty() && undecided.rays_b.empty())) {
       // The surfaces are apart: only the rays wait for detail.
       if (pairs[i].a->model == &model)
-        rays.insert(rays.end(), open.rays_a.begin(), open.rays_a.end());
+        rays.insert(rays.end(), undecided.rays_a.begin(), undecided.rays_a.end());
       if (pairs[i].b->model == &model)
-        rays.insert(rays.end(), open.rays_b.begin(), open.rays_b.end());
+        rays.insert(rays.end(), undecided.rays_b.begin(), undecided.rays_b.end());
       continue;
     }
     if (pairs[i].a->model == &model) against.emplace_back(pairs[i].a, pairs[i].b);
@@ -48,8 +48,10 @@ RegionMaker Session::Impl::region_of(const PeerModel& model, double lookahead_s,
     for (const auto& [own, other] : against) {
       const std::size_t each = std::max<std::size_t>(
           1, std::min(max_parts, (kMaxRegionBoxes - rays.size()) / against.size()));
-      const auto parts = swept_region(own->model->view(), *own->motion, other->model->view(),
-                                      *other->motion, lookahead_s, options.margin_m, each, near);
+      ++stats.region_sweeps;
+      const auto parts =
+          swept_region(own->model->replica->view(), *own->motion, other->model->replica->view(),
+                       *other->motion, lookahead_s, options.margin_m, each, near);
       region.insert(region.end(), parts.begin(), parts.end());
     }
     region.resize(std::min(region.size(), kMaxRegionBoxes));
@@ -58,8 +60,7 @@ RegionMaker Session::Impl::region_of(const PeerModel& model, double lookahead_s,
 }
 
 // What is not given up: somewhat more than will be asked for, or it would come and go.
-std::vector<RegionPart> Session::Impl::kept_of(const PeerModel& model,
-                                               const FrameReport& report) const {
+std::vector<RegionPart> Session::Impl::kept_of(const PeerModel& model, const FrameReport& report) {
   const RegionMaker region = region_of(model, horizon_s(), report, false);
   if (region == nullptr) return {};
   std::vector<RegionPart> kept = region(kCoarseParts, root_reach(model.replica->store()));
@@ -123,7 +124,7 @@ std::vector<NodeSpan> Session::Impl::missing_of(const PeerModel& model, const Fr
   return missing;
 }
 
-// `missing`, ascending, is asked for in any case, before what else of the frontier meets the region.
+// `missing`, ascending, is asked for in any case, before other unresolved nodes that meet the region.
 bool Session::Impl::request(PeerModel& model, const RegionMaker& region,
                             std::vector<NodeSpan> missing, std::uint8_t priority,
                             double patience_s) {
@@ -152,20 +153,19 @@ bool Session::Impl::request(PeerModel& model, const RegionMaker& region,
 
 // What the swept answers lack, and what else may be met within the horizon.
 bool Session::Impl::request_ahead(PeerModel& model, const FrameReport& report, double patience_s) {
+  if (publisher_of(model.content_hash) == nullptr) return false;
   std::vector<NodeSpan> missing = missing_of(model, report, true);
-  // Looking ahead costs more than most answers. Where nothing lacked in the nearer half of the horizon, an eighth of it may
-  // pass before the next look.
+  // Looking ahead costs more than most answers. Where a look found nothing to ask for, an eighth of the horizon may pass
+  // before the next: half of it is left then.
   if (missing.empty() && std::abs(time_s - model.looked_ahead_s) < horizon_s() / 8) return false;
-  model.looked_ahead_s = -std::numeric_limits<double>::infinity();
   // Asked for when the nearer half lacks something, then all of it: fewer and fuller batches than a little in each frame.
   const RegionMaker nearer = region_of(model, horizon_s() / 2, report, false);
-  if (missing.empty() &&
-      (nearer == nullptr || !make_request(model.replica->store(), nearer, {}, kRegionParts, 1))) {
-    model.looked_ahead_s = time_s;
-    return false;
-  }
-  return request(model, region_of(model, horizon_s(), report, false), std::move(missing), kHorizon,
-                 patience_s);
+  const bool is_due =
+      !missing.empty() || (nearer != nullptr && lacks(model.replica->store(), nearer));
+  const bool is_sent = is_due && request(model, region_of(model, horizon_s(), report, false),
+                                         std::move(missing), kHorizon, patience_s);
+  model.looked_ahead_s = is_sent ? -std::numeric_limits<double>::infinity() : time_s;
+  return is_sent;
 }
 
 // A request for a model was lost: how long to wait for the answer to the next, perhaps of another publisher.
@@ -181,7 +181,7 @@ double Session::Impl::patience_after(std::uint64_t content_hash, Outstanding& lo
 void Session::Impl::ask(const FrameReport& report) {
   for (auto& [name, model] : replicas.all()) {
     if (!model.is_ready() || !model.waiting.empty()) continue;
-    // One request at a time and model: the next one names the frontier as the answer has left it, so nothing is sent
+    // One request at a time and model: the next one names what the answer has left unresolved, so nothing is sent
     // twice. Only what is needed now does not wait for a horizon; the publisher drops what is left of that.
     const auto open = outstanding.find(model.content_hash);
     double patience_s = options.request_timeout_s;

@@ -3,8 +3,12 @@
 // What the files of Session share: session.cpp (samples in, answers and status out) and session_ask.cpp (what is asked of
 // publishers). Threads: one.
 
+#include <deque>
+#include <unordered_map>
+
 #include "core/ask/predict.hpp"
 #include "core/base/stopwatch.hpp"
+#include "core/query/answer.hpp"
 #include "idl/messages/status_keeper.hpp"
 #include "nearmesh/subscriber/peer/session.hpp"
 #include "replicas.hpp"
@@ -12,6 +16,7 @@
 namespace nearmesh::subscriber {
 
 struct Body {
+  BodyId id;
   std::string name;
   PeerModel* model = nullptr;
   bool own = false;
@@ -41,12 +46,17 @@ struct Session::Impl {
   std::unique_ptr<Channel> channel;
   SessionOptions options;
   ReplicaSet replicas;
-  std::map<std::string, Body> bodies;
+  std::deque<Body> bodies;  // by BodyId; where they are does not change, so pairs may point at them
+  std::unordered_map<std::string, BodyId> named;             // for what comes from the bus
+  using Reported = std::pair<std::uint64_t, std::uint64_t>;  // frame and digest of the answer
   struct Pair {
     Body* a;
     Body* b;
-    std::optional<std::pair<std::uint64_t, std::uint64_t>> reported;  // frame and digest
+    std::optional<Reported> reported;
     Readiness last;  // of this pair alone, as of the last update
+
+    [[nodiscard]] bool has(const Body& body) const { return a == &body || b == &body; }
+    [[nodiscard]] std::string names() const { return a->name + " and " + b->name; }
   };
   std::vector<Pair> pairs;
   std::map<wire::SessionId, Publisher> publishers;
@@ -61,16 +71,19 @@ struct Session::Impl {
   wire::StatusKeeper keeper;
   wire::ProcessStatus told;  // the last status
 
+  // Null where there is no such body.
+  [[nodiscard]] Body* find(BodyId body) {
+    return body.value < bodies.size() ? &bodies[body.value] : nullptr;
+  }
   void take_inbox(FrameReport& report);
   void take_batch(wire::SplitBatchMessage&& message, FrameReport& report);
-  void answer_pair(Pair& pair, std::uint64_t frame, FrameReport& report);
-  void sweep_pair(const Pair& pair, PairAnswer& result, FrameReport& report);
-  void report_pair(Pair& pair, const PairAnswer& answer, std::uint64_t frame);
+  void answer_pair(PairId id, std::uint64_t frame, FrameReport& report);
+  void report_pair(Pair& pair, const PairAnswer& answer, const Reported& now);
+  void give_up(PeerModel& model, FrameReport& report);
   void ask(const FrameReport& report);
   [[nodiscard]] RegionMaker region_of(const PeerModel& model, double lookahead_s,
-                                      const FrameReport& report, bool uncertified_only) const;
-  [[nodiscard]] std::vector<RegionPart> kept_of(const PeerModel& model,
-                                                const FrameReport& report) const;
+                                      const FrameReport& report, bool uncertified_only);
+  [[nodiscard]] std::vector<RegionPart> kept_of(const PeerModel& model, const FrameReport& report);
   [[nodiscard]] std::vector<NodeSpan> missing_of(const PeerModel& model, const FrameReport& report,
                                                  bool ahead) const;
   [[nodiscard]] double horizon_s() const { return std::max(options.lookahead_s, options.sweep_s); }

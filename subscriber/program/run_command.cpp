@@ -14,7 +14,6 @@
 #include "core/base/stopwatch.hpp"
 #include "core/query/contacts_json.hpp"
 #include "flight_summary.hpp"
-#include "idl/program/command.hpp"
 #include "idl/program/logging.hpp"
 #include "idl/program/metrics.hpp"
 #include "nearmesh/subscriber/dds/dds_channel.hpp"
@@ -23,20 +22,8 @@
 namespace nearmesh::subscriber::program {
 namespace {
 
-struct Options {
-  std::string scene, answers;
-  DdsChannelOptions channel;
-  std::string metrics;
-  std::vector<std::string> log{"info"};
-  bool json = false;
-};
-
 nlohmann::ordered_json to_json(std::uint64_t frame, const PairAnswer& pair, const Scene& scene) {
-  const auto body_of = [&](const std::string& name) {
-    const auto at = std::find_if(scene.bodies.begin(), scene.bodies.end(),
-                                 [&](const BodyOfScene& b) { return b.name == name; });
-    return at == scene.bodies.end() ? BodyOfScene{} : *at;
-  };
+  const BodyOfScene &a = scene.bodies[pair.a.value], &b = scene.bodies[pair.b.value];
   const auto pose = [](const Pose& p) {
     std::vector<double> x(p.rotation.begin(), p.rotation.end());
     x.insert(x.end(), p.translation_m.begin(), p.translation_m.end());
@@ -48,12 +35,12 @@ nlohmann::ordered_json to_json(std::uint64_t frame, const PairAnswer& pair, cons
   };
   const Answer& answer = pair.answer;
   nlohmann::ordered_json line = {{"frame", frame},
-                                 {"a", pair.body_a},
-                                 {"b", pair.body_b},
-                                 {"model_a", body_of(pair.body_a).model},
-                                 {"model_b", body_of(pair.body_b).model},
-                                 {"solid_a", body_of(pair.body_a).solid},
-                                 {"solid_b", body_of(pair.body_b).solid},
+                                 {"a", a.name},
+                                 {"b", b.name},
+                                 {"model_a", a.model},
+                                 {"model_b", b.model},
+                                 {"solid_a", a.solid},
+                                 {"solid_b", b.solid},
                                  {"status", to_string(answer.status)},
                                  {"pairs", answer.pair_total},
                                  {"pairs_digest", std::to_string(digest(answer.pairs))},
@@ -82,7 +69,7 @@ nlohmann::ordered_json to_json(std::uint64_t frame, const PairAnswer& pair, cons
 class Flight {
  public:
   /// `clock` runs since the program's start.
-  Flight(const Options& options, const Scene& scene, std::unique_ptr<Channel> channel,
+  Flight(const RunOptions& options, const Scene& scene, std::unique_ptr<Channel> channel,
          Stopwatch clock)
       : options_(options),
         scene_(scene),
@@ -100,12 +87,16 @@ class Flight {
       if (!answers_) return {StatusCode::kIo, options_.answers + ": cannot create"};
     }
     for (const BodyOfScene& body : scene_.bodies) {
-      NEARMESH_RETURN_IF_ERROR(
-          session_.add_body(body.name, body.model, !body.trajectory.empty(), body.solid));
+      const auto added = session_.add_body({.name = body.name,
+                                            .model = body.model,
+                                            .own = !body.trajectory.empty(),
+                                            .solid = body.solid});
+      NEARMESH_RETURN_IF_ERROR(added.status());
       if (body.fixed_pose)
-        NEARMESH_RETURN_IF_ERROR(session_.place_body(body.name, *body.fixed_pose));
+        NEARMESH_RETURN_IF_ERROR(session_.place_body(added.value(), *body.fixed_pose));
     }
-    for (const auto& [a, b] : scene_.pairs) NEARMESH_RETURN_IF_ERROR(session_.watch(a, b));
+    for (const auto& [a, b] : scene_.pairs)
+      NEARMESH_RETURN_IF_ERROR(session_.watch(id_of(a), id_of(b)).status());
     return Status::ok();
   }
 
@@ -161,21 +152,25 @@ class Flight {
   }
 
  private:
+  // Bodies are added in the scene's order, and a session numbers them so.
+  static BodyId id_of(std::size_t body) { return {static_cast<std::uint32_t>(body)}; }
+
   std::vector<Session::OwnMotion> motions(std::uint64_t frame) const {
     std::vector<Session::OwnMotion> all;
-    for (const BodyOfScene& body : scene_.bodies) {
-      if (body.trajectory.empty()) continue;
-      const std::size_t at = std::min<std::size_t>(frame, body.trajectory.size() - 1);
-      all.push_back({body.name, body.trajectory[at]});
+    for (std::size_t i = 0; i < scene_.bodies.size(); ++i) {
+      const std::vector<Motion>& trajectory = scene_.bodies[i].trajectory;
+      if (trajectory.empty()) continue;
+      all.push_back({id_of(i), trajectory[std::min<std::size_t>(frame, trajectory.size() - 1)]});
     }
     return all;
   }
 
   // A mistake in the scene that shows when headers come, or when a publisher changes a model.
   [[nodiscard]] Status check_solids() const {
-    for (const BodyOfScene& body : scene_.bodies)
-      if (const SpmHeader* header = session_.header_of(body.name); body.solid && header != nullptr)
-        NEARMESH_RETURN_IF_ERROR(check_solid(*header, body.name));
+    for (std::size_t i = 0; i < scene_.bodies.size(); ++i)
+      if (const SpmHeader* header = session_.header_of(id_of(i));
+          scene_.bodies[i].solid && header != nullptr)
+        NEARMESH_RETURN_IF_ERROR(check_solid(*header, scene_.bodies[i].name));
     return Status::ok();
   }
 
@@ -251,7 +246,7 @@ class Flight {
         static_cast<unsigned long long>(partial + uncertain));
   }
 
-  const Options& options_;
+  const RunOptions& options_;
   const Scene& scene_;
   const Stopwatch clock_;
   const std::vector<Session::OwnMotion> no_motions_;
@@ -262,7 +257,9 @@ class Flight {
   Summary summary_;
 };
 
-Status run(const Options& options) {
+}  // namespace
+
+Status run(const RunOptions& options) {
   const Stopwatch clock;
   const Result<Scene> scene = read_scene(options.scene);
   if (!scene.is_ok()) return scene.status();
@@ -275,28 +272,4 @@ Status run(const Options& options) {
   flight.print_summary();
   return Status::ok();
 }
-}  // namespace
-
-void add_run_command(CLI::App& app, std::function<Status()>& chosen) {
-  CLI::App* command =
-      app.add_subcommand("run", "Fly a scene (docs/scene.md) and answer every frame.");
-  const auto options = std::make_shared<Options>();
-  command->add_option("scene", options->scene, "Scene file (YAML)");
-  command->add_option("--answers", options->answers, "Also write the JSON lines to this file");
-  command->add_flag("--json", options->json,
-                    "Print one JSON line per answer, and one with the summary");
-  const auto settings = std::make_shared<wire::program::Settings>();
-  wire::program::add_transport_settings(*settings, options->channel.transport);
-  wire::program::add_metrics_setting(*settings, options->metrics);
-  wire::program::add_log_setting(*settings, options->log, {kRooms.begin(), kRooms.end()});
-  wire::program::add_flags(*command, settings, [options, known = settings.get()] {
-    wire::program::apply_preset(*known, options->channel.transport);
-    wire::program::set_log_levels(options->log);
-  });
-  command->callback([options, &chosen] {
-    if (options->scene.empty()) throw CLI::RequiredError("scene");
-    chosen = [options] { return run(*options); };
-  });
-}
-
 }  // namespace nearmesh::subscriber::program

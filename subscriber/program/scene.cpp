@@ -124,6 +124,15 @@ Result<std::vector<Motion>> read_trajectory(const std::string& path, const std::
   return motions;
 }
 
+// Its place among the bodies.
+std::size_t body_named(const Scene& scene, const std::string& name, const YAML::Node& node,
+                       const std::string& key) {
+  const auto at = std::find_if(scene.bodies.begin(), scene.bodies.end(),
+                               [&](const BodyOfScene& b) { return b.name == name; });
+  if (at == scene.bodies.end()) fail(node, key + ": no body named " + name);
+  return static_cast<std::size_t>(at - scene.bodies.begin());
+}
+
 Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
   check_keys(root, "scene",
              {"bodies", "moves", "pairs", "frame_rate_hz", "budget_ms", "lookahead_s", "margin_m",
@@ -153,15 +162,13 @@ Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
     for (const YAML::Node& node : moves) {
       check_keys(node, "move", {"body", "trajectory"});
       const std::string name = name_of(node, "body", "move");
-      const auto at = std::find_if(scene.bodies.begin(), scene.bodies.end(),
-                                   [&](const BodyOfScene& b) { return b.name == name; });
-      if (at == scene.bodies.end()) fail(node["body"], "moves: no body named " + name);
+      BodyOfScene& body = scene.bodies[body_named(scene, name, node["body"], "moves")];
       const std::filesystem::path file = name_of(node, "trajectory", "move of " + name);
       auto motions = read_trajectory((file.is_absolute() ? file : folder / file).string(), name,
                                      scene.frame_rate_hz);
       if (!motions.is_ok()) fail(node["trajectory"], motions.status().message());
-      at->trajectory = std::move(motions).value();
-      scene.frames = std::max<std::uint64_t>(scene.frames, at->trajectory.size());
+      body.trajectory = std::move(motions).value();
+      scene.frames = std::max<std::uint64_t>(scene.frames, body.trajectory.size());
     }
   }
   if (!root["pairs"] || !root["pairs"].IsSequence()) fail(root, "pairs: expected a list");
@@ -169,7 +176,8 @@ Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
     const auto names = value<std::vector<std::string>>(node, "pairs", "a list of two names each");
     if (names.size() != 2)
       fail(node, "pairs: expected two names, found " + std::to_string(names.size()));
-    scene.pairs.emplace_back(names[0], names[1]);
+    scene.pairs.emplace_back(body_named(scene, names[0], node, "pairs"),
+                             body_named(scene, names[1], node, "pairs"));
   }
   if (scene.frames == 0) fail(root, "moves: expected at least one body that this peer moves");
   return scene;

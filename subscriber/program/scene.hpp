@@ -20,7 +20,7 @@ struct BodyOfScene {
 
 struct Scene {
   std::vector<BodyOfScene> bodies;
-  std::vector<std::pair<std::string, std::string>> pairs;
+  std::vector<std::pair<std::size_t, std::size_t>> pairs;  ///< places in `bodies`
   double frame_rate_hz = 20;
   double budget_s = 0.01;
   double start_timeout_s = 30;

@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "recorded_peer.hpp"
 
-#include <limits>
 #include <new>
 
 #include "core/base/float_guard.hpp"
 #include "core/base/parallel.hpp"
-#include "nearmesh/idl/dds/payload.hpp"
-#include "nearmesh/idl/messages/topics.hpp"
+#include "nearmesh/idl/dds/recorded_samples.hpp"
 
 namespace nearmesh::subscriber {
 namespace {
@@ -48,48 +46,27 @@ void RecordedPeer::work(const RecordedHeaders& headers, bool final) {
 /// Takes in batches up to what the report has; false when they are not here.
 bool RecordedPeer::reach(const wire::ContactReport::Asked& asked, const RecordedHeaders& headers) {
   Stream& stream = streams_[asked.content_hash];
-  if (stream.model == nullptr) {
+  if (!stream.replica) {
     const auto header = headers.find(asked.content_hash);
     if (header == headers.end()) return false;
-    stream.model = std::make_unique<Model>(header->second);
+    stream.replica.emplace(header->second);
   }
   if (asked.applied_batches > stream.received) return false;
-  for (; stream.applied < asked.applied_batches; ++stream.applied) {
-    Model& model = *stream.model;
-    const Result<SplitBatch> batch = decode_batch(model.replica.header(), stream.waiting.front());
-    stream.waiting.pop_front();
-    if (batch.is_ok()) model.tree.update(model.replica.apply_batch(batch.value()).delta);
-  }
+  for (; stream.replica->taken_batches() < asked.applied_batches; stream.waiting.pop_front())
+    static_cast<void>(stream.replica->take(stream.waiting.front()));  // the peer went on too
   return true;
 }
 
 const Replica& RecordedPeer::replica(const wire::ContactReport::Asked& asked) const {
-  return streams_.at(asked.content_hash).model->replica;
+  return *streams_.at(asked.content_hash).replica;
 }
 
-TreeView RecordedPeer::view(const wire::ContactReport::Asked& asked) const {
-  const Model& model = *streams_.at(asked.content_hash).model;
-  return model.tree.view(model.replica.header().grid);
-}
-
-std::uint32_t RecordedPeer::applied(const wire::ContactReport::Asked& asked) const {
-  return streams_.at(asked.content_hash).applied;
-}
-
-Result<PosedPair> RecordedPeer::posed(const wire::ContactReport& report) const {
-  return pose_pair(*view(report.a).grid, report.a.pose, report.body_a, *view(report.b).grid,
-                   report.b.pose, report.body_b);
-}
-
-Answer RecordedPeer::ask(const wire::ContactReport& report) const {
-  const Result<PosedPair> placed = posed(report);
-  if (!placed.is_ok()) return {};
-  Answer answer = query(view(report.a), placed.value().a, view(report.b), placed.value().b,
-                        {.solid_a = report.a.solid, .solid_b = report.b.solid});
-  if (answer.status == AnswerStatus::kUncertain && answer.missing_a.empty() &&
-      answer.missing_b.empty())
-    answer.uncertainty_m = std::numeric_limits<double>::infinity();
-  return answer;
+Result<Answered> RecordedPeer::ask(const wire::ContactReport& report,
+                                   const AnswerOptions& options) const {
+  const auto body = [this](const wire::ContactReport::Asked& asked, const std::string& name) {
+    return AskedBody{replica(asked).view(), Motion{.pose = asked.pose}, name, asked.solid};
+  };
+  return answer(body(report.a, report.body_a), body(report.b, report.body_b), options);
 }
 
 namespace {
@@ -97,23 +74,21 @@ namespace {
 /// Hands the messages of a recording to its peers.
 class Player {
  public:
-  Player(const RecordingReader& recording, const PlayPlan& plan)
-      : recording_(recording), plan_(plan), names_(recording.facts().prefix) {}
+  Player(const RecordingReader& recording, const wire::RecordedSamples& samples,
+         const PlayPlan& plan)
+      : recording_(recording), samples_(samples), plan_(plan) {}
 
   void take(std::int64_t id, const RecordedMessage& message) {
-    const RecordedWriter& writer = recording_.writers()[message.writer];
-    const std::string& topic = recording_.topics()[writer.topic].name;
-    if (topic == names_.mesh_header) {
-      const auto header = wire::decode_payload<wire::MeshHeader>(message.cdr);
-      if (!header.is_ok() || headers_.contains(header.value().content_hash)) return;
-      if (auto decoded = decode_header(header.value().bytes); decoded.is_ok())
-        headers_.emplace(header.value().content_hash, std::move(decoded).value());
-    } else if (topic == names_.split_batch) {
-      RecordedPeer* peer = peer_of(writer.partition);
+    if (const auto header = samples_.read<wire::MeshHeader>(message)) {
+      if (headers_.contains(header->content_hash)) return;
+      if (auto decoded = decode_header(header->bytes); decoded.is_ok())
+        headers_.emplace(header->content_hash, std::move(decoded).value());
+    } else if (samples_.is<wire::SplitBatchMessage>(message)) {
+      RecordedPeer* peer = peer_of(recording_.writers()[message.writer].partition);
       if (peer == nullptr) return;
       if (auto batch = wire::decode_payload<wire::SplitBatchMessage>(message.cdr); batch.is_ok())
         peer->take(std::move(batch).value());
-    } else if (topic == names_.contact_report) {
+    } else if (samples_.is<wire::ContactReport>(message)) {
       take_report(id, message);
     }
   }
@@ -148,8 +123,8 @@ class Player {
   }
 
   const RecordingReader& recording_;
+  const wire::RecordedSamples& samples_;
   const PlayPlan& plan_;
-  const wire::TopicNames names_;
   RecordedHeaders headers_;
   Played played_;
 };
@@ -158,8 +133,9 @@ class Player {
 
 Result<Played> play(RecordingReader& recording, const PlayPlan& plan) {
   const FloatGuard guard;
-  NEARMESH_RETURN_IF_ERROR(wire::check_recorded_version(recording.facts().wire_version));
-  Player player(recording, plan);
+  const Result<wire::RecordedSamples> samples = wire::RecordedSamples::of(recording);
+  if (!samples.is_ok()) return samples.status();
+  Player player(recording, samples.value(), plan);
   const auto take = [&](std::int64_t id, const RecordedMessage& message) {
     player.take(id, message);
     return true;

@@ -8,11 +8,11 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 
-#include "core/refine/replica.hpp"
-#include "nearmesh/core/abtree/detail/ab_tree.hpp"
-#include "nearmesh/core/query/query.hpp"
+#include "core/query/answer.hpp"
+#include "core/replica/replica.hpp"
 #include "nearmesh/core/recording/recording.hpp"
 #include "nearmesh/idl/messages/messages.hpp"
 
@@ -52,24 +52,17 @@ class RecordedPeer {
 
   // Of a report that is reached, inside visit():
   [[nodiscard]] const Replica& replica(const wire::ContactReport::Asked& asked) const;
-  [[nodiscard]] TreeView view(const wire::ContactReport::Asked& asked) const;
-  /// How many of the model's batches are taken in; more than the report says, where reports came out of order.
-  [[nodiscard]] std::uint32_t applied(const wire::ContactReport::Asked& asked) const;
-  [[nodiscard]] Result<PosedPair> posed(const wire::ContactReport& report) const;
-  /// Asks as Session does.
-  [[nodiscard]] Answer ask(const wire::ContactReport& report) const;
+  /// What Session says of this pair.
+  [[nodiscard]] Result<Answered> ask(const wire::ContactReport& report,
+                                     const AnswerOptions& options = {}) const;
 
  private:
-  struct Model {
-    Replica replica;
-    AbTree tree;
-    explicit Model(SpmHeader header) : replica(std::move(header)), tree(replica.mesh()) {}
-  };
-  /// What the peer was sent of one model, and how much of it is taken in.
+  /// What the peer was sent of one model, and how much of it is taken in: more than a report says, where reports came out
+  /// of order.
   struct Stream {
-    std::unique_ptr<Model> model;
+    std::optional<Replica> replica;
     std::deque<std::vector<std::uint8_t>> waiting;
-    std::uint32_t applied = 0, received = 0;
+    std::uint32_t received = 0;
   };
   bool reach(const wire::ContactReport::Asked& asked, const RecordedHeaders& headers);
 

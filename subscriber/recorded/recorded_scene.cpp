@@ -6,8 +6,7 @@
 #include <map>
 #include <optional>
 
-#include "nearmesh/idl/dds/payload.hpp"
-#include "nearmesh/idl/messages/topics.hpp"
+#include "nearmesh/idl/dds/recorded_samples.hpp"
 #include "recorded_peer.hpp"
 
 namespace nearmesh::subscriber {
@@ -73,7 +72,7 @@ class ScenePeer final : public RecordedPeer {
         break;
     }
     for (const wire::ContactReport::Asked* asked : {&recorded.a, &recorded.b})
-      if (applied(*asked) != asked->applied_batches ||
+      if (replica(*asked).taken_batches() != asked->applied_batches ||
           replica(*asked).mesh().state_hash() != asked->state_digest)
         return Status{StatusCode::kConflict,
                       about + "the meshes do not come out as recorded; see verify"};
@@ -81,10 +80,9 @@ class ScenePeer final : public RecordedPeer {
     scene.report = recorded;
     scene.bodies = {body_of(recorded.body_a, replica(recorded.a), recorded.a.pose),
                     body_of(recorded.body_b, replica(recorded.b), recorded.b.pose)};
-    const Result<PosedPair> placed = posed(recorded);
-    if (!placed.is_ok()) return placed.status();
-    scene.contacts = find_contacts(view(recorded.a), placed.value().a, view(recorded.b),
-                                   placed.value().b, ask(recorded));
+    Result<Answered> asked = ask(recorded, {.contacts = true});
+    if (!asked.is_ok()) return asked.status();
+    if (asked.value().contacts) scene.contacts = std::move(*asked.value().contacts);
     return scene;
   }
 
@@ -107,27 +105,25 @@ std::string describe(const SceneChoice& choice) {
 }  // namespace
 
 Result<std::int64_t> find_report(RecordingReader& recording, const SceneChoice& choice) {
-  NEARMESH_RETURN_IF_ERROR(wire::check_recorded_version(recording.facts().wire_version));
+  const Result<wire::RecordedSamples> samples = wire::RecordedSamples::of(recording);
+  if (!samples.is_ok()) return samples.status();
   constexpr std::int64_t kStep = 1024;
-  const std::string topic = wire::TopicNames(recording.facts().prefix).contact_report;
   const Result<std::int64_t> after = recording.find(choice.received_ns + 1);
   if (!after.is_ok()) return after.status();
   for (std::int64_t end = after.value(); end > 1; end -= std::min(kStep, end - 1)) {
     std::int64_t found = 0;
-    NEARMESH_RETURN_IF_ERROR(recording.read(
-        std::max<std::int64_t>(1, end - kStep), end,
-        [&](std::int64_t id, const RecordedMessage& message) {
-          if (recording.topics()[recording.writers()[message.writer].topic].name != topic)
-            return true;
-          const auto report = wire::decode_payload<wire::ContactReport>(message.cdr);
-          if (!report.is_ok()) return true;
-          const wire::ContactReport& r = report.value();
-          if (r.asked && !r.gave_up_detail &&
-              (choice.peer.empty() || wire::partition_of(r.peer) == choice.peer) &&
-              (fits(choice, r.body_a, r.body_b) || fits(choice, r.body_b, r.body_a)))
-            found = id;
-          return true;
-        }));
+    NEARMESH_RETURN_IF_ERROR(
+        recording.read(std::max<std::int64_t>(1, end - kStep), end,
+                       [&](std::int64_t id, const RecordedMessage& message) {
+                         const auto report = samples.value().read<wire::ContactReport>(message);
+                         if (!report) return true;
+                         const wire::ContactReport& r = *report;
+                         if (r.asked && !r.gave_up_detail &&
+                             (choice.peer.empty() || wire::partition_of(r.peer) == choice.peer) &&
+                             (fits(choice, r.body_a, r.body_b) || fits(choice, r.body_b, r.body_a)))
+                           found = id;
+                         return true;
+                       }));
     if (found != 0) return found;
   }
   return Status{

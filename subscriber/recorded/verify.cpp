@@ -36,7 +36,7 @@ class CheckedPeer final : public RecordedPeer {
     const wire::ContactReport& recorded = report.message;
     for (const auto& [asked, body] :
          {std::pair(&recorded.a, &recorded.body_a), std::pair(&recorded.b, &recorded.body_b)}) {
-      const std::uint32_t taken_in = applied(*asked);
+      const std::uint32_t taken_in = replica(*asked).taken_batches();
       const std::uint64_t state = replica(*asked).mesh().state_hash();
       if (taken_in == asked->applied_batches && state == asked->state_digest) continue;
       std::string what = "model of " + *body + " after " + std::to_string(asked->applied_batches) +
@@ -47,7 +47,12 @@ class CheckedPeer final : public RecordedPeer {
       differ({.message = report.id, .recorded = recorded, .state = true, .what = what});
       return;
     }
-    const Answer answer = ask(recorded);
+    const Result<Answered> asked = ask(recorded);
+    if (!asked.is_ok()) {
+      differ({.message = report.id, .recorded = recorded, .what = asked.status().message()});
+      return;
+    }
+    const Answer& answer = asked.value().answer;
     const std::uint64_t found = digest(answer);
     found_.digest = mix(found_.digest ^ found);
     if (found == recorded.answer_digest) {

@@ -2,8 +2,7 @@
 #include <algorithm>
 
 #include "html_parts.hpp"
-#include "nearmesh/idl/dds/payload.hpp"
-#include "nearmesh/idl/messages/topics.hpp"
+#include "nearmesh/idl/dds/recorded_samples.hpp"
 #include "subscriber/recorded/survey.hpp"
 
 namespace nearmesh::subscriber::report {
@@ -11,21 +10,18 @@ namespace {
 
 class Gatherer {
  public:
-  explicit Gatherer(const RecordingReader& recording)
-      : recording_(recording), names_(recording.facts().prefix) {
+  Gatherer(const RecordingReader& recording, const wire::RecordedSamples& samples)
+      : recording_(recording), samples_(samples) {
     history_.duration_s = static_cast<double>(recording.end_ns() - recording.begin_ns()) * 1e-9;
   }
 
   void take(std::int64_t id, const RecordedMessage& message) {
-    const RecordedWriter& writer = recording_.writers()[message.writer];
-    const std::string& topic = recording_.topics()[writer.topic].name;
-    if (topic == names_.split_batch) {
-      history_.peers[writer.partition].bins[bin_of(message)].bytes += message.cdr.size();
-      bytes_[writer.partition] += message.cdr.size();
-    } else if (topic == names_.contact_report) {
-      if (const auto report = wire::decode_payload<wire::ContactReport>(message.cdr);
-          report.is_ok())
-        take(id, message, report.value());
+    if (samples_.is<wire::SplitBatchMessage>(message)) {
+      const std::string& partition = recording_.writers()[message.writer].partition;
+      history_.peers[partition].bins[bin_of(message)].bytes += message.cdr.size();
+      bytes_[partition] += message.cdr.size();
+    } else if (const auto report = samples_.read<wire::ContactReport>(message)) {
+      take(id, message, *report);
     }
   }
 
@@ -80,7 +76,7 @@ class Gatherer {
   }
 
   const RecordingReader& recording_;
-  const wire::TopicNames names_;
+  const wire::RecordedSamples& samples_;
   History history_;
   std::map<std::string, std::uint64_t> bytes_;  // so far, by partition
   CertifiedTimes open_;
@@ -90,7 +86,9 @@ class Gatherer {
 }  // namespace
 
 Result<History> gather_history(RecordingReader& recording) {
-  Gatherer gatherer(recording);
+  const Result<wire::RecordedSamples> samples = wire::RecordedSamples::of(recording);
+  if (!samples.is_ok()) return samples.status();
+  Gatherer gatherer(recording, samples.value());
   NEARMESH_RETURN_IF_ERROR(recording.read(1, recording.message_count() + 1,
                                           [&](std::int64_t id, const RecordedMessage& message) {
                                             gatherer.take(id, message);

@@ -16,12 +16,12 @@ namespace {
 
 using Vector = std::array<double, 3>;
 
-constexpr double kWidth = 640, kHeight = 420;
+constexpr double kPictureWidth = 640, kPictureHeight = 420;
 constexpr double kLongestEdge = 18, kLeastArea = 0.05;  // in units of the picture
 constexpr double kLeastOutlined = 8;  // faces whose edges are all shorter have no outline
 constexpr std::size_t kMostPieces = 15'000;
 // The camera looks down at an angle, from the south-west (z is up); right and up span the picture.
-constexpr Vector kRight{0.8, -0.6, 0}, kUp{0.36, 0.48, 0.8}, kTowards{-0.48, -0.64, 0.6};
+constexpr Vector kToRight{0.8, -0.6, 0}, kToTop{0.36, 0.48, 0.8}, kToViewer{-0.48, -0.64, 0.6};
 constexpr Vector kLight{-0.36, -0.48, 0.8};
 
 double dot(const Vector& a, const Vector& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
@@ -77,7 +77,7 @@ class Picture {
       centre_[k] = (lo[k] + hi[k]) / 2;
       square += (hi[k] - lo[k]) * (hi[k] - lo[k]);
     }
-    scale_ = square > 0 ? kHeight / (1.5 * std::sqrt(square)) : 1;
+    scale_ = square > 0 ? kPictureHeight / (1.5 * std::sqrt(square)) : 1;
   }
 
   void add(const RecordedBody& body, bool other) {
@@ -115,14 +115,14 @@ class Picture {
     return out + "\"/>";
   }
   [[nodiscard]] std::size_t left_out() const { return left_out_; }
-  [[nodiscard]] double metres_across() const { return kWidth / scale_; }
+  [[nodiscard]] double metres_across() const { return kPictureWidth / scale_; }
 
  private:
   [[nodiscard]] Corner project(const Vector& at) const {
     Vector from{};
     for (std::size_t k = 0; k < 3; ++k) from[k] = at[k] - centre_[k];
-    return {kWidth / 2 + scale_ * dot(from, kRight), kHeight / 2 - scale_ * dot(from, kUp),
-            -dot(from, kTowards)};
+    return {kPictureWidth / 2 + scale_ * dot(from, kToRight),
+            kPictureHeight / 2 - scale_ * dot(from, kToTop), -dot(from, kToViewer)};
   }
   static void draw(const Piece& piece, std::string& out) {
     const auto& corners = piece.triangle.corners;
@@ -165,7 +165,7 @@ class Picture {
       const std::array<Corner, 3>& t = triangle.corners;
       const auto [x0, x1] = std::minmax({t[0].x, t[1].x, t[2].x});
       const auto [y0, y1] = std::minmax({t[0].y, t[1].y, t[2].y});
-      if (!(x1 >= 0 && x0 <= kWidth && y1 >= 0 && y0 <= kHeight)) continue;
+      if (!(x1 >= 0 && x0 <= kPictureWidth && y1 >= 0 && y0 <= kPictureHeight)) continue;
       const std::size_t i = longest_edge(triangle), next = (i + 1) % 3, last = (i + 2) % 3;
       if (square_of_edge(triangle, i) > kLongestEdge * kLongestEdge) {
         const Corner m = middle(t[i], t[next]);
@@ -223,10 +223,11 @@ std::string picture_figure(const RecordedScene& scene, const std::string& why, d
   std::string caption = "<strong>" + escape(title) + "</strong><br>" + escape(description);
   if (picture.left_out() > 0)
     caption += " The " + std::to_string(picture.left_out()) + " smallest pieces are left out.";
-  return "<figure class=\"picture\"><svg role=\"img\" viewBox=\"0 0 " + number(kWidth) + " " +
-         number(kHeight) + "\" aria-label=\"" + escape(title + ". " + description) + "\"><title>" +
-         escape(title) + "</title><desc>" + escape(description) + "</desc><g class=\"mesh\">" +
-         drawing + "</g></svg><figcaption>" + caption + "</figcaption></figure>\n";
+  return "<figure class=\"picture\"><svg role=\"img\" viewBox=\"0 0 " + number(kPictureWidth) +
+         " " + number(kPictureHeight) + "\" aria-label=\"" + escape(title + ". " + description) +
+         "\"><title>" + escape(title) + "</title><desc>" + escape(description) +
+         "</desc><g class=\"mesh\">" + drawing + "</g></svg><figcaption>" + caption +
+         "</figcaption></figure>\n";
 }
 
 }  // namespace nearmesh::subscriber::report

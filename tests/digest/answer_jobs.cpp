@@ -72,7 +72,7 @@ std::uint64_t demanded(const std::string& name) {
     for (const auto& bytes : encode_batches(model.header, model.store, demand.value().treelet,
                                             BoxPolicy::kCutNodes, 300))
       if (random.below(4) > 0) body.apply(bytes);
-    for (const NodeSpan& node : frontier(body.replica.store(), {{region}}, 100))
+    for (const NodeSpan& node : unresolved_in(body.replica.store(), {{region}}, 100))
       digest.add(std::uint64_t{node.begin()} << 32 | node.size);
   }
   return digest.value();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // From meshes to models: clean, simplify, bake, encode; what is encoded is decoded again.
-#include "core/refine/replica.hpp"
+#include "core/refine/refined_mesh.hpp"
 #include "core/spm/blocks.hpp"
 #include "jobs.hpp"
 #include "test_models.hpp"
@@ -10,7 +10,7 @@ namespace {
 
 // Everything that stands in the file: header, blocks with all boxes, face numbers; and the clean-up's report.
 std::uint64_t baked(const IndexedMesh& mesh, int grid_bits, std::uint32_t base_faces) {
-  const Result<CleanResult> clean = clean_mesh(mesh, grid_bits);
+  const Result<CleanResult> clean = clean_mesh(mesh, {.grid_bits = grid_bits});
   if (!clean.is_ok()) return 0;
   Digest digest;
   const CleanReport& report = clean.value().report;
@@ -42,7 +42,7 @@ std::uint64_t sent(const std::string& name) {
     if (!whole.mesh.split(u, delta)) return 0;
   Digest digest;
   for (const std::size_t max_bytes : {std::size_t{100}, std::size_t{400}, kMaxBatchBytes}) {
-    Replica replica(model.header);
+    RefinedMesh replica(model.header);
     auto batches = encode_batches(model.header, model.store, active_treelet(whole.mesh),
                                   BoxPolicy::kCutNodes, max_bytes);
     Random random(max_bytes);
@@ -51,7 +51,7 @@ std::uint64_t sent(const std::string& name) {
       digest.add_bytes(bytes);
       const Result<SplitBatch> batch = decode_batch(model.header, bytes);
       if (!batch.is_ok()) return 0;
-      const Replica::Applied applied = replica.apply_batch(batch.value());
+      const RefinedMesh::Applied applied = replica.apply_batch(batch.value());
       digest.add(static_cast<std::uint64_t>(applied.status.code()));
       for (const VertexId u : applied.delta.split) digest.add(u.value);
       digest.add(replica.mesh().state_hash());
@@ -77,7 +77,7 @@ std::uint64_t damaged() {
         const Result<SplitBatch> batch = decode_batch(model.header, bytes);
         digest.add(static_cast<std::uint64_t>(batch.status().code()));
         if (!batch.is_ok()) continue;
-        Replica replica(model.header);
+        RefinedMesh replica(model.header);
         digest.add(static_cast<std::uint64_t>(replica.apply_batch(batch.value()).status.code()));
         digest.add(replica.mesh().state_hash());
       }

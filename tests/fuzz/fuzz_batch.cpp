@@ -4,7 +4,7 @@
 // Holds: what is not refused leaves a replica in order, and its tree answers as one made afresh.
 
 #include "core/demand/collect.hpp"
-#include "core/refine/replica.hpp"
+#include "core/refine/refined_mesh.hpp"
 #include "core/spm/packed_region.hpp"
 #include "fuzz_models.hpp"
 
@@ -49,7 +49,7 @@ class Peer {
   void receive(std::span<const std::uint8_t> bytes) {
     const Result<SplitBatch> batch = decode_batch(replica_.header(), bytes);
     if (!batch.is_ok()) return;
-    const Replica::Applied applied = replica_.apply_batch(batch.value());
+    const RefinedMesh::Applied applied = replica_.apply_batch(batch.value());
     FUZZ_CHECK(applied.status.is_ok() || !applied.status.message().empty());
     tree_.update(applied.delta);
   }
@@ -74,7 +74,7 @@ class Peer {
 
  private:
   const fuzz::FullModel& model_;
-  Replica replica_;
+  RefinedMesh replica_;
   AbTree tree_;
 };
 
@@ -116,7 +116,7 @@ void ask(const fuzz::FullModel& model, const SplitStore& partial, fuzz::FuzzInpu
     static_cast<void>(
         encode_batches(model.header(), *store, demand.value().treelet, BoxPolicy::kCutNodes));
   }
-  static_cast<void>(frontier(partial, request.region, kMaxAttachNodes));
+  static_cast<void>(unresolved_in(partial, request.region, kMaxAttachNodes));
 }
 
 }  // namespace

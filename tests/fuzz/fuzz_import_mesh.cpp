@@ -22,7 +22,7 @@ void check_bake(const GridMesh& mesh, const CleanReport& report) {
 }
 
 void check_clean(const IndexedMesh& mesh, int grid_bits) {
-  const Result<CleanResult> cleaned = clean_mesh(mesh, grid_bits);
+  const Result<CleanResult> cleaned = clean_mesh(mesh, {.grid_bits = grid_bits});
   if (!cleaned.is_ok()) return;
   const GridMesh& grid = cleaned.value().mesh;
   const CleanReport& report = cleaned.value().report;

@@ -30,7 +30,7 @@ struct FullModel {
 };
 
 inline FullModel make_model(const IndexedMesh& mesh, int grid_bits) {
-  const Result<CleanResult> clean = clean_mesh(mesh, grid_bits);
+  const Result<CleanResult> clean = clean_mesh(mesh, {.grid_bits = grid_bits});
   FUZZ_CHECK(clean.is_ok());
   Result<BakedModel> baked =
       bake(clean.value().mesh, clean.value().report.rounding_error_m, {.base_faces = 8});

@@ -6,7 +6,7 @@
 
 #include <map>
 
-#include "core/refine/replica.hpp"
+#include "core/refine/refined_mesh.hpp"
 #include "core/spm/blocks.hpp"
 #include "fuzz_models.hpp"
 
@@ -84,7 +84,7 @@ class Program {
           return made;
         }();
         const SplitBatch& batch = batches[b_][operation.number % batches[b_].size()];
-        const Replica::Applied applied = replica_.apply_batch(batch);
+        const RefinedMesh::Applied applied = replica_.apply_batch(batch);
         FUZZ_CHECK(applied.status.is_ok());
         replica_tree_.update(applied.delta);
         break;
@@ -139,7 +139,7 @@ class Program {
   std::size_t a_, b_;
   ActiveMesh mesh_;
   AbTree tree_;
-  Replica replica_;
+  RefinedMesh replica_;
   AbTree replica_tree_;
 };
 

@@ -69,28 +69,28 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (choice >= 128) bytes.insert(bytes.begin(), {0, 1, 0, 0, kWireVersion, 0});
   switch (choice % 8) {
     case 0:
-      run<HelloType>(bytes);
+      run<TypeOf<Hello>>(bytes);
       break;
     case 1:
-      run<MeshHeaderType>(bytes);
+      run<TypeOf<MeshHeader>>(bytes);
       break;
     case 2:
-      run<RegionSubscriptionType>(bytes);
+      run<TypeOf<RegionSubscription>>(bytes);
       break;
     case 3:
-      run<SplitBatchType>(bytes);
+      run<TypeOf<SplitBatchMessage>>(bytes);
       break;
     case 4:
-      run<BodyPoseType>(bytes);
+      run<TypeOf<BodyPose>>(bytes);
       break;
     case 5:
-      run<ContactReportType>(bytes);
+      run<TypeOf<ContactReport>>(bytes);
       break;
     case 6:
-      run<ProcessStatusType>(bytes);
+      run<TypeOf<ProcessStatus>>(bytes);
       break;
     default:
-      run<EchoType>(bytes);
+      run<TypeOf<Echo>>(bytes);
   }
   return 0;
 }

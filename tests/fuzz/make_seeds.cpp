@@ -100,15 +100,16 @@ int main(int argc, char** argv) {
         {0, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 1, 0, 0, 0, 0, 0, 0, 6, 1, 0, 0,
          0, 0, 0, 0, 0, 6, 1, 0, 0, 0, 0, 0, 0, 0, 1, 2, 3, 9, 8, 7, 3, 1, 2, 9, 9, 9});
   using namespace wire;
-  write_sample<HelloType>("hello", 0, wire::test::valid_hello());
-  write_sample<MeshHeaderType>("mesh_header", 1, wire::test::valid_header());
-  write_sample<RegionSubscriptionType>("region_subscription", 2, wire::test::valid_subscription());
-  write_sample<SplitBatchType>("split_batch", 3, wire::test::valid_batch());
-  write_sample<BodyPoseType>("body_pose", 4, wire::test::valid_pose());
-  write_sample<ContactReportType>("contact_report", 5, wire::test::valid_report());
-  write_sample<ProcessStatusType>("process_status", 6, wire::test::valid_status());
-  write_sample<EchoType>("echo", 7, wire::test::valid_echo());
+  write_sample<TypeOf<Hello>>("hello", 0, wire::test::valid_hello());
+  write_sample<TypeOf<MeshHeader>>("mesh_header", 1, wire::test::valid_header());
+  write_sample<TypeOf<RegionSubscription>>("region_subscription", 2,
+                                           wire::test::valid_subscription());
+  write_sample<TypeOf<SplitBatchMessage>>("split_batch", 3, wire::test::valid_batch());
+  write_sample<TypeOf<BodyPose>>("body_pose", 4, wire::test::valid_pose());
+  write_sample<TypeOf<ContactReport>>("contact_report", 5, wire::test::valid_report());
+  write_sample<TypeOf<ProcessStatus>>("process_status", 6, wire::test::valid_status());
+  write_sample<TypeOf<Echo>>("echo", 7, wire::test::valid_echo());
   BodyPose skewed = wire::test::valid_pose();
   skewed.pose.rotation[1] = 0.5;
-  write_sample<BodyPoseType>("refused_body_pose", 4, skewed);
+  write_sample<TypeOf<BodyPose>>("refused_body_pose", 4, skewed);
 }

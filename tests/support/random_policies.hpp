@@ -4,7 +4,7 @@
 
 #include "brute_force.hpp"
 #include "core/demand/collect.hpp"
-#include "core/refine/replica.hpp"
+#include "core/refine/refined_mesh.hpp"
 #include "fault_of.hpp"
 
 namespace nearmesh::test {
@@ -52,13 +52,13 @@ inline void collapse_some(LocalModel& model, Random& random) {
 /// A replica and its tree: one body at a peer, which knows only what it was sent.
 struct Body {
   explicit Body(const SpmHeader& header) : replica(header), tree(replica.mesh()) {}
-  Replica replica;
+  RefinedMesh replica;
   AbTree tree;
 
   void apply(std::span<const std::uint8_t> bytes) {
     const Result<SplitBatch> batch = decode_batch(replica.header(), bytes);
     ASSERT_TRUE(batch.is_ok()) << batch.status().message();
-    const Replica::Applied applied = replica.apply_batch(batch.value());
+    const RefinedMesh::Applied applied = replica.apply_batch(batch.value());
     ASSERT_TRUE(applied.status.is_ok()) << applied.status.message();
     tree.update(applied.delta);
   }

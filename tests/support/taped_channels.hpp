@@ -22,18 +22,11 @@ namespace nearmesh::test {
 class Tape {
  public:
   Tape(std::unique_ptr<RecordingWriter> writer, const std::string& prefix)
-      : names_(prefix), writer_(std::move(writer)) {
-    const std::pair<const std::string*, std::string_view> topics[] = {
-        {&names_.hello, wire::kHelloType},
-        {&names_.mesh_header, wire::kMeshHeaderType},
-        {&names_.region_subscription, wire::kRegionSubscriptionType},
-        {&names_.split_batch, wire::kSplitBatchType},
-        {&names_.body_pose, wire::kBodyPoseType},
-        {&names_.contact_report, wire::kContactReportType}};
-    for (const auto& [name, type] : topics) {
-      topics_[*name] = value_of(writer_->add_topic({*name, std::string(type)}));
-      types_[*name] = type;
-    }
+      : writer_(std::move(writer)) {
+    const wire::TopicNames names(prefix);
+    for (wire::TopicPlace place = 0; place < wire::kTopicCount; ++place)
+      if (const wire::TopicFacts& topic = wire::kTopicFacts[place]; topic.is_recorded)
+        topics_[place] = value_of(writer_->add_topic({names.at(place), std::string(topic.type)}));
   }
 
   std::int64_t now_ns = 0;          ///< the virtual clock
@@ -41,29 +34,25 @@ class Tape {
   std::uint64_t lose_every = 0;     ///< of each writer's poses one in so many is not heard; 0: none
   Status status;                    ///< the first failure; nothing is written after it
 
-  void put(wire::SessionId by, const wire::Hello& m) { add(by, names_.hello, "", m); }
+  void put(wire::SessionId by, const wire::Hello& m) { add(by, "", m); }
   void put(wire::SessionId by, const wire::MeshHeader& m) {
-    const std::int64_t id = add(by, names_.mesh_header, "", m);
+    const std::int64_t id = add(by, "", m);
     keep(writer_->add_model({m.content_hash, m.name, id}));
   }
-  void put(wire::SessionId by, const wire::RegionSubscription& m) {
-    add(by, names_.region_subscription, "", m);
-  }
+  void put(wire::SessionId by, const wire::RegionSubscription& m) { add(by, "", m); }
   void put(wire::SessionId by, wire::SessionId peer, const wire::SplitBatchMessage& m) {
-    add(by, names_.split_batch, wire::partition_of(peer), m);
+    add(by, wire::partition_of(peer), m);
   }
   void put(wire::SessionId by, const wire::BodyPose& m) {
-    Writer& writer = writer_of(by, names_.body_pose, "");
+    Writer& writer = writer_of(by, wire::place_of<wire::BodyPose>(), "");
     if (lose_every != 0 && writer.sequence % lose_every == lose_every - 1) {
       const RecordingGap gap{writer.index, ++writer.sequence, 1, now_ns + delay_ns};
       if (status.is_ok()) keep(writer_->add_gap(gap));
       return;
     }
-    add(by, names_.body_pose, "", m);
+    add(by, "", m);
   }
-  void put(wire::SessionId by, const wire::ContactReport& m) {
-    add(by, names_.contact_report, "", m);
-  }
+  void put(wire::SessionId by, const wire::ContactReport& m) { add(by, "", m); }
   [[nodiscard]] Status close() {
     keep(writer_->close());
     return status;
@@ -84,7 +73,7 @@ class Tape {
     keep(result.status());
     return result.is_ok() ? result.value() : T{};
   }
-  Writer& writer_of(wire::SessionId by, const std::string& topic, const std::string& partition) {
+  Writer& writer_of(wire::SessionId by, wire::TopicPlace topic, const std::string& partition) {
     const auto [at, is_new] = writers_.try_emplace(std::tuple(by, topic, partition));
     if (is_new) {
       // A GUID as DDS has it: of the participant, then of the endpoint.
@@ -97,27 +86,25 @@ class Tape {
     return at->second;
   }
   template <class Message>
-  std::int64_t add(wire::SessionId by, const std::string& topic, const std::string& partition,
-                   const Message& message) {
+  std::int64_t add(wire::SessionId by, const std::string& partition, const Message& message) {
+    constexpr wire::TopicPlace kTopic = wire::place_of<Message>();
     if (!status.is_ok()) return 0;
     RecordedMessage recorded{.received_ns = now_ns + delay_ns, .source_ns = now_ns};
     recorded.cdr = wire::encode_payload(message);
     const Stopwatch watch;
-    Writer& writer = writer_of(by, topic, partition);
+    Writer& writer = writer_of(by, kTopic, partition);
     recorded.writer = writer.index;
     recorded.sequence = ++writer.sequence;
     const std::int64_t id =
-        value_of(writer_->append(recorded, wire::record_key(types_.at(topic), recorded.cdr)));
+        value_of(writer_->append(recorded, wire::record_key(kTopic, recorded.cdr)));
     append_s_ += watch.seconds();
     ++messages_;
     return id;
   }
 
-  const wire::TopicNames names_;
   std::unique_ptr<RecordingWriter> writer_;
-  std::map<std::string, std::uint32_t> topics_;
-  std::map<std::string, std::string_view> types_;
-  std::map<std::tuple<wire::SessionId, std::string, std::string>, Writer> writers_;
+  std::map<wire::TopicPlace, std::uint32_t> topics_;
+  std::map<std::tuple<wire::SessionId, wire::TopicPlace, std::string>, Writer> writers_;
   std::uint64_t messages_ = 0;
   double append_s_ = 0;
 };

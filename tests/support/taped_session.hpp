@@ -106,7 +106,7 @@ inline Result<SessionFigures> record_session(const SessionPlan& plan, const std:
 
   struct Peer {
     std::unique_ptr<subscriber::Session> session;
-    std::string body;
+    subscriber::BodyId body;
     Way way;
   };
   std::vector<Peer> peers;
@@ -117,15 +117,15 @@ inline Result<SessionFigures> record_session(const SessionPlan& plan, const std:
     auto session = std::make_unique<subscriber::Session>(
         std::make_unique<TapedPeer>(bus.make_peer(kFirstPeer + i), tape));
     const std::string own = name_of(i), next = name_of(i + 1);
-    EXPECT_TRUE(session->add_body("ground", "terrain", false).is_ok());
-    EXPECT_TRUE(session->place_body("ground", {}).is_ok());
-    EXPECT_TRUE(session->add_body(own, "aircraft", true).is_ok());
-    EXPECT_TRUE(session->watch("ground", own).is_ok());
+    const auto scenery = session->add_body({.name = "ground", .model = "terrain"}).value();
+    const auto body = session->add_body({.name = own, .model = "aircraft", .own = true}).value();
+    EXPECT_TRUE(session->place_body(scenery, {}).is_ok());
+    EXPECT_TRUE(session->watch(scenery, body).is_ok());
     if (next != own) {
-      EXPECT_TRUE(session->add_body(next, "aircraft", false).is_ok());
-      EXPECT_TRUE(session->watch(own, next).is_ok());
+      const auto other = session->add_body({.name = next, .model = "aircraft"}).value();
+      EXPECT_TRUE(session->watch(body, other).is_ok());
     }
-    peers.push_back({std::move(session), own, Way(ground, 100 + i)});
+    peers.push_back({std::move(session), body, Way(ground, 100 + i)});
   }
 
   SessionFigures figures;

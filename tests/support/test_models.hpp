@@ -25,7 +25,7 @@ namespace nearmesh::test {
 
 /// Cleaned (21 bits) and baked; fails the test when either refuses.
 inline BakedModel bake_mesh(const IndexedMesh& mesh, std::uint32_t base_faces = 256) {
-  Result<CleanResult> clean = clean_mesh(mesh, 21);
+  Result<CleanResult> clean = clean_mesh(mesh);
   if (!clean.is_ok()) ADD_FAILURE() << clean.status().message();
   Result<BakedModel> baked =
       bake(clean.value().mesh, clean.value().report.rounding_error_m, {.base_faces = base_faces});

@@ -19,7 +19,7 @@ int fail(const std::string& message) {
 }
 
 nearmesh::Status write_sphere(const std::string& path) {
-  const auto clean = nearmesh::clean_mesh(nearmesh::generate_sphere(32, 1), 21);
+  const auto clean = nearmesh::clean_mesh(nearmesh::generate_sphere(32, 1));
   if (!clean.is_ok()) return clean.status();
   const auto sphere =
       nearmesh::bake(clean.value().mesh, clean.value().report.rounding_error_m, {.base_faces = 64});
@@ -40,16 +40,16 @@ int main(int argc, char** argv) {
   auto channel = std::make_unique<nearmesh::subscriber::LocalChannel>();
   if (!channel->add_model("sphere", std::move(file).value()).is_ok()) return fail("no model");
   nearmesh::subscriber::Session session(std::move(channel));
-  if (!session.add_body("left", "sphere", true).is_ok() ||
-      !session.add_body("right", "sphere", true).is_ok() || !session.watch("left", "right").is_ok())
-    return fail("no bodies");
+  const auto left = session.add_body({.name = "left", .model = "sphere", .own = true}).value();
+  const auto right = session.add_body({.name = "right", .model = "sphere", .own = true}).value();
+  const auto pair = session.watch(left, right).value();
 
-  nearmesh::Motion left, right;
-  right.pose.translation_m = {1.99, 0.1, 0.05};
+  nearmesh::Motion here, beside;
+  beside.pose.translation_m = {1.99, 0.1, 0.05};
   for (int updates = 1; updates <= 10; ++updates) {
-    const auto report = session.update(0, 0, {{"left", left}, {"right", right}}, 1);
+    const auto report = session.update(0, 0, {{left, here}, {right, beside}}, 1);
     if (!report.is_ok()) return fail(report.status().message());
-    const auto& answer = report.value().answers[0].answer;
+    const auto& answer = report.value().answers[pair.value].answer;
     std::printf("update %d: %s\n", updates, to_string(answer.status));
     if (is_certified(answer.status)) return updates == 1 ? fail("certain of nothing") : 0;
   }

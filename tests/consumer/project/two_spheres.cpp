@@ -32,7 +32,7 @@ int fail(const std::string& message) {
 }  // namespace
 
 int main() {
-  const auto clean = nearmesh::clean_mesh(nearmesh::generate_sphere(32, 1), 21);
+  const auto clean = nearmesh::clean_mesh(nearmesh::generate_sphere(32, 1));
   if (!clean.is_ok()) return fail(clean.status().message());
   const auto sphere =
       nearmesh::bake(clean.value().mesh, clean.value().report.rounding_error_m, {.base_faces = 64});

@@ -9,7 +9,7 @@
 
 #include "core/base/stopwatch.hpp"
 #include "core/program/grid_cells.hpp"
-#include "core/refine/replica.hpp"
+#include "core/refine/refined_mesh.hpp"
 #include "hoppe.hpp"
 #include "nearmesh/core/abtree/detail/ab_tree.hpp"
 #include "tests/experiments/perf/peer.hpp"
@@ -84,13 +84,13 @@ class Body {
   [[nodiscard]] bool streamed() const { return streamed_; }
   [[nodiscard]] std::uint64_t header_bytes() const { return header_bytes_; }
   [[nodiscard]] const perf::Model& model() const { return *model_; }
-  [[nodiscard]] const Replica& replica() const { return *replica_; }
+  [[nodiscard]] const RefinedMesh& replica() const { return *replica_; }
 
   RefineDelta apply(const std::vector<std::uint8_t>& bytes, State& state) {
     Stopwatch watch;
     const SplitBatch batch = decode_batch(model_->baked.header, bytes).value();
     state.load_s += watch.lap();
-    Replica::Applied applied = replica_->apply_batch(batch);
+    RefinedMesh::Applied applied = replica_->apply_batch(batch);
     state.refine_s += watch.lap();
     state.splits += applied.delta.split.size();
     coarse_.reset();
@@ -119,7 +119,7 @@ class Body {
   const perf::Model* model_;
   bool streamed_;
   std::uint64_t header_bytes_, coarse_faces_ = 0;
-  std::optional<Replica> replica_;
+  std::optional<RefinedMesh> replica_;
   std::optional<TriangleTree> coarse_;
 };
 
@@ -405,7 +405,7 @@ class Certified : public Stream {
       const auto request =
           perf::next_request(bodies_[i].replica().store(), view(i), i == 0 ? poses.a : poses.b,
                              view(1 - i), i == 0 ? poses.b : poses.a, 0, std::move(missing),
-                             perf::kRequestSplits, subscriber::Portion::kLargestNodes);
+                             kRequestSplits, Portion::kLargestNodes);
       state_.query_s += watch.seconds();
       if (!request) continue;
       asked = true;

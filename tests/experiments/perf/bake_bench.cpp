@@ -329,7 +329,7 @@ void apart(const Work& work) {
 }
 
 void bake_small(const std::string& output) {
-  const CleanResult clean = must(clean_mesh(generate_terrain(64, 1), 21));
+  const CleanResult clean = must(clean_mesh(generate_terrain(64, 1)));
   const BakedModel model = must(bake(clean.mesh, clean.report.rounding_error_m, {}));
   must(write_model_file(model.header, model.store, model.numbers, output));
 }
@@ -338,7 +338,7 @@ void bake_model(const std::string& input, const std::string& output, unsigned th
   Stopwatch whole, watch;
   IndexedMesh read = must(import_mesh(input));
   print("read", watch.lap(), "s");
-  const CleanResult clean = must(clean_mesh(read, 21));
+  const CleanResult clean = must(clean_mesh(read));
   read = {};
   print("clean", watch.lap(), "s");
   double simplified = 0;

@@ -19,7 +19,7 @@
 #include <string>
 
 #include "core/base/resources.hpp"
-#include "core/refine/replica.hpp"
+#include "core/replica/replica.hpp"
 #include "nearmesh/core/query/certify.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
 #include "peer.hpp"
@@ -27,7 +27,6 @@
 
 using namespace nearmesh;
 using namespace nearmesh::perf;
-using subscriber::Portion;
 
 namespace {
 
@@ -60,7 +59,7 @@ struct Cost {
 class Peer {
  public:
   Peer(const SpmHeader& header, const TreeView& body, Serve serve)
-      : replica_(header), tree_(replica_.mesh()), body_(body), serve_(std::move(serve)) {}
+      : replica_(header), body_(body), serve_(std::move(serve)) {}
 
   // Asks until the answer is certified.
   void certify(const Pose& pose) {
@@ -77,10 +76,11 @@ class Peer {
   }
   // Whether something is missing within a margin.
   [[nodiscard]] bool lacks(const Pose& pose, double margin_m) const {
-    return request(pose, margin_m, {}, 1, Portion::kLargestNodes).has_value();
+    const TreeView own = view();
+    return nearmesh::lacks(replica_.store(), region_around(own, {}, body_, pose, margin_m));
   }
-  [[nodiscard]] TreeView view() const { return tree_.view(replica_.header().grid); }
-  [[nodiscard]] AbTreeStats tree_stats() const { return tree_.stats(); }
+  [[nodiscard]] TreeView view() const { return replica_.view(); }
+  [[nodiscard]] AbTreeStats tree_stats() const { return replica_.tree().stats(); }
   Cost cost;
 
  private:
@@ -98,10 +98,9 @@ class Peer {
     ++cost.requests;
     cost.request_bytes += static_cast<double>(request_bytes(*next));
     for (const auto& bytes : serve_(*next)) {
-      const SplitBatch batch = decode_batch(replica_.header(), bytes).value();
-      const Replica::Applied applied = replica_.apply_batch(batch);
-      tree_.update(applied.delta);
-      cost.splits += static_cast<double>(applied.delta.split.size());
+      const std::uint32_t before = replica_.mesh().split_count();
+      if (!replica_.take(bytes).status.is_ok()) std::abort();
+      cost.splits += replica_.mesh().split_count() - before;
       cost.payload += static_cast<double>(bytes.size());
       ++cost.batches;
     }
@@ -109,7 +108,6 @@ class Peer {
   }
 
   Replica replica_;
-  AbTree tree_;
   TreeView body_;
   Serve serve_;
 };
@@ -253,8 +251,7 @@ void fly(int socket, double radius_share) {
     const double start = peer.cost.wire();
     peer.certify(pose);
     if (peer.lacks(pose, 0.25 * radius_m))
-      static_cast<void>(
-          peer.prefetch(pose, 0.5 * radius_m, subscriber::kMaxAheadSplits, Portion::kWholeNodes));
+      static_cast<void>(peer.prefetch(pose, 0.5 * radius_m, kMaxAheadSplits, Portion::kWholeNodes));
     frames.push_back(peer.cost.wire() - start);
   }
   std::sort(frames.begin(), frames.end());

@@ -11,7 +11,7 @@
 #include "core/base/random.hpp"
 #include "core/base/stopwatch.hpp"
 #include "core/demand/collect.hpp"
-#include "core/refine/replica.hpp"
+#include "core/refine/refined_mesh.hpp"
 #include "core/spm/record_codec.hpp"
 #include "core/spm/train.hpp"
 #include "nearmesh/core/abtree/detail/ab_tree.hpp"
@@ -222,7 +222,7 @@ int main(int argc, char** argv) {
   }
 
   // A peer: batches of small requests, one after another, into a replica and its tree.
-  Replica replica(file.value().header());
+  RefinedMesh replica(file.value().header());
   AbTree tree(replica.mesh());
   double apply_s = 0, tree_s = 0, faces = 0;
   std::size_t applied = 0;
@@ -231,7 +231,7 @@ int main(int argc, char** argv) {
          encode_batches(file.value().header(), store, treelet, BoxPolicy::kCutNodes)) {
       const SplitBatch batch = decode_batch(file.value().header(), bytes).value();
       start = cpu_s();
-      const Replica::Applied result = replica.apply_batch(batch);
+      const RefinedMesh::Applied result = replica.apply_batch(batch);
       apply_s += cpu_s() - start;
       applied += result.delta.split.size();
       start = cpu_s();

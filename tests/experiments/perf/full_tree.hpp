@@ -9,7 +9,7 @@ namespace nearmesh {
 
 /// The tree over all faces; their keys count them.
 inline TriangleTree full_tree(const IndexedMesh& input) {
-  const CleanResult clean = clean_mesh(input, 21).value();
+  const CleanResult clean = clean_mesh(input).value();
   std::vector<TreeFace> faces;
   for (const auto& f : clean.mesh.faces) {
     TreeFace face{{}, {{}, static_cast<std::uint32_t>(faces.size())}};

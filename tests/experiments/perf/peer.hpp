@@ -12,13 +12,20 @@
 #include "core/ask/predict.hpp"
 #include "core/demand/collect.hpp"
 #include "core/spm/packed_region.hpp"
-#include "nearmesh/subscriber/peer/session.hpp"
 
 namespace nearmesh::perf {
 
 using Batches = std::vector<std::vector<std::uint8_t>>;
 
-inline constexpr std::uint32_t kRequestSplits = 4096;
+/// Where `other` stands, and a margin around, in the grid of `own`; both are kept by reference.
+inline RegionMaker region_around(const TreeView& own, const Pose& own_pose, const TreeView& other,
+                                 const Pose& other_pose, double margin_m) {
+  return [&own, &other, own_pose, other_pose, margin_m](std::size_t max_parts,
+                                                        std::span<const GridBox> near) {
+    return swept_region(own, Motion{.pose = own_pose}, other, Motion{.pose = other_pose}, 0,
+                        margin_m, max_parts, near);
+  };
+}
 
 /// What a peer asks for `own`, whose store is given, where `other` stands or moves: `missing`, and what lies within a margin.
 /// Nothing where nothing is missing.
@@ -26,14 +33,9 @@ inline std::optional<RegionRequest> next_request(const SplitStore& store, const 
                                                  const Pose& own_pose, const TreeView& other,
                                                  const Pose& other_pose, double margin_m,
                                                  std::vector<NodeSpan> missing,
-                                                 std::uint32_t max_splits,
-                                                 subscriber::Portion portion) {
-  const auto region = [&](std::size_t max_parts, std::span<const GridBox> near) {
-    return subscriber::swept_region(own, Motion{.pose = own_pose}, other,
-                                    Motion{.pose = other_pose}, 0, margin_m, max_parts, near);
-  };
-  auto request = subscriber::make_request(store, region, std::move(missing),
-                                          subscriber::kRegionParts, max_splits, portion);
+                                                 std::uint32_t max_splits, Portion portion) {
+  auto request = make_request(store, region_around(own, own_pose, other, other_pose, margin_m),
+                              std::move(missing), kRegionParts, max_splits, portion);
   // As it is when it arrives.
   if (request) request->region = unpack_region(pack_region(request->region)).value();
   return request;

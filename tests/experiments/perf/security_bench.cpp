@@ -99,9 +99,10 @@ class Publisher {
 };
 
 // Updates until every answer is certified: milliseconds.
-double certify(subscriber::Session& session, const Motion& motion, std::uint64_t frame) {
+double certify(subscriber::Session& session, subscriber::BodyId body, const Motion& motion,
+               std::uint64_t frame) {
   const Stopwatch clock;
-  std::vector<subscriber::Session::OwnMotion> motions{{"body", motion}};
+  std::vector<subscriber::Session::OwnMotion> motions{{body, motion}};
   while (clock.seconds() < kDeadline_s) {
     const auto report = value_of(session.update(frame, clock.seconds(), motions, 1));
     motions.clear();
@@ -121,26 +122,28 @@ void fly(const wire::TransportOptions& transport, const std::string& terrain,
   const double before = lo_bytes();
   const Stopwatch clock;
   subscriber::Session session(value_of(subscriber::DdsChannel::create(options)), session_options);
-  const Status declared[] = {
-      session.add_body("ground", std::filesystem::path(terrain).stem().string(), false),
-      session.add_body("body", std::filesystem::path(body).stem().string(), true),
-      session.place_body("ground", Pose{}), session.watch("ground", "body")};
-  for (const Status& status : declared)
+  const auto stem = [](const std::string& path) {
+    return std::filesystem::path(path).stem().string();
+  };
+  const auto ground = value_of(session.add_body({.name = "ground", .model = stem(terrain)}));
+  const auto moved = value_of(session.add_body({.name = "body", .model = stem(body), .own = true}));
+  for (const Status& status :
+       {session.place_body(ground, {}), session.watch(ground, moved).status()})
     if (!status.is_ok()) fail(status.message());
   Motion motion;
-  certify(session, motion, 0);
+  certify(session, moved, motion, 0);
   measured.join_ms.push_back(clock.seconds() * 1e3);
   const double joined = lo_bytes();
   measured.join_bytes += joined - before;
   const std::uint64_t payload = session.stats().batch_bytes;
-  const SpmHeader& header = *session.header_of("ground");
+  const SpmHeader& header = *session.header_of(ground);
   for (std::uint64_t i = 0; i < kPlaces; ++i) {
     const GridPoint& at = header.roots[i % header.roots.size()].position;
     for (std::size_t k = 0; k < 3; ++k)
       motion.pose.translation_m[k] =
           header.grid.origin_m[k] +
           std::ldexp(static_cast<double>(at[static_cast<int>(k)]), header.grid.exponent);
-    measured.answer_ms.push_back(certify(session, motion, i + 1));
+    measured.answer_ms.push_back(certify(session, moved, motion, i + 1));
   }
   measured.answer_bytes += lo_bytes() - joined;
   measured.payload_bytes += static_cast<double>(session.stats().batch_bytes - payload);

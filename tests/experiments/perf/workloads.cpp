@@ -41,7 +41,7 @@ double radius_m(const IndexedMesh& mesh) {
 }  // namespace
 
 Model make_model(const IndexedMesh& mesh, std::uint32_t base_faces) {
-  Result<CleanResult> clean = clean_mesh(mesh, 21);
+  Result<CleanResult> clean = clean_mesh(mesh);
   if (!clean.is_ok()) {
     std::fprintf(stderr, "%s\n", clean.status().message().c_str());
     std::exit(2);

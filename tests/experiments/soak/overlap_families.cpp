@@ -358,7 +358,7 @@ TrianglePair point_point(Random& random) {
 // ---- posed models -------------------------------------------------------------------------------
 
 GridMesh cleaned(const IndexedMesh& mesh, int bits) {
-  Result<CleanResult> clean = clean_mesh(mesh, bits);
+  Result<CleanResult> clean = clean_mesh(mesh, {.grid_bits = bits});
   if (!clean.is_ok()) {
     std::fprintf(stderr, "%s\n", clean.status().message().c_str());
     std::abort();

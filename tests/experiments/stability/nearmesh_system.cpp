@@ -175,7 +175,7 @@ NearmeshAnswer ask(const Case& asked) {
 
 Result<std::shared_ptr<const Model>> build_model(const IndexedMesh& mesh,
                                                  std::uint32_t base_faces) {
-  Result<CleanResult> clean = clean_mesh(mesh, 21);
+  Result<CleanResult> clean = clean_mesh(mesh);
   if (!clean.is_ok()) return clean.status();
   Result<BakedModel> baked =
       bake(clean.value().mesh, clean.value().report.rounding_error_m, {.base_faces = base_faces});

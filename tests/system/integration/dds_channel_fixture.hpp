@@ -294,8 +294,22 @@ inline fdds::DomainParticipant* make_participant(const std::string& prefix) {
       transport(prefix).domain, qos);
 }
 
+template <class Message>
+fdds::DataWriterQos stranger_qos() {
+  fdds::DataWriterQos qos = wire::writer_qos(wire::topic_of<Message>().delivery, 0.1);
+  qos.history().kind = fdds::KEEP_ALL_HISTORY_QOS;
+  return qos;
+}
+
 class Stranger {
  public:
+  /// Of a topic with a key, under its name and type.
+  template <class Message>
+  static Stranger of(const std::string& prefix,
+                     const fdds::DataWriterQos& qos = stranger_qos<Message>()) {
+    return {prefix, wire::TopicNames(prefix).of<Message>(), wire::topic_of<Message>().type, true,
+            qos};
+  }
   Stranger(const std::string& prefix, const std::string& topic, std::string_view type, bool keyed,
            const fdds::DataWriterQos& qos)
       : participant_(make_participant(prefix)) {
@@ -326,8 +340,9 @@ class Stranger {
   fdds::DataWriter* writer_;
 };
 
-template <class Type, class Message>
+template <class Message>
 RawType::Bytes bytes_of(const Message& message) {
+  using Type = wire::TypeOf<Message>;
   typename Type::Data data;
   wire::encode(message, data);
   Type type;
@@ -335,12 +350,6 @@ RawType::Bytes bytes_of(const Message& message) {
   eprosima::fastrtps::rtps::SerializedPayload_t payload(type.getSerializedSizeProvider(sample)());
   type.serialize(sample, &payload);
   return {payload.data, payload.data + payload.length};
-}
-
-inline fdds::DataWriterQos stranger_qos(const wire::Delivery& delivery) {
-  fdds::DataWriterQos qos = wire::writer_qos(delivery, 0.1);
-  qos.history().kind = fdds::KEEP_ALL_HISTORY_QOS;
-  return qos;
 }
 
 }  // namespace nearmesh::test

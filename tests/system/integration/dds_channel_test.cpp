@@ -345,24 +345,17 @@ TEST(DdsChannel, NobodyCanSendForAPublisher) {
   peer.channel->send(request_of(5));
   ASSERT_TRUE(server.await([&] { return !server.subscriptions.empty(); }));
   wire::Mailbox mailbox;
-  wire::WriterListener listener(mailbox, "");
+  wire::Writer<wire::SplitBatchMessage> forger(mailbox);
   auto bus = std::move(wire::Bus::open({.transport = transport(own_prefix())}, mailbox)).value();
-  fdds::Topic* topic =
-      bus->add_topic<wire::SplitBatchType>(wire::TopicNames(own_prefix()).split_batch).value();
-  fdds::DataWriter* forger =
-      bus->add_writer(topic, wire::writer_qos(wire::kSplitBatchDelivery, 0.1), listener,
-                      wire::partition_of(5))
-          .value();
+  ASSERT_TRUE(forger.open(*bus, wire::partition_of(5)).is_ok());
   ASSERT_TRUE(wait_for([&] {
     fdds::PublicationMatchedStatus status;
-    forger->get_publication_matched_status(status);
+    forger.endpoint().get_publication_matched_status(status);
     return status.current_count > 0;
   }));
   wire::SplitBatchMessage forged = batch_of(1, true);
   forged.bytes.assign(10, 99);
-  for (int i = 0; i < 100; ++i)
-    ASSERT_EQ(wire::write_message<wire::SplitBatchType>(*forger, forged, mailbox),
-              wire::WriteResult::kTaken);
+  for (int i = 0; i < 100; ++i) ASSERT_EQ(forger.write(forged), wire::WriteResult::kTaken);
   ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.complaints.empty(); }));
   EXPECT_NE(peer.all.complaints[0].find("is another participant"), std::string::npos)
       << peer.all.complaints[0];

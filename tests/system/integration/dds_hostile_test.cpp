@@ -34,14 +34,12 @@ class HostileSubscription : public testing::TestWithParam<HostileCase> {};
 TEST_P(HostileSubscription, GivesOneComplaintAndTheNextArrives) {
   const std::string prefix = "test-" + std::to_string(getpid()) + "/hostile/" + GetParam().name;
   Server server(make_publisher(prefix));
-  Stranger stranger(prefix, wire::TopicNames(prefix).region_subscription,
-                    wire::kRegionSubscriptionType, true,
-                    stranger_qos(wire::kRegionSubscriptionDelivery));
+  auto stranger = Stranger::of<wire::RegionSubscription>(prefix);
   ASSERT_TRUE(stranger.await_match());
-  RawType::Bytes bad = bytes_of<wire::RegionSubscriptionType>(request_of(9));
+  RawType::Bytes bad = bytes_of(request_of(9));
   GetParam().spoil(bad);
   stranger.write(bad);
-  stranger.write(bytes_of<wire::RegionSubscriptionType>(request_of(9, 55)));
+  stranger.write(bytes_of(request_of(9, 55)));
   ASSERT_TRUE(server.await([&] { return !server.subscriptions.empty(); }));
   EXPECT_EQ(server.subscriptions.size(), 1U);
   EXPECT_EQ(server.subscriptions[0].region.max_splits, 55U);
@@ -72,11 +70,9 @@ TEST(DdsChannel, BodyStaysWithItsFirstMoverUntilThatIsGone) {
 
 TEST(DdsChannel, BatchIsNotTakenBeforeThePeerCanHearIt) {
   Server server(make_publisher(own_prefix()));
-  Stranger deaf(own_prefix(), wire::TopicNames(own_prefix()).region_subscription,
-                wire::kRegionSubscriptionType, true,
-                stranger_qos(wire::kRegionSubscriptionDelivery));
+  auto deaf = Stranger::of<wire::RegionSubscription>(own_prefix());
   ASSERT_TRUE(deaf.await_match());
-  deaf.write(bytes_of<wire::RegionSubscriptionType>(request_of(9)));
+  deaf.write(bytes_of(request_of(9)));
   ASSERT_TRUE(server.await([&] { return !server.subscriptions.empty(); }));
   EXPECT_FALSE(server.channel->send(9, batch_of(1, true)));
   EXPECT_FALSE(server.channel->send(10, batch_of(1, true)));  // unknown
@@ -84,13 +80,12 @@ TEST(DdsChannel, BatchIsNotTakenBeforeThePeerCanHearIt) {
 
 TEST(DdsChannel, PoseThatIsNotFiniteGivesOneComplaint) {
   Peer peer(make_peer(own_prefix()));
-  Stranger stranger(own_prefix(), wire::TopicNames(own_prefix()).body_pose, wire::kBodyPoseType,
-                    true, stranger_qos(wire::kBodyPoseDelivery));
+  auto stranger = Stranger::of<wire::BodyPose>(own_prefix());
   ASSERT_TRUE(stranger.await_match());
   wire::BodyPose bad = pose_of(3, "arm", 1);
   bad.pose.translation_m[1] = std::numeric_limits<double>::quiet_NaN();
-  stranger.write(bytes_of<wire::BodyPoseType>(bad));
-  stranger.write(bytes_of<wire::BodyPoseType>(pose_of(3, "leg", 2)));
+  stranger.write(bytes_of(bad));
+  stranger.write(bytes_of(pose_of(3, "leg", 2)));
   ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.poses.empty(); }));
   EXPECT_EQ(peer.all.poses[0].body, "leg");
   ASSERT_EQ(peer.all.complaints.size(), 1U);
@@ -99,9 +94,8 @@ TEST(DdsChannel, PoseThatIsNotFiniteGivesOneComplaint) {
 
 TEST(DdsChannel, HelloOfAnotherVersionIsRefusedLoudly) {
   Peer peer(make_peer(own_prefix()));
-  Stranger stranger(own_prefix(), wire::TopicNames(own_prefix()).hello, wire::kHelloType, true,
-                    stranger_qos(wire::kHelloDelivery));
-  RawType::Bytes bytes = bytes_of<wire::HelloType>(hello_of(3));
+  auto stranger = Stranger::of<wire::Hello>(own_prefix());
+  RawType::Bytes bytes = bytes_of(hello_of(3));
   bytes[4] = wire::kWireVersion + 1;
   bytes.resize(17);
   stranger.write(bytes);
@@ -115,10 +109,9 @@ TEST(DdsChannel, HelloOfAnotherVersionIsRefusedLoudly) {
 
 TEST(DdsChannel, HelloIsHeldBackWhileItsPublisherCannotHear) {
   Peer peer(make_peer(own_prefix()));
-  Stranger deaf(own_prefix(), wire::TopicNames(own_prefix()).hello, wire::kHelloType, true,
-                stranger_qos(wire::kHelloDelivery));
+  auto deaf = Stranger::of<wire::Hello>(own_prefix());
   ASSERT_TRUE(deaf.await_match());
-  deaf.write(bytes_of<wire::HelloType>(hello_of(3)));
+  deaf.write(bytes_of(hello_of(3)));
   // Two malformed samples mark the time: with the second complaint the hello has been taken too.
   deaf.write({0, 1, 0, 0, 9, 0});
   ASSERT_TRUE(peer.await([](const Inbox& in) { return in.complaints.size() == 1; }));
@@ -131,7 +124,8 @@ TEST(DdsChannel, TopicOfAnotherVersionIsReported) {
   Peer peer(make_peer(own_prefix()));
   const std::string newer = std::to_string(wire::kWireVersion + 1);
   Stranger stranger(own_prefix(), own_prefix() + "/v" + newer + "/split_batch",
-                    wire::kSplitBatchType, false, stranger_qos(wire::kSplitBatchDelivery));
+                    wire::topic_of<wire::SplitBatchMessage>().type, false,
+                    stranger_qos<wire::SplitBatchMessage>());
   ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.complaints.empty(); }));
   EXPECT_NE(peer.all.complaints[0].find("wire version " + newer), std::string::npos)
       << peer.all.complaints[0];
@@ -139,18 +133,17 @@ TEST(DdsChannel, TopicOfAnotherVersionIsReported) {
 
 TEST(DdsChannel, OtherTypeOnOurTopicIsReported) {
   Server server(make_publisher(own_prefix()));
-  Stranger stranger(own_prefix(), wire::TopicNames(own_prefix()).region_subscription, "Foreign",
-                    true, stranger_qos(wire::kRegionSubscriptionDelivery));
+  Stranger stranger(own_prefix(), wire::TopicNames(own_prefix()).of<wire::RegionSubscription>(),
+                    "Foreign", true, stranger_qos<wire::RegionSubscription>());
   ASSERT_TRUE(server.await([&] { return !server.complaints.empty(); }));
   EXPECT_NE(server.complaints[0].find("Foreign"), std::string::npos) << server.complaints[0];
 }
 
 TEST(DdsChannel, IncompatibleQosIsReportedByPolicy) {
   Server server(make_publisher(own_prefix()));
-  fdds::DataWriterQos qos = stranger_qos(wire::kRegionSubscriptionDelivery);
+  fdds::DataWriterQos qos = stranger_qos<wire::RegionSubscription>();
   qos.reliability().kind = fdds::BEST_EFFORT_RELIABILITY_QOS;
-  Stranger stranger(own_prefix(), wire::TopicNames(own_prefix()).region_subscription,
-                    wire::kRegionSubscriptionType, true, qos);
+  auto stranger = Stranger::of<wire::RegionSubscription>(own_prefix(), qos);
   ASSERT_TRUE(server.await([&] { return !server.complaints.empty(); }));
   EXPECT_NE(
       server.complaints[0].find("offers reliability best effort, this side requests reliable"),
@@ -162,10 +155,9 @@ TEST(DdsChannel, IncompatibleQosIsReportedByPolicy) {
 
 TEST(DdsChannel, IncompatibleDurabilityNamesBothSides) {
   Peer peer(make_peer(own_prefix()));
-  fdds::DataWriterQos qos = stranger_qos(wire::kHelloDelivery);
+  fdds::DataWriterQos qos = stranger_qos<wire::Hello>();
   qos.durability().kind = fdds::VOLATILE_DURABILITY_QOS;
-  Stranger stranger(own_prefix(), wire::TopicNames(own_prefix()).hello, wire::kHelloType, true,
-                    qos);
+  auto stranger = Stranger::of<wire::Hello>(own_prefix(), qos);
   ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.complaints.empty(); }));
   EXPECT_NE(
       peer.all.complaints[0].find("offers durability volatile, this side requests transient local"),
@@ -177,8 +169,7 @@ TEST(DdsChannel, IncompatibleDurabilityNamesBothSides) {
 
 TEST(DdsChannel, PublisherThatIsMatchedButSilentIsReported) {
   Peer peer(make_peer(own_prefix()));
-  Stranger silent(own_prefix(), wire::TopicNames(own_prefix()).hello, wire::kHelloType, true,
-                  stranger_qos(wire::kHelloDelivery));
+  auto silent = Stranger::of<wire::Hello>(own_prefix());
   ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.complaints.empty(); }));
   EXPECT_NE(peer.all.complaints[0].find("found and matched, but nothing comes"), std::string::npos)
       << peer.all.complaints[0];
@@ -221,8 +212,7 @@ TEST(DdsChannel, MonitorTellsOfTwoContentsUnderOneNameAndOfTheSilent) {
   hello.publisher = kChildPublisher + 1;
   ++hello.models[0].content_hash;
   other->announce(hello, {});
-  Stranger silent(own_prefix(), wire::TopicNames(own_prefix()).hello, wire::kHelloType, true,
-                  stranger_qos(wire::kHelloDelivery));
+  auto silent = Stranger::of<wire::Hello>(own_prefix());
   auto monitor = subscriber::DdsMonitor::create(transport(own_prefix()));
   ASSERT_TRUE(monitor.is_ok()) << monitor.status().message();
   const auto says = [&](const char* text) {

@@ -112,17 +112,16 @@ TEST(DdsChannel, HostParticipantIsLeftAsItWas) {
   EXPECT_EQ(host->get_listener(), &listener);
   EXPECT_EQ(listener.events, 0);
   const wire::TopicNames names(own_prefix());
-  for (const auto& topic : {names.hello, names.mesh_header, names.split_batch, names.body_pose,
-                            names.region_subscription, names.contact_report})
-    EXPECT_EQ(host->lookup_topicdescription(topic), nullptr) << topic;
-  EXPECT_TRUE(host->find_type(std::string(wire::kSplitBatchType)).empty());
+  for (wire::TopicPlace place = 0; place < wire::kTopicCount; ++place)
+    EXPECT_EQ(host->lookup_topicdescription(names.at(place)), nullptr) << names.at(place);
+  EXPECT_TRUE(host->find_type(std::string(wire::topic_of<wire::SplitBatchMessage>().type)).empty());
   EXPECT_TRUE(fdds::DomainParticipantFactory::get_instance()->delete_participant(host) ==
               eprosima::fastrtps::types::ReturnCode_t::RETCODE_OK);
 }
 
 TEST(DdsChannel, ForeignTypeOnHostParticipantIsAConflict) {
   fdds::DomainParticipant* host = make_participant(own_prefix());
-  fdds::TypeSupport foreign(new RawType(wire::kSplitBatchType, false));
+  fdds::TypeSupport foreign(new RawType(wire::topic_of<wire::SplitBatchMessage>().type, false));
   host->register_type(foreign);
   subscriber::DdsChannelOptions options;
   options.transport = transport(own_prefix());
@@ -130,7 +129,8 @@ TEST(DdsChannel, ForeignTypeOnHostParticipantIsAConflict) {
   auto channel = PeerChannel::create(options);
   ASSERT_FALSE(channel.is_ok());
   EXPECT_EQ(channel.status().code(), StatusCode::kConflict);
-  EXPECT_FALSE(host->find_type(std::string(wire::kSplitBatchType)).empty());
+  EXPECT_FALSE(
+      host->find_type(std::string(wire::topic_of<wire::SplitBatchMessage>().type)).empty());
   EXPECT_TRUE(fdds::DomainParticipantFactory::get_instance()->delete_participant(host) ==
               eprosima::fastrtps::types::ReturnCode_t::RETCODE_OK);
 }

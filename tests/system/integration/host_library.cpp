@@ -16,12 +16,12 @@ extern "C" __attribute__((visibility("default"))) int host_library_certifies(
   auto channel = std::make_unique<subscriber::LocalChannel>();
   if (!channel->add_model("sphere", std::move(file).value()).is_ok()) return 0;
   subscriber::Session session(std::move(channel));
-  if (!session.add_body("left", "sphere", true).is_ok() ||
-      !session.add_body("right", "sphere", true).is_ok() || !session.watch("left", "right").is_ok())
-    return 0;
-  Motion right;
-  right.pose.translation_m = {1.98, 0.1, 0.05};
-  const auto ready = subscriber::wait_ready(session, "left", 10, {{"left", {}}, {"right", right}});
+  const auto left = session.add_body({.name = "left", .model = "sphere", .own = true}).value();
+  const auto right = session.add_body({.name = "right", .model = "sphere", .own = true}).value();
+  if (!session.watch(left, right).is_ok()) return 0;
+  Motion beside;
+  beside.pose.translation_m = {1.98, 0.1, 0.05};
+  const auto ready = subscriber::wait_ready(session, left, 10, {{left, {}}, {right, beside}});
   return ready.is_ok() && ready.value().readiness.stage == subscriber::ReadyStage::kCertified;
 }
 

@@ -42,6 +42,8 @@ std::unique_ptr<HostBus> join() {
   return bus;
 }
 
+constexpr subscriber::BodyId kLeft{0}, kRight{1};
+
 /// A session on the host's participant that moves two spheres.
 std::unique_ptr<Session> make_session(const HostBus& bus, const std::string& left = "left") {
   subscriber::DdsChannelOptions options;
@@ -49,20 +51,20 @@ std::unique_ptr<Session> make_session(const HostBus& bus, const std::string& lef
   auto channel = subscriber::DdsChannel::create(options);
   EXPECT_TRUE(channel.is_ok()) << channel.status().message();
   auto session = std::make_unique<Session>(std::move(channel).value());
-  EXPECT_TRUE(session->add_body(left, "sphere", true).is_ok());
-  EXPECT_TRUE(session->add_body("right of " + left, "sphere", true).is_ok());
-  EXPECT_TRUE(session->watch(left, "right of " + left).is_ok());
+  for (const std::string& name : {left, "right of " + left})
+    EXPECT_TRUE(session->add_body({.name = name, .model = "sphere", .own = true}).is_ok());
+  EXPECT_TRUE(session->watch(kLeft, kRight).is_ok());
   return session;
 }
 
-std::vector<Session::OwnMotion> touching(const std::string& left = "left") {
+std::vector<Session::OwnMotion> touching() {
   Motion right;
   right.pose.translation_m = {1.98, 0.1, 0.05};
-  return {{left, {}}, {"right of " + left, right}};
+  return {{kLeft, {}}, {kRight, right}};
 }
 
-bool is_ready(Session& session, const std::string& left = "left") {
-  const auto ready = subscriber::wait_ready(session, left, 20, touching(left));
+bool is_ready(Session& session) {
+  const auto ready = subscriber::wait_ready(session, kLeft, 20, touching());
   EXPECT_TRUE(ready.is_ok()) << ready.status().message();
   EXPECT_EQ(ready.value().readiness.stage, ReadyStage::kCertified)
       << ready.value().readiness.reason;
@@ -178,12 +180,12 @@ TEST_F(Host, HasTwoSessionsThatKnowNothingOfEachOther) {
   const auto bus = join(), second_bus = join();
   auto one = make_session(*bus, "one"), two = make_session(*bus, "two");
   auto apart = make_session(*second_bus, "apart");
-  EXPECT_TRUE(is_ready(*one, "one"));
-  EXPECT_TRUE(is_ready(*two, "two"));
-  EXPECT_TRUE(is_ready(*apart, "apart"));
+  EXPECT_TRUE(is_ready(*one));
+  EXPECT_TRUE(is_ready(*two));
+  EXPECT_TRUE(is_ready(*apart));
   one.reset();
-  EXPECT_TRUE(is_ready(*two, "two"));
-  EXPECT_TRUE(is_ready(*apart, "apart"));
+  EXPECT_TRUE(is_ready(*two));
+  EXPECT_TRUE(is_ready(*apart));
 }
 
 /// Standard output of the process, into a file.
@@ -239,7 +241,7 @@ TEST_F(Host, HearsNothingOnItsOutputAndKeepsItsSignals) {
     EXPECT_TRUE(test::await([&] {
       Motion far;
       far.pose.translation_m = {0.3, 0.2, 0.1};
-      return !session->update(1, 1, {{"left", far}}, 0.1).value().all_certified();
+      return !session->update(1, 1, {{kLeft, far}}, 0.1).value().all_certified();
     }));
   }
   EXPECT_EQ(output.release(), "");

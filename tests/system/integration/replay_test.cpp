@@ -216,17 +216,17 @@ TEST_F(ReplayProgram, ALivePeerWithTheIdOfARecordedOneIsRefusedOnBothSides) {
     if (words[i] == "--prefix") options.transport.prefix = words[i + 1];
   }
   subscriber::Session twin(subscriber::DdsChannel::create(options).value());
-  ASSERT_TRUE(twin.add_body("ground", "terrain", false).is_ok());
-  ASSERT_TRUE(twin.place_body("ground", {}).is_ok());
-  ASSERT_TRUE(twin.add_body("mine", "aircraft", true).is_ok());
-  ASSERT_TRUE(twin.watch("ground", "mine").is_ok());
+  const auto ground = twin.add_body({.name = "ground", .model = "terrain"}).value();
+  const auto mine = twin.add_body({.name = "mine", .model = "aircraft", .own = true}).value();
+  ASSERT_TRUE(twin.place_body(ground, {}).is_ok());
+  ASSERT_TRUE(twin.watch(ground, mine).is_ok());
   // Up and down through the ground, so that it must ask.
   std::string heard;
   int updates = 0;
   EXPECT_TRUE(test::await([&] {
     Motion motion;
     motion.pose.translation_m = {0, 0, -330 + 5.0 * (++updates % 100)};
-    const auto report = twin.update(0, 0, {{"mine", motion}}, 0.01);
+    const auto report = twin.update(0, 0, {{mine, motion}}, 0.01);
     EXPECT_TRUE(report.is_ok());
     for (const std::string& line : report.value().complaints) heard += line + "\n";
     return heard.find("a replayed session has a peer with the id 00000000000000b1") !=

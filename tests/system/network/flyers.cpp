@@ -42,11 +42,13 @@ Flyers::~Flyers() {
 void Flyers::fly(int peer, std::unique_ptr<subscriber::DdsChannel> made) {
   subscriber::DdsChannel& channel = *made;
   subscriber::Session session(std::move(made), {.lookahead_s = 0, .max_held_splits = 3000});
-  const std::string name = "flyer" + std::to_string(peer);
-  must(session.add_body("ground", "terrain", false));
-  must(session.place_body("ground", {}));
-  must(session.add_body(name, "aircraft", true));
-  must(session.watch("ground", name));
+  const auto ground = session.add_body({.name = "ground", .model = "terrain"});
+  const auto own =
+      session.add_body({.name = "flyer" + std::to_string(peer), .model = "aircraft", .own = true});
+  must(ground.status());
+  must(own.status());
+  must(session.place_body(ground.value(), {}));
+  must(session.watch(ground.value(), own.value()).status());
   const std::size_t rows = trajectory_.size();
   for (std::uint64_t frame = 0; !ending_; ++frame) {
     const double due_s = (static_cast<double>(frame) + static_cast<double>(peer) / options_.peers) /
@@ -58,7 +60,7 @@ void Flyers::fly(int peer, std::unique_ptr<subscriber::DdsChannel> made) {
     Motion motion = trajectory_[row % rows];
     motion.pose.translation_m[1] += kApart_m * peer + kRound_m * static_cast<double>(row / rows);
     Answer answer{.peer = peer, .asked_s = now_s()};
-    std::vector<subscriber::Session::OwnMotion> motions{{name, motion}};
+    std::vector<subscriber::Session::OwnMotion> motions{{own.value(), motion}};
     while (!ending_) {
       const auto report = session.update(frame, due_s, motions, 0.01);
       must(report.status());

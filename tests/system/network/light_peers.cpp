@@ -47,48 +47,37 @@ class LightChannel final : public subscriber::Channel {
  private:
   LightBus& bus_;
   const wire::SessionId own_id_ = wire::make_session_id();
-  wire::WriterListener& writer_listener_;
-  wire::fdds::DataWriter* writer_ = nullptr;
-  wire::fdds::DataReader* reader_ = nullptr;
+  wire::Writer<wire::RegionSubscription>& writer_;
+  wire::Reader<wire::SplitBatchMessage>& reader_;
   std::size_t hellos_ = 0, headers_ = 0;  ///< taken so far
 };
 
 /// The shared part. Threads: one.
 class LightBus {
  public:
-  explicit LightBus(const wire::TransportOptions& transport)
-      : names(transport.prefix), hello_listener(mailbox, ""), header_listener(mailbox, "") {
+  explicit LightBus(const wire::TransportOptions& transport) {
     bus = require(wire::Bus::open(
         {.transport = transport, .participant_name = "nearmesh light peers"}, mailbox));
-    subscription_topic = topic<wire::RegionSubscriptionType>(names.region_subscription);
-    batch_topic = topic<wire::SplitBatchType>(names.split_batch);
-    hello_reader = require(bus->add_reader(topic<wire::HelloType>(names.hello),
-                                           wire::reader_qos(wire::kHelloDelivery), hello_listener));
-    header_reader =
-        require(bus->add_reader(topic<wire::MeshHeaderType>(names.mesh_header),
-                                wire::reader_qos(wire::kMeshHeaderDelivery), header_listener));
-    heartbeat_s = transport.heartbeat_s;
+    require(hello_reader.open(*bus));
+    require(header_reader.open(*bus));
   }
   template <class T>
   static T require(Result<T> result) {
     if (!result.is_ok()) throw std::runtime_error(result.status().message());
     return std::move(result).value();
   }
-  template <class Type>
-  wire::fdds::Topic* topic(const std::string& name) {
-    return require(bus->add_topic<Type>(name));
+  static void require(const Status& status) {
+    if (!status.is_ok()) throw std::runtime_error(status.message());
   }
   void receive() {
-    while (wire::drain<wire::HelloType>(
-        *hello_reader, mailbox, 1000,
-        [&](wire::Hello&& hello, const wire::Handle& writer, wire::Microseconds) {
+    while (hello_reader.drain(
+        1000, [&](wire::Hello&& hello, const wire::Handle& writer, wire::Microseconds) {
           publisher = writer;
           hellos.push_back(std::move(hello));
         })) {
     }
-    while (wire::drain<wire::MeshHeaderType>(
-        *header_reader, mailbox, 1000,
-        [&](wire::MeshHeader&& header, const wire::Handle&, wire::Microseconds) {
+    while (header_reader.drain(
+        1000, [&](wire::MeshHeader&& header, const wire::Handle&, wire::Microseconds) {
           headers.push_back(std::move(header));
         })) {
     }
@@ -97,15 +86,11 @@ class LightBus {
   }
 
   wire::Mailbox mailbox;
-  wire::TopicNames names;
-  wire::ReaderListener hello_listener, header_listener;
-  std::deque<wire::WriterListener> writer_listeners;  ///< of the peers; must outlive the bus
-  std::deque<wire::ReaderListener> reader_listeners;
-  wire::fdds::Topic* subscription_topic = nullptr;
-  wire::fdds::Topic* batch_topic = nullptr;
-  wire::fdds::DataReader* hello_reader = nullptr;
-  wire::fdds::DataReader* header_reader = nullptr;
-  double heartbeat_s = 0;
+  wire::Reader<wire::Hello> hello_reader{mailbox};
+  wire::Reader<wire::MeshHeader> header_reader{mailbox};
+  /// Of the peers; must outlive the bus.
+  std::deque<wire::Writer<wire::RegionSubscription>> writers;
+  std::deque<wire::Reader<wire::SplitBatchMessage>> readers;
   wire::Handle publisher;  ///< its writer of hellos
   std::vector<wire::Hello> hellos;
   std::vector<wire::MeshHeader> headers;
@@ -115,33 +100,28 @@ class LightBus {
 };
 
 LightChannel::LightChannel(LightBus& bus)
-    : bus_(bus), writer_listener_(bus.writer_listeners.emplace_back(bus.mailbox, "")) {
-  reader_ = LightBus::require(bus.bus->add_reader(
-      bus.batch_topic, wire::reader_qos(wire::kSplitBatchDelivery),
-      bus.reader_listeners.emplace_back(bus.mailbox, ""), wire::partition_of(own_id_)));
-  writer_ = LightBus::require(bus.bus->add_writer(
-      bus.subscription_topic, wire::writer_qos(wire::kRegionSubscriptionDelivery, bus.heartbeat_s),
-      writer_listener_));
+    : bus_(bus),
+      writer_(bus.writers.emplace_back(bus.mailbox)),
+      reader_(bus.readers.emplace_back(bus.mailbox)) {
+  LightBus::require(reader_.open(*bus.bus, wire::partition_of(own_id_)));
+  LightBus::require(writer_.open(*bus.bus));
 }
 
 void LightChannel::send(const wire::RegionSubscription& subscription) {
   // What cannot be taken is asked for again.
-  static_cast<void>(
-      wire::write_message<wire::RegionSubscriptionType>(*writer_, subscription, bus_.mailbox));
+  static_cast<void>(writer_.write(subscription));
 }
 
 subscriber::Channel::Inbox LightChannel::take() {
   Inbox inbox;
-  if (writer_listener_.is_matched_with_participant_of(bus_.publisher)) {
+  if (writer_.listener().is_matched_with_participant_of(bus_.publisher)) {
     for (; hellos_ < bus_.hellos.size(); ++hellos_) inbox.hellos.push_back(bus_.hellos[hellos_]);
     for (; headers_ < bus_.headers.size(); ++headers_)
       inbox.headers.push_back(bus_.headers[headers_]);
   }
-  static_cast<void>(wire::drain<wire::SplitBatchType>(
-      *reader_, bus_.mailbox, 1000,
-      [&](wire::SplitBatchMessage&& batch, const wire::Handle&, wire::Microseconds) {
-        inbox.batches.push_back(std::move(batch));
-      }));
+  static_cast<void>(
+      reader_.drain(1000, [&](wire::SplitBatchMessage&& batch, const wire::Handle&,
+                              wire::Microseconds) { inbox.batches.push_back(std::move(batch)); }));
   if (inbox.batches.empty()) return inbox;
   wire::RegionSubscription credit;
   credit.peer = own_id_;
@@ -178,6 +158,7 @@ int fly(const Options& options) {
   LightBus bus(options.transport);
   const std::vector<Motion> motions = read_trajectory(options.trajectory, options.rate_hz);
   std::vector<std::unique_ptr<subscriber::Session>> sessions;
+  subscriber::BodyId aircraft;
   for (std::size_t i = 0; i < options.peers; ++i) {
     auto& session = sessions.emplace_back(std::make_unique<subscriber::Session>(
         std::make_unique<LightChannel>(bus),
@@ -185,10 +166,13 @@ int fly(const Options& options) {
     const auto check = [](const Status& status) {
       if (!status.is_ok()) throw std::runtime_error(status.message());
     };
-    check(session->add_body("ground", "terrain", false));
-    check(session->place_body("ground", {}));
-    check(session->add_body("aircraft", "aircraft", true));
-    check(session->watch("ground", "aircraft"));
+    const auto ground = session->add_body({.name = "ground", .model = "terrain"});
+    const auto own = session->add_body({.name = "aircraft", .model = "aircraft", .own = true});
+    check(ground.status());
+    check(own.status());
+    check(session->place_body(ground.value(), {}));
+    check(session->watch(ground.value(), own.value()).status());
+    aircraft = own.value();  // the same in all
   }
   const auto motion_of = [&](std::size_t peer, std::uint64_t frame) {
     const std::size_t lead = (options.first + peer) * motions.size() / options.of;
@@ -206,7 +190,7 @@ int fly(const Options& options) {
       if (done[i]) continue;
       const auto report =
           LightBus::require(sessions[i]->update(frame, static_cast<double>(frame) / options.rate_hz,
-                                                {{"aircraft", motion_of(i, frame)}}, 1));
+                                                {{aircraft, motion_of(i, frame)}}, 1));
       done[i] = report.all_certified();
     }
     return static_cast<std::size_t>(std::count(done.begin(), done.end(), true));

@@ -31,6 +31,9 @@ T require(Result<T> result) {
   if (!result.is_ok()) throw std::runtime_error(result.status().message());
   return std::move(result).value();
 }
+void require(const Status& status) {
+  if (!status.is_ok()) throw std::runtime_error(status.message());
+}
 
 /// It stands for another machine: what it computes itself shall cost the others nothing. Where they run in real time, so does
 /// it, below them, or a busy machine would make it harmless.
@@ -52,44 +55,28 @@ struct Options {
 /// The endpoints of a peer, and more: it also hears what others ask, and can publish what is not its to publish.
 class MeanPeer {
  public:
-  explicit MeanPeer(const Options& options)
-      : options_(options),
-        names_(options.transport.prefix),
-        readers_(mailbox_, ""),
-        writers_(mailbox_, "") {
+  explicit MeanPeer(const Options& options) : options_(options) {
     bus_ = require(wire::Bus::open(
         {.transport = options.transport, .participant_name = "nearmesh mean peer"}, mailbox_));
-    batch_topic_ = topic<wire::SplitBatchType>(names_.split_batch);
-    hello_topic_ = topic<wire::HelloType>(names_.hello);
-    auto* subscriptions = topic<wire::RegionSubscriptionType>(names_.region_subscription);
-    batches_ = require(bus_->add_reader(batch_topic_, wire::reader_qos(wire::kSplitBatchDelivery),
-                                        readers_, wire::partition_of(own_id_)));
-    hellos_ =
-        require(bus_->add_reader(hello_topic_, wire::reader_qos(wire::kHelloDelivery), readers_));
-    headers_ = require(bus_->add_reader(topic<wire::MeshHeaderType>(names_.mesh_header),
-                                        wire::reader_qos(wire::kMeshHeaderDelivery), readers_));
-    others_ = require(bus_->add_reader(
-        subscriptions, wire::reader_qos(wire::kRegionSubscriptionDelivery), readers_));
-    asks_ = require(bus_->add_writer(
-        subscriptions,
-        wire::writer_qos(wire::kRegionSubscriptionDelivery, options.transport.heartbeat_s),
-        writers_));
+    require(batches_.open(*bus_, wire::partition_of(own_id_)));
+    require(hellos_.open(*bus_));
+    require(headers_.open(*bus_));
+    require(others_.open(*bus_));
+    require(asks_.open(*bus_));
   }
 
   void join() {
     for (const Stopwatch watch;
-         terrain_ == 0 || !writers_.is_matched_with_participant_of(publisher_);
+         terrain_ == 0 || !asks_.listener().is_matched_with_participant_of(publisher_);
          mailbox_.wait(0.02)) {
       if (watch.seconds() > kReadyDeadline_s) throw std::runtime_error("no publisher was found");
-      static_cast<void>(wire::drain<wire::HelloType>(
-          *hellos_, mailbox_, 100,
-          [&](wire::Hello&& hello, const wire::Handle& writer, wire::Microseconds) {
+      static_cast<void>(hellos_.drain(
+          100, [&](wire::Hello&& hello, const wire::Handle& writer, wire::Microseconds) {
             publisher_ = writer;
             hello_ = std::move(hello);
           }));
-      static_cast<void>(wire::drain<wire::MeshHeaderType>(
-          *headers_, mailbox_, 100,
-          [&](wire::MeshHeader&& message, const wire::Handle&, wire::Microseconds) {
+      static_cast<void>(headers_.drain(
+          100, [&](wire::MeshHeader&& message, const wire::Handle&, wire::Microseconds) {
             if (message.name != "terrain") return;
             const SpmHeader header = require(decode_header(message.bytes));
             terrain_ = message.content_hash;
@@ -126,11 +113,6 @@ class MeanPeer {
   }
 
  private:
-  template <class Type>
-  wire::fdds::Topic* topic(const std::string& name) {
-    return require(bus_->add_topic<Type>(name));
-  }
-
   [[nodiscard]] wire::RegionSubscription request() {
     wire::RegionSubscription message;
     message.peer = own_id_;
@@ -145,16 +127,13 @@ class MeanPeer {
     return message;
   }
   void send(const wire::RegionSubscription& message) {
-    if (wire::write_message<wire::RegionSubscriptionType>(*asks_, message, mailbox_) ==
-        wire::WriteResult::kTaken)
-      ++sent_;
+    if (asks_.write(message) == wire::WriteResult::kTaken) ++sent_;
   }
   /// Out: a request was answered in full. Takes at most `most` batches.
   bool take_batches(std::size_t most = 1000) {
     bool finished = false;
-    static_cast<void>(wire::drain<wire::SplitBatchType>(
-        *batches_, mailbox_, most,
-        [&](wire::SplitBatchMessage&& batch, const wire::Handle&, wire::Microseconds) {
+    static_cast<void>(batches_.drain(
+        most, [&](wire::SplitBatchMessage&& batch, const wire::Handle&, wire::Microseconds) {
           ++received_;
           received_bytes_ += batch.bytes.size();
           acknowledged_ = batch.sequence;
@@ -211,22 +190,19 @@ class MeanPeer {
 
   /// Asks and acknowledges as peers that it hears, and announces and sends as the publisher that it hears.
   void pose_as_others() {
-    static_cast<void>(wire::drain<wire::RegionSubscriptionType>(
-        *others_, mailbox_, 100,
-        [&](wire::RegionSubscription&& heard, const wire::Handle&, wire::Microseconds) {
-          if (heard.peer == own_id_ || victims_.size() >= kMaxVictims ||
-              victims_.contains(heard.peer))
-            return;
-          victims_[heard.peer] = require(bus_->add_writer(
-              batch_topic_,
-              wire::writer_qos(wire::kSplitBatchDelivery, options_.transport.heartbeat_s), writers_,
-              wire::partition_of(heard.peer)));
-        }));
+    static_cast<void>(others_.drain(100, [&](wire::RegionSubscription&& heard, const wire::Handle&,
+                                             wire::Microseconds) {
+      if (heard.peer == own_id_ || victims_.size() >= kMaxVictims || victims_.contains(heard.peer))
+        return;
+      auto& victim = victims_[heard.peer];
+      victim = std::make_unique<wire::Writer<wire::SplitBatchMessage>>(mailbox_);
+      require(victim->open(*bus_, wire::partition_of(heard.peer)));
+    }));
     if (victims_.empty()) return;
-    if (hello_writer_ == nullptr)
-      hello_writer_ = require(bus_->add_writer(
-          hello_topic_, wire::writer_qos(wire::kHelloDelivery, options_.transport.heartbeat_s),
-          writers_));
+    if (hello_writer_ == nullptr) {
+      hello_writer_ = std::make_unique<wire::Writer<wire::Hello>>(mailbox_);
+      require(hello_writer_->open(*bus_));
+    }
     const auto victim =
         std::next(victims_.begin(), static_cast<std::ptrdiff_t>(sent_ % victims_.size()));
     wire::RegionSubscription message = request();
@@ -242,11 +218,9 @@ class MeanPeer {
     batch.bytes.assign(kMaxBatchBytes, static_cast<std::uint8_t>(sent_));
     for (std::uint32_t guess = 1; guess < 4; ++guess) {
       batch.request = guess;
-      static_cast<void>(
-          wire::write_message<wire::SplitBatchType>(*victim->second, batch, mailbox_));
+      static_cast<void>(victim->second->write(batch));
     }
-    if (sent_ % 100 == 0)
-      static_cast<void>(wire::write_message<wire::HelloType>(*hello_writer_, hello_, mailbox_));
+    if (sent_ % 100 == 0) static_cast<void>(hello_writer_->write(hello_));
   }
   void invent_peers() {
     wire::RegionSubscription message = request();
@@ -256,16 +230,15 @@ class MeanPeer {
 
   static constexpr std::size_t kMaxVictims = 32;
   const Options options_;
-  const wire::TopicNames names_;
   const wire::SessionId own_id_ = wire::make_session_id();
   wire::Mailbox mailbox_;
-  wire::ReaderListener readers_;
-  wire::WriterListener writers_;
-  wire::fdds::Topic *batch_topic_ = nullptr, *hello_topic_ = nullptr;
-  wire::fdds::DataReader *batches_ = nullptr, *hellos_ = nullptr, *headers_ = nullptr,
-                         *others_ = nullptr;
-  wire::fdds::DataWriter *asks_ = nullptr, *hello_writer_ = nullptr;
-  std::map<wire::SessionId, wire::fdds::DataWriter*> victims_;
+  wire::Reader<wire::SplitBatchMessage> batches_{mailbox_};
+  wire::Reader<wire::Hello> hellos_{mailbox_};
+  wire::Reader<wire::MeshHeader> headers_{mailbox_};
+  wire::Reader<wire::RegionSubscription> others_{mailbox_};
+  wire::Writer<wire::RegionSubscription> asks_{mailbox_};
+  std::unique_ptr<wire::Writer<wire::Hello>> hello_writer_;
+  std::map<wire::SessionId, std::unique_ptr<wire::Writer<wire::SplitBatchMessage>>> victims_;
   wire::Handle publisher_;
   wire::Hello hello_;
   std::uint64_t terrain_ = 0;

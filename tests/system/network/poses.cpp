@@ -59,9 +59,9 @@ Driven drive(const Lan& lan, const perf::PosePair& poses, unsigned domain) {
   }
   subscriber::DdsChannel& channel = *made;
   subscriber::Session session(std::move(made), {.lookahead_s = 0, .publish_reports = false});
-  for (const char* body : {"a", "b"})
-    if (!session.add_body(body, body, false).is_ok()) throw std::runtime_error("no body");
-  if (!session.watch("a", "b").is_ok()) throw std::runtime_error("not watched");
+  const auto a = session.add_body({.name = "a", .model = "a"}).value();
+  const auto b = session.add_body({.name = "b", .model = "b"}).value();
+  if (!session.watch(a, b).is_ok()) throw std::runtime_error("not watched");
   const auto update_until = [&](const auto& done) {
     for (const Stopwatch watch;; channel.wait(0.005)) {
       const auto report = session.update(0, 0, {}, 1);
@@ -71,7 +71,7 @@ Driven drive(const Lan& lan, const perf::PosePair& poses, unsigned domain) {
     }
   };
   update_until([&](const subscriber::FrameReport&) {
-    return session.header_of("a") != nullptr && session.header_of("b") != nullptr;
+    return session.header_of(a) != nullptr && session.header_of(b) != nullptr;
   });
   Driven driven{.join_s = join.seconds()};
   // The clock knows no discovery, the rest of which would take its share of the link.
@@ -79,7 +79,7 @@ Driven drive(const Lan& lan, const perf::PosePair& poses, unsigned domain) {
   update_until([&](const subscriber::FrameReport&) { return settling.seconds() > kSettle_s; });
   const Lan::Counters before = lan.counters(1);
   const Stopwatch watch;
-  if (!session.place_body("a", poses.a).is_ok() || !session.place_body("b", poses.b).is_ok())
+  if (!session.place_body(a, poses.a).is_ok() || !session.place_body(b, poses.b).is_ok())
     throw std::runtime_error("not placed");
   update_until([](const subscriber::FrameReport& report) { return report.all_certified(); });
   driven.seconds = watch.seconds();

@@ -28,10 +28,10 @@ ProbePeer::ProbePeer(const Lan& lan, std::size_t host, const Exercise& exercise)
   auto channel = subscriber::DdsChannel::create(options);
   if (!channel.is_ok()) throw std::runtime_error(channel.status().message());
   session_ = std::make_unique<subscriber::Session>(std::move(channel).value());
+  const auto ground = session_->add_body({.name = "ground", .model = "terrain"}).value();
+  own_ = session_->add_body({.name = "probe", .model = "aircraft", .own = true}).value();
   for (const Status& status :
-       {session_->add_body("ground", "terrain", false),
-        session_->add_body("probe", "aircraft", true), session_->place_body("ground", {}),
-        session_->watch("ground", "probe")})
+       {session_->place_body(ground, {}), session_->watch(ground, own_).status()})
     if (!status.is_ok()) throw std::runtime_error(status.message());
 }
 
@@ -48,7 +48,7 @@ double ProbePeer::certify_at(std::uint32_t number, double seconds) {
   const Stopwatch watch;
   for (bool moved = false;; moved = true) {
     std::vector<subscriber::Session::OwnMotion> motions;
-    if (!moved) motions.push_back({"probe", motion});
+    if (!moved) motions.push_back({own_, motion});
     auto report = session_->update(++frame_, clock_.seconds(), motions, 0.01);
     if (!report.is_ok()) throw std::runtime_error(report.status().message());
     const subscriber::PairAnswer& answer = report.value().answers.at(0);

@@ -35,6 +35,7 @@ class ProbePeer {
 
   Full ground_, aircraft_;
   std::unique_ptr<subscriber::Session> session_;
+  subscriber::BodyId own_;
   const Stopwatch clock_;
   std::uint64_t frame_ = 0, wrong_ = 0;
   std::string reason_;

@@ -3,7 +3,7 @@
 
 #include "brute_force.hpp"
 #include "core/base/resources.hpp"
-#include "core/refine/replica.hpp"
+#include "core/refine/refined_mesh.hpp"
 #include "nearmesh/core/query/query.hpp"
 #include "random_policies.hpp"
 
@@ -130,7 +130,7 @@ TEST_P(AbTreeOf, FollowsAReplicaWhoseBatchesComeInAnyOrderAndAreForgottenAgain) 
        encode_batches(model.header, model.store, active_treelet(full), BoxPolicy::kCutNodes, 150))
     batches.push_back(std::move(decode_batch(model.header, bytes)).value());
   Random random(83);
-  Replica replica(model.header);
+  RefinedMesh replica(model.header);
   AbTree tree(replica.mesh());
   for (int round = 0; round < 3; ++round) {
     test::shuffle(batches, random);
@@ -179,7 +179,7 @@ TEST_P(AbTreeOf, BoxesThatComeLateChangeTheTreeAsIfTheyHadComeFirst) {
     EXPECT_TRUE(batch.is_ok()) << batch.status().message();
     return std::move(batch).value();
   };
-  Replica replica(model.header);
+  RefinedMesh replica(model.header);
   AbTree tree(replica.mesh());
   for (const TreeletSplit& split : without_boxes)
     tree.update(replica.apply_batch(decode(split, BoxPolicy::kCutNodes)).delta);
@@ -203,7 +203,7 @@ TEST_P(AbTreeOf, BoxesThatComeLateChangeTheTreeAsIfTheyHadComeFirst) {
   test::shuffle(treelet, random);
   bool any = false;
   for (const TreeletSplit& split : treelet) {
-    const Replica::Applied applied = replica.apply_batch(decode(split, BoxPolicy::kAllNodes));
+    const RefinedMesh::Applied applied = replica.apply_batch(decode(split, BoxPolicy::kAllNodes));
     any = any || !applied.delta.boxed.empty();
     tree.update(applied.delta);
     expect_as_from_scratch();
@@ -245,7 +245,7 @@ TEST(AbTree, CollapseTouchesOnlyWhatWasActive) {
   header.grid.bits = 4;
   header.vertex_count = kMaxVertices - 1;
   header.roots = {{{{0}, header.vertex_count}, {}, {}}};
-  Replica replica(header);
+  RefinedMesh replica(header);
   AbTree tree(replica.mesh());
   const std::uint32_t middle = header.vertex_count / 2;
   SplitBatch batch;

@@ -2,7 +2,7 @@
 #include "core/ask/predict.hpp"
 
 #include "brute_force.hpp"
-#include "core/refine/replica.hpp"
+#include "core/refine/refined_mesh.hpp"
 #include "nearmesh/core/abtree/detail/ab_tree.hpp"
 #include "nearmesh/core/geometry/detail/box_overlap.hpp"
 #include "test_models.hpp"
@@ -11,7 +11,6 @@
 namespace nearmesh {
 namespace {
 
-using subscriber::swept_region;
 using test::moved;
 using test::Vector;
 
@@ -140,7 +139,7 @@ TEST(SweptRegion, IsEmptyWhereTheBodiesCannotMeet) {
   const BakedModel sphere = test::bake_named("sphere");
   Random random(1);
   const Refined own(sphere, random, 0.5), other(sphere, random, 0.5);
-  const std::vector<GridBox> near = subscriber::root_reach(own.model.store);
+  const std::vector<GridBox> near = root_reach(own.model.store);
   Motion far;
   far.pose.translation_m = {0, 0, 10};
   const auto parts = [&](double margin_m) {
@@ -161,8 +160,8 @@ TEST(SweptRegion, HasNoPartThatIsNotNear) {
   const Refined own(terrain, random, 1), other(aircraft, random, 1);
   Motion landed;
   landed.pose.translation_m = test::position_m(terrain.header, terrain.store, {100});
-  const auto all = swept_region(own.view(), {}, other.view(), landed, 0, 0, 64,
-                                subscriber::root_reach(terrain.store));
+  const auto all =
+      swept_region(own.view(), {}, other.view(), landed, 0, 0, 64, root_reach(terrain.store));
   ASSERT_GT(all.size(), 1U);
   const std::vector<GridBox> near{all[0].box};
   const auto some = swept_region(own.view(), {}, other.view(), landed, 0, 0, 64, near);
@@ -176,8 +175,8 @@ TEST(SweptRegion, SlabsHugASurfaceAskewToTheAxes) {
   const BakedModel sphere = test::bake_named("sphere");
   Random random(1);
   const Refined own(sphere, random, 1), other(sphere, random, 1);
-  const auto region = swept_region(own.view(), {}, other.view(), {}, 0, 0, 64,
-                                   subscriber::root_reach(sphere.store));
+  const auto region =
+      swept_region(own.view(), {}, other.view(), {}, 0, 0, 64, root_reach(sphere.store));
   double with_slabs = 0, boxes = 0;
   const std::int32_t most = sphere.store.grid_max();
   for (int i = 0; i < 20000; ++i) {
@@ -204,7 +203,7 @@ TEST(SweptRegion, MoreBoxesGiveASmallerRegion) {
   const auto volume = [&](std::size_t max_boxes) {
     double sum = 0;
     for (const RegionPart& part : swept_region(own.view(), {}, other.view(), landed, 0, 0,
-                                               max_boxes, subscriber::root_reach(terrain.store))) {
+                                               max_boxes, root_reach(terrain.store))) {
       double product = 1;
       for (int k = 0; k < 3; ++k) product *= double{0} + part.box.hi[k] - part.box.lo[k];
       sum += product;
@@ -230,7 +229,7 @@ TEST_P(OneRequest, IsEnoughToCertify) {
   int asked = 0;
   for (int i = 0; i < 40; ++i) {
     SCOPED_TRACE(i);
-    Replica replica(model.header);
+    RefinedMesh replica(model.header);
     AbTree tree(replica.mesh());
     const auto view = [&] { return tree.view(model.header.grid); };
     // Two poses, so that the second finds something known.
@@ -245,8 +244,8 @@ TEST_P(OneRequest, IsEnoughToCertify) {
       const auto region = [&](std::size_t max_parts, std::span<const GridBox> near) {
         return swept_region(view(), own, body.tree.view(), motion, 0, 0, max_parts, near);
       };
-      const auto request = subscriber::make_request(replica.store(), region, before.missing_a,
-                                                    1U << random.below(9), kMaxRequestSplits);
+      const auto request = make_request(replica.store(), region, before.missing_a,
+                                        1U << random.below(9), kMaxRequestSplits);
       ASSERT_TRUE(request.has_value());
       ASSERT_EQ(check_request(model.store, *request).message(), "");
       if (request->attach.size() == kMaxAttachNodes) continue;  // more than one request names
@@ -254,7 +253,7 @@ TEST_P(OneRequest, IsEnoughToCertify) {
       ASSERT_FALSE(demand.truncated);
       for (const auto& bytes :
            encode_batches(model.header, model.store, demand.treelet, BoxPolicy::kCutNodes)) {
-        const Replica::Applied applied =
+        const RefinedMesh::Applied applied =
             replica.apply_batch(decode_batch(model.header, bytes).value());
         ASSERT_TRUE(applied.status.is_ok());
         tree.update(applied.delta);
@@ -285,7 +284,7 @@ TEST(MakeRequest, TwoBodiesRefineEachOtherInAFewRounds) {
     const std::array<Motion, 2> motions{Motion{.pose = poses.a}, Motion{.pose = poses.b}};
     const Grid& grid = model.header.grid;
     const PosedPair posed = pose_pair(grid, poses.a, "a", grid, poses.b, "b").value();
-    std::array<Replica, 2> replicas{Replica(model.header), Replica(model.header)};
+    std::array<RefinedMesh, 2> replicas{RefinedMesh(model.header), RefinedMesh(model.header)};
     std::array<AbTree, 2> trees{AbTree(replicas[0].mesh()), AbTree(replicas[1].mesh())};
     const auto ask = [&] {
       return query(trees[0].view(grid), posed.a, trees[1].view(grid), posed.b);
@@ -299,9 +298,9 @@ TEST(MakeRequest, TwoBodiesRefineEachOtherInAFewRounds) {
           return swept_region(trees[own].view(grid), motions[own], trees[1 - own].view(grid),
                               motions[1 - own], 0, 0, max_parts, near);
         };
-        auto request = subscriber::make_request(replicas[own].store(), region,
-                                                own == 0 ? answer.missing_a : answer.missing_b, 64,
-                                                kMaxRequestSplits);
+        auto request =
+            make_request(replicas[own].store(), region,
+                         own == 0 ? answer.missing_a : answer.missing_b, 64, kMaxRequestSplits);
         if (!request) continue;
         demands[own] = collect(model.store, *request, nullptr, AttachRule::kAlways).value();
         if (round > 0) continue;
@@ -333,12 +332,12 @@ TEST(MakeRequest, WeighsNoMoreThanTheAnswerThatIsExpected) {
     return std::vector<RegionPart>{GridBox{{0, 0, 0}, {0x7fffffff, 0x7fffffff, 0x7fffffff}}};
   };
   SplitStore store(terrain.header);
-  ASSERT_TRUE(subscriber::make_request(store, region, {}, 64, kMaxRequestSplits).has_value());
+  ASSERT_TRUE(make_request(store, region, {}, 64, kMaxRequestSplits).has_value());
   EXPECT_EQ(asked_for.back(), 64U);
-  ASSERT_TRUE(subscriber::make_request(store, region, {}, 64, 30).has_value());
+  ASSERT_TRUE(make_request(store, region, {}, 64, 30).has_value());
   EXPECT_EQ(asked_for.back(), 15U);
   // All but the last few splits are known.
-  Replica replica(terrain.header);
+  RefinedMesh replica(terrain.header);
   RegionRequest everything{.region = {GridBox{{0, 0, 0}, {0x7fffffff, 0x7fffffff, 0x7fffffff}}},
                            .max_splits = terrain.header.split_count() - 6};
   for (const BaseRoot& root : terrain.header.roots)
@@ -347,8 +346,7 @@ TEST(MakeRequest, WeighsNoMoreThanTheAnswerThatIsExpected) {
   for (const auto& bytes :
        encode_batches(terrain.header, terrain.store, demand.treelet, BoxPolicy::kCutNodes))
     ASSERT_TRUE(replica.apply_batch(decode_batch(terrain.header, bytes).value()).status.is_ok());
-  ASSERT_TRUE(
-      subscriber::make_request(replica.store(), region, {}, 64, kMaxRequestSplits).has_value());
+  ASSERT_TRUE(make_request(replica.store(), region, {}, 64, kMaxRequestSplits).has_value());
   EXPECT_LE(asked_for.back(), 3U);
 }
 
@@ -359,11 +357,11 @@ TEST(MakeRequest, AsksForWholeNodesWhereThereIsTime) {
   const auto region = [](std::size_t, std::span<const GridBox>) {
     return std::vector<RegionPart>{GridBox{{0, 0, 0}, {0x7fffffff, 0x7fffffff, 0x7fffffff}}};
   };
-  Replica replica(terrain.header);
+  RefinedMesh replica(terrain.header);
   constexpr std::uint32_t kMost = 150;
   std::size_t requests = 0;
-  while (const auto request = subscriber::make_request(replica.store(), region, {}, 64, kMost,
-                                                       subscriber::Portion::kWholeNodes)) {
+  while (const auto request =
+             make_request(replica.store(), region, {}, 64, kMost, Portion::kWholeNodes)) {
     ASSERT_EQ(check_request(terrain.store, *request).message(), "");
     const Demand demand = collect(terrain.store, *request, nullptr, AttachRule::kAlways).value();
     if (request->attach.size() > 1) {
@@ -384,9 +382,9 @@ TEST(MakeRequest, NamesNothingWhereNothingIsMissing) {
   const auto everywhere = [&](std::size_t, std::span<const GridBox>) {
     return std::vector<RegionPart>{GridBox{{0, 0, 0}, {0x7fffffff, 0x7fffffff, 0x7fffffff}}};
   };
-  EXPECT_FALSE(subscriber::make_request(model.store, everywhere, {}, 64, 100).has_value());
+  EXPECT_FALSE(make_request(model.store, everywhere, {}, 64, 100).has_value());
   const SplitStore empty(model.header);
-  EXPECT_TRUE(subscriber::make_request(empty, everywhere, {}, 64, 100).has_value());
+  EXPECT_TRUE(make_request(empty, everywhere, {}, 64, 100).has_value());
 }
 
 TEST(MakeRequest, NamesWhatAnAnswerLacksWhereverItIs) {
@@ -396,8 +394,8 @@ TEST(MakeRequest, NamesWhatAnAnswerLacksWhereverItIs) {
   const auto nowhere = [](std::size_t, std::span<const GridBox>) {
     return std::vector<RegionPart>{};
   };
-  EXPECT_FALSE(subscriber::make_request(empty, nowhere, {}, 64, 100).has_value());
-  const auto request = subscriber::make_request(empty, nowhere, {root}, 64, 100);
+  EXPECT_FALSE(make_request(empty, nowhere, {}, 64, 100).has_value());
+  const auto request = make_request(empty, nowhere, {root}, 64, 100);
   ASSERT_TRUE(request.has_value());
   EXPECT_EQ(request->attach, std::vector<NodeSpan>{root});
   EXPECT_EQ(check_request(empty, *request).message(), "");

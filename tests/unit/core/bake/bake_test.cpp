@@ -11,7 +11,7 @@ INSTANTIATE_TEST_SUITE_P(Models, Bake, ::testing::ValuesIn(test::mesh_names()),
                          [](const auto& model) { return model.param; });
 
 TEST_P(Bake, GivesEveryInputFaceToOneSplit) {
-  const Result<CleanResult> cleaned = clean_mesh(test::make_mesh(GetParam()), 21);
+  const Result<CleanResult> cleaned = clean_mesh(test::make_mesh(GetParam()));
   ASSERT_TRUE(cleaned.is_ok());
   const Result<BakedModel> model = bake(cleaned.value().mesh, 0, {.base_faces = 16});
   ASSERT_TRUE(model.is_ok());
@@ -100,7 +100,7 @@ TEST_P(Bake, IsDeterministic) {
 }
 
 void expect_same_bytes_on_threads(const IndexedMesh& mesh) {
-  const Result<CleanResult> clean = clean_mesh(mesh, 21);
+  const Result<CleanResult> clean = clean_mesh(mesh);
   ASSERT_TRUE(clean.is_ok());
   std::vector<std::uint8_t> alone;
   for (const unsigned threads : {1U, 2U, 3U, 8U}) {
@@ -153,7 +153,7 @@ TEST_P(Bake, NamesTheLowestVertexOfEachPart) {
 }
 
 TEST_P(Bake, CountsOpenEdgesAsCleaningDid) {
-  const Result<CleanResult> cleaned = clean_mesh(test::make_mesh(GetParam()), 21);
+  const Result<CleanResult> cleaned = clean_mesh(test::make_mesh(GetParam()));
   const SurfaceFacts facts = test::bake_named(GetParam()).header.surface;
   EXPECT_EQ(facts.boundary_edges, cleaned.value().report.edges_boundary);
   EXPECT_EQ(facts.disagreeing_edges, cleaned.value().report.edges_disagreeing);

@@ -303,9 +303,9 @@ TEST_P(Collect, FrontierIsWhatIsKnownAndUnsplitAndMeetsTheRegion) {
     std::sort(expected.begin(), expected.end(), [](const NodeSpan& x, const NodeSpan& y) {
       return x.size != y.size ? x.size > y.size : x.first < y.first;
     });
-    EXPECT_EQ(frontier(peer, region, expected.size() + 1), expected);
+    EXPECT_EQ(unresolved_in(peer, region, expected.size() + 1), expected);
     expected.resize(expected.size() / 2);
-    EXPECT_EQ(frontier(peer, region, expected.size()), expected);
+    EXPECT_EQ(unresolved_in(peer, region, expected.size()), expected);
   }
 }
 
@@ -434,7 +434,8 @@ TEST(CollectRegion, StopsAtTheLeastExtent) {
       expected += model.store.box(split.node).extent() > extent ? 1 : 0;
     EXPECT_LE(some.treelet.size(), expected);
     EXPECT_GT(some.treelet.size(), expected / 2);
-    const std::vector<NodeSpan> missing = frontier(SplitStore(model.header), request.region, 10000);
+    const std::vector<NodeSpan> missing =
+        unresolved_in(SplitStore(model.header), request.region, 10000);
     for (const NodeSpan& node : missing) EXPECT_GT(model.store.box(node).extent(), extent);
   }
   request.region[0].min_extent = std::numeric_limits<std::int32_t>::max();

@@ -11,7 +11,7 @@ namespace {
 using Vec3 = std::array<double, 3>;
 using Triangle = std::array<GridPoint, 3>;
 
-struct Scene {
+struct DriftingPair {
   Grid grid_a, grid_b;
   Pose pose_a, pose_b;
   Triangle in_a, in_b;
@@ -30,8 +30,8 @@ Triangle some_triangle(Random& random) {
   return t;
 }
 
-Scene some_scene(Random& random) {
-  Scene s;
+DriftingPair some_scene(Random& random) {
+  DriftingPair s;
   s.grid_a = {.exponent = -16, .bits = 21};
   s.grid_b = {.exponent = -20 + int(random.below(9)), .bits = 21};
   for (Grid* grid : {&s.grid_a, &s.grid_b})
@@ -82,7 +82,7 @@ std::array<long double, 3> world(const Grid& grid, const Pose& pose, const Vec3&
 TEST(RelativeFrameOfPoses, MapsPointsWithinItsSlack) {
   Random random(31);
   for (int i = 0; i < 20000; ++i) {
-    const Scene s = some_scene(random);
+    const DriftingPair s = some_scene(random);
     for (std::size_t corner = 0; corner < 3; ++corner) {
       const GridPoint& p = s.in_b[corner];
       const auto in_a = world(s.grid_a, s.pose_a, s.b[corner]);
@@ -98,7 +98,7 @@ TEST(RelativeFrameOfPoses, MapsPointsWithinItsSlack) {
 TEST(RelativeFrameOfPoses, VectorsOfTheWorldTurnIntoTheGrid) {
   Random random(32);
   for (int i = 0; i < 1000; ++i) {
-    const Scene s = some_scene(random);
+    const DriftingPair s = some_scene(random);
     const Vec3 v{random.between(-9, 9), random.between(-9, 9), random.between(-9, 9)};
     const Vec3 units = to_grid_units(s.grid_a, s.pose_a, v);
     const auto from = world(s.grid_a, s.pose_a, {}), to = world(s.grid_a, s.pose_a, units);
@@ -127,7 +127,7 @@ Drift drift_together(Random& random, const Vec3& p, const Vec3& q) {
 TEST(Drift, NothingStaysApartFromWhatItIsTakenTo) {
   Random random(33);
   for (int i = 0; i < 100000; ++i) {
-    const Scene s = some_scene(random);
+    const DriftingPair s = some_scene(random);
     const Drift drift = drift_together(random, point_of(random, s.a), point_of(random, s.b));
     EXPECT_FALSE(triangles_stay_apart(s.frame, drift, s.a, s.b));
     EXPECT_FALSE(boxes_stay_apart(s.frame, drift, box_of(s.in_a), box_of(s.in_b)));
@@ -139,7 +139,7 @@ TEST(Drift, NoneLeavesBoxesApartThatWereAtRest) {
   Random random(34);
   int apart = 0;
   for (int i = 0; i < 20000; ++i) {
-    const Scene s = some_scene(random);
+    const DriftingPair s = some_scene(random);
     const CenteredBox a = box_of(s.in_a), b = box_of(s.in_b);
     EXPECT_EQ(boxes_stay_apart(s.frame, {}, a, b), boxes_apart(s.frame, a, b));
     EXPECT_EQ(box_triangle_stay_apart(s.frame, {}, a, s.b), box_triangle_apart(s.frame, a, s.b));

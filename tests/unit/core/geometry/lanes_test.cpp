@@ -20,7 +20,7 @@ namespace {
 using Triangle = std::array<GridPoint, 3>;
 using Patch = std::array<Triangle, 4>;
 
-constexpr int kBits = 21;
+constexpr int kGridBits = 21;
 
 struct Frames {
   PosedFrame a, b;
@@ -60,8 +60,8 @@ Patch random_patch(Random& random) {
   const int bits = 4 + static_cast<int>(random.below(14));
   GridPoint at;
   for (int k = 0; k < 3; ++k)
-    at[k] = static_cast<std::int32_t>(random.below(1U << (kBits - 1))) + (1 << (kBits - 2)) -
-            (1 << (bits - 1));
+    at[k] = static_cast<std::int32_t>(random.below(1U << (kGridBits - 1))) +
+            (1 << (kGridBits - 2)) - (1 << (bits - 1));
   return random_patch(random, at, bits);
 }
 
@@ -223,7 +223,7 @@ TEST(Lanes, NeverPartWhatTouchesAndPartMostOfWhatDoesNot) {
     int boxes_parted = 0, boxes_alone = 0, triangles_parted = 0, apart_total = 0, touching = 0;
     int pairs_parted = 0, faces_parted = 0, gaps_alone = 0;
     for (int i = 0; i < 400; ++i) {
-      Frames frames = random_frames(random, kBits, random.below(2) == 0 ? 0 : 3);
+      Frames frames = random_frames(random, kGridBits, random.below(2) == 0 ? 0 : 3);
       const Lanes a = random_lanes(random), b = random_lanes(random);
       Approach approach(frames, a, b, random);
       const std::int64_t near = approach.last_touch();
@@ -369,7 +369,7 @@ TEST(Lanes, PairsOfTrianglesAreDecidedAsTheExactTestDoes) {
     std::uint64_t digest = 0;
     int touching = 0, joined = 0, apart = 0, parted = 0;
     for (int i = 0; i < 3000; ++i) {
-      Frames frames = random_frames(random, kBits, random.below(2) == 0 ? 0 : 3);
+      Frames frames = random_frames(random, kGridBits, random.below(2) == 0 ? 0 : 3);
       const int bits = 4 + static_cast<int>(random.below(16));
       const auto thrown = [&](int finer) {
         Triangle triangle;
@@ -433,7 +433,7 @@ TEST(Lanes, SlabsPartParallelPatchesWhoseBoxesOverlap) {
       }
     if (normal_of(patch[0]) == std::array<double, 3>{}) continue;
     const GridBox box = box_of(patch);
-    const Grid grid{{}, -16, kBits};
+    const Grid grid{{}, -16, kGridBits};
     const int lattice = lattice_exponent(grid, grid);
     const double step = std::ldexp(200, -16);
     const PosedFrame at_rest = make_posed_frame(grid, {}, lattice).value();

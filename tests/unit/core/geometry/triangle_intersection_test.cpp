@@ -15,31 +15,31 @@ namespace {
 
 using test::operator-;
 using test::Vec;
-using Triangle = std::array<Vec, 3>;
+using LongTriangle = std::array<Vec, 3>;
 constexpr long double kNear = 1e-9L;  // far below what small integers can leave between two points
 
-Triangle relative_to(const LatticeTriangle& t, const LatticePoint& origin) {
-  Triangle out;
+LongTriangle relative_to(const LatticeTriangle& t, const LatticePoint& origin) {
+  LongTriangle out;
   for (std::size_t i = 0; i < 3; ++i)
     for (std::size_t k = 0; k < 3; ++k)
       out[i][k] = static_cast<long double>(t[i].v[k] - origin.v[k]);
   return out;
 }
 
-long double point_triangle(const Vec& p, const Triangle& t) {
+long double point_triangle(const Vec& p, const LongTriangle& t) {
   return std::min({test::point_face(p, t), test::point_segment(p, t[0], t[1]),
                    test::point_segment(p, t[1], t[2]), test::point_segment(p, t[2], t[0])});
 }
 
 /// Every extreme point of the intersection of two triangles of small integers is one of these, and all are in it:
 /// corners in the other, edges through the other's plane, edges through edges.
-std::vector<Vec> candidates(const Triangle& a, const Triangle& b) {
+std::vector<Vec> candidates(const LongTriangle& a, const LongTriangle& b) {
   std::vector<Vec> points;
   const auto offer = [&](const Vec& p) {
     if (point_triangle(p, a) < kNear && point_triangle(p, b) < kNear) points.push_back(p);
   };
-  for (const Triangle* own : {&a, &b}) {
-    const Triangle& other = own == &a ? b : a;
+  for (const LongTriangle* own : {&a, &b}) {
+    const LongTriangle& other = own == &a ? b : a;
     const Vec n = test::cross(other[1] - other[0], other[2] - other[0]);
     for (std::size_t i = 0; i < 3; ++i) {
       const Vec &p = (*own)[i], &q = (*own)[(i + 1) % 3], d = q - p;

@@ -16,7 +16,7 @@ namespace {
 using Triple = std::array<std::uint32_t, 3>;
 
 CleanResult clean(const IndexedMesh& mesh, int bits = 21) {
-  Result<CleanResult> result = clean_mesh(mesh, bits);
+  Result<CleanResult> result = clean_mesh(mesh, {.grid_bits = bits});
   EXPECT_TRUE(result.is_ok()) << result.status().message();
   return result.is_ok() ? std::move(result).value() : CleanResult{};
 }
@@ -397,7 +397,7 @@ TEST(CleanMesh, RejectsNonFiniteReferencedVertex) {
     IndexedMesh mesh = square();
     mesh.positions_m[2][1] = bad;
 
-    const auto result = clean_mesh(mesh, 21);
+    const auto result = clean_mesh(mesh);
 
     ASSERT_FALSE(result.is_ok());
     EXPECT_EQ(result.status().code(), StatusCode::kInvalidArgument);
@@ -416,19 +416,17 @@ TEST(CleanMesh, RejectsIndexOutOfRange) {
   IndexedMesh mesh = square();
   mesh.faces[1][2] = 4;
 
-  const auto result = clean_mesh(mesh, 21);
+  const auto result = clean_mesh(mesh);
 
   ASSERT_FALSE(result.is_ok());
   EXPECT_NE(result.status().message().find("face 1"), std::string::npos);
 }
 
-TEST(CleanMesh, RejectsMeshWithoutFaces) {
-  EXPECT_FALSE(clean_mesh({{{0, 0, 0}}, {}}, 21).is_ok());
-}
+TEST(CleanMesh, RejectsMeshWithoutFaces) { EXPECT_FALSE(clean_mesh({{{0, 0, 0}}, {}}).is_ok()); }
 
 TEST(CleanMesh, RejectsBitsOutOfRange) {
-  EXPECT_FALSE(clean_mesh(square(), kMinGridBits - 1).is_ok());
-  EXPECT_FALSE(clean_mesh(square(), kMaxGridBits + 1).is_ok());
+  EXPECT_FALSE(clean_mesh(square(), {.grid_bits = kMinGridBits - 1}).is_ok());
+  EXPECT_FALSE(clean_mesh(square(), {.grid_bits = kMaxGridBits + 1}).is_ok());
 }
 
 /// What must hold for any result, whatever the input.

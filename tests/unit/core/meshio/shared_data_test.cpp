@@ -22,7 +22,7 @@ const fs::path kData = NEARMESH_TEST_DATA;
 Result<CleanResult> load(const fs::path& path) {
   const auto mesh = import_mesh(path.string());
   if (!mesh.is_ok()) return mesh.status();
-  return clean_mesh(mesh.value(), 21);
+  return clean_mesh(mesh.value());
 }
 
 TEST(SharedData, BadFilesLoadOrAreRefusedAsListed) {

@@ -120,7 +120,7 @@ TEST(HostFloatsOfModels, LeaveModelsAsTheyAre) {
     for (const IndexedMesh& mesh : {import_mesh(path).value(), generate_terrain(20, 1),
                                     generate_aircraft(300, 1), generate_sphere(14, 0)}) {
       for (const auto& p : mesh.positions_m) seen.add(p);
-      const CleanResult clean = clean_mesh(mesh, 21).value();
+      const CleanResult clean = clean_mesh(mesh).value();
       const BakedModel model = bake(clean.mesh, clean.report.rounding_error_m, {}).value();
       seen.add(hash_bytes(encode_header(model.header)));
       for (const Collapse& c : model.log.collapses)

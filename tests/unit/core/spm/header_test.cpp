@@ -139,9 +139,9 @@ TEST(DecodeHeader, RefusesCellsThatDoublesCannotReckonWith) {
   }
 }
 
-// The fields before the roots, then `sizes` of roots (kEndless: 64 zero bits where a gamma code
+// The fields before the roots, then `sizes` of roots (kEndlessSize: 64 zero bits where a gamma code
 // should be).
-constexpr std::uint64_t kEndless = ~std::uint64_t{0};
+constexpr std::uint64_t kEndlessSize = ~std::uint64_t{0};
 std::vector<std::uint8_t> header_with_roots(std::uint32_t vertex_count,
                                             const std::vector<std::uint64_t>& sizes,
                                             std::uint64_t open_edges = 0, std::uint64_t parts = 1) {
@@ -156,7 +156,7 @@ std::vector<std::uint8_t> header_with_roots(std::uint32_t vertex_count,
   out.put(sizes.size(), 32);
   out.put(0, 32);
   for (const std::uint64_t size : sizes) {
-    if (size == kEndless) {
+    if (size == kEndlessSize) {
       out.put64(0);
     } else {
       out.put_gamma(size - 1);
@@ -180,7 +180,7 @@ TEST(DecodeHeader, AcceptsRootsAloneWithoutFaces) {
 }
 
 TEST(DecodeHeader, RefusesARootWithoutVertices) {
-  EXPECT_FALSE(decode_header(header_with_roots(5, {5, kEndless})).is_ok());
+  EXPECT_FALSE(decode_header(header_with_roots(5, {5, kEndlessSize})).is_ok());
 }
 
 TEST(DecodeHeader, RefusesRootsThatDoNotCoverTheVertices) {

@@ -73,7 +73,7 @@ TEST_P(ModelFileOf, HoldsTheBakedModel) {
 // Through the file and back: every input face at its number, with the corner that the input names
 // first, first.
 TEST_P(ModelFileOf, RestoresTheInputExactly) {
-  Result<CleanResult> cleaned = clean_mesh(test::make_mesh(GetParam()), 21);
+  Result<CleanResult> cleaned = clean_mesh(test::make_mesh(GetParam()));
   ASSERT_TRUE(cleaned.is_ok()) << cleaned.status().message();
   const GridMesh& input = cleaned.value().mesh;
   Result<BakedModel> baked = bake(input, 0, {.base_faces = 16});

@@ -6,7 +6,7 @@
 namespace nearmesh::wire {
 namespace {
 
-using Claim = BodyBook::Claim;
+using BodyClaim = BodyBook::Claim;
 
 // Of an identity (the first six bytes), in its participant.
 BodyBook::Handle writer_of(std::uint8_t identity, std::uint8_t participant) {
@@ -18,35 +18,35 @@ BodyBook::Handle writer_of(std::uint8_t identity, std::uint8_t participant) {
 
 TEST(BodyBook, FirstWriterKeepsABodyUntilItIsGone) {
   BodyBook book(false);
-  EXPECT_EQ(book.claim("arm", writer_of(1, 1)), Claim::kOwn);
-  EXPECT_EQ(book.claim("arm", writer_of(1, 1)), Claim::kOwn);
-  EXPECT_EQ(book.claim("arm", writer_of(1, 2)), Claim::kOthers);
-  EXPECT_EQ(book.claim("leg", writer_of(1, 2)), Claim::kOwn);
+  EXPECT_EQ(book.claim("arm", writer_of(1, 1)), BodyClaim::kOwn);
+  EXPECT_EQ(book.claim("arm", writer_of(1, 1)), BodyClaim::kOwn);
+  EXPECT_EQ(book.claim("arm", writer_of(1, 2)), BodyClaim::kOthers);
+  EXPECT_EQ(book.claim("leg", writer_of(1, 2)), BodyClaim::kOwn);
   book.forget(writer_of(1, 1));
-  EXPECT_EQ(book.claim("leg", writer_of(1, 1)), Claim::kOthers);
-  EXPECT_EQ(book.claim("arm", writer_of(1, 2)), Claim::kOwn);
+  EXPECT_EQ(book.claim("leg", writer_of(1, 1)), BodyClaim::kOthers);
+  EXPECT_EQ(book.claim("arm", writer_of(1, 2)), BodyClaim::kOwn);
 }
 
 TEST(BodyBook, AuthenticatedIdentityKeepsItForGood) {
   BodyBook book(true);
-  EXPECT_EQ(book.claim("arm", writer_of(1, 1)), Claim::kOwn);
+  EXPECT_EQ(book.claim("arm", writer_of(1, 1)), BodyClaim::kOwn);
   book.forget(writer_of(1, 1));
   book.clear();
-  EXPECT_EQ(book.claim("arm", writer_of(2, 1)), Claim::kOthers);
-  EXPECT_EQ(book.claim("arm", writer_of(1, 2)), Claim::kOwn);
+  EXPECT_EQ(book.claim("arm", writer_of(2, 1)), BodyClaim::kOthers);
+  EXPECT_EQ(book.claim("arm", writer_of(1, 2)), BodyClaim::kOwn);
 }
 
 TEST(BodyBook, NobodyFillsIt) {
   for (const bool authenticated : {false, true}) {
     BodyBook book(authenticated);
     for (std::size_t i = 0; i < BodyBook::kMaxOfOne; ++i)
-      ASSERT_EQ(book.claim("b" + std::to_string(i), writer_of(1, 1)), Claim::kOwn);
-    EXPECT_EQ(book.claim("more", writer_of(1, 1)), Claim::kFull);
-    EXPECT_EQ(book.claim("b0", writer_of(1, 1)), Claim::kOwn);
-    EXPECT_EQ(book.claim("more", writer_of(2, 1)), Claim::kOwn);
+      ASSERT_EQ(book.claim("b" + std::to_string(i), writer_of(1, 1)), BodyClaim::kOwn);
+    EXPECT_EQ(book.claim("more", writer_of(1, 1)), BodyClaim::kFull);
+    EXPECT_EQ(book.claim("b0", writer_of(1, 1)), BodyClaim::kOwn);
+    EXPECT_EQ(book.claim("more", writer_of(2, 1)), BodyClaim::kOwn);
     if (authenticated) continue;
     book.forget(writer_of(1, 1));
-    EXPECT_EQ(book.claim("new", writer_of(1, 1)), Claim::kOwn);
+    EXPECT_EQ(book.claim("new", writer_of(1, 1)), BodyClaim::kOwn);
   }
 }
 
@@ -55,8 +55,8 @@ TEST(BodyBook, AllTogetherAreBounded) {
   for (std::size_t i = 0; i < BodyBook::kMaxOfAll; ++i)
     ASSERT_EQ(book.claim(std::to_string(i),
                          writer_of(1, static_cast<std::uint8_t>(i / BodyBook::kMaxOfOne))),
-              Claim::kOwn);
-  EXPECT_EQ(book.claim("more", writer_of(2, 1)), Claim::kFull);
+              BodyClaim::kOwn);
+  EXPECT_EQ(book.claim("more", writer_of(2, 1)), BodyClaim::kFull);
 }
 
 }  // namespace

@@ -22,12 +22,7 @@ void expect_round_trip(const Message& message) {
 }
 
 TEST(Payload, RoundTripAndNoPrefix) {
-  expect_round_trip(test::valid_hello());
-  expect_round_trip(test::valid_header());
-  expect_round_trip(test::valid_subscription());
-  expect_round_trip(test::valid_batch());
-  expect_round_trip(test::valid_pose());
-  expect_round_trip(test::valid_report());
+  test::for_each_valid([](const auto& message) { expect_round_trip(message); });
 }
 
 TEST(Payload, ReportKeepsWhatWasAsked) {

@@ -2,7 +2,9 @@
 #pragma once
 // Valid messages with every field set, for the tests to spoil.
 
-#include "nearmesh/idl/messages/messages.hpp"
+#include <tuple>
+
+#include "nearmesh/idl/messages/topics.hpp"
 
 namespace nearmesh::wire::test {
 
@@ -30,7 +32,7 @@ inline RegionSubscription valid_subscription() {
   message.priority = 1;
   message.acknowledged_sequence = 17;
   message.window_bytes = 4096;
-  message.region.attach = {{VertexId{3}, 10}, {VertexId{13}, 1}, {VertexId{50}, 2}};
+  message.region.attach = {{VertexId{3}, 10}, {VertexId{13}, 2}, {VertexId{50}, 2}};
   message.region.region = {GridBox{{{-5, 0, 1}}, {{5, 0, 9}}}, GridBox{{{1, 2, 3}}, {{4, 5, 6}}}};
   message.region.region[1].radius = 7;
   message.region.region[1].normal = {-60, 4, -1};
@@ -117,6 +119,19 @@ inline Echo valid_echo() {
   message.is_reply = true;
   message.bytes = {1, 2, 3};
   return message;
+}
+
+/// One of each topic of the table.
+template <class Message>
+Message valid() {
+  return std::get<Message>(std::tuple(valid_hello(), valid_header(), valid_subscription(),
+                                      valid_batch(), valid_pose(), valid_report(), valid_status(),
+                                      valid_echo(), Probe{valid_echo()}));
+}
+/// use(message) with one of each.
+template <class Use>
+void for_each_valid(Use use) {
+  for_each_topic([&]<class Message>(const Topic<Message>&) { use(valid<Message>()); });
 }
 
 }  // namespace nearmesh::wire::test

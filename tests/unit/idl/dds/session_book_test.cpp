@@ -6,7 +6,7 @@
 namespace nearmesh::wire {
 namespace {
 
-using Claim = SessionBook::Claim;
+using SessionClaim = SessionBook::Claim;
 
 Handle writer(std::uint8_t n) {
   Handle handle;
@@ -17,10 +17,10 @@ Handle writer(std::uint8_t n) {
 
 TEST(SessionBook, FirstWriterKeepsTheSession) {
   SessionBook book;
-  EXPECT_EQ(book.claim(5, writer(1), 10), Claim::kNew);
-  EXPECT_EQ(book.claim(5, writer(1), 11), Claim::kKnown);
-  EXPECT_EQ(book.claim(5, writer(2), 12), Claim::kTaken);
-  EXPECT_EQ(book.claim(6, writer(1), 13), Claim::kTaken);
+  EXPECT_EQ(book.claim(5, writer(1), 10), SessionClaim::kNew);
+  EXPECT_EQ(book.claim(5, writer(1), 11), SessionClaim::kKnown);
+  EXPECT_EQ(book.claim(5, writer(2), 12), SessionClaim::kTaken);
+  EXPECT_EQ(book.claim(6, writer(1), 13), SessionClaim::kTaken);
   EXPECT_EQ(book.forget(writer(2), 14), std::nullopt);
   EXPECT_EQ(book.forget(writer(1), 15), std::optional<SessionId>(5));
   EXPECT_EQ(book.size(), 0U);
@@ -28,10 +28,10 @@ TEST(SessionBook, FirstWriterKeepsTheSession) {
 
 TEST(SessionBook, WhatWasReceivedBeforeTheLossDoesNotBringItBack) {
   SessionBook book;
-  EXPECT_EQ(book.claim(5, writer(1), 10), Claim::kNew);
+  EXPECT_EQ(book.claim(5, writer(1), 10), SessionClaim::kNew);
   EXPECT_EQ(book.forget(writer(1), 20), std::optional<SessionId>(5));
-  EXPECT_EQ(book.claim(5, writer(1), 19), Claim::kStale);
-  EXPECT_EQ(book.claim(5, writer(1), 21), Claim::kNew);
+  EXPECT_EQ(book.claim(5, writer(1), 19), SessionClaim::kStale);
+  EXPECT_EQ(book.claim(5, writer(1), 21), SessionClaim::kNew);
 }
 
 TEST(SessionBook, WelcomedWriterCountsWhateverTheClockSays) {
@@ -39,7 +39,7 @@ TEST(SessionBook, WelcomedWriterCountsWhateverTheClockSays) {
   (void)book.claim(5, writer(1), 10);
   (void)book.forget(writer(1), 20);
   book.welcome(writer(1));
-  EXPECT_EQ(book.claim(5, writer(1), 3), Claim::kNew);
+  EXPECT_EQ(book.claim(5, writer(1), 3), SessionClaim::kNew);
 }
 
 TEST(SessionBook, ClearTellsWhoWasKnown) {
@@ -47,21 +47,21 @@ TEST(SessionBook, ClearTellsWhoWasKnown) {
   (void)book.claim(5, writer(1), 10);
   (void)book.claim(6, writer(2), 10);
   EXPECT_EQ(book.clear(), (std::vector<SessionId>{5, 6}));
-  EXPECT_EQ(book.claim(5, writer(3), 1), Claim::kNew);
+  EXPECT_EQ(book.claim(5, writer(3), 1), SessionClaim::kNew);
 }
 
 TEST(SessionBook, ReleasedClaimIsFreeAgain) {
   SessionBook book;
-  EXPECT_EQ(book.claim(5, writer(1), 10), Claim::kNew);
+  EXPECT_EQ(book.claim(5, writer(1), 10), SessionClaim::kNew);
   book.release(5);
-  EXPECT_EQ(book.claim(5, writer(2), 11), Claim::kNew);
+  EXPECT_EQ(book.claim(5, writer(2), 11), SessionClaim::kNew);
 }
 
 TEST(SessionBook, TellsThroughWhichWriterASessionSpeaks) {
   SessionBook book;
   EXPECT_EQ(book.writer_of(5), std::nullopt);
-  EXPECT_EQ(book.claim(5, writer(1), 10), Claim::kNew);
-  EXPECT_EQ(book.claim(5, writer(2), 10), Claim::kTaken);
+  EXPECT_EQ(book.claim(5, writer(1), 10), SessionClaim::kNew);
+  EXPECT_EQ(book.claim(5, writer(2), 10), SessionClaim::kTaken);
   EXPECT_EQ(book.writer_of(5), writer(1));
   static_cast<void>(book.forget(writer(1), 20));
   EXPECT_EQ(book.writer_of(5), std::nullopt);

@@ -8,8 +8,8 @@ namespace {
 
 TEST(Topics, CarryPrefixAndVersionButHelloHasNone) {
   const TopicNames names("site/nearmesh");
-  EXPECT_EQ(names.hello, "site/nearmesh/hello");
-  EXPECT_EQ(names.split_batch, "site/nearmesh/v5/split_batch");
+  EXPECT_EQ(names.of<Hello>(), "site/nearmesh/hello");
+  EXPECT_EQ(names.of<SplitBatchMessage>(), "site/nearmesh/v5/split_batch");
 }
 
 TEST(Topics, PartitionIsSixteenDigits) {
@@ -29,17 +29,18 @@ TEST(Topics, RemoteEndpointsThatCannotTalkToUsAreNamed) {
   const auto judge = [](const char* topic, std::string_view type) {
     return judge_remote_endpoint("p", topic, type).value_or("");
   };
-  EXPECT_EQ(judge("p/v5/body_pose", kBodyPoseType), "");
-  EXPECT_EQ(judge("p/hello", kHelloType), "");
-  EXPECT_EQ(judge("p/v5/process_status", kProcessStatusType), "");
-  EXPECT_EQ(judge("p/v5/probe", kEchoType), "");
-  EXPECT_EQ(judge("q/v1/body_pose", kBodyPoseType), "");
-  EXPECT_EQ(judge("pp/v1/body_pose", kBodyPoseType), "");
+  EXPECT_EQ(judge("p/v5/body_pose", topic_of<BodyPose>().type), "");
+  EXPECT_EQ(judge("p/hello", topic_of<Hello>().type), "");
+  EXPECT_EQ(judge("p/v5/process_status", topic_of<ProcessStatus>().type), "");
+  EXPECT_EQ(judge("p/v5/probe", topic_of<Echo>().type), "");
+  EXPECT_EQ(judge("q/v1/body_pose", topic_of<BodyPose>().type), "");
+  EXPECT_EQ(judge("pp/v1/body_pose", topic_of<BodyPose>().type), "");
   EXPECT_EQ(judge("p/v/body_pose", "x"), "");
   EXPECT_EQ(judge("p/v1", "x"), "");
   EXPECT_EQ(judge("p/video", "x"), "");
   EXPECT_NE(judge("p/v5/body_pose", "Other").find("Other"), std::string::npos);
-  EXPECT_NE(judge("p/v23/body_pose", kBodyPoseType).find("wire version 23"), std::string::npos);
+  EXPECT_NE(judge("p/v23/body_pose", topic_of<BodyPose>().type).find("wire version 23"),
+            std::string::npos);
 }
 
 TEST(Topics, SessionIdsDiffer) { EXPECT_NE(make_session_id(), make_session_id()); }

@@ -11,7 +11,6 @@ namespace {
 
 using namespace test;
 using publisher::ReplayIndex;
-using publisher::ReplayTopic;
 using Ids = std::vector<std::int64_t>;
 
 class ReplayIndexTest : public ::testing::Test {
@@ -53,28 +52,28 @@ TEST_F(ReplayIndexTest, LatchedIsTheLatestOfEachKey) {
     EXPECT_EQ(index->latched(id), expected) << "at " << id;
     const publisher::ReplayStream& stream = index->streams()[index->stream_of(message.writer)];
     switch (stream.topic) {
-      case ReplayTopic::kHello:
+      case wire::place_of<wire::Hello>():
         latest["hello"] = id;
         break;
-      case ReplayTopic::kMeshHeader:
+      case wire::place_of<wire::MeshHeader>():
         latest["header " + wire::decode_payload<wire::MeshHeader>(message.cdr).value().name] = id;
         break;
-      case ReplayTopic::kBodyPose:
+      case wire::place_of<wire::BodyPose>():
         latest["pose " + wire::decode_payload<wire::BodyPose>(message.cdr).value().body] = id;
         break;
-      case ReplayTopic::kRegionSubscription: {
+      case wire::place_of<wire::RegionSubscription>(): {
         const auto asked = wire::decode_payload<wire::RegionSubscription>(message.cdr).value();
         if (asked.request != 0)
           open[{wire::partition_of(asked.peer), asked.content_hash}] = {id, asked.request};
         break;
       }
-      case ReplayTopic::kSplitBatch: {
+      case wire::place_of<wire::SplitBatchMessage>(): {
         const auto sent = wire::decode_payload<wire::SplitBatchMessage>(message.cdr).value();
         const auto at = open.find({stream.partition, sent.content_hash});
         if (sent.last && at != open.end() && at->second.request == sent.request) open.erase(at);
         break;
       }
-      case ReplayTopic::kContactReport:
+      default:
         break;
     }
     return !::testing::Test::HasFailure();
@@ -136,7 +135,7 @@ TEST_F(ReplayIndexTest, OnlyWantedTopicsArePlayed) {
   record_flight(file.path());
   const auto index = build({"body_pose", "hello"});
   for (const publisher::ReplayStream& stream : index->streams())
-    EXPECT_TRUE(stream.topic == ReplayTopic::kBodyPose || stream.topic == ReplayTopic::kHello);
+    EXPECT_TRUE(stream.carries<wire::BodyPose>() || stream.carries<wire::Hello>());
   EXPECT_EQ(index->streams().size(), 3U);
   EXPECT_TRUE(index->details().empty());
   EXPECT_EQ(index->latched(recording->message_count() + 1).size(), 3U);
@@ -155,7 +154,7 @@ TEST_F(ReplayIndexTest, BatchesBeforeTheirHeaderAreNotLost) {
           ->read(1, flown->message_count() + 1,
                  [&](std::int64_t, const RecordedMessage& message) {
                    if (flown->topics()[flown->writers()[message.writer].topic].name ==
-                       names.split_batch) {
+                       names.of<wire::SplitBatchMessage>()) {
                      session.add(
                          0, kPeer,
                          wire::decode_payload<wire::SplitBatchMessage>(message.cdr).value());

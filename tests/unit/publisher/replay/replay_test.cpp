@@ -13,7 +13,6 @@ namespace {
 
 using namespace test;
 using publisher::ReplayIndex;
-using publisher::ReplayTopic;
 
 class ReplayTest : public ::testing::Test {
  protected:
@@ -287,7 +286,7 @@ std::uint64_t state_of_answer(publisher::RecordedDetail& detail, const SpmHeader
     if (root.node.size > 1) request.attach.push_back(root.node);
   const auto answer = detail.answer(request, end);
   EXPECT_TRUE(answer.is_ok()) << answer.status().message();
-  Replica replica(header);
+  RefinedMesh replica(header);
   for (const auto& bytes : answer.value()) {
     const auto batch = decode_batch(header, bytes);
     EXPECT_TRUE(batch.is_ok()) << batch.status().message();
@@ -308,14 +307,14 @@ TEST_F(ReplayTest, AnswersHoldAllThatWasDeliveredByThenAndNothingOfTheFuture) {
     const SpmHeader header = decode_header(message.bytes).value();
     // Forward and back, as a user seeks.
     for (const std::int64_t end : {count / 3, count + 1, std::int64_t{1}, count / 2, count / 5}) {
-      Replica expected(header);
+      RefinedMesh expected(header);
       ASSERT_TRUE(recording
                       ->read(1, end,
                              [&](std::int64_t, const RecordedMessage& recorded) {
                                const auto batch =
                                    wire::decode_payload<wire::SplitBatchMessage>(recorded.cdr);
                                const std::uint32_t stream = index->stream_of(recorded.writer);
-                               if (index->streams()[stream].topic == ReplayTopic::kSplitBatch &&
+                               if (index->streams()[stream].carries<wire::SplitBatchMessage>() &&
                                    batch.value().content_hash == message.content_hash &&
                                    !batch.value().bytes.empty())
                                  static_cast<void>(expected.apply_batch(
@@ -390,7 +389,7 @@ TEST_F(ReplayTest, SeeksAnywhereInAnHourInUnderASecond) {
     EXPECT_LT(std::clock() - begun, CLOCKS_PER_SEC) << "to " << time_s;
     // Twelve latched: header, hello, ten poses; at the very begin none is played yet.
     EXPECT_EQ(outlet.latched.size(), time_s > 0 ? 12U : 0U);
-    EXPECT_EQ(state == Replica(header).mesh().state_hash(), time_s == 0) << time_s;
+    EXPECT_EQ(state == RefinedMesh(header).mesh().state_hash(), time_s == 0) << time_s;
   }
 }
 

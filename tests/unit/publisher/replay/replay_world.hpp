@@ -55,10 +55,10 @@ inline double record_flight(const std::string& path, const RecordOptions& option
       file = std::make_unique<SessionFile>(options.second_part, 1);
     }
     now_s = static_cast<double>(frame) * kFrame_s;
-    const auto fly = [&](Session& session, wire::SessionId peer, const char* body,
+    const auto fly = [&](Session& session, wire::SessionId peer, BodyId body,
                          const Motion& motion) {
       file->add(now_s, wire::BodyPose{.peer = peer,
-                                      .body = body,
+                                      .body = session.name_of(body),
                                       .frame = frame,
                                       .time_s = now_s,
                                       .pose = motion.pose,
@@ -75,8 +75,8 @@ inline double record_flight(const std::string& path, const RecordOptions& option
         now_s += 0.001;
       }
     };
-    fly(*one, kPeer, "one", flight.one[frame]);
-    fly(*two, kOther, "two", flight.two[frame]);
+    fly(*one, kPeer, kOne, flight.one[frame]);
+    fly(*two, kOther, kTwo, flight.two[frame]);
   }
   EXPECT_GT(world.judge.certified(), 0U);
   file->close();
@@ -120,25 +120,26 @@ class MemoryOutlet final : public publisher::ReplayOutlet {
   }
 
  private:
-  using Topic = publisher::ReplayTopic;
   std::string key_of(std::uint32_t stream, const std::vector<std::uint8_t>& cdr) const {
     switch (index_.streams()[stream].topic) {
-      case Topic::kHello:
+      case wire::place_of<wire::Hello>():
         return wire::partition_of(wire::decode_payload<wire::Hello>(cdr).value().publisher);
-      case Topic::kMeshHeader:
+      case wire::place_of<wire::MeshHeader>():
         return wire::partition_of(wire::decode_payload<wire::MeshHeader>(cdr).value().content_hash);
-      case Topic::kBodyPose:
+      case wire::place_of<wire::BodyPose>():
         return wire::decode_payload<wire::BodyPose>(cdr).value().body;
       default:
         return "";
     }
   }
   std::string deliver(std::uint32_t stream, const std::vector<std::uint8_t>& cdr) {
-    const Topic topic = index_.streams()[stream].topic;
-    if (topic == Topic::kHello) bus_.inject(wire::decode_payload<wire::Hello>(cdr).value());
-    if (topic == Topic::kMeshHeader)
+    const wire::TopicPlace topic = index_.streams()[stream].topic;
+    if (topic == wire::place_of<wire::Hello>())
+      bus_.inject(wire::decode_payload<wire::Hello>(cdr).value());
+    if (topic == wire::place_of<wire::MeshHeader>())
       bus_.inject(wire::decode_payload<wire::MeshHeader>(cdr).value());
-    if (topic == Topic::kBodyPose) bus_.inject(wire::decode_payload<wire::BodyPose>(cdr).value());
+    if (topic == wire::place_of<wire::BodyPose>())
+      bus_.inject(wire::decode_payload<wire::BodyPose>(cdr).value());
     return key_of(stream, cdr);
   }
 

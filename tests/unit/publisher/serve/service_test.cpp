@@ -449,7 +449,7 @@ TEST(Service, RefusesMalformedRequests) {
   expect_refused([](RegionRequest& r) { r.region[0] = GridBox{}; }, "an empty region box");
   expect_refused([](RegionRequest& r) { r.max_splits = 0; }, "max_splits");
   expect_refused([](RegionRequest& r) { r.max_splits = kMaxRequestSplits + 1; }, "max_splits");
-  expect_refused([](RegionRequest& r) { r.attach.back().size = 0xffffffffU; }, "outside the model");
+  expect_refused([](RegionRequest& r) { r.attach.back().size = 0xffffffffU; }, "outside any model");
   expect_refused([](RegionRequest& r) { r.attach = {{{0}, 1}}; }, "leaf");
   expect_refused([](RegionRequest& r) { std::swap(r.attach[0], r.attach[1]); }, "must ascend");
   EXPECT_EQ(desk.service.stats().refused, number);

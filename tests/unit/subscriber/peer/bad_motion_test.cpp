@@ -14,8 +14,11 @@ using test::BadMotion;
 using test::expect_names;
 using test::FrameReport;
 using test::kDenormal;
+using test::kGround;
 using test::kInfinity;
 using test::kNan;
+using test::kOne;
+using test::kTwo;
 using test::World;
 
 /// Nothing is lost here, so nothing need be asked for twice, and no clock decides what a peer holds.
@@ -36,8 +39,8 @@ class BadNumbers : public ::testing::Test {
   }
   /// One frame on both sides; then all answers must be the same.
   void fly(std::uint64_t frame, bool moves_two) {
-    std::vector<Session::OwnMotion> motions{{"one", flight_.one[frame]}};
-    if (moves_two) motions.push_back({"two", flight_.two[frame]});
+    std::vector<Session::OwnMotion> motions{{kOne, flight_.one[frame]}};
+    if (moves_two) motions.push_back({kTwo, flight_.two[frame]});
     std::array<FrameReport, 2> reports;
     for (std::size_t i = 0; i < 2; ++i) {
       EXPECT_TRUE(sides_[i].world.fly_frame(*sides_[i].session, frame, motions));
@@ -47,7 +50,7 @@ class BadNumbers : public ::testing::Test {
     for (std::size_t i = 0; i < reports[0].answers.size(); ++i) {
       const PairAnswer &a = reports[0].answers[i], &b = reports[1].answers[i];
       EXPECT_EQ(a.reason, "");
-      EXPECT_EQ(digest(a.answer), digest(b.answer)) << a.body_a << " and " << a.body_b;
+      EXPECT_EQ(digest(a.answer), digest(b.answer)) << "pair " << i;
       EXPECT_EQ(a.pose_a.translation_m, b.pose_a.translation_m);
       EXPECT_EQ(a.pose_b.translation_m, b.pose_b.translation_m);
     }
@@ -62,21 +65,21 @@ TEST_F(BadNumbers, InTheHostsCallAreRefusedAndChangeNoAnswer) {
   fly(0, true);
   std::uint64_t frame = 1;
   for (const BadMotion& bad : bad_motions(flight_.two[frame])) {
-    const auto refused = sides_[0].session->update(
-        frame, 0.05, {{"one", flight_.one[frame]}, {"two", bad.motion}}, 1);
+    const auto refused =
+        sides_[0].session->update(frame, 0.05, {{kOne, flight_.one[frame]}, {kTwo, bad.motion}}, 1);
     ASSERT_FALSE(refused.is_ok()) << bad.name;
     EXPECT_EQ(refused.status().code(), StatusCode::kInvalidArgument);
     expect_names(refused.status().message(), " of two", bad.name);
   }
   fly(frame, true);
   for (const double time_s : {kNan, kInfinity, -kInfinity}) {
-    const auto refused = sides_[0].session->update(2, time_s, {{"one", flight_.one[2]}}, 1);
+    const auto refused = sides_[0].session->update(2, time_s, {{kOne, flight_.one[2]}}, 1);
     ASSERT_FALSE(refused.is_ok());
     expect_names(refused.status().message(), "time_s of frame 2", "time");
   }
   for (const BadMotion& bad : bad_motions({})) {  // scenery has no velocity
     if (!check_pose(bad.motion.pose, "x").is_ok())
-      expect_names(sides_[0].session->place_body("ground", bad.motion.pose).message(),
+      expect_names(sides_[0].session->place_body(kGround, bad.motion.pose).message(),
                    "pose of ground", bad.name);
   }
   fly(2, true);
@@ -127,7 +130,7 @@ TEST_F(BadNumbers, DenormalsAreSmallNumbers) {
   std::array<FrameReport, 2> reports;
   for (std::size_t i = 0; i < 2; ++i) {
     Side& side = sides_[i];
-    EXPECT_TRUE(side.world.fly_frame(*side.session, 1, {{"one", i == 0 ? still : rest}}));
+    EXPECT_TRUE(side.world.fly_frame(*side.session, 1, {{kOne, i == 0 ? still : rest}}));
     reports[i] = side.world.round(*side.session, 1);
   }
   for (std::size_t i = 0; i < 3; ++i)

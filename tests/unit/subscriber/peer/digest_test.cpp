@@ -8,7 +8,7 @@ namespace {
 using namespace test;
 
 std::vector<Session::OwnMotion> motions_at(const Flight& flight, std::size_t frame) {
-  return {{"one", flight.one[frame]}, {"two", flight.two[frame]}};
+  return {{kOne, flight.one[frame]}, {kTwo, flight.two[frame]}};
 }
 
 // A first peer flies and is served; what it was sent then goes to two others, to each in its own order, with gaps.
@@ -25,8 +25,8 @@ class FrameDigests : public ::testing::Test {
     const auto first = world_.make_peer();
     ASSERT_EQ(world_.fly(*first, flight_), flight_.frames());
     world_.bus.on_batches = {};
-    one_ = world_.make_peer(quick_options(), kOne);
-    two_ = world_.make_peer(quick_options(), kTwo);
+    one_ = world_.make_peer(quick_options(), kFirst);
+    two_ = world_.make_peer(quick_options(), kSecond);
     for (Session* session : {one_.get(), two_.get()}) world_.round(*session);
   }
   FrameReport ask(Session& session, std::size_t frame) {
@@ -40,7 +40,7 @@ class FrameDigests : public ::testing::Test {
     for (const wire::SplitBatchMessage& batch : batches) world_.bus.inject(peer, batch);
   }
 
-  static constexpr wire::SessionId kOne = 0xb2, kTwo = 0xb3;
+  static constexpr wire::SessionId kFirst = 0xb2, kSecond = 0xb3;
   World world_;
   const Flight flight_ = make_flight(3);
   std::vector<wire::SplitBatchMessage> sent_;
@@ -54,8 +54,8 @@ TEST_F(FrameDigests, AgreeForTheSameBatchesInAnyOrder) {
   for (std::size_t part = 0; part < kParts; ++part) {
     const std::size_t begin = sent_.size() * part / kParts;
     const std::size_t end = sent_.size() * (part + 1) / kParts;
-    deliver(kOne, begin, end, 1);
-    deliver(kTwo, begin, end, 2);
+    deliver(kFirst, begin, end, 1);
+    deliver(kSecond, begin, end, 2);
     for (std::size_t frame = 0; frame < flight_.frames(); frame += 3) {
       const FrameReport a = ask(*one_, frame), b = ask(*two_, frame);
       ASSERT_EQ(a.batches_waiting + b.batches_waiting, 0U);
@@ -70,8 +70,8 @@ TEST_F(FrameDigests, AgreeForTheSameBatchesInAnyOrder) {
 }
 
 TEST_F(FrameDigests, DifferWhereBatchesAreMissing) {
-  deliver(kOne, 0, sent_.size(), 1);
-  deliver(kTwo, 0, sent_.size() / 4, 1);
+  deliver(kFirst, 0, sent_.size(), 1);
+  deliver(kSecond, 0, sent_.size() / 4, 1);
   // Which frames need what came late depends on how fast the first peer was served.
   bool answers_differ = false;
   for (std::size_t frame = 0; frame < flight_.frames(); ++frame) {

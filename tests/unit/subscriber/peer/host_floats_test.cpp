@@ -20,12 +20,12 @@ TEST(HostFloatsOfASession, LeaveAnswersAsTheyAre) {
     digests.push_back(made->add_model("terrain", terrain().open()).is_ok() ? 1 : 0);
     digests.push_back(made->add_model("aircraft", aircraft().open()).is_ok() ? 1 : 0);
     Session session(std::move(made), {.lookahead_s = 0.2, .sweep_s = 0.1, .contacts = true});
-    digests.push_back(session.add_body("ground", "terrain", false).is_ok() ? 1 : 0);
-    digests.push_back(session.place_body("ground", level).is_ok() ? 1 : 0);
-    digests.push_back(session.add_body("one", "aircraft", true).is_ok() ? 1 : 0);
-    digests.push_back(session.add_body("other", "aircraft", false).is_ok() ? 1 : 0);
-    digests.push_back(session.watch("ground", "one").is_ok() ? 1 : 0);
-    digests.push_back(session.watch("one", "other").is_ok() ? 1 : 0);
+    const BodyId ground = session.add_body({.name = "ground", .model = "terrain"}).value();
+    const BodyId one = session.add_body({.name = "one", .model = "aircraft", .own = true}).value();
+    const BodyId other = session.add_body({.name = "other", .model = "aircraft"}).value();
+    digests.push_back(session.place_body(ground, level).is_ok() ? 1 : 0);
+    digests.push_back(session.watch(ground, one).is_ok() ? 1 : 0);
+    digests.push_back(session.watch(one, other).is_ok() ? 1 : 0);
     for (std::size_t i = 0; i < flight.frames(); ++i) {
       wire::BodyPose pose;
       pose.peer = 77;
@@ -33,7 +33,7 @@ TEST(HostFloatsOfASession, LeaveAnswersAsTheyAre) {
       pose.pose = flight.two[i].pose;
       digests.push_back(link->deliver(pose).is_ok() ? 1 : 0);
       for (int round = 0; round < 3; ++round) {
-        const Result<FrameReport> report = session.update(i, times[i], {{"one", flight.one[i]}}, 1);
+        const Result<FrameReport> report = session.update(i, times[i], {{one, flight.one[i]}}, 1);
         digests.push_back(report.value().state_digest);
         digests.push_back(report.value().answers_digest);
         for (const PairAnswer& pair : report.value().answers) {
@@ -42,9 +42,9 @@ TEST(HostFloatsOfASession, LeaveAnswersAsTheyAre) {
         }
       }
     }
-    const auto ready = session.region_readiness("ground", {-50, -50, -50}, {50, 50, 50});
+    const auto ready = session.region_readiness(ground, {-50, -50, -50}, {50, 50, 50});
     digests.push_back(std::bit_cast<std::uint64_t>(ready.value().uncertainty_m));
-    digests.push_back(session.readiness("one").value().pairs);
+    digests.push_back(session.readiness(one).value().pairs);
     return digests;
   });
 }

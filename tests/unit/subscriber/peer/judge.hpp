@@ -16,10 +16,14 @@
 
 namespace nearmesh::test {
 
+using subscriber::BodyId;
 using subscriber::FrameReport;
 using subscriber::PairAnswer;
 using subscriber::Session;
 using subscriber::SessionOptions;
+
+/// The ground is the first body of every session here, aircraft follow.
+constexpr BodyId kGround{0}, kOne{1}, kTwo{2};
 
 /// A model on disk and its full mesh.
 struct ServedModel {
@@ -114,7 +118,7 @@ class Judge {
       return;
     }
     EXPECT_EQ(fault_of(answer.answer, full(answer)), "")
-        << answer.body_a << " and " << answer.body_b;
+        << answer.a.value << " and " << answer.b.value;
     ++count_of(answer.answer.status);
   }
   /// What the full meshes say.
@@ -141,18 +145,18 @@ class Judge {
   }
   [[nodiscard]] Answer truth(const PairAnswer& answer, const Pose& pose_a,
                              const Pose& pose_b) const {
-    const TriangleTree &a = mesh_of(answer.body_a).full.tree, &b = mesh_of(answer.body_b).full.tree;
+    const TriangleTree &a = mesh_of(answer.a).full.tree, &b = mesh_of(answer.b).full.tree;
     const Result<PosedPair> posed = pose_pair(a.grid, pose_a, "a", b.grid, pose_b, "b");
     EXPECT_TRUE(posed.is_ok());
     return query(a.view(), posed.value().a, b.view(), posed.value().b,
-                 {.clearance = false, .solid_a = solid_ground && answer.body_a == "ground"});
+                 {.clearance = false, .solid_a = solid_ground && answer.a == kGround});
   }
-  [[nodiscard]] const ServedModel& mesh_of(const std::string& body) const {
-    return body == "ground" ? *ground : aircraft();
+  [[nodiscard]] const ServedModel& mesh_of(BodyId body) const {
+    return body == kGround ? *ground : aircraft();
   }
   // The same question comes many times while detail is on its way.
   const Answer& full(const PairAnswer& answer) {
-    Known& known = known_[answer.body_a + '/' + answer.body_b];
+    Known& known = known_[{answer.a, answer.b}];
     if (known.ground != ground || known.poses[0].rotation != answer.pose_a.rotation ||
         known.poses[0].translation_m != answer.pose_a.translation_m ||
         known.poses[1].rotation != answer.pose_b.rotation ||
@@ -165,7 +169,7 @@ class Judge {
     std::array<Pose, 2> poses;
     Answer answer;
   };
-  std::map<std::string, Known> known_;
+  std::map<std::pair<BodyId, BodyId>, Known> known_;
 };
 
 }  // namespace nearmesh::test

@@ -11,9 +11,9 @@ TEST(LocalChannel, CertifiesAFlightWithoutNetworkOrClock) {
   LocalHost host;
   host.spawn("one");
   host.spawn("two");
-  ASSERT_TRUE(host.session->watch("one", "two").is_ok());
+  ASSERT_TRUE(host.session->watch(kOne, kTwo).is_ok());
   for (std::size_t i = 0; i < flight.frames(); ++i)
-    ASSERT_GT(host.settle({{"one", flight.one[i]}, {"two", flight.two[i]}}), 0) << "frame " << i;
+    ASSERT_GT(host.settle({{kOne, flight.one[i]}, {kTwo, flight.two[i]}}), 0) << "frame " << i;
   EXPECT_GT(host.judge.contact, 0U);
   EXPECT_GT(host.judge.free, 0U);
   EXPECT_EQ(host.session->stats().sequence_gaps, 0U);
@@ -27,7 +27,7 @@ TEST(LocalChannel, TheSameCallsGiveTheSameAnswersInTheSameUpdates) {
     LocalHost host;
     host.spawn("one");
     for (std::size_t i = 0; i < flight.frames(); ++i) {
-      const FrameReport report = host.update({{"one", flight.one[i]}});
+      const FrameReport report = host.update({{kOne, flight.one[i]}});
       seen.push_back(report.state_digest);
       seen.push_back(report.answers_digest);
     }
@@ -38,7 +38,7 @@ TEST(LocalChannel, TheSameCallsGiveTheSameAnswersInTheSameUpdates) {
 TEST(LocalChannel, FirstAnswerIsUncertainForWantOfDetail) {
   LocalHost host;
   host.spawn("one");
-  const FrameReport first = host.update({{"one", above_ground(800, 0)}});
+  const FrameReport first = host.update({{kOne, above_ground(800, 0)}});
   EXPECT_TRUE(first.answers[0].asked);
   EXPECT_FALSE(first.all_certified());
   EXPECT_GT(host.settle(), 0);
@@ -48,7 +48,7 @@ TEST(LocalChannel, DisconnectedBringsNothingAndSaysSo) {
   LocalHost host;
   host.spawn("one");
   host.channel->set_connected(false);
-  const FrameReport alone = host.update({{"one", above_ground(800, 0)}});
+  const FrameReport alone = host.update({{kOne, above_ground(800, 0)}});
   EXPECT_NE(alone.answers[0].reason.find("no publisher found"), std::string::npos)
       << alone.answers[0].reason;
   host.channel->set_connected(true);
@@ -56,9 +56,9 @@ TEST(LocalChannel, DisconnectedBringsNothingAndSaysSo) {
 
   host.channel->set_connected(false);
   for (int i = 0; i < 5; ++i)
-    EXPECT_FALSE(host.update({{"one", above_ground(20, 0)}}).all_certified());
-  EXPECT_TRUE(host.update({{"one", above_ground(800, 0)}}).all_certified());  // it knows that place
-  EXPECT_FALSE(host.update({{"one", above_ground(20, 0)}}).all_certified());
+    EXPECT_FALSE(host.update({{kOne, above_ground(20, 0)}}).all_certified());
+  EXPECT_TRUE(host.update({{kOne, above_ground(800, 0)}}).all_certified());  // it knows that place
+  EXPECT_FALSE(host.update({{kOne, above_ground(20, 0)}}).all_certified());
   host.channel->set_connected(true);
   EXPECT_GT(host.settle(), 0);
   EXPECT_EQ(host.session->stats().sequence_gaps, 0U);
@@ -66,8 +66,9 @@ TEST(LocalChannel, DisconnectedBringsNothingAndSaysSo) {
 
 TEST(LocalChannel, DeliversPosesOfOthersWhileConnected) {
   LocalHost host;
-  ASSERT_TRUE(host.session->add_body("other", "aircraft", false).is_ok());
-  ASSERT_TRUE(host.session->watch("ground", "other").is_ok());
+  const auto other = host.session->add_body({.name = "other", .model = "aircraft"});
+  ASSERT_TRUE(other.is_ok());
+  ASSERT_TRUE(host.session->watch(kGround, other.value()).is_ok());
   EXPECT_NE(host.update().answers[0].reason.find("no pose of body other"), std::string::npos);
   wire::BodyPose pose;
   pose.peer = 77;

@@ -18,13 +18,14 @@ class LocalHost {
     EXPECT_TRUE(made->add_model("terrain", terrain().open()).is_ok());
     EXPECT_TRUE(made->add_model("aircraft", aircraft().open()).is_ok());
     session = std::make_unique<Session>(std::move(made), options);
-    EXPECT_TRUE(session->add_body("ground", "terrain", false).is_ok());
-    EXPECT_TRUE(session->place_body("ground", {}).is_ok());
+    EXPECT_EQ(session->add_body({.name = "ground", .model = "terrain"}).value(), kGround);
+    EXPECT_TRUE(session->place_body(kGround, {}).is_ok());
   }
-  /// An own aircraft, watched against the ground.
-  void spawn(const std::string& name) {
-    EXPECT_TRUE(session->add_body(name, "aircraft", true).is_ok());
-    EXPECT_TRUE(session->watch("ground", name).is_ok());
+  /// An own aircraft, watched against the ground: the first is kOne, the second kTwo.
+  BodyId spawn(const std::string& name) {
+    const BodyId id = session->add_body({.name = name, .model = "aircraft", .own = true}).value();
+    EXPECT_TRUE(session->watch(kGround, id).is_ok());
+    return id;
   }
   /// One update, judged.
   FrameReport update(const std::vector<Session::OwnMotion>& motions = {}) {

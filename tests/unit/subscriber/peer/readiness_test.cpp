@@ -8,6 +8,7 @@
 #include "local_host.hpp"
 #include "nearmesh/core/query/certify.hpp"
 #include "nearmesh/subscriber/peer/wait_ready.hpp"
+#include "subscriber/peer/region_readiness.hpp"
 
 namespace nearmesh::test {
 namespace {
@@ -29,7 +30,7 @@ void for_each_face(const TreeView& tree, const Visit& visit) {
   }
 }
 
-Readiness readiness(const LocalHost& host, const std::string& body) {
+Readiness readiness(const LocalHost& host, BodyId body) {
   const auto result = host.session->readiness(body);
   EXPECT_TRUE(result.is_ok()) << result.status().message();
   return result.is_ok() ? result.value() : Readiness{};
@@ -38,34 +39,35 @@ Readiness readiness(const LocalHost& host, const std::string& body) {
 TEST(Readiness, GoesFromWaitingToAnsweringToCertified) {
   LocalHost host;
   host.spawn("one");
-  EXPECT_EQ(readiness(host, "one").stage, ReadyStage::kWaiting);  // no update yet
+  EXPECT_EQ(readiness(host, kOne).stage, ReadyStage::kWaiting);  // no update yet
   host.channel->set_connected(false);
   host.update();
-  EXPECT_NE(readiness(host, "one").reason.find("no publisher found"), std::string::npos);
+  EXPECT_NE(readiness(host, kOne).reason.find("no publisher found"), std::string::npos);
   host.channel->set_connected(true);
   host.update();
-  EXPECT_EQ(readiness(host, "one").stage, ReadyStage::kWaiting);
-  EXPECT_NE(readiness(host, "one").reason.find("no pose of body one"), std::string::npos);
-  host.update({{"one", above_ground(800, 0)}});
-  EXPECT_EQ(readiness(host, "one").stage, ReadyStage::kAnswering);
-  EXPECT_NE(readiness(host, "one").reason.find("nodes of model terrain are missing"),
+  EXPECT_EQ(readiness(host, kOne).stage, ReadyStage::kWaiting);
+  EXPECT_NE(readiness(host, kOne).reason.find("no pose of body one"), std::string::npos);
+  host.update({{kOne, above_ground(800, 0)}});
+  EXPECT_EQ(readiness(host, kOne).stage, ReadyStage::kAnswering);
+  EXPECT_NE(readiness(host, kOne).reason.find("nodes of model terrain are missing"),
             std::string::npos)
-      << readiness(host, "one").reason;
+      << readiness(host, kOne).reason;
   ASSERT_GT(host.settle(), 0);
-  EXPECT_EQ(readiness(host, "one").stage, ReadyStage::kCertified);
-  EXPECT_EQ(readiness(host, "one").reason, "");
+  EXPECT_EQ(readiness(host, kOne).stage, ReadyStage::kCertified);
+  EXPECT_EQ(readiness(host, kOne).reason, "");
 }
 
 TEST(Readiness, OfABodyIsNotHeldUpByOthers) {
   LocalHost host;
   host.spawn("one");
-  ASSERT_TRUE(host.session->add_body("lost", "no such model", true).is_ok());
-  ASSERT_TRUE(host.session->watch("ground", "lost").is_ok());
-  for (int i = 0; i < 10; ++i) host.update({{"one", above_ground(800, 0)}, {"lost", {}}});
-  EXPECT_EQ(readiness(host, "one").stage, ReadyStage::kCertified);
-  EXPECT_EQ(readiness(host, "lost").stage, ReadyStage::kWaiting);
-  EXPECT_NE(readiness(host, "lost").reason.find("no such model"), std::string::npos);
-  const Readiness ground = readiness(host, "ground");  // in both pairs
+  const BodyId lost =
+      host.session->add_body({.name = "lost", .model = "no such model", .own = true}).value();
+  ASSERT_TRUE(host.session->watch(kGround, lost).is_ok());
+  for (int i = 0; i < 10; ++i) host.update({{kOne, above_ground(800, 0)}, {lost, {}}});
+  EXPECT_EQ(readiness(host, kOne).stage, ReadyStage::kCertified);
+  EXPECT_EQ(readiness(host, lost).stage, ReadyStage::kWaiting);
+  EXPECT_NE(readiness(host, lost).reason.find("no such model"), std::string::npos);
+  const Readiness ground = readiness(host, kGround);  // in both pairs
   EXPECT_EQ(ground.stage, ReadyStage::kWaiting);
   EXPECT_EQ(ground.pairs, 2U);
   EXPECT_EQ(ground.certified, 1U);
@@ -74,40 +76,41 @@ TEST(Readiness, OfABodyIsNotHeldUpByOthers) {
 TEST(Readiness, IsNeverCertifiedForWhatNoUpdateHasAnswered) {
   LocalHost host;
   host.spawn("one");
-  EXPECT_NE(readiness(host, "ground").stage, ReadyStage::kCertified);
-  ASSERT_GT(host.settle({{"one", above_ground(800, 30)}}), 0);
+  EXPECT_NE(readiness(host, kGround).stage, ReadyStage::kCertified);
+  ASSERT_GT(host.settle({{kOne, above_ground(800, 30)}}), 0);
   // A new pair, a new place, a body without pairs.
-  ASSERT_TRUE(host.session->place_body("ground", {}).is_ok());
-  EXPECT_EQ(readiness(host, "one").stage, ReadyStage::kWaiting);
-  EXPECT_NE(readiness(host, "one").reason.find("not asked"), std::string::npos);
+  ASSERT_TRUE(host.session->place_body(kGround, {}).is_ok());
+  EXPECT_EQ(readiness(host, kOne).stage, ReadyStage::kWaiting);
+  EXPECT_NE(readiness(host, kOne).reason.find("not asked"), std::string::npos);
   ASSERT_GT(host.settle(), 0);
   host.spawn("two");
-  EXPECT_EQ(readiness(host, "ground").stage, ReadyStage::kWaiting);
-  EXPECT_EQ(readiness(host, "one").stage, ReadyStage::kCertified);
-  ASSERT_TRUE(host.session->add_body("alone", "aircraft", true).is_ok());
-  EXPECT_EQ(readiness(host, "alone").stage, ReadyStage::kWaiting);
-  EXPECT_NE(readiness(host, "alone").reason.find("watched against nothing"), std::string::npos);
-  EXPECT_EQ(host.session->readiness("nobody").status().code(), StatusCode::kNotFound);
+  EXPECT_EQ(readiness(host, kGround).stage, ReadyStage::kWaiting);
+  EXPECT_EQ(readiness(host, kOne).stage, ReadyStage::kCertified);
+  const BodyId alone =
+      host.session->add_body({.name = "alone", .model = "aircraft", .own = true}).value();
+  EXPECT_EQ(readiness(host, alone).stage, ReadyStage::kWaiting);
+  EXPECT_NE(readiness(host, alone).reason.find("watched against nothing"), std::string::npos);
+  EXPECT_EQ(host.session->readiness({}).status().code(), StatusCode::kNotFound);
 }
 
 TEST(WaitReady, BlocksUntilCertifiedOrUntilTheTimeIsOver) {
   LocalHost host;
   host.spawn("one");
-  const auto ready = wait_ready(*host.session, "one", 20, {{"one", above_ground(800, 0)}});
+  const auto ready = wait_ready(*host.session, kOne, 20, {{kOne, above_ground(800, 0)}});
   ASSERT_TRUE(ready.is_ok()) << ready.status().message();
   EXPECT_EQ(ready.value().readiness.stage, ReadyStage::kCertified);
   EXPECT_TRUE(ready.value().report.all_certified());
 
   host.spawn("two");  // without a pose
   const Stopwatch watch;
-  const auto late = wait_ready(*host.session, "two", 0.05);
+  const auto late = wait_ready(*host.session, kTwo, 0.05);
   EXPECT_GE(watch.seconds(), 0.05);
   ASSERT_TRUE(late.is_ok());
   EXPECT_EQ(late.value().readiness.stage, ReadyStage::kWaiting);
   EXPECT_NE(late.value().readiness.reason.find("no pose of body two"), std::string::npos);
 
-  EXPECT_EQ(wait_ready(*host.session, "nobody", 1).status().code(), StatusCode::kNotFound);
-  EXPECT_EQ(wait_ready(*host.session, "one", 1, {{"nobody", {}}}).status().code(),
+  EXPECT_EQ(wait_ready(*host.session, BodyId{}, 1).status().code(), StatusCode::kNotFound);
+  EXPECT_EQ(wait_ready(*host.session, kOne, 1, {{BodyId{7}, {}}}).status().code(),
             StatusCode::kNotFound);
 }
 
@@ -118,7 +121,7 @@ TEST(WaitReady, KeepsTheComplaintsOfAllUpdates) {
   pose.peer = 77;
   pose.body = "one";
   ASSERT_TRUE(host.channel->deliver(pose).is_ok());
-  const auto ready = wait_ready(*host.session, "one", 20, {{"one", above_ground(800, 0)}});
+  const auto ready = wait_ready(*host.session, kOne, 20, {{kOne, above_ground(800, 0)}});
   ASSERT_TRUE(ready.is_ok());
   ASSERT_EQ(ready.value().readiness.stage, ReadyStage::kCertified);
   ASSERT_EQ(ready.value().report.complaints.size(), 1U);
@@ -132,16 +135,16 @@ TEST(Teleport, NextToAnotherBodyIsUncertainUntilKnown) {
   LocalHost host({.lookahead_s = 0});
   host.spawn("one");
   host.spawn("two");
-  ASSERT_TRUE(host.session->watch("one", "two").is_ok());
+  ASSERT_TRUE(host.session->watch(kOne, kTwo).is_ok());
   const Motion there = above_ground(800, 60);
   Motion far = above_ground(20, 500), beside = there;
-  ASSERT_GT(host.settle({{"one", there}, {"two", far}}), 0);
+  ASSERT_GT(host.settle({{kOne, there}, {kTwo, far}}), 0);
   ASSERT_EQ(host.judge.contact, 0U);
   beside.pose.translation_m[0] += 0.5;  // well inside the other
-  const FrameReport first = host.update({{"two", beside}});
+  const FrameReport first = host.update({{kTwo, beside}});
   EXPECT_FALSE(is_certified(first.answers[2].answer.status))
       << to_string(first.answers[2].answer.status);
-  EXPECT_EQ(readiness(host, "two").stage, ReadyStage::kAnswering);
+  EXPECT_EQ(readiness(host, kTwo).stage, ReadyStage::kAnswering);
   int updates = 0;
   FrameReport report;
   do {
@@ -149,7 +152,7 @@ TEST(Teleport, NextToAnotherBodyIsUncertainUntilKnown) {
     EXPECT_NE(report.answers[2].answer.status, AnswerStatus::kFree);
   } while (!report.all_certified() && ++updates < 50);
   EXPECT_EQ(report.answers[2].answer.status, AnswerStatus::kContact);
-  EXPECT_EQ(readiness(host, "two").stage, ReadyStage::kCertified);
+  EXPECT_EQ(readiness(host, kTwo).stage, ReadyStage::kCertified);
 }
 
 TEST(Teleport, OfManyBodiesToManyPlacesIsNeverWronglyFree) {
@@ -157,14 +160,14 @@ TEST(Teleport, OfManyBodiesToManyPlacesIsNeverWronglyFree) {
   LocalHost host({.lookahead_s = 0});
   host.spawn("one");
   host.spawn("two");
-  ASSERT_TRUE(host.session->watch("one", "two").is_ok());
+  ASSERT_TRUE(host.session->watch(kOne, kTwo).is_ok());
   std::uint64_t first_uncertain = 0;
   for (int jump = 0; jump < 60; ++jump) {
     const Motion one =
         above_ground(random.below(terrain().model.header.vertex_count), random.between(-2, 10));
     Motion two = one;
     for (double& x : two.pose.translation_m) x += random.between(-4, 4);
-    first_uncertain += host.update({{"one", one}, {"two", two}}).all_certified() ? 0 : 1;
+    first_uncertain += host.update({{kOne, one}, {kTwo, two}}).all_certified() ? 0 : 1;
     ASSERT_GT(host.settle(), 0) << "jump " << jump;
   }
   EXPECT_GT(first_uncertain, 0U);
@@ -175,16 +178,16 @@ TEST(Spawn, MidSessionIsUncertainUntilKnown) {
   LocalHost host;
   host.spawn("one");
   const Motion there = above_ground(800, 60);
-  ASSERT_GT(host.settle({{"one", there}}), 0);
+  ASSERT_GT(host.settle({{kOne, there}}), 0);
   host.spawn("two");
-  ASSERT_TRUE(host.session->watch("one", "two").is_ok());
+  ASSERT_TRUE(host.session->watch(kOne, kTwo).is_ok());
   const FrameReport without_pose = host.update();
   for (std::size_t pair : {1U, 2U}) {
     EXPECT_EQ(without_pose.answers[pair].answer.status, AnswerStatus::kUncertain);
     EXPECT_NE(without_pose.answers[pair].reason.find("no pose of body two"), std::string::npos);
   }
   EXPECT_TRUE(is_certified(without_pose.answers[0].answer.status));  // no barrier for the other
-  const FrameReport first = host.update({{"two", there}});
+  const FrameReport first = host.update({{kTwo, there}});
   EXPECT_FALSE(is_certified(first.answers[2].answer.status));
   ASSERT_GT(host.settle(), 0);
   EXPECT_GT(host.judge.contact, 0U);
@@ -194,8 +197,8 @@ TEST(Spawn, OfAModelThatNoBodyUsedSoFarWorksToo) {
   LocalHost host;
   host.update();  // hello and headers came, and nobody used the aircraft
   host.spawn("one");
-  host.update({{"one", above_ground(800, 0)}});
-  EXPECT_EQ(readiness(host, "one").stage, ReadyStage::kAnswering) << readiness(host, "one").reason;
+  host.update({{kOne, above_ground(800, 0)}});
+  EXPECT_EQ(readiness(host, kOne).stage, ReadyStage::kAnswering) << readiness(host, kOne).reason;
   EXPECT_GT(host.settle(), 0);
 }
 
@@ -213,13 +216,13 @@ TEST(RegionReadiness, IsResolvedWhereABodyIsAndNotElsewhere) {
   const auto at_one = around(above_ground(800, 0), 0.5),
              elsewhere = around(above_ground(20, 0), 0.5);
   const auto ready = [&](const auto& box) {
-    return host.session->region_readiness("ground", box[0], box[1]).value();
+    return host.session->region_readiness(kGround, box[0], box[1]).value();
   };
   EXPECT_FALSE(ready(at_one).resolved);
   EXPECT_TRUE(std::isinf(ready(at_one).uncertainty_m));
   EXPECT_NE(ready(at_one).reason.find("no publisher found"), std::string::npos);
 
-  host.update({{"one", above_ground(800, 0)}});
+  host.update({{kOne, above_ground(800, 0)}});
   const RegionReadiness before = ready(at_one);
   EXPECT_FALSE(before.resolved);
   EXPECT_GT(before.unresolved_nodes, 0U);
@@ -232,9 +235,9 @@ TEST(RegionReadiness, IsResolvedWhereABodyIsAndNotElsewhere) {
   EXPECT_FALSE(ready(elsewhere).resolved);
   const double far_m = 1e12;  // beyond any grid
   EXPECT_TRUE(
-      host.session->region_readiness("ground", {0, 0, far_m}, {1, 1, far_m}).value().resolved);
+      host.session->region_readiness(kGround, {0, 0, far_m}, {1, 1, far_m}).value().resolved);
   EXPECT_FALSE(
-      host.session->region_readiness("ground", {-far_m, -far_m, -far_m}, {far_m, far_m, far_m})
+      host.session->region_readiness(kGround, {-far_m, -far_m, -far_m}, {far_m, far_m, far_m})
           .value()
           .resolved);
 }
@@ -290,11 +293,11 @@ TEST(RegionReadiness, ResolvedMeansThatEveryFaceThereIsHere) {
 TEST(RegionReadiness, RefusesABoxThatIsNone) {
   const LocalHost host;
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_EQ(host.session->region_readiness("ground", {0, 0, 1}, {1, 1, 0}).status().code(),
+  EXPECT_EQ(host.session->region_readiness(kGround, {0, 0, 1}, {1, 1, 0}).status().code(),
             StatusCode::kInvalidArgument);
-  EXPECT_EQ(host.session->region_readiness("ground", {nan, 0, 0}, {1, 1, 1}).status().code(),
+  EXPECT_EQ(host.session->region_readiness(kGround, {nan, 0, 0}, {1, 1, 1}).status().code(),
             StatusCode::kInvalidArgument);
-  EXPECT_EQ(host.session->region_readiness("nobody", {0, 0, 0}, {1, 1, 1}).status().code(),
+  EXPECT_EQ(host.session->region_readiness(BodyId{7}, {0, 0, 0}, {1, 1, 1}).status().code(),
             StatusCode::kNotFound);
 }
 

@@ -7,8 +7,12 @@ namespace nearmesh {
 namespace {
 
 using subscriber::SessionOptions;
+using test::BodyId;
 using test::Flight;
 using test::FrameReport;
+using test::kGround;
+using test::kOne;
+using test::kTwo;
 using test::make_flight;
 using test::quick_options;
 using test::World;
@@ -37,8 +41,8 @@ TEST(SessionSweep, SweptAnswersAreNeverWrongAndWhatTheyLackComes) {
   std::array<int, 4> settled{};
   int lacking = 0, checked = 0;
   Random random(11);
-  const auto motion_of = [&](const std::string& body) {
-    return body == "ground" ? Motion{} : body == "one" ? now->one[frame] : now->two[frame];
+  const auto motion_of = [&](BodyId body) {
+    return body == kGround ? Motion{} : body == kOne ? now->one[frame] : now->two[frame];
   };
   world.on_report = [&](const FrameReport& report) {
     complete = true;
@@ -49,7 +53,7 @@ TEST(SessionSweep, SweptAnswersAreNeverWrongAndWhatTheyLackComes) {
       if (!answer.swept) continue;
       const SweptAnswer& swept = *answer.swept;
       lacking += !swept.missing_a.empty() || !swept.missing_b.empty();
-      const Motion a = motion_of(answer.body_a), b = motion_of(answer.body_b);
+      const Motion a = motion_of(answer.a), b = motion_of(answer.b);
       const auto touch = [&](double t) {
         return !world.judge.touching(answer, pose_at(a, t), pose_at(b, t)).empty();
       };
@@ -70,8 +74,8 @@ TEST(SessionSweep, SweptAnswersAreNeverWrongAndWhatTheyLackComes) {
     const Flight flight = make_flight(seed, 3);
     now = &flight;
     for (frame = 0; frame < flight.frames() && !HasFailure(); frame += 2) {
-      ASSERT_TRUE(world.fly_frame(*session, frame,
-                                  {{"one", flight.one[frame]}, {"two", flight.two[frame]}}));
+      ASSERT_TRUE(
+          world.fly_frame(*session, frame, {{kOne, flight.one[frame]}, {kTwo, flight.two[frame]}}));
       const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(10);
       while (!complete && std::chrono::steady_clock::now() < deadline) world.round(*session, frame);
       ASSERT_TRUE(complete) << "frame " << frame << " of flight " << seed;
@@ -93,7 +97,7 @@ TEST(SessionSweep, AMotionThatCannotBeSweptIsComplainedAbout) {
   one.pose.translation_m = {0, 0, 9000};
   two.pose.translation_m = {300, 0, 9000};
   two.angular_velocity_radps = {0, 0, 1e6};
-  ASSERT_TRUE(world.fly_frame(*session, 0, {{"one", one}, {"two", two}}));
+  ASSERT_TRUE(world.fly_frame(*session, 0, {{kOne, one}, {kTwo, two}}));
   const FrameReport report = world.round(*session);
   EXPECT_TRUE(report.answers[0].swept.has_value());   // ground and one
   EXPECT_FALSE(report.answers[1].swept.has_value());  // ground and two

@@ -3,6 +3,7 @@
 
 #include <limits>
 
+#include "bad_motions.hpp"
 #include "core/base/stopwatch.hpp"
 #include "world.hpp"
 
@@ -12,17 +13,20 @@ namespace {
 using subscriber::Session;
 using subscriber::SessionOptions;
 using test::aircraft;
+using test::BodyId;
 using test::Flight;
 using test::FrameReport;
+using test::kGround;
+using test::kNan;
+using test::kOne;
 using test::kPeer;
 using test::kPublisher;
+using test::kTwo;
 using test::make_flight;
 using test::other_terrain;
 using test::quick_options;
 using test::terrain;
 using test::World;
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 std::string reason_of(const FrameReport& report, std::size_t pair) {
   return report.answers.at(pair).reason;
@@ -142,9 +146,9 @@ TEST(Session, LateJoinerCatchesUp) {
     if (i == flight.frames() / 2) second = world.make_peer(quick_options(), kPeer + 1, false, true);
     // Before the second peer is there, nobody says where its aircraft is.
     const bool both = i > flight.frames() / 2;
-    EXPECT_EQ(world.fly_frame(*first, i, {{"one", flight.one[i]}}, both ? 0 : 20), both);
+    EXPECT_EQ(world.fly_frame(*first, i, {{kOne, flight.one[i]}}, both ? 0 : 20), both);
     if (second) {
-      EXPECT_TRUE(world.fly_frame(*second, i, {{"two", flight.two[i]}}));
+      EXPECT_TRUE(world.fly_frame(*second, i, {{kTwo, flight.two[i]}}));
     }
     if (::testing::Test::HasFailure()) break;
     if (i + 1 == flight.frames() / 2) {
@@ -232,8 +236,9 @@ TEST(Session, SendsNothingToALostPublisherWhoseBatchesComeLate) {
   }
   EXPECT_EQ(world.bus.subscriptions.size(), sent);
   // And whoever asks for a model that nobody serves is told that nobody is there.
-  ASSERT_TRUE(session->add_body("ghost", "spectre", true).is_ok());
-  ASSERT_TRUE(session->watch("ghost", "one").is_ok());
+  const BodyId ghost =
+      session->add_body({.name = "ghost", .model = "spectre", .own = true}).value();
+  ASSERT_TRUE(session->watch(ghost, kOne).is_ok());
   EXPECT_EQ(reason_of(world.round(*session), 3), "model spectre of body ghost: no publisher found");
 }
 
@@ -341,21 +346,22 @@ TEST(Session, SaysThatThereIsNoPublisher) {
   EXPECT_EQ(reason_of(report, 2), "model aircraft of body one: no publisher found");
   EXPECT_TRUE(std::isinf(report.answers[0].answer.uncertainty_m));
   EXPECT_EQ(world.judge.certified(), 0U);
-  EXPECT_EQ(session->header_of("one"), nullptr);
+  EXPECT_EQ(session->header_of(kOne), nullptr);
 }
 
 TEST(Session, NamesAnUnknownModel) {
   World world;
   world.start_publisher();
   const auto session = world.make_peer();
-  ASSERT_TRUE(session->add_body("ghost", "spectre", true).is_ok());
-  ASSERT_TRUE(session->watch("ghost", "ground").is_ok());
+  const BodyId ghost =
+      session->add_body({.name = "ghost", .model = "spectre", .own = true}).value();
+  ASSERT_TRUE(session->watch(ghost, kGround).is_ok());
   const Flight flight = make_flight(1);
   for (std::size_t i = 0; i < 5; ++i) {
     FrameReport report;
     for (int round = 0; round < 20; ++round)
-      report = world.round(
-          *session, i, {{"one", flight.one[i]}, {"two", flight.two[i]}, {"ghost", flight.two[i]}});
+      report = world.round(*session, i,
+                           {{kOne, flight.one[i]}, {kTwo, flight.two[i]}, {ghost, flight.two[i]}});
     EXPECT_EQ(reason_of(report, 3), "model spectre of body ghost: no publisher serves it");
     EXPECT_EQ(report.answers[3].answer.status, AnswerStatus::kUncertain);
     EXPECT_FALSE(report.all_certified());
@@ -372,12 +378,12 @@ TEST(Session, SaysThatAHeaderHasNotCome) {
   EXPECT_EQ(world.fly(*session, flight, 0, 2, 5), 0U);
   EXPECT_EQ(reason_of(world.round(*session), 0),
             "model terrain of body ground: its header has not come");
-  EXPECT_EQ(session->header_of("one"), nullptr);
+  EXPECT_EQ(session->header_of(kOne), nullptr);
   EXPECT_TRUE(world.bus.subscriptions.empty());
   world.bus.release_headers();
   EXPECT_EQ(world.fly(*session, flight), flight.frames());
-  EXPECT_EQ(session->header_of("one")->face_count, aircraft().model.header.face_count);
-  EXPECT_EQ(session->header_of("nobody"), nullptr);
+  EXPECT_EQ(session->header_of(kOne)->face_count, aircraft().model.header.face_count);
+  EXPECT_EQ(session->header_of({}), nullptr);
 }
 
 TEST(Session, TakesAHeaderThatComesBeforeItsHello) {
@@ -392,13 +398,13 @@ TEST(Session, TakesAHeaderThatComesBeforeItsHello) {
   world.bus.inject(header("terrain", terrain()));
   world.bus.inject(header("aircraft", aircraft()));
   world.round(*session);
-  EXPECT_EQ(session->header_of("ground"), nullptr);
-  EXPECT_EQ(session->header_of("one"), nullptr);
+  EXPECT_EQ(session->header_of(kGround), nullptr);
+  EXPECT_EQ(session->header_of(kOne), nullptr);
   world.bus.deliver_headers = false;
   world.start_publisher();
   world.round(*session);
-  EXPECT_NE(session->header_of("ground"), nullptr);
-  EXPECT_NE(session->header_of("one"), nullptr);
+  EXPECT_NE(session->header_of(kGround), nullptr);
+  EXPECT_NE(session->header_of(kOne), nullptr);
 }
 
 TEST(Session, ComplainsOfAMalformedHeader) {
@@ -412,7 +418,7 @@ TEST(Session, ComplainsOfAMalformedHeader) {
   world.bus.inject(header);
   world.round(*session);
   EXPECT_TRUE(world.has_complaint("model terrain: "));
-  EXPECT_EQ(session->header_of("ground"), nullptr);
+  EXPECT_EQ(session->header_of(kGround), nullptr);
   world.bus.release_headers();  // the right one still can come
   EXPECT_EQ(world.fly(*session, make_flight(1), 0, 5), 5U);
 }
@@ -422,7 +428,7 @@ TEST(Session, SaysThatAPoseHasNotCome) {
   world.start_publisher();
   const auto session = world.make_peer(quick_options(), kPeer, true, false);
   const Flight flight = make_flight(1);
-  world.fly_frame(*session, 0, {{"one", flight.one[0]}}, 50);
+  world.fly_frame(*session, 0, {{kOne, flight.one[0]}}, 50);
   const FrameReport report = world.round(*session);
   EXPECT_TRUE(is_certified(report.answers[0].answer.status));
   EXPECT_EQ(reason_of(report, 1), "no pose of body two has come");
@@ -480,9 +486,10 @@ TEST(Session, RefusedMotionChangesNothing) {
   nan_speed.linear_velocity_mps[0] = kNan;
   fast.angular_velocity_radps[2] = std::numeric_limits<double>::infinity();
   for (const Motion& bad : {nan_place, nan_turn, skewed, nan_speed, fast})
-    expect_refused({{"one", good}, {"two", bad}}, StatusCode::kInvalidArgument, "two");
-  expect_refused({{"one", good}, {"ground", good}}, StatusCode::kNotFound, "ground");
-  expect_refused({{"one", good}, {"nobody", good}}, StatusCode::kNotFound, "nobody");
+    expect_refused({{kOne, good}, {kTwo, bad}}, StatusCode::kInvalidArgument, "two");
+  expect_refused({{kOne, good}, {kGround, good}}, StatusCode::kNotFound, "ground");
+  expect_refused({{kOne, good}, {BodyId{7}, good}}, StatusCode::kNotFound,
+                 "body 7 is not of this session");
 }
 
 TEST(Session, TellsWhatItHoldsAndHowSureItIs) {
@@ -521,15 +528,36 @@ TEST(Session, TellsWhatItHoldsAndHowSureItIs) {
 TEST(Session, RefusesMalformedDeclarations) {
   World world;
   const auto session = world.make_peer();
-  EXPECT_EQ(session->add_body("one", "aircraft", true).code(), StatusCode::kConflict);
-  EXPECT_EQ(session->add_body("", "aircraft", true).code(), StatusCode::kInvalidArgument);
-  EXPECT_EQ(session->add_body("x", std::string(64, 'm'), true).code(),
+  const auto added = [&](const std::string& name, const std::string& model) {
+    return session->add_body({.name = name, .model = model, .own = true}).status().code();
+  };
+  EXPECT_EQ(added("one", "aircraft"), StatusCode::kConflict);
+  EXPECT_EQ(added("", "aircraft"), StatusCode::kInvalidArgument);
+  EXPECT_EQ(added("x", std::string(64, 'm')), StatusCode::kInvalidArgument);
+  EXPECT_EQ(session->place_body({}, {}).code(), StatusCode::kNotFound);
+  EXPECT_EQ(session->place_body(kGround, {.translation_m = {kNan, 0, 0}}).code(),
             StatusCode::kInvalidArgument);
-  EXPECT_EQ(session->place_body("nobody", {}).code(), StatusCode::kNotFound);
-  EXPECT_EQ(session->place_body("ground", {.translation_m = {kNan, 0, 0}}).code(),
-            StatusCode::kInvalidArgument);
-  EXPECT_EQ(session->watch("one", "nobody").code(), StatusCode::kNotFound);
-  EXPECT_EQ(session->watch("one", "one").code(), StatusCode::kInvalidArgument);
+  EXPECT_EQ(session->watch(kOne, BodyId{3}).status().code(), StatusCode::kNotFound);
+  EXPECT_EQ(session->watch(kOne, kOne).status().code(), StatusCode::kInvalidArgument);
+}
+
+TEST(Session, NumbersBodiesAndPairsInTheirOrder) {
+  World world;
+  world.start_publisher();
+  const auto session = world.make_peer();  // three bodies, three pairs
+  const BodyId late = session->add_body({.name = "late", .model = "aircraft"}).value();
+  EXPECT_EQ(late, BodyId{3});
+  const auto pair = session->watch(late, kGround).value();
+  EXPECT_EQ(pair, subscriber::PairId{3});
+  EXPECT_EQ(session->name_of(late), "late");
+  EXPECT_EQ(session->name_of(kTwo), "two");
+  EXPECT_EQ(session->name_of(BodyId{4}), "");
+  EXPECT_EQ(session->name_of({}), "");
+  const FrameReport report = world.round(*session);
+  ASSERT_EQ(report.answers.size(), 4U);
+  for (std::uint32_t i = 0; i < 4; ++i) EXPECT_EQ(report.answers[i].pair, subscriber::PairId{i});
+  EXPECT_EQ(report.answers[pair.value].a, late);
+  EXPECT_EQ(report.answers[pair.value].b, kGround);
 }
 
 // ---- bytes that are wrong -----------------------------------------------------------------------
@@ -684,7 +712,7 @@ TEST(Session, AsksAheadOfNeed) {
     world.fly(*session, flight, 0, 1);
     world.judge = {};
     for (std::size_t i = 1; i < flight.frames(); ++i)
-      world.fly_frame(*session, i, {{"one", flight.one[i]}, {"two", flight.two[i]}}, 3);
+      world.fly_frame(*session, i, {{kOne, flight.one[i]}, {kTwo, flight.two[i]}}, 3);
     uncertain[ahead] = world.judge.uncertain + world.judge.partial;
   }
   EXPECT_LT(uncertain[1], uncertain[0] / 2);
@@ -708,11 +736,11 @@ TEST(Session, NothingTouchesWithinTheSafeHorizon) {
         continue;
       }
       ASSERT_GE(answer.safe_horizon_s, 0);
-      const auto motion_of = [&](const std::string& body) {
-        return body == "ground" ? Motion{} : body == "one" ? now->one[frame] : now->two[frame];
+      const auto motion_of = [&](BodyId body) {
+        return body == kGround ? Motion{} : body == kOne ? now->one[frame] : now->two[frame];
       };
       // Speeds at most as stated: as they are, slower, or another way.
-      Motion a = motion_of(answer.body_a), b = motion_of(answer.body_b);
+      Motion a = motion_of(answer.a), b = motion_of(answer.b);
       for (Motion* motion : {&a, &b})
         for (auto* v : {&motion->linear_velocity_mps, &motion->angular_velocity_radps}) {
           const std::uint32_t change = random.below(4);
@@ -736,7 +764,7 @@ TEST(Session, NothingTouchesWithinTheSafeHorizon) {
     const Flight flight = make_flight(seed);
     now = &flight;
     for (frame = 0; frame < flight.frames() && !HasFailure(); ++frame)
-      world.fly_frame(*session, frame, {{"one", flight.one[frame]}, {"two", flight.two[frame]}});
+      world.fly_frame(*session, frame, {{kOne, flight.one[frame]}, {kTwo, flight.two[frame]}});
   }
   EXPECT_GT(checked, 1000);
   EXPECT_GT(longest, 0.05);
@@ -753,7 +781,7 @@ TEST(Session, SafeHorizonHoldsForAHeadOnApproach) {
   two.pose.translation_m = {100, 0, 9000};
   one.linear_velocity_mps = {5, 0, 0};
   two.linear_velocity_mps = {-5, 0, 0};
-  ASSERT_TRUE(world.fly_frame(*session, 0, {{"one", one}, {"two", two}}));
+  ASSERT_TRUE(world.fly_frame(*session, 0, {{kOne, one}, {kTwo, two}}));
   const auto answer = world.round(*session).answers[2];
   ASSERT_EQ(answer.answer.status, AnswerStatus::kFree);
   const double horizon = answer.safe_horizon_s;
@@ -764,7 +792,7 @@ TEST(Session, SafeHorizonHoldsForAHeadOnApproach) {
         << t;
   }
   one.linear_velocity_mps = two.linear_velocity_mps = {};
-  ASSERT_TRUE(world.fly_frame(*session, 1, {{"one", one}, {"two", two}}));
+  ASSERT_TRUE(world.fly_frame(*session, 1, {{kOne, one}, {kTwo, two}}));
   EXPECT_TRUE(std::isinf(world.round(*session).answers[2].safe_horizon_s));
 }
 
@@ -778,7 +806,7 @@ TEST(Session, SaysWhereBodiesTouchWhenAskedTo) {
     Motion one, two;
     one.pose.translation_m = {0, 0, 9000};
     two.pose.translation_m = {0, 0, 9001};
-    ASSERT_TRUE(world.fly_frame(*session, 0, {{"one", one}, {"two", two}}));
+    ASSERT_TRUE(world.fly_frame(*session, 0, {{kOne, one}, {kTwo, two}}));
     std::size_t touching = 0;
     const FrameReport report = world.round(*session);
     for (const test::PairAnswer& pair : report.answers) {
@@ -803,7 +831,7 @@ TEST(Session, ReportsEachFrameOnceAndWhatChangesInIt) {
   Motion one, two;
   one.pose.translation_m = {0, 0, 9000};
   two.pose.translation_m = {0, 0, 9000};
-  ASSERT_TRUE(world.fly_frame(*session, 3, {{"one", one}, {"two", two}}));
+  ASSERT_TRUE(world.fly_frame(*session, 3, {{kOne, one}, {kTwo, two}}));
   const wire::ContactReport last = world.bus.reports.back();
   EXPECT_EQ(last.body_a, "one");
   EXPECT_EQ(last.body_b, "two");
@@ -820,7 +848,7 @@ TEST(Session, ReportsEachFrameOnceAndWhatChangesInIt) {
   for (int i = 0; i < 5; ++i) world.round(*session, 4);
   EXPECT_EQ(world.bus.reports.size(), sent + 3);  // three pairs
   two.pose.translation_m = {0, 0, 9100};
-  world.round(*session, 4, {{"two", two}});
+  world.round(*session, 4, {{kTwo, two}});
   EXPECT_GT(world.bus.reports.size(), sent + 3);
   EXPECT_NE(world.bus.reports.back().answer_digest, last.answer_digest);
   sent = world.bus.reports.size();
@@ -828,7 +856,7 @@ TEST(Session, ReportsEachFrameOnceAndWhatChangesInIt) {
   SessionOptions silent = quick_options();
   silent.publish_reports = false;
   const auto other = world.make_peer(silent, kPeer + 1);
-  ASSERT_TRUE(world.fly_frame(*other, 0, {{"one", one}, {"two", two}}));
+  ASSERT_TRUE(world.fly_frame(*other, 0, {{kOne, one}, {kTwo, two}}));
   EXPECT_EQ(world.bus.reports.size(), sent);
 }
 

@@ -35,10 +35,15 @@ const ServedModel& dust() {
 std::unique_ptr<Session> make_peer(World& world, bool solid_ground, bool solid_aircraft = false,
                                    SessionOptions options = quick_options()) {
   auto session = std::make_unique<Session>(world.bus.make_peer(kPeer), options);
-  EXPECT_TRUE(session->add_body("ground", "terrain", false, solid_ground).is_ok());
-  EXPECT_TRUE(session->place_body("ground", {}).is_ok());
-  EXPECT_TRUE(session->add_body("one", "aircraft", true, solid_aircraft).is_ok());
-  EXPECT_TRUE(session->watch("ground", "one").is_ok());
+  EXPECT_EQ(
+      session->add_body({.name = "ground", .model = "terrain", .solid = solid_ground}).value(),
+      kGround);
+  EXPECT_TRUE(session->place_body(kGround, {}).is_ok());
+  EXPECT_EQ(
+      session->add_body({.name = "one", .model = "aircraft", .own = true, .solid = solid_aircraft})
+          .value(),
+      kOne);
+  EXPECT_TRUE(session->watch(kGround, kOne).is_ok());
   return session;
 }
 
@@ -46,7 +51,7 @@ std::vector<Session::OwnMotion> aircraft_at(double x, double y, double z, double
   Motion motion;
   motion.pose.translation_m = {x, y, z};
   motion.linear_velocity_mps = {0, 0, speed_mps};
-  return {{"one", motion}};
+  return {{kOne, motion}};
 }
 
 TEST(SolidSession, DiveThroughTheGroundAndTheFloorOnABadNetwork) {

@@ -48,13 +48,15 @@ class World {
   std::unique_ptr<Session> make_peer(SessionOptions options, wire::SessionId id, bool moves_one,
                                      bool moves_two) {
     auto session = std::make_unique<Session>(bus.make_peer(id), options);
-    EXPECT_TRUE(session->add_body("ground", "terrain", false).is_ok());
-    EXPECT_TRUE(session->place_body("ground", {}).is_ok());
-    EXPECT_TRUE(session->add_body("one", "aircraft", moves_one).is_ok());
-    EXPECT_TRUE(session->add_body("two", "aircraft", moves_two).is_ok());
-    EXPECT_TRUE(session->watch("ground", "one").is_ok());
-    EXPECT_TRUE(session->watch("ground", "two").is_ok());
-    EXPECT_TRUE(session->watch("one", "two").is_ok());
+    EXPECT_EQ(session->add_body({.name = "ground", .model = "terrain"}).value(), kGround);
+    EXPECT_TRUE(session->place_body(kGround, {}).is_ok());
+    EXPECT_EQ(session->add_body({.name = "one", .model = "aircraft", .own = moves_one}).value(),
+              kOne);
+    EXPECT_EQ(session->add_body({.name = "two", .model = "aircraft", .own = moves_two}).value(),
+              kTwo);
+    EXPECT_TRUE(session->watch(kGround, kOne).is_ok());
+    EXPECT_TRUE(session->watch(kGround, kTwo).is_ok());
+    EXPECT_TRUE(session->watch(kOne, kTwo).is_ok());
     return session;
   }
 
@@ -95,8 +97,8 @@ class World {
                   int max_rounds = 0, double budget_s = 1) {
     std::size_t certified = 0;
     for (std::size_t i = first; i < last && !::testing::Test::HasFailure(); ++i)
-      certified += fly_frame(session, i, {{"one", flight.one[i]}, {"two", flight.two[i]}},
-                             max_rounds, budget_s)
+      certified += fly_frame(session, i, {{kOne, flight.one[i]}, {kTwo, flight.two[i]}}, max_rounds,
+                             budget_s)
                        ? 1
                        : 0;
     return certified;

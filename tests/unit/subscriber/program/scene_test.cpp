@@ -99,8 +99,7 @@ TEST(ReadScene, ReadsAllOfIt) {
   EXPECT_EQ(scene.bodies[1].model, "aircraft");
   EXPECT_FALSE(scene.bodies[1].fixed_pose.has_value());
   EXPECT_TRUE(scene.bodies[2].trajectory.empty());
-  EXPECT_EQ(scene.pairs,
-            (std::vector<std::pair<std::string, std::string>>{{"terrain", "one"}, {"one", "two"}}));
+  EXPECT_EQ(scene.pairs, (std::vector<std::pair<std::size_t, std::size_t>>{{0, 1}, {1, 2}}));
   EXPECT_EQ(scene.frames, 3U);
   EXPECT_EQ(scene.frame_rate_hz, 20);
   EXPECT_DOUBLE_EQ(scene.budget_s, 0.005);
@@ -165,6 +164,7 @@ TEST(ReadScene, RefusesWithFileAndLine) {
       {"{translation: [1, 2, 3]}", "{rotation: [1, 2, 3]}", 2, "expected nine numbers, found 3"},
       {"[terrain, one]", "[terrain]", 8, "pairs: expected two names, found 1"},
       {"[terrain, one]", "[terrain, {a: b}]", 8, "pairs: expected a list of two names"},
+      {"[terrain, one]", "[terrain, six]", 8, "pairs: no body named six"},
       {"{name: one, model", "{name: [one], model", 3, "name: expected a name"},
       {"{name: one, model: aircraft}", "{name: one}", 3, "no model"},
       {"{name: one, model: aircraft}", "one", 3, "body: expected a map"},

@@ -68,8 +68,8 @@ class Verify : public ::testing::Test {
     const auto other = world.make_peer(options, kOther);
     // In turns, several rounds a frame, so that answers change while batches come.
     for (std::size_t i = 0; i < flight.frames(); ++i) {
-      world.fly_frame(*one, i, {{"one", flight.one[i]}, {"two", flight.two[i]}}, 20);
-      world.fly_frame(*other, i, {{"one", other_flight.one[i]}, {"two", other_flight.two[i]}}, 20);
+      world.fly_frame(*one, i, {{kOne, flight.one[i]}, {kTwo, flight.two[i]}}, 20);
+      world.fly_frame(*other, i, {{kOne, other_flight.one[i]}, {kTwo, other_flight.two[i]}}, 20);
     }
     return recorded;
   }
@@ -83,9 +83,10 @@ class Verify : public ::testing::Test {
       return writer->add_writer({writer->add_topic({topic, "type"}).value(), {}, partition})
           .value();
     };
-    const std::uint32_t headers = add(names.mesh_header, ""),
-                        reports = add(names.contact_report, "");
-    const std::uint32_t batches = writer->add_topic({names.split_batch, "type"}).value();
+    const std::uint32_t headers = add(names.of<wire::MeshHeader>(), ""),
+                        reports = add(names.of<wire::ContactReport>(), "");
+    const std::uint32_t batches =
+        writer->add_topic({names.of<wire::SplitBatchMessage>(), "type"}).value();
     std::map<wire::SessionId, std::uint32_t> writers;
     const auto append = [&](std::uint32_t by, std::vector<std::uint8_t> cdr) {
       EXPECT_TRUE(writer->append({.writer = by, .cdr = std::move(cdr)}).is_ok());

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
+// API (docs/api.md).
 // From a cleaned mesh to a complete progressive model in memory: simplify, number the merge forest, bound every node,
 // give each face to its split, train the coding tables. Takes GridMesh, gives what write_model_file writes.
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
+// API (docs/api.md).
 // How nearmesh reports trouble with data from outside: files, samples, poses, configuration.
 // A caller's own mistakes are asserted instead (assert.hpp); no exception crosses a target boundary.
 

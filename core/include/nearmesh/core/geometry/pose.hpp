@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
+// API (docs/api.md).
 // The fixed-point posed model: a published pose in doubles becomes, once, nine fixed-point numbers
 // and an integer translation; after that every posed vertex is an integer, the same on every
 // machine. The full-mesh reference and the certified answer share this rule, so they compare bit by

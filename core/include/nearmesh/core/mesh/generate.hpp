@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
+// API (docs/api.md).
 // Deterministic models for the demo, the tests and the benchmarks. Coordinates are multiples of a
 // power of two that a single-precision reader keeps exactly; no library sin or cos decides a bit
 // (own polynomials). The same arguments give the same bits on every machine.

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
+// API (docs/api.md).
 // A mesh as it came from a file: doubles, faces by vertex index, nothing cleaned.
 // Stands between meshio (which makes it) and clean.hpp (which turns it into integer geometry).
 

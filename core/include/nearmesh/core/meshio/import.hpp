@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
+// API (docs/api.md).
 // Reads any mesh file: PLY, STL, OFF and OBJ with readers of our own, every other format through
 // assimp. The only room that knows assimp. Gives the IndexedMesh that clean_mesh takes.
 

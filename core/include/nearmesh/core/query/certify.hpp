@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
+// API (docs/api.md).
 // Refines two local models, split by split, until the query between them is certified: what a peer's exchange with a
 // publisher comes to when the link is free. For files at hand, tests and measurements.
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
+// API (docs/api.md).
 // Where bodies touch: the intersection of touching faces as points and segments, grouped into patches, each with a
 // normal and a bound of its error. Takes an Answer (query.hpp), gives Contacts. No depth: how far two meshes have
 // sunk into each other as wholes is not a question that their contact answers.

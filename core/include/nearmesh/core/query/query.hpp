@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
+// API (docs/api.md).
 // The certified collision query between two posed trees: exact face pairs, and a proof that what is not
 // refined cannot matter, or the list of what is missing.
 //
@@ -90,6 +91,13 @@ struct Answer {
   double uncertainty_m = 0;
   QueryStats stats;
 };
+
+/// Uncertain with nothing missing: no detail can settle it, since a part might be inside a solid, but the model has too many
+/// parts for seeds. query() then says that the uncertainty is infinite.
+[[nodiscard]] inline bool is_beyond_detail(const Answer& answer) {
+  return answer.status == AnswerStatus::kUncertain && answer.missing_a.empty() &&
+         answer.missing_b.empty();
+}
 
 /// Digest of everything in an answer but its statistics and hints: equal answers, equal digests, on every peer and
 /// build.

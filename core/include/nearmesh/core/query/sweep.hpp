@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
+// API (docs/api.md).
 // The certified collision query over a time interval: two trees, two motions, and a proof of when the bodies are free
 // of each other, or an instant at which they touch, or what is missing.
 // Source: conservative advancement over boxes (Zhang, Lee, Kim 2006, "Interactive continuous collision detection for

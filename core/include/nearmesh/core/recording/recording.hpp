@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
+// API (docs/api.md).
 // The file of a recorded session: every sample as the bytes that were on the wire, with who wrote it and when. Takes and
 // gives bytes and names only; what they mean is the wire's business (nearmesh/idl/dds/payload.hpp).
 // The tables `topics` and `messages` are laid out as rosbag2's SQLite storage does (schema 4), so its tools list and extract

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
+// API (docs/api.md).
 // The .spm file, read piece by piece (layout and reasons: core/spm_format.md). Opening reads the header and the directory
 // (24 bytes a block, some 0.6 a vertex); blocks are read, checked and decoded when a request first touches them, so resident
 // memory follows what is touched.

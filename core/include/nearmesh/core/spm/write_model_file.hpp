@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
+// API (docs/api.md).
 // Writes the .spm file (layout: core/spm_format.md).
 
 #include <span>

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
+// API (docs/api.md).
 // What travels between publisher and peers, as plain structs: no DDS type is seen outside the rooms named dds.
 // Every struct is checked on receipt (check_*): sizes, counts, enums and finite numbers; a sample that
 // fails is dropped with one line that says why, and nothing else notices.
@@ -159,6 +160,8 @@ struct Echo {
   std::vector<std::uint8_t> bytes;
 };
 inline constexpr std::size_t kMaxEchoBytes = 1U << 20;
+/// An Echo that may be lost: on a topic of its own.
+struct Probe : Echo {};
 
 /// Whether who serves `served` models may serve another under this name. Errors: kInvalidArgument naming the limit.
 [[nodiscard]] Status check_new_model(const std::string& name, std::size_t served);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
+// API (docs/api.md).
 // A peer's channel over Fast DDS. One thread inside makes every DDS call; the host's only puts into
 // and takes from queues, so no call here waits for the network.
 
@@ -7,7 +8,7 @@
 #include <memory>
 
 #include "nearmesh/core/base/status.hpp"
-#include "nearmesh/idl/dds/detail/transport_options.hpp"
+#include "nearmesh/idl/dds/transport_options.hpp"
 #include "nearmesh/subscriber/peer/channel.hpp"
 
 namespace eprosima::fastdds::dds {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
+// API (docs/api.md).
 // How a peer reaches publishers and other peers. Two implementations: DDS (dds_channel.cpp), whose own thread makes every
 // DDS call so that the host's never does, and one in memory for tests. All functions are non-blocking.
 

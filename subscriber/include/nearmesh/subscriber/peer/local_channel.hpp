@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
+// API (docs/api.md).
 // A peer's channel without a network: serves models straight from their .spm files, through the same demand walk as the
 // publisher's. For hosts' unit tests, and for programs that have the files at hand. Takes RegionSubscription, gives
 // SplitBatch; needs no DDS (NEARMESH_WITH_DDS=OFF builds it).

@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
+// API (docs/api.md).
 // How far a body, or a part of one, is from certified answers, and why it is not there yet. Takes what the last update
 // found; nothing here waits for all bodies at once.
 
-#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <string>
-
-#include "nearmesh/core/abtree/detail/tree.hpp"
 
 namespace nearmesh::subscriber {
 
@@ -39,10 +38,5 @@ struct RegionReadiness {
   double uncertainty_m = 0;  ///< as Answer::uncertainty_m, of these nodes; infinite: no header
   std::string reason;        ///< empty when resolved
 };
-
-/// What a tree lacks in a box of its model's frame, metres, corners included: boxes are rounded outward, so `resolved` is a
-/// proof. Preconditions: the tree has a store, lo_m <= hi_m, both finite. Cost: O(nodes that meet the box).
-[[nodiscard]] RegionReadiness lacks_in_box(const TreeView& tree, const std::array<double, 3>& lo_m,
-                                           const std::array<double, 3>& hi_m);
 
 }  // namespace nearmesh::subscriber

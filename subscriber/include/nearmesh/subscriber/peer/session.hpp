@@ -1,20 +1,35 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
+// API (docs/api.md).
 // A peer: holds replicas of the models its bodies use, asks publishers for the detail that is about to be touched,
 // and answers, every frame, whether pairs of bodies touch, with how far each answer can be trusted.
 // Polled by the host: update() never blocks and never calls DDS (the channel's own thread does).
 
+#include <array>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "nearmesh/core/base/detail/ids.hpp"
 #include "nearmesh/core/query/contacts.hpp"
 #include "nearmesh/core/query/sweep.hpp"
 #include "nearmesh/subscriber/peer/channel.hpp"
 #include "nearmesh/subscriber/peer/readiness.hpp"
 
 namespace nearmesh::subscriber {
+
+/// A body, and a pair of bodies that is watched, of one session: numbers from 0 in the order of add_body() and watch(), so
+/// that they may index arrays of the host's. Made by default they stand for none.
+using BodyId = Id<struct BodyTag>;
+using PairId = Id<struct PairTag>;
+
+struct BodyOptions {
+  std::string name;    ///< on the bus and for people, unique in the session; 1 to 63 bytes
+  std::string model;   ///< the publisher's name for it; 1 to 63 bytes
+  bool own = false;    ///< this peer moves it and publishes its pose; else another peer does
+  bool solid = false;  ///< it has an inside (core/query/query.hpp)
+};
 
 struct SessionOptions {
   /// Detail is asked for where the other body may be within this time, as soon as some is missing in the first half of it.
@@ -34,7 +49,8 @@ struct SessionOptions {
 
 /// An answer about one watched pair.
 struct PairAnswer {
-  std::string body_a, body_b;
+  PairId pair;
+  BodyId a, b;
   Answer answer;
   /// Why nothing can be said (status kUncertain): a header, a publisher or a pose that has not come; or, for ever, a
   /// solid with an open model, or a model of too many parts near a solid. Else empty.
@@ -54,11 +70,11 @@ struct PairAnswer {
 
 /// What one update did. Seconds are wall clock of this call.
 struct FrameReport {
-  std::vector<PairAnswer> answers;      ///< one per watched pair, in the order of watch()
-  double load_s = 0;                    ///< T_L: decoding batches
-  double refine_s = 0;                  ///< T_R: vertex splits and collapses
-  double tree_s = 0;                    ///< T_B: AB-tree
-  double query_s = 0;                   ///< T_Q, sweeps and contacts included
+  std::vector<PairAnswer> answers;  ///< one per watched pair; that of a PairId stands at its value
+  double load_s = 0;                ///< T_L: decoding batches
+  double refine_s = 0;              ///< T_R: vertex splits and collapses
+  double tree_s = 0;                ///< T_B: AB-tree
+  double query_s = 0;               ///< T_Q, sweeps and contacts included
   std::uint64_t batches_waiting = 0;    ///< left over for want of budget
   std::vector<std::string> complaints;  ///< one line each, for a log
   /// Digest of the state of refinement that the answers were given in: of all models' active vertices, in the order of
@@ -75,6 +91,7 @@ struct SessionStats {
   std::uint64_t batches = 0, batch_bytes = 0;  ///< payload of split batches
   std::uint64_t header_bytes = 0;
   std::uint64_t requests = 0;
+  std::uint64_t region_sweeps = 0;  ///< of a body against another, to see what detail they may meet
   std::uint64_t sequence_gaps = 0;  ///< batches that never came
   std::uint64_t held_splits = 0, slots = 0, exact_faces = 0, tree_bytes = 0;
   std::uint64_t mesh_bytes = 0;  ///< what whole replicas of the models in use would take
@@ -87,20 +104,19 @@ class Session {
   Session(const Session&) = delete;
   Session& operator=(const Session&) = delete;
 
-  /// Declares a body and the model (by the publisher's name for it) that it has; at any time: what spawns is uncertain,
-  /// never free, until it is known. `own`: this peer moves it and publishes its pose; otherwise its pose comes from
-  /// whoever does. Headers of models that no body uses are kept for that, up to 256 and 16 MiB. `solid`: the body has an inside
-  /// (core/query/query.hpp); where its model turns out to be open, no answer about it is ever certified, and each
-  /// names the reason. Errors: kConflict (name taken), kInvalidArgument (name).
-  [[nodiscard]] Status add_body(const std::string& name, const std::string& model, bool own,
-                                bool solid = false);
+  /// Declares a body; at any time: what spawns is uncertain, never free, until it is known. Headers of models that no body
+  /// uses are kept for that, up to 256 and 16 MiB. Where the model of a solid body turns out to be open, no answer about it
+  /// is ever certified, and each names the reason. Errors: kConflict (name taken), kInvalidArgument (name).
+  [[nodiscard]] Result<BodyId> add_body(BodyOptions options);
   /// Fixes a body in place, for scenery that nobody moves. Errors: kNotFound, kInvalidArgument (pose).
-  [[nodiscard]] Status place_body(const std::string& name, const Pose& pose);
+  [[nodiscard]] Status place_body(BodyId body, const Pose& pose);
   /// Asks for an answer about two bodies in every update. Errors: kNotFound, kInvalidArgument (the same body).
-  [[nodiscard]] Status watch(const std::string& body_a, const std::string& body_b);
+  [[nodiscard]] Result<PairId> watch(BodyId a, BodyId b);
+  /// For people; empty where no such body is declared.
+  [[nodiscard]] std::string name_of(BodyId body) const;
 
   struct OwnMotion {
-    std::string body;
+    BodyId body;
     Motion motion;
   };
   /// One frame: publishes the own bodies' motions, takes in what arrived until `budget_s` is spent (at least one batch),
@@ -113,17 +129,17 @@ class Session {
 
   /// How far a body is, as of the last update. A pair that was watched, or a body that was placed, since then is not
   /// certified. Cost: O(watched pairs). Errors: kNotFound.
-  [[nodiscard]] Result<Readiness> readiness(const std::string& body) const;
+  [[nodiscard]] Result<Readiness> readiness(BodyId body) const;
   /// How far the part of a body's model within a box is: metres, the body's model frame.
   /// Errors: kNotFound; kInvalidArgument where the box is empty or not finite.
-  [[nodiscard]] Result<RegionReadiness> region_readiness(const std::string& body,
+  [[nodiscard]] Result<RegionReadiness> region_readiness(BodyId body,
                                                          const std::array<double, 3>& lo_m,
                                                          const std::array<double, 3>& hi_m) const;
   [[nodiscard]] SessionStats stats() const;
   /// As of the last full second of update(), which also sends it to whoever asks on the bus.
   [[nodiscard]] const wire::ProcessStatus& status() const;
   /// The mesh header of a body's model, once it is here.
-  [[nodiscard]] const SpmHeader* header_of(const std::string& body) const;
+  [[nodiscard]] const SpmHeader* header_of(BodyId body) const;
 
  private:
   struct Impl;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
+// API (docs/api.md).
 // For hosts that want certainty about a body before they start: the one call here that blocks.
 
-#include <string>
 #include <vector>
 
 #include "nearmesh/subscriber/peer/session.hpp"
@@ -18,7 +18,7 @@ struct Waited {
 /// bodies are served too, but not waited for. `motions`, `frame`, `time_s`: as for update(); motions are published once.
 /// Errors: those of update(); kNotFound where no such body is declared.
 /// Threads: one at a time with all else of the session. Blocks at most timeout_s and one update.
-[[nodiscard]] Result<Waited> wait_ready(Session& session, const std::string& body, double timeout_s,
+[[nodiscard]] Result<Waited> wait_ready(Session& session, BodyId body, double timeout_s,
                                         std::vector<Session::OwnMotion> motions = {},
                                         std::uint64_t frame = 0, double time_s = 0);
 

@@ -11,9 +11,11 @@
 #include <cstdint>
 #include <cstdlib>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "nearmesh/core/base/detail/ids.hpp"
+#include "nearmesh/core/base/status.hpp"
 #include "nearmesh/core/geometry/detail/grid.hpp"
 
 namespace nearmesh {
@@ -36,6 +38,8 @@ struct NodeSpan {
   }
   bool operator==(const NodeSpan&) const = default;
 };
+/// For messages: "node [3, 13)".
+[[nodiscard]] std::string to_string(const NodeSpan& node);
 
 /// A face of the full mesh. `left` lies in the left child of the split with which the face appears,
 /// `right` in the right child, `outside` in neither. For base faces the three are in three roots.
@@ -137,7 +141,7 @@ inline constexpr int kMaxSlabNormal = 127;
   return nullptr;
 }
 
-/// "Send the splits below these nodes that matter to this region." The peer names its own frontier, so the
+/// "Send the splits below these nodes that matter to this region." The peer names its unresolved nodes, so the
 /// publisher needs no memory of what a peer has, and whatever was lost is simply asked for again.
 struct RegionRequest {
   std::vector<NodeSpan>
@@ -145,6 +149,9 @@ struct RegionRequest {
   std::vector<RegionPart> region;   ///< at most kMaxRegionBoxes
   std::uint32_t max_splits = 1024;  ///< in [1, kMaxRequestSplits]; largest nodes come first
 };
+/// The rules for a request from outside that need no model: whoever receives one asks here first (core/demand has the rest).
+/// Errors: kInvalidArgument naming the limit, the node or the part.
+[[nodiscard]] Status check_request(const RegionRequest& request);
 
 /// One record of a batch: the split of `node` that activates `split`.
 struct SplitRecord {

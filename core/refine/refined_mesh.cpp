@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "replica.hpp"
+#include "refined_mesh.hpp"
 
 namespace nearmesh {
 
-Replica::Replica(SpmHeader header)
+RefinedMesh::RefinedMesh(SpmHeader header)
     : header_(std::move(header)),
       store_(std::make_unique<SplitStore>(header_)),
       mesh_(std::make_unique<ActiveMesh>(*store_)) {}
 
-Status Replica::insert(const SplitRecord& record, std::span<const SplitFace> faces,
-                       RefineDelta& delta) {
+Status RefinedMesh::insert(const SplitRecord& record, std::span<const SplitFace> faces,
+                           RefineDelta& delta) {
   const Result<SplitStore::Insertion> inserted = store_->insert(record, faces);
   if (!inserted.is_ok()) return inserted.status();
   if (inserted.value() == SplitStore::Insertion::kNoParent) {
@@ -23,7 +23,7 @@ Status Replica::insert(const SplitRecord& record, std::span<const SplitFace> fac
   return Status::ok();
 }
 
-void Replica::park(const SplitRecord& record, std::span<const SplitFace> faces) {
+void RefinedMesh::park(const SplitRecord& record, std::span<const SplitFace> faces) {
   const auto at = parked_.find(key(record.node));
   if (at == parked_.end()) {
     if (parked_.size() < kMaxParked)
@@ -37,7 +37,7 @@ void Replica::park(const SplitRecord& record, std::span<const SplitFace> faces) 
   if (first.right_box == kNoBox) first.right_box = record.right_box;
 }
 
-Replica::Applied Replica::apply_batch(const SplitBatch& batch) {
+RefinedMesh::Applied RefinedMesh::apply_batch(const SplitBatch& batch) {
   Applied applied;
   applied.delta.split.reserve(batch.splits.size());
   constexpr std::size_t kAhead = 8;  // records: enough for the entry to come from memory
@@ -52,7 +52,7 @@ Replica::Applied Replica::apply_batch(const SplitBatch& batch) {
   return applied;
 }
 
-Status Replica::unpark(const SplitRecord& parent, RefineDelta& delta) {
+Status RefinedMesh::unpark(const SplitRecord& parent, RefineDelta& delta) {
   // Whatever waited for this record's children can go in now; and for theirs.
   std::vector<NodeSpan> waiting{parent.left(), parent.right()};
   while (!waiting.empty()) {
@@ -69,13 +69,13 @@ Status Replica::unpark(const SplitRecord& parent, RefineDelta& delta) {
   return Status::ok();
 }
 
-RefineDelta Replica::collapse(NodeSpan node) {
+RefineDelta RefinedMesh::collapse(NodeSpan node) {
   RefineDelta delta;
   mesh_->collapse(node, delta);
   return delta;
 }
 
-void Replica::forget(NodeSpan node) {
+void RefinedMesh::forget(NodeSpan node) {
   NEARMESH_ASSERT(mesh_->is_current(node));
   std::vector<VertexId> below;
   std::vector<NodeSpan> stack{node};

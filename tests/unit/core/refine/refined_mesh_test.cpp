@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "core/refine/replica.hpp"
+#include "core/refine/refined_mesh.hpp"
 
 #include "brute_force.hpp"
 
@@ -21,12 +21,12 @@ std::vector<SplitBatch> all_batches(const BakedModel& model, std::size_t max_byt
   return batches;
 }
 
-void apply(Replica& replica, const SplitBatch& batch) {
-  const Replica::Applied applied = replica.apply_batch(batch);
+void apply(RefinedMesh& replica, const SplitBatch& batch) {
+  const RefinedMesh::Applied applied = replica.apply_batch(batch);
   ASSERT_TRUE(applied.status.is_ok()) << applied.status.message();
 }
 
-void expect_same_mesh(const Replica& a, const Replica& b) {
+void expect_same_mesh(const RefinedMesh& a, const RefinedMesh& b) {
   EXPECT_EQ(a.mesh().state_hash(), b.mesh().state_hash());
   const std::vector<ActiveFace> x = extract_faces(a.mesh()), y = extract_faces(b.mesh());
   ASSERT_EQ(x.size(), y.size());
@@ -44,7 +44,7 @@ INSTANTIATE_TEST_SUITE_P(Models, ApplyBatchTo, ::testing::ValuesIn(test::mesh_na
 
 TEST_P(ApplyBatchTo, AllBatchesGiveTheFullMesh) {
   const BakedModel model = test::bake_named(GetParam());
-  Replica replica(model.header);
+  RefinedMesh replica(model.header);
   for (const SplitBatch& batch : all_batches(model, kMaxBatchBytes)) apply(replica, batch);
   EXPECT_EQ(replica.mesh().split_count(), model.header.split_count());
   EXPECT_EQ(extract_faces(replica.mesh()).size(), model.header.face_count);
@@ -53,7 +53,7 @@ TEST_P(ApplyBatchTo, AllBatchesGiveTheFullMesh) {
 TEST_P(ApplyBatchTo, AnyOrderWithRepeatsGivesTheSameMesh) {
   const BakedModel model = test::bake_named(GetParam());
   const std::vector<SplitBatch> batches = all_batches(model, 80);
-  Replica straight(model.header);
+  RefinedMesh straight(model.header);
   for (const SplitBatch& batch : batches) apply(straight, batch);
   for (std::uint64_t seed = 0; seed < 3; ++seed) {
     SCOPED_TRACE(seed);
@@ -62,7 +62,7 @@ TEST_P(ApplyBatchTo, AnyOrderWithRepeatsGivesTheSameMesh) {
     for (std::size_t i = 0; i < batches.size(); ++i)
       for (std::uint32_t n = 1 + random.below(2); n > 0; --n) order.push_back(i);
     test::shuffle(order, random);
-    Replica replica(model.header);
+    RefinedMesh replica(model.header);
     for (const std::size_t i : order) apply(replica, batches[i]);
     EXPECT_EQ(replica.parked_splits(), 0U);
     expect_same_mesh(replica, straight);
@@ -73,7 +73,7 @@ TEST_P(ApplyBatchTo, StateIsClosedUnderParentsWhateverIsLost) {
   const BakedModel model = test::bake_named(GetParam());
   const std::vector<SplitBatch> batches = all_batches(model, 60);
   Random random(62);
-  Replica replica(model.header);
+  RefinedMesh replica(model.header);
   for (const SplitBatch& batch : batches)
     if (random.below(2) == 0) apply(replica, batch);
   for (const std::uint32_t v : test::active_ids(replica.mesh())) {
@@ -90,11 +90,11 @@ TEST(ApplyBatch, ReportsWhatBecameActiveParentsFirst) {
   const BakedModel model = test::bake_named("aircraft");
   std::vector<SplitBatch> batches = all_batches(model, 60);
   std::reverse(batches.begin(), batches.end());
-  Replica replica(model.header);
+  RefinedMesh replica(model.header);
   ActiveMesh replay(model.store);
   RefineDelta ignored;
   for (const SplitBatch& batch : batches) {
-    const Replica::Applied applied = replica.apply_batch(batch);
+    const RefinedMesh::Applied applied = replica.apply_batch(batch);
     ASSERT_TRUE(applied.status.is_ok());
     for (const VertexId u : applied.delta.split) {
       EXPECT_TRUE(replay.is_current(model.store.node_of(u)));
@@ -108,7 +108,7 @@ TEST(ApplyBatch, ParksWhatHasNoParentYet) {
   const BakedModel model = test::bake_named("terrain");
   const std::vector<SplitBatch> batches = all_batches(model, 60);
   for (const SplitBatch& batch : batches) {
-    Replica replica(model.header);
+    RefinedMesh replica(model.header);
     if (replica.store().is_node(batch.splits.front().node)) continue;
     apply(replica, batch);
     EXPECT_EQ(replica.mesh().split_count(), 0U);
@@ -124,11 +124,11 @@ TEST(ApplyBatch, ForestDeeperThanTheLimitIsRefused) {
   header.grid.bits = 4;
   header.vertex_count = kMaxForestDepth + 100;
   header.roots = {{{{0}, header.vertex_count}, {}, {}}};
-  Replica replica(header);
+  RefinedMesh replica(header);
   SplitBatch batch;
   for (std::uint32_t n = header.vertex_count; n > 1; --n)
     batch.splits.push_back({.node = {{0}, n}, .split = {n - 1}});
-  const Replica::Applied applied = replica.apply_batch(batch);
+  const RefinedMesh::Applied applied = replica.apply_batch(batch);
   EXPECT_EQ(applied.status.code(), StatusCode::kCorrupt);
   EXPECT_NE(applied.status.message().find("deeper"), std::string::npos) << applied.status.message();
   EXPECT_EQ(applied.delta.split.size(), kMaxForestDepth);
@@ -158,7 +158,7 @@ class ContradictingBatch : public ::testing::Test {
     return batch;
   }
   void expect_refused(const SplitBatch& batch) {
-    const Replica::Applied applied = replica_.apply_batch(batch);
+    const RefinedMesh::Applied applied = replica_.apply_batch(batch);
     EXPECT_EQ(applied.status.code(), StatusCode::kCorrupt);
     EXPECT_TRUE(applied.delta.is_empty());
     EXPECT_EQ(replica_.mesh().state_hash(), hash_);
@@ -167,7 +167,7 @@ class ContradictingBatch : public ::testing::Test {
 
   BakedModel model_ = test::bake_named("aircraft");
   std::vector<SplitBatch> batches_ = all_batches(model_, 100);
-  Replica replica_{model_.header};
+  RefinedMesh replica_{model_.header};
   std::uint64_t hash_ = 0;
   std::uint32_t known_ = 0;
 };
@@ -201,7 +201,7 @@ TEST_F(ContradictingBatch, AnotherSplitOfANodeIsRefused) {
 
 TEST_F(ContradictingBatch, PositionOutsideTheGridIsRefused) {
   SplitBatch batch{.splits = {batches_[0].splits[0]}};  // of a root
-  Replica fresh(model_.header);
+  RefinedMesh fresh(model_.header);
   batch.splits[0].face_begin = batch.splits[0].face_count = 0;
   batch.splits[0].offset[0] = 0x7fffffff;
   EXPECT_EQ(fresh.apply_batch(batch).status.code(), StatusCode::kCorrupt);
@@ -221,17 +221,17 @@ TEST_F(ContradictingBatch, WhatStoodBeforeItIsReportedAsApplied) {
   RefineDelta ignored;
   for (const std::uint32_t v : test::active_ids(replica_.mesh()))
     ASSERT_TRUE(replay.split({v}, ignored));
-  const Replica::Applied applied = replica_.apply_batch(mixed);
+  const RefinedMesh::Applied applied = replica_.apply_batch(mixed);
   EXPECT_EQ(applied.status.code(), StatusCode::kCorrupt);
   EXPECT_FALSE(applied.delta.split.empty());
   for (const VertexId u : applied.delta.split) ASSERT_TRUE(replay.split(u, ignored));
   EXPECT_EQ(replay.state_hash(), replica_.mesh().state_hash());
 }
 
-TEST(Replica, CollapsedForgottenAndSentAgainIsTheSame) {
+TEST(RefinedMesh, CollapsedForgottenAndSentAgainIsTheSame) {
   const BakedModel model = test::bake_named("terrain");
   const std::vector<SplitBatch> batches = all_batches(model, 200);
-  Replica straight(model.header), replica(model.header);
+  RefinedMesh straight(model.header), replica(model.header);
   for (const SplitBatch& batch : batches) {
     apply(straight, batch);
     apply(replica, batch);
@@ -255,9 +255,9 @@ TEST(Replica, CollapsedForgottenAndSentAgainIsTheSame) {
   }
 }
 
-TEST(Replica, ForgetDropsAllKnowledgeBelowTheNode) {
+TEST(RefinedMesh, ForgetDropsAllKnowledgeBelowTheNode) {
   const BakedModel model = test::bake_named("terrain");
-  Replica replica(model.header);
+  RefinedMesh replica(model.header);
   for (const SplitBatch& batch : all_batches(model, 200)) apply(replica, batch);
   for (const BaseRoot& root : model.header.roots) {
     static_cast<void>(replica.collapse(root.node));
@@ -267,12 +267,12 @@ TEST(Replica, ForgetDropsAllKnowledgeBelowTheNode) {
   EXPECT_EQ(replica.mesh().split_count(), 0U);
 }
 
-TEST(Replica, MovedReplicaWorksOn) {
+TEST(RefinedMesh, MovedReplicaWorksOn) {
   const BakedModel model = test::bake_named("sphere");
   const std::vector<SplitBatch> batches = all_batches(model, 100);
-  Replica first(model.header);
+  RefinedMesh first(model.header);
   apply(first, batches[0]);
-  Replica second(std::move(first));
+  RefinedMesh second(std::move(first));
   for (const SplitBatch& batch : batches) apply(second, batch);
   EXPECT_EQ(second.mesh().split_count(), model.header.split_count());
 }

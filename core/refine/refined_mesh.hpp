@@ -10,9 +10,9 @@
 
 namespace nearmesh {
 
-class Replica {
+class RefinedMesh {
  public:
-  explicit Replica(SpmHeader header);
+  explicit RefinedMesh(SpmHeader header);
 
   [[nodiscard]] const SpmHeader& header() const { return header_; }
   [[nodiscard]] const SplitStore& store() const { return *store_; }
@@ -49,7 +49,7 @@ class Replica {
 
   SpmHeader header_;
   std::unique_ptr<SplitStore>
-      store_;  // both behind pointers: ActiveMesh refers to the store when a Replica moves
+      store_;  // both behind pointers: ActiveMesh refers to the store when a RefinedMesh moves
   std::unique_ptr<ActiveMesh> mesh_;
   std::unordered_map<std::uint64_t, Parked> parked_;
 };

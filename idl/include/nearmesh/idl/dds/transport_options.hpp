@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
+// API (docs/api.md).
 // How a process joins the bus. No Fast DDS here.
 
 #include <cstdint>

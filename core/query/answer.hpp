@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// All that is said of a pair of bodies at once: the certified answer, where they touch, how long that holds, and the time
+// ahead. A peer's session and the proof of its recording both ask here, so what is proved is what was answered.
+
+#include <cstdint>
+#include <optional>
+#include <string_view>
+
+#include "nearmesh/core/query/contacts.hpp"
+#include "nearmesh/core/query/sweep.hpp"
+
+namespace nearmesh {
+
+/// One of the two bodies.
+struct AskedBody {
+  TreeView view;
+  Motion motion;
+  std::string_view name;  ///< for errors
+  bool solid = false;     ///< it has an inside: is the other one in it?
+};
+
+struct AnswerOptions {
+  bool contacts = false;  ///< also say where they touch
+  double sweep_s = 0;     ///< also answer for all of this time ahead; 0: do not
+  std::uint64_t max_sweep_tests = SweepOptions{}.max_tests;
+};
+
+struct Answered {
+  Answer answer;
+  std::optional<Contacts> contacts;  ///< where asked for and there are pairs
+  /// Certified without a pair: safe_horizon_s(); else 0.
+  double safe_horizon_s = 0;
+  /// Where asked for. Errors: those of sweep(), which concern the way and not the poses.
+  std::optional<Result<SweptAnswer>> swept;
+};
+
+/// Errors: those of pose_pair; kInvalidArgument for a solid body whose surface is open. Both name the body.
+/// Deterministic; what is not in the options does not change Answer. Threads: views may be shared.
+[[nodiscard]] Result<Answered> answer(const AskedBody& a, const AskedBody& b,
+                                      const AnswerOptions& options = {});
+
+}  // namespace nearmesh

@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "replica.hpp"
+
+#include <algorithm>
+#include <new>
+
+#include "core/base/stopwatch.hpp"
+
+namespace nearmesh {
+namespace {
+
+/// The largest known nodes that are split and meet no part of `keep`; disjoint.
+std::vector<NodeSpan> nodes_outside(const SplitStore& store, std::span<const RegionPart> keep) {
+  std::vector<NodeSpan> stack, outside;
+  for (const BaseRoot& root : store.roots()) stack.push_back(root.node);
+  while (!stack.empty()) {
+    const NodeSpan node = stack.back();
+    stack.pop_back();
+    const VertexId split = node.size < 2 ? VertexId{} : store.split_of(node);
+    if (!split.is_valid()) continue;
+    const GridBox box = store.box(node);
+    if (std::none_of(keep.begin(), keep.end(),
+                     [&](const RegionPart& part) { return part.meets(box); })) {
+      outside.push_back(node);
+      continue;
+    }
+    stack.push_back(node.left_of(split));
+    stack.push_back(node.right_of(split));
+  }
+  return outside;
+}
+
+}  // namespace
+
+Replica::Replica(SpmHeader header) : refined_(std::move(header)), tree_(refined_.mesh()) {}
+
+Result<Replica> Replica::from_header(std::span<const std::uint8_t> bytes) {
+  Result<SpmHeader> header = decode_header(bytes);
+  if (!header.is_ok()) return header.status();
+  try {
+    return Replica(std::move(header).value());
+  } catch (const std::bad_alloc&) {
+    return Status{StatusCode::kIo, "no address space for its vertices"};
+  }
+}
+
+Replica::Taken Replica::take(std::span<const std::uint8_t> bytes) {
+  Taken taken;
+  ++taken_batches_;
+  const Stopwatch watch;
+  const Result<SplitBatch> batch = decode_batch(header(), bytes);
+  taken.times.load_s = watch.seconds();
+  taken.status = batch.is_ok() ? refine(batch.value(), taken.times) : batch.status();
+  return taken;
+}
+
+Replica::Taken Replica::take(const SplitBatch& batch) {
+  Taken taken;
+  ++taken_batches_;
+  taken.status = refine(batch, taken.times);
+  return taken;
+}
+
+Status Replica::refine(const SplitBatch& batch, Times& times) {
+  Stopwatch watch;
+  RefinedMesh::Applied applied = refined_.apply_batch(batch);
+  times.refine_s += watch.lap();
+  tree_.update(applied.delta);  // also of a batch that is wrong: what came before the fault stays
+  times.tree_s += watch.lap();
+  return std::move(applied.status);
+}
+
+Replica::Times Replica::give_up(std::span<const RegionPart> keep) {
+  Times times;
+  const std::vector<NodeSpan> outside = nodes_outside(store(), keep);
+  gave_up_detail_ |= !outside.empty();
+  for (const NodeSpan& node : outside) {
+    Stopwatch watch;
+    const RefineDelta delta = refined_.collapse(node);
+    times.refine_s += watch.lap();
+    tree_.update(delta);
+    times.tree_s += watch.lap();
+    refined_.forget(node);  // last: the tree asks the store for the faces that it drops
+    times.refine_s += watch.lap();
+  }
+  return times;
+}
+
+}  // namespace nearmesh

@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// One model as far as it is here: header, known splits, active mesh and tree, and the order in which they change. Takes
+// batches, gives what a query walks. A peer's session and the proof of its recording live by this one class.
+
+#include <cstdint>
+#include <span>
+
+#include "core/refine/refined_mesh.hpp"
+#include "nearmesh/core/abtree/detail/ab_tree.hpp"
+
+namespace nearmesh {
+
+/// Threads: one at a time; views of a replica that does not change may be shared.
+class Replica {
+ public:
+  /// The base mesh. May throw std::bad_alloc: arrays span all ids that a header announces.
+  explicit Replica(SpmHeader header);
+  /// The same of a header from outside. Errors: those of decode_header; kIo where there is no address space.
+  [[nodiscard]] static Result<Replica> from_header(std::span<const std::uint8_t> bytes);
+
+  /// Where the time went, seconds of wall clock.
+  struct Times {
+    double load_s = 0;    ///< T_L: decoding
+    double refine_s = 0;  ///< T_R: splits and collapses
+    double tree_s = 0;    ///< T_B: the tree
+  };
+  struct Taken {
+    Status status;
+    Times times;
+  };
+  /// Takes in a batch. The result depends on the set of batches, not on their order; repeats are harmless.
+  /// Errors: those of decode_batch, with nothing changed; kCorrupt where a record contradicts the model: what came before it
+  /// in the batch stays. Cost: O(batch and the slots that it changes).
+  [[nodiscard]] Taken take(std::span<const std::uint8_t> bytes);
+  /// The same of a batch that was decoded elsewhere, with this model's header.
+  [[nodiscard]] Taken take(const SplitBatch& batch);
+  /// Gives up and forgets all detail below the nodes that meet no part of `keep` (the model's grid).
+  /// Cost: O(known nodes that meet `keep`, and what is given up).
+  Times give_up(std::span<const RegionPart> keep);
+
+  [[nodiscard]] const SpmHeader& header() const { return refined_.header(); }
+  [[nodiscard]] const SplitStore& store() const { return refined_.store(); }
+  [[nodiscard]] const ActiveMesh& mesh() const { return refined_.mesh(); }
+  [[nodiscard]] const AbTree& tree() const { return tree_; }
+  /// Valid until the next change.
+  [[nodiscard]] TreeView view() const { return tree_.view(header().grid); }
+  /// How many batches came, also of those that were wrong.
+  [[nodiscard]] std::uint32_t taken_batches() const { return taken_batches_; }
+  /// Whether any detail was ever given up: what is held is then less than what came.
+  [[nodiscard]] bool gave_up_detail() const { return gave_up_detail_; }
+
+ private:
+  [[nodiscard]] Status refine(const SplitBatch& batch, Times& times);
+
+  RefinedMesh refined_;
+  AbTree tree_;  // refers to the mesh, which stays in its place when a Replica moves
+  std::uint32_t taken_batches_ = 0;
+  bool gave_up_detail_ = false;
+};
+
+}  // namespace nearmesh

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// API (docs/api.md).
+// The samples of a recording as messages: which topic each is of, and what it says. No Fast DDS here.
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "nearmesh/core/recording/recording.hpp"
+#include "nearmesh/idl/dds/payload.hpp"
+
+namespace nearmesh::wire {
+
+class RecordedSamples {
+ public:
+  /// The recording must outlive it. Errors: as check_recorded_version.
+  [[nodiscard]] static Result<RecordedSamples> of(const RecordingReader& recording);
+
+  /// By index into the recording's topics; none for a topic that is not in the table.
+  [[nodiscard]] std::optional<TopicPlace> place_of(std::uint32_t topic) const {
+    return places_[topic];
+  }
+  template <class Message>
+  [[nodiscard]] bool is(const RecordedMessage& sample) const {
+    return places_[recording_->writers()[sample.writer].topic] == wire::place_of<Message>();
+  }
+  /// Nothing where the sample is of another topic, or does not decode.
+  template <class Message>
+  [[nodiscard]] std::optional<Message> read(const RecordedMessage& sample) const {
+    if (!is<Message>(sample)) return std::nullopt;
+    Result<Message> message = decode_payload<Message>(sample.cdr);
+    if (!message.is_ok()) return std::nullopt;
+    return std::move(message).value();
+  }
+
+ private:
+  explicit RecordedSamples(const RecordingReader& recording);
+
+  const RecordingReader* recording_;
+  std::vector<std::optional<TopicPlace>> places_;  ///< by index into the recording's topics
+};
+
+}  // namespace nearmesh::wire
