@@ -60,6 +60,7 @@
 #include <utility>
 
 #include "build.hpp"
+#include "core/base/float_guard.hpp"
 
 namespace nearmesh {
 namespace {
@@ -81,6 +82,7 @@ AbTree::AbTree(const ActiveMesh& mesh)
     : mesh_(&mesh),
       tip_of_(mesh.store().vertex_count()),
       builder_(std::make_unique<TreeBuilder>()) {
+  const FloatGuard guard;
   const SplitStore& store = mesh.store();
   // A fixed tree over the roots; each of its tips then grows with its root's splits.
   builder_->clear();
@@ -286,6 +288,7 @@ void AbTree::tell_watchers(std::uint32_t index, VertexBits corners, bool may_los
 // First the shape above slots, and who is to be looked at; then slots; then bounds. Each of the three sees all that the one
 // before has done, so a slot with ten new splits is built once.
 void AbTree::update(const RefineDelta& delta) {
+  const FloatGuard guard;
   rebuilt_slots_ = rebuilt_faces_ = 0;
   for (const NodeSpan& node : delta.collapsed) apply_collapse(node);
   constexpr std::size_t kAhead = 8;  // splits: enough for what a split looks up to come from memory

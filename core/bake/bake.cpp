@@ -7,6 +7,7 @@
 #include <span>
 #include <tuple>
 
+#include "core/base/float_guard.hpp"
 #include "core/base/parallel.hpp"
 #include "core/base/random.hpp"
 #include "core/demand/collect.hpp"
@@ -347,6 +348,7 @@ Status fill_store(const Forest& forest, const std::vector<GridPoint>& position,
 
 Result<BakedModel> bake(const GridMesh& mesh, double rounding_error_m,
                         const SimplifyOptions& options) {
+  const FloatGuard guard;
   NEARMESH_ASSERT(!mesh.faces.empty());
   if (mesh.faces.size() >= (std::size_t{1} << 30))
     return Status{StatusCode::kUnsupported,

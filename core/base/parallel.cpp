@@ -9,6 +9,8 @@
 #include <thread>
 #include <vector>
 
+#include "core/base/float_guard.hpp"
+
 namespace nearmesh {
 
 void for_each_index(std::size_t count, unsigned threads,
@@ -18,6 +20,7 @@ void for_each_index(std::size_t count, unsigned threads,
   std::mutex mutex;
   std::exception_ptr failure;
   const auto run = [&] {
+    const FloatGuard guard;
     try {
       for (std::size_t i = next++; i < count; i = next++) work(i);
     } catch (...) {

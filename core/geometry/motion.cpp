@@ -15,6 +15,8 @@
 #include <cmath>
 #include <string>
 
+#include "core/base/float_guard.hpp"
+
 namespace nearmesh {
 namespace {
 
@@ -59,6 +61,7 @@ std::array<double, 9> turn_by(const Vec3& phi) {
 }  // namespace
 
 Pose pose_at(const Motion& motion, double dt_s) {
+  const FloatGuard guard;
   Pose pose = motion.pose;
   if (dt_s == 0) return pose;
   for (std::size_t k = 0; k < 3; ++k) pose.translation_m[k] += motion.linear_velocity_mps[k] * dt_s;

@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <string>
 
+#include "core/base/float_guard.hpp"
 #include "nearmesh/core/geometry/motion.hpp"
 
 namespace nearmesh {
@@ -44,6 +45,7 @@ double determinant(const std::array<double, 9>& r) {
 }  // namespace
 
 Status check_pose(const Pose& pose, std::string_view body) {
+  const FloatGuard guard;
   for (std::size_t i = 0; i < 9; ++i)
     if (!std::isfinite(pose.rotation[i]))
       return refuse(body, "rotation[" + std::to_string(i) + "] is " + number(pose.rotation[i]) +
@@ -90,6 +92,7 @@ int lattice_exponent(const Grid& a, const Grid& b) {
 }
 
 Result<PosedFrame> make_posed_frame(const Grid& grid, const Pose& pose, int lattice_exp) {
+  const FloatGuard guard;
   if (grid.bits + grid.exponent - lattice_exp > kMaxSpanBits)
     return Status(StatusCode::kUnsupported, "a grid of 2^" +
                                                 std::to_string(grid.bits + grid.exponent) +

@@ -11,6 +11,7 @@
 #include <optional>
 #include <span>
 
+#include "core/base/float_guard.hpp"
 #include "core/base/hash.hpp"
 #include "surface.hpp"
 
@@ -370,6 +371,7 @@ void append_kept(const std::vector<Triple>& faces, const std::vector<FaceFate>& 
 }  // namespace
 
 Result<CleanResult> clean_mesh(const IndexedMesh& mesh, const CleanOptions& options) {
+  const FloatGuard guard;
   NEARMESH_RETURN_IF_ERROR(check_sizes(mesh, options.grid_bits));
   const auto referenced = find_referenced(mesh);
   NEARMESH_RETURN_IF_ERROR(referenced);

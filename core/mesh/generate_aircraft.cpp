@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/base/float_guard.hpp"
 #include "core/base/random.hpp"
 #include "nearmesh/core/base/detail/assert.hpp"
 #include "nearmesh/core/mesh/generate.hpp"
@@ -169,6 +170,7 @@ void add_aerofoil(IndexedMesh& mesh, const Aerofoil& foil, std::uint32_t triangl
 }  // namespace
 
 IndexedMesh generate_aircraft(std::uint32_t size, std::uint64_t seed) {
+  const FloatGuard guard;
   NEARMESH_ASSERT(size >= 200 && size <= 200000);
   Random random(seed);
   const double radius = random.between(2.7, 3.1);

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "core/base/float_guard.hpp"
 #include "nearmesh/core/base/detail/assert.hpp"
 #include "nearmesh/core/mesh/generate.hpp"
 #include "turn.hpp"
@@ -6,6 +7,7 @@
 namespace nearmesh {
 
 IndexedMesh generate_sphere(std::uint32_t size, std::uint64_t /*seed*/) {
+  const FloatGuard guard;
   NEARMESH_ASSERT(size >= 4 && size <= 4096 && size % 2 == 0);
   constexpr int kBits = 22;
   const std::uint32_t slices = size, stacks = size / 2, rings = stacks - 1;

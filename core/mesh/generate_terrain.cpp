@@ -7,6 +7,7 @@
 #include <cmath>
 #include <string>
 
+#include "core/base/float_guard.hpp"
 #include "core/base/random.hpp"
 #include "nearmesh/core/base/detail/assert.hpp"
 #include "nearmesh/core/mesh/generate.hpp"
@@ -91,6 +92,7 @@ double height_m(const Landscape& land, double x, double y) {
 }  // namespace
 
 IndexedMesh generate_terrain(std::uint32_t size, std::uint64_t seed) {
+  const FloatGuard guard;
   NEARMESH_ASSERT(size >= 2 && size <= 4096);
   Random random(seed);
   const Landscape land(random);
@@ -118,6 +120,7 @@ IndexedMesh generate_terrain(std::uint32_t size, std::uint64_t seed) {
 }
 
 Status close_terrain(IndexedMesh& terrain, std::uint32_t size, double floor_m) {
+  const FloatGuard guard;
   const std::uint32_t side = size + 1;
   NEARMESH_ASSERT(terrain.positions_m.size() == std::size_t{side} * side);
   double lowest = terrain.positions_m.front()[2];

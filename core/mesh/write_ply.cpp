@@ -7,6 +7,8 @@
 
 #include "nearmesh/core/mesh/indexed_mesh.hpp"
 
+#include "core/base/float_guard.hpp"
+
 namespace nearmesh {
 namespace {
 
@@ -50,6 +52,7 @@ bool write_body(const IndexedMesh& mesh, std::FILE* file) {
 }  // namespace
 
 Status write_ply(const IndexedMesh& mesh, const std::string& path) {
+  const FloatGuard guard;
   std::unique_ptr<std::FILE, FileCloser> file(std::fopen(path.c_str(), "wb"));
   if (!file) return io_error(path, "create");
   const bool written =

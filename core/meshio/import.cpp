@@ -12,6 +12,7 @@
 
 #include "assimp_reader.hpp"
 #include "child.hpp"
+#include "core/base/float_guard.hpp"
 #include "plain_formats.hpp"
 
 namespace nearmesh {
@@ -79,6 +80,7 @@ Status check_faces(const IndexedMesh& mesh) {
 }  // namespace
 
 Result<IndexedMesh> import_mesh(const std::string& path) {
+  const FloatGuard guard;
   Status status;
   try {
     Result<IndexedMesh> mesh = read_any(path);

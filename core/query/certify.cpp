@@ -3,6 +3,7 @@
 
 #include <string>
 
+#include "core/base/float_guard.hpp"
 #include "core/base/stopwatch.hpp"
 
 namespace nearmesh {
@@ -25,6 +26,7 @@ Status split_nodes(LocalModel& model, const std::vector<NodeSpan>& nodes, const 
 Result<Answer> certify(LocalModel& a, const PosedFrame& frame_a, const Require& require_a,
                        LocalModel& b, const PosedFrame& frame_b, const Require& require_b,
                        const QueryOptions& options, CertifyTimes* times) {
+  const FloatGuard guard;
   CertifyTimes spent;
   Stopwatch watch;
   while (true) {

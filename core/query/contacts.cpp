@@ -18,6 +18,7 @@
 #include <numeric>
 #include <tuple>
 
+#include "core/base/float_guard.hpp"
 #include "core/geometry/triangle_intersection.hpp"
 
 namespace nearmesh {
@@ -346,6 +347,7 @@ double face_uncertainty_m(const ActiveMesh& mesh, const PosedFrame& frame, const
 
 Contacts find_contacts(const TreeView& a, const PosedFrame& frame_a, const TreeView& b,
                        const PosedFrame& frame_b, const Answer& answer) {
+  const FloatGuard guard;
   NEARMESH_ASSERT(frame_a.lattice_exp == frame_b.lattice_exp);
   return Assembly(collect_faces(a, frame_a, answer.pairs, &FacePair::a),
                   collect_faces(b, frame_b, answer.pairs, &FacePair::b), frame_a.lattice_exp,
@@ -355,6 +357,7 @@ Contacts find_contacts(const TreeView& a, const PosedFrame& frame_a, const TreeV
 
 Contacts approximate_contacts(const ActiveMesh& a, const PosedFrame& frame_a, const ActiveMesh& b,
                               const PosedFrame& frame_b, std::size_t max_pairs) {
+  const FloatGuard guard;
   const TriangleTree tree_a = build_triangle_tree(frame_a.grid, current_triangles(a));
   const TriangleTree tree_b = build_triangle_tree(frame_b.grid, current_triangles(b));
   const Answer answer = query(tree_a.view(), frame_a, tree_b.view(), frame_b,

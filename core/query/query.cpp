@@ -8,6 +8,7 @@
 
 #include "clearance.hpp"
 #include "containment.hpp"
+#include "core/base/float_guard.hpp"
 #include "core/base/hash.hpp"
 #include "nearmesh/core/geometry/detail/box_overlap.hpp"
 #include "walk.hpp"
@@ -209,6 +210,7 @@ std::uint64_t digest(const Answer& answer) {
 }
 
 double node_bound(const SplitStore& store, NodeSpan node) {
+  const FloatGuard guard;
   const GridBox box = store.box(node);
   const GridPoint& stand_in = store.position(node.first);
   double square = 0;
@@ -223,6 +225,7 @@ double node_bound(const SplitStore& store, NodeSpan node) {
 
 Answer query(const TreeView& a, const PosedFrame& frame_a, const TreeView& b,
              const PosedFrame& frame_b, const QueryOptions& options) {
+  const FloatGuard guard;
   NEARMESH_ASSERT(frame_a.lattice_exp == frame_b.lattice_exp);
   NEARMESH_ASSERT(!(options.solid_a || options.solid_b) ||
                   (a.surface != nullptr && b.surface != nullptr));
@@ -233,6 +236,7 @@ Answer query(const TreeView& a, const PosedFrame& frame_a, const TreeView& b,
 
 Result<PosedPair> pose_pair(const Grid& grid_a, const Pose& pose_a, std::string_view name_a,
                             const Grid& grid_b, const Pose& pose_b, std::string_view name_b) {
+  const FloatGuard guard;
   NEARMESH_RETURN_IF_ERROR(check_pose(pose_a, name_a));
   NEARMESH_RETURN_IF_ERROR(check_pose(pose_b, name_b));
   const int lattice = lattice_exponent(grid_a, grid_b);

@@ -20,6 +20,7 @@
 #include <string>
 #include <unordered_set>
 
+#include "core/base/float_guard.hpp"
 #include "core/geometry/triangle_overlap.hpp"
 #include "nearmesh/core/geometry/detail/box_overlap.hpp"
 #include "sweep_from.hpp"
@@ -385,6 +386,7 @@ bool is_at_rest(const Motion& motion) {
 Result<SweptAnswer> sweep(const TreeView& a, const Motion& motion_a, std::string_view name_a,
                           const TreeView& b, const Motion& motion_b, std::string_view name_b,
                           const SweepOptions& options) {
+  const FloatGuard guard;
   return sweep_from(nullptr, a, motion_a, name_a, b, motion_b, name_b, options);
 }
 
@@ -419,6 +421,7 @@ Result<SweptAnswer> sweep_from(const Answer* now, const TreeView& a, const Motio
 
 double safe_horizon_s(const TreeView& a, const Motion& motion_a, const TreeView& b,
                       const Motion& motion_b, double clearance_m) {
+  const FloatGuard guard;
   const int lattice = lattice_exponent(*a.grid, *b.grid);
   double speed_mps = 0, rounding_m = 0;
   const auto add = [&](const TreeView& tree, const Motion& motion) {

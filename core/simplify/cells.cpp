@@ -39,6 +39,7 @@ struct Cell {
   Patch rest;
   std::vector<std::uint32_t> place;  ///< in the whole patch, of each vertex of `rest`
   std::vector<Collapse> collapses;
+  std::uint64_t work = 0;
 };
 
 std::uint32_t cell_of(std::uint32_t vertex) { return vertex / kCellVertices; }
@@ -108,6 +109,7 @@ class CutOut {
   [[nodiscard]] Cell finish(Simplifier& simplifier) const {
     Cell cell;
     cell.collapses = simplifier.collapses();
+    cell.work = simplifier.work();
     cell.rest = simplifier.take_rest(own_, cell.place);
     // Faces across the border are locked, so those of lower cells still stand last.
     cell.rest.faces.resize(cell.rest.faces.size() - below_);
@@ -151,9 +153,10 @@ std::uint32_t size_of(const Patch& patch, std::uint32_t cell) {
 
 /// The rank at which about kShareLeft of the vertices would be left.
 std::uint32_t find_limit(const Patch& patch, const CellFaces& faces, std::uint32_t cells,
-                         unsigned threads) {
+                         unsigned threads, std::uint64_t& work) {
   std::array<std::vector<std::uint32_t>, kSamples> ranks;
   std::array<std::size_t, kSamples> vertices{};
+  std::array<std::uint64_t, kSamples> works{};
   for_each_index(kSamples, threads, [&](std::size_t i) {
     const auto cell = static_cast<std::uint32_t>(i * cells / kSamples);
     const std::uint32_t size = size_of(patch, cell), own = std::min(size, kSampleVertices);
@@ -163,9 +166,11 @@ std::uint32_t find_limit(const Patch& patch, const CellFaces& faces, std::uint32
     Simplifier simplifier = cut.start(kLeastShare);
     vertices[i] = simplifier.count_free();
     simplifier.collapse_edges(Rule::kAll, kNone, &ranks[i]);
+    works[i] = simplifier.work();
     for (std::size_t j = 1; j < ranks[i].size(); ++j)
       ranks[i][j] = std::max(ranks[i][j], ranks[i][j - 1]);
   });
+  work = std::accumulate(works.begin(), works.end(), work);
   std::vector<std::uint32_t> all;
   for (const auto& some : ranks) all.insert(all.end(), some.begin(), some.end());
   if (all.empty()) return 0;
@@ -239,7 +244,7 @@ Patch simplify_cells(Patch patch, const SimplifyOptions& options, CollapseLog& l
   if (count < kLeastCells || patch.faces.size() / (2 * kLeastShare) < options.base_faces)
     return patch;
   const CellFaces faces = sort_faces(patch, count);
-  const std::uint32_t limit = find_limit(patch, faces, count, options.threads);
+  const std::uint32_t limit = find_limit(patch, faces, count, options.threads, log.work);
   std::vector<Cell> cells(count);
   Progress progress(options.on_progress, count);
   for_each_index(count, options.threads, [&](std::size_t i) {
@@ -250,8 +255,10 @@ Patch simplify_cells(Patch patch, const SimplifyOptions& options, CollapseLog& l
     cells[i] = cut.finish(simplifier);
     progress.add_piece();
   });
-  for (const Cell& cell : cells)
+  for (const Cell& cell : cells) {
     log.collapses.insert(log.collapses.end(), cell.collapses.begin(), cell.collapses.end());
+    log.work += cell.work;
+  }
   return join(patch, cells);
 }
 

@@ -18,6 +18,7 @@ void Simplifier::gather_ring(std::uint32_t u, std::vector<std::uint32_t>& ring) 
   ring.clear();
   const std::uint32_t stamp = next_stamp();
   const Vertex& v = vertices_[u];
+  work_ += v.count;
   for (const std::uint32_t* it = faces_begin(v); it != faces_end(v); ++it)
     for (const std::uint32_t x : faces_[*it].corner) {
       if (x == u) continue;
@@ -84,7 +85,7 @@ void Simplifier::choose(std::uint32_t u) {
 void Simplifier::choose_among(std::uint32_t u, std::span<const std::uint32_t> ring) {
   Choice best;
   for (const std::uint32_t x : ring) {
-    if (vertices_[x].is_locked) continue;
+    if (is_fixed(vertices_[x])) continue;
     best.value = std::min(best.value, choice_between(u, x).value);
   }
   set_choice(u, best);
@@ -100,7 +101,7 @@ void Simplifier::choose_next(std::uint32_t u) {
   gather_ring(u, ring_);
   Choice best;
   for (const std::uint32_t x : ring_) {
-    if (vertices_[x].is_locked) continue;
+    if (is_fixed(vertices_[x])) continue;
     const double cost = cost_of(u, x);
     const std::uint32_t depth = std::max(vertices_[u].depth, vertices_[x].depth);
     for (const bool is_dear : {false, true}) {
@@ -116,20 +117,36 @@ void Simplifier::choose_next(std::uint32_t u) {
 /// So what x would choose is no better than before, or it is s; and where it was u or s, another look
 /// can wait until its turn comes.
 void Simplifier::choose_again(std::uint32_t x, std::uint32_t u, std::uint32_t s) {
-  if (vertices_[x].is_locked) return;
+  if (is_fixed(vertices_[x])) return;
   if (!queue_.contains(x)) return choose(x);
   const Choice present = choice_of(x);
   if (present.is_second()) return choose(x);
-  const Choice to_s = choice_between(x, s);
-  if (to_s.value <= present.value)
-    set_choice(x, to_s);
-  else if (present.partner() == u || present.partner() == s)
-    vertices_[x].is_stale = 1;
+  if (!is_fixed(vertices_[s]))
+    if (const Choice to_s = choice_between(x, s); to_s.value <= present.value)
+      return set_choice(x, to_s);
+  if (present.partner() == u || present.partner() == s) vertices_[x].is_stale = 1;
+}
+
+/// Lets a vertex that was crowded and is no more take part again.
+void Simplifier::choose_around(std::uint32_t thinned) {
+  Vertex& v = vertices_[thinned];
+  forget_vanished(v);
+  v.is_crowded = 0;
+  if (is_fixed(v)) return;
+  gather_ring(thinned, ring_s_left_);
+  for (const std::uint32_t x : ring_s_left_) {
+    if (is_fixed(vertices_[x])) continue;
+    if (!queue_.contains(x))
+      choose(x);
+    else if (const Choice to = choice_between(x, thinned); to.value < choice_of(x).value)
+      set_choice(x, to);
+  }
+  choose_among(thinned, ring_s_left_);
 }
 
 void Simplifier::collapse_edges(Rule rule, std::uint32_t limit, std::vector<std::uint32_t>* ranks) {
   for (std::uint32_t u = 0; u < vertices_.size(); ++u)
-    if (vertices_[u].count > 0 && !vertices_[u].is_locked) choose(u);
+    if (vertices_[u].count > 0 && !is_fixed(vertices_[u])) choose(u);
   effort_ = 0;
   while (!is_done() && faces_left_ > pause_faces_ && !queue_.is_empty() &&
          effort_ <= kPatience * (faces_in_ + 64)) {
@@ -150,9 +167,31 @@ void Simplifier::collapse_edges(Rule rule, std::uint32_t limit, std::vector<std:
     if (ranks != nullptr) ranks->push_back(rank);
     const std::uint32_t s = choice.partner();
     for (const std::uint32_t x : ring_s_left_) choose_again(x, u, s);
-    for (const std::uint32_t x : left_alone_) choose(x);
-    choose_among(s, ring_s_left_);
+    for (const std::uint32_t x : left_alone_)
+      if (!is_fixed(vertices_[x])) choose(x);
+    if (!is_fixed(vertices_[s])) choose_among(s, ring_s_left_);
+    for (; !thinned_.empty(); thinned_.pop_back()) choose_around(thinned_.back());
     report_progress();
+  }
+}
+
+/// Every face has two corners that are crowded, or two that are not, so one of the two turns always takes some. What is
+/// crowded never takes in what is not: that would cost as many faces each time, whereas two crowded ones merge at once.
+void Simplifier::collapse_crowded() {
+  for (std::uint64_t before = 0; !is_done() && before != faces_left_;) {
+    before = faces_left_;
+    for (Vertex& v : vertices_)
+      if (v.is_crowded) forget_vanished(v);
+    among_crowded_ = true;
+    collapse_edges(Rule::kNothing);
+    among_crowded_ = false;
+    for (std::uint32_t u = 0; u < vertices_.size(); ++u) {
+      Vertex& v = vertices_[u];
+      queue_.remove(u);
+      v.is_crowded = v.first != kNone && v.count > kCrowd;
+      if (v.is_crowded) v.capacity = v.count;
+    }
+    collapse_edges(Rule::kNothing);
   }
 }
 
@@ -192,6 +231,7 @@ bool Simplifier::keeps_topology(std::uint32_t u, std::uint32_t s, bool& is_tetra
     const int at = f.corner[0] == u ? 0 : f.corner[1] == u ? 1 : 2;
     const std::uint32_t a = f.corner[(at + 1) % 3], b = f.corner[(at + 2) % 3];
     if (a == s || b == s || !is_near_s(a) || !is_near_s(b)) continue;
+    work_ += kept.count;
     for (const std::uint32_t* other = faces_begin(kept); other != faces_end(kept); ++other) {
       const auto& c = faces_[*other].corner;
       if (std::find(c.begin(), c.end(), a) == c.end() ||
@@ -237,6 +277,11 @@ void Simplifier::collapse(std::uint32_t u, std::uint32_t s) {
   move_faces(u, s);
   remove_vertex(u, s);
   gather_ring(s, ring_s_left_);
+  if (Vertex& kept = vertices_[s]; kept.count > kCrowd && !kept.is_crowded) {
+    kept.is_crowded = 1;
+    kept.capacity = kept.count;
+    queue_.remove(s);
+  }
   left_alone_.clear();
   for (const std::uint32_t x : thirds_)
     if (vertices_[x].mark <= stamp_) {
@@ -249,6 +294,7 @@ void Simplifier::move_faces(std::uint32_t u, std::uint32_t s) {
   merged_.clear();
   thirds_.clear();
   Vertex &removed = vertices_[u], &kept = vertices_[s];
+  work_ += removed.count + kept.count;
   for (std::uint32_t i = 0; i < removed.count; ++i) {
     const std::uint32_t face = pool_[removed.first + i];
     Face& f = faces_[face];
@@ -285,6 +331,11 @@ void Simplifier::remove_vertex(std::uint32_t u, std::uint32_t s) {
 
 void Simplifier::drop_face(std::uint32_t vertex, std::uint32_t face) {
   Vertex& v = vertices_[vertex];
+  if (v.is_crowded && !among_crowded_) {
+    if (--v.count == kCrowd / 2) thinned_.push_back(vertex);
+    return;
+  }
+  work_ += v.count;
   std::uint32_t* slice = &pool_[v.first];
   std::uint32_t* last = slice + v.count - 1;
   *std::find(slice, last, face) = *last;
@@ -314,12 +365,25 @@ void Simplifier::compact_pool() {
   pool.reserve(pool_limit_);
   for (Vertex& v : vertices_) {
     if (v.first == kNone) continue;
+    forget_vanished(v);
     const auto first = static_cast<std::uint32_t>(pool.size());
     pool.insert(pool.end(), pool_.begin() + v.first, pool_.begin() + v.first + v.count);
     v.first = first;
     v.capacity = v.count;
   }
   pool_ = std::move(pool);
+}
+
+/// Of a crowded vertex's slice keeps what is left.
+void Simplifier::forget_vanished(Vertex& v) {
+  if (!v.is_crowded || among_crowded_ || v.count == v.capacity) return;
+  work_ += v.capacity;
+  const auto begin = pool_.begin() + v.first;
+  const auto end = std::remove_if(begin, begin + v.capacity, [this](std::uint32_t face) {
+    return faces_[face].corner[0] == kNone;
+  });
+  NEARMESH_ASSERT(end - begin == static_cast<std::ptrdiff_t>(v.count));
+  v.capacity = v.count;
 }
 
 void Simplifier::report_progress() {

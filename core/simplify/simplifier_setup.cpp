@@ -94,6 +94,7 @@ void Simplifier::link_faces() {
   std::uint32_t first = 0;
   for (Vertex& v : vertices_) {
     v.first = first;
+    v.is_crowded = v.capacity > kCrowd;
     first += v.capacity;
   }
   // Room for slices that outgrow their place before the pool is compacted.

@@ -35,6 +35,7 @@ CollapseLog simplify(const GridMesh& mesh, const SimplifyOptions& options) {
   simplifier.start_phase(kCoarseErrorWeight, 0);
   for (const Rule rule : kRules)
     if (!simplifier.is_done()) simplifier.collapse_edges(rule);
+  if (!simplifier.is_done()) simplifier.collapse_crowded();
   log.clustered = simplifier.merge_isolated();
   if (log.clustered > 0 && log.stop == StopReason::kReachedTarget)
     log.stop = StopReason::kClustered;
@@ -42,6 +43,7 @@ CollapseLog simplify(const GridMesh& mesh, const SimplifyOptions& options) {
                        simplifier.collapses().end());
   log.edge_collapses = log.collapses.size() - log.clustered;
   log.base_faces = simplifier.faces_left();
+  log.work += simplifier.work();
   if (options.on_progress) options.on_progress(1.0);
   return log;
 }

@@ -78,7 +78,11 @@ std::string ModelFile::Impl::change() const {
 }
 
 Status ModelFile::Impl::open() {
-  descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  // To open a FIFO waits for who writes to it, and to open a device may do something: neither is opened, and what comes
+  // in the file's place just then does not block.
+  if (::stat(path.c_str(), &opened) == 0 && !S_ISREG(opened.st_mode))
+    return {StatusCode::kIo, path + ": not a regular file"};
+  descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
   if (descriptor < 0) return {StatusCode::kIo, path + ": cannot open: " + std::strerror(errno)};
   if (::fstat(descriptor, &opened) != 0 || !S_ISREG(opened.st_mode))
     return {StatusCode::kIo, path + ": not a regular file"};

@@ -6,6 +6,8 @@
 #include <ctime>
 #include <limits>
 
+#include "core/base/float_guard.hpp"
+
 namespace nearmesh::wire {
 namespace {
 
@@ -60,6 +62,7 @@ RejoinWatch::~RejoinWatch() {
 }
 
 void RejoinWatch::watch(double lease_s) {
+  const FloatGuard guard;
   const std::chrono::duration<double> period(std::min(lease_s / 8, 0.5));
   double again_s = std::numeric_limits<double>::infinity();
   std::unique_lock lock(mutex_);

@@ -12,6 +12,7 @@
 #include <thread>
 #include <utility>
 
+#include "core/base/float_guard.hpp"
 #include "dds_hellos.hpp"
 #include "dds_poses.hpp"
 #include "idl/dds/dds_support.hpp"
@@ -186,6 +187,7 @@ void DdsChannel::Impl::wait(double seconds) {
 // --- The I/O thread
 
 void DdsChannel::Impl::run(std::promise<Status> started) {
+  const FloatGuard guard;
   // A participant of the host's is the host's to repair.
   std::unique_ptr<wire::RejoinWatch> rejoin_watch;
   if (options_.participant == nullptr)

@@ -3,6 +3,7 @@
 
 #include <utility>
 
+#include "core/base/float_guard.hpp"
 #include "core/demand/answer.hpp"
 
 namespace nearmesh::subscriber {
@@ -52,6 +53,7 @@ void LocalChannel::set_connected(bool connected) {
 }
 
 Status LocalChannel::deliver(const wire::BodyPose& pose) {
+  const FloatGuard guard;
   NEARMESH_RETURN_IF_ERROR(wire::check(pose));
   if (connected_) inbox_.poses.push_back(pose);
   return Status::ok();

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/float_guard.hpp"
 #include "core/base/stopwatch.hpp"
 #include "nearmesh/core/query/query.hpp"
 #include "nearmesh/subscriber/peer/wait_ready.hpp"
@@ -84,6 +85,7 @@ RegionReadiness lacks_in_box(const TreeView& tree, const std::array<double, 3>& 
 Result<Waited> wait_ready(Session& session, BodyId body, double timeout_s,
                           std::vector<Session::OwnMotion> motions, std::uint64_t frame,
                           double time_s) {
+  const FloatGuard guard;
   constexpr double kBudget_s = 0.1;  // nobody has a frame to keep here
   const Stopwatch waited;
   Waited result;

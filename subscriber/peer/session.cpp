@@ -4,6 +4,7 @@
 #include <limits>
 #include <utility>
 
+#include "core/base/float_guard.hpp"
 #include "core/base/hash.hpp"
 #include "pair_readiness.hpp"
 #include "region_readiness.hpp"
@@ -57,6 +58,7 @@ Result<BodyId> Session::add_body(BodyOptions options) {
 }
 
 Status Session::place_body(BodyId body, const Pose& pose) {
+  const FloatGuard guard;
   Body* placed = impl_->find(body);
   if (placed == nullptr) return no_such(body);
   NEARMESH_RETURN_IF_ERROR(check_pose(pose, placed->name));
@@ -83,6 +85,7 @@ std::string Session::name_of(BodyId body) const {
 
 Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
                                     const std::vector<OwnMotion>& motions, double budget_s) {
+  const FloatGuard guard;
   Impl& impl = *impl_;
   for (const OwnMotion& own : motions) {
     const Body* body = impl.find(own.body);
@@ -358,6 +361,7 @@ void Session::Impl::tell_status(const FrameReport& report, const SessionStats& c
 }
 
 Result<Readiness> Session::readiness(BodyId body) const {
+  const FloatGuard guard;
   const Body* asked = impl_->find(body);
   if (asked == nullptr) return no_such(body);
   Readiness all{.stage = ReadyStage::kCertified};
@@ -370,6 +374,7 @@ Result<Readiness> Session::readiness(BodyId body) const {
 
 Result<RegionReadiness> Session::region_readiness(BodyId body, const std::array<double, 3>& lo_m,
                                                   const std::array<double, 3>& hi_m) const {
+  const FloatGuard guard;
   const Body* asked = impl_->find(body);
   if (asked == nullptr) return no_such(body);
   for (std::size_t k = 0; k < 3; ++k)

@@ -3,6 +3,7 @@
 
 #include <new>
 
+#include "core/base/float_guard.hpp"
 #include "core/base/parallel.hpp"
 #include "nearmesh/idl/dds/recorded_samples.hpp"
 
@@ -131,6 +132,7 @@ class Player {
 }  // namespace
 
 Result<Played> play(RecordingReader& recording, const PlayPlan& plan) {
+  const FloatGuard guard;
   const Result<wire::RecordedSamples> samples = wire::RecordedSamples::of(recording);
   NEARMESH_RETURN_IF_ERROR(samples);
   Player player(recording, samples.value(), plan);

@@ -2,6 +2,8 @@
 // nearmesh-publisher and nearmesh-subscriber as a user runs them: processes that talk over UDP on 127.0.0.1. Every test
 // has a domain of its own, and topics of its own in case another checkout tests at the same time.
 
+#include <sys/stat.h>
+
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
@@ -269,6 +271,19 @@ TEST_F(Programs, CorruptModelIsRefused) {
         << name;
     EXPECT_NE(err.find("error"), std::string::npos) << err;
     EXPECT_NE(err.find(folder.file(name)), std::string::npos) << err;
+  }
+}
+
+TEST_F(Programs, WhatIsNoFileIsRefusedAtOnce) {
+  ASSERT_EQ(::mkfifo(folder.file("fifo.spm").c_str(), 0600), 0);
+  ASSERT_EQ(::symlink("/dev/zero", folder.file("device.spm").c_str()), 0);
+  std::filesystem::create_directory(folder.file("folder.spm"));
+  for (const char* name : {"fifo.spm", "device.spm", "folder.spm"}) {
+    Process publisher(folder, "nearmesh-publisher",
+                      on_bus({"serve", terrain(), folder.file(name)}));
+    EXPECT_EQ(publisher.wait(10), 1) << name;
+    EXPECT_NE(publisher.err().find(folder.file(name) + ": not a regular file"), std::string::npos)
+        << publisher.err();
   }
 }
 

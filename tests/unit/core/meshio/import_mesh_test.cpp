@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <cstdio>
+#include <filesystem>
 #include <fstream>
 #include <iterator>
 
@@ -52,6 +55,30 @@ void expect_refused(const std::string& ending, const std::string& bytes, StatusC
   EXPECT_NE(mesh.status().message().find(message_part), std::string::npos)
       << mesh.status().message();
   EXPECT_TRUE(mesh.status().message().starts_with(file.path()));
+}
+
+// --- what is no file ---
+
+/// For our own readers and for assimp's.
+TEST(ImportMesh, RefusesWhatIsNoRegularFileAtOnce) {
+  const std::string stem =
+      testing::TempDir() + "nearmesh_no_file_" + std::to_string(::getpid()) + "_";
+  for (const std::string ending : {".obj", ".ply", ".stl", ".off", ".dae"}) {
+    const std::string fifo = stem + "fifo" + ending, folder = stem + "folder" + ending,
+                      device = stem + "device" + ending;
+    ASSERT_EQ(::mkfifo(fifo.c_str(), 0600), 0);
+    ASSERT_EQ(::mkdir(folder.c_str(), 0700), 0);
+    ASSERT_EQ(::symlink("/dev/zero", device.c_str()), 0);
+    ::alarm(10);
+    for (const std::string& path : {fifo, folder, device}) {
+      const auto mesh = import_mesh(path);
+      ASSERT_FALSE(mesh.is_ok());
+      EXPECT_EQ(mesh.status().code(), StatusCode::kIo);
+      EXPECT_EQ(mesh.status().message(), path + ": expected a regular file");
+    }
+    ::alarm(0);
+    for (const std::string& path : {fifo, folder, device}) std::filesystem::remove(path);
+  }
 }
 
 // --- PLY ---

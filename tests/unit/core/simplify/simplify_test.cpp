@@ -205,6 +205,56 @@ GridMesh book(int pages) {
   return with_face_ids(std::move(mesh));
 }
 
+/// A rim of `count` vertices, wavy so that no two of its edges are alike, around the grid's middle.
+GridMesh rim(std::uint32_t count) {
+  GridMesh mesh;
+  for (std::uint32_t i = 0; i < count; ++i) {
+    const double turn = 2 * 3.14159265358979 * i / count,
+                 size = 900000 + 50000 * std::sin(7 * turn);
+    mesh.positions.push_back({{static_cast<std::int32_t>(1000000 + size * std::cos(turn)),
+                               static_cast<std::int32_t>(1000000 + size * std::sin(turn)),
+                               static_cast<std::int32_t>(500000 + 40000 * std::sin(11 * turn))}});
+  }
+  return mesh;
+}
+
+/// All faces around one vertex, between it and the rim.
+GridMesh fan(std::uint32_t faces) {
+  GridMesh mesh = rim(faces);
+  mesh.positions.push_back({{1000000, 1000000, 900000}});
+  for (std::uint32_t i = 0; i < faces; ++i) mesh.faces.push_back({i, (i + 1) % faces, faces});
+  return with_face_ids(std::move(mesh));
+}
+
+/// The same closed by a second vertex below.
+GridMesh two_fans(std::uint32_t faces) {
+  GridMesh mesh = fan(faces / 2);
+  const std::uint32_t around = faces / 2;
+  mesh.positions.push_back({{1000000, 1000000, 100000}});
+  for (std::uint32_t i = 0; i < around; ++i)
+    mesh.faces.push_back({(i + 1) % around, i, around + 1});
+  return with_face_ids(std::move(mesh));
+}
+
+/// Every other face of a fan: they have one vertex in common and nothing else.
+GridMesh blades(std::uint32_t faces) {
+  GridMesh mesh = fan(2 * faces);
+  FaceList kept;
+  for (std::size_t i = 0; i < mesh.faces.size(); i += 2) kept.push_back(mesh.faces[i]);
+  mesh.faces = std::move(kept);
+  mesh.face_ids.clear();
+  return with_face_ids(std::move(mesh));
+}
+
+/// All faces on one edge.
+GridMesh faces_on_an_edge(std::uint32_t faces) {
+  GridMesh mesh = rim(faces);
+  mesh.positions.push_back({{1000000, 1000000, 900000}});
+  mesh.positions.push_back({{1000000, 1000000, 100000}});
+  for (std::uint32_t i = 0; i < faces; ++i) mesh.faces.push_back({i, faces, faces + 1});
+  return with_face_ids(std::move(mesh));
+}
+
 CollapseLog run(const GridMesh& mesh, std::uint32_t base_faces) {
   SimplifyOptions options;
   options.base_faces = base_faces;
@@ -402,6 +452,32 @@ TEST(Simplify, ReachesTargetOnABook) { expect_reached(book(9), 20); }
 TEST(Simplify, ReachesOneFaceOnASphere) { expect_reached(sphere(3), 1); }
 TEST(Simplify, ReachesOneFaceOnTerrain) { expect_reached(rough_terrain(16), 1); }
 
+TEST(Simplify, ReachesTargetOnAFan) { expect_reached(fan(20000), 256); }
+TEST(Simplify, ReachesTargetOnTwoFans) { expect_reached(two_fans(20000), 64); }
+TEST(Simplify, ReachesOneFaceOnAFan) { expect_reached(fan(20000), 1); }
+TEST(Simplify, ReachesTargetOnBlades) { expect_reached(blades(20000), 256); }
+TEST(Simplify, ReachesTargetOnFacesOnAnEdge) { expect_reached(faces_on_an_edge(20000), 256); }
+TEST(Simplify, ReachesTargetOnATangleOfFewVertices) { expect_reached(soup(12, 60000), 100); }
+TEST(Simplify, KeepsTwoFansClosedAndManifold) { expect_closed_manifold(two_fans(20000), 64); }
+
+/// What simplification looks at, for each face of the mesh.
+double work_per_face(const GridMesh& mesh) {
+  return static_cast<double>(run(mesh, 256).work) / static_cast<double>(mesh.faces.size());
+}
+
+TEST(SimplifyWork, IsNoMoreThanTwiceThatOfTerrainAroundOneVertex) {
+  const double terrain = work_per_face(rough_terrain(200));
+  EXPECT_LT(work_per_face(fan(80000)), 2 * terrain);
+  EXPECT_LT(work_per_face(two_fans(80000)), 2 * terrain);
+  EXPECT_LT(work_per_face(blades(80000)), 2 * terrain);
+  EXPECT_LT(work_per_face(faces_on_an_edge(80000)), 2 * terrain);
+}
+
+TEST(SimplifyWork, IsTheSameForEachFaceHoweverManyShareAVertex) {
+  for (const auto& mesh : {fan, two_fans, blades, faces_on_an_edge})
+    EXPECT_LT(work_per_face(mesh(80000)), 1.5 * work_per_face(mesh(20000)) + 10);
+}
+
 TEST(Simplify, LeavesASingleTriangleAlone) {
   GridMesh mesh;
   mesh.positions = {{{0, 0, 0}}, {{5, 0, 0}}, {{0, 5, 0}}};
@@ -486,6 +562,7 @@ TEST(SimplifyInCells, GivesTheSameLogOnEveryMachine) {
 TEST(SimplifyInCells, ReachesTargetOnTerrain) { expect_reached(rough_terrain(260), 256); }
 TEST(SimplifyInCells, ReachesTargetOnDebris) { expect_reached(tetrahedra(20000), 256); }
 TEST(SimplifyInCells, ReachesTargetOnASoup) { expect_reached(soup(70000, 30000), 256); }
+TEST(SimplifyInCells, ReachesTargetOnAFan) { expect_reached(fan(100000), 256); }
 TEST(SimplifyInCells, ReachesATargetThatCellsWouldMiss) {
   const GridMesh mesh = rough_terrain(260);
   const auto target = static_cast<std::uint32_t>(mesh.faces.size() * 9 / 10);

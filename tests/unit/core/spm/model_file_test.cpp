@@ -2,6 +2,8 @@
 #include "nearmesh/core/spm/model_file.hpp"
 
 #include <sys/resource.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <cstdlib>
 #include <cstring>
@@ -158,6 +160,19 @@ void expect_refused(const std::string& path, StatusCode code) {
 TEST(ModelFile, RefusesAMissingFile) { expect_refused("/nonexistent/model.spm", StatusCode::kIo); }
 
 TEST(ModelFile, RefusesADirectory) { expect_refused("/tmp", StatusCode::kIo); }
+
+TEST(ModelFile, RefusesADevice) { expect_refused("/dev/zero", StatusCode::kIo); }
+
+/// Where nobody writes to it: an open that waits would wait for ever.
+TEST(ModelFile, RefusesAFifoAtOnce) {
+  const std::string path =
+      ::testing::TempDir() + "nearmesh_fifo_" + std::to_string(::getpid()) + ".spm";
+  ASSERT_EQ(::mkfifo(path.c_str(), 0600), 0);
+  ::alarm(10);
+  expect_refused(path, StatusCode::kIo);
+  ::alarm(0);
+  ::unlink(path.c_str());
+}
 
 TEST(ModelFile, RefusesAnEmptyFile) {
   const TempFile file;
