@@ -7,6 +7,8 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cmath>
+#include <cstddef>
 #include <cstring>
 #include <new>
 
@@ -17,6 +19,7 @@
 namespace nearmesh {
 
 using file_layout::DirectoryEntry;
+using file_layout::OriginEntry;
 using file_layout::Preamble;
 
 namespace {
@@ -35,6 +38,7 @@ struct ModelFile::Impl {
   Preamble preamble;
   std::vector<std::uint8_t> header_bytes;
   SpmHeader header;
+  MeshOrigin origin;
   std::vector<DirectoryEntry> directory;
   std::vector<std::span<const DirectoryEntry>> levels;
   std::vector<std::uint8_t> block;  ///< scratch of require()
@@ -56,6 +60,7 @@ struct ModelFile::Impl {
   Status read(std::uint64_t offset, void* bytes, std::uint64_t count) const;
   Status read_preamble();
   Status read_header();
+  Status read_origin();
   Status read_directory();
   [[nodiscard]] Status check_directory();
   [[nodiscard]] Status read_block(const DirectoryEntry& entry,
@@ -120,7 +125,7 @@ Status ModelFile::Impl::read_preamble() {
   const std::uint64_t directory_bytes =
       std::uint64_t{preamble.block_count} * sizeof(DirectoryEntry);
   if (preamble.header_bytes > kMaxHeaderBytes ||
-      sizeof(Preamble) + preamble.header_bytes > preamble.directory_offset ||
+      sizeof(Preamble) + preamble.header_bytes + sizeof(OriginEntry) > preamble.directory_offset ||
       preamble.directory_offset % alignof(DirectoryEntry) != 0 ||
       preamble.directory_offset > size || directory_bytes > size - preamble.directory_offset ||
       preamble.face_table_offset != preamble.directory_offset + directory_bytes)
@@ -134,6 +139,28 @@ Status ModelFile::Impl::read_header() {
   Result<SpmHeader> decoded = decode_header(header_bytes);
   if (!decoded.is_ok()) return corrupt(decoded.status().message());
   header = std::move(decoded).value();
+  return Status::ok();
+}
+
+Status ModelFile::Impl::read_origin() {
+  OriginEntry entry;
+  NEARMESH_RETURN_IF_ERROR(read(preamble.directory_offset - sizeof entry, &entry, sizeof entry));
+  const std::span<const std::uint8_t> bytes(reinterpret_cast<const std::uint8_t*>(&entry),
+                                            offsetof(OriginEntry, checksum));
+  if (static_cast<std::uint32_t>(hash_bytes(bytes)) != entry.checksum)
+    return corrupt("checksum of the origin does not match");
+  const auto is_length = [](double x) { return std::isfinite(x) && x > 0; };
+  if (!is_length(entry.unit_m) || !is_length(entry.scale) ||
+      entry.unit_source > static_cast<std::uint8_t>(OriginSource::kOption) ||
+      entry.up > static_cast<std::uint8_t>(UpAxis::kZ) ||
+      entry.up_source > static_cast<std::uint8_t>(OriginSource::kOption) || entry.z_up > 1)
+    return corrupt("the origin has a unit, a source or an axis that does not exist");
+  origin = {.unit_m = entry.unit_m,
+            .scale = entry.scale,
+            .unit_source = static_cast<OriginSource>(entry.unit_source),
+            .up = static_cast<UpAxis>(entry.up),
+            .up_source = static_cast<OriginSource>(entry.up_source),
+            .z_up = entry.z_up != 0};
   return Status::ok();
 }
 
@@ -220,6 +247,7 @@ Result<ModelFile> ModelFile::open(const std::string& path) {
   NEARMESH_RETURN_IF_ERROR(impl->open());
   NEARMESH_RETURN_IF_ERROR(impl->read_preamble());
   NEARMESH_RETURN_IF_ERROR(impl->read_header());
+  NEARMESH_RETURN_IF_ERROR(impl->read_origin());
   try {
     NEARMESH_RETURN_IF_ERROR(impl->read_directory());
     impl->store = std::make_unique<SplitStore>(impl->header);
@@ -240,6 +268,7 @@ std::uint64_t ModelFile::mesh_bytes() const {
   for (const DirectoryEntry& entry : impl_->directory) bytes += entry.bytes;
   return bytes;
 }
+const MeshOrigin& ModelFile::origin() const { return impl_->origin; }
 std::uint64_t ModelFile::block_count() const { return impl_->preamble.block_count; }
 const SplitStore& ModelFile::store() const { return *impl_->store; }
 
