@@ -14,14 +14,6 @@
 namespace nearmesh::program {
 namespace {
 
-struct Options {
-  std::string in, out;
-  int grid_bits = 21;
-  std::uint32_t base_faces = SimplifyOptions{}.base_faces;
-  unsigned threads = 0;
-  bool json = false;
-};
-
 // One line that is rewritten on a terminal, and a few plain lines elsewhere. Standard error only.
 class Progress {
  public:
@@ -58,7 +50,7 @@ struct Outcome {
   WrittenModel written;
 };
 
-void print_json(const Options& options, const Outcome& o) {
+void print_json(const BuildOptions& options, const Outcome& o) {
   const CleanReport& c = o.clean;
   const nlohmann::ordered_json report = {{"input", options.in},
                                          {"output", options.out},
@@ -91,7 +83,7 @@ void print_json(const Options& options, const Outcome& o) {
   std::printf("%s\n", report.dump().c_str());
 }
 
-void print_text(const Options& options, const Outcome& o) {
+void print_text(const BuildOptions& options, const Outcome& o) {
   const CleanReport& c = o.clean;
   const auto count = [](std::uint64_t n) { return static_cast<unsigned long long>(n); };
   std::printf("%s -> %s\n", options.in.c_str(), options.out.c_str());
@@ -127,7 +119,9 @@ void print_text(const Options& options, const Outcome& o) {
               o.simplify_seconds, static_cast<double>(peak_memory_bytes()) / 1e6);
 }
 
-Status run(const Options& options) {
+}  // namespace
+
+Status run(const BuildOptions& options) {
   Stopwatch watch;
   Progress progress;
   Outcome outcome;
@@ -166,29 +160,6 @@ Status run(const Options& options) {
   outcome.written = written.value();
   options.json ? print_json(options, outcome) : print_text(options, outcome);
   return Status::ok();
-}
-
-}  // namespace
-
-void add_build(CLI::App& app, Action& chosen) {
-  CLI::App* command =
-      app.add_subcommand("build", "Turn a mesh file into a progressive model (.spm).");
-  const auto options = std::make_shared<Options>();
-  command->add_option("input", options->in, "Mesh file, any format assimp reads")->required();
-  command->add_option("-o,--output", options->out, ".spm file to write")->required();
-  command->add_option("--grid-bits", options->grid_bits, "Bits per axis of the integer grid")
-      ->capture_default_str()
-      ->check(CLI::Range(kMinGridBits, kMaxGridBits));
-  command->add_option("--base-faces", options->base_faces, "Stop simplifying at this many faces")
-      ->capture_default_str()
-      ->check(CLI::Range(1U, 1000U));
-  command
-      ->add_option(
-          "--threads", options->threads,
-          "Threads to use (default: one for each core); the file is the same for any number")
-      ->check(CLI::Range(1U, 256U));
-  command->add_flag("--json", options->json, "Print the report as one JSON object");
-  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 
 }  // namespace nearmesh::program

@@ -11,10 +11,6 @@
 namespace nearmesh::program {
 namespace {
 
-struct Options {
-  std::vector<std::string> models, answers;
-};
-
 struct FullMesh {
   SpmHeader header;
   TriangleTree tree;
@@ -101,7 +97,9 @@ Status check_line(const nlohmann::json& line, const std::map<std::string, FullMe
   return Status::ok();
 }
 
-Status run(const Options& options) {
+}  // namespace
+
+Status run(const CheckOptions& options) {
   std::map<std::string, FullMesh> models;
   for (const std::string& path : options.models) {
     Result<FullMesh> mesh = load(path);
@@ -132,20 +130,6 @@ Status run(const Options& options) {
             std::to_string(counts.wrong) + " answers contradict the full meshes"};
   if (counts.answers == 0) return {StatusCode::kInvalidArgument, "no answer was found to check"};
   return Status::ok();
-}
-
-}  // namespace
-
-void add_check(CLI::App& app, Action& chosen) {
-  CLI::App* command = app.add_subcommand(
-      "check", "Check a peer's recorded answers against the full meshes; fails if one is wrong.");
-  const auto options = std::make_shared<Options>();
-  command->add_option("models", options->models, ".spm files of all models that occur")->required();
-  command
-      ->add_option("--answers", options->answers,
-                   "Files written by nearmesh-subscriber run --answers (or its --json output)")
-      ->required();
-  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 
 }  // namespace nearmesh::program

@@ -1,23 +1,57 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// The commands of nearmesh-model. Each adds its options to the program and, if chosen, runs; a Status that is not ok
-// becomes one line on standard error and exit code 1 (wrong usage: 2).
+// The commands of nearmesh-model: what each is told, and what it then does. A Status that is not ok becomes one line on
+// standard error and exit code 1 (wrong usage: 2). Flags and help stand in main.cpp alone, so that no command compiles CLI11.
 
-#include <CLI/CLI.hpp>
-#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
 
+#include "nearmesh/core/bake/bake.hpp"
 #include "nearmesh/core/base/status.hpp"
+#include "query_methods.hpp"
 
 namespace nearmesh::program {
 
-/// What main runs after parsing: set by the chosen command.
-using Action = std::function<Status()>;
+struct GenerateOptions {
+  std::string kind, out;
+  std::uint32_t size = 0;
+  std::uint64_t seed = 1;
+  std::optional<double> floor_m;
+};
+Status run(const GenerateOptions& options);
 
-void add_generate(CLI::App& app, Action& chosen);
-void add_build(CLI::App& app, Action& chosen);
-void add_info(CLI::App& app, Action& chosen);
-void add_export(CLI::App& app, Action& chosen);
-void add_query(CLI::App& app, Action& chosen);
-void add_check(CLI::App& app, Action& chosen);
+struct BuildOptions {
+  std::string in, out;
+  int grid_bits = 21;
+  std::uint32_t base_faces = SimplifyOptions{}.base_faces;
+  unsigned threads = 0;
+  bool json = false;
+};
+Status run(const BuildOptions& options);
+
+struct InfoOptions {
+  std::string path;
+  bool json = false;
+};
+Status run(const InfoOptions& options);
+
+struct ExportOptions {
+  std::string in, out;
+  std::uint32_t splits = 0xffffffffU;
+};
+Status run(const ExportOptions& options);
+
+struct PoseQueryOptions {
+  std::string a, b, poses, method = "certified";
+  QueryMethodOptions method_options;
+  bool list_pairs = false, json = false, limited = false;
+};
+Status run(const PoseQueryOptions& options);
+
+struct CheckOptions {
+  std::vector<std::string> models, answers;
+};
+Status run(const CheckOptions& options);
 
 }  // namespace nearmesh::program

@@ -8,14 +8,7 @@
 #include "nearmesh/core/spm/model_file.hpp"
 
 namespace nearmesh::program {
-namespace {
-
-struct Options {
-  std::string in, out;
-  std::uint32_t splits = 0xffffffffU;
-};
-
-Status run(const Options& options) {
+Status run(const ExportOptions& options) {
   Result<ModelFile> file = ModelFile::open(options.in);
   if (!file.is_ok()) return file.status();
   Result<FaceNumbering> numbering = file.value().face_numbering();
@@ -57,19 +50,6 @@ Status run(const Options& options) {
   std::printf("%s: %zu vertices, %zu triangles after %u of %u splits\n", options.out.c_str(),
               out.positions_m.size(), out.faces.size(), mesh.split_count(), store.known_splits());
   return Status::ok();
-}
-
-}  // namespace
-
-void add_export(CLI::App& app, Action& chosen) {
-  CLI::App* command = app.add_subcommand("export", "Write a level of detail of a model as PLY.");
-  const auto options = std::make_shared<Options>();
-  command->add_option("model", options->in, ".spm file")->required();
-  command->add_option("-o,--output", options->out, "PLY file to write")->required();
-  command->add_option("--splits", options->splits,
-                      "After the first N splits, largest parts first (default: the full mesh, in "
-                      "input face order)");
-  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 
 }  // namespace nearmesh::program

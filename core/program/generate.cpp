@@ -5,13 +5,6 @@
 namespace nearmesh::program {
 namespace {
 
-struct Options {
-  std::string kind, out;
-  std::uint32_t size = 0;
-  std::uint64_t seed = 1;
-  std::optional<double> floor_m;
-};
-
 struct Kind {
   const char* name;
   IndexedMesh (*generate)(std::uint32_t size, std::uint64_t seed);
@@ -21,7 +14,9 @@ constexpr Kind kKinds[] = {{"terrain", generate_terrain, 708, 2, 4096},
                            {"aircraft", generate_aircraft, 4000, 200, 200000},
                            {"sphere", generate_sphere, 64, 4, 4096}};
 
-Status run(const Options& options) {
+}  // namespace
+
+Status run(const GenerateOptions& options) {
   for (const Kind& kind : kKinds) {
     if (options.kind != kind.name) continue;
     const std::uint32_t size = options.size == 0 ? kind.default_size : options.size;
@@ -44,27 +39,6 @@ Status run(const Options& options) {
     return Status::ok();
   }
   return {StatusCode::kInvalidArgument, "unknown kind " + options.kind};
-}
-
-}  // namespace
-
-void add_generate(CLI::App& app, Action& chosen) {
-  CLI::App* command = app.add_subcommand("generate", "Write a deterministic test model as PLY.");
-  const auto options = std::make_shared<Options>();
-  command->add_option("kind", options->kind, "What to generate")
-      ->required()
-      ->check(CLI::IsMember({"terrain", "aircraft", "sphere"}));
-  command->add_option("-o,--output", options->out, "PLY file to write")->required();
-  command->add_option("--size", options->size,
-                      "terrain: cells a side (default 708: 1,002,528 triangles of 32 m); "
-                      "aircraft: triangles, about (default 4000); sphere: slices (default 64)");
-  command->add_option("--seed", options->seed, "Seed; equal seeds give equal files")
-      ->capture_default_str();
-  command->add_option(
-      "--floor-m", options->floor_m,
-      "terrain: close it by walls and a floor at this height, so that what is below "
-      "the ground is inside; metres");
-  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 
 }  // namespace nearmesh::program

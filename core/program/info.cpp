@@ -7,14 +7,7 @@
 #include "nearmesh/core/spm/model_file.hpp"
 
 namespace nearmesh::program {
-namespace {
-
-struct Options {
-  std::string path;
-  bool json = false;
-};
-
-Status run(const Options& options) {
+Status run(const InfoOptions& options) {
   Result<ModelFile> file = ModelFile::open(options.path);
   if (!file.is_ok()) return file.status();
   NEARMESH_RETURN_IF_ERROR(file.value().verify());
@@ -75,17 +68,6 @@ Status run(const Options& options) {
   std::printf("  box           within [%.6g, %.6g] x [%.6g, %.6g] x [%.6g, %.6g] m\n", lo[0], hi[0],
               lo[1], hi[1], lo[2], hi[2]);
   return Status::ok();
-}
-
-}  // namespace
-
-void add_info(CLI::App& app, Action& chosen) {
-  CLI::App* command =
-      app.add_subcommand("info", "Check every checksum of a model and describe it.");
-  const auto options = std::make_shared<Options>();
-  command->add_option("model", options->path, ".spm file")->required();
-  command->add_flag("--json", options->json, "Print one JSON object");
-  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 
 }  // namespace nearmesh::program

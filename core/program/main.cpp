@@ -1,22 +1,160 @@
 // SPDX-License-Identifier: Apache-2.0
-// nearmesh-model: makes, inspects and queries progressive model files, without a network.
+// nearmesh-model: makes, inspects and queries progressive model files, without a network. Its verbs, their flags
+// and their help.
 
+#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
+#include <functional>
+#include <memory>
 
 #include "commands.hpp"
 
+namespace nearmesh::program {
+namespace {
+
+/// What main runs after parsing: set by the chosen command.
+using Action = std::function<Status()>;
+
+void add_generate(CLI::App& app, Action& chosen) {
+  CLI::App* command = app.add_subcommand("generate", "Write a deterministic test model as PLY.");
+  const auto options = std::make_shared<GenerateOptions>();
+  command->add_option("kind", options->kind, "What to generate")
+      ->required()
+      ->check(CLI::IsMember({"terrain", "aircraft", "sphere"}));
+  command->add_option("-o,--output", options->out, "PLY file to write")->required();
+  command->add_option("--size", options->size,
+                      "terrain: cells a side (default 708: 1,002,528 triangles of 32 m); "
+                      "aircraft: triangles, about (default 4000); sphere: slices (default 64)");
+  command->add_option("--seed", options->seed, "Seed; equal seeds give equal files")
+      ->capture_default_str();
+  command->add_option(
+      "--floor-m", options->floor_m,
+      "terrain: close it by walls and a floor at this height, so that what is below "
+      "the ground is inside; metres");
+  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
+}
+
+void add_build(CLI::App& app, Action& chosen) {
+  CLI::App* command =
+      app.add_subcommand("build", "Turn a mesh file into a progressive model (.spm).");
+  const auto options = std::make_shared<BuildOptions>();
+  command->add_option("input", options->in, "Mesh file, any format assimp reads")->required();
+  command->add_option("-o,--output", options->out, ".spm file to write")->required();
+  command->add_option("--grid-bits", options->grid_bits, "Bits per axis of the integer grid")
+      ->capture_default_str()
+      ->check(CLI::Range(kMinGridBits, kMaxGridBits));
+  command->add_option("--base-faces", options->base_faces, "Stop simplifying at this many faces")
+      ->capture_default_str()
+      ->check(CLI::Range(1U, 1000U));
+  command
+      ->add_option(
+          "--threads", options->threads,
+          "Threads to use (default: one for each core); the file is the same for any number")
+      ->check(CLI::Range(1U, 256U));
+  command->add_flag("--json", options->json, "Print the report as one JSON object");
+  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
+}
+
+void add_info(CLI::App& app, Action& chosen) {
+  CLI::App* command =
+      app.add_subcommand("info", "Check every checksum of a model and describe it.");
+  const auto options = std::make_shared<InfoOptions>();
+  command->add_option("model", options->path, ".spm file")->required();
+  command->add_flag("--json", options->json, "Print one JSON object");
+  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
+}
+
+void add_export(CLI::App& app, Action& chosen) {
+  CLI::App* command = app.add_subcommand("export", "Write a level of detail of a model as PLY.");
+  const auto options = std::make_shared<ExportOptions>();
+  command->add_option("model", options->in, ".spm file")->required();
+  command->add_option("-o,--output", options->out, "PLY file to write")->required();
+  command->add_option("--splits", options->splits,
+                      "After the first N splits, largest parts first (default: the full mesh, in "
+                      "input face order)");
+  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
+}
+
+void add_query(CLI::App& app, Action& chosen) {
+  CLI::App* command = app.add_subcommand(
+      "query", "Test two models for contact in given poses; prints one JSON line per pose.");
+  const auto options = std::make_shared<PoseQueryOptions>();
+  command->add_option("A", options->a, ".spm file of model A")->required();
+  command->add_option("B", options->b, ".spm file of model B")->required();
+  command
+      ->add_option(
+          "--poses", options->poses,
+          "CSV with a header: id, A_R00..A_R22 (row-major), A_T0..A_T2 (metres), the same for "
+          "B; other columns are ignored")
+      ->required();
+  command
+      ->add_option(
+          "--method", options->method,
+          "full: the full meshes. base: the base meshes. global: both refined everywhere, "
+          "largest parts first. grid: the 2006 paper's 8x8x8 contact cells and their "
+          "neighbours. certified: from the base mesh, only what the answer needs. Only full "
+          "and certified answers are proofs")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"full", "base", "global", "grid", "certified"}));
+  command
+      ->add_option("--splits", options->method_options.global_splits,
+                   "Splits of each model for --method global")
+      ->capture_default_str();
+  CLI::Option* any =
+      command->add_flag("--any", options->method_options.query.any,
+                        "Stop at the first touching pair: contact or not, without the whole set");
+  CLI::Option* max_pairs =
+      command
+          ->add_option("--max-pairs", options->method_options.query.max_pairs,
+                       "List at most this many touching pairs, the first in the order of face "
+                       "names; adds pair_total, how many there are, and truncated")
+          ->check(CLI::Range(std::uint64_t{0}, std::uint64_t{0xffffffff}));
+  command
+      ->add_flag("--contacts", options->method_options.contacts,
+                 "Add where the bodies touch: patches with centre, normal from A to B, length, and "
+                 "bounds of their errors, of the listed pairs")
+      ->excludes(any);
+  command->add_flag("--solid-a", options->method_options.query.solid_a,
+                    "A has an inside: is B in it? For full and certified; A must be closed");
+  command->add_flag("--solid-b", options->method_options.query.solid_b,
+                    "B has an inside: is A in it?");
+  command->add_flag("--list-pairs", options->list_pairs,
+                    "Add the touching faces as pairs of input face numbers, sorted");
+  command->add_flag("--json", options->json, "JSON lines only: no summary on standard error");
+  command->callback([options, max_pairs, &chosen] {
+    options->limited = max_pairs->count() > 0;
+    chosen = [options] { return run(*options); };
+  });
+}
+
+void add_check(CLI::App& app, Action& chosen) {
+  CLI::App* command = app.add_subcommand(
+      "check", "Check a peer's recorded answers against the full meshes; fails if one is wrong.");
+  const auto options = std::make_shared<CheckOptions>();
+  command->add_option("models", options->models, ".spm files of all models that occur")->required();
+  command
+      ->add_option("--answers", options->answers,
+                   "Files written by nearmesh-subscriber run --answers (or its --json output)")
+      ->required();
+  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
+}
+
+}  // namespace
+}  // namespace nearmesh::program
+
 int main(int argc, char** argv) {
+  using namespace nearmesh::program;
   CLI::App app{"Makes, inspects and queries nearmesh model files (.spm).", "nearmesh-model"};
   app.require_subcommand(1);
   app.fallthrough(false);
-  nearmesh::program::Action action;
-  nearmesh::program::add_generate(app, action);
-  nearmesh::program::add_build(app, action);
-  nearmesh::program::add_info(app, action);
-  nearmesh::program::add_export(app, action);
-  nearmesh::program::add_query(app, action);
-  nearmesh::program::add_check(app, action);
+  Action action;
+  add_generate(app, action);
+  add_build(app, action);
+  add_info(app, action);
+  add_export(app, action);
+  add_query(app, action);
+  add_check(app, action);
   try {
     app.parse(argc, argv);
     const nearmesh::Status status = action();

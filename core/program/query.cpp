@@ -9,12 +9,6 @@
 namespace nearmesh::program {
 namespace {
 
-struct Options {
-  std::string a, b, poses, method = "certified";
-  QueryMethodOptions method_options;
-  bool list_pairs = false, json = false, limited = false;
-};
-
 struct PoseRow {
   std::string id, place;
   Pose a, b;
@@ -69,7 +63,9 @@ nlohmann::ordered_json to_json(const PoseRow& row, const MethodAnswer& answer) {
   return line;
 }
 
-Status run(const Options& options) {
+}  // namespace
+
+Status run(const PoseQueryOptions& options) {
   Result<std::vector<PoseRow>> poses = read_poses(options.poses);
   if (!poses.is_ok()) return poses.status();
   Result<ModelFile> a = ModelFile::open(options.a);
@@ -128,60 +124,6 @@ Status run(const Options& options) {
         static_cast<unsigned long long>(by_status[2]),
         static_cast<unsigned long long>(by_status[3]));
   return Status::ok();
-}
-
-}  // namespace
-
-void add_query(CLI::App& app, Action& chosen) {
-  CLI::App* command = app.add_subcommand(
-      "query", "Test two models for contact in given poses; prints one JSON line per pose.");
-  const auto options = std::make_shared<Options>();
-  command->add_option("A", options->a, ".spm file of model A")->required();
-  command->add_option("B", options->b, ".spm file of model B")->required();
-  command
-      ->add_option(
-          "--poses", options->poses,
-          "CSV with a header: id, A_R00..A_R22 (row-major), A_T0..A_T2 (metres), the same for "
-          "B; other columns are ignored")
-      ->required();
-  command
-      ->add_option(
-          "--method", options->method,
-          "full: the full meshes. base: the base meshes. global: both refined everywhere, "
-          "largest parts first. grid: the 2006 paper's 8x8x8 contact cells and their "
-          "neighbours. certified: from the base mesh, only what the answer needs. Only full "
-          "and certified answers are proofs")
-      ->capture_default_str()
-      ->check(CLI::IsMember({"full", "base", "global", "grid", "certified"}));
-  command
-      ->add_option("--splits", options->method_options.global_splits,
-                   "Splits of each model for --method global")
-      ->capture_default_str();
-  CLI::Option* any =
-      command->add_flag("--any", options->method_options.query.any,
-                        "Stop at the first touching pair: contact or not, without the whole set");
-  CLI::Option* max_pairs =
-      command
-          ->add_option("--max-pairs", options->method_options.query.max_pairs,
-                       "List at most this many touching pairs, the first in the order of face "
-                       "names; adds pair_total, how many there are, and truncated")
-          ->check(CLI::Range(std::uint64_t{0}, std::uint64_t{0xffffffff}));
-  command
-      ->add_flag("--contacts", options->method_options.contacts,
-                 "Add where the bodies touch: patches with centre, normal from A to B, length, and "
-                 "bounds of their errors, of the listed pairs")
-      ->excludes(any);
-  command->add_flag("--solid-a", options->method_options.query.solid_a,
-                    "A has an inside: is B in it? For full and certified; A must be closed");
-  command->add_flag("--solid-b", options->method_options.query.solid_b,
-                    "B has an inside: is A in it?");
-  command->add_flag("--list-pairs", options->list_pairs,
-                    "Add the touching faces as pairs of input face numbers, sorted");
-  command->add_flag("--json", options->json, "JSON lines only: no summary on standard error");
-  command->callback([options, max_pairs, &chosen] {
-    options->limited = max_pairs->count() > 0;
-    chosen = [options] { return run(*options); };
-  });
 }
 
 }  // namespace nearmesh::program

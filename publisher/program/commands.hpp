@@ -1,22 +1,52 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Subcommands of nearmesh-publisher. Each adds its options to the program and, when it was chosen, leaves what to do in
-// `chosen`.
+// The commands of nearmesh-publisher: what each is told, and what it then does. Flags and help stand in main.cpp alone, so
+// that no command compiles CLI11.
 
-#include <CLI/CLI.hpp>
 #include <csignal>
-#include <functional>
+#include <string>
+#include <vector>
 
+#include "idl/security/security.hpp"
 #include "nearmesh/core/base/status.hpp"
+#include "publisher/dds/dds_channel.hpp"
+#include "publisher/dds/dds_replay.hpp"
 
 namespace nearmesh::publisher::program {
 
 /// Set by SIGINT and SIGTERM.
 extern volatile std::sig_atomic_t stop_requested;
 
-void add_serve_command(CLI::App& app, std::function<Status()>& chosen);
-void add_replay_command(CLI::App& app, std::function<Status()>& chosen);
-/// make-security and check-security.
-void add_security_commands(CLI::App& app, std::function<Status()>& chosen);
+struct ServeOptions {
+  std::vector<std::string> models;
+  DdsChannelOptions channel;
+  std::string metrics;
+  std::vector<std::string> log{"info"};
+};
+Status run(const ServeOptions& options);
+
+struct ReplayOptions {
+  std::string path;
+  PlayheadOptions playhead;
+  bool loop = false, json = false;
+  std::vector<std::string> topics, remaps;
+  wire::TransportOptions transport;
+  std::vector<std::string> log{"info"};
+};
+Status run(ReplayOptions options);
+
+struct MakeSecurityOptions {
+  std::string folder;
+  wire::SecurityPlan plan;
+  std::vector<std::string> publishers, subscribers, recorders;
+};
+Status run(MakeSecurityOptions options);
+
+struct CheckSecurityOptions {
+  std::string folder;
+  std::uint32_t domain = 0;
+  std::string prefix = "nearmesh";
+};
+Status run(const CheckSecurityOptions& options);
 
 }  // namespace nearmesh::publisher::program

@@ -1,21 +1,151 @@
 // SPDX-License-Identifier: Apache-2.0
-// nearmesh-publisher: serves progressive models to any number of peers over DDS.
+// nearmesh-publisher: serves progressive models to any number of peers over DDS. Its verbs, their flags and their help.
 
 #include <CLI/CLI.hpp>
 #include <csignal>
 #include <exception>
+#include <functional>
+#include <memory>
 
 #include "commands.hpp"
+#include "idl/program/command.hpp"
 #include "idl/program/logging.hpp"
+#include "idl/program/metrics.hpp"
 
 namespace nearmesh::publisher::program {
 
 volatile std::sig_atomic_t stop_requested = 0;
 
 namespace {
-void request_stop(int) { stop_requested = 1; }
-}  // namespace
 
+/// What main runs after parsing: set by the chosen command.
+using Action = std::function<Status()>;
+
+void request_stop(int) { stop_requested = 1; }
+
+/// Of header_bytes_per_s on a thin link: 0.8 Mbit/s.
+constexpr double kThinHeaderBytesPerSecond = 100'000;
+
+void add_settings(wire::program::Settings& settings, ServeOptions& options) {
+  settings.add("models", options.models, "What is served; a model's name is its file's name",
+               ".spm files");
+  wire::program::add_transport_settings(settings, options.channel.transport);
+  settings.add("max_peers", options.channel.max_peers, 1, 100'000,
+               "Peers beyond this many are refused");
+  settings.add("header_bytes_per_s", options.channel.header_bytes_per_s, 100'000, 1'000'000'000,
+               "Pace of mesh headers, all peers together; below the link's rate");
+  wire::program::add_metrics_setting(settings, options.metrics);
+  wire::program::add_log_setting(settings, options.log, {"service"});
+}
+
+void add_serve_command(CLI::App& app, Action& chosen) {
+  const auto options = std::make_shared<ServeOptions>();
+  CLI::App* command =
+      app.add_subcommand("serve", "Serve models until Ctrl-C; a model's name is its file's name.");
+  options->channel.transport.listen_port = wire::kDefaultTcpPort;
+  const auto settings = std::make_shared<wire::program::Settings>();
+  add_settings(*settings, *options);
+  wire::program::add_flags(
+      *command, settings,
+      [options, known = settings.get()] {
+        const wire::Transport transport = options->channel.transport.transport;
+        wire::program::apply_preset(*known, options->channel.transport);
+        if (transport == wire::Transport::kThin)
+          known->set_preset("header_bytes_per_s", kThinHeaderBytesPerSecond,
+                            wire::to_string(transport));
+        wire::program::set_log_levels(options->log);
+      },
+      "models");
+  command->callback([options, &chosen] {
+    if (options->models.empty()) throw CLI::RequiredError("models");
+    chosen = [options] { return run(*options); };
+  });
+}
+
+void add_replay_command(CLI::App& app, Action& chosen) {
+  CLI::App* command = app.add_subcommand(
+      "replay",
+      "Play a recorded session (nearmesh-subscriber record) into a live domain, "
+      "as it was. Peers that join are answered "
+      "with the detail that recorded peers had been sent by then. Obeys lines "
+      "of standard input: pause (and again: go on), step (to the next pose), "
+      "12.5 (to that second), +5 or -60 (seconds on or back), start, end, quit.");
+  const auto options = std::make_shared<ReplayOptions>();
+  options->transport.prefix.clear();  // as recorded
+  command->add_option("session", options->path, "Recorded session (.db3), the first of its files")
+      ->required();
+  command->add_option("--rate", options->playhead.rate, "Recorded seconds a second")
+      ->capture_default_str()
+      ->check([](const std::string& text) {
+        char* end = nullptr;
+        const double rate = std::strtod(text.c_str(), &end);
+        const bool good = *end == '\0' && std::isfinite(rate) && rate > 0;
+        return good ? std::string() : "expected a number above 0, found " + text;
+      });
+  command->add_option("--start", options->playhead.start_s, "Begin here, seconds into the session")
+      ->capture_default_str();
+  command
+      ->add_option("--end", options->playhead.end_s,
+                   "End here, seconds into the session [after the last sample]")
+      ->check(CLI::NonNegativeNumber);
+  command->add_flag("--loop", options->loop, "Begin again at the end, until Ctrl-C");
+  command
+      ->add_option("--topics", options->topics,
+                   "Only these: hello, mesh_header, region_subscription, split_batch, "
+                   "body_pose, contact_report")
+      ->delimiter(',')
+      ->check(CLI::IsMember(
+          std::vector<std::string>(kReplayTopicNames.begin(), kReplayTopicNames.end())));
+  command->add_option(
+      "--remap", options->remaps,
+      "OLD:=NEW, the recorded prefix or a topic and what it is called here; repeatable");
+  command->add_flag("--json", options->json,
+                    "Print one JSON line about what was played at the end");
+  const auto settings = std::make_shared<wire::program::Settings>();
+  wire::program::add_transport_settings(*settings, options->transport);
+  wire::program::add_log_setting(*settings, options->log, {});
+  wire::program::add_flags(*command, settings, [options, known = settings.get()] {
+    wire::program::apply_preset(*known, options->transport);
+    wire::program::set_log_levels(options->log);
+  });
+  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
+}
+
+void add_bus_options(CLI::App& command, std::uint32_t& domain, std::string& prefix) {
+  command.add_option("--domain", domain, "DDS domain of the programs")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 232));
+  command.add_option("--prefix", prefix, "First part of every topic's name")->capture_default_str();
+}
+
+void add_security_commands(CLI::App& app, Action& chosen) {
+  auto making = std::make_shared<MakeSecurityOptions>();
+  CLI::App* make_command = app.add_subcommand(
+      "make-security", "Make identities for secured programs: keys, certificates, permissions.");
+  make_command
+      ->add_option("folder", making->folder,
+                   "The set; one that exists is added to, with its authorities")
+      ->required();
+  add_bus_options(*make_command, making->plan.domain, making->plan.prefix);
+  make_command->add_option("--publisher", making->publishers, "Names of identities that serve");
+  make_command->add_option("--subscriber", making->subscribers,
+                           "Names of identities that ask and move bodies");
+  make_command->add_option("--recorder", making->recorders, "Names of identities that only listen");
+  make_command->add_option("--days", making->plan.valid_days, "How long all of it is valid")
+      ->capture_default_str();
+  make_command->add_flag("--force", making->plan.force, "Make identities anew that exist");
+  make_command->callback([&chosen, making] { chosen = [making] { return run(*making); }; });
+
+  auto checking = std::make_shared<CheckSecurityOptions>();
+  CLI::App* check_command = app.add_subcommand(
+      "check-security", "Say what is wrong with an identity's folder, or with all of a set.");
+  check_command->add_option("folder", checking->folder, "An identity's folder, or the set's")
+      ->required();
+  add_bus_options(*check_command, checking->domain, checking->prefix);
+  check_command->callback([&chosen, checking] { chosen = [checking] { return run(*checking); }; });
+}
+
+}  // namespace
 }  // namespace nearmesh::publisher::program
 
 int main(int argc, char** argv) {
@@ -23,7 +153,7 @@ int main(int argc, char** argv) {
   CLI::App app{"Serves nearmesh models (.spm) to peers over DDS, and replays recorded sessions.",
                "nearmesh-publisher"};
   app.require_subcommand(1);
-  std::function<nearmesh::Status()> chosen;
+  Action chosen;
   add_serve_command(app, chosen);
   add_replay_command(app, chosen);
   add_security_commands(app, chosen);

@@ -12,7 +12,6 @@
 
 #include "commands.hpp"
 #include "core/base/stopwatch.hpp"
-#include "idl/program/command.hpp"
 #include "idl/program/logging.hpp"
 #include "line_commands.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
@@ -24,15 +23,6 @@ namespace {
 constexpr double kDiscovery_s = 1;  ///< who listens has found all writers by then
 constexpr double kLinger_s = 0.3;   ///< what was lost at the very end is repaired within that
 constexpr double kLoop_s = 0.02;    ///< how soon a line or a signal is noticed
-
-struct Options {
-  std::string path;
-  PlayheadOptions playhead;
-  bool loop = false, json = false;
-  std::vector<std::string> topics, remaps;
-  wire::TransportOptions transport;
-  std::vector<std::string> log{"info"};
-};
 
 std::string last_part(const std::string& topic) { return topic.substr(topic.rfind('/') + 1); }
 
@@ -154,8 +144,8 @@ Result<bool> obey(const Order& order, Replay& replay, double now_s) {
   return true;
 }
 
-nlohmann::ordered_json to_json(const Options& options, const ReplayStats& stats, double seconds,
-                               double until_s) {
+nlohmann::ordered_json to_json(const ReplayOptions& options, const ReplayStats& stats,
+                               double seconds, double until_s) {
   nlohmann::ordered_json topics = nlohmann::ordered_json::array();
   std::uint64_t bytes = 0;
   for (std::size_t i = 0; i < kReplayTopics; ++i) {
@@ -211,7 +201,7 @@ Status play(Replay& replay, const Stopwatch& clock) {
   return Status::ok();
 }
 
-void report(const Options& options, Replay& replay, double seconds, double until_s) {
+void report(const ReplayOptions& options, Replay& replay, double seconds, double until_s) {
   const ReplayStats& stats = replay.stats();
   spdlog::info(
       "played up to {:.3f} s: {} samples in {:.3f} s, 99 % at most {:.2f} ms late; {} requests of "
@@ -222,7 +212,9 @@ void report(const Options& options, Replay& replay, double seconds, double until
   if (options.json) std::printf("%s\n", to_json(options, stats, seconds, until_s).dump().c_str());
 }
 
-Status replay(Options options) {
+}  // namespace
+
+Status run(ReplayOptions options) {
   const Result<std::unique_ptr<RecordingReader>> opened = RecordingReader::open(options.path);
   if (!opened.is_ok()) return opened.status();
   RecordingReader& recording = *opened.value();
@@ -265,57 +257,6 @@ Status replay(Options options) {
     outlet.value()->wait(kLoop_s);
   report(options, replay, ended_s - begun_s, replay.playhead().time_s(ended_s));
   return Status::ok();
-}
-
-}  // namespace
-
-void add_replay_command(CLI::App& app, std::function<Status()>& chosen) {
-  CLI::App* command = app.add_subcommand(
-      "replay",
-      "Play a recorded session (nearmesh-subscriber record) into a live domain, "
-      "as it was. Peers that join are answered "
-      "with the detail that recorded peers had been sent by then. Obeys lines "
-      "of standard input: pause (and again: go on), step (to the next pose), "
-      "12.5 (to that second), +5 or -60 (seconds on or back), start, end, quit.");
-  const auto options = std::make_shared<Options>();
-  options->transport.prefix.clear();  // as recorded
-  command->add_option("session", options->path, "Recorded session (.db3), the first of its files")
-      ->required();
-  command->add_option("--rate", options->playhead.rate, "Recorded seconds a second")
-      ->capture_default_str()
-      ->check([](const std::string& text) {
-        char* end = nullptr;
-        const double rate = std::strtod(text.c_str(), &end);
-        const bool good = *end == '\0' && std::isfinite(rate) && rate > 0;
-        return good ? std::string() : "expected a number above 0, found " + text;
-      });
-  command->add_option("--start", options->playhead.start_s, "Begin here, seconds into the session")
-      ->capture_default_str();
-  command
-      ->add_option("--end", options->playhead.end_s,
-                   "End here, seconds into the session [after the last sample]")
-      ->check(CLI::NonNegativeNumber);
-  command->add_flag("--loop", options->loop, "Begin again at the end, until Ctrl-C");
-  command
-      ->add_option("--topics", options->topics,
-                   "Only these: hello, mesh_header, region_subscription, split_batch, "
-                   "body_pose, contact_report")
-      ->delimiter(',')
-      ->check(CLI::IsMember(
-          std::vector<std::string>(kReplayTopicNames.begin(), kReplayTopicNames.end())));
-  command->add_option(
-      "--remap", options->remaps,
-      "OLD:=NEW, the recorded prefix or a topic and what it is called here; repeatable");
-  command->add_flag("--json", options->json,
-                    "Print one JSON line about what was played at the end");
-  const auto settings = std::make_shared<wire::program::Settings>();
-  wire::program::add_transport_settings(*settings, options->transport);
-  wire::program::add_log_setting(*settings, options->log, {});
-  wire::program::add_flags(*command, settings, [options, known = settings.get()] {
-    wire::program::apply_preset(*known, options->transport);
-    wire::program::set_log_levels(options->log);
-  });
-  command->callback([options, &chosen] { chosen = [options] { return replay(*options); }; });
 }
 
 }  // namespace nearmesh::publisher::program

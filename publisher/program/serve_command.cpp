@@ -8,7 +8,6 @@
 #include "commands.hpp"
 #include "core/base/resources.hpp"
 #include "core/base/stopwatch.hpp"
-#include "idl/program/command.hpp"
 #include "idl/program/logging.hpp"
 #include "idl/program/metrics.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
@@ -18,17 +17,7 @@
 namespace nearmesh::publisher::program {
 namespace {
 
-/// 0.8 Mbit/s.
-constexpr double kThinHeaderBytesPerSecond = 100'000;
-
-struct Options {
-  std::vector<std::string> models;
-  DdsChannelOptions channel;
-  std::string metrics;
-  std::vector<std::string> log{"info"};
-};
-
-Status add_models(const Options& options, Service& service) {
+Status add_models(const ServeOptions& options, Service& service) {
   for (const std::string& path : options.models) {
     Result<ModelFile> file = ModelFile::open(path);
     if (!file.is_ok()) return file.status();
@@ -41,7 +30,9 @@ Status add_models(const Options& options, Service& service) {
   return Status::ok();
 }
 
-Status serve(const Options& options) {
+}  // namespace
+
+Status run(const ServeOptions& options) {
   std::unique_ptr<wire::program::MetricsServer> metrics;
   if (!options.metrics.empty()) {
     auto server = wire::program::MetricsServer::start(options.metrics);
@@ -80,44 +71,6 @@ Status serve(const Options& options) {
   spdlog::info("stopping: {} requests ({} refused), {} batches, {} bytes sent", stats.requests,
                stats.refused, stats.batches, stats.bytes);
   return Status::ok();
-}
-
-void add_settings(wire::program::Settings& settings, Options& options) {
-  settings.add("models", options.models, "What is served; a model's name is its file's name",
-               ".spm files");
-  wire::program::add_transport_settings(settings, options.channel.transport);
-  settings.add("max_peers", options.channel.max_peers, 1, 100'000,
-               "Peers beyond this many are refused");
-  settings.add("header_bytes_per_s", options.channel.header_bytes_per_s, 100'000, 1'000'000'000,
-               "Pace of mesh headers, all peers together; below the link's rate");
-  wire::program::add_metrics_setting(settings, options.metrics);
-  wire::program::add_log_setting(settings, options.log, {"service"});
-}
-
-}  // namespace
-
-void add_serve_command(CLI::App& app, std::function<Status()>& chosen) {
-  const auto options = std::make_shared<Options>();
-  CLI::App* command =
-      app.add_subcommand("serve", "Serve models until Ctrl-C; a model's name is its file's name.");
-  options->channel.transport.listen_port = wire::kDefaultTcpPort;
-  const auto settings = std::make_shared<wire::program::Settings>();
-  add_settings(*settings, *options);
-  wire::program::add_flags(
-      *command, settings,
-      [options, known = settings.get()] {
-        const wire::Transport transport = options->channel.transport.transport;
-        wire::program::apply_preset(*known, options->channel.transport);
-        if (transport == wire::Transport::kThin)
-          known->set_preset("header_bytes_per_s", kThinHeaderBytesPerSecond,
-                            wire::to_string(transport));
-        wire::program::set_log_levels(options->log);
-      },
-      "models");
-  command->callback([options, &chosen] {
-    if (options->models.empty()) throw CLI::RequiredError("models");
-    chosen = [options] { return serve(*options); };
-  });
 }
 
 }  // namespace nearmesh::publisher::program

@@ -1,35 +1,70 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Subcommands of nearmesh-subscriber. Each adds its options to the program and, when it was chosen, leaves what to do in
-// `chosen`.
+// The commands of nearmesh-subscriber: what each is told, and what it then does. Flags and help stand in main.cpp alone, so
+// that no command compiles CLI11.
 
-#include <CLI/CLI.hpp>
-#include <array>
 #include <csignal>
-#include <functional>
+#include <string>
+#include <vector>
 
 #include "nearmesh/core/base/status.hpp"
 #include "nearmesh/idl/dds/detail/transport_options.hpp"
+#include "nearmesh/subscriber/dds/dds_channel.hpp"
+#include "subscriber/dds/dds_recorder.hpp"
 
 namespace nearmesh::subscriber::program {
 
 /// Set by SIGINT and SIGTERM.
 extern volatile std::sig_atomic_t stop_requested;
 
-/// Rooms of the log (--log ROOM=LEVEL).
-inline constexpr std::array<const char*, 2> kRooms{"session", "record"};
+struct RunOptions {
+  std::string scene, answers;
+  DdsChannelOptions channel;
+  std::string metrics;
+  std::vector<std::string> log{"info"};
+  bool json = false;
+};
+Status run(const RunOptions& options);
 
-/// How to join the bus, and what to log, as settings (--config, --print-config). Call last, when the command has its
-/// other options; the transport must live as long as the command.
-void add_transport_options(CLI::App& command, wire::TransportOptions& transport);
+/// Of `record`.
+Status run(const RecorderOptions& options);
 
-void add_run_command(CLI::App& app, std::function<Status()>& chosen);
-void add_record_command(CLI::App& app, std::function<Status()>& chosen);
-void add_info_command(CLI::App& app, std::function<Status()>& chosen);
-void add_verify_command(CLI::App& app, std::function<Status()>& chosen);
-void add_export_command(CLI::App& app, std::function<Status()>& chosen);
-void add_report_command(CLI::App& app, std::function<Status()>& chosen);
-void add_status_command(CLI::App& app, std::function<Status()>& chosen);
-void add_doctor_command(CLI::App& app, std::function<Status()>& chosen);
+struct InfoOptions {
+  std::string path;
+  bool json = false;
+};
+Status run(const InfoOptions& options);
+
+struct VerifyOptions {
+  std::string path;
+  unsigned threads = 1;
+};
+Status run(const VerifyOptions& options);
+
+struct ExportOptions {
+  std::string session, peer, body, other, out;
+  double time_s = 0;
+};
+Status run(const ExportOptions& options);
+
+struct ReportOptions {
+  std::string session, folder;
+  std::vector<double> at_s;
+};
+Status run(const ReportOptions& options);
+
+struct StatusOptions {
+  wire::TransportOptions transport;
+  double seconds = 3;
+  bool watch = false, json = false, regions = false;
+};
+Status run(const StatusOptions& options);
+
+struct DoctorOptions {
+  wire::TransportOptions transport;
+  double seconds = 10;
+  bool json = false;
+};
+Status run(const DoctorOptions& options);
 
 }  // namespace nearmesh::subscriber::program

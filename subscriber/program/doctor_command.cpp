@@ -22,12 +22,6 @@
 namespace nearmesh::subscriber::program {
 namespace {
 
-struct Options {
-  wire::TransportOptions transport;
-  double seconds = 10;
-  bool json = false;
-};
-
 constexpr std::uint32_t kSmallCount = 50, kLargeCount = 3, kProbeCount = 200;
 constexpr std::size_t kSmallBytes = 16, kKilobyte = 1000, kMegabyte = 1'000'000;
 constexpr double kProbePeriod_s = 0.002;
@@ -101,7 +95,7 @@ std::vector<std::string> foreign_shared_memory() {
 
 class Doctor {
  public:
-  explicit Doctor(const Options& options) : options_(options) {}
+  explicit Doctor(const DoctorOptions& options) : options_(options) {}
 
   Status examine() {
     look_at_machine();
@@ -378,7 +372,7 @@ class Doctor {
     }
   }
 
-  const Options& options_;
+  const DoctorOptions& options_;
   const Stopwatch clock_;
   std::unique_ptr<DdsChannel> channel_;
   std::unique_ptr<DdsEcho> echo_;
@@ -391,28 +385,14 @@ class Doctor {
   std::vector<Finding> findings_;
 };
 
-Status diagnose(const Options& options) {
+}  // namespace
+
+Status run(const DoctorOptions& options) {
   Doctor doctor(options);
   NEARMESH_RETURN_IF_ERROR(doctor.examine());
   doctor.print();
   if (doctor.is_healthy()) return Status::ok();
   return {StatusCode::kNotFound, "something is wrong, see above"};
-}
-
-}  // namespace
-
-void add_doctor_command(CLI::App& app, std::function<Status()>& chosen) {
-  const auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand(
-      "doctor",
-      "Test the way to others for ten seconds: run it on both machines, or against a "
-      "publisher.");
-  command->add_option("--seconds", options->seconds, "How long to test")
-      ->capture_default_str()
-      ->check(CLI::Range(2.0, 600.0));
-  command->add_flag("--json", options->json, "Print one JSON object");
-  add_transport_options(*command, options->transport);
-  command->callback([options, &chosen] { chosen = [options] { return diagnose(*options); }; });
 }
 
 }  // namespace nearmesh::subscriber::program

@@ -12,11 +12,6 @@
 namespace nearmesh::subscriber::program {
 namespace {
 
-struct Options {
-  std::string session, peer, body, other, out;
-  double time_s = 0;
-};
-
 /// The partition of the one peer whose id begins like this; of the only one, where none is named.
 Result<std::string> peer_of(const RecordingReader& recording, const std::string& start) {
   std::vector<std::string> peers, fitting;
@@ -37,9 +32,9 @@ Result<std::string> peer_of(const RecordingReader& recording, const std::string&
       "--peer " + start + (fitting.empty() ? " is none of " : " fits more than one of ") + list};
 }
 
-bool ends_with(const std::string& path, const char* suffix) { return path.ends_with(suffix); }
+}  // namespace
 
-Status run(const Options& options) {
+Status run(const ExportOptions& options) {
   Result<std::unique_ptr<RecordingReader>> opened = RecordingReader::open(options.session);
   if (!opened.is_ok()) return opened.status();
   RecordingReader& recording = *opened.value();
@@ -64,7 +59,7 @@ Status run(const Options& options) {
   const bool is_b = options.body == scene.report.body_b ||
                     (options.body.empty() && options.other == scene.report.body_a);
   const std::size_t looked_at = is_b ? 1 : 0;
-  Result<std::string> bytes = ends_with(options.out, ".glb")
+  Result<std::string> bytes = options.out.ends_with(".glb")
                                   ? report::to_glb(scene, looked_at)
                                   : Result<std::string>(report::to_ply(scene, looked_at));
   if (!bytes.is_ok()) return {bytes.status().code(), options.out + ": " + bytes.status().message()};
@@ -87,40 +82,6 @@ Status run(const Options& options) {
                 body.eps_m.empty() ? 0 : *std::max_element(body.eps_m.begin(), body.eps_m.end()));
   }
   return Status::ok();
-}
-
-}  // namespace
-
-void add_export_command(CLI::App& app, std::function<Status()>& chosen) {
-  CLI::App* command = app.add_subcommand(
-      "export", "Write what a peer held at a moment of a recorded session as a mesh file.");
-  command->footer(
-      "Colours of vertices. Blue: exact (grey: of the other body). Yellow to red: eps, a bound of "
-      "the "
-      "distance to the full mesh, from 1/8192 to 1/8 of the model's size. Magenta: segments of "
-      "contact, with slender solids around them. How to open it in MeshLab, ParaView and Blender: "
-      "docs/sessions.md.");
-  const auto options = std::make_shared<Options>();
-  command->add_option("session", options->session, "Recorded session (.db3)")->required();
-  command
-      ->add_option("--time", options->time_s,
-                   "Seconds after the first message: the last answer until then is shown")
-      ->required()
-      ->check(CLI::NonNegativeNumber);
-  command->add_option("--peer", options->peer,
-                      "Whose: the id as info lists it, or how it begins (default: the only one)");
-  command->add_option("--body", options->body,
-                      "Which body to look at (default: the first of the last answer)");
-  command->add_option("--other", options->other,
-                      "Against which (default: that of the last answer)");
-  command->add_option("-o,--output", options->out, "File to write, .ply or .glb")
-      ->required()
-      ->check([](const std::string& path) {
-        return ends_with(path, ".ply") || ends_with(path, ".glb")
-                   ? std::string()
-                   : path + ": expected a name that ends with .ply or .glb";
-      });
-  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 
 }  // namespace nearmesh::subscriber::program

@@ -71,33 +71,20 @@ void print_text(const RecordingReader& recording, const Survey& survey) {
                 times.front(), times[times.size() / 2], times.back(), times.size());
 }
 
-Status run(const std::string& path, bool json) {
-  const Result<std::unique_ptr<RecordingReader>> recording = RecordingReader::open(path);
+}  // namespace
+
+Status run(const InfoOptions& options) {
+  const Result<std::unique_ptr<RecordingReader>> recording = RecordingReader::open(options.path);
   if (!recording.is_ok()) return recording.status();
   const Result<Survey> result = survey(*recording.value());
   if (!result.is_ok()) return result.status();
-  if (json)
+  if (options.json)
     std::printf("%s\n", to_json(*recording.value(), result.value())
                             .dump(2, ' ', false, nlohmann::json::error_handler_t::replace)
                             .c_str());
   else
     print_text(*recording.value(), result.value());
   return Status::ok();
-}
-
-}  // namespace
-
-void add_info_command(CLI::App& app, std::function<Status()>& chosen) {
-  CLI::App* command = app.add_subcommand("info", "What is in a recorded session.");
-  struct Options {
-    std::string path;
-    bool json = false;
-  };
-  const auto options = std::make_shared<Options>();
-  command->add_option("session", options->path, "Recorded session (.db3)")->required();
-  command->add_flag("--json", options->json, "As JSON");
-  command->callback(
-      [options, &chosen] { chosen = [options] { return run(options->path, options->json); }; });
 }
 
 }  // namespace nearmesh::subscriber::program

@@ -1,23 +1,34 @@
 // SPDX-License-Identifier: Apache-2.0
-// nearmesh-subscriber: its commands. Each is a thin user of the subscriber library.
+// nearmesh-subscriber: its verbs, their flags and their help. Each is a thin user of the subscriber library.
 
 #include <CLI/CLI.hpp>
+#include <array>
 #include <csignal>
 #include <exception>
+#include <functional>
 #include <memory>
 
 #include "commands.hpp"
 #include "idl/program/command.hpp"
 #include "idl/program/logging.hpp"
+#include "idl/program/metrics.hpp"
 
 namespace nearmesh::subscriber::program {
 
 volatile std::sig_atomic_t stop_requested = 0;
 
 namespace {
-void request_stop(int) { stop_requested = 1; }
-}  // namespace
 
+/// What main runs after parsing: set by the chosen command.
+using Action = std::function<Status()>;
+
+void request_stop(int) { stop_requested = 1; }
+
+/// Rooms of the log (--log ROOM=LEVEL).
+constexpr std::array<const char*, 2> kRooms{"session", "record"};
+
+/// How to join the bus, and what to log, as settings (--config, --print-config). Call last, when the command has its
+/// other options; the transport must live as long as the command.
 void add_transport_options(CLI::App& command, wire::TransportOptions& transport) {
   const auto settings = std::make_shared<wire::program::Settings>();
   const auto levels = std::make_shared<std::vector<std::string>>(1, "info");
@@ -29,6 +40,147 @@ void add_transport_options(CLI::App& command, wire::TransportOptions& transport)
   });
 }
 
+void add_run_command(CLI::App& app, Action& chosen) {
+  CLI::App* command =
+      app.add_subcommand("run", "Fly a scene (docs/scene.md) and answer every frame.");
+  const auto options = std::make_shared<RunOptions>();
+  command->add_option("scene", options->scene, "Scene file (YAML)");
+  command->add_option("--answers", options->answers, "Also write the JSON lines to this file");
+  command->add_flag("--json", options->json,
+                    "Print one JSON line per answer, and one with the summary");
+  const auto settings = std::make_shared<wire::program::Settings>();
+  wire::program::add_transport_settings(*settings, options->channel.transport);
+  wire::program::add_metrics_setting(*settings, options->metrics);
+  wire::program::add_log_setting(*settings, options->log, {kRooms.begin(), kRooms.end()});
+  wire::program::add_flags(*command, settings, [options, known = settings.get()] {
+    wire::program::apply_preset(*known, options->channel.transport);
+    wire::program::set_log_levels(options->log);
+  });
+  command->callback([options, &chosen] {
+    if (options->scene.empty()) throw CLI::RequiredError("scene");
+    chosen = [options] { return run(*options); };
+  });
+}
+
+void add_record_command(CLI::App& app, Action& chosen) {
+  CLI::App* command =
+      app.add_subcommand("record", "Record all that is said on the bus, until Ctrl-C.");
+  const auto options = std::make_shared<RecorderOptions>();
+  command->add_option("-o,--output", options->path, "File to create (.db3, SQLite)")->required();
+  command
+      ->add_option("--topics", options->topics,
+                   "Only these: hello, mesh_header, region_subscription, split_batch, "
+                   "body_pose, contact_report")
+      ->delimiter(',');
+  command
+      ->add_option("--max-size", options->max_bytes,
+                   "End at this size of the file, in bytes or as 100MB")
+      ->transform(CLI::AsSizeValue(true));
+  command->add_flag("--split", options->split,
+                    "At --max-size go on in another file: SESSION_1.db3 and so on");
+  add_transport_options(*command, options->transport);
+  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
+}
+
+void add_info_command(CLI::App& app, Action& chosen) {
+  CLI::App* command = app.add_subcommand("info", "What is in a recorded session.");
+  const auto options = std::make_shared<InfoOptions>();
+  command->add_option("session", options->path, "Recorded session (.db3)")->required();
+  command->add_flag("--json", options->json, "As JSON");
+  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
+}
+
+void add_verify_command(CLI::App& app, Action& chosen) {
+  CLI::App* command = app.add_subcommand(
+      "verify", "Run a recorded session again, offline, and compare states and answers.");
+  const auto options = std::make_shared<VerifyOptions>();
+  command->add_option("session", options->path, "Recorded session (.db3)")->required();
+  command->add_option("--threads", options->threads, "Peers are spread over so many")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 256));
+  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
+}
+
+void add_export_command(CLI::App& app, Action& chosen) {
+  CLI::App* command = app.add_subcommand(
+      "export", "Write what a peer held at a moment of a recorded session as a mesh file.");
+  command->footer(
+      "Colours of vertices. Blue: exact (grey: of the other body). Yellow to red: eps, a bound of "
+      "the "
+      "distance to the full mesh, from 1/8192 to 1/8 of the model's size. Magenta: segments of "
+      "contact, with slender solids around them. How to open it in MeshLab, ParaView and Blender: "
+      "docs/sessions.md.");
+  const auto options = std::make_shared<ExportOptions>();
+  command->add_option("session", options->session, "Recorded session (.db3)")->required();
+  command
+      ->add_option("--time", options->time_s,
+                   "Seconds after the first message: the last answer until then is shown")
+      ->required()
+      ->check(CLI::NonNegativeNumber);
+  command->add_option("--peer", options->peer,
+                      "Whose: the id as info lists it, or how it begins (default: the only one)");
+  command->add_option("--body", options->body,
+                      "Which body to look at (default: the first of the last answer)");
+  command->add_option("--other", options->other,
+                      "Against which (default: that of the last answer)");
+  command->add_option("-o,--output", options->out, "File to write, .ply or .glb")
+      ->required()
+      ->check([](const std::string& path) {
+        return path.ends_with(".ply") || path.ends_with(".glb")
+                   ? std::string()
+                   : path + ": expected a name that ends with .ply or .glb";
+      });
+  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
+}
+
+void add_report_command(CLI::App& app, Action& chosen) {
+  CLI::App* command = app.add_subcommand(
+      "report",
+      "Write a recorded session as one page of HTML: answers, bytes, contacts, pictures.");
+  const auto options = std::make_shared<ReportOptions>();
+  command->add_option("session", options->session, "Recorded session (.db3)")->required();
+  command->add_option("-o,--output", options->folder, "Folder for index.html; made if need be")
+      ->required();
+  command
+      ->add_option("--at", options->at_s,
+                   "Picture the meshes so many seconds after the first message; repeatable "
+                   "(default: first contact, most contacts, largest replicas)")
+      ->allow_extra_args(false)
+      ->check(CLI::NonNegativeNumber);
+  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
+}
+
+void add_status_command(CLI::App& app, Action& chosen) {
+  const auto options = std::make_shared<StatusOptions>();
+  CLI::App* command = app.add_subcommand(
+      "status", "Show publishers, peers, what they hold and how they do, and what is refused.");
+  command->add_option("--seconds", options->seconds, "How long to listen")
+      ->capture_default_str()
+      ->check(CLI::Range(0.1, 3600.0));
+  command->add_flag("--watch", options->watch, "Go on until Ctrl-C, each --seconds anew");
+  command->add_flag("--regions", options->regions,
+                    "Also hear what each peer answers and asks: where its bodies meet, how far off "
+                    "each answer may be and since when, what it lacks");
+  command->add_flag("--json", options->json, "Print one JSON line each time");
+  add_transport_options(*command, options->transport);
+  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
+}
+
+void add_doctor_command(CLI::App& app, Action& chosen) {
+  const auto options = std::make_shared<DoctorOptions>();
+  CLI::App* command = app.add_subcommand(
+      "doctor",
+      "Test the way to others for ten seconds: run it on both machines, or against a "
+      "publisher.");
+  command->add_option("--seconds", options->seconds, "How long to test")
+      ->capture_default_str()
+      ->check(CLI::Range(2.0, 600.0));
+  command->add_flag("--json", options->json, "Print one JSON object");
+  add_transport_options(*command, options->transport);
+  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
+}
+
+}  // namespace
 }  // namespace nearmesh::subscriber::program
 
 int main(int argc, char** argv) {
@@ -37,7 +189,7 @@ int main(int argc, char** argv) {
       "A nearmesh peer: answers frame by frame whether bodies touch, and records sessions.",
       "nearmesh-subscriber"};
   app.require_subcommand(1);
-  std::function<nearmesh::Status()> chosen;
+  Action chosen;
   add_run_command(app, chosen);
   add_record_command(app, chosen);
   add_info_command(app, chosen);

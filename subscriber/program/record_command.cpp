@@ -23,7 +23,9 @@ void show(const char* end, const RecorderStats& stats, double seconds) {
       stats.parts == 1 ? "" : "s", count(stats.lost), count(stats.dropped), end);
 }
 
-Status record(const RecorderOptions& options) {
+}  // namespace
+
+Status run(const RecorderOptions& options) {
   Result<std::unique_ptr<DdsRecorder>> created = DdsRecorder::create(options);
   if (!created.is_ok()) return created.status();
   DdsRecorder& recorder = *created.value();
@@ -53,28 +55,6 @@ Status record(const RecorderOptions& options) {
   NEARMESH_RETURN_IF_ERROR(status);
   if (at_limit) spdlog::info("ended: {} has reached its size", options.path);
   return Status::ok();
-}
-
-}  // namespace
-
-void add_record_command(CLI::App& app, std::function<Status()>& chosen) {
-  CLI::App* command =
-      app.add_subcommand("record", "Record all that is said on the bus, until Ctrl-C.");
-  const auto options = std::make_shared<RecorderOptions>();
-  command->add_option("-o,--output", options->path, "File to create (.db3, SQLite)")->required();
-  command
-      ->add_option("--topics", options->topics,
-                   "Only these: hello, mesh_header, region_subscription, split_batch, "
-                   "body_pose, contact_report")
-      ->delimiter(',');
-  command
-      ->add_option("--max-size", options->max_bytes,
-                   "End at this size of the file, in bytes or as 100MB")
-      ->transform(CLI::AsSizeValue(true));
-  command->add_flag("--split", options->split,
-                    "At --max-size go on in another file: SESSION_1.db3 and so on");
-  add_transport_options(*command, options->transport);
-  command->callback([options, &chosen] { chosen = [options] { return record(*options); }; });
 }
 
 }  // namespace nearmesh::subscriber::program

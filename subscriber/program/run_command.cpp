@@ -14,7 +14,6 @@
 #include "core/base/stopwatch.hpp"
 #include "core/query/contacts_json.hpp"
 #include "flight_summary.hpp"
-#include "idl/program/command.hpp"
 #include "idl/program/logging.hpp"
 #include "idl/program/metrics.hpp"
 #include "nearmesh/subscriber/dds/dds_channel.hpp"
@@ -22,14 +21,6 @@
 
 namespace nearmesh::subscriber::program {
 namespace {
-
-struct Options {
-  std::string scene, answers;
-  DdsChannelOptions channel;
-  std::string metrics;
-  std::vector<std::string> log{"info"};
-  bool json = false;
-};
 
 nlohmann::ordered_json to_json(std::uint64_t frame, const PairAnswer& pair, const Scene& scene) {
   const auto body_of = [&](const std::string& name) {
@@ -82,7 +73,7 @@ nlohmann::ordered_json to_json(std::uint64_t frame, const PairAnswer& pair, cons
 class Flight {
  public:
   /// `clock` runs since the program's start.
-  Flight(const Options& options, const Scene& scene, std::unique_ptr<Channel> channel,
+  Flight(const RunOptions& options, const Scene& scene, std::unique_ptr<Channel> channel,
          Stopwatch clock)
       : options_(options),
         scene_(scene),
@@ -251,7 +242,7 @@ class Flight {
         static_cast<unsigned long long>(partial + uncertain));
   }
 
-  const Options& options_;
+  const RunOptions& options_;
   const Scene& scene_;
   const Stopwatch clock_;
   const std::vector<Session::OwnMotion> no_motions_;
@@ -262,7 +253,9 @@ class Flight {
   Summary summary_;
 };
 
-Status run(const Options& options) {
+}  // namespace
+
+Status run(const RunOptions& options) {
   const Stopwatch clock;
   const Result<Scene> scene = read_scene(options.scene);
   if (!scene.is_ok()) return scene.status();
@@ -275,28 +268,4 @@ Status run(const Options& options) {
   flight.print_summary();
   return Status::ok();
 }
-}  // namespace
-
-void add_run_command(CLI::App& app, std::function<Status()>& chosen) {
-  CLI::App* command =
-      app.add_subcommand("run", "Fly a scene (docs/scene.md) and answer every frame.");
-  const auto options = std::make_shared<Options>();
-  command->add_option("scene", options->scene, "Scene file (YAML)");
-  command->add_option("--answers", options->answers, "Also write the JSON lines to this file");
-  command->add_flag("--json", options->json,
-                    "Print one JSON line per answer, and one with the summary");
-  const auto settings = std::make_shared<wire::program::Settings>();
-  wire::program::add_transport_settings(*settings, options->channel.transport);
-  wire::program::add_metrics_setting(*settings, options->metrics);
-  wire::program::add_log_setting(*settings, options->log, {kRooms.begin(), kRooms.end()});
-  wire::program::add_flags(*command, settings, [options, known = settings.get()] {
-    wire::program::apply_preset(*known, options->channel.transport);
-    wire::program::set_log_levels(options->log);
-  });
-  command->callback([options, &chosen] {
-    if (options->scene.empty()) throw CLI::RequiredError("scene");
-    chosen = [options] { return run(*options); };
-  });
-}
-
 }  // namespace nearmesh::subscriber::program

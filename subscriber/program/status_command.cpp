@@ -16,12 +16,6 @@
 namespace nearmesh::subscriber::program {
 namespace {
 
-struct Options {
-  wire::TransportOptions transport;
-  double seconds = 3;
-  bool watch = false, json = false, regions = false;
-};
-
 /// "1.2 MB".
 std::string human(double bytes) {
   static constexpr const char* kUnits[] = {"B", "kB", "MB", "GB", "TB"};
@@ -218,7 +212,9 @@ nlohmann::ordered_json to_json(const BusView& view, bool regions) {
   return json;
 }
 
-Status show_status(const Options& options) {
+}  // namespace
+
+Status run(const StatusOptions& options) {
   auto monitor = DdsMonitor::create(options.transport, options.regions);
   if (!monitor.is_ok()) return monitor.status();
   do {
@@ -240,24 +236,6 @@ Status show_status(const Options& options) {
                                          "/*: nearmesh-subscriber doctor may say why"};
   } while (options.watch && stop_requested == 0);
   return Status::ok();
-}
-
-}  // namespace
-
-void add_status_command(CLI::App& app, std::function<Status()>& chosen) {
-  const auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand(
-      "status", "Show publishers, peers, what they hold and how they do, and what is refused.");
-  command->add_option("--seconds", options->seconds, "How long to listen")
-      ->capture_default_str()
-      ->check(CLI::Range(0.1, 3600.0));
-  command->add_flag("--watch", options->watch, "Go on until Ctrl-C, each --seconds anew");
-  command->add_flag("--regions", options->regions,
-                    "Also hear what each peer answers and asks: where its bodies meet, how far off "
-                    "each answer may be and since when, what it lacks");
-  command->add_flag("--json", options->json, "Print one JSON line each time");
-  add_transport_options(*command, options->transport);
-  command->callback([options, &chosen] { chosen = [options] { return show_status(*options); }; });
 }
 
 }  // namespace nearmesh::subscriber::program

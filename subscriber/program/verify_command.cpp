@@ -12,11 +12,6 @@
 namespace nearmesh::subscriber::program {
 namespace {
 
-struct Options {
-  std::string path;
-  unsigned threads = 1;
-};
-
 void print(const std::vector<std::array<FaceKey, 2>>& pairs, const char* where) {
   constexpr std::size_t kShown = 8;
   for (std::size_t i = 0; i < std::min(pairs.size(), kShown); ++i)
@@ -24,7 +19,9 @@ void print(const std::vector<std::array<FaceKey, 2>>& pairs, const char* where) 
                 pairs[i][0].index, pairs[i][1].split.value, pairs[i][1].index);
 }
 
-Status run(const Options& options) {
+}  // namespace
+
+Status run(const VerifyOptions& options) {
   const auto count = [](std::uint64_t n) { return static_cast<unsigned long long>(n); };
   Result<std::unique_ptr<RecordingReader>> recording = RecordingReader::open(options.path);
   if (!recording.is_ok()) return recording.status();
@@ -55,19 +52,6 @@ Status run(const Options& options) {
   std::fflush(stdout);
   return {StatusCode::kConflict, options.path + ": " + std::to_string(report.different) + " of " +
                                      std::to_string(report.reports) + " reports differ"};
-}
-
-}  // namespace
-
-void add_verify_command(CLI::App& app, std::function<Status()>& chosen) {
-  CLI::App* command = app.add_subcommand(
-      "verify", "Run a recorded session again, offline, and compare states and answers.");
-  const auto options = std::make_shared<Options>();
-  command->add_option("session", options->path, "Recorded session (.db3)")->required();
-  command->add_option("--threads", options->threads, "Peers are spread over so many")
-      ->capture_default_str()
-      ->check(CLI::Range(1, 256));
-  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 
 }  // namespace nearmesh::subscriber::program
