@@ -217,7 +217,9 @@ ReadConvention find_convention(std::string_view importer, const aiScene& scene,
   if (is("Discreet 3DS") || is("ASE") || is("Drawing Interchange"))
     return only_up(UpAxis::kZ, true);
   if (is("AC3D") || is("Direct3D XFile")) return only_up(UpAxis::kY, false);
-  return {};
+  ReadConvention unknown;
+  unknown.file.is_known = false;
+  return unknown;
 }
 
 }  // namespace meshio

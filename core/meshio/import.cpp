@@ -181,9 +181,10 @@ Result<ImportedMesh> import_mesh(const std::string& path, const ImportOptions& o
     Result<Read> read = read_checked(path, options, false);
     if (!read.is_ok()) return read.status();
     auto& [scene, origin] = read.value();
+    const bool is_as_written = scene.convention.is_known;
     IndexedMesh mesh = assemble(std::move(scene), meshio::to_model(origin));
     NEARMESH_RETURN_IF_ERROR(check_faces(mesh));  // a product may have left the doubles
-    return ImportedMesh{std::move(mesh), origin};
+    return ImportedMesh{std::move(mesh), origin, is_as_written};
   });
 }
 
@@ -200,7 +201,7 @@ Result<ImportedNodes> import_nodes(const std::string& path, const ImportOptions&
     auto& [scene, origin] = read.value();
     ImportedNodes out{
         meshio::take_apart(scene, meshio::to_model(origin), std::filesystem::path(path).stem()),
-        origin};
+        origin, scene.convention.is_known};
     for (const ImportedNode& node : out.nodes) NEARMESH_RETURN_IF_ERROR(check_faces(node.mesh));
     return out;
   });

@@ -54,6 +54,7 @@ struct FileConvention {
   OriginSource unit_source = OriginSource::kNobody;
   UpAxis up = UpAxis::kUnknown;
   OriginSource up_source = OriginSource::kNobody;
+  bool is_known = true;        ///< what the reader does to coordinates is known and undone
   bool unit_is_fixed = false;  ///< stated, by the file or by a format that allows one unit alone
 };
 

@@ -9,7 +9,7 @@
 #include <limits>
 #include <sstream>
 
-#include "file_bytes.hpp"
+#include "mesh_file_bytes.hpp"
 #include "nearmesh/core/meshio/import.hpp"
 
 namespace nearmesh {

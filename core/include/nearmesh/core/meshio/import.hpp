@@ -29,6 +29,9 @@ struct ImportOptions {
 struct ImportedMesh {
   IndexedMesh mesh;
   MeshOrigin origin;
+  /// Coordinates are those written in the file. False for formats that mesh_formats() does not list:
+  /// assimp's reader may have turned or scaled them.
+  bool is_as_written = true;
 };
 
 /// One node of a file, in its own frame, and where that stands: x_file = rotation x_node + translation.
@@ -43,6 +46,7 @@ struct ImportedNode {
 struct ImportedNodes {
   std::vector<ImportedNode> nodes;  ///< those with faces, in file order
   MeshOrigin origin;
+  bool is_as_written = true;  ///< as in ImportedMesh
 };
 
 /// What is promised of a format, as docs/import.md has it.
