@@ -186,6 +186,7 @@ Status ModelFile::Impl::read_directory() {
 Status ModelFile::Impl::check_directory() {
   // Entries stand by level, then by first id; require() searches within a level.
   const std::span<const DirectoryEntry> all = directory;
+  const std::uint64_t blocks_end = preamble.directory_offset - sizeof(OriginEntry);
   for (std::size_t begin = 0; begin < all.size();) {
     if (all[begin].size < 2) return corrupt("directory entry " + std::to_string(begin));
     const int level = block_level(all[begin].size);
@@ -194,8 +195,8 @@ Status ModelFile::Impl::check_directory() {
     for (; end < all.size() && all[end].size >= 2 && block_level(all[end].size) == level; ++end) {
       const DirectoryEntry& entry = all[end];
       if (entry.first < next || std::uint64_t{entry.first} + entry.size > header.vertex_count ||
-          entry.offset < sizeof(Preamble) || entry.offset > preamble.directory_offset ||
-          entry.bytes > preamble.directory_offset - entry.offset)
+          entry.offset < sizeof(Preamble) || entry.offset > blocks_end ||
+          entry.bytes > blocks_end - entry.offset)
         return corrupt("directory entry " + std::to_string(end));
       next = std::uint64_t{entry.first} + entry.size;
     }
@@ -310,12 +311,13 @@ Status ModelFile::Impl::check_blocks() const {
     end = std::max(end, entry.offset + entry.bytes);
   }
   // What fills up the last block is under no checksum.
-  if (preamble.directory_offset - end >= alignof(DirectoryEntry))
-    return corrupt(range(end, preamble.directory_offset - end) + ": expected the directory");
-  bytes.resize(preamble.directory_offset - end);
+  const std::uint64_t origin_offset = preamble.directory_offset - sizeof(OriginEntry);
+  if (origin_offset - end >= alignof(DirectoryEntry))
+    return corrupt(range(end, origin_offset - end) + ": expected the origin");
+  bytes.resize(origin_offset - end);
   NEARMESH_RETURN_IF_ERROR(read(end, bytes.data(), bytes.size()));
   if (std::any_of(bytes.begin(), bytes.end(), [](std::uint8_t byte) { return byte != 0; }))
-    return corrupt("bytes before the directory: expected zeros");
+    return corrupt("bytes before the origin: expected zeros");
   return Status::ok();
 }
 
