@@ -95,7 +95,7 @@ IndexedMesh plate() {
   return {{{-2, -2, 0}, {2, -2, 0}, {2, 2, 0}, {-2, 2, 0}}, {{0, 1, 2}, {0, 2, 3}}};
 }
 
-Pose random_pose(test::Random& random) {
+Pose pose_near_plate(Random& random) {
   double q[4];
   double length = 0;
   do {
@@ -158,10 +158,10 @@ TEST_P(RobotMeshes, AnswerAlikeAsColladaAndAsStl) {
                  {.clearance = false})
         .status;
   };
-  test::Random random(17);
+  Random random(17);
   int clear = 0, contacts = 0;
   for (int i = 0; i < 200; ++i) {
-    const Pose pose = random_pose(random);
+    const Pose pose = pose_near_plate(random);
     if (margin_m(stl.value(), pose) <= hausdorff_m) continue;
     ++clear;
     const AnswerStatus answer = ask(0, pose);
