@@ -2,6 +2,7 @@
 #include "assimp_reader.hpp"
 
 #include <assimp/config.h>
+#include <assimp/importerdesc.h>
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
 
@@ -10,71 +11,83 @@
 #include <string_view>
 #include <utility>
 
+#include "conventions.hpp"
+
 namespace nearmesh::meshio {
 namespace {
 
-/// x' = m[.][0..2] x + m[.][3], in double: chains of nodes must not lose what the file kept.
-struct Transform {
-  double m[3][4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}};
-
-  [[nodiscard]] std::array<double, 3> apply(const aiVector3D& p) const {
-    std::array<double, 3> out{};
-    for (std::size_t r = 0; r < 3; ++r)
-      out[r] = m[r][0] * p.x + m[r][1] * p.y + m[r][2] * p.z + m[r][3];
-    return out;
-  }
-  [[nodiscard]] bool mirrors() const {
-    return m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) -
-               m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0]) +
-               m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0]) <
-           0;
-  }
-};
-
-Transform compose(const Transform& outer, const aiMatrix4x4& inner) {
+Transform to_transform(const aiMatrix4x4& matrix) {
   Transform result;
-  for (std::size_t r = 0; r < 3; ++r) {
-    for (unsigned c = 0; c < 4; ++c) {
-      result.m[r][c] = c == 3 ? outer.m[r][3] : 0.0;
-      for (unsigned k = 0; k < 3; ++k)
-        result.m[r][c] += outer.m[r][k] * static_cast<double>(inner[k][c]);
-    }
-  }
+  for (unsigned r = 0; r < 3; ++r)
+    for (unsigned c = 0; c < 4; ++c) result.m[r][c] = static_cast<double>(matrix[r][c]);
   return result;
 }
 
 class SceneCollector {
  public:
-  explicit SceneCollector(const aiScene& scene) : scene_(scene) {}
+  SceneCollector(const aiScene& scene, const std::string& wanted)
+      : scene_(scene), wanted_(wanted) {}
 
-  Result<IndexedMesh> collect() {
-    std::vector<std::pair<const aiNode*, Transform>> stack{{scene_.mRootNode, Transform{}}};
+  /// `with_root`: the root's transform is the file's.
+  Result<SceneMesh> collect(bool with_root) {
+    struct Pending {
+      const aiNode* node;
+      Transform parent;
+      bool taken;
+    };
+    std::vector<Pending> stack{{scene_.mRootNode, Transform{}, wanted_.empty()}};
     while (!stack.empty()) {
-      const auto [node, parent] = stack.back();
+      const Pending next = stack.back();
+      const aiNode& node = *next.node;
       stack.pop_back();
-      const Transform transform = compose(parent, node->mTransformation);
-      for (unsigned i = 0; i < node->mNumMeshes; ++i) {
-        if (node->mMeshes[i] >= scene_.mNumMeshes)
-          return Status(StatusCode::kCorrupt, "assimp: a node names mesh " +
-                                                  std::to_string(node->mMeshes[i]) + " of " +
-                                                  std::to_string(scene_.mNumMeshes));
-        NEARMESH_RETURN_IF_ERROR(add(*scene_.mMeshes[node->mMeshes[i]], transform));
-      }
-      for (unsigned i = node->mNumChildren; i-- > 0;)
-        stack.emplace_back(node->mChildren[i], transform);
+      const std::string name(node.mName.data, node.mName.length);
+      const bool taken = next.taken || name == wanted_;
+      if (!taken && !name.empty() && names_.size() < kMostNames && node.mNumMeshes > 0)
+        names_ += (names_.empty() ? "" : ", ") + name;
+      found_ = found_ || taken;
+      const bool is_own = with_root || &node != scene_.mRootNode;
+      const Transform transform =
+          is_own ? compose(next.parent, to_transform(node.mTransformation)) : next.parent;
+      if (taken) NEARMESH_RETURN_IF_ERROR(add(node, name, transform));
+      for (unsigned i = node.mNumChildren; i-- > 0;)
+        stack.push_back({node.mChildren[i], transform, taken});
     }
+    if (!found_)
+      return Status(StatusCode::kNotFound, "no node is named " + wanted_ + "; there are " +
+                                               (names_.empty() ? "none with faces" : names_));
     return std::move(out_);
   }
 
  private:
-  Status add(const aiMesh& mesh, const Transform& transform) {
+  static constexpr std::size_t kMostNames = 1000;  // characters in a message
+
+  Status add(const aiNode& node, const std::string& name, const Transform& transform) {
+    if (node.mNumMeshes == 0) return Status::ok();
+    ScenePart part{name, transform};
+    const std::size_t positions = out_.mesh.positions_m.size(), faces = out_.mesh.faces.size();
+    for (unsigned i = 0; i < node.mNumMeshes; ++i) {
+      if (node.mMeshes[i] >= scene_.mNumMeshes)
+        return {StatusCode::kCorrupt, "assimp: a node names mesh " +
+                                          std::to_string(node.mMeshes[i]) + " of " +
+                                          std::to_string(scene_.mNumMeshes)};
+      NEARMESH_RETURN_IF_ERROR(add(*scene_.mMeshes[node.mMeshes[i]]));
+    }
+    part.position_count = out_.mesh.positions_m.size() - positions;
+    part.face_count = out_.mesh.faces.size() - faces;
+    out_.parts.push_back(std::move(part));
+    return Status::ok();
+  }
+
+  Status add(const aiMesh& mesh) {
     constexpr auto kMostIndices = std::size_t{std::numeric_limits<std::uint32_t>::max()};
-    const std::size_t first = out_.positions_m.size();
+    auto& [positions_m, faces] = out_.mesh;
+    const std::size_t first = positions_m.size();
     if (mesh.mNumVertices > kMostIndices - first)
       return {StatusCode::kUnsupported, "expected fewer than 2^32 vertices"};
-    for (unsigned v = 0; v < mesh.mNumVertices; ++v)
-      out_.positions_m.push_back(transform.apply(mesh.mVertices[v]));
-    const bool mirrored = transform.mirrors();
+    for (unsigned v = 0; v < mesh.mNumVertices; ++v) {
+      const aiVector3D& p = mesh.mVertices[v];
+      positions_m.push_back({p.x, p.y, p.z});
+    }
     for (unsigned f = 0; f < mesh.mNumFaces; ++f) {
       const aiFace& face = mesh.mFaces[f];
       // Points and lines have no surface. More than three corners remain where assimp's ear cutting
@@ -84,25 +97,34 @@ class SceneCollector {
                                              face.mIndices[k]};
         for (std::uint32_t& corner : corners) {
           if (corner >= mesh.mNumVertices)
-            return {StatusCode::kCorrupt, "assimp: face " + std::to_string(out_.faces.size()) +
+            return {StatusCode::kCorrupt, "assimp: face " + std::to_string(faces.size()) +
                                               " has vertex index " + std::to_string(corner) +
                                               " of " + std::to_string(mesh.mNumVertices)};
           corner += static_cast<std::uint32_t>(first);
         }
-        if (mirrored) std::swap(corners[1], corners[2]);
-        out_.faces.push_back(corners);
+        faces.push_back(corners);
       }
     }
     return Status::ok();
   }
 
   const aiScene& scene_;
-  IndexedMesh out_;
+  const std::string& wanted_;
+  std::string names_;  ///< of nodes that were not wanted
+  bool found_ = false;
+  SceneMesh out_;
 };
+
+std::string name_of_reader(const Assimp::Importer& importer) {
+  const int index = importer.GetPropertyInteger("importerIndex", -1);
+  if (index < 0) return {};
+  const aiImporterDesc* description = importer.GetImporterInfo(static_cast<std::size_t>(index));
+  return description == nullptr ? "" : description->mName;
+}
 
 }  // namespace
 
-Result<IndexedMesh> read_with_assimp(const std::string& path) {
+Result<SceneMesh> read_with_assimp(const std::string& path, const std::string& node) {
   Assimp::Importer importer;
   // Without this, files with a skeleton and no surface come back as made-up bones.
   importer.SetPropertyBool(AI_CONFIG_IMPORT_NO_SKELETON_MESHES, true);
@@ -113,7 +135,10 @@ Result<IndexedMesh> read_with_assimp(const std::string& path) {
     return Status(no_reader ? StatusCode::kUnsupported : StatusCode::kCorrupt,
                   "assimp: " + (reason.empty() ? std::string("no scene") : std::string(reason)));
   }
-  return SceneCollector(*scene).collect();
+  const ReadConvention convention = find_convention(name_of_reader(importer), *scene, path);
+  Result<SceneMesh> collected = SceneCollector(*scene, node).collect(!convention.root_is_assimps);
+  if (collected.is_ok()) collected.value().convention = convention.file;
+  return collected;
 }
 
 }  // namespace nearmesh::meshio

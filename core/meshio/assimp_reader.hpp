@@ -5,13 +5,15 @@
 
 #include <string>
 
-#include "nearmesh/core/mesh/indexed_mesh.hpp"
+#include "scene_mesh.hpp"
 
 namespace nearmesh::meshio {
 
-/// All triangles of the file, node after node, transformed into the file's frame.
+/// All triangles of the file, node after node, each in its node's frame, in the file's units. What
+/// assimp's reader turns or scales of its own accord is undone where it is known (formats.hpp).
+/// In: node: only the nodes of this name and what hangs on them; empty: all.
 /// Errors, the message without the path: kUnsupported (no reader), kCorrupt (assimp refuses, or
-/// gives indices out of range), kInvalidArgument (no faces, or a face's corner not finite).
-[[nodiscard]] Result<IndexedMesh> read_with_assimp(const std::string& path);
+/// gives indices out of range), kNotFound (no such node).
+[[nodiscard]] Result<SceneMesh> read_with_assimp(const std::string& path, const std::string& node);
 
 }  // namespace nearmesh::meshio

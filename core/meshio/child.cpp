@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cmath>
 #include <cstdio>
 #include <cstring>
 #include <exception>
@@ -25,12 +26,18 @@ constexpr bool kCanLimitMemory = false;
 constexpr bool kCanLimitMemory = true;
 #endif
 
-/// What goes over the pipe: this, the message, the positions, the faces.
+/// What goes over the pipe: this, the message, the positions, the faces, the parts, their names.
 struct Preamble {
   std::uint32_t code = 0;
   std::uint32_t message_size = 0;
   std::uint64_t position_count = 0;
   std::uint64_t face_count = 0;
+  std::uint64_t part_count = 0;
+  FileConvention convention;
+};
+struct PartRecord {
+  Transform to_file;
+  std::uint64_t position_count = 0, face_count = 0, name_size = 0;
 };
 constexpr std::uint32_t kMostMessage = 1 << 16;
 
@@ -69,7 +76,7 @@ bool write_all(int pipe, const void* data, std::size_t size) {
   return true;
 }
 
-Result<IndexedMesh> run_guarded(const std::function<Result<IndexedMesh>()>& reader) {
+Result<SceneMesh> run_guarded(const std::function<Result<SceneMesh>()>& reader) {
   try {
     return reader();
   } catch (const std::bad_alloc&) {
@@ -82,20 +89,31 @@ Result<IndexedMesh> run_guarded(const std::function<Result<IndexedMesh>()>& read
   }
 }
 
-[[noreturn]] void run_child(int pipe, const std::function<Result<IndexedMesh>()>& reader,
+[[noreturn]] void run_child(int pipe, const std::function<Result<SceneMesh>()>& reader,
                             const ChildLimits& limits) {
   set_limits(limits);
-  const Result<IndexedMesh> result = run_guarded(reader);
+  const Result<SceneMesh> result = run_guarded(reader);
   Preamble preamble;
   bool sent = false;
   if (result.is_ok()) {
-    const IndexedMesh& mesh = result.value();
+    const IndexedMesh& mesh = result.value().mesh;
+    const std::vector<ScenePart>& parts = result.value().parts;
     preamble.position_count = mesh.positions_m.size();
     preamble.face_count = mesh.faces.size();
+    preamble.part_count = parts.size();
+    preamble.convention = result.value().convention;
+    std::vector<PartRecord> records;
+    std::string names;
+    for (const ScenePart& part : parts) {
+      records.push_back({part.to_file, part.position_count, part.face_count, part.name.size()});
+      names += part.name;
+    }
     sent = write_all(pipe, &preamble, sizeof preamble) &&
            write_all(pipe, mesh.positions_m.data(),
                      mesh.positions_m.size() * sizeof mesh.positions_m[0]) &&
-           write_all(pipe, mesh.faces.data(), mesh.faces.size() * sizeof mesh.faces[0]);
+           write_all(pipe, mesh.faces.data(), mesh.faces.size() * sizeof mesh.faces[0]) &&
+           write_all(pipe, records.data(), records.size() * sizeof records[0]) &&
+           write_all(pipe, names.data(), names.size());
   } else {
     const std::string message = result.status().message().substr(0, kMostMessage);
     preamble.code = static_cast<std::uint32_t>(result.status().code());
@@ -141,9 +159,44 @@ class PipeReader {
   std::chrono::steady_clock::time_point deadline_;
 };
 
+bool is_sound(const FileConvention& convention) {
+  return std::isfinite(convention.unit_m) && convention.unit_m > 0 &&
+         convention.unit_source <= OriginSource::kOption && convention.up <= UpAxis::kZ &&
+         convention.up_source <= OriginSource::kOption;
+}
+
+ReadOutcome receive_parts(PipeReader& pipe, std::uint64_t count, const ChildLimits& limits,
+                          SceneMesh& scene) {
+  std::vector<PartRecord> records(count);
+  if (const auto got = pipe.read_all(records.data(), records.size() * sizeof records[0]);
+      got != ReadOutcome::kDone)
+    return got;
+  std::uint64_t positions = 0, faces = 0, names = 0;
+  for (const PartRecord& record : records) {
+    if (record.position_count > scene.mesh.positions_m.size() - positions ||
+        record.face_count > scene.mesh.faces.size() - faces ||
+        record.name_size > limits.memory_bytes - names)
+      return ReadOutcome::kMalformed;
+    positions += record.position_count;
+    faces += record.face_count;
+    names += record.name_size;
+    ScenePart& part = scene.parts.emplace_back();
+    part.to_file = record.to_file;
+    part.position_count = record.position_count;
+    part.face_count = record.face_count;
+    part.name.resize(record.name_size);
+  }
+  if (count > 0 && (positions != scene.mesh.positions_m.size() || faces != scene.mesh.faces.size()))
+    return ReadOutcome::kMalformed;
+  for (ScenePart& part : scene.parts)
+    if (const auto got = pipe.read_all(part.name.data(), part.name.size());
+        got != ReadOutcome::kDone)
+      return got;
+  return ReadOutcome::kDone;
+}
+
 /// Trusts no count of the child, which may have been talked into anything by the file.
-ReadOutcome receive(PipeReader& pipe, const ChildLimits& limits, Status& status,
-                    IndexedMesh& mesh) {
+ReadOutcome receive(PipeReader& pipe, const ChildLimits& limits, Status& status, SceneMesh& scene) {
   Preamble preamble;
   if (const auto got = pipe.read_all(&preamble, sizeof preamble); got != ReadOutcome::kDone)
     return got;
@@ -156,15 +209,21 @@ ReadOutcome receive(PipeReader& pipe, const ChildLimits& limits, Status& status,
     status = Status(static_cast<StatusCode>(preamble.code), std::move(message));
     return got;
   }
+  IndexedMesh& mesh = scene.mesh;
   if (preamble.position_count > limits.memory_bytes / sizeof mesh.positions_m[0] ||
-      preamble.face_count > limits.memory_bytes / sizeof mesh.faces[0])
+      preamble.face_count > limits.memory_bytes / sizeof mesh.faces[0] ||
+      preamble.part_count > limits.memory_bytes / sizeof(PartRecord) ||
+      !is_sound(preamble.convention))
     return ReadOutcome::kMalformed;
+  scene.convention = preamble.convention;
   mesh.positions_m.resize(preamble.position_count);
   mesh.faces.resize(preamble.face_count);
-  const auto got =
+  auto got =
       pipe.read_all(mesh.positions_m.data(), mesh.positions_m.size() * sizeof mesh.positions_m[0]);
   if (got != ReadOutcome::kDone) return got;
-  return pipe.read_all(mesh.faces.data(), mesh.faces.size() * sizeof mesh.faces[0]);
+  got = pipe.read_all(mesh.faces.data(), mesh.faces.size() * sizeof mesh.faces[0]);
+  if (got != ReadOutcome::kDone) return got;
+  return receive_parts(pipe, preamble.part_count, limits, scene);
 }
 
 /// A started child and the reading end of its pipe; neither outlives this.
@@ -200,8 +259,8 @@ class Child {
 
 }  // namespace
 
-Result<IndexedMesh> run_in_child(const std::function<Result<IndexedMesh>()>& reader,
-                                 const ChildLimits& limits) {
+Result<SceneMesh> run_in_child(const std::function<Result<SceneMesh>()>& reader,
+                               const ChildLimits& limits) {
   int ends[2] = {-1, -1};
   pid_t child = -1;
   {
@@ -226,8 +285,8 @@ Result<IndexedMesh> run_in_child(const std::function<Result<IndexedMesh>()>& rea
   Child running(child, ends[0]);
   PipeReader pipe(ends[0], limits.wall_time);
   Status status;
-  IndexedMesh mesh;
-  const ReadOutcome outcome = receive(pipe, limits, status, mesh);
+  SceneMesh scene;
+  const ReadOutcome outcome = receive(pipe, limits, status, scene);
   if (outcome == ReadOutcome::kTimedOut)
     return Status(StatusCode::kCorrupt, "the reader was stopped after " +
                                             std::to_string(limits.wall_time.count()) + " s");
@@ -237,7 +296,7 @@ Result<IndexedMesh> run_in_child(const std::function<Result<IndexedMesh>()>& rea
     return Status(StatusCode::kCorrupt,
                   "the reader gave more than a file of this size should hold");
   NEARMESH_RETURN_IF_ERROR(status);
-  return mesh;
+  return scene;
 }
 
 }  // namespace nearmesh::meshio

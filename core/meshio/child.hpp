@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <functional>
 
-#include "nearmesh/core/mesh/indexed_mesh.hpp"
+#include "scene_mesh.hpp"
 
 namespace nearmesh::meshio {
 
@@ -20,7 +20,7 @@ struct ChildLimits {
 /// Runs `reader` in a child and returns what it returns.
 /// Errors, besides the reader's own: kIo (no pipe, no process), kCorrupt (crashed, took too long,
 /// or threw). Threads: may be called from several at once; the child holds only the calling thread.
-[[nodiscard]] Result<IndexedMesh> run_in_child(const std::function<Result<IndexedMesh>()>& reader,
-                                               const ChildLimits& limits);
+[[nodiscard]] Result<SceneMesh> run_in_child(const std::function<Result<SceneMesh>()>& reader,
+                                             const ChildLimits& limits);
 
 }  // namespace nearmesh::meshio

@@ -8,11 +8,14 @@
 #include <cmath>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
+#include <functional>
 #include <memory>
 
 #include "assimp_reader.hpp"
 #include "child.hpp"
 #include "core/base/float_guard.hpp"
+#include "nodes.hpp"
 #include "plain_formats.hpp"
 
 namespace nearmesh {
@@ -44,17 +47,32 @@ meshio::ChildLimits limits_for(std::uint64_t file_bytes) {
           .wall_time = std::chrono::seconds(60 + 2 * (file_bytes / kMiB))};
 }
 
-Result<IndexedMesh> read_any(const std::string& path) {
+using meshio::SceneMesh;
+using meshio::ScenePart;
+using meshio::Transform;
+
+Result<SceneMesh> read_plain_scene(meshio::PlainFormat format, std::string_view bytes,
+                                   const std::string& node, bool by_node) {
+  if (format == meshio::PlainFormat::kObj && (by_node || !node.empty()))
+    return meshio::read_obj_objects(bytes, node);
+  if (!node.empty())
+    return Status(StatusCode::kNotFound, "no node is named " + node + ": the format has none");
+  Result<IndexedMesh> mesh = meshio::read_plain(format, bytes);
+  NEARMESH_RETURN_IF_ERROR(mesh);
+  return SceneMesh{.mesh = std::move(mesh).value()};
+}
+
+Result<SceneMesh> read_any(const std::string& path, const std::string& node, bool by_node) {
   std::uint64_t file_bytes = 0;
   {
     const Result<std::string> bytes = read_file(path);
     NEARMESH_RETURN_IF_ERROR(bytes);
     if (bytes.value().empty()) return Status(StatusCode::kCorrupt, "the file is empty");
     if (const auto format = meshio::find_plain_format(path, bytes.value()))
-      return meshio::read_plain(*format, bytes.value());
+      return read_plain_scene(*format, bytes.value(), node, by_node);
     file_bytes = bytes.value().size();
   }
-  return meshio::run_in_child([&path] { return meshio::read_with_assimp(path); },
+  return meshio::run_in_child([&] { return meshio::read_with_assimp(path, node); },
                               limits_for(file_bytes));
 }
 
@@ -77,19 +95,118 @@ Status check_faces(const IndexedMesh& mesh) {
   return Status::ok();
 }
 
-}  // namespace
+Status check_options(const ImportOptions& options) {
+  for (const double factor : {options.unit_m.value_or(1), options.scale})
+    if (!std::isfinite(factor) || factor <= 0)
+      return {StatusCode::kInvalidArgument,
+              "expected a unit and a scale above 0, found " + std::to_string(factor)};
+  if (options.up == UpAxis::kX)
+    return {StatusCode::kInvalidArgument, "expected y or z as the axis that is up, found x"};
+  return Status::ok();
+}
 
-Result<IndexedMesh> import_mesh(const std::string& path) {
+Result<MeshOrigin> find_origin(const meshio::FileConvention& file, const ImportOptions& options) {
+  MeshOrigin origin{.unit_m = file.unit_m,
+                    .scale = options.scale,
+                    .unit_source = file.unit_source,
+                    .up = file.up,
+                    .up_source = file.up_source};
+  if (options.unit_m && file.unit_is_fixed) {
+    char text[96];
+    std::snprintf(text, sizeof text,
+                  "%s states its unit, %.9g m; to change lengths, ask for a scale",
+                  file.unit_source == OriginSource::kFile ? "the file" : "the format", file.unit_m);
+    return Status(StatusCode::kInvalidArgument, text);
+  }
+  if (options.unit_m) {
+    origin.unit_m = *options.unit_m;
+    origin.unit_source = OriginSource::kOption;
+  }
+  if (options.up != UpAxis::kUnknown) {
+    origin.up = options.up;
+    origin.up_source = OriginSource::kOption;
+    origin.z_up = true;
+  }
+  return origin;
+}
+
+/// All parts in the model's frame, in file order.
+IndexedMesh assemble(SceneMesh scene, const Transform& to_model) {
+  IndexedMesh& mesh = scene.mesh;
+  if (scene.parts.empty())
+    scene.parts.push_back(
+        {.position_count = mesh.positions_m.size(), .face_count = mesh.faces.size()});
+  std::size_t position = 0, face = 0;
+  for (const ScenePart& part : scene.parts) {
+    meshio::transform_part(mesh, position, part.position_count, face, part.face_count,
+                           compose(to_model, part.to_file));
+    position += part.position_count;
+    face += part.face_count;
+  }
+  return std::move(mesh);
+}
+
+struct Read {
+  SceneMesh scene;
+  MeshOrigin origin;
+};
+
+Result<Read> read_checked(const std::string& path, const ImportOptions& options, bool by_node) {
+  NEARMESH_RETURN_IF_ERROR(check_options(options));
+  Result<SceneMesh> scene = read_any(path, options.node, by_node);
+  NEARMESH_RETURN_IF_ERROR(scene);
+  NEARMESH_RETURN_IF_ERROR(check_faces(scene.value().mesh));
+  const Result<MeshOrigin> origin = find_origin(scene.value().convention, options);
+  NEARMESH_RETURN_IF_ERROR(origin);
+  return Read{std::move(scene).value(), origin.value()};
+}
+
+/// What `read` throws for want of memory becomes an error; every error names the file.
+template <class T>
+Result<T> naming(const std::string& path, const std::function<Result<T>()>& read) {
   const FloatGuard guard;
   Status status;
   try {
-    Result<IndexedMesh> mesh = read_any(path);
-    status = mesh.is_ok() ? check_faces(mesh.value()) : mesh.status();
-    if (status.is_ok()) return mesh;
-  } catch (const std::exception& e) {  // no memory for the file or the mesh
+    Result<T> result = read();
+    if (result.is_ok()) return result;
+    status = result.status();
+  } catch (const std::exception& e) {
     status = Status(StatusCode::kIo, std::string("cannot be held: ") + e.what());
   }
   return Status(status.code(), path + ": " + status.message());
+}
+
+}  // namespace
+
+Result<ImportedMesh> import_mesh(const std::string& path, const ImportOptions& options) {
+  return naming<ImportedMesh>(path, [&]() -> Result<ImportedMesh> {
+    Result<Read> read = read_checked(path, options, false);
+    NEARMESH_RETURN_IF_ERROR(read);
+    auto& [scene, origin] = read.value();
+    const bool is_as_written = scene.convention.is_known;
+    IndexedMesh mesh = assemble(std::move(scene), meshio::to_model(origin));
+    NEARMESH_RETURN_IF_ERROR(check_faces(mesh));  // a product may have left the doubles
+    return ImportedMesh{std::move(mesh), origin, is_as_written};
+  });
+}
+
+Result<IndexedMesh> import_mesh(const std::string& path) {
+  Result<ImportedMesh> imported = import_mesh(path, ImportOptions{});
+  NEARMESH_RETURN_IF_ERROR(imported);
+  return std::move(imported.value().mesh);
+}
+
+Result<ImportedNodes> import_nodes(const std::string& path, const ImportOptions& options) {
+  return naming<ImportedNodes>(path, [&]() -> Result<ImportedNodes> {
+    Result<Read> read = read_checked(path, options, true);
+    NEARMESH_RETURN_IF_ERROR(read);
+    auto& [scene, origin] = read.value();
+    ImportedNodes out{
+        meshio::take_apart(scene, meshio::to_model(origin), std::filesystem::path(path).stem()),
+        origin, scene.convention.is_known};
+    for (const ImportedNode& node : out.nodes) NEARMESH_RETURN_IF_ERROR(check_faces(node.mesh));
+    return out;
+  });
 }
 
 }  // namespace nearmesh

@@ -269,13 +269,14 @@ Result<IndexedMesh> read_off(std::string_view bytes) {
   return mesh;
 }
 
-Result<IndexedMesh> read_obj(std::string_view bytes) {
+Result<IndexedMesh> read_obj(std::string_view bytes, std::vector<ObjObject>* objects) {
   if (bytes.starts_with("\xfe\xff") || bytes.starts_with("\xff\xfe"))
     return Status(StatusCode::kUnsupported, "OBJ: expected ASCII or UTF-8, found UTF-16");
   if (bytes.starts_with("\xef\xbb\xbf")) bytes.remove_prefix(3);
   IndexedMesh mesh;
   std::vector<std::uint32_t> corners;
   std::vector<ObjFace> faces;
+  std::vector<ObjObject> named, groups;  // by polygon, until these are cut into triangles
   ObjLines lines(bytes);
   while (auto line = lines.next()) {
     const std::string_view keyword = take_word(*line);
@@ -289,10 +290,18 @@ Result<IndexedMesh> read_obj(std::string_view bytes) {
                                              static_cast<std::int64_t>(mesh.positions_m.size()),
                                              obj_place(lines.number()), corners));
       faces.push_back({corners.size(), lines.number()});
+    } else if (objects != nullptr && (keyword == "o" || keyword == "g")) {
+      const std::string_view name = take_word(*line);
+      (keyword == "o" ? named : groups).push_back({std::string(name), faces.size()});
     }
   }
+  if (named.empty()) named = std::move(groups);
+  std::size_t polygons = 0, next_object = 0;
   std::size_t begin = 0;
   for (const ObjFace& face : faces) {
+    for (; next_object < named.size() && named[next_object].first_face <= polygons; ++next_object)
+      named[next_object].first_face = mesh.faces.size();
+    ++polygons;
     const auto polygon = std::span(corners).subspan(begin, face.end - begin);
     for (const std::uint32_t corner : polygon)
       if (corner >= mesh.positions_m.size())
@@ -302,6 +311,9 @@ Result<IndexedMesh> read_obj(std::string_view bytes) {
     NEARMESH_RETURN_IF_ERROR(append_polygon(polygon, mesh));
     begin = face.end;
   }
+  for (; next_object < named.size(); ++next_object)
+    named[next_object].first_face = mesh.faces.size();
+  if (objects != nullptr) *objects = std::move(named);
   return mesh;
 }
 

@@ -31,6 +31,14 @@ enum class PlainFormat : std::uint8_t { kPly, kStl, kOff, kObj };
 [[nodiscard]] Result<IndexedMesh> read_ply(std::string_view bytes);
 [[nodiscard]] Result<IndexedMesh> read_stl(std::string_view bytes);
 [[nodiscard]] Result<IndexedMesh> read_off(std::string_view bytes);
-[[nodiscard]] Result<IndexedMesh> read_obj(std::string_view bytes);
+
+/// What follows an "o" line (a "g" line in a file without any "o") up to the next.
+struct ObjObject {
+  std::string name;
+  std::size_t first_face = 0;  ///< triangle
+};
+/// `objects`, if given, gets the file's in their order; a name may come more than once.
+[[nodiscard]] Result<IndexedMesh> read_obj(std::string_view bytes,
+                                           std::vector<ObjObject>* objects = nullptr);
 
 }  // namespace nearmesh::meshio

@@ -1,12 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <unistd.h>
 
+#include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
+#include <span>
 
 #include "commands.hpp"
 #include "core/base/hash.hpp"
 #include "core/base/resources.hpp"
 #include "core/base/stopwatch.hpp"
+#include "measures.hpp"
 #include "nearmesh/core/bake/bake.hpp"
 #include "nearmesh/core/meshio/import.hpp"
 #include "nearmesh/core/spm/write_model_file.hpp"
@@ -40,6 +44,8 @@ class Progress {
 };
 
 struct Outcome {
+  std::string in, out;
+  Measures measures;
   CleanReport clean;
   double seconds = 0, simplify_seconds = 0;
   std::uint64_t base_vertices = 0, base_faces = 0, splits = 0;
@@ -50,43 +56,44 @@ struct Outcome {
   WrittenModel written;
 };
 
-void print_json(const BuildOptions& options, const Outcome& o) {
+void print_json(const Outcome& o) {
   const CleanReport& c = o.clean;
-  const nlohmann::ordered_json report = {{"input", options.in},
-                                         {"output", options.out},
-                                         {"faces_in", c.faces_in},
-                                         {"vertices_in", c.vertices_in},
-                                         {"welded", c.vertices_welded},
-                                         {"dropped_unreferenced", c.vertices_unreferenced},
-                                         {"dropped_duplicate", c.faces_duplicate},
-                                         {"dropped_degenerate", c.faces_degenerate_dropped},
-                                         {"kept_degenerate", c.faces_degenerate_kept},
-                                         {"non_manifold_edges", c.edges_non_manifold},
-                                         {"components", c.components},
-                                         {"boundary_edges", c.edges_boundary},
-                                         {"disagreeing_edges", c.edges_disagreeing},
-                                         {"grid_bits", o.grid_bits},
-                                         {"cell_m", o.cell_m},
-                                         {"rounding_error_m", c.rounding_error_m},
-                                         {"base_faces", o.base_faces},
-                                         {"base_vertices", o.base_vertices},
-                                         {"splits", o.splits},
-                                         {"clustered", o.clustered},
-                                         {"blocks", o.written.blocks},
-                                         {"bytes", o.written.file_bytes},
-                                         {"header_bytes", o.written.header_bytes},
-                                         {"block_bytes", o.written.block_bytes},
-                                         {"content_hash", to_hex(o.written.content_hash)},
-                                         {"stop", to_string(o.stop)},
-                                         {"seconds", o.seconds},
-                                         {"peak_memory_bytes", peak_memory_bytes()}};
+  nlohmann::ordered_json report = {{"input", o.in},
+                                   {"output", o.out},
+                                   {"faces_in", c.faces_in},
+                                   {"vertices_in", c.vertices_in},
+                                   {"welded", c.vertices_welded},
+                                   {"dropped_unreferenced", c.vertices_unreferenced},
+                                   {"dropped_duplicate", c.faces_duplicate},
+                                   {"dropped_degenerate", c.faces_degenerate_dropped},
+                                   {"kept_degenerate", c.faces_degenerate_kept},
+                                   {"non_manifold_edges", c.edges_non_manifold},
+                                   {"components", c.components},
+                                   {"boundary_edges", c.edges_boundary},
+                                   {"disagreeing_edges", c.edges_disagreeing},
+                                   {"grid_bits", o.grid_bits},
+                                   {"cell_m", o.cell_m},
+                                   {"rounding_error_m", c.rounding_error_m},
+                                   {"base_faces", o.base_faces},
+                                   {"base_vertices", o.base_vertices},
+                                   {"splits", o.splits},
+                                   {"clustered", o.clustered},
+                                   {"blocks", o.written.blocks},
+                                   {"bytes", o.written.file_bytes},
+                                   {"header_bytes", o.written.header_bytes},
+                                   {"block_bytes", o.written.block_bytes},
+                                   {"content_hash", to_hex(o.written.content_hash)},
+                                   {"stop", to_string(o.stop)},
+                                   {"seconds", o.seconds},
+                                   {"peak_memory_bytes", peak_memory_bytes()}};
+  add_json(o.measures, report);
   std::printf("%s\n", report.dump().c_str());
 }
 
-void print_text(const BuildOptions& options, const Outcome& o) {
+void print_text(const Outcome& o) {
   const CleanReport& c = o.clean;
   const auto count = [](std::uint64_t n) { return static_cast<unsigned long long>(n); };
-  std::printf("%s -> %s\n", options.in.c_str(), options.out.c_str());
+  std::printf("%s -> %s\n", o.in.c_str(), o.out.c_str());
   std::printf("  in            %llu faces, %llu vertices\n", count(c.faces_in),
               count(c.vertices_in));
   std::printf("  welded        %llu vertices\n", count(c.vertices_welded));
@@ -101,6 +108,7 @@ void print_text(const BuildOptions& options, const Outcome& o) {
       "faces disagree\n",
       count(c.components), count(c.edges_boundary), count(c.edges_non_manifold),
       count(c.edges_disagreeing));
+  print_text(o.measures);
   std::printf("  grid          %d bits, cell %.3g m, rounding error %.3g m\n", o.grid_bits,
               o.cell_m, c.rounding_error_m);
   std::printf(
@@ -119,20 +127,20 @@ void print_text(const BuildOptions& options, const Outcome& o) {
               o.simplify_seconds, static_cast<double>(peak_memory_bytes()) / 1e6);
 }
 
-}  // namespace
-
-Status run(const BuildOptions& options) {
+/// `mesh` is let go of as soon as it is cleaned: the bake needs the memory.
+Result<Outcome> build(IndexedMesh mesh, const MeshOrigin& origin, const std::string& out,
+                      const BuildOptions& options, Progress& progress) {
   Stopwatch watch;
-  Progress progress;
-  Outcome outcome;
-  progress.stage("reading");
-  Result<IndexedMesh> mesh = import_mesh(options.in);
-  NEARMESH_RETURN_IF_ERROR(mesh);
+  Outcome outcome{.in = options.in, .out = out};
   progress.stage("cleaning");
-  Result<CleanResult> clean = clean_mesh(mesh.value(), {.grid_bits = options.grid_bits});
-  if (!clean.is_ok()) return {clean.status().code(), options.in + ": " + clean.status().message()};
-  mesh.value() = {};
+  Result<CleanResult> clean = clean_mesh(mesh, {.grid_bits = options.grid_bits});
+  if (!clean.is_ok())
+    return Status{clean.status().code(), options.in + ": " + clean.status().message()};
+  mesh = {};
   outcome.clean = clean.value().report;
+  GridBox box;
+  for (const GridPoint& position : clean.value().mesh.positions) box.add(position);
+  outcome.measures = measure(clean.value().mesh.grid, box, origin);
   progress.stage("simplifying");
   Stopwatch simplify_watch;
   Result<BakedModel> baked =
@@ -145,7 +153,7 @@ Status run(const BuildOptions& options) {
   progress.stage("writing");
   const BakedModel& model = baked.value();
   const auto written =
-      write_model_file(model.header, model.store, model.numbers, options.out, options.threads);
+      write_model_file(model.header, model.store, model.numbers, out, options.threads, origin);
   NEARMESH_RETURN_IF_ERROR(written);
   progress.end();
 
@@ -158,7 +166,92 @@ Status run(const BuildOptions& options) {
   outcome.cell_m = std::ldexp(1.0, model.header.grid.exponent);
   outcome.grid_bits = model.header.grid.bits;
   outcome.written = written.value();
-  options.json ? print_json(options, outcome) : print_text(options, outcome);
+  return outcome;
+}
+
+void report(const Outcome& outcome, const BuildOptions& options) {
+  options.json ? print_json(outcome) : print_text(outcome);
+  for (const std::string& doubt : doubts(outcome.measures))
+    std::fprintf(stderr, "%s: warning: %s\n", outcome.out.c_str(), doubt.c_str());
+}
+
+double metres(const std::string& unit) {
+  struct Unit {
+    const char* name;
+    double length_m;
+  };
+  constexpr Unit kUnits[] = {{"mm", 0.001},  {"cm", 0.01},   {"m", 1},
+                             {"in", 0.0254}, {"ft", 0.3048}, {"km", 1000}};
+  for (const Unit& known : kUnits)
+    if (unit == known.name) return known.length_m;
+  return 0;  // which import refuses
+}
+
+ImportOptions import_options(const BuildOptions& options) {
+  ImportOptions out{.scale = options.scale, .node = options.node};
+  if (!options.unit.empty()) out.unit_m = metres(options.unit);
+  if (!options.up.empty()) out.up = options.up == "y" ? UpAxis::kY : UpAxis::kZ;
+  return out;
+}
+
+void warn_of_reader(const std::string& path, bool is_as_written) {
+  if (is_as_written) return;
+  std::fprintf(stderr,
+               "%s: warning: what the reader of this format does to units and axes is not known; "
+               "nearmesh-model formats lists those of which it is\n",
+               path.c_str());
+}
+
+/// YAML and JSON write a double alike.
+std::string list(std::span<const double> numbers) {
+  return nlohmann::json(std::vector<double>(numbers.begin(), numbers.end())).dump();
+}
+
+Status build_nodes(const BuildOptions& options, Progress& progress) {
+  const Result<ImportedNodes> imported = import_nodes(options.in, import_options(options));
+  NEARMESH_RETURN_IF_ERROR(imported);
+  const std::filesystem::path folder = options.out;
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) return {StatusCode::kIo, options.out + ": cannot create: " + error.message()};
+  std::string scene = "bodies:\n";
+  for (const ImportedNode& node : imported.value().nodes) {
+    const Result<Outcome> outcome =
+        build(node.mesh, imported.value().origin, (folder / (node.name + ".spm")).string(), options,
+              progress);
+    NEARMESH_RETURN_IF_ERROR(outcome);
+    report(outcome.value(), options);
+    const std::string name = nlohmann::json(node.name).dump();
+    scene += "  - {name: " + name + ", model: " + name +
+             ", pose: {rotation: " + list(node.rotation) +
+             ", translation: " + list(node.translation_m) + "}}\n";
+  }
+  const std::string path = (folder / "scene.yaml").string();
+  std::ofstream out(path, std::ios::trunc);
+  out << scene;
+  out.close();
+  if (!out) return {StatusCode::kIo, path + ": cannot write"};
+  if (!options.json)
+    std::printf("%s: places %zu models\n", path.c_str(), imported.value().nodes.size());
+  warn_of_reader(options.in, imported.value().is_as_written);
+  return Status::ok();
+}
+
+}  // namespace
+
+Status run(const BuildOptions& options) {
+  Stopwatch watch;
+  Progress progress;
+  progress.stage("reading");
+  if (options.per_node) return build_nodes(options, progress);
+  Result<ImportedMesh> imported = import_mesh(options.in, import_options(options));
+  NEARMESH_RETURN_IF_ERROR(imported);
+  Result<Outcome> outcome = build(std::move(imported.value().mesh), imported.value().origin,
+                                  options.out, options, progress);
+  NEARMESH_RETURN_IF_ERROR(outcome);
+  outcome.value().seconds = watch.seconds();
+  report(outcome.value(), options);
+  warn_of_reader(options.in, imported.value().is_as_written);
   return Status::ok();
 }
 

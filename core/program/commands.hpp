@@ -26,9 +26,16 @@ struct BuildOptions {
   int grid_bits = 21;
   std::uint32_t base_faces = SimplifyOptions{}.base_faces;
   unsigned threads = 0;
-  bool json = false;
+  std::string unit, up, node;  ///< empty: what the file says; nothing turned; all nodes
+  double scale = 1;
+  bool per_node = false, json = false;
 };
 Status run(const BuildOptions& options);
+
+struct FormatsOptions {
+  bool json = false;
+};
+Status run(const FormatsOptions& options);
 
 struct InfoOptions {
   std::string path;

@@ -4,45 +4,46 @@
 
 #include "commands.hpp"
 #include "core/base/hash.hpp"
+#include "measures.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
 
 namespace nearmesh::program {
+
 Status run(const InfoOptions& options) {
   Result<ModelFile> file = ModelFile::open(options.path);
   NEARMESH_RETURN_IF_ERROR(file);
   NEARMESH_RETURN_IF_ERROR(file.value().verify());
   const SpmHeader& header = file.value().header();
+  // Boxes of nodes are rounded outward; only the vertices themselves say how large the mesh is.
+  NEARMESH_RETURN_IF_ERROR(file.value().require_all());
   GridBox box;
-  for (const BaseRoot& root : header.roots) box.add(file.value().store().box(root.node));
-  std::array<double, 3> lo{}, hi{};
-  for (int k = 0; k < 3; ++k) {
-    const auto axis = static_cast<std::size_t>(k);
-    lo[axis] = header.grid.origin_m[axis] + std::ldexp(box.lo[k], header.grid.exponent);
-    hi[axis] = header.grid.origin_m[axis] + std::ldexp(box.hi[k], header.grid.exponent);
-  }
+  for (std::uint32_t v = 0; v < header.vertex_count; ++v)
+    box.add(file.value().store().position({v}));
+  const Measures measures = measure(header.grid, box, file.value().origin());
   const double cell = std::ldexp(1.0, header.grid.exponent);
+  for (const std::string& doubt : doubts(measures))
+    std::fprintf(stderr, "%s: warning: %s\n", options.path.c_str(), doubt.c_str());
   const std::string hash = to_hex(file.value().content_hash());
   if (options.json) {
-    const nlohmann::ordered_json report = {{"path", options.path},
-                                           {"content_hash", hash},
-                                           {"faces", header.face_count},
-                                           {"vertices", header.vertex_count},
-                                           {"base_faces", header.base_faces.size()},
-                                           {"base_vertices", header.roots.size()},
-                                           {"splits", header.split_count()},
-                                           {"blocks", file.value().block_count()},
-                                           {"bytes", file.value().file_bytes()},
-                                           {"header_bytes", file.value().header_bytes().size()},
-                                           {"grid_bits", header.grid.bits},
-                                           {"cell_m", cell},
-                                           {"origin_m", header.grid.origin_m},
-                                           {"closed", header.surface.is_closed()},
-                                           {"boundary_edges", header.surface.boundary_edges},
-                                           {"disagreeing_edges", header.surface.disagreeing_edges},
-                                           {"components", header.surface.component_count},
-                                           {"rounding_error_m", header.rounding_error_m},
-                                           {"box_min_m", lo},
-                                           {"box_max_m", hi}};
+    nlohmann::ordered_json report = {{"path", options.path},
+                                     {"content_hash", hash},
+                                     {"faces", header.face_count},
+                                     {"vertices", header.vertex_count},
+                                     {"base_faces", header.base_faces.size()},
+                                     {"base_vertices", header.roots.size()},
+                                     {"splits", header.split_count()},
+                                     {"blocks", file.value().block_count()},
+                                     {"bytes", file.value().file_bytes()},
+                                     {"header_bytes", file.value().header_bytes().size()},
+                                     {"grid_bits", header.grid.bits},
+                                     {"cell_m", cell},
+                                     {"origin_m", header.grid.origin_m},
+                                     {"closed", header.surface.is_closed()},
+                                     {"boundary_edges", header.surface.boundary_edges},
+                                     {"disagreeing_edges", header.surface.disagreeing_edges},
+                                     {"components", header.surface.component_count},
+                                     {"rounding_error_m", header.rounding_error_m}};
+    add_json(measures, report);
     std::printf("%s\n", report.dump().c_str());
     return Status::ok();
   }
@@ -65,8 +66,7 @@ Status run(const InfoOptions& options) {
               file.value().header_bytes().size());
   std::printf("  grid          %d bits, cell %.3g m, rounding error %.3g m\n", header.grid.bits,
               cell, header.rounding_error_m);
-  std::printf("  box           within [%.6g, %.6g] x [%.6g, %.6g] x [%.6g, %.6g] m\n", lo[0], hi[0],
-              lo[1], hi[1], lo[2], hi[2]);
+  print_text(measures);
   return Status::ok();
 }
 

@@ -39,8 +39,30 @@ void add_build(CLI::App& app, Action& chosen) {
   CLI::App* command =
       app.add_subcommand("build", "Turn a mesh file into a progressive model (.spm).");
   const auto options = std::make_shared<BuildOptions>();
-  command->add_option("input", options->in, "Mesh file, any format assimp reads")->required();
-  command->add_option("-o,--output", options->out, ".spm file to write")->required();
+  command->add_option("input", options->in, "Mesh file; nearmesh-model formats lists what is read")
+      ->required();
+  command->add_option("-o,--output", options->out, ".spm file to write; with --per-node, a folder")
+      ->required();
+  command
+      ->add_option("--unit", options->unit,
+                   "Length of a unit of a file that does not state it (default: m)")
+      ->check(CLI::IsMember({"mm", "cm", "m", "in", "ft", "km"}));
+  command
+      ->add_option("--up", options->up,
+                   "Which axis is up in the file; the model is turned so that z is (default: "
+                   "nothing is turned)")
+      ->check(CLI::IsMember({"y", "z"}));
+  command->add_option("--scale", options->scale, "Multiply all lengths")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
+  CLI::Option* node = command->add_option(
+      "--node", options->node,
+      "Only the node or object of this name and what hangs on it, where the file has it");
+  command
+      ->add_flag("--per-node", options->per_node,
+                 "A model for each node, named by it, in the node's frame, and scene.yaml, which "
+                 "places them")
+      ->excludes(node);
   command->add_option("--grid-bits", options->grid_bits, "Bits per axis of the integer grid")
       ->capture_default_str()
       ->check(CLI::Range(kMinGridBits, kMaxGridBits));
@@ -53,6 +75,14 @@ void add_build(CLI::App& app, Action& chosen) {
           "Threads to use (default: one for each core); the file is the same for any number")
       ->check(CLI::Range(1U, 256U));
   command->add_flag("--json", options->json, "Print the report as one JSON object");
+  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
+}
+
+void add_formats(CLI::App& app, Action& chosen) {
+  CLI::App* command = app.add_subcommand(
+      "formats", "List the mesh formats that build reads, and their conventions.");
+  const auto options = std::make_shared<FormatsOptions>();
+  command->add_flag("--json", options->json, "Print one JSON array");
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 
@@ -151,6 +181,7 @@ int main(int argc, char** argv) {
   Action action;
   add_generate(app, action);
   add_build(app, action);
+  add_formats(app, action);
   add_info(app, action);
   add_export(app, action);
   add_query(app, action);

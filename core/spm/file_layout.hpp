@@ -12,7 +12,7 @@ static_assert(std::endian::native == std::endian::little,
               "the .spm reader takes structs as they stand in the file");
 
 inline constexpr std::array<char, 8> kMagic{'N', 'M', 'S', 'P', 'M', '\r', '\n', '\x1a'};
-inline constexpr std::uint32_t kVersion = 4;
+inline constexpr std::uint32_t kVersion = 5;
 
 struct Preamble {
   std::array<char, 8> magic = kMagic;
@@ -36,6 +36,15 @@ struct DirectoryEntry {
   std::uint32_t checksum = 0;  // low half of the 64-bit hash
 };
 static_assert(sizeof(DirectoryEntry) == 24);
+
+/// Where the model's metres and axes come from (mesh_origin.hpp). Stands before the directory; not part of the content,
+/// since the same model may come from many files.
+struct OriginEntry {
+  double unit_m = 1, scale = 1;
+  std::uint8_t unit_source = 0, up = 0, up_source = 0, z_up = 0;
+  std::uint32_t checksum = 0;  // low half of the hash of what is before it
+};
+static_assert(sizeof(OriginEntry) == 24);
 
 // A face number packs the place of the input's first corner in its two low bits.
 inline constexpr std::uint32_t kMaxFaces = 1U << 30;

@@ -7,6 +7,8 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cmath>
+#include <cstddef>
 #include <cstring>
 #include <new>
 
@@ -17,6 +19,7 @@
 namespace nearmesh {
 
 using file_layout::DirectoryEntry;
+using file_layout::OriginEntry;
 using file_layout::Preamble;
 
 namespace {
@@ -35,6 +38,7 @@ struct ModelFile::Impl {
   Preamble preamble;
   std::vector<std::uint8_t> header_bytes;
   SpmHeader header;
+  MeshOrigin origin;
   std::vector<DirectoryEntry> directory;
   std::vector<std::span<const DirectoryEntry>> levels;
   std::vector<std::uint8_t> block;  ///< scratch of require()
@@ -56,6 +60,7 @@ struct ModelFile::Impl {
   Status read(std::uint64_t offset, void* bytes, std::uint64_t count) const;
   Status read_preamble();
   Status read_header();
+  Status read_origin();
   Status read_directory();
   [[nodiscard]] Status check_directory();
   [[nodiscard]] Status read_block(const DirectoryEntry& entry,
@@ -124,7 +129,7 @@ Status ModelFile::Impl::read_preamble() {
   const std::uint64_t directory_bytes =
       std::uint64_t{preamble.block_count} * sizeof(DirectoryEntry);
   if (preamble.header_bytes > kMaxHeaderBytes ||
-      sizeof(Preamble) + preamble.header_bytes > preamble.directory_offset ||
+      sizeof(Preamble) + preamble.header_bytes + sizeof(OriginEntry) > preamble.directory_offset ||
       preamble.directory_offset % alignof(DirectoryEntry) != 0 ||
       preamble.directory_offset > size || directory_bytes > size - preamble.directory_offset ||
       preamble.face_table_offset != preamble.directory_offset + directory_bytes)
@@ -138,6 +143,28 @@ Status ModelFile::Impl::read_header() {
   Result<SpmHeader> decoded = decode_header(header_bytes);
   if (!decoded.is_ok()) return corrupt(decoded.status().message());
   header = std::move(decoded).value();
+  return Status::ok();
+}
+
+Status ModelFile::Impl::read_origin() {
+  OriginEntry entry;
+  NEARMESH_RETURN_IF_ERROR(read(preamble.directory_offset - sizeof entry, &entry, sizeof entry));
+  const std::span<const std::uint8_t> bytes(reinterpret_cast<const std::uint8_t*>(&entry),
+                                            offsetof(OriginEntry, checksum));
+  if (static_cast<std::uint32_t>(hash_bytes(bytes)) != entry.checksum)
+    return corrupt("checksum of the origin does not match");
+  const auto is_length = [](double x) { return std::isfinite(x) && x > 0; };
+  if (!is_length(entry.unit_m) || !is_length(entry.scale) ||
+      entry.unit_source > static_cast<std::uint8_t>(OriginSource::kOption) ||
+      entry.up > static_cast<std::uint8_t>(UpAxis::kZ) ||
+      entry.up_source > static_cast<std::uint8_t>(OriginSource::kOption) || entry.z_up > 1)
+    return corrupt("the origin has a unit, a source or an axis that does not exist");
+  origin = {.unit_m = entry.unit_m,
+            .scale = entry.scale,
+            .unit_source = static_cast<OriginSource>(entry.unit_source),
+            .up = static_cast<UpAxis>(entry.up),
+            .up_source = static_cast<OriginSource>(entry.up_source),
+            .z_up = entry.z_up != 0};
   return Status::ok();
 }
 
@@ -163,6 +190,7 @@ Status ModelFile::Impl::read_directory() {
 Status ModelFile::Impl::check_directory() {
   // Entries stand by level, then by first id; require() searches within a level.
   const std::span<const DirectoryEntry> all = directory;
+  const std::uint64_t blocks_end = preamble.directory_offset - sizeof(OriginEntry);
   for (std::size_t begin = 0; begin < all.size();) {
     if (all[begin].size < 2) return corrupt("directory entry " + std::to_string(begin));
     const int level = block_level(all[begin].size);
@@ -171,8 +199,8 @@ Status ModelFile::Impl::check_directory() {
     for (; end < all.size() && all[end].size >= 2 && block_level(all[end].size) == level; ++end) {
       const DirectoryEntry& entry = all[end];
       if (entry.first < next || std::uint64_t{entry.first} + entry.size > header.vertex_count ||
-          entry.offset < sizeof(Preamble) || entry.offset > preamble.directory_offset ||
-          entry.bytes > preamble.directory_offset - entry.offset)
+          entry.offset < sizeof(Preamble) || entry.offset > blocks_end ||
+          entry.bytes > blocks_end - entry.offset)
         return corrupt("directory entry " + std::to_string(end));
       next = std::uint64_t{entry.first} + entry.size;
     }
@@ -224,6 +252,7 @@ Result<ModelFile> ModelFile::open(const std::string& path) {
   NEARMESH_RETURN_IF_ERROR(impl->open());
   NEARMESH_RETURN_IF_ERROR(impl->read_preamble());
   NEARMESH_RETURN_IF_ERROR(impl->read_header());
+  NEARMESH_RETURN_IF_ERROR(impl->read_origin());
   try {
     NEARMESH_RETURN_IF_ERROR(impl->read_directory());
     impl->store = std::make_unique<SplitStore>(impl->header);
@@ -244,6 +273,7 @@ std::uint64_t ModelFile::mesh_bytes() const {
   for (const DirectoryEntry& entry : impl_->directory) bytes += entry.bytes;
   return bytes;
 }
+const MeshOrigin& ModelFile::origin() const { return impl_->origin; }
 std::uint64_t ModelFile::block_count() const { return impl_->preamble.block_count; }
 const SplitStore& ModelFile::store() const { return *impl_->store; }
 
@@ -285,12 +315,13 @@ Status ModelFile::Impl::check_blocks() const {
     end = std::max(end, entry.offset + entry.bytes);
   }
   // What fills up the last block is under no checksum.
-  if (preamble.directory_offset - end >= alignof(DirectoryEntry))
-    return corrupt(range(end, preamble.directory_offset - end) + ": expected the directory");
-  bytes.resize(preamble.directory_offset - end);
+  const std::uint64_t origin_offset = preamble.directory_offset - sizeof(OriginEntry);
+  if (origin_offset - end >= alignof(DirectoryEntry))
+    return corrupt(range(end, origin_offset - end) + ": expected the origin");
+  bytes.resize(origin_offset - end);
   NEARMESH_RETURN_IF_ERROR(read(end, bytes.data(), bytes.size()));
   if (std::any_of(bytes.begin(), bytes.end(), [](std::uint8_t byte) { return byte != 0; }))
-    return corrupt("bytes before the directory: expected zeros");
+    return corrupt("bytes before the origin: expected zeros");
   return Status::ok();
 }
 

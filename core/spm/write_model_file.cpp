@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cstddef>
 #include <cstdio>
 #include <cstring>
 #include <memory>
@@ -16,6 +17,7 @@ namespace nearmesh {
 namespace {
 
 using file_layout::DirectoryEntry;
+using file_layout::OriginEntry;
 using file_layout::Preamble;
 
 template <class T>
@@ -55,6 +57,18 @@ Status write_whole(const std::string& path, const std::vector<std::uint8_t>& byt
   return Status::ok();
 }
 
+OriginEntry encode_origin(const MeshOrigin& origin) {
+  OriginEntry entry{.unit_m = origin.unit_m,
+                    .scale = origin.scale,
+                    .unit_source = static_cast<std::uint8_t>(origin.unit_source),
+                    .up = static_cast<std::uint8_t>(origin.up),
+                    .up_source = static_cast<std::uint8_t>(origin.up_source),
+                    .z_up = origin.z_up ? std::uint8_t{1} : std::uint8_t{0}};
+  entry.checksum = static_cast<std::uint32_t>(
+      hash_bytes(bytes_of(&entry, 1).first(offsetof(OriginEntry, checksum))));
+  return entry;
+}
+
 struct Group {
   std::vector<DirectoryEntry> directory;  // offsets within `bytes`
   std::vector<std::uint8_t> bytes;
@@ -80,7 +94,7 @@ Group encode_group(const SpmHeader& header, const SplitStore& store,
 
 Result<WrittenModel> write_model_file(const SpmHeader& header, const SplitStore& store,
                                       std::span<const FaceNumber> numbers, const std::string& path,
-                                      unsigned threads) {
+                                      unsigned threads, const MeshOrigin& origin) {
   NEARMESH_ASSERT(store.known_splits() == header.split_count());
   NEARMESH_ASSERT(numbers.size() == header.face_count && numbers.size() < file_layout::kMaxFaces);
   const std::vector<std::uint8_t> header_bytes = encode_header(header);
@@ -113,6 +127,8 @@ Result<WrittenModel> write_model_file(const SpmHeader& header, const SplitStore&
   preamble.block_count = static_cast<std::uint32_t>(directory.size());
   preamble.header_bytes = header_bytes.size();
   pad_to(out, alignof(DirectoryEntry));
+  const OriginEntry entry = encode_origin(origin);
+  append(out, &entry, 1);
   preamble.directory_offset = out.size();
   append(out, directory.data(), directory.size());
   preamble.face_table_offset = out.size();

@@ -5,6 +5,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include <cstddef>
 #include <string>
 
 #include "core/spm/file_layout.hpp"
@@ -14,6 +15,7 @@
 
 using namespace nearmesh;
 using file_layout::DirectoryEntry;
+using file_layout::OriginEntry;
 using file_layout::Preamble;
 
 namespace {
@@ -75,6 +77,12 @@ void put_right(std::vector<std::uint8_t>& bytes) {
     p.content_hash = hash_bytes(
         all.subspan(p.directory_offset, p.face_table_offset - p.directory_offset),
         hash_bytes(all.subspan(sizeof(Preamble), p.header_bytes), p.face_table_checksum));
+  }
+  if (p.directory_offset <= bytes.size() && p.directory_offset >= sizeof(OriginEntry)) {
+    std::uint8_t* at = bytes.data() + p.directory_offset - sizeof(OriginEntry);
+    const auto checksum =
+        static_cast<std::uint32_t>(hash_bytes({at, offsetof(OriginEntry, checksum)}));
+    std::memcpy(at + offsetof(OriginEntry, checksum), &checksum, sizeof checksum);
   }
   std::memcpy(bytes.data(), &p, sizeof p);
   p.checksum = hash_bytes(all.first(sizeof(Preamble) - 8));

@@ -20,16 +20,17 @@ constexpr ChildLimits kLimits{.memory_bytes = 1ULL << 30, .wall_time = std::chro
 TEST(RunInChild, ReturnsTheMesh) {
   const IndexedMesh mesh = generate_terrain(200, 1);  // larger than a pipe holds
 
-  const auto result = run_in_child([&mesh] { return Result<IndexedMesh>(mesh); }, kLimits);
+  const auto result =
+      run_in_child([&mesh] { return Result<SceneMesh>(SceneMesh{.mesh = mesh}); }, kLimits);
 
   ASSERT_TRUE(result.is_ok()) << result.status().message();
-  EXPECT_EQ(result.value().positions_m, mesh.positions_m);
-  EXPECT_EQ(result.value().faces, mesh.faces);
+  EXPECT_EQ(result.value().mesh.positions_m, mesh.positions_m);
+  EXPECT_EQ(result.value().mesh.faces, mesh.faces);
 }
 
 TEST(RunInChild, ReturnsTheReadersStatus) {
   const auto result = run_in_child(
-      [] { return Result<IndexedMesh>(Status(StatusCode::kUnsupported, "strange")); }, kLimits);
+      [] { return Result<SceneMesh>(Status(StatusCode::kUnsupported, "strange")); }, kLimits);
 
   ASSERT_FALSE(result.is_ok());
   EXPECT_EQ(result.status().code(), StatusCode::kUnsupported);
@@ -38,7 +39,7 @@ TEST(RunInChild, ReturnsTheReadersStatus) {
 
 TEST(RunInChild, TurnsACrashIntoAStatus) {
   const auto result = run_in_child(
-      []() -> Result<IndexedMesh> {
+      []() -> Result<SceneMesh> {
         signal(SIGABRT, SIG_DFL);
         std::abort();
       },
@@ -50,7 +51,7 @@ TEST(RunInChild, TurnsACrashIntoAStatus) {
 }
 
 TEST(RunInChild, TurnsASilentExitIntoAStatus) {
-  const auto result = run_in_child([]() -> Result<IndexedMesh> { _exit(0); }, kLimits);
+  const auto result = run_in_child([]() -> Result<SceneMesh> { _exit(0); }, kLimits);
 
   ASSERT_FALSE(result.is_ok());
   EXPECT_EQ(result.status().code(), StatusCode::kCorrupt);
@@ -58,7 +59,7 @@ TEST(RunInChild, TurnsASilentExitIntoAStatus) {
 
 TEST(RunInChild, TurnsAnExceptionIntoAStatus) {
   const auto result = run_in_child(
-      []() -> Result<IndexedMesh> { throw std::runtime_error("no such luck"); }, kLimits);
+      []() -> Result<SceneMesh> { throw std::runtime_error("no such luck"); }, kLimits);
 
   ASSERT_FALSE(result.is_ok());
   EXPECT_NE(result.status().message().find("no such luck"), std::string::npos);
@@ -67,7 +68,7 @@ TEST(RunInChild, TurnsAnExceptionIntoAStatus) {
 TEST(RunInChild, StopsAReaderThatHangs) {
   const auto begin = std::chrono::steady_clock::now();
   const auto result = run_in_child(
-      []() -> Result<IndexedMesh> {
+      []() -> Result<SceneMesh> {
         for (;;) pause();
       },
       {.memory_bytes = 1 << 30, .wall_time = std::chrono::seconds(1)});
@@ -81,7 +82,7 @@ TEST(RunInChild, RefusesAMeshLargerThanItsLimit) {
   IndexedMesh mesh = generate_terrain(200, 1);  // moved, it needs no memory of the child
 
   const auto result =
-      run_in_child([&mesh] { return Result<IndexedMesh>(std::move(mesh)); },
+      run_in_child([&mesh] { return Result<SceneMesh>(SceneMesh{.mesh = std::move(mesh)}); },
                    {.memory_bytes = 100'000, .wall_time = std::chrono::seconds(60)});
 
   ASSERT_FALSE(result.is_ok());
@@ -92,9 +93,9 @@ TEST(RunInChild, RefusesAMeshLargerThanItsLimit) {
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 TEST(RunInChild, StopsAReaderThatTakesTooMuchMemory) {
   const auto result = run_in_child(
-      []() -> Result<IndexedMesh> {
-        IndexedMesh mesh;
-        mesh.positions_m.resize(3ULL << 30 >> 4);  // 4.5 GiB
+      []() -> Result<SceneMesh> {
+        SceneMesh mesh;
+        mesh.mesh.positions_m.resize(3ULL << 30 >> 4);  // 4.5 GiB
         return mesh;
       },
       kLimits);
@@ -110,8 +111,9 @@ TEST(RunInChild, ServesSeveralThreadsAtOnce) {
   for (int t = 0; t < 4; ++t)
     threads.emplace_back([&] {
       for (int k = 0; k < 5; ++k) {
-        const auto result = run_in_child([&mesh] { return Result<IndexedMesh>(mesh); }, kLimits);
-        if (result.is_ok() && result.value().faces == mesh.faces) ++good;
+        const auto result =
+            run_in_child([&mesh] { return Result<SceneMesh>(SceneMesh{.mesh = mesh}); }, kLimits);
+        if (result.is_ok() && result.value().mesh.faces == mesh.faces) ++good;
       }
     });
   for (std::thread& thread : threads) thread.join();

@@ -5,8 +5,10 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <cstddef>
 #include <cstdlib>
 #include <cstring>
+#include <limits>
 
 #include "brute_force.hpp"
 #include "core/base/hash.hpp"
@@ -17,6 +19,7 @@ namespace nearmesh {
 namespace {
 
 using file_layout::DirectoryEntry;
+using file_layout::OriginEntry;
 using file_layout::Preamble;
 using test::TempFile;
 
@@ -203,6 +206,13 @@ void seal(std::vector<std::uint8_t>& bytes) {
     entry.checksum = static_cast<std::uint32_t>(hash_bytes(section(entry.offset, entry.bytes)));
     std::memcpy(bytes.data() + at, &entry, sizeof entry);
   }
+  if (preamble.directory_offset <= bytes.size() &&
+      preamble.directory_offset >= sizeof(OriginEntry)) {
+    const std::uint64_t at = preamble.directory_offset - sizeof(OriginEntry);
+    const auto checksum =
+        static_cast<std::uint32_t>(hash_bytes(section(at, offsetof(OriginEntry, checksum))));
+    std::memcpy(bytes.data() + at + offsetof(OriginEntry, checksum), &checksum, sizeof checksum);
+  }
   if (preamble.face_table_offset <= bytes.size())
     preamble.face_table_checksum =
         hash_bytes(section(preamble.face_table_offset, bytes.size() - preamble.face_table_offset));
@@ -237,6 +247,48 @@ TEST(ModelFile, RefusesEveryTruncation) {
     file.write({bytes.data(), n});
     expect_refused(file.path(), StatusCode::kCorrupt);
   }
+}
+
+TEST(ModelFile, KeepsItsOriginOutsideItsContent) {
+  const BakedModel& model = small_model();
+  const MeshOrigin inches{.unit_m = 0.0254,
+                          .scale = 3,
+                          .unit_source = OriginSource::kFile,
+                          .up = UpAxis::kY,
+                          .up_source = OriginSource::kOption,
+                          .z_up = true};
+  const TempFile plain, with_origin;
+  const auto written = write_model_file(model.header, model.store, model.numbers, plain.path());
+  const auto again =
+      write_model_file(model.header, model.store, model.numbers, with_origin.path(), 1, inches);
+  ASSERT_TRUE(written.is_ok() && again.is_ok());
+  EXPECT_EQ(written.value().content_hash, again.value().content_hash);
+  EXPECT_EQ(ModelFile::open(plain.path()).value().origin(), MeshOrigin{});
+  EXPECT_EQ(ModelFile::open(with_origin.path()).value().origin(), inches);
+}
+
+TEST(ModelFile, RefusesAnOriginThatCannotBe) {
+  Preamble preamble;
+  const auto good = small_file();
+  std::memcpy(&preamble, good.data(), sizeof preamble);
+  const std::size_t at = preamble.directory_offset - sizeof(OriginEntry);
+  const TempFile file;
+  const auto with = [&](std::size_t offset, auto value, bool sealed = true) {
+    auto bytes = good;
+    patch(bytes, at + offset, value);
+    if (sealed) seal(bytes);
+    file.write(bytes);
+    return file.path();
+  };
+  EXPECT_TRUE(ModelFile::open(with(offsetof(OriginEntry, unit_m), 0.01)).is_ok());
+  expect_refused(with(offsetof(OriginEntry, unit_m), 0.01, false), StatusCode::kCorrupt);
+  for (const double bad : {0.0, -1.0, std::numeric_limits<double>::infinity()}) {
+    expect_refused(with(offsetof(OriginEntry, unit_m), bad), StatusCode::kCorrupt);
+    expect_refused(with(offsetof(OriginEntry, scale), bad), StatusCode::kCorrupt);
+  }
+  for (const std::size_t field : {offsetof(OriginEntry, unit_source), offsetof(OriginEntry, up),
+                                  offsetof(OriginEntry, up_source), offsetof(OriginEntry, z_up)})
+    expect_refused(with(field, std::uint8_t{4}), StatusCode::kCorrupt);
 }
 
 TEST(ModelFile, RefusesAFileThatGrew) {
@@ -339,6 +391,9 @@ TEST(ModelFile, RefusesAModelThatFitsNoAddressSpace) {
   std::vector<std::uint8_t> bytes(sizeof(Preamble));
   bytes.insert(bytes.end(), encoded.begin(), encoded.end());
   bytes.resize((bytes.size() + 7) / 8 * 8);
+  const OriginEntry origin;
+  const auto* origin_bytes = reinterpret_cast<const std::uint8_t*>(&origin);
+  bytes.insert(bytes.end(), origin_bytes, origin_bytes + sizeof origin);
   Preamble preamble;
   preamble.header_bytes = encoded.size();
   preamble.directory_offset = preamble.face_table_offset = bytes.size();

@@ -13,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "nearmesh/core/base/mesh_origin.hpp"
 #include "nearmesh/core/base/status.hpp"
 #include "nearmesh/core/spm/detail/header.hpp"
 #include "nearmesh/core/spm/detail/split_store.hpp"
@@ -54,6 +55,8 @@ class ModelFile {
   [[nodiscard]] std::span<const std::uint8_t> header_bytes() const;
   /// Hash of the whole content; models with equal hashes are the same model.
   [[nodiscard]] std::uint64_t content_hash() const;
+  /// Where its metres and axes come from, as whoever built it was told. Not part of the content.
+  [[nodiscard]] const MeshOrigin& origin() const;
   [[nodiscard]] std::uint64_t file_bytes() const;
   /// Header and all blocks: what a whole replica would have to receive.
   [[nodiscard]] std::uint64_t mesh_bytes() const;

@@ -19,6 +19,7 @@ struct WrittenModel {
 [[nodiscard]] Result<WrittenModel> write_model_file(const SpmHeader& header,
                                                     const SplitStore& store,
                                                     std::span<const FaceNumber> numbers,
-                                                    const std::string& path, unsigned threads = 0);
+                                                    const std::string& path, unsigned threads = 0,
+                                                    const MeshOrigin& origin = {});
 
 }  // namespace nearmesh

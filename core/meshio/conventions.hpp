@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// Units and axes of a file that assimp has read: what it says of them, what assimp made of that.
+
+#include <assimp/scene.h>
+
+#include <string>
+#include <string_view>
+
+#include "scene_mesh.hpp"
+
+namespace nearmesh::meshio {
+
+struct ReadConvention {
+  FileConvention file;
+  /// The root's transform is assimp's own, a turn or a scale: the file has none there.
+  bool root_is_assimps = false;
+};
+
+/// `importer`: assimp's name of the reader. `path`: what it read, looked into where assimp hides what the file says.
+[[nodiscard]] ReadConvention find_convention(std::string_view importer, const aiScene& scene,
+                                             const std::string& path);
+
+}  // namespace nearmesh::meshio

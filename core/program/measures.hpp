@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// How large a model is and where its metres and axes come from, as build and info say it.
+
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "nearmesh/core/base/mesh_origin.hpp"
+#include "nearmesh/core/geometry/detail/grid.hpp"
+
+namespace nearmesh::program {
+
+struct Measures {
+  std::array<double, 3> lo_m{}, hi_m{};  ///< of the vertices
+  MeshOrigin origin;
+};
+
+/// `box` holds exactly the vertices.
+[[nodiscard]] Measures measure(const Grid& grid, const GridBox& box, const MeshOrigin& origin);
+
+/// Sizes that hint at a wrong unit: below a centimetre, above ten kilometres.
+[[nodiscard]] std::vector<std::string> doubts(const Measures& measures);
+
+void add_json(const Measures& measures, nlohmann::ordered_json& report);
+void print_text(const Measures& measures);
+
+}  // namespace nearmesh::program

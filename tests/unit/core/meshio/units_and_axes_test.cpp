@@ -1,0 +1,281 @@
+// SPDX-License-Identifier: Apache-2.0
+// Coordinates are the file's, in metres, whatever the format: one tetrahedron, written by hand in each.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <limits>
+#include <sstream>
+
+#include "mesh_file_bytes.hpp"
+#include "nearmesh/core/meshio/import.hpp"
+
+namespace nearmesh {
+namespace {
+
+using test::FormatFile;
+using Point = std::array<double, 3>;
+
+/// A file of this test's own, gone afterwards.
+class TempFile {
+ public:
+  TempFile(const std::string& ending, const std::string& bytes)
+      : path_(testing::TempDir() + "nearmesh_units_" +
+              testing::UnitTest::GetInstance()->current_test_info()->name()) {
+    std::replace(path_.begin() + static_cast<std::ptrdiff_t>(testing::TempDir().size()),
+                 path_.end(), '/', '_');
+    path_ += ending;
+    std::ofstream(path_, std::ios::binary) << bytes;
+  }
+  ~TempFile() { std::remove(path_.c_str()); }
+  TempFile(const TempFile&) = delete;
+  TempFile& operator=(const TempFile&) = delete;
+  [[nodiscard]] const std::string& path() const { return path_; }
+
+ private:
+  std::string path_;
+};
+
+/// The corners of a mesh without repetition, sorted.
+std::vector<Point> corners(const IndexedMesh& mesh) {
+  std::vector<Point> points;
+  for (const auto& face : mesh.faces)
+    for (const std::uint32_t v : face) points.push_back(mesh.positions_m[v]);
+  std::ranges::sort(points);
+  points.erase(std::unique(points.begin(), points.end()), points.end());
+  return points;
+}
+
+double signed_volume(const IndexedMesh& mesh) {
+  double sum = 0;
+  for (const auto& f : mesh.faces) {
+    const Point &a = mesh.positions_m[f[0]], &b = mesh.positions_m[f[1]],
+                &c = mesh.positions_m[f[2]];
+    for (std::size_t k = 0; k < 3; ++k)
+      sum += a[k] * (b[(k + 1) % 3] * c[(k + 2) % 3] - b[(k + 2) % 3] * c[(k + 1) % 3]);
+  }
+  return sum / 6;
+}
+
+void expect_points(const IndexedMesh& mesh, double unit_m, bool z_negated = false) {
+  std::vector<Point> expected(test::kTetrahedron.begin(), test::kTetrahedron.end());
+  for (Point& p : expected) {
+    for (double& x : p) x *= unit_m;
+    if (z_negated) p[2] = -p[2];
+  }
+  std::ranges::sort(expected);
+  const std::vector<Point> found = corners(mesh);
+  ASSERT_EQ(found.size(), expected.size());
+  for (std::size_t i = 0; i < found.size(); ++i)
+    for (std::size_t k = 0; k < 3; ++k)
+      EXPECT_NEAR(found[i][k], expected[i][k], 1e-12 * unit_m) << "point " << i << " axis " << k;
+  EXPECT_EQ(mesh.faces.size(), 4U);
+  EXPECT_GT(signed_volume(mesh), 0) << "faces outward";
+}
+
+class EveryFormat : public testing::TestWithParam<FormatFile> {};
+INSTANTIATE_TEST_SUITE_P(Formats, EveryFormat, testing::ValuesIn(test::tetrahedron_files()),
+                         [](const auto& tested) { return tested.param.name; });
+
+TEST_P(EveryFormat, ComesBackAsWrittenInMetres) {
+  const FormatFile& file = GetParam();
+  const TempFile on_disk(file.ending, file.bytes);
+
+  const auto mesh = import_mesh(on_disk.path());
+
+  ASSERT_TRUE(mesh.is_ok()) << mesh.status().message();
+  expect_points(mesh.value(), file.unit_m, file.left_handed);
+}
+
+TEST_P(EveryFormat, SaysWhoStatesItsUnitAndItsUpAxis) {
+  const FormatFile& file = GetParam();
+  const TempFile on_disk(file.ending, file.bytes);
+
+  const auto imported = import_mesh(on_disk.path(), ImportOptions{});
+
+  ASSERT_TRUE(imported.is_ok()) << imported.status().message();
+  const MeshOrigin& origin = imported.value().origin;
+  EXPECT_DOUBLE_EQ(origin.unit_m, file.unit_m);
+  EXPECT_EQ(origin.unit_source == OriginSource::kFile || file.name == "Gltf", file.stated);
+  constexpr const char* kLetters = "-xyz";
+  EXPECT_EQ(kLetters[static_cast<int>(origin.up)], file.up);
+  EXPECT_EQ(origin.up_source == OriginSource::kNobody, file.up == '-');
+  EXPECT_FALSE(origin.z_up);
+}
+
+TEST_P(EveryFormat, TakesAUnitOnlyWhereItStatesNone) {
+  const FormatFile& file = GetParam();
+  const TempFile on_disk(file.ending, file.bytes);
+
+  const auto imported = import_mesh(on_disk.path(), {.unit_m = 0.3048});
+
+  EXPECT_EQ(imported.is_ok(), !file.stated);
+  if (!imported.is_ok()) {
+    EXPECT_EQ(imported.status().code(), StatusCode::kInvalidArgument);
+    return;
+  }
+  EXPECT_EQ(imported.value().origin.unit_source, OriginSource::kOption);
+  expect_points(imported.value().mesh, 0.3048, file.left_handed);
+}
+
+TEST_P(EveryFormat, IsTurnedAsTheOptionSaysAndScaled) {
+  const FormatFile& file = GetParam();
+  const TempFile on_disk(file.ending, file.bytes);
+
+  const auto as_z = import_mesh(on_disk.path(), {.up = UpAxis::kZ, .scale = 2});
+  const auto as_y = import_mesh(on_disk.path(), {.up = UpAxis::kY, .scale = 2});
+
+  ASSERT_TRUE(as_z.is_ok() && as_y.is_ok()) << as_z.status().message();
+  expect_points(as_z.value().mesh, 2 * file.unit_m, file.left_handed);
+  EXPECT_TRUE(as_z.value().origin.z_up && as_y.value().origin.z_up);
+  IndexedMesh back = as_y.value().mesh;  // what was y is z now; z went to -y
+  for (Point& p : back.positions_m) p = {p[0], p[2], -p[1]};
+  expect_points(back, 2 * file.unit_m, file.left_handed);
+}
+
+TEST(ImportOptions, RefusesWhatIsNoLengthAndNoAxis) {
+  const TempFile file(".obj", test::obj());
+  for (const double bad : {0.0, -1.0, std::numeric_limits<double>::infinity(), std::nan("")}) {
+    EXPECT_FALSE(import_mesh(file.path(), {.scale = bad}).is_ok()) << bad;
+    EXPECT_FALSE(import_mesh(file.path(), {.unit_m = bad}).is_ok()) << bad;
+  }
+  EXPECT_FALSE(import_mesh(file.path(), {.up = UpAxis::kX}).is_ok());
+  EXPECT_FALSE(import_mesh(file.path(), {.scale = 1e308}).is_ok());  // 13e308 is no double
+}
+
+// ---- nodes --------------------------------------------------------------------------------------
+
+IndexedMesh placed(const ImportedNode& node) {
+  IndexedMesh mesh = node.mesh;
+  for (Point& p : mesh.positions_m) {
+    Point at = node.translation_m;
+    for (std::size_t r = 0; r < 3; ++r)
+      for (std::size_t c = 0; c < 3; ++c) at[r] += node.rotation[3 * r + c] * p[c];
+    p = at;
+  }
+  return mesh;
+}
+
+void expect_near(const IndexedMesh& a, const IndexedMesh& b, double tolerance_m) {
+  const std::vector<Point> at = corners(a), expected = corners(b);
+  ASSERT_EQ(at.size(), expected.size());
+  for (std::size_t i = 0; i < at.size(); ++i)
+    for (std::size_t k = 0; k < 3; ++k) EXPECT_NEAR(at[i][k], expected[i][k], tolerance_m);
+}
+
+/// A base with an arm on it, which is turned by a quarter, moved, and twice as long along x.
+std::string robot(const std::string& asset) {
+  return test::collada(
+      asset, test::collada_node("<translate>10 20 30</translate>", "base",
+                                test::collada_node("<translate>0 0 5</translate>"
+                                                   "<rotate>0 0 1 90</rotate><scale>2 1 1</scale>",
+                                                   "arm")) +
+                 test::collada_node("<scale>-1 1 1</scale>", "mirror"));
+}
+
+TEST(ImportNodes, GivesEachNodeItsOwnFrameAndItsPlaceInTheFile) {
+  const TempFile file(".dae", robot("<unit meter=\"0.01\"/><up_axis>Z_UP</up_axis>"));
+
+  const auto nodes = import_nodes(file.path(), {});
+
+  ASSERT_TRUE(nodes.is_ok()) << nodes.status().message();
+  ASSERT_EQ(nodes.value().nodes.size(), 3U);
+  const ImportedNode &base = nodes.value().nodes[0], &arm = nodes.value().nodes[1],
+                     &mirror = nodes.value().nodes[2];
+  EXPECT_EQ(base.name + arm.name + mirror.name, "basearmmirror");
+  expect_points(base.mesh, 0.01);
+  EXPECT_NEAR(base.translation_m[1], 0.2, 1e-12);
+  EXPECT_NEAR(arm.translation_m[2], 0.35, 1e-12);
+  EXPECT_NEAR(arm.rotation[3], 1, 1e-6);  // x goes to y
+  EXPECT_NEAR(corners(arm.mesh).back()[0], 0.1, 1e-8);
+  EXPECT_GT(signed_volume(mirror.mesh), 0);
+  // Each where the whole file has it.
+  for (const ImportedNode& node : nodes.value().nodes) {
+    if (node.name == "base") continue;  // as a node that is asked for it brings the arm with it
+    const auto alone = import_mesh(file.path(), {.node = node.name});
+    ASSERT_TRUE(alone.is_ok()) << alone.status().message();
+    expect_near(placed(node), alone.value().mesh, 1e-8);
+  }
+}
+
+TEST(ImportNodes, PlacesTurnedModelsInATurnedWorld) {
+  const TempFile file(".dae", robot("<unit meter=\"1\"/><up_axis>Y_UP</up_axis>"));
+  const ImportOptions z_up{.up = UpAxis::kY};
+
+  const auto nodes = import_nodes(file.path(), z_up);
+
+  ASSERT_TRUE(nodes.is_ok()) << nodes.status().message();
+  for (const ImportedNode& node : nodes.value().nodes) {
+    if (node.name == "base") continue;
+    ImportOptions options = z_up;
+    options.node = node.name;
+    expect_near(placed(node), import_mesh(file.path(), options).value().mesh, 1e-5);
+  }
+}
+
+TEST(ImportNodes, TakesANodeWithWhatHangsOnIt) {
+  const TempFile file(".dae", robot(""));
+  EXPECT_EQ(import_mesh(file.path(), {.node = "base"}).value().mesh.faces.size(), 8U);
+  EXPECT_EQ(import_mesh(file.path(), {.node = "arm"}).value().mesh.faces.size(), 4U);
+  EXPECT_EQ(import_mesh(file.path()).value().faces.size(), 12U);
+
+  const auto none = import_mesh(file.path(), {.node = "leg"});
+  ASSERT_FALSE(none.is_ok());
+  EXPECT_EQ(none.status().code(), StatusCode::kNotFound);
+  EXPECT_NE(none.status().message().find("base, arm, mirror"), std::string::npos)
+      << none.status().message();
+}
+
+TEST(ImportNodes, TakesObjectsOfAnObj) {
+  const std::string vertices = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n";
+  const TempFile file(".obj", vertices +
+                                  "f 1 2 3\no a\nf 1 2 4\ng ignored\no b\nf 2 3 4 1\no a\n"
+                                  "f 3 1 4\n");
+
+  const auto nodes = import_nodes(file.path(), {});
+
+  ASSERT_TRUE(nodes.is_ok()) << nodes.status().message();
+  ASSERT_EQ(nodes.value().nodes.size(), 3U);
+  EXPECT_EQ(nodes.value().nodes[0].name, "node");
+  EXPECT_EQ(nodes.value().nodes[1].name, "a");
+  EXPECT_EQ(nodes.value().nodes[1].mesh.faces.size(), 2U);
+  EXPECT_EQ(nodes.value().nodes[1].mesh.positions_m.size(), 4U);
+  EXPECT_EQ(import_mesh(file.path(), {.node = "b"}).value().mesh.faces.size(), 2U);
+  EXPECT_EQ(import_mesh(file.path(), {.node = "c"}).status().code(), StatusCode::kNotFound);
+  EXPECT_EQ(import_mesh(file.path()).value().faces.size(), 5U);
+}
+
+TEST(ImportNodes, NamesNodesForFiles) {
+  const TempFile file(".dae", test::collada("", test::collada_node("", "a/../b") +
+                                                    test::collada_node("", "a_.._b")));
+
+  const auto nodes = import_nodes(file.path(), {});
+
+  ASSERT_TRUE(nodes.is_ok()) << nodes.status().message();
+  EXPECT_EQ(nodes.value().nodes[0].name, "a_.._b");
+  EXPECT_EQ(nodes.value().nodes[1].name, "a_.._b_2");
+}
+
+TEST(ImportNodes, GivesTheWholeOfAFileWithoutNodes) {
+  const TempFile file(".stl", test::stl());
+  const auto nodes = import_nodes(file.path(), {});
+  ASSERT_TRUE(nodes.is_ok());
+  ASSERT_EQ(nodes.value().nodes.size(), 1U);
+  expect_points(nodes.value().nodes[0].mesh, 1);
+  EXPECT_EQ(import_mesh(file.path(), {.node = "t"}).status().code(), StatusCode::kNotFound);
+}
+
+TEST(MeshFormats, NameEveryEndingOnce) {
+  std::vector<std::string> endings;
+  for (const MeshFormat& format : mesh_formats()) {
+    std::istringstream words{std::string(format.endings)};
+    for (std::string word; words >> word;) endings.push_back(word);
+  }
+  for (const FormatFile& file : test::tetrahedron_files())
+    EXPECT_EQ(std::ranges::count(endings, file.ending.substr(1)), 1) << file.ending;
+}
+
+}  // namespace
+}  // namespace nearmesh
