@@ -29,7 +29,8 @@ class ModelImportProgram : public ::testing::Test {
   };
   static Ended run(const std::string& arguments) {
     const TempFile out(".txt"), err(".txt");
-    const std::string command = program() + " " + arguments + " > " + out.path() + " 2> " + err.path();
+    const std::string command =
+        program() + " " + arguments + " > " + out.path() + " 2> " + err.path();
     const int code = std::system(command.c_str());
     const auto text = [](const TempFile& file) {
       const auto bytes = file.read();
@@ -37,7 +38,8 @@ class ModelImportProgram : public ::testing::Test {
     };
     return {code, text(out), text(err)};
   }
-  static json build(const std::string& mesh, const std::string& model, const std::string& flags = {}) {
+  static json build(const std::string& mesh, const std::string& model,
+                    const std::string& flags = {}) {
     const Ended ended = run("build --json " + flags + " " + mesh + " -o " + model);
     EXPECT_EQ(ended.code, 0) << ended.err;
     return json::parse(ended.out, nullptr, false);
@@ -96,8 +98,9 @@ TEST_F(ModelImportProgram, InfoSaysTheSizeOfTheMeshAndNotOfItsBoxes) {
 TEST_F(ModelImportProgram, TakesUnitUpAxisScaleAndNode) {
   const TempFile stl(".stl"), dae(".dae"), model;
   write(stl, test::stl());
-  write(dae, test::collada("<unit meter=\"1\"/>", test::collada_node() +
-                                                     test::collada_node("<scale>3 3 3</scale>", "big")));
+  write(dae,
+        test::collada("<unit meter=\"1\"/>",
+                      test::collada_node() + test::collada_node("<scale>3 3 3</scale>", "big")));
   const json by_unit = build(stl.path(), model.path(), "--unit mm --up y --scale 10");
   for (const json& report : {by_unit, info(model.path())}) {
     expect_size(report, 0.04, 0.1, 0.06);
@@ -134,9 +137,10 @@ TEST_F(ModelImportProgram, WarnsOfSizesThatHintAtAWrongUnit) {
 
 TEST_F(ModelImportProgram, BuildsAModelForEachNodeAndASceneThatPlacesThem) {
   const TempFile mesh(".dae"), folder("");
-  write(mesh, test::collada("<unit meter=\"0.01\"/>",
-                            test::collada_node("<translate>100 0 0</translate>", "base",
-                                               test::collada_node("<rotate>0 0 1 90</rotate>", "arm"))));
+  write(mesh,
+        test::collada("<unit meter=\"0.01\"/>",
+                      test::collada_node("<translate>100 0 0</translate>", "base",
+                                         test::collada_node("<rotate>0 0 1 90</rotate>", "arm"))));
   const Ended ended = run("build --per-node " + mesh.path() + " -o " + folder.path());
   ASSERT_EQ(ended.code, 0) << ended.err;
   const json arm = info(folder.path() + "/arm.spm"), base = info(folder.path() + "/base.spm");

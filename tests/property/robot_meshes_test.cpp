@@ -14,7 +14,9 @@ namespace {
 namespace fs = std::filesystem;
 using Vector = std::array<double, 3>;
 
-Vector operator-(const Vector& a, const Vector& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
+Vector operator-(const Vector& a, const Vector& b) {
+  return {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
+}
 double dot(const Vector& a, const Vector& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 Vector along(const Vector& a, const Vector& d, double t) {
   return {a[0] + t * d[0], a[1] + t * d[1], a[2] + t * d[2]};
@@ -58,7 +60,8 @@ double one_sided_m(const IndexedMesh& from, const IndexedMesh& to, double step_m
     const Vector centre{(t[0][0] + t[1][0] + t[2][0]) / 3, (t[0][1] + t[1][1] + t[2][1]) / 3,
                         (t[0][2] + t[1][2] + t[2][2]) / 3};
     double radius = 0;
-    for (const Vector& corner : t) radius = std::max(radius, std::sqrt(dot(corner - centre, corner - centre)));
+    for (const Vector& corner : t)
+      radius = std::max(radius, std::sqrt(dot(corner - centre, corner - centre)));
     balls.emplace_back(centre, radius);
   }
   double worst = 0;
@@ -76,7 +79,8 @@ double one_sided_m(const IndexedMesh& from, const IndexedMesh& to, double step_m
         double best = square_distance(p, targets[last]);
         // What cannot raise the worst need not be known better.
         for (std::size_t k = 0; k < targets.size() && best > worst * worst; ++k) {
-          const double gap = std::sqrt(dot(p - balls[k].first, p - balls[k].first)) - balls[k].second;
+          const double gap =
+              std::sqrt(dot(p - balls[k].first, p - balls[k].first)) - balls[k].second;
           if (gap > 0 && gap * gap >= best) continue;
           const double found = square_distance(p, targets[k]);
           if (found < best) {
@@ -112,7 +116,8 @@ Pose pose_near_plate(Random& random) {
                    1 - 2 * (q[1] * q[1] + q[3] * q[3]), 2 * (q[2] * q[3] - q[0] * q[1]),
                    2 * (q[1] * q[3] - q[0] * q[2]),     2 * (q[2] * q[3] + q[0] * q[1]),
                    1 - 2 * (q[1] * q[1] + q[2] * q[2])};
-  pose.translation_m = {random.between(-0.2, 0.2), random.between(-0.2, 0.2), random.between(-0.4, 0.4)};
+  pose.translation_m = {random.between(-0.2, 0.2), random.between(-0.2, 0.2),
+                        random.between(-0.4, 0.4)};
   return pose;
 }
 
