@@ -19,9 +19,9 @@ using test::FormatFile;
 using Point = std::array<double, 3>;
 
 /// A file of this test's own, gone afterwards.
-class TempFile {
+class WrittenFile {
  public:
-  TempFile(const std::string& ending, const std::string& bytes)
+  WrittenFile(const std::string& ending, const std::string& bytes)
       : path_(testing::TempDir() + "nearmesh_units_" +
               testing::UnitTest::GetInstance()->current_test_info()->name()) {
     std::replace(path_.begin() + static_cast<std::ptrdiff_t>(testing::TempDir().size()),
@@ -29,9 +29,9 @@ class TempFile {
     path_ += ending;
     std::ofstream(path_, std::ios::binary) << bytes;
   }
-  ~TempFile() { std::remove(path_.c_str()); }
-  TempFile(const TempFile&) = delete;
-  TempFile& operator=(const TempFile&) = delete;
+  ~WrittenFile() { std::remove(path_.c_str()); }
+  WrittenFile(const WrittenFile&) = delete;
+  WrittenFile& operator=(const WrittenFile&) = delete;
   [[nodiscard]] const std::string& path() const { return path_; }
 
  private:
@@ -81,7 +81,7 @@ INSTANTIATE_TEST_SUITE_P(Formats, EveryFormat, testing::ValuesIn(test::tetrahedr
 
 TEST_P(EveryFormat, ComesBackAsWrittenInMetres) {
   const FormatFile& file = GetParam();
-  const TempFile on_disk(file.ending, file.bytes);
+  const WrittenFile on_disk(file.ending, file.bytes);
 
   const auto mesh = import_mesh(on_disk.path());
 
@@ -91,7 +91,7 @@ TEST_P(EveryFormat, ComesBackAsWrittenInMetres) {
 
 TEST_P(EveryFormat, SaysWhoStatesItsUnitAndItsUpAxis) {
   const FormatFile& file = GetParam();
-  const TempFile on_disk(file.ending, file.bytes);
+  const WrittenFile on_disk(file.ending, file.bytes);
 
   const auto imported = import_mesh(on_disk.path(), ImportOptions{});
 
@@ -107,7 +107,7 @@ TEST_P(EveryFormat, SaysWhoStatesItsUnitAndItsUpAxis) {
 
 TEST_P(EveryFormat, TakesAUnitOnlyWhereItStatesNone) {
   const FormatFile& file = GetParam();
-  const TempFile on_disk(file.ending, file.bytes);
+  const WrittenFile on_disk(file.ending, file.bytes);
 
   const auto imported = import_mesh(on_disk.path(), {.unit_m = 0.3048});
 
@@ -122,7 +122,7 @@ TEST_P(EveryFormat, TakesAUnitOnlyWhereItStatesNone) {
 
 TEST_P(EveryFormat, IsTurnedAsTheOptionSaysAndScaled) {
   const FormatFile& file = GetParam();
-  const TempFile on_disk(file.ending, file.bytes);
+  const WrittenFile on_disk(file.ending, file.bytes);
 
   const auto as_z = import_mesh(on_disk.path(), {.up = UpAxis::kZ, .scale = 2});
   const auto as_y = import_mesh(on_disk.path(), {.up = UpAxis::kY, .scale = 2});
@@ -136,7 +136,7 @@ TEST_P(EveryFormat, IsTurnedAsTheOptionSaysAndScaled) {
 }
 
 TEST(ImportOptions, RefusesWhatIsNoLengthAndNoAxis) {
-  const TempFile file(".obj", test::obj());
+  const WrittenFile file(".obj", test::obj());
   for (const double bad : {0.0, -1.0, std::numeric_limits<double>::infinity(), std::nan("")}) {
     EXPECT_FALSE(import_mesh(file.path(), {.scale = bad}).is_ok()) << bad;
     EXPECT_FALSE(import_mesh(file.path(), {.unit_m = bad}).is_ok()) << bad;
@@ -176,7 +176,7 @@ std::string robot(const std::string& asset) {
 }
 
 TEST(ImportNodes, GivesEachNodeItsOwnFrameAndItsPlaceInTheFile) {
-  const TempFile file(".dae", robot("<unit meter=\"0.01\"/><up_axis>Z_UP</up_axis>"));
+  const WrittenFile file(".dae", robot("<unit meter=\"0.01\"/><up_axis>Z_UP</up_axis>"));
 
   const auto nodes = import_nodes(file.path(), {});
 
@@ -201,7 +201,7 @@ TEST(ImportNodes, GivesEachNodeItsOwnFrameAndItsPlaceInTheFile) {
 }
 
 TEST(ImportNodes, PlacesTurnedModelsInATurnedWorld) {
-  const TempFile file(".dae", robot("<unit meter=\"1\"/><up_axis>Y_UP</up_axis>"));
+  const WrittenFile file(".dae", robot("<unit meter=\"1\"/><up_axis>Y_UP</up_axis>"));
   const ImportOptions z_up{.up = UpAxis::kY};
 
   const auto nodes = import_nodes(file.path(), z_up);
@@ -216,7 +216,7 @@ TEST(ImportNodes, PlacesTurnedModelsInATurnedWorld) {
 }
 
 TEST(ImportNodes, TakesANodeWithWhatHangsOnIt) {
-  const TempFile file(".dae", robot(""));
+  const WrittenFile file(".dae", robot(""));
   EXPECT_EQ(import_mesh(file.path(), {.node = "base"}).value().mesh.faces.size(), 8U);
   EXPECT_EQ(import_mesh(file.path(), {.node = "arm"}).value().mesh.faces.size(), 4U);
   EXPECT_EQ(import_mesh(file.path()).value().faces.size(), 12U);
@@ -230,9 +230,9 @@ TEST(ImportNodes, TakesANodeWithWhatHangsOnIt) {
 
 TEST(ImportNodes, TakesObjectsOfAnObj) {
   const std::string vertices = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n";
-  const TempFile file(".obj", vertices +
-                                  "f 1 2 3\no a\nf 1 2 4\ng ignored\no b\nf 2 3 4 1\no a\n"
-                                  "f 3 1 4\n");
+  const WrittenFile file(".obj", vertices +
+                                     "f 1 2 3\no a\nf 1 2 4\ng ignored\no b\nf 2 3 4 1\no a\n"
+                                     "f 3 1 4\n");
 
   const auto nodes = import_nodes(file.path(), {});
 
@@ -248,8 +248,8 @@ TEST(ImportNodes, TakesObjectsOfAnObj) {
 }
 
 TEST(ImportNodes, NamesNodesForFiles) {
-  const TempFile file(".dae", test::collada("", test::collada_node("", "a/../b") +
-                                                    test::collada_node("", "a_.._b")));
+  const WrittenFile file(".dae", test::collada("", test::collada_node("", "a/../b") +
+                                                       test::collada_node("", "a_.._b")));
 
   const auto nodes = import_nodes(file.path(), {});
 
@@ -259,7 +259,7 @@ TEST(ImportNodes, NamesNodesForFiles) {
 }
 
 TEST(ImportNodes, GivesTheWholeOfAFileWithoutNodes) {
-  const TempFile file(".stl", test::stl());
+  const WrittenFile file(".stl", test::stl());
   const auto nodes = import_nodes(file.path(), {});
   ASSERT_TRUE(nodes.is_ok());
   ASSERT_EQ(nodes.value().nodes.size(), 1U);
