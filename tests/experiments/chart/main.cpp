@@ -102,8 +102,9 @@ int main(int argc, char** argv) {
       ->check(CLI::ExistingDirectory);
   CLI11_PARSE(app, argc, argv);
   if (runs->parsed()) return run(options);
-  std::vector<const char*> words{
-      NEARMESH_CHART_PYTHON, NEARMESH_CHART_SOURCE "/tests/experiments/chart/plot_chart.py", folder.c_str()};
+  std::vector<const char*> words{NEARMESH_CHART_PYTHON,
+                                 NEARMESH_CHART_SOURCE "/tests/experiments/chart/plot_chart.py",
+                                 folder.c_str()};
   if (!docs.empty()) words.push_back(docs.c_str());
   words.push_back(nullptr);
   ::execvp(words[0], const_cast<char* const*>(words.data()));

@@ -168,8 +168,8 @@ TEST_F(Export, PlyIsReadByOthers) {
   const aiColor4D& splint = mesh.mColors[0][total(scene_, false)];
   EXPECT_EQ(std::tuple(splint.r, splint.g, splint.b), std::tuple(1.0F, 0.0F, 1.0F));
   for (unsigned i = 0; i < scene_.bodies[0].eps_m.size(); ++i) {
-    const auto colour =
-        subscriber::report::vertex_colour(scene_.bodies[0].eps_m[i], scene_.bodies[0].size_m, false);
+    const auto colour = subscriber::report::vertex_colour(scene_.bodies[0].eps_m[i],
+                                                          scene_.bodies[0].size_m, false);
     EXPECT_NEAR(mesh.mColors[0][i].r * 255, colour[0], 0.5);
     EXPECT_NEAR(mesh.mColors[0][i].b * 255, colour[2], 0.5);
   }

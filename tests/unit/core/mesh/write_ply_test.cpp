@@ -5,8 +5,8 @@
 #include <fstream>
 #include <iterator>
 
-#include "nearmesh/core/mesh/indexed_mesh.hpp"
 #include "nearmesh/core/mesh/generate.hpp"
+#include "nearmesh/core/mesh/indexed_mesh.hpp"
 
 namespace nearmesh {
 namespace {
