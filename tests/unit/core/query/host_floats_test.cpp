@@ -82,7 +82,7 @@ TEST_P(HostFloats, LeaveAnswersAsTheyAre) {
       seen.add(posed.b);
       LocalModel a(a_.store, a_.header.grid), b(b_.store, b_.header.grid);
       const auto look = [&] {
-        const Answer answer = query(a.view(), posed.a, b.view(), posed.b);
+        const Answer answer = query(a.view(), posed.a, b.view(), posed.b, {.max_pairs = 200});
         seen.add(digest(answer));
         for (const NodeSpan& node : answer.missing_a) seen.add(node_bound(a_.store, node));
         seen.add(find_contacts(a.view(), posed.a, b.view(), posed.b, answer));
@@ -95,7 +95,7 @@ TEST_P(HostFloats, LeaveAnswersAsTheyAre) {
       };
       look();
       const Result<Answer> certain =
-          certify(a, posed.a, test::no_require, b, posed.b, test::no_require, {});
+          certify(a, posed.a, test::no_require, b, posed.b, test::no_require, {.max_pairs = 200});
       seen.add(digest(certain.value()));
       look();
     }
