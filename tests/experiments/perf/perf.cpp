@@ -9,6 +9,7 @@
 #include <fstream>
 #include <map>
 
+#include "core/base/stopwatch.hpp"
 #include "first_line_of.hpp"
 #include "nearmesh/core/meshio/import.hpp"
 #include "nearmesh/core/query/certify.hpp"
