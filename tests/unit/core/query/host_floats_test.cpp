@@ -73,7 +73,10 @@ TEST_P(HostFloats, LeaveAnswersAsTheyAre) {
   }
   expect_same_under_all_floats([&] {
     Seen seen;
-    for (const auto& [one, two] : motions) {
+    for (const auto& pair : motions) {
+      const Motion& one =
+          pair.first;  // clang 14 does not let a lambda have what is bound by structure
+      const Motion& two = pair.second;
       const Pose later = pose_at(one, 0.3);
       seen.add(later);
       const PosedPair posed =
