@@ -82,9 +82,10 @@ template <class T>
 }  // namespace nearmesh
 
 /// Hands an error on: returns from the enclosing function, whose result is a Status or a Result, when `expr`, a Status or a
-/// Result, is not ok.
-#define NEARMESH_RETURN_IF_ERROR(expr)                                  \
-  do {                                                                  \
-    if (const auto& nearmesh_tried_ = (expr); !nearmesh_tried_.is_ok()) \
-      return ::nearmesh::detail::status_of(nearmesh_tried_);            \
+/// Result, is not ok. The status is copied, since `expr` may name a part of what is gone after it: `make().status()`.
+#define NEARMESH_RETURN_IF_ERROR(expr)                                                  \
+  do {                                                                                  \
+    if (const ::nearmesh::Status nearmesh_tried_ = ::nearmesh::detail::status_of(expr); \
+        !nearmesh_tried_.is_ok())                                                       \
+      return nearmesh_tried_;                                                           \
   } while (false)
