@@ -222,9 +222,9 @@ Status build_nodes(const BuildOptions& options, Progress& progress) {
     NEARMESH_RETURN_IF_ERROR(outcome);
     report(outcome.value(), options);
     const std::string name = nlohmann::json(node.name).dump();
-    scene += "  - {name: " + name + ", model: " + name +
-             ", pose: {rotation: " + list(node.rotation) +
-             ", translation: " + list(node.translation_m) + "}}\n";
+    scene.append("  - {name: ").append(name).append(", model: ").append(name);
+    scene.append(", pose: {rotation: ").append(list(node.rotation));
+    scene.append(", translation: ").append(list(node.translation_m)).append("}}\n");
   }
   const std::string path = (folder / "scene.yaml").string();
   std::ofstream out(path, std::ios::trunc);
