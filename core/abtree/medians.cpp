@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE \
-  "core/abtree/medians.cpp"  // NOLINT(readability-identifier-naming): Highway's name
+// NOLINTNEXTLINE(readability-identifier-naming): Highway's name
+#define HWY_TARGET_INCLUDE "core/abtree/medians.cpp"
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 

@@ -2,7 +2,7 @@
 // A box and a slab around eight parts at once. The slab's normal is the mean of what it bounds: of faces each as long as
 // the face is large, of parts each as large as its box tells. Sums over lanes stand in one order, whatever the vectors.
 #undef HWY_TARGET_INCLUDE
-// Highway's name. NOLINTNEXTLINE(readability-identifier-naming)
+// NOLINTNEXTLINE(readability-identifier-naming): Highway's name
 #define HWY_TARGET_INCLUDE "core/geometry/bound_lanes.cpp"
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>

@@ -6,8 +6,8 @@
 // stay below those of box_overlap.cpp, and twice its slack, 2 slack |n|_1, covers this form of them; the slab of the
 // other part is used as an axis and as a bound, and carries its 2 slack |e|_1 itself.
 #undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE \
-  "core/geometry/lanes.cpp"  // NOLINT(readability-identifier-naming): Highway's name
+// NOLINTNEXTLINE(readability-identifier-naming): Highway's name
+#define HWY_TARGET_INCLUDE "core/geometry/lanes.cpp"
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 

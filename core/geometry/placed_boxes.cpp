@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #undef HWY_TARGET_INCLUDE
-// Highway's name. NOLINTNEXTLINE(readability-identifier-naming)
+// NOLINTNEXTLINE(readability-identifier-naming): Highway's name
 #define HWY_TARGET_INCLUDE "core/geometry/placed_boxes.cpp"
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>

@@ -46,8 +46,8 @@
 // The whole walk is made once for each instruction set, so that its tests, a hundred or more a query, are inlined. Each
 // finds the same answer, bit for bit.
 #undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE \
-  "core/query/walk.cpp"  // NOLINT(readability-identifier-naming): Highway's name
+// NOLINTNEXTLINE(readability-identifier-naming): Highway's name
+#define HWY_TARGET_INCLUDE "core/query/walk.cpp"
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
