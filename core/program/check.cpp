@@ -79,10 +79,10 @@ Status check_line(const nlohmann::json& line, const std::map<std::string, FullMe
                              .solid_b = line.value("solid_b", false)};
   if (options.solid_a)
     NEARMESH_RETURN_IF_ERROR(
-        check_solid(mesh[0]->header, where + ": " + line.at("a").get<std::string>()));
+        check_solid(mesh[0]->header.surface, where + ": " + line.at("a").get<std::string>()));
   if (options.solid_b)
     NEARMESH_RETURN_IF_ERROR(
-        check_solid(mesh[1]->header, where + ": " + line.at("b").get<std::string>()));
+        check_solid(mesh[1]->header.surface, where + ": " + line.at("b").get<std::string>()));
   const Answer full =
       query(mesh[0]->tree.view(), posed.value().a, mesh[1]->tree.view(), posed.value().b, options);
   if (status != "partial") ++counts.certified;

@@ -210,8 +210,8 @@ Result<std::unique_ptr<QueryMethod>> make_query_method(const std::string& name, 
     if (name != "full" && name != "certified")
       return Status{StatusCode::kInvalidArgument,
                     "method " + name + " knows no inside; full and certified do"};
-    if (options.query.solid_a) NEARMESH_RETURN_IF_ERROR(check_solid(a.header(), "A"));
-    if (options.query.solid_b) NEARMESH_RETURN_IF_ERROR(check_solid(b.header(), "B"));
+    if (options.query.solid_a) NEARMESH_RETURN_IF_ERROR(check_solid(a.header().surface, "A"));
+    if (options.query.solid_b) NEARMESH_RETURN_IF_ERROR(check_solid(b.header().surface, "B"));
   }
   if (name == "full") {
     method = std::make_unique<FixedMeshes>(a, b, options, FixedMeshes::kAllSplits);

@@ -1,24 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "answer.hpp"
 
-#include <string>
-
 #include "sweep_from.hpp"
 
 namespace nearmesh {
-namespace {
-
-Status check_inside(const AskedBody& body) {
-  if (!body.solid || body.view.surface->is_closed()) return Status::ok();
-  return {StatusCode::kInvalidArgument,
-          "body " + std::string(body.name) + " cannot be solid: its surface is open"};
-}
-
-}  // namespace
-
 Result<Answered> answer(const AskedBody& a, const AskedBody& b, const AnswerOptions& options) {
-  NEARMESH_RETURN_IF_ERROR(check_inside(a));
-  NEARMESH_RETURN_IF_ERROR(check_inside(b));
+  for (const AskedBody* body : {&a, &b})
+    if (body->solid) NEARMESH_RETURN_IF_ERROR(check_solid(*body->view.surface, body->name));
   const Result<PosedPair> posed =
       pose_pair(*a.view.grid, a.motion.pose, a.name, *b.view.grid, b.motion.pose, b.name);
   NEARMESH_RETURN_IF_ERROR(posed);

@@ -220,8 +220,7 @@ Result<SpmHeader> decode_header(std::span<const std::uint8_t> bytes) {
   return header;
 }
 
-Status check_solid(const SpmHeader& header, std::string_view body) {
-  const SurfaceFacts& surface = header.surface;
+Status check_solid(const SurfaceFacts& surface, std::string_view body) {
   if (surface.is_closed()) return Status::ok();
   std::string found;
   if (surface.boundary_edges > 0)

@@ -225,7 +225,7 @@ std::string Session::Impl::why_not_ready(const Body& body) const {
   if (!body.model->is_ready())
     return "model " + body.model->name + " of body " + body.name + ": its header has not come";
   if (body.solid)
-    if (const Status status = check_solid(body.model->replica->header(), body.name);
+    if (const Status status = check_solid(body.model->replica->header().surface, body.name);
         !status.is_ok())
       return status.message();
   if (!body.motion) return "no pose of body " + body.name + " has come";

@@ -170,7 +170,7 @@ class Flight {
     for (std::size_t i = 0; i < scene_.bodies.size(); ++i)
       if (const SpmHeader* header = session_.header_of(id_of(i));
           scene_.bodies[i].solid && header != nullptr)
-        NEARMESH_RETURN_IF_ERROR(check_solid(*header, scene_.bodies[i].name));
+        NEARMESH_RETURN_IF_ERROR(check_solid(header->surface, scene_.bodies[i].name));
     return Status::ok();
   }
 

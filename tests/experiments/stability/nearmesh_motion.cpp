@@ -32,9 +32,9 @@ Kind kind_of(AnswerStatus status) {
 NearmeshAnswer ask_solids(const Case& asked, const Model& model_a, const Model& model_b,
                           const PosedPair& posed) {
   const SpmHeader &header_a = model_a.baked.header, &header_b = model_b.baked.header;
-  if (asked.solid_a && !check_solid(header_a, "a").is_ok())
+  if (asked.solid_a && !check_solid(header_a.surface, "a").is_ok())
     return {.verdict = {.kind = Kind::kRefused}};
-  if (asked.solid_b && !check_solid(header_b, "b").is_ok())
+  if (asked.solid_b && !check_solid(header_b.surface, "b").is_ok())
     return {.verdict = {.kind = Kind::kRefused}};
   const QueryOptions options{.solid_a = asked.solid_a, .solid_b = asked.solid_b};
   LocalModel a(model_a.baked.store, header_a.grid), b(model_b.baked.store, header_b.grid);

@@ -41,8 +41,8 @@ class SolidPair : public ::testing::TestWithParam<Scene> {
  protected:
   const Solid a_{scene_mesh(GetParam().a)}, b_{scene_mesh(GetParam().b)};
   const QueryOptions options_{.clearance = false,
-                              .solid_a = check_solid(a_.model.header, "a").is_ok(),
-                              .solid_b = check_solid(b_.model.header, "b").is_ok()};
+                              .solid_a = check_solid(a_.model.header.surface, "a").is_ok(),
+                              .solid_b = check_solid(b_.model.header.surface, "b").is_ok()};
 
   /// b's middle anywhere in a's box, both turned by chance, by quarters half the time.
   PosedPair inside_pose(Random& random) const {

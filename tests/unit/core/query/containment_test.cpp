@@ -184,7 +184,7 @@ TEST(Containment, AnyLooksForItToo) {
 // ---- open models --------------------------------------------------------------------------------
 
 TEST(CheckSolid, RefusesASheetWithTheReason) {
-  const Status status = check_solid(test::bake_named("terrain").header, "land");
+  const Status status = check_solid(test::bake_named("terrain").header.surface, "land");
   ASSERT_FALSE(status.is_ok());
   EXPECT_NE(status.message().find("land"), std::string::npos) << status.message();
   EXPECT_NE(status.message().find("96 boundary edges"), std::string::npos) << status.message();
@@ -193,17 +193,18 @@ TEST(CheckSolid, RefusesASheetWithTheReason) {
 TEST(CheckSolid, RefusesFacesThatDisagree) {
   IndexedMesh cube = make_cube(1, 2);
   std::swap(cube.faces[0][0], cube.faces[0][1]);
-  const Status status = check_solid(test::bake_mesh(cube, 16).header, "box");
+  const Status status = check_solid(test::bake_mesh(cube, 16).header.surface, "box");
   ASSERT_FALSE(status.is_ok());
   EXPECT_NE(status.message().find("3 edges whose faces disagree"), std::string::npos)
       << status.message();
 }
 
 TEST(CheckSolid, TakesWhatTheGeneratorsMake) {
-  EXPECT_TRUE(check_solid(test::bake_mesh(generate_aircraft(4000, 1)).header, "x").is_ok());
-  EXPECT_TRUE(check_solid(test::bake_mesh(generate_sphere(64, 1)).header, "x").is_ok());
+  EXPECT_TRUE(check_solid(test::bake_mesh(generate_aircraft(4000, 1)).header.surface, "x").is_ok());
+  EXPECT_TRUE(check_solid(test::bake_mesh(generate_sphere(64, 1)).header.surface, "x").is_ok());
   EXPECT_TRUE(
-      check_solid(test::bake_mesh(test::make_closed_terrain(33, 1, -2500)).header, "x").is_ok());
+      check_solid(test::bake_mesh(test::make_closed_terrain(33, 1, -2500)).header.surface, "x")
+          .is_ok());
 }
 
 TEST(ContainmentDeathTest, QueryAssertsThatASolidIsClosed) {
@@ -274,7 +275,7 @@ TEST(Locate, EveryPointOfAVoxelBlockInEveryQuarterTurn) {
   for (std::size_t round = 0; round < 24; ++round) {
     const test::Voxels voxels(3, random);
     const Solid solid(voxels.mesh());
-    ASSERT_TRUE(check_solid(solid.model.header, "voxels").is_ok());
+    ASSERT_TRUE(check_solid(solid.model.header.surface, "voxels").is_ok());
     // Points at whole, half and other numbers: on edges and walls of the lattice that are not walls of the surface.
     for (int x = 0; x <= 12; ++x)
       for (int y = 0; y <= 12; ++y)

@@ -65,8 +65,8 @@ inline constexpr std::size_t kMaxHeaderBytes = 1 << 20;
 /// Errors: kCorrupt with the field, expected and found.
 [[nodiscard]] Result<SpmHeader> decode_header(std::span<const std::uint8_t> bytes);
 
-/// Whether a body with this model may be taken as solid: only a closed surface has an inside.
+/// Whether a body with a model of this surface may be taken as solid: only a closed surface has an inside.
 /// Errors: kInvalidArgument naming the body, with the counts of edges at which the surface does not close.
-[[nodiscard]] Status check_solid(const SpmHeader& header, std::string_view body);
+[[nodiscard]] Status check_solid(const SurfaceFacts& surface, std::string_view body);
 
 }  // namespace nearmesh
