@@ -10,6 +10,7 @@
 #include "core/base/hash.hpp"
 #include "core/base/resources.hpp"
 #include "core/base/stopwatch.hpp"
+#include "core/spm/check_boxes.hpp"
 #include "measures.hpp"
 #include "nearmesh/core/bake/bake.hpp"
 #include "nearmesh/core/meshio/import.hpp"
@@ -152,6 +153,7 @@ Result<Outcome> build(IndexedMesh mesh, const MeshOrigin& origin, const std::str
   outcome.simplify_seconds = simplify_watch.seconds();
   progress.stage("writing");
   const BakedModel& model = baked.value();
+  NEARMESH_RETURN_IF_ERROR(check_boxes(model.store));
   const auto written =
       write_model_file(model.header, model.store, model.numbers, out, options.threads, origin);
   NEARMESH_RETURN_IF_ERROR(written);

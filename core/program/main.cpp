@@ -91,6 +91,8 @@ void add_info(CLI::App& app, Action& chosen) {
       app.add_subcommand("info", "Check every checksum of a model and describe it.");
   const auto options = std::make_shared<InfoOptions>();
   command->add_option("model", options->path, ".spm file")->required();
+  command->add_flag("--deep", options->deep,
+                    "Also check that boxes enclose all faces, as serve does the first time");
   command->add_flag("--json", options->json, "Print one JSON object");
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nearmesh/core/spm/detail/header.hpp"
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <string>
 
 #include "bits.hpp"
 #include "core/base/digest.hpp"
+#include "nearmesh/core/spm/detail/split_store.hpp"
 #include "train.hpp"
 
 namespace nearmesh {
@@ -86,6 +88,44 @@ Status read_surface(BitReader& in, SpmHeader& header) {
   surface.component_seeds.push_back(header.roots.front().position);
   for (std::uint64_t i = 1; i < components; ++i)
     surface.component_seeds.push_back(read_position(in, header));
+  return Status::ok();
+}
+
+// The box of each of a base face's three roots encloses the face: they share a point, and hold each corner whose place is
+// known, which is that of a root's first vertex.
+Status check_base_faces(const SpmHeader& header) {
+  const auto grid_max = static_cast<std::int32_t>((std::int64_t{1} << header.grid.bits) - 1);
+  for (const SplitFace& face : header.base_faces) {
+    GridBox common{{{0, 0, 0}}, {{grid_max, grid_max, grid_max}}};
+    std::array<const BaseRoot*, 3> roots{};
+    std::size_t next = 0;
+    for (const VertexId corner : {face.left, face.right, face.outside}) {
+      const auto after =
+          std::upper_bound(header.roots.begin(), header.roots.end(), corner,
+                           [](VertexId v, const BaseRoot& root) { return v < root.node.first; });
+      const BaseRoot& root = *(roots[next++] = &*(after - 1));
+      const GridBox box = decode_box(root.position, root.box, grid_max);
+      for (int k = 0; k < 3; ++k) {
+        common.lo[k] = std::max(common.lo[k], box.lo[k]);
+        common.hi[k] = std::min(common.hi[k], box.hi[k]);
+      }
+    }
+    bool holds = true;
+    for (int k = 0; k < 3; ++k) {
+      holds &= common.lo[k] <= common.hi[k];
+      for (const BaseRoot* root : roots) {
+        const bool is_corner = root->node.first == face.left || root->node.first == face.right ||
+                               root->node.first == face.outside;
+        holds &=
+            !is_corner || (common.lo[k] <= root->position[k] && root->position[k] <= common.hi[k]);
+      }
+    }
+    if (!holds)
+      return corrupt("a base face lies outside the boxes of its roots [" +
+                     std::to_string(roots[0]->node.begin()) + "], [" +
+                     std::to_string(roots[1]->node.begin()) + "], [" +
+                     std::to_string(roots[2]->node.begin()) + "]");
+  }
   return Status::ok();
 }
 
@@ -216,6 +256,7 @@ Result<SpmHeader> decode_header(std::span<const std::uint8_t> bytes) {
       return corrupt("a base face with two corners in one root");
     header.base_faces.push_back(face);
   }
+  if (!in.overrun()) NEARMESH_RETURN_IF_ERROR(check_base_faces(header));
   if (!in.overrun()) NEARMESH_RETURN_IF_ERROR(read_surface(in, header));
   std::vector<HuffmanTable> contexts(static_cast<std::size_t>(coding_context_count()));
   for (HuffmanTable& table : contexts)

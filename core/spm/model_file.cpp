@@ -13,6 +13,7 @@
 #include <new>
 
 #include "blocks.hpp"
+#include "check_boxes.hpp"
 #include "core/base/digest.hpp"
 #include "core/base/hash.hpp"
 #include "file_layout.hpp"
@@ -351,6 +352,13 @@ Status ModelFile::verify() const {
   NEARMESH_RETURN_IF_ERROR(impl_->check_blocks());
   std::vector<std::uint32_t> table;
   return impl_->read_face_table(table);
+}
+
+Status ModelFile::check_deep() {
+  NEARMESH_RETURN_IF_ERROR(verify());
+  NEARMESH_RETURN_IF_ERROR(require_all());
+  const Status boxes = check_boxes(store());
+  return boxes.is_ok() ? boxes : impl_->corrupt(boxes.message());
 }
 
 FaceNumbering::FaceNumbering(const SplitStore& store, std::vector<FaceNumber> numbers)

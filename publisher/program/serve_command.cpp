@@ -12,6 +12,7 @@
 #include "idl/program/metrics.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
 #include "publisher/dds/dds_channel.hpp"
+#include "publisher/serve/checked_model.hpp"
 #include "publisher/serve/service.hpp"
 
 namespace nearmesh::publisher::program {
@@ -19,7 +20,7 @@ namespace {
 
 Status add_models(const ServeOptions& options, Service& service) {
   for (const std::string& path : options.models) {
-    Result<ModelFile> file = ModelFile::open(path);
+    Result<ModelFile> file = open_checked(path);
     NEARMESH_RETURN_IF_ERROR(file);
     const SpmHeader& header = file.value().header();
     spdlog::info("serving {}: {} faces, {} splits, header {} bytes", path, header.face_count,

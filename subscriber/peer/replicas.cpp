@@ -86,16 +86,31 @@ std::size_t ReplicaSet::take_header(const wire::MeshHeader& message,
   return message.bytes.size();
 }
 
+namespace {
+
+void complain(PeerModel& model, wire::SessionId publisher, const Replica::Taken& taken,
+              std::vector<std::string>& complaints) {
+  if (!taken.contradicts && !model.damaged.insert(publisher).second) return;
+  complaints.push_back(
+      "model " + model.name + ": publisher " + to_hex(publisher) +
+      (taken.contradicts
+           ? " contradicts the model, its detail is forgotten and it is not asked again: "
+           : " sent what came damaged, it is dropped and asked for again: ") +
+      taken.status.message());
+}
+
+}  // namespace
+
 bool ReplicaSet::apply_one(FrameReport& report) {
   for (auto& [name, model] : models_) {
     if (!model.is_ready() || model.waiting.empty()) continue;
-    const Replica::Taken taken = model.replica->take(model.waiting.front());
+    const PeerModel::Batch batch = std::move(model.waiting.front());
     model.waiting.pop_front();
+    const Replica::Taken taken = model.replica->take(batch.bytes, batch.publisher);
     report.load_s += taken.times.load_s;
     report.refine_s += taken.times.refine_s;
     report.tree_s += taken.times.tree_s;
-    if (!taken.status.is_ok())
-      report.complaints.push_back("model " + name + ": " + taken.status.message());
+    if (!taken.status.is_ok()) complain(model, batch.publisher, taken, report.complaints);
     return true;
   }
   return false;

@@ -7,6 +7,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 
 #include "core/replica/replica.hpp"
 #include "nearmesh/subscriber/peer/session.hpp"
@@ -22,15 +23,21 @@ struct PeerModel {
   std::string name;
   ContentHash content_hash;  // not set: nobody has announced it yet
   std::uint64_t mesh_bytes = 0;
-  std::optional<Replica> replica;                 // from the header on
-  std::deque<std::vector<std::uint8_t>> waiting;  // encoded batches, in order of arrival
+  std::optional<Replica> replica;  // from the header on
+  struct Batch {
+    wire::SessionId publisher = 0;
+    std::vector<std::uint8_t> bytes;
+  };
+  std::deque<Batch> waiting;          // encoded batches, in order of arrival
+  std::set<wire::SessionId> damaged;  // publishers whose batches were, as was said
   /// The session's time when the last look ahead found nothing to ask for.
   double looked_ahead_s = -std::numeric_limits<double>::infinity();
 
   [[nodiscard]] bool is_ready() const { return replica.has_value(); }
 };
 
-/// T_L, T_R and T_B go to the report. A batch that does not decode or contradicts the model is dropped with a complaint.
+/// T_L, T_R and T_B go to the report. Of a publisher whose batches are damaged on their way, or contradict the model, one
+/// complaint each is made.
 class ReplicaSet {
  public:
   PeerModel& add(const std::string& name);

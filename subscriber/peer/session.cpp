@@ -210,7 +210,7 @@ void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& r
   PeerModel* model = replicas.find(message.content_hash);
   if (model == nullptr || message.bytes.empty()) return;
   if (model->waiting.size() < kMaxWaitingBatches) {
-    model->waiting.push_back(std::move(message.bytes));
+    model->waiting.push_back({message.publisher, std::move(message.bytes)});
   } else if (!std::exchange(is_dropping, true)) {
     report.complaints.push_back("model " + model->name + ": more than " +
                                 std::to_string(kMaxWaitingBatches) +

@@ -72,10 +72,13 @@ std::vector<RegionPart> Session::Impl::kept_of(const PeerModel& model, const Fra
   return kept;
 }
 
-// Of those that serve it the one that left the fewest requests in a row unanswered; ties go to the lower id.
+// Of those that serve it, and did not contradict it, the one that left the fewest requests in a row unanswered; ties go to
+// the lower id.
 Publisher* Session::Impl::publisher_of(const ContentHash& content_hash) {
   Publisher* best = nullptr;
+  const PeerModel* held = replicas.find(content_hash);
   for (auto& [id, publisher] : publishers) {
+    if (held != nullptr && held->is_ready() && held->replica->distrusts(id)) continue;
     const auto& models = publisher.hello.models;
     const bool serves = std::any_of(models.begin(), models.end(), [&](const auto& model) {
       return model.content_hash == content_hash;
@@ -86,6 +89,13 @@ Publisher* Session::Impl::publisher_of(const ContentHash& content_hash) {
   return best;
 }
 
+// Whether one that is there has contradicted a model: nobody is left to ask where publisher_of() finds none.
+bool Session::Impl::is_contradicted(const PeerModel& model) const {
+  return model.is_ready() &&
+         std::any_of(publishers.begin(), publishers.end(),
+                     [&](const auto& entry) { return model.replica->distrusts(entry.first); });
+}
+
 // Why detail of a model is not here, and whether it may be expected.
 std::string Session::Impl::awaited_of(const PeerModel& model, std::size_t missing) {
   if (missing == 0) return {};
@@ -93,8 +103,10 @@ std::string Session::Impl::awaited_of(const PeerModel& model, std::size_t missin
       std::to_string(missing) + " nodes of model " + model.name + " are missing, ";
   const Publisher* publisher = publisher_of(model.content_hash);
   if (publisher == nullptr)
-    return what +
-           (publishers.empty() ? "no publisher is there" : "no publisher that is there serves it");
+    return what + (publishers.empty() ? "no publisher is there"
+                   : is_contradicted(model)
+                       ? "and each publisher that serves it has contradicted it"
+                       : "no publisher that is there serves it");
   if (publisher->lost_requests > 0)
     return what + "publisher " + to_hex(publisher->hello.publisher) + " has not answered " +
            std::to_string(publisher->lost_requests) + " requests in a row";

@@ -92,6 +92,7 @@ struct Session::Impl {
                std::uint8_t priority, double patience_s);
   void tell_status(const FrameReport& report, const SessionStats& counted);
   [[nodiscard]] Publisher* publisher_of(const ContentHash& content_hash);
+  [[nodiscard]] bool is_contradicted(const PeerModel& model) const;
   [[nodiscard]] double patience_after(const ContentHash& content_hash, Outstanding& lost);
   [[nodiscard]] std::string why_not_ready(const Body& body) const;
   void take_hello(const wire::Hello& hello, std::vector<std::string>& complaints);

@@ -61,7 +61,7 @@ class RecordedPeer {
   /// of order.
   struct Stream {
     std::optional<Replica> replica;
-    std::deque<std::vector<std::uint8_t>> waiting;
+    std::deque<wire::SplitBatchMessage> waiting;
     std::uint32_t received = 0;
   };
   bool reach(const wire::ContactReport::Asked& asked, const RecordedHeaders& headers);
