@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "hash.hpp"
 
+#include <algorithm>
+
 #define XXH_INLINE_ALL  // NOLINT(readability-identifier-naming): the name is xxhash's
 #include <xxhash.h>
 
@@ -14,6 +16,21 @@ std::string to_hex(std::uint64_t value) {
   std::string text(16, '0');
   for (std::size_t i = 16; i-- > 0; value >>= 4) text[i] = "0123456789abcdef"[value & 15U];
   return text;
+}
+
+Result<ContentHash> parse_content_hash(std::string_view text) {
+  const std::size_t digits = to_hex(ContentHash{}).size();
+  ContentHash hash{};
+  const bool is_hex = text.size() == digits && std::all_of(text.begin(), text.end(), [&](char c) {
+                        const std::size_t digit = std::string_view("0123456789abcdef").find(c);
+                        hash = hash << 4 | (digit & 15U);
+                        return digit != std::string_view::npos;
+                      });
+  if (is_hex && hash != ContentHash{}) return hash;
+  return Status{StatusCode::kInvalidArgument,
+                "content: expected " + std::to_string(digits) +
+                    " hexadecimal digits, as nearmesh-model info prints them, found '" +
+                    std::string(text) + "'"};
 }
 
 }  // namespace nearmesh

@@ -7,6 +7,8 @@
 #include <span>
 #include <string>
 
+#include "nearmesh/core/base/content_hash.hpp"
+
 namespace nearmesh {
 
 /// XXH3, 64 bits: for checksums and content hashes (not against an adversary).

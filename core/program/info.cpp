@@ -47,7 +47,8 @@ Status run(const InfoOptions& options) {
     std::printf("%s\n", report.dump().c_str());
     return Status::ok();
   }
-  std::printf("%s: nearmesh model %s, checksums good\n", options.path.c_str(), hash.c_str());
+  std::printf("%s: nearmesh model, checksums good\n", options.path.c_str());
+  std::printf("  content: %s\n", hash.c_str());  // as a scene has it
   std::printf("  full          %u faces, %u vertices\n", header.face_count, header.vertex_count);
   std::printf("  base          %zu faces, %zu vertices\n", header.base_faces.size(),
               header.roots.size());

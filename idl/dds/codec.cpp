@@ -70,10 +70,12 @@ void encode(const Hello& message, wire_types::HelloSample& sample) {
   sample.names().clear();
   sample.content_hashes().clear();
   sample.mesh_bytes().clear();
+  sample.replaced_hashes().clear();
   for (const Hello::Model& model : message.models) {
     append_line(model.name, sample.names());
     sample.content_hashes().push_back(model.content_hash);
     sample.mesh_bytes().push_back(model.mesh_bytes);
+    sample.replaced_hashes().push_back(model.replaces);
   }
 }
 
@@ -83,9 +85,11 @@ Result<Hello> decode(const wire_types::HelloSample& sample) {
   message.publisher = sample.publisher();
   const std::size_t count = sample.content_hashes().size();
   if (count > kMaxModels || sample.mesh_bytes().size() != count ||
+      sample.replaced_hashes().size() != count ||
       sample.names().size() > kMaxModels * (kMaxNameBytes + 1))
     return malformed("models: lists of " + std::to_string(count) + " hashes, " +
-                     std::to_string(sample.mesh_bytes().size()) + " sizes and " +
+                     std::to_string(sample.mesh_bytes().size()) + " sizes, " +
+                     std::to_string(sample.replaced_hashes().size()) + " replaced hashes and " +
                      std::to_string(sample.names().size()) +
                      " bytes of names do not belong together");
   const auto names = split_lines(sample.names(), count, count, "model names");
@@ -95,6 +99,7 @@ Result<Hello> decode(const wire_types::HelloSample& sample) {
     message.models[i].name = names.value()[i];
     message.models[i].content_hash = sample.content_hashes()[i];
     message.models[i].mesh_bytes = sample.mesh_bytes()[i];
+    message.models[i].replaces = sample.replaced_hashes()[i];
   }
   return checked(std::move(message));
 }

@@ -68,8 +68,9 @@ Status check_new_model(const std::string& name, std::size_t served) {
   return Status::ok();
 }
 
-MeshHeader announce_model(const std::string& name, const ModelFile& file, Hello& hello) {
-  hello.models.push_back({name, file.content_hash(), file.mesh_bytes()});
+MeshHeader announce_model(const std::string& name, const ModelFile& file, ContentHash replaces,
+                          Hello& hello) {
+  hello.models.push_back({name, file.content_hash(), file.mesh_bytes(), replaces});
   const auto bytes = file.header_bytes();
   return {kWireVersion, name, file.content_hash(), {bytes.begin(), bytes.end()}};
 }

@@ -56,6 +56,13 @@ std::string name_of(const YAML::Node& map, const std::string& key, const std::st
   return value<std::string>(node, key, "a name");
 }
 
+ContentHash content(const YAML::Node& node) {
+  const Result<ContentHash> hash =
+      parse_content_hash(value<std::string>(node, "content", "hexadecimal digits"));
+  if (!hash.is_ok()) fail(node, hash.status().message());
+  return hash.value();
+}
+
 Pose fixed_pose(const YAML::Node& node, const std::string& body) {
   check_keys(node, "pose of " + body, {"rotation", "translation"});
   Pose pose;
@@ -150,10 +157,11 @@ Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
     scene.session.contacts = value<bool>(root["contacts"], "contacts", "true or false");
   if (!root["bodies"] || !root["bodies"].IsSequence()) fail(root, "bodies: expected a list");
   for (const YAML::Node& node : root["bodies"]) {
-    check_keys(node, "body", {"name", "model", "solid", "pose"});
+    check_keys(node, "body", {"name", "model", "content", "solid", "pose"});
     BodyOfScene body{.name = name_of(node, "name", "body"),
                      .model = name_of(node, "model", "body")};
     if (node["solid"]) body.solid = value<bool>(node["solid"], "solid", "true or false");
+    if (node["content"]) body.content = content(node["content"]);
     if (node["pose"]) body.fixed_pose = fixed_pose(node["pose"], body.name);
     scene.bodies.push_back(std::move(body));
   }

@@ -41,7 +41,7 @@ TEST(DdsChannel, LateJoinerGetsHelloAndLargeHeader) {
   ASSERT_TRUE(
       late.await([](const Inbox& in) { return !in.hellos.empty() && !in.headers.empty(); }));
   EXPECT_EQ(late.all.hellos[0].models[0].name, "bunny");
-  EXPECT_EQ(late.all.headers[0].bytes, big_header().bytes);
+  EXPECT_EQ(late.all.headers[0].message.bytes, big_header().bytes);
 }
 
 TEST_F(DdsLease, KilledPublisherIsReportedLost) {

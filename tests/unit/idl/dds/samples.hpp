@@ -11,7 +11,7 @@ namespace nearmesh::wire::test {
 inline Hello valid_hello() {
   Hello message;
   message.publisher = 0x1122334455667788;
-  message.models = {{"bunny", 11, 100}, {"terrain 512", 22, 200}};
+  message.models = {{"bunny", 11, 100}, {"terrain 512", 22, 200, 33}};
   return message;
 }
 

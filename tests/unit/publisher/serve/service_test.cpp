@@ -138,8 +138,8 @@ TEST(Service, AnnouncesModelsWithTheirHeaders) {
   EXPECT_EQ(inbox.hellos[0].models[0].content_hash, desk.hash());
   EXPECT_EQ(inbox.hellos[0].models[0].mesh_bytes, desk.open().mesh_bytes());
   ASSERT_EQ(inbox.headers.size(), 1U);
-  EXPECT_EQ(inbox.headers[0].content_hash, desk.hash());
-  EXPECT_EQ(inbox.headers[0].bytes, encode_header(desk.model.header));
+  EXPECT_EQ(inbox.headers[0].message.content_hash, desk.hash());
+  EXPECT_EQ(inbox.headers[0].message.bytes, encode_header(desk.model.header));
 }
 
 TEST(Service, AnswersWithTheBatchesThatCollectNames) {
