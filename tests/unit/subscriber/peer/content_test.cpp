@@ -88,6 +88,7 @@ TEST_F(Content, RivalOfTheSameNameIsComplainedOfAndNeverTaken) {
 TEST_F(Content, RivalIsToldOfAgainWhenItComesAgain) {
   world.start_publisher();
   const auto session = world.make_peer();
+  world.fly(*session, make_flight(1), 0, 1);
   for (int i = 0; i < 2; ++i) {
     world.start_publisher(kRival, other_terrain());
     world.fly(*session, make_flight(1), 0, 5);
@@ -122,7 +123,7 @@ TEST_F(Content, ReplacedContentIsGivenUpAtOnceAndLoudly) {
   EXPECT_EQ(world.fly(*late, make_flight(9), 0, 10), 10U);
   world.stop_publisher();
   EXPECT_EQ(fly(*session, 6, 1), 40U);
-  EXPECT_EQ(world.complaints.size(), 2U);
+  EXPECT_EQ(lines_with("model terrain"), 2U);
 }
 
 TEST_F(Content, EndOfTheLastPublisherOfAContentLeadsToTheOther) {
