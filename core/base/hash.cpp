@@ -18,15 +18,19 @@ std::string to_hex(std::uint64_t value) {
   return text;
 }
 
+std::string to_hex(const ContentHash& hash) { return to_hex(hash.high) + to_hex(hash.low); }
+
 Result<ContentHash> parse_content_hash(std::string_view text) {
   const std::size_t digits = to_hex(ContentHash{}).size();
-  ContentHash hash{};
-  const bool is_hex = text.size() == digits && std::all_of(text.begin(), text.end(), [&](char c) {
-                        const std::size_t digit = std::string_view("0123456789abcdef").find(c);
-                        hash = hash << 4 | (digit & 15U);
-                        return digit != std::string_view::npos;
-                      });
-  if (is_hex && hash != ContentHash{}) return hash;
+  ContentHash hash;
+  bool is_hex = text.size() == digits;
+  for (std::size_t i = 0; is_hex && i < digits; ++i) {
+    const std::size_t digit = std::string_view("0123456789abcdef").find(text[i]);
+    is_hex = digit != std::string_view::npos;
+    std::uint64_t& word = i < digits / 2 ? hash.high : hash.low;
+    word = word << 4 | (digit & 15U);
+  }
+  if (is_hex && hash.is_set()) return hash;
   return Status{StatusCode::kInvalidArgument,
                 "content: expected " + std::to_string(digits) +
                     " hexadecimal digits, as nearmesh-model info prints them, found '" +

@@ -6,7 +6,7 @@
 namespace nearmesh::wire {
 namespace {
 
-bool replaces(const Offer& offer, ContentHash content) {
+bool replaces(const Offer& offer, const ContentHash& content) {
   return offer.replaces == content && offer.content != content;
 }
 
@@ -23,14 +23,14 @@ std::vector<ContentHash> standing(std::span<const Offer> offers) {
   for (const Offer& offer : offers) all.push_back(offer.content);
   std::sort(all.begin(), all.end());
   all.erase(std::unique(all.begin(), all.end()), all.end());
-  std::copy_if(all.begin(), all.end(), std::back_inserter(left), [&](ContentHash content) {
+  std::copy_if(all.begin(), all.end(), std::back_inserter(left), [&](const ContentHash& content) {
     return std::none_of(offers.begin(), offers.end(),
                         [&](const Offer& offer) { return replaces(offer, content); });
   });
   return left.empty() ? all : left;
 }
 
-std::optional<ContentHash> successor(std::span<const Offer> offers, ContentHash content) {
+std::optional<ContentHash> successor(std::span<const Offer> offers, const ContentHash& content) {
   std::optional<ContentHash> found;
   for (const Offer& offer : offers) {
     if (!replaces(offer, content)) continue;

@@ -15,8 +15,8 @@ namespace nearmesh::wire {
 /// What one publisher that is there serves under the name.
 struct Offer {
   SessionId publisher = 0;
-  ContentHash content{};
-  ContentHash replaces{};  ///< takes its place; or none
+  ContentHash content;
+  ContentHash replaces;  ///< takes its place; or none
   std::uint64_t mesh_bytes = 0;
 };
 
@@ -29,6 +29,6 @@ void add_offer(const Hello& hello, const std::string& name, std::vector<Offer>& 
 
 /// What replaces a content; none where nothing does, or publishers disagree about it.
 [[nodiscard]] std::optional<ContentHash> successor(std::span<const Offer> offers,
-                                                   ContentHash content);
+                                                   const ContentHash& content);
 
 }  // namespace nearmesh::wire

@@ -43,7 +43,7 @@ Status Service::add_model(const std::string& name, ModelFile file, ContentHash r
   return Status::ok();
 }
 
-void Service::add_answerer(std::uint64_t content_hash, Answerer answerer) {
+void Service::add_answerer(const ContentHash& content_hash, Answerer answerer) {
   answerers_[content_hash] = std::move(answerer);
 }
 
@@ -84,8 +84,8 @@ void Service::take_requests(double now_s) {
     std::erase_if(peer.queue, [&](const Waiting& waiting) {
       return waiting.message.content_hash == subscription.content_hash;
     });
-    const std::uint64_t hash =
-        answerers_.contains(subscription.content_hash) ? subscription.content_hash : 0;
+    const ContentHash hash =
+        answerers_.contains(subscription.content_hash) ? subscription.content_hash : ContentHash{};
     peer.open[hash] = Open{std::move(subscription), {}, false};
   }
 }
@@ -107,7 +107,7 @@ void Service::find_conflicts(std::vector<std::string>& lines) {
     std::vector<wire::Offer> offers{{session_, hash, model->replaces}};
     for (const auto& [id, rival] : rivals_) wire::add_offer(rival, model->name, offers);
     const std::vector<ContentHash> standing = wire::standing(offers);
-    const auto stands = [&](ContentHash content) {
+    const auto stands = [&](const ContentHash& content) {
       return std::find(standing.begin(), standing.end(), content) != standing.end();
     };
     const std::string here = "model " + model->name + ": publisher ";
@@ -130,7 +130,7 @@ void Service::find_conflicts(std::vector<std::string>& lines) {
 }
 
 /// The end when its queue is full enough at that urgency, or nothing is open.
-std::map<std::uint64_t, Service::Open>::iterator Service::most_urgent(Peer& peer) const {
+std::map<ContentHash, Service::Open>::iterator Service::most_urgent(Peer& peer) const {
   const auto found =
       std::min_element(peer.open.begin(), peer.open.end(), [](const auto& a, const auto& b) {
         const wire::RegionSubscription &x = a.second.subscription, &y = b.second.subscription;

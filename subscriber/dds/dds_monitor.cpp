@@ -36,7 +36,7 @@ std::vector<std::string> conflicts(const std::vector<wire::Hello>& publishers) {
     const std::vector<ContentHash> standing = wire::standing(offers);
     if (standing.size() < 2) continue;
     std::string line = "model " + name + ": ";
-    for (const ContentHash content : standing) {
+    for (const ContentHash& content : standing) {
       const auto first = std::find_if(offers.begin(), offers.end(), [&](const wire::Offer& offer) {
         return offer.content == content;
       });
@@ -190,7 +190,7 @@ class DdsMonitor::Impl {
     Handle writer;
     double heard_s = 0;
   };
-  std::map<std::pair<wire::SessionId, std::uint64_t>, Request> requests_;
+  std::map<std::pair<wire::SessionId, ContentHash>, Request> requests_;
   std::vector<std::string> refusals_;
   std::set<std::string> known_;
   std::unique_ptr<wire::Bus> bus_;  ///< last: goes first, while the listeners still live

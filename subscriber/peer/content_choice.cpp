@@ -11,7 +11,7 @@ namespace {
 
 using wire::Offer;
 
-const Offer* offer_of(std::span<const Offer> offers, ContentHash content) {
+const Offer* offer_of(std::span<const Offer> offers, const ContentHash& content) {
   const auto at = std::find_if(offers.begin(), offers.end(),
                                [&](const Offer& offer) { return offer.content == content; });
   return at == offers.end() ? nullptr : &*at;
@@ -27,7 +27,7 @@ std::string served(std::span<const Offer> offers, const std::vector<ContentHash>
 }
 
 /// What replaces the content, whatever replaces that, and so on; itself where that leads nowhere, or in a circle.
-ContentHash newest(std::span<const Offer> offers, ContentHash content) {
+ContentHash newest(std::span<const Offer> offers, const ContentHash& content) {
   ContentHash at = content;
   for (std::size_t i = 0; i <= offers.size(); ++i) {
     const auto next = wire::successor(offers, at);
@@ -40,12 +40,11 @@ ContentHash newest(std::span<const Offer> offers, ContentHash content) {
 }  // namespace
 
 ContentChoice choose_content(const KnownContent& known, std::span<const Offer> offers) {
-  constexpr ContentHash kNone{};
   std::vector<ContentHash> standing = wire::standing(offers);
   ContentChoice choice;
-  if (known.pinned != kNone) {
+  if (known.pinned.is_set()) {
     choice.content = known.pinned;
-  } else if (known.held != kNone) {
+  } else if (known.held.is_set()) {
     choice.content = newest(offers, known.held);
     if (choice.content != known.held) {
       choice.change = "publisher " + to_hex(offer_of(offers, choice.content)->publisher) +
@@ -64,14 +63,14 @@ ContentChoice choose_content(const KnownContent& known, std::span<const Offer> o
 
   std::erase(standing, choice.content);
   if (standing.empty()) return choice;
-  if (choice.content == kNone) {
+  if (!choice.content.is_set()) {
     const Offer& other = *offer_of(offers, standing[1]);
     choice.conflict = served(offers, {standing.front()}) + ", publisher " +
                       to_hex(other.publisher) + " content " + to_hex(other.content) +
                       ": neither is taken; stop one of them, or pin one (content)";
   } else {
     choice.conflict = served(offers, standing) + "; content " + to_hex(choice.content) +
-                      (known.pinned != kNone ? " is pinned" : " is held and stays");
+                      (known.pinned.is_set() ? " is pinned" : " is held and stays");
   }
   return choice;
 }

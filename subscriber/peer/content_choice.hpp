@@ -12,12 +12,12 @@ namespace nearmesh::subscriber {
 
 /// What a peer knows of the name before it looks at publishers; each may be none.
 struct KnownContent {
-  ContentHash pinned{};  ///< by whoever made the scene: nothing else is ever taken
-  ContentHash held{};    ///< a base mesh of it is here
+  ContentHash pinned;  ///< by whoever made the scene: nothing else is ever taken
+  ContentHash held;    ///< a base mesh of it is here
 };
 
 struct ContentChoice {
-  ContentHash content{};  ///< none: none of those that are served may be taken, or none is served
+  ContentHash content;  ///< none: none of those that are served may be taken, or none is served
   std::uint64_t mesh_bytes = 0;
   std::string change;    ///< what became of the content that was held; empty where it stays
   std::string conflict;  ///< what people must mend; empty where publishers agree

@@ -15,13 +15,13 @@ PeerModel* ReplicaSet::find(const std::string& name) {
   return at == models_.end() ? nullptr : &at->second;
 }
 
-PeerModel* ReplicaSet::find(ContentHash content_hash) {
+PeerModel* ReplicaSet::find(const ContentHash& content_hash) {
   for (auto& [name, model] : models_)
-    if (model.content_hash == content_hash && content_hash != ContentHash{}) return &model;
+    if (model.content_hash == content_hash && content_hash.is_set()) return &model;
   return nullptr;
 }
 
-std::size_t ReplicaSet::assign(PeerModel& model, ContentHash content,
+std::size_t ReplicaSet::assign(PeerModel& model, const ContentHash& content,
                                std::vector<std::string>& complaints) {
   if (model.content_hash == content) return 0;
   model.content_hash = content;

@@ -20,9 +20,9 @@ inline constexpr std::size_t kMaxSpareHeaderBytes = 16U << 20;
 /// A model that bodies of this peer use.
 struct PeerModel {
   std::string name;
-  ContentHash content_hash{};  // none: no content may be taken for it yet
-  ContentHash pinned{};        // nothing else is ever taken; or none
-  std::string conflict;        // what publishers disagree about, as it was said
+  ContentHash content_hash;  // none: no content may be taken for it yet
+  ContentHash pinned;        // nothing else is ever taken; or none
+  std::string conflict;      // what publishers disagree about, as it was said
   std::uint64_t mesh_bytes = 0;
   std::optional<Replica> replica;                 // from the header on
   std::deque<std::vector<std::uint8_t>> waiting;  // encoded batches, in order of arrival
@@ -37,13 +37,14 @@ class ReplicaSet {
  public:
   PeerModel& add(const std::string& name);
   [[nodiscard]] PeerModel* find(const std::string& name);
-  [[nodiscard]] PeerModel* find(ContentHash content_hash);
+  [[nodiscard]] PeerModel* find(const ContentHash& content_hash);
   [[nodiscard]] std::map<std::string, PeerModel>& all() { return models_; }
   [[nodiscard]] const std::map<std::string, PeerModel>& all() const { return models_; }
 
   /// What the model's name stands for from now on, or nothing. Another content than before drops the replica. Returns the size of
   /// a header that had waited for it and is used now.
-  std::size_t assign(PeerModel& model, ContentHash content, std::vector<std::string>& complaints);
+  std::size_t assign(PeerModel& model, const ContentHash& content,
+                     std::vector<std::string>& complaints);
   /// A header: starts the replica of the model it belongs to, if any body uses it. Returns its size if it was used.
   std::size_t take_header(const wire::MeshHeader& message, std::vector<std::string>& complaints);
   /// Applies the oldest waiting batch of some model; false when none waits.

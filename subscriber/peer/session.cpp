@@ -49,7 +49,7 @@ Result<BodyId> Session::add_body(BodyOptions options) {
           "name '" + text + "': expected 1 to " + std::to_string(wire::kMaxNameBytes) + " bytes"};
   const BodyId id{static_cast<std::uint32_t>(impl_->bodies.size())};
   if (const PeerModel* known = impl_->replicas.find(options.model);
-      known != nullptr && options.content != ContentHash{} && known->pinned != ContentHash{} &&
+      known != nullptr && options.content.is_set() && known->pinned.is_set() &&
       known->pinned != options.content)
     return Status{StatusCode::kConflict, "body " + options.name + " pins model " + options.model +
                                              " to content " + to_hex(options.content) +
@@ -57,7 +57,7 @@ Result<BodyId> Session::add_body(BodyOptions options) {
   if (!impl_->named.emplace(options.name, id).second)
     return Status{StatusCode::kConflict, "body " + options.name + " is declared twice"};
   PeerModel& model = impl_->replicas.add(options.model);
-  if (options.content != ContentHash{}) model.pinned = options.content;
+  if (options.content.is_set()) model.pinned = options.content;
   impl_->bodies.push_back({.id = id,
                            .name = std::move(options.name),
                            .model = &model,
@@ -218,7 +218,7 @@ void Session::Impl::settle_contents(std::vector<std::string>& complaints) {
         {.pinned = model.pinned, .held = model.is_ready() ? before : ContentHash{}}, offers);
     if (!choice.change.empty())
       complaints.push_back("model " + name + ": " + choice.change + "; starting again with it");
-    if (model.is_ready() && model.pinned != ContentHash{} && before != model.pinned)
+    if (model.is_ready() && model.pinned.is_set() && before != model.pinned)
       complaints.push_back("model " + name + ": content " + to_hex(model.pinned) +
                            " is pinned now; content " + to_hex(before) + " is dropped");
     stats.header_bytes += replicas.assign(model, choice.content, complaints);
@@ -272,7 +272,7 @@ std::string Session::Impl::why_no_mesh(const PeerModel& model) const {
   if (is_served) return "its header has not come";
   if (!model.conflict.empty()) return model.conflict;
   if (publishers.empty()) return "no publisher found";
-  if (model.pinned == ContentHash{}) return "no publisher serves it";
+  if (!model.pinned.is_set()) return "no publisher serves it";
   return "no publisher serves content " + to_hex(model.pinned) + ", which is pinned";
 }
 

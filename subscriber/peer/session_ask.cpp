@@ -74,7 +74,7 @@ std::vector<RegionPart> Session::Impl::kept_of(const PeerModel& model, const Fra
 }
 
 // Of those that serve it the one that left the fewest requests in a row unanswered; among these the one that this peer prefers.
-Publisher* Session::Impl::publisher_of(ContentHash content) {
+Publisher* Session::Impl::publisher_of(const ContentHash& content) {
   Publisher* best = nullptr;
   std::uint64_t best_preference = 0;
   for (auto& [id, publisher] : publishers) {
@@ -173,7 +173,7 @@ bool Session::Impl::request_ahead(PeerModel& model, const FrameReport& report, d
 }
 
 // A request for a model was lost: how long to wait for the answer to the next, perhaps of another publisher.
-double Session::Impl::patience_after(ContentHash content, Outstanding& lost) {
+double Session::Impl::patience_after(const ContentHash& content, Outstanding& lost) {
   const auto asked = publishers.find(lost.publisher);
   if (asked != publishers.end() && !std::exchange(lost.is_counted, true))
     ++asked->second.lost_requests;

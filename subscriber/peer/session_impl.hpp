@@ -43,7 +43,7 @@ struct Publisher {
   std::uint32_t lost_requests =
       0;  // in a row: it may be dead, which DDS tells only when its lease is over
 
-  [[nodiscard]] bool serves(ContentHash content) const {
+  [[nodiscard]] bool serves(const ContentHash& content) const {
     return std::any_of(hello.models.begin(), hello.models.end(),
                        [&](const auto& model) { return model.content_hash == content; });
   }
@@ -99,8 +99,8 @@ struct Session::Impl {
   bool request(PeerModel& model, const RegionMaker& region, std::vector<NodeSpan> missing,
                std::uint8_t priority, double patience_s);
   void tell_status(const FrameReport& report, const SessionStats& counted);
-  [[nodiscard]] Publisher* publisher_of(ContentHash content);
-  [[nodiscard]] double patience_after(ContentHash content, Outstanding& lost);
+  [[nodiscard]] Publisher* publisher_of(const ContentHash& content);
+  [[nodiscard]] double patience_after(const ContentHash& content, Outstanding& lost);
   [[nodiscard]] std::string why_no_mesh(const PeerModel& model) const;
   [[nodiscard]] std::string why_not_ready(const Body& body) const;
   void take_hello(const wire::Hello& hello);

@@ -33,8 +33,8 @@ nlohmann::ordered_json to_json(std::uint64_t frame, const PairAnswer& pair, cons
     if (std::isfinite(x)) return x;
     return nullptr;
   };
-  const auto content = [](ContentHash hash) -> nlohmann::ordered_json {
-    if (hash != ContentHash{}) return to_hex(hash);
+  const auto content = [](const ContentHash& hash) -> nlohmann::ordered_json {
+    if (hash.is_set()) return to_hex(hash);
     return nullptr;
   };
   const Answer& answer = pair.answer;

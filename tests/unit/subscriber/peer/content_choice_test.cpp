@@ -8,7 +8,7 @@ namespace {
 
 using wire::Offer;
 
-constexpr ContentHash kA = 0xa, kB = 0xb, kC = 0xc;
+constexpr ContentHash kA{0, 0xa}, kB{0, 0xb}, kC{1, 0}, kNone;
 
 TEST(StandingContents, AreThoseThatNobodyReplaces) {
   using Contents = std::vector<ContentHash>;
@@ -45,12 +45,12 @@ const KnownContent kNothing{}, kHoldsA{.held = kA}, kPinsA{.pinned = kA}, kPinsA
 INSTANTIATE_TEST_SUITE_P(
     Contents, ChooseContent,
     testing::Values(
-        Case{"NobodyServes", kNothing, {}, 0, false, false},
+        Case{"NobodyServes", kNothing, {}, kNone, false, false},
         Case{"OneServes", kNothing, {{1, kA}}, kA, false, false},
         Case{"TwoServeTheSame", kNothing, {{1, kA}, {2, kA}}, kA, false, false},
-        Case{"TwoDisagree", kNothing, {{1, kA}, {2, kB}}, 0, false, true},
+        Case{"TwoDisagree", kNothing, {{1, kA}, {2, kB}}, kNone, false, true},
         Case{"OneReplacesTheOther", kNothing, {{1, kA}, {2, kB, kA}}, kB, false, false},
-        Case{"EachReplacesTheOther", kNothing, {{1, kA, kB}, {2, kB, kA}}, 0, false, true},
+        Case{"EachReplacesTheOther", kNothing, {{1, kA, kB}, {2, kB, kA}}, kNone, false, true},
         Case{"HeldAndServed", kHoldsA, {{1, kA}}, kA, false, false},
         Case{"HeldAndNobodyThere", kHoldsA, {}, kA, false, false},
         Case{"HeldWithRival", kHoldsA, {{1, kB}, {2, kA}}, kA, false, true},

@@ -229,17 +229,18 @@ TEST_F(Content, PinOfOtherContentThanIsHeldDropsThat) {
 
 TEST_F(Content, PinnedContentThatNobodyServesIsNamed) {
   const auto session = world.make_peer();
-  ASSERT_TRUE(session->add_body({.name = "pin", .model = "terrain", .content = 0xabc}).is_ok());
+  ASSERT_TRUE(
+      session->add_body({.name = "pin", .model = "terrain", .content = {0, 0xabc}}).is_ok());
   EXPECT_EQ(world.round(*session).answers[0].reason,
             "model terrain of body ground: no publisher found");
   LocalHost host;
   ASSERT_TRUE(
-      host.session->add_body({.name = "ghost", .model = "spectre", .content = 0xabc}).is_ok());
+      host.session->add_body({.name = "ghost", .model = "spectre", .content = {0, 0xabc}}).is_ok());
   const BodyId ghost{1};
   ASSERT_TRUE(host.session->watch(kGround, ghost).is_ok());
   EXPECT_EQ(host.update().answers.back().reason,
-            "model spectre of body ghost: no publisher serves content " + to_hex(0xabc) +
-                ", which is pinned");
+            "model spectre of body ghost: no publisher serves content " +
+                to_hex(ContentHash{0, 0xabc}) + ", which is pinned");
 }
 
 TEST_F(Content, LocalFileOfOtherContentThanPinnedIsRefused) {

@@ -9,15 +9,17 @@ namespace nearmesh::subscriber {
 namespace {
 
 wire::MeshHeader header_of(std::uint64_t number, std::size_t bytes) {
-  return {wire::kWireVersion, "model" + std::to_string(number), number,
+  return {wire::kWireVersion,
+          "model" + std::to_string(number),
+          {0, number},
           std::vector<std::uint8_t>(bytes)};
 }
 
 /// Whether a header was kept: it is no header really, so using it is complained about.
 bool is_kept(ReplicaSet& replicas, std::uint64_t number) {
   std::vector<std::string> complaints;
-  EXPECT_EQ(replicas.assign(replicas.add("model" + std::to_string(number)), number, complaints),
-            0U);
+  EXPECT_EQ(
+      replicas.assign(replicas.add("model" + std::to_string(number)), {0, number}, complaints), 0U);
   return !complaints.empty();
 }
 

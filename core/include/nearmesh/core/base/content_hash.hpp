@@ -1,19 +1,29 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // API (docs/api.md).
-// What a model is called by those who must not mistake it for another.
+// What a model is called by those who must not mistake it for another: 128 bits of a cryptographic hash over all that peers
+// may get of it (core/spm_format.md).
 
+#include <compare>
 #include <cstdint>
+#include <string>
 #include <string_view>
 
 #include "nearmesh/core/base/status.hpp"
 
 namespace nearmesh {
 
-/// Of all that peers may get of a model; zero names none.
-using ContentHash = std::uint64_t;
+struct ContentHash {
+  std::uint64_t high = 0, low = 0;
 
-/// From the digits that `nearmesh-model info` prints. Errors: kInvalidArgument for anything else, also for the one that names none.
+  /// Whether it names a content; all zeros name none.
+  [[nodiscard]] constexpr bool is_set() const { return (high | low) != 0; }
+  friend constexpr auto operator<=>(const ContentHash&, const ContentHash&) = default;
+};
+
+/// 32 hexadecimal digits.
+[[nodiscard]] std::string to_hex(const ContentHash& hash);
+/// From these. Errors: kInvalidArgument for anything else, also for the one that names none.
 [[nodiscard]] Result<ContentHash> parse_content_hash(std::string_view text);
 
 }  // namespace nearmesh

@@ -37,18 +37,19 @@ struct Hello {
   SessionId publisher = 0;
   struct Model {
     std::string name;  ///< unique per publisher, at most kMaxNameBytes
-    std::uint64_t content_hash = 0;
+    ContentHash content_hash;
     std::uint64_t mesh_bytes = 0;  ///< header and all blocks: what a whole replica would take
-    ContentHash replaces{};  ///< peers that hold this content go over to the one above; or none
+    ContentHash replaces;  ///< peers that hold this content go over to the one above; or none
   };
   std::vector<Model> models;
 };
 
-/// Header of one model (keyed by content hash, transient local): SpmHeader as encoded in the file.
+/// Header of one model (keyed by content hash, transient local): SpmHeader as encoded in the file. The content hash is that of
+/// the bytes, so a header needs no other proof.
 struct MeshHeader {
   std::uint16_t wire_version = kWireVersion;
   std::string name;
-  std::uint64_t content_hash = 0;
+  ContentHash content_hash;
   std::vector<std::uint8_t> bytes;  ///< at most kMaxHeaderBytes
 };
 
@@ -56,10 +57,10 @@ struct MeshHeader {
 struct RegionSubscription {
   std::uint16_t wire_version = kWireVersion;
   SessionId peer = 0;
-  std::uint32_t request = 0;       ///< counts up per peer; 0: no request, only credit
-  std::uint64_t content_hash = 0;  ///< the model; meaningless when request is 0
-  std::uint8_t priority = 0;       ///< 0 needed now, 1 horizon
-  SessionId publisher = 0;         ///< whom it is for; others ignore it
+  std::uint32_t request = 0;  ///< counts up per peer; 0: no request, only credit
+  ContentHash content_hash;   ///< the model; meaningless when request is 0
+  std::uint8_t priority = 0;  ///< 0 needed now, 1 horizon
+  SessionId publisher = 0;    ///< whom it is for; others ignore it
   std::uint32_t acknowledged_sequence =
       0;                               ///< highest batch sequence received from it: returns credit
   std::uint32_t window_bytes = 65536;  ///< the publisher keeps at most this much unacknowledged
@@ -70,13 +71,13 @@ struct RegionSubscription {
 struct SplitBatchMessage {
   std::uint16_t wire_version = kWireVersion;
   SessionId publisher = 0;
-  std::uint64_t content_hash = 0;
+  ContentHash content_hash;
   std::uint32_t request = 0;   ///< which request it answers
   std::uint32_t sequence = 0;  ///< counts up per publisher and peer, from 1: gaps are noticed
   bool last = false;           ///< the request is answered in full with this one
   bool refused = false;        ///< the request was refused; bytes hold the reason as text
   std::vector<std::uint8_t>
-      bytes;  ///< at most kMaxBatchBytes; may be empty when nothing was needed
+      bytes;  ///< sealed (codec.hpp), at most kMaxSealedBytes; may be empty when nothing was needed
 };
 
 /// Where a body is (keyed by body name; the peer that moves it publishes).
@@ -96,7 +97,7 @@ struct BodyPose {
 struct ContactReport {
   /// One of the two bodies as it was when it was asked about.
   struct Asked {
-    std::uint64_t content_hash = 0;
+    ContentHash content_hash;
     std::uint64_t state_digest = 0;  ///< of the model's active vertices
     std::uint32_t applied_batches =
         0;  ///< so many of the model, in order of arrival, had been taken in
@@ -140,7 +141,7 @@ struct ProcessStatus {
   std::uint64_t resident_bytes = 0;
   struct Model {
     std::string name;
-    std::uint64_t content_hash = 0;
+    ContentHash content_hash;
     std::uint64_t faces = 0, held_splits = 0, splits = 0;  ///< 0 until the header has come
   };
   std::vector<Model> models;            ///< served, or used

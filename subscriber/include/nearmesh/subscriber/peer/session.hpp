@@ -30,7 +30,7 @@ struct BodyOptions {
   bool own = false;    ///< this peer moves it and publishes its pose; else another peer does
   bool solid = false;  ///< it has an inside (core/query/query.hpp)
   /// Pins the model, for all bodies that use it: no other content is ever taken. None: what publishers agree on.
-  ContentHash content{};
+  ContentHash content;
 };
 
 struct SessionOptions {
@@ -61,7 +61,7 @@ struct PairAnswer {
   std::string awaited;
   bool asked = false;   ///< headers and poses were there, so the trees were asked
   Pose pose_a, pose_b;  ///< what was asked about; meaningless with a reason of missing poses
-  ContentHash content_a{}, content_b{};  ///< of the models that it is about; none: not known yet
+  ContentHash content_a, content_b;  ///< of the models that it is about; none: not known yet
   /// With SessionOptions::contacts, when the answer has pairs: where they touch, all exact.
   std::optional<Contacts> contacts;
   /// Free or contained: until this much later nothing can touch, if the bodies keep within their speeds. Seconds.
