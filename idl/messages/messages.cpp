@@ -111,6 +111,7 @@ Status check(const Hello& message) {
   std::vector<std::string_view> names;
   for (const Hello::Model& model : message.models) {
     NEARMESH_RETURN_IF_ERROR(check_name(model.name, "model name"));
+    if (!model.content_hash.is_set()) return invalid("model " + model.name + ": no content");
     names.push_back(model.name);
   }
   std::sort(names.begin(), names.end());

@@ -12,6 +12,7 @@
 #include "core/base/stopwatch.hpp"
 #include "idl/program/logging.hpp"
 #include "idl/program/metrics.hpp"
+#include "nearmesh/core/base/parse_content_hash.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
 #include "publisher/dds/dds_channel.hpp"
 #include "publisher/serve/service.hpp"

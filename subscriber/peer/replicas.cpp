@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "replicas.hpp"
 
+#include <utility>
+
 #include "core/base/hash.hpp"
 
 namespace nearmesh::subscriber {
@@ -24,6 +26,7 @@ PeerModel* ReplicaSet::find(const ContentHash& content_hash) {
 std::size_t ReplicaSet::assign(PeerModel& model, const ContentHash& content,
                                std::vector<std::string>& complaints) {
   if (model.content_hash == content) return 0;
+  if (model.is_ready()) keep_header(std::exchange(model.header, {}));  // it may come back
   model.content_hash = content;
   model.mesh_bytes = 0;
   model.replica.reset();
@@ -64,6 +67,7 @@ std::size_t ReplicaSet::take_header(const wire::MeshHeader& message,
     return 0;
   }
   model->replica = std::move(replica).value();
+  model->header = message;
   return message.bytes.size();
 }
 

@@ -25,6 +25,7 @@ struct PeerModel {
   std::string conflict;      // what publishers disagree about, as it was said
   std::uint64_t mesh_bytes = 0;
   std::optional<Replica> replica;                 // from the header on
+  wire::MeshHeader header;                        // of the replica: nobody sends it again
   std::deque<std::vector<std::uint8_t>> waiting;  // encoded batches, in order of arrival
   /// The session's time when the last look ahead found nothing to ask for.
   double looked_ahead_s = -std::numeric_limits<double>::infinity();

@@ -48,12 +48,7 @@ Result<BodyId> Session::add_body(BodyOptions options) {
           StatusCode::kInvalidArgument,
           "name '" + text + "': expected 1 to " + std::to_string(wire::kMaxNameBytes) + " bytes"};
   const BodyId id{static_cast<std::uint32_t>(impl_->bodies.size())};
-  if (const PeerModel* known = impl_->replicas.find(options.model);
-      known != nullptr && options.content.is_set() && known->pinned.is_set() &&
-      known->pinned != options.content)
-    return Status{StatusCode::kConflict, "body " + options.name + " pins model " + options.model +
-                                             " to content " + to_hex(options.content) +
-                                             ", another body to " + to_hex(known->pinned)};
+  NEARMESH_RETURN_IF_ERROR(impl_->check_pin(options));
   if (!impl_->named.emplace(options.name, id).second)
     return Status{StatusCode::kConflict, "body " + options.name + " is declared twice"};
   PeerModel& model = impl_->replicas.add(options.model);
@@ -65,6 +60,20 @@ Result<BodyId> Session::add_body(BodyOptions options) {
                            .solid = options.solid});
   impl_->has_news = true;
   return id;
+}
+
+/// One content for each model that is pinned, and one model for each content: a replica belongs to both.
+Status Session::Impl::check_pin(const BodyOptions& body) const {
+  if (!body.content.is_set()) return Status::ok();
+  const std::string pins = "body " + body.name + " pins model " + body.model + " to content " +
+                           to_hex(body.content) + ", another body ";
+  for (const auto& [name, model] : replicas.all()) {
+    if (name == body.model && model.pinned.is_set() && model.pinned != body.content)
+      return {StatusCode::kConflict, pins + "to " + to_hex(model.pinned)};
+    if (name != body.model && model.pinned == body.content)
+      return {StatusCode::kConflict, pins + "model " + name + " to the same"};
+  }
+  return Status::ok();
 }
 
 Status Session::place_body(BodyId body, const Pose& pose) {

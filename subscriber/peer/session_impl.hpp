@@ -83,6 +83,7 @@ struct Session::Impl {
   [[nodiscard]] Body* find(BodyId body) {
     return body.value < bodies.size() ? &bodies[body.value] : nullptr;
   }
+  [[nodiscard]] Status check_pin(const BodyOptions& body) const;
   void take_inbox(FrameReport& report);
   void take_batch(wire::SplitBatchMessage&& message, FrameReport& report);
   void answer_pair(PairId id, std::uint64_t frame, FrameReport& report);

@@ -8,6 +8,7 @@
 #include <set>
 
 #include "core/base/csv.hpp"
+#include "nearmesh/core/base/parse_content_hash.hpp"
 
 namespace nearmesh::subscriber::program {
 namespace {

@@ -64,7 +64,8 @@ class Contents : public ::testing::Test {
               0)
         << err;
     folder.write("flight.yaml",
-                 "bodies:\n  - {name: ground, model: terrain, pose: {translation: [0, 0, 0]}" + more +
+                 "bodies:\n  - {name: ground, model: terrain, pose: {translation: [0, 0, 0]}" +
+                     more +
                      "}\n  - {name: one, model: aircraft}\n"
                      "moves:\n  - {body: one, trajectory: flight1.csv}\n"
                      "pairs: [[ground, one]]\nframe_rate_hz: 50\nbudget_ms: 5\n"
@@ -183,11 +184,11 @@ TEST_F(Contents, MistakesInReplacesAreNamed) {
   struct Case {
     std::string words, expected;
   };
-  for (const Case& wrong : std::vector<Case>{
-           {"terrain", "replaces: expected MODEL=CONTENT, found 'terrain'"},
-           {"terrain=123", "replaces: terrain=123: content: expected"},
-           {"ground=" + content_b, "replaces: no model ground is served here"},
-           {"terrain=" + content_a, "which it cannot replace"}}) {
+  for (const Case& wrong :
+       std::vector<Case>{{"terrain", "replaces: expected MODEL=CONTENT, found 'terrain'"},
+                         {"terrain=123", "replaces: terrain=123: content: expected"},
+                         {"ground=" + content_b, "replaces: no model ground is served here"},
+                         {"terrain=" + content_a, "which it cannot replace"}}) {
     std::string err;
     EXPECT_EQ(test::run(folder, "nearmesh-publisher",
                         with({"serve", terrain("a"), "--replaces", wrong.words}), nullptr, &err),

@@ -126,6 +126,21 @@ TEST_F(Content, ReplacedContentIsGivenUpAtOnceAndLoudly) {
   EXPECT_EQ(lines_with("model terrain"), 2U);
 }
 
+// A channel gives a header once.
+TEST_F(Content, ReplacedContentComesBackWhenWhatReplacedItEnds) {
+  world.start_publisher();
+  const auto session = world.make_peer();
+  ASSERT_EQ(fly(*session, 1, 1), 40U);
+  for (int i = 0; i < 2; ++i) {
+    world.start_publisher(kRival, other_terrain(), content_of(terrain()));
+    world.judge.ground = &other_terrain();
+    ASSERT_EQ(fly(*session, 2, 1), 40U);
+    world.stop_publisher(kRival);
+    world.judge.ground = &terrain();
+    ASSERT_EQ(fly(*session, 3, 1), 40U);
+  }
+}
+
 TEST_F(Content, EndOfTheLastPublisherOfAContentLeadsToTheOther) {
   world.start_publisher();
   world.start_publisher(kPublisher + 7);  // the same content: its end is not the content's
@@ -225,6 +240,10 @@ TEST_F(Content, PinOfOtherContentThanIsHeldDropsThat) {
   EXPECT_EQ(other.status().code(), StatusCode::kConflict);
   EXPECT_NE(other.status().message().find(to_hex(content_of(terrain()))), std::string::npos);
   EXPECT_NE(other.status().message().find(to_hex(content_of(other_terrain()))), std::string::npos);
+  EXPECT_EQ(session->add_body({.name = "twin", .model = "twin", .content = content_of(terrain())})
+                .status()
+                .code(),
+            StatusCode::kConflict);
 }
 
 TEST_F(Content, PinnedContentThatNobodyServesIsNamed) {

@@ -7,9 +7,6 @@
 #include <compare>
 #include <cstdint>
 #include <string>
-#include <string_view>
-
-#include "nearmesh/core/base/status.hpp"
 
 namespace nearmesh {
 
@@ -23,7 +20,5 @@ struct ContentHash {
 
 /// 32 hexadecimal digits.
 [[nodiscard]] std::string to_hex(const ContentHash& hash);
-/// From these. Errors: kInvalidArgument for anything else, also for the one that names none.
-[[nodiscard]] Result<ContentHash> parse_content_hash(std::string_view text);
 
 }  // namespace nearmesh

@@ -110,7 +110,7 @@ class Session {
 
   /// Declares a body; at any time: what spawns is uncertain, never free, until it is known. Headers of models that no body
   /// uses are kept for that, up to 256 and 16 MiB. Where the model of a solid body turns out to be open, no answer about it
-  /// is ever certified, and each names the reason. Errors: kConflict (name taken, or the model is pinned to other content),
+  /// is ever certified, and each names the reason. Errors: kConflict (name taken, or the pin contradicts another),
   /// kInvalidArgument (name).
   [[nodiscard]] Result<BodyId> add_body(BodyOptions options);
   /// Fixes a body in place, for scenery that nobody moves. Errors: kNotFound, kInvalidArgument (pose).
