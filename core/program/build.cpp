@@ -95,6 +95,7 @@ void print_text(const Outcome& o) {
   const CleanReport& c = o.clean;
   const auto count = [](std::uint64_t n) { return static_cast<unsigned long long>(n); };
   std::printf("%s -> %s\n", o.in.c_str(), o.out.c_str());
+  std::printf("  content: %s\n", to_hex(o.written.content_hash).c_str());  // as a scene has it
   std::printf("  in            %llu faces, %llu vertices\n", count(c.faces_in),
               count(c.vertices_in));
   std::printf("  welded        %llu vertices\n", count(c.vertices_welded));

@@ -77,11 +77,14 @@ void encode(const Hello& message, wire_types::HelloSample& sample) {
   sample.names().clear();
   sample.content_hashes().clear();
   sample.mesh_bytes().clear();
+  sample.replaced_hashes().clear();
   for (const Hello::Model& model : message.models) {
     append_line(model.name, sample.names());
     for (const std::uint64_t word : words_of(model.content_hash))
       sample.content_hashes().push_back(word);
     sample.mesh_bytes().push_back(model.mesh_bytes);
+    for (const std::uint64_t word : words_of(model.replaces))
+      sample.replaced_hashes().push_back(word);
   }
 }
 
@@ -91,9 +94,11 @@ Result<Hello> decode(const wire_types::HelloSample& sample) {
   message.publisher = sample.publisher();
   const std::size_t count = sample.mesh_bytes().size();
   if (count > kMaxModels || sample.content_hashes().size() != kWordsPerContent * count ||
+      sample.replaced_hashes().size() != kWordsPerContent * count ||
       sample.names().size() > kMaxModels * (kMaxNameBytes + 1))
     return malformed("models: lists of " + std::to_string(sample.content_hashes().size()) +
-                     " words of hashes, " + std::to_string(count) + " sizes and " +
+                     " words of hashes, " + std::to_string(sample.replaced_hashes().size()) +
+                     " of replaced ones, " + std::to_string(count) + " sizes and " +
                      std::to_string(sample.names().size()) +
                      " bytes of names do not belong together");
   const auto names = split_lines(sample.names(), count, count, "model names");
@@ -103,6 +108,7 @@ Result<Hello> decode(const wire_types::HelloSample& sample) {
     message.models[i].name = names.value()[i];
     message.models[i].content_hash = content_at(sample.content_hashes(), i);
     message.models[i].mesh_bytes = sample.mesh_bytes()[i];
+    message.models[i].replaces = content_at(sample.replaced_hashes(), i);
   }
   return checked(std::move(message));
 }

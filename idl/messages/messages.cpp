@@ -69,8 +69,9 @@ Status check_new_model(const std::string& name, std::size_t served) {
   return Status::ok();
 }
 
-MeshHeader announce_model(const std::string& name, const ModelFile& file, Hello& hello) {
-  hello.models.push_back({name, file.content_hash(), file.mesh_bytes()});
+MeshHeader announce_model(const std::string& name, const ModelFile& file, ContentHash replaces,
+                          Hello& hello) {
+  hello.models.push_back({name, file.content_hash(), file.mesh_bytes(), replaces});
   const auto bytes = file.header_bytes();
   return {kWireVersion, name, file.content_hash(), {bytes.begin(), bytes.end()}};
 }
@@ -110,6 +111,7 @@ Status check(const Hello& message) {
   std::vector<std::string_view> names;
   for (const Hello::Model& model : message.models) {
     NEARMESH_RETURN_IF_ERROR(check_name(model.name, "model name"));
+    if (!model.content_hash.is_set()) return invalid("model " + model.name + ": no content");
     names.push_back(model.name);
   }
   std::sort(names.begin(), names.end());

@@ -18,7 +18,7 @@ namespace nearmesh::publisher::program {
 extern volatile std::sig_atomic_t stop_requested;
 
 struct ServeOptions {
-  std::vector<std::string> models;
+  std::vector<std::string> models, replaces;
   DdsChannelOptions channel;
   std::string metrics;
   std::vector<std::string> log{"info"};

@@ -30,6 +30,9 @@ constexpr double kThinHeaderBytesPerSecond = 100'000;
 void add_settings(wire::program::Settings& settings, ServeOptions& options) {
   settings.add("models", options.models, "What is served; a model's name is its file's name",
                ".spm files");
+  settings.add("replaces", options.replaces,
+               "Contents whose place a model takes: peers that hold one go over to it",
+               "MODEL=CONTENT");
   wire::program::add_transport_settings(settings, options.channel.transport);
   settings.add("max_peers", options.channel.max_peers, 1, 100'000,
                "Peers beyond this many are refused");

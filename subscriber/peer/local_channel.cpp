@@ -37,7 +37,7 @@ void LocalChannel::announce() {
   hello.publisher = kPublisher;
   inbox_.headers.clear();
   for (const auto& [hash, model] : models_)
-    inbox_.headers.push_back(wire::announce_model(model.name, model.file, hello));
+    inbox_.headers.push_back({kPublisher, wire::announce_model(model.name, model.file, {}, hello)});
   inbox_.hellos.assign(1, std::move(hello));
 }
 

@@ -33,12 +33,18 @@ nlohmann::ordered_json to_json(std::uint64_t frame, const PairAnswer& pair, cons
     if (std::isfinite(x)) return x;
     return nullptr;
   };
+  const auto content = [](const ContentHash& hash) -> nlohmann::ordered_json {
+    if (hash.is_set()) return to_hex(hash);
+    return nullptr;
+  };
   const Answer& answer = pair.answer;
   nlohmann::ordered_json line = {{"frame", frame},
                                  {"a", a.name},
                                  {"b", b.name},
                                  {"model_a", a.model},
                                  {"model_b", b.model},
+                                 {"content_a", content(pair.content_a)},
+                                 {"content_b", content(pair.content_b)},
                                  {"solid_a", a.solid},
                                  {"solid_b", b.solid},
                                  {"status", to_string(answer.status)},
@@ -90,7 +96,8 @@ class Flight {
       const auto added = session_.add_body({.name = body.name,
                                             .model = body.model,
                                             .own = !body.trajectory.empty(),
-                                            .solid = body.solid});
+                                            .solid = body.solid,
+                                            .content = body.content});
       NEARMESH_RETURN_IF_ERROR(added.status());
       if (body.fixed_pose)
         NEARMESH_RETURN_IF_ERROR(session_.place_body(added.value(), *body.fixed_pose));

@@ -130,6 +130,9 @@ void print_text(const BusView& view) {
       }
     if (!any) std::printf("  none\n");
   }
+  std::printf("errors\n");
+  for (const std::string& line : view.errors) std::printf("  %s\n", line.c_str());
+  if (view.errors.empty()) std::printf("  none\n");
   std::printf("refusals\n");
   bool any = !view.refusals.empty();
   for (const std::string& line : view.refusals) std::printf("  %s\n", line.c_str());
@@ -168,6 +171,7 @@ void add_regions(nlohmann::ordered_json& entry, const BusView& view, wire::Sessi
 nlohmann::ordered_json to_json(const BusView& view, bool regions) {
   nlohmann::ordered_json json = {{"publishers", nlohmann::ordered_json::array()},
                                  {"peers", nlohmann::ordered_json::array()},
+                                 {"errors", view.errors},
                                  {"refusals", view.refusals}};
   for (const auto& process : view.processes) {
     nlohmann::ordered_json entry = {{"session", to_hex(process.session)},

@@ -54,12 +54,17 @@ class ModelSolidProgram : public ::testing::Test {
     for (std::string line; std::getline(in, line);) lines.push_back(json::parse(line));
     return lines;
   }
+  std::string content_of(const std::string& path) const {
+    return json::parse(run("info --json " + path).second).at("content_hash");
+  }
   /// Checks one recorded answer of the aircraft under the ground, with changes.
   std::pair<int, std::string> check(const json& changes) const {
     json line = {{"a", "ground"},
                  {"b", "plane"},
                  {"model_a", std::filesystem::path(land_.path()).stem()},
                  {"model_b", std::filesystem::path(aircraft_.path()).stem()},
+                 {"content_a", content_of(land_.path())},
+                 {"content_b", content_of(aircraft_.path())},
                  {"status", "contained"},
                  {"contained", "b_in_a"},
                  {"solid_a", true},
@@ -122,9 +127,19 @@ TEST_F(ModelSolidProgram, CheckHonoursRecordedSolids) {
   EXPECT_NE(check({{"contained", "a_in_b"}}).first, 0);
   EXPECT_NE(check({{"solid_a", false}}).first, 0);
   EXPECT_EQ(check({{"solid_a", false}, {"status", "free"}}).first, 0);
-  const auto sheet = check({{"model_a", std::filesystem::path(sheet_.path()).stem()}});
+  const auto sheet = check({{"model_a", std::filesystem::path(sheet_.path()).stem()},
+                            {"content_a", content_of(sheet_.path())}});
   EXPECT_NE(sheet.first, 0);
   EXPECT_NE(sheet.second.find("boundary edges"), std::string::npos) << sheet.second;
+}
+
+TEST_F(ModelSolidProgram, CheckRefusesAnswersAboutOtherContent) {
+  const std::string other = content_of(sheet_.path());
+  const auto [code, text] = check({{"content_a", other}});
+  EXPECT_NE(code, 0);
+  EXPECT_NE(text.find("the answer is about content " + other), std::string::npos) << text;
+  EXPECT_NE(text.find("the .spm file given is " + content_of(land_.path())), std::string::npos)
+      << text;
 }
 
 TEST_F(ModelSolidProgram, GenerateRefusesAFloorOnlyTerrainHas) {

@@ -399,9 +399,9 @@ TEST_F(Programs, JsonParsesLineByLine) {
     EXPECT_EQ(line.at("frame").get<std::size_t>(), i / 3);
     EXPECT_EQ(line.at("a"), i % 3 == 2 ? "one" : "ground");
     EXPECT_EQ(line.at("pose_b").size(), 12U);
-    for (const char* key : {"b", "model_a", "model_b", "status", "pairs", "pairs_digest",
-                            "clearance_m", "uncertainty_m", "safe_horizon_s", "missing", "pose_a",
-                            "swept_status", "free_until_s", "hit_s"})
+    for (const char* key : {"b", "model_a", "model_b", "content_a", "content_b", "status", "pairs",
+                            "pairs_digest", "clearance_m", "uncertainty_m", "safe_horizon_s",
+                            "missing", "pose_a", "swept_status", "free_until_s", "hit_s"})
       EXPECT_TRUE(line.contains(key)) << key;
     EXPECT_EQ(line.at("swept_status") == "free", line.at("free_until_s") == 0.04) << line;
     if (line.at("status") == "contact") {

@@ -12,7 +12,7 @@ namespace nearmesh::wire::test {
 inline Hello valid_hello() {
   Hello message;
   message.publisher = 0x1122334455667788;
-  message.models = {{"bunny", {1, 11}, 100}, {"terrain 512", {2, 22}, 200}};
+  message.models = {{"bunny", {1, 11}, 100}, {"terrain 512", {2, 22}, 200, {3, 33}}};
   return message;
 }
 

@@ -49,6 +49,7 @@ TEST(CheckMessage, RefusesHelloOutsideItsLimits) {
        {"name", [](Hello& m) { m.models[1].name = std::string("a\0b", 3); }},
        {"name", [](Hello& m) { m.models[1].name = "m\xc3\xa9"; }},
        {"name", [](Hello& m) { m.models[1].name = " blank"; }},
+       {"no content", [](Hello& m) { m.models[1].content_hash = {}; }},
        {"twice", [](Hello& m) { m.models[1].name = "bunny"; }}});
 }
 

@@ -39,6 +39,7 @@ struct Hello {
     std::string name;  ///< unique per publisher, at most kMaxNameBytes
     ContentHash content_hash;
     std::uint64_t mesh_bytes = 0;  ///< header and all blocks: what a whole replica would take
+    ContentHash replaces;  ///< peers that hold this content go over to the one above; or none
   };
   std::vector<Model> models;
 };
@@ -168,9 +169,9 @@ struct Probe : Echo {};
 /// Whether who serves `served` models may serve another under this name. Errors: kInvalidArgument naming the limit.
 [[nodiscard]] Status check_new_model(const std::string& name, std::size_t served);
 
-/// What is told of a model that is served: adds it to the hello. Out: its header.
+/// What is told of a model that is served, in place of another content or of none: adds it to the hello. Out: its header.
 [[nodiscard]] MeshHeader announce_model(const std::string& name, const ModelFile& file,
-                                        Hello& hello);
+                                        ContentHash replaces, Hello& hello);
 
 /// The batches of an answer, or of a part of one, as messages to the peer that asked; their sequence is the channel's to count.
 /// `last`: the request is answered in full with these. That nothing was needed is an answer too: one message without bytes.
