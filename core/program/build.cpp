@@ -249,10 +249,11 @@ Status build_nodes(const BuildOptions& options, Progress& progress) {
 
 Status run(const BuildOptions& options) {
   Stopwatch watch;
+  if (!options.per_node)
+    NEARMESH_RETURN_IF_ERROR(check_output(options.out, file_layout::kModelFile, {options.in}));
   Progress progress;
   progress.stage("reading");
   if (options.per_node) return build_nodes(options, progress);
-  NEARMESH_RETURN_IF_ERROR(check_output(options.out, file_layout::kModelFile, {options.in}));
   Result<ImportedMesh> imported = import_mesh(options.in, import_options(options));
   NEARMESH_RETURN_IF_ERROR(imported);
   Result<Outcome> outcome = build(std::move(imported.value().mesh), imported.value().origin,

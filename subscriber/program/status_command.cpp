@@ -141,7 +141,6 @@ void print_text(const BusView& view) {
                   to_hex(process.session).c_str(), line.c_str());
     }
   if (!any) std::printf("  none\n");
-  std::fflush(stdout);
 }
 
 void add_regions(nlohmann::ordered_json& entry, const BusView& view, wire::SessionId peer) {
