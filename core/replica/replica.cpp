@@ -48,7 +48,7 @@ Replica::Taken Replica::take(std::span<const std::uint8_t> bytes) {
   Taken taken;
   ++taken_batches_;
   const Stopwatch watch;
-  const Result<SplitBatch> batch = decode_batch(header(), bytes);
+  const Result<SplitBatch> batch = decode_sealed(header(), bytes);
   taken.times.load_s = watch.seconds();
   taken.status = batch.is_ok() ? refine(batch.value(), taken.times) : batch.status();
   return taken;

@@ -6,12 +6,13 @@
 #include <string>
 
 #include "bits.hpp"
+#include "core/base/digest.hpp"
 #include "train.hpp"
 
 namespace nearmesh {
 namespace {
 
-constexpr std::uint32_t kHeaderMagic = 0x4e4d4834;  // "NMH4"
+constexpr std::uint32_t kHeaderMagic = 0x4e4d4835;  // "NMH5"
 
 Status corrupt(const std::string& field) { return {StatusCode::kCorrupt, "mesh header: " + field}; }
 
@@ -98,6 +99,8 @@ struct CornerCoding {
 std::vector<std::uint8_t> encode_header(const SpmHeader& header) {
   BitWriter out;
   out.put(kHeaderMagic, 32);
+  out.put64(header.blocks_root.high);
+  out.put64(header.blocks_root.low);
   for (const double x : header.grid.origin_m) out.put64(std::bit_cast<std::uint64_t>(x));
   out.put64(std::bit_cast<std::uint64_t>(header.rounding_error_m));
   out.put(static_cast<std::uint32_t>(header.grid.exponent + 4096), 14);
@@ -145,6 +148,9 @@ Result<SpmHeader> decode_header(std::span<const std::uint8_t> bytes) {
   BitReader in(bytes);
   if (in.get(32) != kHeaderMagic) return corrupt("magic number: not a nearmesh header");
   SpmHeader header;
+  header.content = digest_of(bytes);
+  header.blocks_root.high = in.get64();
+  header.blocks_root.low = in.get64();
   for (double& x : header.grid.origin_m) x = std::bit_cast<double>(in.get64());
   header.rounding_error_m = std::bit_cast<double>(in.get64());
   header.grid.exponent = static_cast<int>(in.get(14)) - 4096;

@@ -55,9 +55,9 @@ class DdsChannel::Impl {
   wire::HelloMemory rival_memory_;
   bool has_news_of_rivals_ = false;
   std::chrono::steady_clock::time_point told_conflicts_{};
-  std::map<std::uint64_t, std::string> announced_headers_;  ///< content hash to name
-  SessionId own_id_ = 0;                                    ///< known with the first announcement
-  wire::Hello hello_;  ///< what was announced last, for a rejoin
+  std::map<ContentHash, std::string> announced_headers_;  ///< content hash to name
+  SessionId own_id_ = 0;                                  ///< known with the first announcement
+  wire::Hello hello_;                                     ///< what was announced last, for a rejoin
   std::vector<wire::MeshHeader> headers_;
   std::unique_ptr<wire::Bus> bus_;  ///< last: goes first, while the listeners still live
   std::unique_ptr<wire::RejoinWatch> rejoin_watch_;
@@ -172,7 +172,7 @@ void DdsChannel::Impl::withdraw_headers(const std::vector<wire::MeshHeader>& kep
     for (const wire::MeshHeader& header : kept)
       if (header.content_hash == known.first) return false;
     wire::Writer<wire::MeshHeader>::Data data;
-    data.content_hash(known.first);
+    data.content_hash(wire::words_of(known.first));
     header_writer_.dispose(data);
     return true;
   });

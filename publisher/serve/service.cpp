@@ -27,7 +27,7 @@ Status Service::add_model(const std::string& name, ModelFile file) {
     if (model->name == name)
       return {StatusCode::kConflict,
               file.path() + ": the name " + name + " is taken by " + model->file.path()};
-  const std::uint64_t hash = file.content_hash();
+  const ContentHash hash = file.content_hash();
   if (const auto same = models_.find(hash); same != models_.end())
     return {StatusCode::kConflict, file.path() + ": same content as " + same->second->file.path() +
                                        ", which is served as " + same->second->name};
@@ -38,7 +38,7 @@ Status Service::add_model(const std::string& name, ModelFile file) {
   return Status::ok();
 }
 
-void Service::add_answerer(std::uint64_t content_hash, Answerer answerer) {
+void Service::add_answerer(const ContentHash& content_hash, Answerer answerer) {
   answerers_[content_hash] = std::move(answerer);
 }
 
@@ -78,14 +78,14 @@ void Service::take_requests(double now_s) {
     std::erase_if(peer.queue, [&](const Waiting& waiting) {
       return waiting.message.content_hash == subscription.content_hash;
     });
-    const std::uint64_t hash =
-        answerers_.contains(subscription.content_hash) ? subscription.content_hash : 0;
+    const ContentHash hash =
+        answerers_.contains(subscription.content_hash) ? subscription.content_hash : ContentHash{};
     peer.open[hash] = Open{std::move(subscription), {}, false};
   }
 }
 
 /// The end when its queue is full enough at that urgency, or nothing is open.
-std::map<std::uint64_t, Service::Open>::iterator Service::most_urgent(Peer& peer) const {
+std::map<ContentHash, Service::Open>::iterator Service::most_urgent(Peer& peer) const {
   const auto found =
       std::min_element(peer.open.begin(), peer.open.end(), [](const auto& a, const auto& b) {
         const wire::RegionSubscription &x = a.second.subscription, &y = b.second.subscription;

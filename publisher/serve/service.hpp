@@ -54,7 +54,7 @@ class Service {
   /// What answers requests for a model. A status that is not ok refuses.
   using Answerer = std::function<Result<Parts>(const RegionRequest&)>;
   /// Requests for this content are answered so; it is announced elsewhere.
-  void add_answerer(std::uint64_t content_hash, Answerer answerer);
+  void add_answerer(const ContentHash& content_hash, Answerer answerer);
   /// Announces all models that were added by add_model(); call once they are.
   void announce();
   /// Takes what arrived, makes and sends what credit allows, for some milliseconds at most. Never blocks. `now_s` is any
@@ -88,7 +88,7 @@ class Service {
   };
   struct Peer {
     explicit Peer(const PacingOptions& options) : pacing(options) {}
-    std::map<std::uint64_t, Open> open;  ///< by content hash, 0 for all that are not served
+    std::map<ContentHash, Open> open;  ///< by content hash, none for all that are not served
     std::uint64_t last_turn = 0;
     double said_refusal_s = 0;
     std::optional<std::uint64_t> unsaid_refusals;  ///< none: nothing was ever said of it
@@ -102,7 +102,7 @@ class Service {
 
   [[nodiscard]] static Result<Parts> answer(ModelFile& file, const RegionRequest& request);
   void take_requests(double now_s);
-  [[nodiscard]] std::map<std::uint64_t, Open>::iterator most_urgent(Peer& peer) const;
+  [[nodiscard]] std::map<ContentHash, Open>::iterator most_urgent(Peer& peer) const;
   [[nodiscard]] Peers::iterator next_in_turn();
   void serve(wire::SessionId id, Peer& peer, double now_s, std::vector<std::string>& lines);
   void refuse(wire::SessionId id, Peer& peer, const wire::RegionSubscription& request,
@@ -115,8 +115,8 @@ class Service {
   Channel& channel_;
   const wire::SessionId session_;
   const ServiceOptions options_;
-  std::map<std::uint64_t, std::unique_ptr<Model>> models_;  // by content hash
-  std::map<std::uint64_t, Answerer> answerers_;             // of the same, and others
+  std::map<ContentHash, std::unique_ptr<Model>> models_;  // by content hash
+  std::map<ContentHash, Answerer> answerers_;             // of the same, and others
   Peers peers_;
   std::uint64_t turns_ = 0;
   bool is_behind_ = false;

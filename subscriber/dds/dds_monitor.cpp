@@ -138,7 +138,7 @@ class DdsMonitor::Impl {
   }
 
   void find_conflicts() {
-    std::map<std::string, std::pair<std::uint64_t, wire::SessionId>> by_name;
+    std::map<std::string, std::pair<ContentHash, wire::SessionId>> by_name;
     for (const auto& [writer, hello] : hellos_)
       for (const wire::Hello::Model& model : hello.models) {
         const auto [first, is_new] =
@@ -180,7 +180,7 @@ class DdsMonitor::Impl {
     Handle writer;
     double heard_s = 0;
   };
-  std::map<std::pair<wire::SessionId, std::uint64_t>, Request> requests_;
+  std::map<std::pair<wire::SessionId, ContentHash>, Request> requests_;
   std::vector<std::string> refusals_;
   std::set<std::string> known_;
   std::unique_ptr<wire::Bus> bus_;  ///< last: goes first, while the listeners still live

@@ -22,7 +22,7 @@ struct RegionView {
 /// The last that a peer asked for of a model.
 struct RequestView {
   wire::SessionId peer = 0;
-  std::uint64_t content_hash = 0;
+  ContentHash content_hash;
   std::uint8_t priority = 0;  ///< 0 needed now, else ahead
   std::uint32_t nodes = 0;    ///< that it lacked
   double age_s = 0;

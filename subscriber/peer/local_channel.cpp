@@ -26,7 +26,7 @@ Status LocalChannel::add_model(const std::string& name, ModelFile file) {
               file.path() + " as " + name + ": " +
                   (model.name == name ? "the name is taken by " : "same content as ") +
                   model.file.path() + ", served as " + model.name};
-  const std::uint64_t hash = file.content_hash();
+  const ContentHash hash = file.content_hash();
   models_.emplace(hash, Model{name, std::move(file)});
   if (connected_) announce();
   return Status::ok();

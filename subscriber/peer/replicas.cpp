@@ -15,9 +15,9 @@ PeerModel* ReplicaSet::find(const std::string& name) {
   return at == models_.end() ? nullptr : &at->second;
 }
 
-PeerModel* ReplicaSet::find(std::uint64_t content_hash) {
+PeerModel* ReplicaSet::find(const ContentHash& content_hash) {
   for (auto& [name, model] : models_)
-    if (model.content_hash == content_hash && content_hash != 0) return &model;
+    if (model.content_hash == content_hash && content_hash.is_set()) return &model;
   return nullptr;
 }
 
@@ -26,7 +26,7 @@ std::size_t ReplicaSet::announce(const wire::Hello& hello, std::vector<std::stri
   for (const wire::Hello::Model& served : hello.models) {
     PeerModel* model = find(served.name);
     if (model == nullptr || model->content_hash == served.content_hash) continue;
-    if (model->content_hash != 0) {
+    if (model->content_hash.is_set()) {
       complaints.push_back("model " + served.name + ": publisher " + to_hex(hello.publisher) +
                            " announces content " + to_hex(served.content_hash) +
                            ", before it was " + to_hex(model->content_hash) +
@@ -50,7 +50,8 @@ std::size_t ReplicaSet::announce_new(const wire::Hello& hello,
                                      std::vector<std::string>& complaints) {
   wire::Hello news{.publisher = hello.publisher};
   for (const wire::Hello::Model& served : hello.models)
-    if (const PeerModel* model = find(served.name); model != nullptr && model->content_hash == 0)
+    if (const PeerModel* model = find(served.name);
+        model != nullptr && !model->content_hash.is_set())
       news.models.push_back(served);
   return announce(news, complaints);
 }

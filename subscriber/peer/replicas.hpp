@@ -20,7 +20,7 @@ inline constexpr std::size_t kMaxSpareHeaderBytes = 16U << 20;
 /// A model that bodies of this peer use.
 struct PeerModel {
   std::string name;
-  std::uint64_t content_hash = 0;  // 0: nobody has announced it yet
+  ContentHash content_hash;  // not set: nobody has announced it yet
   std::uint64_t mesh_bytes = 0;
   std::optional<Replica> replica;                 // from the header on
   std::deque<std::vector<std::uint8_t>> waiting;  // encoded batches, in order of arrival
@@ -35,7 +35,7 @@ class ReplicaSet {
  public:
   PeerModel& add(const std::string& name);
   [[nodiscard]] PeerModel* find(const std::string& name);
-  [[nodiscard]] PeerModel* find(std::uint64_t content_hash);
+  [[nodiscard]] PeerModel* find(const ContentHash& content_hash);
   [[nodiscard]] std::map<std::string, PeerModel>& all() { return models_; }
   [[nodiscard]] const std::map<std::string, PeerModel>& all() const { return models_; }
 
@@ -53,7 +53,7 @@ class ReplicaSet {
   std::map<std::string, PeerModel> models_;
   void keep_header(const wire::MeshHeader& message);
 
-  std::map<std::uint64_t, wire::MeshHeader>
+  std::map<ContentHash, wire::MeshHeader>
       unclaimed_;  // headers that came before the name they belong to, or a body that uses it
   std::size_t unclaimed_bytes_ = 0;
 };

@@ -219,7 +219,7 @@ void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& r
 }
 
 std::string Session::Impl::why_not_ready(const Body& body) const {
-  if (body.model->content_hash == 0)
+  if (!body.model->content_hash.is_set())
     return "model " + body.model->name + " of body " + body.name + ": " +
            (publishers.empty() ? "no publisher found" : "no publisher serves it");
   if (!body.model->is_ready())

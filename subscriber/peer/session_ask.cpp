@@ -73,7 +73,7 @@ std::vector<RegionPart> Session::Impl::kept_of(const PeerModel& model, const Fra
 }
 
 // Of those that serve it the one that left the fewest requests in a row unanswered; ties go to the lower id.
-Publisher* Session::Impl::publisher_of(std::uint64_t content_hash) {
+Publisher* Session::Impl::publisher_of(const ContentHash& content_hash) {
   Publisher* best = nullptr;
   for (auto& [id, publisher] : publishers) {
     const auto& models = publisher.hello.models;
@@ -169,7 +169,7 @@ bool Session::Impl::request_ahead(PeerModel& model, const FrameReport& report, d
 }
 
 // A request for a model was lost: how long to wait for the answer to the next, perhaps of another publisher.
-double Session::Impl::patience_after(std::uint64_t content_hash, Outstanding& lost) {
+double Session::Impl::patience_after(const ContentHash& content_hash, Outstanding& lost) {
   const auto asked = publishers.find(lost.publisher);
   if (asked != publishers.end() && !std::exchange(lost.is_counted, true))
     ++asked->second.lost_requests;

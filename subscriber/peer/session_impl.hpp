@@ -61,7 +61,7 @@ struct Session::Impl {
   std::vector<Pair> pairs;
   std::map<wire::SessionId, Publisher> publishers;
   bool has_new_model = false;  // a body was added whose model nobody has announced since
-  std::map<std::uint64_t, Outstanding> outstanding;  // by content hash
+  std::map<ContentHash, Outstanding> outstanding;  // by content hash
   std::uint32_t last_request = 0;
   double time_s = 0;  // of the update
   std::uint64_t refused = 0;
@@ -91,8 +91,8 @@ struct Session::Impl {
   bool request(PeerModel& model, const RegionMaker& region, std::vector<NodeSpan> missing,
                std::uint8_t priority, double patience_s);
   void tell_status(const FrameReport& report, const SessionStats& counted);
-  [[nodiscard]] Publisher* publisher_of(std::uint64_t content_hash);
-  [[nodiscard]] double patience_after(std::uint64_t content_hash, Outstanding& lost);
+  [[nodiscard]] Publisher* publisher_of(const ContentHash& content_hash);
+  [[nodiscard]] double patience_after(const ContentHash& content_hash, Outstanding& lost);
   [[nodiscard]] std::string why_not_ready(const Body& body) const;
   void take_hello(const wire::Hello& hello, std::vector<std::string>& complaints);
   [[nodiscard]] std::string awaited_of(const PeerModel& model, std::size_t missing);

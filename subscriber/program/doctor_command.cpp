@@ -378,7 +378,7 @@ class Doctor {
   std::unique_ptr<DdsEcho> echo_;
   std::optional<wire::SessionId> other_;
   std::map<wire::SessionId, std::pair<double, wire::Hello>> publishers_;
-  std::map<std::uint64_t, std::pair<double, std::size_t>> headers_;
+  std::map<ContentHash, std::pair<double, std::size_t>> headers_;
   std::vector<std::string> complaints_;
   std::set<std::string> known_;
   std::uint32_t number_ = 1000;  ///< above those of calls

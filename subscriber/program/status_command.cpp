@@ -33,7 +33,7 @@ std::string human(double bytes) {
 /// What a peer can say now: "ready", or what it waits for.
 std::string readiness(const wire::ProcessStatus& peer) {
   for (const auto& model : peer.models) {
-    if (model.content_hash == 0) return "waits: nobody serves model " + model.name;
+    if (!model.content_hash.is_set()) return "waits: nobody serves model " + model.name;
     if (model.splits == 0) return "waits for the header of model " + model.name;
   }
   if (peer.certified_pairs == peer.watched_pairs) return "ready";

@@ -24,7 +24,7 @@ struct RecordedReport {
   wire::ContactReport message;
 };
 
-using RecordedHeaders = std::map<std::uint64_t, SpmHeader>;  ///< by content hash
+using RecordedHeaders = std::map<ContentHash, SpmHeader>;  ///< by content hash
 
 /// One peer.
 class RecordedPeer {
@@ -66,7 +66,7 @@ class RecordedPeer {
   };
   bool reach(const wire::ContactReport::Asked& asked, const RecordedHeaders& headers);
 
-  std::map<std::uint64_t, Stream> streams_;                 // by content hash
+  std::map<ContentHash, Stream> streams_;                   // by content hash
   std::map<wire::SessionId, std::uint32_t> last_sequence_;  // by publisher
   bool gap_ = false;
   std::deque<RecordedReport> reports_;

@@ -379,7 +379,7 @@ TEST(DdsChannel, PublishersTellOfAnotherWithOtherContentUnderTheirName) {
                      " serves other content") != std::string::npos;
   };
   hello.publisher = kChildPublisher + 2;
-  ++hello.models[0].content_hash;
+  ++hello.models[0].content_hash.low;
   other.channel->announce(hello, {});
   const auto tells = [&](Server& server, wire::SessionId of) {
     return server.await([&] {

@@ -210,7 +210,7 @@ TEST(DdsChannel, MonitorTellsOfTwoContentsUnderOneNameAndOfTheSilent) {
   wire::Hello hello = hello_of(kChildPublisher);
   one->announce(hello, {});
   hello.publisher = kChildPublisher + 1;
-  ++hello.models[0].content_hash;
+  ++hello.models[0].content_hash.low;
   other->announce(hello, {});
   auto silent = Stranger::of<wire::Hello>(own_prefix());
   auto monitor = subscriber::DdsMonitor::create(transport(own_prefix()));

@@ -11,8 +11,10 @@ std::vector<std::vector<std::uint8_t>> all_batches(const BakedModel& model, std:
   ActiveMesh mesh(model.store);
   RefineDelta delta;
   for (const VertexId u : test::all_splits(model.store)) EXPECT_TRUE(mesh.split(u, delta));
-  return encode_batches(model.header, model.store, active_treelet(mesh), BoxPolicy::kCutNodes,
-                        max_bytes);
+  auto batches = encode_batches(model.header, model.store, active_treelet(mesh),
+                                BoxPolicy::kCutNodes, max_bytes);
+  for (auto& bytes : batches) seal_batch(model.header.content, bytes);
+  return batches;
 }
 
 /// The tree holds what the mesh does: its exact faces and unresolved nodes, each where it is.
@@ -56,7 +58,7 @@ TEST(Replica, TakesBatchesThatWereDecodedElsewhere) {
   Replica decodes(model.header), takes(model.header);
   for (const auto& bytes : all_batches(model, 300)) {
     ASSERT_TRUE(decodes.take(bytes).status.is_ok());
-    const Replica::Taken taken = takes.take(decode_batch(model.header, bytes).value());
+    const Replica::Taken taken = takes.take(decode_sealed(model.header, bytes).value());
     ASSERT_TRUE(taken.status.is_ok());
     EXPECT_EQ(taken.times.load_s, 0);
     ASSERT_EQ(takes.mesh().state_hash(), decodes.mesh().state_hash());
@@ -76,7 +78,7 @@ TEST(Replica, ABatchThatDoesNotDecodeIsCountedAndChangesNothing) {
 
 TEST(Replica, OfABatchThatContradictsTheModelTheTreeHasWhatCameBeforeTheFault) {
   const BakedModel model = test::bake_named("terrain");
-  SplitBatch batch = decode_batch(model.header, all_batches(model, 600).front()).value();
+  SplitBatch batch = decode_sealed(model.header, all_batches(model, 600).front()).value();
   ASSERT_GT(batch.splits.size(), 4U);
   batch.splits.resize(batch.splits.size() / 2);
   SplitRecord wrong = batch.splits.front();

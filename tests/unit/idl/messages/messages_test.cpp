@@ -66,6 +66,16 @@ TEST(CheckMessage, RefusesHeaderOutsideItsLimits) {
        {"header bytes", [](MeshHeader& m) { m.bytes.resize(kMaxHeaderBytes + 1); }}});
 }
 
+TEST(CheckMessage, AHeaderProvesItsOwnContent) {
+  MeshHeader other_bytes = valid_header(), other_content = valid_header();
+  other_bytes.bytes[2] ^= 4;
+  other_content.content_hash.high ^= 4;
+  for (const MeshHeader& message : {other_bytes, other_content}) {
+    EXPECT_EQ(check(message).code(), StatusCode::kCorrupt);
+    EXPECT_NE(check(message).message().find(to_hex(message.content_hash)), std::string::npos);
+  }
+}
+
 TEST(CheckMessage, RefusesSubscriptionOutsideItsLimits) {
   using M = RegionSubscription;
   expect_refusals<M>(
@@ -109,7 +119,7 @@ TEST(CheckMessage, RefusesBatchOutsideItsLimits) {
   using M = SplitBatchMessage;
   expect_refusals<M>(valid_batch(), {{"publisher", [](M& m) { m.publisher = 0; }},
                                      {"sequence", [](M& m) { m.sequence = 0; }},
-                                     {"bytes", [](M& m) { m.bytes.resize(kMaxBatchBytes + 1); }},
+                                     {"bytes", [](M& m) { m.bytes.resize(kMaxSealedBytes + 1); }},
                                      {"reason", [](M& m) { m.refused = true; }}});
 }
 
@@ -160,7 +170,7 @@ TEST(CheckMessage, NamesBothVersionsWhenTheyDiffer) {
   const auto expect_unsupported = [](auto message) {
     message.wire_version = 9;
     EXPECT_EQ(check(message).code(), StatusCode::kUnsupported);
-    EXPECT_EQ(check(message).message(), "wire version 9, this build speaks 5");
+    EXPECT_EQ(check(message).message(), "wire version 9, this build speaks 6");
   };
   expect_unsupported(valid_hello());
   expect_unsupported(valid_header());

@@ -9,7 +9,9 @@ namespace nearmesh::subscriber {
 namespace {
 
 wire::MeshHeader header_of(std::uint64_t number, std::size_t bytes) {
-  return {wire::kWireVersion, "model" + std::to_string(number), number,
+  return {wire::kWireVersion,
+          "model" + std::to_string(number),
+          {0, number},
           std::vector<std::uint8_t>(bytes)};
 }
 
@@ -18,7 +20,7 @@ bool is_kept(ReplicaSet& replicas, std::uint64_t number) {
   const std::string name = "model" + std::to_string(number);
   replicas.add(name);
   wire::Hello hello;
-  hello.models.push_back({name, number, 0});
+  hello.models.push_back({name, {0, number}, 0});
   std::vector<std::string> complaints;
   EXPECT_EQ(replicas.announce_new(hello, complaints), 0U);
   return !complaints.empty();
@@ -59,11 +61,11 @@ TEST(ReplicaSet, AnnouncesAnewOnlyWhatIsNotKnown) {
   std::vector<std::string> complaints;
   replicas.add("model1");
   wire::Hello hello;
-  hello.models.push_back({"model1", 1, 0});
+  hello.models.push_back({"model1", {0, 1}, 0});
   static_cast<void>(replicas.announce(hello, complaints));
-  hello.models[0].content_hash = 2;  // of another publisher, announced before
+  hello.models[0].content_hash = {0, 2};  // of another publisher, announced before
   static_cast<void>(replicas.announce_new(hello, complaints));
-  EXPECT_EQ(replicas.find("model1")->content_hash, 1U);
+  EXPECT_EQ(replicas.find("model1")->content_hash, (ContentHash{0, 1}));
   EXPECT_TRUE(complaints.empty());
 }
 

@@ -17,6 +17,7 @@
 #include <string>
 #include <vector>
 
+#include "nearmesh/core/base/content_hash.hpp"
 #include "nearmesh/core/base/status.hpp"
 
 namespace nearmesh {
@@ -61,7 +62,7 @@ struct RecordingGap {
 
 /// A model whose header is in the file.
 struct RecordedModel {
-  std::uint64_t content_hash = 0;
+  ContentHash content_hash;
   std::string name;
   std::int64_t message = 0;  ///< id of the message that holds the header
 };

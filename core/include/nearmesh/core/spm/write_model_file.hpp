@@ -11,7 +11,8 @@
 namespace nearmesh {
 
 struct WrittenModel {
-  std::uint64_t file_bytes = 0, header_bytes = 0, block_bytes = 0, blocks = 0, content_hash = 0;
+  std::uint64_t file_bytes = 0, header_bytes = 0, block_bytes = 0, blocks = 0;
+  ContentHash content_hash;
 };
 
 /// Writes a complete model. `numbers` in canonical order (FaceNumbering). The file appears under its name only when it is

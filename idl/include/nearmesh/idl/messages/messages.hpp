@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "nearmesh/core/base/content_hash.hpp"
 #include "nearmesh/core/base/status.hpp"
 #include "nearmesh/core/geometry/pose.hpp"
 #include "nearmesh/core/spm/detail/types.hpp"
@@ -21,7 +22,7 @@ class ModelFile;
 namespace nearmesh::wire {
 
 /// Raised with every change of a topic's layout or of the batch codec. Peers of another version are refused loudly.
-inline constexpr std::uint16_t kWireVersion = 5;
+inline constexpr std::uint16_t kWireVersion = 6;
 
 /// Random per process; tells a restarted publisher from the old one, and names a peer.
 using SessionId = std::uint64_t;
@@ -36,17 +37,18 @@ struct Hello {
   SessionId publisher = 0;
   struct Model {
     std::string name;  ///< unique per publisher, at most kMaxNameBytes
-    std::uint64_t content_hash = 0;
+    ContentHash content_hash;
     std::uint64_t mesh_bytes = 0;  ///< header and all blocks: what a whole replica would take
   };
   std::vector<Model> models;
 };
 
-/// Header of one model (keyed by content hash, transient local): SpmHeader as encoded in the file.
+/// Header of one model (keyed by content hash, transient local): SpmHeader as encoded in the file. The content hash is that of
+/// the bytes, so a header needs no other proof.
 struct MeshHeader {
   std::uint16_t wire_version = kWireVersion;
   std::string name;
-  std::uint64_t content_hash = 0;
+  ContentHash content_hash;
   std::vector<std::uint8_t> bytes;  ///< at most kMaxHeaderBytes
 };
 
@@ -54,10 +56,10 @@ struct MeshHeader {
 struct RegionSubscription {
   std::uint16_t wire_version = kWireVersion;
   SessionId peer = 0;
-  std::uint32_t request = 0;       ///< counts up per peer; 0: no request, only credit
-  std::uint64_t content_hash = 0;  ///< the model; meaningless when request is 0
-  std::uint8_t priority = 0;       ///< 0 needed now, 1 horizon
-  SessionId publisher = 0;         ///< whom it is for; others ignore it
+  std::uint32_t request = 0;  ///< counts up per peer; 0: no request, only credit
+  ContentHash content_hash;   ///< the model; meaningless when request is 0
+  std::uint8_t priority = 0;  ///< 0 needed now, 1 horizon
+  SessionId publisher = 0;    ///< whom it is for; others ignore it
   std::uint32_t acknowledged_sequence =
       0;                               ///< highest batch sequence received from it: returns credit
   std::uint32_t window_bytes = 65536;  ///< the publisher keeps at most this much unacknowledged
@@ -68,13 +70,13 @@ struct RegionSubscription {
 struct SplitBatchMessage {
   std::uint16_t wire_version = kWireVersion;
   SessionId publisher = 0;
-  std::uint64_t content_hash = 0;
+  ContentHash content_hash;
   std::uint32_t request = 0;   ///< which request it answers
   std::uint32_t sequence = 0;  ///< counts up per publisher and peer, from 1: gaps are noticed
   bool last = false;           ///< the request is answered in full with this one
   bool refused = false;        ///< the request was refused; bytes hold the reason as text
   std::vector<std::uint8_t>
-      bytes;  ///< at most kMaxBatchBytes; may be empty when nothing was needed
+      bytes;  ///< sealed (codec.hpp), at most kMaxSealedBytes; may be empty when nothing was needed
 };
 
 /// Where a body is (keyed by body name; the peer that moves it publishes).
@@ -94,7 +96,7 @@ struct BodyPose {
 struct ContactReport {
   /// One of the two bodies as it was when it was asked about.
   struct Asked {
-    std::uint64_t content_hash = 0;
+    ContentHash content_hash;
     std::uint64_t state_digest = 0;  ///< of the model's active vertices
     std::uint32_t applied_batches =
         0;  ///< so many of the model, in order of arrival, had been taken in
@@ -138,7 +140,7 @@ struct ProcessStatus {
   std::uint64_t resident_bytes = 0;
   struct Model {
     std::string name;
-    std::uint64_t content_hash = 0;
+    ContentHash content_hash;
     std::uint64_t faces = 0, held_splits = 0, splits = 0;  ///< 0 until the header has come
   };
   std::vector<Model> models;            ///< served, or used

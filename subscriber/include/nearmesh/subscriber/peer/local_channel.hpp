@@ -45,7 +45,7 @@ class LocalChannel final : public Channel {
   };
   void announce();
 
-  std::map<std::uint64_t, Model> models_;  // by content hash
+  std::map<ContentHash, Model> models_;  // by content hash
   Inbox inbox_;
   std::uint32_t sequence_ = 0;
   bool connected_ = true;
