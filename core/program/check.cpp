@@ -132,7 +132,6 @@ Status run(const CheckOptions& options) {
   std::printf("answers %llu, wrong %llu, certified %llu, received %llu of %llu bytes\n",
               count(counts.answers), count(counts.wrong), count(counts.certified),
               count(counts.received), count(counts.mesh_bytes));
-  std::fflush(stdout);
   if (counts.wrong > 0)
     return {StatusCode::kConflict,
             std::to_string(counts.wrong) + " answers contradict the full meshes"};

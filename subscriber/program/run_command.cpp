@@ -4,13 +4,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <thread>
 
 #include "commands.hpp"
 #include "core/base/hash.hpp"
+#include "core/base/output_file.hpp"
+#include "core/base/standard_streams.hpp"
 #include "core/base/stopwatch.hpp"
 #include "core/query/contacts_json.hpp"
 #include "flight_summary.hpp"
@@ -21,6 +23,8 @@
 
 namespace nearmesh::subscriber::program {
 namespace {
+
+constexpr FileKind kAnswersFile{"a file of answers", "{\"frame\":", "{\"summary\":"};
 
 nlohmann::ordered_json to_json(std::uint64_t frame, const PairAnswer& pair, const Scene& scene) {
   const BodyOfScene &a = scene.bodies[pair.a.value], &b = scene.bodies[pair.b.value];
@@ -89,8 +93,9 @@ class Flight {
       metrics_ = std::move(server).value();
     }
     if (!options_.answers.empty()) {
-      answers_.open(options_.answers);
-      if (!answers_) return {StatusCode::kIo, options_.answers + ": cannot create"};
+      auto file = OutputFile::create(options_.answers, kAnswersFile, {options_.scene});
+      NEARMESH_RETURN_IF_ERROR(file);
+      answers_.emplace(std::move(file).value());
     }
     for (const BodyOfScene& body : scene_.bodies) {
       const auto added = session_.add_body({.name = body.name,
@@ -145,17 +150,18 @@ class Flight {
     return Status::ok();
   }
 
-  void print_summary() {
+  Status print_summary() {
     if (::isatty(STDERR_FILENO) != 0) std::fprintf(stderr, "\r%40s\r", "");
     if (options_.json) {
       std::printf("%s\n", to_json(summary_).dump().c_str());
     } else {
       print_text(summary_);
     }
-    if (answers_.is_open()) answers_ << to_json(summary_).dump() << '\n';
     // Before the bus is left: an assertion of Fast DDS may end the process there (docs/network.md).
-    answers_.flush();
-    std::fflush(stdout);
+    NEARMESH_RETURN_IF_ERROR(flush_standard_output());
+    if (!answers_) return Status::ok();
+    NEARMESH_RETURN_IF_ERROR(answers_->write(to_json(summary_).dump() + '\n'));
+    return answers_->close();
   }
 
  private:
@@ -198,7 +204,7 @@ class Flight {
       query_s += report.query_s;
       const bool more_time = clock.seconds() + 0.002 < end_s - 0.25 / scene_.frame_rate_hz;
       if (report.all_certified() || !more_time || stop_requested != 0) {
-        record(frame, report);
+        NEARMESH_RETURN_IF_ERROR(record(frame, report));
         break;
       }
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
@@ -211,15 +217,18 @@ class Flight {
     return Status::ok();
   }
 
-  void record(std::uint64_t frame, const FrameReport& report) {
+  // Frame by frame to the end of both streams: whoever reads along, or after this process was killed, finds it there.
+  Status record(std::uint64_t frame, const FrameReport& report) {
     for (const PairAnswer& pair : report.answers) {
       ++summary_.by_status[static_cast<std::size_t>(pair.answer.status)];
       summary_.contact_pairs += pair.answer.pair_total;
-      if (!options_.json && !answers_.is_open()) continue;
-      const std::string line = to_json(frame, pair, scene_).dump();
-      if (options_.json) std::printf("%s\n", line.c_str());
-      if (answers_.is_open()) answers_ << line << '\n';
+      if (!options_.json && !answers_) continue;
+      const std::string line = to_json(frame, pair, scene_).dump() + '\n';
+      if (options_.json) std::fputs(line.c_str(), stdout);
+      if (answers_) NEARMESH_RETURN_IF_ERROR(answers_->write(line));
     }
+    if (options_.json) NEARMESH_RETURN_IF_ERROR(flush_standard_output());
+    return answers_ ? answers_->put_in_place() : Status::ok();
   }
 
   void note_certified(const FrameReport& report) {
@@ -259,7 +268,7 @@ class Flight {
   const std::vector<Session::OwnMotion> no_motions_;
   spdlog::logger& log_ = wire::program::log("session");
   std::unique_ptr<wire::program::MetricsServer> metrics_;
-  std::ofstream answers_;
+  std::optional<OutputFile> answers_;
   Session session_;
   Summary summary_;
 };
@@ -276,7 +285,6 @@ Status run(const RunOptions& options) {
   NEARMESH_RETURN_IF_ERROR(flight.prepare());
   NEARMESH_RETURN_IF_ERROR(flight.wait_for_start());
   NEARMESH_RETURN_IF_ERROR(flight.fly());
-  flight.print_summary();
-  return Status::ok();
+  return flight.print_summary();
 }
 }  // namespace nearmesh::subscriber::program

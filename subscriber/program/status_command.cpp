@@ -9,6 +9,7 @@
 
 #include "commands.hpp"
 #include "core/base/hash.hpp"
+#include "core/base/standard_streams.hpp"
 #include "core/base/stopwatch.hpp"
 #include "nearmesh/core/query/query.hpp"
 #include "subscriber/dds/dds_monitor.hpp"
@@ -143,7 +144,6 @@ void print_text(const BusView& view) {
                   to_hex(process.session).c_str(), line.c_str());
     }
   if (!any) std::printf("  none\n");
-  std::fflush(stdout);
 }
 
 void add_regions(nlohmann::ordered_json& entry, const BusView& view, wire::SessionId peer) {
@@ -228,11 +228,11 @@ Status run(const StatusOptions& options) {
     const BusView view = monitor.value()->view();
     if (options.json) {
       std::printf("%s\n", to_json(view, options.regions).dump().c_str());
-      std::fflush(stdout);
     } else {
       if (options.watch && ::isatty(STDOUT_FILENO) != 0) std::printf("\x1b[H\x1b[2J");
       print_text(view);
     }
+    NEARMESH_RETURN_IF_ERROR(flush_standard_output());
     if (!options.watch && view.processes.empty() && view.publishers.empty())
       return {StatusCode::kNotFound, "nobody was heard on domain " +
                                          std::to_string(options.transport.domain) + ", topics " +
