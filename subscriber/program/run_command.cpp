@@ -22,7 +22,25 @@
 namespace nearmesh::subscriber::program {
 namespace {
 
-nlohmann::ordered_json to_json(std::uint64_t frame, const PairAnswer& pair, const Scene& scene) {
+/// The exercise's clock. Nobody keeps it: it runs with each peer's own, and who hears a later time goes on from there. So it
+/// is the latest of all, less what a pose takes on its way, and none is ever set back.
+class ExerciseClock {
+ public:
+  [[nodiscard]] double now_s() const { return ahead_s_ + clock_.seconds(); }
+  void follow(std::optional<double> heard_s) {
+    if (heard_s) ahead_s_ = std::max(ahead_s_, *heard_s - clock_.seconds());
+  }
+
+ private:
+  const Stopwatch clock_;
+  double ahead_s_ = 0;
+};
+
+/// Of the first frame's poses, while it is waited for.
+constexpr double kRepeat_s = 0.25;
+
+nlohmann::ordered_json to_json(std::uint64_t frame, double time_s, const PairAnswer& pair,
+                               const Scene& scene) {
   const BodyOfScene &a = scene.bodies[pair.a.value], &b = scene.bodies[pair.b.value];
   const auto pose = [](const Pose& p) {
     std::vector<double> x(p.rotation.begin(), p.rotation.end());
@@ -35,12 +53,15 @@ nlohmann::ordered_json to_json(std::uint64_t frame, const PairAnswer& pair, cons
   };
   const Answer& answer = pair.answer;
   nlohmann::ordered_json line = {{"frame", frame},
+                                 {"time_s", time_s},
                                  {"a", a.name},
                                  {"b", b.name},
                                  {"model_a", a.model},
                                  {"model_b", b.model},
                                  {"solid_a", a.solid},
                                  {"solid_b", b.solid},
+                                 {"age_a_s", finite(pair.age_a_s)},
+                                 {"age_b_s", finite(pair.age_b_s)},
                                  {"status", to_string(answer.status)},
                                  {"pairs", answer.pair_total},
                                  {"pairs_digest", std::to_string(digest(answer.pairs))},
@@ -90,7 +111,8 @@ class Flight {
       const auto added = session_.add_body({.name = body.name,
                                             .model = body.model,
                                             .own = !body.trajectory.empty(),
-                                            .solid = body.solid});
+                                            .solid = body.solid,
+                                            .max_pose_age_s = body.max_pose_age_s});
       NEARMESH_RETURN_IF_ERROR(added.status());
       if (body.fixed_pose)
         NEARMESH_RETURN_IF_ERROR(session_.place_body(added.value(), *body.fixed_pose));
@@ -103,8 +125,12 @@ class Flight {
   // Holds the first frame until publishers and other peers have been heard, so that all start together.
   Status wait_for_start() {
     std::string reason;
-    for (bool asked = false; stop_requested == 0; asked = true) {
-      Result<FrameReport> report = session_.update(0, 0, asked ? no_motions_ : motions(0), 1);
+    double said_s = -kRepeat_s;
+    while (stop_requested == 0) {
+      // Said again, or it ages: it waits, but has the velocity that it will fly with.
+      const bool says = clock_.seconds() - said_s >= kRepeat_s;
+      if (says) said_s = clock_.seconds();
+      Result<FrameReport> report = update(0, says ? motions(0) : no_motions_, 1);
       NEARMESH_RETURN_IF_ERROR(report);
       NEARMESH_RETURN_IF_ERROR(check_solids());
       log(report.value());
@@ -174,12 +200,19 @@ class Flight {
     return Status::ok();
   }
 
+  Result<FrameReport> update(std::uint64_t frame, const std::vector<Session::OwnMotion>& motions,
+                             double budget_s) {
+    exercise_.follow(session_.heard_time_s());
+    time_s_ = exercise_.now_s();
+    return session_.update(frame, time_s_, motions, budget_s);
+  }
+
   // Asks again within the frame while detail is on its way and time is left; the last answers count.
   Status fly_frame(std::uint64_t frame, double end_s, const Stopwatch& clock) {
     double load_s = 0, refine_s = 0, tree_s = 0, query_s = 0;
     for (bool again = false;; again = true) {
-      Result<FrameReport> result = session_.update(
-          frame, clock.seconds(), again ? no_motions_ : motions(frame), scene_.budget_s);
+      Result<FrameReport> result =
+          update(frame, again ? no_motions_ : motions(frame), scene_.budget_s);
       NEARMESH_RETURN_IF_ERROR(result);
       NEARMESH_RETURN_IF_ERROR(check_solids());
       const FrameReport& report = result.value();
@@ -209,7 +242,7 @@ class Flight {
       ++summary_.by_status[static_cast<std::size_t>(pair.answer.status)];
       summary_.contact_pairs += pair.answer.pair_total;
       if (!options_.json && !answers_.is_open()) continue;
-      const std::string line = to_json(frame, pair, scene_).dump();
+      const std::string line = to_json(frame, time_s_, pair, scene_).dump();
       if (options_.json) std::printf("%s\n", line.c_str());
       if (answers_.is_open()) answers_ << line << '\n';
     }
@@ -249,6 +282,8 @@ class Flight {
   const RunOptions& options_;
   const Scene& scene_;
   const Stopwatch clock_;
+  ExerciseClock exercise_;
+  double time_s_ = 0;  ///< of the last update
   const std::vector<Session::OwnMotion> no_motions_;
   spdlog::logger& log_ = wire::program::log("session");
   std::unique_ptr<wire::program::MetricsServer> metrics_;

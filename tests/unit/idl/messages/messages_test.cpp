@@ -126,6 +126,7 @@ TEST(CheckMessage, RefusesPoseOutsideItsLimits) {
                      {{"peer", [](M& m) { m.peer = 0; }},
                       {"body", [](M& m) { m.body = ""; }},
                       {"time_s", [](M& m) { m.time_s = kInfinity; }},
+                      {"pose of robot/arm-1: time_s", [](M& m) { m.time_s = 1.8e12; }},
                       {"robot/arm-1", [](M& m) { m.pose.rotation[4] = kNan; }},
                       {"robot/arm-1", [](M& m) { m.pose.translation_m[2] = -kInfinity; }},
                       {"linear", [](M& m) { m.linear_velocity_mps[0] = kNan; }},
@@ -146,6 +147,9 @@ TEST(CheckMessage, RefusesReportOutsideItsLimits) {
                                       {"body_a", [](M& m) { m.body_a = "\x7f"; }},
                                       {"body_b", [](M& m) { m.body_b = ""; }},
                                       {"time_s", [](M& m) { m.time_s = kNan; }},
+                                      {"time of a pose", [](M& m) { m.b.stamp.time_s = kNan; }},
+                                      {"max_age_s", [](M& m) { m.a.stamp.max_age_s = -1; }},
+                                      {"max_age_s", [](M& m) { m.a.stamp.max_age_s = kNan; }},
                                       {"status", [](M& m) { m.status = 5; }},
                                       {"clearance", [](M& m) { m.clearance_m = -1; }},
                                       {"uncertainty", [](M& m) { m.uncertainty_m = kNan; }},
@@ -160,7 +164,7 @@ TEST(CheckMessage, NamesBothVersionsWhenTheyDiffer) {
   const auto expect_unsupported = [](auto message) {
     message.wire_version = 9;
     EXPECT_EQ(check(message).code(), StatusCode::kUnsupported);
-    EXPECT_EQ(check(message).message(), "wire version 9, this build speaks 5");
+    EXPECT_EQ(check(message).message(), "wire version 9, this build speaks 6");
   };
   expect_unsupported(valid_hello());
   expect_unsupported(valid_header());
