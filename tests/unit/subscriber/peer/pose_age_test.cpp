@@ -247,7 +247,7 @@ TEST_F(PoseOf, AnOwnBodyIsOfNowAtRestAndAgesInMotion) {
 TEST_F(PoseOf, ASafeHorizonCountsFromThePose) {
   make();
   Motion falling = above_ground(800, 89);
-  falling.linear_velocity_mps = {0, 0, -20};
+  falling.linear_velocity_mps = {0, 0, -5};
   deliver(10, falling);
   const double at_once_s = at(10).safe_horizon_s;
   ASSERT_GT(at_once_s, 1.6);

@@ -274,7 +274,7 @@ TEST_F(Verify, FindsAnAnswerThatAnAgedPoseDoesNotAllow) {
     EXPECT_EQ(found.different, 1U);
     return found.differences.empty() ? std::string() : found.differences[0].what;
   };
-  EXPECT_NE(first_difference([](wire::ContactReport& r) { r.b.stamp.time_s -= 2; })
+  EXPECT_NE(first_difference([](wire::ContactReport& r) { r.b.stamp.time_s -= 2.5; })
                 .find("s old, more than 2 s; and yet recorded free"),
             std::string::npos);
   EXPECT_NE(first_difference([](wire::ContactReport& r) { r.b.stamp.mover = wire::Mover::kSilent; })
