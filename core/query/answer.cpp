@@ -31,7 +31,8 @@ Result<SweptAnswer> sweep_ahead(const Answer& now, const AskedBody& a, const Ask
   NEARMESH_RETURN_IF_ERROR(motion_b);
   // Of solids an uncertain answer may also lack what tells inside from outside: that is no matter of the surfaces' way.
   const bool is_of_surfaces = now.status != AnswerStatus::kUncertain || !(a.solid || b.solid);
-  const bool is_of_now = (a.age_s == 0 || is_at_rest(a.motion)) && (b.age_s == 0 || is_at_rest(b.motion));
+  const bool is_of_now =
+      (a.age_s == 0 || is_at_rest(a.motion)) && (b.age_s == 0 || is_at_rest(b.motion));
   return sweep_from(is_of_surfaces && is_of_now ? &now : nullptr, a.view, motion_a.value(), a.name,
                     b.view, motion_b.value(), b.name,
                     {.duration_s = options.sweep_s, .max_tests = options.max_sweep_tests});
@@ -54,8 +55,8 @@ Result<Answered> answer(const AskedBody& a, const AskedBody& b, const AnswerOpti
   if (options.contacts && !now.pairs.empty())
     all.contacts = find_contacts(a.view, frame_a, b.view, frame_b, now);
   if (is_certified(now.status) && now.pair_total == 0)
-    all.safe_horizon_s = safe_horizon_s(a.view, a.motion, b.view, b.motion, now.clearance_m,
-                                        a.age_s, b.age_s);
+    all.safe_horizon_s =
+        safe_horizon_s(a.view, a.motion, b.view, b.motion, now.clearance_m, a.age_s, b.age_s);
   if (options.sweep_s > 0) all.swept = sweep_ahead(now, a, b, options);
   return all;
 }

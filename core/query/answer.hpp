@@ -18,7 +18,7 @@ struct AskedBody {
   Motion motion;
   std::string_view name;  ///< for errors
   bool solid = false;     ///< it has an inside: is the other one in it?
-  double age_s = 0;       ///< so long before the frame's time the motion's pose held; negative: after it
+  double age_s = 0;  ///< so long before the frame's time the motion's pose held; negative: after it
 };
 
 struct AnswerOptions {

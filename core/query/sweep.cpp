@@ -416,8 +416,7 @@ Result<SweptAnswer> sweep_from(const Answer* now, const TreeView& a, const Motio
 }
 
 double safe_horizon_s(const TreeView& a, const Motion& motion_a, const TreeView& b,
-                      const Motion& motion_b, double clearance_m, double age_a_s,
-                      double age_b_s) {
+                      const Motion& motion_b, double clearance_m, double age_a_s, double age_b_s) {
   const FloatGuard guard;
   const int lattice = lattice_exponent(*a.grid, *b.grid);
   double speed_mps = 0, rounding_m = 0, gone_m = 0;

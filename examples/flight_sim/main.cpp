@@ -174,9 +174,8 @@ int run(const Options& options) {
 
     // ---- nearmesh: begin
     const auto update_start = clock();
-    const auto report =
-        peer.session->update(step, start_s + static_cast<double>(step) * kStep_s,
-                             motions_of(peer, fleet), options.budget_ms / 1000);
+    const auto report = peer.session->update(step, start_s + static_cast<double>(step) * kStep_s,
+                                             motions_of(peer, fleet), options.budget_ms / 1000);
     if (!report.is_ok()) return fail(report.status().message());
     for (const std::string& line : report.value().complaints)
       if (said.insert(line).second)  // they come as often as their cause

@@ -182,7 +182,8 @@ void DdsChannel::Impl::wait(double seconds) {
   std::unique_lock lock(mutex_);
   arrived_.wait_for(lock, std::chrono::duration<double>(seconds), [this] {
     return !inbox_.hellos.empty() || !inbox_.lost_publishers.empty() || !inbox_.headers.empty() ||
-           !inbox_.batches.empty() || !inbox_.poses.empty() || !inbox_.movers.empty() || mailbox_.has_complaints();
+           !inbox_.batches.empty() || !inbox_.poses.empty() || !inbox_.movers.empty() ||
+           mailbox_.has_complaints();
   });
 }
 

@@ -44,7 +44,7 @@ class DdsPoses {
   /// Who writes poses.
   struct Source {
     wire::SessionId session = 0;
-    double heard_s = 0;         ///< a pose or a sign of life
+    double heard_s = 0;  ///< a pose or a sign of life
     bool gives_signs = false;
   };
   void accept(Heard&& heard, std::vector<wire::BodyPose>& accepted);
@@ -58,9 +58,9 @@ class DdsPoses {
   std::vector<wire::Handle> gone_movers_;   ///< not yet forgotten
   std::map<std::string, Heard> contested_;  ///< of bodies that another owns, the latest
   const Stopwatch clock_;
-  double looked_s_ = 0;                      ///< for silent ones, the last time
-  std::map<wire::Handle, Source> sources_;   ///< by writer
-  std::map<std::string, Moved> moved_;       ///< bodies whose poses count
+  double looked_s_ = 0;                     ///< for silent ones, the last time
+  std::map<wire::Handle, Source> sources_;  ///< by writer
+  std::map<std::string, Moved> moved_;      ///< bodies whose poses count
   std::map<std::string, wire::Mover> changes_;
 };
 

@@ -51,9 +51,8 @@ Result<BodyId> Session::add_body(BodyOptions options) {
       return Status{
           StatusCode::kInvalidArgument,
           "name '" + text + "': expected 1 to " + std::to_string(wire::kMaxNameBytes) + " bytes"};
-  const double max_age_s =
-      options.max_pose_age_s.value_or(options.own ? std::numeric_limits<double>::infinity()
-                                                  : impl_->options.max_pose_age_s);
+  const double max_age_s = options.max_pose_age_s.value_or(
+      options.own ? std::numeric_limits<double>::infinity() : impl_->options.max_pose_age_s);
   if (!(max_age_s >= 0))
     return Status{StatusCode::kInvalidArgument, "body " + options.name + ": max_pose_age_s is " +
                                                     std::to_string(max_age_s) +
@@ -111,10 +110,10 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
     NEARMESH_RETURN_IF_ERROR(check_motion(own.motion, body->name));
   }
   if (!wire::is_time(time_s))  // it goes out with every pose
-    return Status{StatusCode::kInvalidArgument,
-                  "time_s of frame " + std::to_string(frame) + " is " + std::to_string(time_s) +
-                      ", expected seconds, at most " + std::to_string(wire::kMaxTime_s) +
-                      " from 0"};
+    return Status{StatusCode::kInvalidArgument, "time_s of frame " + std::to_string(frame) +
+                                                    " is " + std::to_string(time_s) +
+                                                    ", expected seconds, at most " +
+                                                    std::to_string(wire::kMaxTime_s) + " from 0"};
   const Stopwatch spent;
   FrameReport report;
   if (impl.has_updated && time_s < impl.time_s)
@@ -170,7 +169,8 @@ void Session::Impl::publish(Body& body, std::uint64_t frame) {
 /// A body in place is where it is, and so is an own one at rest until the host moves it: their poses are of now.
 wire::PoseStamp Session::Impl::stamp_of(const Body& body) const {
   wire::PoseStamp stamp = body.stamp;
-  if (body.is_placed || (body.own && body.motion && is_at_rest(*body.motion))) stamp.time_s = time_s;
+  if (body.is_placed || (body.own && body.motion && is_at_rest(*body.motion)))
+    stamp.time_s = time_s;
   return stamp;
 }
 
@@ -375,7 +375,10 @@ void Session::Impl::report_pair(Pair& pair, const PairAnswer& answer, const Repo
     const auto as_asked = [](const Body& body, const Pose& pose) {
       return wire::ContactReport::Asked{body.model->content_hash,
                                         body.model->replica->mesh().state_hash(),
-                                        body.model->replica->taken_batches(), body.solid, pose, {}};
+                                        body.model->replica->taken_batches(),
+                                        body.solid,
+                                        pose,
+                                        {}};
     };
     report.a = as_asked(*pair.a, answer.pose_a);
     report.b = as_asked(*pair.b, answer.pose_b);
@@ -457,6 +460,11 @@ const SpmHeader* Session::header_of(BodyId body) const {
   const Body* asked = impl_->find(body);
   if (asked == nullptr || !asked->model->is_ready()) return nullptr;
   return &asked->model->replica->header();
+}
+
+std::optional<Motion> Session::motion_of(BodyId body) const {
+  const Body* asked = impl_->find(body);
+  return asked == nullptr ? std::nullopt : asked->motion;
 }
 
 std::optional<double> Session::heard_time_s() const { return impl_->heard_time_s; }

@@ -22,11 +22,11 @@ struct Body {
   bool own = false;
   bool solid = false;
   std::optional<Motion> motion;
-  wire::PoseStamp stamp;      // of the motion's pose
-  bool is_placed = false;     // its pose holds at any time
-  double published_s = 0;     // own: the time that the others know its pose for
+  wire::PoseStamp stamp;       // of the motion's pose
+  bool is_placed = false;      // its pose holds at any time
+  double published_s = 0;      // own: the time that the others know its pose for
   bool has_gone_back = false;  // its mover's time, as was said
-  bool contested = false;  // another peer moves it too, as was said
+  bool contested = false;      // another peer moves it too, as was said
 };
 
 // A request that was sent and not yet answered in full.

@@ -36,6 +36,9 @@ class ExerciseClock {
   double ahead_s_ = 0;
 };
 
+/// At the end, while others still fly.
+constexpr double kStay_s = 5;
+
 /// Of the first frame's poses, while it is waited for.
 constexpr double kRepeat_s = 0.25;
 
@@ -164,6 +167,18 @@ class Flight {
     return Status::ok();
   }
 
+  // Those who began later still ask about its bodies: it stays with them in place until they have ended too.
+  void stay() {
+    std::vector<Session::OwnMotion> rest = motions(scene_.frames - 1);
+    for (Session::OwnMotion& own : rest) own.motion = {.pose = own.motion.pose};
+    const Stopwatch clock;
+    for (bool said = false; stop_requested == 0 && clock.seconds() < kStay_s; said = true) {
+      const auto report = update(scene_.frames - 1, said ? no_motions_ : rest, scene_.budget_s);
+      if (!report.is_ok() || !does_anybody_fly(report.value())) return;
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+  }
+
   void print_summary() {
     if (::isatty(STDERR_FILENO) != 0) std::fprintf(stderr, "\r%40s\r", "");
     if (options_.json) {
@@ -205,6 +220,15 @@ class Flight {
     exercise_.follow(session_.heard_time_s());
     time_s_ = exercise_.now_s();
     return session_.update(frame, time_s_, motions, budget_s);
+  }
+
+  [[nodiscard]] bool does_anybody_fly(const FrameReport& report) const {
+    for (const PairAnswer& pair : report.answers)
+      for (const BodyId body : {pair.a, pair.b})
+        if (const auto motion = session_.motion_of(body);
+            pair.asked && scene_.bodies[body.value].trajectory.empty() && !is_at_rest(*motion))
+          return true;
+    return false;
   }
 
   // Asks again within the frame while detail is on its way and time is left; the last answers count.
@@ -305,6 +329,7 @@ Status run(const RunOptions& options) {
   NEARMESH_RETURN_IF_ERROR(flight.wait_for_start());
   NEARMESH_RETURN_IF_ERROR(flight.fly());
   flight.print_summary();
+  flight.stay();
   return Status::ok();
 }
 }  // namespace nearmesh::subscriber::program

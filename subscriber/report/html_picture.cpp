@@ -223,13 +223,12 @@ std::string picture_figure(const RecordedScene& scene, const std::string& why, d
   const std::string title = why + ": " + number(time_s, 6) + " s, peer " +
                             wire::partition_of(scene.report.peer) + ", frame " +
                             std::to_string(scene.report.frame);
-  const std::string description = scene.report.body_a + " and " + scene.report.body_b + ", " +
-                                  to_string(static_cast<AnswerStatus>(scene.report.status)) +
-                                  " with " + std::to_string(scene.report.pair_count) +
-                                  " touching face pairs. " + ages(scene.report) + ". " +
-                                  describe(scene.bodies[smaller]) +
-                                  ". " + describe(scene.bodies[1 - smaller]) + ". " +
-                                  number(picture.metres_across(), 3) + " m across.";
+  const std::string description =
+      scene.report.body_a + " and " + scene.report.body_b + ", " +
+      to_string(static_cast<AnswerStatus>(scene.report.status)) + " with " +
+      std::to_string(scene.report.pair_count) + " touching face pairs. " + ages(scene.report) +
+      ". " + describe(scene.bodies[smaller]) + ". " + describe(scene.bodies[1 - smaller]) + ". " +
+      number(picture.metres_across(), 3) + " m across.";
   std::string caption = "<strong>" + escape(title) + "</strong><br>" + escape(description);
   if (picture.left_out() > 0)
     caption += " The " + std::to_string(picture.left_out()) + " smallest pieces are left out.";

@@ -331,11 +331,11 @@ TEST(DdsChannel, WhoGivesNoSignOfLifeIsSilentLongBeforeItsLeaseIsOver) {
   EXPECT_GT(seconds_since(stopped), kSilence_s - 0.5);
   EXPECT_LT(seconds_since(stopped), lease_s - 1);
   mover.signal(SIGCONT);
-  EXPECT_TRUE(watcher.await(
-      [](const Inbox& in) { return in.movers.at("arm") == wire::Mover::kThere; }));
+  EXPECT_TRUE(
+      watcher.await([](const Inbox& in) { return in.movers.at("arm") == wire::Mover::kThere; }));
   mover.end();
-  EXPECT_TRUE(watcher.await(
-      [](const Inbox& in) { return in.movers.at("arm") == wire::Mover::kSilent; }));
+  EXPECT_TRUE(
+      watcher.await([](const Inbox& in) { return in.movers.at("arm") == wire::Mover::kSilent; }));
   EXPECT_EQ(watcher.all.movers["leg"], wire::Mover::kThere);
   quiet.channel.reset();
   EXPECT_TRUE(

@@ -336,7 +336,8 @@ TEST(SafeHorizon, IsTheTimeOfAStraightApproachAndForEverAtRest) {
               3 / std::sqrt(32), 1e-3);
   // A body may have gone on from its pose, one at rest has not.
   EXPECT_NEAR(safe_horizon_s(plate.view(), {}, ball.view(), above, 3, 7, 0.5), horizon - 0.5, 1e-9);
-  EXPECT_NEAR(safe_horizon_s(plate.view(), {}, ball.view(), above, 3, 7, -0.5), horizon - 0.5, 1e-9);
+  EXPECT_NEAR(safe_horizon_s(plate.view(), {}, ball.view(), above, 3, 7, -0.5), horizon - 0.5,
+              1e-9);
   EXPECT_EQ(safe_horizon_s(plate.view(), {}, ball.view(), above, 3, 0, 1.6), 0);
   EXPECT_EQ(safe_horizon_s(plate.view(), {}, ball.view(), above, 3, 0, kNever), 0);
   // Not even what rounding may bridge.

@@ -60,8 +60,8 @@ TEST_F(MovedByAnother, KilledItGetsNoCertifiedAnswerAfterTheLimit) {
   int sure_before = 0, sure_after = 0, sure_of_others = 0;
   for (std::size_t i = 0; i < reports.size(); ++i) {
     const std::size_t frame = kKilled + i;
-    const double age_s = static_cast<double>(frame) * kFrame_s -
-                         static_cast<double>(kKilled - 1) * kFrame_s;
+    const double age_s =
+        static_cast<double>(frame) * kFrame_s - static_cast<double>(kKilled - 1) * kFrame_s;
     for (const std::size_t pair : {kGroundOne, kOneTwo}) {
       const PairAnswer& answer = reports[i].answers[pair];
       EXPECT_EQ(answer.a == kOne ? answer.age_a_s : answer.age_b_s, age_s);
@@ -111,8 +111,9 @@ TEST_F(MovedByAnother, AtRestItStaysCertifiedForAMinute) {
   double oldest_s = 0;
   constexpr std::size_t kFrames = 1200;
   for (std::size_t i = 0; i < kFrames; ++i) {
-    world_.round(*mover_, i, i == 0 ? std::vector<Session::OwnMotion>{{kOne, rest}}
-                                    : std::vector<Session::OwnMotion>{});
+    world_.round(
+        *mover_, i,
+        i == 0 ? std::vector<Session::OwnMotion>{{kOne, rest}} : std::vector<Session::OwnMotion>{});
     FrameReport report = world_.round(*watcher_, i);
     for (int more = 0; i == 0 && more < 100 && !is_sure(report, kGroundOne); ++more)
       report = world_.round(*watcher_, i);
@@ -203,8 +204,8 @@ TEST_F(PoseOf, LimitsAreInclusiveAndOfSessionAndBody) {
   EXPECT_TRUE(is_certified(at(17).answer.status));
   EXPECT_FALSE(is_certified(at(17.1).answer.status));
   for (const double limit_s : {-1.0, std::numeric_limits<double>::quiet_NaN()}) {
-    const auto refused = host_->session->add_body(
-        {.name = "bad", .model = "aircraft", .max_pose_age_s = limit_s});
+    const auto refused =
+        host_->session->add_body({.name = "bad", .model = "aircraft", .max_pose_age_s = limit_s});
     EXPECT_EQ(refused.status().code(), StatusCode::kInvalidArgument);
     EXPECT_NE(refused.status().message().find("body bad: max_pose_age_s"), std::string::npos);
   }
@@ -224,9 +225,8 @@ TEST_F(PoseOf, OfTheFutureIsHeldToTheSameLimit) {
 
 TEST_F(PoseOf, AnOwnBodyIsOfNowAtRestAndAgesInMotion) {
   make();
-  const BodyId own = host_->session
-                         ->add_body({.name = "own", .model = "aircraft", .own = true})
-                         .value();
+  const BodyId own =
+      host_->session->add_body({.name = "own", .model = "aircraft", .own = true}).value();
   const BodyId strict =
       host_->session
           ->add_body({.name = "strict", .model = "aircraft", .own = true, .max_pose_age_s = 1})

@@ -274,11 +274,13 @@ TEST_F(Verify, FindsAnAnswerThatAnAgedPoseDoesNotAllow) {
     EXPECT_EQ(found.different, 1U);
     return found.differences.empty() ? std::string() : found.differences[0].what;
   };
-  EXPECT_NE(first_difference([](wire::ContactReport& r) { r.b.stamp.time_s -= 2.5; })
-                .find("s old, more than 2 s; and yet recorded free"),
+  EXPECT_NE(first_difference([](wire::ContactReport& r) {
+              r.b.stamp.time_s -= 2.5;
+            }).find("s old, more than 2 s; and yet recorded free"),
             std::string::npos);
-  EXPECT_NE(first_difference([](wire::ContactReport& r) { r.b.stamp.mover = wire::Mover::kSilent; })
-                .find("the peer that moves body one gives no sign of life; and yet"),
+  EXPECT_NE(first_difference([](wire::ContactReport& r) {
+              r.b.stamp.mover = wire::Mover::kSilent;
+            }).find("the peer that moves body one gives no sign of life; and yet"),
             std::string::npos);
   // An uncertain answer for age, said to be something else.
   const std::size_t aged = find_report(recorded, [](const wire::ContactReport& r) {

@@ -63,7 +63,7 @@ struct PairAnswer {
   std::string reason;
   /// Not certified for want of detail: of which model, and whether any publisher is there that sends it. Else empty.
   std::string awaited;
-  bool asked = false;   ///< headers and fresh poses were there, so the trees were asked
+  bool asked = false;  ///< headers and fresh poses were there, so the trees were asked
   /// The frame's time less that for which the body's pose was given: 0 for bodies in place and own bodies at rest, negative
   /// where the mover's clock is ahead, infinite where no pose has come. Seconds.
   double age_a_s = std::numeric_limits<double>::infinity();
@@ -148,6 +148,8 @@ class Session {
                                                          const std::array<double, 3>& lo_m,
                                                          const std::array<double, 3>& hi_m) const;
   [[nodiscard]] SessionStats stats() const;
+  /// Where a body was last known to be, and how it moves; none where no pose has come, or no such body is declared.
+  [[nodiscard]] std::optional<Motion> motion_of(BodyId body) const;
   /// The latest time that a pose of another peer had, whatever its body: for who has no clock of the exercise and follows
   /// that of the others.
   [[nodiscard]] std::optional<double> heard_time_s() const;
