@@ -251,6 +251,12 @@ void encode(const ContactReport& message, wire_types::ContactReportSample& sampl
     std::copy(body->pose.rotation.begin(), body->pose.rotation.end(), pose);
     std::copy(body->pose.translation_m.begin(), body->pose.translation_m.end(), pose + 9);
   }
+  at = 0;
+  for (const PoseStamp& stamp : {message.a.stamp, message.b.stamp}) {
+    sample.movers()[at] = static_cast<std::uint8_t>(stamp.mover);
+    sample.pose_times_s()[at] = stamp.time_s;
+    sample.max_ages_s()[at++] = stamp.max_age_s;
+  }
   sample.pairs().clear();
   for (const auto& pair : message.pairs)
     for (const FaceKey& face : pair) {
@@ -287,6 +293,14 @@ Result<ContactReport> decode(const wire_types::ContactReportSample& sample) {
     const double* pose = &sample.poses()[12 * at++];
     std::copy(pose, pose + 9, body->pose.rotation.begin());
     std::copy(pose + 9, pose + 12, body->pose.translation_m.begin());
+  }
+  at = 0;
+  for (PoseStamp* stamp : {&message.a.stamp, &message.b.stamp}) {
+    const std::uint8_t mover = sample.movers()[at];
+    if (mover > static_cast<std::uint8_t>(Mover::kSilent))
+      return malformed("movers: found " + std::to_string(mover));
+    *stamp = {static_cast<Mover>(mover), sample.pose_times_s()[at], sample.max_ages_s()[at]};
+    ++at;
   }
   const auto& words = sample.pairs();
   NEARMESH_RETURN_IF_ERROR(check_words(words.size(), kWordsPerPair, kMaxReportPairs, "pairs"));

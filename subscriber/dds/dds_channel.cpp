@@ -75,6 +75,7 @@ class DdsChannel::Impl {
   bool receive();
   bool receive_hellos();
   bool receive_poses();
+  void deliver_movers();
   void tell_lost(SessionId publisher);
   Status rejoin();
   bool flush();
@@ -99,6 +100,7 @@ class DdsChannel::Impl {
   wire::Reader<wire::MeshHeader> header_reader_{mailbox_};
   wire::Reader<wire::SplitBatchMessage> batch_reader_{mailbox_};
   wire::Reader<wire::BodyPose> pose_reader_{mailbox_};
+  wire::Reader<wire::ProcessStatus> status_reader_{mailbox_};
   wire::Writer<wire::RegionSubscription> subscription_writer_{mailbox_};
   wire::Writer<wire::BodyPose> pose_writer_{mailbox_};
   wire::Writer<wire::ContactReport> report_writer_{mailbox_};
@@ -187,7 +189,8 @@ void DdsChannel::Impl::wait(double seconds) {
   std::unique_lock lock(mutex_);
   arrived_.wait_for(lock, std::chrono::duration<double>(seconds), [this] {
     return !inbox_.hellos.empty() || !inbox_.lost_publishers.empty() || !counted_headers_.empty() ||
-           !inbox_.batches.empty() || !inbox_.poses.empty() || mailbox_.has_complaints();
+           !inbox_.batches.empty() || !inbox_.poses.empty() || !inbox_.movers.empty() ||
+           mailbox_.has_complaints();
   });
 }
 
@@ -231,6 +234,7 @@ Status DdsChannel::Impl::open() {
   NEARMESH_RETURN_IF_ERROR(hello_reader_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(header_reader_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(pose_reader_.open(*bus_));
+  NEARMESH_RETURN_IF_ERROR(status_reader_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(subscription_writer_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(pose_writer_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(report_writer_.open(*bus_));
@@ -241,6 +245,7 @@ Status DdsChannel::Impl::open() {
 bool DdsChannel::Impl::receive() {
   // Whoever comes and goes is remembered until it is taken.
   (void)batch_reader_.take_matches();
+  (void)status_reader_.take_matches();
   bool more = receive_hellos();
   headers_.take(header_reader_.take_matches());
   more |= header_reader_.drain(kMaxTaken,
@@ -352,13 +357,32 @@ bool DdsChannel::Impl::receive_poses() {
   // The matches first: of who is gone by then, what it said is all there.
   const std::vector<wire::ReaderListener::Match> matches = pose_reader_.take_matches();
   std::vector<DdsPoses::Heard> heard;
-  const bool more =
+  bool more =
       pose_reader_.drain(kMaxTaken, [&](wire::BodyPose&& pose, const Handle& writer, Microseconds) {
         if (pose.peer != own_id_) heard.push_back({std::move(pose), writer});
       });
   for (wire::BodyPose& pose : movers_.take(matches, std::move(heard), more))
     deliver(&Inbox::poses, std::move(pose), kMaxWaitingOthers, names_.of<wire::BodyPose>());
+  more |= status_reader_.drain(
+      kMaxTaken, [&](wire::ProcessStatus&& status, const Handle& writer, Microseconds) {
+        movers_.hear_sign(status.session, writer);
+      });
+  deliver_movers();
   return more;
+}
+
+/// What is known of a body replaces what waited.
+void DdsChannel::Impl::deliver_movers() {
+  bool dropped = false;
+  {
+    const std::lock_guard lock(mutex_);
+    for (const auto& [body, mover] : movers_.take_changes())
+      if (inbox_.movers.size() < wire::BodyBook::kMaxOfAll || inbox_.movers.contains(body))
+        inbox_.movers[body] = mover;
+      else
+        dropped = true;
+  }
+  if (dropped) complain_of_overflow(names_.of<wire::BodyPose>());
 }
 
 /// The host takes losses before hellos, so a hello of before the loss must not wait for it.
@@ -387,10 +411,12 @@ Status DdsChannel::Impl::rejoin() {
   for (const SessionId publisher : hellos_.clear()) tell_lost(publisher);
   movers_.clear();
   headers_.clear();
+  deliver_movers();
   subscription_writer_.listener().forget_readers();
   (void)hello_reader_.take_matches();
   (void)header_reader_.take_matches();
   (void)pose_reader_.take_matches();
+  (void)status_reader_.take_matches();
   return open();
 }
 

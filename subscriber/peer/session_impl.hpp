@@ -24,7 +24,11 @@ struct Body {
   bool own = false;
   bool solid = false;
   std::optional<Motion> motion;
-  bool contested = false;  // another peer moves it too, as was said
+  wire::PoseStamp stamp;       // of the motion's pose
+  bool is_placed = false;      // its pose holds at any time
+  double published_s = 0;      // own: the time that the others know its pose for
+  bool has_gone_back = false;  // its mover's time, as was said
+  bool contested = false;      // another peer moves it too, as was said
 };
 
 // A request that was sent and not yet answered in full.
@@ -71,6 +75,8 @@ struct Session::Impl {
   std::map<ContentHash, Outstanding> outstanding;
   std::uint32_t last_request = 0;
   double time_s = 0;  // of the update
+  bool has_updated = false;
+  std::optional<double> heard_time_s;
   std::uint64_t refused = 0;
   bool is_dropping = false;              // batches, in this update
   std::set<wire::SessionId> refused_of;  // who sent headers that do not count, as was said
@@ -84,7 +90,10 @@ struct Session::Impl {
     return body.value < bodies.size() ? &bodies[body.value] : nullptr;
   }
   [[nodiscard]] Status check_pin(const BodyOptions& body) const;
+  [[nodiscard]] wire::PoseStamp stamp_of(const Body& body) const;
+  void publish(Body& body, std::uint64_t frame);
   void take_inbox(FrameReport& report);
+  void take_poses(const Channel::Inbox& inbox, std::vector<std::string>& complaints);
   void take_batch(wire::SplitBatchMessage&& message, FrameReport& report);
   void answer_pair(PairId id, std::uint64_t frame, FrameReport& report);
   void report_pair(Pair& pair, const PairAnswer& answer, const Reported& now);

@@ -26,7 +26,28 @@ namespace {
 
 constexpr FileKind kAnswersFile{"a file of answers", "{\"frame\":", "{\"summary\":"};
 
-nlohmann::ordered_json to_json(std::uint64_t frame, const PairAnswer& pair, const Scene& scene) {
+/// The exercise's clock. Nobody keeps it: it runs with each peer's own, and who hears a later time goes on from there. So it
+/// is the latest of all, less what a pose takes on its way, and none is ever set back.
+class ExerciseClock {
+ public:
+  [[nodiscard]] double now_s() const { return ahead_s_ + clock_.seconds(); }
+  void follow(std::optional<double> heard_s) {
+    if (heard_s) ahead_s_ = std::max(ahead_s_, *heard_s - clock_.seconds());
+  }
+
+ private:
+  const Stopwatch clock_;
+  double ahead_s_ = 0;
+};
+
+/// At the end, while others still fly.
+constexpr double kStay_s = 5;
+
+/// Of the first frame's poses, while it is waited for.
+constexpr double kRepeat_s = 0.25;
+
+nlohmann::ordered_json to_json(std::uint64_t frame, double time_s, const PairAnswer& pair,
+                               const Scene& scene) {
   const BodyOfScene &a = scene.bodies[pair.a.value], &b = scene.bodies[pair.b.value];
   const auto pose = [](const Pose& p) {
     std::vector<double> x(p.rotation.begin(), p.rotation.end());
@@ -43,6 +64,7 @@ nlohmann::ordered_json to_json(std::uint64_t frame, const PairAnswer& pair, cons
   };
   const Answer& answer = pair.answer;
   nlohmann::ordered_json line = {{"frame", frame},
+                                 {"time_s", time_s},
                                  {"a", a.name},
                                  {"b", b.name},
                                  {"model_a", a.model},
@@ -51,6 +73,8 @@ nlohmann::ordered_json to_json(std::uint64_t frame, const PairAnswer& pair, cons
                                  {"content_b", content(pair.content_b)},
                                  {"solid_a", a.solid},
                                  {"solid_b", b.solid},
+                                 {"age_a_s", finite(pair.age_a_s)},
+                                 {"age_b_s", finite(pair.age_b_s)},
                                  {"status", to_string(answer.status)},
                                  {"pairs", answer.pair_total},
                                  {"pairs_digest", std::to_string(digest(answer.pairs))},
@@ -102,7 +126,8 @@ class Flight {
                                             .model = body.model,
                                             .own = !body.trajectory.empty(),
                                             .solid = body.solid,
-                                            .content = body.content});
+                                            .content = body.content,
+                                            .max_pose_age_s = body.max_pose_age_s});
       NEARMESH_RETURN_IF_ERROR(added.status());
       if (body.fixed_pose)
         NEARMESH_RETURN_IF_ERROR(session_.place_body(added.value(), *body.fixed_pose));
@@ -115,8 +140,12 @@ class Flight {
   // Holds the first frame until publishers and other peers have been heard, so that all start together.
   Status wait_for_start() {
     std::string reason;
-    for (bool asked = false; stop_requested == 0; asked = true) {
-      Result<FrameReport> report = session_.update(0, 0, asked ? no_motions_ : motions(0), 1);
+    double said_s = -kRepeat_s;
+    while (stop_requested == 0) {
+      // Said again, or it ages: it waits, but has the velocity that it will fly with.
+      const bool says = clock_.seconds() - said_s >= kRepeat_s;
+      if (says) said_s = clock_.seconds();
+      Result<FrameReport> report = update(0, says ? motions(0) : no_motions_, 1);
       NEARMESH_RETURN_IF_ERROR(report);
       NEARMESH_RETURN_IF_ERROR(check_solids());
       log(report.value());
@@ -148,6 +177,18 @@ class Flight {
     summary_.seconds = clock.seconds();
     summary_.stats = session_.stats();
     return Status::ok();
+  }
+
+  // Those who began later still ask about its bodies: it stays with them in place until they have ended too.
+  void stay() {
+    std::vector<Session::OwnMotion> rest = motions(scene_.frames - 1);
+    for (Session::OwnMotion& own : rest) own.motion = {.pose = own.motion.pose};
+    const Stopwatch clock;
+    for (bool said = false; stop_requested == 0 && clock.seconds() < kStay_s; said = true) {
+      const auto report = update(scene_.frames - 1, said ? no_motions_ : rest, scene_.budget_s);
+      if (!report.is_ok() || !does_anybody_fly(report.value())) return;
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
   }
 
   Status print_summary() {
@@ -187,12 +228,28 @@ class Flight {
     return Status::ok();
   }
 
+  Result<FrameReport> update(std::uint64_t frame, const std::vector<Session::OwnMotion>& motions,
+                             double budget_s) {
+    exercise_.follow(session_.heard_time_s());
+    time_s_ = exercise_.now_s();
+    return session_.update(frame, time_s_, motions, budget_s);
+  }
+
+  [[nodiscard]] bool does_anybody_fly(const FrameReport& report) const {
+    for (const PairAnswer& pair : report.answers)
+      for (const BodyId body : {pair.a, pair.b})
+        if (const auto motion = session_.motion_of(body);
+            pair.asked && scene_.bodies[body.value].trajectory.empty() && !is_at_rest(*motion))
+          return true;
+    return false;
+  }
+
   // Asks again within the frame while detail is on its way and time is left; the last answers count.
   Status fly_frame(std::uint64_t frame, double end_s, const Stopwatch& clock) {
     double load_s = 0, refine_s = 0, tree_s = 0, query_s = 0;
     for (bool again = false;; again = true) {
-      Result<FrameReport> result = session_.update(
-          frame, clock.seconds(), again ? no_motions_ : motions(frame), scene_.budget_s);
+      Result<FrameReport> result =
+          update(frame, again ? no_motions_ : motions(frame), scene_.budget_s);
       NEARMESH_RETURN_IF_ERROR(result);
       NEARMESH_RETURN_IF_ERROR(check_solids());
       const FrameReport& report = result.value();
@@ -223,7 +280,7 @@ class Flight {
       ++summary_.by_status[static_cast<std::size_t>(pair.answer.status)];
       summary_.contact_pairs += pair.answer.pair_total;
       if (!options_.json && !answers_) continue;
-      const std::string line = to_json(frame, pair, scene_).dump() + '\n';
+      const std::string line = to_json(frame, time_s_, pair, scene_).dump() + '\n';
       if (options_.json) std::fputs(line.c_str(), stdout);
       if (answers_) NEARMESH_RETURN_IF_ERROR(answers_->write(line));
     }
@@ -265,6 +322,8 @@ class Flight {
   const RunOptions& options_;
   const Scene& scene_;
   const Stopwatch clock_;
+  ExerciseClock exercise_;
+  double time_s_ = 0;  ///< of the last update
   const std::vector<Session::OwnMotion> no_motions_;
   spdlog::logger& log_ = wire::program::log("session");
   std::unique_ptr<wire::program::MetricsServer> metrics_;
@@ -285,6 +344,8 @@ Status run(const RunOptions& options) {
   NEARMESH_RETURN_IF_ERROR(flight.prepare());
   NEARMESH_RETURN_IF_ERROR(flight.wait_for_start());
   NEARMESH_RETURN_IF_ERROR(flight.fly());
-  return flight.print_summary();
+  NEARMESH_RETURN_IF_ERROR(flight.print_summary());
+  flight.stay();
+  return Status::ok();
 }
 }  // namespace nearmesh::subscriber::program

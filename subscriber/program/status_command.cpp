@@ -148,7 +148,10 @@ void print_text(const BusView& view) {
 
 void add_regions(nlohmann::ordered_json& entry, const BusView& view, wire::SessionId peer) {
   entry["regions"] = nlohmann::ordered_json::array();
-  for (const RegionView& region : view.regions)
+  for (const RegionView& region : view.regions) {
+    const auto pose_age = [&](const wire::ContactReport::Asked& asked) {
+      return wire::age_s(asked.stamp, region.report.time_s);  // infinite is null
+    };
     if (region.report.peer == peer)
       entry["regions"].push_back(
           {{"a", region.report.body_a},
@@ -158,7 +161,11 @@ void add_regions(nlohmann::ordered_json& entry, const BusView& view, wire::Sessi
            {"uncertain_s", region.uncertain_s},
            {"clearance_m", region.report.clearance_m},
            {"pairs", region.report.pair_count},
-           {"age_s", region.age_s}});
+           {"age_s", region.age_s},
+           {"time_s", region.report.time_s},
+           {"age_a_s", pose_age(region.report.a)},
+           {"age_b_s", pose_age(region.report.b)}});
+  }
   entry["last_requests"] = nlohmann::ordered_json::array();
   for (const RequestView& request : view.requests)
     if (request.peer == peer)

@@ -15,6 +15,8 @@
 #include <limits>
 #include <map>
 #include <memory>
+#include <set>
+#include <string>
 
 #include "core/base/random.hpp"
 #include "nearmesh/subscriber/peer/channel.hpp"
@@ -72,6 +74,8 @@ class MemoryBus {
   void lose_peer(wire::SessionId id) {
     for (auto& [publisher, station] : publishers_) station.lost_peers.push_back(id);
   }
+  /// What becomes of who moves bodies: the others hear it of all that it has moved.
+  void tell_of_mover(wire::SessionId id, wire::Mover what);
   /// True: a channel that goes away is not noticed before lose_publisher says so.
   bool keep_quiet = false;
   /// No answer is larger, whatever a peer asks for: a flight then takes many.
@@ -144,6 +148,7 @@ class MemoryBus {
   std::uint64_t now_ = 0;
   std::map<wire::SessionId, Station> publishers_;
   std::map<wire::SessionId, PeerBox> peers_;
+  std::map<wire::SessionId, std::set<std::string>> moved_;  ///< bodies, by who moves them
 };
 
 class MemoryBus::PublisherEnd : public publisher::Channel {
@@ -198,7 +203,10 @@ class MemoryBus::PeerEnd : public subscriber::Channel {
     for (const auto& [publisher, station] : bus.publishers_) bus.announce(publisher, box);
   }
   ~PeerEnd() override {
-    if (!bus_.keep_quiet) bus_.lose_peer(id_);
+    if (!bus_.keep_quiet) {
+      bus_.lose_peer(id_);
+      bus_.tell_of_mover(id_, wire::Mover::kLeft);
+    }
     bus_.peers_.erase(id_);
   }
   wire::SessionId own_id() const override { return id_; }
@@ -210,6 +218,7 @@ class MemoryBus::PeerEnd : public subscriber::Channel {
   }
   void send(const wire::BodyPose& pose) override {
     EXPECT_EQ(wire::check(pose).message(), "");
+    bus_.moved_[id_].insert(pose.body);
     bus_.to_peers(pose);
   }
   void send(const wire::ContactReport& report) override {
@@ -250,6 +259,16 @@ inline std::unique_ptr<publisher::Channel> MemoryBus::make_publisher(wire::Sessi
 
 inline std::unique_ptr<subscriber::Channel> MemoryBus::make_peer(wire::SessionId id) {
   return std::make_unique<PeerEnd>(*this, id);
+}
+
+/// Nothing of one that left comes any more.
+inline void MemoryBus::tell_of_mover(wire::SessionId id, wire::Mover what) {
+  for (auto& [peer, box] : peers_) {
+    if (peer == id) continue;
+    if (what == wire::Mover::kLeft)
+      std::erase_if(box.poses.items, [&](const auto& item) { return item.message.peer == id; });
+    for (const std::string& body : moved_[id]) box.inbox.movers[body] = what;
+  }
 }
 
 inline void MemoryBus::lose_publisher(wire::SessionId id) {

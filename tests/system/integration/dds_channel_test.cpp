@@ -302,6 +302,48 @@ TEST(DdsChannel, PosesReachOthersButNotTheirSender) {
   EXPECT_EQ(mover.all.poses[0].body, "leg");
 }
 
+wire::ProcessStatus sign_of_life(wire::SessionId session) {
+  wire::ProcessStatus status;
+  status.session = session;
+  status.host = "here";
+  return status;
+}
+
+TEST(DdsChannel, WhoGivesNoSignOfLifeIsSilentLongBeforeItsLeaseIsOver) {
+  constexpr double kSilence_s = 3;  // as DdsPoses has it
+  ASSERT_GT(lease_s, 2 * kSilence_s);
+  Child mover("mover", own_prefix());
+  Peer watcher(make_peer(own_prefix())), quiet(make_peer(own_prefix()));
+  // One that never gave a sign is taken to be there.
+  quiet.channel->send(pose_of(quiet.channel->own_id(), "leg", 1));
+  ASSERT_TRUE(watcher.await([](const Inbox& in) {
+    return in.movers.contains("arm") && in.movers.contains("leg") && in.poses.size() > 5;
+  })) << watcher.story();
+  EXPECT_EQ(watcher.all.movers["arm"], wire::Mover::kThere);
+  mover.signal(SIGSTOP);
+  const auto stopped = std::chrono::steady_clock::now();
+  // A sign by another participant is none, whatever name it has.
+  Peer thief(make_peer(own_prefix(), nullptr, kChildPeer));
+  EXPECT_TRUE(watcher.await([&](const Inbox& in) {
+    thief.channel->tell(sign_of_life(kChildPeer));
+    return in.movers.at("arm") == wire::Mover::kSilent;
+  }));
+  EXPECT_GT(seconds_since(stopped), kSilence_s - 0.5);
+  EXPECT_LT(seconds_since(stopped), lease_s - 1);
+  mover.signal(SIGCONT);
+  EXPECT_TRUE(
+      watcher.await([](const Inbox& in) { return in.movers.at("arm") == wire::Mover::kThere; }));
+  mover.end();
+  EXPECT_TRUE(
+      watcher.await([](const Inbox& in) { return in.movers.at("arm") == wire::Mover::kSilent; }));
+  EXPECT_EQ(watcher.all.movers["leg"], wire::Mover::kThere);
+  quiet.channel.reset();
+  EXPECT_TRUE(
+      watcher.await([](const Inbox& in) { return in.movers.at("leg") == wire::Mover::kLeft; }));
+  EXPECT_TRUE(
+      watcher.await([](const Inbox& in) { return in.movers.at("arm") == wire::Mover::kLeft; }));
+}
+
 TEST(DdsChannel, PeerBeyondTheLimitIsRefusedWithOneComplaint) {
   Server server(make_publisher(own_prefix(), 1));
   Peer first(make_peer(own_prefix(), nullptr, 5));
@@ -457,6 +499,11 @@ int run_child(const std::string& role, const std::string& prefix) {
   options.session = kChildPeer;
   auto channel = PeerChannel::create(options);
   if (!channel.is_ok()) return 1;
+  for (std::uint64_t frame = 1; role == "mover"; ++frame) {
+    channel.value()->tell(sign_of_life(kChildPeer));
+    channel.value()->send(pose_of(kChildPeer, "arm", frame));
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  }
   for (;;) {
     channel.value()->send(request_of(kChildPeer));
     channel.value()->wait(0.1);

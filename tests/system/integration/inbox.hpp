@@ -20,6 +20,7 @@ inline void take_into(subscriber::Channel& channel, subscriber::Channel::Inbox& 
   all.refused_headers += now.refused_headers;
   append(all.batches, now.batches);
   append(all.poses, now.poses);
+  for (const auto& [body, mover] : now.movers) all.movers[body] = mover;
   append(all.complaints, now.complaints);
 }
 

@@ -66,6 +66,11 @@ TEST(Decode, RefusesEchoWithUnknownFlags) {
   expect_refused<S>(valid_echo(), "flags", [](S& s) { s.flags(2); });
 }
 
+TEST(Decode, RefusesReportOfAnUnknownMover) {
+  using S = wire_types::ContactReportSample;
+  expect_refused<S>(valid_report(), "movers: found 4", [](S& s) { s.movers()[1] = 4; });
+}
+
 TEST(Decode, RefusesReportWithPartialPairs) {
   using S = wire_types::ContactReportSample;
   expect_refused<S>(valid_report(), "pairs", [](S& s) { s.pairs().pop_back(); });

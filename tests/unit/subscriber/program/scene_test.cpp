@@ -73,6 +73,23 @@ TEST(ReadScene, ReadsTheDemo) {
   }
 }
 
+TEST(ReadScene, PosesMayBeAsOldAsItSays) {
+  Folder folder;
+  folder.write("scene.yaml", kScene);
+  EXPECT_EQ(read_scene(folder.file("scene.yaml")).value().session.max_pose_age_s, 2);
+  folder.write("scene.yaml", changed("budget_ms: 5", "budget_ms: 5\nmax_pose_age_s: 0.5"));
+  EXPECT_EQ(read_scene(folder.file("scene.yaml")).value().session.max_pose_age_s, 0.5);
+  folder.write("scene.yaml", changed("{name: two, model", "{name: two, max_pose_age_s: 60, model"));
+  const Result<Scene> scene = read_scene(folder.file("scene.yaml"));
+  ASSERT_TRUE(scene.is_ok()) << scene.status().message();
+  EXPECT_EQ(scene.value().session.max_pose_age_s, 2);
+  EXPECT_EQ(scene.value().bodies[1].max_pose_age_s, std::nullopt);
+  EXPECT_EQ(scene.value().bodies[2].max_pose_age_s, 60);
+  folder.write("scene.yaml", changed("{name: two, model", "{name: two, max_pose_age_s: -1, model"));
+  EXPECT_NE(read_scene(folder.file("scene.yaml")).status().message().find("max_pose_age_s"),
+            std::string::npos);
+}
+
 TEST(ReadScene, ABodyIsSolidWhereItSaysSo) {
   Folder folder;
   folder.write("scene.yaml", changed("{name: one, model", "{name: one, solid: true, model"));

@@ -17,6 +17,11 @@ struct Motion {
   std::array<double, 3> angular_velocity_radps{};
 };
 
+[[nodiscard]] constexpr bool is_at_rest(const Motion& motion) {
+  constexpr std::array<double, 3> kNone{};
+  return motion.linear_velocity_mps == kNone && motion.angular_velocity_radps == kNone;
+}
+
 /// Checks a motion from outside. Errors: as check_pose; kInvalidArgument, naming `body`, where a velocity's component is
 /// not finite or beyond 1e9.
 [[nodiscard]] Status check_motion(const Motion& motion, std::string_view body);

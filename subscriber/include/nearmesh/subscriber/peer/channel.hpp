@@ -4,6 +4,8 @@
 // How a peer reaches publishers and other peers. Two implementations: DDS (dds_channel.cpp), whose own thread makes every
 // DDS call so that the host's never does, and one in memory for tests. All functions are non-blocking.
 
+#include <map>
+#include <string>
 #include <vector>
 
 #include "nearmesh/idl/messages/messages.hpp"
@@ -39,6 +41,8 @@ class Channel {
     std::uint64_t refused_headers = 0;  ///< that no publisher is known to have sent, by now
     std::vector<wire::SplitBatchMessage> batches;
     std::vector<wire::BodyPose> poses;  ///< of bodies that others move
+    /// Bodies whose movers left, fell silent or came back since the last call: what holds now. Take these after the poses.
+    std::map<std::string, wire::Mover> movers;
     std::vector<std::string>
         complaints;  ///< one line each: malformed samples, other wire versions, incompatible QoS
   };
