@@ -47,8 +47,9 @@ Status run(const InfoOptions& options) {
     std::printf("%s\n", report.dump().c_str());
     return Status::ok();
   }
-  std::printf("%s: nearmesh model %s, checksums good%s\n", options.path.c_str(), hash.c_str(),
+  std::printf("%s: nearmesh model, checksums good%s\n", options.path.c_str(),
               options.deep ? ", boxes enclose all faces" : "");
+  std::printf("  content: %s\n", hash.c_str());  // as a scene has it
   std::printf("  full          %u faces, %u vertices\n", header.face_count, header.vertex_count);
   std::printf("  base          %zu faces, %zu vertices\n", header.base_faces.size(),
               header.roots.size());

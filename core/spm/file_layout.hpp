@@ -6,6 +6,7 @@
 #include <bit>
 #include <cstdint>
 
+#include "core/base/output_file.hpp"
 #include "nearmesh/core/base/content_hash.hpp"
 
 namespace nearmesh::file_layout {
@@ -15,6 +16,8 @@ static_assert(std::endian::native == std::endian::little,
 
 inline constexpr std::array<char, 8> kMagic{'N', 'M', 'S', 'P', 'M', '\r', '\n', '\x1a'};
 inline constexpr std::uint32_t kVersion = 6;
+/// Of any version.
+inline constexpr FileKind kModelFile{"a nearmesh model (.spm)", {kMagic.data(), kMagic.size()}};
 
 struct Preamble {
   std::array<char, 8> magic = kMagic;

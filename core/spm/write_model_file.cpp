@@ -2,9 +2,7 @@
 #include "nearmesh/core/spm/write_model_file.hpp"
 
 #include <algorithm>
-#include <cerrno>
 #include <cstddef>
-#include <cstdio>
 #include <cstring>
 #include <memory>
 
@@ -34,28 +32,6 @@ template <class T>
 void append(std::vector<std::uint8_t>& out, const T* data, std::size_t count) {
   const auto bytes = bytes_of(data, count);
   out.insert(out.end(), bytes.begin(), bytes.end());
-}
-
-Status io_error(const std::string& path, const char* what) {
-  return {StatusCode::kIo, path + ": " + what + ": " + std::strerror(errno)};
-}
-
-Status write_whole(const std::string& path, const std::vector<std::uint8_t>& bytes) {
-  const std::string partial = path + ".partial";
-  std::FILE* file = std::fopen(partial.c_str(), "wb");
-  if (file == nullptr) return io_error(partial, "cannot create");
-  const bool written = std::fwrite(bytes.data(), 1, bytes.size(), file) == bytes.size();
-  if (std::fclose(file) != 0 || !written) {
-    const Status status = io_error(partial, "cannot write");
-    std::remove(partial.c_str());
-    return status;
-  }
-  if (std::rename(partial.c_str(), path.c_str()) != 0) {
-    const Status status = io_error(path, "cannot rename into place");
-    std::remove(partial.c_str());
-    return status;
-  }
-  return Status::ok();
 }
 
 OriginEntry encode_origin(const MeshOrigin& origin) {
@@ -155,7 +131,8 @@ Result<WrittenModel> write_model_file(const SpmHeader& header, const SplitStore&
   preamble.file_bytes = out.size();
   preamble.checksum = hash_bytes(bytes_of(&preamble, 1).first(sizeof(Preamble) - 8));
   std::memcpy(out.data(), &preamble, sizeof preamble);
-  NEARMESH_RETURN_IF_ERROR(write_whole(path, out));
+  NEARMESH_RETURN_IF_ERROR(write_file(path, file_layout::kModelFile,
+                                      {reinterpret_cast<const char*>(out.data()), out.size()}));
   return WrittenModel{.file_bytes = out.size(),
                       .header_bytes = header_bytes.size(),
                       .block_bytes = block_bytes,

@@ -77,11 +77,14 @@ void encode(const Hello& message, wire_types::HelloSample& sample) {
   sample.names().clear();
   sample.content_hashes().clear();
   sample.mesh_bytes().clear();
+  sample.replaced_hashes().clear();
   for (const Hello::Model& model : message.models) {
     append_line(model.name, sample.names());
     for (const std::uint64_t word : words_of(model.content_hash))
       sample.content_hashes().push_back(word);
     sample.mesh_bytes().push_back(model.mesh_bytes);
+    for (const std::uint64_t word : words_of(model.replaces))
+      sample.replaced_hashes().push_back(word);
   }
 }
 
@@ -91,9 +94,11 @@ Result<Hello> decode(const wire_types::HelloSample& sample) {
   message.publisher = sample.publisher();
   const std::size_t count = sample.mesh_bytes().size();
   if (count > kMaxModels || sample.content_hashes().size() != kWordsPerContent * count ||
+      sample.replaced_hashes().size() != kWordsPerContent * count ||
       sample.names().size() > kMaxModels * (kMaxNameBytes + 1))
     return malformed("models: lists of " + std::to_string(sample.content_hashes().size()) +
-                     " words of hashes, " + std::to_string(count) + " sizes and " +
+                     " words of hashes, " + std::to_string(sample.replaced_hashes().size()) +
+                     " of replaced ones, " + std::to_string(count) + " sizes and " +
                      std::to_string(sample.names().size()) +
                      " bytes of names do not belong together");
   const auto names = split_lines(sample.names(), count, count, "model names");
@@ -103,6 +108,7 @@ Result<Hello> decode(const wire_types::HelloSample& sample) {
     message.models[i].name = names.value()[i];
     message.models[i].content_hash = content_at(sample.content_hashes(), i);
     message.models[i].mesh_bytes = sample.mesh_bytes()[i];
+    message.models[i].replaces = content_at(sample.replaced_hashes(), i);
   }
   return checked(std::move(message));
 }
@@ -245,6 +251,12 @@ void encode(const ContactReport& message, wire_types::ContactReportSample& sampl
     std::copy(body->pose.rotation.begin(), body->pose.rotation.end(), pose);
     std::copy(body->pose.translation_m.begin(), body->pose.translation_m.end(), pose + 9);
   }
+  at = 0;
+  for (const PoseStamp& stamp : {message.a.stamp, message.b.stamp}) {
+    sample.movers()[at] = static_cast<std::uint8_t>(stamp.mover);
+    sample.pose_times_s()[at] = stamp.time_s;
+    sample.max_ages_s()[at++] = stamp.max_age_s;
+  }
   sample.pairs().clear();
   for (const auto& pair : message.pairs)
     for (const FaceKey& face : pair) {
@@ -281,6 +293,14 @@ Result<ContactReport> decode(const wire_types::ContactReportSample& sample) {
     const double* pose = &sample.poses()[12 * at++];
     std::copy(pose, pose + 9, body->pose.rotation.begin());
     std::copy(pose + 9, pose + 12, body->pose.translation_m.begin());
+  }
+  at = 0;
+  for (PoseStamp* stamp : {&message.a.stamp, &message.b.stamp}) {
+    const std::uint8_t mover = sample.movers()[at];
+    if (mover > static_cast<std::uint8_t>(Mover::kSilent))
+      return malformed("movers: found " + std::to_string(mover));
+    *stamp = {static_cast<Mover>(mover), sample.pose_times_s()[at], sample.max_ages_s()[at]};
+    ++at;
   }
   const auto& words = sample.pairs();
   NEARMESH_RETURN_IF_ERROR(check_words(words.size(), kWordsPerPair, kMaxReportPairs, "pairs"));

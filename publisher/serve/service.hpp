@@ -18,6 +18,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -42,8 +43,10 @@ class Service {
   /// The channel must outlive the service.
   Service(Channel& channel, wire::SessionId session, ServiceOptions options = {});
 
-  /// Serves a model under a name unique to this publisher. Errors: kInvalidArgument (name), kConflict (name taken).
-  [[nodiscard]] Status add_model(const std::string& name, ModelFile file);
+  /// Serves a model under a name unique to this publisher. `replaces`: peers that hold that content under the name go over to
+  /// this one; or none. Errors: kInvalidArgument (name, or it would replace itself), kConflict (name taken).
+  [[nodiscard]] Status add_model(const std::string& name, ModelFile file,
+                                 ContentHash replaces = {});
   /// Encoded batches; none where nothing is to be sent, or none is made yet.
   struct Part {
     std::vector<std::vector<std::uint8_t>> batches;
@@ -75,6 +78,7 @@ class Service {
   struct Model {
     std::string name;
     ModelFile file;
+    ContentHash replaces;
   };
   struct Waiting {
     wire::SplitBatchMessage message;
@@ -102,6 +106,8 @@ class Service {
 
   [[nodiscard]] static Result<Parts> answer(ModelFile& file, const RegionRequest& request);
   void take_requests(double now_s);
+  void take_rivals(const Inbox& inbox);
+  void find_conflicts(std::vector<std::string>& lines);
   [[nodiscard]] std::map<ContentHash, Open>::iterator most_urgent(Peer& peer) const;
   [[nodiscard]] Peers::iterator next_in_turn();
   void serve(wire::SessionId id, Peer& peer, double now_s, std::vector<std::string>& lines);
@@ -118,6 +124,9 @@ class Service {
   std::map<ContentHash, std::unique_ptr<Model>> models_;  // by content hash
   std::map<ContentHash, Answerer> answerers_;             // of the same, and others
   Peers peers_;
+  std::map<wire::SessionId, wire::Hello> rivals_;  // other publishers that are there
+  bool has_news_of_rivals_ = false;
+  std::set<std::string> conflicts_;  // of names with them, as they were said
   std::uint64_t turns_ = 0;
   bool is_behind_ = false;
   ServiceStats stats_;

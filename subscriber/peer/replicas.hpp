@@ -21,9 +21,12 @@ inline constexpr std::size_t kMaxSpareHeaderBytes = 16U << 20;
 /// A model that bodies of this peer use.
 struct PeerModel {
   std::string name;
-  ContentHash content_hash;  // not set: nobody has announced it yet
+  ContentHash content_hash;  // none: no content may be taken for it yet
+  ContentHash pinned;        // nothing else is ever taken; or none
+  std::string conflict;      // what publishers disagree about, as it was said
   std::uint64_t mesh_bytes = 0;
   std::optional<Replica> replica;  // from the header on
+  wire::MeshHeader header;         // of the replica: nobody sends it again
   struct Batch {
     wire::SessionId publisher = 0;
     std::vector<std::uint8_t> bytes;
@@ -46,11 +49,10 @@ class ReplicaSet {
   [[nodiscard]] std::map<std::string, PeerModel>& all() { return models_; }
   [[nodiscard]] const std::map<std::string, PeerModel>& all() const { return models_; }
 
-  /// A publisher's announcement: binds names to contents. Content that changes under a name drops the replica. Returns the
-  /// size of headers that had waited for it and are used now.
-  std::size_t announce(const wire::Hello& hello, std::vector<std::string>& complaints);
-  /// The same of what it announces under names whose content is not known yet: for models that came into use after it.
-  std::size_t announce_new(const wire::Hello& hello, std::vector<std::string>& complaints);
+  /// What the model's name stands for from now on, or nothing. Another content than before drops the replica. Returns the size of
+  /// a header that had waited for it and is used now.
+  std::size_t assign(PeerModel& model, const ContentHash& content,
+                     std::vector<std::string>& complaints);
   /// A header: starts the replica of the model it belongs to, if any body uses it. Returns its size if it was used.
   std::size_t take_header(const wire::MeshHeader& message, std::vector<std::string>& complaints);
   /// Applies the oldest waiting batch of some model; false when none waits.
@@ -61,7 +63,7 @@ class ReplicaSet {
   void keep_header(const wire::MeshHeader& message);
 
   std::map<ContentHash, wire::MeshHeader>
-      unclaimed_;  // headers that came before the name they belong to, or a body that uses it
+      unclaimed_;  // headers of contents that no model in use stands for
   std::size_t unclaimed_bytes_ = 0;
 };
 

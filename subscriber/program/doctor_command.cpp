@@ -221,7 +221,7 @@ class Doctor {
     Channel::Inbox inbox = channel_ != nullptr ? channel_->take() : Channel::Inbox{};
     for (const wire::Hello& hello : inbox.hellos)
       publishers_.try_emplace(hello.publisher, clock_.seconds(), hello);
-    for (const wire::MeshHeader& header : inbox.headers)
+    for (const auto& [publisher, header] : inbox.headers)
       headers_.try_emplace(header.content_hash, clock_.seconds(), header.bytes.size());
     for (const auto& lines : {inbox.complaints, echo_->take_complaints()})
       for (const std::string& line : lines)

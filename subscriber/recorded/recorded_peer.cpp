@@ -14,6 +14,16 @@ constexpr std::int64_t kChunk = 8192;  ///< messages between two rounds of work
 
 }  // namespace
 
+std::string why_stale(const wire::ContactReport& report) {
+  for (const auto& [asked, body] :
+       {std::pair(&report.a, &report.body_a), std::pair(&report.b, &report.body_b)}) {
+    if (asked->stamp.mover == wire::Mover::kNone) continue;
+    std::string why = wire::why_stale(asked->stamp, report.time_s, *body);
+    if (!why.empty()) return why;
+  }
+  return {};
+}
+
 void RecordedPeer::take(wire::SplitBatchMessage&& batch) {
   std::uint32_t& last = last_sequence_[batch.publisher];
   if (batch.sequence <= last) return;
@@ -31,7 +41,9 @@ void RecordedPeer::take(wire::SplitBatchMessage&& batch) {
 void RecordedPeer::work(const RecordedHeaders& headers, bool final) {
   for (; !reports_.empty(); reports_.pop_front()) {
     const RecordedReport& report = reports_.front();
-    if (!report.message.asked) {
+    if (!why_stale(report.message).empty()) {
+      visit(report, Standing::kStale);
+    } else if (!report.message.asked) {
       visit(report, Standing::kNotAsked);
     } else if (report.message.gave_up_detail) {
       visit(report, Standing::kGaveUp);

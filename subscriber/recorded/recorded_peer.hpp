@@ -24,6 +24,10 @@ struct RecordedReport {
   wire::ContactReport message;
 };
 
+/// Why its answer cannot be certified: that the pose of a body was too far from the frame's time, or its mover gone. Empty
+/// where that is not so, or no pose had come.
+[[nodiscard]] std::string why_stale(const wire::ContactReport& report);
+
 using RecordedHeaders = std::map<ContentHash, SpmHeader>;  ///< by content hash
 
 /// One peer.
@@ -45,8 +49,9 @@ class RecordedPeer {
   enum class Standing {
     kReached,   ///< this peer has taken in what the report's had
     kNotAsked,  ///< the peer lacked a header or a pose, so there is nothing to reach
-    kGaveUp,    ///< the peer had given up detail, which is not recorded
-    kLacking,   ///< batches or a header that the peer had are not in the recording
+    kStale,  ///< by the times that the report has, or the mover was gone: nothing can be certified, whatever was here
+    kGaveUp,   ///< the peer had given up detail, which is not recorded
+    kLacking,  ///< batches or a header that the peer had are not in the recording
   };
   virtual void visit(const RecordedReport& report, Standing standing) = 0;
 

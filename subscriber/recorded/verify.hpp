@@ -26,8 +26,9 @@ struct Difference {
 };
 
 struct VerifyReport {
-  std::uint64_t reports = 0;   ///< all contact reports; the sum of the next six
-  std::uint64_t verified = 0;  ///< state and answer agree
+  std::uint64_t reports = 0;  ///< all contact reports; the sum of the next six
+  std::uint64_t verified =
+      0;  ///< state and answer agree, or a pose was stale and nothing certified
   std::uint64_t different = 0;
   std::uint64_t not_asked =
       0;  ///< the peer lacked a header or a pose, so there is nothing to compare

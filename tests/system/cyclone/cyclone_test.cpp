@@ -98,7 +98,7 @@ class CyclonePeer : public ::testing::Test {
 
   subscriber::Channel::Inbox take() {
     subscriber::Channel::Inbox inbox = channel->take();
-    headers.insert(headers.end(), inbox.headers.begin(), inbox.headers.end());
+    for (const auto& header : inbox.headers) headers.push_back(header.message);
     batches.insert(batches.end(), inbox.batches.begin(), inbox.batches.end());
     return inbox;
   }

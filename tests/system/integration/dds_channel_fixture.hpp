@@ -232,7 +232,8 @@ struct Server {
   explicit Server(std::unique_ptr<PublisherChannel> made) : channel(std::move(made)) {}
   std::unique_ptr<PublisherChannel> channel;
   std::vector<wire::RegionSubscription> subscriptions;
-  std::vector<wire::SessionId> lost;
+  std::vector<wire::SessionId> lost, lost_rivals;
+  std::vector<wire::Hello> rivals;
   std::vector<std::string> complaints;
 
   bool await(const std::function<bool()>& condition, double seconds = kDeadline_s) {
@@ -241,6 +242,8 @@ struct Server {
           publisher::Inbox inbox = channel->take();
           for (auto& s : inbox.subscriptions) subscriptions.push_back(std::move(s));
           for (const auto peer : inbox.lost_peers) lost.push_back(peer);
+          for (const auto rival : inbox.lost_rivals) lost_rivals.push_back(rival);
+          for (auto& hello : inbox.rivals) rivals.push_back(std::move(hello));
           for (auto& line : channel->take_complaints()) complaints.push_back(std::move(line));
           return condition();
         },

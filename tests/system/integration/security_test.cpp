@@ -134,8 +134,8 @@ class Secured : public ::testing::Test {
         test::await([&] { return !false_publisher.take().subscriptions.empty(); }, kQuiet_s));
     EXPECT_FALSE(false_publisher.send(peer.channel->own_id(), wire::SplitBatchMessage{}));
     for (const wire::Hello& hello : peer.collect().hellos) EXPECT_EQ(hello.publisher, kTrue);
-    for (const wire::MeshHeader& header : peer.all.headers)
-      EXPECT_EQ(header.content_hash, content_of(kTrue));
+    for (const auto& header : peer.all.headers)
+      EXPECT_EQ(header.message.content_hash, content_of(kTrue));
     EXPECT_FALSE(peer.all.headers.empty());
     EXPECT_TRUE(peer.all.batches.empty());
   }

@@ -519,10 +519,17 @@ TEST(WriteModelFile, ReportsWhatItWrote) {
   EXPECT_EQ(written.value().header_bytes, file.value().header_bytes().size());
 }
 
-TEST(WriteModelFile, LeavesNoPartialFileBehind) {
-  const auto path = test::write_model(small_model());
-  std::FILE* partial = std::fopen((path->path() + ".partial").c_str(), "rb");
-  EXPECT_EQ(partial, nullptr);
+TEST(WriteModelFile, ReplacesModelsAndNothingElse) {
+  const BakedModel model = small_model();
+  const auto path = test::write_model(model);
+  const auto write = [&] {
+    return write_model_file(model.header, model.store, model.numbers, path->path()).status().code();
+  };
+  EXPECT_EQ(write(), StatusCode::kOk);
+  constexpr std::array<std::uint8_t, 5> kNotes{'n', 'o', 't', 'e', 's'};
+  path->write(kNotes);
+  EXPECT_EQ(write(), StatusCode::kConflict);
+  EXPECT_TRUE(std::ranges::equal(path->read(), kNotes));
 }
 
 }  // namespace

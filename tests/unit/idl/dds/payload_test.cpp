@@ -38,6 +38,9 @@ TEST(Payload, ReportKeepsWhatWasAsked) {
     EXPECT_EQ((came.*side).solid, (sent.*side).solid);
     EXPECT_EQ((came.*side).pose.rotation, (sent.*side).pose.rotation);
     EXPECT_EQ((came.*side).pose.translation_m, (sent.*side).pose.translation_m);
+    EXPECT_EQ((came.*side).stamp.mover, (sent.*side).stamp.mover);
+    EXPECT_EQ((came.*side).stamp.time_s, (sent.*side).stamp.time_s);
+    EXPECT_EQ((came.*side).stamp.max_age_s, (sent.*side).stamp.max_age_s);
   }
   ContactReport tilted = sent;
   tilted.b.pose.rotation[0] = 2;

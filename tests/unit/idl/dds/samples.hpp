@@ -12,7 +12,7 @@ namespace nearmesh::wire::test {
 inline Hello valid_hello() {
   Hello message;
   message.publisher = 0x1122334455667788;
-  message.models = {{"bunny", {1, 11}, 100}, {"terrain 512", {2, 22}, 200}};
+  message.models = {{"bunny", {1, 11}, 100}, {"terrain 512", {2, 22}, 200, {3, 33}}};
   return message;
 }
 
@@ -81,8 +81,13 @@ inline ContactReport valid_report() {
   message.asked = true;
   message.gave_up_detail = true;
   message.answer_digest = 0x1020304050607080;
-  message.a = {{1, 11}, 12, 13, true, {.translation_m = {1, 2, 3}}};
-  message.b = {{2, 21}, 22, 23, false, {{0, -1, 0, 1, 0, 0, 0, 0, 1}, {4, 5, 6}}};
+  message.a = {{1, 11}, 12, 13, true, {.translation_m = {1, 2, 3}}, {Mover::kThere, 2.25, 4}};
+  message.b = {{2, 21},
+               22,
+               23,
+               false,
+               {{0, -1, 0, 1, 0, 0, 0, 0, 1}, {4, 5, 6}},
+               {Mover::kSilent, -7, std::numeric_limits<double>::infinity()}};
   message.pairs = {{FaceKey{VertexId{1}, 2}, FaceKey{VertexId{3}, 4}},
                    {FaceKey{VertexId{}, 6}, FaceKey{VertexId{7}, 8}}};
   return message;

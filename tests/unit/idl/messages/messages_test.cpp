@@ -49,6 +49,7 @@ TEST(CheckMessage, RefusesHelloOutsideItsLimits) {
        {"name", [](Hello& m) { m.models[1].name = std::string("a\0b", 3); }},
        {"name", [](Hello& m) { m.models[1].name = "m\xc3\xa9"; }},
        {"name", [](Hello& m) { m.models[1].name = " blank"; }},
+       {"no content", [](Hello& m) { m.models[1].content_hash = {}; }},
        {"twice", [](Hello& m) { m.models[1].name = "bunny"; }}});
 }
 
@@ -136,6 +137,7 @@ TEST(CheckMessage, RefusesPoseOutsideItsLimits) {
                      {{"peer", [](M& m) { m.peer = 0; }},
                       {"body", [](M& m) { m.body = ""; }},
                       {"time_s", [](M& m) { m.time_s = kInfinity; }},
+                      {"pose of robot/arm-1: time_s", [](M& m) { m.time_s = 1.8e12; }},
                       {"robot/arm-1", [](M& m) { m.pose.rotation[4] = kNan; }},
                       {"robot/arm-1", [](M& m) { m.pose.translation_m[2] = -kInfinity; }},
                       {"linear", [](M& m) { m.linear_velocity_mps[0] = kNan; }},
@@ -156,6 +158,9 @@ TEST(CheckMessage, RefusesReportOutsideItsLimits) {
                                       {"body_a", [](M& m) { m.body_a = "\x7f"; }},
                                       {"body_b", [](M& m) { m.body_b = ""; }},
                                       {"time_s", [](M& m) { m.time_s = kNan; }},
+                                      {"time of a pose", [](M& m) { m.b.stamp.time_s = kNan; }},
+                                      {"max_age_s", [](M& m) { m.a.stamp.max_age_s = -1; }},
+                                      {"max_age_s", [](M& m) { m.a.stamp.max_age_s = kNan; }},
                                       {"status", [](M& m) { m.status = 5; }},
                                       {"clearance", [](M& m) { m.clearance_m = -1; }},
                                       {"uncertainty", [](M& m) { m.uncertainty_m = kNan; }},

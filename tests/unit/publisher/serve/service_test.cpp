@@ -142,8 +142,8 @@ TEST(Service, AnnouncesModelsWithTheirHeaders) {
   EXPECT_EQ(inbox.hellos[0].models[0].content_hash, desk.hash());
   EXPECT_EQ(inbox.hellos[0].models[0].mesh_bytes, desk.open().mesh_bytes());
   ASSERT_EQ(inbox.headers.size(), 1U);
-  EXPECT_EQ(inbox.headers[0].content_hash, desk.hash());
-  EXPECT_EQ(inbox.headers[0].bytes, desk.header_bytes());
+  EXPECT_EQ(inbox.headers[0].message.content_hash, desk.hash());
+  EXPECT_EQ(inbox.headers[0].message.bytes, desk.header_bytes());
 }
 
 TEST(Service, AnswersWithTheBatchesThatCollectNames) {
@@ -695,6 +695,57 @@ TEST(Service, RefusesDuplicateNameAndContent) {
   EXPECT_EQ(status.code(), StatusCode::kConflict);
   EXPECT_NE(status.message().find("same content"), std::string::npos);
   EXPECT_NE(status.message().find("terrain"), std::string::npos);
+}
+
+TEST(Service, RefusesToReplaceItsOwnContent) {
+  Desk desk;
+  const Status status = desk.service.add_model("ground", desk.open(), desk.hash());
+  EXPECT_EQ(status.code(), StatusCode::kInvalidArgument);
+  EXPECT_NE(status.message().find(to_hex(desk.hash())), std::string::npos) << status.message();
+}
+
+// Two rivals, and one that takes the place of both one after the other; each line once.
+TEST(Service, TellsOfRivalsOfItsNames) {
+  Desk desk;
+  const ContentHash first{0, 1}, second{0, 2};
+  const auto announce = [&](publisher::Channel& channel, wire::SessionId id, ContentHash content,
+                            ContentHash replaces) {
+    wire::Hello hello{.publisher = id};
+    hello.models.push_back({"terrain", content, 100, replaces});
+    channel.announce(hello, {});
+  };
+  const auto one = desk.bus.make_publisher(0xa2), two = desk.bus.make_publisher(0xa3);
+  announce(*two, 0xa3, desk.hash(), {});  // the same content: nothing is wrong
+  EXPECT_TRUE(desk.service.step(0).empty());
+  announce(*one, 0xa2, first, {});
+  auto lines = desk.service.step(0.1);
+  ASSERT_EQ(lines.size(), 1U);
+  EXPECT_EQ(lines[0].find("model terrain: publisher 00000000000000a2 serves other content, " +
+                          to_hex(first) + ", under this name, here it is " + to_hex(desk.hash())),
+            0U)
+      << lines[0];
+  EXPECT_TRUE(desk.service.step(0.2).empty());
+  const auto notes = [&] {
+    const auto& all = desk.service.status().complaints;
+    return std::count_if(all.begin(), all.end(), [](const std::string& line) {
+      return line.find("model terrain: publisher") != std::string::npos;
+    });
+  };
+  static_cast<void>(desk.service.step(200));  // longer than a line is kept
+  EXPECT_EQ(notes(), 1);
+  announce(*one, 0xa2, first, second);  // replaces what nobody serves: as before
+  EXPECT_TRUE(desk.service.step(201).empty());
+  announce(*one, 0xa2, first, desk.hash());
+  lines = desk.service.step(202);
+  ASSERT_EQ(lines.size(), 1U);
+  EXPECT_EQ(lines[0].find("model terrain: publisher 00000000000000a2 replaces content " +
+                          to_hex(desk.hash()) + ", which is served here, by " + to_hex(first)),
+            0U)
+      << lines[0];
+  desk.bus.lose_publisher(0xa2);
+  EXPECT_TRUE(desk.service.step(203).empty());
+  static_cast<void>(desk.service.step(400));
+  EXPECT_EQ(notes(), 0);
 }
 
 TEST(Service, RefusesNamesThatDoNotFit) {

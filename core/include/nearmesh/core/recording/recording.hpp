@@ -111,6 +111,10 @@ class RecordingWriter {
  private:
   struct Impl;
   explicit RecordingWriter(std::unique_ptr<Impl> impl);
+  /// In a file that was just created.
+  [[nodiscard]] static Result<std::unique_ptr<RecordingWriter>> begin(const std::string& path,
+                                                                      const RecordingFacts& facts,
+                                                                      double commit_period_s);
   std::unique_ptr<Impl> impl_;
 };
 
