@@ -12,7 +12,7 @@ RefinedMesh::RefinedMesh(SpmHeader header)
 
 Status RefinedMesh::insert(const SplitRecord& record, std::span<const SplitFace> faces,
                            RefineDelta& delta) {
-  const Result<SplitStore::Insertion> inserted = store_->insert(record, faces);
+  const Result<SplitStore::Insertion> inserted = store_->insert(record, faces, outside_of(faces));
   NEARMESH_RETURN_IF_ERROR(inserted);
   if (inserted.value() == SplitStore::Insertion::kNoParent) {
     park(record, faces);
@@ -23,6 +23,15 @@ Status RefinedMesh::insert(const SplitRecord& record, std::span<const SplitFace>
   NEARMESH_ASSERT(done);
   static_cast<void>(done);
   return Status::ok();
+}
+
+// The mesh says which are known: to ask the store would read pages that were never written.
+GridBox RefinedMesh::outside_of(std::span<const SplitFace> faces) const {
+  GridBox outside;
+  for (const SplitFace& face : faces)
+    if (face.outside.value < store_->vertex_count() && mesh_->is_active(face.outside))
+      outside.add(store_->position(face.outside));
+  return outside;
 }
 
 void RefinedMesh::park(const SplitRecord& record, std::span<const SplitFace> faces) {

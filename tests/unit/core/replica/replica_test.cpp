@@ -191,5 +191,89 @@ TEST(Replica, StartsFromAHeaderFromOutside) {
   EXPECT_FALSE(Replica::from_header(bytes).is_ok());
 }
 
+// ---- what arrives, against the boxes ------------------------------------------------------------
+
+/// Two roots: [0, 4) in a box of 10 cells around (20, 20, 20), [4, 6) in one of 100 around (30, 20, 20). Vertex 5 lies at
+/// `far` cells on x.
+struct TwoRoots {
+  explicit TwoRoots(std::int32_t far) {
+    header.vertex_count = 6;
+    header.grid.bits = 21;
+    const auto box = [](std::int64_t cells) {
+      BoxCode code{};
+      code.fill(box_extent_code(cells));
+      return code;
+    };
+    header.roots = {{{{0}, 4}, {{20, 20, 20}}, box(10)}, {{{4}, 2}, {{30, 20, 20}}, box(100)}};
+    // The face (1, 3, 5) belongs to the split of [0, 4).
+    batch.faces = {{{1}, {3}, {5}}};
+    batch.splits = {{.node = {{0}, 4}, .split = {2}, .offset = {1, 0, 0}, .face_count = 1},
+                    {.node = {{0}, 2}, .split = {1}, .offset = {0, 1, 0}, .face_begin = 1},
+                    {.node = {{2}, 2}, .split = {3}, .offset = {0, 2, 0}, .face_begin = 1},
+                    {.node = {{4}, 2}, .split = {5}, .offset = {far - 30, 0, 0}, .face_begin = 1}};
+  }
+  [[nodiscard]] Replica::Taken take() const {
+    Replica replica(header);
+    Replica::Taken taken = replica.take(batch);
+    EXPECT_EQ(taken.contradicts, !taken.status.is_ok());
+    EXPECT_EQ(replica.mesh().split_count(), taken.status.is_ok() ? 4U : 0U);
+    return taken;
+  }
+  void expect_refused(const char* why) const {
+    const Replica::Taken taken = take();
+    EXPECT_EQ(taken.status.code(), StatusCode::kCorrupt);
+    EXPECT_NE(taken.status.message().find(why), std::string::npos)
+        << why << ": " << taken.status.message();
+  }
+  /// Of the first split's children.
+  void set_boxes(std::uint8_t left, std::uint8_t right) {
+    batch.splits[0].left_box.fill(left);
+    batch.splits[0].right_box.fill(right);
+  }
+  SpmHeader header;
+  SplitBatch batch;
+};
+
+TEST(Replica, TakesWhatItsBoxesHold) {
+  TwoRoots model(28);
+  EXPECT_TRUE(model.take().status.is_ok()) << model.take().status.message();
+  model.set_boxes(box_extent_code(9), box_extent_code(9));
+  EXPECT_TRUE(model.take().status.is_ok()) << model.take().status.message();
+}
+
+TEST(Replica, RefusesAVertexOutsideTheBoxOfItsNode) {
+  TwoRoots model(28);
+  model.batch.splits[2].offset = {0, 12, 0};
+  model.expect_refused("its vertex lies outside the box of the node");
+}
+
+TEST(Replica, RefusesABoxThatReachesFartherThanThoseAboveIt) {
+  TwoRoots model(28);
+  model.set_boxes(box_extent_code(14), box_extent_code(9));
+  model.expect_refused("the left box reaches farther");
+  model.set_boxes(box_extent_code(9), box_extent_code(14));
+  model.expect_refused("the right box reaches farther");
+}
+
+TEST(Replica, RefusesBoxesThatHaveNoRoomForTheirFace) {
+  TwoRoots model(28);
+  model.batch.splits[0].offset = {6, 0, 0};
+  model.set_boxes(box_extent_code(2), box_extent_code(2));
+  model.expect_refused("no face has room");
+}
+
+TEST(Replica, RefusesAFaceOfAKnownVertexOutsideABox) {
+  TwoRoots model(28);
+  std::swap(model.batch.splits[0], model.batch.splits[3]);  // 5 is known when the face comes
+  EXPECT_TRUE(model.take().status.is_ok()) << model.take().status.message();
+  model.batch.splits[0].offset = {20, 0, 0};
+  model.expect_refused("a face lies outside a box that must enclose it");
+}
+
+/// The face is exact when its last corner comes, which nothing else holds against the box of its slot.
+TEST(Replica, RefusesAnExactFaceOutsideTheBoxOfItsSlot) {
+  TwoRoots(50).expect_refused("node [0, 4): a face lies outside the box that came for it");
+}
+
 }  // namespace
 }  // namespace nearmesh

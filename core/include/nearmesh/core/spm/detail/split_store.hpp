@@ -67,13 +67,15 @@ class SplitStore {
     kBoxed,     ///< known, but for a box of one of its children, which was filled in
     kNoParent,  ///< the split that makes the record's node is not known; nothing was changed
   };
-  /// Adds one split. `faces` are the record's own.
+  /// Adds one split. `faces` are the record's own; `outside` is around those of their outside corners that the caller knows
+  /// to be known.
   /// Errors: kCorrupt where the record contradicts the model or what is known (another split of the same node, another
   /// position or face, a position outside the grid, a forest deeper than kMaxForestDepth, a vertex or a face outside a box
   /// that must enclose it, a box that reaches farther than those above it); nothing is changed then.
   /// Cost: O(faces).
   [[nodiscard]] Result<Insertion> insert(const SplitRecord& record,
-                                         std::span<const SplitFace> faces);
+                                         std::span<const SplitFace> faces,
+                                         const GridBox& outside = {});
   /// Tells the processor that `split` will be inserted soon. No other effect, whatever the id.
   void prefetch(VertexId split) const {
     if (split.value < vertex_count_) __builtin_prefetch(&entries_[split.value], 1);
@@ -170,7 +172,8 @@ class SplitStore {
 
   [[nodiscard]] Status check(const SplitRecord& record, std::span<const SplitFace> faces) const;
   [[nodiscard]] const char* fault_of_boxes(const SplitRecord& record,
-                                           std::span<const SplitFace> faces);
+                                           std::span<const SplitFace> faces,
+                                           const GridBox& outside);
   const GridBox& bounds_of(NodeSpan node);
   /// The node itself where it has a box of its own.
   [[nodiscard]] NodeSpan boxed_ancestor(NodeSpan node) const;
