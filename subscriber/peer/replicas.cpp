@@ -26,12 +26,11 @@ PeerModel* ReplicaSet::find(const ContentHash& content_hash) {
 std::size_t ReplicaSet::assign(PeerModel& model, const ContentHash& content,
                                std::vector<std::string>& complaints) {
   if (model.content_hash == content) return 0;
-  if (model.is_ready()) keep_header(std::exchange(model.header, {}));  // it may come back
-  model.content_hash = content;
-  model.mesh_bytes = 0;
-  model.replica.reset();
-  model.waiting.clear();
-  model.looked_ahead_s = -std::numeric_limits<double>::infinity();
+  if (model.is_ready()) keep_header(model.header);  // the content may come back
+  model = PeerModel{.name = std::string(model.name),
+                    .content_hash = content,
+                    .pinned = model.pinned,
+                    .conflict = std::string(model.conflict)};
   const auto at = unclaimed_.find(content);
   if (at == unclaimed_.end()) return 0;
   const wire::MeshHeader message = std::move(at->second);
