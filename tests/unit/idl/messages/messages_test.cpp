@@ -67,6 +67,29 @@ TEST(CheckMessage, RefusesHeaderOutsideItsLimits) {
        {"header bytes", [](MeshHeader& m) { m.bytes.resize(kMaxHeaderBytes + 1); }}});
 }
 
+TEST(CheckMessage, OfTenThousandHeadersWithOneBitChangedNoneIsAccepted) {
+  Random random(1);
+  MeshHeader valid = valid_header();
+  valid.bytes.resize(3000);
+  for (std::uint8_t& byte : valid.bytes) byte = static_cast<std::uint8_t>(random.next());
+  valid.content_hash = digest_of(valid.bytes);
+  ASSERT_TRUE(check(valid).is_ok());
+  std::size_t accepted = 0;
+  for (int i = 0; i < 10'000; ++i) {
+    MeshHeader message = valid;
+    const std::uint32_t bit = random.below(static_cast<std::uint32_t>(valid.bytes.size() * 8 + 128));
+    if (bit < 64) {
+      message.content_hash.high ^= std::uint64_t{1} << bit;
+    } else if (bit < 128) {
+      message.content_hash.low ^= std::uint64_t{1} << (bit - 64);
+    } else {
+      message.bytes[bit / 8 - 16] ^= static_cast<std::uint8_t>(1U << bit % 8);
+    }
+    accepted += check(message).is_ok() ? 1 : 0;
+  }
+  EXPECT_EQ(accepted, 0U);
+}
+
 TEST(CheckMessage, AHeaderProvesItsOwnContent) {
   MeshHeader other_bytes = valid_header(), other_content = valid_header();
   other_bytes.bytes[2] ^= 4;

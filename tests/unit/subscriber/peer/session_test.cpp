@@ -580,12 +580,11 @@ bool lie(wire::SplitBatchMessage& message) {
 
 TEST(Session, APublisherThatContradictsAModelIsNamedOnceAndAnotherAsked) {
   World world;
-  std::uint64_t lies = 0, honest = 0;
+  std::uint64_t lies = 0, sent = 0;
+  wire::SessionId liar = 0;  // who is asked first, after a while
   world.bus.batch_filter = [&](wire::SessionId, wire::SplitBatchMessage& message) {
-    if (message.publisher == kPublisher) {
-      lies += honest > 10 && lie(message) ? 1 : 0;  // after a while
-    }
-    ++honest;
+    if (liar == 0) liar = message.publisher;
+    if (message.publisher == liar && ++sent > 10) lies += lie(message) ? 1 : 0;
     return true;
   };
   world.start_publisher();
@@ -595,9 +594,8 @@ TEST(Session, APublisherThatContradictsAModelIsNamedOnceAndAnotherAsked) {
   EXPECT_EQ(world.fly(*session, flight), flight.frames());
   EXPECT_GT(lies, 0U);
   EXPECT_LE(world.complaints.size(), 2U) << "one for each model";
-  EXPECT_TRUE(world.has_complaint("publisher " + to_hex(kPublisher) + " contradicts the model"));
-  const std::uint64_t asked_last = world.bus.subscriptions.back().publisher;
-  EXPECT_EQ(asked_last, kPublisher + 1);
+  EXPECT_TRUE(world.has_complaint("publisher " + to_hex(liar) + " contradicts the model"));
+  EXPECT_NE(world.bus.subscriptions.back().publisher, liar);
 }
 
 TEST(Session, WhereTheOnlyPublisherContradictsAModelAnswersStayUncertain) {
