@@ -268,14 +268,26 @@ inline std::uint32_t crc32(const std::string& bytes) {
   }
   return ~crc;
 }
-/// A deflate stream of one block without compression.
+/// A deflate stream of one block: each byte as the fixed code has it (RFC 1951, 3.2.6), so that none stands there as it is.
 inline std::string deflate(const std::string& bytes) {
-  std::string out = "\1";
-  put(out, static_cast<std::uint16_t>(bytes.size()));
-  put(out, static_cast<std::uint16_t>(~bytes.size()));
-  return out + bytes;
+  std::string out;
+  unsigned used = 0;
+  const auto put_bit = [&](unsigned bit) {
+    if (used % 8 == 0) out += '\0';
+    out.back() = static_cast<char>(static_cast<unsigned char>(out.back()) | bit << used++ % 8);
+  };
+  const auto put_code = [&](unsigned code, unsigned size) {
+    while (size-- > 0) put_bit(code >> size & 1U);
+  };
+  put_code(0b110, 3);  // the last block, fixed codes
+  for (const char c : bytes) {
+    const unsigned byte = static_cast<unsigned char>(c);
+    byte < 144 ? put_code(0x30 + byte, 8) : put_code(0x190 + byte - 144, 9);
+  }
+  put_code(0, 7);  // its end
+  return out;
 }
-/// A zip archive of files that are stored as they are, or deflated (each below 64 KiB then).
+/// A zip archive of files that are stored as they are, or deflated.
 inline std::string zip(const std::vector<std::array<std::string, 2>>& files,
                        bool is_deflated = false) {
   std::string out, directory;
