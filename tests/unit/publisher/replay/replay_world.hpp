@@ -196,7 +196,7 @@ class ReplayWorld {
 
  private:
   /// Of live peers, whose clock is the recording's: their frames are as long as those recorded.
-  [[nodiscard]] std::uint64_t frame() const {
+  [[nodiscard]] std::uint64_t frame() {
     return static_cast<std::uint64_t>(replay.playhead().time_s(now_s) / kFrame_s);
   }
 };
