@@ -21,6 +21,7 @@
 #include <unordered_set>
 
 #include "core/base/float_guard.hpp"
+#include "core/geometry/motion_bounds.hpp"
 #include "core/geometry/triangle_overlap.hpp"
 #include "nearmesh/core/geometry/detail/box_overlap.hpp"
 #include "sweep_from.hpp"
@@ -430,7 +431,8 @@ double safe_horizon_s(const TreeView& a, const Motion& motion_a, const TreeView&
   add(a, motion_a, age_a_s);
   add(b, motion_b, age_b_s);
   if (speed_mps == 0) return kNever;
-  return std::max(0.0, clearance_m - (rounding_m + gone_m) * kRoundUp) / (speed_mps * kRoundUp);
+  return guard.keep(std::max(0.0, clearance_m - (rounding_m + gone_m) * kRoundUp) /
+                    (speed_mps * kRoundUp));
 }
 
 }  // namespace nearmesh

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "refined_mesh.hpp"
 
+#include <algorithm>
+
 namespace nearmesh {
 
 RefinedMesh::RefinedMesh(SpmHeader header)
@@ -10,7 +12,7 @@ RefinedMesh::RefinedMesh(SpmHeader header)
 
 Status RefinedMesh::insert(const SplitRecord& record, std::span<const SplitFace> faces,
                            RefineDelta& delta) {
-  const Result<SplitStore::Insertion> inserted = store_->insert(record, faces);
+  const Result<SplitStore::Insertion> inserted = store_->insert(record, faces, outside_of(faces));
   NEARMESH_RETURN_IF_ERROR(inserted);
   if (inserted.value() == SplitStore::Insertion::kNoParent) {
     park(record, faces);
@@ -21,6 +23,15 @@ Status RefinedMesh::insert(const SplitRecord& record, std::span<const SplitFace>
   NEARMESH_ASSERT(done);
   static_cast<void>(done);
   return Status::ok();
+}
+
+// The mesh says which are known: to ask the store would read pages that were never written.
+GridBox RefinedMesh::outside_of(std::span<const SplitFace> faces) const {
+  GridBox outside;
+  for (const SplitFace& face : faces)
+    if (face.outside.value < store_->vertex_count() && mesh_->is_active(face.outside))
+      outside.add(store_->position(face.outside));
+  return outside;
 }
 
 void RefinedMesh::park(const SplitRecord& record, std::span<const SplitFace> faces) {
@@ -43,7 +54,12 @@ RefinedMesh::Applied RefinedMesh::apply_batch(const SplitBatch& batch) {
   constexpr std::size_t kAhead = 8;  // records: enough for the entry to come from memory
   for (std::size_t i = 0; i < batch.splits.size(); ++i) {
     const SplitRecord& record = batch.splits[i];
-    if (i + kAhead < batch.splits.size()) store_->prefetch(batch.splits[i + kAhead].split);
+    if (i + kAhead < batch.splits.size()) {
+      const SplitRecord& later = batch.splits[i + kAhead];
+      store_->prefetch(later.split);
+      for (std::uint32_t face = 0; face < std::min(later.face_count, 2U); ++face)
+        store_->prefetch(batch.faces[later.face_begin + face].outside);
+    }
     applied.status =
         insert(record, {batch.faces.data() + record.face_begin, record.face_count}, applied.delta);
     if (applied.status.is_ok() && !parked_.empty()) applied.status = unpark(record, applied.delta);

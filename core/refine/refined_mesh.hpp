@@ -44,6 +44,7 @@ class RefinedMesh {
   static constexpr std::size_t kMaxParked = 65536;
   static std::uint64_t key(NodeSpan node) { return std::uint64_t{node.begin()} << 32 | node.size; }
   Status insert(const SplitRecord& record, std::span<const SplitFace> faces, RefineDelta& delta);
+  [[nodiscard]] GridBox outside_of(std::span<const SplitFace> faces) const;
   void park(const SplitRecord& record, std::span<const SplitFace> faces);
   Status unpark(const SplitRecord& parent, RefineDelta& delta);
 

@@ -7,6 +7,8 @@
 #include <cmath>
 #include <string>
 
+#include "core/geometry/box_points.hpp"
+
 namespace nearmesh {
 
 // ---- boxes --------------------------------------------------------------------------------------
@@ -15,17 +17,25 @@ namespace {
 
 // floor(2^(k/4)) scaled is irrational but for k % 4 == 0, so the smallest integer >= 2^(k/4) - 1 is its floor; the four
 // constants are exact to a double, far more than 32 bits need.
-std::array<std::int64_t, kMaxExtentCode + 1> make_extents() {
+std::array<std::int32_t, kMaxExtentCode + 1> make_extents() {
   constexpr double kQuarter[4] = {1.0, 1.1892071150027210667, 1.4142135623730950488,
                                   1.6817928305074290861};
-  std::array<std::int64_t, kMaxExtentCode + 1> extents{};
+  std::array<std::int32_t, kMaxExtentCode + 1> extents{};
   for (int code = 0; code <= kMaxExtentCode; ++code)
-    extents[code] = code % 4 == 0
-                        ? (std::int64_t{1} << (code / 4)) - 1
-                        : static_cast<std::int64_t>(std::ldexp(kQuarter[code % 4], code / 4));
+    extents[code] = static_cast<std::int32_t>(
+        code % 4 == 0 ? (std::int64_t{1} << (code / 4)) - 1
+                      : static_cast<std::int64_t>(std::ldexp(kQuarter[code % 4], code / 4)));
   return extents;
 }
-const std::array<std::int64_t, kMaxExtentCode + 1> kExtents = make_extents();
+const std::array<std::int32_t, kMaxExtentCode + 1> kExtents = make_extents();
+
+// The extent of the code before; -1 for the first.
+const std::array<std::int32_t, kMaxExtentCode + 1> kShorter = [] {
+  std::array<std::int32_t, kMaxExtentCode + 1> shorter{};
+  shorter[0] = -1;
+  std::copy(kExtents.begin(), kExtents.end() - 1, shorter.begin() + 1);
+  return shorter;
+}();
 
 }  // namespace
 
@@ -47,6 +57,17 @@ BoxCode encode_box(const GridPoint& representative, const GridBox& box) {
     code[2 * k + 1] = box_extent_code(std::int64_t{box.hi[k]} - representative[k]);
   }
   return code;
+}
+
+GridBox decode_box(const GridPoint& representative, const BoxCode& code, std::int32_t grid_max) {
+  GridBox box;
+  for (int k = 0; k < 3; ++k) {
+    const std::int64_t below = kExtents[code[2 * k]], above = kExtents[code[2 * k + 1]];
+    box.lo[k] = static_cast<std::int32_t>(std::max<std::int64_t>(0, representative[k] - below));
+    box.hi[k] =
+        static_cast<std::int32_t>(std::min<std::int64_t>(grid_max, representative[k] + above));
+  }
+  return box;
 }
 
 // ---- store --------------------------------------------------------------------------------------
@@ -131,23 +152,106 @@ BoxCode SplitStore::box_code(NodeSpan node) const {
 }
 
 GridBox SplitStore::box(NodeSpan node) const {
-  PackedBox code = packed_box(node);
-  while (code == 0) {
+  node = boxed_ancestor(node);
+  return decode_box(position(node.first), box_code(node), grid_max_);
+}
+
+NodeSpan SplitStore::boxed_ancestor(NodeSpan node) const {
+  while (packed_box(node) == 0) {
     node = parent_of(node);
     NEARMESH_ASSERT(node.size != 0);  // roots have boxes: the header is refused without
-    code = packed_box(node);
   }
-  // Faces lie in the grid, so the box may be cut to it.
-  const GridPoint& at = position(node.first);
-  GridBox box;
-  for (int k = 0; k < 3; ++k) {
-    const std::int64_t below = kExtents[unpacked(code, 2 * k)],
-                       above = kExtents[unpacked(code, 2 * k + 1)];
-    box.lo[k] = static_cast<std::int32_t>(std::max<std::int64_t>(0, at[k] - below));
-    box.hi[k] = static_cast<std::int32_t>(std::min<std::int64_t>(grid_max_, at[k] + above));
-  }
-  return box;
+  return node;
 }
+
+// ---- what a record says, against the boxes ------------------------------------------------------
+
+// The box of the nearest node above that has one, or of one farther up: what follows in a batch lies below the same, so the
+// walk to it is seldom made.
+const GridBox& SplitStore::bounds_of(NodeSpan node) {
+  const bool is_below =
+      bounded_.size != 0 && bounded_.begin() <= node.begin() && node.end() <= bounded_.end();
+  if (is_below && (bounded_ == node || packed_box(node) == 0)) return bounds_;
+  bounded_ = boxed_ancestor(node);
+  bounds_ = decode_box(position(bounded_.first), box_code(bounded_), grid_max_);
+  return bounds_;
+}
+
+namespace {
+
+// Whether the code may be that of a box inside `outer`, which has `at` in it: it is the smallest that covers, so one less
+// would not reach.
+bool may_be_within(Axes at, const BoxCode& code, const AxesBox& outer) {
+  const auto shorter = [&](std::size_t side) {
+    return Axes{kShorter[code[side]], kShorter[code[2 + side]], kShorter[code[4 + side]], -1};
+  };
+  return is_none((shorter(0) >= at - outer.lo) | (shorter(1) >= outer.hi - at));
+}
+
+AxesBox decoded(Axes at, const BoxCode& code, std::int32_t grid_max) {
+  const auto extent = [&](std::size_t side) {
+    return Axes{kExtents[code[side]], kExtents[code[2 + side]], kExtents[code[4 + side]], 0};
+  };
+  return {at - least(extent(0), at), at + least(extent(1), all_axes(grid_max) - at)};
+}
+
+}  // namespace
+
+// A node that came without a box may be passed on with that of any node above it, so one of these must reach as far.
+bool SplitStore::is_within_reach(const SplitRecord& record, const GridPoint& at,
+                                 const BoxCode& code) const {
+  const Axes place = axes_of(at);
+  if (may_be_within(place, code, AxesBox(bounds_))) return true;
+  for (NodeSpan above = record.node; above.size != 0; above = parent_of(above)) {
+    if (packed_box(above) == 0) continue;
+    const AxesBox outer(decode_box(position(above.first), box_code(above), grid_max_));
+    if (outer.contains({place, place}) && may_be_within(place, code, outer)) return true;
+  }
+  return false;
+}
+
+// The box of a node encloses every face that has a corner in it. So the new vertex lies in the node's, and of a face of this
+// split, which has a corner in either child, each corner whose place is known in the node's and in both children's.
+const char* SplitStore::fault_of_boxes(const SplitRecord& record, std::span<const SplitFace> faces,
+                                       const GridBox& outside) {
+  const AxesBox bounds(bounds_of(record.node));
+  const Axes from = axes_of(position(record.node.first));
+  const Axes to = from + Axes{record.offset[0], record.offset[1], record.offset[2], 0};
+  if (!bounds.contains({to, to})) return "its vertex lies outside the box of the node";
+  constexpr const char* kOutside = "a face lies outside a box that must enclose it";
+  const AxesBox corners(outside);
+  if (!bounds.contains(corners)) return kOutside;
+  const bool has_left = record.left_box[0] != kNoBoxCode,
+             has_right = record.right_box[0] != kNoBoxCode;
+  if (!has_left && !has_right) return nullptr;
+  bool starts_left = false, ends_right = false;
+  for (const SplitFace& face : faces) {
+    starts_left |= face.left == record.node.first;
+    ends_right |= face.right == record.split;
+  }
+  AxesBox left = bounds, right = bounds;
+  if (has_left) {
+    if (!is_within_reach(record, position(record.node.first), record.left_box))
+      return "the left box reaches farther than those above it";
+    left = decoded(from, record.left_box, grid_max_);
+    AxesBox held = corners;
+    if (ends_right) held.add(to);
+    if (!left.contains(held)) return kOutside;
+  }
+  if (has_right) {
+    const GridPoint at{{to[0], to[1], to[2]}};
+    if (!is_within_reach(record, at, record.right_box))
+      return "the right box reaches farther than those above it";
+    right = decoded(to, record.right_box, grid_max_);
+    AxesBox held = corners;
+    if (starts_left) held.add(from);
+    if (!right.contains(held)) return kOutside;
+  }
+  if (!faces.empty() && !left.meets(right)) return "no face has room in the boxes of both children";
+  return nullptr;
+}
+
+// ---- insertion ----------------------------------------------------------------------------------
 
 Status SplitStore::check(const SplitRecord& record, std::span<const SplitFace> faces) const {
   const NodeSpan node = record.node;
@@ -179,9 +283,12 @@ Status SplitStore::check(const SplitRecord& record, std::span<const SplitFace> f
 }
 
 Result<SplitStore::Insertion> SplitStore::insert(const SplitRecord& record,
-                                                 std::span<const SplitFace> faces) {
+                                                 std::span<const SplitFace> faces,
+                                                 const GridBox& outside) {
   if (!is_node(record.node)) return Insertion::kNoParent;
   NEARMESH_RETURN_IF_ERROR(check(record, faces));
+  if (const char* fault = fault_of_boxes(record, faces, outside))
+    return contradiction(record, fault);
   // Asked of the node, not of the entry: a page that is read before it is written costs the kernel two faults.
   const bool known = split_of(record.node).is_valid();
   Entry& entry = entries_[record.split.value];

@@ -204,6 +204,7 @@ int run(const Options& options) {
       static_cast<unsigned long long>(summary.uncertain),
       static_cast<unsigned long long>(summary.held), percentile(summary.step_ms, 0.99),
       percentile(summary.nearmesh_ms, 0.99), static_cast<unsigned long long>(summary.late));
+  if (std::fflush(stdout) != 0) return std::perror("standard output"), 1;  // a full disk, say
   return 0;
 }
 

@@ -8,6 +8,7 @@
 #include <string_view>
 #include <utility>
 
+#include "core/base/digest.hpp"
 #include "nearmesh/core/geometry/motion.hpp"
 #include "nearmesh/core/spm/detail/codec.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
@@ -78,8 +79,9 @@ Status check_new_model(const std::string& name, std::size_t served) {
   return Status::ok();
 }
 
-MeshHeader announce_model(const std::string& name, const ModelFile& file, Hello& hello) {
-  hello.models.push_back({name, file.content_hash(), file.mesh_bytes()});
+MeshHeader announce_model(const std::string& name, const ModelFile& file, ContentHash replaces,
+                          Hello& hello) {
+  hello.models.push_back({name, file.content_hash(), file.mesh_bytes(), replaces});
   const auto bytes = file.header_bytes();
   return {kWireVersion, name, file.content_hash(), {bytes.begin(), bytes.end()}};
 }
@@ -90,18 +92,20 @@ std::vector<SplitBatchMessage> answer_messages(SessionId publisher,
                                                bool last) {
   if (batches.empty() && last) batches.emplace_back();
   std::vector<SplitBatchMessage> messages;
-  for (std::size_t i = 0; i < batches.size(); ++i)
+  for (std::size_t i = 0; i < batches.size(); ++i) {
+    if (!batches[i].empty()) seal_batch(request.content_hash, batches[i]);
     messages.push_back({.publisher = publisher,
                         .content_hash = request.content_hash,
                         .request = request.request,
                         .last = last && i + 1 == batches.size(),
                         .bytes = std::move(batches[i])});
+  }
   return messages;
 }
 
 SplitBatchMessage refusal_message(SessionId publisher, const RegionSubscription& request,
                                   const std::string& why) {
-  const auto length = static_cast<std::ptrdiff_t>(std::min(why.size(), kMaxBatchBytes));
+  const auto length = static_cast<std::ptrdiff_t>(std::min(why.size(), kMaxSealedBytes));
   return {.publisher = publisher,
           .content_hash = request.content_hash,
           .request = request.request,
@@ -140,6 +144,7 @@ Status check(const Hello& message) {
   std::vector<std::string_view> names;
   for (const Hello::Model& model : message.models) {
     NEARMESH_RETURN_IF_ERROR(check_name(model.name, "model name"));
+    if (!model.content_hash.is_set()) return invalid("model " + model.name + ": no content");
     names.push_back(model.name);
   }
   std::sort(names.begin(), names.end());
@@ -152,7 +157,12 @@ Status check(const MeshHeader& message) {
   NEARMESH_RETURN_IF_ERROR(check_version(message.wire_version));
   NEARMESH_RETURN_IF_ERROR(check_name(message.name, "model name"));
   if (message.bytes.empty()) return invalid("header: no bytes");
-  return check_most(message.bytes.size(), kMaxHeaderBytes, "header bytes");
+  NEARMESH_RETURN_IF_ERROR(check_most(message.bytes.size(), kMaxHeaderBytes, "header bytes"));
+  if (const ContentHash found = digest_of(message.bytes); found != message.content_hash)
+    return {StatusCode::kCorrupt, "header of model " + message.name + ": expected content " +
+                                      to_hex(message.content_hash) + ", the bytes give " +
+                                      to_hex(found)};
+  return Status::ok();
 }
 
 Status check(const RegionSubscription& message) {
@@ -176,7 +186,7 @@ Status check(const SplitBatchMessage& message) {
   NEARMESH_RETURN_IF_ERROR(check_version(message.wire_version));
   NEARMESH_RETURN_IF_ERROR(check_session(message.publisher, "publisher"));
   if (message.sequence == 0) return invalid("sequence: expected from 1, found 0");
-  NEARMESH_RETURN_IF_ERROR(check_most(message.bytes.size(), kMaxBatchBytes, "batch bytes"));
+  NEARMESH_RETURN_IF_ERROR(check_most(message.bytes.size(), kMaxSealedBytes, "batch bytes"));
   if (message.refused) {
     const auto printable = [](std::uint8_t c) { return is_printable(static_cast<char>(c)); };
     if (!std::all_of(message.bytes.begin(), message.bytes.end(), printable))

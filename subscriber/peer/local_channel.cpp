@@ -26,7 +26,7 @@ Status LocalChannel::add_model(const std::string& name, ModelFile file) {
               file.path() + " as " + name + ": " +
                   (model.name == name ? "the name is taken by " : "same content as ") +
                   model.file.path() + ", served as " + model.name};
-  const std::uint64_t hash = file.content_hash();
+  const ContentHash hash = file.content_hash();
   models_.emplace(hash, Model{name, std::move(file)});
   if (connected_) announce();
   return Status::ok();
@@ -37,7 +37,7 @@ void LocalChannel::announce() {
   hello.publisher = kPublisher;
   inbox_.headers.clear();
   for (const auto& [hash, model] : models_)
-    inbox_.headers.push_back(wire::announce_model(model.name, model.file, hello));
+    inbox_.headers.push_back({kPublisher, wire::announce_model(model.name, model.file, {}, hello)});
   inbox_.hellos.assign(1, std::move(hello));
 }
 

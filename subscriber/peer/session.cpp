@@ -4,6 +4,7 @@
 #include <limits>
 #include <utility>
 
+#include "content_choice.hpp"
 #include "core/base/float_guard.hpp"
 #include "core/base/hash.hpp"
 #include "pair_readiness.hpp"
@@ -15,6 +16,7 @@ namespace {
 
 /// Of one model; some 20 MB. A publisher that keeps to the window sends far fewer; what is dropped is asked for again.
 constexpr std::size_t kMaxWaitingBatches = 16384;
+constexpr std::size_t kMaxRefusedOf = 256;
 
 /// A sweep may take some twenty milliseconds, then it says what it knows.
 constexpr std::uint64_t kMaxSweepTests = 200'000;
@@ -58,16 +60,33 @@ Result<BodyId> Session::add_body(BodyOptions options) {
                                                     std::to_string(max_age_s) +
                                                     ", expected seconds, not negative"};
   const BodyId id{static_cast<std::uint32_t>(impl_->bodies.size())};
+  NEARMESH_RETURN_IF_ERROR(impl_->check_pin(options));
   if (!impl_->named.emplace(options.name, id).second)
     return Status{StatusCode::kConflict, "body " + options.name + " is declared twice"};
+  PeerModel& model = impl_->replicas.add(options.model);
+  if (options.content.is_set()) model.pinned = options.content;
   impl_->bodies.push_back({.id = id,
                            .name = std::move(options.name),
-                           .model = &impl_->replicas.add(options.model),
+                           .model = &model,
                            .own = options.own,
                            .solid = options.solid,
                            .stamp = {.max_age_s = max_age_s}});
-  impl_->has_new_model = true;
+  impl_->has_news = true;
   return id;
+}
+
+/// One content for each model that is pinned, and one model for each content: a replica belongs to both.
+Status Session::Impl::check_pin(const BodyOptions& body) const {
+  if (!body.content.is_set()) return Status::ok();
+  const std::string pins = "body " + body.name + " pins model " + body.model + " to content " +
+                           to_hex(body.content) + ", another body ";
+  for (const auto& [name, model] : replicas.all()) {
+    if (name == body.model && model.pinned.is_set() && model.pinned != body.content)
+      return {StatusCode::kConflict, pins + "to " + to_hex(model.pinned)};
+    if (name != body.model && model.pinned == body.content)
+      return {StatusCode::kConflict, pins + "model " + name + " to the same"};
+  }
+  return Status::ok();
 }
 
 Status Session::place_body(BodyId body, const Pose& pose) {
@@ -188,14 +207,14 @@ void Session::Impl::take_inbox(FrameReport& report) {
     publishers.erase(id);
     // Whoever serves next is asked anew.
     std::erase_if(outstanding, [id](const auto& open) { return open.second.publisher == id; });
+    has_news = true;
   }
-  for (const wire::Hello& hello : inbox.hellos) take_hello(hello, complaints);
-  for (const wire::MeshHeader& header : inbox.headers)
-    stats.header_bytes += replicas.take_header(header, complaints);
+  for (const wire::Hello& hello : inbox.hellos) take_hello(hello);
+  // Not before all who came and went are known: one that was lost may be there again.
+  if (std::exchange(has_news, false)) settle_contents(complaints);
+  stats.refused_headers += inbox.refused_headers;
+  for (const Channel::Header& header : inbox.headers) take_header(header, complaints);
   is_dropping = false;
-  if (std::exchange(has_new_model, false))  // it may have been announced before a body used it
-    for (const auto& [id, publisher] : publishers)
-      stats.header_bytes += replicas.announce_new(publisher.hello, complaints);
   for (wire::SplitBatchMessage& batch : inbox.batches) take_batch(std::move(batch), report);
   take_poses(inbox, complaints);
 }
@@ -231,7 +250,7 @@ void Session::Impl::take_poses(const Channel::Inbox& inbox, std::vector<std::str
   }
 }
 
-void Session::Impl::take_hello(const wire::Hello& hello, std::vector<std::string>& complaints) {
+void Session::Impl::take_hello(const wire::Hello& hello) {
   if (!publishers.contains(
           hello.publisher))  // what the others have not answered may be asked of it
     std::erase_if(outstanding, [this](const auto& open) {
@@ -241,7 +260,43 @@ void Session::Impl::take_hello(const wire::Hello& hello, std::vector<std::string
     });
   publishers[hello.publisher].hello = hello;
   publishers[hello.publisher].lost_requests = 0;
-  stats.header_bytes += replicas.announce(hello, complaints);
+  has_news = true;
+}
+
+/// Anybody can write a header; it counts from who serves that content.
+void Session::Impl::take_header(const Channel::Header& header,
+                                std::vector<std::string>& complaints) {
+  const auto publisher = publishers.find(header.publisher);
+  if (publisher != publishers.end() && publisher->second.serves(header.message.content_hash)) {
+    stats.header_bytes += replicas.take_header(header.message, complaints);
+    return;
+  }
+  ++stats.refused_headers;
+  if (refused_of.size() < kMaxRefusedOf && refused_of.insert(header.publisher).second)
+    complaints.push_back("header of content " + to_hex(header.message.content_hash) + " from " +
+                         to_hex(header.publisher) +
+                         " does not count: nobody of that name announces that content");
+}
+
+/// What each model's name stands for, by all that publishers say now.
+void Session::Impl::settle_contents(std::vector<std::string>& complaints) {
+  for (auto& [name, model] : replicas.all()) {
+    std::vector<wire::Offer> offers;
+    for (const auto& [id, publisher] : publishers) wire::add_offer(publisher.hello, name, offers);
+    const ContentHash before = model.content_hash;
+    ContentChoice choice = choose_content(
+        {.pinned = model.pinned, .held = model.is_ready() ? before : ContentHash{}}, offers);
+    if (!choice.change.empty())
+      complaints.push_back("model " + name + ": " + choice.change + "; starting again with it");
+    if (model.is_ready() && model.pinned.is_set() && before != model.pinned)
+      complaints.push_back("model " + name + ": content " + to_hex(model.pinned) +
+                           " is pinned now; content " + to_hex(before) + " is dropped");
+    stats.header_bytes += replicas.assign(model, choice.content, complaints);
+    if (choice.mesh_bytes != 0) model.mesh_bytes = choice.mesh_bytes;
+    if (!choice.conflict.empty() && choice.conflict != model.conflict)
+      complaints.push_back("model " + name + ": " + choice.conflict);
+    model.conflict = std::move(choice.conflict);
+  }
 }
 
 void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& report) {
@@ -271,7 +326,7 @@ void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& r
   PeerModel* model = replicas.find(message.content_hash);
   if (model == nullptr || message.bytes.empty()) return;
   if (model->waiting.size() < kMaxWaitingBatches) {
-    model->waiting.push_back(std::move(message.bytes));
+    model->waiting.push_back({message.publisher, std::move(message.bytes)});
   } else if (!std::exchange(is_dropping, true)) {
     report.complaints.push_back("model " + model->name + ": more than " +
                                 std::to_string(kMaxWaitingBatches) +
@@ -279,12 +334,21 @@ void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& r
   }
 }
 
+/// Why no base mesh of a model is here.
+std::string Session::Impl::why_no_mesh(const PeerModel& model) const {
+  const bool is_served = std::any_of(publishers.begin(), publishers.end(), [&](const auto& entry) {
+    return entry.second.serves(model.content_hash);
+  });
+  if (is_served) return "its header has not come";
+  if (!model.conflict.empty()) return model.conflict;
+  if (publishers.empty()) return "no publisher found";
+  if (!model.pinned.is_set()) return "no publisher serves it";
+  return "no publisher serves content " + to_hex(model.pinned) + ", which is pinned";
+}
+
 std::string Session::Impl::why_not_ready(const Body& body) const {
-  if (body.model->content_hash == 0)
-    return "model " + body.model->name + " of body " + body.name + ": " +
-           (publishers.empty() ? "no publisher found" : "no publisher serves it");
   if (!body.model->is_ready())
-    return "model " + body.model->name + " of body " + body.name + ": its header has not come";
+    return "model " + body.model->name + " of body " + body.name + ": " + why_no_mesh(*body.model);
   if (body.solid)
     if (const Status status = check_solid(body.model->replica->header().surface, body.name);
         !status.is_ok())
@@ -311,6 +375,8 @@ void take_answer(Answered&& all, PairAnswer& result, std::vector<std::string>& c
 void Session::Impl::answer_pair(PairId id, std::uint64_t frame, FrameReport& report) {
   Pair& pair = pairs[id.value];
   PairAnswer result{.pair = id, .a = pair.a->id, .b = pair.b->id, .answer = nothing_known()};
+  result.content_a = pair.a->model->content_hash;
+  result.content_b = pair.b->model->content_hash;
   result.age_a_s = wire::age_s(stamp_of(*pair.a), time_s);
   result.age_b_s = wire::age_s(stamp_of(*pair.b), time_s);
   result.reason = why_not_ready(*pair.a);
@@ -421,6 +487,9 @@ void Session::Impl::tell_status(const FrameReport& report, const SessionStats& c
     }
     now.models.push_back(std::move(entry));
   }
+  for (const auto& [name, model] : replicas.all())  // as long as it lasts
+    if (!model.conflict.empty())
+      keeper.note("model " + name + ": " + model.conflict, clock.seconds());
   keeper.complete(now, clock.seconds());
   channel->tell(now);
   told = std::move(now);

@@ -4,13 +4,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <thread>
 
 #include "commands.hpp"
 #include "core/base/hash.hpp"
+#include "core/base/output_file.hpp"
+#include "core/base/standard_streams.hpp"
 #include "core/base/stopwatch.hpp"
 #include "core/query/contacts_json.hpp"
 #include "flight_summary.hpp"
@@ -21,6 +23,8 @@
 
 namespace nearmesh::subscriber::program {
 namespace {
+
+constexpr FileKind kAnswersFile{"a file of answers", "{\"frame\":", "{\"summary\":"};
 
 /// The exercise's clock. Nobody keeps it: it runs with each peer's own, and who hears a later time goes on from there. So it
 /// is the latest of all, less what a pose takes on its way, and none is ever set back.
@@ -54,6 +58,10 @@ nlohmann::ordered_json to_json(std::uint64_t frame, double time_s, const PairAns
     if (std::isfinite(x)) return x;
     return nullptr;
   };
+  const auto content = [](const ContentHash& hash) -> nlohmann::ordered_json {
+    if (hash.is_set()) return to_hex(hash);
+    return nullptr;
+  };
   const Answer& answer = pair.answer;
   nlohmann::ordered_json line = {{"frame", frame},
                                  {"time_s", time_s},
@@ -61,6 +69,8 @@ nlohmann::ordered_json to_json(std::uint64_t frame, double time_s, const PairAns
                                  {"b", b.name},
                                  {"model_a", a.model},
                                  {"model_b", b.model},
+                                 {"content_a", content(pair.content_a)},
+                                 {"content_b", content(pair.content_b)},
                                  {"solid_a", a.solid},
                                  {"solid_b", b.solid},
                                  {"age_a_s", finite(pair.age_a_s)},
@@ -107,14 +117,16 @@ class Flight {
       metrics_ = std::move(server).value();
     }
     if (!options_.answers.empty()) {
-      answers_.open(options_.answers);
-      if (!answers_) return {StatusCode::kIo, options_.answers + ": cannot create"};
+      auto file = OutputFile::create(options_.answers, kAnswersFile, {options_.scene});
+      NEARMESH_RETURN_IF_ERROR(file);
+      answers_.emplace(std::move(file).value());
     }
     for (const BodyOfScene& body : scene_.bodies) {
       const auto added = session_.add_body({.name = body.name,
                                             .model = body.model,
                                             .own = !body.trajectory.empty(),
                                             .solid = body.solid,
+                                            .content = body.content,
                                             .max_pose_age_s = body.max_pose_age_s});
       NEARMESH_RETURN_IF_ERROR(added.status());
       if (body.fixed_pose)
@@ -179,17 +191,18 @@ class Flight {
     }
   }
 
-  void print_summary() {
+  Status print_summary() {
     if (::isatty(STDERR_FILENO) != 0) std::fprintf(stderr, "\r%40s\r", "");
     if (options_.json) {
       std::printf("%s\n", to_json(summary_).dump().c_str());
     } else {
       print_text(summary_);
     }
-    if (answers_.is_open()) answers_ << to_json(summary_).dump() << '\n';
     // Before the bus is left: an assertion of Fast DDS may end the process there (docs/network.md).
-    answers_.flush();
-    std::fflush(stdout);
+    NEARMESH_RETURN_IF_ERROR(flush_standard_output());
+    if (!answers_) return Status::ok();
+    NEARMESH_RETURN_IF_ERROR(answers_->write(to_json(summary_).dump() + '\n'));
+    return answers_->close();
   }
 
  private:
@@ -248,7 +261,7 @@ class Flight {
       query_s += report.query_s;
       const bool more_time = clock.seconds() + 0.002 < end_s - 0.25 / scene_.frame_rate_hz;
       if (report.all_certified() || !more_time || stop_requested != 0) {
-        record(frame, report);
+        NEARMESH_RETURN_IF_ERROR(record(frame, report));
         break;
       }
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
@@ -261,15 +274,18 @@ class Flight {
     return Status::ok();
   }
 
-  void record(std::uint64_t frame, const FrameReport& report) {
+  // Frame by frame to the end of both streams: whoever reads along, or after this process was killed, finds it there.
+  Status record(std::uint64_t frame, const FrameReport& report) {
     for (const PairAnswer& pair : report.answers) {
       ++summary_.by_status[static_cast<std::size_t>(pair.answer.status)];
       summary_.contact_pairs += pair.answer.pair_total;
-      if (!options_.json && !answers_.is_open()) continue;
-      const std::string line = to_json(frame, time_s_, pair, scene_).dump();
-      if (options_.json) std::printf("%s\n", line.c_str());
-      if (answers_.is_open()) answers_ << line << '\n';
+      if (!options_.json && !answers_) continue;
+      const std::string line = to_json(frame, time_s_, pair, scene_).dump() + '\n';
+      if (options_.json) std::fputs(line.c_str(), stdout);
+      if (answers_) NEARMESH_RETURN_IF_ERROR(answers_->write(line));
     }
+    if (options_.json) NEARMESH_RETURN_IF_ERROR(flush_standard_output());
+    return answers_ ? answers_->put_in_place() : Status::ok();
   }
 
   void note_certified(const FrameReport& report) {
@@ -311,7 +327,7 @@ class Flight {
   const std::vector<Session::OwnMotion> no_motions_;
   spdlog::logger& log_ = wire::program::log("session");
   std::unique_ptr<wire::program::MetricsServer> metrics_;
-  std::ofstream answers_;
+  std::optional<OutputFile> answers_;
   Session session_;
   Summary summary_;
 };
@@ -328,7 +344,7 @@ Status run(const RunOptions& options) {
   NEARMESH_RETURN_IF_ERROR(flight.prepare());
   NEARMESH_RETURN_IF_ERROR(flight.wait_for_start());
   NEARMESH_RETURN_IF_ERROR(flight.fly());
-  flight.print_summary();
+  NEARMESH_RETURN_IF_ERROR(flight.print_summary());
   flight.stay();
   return Status::ok();
 }

@@ -8,6 +8,7 @@
 #include <set>
 
 #include "core/base/csv.hpp"
+#include "nearmesh/core/base/parse_content_hash.hpp"
 
 namespace nearmesh::subscriber::program {
 namespace {
@@ -56,6 +57,13 @@ std::string name_of(const YAML::Node& map, const std::string& key, const std::st
   const YAML::Node node = map[key];
   if (!node) fail(map, where + ": no " + key);
   return value<std::string>(node, key, "a name");
+}
+
+ContentHash content(const YAML::Node& node) {
+  const Result<ContentHash> hash =
+      parse_content_hash(value<std::string>(node, "content", "hexadecimal digits"));
+  if (!hash.is_ok()) fail(node, hash.status().message());
+  return hash.value();
 }
 
 Pose fixed_pose(const YAML::Node& node, const std::string& body) {
@@ -154,10 +162,11 @@ Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
     scene.session.contacts = value<bool>(root["contacts"], "contacts", "true or false");
   if (!root["bodies"] || !root["bodies"].IsSequence()) fail(root, "bodies: expected a list");
   for (const YAML::Node& node : root["bodies"]) {
-    check_keys(node, "body", {"name", "model", "solid", "pose", "max_pose_age_s"});
+    check_keys(node, "body", {"name", "model", "content", "solid", "pose", "max_pose_age_s"});
     BodyOfScene body{.name = name_of(node, "name", "body"),
                      .model = name_of(node, "model", "body")};
     if (node["solid"]) body.solid = value<bool>(node["solid"], "solid", "true or false");
+    if (node["content"]) body.content = content(node["content"]);
     if (node["max_pose_age_s"])
       body.max_pose_age_s = number_in(node, "max_pose_age_s", 0, 0, kMaxPoseAge_s);
     if (node["pose"]) body.fixed_pose = fixed_pose(node["pose"], body.name);

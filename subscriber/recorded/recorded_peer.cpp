@@ -35,7 +35,7 @@ void RecordedPeer::take(wire::SplitBatchMessage&& batch) {
   Stream& stream = streams_[batch.content_hash];
   if (gap_) return;
   ++stream.received;
-  stream.waiting.push_back(std::move(batch.bytes));
+  stream.waiting.push_back(std::move(batch));
 }
 
 void RecordedPeer::work(const RecordedHeaders& headers, bool final) {
@@ -65,7 +65,9 @@ bool RecordedPeer::reach(const wire::ContactReport::Asked& asked, const Recorded
   }
   if (asked.applied_batches > stream.received) return false;
   for (; stream.replica->taken_batches() < asked.applied_batches; stream.waiting.pop_front())
-    static_cast<void>(stream.replica->take(stream.waiting.front()));  // the peer went on too
+    // The peer went on too where one was wrong.
+    static_cast<void>(
+        stream.replica->take(stream.waiting.front().bytes, stream.waiting.front().publisher));
   return true;
 }
 

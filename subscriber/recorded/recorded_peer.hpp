@@ -28,7 +28,7 @@ struct RecordedReport {
 /// where that is not so, or no pose had come.
 [[nodiscard]] std::string why_stale(const wire::ContactReport& report);
 
-using RecordedHeaders = std::map<std::uint64_t, SpmHeader>;  ///< by content hash
+using RecordedHeaders = std::map<ContentHash, SpmHeader>;  ///< by content hash
 
 /// One peer.
 class RecordedPeer {
@@ -66,12 +66,12 @@ class RecordedPeer {
   /// of order.
   struct Stream {
     std::optional<Replica> replica;
-    std::deque<std::vector<std::uint8_t>> waiting;
+    std::deque<wire::SplitBatchMessage> waiting;
     std::uint32_t received = 0;
   };
   bool reach(const wire::ContactReport::Asked& asked, const RecordedHeaders& headers);
 
-  std::map<std::uint64_t, Stream> streams_;                 // by content hash
+  std::map<ContentHash, Stream> streams_;                   // by content hash
   std::map<wire::SessionId, std::uint32_t> last_sequence_;  // by publisher
   bool gap_ = false;
   std::deque<RecordedReport> reports_;

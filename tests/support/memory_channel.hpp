@@ -60,13 +60,13 @@ class MemoryBus {
   void inject(const wire::Hello& hello) {
     for (auto& [id, box] : peers_) box.inbox.hellos.push_back(hello);
   }
-  void inject(const wire::MeshHeader& header) {
-    for (auto& [id, box] : peers_) box.inbox.headers.push_back(header);
+  void inject(wire::SessionId from, const wire::MeshHeader& header) {
+    for (auto& [id, box] : peers_) box.inbox.headers.push_back({from, header});
   }
   void release_headers() {
     deliver_headers = true;
     for (const auto& [id, station] : publishers_)
-      for (const wire::MeshHeader& header : station.headers) inject(header);
+      for (const wire::MeshHeader& header : station.headers) inject(id, header);
   }
   /// A publisher that is lost while its channel goes on, as when its process was frozen beyond the
   /// lease.
@@ -109,6 +109,7 @@ class MemoryBus {
     std::vector<wire::MeshHeader> headers;
     Post<wire::RegionSubscription> subscriptions;
     std::vector<wire::SessionId> lost_peers;
+    publisher::Inbox others;  // what it hears of other publishers
   };
   struct PeerBox {
     subscriber::Channel::Inbox inbox;  // what is never delayed
@@ -138,9 +139,9 @@ class MemoryBus {
     const Station& station = publishers_.at(id);
     if (station.hello.publisher == 0) return;
     box.inbox.hellos.push_back(station.hello);
-    if (deliver_headers)
-      box.inbox.headers.insert(box.inbox.headers.end(), station.headers.begin(),
-                               station.headers.end());
+    if (!deliver_headers) return;
+    for (const wire::MeshHeader& header : station.headers)
+      box.inbox.headers.push_back({id, header});
   }
 
   Random random_;
@@ -152,7 +153,11 @@ class MemoryBus {
 
 class MemoryBus::PublisherEnd : public publisher::Channel {
  public:
-  PublisherEnd(MemoryBus& bus, wire::SessionId id) : bus_(bus), id_(id) { bus.publishers_[id]; }
+  PublisherEnd(MemoryBus& bus, wire::SessionId id) : bus_(bus), id_(id) {
+    Station& own = bus.publishers_[id];
+    for (const auto& [other, station] : bus.publishers_)
+      if (station.hello.publisher != 0) own.others.rivals.push_back(station.hello);
+  }
   ~PublisherEnd() override {
     if (!bus_.keep_quiet) bus_.lose_publisher(id_);
     bus_.publishers_.erase(id_);
@@ -164,10 +169,15 @@ class MemoryBus::PublisherEnd : public publisher::Channel {
     station.hello = hello;
     station.headers = headers;
     for (auto& [id, box] : bus_.peers_) bus_.announce(id_, box);
+    for (auto& [id, other] : bus_.publishers_)
+      if (id != id_) other.others.rivals.push_back(hello);
   }
   publisher::Inbox take() override {
     Station& station = bus_.publishers_.at(id_);
-    return {std::exchange(station.lost_peers, {}), station.subscriptions.take(bus_.now_)};
+    publisher::Inbox inbox = std::exchange(station.others, {});
+    inbox.lost_peers = std::exchange(station.lost_peers, {});
+    inbox.subscriptions = station.subscriptions.take(bus_.now_);
+    return inbox;
   }
   bool send(wire::SessionId peer, const wire::SplitBatchMessage& batch) override {
     EXPECT_EQ(wire::check(batch).message(), "");
@@ -266,6 +276,11 @@ inline void MemoryBus::lose_publisher(wire::SessionId id) {
     std::erase_if(box.inbox.hellos,
                   [&](const wire::Hello& hello) { return hello.publisher == id; });
     box.inbox.lost_publishers.push_back(id);
+  }
+  for (auto& [other, station] : publishers_) {
+    std::erase_if(station.others.rivals,
+                  [&](const wire::Hello& hello) { return hello.publisher == id; });
+    station.others.lost_rivals.push_back(id);
   }
 }
 

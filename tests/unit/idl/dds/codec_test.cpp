@@ -26,6 +26,7 @@ void expect_refused(const Message& valid, const char* expected, Spoil spoil) {
 TEST(Decode, RefusesHelloWhoseListsDiffer) {
   using S = wire_types::HelloSample;
   expect_refused<S>(valid_hello(), "models", [](S& s) { s.mesh_bytes().pop_back(); });
+  expect_refused<S>(valid_hello(), "models", [](S& s) { s.replaced_hashes().pop_back(); });
   expect_refused<S>(valid_hello(), "fewer", [](S& s) { s.names().pop_back(); });
   expect_refused<S>(valid_hello(), "more than", [](S& s) { s.names().push_back('\n'); });
   expect_refused<S>(valid_hello(), "fewer", [](S& s) { s.names().push_back('x'); });

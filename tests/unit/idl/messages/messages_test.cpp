@@ -49,6 +49,7 @@ TEST(CheckMessage, RefusesHelloOutsideItsLimits) {
        {"name", [](Hello& m) { m.models[1].name = std::string("a\0b", 3); }},
        {"name", [](Hello& m) { m.models[1].name = "m\xc3\xa9"; }},
        {"name", [](Hello& m) { m.models[1].name = " blank"; }},
+       {"no content", [](Hello& m) { m.models[1].content_hash = {}; }},
        {"twice", [](Hello& m) { m.models[1].name = "bunny"; }}});
 }
 
@@ -64,6 +65,16 @@ TEST(CheckMessage, RefusesHeaderOutsideItsLimits) {
       {{"name", [](MeshHeader& m) { m.name = ""; }},
        {"no bytes", [](MeshHeader& m) { m.bytes.clear(); }},
        {"header bytes", [](MeshHeader& m) { m.bytes.resize(kMaxHeaderBytes + 1); }}});
+}
+
+TEST(CheckMessage, AHeaderProvesItsOwnContent) {
+  MeshHeader other_bytes = valid_header(), other_content = valid_header();
+  other_bytes.bytes[2] ^= 4;
+  other_content.content_hash.high ^= 4;
+  for (const MeshHeader& message : {other_bytes, other_content}) {
+    EXPECT_EQ(check(message).code(), StatusCode::kCorrupt);
+    EXPECT_NE(check(message).message().find(to_hex(message.content_hash)), std::string::npos);
+  }
 }
 
 TEST(CheckMessage, RefusesSubscriptionOutsideItsLimits) {
@@ -109,7 +120,7 @@ TEST(CheckMessage, RefusesBatchOutsideItsLimits) {
   using M = SplitBatchMessage;
   expect_refusals<M>(valid_batch(), {{"publisher", [](M& m) { m.publisher = 0; }},
                                      {"sequence", [](M& m) { m.sequence = 0; }},
-                                     {"bytes", [](M& m) { m.bytes.resize(kMaxBatchBytes + 1); }},
+                                     {"bytes", [](M& m) { m.bytes.resize(kMaxSealedBytes + 1); }},
                                      {"reason", [](M& m) { m.refused = true; }}});
 }
 

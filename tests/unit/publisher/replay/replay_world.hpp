@@ -125,7 +125,7 @@ class MemoryOutlet final : public publisher::ReplayOutlet {
       case wire::place_of<wire::Hello>():
         return wire::partition_of(wire::decode_payload<wire::Hello>(cdr).value().publisher);
       case wire::place_of<wire::MeshHeader>():
-        return wire::partition_of(wire::decode_payload<wire::MeshHeader>(cdr).value().content_hash);
+        return wire::key_of(wire::decode_payload<wire::MeshHeader>(cdr).value().content_hash);
       case wire::place_of<wire::BodyPose>():
         return wire::decode_payload<wire::BodyPose>(cdr).value().body;
       default:
@@ -137,7 +137,8 @@ class MemoryOutlet final : public publisher::ReplayOutlet {
     if (topic == wire::place_of<wire::Hello>())
       bus_.inject(wire::decode_payload<wire::Hello>(cdr).value());
     if (topic == wire::place_of<wire::MeshHeader>())
-      bus_.inject(wire::decode_payload<wire::MeshHeader>(cdr).value());
+      bus_.inject(*index_.publishers().begin(),
+                  wire::decode_payload<wire::MeshHeader>(cdr).value());
     if (topic == wire::place_of<wire::BodyPose>())
       bus_.inject(wire::decode_payload<wire::BodyPose>(cdr).value());
     return key_of(stream, cdr);

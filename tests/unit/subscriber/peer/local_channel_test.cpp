@@ -108,7 +108,7 @@ TEST(LocalChannel, RefusesARequestThatContradictsTheModel) {
   static_cast<void>(channel.take());
   wire::RegionSubscription request;
   request.request = 1;
-  request.content_hash = 12345;
+  request.content_hash = {0, 12345};
   channel.send(request);
   request.content_hash = terrain().open().content_hash();
   request.region.attach = {{VertexId{0}, 0xffffffff}};

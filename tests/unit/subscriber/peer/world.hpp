@@ -29,11 +29,13 @@ class World {
   double seconds_per_round = 0.05;  ///< by the services' clock
   std::function<void(const FrameReport&)> on_report;
 
-  void start_publisher(wire::SessionId id = kPublisher, const ServedModel& ground = terrain()) {
+  /// `replaces`: the content whose place its ground takes.
+  void start_publisher(wire::SessionId id = kPublisher, const ServedModel& ground = terrain(),
+                       ContentHash replaces = {}) {
     Server& server = servers_[id];
     server.channel = bus.make_publisher(id);
     server.service = std::make_unique<publisher::Service>(*server.channel, id);
-    EXPECT_TRUE(server.service->add_model("terrain", ground.open()).is_ok());
+    EXPECT_TRUE(server.service->add_model("terrain", ground.open(), replaces).is_ok());
     EXPECT_TRUE(server.service->add_model("aircraft", aircraft().open()).is_ok());
     server.service->announce();
   }

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "nearmesh/core/base/content_hash.hpp"
 #include "nearmesh/core/base/status.hpp"
 #include "nearmesh/core/geometry/pose.hpp"
 #include "nearmesh/core/spm/detail/types.hpp"
@@ -42,17 +43,19 @@ struct Hello {
   SessionId publisher = 0;
   struct Model {
     std::string name;  ///< unique per publisher, at most kMaxNameBytes
-    std::uint64_t content_hash = 0;
+    ContentHash content_hash;
     std::uint64_t mesh_bytes = 0;  ///< header and all blocks: what a whole replica would take
+    ContentHash replaces;  ///< peers that hold this content go over to the one above; or none
   };
   std::vector<Model> models;
 };
 
-/// Header of one model (keyed by content hash, transient local): SpmHeader as encoded in the file.
+/// Header of one model (keyed by content hash, transient local): SpmHeader as encoded in the file. The content hash is that of
+/// the bytes, so a header needs no other proof.
 struct MeshHeader {
   std::uint16_t wire_version = kWireVersion;
   std::string name;
-  std::uint64_t content_hash = 0;
+  ContentHash content_hash;
   std::vector<std::uint8_t> bytes;  ///< at most kMaxHeaderBytes
 };
 
@@ -60,10 +63,10 @@ struct MeshHeader {
 struct RegionSubscription {
   std::uint16_t wire_version = kWireVersion;
   SessionId peer = 0;
-  std::uint32_t request = 0;       ///< counts up per peer; 0: no request, only credit
-  std::uint64_t content_hash = 0;  ///< the model; meaningless when request is 0
-  std::uint8_t priority = 0;       ///< 0 needed now, 1 horizon
-  SessionId publisher = 0;         ///< whom it is for; others ignore it
+  std::uint32_t request = 0;  ///< counts up per peer; 0: no request, only credit
+  ContentHash content_hash;   ///< the model; meaningless when request is 0
+  std::uint8_t priority = 0;  ///< 0 needed now, 1 horizon
+  SessionId publisher = 0;    ///< whom it is for; others ignore it
   std::uint32_t acknowledged_sequence =
       0;                               ///< highest batch sequence received from it: returns credit
   std::uint32_t window_bytes = 65536;  ///< the publisher keeps at most this much unacknowledged
@@ -74,13 +77,13 @@ struct RegionSubscription {
 struct SplitBatchMessage {
   std::uint16_t wire_version = kWireVersion;
   SessionId publisher = 0;
-  std::uint64_t content_hash = 0;
+  ContentHash content_hash;
   std::uint32_t request = 0;   ///< which request it answers
   std::uint32_t sequence = 0;  ///< counts up per publisher and peer, from 1: gaps are noticed
   bool last = false;           ///< the request is answered in full with this one
   bool refused = false;        ///< the request was refused; bytes hold the reason as text
   std::vector<std::uint8_t>
-      bytes;  ///< at most kMaxBatchBytes; may be empty when nothing was needed
+      bytes;  ///< sealed (codec.hpp), at most kMaxSealedBytes; may be empty when nothing was needed
 };
 
 /// Where a body is (keyed by body name; the peer that moves it publishes).
@@ -121,7 +124,7 @@ struct PoseStamp {
 struct ContactReport {
   /// One of the two bodies as it was when it was asked about.
   struct Asked {
-    std::uint64_t content_hash = 0;
+    ContentHash content_hash;
     std::uint64_t state_digest = 0;  ///< of the model's active vertices
     std::uint32_t applied_batches =
         0;  ///< so many of the model, in order of arrival, had been taken in
@@ -167,7 +170,7 @@ struct ProcessStatus {
   std::uint64_t resident_bytes = 0;
   struct Model {
     std::string name;
-    std::uint64_t content_hash = 0;
+    ContentHash content_hash;
     std::uint64_t faces = 0, held_splits = 0, splits = 0;  ///< 0 until the header has come
   };
   std::vector<Model> models;            ///< served, or used
@@ -195,9 +198,9 @@ struct Probe : Echo {};
 /// Whether who serves `served` models may serve another under this name. Errors: kInvalidArgument naming the limit.
 [[nodiscard]] Status check_new_model(const std::string& name, std::size_t served);
 
-/// What is told of a model that is served: adds it to the hello. Out: its header.
+/// What is told of a model that is served, in place of another content or of none: adds it to the hello. Out: its header.
 [[nodiscard]] MeshHeader announce_model(const std::string& name, const ModelFile& file,
-                                        Hello& hello);
+                                        ContentHash replaces, Hello& hello);
 
 /// The batches of an answer, or of a part of one, as messages to the peer that asked; their sequence is the channel's to count.
 /// `last`: the request is answered in full with these. That nothing was needed is an answer too: one message without bytes.

@@ -26,12 +26,19 @@ class Channel {
   /// What this process knows of itself, for operators.
   virtual void tell(const wire::ProcessStatus&) {}
 
+  /// A header, and the publisher that sent it: the channel knows that it did, whatever the header says.
+  struct Header {
+    wire::SessionId publisher = 0;
+    wire::MeshHeader message;
+  };
+
   /// Everything valid that arrived since the last call, in order of arrival within each kind.
   struct Inbox {
     std::vector<wire::SessionId>
         lost_publishers;  ///< take these first: no hello of one lost after it is in here
     std::vector<wire::Hello> hellos;
-    std::vector<wire::MeshHeader> headers;
+    std::vector<Header> headers;        ///< of publishers whose hello came before
+    std::uint64_t refused_headers = 0;  ///< that no publisher is known to have sent, by now
     std::vector<wire::SplitBatchMessage> batches;
     std::vector<wire::BodyPose> poses;  ///< of bodies that others move
     /// Bodies whose movers left, fell silent or came back since the last call: what holds now. Take these after the poses.

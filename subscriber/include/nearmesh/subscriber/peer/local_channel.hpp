@@ -46,8 +46,8 @@ class LocalChannel final : public Channel {
   };
   void announce();
 
-  std::map<std::uint64_t, Model> models_;  // by content hash
-  std::set<std::string> delivered_;        // bodies of others
+  std::map<ContentHash, Model> models_;  // by content hash
+  std::set<std::string> delivered_;      // bodies of others
   Inbox inbox_;
   std::uint32_t sequence_ = 0;
   bool connected_ = true;

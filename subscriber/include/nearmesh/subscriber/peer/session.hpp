@@ -30,6 +30,8 @@ struct BodyOptions {
   std::string model;   ///< the publisher's name for it; 1 to 63 bytes
   bool own = false;    ///< this peer moves it and publishes its pose; else another peer does
   bool solid = false;  ///< it has an inside (core/query/query.hpp)
+  /// Pins the model, for all bodies that use it: no other content is ever taken. None: what publishers agree on.
+  ContentHash content;
   /// As SessionOptions::max_pose_age_s, for this body. None: that; for own bodies no limit.
   std::optional<double> max_pose_age_s;
 };
@@ -68,7 +70,8 @@ struct PairAnswer {
   /// where the mover's clock is ahead, infinite where no pose has come. Seconds.
   double age_a_s = std::numeric_limits<double>::infinity();
   double age_b_s = std::numeric_limits<double>::infinity();
-  Pose pose_a, pose_b;  ///< what was asked about; meaningless unless `asked`
+  Pose pose_a, pose_b;               ///< what was asked about; meaningless unless `asked`
+  ContentHash content_a, content_b;  ///< of the models that it is about; none: not known yet
   /// With SessionOptions::contacts, when the answer has pairs: where they touch, all exact.
   std::optional<Contacts> contacts;
   /// Free or contained: until this much after the frame's time nothing can touch, if the bodies keep within their speeds from
@@ -104,6 +107,7 @@ struct SessionStats {
   std::uint64_t requests = 0;
   std::uint64_t region_sweeps = 0;  ///< of a body against another, to see what detail they may meet
   std::uint64_t sequence_gaps = 0;  ///< batches that never came
+  std::uint64_t refused_headers = 0;  ///< that came from whoever serves no such content
   std::uint64_t held_splits = 0, slots = 0, exact_faces = 0, tree_bytes = 0;
   std::uint64_t mesh_bytes = 0;  ///< what whole replicas of the models in use would take
 };
@@ -117,7 +121,8 @@ class Session {
 
   /// Declares a body; at any time: what spawns is uncertain, never free, until it is known. Headers of models that no body
   /// uses are kept for that, up to 256 and 16 MiB. Where the model of a solid body turns out to be open, no answer about it
-  /// is ever certified, and each names the reason. Errors: kConflict (name taken), kInvalidArgument (name, max_pose_age_s).
+  /// is ever certified, and each names the reason. Errors: kConflict (name taken, or the pin contradicts another),
+  /// kInvalidArgument (name, max_pose_age_s).
   [[nodiscard]] Result<BodyId> add_body(BodyOptions options);
   /// Fixes a body in place, for scenery that nobody moves. Errors: kNotFound, kInvalidArgument (pose).
   [[nodiscard]] Status place_body(BodyId body, const Pose& pose);
