@@ -157,6 +157,12 @@ TEST_F(Programs, LateJoinerIsAnsweredToo) {
     EXPECT_EQ(checked.wrong, 0U);
     EXPECT_GT(checked.certified, checked.answers / 2);
   }
+  // It came seconds later, and has the other's time.
+  int fresh = 0;
+  for (const json& answer : answers_of("late"))
+    if (answer.at("a") == "one" && is_certified(answer))
+      fresh += answer.at("age_a_s") >= 0 && answer.at("age_a_s") < 0.5 ? 1 : 0;
+  EXPECT_GT(fresh, 50);
 }
 
 TEST_F(Programs, KilledPublisherIsReplacedInFlight) {

@@ -2,6 +2,7 @@
 // How old a pose may be that an answer rests on, by the exercise's clock; and who moves a body and is there no more.
 
 #include "local_host.hpp"
+#include "nearmesh/subscriber/peer/wait_ready.hpp"
 #include "world.hpp"
 
 namespace nearmesh::test {
@@ -287,6 +288,16 @@ TEST_F(PoseOf, ASweptAnswerCountsFromTheFrame) {
   };
   EXPECT_TRUE(touches(aged.swept->hit_s));
   for (int i = 0; i < 100; ++i) EXPECT_FALSE(touches(aged.swept->free_until_s * i / 100));
+}
+
+TEST_F(PoseOf, WhoWaitsFollowsTheTimeOfOthers) {
+  make();
+  deliver(100);
+  const auto waited = subscriber::wait_ready(*host_->session, kOne, 5);
+  ASSERT_TRUE(waited.is_ok());
+  EXPECT_EQ(waited.value().readiness.stage, subscriber::ReadyStage::kCertified)
+      << waited.value().readiness.reason;
+  EXPECT_EQ(waited.value().report.answers[0].age_b_s, 0);
 }
 
 TEST_F(PoseOf, TimeThatGoesBackOrCountsNanosecondsIsToldOf) {
