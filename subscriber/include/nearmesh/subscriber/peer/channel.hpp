@@ -23,6 +23,8 @@ class Channel {
 
   /// What this process knows of itself, for operators.
   virtual void tell(const wire::ProcessStatus&) {}
+  /// What this peer holds of a model, for a recorder that came (Inbox::recorder_came).
+  virtual void tell_held(const wire::HeldDetail&) {}
 
   /// Everything valid that arrived since the last call, in order of arrival within each kind.
   struct Inbox {
@@ -32,6 +34,7 @@ class Channel {
     std::vector<wire::MeshHeader> headers;
     std::vector<wire::SplitBatchMessage> batches;
     std::vector<wire::BodyPose> poses;  ///< of bodies that others move
+    bool recorder_came = false;         ///< one that may have missed what came before
     std::vector<std::string>
         complaints;  ///< one line each: malformed samples, other wire versions, incompatible QoS
   };
