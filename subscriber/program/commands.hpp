@@ -4,6 +4,7 @@
 // that no command compiles CLI11.
 
 #include <csignal>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -23,6 +24,7 @@ struct RunOptions {
   std::string metrics;
   std::vector<std::string> log{"info"};
   bool json = false;
+  std::optional<double> wait_recorder_s;  ///< for so long at most; 0: without end
 };
 Status run(const RunOptions& options);
 
@@ -36,10 +38,12 @@ struct InfoOptions {
 Status run(const InfoOptions& options);
 
 struct VerifyOptions {
-  std::string path;
+  std::string path, models;
   unsigned threads = 1;
+  bool allow_unproved = false, json = false;
 };
-Status run(const VerifyOptions& options);
+/// `exit_code`: with which the program ends where the status is not ok.
+Status run(const VerifyOptions& options, int& exit_code);
 
 struct ExportOptions {
   std::string session, peer, body, other, out;

@@ -49,6 +49,9 @@ void add_run_command(CLI::App& app, Action& chosen) {
   command->add_option("--answers", options->answers, "Also write the JSON lines to this file");
   command->add_flag("--json", options->json,
                     "Print one JSON line per answer, and one with the summary");
+  command->add_flag("--wait-recorder{0}", options->wait_recorder_s,
+                    "Begin when nearmesh-subscriber record listens; with =SECONDS fail when none "
+                    "came by then. Ctrl-C ends");
   const auto settings = std::make_shared<wire::program::Settings>();
   wire::program::add_transport_settings(*settings, options->channel.transport);
   wire::program::add_metrics_setting(*settings, options->metrics);
@@ -90,15 +93,30 @@ void add_info_command(CLI::App& app, Action& chosen) {
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 
-void add_verify_command(CLI::App& app, Action& chosen) {
+void add_verify_command(CLI::App& app, Action& chosen, int& exit_code) {
   CLI::App* command = app.add_subcommand(
       "verify", "Run a recorded session again, offline, and compare states and answers.");
+  command->footer(
+      "Exit codes. 0: every answer was proved. 1: answers are different, or the recording cannot "
+      "be "
+      "read. 2: wrong usage. 3: none is different, but some could not be proved. 4: none is "
+      "different, but reports are malformed or missing, or there is none at all.");
   const auto options = std::make_shared<VerifyOptions>();
   command->add_option("session", options->path, "Recorded session (.db3)")->required();
   command->add_option("--threads", options->threads, "Peers are spread over so many")
       ->capture_default_str()
       ->check(CLI::Range(1, 256));
-  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
+  command->add_option("--models", options->models,
+                      "Folder with .spm files: from them peers are taken up again where the "
+                      "recording lacks batches, as when the recorder came late");
+  command->add_flag(
+      "--allow-unproved", options->allow_unproved,
+      "End with 0 also where answers could not be proved or reports are missing, if none "
+      "is different");
+  command->add_flag("--json", options->json, "As JSON");
+  command->callback([options, &chosen, &exit_code] {
+    chosen = [options, &exit_code] { return run(*options, exit_code); };
+  });
 }
 
 void add_export_command(CLI::App& app, Action& chosen) {
@@ -193,7 +211,8 @@ int main(int argc, char** argv) {
   add_run_command(app, chosen);
   add_record_command(app, chosen);
   add_info_command(app, chosen);
-  add_verify_command(app, chosen);
+  int exit_code = 1;  // of what fails
+  add_verify_command(app, chosen, exit_code);
   add_export_command(app, chosen);
   add_report_command(app, chosen);
   add_status_command(app, chosen);
@@ -206,7 +225,7 @@ int main(int argc, char** argv) {
     const nearmesh::Status status = chosen();
     if (status.is_ok()) return 0;
     spdlog::error("{}", status.message());
-    return 1;
+    return exit_code;
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
   } catch (const std::exception& error) {
