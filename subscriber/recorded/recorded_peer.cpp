@@ -16,7 +16,7 @@ namespace {
 constexpr std::int64_t kChunk = 8192;  ///< messages between two rounds of work
 /// Batches and what the peer said it held come to a recorder by different ways, some milliseconds apart: so many batches, and
 /// so many rounds, are enough for the one to be found in the other.
-constexpr std::size_t kLatest = 4096;
+constexpr std::size_t kLatest = 1024;
 constexpr int kPatientRounds = 2;
 constexpr std::size_t kMaxComplaints = 16;
 

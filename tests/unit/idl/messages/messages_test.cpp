@@ -175,12 +175,14 @@ TEST(CheckMessage, NamesBothVersionsWhenTheyDiffer) {
 
 TEST(CheckMessage, RefusesWhatIsHeldOutsideItsLimits) {
   using M = HeldDetail;
-  expect_refusals<M>(valid_held(),
-                     {{"peer", [](M& m) { m.peer = 0; }},
-                      {"model name", [](M& m) { m.model = ""; }},
-                      {"heard", [](M& m) { m.heard.resize(kMaxHeardPublishers + 1, {1, 1}); }},
-                      {"publisher", [](M& m) { m.heard[1].publisher = 0; }},
-                      {"nodes", [](M& m) { m.nodes.resize(kMaxHeldBytes + 1); }}});
+  expect_refusals<M>(valid_held(), {{"peer", [](M& m) { m.peer = 0; }},
+                                    {"model name", [](M& m) { m.model = ""; }},
+                                    {"heard",
+                                     [](M& m) {
+                                       m.heard.resize(kMaxHeardPublishers + 1, {1, 1});
+                                     }},
+                                    {"publisher", [](M& m) { m.heard[1].publisher = 0; }},
+                                    {"nodes", [](M& m) { m.nodes.resize(kMaxHeldBytes + 1); }}});
 }
 
 TEST(CheckMessage, RefusesStatusOutsideItsLimits) {
