@@ -49,9 +49,13 @@ void add_run_command(CLI::App& app, Action& chosen) {
   command->add_option("--answers", options->answers, "Also write the JSON lines to this file");
   command->add_flag("--json", options->json,
                     "Print one JSON line per answer, and one with the summary");
-  command->add_flag("--wait-recorder{0}", options->wait_recorder_s,
-                    "Begin when nearmesh-subscriber record listens; with =SECONDS fail when none "
-                    "came by then. Ctrl-C ends");
+  const auto wait_s = std::make_shared<std::string>();
+  CLI::Option* waits =
+      command
+          ->add_flag("--wait-recorder{0}", *wait_s,
+                     "Begin when nearmesh-subscriber record listens; with =SECONDS fail when none "
+                     "came by then. Ctrl-C ends")
+          ->check(CLI::NonNegativeNumber);
   const auto settings = std::make_shared<wire::program::Settings>();
   wire::program::add_transport_settings(*settings, options->channel.transport);
   wire::program::add_metrics_setting(*settings, options->metrics);
@@ -60,8 +64,9 @@ void add_run_command(CLI::App& app, Action& chosen) {
     wire::program::apply_preset(*known, options->channel.transport);
     wire::program::set_log_levels(options->log);
   });
-  command->callback([options, &chosen] {
+  command->callback([options, waits, wait_s, &chosen] {
     if (options->scene.empty()) throw CLI::RequiredError("scene");
+    if (waits->count() > 0) options->wait_recorder_s = std::stod(*wait_s);
     chosen = [options] { return run(*options); };
   });
 }

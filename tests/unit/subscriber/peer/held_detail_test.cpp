@@ -58,10 +58,10 @@ TEST(HeldDetail, IsNotToldWhileBatchesWait) {
   const Flight flight = make_flight(1);
   std::uint64_t waiting = 0;
   // Without a budget one batch is taken in a frame.
-  for (int i = 0; i < 50 && waiting == 0; ++i)
+  for (int i = 0; i < 200 && waiting < 3; ++i)
     waiting =
         world.round(*session, 0, {{kOne, flight.one[0]}, {kTwo, flight.two[0]}}, 0).batches_waiting;
-  ASSERT_GT(waiting, 1U);
+  ASSERT_GE(waiting, 3U);
   world.bus.bring_recorder();
   FrameReport report = world.round(*session, 0, {}, 0);
   ASSERT_GT(report.batches_waiting, 0U);
