@@ -602,7 +602,8 @@ TEST_F(Programs, LateRecorderProvesWhatFollowsAndCountsWhatWasBefore) {
 
   ASSERT_EQ(test::run(folder, "nearmesh-subscriber", {"info", session, "--json"}, &out, &err), 0);
   std::set<std::string> late;
-  for (const json& writer : json::parse(out).at("late")) {
+  const json info = json::parse(out);
+  for (const json& writer : info.at("late")) {
     const std::string topic = writer.at("topic");
     late.insert(topic.substr(topic.rfind('/') + 1));
     EXPECT_GT(writer.at("from_sample"), 1U);
