@@ -10,9 +10,9 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 nearmesh_packages=(
   build-essential cmake ninja-build python3
   libeigen3-dev libassimp-dev zlib1g-dev libcli11-dev nlohmann-json3-dev libxxhash-dev libgtest-dev libgmp-dev libhwy-dev
-  libsqlite3-dev
+  libsqlite3-dev libssl-dev
   libfastrtps-dev libfastcdr-dev fastddsgen libspdlog-dev libyaml-cpp-dev
-  prometheus-cpp-dev libssl-dev libtinyxml2-dev iproute2 nftables libfaketime)
+  prometheus-cpp-dev libtinyxml2-dev iproute2 nftables libfaketime)
 
 install_missing() {
   command -v dpkg-query >/dev/null || return 0  # not Debian: CMake will name what it cannot find

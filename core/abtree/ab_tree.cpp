@@ -290,6 +290,7 @@ void AbTree::tell_watchers(std::uint32_t index, VertexBits corners, bool may_los
 void AbTree::update(const RefineDelta& delta) {
   const FloatGuard guard;
   rebuilt_slots_ = rebuilt_faces_ = 0;
+  contradiction_ = {};
   for (const NodeSpan& node : delta.collapsed) apply_collapse(node);
   constexpr std::size_t kAhead = 8;  // splits: enough for what a split looks up to come from memory
   for (std::size_t i = 0; i < delta.split.size(); ++i) {

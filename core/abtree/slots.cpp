@@ -166,16 +166,21 @@ void AbTree::build_micro_tree(std::uint32_t index) {
   Tip& slot = tips_[index];
   builder_->clear();
   FaceBlock* blocks = builder_->add_faces(exact_count_);
+  GridBox around;
   for (std::size_t i = 0; i < exact_count_; ++i) {
     FaceBlock& block = blocks[i / kLanes];
     const FaceCorners& face = exact_faces_[i].face;
     const std::array<VertexId, 3> corners{face.first, face.second, face.outside};
     for (std::size_t c = 0; c < 3; ++c) {
       const GridPoint& at = store.position(corners[c]);
+      around.add(at);
       for (int k = 0; k < 3; ++k) block.triangles.corner[c][k][i % kLanes] = at[k];
     }
     block.keys[i % kLanes] = exact_faces_[i].key;
   }
+  // Each has a corner in the slot, so the box of its node was to enclose them all.
+  if (slot.bounds.is_empty()) slot.bounds = store.box(slot.node);
+  if (exact_count_ != 0 && !slot.bounds.contains(around)) contradiction_ = slot.node;
   const SlotBits bits = bits_of(slot.node);
   for (std::uint64_t left = bits.active & ~bits.resolved; left != 0; left &= left - 1) {
     const auto offset = static_cast<std::uint32_t>(std::countr_zero(left));

@@ -8,6 +8,8 @@
 #include <queue>
 #include <utility>
 
+#include "core/geometry/motion_bounds.hpp"
+
 namespace nearmesh {
 namespace {
 

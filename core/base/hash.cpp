@@ -16,4 +16,6 @@ std::string to_hex(std::uint64_t value) {
   return text;
 }
 
+std::string to_hex(const ContentHash& hash) { return to_hex(hash.high) + to_hex(hash.low); }
+
 }  // namespace nearmesh

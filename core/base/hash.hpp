@@ -7,9 +7,11 @@
 #include <span>
 #include <string>
 
+#include "nearmesh/core/base/content_hash.hpp"
+
 namespace nearmesh {
 
-/// XXH3, 64 bits: for checksums and content hashes (not against an adversary).
+/// XXH3, 64 bits: for checksums (not against an adversary: digest.hpp).
 [[nodiscard]] std::uint64_t hash_bytes(std::span<const std::uint8_t> bytes, std::uint64_t seed = 0);
 
 /// 16 hexadecimal digits, as hashes and session ids are shown to people.

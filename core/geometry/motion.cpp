@@ -16,6 +16,7 @@
 #include <string>
 
 #include "core/base/float_guard.hpp"
+#include "motion_bounds.hpp"
 
 namespace nearmesh {
 namespace {

@@ -136,7 +136,7 @@ Result<SceneMesh> read_with_assimp(const std::string& path, const std::string& n
                   "assimp: " + (reason.empty() ? std::string("no scene") : std::string(reason)));
   }
   const ReadConvention convention = find_convention(name_of_reader(importer), *scene, path);
-  Result<SceneMesh> collected = SceneCollector(*scene, node).collect(!convention.root_is_assimps);
+  Result<SceneMesh> collected = SceneCollector(*scene, node).collect(!convention.leaves_out_root);
   if (collected.is_ok()) collected.value().convention = convention.file;
   return collected;
 }

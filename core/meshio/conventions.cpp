@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "conventions.hpp"
 
+#include <assimp/commonMetaData.h>
 #include <zlib.h>
 
 #include <algorithm>
@@ -143,7 +144,7 @@ ReadConvention collada(const aiScene& scene, const std::string& path) {
   const aiMatrix4x4& root = scene.mRootNode->mTransformation;
   const std::string text = head_of(path, ".dae");
   ReadConvention out;
-  out.root_is_assimps = true;
+  out.leaves_out_root = true;
   const bool states_unit = !attribute(text, "unit", "meter").empty();
   out.file.unit_m = decimal(root.a1 != 0 ? root.a1 : root.b1);
   out.file.unit_is_fixed = states_unit;
@@ -178,6 +179,21 @@ ReadConvention fbx(const aiScene& scene, const std::string& path) {
   return out;
 }
 
+ReadConvention gltf(const aiScene& scene) {
+  ReadConvention out;
+  aiString generator;
+  const bool is_ours = scene.mMetaData != nullptr &&
+                       scene.mMetaData->Get(AI_METADATA_SOURCE_GENERATOR, generator) &&
+                       std::string_view(generator.C_Str()) == "nearmesh-subscriber export";
+  // Its world is z up, and its root does nothing but turn that to glTF's y up.
+  out.leaves_out_root = is_ours;
+  out.file = {.unit_source = OriginSource::kFormat,
+              .up = is_ours ? UpAxis::kZ : UpAxis::kY,
+              .up_source = is_ours ? OriginSource::kFile : OriginSource::kFormat,
+              .unit_is_fixed = true};
+  return out;
+}
+
 ReadConvention millimetres_unless(std::string_view stated) {
   ReadConvention out;
   const double unit_m = unit_by_name(stated);
@@ -189,11 +205,11 @@ ReadConvention millimetres_unless(std::string_view stated) {
   return out;
 }
 
-ReadConvention only_up(UpAxis up, bool root_is_assimps) {
+ReadConvention only_up(UpAxis up, bool leaves_out_root) {
   ReadConvention out;
   out.file.up = up;
   out.file.up_source = OriginSource::kFormat;
-  out.root_is_assimps = root_is_assimps;
+  out.leaves_out_root = leaves_out_root;
   return out;
 }
 
@@ -207,12 +223,7 @@ ReadConvention find_convention(std::string_view importer, const aiScene& scene,
   if (is("3mf")) return millimetres_unless(attribute(head_of(path, ".model"), "model", "unit"));
   if (is("Additive manufacturing"))
     return millimetres_unless(attribute(head_of(path, ".amf"), "amf", "unit"));
-  if (is("glTF")) {
-    ReadConvention out = only_up(UpAxis::kY, false);
-    out.file.unit_source = OriginSource::kFormat;
-    out.file.unit_is_fixed = true;
-    return out;
-  }
+  if (is("glTF")) return gltf(scene);
   // These three are turned from Z-up to Y-up at the root; 3DS is also divided by its master scale.
   if (is("Discreet 3DS") || is("ASE") || is("Drawing Interchange"))
     return only_up(UpAxis::kZ, true);

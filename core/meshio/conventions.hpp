@@ -13,8 +13,8 @@ namespace nearmesh::meshio {
 
 struct ReadConvention {
   FileConvention file;
-  /// The root's transform is assimp's own, a turn or a scale: the file has none there.
-  bool root_is_assimps = false;
+  /// The root's transform is left out: assimp's own, a turn or a scale, where the file has none, or the turn of our own glTF.
+  bool leaves_out_root = false;
 };
 
 /// `importer`: assimp's name of the reader. `path`: what it read, looked into where assimp hides what the file says.

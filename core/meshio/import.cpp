@@ -184,9 +184,10 @@ Result<ImportedMesh> import_mesh(const std::string& path, const ImportOptions& o
     NEARMESH_RETURN_IF_ERROR(read);
     auto& [scene, origin] = read.value();
     const bool is_as_written = scene.convention.is_known;
+    const UpAxis stated_up = scene.convention.up;
     IndexedMesh mesh = assemble(std::move(scene), meshio::to_model(origin));
     NEARMESH_RETURN_IF_ERROR(check_faces(mesh));  // a product may have left the doubles
-    return ImportedMesh{std::move(mesh), origin, is_as_written};
+    return ImportedMesh{std::move(mesh), origin, is_as_written, stated_up};
   });
 }
 
@@ -203,7 +204,7 @@ Result<ImportedNodes> import_nodes(const std::string& path, const ImportOptions&
     auto& [scene, origin] = read.value();
     ImportedNodes out{
         meshio::take_apart(scene, meshio::to_model(origin), std::filesystem::path(path).stem()),
-        origin, scene.convention.is_known};
+        origin, scene.convention.is_known, scene.convention.up};
     for (const ImportedNode& node : out.nodes) NEARMESH_RETURN_IF_ERROR(check_faces(node.mesh));
     return out;
   });

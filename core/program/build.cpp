@@ -2,14 +2,16 @@
 #include <unistd.h>
 
 #include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <span>
 
 #include "commands.hpp"
 #include "core/base/hash.hpp"
+#include "core/base/output_file.hpp"
 #include "core/base/resources.hpp"
 #include "core/base/stopwatch.hpp"
+#include "core/spm/check_boxes.hpp"
+#include "core/spm/file_layout.hpp"
 #include "measures.hpp"
 #include "nearmesh/core/bake/bake.hpp"
 #include "nearmesh/core/meshio/import.hpp"
@@ -17,6 +19,9 @@
 
 namespace nearmesh::program {
 namespace {
+
+constexpr FileKind kSceneFile{"a scene snippet of nearmesh-model build",
+                              "# Written by nearmesh-model build --per-node."};
 
 // One line that is rewritten on a terminal, and a few plain lines elsewhere. Standard error only.
 class Progress {
@@ -94,6 +99,7 @@ void print_text(const Outcome& o) {
   const CleanReport& c = o.clean;
   const auto count = [](std::uint64_t n) { return static_cast<unsigned long long>(n); };
   std::printf("%s -> %s\n", o.in.c_str(), o.out.c_str());
+  std::printf("  content: %s\n", to_hex(o.written.content_hash).c_str());  // as a scene has it
   std::printf("  in            %llu faces, %llu vertices\n", count(c.faces_in),
               count(c.vertices_in));
   std::printf("  welded        %llu vertices\n", count(c.vertices_welded));
@@ -128,8 +134,8 @@ void print_text(const Outcome& o) {
 }
 
 /// `mesh` is let go of as soon as it is cleaned: the bake needs the memory.
-Result<Outcome> build(IndexedMesh mesh, const MeshOrigin& origin, const std::string& out,
-                      const BuildOptions& options, Progress& progress) {
+Result<Outcome> build(IndexedMesh mesh, const MeshOrigin& origin, UpAxis stated_up,
+                      const std::string& out, const BuildOptions& options, Progress& progress) {
   Stopwatch watch;
   Outcome outcome{.in = options.in, .out = out};
   progress.stage("cleaning");
@@ -141,6 +147,7 @@ Result<Outcome> build(IndexedMesh mesh, const MeshOrigin& origin, const std::str
   GridBox box;
   for (const GridPoint& position : clean.value().mesh.positions) box.add(position);
   outcome.measures = measure(clean.value().mesh.grid, box, origin);
+  outcome.measures.stated_up = stated_up;
   progress.stage("simplifying");
   Stopwatch simplify_watch;
   Result<BakedModel> baked =
@@ -152,6 +159,7 @@ Result<Outcome> build(IndexedMesh mesh, const MeshOrigin& origin, const std::str
   outcome.simplify_seconds = simplify_watch.seconds();
   progress.stage("writing");
   const BakedModel& model = baked.value();
+  NEARMESH_RETURN_IF_ERROR(check_boxes(model.store));
   const auto written =
       write_model_file(model.header, model.store, model.numbers, out, options.threads, origin);
   NEARMESH_RETURN_IF_ERROR(written);
@@ -214,11 +222,18 @@ Status build_nodes(const BuildOptions& options, Progress& progress) {
   std::error_code error;
   std::filesystem::create_directories(folder, error);
   if (error) return {StatusCode::kIo, options.out + ": cannot create: " + error.message()};
-  std::string scene = "bodies:\n";
+  // All of them first: nothing is written where one is refused.
+  const auto path_of = [&folder](const std::string& name) { return (folder / name).string(); };
+  const std::string scene_path = path_of("scene.yaml");
+  NEARMESH_RETURN_IF_ERROR(check_output(scene_path, kSceneFile, {options.in}));
+  for (const ImportedNode& node : imported.value().nodes)
+    NEARMESH_RETURN_IF_ERROR(
+        check_output(path_of(node.name + ".spm"), file_layout::kModelFile, {options.in}));
+  std::string scene = std::string(kSceneFile.begins) + "\nbodies:\n";
   for (const ImportedNode& node : imported.value().nodes) {
     const Result<Outcome> outcome =
-        build(node.mesh, imported.value().origin, (folder / (node.name + ".spm")).string(), options,
-              progress);
+        build(node.mesh, imported.value().origin, imported.value().stated_up,
+              path_of(node.name + ".spm"), options, progress);
     NEARMESH_RETURN_IF_ERROR(outcome);
     report(outcome.value(), options);
     const std::string name = nlohmann::json(node.name).dump();
@@ -226,13 +241,9 @@ Status build_nodes(const BuildOptions& options, Progress& progress) {
     scene.append(", pose: {rotation: ").append(list(node.rotation));
     scene.append(", translation: ").append(list(node.translation_m)).append("}}\n");
   }
-  const std::string path = (folder / "scene.yaml").string();
-  std::ofstream out(path, std::ios::trunc);
-  out << scene;
-  out.close();
-  if (!out) return {StatusCode::kIo, path + ": cannot write"};
+  NEARMESH_RETURN_IF_ERROR(write_file(scene_path, kSceneFile, scene, {options.in}));
   if (!options.json)
-    std::printf("%s: places %zu models\n", path.c_str(), imported.value().nodes.size());
+    std::printf("%s: places %zu models\n", scene_path.c_str(), imported.value().nodes.size());
   warn_of_reader(options.in, imported.value().is_as_written);
   return Status::ok();
 }
@@ -241,13 +252,15 @@ Status build_nodes(const BuildOptions& options, Progress& progress) {
 
 Status run(const BuildOptions& options) {
   Stopwatch watch;
+  if (!options.per_node)
+    NEARMESH_RETURN_IF_ERROR(check_output(options.out, file_layout::kModelFile, {options.in}));
   Progress progress;
   progress.stage("reading");
   if (options.per_node) return build_nodes(options, progress);
   Result<ImportedMesh> imported = import_mesh(options.in, import_options(options));
   NEARMESH_RETURN_IF_ERROR(imported);
   Result<Outcome> outcome = build(std::move(imported.value().mesh), imported.value().origin,
-                                  options.out, options, progress);
+                                  imported.value().stated_up, options.out, options, progress);
   NEARMESH_RETURN_IF_ERROR(outcome);
   outcome.value().seconds = watch.seconds();
   report(outcome.value(), options);

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "commands.hpp"
+#include "core/base/hash.hpp"
 #include "nearmesh/core/query/query.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
 
@@ -12,6 +13,7 @@ namespace nearmesh::program {
 namespace {
 
 struct FullMesh {
+  std::string content;  ///< its digits
   SpmHeader header;
   TriangleTree tree;
 };
@@ -27,7 +29,7 @@ Result<FullMesh> load(const std::string& path) {
   const SpmHeader& header = file.value().header();
   std::optional<TriangleTree> tree = build_full_tree(header, file.value().store());
   if (!tree) return Status{StatusCode::kCorrupt, path + ": a split is missing"};
-  return FullMesh{header, *std::move(tree)};
+  return FullMesh{to_hex(file.value().content_hash()), header, *std::move(tree)};
 }
 
 Pose pose_of(const nlohmann::json& json) {
@@ -63,11 +65,17 @@ Status check_line(const nlohmann::json& line, const std::map<std::string, FullMe
   if (status == "uncertain") return Status::ok();  // claims nothing
   const FullMesh* mesh[2] = {};
   int side = 0;
-  for (const char* key : {"model_a", "model_b"}) {
-    const auto at = models.find(line.at(key).get<std::string>());
+  for (const auto& [key, content_key] :
+       {std::pair{"model_a", "content_a"}, std::pair{"model_b", "content_b"}}) {
+    const auto name = line.at(key).get<std::string>();
+    const auto at = models.find(name);
     if (at == models.end())
-      return {StatusCode::kNotFound, where + ": model " + line.at(key).get<std::string>() +
-                                         " is not among the .spm files given"};
+      return {StatusCode::kNotFound,
+              where + ": model " + name + " is not among the .spm files given"};
+    if (const auto content = line.at(content_key).get<std::string>(); content != at->second.content)
+      return {StatusCode::kConflict, where + ": the answer is about content " + content +
+                                         " of model " + name + ", the .spm file given is " +
+                                         at->second.content};
     mesh[side++] = &at->second;
   }
   const Result<PosedPair> posed =
@@ -124,7 +132,6 @@ Status run(const CheckOptions& options) {
   std::printf("answers %llu, wrong %llu, certified %llu, received %llu of %llu bytes\n",
               count(counts.answers), count(counts.wrong), count(counts.certified),
               count(counts.received), count(counts.mesh_bytes));
-  std::fflush(stdout);
   if (counts.wrong > 0)
     return {StatusCode::kConflict,
             std::to_string(counts.wrong) + " answers contradict the full meshes"};

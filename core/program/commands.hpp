@@ -39,7 +39,7 @@ Status run(const FormatsOptions& options);
 
 struct InfoOptions {
   std::string path;
-  bool json = false;
+  bool json = false, deep = false;
 };
 Status run(const InfoOptions& options);
 

@@ -3,12 +3,14 @@
 #include <cmath>
 
 #include "commands.hpp"
+#include "core/base/output_file.hpp"
 #include "nearmesh/core/mesh/indexed_mesh.hpp"
 #include "nearmesh/core/refine/detail/active_mesh.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
 
 namespace nearmesh::program {
 Status run(const ExportOptions& options) {
+  NEARMESH_RETURN_IF_ERROR(check_output(options.out, kPlyFile, {options.in}));
   Result<ModelFile> file = ModelFile::open(options.in);
   NEARMESH_RETURN_IF_ERROR(file);
   Result<FaceNumbering> numbering = file.value().face_numbering();

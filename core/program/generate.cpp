@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nearmesh/core/mesh/generate.hpp"
 #include "commands.hpp"
+#include "core/base/output_file.hpp"
 
 namespace nearmesh::program {
 namespace {
@@ -17,6 +18,7 @@ constexpr Kind kKinds[] = {{"terrain", generate_terrain, 708, 2, 4096},
 }  // namespace
 
 Status run(const GenerateOptions& options) {
+  NEARMESH_RETURN_IF_ERROR(check_output(options.out, kPlyFile));
   for (const Kind& kind : kKinds) {
     if (options.kind != kind.name) continue;
     const std::uint32_t size = options.size == 0 ? kind.default_size : options.size;

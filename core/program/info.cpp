@@ -12,7 +12,7 @@ namespace nearmesh::program {
 Status run(const InfoOptions& options) {
   Result<ModelFile> file = ModelFile::open(options.path);
   NEARMESH_RETURN_IF_ERROR(file);
-  NEARMESH_RETURN_IF_ERROR(file.value().verify());
+  NEARMESH_RETURN_IF_ERROR(options.deep ? file.value().check_deep() : file.value().verify());
   const SpmHeader& header = file.value().header();
   // Boxes of nodes are rounded outward; only the vertices themselves say how large the mesh is.
   NEARMESH_RETURN_IF_ERROR(file.value().require_all());
@@ -47,7 +47,9 @@ Status run(const InfoOptions& options) {
     std::printf("%s\n", report.dump().c_str());
     return Status::ok();
   }
-  std::printf("%s: nearmesh model %s, checksums good\n", options.path.c_str(), hash.c_str());
+  std::printf("%s: nearmesh model, checksums good%s\n", options.path.c_str(),
+              options.deep ? ", boxes enclose all faces" : "");
+  std::printf("  content: %s\n", hash.c_str());  // as a scene has it
   std::printf("  full          %u faces, %u vertices\n", header.face_count, header.vertex_count);
   std::printf("  base          %zu faces, %zu vertices\n", header.base_faces.size(),
               header.roots.size());

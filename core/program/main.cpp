@@ -3,18 +3,13 @@
 // and their help.
 
 #include <CLI/CLI.hpp>
-#include <cstdio>
-#include <exception>
-#include <functional>
 #include <memory>
 
 #include "commands.hpp"
+#include "core/command/run_program.hpp"
 
 namespace nearmesh::program {
 namespace {
-
-/// What main runs after parsing: set by the chosen command.
-using Action = std::function<Status()>;
 
 void add_generate(CLI::App& app, Action& chosen) {
   CLI::App* command = app.add_subcommand("generate", "Write a deterministic test model as PLY.");
@@ -91,6 +86,8 @@ void add_info(CLI::App& app, Action& chosen) {
       app.add_subcommand("info", "Check every checksum of a model and describe it.");
   const auto options = std::make_shared<InfoOptions>();
   command->add_option("model", options->path, ".spm file")->required();
+  command->add_flag("--deep", options->deep,
+                    "Also check that boxes enclose all faces, as serve does the first time");
   command->add_flag("--json", options->json, "Print one JSON object");
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
@@ -178,7 +175,7 @@ int main(int argc, char** argv) {
   CLI::App app{"Makes, inspects and queries nearmesh model files (.spm).", "nearmesh-model"};
   app.require_subcommand(1);
   app.fallthrough(false);
-  Action action;
+  nearmesh::Action action;
   add_generate(app, action);
   add_build(app, action);
   add_formats(app, action);
@@ -186,17 +183,5 @@ int main(int argc, char** argv) {
   add_export(app, action);
   add_query(app, action);
   add_check(app, action);
-  try {
-    app.parse(argc, argv);
-    const nearmesh::Status status = action();
-    if (status.is_ok()) return 0;
-    std::fprintf(stderr, "nearmesh-model: %s\n", status.message().c_str());
-    return 1;
-  } catch (const CLI::ParseError& error) {
-    const int code = app.exit(error);
-    return code == 0 ? 0 : 2;
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "nearmesh-model: %s\n", error.what());
-    return 1;
-  }
+  return nearmesh::run_program(app, argc, argv, action);
 }

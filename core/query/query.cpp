@@ -220,7 +220,7 @@ double node_bound(const SplitStore& store, NodeSpan node) {
     square += farther * farther;
   }
   // Rounded up: the sum and the root err by less than 2^-50 of the result.
-  return std::sqrt(square) * (1 + 0x1p-48);
+  return guard.keep(std::sqrt(square) * (1 + 0x1p-48));
 }
 
 Answer query(const TreeView& a, const PosedFrame& frame_a, const TreeView& b,

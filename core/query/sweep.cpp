@@ -21,6 +21,7 @@
 #include <unordered_set>
 
 #include "core/base/float_guard.hpp"
+#include "core/geometry/motion_bounds.hpp"
 #include "core/geometry/triangle_overlap.hpp"
 #include "nearmesh/core/geometry/detail/box_overlap.hpp"
 #include "sweep_from.hpp"
@@ -377,10 +378,6 @@ SweptAnswer at_once(const Answer& now, double duration_s) {
   return swept;
 }
 
-bool is_at_rest(const Motion& motion) {
-  return motion.linear_velocity_mps == Vec3{} && motion.angular_velocity_radps == Vec3{};
-}
-
 }  // namespace
 
 Result<SweptAnswer> sweep(const TreeView& a, const Motion& motion_a, std::string_view name_a,
@@ -420,19 +417,22 @@ Result<SweptAnswer> sweep_from(const Answer* now, const TreeView& a, const Motio
 }
 
 double safe_horizon_s(const TreeView& a, const Motion& motion_a, const TreeView& b,
-                      const Motion& motion_b, double clearance_m) {
+                      const Motion& motion_b, double clearance_m, double age_a_s, double age_b_s) {
   const FloatGuard guard;
   const int lattice = lattice_exponent(*a.grid, *b.grid);
-  double speed_mps = 0, rounding_m = 0;
-  const auto add = [&](const TreeView& tree, const Motion& motion) {
+  double speed_mps = 0, rounding_m = 0, gone_m = 0;
+  const auto add = [&](const TreeView& tree, const Motion& motion, double age_s) {
     const double reach = reach_m(*tree.grid, tree.root().box);
-    speed_mps += speed_bound_mps(motion, reach);
+    const double speed = speed_bound_mps(motion, reach);
+    speed_mps += speed;
+    if (speed > 0) gone_m += speed * std::abs(age_s) * kRoundUp;
     rounding_m += 2 * posing_error_m(motion, reach, 0, *tree.grid, lattice);  // now and then
   };
-  add(a, motion_a);
-  add(b, motion_b);
+  add(a, motion_a, age_a_s);
+  add(b, motion_b, age_b_s);
   if (speed_mps == 0) return kNever;
-  return std::max(0.0, clearance_m - rounding_m) / (speed_mps * kRoundUp);
+  return guard.keep(std::max(0.0, clearance_m - (rounding_m + gone_m) * kRoundUp) /
+                    (speed_mps * kRoundUp));
 }
 
 }  // namespace nearmesh

@@ -23,6 +23,12 @@ struct Part {
 
 std::uint64_t from_hex(const std::string& text) { return std::strtoull(text.c_str(), nullptr, 16); }
 
+/// Of the 32 digits that to_hex() gives.
+ContentHash content_from_hex(const std::string& text) {
+  if (text.size() != 32) return {};
+  return {from_hex(text.substr(0, 16)), from_hex(text.substr(16))};
+}
+
 /// Visits all rows of a query.
 template <class Visit>
 Status each(sqlite::Database& database, const std::string& sql, Visit visit) {
@@ -177,7 +183,7 @@ struct RecordingReader::Impl {
     NEARMESH_RETURN_IF_ERROR(each(
         database, "SELECT content_hash, name, message_id FROM nearmesh_models ORDER BY message_id",
         [&](const sqlite::Statement& row) {
-          RecordedModel model{from_hex(row.text(0)), row.text(1),
+          RecordedModel model{content_from_hex(row.text(0)), row.text(1),
                               row.integer(2) + part.first_message};
           if (std::none_of(models.begin(), models.end(), [&](const RecordedModel& m) {
                 return m.content_hash == model.content_hash;

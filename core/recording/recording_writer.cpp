@@ -174,6 +174,16 @@ Result<std::unique_ptr<RecordingWriter>> RecordingWriter::create(const std::stri
     return Status{StatusCode::kIo, path + ": cannot create: " + std::strerror(errno)};
   }
   ::close(file);
+  Result<std::unique_ptr<RecordingWriter>> begun = begin(path, facts, commit_period_s);
+  // Nothing of a recording that never began: its name can be used again.
+  if (!begun.is_ok())
+    for (const char* suffix : {"", "-wal", "-shm"}) ::unlink((path + suffix).c_str());
+  return begun;
+}
+
+Result<std::unique_ptr<RecordingWriter>> RecordingWriter::begin(const std::string& path,
+                                                                const RecordingFacts& facts,
+                                                                double commit_period_s) {
   Result<sqlite::Database> opened = sqlite::Database::open(path, SQLITE_OPEN_READWRITE);
   NEARMESH_RETURN_IF_ERROR(opened);
   auto impl = std::make_unique<Impl>(std::move(opened).value(), path, commit_period_s);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "refined_mesh.hpp"
 
+#include <algorithm>
+
 namespace nearmesh {
 
 RefinedMesh::RefinedMesh(SpmHeader header)
@@ -43,7 +45,12 @@ RefinedMesh::Applied RefinedMesh::apply_batch(const SplitBatch& batch) {
   constexpr std::size_t kAhead = 8;  // records: enough for the entry to come from memory
   for (std::size_t i = 0; i < batch.splits.size(); ++i) {
     const SplitRecord& record = batch.splits[i];
-    if (i + kAhead < batch.splits.size()) store_->prefetch(batch.splits[i + kAhead].split);
+    if (i + kAhead < batch.splits.size()) {
+      const SplitRecord& later = batch.splits[i + kAhead];
+      store_->prefetch(later.split);
+      for (std::uint32_t face = 0; face < std::min(later.face_count, 2U); ++face)
+        store_->prefetch(batch.faces[later.face_begin + face].outside);
+    }
     applied.status =
         insert(record, {batch.faces.data() + record.face_begin, record.face_count}, applied.delta);
     if (applied.status.is_ok() && !parked_.empty()) applied.status = unpark(record, applied.delta);

@@ -44,13 +44,24 @@ Result<Replica> Replica::from_header(std::span<const std::uint8_t> bytes) {
   }
 }
 
-Replica::Taken Replica::take(std::span<const std::uint8_t> bytes) {
+Replica::Taken Replica::take(std::span<const std::uint8_t> bytes, std::uint64_t sender) {
   Taken taken;
   ++taken_batches_;
+  if (distrusts(sender)) return taken;
   const Stopwatch watch;
-  const Result<SplitBatch> batch = decode_batch(header(), bytes);
+  const auto unsealed = unseal_batch(header().content, bytes);
+  if (!unsealed.is_ok()) {
+    taken.status = unsealed.status();
+    return taken;
+  }
+  const Result<SplitBatch> batch = decode_batch(header(), unsealed.value());
   taken.times.load_s = watch.seconds();
   taken.status = batch.is_ok() ? refine(batch.value(), taken.times) : batch.status();
+  taken.contradicts = !taken.status.is_ok();
+  if (taken.contradicts) {
+    distrusted_.insert(sender);
+    forget_all();
+  }
   return taken;
 }
 
@@ -58,6 +69,8 @@ Replica::Taken Replica::take(const SplitBatch& batch) {
   Taken taken;
   ++taken_batches_;
   taken.status = refine(batch, taken.times);
+  taken.contradicts = !taken.status.is_ok();
+  if (taken.contradicts) forget_all();
   return taken;
 }
 
@@ -65,9 +78,19 @@ Status Replica::refine(const SplitBatch& batch, Times& times) {
   Stopwatch watch;
   RefinedMesh::Applied applied = refined_.apply_batch(batch);
   times.refine_s += watch.lap();
-  tree_.update(applied.delta);  // also of a batch that is wrong: what came before the fault stays
+  if (applied.status.is_ok()) {
+    tree_.update(applied.delta);
+    if (const NodeSpan slot = tree_.contradiction(); slot.size != 0)
+      applied.status = {StatusCode::kCorrupt,
+                        to_string(slot) + ": a face lies outside the box that came for it"};
+  }
   times.tree_s += watch.lap();
   return std::move(applied.status);
+}
+
+void Replica::forget_all() {
+  refined_ = RefinedMesh(header());
+  tree_ = AbTree(refined_.mesh());
 }
 
 Replica::Times Replica::give_up(std::span<const RegionPart> keep) {

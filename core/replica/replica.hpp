@@ -4,6 +4,7 @@
 // batches, gives what a query walks. A peer's session and the proof of its recording live by this one class.
 
 #include <cstdint>
+#include <set>
 #include <span>
 
 #include "core/refine/refined_mesh.hpp"
@@ -28,13 +29,19 @@ class Replica {
   struct Taken {
     Status status;
     Times times;
+    /// The status is of what the sender says of the model, not of what befell the batch on its way.
+    bool contradicts = false;
   };
-  /// Takes in a batch. The result depends on the set of batches, not on their order; repeats are harmless.
-  /// Errors: those of decode_batch, with nothing changed; kCorrupt where a record contradicts the model: what came before it
-  /// in the batch stays. Cost: O(batch and the slots that it changes).
-  [[nodiscard]] Taken take(std::span<const std::uint8_t> bytes);
+  /// Takes in a batch under its seal. The result depends on the set of batches, not on their order; repeats are harmless.
+  /// Errors: those of decode_sealed, with nothing changed; kCorrupt where a record contradicts the model or what came before.
+  /// Then all detail is forgotten, since nobody can tell which part of it is wrong, and what the same sender sends from
+  /// there on is counted and dropped. Cost: O(batch and the slots that it changes).
+  [[nodiscard]] Taken take(std::span<const std::uint8_t> bytes, std::uint64_t sender = 0);
   /// The same of a batch that was decoded elsewhere, with this model's header.
   [[nodiscard]] Taken take(const SplitBatch& batch);
+  /// Whether what this sender sent contradicted the model.
+  [[nodiscard]] bool distrusts(std::uint64_t sender) const { return distrusted_.contains(sender); }
+  [[nodiscard]] bool distrusts_anybody() const { return !distrusted_.empty(); }
   /// Gives up and forgets all detail below the nodes that meet no part of `keep` (the model's grid).
   /// Cost: O(known nodes that meet `keep`, and what is given up).
   Times give_up(std::span<const RegionPart> keep);
@@ -54,9 +61,11 @@ class Replica {
 
  private:
   [[nodiscard]] Status refine(const SplitBatch& batch, Times& times);
+  void forget_all();
 
   RefinedMesh refined_;
   AbTree tree_;  // refers to the mesh, which stays in its place when a Replica moves
+  std::set<std::uint64_t> distrusted_;
   std::uint32_t taken_batches_ = 0;
   bool gave_up_detail_ = false;
 };

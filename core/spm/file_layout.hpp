@@ -6,13 +6,18 @@
 #include <bit>
 #include <cstdint>
 
+#include "core/base/output_file.hpp"
+#include "nearmesh/core/base/content_hash.hpp"
+
 namespace nearmesh::file_layout {
 
 static_assert(std::endian::native == std::endian::little,
               "the .spm reader takes structs as they stand in the file");
 
 inline constexpr std::array<char, 8> kMagic{'N', 'M', 'S', 'P', 'M', '\r', '\n', '\x1a'};
-inline constexpr std::uint32_t kVersion = 5;
+inline constexpr std::uint32_t kVersion = 6;
+/// Of any version.
+inline constexpr FileKind kModelFile{"a nearmesh model (.spm)", {kMagic.data(), kMagic.size()}};
 
 struct Preamble {
   std::array<char, 8> magic = kMagic;
@@ -21,21 +26,21 @@ struct Preamble {
   std::uint64_t header_bytes = 0;       // the header follows the preamble
   std::uint64_t directory_offset = 0;   // block_count entries
   std::uint64_t face_table_offset = 0;  // face_count numbers
-  std::uint64_t face_table_checksum = 0;
   std::uint64_t file_bytes = 0;
-  std::uint64_t content_hash =
-      0;  // of header, directory and face table checksum; the directory holds the blocks' checksums
-  std::uint64_t checksum = 0;  // of the preamble before it
+  std::uint64_t directory_checksum = 0;
+  ContentHash face_table_digest;  // the last leaf of the tree
+  ContentHash content_hash;       // of the header, which holds the tree's root
+  std::uint64_t checksum = 0;     // of the preamble before it
 };
-static_assert(sizeof(Preamble) == 72);
+static_assert(sizeof(Preamble) == 96);
 
 struct DirectoryEntry {
   std::uint32_t first = 0, size = 0;  // the block's root node
   std::uint64_t offset = 0;
-  std::uint32_t bytes = 0;
-  std::uint32_t checksum = 0;  // low half of the 64-bit hash
+  std::uint64_t bytes = 0;
+  ContentHash digest;  // a leaf of the tree
 };
-static_assert(sizeof(DirectoryEntry) == 24);
+static_assert(sizeof(DirectoryEntry) == 40);
 
 /// Where the model's metres and axes come from (mesh_origin.hpp). Stands before the directory; not part of the content,
 /// since the same model may come from many files.

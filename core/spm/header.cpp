@@ -1,17 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nearmesh/core/spm/detail/header.hpp"
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <string>
 
 #include "bits.hpp"
+#include "core/base/digest.hpp"
+#include "nearmesh/core/spm/detail/split_store.hpp"
 #include "train.hpp"
 
 namespace nearmesh {
 namespace {
 
-constexpr std::uint32_t kHeaderMagic = 0x4e4d4834;  // "NMH4"
+constexpr std::uint32_t kHeaderMagic = 0x4e4d4835;  // "NMH5"
 
 Status corrupt(const std::string& field) { return {StatusCode::kCorrupt, "mesh header: " + field}; }
 
@@ -88,6 +91,44 @@ Status read_surface(BitReader& in, SpmHeader& header) {
   return Status::ok();
 }
 
+// The box of each of a base face's three roots encloses the face: they share a point, and hold each corner whose place is
+// known, which is that of a root's first vertex.
+Status check_base_faces(const SpmHeader& header) {
+  const auto grid_max = static_cast<std::int32_t>((std::int64_t{1} << header.grid.bits) - 1);
+  for (const SplitFace& face : header.base_faces) {
+    GridBox common{{{0, 0, 0}}, {{grid_max, grid_max, grid_max}}};
+    std::array<const BaseRoot*, 3> roots{};
+    std::size_t next = 0;
+    for (const VertexId corner : {face.left, face.right, face.outside}) {
+      const auto after =
+          std::upper_bound(header.roots.begin(), header.roots.end(), corner,
+                           [](VertexId v, const BaseRoot& root) { return v < root.node.first; });
+      const BaseRoot& root = *(roots[next++] = &*(after - 1));
+      const GridBox box = decode_box(root.position, root.box, grid_max);
+      for (int k = 0; k < 3; ++k) {
+        common.lo[k] = std::max(common.lo[k], box.lo[k]);
+        common.hi[k] = std::min(common.hi[k], box.hi[k]);
+      }
+    }
+    bool holds = true;
+    for (int k = 0; k < 3; ++k) {
+      holds &= common.lo[k] <= common.hi[k];
+      for (const BaseRoot* root : roots) {
+        const bool is_corner = root->node.first == face.left || root->node.first == face.right ||
+                               root->node.first == face.outside;
+        holds &=
+            !is_corner || (common.lo[k] <= root->position[k] && root->position[k] <= common.hi[k]);
+      }
+    }
+    if (!holds)
+      return corrupt("a base face lies outside the boxes of its roots [" +
+                     std::to_string(roots[0]->node.begin()) + "], [" +
+                     std::to_string(roots[1]->node.begin()) + "], [" +
+                     std::to_string(roots[2]->node.begin()) + "]");
+  }
+  return Status::ok();
+}
+
 struct CornerCoding {
   int root_bits;
   explicit CornerCoding(std::size_t roots) : root_bits(bit_length(roots - 1)) {}
@@ -98,6 +139,8 @@ struct CornerCoding {
 std::vector<std::uint8_t> encode_header(const SpmHeader& header) {
   BitWriter out;
   out.put(kHeaderMagic, 32);
+  out.put64(header.blocks_root.high);
+  out.put64(header.blocks_root.low);
   for (const double x : header.grid.origin_m) out.put64(std::bit_cast<std::uint64_t>(x));
   out.put64(std::bit_cast<std::uint64_t>(header.rounding_error_m));
   out.put(static_cast<std::uint32_t>(header.grid.exponent + 4096), 14);
@@ -145,6 +188,9 @@ Result<SpmHeader> decode_header(std::span<const std::uint8_t> bytes) {
   BitReader in(bytes);
   if (in.get(32) != kHeaderMagic) return corrupt("magic number: not a nearmesh header");
   SpmHeader header;
+  header.content = digest_of(bytes);
+  header.blocks_root.high = in.get64();
+  header.blocks_root.low = in.get64();
   for (double& x : header.grid.origin_m) x = std::bit_cast<double>(in.get64());
   header.rounding_error_m = std::bit_cast<double>(in.get64());
   header.grid.exponent = static_cast<int>(in.get(14)) - 4096;
@@ -210,6 +256,7 @@ Result<SpmHeader> decode_header(std::span<const std::uint8_t> bytes) {
       return corrupt("a base face with two corners in one root");
     header.base_faces.push_back(face);
   }
+  if (!in.overrun()) NEARMESH_RETURN_IF_ERROR(check_base_faces(header));
   if (!in.overrun()) NEARMESH_RETURN_IF_ERROR(read_surface(in, header));
   std::vector<HuffmanTable> contexts(static_cast<std::size_t>(coding_context_count()));
   for (HuffmanTable& table : contexts)

@@ -13,6 +13,8 @@
 #include <new>
 
 #include "blocks.hpp"
+#include "check_boxes.hpp"
+#include "core/base/digest.hpp"
 #include "core/base/hash.hpp"
 #include "file_layout.hpp"
 
@@ -143,6 +145,9 @@ Status ModelFile::Impl::read_header() {
   Result<SpmHeader> decoded = decode_header(header_bytes);
   if (!decoded.is_ok()) return corrupt(decoded.status().message());
   header = std::move(decoded).value();
+  if (header.content != preamble.content_hash)
+    return corrupt("content hash: the header gives " + to_hex(header.content) + ", expected " +
+                   to_hex(preamble.content_hash));
   return Status::ok();
 }
 
@@ -176,11 +181,16 @@ Status ModelFile::Impl::read_directory() {
   directory.resize(preamble.block_count);
   const std::uint64_t bytes = directory.size() * sizeof(DirectoryEntry);
   NEARMESH_RETURN_IF_ERROR(read(preamble.directory_offset, directory.data(), bytes));
-  const std::uint64_t found =
-      hash_bytes({reinterpret_cast<const std::uint8_t*>(directory.data()), bytes},
-                 hash_bytes(header_bytes, preamble.face_table_checksum));
-  if (found != preamble.content_hash)
-    return corrupt("checksum of header and directory does not match");
+  if (hash_bytes({reinterpret_cast<const std::uint8_t*>(directory.data()), bytes}) !=
+      preamble.directory_checksum)
+    return corrupt("checksum of the directory does not match");
+  std::vector<ContentHash> leaves;
+  leaves.reserve(directory.size() + 1);
+  for (const DirectoryEntry& entry : directory) leaves.push_back(entry.digest);
+  leaves.push_back(preamble.face_table_digest);
+  if (const ContentHash root = tree_root(std::move(leaves)); root != header.blocks_root)
+    return corrupt("blocks: their digests give " + to_hex(root) + ", the header has " +
+                   to_hex(header.blocks_root));
   if ((size - preamble.face_table_offset) !=
       std::uint64_t{header.face_count} * sizeof(std::uint32_t))
     return corrupt("length of the face table does not match the header's face count");
@@ -221,14 +231,17 @@ Status ModelFile::Impl::read_block(const DirectoryEntry& entry,
             path + ": no memory for " + std::to_string(entry.bytes) + " bytes: " + name(entry)};
   }
   NEARMESH_RETURN_IF_ERROR(read(entry.offset, bytes.data(), bytes.size()));
-  if (static_cast<std::uint32_t>(hash_bytes(bytes)) != entry.checksum)
-    return corrupt(name(entry) + ": checksum does not match");
+  const auto unsealed = unseal_batch(header.content, bytes);
+  if (!unsealed.is_ok()) return corrupt(name(entry) + ": " + unsealed.status().message());
+  if (leaf_digest(entry.first, entry.size, unsealed.value()) != entry.digest)
+    return corrupt(name(entry) + ": digest does not match");
   return Status::ok();
 }
 
 Status ModelFile::Impl::load(const DirectoryEntry& entry) {
   NEARMESH_RETURN_IF_ERROR(read_block(entry, block));
-  const Result<SplitBatch> batch = decode_batch(header, block);
+  const Result<SplitBatch> batch =
+      decode_batch(header, std::span(block).first(block.size() - kSealBytes));
   if (!batch.is_ok()) return corrupt(name(entry) + ": " + batch.status().message());
   for (const SplitRecord& record : batch.value().splits) {
     const std::span<const SplitFace> faces{batch.value().faces.data() + record.face_begin,
@@ -266,7 +279,7 @@ Result<ModelFile> ModelFile::open(const std::string& path) {
 const std::string& ModelFile::path() const { return impl_->path; }
 const SpmHeader& ModelFile::header() const { return impl_->header; }
 std::span<const std::uint8_t> ModelFile::header_bytes() const { return impl_->header_bytes; }
-std::uint64_t ModelFile::content_hash() const { return impl_->preamble.content_hash; }
+const ContentHash& ModelFile::content_hash() const { return impl_->preamble.content_hash; }
 std::uint64_t ModelFile::file_bytes() const { return impl_->size; }
 std::uint64_t ModelFile::mesh_bytes() const {
   std::uint64_t bytes = impl_->preamble.header_bytes;
@@ -329,9 +342,9 @@ Status ModelFile::Impl::read_face_table(std::vector<std::uint32_t>& table) const
   table.resize(header.face_count);
   const std::uint64_t bytes = table.size() * sizeof(std::uint32_t);
   NEARMESH_RETURN_IF_ERROR(read(preamble.face_table_offset, table.data(), bytes));
-  if (hash_bytes({reinterpret_cast<const std::uint8_t*>(table.data()), bytes}) !=
-      preamble.face_table_checksum)
-    return corrupt("checksum of the face table does not match");
+  if (leaf_digest(0, 0, {reinterpret_cast<const std::uint8_t*>(table.data()), bytes}) !=
+      preamble.face_table_digest)
+    return corrupt("digest of the face table does not match");
   return Status::ok();
 }
 
@@ -339,6 +352,13 @@ Status ModelFile::verify() const {
   NEARMESH_RETURN_IF_ERROR(impl_->check_blocks());
   std::vector<std::uint32_t> table;
   return impl_->read_face_table(table);
+}
+
+Status ModelFile::check_deep() {
+  NEARMESH_RETURN_IF_ERROR(verify());
+  NEARMESH_RETURN_IF_ERROR(require_all());
+  const Status boxes = check_boxes(store());
+  return boxes.is_ok() ? boxes : impl_->corrupt(boxes.message());
 }
 
 FaceNumbering::FaceNumbering(const SplitStore& store, std::vector<FaceNumber> numbers)

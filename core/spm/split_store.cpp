@@ -49,6 +49,17 @@ BoxCode encode_box(const GridPoint& representative, const GridBox& box) {
   return code;
 }
 
+GridBox decode_box(const GridPoint& representative, const BoxCode& code, std::int32_t grid_max) {
+  GridBox box;
+  for (int k = 0; k < 3; ++k) {
+    const std::int64_t below = kExtents[code[2 * k]], above = kExtents[code[2 * k + 1]];
+    box.lo[k] = static_cast<std::int32_t>(std::max<std::int64_t>(0, representative[k] - below));
+    box.hi[k] =
+        static_cast<std::int32_t>(std::min<std::int64_t>(grid_max, representative[k] + above));
+  }
+  return box;
+}
+
 // ---- store --------------------------------------------------------------------------------------
 
 namespace {
@@ -131,23 +142,100 @@ BoxCode SplitStore::box_code(NodeSpan node) const {
 }
 
 GridBox SplitStore::box(NodeSpan node) const {
-  PackedBox code = packed_box(node);
-  while (code == 0) {
+  node = boxed_ancestor(node);
+  return decode_box(position(node.first), box_code(node), grid_max_);
+}
+
+NodeSpan SplitStore::boxed_ancestor(NodeSpan node) const {
+  while (packed_box(node) == 0) {
     node = parent_of(node);
     NEARMESH_ASSERT(node.size != 0);  // roots have boxes: the header is refused without
-    code = packed_box(node);
   }
-  // Faces lie in the grid, so the box may be cut to it.
-  const GridPoint& at = position(node.first);
-  GridBox box;
-  for (int k = 0; k < 3; ++k) {
-    const std::int64_t below = kExtents[unpacked(code, 2 * k)],
-                       above = kExtents[unpacked(code, 2 * k + 1)];
-    box.lo[k] = static_cast<std::int32_t>(std::max<std::int64_t>(0, at[k] - below));
-    box.hi[k] = static_cast<std::int32_t>(std::min<std::int64_t>(grid_max_, at[k] + above));
-  }
-  return box;
+  return node;
 }
+
+// ---- what a record says, against the boxes ------------------------------------------------------
+
+// The box of the nearest node above that has one, or of one farther up: what follows in a batch lies below the same, so the
+// walk to it is seldom made.
+const GridBox& SplitStore::bounds_of(NodeSpan node) {
+  const bool is_below =
+      bounded_.size != 0 && bounded_.begin() <= node.begin() && node.end() <= bounded_.end();
+  if (is_below && (bounded_ == node || packed_box(node) == 0)) return bounds_;
+  bounded_ = boxed_ancestor(node);
+  bounds_ = decode_box(position(bounded_.first), box_code(bounded_), grid_max_);
+  return bounds_;
+}
+
+namespace {
+
+bool is_in(const GridBox& box, const GridPoint& p) {
+  bool in = true;
+  for (int k = 0; k < 3; ++k) in &= box.lo[k] <= p[k] && p[k] <= box.hi[k];
+  return in;
+}
+
+// Whether the code may be that of a box inside `outer`: it is the smallest that covers, so one less would not reach.
+bool may_be_within(const GridPoint& at, const BoxCode& code, const GridBox& outer) {
+  bool within = true;
+  for (int k = 0; k < 3; ++k) {
+    const std::uint8_t below = code[2 * k], above = code[2 * k + 1];
+    within &= below == 0 || kExtents[below - 1] < std::int64_t{at[k]} - outer.lo[k];
+    within &= above == 0 || kExtents[above - 1] < std::int64_t{outer.hi[k]} - at[k];
+  }
+  return within;
+}
+
+}  // namespace
+
+// A node that came without a box may be passed on with that of any node above it, so one of these must reach as far.
+bool SplitStore::is_within_reach(const SplitRecord& record, const GridPoint& at,
+                                 const BoxCode& code) const {
+  if (may_be_within(at, code, bounds_)) return true;
+  for (NodeSpan above = record.node; above.size != 0; above = parent_of(above))
+    if (packed_box(above) != 0 &&
+        may_be_within(at, code, decode_box(position(above.first), box_code(above), grid_max_)))
+      return true;
+  return false;
+}
+
+// The box of a node encloses every face that has a corner in it. So the new vertex lies in the node's, and of a face of this
+// split, which has a corner in either child, each corner whose place is known in the node's and in both children's.
+const char* SplitStore::fault_of_boxes(const SplitRecord& record,
+                                       std::span<const SplitFace> faces) {
+  const GridBox& bounds = bounds_of(record.node);
+  const GridPoint& from = position(record.node.first);
+  GridPoint to;
+  for (int k = 0; k < 3; ++k) to[k] = from[k] + record.offset[k];
+  if (!is_in(bounds, to)) return "its vertex lies outside the box of the node";
+  const bool has_left = record.left_box[0] != kNoBoxCode,
+             has_right = record.right_box[0] != kNoBoxCode;
+  GridBox left = bounds, right = bounds;
+  if (has_left) {
+    if (!is_within_reach(record, from, record.left_box))
+      return "the left box reaches farther than those above it";
+    left = decode_box(from, record.left_box, grid_max_);
+  }
+  if (has_right) {
+    if (!is_within_reach(record, to, record.right_box))
+      return "the right box reaches farther than those above it";
+    right = decode_box(to, record.right_box, grid_max_);
+  }
+  if (faces.empty()) return nullptr;
+  if (!left.meets(right)) return "no face has room in the boxes of both children";
+  for (const SplitFace& face : faces) {
+    const Entry& outside = entries_[face.outside.value];
+    bool in =
+        outside.size == 0 || (is_in(bounds, outside.position) && is_in(left, outside.position) &&
+                              is_in(right, outside.position));
+    in &= face.left != record.node.first || is_in(right, from);
+    in &= face.right != record.split || is_in(left, to);
+    if (!in) return "a face lies outside a box that must enclose it";
+  }
+  return nullptr;
+}
+
+// ---- insertion ----------------------------------------------------------------------------------
 
 Status SplitStore::check(const SplitRecord& record, std::span<const SplitFace> faces) const {
   const NodeSpan node = record.node;
@@ -182,6 +270,7 @@ Result<SplitStore::Insertion> SplitStore::insert(const SplitRecord& record,
                                                  std::span<const SplitFace> faces) {
   if (!is_node(record.node)) return Insertion::kNoParent;
   NEARMESH_RETURN_IF_ERROR(check(record, faces));
+  if (const char* fault = fault_of_boxes(record, faces)) return contradiction(record, fault);
   // Asked of the node, not of the entry: a page that is read before it is written costs the kernel two faults.
   const bool known = split_of(record.node).is_valid();
   Entry& entry = entries_[record.split.value];

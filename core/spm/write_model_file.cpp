@@ -2,13 +2,12 @@
 #include "nearmesh/core/spm/write_model_file.hpp"
 
 #include <algorithm>
-#include <cerrno>
 #include <cstddef>
-#include <cstdio>
 #include <cstring>
 #include <memory>
 
 #include "blocks.hpp"
+#include "core/base/digest.hpp"
 #include "core/base/hash.hpp"
 #include "core/base/parallel.hpp"
 #include "file_layout.hpp"
@@ -35,28 +34,6 @@ void append(std::vector<std::uint8_t>& out, const T* data, std::size_t count) {
   out.insert(out.end(), bytes.begin(), bytes.end());
 }
 
-Status io_error(const std::string& path, const char* what) {
-  return {StatusCode::kIo, path + ": " + what + ": " + std::strerror(errno)};
-}
-
-Status write_whole(const std::string& path, const std::vector<std::uint8_t>& bytes) {
-  const std::string partial = path + ".partial";
-  std::FILE* file = std::fopen(partial.c_str(), "wb");
-  if (file == nullptr) return io_error(partial, "cannot create");
-  const bool written = std::fwrite(bytes.data(), 1, bytes.size(), file) == bytes.size();
-  if (std::fclose(file) != 0 || !written) {
-    const Status status = io_error(partial, "cannot write");
-    std::remove(partial.c_str());
-    return status;
-  }
-  if (std::rename(partial.c_str(), path.c_str()) != 0) {
-    const Status status = io_error(path, "cannot rename into place");
-    std::remove(partial.c_str());
-    return status;
-  }
-  return Status::ok();
-}
-
 OriginEntry encode_origin(const MeshOrigin& origin) {
   OriginEntry entry{.unit_m = origin.unit_m,
                     .scale = origin.scale,
@@ -70,24 +47,31 @@ OriginEntry encode_origin(const MeshOrigin& origin) {
 }
 
 struct Group {
-  std::vector<DirectoryEntry> directory;  // offsets within `bytes`
-  std::vector<std::uint8_t> bytes;
+  std::vector<DirectoryEntry> directory;  // without places in the file
+  std::vector<std::vector<std::uint8_t>> blocks;
 };
 
 Group encode_group(const SpmHeader& header, const SplitStore& store,
                    std::span<const NodeSpan> roots) {
   Group group;
   for (const NodeSpan& root : roots) {
-    const auto encoded = encode_batches(header, store, block_treelet(store, root),
-                                        BoxPolicy::kAllNodes, std::size_t{1} << 31);
+    auto encoded = encode_batches(header, store, block_treelet(store, root), BoxPolicy::kAllNodes,
+                                  std::size_t{1} << 31);
     NEARMESH_ASSERT(encoded.size() == 1);
-    const std::vector<std::uint8_t>& bytes = encoded.front();
-    group.directory.push_back({root.begin(), root.size, group.bytes.size(),
-                               static_cast<std::uint32_t>(bytes.size()),
-                               static_cast<std::uint32_t>(hash_bytes(bytes))});
-    append(group.bytes, bytes.data(), bytes.size());
+    group.directory.push_back({.first = root.begin(),
+                               .size = root.size,
+                               .digest = leaf_digest(root.begin(), root.size, encoded.front())});
+    group.blocks.push_back(std::move(encoded.front()));
   }
   return group;
+}
+
+ContentHash root_of(std::span<const Group> groups, const ContentHash& last) {
+  std::vector<ContentHash> leaves;
+  for (const Group& group : groups)
+    for (const DirectoryEntry& entry : group.directory) leaves.push_back(entry.digest);
+  leaves.push_back(last);
+  return tree_root(std::move(leaves));
 }
 
 }  // namespace
@@ -97,12 +81,6 @@ Result<WrittenModel> write_model_file(const SpmHeader& header, const SplitStore&
                                       unsigned threads, const MeshOrigin& origin) {
   NEARMESH_ASSERT(store.known_splits() == header.split_count());
   NEARMESH_ASSERT(numbers.size() == header.face_count && numbers.size() < file_layout::kMaxFaces);
-  const std::vector<std::uint8_t> header_bytes = encode_header(header);
-  WrittenModel written{.header_bytes = header_bytes.size()};
-
-  std::vector<std::uint8_t> out(sizeof(Preamble));
-  append(out, header_bytes.data(), header_bytes.size());
-  std::vector<DirectoryEntry> directory;
   // Blocks are encoded in groups, each alone, and stand in the order of their roots.
   constexpr std::size_t kGroup = 64;
   const std::vector<NodeSpan> roots = block_roots(store);
@@ -111,42 +89,55 @@ Result<WrittenModel> write_model_file(const SpmHeader& header, const SplitStore&
     const std::size_t count = std::min(kGroup, roots.size() - i * kGroup);
     groups[i] = encode_group(header, store, std::span(roots).subspan(i * kGroup, count));
   });
-  directory.reserve(roots.size());
-  for (Group& group : groups) {
-    for (DirectoryEntry& entry : group.directory) {
-      entry.offset += out.size();
-      directory.push_back(entry);
-    }
-    append(out, group.bytes.data(), group.bytes.size());
-    written.block_bytes += group.bytes.size();
-    group = Group{};
-  }
-  written.blocks = directory.size();
+  std::vector<std::uint32_t> table;
+  table.reserve(numbers.size());
+  for (const FaceNumber& number : numbers)
+    table.push_back(number.face.value << 2 | number.first_corner);
 
   Preamble preamble;
-  preamble.block_count = static_cast<std::uint32_t>(directory.size());
+  preamble.block_count = static_cast<std::uint32_t>(roots.size());
+  preamble.face_table_digest = leaf_digest(0, 0, bytes_of(table.data(), table.size()));
+  SpmHeader named = header;
+  named.blocks_root = root_of(groups, preamble.face_table_digest);
+  const std::vector<std::uint8_t> header_bytes = encode_header(named);
   preamble.header_bytes = header_bytes.size();
+  preamble.content_hash = digest_of(header_bytes);
+
+  std::vector<std::uint8_t> out(sizeof(Preamble));
+  append(out, header_bytes.data(), header_bytes.size());
+  std::vector<DirectoryEntry> directory;
+  directory.reserve(roots.size());
+  for (Group& group : groups) {
+    for (std::size_t i = 0; i < group.blocks.size(); ++i) {
+      std::vector<std::uint8_t>& block = group.blocks[i];
+      seal_batch(preamble.content_hash, block);
+      DirectoryEntry& entry = group.directory[i];
+      entry.offset = out.size();
+      entry.bytes = block.size();
+      append(out, block.data(), block.size());
+      directory.push_back(entry);
+    }
+    group = Group{};
+  }
+  const std::uint64_t block_bytes = out.size() - sizeof(Preamble) - header_bytes.size();
   pad_to(out, alignof(DirectoryEntry));
   const OriginEntry entry = encode_origin(origin);
   append(out, &entry, 1);
   preamble.directory_offset = out.size();
   append(out, directory.data(), directory.size());
+  preamble.directory_checksum = hash_bytes(bytes_of(directory.data(), directory.size()));
   preamble.face_table_offset = out.size();
-  std::vector<std::uint32_t> table;
-  table.reserve(numbers.size());
-  for (const FaceNumber& number : numbers)
-    table.push_back(number.face.value << 2 | number.first_corner);
   append(out, table.data(), table.size());
-  preamble.face_table_checksum = hash_bytes(bytes_of(table.data(), table.size()));
   preamble.file_bytes = out.size();
-  preamble.content_hash = hash_bytes(bytes_of(directory.data(), directory.size()),
-                                     hash_bytes(header_bytes, preamble.face_table_checksum));
   preamble.checksum = hash_bytes(bytes_of(&preamble, 1).first(sizeof(Preamble) - 8));
   std::memcpy(out.data(), &preamble, sizeof preamble);
-  NEARMESH_RETURN_IF_ERROR(write_whole(path, out));
-  written.file_bytes = out.size();
-  written.content_hash = preamble.content_hash;
-  return written;
+  NEARMESH_RETURN_IF_ERROR(write_file(path, file_layout::kModelFile,
+                                      {reinterpret_cast<const char*>(out.data()), out.size()}));
+  return WrittenModel{.file_bytes = out.size(),
+                      .header_bytes = header_bytes.size(),
+                      .block_bytes = block_bytes,
+                      .blocks = directory.size(),
+                      .content_hash = preamble.content_hash};
 }
 
 }  // namespace nearmesh

@@ -84,6 +84,7 @@ bool write_flight(const std::string& path, const Ground& ground, int frames, dou
     out << frame / rate_hz << ',' << direction << ",0,0,0," << direction << ",0,0,0,1," << x << ','
         << y << ',' << z << '\n';
   }
+  out.close();
   return out.good();
 }
 

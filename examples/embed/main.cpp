@@ -45,5 +45,6 @@ int main(int argc, char** argv) {
       std::this_thread::sleep_for(std::chrono::milliseconds(2));
     }
   }
+  if (std::fflush(stdout) != 0) return std::perror("standard output"), 1;  // a full disk, say
   return 0;
 }

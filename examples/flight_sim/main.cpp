@@ -39,6 +39,11 @@ struct Summary {
 
 namespace nm = nearmesh::subscriber;
 
+/// The exercise's clock, which all simulators share: here that of their machines, which are set alike.
+double exercise_time_s() {
+  return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
+}
+
 /// A session, and what the simulator remembers of it.
 struct Peer {
   std::unique_ptr<nm::Session> session;
@@ -136,8 +141,8 @@ int run(const Options& options) {
   if (!joined.is_ok()) return fail(joined.status().message());
   Peer& peer = joined.value();
   if (options.wait_s > 0) {
-    const auto ready =
-        nm::wait_ready(*peer.session, peer.terrain, options.wait_s, motions_of(peer, fleet));
+    const auto ready = nm::wait_ready(*peer.session, peer.terrain, options.wait_s,
+                                      motions_of(peer, fleet), 0, exercise_time_s());
     if (!ready.is_ok()) return fail(ready.status().message());
     if (ready.value().readiness.stage != nm::ReadyStage::kCertified)
       return fail("not ready after " + std::to_string(options.wait_s) +
@@ -154,6 +159,7 @@ int run(const Options& options) {
   };
   const auto steps = static_cast<std::uint64_t>(options.seconds / kStep_s + 0.5);
   const auto start = clock();
+  const double start_s = exercise_time_s();
   for (std::uint64_t step = 0; step < steps; ++step) {
     const auto step_start = clock();
     const std::vector<Aircraft> before = fleet;
@@ -168,7 +174,7 @@ int run(const Options& options) {
 
     // ---- nearmesh: begin
     const auto update_start = clock();
-    const auto report = peer.session->update(step, static_cast<double>(step) * kStep_s,
+    const auto report = peer.session->update(step, start_s + static_cast<double>(step) * kStep_s,
                                              motions_of(peer, fleet), options.budget_ms / 1000);
     if (!report.is_ok()) return fail(report.status().message());
     for (const std::string& line : report.value().complaints)
@@ -198,6 +204,7 @@ int run(const Options& options) {
       static_cast<unsigned long long>(summary.uncertain),
       static_cast<unsigned long long>(summary.held), percentile(summary.step_ms, 0.99),
       percentile(summary.nearmesh_ms, 0.99), static_cast<unsigned long long>(summary.late));
+  if (std::fflush(stdout) != 0) return std::perror("standard output"), 1;  // a full disk, say
   return 0;
 }
 

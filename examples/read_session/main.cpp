@@ -51,4 +51,5 @@ int main(int argc, char** argv) {
     else
       std::printf("no contact seen, least certified clearance %.2f m\n", pair.nearest_m);
   }
+  if (std::fflush(stdout) != 0) return std::perror("standard output"), 1;  // a full disk, say
 }

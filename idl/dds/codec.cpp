@@ -14,6 +14,7 @@ constexpr std::uint8_t kFlagLast = 1;
 constexpr std::uint8_t kFlagRefused = 2;
 constexpr std::size_t kWordsPerNode = 2;
 constexpr std::size_t kWordsPerPair = 4;
+constexpr std::size_t kWordsPerContent = 2;
 constexpr std::uint8_t kFlagAsked = 1;
 constexpr std::uint8_t kFlagSolidA = 2;
 constexpr std::uint8_t kFlagSolidB = 4;
@@ -56,6 +57,12 @@ Result<std::vector<std::string>> split_lines(const Octets& octets, std::size_t l
   return lines;
 }
 
+/// That of the place `at` in a list.
+template <class Words>
+ContentHash content_at(const Words& words, std::size_t at) {
+  return {words[kWordsPerContent * at], words[kWordsPerContent * at + 1]};
+}
+
 template <class Message>
 Result<Message> checked(Message message) {
   NEARMESH_RETURN_IF_ERROR(check(message));
@@ -70,10 +77,14 @@ void encode(const Hello& message, wire_types::HelloSample& sample) {
   sample.names().clear();
   sample.content_hashes().clear();
   sample.mesh_bytes().clear();
+  sample.replaced_hashes().clear();
   for (const Hello::Model& model : message.models) {
     append_line(model.name, sample.names());
-    sample.content_hashes().push_back(model.content_hash);
+    for (const std::uint64_t word : words_of(model.content_hash))
+      sample.content_hashes().push_back(word);
     sample.mesh_bytes().push_back(model.mesh_bytes);
+    for (const std::uint64_t word : words_of(model.replaces))
+      sample.replaced_hashes().push_back(word);
   }
 }
 
@@ -81,11 +92,13 @@ Result<Hello> decode(const wire_types::HelloSample& sample) {
   Hello message;
   message.wire_version = sample.wire_version();
   message.publisher = sample.publisher();
-  const std::size_t count = sample.content_hashes().size();
-  if (count > kMaxModels || sample.mesh_bytes().size() != count ||
+  const std::size_t count = sample.mesh_bytes().size();
+  if (count > kMaxModels || sample.content_hashes().size() != kWordsPerContent * count ||
+      sample.replaced_hashes().size() != kWordsPerContent * count ||
       sample.names().size() > kMaxModels * (kMaxNameBytes + 1))
-    return malformed("models: lists of " + std::to_string(count) + " hashes, " +
-                     std::to_string(sample.mesh_bytes().size()) + " sizes and " +
+    return malformed("models: lists of " + std::to_string(sample.content_hashes().size()) +
+                     " words of hashes, " + std::to_string(sample.replaced_hashes().size()) +
+                     " of replaced ones, " + std::to_string(count) + " sizes and " +
                      std::to_string(sample.names().size()) +
                      " bytes of names do not belong together");
   const auto names = split_lines(sample.names(), count, count, "model names");
@@ -93,15 +106,16 @@ Result<Hello> decode(const wire_types::HelloSample& sample) {
   message.models.resize(count);
   for (std::size_t i = 0; i < count; ++i) {
     message.models[i].name = names.value()[i];
-    message.models[i].content_hash = sample.content_hashes()[i];
+    message.models[i].content_hash = content_at(sample.content_hashes(), i);
     message.models[i].mesh_bytes = sample.mesh_bytes()[i];
+    message.models[i].replaces = content_at(sample.replaced_hashes(), i);
   }
   return checked(std::move(message));
 }
 
 void encode(const MeshHeader& message, wire_types::MeshHeaderSample& sample) {
   sample.wire_version(message.wire_version);
-  sample.content_hash(message.content_hash);
+  sample.content_hash(words_of(message.content_hash));
   sample.name(message.name.c_str());
   sample.bytes(message.bytes);
 }
@@ -109,7 +123,7 @@ void encode(const MeshHeader& message, wire_types::MeshHeaderSample& sample) {
 Result<MeshHeader> decode(const wire_types::MeshHeaderSample& sample) {
   MeshHeader message;
   message.wire_version = sample.wire_version();
-  message.content_hash = sample.content_hash();
+  message.content_hash = content_at(sample.content_hash(), 0);
   message.name = sample.name().to_string();
   message.bytes = sample.bytes();
   return checked(std::move(message));
@@ -120,7 +134,7 @@ void encode(const RegionSubscription& message, wire_types::RegionSubscriptionSam
   sample.priority(message.priority);
   sample.request(message.request);
   sample.peer(message.peer);
-  sample.content_hash(message.content_hash);
+  sample.content_hash(words_of(message.content_hash));
   sample.publisher(message.publisher);
   sample.acknowledged_sequence(message.acknowledged_sequence);
   sample.window_bytes(message.window_bytes);
@@ -143,7 +157,7 @@ Result<RegionSubscription> decode(const wire_types::RegionSubscriptionSample& sa
   message.priority = sample.priority();
   message.request = sample.request();
   message.peer = sample.peer();
-  message.content_hash = sample.content_hash();
+  message.content_hash = content_at(sample.content_hash(), 0);
   message.publisher = sample.publisher();
   message.acknowledged_sequence = sample.acknowledged_sequence();
   message.window_bytes = sample.window_bytes();
@@ -166,7 +180,7 @@ void encode(const SplitBatchMessage& message, wire_types::SplitBatchSample& samp
                                          (message.refused ? kFlagRefused : 0)));
   sample.request(message.request);
   sample.publisher(message.publisher);
-  sample.content_hash(message.content_hash);
+  sample.content_hash(words_of(message.content_hash));
   sample.sequence_number(message.sequence);
   sample.bytes(message.bytes);
 }
@@ -180,7 +194,7 @@ Result<SplitBatchMessage> decode(const wire_types::SplitBatchSample& sample) {
   message.refused = (sample.flags() & kFlagRefused) != 0;
   message.request = sample.request();
   message.publisher = sample.publisher();
-  message.content_hash = sample.content_hash();
+  message.content_hash = content_at(sample.content_hash(), 0);
   message.sequence = sample.sequence_number();
   message.bytes = sample.bytes();
   return checked(std::move(message));
@@ -229,12 +243,19 @@ void encode(const ContactReport& message, wire_types::ContactReportSample& sampl
   sample.answer_digest(message.answer_digest);
   std::size_t at = 0;
   for (const ContactReport::Asked* body : {&message.a, &message.b}) {
-    sample.content_hashes()[at] = body->content_hash;
+    sample.content_hashes()[kWordsPerContent * at] = body->content_hash.high;
+    sample.content_hashes()[kWordsPerContent * at + 1] = body->content_hash.low;
     sample.state_digests()[at] = body->state_digest;
     sample.applied_batches()[at] = body->applied_batches;
     double* pose = &sample.poses()[12 * at++];
     std::copy(body->pose.rotation.begin(), body->pose.rotation.end(), pose);
     std::copy(body->pose.translation_m.begin(), body->pose.translation_m.end(), pose + 9);
+  }
+  at = 0;
+  for (const PoseStamp& stamp : {message.a.stamp, message.b.stamp}) {
+    sample.movers()[at] = static_cast<std::uint8_t>(stamp.mover);
+    sample.pose_times_s()[at] = stamp.time_s;
+    sample.max_ages_s()[at++] = stamp.max_age_s;
   }
   sample.pairs().clear();
   for (const auto& pair : message.pairs)
@@ -266,12 +287,20 @@ Result<ContactReport> decode(const wire_types::ContactReportSample& sample) {
   message.answer_digest = sample.answer_digest();
   std::size_t at = 0;
   for (ContactReport::Asked* body : {&message.a, &message.b}) {
-    body->content_hash = sample.content_hashes()[at];
+    body->content_hash = content_at(sample.content_hashes(), at);
     body->state_digest = sample.state_digests()[at];
     body->applied_batches = sample.applied_batches()[at];
     const double* pose = &sample.poses()[12 * at++];
     std::copy(pose, pose + 9, body->pose.rotation.begin());
     std::copy(pose + 9, pose + 12, body->pose.translation_m.begin());
+  }
+  at = 0;
+  for (PoseStamp* stamp : {&message.a.stamp, &message.b.stamp}) {
+    const std::uint8_t mover = sample.movers()[at];
+    if (mover > static_cast<std::uint8_t>(Mover::kSilent))
+      return malformed("movers: found " + std::to_string(mover));
+    *stamp = {static_cast<Mover>(mover), sample.pose_times_s()[at], sample.max_ages_s()[at]};
+    ++at;
   }
   const auto& words = sample.pairs();
   NEARMESH_RETURN_IF_ERROR(check_words(words.size(), kWordsPerPair, kMaxReportPairs, "pairs"));
@@ -285,7 +314,7 @@ void encode(const HeldDetail& message, wire_types::HeldDetailSample& sample) {
   sample.wire_version(message.wire_version);
   sample.applied_batches(message.applied_batches);
   sample.peer(message.peer);
-  sample.content_hash(message.content_hash);
+  sample.content_hash(words_of(message.content_hash));
   sample.model(message.model.c_str());
   sample.last_request(message.last_request);
   sample.state_digest(message.state_digest);
@@ -304,7 +333,7 @@ Result<HeldDetail> decode(const wire_types::HeldDetailSample& sample) {
   message.wire_version = sample.wire_version();
   message.applied_batches = sample.applied_batches();
   message.peer = sample.peer();
-  message.content_hash = sample.content_hash();
+  message.content_hash = content_at(sample.content_hash(), 0);
   message.model = sample.model().to_string();
   message.last_request = sample.last_request();
   message.state_digest = sample.state_digest();
@@ -344,7 +373,8 @@ void encode(const ProcessStatus& message, wire_types::ProcessStatusSample& sampl
   sample.splits().clear();
   for (const ProcessStatus::Model& model : message.models) {
     append_line(model.name, sample.names());
-    sample.content_hashes().push_back(model.content_hash);
+    for (const std::uint64_t word : words_of(model.content_hash))
+      sample.content_hashes().push_back(word);
     sample.faces().push_back(model.faces);
     sample.held_splits().push_back(model.held_splits);
     sample.splits().push_back(model.splits);
@@ -375,15 +405,15 @@ Result<ProcessStatus> decode(const wire_types::ProcessStatusSample& sample) {
   message.lost_batches = sample.lost_batches();
   message.waiting_batches = sample.waiting_batches();
   message.resident_bytes = sample.resident_bytes();
-  const std::size_t count = sample.content_hashes().size();
-  if (count > kMaxModels || sample.faces().size() != count ||
+  const std::size_t count = sample.faces().size();
+  if (count > kMaxModels || sample.content_hashes().size() != kWordsPerContent * count ||
       sample.held_splits().size() != count || sample.splits().size() != count)
     return malformed("models: lists that do not belong together");
   const auto names = split_lines(sample.names(), count, count, "model names");
   NEARMESH_RETURN_IF_ERROR(names);
   for (std::size_t i = 0; i < count; ++i)
-    message.models.push_back({names.value()[i], sample.content_hashes()[i], sample.faces()[i],
-                              sample.held_splits()[i], sample.splits()[i]});
+    message.models.push_back({names.value()[i], content_at(sample.content_hashes(), i),
+                              sample.faces()[i], sample.held_splits()[i], sample.splits()[i]});
   auto lines = split_lines(sample.complaints(), 0, kMaxStatusLines, "complaints");
   NEARMESH_RETURN_IF_ERROR(lines);
   message.complaints = std::move(lines).value();

@@ -3,11 +3,19 @@
 // Plain structs to generated samples and back. For the rooms named dds alone.
 // decode() is where bytes from outside become a message: it trusts nothing and ends with check().
 
+#include <array>
+#include <cstdint>
+
 #include "nearmesh/idl/messages/messages.hpp"
 #include "nearmesh/idl/nearmesh.h"
 #include "nearmesh/idl/nearmeshPubSubTypes.h"
 
 namespace nearmesh::wire {
+
+/// A content hash as samples carry it: the high word first.
+[[nodiscard]] inline std::array<std::uint64_t, 2> words_of(const ContentHash& content) {
+  return {content.high, content.low};
+}
 
 /// The generated type that carries a message.
 template <class Message>

@@ -3,9 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
+#include <limits>
 #include <string_view>
 #include <utility>
 
+#include "core/base/digest.hpp"
 #include "nearmesh/core/geometry/motion.hpp"
 #include "nearmesh/core/spm/detail/codec.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
@@ -24,6 +27,12 @@ Status check_version(std::uint16_t version) {
   if (version == kWireVersion) return Status::ok();
   return {StatusCode::kUnsupported, "wire version " + std::to_string(version) +
                                         ", this build speaks " + std::to_string(kWireVersion)};
+}
+
+std::string in_seconds(double time_s) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.6g s", time_s);
+  return text;
 }
 
 Status check_session(SessionId id, const char* field) {
@@ -49,8 +58,10 @@ Status check_name(std::string_view name, const char* field) {
   return Status::ok();
 }
 
-Status check_time(double time_s) {
-  return std::isfinite(time_s) ? Status::ok() : invalid("time_s is not finite");
+Status check_time(double time_s, const std::string& what) {
+  if (is_time(time_s)) return Status::ok();
+  return invalid(what + ": expected seconds, at most " + in_seconds(kMaxTime_s) +
+                 " from 0, found " + in_seconds(time_s));
 }
 
 Status check_distance(double value, const char* field) {
@@ -68,8 +79,9 @@ Status check_new_model(const std::string& name, std::size_t served) {
   return Status::ok();
 }
 
-MeshHeader announce_model(const std::string& name, const ModelFile& file, Hello& hello) {
-  hello.models.push_back({name, file.content_hash(), file.mesh_bytes()});
+MeshHeader announce_model(const std::string& name, const ModelFile& file, ContentHash replaces,
+                          Hello& hello) {
+  hello.models.push_back({name, file.content_hash(), file.mesh_bytes(), replaces});
   const auto bytes = file.header_bytes();
   return {kWireVersion, name, file.content_hash(), {bytes.begin(), bytes.end()}};
 }
@@ -80,24 +92,49 @@ std::vector<SplitBatchMessage> answer_messages(SessionId publisher,
                                                bool last) {
   if (batches.empty() && last) batches.emplace_back();
   std::vector<SplitBatchMessage> messages;
-  for (std::size_t i = 0; i < batches.size(); ++i)
+  for (std::size_t i = 0; i < batches.size(); ++i) {
+    if (!batches[i].empty()) seal_batch(request.content_hash, batches[i]);
     messages.push_back({.publisher = publisher,
                         .content_hash = request.content_hash,
                         .request = request.request,
                         .last = last && i + 1 == batches.size(),
                         .bytes = std::move(batches[i])});
+  }
   return messages;
 }
 
 SplitBatchMessage refusal_message(SessionId publisher, const RegionSubscription& request,
                                   const std::string& why) {
-  const auto length = static_cast<std::ptrdiff_t>(std::min(why.size(), kMaxBatchBytes));
+  const auto length = static_cast<std::ptrdiff_t>(std::min(why.size(), kMaxSealedBytes));
   return {.publisher = publisher,
           .content_hash = request.content_hash,
           .request = request.request,
           .last = true,
           .refused = true,
           .bytes = {why.begin(), why.begin() + length}};
+}
+
+double age_s(const PoseStamp& pose, double frame_time_s) {
+  return pose.mover == Mover::kNone ? std::numeric_limits<double>::infinity()
+                                    : frame_time_s - pose.time_s;
+}
+
+std::string why_stale(const PoseStamp& pose, double frame_time_s, const std::string& body) {
+  switch (pose.mover) {
+    case Mover::kNone:
+      return "no pose of body " + body + " has come";
+    case Mover::kLeft:
+      return "the peer that moves body " + body + " has left";
+    case Mover::kSilent:
+      return "the peer that moves body " + body + " gives no sign of life";
+    case Mover::kThere:
+      break;
+  }
+  const double age = age_s(pose, frame_time_s);
+  if (std::abs(age) <= pose.max_age_s) return {};
+  return "the pose of body " + body + " is " +
+         (age > 0 ? in_seconds(age) + " old" : in_seconds(-age) + " ahead of the frame's time") +
+         ", more than " + in_seconds(pose.max_age_s);
 }
 
 Status check(const Hello& message) {
@@ -107,6 +144,7 @@ Status check(const Hello& message) {
   std::vector<std::string_view> names;
   for (const Hello::Model& model : message.models) {
     NEARMESH_RETURN_IF_ERROR(check_name(model.name, "model name"));
+    if (!model.content_hash.is_set()) return invalid("model " + model.name + ": no content");
     names.push_back(model.name);
   }
   std::sort(names.begin(), names.end());
@@ -119,7 +157,12 @@ Status check(const MeshHeader& message) {
   NEARMESH_RETURN_IF_ERROR(check_version(message.wire_version));
   NEARMESH_RETURN_IF_ERROR(check_name(message.name, "model name"));
   if (message.bytes.empty()) return invalid("header: no bytes");
-  return check_most(message.bytes.size(), kMaxHeaderBytes, "header bytes");
+  NEARMESH_RETURN_IF_ERROR(check_most(message.bytes.size(), kMaxHeaderBytes, "header bytes"));
+  if (const ContentHash found = digest_of(message.bytes); found != message.content_hash)
+    return {StatusCode::kCorrupt, "header of model " + message.name + ": expected content " +
+                                      to_hex(message.content_hash) + ", the bytes give " +
+                                      to_hex(found)};
+  return Status::ok();
 }
 
 Status check(const RegionSubscription& message) {
@@ -143,7 +186,7 @@ Status check(const SplitBatchMessage& message) {
   NEARMESH_RETURN_IF_ERROR(check_version(message.wire_version));
   NEARMESH_RETURN_IF_ERROR(check_session(message.publisher, "publisher"));
   if (message.sequence == 0) return invalid("sequence: expected from 1, found 0");
-  NEARMESH_RETURN_IF_ERROR(check_most(message.bytes.size(), kMaxBatchBytes, "batch bytes"));
+  NEARMESH_RETURN_IF_ERROR(check_most(message.bytes.size(), kMaxSealedBytes, "batch bytes"));
   if (message.refused) {
     const auto printable = [](std::uint8_t c) { return is_printable(static_cast<char>(c)); };
     if (!std::all_of(message.bytes.begin(), message.bytes.end(), printable))
@@ -156,8 +199,7 @@ Status check(const BodyPose& message) {
   NEARMESH_RETURN_IF_ERROR(check_version(message.wire_version));
   NEARMESH_RETURN_IF_ERROR(check_session(message.peer, "peer"));
   NEARMESH_RETURN_IF_ERROR(check_name(message.body, "body"));
-  if (!std::isfinite(message.time_s))
-    return invalid("pose of " + message.body + ": time_s is not finite");
+  NEARMESH_RETURN_IF_ERROR(check_time(message.time_s, "pose of " + message.body + ": time_s"));
   return check_motion({message.pose, message.linear_velocity_mps, message.angular_velocity_radps},
                       message.body);
 }
@@ -167,13 +209,17 @@ Status check(const ContactReport& message) {
   NEARMESH_RETURN_IF_ERROR(check_session(message.peer, "peer"));
   NEARMESH_RETURN_IF_ERROR(check_name(message.body_a, "body_a"));
   NEARMESH_RETURN_IF_ERROR(check_name(message.body_b, "body_b"));
-  NEARMESH_RETURN_IF_ERROR(check_time(message.time_s));
+  NEARMESH_RETURN_IF_ERROR(check_time(message.time_s, "time_s"));
   if (message.status >= kAnswerStatusCount)
     return invalid("status: expected below " + std::to_string(kAnswerStatusCount) + ", found " +
                    std::to_string(message.status));
   NEARMESH_RETURN_IF_ERROR(check_distance(message.clearance_m, "clearance_m"));
   NEARMESH_RETURN_IF_ERROR(check_distance(message.uncertainty_m, "uncertainty_m"));
   NEARMESH_RETURN_IF_ERROR(check_most(message.pairs.size(), kMaxReportPairs, "pairs"));
+  for (const PoseStamp& stamp : {message.a.stamp, message.b.stamp}) {
+    NEARMESH_RETURN_IF_ERROR(check_time(stamp.time_s, "time of a pose"));
+    if (!(stamp.max_age_s >= 0)) return invalid("max_age_s: expected a time, not negative");
+  }
   if (message.asked) {
     NEARMESH_RETURN_IF_ERROR(check_pose(message.a.pose, message.body_a));
     NEARMESH_RETURN_IF_ERROR(check_pose(message.b.pose, message.body_b));

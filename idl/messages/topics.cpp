@@ -41,6 +41,7 @@ std::optional<TopicPlace> TopicNames::find(std::string_view name) const {
 }
 
 std::string key_of(std::uint64_t id) { return to_hex(id); }
+std::string key_of(const ContentHash& content) { return to_hex(content); }
 
 std::string partition_of(SessionId peer) { return to_hex(peer); }
 

@@ -146,11 +146,33 @@ Status put_folder(const fs::path& place, mode_t mode, Fill fill) {
   NEARMESH_RETURN_IF_ERROR(make_folder(beside, mode));
   Status status = fill(beside);
   if (status.is_ok()) {
-    fs::remove_all(place, ignored);
-    if (::rename(beside.c_str(), place.c_str()) != 0) status = io_error(place);
+    const fs::path old = place.parent_path() / ("." + place.filename().string() + ".old");
+    fs::remove_all(old, ignored);
+    const bool replaces = ::rename(place.c_str(), old.c_str()) == 0;
+    if (::rename(beside.c_str(), place.c_str()) != 0) {
+      status = io_error(place);
+      if (replaces) static_cast<void>(::rename(old.c_str(), place.c_str()));
+    }
+    fs::remove_all(old, ignored);
   }
   if (!status.is_ok()) fs::remove_all(beside, ignored);
   return status;
+}
+
+/// --force makes identities anew, and nothing else goes with them.
+Status check_replaceable(const fs::path& place) {
+  const auto is_identity_file = [](const fs::path& path) {
+    return std::find(kIdentityFiles.begin(), kIdentityFiles.end(), path.filename()) !=
+           kIdentityFiles.end();
+  };
+  std::error_code error;
+  for (fs::directory_iterator at(place, error), end; !error && at != end; at.increment(error))
+    if (!is_identity_file(at->path()))
+      return {StatusCode::kConflict, at->path().string() +
+                                         ": belongs to no identity, so its folder is not replaced; "
+                                         "move it or give another name"};
+  if (error) return {StatusCode::kConflict, place.string() + ": is no identity's folder"};
+  return Status::ok();
 }
 
 Result<Authorities> make_authorities(const fs::path& place, const SecurityPlan& plan,
@@ -186,10 +208,13 @@ Status fill_identity(const fs::path& folder, const SecurityPlan& plan,
 Status make_security(const std::string& folder, const SecurityPlan& plan) {
   NEARMESH_RETURN_IF_ERROR(check_plan(plan));
   const fs::path set = folder, authorities_folder = set / kAuthorities;
-  for (const SecurityPlan::Identity& identity : plan.identities)
-    if (!plan.force && fs::exists(set / identity.name))
-      return {StatusCode::kConflict,
-              (set / identity.name).string() + ": exists; --force makes it anew"};
+  for (const SecurityPlan::Identity& identity : plan.identities) {
+    const fs::path place = set / identity.name;
+    if (!fs::exists(place)) continue;
+    if (!plan.force)
+      return {StatusCode::kConflict, place.string() + ": exists; --force makes it anew"};
+    NEARMESH_RETURN_IF_ERROR(check_replaceable(place));
+  }
   std::error_code error;
   fs::create_directories(set, error);
   if (error) return {StatusCode::kIo, folder + ": " + error.message()};

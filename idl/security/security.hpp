@@ -36,8 +36,9 @@ struct SecurityPlan {
 
 /// Makes the identities and, in a folder without them, the authorities: P-256 keys, mode 0600. An authority that is there is
 /// never replaced; another set is another folder.
-/// Errors: kInvalidArgument naming the option; kConflict for an identity that exists (without force), or a set made for
-/// another domain or prefix; kIo naming the file. Nothing is half made: an identity's folder appears when it is complete.
+/// Errors: kInvalidArgument naming the option; kConflict for an identity that exists (without force), a folder of its name
+/// that holds anything else, or a set made for another domain or prefix; kIo naming the file. Nothing is half made: an
+/// identity's folder appears when it is complete.
 [[nodiscard]] Status make_security(const std::string& folder, const SecurityPlan& plan);
 
 /// One line for the operator: which file, what is wrong, and what to do.

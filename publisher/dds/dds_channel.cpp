@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "dds_channel.hpp"
 
-#include <chrono>
 #include <map>
 #include <utility>
 
-#include "core/base/hash.hpp"
 #include "dds_peers.hpp"
 #include "idl/dds/rejoin_watch.hpp"
 
@@ -15,9 +13,7 @@ using wire::SessionId;
 
 namespace {
 
-/// How often a name that another publisher has for other content is told.
-constexpr std::chrono::seconds kConflictPeriod{30};
-constexpr std::size_t kMaxRivals = 256;
+constexpr std::size_t kMaxRivals = 256;  ///< hellos taken at a time
 
 }  // namespace
 
@@ -40,9 +36,9 @@ class DdsChannel::Impl {
   Status rejoin();
   void withdraw_headers(const std::vector<wire::MeshHeader>& kept);
   void listen_for_rivals();
-  void take_rivals();
-  void note_rival(wire::Hello hello, const wire::Handle& writer);
-  void find_conflicts();
+  void take_rivals(Inbox& inbox);
+  void note_rival(wire::Hello hello, const wire::Handle& writer, wire::Microseconds received,
+                  Inbox& inbox);
 
   DdsChannelOptions options_;
   wire::Mailbox mailbox_;
@@ -51,13 +47,12 @@ class DdsChannel::Impl {
   wire::Writer<wire::ProcessStatus> status_writer_{mailbox_};
   wire::Reader<wire::Hello> rival_reader_{mailbox_};
   DdsPeers peers_;
-  std::map<wire::Handle, wire::Hello> rivals_;  ///< other publishers, by their writer
+  wire::SessionBook rivals_;            ///< other publishers
+  std::vector<SessionId> lost_rivals_;  ///< with the bus before this one
   wire::HelloMemory rival_memory_;
-  bool has_news_of_rivals_ = false;
-  std::chrono::steady_clock::time_point told_conflicts_{};
-  std::map<std::uint64_t, std::string> announced_headers_;  ///< content hash to name
-  SessionId own_id_ = 0;                                    ///< known with the first announcement
-  wire::Hello hello_;  ///< what was announced last, for a rejoin
+  std::map<ContentHash, std::string> announced_headers_;  ///< content hash to name
+  SessionId own_id_ = 0;                                  ///< known with the first announcement
+  wire::Hello hello_;                                     ///< what was announced last, for a rejoin
   std::vector<wire::MeshHeader> headers_;
   std::unique_ptr<wire::Bus> bus_;  ///< last: goes first, while the listeners still live
   std::unique_ptr<wire::RejoinWatch> rejoin_watch_;
@@ -97,47 +92,36 @@ void DdsChannel::Impl::listen_for_rivals() {
                       opened.message());
 }
 
-void DdsChannel::Impl::take_rivals() {
+void DdsChannel::Impl::take_rivals(Inbox& inbox) {
   if (!rival_reader_.is_open()) return;
+  for (const auto& event : rival_reader_.take_matches()) {
+    if (event.gone) {
+      rival_memory_.lost(event.writer);
+      if (const auto lost = rivals_.forget(event.writer, event.when))
+        inbox.lost_rivals.push_back(*lost);
+      continue;
+    }
+    rivals_.welcome(event.writer);
+    if (const wire::Hello* known = rival_memory_.found(event.writer))
+      note_rival(*known, event.writer, wire::now_us(), inbox);
+  }
   const bool more = rival_reader_.drain(
-      kMaxRivals, [this](wire::Hello&& hello, const wire::Handle& writer, wire::Microseconds) {
+      kMaxRivals,
+      [&](wire::Hello&& hello, const wire::Handle& writer, wire::Microseconds received) {
         const wire::Handle& own = hello_writer_.endpoint().get_instance_handle();
         if (wire::have_one_participant(writer, own)) return;
         rival_memory_.heard(hello, writer);
-        note_rival(std::move(hello), writer);
+        note_rival(std::move(hello), writer, received, inbox);
       });
   if (more) mailbox_.wake();
-  for (const auto& event : rival_reader_.take_matches()) {
-    if (event.gone) {
-      rivals_.erase(event.writer);
-      rival_memory_.lost(event.writer);
-    } else if (const wire::Hello* known = rival_memory_.found(event.writer)) {
-      note_rival(*known, event.writer);
-    }
-  }
 }
 
-void DdsChannel::Impl::note_rival(wire::Hello hello, const wire::Handle& writer) {
-  if (rivals_.size() >= kMaxRivals && !rivals_.contains(writer)) return;
-  rivals_[writer] = std::move(hello);
-  has_news_of_rivals_ = true;
-}
-
-/// Peers take whichever they hear first, so both sides should know; told again while it lasts.
-void DdsChannel::Impl::find_conflicts() {
-  const auto now = std::chrono::steady_clock::now();
-  if (!has_news_of_rivals_ && now - told_conflicts_ < kConflictPeriod) return;
-  has_news_of_rivals_ = false;
-  told_conflicts_ = now;
-  for (const auto& [writer, rival] : rivals_)
-    for (const wire::Hello::Model& theirs : rival.models)
-      for (const wire::Hello::Model& ours : hello_.models)
-        if (theirs.name == ours.name && theirs.content_hash != ours.content_hash)
-          mailbox_.complain("model " + ours.name + ": publisher " +
-                            wire::partition_of(rival.publisher) + " serves other content, " +
-                            to_hex(theirs.content_hash) + ", under that name; here it is " +
-                            to_hex(ours.content_hash) +
-                            "; peers take either: rename or replace one file");
+/// Nobody is lost in the name of another, nor comes back by what he said before.
+void DdsChannel::Impl::note_rival(wire::Hello hello, const wire::Handle& writer,
+                                  wire::Microseconds received, Inbox& inbox) {
+  using Claim = wire::SessionBook::Claim;
+  const Claim claim = rivals_.claim(hello.publisher, writer, received);
+  if (claim == Claim::kNew || claim == Claim::kKnown) inbox.rivals.push_back(std::move(hello));
 }
 
 /// Announcements are rare and must get through.
@@ -158,12 +142,13 @@ void DdsChannel::Impl::announce(const wire::Hello& hello,
   if (&headers != &headers_) headers_ = headers;
   if (bus_ == nullptr) return;  // told when this process has joined again
   withdraw_headers(headers);
+  // Headers count only from who has announced them, so these wait less.
+  static_cast<void>(announce(hello_writer_, hello));
   for (const wire::MeshHeader& header : headers) {
     const auto known = announced_headers_.find(header.content_hash);
     if (known != announced_headers_.end() && known->second == header.name) continue;
     if (announce(header_writer_, header)) announced_headers_[header.content_hash] = header.name;
   }
-  static_cast<void>(announce(hello_writer_, hello));
 }
 
 /// Latecomers shall not get headers of models that are no longer served.
@@ -172,7 +157,7 @@ void DdsChannel::Impl::withdraw_headers(const std::vector<wire::MeshHeader>& kep
     for (const wire::MeshHeader& header : kept)
       if (header.content_hash == known.first) return false;
     wire::Writer<wire::MeshHeader>::Data data;
-    data.content_hash(known.first);
+    data.content_hash(wire::words_of(known.first));
     header_writer_.dispose(data);
     return true;
   });
@@ -182,7 +167,7 @@ void DdsChannel::Impl::withdraw_headers(const std::vector<wire::MeshHeader>& kep
 Status DdsChannel::Impl::rejoin() {
   peers_.forget();
   announced_headers_.clear();
-  rivals_.clear();
+  for (const SessionId rival : rivals_.clear()) lost_rivals_.push_back(rival);
   (void)rival_reader_.take_matches();
   return open();
 }
@@ -190,12 +175,17 @@ Status DdsChannel::Impl::rejoin() {
 Inbox DdsChannel::Impl::take() {
   if (rejoin_watch_->rejoin_if_due(bus_, [this] { return rejoin(); }) && own_id_ != 0)
     announce(hello_, headers_);
-  if (bus_ == nullptr) return {peers_.take_lost(), {}};
-  take_rivals();
-  find_conflicts();
-  return peers_.take([this](const wire::RegionSubscription& message) {
+  if (bus_ == nullptr) {
+    Inbox inbox;
+    inbox.lost_peers = peers_.take_lost();
+    return inbox;
+  }
+  Inbox inbox = peers_.take([this](const wire::RegionSubscription& message) {
     return own_id_ == 0 || message.publisher == own_id_;  // else for another publisher
   });
+  inbox.lost_rivals = std::exchange(lost_rivals_, {});
+  take_rivals(inbox);
+  return inbox;
 }
 
 void DdsChannel::Impl::tell(const wire::ProcessStatus& status) {

@@ -35,7 +35,8 @@ bool DdsPeers::is_own(const Handle& writer) const {
 /// A peer that was lost and found again by the time it is taken from has said again what it wants: it must be lost before
 /// that is heard, or the answer is forgotten with it.
 Inbox DdsPeers::admit(std::vector<Heard> heard) {
-  Inbox inbox{take_lost(), {}};
+  Inbox inbox;
+  inbox.lost_peers = take_lost();
   for (Heard& one : heard)
     if (admit(one.message.peer, one.writer, one.received))
       inbox.subscriptions.push_back(std::move(one.message));

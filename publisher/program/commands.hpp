@@ -3,10 +3,10 @@
 // The commands of nearmesh-publisher: what each is told, and what it then does. Flags and help stand in main.cpp alone, so
 // that no command compiles CLI11.
 
-#include <csignal>
 #include <string>
 #include <vector>
 
+#include "idl/program/stop.hpp"
 #include "idl/security/security.hpp"
 #include "nearmesh/core/base/status.hpp"
 #include "publisher/dds/dds_channel.hpp"
@@ -14,11 +14,10 @@
 
 namespace nearmesh::publisher::program {
 
-/// Set by SIGINT and SIGTERM.
-extern volatile std::sig_atomic_t stop_requested;
+using wire::program::stop_requested;
 
 struct ServeOptions {
-  std::vector<std::string> models;
+  std::vector<std::string> models, replaces;
   DdsChannelOptions channel;
   std::string metrics;
   std::vector<std::string> log{"info"};

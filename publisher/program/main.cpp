@@ -2,27 +2,17 @@
 // nearmesh-publisher: serves progressive models to any number of peers over DDS. Its verbs, their flags and their help.
 
 #include <CLI/CLI.hpp>
-#include <csignal>
-#include <exception>
-#include <functional>
 #include <memory>
 
 #include "commands.hpp"
+#include "core/command/run_program.hpp"
 #include "idl/program/command.hpp"
 #include "idl/program/logging.hpp"
 #include "idl/program/metrics.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
 
 namespace nearmesh::publisher::program {
-
-volatile std::sig_atomic_t stop_requested = 0;
-
 namespace {
-
-/// What main runs after parsing: set by the chosen command.
-using Action = std::function<Status()>;
-
-void request_stop(int) { stop_requested = 1; }
 
 /// Of header_bytes_per_s on a thin link: 0.8 Mbit/s.
 constexpr double kThinHeaderBytesPerSecond = 100'000;
@@ -30,6 +20,9 @@ constexpr double kThinHeaderBytesPerSecond = 100'000;
 void add_settings(wire::program::Settings& settings, ServeOptions& options) {
   settings.add("models", options.models, "What is served; a model's name is its file's name",
                ".spm files");
+  settings.add("replaces", options.replaces,
+               "Contents whose place a model takes: peers that hold one go over to it",
+               "MODEL=CONTENT");
   wire::program::add_transport_settings(settings, options.channel.transport);
   settings.add("max_peers", options.channel.max_peers, 1, 100'000,
                "Peers beyond this many are refused");
@@ -152,23 +145,13 @@ int main(int argc, char** argv) {
   CLI::App app{"Serves nearmesh models (.spm) to peers over DDS, and replays recorded sessions.",
                "nearmesh-publisher"};
   app.require_subcommand(1);
-  Action chosen;
+  nearmesh::Action chosen;
   add_serve_command(app, chosen);
   add_replay_command(app, chosen);
   add_security_commands(app, chosen);
-  try {
-    nearmesh::wire::program::begin_logging("nearmesh-publisher");
-    app.parse(argc, argv);
-    std::signal(SIGINT, request_stop);
-    std::signal(SIGTERM, request_stop);
-    const nearmesh::Status status = chosen();
-    if (status.is_ok()) return 0;
-    spdlog::error("{}", status.message());
-    return 1;
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : 2;
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "nearmesh-publisher: %s\n", error.what());
-    return 1;
-  }
+  nearmesh::wire::program::begin_logging(app.get_name());
+  return nearmesh::run_program(app, argc, argv, [&chosen] {
+    nearmesh::wire::program::stop_on_signals();
+    return chosen();
+  });
 }

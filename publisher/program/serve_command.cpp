@@ -3,30 +3,60 @@
 #include <spdlog/spdlog.h>
 
 #include <filesystem>
+#include <map>
 #include <memory>
 
 #include "commands.hpp"
+#include "core/base/hash.hpp"
 #include "core/base/resources.hpp"
 #include "core/base/stopwatch.hpp"
 #include "idl/program/logging.hpp"
 #include "idl/program/metrics.hpp"
+#include "nearmesh/core/base/parse_content_hash.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
 #include "publisher/dds/dds_channel.hpp"
+#include "publisher/serve/checked_model.hpp"
 #include "publisher/serve/service.hpp"
 
 namespace nearmesh::publisher::program {
 namespace {
 
+/// By the model's name, from "MODEL=CONTENT".
+Result<std::map<std::string, ContentHash>> read_replaces(const std::vector<std::string>& pairs) {
+  std::map<std::string, ContentHash> replaces;
+  for (const std::string& pair : pairs) {
+    const std::size_t at = pair.rfind('=');
+    if (at == std::string::npos)
+      return Status{StatusCode::kInvalidArgument,
+                    "replaces: expected MODEL=CONTENT, found '" + pair + "'"};
+    const Result<ContentHash> content = parse_content_hash(std::string_view(pair).substr(at + 1));
+    if (!content.is_ok())
+      return Status{content.status().code(),
+                    "replaces: " + pair + ": " + content.status().message()};
+    if (!replaces.emplace(pair.substr(0, at), content.value()).second)
+      return Status{StatusCode::kConflict, "replaces: " + pair.substr(0, at) + " is named twice"};
+  }
+  return replaces;
+}
+
 Status add_models(const ServeOptions& options, Service& service) {
+  Result<std::map<std::string, ContentHash>> replaces = read_replaces(options.replaces);
+  NEARMESH_RETURN_IF_ERROR(replaces);
   for (const std::string& path : options.models) {
-    Result<ModelFile> file = ModelFile::open(path);
+    Result<ModelFile> file = open_checked(path);
     NEARMESH_RETURN_IF_ERROR(file);
     const SpmHeader& header = file.value().header();
-    spdlog::info("serving {}: {} faces, {} splits, header {} bytes", path, header.face_count,
-                 header.split_count(), file.value().header_bytes().size());
-    NEARMESH_RETURN_IF_ERROR(
-        service.add_model(std::filesystem::path(path).stem().string(), std::move(file).value()));
+    spdlog::info("serving {}: content {}, {} faces, {} splits, header {} bytes", path,
+                 to_hex(file.value().content_hash()), header.face_count, header.split_count(),
+                 file.value().header_bytes().size());
+    const std::string name = std::filesystem::path(path).stem().string();
+    const auto replaced = replaces.value().extract(name);
+    NEARMESH_RETURN_IF_ERROR(service.add_model(name, std::move(file).value(),
+                                               replaced ? replaced.mapped() : ContentHash{}));
   }
+  if (!replaces.value().empty())
+    return {StatusCode::kNotFound,
+            "replaces: no model " + replaces.value().begin()->first + " is served here"};
   return Status::ok();
 }
 

@@ -18,7 +18,7 @@ void RecordedDetail::rewind(std::int64_t end) {
 }
 
 Status RecordedDetail::add(std::int64_t id, std::span<const std::uint8_t> batch) {
-  const Result<SplitBatch> decoded = decode_batch(all_.header(), batch);
+  const Result<SplitBatch> decoded = decode_sealed(all_.header(), batch);
   NEARMESH_RETURN_IF_ERROR(decoded);
   const RefinedMesh::Applied applied = all_.apply_batch(decoded.value());
   for (const VertexId split : applied.delta.split) delivered_[split.value] = id;

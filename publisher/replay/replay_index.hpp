@@ -54,7 +54,7 @@ class ReplayIndex {
   [[nodiscard]] const std::set<wire::SessionId>& peers() const { return peers_; }
   /// By content hash. Those with a header in the recording, where batches are wanted at all. Complete once all batches
   /// were taken in.
-  [[nodiscard]] std::map<std::uint64_t, RecordedDetail>& details() { return details_; }
+  [[nodiscard]] std::map<ContentHash, RecordedDetail>& details() { return details_; }
   /// Takes in the next batches, at most `most`. Errors: the reader's; kIo where there is no memory for them.
   [[nodiscard]] Status take_batches(RecordingReader& recording, std::size_t most);
   [[nodiscard]] bool has_all_batches() const { return batches_.empty(); }
@@ -87,12 +87,12 @@ class ReplayIndex {
   std::vector<std::uint32_t> stream_of_writer_;
   std::set<wire::SessionId> publishers_, peers_;
   std::map<wire::SessionId, std::uint32_t> hello_stream_;
-  std::map<std::uint64_t, RecordedDetail> details_;
+  std::map<ContentHash, RecordedDetail> details_;
   std::map<std::pair<std::uint32_t, std::string>, Latch> latches_;  // by stream and key
-  std::map<std::pair<std::string, std::uint64_t>, std::vector<Request>>
+  std::map<std::pair<std::string, ContentHash>, std::vector<Request>>
       requests_;  // by the peer's partition and content
   /// That are not in the details yet: id and content, ascending.
-  std::deque<std::pair<std::int64_t, std::uint64_t>> batches_;
+  std::deque<std::pair<std::int64_t, ContentHash>> batches_;
   bool plays_batches_ = false;
 };
 

@@ -16,6 +16,9 @@ struct Inbox {
   std::vector<wire::SessionId> lost_peers;
   /// Valid ones, in order of arrival.
   std::vector<wire::RegionSubscription> subscriptions;
+  /// Other publishers: those that are gone, and what others said since.
+  std::vector<wire::SessionId> lost_rivals;
+  std::vector<wire::Hello> rivals;
 };
 
 class Channel {

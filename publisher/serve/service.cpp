@@ -5,6 +5,7 @@
 
 #include "core/base/hash.hpp"
 #include "core/demand/answer.hpp"
+#include "idl/messages/contents.hpp"
 
 namespace nearmesh::publisher {
 namespace {
@@ -15,30 +16,34 @@ constexpr int kMaxTurns = 128;
 constexpr int kMaxSent = 64;
 /// Answers that are being collected at a time, since each may take some 20 MB for it.
 constexpr std::size_t kMaxCollecting = 8;
+constexpr std::size_t kMaxRivals = 256;
 
 }  // namespace
 
 Service::Service(Channel& channel, wire::SessionId session, ServiceOptions options)
     : channel_(channel), session_(session), options_(options) {}
 
-Status Service::add_model(const std::string& name, ModelFile file) {
+Status Service::add_model(const std::string& name, ModelFile file, ContentHash replaces) {
   NEARMESH_RETURN_IF_ERROR(wire::check_new_model(name, models_.size()));
   for (const auto& [hash, model] : models_)
     if (model->name == name)
       return {StatusCode::kConflict,
               file.path() + ": the name " + name + " is taken by " + model->file.path()};
-  const std::uint64_t hash = file.content_hash();
+  const ContentHash hash = file.content_hash();
+  if (replaces == hash)
+    return {StatusCode::kInvalidArgument,
+            file.path() + ": its content is " + to_hex(hash) + " itself, which it cannot replace"};
   if (const auto same = models_.find(hash); same != models_.end())
     return {StatusCode::kConflict, file.path() + ": same content as " + same->second->file.path() +
                                        ", which is served as " + same->second->name};
-  auto model = std::make_unique<Model>(Model{name, std::move(file)});
+  auto model = std::make_unique<Model>(Model{name, std::move(file), replaces});
   add_answerer(
       hash, [&file = model->file](const RegionRequest& request) { return answer(file, request); });
   models_.emplace(hash, std::move(model));
   return Status::ok();
 }
 
-void Service::add_answerer(std::uint64_t content_hash, Answerer answerer) {
+void Service::add_answerer(const ContentHash& content_hash, Answerer answerer) {
   answerers_[content_hash] = std::move(answerer);
 }
 
@@ -47,7 +52,7 @@ void Service::announce() {
   hello.publisher = session_;
   std::vector<wire::MeshHeader> headers;
   for (const auto& [hash, model] : models_)
-    headers.push_back(wire::announce_model(model->name, model->file, hello));
+    headers.push_back(wire::announce_model(model->name, model->file, model->replaces, hello));
   channel_.announce(hello, headers);
 }
 
@@ -65,6 +70,7 @@ Result<Service::Parts> Service::answer(ModelFile& file, const RegionRequest& req
 void Service::take_requests(double now_s) {
   Inbox inbox = channel_.take();
   for (const wire::SessionId id : inbox.lost_peers) peers_.erase(id);
+  take_rivals(inbox);
   for (wire::RegionSubscription& subscription : inbox.subscriptions) {
     if (subscription.publisher != session_) continue;
     Peer& peer = peers_.try_emplace(subscription.peer, options_.pacing).first->second;
@@ -78,14 +84,53 @@ void Service::take_requests(double now_s) {
     std::erase_if(peer.queue, [&](const Waiting& waiting) {
       return waiting.message.content_hash == subscription.content_hash;
     });
-    const std::uint64_t hash =
-        answerers_.contains(subscription.content_hash) ? subscription.content_hash : 0;
+    const ContentHash hash =
+        answerers_.contains(subscription.content_hash) ? subscription.content_hash : ContentHash{};
     peer.open[hash] = Open{std::move(subscription), {}, false};
   }
 }
 
+void Service::take_rivals(const Inbox& inbox) {
+  for (const wire::SessionId id : inbox.lost_rivals) rivals_.erase(id);
+  for (const wire::Hello& hello : inbox.rivals)
+    if (hello.publisher != session_ &&
+        (rivals_.size() < kMaxRivals || rivals_.contains(hello.publisher)))
+      rivals_[hello.publisher] = hello;
+  has_news_of_rivals_ = has_news_of_rivals_ || !inbox.lost_rivals.empty() || !inbox.rivals.empty();
+}
+
+/// One line for each rival and name, when it begins. Peers that hold one content do not take another for it, so all must know.
+void Service::find_conflicts(std::vector<std::string>& lines) {
+  if (!std::exchange(has_news_of_rivals_, false)) return;
+  std::set<std::string> found;
+  for (const auto& [hash, model] : models_) {
+    std::vector<wire::Offer> offers{{session_, hash, model->replaces}};
+    for (const auto& [id, rival] : rivals_) wire::add_offer(rival, model->name, offers);
+    const std::vector<ContentHash> standing = wire::standing(offers);
+    const auto stands = [&](const ContentHash& content) {
+      return std::find(standing.begin(), standing.end(), content) != standing.end();
+    };
+    const std::string here = "model " + model->name + ": publisher ";
+    for (const wire::Offer& theirs : offers) {
+      const std::string who = here + to_hex(theirs.publisher);
+      if (theirs.content == hash || !stands(theirs.content)) continue;
+      if (stands(hash))
+        found.insert(who + " serves other content, " + to_hex(theirs.content) +
+                     ", under this name, here it is " + to_hex(hash) +
+                     "; peers keep what they hold: stop or rename one, or serve the right one "
+                     "with --replaces");
+      else if (theirs.replaces == hash)
+        found.insert(who + " replaces content " + to_hex(hash) + ", which is served here, by " +
+                     to_hex(theirs.content) + "; peers go over to it: stop this one");
+    }
+  }
+  std::set_difference(found.begin(), found.end(), conflicts_.begin(), conflicts_.end(),
+                      std::back_inserter(lines));
+  conflicts_ = std::move(found);
+}
+
 /// The end when its queue is full enough at that urgency, or nothing is open.
-std::map<std::uint64_t, Service::Open>::iterator Service::most_urgent(Peer& peer) const {
+std::map<ContentHash, Service::Open>::iterator Service::most_urgent(Peer& peer) const {
   const auto found =
       std::min_element(peer.open.begin(), peer.open.end(), [](const auto& a, const auto& b) {
         const wire::RegionSubscription &x = a.second.subscription, &y = b.second.subscription;
@@ -220,6 +265,7 @@ std::vector<std::string> Service::step(double now_s) {
     is_behind_ = send(now_s) || next != peers_.end();
   }
   stats_.peers = peers_.size();
+  find_conflicts(complaints);
   for (std::string& line : channel_.take_complaints()) complaints.push_back(std::move(line));
   if (!began_s_) began_s_ = now_s;
   for (const std::string& line : complaints) keeper_.note(line, now_s - *began_s_);
@@ -241,6 +287,7 @@ void Service::tell_status(double now_s) {
     const SpmHeader& header = model->file.header();
     status.models.push_back({model->name, hash, header.face_count, 0, header.split_count()});
   }
+  for (const std::string& line : conflicts_) keeper_.note(line, now_s);  // as long as it lasts
   keeper_.complete(status, now_s);
   channel_.tell(status);
   status_ = std::move(status);

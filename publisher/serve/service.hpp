@@ -18,6 +18,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -42,8 +43,10 @@ class Service {
   /// The channel must outlive the service.
   Service(Channel& channel, wire::SessionId session, ServiceOptions options = {});
 
-  /// Serves a model under a name unique to this publisher. Errors: kInvalidArgument (name), kConflict (name taken).
-  [[nodiscard]] Status add_model(const std::string& name, ModelFile file);
+  /// Serves a model under a name unique to this publisher. `replaces`: peers that hold that content under the name go over to
+  /// this one; or none. Errors: kInvalidArgument (name, or it would replace itself), kConflict (name taken).
+  [[nodiscard]] Status add_model(const std::string& name, ModelFile file,
+                                 ContentHash replaces = {});
   /// Encoded batches; none where nothing is to be sent, or none is made yet.
   struct Part {
     std::vector<std::vector<std::uint8_t>> batches;
@@ -54,7 +57,7 @@ class Service {
   /// What answers requests for a model. A status that is not ok refuses.
   using Answerer = std::function<Result<Parts>(const RegionRequest&)>;
   /// Requests for this content are answered so; it is announced elsewhere.
-  void add_answerer(std::uint64_t content_hash, Answerer answerer);
+  void add_answerer(const ContentHash& content_hash, Answerer answerer);
   /// Announces all models that were added by add_model(); call once they are.
   void announce();
   /// Takes what arrived, makes and sends what credit allows, for some milliseconds at most. Never blocks. `now_s` is any
@@ -75,6 +78,7 @@ class Service {
   struct Model {
     std::string name;
     ModelFile file;
+    ContentHash replaces;
   };
   struct Waiting {
     wire::SplitBatchMessage message;
@@ -88,7 +92,7 @@ class Service {
   };
   struct Peer {
     explicit Peer(const PacingOptions& options) : pacing(options) {}
-    std::map<std::uint64_t, Open> open;  ///< by content hash, 0 for all that are not served
+    std::map<ContentHash, Open> open;  ///< by content hash, none for all that are not served
     std::uint64_t last_turn = 0;
     double said_refusal_s = 0;
     std::optional<std::uint64_t> unsaid_refusals;  ///< none: nothing was ever said of it
@@ -102,7 +106,9 @@ class Service {
 
   [[nodiscard]] static Result<Parts> answer(ModelFile& file, const RegionRequest& request);
   void take_requests(double now_s);
-  [[nodiscard]] std::map<std::uint64_t, Open>::iterator most_urgent(Peer& peer) const;
+  void take_rivals(const Inbox& inbox);
+  void find_conflicts(std::vector<std::string>& lines);
+  [[nodiscard]] std::map<ContentHash, Open>::iterator most_urgent(Peer& peer) const;
   [[nodiscard]] Peers::iterator next_in_turn();
   void serve(wire::SessionId id, Peer& peer, double now_s, std::vector<std::string>& lines);
   void refuse(wire::SessionId id, Peer& peer, const wire::RegionSubscription& request,
@@ -115,9 +121,12 @@ class Service {
   Channel& channel_;
   const wire::SessionId session_;
   const ServiceOptions options_;
-  std::map<std::uint64_t, std::unique_ptr<Model>> models_;  // by content hash
-  std::map<std::uint64_t, Answerer> answerers_;             // of the same, and others
+  std::map<ContentHash, std::unique_ptr<Model>> models_;  // by content hash
+  std::map<ContentHash, Answerer> answerers_;             // of the same, and others
   Peers peers_;
+  std::map<wire::SessionId, wire::Hello> rivals_;  // other publishers that are there
+  bool has_news_of_rivals_ = false;
+  std::set<std::string> conflicts_;  // of names with them, as they were said
   std::uint64_t turns_ = 0;
   bool is_behind_ = false;
   ServiceStats stats_;

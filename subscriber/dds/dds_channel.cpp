@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "core/base/float_guard.hpp"
+#include "dds_headers.hpp"
 #include "dds_hellos.hpp"
 #include "dds_poses.hpp"
 #include "idl/dds/dds_support.hpp"
@@ -42,6 +43,7 @@ class DdsChannel::Impl {
         own_id_(options.session != 0 ? options.session : wire::make_session_id()),
         names_(options.transport.prefix),
         hellos_(mailbox_, names_.of<wire::Hello>()),
+        headers_(mailbox_, names_.of<wire::MeshHeader>()),
         movers_(mailbox_, names_.of<wire::BodyPose>(), !options.transport.security.empty()) {}
   ~Impl();
 
@@ -75,6 +77,7 @@ class DdsChannel::Impl {
   bool receive();
   bool receive_hellos();
   bool receive_poses();
+  void deliver_movers();
   void tell_lost(SessionId publisher);
   Status rejoin();
   bool flush();
@@ -84,7 +87,8 @@ class DdsChannel::Impl {
   template <class Message>
   void deliver(std::vector<Message> Inbox::*list, Message&& message, std::size_t limit,
                const std::string& topic);
-  void deliver_header(wire::MeshHeader&& header);
+  void deliver_header(DdsHeaders::Counted&& header);
+  void receive_headers();
   [[nodiscard]] bool is_of_its_publisher(const wire::SplitBatchMessage& batch,
                                          const Handle& writer);
   void note_batch(const wire::SplitBatchMessage& batch);
@@ -98,6 +102,7 @@ class DdsChannel::Impl {
   wire::Reader<wire::MeshHeader> header_reader_{mailbox_};
   wire::Reader<wire::SplitBatchMessage> batch_reader_{mailbox_};
   wire::Reader<wire::BodyPose> pose_reader_{mailbox_};
+  wire::Reader<wire::ProcessStatus> status_reader_{mailbox_};
   wire::Writer<wire::RegionSubscription> subscription_writer_{mailbox_};
   wire::Writer<wire::BodyPose> pose_writer_{mailbox_};
   wire::Writer<wire::ContactReport> report_writer_{mailbox_};
@@ -108,11 +113,13 @@ class DdsChannel::Impl {
   std::condition_variable arrived_;
   Inbox inbox_;
   std::map<SessionId, Account> accounts_;  ///< by publisher: those that requests were sent to
+  std::vector<DdsHeaders::Counted> counted_headers_;  ///< of the inbox
   std::size_t waiting_header_bytes_ = 0;
   std::set<std::string> overflowed_;  ///< topics that already complained since the last take()
 
   // The I/O thread's own.
   DdsHellos hellos_;
+  DdsHeaders headers_;
   DdsPoses movers_;
   std::unique_ptr<wire::Bus> bus_;
 
@@ -172,6 +179,8 @@ Channel::Inbox DdsChannel::Impl::take() {
   {
     const std::lock_guard lock(mutex_);
     taken = std::exchange(inbox_, {});
+    for (DdsHeaders::Counted& header : std::exchange(counted_headers_, {}))
+      taken.headers.push_back(std::move(header.header));
     waiting_header_bytes_ = 0;
     overflowed_.clear();
   }
@@ -182,9 +191,9 @@ Channel::Inbox DdsChannel::Impl::take() {
 void DdsChannel::Impl::wait(double seconds) {
   std::unique_lock lock(mutex_);
   arrived_.wait_for(lock, std::chrono::duration<double>(seconds), [this] {
-    return !inbox_.hellos.empty() || !inbox_.lost_publishers.empty() || !inbox_.headers.empty() ||
-           !inbox_.batches.empty() || !inbox_.poses.empty() || inbox_.recorder_came ||
-           mailbox_.has_complaints();
+    return !inbox_.hellos.empty() || !inbox_.lost_publishers.empty() || !counted_headers_.empty() ||
+           !inbox_.batches.empty() || !inbox_.poses.empty() || !inbox_.movers.empty() ||
+           inbox_.recorder_came || mailbox_.has_complaints();
   });
 }
 
@@ -228,6 +237,7 @@ Status DdsChannel::Impl::open() {
   NEARMESH_RETURN_IF_ERROR(hello_reader_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(header_reader_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(pose_reader_.open(*bus_));
+  NEARMESH_RETURN_IF_ERROR(status_reader_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(subscription_writer_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(pose_writer_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(report_writer_.open(*bus_));
@@ -238,15 +248,21 @@ Status DdsChannel::Impl::open() {
 /// Out: true when some reader may hold more.
 bool DdsChannel::Impl::receive() {
   // Whoever comes and goes is remembered until it is taken.
-  (void)header_reader_.take_matches();
   (void)batch_reader_.take_matches();
+  (void)status_reader_.take_matches();
   bool more = receive_hellos();
-  more |= header_reader_.drain(kMaxTaken, [&](wire::MeshHeader&& header, const Handle&,
-                                              Microseconds) { deliver_header(std::move(header)); });
+  headers_.take(header_reader_.take_matches());
+  more |= header_reader_.drain(kMaxTaken,
+                               [&](wire::MeshHeader&& header, const Handle& writer, Microseconds) {
+                                 headers_.heard(std::move(header), writer);
+                               });
   for (wire::Hello& hello : hellos_.release([this](const Handle& writer) {
          return subscription_writer_.listener().is_matched_with_participant_of(writer);
-       }))
+       })) {
+    if (const auto writer = hellos_.writer_of(hello.publisher)) headers_.announced(hello, *writer);
     deliver(&Inbox::hellos, std::move(hello), kMaxWaitingOthers, names_.of<wire::Hello>());
+  }
+  receive_headers();
   more |= batch_reader_.drain(
       kMaxTaken, [&](wire::SplitBatchMessage&& batch, const Handle& writer, Microseconds) {
         if (!is_of_its_publisher(batch, writer)) return;
@@ -261,6 +277,15 @@ bool DdsChannel::Impl::receive() {
     inbox_.recorder_came = true;
   }
   return more;
+}
+
+/// After the hellos that they need.
+void DdsChannel::Impl::receive_headers() {
+  for (DdsHeaders::Counted& header : headers_.release()) deliver_header(std::move(header));
+  if (const std::uint64_t strays = headers_.complain_of_strays(); strays > 0) {
+    const std::lock_guard lock(mutex_);
+    inbox_.refused_headers += strays;
+  }
 }
 
 /// Out: true when there may be more.
@@ -340,23 +365,50 @@ bool DdsChannel::Impl::receive_poses() {
   // The matches first: of who is gone by then, what it said is all there.
   const std::vector<wire::ReaderListener::Match> matches = pose_reader_.take_matches();
   std::vector<DdsPoses::Heard> heard;
-  const bool more =
+  bool more =
       pose_reader_.drain(kMaxTaken, [&](wire::BodyPose&& pose, const Handle& writer, Microseconds) {
         if (pose.peer != own_id_) heard.push_back({std::move(pose), writer});
       });
   for (wire::BodyPose& pose : movers_.take(matches, std::move(heard), more))
     deliver(&Inbox::poses, std::move(pose), kMaxWaitingOthers, names_.of<wire::BodyPose>());
+  more |= status_reader_.drain(
+      kMaxTaken, [&](wire::ProcessStatus&& status, const Handle& writer, Microseconds) {
+        movers_.hear_sign(status.session, writer);
+      });
+  deliver_movers();
   return more;
+}
+
+/// What is known of a body replaces what waited.
+void DdsChannel::Impl::deliver_movers() {
+  bool dropped = false;
+  {
+    const std::lock_guard lock(mutex_);
+    for (const auto& [body, mover] : movers_.take_changes())
+      if (inbox_.movers.size() < wire::BodyBook::kMaxOfAll || inbox_.movers.contains(body))
+        inbox_.movers[body] = mover;
+      else
+        dropped = true;
+  }
+  if (dropped) complain_of_overflow(names_.of<wire::BodyPose>());
 }
 
 /// The host takes losses before hellos, so a hello of before the loss must not wait for it.
 void DdsChannel::Impl::tell_lost(SessionId publisher) {
+  std::vector<DdsHeaders::Counted> not_taken;
   {
     const std::lock_guard lock(mutex_);
     std::erase_if(inbox_.hellos,
                   [&](const wire::Hello& hello) { return hello.publisher == publisher; });
     accounts_.erase(publisher);
+    std::erase_if(counted_headers_, [&](DdsHeaders::Counted& header) {
+      if (header.header.publisher != publisher) return false;
+      waiting_header_bytes_ -= header.header.message.bytes.size();
+      not_taken.push_back(std::move(header));
+      return true;
+    });
   }
+  headers_.lost(publisher, std::move(not_taken));
   deliver(&Inbox::lost_publishers, std::move(publisher), kMaxWaitingOthers,
           names_.of<wire::Hello>());
 }
@@ -366,10 +418,14 @@ void DdsChannel::Impl::tell_lost(SessionId publisher) {
 Status DdsChannel::Impl::rejoin() {
   for (const SessionId publisher : hellos_.clear()) tell_lost(publisher);
   movers_.clear();
+  headers_.clear();
+  deliver_movers();
   subscription_writer_.listener().forget_readers();
   held_writer_.listener().forget_readers();
   (void)hello_reader_.take_matches();
+  (void)header_reader_.take_matches();
   (void)pose_reader_.take_matches();
+  (void)status_reader_.take_matches();
   return open();
 }
 
@@ -387,13 +443,13 @@ void DdsChannel::Impl::deliver(std::vector<Message> Inbox::*list, Message&& mess
   complain_of_overflow(topic);
 }
 
-void DdsChannel::Impl::deliver_header(wire::MeshHeader&& header) {
-  const std::size_t bytes = header.bytes.size();
+void DdsChannel::Impl::deliver_header(DdsHeaders::Counted&& header) {
+  const std::size_t bytes = header.header.message.bytes.size();
   {
     const std::lock_guard lock(mutex_);
     if (waiting_header_bytes_ + bytes <= kMaxWaitingHeaderBytes) {
       waiting_header_bytes_ += bytes;
-      inbox_.headers.push_back(std::move(header));
+      counted_headers_.push_back(std::move(header));
       return;
     }
   }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "dds_monitor.hpp"
 
+#include <algorithm>
 #include <map>
 #include <set>
 #include <tuple>
@@ -9,6 +10,7 @@
 #include "core/base/hash.hpp"
 #include "core/base/stopwatch.hpp"
 #include "idl/dds/dds_support.hpp"
+#include "idl/messages/contents.hpp"
 #include "nearmesh/core/query/query.hpp"
 
 namespace nearmesh::subscriber {
@@ -21,6 +23,31 @@ constexpr std::size_t kMaxHeard = 4096;
 constexpr std::size_t kMaxRefusals = 256;
 constexpr std::size_t kMaxRegions = 16384;
 constexpr double kStatusSilence_s = 2;
+
+/// Names that stand for more than one content.
+std::vector<std::string> conflicts(const std::vector<wire::Hello>& publishers) {
+  std::set<std::string> names;
+  for (const wire::Hello& hello : publishers)
+    for (const wire::Hello::Model& model : hello.models) names.insert(model.name);
+  std::vector<std::string> lines;
+  for (const std::string& name : names) {
+    std::vector<wire::Offer> offers;
+    for (const wire::Hello& hello : publishers) wire::add_offer(hello, name, offers);
+    const std::vector<ContentHash> standing = wire::standing(offers);
+    if (standing.size() < 2) continue;
+    std::string line = "model " + name + ": ";
+    for (const ContentHash& content : standing) {
+      const auto first = std::find_if(offers.begin(), offers.end(), [&](const wire::Offer& offer) {
+        return offer.content == content;
+      });
+      line += "publisher " + to_hex(first->publisher) + " serves content " + to_hex(content) + ", ";
+    }
+    lines.push_back(line +
+                    "peers keep what they hold: stop or rename one, or serve the right one "
+                    "with --replaces");
+  }
+  return lines;
+}
 
 }  // namespace
 
@@ -63,7 +90,6 @@ class DdsMonitor::Impl {
     for (const Handle& writer : silence_.take_silent(clock_.seconds()))
       refuse("publisher " + wire::name_of(writer) + wire::kSilentHint);
     for (std::string& line : mailbox_.take_complaints()) refuse(std::move(line));
-    find_conflicts();
   }
 
   BusView view() const {
@@ -74,6 +100,7 @@ class DdsMonitor::Impl {
     std::map<wire::SessionId, wire::ProcessStatus> processes;
     for (const auto& [writer, status] : processes_) processes[status.session] = status;
     for (const auto& [id, status] : processes) view.processes.push_back(status);
+    view.errors = conflicts(view.publishers);
     view.refusals = refusals_;
     const double now_s = clock_.seconds();
     for (const auto& [key, region] : regions_)
@@ -137,23 +164,6 @@ class DdsMonitor::Impl {
       if (event.gone) processes_.erase(event.writer);
   }
 
-  void find_conflicts() {
-    std::map<std::string, std::pair<std::uint64_t, wire::SessionId>> by_name;
-    for (const auto& [writer, hello] : hellos_)
-      for (const wire::Hello::Model& model : hello.models) {
-        const auto [first, is_new] =
-            by_name.try_emplace(model.name, model.content_hash, hello.publisher);
-        if (first->second.first == model.content_hash) continue;
-        // Smaller id first, whoever was heard first.
-        std::pair one{first->second.second, first->second.first},
-            other{hello.publisher, model.content_hash};
-        if (other < one) std::swap(one, other);
-        refuse("model " + model.name + ": publisher " + to_hex(one.first) + " serves content " +
-               to_hex(one.second) + ", publisher " + to_hex(other.first) + " content " +
-               to_hex(other.second) + "; peers take either: rename or replace one file");
-      }
-  }
-
   void refuse(std::string line) {
     if (refusals_.size() < kMaxRefusals && known_.insert(line).second)
       refusals_.push_back(std::move(line));
@@ -180,7 +190,7 @@ class DdsMonitor::Impl {
     Handle writer;
     double heard_s = 0;
   };
-  std::map<std::pair<wire::SessionId, std::uint64_t>, Request> requests_;
+  std::map<std::pair<wire::SessionId, ContentHash>, Request> requests_;
   std::vector<std::string> refusals_;
   std::set<std::string> known_;
   std::unique_ptr<wire::Bus> bus_;  ///< last: goes first, while the listeners still live

@@ -22,7 +22,7 @@ struct RegionView {
 /// The last that a peer asked for of a model.
 struct RequestView {
   wire::SessionId peer = 0;
-  std::uint64_t content_hash = 0;
+  ContentHash content_hash;
   std::uint8_t priority = 0;  ///< 0 needed now, else ahead
   std::uint32_t nodes = 0;    ///< that it lacked
   double age_s = 0;
@@ -32,8 +32,10 @@ struct RequestView {
 struct BusView {
   std::vector<wire::Hello> publishers;
   std::vector<wire::ProcessStatus> processes;
+  /// What is wrong on the bus now and people must mend, one line each: one model name with two contents.
+  std::vector<std::string> errors;
   /// Seen from here, one line each, in the order in which they were noticed: other wire versions and types, incompatible
-  /// QoS, malformed samples, one model name with two contents, publishers that were matched but are not heard.
+  /// QoS, malformed samples, publishers that were matched but are not heard.
   std::vector<std::string> refusals;
   std::vector<RegionView> regions;    ///< by peer, body_a, body_b; where they are looked at
   std::vector<RequestView> requests;  ///< by peer and content; the same

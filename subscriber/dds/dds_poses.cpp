@@ -7,6 +7,8 @@ namespace nearmesh::subscriber {
 namespace {
 
 constexpr std::size_t kMaxContestedBodies = 64;
+constexpr double kSilence_s = 3;  ///< three signs of life are missing
+constexpr double kLook_s = 0.1;
 
 }  // namespace
 
@@ -16,10 +18,12 @@ std::vector<wire::BodyPose> DdsPoses::take(const std::vector<wire::ReaderListene
   for (const auto& event : matches)
     if (event.gone) gone_movers_.push_back(event.writer);
   for (Heard& one : heard) accept(std::move(one), accepted);
+  look_for_silent();
   // What a writer said before it went is taken before it is forgotten, or it would claim its bodies again.
   if (more || gone_movers_.empty()) return accepted;
   for (const wire::Handle& writer : std::exchange(gone_movers_, {})) {
     bodies_.forget(writer);
+    lose(writer);
     std::erase_if(contested_, [&](const auto& c) { return c.second.writer == writer; });
   }
   // A peer that started again may be heard before its old self is gone.
@@ -32,6 +36,12 @@ void DdsPoses::accept(Heard&& heard, std::vector<wire::BodyPose>& accepted) {
   const std::string body = heard.pose.body;
   const wire::BodyBook::Claim claim = bodies_.claim(body, heard.writer);
   if (claim == wire::BodyBook::Claim::kOwn) {
+    Source& source = sources_[heard.writer];
+    source.session = heard.pose.peer;
+    source.heard_s = clock_.seconds();
+    Moved& moved = moved_[body];
+    moved.writer = heard.writer;
+    tell(body, moved, wire::Mover::kThere);
     accepted.push_back(std::move(heard.pose));
     return;
   }
@@ -48,7 +58,45 @@ void DdsPoses::accept(Heard&& heard, std::vector<wire::BodyPose>& accepted) {
   contested_.emplace(body, std::move(heard));
 }
 
+/// A session's name is not enough: anybody can say it.
+void DdsPoses::hear_sign(wire::SessionId session, const wire::Handle& writer) {
+  for (auto& [pose_writer, source] : sources_) {
+    if (source.session != session || !wire::have_one_participant(pose_writer, writer)) continue;
+    source.heard_s = clock_.seconds();
+    source.gives_signs = true;
+  }
+}
+
+void DdsPoses::look_for_silent() {
+  const double now_s = clock_.seconds();
+  if (now_s - looked_s_ < kLook_s) return;
+  looked_s_ = now_s;
+  for (auto& [body, moved] : moved_) {
+    const auto source = sources_.find(moved.writer);
+    if (source == sources_.end() || !source->second.gives_signs) continue;
+    const bool is_silent = now_s - source->second.heard_s >= kSilence_s;
+    tell(body, moved, is_silent ? wire::Mover::kSilent : wire::Mover::kThere);
+  }
+}
+
+void DdsPoses::lose(const wire::Handle& writer) {
+  sources_.erase(writer);
+  std::erase_if(moved_, [&](const auto& entry) {
+    if (entry.second.writer != writer) return false;
+    changes_[entry.first] = wire::Mover::kLeft;
+    return true;
+  });
+}
+
+void DdsPoses::tell(const std::string& body, Moved& moved, wire::Mover now) {
+  if (std::exchange(moved.mover, now) != now) changes_[body] = now;
+}
+
+std::map<std::string, wire::Mover> DdsPoses::take_changes() { return std::exchange(changes_, {}); }
+
 void DdsPoses::clear() {
+  sources_.clear();
+  for (const auto& [body, moved] : std::exchange(moved_, {})) changes_[body] = wire::Mover::kLeft;
   bodies_.clear();
   gone_movers_.clear();
   contested_.clear();

@@ -40,7 +40,7 @@ struct Entry {
   RecordedMessage message;
   std::uint64_t missing = 0;  ///< above 0: a gap of so many from message.sequence on; no message
   bool before = false;        ///< of a gap: nothing that was sent while we listened has come yet
-  std::uint64_t content_hash = 0;  ///< of a header, with its name
+  ContentHash content_hash;   ///< of a header, with its name
   std::string model;
 
   [[nodiscard]] std::size_t bytes() const { return sizeof(Entry) + message.cdr.size(); }
@@ -360,7 +360,7 @@ void DdsRecorder::Impl::push(Entry&& entry) {
       }
       entry.message.cdr.clear();
       entry.missing = 1;
-      entry.content_hash = 0;
+      entry.content_hash = {};
     } else {
       ++stats_.messages;
       stats_.bytes += entry.message.cdr.size();

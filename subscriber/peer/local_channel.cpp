@@ -26,7 +26,7 @@ Status LocalChannel::add_model(const std::string& name, ModelFile file) {
               file.path() + " as " + name + ": " +
                   (model.name == name ? "the name is taken by " : "same content as ") +
                   model.file.path() + ", served as " + model.name};
-  const std::uint64_t hash = file.content_hash();
+  const ContentHash hash = file.content_hash();
   models_.emplace(hash, Model{name, std::move(file)});
   if (connected_) announce();
   return Status::ok();
@@ -37,7 +37,7 @@ void LocalChannel::announce() {
   hello.publisher = kPublisher;
   inbox_.headers.clear();
   for (const auto& [hash, model] : models_)
-    inbox_.headers.push_back(wire::announce_model(model.name, model.file, hello));
+    inbox_.headers.push_back({kPublisher, wire::announce_model(model.name, model.file, {}, hello)});
   inbox_.hellos.assign(1, std::move(hello));
 }
 
@@ -50,12 +50,16 @@ void LocalChannel::set_connected(bool connected) {
   }
   inbox_ = {};
   inbox_.lost_publishers.push_back(kPublisher);
+  for (const std::string& body : delivered_) inbox_.movers[body] = wire::Mover::kLeft;
 }
 
 Status LocalChannel::deliver(const wire::BodyPose& pose) {
   const FloatGuard guard;
   NEARMESH_RETURN_IF_ERROR(wire::check(pose));
-  if (connected_) inbox_.poses.push_back(pose);
+  if (!connected_) return Status::ok();
+  inbox_.poses.push_back(pose);
+  inbox_.movers[pose.body] = wire::Mover::kThere;
+  delivered_.insert(pose.body);
   return Status::ok();
 }
 

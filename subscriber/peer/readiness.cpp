@@ -90,6 +90,7 @@ Result<Waited> wait_ready(Session& session, BodyId body, double timeout_s,
   const Stopwatch waited;
   Waited result;
   for (;;) {
+    time_s = std::max(time_s, session.heard_time_s().value_or(time_s));
     Result<FrameReport> report = session.update(frame, time_s, motions, kBudget_s);
     NEARMESH_RETURN_IF_ERROR(report);
     motions.clear();  // the session knows them by now

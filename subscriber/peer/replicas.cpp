@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "replicas.hpp"
 
+#include <utility>
+
 #include "core/base/hash.hpp"
 
 namespace nearmesh::subscriber {
@@ -15,47 +17,30 @@ PeerModel* ReplicaSet::find(const std::string& name) {
   return at == models_.end() ? nullptr : &at->second;
 }
 
-PeerModel* ReplicaSet::find(std::uint64_t content_hash) {
+PeerModel* ReplicaSet::find(const ContentHash& content_hash) {
   for (auto& [name, model] : models_)
-    if (model.content_hash == content_hash && content_hash != 0) return &model;
+    if (model.content_hash == content_hash && content_hash.is_set()) return &model;
   return nullptr;
 }
 
-std::size_t ReplicaSet::announce(const wire::Hello& hello, std::vector<std::string>& complaints) {
-  std::size_t header_bytes = 0;
-  for (const wire::Hello::Model& served : hello.models) {
-    PeerModel* model = find(served.name);
-    if (model == nullptr || model->content_hash == served.content_hash) continue;
-    if (model->content_hash != 0) {
-      complaints.push_back("model " + served.name + ": publisher " + to_hex(hello.publisher) +
-                           " announces content " + to_hex(served.content_hash) +
-                           ", before it was " + to_hex(model->content_hash) +
-                           "; starting again with the new content");
-      const std::string name = model->name;
-      *model = PeerModel{.name = name};
-    }
-    model->content_hash = served.content_hash;
-    model->mesh_bytes = served.mesh_bytes;
-    if (const auto at = unclaimed_.find(served.content_hash); at != unclaimed_.end()) {
-      const wire::MeshHeader message = std::move(at->second);
-      unclaimed_bytes_ -= message.bytes.size();
-      unclaimed_.erase(at);
-      header_bytes += take_header(message, complaints);
-    }
-  }
-  return header_bytes;
+std::size_t ReplicaSet::assign(PeerModel& model, const ContentHash& content,
+                               std::vector<std::string>& complaints) {
+  if (model.content_hash == content) return 0;
+  if (model.is_ready()) keep_header(std::exchange(model.header, {}));  // it may come back
+  model.content_hash = content;
+  model.mesh_bytes = 0;
+  model.replica.reset();
+  model.waiting.clear();
+  model.looked_ahead_s = -std::numeric_limits<double>::infinity();
+  const auto at = unclaimed_.find(content);
+  if (at == unclaimed_.end()) return 0;
+  const wire::MeshHeader message = std::move(at->second);
+  unclaimed_bytes_ -= message.bytes.size();
+  unclaimed_.erase(at);
+  return take_header(message, complaints);
 }
 
-std::size_t ReplicaSet::announce_new(const wire::Hello& hello,
-                                     std::vector<std::string>& complaints) {
-  wire::Hello news{.publisher = hello.publisher};
-  for (const wire::Hello::Model& served : hello.models)
-    if (const PeerModel* model = find(served.name); model != nullptr && model->content_hash == 0)
-      news.models.push_back(served);
-  return announce(news, complaints);
-}
-
-/// Beyond the limit only of names we use, whose hello is on its way.
+/// Beyond the limit only of names we use, that may come to stand for it.
 void ReplicaSet::keep_header(const wire::MeshHeader& message) {
   if (const auto at = unclaimed_.find(message.content_hash); at != unclaimed_.end()) {
     unclaimed_bytes_ -= at->second.bytes.size();
@@ -82,19 +67,35 @@ std::size_t ReplicaSet::take_header(const wire::MeshHeader& message,
     return 0;
   }
   model->replica = std::move(replica).value();
+  model->header = message;
   return message.bytes.size();
 }
+
+namespace {
+
+void complain(PeerModel& model, wire::SessionId publisher, const Replica::Taken& taken,
+              std::vector<std::string>& complaints) {
+  if (!taken.contradicts && !model.damaged.insert(publisher).second) return;
+  complaints.push_back(
+      "model " + model.name + ": publisher " + to_hex(publisher) +
+      (taken.contradicts
+           ? " contradicts the model, its detail is forgotten and it is not asked again: "
+           : " sent what came damaged, it is dropped and asked for again: ") +
+      taken.status.message());
+}
+
+}  // namespace
 
 bool ReplicaSet::apply_one(FrameReport& report) {
   for (auto& [name, model] : models_) {
     if (!model.is_ready() || model.waiting.empty()) continue;
-    const Replica::Taken taken = model.replica->take(model.waiting.front());
+    const PeerModel::Batch batch = std::move(model.waiting.front());
     model.waiting.pop_front();
+    const Replica::Taken taken = model.replica->take(batch.bytes, batch.publisher);
     report.load_s += taken.times.load_s;
     report.refine_s += taken.times.refine_s;
     report.tree_s += taken.times.tree_s;
-    if (!taken.status.is_ok())
-      report.complaints.push_back("model " + name + ": " + taken.status.message());
+    if (!taken.status.is_ok()) complain(model, batch.publisher, taken, report.complaints);
     return true;
   }
   return false;

@@ -7,6 +7,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 
 #include "core/replica/replica.hpp"
 #include "nearmesh/subscriber/peer/session.hpp"
@@ -20,10 +21,18 @@ inline constexpr std::size_t kMaxSpareHeaderBytes = 16U << 20;
 /// A model that bodies of this peer use.
 struct PeerModel {
   std::string name;
-  std::uint64_t content_hash = 0;  // 0: nobody has announced it yet
+  ContentHash content_hash;  // none: no content may be taken for it yet
+  ContentHash pinned;        // nothing else is ever taken; or none
+  std::string conflict;      // what publishers disagree about, as it was said
   std::uint64_t mesh_bytes = 0;
-  std::optional<Replica> replica;                 // from the header on
-  std::deque<std::vector<std::uint8_t>> waiting;  // encoded batches, in order of arrival
+  std::optional<Replica> replica;  // from the header on
+  wire::MeshHeader header;         // of the replica: nobody sends it again
+  struct Batch {
+    wire::SessionId publisher = 0;
+    std::vector<std::uint8_t> bytes;
+  };
+  std::deque<Batch> waiting;          // encoded batches, in order of arrival
+  std::set<wire::SessionId> damaged;  // publishers whose batches were, as was said
   /// The session's time when the last look ahead found nothing to ask for.
   double looked_ahead_s = -std::numeric_limits<double>::infinity();
 
@@ -32,20 +41,20 @@ struct PeerModel {
   [[nodiscard]] bool is_ready() const { return replica.has_value(); }
 };
 
-/// T_L, T_R and T_B go to the report. A batch that does not decode or contradicts the model is dropped with a complaint.
+/// T_L, T_R and T_B go to the report. Of a publisher whose batches are damaged on their way, or contradict the model, one
+/// complaint each is made.
 class ReplicaSet {
  public:
   PeerModel& add(const std::string& name);
   [[nodiscard]] PeerModel* find(const std::string& name);
-  [[nodiscard]] PeerModel* find(std::uint64_t content_hash);
+  [[nodiscard]] PeerModel* find(const ContentHash& content_hash);
   [[nodiscard]] std::map<std::string, PeerModel>& all() { return models_; }
   [[nodiscard]] const std::map<std::string, PeerModel>& all() const { return models_; }
 
-  /// A publisher's announcement: binds names to contents. Content that changes under a name drops the replica. Returns the
-  /// size of headers that had waited for it and are used now.
-  std::size_t announce(const wire::Hello& hello, std::vector<std::string>& complaints);
-  /// The same of what it announces under names whose content is not known yet: for models that came into use after it.
-  std::size_t announce_new(const wire::Hello& hello, std::vector<std::string>& complaints);
+  /// What the model's name stands for from now on, or nothing. Another content than before drops the replica. Returns the size of
+  /// a header that had waited for it and is used now.
+  std::size_t assign(PeerModel& model, const ContentHash& content,
+                     std::vector<std::string>& complaints);
   /// A header: starts the replica of the model it belongs to, if any body uses it. Returns its size if it was used.
   std::size_t take_header(const wire::MeshHeader& message, std::vector<std::string>& complaints);
   /// Applies the oldest waiting batch of some model; false when none waits.
@@ -55,8 +64,8 @@ class ReplicaSet {
   std::map<std::string, PeerModel> models_;
   void keep_header(const wire::MeshHeader& message);
 
-  std::map<std::uint64_t, wire::MeshHeader>
-      unclaimed_;  // headers that came before the name they belong to, or a body that uses it
+  std::map<ContentHash, wire::MeshHeader>
+      unclaimed_;  // headers of contents that no model in use stands for
   std::size_t unclaimed_bytes_ = 0;
 };
 

@@ -7,6 +7,7 @@
 
 #include "core/base/hash.hpp"
 #include "core/demand/collect.hpp"
+#include "publisher_choice.hpp"
 #include "session_impl.hpp"
 
 namespace nearmesh::subscriber {
@@ -72,18 +73,31 @@ std::vector<RegionPart> Session::Impl::kept_of(const PeerModel& model, const Fra
   return kept;
 }
 
-// Of those that serve it the one that left the fewest requests in a row unanswered; ties go to the lower id.
-Publisher* Session::Impl::publisher_of(std::uint64_t content_hash) {
+// Of those that serve it, and did not contradict it, the one that left the fewest requests in a row unanswered; among these
+// the one that this peer prefers.
+Publisher* Session::Impl::publisher_of(const ContentHash& content) {
   Publisher* best = nullptr;
+  std::uint64_t best_preference = 0;
+  const PeerModel* held = replicas.find(content);
   for (auto& [id, publisher] : publishers) {
-    const auto& models = publisher.hello.models;
-    const bool serves = std::any_of(models.begin(), models.end(), [&](const auto& model) {
-      return model.content_hash == content_hash;
-    });
-    if (serves && (best == nullptr || publisher.lost_requests < best->lost_requests))
-      best = &publisher;
+    if (!publisher.serves(content)) continue;
+    if (held != nullptr && held->is_ready() && held->replica->distrusts(id)) continue;
+    const std::uint64_t its = preference(channel->own_id(), id);
+    if (best != nullptr &&
+        (publisher.lost_requests > best->lost_requests ||
+         (publisher.lost_requests == best->lost_requests && its <= best_preference)))
+      continue;
+    best = &publisher;
+    best_preference = its;
   }
   return best;
+}
+
+// Whether one that is there has contradicted a model: nobody is left to ask where publisher_of() finds none.
+bool Session::Impl::is_contradicted(const PeerModel& model) const {
+  return model.is_ready() &&
+         std::any_of(publishers.begin(), publishers.end(),
+                     [&](const auto& entry) { return model.replica->distrusts(entry.first); });
 }
 
 // Why detail of a model is not here, and whether it may be expected.
@@ -93,8 +107,10 @@ std::string Session::Impl::awaited_of(const PeerModel& model, std::size_t missin
       std::to_string(missing) + " nodes of model " + model.name + " are missing, ";
   const Publisher* publisher = publisher_of(model.content_hash);
   if (publisher == nullptr)
-    return what +
-           (publishers.empty() ? "no publisher is there" : "no publisher that is there serves it");
+    return what + (publishers.empty() ? "no publisher is there"
+                   : is_contradicted(model)
+                       ? "and each publisher that serves it has contradicted it"
+                       : "no publisher that is there serves it");
   if (publisher->lost_requests > 0)
     return what + "publisher " + to_hex(publisher->hello.publisher) + " has not answered " +
            std::to_string(publisher->lost_requests) + " requests in a row";
@@ -169,11 +185,11 @@ bool Session::Impl::request_ahead(PeerModel& model, const FrameReport& report, d
 }
 
 // A request for a model was lost: how long to wait for the answer to the next, perhaps of another publisher.
-double Session::Impl::patience_after(std::uint64_t content_hash, Outstanding& lost) {
+double Session::Impl::patience_after(const ContentHash& content, Outstanding& lost) {
   const auto asked = publishers.find(lost.publisher);
   if (asked != publishers.end() && !std::exchange(lost.is_counted, true))
     ++asked->second.lost_requests;
-  const Publisher* next = publisher_of(content_hash);
+  const Publisher* next = publisher_of(content);
   if (next != nullptr && next->lost_requests == 0) return options.request_timeout_s;
   return std::min(2 * lost.patience_s, kMaxPatience_s);
 }

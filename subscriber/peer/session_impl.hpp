@@ -3,7 +3,9 @@
 // What the files of Session share: session.cpp (samples in, answers and status out) and session_ask.cpp (what is asked of
 // publishers). Threads: one.
 
+#include <algorithm>
 #include <deque>
+#include <set>
 #include <unordered_map>
 
 #include "core/ask/predict.hpp"
@@ -22,7 +24,11 @@ struct Body {
   bool own = false;
   bool solid = false;
   std::optional<Motion> motion;
-  bool contested = false;  // another peer moves it too, as was said
+  wire::PoseStamp stamp;       // of the motion's pose
+  bool is_placed = false;      // its pose holds at any time
+  double published_s = 0;      // own: the time that the others know its pose for
+  bool has_gone_back = false;  // its mover's time, as was said
+  bool contested = false;      // another peer moves it too, as was said
 };
 
 // A request that was sent and not yet answered in full.
@@ -40,6 +46,11 @@ struct Publisher {
   std::uint32_t received_sequence = 0;
   std::uint32_t lost_requests =
       0;  // in a row: it may be dead, which DDS tells only when its lease is over
+
+  [[nodiscard]] bool serves(const ContentHash& content) const {
+    return std::any_of(hello.models.begin(), hello.models.end(),
+                       [&](const auto& model) { return model.content_hash == content; });
+  }
 };
 
 struct Session::Impl {
@@ -63,12 +74,15 @@ struct Session::Impl {
   std::map<wire::SessionId, std::uint32_t>
       last_sequence;            // of batches, by publisher; also of those that are gone
   std::uint32_t recorders = 0;  // that came
-  bool has_new_model = false;   // a body was added whose model nobody has announced since
-  std::map<std::uint64_t, Outstanding> outstanding;  // by content hash
+  bool has_news = false;        // of publishers or bodies: what names stand for may change
+  std::map<ContentHash, Outstanding> outstanding;
   std::uint32_t last_request = 0;
   double time_s = 0;  // of the update
+  bool has_updated = false;
+  std::optional<double> heard_time_s;
   std::uint64_t refused = 0;
-  bool is_dropping = false;  // batches, in this update
+  bool is_dropping = false;              // batches, in this update
+  std::set<wire::SessionId> refused_of;  // who sent headers that do not count, as was said
   SessionStats stats;
   Stopwatch clock;
   wire::StatusKeeper keeper;
@@ -78,7 +92,11 @@ struct Session::Impl {
   [[nodiscard]] Body* find(BodyId body) {
     return body.value < bodies.size() ? &bodies[body.value] : nullptr;
   }
+  [[nodiscard]] Status check_pin(const BodyOptions& body) const;
+  [[nodiscard]] wire::PoseStamp stamp_of(const Body& body) const;
+  void publish(Body& body, std::uint64_t frame);
   void take_inbox(FrameReport& report);
+  void take_poses(const Channel::Inbox& inbox, std::vector<std::string>& complaints);
   void take_batch(wire::SplitBatchMessage&& message, FrameReport& report);
   void answer_pair(PairId id, std::uint64_t frame, FrameReport& report);
   void report_pair(Pair& pair, const PairAnswer& answer, const Reported& now);
@@ -96,10 +114,14 @@ struct Session::Impl {
   bool request(PeerModel& model, const RegionMaker& region, std::vector<NodeSpan> missing,
                std::uint8_t priority, double patience_s);
   void tell_status(const FrameReport& report, const SessionStats& counted);
-  [[nodiscard]] Publisher* publisher_of(std::uint64_t content_hash);
-  [[nodiscard]] double patience_after(std::uint64_t content_hash, Outstanding& lost);
+  [[nodiscard]] Publisher* publisher_of(const ContentHash& content);
+  [[nodiscard]] bool is_contradicted(const PeerModel& model) const;
+  [[nodiscard]] double patience_after(const ContentHash& content, Outstanding& lost);
+  [[nodiscard]] std::string why_no_mesh(const PeerModel& model) const;
   [[nodiscard]] std::string why_not_ready(const Body& body) const;
-  void take_hello(const wire::Hello& hello, std::vector<std::string>& complaints);
+  void take_hello(const wire::Hello& hello);
+  void take_header(const Channel::Header& header, std::vector<std::string>& complaints);
+  void settle_contents(std::vector<std::string>& complaints);
   [[nodiscard]] std::string awaited_of(const PeerModel& model, std::size_t missing);
 };
 

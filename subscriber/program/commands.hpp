@@ -3,11 +3,11 @@
 // The commands of nearmesh-subscriber: what each is told, and what it then does. Flags and help stand in main.cpp alone, so
 // that no command compiles CLI11.
 
-#include <csignal>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "idl/program/stop.hpp"
 #include "nearmesh/core/base/status.hpp"
 #include "nearmesh/idl/dds/transport_options.hpp"
 #include "nearmesh/subscriber/dds/dds_channel.hpp"
@@ -15,8 +15,7 @@
 
 namespace nearmesh::subscriber::program {
 
-/// Set by SIGINT and SIGTERM.
-extern volatile std::sig_atomic_t stop_requested;
+using wire::program::stop_requested;
 
 struct RunOptions {
   std::string scene, answers;

@@ -221,7 +221,7 @@ class Doctor {
     Channel::Inbox inbox = channel_ != nullptr ? channel_->take() : Channel::Inbox{};
     for (const wire::Hello& hello : inbox.hellos)
       publishers_.try_emplace(hello.publisher, clock_.seconds(), hello);
-    for (const wire::MeshHeader& header : inbox.headers)
+    for (const auto& [publisher, header] : inbox.headers)
       headers_.try_emplace(header.content_hash, clock_.seconds(), header.bytes.size());
     for (const auto& lines : {inbox.complaints, echo_->take_complaints()})
       for (const std::string& line : lines)
@@ -378,7 +378,7 @@ class Doctor {
   std::unique_ptr<DdsEcho> echo_;
   std::optional<wire::SessionId> other_;
   std::map<wire::SessionId, std::pair<double, wire::Hello>> publishers_;
-  std::map<std::uint64_t, std::pair<double, std::size_t>> headers_;
+  std::map<ContentHash, std::pair<double, std::size_t>> headers_;
   std::vector<std::string> complaints_;
   std::set<std::string> known_;
   std::uint32_t number_ = 1000;  ///< above those of calls

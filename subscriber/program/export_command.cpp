@@ -35,6 +35,9 @@ Result<std::string> peer_of(const RecordingReader& recording, const std::string&
 }  // namespace
 
 Status run(const ExportOptions& options) {
+  const bool is_glb = options.out.ends_with(".glb");
+  const FileKind& kind = is_glb ? report::kGlbFile : kPlyFile;
+  NEARMESH_RETURN_IF_ERROR(check_output(options.out, kind, {options.session}));
   Result<std::unique_ptr<RecordingReader>> opened = RecordingReader::open(options.session);
   NEARMESH_RETURN_IF_ERROR(opened);
   RecordingReader& recording = *opened.value();
@@ -59,11 +62,10 @@ Status run(const ExportOptions& options) {
   const bool is_b = options.body == scene.report.body_b ||
                     (options.body.empty() && options.other == scene.report.body_a);
   const std::size_t looked_at = is_b ? 1 : 0;
-  Result<std::string> bytes = options.out.ends_with(".glb")
-                                  ? report::to_glb(scene, looked_at)
-                                  : Result<std::string>(report::to_ply(scene, looked_at));
+  const Result<std::string> bytes =
+      is_glb ? report::to_glb(scene, looked_at) : report::to_ply(scene, looked_at);
   if (!bytes.is_ok()) return {bytes.status().code(), options.out + ": " + bytes.status().message()};
-  NEARMESH_RETURN_IF_ERROR(report::write_file(bytes.value(), options.out));
+  NEARMESH_RETURN_IF_ERROR(write_file(options.out, kind, bytes.value()));
   std::printf("%s: peer %s, frame %llu, %.6f s after the start: %s, %zu segments of contact\n",
               options.out.c_str(), peer.value().c_str(),
               static_cast<unsigned long long>(scene.report.frame),

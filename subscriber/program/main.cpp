@@ -3,27 +3,17 @@
 
 #include <CLI/CLI.hpp>
 #include <array>
-#include <csignal>
-#include <exception>
-#include <functional>
 #include <memory>
 
 #include "commands.hpp"
+#include "core/command/run_program.hpp"
 #include "idl/program/command.hpp"
 #include "idl/program/logging.hpp"
 #include "idl/program/metrics.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
 
 namespace nearmesh::subscriber::program {
-
-volatile std::sig_atomic_t stop_requested = 0;
-
 namespace {
-
-/// What main runs after parsing: set by the chosen command.
-using Action = std::function<Status()>;
-
-void request_stop(int) { stop_requested = 1; }
 
 /// Rooms of the log (--log ROOM=LEVEL).
 constexpr std::array<const char*, 2> kRooms{"session", "record"};
@@ -212,7 +202,7 @@ int main(int argc, char** argv) {
       "A nearmesh peer: answers frame by frame whether bodies touch, and records sessions.",
       "nearmesh-subscriber"};
   app.require_subcommand(1);
-  Action chosen;
+  nearmesh::Action chosen;
   add_run_command(app, chosen);
   add_record_command(app, chosen);
   add_info_command(app, chosen);
@@ -222,19 +212,10 @@ int main(int argc, char** argv) {
   add_report_command(app, chosen);
   add_status_command(app, chosen);
   add_doctor_command(app, chosen);
-  try {
-    nearmesh::wire::program::begin_logging("nearmesh-subscriber");
-    app.parse(argc, argv);
-    std::signal(SIGINT, request_stop);
-    std::signal(SIGTERM, request_stop);
-    const nearmesh::Status status = chosen();
-    if (status.is_ok()) return 0;
-    spdlog::error("{}", status.message());
-    return exit_code;
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : 2;
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "nearmesh-subscriber: %s\n", error.what());
-    return 1;
-  }
+  nearmesh::wire::program::begin_logging(app.get_name());
+  const int code = nearmesh::run_program(app, argc, argv, [&chosen] {
+    nearmesh::wire::program::stop_on_signals();
+    return chosen();
+  });
+  return code == 1 ? exit_code : code;
 }

@@ -7,12 +7,14 @@
 #include "commands.hpp"
 #include "nearmesh/core/recording/recording.hpp"
 #include "subscriber/report/html_page.hpp"
-#include "subscriber/report/mesh_files.hpp"
 
 namespace nearmesh::subscriber::program {
 Status run(const ReportOptions& options) {
   Result<std::unique_ptr<RecordingReader>> opened = RecordingReader::open(options.session);
   NEARMESH_RETURN_IF_ERROR(opened);
+  const std::string path = (std::filesystem::path(options.folder) / "index.html").string();
+  if (std::filesystem::exists(path))
+    NEARMESH_RETURN_IF_ERROR(check_output(path, report::kPageFile));
   const Result<std::string> html = report::html_page(
       *opened.value(), std::filesystem::path(options.session).filename().string(), options.at_s);
   if (!html.is_ok())
@@ -20,8 +22,7 @@ Status run(const ReportOptions& options) {
   std::error_code error;
   std::filesystem::create_directories(options.folder, error);
   if (error) return {StatusCode::kIo, options.folder + ": cannot create: " + error.message()};
-  const std::string path = (std::filesystem::path(options.folder) / "index.html").string();
-  NEARMESH_RETURN_IF_ERROR(report::write_file(html.value(), path));
+  NEARMESH_RETURN_IF_ERROR(write_file(path, report::kPageFile, html.value()));
   std::printf("%s: %zu bytes\n", path.c_str(), html.value().size());
   return Status::ok();
 }

@@ -4,13 +4,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <thread>
 
 #include "commands.hpp"
 #include "core/base/hash.hpp"
+#include "core/base/output_file.hpp"
+#include "core/base/standard_streams.hpp"
 #include "core/base/stopwatch.hpp"
 #include "core/query/contacts_json.hpp"
 #include "flight_summary.hpp"
@@ -22,7 +24,30 @@
 namespace nearmesh::subscriber::program {
 namespace {
 
-nlohmann::ordered_json to_json(std::uint64_t frame, const PairAnswer& pair, const Scene& scene) {
+constexpr FileKind kAnswersFile{"a file of answers", "{\"frame\":", "{\"summary\":"};
+
+/// The exercise's clock. Nobody keeps it: it runs with each peer's own, and who hears a later time goes on from there. So it
+/// is the latest of all, less what a pose takes on its way, and none is ever set back.
+class ExerciseClock {
+ public:
+  [[nodiscard]] double now_s() const { return ahead_s_ + clock_.seconds(); }
+  void follow(std::optional<double> heard_s) {
+    if (heard_s) ahead_s_ = std::max(ahead_s_, *heard_s - clock_.seconds());
+  }
+
+ private:
+  const Stopwatch clock_;
+  double ahead_s_ = 0;
+};
+
+/// At the end, while others still fly.
+constexpr double kStay_s = 5;
+
+/// Of the first frame's poses, while it is waited for.
+constexpr double kRepeat_s = 0.25;
+
+nlohmann::ordered_json to_json(std::uint64_t frame, double time_s, const PairAnswer& pair,
+                               const Scene& scene) {
   const BodyOfScene &a = scene.bodies[pair.a.value], &b = scene.bodies[pair.b.value];
   const auto pose = [](const Pose& p) {
     std::vector<double> x(p.rotation.begin(), p.rotation.end());
@@ -33,14 +58,23 @@ nlohmann::ordered_json to_json(std::uint64_t frame, const PairAnswer& pair, cons
     if (std::isfinite(x)) return x;
     return nullptr;
   };
+  const auto content = [](const ContentHash& hash) -> nlohmann::ordered_json {
+    if (hash.is_set()) return to_hex(hash);
+    return nullptr;
+  };
   const Answer& answer = pair.answer;
   nlohmann::ordered_json line = {{"frame", frame},
+                                 {"time_s", time_s},
                                  {"a", a.name},
                                  {"b", b.name},
                                  {"model_a", a.model},
                                  {"model_b", b.model},
+                                 {"content_a", content(pair.content_a)},
+                                 {"content_b", content(pair.content_b)},
                                  {"solid_a", a.solid},
                                  {"solid_b", b.solid},
+                                 {"age_a_s", finite(pair.age_a_s)},
+                                 {"age_b_s", finite(pair.age_b_s)},
                                  {"status", to_string(answer.status)},
                                  {"pairs", answer.pair_total},
                                  {"pairs_digest", std::to_string(digest(answer.pairs))},
@@ -83,14 +117,17 @@ class Flight {
       metrics_ = std::move(server).value();
     }
     if (!options_.answers.empty()) {
-      answers_.open(options_.answers);
-      if (!answers_) return {StatusCode::kIo, options_.answers + ": cannot create"};
+      auto file = OutputFile::create(options_.answers, kAnswersFile, {options_.scene});
+      NEARMESH_RETURN_IF_ERROR(file);
+      answers_.emplace(std::move(file).value());
     }
     for (const BodyOfScene& body : scene_.bodies) {
       const auto added = session_.add_body({.name = body.name,
                                             .model = body.model,
                                             .own = !body.trajectory.empty(),
-                                            .solid = body.solid});
+                                            .solid = body.solid,
+                                            .content = body.content,
+                                            .max_pose_age_s = body.max_pose_age_s});
       NEARMESH_RETURN_IF_ERROR(added.status());
       if (body.fixed_pose)
         NEARMESH_RETURN_IF_ERROR(session_.place_body(added.value(), *body.fixed_pose));
@@ -103,8 +140,12 @@ class Flight {
   // Holds the first frame until publishers and other peers have been heard, so that all start together.
   Status wait_for_start() {
     std::string reason;
-    for (bool asked = false; stop_requested == 0; asked = true) {
-      Result<FrameReport> report = session_.update(0, 0, asked ? no_motions_ : motions(0), 1);
+    double said_s = -kRepeat_s;
+    while (stop_requested == 0) {
+      // Said again, or it ages: it waits, but has the velocity that it will fly with.
+      const bool says = clock_.seconds() - said_s >= kRepeat_s;
+      if (says) said_s = clock_.seconds();
+      Result<FrameReport> report = update(0, says ? motions(0) : no_motions_, 1);
       NEARMESH_RETURN_IF_ERROR(report);
       NEARMESH_RETURN_IF_ERROR(check_solids());
       log(report.value());
@@ -138,17 +179,30 @@ class Flight {
     return Status::ok();
   }
 
-  void print_summary() {
+  // Those who began later still ask about its bodies: it stays with them in place until they have ended too.
+  void stay() {
+    std::vector<Session::OwnMotion> rest = motions(scene_.frames - 1);
+    for (Session::OwnMotion& own : rest) own.motion = {.pose = own.motion.pose};
+    const Stopwatch clock;
+    for (bool said = false; stop_requested == 0 && clock.seconds() < kStay_s; said = true) {
+      const auto report = update(scene_.frames - 1, said ? no_motions_ : rest, scene_.budget_s);
+      if (!report.is_ok() || !does_anybody_fly(report.value())) return;
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+  }
+
+  Status print_summary() {
     if (::isatty(STDERR_FILENO) != 0) std::fprintf(stderr, "\r%40s\r", "");
     if (options_.json) {
       std::printf("%s\n", to_json(summary_).dump().c_str());
     } else {
       print_text(summary_);
     }
-    if (answers_.is_open()) answers_ << to_json(summary_).dump() << '\n';
     // Before the bus is left: an assertion of Fast DDS may end the process there (docs/network.md).
-    answers_.flush();
-    std::fflush(stdout);
+    NEARMESH_RETURN_IF_ERROR(flush_standard_output());
+    if (!answers_) return Status::ok();
+    NEARMESH_RETURN_IF_ERROR(answers_->write(to_json(summary_).dump() + '\n'));
+    return answers_->close();
   }
 
  private:
@@ -174,12 +228,28 @@ class Flight {
     return Status::ok();
   }
 
+  Result<FrameReport> update(std::uint64_t frame, const std::vector<Session::OwnMotion>& motions,
+                             double budget_s) {
+    exercise_.follow(session_.heard_time_s());
+    time_s_ = exercise_.now_s();
+    return session_.update(frame, time_s_, motions, budget_s);
+  }
+
+  [[nodiscard]] bool does_anybody_fly(const FrameReport& report) const {
+    for (const PairAnswer& pair : report.answers)
+      for (const BodyId body : {pair.a, pair.b})
+        if (const auto motion = session_.motion_of(body);
+            pair.asked && scene_.bodies[body.value].trajectory.empty() && !is_at_rest(*motion))
+          return true;
+    return false;
+  }
+
   // Asks again within the frame while detail is on its way and time is left; the last answers count.
   Status fly_frame(std::uint64_t frame, double end_s, const Stopwatch& clock) {
     double load_s = 0, refine_s = 0, tree_s = 0, query_s = 0;
     for (bool again = false;; again = true) {
-      Result<FrameReport> result = session_.update(
-          frame, clock.seconds(), again ? no_motions_ : motions(frame), scene_.budget_s);
+      Result<FrameReport> result =
+          update(frame, again ? no_motions_ : motions(frame), scene_.budget_s);
       NEARMESH_RETURN_IF_ERROR(result);
       NEARMESH_RETURN_IF_ERROR(check_solids());
       const FrameReport& report = result.value();
@@ -191,7 +261,7 @@ class Flight {
       query_s += report.query_s;
       const bool more_time = clock.seconds() + 0.002 < end_s - 0.25 / scene_.frame_rate_hz;
       if (report.all_certified() || !more_time || stop_requested != 0) {
-        record(frame, report);
+        NEARMESH_RETURN_IF_ERROR(record(frame, report));
         break;
       }
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
@@ -204,15 +274,18 @@ class Flight {
     return Status::ok();
   }
 
-  void record(std::uint64_t frame, const FrameReport& report) {
+  // Frame by frame to the end of both streams: whoever reads along, or after this process was killed, finds it there.
+  Status record(std::uint64_t frame, const FrameReport& report) {
     for (const PairAnswer& pair : report.answers) {
       ++summary_.by_status[static_cast<std::size_t>(pair.answer.status)];
       summary_.contact_pairs += pair.answer.pair_total;
-      if (!options_.json && !answers_.is_open()) continue;
-      const std::string line = to_json(frame, pair, scene_).dump();
-      if (options_.json) std::printf("%s\n", line.c_str());
-      if (answers_.is_open()) answers_ << line << '\n';
+      if (!options_.json && !answers_) continue;
+      const std::string line = to_json(frame, time_s_, pair, scene_).dump() + '\n';
+      if (options_.json) std::fputs(line.c_str(), stdout);
+      if (answers_) NEARMESH_RETURN_IF_ERROR(answers_->write(line));
     }
+    if (options_.json) NEARMESH_RETURN_IF_ERROR(flush_standard_output());
+    return answers_ ? answers_->put_in_place() : Status::ok();
   }
 
   void note_certified(const FrameReport& report) {
@@ -249,10 +322,12 @@ class Flight {
   const RunOptions& options_;
   const Scene& scene_;
   const Stopwatch clock_;
+  ExerciseClock exercise_;
+  double time_s_ = 0;  ///< of the last update
   const std::vector<Session::OwnMotion> no_motions_;
   spdlog::logger& log_ = wire::program::log("session");
   std::unique_ptr<wire::program::MetricsServer> metrics_;
-  std::ofstream answers_;
+  std::optional<OutputFile> answers_;
   Session session_;
   Summary summary_;
 };
@@ -292,7 +367,8 @@ Status run(const RunOptions& options) {
   NEARMESH_RETURN_IF_ERROR(flight.prepare());
   NEARMESH_RETURN_IF_ERROR(flight.wait_for_start());
   NEARMESH_RETURN_IF_ERROR(flight.fly());
-  flight.print_summary();
+  NEARMESH_RETURN_IF_ERROR(flight.print_summary());
+  flight.stay();
   return Status::ok();
 }
 }  // namespace nearmesh::subscriber::program

@@ -8,9 +8,12 @@
 #include <set>
 
 #include "core/base/csv.hpp"
+#include "nearmesh/core/base/parse_content_hash.hpp"
 
 namespace nearmesh::subscriber::program {
 namespace {
+
+constexpr double kMaxPoseAge_s = 1e9;
 
 // Thrown inside this file only, and turned into a Status by read_scene.
 struct SceneError {
@@ -54,6 +57,13 @@ std::string name_of(const YAML::Node& map, const std::string& key, const std::st
   const YAML::Node node = map[key];
   if (!node) fail(map, where + ": no " + key);
   return value<std::string>(node, key, "a name");
+}
+
+ContentHash content(const YAML::Node& node) {
+  const Result<ContentHash> hash =
+      parse_content_hash(value<std::string>(node, "content", "hexadecimal digits"));
+  if (!hash.is_ok()) fail(node, hash.status().message());
+  return hash.value();
 }
 
 Pose fixed_pose(const YAML::Node& node, const std::string& body) {
@@ -136,13 +146,15 @@ std::size_t body_named(const Scene& scene, const std::string& name, const YAML::
 Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
   check_keys(root, "scene",
              {"bodies", "moves", "pairs", "frame_rate_hz", "budget_ms", "lookahead_s", "margin_m",
-              "sweep_s", "max_held_splits", "contacts", "start_timeout_s"});
+              "max_pose_age_s", "sweep_s", "max_held_splits", "contacts", "start_timeout_s"});
   Scene scene;
   scene.frame_rate_hz = number_in(root, "frame_rate_hz", scene.frame_rate_hz, 0.1, 10000);
   scene.budget_s = number_in(root, "budget_ms", scene.budget_s * 1e3, 0, 1e6) / 1e3;
   scene.start_timeout_s = number_in(root, "start_timeout_s", scene.start_timeout_s, 0, 86400);
   scene.session.lookahead_s = number_in(root, "lookahead_s", scene.session.lookahead_s, 0, 60);
   scene.session.margin_m = number_in(root, "margin_m", scene.session.margin_m, 0, 1e6);
+  scene.session.max_pose_age_s =
+      number_in(root, "max_pose_age_s", scene.session.max_pose_age_s, 0, kMaxPoseAge_s);
   scene.session.sweep_s = number_in(root, "sweep_s", scene.session.sweep_s, 0, 60);
   scene.session.max_held_splits =
       static_cast<std::uint32_t>(number_in(root, "max_held_splits", 0, 0, 4e9));
@@ -150,10 +162,13 @@ Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
     scene.session.contacts = value<bool>(root["contacts"], "contacts", "true or false");
   if (!root["bodies"] || !root["bodies"].IsSequence()) fail(root, "bodies: expected a list");
   for (const YAML::Node& node : root["bodies"]) {
-    check_keys(node, "body", {"name", "model", "solid", "pose"});
+    check_keys(node, "body", {"name", "model", "content", "solid", "pose", "max_pose_age_s"});
     BodyOfScene body{.name = name_of(node, "name", "body"),
                      .model = name_of(node, "model", "body")};
     if (node["solid"]) body.solid = value<bool>(node["solid"], "solid", "true or false");
+    if (node["content"]) body.content = content(node["content"]);
+    if (node["max_pose_age_s"])
+      body.max_pose_age_s = number_in(node, "max_pose_age_s", 0, 0, kMaxPoseAge_s);
     if (node["pose"]) body.fixed_pose = fixed_pose(node["pose"], body.name);
     scene.bodies.push_back(std::move(body));
   }

@@ -14,6 +14,8 @@ namespace nearmesh::subscriber::program {
 struct BodyOfScene {
   std::string name, model;
   bool solid = false;
+  ContentHash content;  ///< pinned; or none
+  std::optional<double> max_pose_age_s;
   std::optional<Pose> fixed_pose;
   std::vector<Motion> trajectory;  ///< one per frame; empty when another peer moves the body
 };

@@ -9,6 +9,7 @@
 
 #include "commands.hpp"
 #include "core/base/hash.hpp"
+#include "core/base/standard_streams.hpp"
 #include "core/base/stopwatch.hpp"
 #include "nearmesh/core/query/query.hpp"
 #include "subscriber/dds/dds_monitor.hpp"
@@ -32,7 +33,7 @@ std::string human(double bytes) {
 /// What a peer can say now: "ready", or what it waits for.
 std::string readiness(const wire::ProcessStatus& peer) {
   for (const auto& model : peer.models) {
-    if (model.content_hash == 0) return "waits: nobody serves model " + model.name;
+    if (!model.content_hash.is_set()) return "waits: nobody serves model " + model.name;
     if (model.splits == 0) return "waits for the header of model " + model.name;
   }
   if (peer.certified_pairs == peer.watched_pairs) return "ready";
@@ -130,6 +131,9 @@ void print_text(const BusView& view) {
       }
     if (!any) std::printf("  none\n");
   }
+  std::printf("errors\n");
+  for (const std::string& line : view.errors) std::printf("  %s\n", line.c_str());
+  if (view.errors.empty()) std::printf("  none\n");
   std::printf("refusals\n");
   bool any = !view.refusals.empty();
   for (const std::string& line : view.refusals) std::printf("  %s\n", line.c_str());
@@ -140,12 +144,14 @@ void print_text(const BusView& view) {
                   to_hex(process.session).c_str(), line.c_str());
     }
   if (!any) std::printf("  none\n");
-  std::fflush(stdout);
 }
 
 void add_regions(nlohmann::ordered_json& entry, const BusView& view, wire::SessionId peer) {
   entry["regions"] = nlohmann::ordered_json::array();
-  for (const RegionView& region : view.regions)
+  for (const RegionView& region : view.regions) {
+    const auto pose_age = [&](const wire::ContactReport::Asked& asked) {
+      return wire::age_s(asked.stamp, region.report.time_s);  // infinite is null
+    };
     if (region.report.peer == peer)
       entry["regions"].push_back(
           {{"a", region.report.body_a},
@@ -155,7 +161,11 @@ void add_regions(nlohmann::ordered_json& entry, const BusView& view, wire::Sessi
            {"uncertain_s", region.uncertain_s},
            {"clearance_m", region.report.clearance_m},
            {"pairs", region.report.pair_count},
-           {"age_s", region.age_s}});
+           {"age_s", region.age_s},
+           {"time_s", region.report.time_s},
+           {"age_a_s", pose_age(region.report.a)},
+           {"age_b_s", pose_age(region.report.b)}});
+  }
   entry["last_requests"] = nlohmann::ordered_json::array();
   for (const RequestView& request : view.requests)
     if (request.peer == peer)
@@ -168,6 +178,7 @@ void add_regions(nlohmann::ordered_json& entry, const BusView& view, wire::Sessi
 nlohmann::ordered_json to_json(const BusView& view, bool regions) {
   nlohmann::ordered_json json = {{"publishers", nlohmann::ordered_json::array()},
                                  {"peers", nlohmann::ordered_json::array()},
+                                 {"errors", view.errors},
                                  {"refusals", view.refusals}};
   for (const auto& process : view.processes) {
     nlohmann::ordered_json entry = {{"session", to_hex(process.session)},
@@ -224,11 +235,11 @@ Status run(const StatusOptions& options) {
     const BusView view = monitor.value()->view();
     if (options.json) {
       std::printf("%s\n", to_json(view, options.regions).dump().c_str());
-      std::fflush(stdout);
     } else {
       if (options.watch && ::isatty(STDOUT_FILENO) != 0) std::printf("\x1b[H\x1b[2J");
       print_text(view);
     }
+    NEARMESH_RETURN_IF_ERROR(flush_standard_output());
     if (!options.watch && view.processes.empty() && view.publishers.empty())
       return {StatusCode::kNotFound, "nobody was heard on domain " +
                                          std::to_string(options.transport.domain) + ", topics " +

@@ -21,7 +21,7 @@ Result<std::unique_ptr<ModelFolder>> ModelFolder::open(const std::string& folder
   for (const std::string& path : paths) {
     Result<ModelFile> file = ModelFile::open(path);
     if (file.is_ok()) {
-      const std::uint64_t content_hash = file.value().content_hash();
+      const ContentHash content_hash = file.value().content_hash();
       models->files_.emplace(content_hash, std::move(file).value());
     } else {
       models->complaints_.push_back(file.status().message());
@@ -30,7 +30,8 @@ Result<std::unique_ptr<ModelFolder>> ModelFolder::open(const std::string& folder
   return models;
 }
 
-bool ModelFolder::lend(std::uint64_t content_hash, const std::function<void(ModelFile&)>& use) {
+bool ModelFolder::lend(const ContentHash& content_hash,
+                       const std::function<void(ModelFile&)>& use) {
   const std::lock_guard lock(mutex_);
   const auto at = files_.find(content_hash);
   if (at == files_.end()) return false;

@@ -23,7 +23,8 @@ class ModelFolder {
   [[nodiscard]] static Result<std::unique_ptr<ModelFolder>> open(const std::string& folder);
 
   /// Calls use(file) with the one that has this content. Out: false where there is none.
-  [[nodiscard]] bool lend(std::uint64_t content_hash, const std::function<void(ModelFile&)>& use);
+  [[nodiscard]] bool lend(const ContentHash& content_hash,
+                          const std::function<void(ModelFile&)>& use);
   /// One line each: files that cannot be read.
   [[nodiscard]] const std::vector<std::string>& complaints() const { return complaints_; }
 
@@ -31,7 +32,7 @@ class ModelFolder {
   ModelFolder() = default;
 
   std::mutex mutex_;
-  std::map<std::uint64_t, ModelFile> files_;
+  std::map<ContentHash, ModelFile> files_;
   std::vector<std::string> complaints_;
 };
 

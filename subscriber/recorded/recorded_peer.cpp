@@ -22,6 +22,16 @@ constexpr std::size_t kMaxComplaints = 16;
 
 }  // namespace
 
+std::string why_stale(const wire::ContactReport& report) {
+  for (const auto& [asked, body] :
+       {std::pair(&report.a, &report.body_a), std::pair(&report.b, &report.body_b)}) {
+    if (asked->stamp.mover == wire::Mover::kNone) continue;
+    std::string why = wire::why_stale(asked->stamp, report.time_s, *body);
+    if (!why.empty()) return why;
+  }
+  return {};
+}
+
 bool RecordedPeer::Numbers::follow(const Batch& batch) {
   Heard& last = heard[batch.publisher];
   // A publisher that lost the peer for a while counts from 1 again; requests only go up.
@@ -33,14 +43,14 @@ bool RecordedPeer::Numbers::follow(const Batch& batch) {
   return whole;
 }
 
-void RecordedPeer::Stretch::follow(const Batch& batch, std::uint64_t content_hash) {
+void RecordedPeer::Stretch::follow(const Batch& batch, const ContentHash& content_hash) {
   if (!numbers.whole || !numbers.follow(batch)) return;
   if (batch.content_hash != content_hash || batch.bytes == nullptr) return;
   ++received;
-  waiting.push_back(batch.bytes);
+  waiting.push_back(batch);
 }
 
-RecordedPeer::Stream& RecordedPeer::stream_of(std::uint64_t content_hash) {
+RecordedPeer::Stream& RecordedPeer::stream_of(const ContentHash& content_hash) {
   Stream& stream = streams_[content_hash];
   if (stream.empty()) stream.push_back({.held = std::nullopt, .numbers = from_start_});
   return stream;
@@ -85,7 +95,9 @@ void RecordedPeer::work(const ModelSources& sources, bool final) {
       if (++stream[i].rounds > kPatientRounds) stream[i].numbers.whole = false;
   for (; !reports_.empty(); reports_.pop_front()) {
     const RecordedReport& report = reports_.front();
-    if (!report.message.asked) {
+    if (!why_stale(report.message).empty()) {
+      visit(report, Standing::kStale);
+    } else if (!report.message.asked) {
       visit(report, Standing::kNotAsked);
     } else if (report.message.gave_up_detail) {
       visit(report, Standing::kGaveUp);
@@ -122,7 +134,9 @@ RecordedPeer::Reach RecordedPeer::reach(const wire::ContactReport::Asked& asked,
       if (begun == Reach::kNotYet && !goes_on) return Reach::kNever;
       if (begun != Reach::kThere) return begun;
       for (; stretch.taken() < asked.applied_batches; stretch.waiting.pop_front())
-        static_cast<void>(stretch.replica->take(*stretch.waiting.front()));  // the peer went on too
+        // The peer went on too where one was wrong.
+        static_cast<void>(stretch.replica->take(*stretch.waiting.front().bytes,
+                                                stretch.waiting.front().publisher));
       return Reach::kThere;
     }
     if (goes_on) return Reach::kNotYet;
@@ -131,7 +145,7 @@ RecordedPeer::Reach RecordedPeer::reach(const wire::ContactReport::Asked& asked,
 }
 
 /// Makes the replica at the stretch's begin.
-RecordedPeer::Reach RecordedPeer::begin(Stretch& stretch, std::uint64_t content_hash,
+RecordedPeer::Reach RecordedPeer::begin(Stretch& stretch, const ContentHash& content_hash,
                                         const ModelSources& sources) {
   if (stretch.replica) return Reach::kThere;
   if (stretch.failed) return Reach::kNever;

@@ -27,10 +27,14 @@ struct RecordedReport {
   wire::ContactReport message;
 };
 
+/// Why its answer cannot be certified: that the pose of a body was too far from the frame's time, or its mover gone. Empty
+/// where that is not so, or no pose had come.
+[[nodiscard]] std::string why_stale(const wire::ContactReport& report);
+
 /// What replicas are made of, beside batches.
 struct ModelSources {
-  std::map<std::uint64_t, SpmHeader> headers;  ///< that were recorded, by content hash
-  ModelFolder* files = nullptr;                ///< none given: what a peer says it held is no help
+  std::map<ContentHash, SpmHeader> headers;  ///< that were recorded
+  ModelFolder* files = nullptr;              ///< none given: what a peer says it held is no help
 };
 
 /// A model without whose file reports of a peer cannot be reached.
@@ -54,7 +58,7 @@ class RecordedPeer {
   void work(const ModelSources& sources, bool final);
   [[nodiscard]] std::uint64_t batches() const { return batches_; }
   /// By content hash.
-  [[nodiscard]] const std::map<std::uint64_t, WantedModel>& wanted() const { return wanted_; }
+  [[nodiscard]] const std::map<ContentHash, WantedModel>& wanted() const { return wanted_; }
   /// One line each: why a peer could not be taken up again from what it said it held.
   [[nodiscard]] const std::vector<std::string>& complaints() const { return complaints_; }
 
@@ -63,9 +67,10 @@ class RecordedPeer {
   enum class Standing {
     kReached,   ///< this peer has taken in what the report's had
     kNotAsked,  ///< the peer lacked a header or a pose, so there is nothing to reach
-    kGaveUp,    ///< the peer had given up detail, which is not recorded
-    kLacking,   ///< batches or a header that the peer had are not in the recording
-    kNoFile,    ///< the same, but with a model's file it might be reached
+    kStale,  ///< by the times that the report has, or the mover was gone: nothing can be certified, whatever was here
+    kGaveUp,   ///< the peer had given up detail, which is not recorded
+    kLacking,  ///< batches or a header that the peer had are not in the recording
+    kNoFile,   ///< the same, but with a model's file it might be reached
   };
   virtual void visit(const RecordedReport& report, Standing standing) = 0;
 
@@ -81,7 +86,7 @@ class RecordedPeer {
   struct Batch {
     wire::SessionId publisher = 0;
     std::uint32_t sequence = 0, request = 0;
-    std::uint64_t content_hash = 0;
+    ContentHash content_hash;
     std::shared_ptr<const std::vector<std::uint8_t>> bytes;  ///< none: the peer takes nothing in
   };
   /// The last of a publisher's batches, and the highest request that any of them answers.
@@ -99,9 +104,9 @@ class RecordedPeer {
   struct Stretch {
     std::optional<wire::HeldDetail> held;
     Numbers numbers;
-    std::uint32_t first = 0;     ///< so many batches had been taken in at its begin
-    std::uint32_t received = 0;  ///< since
-    std::deque<std::shared_ptr<const std::vector<std::uint8_t>>> waiting{};  ///< the last of them
+    std::uint32_t first = 0;      ///< so many batches had been taken in at its begin
+    std::uint32_t received = 0;   ///< since
+    std::deque<Batch> waiting{};  ///< the last of them
     std::optional<Replica> replica{};
     std::uint32_t before = 0;  ///< what the replica's own count lacks
     int rounds = 0;            ///< of work, since another stretch followed it
@@ -110,24 +115,24 @@ class RecordedPeer {
 
     [[nodiscard]] std::uint32_t end() const { return first + received; }
     [[nodiscard]] std::uint32_t taken() const { return replica->taken_batches() + before; }
-    void follow(const Batch& batch, std::uint64_t content_hash);
+    void follow(const Batch& batch, const ContentHash& content_hash);
   };
   using Stream = std::deque<Stretch>;  ///< of one model; ascending, never empty
   enum class Reach { kThere, kNotYet, kNever, kNoFile };
 
-  Stream& stream_of(std::uint64_t content_hash);
+  Stream& stream_of(const ContentHash& content_hash);
   static void drop_followed(Stream& stream);
   [[nodiscard]] Reach reach(const wire::ContactReport::Asked& asked, const ModelSources& sources,
                             bool final);
-  [[nodiscard]] Reach begin(Stretch& stretch, std::uint64_t content_hash,
+  [[nodiscard]] Reach begin(Stretch& stretch, const ContentHash& content_hash,
                             const ModelSources& sources);
   [[nodiscard]] Status take_up(Stretch& stretch, const Result<SplitBatch>& batch);
 
-  std::map<std::uint64_t, Stream> streams_;  // by content hash
+  std::map<ContentHash, Stream> streams_;
   Numbers from_start_;
   std::deque<Batch> latest_;  // that may have come before what was said to be held then
   std::deque<RecordedReport> reports_;
-  std::map<std::uint64_t, WantedModel> wanted_;
+  std::map<ContentHash, WantedModel> wanted_;
   std::vector<std::string> complaints_;
   std::uint64_t batches_ = 0;
 };

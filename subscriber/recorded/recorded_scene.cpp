@@ -62,6 +62,8 @@ class ScenePeer final : public RecordedPeer {
     switch (standing) {
       case Standing::kNotAsked:
         return Status{StatusCode::kNotFound, about + "the peer had no mesh or no pose then"};
+      case Standing::kStale:
+        return Status{StatusCode::kNotFound, about + why_stale(recorded)};
       case Standing::kGaveUp:
         return Status{StatusCode::kUnsupported,
                       about + "the peer had given up detail, which is not recorded"};

@@ -23,6 +23,9 @@ class CheckedPeer final : public RecordedPeer {
       case Standing::kNotAsked:
         ++found_.not_asked;
         break;
+      case Standing::kStale:
+        compare_stale(report);
+        break;
       case Standing::kGaveUp:
         ++found_.gave_up;
         break;
@@ -31,6 +34,23 @@ class CheckedPeer final : public RecordedPeer {
         ++found_.lacking;
         break;
     }
+  }
+
+  /// The report's times alone say what the answer must be.
+  void compare_stale(const RecordedReport& report) {
+    const wire::ContactReport& recorded = report.message;
+    const std::uint64_t found = digest(nothing_known());
+    found_.digest = mix(found_.digest ^ found);
+    if (found == recorded.answer_digest &&
+        recorded.status == static_cast<std::uint8_t>(AnswerStatus::kUncertain)) {
+      ++found_.verified;
+      return;
+    }
+    differ({.message = report.id,
+            .recorded = recorded,
+            .what = why_stale(recorded) + "; and yet recorded " +
+                    to_string(static_cast<AnswerStatus>(recorded.status)) + ", digest " +
+                    to_hex(recorded.answer_digest)});
   }
 
   void compare(const RecordedReport& report) {

@@ -28,8 +28,9 @@ struct Difference {
 };
 
 struct VerifyReport {
-  std::uint64_t reports = 0;   ///< all contact reports; the sum of the next six
-  std::uint64_t verified = 0;  ///< state and answer agree
+  std::uint64_t reports = 0;  ///< all contact reports; the sum of the next six
+  std::uint64_t verified =
+      0;  ///< state and answer agree, or a pose was stale and nothing certified
   std::uint64_t different = 0;
   std::uint64_t not_asked =
       0;  ///< the peer lacked a header or a pose, so there is nothing to compare
@@ -42,8 +43,8 @@ struct VerifyReport {
   std::uint64_t digest = 0;  ///< of all that was found, for comparing builds
   std::vector<Difference>
       differences;  ///< the first kMaxDifferences of each peer, in order of the recording
-  /// Files that would help with reports that lack batches, by content hash.
-  std::map<std::uint64_t, WantedModel> wanted;
+  /// Files that would help with reports that lack batches, by content.
+  std::map<ContentHash, WantedModel> wanted;
   /// One line each: why a peer could not be taken up from what it said it held.
   std::vector<std::string> complaints;
 

@@ -128,14 +128,14 @@ Result<std::string> html_page(RecordingReader& recording, const std::string& tit
   const Result<std::string> pictures = pictures_section(recording, moments.value());
   NEARMESH_RETURN_IF_ERROR(pictures);
   const std::string name = escape(title);
-  std::string out =
-      "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"
-      "<meta name=\"viewport\" content=\"width=device-width\">"
-      "<link rel=\"icon\" href=\"data:,\"><title>Session " +
-      name + "</title><style>" + kStyle + "</style></head><body><main>\n<h1>Session " + name +
-      "</h1><p class=\"dim\">Times are those of the recorder, from the first "
-      "message. Bars and dots say more when pointed at; each chart has its "
-      "numbers below it.</p>\n";
+  std::string out = std::string(kPageFile.begins) +
+                    "<meta name=\"viewport\" content=\"width=device-width\">"
+                    "<link rel=\"icon\" href=\"data:,\"><title>Session " +
+                    name + "</title><style>" + kStyle +
+                    "</style></head><body><main>\n<h1>Session " + name +
+                    "</h1><p class=\"dim\">Times are those of the recorder, from the first "
+                    "message. Bars and dots say more when pointed at; each chart has its "
+                    "numbers below it.</p>\n";
   out += summary_section(recording, counts.value());
   out += pictures.value();
   out +=

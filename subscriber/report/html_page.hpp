@@ -6,9 +6,15 @@
 #include <string>
 #include <vector>
 
+#include "core/base/output_file.hpp"
 #include "nearmesh/core/recording/recording.hpp"
 
 namespace nearmesh::subscriber::report {
+
+inline constexpr FileKind kPageFile{
+    "a page of nearmesh-subscriber report",
+    "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"
+    "<meta name=\"generator\" content=\"nearmesh-subscriber report\">"};
 
 /// `at_s`: the meshes are pictured so many seconds after the first message; empty: at moments that the recording suggests.
 /// Errors: those of the reader; kNotFound where there is no answer at such a time. Cost: some runs through the recording.

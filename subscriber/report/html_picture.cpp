@@ -203,6 +203,15 @@ std::string describe(const RecordedBody& body) {
          number(*std::max_element(body.eps_m.begin(), body.eps_m.end())) + " m";
 }
 
+/// "1.5 s on the exercise's clock, the pose of hull 0 s old, that of quay 0.02 s".
+std::string ages(const wire::ContactReport& report) {
+  const auto age = [&](const wire::ContactReport::Asked& asked) {
+    return number(wire::age_s(asked.stamp, report.time_s)) + " s";
+  };
+  return number(report.time_s, 6) + " s on the exercise's clock, the pose of " + report.body_a +
+         " " + age(report.a) + " old, that of " + report.body_b + " " + age(report.b);
+}
+
 }  // namespace
 
 std::string picture_figure(const RecordedScene& scene, const std::string& why, double time_s) {
@@ -214,12 +223,12 @@ std::string picture_figure(const RecordedScene& scene, const std::string& why, d
   const std::string title = why + ": " + number(time_s, 6) + " s, peer " +
                             wire::partition_of(scene.report.peer) + ", frame " +
                             std::to_string(scene.report.frame);
-  const std::string description = scene.report.body_a + " and " + scene.report.body_b + ", " +
-                                  to_string(static_cast<AnswerStatus>(scene.report.status)) +
-                                  " with " + std::to_string(scene.report.pair_count) +
-                                  " touching face pairs. " + describe(scene.bodies[smaller]) +
-                                  ". " + describe(scene.bodies[1 - smaller]) + ". " +
-                                  number(picture.metres_across(), 3) + " m across.";
+  const std::string description =
+      scene.report.body_a + " and " + scene.report.body_b + ", " +
+      to_string(static_cast<AnswerStatus>(scene.report.status)) + " with " +
+      std::to_string(scene.report.pair_count) + " touching face pairs. " + ages(scene.report) +
+      ". " + describe(scene.bodies[smaller]) + ". " + describe(scene.bodies[1 - smaller]) + ". " +
+      number(picture.metres_across(), 3) + " m across.";
   std::string caption = "<strong>" + escape(title) + "</strong><br>" + escape(description);
   if (picture.left_out() > 0)
     caption += " The " + std::to_string(picture.left_out()) + " smallest pieces are left out.";

@@ -2,11 +2,9 @@
 #include "mesh_files.hpp"
 
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
-#include <fstream>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <span>
@@ -144,13 +142,13 @@ class Gltf {
   }
   void add_node(const std::string& name, std::vector<nlohmann::ordered_json> primitives) {
     for (nlohmann::ordered_json& primitive : primitives) primitive["material"] = 0;
-    json_["nodes"][0]["children"].push_back(json_["nodes"].size());
+    json_["nodes"][1]["children"].push_back(json_["nodes"].size());
     json_["nodes"].push_back({{"name", name}, {"mesh", json_["meshes"].size()}});
     json_["meshes"].push_back({{"name", name}, {"primitives", std::move(primitives)}});
   }
   Result<std::string> finish(const Vector& origin, nlohmann::ordered_json extras) && {
     constexpr std::size_t kHeader = 12, kChunkHeader = 8;
-    json_["nodes"][0]["translation"] = {origin[0], origin[2], -origin[1]};
+    json_["nodes"][1]["translation"] = origin;
     json_["asset"]["extras"] = std::move(extras);
     json_["buffers"] = {{{"byteLength", binary_.size()}}};
     // Names come from the wire: bytes that are no UTF-8 are replaced.
@@ -194,15 +192,17 @@ class Gltf {
     return json_["accessors"].size() - 1;
   }
 
-  // Node 0 turns z up into y up: by -90 degrees about x.
+  // Node 0 does nothing but turn z up into y up, by -90 degrees about x. Who knows the generator can leave that out, as
+  // core/meshio does.
   nlohmann::ordered_json json_ = {
       {"asset", {{"version", "2.0"}, {"generator", "nearmesh-subscriber export"}}},
       {"scene", 0},
       {"scenes", {{{"nodes", {0}}}}},
       {"nodes",
-       {{{"name", "scene"},
+       {{{"name", "y_up"},
          {"rotation", {-0.7071067811865476, 0, 0, 0.7071067811865476}},
-         {"children", nlohmann::ordered_json::array()}}}},
+         {"children", {1}}},
+        {{"name", "scene"}, {"children", nlohmann::ordered_json::array()}}}},
       {"materials",
        {{{"name", "by_eps"},
          {"doubleSided", true},
@@ -301,19 +301,6 @@ Result<std::string> to_glb(const RecordedScene& scene, std::size_t looked_at) {
     gltf.add_node("contacts", {std::move(lines), std::move(solids)});
   }
   return std::move(gltf).finish(origin, {{"colours", kColourScale}});
-}
-
-Status write_file(const std::string& bytes, const std::string& path) {
-  const std::string partial = path + ".partial";
-  std::ofstream out(partial, std::ios::binary | std::ios::trunc);
-  out.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-  out.close();
-  if (!out || std::rename(partial.c_str(), path.c_str()) != 0) {
-    const std::string reason = std::strerror(errno);
-    std::remove(partial.c_str());
-    return {StatusCode::kIo, path + ": cannot write: " + reason};
-  }
-  return Status::ok();
 }
 
 }  // namespace nearmesh::subscriber::report

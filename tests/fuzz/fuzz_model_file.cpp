@@ -12,6 +12,7 @@
 #include "fuzz_models.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
 #include "nearmesh/core/spm/write_model_file.hpp"
+#include "reseal.hpp"
 
 using namespace nearmesh;
 using file_layout::DirectoryEntry;
@@ -57,36 +58,8 @@ void put_right(std::vector<std::uint8_t>& bytes) {
   if (bytes.size() < sizeof(Preamble)) return;
   Preamble p;
   std::memcpy(&p, bytes.data(), sizeof p);
-  const std::span<const std::uint8_t> all(bytes);
-  p.magic = file_layout::kMagic;
-  p.version = file_layout::kVersion;
-  p.file_bytes = bytes.size();
-  p.face_table_offset = p.directory_offset + std::uint64_t{p.block_count} * sizeof(DirectoryEntry);
-  if (p.directory_offset <= bytes.size() && p.block_count <= bytes.size() &&
-      p.face_table_offset <= bytes.size() && p.header_bytes <= bytes.size() - sizeof(Preamble)) {
-    for (std::uint32_t i = 0; i < p.block_count; ++i) {
-      std::uint8_t* at = bytes.data() + p.directory_offset + i * sizeof(DirectoryEntry);
-      DirectoryEntry entry;
-      std::memcpy(&entry, at, sizeof entry);
-      if (entry.offset <= bytes.size() && entry.bytes <= bytes.size() - entry.offset)
-        entry.checksum =
-            static_cast<std::uint32_t>(hash_bytes(all.subspan(entry.offset, entry.bytes)));
-      std::memcpy(at, &entry, sizeof entry);
-    }
-    p.face_table_checksum = hash_bytes(all.subspan(p.face_table_offset));
-    p.content_hash = hash_bytes(
-        all.subspan(p.directory_offset, p.face_table_offset - p.directory_offset),
-        hash_bytes(all.subspan(sizeof(Preamble), p.header_bytes), p.face_table_checksum));
-  }
-  if (p.directory_offset <= bytes.size() && p.directory_offset >= sizeof(OriginEntry)) {
-    std::uint8_t* at = bytes.data() + p.directory_offset - sizeof(OriginEntry);
-    const auto checksum =
-        static_cast<std::uint32_t>(hash_bytes({at, offsetof(OriginEntry, checksum)}));
-    std::memcpy(at + offsetof(OriginEntry, checksum), &checksum, sizeof checksum);
-  }
   std::memcpy(bytes.data(), &p, sizeof p);
-  p.checksum = hash_bytes(all.first(sizeof(Preamble) - 8));
-  std::memcpy(bytes.data(), &p, sizeof p);
+  if (p.directory_offset <= bytes.size() && p.block_count <= bytes.size()) test::reseal(bytes);
 }
 
 void read_header(std::span<const std::uint8_t> bytes) {

@@ -135,6 +135,27 @@ TEST_F(ModelImportProgram, WarnsOfSizesThatHintAtAWrongUnit) {
   EXPECT_TRUE(warned("--scale 1001"));
 }
 
+TEST_F(ModelImportProgram, WarnsWhereTheOptionContradictsTheFile) {
+  const TempFile z_up(".dae"), stl(".stl"), model;
+  write(z_up, inches_z_up());
+  write(stl, test::stl());
+  const auto warned = [&](const TempFile& mesh, const std::string& flags) {
+    const Ended built = run("build " + flags + " " + mesh.path() + " -o " + model.path());
+    EXPECT_EQ(built.code, 0) << built.err;
+    const bool says =
+        built.err.find(
+            "warning: --up says that y is up in the file; the file or its format states "
+            "z") != std::string::npos;
+    EXPECT_EQ(says, !build(mesh.path(), model.path(), flags).at("warnings").empty()) << flags;
+    return says;
+  };
+  EXPECT_TRUE(warned(z_up, "--up y"));
+  EXPECT_FALSE(warned(z_up, "--up z"));
+  EXPECT_FALSE(warned(z_up, ""));
+  EXPECT_FALSE(warned(stl, "--up y"));  // which states nothing
+  EXPECT_TRUE(info(model.path()).at("warnings").empty());
+}
+
 TEST_F(ModelImportProgram, BuildsAModelForEachNodeAndASceneThatPlacesThem) {
   const TempFile mesh(".dae"), folder("");
   write(mesh,
@@ -151,7 +172,8 @@ TEST_F(ModelImportProgram, BuildsAModelForEachNodeAndASceneThatPlacesThem) {
   std::ifstream in(folder.path() + "/scene.yaml");
   const std::string scene{std::istreambuf_iterator<char>(in), {}};
   EXPECT_TRUE(scene.starts_with(
-      "bodies:\n  - {name: \"base\", model: \"base\", pose: {rotation: "
+      "# Written by nearmesh-model build --per-node.\nbodies:\n  - {name: \"base\", model: "
+      "\"base\", pose: {rotation: "
       "[1.0,0.0,0.0,0.0,1.0,0.0,0.0,0.0,1.0], translation: [1.0,0.0,0.0]}}\n  - {name: \"arm\""))
       << scene;
   fs::remove_all(folder.path());

@@ -25,8 +25,13 @@ struct HostFloats {
                  : "memory");
     return found;
   }
+  /// And the old unit has an exception raised (the root of pi is not exact), which waits to trap where that is let.
   void set() const {
-    asm volatile("ldmxcsr %0\n\tfldcw %1" : : "m"(mxcsr), "m"(control_word) : "memory");
+    const std::uint16_t plain = 0x037f;
+    asm volatile("fnclex\n\tfldcw %2\n\tfldpi\n\tfsqrt\n\tfstp %%st(0)\n\tldmxcsr %0\n\tfldcw %1"
+                 :
+                 : "m"(mxcsr), "m"(control_word), "m"(plain)
+                 : "memory", "st", "st(1)", "st(2)", "st(3)", "st(4)", "st(5)", "st(6)", "st(7)");
   }
 };
 inline constexpr HostFloats kPlainFloats{"plain", 0x1f80, 0x037f};

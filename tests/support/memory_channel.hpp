@@ -15,6 +15,8 @@
 #include <limits>
 #include <map>
 #include <memory>
+#include <set>
+#include <string>
 
 #include "core/base/random.hpp"
 #include "nearmesh/subscriber/peer/channel.hpp"
@@ -59,8 +61,8 @@ class MemoryBus {
   void inject(const wire::Hello& hello) {
     for (auto& [id, box] : peers_) box.inbox.hellos.push_back(hello);
   }
-  void inject(const wire::MeshHeader& header) {
-    for (auto& [id, box] : peers_) box.inbox.headers.push_back(header);
+  void inject(wire::SessionId from, const wire::MeshHeader& header) {
+    for (auto& [id, box] : peers_) box.inbox.headers.push_back({from, header});
   }
   /// Who records must be told what is held.
   void bring_recorder() {
@@ -69,7 +71,7 @@ class MemoryBus {
   void release_headers() {
     deliver_headers = true;
     for (const auto& [id, station] : publishers_)
-      for (const wire::MeshHeader& header : station.headers) inject(header);
+      for (const wire::MeshHeader& header : station.headers) inject(id, header);
   }
   /// A publisher that is lost while its channel goes on, as when its process was frozen beyond the
   /// lease.
@@ -77,6 +79,8 @@ class MemoryBus {
   void lose_peer(wire::SessionId id) {
     for (auto& [publisher, station] : publishers_) station.lost_peers.push_back(id);
   }
+  /// What becomes of who moves bodies: the others hear it of all that it has moved.
+  void tell_of_mover(wire::SessionId id, wire::Mover what);
   /// True: a channel that goes away is not noticed before lose_publisher says so.
   bool keep_quiet = false;
   /// No answer is larger, whatever a peer asks for: a flight then takes many.
@@ -110,6 +114,7 @@ class MemoryBus {
     std::vector<wire::MeshHeader> headers;
     Post<wire::RegionSubscription> subscriptions;
     std::vector<wire::SessionId> lost_peers;
+    publisher::Inbox others;  // what it hears of other publishers
   };
   struct PeerBox {
     subscriber::Channel::Inbox inbox;  // what is never delayed
@@ -139,20 +144,25 @@ class MemoryBus {
     const Station& station = publishers_.at(id);
     if (station.hello.publisher == 0) return;
     box.inbox.hellos.push_back(station.hello);
-    if (deliver_headers)
-      box.inbox.headers.insert(box.inbox.headers.end(), station.headers.begin(),
-                               station.headers.end());
+    if (!deliver_headers) return;
+    for (const wire::MeshHeader& header : station.headers)
+      box.inbox.headers.push_back({id, header});
   }
 
   Random random_;
   std::uint64_t now_ = 0;
   std::map<wire::SessionId, Station> publishers_;
   std::map<wire::SessionId, PeerBox> peers_;
+  std::map<wire::SessionId, std::set<std::string>> moved_;  ///< bodies, by who moves them
 };
 
 class MemoryBus::PublisherEnd : public publisher::Channel {
  public:
-  PublisherEnd(MemoryBus& bus, wire::SessionId id) : bus_(bus), id_(id) { bus.publishers_[id]; }
+  PublisherEnd(MemoryBus& bus, wire::SessionId id) : bus_(bus), id_(id) {
+    Station& own = bus.publishers_[id];
+    for (const auto& [other, station] : bus.publishers_)
+      if (station.hello.publisher != 0) own.others.rivals.push_back(station.hello);
+  }
   ~PublisherEnd() override {
     if (!bus_.keep_quiet) bus_.lose_publisher(id_);
     bus_.publishers_.erase(id_);
@@ -164,10 +174,15 @@ class MemoryBus::PublisherEnd : public publisher::Channel {
     station.hello = hello;
     station.headers = headers;
     for (auto& [id, box] : bus_.peers_) bus_.announce(id_, box);
+    for (auto& [id, other] : bus_.publishers_)
+      if (id != id_) other.others.rivals.push_back(hello);
   }
   publisher::Inbox take() override {
     Station& station = bus_.publishers_.at(id_);
-    return {std::exchange(station.lost_peers, {}), station.subscriptions.take(bus_.now_)};
+    publisher::Inbox inbox = std::exchange(station.others, {});
+    inbox.lost_peers = std::exchange(station.lost_peers, {});
+    inbox.subscriptions = station.subscriptions.take(bus_.now_);
+    return inbox;
   }
   bool send(wire::SessionId peer, const wire::SplitBatchMessage& batch) override {
     EXPECT_EQ(wire::check(batch).message(), "");
@@ -193,7 +208,10 @@ class MemoryBus::PeerEnd : public subscriber::Channel {
     for (const auto& [publisher, station] : bus.publishers_) bus.announce(publisher, box);
   }
   ~PeerEnd() override {
-    if (!bus_.keep_quiet) bus_.lose_peer(id_);
+    if (!bus_.keep_quiet) {
+      bus_.lose_peer(id_);
+      bus_.tell_of_mover(id_, wire::Mover::kLeft);
+    }
     bus_.peers_.erase(id_);
   }
   wire::SessionId own_id() const override { return id_; }
@@ -205,6 +223,7 @@ class MemoryBus::PeerEnd : public subscriber::Channel {
   }
   void send(const wire::BodyPose& pose) override {
     EXPECT_EQ(wire::check(pose).message(), "");
+    bus_.moved_[id_].insert(pose.body);
     bus_.to_peers(pose);
   }
   void send(const wire::ContactReport& report) override {
@@ -251,11 +270,26 @@ inline std::unique_ptr<subscriber::Channel> MemoryBus::make_peer(wire::SessionId
   return std::make_unique<PeerEnd>(*this, id);
 }
 
+/// Nothing of one that left comes any more.
+inline void MemoryBus::tell_of_mover(wire::SessionId id, wire::Mover what) {
+  for (auto& [peer, box] : peers_) {
+    if (peer == id) continue;
+    if (what == wire::Mover::kLeft)
+      std::erase_if(box.poses.items, [&](const auto& item) { return item.message.peer == id; });
+    for (const std::string& body : moved_[id]) box.inbox.movers[body] = what;
+  }
+}
+
 inline void MemoryBus::lose_publisher(wire::SessionId id) {
   for (auto& [peer, box] : peers_) {
     std::erase_if(box.inbox.hellos,
                   [&](const wire::Hello& hello) { return hello.publisher == id; });
     box.inbox.lost_publishers.push_back(id);
+  }
+  for (auto& [other, station] : publishers_) {
+    std::erase_if(station.others.rivals,
+                  [&](const wire::Hello& hello) { return hello.publisher == id; });
+    station.others.lost_rivals.push_back(id);
   }
 }
 

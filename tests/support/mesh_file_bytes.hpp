@@ -114,6 +114,92 @@ inline std::string fbx(const std::string& settings) {
          "\n\t\t}\n\t\tGeometryVersion: 124\n\t}\n\tModel: 2, \"Model::n\", \"Mesh\" {\n"
          "\t\tVersion: 232\n\t}\n}\nConnections:  {\n\tC: \"OO\",2,0\n\tC: \"OO\",1,2\n}\n";
 }
+/// A node of a binary FBX file: its properties' bytes, and what is below it.
+struct FbxNode {
+  std::string name, properties;
+  std::uint32_t property_count = 0;
+  std::vector<FbxNode> children{};
+};
+inline std::string fbx_text(const std::string& text) {
+  std::string out = "S";
+  put(out, static_cast<std::uint32_t>(text.size()));
+  return out + text;
+}
+template <class T>
+std::string fbx_value(char type, T value) {
+  std::string out(1, type);
+  put(out, value);
+  return out;
+}
+template <class T>
+std::string fbx_array(char type, const std::vector<T>& values) {
+  std::string out(1, type);
+  for (const std::size_t x : {values.size(), std::size_t{0}, values.size() * sizeof(T)})
+    put(out, static_cast<std::uint32_t>(x));  // how many, not compressed, bytes
+  for (const T value : values) put(out, value);
+  return out;
+}
+/// `out` is the file until here: a node says where it ends.
+inline void put_fbx_node(std::string& out, const FbxNode& node) {
+  const std::size_t begin = out.size();
+  put(out, std::uint32_t{0});
+  put(out, node.property_count);
+  put(out, static_cast<std::uint32_t>(node.properties.size()));
+  out += static_cast<char>(node.name.size());
+  out += node.name + node.properties;
+  for (const FbxNode& child : node.children) put_fbx_node(out, child);
+  if (!node.children.empty()) out.append(13, '\0');
+  const auto end = static_cast<std::uint32_t>(out.size());
+  std::memcpy(out.data() + begin, &end, sizeof end);
+}
+/// `settings`: of GlobalSettings.
+inline std::string fbx_binary(const std::vector<FbxNode>& settings) {
+  std::vector<double> points;
+  std::vector<std::int32_t> indices;
+  for (const auto& p : kTetrahedron) points.insert(points.end(), p.begin(), p.end());
+  for (const auto& f : kTetrahedronFaces) indices.insert(indices.end(), {f[0], f[1], -f[2] - 1});
+  const auto named = [](const std::string& name, const std::string& type) {
+    return fbx_text(name + std::string("\0\1", 2) + type) + fbx_text("Mesh");
+  };
+  const auto link = [](std::int64_t from, std::int64_t to) {
+    return FbxNode{"C", fbx_text("OO") + fbx_value('L', from) + fbx_value('L', to), 3};
+  };
+  std::string out("Kaydara FBX Binary  \0\x1a\0", 23);
+  put(out, std::uint32_t{7300});
+  for (const FbxNode& node :
+       {FbxNode{"FBXHeaderExtension", "", 0, {{"FBXVersion", fbx_value('I', 7300), 1}}},
+        FbxNode{"GlobalSettings",
+                "",
+                0,
+                {{"Version", fbx_value('I', 1000), 1}, {"Properties70", "", 0, settings}}},
+        FbxNode{"Objects",
+                "",
+                0,
+                {{"Geometry",
+                  fbx_value('L', std::int64_t{1}) + named("g", "Geometry"),
+                  3,
+                  {{"Vertices", fbx_array('d', points), 1},
+                   {"PolygonVertexIndex", fbx_array('i', indices), 1}}},
+                 {"Model",
+                  fbx_value('L', std::int64_t{2}) + named("n", "Model"),
+                  3,
+                  {{"Version", fbx_value('I', 232), 1}}}}},
+        FbxNode{"Connections", "", 0, {link(2, 0), link(1, 2)}}})
+    put_fbx_node(out, node);
+  return out.append(13, '\0');
+}
+inline FbxNode fbx_binary_unit(double centimetres) {
+  return {"P",
+          fbx_text("UnitScaleFactor") + fbx_text("double") + fbx_text("Number") + fbx_text("") +
+              fbx_value('D', centimetres),
+          5};
+}
+inline FbxNode fbx_binary_up(std::int32_t axis) {
+  return {"P",
+          fbx_text("UpAxis") + fbx_text("int") + fbx_text("Integer") + fbx_text("") +
+              fbx_value('I', axis),
+          5};
+}
 inline std::string fbx_unit(const std::string& centimetres) {
   return "\t\tP: \"UnitScaleFactor\", \"double\", \"Number\", \"\"," + centimetres + "\n";
 }
@@ -137,20 +223,39 @@ inline std::string base64(const std::string& bytes) {
   }
   return out;
 }
-/// `nodes`: the JSON objects of all nodes, of which the first is the scene's root; mesh 0 is the tetrahedron.
-inline std::string gltf(const std::string& nodes) {
+inline std::string gltf_buffer() {
   std::string binary;
   for (const auto& p : kTetrahedron)
     for (const double x : p) put(binary, static_cast<float>(x));
   for (const auto& face : kTetrahedronFaces)
     for (const int v : face) put(binary, static_cast<std::uint16_t>(v));
+  return binary;
+}
+/// `nodes`: the JSON objects of all nodes, of which the first is the scene's root; mesh 0 is the tetrahedron. `where`: the
+/// buffer's bytes are.
+inline std::string gltf(const std::string& nodes, const std::string& where) {
   return R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[)" + nodes +
          R"(],"meshes":[{"primitives":[{"attributes":{"POSITION":0},"indices":1}]}],
 "accessors":[{"bufferView":0,"componentType":5126,"count":4,"type":"VEC3","min":[1,2,3],"max":[5,8,13]},
 {"bufferView":1,"componentType":5123,"count":12,"type":"SCALAR"}],
 "bufferViews":[{"buffer":0,"byteOffset":0,"byteLength":48},{"buffer":0,"byteOffset":48,"byteLength":24}],
-"buffers":[{"byteLength":72,"uri":"data:application/octet-stream;base64,)" +
-         base64(binary) + R"("}]})";
+"buffers":[{"byteLength":72)" +
+         where + "}]}";
+}
+inline std::string gltf(const std::string& nodes) {
+  return gltf(nodes,
+              R"(,"uri":"data:application/octet-stream;base64,)" + base64(gltf_buffer()) + "\"");
+}
+inline std::string glb(const std::string& nodes) {
+  std::string text = gltf(nodes, ""), out = "glTF";
+  text.resize((text.size() + 3) / 4 * 4, ' ');
+  const std::string binary = gltf_buffer();  // 72 bytes: no padding
+  put(out, std::uint32_t{2});
+  put(out, static_cast<std::uint32_t>(28 + text.size() + binary.size()));
+  put(out, static_cast<std::uint32_t>(text.size()));
+  out += "JSON" + text;
+  put(out, static_cast<std::uint32_t>(binary.size()));
+  return out + std::string("BIN\0", 4) + binary;
 }
 
 // ---- 3MF ----------------------------------------------------------------------------------------
@@ -163,15 +268,25 @@ inline std::uint32_t crc32(const std::string& bytes) {
   }
   return ~crc;
 }
-/// A zip archive of files that are stored as they are.
-inline std::string zip(const std::vector<std::array<std::string, 2>>& files) {
+/// A deflate stream of one block without compression.
+inline std::string deflate(const std::string& bytes) {
+  std::string out = "\1";
+  put(out, static_cast<std::uint16_t>(bytes.size()));
+  put(out, static_cast<std::uint16_t>(~bytes.size()));
+  return out + bytes;
+}
+/// A zip archive of files that are stored as they are, or deflated (each below 64 KiB then).
+inline std::string zip(const std::vector<std::array<std::string, 2>>& files,
+                       bool is_deflated = false) {
   std::string out, directory;
-  for (const auto& [name, content] : files) {
+  for (const auto& [name, whole] : files) {
+    const std::string content = is_deflated ? deflate(whole) : whole;
     std::string common;
-    for (const int x : {20, 0, 0, 0, 0x21}) put(common, static_cast<std::uint16_t>(x));
-    put(common, crc32(content));
+    for (const int x : {20, 0, is_deflated ? 8 : 0, 0, 0x21})
+      put(common, static_cast<std::uint16_t>(x));
+    put(common, crc32(whole));
     put(common, static_cast<std::uint32_t>(content.size()));
-    put(common, static_cast<std::uint32_t>(content.size()));
+    put(common, static_cast<std::uint32_t>(whole.size()));
     put(common, static_cast<std::uint16_t>(name.size()));
     put(common, std::uint16_t{0});
     directory += "PK\x01\x02";
@@ -193,7 +308,7 @@ inline std::string zip(const std::vector<std::array<std::string, 2>>& files) {
   put(out, std::uint16_t{0});
   return out;
 }
-inline std::string three_mf(const std::string& unit_attribute) {
+inline std::string three_mf(const std::string& unit_attribute, bool is_deflated = false) {
   std::string vertices, triangles;
   for (const auto& p : kTetrahedron)
     vertices += "<vertex x=\"" + number(p[0]) + "\" y=\"" + number(p[1]) + "\" z=\"" +
@@ -210,7 +325,14 @@ inline std::string three_mf(const std::string& unit_attribute) {
         R"(<?xml version="1.0"?><model )" + unit_attribute +
             R"( xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"><resources><object id="1" type="model"><mesh><vertices>)" +
             vertices + "</vertices><triangles>" + triangles +
-            R"(</triangles></mesh></object></resources><build><item objectid="1"/></build></model>)"}});
+            R"(</triangles></mesh></object></resources><build><item objectid="1"/></build></model>)"}},
+      is_deflated);
+}
+/// A Collada file in its archive.
+inline std::string zae(const std::string& file) {
+  return zip({{"manifest.xml", "<?xml version=\"1.0\"?><dae_root>model.dae</dae_root>"},
+              {"model.dae", file}},
+             true);
 }
 
 // ---- text formats -------------------------------------------------------------------------------
@@ -332,15 +454,26 @@ inline std::vector<FormatFile> tetrahedron_files() {
        1, true, 'x'},
       {"ColladaZUpInches", ".dae",
        collada("<unit name=\"inch\" meter=\"0.0254\"/>" + z_up, collada_node()), 0.0254, true, 'z'},
+      {"ColladaArchive", ".zae",
+       zae(collada("<unit name=\"inch\" meter=\"0.0254\"/>" + z_up, collada_node())), 0.0254, true,
+       'z'},
       {"ColladaWithoutUnit", ".dae", collada("", collada_node()), 1, false, 'y'},
       {"FbxCentimetres", ".fbx", fbx(fbx_unit("1") + fbx_up(1)), 0.01, true, 'y'},
       {"FbxMetresZUp", ".fbx", fbx(fbx_unit("100") + fbx_up(2)), 1, true, 'z'},
       {"FbxInches", ".fbx", fbx(fbx_unit("2.54") + fbx_up(1)), 0.0254, true, 'y'},
+      {"FbxWithoutUnit", ".fbx", fbx(""), 0.01, false, 'y'},
+      {"FbxBinaryInchesZUp", ".fbx", fbx_binary({fbx_binary_unit(2.54), fbx_binary_up(2)}), 0.0254,
+       true, 'z'},
+      {"FbxBinaryWithoutUnit", ".fbx", fbx_binary({fbx_binary_up(1)}), 0.01, false, 'y'},
       {"Gltf", ".gltf", gltf(R"({"mesh":0,"name":"n"})"), 1, true, 'y'},
+      {"GltfBinary", ".glb", glb(R"({"mesh":0,"name":"n"})"), 1, true, 'y'},
       {"ThreeMfMillimetres", ".3mf", three_mf("unit=\"millimeter\""), 0.001, true, 'z'},
       {"ThreeMfInches", ".3mf", three_mf("unit=\"inch\""), 0.0254, true, 'z'},
+      {"ThreeMfCompressed", ".3mf", three_mf("unit=\"inch\"", true), 0.0254, true, 'z'},
+      {"ThreeMfWithoutUnit", ".3mf", three_mf(""), 0.001, false, 'z'},
       {"AmfMillimetres", ".amf", amf("unit=\"millimeter\""), 0.001, true, 'z'},
       {"AmfFeet", ".amf", amf("unit=\"feet\""), 0.3048, true, 'z'},
+      {"AmfWithoutUnit", ".amf", amf(""), 0.001, false, 'z'},
       {"ThreeDs", ".3ds", three_ds(1), 1, false, 'z'},
       {"ThreeDsWithMasterScale", ".3ds", three_ds(4), 1, false, 'z'},
       {"Dxf", ".dxf", dxf(), 1, false, 'z'},

@@ -39,7 +39,8 @@ inline HourFacts write_session_hour(const std::string& path, const HourOptions& 
     all[i].left_included = has(all[i].node.left_of(all[i].split));
     all[i].right_included = has(all[i].node.right_of(all[i].split));
   }
-  const auto batches = encode_batches(model.header, model.store, all, BoxPolicy::kCutNodes);
+  auto batches = encode_batches(model.header, model.store, all, BoxPolicy::kCutNodes);
+  for (auto& bytes : batches) seal_batch(file.content_hash(), bytes);
 
   SessionFile session(path);
   const auto bytes = file.header_bytes();

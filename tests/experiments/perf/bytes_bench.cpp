@@ -45,7 +45,10 @@ using Serve = std::function<Batches(const RegionRequest&)>;
 Batches serve(ModelFile& file, const RegionRequest& request) {
   const Demand demand =
       demand_of(file.store(), request, [&file](NodeSpan node) { return file.require(node); });
-  return encode_batches(file.header(), file.store(), demand.treelet, BoxPolicy::kCutNodes);
+  Batches batches =
+      encode_batches(file.header(), file.store(), demand.treelet, BoxPolicy::kCutNodes);
+  for (auto& bytes : batches) seal_batch(file.header().content, bytes);
+  return batches;
 }
 
 struct Cost {

@@ -99,8 +99,9 @@ std::vector<Request> read_requests(const char* path, std::uint64_t peer, std::ui
     std::size_t count = 0;
     message.wire_version = version;
     message.peer = peer;
-    words >> message.publisher >> message.content_hash >> message.request >> priority >>
-        message.acknowledged_sequence >> message.window_bytes >> message.max_splits >> count;
+    words >> message.publisher >> message.content_hash[0] >> message.content_hash[1] >>
+        message.request >> priority >> message.acknowledged_sequence >> message.window_bytes >>
+        message.max_splits >> count;
     message.priority = static_cast<std::uint8_t>(priority);
     request.attach.resize(count);
     for (std::uint32_t& word : request.attach) words >> word;
@@ -158,12 +159,12 @@ class Peer {
         for (std::uint32_t i = 0; i < hello.content_hashes._length; ++i)
           std::printf(" %" PRIu64, hello.content_hashes._buffer[i]);
         std::printf("\n");
-        models = hello.content_hashes._length;
+        models = hello.mesh_bytes._length;
         ++hellos;
       });
       take<Header>(headers_, [&](const Header& header) {
-        std::printf("header %" PRIu64 " %s %s\n", header.content_hash, header.name,
-                    hex(header.bytes).c_str());
+        std::printf("header %" PRIu64 " %" PRIu64 " %s %s\n", header.content_hash[0],
+                    header.content_hash[1], header.name, hex(header.bytes).c_str());
         ++headers;
       });
       dds_publication_matched_status_t matched{};
@@ -201,9 +202,9 @@ class Peer {
     bool complete = false;
     await("batches of request " + std::to_string(message.request), [&] {
       take<Batch>(batches_, [&](const Batch& batch) {
-        std::printf("batch %" PRIu64 " %" PRIu64 " %u %u %u %s\n", batch.publisher,
-                    batch.content_hash, batch.request, batch.sequence_number, batch.flags,
-                    hex(batch.bytes).c_str());
+        std::printf("batch %" PRIu64 " %" PRIu64 " %" PRIu64 " %u %u %u %s\n", batch.publisher,
+                    batch.content_hash[0], batch.content_hash[1], batch.request,
+                    batch.sequence_number, batch.flags, hex(batch.bytes).c_str());
         complete |= batch.request == message.request && (batch.flags & kLast) != 0;
       });
       return complete;

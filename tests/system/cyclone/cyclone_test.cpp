@@ -40,21 +40,25 @@ std::string line_of(const char* kind, const Words&... words) {
   return line.str();
 }
 
+std::string words(const ContentHash& content) {
+  return std::to_string(content.high) + ' ' + std::to_string(content.low);
+}
+
 std::string line_of(const wire::Hello& hello) {
   std::string names, hashes;
   for (const wire::Hello::Model& model : hello.models) {
     names += model.name + "\n";
-    hashes += (hashes.empty() ? "" : " ") + std::to_string(model.content_hash);
+    hashes += (hashes.empty() ? "" : " ") + words(model.content_hash);
   }
   return line_of("hello", hello.publisher, hex({names.begin(), names.end()}), hashes);
 }
 
 std::string line_of(const wire::MeshHeader& header) {
-  return line_of("header", header.content_hash, header.name, hex(header.bytes));
+  return line_of("header", words(header.content_hash), header.name, hex(header.bytes));
 }
 
 std::string line_of(const wire::SplitBatchMessage& batch) {
-  return line_of("batch", batch.publisher, batch.content_hash, batch.request, batch.sequence,
+  return line_of("batch", batch.publisher, words(batch.content_hash), batch.request, batch.sequence,
                  (batch.last ? 1 : 0) + (batch.refused ? 2 : 0), hex(batch.bytes));
 }
 
@@ -63,8 +67,8 @@ std::string line_of(const wire::RegionSubscription& subscription) {
   wire_types::RegionSubscriptionSample sample;
   wire::encode(subscription, sample);
   std::ostringstream line;
-  line << sample.publisher() << ' ' << sample.content_hash() << ' ' << sample.request() << ' '
-       << int{sample.priority()} << ' ' << sample.acknowledged_sequence() << ' '
+  line << sample.publisher() << ' ' << words(subscription.content_hash) << ' ' << sample.request()
+       << ' ' << int{sample.priority()} << ' ' << sample.acknowledged_sequence() << ' '
        << sample.window_bytes() << ' ' << sample.max_splits() << ' ' << sample.attach().size();
   for (const std::uint32_t word : sample.attach()) line << ' ' << word;
   for (const std::int32_t cells : sample.region_origin()) line << ' ' << cells;
@@ -94,7 +98,7 @@ class CyclonePeer : public ::testing::Test {
 
   subscriber::Channel::Inbox take() {
     subscriber::Channel::Inbox inbox = channel->take();
-    headers.insert(headers.end(), inbox.headers.begin(), inbox.headers.end());
+    for (const auto& header : inbox.headers) headers.push_back(header.message);
     batches.insert(batches.end(), inbox.batches.begin(), inbox.batches.end());
     return inbox;
   }
@@ -178,7 +182,7 @@ TEST_F(CyclonePeer, ReceivesToTheByteWhatAFastDdsPeerReceives) {
   ASSERT_NO_FATAL_FAILURE(ask(subscription));
   // A refusal is an answer as well.
   subscription.request = 3;
-  subscription.content_hash ^= 1;
+  subscription.content_hash.low ^= 1;
   ASSERT_NO_FATAL_FAILURE(ask(subscription));
   EXPECT_TRUE(batches.back().refused);
   EXPECT_GT(batches.size(), 8U);

@@ -22,6 +22,7 @@
 #include <thread>
 #include <vector>
 
+#include "core/base/digest.hpp"
 #include "idl/dds/dds_support.hpp"
 #include "inbox.hpp"
 #include "nearmesh/core/spm/detail/codec.hpp"
@@ -41,8 +42,14 @@ constexpr double kDeadline_s = 20;
 /// waited for.
 inline double lease_s = 10;
 constexpr double kShortLease_s = 3;
-constexpr std::uint64_t kModel = 0xabcdef;
 constexpr std::size_t kHeaderBytes = 300'000;
+inline std::vector<std::uint8_t> header_bytes() {
+  std::vector<std::uint8_t> bytes(kHeaderBytes);
+  for (std::size_t i = 0; i < kHeaderBytes; ++i)
+    bytes[i] = static_cast<std::uint8_t>(i * 2654435761U >> 13);
+  return bytes;
+}
+inline const ContentHash kModel = digest_of(header_bytes());
 constexpr wire::SessionId kChildPublisher = 0x1111;
 constexpr wire::SessionId kChildPeer = 0x2222;
 
@@ -97,9 +104,7 @@ inline wire::MeshHeader big_header() {
   wire::MeshHeader header;
   header.name = "bunny";
   header.content_hash = kModel;
-  header.bytes.resize(kHeaderBytes);
-  for (std::size_t i = 0; i < kHeaderBytes; ++i)
-    header.bytes[i] = static_cast<std::uint8_t>(i * 2654435761U >> 13);
+  header.bytes = header_bytes();
   return header;
 }
 
@@ -124,7 +129,7 @@ inline wire::SplitBatchMessage batch_of(std::uint32_t sequence, bool last) {
   batch.request = 1;
   batch.sequence = sequence;
   batch.last = last;
-  batch.bytes.assign(nearmesh::kMaxBatchBytes, static_cast<std::uint8_t>(sequence));
+  batch.bytes.assign(nearmesh::kMaxSealedBytes, static_cast<std::uint8_t>(sequence));
   return batch;
 }
 
@@ -227,7 +232,8 @@ struct Server {
   explicit Server(std::unique_ptr<PublisherChannel> made) : channel(std::move(made)) {}
   std::unique_ptr<PublisherChannel> channel;
   std::vector<wire::RegionSubscription> subscriptions;
-  std::vector<wire::SessionId> lost;
+  std::vector<wire::SessionId> lost, lost_rivals;
+  std::vector<wire::Hello> rivals;
   std::vector<std::string> complaints;
 
   bool await(const std::function<bool()>& condition, double seconds = kDeadline_s) {
@@ -236,6 +242,8 @@ struct Server {
           publisher::Inbox inbox = channel->take();
           for (auto& s : inbox.subscriptions) subscriptions.push_back(std::move(s));
           for (const auto peer : inbox.lost_peers) lost.push_back(peer);
+          for (const auto rival : inbox.lost_rivals) lost_rivals.push_back(rival);
+          for (auto& hello : inbox.rivals) rivals.push_back(std::move(hello));
           for (auto& line : channel->take_complaints()) complaints.push_back(std::move(line));
           return condition();
         },

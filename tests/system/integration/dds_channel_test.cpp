@@ -41,7 +41,7 @@ TEST(DdsChannel, LateJoinerGetsHelloAndLargeHeader) {
   ASSERT_TRUE(
       late.await([](const Inbox& in) { return !in.hellos.empty() && !in.headers.empty(); }));
   EXPECT_EQ(late.all.hellos[0].models[0].name, "bunny");
-  EXPECT_EQ(late.all.headers[0].bytes, big_header().bytes);
+  EXPECT_EQ(late.all.headers[0].message.bytes, big_header().bytes);
 }
 
 TEST_F(DdsLease, KilledPublisherIsReportedLost) {
@@ -302,6 +302,48 @@ TEST(DdsChannel, PosesReachOthersButNotTheirSender) {
   EXPECT_EQ(mover.all.poses[0].body, "leg");
 }
 
+wire::ProcessStatus sign_of_life(wire::SessionId session) {
+  wire::ProcessStatus status;
+  status.session = session;
+  status.host = "here";
+  return status;
+}
+
+TEST(DdsChannel, WhoGivesNoSignOfLifeIsSilentLongBeforeItsLeaseIsOver) {
+  constexpr double kSilence_s = 3;  // as DdsPoses has it
+  ASSERT_GT(lease_s, 2 * kSilence_s);
+  Child mover("mover", own_prefix());
+  Peer watcher(make_peer(own_prefix())), quiet(make_peer(own_prefix()));
+  // One that never gave a sign is taken to be there.
+  quiet.channel->send(pose_of(quiet.channel->own_id(), "leg", 1));
+  ASSERT_TRUE(watcher.await([](const Inbox& in) {
+    return in.movers.contains("arm") && in.movers.contains("leg") && in.poses.size() > 5;
+  })) << watcher.story();
+  EXPECT_EQ(watcher.all.movers["arm"], wire::Mover::kThere);
+  mover.signal(SIGSTOP);
+  const auto stopped = std::chrono::steady_clock::now();
+  // A sign by another participant is none, whatever name it has.
+  Peer thief(make_peer(own_prefix(), nullptr, kChildPeer));
+  EXPECT_TRUE(watcher.await([&](const Inbox& in) {
+    thief.channel->tell(sign_of_life(kChildPeer));
+    return in.movers.at("arm") == wire::Mover::kSilent;
+  }));
+  EXPECT_GT(seconds_since(stopped), kSilence_s - 0.5);
+  EXPECT_LT(seconds_since(stopped), lease_s - 1);
+  mover.signal(SIGCONT);
+  EXPECT_TRUE(
+      watcher.await([](const Inbox& in) { return in.movers.at("arm") == wire::Mover::kThere; }));
+  mover.end();
+  EXPECT_TRUE(
+      watcher.await([](const Inbox& in) { return in.movers.at("arm") == wire::Mover::kSilent; }));
+  EXPECT_EQ(watcher.all.movers["leg"], wire::Mover::kThere);
+  quiet.channel.reset();
+  EXPECT_TRUE(
+      watcher.await([](const Inbox& in) { return in.movers.at("leg") == wire::Mover::kLeft; }));
+  EXPECT_TRUE(
+      watcher.await([](const Inbox& in) { return in.movers.at("arm") == wire::Mover::kLeft; }));
+}
+
 TEST(DdsChannel, PeerBeyondTheLimitIsRefusedWithOneComplaint) {
   Server server(make_publisher(own_prefix(), 1));
   Peer first(make_peer(own_prefix(), nullptr, 5));
@@ -366,33 +408,25 @@ TEST(DdsChannel, NobodyCanSendForAPublisher) {
   EXPECT_EQ(peer.all.complaints.size(), 1U);
 }
 
-TEST(DdsChannel, PublishersTellOfAnotherWithOtherContentUnderTheirName) {
-  Server one(make_publisher(own_prefix())), other(make_publisher(own_prefix())),
-      same(make_publisher(own_prefix()));
-  wire::Hello hello = hello_of(kChildPublisher);
-  one.channel->announce(hello, {});
-  hello.publisher = kChildPublisher + 1;
-  same.channel->announce(hello, {});
-  // Same content under the same name is what a second publisher is for: nothing is said of it.
-  const auto serves_other = [](const std::string& line, wire::SessionId publisher) {
-    return line.find("model bunny: publisher " + wire::partition_of(publisher) +
-                     " serves other content") != std::string::npos;
-  };
-  hello.publisher = kChildPublisher + 2;
-  ++hello.models[0].content_hash;
-  other.channel->announce(hello, {});
-  const auto tells = [&](Server& server, wire::SessionId of) {
-    return server.await([&] {
-      return std::any_of(server.complaints.begin(), server.complaints.end(),
-                         [&](const std::string& line) { return serves_other(line, of); });
-    });
-  };
-  EXPECT_TRUE(tells(one, kChildPublisher + 2));
-  EXPECT_TRUE(tells(same, kChildPublisher + 2));
-  EXPECT_TRUE(tells(other, kChildPublisher));
-  EXPECT_TRUE(tells(other, kChildPublisher + 1));
-  for (const std::string& line : one.complaints)
-    EXPECT_FALSE(serves_other(line, kChildPublisher + 1)) << line;
+TEST(DdsChannel, PublishersHearOfEachOther) {
+  Server one(make_publisher(own_prefix()));
+  one.channel->announce(hello_of(kChildPublisher), {});
+  {
+    Server other(make_publisher(own_prefix()));
+    other.channel->announce(hello_of(kChildPublisher + 1), {});
+    const auto hears = [](Server& server, wire::SessionId of) {
+      return server.await([&] {
+        return std::any_of(server.rivals.begin(), server.rivals.end(),
+                           [&](const wire::Hello& rival) { return rival.publisher == of; });
+      });
+    };
+    EXPECT_TRUE(hears(one, kChildPublisher + 1));
+    EXPECT_TRUE(hears(other, kChildPublisher));
+    // Not of themselves, and of each change once.
+    EXPECT_EQ(one.rivals.size(), 1U);
+  }
+  EXPECT_TRUE(one.await([&] { return !one.lost_rivals.empty(); }));
+  EXPECT_EQ(one.lost_rivals, std::vector<wire::SessionId>{kChildPublisher + 1});
 }
 
 TEST(DdsChannel, InvalidMessageIsNotSent) {
@@ -465,6 +499,11 @@ int run_child(const std::string& role, const std::string& prefix) {
   options.session = kChildPeer;
   auto channel = PeerChannel::create(options);
   if (!channel.is_ok()) return 1;
+  for (std::uint64_t frame = 1; role == "mover"; ++frame) {
+    channel.value()->tell(sign_of_life(kChildPeer));
+    channel.value()->send(pose_of(kChildPeer, "arm", frame));
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  }
   for (;;) {
     channel.value()->send(request_of(kChildPeer));
     channel.value()->wait(0.1);

@@ -107,6 +107,31 @@ TEST(DdsChannel, HelloOfAnotherVersionIsRefusedLoudly) {
       << peer.all.complaints[0];
 }
 
+// Though it is the very header that a publisher announces: who serves nothing is not believed.
+TEST(DdsChannel, HeaderOfWhoeverServesNothingDoesNotCount) {
+  wire::MeshHeader header{.name = "bunny", .bytes = {1, 2, 3}};
+  header.content_hash = digest_of(header.bytes);
+  Peer peer(make_peer(own_prefix()));
+  auto stranger = Stranger::of<wire::MeshHeader>(own_prefix());
+  ASSERT_TRUE(stranger.await_match());
+  stranger.write(bytes_of(header));
+  ASSERT_TRUE(peer.await([](const Inbox& in) { return in.refused_headers == 1; }));
+  EXPECT_TRUE(peer.all.headers.empty());
+  ASSERT_EQ(peer.all.complaints.size(), 1U);
+  EXPECT_NE(peer.all.complaints[0].find("its participant announces no such content"),
+            std::string::npos)
+      << peer.all.complaints[0];
+  Server server(make_publisher(own_prefix()));
+  wire::Hello hello{.publisher = kChildPublisher};
+  hello.models.push_back({"bunny", header.content_hash, 3});
+  server.channel->announce(hello, {header});
+  ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.headers.empty(); })) << peer.story();
+  EXPECT_EQ(peer.all.headers[0].publisher, kChildPublisher);
+  EXPECT_EQ(peer.all.headers[0].message.bytes, header.bytes);
+  EXPECT_EQ(peer.all.headers.size(), 1U);
+  EXPECT_EQ(peer.all.refused_headers, 1U);
+}
+
 TEST(DdsChannel, HelloIsHeldBackWhileItsPublisherCannotHear) {
   Peer peer(make_peer(own_prefix()));
   auto deaf = Stranger::of<wire::Hello>(own_prefix());
@@ -210,23 +235,27 @@ TEST(DdsChannel, MonitorTellsOfTwoContentsUnderOneNameAndOfTheSilent) {
   wire::Hello hello = hello_of(kChildPublisher);
   one->announce(hello, {});
   hello.publisher = kChildPublisher + 1;
-  ++hello.models[0].content_hash;
+  ++hello.models[0].content_hash.low;
   other->announce(hello, {});
   auto silent = Stranger::of<wire::Hello>(own_prefix());
   auto monitor = subscriber::DdsMonitor::create(transport(own_prefix()));
   ASSERT_TRUE(monitor.is_ok()) << monitor.status().message();
-  const auto says = [&](const char* text) {
+  const auto says = [&](auto has) {
     return wait_for([&] {
       monitor.value()->listen(0.05);
-      const auto refusals = monitor.value()->view().refusals;
-      return std::any_of(refusals.begin(), refusals.end(), [&](const std::string& line) {
-        return line.find(text) != std::string::npos;
-      });
+      return has(monitor.value()->view());
     });
   };
-  EXPECT_TRUE(says("rename or replace one file"));
-  EXPECT_TRUE(says("nothing comes from it"));
-  EXPECT_EQ(monitor.value()->view().refusals.size(), 2U);
+  const auto is_error = [](const subscriber::BusView& view) { return view.errors.size() == 1; };
+  ASSERT_TRUE(says(is_error));
+  EXPECT_NE(monitor.value()->view().errors[0].find("model bunny: publisher "), std::string::npos);
+  ASSERT_TRUE(says([](const subscriber::BusView& view) { return !view.refusals.empty(); }));
+  EXPECT_NE(monitor.value()->view().refusals[0].find("nothing comes from it"), std::string::npos);
+  EXPECT_EQ(monitor.value()->view().refusals.size(), 1U);
+  // An act ends it: one says that it replaces the other.
+  hello.models[0].replaces = kModel;
+  other->announce(hello, {});
+  EXPECT_TRUE(says([](const subscriber::BusView& view) { return view.errors.empty(); }));
 }
 
 }  // namespace

@@ -17,8 +17,10 @@ inline void take_into(subscriber::Channel& channel, subscriber::Channel::Inbox& 
   append(all.hellos, now.hellos);
   append(all.lost_publishers, now.lost_publishers);
   append(all.headers, now.headers);
+  all.refused_headers += now.refused_headers;
   append(all.batches, now.batches);
   append(all.poses, now.poses);
+  for (const auto& [body, mover] : now.movers) all.movers[body] = mover;
   append(all.complaints, now.complaints);
 }
 

@@ -348,8 +348,8 @@ TEST_F(Operate, StatusTellsOfOneNameWithTwoContents) {
   EXPECT_EQ(
       test::run(folder, "nearmesh-subscriber", with({"status", "--seconds", "2"}), &out, &err), 0)
       << err;
-  EXPECT_NE(out.find("model terrain: publisher"), std::string::npos) << out;
-  EXPECT_NE(out.find("rename or replace one file"), std::string::npos) << out;
+  EXPECT_NE(out.find("errors\n  model terrain: publisher"), std::string::npos) << out;
+  EXPECT_NE(out.find("stop or rename one"), std::string::npos) << out;
 }
 
 TEST_F(Operate, StatusOfAnEmptyBusFails) {

@@ -189,22 +189,51 @@ TEST_F(Programs, KilledPublisherIsReplacedInFlight) {
   EXPECT_GT(requests, 0U);
 }
 
-TEST_F(Programs, KilledPeerDoesNotDisturbTheOther) {
-  write_flights(250);
+// Nothing is certified about the dead one's body once its pose has aged; and the recording proves what was said.
+TEST_F(Programs, KilledPeerIsNotVouchedForAndDoesNotDisturbTheOther) {
+  constexpr int kFrames = 400;  // 8 s
+  write_flights(kFrames);
   write_scene("first", {"one"}, "[[ground, one], [one, two]]");
   write_scene("second", {"two"}, "[[ground, two], [one, two]]");
+  const std::string session = folder.file("session.db3");
+  Process recorder(folder, "nearmesh-subscriber", on_bus({"record", "-o", session}));
+  ASSERT_TRUE(recorder.says("recording domain")) << recorder.err();
   const auto publisher = serve();
   const auto first = fly("first"), second = fly("second");
-  ASSERT_TRUE(first->says("frame 62 of 250")) << first->err();
+  ASSERT_TRUE(first->says("frame 100 of 400")) << first->err();
   second->signal(SIGKILL);
   EXPECT_EQ(second->wait(), 1000 + SIGKILL);
   ASSERT_EQ(first->wait(), 0) << first->err();
   const Checked checked = check("first");
-  EXPECT_EQ(checked.answers, 500U);
+  EXPECT_EQ(checked.answers, 2U * kFrames);
   EXPECT_EQ(checked.wrong, 0U);
-  EXPECT_GT(checked.certified, 400U);
+  int alive = 0, aged = 0, vouched = 0, ground = 0;
+  double last_s = -1;
+  for (const json& answer : answers_of("first")) {
+    EXPECT_GE(answer.at("time_s"), last_s);
+    last_s = answer.at("time_s");
+    if (answer.at("a") == "ground") {
+      EXPECT_EQ(answer.at("age_a_s"), 0);
+      ground += is_certified(answer) ? 1 : 0;
+      continue;
+    }
+    const bool is_aged = answer.at("age_b_s") > 2;
+    (is_aged ? aged : alive) += 1;
+    if (!is_aged) continue;
+    vouched += is_certified(answer) ? 1 : 0;
+    EXPECT_NE(answer.at("reason").get<std::string>().find("body two"), std::string::npos);
+  }
+  EXPECT_GT(alive, 100);
+  EXPECT_GT(aged, 100);
+  EXPECT_EQ(vouched, 0);
+  EXPECT_GT(ground, kFrames / 2);
   publisher->signal(SIGINT);
   EXPECT_EQ(publisher->wait(), 0) << publisher->err();
+  recorder.signal(SIGINT);
+  EXPECT_EQ(recorder.wait(), 0) << recorder.err();
+  std::string verdict;
+  EXPECT_EQ(test::run(folder, "nearmesh-subscriber", {"verify", session}, &verdict), 0) << verdict;
+  EXPECT_NE(verdict.find(" 0 different"), std::string::npos) << verdict;
 }
 
 TEST_F(Programs, UnknownModelEndsTheStartWithItsName) {
@@ -399,9 +428,9 @@ TEST_F(Programs, JsonParsesLineByLine) {
     EXPECT_EQ(line.at("frame").get<std::size_t>(), i / 3);
     EXPECT_EQ(line.at("a"), i % 3 == 2 ? "one" : "ground");
     EXPECT_EQ(line.at("pose_b").size(), 12U);
-    for (const char* key : {"b", "model_a", "model_b", "status", "pairs", "pairs_digest",
-                            "clearance_m", "uncertainty_m", "safe_horizon_s", "missing", "pose_a",
-                            "swept_status", "free_until_s", "hit_s"})
+    for (const char* key : {"b", "model_a", "model_b", "content_a", "content_b", "status", "pairs",
+                            "pairs_digest", "clearance_m", "uncertainty_m", "safe_horizon_s",
+                            "missing", "pose_a", "swept_status", "free_until_s", "hit_s"})
       EXPECT_TRUE(line.contains(key)) << key;
     EXPECT_EQ(line.at("swept_status") == "free", line.at("free_until_s") == 0.04) << line;
     if (line.at("status") == "contact") {

@@ -43,13 +43,14 @@ class ReplayProgram : public ::testing::Test {
                                "replay-" + std::to_string(::getpid()), "--interface", "127.0.0.1"});
     return words;
   }
-  void write_scene(const std::string& name, const std::string& moves, const std::string& pairs) {
+  void write_scene(const std::string& name, const std::string& moves, const std::string& pairs,
+                   const std::string& more = "") {
     folder.write(name + ".yaml",
                  "bodies:\n  - {name: ground, model: terrain, pose: {translation: [0, 0, 0]}}\n"
                  "  - {name: one, model: aircraft}\n  - {name: two, model: aircraft}\n"
                  "  - {name: three, model: aircraft}\nmoves:\n" +
                      moves + "pairs: " + pairs +
-                     "\nframe_rate_hz: 50\nbudget_ms: 5\nlookahead_s: 0.2\n");
+                     "\nframe_rate_hz: 50\nbudget_ms: 5\nlookahead_s: 0.2\n" + more);
   }
   std::unique_ptr<Process> start(const std::string& program, const Words& words,
                                  const std::string& until) {
@@ -170,9 +171,10 @@ TEST_F(ReplayProgram, RecordedAgainItIsTheSame) {
 
 TEST_F(ReplayProgram, LateJoinerIsAnsweredRight) {
   const std::string session = record_session();
-  // Moves a body that nobody asks about, and asks about those of the recording.
+  // Moves a body that nobody asks about, and asks about those of the recording. Its time goes on as that of the machine, the
+  // recording's at half the rate, and back.
   write_scene("late", "  - {body: three, trajectory: flight1.csv}\n",
-              "[[ground, one], [ground, two], [one, two]]");
+              "[[ground, one], [ground, two], [one, two]]", "max_pose_age_s: 60\n");
   const auto player =
       start("nearmesh-publisher",
             replay(session, {"--start", "1", "--end", "2.5", "--loop", "--rate", "0.5", "--json"}),

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include "core/base/digest.hpp"
 #include "idl/security/security.hpp"
 #include "inbox.hpp"
 #include "nearmesh/subscriber/dds/dds_channel.hpp"
@@ -79,6 +80,12 @@ class Secured : public ::testing::Test {
     options.transport = transport(security);
     return publisher::DdsChannel::create(options);
   }
+  static std::vector<std::uint8_t> header_bytes(wire::SessionId session) {
+    return std::vector<std::uint8_t>(20'000, static_cast<std::uint8_t>(session));
+  }
+  static ContentHash content_of(wire::SessionId session) {
+    return digest_of(header_bytes(session));
+  }
   // With a hello and a header of its own.
   [[nodiscard]] std::unique_ptr<publisher::DdsChannel> serve(const std::string& security,
                                                              wire::SessionId session) const {
@@ -87,11 +94,11 @@ class Secured : public ::testing::Test {
     if (!made.is_ok()) return nullptr;
     wire::Hello hello;
     hello.publisher = session;
-    hello.models.push_back({"bunny", session, 1});
+    hello.models.push_back({"bunny", content_of(session), 1});
     wire::MeshHeader header;
     header.name = "bunny";
-    header.content_hash = session;
-    header.bytes.assign(20'000, 1);
+    header.content_hash = content_of(session);
+    header.bytes = header_bytes(session);
     made.value()->announce(hello, {header});
     return std::move(made).value();
   }
@@ -107,7 +114,7 @@ class Secured : public ::testing::Test {
     message.peer = peer.channel->own_id();
     message.publisher = publisher;
     message.request = 1;
-    message.content_hash = publisher;
+    message.content_hash = content_of(publisher);
     message.region.attach.push_back({VertexId{0}, 100});
     message.region.region.push_back(GridBox{{{0, 0, 0}}, {{10, 10, 10}}});
     return message;
@@ -127,7 +134,8 @@ class Secured : public ::testing::Test {
         test::await([&] { return !false_publisher.take().subscriptions.empty(); }, kQuiet_s));
     EXPECT_FALSE(false_publisher.send(peer.channel->own_id(), wire::SplitBatchMessage{}));
     for (const wire::Hello& hello : peer.collect().hellos) EXPECT_EQ(hello.publisher, kTrue);
-    for (const wire::MeshHeader& header : peer.all.headers) EXPECT_EQ(header.content_hash, kTrue);
+    for (const auto& header : peer.all.headers)
+      EXPECT_EQ(header.message.content_hash, content_of(kTrue));
     EXPECT_FALSE(peer.all.headers.empty());
     EXPECT_TRUE(peer.all.batches.empty());
   }

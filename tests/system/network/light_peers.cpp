@@ -116,8 +116,8 @@ subscriber::Channel::Inbox LightChannel::take() {
   Inbox inbox;
   if (writer_.listener().is_matched_with_participant_of(bus_.publisher)) {
     for (; hellos_ < bus_.hellos.size(); ++hellos_) inbox.hellos.push_back(bus_.hellos[hellos_]);
-    for (; headers_ < bus_.headers.size(); ++headers_)
-      inbox.headers.push_back(bus_.headers[headers_]);
+    for (; hellos_ > 0 && headers_ < bus_.headers.size(); ++headers_)
+      inbox.headers.push_back({bus_.hellos.front().publisher, bus_.headers[headers_]});
   }
   static_cast<void>(
       reader_.drain(1000, [&](wire::SplitBatchMessage&& batch, const wire::Handle&,

@@ -174,7 +174,7 @@ class MeanPeer {
     wire::RegionSubscription message = request();
     switch (requests_ % 4) {
       case 0:  // no such model
-        message.content_hash += 1 + requests_;
+        message.content_hash.low += 1 + requests_;
         break;
       case 1:  // no such vertex
         message.region.attach = {{VertexId{0x7fffff00U}, 100}};
@@ -215,7 +215,7 @@ class MeanPeer {
     batch.content_hash = terrain_;
     batch.sequence = static_cast<std::uint32_t>(sent_);
     batch.last = true;
-    batch.bytes.assign(kMaxBatchBytes, static_cast<std::uint8_t>(sent_));
+    batch.bytes.assign(kMaxSealedBytes, static_cast<std::uint8_t>(sent_));
     for (std::uint32_t guess = 1; guess < 4; ++guess) {
       batch.request = guess;
       static_cast<void>(victim->second->write(batch));

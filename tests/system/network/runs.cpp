@@ -166,7 +166,7 @@ BulkPeer::BulkPeer(const Lan& lan, std::size_t host, const Exercise& exercise) {
     channel_->wait(0.1);
     const subscriber::Channel::Inbox inbox = channel_->take();
     for (const wire::Hello& hello : inbox.hellos) publisher_ = hello.publisher;
-    for (const wire::MeshHeader& message : inbox.headers) {
+    for (const auto& [publisher, message] : inbox.headers) {
       const SpmHeader header = decode_header(message.bytes).value();
       Model& model = models_[message.name];
       model.content_hash = message.content_hash;

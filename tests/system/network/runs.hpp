@@ -85,7 +85,7 @@ class BulkPeer {
 
  private:
   struct Model {
-    std::uint64_t content_hash = 0;
+    ContentHash content_hash;
     std::vector<NodeSpan> roots;
     std::int32_t grid_max = 0;
   };

@@ -219,6 +219,14 @@ TEST_F(Export, SegmentsAreSeenAsSlenderSolids) {
   }
 }
 
+/// Face by face, in the order of the file.
+std::vector<Vector> corners_of(const IndexedMesh& mesh) {
+  std::vector<Vector> corners;
+  for (const auto& face : mesh.faces)
+    for (const std::uint32_t v : face) corners.push_back(mesh.positions_m[v]);
+  return corners;
+}
+
 TEST_F(Export, GlbHoldsTogether) {
   const std::string bytes = exported("out.glb");
   EXPECT_TRUE(bytes == subscriber::report::to_glb(scene_, 0).value());
@@ -329,6 +337,24 @@ TEST_F(Export, GlbIsReadByOthers) {
   EXPECT_NEAR(hi.z, -least[1], 0.01);
 }
 
+// Built again, both show the same world, in metres and z up, without any flag: glTF demands a turn, and import undoes it.
+TEST_F(Export, IsImportedAsItWasWhateverTheFormat) {
+  exported("out.ply");
+  exported("out.glb");
+  const auto ply = import_mesh(folder_.file("out.ply"), ImportOptions{});
+  const auto glb = import_mesh(folder_.file("out.glb"), ImportOptions{});
+  ASSERT_TRUE(ply.is_ok() && glb.is_ok()) << ply.status().message() << glb.status().message();
+  EXPECT_EQ(glb.value().origin.up, UpAxis::kZ);
+  EXPECT_EQ(glb.value().origin.up_source, OriginSource::kFile);
+  EXPECT_FALSE(glb.value().origin.z_up);
+  EXPECT_EQ(glb.value().origin.unit_m, 1);
+  const std::vector<Vector> expected = corners_of(ply.value().mesh),
+                            found = corners_of(glb.value().mesh);
+  ASSERT_EQ(found.size(), expected.size());
+  for (std::size_t i = 0; i < found.size(); ++i)
+    for (std::size_t k = 0; k < 3; ++k) ASSERT_NEAR(found[i][k], expected[i][k], 1e-3);
+}
+
 /// What a command says, both ways.
 std::string said_by(const std::string& command) {
   std::string said;
@@ -413,7 +439,7 @@ TEST_F(Export, SaysWhatItCannotFind) {
   refused(9, "nobody", 1, "against nobody");
   refused(3, "-1", 2, "--time");
   refused(11, folder_.file("out.obj"), 2, ".glb");
-  refused(11, folder_.file("none/out.ply"), 1, "cannot write");
+  refused(11, folder_.file("none/out.ply"), 1, "cannot create");
 }
 
 TEST(EpsColours, RunFromYellowToRed) {

@@ -12,7 +12,7 @@ namespace nearmesh {
 namespace {
 
 using test::moved;
-using test::Vector;
+using test::Vector3;
 
 // A model refined at random places, with its tree.
 struct Refined {
@@ -41,8 +41,8 @@ Motion random_motion(Random& random, double reach_m, double speed_mps, double tu
 }
 
 // A point of the world in a body's grid, in grid units.
-Vector in_grid(const Grid& grid, const Pose& pose, const Vector& world) {
-  Vector point{};
+Vector3 in_grid(const Grid& grid, const Pose& pose, const Vector3& world) {
+  Vector3 point{};
   for (std::size_t i = 0; i < 3; ++i) {
     for (std::size_t k = 0; k < 3; ++k)
       point[i] += pose.rotation[3 * k + i] * (world[k] - pose.translation_m[k]);
@@ -79,7 +79,7 @@ TEST(SweptRegion, CoversEveryFaceAtEveryTimeOfTheLookAhead) {
       const VertexId v{random.below(model.header.vertex_count)};
       return test::place(pose, test::position_m(model.header, model.store, v));
     };
-    const Vector ours = vertex(a, own_motion.pose), theirs = vertex(b, other_motion.pose);
+    const Vector3 ours = vertex(a, own_motion.pose), theirs = vertex(b, other_motion.pose);
     for (std::size_t k = 0; k < 3; ++k)
       other_motion.pose.translation_m[k] +=
           ours[k] - theirs[k] + random.between(-1, 1) * scene.reach_m;
@@ -100,7 +100,7 @@ TEST(SweptRegion, CoversEveryFaceAtEveryTimeOfTheLookAhead) {
         DoubleTriangle corners{};
         std::vector<GridBox> points;  // corners, each moved by the margin, any way
         for (const VertexId corner : face.face.corners()) {
-          const Vector at =
+          const Vector3 at =
               in_grid(a.header.grid, own_pose,
                       test::place(other_pose, test::position_m(b.header, b.store, corner)));
           const std::array<double, 9> turn = test::random_rotation(random);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nearmesh/core/geometry/motion.hpp"
 
+#include "core/geometry/motion_bounds.hpp"
 #include "test_models.hpp"
 
 namespace nearmesh {

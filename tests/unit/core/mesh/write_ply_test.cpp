@@ -53,6 +53,18 @@ TEST(WritePly, NamesPathItCannotCreate) {
   EXPECT_NE(status.message().find("/nonexistent/folder/a.ply"), std::string::npos);
 }
 
+TEST(WritePly, ReplacesPlyFilesAndNothingElse) {
+  const std::string path = testing::TempDir() + "nearmesh_write_ply_over.ply";
+  for (const char* old : {"ply\nformat ascii 1.0\n", "ply\r\n", "solid"}) {
+    std::ofstream(path) << old;
+    const bool is_ply = old[0] == 'p';
+    EXPECT_EQ(write_ply(generate_sphere(4, 0), path).code(),
+              is_ply ? StatusCode::kOk : StatusCode::kConflict);
+    EXPECT_EQ(read_bytes(path) == old, !is_ply);
+  }
+  std::remove(path.c_str());
+}
+
 TEST(WritePly, TellsOfFullDisk) {
   EXPECT_EQ(write_ply(generate_sphere(4, 0), "/dev/full").code(), StatusCode::kIo);
   EXPECT_EQ(write_ply(generate_sphere(64, 0), "/dev/full").code(), StatusCode::kIo);

@@ -98,11 +98,15 @@ TEST_P(EveryFormat, SaysWhoStatesItsUnitAndItsUpAxis) {
   ASSERT_TRUE(imported.is_ok()) << imported.status().message();
   const MeshOrigin& origin = imported.value().origin;
   EXPECT_DOUBLE_EQ(origin.unit_m, file.unit_m);
-  EXPECT_EQ(origin.unit_source == OriginSource::kFile || file.name == "Gltf", file.stated);
+  EXPECT_EQ(origin.unit_source == OriginSource::kFile || file.name.starts_with("Gltf"),
+            file.stated);
   constexpr const char* kLetters = "-xyz";
   EXPECT_EQ(kLetters[static_cast<int>(origin.up)], file.up);
   EXPECT_EQ(origin.up_source == OriginSource::kNobody, file.up == '-');
   EXPECT_FALSE(origin.z_up);
+  EXPECT_EQ(imported.value().stated_up, origin.up);
+  const auto turned = import_mesh(on_disk.path(), {.up = UpAxis::kY});
+  EXPECT_EQ(turned.value().stated_up, origin.up) << "whatever the options say";
 }
 
 TEST_P(EveryFormat, TakesAUnitOnlyWhereItStatesNone) {

@@ -334,6 +334,12 @@ TEST(SafeHorizon, IsTheTimeOfAStraightApproachAndForEverAtRest) {
   // Turning in place takes the far corners along: 4 sqrt(2) metres from the middle.
   EXPECT_NEAR(safe_horizon_s(plate.view(), spinning_z(1), ball.view(), moving({0, 0, 9}, {}), 3),
               3 / std::sqrt(32), 1e-3);
+  // A body may have gone on from its pose, one at rest has not.
+  EXPECT_NEAR(safe_horizon_s(plate.view(), {}, ball.view(), above, 3, 7, 0.5), horizon - 0.5, 1e-9);
+  EXPECT_NEAR(safe_horizon_s(plate.view(), {}, ball.view(), above, 3, 7, -0.5), horizon - 0.5,
+              1e-9);
+  EXPECT_EQ(safe_horizon_s(plate.view(), {}, ball.view(), above, 3, 0, 1.6), 0);
+  EXPECT_EQ(safe_horizon_s(plate.view(), {}, ball.view(), above, 3, 0, kNever), 0);
   // Not even what rounding may bridge.
   EXPECT_EQ(safe_horizon_s(plate.view(), {}, ball.view(), above, 0x1p-19), 0);
 }

@@ -123,8 +123,8 @@ TEST_F(Recording, GivesBackWhatWasWritten) {
     ASSERT_EQ(writer->append(message(i, i % 3 == 0, i % 7 == 0 ? 0 : 300)).value(),
               static_cast<std::int64_t>(i));
   ASSERT_TRUE(writer->add_gap({1, 17, 3, 900}).is_ok());
-  ASSERT_TRUE(writer->add_model({0xfedcba9876543210, "terrain", 5}).is_ok());
-  ASSERT_TRUE(writer->add_model({0xfedcba9876543210, "again", 9}).is_ok());
+  ASSERT_TRUE(writer->add_model({{0x0123456789abcdef, 0xfedcba9876543210}, "terrain", 5}).is_ok());
+  ASSERT_TRUE(writer->add_model({{0x0123456789abcdef, 0xfedcba9876543210}, "again", 9}).is_ok());
   ASSERT_TRUE(writer->close().is_ok());
   EXPECT_FALSE(fs::exists(path() + "-wal"));
 
@@ -145,7 +145,8 @@ TEST_F(Recording, GivesBackWhatWasWritten) {
   EXPECT_EQ(reader->gaps()[0].first_sequence, 17U);
   EXPECT_EQ(reader->gaps()[0].count, 3U);
   ASSERT_EQ(reader->models().size(), 1U);
-  EXPECT_EQ(reader->models()[0].content_hash, 0xfedcba9876543210U);
+  EXPECT_EQ(reader->models()[0].content_hash,
+            (ContentHash{0x0123456789abcdef, 0xfedcba9876543210}));
   EXPECT_EQ(reader->models()[0].name, "terrain");
   EXPECT_EQ(reader->models()[0].message, 5);
   EXPECT_EQ(reader->begin_ns(), 10);
@@ -184,7 +185,7 @@ TEST_F(Recording, PartsAreReadAsOne) {
     for (const std::uint64_t end = next + 100; next < end; ++next)
       ASSERT_TRUE(writer->append(message(next, next % 2)).is_ok());
     if (part == 1) {
-      ASSERT_TRUE(writer->add_model({7, "late", 3}).is_ok());
+      ASSERT_TRUE(writer->add_model({{0, 7}, "late", 3}).is_ok());
     }
     ASSERT_TRUE(writer->close().is_ok());
   }

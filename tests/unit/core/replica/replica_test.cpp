@@ -11,8 +11,10 @@ std::vector<std::vector<std::uint8_t>> all_batches(const BakedModel& model, std:
   ActiveMesh mesh(model.store);
   RefineDelta delta;
   for (const VertexId u : test::all_splits(model.store)) EXPECT_TRUE(mesh.split(u, delta));
-  return encode_batches(model.header, model.store, active_treelet(mesh), BoxPolicy::kCutNodes,
-                        max_bytes);
+  auto batches = encode_batches(model.header, model.store, active_treelet(mesh),
+                                BoxPolicy::kCutNodes, max_bytes);
+  for (auto& bytes : batches) seal_batch(model.header.content, bytes);
+  return batches;
 }
 
 /// The tree holds what the mesh does: its exact faces and unresolved nodes, each where it is.
@@ -56,7 +58,7 @@ TEST(Replica, TakesBatchesThatWereDecodedElsewhere) {
   Replica decodes(model.header), takes(model.header);
   for (const auto& bytes : all_batches(model, 300)) {
     ASSERT_TRUE(decodes.take(bytes).status.is_ok());
-    const Replica::Taken taken = takes.take(decode_batch(model.header, bytes).value());
+    const Replica::Taken taken = takes.take(decode_sealed(model.header, bytes).value());
     ASSERT_TRUE(taken.status.is_ok());
     EXPECT_EQ(taken.times.load_s, 0);
     ASSERT_EQ(takes.mesh().state_hash(), decodes.mesh().state_hash());
@@ -74,9 +76,9 @@ TEST(Replica, ABatchThatDoesNotDecodeIsCountedAndChangesNothing) {
   expect_tree_follows(replica, model);
 }
 
-TEST(Replica, OfABatchThatContradictsTheModelTheTreeHasWhatCameBeforeTheFault) {
+TEST(Replica, AContradictionMakesItForgetAllDetail) {
   const BakedModel model = test::bake_named("terrain");
-  SplitBatch batch = decode_batch(model.header, all_batches(model, 600).front()).value();
+  SplitBatch batch = decode_sealed(model.header, all_batches(model, 600).front()).value();
   ASSERT_GT(batch.splits.size(), 4U);
   batch.splits.resize(batch.splits.size() / 2);
   SplitRecord wrong = batch.splits.front();
@@ -84,9 +86,52 @@ TEST(Replica, OfABatchThatContradictsTheModelTheTreeHasWhatCameBeforeTheFault) {
   ASSERT_GT(wrong.node.end(), wrong.split.value);
   batch.splits.push_back(wrong);
   Replica replica(model.header);
-  EXPECT_EQ(replica.take(batch).status.code(), StatusCode::kCorrupt);
-  EXPECT_EQ(replica.mesh().split_count(), batch.splits.size() - 1);
+  const Replica::Taken taken = replica.take(batch);
+  EXPECT_EQ(taken.status.code(), StatusCode::kCorrupt);
+  EXPECT_TRUE(taken.contradicts);
+  EXPECT_EQ(replica.mesh().state_hash(), Replica(model.header).mesh().state_hash());
   expect_tree_follows(replica, model);
+}
+
+TEST(Replica, WhoContradictedTheModelIsNotListenedToAgain) {
+  const BakedModel model = test::bake_named("terrain");
+  const auto batches = all_batches(model, 300);
+  constexpr std::uint64_t kLiar = 7, kHonest = 8;
+  Replica replica(model.header);
+  ASSERT_TRUE(replica.take(batches[0], kLiar).status.is_ok());
+  std::vector<std::uint8_t> nonsense{1, 2, 3};
+  seal_batch(model.header.content, nonsense);
+  const Replica::Taken taken = replica.take(nonsense, kLiar);
+  EXPECT_TRUE(taken.contradicts);
+  EXPECT_TRUE(replica.distrusts(kLiar));
+  EXPECT_FALSE(replica.distrusts(kHonest));
+  EXPECT_TRUE(replica.take(batches[1], kLiar).status.is_ok());
+  EXPECT_EQ(replica.mesh().split_count(), 0U) << "counted and dropped";
+  EXPECT_EQ(replica.taken_batches(), 3U);
+  for (const auto& bytes : batches) ASSERT_TRUE(replica.take(bytes, kHonest).status.is_ok());
+  EXPECT_EQ(replica.mesh().split_count(), model.header.split_count());
+  expect_tree_follows(replica, model);
+}
+
+TEST(Replica, OfTenThousandBatchesWithOneBitChangedNoneIsTaken) {
+  const BakedModel model = test::bake_named("terrain");
+  const auto batches = all_batches(model, 600);
+  Random random(1);
+  Replica replica(model.header);
+  std::size_t accepted = 0;
+  for (int i = 0; i < 10'000; ++i) {
+    auto bytes = batches[random.below(static_cast<std::uint32_t>(batches.size()))];
+    const std::uint32_t bit = random.below(static_cast<std::uint32_t>(bytes.size() * 8));
+    bytes[bit / 8] ^= static_cast<std::uint8_t>(1U << bit % 8);
+    const Replica::Taken taken = replica.take(bytes);
+    accepted += taken.status.is_ok() ? 1 : 0;
+    EXPECT_FALSE(taken.contradicts);
+  }
+  EXPECT_EQ(accepted, 0U);
+  EXPECT_EQ(replica.mesh().split_count(), 0U);
+  SpmHeader other = model.header;
+  other.content.low ^= 1;
+  EXPECT_FALSE(decode_sealed(other, batches[0]).is_ok()) << "a seal is of one content";
 }
 
 TEST(Replica, GivesUpWhatMeetsNothingKept) {

@@ -40,8 +40,8 @@ TEST_P(Header, EncodesToTheSameBytesAgain) {
 TEST(DecodeHeader, RefusesAnotherVersion) {
   auto bytes = encode_header(test::bake_named("sphere").header);
   ASSERT_TRUE(decode_header(bytes).is_ok());
-  ASSERT_EQ(bytes[3], '4');  // of the magic number, "NMH4"
-  bytes[3] = '3';
+  ASSERT_EQ(bytes[3], '5');  // of the magic number, "NMH5"
+  bytes[3] = '4';
   const Result<SpmHeader> refused = decode_header(bytes);
   ASSERT_FALSE(refused.is_ok());
   EXPECT_EQ(refused.status().code(), StatusCode::kCorrupt);
@@ -146,8 +146,8 @@ std::vector<std::uint8_t> header_with_roots(std::uint32_t vertex_count,
                                             const std::vector<std::uint64_t>& sizes,
                                             std::uint64_t open_edges = 0, std::uint64_t parts = 1) {
   BitWriter out;
-  out.put(0x4e4d4834, 32);
-  for (int i = 0; i < 4; ++i) out.put64(0);
+  out.put(0x4e4d4835, 32);
+  for (int i = 0; i < 6; ++i) out.put64(0);
   out.put(4096, 14);
   out.put(21, 6);
   out.put(0, 15);

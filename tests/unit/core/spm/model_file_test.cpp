@@ -11,9 +11,9 @@
 #include <limits>
 
 #include "brute_force.hpp"
-#include "core/base/hash.hpp"
 #include "core/demand/collect.hpp"
 #include "core/spm/file_layout.hpp"
+#include "reseal.hpp"
 
 namespace nearmesh {
 namespace {
@@ -113,7 +113,9 @@ TEST(ModelFile, KeepsTheHeaderAsItGoesOnTheWire) {
   const auto path = test::write_model(model);
   const Result<ModelFile> file = ModelFile::open(path->path());
   ASSERT_TRUE(file.is_ok());
-  const auto bytes = encode_header(model.header);
+  SpmHeader header = model.header;
+  header.blocks_root = file.value().header().blocks_root;
+  const auto bytes = encode_header(header);
   EXPECT_TRUE(std::equal(bytes.begin(), bytes.end(), file.value().header_bytes().begin(),
                          file.value().header_bytes().end()));
 }
@@ -189,42 +191,6 @@ TEST(ModelFile, RefusesAnotherKindOfFile) {
   expect_refused(file.path(), StatusCode::kCorrupt);
 }
 
-/// Checksums made right again, so that what lies behind them is tested.
-void seal(std::vector<std::uint8_t>& bytes) {
-  Preamble preamble;
-  std::memcpy(&preamble, bytes.data(), sizeof preamble);
-  const auto section = [&](std::uint64_t offset,
-                           std::uint64_t count) -> std::span<const std::uint8_t> {
-    if (offset > bytes.size() || count > bytes.size() - offset) return {};
-    return {bytes.data() + offset, count};
-  };
-  for (std::uint32_t i = 0; i < preamble.block_count; ++i) {
-    const std::uint64_t at = preamble.directory_offset + i * sizeof(DirectoryEntry);
-    if (at > bytes.size() || sizeof(DirectoryEntry) > bytes.size() - at) break;
-    DirectoryEntry entry;
-    std::memcpy(&entry, bytes.data() + at, sizeof entry);
-    entry.checksum = static_cast<std::uint32_t>(hash_bytes(section(entry.offset, entry.bytes)));
-    std::memcpy(bytes.data() + at, &entry, sizeof entry);
-  }
-  if (preamble.directory_offset <= bytes.size() &&
-      preamble.directory_offset >= sizeof(OriginEntry)) {
-    const std::uint64_t at = preamble.directory_offset - sizeof(OriginEntry);
-    const auto checksum =
-        static_cast<std::uint32_t>(hash_bytes(section(at, offsetof(OriginEntry, checksum))));
-    std::memcpy(bytes.data() + at + offsetof(OriginEntry, checksum), &checksum, sizeof checksum);
-  }
-  if (preamble.face_table_offset <= bytes.size())
-    preamble.face_table_checksum =
-        hash_bytes(section(preamble.face_table_offset, bytes.size() - preamble.face_table_offset));
-  preamble.content_hash = hash_bytes(
-      section(preamble.directory_offset,
-              std::uint64_t{preamble.block_count} * sizeof(DirectoryEntry)),
-      hash_bytes(section(sizeof(Preamble), preamble.header_bytes), preamble.face_table_checksum));
-  std::memcpy(bytes.data(), &preamble, sizeof preamble);
-  preamble.checksum = hash_bytes(section(0, sizeof(Preamble) - 8));
-  std::memcpy(bytes.data(), &preamble, sizeof preamble);
-}
-
 template <class T>
 void patch(std::vector<std::uint8_t>& bytes, std::size_t offset, T value) {
   std::memcpy(bytes.data() + offset, &value, sizeof value);
@@ -233,7 +199,7 @@ void patch(std::vector<std::uint8_t>& bytes, std::size_t offset, T value) {
 TEST(ModelFile, RefusesAnotherVersionByItsNumber) {
   auto bytes = small_file();
   patch(bytes, offsetof(Preamble, version), std::uint32_t{7});
-  seal(bytes);
+  test::reseal(bytes);
   const TempFile file;
   file.write(bytes);
   expect_refused(file.path(), StatusCode::kUnsupported);
@@ -276,7 +242,7 @@ TEST(ModelFile, RefusesAnOriginThatCannotBe) {
   const auto with = [&](std::size_t offset, auto value, bool sealed = true) {
     auto bytes = good;
     patch(bytes, at + offset, value);
-    if (sealed) seal(bytes);
+    if (sealed) test::reseal(bytes);
     file.write(bytes);
     return file.path();
   };
@@ -358,7 +324,7 @@ TEST(ModelFile, SurvivesSealedNonsense) {
           begin + random.below(static_cast<std::uint32_t>(preamble.face_table_offset - begin));
       bytes[at] ^= static_cast<std::uint8_t>(1U << random.below(8));
     }
-    seal(bytes);
+    test::reseal(bytes);
     file.write(bytes);
     Result<ModelFile> opened = ModelFile::open(file.path());
     if (!opened.is_ok()) continue;
@@ -400,7 +366,7 @@ TEST(ModelFile, RefusesAModelThatFitsNoAddressSpace) {
   bytes.resize(bytes.size() + header.face_count * sizeof(std::uint32_t));
   preamble.file_bytes = bytes.size();
   std::memcpy(bytes.data(), &preamble, sizeof preamble);
-  seal(bytes);
+  test::reseal(bytes);
   const TempFile file;
   file.write(bytes);
   EXPECT_TRUE(ModelFile::open(file.path()).is_ok());  // where there is room
@@ -484,7 +450,7 @@ TEST(ModelFile, RefusesAFaceTableThatNamesAFourthCorner) {
   Preamble preamble;
   std::memcpy(&preamble, bytes.data(), sizeof preamble);
   bytes[preamble.face_table_offset] |= 3;
-  seal(bytes);
+  test::reseal(bytes);
   const TempFile file;
   file.write(bytes);
   Result<ModelFile> opened = ModelFile::open(file.path());
@@ -514,7 +480,7 @@ TEST(ModelFile, RequireRefusesABlockThatHoldsOtherNodes) {
   std::swap(entries[0].bytes, entries[1].bytes);
   std::memcpy(bytes.data() + preamble.directory_offset, entries.data(),
               entries.size() * sizeof(DirectoryEntry));
-  seal(bytes);
+  test::reseal(bytes);
   const TempFile path;
   path.write(bytes);
   Result<ModelFile> file = ModelFile::open(path.path());
@@ -553,10 +519,17 @@ TEST(WriteModelFile, ReportsWhatItWrote) {
   EXPECT_EQ(written.value().header_bytes, file.value().header_bytes().size());
 }
 
-TEST(WriteModelFile, LeavesNoPartialFileBehind) {
-  const auto path = test::write_model(small_model());
-  std::FILE* partial = std::fopen((path->path() + ".partial").c_str(), "rb");
-  EXPECT_EQ(partial, nullptr);
+TEST(WriteModelFile, ReplacesModelsAndNothingElse) {
+  const BakedModel model = small_model();
+  const auto path = test::write_model(model);
+  const auto write = [&] {
+    return write_model_file(model.header, model.store, model.numbers, path->path()).status().code();
+  };
+  EXPECT_EQ(write(), StatusCode::kOk);
+  constexpr std::array<std::uint8_t, 5> kNotes{'n', 'o', 't', 'e', 's'};
+  path->write(kNotes);
+  EXPECT_EQ(write(), StatusCode::kConflict);
+  EXPECT_TRUE(std::ranges::equal(path->read(), kNotes));
 }
 
 }  // namespace

@@ -26,6 +26,7 @@ void expect_refused(const Message& valid, const char* expected, Spoil spoil) {
 TEST(Decode, RefusesHelloWhoseListsDiffer) {
   using S = wire_types::HelloSample;
   expect_refused<S>(valid_hello(), "models", [](S& s) { s.mesh_bytes().pop_back(); });
+  expect_refused<S>(valid_hello(), "models", [](S& s) { s.replaced_hashes().pop_back(); });
   expect_refused<S>(valid_hello(), "fewer", [](S& s) { s.names().pop_back(); });
   expect_refused<S>(valid_hello(), "more than", [](S& s) { s.names().push_back('\n'); });
   expect_refused<S>(valid_hello(), "fewer", [](S& s) { s.names().push_back('x'); });
@@ -69,6 +70,11 @@ TEST(Decode, RefusesWhatIsHeldWithListsThatDoNotBelongTogether) {
   using S = wire_types::HeldDetailSample;
   expect_refused<S>(valid_held(), "heard", [](S& s) { s.heard_sequences().pop_back(); });
   expect_refused<S>(valid_held(), "heard", [](S& s) { s.heard_publishers().resize(1000); });
+}
+
+TEST(Decode, RefusesReportOfAnUnknownMover) {
+  using S = wire_types::ContactReportSample;
+  expect_refused<S>(valid_report(), "movers: found 4", [](S& s) { s.movers()[1] = 4; });
 }
 
 TEST(Decode, RefusesReportWithPartialPairs) {

@@ -38,6 +38,9 @@ TEST(Payload, ReportKeepsWhatWasAsked) {
     EXPECT_EQ((came.*side).solid, (sent.*side).solid);
     EXPECT_EQ((came.*side).pose.rotation, (sent.*side).pose.rotation);
     EXPECT_EQ((came.*side).pose.translation_m, (sent.*side).pose.translation_m);
+    EXPECT_EQ((came.*side).stamp.mover, (sent.*side).stamp.mover);
+    EXPECT_EQ((came.*side).stamp.time_s, (sent.*side).stamp.time_s);
+    EXPECT_EQ((came.*side).stamp.max_age_s, (sent.*side).stamp.max_age_s);
   }
   ContactReport tilted = sent;
   tilted.b.pose.rotation[0] = 2;
@@ -62,10 +65,10 @@ TEST(Payload, RecordingsOfAnotherVersionAreRefusedWithBothVersionsAndWhatToDo) {
   const Status older = check_recorded_version(4), newer = check_recorded_version(kWireVersion + 1);
   EXPECT_EQ(older.code(), StatusCode::kUnsupported);
   EXPECT_EQ(older.message(),
-            "recorded with wire version 4, this build reads 5: use the build that recorded it, or "
+            "recorded with wire version 4, this build reads 6: use the build that recorded it, or "
             "record anew");
   EXPECT_EQ(newer.code(), StatusCode::kUnsupported);
-  EXPECT_NE(newer.message().find("wire version 6, this build reads 5"), std::string::npos);
+  EXPECT_NE(newer.message().find("wire version 7, this build reads 6"), std::string::npos);
 }
 
 TEST(Payload, IdlIsTheText) {

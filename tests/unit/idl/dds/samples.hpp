@@ -4,6 +4,7 @@
 
 #include <tuple>
 
+#include "core/base/digest.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
 
 namespace nearmesh::wire::test {
@@ -11,15 +12,15 @@ namespace nearmesh::wire::test {
 inline Hello valid_hello() {
   Hello message;
   message.publisher = 0x1122334455667788;
-  message.models = {{"bunny", 11, 100}, {"terrain 512", 22, 200}};
+  message.models = {{"bunny", {1, 11}, 100}, {"terrain 512", {2, 22}, 200, {3, 33}}};
   return message;
 }
 
 inline MeshHeader valid_header() {
   MeshHeader message;
   message.name = "bunny";
-  message.content_hash = 11;
   message.bytes = {1, 2, 3, 4, 5};
+  message.content_hash = digest_of(message.bytes);
   return message;
 }
 
@@ -28,7 +29,7 @@ inline RegionSubscription valid_subscription() {
   message.peer = 42;
   message.request = 7;
   message.publisher = 8;
-  message.content_hash = 11;
+  message.content_hash = {1, 11};
   message.priority = 1;
   message.acknowledged_sequence = 17;
   message.window_bytes = 4096;
@@ -46,7 +47,7 @@ inline RegionSubscription valid_subscription() {
 inline SplitBatchMessage valid_batch() {
   SplitBatchMessage message;
   message.publisher = 8;
-  message.content_hash = 11;
+  message.content_hash = {1, 11};
   message.request = 7;
   message.sequence = 3;
   message.last = true;
@@ -80,8 +81,13 @@ inline ContactReport valid_report() {
   message.asked = true;
   message.gave_up_detail = true;
   message.answer_digest = 0x1020304050607080;
-  message.a = {11, 12, 13, true, {.translation_m = {1, 2, 3}}};
-  message.b = {21, 22, 23, false, {{0, -1, 0, 1, 0, 0, 0, 0, 1}, {4, 5, 6}}};
+  message.a = {{1, 11}, 12, 13, true, {.translation_m = {1, 2, 3}}, {Mover::kThere, 2.25, 4}};
+  message.b = {{2, 21},
+               22,
+               23,
+               false,
+               {{0, -1, 0, 1, 0, 0, 0, 0, 1}, {4, 5, 6}},
+               {Mover::kSilent, -7, std::numeric_limits<double>::infinity()}};
   message.pairs = {{FaceKey{VertexId{1}, 2}, FaceKey{VertexId{3}, 4}},
                    {FaceKey{VertexId{}, 6}, FaceKey{VertexId{7}, 8}}};
   return message;
@@ -90,7 +96,7 @@ inline ContactReport valid_report() {
 inline HeldDetail valid_held() {
   HeldDetail message;
   message.peer = 42;
-  message.content_hash = 11;
+  message.content_hash = {1, 11};
   message.model = "bunny";
   message.applied_batches = 12;
   message.last_request = 7;
@@ -120,7 +126,7 @@ inline ProcessStatus valid_status() {
   message.lost_batches = 6;
   message.waiting_batches = 7;
   message.resident_bytes = 50'000'000;
-  message.models = {{"bunny", 11, 70000, 10, 35000}, {"terrain 512", 22, 500000, 0, 0}};
+  message.models = {{"bunny", {1, 11}, 70000, 10, 35000}, {"terrain 512", {2, 22}, 500000, 0, 0}};
   message.complaints = {"first", "second: with, marks"};
   return message;
 }

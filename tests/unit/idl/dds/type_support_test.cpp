@@ -83,8 +83,9 @@ TEST(TypeSupport, RoundTripKeepsValues) {
   const auto hello = from_bytes<TypeOf<Hello>>(to_bytes<TypeOf<Hello>>(valid_hello()));
   ASSERT_TRUE(hello.is_ok());
   EXPECT_EQ(hello.value().models[1].name, "terrain 512");
-  EXPECT_EQ(hello.value().models[1].content_hash, 22U);
+  EXPECT_EQ(hello.value().models[1].content_hash, (ContentHash{2, 22}));
   EXPECT_EQ(hello.value().models[1].mesh_bytes, 200U);
+  EXPECT_EQ(hello.value().models[1].replaces, (ContentHash{3, 33}));
   const auto batch =
       from_bytes<TypeOf<SplitBatchMessage>>(to_bytes<TypeOf<SplitBatchMessage>>(valid_batch()));
   ASSERT_TRUE(batch.is_ok());
@@ -99,14 +100,14 @@ TEST(TypeSupport, RoundTripKeepsValues) {
 
 TEST(TypeSupport, OverheadIsAsDocumented) {
   SplitBatchMessage batch = valid_batch();
-  batch.bytes.resize(kMaxBatchBytes);
-  EXPECT_EQ(to_bytes<TypeOf<SplitBatchMessage>>(batch).size(), kMaxBatchBytes + 36);
+  batch.bytes.resize(kMaxSealedBytes);
+  EXPECT_EQ(to_bytes<TypeOf<SplitBatchMessage>>(batch).size(), kMaxSealedBytes + 44);
   RegionSubscription credit = valid_subscription();
   credit.region = {};
-  EXPECT_EQ(to_bytes<TypeOf<RegionSubscription>>(credit).size(), 72U);
+  EXPECT_EQ(to_bytes<TypeOf<RegionSubscription>>(credit).size(), 80U);
   // 8 bytes for each node and 17 for each part.
   EXPECT_EQ(to_bytes<TypeOf<RegionSubscription>>(valid_subscription()).size(),
-            72U + 3 * 8 + 2 * 17);
+            80U + 3 * 8 + 2 * 17);
 }
 
 /// Measured with Fast DDS 2.9 and datagrams of 1,400 bytes: what is serialized to more than 1,224
@@ -114,7 +115,7 @@ TEST(TypeSupport, OverheadIsAsDocumented) {
 TEST(TypeSupport, LargestBatchFitsOneDatagram) {
   constexpr std::size_t kLargestWhole = 1400 - 176;
   SplitBatchMessage batch = valid_batch();
-  batch.bytes.resize(kMaxBatchBytes);
+  batch.bytes.resize(kMaxSealedBytes);
   EXPECT_LE(to_bytes<TypeOf<SplitBatchMessage>>(batch).size(), kLargestWhole);
 }
 
@@ -155,9 +156,9 @@ TEST(TypeSupport, SurvivesChangedBytes) {
 TEST(TypeSupport, RecognisesAnotherVersionWhateverFollows) {
   std::string fault;
   (void)from_bytes<TypeOf<Hello>>({0, 1, 0, 0, 4, 0, 0xff, 0xff, 0xff, 0xff}, &fault);
-  EXPECT_EQ(fault, "wire version 4, this build speaks 5");
+  EXPECT_EQ(fault, "wire version 4, this build speaks 6");
   (void)from_bytes<TypeOf<Hello>>({0, 0, 0, 0, 1, 2, 0xff, 0xff}, &fault);  // big endian
-  EXPECT_EQ(fault, "wire version 258, this build speaks 5");
+  EXPECT_EQ(fault, "wire version 258, this build speaks 6");
   (void)from_bytes<TypeOf<Hello>>({0, 3, 0, 0, 2, 0, 0xff, 0xff}, &fault);
   EXPECT_EQ(fault, "encapsulation 3, expected plain CDR");
 }

@@ -49,6 +49,7 @@ TEST(CheckMessage, RefusesHelloOutsideItsLimits) {
        {"name", [](Hello& m) { m.models[1].name = std::string("a\0b", 3); }},
        {"name", [](Hello& m) { m.models[1].name = "m\xc3\xa9"; }},
        {"name", [](Hello& m) { m.models[1].name = " blank"; }},
+       {"no content", [](Hello& m) { m.models[1].content_hash = {}; }},
        {"twice", [](Hello& m) { m.models[1].name = "bunny"; }}});
 }
 
@@ -64,6 +65,16 @@ TEST(CheckMessage, RefusesHeaderOutsideItsLimits) {
       {{"name", [](MeshHeader& m) { m.name = ""; }},
        {"no bytes", [](MeshHeader& m) { m.bytes.clear(); }},
        {"header bytes", [](MeshHeader& m) { m.bytes.resize(kMaxHeaderBytes + 1); }}});
+}
+
+TEST(CheckMessage, AHeaderProvesItsOwnContent) {
+  MeshHeader other_bytes = valid_header(), other_content = valid_header();
+  other_bytes.bytes[2] ^= 4;
+  other_content.content_hash.high ^= 4;
+  for (const MeshHeader& message : {other_bytes, other_content}) {
+    EXPECT_EQ(check(message).code(), StatusCode::kCorrupt);
+    EXPECT_NE(check(message).message().find(to_hex(message.content_hash)), std::string::npos);
+  }
 }
 
 TEST(CheckMessage, RefusesSubscriptionOutsideItsLimits) {
@@ -109,7 +120,7 @@ TEST(CheckMessage, RefusesBatchOutsideItsLimits) {
   using M = SplitBatchMessage;
   expect_refusals<M>(valid_batch(), {{"publisher", [](M& m) { m.publisher = 0; }},
                                      {"sequence", [](M& m) { m.sequence = 0; }},
-                                     {"bytes", [](M& m) { m.bytes.resize(kMaxBatchBytes + 1); }},
+                                     {"bytes", [](M& m) { m.bytes.resize(kMaxSealedBytes + 1); }},
                                      {"reason", [](M& m) { m.refused = true; }}});
 }
 
@@ -126,6 +137,7 @@ TEST(CheckMessage, RefusesPoseOutsideItsLimits) {
                      {{"peer", [](M& m) { m.peer = 0; }},
                       {"body", [](M& m) { m.body = ""; }},
                       {"time_s", [](M& m) { m.time_s = kInfinity; }},
+                      {"pose of robot/arm-1: time_s", [](M& m) { m.time_s = 1.8e12; }},
                       {"robot/arm-1", [](M& m) { m.pose.rotation[4] = kNan; }},
                       {"robot/arm-1", [](M& m) { m.pose.translation_m[2] = -kInfinity; }},
                       {"linear", [](M& m) { m.linear_velocity_mps[0] = kNan; }},
@@ -146,6 +158,9 @@ TEST(CheckMessage, RefusesReportOutsideItsLimits) {
                                       {"body_a", [](M& m) { m.body_a = "\x7f"; }},
                                       {"body_b", [](M& m) { m.body_b = ""; }},
                                       {"time_s", [](M& m) { m.time_s = kNan; }},
+                                      {"time of a pose", [](M& m) { m.b.stamp.time_s = kNan; }},
+                                      {"max_age_s", [](M& m) { m.a.stamp.max_age_s = -1; }},
+                                      {"max_age_s", [](M& m) { m.a.stamp.max_age_s = kNan; }},
                                       {"status", [](M& m) { m.status = 5; }},
                                       {"clearance", [](M& m) { m.clearance_m = -1; }},
                                       {"uncertainty", [](M& m) { m.uncertainty_m = kNan; }},
@@ -160,7 +175,7 @@ TEST(CheckMessage, NamesBothVersionsWhenTheyDiffer) {
   const auto expect_unsupported = [](auto message) {
     message.wire_version = 9;
     EXPECT_EQ(check(message).code(), StatusCode::kUnsupported);
-    EXPECT_EQ(check(message).message(), "wire version 9, this build speaks 5");
+    EXPECT_EQ(check(message).message(), "wire version 9, this build speaks 6");
   };
   expect_unsupported(valid_hello());
   expect_unsupported(valid_header());

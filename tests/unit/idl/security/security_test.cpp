@@ -121,6 +121,24 @@ TEST_F(Security, NothingIsOverwrittenWithoutForce) {
   EXPECT_TRUE(check_security(alice, kDomain, kPrefix).empty());
 }
 
+// --force is for identities; a folder of the user's that has a name of the plan stays.
+TEST_F(Security, ForceReplacesNothingButIdentities) {
+  SecurityPlan again = plan();
+  again.identities = {{"serve", Role::kPublisher}, {"alice", Role::kSubscriber}};
+  again.force = true;
+  std::ofstream(alice + "/thesis.txt") << "ten years";
+  const std::string key = read(folder + "/set/serve/key.pem");
+  const Status status = make_security(folder + "/set", again);
+  EXPECT_EQ(status.code(), StatusCode::kConflict);
+  EXPECT_NE(status.message().find(alice + "/thesis.txt"), std::string::npos) << status.message();
+  EXPECT_EQ(read(alice + "/thesis.txt"), "ten years");
+  EXPECT_EQ(read(folder + "/set/serve/key.pem"), key);
+  again.identities = {{"file", Role::kPublisher}};
+  std::ofstream(folder + "/set/file") << "mine";
+  EXPECT_EQ(make_security(folder + "/set", again).code(), StatusCode::kConflict);
+  EXPECT_EQ(read(folder + "/set/file"), "mine");
+}
+
 TEST_F(Security, SetIsAddedToWithItsOwnAuthorities) {
   SecurityPlan more = plan();
   more.identities = {{"bob", Role::kSubscriber}};
@@ -229,7 +247,7 @@ TEST_F(Security, PermissionsOfSomebodyElse) {
 
 TEST_F(Security, PermissionsWithoutATopic) {
   change_permissions("site/v*/body_pose", "site/v*/body_prose");
-  expect_only_fault("permissions.p7s", "does not allow to publish site/v5/body_pose");
+  expect_only_fault("permissions.p7s", "does not allow to publish site/v6/body_pose");
 }
 
 TEST_F(Security, PermissionsForAnotherDomain) {

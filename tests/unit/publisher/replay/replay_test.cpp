@@ -318,7 +318,7 @@ TEST_F(ReplayTest, AnswersHoldAllThatWasDeliveredByThenAndNothingOfTheFuture) {
                                    batch.value().content_hash == message.content_hash &&
                                    !batch.value().bytes.empty())
                                  static_cast<void>(expected.apply_batch(
-                                     decode_batch(header, batch.value().bytes).value()));
+                                     decode_sealed(header, batch.value().bytes).value()));
                                return true;
                              })
                       .is_ok());

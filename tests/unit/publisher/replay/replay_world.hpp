@@ -125,7 +125,7 @@ class MemoryOutlet final : public publisher::ReplayOutlet {
       case wire::place_of<wire::Hello>():
         return wire::partition_of(wire::decode_payload<wire::Hello>(cdr).value().publisher);
       case wire::place_of<wire::MeshHeader>():
-        return wire::partition_of(wire::decode_payload<wire::MeshHeader>(cdr).value().content_hash);
+        return wire::key_of(wire::decode_payload<wire::MeshHeader>(cdr).value().content_hash);
       case wire::place_of<wire::BodyPose>():
         return wire::decode_payload<wire::BodyPose>(cdr).value().body;
       default:
@@ -181,7 +181,7 @@ class ReplayWorld {
   void play_to(double time_s, Session* live = nullptr) {
     while (replay.playhead().time_s(now_s) < time_s && !replay.playhead().at_end()) {
       step();
-      if (live != nullptr) world.round(*live);
+      if (live != nullptr) world.round(*live, frame());
     }
   }
   /// Until nothing changes any more. The replay should be paused.
@@ -189,9 +189,15 @@ class ReplayWorld {
     FrameReport report;
     for (int i = 0; i < 100; ++i) {
       step(0.05);
-      report = world.round(live);
+      report = world.round(live, frame());
     }
     return report;
+  }
+
+ private:
+  /// Of live peers, whose clock is the recording's: their frames are as long as those recorded.
+  [[nodiscard]] std::uint64_t frame() const {
+    return static_cast<std::uint64_t>(replay.playhead().time_s(now_s) / kFrame_s);
   }
 };
 

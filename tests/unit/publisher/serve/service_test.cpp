@@ -33,7 +33,11 @@ struct Desk {
     return {{{0, 0, 0}},
             {{model.store.grid_max(), model.store.grid_max(), model.store.grid_max()}}};
   }
-  std::uint64_t hash() const { return open().content_hash(); }
+  ContentHash hash() const { return open().content_hash(); }
+  std::vector<std::uint8_t> header_bytes() const {
+    const ModelFile file_now = open();
+    return {file_now.header_bytes().begin(), file_now.header_bytes().end()};
+  }
 
   // For the whole model, from its roots.
   wire::RegionSubscription request(std::uint32_t number, std::uint32_t max_splits = 16384) const {
@@ -107,7 +111,7 @@ TEST(Service, TellsEachSecondWhatItServesAndRefuses) {
   EXPECT_EQ(first.models[0].faces, desk.model.header.face_count);
 
   wire::RegionSubscription bad = desk.request(1);
-  bad.content_hash = 1;
+  bad.content_hash = {0, 1};
   desk.bus.inject(bad);
   wire::RegionSubscription good = desk.request(2);
   good.window_bytes = 2000;
@@ -138,8 +142,8 @@ TEST(Service, AnnouncesModelsWithTheirHeaders) {
   EXPECT_EQ(inbox.hellos[0].models[0].content_hash, desk.hash());
   EXPECT_EQ(inbox.hellos[0].models[0].mesh_bytes, desk.open().mesh_bytes());
   ASSERT_EQ(inbox.headers.size(), 1U);
-  EXPECT_EQ(inbox.headers[0].content_hash, desk.hash());
-  EXPECT_EQ(inbox.headers[0].bytes, encode_header(desk.model.header));
+  EXPECT_EQ(inbox.headers[0].message.content_hash, desk.hash());
+  EXPECT_EQ(inbox.headers[0].message.bytes, desk.header_bytes());
 }
 
 TEST(Service, AnswersWithTheBatchesThatCollectNames) {
@@ -152,8 +156,9 @@ TEST(Service, AnswersWithTheBatchesThatCollectNames) {
     const Result<Demand> demand =
         collect(desk.model.store, subscription.region, test::no_require, AttachRule::kAlways);
     ASSERT_TRUE(demand.is_ok());
-    const auto expected = encode_batches(desk.model.header, desk.model.store,
-                                         demand.value().treelet, BoxPolicy::kCutNodes);
+    auto expected = encode_batches(desk.model.header, desk.model.store, demand.value().treelet,
+                                   BoxPolicy::kCutNodes);
+    for (auto& bytes : expected) seal_batch(desk.hash(), bytes);
     desk.bus.inject(subscription);
     EXPECT_TRUE(desk.service.step(0).empty());
     const auto batches = desk.received();
@@ -213,7 +218,7 @@ TEST(Service, SplitsAttachNodesWhateverTheirBoxes) {
   const auto batches = desk.received();
   ASSERT_EQ(batches.size(), 1U);
   EXPECT_TRUE(batches[0].last);
-  const Result<SplitBatch> batch = decode_batch(desk.model.header, batches[0].bytes);
+  const Result<SplitBatch> batch = decode_sealed(desk.open().header(), batches[0].bytes);
   ASSERT_TRUE(batch.is_ok());
   ASSERT_EQ(batch.value().splits.size(), 1U);
   EXPECT_EQ(batch.value().splits[0].node, root);
@@ -425,7 +430,7 @@ TEST(Service, KeepsBatchesThatTheChannelCannotTakeNow) {
 TEST(Service, RefusesUnknownModel) {
   Desk desk;
   wire::RegionSubscription subscription = desk.request(1);
-  subscription.content_hash ^= 1;
+  subscription.content_hash.low ^= 1;
   EXPECT_EQ(desk.refusal(subscription), "no model with that content hash is served here");
   EXPECT_EQ(desk.service.stats().refused, 1U);
 }
@@ -471,7 +476,7 @@ TEST(Service, RefusesAttachNodeThatIsNoNode) {
 TEST(Service, RefusalsOfOnePeerAreOneLineInAWhile) {
   Desk desk;
   wire::RegionSubscription subscription = desk.request(0);
-  subscription.content_hash ^= 1;
+  subscription.content_hash.low ^= 1;
   std::size_t lines = 0, refusals = 0;
   for (std::uint32_t i = 1; i <= 50; ++i) {
     subscription.request = i;
@@ -490,7 +495,7 @@ TEST(Service, RefusalsOfOnePeerAreOneLineInAWhile) {
 
 // A model whose answers have no end, and count what is made of them: 'A' for the peer that asks for all, 'B' for the other.
 struct Endless {
-  static constexpr std::uint64_t kHash = 77;
+  static constexpr ContentHash kHash{0, 77};
   static constexpr std::size_t kPartBytes = 4000;
   explicit Endless(Desk& desk) {
     desk.service.add_answerer(kHash, [this](const RegionRequest& request) {
@@ -541,7 +546,7 @@ TEST(Service, FloodOfRequestsForWhatIsNotThereCostsTheOthersOneTurn) {
   for (std::uint32_t i = 1; i <= 30; ++i) {
     for (int repeat = 0; repeat < 100; ++repeat) {
       wire::RegionSubscription nowhere = desk.request(++flood);
-      nowhere.content_hash = flood;
+      nowhere.content_hash = {0, flood};
       desk.bus.inject(nowhere);
     }
     wire::RegionSubscription other = desk.request(i, 10);
@@ -587,11 +592,11 @@ TEST(Service, NothingIsMadeThatWouldOnlyWait) {
 
 TEST(Service, OneStepEndsThoughThereIsMoreToDo) {
   Desk desk;
-  desk.service.add_answerer(7, [](const RegionRequest&) {
+  desk.service.add_answerer({0, 7}, [](const RegionRequest&) {
     return Service::Parts([] { return Result<Service::Part>(Service::Part{}); });
   });
   wire::RegionSubscription subscription = desk.request(1);
-  subscription.content_hash = 7;
+  subscription.content_hash = {0, 7};
   desk.bus.inject(subscription);
   desk.service.step(0);
   EXPECT_TRUE(desk.service.is_behind());
@@ -601,7 +606,7 @@ TEST(Service, OneStepEndsThoughThereIsMoreToDo) {
 TEST(Service, FewAnswersAreCollectedAtATime) {
   Desk desk;
   int under_way = 0, most = 0, answered = 0;
-  desk.service.add_answerer(7, [&](const RegionRequest&) {
+  desk.service.add_answerer({0, 7}, [&](const RegionRequest&) {
     most = std::max(most, ++under_way);
     return Service::Parts([&, left = 5]() mutable -> Result<Service::Part> {
       if (--left > 0) return Service::Part{};
@@ -613,7 +618,7 @@ TEST(Service, FewAnswersAreCollectedAtATime) {
   for (wire::SessionId peer = 1; peer <= 40; ++peer) {
     wire::RegionSubscription subscription = desk.request(1);
     subscription.peer = peer;
-    subscription.content_hash = 7;
+    subscription.content_hash = {0, 7};
     desk.bus.inject(subscription);
   }
   for (int i = 0; i < 40; ++i) desk.service.step(0);
@@ -690,6 +695,57 @@ TEST(Service, RefusesDuplicateNameAndContent) {
   EXPECT_EQ(status.code(), StatusCode::kConflict);
   EXPECT_NE(status.message().find("same content"), std::string::npos);
   EXPECT_NE(status.message().find("terrain"), std::string::npos);
+}
+
+TEST(Service, RefusesToReplaceItsOwnContent) {
+  Desk desk;
+  const Status status = desk.service.add_model("ground", desk.open(), desk.hash());
+  EXPECT_EQ(status.code(), StatusCode::kInvalidArgument);
+  EXPECT_NE(status.message().find(to_hex(desk.hash())), std::string::npos) << status.message();
+}
+
+// Two rivals, and one that takes the place of both one after the other; each line once.
+TEST(Service, TellsOfRivalsOfItsNames) {
+  Desk desk;
+  const ContentHash first{0, 1}, second{0, 2};
+  const auto announce = [&](publisher::Channel& channel, wire::SessionId id, ContentHash content,
+                            ContentHash replaces) {
+    wire::Hello hello{.publisher = id};
+    hello.models.push_back({"terrain", content, 100, replaces});
+    channel.announce(hello, {});
+  };
+  const auto one = desk.bus.make_publisher(0xa2), two = desk.bus.make_publisher(0xa3);
+  announce(*two, 0xa3, desk.hash(), {});  // the same content: nothing is wrong
+  EXPECT_TRUE(desk.service.step(0).empty());
+  announce(*one, 0xa2, first, {});
+  auto lines = desk.service.step(0.1);
+  ASSERT_EQ(lines.size(), 1U);
+  EXPECT_EQ(lines[0].find("model terrain: publisher 00000000000000a2 serves other content, " +
+                          to_hex(first) + ", under this name, here it is " + to_hex(desk.hash())),
+            0U)
+      << lines[0];
+  EXPECT_TRUE(desk.service.step(0.2).empty());
+  const auto notes = [&] {
+    const auto& all = desk.service.status().complaints;
+    return std::count_if(all.begin(), all.end(), [](const std::string& line) {
+      return line.find("model terrain: publisher") != std::string::npos;
+    });
+  };
+  static_cast<void>(desk.service.step(200));  // longer than a line is kept
+  EXPECT_EQ(notes(), 1);
+  announce(*one, 0xa2, first, second);  // replaces what nobody serves: as before
+  EXPECT_TRUE(desk.service.step(201).empty());
+  announce(*one, 0xa2, first, desk.hash());
+  lines = desk.service.step(202);
+  ASSERT_EQ(lines.size(), 1U);
+  EXPECT_EQ(lines[0].find("model terrain: publisher 00000000000000a2 replaces content " +
+                          to_hex(desk.hash()) + ", which is served here, by " + to_hex(first)),
+            0U)
+      << lines[0];
+  desk.bus.lose_publisher(0xa2);
+  EXPECT_TRUE(desk.service.step(203).empty());
+  static_cast<void>(desk.service.step(400));
+  EXPECT_EQ(notes(), 0);
 }
 
 TEST(Service, RefusesNamesThatDoNotFit) {

@@ -62,21 +62,22 @@ inline Flight make_flight(std::uint64_t seed, int segments = 5) {
   Flight flight;
   const auto way_point = [&] {
     const BakedModel& ground = terrain().model;
-    Vector at = position_m(ground.header, ground.store, {random.below(ground.header.vertex_count)});
+    Vector3 at =
+        position_m(ground.header, ground.store, {random.below(ground.header.vertex_count)});
     at[2] += random.between(-5, 40);
     return at;
   };
   const auto spin = [&] {
-    return Vector{random.between(-1, 1), random.between(-1, 1), random.between(-1, 1)};
+    return Vector3{random.between(-1, 1), random.between(-1, 1), random.between(-1, 1)};
   };
   constexpr int kFramesEach = 8;
   constexpr double kPeriod_s = 0.05;
-  Vector from = way_point();
+  Vector3 from = way_point();
   Motion one, two;
   one.pose.rotation = random_rotation(random);
   two.pose.rotation = random_rotation(random);
   for (int segment = 0; segment < segments; ++segment) {
-    const Vector to = way_point();
+    const Vector3 to = way_point();
     one.pose.translation_m = from;
     one.angular_velocity_radps = spin();
     two.angular_velocity_radps = spin();

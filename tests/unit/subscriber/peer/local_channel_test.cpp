@@ -80,6 +80,13 @@ TEST(LocalChannel, DeliversPosesOfOthersWhileConnected) {
   EXPECT_FALSE(host.update().answers[0].asked);
   ASSERT_TRUE(host.channel->deliver(pose).is_ok());
   EXPECT_GT(host.settle(), 0);
+  // Who moves it is out of reach with the publisher, and back with its next pose.
+  host.channel->set_connected(false);
+  EXPECT_EQ(host.update().answers[0].reason, "the peer that moves body other has left");
+  host.channel->set_connected(true);
+  EXPECT_FALSE(host.update().answers[0].asked);
+  ASSERT_TRUE(host.channel->deliver(pose).is_ok());
+  EXPECT_GT(host.settle(), 0);
   pose.pose.rotation[0] = std::numeric_limits<double>::quiet_NaN();
   EXPECT_FALSE(host.channel->deliver(pose).is_ok());
 }
@@ -101,7 +108,7 @@ TEST(LocalChannel, RefusesARequestThatContradictsTheModel) {
   static_cast<void>(channel.take());
   wire::RegionSubscription request;
   request.request = 1;
-  request.content_hash = 12345;
+  request.content_hash = {0, 12345};
   channel.send(request);
   request.content_hash = terrain().open().content_hash();
   request.region.attach = {{VertexId{0}, 0xffffffff}};

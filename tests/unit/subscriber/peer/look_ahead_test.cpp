@@ -8,7 +8,7 @@ namespace {
 using test::FrameReport;
 using test::kOne;
 using test::kTwo;
-using test::Vector;
+using test::Vector3;
 using test::World;
 
 constexpr double kFrame_s = 0.001;
@@ -45,7 +45,7 @@ TEST(LookAhead, IsNotRepeatedInEachFrameWhereNothingIsLacking) {
     SCOPED_TRACE(scene);
     // Both low above the ground and near each other, slow, turning.
     Motion one, two;
-    Vector at =
+    Vector3 at =
         test::position_m(ground.header, ground.store, {random.below(ground.header.vertex_count)});
     at[2] += random.between(5, 40);
     one.pose.translation_m = two.pose.translation_m = at;

@@ -8,10 +8,10 @@
 
 namespace nearmesh::test {
 
-using Vector = std::array<double, 3>;
+using Vector3 = std::array<double, 3>;
 
 /// Rotation by |w| * t about w.
-inline std::array<double, 9> turn(const Vector& w, double t) {
+inline std::array<double, 9> turn(const Vector3& w, double t) {
   const double rate = std::hypot(w[0], w[1], w[2]);
   if (rate == 0) return {1, 0, 0, 0, 1, 0, 0, 0, 1};
   const double c = std::cos(rate * t), s = std::sin(rate * t);

@@ -262,7 +262,7 @@ TEST(RegionReadiness, ResolvedMeansThatEveryFaceThereIsHere) {
   Random random(5);
   int resolved = 0, faces = 0;
   for (int i = 0; i < 2000; ++i) {
-    Vector lo_m{}, hi_m{};
+    Vector3 lo_m{}, hi_m{};
     for (std::size_t k = 0; k < 3; ++k) {
       lo_m[k] = touching.translation_m[k] + random.between(-100, 100);
       hi_m[k] = lo_m[k] + random.between(0, 100);

@@ -9,18 +9,17 @@ namespace nearmesh::subscriber {
 namespace {
 
 wire::MeshHeader header_of(std::uint64_t number, std::size_t bytes) {
-  return {wire::kWireVersion, "model" + std::to_string(number), number,
+  return {wire::kWireVersion,
+          "model" + std::to_string(number),
+          {0, number},
           std::vector<std::uint8_t>(bytes)};
 }
 
 /// Whether a header was kept: it is no header really, so using it is complained about.
 bool is_kept(ReplicaSet& replicas, std::uint64_t number) {
-  const std::string name = "model" + std::to_string(number);
-  replicas.add(name);
-  wire::Hello hello;
-  hello.models.push_back({name, number, 0});
   std::vector<std::string> complaints;
-  EXPECT_EQ(replicas.announce_new(hello, complaints), 0U);
+  EXPECT_EQ(
+      replicas.assign(replicas.add("model" + std::to_string(number)), {0, number}, complaints), 0U);
   return !complaints.empty();
 }
 
@@ -47,24 +46,11 @@ TEST(ReplicaSet, KeepsHeadersOfUnusedModelsUpToASize) {
     static_cast<void>(replicas.take_header(header_of(number, kMiB), complaints));
   EXPECT_FALSE(is_kept(replicas, kMaxSpareHeaderBytes / kMiB + 1));
   EXPECT_TRUE(is_kept(replicas, kMaxSpareHeaderBytes / kMiB));
-  // Of a model in use, whose announcement has not come, always.
+  // Of a model in use that does not stand for it yet, always.
   replicas.add("model30");
   static_cast<void>(replicas.take_header(header_of(31, kMiB), complaints));  // fills the free place
   static_cast<void>(replicas.take_header(header_of(30, kMiB), complaints));
   EXPECT_TRUE(is_kept(replicas, 30));
-}
-
-TEST(ReplicaSet, AnnouncesAnewOnlyWhatIsNotKnown) {
-  ReplicaSet replicas;
-  std::vector<std::string> complaints;
-  replicas.add("model1");
-  wire::Hello hello;
-  hello.models.push_back({"model1", 1, 0});
-  static_cast<void>(replicas.announce(hello, complaints));
-  hello.models[0].content_hash = 2;  // of another publisher, announced before
-  static_cast<void>(replicas.announce_new(hello, complaints));
-  EXPECT_EQ(replicas.find("model1")->content_hash, 1U);
-  EXPECT_TRUE(complaints.empty());
 }
 
 }  // namespace

@@ -29,11 +29,13 @@ class World {
   double seconds_per_round = 0.05;  ///< by the services' clock
   std::function<void(const FrameReport&)> on_report;
 
-  void start_publisher(wire::SessionId id = kPublisher, const ServedModel& ground = terrain()) {
+  /// `replaces`: the content whose place its ground takes.
+  void start_publisher(wire::SessionId id = kPublisher, const ServedModel& ground = terrain(),
+                       ContentHash replaces = {}) {
     Server& server = servers_[id];
     server.channel = bus.make_publisher(id);
     server.service = std::make_unique<publisher::Service>(*server.channel, id);
-    EXPECT_TRUE(server.service->add_model("terrain", ground.open()).is_ok());
+    EXPECT_TRUE(server.service->add_model("terrain", ground.open(), replaces).is_ok());
     EXPECT_TRUE(server.service->add_model("aircraft", aircraft().open()).is_ok());
     server.service->announce();
   }
@@ -69,7 +71,7 @@ class World {
            server.service->step(static_cast<double>(++steps_) * seconds_per_round))
         complaints.push_back(std::move(line));
     Result<FrameReport> report =
-        session.update(frame, static_cast<double>(frame) * 0.05, motions, budget_s);
+        session.update(frame, begin_s_ + static_cast<double>(frame) * 0.05, motions, budget_s);
     EXPECT_TRUE(report.is_ok()) << report.status().message();
     complaints.insert(complaints.end(), report.value().complaints.begin(),
                       report.value().complaints.end());
@@ -103,8 +105,11 @@ class World {
                        : 0;
     return certified;
   }
+  /// All of it; the next follows it in time.
   std::size_t fly(Session& session, const Flight& flight) {
-    return fly(session, flight, 0, flight.frames());
+    const std::size_t certified = fly(session, flight, 0, flight.frames());
+    begin_s_ += static_cast<double>(flight.frames()) * 0.05;
+    return certified;
   }
 
   [[nodiscard]] bool has_complaint(const std::string& part) const {
@@ -120,6 +125,7 @@ class World {
   };
   std::map<wire::SessionId, Server> servers_;
   std::uint64_t steps_ = 0;
+  double begin_s_ = 0;  ///< of frame 0, by the exercise's clock
 };
 
 }  // namespace nearmesh::test

@@ -73,6 +73,23 @@ TEST(ReadScene, ReadsTheDemo) {
   }
 }
 
+TEST(ReadScene, PosesMayBeAsOldAsItSays) {
+  Folder folder;
+  folder.write("scene.yaml", kScene);
+  EXPECT_EQ(read_scene(folder.file("scene.yaml")).value().session.max_pose_age_s, 2);
+  folder.write("scene.yaml", changed("budget_ms: 5", "budget_ms: 5\nmax_pose_age_s: 0.5"));
+  EXPECT_EQ(read_scene(folder.file("scene.yaml")).value().session.max_pose_age_s, 0.5);
+  folder.write("scene.yaml", changed("{name: two, model", "{name: two, max_pose_age_s: 60, model"));
+  const Result<Scene> scene = read_scene(folder.file("scene.yaml"));
+  ASSERT_TRUE(scene.is_ok()) << scene.status().message();
+  EXPECT_EQ(scene.value().session.max_pose_age_s, 2);
+  EXPECT_EQ(scene.value().bodies[1].max_pose_age_s, std::nullopt);
+  EXPECT_EQ(scene.value().bodies[2].max_pose_age_s, 60);
+  folder.write("scene.yaml", changed("{name: two, model", "{name: two, max_pose_age_s: -1, model"));
+  EXPECT_NE(read_scene(folder.file("scene.yaml")).status().message().find("max_pose_age_s"),
+            std::string::npos);
+}
+
 TEST(ReadScene, ABodyIsSolidWhereItSaysSo) {
   Folder folder;
   folder.write("scene.yaml", changed("{name: one, model", "{name: one, solid: true, model"));
@@ -80,6 +97,18 @@ TEST(ReadScene, ABodyIsSolidWhereItSaysSo) {
   ASSERT_TRUE(scene.is_ok()) << scene.status().message();
   EXPECT_FALSE(scene.value().bodies[0].solid);
   EXPECT_TRUE(scene.value().bodies[1].solid);
+}
+
+TEST(ReadScene, ContentIsPinnedWhereItSaysSo) {
+  Folder folder;
+  // Digits alone are no number here.
+  const std::string digits = "12345678901234567890123456789012";
+  folder.write("scene.yaml",
+               changed("{name: one, model", "{name: one, content: " + digits + ", model"));
+  const Result<Scene> scene = read_scene(folder.file("scene.yaml"));
+  ASSERT_TRUE(scene.is_ok()) << scene.status().message();
+  EXPECT_FALSE(scene.value().bodies[0].content.is_set());
+  EXPECT_EQ(to_hex(scene.value().bodies[1].content), digits);
 }
 
 TEST(ReadScene, ReadsAllOfIt) {
@@ -158,6 +187,11 @@ TEST(ReadScene, RefusesWithFileAndLine) {
       {"budget_ms: 5", "contacts: perhaps", 11, "contacts: expected true or false"},
       {"budget_ms: 5", "budget_ms: .inf", 11, "budget_ms: expected a number in"},
       {"{name: one, model", "{name: one, solid: maybe, model", 3, "solid: expected true or false"},
+      {"{name: one, model", "{name: one, content: 0x12, model", 3,
+       "content: expected 32 hexadecimal digits, as nearmesh-model info prints them, found '0x12'"},
+      {"{name: one, model", "{name: one, content: 00000000000000000000000000000000, model", 3,
+       "content: expected 32"},
+      {"{name: one, model", "{name: one, content: [1], model", 3, "content: expected hexadecimal"},
       {"[1, 2, 3]", "[1, 2, x]", 2, "translation: expected three numbers"},
       {"[1, 2, 3]", "[1, 2]", 2, "expected three numbers, found 2"},
       {"[1, 2, 3]", "7", 2, "translation: expected three numbers"},

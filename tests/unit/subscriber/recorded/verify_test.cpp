@@ -55,19 +55,21 @@ class Verify : public ::testing::Test {
   }
   ~Verify() override { std::filesystem::remove_all(folder_); }
 
+  static wire::MeshHeader header_of(const ServedModel& served) {
+    const ModelFile file = served.open();
+    const auto bytes = file.header_bytes();
+    return {.name = &served == &terrain() ? "terrain" : "aircraft",
+            .content_hash = file.content_hash(),
+            .bytes = {bytes.begin(), bytes.end()}};
+  }
   /// Two peers that fly, each on its own, over the same ground. A recorder comes in each of these frames.
   Recorded record(SessionOptions options = quick_options(),
                   const std::set<std::size_t>& comings = {}) {
     Recorded recorded;
     World world;
     world.start_publisher();
-    for (const ServedModel* served : {&terrain(), &aircraft()}) {
-      const ModelFile file = served->open();
-      const auto bytes = file.header_bytes();
-      recorded.headers.push_back({.name = served == &terrain() ? "terrain" : "aircraft",
-                                  .content_hash = file.content_hash(),
-                                  .bytes = {bytes.begin(), bytes.end()}});
-    }
+    for (const ServedModel* served : {&terrain(), &aircraft()})
+      recorded.headers.push_back(header_of(*served));
     world.bus.batch_filter = [&](wire::SessionId peer, wire::SplitBatchMessage& batch) {
       recorded.items.push_back({.batch = Recorded::Batch{peer, batch}});
       return true;
@@ -88,6 +90,38 @@ class Verify : public ::testing::Test {
       if (comings.contains(i)) world.bus.bring_recorder();
       world.fly_frame(*one, i, {{kOne, flight.one[i]}, {kTwo, flight.two[i]}}, 20);
       world.fly_frame(*other, i, {{kOne, other_flight.one[i]}, {kTwo, other_flight.two[i]}}, 20);
+    }
+    return recorded;
+  }
+
+  /// One peer moves "one" and is killed; the other, whose reports these are, asks on for three seconds.
+  Recorded record_killed() {
+    Recorded recorded;
+    World world;
+    world.start_publisher();
+    for (const ServedModel* served : {&terrain(), &aircraft()})
+      recorded.headers.push_back(header_of(*served));
+    world.bus.batch_filter = [&](wire::SessionId peer, wire::SplitBatchMessage& batch) {
+      recorded.items.push_back({.batch = Recorded::Batch{peer, batch}});
+      return true;
+    };
+    auto mover = world.make_peer(quick_options(), kOther, true, false);
+    const auto watcher = world.make_peer(quick_options(), kPeer, false, true);
+    const Flight flight = make_flight(5);
+    constexpr std::size_t kKilled = 20;
+    world.bus.keep_quiet = true;
+    for (std::size_t i = 0; i < kKilled + 60; ++i) {
+      const std::size_t at = std::min(i, flight.frames() - 1);
+      if (i == kKilled) mover.reset();
+      if (mover != nullptr) world.round(*mover, i, {{kOne, flight.one[at]}});
+      world.bus.reports.clear();
+      world.on_report = [&](const FrameReport&) {
+        for (wire::ContactReport& report : world.bus.reports)
+          recorded.items.push_back({.report = std::move(report)});
+        world.bus.reports.clear();
+      };
+      world.fly_frame(*watcher, i, {{kTwo, flight.two[at]}}, 20);
+      world.on_report = nullptr;
     }
     return recorded;
   }
@@ -246,6 +280,55 @@ TEST_F(Verify, WithoutAHeaderNothingIsCompared) {
   expect_sum(found);
   EXPECT_EQ(found.verified + found.different, 0U);
   EXPECT_GT(found.lacking, 200U);
+}
+
+TEST_F(Verify, AnswersThatAgeMadeUncertainComeOutAgain) {
+  const Recorded recorded = record_killed();
+  std::uint64_t aged = 0;
+  for (const Recorded::Item& item : recorded.items)
+    if (item.report && item.report->b.stamp.mover == wire::Mover::kThere &&
+        age_s(item.report->b.stamp, item.report->time_s) > 2) {
+      EXPECT_EQ(item.report->status, static_cast<std::uint8_t>(AnswerStatus::kUncertain));
+      EXPECT_FALSE(item.report->asked);
+      ++aged;
+    }
+  EXPECT_GT(aged, 15U);
+  const VerifyReport found = verify(recorded);
+  expect_sum(found);
+  EXPECT_EQ(found.different, 0U);
+  EXPECT_EQ(found.verified + found.not_asked, found.reports);
+  EXPECT_LT(found.not_asked, 60U);
+}
+
+TEST_F(Verify, FindsAnAnswerThatAnAgedPoseDoesNotAllow) {
+  const Recorded recorded = record_killed();
+  const std::size_t at = find_report(recorded, [](const wire::ContactReport& r) {
+    return r.asked && r.body_b == "one" && r.status == 0 && r.frame > 10;
+  });
+  ASSERT_EQ(verify(recorded).different, 0U);
+  const auto first_difference = [&](const std::function<void(wire::ContactReport&)>& spoil) {
+    Recorded spoilt = recorded;
+    spoil(*spoilt.items[at].report);
+    const VerifyReport found = verify(spoilt);
+    expect_sum(found);
+    EXPECT_EQ(found.different, 1U);
+    return found.differences.empty() ? std::string() : found.differences[0].what;
+  };
+  EXPECT_NE(first_difference([](wire::ContactReport& r) {
+              r.b.stamp.time_s -= 2.5;
+            }).find("s old, more than 2 s; and yet recorded free"),
+            std::string::npos);
+  EXPECT_NE(first_difference([](wire::ContactReport& r) {
+              r.b.stamp.mover = wire::Mover::kSilent;
+            }).find("the peer that moves body one gives no sign of life; and yet"),
+            std::string::npos);
+  // An uncertain answer for age, said to be something else.
+  const std::size_t aged = find_report(recorded, [](const wire::ContactReport& r) {
+    return r.b.stamp.mover == wire::Mover::kThere && age_s(r.b.stamp, r.time_s) > 2;
+  });
+  Recorded spoilt = recorded;
+  spoilt.items[aged].report->status = 0;
+  EXPECT_EQ(verify(spoilt).different, 1U);
 }
 
 TEST_F(Verify, GivenUpDetailIsSaidAndNotCompared) {

@@ -17,6 +17,11 @@ struct Motion {
   std::array<double, 3> angular_velocity_radps{};
 };
 
+[[nodiscard]] constexpr bool is_at_rest(const Motion& motion) {
+  constexpr std::array<double, 3> kNone{};
+  return motion.linear_velocity_mps == kNone && motion.angular_velocity_radps == kNone;
+}
+
 /// Checks a motion from outside. Errors: as check_pose; kInvalidArgument, naming `body`, where a velocity's component is
 /// not finite or beyond 1e9.
 [[nodiscard]] Status check_motion(const Motion& motion, std::string_view body);
@@ -35,23 +40,5 @@ inline constexpr double kMaxTurnRad = 0x1p20;
 [[nodiscard]] constexpr double pose_rotation_error(double turn_rad) {
   return (64 + 320 * turn_rad) * 0x1p-53;
 }
-
-/// Length, rounded up.
-[[nodiscard]] double length_bound(const std::array<double, 3>& v);
-
-/// Greatest distance of a point of the box from the model's origin, about which the body turns; metres, rounded up.
-[[nodiscard]] double reach_m(const Grid& grid, const GridBox& box);
-
-/// Upper bound of the speed of any point that lies within reach_m of the model's origin: |v| + |w| reach. m/s
-[[nodiscard]] double speed_bound_mps(const Motion& motion, double reach_m);
-
-/// How far pose_at's pose may place a point within reach_m of the origin from where the motion truly takes it, at any
-/// instant of [0, duration_s]. Metres.
-[[nodiscard]] double placing_error_m(const Motion& motion, double reach_m, double duration_s);
-
-/// The same for a point of a posed triangle: make_posed_frame of pose_at, then pose_point, on the given lattice.
-/// Less than 1.8 lattice cells and some 2^-29 of the reach, where turns and speeds are ordinary.
-[[nodiscard]] double posing_error_m(const Motion& motion, double reach_m, double duration_s,
-                                    const Grid& grid, int lattice_exp);
 
 }  // namespace nearmesh

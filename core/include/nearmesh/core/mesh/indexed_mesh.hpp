@@ -19,8 +19,9 @@ struct IndexedMesh {
   std::vector<std::array<std::uint32_t, 3>> faces;
 };
 
-/// Writes a binary little-endian PLY with double coordinates, over an existing file. A failure may
-/// leave a part of the file. Errors: kIo with path and reason.
+/// Writes a binary little-endian PLY with double coordinates, over an existing PLY file, which a
+/// failure leaves as it was. Errors: kIo with path and reason, kConflict where something else is
+/// there.
 [[nodiscard]] Status write_ply(const IndexedMesh& mesh, const std::string& path);
 
 }  // namespace nearmesh

@@ -33,6 +33,8 @@ struct ImportedMesh {
   /// Coordinates are those written in the file. False for formats that mesh_formats() does not list:
   /// assimp's reader may have turned or scaled them.
   bool is_as_written = true;
+  /// What the file or its format states, also where options.up says otherwise.
+  UpAxis stated_up = UpAxis::kUnknown;
 };
 
 /// One node of a file, in its own frame, and where that stands: x_file = rotation x_node + translation.
@@ -47,7 +49,8 @@ struct ImportedNode {
 struct ImportedNodes {
   std::vector<ImportedNode> nodes;  ///< those with faces, in file order
   MeshOrigin origin;
-  bool is_as_written = true;  ///< as in ImportedMesh
+  bool is_as_written = true;            ///< as in ImportedMesh
+  UpAxis stated_up = UpAxis::kUnknown;  ///< as in ImportedMesh
 };
 
 /// What is promised of a format, as docs/import.md has it.

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // API (docs/api.md).
-// Refines two local models, split by split, until the query between them is certified: what a peer's exchange with a
-// publisher comes to when the link is free. For files at hand, tests and measurements.
+// Refines two local models, split by split, until the query between them is certified or no detail can settle it: what a
+// peer's exchange with a publisher comes to when the link is free. For files at hand, tests and measurements.
 
 #include <functional>
 
@@ -34,8 +34,8 @@ using Require = std::function<Status(NodeSpan)>;
 
 /// Repeats query and split of what is missing until nothing is. Each split is one that an uncertain answer named, so
 /// both models end with no more than the answer needs. Ends: every round splits at least one node.
-/// Errors: those of require; kNotFound where require succeeds but the store still lacks the split; kUnsupported where
-/// a model has too many parts to be proved outside a solid (query()).
+/// Out: certified, or is_beyond_detail().
+/// Errors: those of require; kNotFound where require succeeds but the store still lacks the split.
 [[nodiscard]] Result<Answer> certify(LocalModel& a, const PosedFrame& frame_a,
                                      const Require& require_a, LocalModel& b,
                                      const PosedFrame& frame_b, const Require& require_b,

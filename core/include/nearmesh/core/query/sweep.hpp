@@ -58,9 +58,10 @@ struct SweptAnswer {
                                         const SweepOptions& options);
 
 /// For so long nothing can touch while neither body moves or turns faster than its motion states, whichever way:
-/// clearance (of a free answer at the motions' poses) over the bodies' greatest speeds, less what posing rounds.
-/// Infinite when neither moves. Seconds.
+/// clearance (of a free answer at the motions' poses) over the bodies' greatest speeds, less what posing rounds. Each pose
+/// may be of another instant: so long before now, or, negative, after it. Infinite when neither moves. Seconds from now.
 [[nodiscard]] double safe_horizon_s(const TreeView& a, const Motion& motion_a, const TreeView& b,
-                                    const Motion& motion_b, double clearance_m);
+                                    const Motion& motion_b, double clearance_m, double age_a_s = 0,
+                                    double age_b_s = 0);
 
 }  // namespace nearmesh

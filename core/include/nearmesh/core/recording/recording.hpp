@@ -17,6 +17,7 @@
 #include <string>
 #include <vector>
 
+#include "nearmesh/core/base/content_hash.hpp"
 #include "nearmesh/core/base/status.hpp"
 
 namespace nearmesh {
@@ -61,7 +62,7 @@ struct RecordingGap {
 
 /// A model whose header is in the file.
 struct RecordedModel {
-  std::uint64_t content_hash = 0;
+  ContentHash content_hash;
   std::string name;
   std::int64_t message = 0;  ///< id of the message that holds the header
 };
@@ -110,6 +111,10 @@ class RecordingWriter {
  private:
   struct Impl;
   explicit RecordingWriter(std::unique_ptr<Impl> impl);
+  /// In a file that was just created.
+  [[nodiscard]] static Result<std::unique_ptr<RecordingWriter>> begin(const std::string& path,
+                                                                      const RecordingFacts& facts,
+                                                                      double commit_period_s);
   std::unique_ptr<Impl> impl_;
 };
 

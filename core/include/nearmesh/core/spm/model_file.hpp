@@ -2,10 +2,10 @@
 #pragma once
 // API (docs/api.md).
 // The .spm file, read piece by piece (layout and reasons: core/spm_format.md). Opening reads the header and the directory
-// (24 bytes a block, some 0.6 a vertex); blocks are read, checked and decoded when a request first touches them, so resident
+// (40 bytes a block, about one a vertex); blocks are read, checked and decoded when a request first touches them, so resident
 // memory follows what is touched.
 // The file may change meanwhile: one that is renamed or deleted is read on as it was; one that is cut or written over gives
-// kCorrupt, never another mesh, since every block must have the checksum that the directory had when it was opened. That is
+// kCorrupt, never another mesh, since every block must have the digest that the directory had when it was opened. That is
 // also why it is not mapped: what is cut off a mapped file ends the process that touches it (SIGBUS).
 
 #include <cstdint>
@@ -13,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "nearmesh/core/base/content_hash.hpp"
 #include "nearmesh/core/base/mesh_origin.hpp"
 #include "nearmesh/core/base/status.hpp"
 #include "nearmesh/core/spm/detail/header.hpp"
@@ -53,8 +54,8 @@ class ModelFile {
   [[nodiscard]] const SpmHeader& header() const;
   /// The header as it stands in the file and goes on the wire.
   [[nodiscard]] std::span<const std::uint8_t> header_bytes() const;
-  /// Hash of the whole content; models with equal hashes are the same model.
-  [[nodiscard]] std::uint64_t content_hash() const;
+  /// Names the whole content; models with equal hashes are the same model.
+  [[nodiscard]] const ContentHash& content_hash() const;
   /// Where its metres and axes come from, as whoever built it was told. Not part of the content.
   [[nodiscard]] const MeshOrigin& origin() const;
   [[nodiscard]] std::uint64_t file_bytes() const;
@@ -69,8 +70,11 @@ class ModelFile {
   [[nodiscard]] Status require(NodeSpan node);
   /// Decodes everything.
   [[nodiscard]] Status require_all();
-  /// Checks every checksum without decoding.
+  /// Checks every digest without decoding.
   [[nodiscard]] Status verify() const;
+  /// Checks and decodes everything, and that each node's box encloses every face that has a corner in it: what every
+  /// certified answer about the model rests on. Cost: O(model). Errors: kCorrupt naming the node.
+  [[nodiscard]] Status check_deep();
 
   /// Reads the table of input face numbers; decodes everything. Errors: kCorrupt.
   [[nodiscard]] Result<FaceNumbering> face_numbering();

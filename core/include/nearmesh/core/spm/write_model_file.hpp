@@ -11,11 +11,12 @@
 namespace nearmesh {
 
 struct WrittenModel {
-  std::uint64_t file_bytes = 0, header_bytes = 0, block_bytes = 0, blocks = 0, content_hash = 0;
+  std::uint64_t file_bytes = 0, header_bytes = 0, block_bytes = 0, blocks = 0;
+  ContentHash content_hash;
 };
 
 /// Writes a complete model. `numbers` in canonical order (FaceNumbering). The file appears under its name only when it is
-/// whole, the same for any number of threads, 0 being one for each core (written beside it and renamed). Errors: kIo with path and reason; an older file of that name is then untouched.
+/// whole, the same for any number of threads, 0 being one for each core (written beside it and renamed). Errors: kIo with path and reason, kConflict where something is there that is no model; what is there is then untouched.
 [[nodiscard]] Result<WrittenModel> write_model_file(const SpmHeader& header,
                                                     const SplitStore& store,
                                                     std::span<const FaceNumber> numbers,

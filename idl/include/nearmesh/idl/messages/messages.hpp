@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "nearmesh/core/base/content_hash.hpp"
 #include "nearmesh/core/base/status.hpp"
 #include "nearmesh/core/geometry/pose.hpp"
 #include "nearmesh/core/spm/detail/types.hpp"
@@ -21,7 +22,7 @@ class ModelFile;
 namespace nearmesh::wire {
 
 /// Raised with every change of a topic's layout or of the batch codec. Peers of another version are refused loudly.
-inline constexpr std::uint16_t kWireVersion = 5;
+inline constexpr std::uint16_t kWireVersion = 6;
 
 /// Random per process; tells a restarted publisher from the old one, and names a peer.
 using SessionId = std::uint64_t;
@@ -29,6 +30,12 @@ using SessionId = std::uint64_t;
 inline constexpr std::size_t kMaxNameBytes = 63;
 inline constexpr std::size_t kMaxModels = 256;
 inline constexpr std::size_t kMaxReportPairs = 64;
+/// Times lie within so many seconds of 0: 3,000 years, in which doubles still tell 20 microseconds apart. What counts
+/// milliseconds or nanoseconds since 1970 is refused.
+inline constexpr double kMaxTime_s = 1e11;
+[[nodiscard]] constexpr bool is_time(double time_s) {
+  return time_s >= -kMaxTime_s && time_s <= kMaxTime_s;  // false for what is no number
+}
 
 /// Latest state of one publisher (keyed by session, transient local).
 struct Hello {
@@ -36,17 +43,19 @@ struct Hello {
   SessionId publisher = 0;
   struct Model {
     std::string name;  ///< unique per publisher, at most kMaxNameBytes
-    std::uint64_t content_hash = 0;
+    ContentHash content_hash;
     std::uint64_t mesh_bytes = 0;  ///< header and all blocks: what a whole replica would take
+    ContentHash replaces;  ///< peers that hold this content go over to the one above; or none
   };
   std::vector<Model> models;
 };
 
-/// Header of one model (keyed by content hash, transient local): SpmHeader as encoded in the file.
+/// Header of one model (keyed by content hash, transient local): SpmHeader as encoded in the file. The content hash is that of
+/// the bytes, so a header needs no other proof.
 struct MeshHeader {
   std::uint16_t wire_version = kWireVersion;
   std::string name;
-  std::uint64_t content_hash = 0;
+  ContentHash content_hash;
   std::vector<std::uint8_t> bytes;  ///< at most kMaxHeaderBytes
 };
 
@@ -54,10 +63,10 @@ struct MeshHeader {
 struct RegionSubscription {
   std::uint16_t wire_version = kWireVersion;
   SessionId peer = 0;
-  std::uint32_t request = 0;       ///< counts up per peer; 0: no request, only credit
-  std::uint64_t content_hash = 0;  ///< the model; meaningless when request is 0
-  std::uint8_t priority = 0;       ///< 0 needed now, 1 horizon
-  SessionId publisher = 0;         ///< whom it is for; others ignore it
+  std::uint32_t request = 0;  ///< counts up per peer; 0: no request, only credit
+  ContentHash content_hash;   ///< the model; meaningless when request is 0
+  std::uint8_t priority = 0;  ///< 0 needed now, 1 horizon
+  SessionId publisher = 0;    ///< whom it is for; others ignore it
   std::uint32_t acknowledged_sequence =
       0;                               ///< highest batch sequence received from it: returns credit
   std::uint32_t window_bytes = 65536;  ///< the publisher keeps at most this much unacknowledged
@@ -68,13 +77,13 @@ struct RegionSubscription {
 struct SplitBatchMessage {
   std::uint16_t wire_version = kWireVersion;
   SessionId publisher = 0;
-  std::uint64_t content_hash = 0;
+  ContentHash content_hash;
   std::uint32_t request = 0;   ///< which request it answers
   std::uint32_t sequence = 0;  ///< counts up per publisher and peer, from 1: gaps are noticed
   bool last = false;           ///< the request is answered in full with this one
   bool refused = false;        ///< the request was refused; bytes hold the reason as text
   std::vector<std::uint8_t>
-      bytes;  ///< at most kMaxBatchBytes; may be empty when nothing was needed
+      bytes;  ///< sealed (codec.hpp), at most kMaxSealedBytes; may be empty when nothing was needed
 };
 
 /// Where a body is (keyed by body name; the peer that moves it publishes).
@@ -83,34 +92,57 @@ struct BodyPose {
   SessionId peer = 0;
   std::string body;
   std::uint64_t frame = 0;
-  double time_s = 0;
+  double time_s = 0;  ///< of the pose, on the exercise's clock
   Pose pose;
   std::array<double, 3> linear_velocity_mps{};
   std::array<double, 3> angular_velocity_radps{};
 };
+
+/// Who moves a body, as far as another peer can tell.
+enum class Mover : std::uint8_t {
+  kNone = 0,    ///< no pose of the body has come
+  kThere = 1,   ///< or the body is in place
+  kLeft = 2,    ///< it ended, or its participant was lost
+  kSilent = 3,  ///< it gave a sign of life each second, and gives none any more
+};
+
+/// When a pose holds.
+struct PoseStamp {
+  Mover mover = Mover::kNone;
+  double time_s = 0;     ///< on the exercise's clock, as the frame's
+  double max_age_s = 0;  ///< so far from the frame's time at most; may be infinite
+};
+/// Negative for a pose of the frame's future; infinite where none has come.
+[[nodiscard]] double age_s(const PoseStamp& pose, double frame_time_s);
+/// Why nothing can be certified that rests on the body's pose, in a frame of that time; empty where it can. A pose of the
+/// future is held to the same limit as one of the past.
+[[nodiscard]] std::string why_stale(const PoseStamp& pose, double frame_time_s,
+                                    const std::string& body);
 
 /// An answer about a pair of bodies, for whoever listens (keyed by peer and pair). With the batches that the peer was sent it
 /// is enough to ask the same again.
 struct ContactReport {
   /// One of the two bodies as it was when it was asked about.
   struct Asked {
-    std::uint64_t content_hash = 0;
+    ContentHash content_hash;
     std::uint64_t state_digest = 0;  ///< of the model's active vertices
     std::uint32_t applied_batches =
         0;  ///< so many of the model, in order of arrival, had been taken in
     bool solid = false;
     Pose pose;
+    PoseStamp stamp;  ///< also when nothing was asked
   };
   std::uint16_t wire_version = kWireVersion;
   SessionId peer = 0;
   std::string body_a, body_b;
   std::uint64_t frame = 0;
-  double time_s = 0;
+  double time_s = 0;             ///< of the frame, on the exercise's clock
   std::uint8_t status = 0;       ///< AnswerStatus, 0 to 4
   double clearance_m = 0;        ///< lower bound, when free or contained
   double uncertainty_m = 0;      ///< when uncertain
   std::uint32_t pair_count = 0;  ///< all exact pairs
-  bool asked = false;            ///< false: a header or a pose was missing, so nothing was asked
+  /// False: a header or a pose was missing, or a pose was stale, so nothing was asked.
+  bool asked = false;
   bool gave_up_detail =
       false;  ///< of one of the models, at some time: applied_batches do not tell the state
   std::uint64_t answer_digest = 0;            ///< digest(Answer)
@@ -128,7 +160,7 @@ struct HeldDetail {
   };
   std::uint16_t wire_version = kWireVersion;
   SessionId peer = 0;
-  std::uint64_t content_hash = 0;
+  ContentHash content_hash;
   std::string model;                  ///< its name, at most kMaxNameBytes
   std::uint32_t applied_batches = 0;  ///< of the model: all that had come by then
   std::uint32_t last_request = 0;     ///< of the peer: what answers a later one came after this
@@ -140,7 +172,7 @@ inline constexpr std::size_t kMaxHeardPublishers = 64;
 inline constexpr std::size_t kMaxHeldBytes = 1U << 20;
 
 /// What one process knows of itself (keyed by session, transient local, renewed each second): for operators, who cannot see
-/// it from outside. Nothing else depends on it.
+/// it from outside. For peers it is the sign of life of who moves a body.
 struct ProcessStatus {
   std::uint16_t wire_version = kWireVersion;
   SessionId session = 0;
@@ -159,7 +191,7 @@ struct ProcessStatus {
   std::uint64_t resident_bytes = 0;
   struct Model {
     std::string name;
-    std::uint64_t content_hash = 0;
+    ContentHash content_hash;
     std::uint64_t faces = 0, held_splits = 0, splits = 0;  ///< 0 until the header has come
   };
   std::vector<Model> models;            ///< served, or used
@@ -187,9 +219,9 @@ struct Probe : Echo {};
 /// Whether who serves `served` models may serve another under this name. Errors: kInvalidArgument naming the limit.
 [[nodiscard]] Status check_new_model(const std::string& name, std::size_t served);
 
-/// What is told of a model that is served: adds it to the hello. Out: its header.
+/// What is told of a model that is served, in place of another content or of none: adds it to the hello. Out: its header.
 [[nodiscard]] MeshHeader announce_model(const std::string& name, const ModelFile& file,
-                                        Hello& hello);
+                                        ContentHash replaces, Hello& hello);
 
 /// The batches of an answer, or of a part of one, as messages to the peer that asked; their sequence is the channel's to count.
 /// `last`: the request is answered in full with these. That nothing was needed is an answer too: one message without bytes.

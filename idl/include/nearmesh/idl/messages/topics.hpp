@@ -74,6 +74,8 @@ struct Topic : TopicFacts {
 
 /// 16 hexadecimal digits.
 [[nodiscard]] std::string key_of(std::uint64_t id);
+/// 32 of them.
+[[nodiscard]] std::string key_of(const ContentHash& content);
 
 inline constexpr std::tuple kTopics{
     // The latest state of each publisher. Not versioned: one of another version must be heard in order to be refused loudly.

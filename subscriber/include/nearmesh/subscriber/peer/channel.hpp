@@ -4,6 +4,8 @@
 // How a peer reaches publishers and other peers. Two implementations: DDS (dds_channel.cpp), whose own thread makes every
 // DDS call so that the host's never does, and one in memory for tests. All functions are non-blocking.
 
+#include <map>
+#include <string>
 #include <vector>
 
 #include "nearmesh/idl/messages/messages.hpp"
@@ -26,15 +28,24 @@ class Channel {
   /// What this peer holds of a model, for a recorder that came (Inbox::recorder_came).
   virtual void tell_held(const wire::HeldDetail&) {}
 
+  /// A header, and the publisher that sent it: the channel knows that it did, whatever the header says.
+  struct Header {
+    wire::SessionId publisher = 0;
+    wire::MeshHeader message;
+  };
+
   /// Everything valid that arrived since the last call, in order of arrival within each kind.
   struct Inbox {
     std::vector<wire::SessionId>
         lost_publishers;  ///< take these first: no hello of one lost after it is in here
     std::vector<wire::Hello> hellos;
-    std::vector<wire::MeshHeader> headers;
+    std::vector<Header> headers;        ///< of publishers whose hello came before
+    std::uint64_t refused_headers = 0;  ///< that no publisher is known to have sent, by now
     std::vector<wire::SplitBatchMessage> batches;
     std::vector<wire::BodyPose> poses;  ///< of bodies that others move
-    bool recorder_came = false;         ///< one that may have missed what came before
+    /// Bodies whose movers left, fell silent or came back since the last call: what holds now. Take these after the poses.
+    std::map<std::string, wire::Mover> movers;
+    bool recorder_came = false;  ///< one that may have missed what came before
     std::vector<std::string>
         complaints;  ///< one line each: malformed samples, other wire versions, incompatible QoS
   };

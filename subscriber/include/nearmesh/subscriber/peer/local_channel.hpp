@@ -6,6 +6,7 @@
 // SplitBatch; needs no DDS (NEARMESH_WITH_DDS=OFF builds it).
 
 #include <map>
+#include <set>
 #include <string>
 
 #include "nearmesh/core/spm/model_file.hpp"
@@ -23,8 +24,8 @@ class LocalChannel final : public Channel {
   /// Errors: kInvalidArgument (name, too many models); kConflict (the name is taken, or the same content is served).
   [[nodiscard]] Status add_model(const std::string& name, ModelFile file);
 
-  /// False: as when the network goes down; the publisher is lost, nothing is answered and nobody's pose arrives until it
-  /// is true again. To test what a host does while answers are uncertain.
+  /// False: as when the network goes down; the publisher is lost, nothing is answered, who moved the other bodies has left,
+  /// and nobody's pose arrives until it is true again. To test what a host does while answers are uncertain.
   void set_connected(bool connected);
 
   /// As if another peer had moved one of its bodies. Dropped while not connected.
@@ -45,7 +46,8 @@ class LocalChannel final : public Channel {
   };
   void announce();
 
-  std::map<std::uint64_t, Model> models_;  // by content hash
+  std::map<ContentHash, Model> models_;  // by content hash
+  std::set<std::string> delivered_;      // bodies of others
   Inbox inbox_;
   std::uint32_t sequence_ = 0;
   bool connected_ = true;

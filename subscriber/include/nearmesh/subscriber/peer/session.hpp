@@ -6,6 +6,7 @@
 // Polled by the host: update() never blocks and never calls DDS (the channel's own thread does).
 
 #include <array>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -29,9 +30,16 @@ struct BodyOptions {
   std::string model;   ///< the publisher's name for it; 1 to 63 bytes
   bool own = false;    ///< this peer moves it and publishes its pose; else another peer does
   bool solid = false;  ///< it has an inside (core/query/query.hpp)
+  /// Pins the model, for all bodies that use it: no other content is ever taken. None: what publishers agree on.
+  ContentHash content;
+  /// As SessionOptions::max_pose_age_s, for this body. None: that; for own bodies no limit.
+  std::optional<double> max_pose_age_s;
 };
 
 struct SessionOptions {
+  /// Answers are uncertain where the pose of a body that another moves is this far from the frame's time, seconds. Own bodies
+  /// at rest are published again after a quarter of it, so let all peers have one value.
+  double max_pose_age_s = 2;
   /// Detail is asked for where the other body may be within this time, as soon as some is missing in the first half of it.
   double lookahead_s = 0.5;
   double margin_m = 0;  ///< and this much further
@@ -52,19 +60,25 @@ struct PairAnswer {
   PairId pair;
   BodyId a, b;
   Answer answer;
-  /// Why nothing can be said (status kUncertain): a header, a publisher or a pose that has not come; or, for ever, a
-  /// solid with an open model, or a model of too many parts near a solid. Else empty.
+  /// Why nothing can be said (status kUncertain): a header, a publisher or a pose that has not come; a pose that is too old,
+  /// or whose mover is gone; or, for ever, a solid with an open model, or a model of too many parts near a solid. Else empty.
   std::string reason;
   /// Not certified for want of detail: of which model, and whether any publisher is there that sends it. Else empty.
   std::string awaited;
-  bool asked = false;   ///< headers and poses were there, so the trees were asked
-  Pose pose_a, pose_b;  ///< what was asked about; meaningless with a reason of missing poses
+  bool asked = false;  ///< headers and fresh poses were there, so the trees were asked
+  /// The frame's time less that for which the body's pose was given: 0 for bodies in place and own bodies at rest, negative
+  /// where the mover's clock is ahead, infinite where no pose has come. Seconds.
+  double age_a_s = std::numeric_limits<double>::infinity();
+  double age_b_s = std::numeric_limits<double>::infinity();
+  Pose pose_a, pose_b;               ///< what was asked about; meaningless unless `asked`
+  ContentHash content_a, content_b;  ///< of the models that it is about; none: not known yet
   /// With SessionOptions::contacts, when the answer has pairs: where they touch, all exact.
   std::optional<Contacts> contacts;
-  /// Free or contained: until this much later nothing can touch, if the bodies keep within their speeds. Seconds.
+  /// Free or contained: until this much after the frame's time nothing can touch, if the bodies keep within their speeds from
+  /// their poses on. Seconds.
   double safe_horizon_s = 0;
-  /// With SessionOptions::sweep_s, where the poses are known: the answer for the time ahead, if both bodies keep their
-  /// velocities. What it misses is asked for as the look-ahead's detail is.
+  /// With SessionOptions::sweep_s, where the poses are known: the answer for the time from the frame's on, if both bodies keep
+  /// their velocities from their poses on. What it misses is asked for as the look-ahead's detail is.
   std::optional<SweptAnswer> swept;
 };
 
@@ -93,6 +107,7 @@ struct SessionStats {
   std::uint64_t requests = 0;
   std::uint64_t region_sweeps = 0;  ///< of a body against another, to see what detail they may meet
   std::uint64_t sequence_gaps = 0;  ///< batches that never came
+  std::uint64_t refused_headers = 0;  ///< that came from whoever serves no such content
   std::uint64_t held_splits = 0, slots = 0, exact_faces = 0, tree_bytes = 0;
   std::uint64_t mesh_bytes = 0;  ///< what whole replicas of the models in use would take
 };
@@ -106,7 +121,8 @@ class Session {
 
   /// Declares a body; at any time: what spawns is uncertain, never free, until it is known. Headers of models that no body
   /// uses are kept for that, up to 256 and 16 MiB. Where the model of a solid body turns out to be open, no answer about it
-  /// is ever certified, and each names the reason. Errors: kConflict (name taken), kInvalidArgument (name).
+  /// is ever certified, and each names the reason. Errors: kConflict (name taken, or the pin contradicts another),
+  /// kInvalidArgument (name, max_pose_age_s).
   [[nodiscard]] Result<BodyId> add_body(BodyOptions options);
   /// Fixes a body in place, for scenery that nobody moves. Errors: kNotFound, kInvalidArgument (pose).
   [[nodiscard]] Status place_body(BodyId body, const Pose& pose);
@@ -121,8 +137,9 @@ class Session {
   };
   /// One frame: publishes the own bodies' motions, takes in what arrived until `budget_s` is spent (at least one batch),
   /// answers every watched pair, and asks for what is missing. May be called again for the same frame.
-  /// Errors: kNotFound or kInvalidArgument naming the body, kInvalidArgument for a time that is not finite; nothing was
-  /// changed then.
+  /// In: `time_s` is the frame's time on the clock that the whole exercise has, up to kMaxTime_s from 0: poses of this peer go
+  /// out with it, those of others are as old as it says. Where it is before the last one, a complaint says so.
+  /// Errors: kNotFound or kInvalidArgument naming the body, kInvalidArgument for such a time; nothing was changed then.
   /// Threads: one at a time. Never blocks.
   [[nodiscard]] Result<FrameReport> update(std::uint64_t frame, double time_s,
                                            const std::vector<OwnMotion>& motions, double budget_s);
@@ -136,6 +153,11 @@ class Session {
                                                          const std::array<double, 3>& lo_m,
                                                          const std::array<double, 3>& hi_m) const;
   [[nodiscard]] SessionStats stats() const;
+  /// Where a body was last known to be, and how it moves; none where no pose has come, or no such body is declared.
+  [[nodiscard]] std::optional<Motion> motion_of(BodyId body) const;
+  /// The latest time that a pose of another peer had, whatever its body: for who has no clock of the exercise and follows
+  /// that of the others.
+  [[nodiscard]] std::optional<double> heard_time_s() const;
   /// As of the last full second of update(), which also sends it to whoever asks on the bus.
   [[nodiscard]] const wire::ProcessStatus& status() const;
   /// The mesh header of a body's model, once it is here.

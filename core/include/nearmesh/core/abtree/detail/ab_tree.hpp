@@ -43,6 +43,9 @@ class AbTree {
             &mesh_->store().surface()};
   }
   [[nodiscard]] AbTreeStats stats() const;
+  /// The slot of which the last update() found an exact face outside the box that must enclose it: what was sent of the model
+  /// contradicts itself. Size 0: none.
+  [[nodiscard]] NodeSpan contradiction() const { return contradiction_; }
 
  private:
   static constexpr std::uint32_t kNone = 0xffffffffU;
@@ -68,6 +71,7 @@ class AbTree {
     bool changed = false;           // to be built anew, whichever faces are exact
     bool queued = false;            // in pending_
     std::uint32_t exact_count = 0;  // faces in the micro tree
+    GridBox bounds;                 // of a slot: its node's box; empty until it is asked for
     std::vector<FaceKey>
         inherited;                // known faces of splits above it whose home vertex lies in `node`
     std::vector<Watch> watchers;  // who waits for a corner here, or might lose one
@@ -146,6 +150,7 @@ class AbTree {
   std::vector<std::uint32_t> pending_;                           // tips to look at
   std::vector<std::pair<std::uint32_t, std::uint32_t>> refits_;  // level and index of nodes, a heap
   std::vector<TreePlace> micro_roots_;  // lanes of slots whose box and slab are to be found
+  NodeSpan contradiction_;
   std::uint64_t exact_total_ = 0, slot_total_ = 0, rebuilt_slots_ = 0, rebuilt_faces_ = 0;
 
   // Scratch of look_at().

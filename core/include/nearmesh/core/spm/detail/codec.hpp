@@ -27,12 +27,15 @@ enum class BoxPolicy : std::uint8_t {
   kAllNodes,  ///< file: a box on every child of size > 1
 };
 
-/// Largest encoded batch: with 36 bytes of sample fields and 140 of RTPS it fits one 1,400-byte datagram (Fast DDS 2.9.1
+/// A batch is stored and sent under a seal that follows it: a hash of its bytes, keyed by the content that it is of.
+inline constexpr std::size_t kSealBytes = 4;
+/// Largest batch with its seal: with 44 bytes of sample fields and 140 of RTPS it fits one 1,400-byte datagram (Fast DDS 2.9.1
 /// cuts a sample in two from 1,225 bytes on).
-inline constexpr std::size_t kMaxBatchBytes = 1188;
-/// What a batch costs on the wire beyond its own bytes: sample fields, RTPS (60 of them a statistics submessage of
+inline constexpr std::size_t kMaxSealedBytes = 1180;
+inline constexpr std::size_t kMaxBatchBytes = kMaxSealedBytes - kSealBytes;
+/// What a sealed batch costs on the wire beyond its own bytes: sample fields, RTPS (60 of them a statistics submessage of
 /// Fast DDS), UDP and IP. Measured on a capture.
-inline constexpr std::size_t kBatchFramingBytes = 196;
+inline constexpr std::size_t kBatchFramingBytes = 204;
 
 /// Cuts a treelet into batches of at most `max_bytes` each and encodes them; each batch decodes alone.
 /// The store must know every split named; it need not hold all of the model: a node that came without a box is given one
@@ -46,5 +49,14 @@ inline constexpr std::size_t kBatchFramingBytes = 196;
 /// bytes can hold. Cost: about 110 ns a split.
 [[nodiscard]] Result<SplitBatch> decode_batch(const SpmHeader& header,
                                               std::span<const std::uint8_t> bytes);
+
+/// Appends the seal. It finds what went wrong on the way, not what somebody made up: the key is known to all.
+void seal_batch(const ContentHash& content, std::vector<std::uint8_t>& bytes);
+/// The batch without its seal. Errors: kCorrupt where the seal is not that of these bytes and this content.
+[[nodiscard]] Result<std::span<const std::uint8_t>> unseal_batch(
+    const ContentHash& content, std::span<const std::uint8_t> bytes);
+/// decode_batch() of what is sealed for the header's content. Errors: those of both.
+[[nodiscard]] Result<SplitBatch> decode_sealed(const SpmHeader& header,
+                                               std::span<const std::uint8_t> bytes);
 
 }  // namespace nearmesh

@@ -8,6 +8,7 @@
 #include <string_view>
 #include <vector>
 
+#include "nearmesh/core/base/content_hash.hpp"
 #include "nearmesh/core/base/status.hpp"
 #include "nearmesh/core/spm/detail/coding_tables.hpp"
 #include "nearmesh/core/spm/detail/types.hpp"
@@ -38,6 +39,9 @@ struct SurfaceFacts {
 };
 
 struct SpmHeader {
+  ContentHash blocks_root;  ///< of the tree over the stored blocks and the table of face numbers
+  ContentHash
+      content;  ///< of the header's bytes, and so of the whole model; decode_header() sets it
   Grid grid;
   double rounding_error_m = 0;
   std::array<std::uint8_t, 3>

@@ -69,7 +69,8 @@ class SplitStore {
   };
   /// Adds one split. `faces` are the record's own.
   /// Errors: kCorrupt where the record contradicts the model or what is known (another split of the same node, another
-  /// position or face, a position outside the grid, a forest deeper than kMaxForestDepth); nothing is changed then.
+  /// position or face, a position outside the grid, a forest deeper than kMaxForestDepth, a vertex or a face outside a box
+  /// that must enclose it, a box that reaches farther than those above it); nothing is changed then.
   /// Cost: O(faces).
   [[nodiscard]] Result<Insertion> insert(const SplitRecord& record,
                                          std::span<const SplitFace> faces);
@@ -168,6 +169,13 @@ class SplitStore {
   static_assert(sizeof(Entry) == 64 && kMaxForestDepth <= 1U << 12);
 
   [[nodiscard]] Status check(const SplitRecord& record, std::span<const SplitFace> faces) const;
+  [[nodiscard]] const char* fault_of_boxes(const SplitRecord& record,
+                                           std::span<const SplitFace> faces);
+  const GridBox& bounds_of(NodeSpan node);
+  /// The node itself where it has a box of its own.
+  [[nodiscard]] NodeSpan boxed_ancestor(NodeSpan node) const;
+  [[nodiscard]] bool is_within_reach(const SplitRecord& record, const GridPoint& at,
+                                     const BoxCode& code) const;
   [[nodiscard]] std::uint32_t& split_slot(NodeSpan node);
   /// The node's own box as entries hold it.
   [[nodiscard]] PackedBox packed_box(NodeSpan node) const {
@@ -189,7 +197,9 @@ class SplitStore {
   std::int32_t grid_max_ = 0;
   LazyArray<Entry> entries_;
   std::unordered_map<std::uint32_t, std::vector<SplitFace>>
-      many_faces_;  // splits with more than two
+      many_faces_;    // splits with more than two
+  NodeSpan bounded_;  // of the last bounds_of(): a node and its own box
+  GridBox bounds_;
   std::vector<BaseRoot> roots_;
   std::vector<SplitFace> base_faces_;
   SurfaceFacts surface_;
@@ -199,6 +209,9 @@ class SplitStore {
 [[nodiscard]] std::int64_t box_extent(std::uint8_t code);
 /// The smallest code whose extent is at least x >= 0.
 [[nodiscard]] std::uint8_t box_extent_code(std::int64_t x);
+/// What a code encloses about `representative`, cut to the grid: faces lie in that.
+[[nodiscard]] GridBox decode_box(const GridPoint& representative, const BoxCode& code,
+                                 std::int32_t grid_max);
 /// The tightest code that encloses `box` about `representative`, which must lie inside.
 [[nodiscard]] BoxCode encode_box(const GridPoint& representative, const GridBox& box);
 

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "run_program.hpp"
+
+#include <cstdio>
+#include <exception>
+
+#include "core/base/standard_streams.hpp"
+
+namespace nearmesh {
+namespace {
+
+Status parse_and_run(CLI::App& app, int argc, char** argv, const Action& chosen) {
+  try {
+    app.parse(argc, argv);
+    return chosen();
+  } catch (const CLI::ParseError&) {
+    throw;
+  } catch (const std::exception& error) {
+    return {StatusCode::kIo, error.what()};
+  }
+}
+
+}  // namespace
+
+int run_program(CLI::App& app, int argc, char** argv, const Action& chosen) {
+  keep_standard_streams();
+  Status status;
+  try {
+    status = parse_and_run(app, argc, argv, chosen);
+  } catch (const CLI::ParseError& error) {
+    if (app.exit(error) != 0) return 2;
+  }
+  // Before what went wrong is said: both may go to one terminal.
+  const Status printed = flush_standard_output();
+  if (status.is_ok()) status = printed;
+  if (status.is_ok()) return 0;
+  std::fprintf(stderr, "%s: %s\n", app.get_name().c_str(), status.message().c_str());
+  return 1;
+}
+
+}  // namespace nearmesh

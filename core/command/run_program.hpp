@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// What the mains of all programs do: from the command line to the exit code.
+
+#include <CLI/CLI.hpp>
+#include <functional>
+
+#include "nearmesh/core/base/status.hpp"
+
+namespace nearmesh {
+
+/// What a program does once its command line was read: set by the chosen verb's callback.
+using Action = std::function<Status()>;
+
+/// Parses, runs what was chosen, and says in one line on standard error what went wrong. Out: the exit code: 0; 1 where the
+/// action failed, or what it printed could not be written; 2 for wrong usage. `--help` ends with 0, or 1 likewise.
+[[nodiscard]] int run_program(CLI::App& app, int argc, char** argv, const Action& chosen);
+
+}  // namespace nearmesh

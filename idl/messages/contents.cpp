@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "contents.hpp"
+
+#include <algorithm>
+
+namespace nearmesh::wire {
+namespace {
+
+bool replaces(const Offer& offer, const ContentHash& content) {
+  return offer.replaces == content && offer.content != content;
+}
+
+}  // namespace
+
+void add_offer(const Hello& hello, const std::string& name, std::vector<Offer>& offers) {
+  for (const Hello::Model& model : hello.models)
+    if (model.name == name)
+      offers.push_back({hello.publisher, model.content_hash, model.replaces, model.mesh_bytes});
+}
+
+std::vector<ContentHash> standing(std::span<const Offer> offers) {
+  std::vector<ContentHash> all, left;
+  for (const Offer& offer : offers) all.push_back(offer.content);
+  std::sort(all.begin(), all.end());
+  all.erase(std::unique(all.begin(), all.end()), all.end());
+  std::copy_if(all.begin(), all.end(), std::back_inserter(left), [&](const ContentHash& content) {
+    return std::none_of(offers.begin(), offers.end(),
+                        [&](const Offer& offer) { return replaces(offer, content); });
+  });
+  return left.empty() ? all : left;
+}
+
+std::optional<ContentHash> successor(std::span<const Offer> offers, const ContentHash& content) {
+  std::optional<ContentHash> found;
+  for (const Offer& offer : offers) {
+    if (!replaces(offer, content)) continue;
+    if (found && *found != offer.content) return std::nullopt;
+    found = offer.content;
+  }
+  return found;
+}
+
+}  // namespace nearmesh::wire

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// Which contents stand for the name of a model, by what the publishers that are there say of it. One rule for peers, publishers
+// and whoever looks at the bus.
+
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "nearmesh/idl/messages/messages.hpp"
+
+namespace nearmesh::wire {
+
+/// What one publisher that is there serves under the name.
+struct Offer {
+  SessionId publisher = 0;
+  ContentHash content;
+  ContentHash replaces;  ///< takes its place; or none
+  std::uint64_t mesh_bytes = 0;
+};
+
+/// Adds what a publisher serves under the name, if it does.
+void add_offer(const Hello& hello, const std::string& name, std::vector<Offer>& offers);
+
+/// The contents that nobody replaces, ascending: more than one is a mistake that people must mend. Where they replace each other in
+/// a circle all of them stand.
+[[nodiscard]] std::vector<ContentHash> standing(std::span<const Offer> offers);
+
+/// What replaces a content; none where nothing does, or publishers disagree about it.
+[[nodiscard]] std::optional<ContentHash> successor(std::span<const Offer> offers,
+                                                   const ContentHash& content);
+
+}  // namespace nearmesh::wire

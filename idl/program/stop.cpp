@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "stop.hpp"
+
+namespace nearmesh::wire::program {
+
+volatile std::sig_atomic_t stop_requested = 0;
+
+void stop_on_signals() {
+  const auto request_stop = [](int) { stop_requested = 1; };
+  std::signal(SIGINT, request_stop);
+  std::signal(SIGTERM, request_stop);
+}
+
+}  // namespace nearmesh::wire::program

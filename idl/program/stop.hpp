@@ -1,0 +1,13 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// How a program that runs until it is told to stop is told so: Ctrl-C, or SIGTERM.
+
+#include <csignal>
+
+namespace nearmesh::wire::program {
+
+/// Set by SIGINT and SIGTERM once stop_on_signals() was called; until then these end the program.
+extern volatile std::sig_atomic_t stop_requested;
+void stop_on_signals();
+
+}  // namespace nearmesh::wire::program

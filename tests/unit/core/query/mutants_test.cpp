@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: Apache-2.0
+// Model files of which a bit was changed and every hash made right again: what a publisher would serve who is wrong, or
+// lies. A certified answer about one must be that of its own full mesh.
+
+#include <cstring>
+#include <optional>
+
+#include "core/spm/file_layout.hpp"
+#include "nearmesh/core/query/certify.hpp"
+#include "random_rotation.hpp"
+#include "reseal.hpp"
+#include "test_models.hpp"
+
+namespace nearmesh {
+namespace {
+
+using file_layout::Preamble;
+using test::TempFile;
+
+struct Ball {
+  Ball() : file(test::write_model(test::bake_mesh(generate_sphere(10, 0), 8))) {}
+  std::unique_ptr<TempFile> file;
+};
+
+struct Outcome {
+  std::size_t refused = 0, answers = 0, wrong = 0;
+};
+
+std::vector<Pose> poses() {
+  Random random(5);
+  std::vector<Pose> all;
+  for (int i = 0; i < 12; ++i) {
+    Pose pose{.rotation = test::random_rotation(random)};
+    for (double& x : pose.translation_m) x = random.between(-1.5, 1.5);
+    all.push_back(pose);
+  }
+  return all;
+}
+
+/// Asks as a peer does, from what it is sent, and compares with the full mesh of the same file.
+void ask(const std::string& path, Outcome& outcome) {
+  Result<ModelFile> whole = ModelFile::open(path);
+  if (!whole.is_ok() || !whole.value().require_all().is_ok()) {
+    ++outcome.refused;
+    return;
+  }
+  const std::optional<TriangleTree> full =
+      build_full_tree(whole.value().header(), whole.value().store());
+  ASSERT_TRUE(full.has_value());
+  static const Ball ball;
+  Result<ModelFile> other = ModelFile::open(ball.file->path());
+  ASSERT_TRUE(other.value().require_all().is_ok());
+  const TriangleTree other_full = *build_full_tree(other.value().header(), other.value().store());
+  const QueryOptions options{.clearance = false};
+  Result<ModelFile> model = ModelFile::open(path);
+  LocalModel a(model.value().store(), model.value().header().grid);
+  LocalModel b(other.value().store(), other.value().header().grid);
+  for (const Pose& pose : poses()) {
+    const auto posed = pose_pair(full->grid, Pose{}, "a", other_full.grid, pose, "b");
+    ASSERT_TRUE(posed.is_ok()) << posed.status().message();
+    const auto require = [](Result<ModelFile>& file) {
+      return [&file](NodeSpan node) { return file.value().require(node); };
+    };
+    const Result<Answer> answer =
+        certify(a, posed.value().a, require(model), b, posed.value().b, require(other), options);
+    if (!answer.is_ok()) {
+      ++outcome.refused;
+      return;
+    }
+    ++outcome.answers;
+    const Answer expected =
+        query(full->view(), posed.value().a, other_full.view(), posed.value().b, options);
+    if (answer.value().status != expected.status || answer.value().pairs != expected.pairs) {
+      ++outcome.wrong;
+      return;
+    }
+  }
+}
+
+std::vector<std::uint8_t> true_file() {
+  return test::write_model(test::bake_mesh(generate_sphere(14, 0), 8))->read();
+}
+
+TEST(Mutants, TheTrueFileIsAnsweredRight) {
+  const TempFile file;
+  file.write(true_file());
+  Outcome outcome;
+  ask(file.path(), outcome);
+  EXPECT_EQ(outcome.refused, 0U);
+  EXPECT_EQ(outcome.wrong, 0U);
+  EXPECT_EQ(outcome.answers, poses().size());
+  EXPECT_TRUE(ModelFile::open(file.path()).value().check_deep().is_ok());
+}
+
+struct Counts {
+  std::size_t refused = 0, wrong = 0, wrong_though_checked = 0, harmless = 0;
+};
+
+/// One bit changed in [begin, end) of the file, so many times.
+Counts try_mutants(std::uint64_t begin, std::uint64_t end, int count, std::uint64_t seed) {
+  const auto good = true_file();
+  const TempFile file;
+  Random random(seed);
+  Counts counts;
+  for (int i = 0; i < count; ++i) {
+    auto bytes = good;
+    const std::uint32_t bit = random.below(static_cast<std::uint32_t>((end - begin) * 8));
+    bytes[begin + bit / 8] ^= static_cast<std::uint8_t>(1U << bit % 8);
+    test::reseal(bytes);
+    file.write(bytes);
+    Outcome outcome;
+    ask(file.path(), outcome);
+    counts.refused += outcome.refused;
+    if (outcome.refused == 0 && outcome.wrong == 0) ++counts.harmless;
+    if (outcome.wrong == 0) continue;
+    ++counts.wrong;
+    Result<ModelFile> served = ModelFile::open(file.path());
+    if (served.value().check_deep().is_ok()) ++counts.wrong_though_checked;
+    std::printf("mutant %d, bit %u of the section, answers wrong\n", i, bit);
+  }
+  std::printf("%zu refused, %zu harmless, %zu wrong, %zu of them pass the deep check\n",
+              counts.refused, counts.harmless, counts.wrong, counts.wrong_though_checked);
+  return counts;
+}
+
+TEST(Mutants, OfThreeHundredAtMostOneLies) {
+  Preamble preamble;
+  const auto good = true_file();
+  std::memcpy(&preamble, good.data(), sizeof preamble);
+  const std::uint64_t blocks = sizeof(Preamble) + preamble.header_bytes;
+  // Behind magic number and root: both are put right.
+  const Counts header = try_mutants(sizeof(Preamble) + 20, blocks, 150, 1);
+  const Counts block =
+      try_mutants(blocks, preamble.directory_offset - sizeof(file_layout::OriginEntry), 150, 2);
+  EXPECT_LE(header.wrong + block.wrong, 1U);
+  EXPECT_EQ(header.wrong_though_checked + block.wrong_though_checked, 0U);
+}
+
+}  // namespace
+}  // namespace nearmesh

@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "subscriber/peer/content_choice.hpp"
+
+#include <gtest/gtest.h>
+
+namespace nearmesh::subscriber {
+namespace {
+
+using wire::Offer;
+
+constexpr ContentHash kA{0, 0xa}, kB{0, 0xb}, kC{1, 0}, kNone;
+
+TEST(StandingContents, AreThoseThatNobodyReplaces) {
+  using Contents = std::vector<ContentHash>;
+  const auto standing = [](std::vector<Offer> offers) { return wire::standing(offers); };
+  EXPECT_EQ(standing({}), Contents{});
+  EXPECT_EQ(standing({{1, kB}, {2, kA}, {3, kB}}), (Contents{kA, kB}));
+  EXPECT_EQ(standing({{1, kA}, {2, kB, kA}}), Contents{kB});
+  EXPECT_EQ(standing({{1, kA}, {2, kB, kA}, {3, kC, kB}}), Contents{kC});
+  EXPECT_EQ(standing({{1, kA}, {2, kB, kC}}), (Contents{kA, kB}));
+  EXPECT_EQ(standing({{1, kA, kB}, {2, kB, kA}}), (Contents{kA, kB}));  // a circle
+  EXPECT_EQ(standing({{1, kA, kA}}), Contents{kA});
+}
+
+struct Case {
+  const char* name;
+  KnownContent known;
+  std::vector<Offer> offers;
+  ContentHash content;
+  bool changes, conflicts;
+};
+
+class ChooseContent : public testing::TestWithParam<Case> {};
+
+TEST_P(ChooseContent, AsSaid) {
+  const Case& given = GetParam();
+  const ContentChoice choice = choose_content(given.known, given.offers);
+  EXPECT_EQ(choice.content, given.content);
+  EXPECT_EQ(choice.change.empty(), !given.changes) << choice.change;
+  EXPECT_EQ(choice.conflict.empty(), !given.conflicts) << choice.conflict;
+}
+
+const KnownContent kNothing{}, kHoldsA{.held = kA}, kPinsA{.pinned = kA}, kPinsAHoldsB{kA, kB};
+
+INSTANTIATE_TEST_SUITE_P(
+    Contents, ChooseContent,
+    testing::Values(
+        Case{"NobodyServes", kNothing, {}, kNone, false, false},
+        Case{"OneServes", kNothing, {{1, kA}}, kA, false, false},
+        Case{"TwoServeTheSame", kNothing, {{1, kA}, {2, kA}}, kA, false, false},
+        Case{"TwoDisagree", kNothing, {{1, kA}, {2, kB}}, kNone, false, true},
+        Case{"OneReplacesTheOther", kNothing, {{1, kA}, {2, kB, kA}}, kB, false, false},
+        Case{"EachReplacesTheOther", kNothing, {{1, kA, kB}, {2, kB, kA}}, kNone, false, true},
+        Case{"HeldAndServed", kHoldsA, {{1, kA}}, kA, false, false},
+        Case{"HeldAndNobodyThere", kHoldsA, {}, kA, false, false},
+        Case{"HeldWithRival", kHoldsA, {{1, kB}, {2, kA}}, kA, false, true},
+        Case{"HeldWithTwoRivals", kHoldsA, {{1, kB}, {2, kA}, {3, kC}}, kA, false, true},
+        Case{"HeldAndReplaced", kHoldsA, {{1, kA}, {2, kB, kA}}, kB, true, false},
+        Case{"HeldAndReplacedTwice", kHoldsA, {{2, kB, kA}, {3, kC, kB}}, kC, true, false},
+        Case{"HeldAndReplacedByTwo", kHoldsA, {{1, kA}, {2, kB, kA}, {3, kC, kA}}, kA, false, true},
+        Case{"HeldInACircle", kHoldsA, {{1, kA, kB}, {2, kB, kA}}, kA, false, true},
+        Case{"HeldReplacedBesideARival", kHoldsA, {{1, kC}, {2, kB, kA}}, kB, true, true},
+        Case{"HeldAndItsPublisherGone", kHoldsA, {{1, kB}}, kB, true, false},
+        Case{"HeldGoneAndTwoDisagree", kHoldsA, {{1, kB}, {2, kC}}, kA, false, true},
+        Case{"PinnedAndServed", kPinsA, {{1, kA}}, kA, false, false},
+        Case{"PinnedAndAnotherServed", kPinsA, {{1, kB}}, kA, false, true},
+        Case{"PinnedAndReplaced", kPinsA, {{1, kA}, {2, kB, kA}}, kA, false, true},
+        Case{"PinnedReplacesAnother", kPinsA, {{1, kB}, {2, kA, kB}}, kA, false, false},
+        Case{"PinnedThoughAnotherIsHeld", kPinsAHoldsB, {{1, kA}, {2, kB}}, kA, false, true}),
+    [](const auto& tested) { return std::string(tested.param.name); });
+
+}  // namespace
+}  // namespace nearmesh::subscriber
