@@ -5,6 +5,7 @@
 #include <limits>
 #include <string>
 
+#include "core/geometry/motion_bounds.hpp"
 #include "sweep_from.hpp"
 
 namespace nearmesh {

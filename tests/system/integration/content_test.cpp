@@ -175,9 +175,12 @@ TEST_F(Contents, PinnedOnesAreTheOnlyOnesTaken) {
                       nullptr, &err),
             0)
       << err;
-  for (const std::string& text : test::lines_of(test::read_text(folder.file("answers.jsonl"))))
-    if (const json line = json::parse(text); !line.contains("summary"))
+  for (const std::string& text : test::lines_of(test::read_text(folder.file("answers.jsonl")))) {
+    const json line = json::parse(text);
+    if (!line.contains("summary")) {
       EXPECT_EQ(line.at("content_a"), content_b);
+    }
+  }
 }
 
 TEST_F(Contents, MistakesInReplacesAreNamed) {

@@ -41,7 +41,7 @@ TEST_F(ReplayIndexTest, LatchedIsTheLatestOfEachKey) {
     std::int64_t id = 0;
     std::uint32_t request = 0;
   };
-  std::map<std::pair<std::string, std::uint64_t>, Asked> open;
+  std::map<std::pair<std::string, ContentHash>, Asked> open;
   std::size_t most_open = 0;
   const auto check = [&](std::int64_t id, const RecordedMessage& message) {
     Ids expected;

@@ -137,7 +137,8 @@ class MemoryOutlet final : public publisher::ReplayOutlet {
     if (topic == wire::place_of<wire::Hello>())
       bus_.inject(wire::decode_payload<wire::Hello>(cdr).value());
     if (topic == wire::place_of<wire::MeshHeader>())
-      bus_.inject(wire::decode_payload<wire::MeshHeader>(cdr).value());
+      bus_.inject(*index_.publishers().begin(),
+                  wire::decode_payload<wire::MeshHeader>(cdr).value());
     if (topic == wire::place_of<wire::BodyPose>())
       bus_.inject(wire::decode_payload<wire::BodyPose>(cdr).value());
     return key_of(stream, cdr);
@@ -196,7 +197,7 @@ class ReplayWorld {
 
  private:
   /// Of live peers, whose clock is the recording's: their frames are as long as those recorded.
-  [[nodiscard]] std::uint64_t frame() const {
+  [[nodiscard]] std::uint64_t frame() {
     return static_cast<std::uint64_t>(replay.playhead().time_s(now_s) / kFrame_s);
   }
 };
