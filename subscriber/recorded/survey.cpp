@@ -49,9 +49,9 @@ class MissedSamples {
       if constexpr (std::is_same_v<Message, wire::SplitBatchMessage>)
         who = wire::partition_of(read->publisher) + " to " +
               recording_.writers()[message.writer].partition;
-      else if constexpr (requires { read->peer; })
+      else if constexpr (requires(const Message& m) { m.peer; })
         who = wire::partition_of(read->peer);
-      else if constexpr (requires { read->publisher; })
+      else if constexpr (requires(const Message& m) { m.publisher; })
         who = wire::partition_of(read->publisher);
     });
     return who;
