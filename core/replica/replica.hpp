@@ -41,6 +41,7 @@ class Replica {
   [[nodiscard]] Taken take(const SplitBatch& batch);
   /// Whether what this sender sent contradicted the model.
   [[nodiscard]] bool distrusts(std::uint64_t sender) const { return distrusted_.contains(sender); }
+  [[nodiscard]] bool distrusts_anybody() const { return !distrusted_.empty(); }
   /// Gives up and forgets all detail below the nodes that meet no part of `keep` (the model's grid).
   /// Cost: O(known nodes that meet `keep`, and what is given up).
   Times give_up(std::span<const RegionPart> keep);
@@ -53,6 +54,8 @@ class Replica {
   [[nodiscard]] TreeView view() const { return tree_.view(header().grid); }
   /// How many batches came, also of those that were wrong.
   [[nodiscard]] std::uint32_t taken_batches() const { return taken_batches_; }
+  /// Splits that came and wait for their parents.
+  [[nodiscard]] std::size_t parked_splits() const { return refined_.parked_splits(); }
   /// Whether any detail was ever given up: what is held is then less than what came.
   [[nodiscard]] bool gave_up_detail() const { return gave_up_detail_; }
 

@@ -310,6 +310,43 @@ Result<ContactReport> decode(const wire_types::ContactReportSample& sample) {
   return checked(std::move(message));
 }
 
+void encode(const HeldDetail& message, wire_types::HeldDetailSample& sample) {
+  sample.wire_version(message.wire_version);
+  sample.applied_batches(message.applied_batches);
+  sample.peer(message.peer);
+  sample.content_hash(words_of(message.content_hash));
+  sample.model(message.model.c_str());
+  sample.last_request(message.last_request);
+  sample.state_digest(message.state_digest);
+  sample.box_digest(message.box_digest);
+  sample.heard_publishers().clear();
+  sample.heard_sequences().clear();
+  for (const HeldDetail::Heard& heard : message.heard) {
+    sample.heard_publishers().push_back(heard.publisher);
+    sample.heard_sequences().push_back(heard.sequence);
+  }
+  sample.nodes(message.nodes);
+}
+
+Result<HeldDetail> decode(const wire_types::HeldDetailSample& sample) {
+  HeldDetail message;
+  message.wire_version = sample.wire_version();
+  message.applied_batches = sample.applied_batches();
+  message.peer = sample.peer();
+  message.content_hash = content_at(sample.content_hash(), 0);
+  message.model = sample.model().to_string();
+  message.last_request = sample.last_request();
+  message.state_digest = sample.state_digest();
+  message.box_digest = sample.box_digest();
+  const std::size_t count = sample.heard_publishers().size();
+  if (count > kMaxHeardPublishers || sample.heard_sequences().size() != count)
+    return malformed("heard: lists that do not belong together");
+  for (std::size_t i = 0; i < count; ++i)
+    message.heard.push_back({sample.heard_publishers()[i], sample.heard_sequences()[i]});
+  message.nodes = sample.nodes();
+  return checked(std::move(message));
+}
+
 void encode(const ProcessStatus& message, wire_types::ProcessStatusSample& sample) {
   sample.wire_version(message.wire_version);
   sample.flags(message.is_publisher ? kFlagPublisher : 0);

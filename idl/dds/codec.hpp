@@ -37,6 +37,7 @@ NEARMESH_CODEC(RegionSubscription, RegionSubscriptionSample);
 NEARMESH_CODEC(SplitBatchMessage, SplitBatchSample);
 NEARMESH_CODEC(BodyPose, BodyPoseSample);
 NEARMESH_CODEC(ContactReport, ContactReportSample);
+NEARMESH_CODEC(HeldDetail, HeldDetailSample);
 NEARMESH_CODEC(ProcessStatus, ProcessStatusSample);
 NEARMESH_CODEC(Echo, EchoSample);
 #undef NEARMESH_CODEC

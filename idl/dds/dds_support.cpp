@@ -121,6 +121,16 @@ void WriterListener::forget_readers() {
   readers_.clear();
 }
 
+bool WriterListener::take_came() {
+  const std::lock_guard lock(mutex_);
+  return std::exchange(came_, false);
+}
+
+bool WriterListener::has_readers() const {
+  const std::lock_guard lock(mutex_);
+  return !readers_.empty();
+}
+
 bool WriterListener::is_matched_with_participant_of(const Handle& endpoint) const {
   const std::lock_guard lock(mutex_);
   return std::any_of(readers_.begin(), readers_.end(), [&](const Handle& reader) {
@@ -139,7 +149,10 @@ void WriterListener::on_publication_matched(fdds::DataWriter*,
                                             const fdds::PublicationMatchedStatus& status) {
   {
     const std::lock_guard lock(mutex_);
-    if (status.current_count_change > 0) readers_.insert(status.last_subscription_handle);
+    if (status.current_count_change > 0) {
+      readers_.insert(status.last_subscription_handle);
+      came_ = true;
+    }
     if (status.current_count_change < 0) readers_.erase(status.last_subscription_handle);
   }
   mailbox_.wake();

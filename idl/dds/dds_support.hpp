@@ -77,6 +77,9 @@ class WriterListener : public fdds::DataWriterListener {
 
   /// The writer was removed, and another will use this listener.
   void forget_readers();
+  /// Whether a reader was matched since the last call.
+  [[nodiscard]] bool take_came();
+  [[nodiscard]] bool has_readers() const;
   /// Is a reader of the same participant as this endpoint matched?
   [[nodiscard]] bool is_matched_with_participant_of(const Handle& endpoint) const;
   /// Is a reader of any other participant matched?
@@ -91,6 +94,7 @@ class WriterListener : public fdds::DataWriterListener {
   Mailbox& mailbox_;
   mutable std::mutex mutex_;
   std::set<Handle> readers_;
+  bool came_ = false;
 };
 
 /// Which session speaks through which writer. The first writer that claims a session keeps it, so
@@ -211,11 +215,11 @@ class Bus {
                       listener, partition);
   }
   void remove_writer(fdds::DataWriter* writer);
+  void remove_reader(fdds::DataReader* reader);
   [[nodiscard]] const TopicNames& names() const { return *names_; }
 
  private:
   Bus() = default;
-  void remove_reader(fdds::DataReader* reader);
   template <class Type>
   Result<fdds::Topic*> add_topic(const std::string& name) {
     fdds::TypeSupport type(new Type);

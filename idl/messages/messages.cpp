@@ -230,6 +230,16 @@ Status check(const ContactReport& message) {
   return Status::ok();
 }
 
+Status check(const HeldDetail& message) {
+  NEARMESH_RETURN_IF_ERROR(check_version(message.wire_version));
+  NEARMESH_RETURN_IF_ERROR(check_session(message.peer, "peer"));
+  NEARMESH_RETURN_IF_ERROR(check_name(message.model, "model name"));
+  NEARMESH_RETURN_IF_ERROR(check_most(message.heard.size(), kMaxHeardPublishers, "heard"));
+  for (const HeldDetail::Heard& heard : message.heard)
+    NEARMESH_RETURN_IF_ERROR(check_session(heard.publisher, "publisher"));
+  return check_most(message.nodes.size(), kMaxHeldBytes, "nodes");
+}
+
 Status check(const ProcessStatus& message) {
   NEARMESH_RETURN_IF_ERROR(check_version(message.wire_version));
   NEARMESH_RETURN_IF_ERROR(check_session(message.session, "session"));

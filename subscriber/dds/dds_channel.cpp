@@ -49,6 +49,7 @@ class DdsChannel::Impl {
 
   Status start();
   SessionId own_id() const { return own_id_; }
+  bool has_recorder() const { return held_writer_.listener().has_readers(); }
   void send(const wire::RegionSubscription& subscription);
   template <class Message>
   void put(std::deque<Message> Impl::*queue, const Message& message);
@@ -59,6 +60,7 @@ class DdsChannel::Impl {
   std::deque<wire::RegionSubscription> subscriptions_;
   std::deque<wire::BodyPose> poses_;
   std::deque<wire::ContactReport> reports_;
+  std::deque<wire::HeldDetail> held_;
   std::deque<wire::ProcessStatus> statuses_;
 
  private:
@@ -104,6 +106,7 @@ class DdsChannel::Impl {
   wire::Writer<wire::RegionSubscription> subscription_writer_{mailbox_};
   wire::Writer<wire::BodyPose> pose_writer_{mailbox_};
   wire::Writer<wire::ContactReport> report_writer_{mailbox_};
+  wire::Writer<wire::HeldDetail> held_writer_{mailbox_};  ///< heard by recorders alone
   wire::Writer<wire::ProcessStatus> status_writer_{mailbox_};
 
   std::mutex mutex_;  ///< outgoing queues and inbox; never held during a DDS call
@@ -190,7 +193,7 @@ void DdsChannel::Impl::wait(double seconds) {
   arrived_.wait_for(lock, std::chrono::duration<double>(seconds), [this] {
     return !inbox_.hellos.empty() || !inbox_.lost_publishers.empty() || !counted_headers_.empty() ||
            !inbox_.batches.empty() || !inbox_.poses.empty() || !inbox_.movers.empty() ||
-           mailbox_.has_complaints();
+           inbox_.recorder_came || mailbox_.has_complaints();
   });
 }
 
@@ -238,6 +241,7 @@ Status DdsChannel::Impl::open() {
   NEARMESH_RETURN_IF_ERROR(subscription_writer_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(pose_writer_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(report_writer_.open(*bus_));
+  NEARMESH_RETURN_IF_ERROR(held_writer_.open(*bus_));
   return status_writer_.open(*bus_);
 }
 
@@ -268,6 +272,10 @@ bool DdsChannel::Impl::receive() {
       });
   more |= receive_poses();
   hellos_.complain_of_silence();
+  if (held_writer_.listener().take_came()) {
+    const std::lock_guard lock(mutex_);
+    inbox_.recorder_came = true;
+  }
   return more;
 }
 
@@ -413,6 +421,7 @@ Status DdsChannel::Impl::rejoin() {
   headers_.clear();
   deliver_movers();
   subscription_writer_.listener().forget_readers();
+  held_writer_.listener().forget_readers();
   (void)hello_reader_.take_matches();
   (void)header_reader_.take_matches();
   (void)pose_reader_.take_matches();
@@ -467,6 +476,7 @@ bool DdsChannel::Impl::flush() {
           }))
     all &= flush(&Impl::subscriptions_, subscription_writer_);
   all &= flush(&Impl::poses_, pose_writer_);
+  all &= flush(&Impl::held_, held_writer_);
   all &= flush(&Impl::reports_, report_writer_);
   all &= flush(&Impl::statuses_, status_writer_);
   return all;
@@ -505,6 +515,8 @@ void DdsChannel::send(const wire::RegionSubscription& subscription) { impl_->sen
 void DdsChannel::send(const wire::BodyPose& pose) { impl_->put(&Impl::poses_, pose); }
 void DdsChannel::send(const wire::ContactReport& report) { impl_->put(&Impl::reports_, report); }
 void DdsChannel::tell(const wire::ProcessStatus& status) { impl_->put(&Impl::statuses_, status); }
+void DdsChannel::tell_held(const wire::HeldDetail& held) { impl_->put(&Impl::held_, held); }
+bool DdsChannel::has_recorder() const { return impl_->has_recorder(); }
 Channel::Inbox DdsChannel::take() { return impl_->take(); }
 void DdsChannel::wait(double seconds) { impl_->wait(seconds); }
 

@@ -25,6 +25,10 @@ constexpr std::size_t kMaxWritten = 1024;  ///< before the queue is looked at ag
 /// For the disk; what comes beyond is dropped and counted.
 constexpr std::size_t kMaxWaitingBytes = 64U << 20;
 constexpr double kNothingToStore_s = 0.5;
+constexpr wire::TopicPlace kHeldDetail = wire::place_of<wire::HeldDetail>();
+/// Whoever says what it holds must be heard from then on: by then all other readers have found their writers.
+constexpr auto kMatching = std::chrono::milliseconds(500);
+constexpr auto kBetweenAsking = std::chrono::seconds(2);
 constexpr auto kDiskWait =
     std::chrono::milliseconds(100);  ///< how late a commit may be noticed to be due
 
@@ -35,6 +39,7 @@ struct Entry {
   std::string partition;
   RecordedMessage message;
   std::uint64_t missing = 0;  ///< above 0: a gap of so many from message.sequence on; no message
+  bool before = false;        ///< of a gap: nothing that was sent while we listened has come yet
   ContentHash content_hash;   ///< of a header, with its name
   std::string model;
 
@@ -43,8 +48,8 @@ struct Entry {
 
 /// Counts what is missing of one writer.
 struct Sequence {
-  std::uint64_t next = 0;  ///< 0: nothing came yet
-  bool live = false;  ///< what came last was sent while we listened, so that the next must follow
+  std::uint64_t next = 1;
+  bool live = false;  ///< what came last was sent while we listened
 };
 
 EndpointGuid guid_of(const Handle& writer) {
@@ -88,6 +93,8 @@ class DdsRecorder::Impl {
   template <class Message>
   bool drain(std::uint32_t topic);
   void count_gap(const Entry& entry);
+  void note_loss(std::uint32_t topic);
+  void ask_if_due();
   void push(Entry&& entry);
   std::string partition_of(const Handle& writer);
 
@@ -108,6 +115,8 @@ class DdsRecorder::Impl {
   // The DDS thread's own.
   std::map<Handle, Sequence> sequences_;
   std::int64_t joined_ns_ = 0;
+  bool asks_ = false;  ///< all peers what they hold
+  std::chrono::steady_clock::time_point may_ask_{};
 
   std::mutex partitions_mutex_;
   std::map<Handle, std::string> partitions_;  ///< of writers that have one
@@ -196,6 +205,7 @@ void DdsRecorder::Impl::listen(std::promise<Status> started) {
       mailbox_.wait(kNothingToStore_s);
       continue;
     }
+    ask_if_due();
     bool more = false;
     for (std::uint32_t i = 0; i < topics_.size(); ++i) more |= (this->*topics_[i].drain)(i);
     if (!more) mailbox_.wait(kNothingToStore_s);
@@ -220,8 +230,36 @@ Status DdsRecorder::Impl::join() {
   NEARMESH_RETURN_IF_ERROR(bus);
   bus_ = std::move(bus).value();
   joined_ns_ = wire::now_us() * 1000;
-  for (Topic& topic : topics_) NEARMESH_RETURN_IF_ERROR((this->*topic.open)(topic));
+  for (Topic& topic : topics_) {
+    topic.reader = nullptr;
+    if (topic.place != kHeldDetail) NEARMESH_RETURN_IF_ERROR((this->*topic.open)(topic));
+  }
+  asks_ = true;
+  may_ask_ = std::chrono::steady_clock::now() + kMatching;
   return Status::ok();
+}
+
+/// Of detail a peer had been sent, something is missing: what it holds must be known anew.
+void DdsRecorder::Impl::note_loss(std::uint32_t topic) {
+  asks_ |= topics_[topic].place == wire::place_of<wire::SplitBatchMessage>();
+}
+
+/// A recorder says nothing: peers tell what they hold to each reader that is new, so it asks by making its reader anew.
+void DdsRecorder::Impl::ask_if_due() {
+  if (!asks_ || std::chrono::steady_clock::now() < may_ask_) return;
+  asks_ = false;
+  may_ask_ = std::chrono::steady_clock::now() + kBetweenAsking;
+  for (std::uint32_t i = 0; i < topics_.size(); ++i) {
+    Topic& topic = topics_[i];
+    if (topic.place != kHeldDetail) continue;
+    if (topic.reader != nullptr) {
+      while ((this->*topic.drain)(i)) {
+      }
+      bus_->remove_reader(std::exchange(topic.reader, nullptr));
+    }
+    if (const Status opened = (this->*topic.open)(topic); !opened.is_ok())
+      mailbox_.complain(opened.message());
+  }
 }
 
 template <class Message>
@@ -238,6 +276,7 @@ template <class Message>
 bool DdsRecorder::Impl::drain(std::uint32_t topic) {
   using Type = wire::RawTypeOf<Message>;
   using eprosima::fastrtps::types::ReturnCode_t;
+  if (topics_[topic].reader == nullptr) return false;
   static_cast<void>(topics_[topic].listener->take_matches());  // nobody is missed here
   typename Type::Data data;
   wire::fdds::SampleInfo info;
@@ -278,16 +317,18 @@ bool DdsRecorder::Impl::drain(std::uint32_t topic) {
   return taken.size() == kMaxRecordedAtOnce;
 }
 
-/// Of a writer that is there already we may get the latest sample of each key, numbered with gaps: none of them is missing.
+/// Of a writer that is there already we may get the latest sample of each key, numbered with gaps.
 void DdsRecorder::Impl::count_gap(const Entry& entry) {
   Sequence& sequence = sequences_[entry.writer];
   const RecordedMessage& message = entry.message;
-  if (sequence.live && message.sequence > sequence.next) {
+  if (message.sequence > sequence.next) {
     Entry gap{.topic = entry.topic, .writer = entry.writer, .partition = entry.partition};
     gap.message.sequence = sequence.next;
     gap.message.received_ns = message.received_ns;
     gap.missing = message.sequence - sequence.next;
+    gap.before = !sequence.live;
     push(std::move(gap));
+    note_loss(entry.topic);
   }
   sequence.live |= message.source_ns >= joined_ns_;
   sequence.next = std::max(sequence.next, message.sequence + 1);
@@ -304,10 +345,11 @@ void DdsRecorder::Impl::push(Entry&& entry) {
     const std::lock_guard lock(mutex_);
     if (stats_.ended) return;
     if (entry.missing > 0) {
-      stats_.lost += entry.missing;
+      (entry.before ? stats_.before : stats_.lost) += entry.missing;
     } else if (waiting_bytes_ + entry.bytes() > kMaxWaitingBytes) {
       // In its place the fact that it is missing, joined to one that waits already.
       ++stats_.dropped;
+      note_loss(entry.topic);
       const auto same = std::find_if(waiting_.rbegin(), waiting_.rend(), [&](const Entry& other) {
         return other.writer == entry.writer;
       });

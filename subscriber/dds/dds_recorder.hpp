@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // Records a live session: a passive peer that hears every sample of our topics and keeps its bytes (takes samples, gives
-// core/recording). It asks nobody for anything, and holds up nobody: batches, the one stream whose writers wait
-// for readers, it hears best-effort; what it misses it counts.
+// core/recording). It says nothing, and holds up nobody: batches, the one stream whose writers wait
+// for readers, it hears best-effort. What it misses it counts, also of before it came; peers that it comes to, and those that
+// it has missed batches of, tell it what they hold.
 
 #include <cstdint>
 #include <memory>
@@ -27,6 +28,7 @@ inline constexpr std::uint64_t kMinFileBytes = 256U << 10;
 struct RecorderStats {
   std::uint64_t messages = 0, bytes = 0;  ///< taken, payload bytes of them
   std::uint64_t lost = 0;        ///< never came: seen as gaps in their writers' sequence numbers
+  std::uint64_t before = 0;      ///< the same, of before a writer was heard
   std::uint64_t dropped = 0;     ///< came while the disk was too far behind
   std::uint64_t file_bytes = 0;  ///< of the current file with its log
   std::uint32_t parts = 1, writers = 0;

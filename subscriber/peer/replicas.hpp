@@ -36,6 +36,8 @@ struct PeerModel {
   /// The session's time when the last look ahead found nothing to ask for.
   double looked_ahead_s = -std::numeric_limits<double>::infinity();
 
+  std::uint32_t told_recorders = 0;  // so many of those that came know what is held
+
   [[nodiscard]] bool is_ready() const { return replica.has_value(); }
 };
 

@@ -7,6 +7,7 @@
 #include "content_choice.hpp"
 #include "core/base/float_guard.hpp"
 #include "core/base/hash.hpp"
+#include "core/replica/held_nodes.hpp"
 #include "pair_readiness.hpp"
 #include "region_readiness.hpp"
 #include "session_impl.hpp"
@@ -167,6 +168,7 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
     for (auto& [name, model] : impl.replicas.all())
       if (model.is_ready() && model.replica->mesh().split_count() > impl.options.max_held_splits)
         impl.give_up(model, report);
+  impl.tell_held(report);
   for (const std::string& line : report.complaints) impl.keeper.note(line, impl.clock.seconds());
   if (impl.keeper.is_due(impl.clock.seconds())) impl.tell_status(report, stats());
   return report;
@@ -199,6 +201,36 @@ void Session::Impl::give_up(PeerModel& model, FrameReport& report) {
   report.tree_s += times.tree_s;
 }
 
+/// Not while batches of the model wait: what is said to have come must have been taken in. Nor where it distrusts a publisher:
+/// of what comes, recorders would not know what it drops.
+void Session::Impl::tell_held(FrameReport& report) {
+  for (auto& [name, model] : replicas.all()) {
+    if (model.told_recorders == recorders || !model.is_ready() || !model.waiting.empty() ||
+        model.replica->parked_splits() > 0 || model.replica->distrusts_anybody())
+      continue;
+    model.told_recorders = recorders;
+    HeldNodes held = held_nodes(*model.replica);
+    if (held.bits.size() > wire::kMaxHeldBytes) {
+      report.complaints.push_back(
+          "model " + name + ": what is held takes " + std::to_string(held.bits.size()) +
+          " bytes to tell a recorder, at most " + std::to_string(wire::kMaxHeldBytes) +
+          " are sent: one that came late cannot prove what follows");
+      continue;
+    }
+    wire::HeldDetail message{.peer = channel->own_id(),
+                             .content_hash = model.content_hash,
+                             .model = name,
+                             .applied_batches = model.replica->taken_batches(),
+                             .last_request = last_request,
+                             .state_digest = model.replica->mesh().state_hash(),
+                             .box_digest = held.box_digest,
+                             .nodes = std::move(held.bits)};
+    for (const auto& [publisher, sequence] : last_sequence)
+      message.heard.push_back({publisher, sequence});
+    channel->tell_held(message);
+  }
+}
+
 void Session::Impl::take_inbox(FrameReport& report) {
   Channel::Inbox inbox = channel->take();
   std::vector<std::string>& complaints = report.complaints;
@@ -216,6 +248,7 @@ void Session::Impl::take_inbox(FrameReport& report) {
   for (const Channel::Header& header : inbox.headers) take_header(header, complaints);
   is_dropping = false;
   for (wire::SplitBatchMessage& batch : inbox.batches) take_batch(std::move(batch), report);
+  if (inbox.recorder_came) ++recorders;
   take_poses(inbox, complaints);
 }
 
@@ -308,6 +341,7 @@ void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& r
       stats.sequence_gaps += message.sequence - publisher.received_sequence - 1;
     publisher.received_sequence = std::max(publisher.received_sequence, message.sequence);
   }
+  note_sequence(message);
   ++stats.batches;
   stats.batch_bytes += message.bytes.size();
   const auto open = outstanding.find(message.content_hash);
@@ -332,6 +366,16 @@ void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& r
                                 std::to_string(kMaxWaitingBatches) +
                                 " batches wait to be applied; further ones are dropped");
   }
+}
+
+/// The last, not the highest: a publisher that lost us for a while counts from 1 again.
+void Session::Impl::note_sequence(const wire::SplitBatchMessage& message) {
+  last_sequence[message.publisher] = message.sequence;
+  if (last_sequence.size() > wire::kMaxHeardPublishers)
+    std::erase_if(last_sequence, [&](const auto& heard) {
+      return heard.first != message.publisher && !publishers.contains(heard.first);
+    });
+  if (last_sequence.size() > wire::kMaxHeardPublishers) last_sequence.erase(last_sequence.begin());
 }
 
 /// Why no base mesh of a model is here.

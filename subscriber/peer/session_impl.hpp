@@ -71,7 +71,10 @@ struct Session::Impl {
   };
   std::vector<Pair> pairs;
   std::map<wire::SessionId, Publisher> publishers;
-  bool has_news = false;  // of publishers or bodies: what names stand for may change
+  std::map<wire::SessionId, std::uint32_t>
+      last_sequence;            // of batches, by publisher; also of those that are gone
+  std::uint32_t recorders = 0;  // that came
+  bool has_news = false;        // of publishers or bodies: what names stand for may change
   std::map<ContentHash, Outstanding> outstanding;
   std::uint32_t last_request = 0;
   double time_s = 0;  // of the update
@@ -98,6 +101,8 @@ struct Session::Impl {
   void answer_pair(PairId id, std::uint64_t frame, FrameReport& report);
   void report_pair(Pair& pair, const PairAnswer& answer, const Reported& now);
   void give_up(PeerModel& model, FrameReport& report);
+  void tell_held(FrameReport& report);
+  void note_sequence(const wire::SplitBatchMessage& message);
   void ask(const FrameReport& report);
   [[nodiscard]] RegionMaker region_of(const PeerModel& model, double lookahead_s,
                                       const FrameReport& report, bool uncertified_only);

@@ -3,6 +3,7 @@
 // The commands of nearmesh-subscriber: what each is told, and what it then does. Flags and help stand in main.cpp alone, so
 // that no command compiles CLI11.
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -22,6 +23,7 @@ struct RunOptions {
   std::string metrics;
   std::vector<std::string> log{"info"};
   bool json = false;
+  std::optional<double> wait_recorder_s;  ///< for so long at most; 0: without end
 };
 Status run(const RunOptions& options);
 
@@ -35,10 +37,12 @@ struct InfoOptions {
 Status run(const InfoOptions& options);
 
 struct VerifyOptions {
-  std::string path;
+  std::string path, models;
   unsigned threads = 1;
+  bool allow_unproved = false, json = false;
 };
-Status run(const VerifyOptions& options);
+/// `exit_code`: with which the program ends where the status is not ok.
+Status run(const VerifyOptions& options, int& exit_code);
 
 struct ExportOptions {
   std::string session, peer, body, other, out;

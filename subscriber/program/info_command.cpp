@@ -35,7 +35,13 @@ nlohmann::ordered_json to_json(const RecordingReader& recording, const Survey& s
     json["topics"].push_back({{"name", recording.topics()[i].name},
                               {"samples", survey.topics[i].samples},
                               {"bytes", survey.topics[i].bytes},
+                              {"before", survey.topics[i].before},
                               {"missing", survey.topics[i].missing}});
+  json["late"] = nlohmann::ordered_json::array();
+  for (const LateWriter& writer : survey.late)
+    json["late"].push_back({{"topic", recording.topics()[writer.topic].name},
+                            {"who", writer.who},
+                            {"from_sample", writer.first_sequence}});
   for (std::size_t i = 0; i < survey.by_status.size(); ++i)
     json["reports"][to_string(static_cast<AnswerStatus>(i))] = survey.by_status[i];
   json["contact_pairs"] = survey.contact_pairs;
@@ -55,12 +61,17 @@ void print_text(const RecordingReader& recording, const Survey& survey) {
   for (const auto& [hash, model] : survey.models)
     std::printf("model   %-24s %s, %llu faces\n", model.name.c_str(), to_hex(hash).c_str(),
                 count(model.faces));
+  const auto topic_of = [&](std::size_t i) {
+    const std::string& name = recording.topics()[i].name;
+    return name.substr(name.rfind('/') + 1);
+  };
   for (std::size_t i = 0; i < survey.topics.size(); ++i)
-    std::printf(
-        "topic   %-24s %10llu samples %12llu bytes %8llu missing\n",
-        recording.topics()[i].name.substr(recording.topics()[i].name.rfind('/') + 1).c_str(),
-        count(survey.topics[i].samples), count(survey.topics[i].bytes),
-        count(survey.topics[i].missing));
+    std::printf("topic   %-24s %10llu samples %12llu bytes %8llu before %8llu missing\n",
+                topic_of(i).c_str(), count(survey.topics[i].samples), count(survey.topics[i].bytes),
+                count(survey.topics[i].before), count(survey.topics[i].missing));
+  for (const LateWriter& writer : survey.late)
+    std::printf("late    %-24s from sample %llu on, of %s\n", topic_of(writer.topic).c_str(),
+                count(writer.first_sequence), writer.who.c_str());
   std::printf("reports ");
   for (std::size_t i = 0; i < survey.by_status.size(); ++i)
     std::printf(" %llu %s%s", count(survey.by_status[i]), to_string(static_cast<AnswerStatus>(i)),

@@ -39,6 +39,13 @@ void add_run_command(CLI::App& app, Action& chosen) {
   command->add_option("--answers", options->answers, "Also write the JSON lines to this file");
   command->add_flag("--json", options->json,
                     "Print one JSON line per answer, and one with the summary");
+  const auto wait_s = std::make_shared<std::string>();
+  CLI::Option* waits =
+      command
+          ->add_flag("--wait-recorder{0}", *wait_s,
+                     "Begin when nearmesh-subscriber record listens; with =SECONDS fail when none "
+                     "came by then. Ctrl-C ends")
+          ->check(CLI::NonNegativeNumber);
   const auto settings = std::make_shared<wire::program::Settings>();
   wire::program::add_transport_settings(*settings, options->channel.transport);
   wire::program::add_metrics_setting(*settings, options->metrics);
@@ -47,8 +54,9 @@ void add_run_command(CLI::App& app, Action& chosen) {
     wire::program::apply_preset(*known, options->channel.transport);
     wire::program::set_log_levels(options->log);
   });
-  command->callback([options, &chosen] {
+  command->callback([options, waits, wait_s, &chosen] {
     if (options->scene.empty()) throw CLI::RequiredError("scene");
+    if (waits->count() > 0) options->wait_recorder_s = std::stod(*wait_s);
     chosen = [options] { return run(*options); };
   });
 }
@@ -80,15 +88,30 @@ void add_info_command(CLI::App& app, Action& chosen) {
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 
-void add_verify_command(CLI::App& app, Action& chosen) {
+void add_verify_command(CLI::App& app, Action& chosen, int& exit_code) {
   CLI::App* command = app.add_subcommand(
       "verify", "Run a recorded session again, offline, and compare states and answers.");
+  command->footer(
+      "Exit codes. 0: every answer was proved. 1: answers are different, or the recording cannot "
+      "be "
+      "read. 2: wrong usage. 3: none is different, but some could not be proved. 4: none is "
+      "different, but reports are malformed or missing, or there is none at all.");
   const auto options = std::make_shared<VerifyOptions>();
   command->add_option("session", options->path, "Recorded session (.db3)")->required();
   command->add_option("--threads", options->threads, "Peers are spread over so many")
       ->capture_default_str()
       ->check(CLI::Range(1, 256));
-  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
+  command->add_option("--models", options->models,
+                      "Folder with .spm files: from them peers are taken up again where the "
+                      "recording lacks batches, as when the recorder came late");
+  command->add_flag(
+      "--allow-unproved", options->allow_unproved,
+      "End with 0 also where answers could not be proved or reports are missing, if none "
+      "is different");
+  command->add_flag("--json", options->json, "As JSON");
+  command->callback([options, &chosen, &exit_code] {
+    chosen = [options, &exit_code] { return run(*options, exit_code); };
+  });
 }
 
 void add_export_command(CLI::App& app, Action& chosen) {
@@ -183,14 +206,16 @@ int main(int argc, char** argv) {
   add_run_command(app, chosen);
   add_record_command(app, chosen);
   add_info_command(app, chosen);
-  add_verify_command(app, chosen);
+  int exit_code = 1;  // of what fails
+  add_verify_command(app, chosen, exit_code);
   add_export_command(app, chosen);
   add_report_command(app, chosen);
   add_status_command(app, chosen);
   add_doctor_command(app, chosen);
   nearmesh::wire::program::begin_logging(app.get_name());
-  return nearmesh::run_program(app, argc, argv, [&chosen] {
+  const int code = nearmesh::run_program(app, argc, argv, [&chosen] {
     nearmesh::wire::program::stop_on_signals();
     return chosen();
   });
+  return code == 1 ? exit_code : code;
 }

@@ -18,10 +18,13 @@ namespace {
 void show(const char* end, const RecorderStats& stats, double seconds) {
   const auto count = [](std::uint64_t n) { return static_cast<unsigned long long>(n); };
   std::fprintf(
-      stderr, "%s%.0f s: %llu samples, %.1f MB of %u writers, %u file%s, %llu lost, %llu dropped%s",
+      stderr,
+      "%s%.0f s: %llu samples, %.1f MB of %u writers, %u file%s, %llu sent before, %llu lost, %llu "
+      "dropped%s",
       *end == '\n' ? "" : "\r", seconds, count(stats.messages),
       static_cast<double>(stats.bytes) / 1e6, stats.writers, stats.parts,
-      stats.parts == 1 ? "" : "s", count(stats.lost), count(stats.dropped), end);
+      stats.parts == 1 ? "" : "s", count(stats.before), count(stats.lost), count(stats.dropped),
+      end);
 }
 
 }  // namespace

@@ -332,14 +332,37 @@ class Flight {
   Summary summary_;
 };
 
+/// What is said before a recorder listens is not in its recording. Out: ok also when the program is to end.
+Status wait_for_recorder(const DdsChannel& channel, const RunOptions& options) {
+  const double limit_s = *options.wait_recorder_s;
+  const wire::TransportOptions& transport = options.channel.transport;
+  const std::string where =
+      "domain " + std::to_string(transport.domain) + ", topics " + transport.prefix + "/*";
+  if (!channel.has_recorder())
+    spdlog::info("waiting for a recorder: nearmesh-subscriber record on {}; Ctrl-C ends", where);
+  const Stopwatch clock;
+  while (!channel.has_recorder() && stop_requested == 0) {
+    if (limit_s > 0 && clock.seconds() > limit_s)
+      return {StatusCode::kNotFound, "no recorder came within " + std::to_string(limit_s) +
+                                         " s: start nearmesh-subscriber record on " + where +
+                                         ", or leave out --wait-recorder"};
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  return Status::ok();
+}
+
 }  // namespace
 
 Status run(const RunOptions& options) {
-  const Stopwatch clock;
+  Stopwatch clock;
   const Result<Scene> scene = read_scene(options.scene);
   NEARMESH_RETURN_IF_ERROR(scene);
   Result<std::unique_ptr<DdsChannel>> channel = DdsChannel::create(options.channel);
   NEARMESH_RETURN_IF_ERROR(channel);
+  if (options.wait_recorder_s) {
+    NEARMESH_RETURN_IF_ERROR(wait_for_recorder(*channel.value(), options));
+    clock = Stopwatch();
+  }
   Flight flight(options, scene.value(), std::move(channel).value(), clock);
   NEARMESH_RETURN_IF_ERROR(flight.prepare());
   NEARMESH_RETURN_IF_ERROR(flight.wait_for_start());

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // nearmesh-subscriber verify: does a recorded session come out the same again?
+#include <spdlog/spdlog.h>
+
 #include <cstdio>
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "commands.hpp"
 #include "core/base/hash.hpp"
@@ -19,29 +22,25 @@ void print(const std::vector<std::array<FaceKey, 2>>& pairs, const char* where) 
                 pairs[i][0].index, pairs[i][1].split.value, pairs[i][1].index);
 }
 
-}  // namespace
+unsigned long long count(std::uint64_t n) { return n; }
 
-Status run(const VerifyOptions& options) {
-  const auto count = [](std::uint64_t n) { return static_cast<unsigned long long>(n); };
-  Result<std::unique_ptr<RecordingReader>> recording = RecordingReader::open(options.path);
-  NEARMESH_RETURN_IF_ERROR(recording);
-  RecordingReader& reader = *recording.value();
-  const Stopwatch clock;
-  const Result<VerifyReport> result = verify(reader, options.threads);
-  NEARMESH_RETURN_IF_ERROR(result);
-  const VerifyReport& report = result.value();
-  const double seconds = clock.seconds();
-  std::printf("%llu reports of %llu peers: %llu verified, %llu different, digest %s\n",
-              count(report.reports), count(report.peers), count(report.verified),
-              count(report.different), to_hex(report.digest).c_str());
+/// 1 where answers are different or nothing can be read.
+enum ExitCode : int { kNotAllProved = 3, kReportsAmiss = 4 };
+
+void print_text(const VerifyReport& report) {
+  std::printf("%llu of %llu answers proved, %llu different; %llu peers, digest %s\n",
+              count(report.verified), count(report.answers()), count(report.different),
+              count(report.peers), to_hex(report.digest).c_str());
   std::printf(
-      "not compared: %llu without an answer, %llu for want of recorded batches, %llu after detail "
-      "was given up, %llu malformed\n",
-      count(report.not_asked), count(report.lacking), count(report.gave_up),
-      count(report.malformed));
-  const double span_s = static_cast<double>(reader.end_ns() - reader.begin_ns()) * 1e-9;
-  std::fprintf(stderr, "%.1f s of session in %.2f s\n", span_s, seconds);
-  if (report.different == 0) return Status::ok();
+      "not proved: %llu for want of recorded batches, %llu after detail was given up\n"
+      "reports: %llu, %llu of them without an answer, %llu malformed; %llu missing, %llu sent "
+      "before the recorder heard their peers\n",
+      count(report.lacking), count(report.gave_up), count(report.reports), count(report.not_asked),
+      count(report.malformed), count(report.missing), count(report.before));
+  for (const auto& [content_hash, model] : report.wanted)
+    std::printf("wanted: the file of model %s, content %s, for %llu reports (--models)\n",
+                model.name.c_str(), to_hex(content_hash).c_str(), count(model.reports));
+  if (report.differences.empty()) return;
   const Difference& first = report.differences.front();
   std::printf("first difference: message %lld, frame %llu, peer %s, bodies %s and %s\n  %s\n",
               static_cast<long long>(first.message), count(first.recorded.frame),
@@ -49,9 +48,94 @@ Status run(const VerifyOptions& options) {
               first.recorded.body_b.c_str(), first.what.c_str());
   print(first.only_recorded, "recorded");
   print(first.only_found, "found");
+}
+
+nlohmann::ordered_json to_json(const VerifyReport& report) {
+  nlohmann::ordered_json json = {{"answers", report.answers()},
+                                 {"proved", report.verified},
+                                 {"different", report.different},
+                                 {"lacking_batches", report.lacking},
+                                 {"gave_up_detail", report.gave_up},
+                                 {"reports", report.reports},
+                                 {"without_answer", report.not_asked},
+                                 {"malformed", report.malformed},
+                                 {"missing", report.missing},
+                                 {"before", report.before},
+                                 {"peers", report.peers},
+                                 {"digest", to_hex(report.digest)}};
+  json["wanted"] = nlohmann::ordered_json::array();
+  for (const auto& [content_hash, model] : report.wanted)
+    json["wanted"].push_back(
+        {{"name", model.name}, {"content_hash", to_hex(content_hash)}, {"reports", model.reports}});
+  json["complaints"] = report.complaints;
+  json["differences"] = nlohmann::ordered_json::array();
+  for (const Difference& difference : report.differences)
+    json["differences"].push_back({{"message", difference.message},
+                                   {"frame", difference.recorded.frame},
+                                   {"peer", wire::partition_of(difference.recorded.peer)},
+                                   {"body_a", difference.recorded.body_a},
+                                   {"body_b", difference.recorded.body_b},
+                                   {"what", difference.what}});
+  return json;
+}
+
+/// What it comes to; `exit_code` is left as it is where it is an error like any other.
+Status judge(const VerifyReport& report, const VerifyOptions& options, int& exit_code) {
+  const auto text = [](std::uint64_t n) { return std::to_string(n); };
+  if (report.different > 0)
+    return {StatusCode::kConflict, options.path + ": " + text(report.different) + " of " +
+                                       text(report.answers()) + " answers differ"};
+  if (report.reports == 0 || report.malformed > 0 ||
+      (report.missing > 0 && !options.allow_unproved)) {
+    exit_code = kReportsAmiss;
+    return {StatusCode::kCorrupt,
+            options.path + ": " +
+                (report.reports == 0 ? "no report is recorded, so nothing is proved"
+                                     : text(report.malformed) + " reports are malformed, " +
+                                           text(report.missing) + " are missing")};
+  }
+  const std::uint64_t unproved = report.answers() - report.verified;
+  if (unproved == 0 || options.allow_unproved) return Status::ok();
+  exit_code = kNotAllProved;
+  std::string wanted;
+  for (const auto& [content_hash, model] : report.wanted)
+    wanted += (wanted.empty() ? "; --models wants the files of " : ", ") + model.name +
+              " (content " + to_hex(content_hash) + ")";
+  return {StatusCode::kNotFound, options.path + ": " + text(unproved) + " of " +
+                                     text(report.answers()) + " answers could not be proved" +
+                                     wanted};
+}
+
+}  // namespace
+
+Status run(const VerifyOptions& options, int& exit_code) {
+  Result<std::unique_ptr<RecordingReader>> recording = RecordingReader::open(options.path);
+  NEARMESH_RETURN_IF_ERROR(recording);
+  RecordingReader& reader = *recording.value();
+  std::unique_ptr<ModelFolder> models;
+  if (!options.models.empty()) {
+    Result<std::unique_ptr<ModelFolder>> opened = ModelFolder::open(options.models);
+    NEARMESH_RETURN_IF_ERROR(opened);
+    models = std::move(opened).value();
+    for (const std::string& line : models->complaints()) spdlog::warn("{}", line);
+  }
+  const Stopwatch clock;
+  const Result<VerifyReport> result =
+      verify(reader, {.threads = options.threads, .models = models.get()});
+  NEARMESH_RETURN_IF_ERROR(result);
+  const VerifyReport& report = result.value();
+  for (const std::string& line : report.complaints) spdlog::warn("{}", line);
+  if (options.json) {
+    std::printf(
+        "%s\n",
+        to_json(report).dump(2, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
+  } else {
+    print_text(report);
+    std::fprintf(stderr, "%.1f s of session in %.2f s\n",
+                 static_cast<double>(reader.end_ns() - reader.begin_ns()) * 1e-9, clock.seconds());
+  }
   std::fflush(stdout);
-  return {StatusCode::kConflict, options.path + ": " + std::to_string(report.different) + " of " +
-                                     std::to_string(report.reports) + " reports differ"};
+  return judge(report, options, exit_code);
 }
 
 }  // namespace nearmesh::subscriber::program

@@ -2,6 +2,7 @@
 #pragma once
 // A recorded session, lived through again: each peer takes in its recorded batches just as far as each of its reports says,
 // and what it then is may be looked at (takes a recording, gives visits). What verify and scenes share.
+// Where batches are missing, a peer is taken up again from where it said what it held, with the model's file.
 // No network, no clock: the same on every machine, build and number of threads.
 
 #include <deque>
@@ -10,9 +11,11 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "core/query/answer.hpp"
 #include "core/replica/replica.hpp"
+#include "model_folder.hpp"
 #include "nearmesh/core/recording/recording.hpp"
 #include "nearmesh/idl/messages/messages.hpp"
 
@@ -28,7 +31,17 @@ struct RecordedReport {
 /// where that is not so, or no pose had come.
 [[nodiscard]] std::string why_stale(const wire::ContactReport& report);
 
-using RecordedHeaders = std::map<ContentHash, SpmHeader>;  ///< by content hash
+/// What replicas are made of, beside batches.
+struct ModelSources {
+  std::map<ContentHash, SpmHeader> headers;  ///< that were recorded
+  ModelFolder* files = nullptr;              ///< none given: what a peer says it held is no help
+};
+
+/// A model without whose file reports of a peer cannot be reached.
+struct WantedModel {
+  std::string name;
+  std::uint64_t reports = 0;
+};
 
 /// One peer.
 class RecordedPeer {
@@ -39,10 +52,15 @@ class RecordedPeer {
   virtual ~RecordedPeer() = default;
 
   void take(wire::SplitBatchMessage&& batch);
+  void take(wire::HeldDetail&& held);
   void take(RecordedReport&& report) { reports_.push_back(std::move(report)); }
   /// Visits reports, in order, as far as what they speak of is here. `final`: nothing more comes.
-  void work(const RecordedHeaders& headers, bool final);
+  void work(const ModelSources& sources, bool final);
   [[nodiscard]] std::uint64_t batches() const { return batches_; }
+  /// By content hash.
+  [[nodiscard]] const std::map<ContentHash, WantedModel>& wanted() const { return wanted_; }
+  /// One line each: why a peer could not be taken up again from what it said it held.
+  [[nodiscard]] const std::vector<std::string>& complaints() const { return complaints_; }
 
  protected:
   /// What there is to a report.
@@ -52,29 +70,70 @@ class RecordedPeer {
     kStale,  ///< by the times that the report has, or the mover was gone: nothing can be certified, whatever was here
     kGaveUp,   ///< the peer had given up detail, which is not recorded
     kLacking,  ///< batches or a header that the peer had are not in the recording
+    kNoFile,   ///< the same, but with a model's file it might be reached
   };
   virtual void visit(const RecordedReport& report, Standing standing) = 0;
 
   // Of a report that is reached, inside visit():
   [[nodiscard]] const Replica& replica(const wire::ContactReport::Asked& asked) const;
+  /// More than the report says where reports came out of order.
+  [[nodiscard]] std::uint32_t taken_batches(const wire::ContactReport::Asked& asked) const;
   /// What Session says of this pair.
   [[nodiscard]] Result<Answered> ask(const wire::ContactReport& report,
                                      const AnswerOptions& options = {}) const;
 
  private:
-  /// What the peer was sent of one model, and how much of it is taken in: more than a report says, where reports came out
-  /// of order.
-  struct Stream {
-    std::optional<Replica> replica;
-    std::deque<wire::SplitBatchMessage> waiting;
-    std::uint32_t received = 0;
+  struct Batch {
+    wire::SessionId publisher = 0;
+    std::uint32_t sequence = 0, request = 0;
+    ContentHash content_hash;
+    std::shared_ptr<const std::vector<std::uint8_t>> bytes;  ///< none: the peer takes nothing in
   };
-  bool reach(const wire::ContactReport::Asked& asked, const RecordedHeaders& headers);
+  /// The last of a publisher's batches, and the highest request that any of them answers.
+  struct Heard {
+    std::uint32_t sequence = 0, request = 0;
+  };
+  /// Follows the numbers of batches, by publisher, for as long as none is missing.
+  struct Numbers {
+    std::map<wire::SessionId, Heard> heard;
+    bool whole = true;
+    /// Out: whether the batch is the next one.
+    bool follow(const Batch& batch);
+  };
+  /// What the peer was sent of one model without a gap: from the base mesh, or from what it said it held.
+  struct Stretch {
+    std::optional<wire::HeldDetail> held;
+    Numbers numbers;
+    std::uint32_t first = 0;      ///< so many batches had been taken in at its begin
+    std::uint32_t received = 0;   ///< since
+    std::deque<Batch> waiting{};  ///< the last of them
+    std::optional<Replica> replica{};
+    std::uint32_t before = 0;  ///< what the replica's own count lacks
+    int rounds = 0;            ///< of work, since another stretch followed it
+    bool failed = false;       ///< its begin cannot be made
+    bool no_file = false;      ///< for want of a file
 
-  std::map<ContentHash, Stream> streams_;                   // by content hash
-  std::map<wire::SessionId, std::uint32_t> last_sequence_;  // by publisher
-  bool gap_ = false;
+    [[nodiscard]] std::uint32_t end() const { return first + received; }
+    [[nodiscard]] std::uint32_t taken() const { return replica->taken_batches() + before; }
+    void follow(const Batch& batch, const ContentHash& content_hash);
+  };
+  using Stream = std::deque<Stretch>;  ///< of one model; ascending, never empty
+  enum class Reach { kThere, kNotYet, kNever, kNoFile };
+
+  Stream& stream_of(const ContentHash& content_hash);
+  static void drop_followed(Stream& stream);
+  [[nodiscard]] Reach reach(const wire::ContactReport::Asked& asked, const ModelSources& sources,
+                            bool final);
+  [[nodiscard]] Reach begin(Stretch& stretch, const ContentHash& content_hash,
+                            const ModelSources& sources);
+  [[nodiscard]] Status take_up(Stretch& stretch, const Result<SplitBatch>& batch);
+
+  std::map<ContentHash, Stream> streams_;
+  Numbers from_start_;
+  std::deque<Batch> latest_;  // that may have come before what was said to be held then
   std::deque<RecordedReport> reports_;
+  std::map<ContentHash, WantedModel> wanted_;
+  std::vector<std::string> complaints_;
   std::uint64_t batches_ = 0;
 };
 
@@ -87,6 +146,7 @@ struct PlayPlan {
   std::function<bool(std::int64_t id)> wants;
   /// Whether the rest may be left out; none given: never.
   std::function<bool()> has_enough;
+  ModelFolder* models = nullptr;  ///< to take peers up again where batches are missing
 };
 
 struct Played {

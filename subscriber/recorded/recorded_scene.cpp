@@ -68,13 +68,14 @@ class ScenePeer final : public RecordedPeer {
         return Status{StatusCode::kUnsupported,
                       about + "the peer had given up detail, which is not recorded"};
       case Standing::kLacking:
+      case Standing::kNoFile:
         return Status{StatusCode::kNotFound,
                       about + "the recording lacks batches or a header that the peer had"};
       case Standing::kReached:
         break;
     }
     for (const wire::ContactReport::Asked* asked : {&recorded.a, &recorded.b})
-      if (replica(*asked).taken_batches() != asked->applied_batches ||
+      if (taken_batches(*asked) != asked->applied_batches ||
           replica(*asked).mesh().state_hash() != asked->state_digest)
         return Status{StatusCode::kConflict,
                       about + "the meshes do not come out as recorded; see verify"};

@@ -18,7 +18,17 @@
 namespace nearmesh::subscriber {
 
 struct TopicCount {
-  std::uint64_t samples = 0, bytes = 0, missing = 0;
+  std::uint64_t samples = 0, bytes = 0;
+  std::uint64_t before = 0;   ///< sent before the recorder heard their writers
+  std::uint64_t missing = 0;  ///< sent since, and never came
+};
+
+/// Of whom the recorder heard nothing of what was sent first.
+struct LateWriter {
+  std::size_t topic = 0;
+  std::string
+      who;  ///< the publisher or peer, of batches "PUBLISHER to PEER"; "" where no sample says so
+  std::uint64_t first_sequence = 0;  ///< that was heard
 };
 
 struct ModelFacts {
@@ -31,6 +41,7 @@ struct Survey {
   std::set<wire::SessionId> peers, publishers;
   std::map<ContentHash, ModelFacts> models;  // by content hash
   std::vector<TopicCount> topics;
+  std::vector<LateWriter> late;
   std::array<std::uint64_t, 5> by_status{};
   std::uint64_t contact_pairs = 0;
   std::vector<double> to_certified_s;  // ascending

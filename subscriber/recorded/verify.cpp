@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "core/base/hash.hpp"
-#include "recorded_peer.hpp"
+#include "nearmesh/idl/messages/topics.hpp"
 
 namespace nearmesh::subscriber {
 namespace {
@@ -30,6 +30,7 @@ class CheckedPeer final : public RecordedPeer {
         ++found_.gave_up;
         break;
       case Standing::kLacking:
+      case Standing::kNoFile:
         ++found_.lacking;
         break;
     }
@@ -56,7 +57,7 @@ class CheckedPeer final : public RecordedPeer {
     const wire::ContactReport& recorded = report.message;
     for (const auto& [asked, body] :
          {std::pair(&recorded.a, &recorded.body_a), std::pair(&recorded.b, &recorded.body_b)}) {
-      const std::uint32_t taken_in = replica(*asked).taken_batches();
+      const std::uint32_t taken_in = taken_batches(*asked);
       const std::uint64_t state = replica(*asked).mesh().state_hash();
       if (taken_in == asked->applied_batches && state == asked->state_digest) continue;
       std::string what = "model of " + *body + " after " + std::to_string(asked->applied_batches) +
@@ -116,13 +117,27 @@ class CheckedPeer final : public RecordedPeer {
 
 }  // namespace
 
-Result<VerifyReport> verify(RecordingReader& recording, unsigned threads) {
+namespace {
+
+/// What was said and is not in the recording, by its gaps.
+void count_missing(const RecordingReader& recording, VerifyReport& sum) {
+  const std::string type(wire::topic_of<wire::ContactReport>().type);
+  for (const RecordingGap& gap : recording.gaps())
+    if (recording.topics()[recording.writers()[gap.writer].topic].type == type)
+      (gap.first_sequence == 1 ? sum.before : sum.missing) += gap.count;
+}
+
+}  // namespace
+
+Result<VerifyReport> verify(RecordingReader& recording, const VerifyPlan& plan) {
   const Result<Played> played = play(
-      recording, {.threads = threads,
-                  .make_peer = [](const std::string&) { return std::make_unique<CheckedPeer>(); }});
+      recording, {.threads = plan.threads,
+                  .make_peer = [](const std::string&) { return std::make_unique<CheckedPeer>(); },
+                  .models = plan.models});
   NEARMESH_RETURN_IF_ERROR(played);
   VerifyReport sum{.reports = played.value().reports, .malformed = played.value().malformed};
   sum.peers = played.value().peers.size();
+  count_missing(recording, sum);
   for (const auto& [partition, peer] : played.value().peers) {
     const VerifyReport& found = static_cast<const CheckedPeer&>(*peer).found();
     sum.verified += found.verified;
@@ -131,6 +146,12 @@ Result<VerifyReport> verify(RecordingReader& recording, unsigned threads) {
     sum.lacking += found.lacking;
     sum.gave_up += found.gave_up;
     sum.batches += peer->batches();
+    for (const auto& [content_hash, wanted] : peer->wanted()) {
+      sum.wanted[content_hash].name = wanted.name;
+      sum.wanted[content_hash].reports += wanted.reports;
+    }
+    sum.complaints.insert(sum.complaints.end(), peer->complaints().begin(),
+                          peer->complaints().end());
     sum.digest = mix(sum.digest ^ found.digest);
     sum.differences.insert(sum.differences.end(), found.differences.begin(),
                            found.differences.end());

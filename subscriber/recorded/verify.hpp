@@ -6,11 +6,13 @@
 
 #include <array>
 #include <cstdint>
+#include <map>
 #include <string>
 #include <vector>
 
 #include "nearmesh/core/recording/recording.hpp"
 #include "nearmesh/idl/messages/messages.hpp"
+#include "recorded_peer.hpp"
 
 namespace nearmesh::subscriber {
 
@@ -35,15 +37,30 @@ struct VerifyReport {
   std::uint64_t lacking = 0;  ///< batches (or a header) that the peer had are not in the recording
   std::uint64_t gave_up = 0;  ///< the peer had given up detail, which is not recorded
   std::uint64_t malformed = 0;  ///< reports that do not decode
+  std::uint64_t missing = 0;    ///< reports that were sent after the first and never came
+  std::uint64_t before = 0;     ///< sent before the recorder heard the first of their peer
   std::uint64_t peers = 0, batches = 0;
   std::uint64_t digest = 0;  ///< of all that was found, for comparing builds
   std::vector<Difference>
       differences;  ///< the first kMaxDifferences of each peer, in order of the recording
+  /// Files that would help with reports that lack batches, by content.
+  std::map<ContentHash, WantedModel> wanted;
+  /// One line each: why a peer could not be taken up from what it said it held.
+  std::vector<std::string> complaints;
+
+  /// Of how many answers the recording tells.
+  [[nodiscard]] std::uint64_t answers() const { return verified + different + lacking + gave_up; }
 };
 inline constexpr std::size_t kMaxDifferences = 16;
 
-/// `threads`: peers are spread over so many (>= 1). Memory: the peers' replicas, and a few thousand messages.
+struct VerifyPlan {
+  unsigned threads = 1;  ///< peers are spread over so many (>= 1)
+  /// From these files a peer is taken up where it said what it held, if batches of before are not in the recording.
+  ModelFolder* models = nullptr;
+};
+
+/// Memory: the peers' replicas, and a few thousand messages.
 /// Errors: those of the reader; kUnsupported for another wire version.
-[[nodiscard]] Result<VerifyReport> verify(RecordingReader& recording, unsigned threads);
+[[nodiscard]] Result<VerifyReport> verify(RecordingReader& recording, const VerifyPlan& plan);
 
 }  // namespace nearmesh::subscriber

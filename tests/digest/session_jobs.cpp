@@ -20,7 +20,7 @@ std::uint64_t verified() {
   for (const unsigned threads : {1U, 2U}) {
     const auto recording = RecordingReader::open(copy);
     if (!recording.is_ok()) return 0;
-    const auto report = subscriber::verify(*recording.value(), threads);
+    const auto report = subscriber::verify(*recording.value(), {.threads = threads});
     if (!report.is_ok() || report.value().different != 0 || report.value().verified == 0) return 0;
     digest.add(report.value().digest);
     digest.add(report.value().verified);

@@ -67,7 +67,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::uint8_t choice = in.byte();
   Bytes bytes(in.rest().begin(), in.rest().end());
   if (choice >= 128) bytes.insert(bytes.begin(), {0, 1, 0, 0, kWireVersion, 0});
-  switch (choice % 8) {
+  switch (choice % 9) {
     case 0:
       run<TypeOf<Hello>>(bytes);
       break;
@@ -89,8 +89,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     case 6:
       run<TypeOf<ProcessStatus>>(bytes);
       break;
-    default:
+    case 7:
       run<TypeOf<Echo>>(bytes);
+      break;
+    default:
+      run<TypeOf<HeldDetail>>(bytes);
   }
   return 0;
 }

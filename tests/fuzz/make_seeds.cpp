@@ -109,6 +109,7 @@ int main(int argc, char** argv) {
   write_sample<TypeOf<ContactReport>>("contact_report", 5, wire::test::valid_report());
   write_sample<TypeOf<ProcessStatus>>("process_status", 6, wire::test::valid_status());
   write_sample<TypeOf<Echo>>("echo", 7, wire::test::valid_echo());
+  write_sample<TypeOf<HeldDetail>>("held_detail", 8, wire::test::valid_held());
   BodyPose skewed = wire::test::valid_pose();
   skewed.pose.rotation[1] = 0.5;
   write_sample<TypeOf<BodyPose>>("refused_body_pose", 4, skewed);

@@ -42,6 +42,7 @@ class MemoryBus {
   std::vector<wire::ContactReport> reports;                 ///< all that were sent
   std::vector<wire::RegionSubscription> subscriptions;      ///< all that were sent, also those lost
   std::map<wire::SessionId, wire::ProcessStatus> statuses;  ///< the last of each process
+  std::vector<wire::HeldDetail> held;                       ///< all that were told
 
   /// The bus must outlive its channels. A channel that goes away is news to the other side, see
   /// keep_quiet.
@@ -62,6 +63,10 @@ class MemoryBus {
   }
   void inject(wire::SessionId from, const wire::MeshHeader& header) {
     for (auto& [id, box] : peers_) box.inbox.headers.push_back({from, header});
+  }
+  /// Who records must be told what is held.
+  void bring_recorder() {
+    for (auto& [id, box] : peers_) box.inbox.recorder_came = true;
   }
   void release_headers() {
     deliver_headers = true;
@@ -226,6 +231,10 @@ class MemoryBus::PeerEnd : public subscriber::Channel {
     bus_.reports.push_back(report);
   }
   void tell(const wire::ProcessStatus& status) override { bus_.keep(status); }
+  void tell_held(const wire::HeldDetail& held) override {
+    EXPECT_EQ(wire::check(held).message(), "");
+    bus_.held.push_back(held);
+  }
   Inbox take() override {
     PeerBox& box = bus_.peers_.at(id_);
     Inbox inbox = std::exchange(box.inbox, {});

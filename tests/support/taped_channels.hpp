@@ -53,6 +53,7 @@ class Tape {
     add(by, "", m);
   }
   void put(wire::SessionId by, const wire::ContactReport& m) { add(by, "", m); }
+  void put(wire::SessionId by, const wire::HeldDetail& m) { add(by, "", m); }
   [[nodiscard]] Status close() {
     keep(writer_->close());
     return status;
@@ -140,6 +141,10 @@ class TapedPeer final : public subscriber::Channel {
   void send(const wire::RegionSubscription& message) override { pass(message); }
   void send(const wire::BodyPose& message) override { pass(message); }
   void send(const wire::ContactReport& message) override { pass(message); }
+  void tell_held(const wire::HeldDetail& message) override {
+    tape_.put(own_id(), message);
+    inner_->tell_held(message);
+  }
   Inbox take() override { return inner_->take(); }
 
  private:

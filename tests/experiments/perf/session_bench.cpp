@@ -77,7 +77,7 @@ int main(int argc, char** argv) {
     auto reader = RecordingReader::open(path);
     if (!reader.is_ok()) return fail(reader.status());
     const Stopwatch clock;
-    const auto report = subscriber::verify(*reader.value(), threads);
+    const auto report = subscriber::verify(*reader.value(), {.threads = threads});
     if (!report.is_ok()) return fail(report.status());
     std::printf(
         "verify, %u thread%s: %.2f s, %llu of %llu reports verified, %llu different, "

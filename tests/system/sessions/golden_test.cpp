@@ -41,7 +41,7 @@ TEST(GoldenSession, VerifiesWithAnyNumberOfThreads) {
 TEST(GoldenSession, HasWhatIsWorthKeeping) {
   const Folder folder;
   const auto reader = RecordingReader::open(test::golden_session(folder)).value();
-  const auto report = subscriber::verify(*reader, 1);
+  const auto report = subscriber::verify(*reader, {});
   ASSERT_TRUE(report.is_ok()) << report.status().message();
   EXPECT_EQ(report.value().different + report.value().lacking + report.value().gave_up, 0U);
   EXPECT_EQ(report.value().peers, 2U);

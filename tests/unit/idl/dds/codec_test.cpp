@@ -66,6 +66,12 @@ TEST(Decode, RefusesEchoWithUnknownFlags) {
   expect_refused<S>(valid_echo(), "flags", [](S& s) { s.flags(2); });
 }
 
+TEST(Decode, RefusesWhatIsHeldWithListsThatDoNotBelongTogether) {
+  using S = wire_types::HeldDetailSample;
+  expect_refused<S>(valid_held(), "heard", [](S& s) { s.heard_sequences().pop_back(); });
+  expect_refused<S>(valid_held(), "heard", [](S& s) { s.heard_publishers().resize(1000); });
+}
+
 TEST(Decode, RefusesReportOfAnUnknownMover) {
   using S = wire_types::ContactReportSample;
   expect_refused<S>(valid_report(), "movers: found 4", [](S& s) { s.movers()[1] = 4; });

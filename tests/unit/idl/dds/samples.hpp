@@ -93,6 +93,20 @@ inline ContactReport valid_report() {
   return message;
 }
 
+inline HeldDetail valid_held() {
+  HeldDetail message;
+  message.peer = 42;
+  message.content_hash = {1, 11};
+  message.model = "bunny";
+  message.applied_batches = 12;
+  message.last_request = 7;
+  message.state_digest = 0x1020304050607080;
+  message.box_digest = 0x8070605040302010;
+  message.heard = {{8, 17}, {9, 1}};
+  message.nodes = {1, 2, 255};
+  return message;
+}
+
 inline ProcessStatus valid_status() {
   ProcessStatus message;
   message.session = 42;
@@ -131,8 +145,8 @@ inline Echo valid_echo() {
 template <class Message>
 Message valid() {
   return std::get<Message>(std::tuple(valid_hello(), valid_header(), valid_subscription(),
-                                      valid_batch(), valid_pose(), valid_report(), valid_status(),
-                                      valid_echo(), Probe{valid_echo()}));
+                                      valid_batch(), valid_pose(), valid_report(), valid_held(),
+                                      valid_status(), valid_echo(), Probe{valid_echo()}));
 }
 /// use(message) with one of each.
 template <class Use>

@@ -206,8 +206,21 @@ TEST(CheckMessage, NamesBothVersionsWhenTheyDiffer) {
   expect_unsupported(valid_batch());
   expect_unsupported(valid_pose());
   expect_unsupported(valid_report());
+  expect_unsupported(valid_held());
   expect_unsupported(valid_status());
   expect_unsupported(valid_echo());
+}
+
+TEST(CheckMessage, RefusesWhatIsHeldOutsideItsLimits) {
+  using M = HeldDetail;
+  expect_refusals<M>(valid_held(), {{"peer", [](M& m) { m.peer = 0; }},
+                                    {"model name", [](M& m) { m.model = ""; }},
+                                    {"heard",
+                                     [](M& m) {
+                                       m.heard.resize(kMaxHeardPublishers + 1, {1, 1});
+                                     }},
+                                    {"publisher", [](M& m) { m.heard[1].publisher = 0; }},
+                                    {"nodes", [](M& m) { m.nodes.resize(kMaxHeldBytes + 1); }}});
 }
 
 TEST(CheckMessage, RefusesStatusOutsideItsLimits) {

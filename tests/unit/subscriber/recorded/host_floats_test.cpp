@@ -17,7 +17,7 @@ TEST(HostFloatsOfAProof, ProveTheGoldenSessionAsEver) {
       ::testing::TempDir() + "nearmesh_floats_" + std::to_string(::getpid()) + ".db3";
   std::filesystem::copy_file(NEARMESH_GOLDEN_SESSION, copy);
   const auto recording = RecordingReader::open(copy).value();
-  const auto prove = [&] { return subscriber::verify(*recording, 2).value(); };
+  const auto prove = [&] { return subscriber::verify(*recording, {.threads = 2}).value(); };
   const subscriber::VerifyReport plain = prove();
   EXPECT_EQ(plain.different + plain.lacking + plain.gave_up + plain.malformed, 0U);
   EXPECT_EQ(plain.verified, 56U);

@@ -4,7 +4,9 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <filesystem>
+#include <fstream>
 
 #include "nearmesh/idl/dds/payload.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
@@ -28,9 +30,20 @@ struct Recorded {
   struct Item {
     std::optional<Batch> batch;
     std::optional<wire::ContactReport> report;
+    std::optional<wire::HeldDetail> held;
   };
   std::vector<Item> items;
   std::vector<wire::MeshHeader> headers;
+
+  /// As a recorder heard it that came after so many items.
+  [[nodiscard]] Recorded from(std::size_t first) const {
+    return {{items.begin() + static_cast<std::ptrdiff_t>(first), items.end()}, headers};
+  }
+  [[nodiscard]] std::size_t answers() const {
+    return static_cast<std::size_t>(std::count_if(items.begin(), items.end(), [](const Item& item) {
+      return item.report && item.report->asked;
+    }));
+  }
 };
 
 class Verify : public ::testing::Test {
@@ -49,8 +62,9 @@ class Verify : public ::testing::Test {
             .content_hash = file.content_hash(),
             .bytes = {bytes.begin(), bytes.end()}};
   }
-  /// Two peers that fly, each on its own, over the same ground.
-  Recorded record(SessionOptions options = quick_options()) {
+  /// Two peers that fly, each on its own, over the same ground. A recorder comes in each of these frames.
+  Recorded record(SessionOptions options = quick_options(),
+                  const std::set<std::size_t>& comings = {}) {
     Recorded recorded;
     World world;
     world.start_publisher();
@@ -64,12 +78,16 @@ class Verify : public ::testing::Test {
       for (wire::ContactReport& report : world.bus.reports)
         recorded.items.push_back({.report = std::move(report)});
       world.bus.reports.clear();
+      for (wire::HeldDetail& held : world.bus.held)
+        recorded.items.push_back({.held = std::move(held)});
+      world.bus.held.clear();
     };
     const Flight flight = make_flight(5), other_flight = make_flight(6);
     const auto one = world.make_peer(options);
     const auto other = world.make_peer(options, kOther);
     // In turns, several rounds a frame, so that answers change while batches come.
     for (std::size_t i = 0; i < flight.frames(); ++i) {
+      if (comings.contains(i)) world.bus.bring_recorder();
       world.fly_frame(*one, i, {{kOne, flight.one[i]}, {kTwo, flight.two[i]}}, 20);
       world.fly_frame(*other, i, {{kOne, other_flight.one[i]}, {kTwo, other_flight.two[i]}}, 20);
     }
@@ -108,7 +126,8 @@ class Verify : public ::testing::Test {
     return recorded;
   }
 
-  VerifyReport verify(const Recorded& recorded, unsigned threads = 1) {
+  VerifyReport verify(const Recorded& recorded, unsigned threads = 1,
+                      subscriber::ModelFolder* models = nullptr) {
     const std::string path = folder_ + "/" + std::to_string(files_++) + ".db3";
     const wire::TopicNames names("prefix");
     auto writer =
@@ -118,7 +137,8 @@ class Verify : public ::testing::Test {
           .value();
     };
     const std::uint32_t headers = add(names.of<wire::MeshHeader>(), ""),
-                        reports = add(names.of<wire::ContactReport>(), "");
+                        reports = add(names.of<wire::ContactReport>(), ""),
+                        held = add(names.of<wire::HeldDetail>(), "");
     const std::uint32_t batches =
         writer->add_topic({names.of<wire::SplitBatchMessage>(), "type"}).value();
     std::map<wire::SessionId, std::uint32_t> writers;
@@ -128,6 +148,7 @@ class Verify : public ::testing::Test {
     for (const wire::MeshHeader& header : recorded.headers) append(headers, encode_payload(header));
     for (const Recorded::Item& item : recorded.items) {
       if (item.report) append(reports, encode_payload(*item.report));
+      if (item.held) append(held, encode_payload(*item.held));
       if (!item.batch) continue;
       const auto [at, is_new] = writers.try_emplace(item.batch->peer, 0);
       if (is_new)
@@ -137,14 +158,33 @@ class Verify : public ::testing::Test {
     }
     EXPECT_TRUE(writer->close().is_ok());
     const auto reader = RecordingReader::open(path).value();
-    const auto report = subscriber::verify(*reader, threads);
+    const auto report = subscriber::verify(*reader, {.threads = threads, .models = models});
     EXPECT_TRUE(report.is_ok()) << report.status().message();
     return report.value();
+  }
+
+  /// A folder with the files of both models, or of one.
+  std::unique_ptr<subscriber::ModelFolder> models(bool with_terrain = true) {
+    const std::string path = folder_ + "/models" + std::to_string(files_++);
+    std::filesystem::create_directory(path);
+    std::filesystem::copy_file(aircraft().open().path(), path + "/aircraft.spm");
+    if (with_terrain) std::filesystem::copy_file(terrain().open().path(), path + "/terrain.spm");
+    auto opened = subscriber::ModelFolder::open(path);
+    EXPECT_TRUE(opened.is_ok()) << opened.status().message();
+    return std::move(opened).value();
   }
 
   std::string folder_;
   int files_ = 0;
 };
+
+/// The place of the first thing that a peer said it held.
+std::size_t find_held(const Recorded& recorded) {
+  std::size_t at = 0;
+  while (at < recorded.items.size() && !recorded.items[at].held) ++at;
+  EXPECT_LT(at, recorded.items.size());
+  return at;
+}
 
 std::size_t find_report(const Recorded& recorded,
                         const std::function<bool(const wire::ContactReport&)>& which) {
@@ -299,6 +339,200 @@ TEST_F(Verify, GivenUpDetailIsSaidAndNotCompared) {
   EXPECT_EQ(found.different, 0U);
   EXPECT_GT(found.gave_up, 10U);
   EXPECT_GT(found.verified, 10U);
+}
+
+// ---- recorders that come late -------------------------------------------------------------------
+
+TEST_F(Verify, ALateRecorderProvesWhatFollowsWithTheModelsFiles) {
+  const Recorded all = record(quick_options(), {12});
+  const VerifyReport whole = verify(all);
+  const Recorded late = all.from(find_held(all));
+  ASSERT_GT(late.answers(), 100U);
+  ASSERT_LT(late.answers(), all.answers() - 50);
+  const auto folder = models();
+  const VerifyReport found = verify(late, 2, folder.get());
+  expect_sum(found);
+  // The peer that comes second in the frame spoke up to then of what the recorder does not know.
+  EXPECT_EQ(found.different, 0U) << found.differences.front().what;
+  EXPECT_EQ(found.verified, late.answers());
+  EXPECT_EQ(found.answers(), late.answers());
+  EXPECT_TRUE(found.wanted.empty());
+  EXPECT_TRUE(found.complaints.empty());
+  EXPECT_EQ(whole.verified, all.answers());
+}
+
+TEST_F(Verify, ALateRecordingWithoutFilesSaysWhichItWants) {
+  const Recorded all = record(quick_options(), {12});
+  const Recorded late = all.from(find_held(all));
+  const VerifyReport none = verify(late);
+  expect_sum(none);
+  EXPECT_EQ(none.verified + none.different, 0U);
+  EXPECT_EQ(none.lacking, late.answers());
+  ASSERT_EQ(none.wanted.size(), 2U);
+  EXPECT_EQ(none.wanted.at(terrain().open().content_hash()).name, "terrain");
+  EXPECT_EQ(none.wanted.at(aircraft().open().content_hash()).name, "aircraft");
+  EXPECT_EQ(none.wanted.at(aircraft().open().content_hash()).reports, none.lacking);
+
+  const auto folder = models(false);
+  const VerifyReport some = verify(late, 1, folder.get());
+  EXPECT_GT(some.verified, 20U);  // of the two aircraft
+  EXPECT_EQ(some.different, 0U);
+  ASSERT_EQ(some.wanted.size(), 1U);
+  EXPECT_EQ(some.wanted.begin()->second.name, "terrain");
+  EXPECT_EQ(some.wanted.begin()->second.reports, some.lacking);
+}
+
+TEST_F(Verify, NoHeaderNeedsToBeRecordedWhereTheFilesAre) {
+  const Recorded all = record(quick_options(), {12});
+  Recorded late = all.from(find_held(all));
+  late.headers.clear();
+  const auto folder = models();
+  const VerifyReport found = verify(late, 1, folder.get());
+  EXPECT_EQ(found.verified, late.answers());
+}
+
+TEST_F(Verify, ARecorderThatWasAwayGoesOnFromWhereItCameBack) {
+  const Recorded all = record(quick_options(), {0, 20});
+  std::size_t away = all.items.size() / 3, back = away;
+  while (!all.items[back].held) ++back;
+  Recorded recorded = all;
+  recorded.items.erase(recorded.items.begin() + static_cast<std::ptrdiff_t>(away),
+                       recorded.items.begin() + static_cast<std::ptrdiff_t>(back));
+  ASSERT_LT(recorded.answers(), all.answers() - 20);
+  const auto folder = models();
+  const VerifyReport found = verify(recorded, 1, folder.get());
+  EXPECT_EQ(found.verified, recorded.answers());
+  EXPECT_EQ(found.different, 0U);
+  // Without files as far as it was away.
+  const VerifyReport without = verify(recorded);
+  EXPECT_GT(without.verified, 50U);
+  EXPECT_GT(without.lacking, 20U);
+  EXPECT_EQ(without.verified + without.lacking, recorded.answers());
+  EXPECT_TRUE(without.wanted.contains(terrain().open().content_hash()));
+}
+
+// Batches and what is said come by different ways: either may be recorded earlier than it was sent.
+TEST_F(Verify, WhatIsHeldAndBatchesMayComeInAnyOrder) {
+  const Recorded all = record(quick_options(), {3, 12, 13});
+  const auto folder = models();
+  const std::size_t first = find_held(all);
+  for (const std::size_t by : {1U, 4U, 30U}) {
+    for (const bool later : {false, true}) {
+      SCOPED_TRACE(std::to_string(by) + (later ? " later" : " earlier"));
+      Recorded shifted = all.from(first);
+      auto& items = shifted.items;
+      std::vector<std::size_t> places;
+      for (std::size_t i = 0; i < items.size(); ++i)
+        if (items[i].held) places.push_back(i);
+      if (later) std::reverse(places.begin(), places.end());
+      for (const std::size_t at : places) {
+        const auto begin = items.begin();
+        const auto place = [&](std::size_t i) { return begin + static_cast<std::ptrdiff_t>(i); };
+        if (later)
+          std::rotate(place(at), place(at + 1), place(std::min(at + by + 1, items.size())));
+        else
+          std::rotate(place(at < by ? 0 : at - by), place(at), place(at + 1));
+      }
+      const VerifyReport found = verify(shifted, 1, folder.get());
+      expect_sum(found);
+      EXPECT_EQ(found.different, 0U);
+      EXPECT_EQ(found.verified, shifted.answers());
+    }
+  }
+}
+
+TEST_F(Verify, WithoutBatchesThatCameAfterwardsNothingIsClaimed) {
+  const Recorded all = record(quick_options(), {4});
+  Recorded late = all.from(find_held(all));
+  std::size_t seen = 0;
+  std::erase_if(late.items, [&](const Recorded::Item& item) {
+    return item.batch && item.batch->peer == kPeer && ++seen == 2;
+  });
+  ASSERT_GT(seen, 2U);
+  const auto folder = models();
+  const VerifyReport found = verify(late, 1, folder.get());
+  expect_sum(found);
+  EXPECT_EQ(found.different, 0U);
+  EXPECT_GT(found.verified, 50U);
+  EXPECT_GT(found.lacking, 20U);
+}
+
+TEST_F(Verify, WhatIsHeldIsTakenForNothingElseThanItWas) {
+  const Recorded all = record(quick_options(), {12});
+  const Recorded late = all.from(find_held(all));
+  const auto folder = models();
+  const auto spoilt = [&](const std::function<void(wire::HeldDetail&)>& spoil) {
+    Recorded recorded = late;
+    for (Recorded::Item& item : recorded.items)
+      if (item.held) spoil(*item.held);
+    return verify(recorded, 1, folder.get());
+  };
+  for (const VerifyReport& found :
+       {spoilt([](wire::HeldDetail& held) { held.state_digest ^= 1; }),
+        spoilt([](wire::HeldDetail& held) { held.box_digest ^= 1; }),
+        spoilt([](wire::HeldDetail& held) { held.nodes.pop_back(); })}) {
+    EXPECT_EQ(found.verified + found.different, 0U);
+    EXPECT_EQ(found.lacking, late.answers());
+    EXPECT_EQ(found.complaints.size(), 4U);  // two peers, two models
+    EXPECT_TRUE(found.wanted.empty());
+  }
+}
+
+// The publisher that was lost for a while counts the peer's batches from 1 again.
+TEST_F(Verify, FollowsAPublisherThatCountsAnew) {
+  Recorded recorded = record();
+  std::vector<wire::SplitBatchMessage*> batches;
+  for (Recorded::Item& item : recorded.items)
+    if (item.batch && item.batch->peer == kPeer) batches.push_back(&item.batch->message);
+  // Between two requests, not while both are answered.
+  const auto by_request = [](const auto* x, const auto* y) { return x->request < y->request; };
+  auto anew = batches.begin() + 5;
+  while (anew != batches.end() &&
+         (*std::min_element(anew, batches.end(), by_request))->request <=
+             (*std::max_element(batches.begin(), anew, by_request))->request)
+    ++anew;
+  const std::ptrdiff_t earlier = anew - batches.begin();
+  ASSERT_GT(batches.end() - anew, earlier);  // beyond the numbers of before
+  for (std::uint32_t number = 1; anew != batches.end(); ++anew) (*anew)->sequence = number++;
+  const VerifyReport found = verify(recorded);
+  EXPECT_EQ(found.verified, recorded.answers());
+  EXPECT_EQ(found.different + found.lacking, 0U);
+}
+
+TEST_F(Verify, ReportsThatNeverCameAreCounted) {
+  const std::string path = folder_ + "/gaps.db3";
+  const wire::TopicNames names("prefix");
+  auto writer = RecordingWriter::create(path, {1, 0, wire::kWireVersion, "prefix", "idl"}).value();
+  const auto add = [&](const auto& topic, const std::string& name) {
+    return writer->add_writer({writer->add_topic({name, std::string(topic.type)}).value(), {}, ""})
+        .value();
+  };
+  const std::uint32_t reports =
+      add(wire::topic_of<wire::ContactReport>(), names.of<wire::ContactReport>());
+  const std::uint32_t poses = add(wire::topic_of<wire::BodyPose>(), names.of<wire::BodyPose>());
+  ASSERT_TRUE(writer->add_gap({reports, 1, 9, 0}).is_ok());
+  ASSERT_TRUE(writer->add_gap({reports, 20, 3, 0}).is_ok());
+  ASSERT_TRUE(writer->add_gap({poses, 20, 100, 0}).is_ok());
+  ASSERT_TRUE(writer->append({.writer = reports, .cdr = {1, 2, 3}}).is_ok());
+  ASSERT_TRUE(writer->close().is_ok());
+  const auto reader = RecordingReader::open(path).value();
+  const VerifyReport found = subscriber::verify(*reader, {}).value();
+  EXPECT_EQ(found.before, 9U);
+  EXPECT_EQ(found.missing, 3U);
+  EXPECT_EQ(found.malformed, 1U);
+  EXPECT_EQ(found.answers(), 0U);
+}
+
+TEST_F(Verify, AFolderWithoutModelsIsRefusedAndFilesThatAreNoneAreTold) {
+  EXPECT_EQ(subscriber::ModelFolder::open(folder_ + "/none").status().code(),
+            StatusCode::kNotFound);
+  std::ofstream(folder_ + "/junk.spm") << "junk";
+  std::ofstream(folder_ + "/notes.txt") << "none of ours";
+  const auto opened = subscriber::ModelFolder::open(folder_);
+  ASSERT_TRUE(opened.is_ok());
+  ASSERT_EQ(opened.value()->complaints().size(), 1U);
+  EXPECT_NE(opened.value()->complaints()[0].find("junk.spm"), std::string::npos);
+  EXPECT_FALSE(opened.value()->lend(7, [](ModelFile&) { ADD_FAILURE(); }));
 }
 
 }  // namespace

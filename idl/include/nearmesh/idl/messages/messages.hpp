@@ -150,6 +150,27 @@ struct ContactReport {
   std::vector<std::array<FaceKey, 2>> pairs;  ///< the first kMaxReportPairs of them
 };
 
+/// What a peer holds of one model, for recorders (keyed by peer and content): said when a recorder comes, so that one that
+/// missed batches can prove what follows. With the model's file it is enough to make the same replica.
+struct HeldDetail {
+  /// The number of the last batch that had come of a publisher.
+  struct Heard {
+    SessionId publisher = 0;
+    std::uint32_t sequence = 0;
+  };
+  std::uint16_t wire_version = kWireVersion;
+  SessionId peer = 0;
+  ContentHash content_hash;
+  std::string model;                  ///< its name, at most kMaxNameBytes
+  std::uint32_t applied_batches = 0;  ///< of the model: all that had come by then
+  std::uint32_t last_request = 0;     ///< of the peer: what answers a later one came after this
+  std::uint64_t state_digest = 0, box_digest = 0;  ///< of what `nodes` says
+  std::vector<Heard> heard;                        ///< at most kMaxHeardPublishers
+  std::vector<std::uint8_t> nodes;  ///< core/replica/held_nodes.hpp, at most kMaxHeldBytes
+};
+inline constexpr std::size_t kMaxHeardPublishers = 64;
+inline constexpr std::size_t kMaxHeldBytes = 1U << 20;
+
 /// What one process knows of itself (keyed by session, transient local, renewed each second): for operators, who cannot see
 /// it from outside. For peers it is the sign of life of who moves a body.
 struct ProcessStatus {
@@ -218,6 +239,7 @@ struct Probe : Echo {};
 [[nodiscard]] Status check(const SplitBatchMessage& message);
 [[nodiscard]] Status check(const BodyPose& message);
 [[nodiscard]] Status check(const ContactReport& message);
+[[nodiscard]] Status check(const HeldDetail& message);
 [[nodiscard]] Status check(const ProcessStatus& message);
 [[nodiscard]] Status check(const Echo& message);
 

@@ -138,6 +138,17 @@ inline constexpr std::tuple kTopics{
                           .listeners = {Role::kRecorder},
                           .signs_for_each = true,
                           .is_recorded = true}},
+    // What a peer holds of each model, said anew to each recorder that comes.
+    Topic<HeldDetail>{
+        {.name = "held_detail",
+         .type = "nearmesh::wire_types::HeldDetailSample",
+         .delivery = {},
+         .writers = {Role::kSubscriber},
+         .readers = {},
+         .listeners = {Role::kRecorder},
+         .signs_for_each = true,
+         .is_recorded = true},
+        [](const HeldDetail& m) { return key_of(m.peer) + "/" + key_of(m.content_hash); }},
     // What each process said last of itself; who asks later gets it at once.
     Topic<ProcessStatus>{{.name = "process_status",
                           .type = "nearmesh::wire_types::ProcessStatusSample",

@@ -49,6 +49,9 @@ class DdsChannel final : public Channel {
   void send(const wire::BodyPose& pose) override;
   void send(const wire::ContactReport& report) override;
   void tell(const wire::ProcessStatus& status) override;
+  void tell_held(const wire::HeldDetail& held) override;
+  /// Whether somebody records what this peer says from now on. Recorders of some topics count where held_detail is one.
+  [[nodiscard]] bool has_recorder() const;
   /// A Hello comes out only when its publisher can hear subscriptions, so no request that follows
   /// it is lost.
   [[nodiscard]] Inbox take() override;

@@ -25,6 +25,8 @@ class Channel {
 
   /// What this process knows of itself, for operators.
   virtual void tell(const wire::ProcessStatus&) {}
+  /// What this peer holds of a model, for a recorder that came (Inbox::recorder_came).
+  virtual void tell_held(const wire::HeldDetail&) {}
 
   /// A header, and the publisher that sent it: the channel knows that it did, whatever the header says.
   struct Header {
@@ -43,6 +45,7 @@ class Channel {
     std::vector<wire::BodyPose> poses;  ///< of bodies that others move
     /// Bodies whose movers left, fell silent or came back since the last call: what holds now. Take these after the poses.
     std::map<std::string, wire::Mover> movers;
+    bool recorder_came = false;  ///< one that may have missed what came before
     std::vector<std::string>
         complaints;  ///< one line each: malformed samples, other wire versions, incompatible QoS
   };

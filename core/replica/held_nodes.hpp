@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// What a replica holds of its model, in a few kB. Takes a replica, gives bits; with the model's file the bits give the splits
+// again. So a peer tells a recorder that came late where to begin.
+//
+// Bits, the lowest of each byte first, in the order of a walk from the roots down, left before right; a vertex of the full
+// mesh has none:
+// | 0, box | unresolved; box: has a box of its own |
+// | 1, 1 | every split below is done: nothing below follows |
+// | 1, 0, box | split, and not all below is; both children follow |
+// Boxes inside of what is done do not count: no answer depends on them before detail is given up.
+
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "core/replica/replica.hpp"
+
+namespace nearmesh {
+
+struct HeldNodes {
+  std::vector<std::uint8_t> bits;
+  std::uint64_t box_digest = 0;  ///< of the own boxes of unresolved nodes
+};
+
+/// Splits that wait for their parents are left out: what is said is all only where there is none (Replica::parked_splits).
+/// Cost: O(splits done).
+[[nodiscard]] HeldNodes held_nodes(const Replica& replica);
+
+/// What brings a new replica to hold the same, as one batch. `model`: a store that knows the model, or comes to know it by
+/// `require`. Whether the same came out is for the caller to see: state_hash() and held_nodes().box_digest.
+/// Errors: kInvalidArgument for bits that do not fit the model; those of `require`. Cost: O(splits).
+[[nodiscard]] Result<SplitBatch> held_batch(const SplitStore& model,
+                                            const std::function<Status(NodeSpan)>& require,
+                                            std::span<const std::uint8_t> bits);
+
+}  // namespace nearmesh
