@@ -21,7 +21,7 @@ class ModelFile;
 namespace nearmesh::wire {
 
 /// Raised with every change of a topic's layout or of the batch codec. Peers of another version are refused loudly.
-inline constexpr std::uint16_t kWireVersion = 5;
+inline constexpr std::uint16_t kWireVersion = 6;
 
 /// Random per process; tells a restarted publisher from the old one, and names a peer.
 using SessionId = std::uint64_t;
@@ -118,6 +118,21 @@ struct ContactReport {
   std::vector<std::array<FaceKey, 2>> pairs;  ///< the first kMaxReportPairs of them
 };
 
+/// Why the door before Fast DDS refused a message (docs/network.md).
+enum class DoorRefusal : std::uint8_t {
+  kHeader,       ///< is no RTPS message
+  kSubmessages,  ///< lengths that do not add up, something behind the end
+  kStatistics,   ///< a statistics submessage that is malformed, or not the last
+  kSequence,     ///< sequence numbers that no writer reaches
+  kFragments,    ///< fragments of a sample that cannot be
+  kParameters,   ///< malformed discovery, inline QoS or handshake
+  kSource,       ///< in the name of a participant that speaks from elsewhere
+  kCrowd,        ///< one unknown participant of too many; is let in when it speaks again
+};
+inline constexpr std::size_t kDoorRefusals = 8;
+/// "header", "submessages", "statistics", "sequence", "fragments", "parameters", "source", "crowd".
+[[nodiscard]] const char* to_string(DoorRefusal refusal);
+
 /// What one process knows of itself (keyed by session, transient local, renewed each second): for operators, who cannot see
 /// it from outside. Nothing else depends on it.
 struct ProcessStatus {
@@ -136,6 +151,8 @@ struct ProcessStatus {
   std::uint64_t lost_batches = 0;           ///< never came
   std::uint64_t waiting_batches = 0;        ///< to be sent, or to be taken in
   std::uint64_t resident_bytes = 0;
+  bool has_door = false;  ///< before Fast DDS, on the participant of this session
+  std::array<std::uint64_t, kDoorRefusals> door_refused{};  ///< messages, by DoorRefusal
   struct Model {
     std::string name;
     std::uint64_t content_hash = 0;
