@@ -28,6 +28,7 @@
 #include <vector>
 
 #include "codec.hpp"
+#include "door_watch.hpp"
 #include "mailbox.hpp"
 #include "nearmesh/idl/dds/transport_options.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
@@ -46,9 +47,13 @@ using Microseconds = std::int64_t;
 
 /// Of one reader and its Subscriber: wakes, and remembers which writers came and went.
 /// on_data_on_readers is taken here so that it does not reach a listener of the host's participant.
+/// A writer whose participant falls silent has gone, long before its lease is over, and is found again with the next life sign:
+/// discovery forgets nobody meanwhile, so that nothing is told anew.
 class ReaderListener : public fdds::SubscriberListener {
  public:
   explicit ReaderListener(Mailbox& mailbox) : mailbox_(mailbox) {}
+  /// Of the participant that the reader is on; nullptr: only leases tell who is gone.
+  void watch_life_signs(std::shared_ptr<const DoorWatch> door, double silence_s);
 
   struct Match {
     Handle writer;
@@ -66,8 +71,14 @@ class ReaderListener : public fdds::SubscriberListener {
 
  private:
   Mailbox& mailbox_;
+  void look_for_life_signs();
+
   std::mutex mutex_;
   std::vector<Match> matches_;
+  std::map<Handle, bool> silent_;  ///< of each writer that is matched
+  std::shared_ptr<const DoorWatch> door_;
+  double silence_s_ = 0;
+  std::chrono::steady_clock::time_point looked_{};
 };
 
 /// Of one writer: wakes, and knows the readers that are matched.
@@ -212,6 +223,8 @@ class Bus {
   }
   void remove_writer(fdds::DataWriter* writer);
   [[nodiscard]] const TopicNames& names() const { return *names_; }
+  /// Of the participant; nullptr: a host's, without one.
+  [[nodiscard]] const std::shared_ptr<DoorWatch>& door() const { return door_; }
 
  private:
   Bus() = default;
@@ -241,7 +254,12 @@ class Bus {
   std::vector<std::string> types_;
   std::optional<TopicNames> names_;
   double heartbeat_s_ = 0;
+  double silence_s_ = 0;
+  std::shared_ptr<DoorWatch> door_;
 };
+
+/// Adds to a process's status what the door knows.
+void tell_of_door(const DoorWatch* door, ProcessStatus& status);
 
 /// Short name of a Fast DDS return code, for messages.
 [[nodiscard]] const char* name_of(const eprosima::fastrtps::types::ReturnCode_t& code);

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nearmesh/idl/dds/door.hpp"
 
-#include <fastdds/dds/domain/qos/DomainParticipantQos.hpp>
 #include <fastdds/rtps/transport/ChainingTransport.h>
 #include <fastdds/rtps/transport/ChainingTransportDescriptor.h>
 #include <fastdds/rtps/transport/TCPv4TransportDescriptor.h>
@@ -10,6 +9,7 @@
 #include <fastdds/rtps/transport/UDPv6TransportDescriptor.h>
 #include <fastdds/rtps/transport/shared_mem/SharedMemTransportDescriptor.h>
 #include <fastrtps/utils/IPLocator.h>
+#include <fastdds/dds/domain/qos/DomainParticipantQos.hpp>
 
 #include <algorithm>
 #include <exception>
@@ -99,15 +99,14 @@ class Door final : public rtps::ChainingTransport, private LeaseEnd {
         remote_ = remote;
       }
     }
-    watch_->add(this);
+    if (!is_added_.exchange(true)) watch_->add(this);
     // A copy: in shared memory others read the same bytes.
     std::vector<std::uint8_t> changed(message.begin(), message.end());
-    if (announcement.lease_at != 0)
-      for (std::size_t i = 0; i < 8; ++i)
-        changed[announcement.lease_at + i] =
-            i < 4 ? static_cast<std::uint8_t>(
-                        kForever_s >> (8 * (announcement.little_endian ? i : 3 - i)))
-                  : std::uint8_t{0};
+    for (std::size_t i = 0; i < 8; ++i)
+      changed[announcement.lease_at + i] =
+          i < 4 ? static_cast<std::uint8_t>(kForever_s >>
+                                            (8 * (announcement.little_endian ? i : 3 - i)))
+                : std::uint8_t{0};
     hand_on(next, changed.data(), static_cast<std::uint32_t>(changed.size()), local, remote);
   }
 
@@ -131,6 +130,7 @@ class Door final : public rtps::ChainingTransport, private LeaseEnd {
   const std::shared_ptr<DoorWatch> watch_;
   std::mutex mutex_;
   bool closed_ = false;
+  std::atomic<bool> is_added_ = false;
   rtps::TransportReceiverInterface* next_ = nullptr;  ///< where announcements go
   Locator_t local_, remote_;
 };
@@ -146,8 +146,8 @@ struct HasDoor {
 /// A descriptor of the same kind, since Fast DDS asks what kind it is, whose transports have a door.
 template <class Below>
 struct DoorDescriptor final : Below, HasDoor {
-  DoorDescriptor(const Below& below, std::shared_ptr<DoorWatch> watch)
-      : Below(below), HasDoor{std::move(watch)} {}
+  DoorDescriptor(const Below& below, std::shared_ptr<DoorWatch> shared)
+      : Below(below), HasDoor{std::move(shared)} {}
   [[nodiscard]] rtps::TransportInterface* create_transport() const override {
     return new Door(std::make_shared<Below>(static_cast<const Below&>(*this)), watch);
   }
@@ -155,8 +155,8 @@ struct DoorDescriptor final : Below, HasDoor {
 
 /// For transports that Fast DDS does not know by kind: a host's own.
 struct AnyDoorDescriptor final : rtps::ChainingTransportDescriptor, HasDoor {
-  AnyDoorDescriptor(std::shared_ptr<Descriptor> below, std::shared_ptr<DoorWatch> watch)
-      : ChainingTransportDescriptor(std::move(below)), HasDoor{std::move(watch)} {}
+  AnyDoorDescriptor(std::shared_ptr<Descriptor> below, std::shared_ptr<DoorWatch> shared)
+      : ChainingTransportDescriptor(std::move(below)), HasDoor{std::move(shared)} {}
   [[nodiscard]] rtps::TransportInterface* create_transport() const override {
     return new Door(low_level_descriptor, watch);
   }

@@ -9,8 +9,8 @@
 namespace nearmesh::wire {
 namespace {
 
-constexpr double kTick_s = 0.1;
-constexpr int kTicksASecond = 10;
+constexpr double kTick_s = 0.25;
+constexpr int kTicksASecond = 4;
 /// More between two ticks means that this process, or the whole machine, stood still: others did not fall silent meanwhile.
 constexpr double kLongestTick_s = 2 * kTick_s;
 
@@ -18,8 +18,8 @@ constexpr double kLongestTick_s = 2 * kTick_s;
 std::vector<std::uint8_t> farewell_of(const ParticipantBook::Gone& gone) {
   std::vector<std::uint8_t> bytes{'R', 'T', 'P', 'S', 2, 3, 1, 15};
   bytes.insert(bytes.end(), gone.key.begin(), gone.key.end());
-  bytes.insert(bytes.end(), {0x15, 3, 52, 0, 0, 0, 16, 0,            // data with inline QoS
-                             0, 1, 0, 0xc7, 0, 1, 0, 0xc2});         // reader and writer of these
+  bytes.insert(bytes.end(), {0x15, 3, 52, 0, 0, 0, 16, 0,     // data with inline QoS
+                             0, 1, 0, 0xc7, 0, 1, 0, 0xc2});  // reader and writer of these
   const auto high = static_cast<std::uint32_t>(gone.sequence >> 32);
   const auto low = static_cast<std::uint32_t>(gone.sequence);
   for (const std::uint32_t word : {high, low})
@@ -34,7 +34,7 @@ std::vector<std::uint8_t> farewell_of(const ParticipantBook::Gone& gone) {
 
 }  // namespace
 
-DoorWatch::DoorWatch(bool ends_leases) : ends_leases_(ends_leases) {
+DoorWatch::DoorWatch(bool is_plain) : is_plain_(is_plain) {
   thread_ = std::thread([this] { run(); });
 }
 
@@ -49,6 +49,8 @@ DoorWatch::~DoorWatch() {
 
 RtpsVerdict DoorWatch::check(std::span<const std::uint8_t> message, const MessageSource& from) {
   RtpsVerdict verdict = check_rtps(message);
+  if (!verdict.refusal && verdict.tells_of_others && is_plain_)
+    verdict.refusal = DoorRefusal::kSource;
   if (!verdict.refusal) {
     const std::lock_guard lock(mutex_);
     verdict.refusal = book_.hear(verdict, from);
@@ -68,9 +70,10 @@ std::array<std::uint64_t, kDoorRefusals> DoorWatch::refused() const {
   return counts;
 }
 
-std::optional<double> DoorWatch::silent_s(const ParticipantKey& participant) const {
+std::optional<bool> DoorWatch::is_silent(const ParticipantKey& participant,
+                                         double silence_s) const {
   const std::lock_guard lock(mutex_);
-  return book_.silent_s(participant);
+  return book_.is_silent(participant, silence_s);
 }
 
 void DoorWatch::add(LeaseEnd* end) {
@@ -103,9 +106,8 @@ void DoorWatch::say_what_was_refused() {
   const std::lock_guard lock(complain_mutex_);
   said_ = counts;
   if (complain_)
-    complain_("door: refused " + std::to_string(all) +
-              (all == 1 ? " message (" : " messages (") + reasons +
-              "), see docs/network.md, The door");
+    complain_("door: refused " + std::to_string(all) + (all == 1 ? " message (" : " messages (") +
+              reasons + "), see docs/network.md, The door");
 }
 
 void DoorWatch::run() {
@@ -119,7 +121,7 @@ void DoorWatch::run() {
     last = now;
     const auto gone = book_.tick(std::min(passed.count(), kLongestTick_s));
     lock.unlock();
-    if (ends_leases_ && !gone.empty()) {
+    if (is_plain_ && !gone.empty()) {
       const std::lock_guard ends_lock(ends_mutex_);
       for (const ParticipantBook::Gone& one : gone) {
         const std::vector<std::uint8_t> farewell = farewell_of(one);

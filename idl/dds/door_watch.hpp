@@ -30,19 +30,20 @@ class LeaseEnd {
 /// Threads: all functions, any thread.
 class DoorWatch {
  public:
-  /// `ends_leases`: in plain discovery, where each participant speaks for itself.
-  explicit DoorWatch(bool ends_leases);
+  /// `is_plain`: discovery without a server, where each participant speaks for itself alone. Then leases end here.
+  explicit DoorWatch(bool is_plain);
   ~DoorWatch();
   DoorWatch(const DoorWatch&) = delete;
   DoorWatch& operator=(const DoorWatch&) = delete;
 
-  [[nodiscard]] bool ends_leases() const { return ends_leases_; }
+  [[nodiscard]] bool ends_leases() const { return is_plain_; }
   /// Checks a message, and counts it where it is refused.
   [[nodiscard]] RtpsVerdict check(std::span<const std::uint8_t> message, const MessageSource& from);
   void count(DoorRefusal refusal);
   [[nodiscard]] std::array<std::uint64_t, kDoorRefusals> refused() const;
-  /// Since the participant was heard; nothing: it is not known.
-  [[nodiscard]] std::optional<double> silent_s(const ParticipantKey& participant) const;
+  /// As ParticipantBook::is_silent.
+  [[nodiscard]] std::optional<bool> is_silent(const ParticipantKey& participant,
+                                              double silence_s) const;
 
   void add(LeaseEnd* end);
   void remove(LeaseEnd* end);
@@ -53,7 +54,7 @@ class DoorWatch {
   void run();
   void say_what_was_refused();
 
-  const bool ends_leases_;
+  const bool is_plain_;
   mutable std::mutex mutex_;  ///< of the book and the thread
   ParticipantBook book_;
   std::array<std::atomic<std::uint64_t>, kDoorRefusals> refused_{};

@@ -21,6 +21,7 @@ std::optional<DoorRefusal> ParticipantBook::hear(const RtpsVerdict& message,
     Known known{.first_s = now_s_,
                 .last_s = now_s_,
                 .lease_s = message.announcement->lease_s,
+                .announced_s = now_s_,
                 .sequence = message.announcement->sequence};
     if (from.is_udp) known.ports.push_back(from.port);
     known_.emplace(message.source, std::move(known));
@@ -35,6 +36,11 @@ std::optional<DoorRefusal> ParticipantBook::hear(const RtpsVerdict& message,
     return std::nullopt;
   }
   known.lease_s = message.announcement->lease_s;
+  // Several at a time are one: it has several sockets.
+  if (now_s_ > known.announced_s) {
+    known.period_s = now_s_ - known.announced_s;
+    known.announced_s = now_s_;
+  }
   known.sequence = std::max(known.sequence, message.announcement->sequence);
   return std::nullopt;
 }
@@ -88,10 +94,12 @@ std::vector<ParticipantBook::Gone> ParticipantBook::tick(double seconds) {
   return gone;
 }
 
-std::optional<double> ParticipantBook::silent_s(const ParticipantKey& key) const {
+std::optional<bool> ParticipantBook::is_silent(const ParticipantKey& key, double silence_s) const {
   const auto at = known_.find(key);
   if (at == known_.end()) return std::nullopt;
-  return now_s_ - at->second.last_s;
+  const Known& known = at->second;
+  return now_s_ - known.last_s >
+         std::max(silence_s, std::min(3 * known.period_s, known.lease_s / 2));
 }
 
 }  // namespace nearmesh::wire

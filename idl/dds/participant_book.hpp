@@ -48,8 +48,9 @@ class ParticipantBook {
   };
   /// So much time has passed. Out: who has left by its lease; not known any more.
   [[nodiscard]] std::vector<Gone> tick(double seconds);
-  /// Since it was heard; nothing: it is not known.
-  [[nodiscard]] std::optional<double> silent_s(const ParticipantKey& key) const;
+  /// Nothing came from it for so long, nor for three periods of its own life signs, which may be slower than ours. Nothing: it is
+  /// not known.
+  [[nodiscard]] std::optional<bool> is_silent(const ParticipantKey& key, double silence_s) const;
   [[nodiscard]] std::size_t size() const { return known_.size(); }
 
  private:
@@ -59,6 +60,7 @@ class ParticipantBook {
   struct Known {
     double first_s = 0, last_s = 0;
     double lease_s = 0;
+    double announced_s = 0, period_s = 0;  ///< of its announcements
     std::int64_t sequence = 0;
     std::vector<std::uint16_t> ports;
   };

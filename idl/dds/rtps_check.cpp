@@ -12,8 +12,6 @@ using Bytes = std::span<const std::uint8_t>;
 constexpr std::size_t kHeaderBytes = 20;
 constexpr std::size_t kStatisticsBytes = 56;
 constexpr std::uint16_t kEprosima = 0x010f;
-/// What DDSI-RTPS takes for granted of a participant that does not tell.
-constexpr double kDefaultLease_s = 100;
 
 enum Submessage : std::uint8_t {
   kPad = 0x01,
@@ -77,8 +75,8 @@ class Cursor {
   std::int64_t sequence() {
     const auto high = static_cast<std::int32_t>(u32());
     const std::uint32_t low = u32();
-    return static_cast<std::int64_t>((static_cast<std::uint64_t>(static_cast<std::int64_t>(high)) << 32) |
-                                     low);
+    return static_cast<std::int64_t>(
+        (static_cast<std::uint64_t>(static_cast<std::int64_t>(high)) << 32) | low);
   }
   /// To a multiple of four; at the end the padding may be missing.
   void align() { at_ = std::min((at_ + 3) & ~std::size_t{3}, bytes_.size()); }
@@ -334,10 +332,22 @@ struct Submessages {
     return is_sequence(sequence) ? kNone : DoorRefusal::kSequence;
   }
 
-  /// Parameters of one sample. Out: it takes back what it is about.
-  static Refusal read_inline_qos(Cursor& in, bool little_endian, bool& disposes) {
+  /// Whether a parameter of discovery that names who it is about names the source.
+  [[nodiscard]] bool is_of_source(std::uint16_t id, Bytes bytes) const {
+    return (id != 0x0050 && id != 0x005a && id != 0x0070) || bytes.size() < verdict.source.size() ||
+           std::equal(verdict.source.begin(), verdict.source.end(), bytes.begin());
+  }
+
+  struct InlineQos {
+    bool disposes = false;     ///< takes back what it is about
+    bool is_of_source = true;  ///< by its key, where it is discovery
+  };
+
+  /// Parameters of one sample.
+  Refusal read_inline_qos(Cursor& in, bool little_endian, InlineQos& found) const {
     const bool whole = read_parameters(in, [&](std::uint16_t id, std::size_t, Bytes bytes) {
-      if (id == 0x0071 && bytes.size() >= 4) disposes = (bytes[3] & 3) != 0;
+      if (id == 0x0071 && bytes.size() >= 4) found.disposes = (bytes[3] & 3) != 0;
+      found.is_of_source = found.is_of_source && is_of_source(id, bytes);
       return (id != 0x0070 || bytes.size() == 16) && (id != 0x0071 || bytes.size() >= 4) &&
              is_parameter(id, bytes, little_endian);
     });
@@ -351,13 +361,13 @@ struct Submessages {
     std::size_t qos_at = 0;
     if (const Refusal refusal = read_data_head(in, 16, writer, sequence, qos_at)) return refusal;
     if (!in.skip(qos_at - in.at()) || (has_data && has_key)) return DoorRefusal::kSubmessages;
-    bool disposes = false;
+    InlineQos qos;
     if (has_qos)
-      if (const Refusal refusal = read_inline_qos(in, little_endian, disposes)) return refusal;
+      if (const Refusal refusal = read_inline_qos(in, little_endian, qos)) return refusal;
     const Bytes payload = has_data || has_key ? in.rest() : Bytes{};
     // Four bytes say how it is encoded; a reader looks at them whatever the length.
     if ((has_data || has_key) && payload.size() < 4) return DoorRefusal::kSubmessages;
-    return read_builtin(writer, sequence, disposes, payload);
+    return read_builtin(writer, sequence, qos, payload);
   }
 
   Refusal read_data_fragment(Cursor& in, std::uint8_t flags) {
@@ -368,9 +378,9 @@ struct Submessages {
     const std::uint64_t first = in.u32();
     const std::uint64_t count = in.u16(), size = in.u16(), total = in.u32();
     if (!in.is_whole() || !in.skip(qos_at - in.at())) return DoorRefusal::kSubmessages;
-    bool disposes = false;
+    InlineQos qos;
     if ((flags & 2) != 0)
-      if (const Refusal refusal = read_inline_qos(in, (flags & 1) != 0, disposes)) return refusal;
+      if (const Refusal refusal = read_inline_qos(in, (flags & 1) != 0, qos)) return refusal;
     // What is read before anybody is known comes whole, or it could not be looked at here.
     if (writer == kParticipants || writer == kHandshakes) return DoorRefusal::kFragments;
     if (first < 1 || count < 1 || size < 1 || total < 1 || total > kMaxFragmentedBytes ||
@@ -381,24 +391,25 @@ struct Submessages {
   }
 
   /// What discovery and the handshakes of security write.
-  Refusal read_builtin(std::uint32_t writer, std::int64_t sequence, bool disposes, Bytes payload) {
+  Refusal read_builtin(std::uint32_t writer, std::int64_t sequence, const InlineQos& qos,
+                       Bytes payload) {
     switch (writer) {
       case kParticipants:
-        return read_announcement(sequence, disposes, payload);
+        return read_announcement(sequence, qos, payload);
       case kWriters:
       case kReaders:
       case kSecureWriters:
       case kSecureReaders: {
+        verdict.tells_of_others |= !qos.is_of_source;
         if (payload.empty()) return kNone;
         const auto little_endian = parameter_order(payload);
         if (!little_endian) return DoorRefusal::kParameters;
         Cursor in(payload.subspan(4), *little_endian);
-        return read_parameters(in,
-                               [&](std::uint16_t id, std::size_t, Bytes bytes) {
-                                 return is_parameter(id, bytes, *little_endian);
-                               })
-                   ? kNone
-                   : DoorRefusal::kParameters;
+        const bool whole = read_parameters(in, [&](std::uint16_t id, std::size_t, Bytes bytes) {
+          verdict.tells_of_others |= !is_of_source(id, bytes);
+          return is_parameter(id, bytes, *little_endian);
+        });
+        return whole ? kNone : DoorRefusal::kParameters;
       }
       case kLiveliness:  // who, a kind, a length
         return payload.empty() || payload.size() >= 24 ? kNone : DoorRefusal::kParameters;
@@ -424,36 +435,40 @@ struct Submessages {
     return in.is_whole();
   }
 
-  Refusal read_announcement(std::int64_t sequence, bool disposes, Bytes payload) {
+  Refusal read_announcement(std::int64_t sequence, const InlineQos& qos, Bytes payload) {
     RtpsAnnouncement found;
     found.sequence = sequence;
-    found.leaves = disposes;
-    found.lease_s = kDefaultLease_s;
-    // A server's relayed word of others is none of them speaking.
-    bool is_own = true;
+    found.leaves = qos.disposes;
+    bool is_own = qos.is_of_source;
     if (!payload.empty()) {
       const auto little_endian = parameter_order(payload);
       if (!little_endian) return DoorRefusal::kParameters;
       found.little_endian = *little_endian;
       Cursor in(payload.subspan(4), *little_endian);
       const auto offset = static_cast<std::size_t>(payload.data() - message.data()) + 4;
-      const bool whole =
-          read_parameters(in, [&](std::uint16_t id, std::size_t place, Bytes bytes) {
-            if (!is_parameter(id, bytes, *little_endian)) return false;
-            if (id == 0x0050)
-              is_own = std::equal(verdict.source.begin(), verdict.source.end(), bytes.begin());
-            if (id == 0x0002) {
-              Cursor lease(bytes, *little_endian);
-              const auto seconds = static_cast<std::int32_t>(lease.u32());
-              found.lease_s = seconds + lease.u32() * 0x1p-32;
-              found.lease_at = offset + place;
-              if (found.lease_s < kMinLease_s) return false;
-            }
-            return true;
-          });
+      const bool whole = read_parameters(in, [&](std::uint16_t id, std::size_t place, Bytes bytes) {
+        if (!is_parameter(id, bytes, *little_endian)) return false;
+        is_own = is_own && is_of_source(id, bytes);
+        if (id == 0x0002) {
+          Cursor lease(bytes, *little_endian);
+          const auto seconds = static_cast<std::int32_t>(lease.u32());
+          found.lease_s = seconds + lease.u32() * 0x1p-32;
+          found.lease_at = offset + place;
+          if (found.lease_s < kMinLease_s) return false;
+        }
+        return true;
+      });
       if (!whole) return DoorRefusal::kParameters;
     }
-    if (is_own) verdict.announcement = found;
+    if (!is_own) {
+      verdict.tells_of_others = true;
+      return kNone;
+    }
+    // Fast DDS takes a lease that is not told for none, and forgets such a participant at once.
+    if (!found.leaves && found.lease_at == 0) return DoorRefusal::kParameters;
+    // The second would hide the first from whoever looks at one.
+    if (verdict.announcement) return DoorRefusal::kParameters;
+    verdict.announcement = found;
     return kNone;
   }
 };
@@ -477,9 +492,8 @@ RtpsVerdict check_rtps(std::span<const std::uint8_t> message) {
       return verdict;
     }
     const std::uint8_t id = message[at], flags = message[at + 1];
-    std::size_t length = (flags & 1) != 0
-                             ? message[at + 2] | std::size_t{message[at + 3]} << 8
-                             : std::size_t{message[at + 2]} << 8 | message[at + 3];
+    std::size_t length = (flags & 1) != 0 ? message[at + 2] | std::size_t{message[at + 3]} << 8
+                                          : std::size_t{message[at + 2]} << 8 | message[at + 3];
     const std::size_t left = message.size() - at - 4;
     // Of some kinds a length of 0 means: all that is left. It is for what is longer than 64 kB.
     if (length == 0 && (id == kData || id == kDataFragment || id == kSecureBody)) {

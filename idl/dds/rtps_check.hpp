@@ -32,8 +32,8 @@ inline constexpr double kMinLease_s = 0.1;
 struct RtpsAnnouncement {
   std::int64_t sequence = 0;
   bool leaves = false;        ///< takes itself back
-  double lease_s = 0;         ///< as DDS's default says where it is not told
-  std::size_t lease_at = 0;   ///< of its 8 bytes in the message; 0: it is not told
+  double lease_s = 0;         ///< and below, unless it leaves
+  std::size_t lease_at = 0;   ///< of its 8 bytes in the message
   bool little_endian = true;  ///< how they are written
 };
 
@@ -44,6 +44,8 @@ struct RtpsVerdict {
   std::size_t size = 0;
   ParticipantKey source{};
   std::optional<RtpsAnnouncement> announcement;  ///< of the source itself
+  /// Discovery about another participant, or an endpoint of one: only a discovery server may.
+  bool tells_of_others = false;
 };
 
 /// Cost: one pass over the submessages' heads, and over the parameters of discovery; no allocation.

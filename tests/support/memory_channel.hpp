@@ -174,7 +174,7 @@ class MemoryBus::PublisherEnd : public publisher::Channel {
     return true;
   }
   void wait(double) override {}
-  void tell(const wire::ProcessStatus& status) override { bus_.keep(status); }
+  void tell(wire::ProcessStatus& status) override { bus_.keep(status); }
 
  private:
   MemoryBus& bus_;
@@ -206,7 +206,7 @@ class MemoryBus::PeerEnd : public subscriber::Channel {
     EXPECT_EQ(wire::check(report).message(), "");
     bus_.reports.push_back(report);
   }
-  void tell(const wire::ProcessStatus& status) override { bus_.keep(status); }
+  void tell(wire::ProcessStatus& status) override { bus_.keep(status); }
   Inbox take() override {
     PeerBox& box = bus_.peers_.at(id_);
     Inbox inbox = std::exchange(box.inbox, {});

@@ -48,7 +48,7 @@ class DdsChannel final : public Channel {
   void send(const wire::RegionSubscription& subscription) override;
   void send(const wire::BodyPose& pose) override;
   void send(const wire::ContactReport& report) override;
-  void tell(const wire::ProcessStatus& status) override;
+  void tell(wire::ProcessStatus& status) override;
   /// A Hello comes out only when its publisher can hear subscriptions, so no request that follows
   /// it is lost.
   [[nodiscard]] Inbox take() override;

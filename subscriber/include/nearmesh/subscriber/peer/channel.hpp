@@ -21,8 +21,8 @@ class Channel {
   virtual void send(const wire::BodyPose& pose) = 0;
   virtual void send(const wire::ContactReport& report) = 0;
 
-  /// What this process knows of itself, for operators.
-  virtual void tell(const wire::ProcessStatus&) {}
+  /// What this process knows of itself, for operators. The channel adds what it knows of the network.
+  virtual void tell(wire::ProcessStatus&) {}
 
   /// Everything valid that arrived since the last call, in order of arrival within each kind.
   struct Inbox {
