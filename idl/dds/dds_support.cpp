@@ -9,6 +9,7 @@
 
 #include "dds_security.hpp"
 #include "dds_transport.hpp"
+#include "door_watch.hpp"
 #include "nearmesh/idl/dds/door.hpp"
 
 namespace nearmesh::wire {

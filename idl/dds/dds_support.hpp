@@ -28,7 +28,6 @@
 #include <vector>
 
 #include "codec.hpp"
-#include "door_watch.hpp"
 #include "mailbox.hpp"
 #include "nearmesh/idl/dds/transport_options.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
@@ -36,6 +35,8 @@
 #include "type_support.hpp"
 
 namespace nearmesh::wire {
+
+class DoorWatch;
 
 using Handle = eprosima::fastrtps::rtps::InstanceHandle_t;
 using Timestamp = eprosima::fastrtps::rtps::Time_t;

@@ -22,7 +22,8 @@ std::optional<DoorRefusal> ParticipantBook::hear(const RtpsVerdict& message,
                 .last_s = now_s_,
                 .lease_s = message.announcement->lease_s,
                 .announced_s = now_s_,
-                .sequence = message.announcement->sequence};
+                .sequence = message.announcement->sequence,
+                .ports = {}};
     if (from.is_udp) known.ports.push_back(from.port);
     known_.emplace(message.source, std::move(known));
     return std::nullopt;

@@ -266,7 +266,7 @@ TEST(RtpsCheck, BigEndianIsReadToo) {
   m.u8(7).u8(0).big16(28).entity(0).entity(0);
   for (const std::uint32_t word : {0, 1, 0, 9, 1}) big32(word);
   EXPECT_EQ(reason(m.bytes), "");
-  m.bytes[35] = 0;  // first: 0
+  m.bytes[39] = 0;  // first: 0
   EXPECT_EQ(reason(m.bytes), "sequence");
 }
 
