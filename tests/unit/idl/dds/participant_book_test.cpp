@@ -12,7 +12,7 @@ namespace {
 
 constexpr MessageSource kHome{true, 40'000}, kElsewhere{true, 50'000}, kThird{true, 50'001};
 
-ParticipantKey key_of(std::uint32_t number) {
+ParticipantKey participant_key(std::uint32_t number) {
   ParticipantKey key{1, 15};
   std::memcpy(key.data() + 8, &number, sizeof number);
   return key;
@@ -20,7 +20,7 @@ ParticipantKey key_of(std::uint32_t number) {
 
 RtpsVerdict word_of(std::uint32_t number) {
   RtpsVerdict verdict;
-  verdict.source = key_of(number);
+  verdict.source = participant_key(number);
   return verdict;
 }
 
@@ -131,7 +131,7 @@ TEST_F(ParticipantBookTest, WhoseLeaseIsOverHasGone) {
   EXPECT_TRUE(pass(19).empty());
   const auto gone = pass(2);
   ASSERT_EQ(gone.size(), 1U);
-  EXPECT_EQ(gone[0].key, key_of(1));
+  EXPECT_EQ(gone[0].key, participant_key(1));
   EXPECT_EQ(gone[0].sequence, 6);
   EXPECT_EQ(book.size(), 0U);
   EXPECT_TRUE(hears(announcement_of(1)));  // and may come again
@@ -146,14 +146,14 @@ TEST_F(ParticipantBookTest, AnyWordIsALifeSign) {
 }
 
 TEST_F(ParticipantBookTest, SilentLongBeforeItsLease) {
-  EXPECT_FALSE(book.is_silent(key_of(1), 3));
+  EXPECT_FALSE(book.is_silent(participant_key(1), 3));
   ASSERT_TRUE(hears(announcement_of(1)));
   static_cast<void>(pass(4, {1}));
-  EXPECT_EQ(book.is_silent(key_of(1), 3), false);
+  EXPECT_EQ(book.is_silent(participant_key(1), 3), false);
   static_cast<void>(pass(3));
-  EXPECT_EQ(book.is_silent(key_of(1), 3), true);
+  EXPECT_EQ(book.is_silent(participant_key(1), 3), true);
   EXPECT_TRUE(hears(word_of(1)));
-  EXPECT_EQ(book.is_silent(key_of(1), 3), false);
+  EXPECT_EQ(book.is_silent(participant_key(1), 3), false);
 }
 
 TEST_F(ParticipantBookTest, WhoAnnouncesItselfRarelyMaySayNothingForLonger) {
@@ -163,9 +163,9 @@ TEST_F(ParticipantBookTest, WhoAnnouncesItselfRarelyMaySayNothingForLonger) {
   }
   ASSERT_TRUE(hears(announcement_of(1)));
   static_cast<void>(pass(8));
-  EXPECT_EQ(book.is_silent(key_of(1), 3), false);
+  EXPECT_EQ(book.is_silent(participant_key(1), 3), false);
   static_cast<void>(pass(2));
-  EXPECT_EQ(book.is_silent(key_of(1), 3), true);
+  EXPECT_EQ(book.is_silent(participant_key(1), 3), true);
 }
 
 }  // namespace

@@ -10,10 +10,10 @@
 namespace nearmesh::wire {
 namespace {
 
-using test::Rtps;
-using test::RtpsBytes;
+using nearmesh::test::Rtps;
+using nearmesh::test::RtpsBytes;
 
-Rtps message() { return Rtps(test::key_of(1)); }
+Rtps message() { return Rtps(nearmesh::test::key_of(1)); }
 
 /// Why a message is refused; "" where it is not.
 std::string reason(const RtpsBytes& bytes) {
@@ -60,7 +60,9 @@ void write_fragment(Rtps& m, std::uint32_t first, std::uint16_t count, std::uint
 
 /// As far as a list of so many tokens' class.
 void write_handshake(Rtps& m, std::uint32_t tokens) {
-  m.begin_data(0x000201c4, test::kHandshakeWriter, 1, 4).encapsulation(1).zeros(2 * 24 + 3 * 16);
+  m.begin_data(0x000201c4, nearmesh::test::kHandshakeWriter, 1, 4)
+      .encapsulation(1)
+      .zeros(2 * 24 + 3 * 16);
   m.text("dds.sec.auth").u32(tokens);
 }
 
@@ -68,7 +70,7 @@ const std::vector<Case> kCases{
     {"Nothing", "", [](Rtps&) {}},
     {"OneOfEach", "",
      [](Rtps& m) {
-       m.to(test::key_of(2)).timestamp().heartbeat(1, 9).ack_nack(4, 33).gap(3, 5, 8);
+       m.to(nearmesh::test::key_of(2)).timestamp().heartbeat(1, 9).ack_nack(4, 33).gap(3, 5, 8);
        sample(4, [](Rtps& s) { s.encapsulation(1).zeros(9).align(); })(m);
        write_fragment(m, 1, 1, 100, 250, 100);
        m.statistics();
@@ -86,7 +88,8 @@ const std::vector<Case> kCases{
      }},
     {"Announcement", "", [](Rtps& m) { m.announcement(); }},
     {"Farewell", "", [](Rtps& m) { m.farewell(); }},
-    {"SourceThatIsItself", "", [](Rtps& m) { m.begin(0x0c).zeros(8).add(test::key_of(1)).end(); }},
+    {"SourceThatIsItself", "",
+     [](Rtps& m) { m.begin(0x0c).zeros(8).add(nearmesh::test::key_of(1)).end(); }},
 
     {"TailOfThreeBytes", "submessages", [](Rtps& m) { m.timestamp().zeros(3); }},
     {"LengthBeyondTheEnd", "submessages",
@@ -130,7 +133,7 @@ const std::vector<Case> kCases{
     {"SampleOfFourGigabytes", "fragments",
      [](Rtps& m) { write_fragment(m, 1, 1, 100, 0xffffffff, 100); }},
     {"AnnouncementInFragments", "fragments",
-     [](Rtps& m) { write_fragment(m, 1, 1, 100, 250, 100, test::kParticipantWriter); }},
+     [](Rtps& m) { write_fragment(m, 1, 1, 100, 250, 100, nearmesh::test::kParticipantWriter); }},
 
     {"QosWithoutEnd", "parameters",
      sample(6, [](Rtps& m) { m.begin_parameter(0x70).zeros(16).end_parameter(); })},
@@ -144,7 +147,7 @@ const std::vector<Case> kCases{
      sample(2, [](Rtps& m) { m.begin_parameter(0x70).zeros(8).end_parameter().sentinel(); })},
     {"OtherEncapsulation", "parameters",
      [](Rtps& m) {
-       m.begin_data(0, test::kParticipantWriter, 1, 4).encapsulation(1).sentinel().end();
+       m.begin_data(0, nearmesh::test::kParticipantWriter, 1, 4).encapsulation(1).sentinel().end();
      }},
     {"LeaseUntold", "parameters", [](Rtps& m) { m.begin_announcement().finish_announcement(); }},
     {"LeaseOfNothing", "parameters", announced([](Rtps& m) { m.lease(0, 1000); })},
@@ -168,7 +171,7 @@ const std::vector<Case> kCases{
 
     {"AnnouncedTwice", "parameters", [](Rtps& m) { m.announcement().announcement(2); }},
     {"SpeakingForAnother", "source",
-     [](Rtps& m) { m.begin(0x0c).zeros(8).add(test::key_of(2)).end(); }},
+     [](Rtps& m) { m.begin(0x0c).zeros(8).add(nearmesh::test::key_of(2)).end(); }},
 };
 
 class RtpsCheckCase : public testing::TestWithParam<Case> {};
@@ -194,9 +197,9 @@ TEST(RtpsCheck, RefusesWhatIsNoRtps) {
 }
 
 TEST(RtpsCheck, RefusesThePacketThatEndsFastDds) {
-  EXPECT_EQ(test::deadly_packet().size(), 84U);
+  EXPECT_EQ(nearmesh::test::deadly_packet().size(), 84U);
   // Its vendor is eProsima's, so Fast DDS reads the statistics.
-  EXPECT_EQ(reason(test::deadly_packet()), "statistics");
+  EXPECT_EQ(reason(nearmesh::test::deadly_packet()), "statistics");
 }
 
 TEST(RtpsCheck, CutsStatisticsOffTheEnd) {
@@ -209,7 +212,7 @@ TEST(RtpsCheck, CutsStatisticsOffTheEnd) {
 }
 
 TEST(RtpsCheck, LeavesOtherVendorsSubmessagesAlone) {
-  Rtps m(test::key_of(1), 0x0110);
+  Rtps m(nearmesh::test::key_of(1), 0x0110);
   m.begin(0x80).zeros(8).end().timestamp();
   EXPECT_EQ(reason(m.bytes), "");
   EXPECT_EQ(check_rtps(m.bytes).size, m.bytes.size());
@@ -219,7 +222,7 @@ TEST(RtpsCheck, TellsWhoAnnouncesItself) {
   Rtps m = message();
   m.timestamp().begin_announcement(7).lease(20, 0x80000000).finish_announcement();
   const RtpsVerdict verdict = check_rtps(m.bytes);
-  EXPECT_EQ(verdict.source, test::key_of(1));
+  EXPECT_EQ(verdict.source, nearmesh::test::key_of(1));
   ASSERT_TRUE(verdict.announcement);
   EXPECT_EQ(verdict.announcement->sequence, 7);
   EXPECT_EQ(verdict.announcement->lease_s, 20.5);
@@ -239,7 +242,7 @@ TEST(RtpsCheck, TellsWhoLeaves) {
 
 TEST(RtpsCheck, WordOfAnotherIsNoAnnouncement) {
   Rtps m = message();
-  Rtps other(test::key_of(2));
+  Rtps other(nearmesh::test::key_of(2));
   other.announcement();
   m.bytes.insert(m.bytes.end(), other.bytes.begin() + 20, other.bytes.end());
   EXPECT_EQ(reason(m.bytes), "");
@@ -250,8 +253,8 @@ TEST(RtpsCheck, WordOfAnotherIsNoAnnouncement) {
 TEST(RtpsCheck, EndpointOfAnotherIsToldOf) {
   const auto endpoint = [](std::uint8_t whose) {
     Rtps m = message();
-    m.begin_data(0x000003c7, test::kPublicationsWriter, 1, 4).encapsulation(3);
-    m.begin_parameter(0x5a).add(test::key_of(whose)).entity(0x103).end_parameter();
+    m.begin_data(0x000003c7, nearmesh::test::kPublicationsWriter, 1, 4).encapsulation(3);
+    m.begin_parameter(0x5a).add(nearmesh::test::key_of(whose)).entity(0x103).end_parameter();
     m.sentinel().end();
     return check_rtps(m.bytes);
   };
@@ -274,7 +277,7 @@ TEST(RtpsCheck, BigEndianIsReadToo) {
 /// inside a submessage.
 TEST(RtpsCheck, RefusesEveryMessageThatWasCut) {
   Rtps m = message();
-  m.to(test::key_of(2)).announcement().heartbeat(1, 9).gap(3, 5, 8).ack_nack(1, 200);
+  m.to(nearmesh::test::key_of(2)).announcement().heartbeat(1, 9).gap(3, 5, 8).ack_nack(1, 200);
   std::size_t passed = 0;
   for (std::size_t size = 0; size < m.bytes.size(); ++size)
     passed +=
