@@ -31,6 +31,8 @@ using Descriptor = rtps::TransportDescriptorInterface;
 /// another reason, and then an assertion ends the process.
 constexpr std::uint32_t kForever_s = 365U * 24 * 3600;
 
+constexpr std::uint32_t kLargestDatagramBytes = 65535;
+
 /// What ChainingTransport wants to be made of.
 struct Below final : rtps::ChainingTransportDescriptor {
   using ChainingTransportDescriptor::ChainingTransportDescriptor;
@@ -49,6 +51,14 @@ class Door final : public rtps::ChainingTransport, private LeaseEnd {
   /// The transport below looks for its own senders in the list, so they are not wrapped.
   bool OpenOutputChannel(rtps::SendResourceList& senders, const Locator_t& locator) override {
     return low_level_transport_->OpenOutputChannel(senders, locator);
+  }
+  /// A datagram that was cut to the size of our own would be refused, and its first part was all that Fast DDS ever read of it.
+  bool OpenInputChannel(const Locator_t& locator, rtps::TransportReceiverInterface* receiver,
+                        std::uint32_t max_message_bytes) override {
+    const bool is_udp = locator.kind == LOCATOR_KIND_UDPv4 || locator.kind == LOCATOR_KIND_UDPv6;
+    return ChainingTransport::OpenInputChannel(
+        locator, receiver,
+        is_udp ? std::max(max_message_bytes, kLargestDatagramBytes) : max_message_bytes);
   }
   bool CloseInputChannel(const Locator_t& locator) override {
     close();
