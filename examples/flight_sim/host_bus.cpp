@@ -7,6 +7,8 @@
 #include <fastdds/dds/subscriber/SampleInfo.hpp>
 #include <fastdds/dds/subscriber/Subscriber.hpp>
 
+#include "nearmesh/idl/dds/door.hpp"
+
 namespace flight_sim {
 
 namespace fdds = eprosima::fastdds::dds;
@@ -20,7 +22,10 @@ std::unique_ptr<HostBus> HostBus::join(const std::string& profiles_file, const s
     return nullptr;
   }
   auto bus = std::make_unique<HostBus>();
-  bus->participant = factory->create_participant_with_profile(domain, profile);
+  fdds::DomainParticipantQos qos;
+  factory->get_participant_qos_from_profile(profile, qos);
+  nearmesh::wire::add_door(qos);  // what comes in is checked before Fast DDS reads it
+  bus->participant = factory->create_participant(domain, qos);
   if (bus->participant == nullptr) {
     why = profiles_file + ": no participant from profile " + profile;
     return nullptr;

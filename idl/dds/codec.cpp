@@ -20,6 +20,7 @@ constexpr std::uint8_t kFlagSolidA = 2;
 constexpr std::uint8_t kFlagSolidB = 4;
 constexpr std::uint8_t kFlagGaveUp = 8;
 constexpr std::uint8_t kFlagPublisher = 1;
+constexpr std::uint8_t kFlagDoor = 2;
 constexpr std::uint8_t kFlagReply = 1;
 
 Status malformed(std::string message) { return {StatusCode::kInvalidArgument, std::move(message)}; }
@@ -349,7 +350,8 @@ Result<HeldDetail> decode(const wire_types::HeldDetailSample& sample) {
 
 void encode(const ProcessStatus& message, wire_types::ProcessStatusSample& sample) {
   sample.wire_version(message.wire_version);
-  sample.flags(message.is_publisher ? kFlagPublisher : 0);
+  sample.flags(static_cast<std::uint8_t>((message.is_publisher ? kFlagPublisher : 0) |
+                                         (message.has_door ? kFlagDoor : 0)));
   sample.process_id(message.process_id);
   sample.session(message.session);
   sample.host(message.host.c_str());
@@ -366,6 +368,7 @@ void encode(const ProcessStatus& message, wire_types::ProcessStatusSample& sampl
   sample.lost_batches(message.lost_batches);
   sample.waiting_batches(message.waiting_batches);
   sample.resident_bytes(message.resident_bytes);
+  sample.door_refused(message.door_refused);
   sample.names().clear();
   sample.content_hashes().clear();
   sample.faces().clear();
@@ -386,9 +389,10 @@ void encode(const ProcessStatus& message, wire_types::ProcessStatusSample& sampl
 Result<ProcessStatus> decode(const wire_types::ProcessStatusSample& sample) {
   ProcessStatus message;
   message.wire_version = sample.wire_version();
-  if ((sample.flags() & ~kFlagPublisher) != 0)
+  if ((sample.flags() & ~(kFlagPublisher | kFlagDoor)) != 0)
     return malformed("flags: found unknown bits, " + std::to_string(sample.flags()));
   message.is_publisher = (sample.flags() & kFlagPublisher) != 0;
+  message.has_door = (sample.flags() & kFlagDoor) != 0;
   message.process_id = sample.process_id();
   message.session = sample.session();
   message.host = sample.host().to_string();
@@ -405,6 +409,7 @@ Result<ProcessStatus> decode(const wire_types::ProcessStatusSample& sample) {
   message.lost_batches = sample.lost_batches();
   message.waiting_batches = sample.waiting_batches();
   message.resident_bytes = sample.resident_bytes();
+  message.door_refused = sample.door_refused();
   const std::size_t count = sample.faces().size();
   if (count > kMaxModels || sample.content_hashes().size() != kWordsPerContent * count ||
       sample.held_splits().size() != count || sample.splits().size() != count)

@@ -9,6 +9,8 @@
 
 #include "dds_security.hpp"
 #include "dds_transport.hpp"
+#include "door_watch.hpp"
+#include "nearmesh/idl/dds/door.hpp"
 
 namespace nearmesh::wire {
 
@@ -28,6 +30,11 @@ Status check_options(const TransportOptions& options) {
       !(options.heartbeat_s > 0))
     return {StatusCode::kInvalidArgument,
             "lease: expected at least twice the announcement period, all above 0"};
+  if (!(options.silence_s > options.announcement_s))
+    return {StatusCode::kInvalidArgument, "silence: expected more than the announcement period, " +
+                                              std::to_string(options.announcement_s) +
+                                              " s, found " + std::to_string(options.silence_s) +
+                                              " s"};
   return Status::ok();
 }
 
@@ -64,6 +71,16 @@ eprosima::fastrtps::rtps::GuidPrefix_t prefix_of(const Handle& endpoint) {
   return eprosima::fastrtps::rtps::iHandle2GUID(endpoint).guidPrefix;
 }
 
+ParticipantKey key_of(const Handle& endpoint) {
+  const auto prefix = prefix_of(endpoint);
+  ParticipantKey key;
+  std::copy_n(prefix.value, key.size(), key.begin());
+  return key;
+}
+
+/// How often life signs are looked for: each look asks for every writer.
+constexpr std::chrono::milliseconds kLook{250};
+
 const char* durability_name(fdds::DurabilityQosPolicyKind kind) {
   switch (kind) {
     case fdds::VOLATILE_DURABILITY_QOS:
@@ -99,9 +116,30 @@ Microseconds now_us() {
 
 // --- Listeners
 
+void ReaderListener::watch_life_signs(std::shared_ptr<const DoorWatch> door, double silence_s) {
+  const std::lock_guard lock(mutex_);
+  // Whoever was matched on the bus before is forgotten with it.
+  silent_.clear();
+  door_ = std::move(door);
+  silence_s_ = silence_s;
+}
+
 std::vector<ReaderListener::Match> ReaderListener::take_matches() {
   const std::lock_guard lock(mutex_);
+  look_for_life_signs();
   return std::exchange(matches_, {});
+}
+
+void ReaderListener::look_for_life_signs() {
+  const auto now = std::chrono::steady_clock::now();
+  if (door_ == nullptr || now - looked_ < kLook) return;
+  looked_ = now;
+  for (auto& [writer, was_silent] : silent_) {
+    const std::optional<bool> is_silent = door_->is_silent(key_of(writer), silence_s_);
+    if (!is_silent || *is_silent == was_silent) continue;
+    was_silent = *is_silent;
+    matches_.push_back({writer, now_us(), was_silent});
+  }
 }
 
 void ReaderListener::on_data_on_readers(fdds::Subscriber*) { mailbox_.wake(); }
@@ -111,7 +149,17 @@ void ReaderListener::on_subscription_matched(fdds::DataReader*,
                                              const fdds::SubscriptionMatchedStatus& status) {
   {
     const std::lock_guard lock(mutex_);
-    matches_.push_back({status.last_publication_handle, now_us(), status.current_count_change < 0});
+    const Handle& writer = status.last_publication_handle;
+    const bool is_gone = status.current_count_change < 0;
+    const auto known = silent_.find(writer);
+    // Told already.
+    const bool is_news = known == silent_.end() || !is_gone || !known->second;
+    if (is_gone) {
+      silent_.erase(writer);
+    } else {
+      silent_[writer] = false;
+    }
+    if (is_news) matches_.push_back({writer, now_us(), is_gone});
   }
   mailbox_.wake();
 }
@@ -265,6 +313,11 @@ void WriterListener::on_offered_incompatible_qos(fdds::DataWriter* writer,
     mailbox_.complain(incompatible(writer->get_topic()->get_name(), status.last_policy_id));
 }
 
+void tell_of_door(const DoorWatch* door, ProcessStatus& status) {
+  status.has_door = door != nullptr;
+  if (door != nullptr) status.door_refused = door->refused();
+}
+
 // --- Bus
 
 Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailbox) {
@@ -272,8 +325,10 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
   std::unique_ptr<Bus> bus(new Bus);
   bus->names_ = options.names ? options.names : TopicNames(options.transport.prefix);
   bus->heartbeat_s_ = options.transport.heartbeat_s;
+  bus->silence_s_ = options.transport.silence_s;
   if (options.host_participant != nullptr) {
     bus->participant_ = options.host_participant;
+    bus->door_ = door_watch_of(*bus->participant_);
     return bus;
   }
   // From scratch, not from the default profile: an XML file meant for other programs must not reach
@@ -294,6 +349,7 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
                  static_cast<std::int32_t>(2 * datagram_bytes(options.transport)));
     qos.flow_controllers().push_back(flow);
   }
+  add_door(qos);
   bus->discovery_ = std::make_unique<DiscoveryListener>(mailbox, options);
   // No status goes to the participant's listener: data events belong to the endpoints' own.
   bus->participant_ = fdds::DomainParticipantFactory::get_instance()->create_participant(
@@ -303,11 +359,14 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
                                        std::to_string(options.transport.domain) +
                                        bus->refusal_hint_};
   bus->is_own_ = true;
+  bus->door_ = door_watch_of(*bus->participant_);
+  bus->door_->set_complaint([&mailbox](std::string line) { mailbox.complain(std::move(line)); });
   return bus;
 }
 
 Bus::~Bus() {
   if (participant_ == nullptr) return;
+  if (is_own_) door_->set_complaint({});
   while (!writers_.empty()) remove_writer(writers_.back());
   while (!readers_.empty()) remove_reader(readers_.back());
   for (const auto& [name, topic] : topics_)
@@ -372,6 +431,7 @@ Result<fdds::DataWriter*> Bus::add_writer(fdds::Topic* topic, const fdds::DataWr
 Result<fdds::DataReader*> Bus::add_reader(fdds::Topic* topic, const fdds::DataReaderQos& qos,
                                           ReaderListener& listener, const std::string& partition) {
   fdds::SubscriberQos subscriber_qos;
+  listener.watch_life_signs(door_, silence_s_);
   if (!partition.empty()) subscriber_qos.partition().push_back(partition.c_str());
   fdds::Subscriber* subscriber = participant_->create_subscriber(
       subscriber_qos, &listener, fdds::StatusMask::data_on_readers());

@@ -36,6 +36,8 @@
 
 namespace nearmesh::wire {
 
+class DoorWatch;
+
 using Handle = eprosima::fastrtps::rtps::InstanceHandle_t;
 using Timestamp = eprosima::fastrtps::rtps::Time_t;
 using Microseconds = std::int64_t;
@@ -46,9 +48,13 @@ using Microseconds = std::int64_t;
 
 /// Of one reader and its Subscriber: wakes, and remembers which writers came and went.
 /// on_data_on_readers is taken here so that it does not reach a listener of the host's participant.
+/// A writer whose participant falls silent has gone, long before its lease is over, and is found again with the next life sign:
+/// discovery forgets nobody meanwhile, so that nothing is told anew.
 class ReaderListener : public fdds::SubscriberListener {
  public:
   explicit ReaderListener(Mailbox& mailbox) : mailbox_(mailbox) {}
+  /// Of the participant that the reader is on; nullptr: only leases tell who is gone.
+  void watch_life_signs(std::shared_ptr<const DoorWatch> door, double silence_s);
 
   struct Match {
     Handle writer;
@@ -66,8 +72,14 @@ class ReaderListener : public fdds::SubscriberListener {
 
  private:
   Mailbox& mailbox_;
+  void look_for_life_signs();
+
   std::mutex mutex_;
   std::vector<Match> matches_;
+  std::map<Handle, bool> silent_;  ///< of each writer that is matched
+  std::shared_ptr<const DoorWatch> door_;
+  double silence_s_ = 0;
+  std::chrono::steady_clock::time_point looked_{};
 };
 
 /// Of one writer: wakes, and knows the readers that are matched.
@@ -217,6 +229,8 @@ class Bus {
   void remove_writer(fdds::DataWriter* writer);
   void remove_reader(fdds::DataReader* reader);
   [[nodiscard]] const TopicNames& names() const { return *names_; }
+  /// Of the participant; nullptr: a host's, without one.
+  [[nodiscard]] const std::shared_ptr<DoorWatch>& door() const { return door_; }
 
  private:
   Bus() = default;
@@ -245,7 +259,12 @@ class Bus {
   std::vector<std::string> types_;
   std::optional<TopicNames> names_;
   double heartbeat_s_ = 0;
+  double silence_s_ = 0;
+  std::shared_ptr<DoorWatch> door_;
 };
+
+/// Adds to a process's status what the door knows.
+void tell_of_door(const DoorWatch* door, ProcessStatus& status);
 
 /// Short name of a Fast DDS return code, for messages.
 [[nodiscard]] const char* name_of(const eprosima::fastrtps::types::ReturnCode_t& code);

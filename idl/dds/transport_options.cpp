@@ -31,12 +31,12 @@ TransportOptions preset_of(Transport transport) {
   if (transport == Transport::kThin) {
     // A life sign of one participant is some 500 bytes to each other one; a heartbeat some 100 for each stream that is
     // behind. Ten participants on 0.25 Mbit/s would spend a tenth of it at the built-in pace.
-    options.lease_s = 10;
     options.announcement_s = 3;
+    options.silence_s = 10;
     options.heartbeat_s = 0.3;
   }
   // The kernel tells of a connection that broke, but a busy one delays life signs behind data.
-  if (transport == Transport::kTcp) options.lease_s = 10;
+  if (transport == Transport::kTcp) options.silence_s = 10;
   return options;
 }
 

@@ -271,6 +271,28 @@ Status check(const Echo& message) {
   return check_most(message.bytes.size(), kMaxEchoBytes, "echo bytes");
 }
 
+const char* to_string(DoorRefusal refusal) {
+  switch (refusal) {
+    case DoorRefusal::kHeader:
+      return "header";
+    case DoorRefusal::kSubmessages:
+      return "submessages";
+    case DoorRefusal::kStatistics:
+      return "statistics";
+    case DoorRefusal::kSequence:
+      return "sequence";
+    case DoorRefusal::kFragments:
+      return "fragments";
+    case DoorRefusal::kParameters:
+      return "parameters";
+    case DoorRefusal::kSource:
+      return "source";
+    case DoorRefusal::kCrowd:
+      return "crowd";
+  }
+  return "unknown";
+}
+
 std::string status_line(std::string line) {
   if (line.size() > kMaxStatusLineBytes) line.resize(kMaxStatusLineBytes);
   for (char& c : line)

@@ -68,7 +68,11 @@ void add_transport_settings(Settings& settings, wire::TransportOptions& transpor
                "Port at which tcp is listened for; 0: none");
   settings.add("participants_per_peer", transport.participants_per_peer, 1, 120,
                "Processes that are looked for at each such address");
-  settings.add("lease_s", transport.lease_s, 0.2, 3600, "A process silent for so long is lost");
+  settings.add("lease_s", transport.lease_s, 0.2, 3600,
+               "A process silent for so long is forgotten, and joins anew");
+  settings.add("silence_s", transport.silence_s, 0.2, 3600,
+               "A process silent for so long is taken for lost until it is heard again; above "
+               "announcement_s");
   settings.add("announcement_s", transport.announcement_s, 0.05, 1800,
                "Period of life signs, at most half of lease_s");
   settings.add("heartbeat_s", transport.heartbeat_s, 0.005, 60,
@@ -78,7 +82,7 @@ void add_transport_settings(Settings& settings, wire::TransportOptions& transpor
 void apply_preset(Settings& settings, const wire::TransportOptions& transport) {
   const wire::TransportOptions preset = wire::preset_of(transport.transport);
   const std::string name = wire::to_string(transport.transport);
-  settings.set_preset("lease_s", preset.lease_s, name);
+  settings.set_preset("silence_s", preset.silence_s, name);
   settings.set_preset("announcement_s", preset.announcement_s, name);
   settings.set_preset("heartbeat_s", preset.heartbeat_s, name);
 }

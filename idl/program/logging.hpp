@@ -12,7 +12,10 @@
 
 namespace nearmesh::wire::program {
 
-/// Until start_logging: level info.
+/// The room of what Fast DDS itself logs, at level error where nothing is said of it.
+inline constexpr const char* kFastDdsRoom = "fastdds";
+
+/// Until set_log_levels: level info. Fast DDS's own log comes here too, after a burst one line a second.
 void begin_logging(const std::string& program);
 /// Adds the setting "log": levels as "LEVEL" for all, or "ROOM=LEVEL" of the rooms named here; the later wins.
 void add_log_setting(Settings& settings, std::vector<std::string>& levels,
@@ -21,5 +24,7 @@ void add_log_setting(Settings& settings, std::vector<std::string>& levels,
 void set_log_levels(const std::vector<std::string>& levels);
 /// The logger of a room. Threads: all.
 [[nodiscard]] spdlog::logger& log(const std::string& room);
+/// The first line of a program that stays on the bus: which Fast DDS it is, and whether a fault in that ends the process.
+void log_fastdds();
 
 }  // namespace nearmesh::wire::program

@@ -41,6 +41,14 @@ class Families {
   void add(const char* name, const char* help, double value, bool is_counter = false) {
     family(name, help, is_counter).metric.push_back(metric(value, is_counter));
   }
+  void add_refusals(const char* name, const char* help, const wire::ProcessStatus& status) {
+    prometheus::MetricFamily& refusals = family(name, help, true);
+    for (std::size_t i = 0; i < status.door_refused.size(); ++i) {
+      prometheus::ClientMetric entry = metric(static_cast<double>(status.door_refused[i]), true);
+      entry.label.push_back({"reason", to_string(static_cast<wire::DoorRefusal>(i))});
+      refusals.metric.push_back(std::move(entry));
+    }
+  }
   template <class Value>
   void add_models(const char* name, const char* help, const wire::ProcessStatus& status,
                   Value value) {
@@ -95,6 +103,10 @@ std::vector<prometheus::MetricFamily> families_of(const wire::ProcessStatus& sta
           status.uncertainty_m);
   all.add("nearmesh_complaints", "Lines of trouble in the last minute, at most 16",
           number(status.complaints.size()));
+  all.add("nearmesh_door", "1: messages are checked before Fast DDS reads them",
+          status.has_door ? 1 : 0);
+  all.add_refusals("nearmesh_door_refused_total", "Messages that the door refused, by reason",
+                   status);
   all.add_models("nearmesh_model_faces", "Faces of the whole model", status,
                  [](const auto& model) { return model.faces; });
   all.add_models("nearmesh_model_splits", "Splits of the whole model", status,

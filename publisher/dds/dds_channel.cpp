@@ -26,7 +26,7 @@ class DdsChannel::Impl {
   Status open();
   void announce(const wire::Hello& hello, const std::vector<wire::MeshHeader>& headers);
   Inbox take();
-  void tell(const wire::ProcessStatus& status);
+  void tell(wire::ProcessStatus& status);
   DdsPeers& peers() { return peers_; }
   wire::Mailbox& mailbox() { return mailbox_; }
 
@@ -188,8 +188,9 @@ Inbox DdsChannel::Impl::take() {
   return inbox;
 }
 
-void DdsChannel::Impl::tell(const wire::ProcessStatus& status) {
+void DdsChannel::Impl::tell(wire::ProcessStatus& status) {
   if (bus_ == nullptr) return;
+  wire::tell_of_door(bus_->door().get(), status);
   if (const Status checked = check(status); !checked.is_ok()) {
     mailbox_.complain(bus_->names().of<wire::ProcessStatus>() + ": not sent: " + checked.message());
     return;
@@ -213,7 +214,7 @@ Inbox DdsChannel::take() { return impl_->take(); }
 bool DdsChannel::send(SessionId peer, const wire::SplitBatchMessage& batch) {
   return impl_->peers().send(peer, batch);
 }
-void DdsChannel::tell(const wire::ProcessStatus& status) { impl_->tell(status); }
+void DdsChannel::tell(wire::ProcessStatus& status) { impl_->tell(status); }
 void DdsChannel::wait(double seconds) { impl_->mailbox().wait(seconds); }
 std::vector<std::string> DdsChannel::take_complaints() {
   return impl_->mailbox().take_complaints();

@@ -40,7 +40,7 @@ class DdsChannel final : public Channel {
   [[nodiscard]] bool send(wire::SessionId peer, const wire::SplitBatchMessage& batch) override;
   void wait(double seconds) override;
   /// Dropped when it cannot be taken at once: the next one tells more.
-  void tell(const wire::ProcessStatus& status) override;
+  void tell(wire::ProcessStatus& status) override;
   [[nodiscard]] std::vector<std::string> take_complaints() override;
 
  private:

@@ -29,7 +29,7 @@ void add_settings(wire::program::Settings& settings, ServeOptions& options) {
   settings.add("header_bytes_per_s", options.channel.header_bytes_per_s, 100'000, 1'000'000'000,
                "Pace of mesh headers, all peers together; below the link's rate");
   wire::program::add_metrics_setting(settings, options.metrics);
-  wire::program::add_log_setting(settings, options.log, {"service"});
+  wire::program::add_log_setting(settings, options.log, {"service", wire::program::kFastDdsRoom});
 }
 
 void add_serve_command(CLI::App& app, Action& chosen) {
@@ -95,7 +95,7 @@ void add_replay_command(CLI::App& app, Action& chosen) {
                     "Print one JSON line about what was played at the end");
   const auto settings = std::make_shared<wire::program::Settings>();
   wire::program::add_transport_settings(*settings, options->transport);
-  wire::program::add_log_setting(*settings, options->log, {});
+  wire::program::add_log_setting(*settings, options->log, {wire::program::kFastDdsRoom});
   wire::program::add_flags(*command, settings, [options, known = settings.get()] {
     wire::program::apply_preset(*known, options->transport);
     wire::program::set_log_levels(options->log);

@@ -69,6 +69,7 @@ Status run(const ServeOptions& options) {
     NEARMESH_RETURN_IF_ERROR(server);
     metrics = std::move(server).value();
   }
+  wire::program::log_fastdds();
   auto channel = DdsChannel::create(options.channel);
   NEARMESH_RETURN_IF_ERROR(channel);
   Service service(*channel.value(), wire::make_session_id());

@@ -32,8 +32,8 @@ class Channel {
   [[nodiscard]] virtual bool send(wire::SessionId peer, const wire::SplitBatchMessage& batch) = 0;
   /// Blocks until something arrived or the time is over.
   virtual void wait(double seconds) = 0;
-  /// What this process knows of itself, for operators.
-  virtual void tell(const wire::ProcessStatus&) {}
+  /// What this process knows of itself, for operators. The channel adds what it knows of the network.
+  virtual void tell(wire::ProcessStatus&) {}
   /// One line each since the last call: malformed samples, other wire versions, incompatible QoS, limits reached.
   [[nodiscard]] virtual std::vector<std::string> take_complaints() { return {}; }
 };

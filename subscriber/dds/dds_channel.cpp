@@ -53,6 +53,7 @@ class DdsChannel::Impl {
   void send(const wire::RegionSubscription& subscription);
   template <class Message>
   void put(std::deque<Message> Impl::*queue, const Message& message);
+  void tell(wire::ProcessStatus& status);
   Inbox take();
   void wait(double seconds);
 
@@ -112,6 +113,7 @@ class DdsChannel::Impl {
   std::mutex mutex_;  ///< outgoing queues and inbox; never held during a DDS call
   std::condition_variable arrived_;
   Inbox inbox_;
+  std::shared_ptr<wire::DoorWatch> door_;  ///< of the bus
   std::map<SessionId, Account> accounts_;  ///< by publisher: those that requests were sent to
   std::vector<DdsHeaders::Counted> counted_headers_;  ///< of the inbox
   std::size_t waiting_header_bytes_ = 0;
@@ -149,6 +151,14 @@ void DdsChannel::Impl::send(const wire::RegionSubscription& subscription) {
     accounts_[subscription.publisher].window_bytes = subscription.window_bytes;
   }
   put(&Impl::subscriptions_, subscription);
+}
+
+void DdsChannel::Impl::tell(wire::ProcessStatus& status) {
+  {
+    const std::lock_guard lock(mutex_);
+    wire::tell_of_door(door_.get(), status);
+  }
+  put(&Impl::statuses_, status);
 }
 
 template <class Message>
@@ -232,6 +242,10 @@ Status DdsChannel::Impl::open() {
   auto bus = wire::Bus::open(bus_options, mailbox_);
   NEARMESH_RETURN_IF_ERROR(bus);
   bus_ = std::move(bus).value();
+  {
+    const std::lock_guard lock(mutex_);
+    door_ = bus_->door();
+  }
   // Readers first: who hears our subscriptions can answer them.
   NEARMESH_RETURN_IF_ERROR(batch_reader_.open(*bus_, wire::partition_of(own_id_)));
   NEARMESH_RETURN_IF_ERROR(hello_reader_.open(*bus_));
@@ -514,7 +528,7 @@ SessionId DdsChannel::own_id() const { return impl_->own_id(); }
 void DdsChannel::send(const wire::RegionSubscription& subscription) { impl_->send(subscription); }
 void DdsChannel::send(const wire::BodyPose& pose) { impl_->put(&Impl::poses_, pose); }
 void DdsChannel::send(const wire::ContactReport& report) { impl_->put(&Impl::reports_, report); }
-void DdsChannel::tell(const wire::ProcessStatus& status) { impl_->put(&Impl::statuses_, status); }
+void DdsChannel::tell(wire::ProcessStatus& status) { impl_->tell(status); }
 void DdsChannel::tell_held(const wire::HeldDetail& held) { impl_->put(&Impl::held_, held); }
 bool DdsChannel::has_recorder() const { return impl_->has_recorder(); }
 Channel::Inbox DdsChannel::take() { return impl_->take(); }

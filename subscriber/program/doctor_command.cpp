@@ -15,9 +15,11 @@
 #include "commands.hpp"
 #include "core/base/hash.hpp"
 #include "core/base/stopwatch.hpp"
+#include "idl/dds/fastdds.hpp"
 #include "idl/dds/interfaces.hpp"
 #include "nearmesh/subscriber/dds/dds_channel.hpp"
 #include "subscriber/dds/dds_echo.hpp"
+#include "subscriber/dds/dds_monitor.hpp"
 
 namespace nearmesh::subscriber::program {
 namespace {
@@ -99,6 +101,7 @@ class Doctor {
 
   Status examine() {
     look_at_machine();
+    look_at_fastdds();
     auto echo = DdsEcho::create(options_.transport);
     NEARMESH_RETURN_IF_ERROR(echo);
     echo_ = std::move(echo).value();
@@ -109,6 +112,7 @@ class Doctor {
     // The other doctor may not be through with us yet.
     while (left_s() > 0 && stop_requested == 0) poll(std::min(0.05, left_s()));
     look_at_publishers();
+    look_at_doors();
     if (!other_ && publishers_.empty())
       wrong("discovery",
             "nobody was found: run doctor on the other machine at the same time, with "
@@ -198,6 +202,35 @@ class Doctor {
         "shared memory", text, foreign);
   }
 
+  void look_at_fastdds() {
+    const bool asserts = wire::fastdds_asserts();
+    add(asserts ? Finding::Kind::kAdvice : Finding::Kind::kGood, "fast dds",
+        std::string(wire::fastdds_version()) +
+            (asserts
+                 ? ", with live assertions: a fault in it ends the process. The door keeps known "
+                   "ones out; a build with -DNDEBUG has none (docs/operate.md)"
+                 : ", without assertions"),
+        {{"version", wire::fastdds_version()}, {"asserts", asserts}});
+  }
+
+  /// Of who told its status while this listened, itself not counted.
+  void look_at_doors() {
+    if (monitor_ == nullptr) return;
+    monitor_->listen(0);
+    std::size_t guarded = 0;
+    for (const wire::ProcessStatus& process : monitor_->view().processes) {
+      guarded += process.has_door ? 1 : 0;
+      if (!process.has_door)
+        add(Finding::Kind::kAdvice, "door",
+            "process " + std::to_string(process.process_id) + " on " + process.host +
+                " has no door before Fast DDS: one malformed packet may end it; its host adds one "
+                "line (docs/embed.md)",
+            {{"host", process.host}, {"process_id", process.process_id}});
+    }
+    if (guarded > 0)
+      good("door", std::to_string(guarded) + " processes check what comes in", guarded);
+  }
+
   /// To hear publishers.
   Status join_as_peer() {
     DdsChannelOptions options;
@@ -210,6 +243,9 @@ class Doctor {
     auto channel = DdsChannel::create(options);
     NEARMESH_RETURN_IF_ERROR(channel);
     channel_ = std::move(channel).value();
+    auto monitor = DdsMonitor::create(options.transport);
+    NEARMESH_RETURN_IF_ERROR(monitor);
+    monitor_ = std::move(monitor).value();
     return Status::ok();
   }
 
@@ -223,6 +259,7 @@ class Doctor {
       publishers_.try_emplace(hello.publisher, clock_.seconds(), hello);
     for (const auto& [publisher, header] : inbox.headers)
       headers_.try_emplace(header.content_hash, clock_.seconds(), header.bytes.size());
+    if (monitor_ != nullptr) monitor_->listen(0);
     for (const auto& lines : {inbox.complaints, echo_->take_complaints()})
       for (const std::string& line : lines)
         if (known_.insert(line).second) complaints_.push_back(line);
@@ -376,6 +413,7 @@ class Doctor {
   const Stopwatch clock_;
   std::unique_ptr<DdsChannel> channel_;
   std::unique_ptr<DdsEcho> echo_;
+  std::unique_ptr<DdsMonitor> monitor_;
   std::optional<wire::SessionId> other_;
   std::map<wire::SessionId, std::pair<double, wire::Hello>> publishers_;
   std::map<ContentHash, std::pair<double, std::size_t>> headers_;

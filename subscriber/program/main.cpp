@@ -16,7 +16,7 @@ namespace nearmesh::subscriber::program {
 namespace {
 
 /// Rooms of the log (--log ROOM=LEVEL).
-constexpr std::array<const char*, 2> kRooms{"session", "record"};
+constexpr std::array<const char*, 3> kRooms{"session", "record", wire::program::kFastDdsRoom};
 
 /// How to join the bus, and what to log, as settings (--config, --print-config). Call last, when the command has its
 /// other options; the transport must live as long as the command.

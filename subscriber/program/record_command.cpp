@@ -30,6 +30,7 @@ void show(const char* end, const RecorderStats& stats, double seconds) {
 }  // namespace
 
 Status run(const RecorderOptions& options) {
+  wire::program::log_fastdds();
   Result<std::unique_ptr<DdsRecorder>> created = DdsRecorder::create(options);
   NEARMESH_RETURN_IF_ERROR(created);
   DdsRecorder& recorder = *created.value();

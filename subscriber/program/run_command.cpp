@@ -357,6 +357,7 @@ Status run(const RunOptions& options) {
   Stopwatch clock;
   const Result<Scene> scene = read_scene(options.scene);
   NEARMESH_RETURN_IF_ERROR(scene);
+  wire::program::log_fastdds();
   Result<std::unique_ptr<DdsChannel>> channel = DdsChannel::create(options.channel);
   NEARMESH_RETURN_IF_ERROR(channel);
   if (options.wait_recorder_s) {

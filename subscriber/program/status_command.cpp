@@ -43,6 +43,21 @@ std::string readiness(const wire::ProcessStatus& peer) {
   return text;
 }
 
+/// "no door", or what the door refused: "door refused 12 (submessages 11, source 1)".
+std::string door_line(const wire::ProcessStatus& process) {
+  if (!process.has_door) return "no door before Fast DDS (docs/embed.md)";
+  std::uint64_t all = 0;
+  std::string reasons;
+  for (std::size_t i = 0; i < process.door_refused.size(); ++i) {
+    if (process.door_refused[i] == 0) continue;
+    all += process.door_refused[i];
+    reasons += (reasons.empty() ? "" : ", ") +
+               std::string(to_string(static_cast<wire::DoorRefusal>(i))) + " " +
+               std::to_string(process.door_refused[i]);
+  }
+  return all == 0 ? "" : "door refused " + std::to_string(all) + " (" + reasons + ")";
+}
+
 void print_process(const wire::ProcessStatus& process) {
   const auto count = [](std::uint64_t n) { return static_cast<unsigned long long>(n); };
   std::printf("  %s  %s/%u  up %.0f s  %s\n", to_hex(process.session).c_str(), process.host.c_str(),
@@ -61,6 +76,8 @@ void print_process(const wire::ProcessStatus& process) {
               count(process.waiting_batches));
   if (!process.is_publisher) std::printf(", %llu lost", count(process.lost_batches));
   std::printf("\n");
+  if (const std::string line = door_line(process); !line.empty())
+    std::printf("    %s\n", line.c_str());
   for (const auto& model : process.models) {
     std::printf("    model %s  content %s  %llu faces", model.name.c_str(),
                 to_hex(model.content_hash).c_str(), count(model.faces));
@@ -193,6 +210,9 @@ nlohmann::ordered_json to_json(const BusView& view, bool regions) {
                                     {"bytes_per_s", process.bytes_per_s},
                                     {"waiting_batches", process.waiting_batches},
                                     {"complaints", process.complaints}};
+    entry["has_door"] = process.has_door;
+    for (std::size_t i = 0; i < process.door_refused.size(); ++i)
+      entry["door_refused"][to_string(static_cast<wire::DoorRefusal>(i))] = process.door_refused[i];
     if (process.is_publisher) {
       entry["peers"] = process.peers;
     } else {

@@ -9,6 +9,7 @@
 #include "idl/dds/codec.hpp"
 #include "idl/dds/type_support.hpp"
 #include "nearmesh/core/spm/write_model_file.hpp"
+#include "tests/support/rtps_message.hpp"
 #include "tests/unit/idl/dds/samples.hpp"
 
 using namespace nearmesh;
@@ -64,6 +65,68 @@ void write_model_file_seeds() {
     write("model_file/changed_" + std::to_string(seed), 2, random_bytes(seed, 6));
 }
 
+/// The header is the target's.
+void write_rtps(const std::string& name, const test::Rtps& message) {
+  write("rtps/" + name, 1, {message.bytes.begin() + 20, message.bytes.end()});
+}
+
+void write_rtps_seeds() {
+  const auto message = [] { return test::Rtps({1, 15, 1, 2, 3, 4, 5, 6, 7, 8, 9, 1}); };
+  const test::Rtps::Key other = test::key_of(2);
+  write("rtps/deadly", 0, test::deadly_packet());
+  write_rtps("announcement", message().timestamp().announcement().statistics());
+  write_rtps("token", message()
+                          .begin_announcement()
+                          .begin_parameter(0x1001)
+                          .text("DDS:Auth:PKI-DH:1.0")
+                          .u32(1)
+                          .text("dds.cert.sn")
+                          .text("x")
+                          .u32(1)
+                          .text("c.id")
+                          .u32(4)
+                          .u32(7)
+                          .end_parameter()
+                          .finish_announcement());
+  write_rtps("farewell", message().farewell());
+  write_rtps("repair", message().to(other).heartbeat(1, 9).ack_nack(4, 33).gap(3, 5, 8));
+  write_rtps("data", message()
+                         .begin_data(0, 0x103, 1, 6)
+                         .begin_parameter(0x70)
+                         .guid(0x103)
+                         .end_parameter()
+                         .sentinel()
+                         .encapsulation(1)
+                         .u32(7)
+                         .end());
+  write_rtps("fragment", message()
+                             .begin(0x16)
+                             .u16(0)
+                             .u16(28)
+                             .entity(0)
+                             .entity(0x103)
+                             .sequence(1)
+                             .u32(1)
+                             .u16(1)
+                             .u16(8)
+                             .u32(20)
+                             .zeros(8)
+                             .end());
+  write_rtps("handshake", message()
+                              .begin_data(0x000201c4, test::kHandshakeWriter, 1, 4)
+                              .encapsulation(1)
+                              .zeros(2 * 24 + 3 * 16)
+                              .text("dds.sec.auth")
+                              .u32(1)
+                              .text("DDS:Auth")
+                              .u32(0)
+                              .u32(1)
+                              .text("c.id")
+                              .u32(4)
+                              .u32(9)
+                              .end());
+}
+
 void write_batch_seeds() {
   const fuzz::FullModel& model = fuzz::models().front();
   ActiveMesh mesh(model.store());
@@ -89,6 +152,7 @@ int main(int argc, char** argv) {
   root = argv[1];
   write_model_file_seeds();
   write_batch_seeds();
+  write_rtps_seeds();
   for (std::uint64_t seed = 0; seed < 6; ++seed) {
     const auto name = "/program_" + std::to_string(seed);
     write("batch" + name, static_cast<std::uint8_t>(seed), random_bytes(10 + seed, 60));

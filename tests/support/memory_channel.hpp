@@ -194,7 +194,7 @@ class MemoryBus::PublisherEnd : public publisher::Channel {
     return true;
   }
   void wait(double) override {}
-  void tell(const wire::ProcessStatus& status) override { bus_.keep(status); }
+  void tell(wire::ProcessStatus& status) override { bus_.keep(status); }
 
  private:
   MemoryBus& bus_;
@@ -230,7 +230,7 @@ class MemoryBus::PeerEnd : public subscriber::Channel {
     EXPECT_EQ(wire::check(report).message(), "");
     bus_.reports.push_back(report);
   }
-  void tell(const wire::ProcessStatus& status) override { bus_.keep(status); }
+  void tell(wire::ProcessStatus& status) override { bus_.keep(status); }
   void tell_held(const wire::HeldDetail& held) override {
     EXPECT_EQ(wire::check(held).message(), "");
     bus_.held.push_back(held);

@@ -62,6 +62,7 @@ inline wire::TransportOptions transport(const std::string& prefix) {
   const char* interface = std::getenv("NEARMESH_TEST_INTERFACE");
   options.interface = interface != nullptr ? interface : "127.0.0.1";
   options.lease_s = lease_s;
+  options.silence_s = lease_s;
   options.announcement_s = 0.3;
   return options;
 }

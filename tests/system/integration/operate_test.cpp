@@ -272,13 +272,17 @@ TEST_F(Operate, StatusTellsOfPublisherAndPeer) {
     EXPECT_LE(process.at("bytes").get<double>(), 1200 * process.at("batches").get<double>())
         << role;
     EXPECT_EQ(process.at("refused"), 0);
+    EXPECT_EQ(process.at("has_door"), true);
+    EXPECT_EQ(process.at("door_refused").at("submessages"), 0);
   }
   EXPECT_TRUE(status.at("refusals").empty()) << status.dump(1);
 
   const std::string metrics = get_metrics(port);
-  for (const char* text : {"200 OK", "nearmesh_certified_pairs{role=\"peer\"} 1",
-                           "# TYPE nearmesh_batch_bytes_total counter",
-                           "nearmesh_model_held_splits{role=\"peer\",model=\"terrain\""})
+  for (const char* text :
+       {"200 OK", "nearmesh_certified_pairs{role=\"peer\"} 1", "nearmesh_door{role=\"peer\"} 1",
+        "nearmesh_door_refused_total{role=\"peer\",reason=\"source\"} 0",
+        "# TYPE nearmesh_batch_bytes_total counter",
+        "nearmesh_model_held_splits{role=\"peer\",model=\"terrain\""})
     EXPECT_NE(metrics.find(text), std::string::npos) << text << " in " << metrics;
 }
 
@@ -421,6 +425,25 @@ TEST_F(Operate, LonelyDoctorFails) {
 }
 
 // --- Transports
+
+/// A port that somebody else has makes Fast DDS complain.
+TEST_F(Operate, FastDdsComplainsOnStandardErrorAlone) {
+  const int taken = ::socket(AF_INET, SOCK_STREAM, 0);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  ASSERT_EQ(::bind(taken, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
+  ASSERT_EQ(::listen(taken, 1), 0);
+  socklen_t size = sizeof address;
+  ::getsockname(taken, reinterpret_cast<sockaddr*>(&address), &size);
+  std::string out, err;
+  static_cast<void>(test::run(folder, "nearmesh-subscriber",
+                              {"doctor", "--json", "--seconds", "2", "--transport", "tcp",
+                               "--listen-port", std::to_string(ntohs(address.sin_port))},
+                              &out, &err));
+  ::close(taken);
+  EXPECT_FALSE(json::parse(out, nullptr, false).is_discarded()) << out;
+  EXPECT_NE(err.find("fastdds error: "), std::string::npos) << err;
+}
 
 TEST_F(Operate, EveryTransportFliesOnOneMachine) {
   write_scene(5);

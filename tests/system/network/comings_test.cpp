@@ -29,7 +29,7 @@ TEST_F(Comings, LateJoinTenTimesInARowIsRight) {
 }
 
 TEST_F(Comings, LinksThatWereDownServeAgain) {
-  // Shorter and longer than the lease of three seconds.
+  // Shorter and longer than the silence of three seconds that counts as a loss.
   const Outages outages = take_links_down(exercise(), {1, 5});
   for (const Outage& outage : outages.all)
     EXPECT_GE(outage.back_s, 0) << (outage.of_publisher ? "publisher" : "peer") << " after "

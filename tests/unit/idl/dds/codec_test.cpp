@@ -54,7 +54,7 @@ TEST(Decode, RefusesStatusWhoseListsDiffer) {
   expect_refused<S>(valid_status(), "models", [](S& s) { s.held_splits().push_back(1); });
   expect_refused<S>(valid_status(), "models", [](S& s) { s.splits().clear(); });
   expect_refused<S>(valid_status(), "names", [](S& s) { s.names().pop_back(); });
-  expect_refused<S>(valid_status(), "flags", [](S& s) { s.flags(2); });
+  expect_refused<S>(valid_status(), "flags", [](S& s) { s.flags(4); });
   expect_refused<S>(valid_status(), "complaints: more",
                     [](S& s) { s.complaints().assign(17, '\n'); });
   expect_refused<S>(valid_status(), "complaints: fewer",

@@ -126,6 +126,8 @@ inline ProcessStatus valid_status() {
   message.lost_batches = 6;
   message.waiting_batches = 7;
   message.resident_bytes = 50'000'000;
+  message.has_door = true;
+  message.door_refused = {1, 2, 3, 4, 5, 6, 7, 8};
   message.models = {{"bunny", {1, 11}, 70000, 10, 35000}, {"terrain 512", {2, 22}, 500000, 0, 0}};
   message.complaints = {"first", "second: with, marks"};
   return message;

@@ -139,7 +139,7 @@ TEST(TransportSettings, NamesAreCheckedAndThePresetFillsWhatNobodySet) {
   ASSERT_TRUE(settings.set_flag("heartbeat_s", {"0.05"}).is_ok());
   apply_preset(settings, transport);
   EXPECT_EQ(transport.transport, wire::Transport::kThin);
-  EXPECT_EQ(transport.lease_s, 10);
+  EXPECT_EQ(transport.silence_s, 10);
   EXPECT_EQ(transport.heartbeat_s, 0.05);
 }
 
@@ -148,6 +148,7 @@ TEST(TransportSettings, EveryPresetIsKnownByItsNameAndKeepsLeaseAboveLifeSigns) 
     EXPECT_EQ(wire::transport_of(wire::to_string(transport)), transport);
     const wire::TransportOptions preset = wire::preset_of(transport);
     EXPECT_GE(preset.lease_s, 2 * preset.announcement_s);
+    EXPECT_GT(preset.silence_s, 2 * preset.announcement_s);
   }
   EXPECT_FALSE(wire::transport_of("LAN"));
 }

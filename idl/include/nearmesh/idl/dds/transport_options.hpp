@@ -43,8 +43,10 @@ struct TransportOptions {
   std::string discovery_server;
   std::uint16_t listen_port = 0;             ///< of kTcp; 0: does not listen
   std::uint32_t participants_per_peer = 16;  ///< how many are looked for at each such address
-  double lease_s = 3;                        ///< a process silent for so long is lost
-  double announcement_s = 1;                 ///< period of life signs; below lease_s / 2
+  double lease_s = 20;  ///< a process silent for so long is forgotten: it joins anew
+  /// A process silent for so long is taken for lost, until it is heard again; above announcement_s. Needs a door (door.hpp).
+  double silence_s = 3;
+  double announcement_s = 1;  ///< period of life signs; below lease_s / 2
   double heartbeat_s =
       0.1;  ///< how soon a lost datagram is noticed; Fast DDS' own 3 s stall streams
 };

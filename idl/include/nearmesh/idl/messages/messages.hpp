@@ -171,6 +171,21 @@ struct HeldDetail {
 inline constexpr std::size_t kMaxHeardPublishers = 64;
 inline constexpr std::size_t kMaxHeldBytes = 1U << 20;
 
+/// Why the door before Fast DDS refused a message (docs/network.md).
+enum class DoorRefusal : std::uint8_t {
+  kHeader,       ///< is no RTPS message
+  kSubmessages,  ///< lengths that do not add up, something behind the end
+  kStatistics,   ///< a statistics submessage that is malformed, or not the last
+  kSequence,     ///< sequence numbers that no writer reaches
+  kFragments,    ///< fragments of a sample that cannot be
+  kParameters,   ///< malformed discovery, inline QoS or handshake
+  kSource,       ///< in the name of a participant that speaks from elsewhere
+  kCrowd,        ///< one unknown participant of too many; is let in when it speaks again
+};
+inline constexpr std::size_t kDoorRefusals = 8;
+/// "header", "submessages", "statistics", "sequence", "fragments", "parameters", "source", "crowd".
+[[nodiscard]] const char* to_string(DoorRefusal refusal);
+
 /// What one process knows of itself (keyed by session, transient local, renewed each second): for operators, who cannot see
 /// it from outside. For peers it is the sign of life of who moves a body.
 struct ProcessStatus {
@@ -189,6 +204,8 @@ struct ProcessStatus {
   std::uint64_t lost_batches = 0;           ///< never came
   std::uint64_t waiting_batches = 0;        ///< to be sent, or to be taken in
   std::uint64_t resident_bytes = 0;
+  bool has_door = false;  ///< before Fast DDS, on the participant of this session
+  std::array<std::uint64_t, kDoorRefusals> door_refused{};  ///< messages, by DoorRefusal
   struct Model {
     std::string name;
     ContentHash content_hash;

@@ -48,7 +48,7 @@ class DdsChannel final : public Channel {
   void send(const wire::RegionSubscription& subscription) override;
   void send(const wire::BodyPose& pose) override;
   void send(const wire::ContactReport& report) override;
-  void tell(const wire::ProcessStatus& status) override;
+  void tell(wire::ProcessStatus& status) override;
   void tell_held(const wire::HeldDetail& held) override;
   /// Whether somebody records what this peer says from now on. Recorders of some topics count where held_detail is one.
   [[nodiscard]] bool has_recorder() const;

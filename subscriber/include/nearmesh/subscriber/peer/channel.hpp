@@ -23,8 +23,8 @@ class Channel {
   virtual void send(const wire::BodyPose& pose) = 0;
   virtual void send(const wire::ContactReport& report) = 0;
 
-  /// What this process knows of itself, for operators.
-  virtual void tell(const wire::ProcessStatus&) {}
+  /// What this process knows of itself, for operators. The channel adds what it knows of the network.
+  virtual void tell(wire::ProcessStatus&) {}
   /// What this peer holds of a model, for a recorder that came (Inbox::recorder_came).
   virtual void tell_held(const wire::HeldDetail&) {}
 

@@ -1,0 +1,243 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "nearmesh/idl/dds/door.hpp"
+
+#include <fastdds/rtps/transport/ChainingTransport.h>
+#include <fastdds/rtps/transport/ChainingTransportDescriptor.h>
+#include <fastdds/rtps/transport/TCPv4TransportDescriptor.h>
+#include <fastdds/rtps/transport/TCPv6TransportDescriptor.h>
+#include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
+#include <fastdds/rtps/transport/UDPv6TransportDescriptor.h>
+#include <fastdds/rtps/transport/shared_mem/SharedMemTransportDescriptor.h>
+#include <fastrtps/utils/IPLocator.h>
+#include <fastdds/dds/domain/qos/DomainParticipantQos.hpp>
+
+#include <algorithm>
+#include <exception>
+#include <utility>
+
+#include "door_watch.hpp"
+
+namespace nearmesh::wire {
+namespace {
+
+namespace fdds = eprosima::fastdds::dds;
+namespace rtps = eprosima::fastdds::rtps;
+using eprosima::fastrtps::rtps::IPLocator;
+using eprosima::fastrtps::rtps::Locator_t;
+using eprosima::fastrtps::rtps::octet;
+using Descriptor = rtps::TransportDescriptorInterface;
+
+/// The lease that Fast DDS is told: its own timers shall not end any. Its timer may meet the removal of the participant for
+/// another reason, and then an assertion ends the process.
+constexpr std::uint32_t kForever_s = 365U * 24 * 3600;
+
+constexpr std::uint32_t kLargestDatagramBytes = 65535;
+
+/// What ChainingTransport wants to be made of.
+struct Below final : rtps::ChainingTransportDescriptor {
+  using ChainingTransportDescriptor::ChainingTransportDescriptor;
+  [[nodiscard]] rtps::TransportInterface* create_transport() const override { return nullptr; }
+};
+
+/// One transport with a door: what comes in passes it, what goes out does not.
+class Door final : public rtps::ChainingTransport, private LeaseEnd {
+ public:
+  Door(std::shared_ptr<Descriptor> below, std::shared_ptr<DoorWatch> watch)
+      : ChainingTransport(Below(below)), below_(std::move(below)), watch_(std::move(watch)) {}
+  ~Door() override { close(); }
+
+  [[nodiscard]] Descriptor* get_configuration() override { return below_.get(); }
+
+  /// The transport below looks for its own senders in the list, so they are not wrapped.
+  bool OpenOutputChannel(rtps::SendResourceList& senders, const Locator_t& locator) override {
+    return low_level_transport_->OpenOutputChannel(senders, locator);
+  }
+  /// A datagram that was cut to the size of our own would be refused, and its first part was all that Fast DDS ever read of it.
+  bool OpenInputChannel(const Locator_t& locator, rtps::TransportReceiverInterface* receiver,
+                        std::uint32_t max_message_bytes) override {
+    const bool is_udp = locator.kind == LOCATOR_KIND_UDPv4 || locator.kind == LOCATOR_KIND_UDPv6;
+    return ChainingTransport::OpenInputChannel(
+        locator, receiver,
+        is_udp ? std::max(max_message_bytes, kLargestDatagramBytes) : max_message_bytes);
+  }
+  bool CloseInputChannel(const Locator_t& locator) override {
+    close();
+    return ChainingTransport::CloseInputChannel(locator);
+  }
+
+  bool send(eprosima::fastrtps::rtps::SenderResource* low, const octet* data, std::uint32_t size,
+            eprosima::fastrtps::rtps::LocatorsIterator* begin,
+            eprosima::fastrtps::rtps::LocatorsIterator* end,
+            const std::chrono::steady_clock::time_point& timeout) override {
+    return low->send(data, size, begin, end, timeout);
+  }
+
+  void receive(rtps::TransportReceiverInterface* next, const octet* data, std::uint32_t size,
+               const Locator_t& local, const Locator_t& remote) override {
+    const bool is_udp = remote.kind == LOCATOR_KIND_UDPv4 || remote.kind == LOCATOR_KIND_UDPv6;
+    const RtpsVerdict verdict = watch_->check(
+        {data, size}, {is_udp, is_udp ? IPLocator::getPhysicalPort(remote) : std::uint16_t{0}});
+    if (verdict.refusal) return;
+    const auto passed = static_cast<std::uint32_t>(verdict.size);
+    if (verdict.announcement && !verdict.announcement->leaves && watch_->ends_leases()) {
+      receive_announcement(*next, {data, passed}, *verdict.announcement, local, remote);
+      return;
+    }
+    hand_on(*next, data, passed, local, remote);
+  }
+
+ private:
+  void hand_on(rtps::TransportReceiverInterface& next, const octet* data, std::uint32_t size,
+               const Locator_t& local, const Locator_t& remote) {
+    try {
+      next.OnDataReceived(data, size, local, remote);
+    } catch (const std::exception&) {
+      // Say of memory that a malformed message asked for: the message is lost, the process goes on.
+      watch_->count(DoorRefusal::kParameters);
+    }
+  }
+
+  void receive_announcement(rtps::TransportReceiverInterface& next,
+                            std::span<const std::uint8_t> message,
+                            const RtpsAnnouncement& announcement, const Locator_t& local,
+                            const Locator_t& remote) {
+    {
+      const std::lock_guard lock(mutex_);
+      if (!closed_) {
+        next_ = &next;
+        local_ = local;
+        remote_ = remote;
+      }
+    }
+    if (!is_added_.exchange(true)) watch_->add(this);
+    // A copy: in shared memory others read the same bytes.
+    std::vector<std::uint8_t> changed(message.begin(), message.end());
+    for (std::size_t i = 0; i < 8; ++i)
+      changed[announcement.lease_at + i] =
+          i < 4 ? static_cast<std::uint8_t>(kForever_s >>
+                                            (8 * (announcement.little_endian ? i : 3 - i)))
+                : std::uint8_t{0};
+    hand_on(next, changed.data(), static_cast<std::uint32_t>(changed.size()), local, remote);
+  }
+
+  /// Called by the watch's thread.
+  void end(std::span<const std::uint8_t> farewell) override {
+    const std::lock_guard lock(mutex_);
+    if (closed_ || next_ == nullptr) return;
+    hand_on(*next_, farewell.data(), static_cast<std::uint32_t>(farewell.size()), local_, remote_);
+  }
+
+  /// When this returns the watch uses nothing of this transport any more.
+  void close() {
+    {
+      const std::lock_guard lock(mutex_);
+      closed_ = true;
+    }
+    watch_->remove(this);
+  }
+
+  const std::shared_ptr<Descriptor> below_;
+  const std::shared_ptr<DoorWatch> watch_;
+  std::mutex mutex_;
+  bool closed_ = false;
+  std::atomic<bool> is_added_ = false;
+  rtps::TransportReceiverInterface* next_ = nullptr;  ///< where announcements go
+  Locator_t local_, remote_;
+};
+
+/// What tells a descriptor with a door from others.
+struct HasDoor {
+  std::shared_ptr<DoorWatch> watch;
+
+ protected:
+  ~HasDoor() = default;
+};
+
+/// A descriptor of the same kind, since Fast DDS asks what kind it is, whose transports have a door.
+template <class Below>
+struct DoorDescriptor final : Below, HasDoor {
+  DoorDescriptor(const Below& below, std::shared_ptr<DoorWatch> shared)
+      : Below(below), HasDoor{std::move(shared)} {}
+  [[nodiscard]] rtps::TransportInterface* create_transport() const override {
+    return new Door(std::make_shared<Below>(static_cast<const Below&>(*this)), watch);
+  }
+};
+
+/// For transports that Fast DDS does not know by kind: a host's own.
+struct AnyDoorDescriptor final : rtps::ChainingTransportDescriptor, HasDoor {
+  AnyDoorDescriptor(std::shared_ptr<Descriptor> below, std::shared_ptr<DoorWatch> shared)
+      : ChainingTransportDescriptor(std::move(below)), HasDoor{std::move(shared)} {}
+  [[nodiscard]] rtps::TransportInterface* create_transport() const override {
+    return new Door(low_level_descriptor, watch);
+  }
+};
+
+/// nullptr: it is of another kind.
+template <class Below>
+std::shared_ptr<Descriptor> with_door_if(const Descriptor& below,
+                                         const std::shared_ptr<DoorWatch>& watch) {
+  const auto* known = dynamic_cast<const Below*>(&below);
+  if (known == nullptr) return nullptr;
+  return std::make_shared<DoorDescriptor<Below>>(*known, watch);
+}
+
+std::shared_ptr<Descriptor> with_door(const std::shared_ptr<Descriptor>& below,
+                                      const std::shared_ptr<DoorWatch>& watch) {
+  for (const auto make :
+       {with_door_if<rtps::UDPv4TransportDescriptor>, with_door_if<rtps::UDPv6TransportDescriptor>,
+        with_door_if<rtps::TCPv4TransportDescriptor>, with_door_if<rtps::TCPv6TransportDescriptor>,
+        with_door_if<rtps::SharedMemTransportDescriptor>})
+    if (auto made = make(*below, watch)) return made;
+  return std::make_shared<AnyDoorDescriptor>(below, watch);
+}
+
+/// As Fast DDS 2.9 makes its built-in ones.
+void name_builtin_transports(fdds::DomainParticipantQos& qos) {
+  if (!qos.transport().use_builtin_transports) return;
+  qos.transport().use_builtin_transports = false;
+  auto udp = std::make_shared<rtps::UDPv4TransportDescriptor>();
+  udp->sendBufferSize = qos.transport().send_socket_buffer_size;
+  udp->receiveBufferSize = qos.transport().listen_socket_buffer_size;
+  auto shared = std::make_shared<rtps::SharedMemTransportDescriptor>();
+  shared->segment_size(2 * std::max(qos.transport().send_socket_buffer_size,
+                                    qos.transport().listen_socket_buffer_size));
+  shared->max_message_size(udp->max_message_size());
+  qos.transport().user_transports.push_back(udp);
+  qos.transport().user_transports.push_back(shared);
+}
+
+const HasDoor* door_of(const Descriptor* descriptor) {
+  return dynamic_cast<const HasDoor*>(descriptor);
+}
+
+}  // namespace
+
+void add_door(fdds::DomainParticipantQos& qos) {
+  name_builtin_transports(qos);
+  const bool is_plain = qos.wire_protocol().builtin.discovery_config.discoveryProtocol ==
+                        eprosima::fastrtps::rtps::DiscoveryProtocol_t::SIMPLE;
+  std::shared_ptr<DoorWatch> watch;
+  for (auto& transport : qos.transport().user_transports) {
+    if (door_of(transport.get()) != nullptr) continue;
+    if (watch == nullptr) watch = std::make_shared<DoorWatch>(is_plain);
+    transport = with_door(transport, watch);
+  }
+}
+
+std::shared_ptr<DoorWatch> door_watch_of(const fdds::DomainParticipant& participant) {
+  const auto& transport = participant.get_qos().transport();
+  if (transport.use_builtin_transports) return nullptr;
+  std::shared_ptr<DoorWatch> watch;
+  for (const auto& descriptor : transport.user_transports) {
+    const HasDoor* door = door_of(descriptor.get());
+    if (door == nullptr) return nullptr;
+    watch = door->watch;
+  }
+  return watch;
+}
+
+bool has_door(const fdds::DomainParticipant& participant) {
+  return door_watch_of(participant) != nullptr;
+}
+
+}  // namespace nearmesh::wire

@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "participant_book.hpp"
+
+#include <algorithm>
+
+#include "core/base/hash.hpp"
+
+namespace nearmesh::wire {
+
+std::size_t ParticipantBook::Hash::operator()(const ParticipantKey& key) const {
+  return static_cast<std::size_t>(hash_bytes(key));
+}
+
+std::optional<DoorRefusal> ParticipantBook::hear(const RtpsVerdict& message,
+                                                 const MessageSource& from) {
+  const auto at = known_.find(message.source);
+  if (at == known_.end()) {
+    // Fast DDS takes nothing from who is unknown but its announcement.
+    if (!message.announcement || message.announcement->leaves) return std::nullopt;
+    if (!may_come_in(message.source)) return DoorRefusal::kCrowd;
+    Known known{.first_s = now_s_,
+                .last_s = now_s_,
+                .lease_s = message.announcement->lease_s,
+                .announced_s = now_s_,
+                .sequence = message.announcement->sequence,
+                .ports = {}};
+    if (from.is_udp) known.ports.push_back(from.port);
+    known_.emplace(message.source, std::move(known));
+    return std::nullopt;
+  }
+  Known& known = at->second;
+  if (!speaks_from(known, from)) return DoorRefusal::kSource;
+  known.last_s = now_s_;
+  if (!message.announcement) return std::nullopt;
+  if (message.announcement->leaves) {
+    known_.erase(at);
+    return std::nullopt;
+  }
+  known.lease_s = message.announcement->lease_s;
+  // Several at a time are one: it has several sockets.
+  if (now_s_ > known.announced_s) {
+    known.period_s = now_s_ - known.announced_s;
+    known.announced_s = now_s_;
+  }
+  known.sequence = std::max(known.sequence, message.announcement->sequence);
+  return std::nullopt;
+}
+
+bool ParticipantBook::speaks_from(Known& known, const MessageSource& from) const {
+  if (!from.is_udp ||
+      std::find(known.ports.begin(), known.ports.end(), from.port) != known.ports.end())
+    return true;
+  if (now_s_ - known.last_s > kMoved_s) known.ports.clear();
+  // One that was first heard through another transport has yet to be learnt.
+  if (!known.ports.empty() &&
+      (now_s_ - known.first_s > kLearning_s || known.ports.size() >= kMaxPorts))
+    return false;
+  known.ports.push_back(from.port);
+  return true;
+}
+
+bool ParticipantBook::may_come_in(const ParticipantKey& key) {
+  if (tokens_ >= 1) {
+    --tokens_;
+    return true;
+  }
+  const auto waiting = waiting_.find(key);
+  if (waiting == waiting_.end()) {
+    if (waiting_order_.size() >= kMaxWaiting) {
+      waiting_.erase(waiting_order_.front());
+      waiting_order_.pop_front();
+    }
+    waiting_.emplace(key, now_s_);
+    waiting_order_.push_back(key);
+    return false;
+  }
+  if (now_s_ - waiting->second < kAgain_s || again_tokens_ < 1) return false;
+  --again_tokens_;
+  waiting_.erase(waiting);
+  waiting_order_.erase(std::find(waiting_order_.begin(), waiting_order_.end(), key));
+  return true;
+}
+
+std::vector<ParticipantBook::Gone> ParticipantBook::tick(double seconds) {
+  now_s_ += seconds;
+  tokens_ = std::min(kBurst, tokens_ + kNewcomersPerSecond * seconds);
+  again_tokens_ = std::min(kBurst, again_tokens_ + kNewcomersPerSecond * seconds);
+  std::vector<Gone> gone;
+  std::erase_if(known_, [&](const auto& entry) {
+    const Known& known = entry.second;
+    if (now_s_ - known.last_s <= known.lease_s) return false;
+    gone.push_back({entry.first, std::min(known.sequence, kMaxSequence - 1) + 1});
+    return true;
+  });
+  return gone;
+}
+
+std::optional<bool> ParticipantBook::is_silent(const ParticipantKey& key, double silence_s) const {
+  const auto at = known_.find(key);
+  if (at == known_.end()) return std::nullopt;
+  const Known& known = at->second;
+  return now_s_ - known.last_s >
+         std::max(silence_s, std::min(3 * known.period_s, known.lease_s / 2));
+}
+
+}  // namespace nearmesh::wire

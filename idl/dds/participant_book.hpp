@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// Who speaks on the bus: from where, when last, and whether a newcomer may come in now. No Fast DDS, no clock: time is ticked.
+
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <unordered_map>
+#include <vector>
+
+#include "rtps_check.hpp"
+
+namespace nearmesh::wire {
+
+/// Where a message came from. Of UDP the port tells one socket from another; other transports need no such check.
+struct MessageSource {
+  bool is_udp = false;
+  std::uint16_t port = 0;
+};
+
+/// Three rules:
+/// * **Who speaks.** A participant speaks from few sockets. After the first kLearning_s a message in its name from another one is
+///   refused, unless it has been silent for kMoved_s: else anybody could forge what it says, and one such message makes a reader
+///   deaf for it.
+/// * **Who comes in.** Fast DDS takes memory and time for each participant that it hears of. kBurst may come at once, then
+///   kNewcomersPerSecond; who is held back is let in when it speaks again, which an honest one does each second, and who invents
+///   participants does not.
+/// * **Who is gone.** A participant that has been silent for its lease has left. Time counts only while this process runs, so one
+///   that stood still does not miss everybody.
+/// Threads: one at a time.
+class ParticipantBook {
+ public:
+  static constexpr double kLearning_s = 10;
+  static constexpr double kMoved_s = 5;
+  static constexpr double kBurst = 256;
+  static constexpr double kNewcomersPerSecond = 50;
+  static constexpr double kAgain_s = 0.05;          ///< between the two words of who is held back
+  static constexpr std::size_t kMaxWaiting = 4096;  ///< held back; the oldest are forgotten
+  static constexpr std::size_t kMaxPorts = 16;      ///< of one participant
+
+  /// A well-formed message. Out: why it is refused.
+  [[nodiscard]] std::optional<DoorRefusal> hear(const RtpsVerdict& message,
+                                                const MessageSource& from);
+
+  struct Gone {
+    ParticipantKey key;
+    std::int64_t sequence;  ///< above that of all its announcements
+  };
+  /// So much time has passed. Out: who has left by its lease; not known any more.
+  [[nodiscard]] std::vector<Gone> tick(double seconds);
+  /// Nothing came from it for so long, nor for three periods of its own life signs, which may be slower than ours. Nothing: it is
+  /// not known.
+  [[nodiscard]] std::optional<bool> is_silent(const ParticipantKey& key, double silence_s) const;
+  [[nodiscard]] std::size_t size() const { return known_.size(); }
+
+ private:
+  struct Hash {
+    std::size_t operator()(const ParticipantKey& key) const;
+  };
+  struct Known {
+    double first_s = 0, last_s = 0;
+    double lease_s = 0;
+    double announced_s = 0, period_s = 0;  ///< of its announcements
+    std::int64_t sequence = 0;
+    std::vector<std::uint16_t> ports;
+  };
+  [[nodiscard]] bool may_come_in(const ParticipantKey& key);
+  [[nodiscard]] bool speaks_from(Known& known, const MessageSource& from) const;
+
+  double now_s_ = 0;
+  std::unordered_map<ParticipantKey, Known, Hash> known_;
+  double tokens_ = kBurst;
+  double again_tokens_ = kBurst;
+  std::unordered_map<ParticipantKey, double, Hash> waiting_;  ///< since when
+  std::deque<ParticipantKey> waiting_order_;
+};
+
+}  // namespace nearmesh::wire

@@ -1,0 +1,518 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "rtps_check.hpp"
+
+#include <algorithm>
+#include <cstring>
+
+namespace nearmesh::wire {
+namespace {
+
+using Bytes = std::span<const std::uint8_t>;
+
+constexpr std::size_t kHeaderBytes = 20;
+constexpr std::size_t kStatisticsBytes = 56;
+constexpr std::uint16_t kEprosima = 0x010f;
+
+enum Submessage : std::uint8_t {
+  kPad = 0x01,
+  kAckNack = 0x06,
+  kHeartbeat = 0x07,
+  kGap = 0x08,
+  kInfoTimestamp = 0x09,
+  kInfoSource = 0x0c,
+  kInfoDestination = 0x0e,
+  kNackFragment = 0x12,
+  kHeartbeatFragment = 0x13,
+  kData = 0x15,
+  kDataFragment = 0x16,
+  kSecureBody = 0x30,
+  kSecurePrefix = 0x31,
+  kSecurePostfix = 0x32,
+  kRtpsPrefix = 0x33,
+  kRtpsPostfix = 0x34,
+  kStatistics = 0x80,
+};
+
+/// Writers of discovery, as a number of four bytes. What they write is read before anybody is known.
+enum BuiltinWriter : std::uint32_t {
+  kParticipants = 0x000100c2,
+  kWriters = 0x000003c2,
+  kReaders = 0x000004c2,
+  kSecureWriters = 0xff0003c2,
+  kSecureReaders = 0xff0004c2,
+  kLiveliness = 0x000200c2,
+  kHandshakes = 0x000201c3,
+};
+
+/// Takes numbers off bytes. What is not there is 0, and leaves the cursor broken.
+class Cursor {
+ public:
+  Cursor(Bytes bytes, bool little_endian) : bytes_(bytes), little_endian_(little_endian) {}
+
+  [[nodiscard]] bool is_whole() const { return whole_; }
+  [[nodiscard]] std::size_t at() const { return at_; }
+  [[nodiscard]] std::size_t left() const { return bytes_.size() - at_; }
+  [[nodiscard]] Bytes rest() const { return bytes_.subspan(at_); }
+  void fail() { whole_ = false; }
+
+  bool skip(std::size_t count) {
+    if (count > left()) {
+      whole_ = false;
+      at_ = bytes_.size();
+      return false;
+    }
+    at_ += count;
+    return true;
+  }
+  Bytes take(std::size_t count) {
+    const std::size_t from = at_;
+    return skip(count) ? bytes_.subspan(from, count) : Bytes{};
+  }
+  std::uint16_t u16() { return static_cast<std::uint16_t>(number(2, little_endian_)); }
+  std::uint32_t u32() { return static_cast<std::uint32_t>(number(4, little_endian_)); }
+  /// Entity ids and the like, whatever the order of numbers.
+  std::uint32_t big_u32() { return static_cast<std::uint32_t>(number(4, false)); }
+  std::int64_t sequence() {
+    const auto high = static_cast<std::int32_t>(u32());
+    const std::uint32_t low = u32();
+    return static_cast<std::int64_t>(
+        (static_cast<std::uint64_t>(static_cast<std::int64_t>(high)) << 32) | low);
+  }
+  /// To a multiple of four; at the end the padding may be missing.
+  void align() { at_ = std::min((at_ + 3) & ~std::size_t{3}, bytes_.size()); }
+
+  void text() {
+    skip(u32());
+    align();
+  }
+  /// As above, read by Fast DDS up to its end mark.
+  void terminated_text() {
+    const Bytes bytes = take(u32());
+    if (bytes.empty() || bytes.back() != 0) whole_ = false;
+    align();
+  }
+  /// A list of so many things, each of at least so many bytes: the count is used for memory before the things are read.
+  std::uint32_t count(std::size_t least_bytes) {
+    const std::uint32_t found = u32();
+    if (!whole_ || found > left() / least_bytes) {
+      whole_ = false;
+      return 0;
+    }
+    return found;
+  }
+
+ private:
+  std::uint64_t number(std::size_t bytes, bool little_endian) {
+    const Bytes found = take(bytes);
+    std::uint64_t value = 0;
+    for (std::size_t i = 0; i < found.size(); ++i)
+      value |= static_cast<std::uint64_t>(found[i])
+               << (8 * (little_endian ? i : found.size() - 1 - i));
+    return value;
+  }
+
+  Bytes bytes_;
+  bool little_endian_;
+  std::size_t at_ = 0;
+  bool whole_ = true;
+};
+
+bool is_sequence(std::int64_t number) { return number >= 1 && number <= kMaxSequence; }
+
+/// Base and bits of a set of at most 256 numbers.
+bool read_set(Cursor& in, std::int64_t& base) {
+  base = in.sequence();
+  const std::uint32_t bits = in.u32();
+  if (bits > 256) return false;
+  in.skip((bits + 31) / 32 * 4);
+  return in.is_whole() && base >= 0 && base <= kMaxSequence;
+}
+
+void read_properties(Cursor& in) {
+  for (std::uint32_t left = in.count(8); left > 0 && in.is_whole(); --left) {
+    in.text();
+    in.text();
+  }
+}
+
+/// A token of DDS Security: a class, then properties as text and as bytes.
+void read_token(Cursor& in) {
+  in.text();
+  read_properties(in);
+  for (std::uint32_t left = in.count(8); left > 0 && in.is_whole(); --left) {
+    in.text();
+    in.text();  // bytes are written alike
+  }
+}
+
+void read_texts(Cursor& in) {
+  for (std::uint32_t left = in.count(4); left > 0 && in.is_whole(); --left) in.text();
+}
+
+/// The bytes of one parameter of discovery. Unknown ones pass: Fast DDS skips them.
+bool is_parameter(std::uint16_t id, Bytes bytes, bool little_endian) {
+  Cursor in(bytes, little_endian);
+  switch (id) {
+    case 0x0002:  // lease
+      in.skip(8);
+      break;
+    case 0x0015:  // protocol version
+    case 0x0016:  // vendor
+    case 0x0058:  // builtin endpoints
+      in.skip(4);
+      break;
+    case 0x1004:  // security of an endpoint
+    case 0x1005:  // of a participant
+      in.skip(8);
+      break;
+    case 0x0050:  // GUIDs: participant
+    case 0x005a:  // endpoint
+    case 0x0070:  // key
+    case 0x8002:  // persistence
+      in.skip(16);
+      break;
+    case 0x002f:  // locators
+    case 0x0030:
+    case 0x0031:
+    case 0x0032:
+    case 0x0033:
+    case 0x0048:
+      in.skip(24);
+      break;
+    case 0x0005:  // names: topic
+    case 0x0007:  // type
+    case 0x0062:  // entity
+      in.terminated_text();
+      break;
+    case 0x002c:  // bytes: user
+    case 0x002e:  // topic
+    case 0x002d:  // group
+      in.skip(in.u32());
+      break;
+    case 0x0029:  // partitions
+      read_texts(in);
+      break;
+    case 0x0059:
+      read_properties(in);
+      break;
+    case 0x1001:  // tokens: identity
+    case 0x1002:  // permissions
+    case 0x1006:  // status
+      read_token(in);
+      break;
+    case 0x0035:  // a content filter: its names and expression, then parameters
+      for (int i = 0; i < 4; ++i) in.text();
+      read_texts(in);
+      break;
+    case 0x0073:  // data representations
+      in.skip(2 * in.count(2));
+      break;
+    case 0x8006:  // data sharing domains
+      in.skip(8 * std::size_t{in.count(8)});
+      break;
+    default:
+      break;
+  }
+  return in.is_whole();
+}
+
+/// Walks a list of parameters; `see(id, place in `in`, bytes)` says whether one is right. Out: it is whole, and ends.
+template <class See>
+bool read_parameters(Cursor& in, See see) {
+  while (in.is_whole()) {
+    const std::uint16_t id = in.u16();
+    const std::uint16_t length = in.u16();
+    if (!in.is_whole()) return false;
+    if (id == 1) return true;  // the end; its length has no meaning
+    if (length % 4 != 0) return false;
+    const std::size_t place = in.at();
+    const Bytes bytes = in.take(length);
+    if (!in.is_whole() || !see(id, place, bytes)) return false;
+  }
+  return false;
+}
+
+struct Submessages {
+  Bytes message;
+  RtpsVerdict& verdict;
+
+  using Refusal = std::optional<DoorRefusal>;
+  static constexpr Refusal kNone{};
+
+  Refusal read(std::uint8_t id, std::uint8_t flags, Bytes body) {
+    const bool little_endian = (flags & 1) != 0;
+    Cursor in(body, little_endian);
+    switch (id) {
+      case kAckNack:
+        return read_ack_nack(in);
+      case kHeartbeat:
+        return read_heartbeat(in);
+      case kGap:
+        return read_gap(in);
+      case kNackFragment:
+        return read_nack_fragment(in);
+      case kHeartbeatFragment:
+        in.skip(8);
+        if (!is_sequence(in.sequence())) return of_sequence(in);
+        return body.size() >= 24 ? kNone : DoorRefusal::kSubmessages;
+      case kData:
+        return read_data(in, flags, little_endian);
+      case kDataFragment:
+        return read_data_fragment(in, flags);
+      case kInfoTimestamp:
+        return (flags & 2) != 0 || body.size() >= 8 ? kNone : DoorRefusal::kSubmessages;
+      case kInfoDestination:
+        return body.size() >= 12 ? kNone : DoorRefusal::kSubmessages;
+      case kInfoSource:
+        // Who speaks for another: no DDS does so today, and all that follows is taken for the other's.
+        if (body.size() < 20) return DoorRefusal::kSubmessages;
+        return std::equal(verdict.source.begin(), verdict.source.end(), body.begin() + 8)
+                   ? kNone
+                   : DoorRefusal::kSource;
+      case kSecurePrefix:
+      case kSecurePostfix:
+      case kRtpsPrefix:
+      case kRtpsPostfix:
+        return body.size() >= 20 ? kNone : DoorRefusal::kSubmessages;
+      default:
+        return kNone;  // Fast DDS skips it
+    }
+  }
+
+ private:
+  /// A number that is wrong because it is not there at all is a fault of the lengths.
+  static Refusal of_sequence(const Cursor& in) {
+    return in.is_whole() ? DoorRefusal::kSequence : DoorRefusal::kSubmessages;
+  }
+
+  static Refusal read_ack_nack(Cursor& in) {
+    in.skip(8);
+    std::int64_t base = 0;
+    if (!read_set(in, base)) return of_sequence(in);
+    return in.skip(4) ? kNone : DoorRefusal::kSubmessages;
+  }
+
+  static Refusal read_heartbeat(Cursor& in) {
+    in.skip(8);
+    const std::int64_t first = in.sequence(), last = in.sequence();
+    if (!is_sequence(first) || last < first - 1 || last > kMaxSequence) return of_sequence(in);
+    return in.skip(4) ? kNone : DoorRefusal::kSubmessages;
+  }
+
+  static Refusal read_gap(Cursor& in) {
+    in.skip(8);
+    const std::int64_t start = in.sequence();
+    std::int64_t base = 0;
+    if (!read_set(in, base) || !is_sequence(start) || base < start || base - start > kMaxGap)
+      return of_sequence(in);
+    return kNone;
+  }
+
+  static Refusal read_nack_fragment(Cursor& in) {
+    in.skip(8);
+    if (!is_sequence(in.sequence())) return of_sequence(in);
+    const std::uint32_t base = in.u32(), bits = in.u32();
+    if (base < 1 || bits > 256)
+      return in.is_whole() ? DoorRefusal::kFragments : DoorRefusal::kSubmessages;
+    in.skip((bits + 31) / 32 * 4);
+    return in.skip(4) ? kNone : DoorRefusal::kSubmessages;
+  }
+
+  /// The head of both kinds of data, up to where the inline QoS begins. In: `known`: bytes of it that follow octetsToInlineQos.
+  static Refusal read_data_head(Cursor& in, std::size_t known, std::uint32_t& writer,
+                                std::int64_t& sequence, std::size_t& qos_at) {
+    in.skip(2);
+    const std::uint16_t to_qos = in.u16();
+    qos_at = in.at() + to_qos;
+    in.skip(4);
+    writer = in.big_u32();
+    sequence = in.sequence();
+    if (!in.is_whole() || to_qos < known || to_qos > 0x7fff || to_qos % 4 != 0)
+      return DoorRefusal::kSubmessages;
+    return is_sequence(sequence) ? kNone : DoorRefusal::kSequence;
+  }
+
+  /// Whether a parameter of discovery that names who it is about names the source.
+  [[nodiscard]] bool is_of_source(std::uint16_t id, Bytes bytes) const {
+    return (id != 0x0050 && id != 0x005a && id != 0x0070) || bytes.size() < verdict.source.size() ||
+           std::equal(verdict.source.begin(), verdict.source.end(), bytes.begin());
+  }
+
+  struct InlineQos {
+    bool disposes = false;     ///< takes back what it is about
+    bool is_of_source = true;  ///< by its key, where it is discovery
+  };
+
+  /// Parameters of one sample.
+  Refusal read_inline_qos(Cursor& in, bool little_endian, InlineQos& found) const {
+    const bool whole = read_parameters(in, [&](std::uint16_t id, std::size_t, Bytes bytes) {
+      if (id == 0x0071 && bytes.size() >= 4) found.disposes = (bytes[3] & 3) != 0;
+      found.is_of_source = found.is_of_source && is_of_source(id, bytes);
+      return (id != 0x0070 || bytes.size() == 16) && (id != 0x0071 || bytes.size() >= 4) &&
+             is_parameter(id, bytes, little_endian);
+    });
+    return whole ? kNone : DoorRefusal::kParameters;
+  }
+
+  Refusal read_data(Cursor& in, std::uint8_t flags, bool little_endian) {
+    const bool has_qos = (flags & 2) != 0, has_data = (flags & 4) != 0, has_key = (flags & 8) != 0;
+    std::uint32_t writer = 0;
+    std::int64_t sequence = 0;
+    std::size_t qos_at = 0;
+    if (const Refusal refusal = read_data_head(in, 16, writer, sequence, qos_at)) return refusal;
+    if (!in.skip(qos_at - in.at()) || (has_data && has_key)) return DoorRefusal::kSubmessages;
+    InlineQos qos;
+    if (has_qos)
+      if (const Refusal refusal = read_inline_qos(in, little_endian, qos)) return refusal;
+    const Bytes payload = has_data || has_key ? in.rest() : Bytes{};
+    // Four bytes say how it is encoded; a reader looks at them whatever the length.
+    if ((has_data || has_key) && payload.size() < 4) return DoorRefusal::kSubmessages;
+    return read_builtin(writer, sequence, qos, payload);
+  }
+
+  Refusal read_data_fragment(Cursor& in, std::uint8_t flags) {
+    std::uint32_t writer = 0;
+    std::int64_t sequence = 0;
+    std::size_t qos_at = 0;
+    if (const Refusal refusal = read_data_head(in, 28, writer, sequence, qos_at)) return refusal;
+    const std::uint64_t first = in.u32();
+    const std::uint64_t count = in.u16(), size = in.u16(), total = in.u32();
+    if (!in.is_whole() || !in.skip(qos_at - in.at())) return DoorRefusal::kSubmessages;
+    InlineQos qos;
+    if ((flags & 2) != 0)
+      if (const Refusal refusal = read_inline_qos(in, (flags & 1) != 0, qos)) return refusal;
+    // What is read before anybody is known comes whole, or it could not be looked at here.
+    if (writer == kParticipants || writer == kHandshakes) return DoorRefusal::kFragments;
+    if (first < 1 || count < 1 || size < 1 || total < 1 || total > kMaxFragmentedBytes ||
+        (first - 1 + count - 1) * size >= total)
+      return DoorRefusal::kFragments;
+    const std::uint64_t expected = std::min(count * size, total - (first - 1) * size);
+    return in.left() >= expected ? kNone : DoorRefusal::kFragments;
+  }
+
+  /// What discovery and the handshakes of security write.
+  Refusal read_builtin(std::uint32_t writer, std::int64_t sequence, const InlineQos& qos,
+                       Bytes payload) {
+    switch (writer) {
+      case kParticipants:
+        return read_announcement(sequence, qos, payload);
+      case kWriters:
+      case kReaders:
+      case kSecureWriters:
+      case kSecureReaders: {
+        verdict.tells_of_others |= !qos.is_of_source;
+        if (payload.empty()) return kNone;
+        const auto little_endian = parameter_order(payload);
+        if (!little_endian) return DoorRefusal::kParameters;
+        Cursor in(payload.subspan(4), *little_endian);
+        const bool whole = read_parameters(in, [&](std::uint16_t id, std::size_t, Bytes bytes) {
+          verdict.tells_of_others |= !is_of_source(id, bytes);
+          return is_parameter(id, bytes, *little_endian);
+        });
+        return whole ? kNone : DoorRefusal::kParameters;
+      }
+      case kLiveliness:  // who, a kind, a length
+        return payload.empty() || payload.size() >= 24 ? kNone : DoorRefusal::kParameters;
+      case kHandshakes:
+        return payload.empty() || is_handshake(payload) ? kNone : DoorRefusal::kParameters;
+      default:
+        return kNone;
+    }
+  }
+
+  /// Encapsulation of a list of parameters: numbers are little-endian or not. Nothing: it is none.
+  static std::optional<bool> parameter_order(Bytes payload) {
+    if (payload[0] != 0 || (payload[1] != 2 && payload[1] != 3)) return std::nullopt;
+    return payload[1] == 3;
+  }
+
+  static bool is_handshake(Bytes payload) {
+    if (payload[0] != 0 || payload[1] > 1) return false;
+    Cursor in(payload.subspan(4), payload[1] == 1);
+    in.skip(2 * 24 + 3 * 16);  // two messages' names, three GUIDs
+    in.text();
+    for (std::uint32_t left = in.count(12); left > 0 && in.is_whole(); --left) read_token(in);
+    return in.is_whole();
+  }
+
+  Refusal read_announcement(std::int64_t sequence, const InlineQos& qos, Bytes payload) {
+    RtpsAnnouncement found;
+    found.sequence = sequence;
+    found.leaves = qos.disposes;
+    bool is_own = qos.is_of_source;
+    if (!payload.empty()) {
+      const auto little_endian = parameter_order(payload);
+      if (!little_endian) return DoorRefusal::kParameters;
+      found.little_endian = *little_endian;
+      Cursor in(payload.subspan(4), *little_endian);
+      const auto offset = static_cast<std::size_t>(payload.data() - message.data()) + 4;
+      const bool whole = read_parameters(in, [&](std::uint16_t id, std::size_t place, Bytes bytes) {
+        if (!is_parameter(id, bytes, *little_endian)) return false;
+        is_own = is_own && is_of_source(id, bytes);
+        if (id == 0x0002) {
+          Cursor lease(bytes, *little_endian);
+          const auto seconds = static_cast<std::int32_t>(lease.u32());
+          found.lease_s = seconds + lease.u32() * 0x1p-32;
+          found.lease_at = offset + place;
+          if (found.lease_s < kMinLease_s) return false;
+        }
+        return true;
+      });
+      if (!whole) return DoorRefusal::kParameters;
+    }
+    if (!is_own) {
+      verdict.tells_of_others = true;
+      return kNone;
+    }
+    // Fast DDS takes a lease that is not told for none, and forgets such a participant at once.
+    if (!found.leaves && found.lease_at == 0) return DoorRefusal::kParameters;
+    // The second would hide the first from whoever looks at one.
+    if (verdict.announcement) return DoorRefusal::kParameters;
+    verdict.announcement = found;
+    return kNone;
+  }
+};
+
+}  // namespace
+
+RtpsVerdict check_rtps(std::span<const std::uint8_t> message) {
+  RtpsVerdict verdict;
+  verdict.size = message.size();
+  if (message.size() < kHeaderBytes || std::memcmp(message.data(), "RTPS", 4) != 0 ||
+      message[4] != 2) {
+    verdict.refusal = DoorRefusal::kHeader;
+    return verdict;
+  }
+  const std::uint16_t vendor = static_cast<std::uint16_t>(message[6] << 8 | message[7]);
+  std::copy_n(message.begin() + 8, verdict.source.size(), verdict.source.begin());
+  Submessages submessages{message, verdict};
+  for (std::size_t at = kHeaderBytes; at < message.size();) {
+    if (message.size() - at < 4) {
+      verdict.refusal = DoorRefusal::kSubmessages;
+      return verdict;
+    }
+    const std::uint8_t id = message[at], flags = message[at + 1];
+    std::size_t length = (flags & 1) != 0 ? message[at + 2] | std::size_t{message[at + 3]} << 8
+                                          : std::size_t{message[at + 2]} << 8 | message[at + 3];
+    const std::size_t left = message.size() - at - 4;
+    // Of some kinds a length of 0 means: all that is left. It is for what is longer than 64 kB.
+    if (length == 0 && (id == kData || id == kDataFragment || id == kSecureBody)) {
+      length = left;
+    } else if (length > left || (length % 4 != 0 && length != left) ||
+               (length == 0 && id != kPad && id != kInfoTimestamp && left != 0)) {
+      verdict.refusal = DoorRefusal::kSubmessages;
+      return verdict;
+    }
+    if (id == kStatistics && vendor == kEprosima) {
+      if (length != kStatisticsBytes || length != left) verdict.refusal = DoorRefusal::kStatistics;
+      verdict.size = at;
+      return verdict;
+    }
+    verdict.refusal = submessages.read(id, flags, message.subspan(at + 4, length));
+    if (verdict.refusal) return verdict;
+    at += 4 + length;
+  }
+  return verdict;
+}
+
+}  // namespace nearmesh::wire

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// Whether a message may be handed to Fast DDS: bytes in, verdict out. No Fast DDS here, no state, no clock.
+//
+// Fast DDS 2.9.1 trusts much of what it is sent. An assertion of a debug build, a size that is used before it is compared, or a
+// loop from one number of a packet to another ends or stops the whole process, whatever DDS Security says: all of it lies before
+// the signature is looked at. So everything that Fast DDS reads before it knows who speaks is checked here first.
+// Source: DDSI-RTPS 2.3, chapter 9.4 (submessages) and 9.6 (parameters); DDS Security 1.1, 7.4.4 (generic messages).
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <span>
+
+#include "nearmesh/idl/messages/messages.hpp"
+
+namespace nearmesh::wire {
+
+/// Names a participant in every message of it.
+using ParticipantKey = std::array<std::uint8_t, 12>;
+
+/// Above any number that a writer of a thousand samples a second reaches in a thousand years.
+inline constexpr std::int64_t kMaxSequence = std::int64_t{1} << 45;
+/// Numbers that one gap may declare void: Fast DDS takes each by itself, with its locks held.
+inline constexpr std::int64_t kMaxGap = 1 << 16;
+/// Of a sample in fragments: its memory is taken with the first of them.
+inline constexpr std::uint32_t kMaxFragmentedBytes = 256U << 20;
+/// A participant that is to be forgotten sooner would only be found anew, again and again.
+inline constexpr double kMinLease_s = 0.1;
+
+/// A participant's announcement of itself, where a message holds one.
+struct RtpsAnnouncement {
+  std::int64_t sequence = 0;
+  bool leaves = false;        ///< takes itself back
+  double lease_s = 0;         ///< and below, unless it leaves
+  std::size_t lease_at = 0;   ///< of its 8 bytes in the message
+  bool little_endian = true;  ///< how they are written
+};
+
+struct RtpsVerdict {
+  std::optional<DoorRefusal> refusal;
+  /// To be handed on: Fast DDS's statistics at the end are left out. Nothing of nearmesh reads them, and Fast DDS compares them
+  /// by assertions.
+  std::size_t size = 0;
+  ParticipantKey source{};
+  std::optional<RtpsAnnouncement> announcement;  ///< of the source itself
+  /// Discovery about another participant, or an endpoint of one: only a discovery server may.
+  bool tells_of_others = false;
+};
+
+/// Cost: one pass over the submessages' heads, and over the parameters of discovery; no allocation.
+[[nodiscard]] RtpsVerdict check_rtps(std::span<const std::uint8_t> message);
+
+}  // namespace nearmesh::wire

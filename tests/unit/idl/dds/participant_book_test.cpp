@@ -1,0 +1,172 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "idl/dds/participant_book.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cstring>
+
+#include "tests/support/rtps_message.hpp"
+
+namespace nearmesh::wire {
+namespace {
+
+constexpr MessageSource kHome{true, 40'000}, kElsewhere{true, 50'000}, kThird{true, 50'001};
+
+ParticipantKey participant_key(std::uint32_t number) {
+  ParticipantKey key{1, 15};
+  std::memcpy(key.data() + 8, &number, sizeof number);
+  return key;
+}
+
+RtpsVerdict word_of(std::uint32_t number) {
+  RtpsVerdict verdict;
+  verdict.source = participant_key(number);
+  return verdict;
+}
+
+RtpsVerdict announcement_of(std::uint32_t number, double lease_s = 20, std::int64_t sequence = 1) {
+  RtpsVerdict verdict = word_of(number);
+  verdict.announcement =
+      RtpsAnnouncement{.sequence = sequence, .leaves = false, .lease_s = lease_s};
+  return verdict;
+}
+
+class ParticipantBookTest : public testing::Test {
+ protected:
+  bool hears(const RtpsVerdict& word, const MessageSource& from = kHome) {
+    refusal = book.hear(word, from);
+    return !refusal;
+  }
+  /// Announcements of these, each second; time passes in ticks. Out: who has gone.
+  std::vector<ParticipantBook::Gone> pass(double seconds,
+                                          const std::vector<std::uint32_t>& living = {}) {
+    std::vector<ParticipantBook::Gone> gone;
+    for (int i = 0; i < static_cast<int>(seconds * 4); ++i) {
+      for (const std::uint32_t number : living)
+        EXPECT_TRUE(i % 4 != 0 || hears(announcement_of(number)));
+      const auto more = book.tick(0.25);
+      gone.insert(gone.end(), more.begin(), more.end());
+    }
+    return gone;
+  }
+
+  ParticipantBook book;
+  std::optional<DoorRefusal> refusal;
+};
+
+TEST_F(ParticipantBookTest, SpeakerKeepsToItsSockets) {
+  ASSERT_TRUE(hears(announcement_of(1)));
+  EXPECT_TRUE(hears(word_of(1), kElsewhere));  // another socket of it
+  static_cast<void>(pass(ParticipantBook::kLearning_s + 1, {1}));
+  EXPECT_TRUE(hears(word_of(1)));
+  EXPECT_TRUE(hears(word_of(1), kElsewhere));
+  EXPECT_FALSE(hears(word_of(1), kThird));
+  EXPECT_EQ(refusal, DoorRefusal::kSource);
+}
+
+TEST_F(ParticipantBookTest, ForgedFarewellIsRefused) {
+  ASSERT_TRUE(hears(announcement_of(1)));
+  static_cast<void>(pass(ParticipantBook::kLearning_s + 1, {1}));
+  RtpsVerdict farewell = announcement_of(1);
+  farewell.announcement->leaves = true;
+  EXPECT_FALSE(hears(farewell, kThird));
+  EXPECT_EQ(book.size(), 1U);
+  EXPECT_TRUE(hears(farewell));
+  EXPECT_EQ(book.size(), 0U);
+}
+
+TEST_F(ParticipantBookTest, WhoMovedIsHeardWhenItsOldSocketIsSilent) {
+  ASSERT_TRUE(hears(announcement_of(1)));
+  static_cast<void>(pass(ParticipantBook::kLearning_s + 1, {1}));
+  EXPECT_FALSE(hears(word_of(1), kElsewhere));
+  static_cast<void>(pass(ParticipantBook::kMoved_s + 1));
+  EXPECT_TRUE(hears(word_of(1), kElsewhere));
+  EXPECT_FALSE(hears(word_of(1)));  // that is now the stranger
+}
+
+TEST_F(ParticipantBookTest, OtherTransportsThanUdpAreNotBoundToSockets) {
+  ASSERT_TRUE(hears(announcement_of(1), {}));
+  static_cast<void>(pass(ParticipantBook::kLearning_s + 1));
+  EXPECT_TRUE(hears(word_of(1), {}));
+  EXPECT_TRUE(hears(word_of(1), kHome));  // first by UDP
+  EXPECT_FALSE(hears(word_of(1), kElsewhere));
+}
+
+TEST_F(ParticipantBookTest, TwoHundredMayComeAtOnce) {
+  for (std::uint32_t number = 0; number < 200; ++number)
+    EXPECT_TRUE(hears(announcement_of(number))) << number;
+}
+
+/// A flood of invented participants while a hundred honest ones join, who announce themselves each second.
+TEST_F(ParticipantBookTest, FloodDelaysHonestJoinersAndRefusesNone) {
+  std::uint32_t invented = 1'000'000;
+  std::vector<bool> in(100);
+  double all_in_s = 0;
+  for (int tick = 0; tick < 4 * 30 && all_in_s == 0; ++tick) {
+    for (int i = 0; i < 500; ++i) static_cast<void>(hears(announcement_of(invented++), kThird));
+    if (tick % 4 == 2)
+      for (std::uint32_t number = 0; number < 100; ++number)
+        in[number] = hears(announcement_of(number)) || in[number];
+    static_cast<void>(book.tick(0.25));
+    if (std::find(in.begin(), in.end(), false) == in.end()) all_in_s = (tick + 1) * 0.25;
+  }
+  EXPECT_GT(all_in_s, 0);
+  EXPECT_LT(all_in_s, 5);
+  EXPECT_LT(book.size(), 2000U);
+}
+
+TEST_F(ParticipantBookTest, HeldBackOnesComeInLater) {
+  for (std::uint32_t number = 0; number < 256; ++number)
+    ASSERT_TRUE(hears(announcement_of(number)));
+  EXPECT_FALSE(hears(announcement_of(1000)));
+  EXPECT_EQ(refusal, DoorRefusal::kCrowd);
+  EXPECT_FALSE(hears(announcement_of(1000)));  // at once again
+  static_cast<void>(book.tick(0.25));
+  EXPECT_TRUE(hears(announcement_of(1000)));
+}
+
+TEST_F(ParticipantBookTest, WhoseLeaseIsOverHasGone) {
+  ASSERT_TRUE(hears(announcement_of(1, 20, 3)));
+  ASSERT_TRUE(hears(announcement_of(1, 20, 5)));
+  EXPECT_TRUE(pass(19).empty());
+  const auto gone = pass(2);
+  ASSERT_EQ(gone.size(), 1U);
+  EXPECT_EQ(gone[0].key, participant_key(1));
+  EXPECT_EQ(gone[0].sequence, 6);
+  EXPECT_EQ(book.size(), 0U);
+  EXPECT_TRUE(hears(announcement_of(1)));  // and may come again
+}
+
+TEST_F(ParticipantBookTest, AnyWordIsALifeSign) {
+  ASSERT_TRUE(hears(announcement_of(1, 2)));
+  for (int i = 0; i < 30; ++i) {
+    EXPECT_TRUE(book.tick(1).empty());
+    EXPECT_TRUE(hears(word_of(1)));
+  }
+}
+
+TEST_F(ParticipantBookTest, SilentLongBeforeItsLease) {
+  EXPECT_FALSE(book.is_silent(participant_key(1), 3));
+  ASSERT_TRUE(hears(announcement_of(1)));
+  static_cast<void>(pass(4, {1}));
+  EXPECT_EQ(book.is_silent(participant_key(1), 3), false);
+  static_cast<void>(pass(3));
+  EXPECT_EQ(book.is_silent(participant_key(1), 3), true);
+  EXPECT_TRUE(hears(word_of(1)));
+  EXPECT_EQ(book.is_silent(participant_key(1), 3), false);
+}
+
+TEST_F(ParticipantBookTest, WhoAnnouncesItselfRarelyMaySayNothingForLonger) {
+  for (int i = 0; i < 3; ++i) {
+    ASSERT_TRUE(hears(announcement_of(1)));
+    static_cast<void>(pass(3));
+  }
+  ASSERT_TRUE(hears(announcement_of(1)));
+  static_cast<void>(pass(8));
+  EXPECT_EQ(book.is_silent(participant_key(1), 3), false);
+  static_cast<void>(pass(2));
+  EXPECT_EQ(book.is_silent(participant_key(1), 3), true);
+}
+
+}  // namespace
+}  // namespace nearmesh::wire
