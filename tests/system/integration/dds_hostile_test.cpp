@@ -16,11 +16,11 @@ struct HostileCase {
 };
 
 // A subscription: 4 bytes of encapsulation, version, priority, -, request, peer, publisher, hash,
-// acknowledged, window, max_splits; the count of attach words is at 48.
+// acknowledged, window, max_splits; the count of attach words is at 56.
 const std::vector<HostileCase> kHostile{
     {"OtherVersion", "wire version 9", [](RawType::Bytes& b) { b[4] = 9; }},
-    {"HugeAttachCount", "contradict", [](RawType::Bytes& b) { b[51] = 0x7f; }},
-    {"AttachCountBeyondBytes", "contradict", [](RawType::Bytes& b) { b[48] = 30; }},
+    {"HugeAttachCount", "contradict", [](RawType::Bytes& b) { b[59] = 0x7f; }},
+    {"AttachCountBeyondBytes", "contradict", [](RawType::Bytes& b) { b[56] = 30; }},
     {"UnknownPriority", "priority", [](RawType::Bytes& b) { b[6] = 2; }},
     {"Truncated", "contradict", [](RawType::Bytes& b) { b.resize(b.size() - 5); }},
     {"Tiny", "too short", [](RawType::Bytes& b) { b.resize(4); }},
@@ -112,7 +112,9 @@ TEST(DdsChannel, HeaderOfWhoeverServesNothingDoesNotCount) {
   wire::MeshHeader header{.name = "bunny", .bytes = {1, 2, 3}};
   header.content_hash = digest_of(header.bytes);
   Peer peer(make_peer(own_prefix()));
-  auto stranger = Stranger::of<wire::MeshHeader>(own_prefix());
+  fdds::DataWriterQos qos = stranger_qos<wire::MeshHeader>();
+  qos.publish_mode() = {};  // its participant has no flow controller
+  auto stranger = Stranger::of<wire::MeshHeader>(own_prefix(), qos);
   ASSERT_TRUE(stranger.await_match());
   stranger.write(bytes_of(header));
   ASSERT_TRUE(peer.await([](const Inbox& in) { return in.refused_headers == 1; }));
