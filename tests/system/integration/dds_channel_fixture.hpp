@@ -26,6 +26,7 @@
 #include "idl/dds/dds_support.hpp"
 #include "inbox.hpp"
 #include "nearmesh/core/spm/detail/codec.hpp"
+#include "nearmesh/idl/dds/door.hpp"
 #include "nearmesh/subscriber/dds/dds_channel.hpp"
 #include "poll.hpp"
 #include "publisher/dds/dds_channel.hpp"
@@ -289,7 +290,8 @@ class RawType : public fdds::TopicDataType {
   }
 };
 
-inline fdds::DomainParticipant* make_participant(const std::string& prefix) {
+inline fdds::DomainParticipant* make_participant(const std::string& prefix,
+                                                 bool with_door = false) {
   fdds::DomainParticipantQos qos;
   qos.transport().use_builtin_transports = false;
   auto udp = std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>();
@@ -299,6 +301,7 @@ inline fdds::DomainParticipant* make_participant(const std::string& prefix) {
   eprosima::fastrtps::rtps::IPLocator::setIPv4(locator, "239.255.0.1");
   locator.port = qos.wire_protocol().port.getMulticastPort(transport(prefix).domain);
   qos.wire_protocol().builtin.initialPeersList.push_back(locator);
+  if (with_door) wire::add_door(qos);
   return fdds::DomainParticipantFactory::get_instance()->create_participant(
       transport(prefix).domain, qos);
 }

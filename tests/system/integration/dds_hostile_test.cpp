@@ -51,6 +51,35 @@ TEST_P(HostileSubscription, GivesOneComplaintAndTheNextArrives) {
 INSTANTIATE_TEST_SUITE_P(DdsChannel, HostileSubscription, testing::ValuesIn(kHostile),
                          [](const auto& tested) { return std::string(tested.param.name); });
 
+TEST(DdsChannel, StatusTellsWhetherAHostsParticipantHasADoor) {
+  auto monitor = subscriber::DdsMonitor::create(transport(own_prefix()));
+  ASSERT_TRUE(monitor.is_ok());
+  for (const bool with_door : {false, true}) {
+    fdds::DomainParticipant* host = make_participant(own_prefix(), with_door);
+    ASSERT_NE(host, nullptr);
+    {
+      Peer peer(make_peer(own_prefix(), host));
+      wire::ProcessStatus status;
+      status.session = peer.channel->own_id();
+      status.host = "rig";
+      peer.channel->tell(status);
+      EXPECT_EQ(status.has_door, with_door);
+      bool told = !with_door;
+      EXPECT_TRUE(wait_for([&] {
+        monitor.value()->listen(0.01);
+        for (const wire::ProcessStatus& one : monitor.value()->view().processes) {
+          if (one.session != peer.channel->own_id()) continue;
+          told = one.has_door;
+          return true;
+        }
+        return false;
+      }));
+      EXPECT_EQ(told, with_door);
+    }
+    fdds::DomainParticipantFactory::get_instance()->delete_participant(host);
+  }
+}
+
 TEST(DdsChannel, BodyStaysWithItsFirstMoverUntilThatIsGone) {
   Peer watcher(make_peer(own_prefix())), second(make_peer(own_prefix()));
   {

@@ -54,6 +54,9 @@ TEST_F(DoctorOn, AGoodLinkIsHealthy) {
     const json report = json::parse(doctor->out());
     expect_says(report, "good", "match", "another doctor after");
     expect_says(report, "fact", "interfaces", "e0 10.77.0.");
+    // Advice where it asserts.
+    EXPECT_NE(text_of(report, "advice", "fast dds") + text_of(report, "good", "fast dds"), "")
+        << report.dump(1);
     EXPECT_EQ(text_of(report, "advice", "network"), "");
   }
 }
