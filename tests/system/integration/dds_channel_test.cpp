@@ -325,7 +325,8 @@ TEST(DdsChannel, WhoGivesNoSignOfLifeIsSilentLongBeforeItsLeaseIsOver) {
   // A sign by another participant is none, whatever name it has.
   Peer thief(make_peer(own_prefix(), nullptr, kChildPeer));
   EXPECT_TRUE(watcher.await([&](const Inbox& in) {
-    thief.channel->tell(sign_of_life(kChildPeer));
+    wire::ProcessStatus sign = sign_of_life(kChildPeer);
+    thief.channel->tell(sign);
     return in.movers.at("arm") == wire::Mover::kSilent;
   }));
   EXPECT_GT(seconds_since(stopped), kSilence_s - 0.5);
@@ -500,7 +501,8 @@ int run_child(const std::string& role, const std::string& prefix) {
   auto channel = PeerChannel::create(options);
   if (!channel.is_ok()) return 1;
   for (std::uint64_t frame = 1; role == "mover"; ++frame) {
-    channel.value()->tell(sign_of_life(kChildPeer));
+    wire::ProcessStatus sign = sign_of_life(kChildPeer);
+    channel.value()->tell(sign);
     channel.value()->send(pose_of(kChildPeer, "arm", frame));
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
   }

@@ -7,6 +7,7 @@
 #include <functional>
 #include <limits>
 
+#include "core/base/random.hpp"
 #include "nearmesh/core/spm/detail/codec.hpp"
 #include "tests/unit/idl/dds/samples.hpp"
 
