@@ -63,7 +63,7 @@ void ask(const std::string& path, Outcome& outcome) {
     };
     const Result<Answer> answer =
         certify(a, posed.value().a, require(model), b, posed.value().b, require(other), options);
-    if (!answer.is_ok()) {
+    if (!answer.is_ok() || !is_certified(answer.value().status)) {
       ++outcome.refused;
       return;
     }
