@@ -6,6 +6,7 @@
 #include <map>
 #include <set>
 
+#include "nearmesh/core/spm/model_file.hpp"
 #include "process.hpp"
 
 namespace nearmesh {
@@ -134,11 +135,15 @@ class Output : public ::testing::Test {
       }
     }
     folder.write("poses.csv", names + "\n" + numbers + "\n");
+    const std::string content =
+        to_hex(ModelFile::open(folder.file("ball.spm")).value().content_hash());
     folder.write(
         "answers.jsonl",
-        R"({"frame":0,"a":"a","b":"b","model_a":"ball","model_b":"ball","status":"free",)"
-        R"("pairs":0,"pose_a":[1,0,0,0,1,0,0,0,1,0,0,0],"pose_b":[1,0,0,0,1,0,0,0,1,9,9,9]})"
-        "\n");
+        R"({"frame":0,"a":"a","b":"b","model_a":"ball","model_b":"ball","content_a":")" + content +
+            R"(","content_b":")" + content +
+            R"(","status":"free",)"
+            R"("pairs":0,"pose_a":[1,0,0,0,1,0,0,0,1,0,0,0],"pose_b":[1,0,0,0,1,0,0,0,1,9,9,9]})"
+            "\n");
     folder.write(
         "scene.yaml",
         "bodies:\n  - {name: fixed, model: ball, pose: {}}\n  - {name: moved, model: "

@@ -7,6 +7,8 @@
 #include <functional>
 #include <limits>
 
+#include "core/base/digest.hpp"
+#include "core/base/hash.hpp"
 #include "core/base/random.hpp"
 #include "nearmesh/core/spm/detail/codec.hpp"
 #include "tests/unit/idl/dds/samples.hpp"
@@ -78,7 +80,8 @@ TEST(CheckMessage, OfTenThousandHeadersWithOneBitChangedNoneIsAccepted) {
   std::size_t accepted = 0;
   for (int i = 0; i < 10'000; ++i) {
     MeshHeader message = valid;
-    const std::uint32_t bit = random.below(static_cast<std::uint32_t>(valid.bytes.size() * 8 + 128));
+    const std::uint32_t bit =
+        random.below(static_cast<std::uint32_t>(valid.bytes.size() * 8 + 128));
     if (bit < 64) {
       message.content_hash.high ^= std::uint64_t{1} << bit;
     } else if (bit < 128) {
