@@ -532,7 +532,7 @@ TEST_F(Verify, AFolderWithoutModelsIsRefusedAndFilesThatAreNoneAreTold) {
   ASSERT_TRUE(opened.is_ok());
   ASSERT_EQ(opened.value()->complaints().size(), 1U);
   EXPECT_NE(opened.value()->complaints()[0].find("junk.spm"), std::string::npos);
-  EXPECT_FALSE(opened.value()->lend(7, [](ModelFile&) { ADD_FAILURE(); }));
+  EXPECT_FALSE(opened.value()->lend({0, 7}, [](ModelFile&) { ADD_FAILURE(); }));
 }
 
 }  // namespace
