@@ -60,6 +60,31 @@ TEST_F(Rivals, APublisherIsWarnedAgainOfOneThatWasLostAndFound) {
   EXPECT_TRUE(await([&] { return warnings() == 2; })) << publisher->err();
 }
 
+class Stopped : public ServedFixture {};
+
+TEST_F(Stopped, PeerThatIsBackAfterTenSecondsGoesOnWithoutJoiningAnew) {
+  serve_over({{}, {}});
+  constexpr double kFrames_per_s = 20;
+  write_flights(folder, models, 400, kFrames_per_s);
+  const auto flight = start_flight(*lan, 1, folder, models, kFrames_per_s);
+  const auto answers = [&] { return lines_of(read_text(folder.file("answers.jsonl"))); };
+  ASSERT_TRUE(await([&] { return answers().size() > 40; })) << flight->err();
+  flight->signal(SIGSTOP);
+  pause(10);
+  const std::size_t before = answers().size();
+  flight->signal(SIGCONT);
+  ASSERT_EQ(flight->wait(), 0) << flight->err();
+  for (const std::string& said : {flight->err(), publisher->err()})
+    EXPECT_EQ(said.find("joining again"), std::string::npos) << said;
+  const std::vector<std::string> lines = answers();
+  const auto certified = std::count_if(
+      lines.begin() + static_cast<std::ptrdiff_t>(before), lines.end(), [](const auto& line) {
+        return line.find("\"status\":\"free\"") != std::string::npos ||
+               line.find("\"status\":\"contact\"") != std::string::npos;
+      });
+  EXPECT_GT(static_cast<double>(certified), 0.9 * static_cast<double>(lines.size() - before));
+}
+
 TEST(Watch, SlopeIsThatOfALine) {
   std::vector<double> seconds, values;
   for (int i = 0; i < 10; ++i) {
