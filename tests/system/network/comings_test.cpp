@@ -71,18 +71,20 @@ TEST_F(Stopped, PeerThatIsBackAfterTenSecondsGoesOnWithoutJoiningAnew) {
   ASSERT_TRUE(await([&] { return answers().size() > 40; })) << flight->err();
   flight->signal(SIGSTOP);
   pause(10);
-  const std::size_t before = answers().size();
   flight->signal(SIGCONT);
   ASSERT_EQ(flight->wait(), 0) << flight->err();
   for (const std::string& said : {flight->err(), publisher->err()})
     EXPECT_EQ(said.find("joining again"), std::string::npos) << said;
   const std::vector<std::string> lines = answers();
-  const auto certified = std::count_if(
-      lines.begin() + static_cast<std::ptrdiff_t>(before), lines.end(), [](const auto& line) {
-        return line.find("\"status\":\"free\"") != std::string::npos ||
-               line.find("\"status\":\"contact\"") != std::string::npos;
-      });
-  EXPECT_GT(static_cast<double>(certified), 0.9 * static_cast<double>(lines.size() - before));
+  // It makes up for the frames that it missed, faster than detail comes; then all is as it was.
+  constexpr std::ptrdiff_t kLast = 100;
+  ASSERT_GT(lines.size(), 2U * kLast);
+  EXPECT_GT(std::count_if(lines.end() - kLast, lines.end(),
+                          [](const std::string& line) {
+                            return line.find("\"status\":\"free\"") != std::string::npos ||
+                                   line.find("\"status\":\"contact\"") != std::string::npos;
+                          }),
+            0.9 * kLast);
 }
 
 TEST(Watch, SlopeIsThatOfALine) {
