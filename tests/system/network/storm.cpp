@@ -474,7 +474,8 @@ class Victims {
     }
     if (!secured_)
       start_words("simulator", "nearmesh-example-flight-sim",
-                  {"--domain", std::to_string(exercise.domain), "--profiles", NEARMESH_FLIGHT_SIM_DIR "/profiles.xml", "--profile", "flight_sim_loopback",
+                  {"--domain", std::to_string(exercise.domain), "--profiles",
+                   NEARMESH_FLIGHT_SIM_DIR "/profiles.xml", "--profile", "flight_sim_loopback",
                    "--seconds", std::to_string(static_cast<int>(seconds)), "--policy", "proceed"});
     if (!await([this] {
           return read_answers(flyers_[0].answers()).certified > 0 &&
