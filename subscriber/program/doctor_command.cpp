@@ -259,7 +259,6 @@ class Doctor {
       publishers_.try_emplace(hello.publisher, clock_.seconds(), hello);
     for (const auto& [publisher, header] : inbox.headers)
       headers_.try_emplace(header.content_hash, clock_.seconds(), header.bytes.size());
-    if (monitor_ != nullptr) monitor_->listen(0);
     for (const auto& lines : {inbox.complaints, echo_->take_complaints()})
       for (const std::string& line : lines)
         if (known_.insert(line).second) complaints_.push_back(line);

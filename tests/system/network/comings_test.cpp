@@ -60,6 +60,33 @@ TEST_F(Rivals, APublisherIsWarnedAgainOfOneThatWasLostAndFound) {
   EXPECT_TRUE(await([&] { return warnings() == 2; })) << publisher->err();
 }
 
+class Stopped : public ServedFixture {};
+
+TEST_F(Stopped, PeerThatIsBackAfterTenSecondsGoesOnWithoutJoiningAnew) {
+  serve_over({{}, {}});
+  constexpr double kFrames_per_s = 20;
+  write_flights(folder, models, 400, kFrames_per_s);
+  const auto flight = start_flight(*lan, 1, folder, models, kFrames_per_s);
+  const auto answers = [&] { return lines_of(read_text(folder.file("answers.jsonl"))); };
+  ASSERT_TRUE(await([&] { return answers().size() > 40; })) << flight->err();
+  flight->signal(SIGSTOP);
+  pause(10);
+  flight->signal(SIGCONT);
+  ASSERT_EQ(flight->wait(), 0) << flight->err();
+  for (const std::string& said : {flight->err(), publisher->err()})
+    EXPECT_EQ(said.find("joining again"), std::string::npos) << said;
+  const std::vector<std::string> lines = answers();
+  // It makes up for the frames that it missed, faster than detail comes; then all is as it was.
+  constexpr std::ptrdiff_t kLast = 100;
+  ASSERT_GT(lines.size(), 2U * kLast);
+  EXPECT_GT(std::count_if(lines.end() - kLast, lines.end(),
+                          [](const std::string& line) {
+                            return line.find("\"status\":\"free\"") != std::string::npos ||
+                                   line.find("\"status\":\"contact\"") != std::string::npos;
+                          }),
+            0.9 * kLast);
+}
+
 TEST(Watch, SlopeIsThatOfALine) {
   std::vector<double> seconds, values;
   for (int i = 0; i < 10; ++i) {
