@@ -26,8 +26,10 @@ constexpr std::size_t kMaxWritten = 1024;  ///< before the queue is looked at ag
 constexpr std::size_t kMaxWaitingBytes = 64U << 20;
 constexpr double kNothingToStore_s = 0.5;
 constexpr wire::TopicPlace kHeldDetail = wire::place_of<wire::HeldDetail>();
-/// Whoever says what it holds must be heard from then on: by then all other readers have found their writers.
+/// Whoever says what it holds must be heard from then on: so long after the last writer was found, the other readers have
+/// found theirs. Where writers come all the time, it is not waited for longer.
 constexpr auto kMatching = std::chrono::milliseconds(500);
+constexpr auto kMatchingAtMost = std::chrono::seconds(5);
 constexpr auto kBetweenAsking = std::chrono::seconds(2);
 constexpr auto kDiskWait =
     std::chrono::milliseconds(100);  ///< how late a commit may be noticed to be due
@@ -116,7 +118,7 @@ class DdsRecorder::Impl {
   std::map<Handle, Sequence> sequences_;
   std::int64_t joined_ns_ = 0;
   bool asks_ = false;  ///< all peers what they hold
-  std::chrono::steady_clock::time_point may_ask_{};
+  std::chrono::steady_clock::time_point may_ask_{}, must_ask_{};
 
   std::mutex partitions_mutex_;
   std::map<Handle, std::string> partitions_;  ///< of writers that have one
@@ -236,6 +238,7 @@ Status DdsRecorder::Impl::join() {
   }
   asks_ = true;
   may_ask_ = std::chrono::steady_clock::now() + kMatching;
+  must_ask_ = std::chrono::steady_clock::now() + kMatchingAtMost;
   return Status::ok();
 }
 
@@ -277,7 +280,9 @@ bool DdsRecorder::Impl::drain(std::uint32_t topic) {
   using Type = wire::RawTypeOf<Message>;
   using eprosima::fastrtps::types::ReturnCode_t;
   if (topics_[topic].reader == nullptr) return false;
-  static_cast<void>(topics_[topic].listener->take_matches());  // nobody is missed here
+  if (!topics_[topic].listener->take_matches().empty())
+    may_ask_ =
+        std::max(may_ask_, std::min(std::chrono::steady_clock::now() + kMatching, must_ask_));
   typename Type::Data data;
   wire::fdds::SampleInfo info;
   std::vector<Entry> taken;
