@@ -136,7 +136,7 @@ void send_to(std::uint32_t domain, const RtpsBytes& packet) {
 TEST(Door, OnePacketEndsAParticipantWithoutOneAndNoneWithIt) {
   Watcher watcher(kDeadly, qos_of("door"));
   Child without("no-door", kDeadly), with("door", kDeadly);
-  ASSERT_TRUE(poll([&] { return watcher.found == 2; }, kDeadline_s, 0.01));
+  ASSERT_TRUE(poll([&] { return watcher.found >= 2; }, kDeadline_s, 0.01));
   send_to(kDeadly, deadly_packet());
   if (wire::fastdds_asserts()) {
     ASSERT_TRUE(poll([&] { return without.is_over(); }, kDeadline_s, 0.01));
