@@ -62,7 +62,9 @@ INSTANTIATE_TEST_SUITE_P(Models, HostFloats, test::model_pairs(), test::name_of_
 TEST_P(HostFloats, LeaveAnswersAsTheyAre) {
   Random random(61);
   std::vector<std::pair<Motion, Motion>> motions;
-  for (int i = 0; i < 3; ++i) {
+  // A soup takes a hundred times as long as the others.
+  const int count = std::string(GetParam().first) == "soup" ? 1 : 3;
+  for (int i = 0; i < count; ++i) {
     const test::PairOfPoses poses =
         test::near_poses(random, a_, test::radius_m(a_), b_, test::radius_m(b_));
     auto& [one, two] = motions.emplace_back();
