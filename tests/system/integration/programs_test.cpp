@@ -636,8 +636,9 @@ TEST_F(Programs, LateRecorderProvesWhatFollowsAndCountsWhatWasBefore) {
   EXPECT_GT(proved.at("proved"), proved.at("answers").get<double>() * 0.8) << proved;
   EXPECT_TRUE(proved.at("wanted").empty());
   const json wanting = verify(folder, session);
-  EXPECT_EQ(wanting.at("proved"), 0U);
-  ASSERT_EQ(wanting.at("wanted").size(), 2U);
+  // Where it held nothing of a model when the recorder came, no file of that is wanted.
+  EXPECT_LT(wanting.at("proved"), proved.at("proved"));
+  EXPECT_FALSE(wanting.at("wanted").empty());
   std::string out, err;
   EXPECT_EQ(
       test::run(folder, "nearmesh-subscriber", {"verify", session, "--allow-unproved"}, &out, &err),
