@@ -30,6 +30,8 @@ constexpr wire::TopicPlace kHeldDetail = wire::place_of<wire::HeldDetail>();
 /// found theirs. Where writers come all the time, it is not waited for longer.
 constexpr auto kMatching = std::chrono::milliseconds(500);
 constexpr auto kMatchingAtMost = std::chrono::seconds(5);
+/// As long as no publisher is found, since one may be there: processes announce themselves each second.
+constexpr auto kFindingPublishers = std::chrono::milliseconds(1500);
 constexpr auto kBetweenAsking = std::chrono::seconds(2);
 constexpr auto kDiskWait =
     std::chrono::milliseconds(100);  ///< how late a commit may be noticed to be due
@@ -118,6 +120,7 @@ class DdsRecorder::Impl {
   std::map<Handle, Sequence> sequences_;
   std::int64_t joined_ns_ = 0;
   bool asks_ = false;  ///< all peers what they hold
+  bool has_publisher_ = false;
   std::chrono::steady_clock::time_point may_ask_{}, must_ask_{};
 
   std::mutex partitions_mutex_;
@@ -237,7 +240,8 @@ Status DdsRecorder::Impl::join() {
     if (topic.place != kHeldDetail) NEARMESH_RETURN_IF_ERROR((this->*topic.open)(topic));
   }
   asks_ = true;
-  may_ask_ = std::chrono::steady_clock::now() + kMatching;
+  has_publisher_ = false;
+  may_ask_ = std::chrono::steady_clock::now() + kFindingPublishers;
   must_ask_ = std::chrono::steady_clock::now() + kMatchingAtMost;
   return Status::ok();
 }
@@ -280,9 +284,12 @@ bool DdsRecorder::Impl::drain(std::uint32_t topic) {
   using Type = wire::RawTypeOf<Message>;
   using eprosima::fastrtps::types::ReturnCode_t;
   if (topics_[topic].reader == nullptr) return false;
-  if (!topics_[topic].listener->take_matches().empty())
-    may_ask_ =
-        std::max(may_ask_, std::min(std::chrono::steady_clock::now() + kMatching, must_ask_));
+  if (!topics_[topic].listener->take_matches().empty()) {
+    const auto found = std::chrono::steady_clock::now() + kMatching;
+    const bool is_first_publisher = topics_[topic].place == wire::place_of<wire::Hello>() &&
+                                    !std::exchange(has_publisher_, true);
+    may_ask_ = is_first_publisher ? found : std::max(may_ask_, std::min(found, must_ask_));
+  }
   typename Type::Data data;
   wire::fdds::SampleInfo info;
   std::vector<Entry> taken;

@@ -273,9 +273,10 @@ TEST_F(Secured, ProgramsReachCertifiedAnswers) {
                "  - {name: one, model: aircraft}\nmoves:\n"
                "  - {body: one, trajectory: flight1.csv}\npairs: [[ground, one]]\n"
                "frame_rate_hz: 50\nbudget_ms: 5\nlookahead_s: 0.2\n");
-  Process peer(
-      folder, "nearmesh-subscriber",
-      on_bus({"run", folder.file("scene.yaml"), "--answers", folder.file("a.jsonl")}, "alice"));
+  Process peer(folder, "nearmesh-subscriber",
+               on_bus({"run", folder.file("scene.yaml"), "--wait-recorder", "--answers",
+                       folder.file("a.jsonl")},
+                      "alice"));
   ASSERT_EQ(peer.wait(), 0) << peer.err();
   recorder.signal(SIGINT);
   ASSERT_EQ(recorder.wait(), 0) << recorder.err();

@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a session takes in: who serves what, headers, batches, poses of others.
+#include <algorithm>
+#include <utility>
+
+#include "content_choice.hpp"
+#include "core/base/hash.hpp"
+#include "session_impl.hpp"
+
+namespace nearmesh::subscriber {
+namespace {
+
+/// Of one model; some 20 MB. A publisher that keeps to the window sends far fewer; what is dropped is asked for again.
+constexpr std::size_t kMaxWaitingBatches = 16384;
+constexpr std::size_t kMaxRefusedOf = 256;
+
+}  // namespace
+
+void Session::Impl::take_inbox(FrameReport& report) {
+  Channel::Inbox inbox = channel->take();
+  std::vector<std::string>& complaints = report.complaints;
+  complaints.insert(complaints.end(), inbox.complaints.begin(), inbox.complaints.end());
+  for (const wire::SessionId id : inbox.lost_publishers) {
+    publishers.erase(id);
+    // Whoever serves next is asked anew.
+    std::erase_if(outstanding, [id](const auto& open) { return open.second.publisher == id; });
+    has_news = true;
+  }
+  for (const wire::Hello& hello : inbox.hellos) take_hello(hello);
+  // Not before all who came and went are known: one that was lost may be there again.
+  if (std::exchange(has_news, false)) settle_contents(complaints);
+  stats.refused_headers += inbox.refused_headers;
+  for (const Channel::Header& header : inbox.headers) take_header(header, complaints);
+  is_dropping = false;
+  for (wire::SplitBatchMessage& batch : inbox.batches) take_batch(std::move(batch), report);
+  if (inbox.recorder_came) ++recorders;
+  take_poses(inbox, complaints);
+}
+
+void Session::Impl::take_poses(const Channel::Inbox& inbox, std::vector<std::string>& complaints) {
+  for (const wire::BodyPose& pose : inbox.poses) {
+    heard_time_s = std::max(heard_time_s.value_or(pose.time_s), pose.time_s);
+    const auto at = named.find(pose.body);
+    if (at == named.end()) continue;
+    Body& body = bodies[at->second.value];
+    if (body.own) {
+      if (!std::exchange(body.contested, true))
+        complaints.push_back("another peer also moves body " + pose.body +
+                             "; its poses are ignored");
+      continue;
+    }
+    if (body.stamp.mover != wire::Mover::kNone && !body.is_placed &&
+        pose.time_s < body.stamp.time_s && !std::exchange(body.has_gone_back, true))
+      complaints.push_back("the time of body " + pose.body + "'s poses went back from " +
+                           std::to_string(body.stamp.time_s) + " to " +
+                           std::to_string(pose.time_s) + " s; this is said once");
+    body.motion = Motion{pose.pose, pose.linear_velocity_mps, pose.angular_velocity_radps};
+    body.is_placed = false;
+    body.stamp.mover = wire::Mover::kThere;
+    body.stamp.time_s = pose.time_s;
+  }
+  for (const auto& [name, mover] : inbox.movers) {
+    const auto at = named.find(name);
+    if (at == named.end()) continue;
+    Body& body = bodies[at->second.value];
+    const bool is_of_another = !body.own && !body.is_placed;
+    if (is_of_another && body.stamp.mover != wire::Mover::kNone) body.stamp.mover = mover;
+  }
+}
+
+void Session::Impl::take_hello(const wire::Hello& hello) {
+  if (!publishers.contains(
+          hello.publisher))  // what the others have not answered may be asked of it
+    std::erase_if(outstanding, [this](const auto& open) {
+      const auto asked = publishers.find(open.second.publisher);
+      return clock.seconds() - open.second.heard_s >= options.request_timeout_s ||
+             (asked != publishers.end() && asked->second.lost_requests > 0);
+    });
+  publishers[hello.publisher].hello = hello;
+  publishers[hello.publisher].lost_requests = 0;
+  has_news = true;
+}
+
+/// Anybody can write a header; it counts from who serves that content.
+void Session::Impl::take_header(const Channel::Header& header,
+                                std::vector<std::string>& complaints) {
+  const auto publisher = publishers.find(header.publisher);
+  if (publisher != publishers.end() && publisher->second.serves(header.message.content_hash)) {
+    stats.header_bytes += replicas.take_header(header.message, complaints);
+    return;
+  }
+  ++stats.refused_headers;
+  if (refused_of.size() < kMaxRefusedOf && refused_of.insert(header.publisher).second)
+    complaints.push_back("header of content " + to_hex(header.message.content_hash) + " from " +
+                         to_hex(header.publisher) +
+                         " does not count: nobody of that name announces that content");
+}
+
+/// What each model's name stands for, by all that publishers say now.
+void Session::Impl::settle_contents(std::vector<std::string>& complaints) {
+  for (auto& [name, model] : replicas.all()) {
+    std::vector<wire::Offer> offers;
+    for (const auto& [id, publisher] : publishers) wire::add_offer(publisher.hello, name, offers);
+    const ContentHash before = model.content_hash;
+    ContentChoice choice = choose_content(
+        {.pinned = model.pinned, .held = model.is_ready() ? before : ContentHash{}}, offers);
+    if (!choice.change.empty())
+      complaints.push_back("model " + name + ": " + choice.change + "; starting again with it");
+    if (model.is_ready() && model.pinned.is_set() && before != model.pinned)
+      complaints.push_back("model " + name + ": content " + to_hex(model.pinned) +
+                           " is pinned now; content " + to_hex(before) + " is dropped");
+    stats.header_bytes += replicas.assign(model, choice.content, complaints);
+    if (choice.mesh_bytes != 0) model.mesh_bytes = choice.mesh_bytes;
+    if (!choice.conflict.empty() && choice.conflict != model.conflict)
+      complaints.push_back("model " + name + ": " + choice.conflict);
+    model.conflict = std::move(choice.conflict);
+  }
+}
+
+void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& report) {
+  // What one that was lost meanwhile sent is good all the same.
+  if (const auto at = publishers.find(message.publisher); at != publishers.end()) {
+    Publisher& publisher = at->second;
+    publisher.lost_requests = 0;
+    if (message.sequence > publisher.received_sequence + 1)
+      stats.sequence_gaps += message.sequence - publisher.received_sequence - 1;
+    publisher.received_sequence = std::max(publisher.received_sequence, message.sequence);
+  }
+  note_sequence(message);
+  ++stats.batches;
+  stats.batch_bytes += message.bytes.size();
+  const auto open = outstanding.find(message.content_hash);
+  const bool answers_open = open != outstanding.end() && open->second.request == message.request;
+  if (message.refused) {
+    // The request stays open until its time-out, so that a refusal is not asked for every frame.
+    ++refused;
+    report.complaints.push_back("publisher refused request " + std::to_string(message.request) +
+                                ": " + std::string(message.bytes.begin(), message.bytes.end()));
+    return;
+  }
+  if (answers_open) {
+    open->second.heard_s = clock.seconds();
+    if (message.last) outstanding.erase(open);
+  }
+  PeerModel* model = replicas.find(message.content_hash);
+  if (model == nullptr || message.bytes.empty()) return;
+  if (model->waiting.size() < kMaxWaitingBatches) {
+    model->waiting.push_back({message.publisher, std::move(message.bytes)});
+  } else if (!std::exchange(is_dropping, true)) {
+    report.complaints.push_back("model " + model->name + ": more than " +
+                                std::to_string(kMaxWaitingBatches) +
+                                " batches wait to be applied; further ones are dropped");
+  }
+}
+
+/// The last, not the highest: a publisher that lost us for a while counts from 1 again.
+void Session::Impl::note_sequence(const wire::SplitBatchMessage& message) {
+  last_sequence[message.publisher] = message.sequence;
+  if (last_sequence.size() > wire::kMaxHeardPublishers)
+    std::erase_if(last_sequence, [&](const auto& heard) {
+      return heard.first != message.publisher && !publishers.contains(heard.first);
+    });
+  if (last_sequence.size() > wire::kMaxHeardPublishers) last_sequence.erase(last_sequence.begin());
+}
+
+}  // namespace nearmesh::subscriber

@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a session tells others of itself: what it holds, what it was asked and answered, how it fares.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "core/base/hash.hpp"
+#include "core/replica/held_nodes.hpp"
+#include "session_impl.hpp"
+
+namespace nearmesh::subscriber {
+
+/// Not while batches of the model wait: what is said to have come must have been taken in. Nor where it distrusts a publisher:
+/// of what comes, recorders would not know what it drops.
+void Session::Impl::tell_held(FrameReport& report) {
+  for (auto& [name, model] : replicas.all()) {
+    if (model.told_recorders == recorders || !model.is_ready() || !model.waiting.empty() ||
+        model.replica->parked_splits() > 0 || model.replica->distrusts_anybody())
+      continue;
+    model.told_recorders = recorders;
+    HeldNodes held = held_nodes(*model.replica);
+    if (held.bits.size() > wire::kMaxHeldBytes) {
+      report.complaints.push_back(
+          "model " + name + ": what is held takes " + std::to_string(held.bits.size()) +
+          " bytes to tell a recorder, at most " + std::to_string(wire::kMaxHeldBytes) +
+          " are sent: one that came late cannot prove what follows");
+      continue;
+    }
+    wire::HeldDetail message{.peer = channel->own_id(),
+                             .content_hash = model.content_hash,
+                             .model = name,
+                             .applied_batches = model.replica->taken_batches(),
+                             .last_request = last_request,
+                             .state_digest = model.replica->mesh().state_hash(),
+                             .box_digest = held.box_digest,
+                             .nodes = std::move(held.bits)};
+    for (const auto& [publisher, sequence] : last_sequence)
+      message.heard.push_back({publisher, sequence});
+    channel->tell_held(message);
+  }
+}
+
+void Session::Impl::report_pair(Pair& pair, const PairAnswer& answer, const Reported& now) {
+  if (pair.reported == now) return;
+  pair.reported = now;
+  wire::ContactReport report;
+  report.peer = channel->own_id();
+  report.body_a = pair.a->name;
+  report.body_b = pair.b->name;
+  report.frame = now.first;
+  report.time_s = time_s;
+  report.status = static_cast<std::uint8_t>(answer.answer.status);
+  // The wire carries finite numbers; "cannot be bounded" is the largest of them.
+  const auto finite = [](double x) { return std::min(x, std::numeric_limits<double>::max()); };
+  report.clearance_m = finite(answer.answer.clearance_m);
+  report.uncertainty_m = finite(answer.answer.uncertainty_m);
+  report.pair_count = static_cast<std::uint32_t>(answer.answer.pair_total);
+  report.asked = answer.asked;
+  report.answer_digest = now.second;
+  if (report.asked) {
+    report.gave_up_detail =
+        pair.a->model->replica->gave_up_detail() || pair.b->model->replica->gave_up_detail();
+    const auto as_asked = [](const Body& body, const Pose& pose) {
+      return wire::ContactReport::Asked{body.model->content_hash,
+                                        body.model->replica->mesh().state_hash(),
+                                        body.model->replica->taken_batches(),
+                                        body.solid,
+                                        pose,
+                                        {}};
+    };
+    report.a = as_asked(*pair.a, answer.pose_a);
+    report.b = as_asked(*pair.b, answer.pose_b);
+  }
+  report.a.stamp = stamp_of(*pair.a);
+  report.b.stamp = stamp_of(*pair.b);
+  for (const FacePair& faces : answer.answer.pairs) {
+    if (report.pairs.size() == wire::kMaxReportPairs) break;
+    report.pairs.push_back({faces.a, faces.b});
+  }
+  channel->send(report);
+}
+
+void Session::Impl::tell_status(const FrameReport& report, const SessionStats& counted) {
+  wire::ProcessStatus now;
+  now.session = channel->own_id();
+  now.requests = counted.requests;
+  now.refused = refused;
+  now.batches = counted.batches;
+  now.bytes = counted.batch_bytes;
+  now.lost_batches = counted.sequence_gaps;
+  now.waiting_batches = report.batches_waiting;
+  now.watched_pairs = static_cast<std::uint32_t>(report.answers.size());
+  for (const PairAnswer& pair : report.answers) {
+    if (is_certified(pair.answer.status)) {
+      ++now.certified_pairs;
+    } else {
+      now.uncertainty_m = std::max(now.uncertainty_m, std::min(pair.answer.uncertainty_m,
+                                                               std::numeric_limits<double>::max()));
+    }
+  }
+  for (const auto& [name, model] : replicas.all()) {
+    if (now.models.size() == wire::kMaxModels) break;
+    wire::ProcessStatus::Model entry{.name = name, .content_hash = model.content_hash};
+    if (model.is_ready()) {
+      const SpmHeader& header = model.replica->header();
+      entry.faces = header.face_count;
+      entry.held_splits = model.replica->mesh().split_count();
+      entry.splits = header.split_count();
+    }
+    now.models.push_back(std::move(entry));
+  }
+  for (const auto& [name, model] : replicas.all())  // as long as it lasts
+    if (!model.conflict.empty())
+      keeper.note("model " + name + ": " + model.conflict, clock.seconds());
+  keeper.complete(now, clock.seconds());
+  channel->tell(now);
+  told = std::move(now);
+}
+
+}  // namespace nearmesh::subscriber
