@@ -7,7 +7,7 @@ namespace nearmesh::subscriber {
 namespace {
 
 constexpr std::size_t kMaxContestedBodies = 64;
-constexpr double kSilence_s = 3;  ///< three signs of life are missing
+constexpr double kMoverSilence_s = 3;  ///< three signs of life are missing
 constexpr double kLook_s = 0.1;
 
 }  // namespace
@@ -74,7 +74,7 @@ void DdsPoses::look_for_silent() {
   for (auto& [body, moved] : moved_) {
     const auto source = sources_.find(moved.writer);
     if (source == sources_.end() || !source->second.gives_signs) continue;
-    const bool is_silent = now_s - source->second.heard_s >= kSilence_s;
+    const bool is_silent = now_s - source->second.heard_s >= kMoverSilence_s;
     tell(body, moved, is_silent ? wire::Mover::kSilent : wire::Mover::kThere);
   }
 }
