@@ -36,7 +36,7 @@ class ExerciseClock {
   }
 
  private:
-  const Stopwatch clock_;
+  const Stopwatch clock_{};
   double ahead_s_ = 0;
 };
 
@@ -321,7 +321,7 @@ class Flight {
 
   const RunOptions& options_;
   const Scene& scene_;
-  const Stopwatch clock_;
+  const Stopwatch clock_{};
   ExerciseClock exercise_;
   double time_s_ = 0;  ///< of the last update
   const std::vector<Session::OwnMotion> no_motions_;
