@@ -35,13 +35,8 @@ namespace rtps = eprosima::fastdds::rtps;
 
 constexpr double kDeadline_s = 20;
 constexpr double kLease_s = 2;
-/// Of a test each: the packet ends everybody on the bus who has no door.
-enum Domain : std::uint32_t {
-  kDeadly = 101,
-  kLeases = 102,
-  kSharedMemory = 103,
-  kTransports = 104
-};
+/// Of a test each: the packet ends everybody on the bus who has no door. Their ports lie below those that systems give out.
+enum Domain : std::uint32_t { kDeadly = 96, kLeases = 97, kSharedMemory = 98, kTransports = 99 };
 
 /// On loopback alone, found by multicast there.
 fdds::DomainParticipantQos loopback_qos() {
@@ -144,7 +139,12 @@ TEST(Door, OnePacketEndsAParticipantWithoutOneAndNoneWithIt) {
   ASSERT_TRUE(poll([&] { return watcher.found >= 2; }, kDeadline_s, 0.01));
   send_to(kDeadly, deadly_packet());
   if (wire::fastdds_asserts()) {
-    ASSERT_TRUE(poll([&] { return without.is_over(); }, kDeadline_s, 0.01));
+    // A datagram may be lost on a busy machine.
+    const auto is_over = [&] {
+      send_to(kDeadly, deadly_packet());
+      return without.is_over();
+    };
+    ASSERT_TRUE(poll(is_over, kDeadline_s, 0.1));
     EXPECT_EQ(without.signal_of_death(), SIGABRT);
   }
   // It had the packet when the other died of it; its life signs go on.
