@@ -35,6 +35,15 @@ Result<bool> is_of_kind(const std::string& path, const FileKind& kind) {
   return head.empty() || head.starts_with(kind.begins) || head.starts_with(kind.or_begins);
 }
 
+Status check_is_not_input(const std::string& path, const struct stat& info,
+                          const std::string& input) {
+  struct stat other {};
+  if (::stat(input.c_str(), &other) != 0 || other.st_dev != info.st_dev ||
+      other.st_ino != info.st_ino)
+    return Status::ok();
+  return {StatusCode::kConflict, path + ": is the input " + input + "; name another file to write"};
+}
+
 /// Where a link leads, also if nothing is there yet.
 fs::path without_links(fs::path path) {
   constexpr int kMostLinks = 40;
@@ -56,13 +65,8 @@ Status check_output(const std::string& path, const FileKind& kind,
       return io_error(path, "create");
     return Status::ok();
   }
-  for (const std::string& input : inputs) {
-    struct stat other {};
-    if (::stat(input.c_str(), &other) == 0 && other.st_dev == info.st_dev &&
-        other.st_ino == info.st_ino)
-      return {StatusCode::kConflict,
-              path + ": is the input " + input + "; name another file to write"};
-  }
+  for (const std::string& input : inputs)
+    NEARMESH_RETURN_IF_ERROR(check_is_not_input(path, info, input));
   if (::access(path.c_str(), W_OK) != 0) return io_error(path, "write");
   if (is_stream(info)) return Status::ok();
   if (S_ISREG(info.st_mode)) {

@@ -53,6 +53,20 @@ bool is_wrong(const std::string& status, const nlohmann::json& line, const Answe
   return status == "partial" && full.status != AnswerStatus::kContact;
 }
 
+Result<const FullMesh*> mesh_of(const std::map<std::string, FullMesh>& models,
+                                const std::string& name, const std::string& content,
+                                const std::string& where) {
+  const auto at = models.find(name);
+  if (at == models.end())
+    return Status{StatusCode::kNotFound,
+                  where + ": model " + name + " is not among the .spm files given"};
+  if (content != at->second.content)
+    return Status{StatusCode::kConflict, where + ": the answer is about content " + content +
+                                             " of model " + name + ", the .spm file given is " +
+                                             at->second.content};
+  return &at->second;
+}
+
 Status check_line(const nlohmann::json& line, const std::map<std::string, FullMesh>& models,
                   const std::string& where, Counts& counts) {
   if (line.contains("summary")) {
@@ -67,16 +81,10 @@ Status check_line(const nlohmann::json& line, const std::map<std::string, FullMe
   int side = 0;
   for (const auto& [key, content_key] :
        {std::pair{"model_a", "content_a"}, std::pair{"model_b", "content_b"}}) {
-    const auto name = line.at(key).get<std::string>();
-    const auto at = models.find(name);
-    if (at == models.end())
-      return {StatusCode::kNotFound,
-              where + ": model " + name + " is not among the .spm files given"};
-    if (const auto content = line.at(content_key).get<std::string>(); content != at->second.content)
-      return {StatusCode::kConflict, where + ": the answer is about content " + content +
-                                         " of model " + name + ", the .spm file given is " +
-                                         at->second.content};
-    mesh[side++] = &at->second;
+    const Result<const FullMesh*> found = mesh_of(models, line.at(key).get<std::string>(),
+                                                  line.at(content_key).get<std::string>(), where);
+    NEARMESH_RETURN_IF_ERROR(found);
+    mesh[side++] = found.value();
   }
   const Result<PosedPair> posed =
       pose_pair(mesh[0]->tree.grid, pose_of(line.at("pose_a")), line.at("a").get<std::string>(),

@@ -30,6 +30,12 @@ std::vector<ContentHash> standing(std::span<const Offer> offers) {
   return left.empty() ? all : left;
 }
 
+const Offer* offer_of(std::span<const Offer> offers, const ContentHash& content) {
+  const auto at = std::find_if(offers.begin(), offers.end(),
+                               [&](const Offer& offer) { return offer.content == content; });
+  return at == offers.end() ? nullptr : &*at;
+}
+
 std::optional<ContentHash> successor(std::span<const Offer> offers, const ContentHash& content) {
   std::optional<ContentHash> found;
   for (const Offer& offer : offers) {

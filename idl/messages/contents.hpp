@@ -27,6 +27,9 @@ void add_offer(const Hello& hello, const std::string& name, std::vector<Offer>& 
 /// a circle all of them stand.
 [[nodiscard]] std::vector<ContentHash> standing(std::span<const Offer> offers);
 
+/// The first that offers a content; nullptr: nobody does.
+[[nodiscard]] const Offer* offer_of(std::span<const Offer> offers, const ContentHash& content);
+
 /// What replaces a content; none where nothing does, or publishers disagree about it.
 [[nodiscard]] std::optional<ContentHash> successor(std::span<const Offer> offers,
                                                    const ContentHash& content);

@@ -36,12 +36,9 @@ std::vector<std::string> conflicts(const std::vector<wire::Hello>& publishers) {
     const std::vector<ContentHash> standing = wire::standing(offers);
     if (standing.size() < 2) continue;
     std::string line = "model " + name + ": ";
-    for (const ContentHash& content : standing) {
-      const auto first = std::find_if(offers.begin(), offers.end(), [&](const wire::Offer& offer) {
-        return offer.content == content;
-      });
-      line += "publisher " + to_hex(first->publisher) + " serves content " + to_hex(content) + ", ";
-    }
+    for (const ContentHash& content : standing)
+      line += "publisher " + to_hex(wire::offer_of(offers, content)->publisher) +
+              " serves content " + to_hex(content) + ", ";
     lines.push_back(line +
                     "peers keep what they hold: stop or rename one, or serve the right one "
                     "with --replaces");

@@ -10,12 +10,7 @@ namespace nearmesh::subscriber {
 namespace {
 
 using wire::Offer;
-
-const Offer* offer_of(std::span<const Offer> offers, const ContentHash& content) {
-  const auto at = std::find_if(offers.begin(), offers.end(),
-                               [&](const Offer& offer) { return offer.content == content; });
-  return at == offers.end() ? nullptr : &*at;
-}
+using wire::offer_of;
 
 /// "publisher P serves content C under this name", and how many others do so.
 std::string served(std::span<const Offer> offers, const std::vector<ContentHash>& contents) {

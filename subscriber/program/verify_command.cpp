@@ -134,7 +134,6 @@ Status run(const VerifyOptions& options, int& exit_code) {
     std::fprintf(stderr, "%.1f s of session in %.2f s\n",
                  static_cast<double>(reader.end_ns() - reader.begin_ns()) * 1e-9, clock.seconds());
   }
-  std::fflush(stdout);
   return judge(report, options, exit_code);
 }
 

@@ -62,22 +62,29 @@ class Verify : public ::testing::Test {
             .content_hash = file.content_hash(),
             .bytes = {bytes.begin(), bytes.end()}};
   }
-  /// Two peers that fly, each on its own, over the same ground. A recorder comes in each of these frames.
-  Recorded record(SessionOptions options = quick_options(),
-                  const std::set<std::size_t>& comings = {}) {
-    Recorded recorded;
-    World world;
-    world.start_publisher();
+  /// The headers of both models now, and each batch as the publisher of the world sends it.
+  static void record_detail(World& world, Recorded& recorded) {
     for (const ServedModel* served : {&terrain(), &aircraft()})
       recorded.headers.push_back(header_of(*served));
     world.bus.batch_filter = [&](wire::SessionId peer, wire::SplitBatchMessage& batch) {
       recorded.items.push_back({.batch = Recorded::Batch{peer, batch}});
       return true;
     };
+  }
+  static void take_reports(World& world, Recorded& recorded) {
+    for (wire::ContactReport& report : world.bus.reports)
+      recorded.items.push_back({.report = std::move(report)});
+    world.bus.reports.clear();
+  }
+  /// Two peers that fly, each on its own, over the same ground. A recorder comes in each of these frames.
+  Recorded record(SessionOptions options = quick_options(),
+                  const std::set<std::size_t>& comings = {}) {
+    Recorded recorded;
+    World world;
+    world.start_publisher();
+    record_detail(world, recorded);
     world.on_report = [&](const FrameReport&) {
-      for (wire::ContactReport& report : world.bus.reports)
-        recorded.items.push_back({.report = std::move(report)});
-      world.bus.reports.clear();
+      take_reports(world, recorded);
       for (wire::HeldDetail& held : world.bus.held)
         recorded.items.push_back({.held = std::move(held)});
       world.bus.held.clear();
@@ -99,12 +106,7 @@ class Verify : public ::testing::Test {
     Recorded recorded;
     World world;
     world.start_publisher();
-    for (const ServedModel* served : {&terrain(), &aircraft()})
-      recorded.headers.push_back(header_of(*served));
-    world.bus.batch_filter = [&](wire::SessionId peer, wire::SplitBatchMessage& batch) {
-      recorded.items.push_back({.batch = Recorded::Batch{peer, batch}});
-      return true;
-    };
+    record_detail(world, recorded);
     auto mover = world.make_peer(quick_options(), kOther, true, false);
     const auto watcher = world.make_peer(quick_options(), kPeer, false, true);
     const Flight flight = make_flight(5);
@@ -115,11 +117,7 @@ class Verify : public ::testing::Test {
       if (i == kKilled) mover.reset();
       if (mover != nullptr) world.round(*mover, i, {{kOne, flight.one[at]}});
       world.bus.reports.clear();
-      world.on_report = [&](const FrameReport&) {
-        for (wire::ContactReport& report : world.bus.reports)
-          recorded.items.push_back({.report = std::move(report)});
-        world.bus.reports.clear();
-      };
+      world.on_report = [&](const FrameReport&) { take_reports(world, recorded); };
       world.fly_frame(*watcher, i, {{kTwo, flight.two[at]}}, 20);
       world.on_report = nullptr;
     }
