@@ -23,6 +23,7 @@
 #include "core/base/float_guard.hpp"
 #include "core/geometry/motion_bounds.hpp"
 #include "core/geometry/triangle_overlap.hpp"
+#include "lacking_ahead.hpp"
 #include "nearmesh/core/geometry/detail/box_overlap.hpp"
 #include "sweep_from.hpp"
 
@@ -37,6 +38,9 @@ constexpr double kMinDuration_s = 1e-9;
 constexpr double kMaxDuration_s = 1e9;
 constexpr double kRoundUp = 1 + 0x1p-40;
 constexpr double kStretch = 1.0001;
+/// Of what is looked for ahead: sixty-four steps; and so many tests.
+constexpr int kAheadLevels = 6;
+constexpr std::uint64_t kAheadTests = 200'000;
 
 /// One of the two, with what does not change on the way.
 struct Mover {
@@ -54,13 +58,13 @@ struct Missing {
 
 class SweptQuery {
  public:
-  SweptQuery(const Mover& a, const Mover& b, const SweepOptions& options)
+  SweptQuery(const Mover& a, const Mover& b, const SweepOptions& options, double margin_m = 0)
       : a_(a),
         b_(b),
         options_(options),
         lattice_(lattice_exponent(*a.tree.grid, *b.tree.grid)),
         last_instant_(std::uint64_t{1} << (options.time_levels + 1)),
-        error_m_(error_of(a) + error_of(b)),
+        error_m_(error_of(a) + error_of(b) + margin_m),
         cell_a_m_(std::ldexp(1.0, a.tree.grid->exponent)),
         cell_b_m_(std::ldexp(1.0, b.tree.grid->exponent)),
         views_(static_cast<std::size_t>(options.time_levels) + 1),
@@ -74,6 +78,14 @@ class SweptQuery {
     NEARMESH_RETURN_IF_ERROR(status_);
     finish();
     return std::move(answer_);
+  }
+
+  /// Only what is missing, at any instant: faces may touch meanwhile.
+  Lacking lacking() {
+    seeks_contact_ = false;
+    advance(0, 0, {{a_.tree.root(), b_.tree.root()}});
+    finish();
+    return {std::move(answer_.missing_a), std::move(answer_.missing_b)};
   }
 
  private:
@@ -213,7 +225,7 @@ class SweptQuery {
     } else if (inner_b) {
       b_.tree.for_each_child(nb, [&](const TreeEntry& child) { stack_.push_back({na, child}); });
     } else if (ka == Kind::kFaces && kb == Kind::kFaces) {
-      if (!faces_stay_apart(na, nb, view, drift)) {
+      if (seeks_contact_ && !faces_stay_apart(na, nb, view, drift)) {
         if (!finest) {
           left.push_back(pair);
         } else {
@@ -336,7 +348,7 @@ class SweptQuery {
   const SweepOptions options_;
   const int lattice_;
   const std::uint64_t last_instant_;
-  const double error_m_;  ///< placing and posing, of both
+  const double error_m_;  ///< placing and posing, of both; and what is wanted around
   const double cell_a_m_, cell_b_m_;
   Vec3 velocity_{};  ///< of b against a
 
@@ -346,6 +358,7 @@ class SweptQuery {
   std::vector<Pair> stack_;
   std::unordered_set<std::uint32_t> known_a_, known_b_;  // by first vertex; membership only
   std::vector<Missing> missing_a_, missing_b_;
+  bool seeks_contact_ = true;
   double undecided_s_ = kNever;  ///< start of the first interval that could not be settled
   Status status_;
   SweptAnswer answer_;
@@ -414,6 +427,25 @@ Result<SweptAnswer> sweep_from(const Answer* now, const TreeView& a, const Motio
     return swept;
   }
   return SweptQuery(mover_a, mover_b, options).run();
+}
+
+Result<Lacking> lacking_ahead(const TreeView& a, const Motion& motion_a, std::string_view name_a,
+                              const TreeView& b, const Motion& motion_b, std::string_view name_b,
+                              double duration_s, double margin_m) {
+  const FloatGuard guard;
+  const bool is_still =
+      duration_s < kMinDuration_s || (is_at_rest(motion_a) && is_at_rest(motion_b));
+  const SweepOptions options{.duration_s = is_still ? kMinDuration_s : duration_s,
+                             .time_levels = is_still ? 0 : kAheadLevels,
+                             .max_tests = kAheadTests};
+  Motion now_a = motion_a, now_b = motion_b;
+  if (is_still)
+    for (Motion* motion : {&now_a, &now_b}) *motion = {.pose = motion->pose};
+  const Mover mover_a{a, now_a, name_a, length_bound(now_a.angular_velocity_radps)};
+  const Mover mover_b{b, now_b, name_b, length_bound(now_b.angular_velocity_radps)};
+  NEARMESH_RETURN_IF_ERROR(check_way(mover_a, options.duration_s));
+  NEARMESH_RETURN_IF_ERROR(check_way(mover_b, options.duration_s));
+  return SweptQuery(mover_a, mover_b, options, margin_m).lacking();
 }
 
 double safe_horizon_s(const TreeView& a, const Motion& motion_a, const TreeView& b,

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "core/spm/packed_certificate.hpp"
 #include "core/spm/packed_region.hpp"
 
 namespace nearmesh::wire {
@@ -12,6 +13,8 @@ namespace {
 
 constexpr std::uint8_t kFlagLast = 1;
 constexpr std::uint8_t kFlagRefused = 2;
+constexpr std::uint8_t kFlagWantsHeld = 4;
+constexpr std::uint8_t kFlagWantsRegions = 8;
 constexpr std::size_t kWordsPerNode = 2;
 constexpr std::size_t kWordsPerPair = 4;
 constexpr std::size_t kWordsPerContent = 2;
@@ -150,6 +153,7 @@ void encode(const RegionSubscription& message, wire_types::RegionSubscriptionSam
   sample.region_shift(region.shift);
   sample.region_radius(region.radius);
   sample.region_parts(std::move(region.parts));
+  sample.certificate(message.certificate ? pack_certificate(*message.certificate) : Octets());
 }
 
 Result<RegionSubscription> decode(const wire_types::RegionSubscriptionSample& sample) {
@@ -172,13 +176,19 @@ Result<RegionSubscription> decode(const wire_types::RegionSubscriptionSample& sa
                      sample.region_parts()});
   NEARMESH_RETURN_IF_ERROR(region);
   message.region.region = std::move(region).value();
+  if (!sample.certificate().empty()) {
+    auto certificate = unpack_certificate(sample.certificate());
+    NEARMESH_RETURN_IF_ERROR(certificate);
+    message.certificate = std::move(certificate).value();
+  }
   return checked(std::move(message));
 }
 
 void encode(const SplitBatchMessage& message, wire_types::SplitBatchSample& sample) {
   sample.wire_version(message.wire_version);
-  sample.flags(static_cast<std::uint8_t>((message.last ? kFlagLast : 0) |
-                                         (message.refused ? kFlagRefused : 0)));
+  sample.flags(static_cast<std::uint8_t>(
+      (message.last ? kFlagLast : 0) | (message.refused ? kFlagRefused : 0) |
+      (message.wants_held ? kFlagWantsHeld : 0) | (message.wants_regions ? kFlagWantsRegions : 0)));
   sample.request(message.request);
   sample.publisher(message.publisher);
   sample.content_hash(words_of(message.content_hash));
@@ -189,10 +199,12 @@ void encode(const SplitBatchMessage& message, wire_types::SplitBatchSample& samp
 Result<SplitBatchMessage> decode(const wire_types::SplitBatchSample& sample) {
   SplitBatchMessage message;
   message.wire_version = sample.wire_version();
-  if ((sample.flags() & ~(kFlagLast | kFlagRefused)) != 0)
+  if ((sample.flags() & ~(kFlagLast | kFlagRefused | kFlagWantsHeld | kFlagWantsRegions)) != 0)
     return malformed("flags: found unknown bits, " + std::to_string(sample.flags()));
   message.last = (sample.flags() & kFlagLast) != 0;
   message.refused = (sample.flags() & kFlagRefused) != 0;
+  message.wants_held = (sample.flags() & kFlagWantsHeld) != 0;
+  message.wants_regions = (sample.flags() & kFlagWantsRegions) != 0;
   message.request = sample.request();
   message.publisher = sample.publisher();
   message.content_hash = content_at(sample.content_hash(), 0);

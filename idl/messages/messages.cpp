@@ -86,17 +86,17 @@ MeshHeader announce_model(const std::string& name, const ModelFile& file, Conten
   return {kWireVersion, name, file.content_hash(), {bytes.begin(), bytes.end()}};
 }
 
-std::vector<SplitBatchMessage> answer_messages(SessionId publisher,
-                                               const RegionSubscription& request,
+std::vector<SplitBatchMessage> answer_messages(SessionId publisher, std::uint32_t request,
+                                               const ContentHash& content,
                                                std::vector<std::vector<std::uint8_t>> batches,
                                                bool last) {
   if (batches.empty() && last) batches.emplace_back();
   std::vector<SplitBatchMessage> messages;
   for (std::size_t i = 0; i < batches.size(); ++i) {
-    if (!batches[i].empty()) seal_batch(request.content_hash, batches[i]);
+    if (!batches[i].empty()) seal_batch(content, batches[i]);
     messages.push_back({.publisher = publisher,
-                        .content_hash = request.content_hash,
-                        .request = request.request,
+                        .content_hash = content,
+                        .request = request,
                         .last = last && i + 1 == batches.size(),
                         .bytes = std::move(batches[i])});
   }
@@ -177,7 +177,15 @@ Status check(const RegionSubscription& message) {
   if (message.request == 0) {
     if (!message.region.attach.empty() || !message.region.region.empty())
       return invalid("request 0 (only credit) with a region");
+    if (message.certificate) return invalid("request 0 (only credit) with bodies");
     return Status::ok();
+  }
+  if (message.certificate) {
+    if (!message.region.attach.empty() || !message.region.region.empty())
+      return invalid("a request with bodies and with a region");
+    for (const CertificateRequest::Model& model : message.certificate->models)
+      NEARMESH_RETURN_IF_ERROR(check_most(model.held.size(), kMaxHeldBytes, "held bytes"));
+    return check_request(*message.certificate);
   }
   return check_request(message.region);
 }
@@ -187,6 +195,8 @@ Status check(const SplitBatchMessage& message) {
   NEARMESH_RETURN_IF_ERROR(check_session(message.publisher, "publisher"));
   if (message.sequence == 0) return invalid("sequence: expected from 1, found 0");
   NEARMESH_RETURN_IF_ERROR(check_most(message.bytes.size(), kMaxSealedBytes, "batch bytes"));
+  if ((message.wants_held || message.wants_regions) && !message.refused)
+    return invalid("a batch that is not refused wants another request");
   if (message.refused) {
     const auto printable = [](std::uint8_t c) { return is_printable(static_cast<char>(c)); };
     if (!std::all_of(message.bytes.begin(), message.bytes.end(), printable))

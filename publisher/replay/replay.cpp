@@ -98,13 +98,15 @@ Replay::Replay(RecordingReader& recording, ReplayIndex& index, ReplayOutlet& out
     publisher.service = std::make_unique<Service>(*publisher.channel, id);
     for (auto& [hash, detail] : index.details())
       publisher.service->add_answerer(
-          hash, [this, &detail = detail](const RegionRequest& request) -> Result<Service::Parts> {
+          hash,
+          [this, &detail = detail,
+           content = hash](const RegionRequest& request) -> Result<Service::Parts> {
             // At once: what was delivered by now may not be what was delivered by then.
             auto batches = detail.answer(request, playhead_.next_id());
             NEARMESH_RETURN_IF_ERROR(batches);
             return Service::Parts(
-                [whole = std::move(batches).value()]() mutable -> Result<Service::Part> {
-                  return Service::Part{std::move(whole), true};
+                [content, whole = std::move(batches).value()]() mutable -> Result<Service::Part> {
+                  return Service::Part{content, std::move(whole), true};
                 });
           });
   }

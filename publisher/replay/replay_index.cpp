@@ -201,14 +201,14 @@ void ReplayIndex::take_batch(std::int64_t id, std::uint32_t stream,
   const auto batch = wire::decode_payload<wire::SplitBatchMessage>(message.cdr);
   if (!batch.is_ok()) return;
   const wire::SplitBatchMessage& sent = batch.value();
-  if (sent.last) {
-    const auto asked = requests_.find({streams_[stream].partition, sent.content_hash});
-    if (asked != requests_.end()) {
-      const auto request = std::lower_bound(
-          asked->second.begin(), asked->second.end(), sent.request,
-          [](const Request& r, std::uint32_t number) { return r.number < number; });
-      if (request != asked->second.end() && request->number == sent.request) request->answered = id;
-    }
+  // What was asked of several models at once is under none.
+  for (const ContentHash& content : {sent.content_hash, ContentHash{}}) {
+    const auto asked = requests_.find({streams_[stream].partition, content});
+    if (!sent.last || asked == requests_.end()) continue;
+    const auto request =
+        std::lower_bound(asked->second.begin(), asked->second.end(), sent.request,
+                         [](const Request& r, std::uint32_t number) { return r.number < number; });
+    if (request != asked->second.end() && request->number == sent.request) request->answered = id;
   }
   if (!sent.refused && !sent.bytes.empty() && details_.contains(sent.content_hash))
     batches_.emplace_back(id, sent.content_hash);

@@ -18,6 +18,14 @@ constexpr int kMaxSent = 64;
 constexpr std::size_t kMaxCollecting = 8;
 constexpr std::size_t kMaxRivals = 256;
 
+/// Whether a request asks for detail of this content.
+bool is_about(const wire::RegionSubscription& asked, const ContentHash& content) {
+  if (!asked.certificate) return asked.content_hash == content;
+  const auto& models = asked.certificate->models;
+  return std::any_of(models.begin(), models.end(),
+                     [&](const auto& model) { return model.content == content; });
+}
+
 }  // namespace
 
 Service::Service(Channel& channel, wire::SessionId session, ServiceOptions options)
@@ -60,16 +68,19 @@ Result<Service::Parts> Service::answer(ModelFile& file, const RegionRequest& req
   NEARMESH_RETURN_IF_ERROR(check_request(file.store(), request));
   auto maker = std::make_shared<AnswerMaker>(file.header(), file.store(), request,
                                              [&file](NodeSpan node) { return file.require(node); });
-  return Parts([maker]() -> Result<Part> {
+  return Parts([maker, content = file.content_hash()]() -> Result<Part> {
     auto batches = maker->next();
     NEARMESH_RETURN_IF_ERROR(batches);
-    return Part{std::move(batches).value(), maker->is_done()};
+    return Part{content, std::move(batches).value(), maker->is_done()};
   });
 }
 
 void Service::take_requests(double now_s) {
   Inbox inbox = channel_.take();
-  for (const wire::SessionId id : inbox.lost_peers) peers_.erase(id);
+  for (const wire::SessionId id : inbox.lost_peers) {
+    peers_.erase(id);
+    mirrors_.forget(id);
+  }
   take_rivals(inbox);
   for (wire::RegionSubscription& subscription : inbox.subscriptions) {
     if (subscription.publisher != session_) continue;
@@ -80,13 +91,15 @@ void Service::take_requests(double now_s) {
     if (subscription.request == 0 || subscription.request <= peer.last_request) continue;
     peer.last_request = subscription.request;
     ++stats_.requests;
-    // A request names the peer's unresolved nodes as they are now, so it replaces what is open and what waits for that model.
+    // A request says what the peer holds now, so it replaces what is open and what waits for its models.
     std::erase_if(peer.queue, [&](const Waiting& waiting) {
-      return waiting.message.content_hash == subscription.content_hash;
+      return is_about(subscription, waiting.message.content_hash);
     });
-    const ContentHash hash =
-        answerers_.contains(subscription.content_hash) ? subscription.content_hash : ContentHash{};
-    peer.open[hash] = Open{std::move(subscription), {}, false};
+    const bool tells_bodies = subscription.certificate.has_value();
+    const ContentHash hash = !tells_bodies && answerers_.contains(subscription.content_hash)
+                                 ? subscription.content_hash
+                                 : ContentHash{};
+    peer.open[{tells_bodies, hash}] = Open{std::move(subscription), {}, false};
   }
 }
 
@@ -130,7 +143,7 @@ void Service::find_conflicts(std::vector<std::string>& lines) {
 }
 
 /// The end when its queue is full enough at that urgency, or nothing is open.
-std::map<ContentHash, Service::Open>::iterator Service::most_urgent(Peer& peer) const {
+std::map<Service::OpenKey, Service::Open>::iterator Service::most_urgent(Peer& peer) const {
   const auto found =
       std::min_element(peer.open.begin(), peer.open.end(), [](const auto& a, const auto& b) {
         const wire::RegionSubscription &x = a.second.subscription, &y = b.second.subscription;
@@ -148,7 +161,7 @@ std::map<ContentHash, Service::Open>::iterator Service::most_urgent(Peer& peer) 
 Service::Peers::iterator Service::next_in_turn() {
   std::size_t collecting = 0;
   for (const auto& [id, peer] : peers_)
-    for (const auto& [hash, open] : peer.open) collecting += open.is_collecting ? 1 : 0;
+    for (const auto& [key, open] : peer.open) collecting += open.is_collecting ? 1 : 0;
   auto next = peers_.end();
   for (auto at = peers_.begin(); at != peers_.end(); ++at) {
     Peer& peer = at->second;
@@ -169,11 +182,7 @@ void Service::serve(wire::SessionId id, Peer& peer, double now_s, std::vector<st
   Open& open = at->second;
   Status fault;
   if (!open.parts) {
-    const auto answerer = answerers_.find(open.subscription.content_hash);
-    Result<Parts> parts =
-        answerer == answerers_.end()
-            ? Status{StatusCode::kNotFound, "no model with that content hash is served here"}
-            : answerer->second(open.subscription.region);
+    Result<Parts> parts = begin(id, peer, open);
     if (parts.is_ok()) {
       open.parts = std::move(parts).value();
       open.subscription.region = {};  // the parts have it
@@ -181,14 +190,18 @@ void Service::serve(wire::SessionId id, Peer& peer, double now_s, std::vector<st
       fault = parts.status();
     }
   }
+  if (fault.is_ok() && !open.parts) {  // the peer is to ask otherwise, and was told so
+    peer.open.erase(at);
+    return;
+  }
   if (fault.is_ok()) {
     Result<Part> part = open.parts();
     if (part.is_ok()) {
       const bool last = part.value().last;
       open.is_collecting = !last && part.value().batches.empty();
       enqueue(peer, open.subscription.priority,
-              wire::answer_messages(session_, open.subscription, std::move(part.value().batches),
-                                    last));
+              wire::answer_messages(session_, open.subscription.request, part.value().content,
+                                    std::move(part.value().batches), last));
       if (last) peer.open.erase(at);
       return;
     }
@@ -196,6 +209,36 @@ void Service::serve(wire::SessionId id, Peer& peer, double now_s, std::vector<st
   }
   refuse(id, peer, open.subscription, fault.message(), now_s, lines);
   peer.open.erase(at);
+}
+
+/// Out: no parts where the peer is to ask otherwise.
+Result<Service::Parts> Service::begin(wire::SessionId id, Peer& peer, Open& open) {
+  const wire::RegionSubscription& asked = open.subscription;
+  if (!asked.certificate) {
+    const auto answerer = answerers_.find(asked.content_hash);
+    if (answerer == answerers_.end())
+      return Status{StatusCode::kNotFound, "no model with that content hash is served here"};
+    return answerer->second(asked.region);
+  }
+  BegunCertificate begun =
+      begin_certificate(id, *asked.certificate, mirrors_, [this](const ContentHash& content) {
+        const auto model = models_.find(content);
+        return model == models_.end() ? nullptr : &model->second->file;
+      });
+  if (!begun.maker) {
+    wire::SplitBatchMessage message = wire::refusal_message(session_, asked, begun.why_not);
+    message.content_hash = begun.unknown_state;
+    message.wants_held = begun.unknown_state.is_set();
+    message.wants_regions = begun.wants_regions;
+    enqueue(peer, asked.priority, {std::move(message)});
+    return Parts{};
+  }
+  auto maker = std::make_shared<CertificateMaker>(std::move(*begun.maker));
+  return Parts([maker]() -> Result<Part> {
+    auto made = maker->next();
+    NEARMESH_RETURN_IF_ERROR(made);
+    return Part{made.value().content, std::move(made.value().batches), maker->is_done()};
+  });
 }
 
 void Service::refuse(wire::SessionId id, Peer& peer, const wire::RegionSubscription& request,

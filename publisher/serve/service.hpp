@@ -3,8 +3,10 @@
 // The publisher service: answers the region subscriptions of any number of peers from model files (or, in a
 // replay, from what was recorded of them).
 // Takes RegionSubscription, gives SplitBatchMessage, through a Channel; knows nothing of DDS.
-// It remembers no peer's state of refinement: a request names the peer's unresolved nodes, so a batch that was lost is simply
-// asked for again. What it keeps of a peer is its pace, its newest request for each model, and the batches that wait for it.
+// A peer says where its bodies are and the digest of what it holds. The service has a mirror of that state, or asks the peer for
+// it, and chooses what certifies the peer's answers (core/certificate). Where it cannot choose, the peer names its unresolved
+// nodes and a region. So a mirror is a memory that may be lost at any time, and a batch that was lost is simply asked for
+// again. What else it keeps of a peer is its pace, its newest requests, and the batches that wait for it.
 // No peer can take more than its turn: an answer is made part by part, peers in turn, and only while little of it waits to
 // be sent; so whoever asks for everything, floods requests or reads slowly costs the others one part (AnswerMaker, below a
 // millisecond) each turn, and no memory beyond the requests, what is sorted of one answer (262 kB) and kEnoughQueuedBytes
@@ -23,6 +25,7 @@
 #include <vector>
 
 #include "channel.hpp"
+#include "core/certificate/certificate.hpp"
 #include "idl/messages/status_keeper.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
 #include "pacing.hpp"
@@ -49,6 +52,7 @@ class Service {
                                  ContentHash replaces = {});
   /// Encoded batches; none where nothing is to be sent, or none is made yet.
   struct Part {
+    ContentHash content;  ///< which they are of
     std::vector<std::vector<std::uint8_t>> batches;
     bool last = false;
   };
@@ -90,9 +94,11 @@ class Service {
     Parts parts;                 ///< empty until it is begun
     bool is_collecting = false;  ///< begun, and nothing has come of it yet
   };
+  using OpenKey = std::pair<bool, ContentHash>;  ///< whether it tells bodies; the model
   struct Peer {
     explicit Peer(const PacingOptions& options) : pacing(options) {}
-    std::map<ContentHash, Open> open;  ///< by content hash, none for all that are not served
+    /// Of a model, none for all that are not served: whose region is asked for; of no model: whose bodies are told.
+    std::map<OpenKey, Open> open;
     std::uint64_t last_turn = 0;
     double said_refusal_s = 0;
     std::optional<std::uint64_t> unsaid_refusals;  ///< none: nothing was ever said of it
@@ -108,9 +114,10 @@ class Service {
   void take_requests(double now_s);
   void take_rivals(const Inbox& inbox);
   void find_conflicts(std::vector<std::string>& lines);
-  [[nodiscard]] std::map<ContentHash, Open>::iterator most_urgent(Peer& peer) const;
+  [[nodiscard]] std::map<OpenKey, Open>::iterator most_urgent(Peer& peer) const;
   [[nodiscard]] Peers::iterator next_in_turn();
   void serve(wire::SessionId id, Peer& peer, double now_s, std::vector<std::string>& lines);
+  [[nodiscard]] Result<Parts> begin(wire::SessionId id, Peer& peer, Open& open);
   void refuse(wire::SessionId id, Peer& peer, const wire::RegionSubscription& request,
               const std::string& why, double now_s, std::vector<std::string>& lines);
   void enqueue(Peer& peer, std::uint8_t priority, std::vector<wire::SplitBatchMessage> messages);
@@ -124,6 +131,7 @@ class Service {
   std::map<ContentHash, std::unique_ptr<Model>> models_;  // by content hash
   std::map<ContentHash, Answerer> answerers_;             // of the same, and others
   Peers peers_;
+  Mirrors mirrors_;
   std::map<wire::SessionId, wire::Hello> rivals_;  // other publishers that are there
   bool has_news_of_rivals_ = false;
   std::set<std::string> conflicts_;  // of names with them, as they were said

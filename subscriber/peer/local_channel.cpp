@@ -4,19 +4,23 @@
 #include <utility>
 
 #include "core/base/float_guard.hpp"
+#include "core/certificate/certificate.hpp"
 #include "core/demand/answer.hpp"
 
 namespace nearmesh::subscriber {
 namespace {
 
-Result<std::vector<std::vector<std::uint8_t>>> answer(ModelFile& file,
-                                                      const RegionRequest& request) {
+Result<std::vector<std::vector<std::uint8_t>>> answer_region(ModelFile& file,
+                                                             const RegionRequest& request) {
   NEARMESH_RETURN_IF_ERROR(check_request(file.store(), request));
   return answer_request(file.header(), file.store(), request,
                         [&file](NodeSpan node) { return file.require(node); });
 }
 
 }  // namespace
+
+LocalChannel::LocalChannel() : mirrors_(std::make_unique<Mirrors>()) {}
+LocalChannel::~LocalChannel() = default;
 
 Status LocalChannel::add_model(const std::string& name, ModelFile file) {
   NEARMESH_RETURN_IF_ERROR(wire::check_new_model(name, models_.size()));
@@ -66,20 +70,52 @@ Status LocalChannel::deliver(const wire::BodyPose& pose) {
 void LocalChannel::send(const wire::RegionSubscription& subscription) {
   // Whoever returns credit alone asks for nothing: there is no link here to overrun.
   if (!connected_ || subscription.request == 0) return;
+  for (wire::SplitBatchMessage& message :
+       subscription.certificate ? certify(subscription) : answer(subscription)) {
+    message.sequence = ++sequence_;
+    inbox_.batches.push_back(std::move(message));
+  }
+}
+
+std::vector<wire::SplitBatchMessage> LocalChannel::answer(
+    const wire::RegionSubscription& subscription) {
   const auto at = models_.find(subscription.content_hash);
   Result<std::vector<std::vector<std::uint8_t>>> batches =
       at == models_.end()
           ? Status{StatusCode::kNotFound, "no model with that content hash is served here"}
-          : answer(at->second.file, subscription.region);
-  std::vector<wire::SplitBatchMessage> messages;
-  if (batches.is_ok())
-    messages = wire::answer_messages(kPublisher, subscription, std::move(batches).value(), true);
-  else
-    messages.push_back(wire::refusal_message(kPublisher, subscription, batches.status().message()));
-  for (wire::SplitBatchMessage& message : messages) {
-    message.sequence = ++sequence_;
-    inbox_.batches.push_back(std::move(message));
+          : answer_region(at->second.file, subscription.region);
+  if (!batches.is_ok())
+    return {wire::refusal_message(kPublisher, subscription, batches.status().message())};
+  return wire::answer_messages(kPublisher, subscription.request, subscription.content_hash,
+                               std::move(batches).value(), true);
+}
+
+std::vector<wire::SplitBatchMessage> LocalChannel::certify(
+    const wire::RegionSubscription& subscription) {
+  BegunCertificate begun =
+      begin_certificate(kPeer, *subscription.certificate, *mirrors_, [this](const auto& content) {
+        const auto model = models_.find(content);
+        return model == models_.end() ? nullptr : &model->second.file;
+      });
+  if (!begun.maker) {
+    wire::SplitBatchMessage message =
+        wire::refusal_message(kPublisher, subscription, begun.why_not);
+    message.content_hash = begun.unknown_state;
+    message.wants_held = begun.unknown_state.is_set();
+    message.wants_regions = begun.wants_regions;
+    return {std::move(message)};
   }
+  std::vector<wire::SplitBatchMessage> messages;
+  while (!begun.maker->is_done()) {
+    Result<CertificateMaker::Part> part = begun.maker->next();
+    if (!part.is_ok())
+      return {wire::refusal_message(kPublisher, subscription, part.status().message())};
+    for (wire::SplitBatchMessage& message :
+         wire::answer_messages(kPublisher, subscription.request, part.value().content,
+                               std::move(part.value().batches), begun.maker->is_done()))
+      messages.push_back(std::move(message));
+  }
+  return messages;
 }
 
 Channel::Inbox LocalChannel::take() { return std::exchange(inbox_, {}); }

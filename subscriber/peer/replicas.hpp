@@ -33,8 +33,9 @@ struct PeerModel {
   };
   std::deque<Batch> waiting;          // encoded batches, in order of arrival
   std::set<wire::SessionId> damaged;  // publishers whose batches were, as was said
-  /// The session's time when the last look ahead found nothing to ask for.
+  /// The session's time when the last look ahead found no region to ask for.
   double looked_ahead_s = -std::numeric_limits<double>::infinity();
+  bool tells_held = false;  // a publisher does not know our state
 
   std::uint32_t told_recorders = 0;  // so many of those that came know what is held
 

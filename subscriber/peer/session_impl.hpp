@@ -5,7 +5,9 @@
 
 #include <algorithm>
 #include <deque>
+#include <optional>
 #include <set>
+#include <span>
 #include <unordered_map>
 
 #include "core/ask/predict.hpp"
@@ -38,6 +40,7 @@ struct Outstanding {
   double heard_s = 0;     // when it was sent, or its last batch came
   double patience_s = 0;  // silence after which it counts as lost; doubles with each loss in a row
   wire::SessionId publisher = 0;  // that was asked
+  bool is_certificate = false;    // bodies were told, no region
   bool is_counted = false;        // as lost
 };
 
@@ -46,6 +49,7 @@ struct Publisher {
   std::uint32_t received_sequence = 0;
   std::uint32_t lost_requests =
       0;  // in a row: it may be dead, which DDS tells only when its lease is over
+  bool wants_regions = false;  // it chooses nothing itself
 
   [[nodiscard]] bool serves(const ContentHash& content) const {
     return std::any_of(hello.models.begin(), hello.models.end(),
@@ -65,6 +69,15 @@ struct Session::Impl {
     Body* b;
     std::optional<Reported> reported;
     Readiness last;  // of this pair alone, as of the last update
+    // What was last asked of a publisher that chooses.
+    struct Asked {
+      std::uint32_t request = 0;
+      std::uint64_t states = 0;  // of both models, then
+      bool is_answered = false;
+      int fruitless = 0;  // answers in a row that brought nothing
+    } asked;
+    bool by_region = false;  // nobody chooses for it
+    double looked_ahead_s = -std::numeric_limits<double>::infinity();
 
     [[nodiscard]] bool has(const Body& body) const { return a == &body || b == &body; }
     [[nodiscard]] std::string names() const { return a->name + " and " + b->name; }
@@ -98,14 +111,22 @@ struct Session::Impl {
   void take_inbox(FrameReport& report);
   void take_poses(const Channel::Inbox& inbox, std::vector<std::string>& complaints);
   void take_batch(wire::SplitBatchMessage&& message, FrameReport& report);
+  void take_redirection(const wire::SplitBatchMessage& message);
+  void close_request(std::uint32_t request);
   void answer_pair(PairId id, std::uint64_t frame, FrameReport& report);
   void report_pair(Pair& pair, const PairAnswer& answer, const Reported& now);
   void give_up(PeerModel& model, FrameReport& report);
   void tell_held(FrameReport& report);
   void note_sequence(const wire::SplitBatchMessage& message);
   void ask(const FrameReport& report);
+  void ask_certificates(const FrameReport& report);
+  [[nodiscard]] std::optional<std::uint8_t> urgency_of(Pair& pair, const PairAnswer& answer);
+  void request_certificate(const Publisher& publisher, std::span<Pair* const> asked,
+                           std::uint8_t priority, double patience_s);
+  [[nodiscard]] bool has_open(wire::SessionId publisher, const Pair& pair) const;
+  enum class Scope : std::uint8_t { kAll, kByRegion, kUncertified };  // the last: by region, too
   [[nodiscard]] RegionMaker region_of(const PeerModel& model, double lookahead_s,
-                                      const FrameReport& report, bool uncertified_only);
+                                      const FrameReport& report, Scope scope);
   [[nodiscard]] std::vector<RegionPart> kept_of(const PeerModel& model, const FrameReport& report);
   [[nodiscard]] std::vector<NodeSpan> missing_of(const PeerModel& model, const FrameReport& report,
                                                  bool ahead) const;
@@ -114,7 +135,8 @@ struct Session::Impl {
   bool request(PeerModel& model, const RegionMaker& region, std::vector<NodeSpan> missing,
                std::uint8_t priority, double patience_s);
   void tell_status(const FrameReport& report, const SessionStats& counted);
-  [[nodiscard]] Publisher* publisher_of(const ContentHash& content);
+  [[nodiscard]] Publisher* publisher_of(const ContentHash& content,
+                                        const ContentHash& and_too = {});
   [[nodiscard]] bool is_contradicted(const PeerModel& model) const;
   [[nodiscard]] double patience_after(const ContentHash& content, Outstanding& lost);
   [[nodiscard]] std::string why_no_mesh(const PeerModel& model) const;

@@ -78,6 +78,7 @@ void Session::Impl::take_hello(const wire::Hello& hello) {
     });
   publishers[hello.publisher].hello = hello;
   publishers[hello.publisher].lost_requests = 0;
+  publishers[hello.publisher].wants_regions = false;
   has_news = true;
 }
 
@@ -129,8 +130,10 @@ void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& r
   note_sequence(message);
   ++stats.batches;
   stats.batch_bytes += message.bytes.size();
-  const auto open = outstanding.find(message.content_hash);
-  const bool answers_open = open != outstanding.end() && open->second.request == message.request;
+  if (message.wants_held || message.wants_regions) {
+    take_redirection(message);
+    return;
+  }
   if (message.refused) {
     // The request stays open until its time-out, so that a refusal is not asked for every frame.
     ++refused;
@@ -138,10 +141,9 @@ void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& r
                                 ": " + std::string(message.bytes.begin(), message.bytes.end()));
     return;
   }
-  if (answers_open) {
-    open->second.heard_s = clock.seconds();
-    if (message.last) outstanding.erase(open);
-  }
+  for (auto& [content, open] : outstanding)
+    if (open.request == message.request) open.heard_s = clock.seconds();
+  if (message.last) close_request(message.request);
   PeerModel* model = replicas.find(message.content_hash);
   if (model == nullptr || message.bytes.empty()) return;
   if (model->waiting.size() < kMaxWaitingBatches) {
@@ -150,6 +152,30 @@ void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& r
     report.complaints.push_back("model " + model->name + ": more than " +
                                 std::to_string(kMaxWaitingBatches) +
                                 " batches wait to be applied; further ones are dropped");
+  }
+}
+
+void Session::Impl::close_request(std::uint32_t request) {
+  std::erase_if(outstanding,
+                [request](const auto& open) { return open.second.request == request; });
+  for (Pair& pair : pairs)
+    if (pair.asked.request == request) pair.asked.is_answered = true;
+}
+
+/// The publisher cannot answer what it was asked; it says how to ask.
+void Session::Impl::take_redirection(const wire::SplitBatchMessage& message) {
+  const auto publisher = publishers.find(message.publisher);
+  for (auto at = outstanding.begin(); at != outstanding.end();) {
+    if (at->second.request != message.request) {
+      ++at;
+      continue;
+    }
+    // Who has forgotten one state has forgotten them all.
+    if (PeerModel* model = replicas.find(at->first); model != nullptr && message.wants_held)
+      model->tells_held = true;
+    if (publisher != publishers.end() && message.wants_regions)
+      publisher->second.wants_regions = true;
+    at = outstanding.erase(at);
   }
 }
 

@@ -504,7 +504,7 @@ struct Endless {
       return Service::Parts([this, all]() -> Result<Service::Part> {
         made += all ? 'A' : 'B';
         const std::vector<std::uint8_t> batch(kPartBytes / 4);
-        return Service::Part{{batch, batch, batch, batch}, !all};
+        return Service::Part{kHash, {batch, batch, batch, batch}, !all};
       });
     });
   }
@@ -612,7 +612,7 @@ TEST(Service, FewAnswersAreCollectedAtATime) {
       if (--left > 0) return Service::Part{};
       --under_way;
       ++answered;
-      return Service::Part{{}, true};
+      return Service::Part{{}, {}, true};
     });
   });
   for (wire::SessionId peer = 1; peer <= 40; ++peer) {

@@ -30,8 +30,8 @@ TEST(HeldDetail, IsToldOnceToEachRecorderAndToNobodyElse) {
   ASSERT_NE(ground, nullptr);
   EXPECT_EQ(ground->model, "terrain");
   EXPECT_EQ(ground->peer, kPeer);
-  EXPECT_GT(ground->applied_batches, 2U);
-  EXPECT_GT(ground->last_request, 2U);
+  EXPECT_GT(ground->applied_batches, 0U);
+  EXPECT_GT(ground->last_request, 0U);
   ASSERT_EQ(ground->heard.size(), 1U);
   EXPECT_EQ(ground->heard[0].publisher, kPublisher);
   EXPECT_EQ(ground->heard[0].sequence, session->stats().batches);

@@ -101,7 +101,7 @@ TEST(Session, CertifiesAWholeFlightUnderAllFaultsAtOnce) {
 }
 
 TEST(Session, AnySingleBatchMayBeLost) {
-  const Flight flight = make_flight(5, 2);
+  const Flight flight = make_flight(5, 4);
   std::uint64_t batches = 1;  // of a flight; more where a loss brings repeats
   for (std::uint64_t lost = 0; lost < batches; ++lost) {
     SCOPED_TRACE("batch " + std::to_string(lost) + " lost");
@@ -677,7 +677,9 @@ TEST(Session, MakesProgressWithoutBudget) {
   World world;
   world.bus.most_splits = kMaxRequestSplits;
   world.start_publisher();
-  const auto session = world.make_peer();
+  SessionOptions options = quick_options();
+  options.lookahead_s = 20;  // answers of several batches
+  const auto session = world.make_peer(options);
   const Flight flight = make_flight(3);
   // One batch an update, whatever the budget.
   std::uint64_t most_waiting = 0, waiting = 0;

@@ -7,12 +7,14 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "nearmesh/core/base/content_hash.hpp"
 #include "nearmesh/core/base/status.hpp"
 #include "nearmesh/core/geometry/pose.hpp"
+#include "nearmesh/core/spm/detail/certificate_request.hpp"
 #include "nearmesh/core/spm/detail/types.hpp"
 
 namespace nearmesh {
@@ -22,7 +24,7 @@ class ModelFile;
 namespace nearmesh::wire {
 
 /// Raised with every change of a topic's layout or of the batch codec. Peers of another version are refused loudly.
-inline constexpr std::uint16_t kWireVersion = 6;
+inline constexpr std::uint16_t kWireVersion = 7;
 
 /// Random per process; tells a restarted publisher from the old one, and names a peer.
 using SessionId = std::uint64_t;
@@ -59,18 +61,20 @@ struct MeshHeader {
   std::vector<std::uint8_t> bytes;  ///< at most kMaxHeaderBytes
 };
 
-/// What a peer lacks, and how much it is ready to take (keyed by peer).
+/// What a peer lacks, and how much it is ready to take (keyed by peer). It says where its bodies are and what it holds, and the
+/// publisher chooses what certifies (`certificate`); or it names what it lacks of one model itself (`region`).
 struct RegionSubscription {
   std::uint16_t wire_version = kWireVersion;
   SessionId peer = 0;
   std::uint32_t request = 0;  ///< counts up per peer; 0: no request, only credit
-  ContentHash content_hash;   ///< the model; meaningless when request is 0
+  ContentHash content_hash;   ///< the region's model; else meaningless
   std::uint8_t priority = 0;  ///< 0 needed now, 1 horizon
   SessionId publisher = 0;    ///< whom it is for; others ignore it
   std::uint32_t acknowledged_sequence =
       0;                               ///< highest batch sequence received from it: returns credit
   std::uint32_t window_bytes = 65536;  ///< the publisher keeps at most this much unacknowledged
   RegionRequest region;
+  std::optional<CertificateRequest> certificate;  ///< then the region is empty
 };
 
 /// One encoded batch for one peer (a partition per peer).
@@ -82,6 +86,10 @@ struct SplitBatchMessage {
   std::uint32_t sequence = 0;  ///< counts up per publisher and peer, from 1: gaps are noticed
   bool last = false;           ///< the request is answered in full with this one
   bool refused = false;        ///< the request was refused; bytes hold the reason as text
+  /// Refused, because the publisher does not know the state that the peer says of this content: say what is held, too.
+  bool wants_held = false;
+  /// Refused, because the publisher does not choose for these bodies: ask for regions.
+  bool wants_regions = false;
   std::vector<std::uint8_t>
       bytes;  ///< sealed (codec.hpp), at most kMaxSealedBytes; may be empty when nothing was needed
 };
@@ -243,7 +251,7 @@ struct Probe : Echo {};
 /// The batches of an answer, or of a part of one, as messages to the peer that asked; their sequence is the channel's to count.
 /// `last`: the request is answered in full with these. That nothing was needed is an answer too: one message without bytes.
 [[nodiscard]] std::vector<SplitBatchMessage> answer_messages(
-    SessionId publisher, const RegionSubscription& request,
+    SessionId publisher, std::uint32_t request, const ContentHash& content,
     std::vector<std::vector<std::uint8_t>> batches, bool last);
 /// The same of a request that is refused, with as much of the reason as a batch holds.
 [[nodiscard]] SplitBatchMessage refusal_message(SessionId publisher,

@@ -1,16 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // API (docs/api.md).
-// A peer's channel without a network: serves models straight from their .spm files, through the same demand walk as the
-// publisher's. For hosts' unit tests, and for programs that have the files at hand. Takes RegionSubscription, gives
+// A peer's channel without a network: serves models straight from their .spm files, chosen as a publisher
+// chooses. For hosts' unit tests, and for programs that have the files at hand. Takes RegionSubscription, gives
 // SplitBatch; needs no DDS (NEARMESH_WITH_DDS=OFF builds it).
 
 #include <map>
+#include <memory>
 #include <set>
 #include <string>
 
 #include "nearmesh/core/spm/model_file.hpp"
 #include "nearmesh/subscriber/peer/channel.hpp"
+
+namespace nearmesh {
+class Mirrors;
+}
 
 namespace nearmesh::subscriber {
 
@@ -20,6 +25,9 @@ namespace nearmesh::subscriber {
 /// Threads: one at a time, the Session's; models of two channels do not share anything.
 class LocalChannel final : public Channel {
  public:
+  LocalChannel();
+  ~LocalChannel() override;
+
   /// Serves a model under a name, from the next take() on; also later, as a publisher may come that late.
   /// Errors: kInvalidArgument (name, too many models); kConflict (the name is taken, or the same content is served).
   [[nodiscard]] Status add_model(const std::string& name, ModelFile file);
@@ -45,8 +53,13 @@ class LocalChannel final : public Channel {
     ModelFile file;
   };
   void announce();
+  [[nodiscard]] std::vector<wire::SplitBatchMessage> answer(
+      const wire::RegionSubscription& subscription);
+  [[nodiscard]] std::vector<wire::SplitBatchMessage> certify(
+      const wire::RegionSubscription& subscription);
 
   std::map<ContentHash, Model> models_;  // by content hash
+  std::unique_ptr<Mirrors> mirrors_;     // of the peer's state
   std::set<std::string> delivered_;      // bodies of others
   Inbox inbox_;
   std::uint32_t sequence_ = 0;

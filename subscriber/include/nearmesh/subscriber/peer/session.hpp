@@ -105,7 +105,7 @@ struct SessionStats {
   std::uint64_t batches = 0, batch_bytes = 0;  ///< payload of split batches
   std::uint64_t header_bytes = 0;
   std::uint64_t requests = 0;
-  std::uint64_t region_sweeps = 0;  ///< of a body against another, to see what detail they may meet
+  std::uint64_t looks_ahead = 0;  ///< at the way of a body against another, to see what detail they may meet
   std::uint64_t sequence_gaps = 0;  ///< batches that never came
   std::uint64_t refused_headers = 0;  ///< that came from whoever serves no such content
   std::uint64_t held_splits = 0, slots = 0, exact_faces = 0, tree_bytes = 0;

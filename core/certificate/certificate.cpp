@@ -1,0 +1,200 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "certificate.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/geometry/motion_bounds.hpp"
+#include "core/query/lacking_ahead.hpp"
+#include "nearmesh/core/spm/detail/codec.hpp"
+
+namespace nearmesh {
+namespace {
+
+/// What is needed now goes first where it is more than some batches: less is cheaper together with what is ahead.
+constexpr std::size_t kWorthItsOwn = 768;
+Motion motion_of(const CertificateRequest::Pair& pair) {
+  const double w = pair.rotation[0], x = pair.rotation[1], y = pair.rotation[2],
+               z = pair.rotation[3];
+  const double s = 2 / (w * w + x * x + y * y + z * z);
+  Motion motion;
+  motion.pose.rotation = {
+      1 - s * (y * y + z * z), s * (x * y - w * z),     s * (x * z + w * y),
+      s * (x * y + w * z),     1 - s * (x * x + z * z), s * (y * z - w * x),
+      s * (x * z - w * y),     s * (y * z + w * x),     1 - s * (x * x + y * y)};
+  for (std::size_t k = 0; k < 3; ++k) {
+    motion.pose.translation_m[k] = pair.translation_m[k];
+    motion.linear_velocity_mps[k] = pair.linear_velocity_mps[k];
+    motion.angular_velocity_radps[k] = pair.angular_velocity_radps[k];
+  }
+  return motion;
+}
+
+/// How far a request's rounding may take a point of body b, metres: that of floats, and of a rotation made a quaternion.
+double rounding_m(const Motion& b_in_a, const TreeView& b) {
+  return 0x1p-21 * reach_m(*b.grid, b.root().box) +
+         0x1p-22 * length_bound(b_in_a.pose.translation_m);
+}
+
+std::array<double, 3> to_frame(const std::array<double, 9>& rotation,
+                               const std::array<double, 3>& world) {
+  std::array<double, 3> own{};
+  for (std::size_t k = 0; k < 3; ++k)
+    own[k] = rotation[k] * world[0] + rotation[3 + k] * world[1] + rotation[6 + k] * world[2];
+  return own;
+}
+
+std::array<float, 3> as_floats(const std::array<double, 3>& v) {
+  return {static_cast<float>(v[0]), static_cast<float>(v[1]), static_cast<float>(v[2])};
+}
+
+/// Of a rotation matrix, row-major. The largest component is found first, so that none is divided by a small one.
+std::array<float, 4> quaternion_of(const std::array<double, 9>& r) {
+  const std::array<double, 4> squares{1 + r[0] + r[4] + r[8], 1 + r[0] - r[4] - r[8],
+                                      1 - r[0] + r[4] - r[8], 1 - r[0] - r[4] + r[8]};
+  const auto largest =
+      static_cast<std::size_t>(std::max_element(squares.begin(), squares.end()) - squares.begin());
+  const double c = std::sqrt(squares[largest]), f = 0.5 / c;
+  const double wx = f * (r[7] - r[5]), wy = f * (r[2] - r[6]), wz = f * (r[3] - r[1]);
+  const double xy = f * (r[3] + r[1]), xz = f * (r[2] + r[6]), yz = f * (r[7] + r[5]);
+  const std::array<std::array<double, 4>, 4> quaternions{
+      {{c / 2, wx, wy, wz}, {wx, c / 2, xy, xz}, {wy, xy, c / 2, yz}, {wz, xz, yz, c / 2}}};
+  const std::array<double, 4>& q = quaternions[largest];
+  return {static_cast<float>(q[0]), static_cast<float>(q[1]), static_cast<float>(q[2]),
+          static_cast<float>(q[3])};
+}
+
+}  // namespace
+
+CertificateRequest::Pair relative(const Motion& a, const Motion& b) {
+  const std::array<double, 9>&ra = a.pose.rotation, &rb = b.pose.rotation;
+  std::array<double, 9> turned{};
+  for (std::size_t i = 0; i < 3; ++i)
+    for (std::size_t j = 0; j < 3; ++j)
+      turned[3 * i + j] = ra[i] * rb[j] + ra[3 + i] * rb[3 + j] + ra[6 + i] * rb[6 + j];
+  std::array<double, 3> apart{}, linear{}, angular{};
+  for (std::size_t k = 0; k < 3; ++k) {
+    apart[k] = b.pose.translation_m[k] - a.pose.translation_m[k];
+    linear[k] = b.linear_velocity_mps[k] - a.linear_velocity_mps[k];
+    angular[k] = b.angular_velocity_radps[k] - a.angular_velocity_radps[k];
+  }
+  // As a turns, b goes round it.
+  const std::array<double, 3>& w = a.angular_velocity_radps;
+  linear[0] -= w[1] * apart[2] - w[2] * apart[1];
+  linear[1] -= w[2] * apart[0] - w[0] * apart[2];
+  linear[2] -= w[0] * apart[1] - w[1] * apart[0];
+  return {.rotation = quaternion_of(turned),
+          .translation_m = as_floats(to_frame(ra, apart)),
+          .linear_velocity_mps = as_floats(to_frame(ra, linear)),
+          .angular_velocity_radps = as_floats(to_frame(ra, angular))};
+}
+
+CertificateMaker::CertificateMaker(CertificateRequest request,
+                                   std::vector<std::shared_ptr<Mirror>> mirrors)
+    : request_(std::move(request)), mirrors_(std::move(mirrors)), splits_(mirrors_.size()) {}
+
+Status CertificateMaker::split(const CertificateRequest::Pair& pair, std::span<const NodeSpan> a,
+                               std::span<const NodeSpan> b) {
+  for (const auto& [model, nodes] : {std::pair{pair.a, a}, std::pair{pair.b, b}}) {
+    if (nodes.empty()) continue;
+    const Result<std::vector<VertexId>> done = mirrors_[model]->split(nodes);
+    NEARMESH_RETURN_IF_ERROR(done);
+    splits_[model].insert(splits_[model].end(), done.value().begin(), done.value().end());
+    split_count_ += done.value().size();
+  }
+  return Status::ok();
+}
+
+/// Looks at one pair once. Goes on to the next where it lacks nothing.
+Status CertificateMaker::round() {
+  const CertificateRequest::Pair& pair = request_.pairs[at_];
+  const TreeView a = mirrors_[pair.a]->model().view(), b = mirrors_[pair.b]->model().view();
+  const Motion motion = motion_of(pair);
+  const double margin_m = request_.margin_m + rounding_m(motion, b);
+  const auto lacking = lacking_ahead(a, {}, "a", b, motion, "b",
+                                     step_ == Step::kNow ? 0 : request_.horizon_s, margin_m);
+  NEARMESH_RETURN_IF_ERROR(lacking);
+  if (!lacking.value().is_nothing()) return split(pair, lacking.value().a, lacking.value().b);
+  if (step_ == Step::kNow && (pair.solid_a || pair.solid_b)) {
+    const Result<PosedPair> posed = pose_pair(*a.grid, {}, "a", *b.grid, motion.pose, "b");
+    NEARMESH_RETURN_IF_ERROR(posed);
+    const Answer inside =
+        query(a, posed.value().a, b, posed.value().b,
+              {.clearance = false, .solid_a = pair.solid_a, .solid_b = pair.solid_b});
+    if (!inside.missing_a.empty() || !inside.missing_b.empty())
+      return split(pair, inside.missing_a, inside.missing_b);
+  }
+  ++at_;
+  return Status::ok();
+}
+
+CertificateMaker::Part CertificateMaker::encode(std::size_t model) {
+  Mirror& mirror = *mirrors_[model];
+  const SplitStore& store = mirror.file().store();
+  std::vector<VertexId>& splits = splits_[model];
+  const auto is_sent = [&](NodeSpan node) {
+    const VertexId split = node.size < 2 ? VertexId{} : store.split_of(node);
+    return split.is_valid() && std::binary_search(splits.begin(), splits.end(), split);
+  };
+  std::sort(splits.begin(), splits.end());
+  Treelet treelet;
+  treelet.reserve(splits.size());
+  for (const VertexId split : splits) {
+    const NodeSpan node = store.node_of(split);
+    treelet.push_back({node, split, is_sent(node.left_of(split)), is_sent(node.right_of(split))});
+  }
+  std::sort(treelet.begin(), treelet.end(),
+            [](const TreeletSplit& x, const TreeletSplit& y) { return x.node < y.node; });
+  splits.clear();
+  Part part{request_.models[model].content, {}};
+  if (!treelet.empty())
+    part.batches = encode_batches(mirror.file().header(), store, treelet, BoxPolicy::kCutNodes);
+  return part;
+}
+
+Result<CertificateMaker::Part> CertificateMaker::next() {
+  if (step_ == Step::kSend) {
+    Part part = encode(at_++);
+    if (at_ == mirrors_.size()) {
+      step_ = after_;
+      at_ = 0;
+    }
+    return part;
+  }
+  const bool is_full = split_count_ >= kMaxSplits;
+  if (at_ < request_.pairs.size() && !is_full) {
+    NEARMESH_RETURN_IF_ERROR(round());
+    return Part{};
+  }
+  const bool is_over = step_ == Step::kAhead || is_full || request_.horizon_s == 0;
+  at_ = 0;
+  if (is_over || split_count_ >= kWorthItsOwn) {
+    after_ = is_over ? Step::kDone : Step::kAhead;
+    step_ = Step::kSend;
+  } else {
+    step_ = Step::kAhead;
+  }
+  return Part{};
+}
+
+BegunCertificate begin_certificate(std::uint64_t peer, const CertificateRequest& request,
+                                   Mirrors& mirrors,
+                                   const std::function<ModelFile*(const ContentHash&)>& file_of) {
+  std::vector<std::shared_ptr<Mirror>> found;
+  for (const CertificateRequest::Model& model : request.models) {
+    ModelFile* file = file_of(model.content);
+    if (file == nullptr)
+      return {{}, "content " + to_hex(model.content) + " is not served here", {}, true};
+    auto mirror = mirrors.find(peer, *file, model.state, model.held);
+    if (!mirror.is_ok()) return {{}, mirror.status().message(), {}, true};
+    if (mirror.value() == nullptr)
+      return {{},
+              "the state of content " + to_hex(model.content) + " is not known",
+              model.content,
+              false};
+    found.push_back(std::move(mirror).value());
+  }
+  return {CertificateMaker(request, std::move(found)), {}, {}, false};
+}
+
+}  // namespace nearmesh

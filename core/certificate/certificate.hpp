@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// The cheapest detail that lets a peer certify its answers: who serves both models runs the peer's own query on a mirror of
+// what the peer holds, and splits what stands in the way, now and ahead. Takes poses and mirrors, gives batches. The peer
+// proves every answer itself; a wrong choice here costs a round trip.
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/certificate/mirror.hpp"
+#include "nearmesh/core/geometry/motion.hpp"
+#include "nearmesh/core/spm/detail/certificate_request.hpp"
+
+namespace nearmesh {
+
+/// How body b moves as seen from body a, rounded as a request is.
+[[nodiscard]] CertificateRequest::Pair relative(const Motion& a, const Motion& b);
+
+/// Makes the batches, a little at a time, so that who serves many is never held up by one. Threads: one at a time.
+class CertificateMaker {
+ public:
+  /// So many splits at most are sent for one request; the peer asks on.
+  static constexpr std::size_t kMaxSplits = 16'384;
+
+  /// `mirrors`: of the request's models, in their order. In: a request that check_request() accepted.
+  CertificateMaker(CertificateRequest request, std::vector<std::shared_ptr<Mirror>> mirrors);
+
+  struct Part {
+    ContentHash content;  ///< which the batches are of
+    std::vector<std::vector<std::uint8_t>> batches;
+  };
+  /// One round of a query, or the batches of one model; perhaps none yet. Errors: those of reading the files, and of the
+  /// request's poses; nothing follows then.
+  [[nodiscard]] Result<Part> next();
+  [[nodiscard]] bool is_done() const { return step_ == Step::kDone; }
+
+ private:
+  enum class Step : std::uint8_t { kNow, kAhead, kSend, kDone };
+  [[nodiscard]] Status round();
+  [[nodiscard]] Status split(const CertificateRequest::Pair& pair, std::span<const NodeSpan> a,
+                             std::span<const NodeSpan> b);
+  Part encode(std::size_t model);
+
+  CertificateRequest request_;
+  std::vector<std::shared_ptr<Mirror>> mirrors_;
+  std::vector<std::vector<VertexId>> splits_;  // by model: to be sent
+  std::size_t split_count_ = 0;
+  Step step_ = Step::kNow, after_ = Step::kAhead;  // what follows when all that is due was sent
+  std::size_t at_ = 0;                             // the pair, or the model that is sent
+};
+
+/// A request that a server has begun to answer, or why it does not.
+struct BegunCertificate {
+  std::optional<CertificateMaker> maker;
+  std::string why_not;
+  ContentHash unknown_state;   ///< the peer is to say what it holds of this content; or none
+  bool wants_regions = false;  ///< the peer is to ask for regions
+};
+
+/// `file_of`: the file of a content that is served here; else nullptr. In: a request that check_request() accepted.
+[[nodiscard]] BegunCertificate begin_certificate(
+    std::uint64_t peer, const CertificateRequest& request, Mirrors& mirrors,
+    const std::function<ModelFile*(const ContentHash&)>& file_of);
+
+}  // namespace nearmesh

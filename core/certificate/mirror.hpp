@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// What a server of detail believes that one peer holds. Takes a peer's word of its state, gives the same state over the
+// model's file, so that the server can ask the peer's own questions. It is never believed without the state's digest.
+
+#include <cstdint>
+#include <functional>
+#include <list>
+#include <map>
+#include <memory>
+#include <span>
+
+#include "nearmesh/core/query/certify.hpp"
+#include "nearmesh/core/spm/model_file.hpp"
+
+namespace nearmesh {
+
+/// A peer's state of one model: LocalModel over the file's store. The file must outlive it.
+class Mirror {
+ public:
+  explicit Mirror(ModelFile& file);
+
+  [[nodiscard]] ModelFile& file() const { return *file_; }
+  [[nodiscard]] LocalModel& model() { return model_; }
+  [[nodiscard]] std::uint64_t state() const { return model_.mesh.state_hash(); }
+  /// Does the splits of these nodes. Out: those done, also those that they rest on. Errors: those of reading the file.
+  [[nodiscard]] Result<std::vector<VertexId>> split(std::span<const NodeSpan> nodes);
+  /// Makes a fresh mirror hold what a peer says (replica/held_nodes.hpp). Errors: those of held_batch().
+  [[nodiscard]] Status hold(std::span<const std::uint8_t> held);
+
+ private:
+  ModelFile* file_;
+  LocalModel model_;
+};
+
+/// The mirrors of all peers of a server. Bounded: the one that was longest without use goes first, and its peer is asked what
+/// it holds. Threads: one at a time.
+class Mirrors {
+ public:
+  /// Together they hold so many splits at most, some 150 bytes each; and so many there are.
+  static constexpr std::size_t kMaxSplits = 1'000'000, kMaxMirrors = 4096;
+
+  /// The mirror of a peer's model in the state that it says, by the peer's word of what it holds if that is not empty.
+  /// Out: nullptr where the state is not known: ask the peer what it holds. Errors: those of Mirror::hold(); kConflict where
+  /// what the peer says that it holds is not the state that it says.
+  [[nodiscard]] Result<std::shared_ptr<Mirror>> find(std::uint64_t peer, ModelFile& file,
+                                                     std::uint64_t state,
+                                                     std::span<const std::uint8_t> held);
+  void forget(std::uint64_t peer);
+
+ private:
+  struct Entry {
+    std::uint64_t peer;
+    std::shared_ptr<Mirror> mirror;
+  };
+  void make_room();
+
+  std::list<Entry> entries_;  // the one used last in front
+};
+
+}  // namespace nearmesh

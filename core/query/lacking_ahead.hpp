@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// Which detail a pair will need: what stands in the way of a certified answer at some instant ahead.
+
+#include <string_view>
+#include <vector>
+
+#include "nearmesh/core/geometry/motion.hpp"
+#include "nearmesh/core/query/query.hpp"
+
+namespace nearmesh {
+
+/// Unresolved nodes, ascending. None: every query ahead is certified, as far as surfaces go.
+struct Lacking {
+  std::vector<NodeSpan> a, b;
+
+  [[nodiscard]] bool is_nothing() const { return a.empty() && b.empty(); }
+};
+
+/// The nodes that may come within `margin_m` of what is known of the other body at some instant of [0, duration_s] of the
+/// motions, whether or not the bodies touch; of two unresolved ones the larger. Split these, and ask again.
+/// Where tests run out, what was found by then: the nodes that matter soonest.
+/// Errors: those of sweep(). Deterministic. Threads: views may be shared. Cost: that of a sweep without its faces' tests.
+[[nodiscard]] Result<Lacking> lacking_ahead(const TreeView& a, const Motion& motion_a,
+                                            std::string_view name_a, const TreeView& b,
+                                            const Motion& motion_b, std::string_view name_b,
+                                            double duration_s, double margin_m);
+
+}  // namespace nearmesh

@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "packed_certificate.hpp"
+
+#include <bit>
+#include <string>
+#include <utility>
+
+namespace nearmesh {
+namespace {
+
+constexpr std::uint8_t kFlagSolidA = 1, kFlagSolidB = 2;
+
+class Packer {
+ public:
+  template <class Unsigned>
+  void put(Unsigned value) {
+    for (std::size_t k = 0; k < sizeof value; ++k)
+      bytes.push_back(static_cast<std::uint8_t>(value >> 8 * k));
+  }
+  void put(float value) { put(std::bit_cast<std::uint32_t>(value)); }
+  template <std::size_t N>
+  void put(const std::array<float, N>& values) {
+    for (const float value : values) put(value);
+  }
+
+  std::vector<std::uint8_t> bytes;
+};
+
+/// Zeros once the bytes are over.
+class Unpacker {
+ public:
+  explicit Unpacker(std::span<const std::uint8_t> bytes) : bytes_(bytes) {}
+
+  template <class Unsigned>
+  void get(Unsigned& value) {
+    value = 0;
+    const std::span<const std::uint8_t> own = take(sizeof value);
+    for (std::size_t k = 0; k < own.size(); ++k)
+      value = static_cast<Unsigned>(value | static_cast<Unsigned>(Unsigned{own[k]} << 8 * k));
+  }
+  void get(float& value) {
+    std::uint32_t bits = 0;
+    get(bits);
+    value = std::bit_cast<float>(bits);
+  }
+  template <std::size_t N>
+  void get(std::array<float, N>& values) {
+    for (float& value : values) get(value);
+  }
+  std::span<const std::uint8_t> take(std::size_t count) {
+    if (count > bytes_.size()) {
+      failed_ = true;
+      return {};
+    }
+    const std::span<const std::uint8_t> own = bytes_.first(count);
+    bytes_ = bytes_.subspan(count);
+    return own;
+  }
+  [[nodiscard]] bool is_whole() const { return !failed_ && bytes_.empty(); }
+  [[nodiscard]] bool has_failed() const { return failed_; }
+
+ private:
+  std::span<const std::uint8_t> bytes_;
+  bool failed_ = false;
+};
+
+}  // namespace
+
+std::vector<std::uint8_t> pack_certificate(const CertificateRequest& request) {
+  Packer out;
+  out.put(request.horizon_s);
+  out.put(request.margin_m);
+  out.put(static_cast<std::uint8_t>(request.models.size()));
+  out.put(static_cast<std::uint8_t>(request.pairs.size()));
+  for (const CertificateRequest::Model& model : request.models) {
+    out.put(model.content.high);
+    out.put(model.content.low);
+    out.put(model.state);
+    out.put(static_cast<std::uint32_t>(model.held.size()));
+    out.bytes.insert(out.bytes.end(), model.held.begin(), model.held.end());
+  }
+  for (const CertificateRequest::Pair& pair : request.pairs) {
+    out.put(pair.a);
+    out.put(pair.b);
+    out.put(static_cast<std::uint8_t>((pair.solid_a ? kFlagSolidA : 0) |
+                                      (pair.solid_b ? kFlagSolidB : 0)));
+    out.put(pair.rotation);
+    out.put(pair.translation_m);
+    out.put(pair.linear_velocity_mps);
+    out.put(pair.angular_velocity_radps);
+  }
+  return std::move(out.bytes);
+}
+
+Result<CertificateRequest> unpack_certificate(std::span<const std::uint8_t> bytes) {
+  Unpacker in(bytes);
+  CertificateRequest request;
+  std::uint8_t models = 0, pairs = 0, flags = 0, unknown = 0;
+  in.get(request.horizon_s);
+  in.get(request.margin_m);
+  in.get(models);
+  in.get(pairs);
+  for (int i = 0; i < models && !in.has_failed(); ++i) {
+    CertificateRequest::Model& model = request.models.emplace_back();
+    std::uint32_t held = 0;
+    in.get(model.content.high);
+    in.get(model.content.low);
+    in.get(model.state);
+    in.get(held);
+    const std::span<const std::uint8_t> nodes = in.take(held);
+    model.held.assign(nodes.begin(), nodes.end());
+  }
+  for (int i = 0; i < pairs && !in.has_failed(); ++i) {
+    CertificateRequest::Pair& pair = request.pairs.emplace_back();
+    in.get(pair.a);
+    in.get(pair.b);
+    in.get(flags);
+    pair.solid_a = (flags & kFlagSolidA) != 0;
+    pair.solid_b = (flags & kFlagSolidB) != 0;
+    unknown |= flags & ~(kFlagSolidA | kFlagSolidB);
+    in.get(pair.rotation);
+    in.get(pair.translation_m);
+    in.get(pair.linear_velocity_mps);
+    in.get(pair.angular_velocity_radps);
+  }
+  if (in.is_whole() && unknown == 0) return request;
+  return Status{
+      StatusCode::kInvalidArgument,
+      "certificate request: " + std::to_string(bytes.size()) + " bytes are not one whole request"};
+}
+
+}  // namespace nearmesh

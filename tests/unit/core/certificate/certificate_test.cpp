@@ -1,0 +1,235 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/certificate/certificate.hpp"
+
+#include <cmath>
+
+#include "brute_force.hpp"
+#include "core/replica/held_nodes.hpp"
+#include "core/replica/replica.hpp"
+#include "core/spm/packed_certificate.hpp"
+#include "fault_of.hpp"
+#include "model_pairs.hpp"
+
+namespace nearmesh {
+namespace {
+
+constexpr std::uint64_t kPeer = 7;
+
+Motion random_motion(Random& random, const Pose& pose) {
+  Motion motion{.pose = pose};
+  for (double& x : motion.linear_velocity_mps) x = random.between(-1, 1);
+  for (double& x : motion.angular_velocity_radps) x = random.between(-0.2, 0.2);
+  return motion;
+}
+
+/// A server and a peer of two models.
+struct Desk {
+  Desk(const BakedModel& baked_a, const BakedModel& baked_b)
+      : path_a(test::write_model(baked_a)),
+        path_b(test::write_model(baked_b)),
+        file_a(ModelFile::open(path_a->path()).value()),
+        file_b(ModelFile::open(path_b->path()).value()),
+        a(file_a.header()),
+        b(file_b.header()) {}
+
+  CertificateRequest ask(const Motion& motion_a, const Motion& motion_b, float horizon_s) const {
+    CertificateRequest request;
+    request.horizon_s = horizon_s;
+    request.models = {{file_a.content_hash(), a.mesh().state_hash(), {}},
+                      {file_b.content_hash(), b.mesh().state_hash(), {}}};
+    request.pairs = {relative(motion_a, motion_b)};
+    request.pairs[0].b = 1;
+    if (file_a.content_hash() == file_b.content_hash()) {
+      request.models.pop_back();
+      request.pairs[0].b = 0;
+    }
+    return request;
+  }
+  BegunCertificate begin(const CertificateRequest& request) {
+    EXPECT_TRUE(check_request(request).is_ok());
+    return begin_certificate(kPeer, request, mirrors, [this](const ContentHash& content) {
+      return content == file_a.content_hash()   ? &file_a
+             : content == file_b.content_hash() ? &file_b
+                                                : nullptr;
+    });
+  }
+  /// All that is sent, taken in. Out: how many batches.
+  std::size_t answer(CertificateMaker& maker) {
+    std::size_t batches = 0;
+    while (!maker.is_done()) {
+      Result<CertificateMaker::Part> part = maker.next();
+      EXPECT_TRUE(part.is_ok()) << part.status().message();
+      if (!part.is_ok()) break;
+      for (std::vector<std::uint8_t>& batch : part.value().batches) {
+        seal_batch(part.value().content, batch);
+        Replica& replica = part.value().content == file_a.content_hash() ? a : b;
+        EXPECT_TRUE(replica.take(batch).status.is_ok());
+        ++batches;
+      }
+    }
+    return batches;
+  }
+
+  /// What the peer holds of b's model.
+  Replica& other() { return file_a.content_hash() == file_b.content_hash() ? a : b; }
+
+  std::unique_ptr<test::TempFile> path_a, path_b;
+  ModelFile file_a, file_b;
+  Replica a, b;
+  Mirrors mirrors;
+};
+
+class Certificate : public test::ModelPair {
+ protected:
+  std::pair<Motion, Motion> near_motions(Random& random) const {
+    const test::PairOfPoses poses =
+        test::near_poses(random, a_, test::radius_m(a_), b_, test::radius_m(b_));
+    return {random_motion(random, poses.a), random_motion(random, poses.b)};
+  }
+};
+INSTANTIATE_TEST_SUITE_P(Models, Certificate, test::model_pairs(), test::name_of_pair);
+
+TEST_P(Certificate, OneRoundTripCertifiesNowAndAhead) {
+  const test::FullModel full_a(a_), full_b(b_);
+  Random random(1);
+  constexpr float kHorizon_s = 0.5;
+  int asked = 0, certified = 0;
+  for (int i = 0; i < 12; ++i) {
+    Desk desk(a_, b_);
+    const auto [motion_a, motion_b] = near_motions(random);
+    BegunCertificate begun = desk.begin(desk.ask(motion_a, motion_b, kHorizon_s));
+    ASSERT_TRUE(begun.maker) << begun.why_not;
+    desk.answer(*begun.maker);
+    for (int step = 0; step <= 10; ++step) {
+      const double time_s = 0.1 * double{kHorizon_s} * step;
+      const Result<PosedPair> posed = pose_pair(a_.header.grid, pose_at(motion_a, time_s), "a",
+                                                b_.header.grid, pose_at(motion_b, time_s), "b");
+      ASSERT_TRUE(posed.is_ok());
+      const Answer answer =
+          query(desk.a.view(), posed.value().a, desk.other().view(), posed.value().b);
+      if (step == 0) {
+        EXPECT_EQ(desk.a.mesh().state_hash(), desk.mirrors.find(kPeer, desk.file_a, desk.a.mesh().state_hash(), {}).value()->state());
+        EXPECT_TRUE(is_certified(answer.status))
+            << "pose " << i << ", " << to_string(answer.status) << ", missing " << answer.missing_a.size() << " "
+            << answer.missing_b.size() ;
+
+      }
+      const Answer full = query(full_a.tree.view(), posed.value().a, full_b.tree.view(),
+                                posed.value().b, {.clearance = false});
+      EXPECT_EQ(test::fault_of(answer, full), "") << i << ", " << step;
+      ++asked;
+      certified += is_certified(answer.status) ? 1 : 0;
+    }
+  }
+  // Both turn, so the way of the one as seen from the other is bent; the request says it straight.
+  EXPECT_GE(certified, asked * 9 / 10) << certified << " of " << asked;
+}
+
+TEST_P(Certificate, WhatIsHeldIsNotSentAgain) {
+  Desk desk(a_, b_);
+  Random random(2);
+  const auto [motion_a, motion_b] = near_motions(random);
+  for (int round = 0; round < 2; ++round) {
+    BegunCertificate begun = desk.begin(desk.ask(motion_a, motion_b, 0.1F));
+    ASSERT_TRUE(begun.maker) << begun.why_not;
+    const std::size_t batches = desk.answer(*begun.maker);
+    if (round == 1) {
+      EXPECT_EQ(batches, 0U);
+    }
+  }
+}
+
+TEST_P(Certificate, StateThatIsNotKnownIsToldOnce) {
+  Desk desk(a_, b_);
+  Random random(3);
+  Motion motion_a, motion_b;
+  BegunCertificate begun;
+  std::size_t batches = 0;
+  for (int i = 0; i < 100 && batches == 0; ++i) {
+    std::tie(motion_a, motion_b) = near_motions(random);
+    begun = desk.begin(desk.ask(motion_a, motion_b, 0));
+    ASSERT_TRUE(begun.maker);
+    batches = desk.answer(*begun.maker);
+  }
+  ASSERT_GT(batches, 0U);
+  desk.mirrors.forget(kPeer);
+
+  CertificateRequest request = desk.ask(motion_a, motion_b, 0);
+  for (int i = 0; i < 3; ++i) {
+    begun = desk.begin(request);
+    if (begun.maker) break;
+    ASSERT_TRUE(begun.unknown_state.is_set()) << begun.why_not;
+    EXPECT_FALSE(begun.wants_regions);
+    for (CertificateRequest::Model& model : request.models)
+      if (model.content == begun.unknown_state)
+        model.held = held_nodes(model.content == desk.file_a.content_hash() ? desk.a : desk.b).bits;
+  }
+  ASSERT_TRUE(begun.maker) << begun.why_not;
+  EXPECT_EQ(desk.answer(*begun.maker), 0U);
+  EXPECT_TRUE(desk.begin(desk.ask(motion_a, motion_b, 0)).maker) << "it is known now";
+}
+
+TEST(CertificateRequests, SayWhatIsHeldAsItIsOrAreSentAway) {
+  const BakedModel terrain = test::bake_named("terrain"), aircraft = test::bake_named("aircraft");
+  Desk desk(terrain, aircraft);
+  CertificateRequest request = desk.ask({}, {}, 0);
+  request.models[0].state ^= 1;
+  request.models[0].held = held_nodes(desk.a).bits;
+  EXPECT_TRUE(desk.begin(request).wants_regions) << "another state";
+  request.models[0].held = {1, 2, 3};
+  EXPECT_TRUE(desk.begin(request).wants_regions) << "no state of this model";
+  request = desk.ask({}, {}, 0);
+  request.models[0].content.low ^= 1;
+  EXPECT_TRUE(desk.begin(request).wants_regions) << "another model";
+}
+
+TEST(CertificateRequests, ComeBackAsTheyWerePacked) {
+  Random random(4);
+  CertificateRequest request;
+  request.horizon_s = 0.5F;
+  request.margin_m = 0.25F;
+  request.models = {{{1, 2}, 3, {}}, {{4, 5}, 6, {7, 8, 9}}};
+  for (int i = 0; i < 3; ++i) {
+    request.pairs.push_back(relative(random_motion(random, {}), random_motion(random, {})));
+    request.pairs.back().b = 1;
+    request.pairs.back().solid_b = i == 1;
+  }
+  const std::vector<std::uint8_t> bytes = pack_certificate(request);
+  const Result<CertificateRequest> back = unpack_certificate(bytes);
+  ASSERT_TRUE(back.is_ok()) << back.status().message();
+  EXPECT_EQ(pack_certificate(back.value()), bytes);
+  EXPECT_EQ(back.value().models[1].held, request.models[1].held);
+  EXPECT_TRUE(back.value().pairs[1].solid_b);
+  for (std::size_t length = 0; length < bytes.size(); ++length)
+    EXPECT_FALSE(unpack_certificate(std::span(bytes).first(length)).is_ok()) << length;
+  std::vector<std::uint8_t> longer = bytes;
+  longer.push_back(0);
+  EXPECT_FALSE(unpack_certificate(longer).is_ok());
+}
+
+TEST(CertificateRequests, OutOfRangeAreRefused) {
+  CertificateRequest good;
+  good.models = {{{1, 2}, 3, {}}};
+  good.pairs = {relative({}, {})};
+  ASSERT_TRUE(check_request(good).is_ok());
+  const auto is_refused = [&](const auto& change) {
+    CertificateRequest bad = good;
+    change(bad);
+    return !check_request(bad).is_ok();
+  };
+  const float nan = std::nanf("");
+  EXPECT_TRUE(is_refused([](auto& r) { r.pairs.clear(); }));
+  EXPECT_TRUE(is_refused([](auto& r) { r.pairs.resize(kMaxAskedPairs + 1, r.pairs[0]); }));
+  EXPECT_TRUE(is_refused([](auto& r) { r.models.resize(kMaxAskedModels + 1, r.models[0]); }));
+  EXPECT_TRUE(is_refused([](auto& r) { r.pairs[0].b = 1; }));
+  EXPECT_TRUE(is_refused([](auto& r) { r.models.push_back(r.models[0]); }));
+  EXPECT_TRUE(is_refused([&](auto& r) { r.horizon_s = nan; }));
+  EXPECT_TRUE(is_refused([](auto& r) { r.margin_m = -1; }));
+  EXPECT_TRUE(is_refused([](auto& r) { r.pairs[0].rotation[0] = 2; }));
+  EXPECT_TRUE(is_refused([&](auto& r) { r.pairs[0].rotation[1] = nan; }));
+  EXPECT_TRUE(is_refused([&](auto& r) { r.pairs[0].translation_m[2] = nan; }));
+  EXPECT_TRUE(is_refused([](auto& r) { r.pairs[0].angular_velocity_radps[0] = 1e30F; }));
+}
+
+}  // namespace
+}  // namespace nearmesh
