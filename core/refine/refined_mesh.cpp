@@ -2,8 +2,15 @@
 #include "refined_mesh.hpp"
 
 #include <algorithm>
+#include <array>
 
 namespace nearmesh {
+namespace {
+
+/// Whose faces are looked at with each batch.
+constexpr std::size_t kVerticesChecked = 8;
+
+}  // namespace
 
 RefinedMesh::RefinedMesh(SpmHeader header)
     : header_(std::move(header)),
@@ -63,9 +70,46 @@ RefinedMesh::Applied RefinedMesh::apply_batch(const SplitBatch& batch) {
     applied.status =
         insert(record, {batch.faces.data() + record.face_begin, record.face_count}, applied.delta);
     if (applied.status.is_ok() && !parked_.empty()) applied.status = unpark(record, applied.delta);
-    if (!applied.status.is_ok()) break;
+    if (!applied.status.is_ok()) return applied;
   }
+  applied.status = check_faces(kVerticesChecked);
   return applied;
+}
+
+// A face that is not exact yet shows in part: the places of its corners that have come lie in the box of the node of each that has not.
+// What has come since may speak against a face of long ago, of any split, so all are looked at in turn: some with each batch.
+Status RefinedMesh::check_faces(std::size_t count) {
+  const std::span<const SplitFace> base = store_->base_faces();
+  for (; count > 0; --count) {
+    if (next_base_face_ < base.size()) {
+      NEARMESH_RETURN_IF_ERROR(check_face(base[next_base_face_++]));
+      continue;
+    }
+    if (!mesh_->is_active(next_vertex_)) next_vertex_ = mesh_->active_predecessor(next_vertex_);
+    if (!store_->is_root(next_vertex_))
+      for (const SplitFace& face : store_->faces(next_vertex_))
+        NEARMESH_RETURN_IF_ERROR(check_face(face));
+    next_vertex_ = {mesh_->current_node(next_vertex_).end()};
+    if (next_vertex_.value < store_->vertex_count()) continue;
+    next_vertex_ = {0};
+    next_base_face_ = 0;
+  }
+  return Status::ok();
+}
+
+Status RefinedMesh::check_face(const SplitFace& face) const {
+  GridBox known;
+  std::array<NodeSpan, 3> open;
+  std::size_t open_count = 0;
+  for (const VertexId corner : face.corners()) {
+    if (mesh_->is_active(corner)) known.add(store_->position(corner));
+    if (!mesh_->is_resolved(corner))
+      open[open_count++] = mesh_->current_node(mesh_->active_predecessor(corner));
+  }
+  for (std::size_t i = 0; i < open_count; ++i)
+    if (!store_->encloses(open[i], known))
+      return {StatusCode::kCorrupt, to_string(open[i]) + ": a face of its lies outside its box"};
+  return Status::ok();
 }
 
 Status RefinedMesh::unpark(const SplitRecord& parent, RefineDelta& delta) {

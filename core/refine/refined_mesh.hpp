@@ -47,12 +47,17 @@ class RefinedMesh {
   [[nodiscard]] GridBox outside_of(std::span<const SplitFace> faces) const;
   void park(const SplitRecord& record, std::span<const SplitFace> faces);
   Status unpark(const SplitRecord& parent, RefineDelta& delta);
+  [[nodiscard]] Status check_faces(std::size_t count);
+  [[nodiscard]] Status check_face(const SplitFace& face) const;
 
   SpmHeader header_;
   std::unique_ptr<SplitStore>
       store_;  // both behind pointers: ActiveMesh refers to the store when a RefinedMesh moves
   std::unique_ptr<ActiveMesh> mesh_;
   std::unordered_map<std::uint64_t, Parked> parked_;
+  // Whose faces check_faces() looks at next: a base face, then an active vertex.
+  std::size_t next_base_face_ = 0;
+  VertexId next_vertex_{0};
 };
 
 }  // namespace nearmesh

@@ -14,6 +14,7 @@
 
 #include "blocks.hpp"
 #include "check_boxes.hpp"
+#include "check_surface.hpp"
 #include "core/base/digest.hpp"
 #include "core/base/hash.hpp"
 #include "file_layout.hpp"
@@ -361,8 +362,10 @@ Status ModelFile::verify() const {
 Status ModelFile::check_deep() {
   NEARMESH_RETURN_IF_ERROR(verify());
   NEARMESH_RETURN_IF_ERROR(require_all());
-  const Status boxes = check_boxes(store());
-  return boxes.is_ok() ? boxes : impl_->corrupt(boxes.message());
+  if (const Status boxes = check_boxes(store()); !boxes.is_ok())
+    return impl_->corrupt(boxes.message());
+  const Status surface = check_surface(store());
+  return surface.is_ok() ? surface : impl_->corrupt(surface.message());
 }
 
 FaceNumbering::FaceNumbering(const SplitStore& store, std::vector<FaceNumber> numbers)

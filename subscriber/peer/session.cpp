@@ -198,7 +198,7 @@ void Session::Impl::give_up(PeerModel& model, FrameReport& report) {
 /// Why no base mesh of a model is here.
 std::string Session::Impl::why_no_mesh(const PeerModel& model) const {
   const bool is_served = std::any_of(publishers.begin(), publishers.end(), [&](const auto& entry) {
-    return entry.second.serves(model.content_hash);
+    return entry.second.serves(model.content_hash) && replicas.refused_of(model.content_hash) == 0;
   });
   if (is_served) return "its header has not come";
   if (!model.conflict.empty()) return model.conflict;

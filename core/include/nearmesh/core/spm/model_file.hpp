@@ -72,8 +72,9 @@ class ModelFile {
   [[nodiscard]] Status require_all();
   /// Checks every digest without decoding.
   [[nodiscard]] Status verify() const;
-  /// Checks and decodes everything, and that each node's box encloses every face that has a corner in it: what every
-  /// certified answer about the model rests on. Cost: O(model). Errors: kCorrupt naming the node.
+  /// Checks and decodes everything, that each node's box encloses every face that has a corner in it, and that the header says the
+  /// truth of the surface: what every certified answer about the model rests on. Cost: O(model). Errors: kCorrupt naming the
+  /// node, or what was counted.
   [[nodiscard]] Status check_deep();
 
   /// Reads the table of input face numbers; decodes everything. Errors: kCorrupt.
