@@ -15,17 +15,23 @@ constexpr std::size_t kVerticesChecked = 8;
 RefinedMesh::RefinedMesh(SpmHeader header)
     : header_(std::move(header)),
       store_(std::make_unique<SplitStore>(header_)),
-      mesh_(std::make_unique<ActiveMesh>(*store_)) {}
+      mesh_(std::make_unique<ActiveMesh>(*store_)),
+      tellers_(store_->vertex_count()) {}
 
 Status RefinedMesh::insert(const SplitRecord& record, std::span<const SplitFace> faces,
-                           RefineDelta& delta) {
+                           Teller teller, RefineDelta& delta) {
   const Result<SplitStore::Insertion> inserted = store_->insert(record, faces, outside_of(faces));
   NEARMESH_RETURN_IF_ERROR(inserted);
   if (inserted.value() == SplitStore::Insertion::kNoParent) {
-    park(record, faces);
+    park(record, faces, teller);
     return Status::ok();
   }
-  if (inserted.value() == SplitStore::Insertion::kBoxed) delta.boxed.push_back(record.split);
+  Teller& told_by = tellers_[record.split.value];
+  if (inserted.value() == SplitStore::Insertion::kAdded) told_by = teller;
+  if (inserted.value() == SplitStore::Insertion::kBoxed) {
+    delta.boxed.push_back(record.split);
+    if (told_by != teller) told_by = kManyTellers;
+  }
   const bool done = mesh_->split(record.split, delta);
   NEARMESH_ASSERT(done);
   static_cast<void>(done);
@@ -41,21 +47,22 @@ GridBox RefinedMesh::outside_of(std::span<const SplitFace> faces) const {
   return outside;
 }
 
-void RefinedMesh::park(const SplitRecord& record, std::span<const SplitFace> faces) {
+void RefinedMesh::park(const SplitRecord& record, std::span<const SplitFace> faces, Teller teller) {
   const auto at = parked_.find(key(record.node));
   if (at == parked_.end()) {
     if (parked_.size() < kMaxParked)
-      parked_.emplace(key(record.node), Parked{record, {faces.begin(), faces.end()}});
+      parked_.emplace(key(record.node), Parked{record, {faces.begin(), faces.end()}, teller});
     return;
   }
   // A repeat, from another batch, may carry boxes that the first did not.
   SplitRecord& first = at->second.record;
   if (first.split != record.split) return;
+  if (at->second.teller != teller) at->second.teller = kManyTellers;
   if (first.left_box == kNoBox) first.left_box = record.left_box;
   if (first.right_box == kNoBox) first.right_box = record.right_box;
 }
 
-RefinedMesh::Applied RefinedMesh::apply_batch(const SplitBatch& batch) {
+RefinedMesh::Applied RefinedMesh::apply_batch(const SplitBatch& batch, Teller teller) {
   Applied applied;
   applied.delta.split.reserve(batch.splits.size());
   constexpr std::size_t kAhead = 8;  // records: enough for the entry to come from memory
@@ -67,8 +74,8 @@ RefinedMesh::Applied RefinedMesh::apply_batch(const SplitBatch& batch) {
       for (std::uint32_t face = 0; face < std::min(later.face_count, 2U); ++face)
         store_->prefetch(batch.faces[later.face_begin + face].outside);
     }
-    applied.status =
-        insert(record, {batch.faces.data() + record.face_begin, record.face_count}, applied.delta);
+    applied.status = insert(record, {batch.faces.data() + record.face_begin, record.face_count},
+                            teller, applied.delta);
     if (applied.status.is_ok() && !parked_.empty()) applied.status = unpark(record, applied.delta);
     if (!applied.status.is_ok()) return applied;
   }
@@ -122,7 +129,7 @@ Status RefinedMesh::unpark(const SplitRecord& parent, RefineDelta& delta) {
     if (at == parked_.end() || !store_->is_node(node)) continue;
     const Parked parked = std::move(at->second);
     parked_.erase(at);
-    NEARMESH_RETURN_IF_ERROR(insert(parked.record, parked.faces, delta));
+    NEARMESH_RETURN_IF_ERROR(insert(parked.record, parked.faces, parked.teller, delta));
     waiting.push_back(parked.record.left());
     waiting.push_back(parked.record.right());
   }

@@ -86,7 +86,9 @@ void complain(PeerModel& model, wire::SessionId publisher, const Replica::Taken&
               std::vector<std::string>& complaints) {
   if (!taken.contradicts && !model.damaged.insert(publisher).second) return;
   complaints.push_back(
-      "model " + model.name + ": publisher " + to_hex(publisher) +
+      "model " + model.name + ": " +
+      (taken.contradicts && taken.liar == 0 ? "one of several publishers"
+                                            : "publisher " + to_hex(publisher)) +
       (taken.contradicts
            ? " contradicts the model, its detail is forgotten and it is not asked again: "
            : " sent what came damaged, it is dropped and asked for again: ") +
@@ -104,7 +106,9 @@ bool ReplicaSet::apply_one(FrameReport& report) {
     report.load_s += taken.times.load_s;
     report.refine_s += taken.times.refine_s;
     report.tree_s += taken.times.tree_s;
-    if (!taken.status.is_ok()) complain(model, batch.publisher, taken, report.complaints);
+    model.audit.is_proved |= taken.audited;
+    if (!taken.status.is_ok())
+      complain(model, taken.contradicts ? taken.liar : batch.publisher, taken, report.complaints);
     return true;
   }
   return false;

@@ -38,6 +38,14 @@ struct PeerModel {
   /// The session's time when the last look ahead found nothing to ask for.
   double looked_ahead_s = -std::numeric_limits<double>::infinity();
 
+  struct Audit {
+    std::uint32_t request = 0;  // 0: none is open
+    wire::SessionId publisher = 0;
+    double sent_s = 0, due_s = 0;
+    bool is_answered = false, is_proved = false;
+    std::map<wire::SessionId, std::uint32_t> unproved;  // audits in a row, by who was asked
+  } audit;
+
   std::uint32_t told_recorders = 0;  // so many of those that came know what is held
 
   [[nodiscard]] bool is_ready() const { return replica.has_value(); }

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <random>
 #include <utility>
 
 #include "core/base/float_guard.hpp"
@@ -38,6 +39,7 @@ Session::Session(std::unique_ptr<Channel> channel, SessionOptions options)
   NEARMESH_ASSERT(options.max_pose_age_s >= 0);
   impl_->channel = std::move(channel);
   impl_->options = options;
+  impl_->audits = Random(options.audit_seed != 0 ? options.audit_seed : std::random_device{}());
 }
 Session::~Session() = default;
 

@@ -143,6 +143,11 @@ void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& r
   stats.batch_bytes += message.bytes.size();
   const auto open = outstanding.find(message.content_hash);
   const bool answers_open = open != outstanding.end() && open->second.request == message.request;
+  PeerModel* model = replicas.find(message.content_hash);
+  if (model != nullptr && model->audit.request != 0 && message.request == model->audit.request) {
+    stats.audit_bytes += message.bytes.size();
+    model->audit.is_answered |= message.last;
+  }
   if (message.refused) {
     // The request stays open until its time-out, so that a refusal is not asked for every frame.
     ++refused;
@@ -154,7 +159,6 @@ void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& r
     open->second.heard_s = clock.seconds();
     if (message.last) outstanding.erase(open);
   }
-  PeerModel* model = replicas.find(message.content_hash);
   if (model == nullptr || message.bytes.empty()) return;
   if (model->waiting.size() < kMaxWaitingBatches) {
     model->waiting.push_back({message.publisher, std::move(message.bytes)});

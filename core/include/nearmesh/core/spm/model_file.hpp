@@ -68,6 +68,10 @@ class ModelFile {
   /// Makes the split of `node` known to store(). Cost: a look-up, or one block decoded (about 15 us).
   /// Errors: kCorrupt naming the block, also where it holds no such node or the file has changed; kIo. Threads: one at a time.
   [[nodiscard]] Status require(NodeSpan node);
+  /// The block that holds the split of `node`, as it is stored, with what shows that it is of this content: what answers an
+  /// audit, in pieces, without seals. Cost: the block; the first time a digest for each seven blocks.
+  /// Errors: those of require(); kUnsupported where it is larger than an audit may be.
+  [[nodiscard]] Result<std::vector<std::vector<std::uint8_t>>> prove(NodeSpan node);
   /// Decodes everything.
   [[nodiscard]] Status require_all();
   /// Checks every digest without decoding.
