@@ -57,7 +57,7 @@ Replica::Taken Replica::take(std::span<const std::uint8_t> bytes, std::uint64_t 
     return taken;
   }
   taken.liar = sender;
-  if (!unsealed.value().empty() && unsealed.value().front() == kAuditPiece) {
+  if (is_audit_piece(unsealed.value())) {
     audit(unsealed.value(), taken);
     taken.times.load_s = watch.seconds();
   } else {

@@ -5,8 +5,6 @@
 #include <bit>
 #include <cstring>
 
-#include "nearmesh/core/spm/detail/codec.hpp"
-
 namespace nearmesh {
 namespace {
 

@@ -6,7 +6,7 @@
 #include <optional>
 
 #include "core/base/digest.hpp"
-#include "nearmesh/core/spm/detail/header.hpp"
+#include "nearmesh/core/spm/detail/codec.hpp"
 
 namespace nearmesh {
 
@@ -18,8 +18,6 @@ struct AuditedBlock {
 
 /// A block and its path take no more: what is larger is not audited.
 inline constexpr std::size_t kMaxAuditBytes = 1 << 20;
-/// What the first byte of a piece is, where a batch has its box policy.
-inline constexpr std::uint8_t kAuditPiece = 2;
 
 /// Without seals. Errors: kUnsupported where it is too large.
 [[nodiscard]] Result<std::vector<std::vector<std::uint8_t>>> audit_pieces(
