@@ -22,8 +22,14 @@ Status parse_and_run(CLI::App& app, int argc, char** argv, const Action& chosen)
 
 }  // namespace
 
-int run_program(CLI::App& app, int argc, char** argv, const Action& chosen) {
+int run_program(CLI::App& app, int argc, char** argv, const Action& chosen,
+                const std::string& libraries) {
   keep_standard_streams();
+  const std::string version =
+      app.get_name() + " " + NEARMESH_VERSION + (libraries.empty() ? "" : "\n" + libraries);
+  app.set_version_flag("--version", version, "Print versions, and end");
+  for (CLI::App* verb : app.get_subcommands({}))
+    verb->set_version_flag("--version", version, "Print versions, and end");
   Status status;
   try {
     status = parse_and_run(app, argc, argv, chosen);

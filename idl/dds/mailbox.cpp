@@ -60,4 +60,19 @@ bool Mailbox::has_complaints() {
   return !complaints_.empty();
 }
 
+void Mailbox::meet(const ParticipantKey& participant, const std::string& name) {
+  const std::lock_guard lock(mutex_);
+  if (name.empty()) {
+    names_.erase(participant);
+  } else if (names_.size() < kMaxNames || names_.contains(participant)) {
+    names_[participant] = name;
+  }
+}
+
+std::string Mailbox::name_of(const ParticipantKey& participant) const {
+  const std::lock_guard lock(mutex_);
+  const auto known = names_.find(participant);
+  return known == names_.end() ? std::string() : known->second;
+}
+
 }  // namespace nearmesh::wire

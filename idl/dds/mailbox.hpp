@@ -10,6 +10,8 @@
 #include <string>
 #include <vector>
 
+#include "rtps_check.hpp"
+
 namespace nearmesh::wire {
 
 /// Threads: all.
@@ -28,18 +30,25 @@ class Mailbox {
   [[nodiscard]] std::vector<std::string> take_complaints();
   [[nodiscard]] bool has_complaints();
 
+  /// What a participant calls itself, as discovery tells it; "" forgets it.
+  void meet(const ParticipantKey& participant, const std::string& name);
+  /// "" where it is not known.
+  [[nodiscard]] std::string name_of(const ParticipantKey& participant) const;
+
  private:
   static constexpr std::size_t kMaxComplaints = 256;
   static constexpr std::size_t kMaxLine = 512;
+  static constexpr std::size_t kMaxNames = 4096;
   using Clock = std::chrono::steady_clock;
   const std::chrono::duration<double> quiet_;
-  std::mutex mutex_;
+  mutable std::mutex mutex_;
   std::condition_variable condition_;
   bool awake_ = false;
   std::vector<std::string> complaints_;
   std::map<std::string, Clock::time_point> said_;  ///< of late, at most kMaxComplaints
   std::uint64_t dropped_complaints_ = 0;
   Clock::time_point told_dropped_{};
+  std::map<ParticipantKey, std::string> names_;
 };
 
 }  // namespace nearmesh::wire

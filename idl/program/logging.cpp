@@ -8,6 +8,7 @@
 #include <mutex>
 
 #include "idl/dds/fastdds.hpp"
+#include "nearmesh/idl/messages/messages.hpp"
 
 namespace nearmesh::wire::program {
 namespace {
@@ -130,6 +131,11 @@ void log_fastdds() {
   spdlog::info("Fast DDS {}, {}", fastdds_version(),
                fastdds_asserts() ? "with live assertions: a fault in it ends this process"
                                  : "without assertions");
+}
+
+std::string dds_versions() {
+  return "wire version " + std::to_string(kWireVersion) + "\nFast DDS " + fastdds_version() +
+         (fastdds_asserts() ? ", with live assertions" : ", without assertions");
 }
 
 }  // namespace nearmesh::wire::program

@@ -26,5 +26,7 @@ void set_log_levels(const std::vector<std::string>& levels);
 [[nodiscard]] spdlog::logger& log(const std::string& room);
 /// The first line of a program that stays on the bus: which Fast DDS it is, and whether a fault in that ends the process.
 void log_fastdds();
+/// "wire version 7\nFast DDS 2.9.1, with live assertions": what --version of a program that speaks DDS adds.
+[[nodiscard]] std::string dds_versions();
 
 }  // namespace nearmesh::wire::program

@@ -89,7 +89,6 @@ class DdsReplay::Impl {
 Status DdsReplay::Impl::open() {
   wire::BusOptions options;
   options.transport = transport_;
-  options.participant_name = "nearmesh replay";
   options.header_bytes_per_s = kHeaderBytesPerS;
   options.names = names_;
   auto bus = wire::Bus::open(options, mailbox_);

@@ -44,7 +44,8 @@ class DdsChannel::Impl {
         names_(options.transport.prefix),
         hellos_(mailbox_, names_.of<wire::Hello>()),
         headers_(mailbox_, names_.of<wire::MeshHeader>()),
-        movers_(mailbox_, names_.of<wire::BodyPose>(), !options.transport.security.empty()) {}
+        movers_(mailbox_, names_.of<wire::BodyPose>(), !options.transport.security.empty(),
+                options.transport.silence_s) {}
   ~Impl();
 
   Status start();
@@ -156,7 +157,7 @@ void DdsChannel::Impl::send(const wire::RegionSubscription& subscription) {
 void DdsChannel::Impl::tell(wire::ProcessStatus& status) {
   {
     const std::lock_guard lock(mutex_);
-    wire::tell_of_door(door_.get(), status);
+    wire::tell_of_process(options_.transport, door_.get(), status);
   }
   put(&Impl::statuses_, status);
 }
@@ -237,7 +238,6 @@ void DdsChannel::Impl::run(std::promise<Status> started) {
 Status DdsChannel::Impl::open() {
   wire::BusOptions bus_options;
   bus_options.transport = options_.transport;
-  bus_options.participant_name = "nearmesh subscriber";
   bus_options.host_participant = options_.participant;
   auto bus = wire::Bus::open(bus_options, mailbox_);
   NEARMESH_RETURN_IF_ERROR(bus);
@@ -324,7 +324,7 @@ bool DdsChannel::Impl::is_of_its_publisher(const wire::SplitBatchMessage& batch,
   // Of one that was just lost something may still be on its way.
   if (hello)
     mailbox_.complain(names_.of<wire::SplitBatchMessage>() + ": samples of " +
-                      wire::name_of(writer) + " dropped: publisher " +
+                      wire::name_of(writer, mailbox_) + " dropped: publisher " +
                       wire::partition_of(batch.publisher) + " is another participant");
   return false;
 }

@@ -26,8 +26,7 @@ class DdsEcho::Impl {
       : transport_(transport), own_id_(wire::make_session_id()) {}
 
   Status start() {
-    auto bus =
-        wire::Bus::open({.transport = transport_, .participant_name = "nearmesh doctor"}, mailbox_);
+    auto bus = wire::Bus::open({.transport = transport_}, mailbox_);
     NEARMESH_RETURN_IF_ERROR(bus);
     bus_ = std::move(bus).value();
     NEARMESH_RETURN_IF_ERROR(echo_.open(*bus_));

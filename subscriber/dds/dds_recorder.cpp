@@ -25,6 +25,7 @@ constexpr std::size_t kMaxWritten = 1024;  ///< before the queue is looked at ag
 /// For the disk; what comes beyond is dropped and counted.
 constexpr std::size_t kMaxWaitingBytes = 64U << 20;
 constexpr double kNothingToStore_s = 0.5;
+constexpr std::size_t kMaxNames = 65536;  ///< of sessions
 constexpr wire::TopicPlace kHeldDetail = wire::place_of<wire::HeldDetail>();
 /// Whoever says what it holds must be heard from then on: so long after the last writer was found, the other readers have
 /// found theirs. Where writers come all the time, it is not waited for longer.
@@ -96,6 +97,7 @@ class DdsRecorder::Impl {
   Status open_reader(Topic& topic);
   template <class Message>
   bool drain(std::uint32_t topic);
+  [[nodiscard]] bool is_new_name(const Entry& entry);
   void count_gap(const Entry& entry);
   void note_loss(std::uint32_t topic);
   void ask_if_due();
@@ -118,6 +120,7 @@ class DdsRecorder::Impl {
 
   // The DDS thread's own.
   std::map<Handle, Sequence> sequences_;
+  std::map<wire::SessionId, std::string> told_names_;  ///< that are in the recording
   std::int64_t joined_ns_ = 0;
   bool asks_ = false;  ///< all peers what they hold
   bool has_publisher_ = false;
@@ -225,7 +228,6 @@ void DdsRecorder::Impl::listen(std::promise<Status> started) {
 Status DdsRecorder::Impl::join() {
   wire::BusOptions bus_options;
   bus_options.transport = options_.transport;
-  bus_options.participant_name = "nearmesh recorder";
   bus_options.on_writer = [this](const Handle& writer, const std::string& partition) {
     if (partition.empty()) return;
     const std::lock_guard lock(partitions_mutex_);
@@ -313,7 +315,8 @@ bool DdsRecorder::Impl::drain(std::uint32_t topic) {
           entry.model = header.value().name;
         }
     if (!data.fault.empty())
-      mailbox_.complain(topics_[topic].name + ": sample of " + wire::name_of(entry.writer) +
+      mailbox_.complain(topics_[topic].name + ": sample of " +
+                        wire::name_of(entry.writer, mailbox_) +
                         " recorded, but faulty: " + data.fault);
     entry.message.cdr = std::exchange(data.cdr, {});
   }
@@ -323,10 +326,26 @@ bool DdsRecorder::Impl::drain(std::uint32_t topic) {
            std::tie(b.message.source_ns, b.writer, b.message.sequence);
   });
   for (Entry& entry : taken) {
+    if (wire::kTopicFacts[topics_[topic].place].tells_who) {
+      if (is_new_name(entry)) push(std::move(entry));
+      continue;
+    }
     count_gap(entry);
     if (!entry.message.cdr.empty()) push(std::move(entry));
   }
   return taken.size() == kMaxRecordedAtOnce;
+}
+
+/// What a process says of itself each second is recorded where it tells who that is.
+bool DdsRecorder::Impl::is_new_name(const Entry& entry) {
+  const auto status = wire::decode_payload<wire::ProcessStatus>(entry.message.cdr);
+  if (!status.is_ok()) return false;
+  const wire::SessionId session = status.value().session;
+  if (told_names_.size() >= kMaxNames && !told_names_.contains(session)) return false;
+  const auto [known, is_new] = told_names_.try_emplace(session);
+  if (!is_new && known->second == status.value().name) return false;
+  known->second = status.value().name;
+  return true;
 }
 
 /// Of a writer that is there already we may get the latest sample of each key, numbered with gaps.

@@ -11,6 +11,7 @@
 #include "core/ask/predict.hpp"
 #include "core/base/stopwatch.hpp"
 #include "core/query/answer.hpp"
+#include "idl/messages/process_name.hpp"
 #include "idl/messages/status_keeper.hpp"
 #include "nearmesh/subscriber/peer/session.hpp"
 #include "replicas.hpp"
@@ -52,6 +53,10 @@ struct Publisher {
                        [&](const auto& model) { return model.content_hash == content; });
   }
 };
+
+[[nodiscard]] inline std::string called_of(const Publisher& publisher) {
+  return wire::called(publisher.hello.publisher, publisher.hello.name);
+}
 
 struct Session::Impl {
   std::unique_ptr<Channel> channel;
@@ -113,6 +118,7 @@ struct Session::Impl {
   bool request_ahead(PeerModel& model, const FrameReport& report, double patience_s);
   bool request(PeerModel& model, const RegionMaker& region, std::vector<NodeSpan> missing,
                std::uint8_t priority, double patience_s);
+  void tell_bodies(wire::ProcessStatus& now) const;
   void tell_status(const FrameReport& report, const SessionStats& counted);
   [[nodiscard]] Publisher* publisher_of(const ContentHash& content);
   [[nodiscard]] bool is_contradicted(const PeerModel& model) const;

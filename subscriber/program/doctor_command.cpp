@@ -17,6 +17,7 @@
 #include "core/base/stopwatch.hpp"
 #include "idl/dds/fastdds.hpp"
 #include "idl/dds/interfaces.hpp"
+#include "idl/messages/process_name.hpp"
 #include "nearmesh/subscriber/dds/dds_channel.hpp"
 #include "subscriber/dds/dds_echo.hpp"
 #include "subscriber/dds/dds_monitor.hpp"
@@ -222,10 +223,11 @@ class Doctor {
       guarded += process.has_door ? 1 : 0;
       if (!process.has_door)
         add(Finding::Kind::kAdvice, "door",
-            "process " + std::to_string(process.process_id) + " on " + process.host +
-                " has no door before Fast DDS: one malformed packet may end it; its host adds one "
+            "process " + std::to_string(process.process_id) + " on " + process.host + " (" +
+                process.name +
+                ") has no door before Fast DDS: one malformed packet may end it; its host adds one "
                 "line (docs/embed.md)",
-            {{"host", process.host}, {"process_id", process.process_id}});
+            {{"name", process.name}, {"host", process.host}, {"process_id", process.process_id}});
     }
     if (guarded > 0)
       good("door", std::to_string(guarded) + " processes check what comes in", guarded);
@@ -391,7 +393,7 @@ class Doctor {
   void look_at_publishers() {
     for (const auto& [id, found] : publishers_) {
       good("publisher",
-           to_hex(id) + " after " + milliseconds(found.first) + ", " +
+           wire::called(id, found.second.name) + " after " + milliseconds(found.first) + ", " +
                std::to_string(found.second.models.size()) + " models",
            found.first);
       for (const auto& model : found.second.models) {
