@@ -352,7 +352,7 @@ TEST_F(Operate, StatusTellsOfPosesThatAreOldOrGone) {
   Process mover(folder, "nearmesh-subscriber", with({"run", folder.file("flight.yaml")}));
   Process looker(folder, "nearmesh-subscriber",
                  with({"run", folder.file("look.yaml"), "--name", "looker"}));
-  json looked;
+  json looked = json::object();
   const auto look = [&] {
     std::string out, err;
     EXPECT_EQ(test::run(folder, "nearmesh-subscriber",
