@@ -3,6 +3,7 @@
 
 #include <cstdio>
 #include <exception>
+#include <new>
 
 #include "core/base/standard_streams.hpp"
 
@@ -15,6 +16,8 @@ Status parse_and_run(CLI::App& app, int argc, char** argv, const Action& chosen)
     return chosen();
   } catch (const CLI::ParseError&) {
     throw;
+  } catch (const std::bad_alloc&) {
+    return {StatusCode::kIo, "no memory"};
   } catch (const std::exception& error) {
     return {StatusCode::kIo, error.what()};
   }

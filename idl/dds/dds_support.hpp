@@ -199,6 +199,7 @@ class DiscoveryListener;
 /// only that. Threads: one. Listeners must outlive the bus.
 class Bus {
  public:
+  /// Of an own participant check_room() first (room.hpp), before a thread is made for it.
   /// Errors: kInvalidArgument (prefix, interface, domain, security); kIo when Fast DDS refuses.
   [[nodiscard]] static Result<std::unique_ptr<Bus>> open(const BusOptions& options,
                                                          Mailbox& mailbox);

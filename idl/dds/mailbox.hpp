@@ -2,6 +2,7 @@
 #pragma once
 // Where the threads of Fast DDS leave word for the one thread that makes the DDS calls. For the rooms named dds alone.
 
+#include <atomic>
 #include <chrono>
 #include <condition_variable>
 #include <cstdint>
@@ -27,6 +28,8 @@ class Mailbox {
   /// gives one line, not a log full. More than kMaxComplaints different ones are counted. What is not printable ASCII becomes
   /// '?', and a line ends after kMaxLine bytes. Also wakes, when there is something to take.
   void complain(std::string line);
+  /// Of a thread of ours that caught std::bad_alloc: keeps a line without asking for memory.
+  void complain_of_memory() noexcept { lacked_memory_ = true; }
   [[nodiscard]] std::vector<std::string> take_complaints();
   [[nodiscard]] bool has_complaints();
 
@@ -49,6 +52,7 @@ class Mailbox {
   std::uint64_t dropped_complaints_ = 0;
   Clock::time_point told_dropped_{};
   std::map<ParticipantKey, std::string> names_;
+  std::atomic<bool> lacked_memory_ = false;
 };
 
 }  // namespace nearmesh::wire

@@ -6,6 +6,7 @@
 
 #include "dds_peers.hpp"
 #include "idl/dds/rejoin_watch.hpp"
+#include "idl/dds/room.hpp"
 #include "idl/messages/process_name.hpp"
 
 namespace nearmesh::publisher {
@@ -61,6 +62,7 @@ class DdsChannel::Impl {
 };
 
 Status DdsChannel::Impl::start() {
+  NEARMESH_RETURN_IF_ERROR(wire::check_room(options_.transport));
   rejoin_watch_ = std::make_unique<wire::RejoinWatch>(mailbox_, options_.transport);
   return open();
 }

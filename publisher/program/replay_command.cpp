@@ -215,6 +215,7 @@ void report(const ReplayOptions& options, Replay& replay, double seconds, double
 
 Status run(ReplayOptions options) {
   wire::program::log_fastdds();
+  wire::program::log_network(options.transport);
   const Result<std::unique_ptr<RecordingReader>> opened = RecordingReader::open(options.path);
   NEARMESH_RETURN_IF_ERROR(opened);
   RecordingReader& recording = *opened.value();

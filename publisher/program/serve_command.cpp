@@ -71,6 +71,7 @@ Status run(const ServeOptions& options) {
     metrics = std::move(server).value();
   }
   wire::program::log_fastdds();
+  wire::program::log_network(options.channel.transport);
   auto channel = DdsChannel::create(options.channel);
   NEARMESH_RETURN_IF_ERROR(channel);
   const wire::SessionId session = wire::make_session_id();

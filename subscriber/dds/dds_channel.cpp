@@ -9,6 +9,7 @@
 #include <future>
 #include <map>
 #include <mutex>
+#include <new>
 #include <thread>
 #include <utility>
 
@@ -18,6 +19,7 @@
 #include "dds_poses.hpp"
 #include "idl/dds/dds_support.hpp"
 #include "idl/dds/rejoin_watch.hpp"
+#include "idl/dds/room.hpp"
 
 namespace nearmesh::subscriber {
 
@@ -29,7 +31,8 @@ namespace {
 
 constexpr std::size_t kMaxTaken = 1024;  ///< of one topic, before the others have their turn
 constexpr double kIdleWait_s = 0.5;      ///< everything wakes the thread; this is a safety net
-constexpr double kRetryWait_s = 0.002;   ///< when Fast DDS could not take a sample
+constexpr double kNoMemoryWait_s = 0.1;
+constexpr double kRetryWait_s = 0.002;  ///< when Fast DDS could not take a sample
 /// Batches are acknowledged together for so long, or until they are that share of the window: on thin links each as it comes.
 constexpr double kAcknowledgeWait_s = 0.01;
 constexpr std::size_t kAcknowledgeShare = 8;
@@ -133,6 +136,8 @@ class DdsChannel::Impl {
 // --- Called by the host
 
 Status DdsChannel::Impl::start() {
+  if (options_.participant == nullptr)
+    NEARMESH_RETURN_IF_ERROR(wire::check_room(options_.transport));
   std::promise<Status> started;
   std::future<Status> outcome = started.get_future();
   thread_ =
@@ -226,11 +231,16 @@ void DdsChannel::Impl::run(std::promise<Status> started) {
       mailbox_.wait(kIdleWait_s);
       continue;
     }
-    const bool sent_all = flush();
-    const bool more = receive();
-    const double wait_s = acknowledge();
-    arrived_.notify_all();
-    if (!more) mailbox_.wait(sent_all ? wait_s : kRetryWait_s);
+    try {
+      const bool sent_all = flush();
+      const bool more = receive();
+      const double wait_s = acknowledge();
+      arrived_.notify_all();
+      if (!more) mailbox_.wait(sent_all ? wait_s : kRetryWait_s);
+    } catch (const std::bad_alloc&) {
+      mailbox_.complain_of_memory();
+      mailbox_.wait(kNoMemoryWait_s);
+    }
   }
   bus_.reset();
 }

@@ -10,6 +10,7 @@
 #include "core/base/hash.hpp"
 #include "core/base/stopwatch.hpp"
 #include "idl/dds/dds_support.hpp"
+#include "idl/dds/room.hpp"
 #include "idl/messages/contents.hpp"
 #include "idl/messages/process_name.hpp"
 #include "nearmesh/core/query/query.hpp"
@@ -72,6 +73,7 @@ class DdsMonitor::Impl {
       : transport_(transport), silence_(kStatusSilence_s) {}
 
   Status start() {
+    NEARMESH_RETURN_IF_ERROR(wire::check_room(transport_));
     auto bus = wire::Bus::open({.transport = transport_}, mailbox_);
     NEARMESH_RETURN_IF_ERROR(bus);
     bus_ = std::move(bus).value();

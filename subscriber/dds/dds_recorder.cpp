@@ -6,12 +6,14 @@
 #include <deque>
 #include <future>
 #include <mutex>
+#include <new>
 #include <thread>
 #include <tuple>
 #include <utility>
 
 #include "idl/dds/dds_support.hpp"
 #include "idl/dds/rejoin_watch.hpp"
+#include "idl/dds/room.hpp"
 #include "nearmesh/idl/dds/payload.hpp"
 
 namespace nearmesh::subscriber {
@@ -171,6 +173,7 @@ Status DdsRecorder::Impl::start() {
                                               std::to_string(options_.max_bytes)};
   if (options_.split && options_.max_bytes == 0)
     return {StatusCode::kInvalidArgument, "split: expected a max-size to split at"};
+  NEARMESH_RETURN_IF_ERROR(wire::check_room(options_.transport));
   NEARMESH_RETURN_IF_ERROR(add_topics());
   facts_ = {wire::make_session_id(), 0, wire::kWireVersion, options_.transport.prefix,
             wire::idl_text()};
@@ -213,10 +216,15 @@ void DdsRecorder::Impl::listen(std::promise<Status> started) {
       mailbox_.wait(kNothingToStore_s);
       continue;
     }
-    ask_if_due();
-    bool more = false;
-    for (std::uint32_t i = 0; i < topics_.size(); ++i) more |= (this->*topics_[i].drain)(i);
-    if (!more) mailbox_.wait(kNothingToStore_s);
+    try {
+      ask_if_due();
+      bool more = false;
+      for (std::uint32_t i = 0; i < topics_.size(); ++i) more |= (this->*topics_[i].drain)(i);
+      if (!more) mailbox_.wait(kNothingToStore_s);
+    } catch (const std::bad_alloc&) {
+      mailbox_.complain_of_memory();
+      mailbox_.wait(kNothingToStore_s);
+    }
   }
   if (bus_ != nullptr)
     for (std::uint32_t i = 0; i < topics_.size(); ++i)
@@ -464,7 +472,7 @@ Status DdsRecorder::Impl::make_room() {
   return Status::ok();
 }
 
-Status DdsRecorder::Impl::write(const Entry& entry) {
+Status DdsRecorder::Impl::write(const Entry& entry) try {
   NEARMESH_RETURN_IF_ERROR(make_room());
   if (finished_) return Status::ok();
   const auto [known, is_new] = writers_.try_emplace({entry.topic, entry.writer}, 0);
@@ -486,6 +494,8 @@ Status DdsRecorder::Impl::write(const Entry& entry) {
   NEARMESH_RETURN_IF_ERROR(id);
   if (entry.model.empty()) return Status::ok();
   return file_->add_model({entry.content_hash, entry.model, id.value()});
+} catch (const std::bad_alloc&) {
+  return {StatusCode::kIo, "no memory"};
 }
 
 // --- Called by the host

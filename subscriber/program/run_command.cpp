@@ -359,6 +359,7 @@ Status run(const RunOptions& options) {
   const Result<Scene> scene = read_scene(options.scene);
   NEARMESH_RETURN_IF_ERROR(scene);
   wire::program::log_fastdds();
+  wire::program::log_network(options.channel.transport);
   Result<std::unique_ptr<DdsChannel>> channel = DdsChannel::create(options.channel);
   NEARMESH_RETURN_IF_ERROR(channel);
   const wire::TransportOptions& transport = options.channel.transport;

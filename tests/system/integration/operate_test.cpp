@@ -359,7 +359,8 @@ TEST_F(Operate, StatusTellsOfPosesThatAreOldOrGone) {
                         with({"status", "--json", "--seconds", "1.2"}), &out, &err),
               0)
         << err;
-    for (const json& peer : json::parse(out).at("peers"))
+    const json status = json::parse(out);
+    for (const json& peer : status.at("peers"))
       if (peer.at("name") == "looker") looked = peer;
   };
   ASSERT_TRUE(test::await([&] {
@@ -424,6 +425,27 @@ TEST_F(Operate, VersionsOfEveryProgramAndVerb) {
       EXPECT_EQ(lines[2].find("Fast DDS "), 0U) << out;
       EXPECT_NE(lines[2].find("assertions"), std::string::npos) << out;
     }
+}
+
+TEST_F(Operate, StatusTellsWhoseContentDiffers) {
+  write_scene(5);
+  const std::string other = "0123456789abcdef0123456789abcdef";
+  folder.write("pinned.yaml",
+               "bodies:\n  - {name: ground, model: terrain, content: " + other +
+                   ", pose: {translation: [0, 0, 0]}}\n  - {name: one, model: aircraft}\n"
+                   "moves:\n  - {body: one, trajectory: flight1.csv}\n"
+                   "pairs: [[ground, one]]\nframe_rate_hz: 50\nbudget_ms: 5\n");
+  const auto publisher = serve(with({terrain(), aircraft()}));
+  const Process peer(folder, "nearmesh-subscriber",
+                     with({"run", folder.file("pinned.yaml"), "--name", "odd one"}));
+  std::string out, err;
+  EXPECT_TRUE(test::await([&] {
+    EXPECT_EQ(
+        test::run(folder, "nearmesh-subscriber", with({"status", "--seconds", "1"}), &out, &err), 0)
+        << err;
+    return out.find(" (odd one) stands by content " + other + ", but what is served") !=
+           std::string::npos;
+  })) << out;
 }
 
 TEST_F(Operate, StatusTellsWhatAPeerWaitsFor) {
