@@ -150,8 +150,11 @@ int main(int argc, char** argv) {
   add_replay_command(app, chosen);
   add_security_commands(app, chosen);
   nearmesh::wire::program::begin_logging(app.get_name());
-  return nearmesh::run_program(app, argc, argv, [&chosen] {
-    nearmesh::wire::program::stop_on_signals();
-    return chosen();
-  });
+  return nearmesh::run_program(
+      app, argc, argv,
+      [&chosen] {
+        nearmesh::wire::program::stop_on_signals();
+        return chosen();
+      },
+      nearmesh::wire::program::dds_versions());
 }

@@ -6,6 +6,7 @@
 #include "core/base/hash.hpp"
 #include "core/demand/answer.hpp"
 #include "idl/messages/contents.hpp"
+#include "idl/messages/process_name.hpp"
 
 namespace nearmesh::publisher {
 namespace {
@@ -120,7 +121,7 @@ void Service::find_conflicts(std::vector<std::string>& lines) {
     };
     const std::string here = "model " + model->name + ": publisher ";
     for (const wire::Offer& theirs : offers) {
-      const std::string who = here + to_hex(theirs.publisher);
+      const std::string who = here + wire::called(theirs.publisher, theirs.name);
       if (theirs.content == hash || !stands(theirs.content)) continue;
       if (stands(hash))
         found.insert(who + " serves other content, " + to_hex(theirs.content) +
@@ -216,8 +217,8 @@ void Service::refuse(wire::SessionId id, Peer& peer, const Open& open, const std
     return;
   }
   const std::uint64_t unsaid = peer.unsaid_refusals.value_or(0);
-  lines.push_back("request " + std::to_string(request.request) + " of peer " + to_hex(id) +
-                  " refused: " + why +
+  lines.push_back("request " + std::to_string(request.request) + " of peer " +
+                  wire::called(id, channel_.name_of(id)) + " refused: " + why +
                   (unsaid > 0 ? " (and " + std::to_string(unsaid) + " before it)" : ""));
   peer.said_refusal_s = now_s;
   peer.unsaid_refusals = 0;

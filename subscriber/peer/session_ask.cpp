@@ -116,9 +116,9 @@ std::string Session::Impl::awaited_of(const PeerModel& model, std::size_t missin
                        ? "and each publisher that serves it has contradicted it"
                        : "no publisher that is there serves it");
   if (publisher->lost_requests > 0)
-    return what + "publisher " + to_hex(publisher->hello.publisher) + " has not answered " +
+    return what + "publisher " + called_of(*publisher) + " has not answered " +
            std::to_string(publisher->lost_requests) + " requests in a row";
-  return what + "publisher " + to_hex(publisher->hello.publisher) + " is asked for them";
+  return what + "publisher " + called_of(*publisher) + " is asked for them";
 }
 
 // The nodes of a model that this update's answers lack, or those for the time ahead; ascending.

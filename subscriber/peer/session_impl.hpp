@@ -12,6 +12,7 @@
 #include "core/base/random.hpp"
 #include "core/base/stopwatch.hpp"
 #include "core/query/answer.hpp"
+#include "idl/messages/process_name.hpp"
 #include "idl/messages/status_keeper.hpp"
 #include "nearmesh/subscriber/peer/session.hpp"
 #include "replicas.hpp"
@@ -53,6 +54,10 @@ struct Publisher {
                        [&](const auto& model) { return model.content_hash == content; });
   }
 };
+
+[[nodiscard]] inline std::string called_of(const Publisher& publisher) {
+  return wire::called(publisher.hello.publisher, publisher.hello.name);
+}
 
 struct Session::Impl {
   std::unique_ptr<Channel> channel;
@@ -117,6 +122,7 @@ struct Session::Impl {
                std::uint8_t priority, double patience_s);
   void audit(PeerModel& model);
   void settle_audit(PeerModel& model, FrameReport& report);
+  void tell_bodies(wire::ProcessStatus& now) const;
   void tell_status(const FrameReport& report, const SessionStats& counted);
   [[nodiscard]] Publisher* publisher_of(const ContentHash& content);
   [[nodiscard]] bool is_contradicted(const PeerModel& model) const;
