@@ -60,6 +60,7 @@ class ReaderListener : public fdds::SubscriberListener {
     Handle writer;
     Microseconds when;
     bool gone;  ///< else: found
+    bool barred = false;  ///< gone, since its identity does not count any more
   };
   [[nodiscard]] std::vector<Match> take_matches();
 
@@ -265,6 +266,9 @@ class Bus {
 
 /// Adds to a process's status what the door knows.
 void tell_of_door(const DoorWatch* door, ProcessStatus& status);
+
+/// kConflict once this program's own identity does not count any more: then it hears nobody.
+[[nodiscard]] Status identity_of(const DoorWatch* door);
 
 /// Short name of a Fast DDS return code, for messages.
 [[nodiscard]] const char* name_of(const eprosima::fastrtps::types::ReturnCode_t& code);

@@ -29,6 +29,9 @@ class DdsChannel::Impl {
   void tell(wire::ProcessStatus& status);
   DdsPeers& peers() { return peers_; }
   wire::Mailbox& mailbox() { return mailbox_; }
+  Status identity() const {
+    return bus_ == nullptr ? Status::ok() : wire::identity_of(bus_->door().get());
+  }
 
  private:
   template <class Message>
@@ -215,6 +218,7 @@ bool DdsChannel::send(SessionId peer, const wire::SplitBatchMessage& batch) {
   return impl_->peers().send(peer, batch);
 }
 void DdsChannel::tell(wire::ProcessStatus& status) { impl_->tell(status); }
+Status DdsChannel::identity() const { return impl_->identity(); }
 void DdsChannel::wait(double seconds) { impl_->mailbox().wait(seconds); }
 std::vector<std::string> DdsChannel::take_complaints() {
   return impl_->mailbox().take_complaints();
