@@ -59,7 +59,7 @@ class ReaderListener : public fdds::SubscriberListener {
   struct Match {
     Handle writer;
     Microseconds when;
-    bool gone;  ///< else: found
+    bool gone;            ///< else: found
     bool barred = false;  ///< gone, since its identity does not count any more
   };
   [[nodiscard]] std::vector<Match> take_matches();

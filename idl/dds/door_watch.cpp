@@ -118,7 +118,8 @@ bool DoorWatch::has_room_for_certificate() {
 void DoorWatch::refuse_identity(const IdentityFacts& facts, const std::string& fault) {
   {
     const std::lock_guard lock(complain_mutex_);
-    if (refused_serials_.size() >= kMaxCertificates || !refused_serials_.insert(facts.serial).second)
+    if (refused_serials_.size() >= kMaxCertificates ||
+        !refused_serials_.insert(facts.serial).second)
       return;
   }
   say("identity " + facts.name + ": its certificate " + facts.serial + " " + fault +

@@ -80,7 +80,8 @@ class DoorWatch {
   const double identity_period_s_;
   double looked_s_ = 0;       ///< since identities were looked at; the thread's own
   mutable std::mutex mutex_;  ///< of the book and the thread
-  std::unordered_map<ParticipantKey, IdentityFacts, Hash> certificates_;  ///< that counted when they came
+  std::unordered_map<ParticipantKey, IdentityFacts, Hash>
+      certificates_;  ///< that counted when they came
   std::string own_end_;
   std::atomic<bool> has_ended_ = false;  ///< own_end_ is set
   ParticipantBook book_;

@@ -75,7 +75,8 @@ class ParticipantBook {
 
   double now_s_ = 0;
   std::unordered_map<ParticipantKey, Known, Hash> known_;
-  std::unordered_set<ParticipantKey, Hash> barred_;  ///< some bytes for each that ever had a certificate
+  std::unordered_set<ParticipantKey, Hash>
+      barred_;  ///< some bytes for each that ever had a certificate
   double tokens_ = kBurst;
   double again_tokens_ = kBurst;
   std::unordered_map<ParticipantKey, double, Hash> waiting_;  ///< since when

@@ -440,8 +440,8 @@ struct Submessages {
   Refusal read_handshake(Bytes payload) {
     if (payload[0] != 0 || payload[1] > 1) return DoorRefusal::kParameters;
     Cursor in(payload.subspan(4), payload[1] == 1);
-    const Bytes speaker = in.take(24);   // who names this message, and its number
-    in.skip(24 + 3 * 16);                // another message's name, three GUIDs
+    const Bytes speaker = in.take(24);  // who names this message, and its number
+    in.skip(24 + 3 * 16);               // another message's name, three GUIDs
     in.text();
     bool is_one = true;
     for (std::uint32_t left = in.count(12); left > 0 && in.is_whole(); --left)
@@ -449,8 +449,9 @@ struct Submessages {
         if (!is_certificate(name)) return;
         if (verdict.certificate.empty()) verdict.certificate = value;
         // The second would hide the first from whoever looks at one.
-        is_one = is_one && !value.empty() && std::equal(value.begin(), value.end(), verdict.certificate.begin(),
-                                      verdict.certificate.end());
+        is_one = is_one && !value.empty() &&
+                 std::equal(value.begin(), value.end(), verdict.certificate.begin(),
+                            verdict.certificate.end());
       });
     if (!in.is_whole() || !is_one) return DoorRefusal::kParameters;
     // Fast DDS takes it for who this says, not for who sent it.

@@ -114,7 +114,8 @@ class Check {
                 : "cannot be read (" + list->status().message() + ")",
             kCopyFromSet);
     } else if (list->value().serials.contains(crypto::serial_of(certificate))) {
-      fault(kCertificate, "revoked on " + date_of(list->value().serials.at(crypto::serial_of(certificate))),
+      fault(kCertificate,
+            "revoked on " + date_of(list->value().serials.at(crypto::serial_of(certificate))),
             kMakeAgain);
     }
   }

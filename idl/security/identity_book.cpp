@@ -128,8 +128,7 @@ std::optional<IdentityFacts> IdentityBook::facts_of(std::span<const std::uint8_t
   // As Fast DDS reads it.
   const std::unique_ptr<BIO, crypto::Freer<BIO_free_all>> in(
       BIO_new_mem_buf(text.data(), static_cast<int>(text.size())));
-  const crypto::Certificate certificate(
-      PEM_read_bio_X509_AUX(in.get(), nullptr, nullptr, nullptr));
+  const crypto::Certificate certificate(PEM_read_bio_X509_AUX(in.get(), nullptr, nullptr, nullptr));
   ERR_clear_error();
   if (certificate == nullptr) return std::nullopt;
   if (!crypto::is_issued_by(*certificate, *impl_->authority)) return std::nullopt;

@@ -26,7 +26,7 @@ constexpr int kMaxValidDays = 36500;
 constexpr std::size_t kMaxIdentityName = 63;
 constexpr mode_t kPrivate = 0600, kPublic = 0644;
 const std::string kAuthorities =
-    "private";  // keys of the authorities, and what all identities share
+    "private";                         // keys of the authorities, and what all identities share
 const char* const kIssued = "issued";  // each certificate, a line: serial and name
 
 Status io_error(const std::string& path) {

@@ -50,7 +50,8 @@ struct RevocationPlan {
 };
 struct RevocationReport {
   std::vector<std::string> certificates;  ///< "alice 3F…": those that are new on the list
-  std::vector<std::string> files;         ///< the lists in the identities' folders, all with the same bytes
+  std::vector<std::string>
+      files;  ///< the lists in the identities' folders, all with the same bytes
 };
 /// Takes back every certificate that the set has issued in these names, and writes the list into each identity's folder.
 /// Certificates that are made for the names later count. What is revoked already stays so: then nothing is new.

@@ -61,8 +61,8 @@ bool set_serial(X509& certificate) {
 
 std::string hex_of(const ASN1_INTEGER& number) {
   const std::unique_ptr<BIGNUM, Freer<BN_free>> big(ASN1_INTEGER_to_BN(&number, nullptr));
-  const std::unique_ptr<char, void (*)(char*)> text(
-      big == nullptr ? nullptr : BN_bn2hex(big.get()), [](char* t) { OPENSSL_free(t); });
+  const std::unique_ptr<char, void (*)(char*)> text(big == nullptr ? nullptr : BN_bn2hex(big.get()),
+                                                    [](char* t) { OPENSSL_free(t); });
   return text == nullptr ? std::string() : std::string(text.get());
 }
 
@@ -192,28 +192,24 @@ std::string name_of(X509& certificate) {
   return subject.starts_with("CN=") ? subject.substr(3) : subject;
 }
 
-std::string serial_of(X509& certificate) {
-  return hex_of(*X509_get0_serialNumber(&certificate));
-}
+std::string serial_of(X509& certificate) { return hex_of(*X509_get0_serialNumber(&certificate)); }
 
-std::time_t end_of(X509& certificate) {
-  return time_of(*X509_get0_notAfter(&certificate));
-}
+std::time_t end_of(X509& certificate) { return time_of(*X509_get0_notAfter(&certificate)); }
 
 Result<std::string> sign_revocations(const Revocations& revoked, std::time_t now,
                                      const Issuer& authority) {
   const List list(X509_CRL_new());
   const Time from(ASN1_TIME_set(nullptr, now - kDay_s));
   const Number number(ASN1_INTEGER_new());
-  bool good = list != nullptr && from != nullptr && number != nullptr &&
-              ASN1_INTEGER_set_int64(number.get(), revoked.number) == 1 &&
-              X509_CRL_set_version(list.get(), X509_CRL_VERSION_2) == 1 &&
-              X509_CRL_set_issuer_name(
-                  list.get(), X509_get_subject_name(authority.certificate.get())) == 1 &&
-              X509_CRL_set1_lastUpdate(list.get(), from.get()) == 1 &&
-              X509_CRL_set1_nextUpdate(
-                  list.get(), X509_get0_notAfter(authority.certificate.get())) == 1 &&
-              X509_CRL_add1_ext_i2d(list.get(), NID_crl_number, number.get(), 0, 0) == 1;
+  bool good =
+      list != nullptr && from != nullptr && number != nullptr &&
+      ASN1_INTEGER_set_int64(number.get(), revoked.number) == 1 &&
+      X509_CRL_set_version(list.get(), X509_CRL_VERSION_2) == 1 &&
+      X509_CRL_set_issuer_name(list.get(), X509_get_subject_name(authority.certificate.get())) ==
+          1 &&
+      X509_CRL_set1_lastUpdate(list.get(), from.get()) == 1 &&
+      X509_CRL_set1_nextUpdate(list.get(), X509_get0_notAfter(authority.certificate.get())) == 1 &&
+      X509_CRL_add1_ext_i2d(list.get(), NID_crl_number, number.get(), 0, 0) == 1;
   for (const auto& [serial, since] : revoked.serials) {
     if (!good) break;
     std::unique_ptr<X509_REVOKED, Freer<X509_REVOKED_free>> entry(X509_REVOKED_new());

@@ -57,7 +57,7 @@ struct Issuer {
 
 /// What an authority takes back (RFC 5280, chapter 5).
 struct Revocations {
-  std::int64_t number = 0;                    ///< of the list; a later one has a higher
+  std::int64_t number = 0;                     ///< of the list; a later one has a higher
   std::map<std::string, std::time_t> serials;  ///< since when
 };
 /// A list in PEM, from a day before `now`, for clocks that differ; valid as long as the authority itself.

@@ -55,7 +55,8 @@ class DdsPoses {
   wire::Mailbox& mailbox_;
   const std::string topic_;
   wire::BodyBook bodies_;
-  std::vector<std::pair<wire::Handle, wire::Mover>> gone_movers_;  ///< not yet forgotten, and how they went
+  std::vector<std::pair<wire::Handle, wire::Mover>>
+      gone_movers_;                         ///< not yet forgotten, and how they went
   std::map<std::string, Heard> contested_;  ///< of bodies that another owns, the latest
   const Stopwatch clock_;
   double looked_s_ = 0;                     ///< for silent ones, the last time

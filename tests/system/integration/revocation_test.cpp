@@ -33,8 +33,8 @@ class Revoked : public test::Secured {
     auto key = wire::crypto::read_key(authority + ".key.pem");
     ASSERT_TRUE(certificate.is_ok() && key.is_ok());
     const wire::crypto::Issuer issuer{std::move(key).value(), std::move(certificate).value()};
-    const auto made = wire::crypto::make_identity("alice", 1, std::time(nullptr) - kDay_s + seconds,
-                                                  &issuer);
+    const auto made =
+        wire::crypto::make_identity("alice", 1, std::time(nullptr) - kDay_s + seconds, &issuer);
     ASSERT_TRUE(made.is_ok());
     std::ofstream(set + "/alice/cert.pem") << wire::crypto::to_pem(*made.value().certificate);
     std::ofstream(set + "/alice/key.pem") << wire::crypto::to_pem(*made.value().key).value();
@@ -91,14 +91,16 @@ class Revoked : public test::Secured {
 
 TEST_F(Revoked, EndsAtAllOthers) {
   const std::string set = make_set("set");
-  fly(set, [&] { revoke(set, "alice"); }, "was revoked");
+  fly(
+      set, [&] { revoke(set, "alice"); }, "was revoked");
 }
 
 TEST_F(Revoked, ExpiredEndsAtAllOthers) {
   const std::string set = make_set("set");
   shorten(set, 8);
   ASSERT_TRUE(wire::check_security(set + "/alice", kDomain, prefix).empty());
-  fly(set, [] {}, "expired on");
+  fly(
+      set, [] {}, "expired on");
 }
 
 // By starting again, with the list or without it.
@@ -178,9 +180,8 @@ TEST_F(Revoked, OthersFlyOnCertified) {
   Process recorder(folder, "nearmesh-subscriber",
                    on_bus({"record", "-o", folder.file("session.db3")}, "rec"));
   Process alice(folder, "nearmesh-subscriber", on_bus({"run", folder.file("alice.yaml")}, "alice"));
-  Process bob(
-      folder, "nearmesh-subscriber",
-      on_bus({"run", folder.file("bob.yaml"), "--answers", folder.file("a.jsonl")}, "bob"));
+  Process bob(folder, "nearmesh-subscriber",
+              on_bus({"run", folder.file("bob.yaml"), "--answers", folder.file("a.jsonl")}, "bob"));
   ASSERT_TRUE(bob.says("frame 75 of 300")) << bob.err();
   ASSERT_EQ(test::run(folder, "nearmesh-publisher",
                       on_bus({"make-security", set, "--revoke", "alice"}, ""), &out, &err),

@@ -127,8 +127,7 @@ class Secured : public ::testing::Test {
   void expect_unheard(publisher::DdsChannel& false_publisher, SecuredPeer& peer) const {
     ASSERT_TRUE(peer.hears(kTrue));
     peer.channel->send(request_of(peer, kFalse));
-    EXPECT_FALSE(
-        await([&] { return !false_publisher.take().subscriptions.empty(); }, kQuiet_s));
+    EXPECT_FALSE(await([&] { return !false_publisher.take().subscriptions.empty(); }, kQuiet_s));
     EXPECT_FALSE(false_publisher.send(peer.channel->own_id(), wire::SplitBatchMessage{}));
     for (const wire::Hello& hello : peer.collect().hellos) EXPECT_EQ(hello.publisher, kTrue);
     for (const auto& header : peer.all.headers)

@@ -416,8 +416,8 @@ TEST_F(Revoking, ForgedListIsRefused) {
   // Signed by an identity of the set.
   auto key = crypto::read_key(folder + "/set/rec/key.pem");
   auto authority = crypto::read_certificate(folder + "/set/private/identity_ca.cert.pem");
-  const auto list = crypto::sign_revocations({7, {}}, std::time(nullptr),
-                                             {std::move(key).value(), std::move(authority).value()});
+  const auto list = crypto::sign_revocations(
+      {7, {}}, std::time(nullptr), {std::move(key).value(), std::move(authority).value()});
   ASSERT_TRUE(list.is_ok()) << list.status().message();
   put_list(list.value());
   EXPECT_NE(refresh_twice(*book).find("not signed"), std::string::npos);
