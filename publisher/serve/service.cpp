@@ -2,6 +2,7 @@
 #include "service.hpp"
 
 #include <algorithm>
+#include <tuple>
 
 #include "core/base/hash.hpp"
 #include "core/demand/answer.hpp"
@@ -18,6 +19,9 @@ constexpr int kMaxSent = 64;
 /// Answers that are being collected at a time, since each may take some 20 MB for it.
 constexpr std::size_t kMaxCollecting = 8;
 constexpr std::size_t kMaxRivals = 256;
+/// How often an answer that was begun may give way to another of the same model: faster than any peer's frames.
+constexpr double kRestart_s = 0.01;
+constexpr int kRestartsAtOnce = 10;
 
 }  // namespace
 
@@ -95,7 +99,12 @@ void Service::take_requests(double now_s) {
     });
     const ContentHash hash =
         answerers_.contains(subscription.content_hash) ? subscription.content_hash : ContentHash{};
-    peer.open[{hash, is_audit}] = Open{std::move(subscription), {}, false, is_audit};
+    Open& open = peer.open[{hash, is_audit}];
+    // What is begun anew again and again would keep the publisher busy for nothing.
+    if (open.parts)
+      open.may_begin_s =
+          std::max(open.may_begin_s, now_s - kRestartsAtOnce * kRestart_s) + kRestart_s;
+    open = Open{std::move(subscription), {}, false, is_audit, open.may_begin_s};
   }
 }
 
@@ -140,12 +149,14 @@ void Service::find_conflicts(std::vector<std::string>& lines) {
 
 /// The end when its queue is full enough at that urgency, or nothing is open.
 Service::OpenRequests::iterator Service::most_urgent(Peer& peer) const {
-  const auto found =
-      std::min_element(peer.open.begin(), peer.open.end(), [](const auto& a, const auto& b) {
-        const wire::RegionSubscription &x = a.second.subscription, &y = b.second.subscription;
-        return std::pair(x.priority, x.request) < std::pair(y.priority, y.request);
-      });
-  if (found == peer.open.end()) return found;
+  const auto rank = [this](const Open& open) {
+    return std::tuple(open.may_begin_s > now_s_, open.subscription.priority,
+                      open.subscription.request);
+  };
+  const auto found = std::min_element(
+      peer.open.begin(), peer.open.end(),
+      [&](const auto& a, const auto& b) { return rank(a.second) < rank(b.second); });
+  if (found == peer.open.end() || found->second.may_begin_s > now_s_) return peer.open.end();
   std::size_t queued_bytes = 0;
   for (const Waiting& waiting : peer.queue)
     if (waiting.priority <= found->second.subscription.priority)
@@ -268,6 +279,7 @@ bool Service::send(double now_s) {
 
 std::vector<std::string> Service::step(double now_s) {
   std::vector<std::string> complaints;
+  now_s_ = now_s;
   for (auto& [id, peer] : peers_) peer.pacing.expire(now_s);
   is_behind_ = true;
   for (int turn = 0; turn < kMaxTurns && is_behind_; ++turn) {

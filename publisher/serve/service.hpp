@@ -91,6 +91,7 @@ class Service {
     Parts parts;                 ///< empty until it is begun
     bool is_collecting = false;  ///< begun, and nothing has come of it yet
     bool is_audit = false;
+    double may_begin_s = 0;  ///< later than now where too many before it were given up when begun
   };
   struct Peer {
     explicit Peer(const PacingOptions& options) : pacing(options) {}
@@ -133,6 +134,7 @@ class Service {
   bool has_news_of_rivals_ = false;
   std::set<std::string> conflicts_;  // of names with them, as they were said
   std::uint64_t turns_ = 0;
+  double now_s_ = 0;  ///< of the last step()
   bool is_behind_ = false;
   ServiceStats stats_;
   std::optional<double> began_s_;
