@@ -34,7 +34,8 @@ std::vector<std::uint8_t> farewell_of(const ParticipantBook::Gone& gone) {
 
 }  // namespace
 
-DoorWatch::DoorWatch(bool is_plain) : is_plain_(is_plain) {
+DoorWatch::DoorWatch(bool is_plain, double announcement_s)
+    : is_plain_(is_plain), pace_(announcement_s) {
   thread_ = std::thread([this] { run(); });
 }
 
@@ -47,16 +48,28 @@ DoorWatch::~DoorWatch() {
   thread_.join();
 }
 
-RtpsVerdict DoorWatch::check(std::span<const std::uint8_t> message, const MessageSource& from) {
+RtpsVerdict DoorWatch::check(std::span<const std::uint8_t> message, const MessageSource& from,
+                             Standing& standing) {
   RtpsVerdict verdict = check_rtps(message);
   if (!verdict.refusal && verdict.tells_of_others && is_plain_)
     verdict.refusal = DoorRefusal::kSource;
   if (!verdict.refusal) {
     const std::lock_guard lock(mutex_);
-    verdict.refusal = book_.hear(verdict, from);
+    verdict.refusal = book_.hear(verdict, from, &standing);
+  }
+  if (standing.is_newcomer && is_plain_) {
+    const std::lock_guard lock(pace_mutex_);
+    for (std::size_t i = 0; i < verdict.announcement->place_count; ++i)
+      pace_.expect(verdict.announcement->places[i]);
   }
   if (verdict.refusal) count(*verdict.refusal);
   return verdict;
+}
+
+bool DoorWatch::may_go(const RtpsPlace& place, std::int64_t sequence) {
+  const std::chrono::duration<double> now = std::chrono::steady_clock::now().time_since_epoch();
+  const std::lock_guard lock(pace_mutex_);
+  return pace_.may_go(place, sequence, now.count());
 }
 
 void DoorWatch::count(DoorRefusal refusal) {

@@ -14,6 +14,7 @@
 #include <thread>
 #include <vector>
 
+#include "announcement_pace.hpp"
 #include "participant_book.hpp"
 
 namespace nearmesh::wire {
@@ -30,15 +31,20 @@ class LeaseEnd {
 /// Threads: all functions, any thread.
 class DoorWatch {
  public:
-  /// `is_plain`: discovery without a server, where each participant speaks for itself alone. Then leases end here.
-  explicit DoorWatch(bool is_plain);
+  /// `is_plain`: discovery without a server, where each participant speaks for itself alone. Then leases end here, and its
+  /// announcements, each `announcement_s`, are paced.
+  DoorWatch(bool is_plain, double announcement_s);
   ~DoorWatch();
   DoorWatch(const DoorWatch&) = delete;
   DoorWatch& operator=(const DoorWatch&) = delete;
 
   [[nodiscard]] bool ends_leases() const { return is_plain_; }
   /// Checks a message, and counts it where it is refused.
-  [[nodiscard]] RtpsVerdict check(std::span<const std::uint8_t> message, const MessageSource& from);
+  [[nodiscard]] RtpsVerdict check(std::span<const std::uint8_t> message, const MessageSource& from,
+                                  Standing& standing);
+  [[nodiscard]] bool paces_announcements() const { return is_plain_; }
+  /// As AnnouncementPace::may_go, now.
+  [[nodiscard]] bool may_go(const RtpsPlace& place, std::int64_t sequence);
   void count(DoorRefusal refusal);
   [[nodiscard]] std::array<std::uint64_t, kDoorRefusals> refused() const;
   /// As ParticipantBook::is_silent.
@@ -57,6 +63,8 @@ class DoorWatch {
   const bool is_plain_;
   mutable std::mutex mutex_;  ///< of the book and the thread
   ParticipantBook book_;
+  std::mutex pace_mutex_;
+  AnnouncementPace pace_;
   std::array<std::atomic<std::uint64_t>, kDoorRefusals> refused_{};
   std::mutex ends_mutex_;
   std::vector<LeaseEnd*> ends_;

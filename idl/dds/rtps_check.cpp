@@ -43,6 +43,8 @@ enum BuiltinWriter : std::uint32_t {
   kLiveliness = 0x000200c2,
   kHandshakes = 0x000201c3,
 };
+/// The parameter that says where a participant hears of others.
+constexpr std::uint16_t kMetatrafficPlace = 0x0032;
 
 /// Takes numbers off bytes. What is not there is 0, and leaves the cursor broken.
 class Cursor {
@@ -435,6 +437,15 @@ struct Submessages {
     return in.is_whole();
   }
 
+  static RtpsPlace place_of(Bytes bytes, bool little_endian) {
+    RtpsPlace place;
+    Cursor in(bytes, little_endian);
+    place.kind = static_cast<std::int32_t>(in.u32());
+    place.port = in.u32();
+    if (bytes.size() >= 24) std::copy_n(bytes.begin() + 8, place.address.size(), place.address.begin());
+    return place;
+  }
+
   Refusal read_announcement(std::int64_t sequence, const InlineQos& qos, Bytes payload) {
     RtpsAnnouncement found;
     found.sequence = sequence;
@@ -456,6 +467,8 @@ struct Submessages {
           found.lease_at = offset + place;
           if (found.lease_s < kMinLease_s) return false;
         }
+        if (id == kMetatrafficPlace && found.place_count < found.places.size())
+          found.places[found.place_count++] = place_of(bytes, *little_endian);
         return true;
       });
       if (!whole) return DoorRefusal::kParameters;

@@ -142,6 +142,7 @@ void add_security_commands(CLI::App& app, Action& chosen) {
 
 int main(int argc, char** argv) {
   using namespace nearmesh::publisher::program;
+  nearmesh::wire::program::stop_on_signals();  // first: whoever stops it while it starts shall see it end well
   CLI::App app{"Serves nearmesh models (.spm) to peers over DDS, and replays recorded sessions.",
                "nearmesh-publisher"};
   app.require_subcommand(1);
@@ -150,8 +151,5 @@ int main(int argc, char** argv) {
   add_replay_command(app, chosen);
   add_security_commands(app, chosen);
   nearmesh::wire::program::begin_logging(app.get_name());
-  return nearmesh::run_program(app, argc, argv, [&chosen] {
-    nearmesh::wire::program::stop_on_signals();
-    return chosen();
-  });
+  return nearmesh::run_program(app, argc, argv, [&chosen] { return chosen(); });
 }
