@@ -21,6 +21,12 @@ std::uint32_t word(std::span<const std::uint8_t> bytes, std::size_t at, bool lit
   return value;
 }
 
+/// Of UDPv4 and UDPv6. (An address of version 4 is in the last four bytes.)
+bool is_group(const RtpsPlace& place) {
+  return (place.kind == 1 && place.address[12] >> 4 == 14) ||
+         (place.kind == 2 && place.address[0] == 255);
+}
+
 /// Of the body of a DATA submessage.
 std::int64_t announcement_in(std::span<const std::uint8_t> body, std::uint8_t flags) {
   // What it takes back is told with inline QoS.
@@ -46,13 +52,14 @@ bool AnnouncementPace::may_go(const RtpsPlace& place, std::int64_t sequence, dou
   if (told_.size() >= kMaxPlaces) told_.clear();
   const auto [at, is_new] = told_.try_emplace(place);
   Told& told = at->second;
+  const double longest_s = is_group(place) ? group_wait_s_ : single_wait_s_;
   if (is_new || told.sequence != sequence) {
-    told = {sequence, now_s, std::min(kFirst_s, period_s_)};
+    told = {sequence, now_s, std::min(kFirst_s, longest_s)};
     return true;
   }
   if (now_s - told.last_s < told.wait_s) return false;
   told.last_s = now_s;
-  told.wait_s = std::min(2 * told.wait_s, period_s_);
+  told.wait_s = std::min(2 * told.wait_s, longest_s);
   return true;
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 // When a participant's announcement of itself goes where. No Fast DDS, no clock.
 
+#include <algorithm>
 #include <cstdint>
 #include <span>
 #include <unordered_map>
@@ -11,15 +12,18 @@
 namespace nearmesh::wire {
 
 /// Fast DDS 2.9 announces a participant to everybody, known or not, each time that it hears of somebody new: n that start at once
-/// send and read n^3 announcements. Here one place is told the same once, then after kFirst_s, twice that and so on up to the period;
-/// a place where somebody new is, at once. Threads: one at a time.
+/// send and read n^3 announcements. Here one place is told the same once, then after kFirst_s, twice that and so on up to a period: each
+/// announcement goes to a multicast group, each fourth to a single participant, which hears the group too, or of other things. A place
+/// where somebody new is, is told at once. Threads: one at a time.
 class AnnouncementPace {
  public:
   static constexpr double kFirst_s = 0.2;
   static constexpr std::size_t kMaxPlaces = 4096;  ///< remembered; beyond that all are forgotten
 
-  /// Lets through what comes each `period_s`, if a little early.
-  explicit AnnouncementPace(double period_s) : period_s_(0.8 * period_s) {}
+  /// Of announcements each `period_s`, of a participant with such a lease.
+  AnnouncementPace(double period_s, double lease_s)
+      : group_wait_s_(kEarly * period_s),
+        single_wait_s_(kEarly * std::max(period_s, std::min(4 * period_s, lease_s / 4))) {}
 
   /// May the announcement with this number go there now? Then it does.
   [[nodiscard]] bool may_go(const RtpsPlace& place, std::int64_t sequence, double now_s);
@@ -35,7 +39,8 @@ class AnnouncementPace {
     double last_s = 0, wait_s = 0;
   };
 
-  const double period_s_;
+  static constexpr double kEarly = 0.8;  ///< timers are not exact
+  const double group_wait_s_, single_wait_s_;
   std::unordered_map<RtpsPlace, Told, Hash> told_;
 };
 

@@ -161,6 +161,8 @@ Status set_transport(const TransportOptions& options, fdds::DomainParticipantQos
   auto& discovery = qos.wire_protocol().builtin.discovery_config;
   discovery.leaseDuration = Duration_t(options.lease_s);
   discovery.leaseDuration_announcementperiod = Duration_t(options.announcement_s);
+  // Liveliness is by participant, at the door; this would only be two more endpoints for everybody to match.
+  qos.wire_protocol().builtin.use_WriterLivelinessProtocol = false;
   std::string interface = options.interface.empty() && options.transport == Transport::kSameHost
                               ? kLoopback
                               : options.interface;

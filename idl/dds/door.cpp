@@ -252,6 +252,10 @@ std::shared_ptr<Descriptor> with_door(const std::shared_ptr<Descriptor>& below,
   return std::make_shared<AnyDoorDescriptor>(below, watch);
 }
 
+double seconds_of(const eprosima::fastrtps::Duration_t& duration) {
+  return duration.seconds + 1e-9 * duration.nanosec;
+}
+
 /// As Fast DDS 2.9 makes its built-in ones.
 void name_builtin_transports(fdds::DomainParticipantQos& qos) {
   if (!qos.transport().use_builtin_transports) return;
@@ -275,15 +279,14 @@ const HasDoor* door_of(const Descriptor* descriptor) {
 
 void add_door(fdds::DomainParticipantQos& qos) {
   name_builtin_transports(qos);
-  const bool is_plain = qos.wire_protocol().builtin.discovery_config.discoveryProtocol ==
-                        eprosima::fastrtps::rtps::DiscoveryProtocol_t::SIMPLE;
-  const double announcement_s =
-      1e-9 * static_cast<double>(qos.wire_protocol()
-                                     .builtin.discovery_config.leaseDuration_announcementperiod.to_ns());
+  const auto& discovery = qos.wire_protocol().builtin.discovery_config;
+  const bool is_plain =
+      discovery.discoveryProtocol == eprosima::fastrtps::rtps::DiscoveryProtocol_t::SIMPLE;
   std::shared_ptr<DoorWatch> watch;
   for (auto& transport : qos.transport().user_transports) {
     if (door_of(transport.get()) != nullptr) continue;
-    if (watch == nullptr) watch = std::make_shared<DoorWatch>(is_plain, announcement_s);
+    if (watch == nullptr) watch = std::make_shared<DoorWatch>(is_plain, seconds_of(discovery.leaseDuration_announcementperiod),
+                                          seconds_of(discovery.leaseDuration));
     transport = with_door(transport, watch);
   }
 }

@@ -34,8 +34,8 @@ std::vector<std::uint8_t> farewell_of(const ParticipantBook::Gone& gone) {
 
 }  // namespace
 
-DoorWatch::DoorWatch(bool is_plain, double announcement_s)
-    : is_plain_(is_plain), pace_(announcement_s) {
+DoorWatch::DoorWatch(bool is_plain, double announcement_s, double lease_s)
+    : is_plain_(is_plain), pace_(announcement_s, lease_s) {
   thread_ = std::thread([this] { run(); });
 }
 

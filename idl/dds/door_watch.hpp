@@ -33,7 +33,7 @@ class DoorWatch {
  public:
   /// `is_plain`: discovery without a server, where each participant speaks for itself alone. Then leases end here, and its
   /// announcements, each `announcement_s`, are paced.
-  DoorWatch(bool is_plain, double announcement_s);
+  DoorWatch(bool is_plain, double announcement_s, double lease_s);
   ~DoorWatch();
   DoorWatch(const DoorWatch&) = delete;
   DoorWatch& operator=(const DoorWatch&) = delete;

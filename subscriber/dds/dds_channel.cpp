@@ -250,8 +250,9 @@ Status DdsChannel::Impl::open() {
   NEARMESH_RETURN_IF_ERROR(batch_reader_.open(*bus_, wire::partition_of(own_id_)));
   NEARMESH_RETURN_IF_ERROR(hello_reader_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(header_reader_.open(*bus_));
-  NEARMESH_RETURN_IF_ERROR(pose_reader_.open(*bus_));
-  // A life sign that is lost is followed by the next. Heard reliably, each would be acknowledged by each peer.
+  // What is lost of these is followed by the next. Heard reliably, each would be acknowledged by each peer, and each writer would
+  // remind all while one is late.
+  NEARMESH_RETURN_IF_ERROR(pose_reader_.open(*bus_, "", wire::Hearing::kLatest));
   NEARMESH_RETURN_IF_ERROR(status_reader_.open(*bus_, "", wire::Hearing::kLatest));
   NEARMESH_RETURN_IF_ERROR(subscription_writer_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(pose_writer_.open(*bus_));
