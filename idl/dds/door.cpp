@@ -95,7 +95,7 @@ class Door final : public rtps::ChainingTransport, private LeaseEnd {
     if (verdict.refusal) return;
     const auto passed = static_cast<std::uint32_t>(verdict.size);
     if (verdict.announcement && !verdict.announcement->leaves && watch_->ends_leases()) {
-      if (standing.is_repetition && announcement_alone({data, passed}) != 0) return;
+      if (standing.is_repetition && discovery_word({data, passed})) return;
       receive_announcement(*next, {data, passed}, *verdict.announcement, local, remote);
       return;
     }
@@ -125,11 +125,11 @@ class Door final : public rtps::ChainingTransport, private LeaseEnd {
 
   bool send_to(std::span<const std::uint8_t> message, LocatorsIterator& begin,
                LocatorsIterator& end, const std::chrono::steady_clock::time_point& timeout) {
-    const std::int64_t announced = announcement_alone(message);
+    const std::optional<DiscoveryWord> word = discovery_word(message);
     places_.clear();
     for (; begin != end; ++begin) {
       const Locator_t& locator = *begin;
-      if (announced == 0 || watch_->may_go(place_of(locator), announced)) places_.push_back(locator);
+      if (!word || watch_->may_go(place_of(locator), *word)) places_.push_back(locator);
     }
     if (places_.empty()) return true;
     bool sent = true;

@@ -57,19 +57,19 @@ RtpsVerdict DoorWatch::check(std::span<const std::uint8_t> message, const Messag
     const std::lock_guard lock(mutex_);
     verdict.refusal = book_.hear(verdict, from, &standing);
   }
-  if (standing.is_newcomer && is_plain_) {
+  if (is_plain_ && !verdict.refusal && (standing.is_newcomer || verdict.confirmation)) {
     const std::lock_guard lock(pace_mutex_);
-    for (std::size_t i = 0; i < verdict.announcement->place_count; ++i)
-      pace_.expect(verdict.announcement->places[i]);
+    if (standing.is_newcomer) pace_.expect(verdict.source, *verdict.announcement);
+    if (verdict.confirmation) pace_.confirm(verdict.source, *verdict.confirmation);
   }
   if (verdict.refusal) count(*verdict.refusal);
   return verdict;
 }
 
-bool DoorWatch::may_go(const RtpsPlace& place, std::int64_t sequence) {
+bool DoorWatch::may_go(const RtpsPlace& place, const DiscoveryWord& word) {
   const std::chrono::duration<double> now = std::chrono::steady_clock::now().time_since_epoch();
   const std::lock_guard lock(pace_mutex_);
-  return pace_.may_go(place, sequence, now.count());
+  return pace_.may_go(place, word, now.count());
 }
 
 void DoorWatch::count(DoorRefusal refusal) {

@@ -14,7 +14,7 @@
 #include <thread>
 #include <vector>
 
-#include "announcement_pace.hpp"
+#include "discovery_pace.hpp"
 #include "participant_book.hpp"
 
 namespace nearmesh::wire {
@@ -43,8 +43,8 @@ class DoorWatch {
   [[nodiscard]] RtpsVerdict check(std::span<const std::uint8_t> message, const MessageSource& from,
                                   Standing& standing);
   [[nodiscard]] bool paces_announcements() const { return is_plain_; }
-  /// As AnnouncementPace::may_go, now.
-  [[nodiscard]] bool may_go(const RtpsPlace& place, std::int64_t sequence);
+  /// As DiscoveryPace::may_go, now.
+  [[nodiscard]] bool may_go(const RtpsPlace& place, const DiscoveryWord& word);
   void count(DoorRefusal refusal);
   [[nodiscard]] std::array<std::uint64_t, kDoorRefusals> refused() const;
   /// As ParticipantBook::is_silent.
@@ -64,7 +64,7 @@ class DoorWatch {
   mutable std::mutex mutex_;  ///< of the book and the thread
   ParticipantBook book_;
   std::mutex pace_mutex_;
-  AnnouncementPace pace_;
+  DiscoveryPace pace_;
   std::array<std::atomic<std::uint64_t>, kDoorRefusals> refused_{};
   std::mutex ends_mutex_;
   std::vector<LeaseEnd*> ends_;

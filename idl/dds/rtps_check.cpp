@@ -287,10 +287,12 @@ struct Submessages {
     return in.is_whole() ? DoorRefusal::kSequence : DoorRefusal::kSubmessages;
   }
 
-  static Refusal read_ack_nack(Cursor& in) {
-    in.skip(8);
+  Refusal read_ack_nack(Cursor& in) {
+    in.skip(4);
+    const std::uint32_t writer = in.big_u32();
     std::int64_t base = 0;
     if (!read_set(in, base)) return of_sequence(in);
+    if (writer == kWriters || writer == kReaders) verdict.confirmation = {writer, base};
     return in.skip(4) ? kNone : DoorRefusal::kSubmessages;
   }
 

@@ -48,6 +48,15 @@ struct RtpsAnnouncement {
   std::size_t place_count = 0;
 };
 
+/// The writers that tell of a participant's own writers and readers.
+inline constexpr std::uint32_t kWritersOfEndpoints[] = {0x000003c2, 0x000004c2};
+
+/// What a participant says it has of one of these: all below `next`.
+struct RtpsConfirmation {
+  std::uint32_t writer = 0;
+  std::int64_t next = 0;
+};
+
 struct RtpsVerdict {
   std::optional<DoorRefusal> refusal;
   /// To be handed on: Fast DDS's statistics at the end are left out. Nothing of nearmesh reads them, and Fast DDS compares them
@@ -55,6 +64,7 @@ struct RtpsVerdict {
   std::size_t size = 0;
   ParticipantKey source{};
   std::optional<RtpsAnnouncement> announcement;  ///< of the source itself
+  std::optional<RtpsConfirmation> confirmation;  ///< the last in the message
   /// Discovery about another participant, or an endpoint of one: only a discovery server may.
   bool tells_of_others = false;
 };

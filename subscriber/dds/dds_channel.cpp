@@ -251,9 +251,10 @@ Status DdsChannel::Impl::open() {
   NEARMESH_RETURN_IF_ERROR(hello_reader_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(header_reader_.open(*bus_));
   // What is lost of these is followed by the next. Heard reliably, each would be acknowledged by each peer, and each writer would
-  // remind all while one is late.
+  // remind all while one is late. Who falls silent is seen at the door, where there is one.
   NEARMESH_RETURN_IF_ERROR(pose_reader_.open(*bus_, "", wire::Hearing::kLatest));
-  NEARMESH_RETURN_IF_ERROR(status_reader_.open(*bus_, "", wire::Hearing::kLatest));
+  if (bus_->door() == nullptr)
+    NEARMESH_RETURN_IF_ERROR(status_reader_.open(*bus_, "", wire::Hearing::kLatest));
   NEARMESH_RETURN_IF_ERROR(subscription_writer_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(pose_writer_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(report_writer_.open(*bus_));
@@ -387,10 +388,11 @@ bool DdsChannel::Impl::receive_poses() {
       });
   for (wire::BodyPose& pose : movers_.take(matches, std::move(heard), more))
     deliver(&Inbox::poses, std::move(pose), kMaxWaitingOthers, names_.of<wire::BodyPose>());
-  more |= status_reader_.drain(
-      kMaxTaken, [&](wire::ProcessStatus&& status, const Handle& writer, Microseconds) {
-        movers_.hear_sign(status.session, writer);
-      });
+  if (status_reader_.is_open())
+    more |= status_reader_.drain(
+        kMaxTaken, [&](wire::ProcessStatus&& status, const Handle& writer, Microseconds) {
+          movers_.hear_sign(status.session, writer);
+        });
   deliver_movers();
   return more;
 }
