@@ -103,6 +103,25 @@ void add_replay_command(CLI::App& app, Action& chosen) {
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 
+void add_discovery_command(CLI::App& app, Action& chosen) {
+  const auto options = std::make_shared<DiscoveryOptions>();
+  CLI::App* command = app.add_subcommand(
+      "discovery",
+      "Run a discovery server until Ctrl-C: programs that name it with --discovery-server find "
+      "each other through it, and are told only of those that they share topics with.");
+  command
+      ->add_option("--listen", options->listen,
+                   "ADDRESS or ADDRESS:PORT of this machine where it is found (port " +
+                       std::to_string(wire::kDefaultServerPort) + ")")
+      ->required();
+  command->add_option("--domain", options->transport.domain, "DDS domain of the programs")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 232));
+  command->add_option("--security", options->transport.security,
+                      "Join with this program's identity (folder)");
+  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
+}
+
 void add_bus_options(CLI::App& command, std::uint32_t& domain, std::string& prefix) {
   command.add_option("--domain", domain, "DDS domain of the programs")
       ->capture_default_str()
@@ -149,6 +168,7 @@ int main(int argc, char** argv) {
   nearmesh::Action chosen;
   add_serve_command(app, chosen);
   add_replay_command(app, chosen);
+  add_discovery_command(app, chosen);
   add_security_commands(app, chosen);
   nearmesh::wire::program::begin_logging(app.get_name());
   return nearmesh::run_program(app, argc, argv, [&chosen] { return chosen(); });

@@ -69,14 +69,19 @@ class Round:
         self.processes, self.files = {}, []
         self.faults = []
 
-    def start(self, name, words, program="nearmesh-subscriber"):
+    def start(self, name, words, program="nearmesh-subscriber", gate=None):
+        """Beyond a gate a program begins when that is opened."""
         out = open(f"{self.folder}/{name}.out", "w")
         err = open(f"{self.folder}/{name}.err", "w")
         def enter():
             if self.o.cores:
                 with open(f"{CGROUP}/nearmesh_crowd/tasks", "w") as tasks:
                     tasks.write(str(os.getpid()))
-        process = subprocess.Popen([f"{self.o.bin}/{program}", *words], stdout=out, stderr=err, preexec_fn=enter)
+        command = [f"{self.o.bin}/{program}", *words]
+        if gate is not None:
+            command = ["sh", "-c", 'read gate; exec "$@" </dev/null', "sh", *command]
+        process = subprocess.Popen(command, stdin=gate if gate is not None else subprocess.DEVNULL, stdout=out, stderr=err,
+                                   preexec_fn=enter if self.o.cores else None)
         out.close(), err.close()
         self.processes[name] = process
         return process
@@ -85,13 +90,14 @@ class Round:
         with open(f"{self.folder}/{name}.err", errors="replace") as err:
             return err.read()
 
-    def peer(self, name, i):
+    def peer(self, name, i, gate):
         side, base = i % 2 + 1, i - i % 2
         scene = SCENE.format(me=i, other=i ^ 1, a=base, b=base + 1, side=side, folder=self.folder, rate=self.o.rate,
                              timeout=self.o.seconds + 60)
         with open(f"{self.folder}/{name}.yaml", "w") as out:
             out.write(scene)
-        self.start(name, ["run", f"{self.folder}/{name}.yaml", "--answers", f"{self.folder}/{name}.jsonl", *self.bus])
+        self.start(name, ["run", f"{self.folder}/{name}.yaml", "--answers", f"{self.folder}/{name}.jsonl", *self.bus],
+                   gate=gate)
 
     def first_certified(self, name, seen):
         """Has the peer a certified answer? Reads what came since the last look."""
@@ -124,10 +130,13 @@ class Round:
         names = [f"peer{i}" for i in range(o.peers)]
         before = udp_datagrams()
         others_cpu = {n: cpu_s(p.pid) for n, p in self.processes.items()}
-        began = time.monotonic()
+        gate, handle = os.pipe()
         for i, name in enumerate(names):
-            self.peer(name, i)
-        started = time.monotonic() - began
+            self.peer(name, i, gate)
+        os.close(gate)
+        time.sleep(1)
+        began = time.monotonic()
+        os.close(handle)
         firsts, seen, dead = {}, {}, {}
         spent = 0.0
         while time.monotonic() - began < o.seconds and len(firsts) + len(dead) < o.peers:
@@ -152,7 +161,7 @@ class Round:
         times = sorted(firsts.values())
         at = lambda share: times[min(len(times) - 1, int(share * len(times)))] if times else float("nan")
         print(f"peers {o.peers}: certified {len(firsts)}, first answer p50 {at(0.5):.2f} worst {times[-1] if times else float('nan'):.2f} s "
-              f"(all started after {started:.2f} s); CPU {spent / o.peers:.3f} s a peer, {1000 * spent / o.peers / max(o.peers - 1, 1):.2f} ms "
+              f"from the start of all; CPU {spent / o.peers:.3f} s a peer, {1000 * spent / o.peers / max(o.peers - 1, 1):.2f} ms "
               f"for each other, publisher {serving:.2f} s, in {wall:.1f} s; datagrams {packets[0]}, lost in sockets {packets[1]}; "
               f"then {steady:.2f} cores; load before {load:.1f}; ended otherwise: {ends or 'none'}", flush=True)
         if o.keep:
