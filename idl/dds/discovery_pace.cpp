@@ -99,10 +99,13 @@ bool DiscoveryPace::may_go(const RtpsPlace& place, const DiscoveryWord& word, do
 
 bool DiscoveryPace::may_announce(Told& told, bool is_group, std::int64_t sequence,
                                  double now_s) const {
-  const double longest_s = is_group ? group_wait_s_ : single_wait_s_;
+  // A group's word reaches all: in a crowd it is said less often.
+  const double crowd = std::max(1.0, static_cast<double>(homes_.size()) / kCrowd);
+  const double longest_s = is_group ? std::min(crowd * group_wait_s_, std::max(group_wait_s_, single_wait_s_))
+                                    : single_wait_s_;
   const bool is_news = told.sequence != sequence;
   if (!is_news && now_s - told.last_s < told.wait_s) return false;
-  told.wait_s = std::min(is_news ? kFirst_s : 2 * told.wait_s, longest_s);
+  told.wait_s = std::min(is_news ? (is_group ? kFirst_s : kFirstSingle_s) : 2 * told.wait_s, longest_s);
   told.sequence = sequence;
   told.last_s = now_s;
   return true;

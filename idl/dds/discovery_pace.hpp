@@ -31,7 +31,8 @@ struct DiscoveryWord {
 /// A place where somebody new is, is told at once. Threads: one at a time.
 class DiscoveryPace {
  public:
-  static constexpr double kFirst_s = 0.2;
+  static constexpr double kFirst_s = 0.2, kFirstSingle_s = 1.2;
+  static constexpr double kCrowd = 32;  ///< of more participants groups are told less often
   static constexpr std::size_t kMaxPlaces = 4096;  ///< remembered; beyond that all are forgotten
 
   /// Of announcements each `period_s`, of a participant with such a lease.

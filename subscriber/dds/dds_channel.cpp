@@ -34,7 +34,8 @@ constexpr double kRetryWait_s = 0.002;   ///< when Fast DDS could not take a sam
 /// Batches are acknowledged together for so long, or until they are that share of the window: on thin links each as it comes.
 constexpr double kAcknowledgeWait_s = 0.01;
 constexpr std::size_t kAcknowledgeShare = 8;
-/// A pose is said again to who came where it has not been for so long: longer than sessions leave a body at rest untold.
+/// A pose is said again to who came where it has not been for so long: longer than sessions leave a body at rest untold. Of a body
+/// once in the second time: many may come.
 constexpr double kRepeatAfter_s = 0.6, kRepeatWithin_s = 3;
 
 }  // namespace
@@ -129,8 +130,12 @@ class DdsChannel::Impl {
   DdsHeaders headers_;
   DdsPoses movers_;
   struct SaidPose {
+    void tell(const wire::BodyPose& now, double now_s) {
+      pose = now;
+      said_s = now_s;
+    }
     wire::BodyPose pose;
-    double said_s = 0;
+    double said_s = 0, repeated_s = -kRepeatWithin_s;
   };
   const Stopwatch clock_;
   std::map<std::string, SaidPose> said_poses_;  ///< own, by body
@@ -517,7 +522,7 @@ bool DdsChannel::Impl::flush_poses() {
     const std::lock_guard lock(mutex_);
     for (const wire::BodyPose& pose : poses_)
       if (said_poses_.contains(pose.body) || said_poses_.size() < wire::BodyBook::kMaxOfOne)
-        said_poses_[pose.body] = {pose, now_s};
+        said_poses_[pose.body].tell(pose, now_s);
   }
   return flush(&Impl::poses_, pose_writer_);
 }
@@ -530,8 +535,11 @@ void DdsChannel::Impl::repeat_poses() {
   if (now_s - hearer_came_s_ > kRepeatWithin_s) return;
   std::vector<wire::BodyPose> again;
   for (auto& [body, said] : said_poses_)
-    if (said.said_s < hearer_came_s_ + kRepeatAfter_s && now_s - said.said_s > kRepeatAfter_s)
+    if (said.said_s < hearer_came_s_ + kRepeatAfter_s && now_s - said.said_s > kRepeatAfter_s &&
+        now_s - said.repeated_s > kRepeatWithin_s) {
+      said.repeated_s = now_s;
       again.push_back(said.pose);
+    }
   if (again.empty()) return;
   const std::lock_guard lock(mutex_);
   poses_.insert(poses_.begin(), again.begin(), again.end());

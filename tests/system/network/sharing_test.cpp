@@ -92,7 +92,7 @@ class Wanderer {
 
  private:
   std::unique_ptr<subscriber::Session> session_;
-  BodyId own_;
+  subscriber::BodyId own_;
   std::uint64_t frame_ = 0, place_ = 0;
   double asked_s_ = 0;
   bool is_certified_ = true, has_waited_ = false;
