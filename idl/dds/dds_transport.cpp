@@ -160,6 +160,8 @@ Status set_transport(const TransportOptions& options, fdds::DomainParticipantQos
   auto& discovery = qos.wire_protocol().builtin.discovery_config;
   discovery.leaseDuration = Duration_t(options.lease_s);
   discovery.leaseDuration_announcementperiod = Duration_t(options.announcement_s);
+  // Liveliness is by participant, at the door; this would only be two more endpoints for everybody to match.
+  qos.wire_protocol().builtin.use_WriterLivelinessProtocol = false;
   std::string interface = options.interface.empty() && options.transport == Transport::kSameHost
                               ? kLoopback
                               : options.interface;
@@ -177,6 +179,23 @@ Status set_transport(const TransportOptions& options, fdds::DomainParticipantQos
   set_udp(options, interface, qos);
   if (!options.discovery_server.empty()) return set_discovery_server(options, qos);
   return set_udp_peers(options, interface, qos);
+}
+
+Status set_server_transport(const TransportOptions& options, const std::string& listen,
+                            fdds::DomainParticipantQos& qos) {
+  Result<Locator_t> locator = parse_locator(listen, kDefaultServerPort, "listen");
+  NEARMESH_RETURN_IF_ERROR(locator);
+  qos.transport().use_builtin_transports = false;
+  set_udp(options, {}, qos);
+  auto& builtin = qos.wire_protocol().builtin;
+  builtin.use_WriterLivelinessProtocol = false;
+  builtin.metatrafficUnicastLocatorList.push_back(locator.value());
+  builtin.discovery_config.discoveryProtocol =
+      eprosima::fastrtps::rtps::DiscoveryProtocol_t::SERVER;
+  builtin.discovery_config.leaseDuration = Duration_t(options.lease_s);
+  builtin.discovery_config.leaseDuration_announcementperiod = Duration_t(options.announcement_s);
+  eprosima::fastdds::rtps::get_server_client_default_guidPrefix(0, qos.wire_protocol().prefix);
+  return Status::ok();
 }
 
 }  // namespace nearmesh::wire

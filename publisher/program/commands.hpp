@@ -34,6 +34,12 @@ struct ReplayOptions {
 };
 Status run(ReplayOptions options);
 
+struct DiscoveryOptions {
+  std::string listen;
+  wire::TransportOptions transport;
+};
+Status run(const DiscoveryOptions& options);
+
 struct MakeSecurityOptions {
   std::string folder;
   wire::SecurityPlan plan;

@@ -103,6 +103,25 @@ void add_replay_command(CLI::App& app, Action& chosen) {
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 
+void add_discovery_command(CLI::App& app, Action& chosen) {
+  const auto options = std::make_shared<DiscoveryOptions>();
+  CLI::App* command = app.add_subcommand(
+      "discovery",
+      "Run a discovery server until Ctrl-C: programs that name it with --discovery-server find "
+      "each other through it, and are told only of those that they share topics with.");
+  command
+      ->add_option("--listen", options->listen,
+                   "ADDRESS or ADDRESS:PORT of this machine where it is found (port " +
+                       std::to_string(wire::kDefaultServerPort) + ")")
+      ->required();
+  command->add_option("--domain", options->transport.domain, "DDS domain of the programs")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 232));
+  command->add_option("--security", options->transport.security,
+                      "Join with this program's identity (folder)");
+  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
+}
+
 void add_bus_options(CLI::App& command, std::uint32_t& domain, std::string& prefix) {
   command.add_option("--domain", domain, "DDS domain of the programs")
       ->capture_default_str()
@@ -144,6 +163,8 @@ void add_security_commands(CLI::App& app, Action& chosen) {
 
 int main(int argc, char** argv) {
   using namespace nearmesh::publisher::program;
+  nearmesh::wire::program::
+      stop_on_signals();  // first: whoever stops it while it starts shall see it end well
   CLI::App app{"Serves nearmesh models (.spm) to peers over DDS, and replays recorded sessions.",
                "nearmesh-publisher"};
   app.require_subcommand(1);
@@ -151,14 +172,10 @@ int main(int argc, char** argv) {
   int exit_code = 1;  // of what fails
   add_serve_command(app, chosen, exit_code);
   add_replay_command(app, chosen);
+  add_discovery_command(app, chosen);
   add_security_commands(app, chosen);
   nearmesh::wire::program::begin_logging(app.get_name());
   const int code = nearmesh::run_program(
-      app, argc, argv,
-      [&chosen] {
-        nearmesh::wire::program::stop_on_signals();
-        return chosen();
-      },
-      nearmesh::wire::program::dds_versions());
+      app, argc, argv, [&chosen] { return chosen(); }, nearmesh::wire::program::dds_versions());
   return code == 1 ? exit_code : code;
 }

@@ -200,6 +200,8 @@ void add_doctor_command(CLI::App& app, Action& chosen) {
 
 int main(int argc, char** argv) {
   using namespace nearmesh::subscriber::program;
+  nearmesh::wire::program::
+      stop_on_signals();  // first: whoever stops it while it starts shall see it end well
   CLI::App app{
       "A nearmesh peer: answers frame by frame whether bodies touch, and records sessions.",
       "nearmesh-subscriber"};
@@ -216,11 +218,6 @@ int main(int argc, char** argv) {
   add_doctor_command(app, chosen);
   nearmesh::wire::program::begin_logging(app.get_name());
   const int code = nearmesh::run_program(
-      app, argc, argv,
-      [&chosen] {
-        nearmesh::wire::program::stop_on_signals();
-        return chosen();
-      },
-      nearmesh::wire::program::dds_versions());
+      app, argc, argv, [&chosen] { return chosen(); }, nearmesh::wire::program::dds_versions());
   return code == 1 ? exit_code : code;
 }
