@@ -3,6 +3,7 @@
 
 #include <utility>
 
+#include "core/base/digest.hpp"
 #include "core/base/hash.hpp"
 
 namespace nearmesh::subscriber {
@@ -65,7 +66,9 @@ std::size_t ReplicaSet::take_header(const Channel::Header& header,
   if (model->is_ready()) return 0;
   Result<Replica> replica = Replica::from_header(message.bytes);
   if (!replica.is_ok()) {
-    const bool contradicts = replica.status().code() == StatusCode::kCorrupt;
+    // Of that content for certain: else it befell the header on its way.
+    const bool contradicts = replica.status().code() == StatusCode::kCorrupt &&
+                             digest_of(message.bytes) == message.content_hash;
     if (contradicts && refused_.size() < kMaxRefusedContents)
       refused_.emplace(message.content_hash, header.publisher);
     complaints.push_back("model " + model->name + ": publisher " + to_hex(header.publisher) +
