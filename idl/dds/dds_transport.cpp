@@ -14,6 +14,7 @@
 #include <memory>
 
 #include "interfaces.hpp"
+#include "room.hpp"
 
 namespace nearmesh::wire {
 namespace {
@@ -27,8 +28,6 @@ using eprosima::fastrtps::rtps::Locator_t;
 
 /// A header of a megabyte arrives as one burst. The kernel may grant less.
 constexpr std::uint32_t kSocketBufferBytes = 4U << 20;
-/// Holds the largest header beside batches.
-constexpr std::uint32_t kSharedSegmentBytes = 4U << 20;
 constexpr const char* kDiscoveryMulticast = "239.255.0.1";
 constexpr const char* kLoopback = "127.0.0.1";
 
@@ -172,7 +171,7 @@ Status set_transport(const TransportOptions& options, fdds::DomainParticipantQos
   if (options.transport == Transport::kTcp) return set_tcp(options, interface, qos);
   if (options.transport == Transport::kSameHost) {
     auto shared = std::make_shared<SharedMemTransportDescriptor>();
-    shared->segment_size(kSharedSegmentBytes);
+    shared->segment_size(static_cast<std::uint32_t>(kSharedSegmentBytes));
     qos.transport().user_transports.push_back(shared);
   }
   set_udp(options, interface, qos);

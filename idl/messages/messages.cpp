@@ -142,6 +142,7 @@ std::string why_stale(const PoseStamp& pose, double frame_time_s, const std::str
 Status check(const Hello& message) {
   NEARMESH_RETURN_IF_ERROR(check_version(message.wire_version));
   NEARMESH_RETURN_IF_ERROR(check_session(message.publisher, "publisher"));
+  if (!message.name.empty()) NEARMESH_RETURN_IF_ERROR(check_name(message.name, "name"));
   NEARMESH_RETURN_IF_ERROR(check_most(message.models.size(), kMaxModels, "models"));
   std::vector<std::string_view> names;
   for (const Hello::Model& model : message.models) {
@@ -245,6 +246,7 @@ Status check(const HeldDetail& message) {
 Status check(const ProcessStatus& message) {
   NEARMESH_RETURN_IF_ERROR(check_version(message.wire_version));
   NEARMESH_RETURN_IF_ERROR(check_session(message.session, "session"));
+  if (!message.name.empty()) NEARMESH_RETURN_IF_ERROR(check_name(message.name, "name"));
   NEARMESH_RETURN_IF_ERROR(check_name(message.host, "host"));
   NEARMESH_RETURN_IF_ERROR(check_distance(message.uptime_s, "uptime_s"));
   NEARMESH_RETURN_IF_ERROR(check_distance(message.bytes_per_s, "bytes_per_s"));
@@ -252,6 +254,13 @@ Status check(const ProcessStatus& message) {
   if (message.certified_pairs > message.watched_pairs)
     return invalid("certified_pairs: " + std::to_string(message.certified_pairs) + " of " +
                    std::to_string(message.watched_pairs) + " that are watched");
+  NEARMESH_RETURN_IF_ERROR(check_most(message.moved.size(), kMaxStatusBodies, "moved"));
+  for (const std::string& body : message.moved) NEARMESH_RETURN_IF_ERROR(check_name(body, "moved"));
+  if (message.moved.size() > message.moved_bodies || message.stale_bodies > message.heard_bodies)
+    return invalid("bodies: counts that contradict each other");
+  if (!message.oldest_body.empty())
+    NEARMESH_RETURN_IF_ERROR(check_name(message.oldest_body, "oldest_body"));
+  if (std::isnan(message.oldest_age_s)) return invalid("oldest_age_s: expected a time");
   NEARMESH_RETURN_IF_ERROR(check_most(message.models.size(), kMaxModels, "models"));
   for (const ProcessStatus::Model& model : message.models) {
     NEARMESH_RETURN_IF_ERROR(check_name(model.name, "model name"));

@@ -38,6 +38,7 @@ class DdsChannel final : public Channel {
   /// when 256 batches are unacknowledged, and for a peer that is unknown or lost. A batch that
   /// check() refuses is dropped with a complaint and true: trying again would not help.
   [[nodiscard]] bool send(wire::SessionId peer, const wire::SplitBatchMessage& batch) override;
+  [[nodiscard]] std::string name_of(wire::SessionId peer) const override;
   void wait(double seconds) override;
   /// Dropped when it cannot be taken at once: the next one tells more.
   void tell(wire::ProcessStatus& status) override;

@@ -153,9 +153,12 @@ int main(int argc, char** argv) {
   add_replay_command(app, chosen);
   add_security_commands(app, chosen);
   nearmesh::wire::program::begin_logging(app.get_name());
-  const int code = nearmesh::run_program(app, argc, argv, [&chosen] {
-    nearmesh::wire::program::stop_on_signals();
-    return chosen();
-  });
+  const int code = nearmesh::run_program(
+      app, argc, argv,
+      [&chosen] {
+        nearmesh::wire::program::stop_on_signals();
+        return chosen();
+      },
+      nearmesh::wire::program::dds_versions());
   return code == 1 ? exit_code : code;
 }

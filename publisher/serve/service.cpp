@@ -7,6 +7,7 @@
 #include "core/base/hash.hpp"
 #include "core/demand/answer.hpp"
 #include "idl/messages/contents.hpp"
+#include "idl/messages/process_name.hpp"
 
 namespace nearmesh::publisher {
 namespace {
@@ -62,6 +63,12 @@ void Service::announce() {
 
 Result<Service::Parts> Service::answer(ModelFile& file, const RegionRequest& request) {
   NEARMESH_RETURN_IF_ERROR(check_request(file.store(), request));
+  if (request.is_audit())
+    return Parts([&file, node = request.attach.front()]() -> Result<Part> {
+      auto pieces = file.prove(node);
+      NEARMESH_RETURN_IF_ERROR(pieces);
+      return Part{std::move(pieces).value(), true};
+    });
   auto maker = std::make_shared<AnswerMaker>(file.header(), file.store(), request,
                                              [&file](NodeSpan node) { return file.require(node); });
   return Parts([maker]() -> Result<Part> {
@@ -85,17 +92,19 @@ void Service::take_requests(double now_s) {
     peer.last_request = subscription.request;
     ++stats_.requests;
     // A request names the peer's unresolved nodes as they are now, so it replaces what is open and what waits for that model.
+    const bool is_audit = subscription.region.is_audit();
     std::erase_if(peer.queue, [&](const Waiting& waiting) {
-      return waiting.message.content_hash == subscription.content_hash;
+      return waiting.message.content_hash == subscription.content_hash &&
+             waiting.is_audit == is_audit;
     });
     const ContentHash hash =
         answerers_.contains(subscription.content_hash) ? subscription.content_hash : ContentHash{};
-    Open& open = peer.open[hash];
+    Open& open = peer.open[{hash, is_audit}];
     // What is begun anew again and again would keep the publisher busy for nothing.
     if (open.parts)
       open.may_begin_s =
           std::max(open.may_begin_s, now_s - kRestartsAtOnce * kRestart_s) + kRestart_s;
-    open = Open{std::move(subscription), {}, false, open.may_begin_s};
+    open = Open{std::move(subscription), {}, false, is_audit, open.may_begin_s};
   }
 }
 
@@ -121,7 +130,7 @@ void Service::find_conflicts(std::vector<std::string>& lines) {
     };
     const std::string here = "model " + model->name + ": publisher ";
     for (const wire::Offer& theirs : offers) {
-      const std::string who = here + to_hex(theirs.publisher);
+      const std::string who = here + wire::called(theirs.publisher, theirs.name);
       if (theirs.content == hash || !stands(theirs.content)) continue;
       if (stands(hash))
         found.insert(who + " serves other content, " + to_hex(theirs.content) +
@@ -139,7 +148,7 @@ void Service::find_conflicts(std::vector<std::string>& lines) {
 }
 
 /// The end when its queue is full enough at that urgency, or nothing is open.
-std::map<ContentHash, Service::Open>::iterator Service::most_urgent(Peer& peer) const {
+Service::OpenRequests::iterator Service::most_urgent(Peer& peer) const {
   const auto rank = [this](const Open& open) {
     return std::tuple(open.may_begin_s > now_s_, open.subscription.priority,
                       open.subscription.request);
@@ -197,7 +206,7 @@ void Service::serve(wire::SessionId id, Peer& peer, double now_s, std::vector<st
     if (part.is_ok()) {
       const bool last = part.value().last;
       open.is_collecting = !last && part.value().batches.empty();
-      enqueue(peer, open.subscription.priority,
+      enqueue(peer, open.subscription, open.is_audit,
               wire::answer_messages(session_, open.subscription, std::move(part.value().batches),
                                     last));
       if (last) peer.open.erase(at);
@@ -205,32 +214,35 @@ void Service::serve(wire::SessionId id, Peer& peer, double now_s, std::vector<st
     }
     fault = part.status();
   }
-  refuse(id, peer, open.subscription, fault.message(), now_s, lines);
+  refuse(id, peer, open, fault.message(), now_s, lines);
   peer.open.erase(at);
 }
 
-void Service::refuse(wire::SessionId id, Peer& peer, const wire::RegionSubscription& request,
-                     const std::string& why, double now_s, std::vector<std::string>& lines) {
+void Service::refuse(wire::SessionId id, Peer& peer, const Open& open, const std::string& why,
+                     double now_s, std::vector<std::string>& lines) {
+  const wire::RegionSubscription& request = open.subscription;
   ++stats_.refused;
-  enqueue(peer, request.priority, {wire::refusal_message(session_, request, why)});
+  enqueue(peer, request, open.is_audit, {wire::refusal_message(session_, request, why)});
   if (peer.unsaid_refusals && now_s < peer.said_refusal_s + kRefusalPeriod_s) {
     ++*peer.unsaid_refusals;
     return;
   }
   const std::uint64_t unsaid = peer.unsaid_refusals.value_or(0);
-  lines.push_back("request " + std::to_string(request.request) + " of peer " + to_hex(id) +
-                  " refused: " + why +
+  lines.push_back("request " + std::to_string(request.request) + " of peer " +
+                  wire::called(id, channel_.name_of(id)) + " refused: " + why +
                   (unsaid > 0 ? " (and " + std::to_string(unsaid) + " before it)" : ""));
   peer.said_refusal_s = now_s;
   peer.unsaid_refusals = 0;
 }
 
-void Service::enqueue(Peer& peer, std::uint8_t priority,
+void Service::enqueue(Peer& peer, const wire::RegionSubscription& request, bool is_audit,
                       std::vector<wire::SplitBatchMessage> messages) {
+  const std::uint8_t priority = request.priority;
   const auto place = std::find_if(peer.queue.begin(), peer.queue.end(),
                                   [&](const Waiting& w) { return w.priority > priority; });
   std::deque<Waiting> added;
-  for (wire::SplitBatchMessage& message : messages) added.push_back({std::move(message), priority});
+  for (wire::SplitBatchMessage& message : messages)
+    added.push_back({std::move(message), priority, is_audit});
   peer.queue.insert(place, std::make_move_iterator(added.begin()),
                     std::make_move_iterator(added.end()));
 }

@@ -7,7 +7,6 @@ namespace nearmesh::subscriber {
 namespace {
 
 constexpr std::size_t kMaxContestedBodies = 64;
-constexpr double kMoverSilence_s = 3;  ///< three signs of life are missing
 constexpr double kLook_s = 0.1;
 
 }  // namespace
@@ -53,7 +52,7 @@ void DdsPoses::accept(Heard&& heard, std::vector<wire::BodyPose>& accepted) {
     return;
   }
   if (contested_.size() >= kMaxContestedBodies) return;
-  mailbox_.complain(topic_ + ": body " + body + " of " + wire::name_of(heard.writer) +
+  mailbox_.complain(topic_ + ": body " + body + " of " + wire::name_of(heard.writer, mailbox_) +
                     (claim == wire::BodyBook::Claim::kFull
                          ? " is one too many, its poses are ignored"
                          : " is moved by another peer already, these poses are ignored"));
@@ -76,7 +75,7 @@ void DdsPoses::look_for_silent() {
   for (auto& [body, moved] : moved_) {
     const auto source = sources_.find(moved.writer);
     if (source == sources_.end() || !source->second.gives_signs) continue;
-    const bool is_silent = now_s - source->second.heard_s >= kMoverSilence_s;
+    const bool is_silent = now_s - source->second.heard_s >= silence_s_;
     tell(body, moved, is_silent ? wire::Mover::kSilent : wire::Mover::kThere);
   }
 }

@@ -215,9 +215,12 @@ int main(int argc, char** argv) {
   add_status_command(app, chosen);
   add_doctor_command(app, chosen);
   nearmesh::wire::program::begin_logging(app.get_name());
-  const int code = nearmesh::run_program(app, argc, argv, [&chosen] {
-    nearmesh::wire::program::stop_on_signals();
-    return chosen();
-  });
+  const int code = nearmesh::run_program(
+      app, argc, argv,
+      [&chosen] {
+        nearmesh::wire::program::stop_on_signals();
+        return chosen();
+      },
+      nearmesh::wire::program::dds_versions());
   return code == 1 ? exit_code : code;
 }

@@ -31,6 +31,7 @@ void show(const char* end, const RecorderStats& stats, double seconds) {
 
 Status run(const RecorderOptions& options, int& exit_code) {
   wire::program::log_fastdds();
+  wire::program::log_network(options.transport);
   Result<std::unique_ptr<DdsRecorder>> created = DdsRecorder::create(options);
   NEARMESH_RETURN_IF_ERROR(created);
   DdsRecorder& recorder = *created.value();

@@ -16,6 +16,7 @@
 #include "core/base/stopwatch.hpp"
 #include "core/query/contacts_json.hpp"
 #include "flight_summary.hpp"
+#include "idl/messages/process_name.hpp"
 #include "idl/program/logging.hpp"
 #include "idl/program/metrics.hpp"
 #include "nearmesh/subscriber/dds/dds_channel.hpp"
@@ -365,8 +366,13 @@ Status run(const RunOptions& options, int& exit_code) {
   const Result<Scene> scene = read_scene(options.scene);
   NEARMESH_RETURN_IF_ERROR(scene);
   wire::program::log_fastdds();
+  wire::program::log_network(options.channel.transport);
   Result<std::unique_ptr<DdsChannel>> channel = DdsChannel::create(options.channel);
   NEARMESH_RETURN_IF_ERROR(channel);
+  const wire::TransportOptions& transport = options.channel.transport;
+  spdlog::info("joined domain {}, topics {}/*, transport {}, as peer {}", transport.domain,
+               transport.prefix, wire::to_string(transport.transport),
+               wire::called(channel.value()->own_id(), wire::name_of_process(transport.name)));
   if (options.wait_recorder_s) {
     NEARMESH_RETURN_IF_ERROR(wait_for_recorder(*channel.value(), options));
     clock = Stopwatch();

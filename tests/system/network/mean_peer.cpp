@@ -56,8 +56,7 @@ struct Options {
 class MeanPeer {
  public:
   explicit MeanPeer(const Options& options) : options_(options) {
-    bus_ = require(wire::Bus::open(
-        {.transport = options.transport, .participant_name = "nearmesh mean peer"}, mailbox_));
+    bus_ = require(wire::Bus::open({.transport = options.transport}, mailbox_));
     require(batches_.open(*bus_, wire::partition_of(own_id_)));
     require(hellos_.open(*bus_));
     require(headers_.open(*bus_));

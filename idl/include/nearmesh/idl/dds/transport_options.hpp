@@ -26,6 +26,9 @@ inline constexpr Transport kTransports[] = {Transport::kLan, Transport::kThin, T
 [[nodiscard]] std::optional<Transport> transport_of(std::string_view name);
 
 struct TransportOptions {
+  /// What this process is called in logs, status and recordings, for people: 1 to 63 bytes of printable ASCII without blanks at
+  /// the ends. "" for HOST/PROCESS.
+  std::string name;
   std::uint32_t domain = 0;         ///< DDS domain, 0 to 232
   std::string prefix = "nearmesh";  ///< of every topic; see check_prefix
   Transport transport = Transport::kLan;
