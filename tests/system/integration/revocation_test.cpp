@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "core/base/stopwatch.hpp"
 #include "idl/security/security_crypto.hpp"
 #include "secured_fixture.hpp"
 
@@ -57,10 +58,12 @@ class Revoked : public test::Secured {
     ASSERT_TRUE(carol.hears_frame(1));
     move(bob, "leg", 2);
     ASSERT_TRUE(carol.hears_frame(2));
+    ASSERT_TRUE(becomes(bob, "arm", wire::Mover::kThere));
     alice.channel->send(request_of(alice, kTrue));
     ASSERT_TRUE(test::await([&] { return !publisher->take().subscriptions.empty(); }));
 
     end_alice();
+    const Stopwatch since;
     const wire::SessionId lost = alice.channel->own_id();
     EXPECT_TRUE(test::await(
         [&] {
@@ -72,6 +75,7 @@ class Revoked : public test::Secured {
     EXPECT_TRUE(becomes(carol, "arm", wire::Mover::kBarred));
     EXPECT_TRUE(becomes(bob, "arm", wire::Mover::kBarred));
     EXPECT_TRUE(test::await([&] { return !alice.channel->identity().is_ok(); }, kSoon_s));
+    RecordProperty("seconds", std::to_string(since.seconds()));
     EXPECT_NE(alice.channel->identity().message().find(why), std::string::npos)
         << alice.channel->identity().message();
     // She cannot bring herself back, and nobody else notices anything.
