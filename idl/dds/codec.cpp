@@ -301,7 +301,7 @@ Result<ContactReport> decode(const wire_types::ContactReportSample& sample) {
   at = 0;
   for (PoseStamp* stamp : {&message.a.stamp, &message.b.stamp}) {
     const std::uint8_t mover = sample.movers()[at];
-    if (mover > static_cast<std::uint8_t>(Mover::kSilent))
+    if (mover > static_cast<std::uint8_t>(Mover::kBarred))
       return malformed("movers: found " + std::to_string(mover));
     *stamp = {static_cast<Mover>(mover), sample.pose_times_s()[at], sample.max_ages_s()[at]};
     ++at;

@@ -36,6 +36,8 @@ Status check_options(const TransportOptions& options) {
       !(options.heartbeat_s > 0))
     return {StatusCode::kInvalidArgument,
             "lease: expected at least twice the announcement period, all above 0"};
+  if (!(options.identity_period_s > 0))
+    return {StatusCode::kInvalidArgument, "identity period: expected more than 0"};
   if (!(options.silence_s > options.announcement_s))
     return {StatusCode::kInvalidArgument, "silence: expected more than the announcement period, " +
                                               std::to_string(options.announcement_s) +
@@ -144,7 +146,7 @@ void ReaderListener::look_for_life_signs() {
     const std::optional<bool> is_silent = door_->is_silent(key_of(writer), silence_s_);
     if (!is_silent || *is_silent == was_silent) continue;
     was_silent = *is_silent;
-    matches_.push_back({writer, now_us(), was_silent});
+    matches_.push_back({writer, now_us(), was_silent, door_->is_barred(key_of(writer))});
   }
 }
 
@@ -165,7 +167,8 @@ void ReaderListener::on_subscription_matched(fdds::DataReader*,
     } else {
       silent_[writer] = false;
     }
-    if (is_news) matches_.push_back({writer, now_us(), is_gone});
+    const bool is_barred = is_gone && door_ != nullptr && door_->is_barred(key_of(writer));
+    if (is_news) matches_.push_back({writer, now_us(), is_gone, is_barred});
   }
   mailbox_.wake();
 }
@@ -335,6 +338,12 @@ void tell_of_process(const TransportOptions& options, const DoorWatch* door,
   if (door != nullptr) status.door_refused = door->refused();
 }
 
+Status identity_of(const DoorWatch* door) {
+  const std::string ended = door == nullptr ? "" : door->own_end();
+  if (ended.empty()) return Status::ok();
+  return {StatusCode::kConflict, ended};
+}
+
 // --- Bus
 
 Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailbox) {
@@ -366,7 +375,7 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
                  static_cast<std::int32_t>(2 * datagram_bytes(options.transport)));
     qos.flow_controllers().push_back(flow);
   }
-  add_door(qos);
+  add_door(qos, options.transport.identity_period_s);
   bus->discovery_ = std::make_unique<DiscoveryListener>(mailbox, options);
   // No status goes to the participant's listener: data events belong to the endpoints' own.
   bus->participant_ = fdds::DomainParticipantFactory::get_instance()->create_participant(

@@ -59,7 +59,8 @@ class ReaderListener : public fdds::SubscriberListener {
   struct Match {
     Handle writer;
     Microseconds when;
-    bool gone;  ///< else: found
+    bool gone;            ///< else: found
+    bool barred = false;  ///< gone, since its identity does not count any more
   };
   [[nodiscard]] std::vector<Match> take_matches();
 
@@ -265,6 +266,9 @@ class Bus {
 
 /// Adds to a process's status the name that it was given, and what the door knows.
 void tell_of_process(const TransportOptions& options, const DoorWatch* door, ProcessStatus& status);
+
+/// kConflict once this program's own identity does not count any more: then it hears nobody.
+[[nodiscard]] Status identity_of(const DoorWatch* door);
 
 /// Short name of a Fast DDS return code, for messages.
 [[nodiscard]] const char* name_of(const eprosima::fastrtps::types::ReturnCode_t& code);

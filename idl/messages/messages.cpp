@@ -127,6 +127,8 @@ std::string why_stale(const PoseStamp& pose, double frame_time_s, const std::str
       return "the peer that moves body " + body + " has left";
     case Mover::kSilent:
       return "the peer that moves body " + body + " gives no sign of life";
+    case Mover::kBarred:
+      return "the identity of the peer that moves body " + body + " was revoked or has expired";
     case Mover::kThere:
       break;
   }
@@ -298,6 +300,8 @@ const char* to_string(DoorRefusal refusal) {
       return "source";
     case DoorRefusal::kCrowd:
       return "crowd";
+    case DoorRefusal::kIdentity:
+      return "identity";
   }
   return "unknown";
 }

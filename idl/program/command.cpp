@@ -79,6 +79,8 @@ void add_transport_settings(Settings& settings, wire::TransportOptions& transpor
                "announcement_s");
   settings.add("announcement_s", transport.announcement_s, 0.05, 1800,
                "Period of life signs, at most half of lease_s");
+  settings.add("identity_period_s", transport.identity_period_s, 0.25, 60,
+               "How often it is looked whose certificate has expired or is revoked");
   settings.add("heartbeat_s", transport.heartbeat_s, 0.005, 60,
                "How soon a lost datagram is noticed");
 }

@@ -32,6 +32,9 @@ class DdsChannel::Impl {
   DdsPeers& peers() { return peers_; }
   std::string name_of(SessionId peer) const { return peers_.name_of(peer); }
   wire::Mailbox& mailbox() { return mailbox_; }
+  Status identity() const {
+    return bus_ == nullptr ? Status::ok() : wire::identity_of(bus_->door().get());
+  }
 
  private:
   template <class Message>
@@ -220,6 +223,7 @@ bool DdsChannel::send(SessionId peer, const wire::SplitBatchMessage& batch) {
 }
 void DdsChannel::tell(wire::ProcessStatus& status) { impl_->tell(status); }
 std::string DdsChannel::name_of(SessionId peer) const { return impl_->name_of(peer); }
+Status DdsChannel::identity() const { return impl_->identity(); }
 void DdsChannel::wait(double seconds) { impl_->mailbox().wait(seconds); }
 std::vector<std::string> DdsChannel::take_complaints() {
   return impl_->mailbox().take_complaints();

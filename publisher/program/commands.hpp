@@ -22,7 +22,7 @@ struct ServeOptions {
   std::string metrics;
   std::vector<std::string> log{"info"};
 };
-Status run(const ServeOptions& options);
+Status run(const ServeOptions& options, int& exit_code);
 
 struct ReplayOptions {
   std::string path;
@@ -38,6 +38,7 @@ struct MakeSecurityOptions {
   std::string folder;
   wire::SecurityPlan plan;
   std::vector<std::string> publishers, subscribers, recorders;
+  std::vector<std::string> revoked;  ///< any: nothing is made
 };
 Status run(MakeSecurityOptions options);
 

@@ -63,7 +63,7 @@ Status add_models(const ServeOptions& options, Service& service) {
 
 }  // namespace
 
-Status run(const ServeOptions& options) {
+Status run(const ServeOptions& options, int& exit_code) {
   std::unique_ptr<wire::program::MetricsServer> metrics;
   if (!options.metrics.empty()) {
     auto server = wire::program::MetricsServer::start(options.metrics);
@@ -99,6 +99,10 @@ Status run(const ServeOptions& options) {
             stats.peers, stats.requests, stats.refused, stats.batches, stats.bytes,
             static_cast<double>(resident_memory_bytes()) / 1e6);
       reported_requests = stats.requests;
+    }
+    if (const Status identity = channel.value()->identity(); !identity.is_ok()) {
+      exit_code = wire::program::kIdentityEnded;
+      return identity;
     }
     if (!service.is_behind()) channel.value()->wait(0.02);
   }

@@ -99,6 +99,8 @@ Replay::Replay(RecordingReader& recording, ReplayIndex& index, ReplayOutlet& out
     for (auto& [hash, detail] : index.details())
       publisher.service->add_answerer(
           hash, [this, &detail = detail](const RegionRequest& request) -> Result<Service::Parts> {
+            if (request.is_audit())
+              return Status{StatusCode::kUnsupported, "a replay has no file to prove detail from"};
             // At once: what was delivered by now may not be what was delivered by then.
             auto batches = detail.answer(request, playhead_.next_id());
             NEARMESH_RETURN_IF_ERROR(batches);

@@ -2,6 +2,7 @@
 #include "service.hpp"
 
 #include <algorithm>
+#include <tuple>
 
 #include "core/base/hash.hpp"
 #include "core/demand/answer.hpp"
@@ -18,6 +19,9 @@ constexpr int kMaxSent = 64;
 /// Answers that are being collected at a time, since each may take some 20 MB for it.
 constexpr std::size_t kMaxCollecting = 8;
 constexpr std::size_t kMaxRivals = 256;
+/// How often an answer that was begun may give way to another of the same model: faster than any peer's frames.
+constexpr double kRestart_s = 0.01;
+constexpr int kRestartsAtOnce = 10;
 
 }  // namespace
 
@@ -59,6 +63,12 @@ void Service::announce() {
 
 Result<Service::Parts> Service::answer(ModelFile& file, const RegionRequest& request) {
   NEARMESH_RETURN_IF_ERROR(check_request(file.store(), request));
+  if (request.is_audit())
+    return Parts([&file, node = request.attach.front()]() -> Result<Part> {
+      auto pieces = file.prove(node);
+      NEARMESH_RETURN_IF_ERROR(pieces);
+      return Part{std::move(pieces).value(), true};
+    });
   auto maker = std::make_shared<AnswerMaker>(file.header(), file.store(), request,
                                              [&file](NodeSpan node) { return file.require(node); });
   return Parts([maker]() -> Result<Part> {
@@ -82,12 +92,19 @@ void Service::take_requests(double now_s) {
     peer.last_request = subscription.request;
     ++stats_.requests;
     // A request names the peer's unresolved nodes as they are now, so it replaces what is open and what waits for that model.
+    const bool is_audit = subscription.region.is_audit();
     std::erase_if(peer.queue, [&](const Waiting& waiting) {
-      return waiting.message.content_hash == subscription.content_hash;
+      return waiting.message.content_hash == subscription.content_hash &&
+             waiting.is_audit == is_audit;
     });
     const ContentHash hash =
         answerers_.contains(subscription.content_hash) ? subscription.content_hash : ContentHash{};
-    peer.open[hash] = Open{std::move(subscription), {}, false};
+    Open& open = peer.open[{hash, is_audit}];
+    // What is begun anew again and again would keep the publisher busy for nothing.
+    if (open.parts)
+      open.may_begin_s =
+          std::max(open.may_begin_s, now_s - kRestartsAtOnce * kRestart_s) + kRestart_s;
+    open = Open{std::move(subscription), {}, false, is_audit, open.may_begin_s};
   }
 }
 
@@ -131,13 +148,15 @@ void Service::find_conflicts(std::vector<std::string>& lines) {
 }
 
 /// The end when its queue is full enough at that urgency, or nothing is open.
-std::map<ContentHash, Service::Open>::iterator Service::most_urgent(Peer& peer) const {
-  const auto found =
-      std::min_element(peer.open.begin(), peer.open.end(), [](const auto& a, const auto& b) {
-        const wire::RegionSubscription &x = a.second.subscription, &y = b.second.subscription;
-        return std::pair(x.priority, x.request) < std::pair(y.priority, y.request);
-      });
-  if (found == peer.open.end()) return found;
+Service::OpenRequests::iterator Service::most_urgent(Peer& peer) const {
+  const auto rank = [this](const Open& open) {
+    return std::tuple(open.may_begin_s > now_s_, open.subscription.priority,
+                      open.subscription.request);
+  };
+  const auto found = std::min_element(
+      peer.open.begin(), peer.open.end(),
+      [&](const auto& a, const auto& b) { return rank(a.second) < rank(b.second); });
+  if (found == peer.open.end() || found->second.may_begin_s > now_s_) return peer.open.end();
   std::size_t queued_bytes = 0;
   for (const Waiting& waiting : peer.queue)
     if (waiting.priority <= found->second.subscription.priority)
@@ -187,7 +206,7 @@ void Service::serve(wire::SessionId id, Peer& peer, double now_s, std::vector<st
     if (part.is_ok()) {
       const bool last = part.value().last;
       open.is_collecting = !last && part.value().batches.empty();
-      enqueue(peer, open.subscription.priority,
+      enqueue(peer, open.subscription, open.is_audit,
               wire::answer_messages(session_, open.subscription, std::move(part.value().batches),
                                     last));
       if (last) peer.open.erase(at);
@@ -195,14 +214,15 @@ void Service::serve(wire::SessionId id, Peer& peer, double now_s, std::vector<st
     }
     fault = part.status();
   }
-  refuse(id, peer, open.subscription, fault.message(), now_s, lines);
+  refuse(id, peer, open, fault.message(), now_s, lines);
   peer.open.erase(at);
 }
 
-void Service::refuse(wire::SessionId id, Peer& peer, const wire::RegionSubscription& request,
-                     const std::string& why, double now_s, std::vector<std::string>& lines) {
+void Service::refuse(wire::SessionId id, Peer& peer, const Open& open, const std::string& why,
+                     double now_s, std::vector<std::string>& lines) {
+  const wire::RegionSubscription& request = open.subscription;
   ++stats_.refused;
-  enqueue(peer, request.priority, {wire::refusal_message(session_, request, why)});
+  enqueue(peer, request, open.is_audit, {wire::refusal_message(session_, request, why)});
   if (peer.unsaid_refusals && now_s < peer.said_refusal_s + kRefusalPeriod_s) {
     ++*peer.unsaid_refusals;
     return;
@@ -215,12 +235,14 @@ void Service::refuse(wire::SessionId id, Peer& peer, const wire::RegionSubscript
   peer.unsaid_refusals = 0;
 }
 
-void Service::enqueue(Peer& peer, std::uint8_t priority,
+void Service::enqueue(Peer& peer, const wire::RegionSubscription& request, bool is_audit,
                       std::vector<wire::SplitBatchMessage> messages) {
+  const std::uint8_t priority = request.priority;
   const auto place = std::find_if(peer.queue.begin(), peer.queue.end(),
                                   [&](const Waiting& w) { return w.priority > priority; });
   std::deque<Waiting> added;
-  for (wire::SplitBatchMessage& message : messages) added.push_back({std::move(message), priority});
+  for (wire::SplitBatchMessage& message : messages)
+    added.push_back({std::move(message), priority, is_audit});
   peer.queue.insert(place, std::make_move_iterator(added.begin()),
                     std::make_move_iterator(added.end()));
 }
@@ -257,6 +279,7 @@ bool Service::send(double now_s) {
 
 std::vector<std::string> Service::step(double now_s) {
   std::vector<std::string> complaints;
+  now_s_ = now_s;
   for (auto& [id, peer] : peers_) peer.pacing.expire(now_s);
   is_behind_ = true;
   for (int turn = 0; turn < kMaxTurns && is_behind_; ++turn) {

@@ -83,16 +83,20 @@ class Service {
   struct Waiting {
     wire::SplitBatchMessage message;
     std::uint8_t priority = 0;
+    bool is_audit = false;
   };
   /// A request that is not answered in full.
   struct Open {
     wire::RegionSubscription subscription;
     Parts parts;                 ///< empty until it is begun
     bool is_collecting = false;  ///< begun, and nothing has come of it yet
+    bool is_audit = false;
+    double may_begin_s = 0;  ///< later than now where too many before it were given up when begun
   };
   struct Peer {
     explicit Peer(const PacingOptions& options) : pacing(options) {}
-    std::map<ContentHash, Open> open;  ///< by content hash, none for all that are not served
+    /// By content hash, none for all that are not served; audits apart.
+    std::map<std::pair<ContentHash, bool>, Open> open;
     std::uint64_t last_turn = 0;
     double said_refusal_s = 0;
     std::optional<std::uint64_t> unsaid_refusals;  ///< none: nothing was ever said of it
@@ -108,12 +112,14 @@ class Service {
   void take_requests(double now_s);
   void take_rivals(const Inbox& inbox);
   void find_conflicts(std::vector<std::string>& lines);
-  [[nodiscard]] std::map<ContentHash, Open>::iterator most_urgent(Peer& peer) const;
+  using OpenRequests = decltype(Peer::open);
+  [[nodiscard]] OpenRequests::iterator most_urgent(Peer& peer) const;
   [[nodiscard]] Peers::iterator next_in_turn();
   void serve(wire::SessionId id, Peer& peer, double now_s, std::vector<std::string>& lines);
-  void refuse(wire::SessionId id, Peer& peer, const wire::RegionSubscription& request,
-              const std::string& why, double now_s, std::vector<std::string>& lines);
-  void enqueue(Peer& peer, std::uint8_t priority, std::vector<wire::SplitBatchMessage> messages);
+  void refuse(wire::SessionId id, Peer& peer, const Open& open, const std::string& why,
+              double now_s, std::vector<std::string>& lines);
+  void enqueue(Peer& peer, const wire::RegionSubscription& request, bool is_audit,
+               std::vector<wire::SplitBatchMessage> messages);
   bool send(double now_s);
   bool send_next(wire::SessionId id, Peer& peer, double now_s);
   void tell_status(double now_s);
@@ -128,6 +134,7 @@ class Service {
   bool has_news_of_rivals_ = false;
   std::set<std::string> conflicts_;  // of names with them, as they were said
   std::uint64_t turns_ = 0;
+  double now_s_ = 0;  ///< of the last step()
   bool is_behind_ = false;
   ServiceStats stats_;
   std::optional<double> began_s_;

@@ -53,6 +53,10 @@ class DdsChannel::Impl {
 
   Status start();
   SessionId own_id() const { return own_id_; }
+  Status identity() const {
+    const std::lock_guard lock(mutex_);
+    return wire::identity_of(door_.get());
+  }
   bool has_recorder() const { return held_writer_.listener().has_readers(); }
   void send(const wire::RegionSubscription& subscription);
   template <class Message>
@@ -114,7 +118,7 @@ class DdsChannel::Impl {
   wire::Writer<wire::HeldDetail> held_writer_{mailbox_};  ///< heard by recorders alone
   wire::Writer<wire::ProcessStatus> status_writer_{mailbox_};
 
-  std::mutex mutex_;  ///< outgoing queues and inbox; never held during a DDS call
+  mutable std::mutex mutex_;  ///< outgoing queues and inbox; never held during a DDS call
   std::condition_variable arrived_;
   Inbox inbox_;
   std::shared_ptr<wire::DoorWatch> door_;  ///< of the bus
@@ -541,6 +545,7 @@ void DdsChannel::send(const wire::ContactReport& report) { impl_->put(&Impl::rep
 void DdsChannel::tell(wire::ProcessStatus& status) { impl_->tell(status); }
 void DdsChannel::tell_held(const wire::HeldDetail& held) { impl_->put(&Impl::held_, held); }
 bool DdsChannel::has_recorder() const { return impl_->has_recorder(); }
+Status DdsChannel::identity() const { return impl_->identity(); }
 Channel::Inbox DdsChannel::take() { return impl_->take(); }
 void DdsChannel::wait(double seconds) { impl_->wait(seconds); }
 

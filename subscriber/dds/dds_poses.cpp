@@ -15,14 +15,16 @@ std::vector<wire::BodyPose> DdsPoses::take(const std::vector<wire::ReaderListene
                                            std::vector<Heard> heard, bool more) {
   std::vector<wire::BodyPose> accepted;
   for (const auto& event : matches)
-    if (event.gone) gone_movers_.push_back(event.writer);
+    if (event.gone)
+      gone_movers_.emplace_back(event.writer,
+                                event.barred ? wire::Mover::kBarred : wire::Mover::kLeft);
   for (Heard& one : heard) accept(std::move(one), accepted);
   look_for_silent();
   // What a writer said before it went is taken before it is forgotten, or it would claim its bodies again.
   if (more || gone_movers_.empty()) return accepted;
-  for (const wire::Handle& writer : std::exchange(gone_movers_, {})) {
+  for (const auto& [writer, how] : std::exchange(gone_movers_, {})) {
     bodies_.forget(writer);
-    lose(writer);
+    lose(writer, how);
     std::erase_if(contested_, [&](const auto& c) { return c.second.writer == writer; });
   }
   // A peer that started again may be heard before its old self is gone.
@@ -78,11 +80,11 @@ void DdsPoses::look_for_silent() {
   }
 }
 
-void DdsPoses::lose(const wire::Handle& writer) {
+void DdsPoses::lose(const wire::Handle& writer, wire::Mover how) {
   sources_.erase(writer);
   std::erase_if(moved_, [&](const auto& entry) {
     if (entry.second.writer != writer) return false;
-    changes_[entry.first] = wire::Mover::kLeft;
+    changes_[entry.first] = how;
     return true;
   });
 }

@@ -56,13 +56,14 @@ class DdsPoses {
   void accept(Heard&& heard, std::vector<wire::BodyPose>& accepted);
   void tell(const std::string& body, Moved& moved, wire::Mover now);
   void look_for_silent();
-  void lose(const wire::Handle& writer);
+  void lose(const wire::Handle& writer, wire::Mover how);
 
   wire::Mailbox& mailbox_;
   const std::string topic_;
   const double silence_s_;
   wire::BodyBook bodies_;
-  std::vector<wire::Handle> gone_movers_;   ///< not yet forgotten
+  std::vector<std::pair<wire::Handle, wire::Mover>>
+      gone_movers_;                         ///< not yet forgotten, and how they went
   std::map<std::string, Heard> contested_;  ///< of bodies that another owns, the latest
   const Stopwatch clock_;
   double looked_s_ = 0;                     ///< for silent ones, the last time

@@ -217,6 +217,10 @@ void DdsRecorder::Impl::listen(std::promise<Status> started) {
       continue;
     }
     try {
+      if (const Status identity = wire::identity_of(bus_->door().get()); !identity.is_ok()) {
+        const std::lock_guard lock(mutex_);
+        stats_.identity = identity;
+      }
       ask_if_due();
       bool more = false;
       for (std::uint32_t i = 0; i < topics_.size(); ++i) more |= (this->*topics_[i].drain)(i);

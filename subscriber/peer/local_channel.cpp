@@ -12,6 +12,7 @@ namespace {
 Result<std::vector<std::vector<std::uint8_t>>> answer(ModelFile& file,
                                                       const RegionRequest& request) {
   NEARMESH_RETURN_IF_ERROR(check_request(file.store(), request));
+  if (request.is_audit()) return file.prove(request.attach.front());
   return answer_request(file.header(), file.store(), request,
                         [&file](NodeSpan node) { return file.require(node); });
 }

@@ -17,6 +17,10 @@ constexpr double kMaxPatience_s = 8;
 
 constexpr std::uint8_t kNeededNow = 0;
 constexpr std::uint8_t kHorizon = 1;
+/// Audits in a row: beyond, a publisher is taken for a liar.
+constexpr std::uint32_t kMostUnproved = 3;
+/// Then an audit counts as not answered.
+constexpr double kAuditPatience_s = 10;
 
 }  // namespace
 
@@ -194,9 +198,59 @@ double Session::Impl::patience_after(const ContentHash& content, Outstanding& lo
   return std::min(2 * lost.patience_s, kMaxPatience_s);
 }
 
-void Session::Impl::ask(const FrameReport& report) {
+// Asks for the block of a split that is held, each split as likely as any other. Beside what else is open.
+void Session::Impl::audit(PeerModel& model) {
+  if (options.audit_s <= 0 || model.audit.request != 0 || clock.seconds() < model.audit.due_s)
+    return;
+  const ActiveMesh& mesh = model.replica->mesh();
+  const Publisher* publisher = publisher_of(model.content_hash);
+  if (publisher == nullptr || mesh.split_count() == 0) return;
+  const auto roots = static_cast<std::uint32_t>(mesh.store().roots().size());
+  const VertexId split = mesh.active_at(audits.below(mesh.split_count() + roots));
+  if (mesh.store().is_root(split)) return;  // the next update draws again
+  wire::RegionSubscription subscription;
+  subscription.region = {.attach = {mesh.store().node_of(split)}, .region = {}, .max_splits = 0};
+  subscription.peer = channel->own_id();
+  subscription.publisher = publisher->hello.publisher;
+  subscription.request = ++last_request;
+  subscription.content_hash = model.content_hash;
+  subscription.priority = kHorizon;
+  subscription.window_bytes = options.window_bytes;
+  channel->send(subscription);
+  model.audit.request = last_request;
+  model.audit.publisher = subscription.publisher;
+  model.audit.sent_s = clock.seconds();
+  model.audit.is_answered = false;
+}
+
+void Session::Impl::settle_audit(PeerModel& model, FrameReport& report) {
+  const bool is_proved = std::exchange(model.audit.is_proved, false);
+  if (is_proved) ++stats.audits;
+  const bool is_over =
+      model.audit.is_answered || clock.seconds() - model.audit.sent_s > kAuditPatience_s;
+  if (model.audit.request == 0 || !(is_proved || is_over)) return;
+  model.audit.request = 0;
+  const auto asked = publishers.find(model.audit.publisher);
+  if (is_proved) model.audit.due_s = clock.seconds() + options.audit_s;
+  // Who answers nothing at all is slow, or gone.
+  const bool is_silent =
+      !model.audit.is_answered && asked != publishers.end() && asked->second.lost_requests > 0;
+  if (is_proved || is_silent || asked == publishers.end()) {
+    model.audit.unproved.erase(model.audit.publisher);
+    return;
+  }
+  if (++model.audit.unproved[asked->first] < kMostUnproved) return;
+  model.replica->distrust(asked->first);
+  report.complaints.push_back("model " + model.name + ": publisher " + to_hex(asked->first) +
+                              " does not prove what it sent, " + std::to_string(kMostUnproved) +
+                              " audits in a row: all detail is given up and it is not asked again");
+}
+
+void Session::Impl::ask(FrameReport& report) {
   for (auto& [name, model] : replicas.all()) {
     if (!model.is_ready() || !model.waiting.empty()) continue;
+    settle_audit(model, report);
+    audit(model);
     // One request at a time and model: the next one names what the answer has left unresolved, so nothing is sent
     // twice. Only what is needed now does not wait for a horizon; the publisher drops what is left of that.
     const auto open = outstanding.find(model.content_hash);

@@ -9,6 +9,7 @@
 #include <unordered_map>
 
 #include "core/ask/predict.hpp"
+#include "core/base/random.hpp"
 #include "core/base/stopwatch.hpp"
 #include "core/query/answer.hpp"
 #include "idl/messages/process_name.hpp"
@@ -90,6 +91,7 @@ struct Session::Impl {
   std::set<wire::SessionId> refused_of;  // who sent headers that do not count, as was said
   SessionStats stats;
   Stopwatch clock;
+  Random audits{0};  // which block is next
   wire::StatusKeeper keeper;
   wire::ProcessStatus told;  // the last status
 
@@ -108,7 +110,7 @@ struct Session::Impl {
   void give_up(PeerModel& model, FrameReport& report);
   void tell_held(FrameReport& report);
   void note_sequence(const wire::SplitBatchMessage& message);
-  void ask(const FrameReport& report);
+  void ask(FrameReport& report);
   [[nodiscard]] RegionMaker region_of(const PeerModel& model, double lookahead_s,
                                       const FrameReport& report, bool uncertified_only);
   [[nodiscard]] std::vector<RegionPart> kept_of(const PeerModel& model, const FrameReport& report);
@@ -118,6 +120,8 @@ struct Session::Impl {
   bool request_ahead(PeerModel& model, const FrameReport& report, double patience_s);
   bool request(PeerModel& model, const RegionMaker& region, std::vector<NodeSpan> missing,
                std::uint8_t priority, double patience_s);
+  void audit(PeerModel& model);
+  void settle_audit(PeerModel& model, FrameReport& report);
   void tell_bodies(wire::ProcessStatus& now) const;
   void tell_status(const FrameReport& report, const SessionStats& counted);
   [[nodiscard]] Publisher* publisher_of(const ContentHash& content);

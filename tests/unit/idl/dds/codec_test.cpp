@@ -98,7 +98,7 @@ TEST(Decode, RefusesWhatIsHeldWithListsThatDoNotBelongTogether) {
 
 TEST(Decode, RefusesReportOfAnUnknownMover) {
   using S = wire_types::ContactReportSample;
-  expect_refused<S>(valid_report(), "movers: found 4", [](S& s) { s.movers()[1] = 4; });
+  expect_refused<S>(valid_report(), "movers: found 5", [](S& s) { s.movers()[1] = 5; });
 }
 
 TEST(Decode, RefusesReportWithPartialPairs) {

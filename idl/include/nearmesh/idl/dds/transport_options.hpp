@@ -50,6 +50,8 @@ struct TransportOptions {
   /// A process silent for so long is taken for lost, until it is heard again; above announcement_s. Needs a door (door.hpp).
   double silence_s = 3;
   double announcement_s = 1;  ///< period of life signs; below lease_s / 2
+  double identity_period_s =
+      10;  ///< how often it is looked whose certificate counts, where there is security
   double heartbeat_s =
       0.1;  ///< how soon a lost datagram is noticed; Fast DDS' own 3 s stall streams
 };

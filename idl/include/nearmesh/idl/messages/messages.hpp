@@ -105,6 +105,7 @@ enum class Mover : std::uint8_t {
   kThere = 1,   ///< or the body is in place
   kLeft = 2,    ///< it ended, or its participant was lost
   kSilent = 3,  ///< it gave a sign of life each second, and gives none any more
+  kBarred = 4,  ///< its identity was revoked or has expired
 };
 
 /// When a pose holds.
@@ -182,9 +183,10 @@ enum class DoorRefusal : std::uint8_t {
   kParameters,   ///< malformed discovery, inline QoS or handshake
   kSource,       ///< in the name of a participant that speaks from elsewhere
   kCrowd,        ///< one unknown participant of too many; is let in when it speaks again
+  kIdentity,     ///< of an identity that was revoked or has expired
 };
-inline constexpr std::size_t kDoorRefusals = 8;
-/// "header", "submessages", "statistics", "sequence", "fragments", "parameters", "source", "crowd".
+inline constexpr std::size_t kDoorRefusals = 9;
+/// "header", "submessages", "statistics", "sequence", "fragments", "parameters", "source", "crowd", "identity".
 [[nodiscard]] const char* to_string(DoorRefusal refusal);
 
 /// What one process knows of itself (keyed by session, transient local, renewed each second): for operators, who cannot see
