@@ -67,7 +67,7 @@ class MeanPeer {
 
   void join() {
     for (const Stopwatch watch;
-         terrain_ == 0 || !asks_.listener().is_matched_with_participant_of(publisher_);
+         !terrain_.is_set() || !asks_.listener().is_matched_with_participant_of(publisher_);
          mailbox_.wait(0.02)) {
       if (watch.seconds() > kReadyDeadline_s) throw std::runtime_error("no publisher was found");
       static_cast<void>(hellos_.drain(
@@ -241,7 +241,7 @@ class MeanPeer {
   std::map<wire::SessionId, std::unique_ptr<wire::Writer<wire::SplitBatchMessage>>> victims_;
   wire::Handle publisher_;
   wire::Hello hello_;
-  std::uint64_t terrain_ = 0;
+  ContentHash terrain_;
   std::vector<NodeSpan> roots_;
   std::int32_t grid_max_ = 0;
   std::uint32_t requests_ = 0, acknowledged_ = 0;
