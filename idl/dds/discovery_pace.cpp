@@ -11,7 +11,7 @@ namespace {
 using Bytes = std::span<const std::uint8_t>;
 
 constexpr std::size_t kHeaderBytes = 20;
-constexpr std::uint8_t kHeartbeat = 0x07, kTimestamp = 0x09, kDestination = 0x0e, kData = 0x15,
+constexpr std::uint8_t kAckNack = 0x06, kHeartbeat = 0x07, kTimestamp = 0x09, kDestination = 0x0e, kData = 0x15,
                        kStatistics = 0x80;
 constexpr std::uint8_t kLittleEndian = 1, kWithInlineQos = 2, kWithPayload = 4;
 constexpr std::uint32_t kParticipants = 0x000100c2;
@@ -45,6 +45,17 @@ std::optional<DiscoveryWord> reminder_in(Bytes body, std::uint8_t flags) {
                        sequence_at(body, 16, (flags & kLittleEndian) != 0)};
 }
 
+/// Of a reader that has heard nothing yet: it names no number.
+std::optional<DiscoveryWord> greeting_in(Bytes body, std::uint8_t flags) {
+  if (body.size() < 24) return std::nullopt;
+  const std::uint32_t writer = word_at(body, 4, false);
+  const bool little_endian = (flags & kLittleEndian) != 0;
+  if ((writer != kWritersOfEndpoints[0] && writer != kWritersOfEndpoints[1]) ||
+      sequence_at(body, 8, little_endian) != 0 || word_at(body, 16, little_endian) != 0)
+    return std::nullopt;
+  return DiscoveryWord{DiscoveryWord::Kind::kGreeting, writer, 0};
+}
+
 /// Of UDPv4, whose address is in the last four bytes, and UDPv6.
 bool is_group(const RtpsPlace& place) {
   return (place.kind == 1 && place.address[12] >> 4 == 14) ||
@@ -64,9 +75,11 @@ std::optional<DiscoveryWord> discovery_word(Bytes message) {
                                std::size_t{message[at + (little_endian ? 3 : 2)]} << 8;
     if (length > message.size() - at - 4) return std::nullopt;
     const Bytes body = message.subspan(at + 4, length);
-    if (id == kData || id == kHeartbeat) {
+    if (id == kData || id == kHeartbeat || id == kAckNack) {
       if (found) return std::nullopt;
-      found = id == kData ? announcement_in(body, flags) : reminder_in(body, flags);
+      found = id == kData        ? announcement_in(body, flags)
+              : id == kHeartbeat ? reminder_in(body, flags)
+                                 : greeting_in(body, flags);
       if (!found) return std::nullopt;
     } else if (id != kTimestamp && id != kDestination && id != kStatistics) {
       return std::nullopt;
@@ -89,12 +102,26 @@ std::size_t DiscoveryPace::KeyHash::operator()(const ParticipantKey& key) const 
 }
 
 bool DiscoveryPace::may_go(const RtpsPlace& place, const DiscoveryWord& word, double now_s) {
-  if (word.kind == DiscoveryWord::Kind::kReminder) {
+  if (word.kind != DiscoveryWord::Kind::kAnnouncement) {
     const auto at = told_.find(place);
-    return at == told_.end() || word.sequence >= at->second.next[index_of(word.writer)];
+    if (at == told_.end()) return true;
+    const std::size_t writer = index_of(word.writer);
+    if (word.kind == DiscoveryWord::Kind::kGreeting)
+      return may_remind(at->second.greetings[writer], 0, now_s);
+    return word.sequence >= at->second.next[writer] &&
+           may_remind(at->second.reminders[writer], word.sequence, now_s);
   }
   if (told_.size() >= kMaxPlaces) told_.clear();
   return may_announce(told_[place], is_group(place), word.sequence, now_s);
+}
+
+bool DiscoveryPace::may_remind(Told::Paced& paced, std::int64_t sequence, double now_s) {
+  const bool is_news = paced.sequence != sequence;
+  if (!is_news && now_s - paced.last_s < paced.wait_s) return false;
+  paced.wait_s = is_news ? kFirstReminder_s : std::min(2 * paced.wait_s, kLastReminder_s);
+  paced.sequence = sequence;
+  paced.last_s = now_s;
+  return true;
 }
 
 bool DiscoveryPace::may_announce(Told& told, bool is_group, std::int64_t sequence,

@@ -18,8 +18,8 @@ namespace nearmesh::wire {
 
 /// A message of discovery that is all of its datagram.
 struct DiscoveryWord {
-  enum class Kind : std::uint8_t { kAnnouncement, kReminder } kind = Kind::kAnnouncement;
-  std::uint32_t writer = 0;   ///< of a reminder
+  enum class Kind : std::uint8_t { kAnnouncement, kReminder, kGreeting } kind = Kind::kAnnouncement;
+  std::uint32_t writer = 0;   ///< of a reminder, and of a greeting: a reader that has heard nothing of it asks whether it is there
   std::int64_t sequence = 0;  ///< of the announcement; of the last that a reminder tells of
 };
 /// Nothing: the message is another, or more than that.
@@ -27,11 +27,13 @@ struct DiscoveryWord {
 
 /// * **Announcements.** One place is told the same once, then after kFirst_s, twice that and so on up to a period: each announcement
 ///   goes to a multicast group, each fourth to a single participant, which hears the group too, or of other things.
-/// * **Reminders** do not go where all was confirmed.
+/// * **Reminders** do not go where all was confirmed; elsewhere, as greetings, after kFirstReminder_s, twice that and so on up to
+///   kLastReminder_s: where many join, answers take seconds, and what is said anew meanwhile makes them later.
 /// A place where somebody new is, is told at once. Threads: one at a time.
 class DiscoveryPace {
  public:
   static constexpr double kFirst_s = 0.2, kFirstSingle_s = 1.2;
+  static constexpr double kFirstReminder_s = 0.25, kLastReminder_s = 2;
   static constexpr double kCrowd = 32;  ///< of more participants groups are told less often
   static constexpr std::size_t kMaxPlaces = 4096;  ///< remembered; beyond that all are forgotten
 
@@ -57,6 +59,11 @@ class DiscoveryPace {
   struct Told {
     std::int64_t sequence = 0;
     double last_s = 0, wait_s = 0;
+    struct Paced {
+      std::int64_t sequence = -1;
+      double last_s = 0, wait_s = 0;
+    };
+    std::array<Paced, 2> reminders{}, greetings{};
     std::array<std::int64_t, 2> next{};  ///< below it all was confirmed, of either writer of endpoints
   };
   struct Home {
@@ -64,6 +71,7 @@ class DiscoveryPace {
     std::size_t count = 0;
   };
 
+  [[nodiscard]] static bool may_remind(Told::Paced& paced, std::int64_t sequence, double now_s);
   [[nodiscard]] bool may_announce(Told& told, bool is_group, std::int64_t sequence, double now_s) const;
 
   static constexpr double kEarly = 0.8;  ///< timers are not exact

@@ -4,6 +4,7 @@
 
   crowd.py --peers 100                        # the demo's scene, each peer with an aircraft of its own
   crowd.py --peers 60 --server                # discovery through nearmesh-publisher discovery
+  crowd.py --peers 30 --churn 10              # joining and leaving at random for ten minutes
   crowd.py --peers 40 --cores 0.6 --rounds 6  # a slow machine (cgroup cpu, version 1)
 
 One line a round: when the peers had their first certified answer (seconds from the moment in which all were started; median and
@@ -13,6 +14,7 @@ otherwise than told. Beside it the machine's load before the round.
 import argparse
 import json
 import os
+import random
 import shutil
 import signal
 import subprocess
@@ -49,6 +51,14 @@ def cpu_s(pid):
     except OSError:
         return 0.0
     return (int(fields[11]) + int(fields[12])) * TICK_S
+
+
+def resident_kb(pid):
+    try:
+        with open(f"/proc/{pid}/status") as status:
+            return next(int(line.split()[1]) for line in status if line.startswith("VmRSS"))
+    except (OSError, StopIteration):
+        return 0
 
 
 def udp_datagrams():
@@ -170,6 +180,46 @@ class Round:
             shutil.rmtree(self.folder)
         return len(firsts) == o.peers and not ends
 
+    def churn(self):
+        """Peers join, leave (SIGINT) and are killed at random, from their first moment on. Out: who ended otherwise."""
+        o = self.o
+        dice = random.Random(o.seed)
+        for side in (1, 2):
+            shutil.copy(f"{o.models}/flight{side}.csv", self.folder)
+        self.start("publisher0", ["serve", f"{o.models}/terrain.spm", f"{o.models}/aircraft.spm", *self.bus], "nearmesh-publisher")
+        self.start("watcher", ["status", "--watch", "--json", *self.bus])
+        lives, told, joined, faults = {}, {}, 0, []
+        stays = ("publisher0", "watcher")
+        memory = []
+        deadline = time.monotonic() + 60 * o.churn
+        while time.monotonic() < deadline:
+            time.sleep(dice.uniform(0, 2 * o.pause))
+            place = dice.randrange(o.peers)
+            name = f"peer{place}"
+            if name in lives and told.get(name) is None:
+                told[name] = dice.choice((signal.SIGINT, signal.SIGINT, signal.SIGKILL))
+                lives[name].send_signal(told[name])
+            elif name not in lives:
+                self.peer(name, place, None)
+                lives[name] = self.processes.pop(name)
+                joined += 1
+            for name in [n for n, p in lives.items() if p.poll() is not None]:
+                code, word = lives.pop(name).returncode, told.pop(name, None)
+                # Before main() nobody can take a signal.
+                if not (code == 0 or (word is not None and code == -word and (word == signal.SIGKILL or not self.said(name)))):
+                    faults.append(f"{name} {code} after {word} {self.said(name)[-300:]}")
+            faults += [f"{n} ended: {self.said(n)[-300:]}" for n in stays if self.processes[n].poll() is not None]
+            if not memory or time.monotonic() - memory[-1][0] > 30:
+                memory.append((time.monotonic(), [resident_kb(self.processes[n].pid) for n in stays]))
+        for process in lives.values():
+            process.send_signal(signal.SIGKILL)
+            process.wait()
+        minutes = (memory[-1][0] - memory[0][0]) / 60
+        print(f"{joined} joined in {o.churn} min, {len(faults)} ended otherwise than told {faults[:5]}; resident kB of publisher and "
+              f"watcher each 30 s: {[m for _, m in memory]} ({minutes:.1f} min)", flush=True)
+        faults += self.end()
+        return not faults
+
     def end(self):
         """All are told to end. Out: who ended before, or otherwise."""
         ends = []
@@ -200,6 +250,9 @@ def main():
     words.add_argument("--steady", type=float, default=5, help="how long the bus is looked at afterwards")
     words.add_argument("--rounds", type=int, default=1)
     words.add_argument("--cores", type=float, default=0, help="share of the machine that all have together; 0: all")
+    words.add_argument("--churn", type=float, default=0, help="minutes in which peers join and leave at random, instead of rounds")
+    words.add_argument("--pause", type=float, default=0.3, help="mean seconds between two events of that")
+    words.add_argument("--seed", type=int, default=1)
     words.add_argument("--server", action="store_true", help="discovery through nearmesh-publisher discovery")
     words.add_argument("--link", action="store_true", help="on a link of its own instead of loopback")
     words.add_argument("--domain", type=int, default=50)
@@ -227,7 +280,7 @@ def main():
     well = True
     try:
         for number in range(options.rounds):
-            well = Round(options, number).run() and well
+            well = (Round(options, number).churn() if options.churn else Round(options, number).run()) and well
     finally:
         if options.cores:
             os.rmdir(group)
