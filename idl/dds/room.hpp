@@ -22,7 +22,7 @@ inline constexpr std::size_t kRoomBytes = 32U << 20;  ///< beside the stacks of 
 inline constexpr std::uint64_t kSharedSegmentBytes = 4U << 20;
 inline constexpr std::uint64_t kRoomSharedBytes = kSharedSegmentBytes + (2U << 20);
 
-/// Errors: kIo saying what there is too little of, how much was tried, and which limit to look at. Cost: a millisecond.
+/// Errors: kIo saying what there is too little of, how much was tried, and which limit to look at. Cost: milliseconds.
 [[nodiscard]] Status check_room(const TransportOptions& options);
 /// Bytes that can still be written in /dev/shm; nothing where it cannot be written at all.
 [[nodiscard]] std::optional<std::uint64_t> free_shared_memory();
