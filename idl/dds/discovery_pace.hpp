@@ -19,7 +19,8 @@ namespace nearmesh::wire {
 /// A message of discovery that is all of its datagram.
 struct DiscoveryWord {
   enum class Kind : std::uint8_t { kAnnouncement, kReminder, kGreeting } kind = Kind::kAnnouncement;
-  std::uint32_t writer = 0;   ///< of a reminder, and of a greeting: a reader that has heard nothing of it asks whether it is there
+  std::uint32_t writer =
+      0;  ///< of a reminder, and of a greeting: a reader that has heard nothing of it asks whether it is there
   std::int64_t sequence = 0;  ///< of the announcement; of the last that a reminder tells of
 };
 /// Nothing: the message is another, or more than that.
@@ -64,7 +65,8 @@ class DiscoveryPace {
       double last_s = 0, wait_s = 0;
     };
     std::array<Paced, 2> reminders{}, greetings{};
-    std::array<std::int64_t, 2> next{};  ///< below it all was confirmed, of either writer of endpoints
+    std::array<std::int64_t, 2>
+        next{};  ///< below it all was confirmed, of either writer of endpoints
   };
   struct Home {
     std::array<RtpsPlace, 4> places{};
@@ -72,7 +74,8 @@ class DiscoveryPace {
   };
 
   [[nodiscard]] static bool may_remind(Told::Paced& paced, std::int64_t sequence, double now_s);
-  [[nodiscard]] bool may_announce(Told& told, bool is_group, std::int64_t sequence, double now_s) const;
+  [[nodiscard]] bool may_announce(Told& told, bool is_group, std::int64_t sequence,
+                                  double now_s) const;
 
   static constexpr double kEarly = 0.8;  ///< timers are not exact
   const double group_wait_s_, single_wait_s_;

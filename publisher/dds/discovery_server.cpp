@@ -15,9 +15,7 @@ namespace fdds = eprosima::fastdds::dds;
 class DiscoveryServer::Impl {
  public:
   explicit Impl(fdds::DomainParticipant* participant) : participant_(participant) {}
-  ~Impl() {
-    fdds::DomainParticipantFactory::get_instance()->delete_participant(participant_);
-  }
+  ~Impl() { fdds::DomainParticipantFactory::get_instance()->delete_participant(participant_); }
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
 

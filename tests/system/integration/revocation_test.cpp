@@ -23,7 +23,8 @@ constexpr double kSoon_s = 10;
 class Revoked : public test::Secured {
  protected:
   void revoke(const std::string& set, const std::string& name) const {
-    const auto report = wire::revoke_identities(set, {kDomain, prefix, {name}});
+    const auto report =
+        wire::revoke_identities(set, {static_cast<std::uint32_t>(kDomain), prefix, {name}});
     EXPECT_TRUE(report.is_ok()) << report.status().message();
   }
   // A certificate of alice's that ends so soon, with her name and a key of its own.

@@ -50,16 +50,15 @@ class Wanderer {
     subscriber::DdsChannelOptions options;
     options.transport.domain = exercise.domain;
     options.session = id;
-    auto channel = std::make_unique<Overheard>(
-        std::move(subscriber::DdsChannel::create(options)).value());
+    auto channel =
+        std::make_unique<Overheard>(std::move(subscriber::DdsChannel::create(options)).value());
     heard = channel.get();
     session_ = std::make_unique<subscriber::Session>(
-        std::move(channel),
-        subscriber::SessionOptions{.lookahead_s = 0, .max_held_splits = 200});
+        std::move(channel), subscriber::SessionOptions{.lookahead_s = 0, .max_held_splits = 200});
     const auto ground = session_->add_body({.name = "ground", .model = "terrain"}).value();
-    own_ = session_
-               ->add_body({.name = "own" + std::to_string(id), .model = "aircraft", .own = true})
-               .value();
+    own_ =
+        session_->add_body({.name = "own" + std::to_string(id), .model = "aircraft", .own = true})
+            .value();
     EXPECT_TRUE(session_->place_body(ground, {}).is_ok());
     EXPECT_TRUE(session_->watch(ground, own_).is_ok());
     place_ = 37 * id;
@@ -71,9 +70,9 @@ class Wanderer {
     if (is_certified_) {
       ++place_;
       Motion motion;
-      motion.pose.translation_m = {
-          std::fmod(97.0 * static_cast<double>(place_), 1400.0) - 700,
-          std::fmod(61.0 * static_cast<double>(place_), 1400.0) - 700, 60.0};
+      motion.pose.translation_m = {std::fmod(97.0 * static_cast<double>(place_), 1400.0) - 700,
+                                   std::fmod(61.0 * static_cast<double>(place_), 1400.0) - 700,
+                                   60.0};
       motions.push_back({own_, motion});
       asked_s_ = now_s;
       has_waited_ = false;
@@ -172,8 +171,8 @@ TEST_F(SharingTest, PeersOfOneThatIsKilledAreServedByOthersWithinASecond) {
   while (clock.seconds() - killed_s < 6) {
     for (Wanderer& peer : peers) {
       peer.update(clock.seconds(), waits_s);
-      worst_s = std::max(worst_s, std::min(peer.waits_since_s(clock.seconds()),
-                                           clock.seconds() - killed_s));
+      worst_s = std::max(worst_s,
+                         std::min(peer.waits_since_s(clock.seconds()), clock.seconds() - killed_s));
     }
     pause(0.01);
   }

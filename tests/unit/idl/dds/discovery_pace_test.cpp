@@ -37,7 +37,8 @@ TEST(DiscoveryPace, AnnouncementsGoOnceAndThenSeldom) {
   EXPECT_LE(count_of(pace, place(1), word, 0, 30), 11);
   EXPECT_GE(count_of(pace, place(1), word, 30, 60), 8);  // far below the lease
   EXPECT_TRUE(pace.may_go(place(2), word, 60));          // who is somewhere else is told
-  EXPECT_TRUE(pace.may_go(place(1), {Kind::kAnnouncement, kParticipants, 2}, 60));  // and what is new
+  EXPECT_TRUE(
+      pace.may_go(place(1), {Kind::kAnnouncement, kParticipants, 2}, 60));  // and what is new
 }
 
 TEST(DiscoveryPace, ShortLeasesAreKept) {
