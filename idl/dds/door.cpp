@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nearmesh/idl/dds/door.hpp"
 
-#include <fastdds/rtps/network/SenderResource.h>
 #include <fastdds/rtps/transport/ChainingTransport.h>
 #include <fastdds/rtps/transport/ChainingTransportDescriptor.h>
 #include <fastdds/rtps/transport/TCPv4TransportDescriptor.h>
@@ -27,8 +26,6 @@ namespace fdds = eprosima::fastdds::dds;
 namespace rtps = eprosima::fastdds::rtps;
 using eprosima::fastrtps::rtps::IPLocator;
 using eprosima::fastrtps::rtps::Locator_t;
-using eprosima::fastrtps::rtps::Locators;
-using eprosima::fastrtps::rtps::LocatorsIterator;
 using eprosima::fastrtps::rtps::octet;
 using Descriptor = rtps::TransportDescriptorInterface;
 
@@ -53,19 +50,9 @@ class Door final : public rtps::ChainingTransport, private LeaseEnd {
 
   [[nodiscard]] Descriptor* get_configuration() override { return below_.get(); }
 
-  /// The transport below looks for its own senders in the list that it is given. So it has one of its own, behind one sender of ours.
-  /// Called with the participant's senders locked, as are sends.
+  /// The transport below looks for its own senders in the list, so they are not wrapped.
   bool OpenOutputChannel(rtps::SendResourceList& senders, const Locator_t& locator) override {
-    const bool is_tcp = locator.kind == LOCATOR_KIND_TCPv4 || locator.kind == LOCATOR_KIND_TCPv6;
-    if (is_tcp || !watch_->paces_announcements())
-      return low_level_transport_->OpenOutputChannel(senders, locator);
-    if (!low_level_transport_->IsLocatorSupported(locator)) return false;
-    if (sender_ == nullptr) {
-      auto made = std::make_unique<Sender>(*this);
-      sender_ = made.get();
-      senders.push_back(std::move(made));
-    }
-    return low_level_transport_->OpenOutputChannel(sender_->below, locator);
+    return low_level_transport_->OpenOutputChannel(senders, locator);
   }
   /// A datagram that was cut to the size of our own would be refused, and its first part was all that Fast DDS ever read of it.
   bool OpenInputChannel(const Locator_t& locator, rtps::TransportReceiverInterface* receiver,
@@ -90,14 +77,11 @@ class Door final : public rtps::ChainingTransport, private LeaseEnd {
   void receive(rtps::TransportReceiverInterface* next, const octet* data, std::uint32_t size,
                const Locator_t& local, const Locator_t& remote) override {
     const bool is_udp = remote.kind == LOCATOR_KIND_UDPv4 || remote.kind == LOCATOR_KIND_UDPv6;
-    Standing standing;
     const RtpsVerdict verdict = watch_->check(
-        {data, size}, {is_udp, is_udp ? IPLocator::getPhysicalPort(remote) : std::uint16_t{0}},
-        standing);
+        {data, size}, {is_udp, is_udp ? IPLocator::getPhysicalPort(remote) : std::uint16_t{0}});
     if (verdict.refusal) return;
     const auto passed = static_cast<std::uint32_t>(verdict.size);
     if (verdict.announcement && !verdict.announcement->leaves && watch_->ends_leases()) {
-      if (standing.is_repetition && discovery_word({data, passed})) return;
       receive_announcement(*next, {data, passed}, *verdict.announcement, local, remote);
       return;
     }
@@ -105,49 +89,6 @@ class Door final : public rtps::ChainingTransport, private LeaseEnd {
   }
 
  private:
-  /// All that a participant sends through the transport below.
-  struct Sender final : eprosima::fastrtps::rtps::SenderResource {
-    explicit Sender(Door& door) : SenderResource(door.kind()), door_(door) {
-      send_lambda_ = [this](const octet* data, std::uint32_t size, LocatorsIterator* begin,
-                            LocatorsIterator* end,
-                            const std::chrono::steady_clock::time_point& timeout) {
-        return door_.send_to({data, size}, *begin, *end, timeout);
-      };
-    }
-    ~Sender() override { door_.sender_ = nullptr; }
-    void add_locators_to_list(eprosima::fastrtps::rtps::LocatorList_t& locators) const override {
-      for (const auto& one : below) one->add_locators_to_list(locators);
-    }
-
-    rtps::SendResourceList below;
-
-   private:
-    Door& door_;
-  };
-
-  bool send_to(std::span<const std::uint8_t> message, LocatorsIterator& begin,
-               LocatorsIterator& end, const std::chrono::steady_clock::time_point& timeout) {
-    const std::optional<DiscoveryWord> word = discovery_word(message);
-    places_.clear();
-    for (; begin != end; ++begin) {
-      const Locator_t& locator = *begin;
-      if (!word || watch_->may_go(place_of(locator), *word)) places_.push_back(locator);
-    }
-    if (places_.empty()) return true;
-    bool sent = true;
-    for (const auto& one : sender_->below) {
-      Locators first(places_.cbegin()), last(places_.cend());
-      sent &= one->send(message.data(), static_cast<std::uint32_t>(message.size()), &first, &last,
-                        timeout);
-    }
-    return sent;
-  }
-  static RtpsPlace place_of(const Locator_t& locator) {
-    RtpsPlace place{locator.kind, locator.port, {}};
-    std::copy_n(locator.address, place.address.size(), place.address.begin());
-    return place;
-  }
-
   void hand_on(rtps::TransportReceiverInterface& next, const octet* data, std::uint32_t size,
                const Locator_t& local, const Locator_t& remote) {
     try {
@@ -203,8 +144,6 @@ class Door final : public rtps::ChainingTransport, private LeaseEnd {
   bool closed_ = false;
   std::atomic<bool> is_added_ = false;
   rtps::TransportReceiverInterface* next_ = nullptr;  ///< where announcements go
-  Sender* sender_ = nullptr;                          ///< the participant's, which ends it
-  std::vector<Locator_t> places_;                     ///< of the message that is sent
   Locator_t local_, remote_;
 };
 
@@ -254,10 +193,6 @@ std::shared_ptr<Descriptor> with_door(const std::shared_ptr<Descriptor>& below,
   return std::make_shared<AnyDoorDescriptor>(below, watch);
 }
 
-double seconds_of(const eprosima::fastrtps::Duration_t& duration) {
-  return duration.seconds + 1e-9 * duration.nanosec;
-}
-
 /// As Fast DDS 2.9 makes its built-in ones.
 void name_builtin_transports(fdds::DomainParticipantQos& qos) {
   if (!qos.transport().use_builtin_transports) return;
@@ -301,16 +236,13 @@ const HasDoor* door_of(const Descriptor* descriptor) {
 
 void add_door(fdds::DomainParticipantQos& qos, double identity_period_s) {
   name_builtin_transports(qos);
-  const auto& discovery = qos.wire_protocol().builtin.discovery_config;
-  const bool is_plain =
-      discovery.discoveryProtocol == eprosima::fastrtps::rtps::DiscoveryProtocol_t::SIMPLE;
+  const bool is_plain = qos.wire_protocol().builtin.discovery_config.discoveryProtocol ==
+                        eprosima::fastrtps::rtps::DiscoveryProtocol_t::SIMPLE;
   std::shared_ptr<DoorWatch> watch;
   for (auto& transport : qos.transport().user_transports) {
     if (door_of(transport.get()) != nullptr) continue;
     if (watch == nullptr)
-      watch = std::make_shared<DoorWatch>(
-          is_plain, seconds_of(discovery.leaseDuration_announcementperiod),
-          seconds_of(discovery.leaseDuration), identities_of(qos), identity_period_s);
+      watch = std::make_shared<DoorWatch>(is_plain, identities_of(qos), identity_period_s);
     transport = with_door(transport, watch);
   }
 }

@@ -41,12 +41,11 @@ std::size_t DoorWatch::Hash::operator()(const ParticipantKey& key) const {
   return static_cast<std::size_t>(hash_bytes(key));
 }
 
-DoorWatch::DoorWatch(bool is_plain, double announcement_s, double lease_s,
-                     std::unique_ptr<IdentityBook> identities, double identity_period_s)
+DoorWatch::DoorWatch(bool is_plain, std::unique_ptr<IdentityBook> identities,
+                     double identity_period_s)
     : is_plain_(is_plain),
       identities_(std::move(identities)),
-      identity_period_s_(identity_period_s),
-      pace_(announcement_s, lease_s) {
+      identity_period_s_(identity_period_s) {
   thread_ = std::thread([this] { run(); });
 }
 
@@ -59,8 +58,7 @@ DoorWatch::~DoorWatch() {
   thread_.join();
 }
 
-RtpsVerdict DoorWatch::check(std::span<const std::uint8_t> message, const MessageSource& from,
-                             Standing& standing) {
+RtpsVerdict DoorWatch::check(std::span<const std::uint8_t> message, const MessageSource& from) {
   RtpsVerdict verdict = check_rtps(message);
   if (!verdict.refusal && verdict.tells_of_others && is_plain_)
     verdict.refusal = DoorRefusal::kSource;
@@ -69,21 +67,10 @@ RtpsVerdict DoorWatch::check(std::span<const std::uint8_t> message, const Messag
     verdict.refusal = judge_handshake(verdict);
   if (!verdict.refusal) {
     const std::lock_guard lock(mutex_);
-    verdict.refusal = book_.hear(verdict, from, &standing);
-  }
-  if (is_plain_ && !verdict.refusal && (standing.is_newcomer || verdict.confirmation)) {
-    const std::lock_guard lock(pace_mutex_);
-    if (standing.is_newcomer) pace_.expect(verdict.source, *verdict.announcement);
-    if (verdict.confirmation) pace_.confirm(verdict.source, *verdict.confirmation);
+    verdict.refusal = book_.hear(verdict, from);
   }
   if (verdict.refusal) count(*verdict.refusal);
   return verdict;
-}
-
-bool DoorWatch::may_go(const RtpsPlace& place, const DiscoveryWord& word) {
-  const std::chrono::duration<double> now = std::chrono::steady_clock::now().time_since_epoch();
-  const std::lock_guard lock(pace_mutex_);
-  return pace_.may_go(place, word, now.count());
 }
 
 void DoorWatch::count(DoorRefusal refusal) {

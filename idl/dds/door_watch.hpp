@@ -16,7 +16,6 @@
 #include <unordered_map>
 #include <vector>
 
-#include "discovery_pace.hpp"
 #include "idl/security/identity_book.hpp"
 #include "participant_book.hpp"
 
@@ -37,22 +36,16 @@ class LeaseEnd {
 /// Threads: all functions, any thread.
 class DoorWatch {
  public:
-  /// `is_plain`: discovery without a server, where each participant speaks for itself alone. Then leases end here, and its
-  /// announcements, each `announcement_s`, are paced.
+  /// `is_plain`: discovery without a server, where each participant speaks for itself alone. Then leases end here.
   /// `identities`: nullptr for a participant without one; looked at every `identity_period_s`.
-  DoorWatch(bool is_plain, double announcement_s, double lease_s,
-            std::unique_ptr<IdentityBook> identities, double identity_period_s);
+  DoorWatch(bool is_plain, std::unique_ptr<IdentityBook> identities, double identity_period_s);
   ~DoorWatch();
   DoorWatch(const DoorWatch&) = delete;
   DoorWatch& operator=(const DoorWatch&) = delete;
 
   [[nodiscard]] bool ends_leases() const { return is_plain_; }
   /// Checks a message, and counts it where it is refused.
-  [[nodiscard]] RtpsVerdict check(std::span<const std::uint8_t> message, const MessageSource& from,
-                                  Standing& standing);
-  [[nodiscard]] bool paces_announcements() const { return is_plain_; }
-  /// As DiscoveryPace::may_go, now.
-  [[nodiscard]] bool may_go(const RtpsPlace& place, const DiscoveryWord& word);
+  [[nodiscard]] RtpsVerdict check(std::span<const std::uint8_t> message, const MessageSource& from);
   void count(DoorRefusal refusal);
   [[nodiscard]] std::array<std::uint64_t, kDoorRefusals> refused() const;
   /// As ParticipantBook::is_silent.
@@ -92,8 +85,6 @@ class DoorWatch {
   std::string own_end_;
   std::atomic<bool> has_ended_ = false;  ///< own_end_ is set
   ParticipantBook book_;
-  std::mutex pace_mutex_;
-  DiscoveryPace pace_;
   std::array<std::atomic<std::uint64_t>, kDoorRefusals> refused_{};
   std::mutex ends_mutex_;
   std::vector<LeaseEnd*> ends_;

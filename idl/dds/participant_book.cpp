@@ -12,7 +12,7 @@ std::size_t ParticipantBook::Hash::operator()(const ParticipantKey& key) const {
 }
 
 std::optional<DoorRefusal> ParticipantBook::hear(const RtpsVerdict& message,
-                                                 const MessageSource& from, Standing* standing) {
+                                                 const MessageSource& from) {
   if (!barred_.empty() && is_barred(message.source)) return DoorRefusal::kIdentity;
   const auto at = known_.find(message.source);
   if (at == known_.end()) {
@@ -23,12 +23,10 @@ std::optional<DoorRefusal> ParticipantBook::hear(const RtpsVerdict& message,
                 .last_s = now_s_,
                 .lease_s = message.announcement->lease_s,
                 .announced_s = now_s_,
-                .handed_s = now_s_,
                 .sequence = message.announcement->sequence,
                 .ports = {}};
     if (from.is_udp) known.ports.push_back(from.port);
     known_.emplace(message.source, std::move(known));
-    if (standing != nullptr) standing->is_newcomer = true;
     return std::nullopt;
   }
   Known& known = at->second;
@@ -40,7 +38,6 @@ std::optional<DoorRefusal> ParticipantBook::hear(const RtpsVerdict& message,
     return std::nullopt;
   }
   known.lease_s = message.announcement->lease_s;
-  if (standing != nullptr) standing->is_repetition = is_repetition(known, *message.announcement);
   // Several at a time are one: it has several sockets.
   if (now_s_ > known.announced_s) {
     known.period_s = now_s_ - known.announced_s;
@@ -48,14 +45,6 @@ std::optional<DoorRefusal> ParticipantBook::hear(const RtpsVerdict& message,
   }
   known.sequence = std::max(known.sequence, message.announcement->sequence);
   return std::nullopt;
-}
-
-bool ParticipantBook::is_repetition(Known& known, const RtpsAnnouncement& announcement) const {
-  if (now_s_ - known.first_s > kNew_s && announcement.sequence <= known.sequence &&
-      now_s_ - known.handed_s < std::min(kRepeat_s, announcement.lease_s / 4))
-    return true;
-  known.handed_s = now_s_;
-  return false;
 }
 
 bool ParticipantBook::speaks_from(Known& known, const MessageSource& from) const {

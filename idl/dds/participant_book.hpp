@@ -19,12 +19,6 @@ struct MessageSource {
   std::uint16_t port = 0;
 };
 
-/// How an announcement stands to what is known of who makes it.
-struct Standing {
-  bool is_newcomer = false;    ///< it was not known
-  bool is_repetition = false;  ///< the same was handed on lately: Fast DDS learns nothing from it
-};
-
 /// Four rules:
 /// * **Who speaks.** A participant speaks from few sockets. After the first kLearning_s a message in its name from another one is
 ///   refused, unless it has been silent for kMoved_s: else anybody could forge what it says, and one such message makes a reader
@@ -46,14 +40,9 @@ class ParticipantBook {
   static constexpr std::size_t kMaxWaiting = 4096;  ///< held back; the oldest are forgotten
   static constexpr std::size_t kMaxPorts = 16;      ///< of one participant
 
-  /// For so long each announcement of a newcomer is handed on: Fast DDS may not have been ready for the first. Later the same one
-  /// is after kRepeat_s, or a quarter of the lease.
-  static constexpr double kNew_s = 3, kRepeat_s = 5;
-
   /// A well-formed message. Out: why it is refused.
   [[nodiscard]] std::optional<DoorRefusal> hear(const RtpsVerdict& message,
-                                                const MessageSource& from,
-                                                Standing* standing = nullptr);
+                                                const MessageSource& from);
 
   struct Gone {
     ParticipantKey key;
@@ -78,12 +67,10 @@ class ParticipantBook {
     double first_s = 0, last_s = 0;
     double lease_s = 0;
     double announced_s = 0, period_s = 0;  ///< of its announcements
-    double handed_s = 0;                   ///< when one was handed on
     std::int64_t sequence = 0;
     std::vector<std::uint16_t> ports;
   };
   [[nodiscard]] bool may_come_in(const ParticipantKey& key);
-  [[nodiscard]] bool is_repetition(Known& known, const RtpsAnnouncement& announcement) const;
   [[nodiscard]] bool speaks_from(Known& known, const MessageSource& from) const;
 
   double now_s_ = 0;

@@ -46,8 +46,6 @@ enum BuiltinWriter : std::uint32_t {
   kNobody = 0,
 };
 constexpr std::uint32_t kHandshakeReader = 0x000201c4;
-/// The parameter that says where a participant hears of others.
-constexpr std::uint16_t kMetatrafficPlace = 0x0032;
 
 /// Takes numbers off bytes. What is not there is 0, and leaves the cursor broken.
 class Cursor {
@@ -296,12 +294,10 @@ struct Submessages {
     return in.is_whole() ? DoorRefusal::kSequence : DoorRefusal::kSubmessages;
   }
 
-  Refusal read_ack_nack(Cursor& in) {
-    in.skip(4);
-    const std::uint32_t writer = in.big_u32();
+  static Refusal read_ack_nack(Cursor& in) {
+    in.skip(8);
     std::int64_t base = 0;
     if (!read_set(in, base)) return of_sequence(in);
-    if (writer == kWriters || writer == kReaders) verdict.confirmation = {writer, base};
     return in.skip(4) ? kNone : DoorRefusal::kSubmessages;
   }
 
@@ -471,16 +467,6 @@ struct Submessages {
            (name.size() == kName.size() || name[kName.size()] == 0);
   }
 
-  static RtpsPlace place_of(Bytes bytes, bool little_endian) {
-    RtpsPlace place;
-    Cursor in(bytes, little_endian);
-    place.kind = static_cast<std::int32_t>(in.u32());
-    place.port = in.u32();
-    if (bytes.size() >= 24)
-      std::copy_n(bytes.begin() + 8, place.address.size(), place.address.begin());
-    return place;
-  }
-
   Refusal read_announcement(std::int64_t sequence, const InlineQos& qos, Bytes payload) {
     RtpsAnnouncement found;
     found.sequence = sequence;
@@ -502,8 +488,6 @@ struct Submessages {
           found.lease_at = offset + place;
           if (found.lease_s < kMinLease_s) return false;
         }
-        if (id == kMetatrafficPlace && found.place_count < found.places.size())
-          found.places[found.place_count++] = place_of(bytes, *little_endian);
         return true;
       });
       if (!whole) return DoorRefusal::kParameters;

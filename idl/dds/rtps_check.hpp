@@ -28,14 +28,6 @@ inline constexpr std::uint32_t kMaxFragmentedBytes = 256U << 20;
 /// A participant that is to be forgotten sooner would only be found anew, again and again.
 inline constexpr double kMinLease_s = 0.1;
 
-/// Where a participant is reached, as RTPS writes it: of which transport, port, address.
-struct RtpsPlace {
-  std::int32_t kind = 0;
-  std::uint32_t port = 0;
-  std::array<std::uint8_t, 16> address{};
-  bool operator==(const RtpsPlace&) const = default;
-};
-
 /// A participant's announcement of itself, where a message holds one.
 struct RtpsAnnouncement {
   std::int64_t sequence = 0;
@@ -43,18 +35,6 @@ struct RtpsAnnouncement {
   double lease_s = 0;         ///< and below, unless it leaves
   std::size_t lease_at = 0;   ///< of its 8 bytes in the message
   bool little_endian = true;  ///< how they are written
-  /// Where it hears of others; the first ones.
-  std::array<RtpsPlace, 4> places{};
-  std::size_t place_count = 0;
-};
-
-/// The writers that tell of a participant's own writers and readers.
-inline constexpr std::uint32_t kWritersOfEndpoints[] = {0x000003c2, 0x000004c2};
-
-/// What a participant says it has of one of these: all below `next`.
-struct RtpsConfirmation {
-  std::uint32_t writer = 0;
-  std::int64_t next = 0;
 };
 
 struct RtpsVerdict {
@@ -66,7 +46,6 @@ struct RtpsVerdict {
   std::optional<RtpsAnnouncement> announcement;  ///< of the source itself
   /// Whom a handshake of the source's shows itself to be: a certificate in PEM, as it stands in the message. Empty: it does not.
   std::span<const std::uint8_t> certificate;
-  std::optional<RtpsConfirmation> confirmation;  ///< the last in the message
   /// Discovery about another participant, or an endpoint of one: only a discovery server may.
   bool tells_of_others = false;
 };

@@ -14,7 +14,6 @@
 #include <utility>
 
 #include "core/base/float_guard.hpp"
-#include "core/base/stopwatch.hpp"
 #include "dds_headers.hpp"
 #include "dds_hellos.hpp"
 #include "dds_poses.hpp"
@@ -37,9 +36,6 @@ constexpr double kRetryWait_s = 0.002;  ///< when Fast DDS could not take a samp
 /// Batches are acknowledged together for so long, or until they are that share of the window: on thin links each as it comes.
 constexpr double kAcknowledgeWait_s = 0.01;
 constexpr std::size_t kAcknowledgeShare = 8;
-/// A pose is said again to who came where it has not been for so long: longer than sessions leave a body at rest untold. Of a body
-/// once in the second time: many may come.
-constexpr double kRepeatAfter_s = 0.6, kRepeatWithin_s = 3;
 
 }  // namespace
 
@@ -94,8 +90,6 @@ class DdsChannel::Impl {
   void tell_lost(SessionId publisher);
   Status rejoin();
   bool flush();
-  bool flush_poses();
-  void repeat_poses();
   double acknowledge();
   template <class Message>
   bool flush(std::deque<Message> Impl::*queue, wire::Writer<Message>& writer);
@@ -137,17 +131,6 @@ class DdsChannel::Impl {
   DdsHellos hellos_;
   DdsHeaders headers_;
   DdsPoses movers_;
-  struct SaidPose {
-    void tell(const wire::BodyPose& now, double now_s) {
-      pose = now;
-      said_s = now_s;
-    }
-    wire::BodyPose pose;
-    double said_s = 0, repeated_s = -kRepeatWithin_s;
-  };
-  const Stopwatch clock_;
-  std::map<std::string, SaidPose> said_poses_;  ///< own, by body
-  double hearer_came_s_ = -kRepeatWithin_s;     ///< the last one
   std::unique_ptr<wire::Bus> bus_;
 
   std::atomic<bool> stopping_ = false;
@@ -281,10 +264,8 @@ Status DdsChannel::Impl::open() {
   NEARMESH_RETURN_IF_ERROR(batch_reader_.open(*bus_, wire::partition_of(own_id_)));
   NEARMESH_RETURN_IF_ERROR(hello_reader_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(header_reader_.open(*bus_));
-  // What is lost of these is followed by the next. Heard reliably, each would be acknowledged by each peer, and each writer would
-  // remind all while one is late.
-  NEARMESH_RETURN_IF_ERROR(pose_reader_.open(*bus_, "", wire::Hearing::kLatest));
-  NEARMESH_RETURN_IF_ERROR(status_reader_.open(*bus_, "", wire::Hearing::kLatest));
+  NEARMESH_RETURN_IF_ERROR(pose_reader_.open(*bus_));
+  NEARMESH_RETURN_IF_ERROR(status_reader_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(subscription_writer_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(pose_writer_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(report_writer_.open(*bus_));
@@ -522,41 +503,11 @@ bool DdsChannel::Impl::flush() {
             return subscription_writer_.listener().is_matched_with_participant_of(publisher);
           }))
     all &= flush(&Impl::subscriptions_, subscription_writer_);
-  repeat_poses();
-  all &= flush_poses();
+  all &= flush(&Impl::poses_, pose_writer_);
   all &= flush(&Impl::held_, held_writer_);
   all &= flush(&Impl::reports_, report_writer_);
   all &= flush(&Impl::statuses_, status_writer_);
   return all;
-}
-
-bool DdsChannel::Impl::flush_poses() {
-  const double now_s = clock_.seconds();
-  {
-    const std::lock_guard lock(mutex_);
-    for (const wire::BodyPose& pose : poses_)
-      if (said_poses_.contains(pose.body) || said_poses_.size() < wire::BodyBook::kMaxOfOne)
-        said_poses_[pose.body].tell(pose, now_s);
-  }
-  return flush(&Impl::poses_, pose_writer_);
-}
-
-/// Peers hear poses best effort, so one that came is not sent by Fast DDS what was said before. Bodies that go on being told need no
-/// more than that.
-void DdsChannel::Impl::repeat_poses() {
-  const double now_s = clock_.seconds();
-  if (pose_writer_.listener().take_came()) hearer_came_s_ = now_s;
-  if (now_s - hearer_came_s_ > kRepeatWithin_s) return;
-  std::vector<wire::BodyPose> again;
-  for (auto& [body, said] : said_poses_)
-    if (said.said_s < hearer_came_s_ + kRepeatAfter_s && now_s - said.said_s > kRepeatAfter_s &&
-        now_s - said.repeated_s > kRepeatWithin_s) {
-      said.repeated_s = now_s;
-      again.push_back(said.pose);
-    }
-  if (again.empty()) return;
-  const std::lock_guard lock(mutex_);
-  poses_.insert(poses_.begin(), again.begin(), again.end());
 }
 
 template <class Message>

@@ -137,27 +137,6 @@ TEST_F(ParticipantBookTest, WhoseLeaseIsOverHasGone) {
   EXPECT_TRUE(hears(announcement_of(1)));  // and may come again
 }
 
-/// Fast DDS reads a newcomer's announcements all, later ones only now and then, and what changed at once.
-TEST_F(ParticipantBookTest, RepeatedAnnouncementsAreTold) {
-  const auto standing_of = [this](std::int64_t sequence) {
-    Standing standing;
-    EXPECT_FALSE(book.hear(announcement_of(1, 20, sequence), kHome, &standing));
-    return standing;
-  };
-  EXPECT_TRUE(standing_of(1).is_newcomer);
-  EXPECT_FALSE(standing_of(1).is_repetition);
-  static_cast<void>(pass(ParticipantBook::kNew_s + 1, {1}));
-  int handed = 0;
-  for (int second = 0; second < 20; ++second) {
-    handed += standing_of(1).is_repetition ? 0 : 1;
-    static_cast<void>(pass(1));
-  }
-  EXPECT_GE(handed, 3);
-  EXPECT_LE(handed, 5);
-  EXPECT_FALSE(standing_of(2).is_repetition);
-  EXPECT_TRUE(standing_of(2).is_repetition);
-}
-
 TEST_F(ParticipantBookTest, AnyWordIsALifeSign) {
   ASSERT_TRUE(hears(announcement_of(1, 2)));
   for (int i = 0; i < 30; ++i) {
