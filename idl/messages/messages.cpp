@@ -12,6 +12,7 @@
 #include "nearmesh/core/geometry/motion.hpp"
 #include "nearmesh/core/spm/detail/codec.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
+#include "process_name.hpp"
 
 namespace nearmesh::wire {
 
@@ -44,8 +45,6 @@ Status check_most(std::size_t found, std::size_t limit, const char* field) {
   return invalid(std::string(field) + ": expected at most " + std::to_string(limit) + ", found " +
                  std::to_string(found));
 }
-
-bool is_printable(char c) { return c >= 0x20 && c <= 0x7e; }
 
 /// Names go to logs, file names and JSON: printable ASCII, so that nothing can be hidden in them.
 Status check_name(std::string_view name, const char* field) {

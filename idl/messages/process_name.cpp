@@ -10,11 +10,6 @@
 #include "core/base/hash.hpp"
 
 namespace nearmesh::wire {
-namespace {
-
-bool is_printable(char c) { return c >= 0x20 && c <= 0x7e; }
-
-}  // namespace
 
 Status check_process_name(std::string_view name) {
   const std::string expected =

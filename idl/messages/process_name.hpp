@@ -11,6 +11,9 @@
 
 namespace nearmesh::wire {
 
+/// ASCII, and more than a control character.
+[[nodiscard]] constexpr bool is_printable(char c) { return c >= 0x20 && c <= 0x7e; }
+
 /// Errors: kInvalidArgument unless the name is 1 to kMaxNameBytes of printable ASCII without blanks at its ends; the line says
 /// which byte does not fit.
 [[nodiscard]] Status check_process_name(std::string_view name);

@@ -21,7 +21,7 @@ const std::string kMakeAgain = "make the identity again: make-security --force";
 const std::string kCopyFromSet = "copy it again from the set in which make-security made it";
 
 /// Nothing: there is none.
-std::optional<Result<crypto::Revocations>> read_list(const fs::path& folder, X509& authority) {
+std::optional<Result<crypto::Revocations>> list_in(const fs::path& folder, X509& authority) {
   std::ifstream in(folder / kRevocations);
   if (!in) return std::nullopt;
   std::ostringstream text;
@@ -105,7 +105,7 @@ class Check {
   }
 
   void check_list(X509& certificate, X509& authority) {
-    const auto list = read_list(folder_, authority);
+    const auto list = list_in(folder_, authority);
     if (!list) return;
     if (!list->is_ok()) {
       fault(kRevocations,
@@ -156,7 +156,7 @@ std::string describe_identity(const std::string& identity_folder) {
   const auto authority = crypto::read_certificate(folder / kIdentityCa);
   if (!certificate.is_ok() || !authority.is_ok()) return "";
   const std::string until = "valid until " + date_of(crypto::end_of(*certificate.value()));
-  const auto list = read_list(folder, *authority.value());
+  const auto list = list_in(folder, *authority.value());
   if (!list || !list->is_ok()) return until;
   const std::size_t count = list->value().serials.size();
   return until + ", revocation list " + std::to_string(list->value().number) + ": " +
