@@ -22,9 +22,10 @@ std::vector<wire::BodyPose> DdsPoses::take(const std::vector<wire::ReaderListene
   look_for_silent();
   // What a writer said before it went is taken before it is forgotten, or it would claim its bodies again.
   if (more || gone_movers_.empty()) return accepted;
-  for (const auto& [writer, how] : std::exchange(gone_movers_, {})) {
+  for (const auto& gone : std::exchange(gone_movers_, {})) {
+    const wire::Handle& writer = gone.first;
     bodies_.forget(writer);
-    lose(writer, how);
+    lose(writer, gone.second);
     std::erase_if(contested_, [&](const auto& c) { return c.second.writer == writer; });
   }
   // A peer that started again may be heard before its old self is gone.
