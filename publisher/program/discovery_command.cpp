@@ -16,7 +16,8 @@ Status run(const DiscoveryOptions& options) {
   wire::program::log_fastdds();
   auto server = DiscoveryServer::create(options.transport, options.listen);
   NEARMESH_RETURN_IF_ERROR(server);
-  spdlog::info("ready: a discovery server at {}; others name it with --discovery-server", options.listen);
+  spdlog::info("ready: a discovery server at {}; others name it with --discovery-server",
+               options.listen);
   while (stop_requested == 0) std::this_thread::sleep_for(std::chrono::milliseconds(50));
   return Status::ok();
 }
