@@ -103,6 +103,12 @@ void add_replay_command(CLI::App& app, Action& chosen) {
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 
+void add_domain_option(CLI::App& command, std::uint32_t& domain) {
+  command.add_option("--domain", domain, "DDS domain of the programs")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 232));
+}
+
 void add_discovery_command(CLI::App& app, Action& chosen) {
   const auto options = std::make_shared<DiscoveryOptions>();
   CLI::App* command = app.add_subcommand(
@@ -114,18 +120,14 @@ void add_discovery_command(CLI::App& app, Action& chosen) {
                    "ADDRESS or ADDRESS:PORT of this machine where it is found (port " +
                        std::to_string(wire::kDefaultServerPort) + ")")
       ->required();
-  command->add_option("--domain", options->transport.domain, "DDS domain of the programs")
-      ->capture_default_str()
-      ->check(CLI::Range(0, 232));
+  add_domain_option(*command, options->transport.domain);
   command->add_option("--security", options->transport.security,
                       "Join with this program's identity (folder)");
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 
 void add_bus_options(CLI::App& command, std::uint32_t& domain, std::string& prefix) {
-  command.add_option("--domain", domain, "DDS domain of the programs")
-      ->capture_default_str()
-      ->check(CLI::Range(0, 232));
+  add_domain_option(command, domain);
   command.add_option("--prefix", prefix, "First part of every topic's name")->capture_default_str();
 }
 

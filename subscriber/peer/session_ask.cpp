@@ -144,6 +144,20 @@ std::vector<NodeSpan> Session::Impl::missing_of(const PeerModel& model, const Fr
   return missing;
 }
 
+// Its number is last_request then.
+void Session::Impl::send_request(const PeerModel& model, const Publisher& publisher,
+                                 RegionRequest region, std::uint8_t priority) {
+  wire::RegionSubscription subscription;
+  subscription.region = std::move(region);
+  subscription.peer = channel->own_id();
+  subscription.publisher = publisher.hello.publisher;
+  subscription.request = ++last_request;
+  subscription.content_hash = model.content_hash;
+  subscription.priority = priority;
+  subscription.window_bytes = options.window_bytes;
+  channel->send(subscription);
+}
+
 // `missing`, ascending, is asked for in any case, before other unresolved nodes that meet the region.
 bool Session::Impl::request(PeerModel& model, const RegionMaker& region,
                             std::vector<NodeSpan> missing, std::uint8_t priority,
@@ -156,15 +170,7 @@ bool Session::Impl::request(PeerModel& model, const RegionMaker& region,
                    priority == kNeededNow ? kRequestSplits : kMaxAheadSplits,
                    priority == kNeededNow ? Portion::kLargestNodes : Portion::kWholeNodes);
   if (!region_request) return false;
-  wire::RegionSubscription subscription;
-  subscription.region = std::move(*region_request);
-  subscription.peer = channel->own_id();
-  subscription.publisher = publisher->hello.publisher;
-  subscription.request = ++last_request;
-  subscription.content_hash = model.content_hash;
-  subscription.priority = priority;
-  subscription.window_bytes = options.window_bytes;
-  channel->send(subscription);
+  send_request(model, *publisher, std::move(*region_request), priority);
   outstanding[model.content_hash] = {last_request, priority, clock.seconds(), patience_s,
                                      publisher->hello.publisher};
   ++stats.requests;
@@ -208,17 +214,10 @@ void Session::Impl::audit(PeerModel& model) {
   const auto roots = static_cast<std::uint32_t>(mesh.store().roots().size());
   const VertexId split = mesh.active_at(audits.below(mesh.split_count() + roots));
   if (mesh.store().is_root(split)) return;  // the next update draws again
-  wire::RegionSubscription subscription;
-  subscription.region = {.attach = {mesh.store().node_of(split)}, .region = {}, .max_splits = 0};
-  subscription.peer = channel->own_id();
-  subscription.publisher = publisher->hello.publisher;
-  subscription.request = ++last_request;
-  subscription.content_hash = model.content_hash;
-  subscription.priority = kHorizon;
-  subscription.window_bytes = options.window_bytes;
-  channel->send(subscription);
+  send_request(model, *publisher,
+               {.attach = {mesh.store().node_of(split)}, .region = {}, .max_splits = 0}, kHorizon);
   model.audit.request = last_request;
-  model.audit.publisher = subscription.publisher;
+  model.audit.publisher = publisher->hello.publisher;
   model.audit.sent_s = clock.seconds();
   model.audit.is_answered = false;
 }

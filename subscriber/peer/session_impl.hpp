@@ -120,6 +120,8 @@ struct Session::Impl {
   bool request_ahead(PeerModel& model, const FrameReport& report, double patience_s);
   bool request(PeerModel& model, const RegionMaker& region, std::vector<NodeSpan> missing,
                std::uint8_t priority, double patience_s);
+  void send_request(const PeerModel& model, const Publisher& publisher, RegionRequest region,
+                    std::uint8_t priority);
   void audit(PeerModel& model);
   void settle_audit(PeerModel& model, FrameReport& report);
   void tell_bodies(wire::ProcessStatus& now) const;
