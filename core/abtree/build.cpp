@@ -34,7 +34,10 @@ TreeEntry inner_entry(const TreePages<TreeNode>& nodes, std::uint32_t place) {
   const TreeNode& node = nodes[place];
   TreeEntry entry;
   bound(node.boxes, node.size, node.lanes, entry.box, entry.slab);
-  entry.set(TreeEntry::Kind::kInner, place, 0);
+  bool is_coarse = false;
+  for (std::uint32_t left = node.lanes; left != 0; left &= left - 1)
+    is_coarse |= node.is_coarse(static_cast<std::uint32_t>(std::countr_zero(left)));
+  entry.set(TreeEntry::Kind::kInner, place, is_coarse ? 1 : 0);
   return entry;
 }
 

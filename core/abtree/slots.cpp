@@ -162,6 +162,13 @@ void AbTree::find_own_faces(NodeSpan slot, const SlotBits& bits) {
   count();
 }
 
+// Faces with a corner in the tip, a slot, are to lie in the box of its node.
+void AbTree::check_bounds(std::uint32_t tip, const AxesBox& faces) {
+  Tip& slot = tips_[tip];
+  if (slot.bounds.is_empty()) slot.bounds = mesh_->store().box(slot.node);
+  if (!AxesBox(slot.bounds).contains(faces)) contradiction_ = slot.node;
+}
+
 void AbTree::build_micro_tree(std::uint32_t index) {
   const SplitStore& store = mesh_->store();
   Tip& slot = tips_[index];
@@ -172,16 +179,19 @@ void AbTree::build_micro_tree(std::uint32_t index) {
     FaceBlock& block = blocks[i / kLanes];
     const FaceCorners& face = exact_faces_[i].face;
     const std::array<VertexId, 3> corners{face.first, face.second, face.outside};
+    AxesBox box;
     for (std::size_t c = 0; c < 3; ++c) {
       const GridPoint& at = store.position(corners[c]);
-      around.add(axes_of(at));
+      box.add(axes_of(at));
       for (int k = 0; k < 3; ++k) block.triangles.corner[c][k][i % kLanes] = at[k];
     }
     block.keys[i % kLanes] = exact_faces_[i].key;
+    around.add(box);
+    // Of each corner the node's box was to enclose the face: here all faces at once, elsewhere each.
+    for (const VertexId corner : corners)
+      if (!slot.node.contains(corner)) check_bounds(tip_of(corner), box);
   }
-  // Each has a corner in the slot, so the box of its node was to enclose them all.
-  if (slot.bounds.is_empty()) slot.bounds = store.box(slot.node);
-  if (!AxesBox(slot.bounds).contains(around)) contradiction_ = slot.node;
+  check_bounds(index, around);
   const SlotBits bits = bits_of(slot.node);
   for (std::uint64_t left = bits.active & ~bits.resolved; left != 0; left &= left - 1) {
     const auto offset = static_cast<std::uint32_t>(std::countr_zero(left));

@@ -11,7 +11,7 @@
 #include "core/base/parallel.hpp"
 #include "core/base/random.hpp"
 #include "core/demand/collect.hpp"
-#include "core/mesh/surface.hpp"
+#include "core/geometry/surface.hpp"
 #include "core/spm/blocks.hpp"
 #include "core/spm/train.hpp"
 
@@ -248,10 +248,10 @@ std::array<std::uint8_t, 3> lattice_shift(const GridMesh& mesh) {
 
 SurfaceFacts describe_surface(const GridMesh& mesh, const Forest& forest) {
   SurfaceFacts facts;
-  const UnclosedEdges open = count_unclosed_edges(mesh);
+  const UnclosedEdges open = count_unclosed_edges(mesh.positions, mesh.faces);
   facts.boundary_edges = static_cast<std::uint32_t>(open.boundary);
   facts.disagreeing_edges = static_cast<std::uint32_t>(open.disagreeing);
-  const std::vector<std::uint32_t> component = find_components(mesh);
+  const std::vector<std::uint32_t> component = find_components(mesh.positions.size(), mesh.faces);
   const std::size_t n = mesh.positions.size();
   std::vector<std::uint32_t> vertex_of(n);  // by id
   for (std::uint32_t v = 0; v < n; ++v) vertex_of[forest.id_of[v]] = v;

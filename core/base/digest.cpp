@@ -62,18 +62,52 @@ ContentHash leaf_digest(std::uint32_t first, std::uint32_t size,
   return digest({{&kLeaf, 1}, bytes_of(std::span<const std::uint32_t>(place)), bytes});
 }
 
+namespace {
+
+ContentHash inner_digest(std::span<const ContentHash> children) {
+  return digest({{&kInner, 1}, bytes_of(children)});
+}
+
+std::span<const ContentHash> children_of(const std::vector<ContentHash>& level, std::size_t node) {
+  const std::size_t first = node * kTreeFanOut;
+  return std::span(level).subspan(first, std::min(kTreeFanOut, level.size() - first));
+}
+
+}  // namespace
+
 ContentHash tree_root(std::vector<ContentHash> leaves) {
+  return grow_tree(std::move(leaves)).back().front();
+}
+
+DigestTree grow_tree(std::vector<ContentHash> leaves) {
   NEARMESH_ASSERT(!leaves.empty());
-  while (leaves.size() > 1) {
-    std::size_t count = 0;
-    for (std::size_t first = 0; first < leaves.size(); first += kTreeFanOut) {
-      const auto children = std::span<const ContentHash>(leaves).subspan(
-          first, std::min(kTreeFanOut, leaves.size() - first));
-      leaves[count++] = digest({{&kInner, 1}, bytes_of(children)});
-    }
-    leaves.resize(count);
+  DigestTree tree{std::move(leaves)};
+  while (tree.back().size() > 1) {
+    const std::vector<ContentHash>& below = tree.back();
+    std::vector<ContentHash> level((below.size() + kTreeFanOut - 1) / kTreeFanOut);
+    for (std::size_t i = 0; i < level.size(); ++i) level[i] = inner_digest(children_of(below, i));
+    tree.push_back(std::move(level));
   }
-  return leaves.front();
+  return tree;
+}
+
+TreePath path_of(const DigestTree& tree, std::size_t leaf) {
+  TreePath path;
+  for (std::size_t level = 0; level + 1 < tree.size(); ++level) {
+    leaf /= kTreeFanOut;
+    const auto children = children_of(tree[level], leaf);
+    path.emplace_back(children.begin(), children.end());
+  }
+  return path;
+}
+
+bool leads_to(const TreePath& path, const ContentHash& leaf, const ContentHash& root) {
+  ContentHash at = leaf;
+  for (const std::vector<ContentHash>& children : path) {
+    if (std::find(children.begin(), children.end(), at) == children.end()) return false;
+    at = inner_digest(children);
+  }
+  return at == root;
 }
 
 }  // namespace nearmesh

@@ -21,4 +21,12 @@ inline constexpr std::size_t kTreeFanOut = 8;
 /// In: at least one leaf. Cost: a digest for each inner node.
 [[nodiscard]] ContentHash tree_root(std::vector<ContentHash> leaves);
 
+/// All levels of a tree, the leaves first.
+using DigestTree = std::vector<std::vector<ContentHash>>;
+[[nodiscard]] DigestTree grow_tree(std::vector<ContentHash> leaves);
+/// What shows that a leaf is of a tree: the children of each node above it, from below.
+using TreePath = std::vector<std::vector<ContentHash>>;
+[[nodiscard]] TreePath path_of(const DigestTree& tree, std::size_t leaf);
+[[nodiscard]] bool leads_to(const TreePath& path, const ContentHash& leaf, const ContentHash& root);
+
 }  // namespace nearmesh

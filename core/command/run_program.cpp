@@ -3,6 +3,7 @@
 
 #include <cstdio>
 #include <exception>
+#include <new>
 
 #include "core/base/standard_streams.hpp"
 
@@ -15,6 +16,8 @@ Status parse_and_run(CLI::App& app, int argc, char** argv, const Action& chosen)
     return chosen();
   } catch (const CLI::ParseError&) {
     throw;
+  } catch (const std::bad_alloc&) {
+    return {StatusCode::kIo, "no memory"};
   } catch (const std::exception& error) {
     return {StatusCode::kIo, error.what()};
   }
@@ -22,8 +25,14 @@ Status parse_and_run(CLI::App& app, int argc, char** argv, const Action& chosen)
 
 }  // namespace
 
-int run_program(CLI::App& app, int argc, char** argv, const Action& chosen) {
+int run_program(CLI::App& app, int argc, char** argv, const Action& chosen,
+                const std::string& libraries) {
   keep_standard_streams();
+  const std::string version =
+      app.get_name() + " " + NEARMESH_VERSION + (libraries.empty() ? "" : "\n" + libraries);
+  app.set_version_flag("--version", version, "Print versions, and end");
+  for (CLI::App* verb : app.get_subcommands({}))
+    verb->set_version_flag("--version", version, "Print versions, and end");
   Status status;
   try {
     status = parse_and_run(app, argc, argv, chosen);

@@ -4,6 +4,7 @@
 
 #include <CLI/CLI.hpp>
 #include <functional>
+#include <string>
 
 #include "nearmesh/core/base/status.hpp"
 
@@ -13,7 +14,9 @@ namespace nearmesh {
 using Action = std::function<Status()>;
 
 /// Parses, runs what was chosen, and says in one line on standard error what went wrong. Out: the exit code: 0; 1 where the
-/// action failed, or what it printed could not be written; 2 for wrong usage. `--help` ends with 0, or 1 likewise.
-[[nodiscard]] int run_program(CLI::App& app, int argc, char** argv, const Action& chosen);
+/// action failed, or what it printed could not be written; 2 for wrong usage. `--help` and `--version`, of the program and of
+/// each verb, end with 0, or 1 likewise. `libraries`: what `--version` adds behind the project's version, on lines of its own.
+[[nodiscard]] int run_program(CLI::App& app, int argc, char** argv, const Action& chosen,
+                              const std::string& libraries = {});
 
 }  // namespace nearmesh

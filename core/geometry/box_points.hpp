@@ -35,6 +35,10 @@ struct AxesBox {
     lo = least(lo, p);
     hi = most(hi, p);
   }
+  void add(const AxesBox& b) {
+    lo = least(lo, b.lo);
+    hi = most(hi, b.hi);
+  }
   /// Also true of an empty one.
   [[nodiscard]] bool contains(const AxesBox& b) const { return is_none((b.lo < lo) | (b.hi > hi)); }
   [[nodiscard]] bool meets(const AxesBox& b) const { return is_none((b.lo > hi) | (b.hi < lo)); }

@@ -13,7 +13,7 @@
 
 #include "core/base/float_guard.hpp"
 #include "core/base/hash.hpp"
-#include "surface.hpp"
+#include "core/geometry/surface.hpp"
 
 namespace nearmesh {
 namespace {
@@ -396,10 +396,11 @@ Result<CleanResult> clean_mesh(const IndexedMesh& mesh, const CleanOptions& opti
   count_non_manifold(edges, report);
   cover_degenerate(faces, edges, fates, report);
   append_kept(faces, fates, result.mesh);
-  const UnclosedEdges open = count_unclosed_edges(result.mesh);
+  const UnclosedEdges open = count_unclosed_edges(result.mesh.positions, result.mesh.faces);
   report.edges_boundary = open.boundary;
   report.edges_disagreeing = open.disagreeing;
-  const std::vector<std::uint32_t> component = find_components(result.mesh);
+  const std::vector<std::uint32_t> component =
+      find_components(result.mesh.positions.size(), result.mesh.faces);
   for (std::uint32_t v = 0; v < component.size(); ++v)
     if (component[v] == v) ++report.components;
   return result;

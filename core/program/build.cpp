@@ -11,6 +11,7 @@
 #include "core/base/resources.hpp"
 #include "core/base/stopwatch.hpp"
 #include "core/spm/check_boxes.hpp"
+#include "core/spm/check_surface.hpp"
 #include "core/spm/file_layout.hpp"
 #include "measures.hpp"
 #include "nearmesh/core/bake/bake.hpp"
@@ -160,6 +161,7 @@ Result<Outcome> build(IndexedMesh mesh, const MeshOrigin& origin, UpAxis stated_
   progress.stage("writing");
   const BakedModel& model = baked.value();
   NEARMESH_RETURN_IF_ERROR(check_boxes(model.store));
+  NEARMESH_RETURN_IF_ERROR(check_surface(model.store));
   const auto written =
       write_model_file(model.header, model.store, model.numbers, out, options.threads, origin);
   NEARMESH_RETURN_IF_ERROR(written);

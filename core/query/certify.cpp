@@ -43,6 +43,9 @@ Result<Answer> certify(LocalModel& a, const PosedFrame& frame_a, const Require& 
     spent.refine_s += watch.lap();
     a.tree.update(delta_a);
     b.tree.update(delta_b);
+    for (const LocalModel* model : {&a, &b})
+      if (const NodeSpan slot = model->tree.contradiction(); slot.size != 0)
+        return Status{StatusCode::kCorrupt, to_string(slot) + ": a face lies outside its box"};
     spent.tree_s += watch.lap();
   }
 }

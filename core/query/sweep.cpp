@@ -194,6 +194,7 @@ class SweptQuery {
     const TreeEntry &na = pair.a, &nb = pair.b;
     const Kind ka = na.kind(), kb = nb.kind();
     if (ka == Kind::kEmpty || kb == Kind::kEmpty) return;
+    if (!seeks_contact_ && !na.is_coarse() && !nb.is_coarse()) return;
     // Known to be missing since an earlier start, or the same.
     if (ka == Kind::kUnresolved && known_a_.contains(na.first)) return;
     if (kb == Kind::kUnresolved && known_b_.contains(nb.first)) return;

@@ -23,6 +23,16 @@ VertexId ActiveMesh::active_predecessor(VertexId v) const {
                                      static_cast<std::size_t>(std::countl_zero(bits)))};
 }
 
+VertexId ActiveMesh::active_at(std::uint32_t index) const {
+  std::size_t word = 0;
+  for (auto count = static_cast<std::uint32_t>(std::popcount(bits_[0])); count <= index;
+       count = static_cast<std::uint32_t>(std::popcount(bits_[++word])))
+    index -= count;
+  std::uint64_t bits = bits_[word];
+  for (; index > 0; --index) bits &= bits - 1;
+  return {static_cast<std::uint32_t>(word * 64 + static_cast<std::size_t>(std::countr_zero(bits)))};
+}
+
 NodeSpan ActiveMesh::current_node(VertexId v) const {
   NEARMESH_ASSERT(is_active(v));
   const std::uint32_t after = v.value + 1;

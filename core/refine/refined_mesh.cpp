@@ -2,23 +2,36 @@
 #include "refined_mesh.hpp"
 
 #include <algorithm>
+#include <array>
 
 namespace nearmesh {
+namespace {
+
+/// Whose faces are looked at with each batch.
+constexpr std::size_t kVerticesChecked = 8;
+
+}  // namespace
 
 RefinedMesh::RefinedMesh(SpmHeader header)
     : header_(std::move(header)),
       store_(std::make_unique<SplitStore>(header_)),
-      mesh_(std::make_unique<ActiveMesh>(*store_)) {}
+      mesh_(std::make_unique<ActiveMesh>(*store_)),
+      tellers_(store_->vertex_count()) {}
 
 Status RefinedMesh::insert(const SplitRecord& record, std::span<const SplitFace> faces,
-                           RefineDelta& delta) {
+                           Teller teller, RefineDelta& delta) {
   const Result<SplitStore::Insertion> inserted = store_->insert(record, faces, outside_of(faces));
   NEARMESH_RETURN_IF_ERROR(inserted);
   if (inserted.value() == SplitStore::Insertion::kNoParent) {
-    park(record, faces);
+    park(record, faces, teller);
     return Status::ok();
   }
-  if (inserted.value() == SplitStore::Insertion::kBoxed) delta.boxed.push_back(record.split);
+  Teller& told_by = tellers_[record.split.value];
+  if (inserted.value() == SplitStore::Insertion::kAdded) told_by = teller;
+  if (inserted.value() == SplitStore::Insertion::kBoxed) {
+    delta.boxed.push_back(record.split);
+    if (told_by != teller) told_by = kManyTellers;
+  }
   const bool done = mesh_->split(record.split, delta);
   NEARMESH_ASSERT(done);
   static_cast<void>(done);
@@ -34,21 +47,22 @@ GridBox RefinedMesh::outside_of(std::span<const SplitFace> faces) const {
   return outside;
 }
 
-void RefinedMesh::park(const SplitRecord& record, std::span<const SplitFace> faces) {
+void RefinedMesh::park(const SplitRecord& record, std::span<const SplitFace> faces, Teller teller) {
   const auto at = parked_.find(key(record.node));
   if (at == parked_.end()) {
     if (parked_.size() < kMaxParked)
-      parked_.emplace(key(record.node), Parked{record, {faces.begin(), faces.end()}});
+      parked_.emplace(key(record.node), Parked{record, {faces.begin(), faces.end()}, teller});
     return;
   }
   // A repeat, from another batch, may carry boxes that the first did not.
   SplitRecord& first = at->second.record;
   if (first.split != record.split) return;
+  if (at->second.teller != teller) at->second.teller = kManyTellers;
   if (first.left_box == kNoBox) first.left_box = record.left_box;
   if (first.right_box == kNoBox) first.right_box = record.right_box;
 }
 
-RefinedMesh::Applied RefinedMesh::apply_batch(const SplitBatch& batch) {
+RefinedMesh::Applied RefinedMesh::apply_batch(const SplitBatch& batch, Teller teller) {
   Applied applied;
   applied.delta.split.reserve(batch.splits.size());
   constexpr std::size_t kAhead = 8;  // records: enough for the entry to come from memory
@@ -60,12 +74,49 @@ RefinedMesh::Applied RefinedMesh::apply_batch(const SplitBatch& batch) {
       for (std::uint32_t face = 0; face < std::min(later.face_count, 2U); ++face)
         store_->prefetch(batch.faces[later.face_begin + face].outside);
     }
-    applied.status =
-        insert(record, {batch.faces.data() + record.face_begin, record.face_count}, applied.delta);
+    applied.status = insert(record, {batch.faces.data() + record.face_begin, record.face_count},
+                            teller, applied.delta);
     if (applied.status.is_ok() && !parked_.empty()) applied.status = unpark(record, applied.delta);
-    if (!applied.status.is_ok()) break;
+    if (!applied.status.is_ok()) return applied;
   }
+  applied.status = check_faces(kVerticesChecked);
   return applied;
+}
+
+// A face that is not exact yet shows in part: the places of its corners that have come lie in the box of the node of each that has not.
+// What has come since may speak against a face of long ago, of any split, so all are looked at in turn: some with each batch.
+Status RefinedMesh::check_faces(std::size_t count) {
+  const std::span<const SplitFace> base = store_->base_faces();
+  for (; count > 0; --count) {
+    if (next_base_face_ < base.size()) {
+      NEARMESH_RETURN_IF_ERROR(check_face(base[next_base_face_++]));
+      continue;
+    }
+    if (!mesh_->is_active(next_vertex_)) next_vertex_ = mesh_->active_predecessor(next_vertex_);
+    if (!store_->is_root(next_vertex_))
+      for (const SplitFace& face : store_->faces(next_vertex_))
+        NEARMESH_RETURN_IF_ERROR(check_face(face));
+    next_vertex_ = {mesh_->current_node(next_vertex_).end()};
+    if (next_vertex_.value < store_->vertex_count()) continue;
+    next_vertex_ = {0};
+    next_base_face_ = 0;
+  }
+  return Status::ok();
+}
+
+Status RefinedMesh::check_face(const SplitFace& face) const {
+  GridBox known;
+  std::array<NodeSpan, 3> open;
+  std::size_t open_count = 0;
+  for (const VertexId corner : face.corners()) {
+    if (mesh_->is_active(corner)) known.add(store_->position(corner));
+    if (!mesh_->is_resolved(corner))
+      open[open_count++] = mesh_->current_node(mesh_->active_predecessor(corner));
+  }
+  for (std::size_t i = 0; i < open_count; ++i)
+    if (!store_->encloses(open[i], known))
+      return {StatusCode::kCorrupt, to_string(open[i]) + ": a face of its lies outside its box"};
+  return Status::ok();
 }
 
 Status RefinedMesh::unpark(const SplitRecord& parent, RefineDelta& delta) {
@@ -78,7 +129,7 @@ Status RefinedMesh::unpark(const SplitRecord& parent, RefineDelta& delta) {
     if (at == parked_.end() || !store_->is_node(node)) continue;
     const Parked parked = std::move(at->second);
     parked_.erase(at);
-    NEARMESH_RETURN_IF_ERROR(insert(parked.record, parked.faces, delta));
+    NEARMESH_RETURN_IF_ERROR(insert(parked.record, parked.faces, parked.teller, delta));
     waiting.push_back(parked.record.left());
     waiting.push_back(parked.record.right());
   }

@@ -10,6 +10,11 @@
 
 namespace nearmesh {
 
+/// Who tells batches, as whoever hands them over numbers them.
+using Teller = std::uint8_t;
+/// More than one told of the split, one that came late among them, or they are too many to be numbered.
+inline constexpr Teller kManyTellers = 255;
+
 class RefinedMesh {
  public:
   explicit RefinedMesh(SpmHeader header);
@@ -26,7 +31,9 @@ class RefinedMesh {
     Status status;
     RefineDelta delta;
   };
-  [[nodiscard]] Applied apply_batch(const SplitBatch& batch);
+  [[nodiscard]] Applied apply_batch(const SplitBatch& batch, Teller teller = 0);
+  /// Who told a known split. Meaningless of one that is not known.
+  [[nodiscard]] Teller teller_of(VertexId split) const { return tellers_[split.value]; }
   /// Makes a node whole; its splits stay known until `forget`. The AB-tree must see the delta before that.
   [[nodiscard]] RefineDelta collapse(NodeSpan node);
   /// Forgets all splits below a node that is whole. Cost: O(splits forgotten).
@@ -38,21 +45,29 @@ class RefinedMesh {
   struct Parked {
     SplitRecord record;
     std::vector<SplitFace> faces;
+    Teller teller = 0;
   };
   // Parked splits, by the node they divide. Bounded, so that a hostile publisher cannot fill memory; what does not fit
   // is dropped, and asked for again since it stays missing.
   static constexpr std::size_t kMaxParked = 65536;
   static std::uint64_t key(NodeSpan node) { return std::uint64_t{node.begin()} << 32 | node.size; }
-  Status insert(const SplitRecord& record, std::span<const SplitFace> faces, RefineDelta& delta);
+  Status insert(const SplitRecord& record, std::span<const SplitFace> faces, Teller teller,
+                RefineDelta& delta);
   [[nodiscard]] GridBox outside_of(std::span<const SplitFace> faces) const;
-  void park(const SplitRecord& record, std::span<const SplitFace> faces);
+  void park(const SplitRecord& record, std::span<const SplitFace> faces, Teller teller);
   Status unpark(const SplitRecord& parent, RefineDelta& delta);
+  [[nodiscard]] Status check_faces(std::size_t count);
+  [[nodiscard]] Status check_face(const SplitFace& face) const;
 
   SpmHeader header_;
   std::unique_ptr<SplitStore>
       store_;  // both behind pointers: ActiveMesh refers to the store when a RefinedMesh moves
   std::unique_ptr<ActiveMesh> mesh_;
+  LazyArray<Teller> tellers_;
   std::unordered_map<std::uint64_t, Parked> parked_;
+  // Whose faces check_faces() looks at next: a base face, then an active vertex.
+  std::size_t next_base_face_ = 0;
+  VertexId next_vertex_{0};
 };
 
 }  // namespace nearmesh

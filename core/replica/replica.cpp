@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <new>
 
+#include "compare_block.hpp"
+#include "core/base/hash.hpp"
 #include "core/base/stopwatch.hpp"
 
 namespace nearmesh {
@@ -54,29 +56,73 @@ Replica::Taken Replica::take(std::span<const std::uint8_t> bytes, std::uint64_t 
     taken.status = unsealed.status();
     return taken;
   }
-  const Result<SplitBatch> batch = decode_batch(header(), unsealed.value());
-  taken.times.load_s = watch.seconds();
-  taken.status = batch.is_ok() ? refine(batch.value(), taken.times) : batch.status();
+  taken.liar = sender;
+  if (is_audit_piece(unsealed.value())) {
+    audit(unsealed.value(), taken);
+    taken.times.load_s = watch.seconds();
+  } else {
+    const Result<SplitBatch> batch = decode_batch(header(), unsealed.value());
+    taken.times.load_s = watch.seconds();
+    taken.status =
+        batch.is_ok() ? refine(batch.value(), teller_of(sender), taken.times) : batch.status();
+  }
   taken.contradicts = !taken.status.is_ok();
   if (taken.contradicts) {
-    distrusted_.insert(sender);
+    if (taken.liar != 0) distrusted_.insert(taken.liar);
     forget_all();
   }
   return taken;
 }
 
-Replica::Taken Replica::take(const SplitBatch& batch) {
+Teller Replica::teller_of(std::uint64_t sender) {
+  const auto at = std::find(tellers_.begin(), tellers_.end(), sender);
+  const auto number = static_cast<std::size_t>(at - tellers_.begin());
+  if (number >= kManyTellers) return kManyTellers;
+  if (at == tellers_.end()) tellers_.push_back(sender);
+  return static_cast<Teller>(number);
+}
+
+void Replica::audit(std::span<const std::uint8_t> piece, Taken& taken) {
+  Result<std::optional<AuditedBlock>> whole = audit_.take(piece);
+  if (whole.is_ok() && !whole.value()) return;
+  taken.status = whole.status();
+  if (!whole.is_ok()) return;
+  const AuditedBlock& block = *whole.value();
+  const std::string name = "audit of the block of " + to_string(block.root) + ": ";
+  Result<SplitBatch> proved = is_proved(block, header())
+                                  ? decode_batch(header(), block.bytes)
+                                  : Status{StatusCode::kCorrupt, "it is not of this content"};
+  if (!proved.is_ok()) {
+    taken.status = {StatusCode::kCorrupt, name + proved.status().message()};
+    return;
+  }
+  taken.audited = true;
+  const std::optional<Difference> found = difference(store(), proved.value());
+  if (!found) return;
+  const Teller teller = refined_.teller_of(found->split);
+  taken.liar = teller < tellers_.size() ? tellers_[teller] : 0;
+  taken.status = {StatusCode::kCorrupt, name + "split " + std::to_string(found->split.value) +
+                                            " was told with hash " + to_hex(found->told) +
+                                            ", the content has " + to_hex(found->proved)};
+}
+
+void Replica::distrust(std::uint64_t sender) {
+  distrusted_.insert(sender);
+  static_cast<void>(give_up({}));
+}
+
+Replica::Taken Replica::take(const SplitBatch& batch, std::uint64_t sender) {
   Taken taken;
   ++taken_batches_;
-  taken.status = refine(batch, taken.times);
+  taken.status = refine(batch, teller_of(sender), taken.times);
   taken.contradicts = !taken.status.is_ok();
   if (taken.contradicts) forget_all();
   return taken;
 }
 
-Status Replica::refine(const SplitBatch& batch, Times& times) {
+Status Replica::refine(const SplitBatch& batch, Teller teller, Times& times) {
   Stopwatch watch;
-  RefinedMesh::Applied applied = refined_.apply_batch(batch);
+  RefinedMesh::Applied applied = refined_.apply_batch(batch, teller);
   times.refine_s += watch.lap();
   if (applied.status.is_ok()) {
     tree_.update(applied.delta);

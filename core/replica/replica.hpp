@@ -6,8 +6,10 @@
 #include <cstdint>
 #include <set>
 #include <span>
+#include <vector>
 
 #include "core/refine/refined_mesh.hpp"
+#include "core/spm/audit.hpp"
 #include "nearmesh/core/abtree/detail/ab_tree.hpp"
 
 namespace nearmesh {
@@ -29,16 +31,23 @@ class Replica {
   struct Taken {
     Status status;
     Times times;
-    /// The status is of what the sender says of the model, not of what befell the batch on its way.
+    /// The status is of what was said of the model, not of what befell the batch on its way: by `liar`; 0: by one of several.
     bool contradicts = false;
+    std::uint64_t liar = 0;
+    bool audited =
+        false;  ///< an audit ended with this: what is here of a block was held against the block
   };
   /// Takes in a batch under its seal. The result depends on the set of batches, not on their order; repeats are harmless.
   /// Errors: those of decode_sealed, with nothing changed; kCorrupt where a record contradicts the model or what came before.
   /// Then all detail is forgotten, since nobody can tell which part of it is wrong, and what the same sender sends from
-  /// there on is counted and dropped. Cost: O(batch and the slots that it changes).
+  /// there on is counted and dropped. Pieces of an audit are batches too: the block that they make is held against what is known
+  /// of it, and kCorrupt says what was told otherwise, with the hash of both.
+  /// Cost: O(batch and the slots that it changes).
   [[nodiscard]] Taken take(std::span<const std::uint8_t> bytes, std::uint64_t sender = 0);
   /// The same of a batch that was decoded elsewhere, with this model's header.
-  [[nodiscard]] Taken take(const SplitBatch& batch);
+  [[nodiscard]] Taken take(const SplitBatch& batch, std::uint64_t sender = 0);
+  /// What this sender sends counts no more, and what is here is given up: nobody proves it.
+  void distrust(std::uint64_t sender);
   /// Whether what this sender sent contradicted the model.
   [[nodiscard]] bool distrusts(std::uint64_t sender) const { return distrusted_.contains(sender); }
   [[nodiscard]] bool distrusts_anybody() const { return !distrusted_.empty(); }
@@ -60,12 +69,16 @@ class Replica {
   [[nodiscard]] bool gave_up_detail() const { return gave_up_detail_; }
 
  private:
-  [[nodiscard]] Status refine(const SplitBatch& batch, Times& times);
+  [[nodiscard]] Status refine(const SplitBatch& batch, Teller teller, Times& times);
+  [[nodiscard]] Teller teller_of(std::uint64_t sender);
+  void audit(std::span<const std::uint8_t> piece, Taken& taken);
   void forget_all();
 
   RefinedMesh refined_;
   AbTree tree_;  // refers to the mesh, which stays in its place when a Replica moves
   std::set<std::uint64_t> distrusted_;
+  std::vector<std::uint64_t> tellers_;  // by number
+  AuditReader audit_;
   std::uint32_t taken_batches_ = 0;
   bool gave_up_detail_ = false;
 };

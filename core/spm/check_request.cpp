@@ -27,9 +27,14 @@ std::string to_string(const NodeSpan& node) {
 
 Status check_request(const RegionRequest& request) {
   NEARMESH_RETURN_IF_ERROR(check_count(request.attach.size(), kMaxAttachNodes, "attach nodes"));
-  NEARMESH_RETURN_IF_ERROR(check_count(request.region.size(), kMaxRegionBoxes, "region boxes"));
-  if (request.max_splits < 1 || request.max_splits > kMaxRequestSplits)
-    return refuse("max_splits must be in [1, " + std::to_string(kMaxRequestSplits) + "], found " +
+  if (request.is_audit()) {
+    if (request.attach.size() != 1 || !request.region.empty())
+      return refuse("max_splits is 0, an audit: expected one node and no region");
+  } else {
+    NEARMESH_RETURN_IF_ERROR(check_count(request.region.size(), kMaxRegionBoxes, "region boxes"));
+  }
+  if (request.max_splits > kMaxRequestSplits)
+    return refuse("max_splits must be in [0, " + std::to_string(kMaxRequestSplits) + "], found " +
                   std::to_string(request.max_splits));
   for (std::size_t i = 0; i < request.region.size(); ++i)
     if (const char* fault = fault_of(request.region[i]); fault != nullptr)

@@ -12,8 +12,10 @@
 #include <cstring>
 #include <new>
 
+#include "audit.hpp"
 #include "blocks.hpp"
 #include "check_boxes.hpp"
+#include "check_surface.hpp"
 #include "core/base/digest.hpp"
 #include "core/base/hash.hpp"
 #include "file_layout.hpp"
@@ -45,6 +47,7 @@ struct ModelFile::Impl {
   std::vector<std::span<const DirectoryEntry>> levels;
   std::vector<std::uint8_t> block;  ///< scratch of require()
   std::unique_ptr<SplitStore> store;
+  DigestTree tree;  ///< of the blocks, once prove() was asked
 
   ~Impl() {
     if (descriptor >= 0) ::close(descriptor);
@@ -69,6 +72,7 @@ struct ModelFile::Impl {
                                   std::vector<std::uint8_t>& bytes) const;
   [[nodiscard]] Status check_blocks() const;
   [[nodiscard]] Status read_face_table(std::vector<std::uint32_t>& table) const;
+  [[nodiscard]] Result<const DirectoryEntry*> entry_of(NodeSpan node) const;
   Status load(const DirectoryEntry& entry);
 };
 
@@ -294,19 +298,42 @@ const MeshOrigin& ModelFile::origin() const { return impl_->origin; }
 std::uint64_t ModelFile::block_count() const { return impl_->preamble.block_count; }
 const SplitStore& ModelFile::store() const { return *impl_->store; }
 
+Result<const DirectoryEntry*> ModelFile::Impl::entry_of(NodeSpan node) const {
+  const auto level = static_cast<std::size_t>(block_level(node.size));
+  if (level >= levels.size()) return corrupt("no block holds a node of that size");
+  const auto entries = levels[level];
+  auto at = std::upper_bound(entries.begin(), entries.end(), node.begin(),
+                             [](std::uint32_t v, const DirectoryEntry& e) { return v < e.first; });
+  if (at == entries.begin() || node.end() > (at - 1)->first + (at - 1)->size)
+    return corrupt("no block holds node [" + std::to_string(node.begin()) + ", " +
+                   std::to_string(node.end()) + ")");
+  return &*(at - 1);
+}
+
+Result<std::vector<std::vector<std::uint8_t>>> ModelFile::prove(NodeSpan node) {
+  Impl& impl = *impl_;
+  if (impl.tree.empty()) {
+    std::vector<ContentHash> leaves;
+    for (const DirectoryEntry& entry : impl.directory) leaves.push_back(entry.digest);
+    leaves.push_back(impl.preamble.face_table_digest);
+    impl.tree = grow_tree(std::move(leaves));
+  }
+  const Result<const DirectoryEntry*> entry = impl.entry_of(node);
+  NEARMESH_RETURN_IF_ERROR(entry);
+  AuditedBlock block{{{entry.value()->first}, entry.value()->size}, {}, {}};
+  NEARMESH_RETURN_IF_ERROR(impl.read_block(*entry.value(), block.bytes));
+  block.bytes.resize(block.bytes.size() - kSealBytes);
+  block.path = path_of(impl.tree, static_cast<std::size_t>(entry.value() - impl.directory.data()));
+  return audit_pieces(block);
+}
+
 Status ModelFile::require(NodeSpan node) {
   Impl& impl = *impl_;
   if (node.size < 2 || (impl.store->is_node(node) && impl.store->split_of(node).is_valid()))
     return Status::ok();
-  const auto level = static_cast<std::size_t>(block_level(node.size));
-  if (level >= impl.levels.size()) return impl.corrupt("no block holds a node of that size");
-  const auto entries = impl.levels[level];
-  auto at = std::upper_bound(entries.begin(), entries.end(), node.begin(),
-                             [](std::uint32_t v, const DirectoryEntry& e) { return v < e.first; });
-  if (at == entries.begin() || node.end() > (at - 1)->first + (at - 1)->size)
-    return impl.corrupt("no block holds node [" + std::to_string(node.begin()) + ", " +
-                        std::to_string(node.end()) + ")");
-  const DirectoryEntry& entry = *(at - 1);
+  const Result<const DirectoryEntry*> found = impl.entry_of(node);
+  NEARMESH_RETURN_IF_ERROR(found);
+  const DirectoryEntry& entry = *found.value();
   NEARMESH_RETURN_IF_ERROR(impl.load(entry));
   if (!impl.store->is_node(node) || !impl.store->split_of(node).is_valid())
     return impl.corrupt(impl.name(entry) + ": does not hold node [" + std::to_string(node.begin()) +
@@ -361,8 +388,10 @@ Status ModelFile::verify() const {
 Status ModelFile::check_deep() {
   NEARMESH_RETURN_IF_ERROR(verify());
   NEARMESH_RETURN_IF_ERROR(require_all());
-  const Status boxes = check_boxes(store());
-  return boxes.is_ok() ? boxes : impl_->corrupt(boxes.message());
+  if (const Status boxes = check_boxes(store()); !boxes.is_ok())
+    return impl_->corrupt(boxes.message());
+  const Status surface = check_surface(store());
+  return surface.is_ok() ? surface : impl_->corrupt(surface.message());
 }
 
 FaceNumbering::FaceNumbering(const SplitStore& store, std::vector<FaceNumber> numbers)

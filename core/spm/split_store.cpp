@@ -82,6 +82,9 @@ std::uint64_t packed(const BoxCode& code) {
   return p;
 }
 std::size_t unpacked(std::uint64_t p, int k) { return (p >> 7 * k & 127U) - 1; }
+GridBox grid_box(const AxesBox& box) {
+  return {{{box.lo[0], box.lo[1], box.lo[2]}}, {{box.hi[0], box.hi[1], box.hi[2]}}};
+}
 
 Status contradiction(const SplitRecord& record, const char* what) {
   return {StatusCode::kCorrupt, "split " + std::to_string(record.split.value) + " of node [" +
@@ -151,9 +154,21 @@ BoxCode SplitStore::box_code(NodeSpan node) const {
   return code;
 }
 
-GridBox SplitStore::box(NodeSpan node) const {
-  node = boxed_ancestor(node);
-  return decode_box(position(node.first), box_code(node), grid_max_);
+GridBox SplitStore::box(NodeSpan node) const { return grid_box(own_box(boxed_ancestor(node))); }
+
+bool SplitStore::encloses(NodeSpan node, const GridBox& box) const {
+  return own_box(boxed_ancestor(node)).contains(AxesBox(box));
+}
+
+// Precondition: the node has one. As decode_box().
+AxesBox SplitStore::own_box(NodeSpan node) const {
+  const PackedBox code = packed_box(node);
+  const auto extent = [code](int side) {
+    return Axes{kExtents[unpacked(code, side)], kExtents[unpacked(code, 2 + side)],
+                kExtents[unpacked(code, 4 + side)], 0};
+  };
+  const Axes at = axes_of(position(node.first));
+  return {at - least(extent(0), at), at + least(extent(1), all_axes(grid_max_) - at)};
 }
 
 NodeSpan SplitStore::boxed_ancestor(NodeSpan node) const {
@@ -173,7 +188,7 @@ const GridBox& SplitStore::bounds_of(NodeSpan node) {
       bounded_.size != 0 && bounded_.begin() <= node.begin() && node.end() <= bounded_.end();
   if (is_below && (bounded_ == node || packed_box(node) == 0)) return bounds_;
   bounded_ = boxed_ancestor(node);
-  bounds_ = decode_box(position(bounded_.first), box_code(bounded_), grid_max_);
+  bounds_ = grid_box(own_box(bounded_));
   return bounds_;
 }
 
@@ -204,7 +219,7 @@ bool SplitStore::is_within_reach(const SplitRecord& record, const GridPoint& at,
   if (may_be_within(place, code, AxesBox(bounds_))) return true;
   for (NodeSpan above = record.node; above.size != 0; above = parent_of(above)) {
     if (packed_box(above) == 0) continue;
-    const AxesBox outer(decode_box(position(above.first), box_code(above), grid_max_));
+    const AxesBox outer = own_box(above);
     if (outer.contains({place, place}) && may_be_within(place, code, outer)) return true;
   }
   return false;

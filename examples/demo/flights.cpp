@@ -102,6 +102,7 @@ int main(int argc, char** argv) {
   app.add_option("--seed", seed, "Seed of the terrain")->capture_default_str();
   app.add_option("--frames", frames, "Frames")->capture_default_str()->check(CLI::Range(2, 100000));
   app.add_option("--rate", rate_hz, "Frames a second")->capture_default_str();
+  app.set_version_flag("--version", "nearmesh-demo-flights " NEARMESH_VERSION);
   CLI11_PARSE(app, argc, argv);
   const Ground ground(cells, seed);
   for (const auto& [name, direction] :

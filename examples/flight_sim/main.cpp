@@ -56,6 +56,7 @@ struct Peer {
 nearmesh::Result<Peer> join_nearmesh(const HostBus& bus, const std::vector<Aircraft>& fleet) {
   nm::DdsChannelOptions options;
   options.participant = bus.participant;
+  options.transport.name = fleet.front().name;  // what operators see
   auto channel = nm::DdsChannel::create(options);
   if (!channel.is_ok()) return channel.status();
   Peer peer{.session = std::make_unique<nm::Session>(std::move(channel).value(),
@@ -214,6 +215,7 @@ int main(int argc, char** argv) {
   CLI::App app{
       "Flies aircraft at 100 Hz over the terrain and says at its end what nearmesh answered. Needs "
       "nearmesh-publisher serving terrain.spm and aircraft.spm."};
+  app.set_version_flag("--version", "flight_sim of nearmesh " NEARMESH_VERSION);
   app.option_defaults()->always_capture_default();
   Options options;
   app.add_option("--domain", options.domain, "DDS domain")->check(CLI::Range(0, 232));

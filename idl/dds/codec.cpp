@@ -6,6 +6,7 @@
 
 #include "core/spm/packed_certificate.hpp"
 #include "core/spm/packed_region.hpp"
+#include "idl/messages/process_name.hpp"
 
 namespace nearmesh::wire {
 
@@ -78,6 +79,7 @@ Result<Message> checked(Message message) {
 void encode(const Hello& message, wire_types::HelloSample& sample) {
   sample.wire_version(message.wire_version);
   sample.publisher(message.publisher);
+  sample.name(message.name.c_str());
   sample.names().clear();
   sample.content_hashes().clear();
   sample.mesh_bytes().clear();
@@ -96,6 +98,7 @@ Result<Hello> decode(const wire_types::HelloSample& sample) {
   Hello message;
   message.wire_version = sample.wire_version();
   message.publisher = sample.publisher();
+  message.name = shown_name(sample.name().to_string());
   const std::size_t count = sample.mesh_bytes().size();
   if (count > kMaxModels || sample.content_hashes().size() != kWordsPerContent * count ||
       sample.replaced_hashes().size() != kWordsPerContent * count ||
@@ -310,7 +313,7 @@ Result<ContactReport> decode(const wire_types::ContactReportSample& sample) {
   at = 0;
   for (PoseStamp* stamp : {&message.a.stamp, &message.b.stamp}) {
     const std::uint8_t mover = sample.movers()[at];
-    if (mover > static_cast<std::uint8_t>(Mover::kSilent))
+    if (mover > static_cast<std::uint8_t>(Mover::kBarred))
       return malformed("movers: found " + std::to_string(mover));
     *stamp = {static_cast<Mover>(mover), sample.pose_times_s()[at], sample.max_ages_s()[at]};
     ++at;
@@ -366,6 +369,7 @@ void encode(const ProcessStatus& message, wire_types::ProcessStatusSample& sampl
                                          (message.has_door ? kFlagDoor : 0)));
   sample.process_id(message.process_id);
   sample.session(message.session);
+  sample.name(message.name.c_str());
   sample.host(message.host.c_str());
   sample.uptime_s(message.uptime_s);
   sample.bytes_per_s(message.bytes_per_s);
@@ -380,6 +384,13 @@ void encode(const ProcessStatus& message, wire_types::ProcessStatusSample& sampl
   sample.lost_batches(message.lost_batches);
   sample.waiting_batches(message.waiting_batches);
   sample.resident_bytes(message.resident_bytes);
+  sample.moved_bodies(message.moved_bodies);
+  sample.heard_bodies(message.heard_bodies);
+  sample.stale_bodies(message.stale_bodies);
+  sample.oldest_body(message.oldest_body.c_str());
+  sample.oldest_age_s(message.oldest_age_s);
+  sample.moved().clear();
+  for (const std::string& body : message.moved) append_line(body, sample.moved());
   sample.door_refused(message.door_refused);
   sample.names().clear();
   sample.content_hashes().clear();
@@ -407,6 +418,7 @@ Result<ProcessStatus> decode(const wire_types::ProcessStatusSample& sample) {
   message.has_door = (sample.flags() & kFlagDoor) != 0;
   message.process_id = sample.process_id();
   message.session = sample.session();
+  message.name = shown_name(sample.name().to_string());
   message.host = sample.host().to_string();
   message.uptime_s = sample.uptime_s();
   message.bytes_per_s = sample.bytes_per_s();
@@ -421,6 +433,14 @@ Result<ProcessStatus> decode(const wire_types::ProcessStatusSample& sample) {
   message.lost_batches = sample.lost_batches();
   message.waiting_batches = sample.waiting_batches();
   message.resident_bytes = sample.resident_bytes();
+  message.moved_bodies = sample.moved_bodies();
+  message.heard_bodies = sample.heard_bodies();
+  message.stale_bodies = sample.stale_bodies();
+  message.oldest_body = sample.oldest_body().to_string();
+  message.oldest_age_s = sample.oldest_age_s();
+  auto moved = split_lines(sample.moved(), 0, kMaxStatusBodies, "moved");
+  NEARMESH_RETURN_IF_ERROR(moved);
+  message.moved = std::move(moved).value();
   message.door_refused = sample.door_refused();
   const std::size_t count = sample.faces().size();
   if (count > kMaxModels || sample.content_hashes().size() != kWordsPerContent * count ||

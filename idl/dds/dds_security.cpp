@@ -26,6 +26,9 @@ Status set_security(const TransportOptions& options,
   properties.emplace_back(authentication + "identity_ca", folder + kIdentityCa);
   properties.emplace_back(authentication + "identity_certificate", folder + kCertificate);
   properties.emplace_back(authentication + "private_key", folder + kPrivateKey);
+  // Fast DDS reads it once, now; what it says later the door knows.
+  if (std::filesystem::exists(std::filesystem::path(options.security) / kRevocations))
+    properties.emplace_back(authentication + "identity_crl", folder + kRevocations);
   properties.emplace_back("dds.sec.access.plugin", "builtin.Access-Permissions");
   properties.emplace_back(access + "permissions_ca", folder + kPermissionsCa);
   properties.emplace_back(access + "governance", folder + kGovernance);

@@ -10,6 +10,7 @@
 #include "dds_security.hpp"
 #include "dds_transport.hpp"
 #include "door_watch.hpp"
+#include "idl/messages/process_name.hpp"
 #include "nearmesh/idl/dds/door.hpp"
 
 namespace nearmesh::wire {
@@ -21,7 +22,12 @@ using eprosima::fastrtps::types::ReturnCode_t;
 
 constexpr std::uint32_t kMaxDomain = 232;
 
+/// What Fast DDS calls a participant that was given no name.
+constexpr const char* kUnnamed = "RTPSParticipant";
+
 Status check_options(const TransportOptions& options) {
+  if (const Status named = check_process_name(name_of_process(options.name)); !named.is_ok())
+    return {named.code(), "name: " + named.message()};
   NEARMESH_RETURN_IF_ERROR(check_prefix(options.prefix));
   if (options.domain > kMaxDomain)
     return {StatusCode::kInvalidArgument, "domain: expected at most " + std::to_string(kMaxDomain) +
@@ -30,6 +36,8 @@ Status check_options(const TransportOptions& options) {
       !(options.heartbeat_s > 0))
     return {StatusCode::kInvalidArgument,
             "lease: expected at least twice the announcement period, all above 0"};
+  if (!(options.identity_period_s > 0))
+    return {StatusCode::kInvalidArgument, "identity period: expected more than 0"};
   if (!(options.silence_s > options.announcement_s))
     return {StatusCode::kInvalidArgument, "silence: expected more than the announcement period, " +
                                               std::to_string(options.announcement_s) +
@@ -138,7 +146,7 @@ void ReaderListener::look_for_life_signs() {
     const std::optional<bool> is_silent = door_->is_silent(key_of(writer), silence_s_);
     if (!is_silent || *is_silent == was_silent) continue;
     was_silent = *is_silent;
-    matches_.push_back({writer, now_us(), was_silent});
+    matches_.push_back({writer, now_us(), was_silent, door_->is_barred(key_of(writer))});
   }
 }
 
@@ -159,7 +167,8 @@ void ReaderListener::on_subscription_matched(fdds::DataReader*,
     } else {
       silent_[writer] = false;
     }
-    if (is_news) matches_.push_back({writer, now_us(), is_gone});
+    const bool is_barred = is_gone && door_ != nullptr && door_->is_barred(key_of(writer));
+    if (is_news) matches_.push_back({writer, now_us(), is_gone, is_barred});
   }
   mailbox_.wake();
 }
@@ -215,6 +224,15 @@ class DiscoveryListener : public fdds::DomainParticipantListener {
         names_(prefix_),
         on_writer_(options.on_writer) {}
 
+  void on_participant_discovery(
+      fdds::DomainParticipant*,
+      eprosima::fastrtps::rtps::ParticipantDiscoveryInfo&& found) override {
+    using Info = eprosima::fastrtps::rtps::ParticipantDiscoveryInfo;
+    const bool is_gone =
+        found.status == Info::REMOVED_PARTICIPANT || found.status == Info::DROPPED_PARTICIPANT;
+    const std::string name = shown_name(found.info.m_participantName.to_string());
+    mailbox_.meet(key_of(Handle(found.info.m_guid)), is_gone || name == kUnnamed ? "" : name);
+  }
   void on_publisher_discovery(fdds::DomainParticipant*,
                               eprosima::fastrtps::rtps::WriterDiscoveryInfo&& found) override {
     if (found.status != eprosima::fastrtps::rtps::WriterDiscoveryInfo::DISCOVERED_WRITER) return;
@@ -258,7 +276,7 @@ class DiscoveryListener : public fdds::DomainParticipantListener {
       return is_writer ? theirs < ours : theirs > ours;
     };
     const auto line = [&](const char* policy, const char* theirs, const char* ours) {
-      return topic + ": " + (is_writer ? "writer " : "reader ") + name_of(endpoint) +
+      return topic + ": " + (is_writer ? "writer " : "reader ") + name_of(endpoint, mailbox_) +
              " cannot be matched: it " + (is_writer ? "offers " : "requests ") + policy + " " +
              theirs + ", this side " + (is_writer ? "requests " : "offers ") + ours + "; give it " +
              policy + " " + ours;
@@ -313,9 +331,17 @@ void WriterListener::on_offered_incompatible_qos(fdds::DataWriter* writer,
     mailbox_.complain(incompatible(writer->get_topic()->get_name(), status.last_policy_id));
 }
 
-void tell_of_door(const DoorWatch* door, ProcessStatus& status) {
+void tell_of_process(const TransportOptions& options, const DoorWatch* door,
+                     ProcessStatus& status) {
+  if (!options.name.empty()) status.name = options.name;
   status.has_door = door != nullptr;
   if (door != nullptr) status.door_refused = door->refused();
+}
+
+Status identity_of(const DoorWatch* door) {
+  const std::string ended = door == nullptr ? "" : door->own_end();
+  if (ended.empty()) return Status::ok();
+  return {StatusCode::kConflict, ended};
 }
 
 // --- Bus
@@ -334,7 +360,7 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
   // From scratch, not from the default profile: an XML file meant for other programs must not reach
   // us.
   fdds::DomainParticipantQos qos;
-  qos.name(options.participant_name);
+  qos.name(name_of_process(options.transport.name));
   NEARMESH_RETURN_IF_ERROR(set_transport(options.transport, qos));
   if (!options.transport.security.empty()) {
     NEARMESH_RETURN_IF_ERROR(set_security(options.transport, qos));
@@ -349,7 +375,7 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
                  static_cast<std::int32_t>(2 * datagram_bytes(options.transport)));
     qos.flow_controllers().push_back(flow);
   }
-  add_door(qos);
+  add_door(qos, options.transport.identity_period_s);
   bus->discovery_ = std::make_unique<DiscoveryListener>(mailbox, options);
   // No status goes to the participant's listener: data events belong to the endpoints' own.
   bus->participant_ = fdds::DomainParticipantFactory::get_instance()->create_participant(
@@ -484,6 +510,15 @@ std::string name_of(const Handle& endpoint) {
   std::ostringstream text;
   text << eprosima::fastrtps::rtps::iHandle2GUID(endpoint);
   return text.str();
+}
+
+std::string participant_name(const Handle& endpoint, const Mailbox& mailbox) {
+  return mailbox.name_of(key_of(endpoint));
+}
+
+std::string name_of(const Handle& endpoint, const Mailbox& mailbox) {
+  const std::string name = participant_name(endpoint, mailbox);
+  return name_of(endpoint) + (name.empty() ? "" : " (" + name + ")");
 }
 
 }  // namespace nearmesh::wire

@@ -59,7 +59,8 @@ class ReaderListener : public fdds::SubscriberListener {
   struct Match {
     Handle writer;
     Microseconds when;
-    bool gone;  ///< else: found
+    bool gone;            ///< else: found
+    bool barred = false;  ///< gone, since its identity does not count any more
   };
   [[nodiscard]] std::vector<Match> take_matches();
 
@@ -185,7 +186,6 @@ inline constexpr const char* kSilentHint =
 
 struct BusOptions {
   TransportOptions transport;
-  const char* participant_name = "nearmesh";
   fdds::DomainParticipant* host_participant = nullptr;  ///< used as it is, instead of an own one
   std::int32_t header_bytes_per_s = 0;  ///< above 0: makes the flow controller kPacedFlow
   std::optional<TopicNames> names;      ///< where topics are called otherwise than the prefix says
@@ -200,6 +200,7 @@ class DiscoveryListener;
 /// only that. Threads: one. Listeners must outlive the bus.
 class Bus {
  public:
+  /// Of an own participant check_room() first (room.hpp), before a thread is made for it.
   /// Errors: kInvalidArgument (prefix, interface, domain, security); kIo when Fast DDS refuses.
   [[nodiscard]] static Result<std::unique_ptr<Bus>> open(const BusOptions& options,
                                                          Mailbox& mailbox);
@@ -263,8 +264,11 @@ class Bus {
   std::shared_ptr<DoorWatch> door_;
 };
 
-/// Adds to a process's status what the door knows.
-void tell_of_door(const DoorWatch* door, ProcessStatus& status);
+/// Adds to a process's status the name that it was given, and what the door knows.
+void tell_of_process(const TransportOptions& options, const DoorWatch* door, ProcessStatus& status);
+
+/// kConflict once this program's own identity does not count any more: then it hears nobody.
+[[nodiscard]] Status identity_of(const DoorWatch* door);
 
 /// Short name of a Fast DDS return code, for messages.
 [[nodiscard]] const char* name_of(const eprosima::fastrtps::types::ReturnCode_t& code);
@@ -272,6 +276,10 @@ void tell_of_door(const DoorWatch* door, ProcessStatus& status);
 [[nodiscard]] bool have_one_participant(const Handle& a, const Handle& b);
 /// The endpoint's GUID, for messages.
 [[nodiscard]] std::string name_of(const Handle& endpoint);
+/// What its participant is called, where discovery told it; else "".
+[[nodiscard]] std::string participant_name(const Handle& endpoint, const Mailbox& mailbox);
+/// The GUID with the name of its participant, where discovery told one.
+[[nodiscard]] std::string name_of(const Handle& endpoint, const Mailbox& mailbox);
 
 enum class WriteResult { kTaken, kFull, kFailed };
 
@@ -386,7 +394,7 @@ class Reader {
         fault = message.status().message();
       }
       mailbox_.complain(reader_->get_topicdescription()->get_name() + ": sample of " +
-                        name_of(info.publication_handle) + " dropped: " + fault);
+                        name_of(info.publication_handle, mailbox_) + " dropped: " + fault);
     }
     return true;
   }

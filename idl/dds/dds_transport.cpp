@@ -14,6 +14,7 @@
 #include <memory>
 
 #include "interfaces.hpp"
+#include "room.hpp"
 
 namespace nearmesh::wire {
 namespace {
@@ -27,8 +28,6 @@ using eprosima::fastrtps::rtps::Locator_t;
 
 /// A header of a megabyte arrives as one burst. The kernel may grant less.
 constexpr std::uint32_t kSocketBufferBytes = 4U << 20;
-/// Holds the largest header beside batches.
-constexpr std::uint32_t kSharedSegmentBytes = 4U << 20;
 constexpr const char* kDiscoveryMulticast = "239.255.0.1";
 constexpr const char* kLoopback = "127.0.0.1";
 
@@ -161,6 +160,8 @@ Status set_transport(const TransportOptions& options, fdds::DomainParticipantQos
   auto& discovery = qos.wire_protocol().builtin.discovery_config;
   discovery.leaseDuration = Duration_t(options.lease_s);
   discovery.leaseDuration_announcementperiod = Duration_t(options.announcement_s);
+  // Liveliness is by participant, at the door; this would only be two more endpoints for everybody to match.
+  qos.wire_protocol().builtin.use_WriterLivelinessProtocol = false;
   std::string interface = options.interface.empty() && options.transport == Transport::kSameHost
                               ? kLoopback
                               : options.interface;
@@ -172,12 +173,29 @@ Status set_transport(const TransportOptions& options, fdds::DomainParticipantQos
   if (options.transport == Transport::kTcp) return set_tcp(options, interface, qos);
   if (options.transport == Transport::kSameHost) {
     auto shared = std::make_shared<SharedMemTransportDescriptor>();
-    shared->segment_size(kSharedSegmentBytes);
+    shared->segment_size(static_cast<std::uint32_t>(kSharedSegmentBytes));
     qos.transport().user_transports.push_back(shared);
   }
   set_udp(options, interface, qos);
   if (!options.discovery_server.empty()) return set_discovery_server(options, qos);
   return set_udp_peers(options, interface, qos);
+}
+
+Status set_server_transport(const TransportOptions& options, const std::string& listen,
+                            fdds::DomainParticipantQos& qos) {
+  Result<Locator_t> locator = parse_locator(listen, kDefaultServerPort, "listen");
+  NEARMESH_RETURN_IF_ERROR(locator);
+  qos.transport().use_builtin_transports = false;
+  set_udp(options, {}, qos);
+  auto& builtin = qos.wire_protocol().builtin;
+  builtin.use_WriterLivelinessProtocol = false;
+  builtin.metatrafficUnicastLocatorList.push_back(locator.value());
+  builtin.discovery_config.discoveryProtocol =
+      eprosima::fastrtps::rtps::DiscoveryProtocol_t::SERVER;
+  builtin.discovery_config.leaseDuration = Duration_t(options.lease_s);
+  builtin.discovery_config.leaseDuration_announcementperiod = Duration_t(options.announcement_s);
+  eprosima::fastdds::rtps::get_server_client_default_guidPrefix(0, qos.wire_protocol().prefix);
+  return Status::ok();
 }
 
 }  // namespace nearmesh::wire

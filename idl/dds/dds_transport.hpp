@@ -4,6 +4,8 @@
 
 #include <fastdds/dds/domain/qos/DomainParticipantQos.hpp>
 
+#include <string>
+
 #include "nearmesh/core/base/status.hpp"
 #include "nearmesh/idl/dds/transport_options.hpp"
 
@@ -26,5 +28,10 @@ inline constexpr std::uint32_t kMaxSecuredDatagramBytes = 8192;
 /// Errors: kInvalidArgument naming the option and what was expected.
 [[nodiscard]] Status set_transport(const TransportOptions& options,
                                    fdds::DomainParticipantQos& qos);
+
+/// The same of a discovery server that is found at `listen`, "ADDRESS" or "ADDRESS:PORT".
+[[nodiscard]] Status set_server_transport(const TransportOptions& options,
+                                          const std::string& listen,
+                                          fdds::DomainParticipantQos& qos);
 
 }  // namespace nearmesh::wire

@@ -13,9 +13,11 @@
 
 #include <algorithm>
 #include <exception>
+#include <filesystem>
 #include <utility>
 
 #include "door_watch.hpp"
+#include "idl/security/security_folder.hpp"
 
 namespace nearmesh::wire {
 namespace {
@@ -206,20 +208,41 @@ void name_builtin_transports(fdds::DomainParticipantQos& qos) {
   qos.transport().user_transports.push_back(shared);
 }
 
+/// The path of a file that a property of authentication names; "" for none.
+std::string file_of(const fdds::DomainParticipantQos& qos, const std::string& property) {
+  constexpr std::string_view kScheme = "file://";
+  const std::string* value = eprosima::fastrtps::rtps::PropertyPolicyHelper::find_property(
+      qos.properties(), "dds.sec.auth.builtin.PKI-DH." + property);
+  return value != nullptr && value->starts_with(kScheme) ? value->substr(kScheme.size()) : "";
+}
+
+/// nullptr: it has no identity, or files that are wrong, which Fast DDS refuses.
+std::unique_ptr<IdentityBook> identities_of(const fdds::DomainParticipantQos& qos) {
+  IdentityPaths paths{file_of(qos, "identity_ca"), file_of(qos, "identity_certificate"),
+                      file_of(qos, "identity_crl")};
+  if (paths.authority.empty() || paths.certificate.empty()) return nullptr;
+  if (paths.revocations.empty())
+    paths.revocations =
+        (std::filesystem::path(paths.certificate).parent_path() / kRevocations).string();
+  auto book = IdentityBook::open(paths);
+  return book.is_ok() ? std::move(book).value() : nullptr;
+}
+
 const HasDoor* door_of(const Descriptor* descriptor) {
   return dynamic_cast<const HasDoor*>(descriptor);
 }
 
 }  // namespace
 
-void add_door(fdds::DomainParticipantQos& qos) {
+void add_door(fdds::DomainParticipantQos& qos, double identity_period_s) {
   name_builtin_transports(qos);
   const bool is_plain = qos.wire_protocol().builtin.discovery_config.discoveryProtocol ==
                         eprosima::fastrtps::rtps::DiscoveryProtocol_t::SIMPLE;
   std::shared_ptr<DoorWatch> watch;
   for (auto& transport : qos.transport().user_transports) {
     if (door_of(transport.get()) != nullptr) continue;
-    if (watch == nullptr) watch = std::make_shared<DoorWatch>(is_plain);
+    if (watch == nullptr)
+      watch = std::make_shared<DoorWatch>(is_plain, identities_of(qos), identity_period_s);
     transport = with_door(transport, watch);
   }
 }

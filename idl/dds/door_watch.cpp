@@ -3,8 +3,11 @@
 
 #include <algorithm>
 #include <chrono>
+#include <ctime>
+#include <utility>
 
 #include "core/base/float_guard.hpp"
+#include "core/base/hash.hpp"
 
 namespace nearmesh::wire {
 namespace {
@@ -34,7 +37,15 @@ std::vector<std::uint8_t> farewell_of(const ParticipantBook::Gone& gone) {
 
 }  // namespace
 
-DoorWatch::DoorWatch(bool is_plain) : is_plain_(is_plain) {
+std::size_t DoorWatch::Hash::operator()(const ParticipantKey& key) const {
+  return static_cast<std::size_t>(hash_bytes(key));
+}
+
+DoorWatch::DoorWatch(bool is_plain, std::unique_ptr<IdentityBook> identities,
+                     double identity_period_s)
+    : is_plain_(is_plain),
+      identities_(std::move(identities)),
+      identity_period_s_(identity_period_s) {
   thread_ = std::thread([this] { run(); });
 }
 
@@ -51,6 +62,9 @@ RtpsVerdict DoorWatch::check(std::span<const std::uint8_t> message, const Messag
   RtpsVerdict verdict = check_rtps(message);
   if (!verdict.refusal && verdict.tells_of_others && is_plain_)
     verdict.refusal = DoorRefusal::kSource;
+  if (!verdict.refusal && has_ended_) verdict.refusal = DoorRefusal::kIdentity;
+  if (!verdict.refusal && identities_ != nullptr && !verdict.certificate.empty())
+    verdict.refusal = judge_handshake(verdict);
   if (!verdict.refusal) {
     const std::lock_guard lock(mutex_);
     verdict.refusal = book_.hear(verdict, from);
@@ -70,8 +84,92 @@ std::array<std::uint64_t, kDoorRefusals> DoorWatch::refused() const {
   return counts;
 }
 
+/// Whose certificate is not of this authority is left to Fast DDS, which refuses it too. A participant keeps the certificate
+/// that it came with: with another one, say that of the same name's rightful owner, it could stay when its own is revoked.
+std::optional<DoorRefusal> DoorWatch::judge_handshake(const RtpsVerdict& message) {
+  const std::optional<IdentityFacts> facts = identities_->facts_of(message.certificate);
+  if (!facts) return std::nullopt;
+  if (!std::equal(facts->key_start.begin(), facts->key_start.end(), message.source.begin()))
+    return DoorRefusal::kIdentity;
+  if (const std::string fault = identities_->fault_of(*facts, std::time(nullptr)); !fault.empty()) {
+    refuse_identity(*facts, fault);
+    return DoorRefusal::kIdentity;
+  }
+  const std::lock_guard lock(mutex_);
+  const auto at = certificates_.find(message.source);
+  if (at != certificates_.end())
+    return at->second.serial == facts->serial ? std::nullopt
+                                              : std::optional(DoorRefusal::kIdentity);
+  // Fast DDS shakes hands with nobody whom it does not know.
+  if (is_plain_ && !book_.is_known(message.source)) return std::nullopt;
+  if (!has_room_for_certificate()) return DoorRefusal::kCrowd;
+  certificates_.emplace(message.source, *facts);
+  return std::nullopt;
+}
+
+/// With a discovery server nobody says here who has left.
+bool DoorWatch::has_room_for_certificate() {
+  if (certificates_.size() < kMaxCertificates) return true;
+  std::erase_if(certificates_, [this](const auto& entry) { return !book_.is_known(entry.first); });
+  return certificates_.size() < kMaxCertificates;
+}
+
+/// Once for each certificate: its program tries again and again.
+void DoorWatch::refuse_identity(const IdentityFacts& facts, const std::string& fault) {
+  {
+    const std::lock_guard lock(complain_mutex_);
+    if (refused_serials_.size() >= kMaxCertificates ||
+        !refused_serials_.insert(facts.serial).second)
+      return;
+  }
+  say("identity " + facts.name + ": its certificate " + facts.serial + " " + fault +
+      ": no program with it takes part");
+}
+
+std::vector<ParticipantBook::Gone> DoorWatch::look_at_identities() {
+  if (std::string line = identities_->refresh(); !line.empty()) say(std::move(line));
+  const std::time_t now = std::time(nullptr);
+  if (const std::string fault = identities_->fault_of(identities_->own(), now);
+      !fault.empty() && !has_ended_) {
+    {
+      const std::lock_guard lock(mutex_);
+      own_end_ = "this program's identity " + identities_->own().name + " " + fault +
+                 ": it has no part in the bus any more; give it a new one (docs/security.md)";
+    }
+    has_ended_ = true;
+    say(own_end());
+  }
+  std::vector<ParticipantBook::Gone> gone;
+  std::vector<std::pair<IdentityFacts, std::string>> ended;
+  {
+    const std::lock_guard lock(mutex_);
+    std::erase_if(certificates_, [&](const auto& entry) {
+      const auto& [key, facts] = entry;
+      if (is_plain_ && !book_.is_known(key)) return true;
+      std::string fault = identities_->fault_of(facts, now);
+      if (fault.empty()) return false;
+      gone.push_back(book_.bar(key));
+      ended.emplace_back(facts, std::move(fault));
+      return true;
+    });
+  }
+  for (const auto& [facts, fault] : ended) refuse_identity(facts, fault);
+  return gone;
+}
+
+bool DoorWatch::is_barred(const ParticipantKey& participant) const {
+  const std::lock_guard lock(mutex_);
+  return book_.is_barred(participant);
+}
+
+std::string DoorWatch::own_end() const {
+  const std::lock_guard lock(mutex_);
+  return own_end_;
+}
+
 std::optional<bool> DoorWatch::is_silent(const ParticipantKey& participant,
                                          double silence_s) const {
+  if (has_ended_) return true;
   const std::lock_guard lock(mutex_);
   return book_.is_silent(participant, silence_s);
 }
@@ -89,6 +187,11 @@ void DoorWatch::remove(LeaseEnd* end) {
 void DoorWatch::set_complaint(std::function<void(std::string)> complain) {
   const std::lock_guard lock(complain_mutex_);
   complain_ = std::move(complain);
+}
+
+void DoorWatch::say(std::string line) {
+  const std::lock_guard lock(complain_mutex_);
+  if (complain_) complain_(std::move(line));
 }
 
 void DoorWatch::say_what_was_refused() {
@@ -119,8 +222,13 @@ void DoorWatch::run() {
     const auto now = std::chrono::steady_clock::now();
     const std::chrono::duration<double> passed = now - last;
     last = now;
-    const auto gone = book_.tick(std::min(passed.count(), kLongestTick_s));
+    auto gone = book_.tick(std::min(passed.count(), kLongestTick_s));
     lock.unlock();
+    looked_s_ += passed.count();
+    if (identities_ != nullptr && looked_s_ >= identity_period_s_) {
+      looked_s_ = 0;
+      for (const ParticipantBook::Gone& one : look_at_identities()) gone.push_back(one);
+    }
     if (is_plain_ && !gone.empty()) {
       const std::lock_guard ends_lock(ends_mutex_);
       for (const ParticipantBook::Gone& one : gone) {

@@ -10,10 +10,13 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 #include <thread>
+#include <unordered_map>
 #include <vector>
 
+#include "idl/security/identity_book.hpp"
 #include "participant_book.hpp"
 
 namespace nearmesh::wire {
@@ -27,11 +30,15 @@ class LeaseEnd {
   ~LeaseEnd() = default;
 };
 
+/// Of a secured participant it also looks whose certificate still counts. Fast DDS 2.9 asks that once, in the handshake, and reads
+/// the revocation list when the participant is made. Here each handshake's certificate is noted, one for each participant, and
+/// looked at again every period: whose is revoked or has expired is barred. Where it is the own one, nobody is heard any more.
 /// Threads: all functions, any thread.
 class DoorWatch {
  public:
   /// `is_plain`: discovery without a server, where each participant speaks for itself alone. Then leases end here.
-  explicit DoorWatch(bool is_plain);
+  /// `identities`: nullptr for a participant without one; looked at every `identity_period_s`.
+  DoorWatch(bool is_plain, std::unique_ptr<IdentityBook> identities, double identity_period_s);
   ~DoorWatch();
   DoorWatch(const DoorWatch&) = delete;
   DoorWatch& operator=(const DoorWatch&) = delete;
@@ -45,23 +52,45 @@ class DoorWatch {
   [[nodiscard]] std::optional<bool> is_silent(const ParticipantKey& participant,
                                               double silence_s) const;
 
+  /// Its identity does not count any more.
+  [[nodiscard]] bool is_barred(const ParticipantKey& participant) const;
+  /// Why this program's own identity does not count any more, a line; "": it does.
+  [[nodiscard]] std::string own_end() const;
+
   void add(LeaseEnd* end);
   void remove(LeaseEnd* end);
-  /// Told what was refused, one line a second at most; empty: nobody is.
+  /// Told what was refused, one line a second at most, and whose identity has ended; empty: nobody is.
   void set_complaint(std::function<void(std::string)> complain);
 
  private:
+  static constexpr std::size_t kMaxCertificates = 16384;
+  struct Hash {
+    std::size_t operator()(const ParticipantKey& key) const;
+  };
   void run();
   void say_what_was_refused();
+  void say(std::string line);
+  [[nodiscard]] std::optional<DoorRefusal> judge_handshake(const RtpsVerdict& message);
+  [[nodiscard]] bool has_room_for_certificate();
+  void refuse_identity(const IdentityFacts& facts, const std::string& fault);
+  [[nodiscard]] std::vector<ParticipantBook::Gone> look_at_identities();
 
   const bool is_plain_;
+  const std::unique_ptr<IdentityBook> identities_;
+  const double identity_period_s_;
+  double looked_s_ = 0;       ///< since identities were looked at; the thread's own
   mutable std::mutex mutex_;  ///< of the book and the thread
+  std::unordered_map<ParticipantKey, IdentityFacts, Hash>
+      certificates_;  ///< that counted when they came
+  std::string own_end_;
+  std::atomic<bool> has_ended_ = false;  ///< own_end_ is set
   ParticipantBook book_;
   std::array<std::atomic<std::uint64_t>, kDoorRefusals> refused_{};
   std::mutex ends_mutex_;
   std::vector<LeaseEnd*> ends_;
   std::mutex complain_mutex_;
   std::function<void(std::string)> complain_;
+  std::set<std::string> refused_serials_;
   std::array<std::uint64_t, kDoorRefusals> said_{};
   std::condition_variable condition_;
   bool ending_ = false;

@@ -45,6 +45,8 @@ void Mailbox::complain(std::string line) {
 }
 
 std::vector<std::string> Mailbox::take_complaints() {
+  if (lacked_memory_.exchange(false))
+    complain("no memory: some of what came or was to be sent is lost, and is asked for again");
   const std::lock_guard lock(mutex_);
   std::vector<std::string> taken = std::exchange(complaints_, {});
   if (dropped_complaints_ > 0 && Clock::now() - told_dropped_ >= quiet_) {
@@ -57,7 +59,22 @@ std::vector<std::string> Mailbox::take_complaints() {
 
 bool Mailbox::has_complaints() {
   const std::lock_guard lock(mutex_);
-  return !complaints_.empty();
+  return !complaints_.empty() || lacked_memory_;
+}
+
+void Mailbox::meet(const ParticipantKey& participant, const std::string& name) {
+  const std::lock_guard lock(mutex_);
+  if (name.empty()) {
+    names_.erase(participant);
+  } else if (names_.size() < kMaxNames || names_.contains(participant)) {
+    names_[participant] = name;
+  }
+}
+
+std::string Mailbox::name_of(const ParticipantKey& participant) const {
+  const std::lock_guard lock(mutex_);
+  const auto known = names_.find(participant);
+  return known == names_.end() ? std::string() : known->second;
 }
 
 }  // namespace nearmesh::wire

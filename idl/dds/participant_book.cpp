@@ -13,6 +13,7 @@ std::size_t ParticipantBook::Hash::operator()(const ParticipantKey& key) const {
 
 std::optional<DoorRefusal> ParticipantBook::hear(const RtpsVerdict& message,
                                                  const MessageSource& from) {
+  if (!barred_.empty() && is_barred(message.source)) return DoorRefusal::kIdentity;
   const auto at = known_.find(message.source);
   if (at == known_.end()) {
     // Fast DDS takes nothing from who is unknown but its announcement.
@@ -95,7 +96,17 @@ std::vector<ParticipantBook::Gone> ParticipantBook::tick(double seconds) {
   return gone;
 }
 
+ParticipantBook::Gone ParticipantBook::bar(const ParticipantKey& key) {
+  barred_.insert(key);
+  const auto at = known_.find(key);
+  if (at == known_.end()) return {key, 1};
+  const Gone gone{key, std::min(at->second.sequence, kMaxSequence - 1) + 1};
+  known_.erase(at);
+  return gone;
+}
+
 std::optional<bool> ParticipantBook::is_silent(const ParticipantKey& key, double silence_s) const {
+  if (is_barred(key)) return true;
   const auto at = known_.find(key);
   if (at == known_.end()) return std::nullopt;
   const Known& known = at->second;

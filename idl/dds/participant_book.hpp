@@ -6,6 +6,7 @@
 #include <deque>
 #include <optional>
 #include <unordered_map>
+#include <unordered_set>
 #include <vector>
 
 #include "rtps_check.hpp"
@@ -18,13 +19,14 @@ struct MessageSource {
   std::uint16_t port = 0;
 };
 
-/// Three rules:
+/// Four rules:
 /// * **Who speaks.** A participant speaks from few sockets. After the first kLearning_s a message in its name from another one is
 ///   refused, unless it has been silent for kMoved_s: else anybody could forge what it says, and one such message makes a reader
 ///   deaf for it.
 /// * **Who comes in.** Fast DDS takes memory and time for each participant that it hears of. kBurst may come at once, then
 ///   kNewcomersPerSecond; who is held back is let in when it speaks again, which an honest one does each second, and who invents
 ///   participants does not.
+/// * **Who is barred.** A participant whose identity does not count any more is not heard.
 /// * **Who is gone.** A participant that has been silent for its lease has left. Time counts only while this process runs, so one
 ///   that stood still does not miss everybody.
 /// Threads: one at a time.
@@ -46,10 +48,14 @@ class ParticipantBook {
     ParticipantKey key;
     std::int64_t sequence;  ///< above that of all its announcements
   };
+  /// Nothing is heard of it from now on, for good. Of one that is not known yet too.
+  Gone bar(const ParticipantKey& key);
+  [[nodiscard]] bool is_barred(const ParticipantKey& key) const { return barred_.contains(key); }
+  [[nodiscard]] bool is_known(const ParticipantKey& key) const { return known_.contains(key); }
   /// So much time has passed. Out: who has left by its lease; not known any more.
   [[nodiscard]] std::vector<Gone> tick(double seconds);
   /// Nothing came from it for so long, nor for three periods of its own life signs, which may be slower than ours. Nothing: it is
-  /// not known.
+  /// not known. One that is barred is silent.
   [[nodiscard]] std::optional<bool> is_silent(const ParticipantKey& key, double silence_s) const;
   [[nodiscard]] std::size_t size() const { return known_.size(); }
 
@@ -69,6 +75,8 @@ class ParticipantBook {
 
   double now_s_ = 0;
   std::unordered_map<ParticipantKey, Known, Hash> known_;
+  std::unordered_set<ParticipantKey, Hash>
+      barred_;  ///< some bytes for each that ever had a certificate
   double tokens_ = kBurst;
   double again_tokens_ = kBurst;
   std::unordered_map<ParticipantKey, double, Hash> waiting_;  ///< since when

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <string_view>
 
 namespace nearmesh::wire {
 namespace {
@@ -42,7 +43,9 @@ enum BuiltinWriter : std::uint32_t {
   kSecureReaders = 0xff0004c2,
   kLiveliness = 0x000200c2,
   kHandshakes = 0x000201c3,
+  kNobody = 0,
 };
+constexpr std::uint32_t kHandshakeReader = 0x000201c4;
 
 /// Takes numbers off bytes. What is not there is 0, and leaves the cursor broken.
 class Cursor {
@@ -81,10 +84,12 @@ class Cursor {
   /// To a multiple of four; at the end the padding may be missing.
   void align() { at_ = std::min((at_ + 3) & ~std::size_t{3}, bytes_.size()); }
 
-  void text() {
-    skip(u32());
+  Bytes bytes() {
+    const Bytes found = take(u32());
     align();
+    return found;
   }
+  void text() { static_cast<void>(bytes()); }
   /// As above, read by Fast DDS up to its end mark.
   void terminated_text() {
     const Bytes bytes = take(u32());
@@ -135,14 +140,18 @@ void read_properties(Cursor& in) {
   }
 }
 
-/// A token of DDS Security: a class, then properties as text and as bytes.
-void read_token(Cursor& in) {
+/// A token of DDS Security: a class, then properties as text and as bytes, of which `see(name, bytes)` is told.
+template <class See>
+void read_token(Cursor& in, See see) {
   in.text();
   read_properties(in);
   for (std::uint32_t left = in.count(8); left > 0 && in.is_whole(); --left) {
-    in.text();
-    in.text();  // bytes are written alike
+    const Bytes name = in.bytes();
+    see(name, in.bytes());
   }
+}
+void read_token(Cursor& in) {
+  read_token(in, [](Bytes, Bytes) {});
 }
 
 void read_texts(Cursor& in) {
@@ -324,8 +333,10 @@ struct Submessages {
     in.skip(2);
     const std::uint16_t to_qos = in.u16();
     qos_at = in.at() + to_qos;
-    in.skip(4);
+    const std::uint32_t reader = in.big_u32();
     writer = in.big_u32();
+    // The reader of handshakes takes them also from a writer without a name.
+    if (writer == kNobody || reader == kHandshakeReader) writer = kHandshakes;
     sequence = in.sequence();
     if (!in.is_whole() || to_qos < known || to_qos > 0x7fff || to_qos % 4 != 0)
       return DoorRefusal::kSubmessages;
@@ -414,7 +425,7 @@ struct Submessages {
       case kLiveliness:  // who, a kind, a length
         return payload.empty() || payload.size() >= 24 ? kNone : DoorRefusal::kParameters;
       case kHandshakes:
-        return payload.empty() || is_handshake(payload) ? kNone : DoorRefusal::kParameters;
+        return payload.empty() ? kNone : read_handshake(payload);
       default:
         return kNone;
     }
@@ -426,13 +437,34 @@ struct Submessages {
     return payload[1] == 3;
   }
 
-  static bool is_handshake(Bytes payload) {
-    if (payload[0] != 0 || payload[1] > 1) return false;
+  Refusal read_handshake(Bytes payload) {
+    if (payload[0] != 0 || payload[1] > 1) return DoorRefusal::kParameters;
     Cursor in(payload.subspan(4), payload[1] == 1);
-    in.skip(2 * 24 + 3 * 16);  // two messages' names, three GUIDs
+    const Bytes speaker = in.take(24);  // who names this message, and its number
+    in.skip(24 + 3 * 16);               // another message's name, three GUIDs
     in.text();
-    for (std::uint32_t left = in.count(12); left > 0 && in.is_whole(); --left) read_token(in);
-    return in.is_whole();
+    bool is_one = true;
+    for (std::uint32_t left = in.count(12); left > 0 && in.is_whole(); --left)
+      read_token(in, [&](Bytes name, Bytes value) {
+        if (!is_certificate(name)) return;
+        if (verdict.certificate.empty()) verdict.certificate = value;
+        // The second would hide the first from whoever looks at one.
+        is_one = is_one && !value.empty() &&
+                 std::equal(value.begin(), value.end(), verdict.certificate.begin(),
+                            verdict.certificate.end());
+      });
+    if (!in.is_whole() || !is_one) return DoorRefusal::kParameters;
+    // Fast DDS takes it for who this says, not for who sent it.
+    return std::equal(verdict.source.begin(), verdict.source.end(), speaker.begin())
+               ? kNone
+               : DoorRefusal::kSource;
+  }
+
+  /// Named "c.id", whatever follows its end mark.
+  static bool is_certificate(Bytes name) {
+    constexpr std::string_view kName = "c.id";
+    return name.size() >= kName.size() && std::equal(kName.begin(), kName.end(), name.begin()) &&
+           (name.size() == kName.size() || name[kName.size()] == 0);
   }
 
   Refusal read_announcement(std::int64_t sequence, const InlineQos& qos, Bytes payload) {

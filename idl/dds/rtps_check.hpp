@@ -44,6 +44,8 @@ struct RtpsVerdict {
   std::size_t size = 0;
   ParticipantKey source{};
   std::optional<RtpsAnnouncement> announcement;  ///< of the source itself
+  /// Whom a handshake of the source's shows itself to be: a certificate in PEM, as it stands in the message. Empty: it does not.
+  std::span<const std::uint8_t> certificate;
   /// Discovery about another participant, or an endpoint of one: only a discovery server may.
   bool tells_of_others = false;
 };

@@ -15,7 +15,8 @@ bool replaces(const Offer& offer, const ContentHash& content) {
 void add_offer(const Hello& hello, const std::string& name, std::vector<Offer>& offers) {
   for (const Hello::Model& model : hello.models)
     if (model.name == name)
-      offers.push_back({hello.publisher, model.content_hash, model.replaces, model.mesh_bytes});
+      offers.push_back(
+          {hello.publisher, model.content_hash, model.replaces, model.mesh_bytes, hello.name});
 }
 
 std::vector<ContentHash> standing(std::span<const Offer> offers) {

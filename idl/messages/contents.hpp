@@ -18,6 +18,7 @@ struct Offer {
   ContentHash content;
   ContentHash replaces;  ///< takes its place; or none
   std::uint64_t mesh_bytes = 0;
+  std::string name{};  ///< of the publisher, for people
 };
 
 /// Adds what a publisher serves under the name, if it does.

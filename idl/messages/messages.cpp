@@ -12,6 +12,7 @@
 #include "nearmesh/core/geometry/motion.hpp"
 #include "nearmesh/core/spm/detail/codec.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
+#include "process_name.hpp"
 
 namespace nearmesh::wire {
 
@@ -44,8 +45,6 @@ Status check_most(std::size_t found, std::size_t limit, const char* field) {
   return invalid(std::string(field) + ": expected at most " + std::to_string(limit) + ", found " +
                  std::to_string(found));
 }
-
-bool is_printable(char c) { return c >= 0x20 && c <= 0x7e; }
 
 /// Names go to logs, file names and JSON: printable ASCII, so that nothing can be hidden in them.
 Status check_name(std::string_view name, const char* field) {
@@ -114,6 +113,16 @@ SplitBatchMessage refusal_message(SessionId publisher, const RegionSubscription&
           .bytes = {why.begin(), why.begin() + length}};
 }
 
+SplitBatchMessage redirection_message(SessionId publisher, const RegionSubscription& request,
+                                      const std::string& why, const ContentHash& unknown_state,
+                                      bool wants_regions) {
+  SplitBatchMessage message = refusal_message(publisher, request, why);
+  message.content_hash = unknown_state;
+  message.wants_held = unknown_state.is_set();
+  message.wants_regions = wants_regions;
+  return message;
+}
+
 double age_s(const PoseStamp& pose, double frame_time_s) {
   return pose.mover == Mover::kNone ? std::numeric_limits<double>::infinity()
                                     : frame_time_s - pose.time_s;
@@ -127,6 +136,8 @@ std::string why_stale(const PoseStamp& pose, double frame_time_s, const std::str
       return "the peer that moves body " + body + " has left";
     case Mover::kSilent:
       return "the peer that moves body " + body + " gives no sign of life";
+    case Mover::kBarred:
+      return "the identity of the peer that moves body " + body + " was revoked or has expired";
     case Mover::kThere:
       break;
   }
@@ -140,6 +151,7 @@ std::string why_stale(const PoseStamp& pose, double frame_time_s, const std::str
 Status check(const Hello& message) {
   NEARMESH_RETURN_IF_ERROR(check_version(message.wire_version));
   NEARMESH_RETURN_IF_ERROR(check_session(message.publisher, "publisher"));
+  if (!message.name.empty()) NEARMESH_RETURN_IF_ERROR(check_name(message.name, "name"));
   NEARMESH_RETURN_IF_ERROR(check_most(message.models.size(), kMaxModels, "models"));
   std::vector<std::string_view> names;
   for (const Hello::Model& model : message.models) {
@@ -253,6 +265,7 @@ Status check(const HeldDetail& message) {
 Status check(const ProcessStatus& message) {
   NEARMESH_RETURN_IF_ERROR(check_version(message.wire_version));
   NEARMESH_RETURN_IF_ERROR(check_session(message.session, "session"));
+  if (!message.name.empty()) NEARMESH_RETURN_IF_ERROR(check_name(message.name, "name"));
   NEARMESH_RETURN_IF_ERROR(check_name(message.host, "host"));
   NEARMESH_RETURN_IF_ERROR(check_distance(message.uptime_s, "uptime_s"));
   NEARMESH_RETURN_IF_ERROR(check_distance(message.bytes_per_s, "bytes_per_s"));
@@ -260,6 +273,13 @@ Status check(const ProcessStatus& message) {
   if (message.certified_pairs > message.watched_pairs)
     return invalid("certified_pairs: " + std::to_string(message.certified_pairs) + " of " +
                    std::to_string(message.watched_pairs) + " that are watched");
+  NEARMESH_RETURN_IF_ERROR(check_most(message.moved.size(), kMaxStatusBodies, "moved"));
+  for (const std::string& body : message.moved) NEARMESH_RETURN_IF_ERROR(check_name(body, "moved"));
+  if (message.moved.size() > message.moved_bodies || message.stale_bodies > message.heard_bodies)
+    return invalid("bodies: counts that contradict each other");
+  if (!message.oldest_body.empty())
+    NEARMESH_RETURN_IF_ERROR(check_name(message.oldest_body, "oldest_body"));
+  if (std::isnan(message.oldest_age_s)) return invalid("oldest_age_s: expected a time");
   NEARMESH_RETURN_IF_ERROR(check_most(message.models.size(), kMaxModels, "models"));
   for (const ProcessStatus::Model& model : message.models) {
     NEARMESH_RETURN_IF_ERROR(check_name(model.name, "model name"));
@@ -299,6 +319,8 @@ const char* to_string(DoorRefusal refusal) {
       return "source";
     case DoorRefusal::kCrowd:
       return "crowd";
+    case DoorRefusal::kIdentity:
+      return "identity";
   }
   return "unknown";
 }

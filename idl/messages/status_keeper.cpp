@@ -4,20 +4,11 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 
 #include "core/base/resources.hpp"
+#include "process_name.hpp"
 
 namespace nearmesh::wire {
-namespace {
-
-std::string host_name() {
-  std::array<char, kMaxNameBytes + 1> name{};
-  if (::gethostname(name.data(), name.size() - 1) != 0 || name[0] == 0) return "unknown";
-  return status_line(name.data());
-}
-
-}  // namespace
 
 void StatusKeeper::note(const std::string& line, double now_s) {
   std::string text = status_line(line);
@@ -27,6 +18,7 @@ void StatusKeeper::note(const std::string& line, double now_s) {
 }
 
 void StatusKeeper::complete(ProcessStatus& status, double now_s) {
+  if (status.name.empty()) status.name = default_process_name();
   status.host = host_name();
   status.process_id = static_cast<std::uint32_t>(::getpid());
   status.resident_bytes = resident_memory_bytes();
@@ -38,7 +30,7 @@ void StatusKeeper::complete(ProcessStatus& status, double now_s) {
   for (const Line& line : lines_) status.complaints.push_back(line.text);
   last_s_ = now_s;
   last_bytes_ = status.bytes;
-  next_s_ = now_s + kPeriod_s;
+  next_s_ = now_s + kStatusPeriod_s;
 }
 
 }  // namespace nearmesh::wire

@@ -10,6 +10,9 @@
 
 namespace nearmesh::wire {
 
+/// How often each process tells its status: also its sign of life.
+inline constexpr double kStatusPeriod_s = 1;
+
 /// Times are of any one steady clock, from 0 at the process's start. Threads: one at a time.
 class StatusKeeper {
  public:
@@ -17,12 +20,11 @@ class StatusKeeper {
   void note(const std::string& line, double now_s);
   /// True once a second.
   [[nodiscard]] bool is_due(double now_s) const { return now_s >= next_s_; }
-  /// Fills in host, process, memory, uptime_s, bytes_per_s (from `bytes`) and complaints.
+  /// Fills in the name where there is none, host, process, memory, uptime_s, bytes_per_s (from `bytes`) and complaints.
   void complete(ProcessStatus& status, double now_s);
 
  private:
   static constexpr double kKept_s = 60;
-  static constexpr double kPeriod_s = 1;
   struct Line {
     std::string text;
     double heard_s;

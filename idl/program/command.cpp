@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <cstdlib>
 
+#include "idl/messages/process_name.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
 
 namespace nearmesh::wire::program {
@@ -40,6 +41,9 @@ std::string transport_names() {
 
 void add_transport_settings(Settings& settings, wire::TransportOptions& transport) {
   settings.add("domain", transport.domain, 0, 232, "DDS domain");
+  settings.add("name", transport.name,
+               "What this process is called in logs, status, reports and recordings",
+               "1 to 63 of printable ASCII; unset: HOST/PROCESS", wire::check_process_name);
   settings.add("prefix", transport.prefix, "First part of every topic's name",
                "1 to 100 letters, digits, '_', '-' or inner '/'", wire::check_prefix);
   settings.add_text(
@@ -75,6 +79,8 @@ void add_transport_settings(Settings& settings, wire::TransportOptions& transpor
                "announcement_s");
   settings.add("announcement_s", transport.announcement_s, 0.05, 1800,
                "Period of life signs, at most half of lease_s");
+  settings.add("identity_period_s", transport.identity_period_s, 0.25, 60,
+               "How often it is looked whose certificate has expired or is revoked");
   settings.add("heartbeat_s", transport.heartbeat_s, 0.005, 60,
                "How soon a lost datagram is noticed");
 }

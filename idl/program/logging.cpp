@@ -8,6 +8,8 @@
 #include <mutex>
 
 #include "idl/dds/fastdds.hpp"
+#include "idl/dds/room.hpp"
+#include "nearmesh/idl/messages/messages.hpp"
 
 namespace nearmesh::wire::program {
 namespace {
@@ -130,6 +132,16 @@ void log_fastdds() {
   spdlog::info("Fast DDS {}, {}", fastdds_version(),
                fastdds_asserts() ? "with live assertions: a fault in it ends this process"
                                  : "without assertions");
+}
+
+void log_network(const TransportOptions& transport) {
+  if (const std::string line = why_alone(transport, ipv4_interfaces()); !line.empty())
+    spdlog::warn("{}", line);
+}
+
+std::string dds_versions() {
+  return "wire version " + std::to_string(kWireVersion) + "\nFast DDS " + fastdds_version() +
+         (fastdds_asserts() ? ", with live assertions" : ", without assertions");
 }
 
 }  // namespace nearmesh::wire::program

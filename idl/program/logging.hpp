@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "nearmesh/idl/dds/transport_options.hpp"
 #include "settings.hpp"
 
 namespace nearmesh::wire::program {
@@ -26,5 +27,9 @@ void set_log_levels(const std::vector<std::string>& levels);
 [[nodiscard]] spdlog::logger& log(const std::string& room);
 /// The first line of a program that stays on the bus: which Fast DDS it is, and whether a fault in that ends the process.
 void log_fastdds();
+/// The next: why others may not be found, where the machine's network gives a reason.
+void log_network(const TransportOptions& transport);
+/// "wire version 7\nFast DDS 2.9.1, with live assertions": what --version of a program that speaks DDS adds.
+[[nodiscard]] std::string dds_versions();
 
 }  // namespace nearmesh::wire::program

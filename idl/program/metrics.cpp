@@ -49,6 +49,12 @@ class Families {
       refusals.metric.push_back(std::move(entry));
     }
   }
+  void add_name(const char* name, const char* help, const wire::ProcessStatus& status) {
+    prometheus::ClientMetric entry = metric(1, false);
+    entry.label.push_back({"name", status.name});
+    entry.label.push_back({"session", to_hex(status.session)});
+    family(name, help, false).metric.push_back(std::move(entry));
+  }
   template <class Value>
   void add_models(const char* name, const char* help, const wire::ProcessStatus& status,
                   Value value) {
@@ -85,6 +91,7 @@ class Families {
 std::vector<prometheus::MetricFamily> families_of(const wire::ProcessStatus& status) {
   const auto number = [](std::uint64_t n) { return static_cast<double>(n); };
   Families all(status);
+  all.add_name("nearmesh_process_info", "1; what the process is called", status);
   all.add("nearmesh_uptime_seconds", "Since the process began", status.uptime_s);
   all.add("nearmesh_resident_bytes", "Memory", number(status.resident_bytes));
   all.add("nearmesh_peers", "Peers that a publisher serves", status.peers);
@@ -101,6 +108,11 @@ std::vector<prometheus::MetricFamily> families_of(const wire::ProcessStatus& sta
           status.certified_pairs);
   all.add("nearmesh_uncertainty_metres", "Largest bound of an answer that is not certified",
           status.uncertainty_m);
+  all.add("nearmesh_moved_bodies", "Bodies that a peer moves", status.moved_bodies);
+  all.add("nearmesh_stale_bodies", "Bodies of others on whose poses nothing certified can rest",
+          status.stale_bodies);
+  all.add("nearmesh_oldest_pose_seconds", "Age of the oldest pose that a peer looks at",
+          status.oldest_age_s);
   all.add("nearmesh_complaints", "Lines of trouble in the last minute, at most 16",
           number(status.complaints.size()));
   all.add("nearmesh_door", "1: messages are checked before Fast DDS reads them",

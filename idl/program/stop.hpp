@@ -10,4 +10,7 @@ namespace nearmesh::wire::program {
 extern volatile std::sig_atomic_t stop_requested;
 void stop_on_signals();
 
+/// Exit code of a program whose identity was revoked or has expired while it ran (docs/security.md).
+inline constexpr int kIdentityEnded = 5;
+
 }  // namespace nearmesh::wire::program

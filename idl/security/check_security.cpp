@@ -3,6 +3,9 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <fstream>
+#include <optional>
+#include <sstream>
 #include <string_view>
 
 #include "security_crypto.hpp"
@@ -16,6 +19,15 @@ namespace fs = std::filesystem;
 
 const std::string kMakeAgain = "make the identity again: make-security --force";
 const std::string kCopyFromSet = "copy it again from the set in which make-security made it";
+
+/// Nothing: there is none.
+std::optional<Result<crypto::Revocations>> list_in(const fs::path& folder, X509& authority) {
+  std::ifstream in(folder / kRevocations);
+  if (!in) return std::nullopt;
+  std::ostringstream text;
+  text << in.rdbuf();
+  return crypto::read_revocations(text.str(), authority);
+}
 
 class Check {
  public:
@@ -34,6 +46,7 @@ class Check {
       fault(kCertificate, std::string("not signed by ") + kIdentityCa,
             "take both from one set; " + kMakeAgain);
     check_key(certificate.get());
+    if (certificate != nullptr && identity_ca != nullptr) check_list(*certificate, *identity_ca);
     if (permissions_ca == nullptr) return std::move(faults_);
     if (const std::string text = read_signed(kGovernance, *permissions_ca); !text.empty())
       judge(kGovernance, judge_governance(text, domain_, prefix_),
@@ -91,6 +104,22 @@ class Check {
     }
   }
 
+  void check_list(X509& certificate, X509& authority) {
+    const auto list = list_in(folder_, authority);
+    if (!list) return;
+    if (!list->is_ok()) {
+      fault(kRevocations,
+            list->status().code() == StatusCode::kConflict
+                ? std::string("not signed by ") + kIdentityCa + ", or changed since"
+                : "cannot be read (" + list->status().message() + ")",
+            kCopyFromSet);
+    } else if (list->value().serials.contains(crypto::serial_of(certificate))) {
+      fault(kCertificate,
+            "revoked on " + date_of(list->value().serials.at(crypto::serial_of(certificate))),
+            kMakeAgain);
+    }
+  }
+
   std::string read_signed(const char* name, X509& authority) {
     auto text = crypto::verify_signed(path_of(name), authority);
     if (text.is_ok()) return std::move(text).value();
@@ -119,6 +148,19 @@ bool is_identity(const fs::path& folder) {
 std::vector<SecurityFault> check_security(const std::string& identity_folder, std::uint32_t domain,
                                           const std::string& prefix, std::time_t now) {
   return Check(identity_folder, domain, prefix, now).run();
+}
+
+std::string describe_identity(const std::string& identity_folder) {
+  const fs::path folder = identity_folder;
+  const auto certificate = crypto::read_certificate(folder / kCertificate);
+  const auto authority = crypto::read_certificate(folder / kIdentityCa);
+  if (!certificate.is_ok() || !authority.is_ok()) return "";
+  const std::string until = "valid until " + date_of(crypto::end_of(*certificate.value()));
+  const auto list = list_in(folder, *authority.value());
+  if (!list || !list->is_ok()) return until;
+  const std::size_t count = list->value().serials.size();
+  return until + ", revocation list " + std::to_string(list->value().number) + ": " +
+         std::to_string(count) + (count == 1 ? " certificate" : " certificates");
 }
 
 std::vector<std::string> identities_in(const std::string& folder) {

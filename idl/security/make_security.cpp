@@ -8,6 +8,7 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <set>
 #include <sstream>
 
 #include "nearmesh/idl/messages/topics.hpp"
@@ -25,7 +26,8 @@ constexpr int kMaxValidDays = 36500;
 constexpr std::size_t kMaxIdentityName = 63;
 constexpr mode_t kPrivate = 0600, kPublic = 0644;
 const std::string kAuthorities =
-    "private";  // keys of the authorities, and what all identities share
+    "private";                         // keys of the authorities, and what all identities share
+const char* const kIssued = "issued";  // each certificate, a line: serial and name
 
 Status io_error(const std::string& path) {
   return {StatusCode::kIo, path + ": " + std::strerror(errno)};
@@ -162,8 +164,9 @@ Status put_folder(const fs::path& place, mode_t mode, Fill fill) {
 /// --force makes identities anew, and nothing else goes with them.
 Status check_replaceable(const fs::path& place) {
   const auto is_identity_file = [](const fs::path& path) {
-    return std::find(kIdentityFiles.begin(), kIdentityFiles.end(), path.filename()) !=
-           kIdentityFiles.end();
+    return path.filename() == kRevocations ||
+           std::find(kIdentityFiles.begin(), kIdentityFiles.end(), path.filename()) !=
+               kIdentityFiles.end();
   };
   std::error_code error;
   for (fs::directory_iterator at(place, error), end; !error && at != end; at.increment(error))
@@ -175,6 +178,46 @@ Status check_replaceable(const fs::path& place) {
   return Status::ok();
 }
 
+/// In place of what is there, whole.
+Status replace_file(const fs::path& path, const std::string& text, mode_t mode) {
+  const fs::path beside = path.parent_path() / ("." + path.filename().string() + ".new");
+  ::unlink(beside.c_str());
+  NEARMESH_RETURN_IF_ERROR(write_file(beside, text, mode));
+  if (::rename(beside.c_str(), path.c_str()) == 0) return Status::ok();
+  const Status status = io_error(path);
+  ::unlink(beside.c_str());
+  return status;
+}
+
+/// Serials of all certificates, by name.
+using Issued = std::set<std::pair<std::string, std::string>>;
+
+Issued read_issued(const fs::path& authorities) {
+  Issued issued;
+  std::ifstream in(authorities / kIssued);
+  for (std::string serial, name; in >> serial >> name;) issued.emplace(name, serial);
+  return issued;
+}
+
+/// Sets of before this was kept have what lies in the identities' folders.
+void add_certificate(const fs::path& identity, Issued& issued) {
+  const auto certificate = crypto::read_certificate(identity / kCertificate);
+  if (certificate.is_ok())
+    issued.emplace(crypto::name_of(*certificate.value()), crypto::serial_of(*certificate.value()));
+}
+
+/// What is replaced must stay revocable, so it is noted before and after.
+Status note_issued(const fs::path& set, const SecurityPlan& plan) {
+  const Issued before = read_issued(set / kAuthorities);
+  Issued issued = before;
+  for (const SecurityPlan::Identity& identity : plan.identities)
+    add_certificate(set / identity.name, issued);
+  if (issued == before) return Status::ok();
+  std::string text;
+  for (const auto& [name, serial] : issued) text += serial + " " + name + "\n";
+  return replace_file(set / kAuthorities / kIssued, text, kPrivate);
+}
+
 Result<Authorities> make_authorities(const fs::path& place, const SecurityPlan& plan,
                                      std::time_t now) {
   NEARMESH_RETURN_IF_ERROR(put_folder(
@@ -184,7 +227,7 @@ Result<Authorities> make_authorities(const fs::path& place, const SecurityPlan& 
 
 Status fill_identity(const fs::path& folder, const SecurityPlan& plan,
                      const SecurityPlan::Identity& identity, const Authorities& authorities,
-                     std::time_t now) {
+                     const std::string& revocations, std::time_t now) {
   const auto made =
       crypto::make_identity(identity.name, plan.valid_days, now, &authorities.identity);
   NEARMESH_RETURN_IF_ERROR(made);
@@ -200,7 +243,37 @@ Status fill_identity(const fs::path& folder, const SecurityPlan& plan,
   NEARMESH_RETURN_IF_ERROR(write_file(folder / kCertificate, pem(made.value()), kPublic));
   NEARMESH_RETURN_IF_ERROR(write_file(folder / kPrivateKey, key.value(), kPrivate));
   NEARMESH_RETURN_IF_ERROR(write_file(folder / kGovernance, authorities.governance, kPublic));
+  if (!revocations.empty())
+    NEARMESH_RETURN_IF_ERROR(write_file(folder / kRevocations, revocations, kPublic));
   return write_file(folder / kPermissions, permissions.value(), kPublic);
+}
+
+/// What is in force in a set; number 0 where nothing was ever revoked.
+Result<crypto::Revocations> read_list(const fs::path& authorities, X509& authority) {
+  const fs::path path = authorities / kRevocations;
+  if (!fs::exists(path)) return crypto::Revocations{};
+  auto list = crypto::read_revocations(read_file(path), authority);
+  if (!list.is_ok())
+    return Status{list.status().code(), path.string() + ": " + list.status().message()};
+  return list;
+}
+
+/// All certificates of these names. Errors: kNotFound.
+Result<Issued> certificates_of(const std::vector<std::string>& names, const Issued& issued) {
+  std::set<std::string> known;
+  for (const auto& [name, serial] : issued) known.insert(name);
+  Issued found;
+  for (const std::string& name : names) {
+    if (!known.contains(name)) {
+      std::string all;
+      for (const std::string& one : known) all += (all.empty() ? "" : ", ") + one;
+      return Status{StatusCode::kNotFound,
+                    "no identity " + name + " in this set; it has " + (all.empty() ? "none" : all)};
+    }
+    for (const auto& one : issued)
+      if (one.first == name) found.insert(one);
+  }
+  return found;
 }
 
 }  // namespace
@@ -223,11 +296,52 @@ Status make_security(const std::string& folder, const SecurityPlan& plan) {
                                ? read_authorities(authorities_folder, plan)
                                : make_authorities(authorities_folder, plan, now);
   NEARMESH_RETURN_IF_ERROR(authorities);
+  NEARMESH_RETURN_IF_ERROR(note_issued(set, plan));
+  const std::string revocations = read_file(authorities_folder / kRevocations);
   for (const SecurityPlan::Identity& identity : plan.identities)
     NEARMESH_RETURN_IF_ERROR(put_folder(set / identity.name, 0755, [&](const fs::path& made) {
-      return fill_identity(made, plan, identity, authorities.value(), now);
+      return fill_identity(made, plan, identity, authorities.value(), revocations, now);
     }));
-  return Status::ok();
+  return note_issued(set, plan);
+}
+
+Result<RevocationReport> revoke_identities(const std::string& folder, const RevocationPlan& plan) {
+  const fs::path set = folder, place = set / kAuthorities;
+  if (!fs::exists(place))
+    return Status{StatusCode::kNotFound, place.string() +
+                                             ": not there: whoever revokes needs the authorities' "
+                                             "keys; name the set that make-security made"};
+  SecurityPlan same;
+  same.domain = plan.domain;
+  same.prefix = plan.prefix;
+  auto authorities = read_authorities(place, same);
+  NEARMESH_RETURN_IF_ERROR(authorities);
+  const Issuer& authority = authorities.value().identity;
+  auto list = read_list(place, *authority.certificate);
+  NEARMESH_RETURN_IF_ERROR(list);
+  const std::vector<std::string> identities = identities_in(folder);
+  Issued issued = read_issued(place);
+  for (const std::string& identity : identities) add_certificate(identity, issued);
+  const auto chosen = certificates_of(plan.names, issued);
+  NEARMESH_RETURN_IF_ERROR(chosen);
+  RevocationReport report;
+  const std::time_t now = std::time(nullptr);
+  for (const auto& [name, serial] : chosen.value())
+    if (list.value().serials.emplace(serial, now).second)
+      report.certificates.push_back(name + " " + serial);
+  if (!report.certificates.empty()) {
+    ++list.value().number;
+    const auto signed_list = crypto::sign_revocations(list.value(), now, authority);
+    NEARMESH_RETURN_IF_ERROR(signed_list);
+    NEARMESH_RETURN_IF_ERROR(replace_file(place / kRevocations, signed_list.value(), kPublic));
+  }
+  const std::string text = read_file(place / kRevocations);
+  for (const std::string& identity : identities) {
+    const fs::path path = fs::path(identity) / kRevocations;
+    if (read_file(path) != text) NEARMESH_RETURN_IF_ERROR(replace_file(path, text, kPublic));
+    report.files.push_back(path.string());
+  }
+  return report;
 }
 
 }  // namespace nearmesh::wire

@@ -3,7 +3,9 @@
 // The files of DDS Security for a set of nearmesh programs: making them, and saying what is wrong with some. No Fast DDS here.
 // An identity is a folder with six files, all that its program needs:
 //   identity_ca.cert.pem  permissions_ca.cert.pem  cert.pem  key.pem  governance.p7s  permissions.p7s
-// The set's folder holds one for each identity, and in private/ the keys of the two authorities, which no program needs.
+// and, once an identity of the set was revoked, identity_crl.pem: the certificates that count no more.
+// The set's folder holds one for each identity, and in private/ the keys of the two authorities, which no program needs, and
+// what they have issued.
 // Two authorities: Fast DDS 2.9 takes permissions that anybody signed whose certificate is of the permissions authority, so
 // with one for both, each identity could sign its own. Source: OMG DDS Security 1.1, sections 9.3 and 9.4.
 
@@ -41,6 +43,22 @@ struct SecurityPlan {
 /// identity's folder appears when it is complete.
 [[nodiscard]] Status make_security(const std::string& folder, const SecurityPlan& plan);
 
+struct RevocationPlan {
+  std::uint32_t domain = 0;
+  std::string prefix = "nearmesh";
+  std::vector<std::string> names;  ///< of identities of the set
+};
+struct RevocationReport {
+  std::vector<std::string> certificates;  ///< "alice 3F…": those that are new on the list
+  std::vector<std::string>
+      files;  ///< the lists in the identities' folders, all with the same bytes
+};
+/// Takes back every certificate that the set has issued in these names, and writes the list into each identity's folder.
+/// Certificates that are made for the names later count. What is revoked already stays so: then nothing is new.
+/// Errors: kNotFound for a name that the set does not have, naming those that it has; kConflict, kIo as make_security.
+[[nodiscard]] Result<RevocationReport> revoke_identities(const std::string& folder,
+                                                         const RevocationPlan& plan);
+
 /// One line for the operator: which file, what is wrong, and what to do.
 struct SecurityFault {
   std::string file, what, cure;
@@ -53,6 +71,9 @@ struct SecurityFault {
                                                         std::uint32_t domain,
                                                         const std::string& prefix,
                                                         std::time_t now = std::time(nullptr));
+
+/// What an operator wants to know of an identity that is good: "valid until 2027-11-22T…, 1 certificate of the set is revoked".
+[[nodiscard]] std::string describe_identity(const std::string& identity_folder);
 
 /// The identities' folders of a set, sorted; or `folder` itself where it is one (it has one of the six files).
 [[nodiscard]] std::vector<std::string> identities_in(const std::string& folder);

@@ -18,6 +18,10 @@ using Bio = std::unique_ptr<BIO, Freer<BIO_free_all>>;
 using Pkcs7 = std::unique_ptr<PKCS7, Freer<PKCS7_free>>;
 using Extension = std::unique_ptr<X509_EXTENSION, Freer<X509_EXTENSION_free>>;
 
+using List = std::unique_ptr<X509_CRL, Freer<X509_CRL_free>>;
+using Number = std::unique_ptr<ASN1_INTEGER, Freer<ASN1_INTEGER_free>>;
+using Time = std::unique_ptr<ASN1_TIME, Freer<ASN1_TIME_free>>;
+
 constexpr std::time_t kDay_s = 24 * 60 * 60;
 constexpr std::size_t kSerialBytes = 16;
 
@@ -53,6 +57,25 @@ bool set_serial(X509& certificate) {
       BN_bin2bn(bytes.data(), static_cast<int>(bytes.size()), nullptr));
   return number != nullptr &&
          BN_to_ASN1_INTEGER(number.get(), X509_get_serialNumber(&certificate)) != nullptr;
+}
+
+std::string hex_of(const ASN1_INTEGER& number) {
+  const std::unique_ptr<BIGNUM, Freer<BN_free>> big(ASN1_INTEGER_to_BN(&number, nullptr));
+  const std::unique_ptr<char, void (*)(char*)> text(big == nullptr ? nullptr : BN_bn2hex(big.get()),
+                                                    [](char* t) { OPENSSL_free(t); });
+  return text == nullptr ? std::string() : std::string(text.get());
+}
+
+Number number_of(const std::string& hex) {
+  BIGNUM* read = nullptr;
+  const bool good = BN_hex2bn(&read, hex.c_str()) == static_cast<int>(hex.size());
+  const std::unique_ptr<BIGNUM, Freer<BN_free>> big(read);
+  return good ? Number(BN_to_ASN1_INTEGER(big.get(), nullptr)) : nullptr;
+}
+
+std::time_t time_of(const ASN1_TIME& time) {
+  std::tm parts{};
+  return ASN1_TIME_to_tm(&time, &parts) == 1 ? ::timegm(&parts) : 0;
 }
 
 }  // namespace
@@ -162,6 +185,71 @@ std::string subject_of(X509& certificate) {
   const Bio out = memory();
   X509_NAME_print_ex(out.get(), X509_get_subject_name(&certificate), 0, XN_FLAG_RFC2253);
   return text_of(*out);
+}
+
+std::string name_of(X509& certificate) {
+  const std::string subject = subject_of(certificate);
+  return subject.starts_with("CN=") ? subject.substr(3) : subject;
+}
+
+std::string serial_of(X509& certificate) { return hex_of(*X509_get0_serialNumber(&certificate)); }
+
+std::time_t end_of(X509& certificate) { return time_of(*X509_get0_notAfter(&certificate)); }
+
+Result<std::string> sign_revocations(const Revocations& revoked, std::time_t now,
+                                     const Issuer& authority) {
+  const List list(X509_CRL_new());
+  const Time from(ASN1_TIME_set(nullptr, now - kDay_s));
+  const Number number(ASN1_INTEGER_new());
+  bool good =
+      list != nullptr && from != nullptr && number != nullptr &&
+      ASN1_INTEGER_set_int64(number.get(), revoked.number) == 1 &&
+      X509_CRL_set_version(list.get(), X509_CRL_VERSION_2) == 1 &&
+      X509_CRL_set_issuer_name(list.get(), X509_get_subject_name(authority.certificate.get())) ==
+          1 &&
+      X509_CRL_set1_lastUpdate(list.get(), from.get()) == 1 &&
+      X509_CRL_set1_nextUpdate(list.get(), X509_get0_notAfter(authority.certificate.get())) == 1 &&
+      X509_CRL_add1_ext_i2d(list.get(), NID_crl_number, number.get(), 0, 0) == 1;
+  for (const auto& [serial, since] : revoked.serials) {
+    if (!good) break;
+    std::unique_ptr<X509_REVOKED, Freer<X509_REVOKED_free>> entry(X509_REVOKED_new());
+    const Number named = number_of(serial);
+    const Time when(ASN1_TIME_set(nullptr, since));
+    good = entry != nullptr && named != nullptr && when != nullptr &&
+           X509_REVOKED_set_serialNumber(entry.get(), named.get()) == 1 &&
+           X509_REVOKED_set_revocationDate(entry.get(), when.get()) == 1 &&
+           X509_CRL_add0_revoked(list.get(), entry.get()) == 1;
+    if (good) static_cast<void>(entry.release());
+  }
+  good = good && X509_CRL_sort(list.get()) == 1 &&
+         X509_CRL_sign(list.get(), authority.key.get(), EVP_sha256()) != 0;
+  const Bio out = memory();
+  if (!good || PEM_write_bio_X509_CRL(out.get(), list.get()) != 1)
+    return refused(StatusCode::kIo, "no revocation list");
+  return text_of(*out);
+}
+
+Result<Revocations> read_revocations(const std::string& pem, X509& authority) {
+  const Bio in = memory(pem);
+  const List list(PEM_read_bio_X509_CRL(in.get(), nullptr, nullptr, nullptr));
+  if (list == nullptr) return refused(StatusCode::kCorrupt, "not a revocation list in PEM");
+  if (X509_NAME_cmp(X509_CRL_get_issuer(list.get()), X509_get_subject_name(&authority)) != 0 ||
+      X509_CRL_verify(list.get(), X509_get0_pubkey(&authority)) != 1)
+    return refused(StatusCode::kConflict, "signature does not verify");
+  Revocations found;
+  const Number number(static_cast<ASN1_INTEGER*>(
+      X509_CRL_get_ext_d2i(list.get(), NID_crl_number, nullptr, nullptr)));
+  // Others' tools may leave the number out.
+  if (number == nullptr || ASN1_INTEGER_get_int64(&found.number, number.get()) != 1)
+    found.number = time_of(*X509_CRL_get0_lastUpdate(list.get()));
+  STACK_OF(X509_REVOKED)* const entries = X509_CRL_get_REVOKED(list.get());
+  for (int i = 0; i < sk_X509_REVOKED_num(entries); ++i) {
+    const X509_REVOKED* entry = sk_X509_REVOKED_value(entries, i);
+    found.serials.emplace(hex_of(*X509_REVOKED_get0_serialNumber(entry)),
+                          time_of(*X509_REVOKED_get0_revocationDate(entry)));
+  }
+  ERR_clear_error();
+  return found;
 }
 
 }  // namespace nearmesh::wire::crypto

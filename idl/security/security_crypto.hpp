@@ -5,7 +5,9 @@
 #include <openssl/evp.h>
 #include <openssl/x509.h>
 
+#include <cstdint>
 #include <ctime>
+#include <map>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -46,5 +48,22 @@ struct Issuer {
 [[nodiscard]] bool is_issued_by(X509& certificate, X509& authority);
 /// By RFC 2253, as permissions name it: "CN=alice".
 [[nodiscard]] std::string subject_of(X509& certificate);
+/// Of the identity: "alice".
+[[nodiscard]] std::string name_of(X509& certificate);
+/// In hexadecimal: names a certificate among those of its authority.
+[[nodiscard]] std::string serial_of(X509& certificate);
+/// The last moment at which it is valid.
+[[nodiscard]] std::time_t end_of(X509& certificate);
+
+/// What an authority takes back (RFC 5280, chapter 5).
+struct Revocations {
+  std::int64_t number = 0;                     ///< of the list; a later one has a higher
+  std::map<std::string, std::time_t> serials;  ///< since when
+};
+/// A list in PEM, from a day before `now`, for clocks that differ; valid as long as the authority itself.
+[[nodiscard]] Result<std::string> sign_revocations(const Revocations& revoked, std::time_t now,
+                                                   const Issuer& authority);
+/// kConflict where it is not signed by the authority.
+[[nodiscard]] Result<Revocations> read_revocations(const std::string& pem, X509& authority);
 
 }  // namespace nearmesh::wire::crypto

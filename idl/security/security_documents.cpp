@@ -23,14 +23,6 @@ constexpr const char* kHead =
     "<dds xmlns:xsi=\"http://www.w3.org/2001/XMLSchema-instance\" "
     "xsi:noNamespaceSchemaLocation=\"http://www.omg.org/spec/DDS-Security/20170901/";
 
-std::string date_of(std::time_t time) {
-  std::tm parts{};
-  gmtime_r(&time, &parts);
-  std::array<char, 32> text{};
-  std::strftime(text.data(), text.size(), "%Y-%m-%dT%H:%M:%S", &parts);
-  return text.data();
-}
-
 /// -1 for what is not a date.
 std::time_t parse_date(const std::string& text) {
   std::tm parts{};
@@ -137,6 +129,14 @@ const XMLElement* grant_for(const XMLDocument& document, const std::string& subj
 }
 
 }  // namespace
+
+std::string date_of(std::time_t time) {
+  std::tm parts{};
+  gmtime_r(&time, &parts);
+  std::array<char, 32> text{};
+  std::strftime(text.data(), text.size(), "%Y-%m-%dT%H:%M:%S", &parts);
+  return text.data();
+}
 
 const char* to_string(Role role) {
   switch (role) {

@@ -11,6 +11,9 @@
 
 namespace nearmesh::wire {
 
+/// "2026-11-22T19:47:24", of UTC.
+[[nodiscard]] std::string date_of(std::time_t time);
+
 /// One endpoint that a role has. Partition "" is the default; "*" all (batches: a partition for each peer).
 struct Endpoint {
   std::string topic;

@@ -14,5 +14,7 @@ inline constexpr const char* kGovernance = "governance.p7s";
 inline constexpr const char* kPermissions = "permissions.p7s";
 inline constexpr std::array kIdentityFiles{kIdentityCa, kPermissionsCa, kCertificate,
                                            kPrivateKey, kGovernance,    kPermissions};
+/// There once an identity of the set was revoked.
+inline constexpr const char* kRevocations = "identity_crl.pem";
 
 }  // namespace nearmesh::wire

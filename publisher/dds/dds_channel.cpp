@@ -6,6 +6,8 @@
 
 #include "dds_peers.hpp"
 #include "idl/dds/rejoin_watch.hpp"
+#include "idl/dds/room.hpp"
+#include "idl/messages/process_name.hpp"
 
 namespace nearmesh::publisher {
 
@@ -28,7 +30,11 @@ class DdsChannel::Impl {
   Inbox take();
   void tell(wire::ProcessStatus& status);
   DdsPeers& peers() { return peers_; }
+  std::string name_of(SessionId peer) const { return peers_.name_of(peer); }
   wire::Mailbox& mailbox() { return mailbox_; }
+  Status identity() const {
+    return bus_ == nullptr ? Status::ok() : wire::identity_of(bus_->door().get());
+  }
 
  private:
   template <class Message>
@@ -59,6 +65,7 @@ class DdsChannel::Impl {
 };
 
 Status DdsChannel::Impl::start() {
+  NEARMESH_RETURN_IF_ERROR(wire::check_room(options_.transport));
   rejoin_watch_ = std::make_unique<wire::RejoinWatch>(mailbox_, options_.transport);
   return open();
 }
@@ -70,7 +77,6 @@ Status DdsChannel::Impl::open() {
                 std::to_string(options_.header_bytes_per_s)};
   wire::BusOptions bus_options;
   bus_options.transport = options_.transport;
-  bus_options.participant_name = "nearmesh publisher";
   bus_options.header_bytes_per_s = options_.header_bytes_per_s;
   auto bus = wire::Bus::open(bus_options, mailbox_);
   NEARMESH_RETURN_IF_ERROR(bus);
@@ -139,11 +145,12 @@ void DdsChannel::Impl::announce(const wire::Hello& hello,
                                 const std::vector<wire::MeshHeader>& headers) {
   own_id_ = hello.publisher;
   if (&hello != &hello_) hello_ = hello;
+  hello_.name = wire::name_of_process(options_.transport.name);
   if (&headers != &headers_) headers_ = headers;
   if (bus_ == nullptr) return;  // told when this process has joined again
   withdraw_headers(headers);
   // Headers count only from who has announced them, so these wait less.
-  static_cast<void>(announce(hello_writer_, hello));
+  static_cast<void>(announce(hello_writer_, hello_));
   for (const wire::MeshHeader& header : headers) {
     const auto known = announced_headers_.find(header.content_hash);
     if (known != announced_headers_.end() && known->second == header.name) continue;
@@ -190,7 +197,7 @@ Inbox DdsChannel::Impl::take() {
 
 void DdsChannel::Impl::tell(wire::ProcessStatus& status) {
   if (bus_ == nullptr) return;
-  wire::tell_of_door(bus_->door().get(), status);
+  wire::tell_of_process(options_.transport, bus_->door().get(), status);
   if (const Status checked = check(status); !checked.is_ok()) {
     mailbox_.complain(bus_->names().of<wire::ProcessStatus>() + ": not sent: " + checked.message());
     return;
@@ -215,6 +222,8 @@ bool DdsChannel::send(SessionId peer, const wire::SplitBatchMessage& batch) {
   return impl_->peers().send(peer, batch);
 }
 void DdsChannel::tell(wire::ProcessStatus& status) { impl_->tell(status); }
+std::string DdsChannel::name_of(SessionId peer) const { return impl_->name_of(peer); }
+Status DdsChannel::identity() const { return impl_->identity(); }
 void DdsChannel::wait(double seconds) { impl_->mailbox().wait(seconds); }
 std::vector<std::string> DdsChannel::take_complaints() {
   return impl_->mailbox().take_complaints();

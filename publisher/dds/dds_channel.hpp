@@ -38,10 +38,13 @@ class DdsChannel final : public Channel {
   /// when 256 batches are unacknowledged, and for a peer that is unknown or lost. A batch that
   /// check() refuses is dropped with a complaint and true: trying again would not help.
   [[nodiscard]] bool send(wire::SessionId peer, const wire::SplitBatchMessage& batch) override;
+  [[nodiscard]] std::string name_of(wire::SessionId peer) const override;
   void wait(double seconds) override;
   /// Dropped when it cannot be taken at once: the next one tells more.
   void tell(wire::ProcessStatus& status) override;
   [[nodiscard]] std::vector<std::string> take_complaints() override;
+  /// Not ok once this program's identity was revoked or has expired; then nobody is served any more.
+  [[nodiscard]] Status identity() const;
 
  private:
   class Impl;

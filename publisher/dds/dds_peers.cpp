@@ -3,6 +3,8 @@
 
 #include <utility>
 
+#include "idl/messages/process_name.hpp"
+
 namespace nearmesh::publisher {
 
 using wire::Handle;
@@ -28,6 +30,11 @@ void DdsPeers::forget() {
   (void)reader_.take_matches();
 }
 
+std::string DdsPeers::name_of(SessionId peer) const {
+  const auto writer = book_.writer_of(peer);
+  return writer ? wire::participant_name(*writer, mailbox_) : std::string();
+}
+
 bool DdsPeers::is_own(const Handle& writer) const {
   return wire::have_one_participant(writer, reader_.endpoint().get_instance_handle());
 }
@@ -51,8 +58,8 @@ bool DdsPeers::admit(SessionId peer, const Handle& writer, Microseconds received
       return false;
     case wire::SessionBook::Claim::kTaken:
       mailbox_.complain(bus_->names().of<wire::RegionSubscription>() + ": sample of " +
-                        wire::name_of(writer) + " dropped: peer " + wire::partition_of(peer) +
-                        " speaks through another writer");
+                        wire::name_of(writer, mailbox_) + " dropped: peer " +
+                        wire::partition_of(peer) + " speaks through another writer");
       return false;
     case wire::SessionBook::Claim::kNew:
       break;
@@ -65,14 +72,15 @@ bool DdsPeers::admit(SessionId peer, const Handle& writer, Microseconds received
 bool DdsPeers::add_peer(SessionId peer, const Handle& subscriptions) {
   if (peers_.size() >= max_peers_) {
     if (!std::exchange(complained_of_limit_, true))
-      mailbox_.complain("peer " + wire::partition_of(peer) + " refused: there are " +
+      mailbox_.complain("peer " + wire::called(peer, name_of(peer)) + " refused: there are " +
                         std::to_string(peers_.size()) + " already, the limit (max_peers)");
     return false;
   }
   Peer entry;
   entry.writer = std::make_unique<wire::Writer<wire::SplitBatchMessage>>(mailbox_);
   if (const Status opened = entry.writer->open(*bus_, wire::partition_of(peer)); !opened.is_ok()) {
-    mailbox_.complain("peer " + wire::partition_of(peer) + " refused: " + opened.message());
+    mailbox_.complain("peer " + wire::called(peer, name_of(peer)) +
+                      " refused: " + opened.message());
     return false;
   }
   entry.subscriptions = subscriptions;

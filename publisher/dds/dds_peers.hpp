@@ -42,6 +42,8 @@ class DdsPeers {
   [[nodiscard]] std::vector<wire::SessionId> take_lost();
   [[nodiscard]] bool send(wire::SessionId peer, const wire::SplitBatchMessage& batch);
   [[nodiscard]] std::size_t size() const { return peers_.size(); }
+  /// As its participant is called; "" where that is not known.
+  [[nodiscard]] std::string name_of(wire::SessionId peer) const;
 
  private:
   /// One call does not starve batches; what remains is taken by the next.

@@ -5,6 +5,7 @@
 
 #include "dds_peers.hpp"
 #include "idl/dds/rejoin_watch.hpp"
+#include "idl/dds/room.hpp"
 
 namespace nearmesh::publisher {
 
@@ -59,6 +60,7 @@ class DdsReplay::Impl {
       : transport_(transport), streams_(streams), names_(names), peers_(mailbox_, kMaxPeers) {}
 
   Status start() {
+    NEARMESH_RETURN_IF_ERROR(wire::check_room(transport_));
     rejoin_watch_ = std::make_unique<wire::RejoinWatch>(mailbox_, transport_);
     return open();
   }
@@ -89,7 +91,6 @@ class DdsReplay::Impl {
 Status DdsReplay::Impl::open() {
   wire::BusOptions options;
   options.transport = transport_;
-  options.participant_name = "nearmesh replay";
   options.header_bytes_per_s = kHeaderBytesPerS;
   options.names = names_;
   auto bus = wire::Bus::open(options, mailbox_);

@@ -22,7 +22,7 @@ struct ServeOptions {
   std::string metrics;
   std::vector<std::string> log{"info"};
 };
-Status run(const ServeOptions& options);
+Status run(const ServeOptions& options, int& exit_code);
 
 struct ReplayOptions {
   std::string path;
@@ -34,10 +34,17 @@ struct ReplayOptions {
 };
 Status run(ReplayOptions options);
 
+struct DiscoveryOptions {
+  std::string listen;
+  wire::TransportOptions transport;
+};
+Status run(const DiscoveryOptions& options);
+
 struct MakeSecurityOptions {
   std::string folder;
   wire::SecurityPlan plan;
   std::vector<std::string> publishers, subscribers, recorders;
+  std::vector<std::string> revoked;  ///< any: nothing is made
 };
 Status run(MakeSecurityOptions options);
 

@@ -32,7 +32,7 @@ void add_settings(wire::program::Settings& settings, ServeOptions& options) {
   wire::program::add_log_setting(settings, options.log, {"service", wire::program::kFastDdsRoom});
 }
 
-void add_serve_command(CLI::App& app, Action& chosen) {
+void add_serve_command(CLI::App& app, Action& chosen, int& exit_code) {
   const auto options = std::make_shared<ServeOptions>();
   CLI::App* command =
       app.add_subcommand("serve", "Serve models until Ctrl-C; a model's name is its file's name.");
@@ -50,9 +50,9 @@ void add_serve_command(CLI::App& app, Action& chosen) {
         wire::program::set_log_levels(options->log);
       },
       "models");
-  command->callback([options, &chosen] {
+  command->callback([options, &chosen, &exit_code] {
     if (options->models.empty()) throw CLI::RequiredError("models");
-    chosen = [options] { return run(*options); };
+    chosen = [options, &exit_code] { return run(*options, exit_code); };
   });
 }
 
@@ -103,10 +103,31 @@ void add_replay_command(CLI::App& app, Action& chosen) {
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 
-void add_bus_options(CLI::App& command, std::uint32_t& domain, std::string& prefix) {
+void add_domain_option(CLI::App& command, std::uint32_t& domain) {
   command.add_option("--domain", domain, "DDS domain of the programs")
       ->capture_default_str()
       ->check(CLI::Range(0, 232));
+}
+
+void add_discovery_command(CLI::App& app, Action& chosen) {
+  const auto options = std::make_shared<DiscoveryOptions>();
+  CLI::App* command = app.add_subcommand(
+      "discovery",
+      "Run a discovery server until Ctrl-C: programs that name it with --discovery-server find "
+      "each other through it, and are told only of those that they share topics with.");
+  command
+      ->add_option("--listen", options->listen,
+                   "ADDRESS or ADDRESS:PORT of this machine where it is found (port " +
+                       std::to_string(wire::kDefaultServerPort) + ")")
+      ->required();
+  add_domain_option(*command, options->transport.domain);
+  command->add_option("--security", options->transport.security,
+                      "Join with this program's identity (folder)");
+  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
+}
+
+void add_bus_options(CLI::App& command, std::uint32_t& domain, std::string& prefix) {
+  add_domain_option(command, domain);
   command.add_option("--prefix", prefix, "First part of every topic's name")->capture_default_str();
 }
 
@@ -126,6 +147,8 @@ void add_security_commands(CLI::App& app, Action& chosen) {
   make_command->add_option("--days", making->plan.valid_days, "How long all of it is valid")
       ->capture_default_str();
   make_command->add_flag("--force", making->plan.force, "Make identities anew that exist");
+  make_command->add_option("--revoke", making->revoked,
+                           "Take back what was made in these names, and make nothing");
   make_command->callback([&chosen, making] { chosen = [making] { return run(*making); }; });
 
   auto checking = std::make_shared<CheckSecurityOptions>();
@@ -142,16 +165,19 @@ void add_security_commands(CLI::App& app, Action& chosen) {
 
 int main(int argc, char** argv) {
   using namespace nearmesh::publisher::program;
+  nearmesh::wire::program::
+      stop_on_signals();  // first: whoever stops it while it starts shall see it end well
   CLI::App app{"Serves nearmesh models (.spm) to peers over DDS, and replays recorded sessions.",
                "nearmesh-publisher"};
   app.require_subcommand(1);
   nearmesh::Action chosen;
-  add_serve_command(app, chosen);
+  int exit_code = 1;  // of what fails
+  add_serve_command(app, chosen, exit_code);
   add_replay_command(app, chosen);
+  add_discovery_command(app, chosen);
   add_security_commands(app, chosen);
   nearmesh::wire::program::begin_logging(app.get_name());
-  return nearmesh::run_program(app, argc, argv, [&chosen] {
-    nearmesh::wire::program::stop_on_signals();
-    return chosen();
-  });
+  const int code = nearmesh::run_program(
+      app, argc, argv, [&chosen] { return chosen(); }, nearmesh::wire::program::dds_versions());
+  return code == 1 ? exit_code : code;
 }

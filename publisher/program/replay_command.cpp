@@ -146,7 +146,7 @@ nlohmann::ordered_json to_json(const ReplayOptions& options, const ReplayStats& 
   nlohmann::ordered_json topics = nlohmann::ordered_json::array();
   std::uint64_t bytes = 0;
   for (wire::TopicPlace place = 0; place < wire::kTopicCount; ++place) {
-    if (!wire::kTopicFacts[place].is_recorded) continue;
+    if (!wire::kTopicFacts[place].is_recorded || wire::kTopicFacts[place].tells_who) continue;
     const ReplayStats::Topic& topic = stats.topics[place];
     bytes += topic.bytes;
     topics.push_back({{"name", wire::kTopicFacts[place].name},
@@ -214,6 +214,8 @@ void report(const ReplayOptions& options, Replay& replay, double seconds, double
 }  // namespace
 
 Status run(ReplayOptions options) {
+  wire::program::log_fastdds();
+  wire::program::log_network(options.transport);
   const Result<std::unique_ptr<RecordingReader>> opened = RecordingReader::open(options.path);
   NEARMESH_RETURN_IF_ERROR(opened);
   RecordingReader& recording = *opened.value();

@@ -7,6 +7,23 @@
 
 namespace nearmesh::publisher::program {
 
+namespace {
+
+Status revoke(const MakeSecurityOptions& options) {
+  const auto report = wire::revoke_identities(
+      options.folder, {options.plan.domain, options.plan.prefix, options.revoked});
+  NEARMESH_RETURN_IF_ERROR(report);
+  for (const std::string& certificate : report.value().certificates)
+    std::printf("%s: revoked\n", certificate.c_str());
+  if (report.value().certificates.empty()) std::printf("all of these were revoked already\n");
+  for (const std::string& file : report.value().files)
+    std::printf("%s: copy it to that identity's folder on its machine\n", file.c_str());
+  std::printf("running programs read it within a minute, and need no restart\n");
+  return Status::ok();
+}
+
+}  // namespace
+
 Status run(MakeSecurityOptions options) {
   const auto add = [&](const std::vector<std::string>& names, wire::Role role) {
     for (const std::string& name : names) options.plan.identities.push_back({name, role});
@@ -14,6 +31,11 @@ Status run(MakeSecurityOptions options) {
   add(options.publishers, wire::Role::kPublisher);
   add(options.subscribers, wire::Role::kSubscriber);
   add(options.recorders, wire::Role::kRecorder);
+  if (!options.revoked.empty()) {
+    if (options.plan.identities.empty()) return revoke(options);
+    return {StatusCode::kInvalidArgument,
+            "--revoke: takes no identities to be made: revoke first, then make again with --force"};
+  }
   NEARMESH_RETURN_IF_ERROR(wire::make_security(options.folder, options.plan));
   for (const wire::SecurityPlan::Identity& identity : options.plan.identities)
     std::printf("%s/%s: %s, use --security with this folder, copied to its machine\n",
@@ -32,7 +54,8 @@ Status run(const CheckSecurityOptions& options) {
   for (const std::string& identity : identities) {
     const auto faults = wire::check_security(identity, options.domain, options.prefix);
     for (const wire::SecurityFault& fault : faults) std::printf("%s\n", fault.line().c_str());
-    if (faults.empty()) std::printf("%s: good\n", identity.c_str());
+    if (faults.empty())
+      std::printf("%s: good, %s\n", identity.c_str(), wire::describe_identity(identity).c_str());
     count += faults.size();
   }
   if (count == 0) return Status::ok();

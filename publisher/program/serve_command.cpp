@@ -10,6 +10,7 @@
 #include "core/base/hash.hpp"
 #include "core/base/resources.hpp"
 #include "core/base/stopwatch.hpp"
+#include "idl/messages/process_name.hpp"
 #include "idl/program/logging.hpp"
 #include "idl/program/metrics.hpp"
 #include "nearmesh/core/base/parse_content_hash.hpp"
@@ -62,7 +63,7 @@ Status add_models(const ServeOptions& options, Service& service) {
 
 }  // namespace
 
-Status run(const ServeOptions& options) {
+Status run(const ServeOptions& options, int& exit_code) {
   std::unique_ptr<wire::program::MetricsServer> metrics;
   if (!options.metrics.empty()) {
     auto server = wire::program::MetricsServer::start(options.metrics);
@@ -70,14 +71,17 @@ Status run(const ServeOptions& options) {
     metrics = std::move(server).value();
   }
   wire::program::log_fastdds();
+  wire::program::log_network(options.channel.transport);
   auto channel = DdsChannel::create(options.channel);
   NEARMESH_RETURN_IF_ERROR(channel);
-  Service service(*channel.value(), wire::make_session_id());
+  const wire::SessionId session = wire::make_session_id();
+  Service service(*channel.value(), session);
   NEARMESH_RETURN_IF_ERROR(add_models(options, service));
   service.announce();
-  spdlog::info("ready on domain {}, topics {}/*, transport {}", options.channel.transport.domain,
-               options.channel.transport.prefix,
-               wire::to_string(options.channel.transport.transport));
+  const wire::TransportOptions& transport = options.channel.transport;
+  spdlog::info("ready on domain {}, topics {}/*, transport {}, as publisher {}", transport.domain,
+               transport.prefix, wire::to_string(transport.transport),
+               wire::called(session, wire::name_of_process(transport.name)));
 
   spdlog::logger& log = wire::program::log("service");
   const Stopwatch clock;
@@ -95,6 +99,10 @@ Status run(const ServeOptions& options) {
             stats.peers, stats.requests, stats.refused, stats.batches, stats.bytes,
             static_cast<double>(resident_memory_bytes()) / 1e6);
       reported_requests = stats.requests;
+    }
+    if (const Status identity = channel.value()->identity(); !identity.is_ok()) {
+      exit_code = wire::program::kIdentityEnded;
+      return identity;
     }
     if (!service.is_behind()) channel.value()->wait(0.02);
   }

@@ -101,6 +101,8 @@ Replay::Replay(RecordingReader& recording, ReplayIndex& index, ReplayOutlet& out
           hash,
           [this, &detail = detail,
            content = hash](const RegionRequest& request) -> Result<Service::Parts> {
+            if (request.is_audit())
+              return Status{StatusCode::kUnsupported, "a replay has no file to prove detail from"};
             // At once: what was delivered by now may not be what was delivered by then.
             auto batches = detail.answer(request, playhead_.next_id());
             NEARMESH_RETURN_IF_ERROR(batches);

@@ -11,10 +11,12 @@
 namespace nearmesh::publisher {
 namespace {
 
-/// The topic of a recorded one that a recorder hears.
+/// The topic of a recorded one that a recorder hears and a replay says again.
 std::optional<wire::TopicPlace> played(const wire::RecordedSamples& samples, std::uint32_t topic) {
   const std::optional<wire::TopicPlace> place = samples.place_of(topic);
-  return place && wire::kTopicFacts[*place].is_recorded ? place : std::nullopt;
+  return place && wire::kTopicFacts[*place].is_recorded && !wire::kTopicFacts[*place].tells_who
+             ? place
+             : std::nullopt;
 }
 
 Status check_topics(const RecordingReader& recording, const wire::RecordedSamples& samples,

@@ -30,9 +30,11 @@ class Channel {
   [[nodiscard]] virtual Inbox take() = 0;
   /// Sends to one peer. False when it could not be taken now: the caller keeps the batch and tries again.
   [[nodiscard]] virtual bool send(wire::SessionId peer, const wire::SplitBatchMessage& batch) = 0;
+  /// What a peer that is there calls itself, for people; "" where that is not known.
+  [[nodiscard]] virtual std::string name_of(wire::SessionId) const { return {}; }
   /// Blocks until something arrived or the time is over.
   virtual void wait(double seconds) = 0;
-  /// What this process knows of itself, for operators. The channel adds what it knows of the network.
+  /// What this process knows of itself, for operators. The channel adds its name, and what it knows of the network.
   virtual void tell(wire::ProcessStatus&) {}
   /// One line each since the last call: malformed samples, other wire versions, incompatible QoS, limits reached.
   [[nodiscard]] virtual std::vector<std::string> take_complaints() { return {}; }

@@ -2,10 +2,12 @@
 #include "service.hpp"
 
 #include <algorithm>
+#include <tuple>
 
 #include "core/base/hash.hpp"
 #include "core/demand/answer.hpp"
 #include "idl/messages/contents.hpp"
+#include "idl/messages/process_name.hpp"
 
 namespace nearmesh::publisher {
 namespace {
@@ -17,6 +19,9 @@ constexpr int kMaxSent = 64;
 /// Answers that are being collected at a time, since each may take some 20 MB for it.
 constexpr std::size_t kMaxCollecting = 8;
 constexpr std::size_t kMaxRivals = 256;
+/// How often an answer that was begun may give way to another of the same model: faster than any peer's frames.
+constexpr double kRestart_s = 0.01;
+constexpr int kRestartsAtOnce = 10;
 
 /// Whether a request asks for detail of this content.
 bool is_about(const wire::RegionSubscription& asked, const ContentHash& content) {
@@ -45,14 +50,16 @@ Status Service::add_model(const std::string& name, ModelFile file, ContentHash r
     return {StatusCode::kConflict, file.path() + ": same content as " + same->second->file.path() +
                                        ", which is served as " + same->second->name};
   auto model = std::make_unique<Model>(Model{name, std::move(file), replaces});
-  add_answerer(
-      hash, [&file = model->file](const RegionRequest& request) { return answer(file, request); });
+  answerers_[hash] = [&file = model->file](const RegionRequest& request) {
+    return answer(file, request);
+  };
   models_.emplace(hash, std::move(model));
   return Status::ok();
 }
 
 void Service::add_answerer(const ContentHash& content_hash, Answerer answerer) {
   answerers_[content_hash] = std::move(answerer);
+  by_region_.insert(content_hash);
 }
 
 void Service::announce() {
@@ -66,6 +73,12 @@ void Service::announce() {
 
 Result<Service::Parts> Service::answer(ModelFile& file, const RegionRequest& request) {
   NEARMESH_RETURN_IF_ERROR(check_request(file.store(), request));
+  if (request.is_audit())
+    return Parts([&file, node = request.attach.front()]() -> Result<Part> {
+      auto pieces = file.prove(node);
+      NEARMESH_RETURN_IF_ERROR(pieces);
+      return Part{file.content_hash(), std::move(pieces).value(), true};
+    });
   auto maker = std::make_shared<AnswerMaker>(file.header(), file.store(), request,
                                              [&file](NodeSpan node) { return file.require(node); });
   return Parts([maker, content = file.content_hash()]() -> Result<Part> {
@@ -73,6 +86,11 @@ Result<Service::Parts> Service::answer(ModelFile& file, const RegionRequest& req
     NEARMESH_RETURN_IF_ERROR(batches);
     return Part{content, std::move(batches).value(), maker->is_done()};
   });
+}
+
+Service::Kind Service::kind_of(const wire::RegionSubscription& request) {
+  if (request.certificate) return Kind::kCertificate;
+  return request.region.is_audit() ? Kind::kAudit : Kind::kRegion;
 }
 
 void Service::take_requests(double now_s) {
@@ -91,15 +109,21 @@ void Service::take_requests(double now_s) {
     if (subscription.request == 0 || subscription.request <= peer.last_request) continue;
     peer.last_request = subscription.request;
     ++stats_.requests;
-    // A request says what the peer holds now, so it replaces what is open and what waits for its models.
+    const Kind kind = kind_of(subscription);
+    // A request names the peer's unresolved nodes, or says what it holds, as that is now: it replaces what is open and what waits
+    // for its models. Audits stand apart.
     std::erase_if(peer.queue, [&](const Waiting& waiting) {
-      return is_about(subscription, waiting.message.content_hash);
+      return (waiting.kind == Kind::kAudit) == (kind == Kind::kAudit) &&
+             is_about(subscription, waiting.message.content_hash);
     });
-    const bool tells_bodies = subscription.certificate.has_value();
-    const ContentHash hash = !tells_bodies && answerers_.contains(subscription.content_hash)
-                                 ? subscription.content_hash
-                                 : ContentHash{};
-    peer.open[{tells_bodies, hash}] = Open{std::move(subscription), {}, false};
+    const ContentHash hash =
+        answerers_.contains(subscription.content_hash) ? subscription.content_hash : ContentHash{};
+    Open& open = peer.open[{hash, kind}];
+    // What is begun anew again and again would keep the publisher busy for nothing.
+    if (open.parts)
+      open.may_begin_s =
+          std::max(open.may_begin_s, now_s - kRestartsAtOnce * kRestart_s) + kRestart_s;
+    open = Open{std::move(subscription), {}, false, kind, open.may_begin_s};
   }
 }
 
@@ -125,7 +149,7 @@ void Service::find_conflicts(std::vector<std::string>& lines) {
     };
     const std::string here = "model " + model->name + ": publisher ";
     for (const wire::Offer& theirs : offers) {
-      const std::string who = here + to_hex(theirs.publisher);
+      const std::string who = here + wire::called(theirs.publisher, theirs.name);
       if (theirs.content == hash || !stands(theirs.content)) continue;
       if (stands(hash))
         found.insert(who + " serves other content, " + to_hex(theirs.content) +
@@ -143,13 +167,15 @@ void Service::find_conflicts(std::vector<std::string>& lines) {
 }
 
 /// The end when its queue is full enough at that urgency, or nothing is open.
-std::map<Service::OpenKey, Service::Open>::iterator Service::most_urgent(Peer& peer) const {
-  const auto found =
-      std::min_element(peer.open.begin(), peer.open.end(), [](const auto& a, const auto& b) {
-        const wire::RegionSubscription &x = a.second.subscription, &y = b.second.subscription;
-        return std::pair(x.priority, x.request) < std::pair(y.priority, y.request);
-      });
-  if (found == peer.open.end()) return found;
+Service::OpenRequests::iterator Service::most_urgent(Peer& peer) const {
+  const auto rank = [this](const Open& open) {
+    return std::tuple(open.may_begin_s > now_s_, open.subscription.priority,
+                      open.subscription.request);
+  };
+  const auto found = std::min_element(
+      peer.open.begin(), peer.open.end(),
+      [&](const auto& a, const auto& b) { return rank(a.second) < rank(b.second); });
+  if (found == peer.open.end() || found->second.may_begin_s > now_s_) return peer.open.end();
   std::size_t queued_bytes = 0;
   for (const Waiting& waiting : peer.queue)
     if (waiting.priority <= found->second.subscription.priority)
@@ -199,7 +225,7 @@ void Service::serve(wire::SessionId id, Peer& peer, double now_s, std::vector<st
     if (part.is_ok()) {
       const bool last = part.value().last;
       open.is_collecting = !last && part.value().batches.empty();
-      enqueue(peer, open.subscription.priority,
+      enqueue(peer, open,
               wire::answer_messages(session_, open.subscription.request, part.value().content,
                                     std::move(part.value().batches), last));
       if (last) peer.open.erase(at);
@@ -207,14 +233,14 @@ void Service::serve(wire::SessionId id, Peer& peer, double now_s, std::vector<st
     }
     fault = part.status();
   }
-  refuse(id, peer, open.subscription, fault.message(), now_s, lines);
+  refuse(id, peer, open, fault.message(), now_s, lines);
   peer.open.erase(at);
 }
 
 /// Out: no parts where the peer is to ask otherwise.
-Result<Service::Parts> Service::begin(wire::SessionId id, Peer& peer, Open& open) {
+Result<Service::Parts> Service::begin(wire::SessionId id, Peer& peer, const Open& open) {
   const wire::RegionSubscription& asked = open.subscription;
-  if (!asked.certificate) {
+  if (open.kind != Kind::kCertificate) {
     const auto answerer = answerers_.find(asked.content_hash);
     if (answerer == answerers_.end())
       return Status{StatusCode::kNotFound, "no model with that content hash is served here"};
@@ -223,14 +249,13 @@ Result<Service::Parts> Service::begin(wire::SessionId id, Peer& peer, Open& open
   BegunCertificate begun =
       begin_certificate(id, *asked.certificate, mirrors_, [this](const ContentHash& content) {
         const auto model = models_.find(content);
-        return model == models_.end() ? nullptr : &model->second->file;
+        return model == models_.end() || by_region_.contains(content) ? nullptr
+                                                                      : &model->second->file;
       });
   if (!begun.maker) {
-    wire::SplitBatchMessage message = wire::refusal_message(session_, asked, begun.why_not);
-    message.content_hash = begun.unknown_state;
-    message.wants_held = begun.unknown_state.is_set();
-    message.wants_regions = begun.wants_regions;
-    enqueue(peer, asked.priority, {std::move(message)});
+    enqueue(peer, open,
+            {wire::redirection_message(session_, asked, begun.why_not, begun.unknown_state,
+                                       begun.wants_regions)});
     return Parts{};
   }
   auto maker = std::make_shared<CertificateMaker>(std::move(*begun.maker));
@@ -241,28 +266,30 @@ Result<Service::Parts> Service::begin(wire::SessionId id, Peer& peer, Open& open
   });
 }
 
-void Service::refuse(wire::SessionId id, Peer& peer, const wire::RegionSubscription& request,
-                     const std::string& why, double now_s, std::vector<std::string>& lines) {
+void Service::refuse(wire::SessionId id, Peer& peer, const Open& open, const std::string& why,
+                     double now_s, std::vector<std::string>& lines) {
+  const wire::RegionSubscription& request = open.subscription;
   ++stats_.refused;
-  enqueue(peer, request.priority, {wire::refusal_message(session_, request, why)});
+  enqueue(peer, open, {wire::refusal_message(session_, request, why)});
   if (peer.unsaid_refusals && now_s < peer.said_refusal_s + kRefusalPeriod_s) {
     ++*peer.unsaid_refusals;
     return;
   }
   const std::uint64_t unsaid = peer.unsaid_refusals.value_or(0);
-  lines.push_back("request " + std::to_string(request.request) + " of peer " + to_hex(id) +
-                  " refused: " + why +
+  lines.push_back("request " + std::to_string(request.request) + " of peer " +
+                  wire::called(id, channel_.name_of(id)) + " refused: " + why +
                   (unsaid > 0 ? " (and " + std::to_string(unsaid) + " before it)" : ""));
   peer.said_refusal_s = now_s;
   peer.unsaid_refusals = 0;
 }
 
-void Service::enqueue(Peer& peer, std::uint8_t priority,
-                      std::vector<wire::SplitBatchMessage> messages) {
+void Service::enqueue(Peer& peer, const Open& open, std::vector<wire::SplitBatchMessage> messages) {
+  const std::uint8_t priority = open.subscription.priority;
   const auto place = std::find_if(peer.queue.begin(), peer.queue.end(),
                                   [&](const Waiting& w) { return w.priority > priority; });
   std::deque<Waiting> added;
-  for (wire::SplitBatchMessage& message : messages) added.push_back({std::move(message), priority});
+  for (wire::SplitBatchMessage& message : messages)
+    added.push_back({std::move(message), priority, open.kind});
   peer.queue.insert(place, std::make_move_iterator(added.begin()),
                     std::make_move_iterator(added.end()));
 }
@@ -299,6 +326,7 @@ bool Service::send(double now_s) {
 
 std::vector<std::string> Service::step(double now_s) {
   std::vector<std::string> complaints;
+  now_s_ = now_s;
   for (auto& [id, peer] : peers_) peer.pacing.expire(now_s);
   is_behind_ = true;
   for (int turn = 0; turn < kMaxTurns && is_behind_; ++turn) {

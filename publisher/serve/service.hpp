@@ -60,7 +60,7 @@ class Service {
   using Parts = std::function<Result<Part>()>;
   /// What answers requests for a model. A status that is not ok refuses.
   using Answerer = std::function<Result<Parts>(const RegionRequest&)>;
-  /// Requests for this content are answered so; it is announced elsewhere.
+  /// Requests for this content are answered so, and peers are told to ask for regions of it; it is announced elsewhere.
   void add_answerer(const ContentHash& content_hash, Answerer answerer);
   /// Announces all models that were added by add_model(); call once they are.
   void announce();
@@ -84,21 +84,25 @@ class Service {
     ModelFile file;
     ContentHash replaces;
   };
+  enum class Kind : std::uint8_t { kRegion, kAudit, kCertificate };  ///< of a request
+  static Kind kind_of(const wire::RegionSubscription& request);
   struct Waiting {
     wire::SplitBatchMessage message;
     std::uint8_t priority = 0;
+    Kind kind = Kind::kRegion;  ///< of the request that it answers
   };
   /// A request that is not answered in full.
   struct Open {
     wire::RegionSubscription subscription;
     Parts parts;                 ///< empty until it is begun
     bool is_collecting = false;  ///< begun, and nothing has come of it yet
+    Kind kind = Kind::kRegion;
+    double may_begin_s = 0;  ///< later than now where too many before it were given up when begun
   };
-  using OpenKey = std::pair<bool, ContentHash>;  ///< whether it tells bodies; the model
   struct Peer {
     explicit Peer(const PacingOptions& options) : pacing(options) {}
-    /// Of a model, none for all that are not served: whose region is asked for; of no model: whose bodies are told.
-    std::map<OpenKey, Open> open;
+    /// By content hash, none for all that are not served and for certificates, which are about several; and kind.
+    std::map<std::pair<ContentHash, Kind>, Open> open;
     std::uint64_t last_turn = 0;
     double said_refusal_s = 0;
     std::optional<std::uint64_t> unsaid_refusals;  ///< none: nothing was ever said of it
@@ -114,13 +118,14 @@ class Service {
   void take_requests(double now_s);
   void take_rivals(const Inbox& inbox);
   void find_conflicts(std::vector<std::string>& lines);
-  [[nodiscard]] std::map<OpenKey, Open>::iterator most_urgent(Peer& peer) const;
+  using OpenRequests = decltype(Peer::open);
+  [[nodiscard]] OpenRequests::iterator most_urgent(Peer& peer) const;
   [[nodiscard]] Peers::iterator next_in_turn();
   void serve(wire::SessionId id, Peer& peer, double now_s, std::vector<std::string>& lines);
-  [[nodiscard]] Result<Parts> begin(wire::SessionId id, Peer& peer, Open& open);
-  void refuse(wire::SessionId id, Peer& peer, const wire::RegionSubscription& request,
-              const std::string& why, double now_s, std::vector<std::string>& lines);
-  void enqueue(Peer& peer, std::uint8_t priority, std::vector<wire::SplitBatchMessage> messages);
+  [[nodiscard]] Result<Parts> begin(wire::SessionId id, Peer& peer, const Open& open);
+  void refuse(wire::SessionId id, Peer& peer, const Open& open, const std::string& why,
+              double now_s, std::vector<std::string>& lines);
+  void enqueue(Peer& peer, const Open& open, std::vector<wire::SplitBatchMessage> messages);
   bool send(double now_s);
   bool send_next(wire::SessionId id, Peer& peer, double now_s);
   void tell_status(double now_s);
@@ -130,12 +135,14 @@ class Service {
   const ServiceOptions options_;
   std::map<ContentHash, std::unique_ptr<Model>> models_;  // by content hash
   std::map<ContentHash, Answerer> answerers_;             // of the same, and others
+  std::set<ContentHash> by_region_;                       // of which others answer
   Peers peers_;
   Mirrors mirrors_;
   std::map<wire::SessionId, wire::Hello> rivals_;  // other publishers that are there
   bool has_news_of_rivals_ = false;
   std::set<std::string> conflicts_;  // of names with them, as they were said
   std::uint64_t turns_ = 0;
+  double now_s_ = 0;  ///< of the last step()
   bool is_behind_ = false;
   ServiceStats stats_;
   std::optional<double> began_s_;

@@ -9,6 +9,7 @@
 #include <future>
 #include <map>
 #include <mutex>
+#include <new>
 #include <thread>
 #include <utility>
 
@@ -18,6 +19,7 @@
 #include "dds_poses.hpp"
 #include "idl/dds/dds_support.hpp"
 #include "idl/dds/rejoin_watch.hpp"
+#include "idl/dds/room.hpp"
 
 namespace nearmesh::subscriber {
 
@@ -29,7 +31,8 @@ namespace {
 
 constexpr std::size_t kMaxTaken = 1024;  ///< of one topic, before the others have their turn
 constexpr double kIdleWait_s = 0.5;      ///< everything wakes the thread; this is a safety net
-constexpr double kRetryWait_s = 0.002;   ///< when Fast DDS could not take a sample
+constexpr double kNoMemoryWait_s = 0.1;
+constexpr double kRetryWait_s = 0.002;  ///< when Fast DDS could not take a sample
 /// Batches are acknowledged together for so long, or until they are that share of the window: on thin links each as it comes.
 constexpr double kAcknowledgeWait_s = 0.01;
 constexpr std::size_t kAcknowledgeShare = 8;
@@ -44,11 +47,16 @@ class DdsChannel::Impl {
         names_(options.transport.prefix),
         hellos_(mailbox_, names_.of<wire::Hello>()),
         headers_(mailbox_, names_.of<wire::MeshHeader>()),
-        movers_(mailbox_, names_.of<wire::BodyPose>(), !options.transport.security.empty()) {}
+        movers_(mailbox_, names_.of<wire::BodyPose>(), !options.transport.security.empty(),
+                options.transport.silence_s) {}
   ~Impl();
 
   Status start();
   SessionId own_id() const { return own_id_; }
+  Status identity() const {
+    const std::lock_guard lock(mutex_);
+    return wire::identity_of(door_.get());
+  }
   bool has_recorder() const { return held_writer_.listener().has_readers(); }
   void send(const wire::RegionSubscription& subscription);
   template <class Message>
@@ -110,7 +118,7 @@ class DdsChannel::Impl {
   wire::Writer<wire::HeldDetail> held_writer_{mailbox_};  ///< heard by recorders alone
   wire::Writer<wire::ProcessStatus> status_writer_{mailbox_};
 
-  std::mutex mutex_;  ///< outgoing queues and inbox; never held during a DDS call
+  mutable std::mutex mutex_;  ///< outgoing queues and inbox; never held during a DDS call
   std::condition_variable arrived_;
   Inbox inbox_;
   std::shared_ptr<wire::DoorWatch> door_;  ///< of the bus
@@ -132,6 +140,8 @@ class DdsChannel::Impl {
 // --- Called by the host
 
 Status DdsChannel::Impl::start() {
+  if (options_.participant == nullptr)
+    NEARMESH_RETURN_IF_ERROR(wire::check_room(options_.transport));
   std::promise<Status> started;
   std::future<Status> outcome = started.get_future();
   thread_ =
@@ -156,7 +166,7 @@ void DdsChannel::Impl::send(const wire::RegionSubscription& subscription) {
 void DdsChannel::Impl::tell(wire::ProcessStatus& status) {
   {
     const std::lock_guard lock(mutex_);
-    wire::tell_of_door(door_.get(), status);
+    wire::tell_of_process(options_.transport, door_.get(), status);
   }
   put(&Impl::statuses_, status);
 }
@@ -225,11 +235,16 @@ void DdsChannel::Impl::run(std::promise<Status> started) {
       mailbox_.wait(kIdleWait_s);
       continue;
     }
-    const bool sent_all = flush();
-    const bool more = receive();
-    const double wait_s = acknowledge();
-    arrived_.notify_all();
-    if (!more) mailbox_.wait(sent_all ? wait_s : kRetryWait_s);
+    try {
+      const bool sent_all = flush();
+      const bool more = receive();
+      const double wait_s = acknowledge();
+      arrived_.notify_all();
+      if (!more) mailbox_.wait(sent_all ? wait_s : kRetryWait_s);
+    } catch (const std::bad_alloc&) {
+      mailbox_.complain_of_memory();
+      mailbox_.wait(kNoMemoryWait_s);
+    }
   }
   bus_.reset();
 }
@@ -237,7 +252,6 @@ void DdsChannel::Impl::run(std::promise<Status> started) {
 Status DdsChannel::Impl::open() {
   wire::BusOptions bus_options;
   bus_options.transport = options_.transport;
-  bus_options.participant_name = "nearmesh subscriber";
   bus_options.host_participant = options_.participant;
   auto bus = wire::Bus::open(bus_options, mailbox_);
   NEARMESH_RETURN_IF_ERROR(bus);
@@ -324,7 +338,7 @@ bool DdsChannel::Impl::is_of_its_publisher(const wire::SplitBatchMessage& batch,
   // Of one that was just lost something may still be on its way.
   if (hello)
     mailbox_.complain(names_.of<wire::SplitBatchMessage>() + ": samples of " +
-                      wire::name_of(writer) + " dropped: publisher " +
+                      wire::name_of(writer, mailbox_) + " dropped: publisher " +
                       wire::partition_of(batch.publisher) + " is another participant");
   return false;
 }
@@ -531,6 +545,7 @@ void DdsChannel::send(const wire::ContactReport& report) { impl_->put(&Impl::rep
 void DdsChannel::tell(wire::ProcessStatus& status) { impl_->tell(status); }
 void DdsChannel::tell_held(const wire::HeldDetail& held) { impl_->put(&Impl::held_, held); }
 bool DdsChannel::has_recorder() const { return impl_->has_recorder(); }
+Status DdsChannel::identity() const { return impl_->identity(); }
 Channel::Inbox DdsChannel::take() { return impl_->take(); }
 void DdsChannel::wait(double seconds) { impl_->wait(seconds); }
 

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "idl/dds/dds_support.hpp"
+#include "idl/dds/room.hpp"
 
 namespace nearmesh::subscriber {
 namespace {
@@ -26,8 +27,8 @@ class DdsEcho::Impl {
       : transport_(transport), own_id_(wire::make_session_id()) {}
 
   Status start() {
-    auto bus =
-        wire::Bus::open({.transport = transport_, .participant_name = "nearmesh doctor"}, mailbox_);
+    NEARMESH_RETURN_IF_ERROR(wire::check_room(transport_));
+    auto bus = wire::Bus::open({.transport = transport_}, mailbox_);
     NEARMESH_RETURN_IF_ERROR(bus);
     bus_ = std::move(bus).value();
     NEARMESH_RETURN_IF_ERROR(echo_.open(*bus_));

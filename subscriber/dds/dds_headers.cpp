@@ -85,7 +85,8 @@ std::uint64_t DdsHeaders::complain_of_strays() {
 }
 
 void DdsHeaders::refuse(const Handle& writer, const std::string& why) {
-  mailbox_.complain(topic_ + ": headers of " + wire::name_of(writer) + " do not count: " + why);
+  mailbox_.complain(topic_ + ": headers of " + wire::name_of(writer, mailbox_) +
+                    " do not count: " + why);
 }
 
 void DdsHeaders::clear() {

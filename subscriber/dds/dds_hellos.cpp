@@ -74,14 +74,14 @@ void DdsHellos::accept(const wire::Hello& hello, const Handle& writer, Microseco
       break;
   }
   mailbox_.complain(topic_ + ": publisher " + wire::partition_of(hello.publisher) +
-                    " is heard from " + wire::name_of(writer) +
+                    " is heard from " + wire::name_of(writer, mailbox_) +
                     " too, which is ignored while the first is there");
   if (contested_.size() < kMaxContested) contested_.push_back({hello, writer});
 }
 
 void DdsHellos::complain_of_silence() {
   for (const Handle& writer : silence_.take_silent(clock_.seconds()))
-    mailbox_.complain("publisher " + wire::name_of(writer) + wire::kSilentHint);
+    mailbox_.complain("publisher " + wire::name_of(writer, mailbox_) + wire::kSilentHint);
 }
 
 std::vector<SessionId> DdsHellos::clear() {

@@ -10,7 +10,9 @@
 #include "core/base/hash.hpp"
 #include "core/base/stopwatch.hpp"
 #include "idl/dds/dds_support.hpp"
+#include "idl/dds/room.hpp"
 #include "idl/messages/contents.hpp"
+#include "idl/messages/process_name.hpp"
 #include "nearmesh/core/query/query.hpp"
 
 namespace nearmesh::subscriber {
@@ -24,8 +26,22 @@ constexpr std::size_t kMaxRefusals = 256;
 constexpr std::size_t kMaxRegions = 16384;
 constexpr double kStatusSilence_s = 2;
 
+/// Whose replica is of another content than is served under its name.
+void find_strays(const std::string& name, const std::vector<ContentHash>& served,
+                 const std::vector<wire::ProcessStatus>& processes,
+                 std::vector<std::string>& lines) {
+  for (const wire::ProcessStatus& process : processes)
+    for (const wire::ProcessStatus::Model& model : process.models)
+      if (!process.is_publisher && model.name == name && model.content_hash.is_set() &&
+          std::find(served.begin(), served.end(), model.content_hash) == served.end())
+        lines.push_back("model " + name + ": peer " + wire::called(process.session, process.name) +
+                        " stands by content " + to_hex(model.content_hash) +
+                        ", but what is served under this name is " + to_hex(served.front()));
+}
+
 /// Names that stand for more than one content.
-std::vector<std::string> conflicts(const std::vector<wire::Hello>& publishers) {
+std::vector<std::string> conflicts(const std::vector<wire::Hello>& publishers,
+                                   const std::vector<wire::ProcessStatus>& processes) {
   std::set<std::string> names;
   for (const wire::Hello& hello : publishers)
     for (const wire::Hello::Model& model : hello.models) names.insert(model.name);
@@ -34,11 +50,14 @@ std::vector<std::string> conflicts(const std::vector<wire::Hello>& publishers) {
     std::vector<wire::Offer> offers;
     for (const wire::Hello& hello : publishers) wire::add_offer(hello, name, offers);
     const std::vector<ContentHash> standing = wire::standing(offers);
+    find_strays(name, standing, processes, lines);
     if (standing.size() < 2) continue;
     std::string line = "model " + name + ": ";
-    for (const ContentHash& content : standing)
-      line += "publisher " + to_hex(wire::offer_of(offers, content)->publisher) +
-              " serves content " + to_hex(content) + ", ";
+    for (const ContentHash& content : standing) {
+      const wire::Offer& offer = *wire::offer_of(offers, content);
+      line += "publisher " + wire::called(offer.publisher, offer.name) + " serves content " +
+              to_hex(content) + ", ";
+    }
     lines.push_back(line +
                     "peers keep what they hold: stop or rename one, or serve the right one "
                     "with --replaces");
@@ -54,8 +73,8 @@ class DdsMonitor::Impl {
       : transport_(transport), silence_(kStatusSilence_s) {}
 
   Status start() {
-    auto bus = wire::Bus::open({.transport = transport_, .participant_name = "nearmesh monitor"},
-                               mailbox_);
+    NEARMESH_RETURN_IF_ERROR(wire::check_room(transport_));
+    auto bus = wire::Bus::open({.transport = transport_}, mailbox_);
     NEARMESH_RETURN_IF_ERROR(bus);
     bus_ = std::move(bus).value();
     NEARMESH_RETURN_IF_ERROR(hello_reader_.open(*bus_));
@@ -85,7 +104,7 @@ class DdsMonitor::Impl {
     if (more || more_statuses || more_regions) mailbox_.wake();
     take_matches();
     for (const Handle& writer : silence_.take_silent(clock_.seconds()))
-      refuse("publisher " + wire::name_of(writer) + wire::kSilentHint);
+      refuse("publisher " + wire::name_of(writer, mailbox_) + wire::kSilentHint);
     for (std::string& line : mailbox_.take_complaints()) refuse(std::move(line));
   }
 
@@ -97,7 +116,7 @@ class DdsMonitor::Impl {
     std::map<wire::SessionId, wire::ProcessStatus> processes;
     for (const auto& [writer, status] : processes_) processes[status.session] = status;
     for (const auto& [id, status] : processes) view.processes.push_back(status);
-    view.errors = conflicts(view.publishers);
+    view.errors = conflicts(view.publishers, view.processes);
     view.refusals = refusals_;
     const double now_s = clock_.seconds();
     for (const auto& [key, region] : regions_)

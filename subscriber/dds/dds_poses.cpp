@@ -7,7 +7,6 @@ namespace nearmesh::subscriber {
 namespace {
 
 constexpr std::size_t kMaxContestedBodies = 64;
-constexpr double kMoverSilence_s = 3;  ///< three signs of life are missing
 constexpr double kLook_s = 0.1;
 
 }  // namespace
@@ -16,14 +15,17 @@ std::vector<wire::BodyPose> DdsPoses::take(const std::vector<wire::ReaderListene
                                            std::vector<Heard> heard, bool more) {
   std::vector<wire::BodyPose> accepted;
   for (const auto& event : matches)
-    if (event.gone) gone_movers_.push_back(event.writer);
+    if (event.gone)
+      gone_movers_.emplace_back(event.writer,
+                                event.barred ? wire::Mover::kBarred : wire::Mover::kLeft);
   for (Heard& one : heard) accept(std::move(one), accepted);
   look_for_silent();
   // What a writer said before it went is taken before it is forgotten, or it would claim its bodies again.
   if (more || gone_movers_.empty()) return accepted;
-  for (const wire::Handle& writer : std::exchange(gone_movers_, {})) {
+  for (const auto& gone : std::exchange(gone_movers_, {})) {
+    const wire::Handle& writer = gone.first;
     bodies_.forget(writer);
-    lose(writer);
+    lose(writer, gone.second);
     std::erase_if(contested_, [&](const auto& c) { return c.second.writer == writer; });
   }
   // A peer that started again may be heard before its old self is gone.
@@ -51,7 +53,7 @@ void DdsPoses::accept(Heard&& heard, std::vector<wire::BodyPose>& accepted) {
     return;
   }
   if (contested_.size() >= kMaxContestedBodies) return;
-  mailbox_.complain(topic_ + ": body " + body + " of " + wire::name_of(heard.writer) +
+  mailbox_.complain(topic_ + ": body " + body + " of " + wire::name_of(heard.writer, mailbox_) +
                     (claim == wire::BodyBook::Claim::kFull
                          ? " is one too many, its poses are ignored"
                          : " is moved by another peer already, these poses are ignored"));
@@ -74,16 +76,16 @@ void DdsPoses::look_for_silent() {
   for (auto& [body, moved] : moved_) {
     const auto source = sources_.find(moved.writer);
     if (source == sources_.end() || !source->second.gives_signs) continue;
-    const bool is_silent = now_s - source->second.heard_s >= kMoverSilence_s;
+    const bool is_silent = now_s - source->second.heard_s >= silence_s_;
     tell(body, moved, is_silent ? wire::Mover::kSilent : wire::Mover::kThere);
   }
 }
 
-void DdsPoses::lose(const wire::Handle& writer) {
+void DdsPoses::lose(const wire::Handle& writer, wire::Mover how) {
   sources_.erase(writer);
   std::erase_if(moved_, [&](const auto& entry) {
     if (entry.second.writer != writer) return false;
-    changes_[entry.first] = wire::Mover::kLeft;
+    changes_[entry.first] = how;
     return true;
   });
 }

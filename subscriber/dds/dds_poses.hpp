@@ -4,6 +4,7 @@
 // machine's clock decides: it gave a sign of life each second, a ProcessStatus, and has given none for some. Who never gave one is
 // taken to be there until its writer goes. Fast DDS: for the rooms named dds alone.
 
+#include <algorithm>
 #include <map>
 #include <string>
 #include <vector>
@@ -11,6 +12,7 @@
 #include "core/base/stopwatch.hpp"
 #include "idl/dds/body_book.hpp"
 #include "idl/dds/dds_support.hpp"
+#include "idl/messages/status_keeper.hpp"
 
 namespace nearmesh::subscriber {
 
@@ -22,8 +24,12 @@ class DdsPoses {
     wire::Handle writer;
   };
 
-  DdsPoses(wire::Mailbox& mailbox, std::string topic, bool is_secured)
-      : mailbox_(mailbox), topic_(std::move(topic)), bodies_(is_secured) {}
+  /// `silence_s`: without a sign of life for so long a mover is silent; two missed ones at least.
+  DdsPoses(wire::Mailbox& mailbox, std::string topic, bool is_secured, double silence_s)
+      : mailbox_(mailbox),
+        topic_(std::move(topic)),
+        silence_s_(std::max(silence_s, 2 * wire::kStatusPeriod_s)),
+        bodies_(is_secured) {}
 
   /// What came since the last call; `more`: some of it was not read yet. Out: the poses that count, in order. One line for each body
   /// that another claims.
@@ -50,12 +56,14 @@ class DdsPoses {
   void accept(Heard&& heard, std::vector<wire::BodyPose>& accepted);
   void tell(const std::string& body, Moved& moved, wire::Mover now);
   void look_for_silent();
-  void lose(const wire::Handle& writer);
+  void lose(const wire::Handle& writer, wire::Mover how);
 
   wire::Mailbox& mailbox_;
   const std::string topic_;
+  const double silence_s_;
   wire::BodyBook bodies_;
-  std::vector<wire::Handle> gone_movers_;   ///< not yet forgotten
+  std::vector<std::pair<wire::Handle, wire::Mover>>
+      gone_movers_;                         ///< not yet forgotten, and how they went
   std::map<std::string, Heard> contested_;  ///< of bodies that another owns, the latest
   const Stopwatch clock_;
   double looked_s_ = 0;                     ///< for silent ones, the last time

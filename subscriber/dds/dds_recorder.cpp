@@ -6,12 +6,14 @@
 #include <deque>
 #include <future>
 #include <mutex>
+#include <new>
 #include <thread>
 #include <tuple>
 #include <utility>
 
 #include "idl/dds/dds_support.hpp"
 #include "idl/dds/rejoin_watch.hpp"
+#include "idl/dds/room.hpp"
 #include "nearmesh/idl/dds/payload.hpp"
 
 namespace nearmesh::subscriber {
@@ -25,6 +27,7 @@ constexpr std::size_t kMaxWritten = 1024;  ///< before the queue is looked at ag
 /// For the disk; what comes beyond is dropped and counted.
 constexpr std::size_t kMaxWaitingBytes = 64U << 20;
 constexpr double kNothingToStore_s = 0.5;
+constexpr std::size_t kMaxNames = 65536;  ///< of sessions
 constexpr wire::TopicPlace kHeldDetail = wire::place_of<wire::HeldDetail>();
 /// Whoever says what it holds must be heard from then on: so long after the last writer was found, the other readers have
 /// found theirs. Where writers come all the time, it is not waited for longer.
@@ -96,6 +99,7 @@ class DdsRecorder::Impl {
   Status open_reader(Topic& topic);
   template <class Message>
   bool drain(std::uint32_t topic);
+  [[nodiscard]] bool is_new_name(const Entry& entry);
   void count_gap(const Entry& entry);
   void note_loss(std::uint32_t topic);
   void ask_if_due();
@@ -118,6 +122,7 @@ class DdsRecorder::Impl {
 
   // The DDS thread's own.
   std::map<Handle, Sequence> sequences_;
+  std::map<wire::SessionId, std::string> told_names_;  ///< that are in the recording
   std::int64_t joined_ns_ = 0;
   bool asks_ = false;  ///< all peers what they hold
   bool has_publisher_ = false;
@@ -168,6 +173,7 @@ Status DdsRecorder::Impl::start() {
                                               std::to_string(options_.max_bytes)};
   if (options_.split && options_.max_bytes == 0)
     return {StatusCode::kInvalidArgument, "split: expected a max-size to split at"};
+  NEARMESH_RETURN_IF_ERROR(wire::check_room(options_.transport));
   NEARMESH_RETURN_IF_ERROR(add_topics());
   facts_ = {wire::make_session_id(), 0, wire::kWireVersion, options_.transport.prefix,
             wire::idl_text()};
@@ -210,10 +216,19 @@ void DdsRecorder::Impl::listen(std::promise<Status> started) {
       mailbox_.wait(kNothingToStore_s);
       continue;
     }
-    ask_if_due();
-    bool more = false;
-    for (std::uint32_t i = 0; i < topics_.size(); ++i) more |= (this->*topics_[i].drain)(i);
-    if (!more) mailbox_.wait(kNothingToStore_s);
+    try {
+      if (const Status identity = wire::identity_of(bus_->door().get()); !identity.is_ok()) {
+        const std::lock_guard lock(mutex_);
+        stats_.identity = identity;
+      }
+      ask_if_due();
+      bool more = false;
+      for (std::uint32_t i = 0; i < topics_.size(); ++i) more |= (this->*topics_[i].drain)(i);
+      if (!more) mailbox_.wait(kNothingToStore_s);
+    } catch (const std::bad_alloc&) {
+      mailbox_.complain_of_memory();
+      mailbox_.wait(kNothingToStore_s);
+    }
   }
   if (bus_ != nullptr)
     for (std::uint32_t i = 0; i < topics_.size(); ++i)
@@ -225,7 +240,6 @@ void DdsRecorder::Impl::listen(std::promise<Status> started) {
 Status DdsRecorder::Impl::join() {
   wire::BusOptions bus_options;
   bus_options.transport = options_.transport;
-  bus_options.participant_name = "nearmesh recorder";
   bus_options.on_writer = [this](const Handle& writer, const std::string& partition) {
     if (partition.empty()) return;
     const std::lock_guard lock(partitions_mutex_);
@@ -313,7 +327,8 @@ bool DdsRecorder::Impl::drain(std::uint32_t topic) {
           entry.model = header.value().name;
         }
     if (!data.fault.empty())
-      mailbox_.complain(topics_[topic].name + ": sample of " + wire::name_of(entry.writer) +
+      mailbox_.complain(topics_[topic].name + ": sample of " +
+                        wire::name_of(entry.writer, mailbox_) +
                         " recorded, but faulty: " + data.fault);
     entry.message.cdr = std::exchange(data.cdr, {});
   }
@@ -323,10 +338,26 @@ bool DdsRecorder::Impl::drain(std::uint32_t topic) {
            std::tie(b.message.source_ns, b.writer, b.message.sequence);
   });
   for (Entry& entry : taken) {
+    if (wire::kTopicFacts[topics_[topic].place].tells_who) {
+      if (is_new_name(entry)) push(std::move(entry));
+      continue;
+    }
     count_gap(entry);
     if (!entry.message.cdr.empty()) push(std::move(entry));
   }
   return taken.size() == kMaxRecordedAtOnce;
+}
+
+/// What a process says of itself each second is recorded where it tells who that is.
+bool DdsRecorder::Impl::is_new_name(const Entry& entry) {
+  const auto status = wire::decode_payload<wire::ProcessStatus>(entry.message.cdr);
+  if (!status.is_ok()) return false;
+  const wire::SessionId session = status.value().session;
+  if (told_names_.size() >= kMaxNames && !told_names_.contains(session)) return false;
+  const auto [known, is_new] = told_names_.try_emplace(session);
+  if (!is_new && known->second == status.value().name) return false;
+  known->second = status.value().name;
+  return true;
 }
 
 /// Of a writer that is there already we may get the latest sample of each key, numbered with gaps.
@@ -445,7 +476,7 @@ Status DdsRecorder::Impl::make_room() {
   return Status::ok();
 }
 
-Status DdsRecorder::Impl::write(const Entry& entry) {
+Status DdsRecorder::Impl::write(const Entry& entry) try {
   NEARMESH_RETURN_IF_ERROR(make_room());
   if (finished_) return Status::ok();
   const auto [known, is_new] = writers_.try_emplace({entry.topic, entry.writer}, 0);
@@ -467,6 +498,8 @@ Status DdsRecorder::Impl::write(const Entry& entry) {
   NEARMESH_RETURN_IF_ERROR(id);
   if (entry.model.empty()) return Status::ok();
   return file_->add_model({entry.content_hash, entry.model, id.value()});
+} catch (const std::bad_alloc&) {
+  return {StatusCode::kIo, "no memory"};
 }
 
 // --- Called by the host

@@ -35,6 +35,8 @@ struct RecorderStats {
   bool ended =
       false;      ///< nothing is written any more: max_bytes was reached, or `status` is not ok
   Status status;  ///< why the disk failed
+  Status
+      identity;  ///< why nothing is heard any more: this program's identity was revoked or has expired
 };
 
 /// Threads: all functions, one at a time. One thread inside makes the DDS calls, another writes.

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/base/hash.hpp"
+#include "idl/messages/process_name.hpp"
 
 namespace nearmesh::subscriber {
 namespace {
@@ -12,11 +13,15 @@ namespace {
 using wire::Offer;
 using wire::offer_of;
 
+std::string called_of(const Offer& offer) {
+  return "publisher " + wire::called(offer.publisher, offer.name);
+}
+
 /// "publisher P serves content C under this name", and how many others do so.
 std::string served(std::span<const Offer> offers, const std::vector<ContentHash>& contents) {
   const Offer& first = *offer_of(offers, contents.front());
-  std::string text = "publisher " + to_hex(first.publisher) + " serves content " +
-                     to_hex(first.content) + " under this name";
+  std::string text =
+      called_of(first) + " serves content " + to_hex(first.content) + " under this name";
   if (contents.size() > 1) text += " (and " + std::to_string(contents.size() - 1) + " more)";
   return text;
 }
@@ -42,13 +47,12 @@ ContentChoice choose_content(const KnownContent& known, std::span<const Offer> o
   } else if (known.held.is_set()) {
     choice.content = newest(offers, known.held);
     if (choice.content != known.held) {
-      choice.change = "publisher " + to_hex(offer_of(offers, choice.content)->publisher) +
-                      " replaces content " + to_hex(known.held) + " by " + to_hex(choice.content);
+      choice.change = called_of(*offer_of(offers, choice.content)) + " replaces content " +
+                      to_hex(known.held) + " by " + to_hex(choice.content);
     } else if (offer_of(offers, known.held) == nullptr && standing.size() == 1) {
       choice.content = standing.front();
-      choice.change = "no publisher of content " + to_hex(known.held) +
-                      " is there any more; publisher " +
-                      to_hex(offer_of(offers, choice.content)->publisher) + " serves content " +
+      choice.change = "no publisher of content " + to_hex(known.held) + " is there any more; " +
+                      called_of(*offer_of(offers, choice.content)) + " serves content " +
                       to_hex(choice.content);
     }
   } else if (standing.size() == 1) {
@@ -60,8 +64,8 @@ ContentChoice choose_content(const KnownContent& known, std::span<const Offer> o
   if (standing.empty()) return choice;
   if (!choice.content.is_set()) {
     const Offer& other = *offer_of(offers, standing[1]);
-    choice.conflict = served(offers, {standing.front()}) + ", publisher " +
-                      to_hex(other.publisher) + " content " + to_hex(other.content) +
+    choice.conflict = served(offers, {standing.front()}) + ", " + called_of(other) + " content " +
+                      to_hex(other.content) +
                       ": neither is taken; stop one of them, or pin one (content)";
   } else {
     choice.conflict = served(offers, standing) + "; content " + to_hex(choice.content) +

@@ -13,6 +13,7 @@ namespace {
 Result<std::vector<std::vector<std::uint8_t>>> answer_region(ModelFile& file,
                                                              const RegionRequest& request) {
   NEARMESH_RETURN_IF_ERROR(check_request(file.store(), request));
+  if (request.is_audit()) return file.prove(request.attach.front());
   return answer_request(file.header(), file.store(), request,
                         [&file](NodeSpan node) { return file.require(node); });
 }
@@ -97,14 +98,9 @@ std::vector<wire::SplitBatchMessage> LocalChannel::certify(
         const auto model = models_.find(content);
         return model == models_.end() ? nullptr : &model->second.file;
       });
-  if (!begun.maker) {
-    wire::SplitBatchMessage message =
-        wire::refusal_message(kPublisher, subscription, begun.why_not);
-    message.content_hash = begun.unknown_state;
-    message.wants_held = begun.unknown_state.is_set();
-    message.wants_regions = begun.wants_regions;
-    return {std::move(message)};
-  }
+  if (!begun.maker)
+    return {wire::redirection_message(kPublisher, subscription, begun.why_not, begun.unknown_state,
+                                      begun.wants_regions)};
   std::vector<wire::SplitBatchMessage> messages;
   while (!begun.maker->is_done()) {
     Result<CertificateMaker::Part> part = begun.maker->next();

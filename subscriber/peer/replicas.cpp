@@ -3,6 +3,7 @@
 
 #include <utility>
 
+#include "core/base/digest.hpp"
 #include "core/base/hash.hpp"
 
 namespace nearmesh::subscriber {
@@ -33,40 +34,52 @@ std::size_t ReplicaSet::assign(PeerModel& model, const ContentHash& content,
                     .conflict = std::string(model.conflict)};
   const auto at = unclaimed_.find(content);
   if (at == unclaimed_.end()) return 0;
-  const wire::MeshHeader message = std::move(at->second);
-  unclaimed_bytes_ -= message.bytes.size();
+  const Channel::Header header = std::move(at->second);
+  unclaimed_bytes_ -= header.message.bytes.size();
   unclaimed_.erase(at);
-  return take_header(message, complaints);
+  return take_header(header, complaints);
 }
 
 /// Beyond the limit only of names we use, that may come to stand for it.
-void ReplicaSet::keep_header(const wire::MeshHeader& message) {
+void ReplicaSet::keep_header(const Channel::Header& header) {
+  const wire::MeshHeader& message = header.message;
   if (const auto at = unclaimed_.find(message.content_hash); at != unclaimed_.end()) {
-    unclaimed_bytes_ -= at->second.bytes.size();
+    unclaimed_bytes_ -= at->second.message.bytes.size();
     unclaimed_.erase(at);
   }
   const bool has_room = unclaimed_bytes_ + message.bytes.size() <= kMaxSpareHeaderBytes;
   const bool is_named = find(message.name) != nullptr && unclaimed_.size() < 2 * wire::kMaxModels;
   if (!(has_room && unclaimed_.size() < wire::kMaxModels) && !is_named) return;
   unclaimed_bytes_ += message.bytes.size();
-  unclaimed_.emplace(message.content_hash, message);
+  unclaimed_.emplace(message.content_hash, header);
 }
 
-std::size_t ReplicaSet::take_header(const wire::MeshHeader& message,
+std::size_t ReplicaSet::take_header(const Channel::Header& header,
                                     std::vector<std::string>& complaints) {
+  const wire::MeshHeader& message = header.message;
+  if (refused_.contains(message.content_hash)) return 0;
   PeerModel* model = find(message.content_hash);
   if (model == nullptr) {
-    keep_header(message);
+    keep_header(header);
     return 0;
   }
   if (model->is_ready()) return 0;
   Result<Replica> replica = Replica::from_header(message.bytes);
   if (!replica.is_ok()) {
-    complaints.push_back("model " + model->name + ": " + replica.status().message());
+    // Of that content for certain: else it befell the header on its way.
+    const bool contradicts = replica.status().code() == StatusCode::kCorrupt &&
+                             digest_of(message.bytes) == message.content_hash;
+    if (contradicts && refused_.size() < kMaxRefusedContents)
+      refused_.emplace(message.content_hash, header.publisher);
+    complaints.push_back("model " + model->name + ": publisher " + to_hex(header.publisher) +
+                         (contradicts ? " contradicts itself, its content " +
+                                            to_hex(message.content_hash) + " is not taken: "
+                                      : ": ") +
+                         replica.status().message());
     return 0;
   }
   model->replica = std::move(replica).value();
-  model->header = message;
+  model->header = header;
   return message.bytes.size();
 }
 
@@ -76,7 +89,9 @@ void complain(PeerModel& model, wire::SessionId publisher, const Replica::Taken&
               std::vector<std::string>& complaints) {
   if (!taken.contradicts && !model.damaged.insert(publisher).second) return;
   complaints.push_back(
-      "model " + model.name + ": publisher " + to_hex(publisher) +
+      "model " + model.name + ": " +
+      (taken.contradicts && taken.liar == 0 ? "one of several publishers"
+                                            : "publisher " + to_hex(publisher)) +
       (taken.contradicts
            ? " contradicts the model, its detail is forgotten and it is not asked again: "
            : " sent what came damaged, it is dropped and asked for again: ") +
@@ -94,7 +109,9 @@ bool ReplicaSet::apply_one(FrameReport& report) {
     report.load_s += taken.times.load_s;
     report.refine_s += taken.times.refine_s;
     report.tree_s += taken.times.tree_s;
-    if (!taken.status.is_ok()) complain(model, batch.publisher, taken, report.complaints);
+    model.audit.is_proved |= taken.audited;
+    if (!taken.status.is_ok())
+      complain(model, taken.contradicts ? taken.liar : batch.publisher, taken, report.complaints);
     return true;
   }
   return false;

@@ -17,6 +17,8 @@ namespace nearmesh::subscriber {
 /// Headers that are kept though no body uses their model yet, so that one may spawn: as many as a publisher serves
 /// (kMaxModels), and together no more than this.
 inline constexpr std::size_t kMaxSpareHeaderBytes = 16U << 20;
+/// Contents that are known to contradict themselves.
+inline constexpr std::size_t kMaxRefusedContents = 256;
 
 /// A model that bodies of this peer use.
 struct PeerModel {
@@ -26,7 +28,7 @@ struct PeerModel {
   std::string conflict;      // what publishers disagree about, as it was said
   std::uint64_t mesh_bytes = 0;
   std::optional<Replica> replica;  // from the header on
-  wire::MeshHeader header;         // of the replica: nobody sends it again
+  Channel::Header header;          // of the replica: nobody sends it again
   struct Batch {
     wire::SessionId publisher = 0;
     std::vector<std::uint8_t> bytes;
@@ -36,6 +38,14 @@ struct PeerModel {
   /// The session's time when the last look ahead found no region to ask for.
   double looked_ahead_s = -std::numeric_limits<double>::infinity();
   bool tells_held = false;  // a publisher does not know our state
+
+  struct Audit {
+    std::uint32_t request = 0;  // 0: none is open
+    wire::SessionId publisher = 0;
+    double sent_s = 0, due_s = 0;
+    bool is_answered = false, is_proved = false;
+    std::map<wire::SessionId, std::uint32_t> unproved;  // audits in a row, by who was asked
+  } audit;
 
   std::uint32_t told_recorders = 0;  // so many of those that came know what is held
 
@@ -57,17 +67,25 @@ class ReplicaSet {
   std::size_t assign(PeerModel& model, const ContentHash& content,
                      std::vector<std::string>& complaints);
   /// A header: starts the replica of the model it belongs to, if any body uses it. Returns its size if it was used.
-  std::size_t take_header(const wire::MeshHeader& message, std::vector<std::string>& complaints);
+  /// One that contradicts itself is complained of once, and nothing is taken of that content any more.
+  std::size_t take_header(const Channel::Header& header, std::vector<std::string>& complaints);
+  /// Who served a content whose header contradicts itself; 0: it does not, or has not come.
+  [[nodiscard]] wire::SessionId refused_of(const ContentHash& content) const {
+    const auto at = refused_.find(content);
+    return at == refused_.end() ? 0 : at->second;
+  }
+  [[nodiscard]] std::size_t refused_count() const { return refused_.size(); }
   /// Applies the oldest waiting batch of some model; false when none waits.
   bool apply_one(FrameReport& report);
 
  private:
   std::map<std::string, PeerModel> models_;
-  void keep_header(const wire::MeshHeader& message);
+  void keep_header(const Channel::Header& header);
 
-  std::map<ContentHash, wire::MeshHeader>
+  std::map<ContentHash, Channel::Header>
       unclaimed_;  // headers of contents that no model in use stands for
   std::size_t unclaimed_bytes_ = 0;
+  std::map<ContentHash, wire::SessionId> refused_;
 };
 
 }  // namespace nearmesh::subscriber

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <random>
 #include <utility>
 
 #include "core/base/float_guard.hpp"
@@ -38,6 +39,7 @@ Session::Session(std::unique_ptr<Channel> channel, SessionOptions options)
   NEARMESH_ASSERT(options.max_pose_age_s >= 0);
   impl_->channel = std::move(channel);
   impl_->options = options;
+  impl_->audits = Random(options.audit_seed != 0 ? options.audit_seed : std::random_device{}());
 }
 Session::~Session() = default;
 
@@ -198,7 +200,7 @@ void Session::Impl::give_up(PeerModel& model, FrameReport& report) {
 /// Why no base mesh of a model is here.
 std::string Session::Impl::why_no_mesh(const PeerModel& model) const {
   const bool is_served = std::any_of(publishers.begin(), publishers.end(), [&](const auto& entry) {
-    return entry.second.serves(model.content_hash);
+    return entry.second.serves(model.content_hash) && replicas.refused_of(model.content_hash) == 0;
   });
   if (is_served) return "its header has not come";
   if (!model.conflict.empty()) return model.conflict;

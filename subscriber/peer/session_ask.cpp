@@ -5,11 +5,7 @@
 #include <limits>
 #include <utility>
 
-#include "core/base/hash.hpp"
-#include "core/certificate/certificate.hpp"
 #include "core/demand/collect.hpp"
-#include "core/query/lacking_ahead.hpp"
-#include "core/replica/held_nodes.hpp"
 #include "publisher_choice.hpp"
 #include "session_impl.hpp"
 
@@ -17,18 +13,6 @@ namespace nearmesh::subscriber {
 namespace {
 
 constexpr double kMaxPatience_s = 8;
-
-constexpr std::uint8_t kNeededNow = 0;
-constexpr std::uint8_t kHorizon = 1;
-/// So many answers in a row may bring nothing to a pair before it names what it lacks itself.
-constexpr int kMaxFruitless = 2;
-
-/// Of both models of a pair that are ready.
-template <class Pair>
-std::uint64_t states_of(const Pair& pair) {
-  return mix(pair.a->model->replica->mesh().state_hash()) ^
-         mix(pair.b->model->replica->mesh().state_hash() + 1);
-}
 
 }  // namespace
 
@@ -128,9 +112,9 @@ std::string Session::Impl::awaited_of(const PeerModel& model, std::size_t missin
                        ? "and each publisher that serves it has contradicted it"
                        : "no publisher that is there serves it");
   if (publisher->lost_requests > 0)
-    return what + "publisher " + to_hex(publisher->hello.publisher) + " has not answered " +
+    return what + "publisher " + called_of(*publisher) + " has not answered " +
            std::to_string(publisher->lost_requests) + " requests in a row";
-  return what + "publisher " + to_hex(publisher->hello.publisher) + " is asked for them";
+  return what + "publisher " + called_of(*publisher) + " is asked for them";
 }
 
 // The nodes of a model that this update's answers lack, or those for the time ahead; ascending.
@@ -157,6 +141,17 @@ std::vector<NodeSpan> Session::Impl::missing_of(const PeerModel& model, const Fr
   return missing;
 }
 
+// Its number is last_request then.
+void Session::Impl::send_request(const Publisher& publisher, std::uint8_t priority,
+                                 wire::RegionSubscription request) {
+  request.peer = channel->own_id();
+  request.publisher = publisher.hello.publisher;
+  request.request = ++last_request;
+  request.priority = priority;
+  request.window_bytes = options.window_bytes;
+  channel->send(request);
+}
+
 // `missing`, ascending, is asked for in any case, before other unresolved nodes that meet the region.
 bool Session::Impl::request(PeerModel& model, const RegionMaker& region,
                             std::vector<NodeSpan> missing, std::uint8_t priority,
@@ -169,15 +164,8 @@ bool Session::Impl::request(PeerModel& model, const RegionMaker& region,
                    priority == kNeededNow ? kRequestSplits : kMaxAheadSplits,
                    priority == kNeededNow ? Portion::kLargestNodes : Portion::kWholeNodes);
   if (!region_request) return false;
-  wire::RegionSubscription subscription;
-  subscription.region = std::move(*region_request);
-  subscription.peer = channel->own_id();
-  subscription.publisher = publisher->hello.publisher;
-  subscription.request = ++last_request;
-  subscription.content_hash = model.content_hash;
-  subscription.priority = priority;
-  subscription.window_bytes = options.window_bytes;
-  channel->send(subscription);
+  send_request(*publisher, priority,
+               {.content_hash = model.content_hash, .region = std::move(*region_request)});
   outstanding[model.content_hash] = {.request = last_request,
                                      .priority = priority,
                                      .heard_s = clock.seconds(),
@@ -215,129 +203,12 @@ double Session::Impl::patience_after(const ContentHash& content, Outstanding& lo
   return std::min(2 * lost.patience_s, kMaxPatience_s);
 }
 
-// How soon a pair needs detail, or not: none that it lacks is known.
-std::optional<std::uint8_t> Session::Impl::urgency_of(Pair& pair, const PairAnswer& answer) {
-  const Answer& now = answer.answer;
-  if (!now.missing_a.empty() || !now.missing_b.empty()) return kNeededNow;
-  if (horizon_s() <= 0) return std::nullopt;
-  if (answer.swept && !(answer.swept->missing_a.empty() && answer.swept->missing_b.empty()))
-    return kHorizon;
-  // Where a look found nothing, an eighth of the horizon may pass before the next: half of it is left then.
-  if (std::abs(time_s - pair.looked_ahead_s) < horizon_s() / 8) return std::nullopt;
-  ++stats.looks_ahead;
-  const auto lacking = lacking_ahead(pair.a->model->replica->view(), *pair.a->motion, pair.a->name,
-                                     pair.b->model->replica->view(), *pair.b->motion, pair.b->name,
-                                     horizon_s() / 2, options.margin_m);
-  if (lacking.is_ok() && !lacking.value().is_nothing()) return kHorizon;
-  pair.looked_ahead_s = time_s;
-  return std::nullopt;
-}
-
-// A request is open that concerns the pair, or tells this publisher of bodies: it answers one at a time.
-bool Session::Impl::has_open(wire::SessionId publisher, const Pair& pair) const {
-  return std::any_of(outstanding.begin(), outstanding.end(), [&](const auto& entry) {
-    const auto& [content, open] = entry;
-    const bool is_lost = clock.seconds() - open.heard_s >= open.patience_s;
-    return !is_lost &&
-           (content == pair.a->model->content_hash || content == pair.b->model->content_hash ||
-            (open.is_certificate && open.publisher == publisher));
-  });
-}
-
-// Where one publisher serves both models of a pair it is told where the bodies are, and chooses what certifies.
-void Session::Impl::ask_certificates(const FrameReport& report) {
-  struct Due {
-    std::vector<Pair*> now, ahead;
-    double patience_s;
-  };
-  std::map<wire::SessionId, Due> due;
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
-    Pair& pair = pairs[i];
-    const PeerModel &a = *pair.a->model, &b = *pair.b->model;
-    const Publisher* publisher = publisher_of(a.content_hash, b.content_hash);
-    if (pair.asked.fruitless > 0 && a.is_ready() && b.is_ready() &&
-        states_of(pair) != pair.asked.states)
-      pair.asked = {};
-    pair.by_region =
-        publisher == nullptr || publisher->wants_regions || pair.asked.fruitless >= kMaxFruitless;
-    if (pair.by_region || !report.answers[i].reason.empty()) continue;
-    if (!a.waiting.empty() || !b.waiting.empty()) continue;
-    if (has_open(publisher->hello.publisher, pair)) continue;
-    const std::optional<std::uint8_t> urgency = urgency_of(pair, report.answers[i]);
-    if (!urgency) continue;
-    double patience_s = options.request_timeout_s;
-    for (const ContentHash& content : {a.content_hash, b.content_hash})
-      if (const auto lost = outstanding.find(content); lost != outstanding.end())
-        patience_s = std::max(patience_s, patience_after(content, lost->second));
-    publisher = publisher_of(a.content_hash, b.content_hash);  // another, where that one is lost
-    Due& its = due.try_emplace(publisher->hello.publisher, Due{{}, {}, patience_s}).first->second;
-    (*urgency == kNeededNow ? its.now : its.ahead).push_back(&pair);
-  }
-  for (auto& [id, its] : due) {
-    const std::uint8_t priority = its.now.empty() ? kHorizon : kNeededNow;
-    its.now.insert(its.now.end(), its.ahead.begin(), its.ahead.end());
-    request_certificate(publishers.at(id), its.now, priority, its.patience_s);
-  }
-}
-
-void Session::Impl::request_certificate(const Publisher& publisher, std::span<Pair* const> asked,
-                                        std::uint8_t priority, double patience_s) {
-  CertificateRequest certificate{.horizon_s = static_cast<float>(horizon_s()),
-                                 .margin_m = static_cast<float>(options.margin_m),
-                                 .models = {},
-                                 .pairs = {}};
-  std::vector<PeerModel*> models;
-  const auto place_of = [&](PeerModel* model) {
-    const auto at = std::find(models.begin(), models.end(), model);
-    const auto place = static_cast<std::uint8_t>(at - models.begin());
-    if (at == models.end()) models.push_back(model);
-    return place;
-  };
-  ++last_request;
-  for (Pair* pair : asked) {
-    PeerModel *a = pair->a->model, *b = pair->b->model;
-    if (certificate.pairs.size() == kMaxAskedPairs || models.size() + 2 > kMaxAskedModels) break;
-    CertificateRequest::Pair& said =
-        certificate.pairs.emplace_back(relative(*pair->a->motion, *pair->b->motion));
-    said.a = place_of(a);
-    said.b = place_of(b);
-    said.solid_a = pair->a->solid;
-    said.solid_b = pair->b->solid;
-    const std::uint64_t states = states_of(*pair);
-    const bool is_same = pair->asked.states == states;
-    pair->asked = {.request = last_request,
-                   .states = states,
-                   .is_answered = false,
-                   .fruitless =
-                       is_same ? pair->asked.fruitless + (pair->asked.is_answered ? 1 : 0) : 0};
-  }
-  for (PeerModel* model : models) {
-    CertificateRequest::Model& said = certificate.models.emplace_back();
-    said.content = model->content_hash;
-    said.state = model->replica->mesh().state_hash();
-    if (std::exchange(model->tells_held, false)) said.held = held_nodes(*model->replica).bits;
-    outstanding[model->content_hash] = {.request = last_request,
-                                        .priority = priority,
-                                        .heard_s = clock.seconds(),
-                                        .patience_s = patience_s,
-                                        .publisher = publisher.hello.publisher,
-                                        .is_certificate = true};
-  }
-  wire::RegionSubscription subscription;
-  subscription.peer = channel->own_id();
-  subscription.publisher = publisher.hello.publisher;
-  subscription.request = last_request;
-  subscription.priority = priority;
-  subscription.window_bytes = options.window_bytes;
-  subscription.certificate = std::move(certificate);
-  channel->send(subscription);
-  ++stats.requests;
-}
-
-void Session::Impl::ask(const FrameReport& report) {
+void Session::Impl::ask(FrameReport& report) {
   ask_certificates(report);
   for (auto& [name, model] : replicas.all()) {
     if (!model.is_ready() || !model.waiting.empty()) continue;
+    settle_audit(model, report);
+    audit(model);
     // One request at a time and model: the next one names what the answer has left unresolved, so nothing is sent
     // twice. Only what is needed now does not wait for a horizon; the publisher drops what is left of that.
     const auto open = outstanding.find(model.content_hash);

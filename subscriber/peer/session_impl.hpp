@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// What the files of Session share: session.cpp (samples in, answers and status out) and session_ask.cpp (what is asked of
-// publishers). Threads: one.
+// What the files of Session share: session.cpp (a frame), session_take.cpp (what comes), session_ask.cpp, session_certificates.cpp
+// and session_audit.cpp (what is asked of publishers), session_tell.cpp (what is told). Threads: one.
 
 #include <algorithm>
 #include <deque>
@@ -11,8 +11,10 @@
 #include <unordered_map>
 
 #include "core/ask/predict.hpp"
+#include "core/base/random.hpp"
 #include "core/base/stopwatch.hpp"
 #include "core/query/answer.hpp"
+#include "idl/messages/process_name.hpp"
 #include "idl/messages/status_keeper.hpp"
 #include "nearmesh/subscriber/peer/session.hpp"
 #include "replicas.hpp"
@@ -34,6 +36,8 @@ struct Body {
 };
 
 // A request that was sent and not yet answered in full.
+inline constexpr std::uint8_t kNeededNow = 0, kHorizon = 1;  // priorities of requests
+
 struct Outstanding {
   std::uint32_t request = 0;
   std::uint8_t priority = 0;
@@ -56,6 +60,10 @@ struct Publisher {
                        [&](const auto& model) { return model.content_hash == content; });
   }
 };
+
+[[nodiscard]] inline std::string called_of(const Publisher& publisher) {
+  return wire::called(publisher.hello.publisher, publisher.hello.name);
+}
 
 struct Session::Impl {
   std::unique_ptr<Channel> channel;
@@ -98,6 +106,7 @@ struct Session::Impl {
   std::set<wire::SessionId> refused_of;  // who sent headers that do not count, as was said
   SessionStats stats;
   Stopwatch clock;
+  Random audits{0};  // which block is next
   wire::StatusKeeper keeper;
   wire::ProcessStatus told;  // the last status
 
@@ -118,7 +127,7 @@ struct Session::Impl {
   void give_up(PeerModel& model, FrameReport& report);
   void tell_held(FrameReport& report);
   void note_sequence(const wire::SplitBatchMessage& message);
-  void ask(const FrameReport& report);
+  void ask(FrameReport& report);
   void ask_certificates(const FrameReport& report);
   [[nodiscard]] std::optional<std::uint8_t> urgency_of(Pair& pair, const PairAnswer& answer);
   void request_certificate(const Publisher& publisher, std::span<Pair* const> asked,
@@ -134,6 +143,11 @@ struct Session::Impl {
   bool request_ahead(PeerModel& model, const FrameReport& report, double patience_s);
   bool request(PeerModel& model, const RegionMaker& region, std::vector<NodeSpan> missing,
                std::uint8_t priority, double patience_s);
+  void send_request(const Publisher& publisher, std::uint8_t priority,
+                    wire::RegionSubscription request);
+  void audit(PeerModel& model);
+  void settle_audit(PeerModel& model, FrameReport& report);
+  void tell_bodies(wire::ProcessStatus& now) const;
   void tell_status(const FrameReport& report, const SessionStats& counted);
   [[nodiscard]] Publisher* publisher_of(const ContentHash& content,
                                         const ContentHash& and_too = {});

@@ -87,7 +87,9 @@ void Session::Impl::take_header(const Channel::Header& header,
                                 std::vector<std::string>& complaints) {
   const auto publisher = publishers.find(header.publisher);
   if (publisher != publishers.end() && publisher->second.serves(header.message.content_hash)) {
-    stats.header_bytes += replicas.take_header(header.message, complaints);
+    const std::size_t refused_before = replicas.refused_count();
+    stats.header_bytes += replicas.take_header(header, complaints);
+    has_news |= replicas.refused_count() != refused_before;  // another content may be taken now
     return;
   }
   ++stats.refused_headers;
@@ -102,6 +104,13 @@ void Session::Impl::settle_contents(std::vector<std::string>& complaints) {
   for (auto& [name, model] : replicas.all()) {
     std::vector<wire::Offer> offers;
     for (const auto& [id, publisher] : publishers) wire::add_offer(publisher.hello, name, offers);
+    std::string untaken;
+    std::erase_if(offers, [&](const wire::Offer& offer) {
+      if (replicas.refused_of(offer.content) == 0) return false;
+      untaken = "publisher " + to_hex(offer.publisher) + " serves content " +
+                to_hex(offer.content) + ", which contradicts itself and is not taken";
+      return true;
+    });
     const ContentHash before = model.content_hash;
     ContentChoice choice = choose_content(
         {.pinned = model.pinned, .held = model.is_ready() ? before : ContentHash{}}, offers);
@@ -110,8 +119,11 @@ void Session::Impl::settle_contents(std::vector<std::string>& complaints) {
     if (model.is_ready() && model.pinned.is_set() && before != model.pinned)
       complaints.push_back("model " + name + ": content " + to_hex(model.pinned) +
                            " is pinned now; content " + to_hex(before) + " is dropped");
+    const std::size_t refused_before = replicas.refused_count();
     stats.header_bytes += replicas.assign(model, choice.content, complaints);
+    has_news |= replicas.refused_count() != refused_before;
     if (choice.mesh_bytes != 0) model.mesh_bytes = choice.mesh_bytes;
+    if (choice.conflict.empty()) choice.conflict = std::move(untaken);
     if (!choice.conflict.empty() && choice.conflict != model.conflict)
       complaints.push_back("model " + name + ": " + choice.conflict);
     model.conflict = std::move(choice.conflict);
@@ -134,6 +146,11 @@ void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& r
     take_redirection(message);
     return;
   }
+  PeerModel* model = replicas.find(message.content_hash);
+  if (model != nullptr && model->audit.request != 0 && message.request == model->audit.request) {
+    stats.audit_bytes += message.bytes.size();
+    model->audit.is_answered |= message.last;
+  }
   if (message.refused) {
     // The request stays open until its time-out, so that a refusal is not asked for every frame.
     ++refused;
@@ -144,7 +161,6 @@ void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& r
   for (auto& [content, open] : outstanding)
     if (open.request == message.request) open.heard_s = clock.seconds();
   if (message.last) close_request(message.request);
-  PeerModel* model = replicas.find(message.content_hash);
   if (model == nullptr || message.bytes.empty()) return;
   if (model->waiting.size() < kMaxWaitingBatches) {
     model->waiting.push_back({message.publisher, std::move(message.bytes)});

@@ -81,6 +81,26 @@ void Session::Impl::report_pair(Pair& pair, const PairAnswer& answer, const Repo
   channel->send(report);
 }
 
+/// Which bodies this peer moves, and how old what it knows of the others is.
+void Session::Impl::tell_bodies(wire::ProcessStatus& now) const {
+  for (const Body& body : bodies) {
+    if (body.own) {
+      ++now.moved_bodies;
+      if (now.moved.size() < wire::kMaxStatusBodies) now.moved.push_back(body.name);
+      continue;
+    }
+    if (body.is_placed) continue;
+    ++now.heard_bodies;
+    const wire::PoseStamp stamp = stamp_of(body);
+    if (!wire::why_stale(stamp, time_s, body.name).empty()) ++now.stale_bodies;
+    if (const double age_s = wire::age_s(stamp, time_s);
+        now.oldest_body.empty() || age_s > now.oldest_age_s) {
+      now.oldest_body = body.name;
+      now.oldest_age_s = age_s;
+    }
+  }
+}
+
 void Session::Impl::tell_status(const FrameReport& report, const SessionStats& counted) {
   wire::ProcessStatus now;
   now.session = channel->own_id();
@@ -99,6 +119,7 @@ void Session::Impl::tell_status(const FrameReport& report, const SessionStats& c
                                                                std::numeric_limits<double>::max()));
     }
   }
+  tell_bodies(now);
   for (const auto& [name, model] : replicas.all()) {
     if (now.models.size() == wire::kMaxModels) break;
     wire::ProcessStatus::Model entry{.name = name, .content_hash = model.content_hash};

@@ -25,10 +25,10 @@ struct RunOptions {
   bool json = false;
   std::optional<double> wait_recorder_s;  ///< for so long at most; 0: without end
 };
-Status run(const RunOptions& options);
+Status run(const RunOptions& options, int& exit_code);
 
 /// Of `record`.
-Status run(const RecorderOptions& options);
+Status run(const RecorderOptions& options, int& exit_code);
 
 struct InfoOptions {
   std::string path;

@@ -17,6 +17,8 @@
 #include "core/base/stopwatch.hpp"
 #include "idl/dds/fastdds.hpp"
 #include "idl/dds/interfaces.hpp"
+#include "idl/dds/room.hpp"
+#include "idl/messages/process_name.hpp"
 #include "nearmesh/subscriber/dds/dds_channel.hpp"
 #include "subscriber/dds/dds_echo.hpp"
 #include "subscriber/dds/dds_monitor.hpp"
@@ -26,6 +28,7 @@ namespace {
 
 constexpr std::uint32_t kSmallCount = 50, kLargeCount = 3, kProbeCount = 200;
 constexpr std::size_t kSmallBytes = 16, kKilobyte = 1000, kMegabyte = 1'000'000;
+constexpr std::uint64_t kOwnParticipants = 3;
 constexpr double kProbePeriod_s = 0.002;
 constexpr double kProbeGrace_s = 0.5;  ///< for the last answers
 constexpr double kMostLoss = 0.05;     ///< of both ways together; above, say so
@@ -102,10 +105,11 @@ class Doctor {
   Status examine() {
     look_at_machine();
     look_at_fastdds();
-    auto echo = DdsEcho::create(options_.transport);
-    NEARMESH_RETURN_IF_ERROR(echo);
-    echo_ = std::move(echo).value();
-    NEARMESH_RETURN_IF_ERROR(join_as_peer());
+    if (const Status joined = join(); !joined.is_ok()) {
+      if (joined.code() == StatusCode::kInvalidArgument) return joined;  // wrong usage
+      wrong("join", joined.message());
+      return Status::ok();
+    }
     fact("locators", echo_->locators());
     find_others();
     if (other_) test_other();
@@ -178,6 +182,8 @@ class Doctor {
     if (!found.reaches_others)
       add(Finding::Kind::kAdvice, "network",
           "no interface but loopback is up: other machines are out of reach");
+    if (const std::string line = wire::why_alone(transport, wire::ipv4_interfaces()); !line.empty())
+      add(Finding::Kind::kAdvice, "multicast", line);
     for (const char* name : {"rmem_max", "wmem_max"}) {
       const std::uint64_t bytes = kernel_number(std::string("/proc/sys/net/core/") + name);
       if (bytes >= kWantedSocketBytes) {
@@ -191,6 +197,7 @@ class Doctor {
             bytes);
       }
     }
+    look_at_shared_memory();
     const std::vector<std::string> foreign = foreign_shared_memory();
     if (foreign.empty()) return;
     const std::string text = "files of another user in /dev/shm, " + foreign[0] + " the first of " +
@@ -200,6 +207,20 @@ class Doctor {
     add(transport.transport == wire::Transport::kSameHost ? Finding::Kind::kWrong
                                                           : Finding::Kind::kAdvice,
         "shared memory", text, foreign);
+  }
+
+  void look_at_shared_memory() {
+    if (options_.transport.transport != wire::Transport::kSameHost) return;
+    const std::uint64_t bytes = wire::free_shared_memory().value_or(0);
+    const std::uint64_t wanted = kOwnParticipants * wire::kRoomSharedBytes;
+    const std::string text = std::to_string(bytes >> 10) + " KiB free in /dev/shm";
+    if (bytes >= wanted)
+      good("shared memory", text, bytes);
+    else
+      add(Finding::Kind::kWrong, "shared memory",
+          text + ", each process takes " + std::to_string(wire::kRoomSharedBytes >> 10) +
+              ", this one as three: mount -o remount,size=64M /dev/shm; docker run --shm-size",
+          bytes);
   }
 
   void look_at_fastdds() {
@@ -222,13 +243,21 @@ class Doctor {
       guarded += process.has_door ? 1 : 0;
       if (!process.has_door)
         add(Finding::Kind::kAdvice, "door",
-            "process " + std::to_string(process.process_id) + " on " + process.host +
-                " has no door before Fast DDS: one malformed packet may end it; its host adds one "
+            "process " + std::to_string(process.process_id) + " on " + process.host + " (" +
+                process.name +
+                ") has no door before Fast DDS: one malformed packet may end it; its host adds one "
                 "line (docs/embed.md)",
-            {{"host", process.host}, {"process_id", process.process_id}});
+            {{"name", process.name}, {"host", process.host}, {"process_id", process.process_id}});
     }
     if (guarded > 0)
       good("door", std::to_string(guarded) + " processes check what comes in", guarded);
+  }
+
+  Status join() {
+    auto echo = DdsEcho::create(options_.transport);
+    NEARMESH_RETURN_IF_ERROR(echo);
+    echo_ = std::move(echo).value();
+    return join_as_peer();
   }
 
   /// To hear publishers.
@@ -391,7 +420,7 @@ class Doctor {
   void look_at_publishers() {
     for (const auto& [id, found] : publishers_) {
       good("publisher",
-           to_hex(id) + " after " + milliseconds(found.first) + ", " +
+           wire::called(id, found.second.name) + " after " + milliseconds(found.first) + ", " +
                std::to_string(found.second.models.size()) + " models",
            found.first);
       for (const auto& model : found.second.models) {

@@ -26,6 +26,8 @@ nlohmann::ordered_json to_json(const RecordingReader& recording, const Survey& s
   };
   json["publishers"] = ids(survey.publishers);
   json["peers"] = ids(survey.peers);
+  json["names"] = nlohmann::ordered_json::object();
+  for (const auto& [id, name] : survey.names) json["names"][wire::partition_of(id)] = name;
   json["models"] = nlohmann::ordered_json::array();
   for (const auto& [hash, model] : survey.models)
     json["models"].push_back(
@@ -61,6 +63,9 @@ void print_text(const RecordingReader& recording, const Survey& survey) {
   for (const auto& [hash, model] : survey.models)
     std::printf("model   %-24s %s, %llu faces\n", model.name.c_str(), to_hex(hash).c_str(),
                 count(model.faces));
+  for (const auto& [id, name] : survey.names)
+    std::printf("%-7s %-24s %s\n", survey.publishers.contains(id) ? "server" : "peer",
+                wire::partition_of(id).c_str(), name.c_str());
   const auto topic_of = [&](std::size_t i) {
     const std::string& name = recording.topics()[i].name;
     return name.substr(name.rfind('/') + 1);

@@ -31,7 +31,7 @@ void add_transport_options(CLI::App& command, wire::TransportOptions& transport)
   });
 }
 
-void add_run_command(CLI::App& app, Action& chosen) {
+void add_run_command(CLI::App& app, Action& chosen, int& exit_code) {
   CLI::App* command =
       app.add_subcommand("run", "Fly a scene (docs/scene.md) and answer every frame.");
   const auto options = std::make_shared<RunOptions>();
@@ -54,14 +54,14 @@ void add_run_command(CLI::App& app, Action& chosen) {
     wire::program::apply_preset(*known, options->channel.transport);
     wire::program::set_log_levels(options->log);
   });
-  command->callback([options, waits, wait_s, &chosen] {
+  command->callback([options, waits, wait_s, &chosen, &exit_code] {
     if (options->scene.empty()) throw CLI::RequiredError("scene");
     if (waits->count() > 0) options->wait_recorder_s = std::stod(*wait_s);
-    chosen = [options] { return run(*options); };
+    chosen = [options, &exit_code] { return run(*options, exit_code); };
   });
 }
 
-void add_record_command(CLI::App& app, Action& chosen) {
+void add_record_command(CLI::App& app, Action& chosen, int& exit_code) {
   CLI::App* command =
       app.add_subcommand("record", "Record all that is said on the bus, until Ctrl-C.");
   const auto options = std::make_shared<RecorderOptions>();
@@ -77,7 +77,9 @@ void add_record_command(CLI::App& app, Action& chosen) {
   command->add_flag("--split", options->split,
                     "At --max-size go on in another file: SESSION_1.db3 and so on");
   add_transport_options(*command, options->transport);
-  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
+  command->callback([options, &chosen, &exit_code] {
+    chosen = [options, &exit_code] { return run(*options, exit_code); };
+  });
 }
 
 void add_info_command(CLI::App& app, Action& chosen) {
@@ -198,24 +200,24 @@ void add_doctor_command(CLI::App& app, Action& chosen) {
 
 int main(int argc, char** argv) {
   using namespace nearmesh::subscriber::program;
+  nearmesh::wire::program::
+      stop_on_signals();  // first: whoever stops it while it starts shall see it end well
   CLI::App app{
       "A nearmesh peer: answers frame by frame whether bodies touch, and records sessions.",
       "nearmesh-subscriber"};
   app.require_subcommand(1);
   nearmesh::Action chosen;
-  add_run_command(app, chosen);
-  add_record_command(app, chosen);
-  add_info_command(app, chosen);
   int exit_code = 1;  // of what fails
+  add_run_command(app, chosen, exit_code);
+  add_record_command(app, chosen, exit_code);
+  add_info_command(app, chosen);
   add_verify_command(app, chosen, exit_code);
   add_export_command(app, chosen);
   add_report_command(app, chosen);
   add_status_command(app, chosen);
   add_doctor_command(app, chosen);
   nearmesh::wire::program::begin_logging(app.get_name());
-  const int code = nearmesh::run_program(app, argc, argv, [&chosen] {
-    nearmesh::wire::program::stop_on_signals();
-    return chosen();
-  });
+  const int code = nearmesh::run_program(
+      app, argc, argv, [&chosen] { return chosen(); }, nearmesh::wire::program::dds_versions());
   return code == 1 ? exit_code : code;
 }

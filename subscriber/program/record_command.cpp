@@ -29,8 +29,9 @@ void show(const char* end, const RecorderStats& stats, double seconds) {
 
 }  // namespace
 
-Status run(const RecorderOptions& options) {
+Status run(const RecorderOptions& options, int& exit_code) {
   wire::program::log_fastdds();
+  wire::program::log_network(options.transport);
   Result<std::unique_ptr<DdsRecorder>> created = DdsRecorder::create(options);
   NEARMESH_RETURN_IF_ERROR(created);
   DdsRecorder& recorder = *created.value();
@@ -45,7 +46,7 @@ Status run(const RecorderOptions& options) {
     for (const std::string& line : recorder.take_complaints())
       wire::program::log("record").warn("{}", line);
     const RecorderStats stats = recorder.stats();
-    ended = stats.ended;
+    ended = stats.ended || !stats.identity.is_ok();
     // On a terminal one line that is renewed; in a log now and then, and at once when something is missing.
     const bool missed = stats.lost + stats.dropped > warned;
     if (clock.seconds() - shown_s < (terminal ? 0.5 : missed ? 1 : 10)) continue;
@@ -54,10 +55,13 @@ Status run(const RecorderOptions& options) {
     show(terminal ? " " : "\n", stats, shown_s);
   }
   const bool at_limit = recorder.stats().ended;
+  const Status identity = recorder.stats().identity;
   const Status status = recorder.finish();
   if (terminal) std::fprintf(stderr, "\n");
   show("\n", recorder.stats(), clock.seconds());
   NEARMESH_RETURN_IF_ERROR(status);
+  if (!identity.is_ok()) exit_code = wire::program::kIdentityEnded;
+  NEARMESH_RETURN_IF_ERROR(identity);
   if (at_limit) spdlog::info("ended: {} has reached its size", options.path);
   return Status::ok();
 }

@@ -16,6 +16,7 @@
 #include "core/base/stopwatch.hpp"
 #include "core/query/contacts_json.hpp"
 #include "flight_summary.hpp"
+#include "idl/messages/process_name.hpp"
 #include "idl/program/logging.hpp"
 #include "idl/program/metrics.hpp"
 #include "nearmesh/subscriber/dds/dds_channel.hpp"
@@ -103,11 +104,12 @@ nlohmann::ordered_json to_json(std::uint64_t frame, double time_s, const PairAns
 class Flight {
  public:
   /// `clock` runs since the program's start.
-  Flight(const RunOptions& options, const Scene& scene, std::unique_ptr<Channel> channel,
+  Flight(const RunOptions& options, const Scene& scene, std::unique_ptr<DdsChannel> channel,
          Stopwatch clock)
       : options_(options),
         scene_(scene),
         clock_(clock),
+        channel_(*channel),
         session_(std::move(channel), scene.session) {}
 
   Status prepare() {
@@ -142,6 +144,7 @@ class Flight {
     std::string reason;
     double said_s = -kRepeat_s;
     while (stop_requested == 0) {
+      NEARMESH_RETURN_IF_ERROR(channel_.identity());
       // Said again, or it ages: it waits, but has the velocity that it will fly with.
       const bool says = clock_.seconds() - said_s >= kRepeat_s;
       if (says) said_s = clock_.seconds();
@@ -166,7 +169,8 @@ class Flight {
   Status fly() {
     const double period_s = 1 / scene_.frame_rate_hz;
     const Stopwatch clock;
-    for (std::uint64_t frame = 0; frame < scene_.frames && stop_requested == 0; ++frame) {
+    for (std::uint64_t frame = 0;
+         frame < scene_.frames && stop_requested == 0 && channel_.identity().is_ok(); ++frame) {
       const double end_s = static_cast<double>(frame + 1) * period_s;
       NEARMESH_RETURN_IF_ERROR(fly_frame(frame, end_s, clock));
       show_progress(frame + 1);
@@ -178,6 +182,9 @@ class Flight {
     summary_.stats = session_.stats();
     return Status::ok();
   }
+
+  /// Why it ended before its time, if so.
+  [[nodiscard]] Status identity() const { return channel_.identity(); }
 
   // Those who began later still ask about its bodies: it stays with them in place until they have ended too.
   void stay() {
@@ -322,6 +329,7 @@ class Flight {
   const RunOptions& options_;
   const Scene& scene_;
   const Stopwatch clock_{};
+  const DdsChannel& channel_;  ///< the session's
   ExerciseClock exercise_;
   double time_s_ = 0;  ///< of the last update
   const std::vector<Session::OwnMotion> no_motions_;
@@ -353,22 +361,33 @@ Status wait_for_recorder(const DdsChannel& channel, const RunOptions& options) {
 
 }  // namespace
 
-Status run(const RunOptions& options) {
+Status run(const RunOptions& options, int& exit_code) {
   Stopwatch clock;
   const Result<Scene> scene = read_scene(options.scene);
   NEARMESH_RETURN_IF_ERROR(scene);
   wire::program::log_fastdds();
+  wire::program::log_network(options.channel.transport);
   Result<std::unique_ptr<DdsChannel>> channel = DdsChannel::create(options.channel);
   NEARMESH_RETURN_IF_ERROR(channel);
+  const wire::TransportOptions& transport = options.channel.transport;
+  spdlog::info("joined domain {}, topics {}/*, transport {}, as peer {}", transport.domain,
+               transport.prefix, wire::to_string(transport.transport),
+               wire::called(channel.value()->own_id(), wire::name_of_process(transport.name)));
   if (options.wait_recorder_s) {
     NEARMESH_RETURN_IF_ERROR(wait_for_recorder(*channel.value(), options));
     clock = Stopwatch();
   }
   Flight flight(options, scene.value(), std::move(channel).value(), clock);
   NEARMESH_RETURN_IF_ERROR(flight.prepare());
-  NEARMESH_RETURN_IF_ERROR(flight.wait_for_start());
+  const Status started = flight.wait_for_start();
+  const auto end = [&](const Status& status) {
+    if (!status.is_ok() && !flight.identity().is_ok()) exit_code = wire::program::kIdentityEnded;
+    return status;
+  };
+  if (!started.is_ok()) return end(started);
   NEARMESH_RETURN_IF_ERROR(flight.fly());
   NEARMESH_RETURN_IF_ERROR(flight.print_summary());
+  if (const Status identity = flight.identity(); !identity.is_ok()) return end(identity);
   flight.stay();
   return Status::ok();
 }

@@ -144,13 +144,15 @@ std::size_t body_named(const Scene& scene, const std::string& name, const YAML::
 }
 
 Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
-  check_keys(root, "scene",
-             {"bodies", "moves", "pairs", "frame_rate_hz", "budget_ms", "lookahead_s", "margin_m",
-              "max_pose_age_s", "sweep_s", "max_held_splits", "contacts", "start_timeout_s"});
+  check_keys(
+      root, "scene",
+      {"bodies", "moves", "pairs", "frame_rate_hz", "budget_ms", "lookahead_s", "audit_s",
+       "margin_m", "max_pose_age_s", "sweep_s", "max_held_splits", "contacts", "start_timeout_s"});
   Scene scene;
   scene.frame_rate_hz = number_in(root, "frame_rate_hz", scene.frame_rate_hz, 0.1, 10000);
   scene.budget_s = number_in(root, "budget_ms", scene.budget_s * 1e3, 0, 1e6) / 1e3;
   scene.start_timeout_s = number_in(root, "start_timeout_s", scene.start_timeout_s, 0, 86400);
+  scene.session.audit_s = number_in(root, "audit_s", 0, 0, 86400);
   scene.session.lookahead_s = number_in(root, "lookahead_s", scene.session.lookahead_s, 0, 60);
   scene.session.margin_m = number_in(root, "margin_m", scene.session.margin_m, 0, 1e6);
   scene.session.max_pose_age_s =

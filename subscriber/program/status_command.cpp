@@ -2,6 +2,7 @@
 // nearmesh-subscriber status: who publishes, who flies, and what is refused, as heard on the bus.
 #include <unistd.h>
 
+#include <cmath>
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -11,6 +12,7 @@
 #include "core/base/hash.hpp"
 #include "core/base/standard_streams.hpp"
 #include "core/base/stopwatch.hpp"
+#include "idl/messages/process_name.hpp"
 #include "nearmesh/core/query/query.hpp"
 #include "subscriber/dds/dds_monitor.hpp"
 
@@ -58,11 +60,36 @@ std::string door_line(const wire::ProcessStatus& process) {
   return all == 0 ? "" : "door refused " + std::to_string(all) + " (" + reasons + ")";
 }
 
+/// "rig-2/1290", which is also the name of a process that was given none.
+std::string place_of(const wire::ProcessStatus& process) {
+  return process.host + "/" + std::to_string(process.process_id);
+}
+
+/// "moves aircraft, drone; hears 3 bodies of others, the oldest pose that of truck, 0.31 s; 1 stale".
+std::string bodies_line(const wire::ProcessStatus& peer) {
+  std::string line = "moves ";
+  for (std::size_t i = 0; i < peer.moved.size(); ++i) line += (i > 0 ? ", " : "") + peer.moved[i];
+  if (peer.moved_bodies == 0) line += "no body";
+  if (peer.moved_bodies > peer.moved.size())
+    line += " and " + std::to_string(peer.moved_bodies - peer.moved.size()) + " more";
+  line += "; hears " + std::to_string(peer.heard_bodies) +
+          (peer.heard_bodies == 1 ? " body of others" : " bodies of others");
+  if (peer.oldest_body.empty()) return line;
+  char age[48];
+  std::snprintf(age, sizeof age, "%.2f s old", peer.oldest_age_s);
+  line += std::isfinite(peer.oldest_age_s)
+              ? ", the oldest pose that of " + peer.oldest_body + ", " + age
+              : ", no pose has come of " + peer.oldest_body;
+  return peer.stale_bodies == 0 ? line : line + "; " + std::to_string(peer.stale_bodies) + " stale";
+}
+
 void print_process(const wire::ProcessStatus& process) {
   const auto count = [](std::uint64_t n) { return static_cast<unsigned long long>(n); };
-  std::printf("  %s  %s/%u  up %.0f s  %s\n", to_hex(process.session).c_str(), process.host.c_str(),
-              process.process_id, process.uptime_s,
-              human(static_cast<double>(process.resident_bytes)).c_str());
+  const std::string place = place_of(process);
+  std::printf("  %s  %s%s%s  up %.0f s  %s\n", to_hex(process.session).c_str(),
+              process.name == place ? "" : process.name.c_str(),
+              process.name.empty() || process.name == place ? "" : "  ", place.c_str(),
+              process.uptime_s, human(static_cast<double>(process.resident_bytes)).c_str());
   if (process.is_publisher) {
     std::printf("    %u peers, %llu requests (%llu refused)", process.peers,
                 count(process.requests), count(process.refused));
@@ -76,6 +103,7 @@ void print_process(const wire::ProcessStatus& process) {
               count(process.waiting_batches));
   if (!process.is_publisher) std::printf(", %llu lost", count(process.lost_batches));
   std::printf("\n");
+  if (!process.is_publisher) std::printf("    %s\n", bodies_line(process).c_str());
   if (const std::string line = door_line(process); !line.empty())
     std::printf("    %s\n", line.c_str());
   for (const auto& model : process.models) {
@@ -103,6 +131,9 @@ void print_region(const RegionView& region) {
     std::printf(", for %.1f s", region.uncertain_s);
   }
   if (region.age_s > 1) std::printf(" (%.0f s ago)", region.age_s);
+  const double oldest_s = std::max(wire::age_s(report.a.stamp, report.time_s),
+                                   wire::age_s(report.b.stamp, report.time_s));
+  if (std::isfinite(oldest_s)) std::printf("; the older pose %.2f s", oldest_s);
   std::printf("\n");
 }
 
@@ -141,7 +172,8 @@ void print_text(const BusView& view) {
     if (publishers)
       for (const wire::Hello& hello : without_status(view)) {
         any = true;
-        std::printf("  %s  (says nothing of itself)\n", to_hex(hello.publisher).c_str());
+        std::printf("  %s  (says nothing of itself)\n",
+                    wire::called(hello.publisher, hello.name).c_str());
         for (const auto& model : hello.models)
           std::printf("    model %s  content %s\n", model.name.c_str(),
                       to_hex(model.content_hash).c_str());
@@ -158,7 +190,7 @@ void print_text(const BusView& view) {
     for (const std::string& line : process.complaints) {
       any = true;
       std::printf("  %s %s: %s\n", process.is_publisher ? "publisher" : "peer",
-                  to_hex(process.session).c_str(), line.c_str());
+                  wire::called(process.session, process.name).c_str(), line.c_str());
     }
   if (!any) std::printf("  none\n");
 }
@@ -199,6 +231,7 @@ nlohmann::ordered_json to_json(const BusView& view, bool regions) {
                                  {"refusals", view.refusals}};
   for (const auto& process : view.processes) {
     nlohmann::ordered_json entry = {{"session", to_hex(process.session)},
+                                    {"name", process.name},
                                     {"host", process.host},
                                     {"process_id", process.process_id},
                                     {"uptime_s", process.uptime_s},
@@ -221,6 +254,13 @@ nlohmann::ordered_json to_json(const BusView& view, bool regions) {
       entry["certified_pairs"] = process.certified_pairs;
       entry["uncertainty_m"] = process.uncertainty_m;
       entry["lost_batches"] = process.lost_batches;
+      entry["moves"] = process.moved;
+      entry["moved_bodies"] = process.moved_bodies;
+      entry["heard_bodies"] = process.heard_bodies;
+      entry["stale_bodies"] = process.stale_bodies;
+      entry["oldest_pose"] = nullptr;
+      if (!process.oldest_body.empty())  // infinite is null
+        entry["oldest_pose"] = {{"body", process.oldest_body}, {"age_s", process.oldest_age_s}};
       if (regions) add_regions(entry, view, process.session);
     }
     entry["models"] = nlohmann::ordered_json::array();
@@ -233,7 +273,7 @@ nlohmann::ordered_json to_json(const BusView& view, bool regions) {
     json[process.is_publisher ? "publishers" : "peers"].push_back(std::move(entry));
   }
   for (const wire::Hello& hello : without_status(view)) {
-    nlohmann::ordered_json entry = {{"session", to_hex(hello.publisher)}};
+    nlohmann::ordered_json entry = {{"session", to_hex(hello.publisher)}, {"name", hello.name}};
     entry["models"] = nlohmann::ordered_json::array();
     for (const auto& model : hello.models)
       entry["models"].push_back(

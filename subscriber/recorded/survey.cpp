@@ -91,6 +91,9 @@ Result<Survey> survey(RecordingReader& recording) {
       survey.peers.insert(asked->peer);
     } else if (const auto hello = samples.read<wire::Hello>(message)) {
       survey.publishers.insert(hello->publisher);
+      if (!hello->name.empty()) survey.names[hello->publisher] = hello->name;
+    } else if (const auto status = samples.read<wire::ProcessStatus>(message)) {
+      if (!status->name.empty()) survey.names[status->session] = status->name;
     } else if (const auto header = samples.read<wire::MeshHeader>(message)) {
       if (const auto decoded = decode_header(header->bytes); decoded.is_ok())
         survey.models[header->content_hash] = {header->name, decoded.value().face_count};

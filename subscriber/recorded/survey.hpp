@@ -39,7 +39,8 @@ struct ModelFacts {
 struct Survey {
   double duration_s = 0;
   std::set<wire::SessionId> peers, publishers;
-  std::map<ContentHash, ModelFacts> models;  // by content hash
+  std::map<wire::SessionId, std::string> names;  ///< what they called themselves, if it was heard
+  std::map<ContentHash, ModelFacts> models;      // by content hash
   std::vector<TopicCount> topics;
   std::vector<LateWriter> late;
   std::array<std::uint64_t, 5> by_status{};

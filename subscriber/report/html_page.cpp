@@ -3,7 +3,9 @@
 
 #include "core/base/hash.hpp"
 #include "html_parts.hpp"
+#include "idl/messages/process_name.hpp"
 #include "nearmesh/core/query/query.hpp"
+#include "nearmesh/idl/messages/topics.hpp"
 #include "subscriber/recorded/survey.hpp"
 
 namespace nearmesh::subscriber::report {
@@ -49,6 +51,9 @@ std::string summary_section(const RecordingReader& recording, const Survey& surv
   row("Files", std::to_string(recording.parts()));
   row("Publishers, peers",
       std::to_string(survey.publishers.size()) + ", " + std::to_string(survey.peers.size()));
+  for (const auto& [id, name] : survey.names)
+    row(survey.publishers.contains(id) ? "Publisher" : "Peer",
+        escape(name) + ", <code>" + wire::partition_of(id) + "</code>");
   std::string answers;
   for (std::size_t i = 0; i < survey.by_status.size(); ++i)
     answers += (i == 0 ? "" : ", ") + std::to_string(survey.by_status[i]) + " " +
@@ -71,6 +76,13 @@ std::string summary_section(const RecordingReader& recording, const Survey& surv
            std::to_string(survey.topics[i].bytes) + "</td><td>" +
            std::to_string(survey.topics[i].missing) + "</td></tr>";
   return out + "</table></div></section>\n";
+}
+
+/// "e3a90c5b11d8a7f0 (rig-2)", of a peer's partition.
+std::string with_name(const std::string& partition, const Survey& survey) {
+  for (const auto& [id, name] : survey.names)
+    if (wire::partition_of(id) == partition) return wire::called(id, name);
+  return partition;
 }
 
 /// What is to be pictured: the moments asked for, or those that the history suggests.
@@ -146,7 +158,7 @@ Result<std::string> html_page(RecordingReader& recording, const std::string& tit
          (history.contacts.empty() ? "<p>No answers.</p>" : contacts_figure(history)) +
          "</section>\n<section id=\"timeline\"><h2>Peers over time</h2>";
   for (const auto& [peer, one] : history.peers)
-    out += timeline_figure(peer, one, history.duration_s);
+    out += timeline_figure(with_name(peer, counts.value()), one, history.duration_s);
   return out + "</section>\n</main></body></html>\n";
 }
 

@@ -6,8 +6,11 @@
 
 #include <cfenv>
 #include <cstdint>
+#include <iterator>
+#include <span>
 
 #include "instruction_sets.hpp"
+#include "rounds.hpp"
 
 namespace nearmesh::test {
 
@@ -52,7 +55,7 @@ template <class Work>
 void expect_same_under_all_floats(const Work& work) {
   const auto expected = work();
   for_each_instruction_set([&] {
-    for (const HostFloats& host : kHostFloats) {
+    for (const HostFloats& host : std::span(kHostFloats).last(rounds(std::size(kHostFloats)))) {
       SCOPED_TRACE(host.name);
       host.set();
       const auto found = work();

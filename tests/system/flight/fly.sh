@@ -69,6 +69,7 @@ pairs: [[ground, craft$i], [craft1, craft2]]
 frame_rate_hz: 20
 budget_ms: 20
 lookahead_s: 0.2
+audit_s: 0.1
 start_timeout_s: 60
 EOF
 done

@@ -85,9 +85,11 @@ inline std::unique_ptr<PublisherChannel> make_publisher(const std::string& prefi
 
 inline std::unique_ptr<PeerChannel> make_peer(const std::string& prefix,
                                               fdds::DomainParticipant* participant = nullptr,
-                                              wire::SessionId session = 0) {
+                                              wire::SessionId session = 0,
+                                              double silence_s = lease_s) {
   subscriber::DdsChannelOptions options;
   options.transport = transport(prefix);
+  options.transport.silence_s = silence_s;
   options.participant = participant;
   options.session = session;
   auto channel = PeerChannel::create(options);

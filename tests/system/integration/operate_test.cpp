@@ -286,6 +286,168 @@ TEST_F(Operate, StatusTellsOfPublisherAndPeer) {
     EXPECT_NE(metrics.find(text), std::string::npos) << text << " in " << metrics;
 }
 
+TEST_F(Operate, NamesStandBesideNumbersEverywhere) {
+  write_scene(400);
+  const auto publisher = serve(with({terrain(), aircraft(), "--name", "terrain server"}));
+  EXPECT_NE(publisher->err().find(" (terrain server)"), std::string::npos) << publisher->err();
+  Process recorder(folder, "nearmesh-subscriber", with({"record", "-o", folder.file("named.db3")}));
+  ASSERT_TRUE(recorder.says("recording domain")) << recorder.err();
+  Process named(
+      folder, "nearmesh-subscriber",
+      with({"run", folder.file("flight.yaml"), "--wait-recorder=20", "--name", "cockpit 1"}));
+  std::string out, err;
+  json status;
+  ASSERT_TRUE(test::await([&] {
+    EXPECT_EQ(test::run(folder, "nearmesh-subscriber",
+                        with({"status", "--json", "--seconds", "1.2"}), &out, &err),
+              0)
+        << err;
+    status = json::parse(out);
+    return status.at("peers").size() == 1 && status.at("publishers").size() == 1 &&
+           status["publishers"][0].contains("host");
+  })) << out;
+  EXPECT_EQ(status["publishers"][0].at("name"), "terrain server");
+  const json& peer = status["peers"][0];
+  EXPECT_EQ(peer.at("name"), "cockpit 1");
+  EXPECT_EQ(peer.at("moves"), json{"one"});
+  EXPECT_EQ(peer.at("moved_bodies"), 1);
+  EXPECT_EQ(peer.at("heard_bodies"), 0);
+  EXPECT_EQ(peer.at("stale_bodies"), 0);
+  EXPECT_TRUE(peer.at("oldest_pose").is_null());
+  const std::string number = peer.at("session");
+  EXPECT_EQ(named.wait(), 0) << named.err();
+  EXPECT_NE(named.err().find("as peer " + number + " (cockpit 1)"), std::string::npos)
+      << named.err();
+  recorder.signal(SIGINT);
+  EXPECT_EQ(recorder.wait(), 0) << recorder.err();
+  // The recording knows it too, and the page made from it.
+  ASSERT_EQ(test::run(folder, "nearmesh-subscriber", {"info", folder.file("named.db3"), "--json"},
+                      &out, &err),
+            0)
+      << err;
+  const json info = json::parse(out);
+  EXPECT_EQ(info.at("names").at(number), "cockpit 1") << info.dump(1);
+  ASSERT_EQ(info.at("publishers").size(), 1U);
+  EXPECT_EQ(info.at("names").at(info["publishers"][0].get<std::string>()), "terrain server");
+  for (const json& topic : info.at("topics"))
+    if (topic.at("name").get<std::string>().ends_with("process_status")) {
+      EXPECT_EQ(topic.at("samples"), 2) << "one of each process";
+      EXPECT_EQ(topic.at("missing"), 0);
+    }
+  EXPECT_EQ(test::run(folder, "nearmesh-subscriber",
+                      {"report", folder.file("named.db3"), "-o", folder.file("page")}, &out, &err),
+            0)
+      << err;
+  EXPECT_NE(test::read_text(folder.file("page/index.html")).find("cockpit 1"), std::string::npos);
+}
+
+TEST_F(Operate, StatusTellsOfPosesThatAreOldOrGone) {
+  write_scene(4000);
+  folder.write("look.yaml",
+               "bodies:\n  - {name: ground, model: terrain, pose: {translation: [0, 0, 0]}}\n"
+               "  - {name: one, model: aircraft}\n  - {name: two, model: aircraft}\n"
+               "moves:\n  - {body: two, trajectory: flight2.csv}\n"
+               "pairs: [[one, two]]\nframe_rate_hz: 50\nbudget_ms: 5\n");
+  const auto publisher = serve(with({terrain(), aircraft()}));
+  Process mover(folder, "nearmesh-subscriber", with({"run", folder.file("flight.yaml")}));
+  Process looker(folder, "nearmesh-subscriber",
+                 with({"run", folder.file("look.yaml"), "--name", "looker"}));
+  json looked = json::object();
+  const auto look = [&] {
+    std::string out, err;
+    EXPECT_EQ(test::run(folder, "nearmesh-subscriber",
+                        with({"status", "--json", "--seconds", "1.2"}), &out, &err),
+              0)
+        << err;
+    const json status = json::parse(out);
+    for (const json& peer : status.at("peers"))
+      if (peer.at("name") == "looker") looked = peer;
+  };
+  ASSERT_TRUE(test::await([&] {
+    look();
+    return looked.value("certified_pairs", 0) == 1;
+  })) << looked.dump(1)
+      << looker.err();
+  EXPECT_EQ(looked.at("heard_bodies"), 1);
+  EXPECT_EQ(looked.at("stale_bodies"), 0);
+  ASSERT_TRUE(looked.at("oldest_pose").is_object()) << looked.dump(1);
+  EXPECT_EQ(looked["oldest_pose"].at("body"), "one");
+  EXPECT_LT(std::abs(looked["oldest_pose"].at("age_s").get<double>()), 2);
+  mover.signal(SIGKILL);
+  ASSERT_TRUE(test::await([&] {
+    look();
+    return looked.at("stale_bodies") == 1;
+  })) << looked.dump(1);
+}
+
+/// Its text names what was expected; it is refused before anything is joined.
+TEST_F(Operate, BadNamesAreRefusedWhereTheyAreGiven) {
+  folder.write("name.yaml", "name: \"rig\\e[2J\"\n");
+  struct Case {
+    std::vector<std::string> words;
+    std::string expected;
+  };
+  for (const Case& wrong : std::vector<Case>{
+           {{"--name", ""}, "--name: expected 1 to 63 bytes of printable ASCII, found none"},
+           {{"--name", std::string(64, 'x')}, "found 64 bytes"},
+           {{"--name", "two\nlines"}, "found byte 0x0a at place 4"},
+           {{"--name", "\xff\xfe"}, "found byte 0xff at place 1"},
+           {{"--config", folder.file("name.yaml")}, "name.yaml:1: name: expected 1 to 63 bytes"}}) {
+    for (const auto& [program, command] :
+         {std::pair{"nearmesh-publisher", "serve"}, std::pair{"nearmesh-subscriber", "status"}}) {
+      std::vector<std::string> words{command};
+      words.insert(words.end(), wrong.words.begin(), wrong.words.end());
+      std::string err;
+      EXPECT_EQ(test::run(folder, program, words, nullptr, &err), 2) << wrong.expected;
+      EXPECT_NE(err.find(wrong.expected), std::string::npos) << err;
+    }
+  }
+}
+
+TEST_F(Operate, VersionsOfEveryProgramAndVerb) {
+  for (const auto& [program, verbs] : std::vector<std::pair<std::string, std::vector<std::string>>>{
+           {"nearmesh-model", {"", "build", "info"}},
+           {"nearmesh-publisher", {"", "serve", "replay"}},
+           {"nearmesh-subscriber", {"", "run", "record", "status", "doctor", "verify"}},
+           {"nearmesh-demo-flights", {""}}})
+    for (const std::string& verb : verbs) {
+      std::vector<std::string> words{"--version"};
+      if (!verb.empty()) words.insert(words.begin(), verb);
+      std::string out, err;
+      EXPECT_EQ(test::run(folder, program, words, &out, &err), 0) << program << verb << err;
+      const std::vector<std::string> lines = test::lines_of(out);
+      ASSERT_FALSE(lines.empty()) << program << verb;
+      EXPECT_EQ(lines[0].find(program + " "), 0U) << out;
+      const bool speaks_dds = program == "nearmesh-publisher" || program == "nearmesh-subscriber";
+      ASSERT_EQ(lines.size(), speaks_dds ? 3U : 1U) << out;
+      if (!speaks_dds) continue;
+      EXPECT_EQ(lines[1].find("wire version "), 0U) << out;
+      EXPECT_EQ(lines[2].find("Fast DDS "), 0U) << out;
+      EXPECT_NE(lines[2].find("assertions"), std::string::npos) << out;
+    }
+}
+
+TEST_F(Operate, StatusTellsWhoseContentDiffers) {
+  write_scene(5);
+  const std::string other = "0123456789abcdef0123456789abcdef";
+  folder.write("pinned.yaml",
+               "bodies:\n  - {name: ground, model: terrain, content: " + other +
+                   ", pose: {translation: [0, 0, 0]}}\n  - {name: one, model: aircraft}\n"
+                   "moves:\n  - {body: one, trajectory: flight1.csv}\n"
+                   "pairs: [[ground, one]]\nframe_rate_hz: 50\nbudget_ms: 5\n");
+  const auto publisher = serve(with({terrain(), aircraft()}));
+  const Process peer(folder, "nearmesh-subscriber",
+                     with({"run", folder.file("pinned.yaml"), "--name", "odd one"}));
+  std::string out, err;
+  EXPECT_TRUE(test::await([&] {
+    EXPECT_EQ(
+        test::run(folder, "nearmesh-subscriber", with({"status", "--seconds", "1"}), &out, &err), 0)
+        << err;
+    return out.find(" (odd one) stands by content " + other + ", but what is served") !=
+           std::string::npos;
+  })) << out;
+}
+
 TEST_F(Operate, StatusTellsWhatAPeerWaitsFor) {
   write_scene(5);
   const auto publisher = serve(with({terrain()}));  // and nobody serves the aircraft

@@ -61,6 +61,7 @@ const std::vector<Row>& rows() {
        true,
        {{"{out}/alice/key.pem", "{out}/alice"}}},
       {kPublisher, "check-security {set}"},
+      {kPublisher, "discovery --listen 127.0.0.1:21811", false},
       {kSubscriber, "run {scene} {bus}", true, {}, true},
       {kSubscriber, "run {scene} --json {bus}", true, {}, true},
       {kSubscriber, "run {scene} --answers {out}.jsonl {bus}", true, {{"{out}.jsonl"}}, true},

@@ -3,146 +3,20 @@
 // beside somebody who is let in, so that a bus on which nobody hears anybody passes no test.
 
 #include <fastrtps/xmlparser/XMLProfileManager.h>
-#include <gtest/gtest.h>
-#include <unistd.h>
 
-#include "core/base/digest.hpp"
-#include "idl/security/security.hpp"
-#include "inbox.hpp"
-#include "nearmesh/subscriber/dds/dds_channel.hpp"
-#include "process.hpp"
-#include "publisher/dds/dds_channel.hpp"
+#include "secured_fixture.hpp"
 
 namespace nearmesh {
 namespace {
 
 namespace fs = std::filesystem;
-using test::Folder;
+using test::kDomain;
+using test::kFalse;
+using test::kQuiet_s;
+using test::kTrue;
 using test::Process;
-
-/// One a process: where others of these tests ran beside this one, on the same domain, 4 of 120 secured peers never heard their
-/// publisher (Fast DDS 2.9.1); on domains of their own none of 180.
-const int kDomain = 133 + static_cast<int>(::getpid() % 90);
-constexpr wire::SessionId kTrue = 0x7, kFalse = 0xbad;
-/// How long nothing may have come once somebody else was let in; a handshake takes some 0.3 s.
-constexpr double kQuiet_s = 1.5;
-
-struct Peer {
-  std::unique_ptr<subscriber::DdsChannel> channel;
-  subscriber::Channel::Inbox all;
-
-  subscriber::Channel::Inbox& collect() {
-    test::take_into(*channel, all);
-    return all;
-  }
-  bool hears(wire::SessionId publisher) {
-    return test::await([&] {
-      for (const wire::Hello& hello : collect().hellos)
-        if (hello.publisher == publisher) return true;
-      return false;
-    });
-  }
-  bool hears_frame(std::uint64_t frame) {
-    return test::await([&] { return !collect().poses.empty() && all.poses.back().frame == frame; });
-  }
-};
-
-class Secured : public ::testing::Test {
- protected:
-  // A set with its own authorities; always the same names.
-  std::string make_set(const std::string& name,
-                       wire::Role role_of_alice = wire::Role::kSubscriber) {
-    wire::SecurityPlan plan;
-    plan.domain = kDomain;
-    plan.prefix = prefix;
-    plan.identities = {{"serve", wire::Role::kPublisher},
-                       {"alice", role_of_alice},
-                       {"bob", wire::Role::kSubscriber},
-                       {"carol", wire::Role::kSubscriber},
-                       {"rec", wire::Role::kRecorder}};
-    const Status made = wire::make_security(folder.file(name), plan);
-    EXPECT_TRUE(made.is_ok()) << made.message();
-    return folder.file(name);
-  }
-  [[nodiscard]] wire::TransportOptions transport(const std::string& security) const {
-    wire::TransportOptions options;
-    options.domain = kDomain;
-    options.prefix = prefix;
-    options.interface = "127.0.0.1";
-    options.lease_s = 10;  // beyond what a loaded machine stalls
-    options.announcement_s = 0.3;
-    options.security = security;
-    return options;
-  }
-  [[nodiscard]] Result<std::unique_ptr<publisher::DdsChannel>> join_as_publisher(
-      const std::string& security) const {
-    publisher::DdsChannelOptions options;
-    options.transport = transport(security);
-    return publisher::DdsChannel::create(options);
-  }
-  static std::vector<std::uint8_t> header_bytes(wire::SessionId session) {
-    return std::vector<std::uint8_t>(20'000, static_cast<std::uint8_t>(session));
-  }
-  static ContentHash content_of(wire::SessionId session) {
-    return digest_of(header_bytes(session));
-  }
-  // With a hello and a header of its own.
-  [[nodiscard]] std::unique_ptr<publisher::DdsChannel> serve(const std::string& security,
-                                                             wire::SessionId session) const {
-    auto made = join_as_publisher(security);
-    if (!made.is_ok()) ADD_FAILURE() << made.status().message();
-    if (!made.is_ok()) return nullptr;
-    wire::Hello hello;
-    hello.publisher = session;
-    hello.models.push_back({"bunny", content_of(session), 1});
-    wire::MeshHeader header;
-    header.name = "bunny";
-    header.content_hash = content_of(session);
-    header.bytes = header_bytes(session);
-    made.value()->announce(hello, {header});
-    return std::move(made).value();
-  }
-  [[nodiscard]] Peer join(const std::string& security) const {
-    subscriber::DdsChannelOptions options;
-    options.transport = transport(security);
-    auto made = subscriber::DdsChannel::create(options);
-    if (!made.is_ok()) ADD_FAILURE() << made.status().message();
-    return {made.is_ok() ? std::move(made).value() : nullptr, {}};
-  }
-  static wire::RegionSubscription request_of(const Peer& peer, wire::SessionId publisher) {
-    wire::RegionSubscription message;
-    message.peer = peer.channel->own_id();
-    message.publisher = publisher;
-    message.request = 1;
-    message.content_hash = content_of(publisher);
-    message.region.attach.push_back({VertexId{0}, 100});
-    message.region.region.push_back(GridBox{{{0, 0, 0}}, {{10, 10, 10}}});
-    return message;
-  }
-  static void move(const Peer& peer, const std::string& body, std::uint64_t frame) {
-    wire::BodyPose pose;
-    pose.peer = peer.channel->own_id();
-    pose.body = body;
-    pose.frame = frame;
-    peer.channel->send(pose);
-  }
-  // Nothing of a false publisher reaches the peer, while the true one is heard, and nothing of the peer reaches it.
-  void expect_unheard(publisher::DdsChannel& false_publisher, Peer& peer) const {
-    ASSERT_TRUE(peer.hears(kTrue));
-    peer.channel->send(request_of(peer, kFalse));
-    EXPECT_FALSE(
-        test::await([&] { return !false_publisher.take().subscriptions.empty(); }, kQuiet_s));
-    EXPECT_FALSE(false_publisher.send(peer.channel->own_id(), wire::SplitBatchMessage{}));
-    for (const wire::Hello& hello : peer.collect().hellos) EXPECT_EQ(hello.publisher, kTrue);
-    for (const auto& header : peer.all.headers)
-      EXPECT_EQ(header.message.content_hash, content_of(kTrue));
-    EXPECT_FALSE(peer.all.headers.empty());
-    EXPECT_TRUE(peer.all.batches.empty());
-  }
-
-  Folder folder;
-  std::string prefix = "security-" + std::to_string(::getpid());
-};
+using test::Secured;
+using Peer = test::SecuredPeer;
 
 TEST_F(Secured, ParticipantWithoutIdentityMatchesNothing) {
   const std::string set = make_set("set");

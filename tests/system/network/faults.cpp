@@ -103,10 +103,11 @@ class Trial {
   [[nodiscard]] std::unique_ptr<Process> start(const Fault& fault) {
     if (fault.kind == nullptr) return nullptr;
     const Lan::Visit visit = airspace_.lan.visit(2);
-    auto bad = std::make_unique<Process>(
-        airspace_.folder, "nearmesh-network-mean-peer",
-        std::vector<std::string>{fault.kind, "--rate", std::to_string(fault.rate_hz), "--domain",
-                                 std::to_string(exercise_.domain)});
+    std::vector<std::string> words{fault.kind, "--rate", std::to_string(fault.rate_hz), "--domain",
+                                   std::to_string(exercise_.domain)};
+    if (!exercise_.security.empty())
+      words.insert(words.end(), {"--security", exercise_.security + "/mallory"});
+    auto bad = std::make_unique<Process>(airspace_.folder, "nearmesh-network-mean-peer", words);
     if (!await([&] { return bad->is_over() || bad->out().starts_with("ready"); }) || bad->is_over())
       throw std::runtime_error("no bad peer: " + bad->err());
     pause(1);  // it is served, and what its joining costs is over
@@ -133,7 +134,17 @@ class Trial {
 
 }  // namespace
 
-void measure_faults(const MeasureOptions& options, const Exercise& exercise) {
+void measure_faults(const MeasureOptions& options, Exercise exercise) {
+  const Folder folder;
+  if (options.secured) {
+    exercise.security = folder.file("set");
+    std::string err;
+    if (run(folder, "nearmesh-publisher",
+            {"make-security", exercise.security, "--publisher", "serve", "--subscriber", "alice",
+             "mallory", "--domain", std::to_string(exercise.domain)},
+            nullptr, &err) != 0)
+      throw std::runtime_error("no identities: " + err);
+  }
   Trial trial(options, exercise);
   for (const Fault& fault : kFaults)
     if (options.faults.empty() ||

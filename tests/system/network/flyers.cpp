@@ -27,6 +27,8 @@ Flyers::Flyers(const Lan& lan, std::size_t host, const Exercise& exercise,
   for (int peer = 0; peer < options.peers; ++peer) {
     subscriber::DdsChannelOptions channel_options;
     channel_options.transport.domain = exercise.domain;
+    if (!exercise.security.empty())
+      channel_options.transport.security = exercise.security + "/alice";
     auto channel = subscriber::DdsChannel::create(channel_options);
     must(channel.status());
     threads_.emplace_back(

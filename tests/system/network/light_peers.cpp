@@ -56,8 +56,7 @@ class LightChannel final : public subscriber::Channel {
 class LightBus {
  public:
   explicit LightBus(const wire::TransportOptions& transport) {
-    bus = require(wire::Bus::open(
-        {.transport = transport, .participant_name = "nearmesh light peers"}, mailbox));
+    bus = require(wire::Bus::open({.transport = transport}, mailbox));
     require(hello_reader.open(*bus));
     require(header_reader.open(*bus));
   }

@@ -181,6 +181,7 @@ int main(int argc, char** argv) {
   faults_command->add_option("--rounds", options.rounds, "Times with and without each")
       ->capture_default_str();
   faults_command->add_option("--seconds", options.seconds, "Of each time")->capture_default_str();
+  faults_command->add_flag("--secured", options.secured, "On a bus with DDS Security");
   CLI::App* restarts_command = add(
       "restarts", "The publisher killed and started again, and one of two killed: restarts.csv");
   restarts_command->add_option("--rounds", options.rounds, "Of each")->capture_default_str();

@@ -56,18 +56,17 @@ struct Options {
 class MeanPeer {
  public:
   explicit MeanPeer(const Options& options) : options_(options) {
-    bus_ = require(wire::Bus::open(
-        {.transport = options.transport, .participant_name = "nearmesh mean peer"}, mailbox_));
+    bus_ = require(wire::Bus::open({.transport = options.transport}, mailbox_));
     require(batches_.open(*bus_, wire::partition_of(own_id_)));
     require(hellos_.open(*bus_));
     require(headers_.open(*bus_));
-    require(others_.open(*bus_));
+    if (options.kind == "thief") require(others_.open(*bus_));  // a secured bus allows no peer that
     require(asks_.open(*bus_));
   }
 
   void join() {
     for (const Stopwatch watch;
-         terrain_ == 0 || !asks_.listener().is_matched_with_participant_of(publisher_);
+         !terrain_.is_set() || !asks_.listener().is_matched_with_participant_of(publisher_);
          mailbox_.wait(0.02)) {
       if (watch.seconds() > kReadyDeadline_s) throw std::runtime_error("no publisher was found");
       static_cast<void>(hellos_.drain(
@@ -241,7 +240,7 @@ class MeanPeer {
   std::map<wire::SessionId, std::unique_ptr<wire::Writer<wire::SplitBatchMessage>>> victims_;
   wire::Handle publisher_;
   wire::Hello hello_;
-  std::uint64_t terrain_ = 0;
+  ContentHash terrain_;
   std::vector<NodeSpan> roots_;
   std::int32_t grid_max_ = 0;
   std::uint32_t requests_ = 0, acknowledged_ = 0;
@@ -262,6 +261,7 @@ int main(int argc, char** argv) {
                  "Messages a second, where the kind has no pace of its own")
       ->capture_default_str();
   app.add_option("--domain", options.transport.domain, "DDS domain")->required();
+  app.add_option("--security", options.transport.security, "Folder of its identity");
   CLI11_PARSE(app, argc, argv);
   std::signal(SIGINT, request_stop);
   yield_to_the_others();

@@ -23,6 +23,7 @@ struct MeasureOptions {
   double rate_hz = 2;
   std::vector<std::string> faults;  ///< by name; empty: all
   int rounds = 5;
+  bool secured = false;  ///< faults: the bad peer is one of the authenticated
 };
 
 /// For each rate and pose of the chart's terrain, both bodies streamed: seconds from the pose to the first certified answer,
@@ -33,7 +34,7 @@ void measure_peers(const MeasureOptions& options, const Exercise& exercise);
 
 /// Healthy peers fly on while one bad peer after the other comes and goes: faults.csv, times to certified answers with and without
 /// each, side by side.
-void measure_faults(const MeasureOptions& options, const Exercise& exercise);
+void measure_faults(const MeasureOptions& options, Exercise exercise);
 /// The publisher killed and started again, and one of two that serve the same killed: restarts.csv, and restarts-flight.csv of a
 /// flight meanwhile whose answers are checked.
 void measure_restarts(const MeasureOptions& options, const Exercise& exercise);

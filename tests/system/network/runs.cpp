@@ -76,6 +76,8 @@ std::unique_ptr<Process> serve(const Lan& lan, const Folder& folder, const Exerc
   const Lan::Visit visit = lan.visit(host);
   std::vector<std::string> words{"serve"};
   words.insert(words.end(), exercise.models.begin(), exercise.models.end());
+  if (!exercise.security.empty())
+    words.insert(words.end(), {"--security", exercise.security + "/serve"});
   auto publisher = std::make_unique<Process>(folder, "nearmesh-publisher", on_bus(exercise, words));
   if (!publisher->says("ready on domain"))
     throw std::runtime_error("no publisher: " + publisher->err());

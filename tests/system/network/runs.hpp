@@ -23,6 +23,7 @@ struct Exercise {
   unsigned domain = 40;
   wire::Transport transport = wire::Transport::kLan;
   std::string interface = {};  ///< of every program; empty: all
+  std::string security = {};   ///< folder of identities serve, alice and mallory; empty: none
 };
 
 /// Throws std::runtime_error.

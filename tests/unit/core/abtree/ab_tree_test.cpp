@@ -316,5 +316,51 @@ TEST(AbTree, MemoryDoesNotGrowWithRefiningAndCollapsing) {
   EXPECT_LE(tree.stats().bytes, after_first * 3 / 2);
 }
 
+// A slot's box that encloses all faces whose home is there, but not one that only has its outside corner there.
+TEST(AbTree, FindsAnExactFaceOutsideTheBoxOfAnotherCornersSlot) {
+  const BakedModel model = test::bake_mesh(generate_sphere(40, 0), 16);
+  const SplitStore& store = model.store;
+  std::size_t tried = 0;
+  for (const VertexId u : test::all_splits(store)) {
+    const NodeSpan slot = store.node_of(u).right_of(u);
+    if (store.node_of(u).size <= kSlotSize || slot.size > kSlotSize || slot.size < 2) continue;
+    GridBox home, all;
+    for (const test::KeyedFace& keyed : test::all_faces(store)) {
+      GridBox box;
+      bool touches = false;
+      for (const VertexId corner : keyed.face.corners()) {
+        box.add(store.position(corner));
+        touches |= slot.contains(corner);
+      }
+      if (touches) all.add(box);
+      if (slot.contains(keyed.face.right)) home.add(box);
+    }
+    home.add(store.position(u));
+    const BoxCode narrow = encode_box(store.position(u), home);
+    if (decode_box(store.position(u), narrow, store.grid_max()).contains(all)) continue;
+    SplitStore lie(model.header);
+    bool is_taken = true;
+    for (const VertexId v : test::all_splits(store)) {
+      SplitRecord record{.node = store.node_of(v), .split = v};
+      for (std::size_t k = 0; k < 3; ++k)
+        record.offset[k] = store.position(v)[static_cast<int>(k)] -
+                           store.position(record.node.first)[static_cast<int>(k)];
+      if (record.left().size > 1) record.left_box = store.box_code(record.left());
+      if (record.right().size > 1)
+        record.right_box = v == u ? narrow : store.box_code(record.right());
+      is_taken = is_taken && lie.insert(record, store.faces(v).span()).is_ok();
+    }
+    if (!is_taken) continue;
+    ++tried;
+    ActiveMesh mesh(lie);
+    AbTree tree(mesh);
+    RefineDelta delta;
+    for (const VertexId v : test::all_splits(lie)) ASSERT_TRUE(mesh.split(v, delta));
+    tree.update(delta);
+    EXPECT_EQ(tree.contradiction(), slot);
+  }
+  EXPECT_GT(tried, 0U);
+}
+
 }  // namespace
 }  // namespace nearmesh

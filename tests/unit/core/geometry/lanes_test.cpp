@@ -12,6 +12,7 @@
 #include "core/base/random.hpp"
 #include "core/geometry/triangle_overlap.hpp"
 #include "instruction_sets.hpp"
+#include "rounds.hpp"
 #include "test_models.hpp"
 
 namespace nearmesh {
@@ -222,7 +223,7 @@ TEST(Lanes, NeverPartWhatTouchesAndPartMostOfWhatDoesNot) {
     std::uint64_t digest = 0;
     int boxes_parted = 0, boxes_alone = 0, triangles_parted = 0, apart_total = 0, touching = 0;
     int pairs_parted = 0, faces_parted = 0, gaps_alone = 0;
-    for (int i = 0; i < 400; ++i) {
+    for (int i = 0; i < test::rounds(400); ++i) {
       Frames frames = random_frames(random, kGridBits, random.below(2) == 0 ? 0 : 3);
       const Lanes a = random_lanes(random), b = random_lanes(random);
       Approach approach(frames, a, b, random);
@@ -290,7 +291,7 @@ TEST(Lanes, NeverPartWhatTouchesAndPartMostOfWhatDoesNot) {
         }
       }
     }
-    EXPECT_GT(touching, 400);
+    EXPECT_GE(touching, test::rounds(400));
     EXPECT_GT(boxes_parted, apart_total * 9 / 10);
     EXPECT_GT(boxes_parted, boxes_alone);
     EXPECT_GT(triangles_parted, apart_total / 2);
@@ -307,7 +308,7 @@ TEST(Lanes, NeverPartWhatTouchesAndPartMostOfWhatDoesNot) {
 TEST(Lanes, FloatsPartNothingThatTouchesOnTheFinestGrids) {
   Random random(43);
   int touching = 0, parted = 0;
-  for (int i = 0; i < 2000; ++i) {
+  for (int i = 0; i < test::rounds(2000); ++i) {
     // The last: about where normals leave the range of floats.
     const int coarser[] = {0, 3, -40, 84 + static_cast<int>(random.below(16))};
     Frames frames = random_frames(random, kMaxGridBits, coarser[random.below(4)]);
@@ -350,8 +351,8 @@ TEST(Lanes, FloatsPartNothingThatTouchesOnTheFinestGrids) {
       }
     }
   }
-  EXPECT_GT(touching, 1000);
-  EXPECT_GT(parted, 1000);
+  EXPECT_GT(touching, test::rounds(1000));
+  EXPECT_GT(parted, test::rounds(1000));
 }
 
 GridPoint middle_of(const Triangle& t) {
@@ -368,7 +369,7 @@ TEST(Lanes, PairsOfTrianglesAreDecidedAsTheExactTestDoes) {
     Random random(35);
     std::uint64_t digest = 0;
     int touching = 0, joined = 0, apart = 0, parted = 0;
-    for (int i = 0; i < 3000; ++i) {
+    for (int i = 0; i < test::rounds(3000); ++i) {
       Frames frames = random_frames(random, kGridBits, random.below(2) == 0 ? 0 : 3);
       const int bits = 4 + static_cast<int>(random.below(16));
       const auto thrown = [&](int finer) {
@@ -411,7 +412,7 @@ TEST(Lanes, PairsOfTrianglesAreDecidedAsTheExactTestDoes) {
         }
       }
     }
-    EXPECT_GT(touching, 2000);
+    EXPECT_GT(touching, test::rounds(2000));
     EXPECT_GT(joined, touching / 2);
     EXPECT_GT(parted, apart * 9 / 10);
     if (first_digest == 0) first_digest = digest;
@@ -479,7 +480,7 @@ double length_of(const std::array<std::int8_t, 3>& normal) {
 TEST(Lanes, BoundOfBoxesHoldsWhatTheyAndTheirSlabsHold) {
   Random random(35);
   int slabs = 0;
-  for (int i = 0; i < 1000; ++i) {
+  for (int i = 0; i < test::rounds(1000); ++i) {
     SCOPED_TRACE(i);
     const Lanes lanes = random_lanes(random);
     const std::uint32_t used = random.below(kAllLanes + 1);
@@ -498,12 +499,12 @@ TEST(Lanes, BoundOfBoxesHoldsWhatTheyAndTheirSlabsHold) {
     ++slabs;
     EXPECT_NEAR(length_of(found.slab.normal), kSlabLength, 1.0);
   }
-  EXPECT_GT(slabs, 500);
+  EXPECT_GT(slabs, test::rounds(500));
 }
 
 TEST(Lanes, BoundOfTrianglesIsTightAboutTheirMeanNormal) {
   Random random(36);
-  for (int i = 0; i < 1000; ++i) {
+  for (int i = 0; i < test::rounds(1000); ++i) {
     SCOPED_TRACE(i);
     const std::uint32_t count = 1 + random.below(kLanes);
     std::vector<Triangle> used;

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "core/base/random.hpp"
+#include "rounds.hpp"
 
 namespace nearmesh {
 namespace {
@@ -334,20 +335,26 @@ void compare_with_oracle(Family family, std::uint64_t seed, int pairs_per_extent
   EXPECT_GT(frees, pairs_per_extent / 10);
 }
 
-TEST(TrianglesOverlap, EqualsOracleOnRandomPairs) { compare_with_oracle(unrelated, 11, 8000); }
-TEST(TrianglesOverlap, EqualsOracleOnCoplanarPairs) { compare_with_oracle(coplanar, 12, 8000); }
+TEST(TrianglesOverlap, EqualsOracleOnRandomPairs) {
+  compare_with_oracle(unrelated, 11, test::rounds(8000));
+}
+TEST(TrianglesOverlap, EqualsOracleOnCoplanarPairs) {
+  compare_with_oracle(coplanar, 12, test::rounds(8000));
+}
 TEST(TrianglesOverlap, EqualsOracleOnTouchingPairsAndOneUnitApart) {
-  compare_with_oracle(touching, 13, 12000);
+  compare_with_oracle(touching, 13, test::rounds(12000));
 }
 TEST(TrianglesOverlap, EqualsOracleOnSharedCorners) {
-  compare_with_oracle(sharing_corners, 14, 6000);
+  compare_with_oracle(sharing_corners, 14, test::rounds(6000));
 }
-TEST(TrianglesOverlap, EqualsOracleOnSlivers) { compare_with_oracle(slivers, 15, 6000); }
+TEST(TrianglesOverlap, EqualsOracleOnSlivers) {
+  compare_with_oracle(slivers, 15, test::rounds(6000));
+}
 TEST(TrianglesOverlap, EqualsOracleOnSegmentsAndPoints) {
-  compare_with_oracle(degenerate, 16, 12000);
+  compare_with_oracle(degenerate, 16, test::rounds(12000));
 }
 TEST(TrianglesOverlap, EqualsOracleOnSmallAgainstLarge) {
-  compare_with_oracle(small_on_large, 17, 6000);
+  compare_with_oracle(small_on_large, 17, test::rounds(6000));
 }
 
 TEST(TrianglesOverlap, AnswersAlikeInEveryOrder) {
@@ -355,7 +362,7 @@ TEST(TrianglesOverlap, AnswersAlikeInEveryOrder) {
   for (const Family family :
        {unrelated, coplanar, touching, sharing_corners, slivers, degenerate, small_on_large})
     for (const int bits : {1, 2, 10, 18, 25, 38})
-      for (int i = 0; i < 150; ++i) {
+      for (int i = 0; i < test::rounds(150); ++i) {
         const auto [a, b] = family(make, std::int64_t{1} << bits);
         ASSERT_EQ(overlap_in_every_order(a, b), oracle_overlap(a, b));
       }

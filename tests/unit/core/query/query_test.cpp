@@ -5,6 +5,7 @@
 #include "distance.hpp"
 #include "instruction_sets.hpp"
 #include "model_pairs.hpp"
+#include "rounds.hpp"
 
 namespace nearmesh {
 namespace {
@@ -213,10 +214,10 @@ double true_distance_m(const BakedModel& a, const PosedFrame& frame_a, const Bak
 TEST_P(Clearance, NeverExceedsTheTrueDistance) {
   const BakedModel model_a = test::bake_mesh(tiny(GetParam().first), 8);
   const BakedModel model_b = test::bake_mesh(tiny(GetParam().second), 8);
-  std::size_t free = 0;
-  for (std::uint64_t seed = 0; seed < 60; ++seed) {
+  int free = 0;
+  for (int seed = 0; seed < test::rounds(60); ++seed) {
     SCOPED_TRACE(seed);
-    Random random(seed);
+    Random random(static_cast<std::uint64_t>(seed));
     const PosedPair posed = apart_pose(random, model_a, model_b);
     LocalModel a(model_a.store, model_a.header.grid), b(model_b.store, model_b.header.grid);
     if (seed % 2 == 0) test::refine_at_random(a, random);
@@ -232,7 +233,7 @@ TEST_P(Clearance, NeverExceedsTheTrueDistance) {
     EXPECT_LE(answer.value().clearance_m, distance * (1 + 1e-9));
     EXPECT_GE(answer.value().clearance_m, 0);
   }
-  EXPECT_GT(free, 20U);
+  EXPECT_GT(free, test::rounds(20));
 }
 
 TEST_P(Clearance, IsNearTheTrueDistanceOfFullMeshes) {
@@ -240,8 +241,8 @@ TEST_P(Clearance, IsNearTheTrueDistanceOfFullMeshes) {
   const BakedModel model_b = test::bake_mesh(tiny(GetParam().second), 8);
   const test::FullModel a(model_a), b(model_b);
   double share = 0, count = 0;
-  for (std::uint64_t seed = 0; seed < 40; ++seed) {
-    Random random(seed);
+  for (int seed = 0; seed < test::rounds(40); ++seed) {
+    Random random(static_cast<std::uint64_t>(seed));
     const PosedPair posed = apart_pose(random, model_a, model_b);
     const Answer answer = query(a.tree.view(), posed.a, b.tree.view(), posed.b);
     if (answer.status != AnswerStatus::kFree) continue;

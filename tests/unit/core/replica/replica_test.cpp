@@ -275,5 +275,117 @@ TEST(Replica, RefusesAnExactFaceOutsideTheBoxOfItsSlot) {
   TwoRoots(50).expect_refused("node [0, 4): a face lies outside the box that came for it");
 }
 
+// ---- audits -------------------------------------------------------------------------------------
+
+constexpr std::uint64_t kLiar = 7, kHonest = 8;
+
+/// A model, its file, and batches of it in one of which a face of a split with `turned_` is turned round.
+class ReplicaAudit : public testing::Test {
+ protected:
+  BakedModel model_ = test::bake_named("terrain");
+  std::unique_ptr<test::TempFile> saved_ = test::write_model(model_);
+  ModelFile file_ = std::move(ModelFile::open(saved_->path())).value();
+  Replica replica_{file_.header()};
+  VertexId turned_;
+
+  /// The whole model but for the lie, if any, as one batch.
+  [[nodiscard]] SplitBatch told(bool is_lie) {
+    SplitBatch all;
+    for (const auto& bytes : all_batches(model_, kMaxBatchBytes)) {
+      const SplitBatch batch = decode_sealed(model_.header, bytes).value();
+      for (SplitRecord record : batch.splits) {
+        const auto begin = batch.faces.begin() + record.face_begin;
+        record.face_begin = static_cast<std::uint32_t>(all.faces.size());
+        all.faces.insert(all.faces.end(), begin, begin + record.face_count);
+        all.splits.push_back(record);
+        if (is_lie && all.splits.size() > 1 && !turned_.is_valid() && record.face_count > 0) {
+          turned_ = record.split;
+          SplitFace& face = all.faces[record.face_begin];
+          face.flipped = !face.flipped;
+        }
+      }
+    }
+    return all;
+  }
+  Replica::Taken audit(VertexId split, std::uint64_t sender, std::size_t spoiled = 0) {
+    Replica::Taken last;
+    for (auto& piece : file_.prove(model_.store.node_of(split)).value()) {
+      if (spoiled > 0) piece[std::min(spoiled, piece.size() - 1)] ^= 1;
+      seal_batch(file_.content_hash(), piece);
+      last = replica_.take(piece, sender);
+    }
+    return last;
+  }
+  void expect_forgotten(const Replica::Taken& taken, std::uint64_t liar) {
+    EXPECT_TRUE(taken.contradicts);
+    EXPECT_EQ(taken.liar, liar);
+    EXPECT_EQ(replica_.mesh().split_count(), 0U);
+    EXPECT_TRUE(liar == 0 || replica_.distrusts(liar));
+  }
+};
+
+TEST_F(ReplicaAudit, OfTheTruthChangesNothing) {
+  for (const auto& bytes : all_batches(model_, 300)) {
+    auto sealed = bytes;
+    sealed.resize(sealed.size() - kSealBytes);
+    seal_batch(file_.content_hash(), sealed);
+    ASSERT_TRUE(replica_.take(sealed, kHonest).status.is_ok());
+  }
+  const std::uint64_t before = replica_.mesh().state_hash();
+  for (const VertexId u : test::all_splits(model_.store)) {
+    const Replica::Taken taken = audit(u, kHonest);
+    ASSERT_TRUE(taken.status.is_ok()) << taken.status.message();
+    EXPECT_TRUE(taken.audited);
+  }
+  EXPECT_EQ(replica_.mesh().state_hash(), before);
+}
+
+TEST_F(ReplicaAudit, NamesWhoLiedWhoeverProves) {
+  ASSERT_TRUE(replica_.take(told(true), kLiar).status.is_ok());
+  const Replica::Taken taken = audit(turned_, kHonest);
+  EXPECT_NE(taken.status.message().find("split " + std::to_string(turned_.value) +
+                                        " was told with hash "),
+            std::string::npos)
+      << taken.status.message();
+  expect_forgotten(taken, kLiar);
+  EXPECT_FALSE(replica_.distrusts(kHonest));
+}
+
+TEST_F(ReplicaAudit, BlamesTheTellerOfASplitNotOfItsParent) {
+  SplitBatch lie = told(true);
+  // The liar's splits wait for the first, which the honest one tells.
+  SplitBatch first = told(false);
+  first.splits.resize(1);
+  lie.splits.erase(lie.splits.begin());
+  ASSERT_TRUE(replica_.take(lie, kLiar).status.is_ok());
+  ASSERT_TRUE(replica_.take(first, kHonest).status.is_ok());
+  expect_forgotten(audit(turned_, kHonest), kLiar);
+}
+
+TEST_F(ReplicaAudit, RefusesAProofThatIsNotOfTheContent) {
+  ASSERT_TRUE(replica_.take(told(false), kHonest).status.is_ok());
+  const VertexId split = test::all_splits(model_.store).front();
+  for (const std::size_t byte : {9, 13, 40, 400}) {  // the block's root, the path, the block
+    SCOPED_TRACE(byte);
+    replica_ = Replica(file_.header());
+    ASSERT_TRUE(replica_.take(told(false), kHonest).status.is_ok());
+    const Replica::Taken taken = audit(split, kLiar, byte);
+    EXPECT_FALSE(taken.status.is_ok());
+    expect_forgotten(taken, kLiar);
+    EXPECT_FALSE(replica_.distrusts(kHonest));
+  }
+}
+
+TEST_F(ReplicaAudit, APieceThatIsMissingMakesTheWholeCountForNothing) {
+  ASSERT_TRUE(replica_.take(told(false), kHonest).status.is_ok());
+  auto pieces = file_.prove(model_.header.roots.front().node).value();
+  for (std::size_t i = 1; i < pieces.size(); ++i) {
+    seal_batch(file_.content_hash(), pieces[i]);
+    const Replica::Taken taken = replica_.take(pieces[i], kHonest);
+    EXPECT_TRUE(taken.status.is_ok());
+    EXPECT_FALSE(taken.audited);
+  }
+}
+
 }  // namespace
 }  // namespace nearmesh

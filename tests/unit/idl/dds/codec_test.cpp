@@ -61,6 +61,30 @@ TEST(Decode, RefusesStatusWhoseListsDiffer) {
                     [](S& s) { s.complaints().push_back('x'); });
 }
 
+TEST(Decode, RefusesStatusWithMoreBodiesThanItSays) {
+  using S = wire_types::ProcessStatusSample;
+  expect_refused<S>(valid_status(), "moved: more", [](S& s) { s.moved().assign(17, '\n'); });
+  expect_refused<S>(valid_status(), "moved: fewer", [](S& s) { s.moved().push_back('x'); });
+  expect_refused<S>(valid_status(), "bodies", [](S& s) { s.moved_bodies(1); });
+}
+
+/// Whatever a stranger calls itself, what it says else counts.
+TEST(Decode, MakesNamesFitToBeShown) {
+  wire_types::ProcessStatusSample status;
+  encode(valid_status(), status);
+  status.name("\x1b[2Jrig\n\xff");
+  ASSERT_TRUE(decode(status).is_ok()) << decode(status).status().message();
+  EXPECT_EQ(decode(status).value().name, "?[2Jrig??");
+  wire_types::HelloSample hello;
+  encode(valid_hello(), hello);
+  hello.name("\x07  ");
+  ASSERT_TRUE(decode(hello).is_ok());
+  EXPECT_EQ(decode(hello).value().name, "?");
+  hello.name("");
+  ASSERT_TRUE(decode(hello).is_ok());
+  EXPECT_EQ(decode(hello).value().name, "");
+}
+
 TEST(Decode, RefusesEchoWithUnknownFlags) {
   using S = wire_types::EchoSample;
   expect_refused<S>(valid_echo(), "flags", [](S& s) { s.flags(2); });
@@ -74,7 +98,7 @@ TEST(Decode, RefusesWhatIsHeldWithListsThatDoNotBelongTogether) {
 
 TEST(Decode, RefusesReportOfAnUnknownMover) {
   using S = wire_types::ContactReportSample;
-  expect_refused<S>(valid_report(), "movers: found 4", [](S& s) { s.movers()[1] = 4; });
+  expect_refused<S>(valid_report(), "movers: found 5", [](S& s) { s.movers()[1] = 5; });
 }
 
 TEST(Decode, RefusesReportWithPartialPairs) {

@@ -168,5 +168,19 @@ TEST_F(ParticipantBookTest, WhoAnnouncesItselfRarelyMaySayNothingForLonger) {
   EXPECT_EQ(book.is_silent(participant_key(1), 3), true);
 }
 
+TEST_F(ParticipantBookTest, BarredIsNotHeardAgain) {
+  ASSERT_TRUE(hears(announcement_of(1, 20, 7)));
+  ASSERT_TRUE(hears(announcement_of(2)));
+  EXPECT_EQ(book.bar(participant_key(1)).sequence, 8);
+  EXPECT_FALSE(hears(word_of(1)));
+  EXPECT_EQ(refusal, DoorRefusal::kIdentity);
+  EXPECT_FALSE(hears(announcement_of(1, 20, 9)));
+  EXPECT_TRUE(book.is_barred(participant_key(1)));
+  EXPECT_EQ(book.is_silent(participant_key(1), 3), true);
+  EXPECT_FALSE(book.is_known(participant_key(1)));
+  EXPECT_TRUE(hears(word_of(2)));
+  EXPECT_FALSE(book.is_barred(participant_key(2)));
+}
+
 }  // namespace
 }  // namespace nearmesh::wire

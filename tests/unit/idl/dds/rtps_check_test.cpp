@@ -231,6 +231,43 @@ TEST(RtpsCheck, TellsWhoAnnouncesItself) {
   EXPECT_EQ(m.bytes[verdict.announcement->lease_at + 7], 0x80);
 }
 
+/// Of participant 1, in the name of `speaker`, with these certificates.
+Rtps handshake(std::uint8_t speaker, const std::vector<std::string>& certificates,
+               std::uint32_t reader = 0x000201c4,
+               std::uint32_t writer = nearmesh::test::kHandshakeWriter) {
+  Rtps m = message();
+  m.begin_data(reader, writer, 1, 4).encapsulation(1);
+  m.add(nearmesh::test::key_of(speaker)).zeros(12 + 24 + 3 * 16);
+  m.text("dds.sec.auth").u32(1).text("DDS:Auth:PKI-DH:1.0+Req").u32(0);
+  m.u32(static_cast<std::uint32_t>(certificates.size()));
+  for (const std::string& certificate : certificates) {
+    m.text("c.id").u32(static_cast<std::uint32_t>(certificate.size())).add(certificate);
+    m.align();
+  }
+  return m.end();
+}
+
+TEST(RtpsCheck, TellsWhomAHandshakeShows) {
+  const auto shown = [](const Rtps& m) {
+    const RtpsVerdict verdict = check_rtps(m.bytes);
+    EXPECT_FALSE(verdict.refusal);
+    return std::string(verdict.certificate.begin(), verdict.certificate.end());
+  };
+  EXPECT_EQ(shown(handshake(1, {"alice"})), "alice");
+  EXPECT_EQ(shown(handshake(1, {})), "");
+  EXPECT_EQ(shown(handshake(1, {"alice", "alice"})), "alice");
+  // As it also comes to the reader of handshakes.
+  EXPECT_EQ(shown(handshake(1, {"alice"}, 0)), "alice");
+  EXPECT_EQ(shown(handshake(1, {"alice"}, 0, 0)), "alice");
+  EXPECT_EQ(shown(handshake(1, {"alice"}, 0x000201c4, 0x00000103)), "alice");
+}
+
+TEST(RtpsCheck, RefusesHandshakesOfTwo) {
+  EXPECT_EQ(reason(handshake(1, {"alice", "bob"}).bytes), "parameters");
+  EXPECT_EQ(reason(handshake(1, {"", "bob"}).bytes), "parameters");
+  EXPECT_EQ(reason(handshake(2, {"alice"}).bytes), "source");
+}
+
 TEST(RtpsCheck, TellsWhoLeaves) {
   Rtps m = message();
   m.farewell(9);

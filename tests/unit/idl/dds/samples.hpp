@@ -2,6 +2,7 @@
 #pragma once
 // Valid messages with every field set, for the tests to spoil.
 
+#include <limits>
 #include <tuple>
 
 #include "core/base/digest.hpp"
@@ -12,6 +13,7 @@ namespace nearmesh::wire::test {
 inline Hello valid_hello() {
   Hello message;
   message.publisher = 0x1122334455667788;
+  message.name = "rig 1";
   message.models = {{"bunny", {1, 11}, 100}, {"terrain 512", {2, 22}, 200, {3, 33}}};
   return message;
 }
@@ -111,6 +113,7 @@ inline ProcessStatus valid_status() {
   ProcessStatus message;
   message.session = 42;
   message.is_publisher = true;
+  message.name = "rig 1, left";
   message.host = "rig-1";
   message.process_id = 77;
   message.uptime_s = 12.5;
@@ -126,6 +129,12 @@ inline ProcessStatus valid_status() {
   message.lost_batches = 6;
   message.waiting_batches = 7;
   message.resident_bytes = 50'000'000;
+  message.moved_bodies = 3;
+  message.heard_bodies = 2;
+  message.stale_bodies = 1;
+  message.moved = {"arm", "robot/arm-1"};
+  message.oldest_body = "wall";
+  message.oldest_age_s = std::numeric_limits<double>::infinity();
   message.has_door = true;
   message.door_refused = {1, 2, 3, 4, 5, 6, 7, 8};
   message.models = {{"bunny", {1, 11}, 70000, 10, 35000}, {"terrain 512", {2, 22}, 500000, 0, 0}};

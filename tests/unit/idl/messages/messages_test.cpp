@@ -45,6 +45,8 @@ TEST(CheckMessage, RefusesHelloOutsideItsLimits) {
   expect_refusals<Hello>(
       valid_hello(),
       {{"publisher", [](Hello& m) { m.publisher = 0; }},
+       {"name", [](Hello& m) { m.name = "a\nb"; }},
+       {"name", [](Hello& m) { m.name = std::string(kMaxNameBytes + 1, 'x'); }},
        {"models", [](Hello& m) { m.models.resize(kMaxModels + 1, m.models[0]); }},
        {"name", [](Hello& m) { m.models[1].name = ""; }},
        {"name", [](Hello& m) { m.models[1].name = std::string(kMaxNameBytes + 1, 'x'); }},
@@ -202,7 +204,7 @@ TEST(CheckMessage, NamesBothVersionsWhenTheyDiffer) {
   const auto expect_unsupported = [](auto message) {
     message.wire_version = 9;
     EXPECT_EQ(check(message).code(), StatusCode::kUnsupported);
-    EXPECT_EQ(check(message).message(), "wire version 9, this build speaks 6");
+    EXPECT_EQ(check(message).message(), "wire version 9, this build speaks 7");
   };
   expect_unsupported(valid_hello());
   expect_unsupported(valid_header());
@@ -231,6 +233,13 @@ TEST(CheckMessage, RefusesStatusOutsideItsLimits) {
   using M = ProcessStatus;
   expect_refusals<M>(valid_status(),
                      {{"session", [](M& m) { m.session = 0; }},
+                      {"name", [](M& m) { m.name = "\x1b[2J"; }},
+                      {"moved", [](M& m) { m.moved.resize(kMaxStatusBodies + 1, "x"); }},
+                      {"moved", [](M& m) { m.moved[0] = "two\nlines"; }},
+                      {"bodies", [](M& m) { m.moved_bodies = 1; }},
+                      {"bodies", [](M& m) { m.stale_bodies = 3; }},
+                      {"oldest_body", [](M& m) { m.oldest_body = "\x07"; }},
+                      {"oldest_age_s", [](M& m) { m.oldest_age_s = kNan; }},
                       {"host", [](M& m) { m.host = ""; }},
                       {"host", [](M& m) { m.host = "a\nb"; }},
                       {"uptime_s", [](M& m) { m.uptime_s = kNan; }},

@@ -8,6 +8,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "idl/security/identity_book.hpp"
 #include "idl/security/security_crypto.hpp"
 
 namespace nearmesh::wire {
@@ -247,7 +248,7 @@ TEST_F(Security, PermissionsOfSomebodyElse) {
 
 TEST_F(Security, PermissionsWithoutATopic) {
   change_permissions("site/v*/body_pose", "site/v*/body_prose");
-  expect_only_fault("permissions.p7s", "does not allow to publish site/v6/body_pose");
+  expect_only_fault("permissions.p7s", "does not allow to publish site/v7/body_pose");
 }
 
 TEST_F(Security, PermissionsForAnotherDomain) {
@@ -274,6 +275,186 @@ TEST_F(Security, PermissionsThatDeny) {
 TEST_F(Security, SetForAnotherBus) {
   EXPECT_EQ(check_security(alice, kDomain + 1, kPrefix).size(), 2U);  // governance, permissions
   EXPECT_EQ(check_security(alice, kDomain, "elsewhere").size(), 2U);
+}
+
+// --- Taking back
+
+class Revoking : public Security {
+ protected:
+  [[nodiscard]] Result<RevocationReport> revoke(const std::vector<std::string>& names) const {
+    return revoke_identities(folder + "/set", {kDomain, kPrefix, names});
+  }
+  [[nodiscard]] IdentityPaths paths(const std::string& of) const {
+    const std::string at = folder + "/set/" + of + "/";
+    return {at + "identity_ca.cert.pem", at + "cert.pem", at + "identity_crl.pem"};
+  }
+  [[nodiscard]] std::unique_ptr<IdentityBook> book_of(const std::string& of) const {
+    auto book = IdentityBook::open(paths(of));
+    EXPECT_TRUE(book.is_ok()) << book.status().message();
+    return std::move(book).value();
+  }
+  [[nodiscard]] std::optional<IdentityFacts> facts_of(IdentityBook& book,
+                                                      const std::string& certificate) const {
+    const std::string pem = read(folder + "/" + certificate);
+    return book.facts_of({reinterpret_cast<const std::uint8_t*>(pem.data()), pem.size()});
+  }
+  [[nodiscard]] std::string fault_of(IdentityBook& book, const std::string& certificate,
+                                     std::time_t now = std::time(nullptr)) const {
+    const auto facts = facts_of(book, certificate);
+    EXPECT_TRUE(facts.has_value()) << certificate;
+    return facts ? book.fault_of(*facts, now) : "nothing of it";
+  }
+  // Alice's list in place of another set's file, as somebody would who can write there.
+  void put_list(const std::string& text) const { write(alice + "/identity_crl.pem", text); }
+  // What is said at two looks.
+  static std::string refresh_twice(IdentityBook& book) {
+    const std::string first = book.refresh();
+    return first.empty() ? book.refresh() : first;
+  }
+};
+
+TEST_F(Revoking, RevokedIsRefusedAndNobodyElseIs) {
+  const auto report = revoke({"alice"});
+  ASSERT_TRUE(report.is_ok()) << report.status().message();
+  ASSERT_EQ(report.value().certificates.size(), 1U);
+  EXPECT_TRUE(report.value().certificates[0].starts_with("alice "));
+  EXPECT_EQ(report.value().files.size(), 3U);
+  for (const char* name : {"alice", "rec", "serve"})
+    EXPECT_EQ(read(folder + "/set/" + name + "/identity_crl.pem"),
+              read(folder + "/set/private/identity_crl.pem"));
+  expect_only_fault("cert.pem", "revoked on");
+  EXPECT_TRUE(check_security(folder + "/set/serve", kDomain, kPrefix).empty());
+  EXPECT_NE(describe_identity(folder + "/set/serve").find("list 1: 1 certificate"),
+            std::string::npos)
+      << describe_identity(folder + "/set/serve");
+}
+
+TEST_F(Revoking, TwiceIsOnce) {
+  ASSERT_TRUE(revoke({"alice"}).is_ok());
+  const std::string list = read(alice + "/identity_crl.pem");
+  fs::remove(folder + "/set/serve/identity_crl.pem");
+  const auto again = revoke({"alice"});
+  ASSERT_TRUE(again.is_ok()) << again.status().message();
+  EXPECT_TRUE(again.value().certificates.empty());
+  EXPECT_EQ(again.value().files.size(), 3U);
+  EXPECT_EQ(read(alice + "/identity_crl.pem"), list);
+  EXPECT_EQ(read(folder + "/set/serve/identity_crl.pem"), list);
+}
+
+TEST_F(Revoking, UnknownNameIsToldTheNamesThatThereAre) {
+  const auto report = revoke({"alice", "alicia"});
+  ASSERT_EQ(report.status().code(), StatusCode::kNotFound);
+  EXPECT_NE(report.status().message().find("alicia"), std::string::npos);
+  EXPECT_NE(report.status().message().find("alice, rec, serve"), std::string::npos)
+      << report.status().message();
+  EXPECT_FALSE(fs::exists(alice + "/identity_crl.pem"));
+}
+
+TEST_F(Revoking, SetWithoutItsAuthoritiesCannotRevoke) {
+  EXPECT_EQ(revoke_identities(alice, {kDomain, kPrefix, {"alice"}}).status().code(),
+            StatusCode::kNotFound);
+}
+
+TEST_F(Revoking, RenewedIdentityCountsAndTheOldOneStaysRevoked) {
+  fs::copy(alice, folder + "/stolen");
+  ASSERT_TRUE(revoke({"alice"}).is_ok());
+  SecurityPlan again = plan();
+  again.identities = {{"alice", Role::kSubscriber}};
+  again.force = true;
+  ASSERT_TRUE(make_security(folder + "/set", again).is_ok());
+  EXPECT_TRUE(check_security(alice, kDomain, kPrefix).empty());
+  const auto book = book_of("serve");
+  EXPECT_EQ(fault_of(*book, "set/alice/cert.pem"), "");
+  EXPECT_EQ(fault_of(*book, "stolen/cert.pem"), "was revoked");
+  // Both have the name; a participant shows its certificate by more than that.
+  EXPECT_EQ(facts_of(*book, "stolen/cert.pem")->name, "alice");
+  EXPECT_EQ(facts_of(*book, "stolen/cert.pem")->key_start,
+            facts_of(*book, "set/alice/cert.pem")->key_start);
+}
+
+// What --force replaced is not in the set any more, and still opens doors.
+TEST_F(Revoking, ReplacedCertificateIsRevokedToo) {
+  fs::copy(alice, folder + "/stolen");
+  SecurityPlan again = plan();
+  again.identities = {{"alice", Role::kSubscriber}};
+  again.force = true;
+  ASSERT_TRUE(make_security(folder + "/set", again).is_ok());
+  const auto report = revoke({"alice"});
+  ASSERT_TRUE(report.is_ok());
+  EXPECT_EQ(report.value().certificates.size(), 2U);
+  const auto book = book_of("serve");
+  EXPECT_EQ(fault_of(*book, "stolen/cert.pem"), "was revoked");
+  EXPECT_EQ(fault_of(*book, "set/alice/cert.pem"), "was revoked");
+}
+
+TEST_F(Revoking, RunningProgramReadsTheListAgain) {
+  const auto book = book_of("serve");
+  EXPECT_EQ(book->refresh(), "");
+  EXPECT_EQ(fault_of(*book, "set/alice/cert.pem"), "");
+  ASSERT_TRUE(revoke({"alice"}).is_ok());
+  EXPECT_NE(book->refresh().find("list 1 is in force, 1 certificate is revoked"),
+            std::string::npos);
+  EXPECT_EQ(book->refresh(), "");
+  EXPECT_EQ(fault_of(*book, "set/alice/cert.pem"), "was revoked");
+  EXPECT_EQ(book->fault_of(book->own(), std::time(nullptr)), "");
+  ASSERT_TRUE(revoke({"serve"}).is_ok());
+  EXPECT_NE(book->refresh().find("list 2"), std::string::npos);
+  EXPECT_EQ(book->fault_of(book->own(), std::time(nullptr)), "was revoked");
+}
+
+TEST_F(Revoking, ForgedListIsRefused) {
+  ASSERT_TRUE(revoke({"serve"}).is_ok());
+  const auto book = book_of("alice");
+  EXPECT_EQ(fault_of(*book, "set/serve/cert.pem"), "was revoked");
+  // Of another authority of the same name.
+  ASSERT_TRUE(make("other").is_ok());
+  ASSERT_TRUE(revoke_identities(folder + "/other", {kDomain, kPrefix, {"rec"}}).is_ok());
+  put_list(read(folder + "/other/rec/identity_crl.pem"));
+  EXPECT_NE(refresh_twice(*book).find("not signed by the set's authority"), std::string::npos);
+  EXPECT_EQ(fault_of(*book, "set/serve/cert.pem"), "was revoked");
+  expect_only_fault("identity_crl.pem", "not signed by identity_ca.cert.pem");
+  // Signed by an identity of the set.
+  auto key = crypto::read_key(folder + "/set/rec/key.pem");
+  auto authority = crypto::read_certificate(folder + "/set/private/identity_ca.cert.pem");
+  const auto list = crypto::sign_revocations(
+      {7, {}}, std::time(nullptr), {std::move(key).value(), std::move(authority).value()});
+  ASSERT_TRUE(list.is_ok()) << list.status().message();
+  put_list(list.value());
+  EXPECT_NE(refresh_twice(*book).find("not signed"), std::string::npos);
+  EXPECT_EQ(fault_of(*book, "set/serve/cert.pem"), "was revoked");
+  put_list("garbage");
+  EXPECT_NE(refresh_twice(*book).find("not a revocation list"), std::string::npos);
+  EXPECT_EQ(refresh_twice(*book), "");  // said once
+  fs::remove(alice + "/identity_crl.pem");
+  EXPECT_EQ(refresh_twice(*book), "");
+  EXPECT_EQ(fault_of(*book, "set/serve/cert.pem"), "was revoked");
+}
+
+TEST_F(Revoking, OlderListIsRefused) {
+  ASSERT_TRUE(revoke({"rec"}).is_ok());
+  const std::string older = read(alice + "/identity_crl.pem");
+  ASSERT_TRUE(revoke({"serve"}).is_ok());
+  const auto book = book_of("alice");
+  put_list(older);
+  EXPECT_NE(refresh_twice(*book).find("list 1 is older than list 2"), std::string::npos);
+  EXPECT_EQ(fault_of(*book, "set/serve/cert.pem"), "was revoked");
+}
+
+TEST_F(Revoking, CertificateEndsWhenItSays) {
+  const auto book = book_of("serve");
+  const auto facts = facts_of(*book, "set/alice/cert.pem");
+  ASSERT_TRUE(facts.has_value());
+  EXPECT_NEAR(static_cast<double>(facts->end - std::time(nullptr)), 365.0 * 24 * 3600, 3600);
+  EXPECT_EQ(book->fault_of(*facts, facts->end), "");
+  EXPECT_NE(book->fault_of(*facts, facts->end + 1).find("expired on 20"), std::string::npos);
+}
+
+TEST_F(Revoking, CertificatesOfOthersAreNobodys) {
+  ASSERT_TRUE(make("other").is_ok());
+  const auto book = book_of("serve");
+  EXPECT_FALSE(facts_of(*book, "other/alice/cert.pem").has_value());
+  EXPECT_FALSE(facts_of(*book, "set/alice/key.pem").has_value());
+  EXPECT_FALSE(facts_of(*book, "set/nowhere").has_value());
 }
 
 }  // namespace

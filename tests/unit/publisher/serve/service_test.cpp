@@ -540,6 +540,26 @@ TEST(Service, FloodOfRequestsCostsTheOthersOneTurn) {
   EXPECT_EQ(desk.service.stats().requests, 3030U);
 }
 
+// A thousand a second: each would give up what was begun for the one before it.
+TEST(Service, FloodIsBegunAnewAHundredTimesASecond) {
+  Desk desk;
+  Endless endless(desk);
+  const auto flood = [&](std::uint32_t from, double at_s, double step_s) {
+    endless.begun.clear();
+    for (std::uint32_t i = 0; i < 1000; ++i) {
+      desk.bus.inject(Endless::request(desk, from + i, true));
+      desk.service.step(at_s + i * step_s);
+      static_cast<void>(desk.received());
+    }
+    return endless.begun.size();
+  };
+  const std::size_t begun = flood(1, 1, 0.001);
+  EXPECT_GE(begun, 90U);
+  EXPECT_LE(begun, 120U);
+  // As fast as frames come none waits.
+  EXPECT_EQ(flood(2001, 10, 0.0125), 1000U);
+}
+
 TEST(Service, FloodOfRequestsForWhatIsNotThereCostsTheOthersOneTurn) {
   Desk desk;
   std::uint32_t flood = 0;

@@ -3,6 +3,7 @@
 
 #include <set>
 
+#include "core/base/digest.hpp"
 #include "core/base/hash.hpp"
 #include "local_host.hpp"
 #include "world.hpp"
@@ -331,6 +332,32 @@ TEST_F(Content, HeaderCountsFromWhoAnnouncesItAlone) {
   EXPECT_EQ(session->stats().refused_headers, 1U);
   world.bus.release_headers();
   EXPECT_EQ(fly(*session, 1, 1), 40U);
+}
+
+/// Announced by its publisher, and of the content that it says; but its boxes leave out its faces.
+TEST_F(Content, HeaderThatContradictsItselfNamesItsPublisherWhichIsAvoided) {
+  const auto session = world.make_peer();
+  SpmHeader header = terrain().model.header;
+  for (BaseRoot& root : header.roots) root.box = {};
+  wire::MeshHeader lie{.name = "terrain", .bytes = encode_header(header)};
+  lie.content_hash = digest_of(lie.bytes);
+  world.bus.inject(
+      wire::Hello{.publisher = kRival, .models = {{"terrain", lie.content_hash, 1, {}}}});
+  for (int i = 0; i < 3; ++i) {
+    world.bus.inject(kRival, lie);
+    static_cast<void>(world.round(*session));
+  }
+  EXPECT_EQ(session->header_of(kGround), nullptr);
+  EXPECT_EQ(lines_with("model terrain: publisher " + to_hex(kRival) +
+                       " contradicts itself, its content " + to_hex(lie.content_hash) +
+                       " is not taken: "),
+            1U);
+  EXPECT_TRUE(status_says(*session, kPeer, "which contradicts itself and is not taken"));
+  // It is no rival of a publisher that tells the truth.
+  world.start_publisher();
+  EXPECT_EQ(fly(*session, 1, 1), 40U);
+  for (const wire::RegionSubscription& asked : world.bus.subscriptions)
+    EXPECT_EQ(asked.publisher, kPublisher);
 }
 
 }  // namespace

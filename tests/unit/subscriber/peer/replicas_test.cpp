@@ -8,11 +8,12 @@
 namespace nearmesh::subscriber {
 namespace {
 
-wire::MeshHeader header_of(std::uint64_t number, std::size_t bytes) {
-  return {wire::kWireVersion,
-          "model" + std::to_string(number),
-          {0, number},
-          std::vector<std::uint8_t>(bytes)};
+Channel::Header header_of(std::uint64_t number, std::size_t bytes) {
+  return {7,
+          {wire::kWireVersion,
+           "model" + std::to_string(number),
+           {0, number},
+           std::vector<std::uint8_t>(bytes)}};
 }
 
 /// Whether a header was kept: it is no header really, so using it is complained about.

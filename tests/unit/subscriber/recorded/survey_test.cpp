@@ -62,5 +62,32 @@ TEST(Survey, TellsWhatWasBeforeFromWhatIsMissing) {
   EXPECT_EQ(survey.late[1].first_sequence, 57U);
 }
 
+TEST(Survey, TellsWhatProcessesCalledThemselves) {
+  const test::TempFile file(".db3");
+  const wire::TopicNames names("prefix");
+  auto writer =
+      RecordingWriter::create(file.path(), {1, 0, wire::kWireVersion, "prefix", "idl"}).value();
+  const auto append = [&]<class Message>(const Message& message) {
+    const std::uint32_t topic = writer->add_topic({names.of<Message>(), "type"}).value();
+    const std::uint32_t by = writer->add_writer({topic, {}, ""}).value();
+    EXPECT_TRUE(writer->append({.writer = by, .cdr = wire::encode_payload(message)}).is_ok());
+  };
+  append(wire::Hello{.publisher = 0xa1, .name = "terrain server"});
+  append(wire::Hello{.publisher = 0xa2});
+  for (const auto& [session, name] : {std::pair{0xb1, "cockpit"}, std::pair{0xb2, ""}}) {
+    wire::ProcessStatus status;
+    status.session = static_cast<wire::SessionId>(session);
+    status.name = name;
+    status.host = "rig";
+    append(status);
+  }
+  ASSERT_TRUE(writer->close().is_ok());
+  const auto recording = RecordingReader::open(file.path()).value();
+  const auto found = subscriber::survey(*recording);
+  ASSERT_TRUE(found.is_ok()) << found.status().message();
+  EXPECT_EQ(found.value().names,
+            (std::map<wire::SessionId, std::string>{{0xa1, "terrain server"}, {0xb1, "cockpit"}}));
+}
+
 }  // namespace
 }  // namespace nearmesh

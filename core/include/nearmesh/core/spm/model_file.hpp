@@ -68,12 +68,17 @@ class ModelFile {
   /// Makes the split of `node` known to store(). Cost: a look-up, or one block decoded (about 15 us).
   /// Errors: kCorrupt naming the block, also where it holds no such node or the file has changed; kIo. Threads: one at a time.
   [[nodiscard]] Status require(NodeSpan node);
+  /// The block that holds the split of `node`, as it is stored, with what shows that it is of this content: what answers an
+  /// audit, in pieces, without seals. Cost: the block; the first time a digest for each seven blocks.
+  /// Errors: those of require(); kUnsupported where it is larger than an audit may be.
+  [[nodiscard]] Result<std::vector<std::vector<std::uint8_t>>> prove(NodeSpan node);
   /// Decodes everything.
   [[nodiscard]] Status require_all();
   /// Checks every digest without decoding.
   [[nodiscard]] Status verify() const;
-  /// Checks and decodes everything, and that each node's box encloses every face that has a corner in it: what every
-  /// certified answer about the model rests on. Cost: O(model). Errors: kCorrupt naming the node.
+  /// Checks and decodes everything, that each node's box encloses every face that has a corner in it, and that the header says the
+  /// truth of the surface: what every certified answer about the model rests on. Cost: O(model). Errors: kCorrupt naming the
+  /// node, or what was counted.
   [[nodiscard]] Status check_deep();
 
   /// Reads the table of input face numbers; decodes everything. Errors: kCorrupt.

@@ -26,6 +26,9 @@ inline constexpr Transport kTransports[] = {Transport::kLan, Transport::kThin, T
 [[nodiscard]] std::optional<Transport> transport_of(std::string_view name);
 
 struct TransportOptions {
+  /// What this process is called in logs, status and recordings, for people: 1 to 63 bytes of printable ASCII without blanks at
+  /// the ends. "" for HOST/PROCESS.
+  std::string name;
   std::uint32_t domain = 0;         ///< DDS domain, 0 to 232
   std::string prefix = "nearmesh";  ///< of every topic; see check_prefix
   Transport transport = Transport::kLan;
@@ -47,6 +50,8 @@ struct TransportOptions {
   /// A process silent for so long is taken for lost, until it is heard again; above announcement_s. Needs a door (door.hpp).
   double silence_s = 3;
   double announcement_s = 1;  ///< period of life signs; below lease_s / 2
+  double identity_period_s =
+      10;  ///< how often it is looked whose certificate counts, where there is security
   double heartbeat_s =
       0.1;  ///< how soon a lost datagram is noticed; Fast DDS' own 3 s stall streams
 };

@@ -24,7 +24,7 @@ class ModelFile;
 namespace nearmesh::wire {
 
 /// Raised with every change of a topic's layout or of the batch codec. Peers of another version are refused loudly.
-inline constexpr std::uint16_t kWireVersion = 7;
+inline constexpr std::uint16_t kWireVersion = 8;
 
 /// Random per process; tells a restarted publisher from the old one, and names a peer.
 using SessionId = std::uint64_t;
@@ -43,6 +43,7 @@ inline constexpr double kMaxTime_s = 1e11;
 struct Hello {
   std::uint16_t wire_version = kWireVersion;
   SessionId publisher = 0;
+  std::string name;  ///< of the process, for people; as in ProcessStatus; "" where it has none
   struct Model {
     std::string name;  ///< unique per publisher, at most kMaxNameBytes
     ContentHash content_hash;
@@ -112,6 +113,7 @@ enum class Mover : std::uint8_t {
   kThere = 1,   ///< or the body is in place
   kLeft = 2,    ///< it ended, or its participant was lost
   kSilent = 3,  ///< it gave a sign of life each second, and gives none any more
+  kBarred = 4,  ///< its identity was revoked or has expired
 };
 
 /// When a pose holds.
@@ -189,9 +191,10 @@ enum class DoorRefusal : std::uint8_t {
   kParameters,   ///< malformed discovery, inline QoS or handshake
   kSource,       ///< in the name of a participant that speaks from elsewhere
   kCrowd,        ///< one unknown participant of too many; is let in when it speaks again
+  kIdentity,     ///< of an identity that was revoked or has expired
 };
-inline constexpr std::size_t kDoorRefusals = 8;
-/// "header", "submessages", "statistics", "sequence", "fragments", "parameters", "source", "crowd".
+inline constexpr std::size_t kDoorRefusals = 9;
+/// "header", "submessages", "statistics", "sequence", "fragments", "parameters", "source", "crowd", "identity".
 [[nodiscard]] const char* to_string(DoorRefusal refusal);
 
 /// What one process knows of itself (keyed by session, transient local, renewed each second): for operators, who cannot see
@@ -200,6 +203,7 @@ struct ProcessStatus {
   std::uint16_t wire_version = kWireVersion;
   SessionId session = 0;
   bool is_publisher = false;
+  std::string name;  ///< of the process, for people: 1 to kMaxNameBytes of printable ASCII
   std::string host;
   std::uint32_t process_id = 0;
   double uptime_s = 0;
@@ -212,7 +216,14 @@ struct ProcessStatus {
   std::uint64_t lost_batches = 0;           ///< never came
   std::uint64_t waiting_batches = 0;        ///< to be sent, or to be taken in
   std::uint64_t resident_bytes = 0;
-  bool has_door = false;  ///< before Fast DDS, on the participant of this session
+  std::uint32_t moved_bodies = 0;  ///< by a peer
+  std::uint32_t heard_bodies = 0;  ///< that a peer looks at and others move
+  std::uint32_t stale_bodies =
+      0;                    ///< of those: with a pose on which nothing certified can rest, or none
+  std::string oldest_body;  ///< of those: whose pose is oldest; "" where there is none
+  double oldest_age_s = 0;  ///< that pose's, on the exercise's clock; infinite where none has come
+  std::vector<std::string> moved;  ///< the first kMaxStatusBodies bodies of those it moves
+  bool has_door = false;           ///< before Fast DDS, on the participant of this session
   std::array<std::uint64_t, kDoorRefusals> door_refused{};  ///< messages, by DoorRefusal
   struct Model {
     std::string name;
@@ -222,6 +233,7 @@ struct ProcessStatus {
   std::vector<Model> models;            ///< served, or used
   std::vector<std::string> complaints;  ///< the newest kMaxStatusLines of the last minute
 };
+inline constexpr std::size_t kMaxStatusBodies = 16;
 inline constexpr std::size_t kMaxStatusLines = 16;
 inline constexpr std::size_t kMaxStatusLineBytes = 255;
 
@@ -257,6 +269,13 @@ struct Probe : Echo {};
 [[nodiscard]] SplitBatchMessage refusal_message(SessionId publisher,
                                                 const RegionSubscription& request,
                                                 const std::string& why);
+/// The same where the peer is to ask otherwise: to say what it holds of a content whose state is unknown (or none), or to ask
+/// for regions.
+[[nodiscard]] SplitBatchMessage redirection_message(SessionId publisher,
+                                                    const RegionSubscription& request,
+                                                    const std::string& why,
+                                                    const ContentHash& unknown_state,
+                                                    bool wants_regions);
 
 [[nodiscard]] Status check(const Hello& message);
 [[nodiscard]] Status check(const MeshHeader& message);

@@ -62,6 +62,8 @@ struct TopicFacts {
   /// Its name carries the wire version, so that layouts of two versions never meet.
   bool is_versioned = true;
   bool is_recorded = false;
+  /// Recorded once for each process and name: who took part. Never replayed: it speaks of processes that are not there.
+  bool tells_who = false;
 };
 
 template <class Carried>
@@ -155,7 +157,10 @@ inline constexpr std::tuple kTopics{
                           .delivery = {.is_latched = true},
                           .writers = {Role::kPublisher, Role::kSubscriber},
                           .readers = {Role::kSubscriber},
-                          .listeners = {Role::kRecorder}}},
+                          .listeners = {Role::kRecorder},
+                          .is_recorded = true,
+                          .tells_who = true},
+                         [](const ProcessStatus& m) { return key_of(m.session); }},
     // A self-test's samples, each once.
     Topic<Echo>{{.name = "echo",
                  .type = "nearmesh::wire_types::EchoSample",

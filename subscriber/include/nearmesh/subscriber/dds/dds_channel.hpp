@@ -52,6 +52,8 @@ class DdsChannel final : public Channel {
   void tell_held(const wire::HeldDetail& held) override;
   /// Whether somebody records what this peer says from now on. Recorders of some topics count where held_detail is one.
   [[nodiscard]] bool has_recorder() const;
+  /// Not ok once this program's identity was revoked or has expired: then it hears nobody, and nobody hears it.
+  [[nodiscard]] Status identity() const;
   /// A Hello comes out only when its publisher can hear subscriptions, so no request that follows
   /// it is lost.
   [[nodiscard]] Inbox take() override;

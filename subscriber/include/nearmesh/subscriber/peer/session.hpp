@@ -49,7 +49,12 @@ struct SessionOptions {
                   ///< socket buffer, and 12 % were sent again
   double request_timeout_s = 0.5;  ///< a request without an answer is repeated after this
   std::uint32_t max_held_splits =
-      0;                  ///< above this, detail far from every body is given up; 0: no limit
+      0;  ///< above this, detail far from every body is given up; 0: no limit
+  /// So often, for each model, a block of the publisher's file is asked for with its proof, and what is held of it compared; 0:
+  /// never. Who lied is named and not asked again; so is who does not answer three times.
+  double audit_s = 0;
+  /// Draws which blocks; 0: the system does, so that no publisher can tell.
+  std::uint64_t audit_seed = 0;
   bool contacts = false;  ///< work out where bodies touch: PairAnswer::contacts
   bool publish_reports =
       true;  ///< send a ContactReport of each answer, and again when it changes within a frame
@@ -107,6 +112,8 @@ struct SessionStats {
   std::uint64_t requests = 0;
   std::uint64_t looks_ahead = 0;  ///< at the way of a body against another, to see what detail they may meet
   std::uint64_t sequence_gaps = 0;  ///< batches that never came
+  std::uint64_t audits = 0,
+                audit_bytes = 0;      ///< blocks that were proved and compared; answers to audits
   std::uint64_t refused_headers = 0;  ///< that came from whoever serves no such content
   std::uint64_t held_splits = 0, slots = 0, exact_faces = 0, tree_bytes = 0;
   std::uint64_t mesh_bytes = 0;  ///< what whole replicas of the models in use would take

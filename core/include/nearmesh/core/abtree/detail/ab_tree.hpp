@@ -17,6 +17,7 @@
 namespace nearmesh {
 
 class TreeBuilder;
+struct AxesBox;
 
 struct AbTreeStats {
   std::uint64_t slots = 0;
@@ -123,6 +124,7 @@ class AbTree {
   void make_room(std::size_t faces);
   void find_inherited_faces(std::uint32_t slot, const SlotBits& bits);
   void find_own_faces(NodeSpan slot, const SlotBits& bits);
+  void check_bounds(std::uint32_t tip, const AxesBox& faces);
   void build_micro_tree(std::uint32_t slot);
 
   [[nodiscard]] Lanes find_lanes(NodeSpan node) const;

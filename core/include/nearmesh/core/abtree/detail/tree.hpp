@@ -19,7 +19,7 @@ namespace nearmesh {
 /// One part of a tree: its box, and what is in it.
 struct TreeEntry {
   enum class Kind : std::uint32_t {
-    kInner,       ///< the lanes of node `first`
+    kInner,       ///< the lanes of node `first`; count 1 where an unresolved node is below, else 0
     kFaces,       ///< the first `count` exact faces of block `first`
     kUnresolved,  ///< an unresolved node of the forest: first is its first vertex, count its size
     kEmpty,       ///< nothing: resolved, without faces. The box is empty
@@ -31,6 +31,10 @@ struct TreeEntry {
 
   [[nodiscard]] Kind kind() const { return static_cast<Kind>(kind_and_count & 3U); }
   [[nodiscard]] std::uint32_t count() const { return kind_and_count >> 2; }
+  /// It is an unresolved node, or has some below: more detail may come.
+  [[nodiscard]] bool is_coarse() const {
+    return kind() == Kind::kUnresolved || (kind() == Kind::kInner && count() > 0);
+  }
   [[nodiscard]] NodeSpan unresolved_node() const { return {{first}, count()}; }
   void set(Kind kind, std::uint32_t first_place, std::uint32_t count) {
     first = first_place;
@@ -59,6 +63,9 @@ struct TreeNode {
   }
   [[nodiscard]] TreeEntry::Kind kind(std::uint32_t lane) const {
     return static_cast<TreeEntry::Kind>(kind_and_count[lane] & 3U);
+  }
+  [[nodiscard]] bool is_coarse(std::uint32_t lane) const {
+    return TreeEntry{{}, {}, first[lane], kind_and_count[lane]}.is_coarse();
   }
   [[nodiscard]] TreeEntry entry(std::uint32_t lane) const {
     if ((lanes >> lane & 1U) == 0) return {};

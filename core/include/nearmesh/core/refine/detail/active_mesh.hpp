@@ -53,6 +53,8 @@ class ActiveMesh {
   }
   /// The active vertex that stands for v: the largest active id <= v.
   [[nodiscard]] VertexId active_predecessor(VertexId v) const;
+  /// The active vertex with so many below it. Precondition: there is one. Cost: O(words of bits).
+  [[nodiscard]] VertexId active_at(std::uint32_t index) const;
   /// The node that an active vertex stands for now.
   [[nodiscard]] NodeSpan current_node(VertexId v) const;
   /// Whether all three corners are resolved, so that the face is as in the full mesh.

@@ -33,6 +33,11 @@ inline constexpr std::size_t kSealBytes = 4;
 /// cuts a sample in two from 1,225 bytes on).
 inline constexpr std::size_t kMaxSealedBytes = 1180;
 inline constexpr std::size_t kMaxBatchBytes = kMaxSealedBytes - kSealBytes;
+/// What the first byte is of a piece of an audit, which travels as batches do, where a batch has its box policy.
+inline constexpr std::uint8_t kAuditPiece = 2;
+[[nodiscard]] inline bool is_audit_piece(std::span<const std::uint8_t> batch) {
+  return !batch.empty() && batch.front() == kAuditPiece;
+}
 /// What a sealed batch costs on the wire beyond its own bytes: sample fields, RTPS (60 of them a statistics submessage of
 /// Fast DDS), UDP and IP. Measured on a capture.
 inline constexpr std::size_t kBatchFramingBytes = 204;

@@ -17,6 +17,8 @@
 
 namespace nearmesh {
 
+struct AxesBox;
+
 /// A face as SplitFace::corners() gives it. The lower of the first two is the left one; equal, they stand for no face.
 struct FaceCorners {
   VertexId first{0}, second{0}, outside{0};
@@ -113,6 +115,8 @@ class SplitStore {
   /// A box that encloses every original face that touches a vertex of the node: its own, or the nearest
   /// ancestor's. Precondition: is_node(node). O(1) but where boxes are missing.
   [[nodiscard]] GridBox box(NodeSpan node) const;
+  /// Whether that box contains another. Faster than to ask it.
+  [[nodiscard]] bool encloses(NodeSpan node, const GridBox& box) const;
 
   [[nodiscard]] SplitFaces faces(VertexId split) const {
     const Entry& entry = entries_[split.value];
@@ -177,6 +181,7 @@ class SplitStore {
   const GridBox& bounds_of(NodeSpan node);
   /// The node itself where it has a box of its own.
   [[nodiscard]] NodeSpan boxed_ancestor(NodeSpan node) const;
+  [[nodiscard]] AxesBox own_box(NodeSpan node) const;
   [[nodiscard]] bool is_within_reach(const SplitRecord& record, const GridPoint& at,
                                      const BoxCode& code) const;
   [[nodiscard]] std::uint32_t& split_slot(NodeSpan node);

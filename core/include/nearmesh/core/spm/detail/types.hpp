@@ -147,7 +147,10 @@ struct RegionRequest {
   std::vector<NodeSpan>
       attach;  ///< the peer's unresolved nodes, ascending, disjoint; at most kMaxAttachNodes
   std::vector<RegionPart> region;   ///< at most kMaxRegionBoxes
-  std::uint32_t max_splits = 1024;  ///< in [1, kMaxRequestSplits]; largest nodes come first
+  std::uint32_t max_splits = 1024;  ///< at most kMaxRequestSplits; largest nodes come first
+
+  /// Without a split: an audit. Asked for is the stored block that holds the split of the one node in `attach`; no region.
+  [[nodiscard]] bool is_audit() const { return max_splits == 0; }
 };
 /// The rules for a request from outside that need no model: whoever receives one asks here first (core/demand has the rest).
 /// Errors: kInvalidArgument naming the limit, the node or the part.

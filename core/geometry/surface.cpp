@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <numeric>
-#include <span>
 
 namespace nearmesh {
 
@@ -16,18 +15,17 @@ bool same_place(const GridPoint& p, const GridPoint& q) {
 
 }  // namespace
 
-UnclosedEdges count_unclosed_edges(const GridMesh& mesh) {
+UnclosedEdges count_unclosed_edges(std::span<const GridPoint> positions, SurfaceFaces faces) {
   // Counting sort of the sides of all faces by their lower end, then each (short) group by the upper one. An item holds
   // that end and, in its lowest bit, whether the face passes the edge upward.
-  const auto visit_sides = [&mesh](const auto& visit) {
-    for (const auto& face : mesh.faces) {
-      const GridPoint &p = mesh.positions[face[0]], &q = mesh.positions[face[1]],
-                      &r = mesh.positions[face[2]];
+  const auto visit_sides = [&](const auto& visit) {
+    for (const auto& face : faces) {
+      const GridPoint &p = positions[face[0]], &q = positions[face[1]], &r = positions[face[2]];
       if (same_place(p, q) || same_place(q, r) || same_place(r, p)) continue;
       for (std::size_t k = 0; k < 3; ++k) visit(face[k], face[(k + 1) % 3]);
     }
   };
-  const std::size_t vertices = mesh.positions.size();
+  const std::size_t vertices = positions.size();
   std::vector<std::uint32_t> begin(vertices + 1, 0);
   visit_sides([&](std::uint32_t a, std::uint32_t b) { ++begin[std::min(a, b)]; });
   // Each group is filled from its end, after which `begin` holds where it starts.
@@ -56,14 +54,14 @@ UnclosedEdges count_unclosed_edges(const GridMesh& mesh) {
   return open;
 }
 
-std::vector<std::uint32_t> find_components(const GridMesh& mesh) {
-  std::vector<std::uint32_t> lowest(mesh.positions.size());
+std::vector<std::uint32_t> find_components(std::size_t vertices, SurfaceFaces faces) {
+  std::vector<std::uint32_t> lowest(vertices);
   std::iota(lowest.begin(), lowest.end(), 0U);
   const auto root = [&lowest](std::uint32_t v) {
     while (lowest[v] != v) v = lowest[v] = lowest[lowest[v]];
     return v;
   };
-  for (const auto& face : mesh.faces) {
+  for (const auto& face : faces) {
     for (std::size_t k = 1; k < 3; ++k) {
       const std::uint32_t a = root(face[0]), b = root(face[k]);
       lowest[std::max(a, b)] = std::min(a, b);

@@ -1,0 +1,212 @@
+// SPDX-License-Identifier: Apache-2.0
+// Several publishers of one content, in processes of their own, and peers that ask them: who asks whom, and how soon another one
+// answers when one is killed.
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <csignal>
+#include <map>
+#include <set>
+
+#include "nearmesh/subscriber/peer/session.hpp"
+#include "network_fixture.hpp"
+#include "subscriber/peer/publisher_choice.hpp"
+
+namespace nearmesh::test {
+namespace {
+
+constexpr std::size_t kPeers = 12;
+
+/// Passes everything on, and remembers who was asked and who is there.
+class Overheard final : public subscriber::Channel {
+ public:
+  explicit Overheard(std::unique_ptr<subscriber::DdsChannel> below) : below_(std::move(below)) {}
+  [[nodiscard]] wire::SessionId own_id() const override { return below_->own_id(); }
+  void send(const wire::RegionSubscription& request) override {
+    ++asked[request.publisher];
+    below_->send(request);
+  }
+  void send(const wire::BodyPose& pose) override { below_->send(pose); }
+  void send(const wire::ContactReport& report) override { below_->send(report); }
+  [[nodiscard]] Inbox take() override {
+    Inbox inbox = below_->take();
+    for (const wire::Hello& hello : inbox.hellos) there.insert(hello.publisher);
+    return inbox;
+  }
+
+  std::map<wire::SessionId, int> asked;  ///< since it was emptied
+  std::set<wire::SessionId> there;       ///< publishers that were ever heard
+
+ private:
+  const std::unique_ptr<subscriber::DdsChannel> below_;
+};
+
+/// Goes from place to place over the terrain, where it lacks detail each time.
+class Wanderer {
+ public:
+  Wanderer(const Exercise& exercise, wire::SessionId id) {
+    subscriber::DdsChannelOptions options;
+    options.transport.domain = exercise.domain;
+    options.session = id;
+    auto channel =
+        std::make_unique<Overheard>(std::move(subscriber::DdsChannel::create(options)).value());
+    heard = channel.get();
+    session_ = std::make_unique<subscriber::Session>(
+        std::move(channel), subscriber::SessionOptions{.lookahead_s = 0, .max_held_splits = 200});
+    const auto ground = session_->add_body({.name = "ground", .model = "terrain"}).value();
+    own_ =
+        session_->add_body({.name = "own" + std::to_string(id), .model = "aircraft", .own = true})
+            .value();
+    EXPECT_TRUE(session_->place_body(ground, {}).is_ok());
+    EXPECT_TRUE(session_->watch(ground, own_).is_ok());
+    place_ = 37 * id;
+  }
+
+  /// One frame: at the place where it waits for an answer, or else at the next. `waits_s` takes the time of one that had to wait.
+  void update(double now_s, std::vector<double>& waits_s) {
+    std::vector<subscriber::Session::OwnMotion> motions;
+    if (is_certified_) {
+      ++place_;
+      Motion motion;
+      motion.pose.translation_m = {std::fmod(97.0 * static_cast<double>(place_), 1400.0) - 700,
+                                   std::fmod(61.0 * static_cast<double>(place_), 1400.0) - 700,
+                                   60.0};
+      motions.push_back({own_, motion});
+      asked_s_ = now_s;
+      has_waited_ = false;
+    }
+    const auto report = session_->update(++frame_, now_s, motions, 0.005);
+    ASSERT_TRUE(report.is_ok()) << report.status().message();
+    is_certified_ = report.value().all_certified();
+    if (is_certified_ && has_waited_) waits_s.push_back(now_s - asked_s_);
+    has_waited_ = !is_certified_;
+  }
+  [[nodiscard]] double waits_since_s(double now_s) const {
+    return is_certified_ ? 0 : now_s - asked_s_;
+  }
+
+  Overheard* heard = nullptr;
+
+ private:
+  std::unique_ptr<subscriber::Session> session_;
+  subscriber::BodyId own_;
+  std::uint64_t frame_ = 0, place_ = 0;
+  double asked_s_ = 0;
+  bool is_certified_ = true, has_waited_ = false;
+};
+
+class SharingTest : public NetworkFixture {
+ protected:
+  void begin(std::size_t publishers) {
+    models = exercise();
+    lan = std::make_unique<Lan>(std::vector<Link>{{}, {}});
+    for (std::size_t i = 0; i < publishers; ++i) add_publisher();
+    const Lan::Visit visit = lan->visit(1);
+    for (wire::SessionId id = 1; id <= kPeers; ++id) peers.emplace_back(models, id);
+    ASSERT_TRUE(await([this] {
+      fly(0.1);
+      return std::all_of(peers.begin(), peers.end(), [this](const Wanderer& peer) {
+        return peer.heard->there.size() == processes.size();
+      });
+    }));
+    names.assign(peers[0].heard->there.begin(), peers[0].heard->there.end());
+    fly(1);
+  }
+  void add_publisher() { processes.push_back(serve(*lan, folder, models)); }
+
+  /// Times of answers that had to wait.
+  std::vector<double> fly(double seconds) {
+    std::vector<double> waits_s;
+    for (const Stopwatch watch; watch.seconds() < seconds;) {
+      for (Wanderer& peer : peers) peer.update(clock.seconds(), waits_s);
+      pause(0.01);
+    }
+    std::sort(waits_s.begin(), waits_s.end());
+    return waits_s;
+  }
+
+  [[nodiscard]] wire::SessionId favourite(wire::SessionId peer) const {
+    return *std::max_element(names.begin(), names.end(), [&](auto a, auto b) {
+      return subscriber::preference(peer, a) < subscriber::preference(peer, b);
+    });
+  }
+  /// Flies for a while. Every peer asks the one that it prefers among those there, and no other.
+  void expect_shares(const char* what) {
+    fly(1);
+    for (Wanderer& peer : peers) peer.heard->asked.clear();
+    const std::vector<double> waits_s = fly(3);
+    std::map<wire::SessionId, int> load;
+    for (const Wanderer& peer : peers) {
+      const wire::SessionId its = favourite(peer.heard->own_id());
+      ++load[its];
+      EXPECT_EQ(peer.heard->asked.size(), 1U);
+      EXPECT_TRUE(peer.heard->asked.contains(its)) << "peer " << peer.heard->own_id();
+    }
+    std::printf("%s: peers of each", what);
+    for (const wire::SessionId name : names) std::printf(" %d", load[name]);
+    std::printf("; %zu answers waited, %.3f s (median), %.3f s (worst)\n", waits_s.size(),
+                waits_s.empty() ? 0 : waits_s[waits_s.size() / 2],
+                waits_s.empty() ? 0 : waits_s.back());
+  }
+
+  Exercise models;
+  std::unique_ptr<Lan> lan;
+  std::vector<std::unique_ptr<Process>> processes;
+  std::vector<wire::SessionId> names;  ///< of the publishers that are there
+  std::vector<Wanderer> peers;
+  const Stopwatch clock;
+};
+
+TEST_F(SharingTest, PeersOfOneThatIsKilledAreServedByOthersWithinASecond) {
+  begin(3);
+  expect_shares("three publishers");
+
+  processes[0]->signal(SIGKILL);
+  static_cast<void>(processes[0]->wait());
+  const double killed_s = clock.seconds();
+  std::vector<double> waits_s;
+  double worst_s = 0;
+  while (clock.seconds() - killed_s < 6) {
+    for (Wanderer& peer : peers) {
+      peer.update(clock.seconds(), waits_s);
+      worst_s = std::max(worst_s,
+                         std::min(peer.waits_since_s(clock.seconds()), clock.seconds() - killed_s));
+    }
+    pause(0.01);
+  }
+  std::printf("one of three killed: longest wait of any peer in the next 6 s %.3f s\n", worst_s);
+  EXPECT_LT(worst_s, 1.5);  // of a machine at work; 1 s is promised
+  // Who is gone is whom nobody asks any more.
+  for (Wanderer& peer : peers) peer.heard->asked.clear();
+  fly(3);
+  std::set<wire::SessionId> asked;
+  for (const Wanderer& peer : peers)
+    for (const auto& [name, count] : peer.heard->asked) asked.insert(name);
+  EXPECT_LE(asked.size(), 2U);
+  std::vector<wire::SessionId> left;
+  for (const wire::SessionId name : names)
+    if (asked.contains(name)) left.push_back(name);
+  names = left;
+  expect_shares("two left");
+
+  const std::set<wire::SessionId> known = peers[0].heard->there;
+  add_publisher();
+  ASSERT_TRUE(await([this] {
+    fly(0.1);
+    return std::all_of(peers.begin(), peers.end(),
+                       [](const Wanderer& peer) { return peer.heard->there.size() == 4; });
+  }));
+  for (const wire::SessionId name : peers[0].heard->there)
+    if (!known.contains(name)) names.push_back(name);
+  expect_shares("a new one beside them");
+}
+
+TEST_F(SharingTest, OneAloneServesAll) {
+  begin(1);
+  expect_shares("one publisher");
+}
+
+}  // namespace
+}  // namespace nearmesh::test
