@@ -33,12 +33,13 @@ std::optional<std::uint8_t> Session::Impl::urgency_of(Pair& pair, const PairAnsw
   if (horizon_s() <= 0) return std::nullopt;
   if (answer.swept && !(answer.swept->missing_a.empty() && answer.swept->missing_b.empty()))
     return kHorizon;
-  // Where a look found nothing, an eighth of the horizon may pass before the next: half of it is left then.
+  // What is lacked soon is asked for with all of the horizon: fewer and fuller answers than a little in each frame. Where a look
+  // found nothing, an eighth of the horizon may pass before the next: another eighth is left then.
   if (std::abs(time_s - pair.looked_ahead_s) < horizon_s() / 8) return std::nullopt;
   ++stats.looks_ahead;
   const auto lacking = lacking_ahead(pair.a->model->replica->view(), *pair.a->motion, pair.a->name,
                                      pair.b->model->replica->view(), *pair.b->motion, pair.b->name,
-                                     horizon_s() / 2, options.margin_m);
+                                     horizon_s() / 4, options.margin_m);
   if (lacking.is_ok() && !lacking.value().is_nothing()) return kHorizon;
   pair.looked_ahead_s = time_s;
   return std::nullopt;

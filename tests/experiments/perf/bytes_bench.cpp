@@ -4,8 +4,9 @@
 //   nearmesh-bench-bytes MODEL.spm RADIUS_SHARE [--flight]
 // A body of 1,280 faces, a sphere whose radius is a share of the model's largest side, is set down until it touches, in 45
 // places; with --flight it also slides along the ground for 200 frames, a fifth of its radius each, in a process of its
-// own. Requests are those of a peer's Session; counts are exact, the same in every run. Bytes are payload plus framing:
-// `wire` is ours (kBatchFramingBytes), `lean` 76 bytes a batch. Requests are counted apart.
+// own, where each request says the velocities of the last frame and a horizon of ten. Requests are those of a peer's Session
+// that holds the body whole; counts are exact, the same in every run. Bytes are payload plus framing: `wire` is ours
+// (kBatchFramingBytes), `lean` 76 bytes a batch. Requests are counted apart.
 
 #include <sys/socket.h>
 #include <sys/wait.h>
@@ -19,10 +20,15 @@
 #include <string>
 
 #include "core/base/resources.hpp"
+#include "core/certificate/certificate.hpp"
+#include "core/query/lacking_ahead.hpp"
 #include "core/replica/replica.hpp"
+#include "core/spm/packed_certificate.hpp"
+#include "nearmesh/core/bake/bake.hpp"
 #include "nearmesh/core/query/certify.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
-#include "peer.hpp"
+#include "nearmesh/core/spm/write_model_file.hpp"
+#include "test_models.hpp"
 #include "touching.hpp"
 
 using namespace nearmesh;
@@ -33,6 +39,7 @@ namespace {
 constexpr int kPlaces = 45;
 constexpr int kFrames = 200;
 constexpr double kLeanFramingBytes = 76;
+constexpr double kFrame_s = 0.02, kHorizon_s = 10 * kFrame_s;
 
 void row(const std::string& metric, double value, const char* unit) {
   std::printf("%s,%.6g,%s\n", metric.c_str(), value, unit);
@@ -40,16 +47,53 @@ void row(const std::string& metric, double value, const char* unit) {
 
 // ---- publisher and peer -------------------------------------------------------------------------
 
-using Serve = std::function<Batches(const RegionRequest&)>;
+using Batches = std::vector<std::vector<std::uint8_t>>;
+using Serve = std::function<Batches(const CertificateRequest&)>;
 
-Batches serve(ModelFile& file, const RegionRequest& request) {
-  const Demand demand =
-      demand_of(file.store(), request, [&file](NodeSpan node) { return file.require(node); });
-  Batches batches =
-      encode_batches(file.header(), file.store(), demand.treelet, BoxPolicy::kCutNodes);
-  for (auto& bytes : batches) seal_batch(file.header().content, bytes);
-  return batches;
-}
+/// The body as a model, of which both sides hold all.
+struct Ball {
+  explicit Ball(double radius_m) {
+    const CleanResult clean = clean_mesh(make_ball(radius_m)).value();
+    const BakedModel baked = bake(clean.mesh, clean.report.rounding_error_m, {}).value();
+    static_cast<void>(
+        write_model_file(baked.header, baked.store, baked.numbers, path.path()).value());
+    file.emplace(ModelFile::open(path.path()).value());
+    if (!file->require_all().is_ok()) std::exit(1);
+    whole = std::make_shared<Mirror>(*file);
+    std::vector<NodeSpan> nodes;
+    for (std::uint32_t v = 0; v < file->store().vertex_count(); ++v)
+      if (!file->store().is_root({v})) nodes.push_back(file->store().node_of({v}));
+    static_cast<void>(whole->split(nodes).value());
+  }
+  [[nodiscard]] TreeView view() const { return whole->model().view(); }
+
+  test::TempFile path{".spm"};
+  std::optional<ModelFile> file;
+  std::shared_ptr<Mirror> whole;
+};
+
+/// One that serves one peer.
+class Publisher {
+ public:
+  Publisher(ModelFile& file, const Ball& ball)
+      : ball_(ball), mirror_(std::make_shared<Mirror>(file)) {}
+
+  Batches answer(const CertificateRequest& request) {
+    if (request.models[0].state != mirror_->state()) std::abort();
+    CertificateMaker maker(request, {mirror_, ball_.whole});
+    Batches batches;
+    while (!maker.is_done())
+      for (auto& bytes : maker.next().value().batches) {
+        seal_batch(mirror_->file().header().content, bytes);
+        batches.push_back(std::move(bytes));
+      }
+    return batches;
+  }
+
+ private:
+  const Ball& ball_;
+  std::shared_ptr<Mirror> mirror_;
+};
 
 struct Cost {
   double splits = 0, batches = 0, payload = 0, requests = 0, request_bytes = 0;
@@ -61,56 +105,49 @@ struct Cost {
 
 class Peer {
  public:
-  Peer(const SpmHeader& header, const TreeView& body, Serve serve)
-      : replica_(header), body_(body), serve_(std::move(serve)) {}
+  Peer(const SpmHeader& header, const Ball& ball, Serve serve)
+      : replica_(header), ball_(ball), body_(ball.view()), serve_(std::move(serve)) {}
 
-  // Asks until the answer is certified.
-  void certify(const Pose& pose) {
-    while (true) {
-      const PosedPair frames = posed(replica_.header().grid, *body_.grid, pose);
-      const Answer answer = query(view(), frames.a, body_, frames.b);
-      if (is_certified(answer.status)) return;
-      ask(pose, 0, answer.missing_a, kRequestSplits, Portion::kLargestNodes);
-    }
+  // Asks until the answer is certified, for the horizon too.
+  void certify(const Motion& motion, double horizon_s) {
+    while (!is_certified_at(motion.pose)) ask(motion, horizon_s);
   }
-  // Asks once for what the body may meet within a margin; false when nothing is missing.
-  bool prefetch(const Pose& pose, double margin_m, std::uint32_t max_splits, Portion portion) {
-    return ask(pose, margin_m, {}, max_splits, portion);
-  }
-  // Whether something is missing within a margin.
-  [[nodiscard]] bool lacks(const Pose& pose, double margin_m) const {
-    const TreeView own = view();
-    return nearmesh::lacks(replica_.store(), region_around(own, {}, body_, pose, margin_m));
+  // As a session: where the nearest quarter of the horizon lacks something, all of it is asked for.
+  void look_ahead(const Motion& motion) {
+    if (!lacking_ahead(view(), {}, "model", body_, motion, "body", kHorizon_s / 4, 0)
+             .value()
+             .is_nothing())
+      ask(motion, kHorizon_s);
   }
   [[nodiscard]] TreeView view() const { return replica_.view(); }
   [[nodiscard]] AbTreeStats tree_stats() const { return replica_.tree().stats(); }
   Cost cost;
 
  private:
-  [[nodiscard]] std::optional<RegionRequest> request(const Pose& pose, double margin_m,
-                                                     std::vector<NodeSpan> missing,
-                                                     std::uint32_t max_splits,
-                                                     Portion portion) const {
-    return next_request(replica_.store(), view(), {}, body_, pose, margin_m, std::move(missing),
-                        max_splits, portion);
+  [[nodiscard]] bool is_certified_at(const Pose& pose) const {
+    const PosedPair frames = posed(replica_.header().grid, *body_.grid, pose);
+    return is_certified(query(view(), frames.a, body_, frames.b).status);
   }
-  bool ask(const Pose& pose, double margin_m, std::vector<NodeSpan> missing,
-           std::uint32_t max_splits, Portion portion) {
-    const auto next = request(pose, margin_m, std::move(missing), max_splits, portion);
-    if (!next) return false;
+  void ask(const Motion& motion, double horizon_s) {
+    CertificateRequest request;
+    request.horizon_s = static_cast<float>(horizon_s);
+    request.models = {{replica_.header().content, replica_.mesh().state_hash(), {}},
+                      {ball_.file->content_hash(), ball_.whole->state(), {}}};
+    request.pairs = {relative({}, motion)};
+    request.pairs[0].b = 1;
     ++cost.requests;
-    cost.request_bytes += static_cast<double>(request_bytes(*next));
-    for (const auto& bytes : serve_(*next)) {
+    cost.request_bytes += static_cast<double>(pack_certificate(request).size());
+    for (const auto& bytes : serve_(request)) {
       const std::uint32_t before = replica_.mesh().split_count();
       if (!replica_.take(bytes).status.is_ok()) std::abort();
       cost.splits += replica_.mesh().split_count() - before;
       cost.payload += static_cast<double>(bytes.size());
       ++cost.batches;
     }
-    return true;
   }
 
   Replica replica_;
+  const Ball& ball_;
   TreeView body_;
   Serve serve_;
 };
@@ -131,33 +168,31 @@ void measure_poses(const std::string& path, double radius_share) {
   ModelFile file = ModelFile::open(path).value();
   if (const Status status = file.require_all(); !status.is_ok()) std::exit(1);
   const double radius_m = radius_share * largest_side_m(file.header());
-  const TriangleTree body = body_tree(radius_m);
+  const Ball ball(radius_m);
+  const TreeView body = ball.view();
   std::vector<TouchingPlace> places;
   {
     const TriangleTree full = build_full_tree(file.header(), file.store()).value();
-    places = touching_poses(full.view(), body.view(), file.store(), radius_m, kPlaces);
+    places = touching_poses(full.view(), body, file.store(), radius_m, kPlaces);
   }
-  const Serve here = [&file](const RegionRequest& request) { return serve(file, request); };
-  Cost touching, ahead, least;
+  Cost touching, least;
   double rounds = 0;
   for (const auto& [pose, away] : places) {
-    Peer peer(file.header(), body.view(), here);
-    peer.certify(pose);
-    const auto add = [&](Cost& sum) {
-      sum.splits += peer.cost.splits;
-      sum.batches += peer.cost.batches;
-      sum.payload += peer.cost.payload;
-      sum.requests += peer.cost.requests;
-      sum.request_bytes += peer.cost.request_bytes;
-    };
-    add(touching);
-    static_cast<void>(peer.prefetch(pose, 0.5 * radius_m, kRequestSplits, Portion::kLargestNodes));
-    add(ahead);
+    Publisher publisher(file, ball);
+    Peer peer(file.header(), ball, [&publisher](const CertificateRequest& request) {
+      return publisher.answer(request);
+    });
+    peer.certify({.pose = pose}, 0);
+    touching.splits += peer.cost.splits;
+    touching.batches += peer.cost.batches;
+    touching.payload += peer.cost.payload;
+    touching.requests += peer.cost.requests;
+    touching.request_bytes += peer.cost.request_bytes;
     // What the query itself names, split by split: no answer takes less.
     LocalModel model(file.store(), file.header().grid);
-    const PosedPair frames = posed(model.grid, body.grid, pose);
+    const PosedPair frames = posed(model.grid, *body.grid, pose);
     while (true) {
-      const Answer answer = query(model.view(), frames.a, body.view(), frames.b);
+      const Answer answer = query(model.view(), frames.a, body, frames.b);
       ++rounds;
       if (is_certified(answer.status)) break;
       RefineDelta delta;
@@ -175,7 +210,6 @@ void measure_poses(const std::string& path, double radius_share) {
   print_means("touching", touching, kPlaces);
   print_means("touching_least", least, kPlaces);
   row("touching_least_rounds", rounds / kPlaces, "rounds");
-  print_means("lookahead", ahead, kPlaces);
 }
 
 // ---- flight -------------------------------------------------------------------------------------
@@ -214,18 +248,19 @@ bool get_all(int from, std::vector<T>& items) {
 void publish(int socket, const std::string& path, double radius_share) {
   ModelFile file = ModelFile::open(path).value();
   const double radius_m = radius_share * largest_side_m(file.header());
-  const TriangleTree body = body_tree(radius_m);
+  const Ball ball(radius_m);
+  const TreeView body = ball.view();
   const auto header = file.header_bytes();
   put_all(socket, std::vector<std::uint8_t>(header.begin(), header.end()));
   if (const Status status = file.require_all(); !status.is_ok()) std::exit(1);
-  put_all(socket, flight_poses(build_full_tree(file.header(), file.store()).value().view(),
-                               body.view(), file.store(), radius_m, kFrames));
-  for (RegionRequest request; get_all(socket, request.attach) && get_all(socket, request.region) &&
-                              get(socket, &request.max_splits, sizeof request.max_splits);) {
-    const Batches batches = serve(file, request);
+  put_all(socket, flight_poses(build_full_tree(file.header(), file.store()).value().view(), body,
+                               file.store(), radius_m, kFrames));
+  Publisher publisher(file, ball);
+  for (std::vector<std::uint8_t> bytes; get_all(socket, bytes);) {
+    const Batches batches = publisher.answer(unpack_certificate(bytes).value());
     const std::uint64_t count = batches.size();
     put(socket, &count, sizeof count);
-    for (const auto& bytes : batches) put_all(socket, bytes);
+    for (const auto& batch : batches) put_all(socket, batch);
   }
 }
 
@@ -235,13 +270,12 @@ void fly(int socket, double radius_share) {
   if (!get_all(socket, header_bytes)) std::exit(1);
   const SpmHeader header = decode_header(header_bytes).value();
   const double radius_m = radius_share * largest_side_m(header);
-  const TriangleTree body = body_tree(radius_m);
+  const Ball ball(radius_m);
+  const TreeView body = ball.view();
   if (!get_all(socket, poses)) std::exit(1);
   const double before = static_cast<double>(resident_memory_bytes());
-  Peer peer(header, body.view(), [socket](const RegionRequest& request) {
-    put_all(socket, request.attach);
-    put_all(socket, request.region);
-    put(socket, &request.max_splits, sizeof request.max_splits);
+  Peer peer(header, ball, [socket](const CertificateRequest& request) {
+    put_all(socket, pack_certificate(request));
     std::uint64_t count = 0;
     if (!get(socket, &count, sizeof count)) std::exit(1);
     Batches batches(count);
@@ -250,11 +284,14 @@ void fly(int socket, double radius_share) {
     return batches;
   });
   std::vector<double> frames;
-  for (const Pose& pose : poses) {
+  for (std::size_t i = 0; i < poses.size(); ++i) {
     const double start = peer.cost.wire();
-    peer.certify(pose);
-    if (peer.lacks(pose, 0.25 * radius_m))
-      static_cast<void>(peer.prefetch(pose, 0.5 * radius_m, kMaxAheadSplits, Portion::kWholeNodes));
+    Motion motion{.pose = poses[i]};
+    for (std::size_t axis = 0; axis < 3 && i > 0; ++axis)
+      motion.linear_velocity_mps[axis] =
+          (poses[i].translation_m[axis] - poses[i - 1].translation_m[axis]) / kFrame_s;
+    peer.certify(motion, kHorizon_s);
+    peer.look_ahead(motion);
     frames.push_back(peer.cost.wire() - start);
   }
   std::sort(frames.begin(), frames.end());

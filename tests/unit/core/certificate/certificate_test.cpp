@@ -108,11 +108,12 @@ TEST_P(Certificate, OneRoundTripCertifiesNowAndAhead) {
       const Answer answer =
           query(desk.a.view(), posed.value().a, desk.other().view(), posed.value().b);
       if (step == 0) {
-        EXPECT_EQ(desk.a.mesh().state_hash(), desk.mirrors.find(kPeer, desk.file_a, desk.a.mesh().state_hash(), {}).value()->state());
+        EXPECT_EQ(
+            desk.a.mesh().state_hash(),
+            desk.mirrors.find(kPeer, desk.file_a, desk.a.mesh().state_hash(), {}).value()->state());
         EXPECT_TRUE(is_certified(answer.status))
-            << "pose " << i << ", " << to_string(answer.status) << ", missing " << answer.missing_a.size() << " "
-            << answer.missing_b.size() ;
-
+            << "pose " << i << ", " << to_string(answer.status) << ", missing "
+            << answer.missing_a.size() << " " << answer.missing_b.size();
       }
       const Answer full = query(full_a.tree.view(), posed.value().a, full_b.tree.view(),
                                 posed.value().b, {.clearance = false});

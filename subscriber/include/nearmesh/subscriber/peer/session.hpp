@@ -110,7 +110,8 @@ struct SessionStats {
   std::uint64_t batches = 0, batch_bytes = 0;  ///< payload of split batches
   std::uint64_t header_bytes = 0;
   std::uint64_t requests = 0;
-  std::uint64_t looks_ahead = 0;  ///< at the way of a body against another, to see what detail they may meet
+  std::uint64_t looks_ahead =
+      0;  ///< at the way of a body against another, to see what detail they may meet
   std::uint64_t sequence_gaps = 0;  ///< batches that never came
   std::uint64_t audits = 0,
                 audit_bytes = 0;      ///< blocks that were proved and compared; answers to audits
