@@ -152,7 +152,7 @@ CertificateMaker::Part CertificateMaker::encode(std::size_t model) {
   std::sort(treelet.begin(), treelet.end(),
             [](const TreeletSplit& x, const TreeletSplit& y) { return x.node < y.node; });
   splits.clear();
-  Part part{request_.models[model].content, {}};
+  Part part{model, request_.models[model].content, {}};
   if (!treelet.empty())
     part.batches = encode_batches(mirror.file().header(), store, treelet, BoxPolicy::kCutNodes);
   return part;

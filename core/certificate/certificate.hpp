@@ -30,7 +30,8 @@ class CertificateMaker {
   CertificateMaker(CertificateRequest request, std::vector<std::shared_ptr<Mirror>> mirrors);
 
   struct Part {
-    ContentHash content;  ///< which the batches are of
+    std::size_t model = 0;  ///< of the request's, which the batches are of; its content:
+    ContentHash content;
     std::vector<std::vector<std::uint8_t>> batches;
   };
   /// One round of a query, or the batches of one model; perhaps none yet. Errors: those of reading the files, and of the

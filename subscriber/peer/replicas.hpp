@@ -37,7 +37,10 @@ struct PeerModel {
   std::set<wire::SessionId> damaged;  // publishers whose batches were, as was said
   /// The session's time when the last look ahead found no region to ask for.
   double looked_ahead_s = -std::numeric_limits<double>::infinity();
-  bool tells_held = false;  // a publisher does not know our state
+  /// The publisher that was told last where bodies of this model are: it knows what is held, unless something came or went since
+  /// that it did not choose. Then it is told with the next request, if that is not too much.
+  wire::SessionId told = 0;
+  bool tells_held = false, is_too_much_to_tell = false;
 
   struct Audit {
     std::uint32_t request = 0;  // 0: none is open

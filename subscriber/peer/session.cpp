@@ -193,6 +193,8 @@ wire::PoseStamp Session::Impl::stamp_of(const Body& body) const {
 
 void Session::Impl::give_up(PeerModel& model, FrameReport& report) {
   const Replica::Times times = model.replica->give_up(kept_of(model, report));
+  model.tells_held = true;
+  model.is_too_much_to_tell = false;
   report.refine_s += times.refine_s;
   report.tree_s += times.tree_s;
 }

@@ -16,6 +16,8 @@ namespace {
 
 /// So many answers in a row may bring nothing to a pair before it names what it lacks itself.
 constexpr int kMaxFruitless = 2;
+/// Who holds so much that it takes more bytes to tell names what it lacks itself: that takes some kilobytes.
+constexpr std::size_t kMaxToldBytes = 64 * 1024;
 
 /// Of both models of a pair that are ready.
 template <class Pair>
@@ -70,8 +72,8 @@ void Session::Impl::ask_certificates(const FrameReport& report) {
     if (pair.asked.fruitless > 0 && a.is_ready() && b.is_ready() &&
         states_of(pair) != pair.asked.states)
       pair.asked = {};
-    pair.by_region =
-        publisher == nullptr || publisher->wants_regions || pair.asked.fruitless >= kMaxFruitless;
+    pair.by_region = publisher == nullptr || publisher->wants_regions || a.is_too_much_to_tell ||
+                     b.is_too_much_to_tell || pair.asked.fruitless >= kMaxFruitless;
     if (pair.by_region || !report.answers[i].reason.empty()) continue;
     if (!a.waiting.empty() || !b.waiting.empty()) continue;
     if (has_open(publisher->hello.publisher, pair)) continue;
@@ -114,11 +116,22 @@ void Session::Impl::request_certificate(const Publisher& publisher, std::span<Pa
     said.solid_a = pair->a->solid;
     said.solid_b = pair->b->solid;
   }
+  const wire::SessionId id = publisher.hello.publisher;
+  bool is_too_much = false, has_told_held = true;
   for (PeerModel* model : models) {
     CertificateRequest::Model& said = certificate.models.emplace_back();
     said.content = model->content_hash;
     said.state = model->replica->mesh().state_hash();
-    if (std::exchange(model->tells_held, false)) said.held = held_nodes(*model->replica).bits;
+    const bool is_new = model->told != id && model->replica->mesh().split_count() > 0;
+    if (model->tells_held || is_new) said.held = held_nodes(*model->replica).bits;
+    model->is_too_much_to_tell = said.held.size() > kMaxToldBytes;
+    is_too_much |= model->is_too_much_to_tell;
+    has_told_held &= !said.held.empty();
+  }
+  if (is_too_much) return;  // by region, from the next update on
+  for (PeerModel* model : models) {
+    model->told = id;
+    model->tells_held = false;
   }
   const std::size_t count = certificate.pairs.size();
   send_request(publisher, priority, {.certificate = std::move(certificate)});
@@ -128,8 +141,9 @@ void Session::Impl::request_certificate(const Publisher& publisher, std::span<Pa
                                         .priority = priority,
                                         .heard_s = clock.seconds(),
                                         .patience_s = patience_s,
-                                        .publisher = publisher.hello.publisher,
-                                        .is_certificate = true};
+                                        .publisher = id,
+                                        .is_certificate = true,
+                                        .has_told_held = has_told_held};
   for (Pair* pair : asked.first(count)) {
     const Pair::Asked last = pair->asked;
     pair->asked = {.request = last_request, .states = states_of(*pair)};

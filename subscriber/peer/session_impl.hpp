@@ -45,6 +45,7 @@ struct Outstanding {
   double patience_s = 0;  // silence after which it counts as lost; doubles with each loss in a row
   wire::SessionId publisher = 0;  // that was asked
   bool is_certificate = false;    // bodies were told, no region
+  bool has_told_held = false;     // and what is held of all models
   bool is_counted = false;        // as lost
 };
 

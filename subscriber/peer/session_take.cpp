@@ -5,6 +5,7 @@
 
 #include "content_choice.hpp"
 #include "core/base/hash.hpp"
+#include "nearmesh/core/spm/detail/codec.hpp"
 #include "session_impl.hpp"
 
 namespace nearmesh::subscriber {
@@ -158,10 +159,15 @@ void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& r
                                 ": " + std::string(message.bytes.begin(), message.bytes.end()));
     return;
   }
-  for (auto& [content, open] : outstanding)
-    if (open.request == message.request) open.heard_s = clock.seconds();
+  bool is_chosen = false;
+  for (auto& [content, open] : outstanding) {
+    if (open.request != message.request) continue;
+    open.heard_s = clock.seconds();
+    is_chosen = open.is_certificate;
+  }
   if (message.last) close_request(message.request);
   if (model == nullptr || message.bytes.empty()) return;
+  model->tells_held |= !is_chosen && !is_audit_piece(message.bytes);
   if (model->waiting.size() < kMaxWaitingBatches) {
     model->waiting.push_back({message.publisher, std::move(message.bytes)});
   } else if (!std::exchange(is_dropping, true)) {
@@ -189,7 +195,8 @@ void Session::Impl::take_redirection(const wire::SplitBatchMessage& message) {
     // Who has forgotten one state has forgotten them all.
     if (PeerModel* model = replicas.find(at->first); model != nullptr && message.wants_held)
       model->tells_held = true;
-    if (publisher != publishers.end() && message.wants_regions)
+    if (publisher != publishers.end() &&
+        (message.wants_regions || (message.wants_held && at->second.has_told_held)))
       publisher->second.wants_regions = true;
     at = outstanding.erase(at);
   }

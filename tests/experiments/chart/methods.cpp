@@ -8,16 +8,18 @@
 #include <map>
 
 #include "core/base/stopwatch.hpp"
+#include "core/certificate/certificate.hpp"
 #include "core/program/grid_cells.hpp"
 #include "core/refine/refined_mesh.hpp"
+#include "core/spm/packed_certificate.hpp"
 #include "hoppe.hpp"
 #include "nearmesh/core/abtree/detail/ab_tree.hpp"
-#include "tests/experiments/perf/peer.hpp"
+#include "tests/experiments/perf/served.hpp"
 
 namespace nearmesh::chart {
 namespace {
 
-using perf::Batches;
+using Batches = std::vector<std::vector<std::uint8_t>>;
 
 std::uint64_t framed_batch(const std::vector<std::uint8_t>& batch) {
   return batch.size() + kBatchFramingBytes;
@@ -328,56 +330,23 @@ class Grid3 : public Stream {
 
 // ---- certified ----------------------------------------------------------------------------------
 
-// The splits of `demand`, each with the rest of its block: splits of nodes between block^k and block^(k + 1) vertices below
-// one maximal such node. What the peer has already is left out.
-Treelet whole_blocks(const SplitStore& store, const Treelet& demand, std::uint32_t block,
-                     const SplitStore& peer) {
-  const auto level = [block](std::uint32_t size) {
-    int at = 0;
-    for (std::uint64_t reach = block; reach < size; reach *= block) ++at;
-    return at;
-  };
-  std::set<NodeSpan> nodes;
-  for (const TreeletSplit& wanted : demand) {
-    NodeSpan root = wanted.node;
-    for (NodeSpan up = store.parent_of(root); up.size > 0 && level(up.size) == level(root.size);
-         up = store.parent_of(up))
-      root = up;
-    if (nodes.contains(root)) continue;
-    std::vector<NodeSpan> stack{root};
-    while (!stack.empty()) {
-      const NodeSpan node = stack.back();
-      stack.pop_back();
-      nodes.insert(node);
-      const VertexId u = store.split_of(node);
-      for (const NodeSpan& child : {node.left_of(u), node.right_of(u)})
-        if (child.size > 1 && level(child.size) == level(root.size)) stack.push_back(child);
-    }
-  }
-  Treelet treelet;
-  const auto included = [&](NodeSpan node) { return nodes.contains(node); };
-  for (const NodeSpan& node : nodes) {
-    const VertexId u = store.split_of(node);
-    if (!peer.is_known(u))
-      treelet.push_back({node, u, included(node.left_of(u)), included(node.right_of(u))});
-  }
-  return treelet;
-}
-
-// As a peer's Session asks: the region that the other body covers, then what the answer names. `block` 0: node by node.
+// As a peer's Session asks: it says where the bodies are, and the publisher chooses. `kLeast`: nothing but the splits that the
+// answer names, round after round.
 class Certified : public Stream {
  public:
-  /// As block: nothing but the splits that the answer names, round after round. No answer takes fewer splits.
-  static constexpr std::uint32_t kLeast = 0xffffffffU;
+  enum class Choice : std::uint8_t { kPublisher, kLeast };
 
-  explicit Certified(const Scene& scene, std::uint32_t block = 0) : Stream(scene), block_(block) {}
+  Certified(const Scene& scene, Choice choice)
+      : Stream(scene), choice_(choice), served_{perf::Served(scene.a.baked), perf::Served(scene.b.baked)} {}
 
   void start() override {
     for (auto& tree : trees_) tree.reset();
     Stream::start();
     answer_ = {};
-    for (std::size_t i = 0; i < 2; ++i)
+    for (std::size_t i = 0; i < 2; ++i) {
+      mirrors_[i] = bodies_[i].streamed() ? served_[i].fresh() : served_[i].whole();
       if (bodies_[i].streamed()) trees_[i].emplace(bodies_[i].replica().mesh());
+    }
   }
 
  protected:
@@ -392,31 +361,7 @@ class Certified : public Stream {
       state_.finished = true;
       return false;
     }
-    bool asked = false;
-    for (std::size_t i = 0; i < 2; ++i) {
-      if (!bodies_[i].streamed()) continue;
-      const Stopwatch watch;
-      if (block_ == kLeast) {
-        asked = ask_least(i) || asked;
-        continue;
-      }
-      std::vector<NodeSpan> missing = i == 0 ? answer_.missing_a : answer_.missing_b;
-      missing.resize(std::min(missing.size(), kMaxAttachNodes));
-      const auto request =
-          perf::next_request(bodies_[i].replica().store(), view(i), i == 0 ? poses.a : poses.b,
-                             view(1 - i), i == 0 ? poses.b : poses.a, 0, std::move(missing),
-                             kRequestSplits, Portion::kLargestNodes);
-      state_.query_s += watch.seconds();
-      if (!request) continue;
-      asked = true;
-      state_.request_bytes += perf::request_bytes(*request);
-      const SplitStore& store = bodies_[i].model().baked.store;
-      Treelet treelet =
-          perf::demand_of(store, *request, [](NodeSpan) { return Status::ok(); }).treelet;
-      if (block_ > 0) treelet = whole_blocks(store, treelet, block_, bodies_[i].replica().store());
-      queue(i,
-            encode_batches(bodies_[i].model().baked.header, store, treelet, BoxPolicy::kCutNodes));
-    }
+    const bool asked = choice_ == Choice::kLeast ? ask_least() : ask_certificate(poses);
     if (asked) ++state_.requests;
     return asked;
   }
@@ -437,15 +382,32 @@ class Certified : public Stream {
   }
 
  private:
-  bool ask_least(std::size_t i) {
-    const std::vector<NodeSpan>& missing = i == 0 ? answer_.missing_a : answer_.missing_b;
-    const BakedModel& model = bodies_[i].model().baked;
-    Treelet treelet;
-    for (const NodeSpan& node : missing)
-      treelet.push_back({node, model.store.split_of(node), false, false});
-    state_.request_bytes += 8 * missing.size();
-    queue(i, encode_batches(model.header, model.store, treelet, BoxPolicy::kCutNodes));
-    return !missing.empty();
+  bool ask_certificate(const perf::PosePair& poses) {
+    CertificateRequest request;
+    for (const auto& mirror : mirrors_)
+      request.models.push_back({mirror->file().content_hash(), mirror->state(), {}});
+    request.pairs = {relative({.pose = poses.a}, {.pose = poses.b})};
+    request.pairs[0].b = 1;
+    state_.request_bytes += pack_certificate(request).size();
+    CertificateMaker maker(std::move(request), {mirrors_[0], mirrors_[1]});
+    while (!maker.is_done()) {
+      CertificateMaker::Part part = maker.next().value();
+      queue(part.model, std::move(part.batches));
+    }
+    return !has_all();
+  }
+  bool ask_least() {
+    for (std::size_t i = 0; i < 2; ++i) {
+      if (!bodies_[i].streamed()) continue;
+      const std::vector<NodeSpan>& missing = i == 0 ? answer_.missing_a : answer_.missing_b;
+      const BakedModel& model = bodies_[i].model().baked;
+      Treelet treelet;
+      for (const NodeSpan& node : missing)
+        treelet.push_back({node, model.store.split_of(node), false, false});
+      state_.request_bytes += 8 * missing.size();
+      queue(i, encode_batches(model.header, model.store, treelet, BoxPolicy::kCutNodes));
+    }
+    return !has_all();
   }
   [[nodiscard]] TreeView view(std::size_t i) const {
     return trees_[i] ? trees_[i]->view(bodies_[i].model().baked.header.grid)
@@ -459,7 +421,9 @@ class Certified : public Stream {
     state_.query_s += watch.seconds();
   }
 
-  std::uint32_t block_;
+  Choice choice_;
+  std::array<perf::Served, 2> served_;
+  std::array<std::shared_ptr<Mirror>, 2> mirrors_;
   std::array<std::optional<AbTree>, 2> trees_;
   Answer answer_;
   std::uint64_t exact_ = 0;  // version of answer_
@@ -494,15 +458,13 @@ const std::vector<MethodInfo>& methods() {
       {"grid32", "none",
        [](const Scene& s) -> Made { return std::make_unique<Grid3>(s, 32, Closure::kAncestors); }},
       {"certified", "client",
-       [](const Scene& s) -> Made { return std::make_unique<Certified>(s); }},
+       [](const Scene& s) -> Made {
+         return std::make_unique<Certified>(s, Certified::Choice::kPublisher);
+       }},
       {"certified-least", "client",
-       [](const Scene& s) -> Made { return std::make_unique<Certified>(s, Certified::kLeast); }},
-      {"blocks-32", "client",
-       [](const Scene& s) -> Made { return std::make_unique<Certified>(s, 32); }},
-      {"blocks-64", "client",
-       [](const Scene& s) -> Made { return std::make_unique<Certified>(s, 64); }},
-      {"blocks-128", "client",
-       [](const Scene& s) -> Made { return std::make_unique<Certified>(s, 128); }},
+       [](const Scene& s) -> Made {
+         return std::make_unique<Certified>(s, Certified::Choice::kLeast);
+       }},
       {"clusters-checked", "client", make_checked_rival},
       {"triangles-trusted", "server", make_trusted_rival},
   };

@@ -24,11 +24,8 @@
 #include "core/query/lacking_ahead.hpp"
 #include "core/replica/replica.hpp"
 #include "core/spm/packed_certificate.hpp"
-#include "nearmesh/core/bake/bake.hpp"
 #include "nearmesh/core/query/certify.hpp"
-#include "nearmesh/core/spm/model_file.hpp"
-#include "nearmesh/core/spm/write_model_file.hpp"
-#include "test_models.hpp"
+#include "served.hpp"
 #include "touching.hpp"
 
 using namespace nearmesh;
@@ -50,25 +47,16 @@ void row(const std::string& metric, double value, const char* unit) {
 using Batches = std::vector<std::vector<std::uint8_t>>;
 using Serve = std::function<Batches(const CertificateRequest&)>;
 
-/// The body as a model, of which both sides hold all.
+/// The body, of which both sides hold all.
 struct Ball {
-  explicit Ball(double radius_m) {
+  explicit Ball(double radius_m) : served(bake_ball(radius_m)), whole(served.whole()) {}
+  static BakedModel bake_ball(double radius_m) {
     const CleanResult clean = clean_mesh(make_ball(radius_m)).value();
-    const BakedModel baked = bake(clean.mesh, clean.report.rounding_error_m, {}).value();
-    static_cast<void>(
-        write_model_file(baked.header, baked.store, baked.numbers, path.path()).value());
-    file.emplace(ModelFile::open(path.path()).value());
-    if (!file->require_all().is_ok()) std::exit(1);
-    whole = std::make_shared<Mirror>(*file);
-    std::vector<NodeSpan> nodes;
-    for (std::uint32_t v = 0; v < file->store().vertex_count(); ++v)
-      if (!file->store().is_root({v})) nodes.push_back(file->store().node_of({v}));
-    static_cast<void>(whole->split(nodes).value());
+    return bake(clean.mesh, clean.report.rounding_error_m, {}).value();
   }
   [[nodiscard]] TreeView view() const { return whole->model().view(); }
 
-  test::TempFile path{".spm"};
-  std::optional<ModelFile> file;
+  Served served;
   std::shared_ptr<Mirror> whole;
 };
 
@@ -132,7 +120,7 @@ class Peer {
     CertificateRequest request;
     request.horizon_s = static_cast<float>(horizon_s);
     request.models = {{replica_.header().content, replica_.mesh().state_hash(), {}},
-                      {ball_.file->content_hash(), ball_.whole->state(), {}}};
+                      {ball_.served.file().content_hash(), ball_.whole->state(), {}}};
     request.pairs = {relative({}, motion)};
     request.pairs[0].b = 1;
     ++cost.requests;
@@ -271,7 +259,6 @@ void fly(int socket, double radius_share) {
   const SpmHeader header = decode_header(header_bytes).value();
   const double radius_m = radius_share * largest_side_m(header);
   const Ball ball(radius_m);
-  const TreeView body = ball.view();
   if (!get_all(socket, poses)) std::exit(1);
   const double before = static_cast<double>(resident_memory_bytes());
   Peer peer(header, ball, [socket](const CertificateRequest& request) {
