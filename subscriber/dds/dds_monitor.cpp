@@ -147,13 +147,23 @@ class DdsMonitor::Impl {
         });
     const bool more_requests = request_reader_.drain(
         kMaxHeard, [&](wire::RegionSubscription&& asked, const Handle& writer, Microseconds) {
-          const std::pair key(asked.peer, asked.content_hash);
-          if (asked.request == 0 || (requests_.size() >= kMaxRegions && !requests_.contains(key)))
-            return;
-          requests_[key] = {{asked.peer, asked.content_hash, asked.priority,
-                             static_cast<std::uint32_t>(asked.region.attach.size())},
-                            writer,
-                            now_s};
+          if (asked.request == 0) return;
+          const auto note = [&](const ContentHash& content, std::size_t nodes, std::size_t pairs) {
+            const std::pair key(asked.peer, content);
+            if (requests_.size() < kMaxRegions || requests_.contains(key))
+              requests_[key] = {
+                  {asked.peer, content, asked.priority, static_cast<std::uint32_t>(nodes),
+                   static_cast<std::uint32_t>(pairs)},
+                  writer,
+                  now_s};
+          };
+          if (!asked.certificate) return note(asked.content_hash, asked.region.attach.size(), 0);
+          const CertificateRequest& told = *asked.certificate;
+          for (std::size_t i = 0; i < told.models.size(); ++i)
+            note(told.models[i].content, 0,
+                 static_cast<std::size_t>(
+                     std::count_if(told.pairs.begin(), told.pairs.end(),
+                                   [&](const auto& pair) { return pair.a == i || pair.b == i; })));
         });
     for (const auto& event : report_reader_.take_matches())
       if (event.gone)

@@ -24,7 +24,8 @@ struct RequestView {
   wire::SessionId peer = 0;
   ContentHash content_hash;
   std::uint8_t priority = 0;  ///< 0 needed now, else ahead
-  std::uint32_t nodes = 0;    ///< that it lacked
+  std::uint32_t nodes = 0;    ///< that it named, or
+  std::uint32_t pairs = 0;    ///< of bodies of this model, for which the publisher is to choose
   double age_s = 0;
 };
 

@@ -144,9 +144,10 @@ void print_regions(const BusView& view, const wire::ProcessStatus& peer) {
     if (request.peer == peer.session)
       for (const auto& model : peer.models)
         if (model.content_hash == request.content_hash)
-          std::printf("    last asked for %u nodes of model %s, %s, %.1f s ago\n", request.nodes,
-                      model.name.c_str(), request.priority == 0 ? "needed now" : "ahead",
-                      request.age_s);
+          std::printf("    last asked for %u %s of model %s, %s, %.1f s ago\n",
+                      request.pairs > 0 ? request.pairs : request.nodes,
+                      request.pairs > 0 ? "pairs" : "nodes", model.name.c_str(),
+                      request.priority == 0 ? "needed now" : "ahead", request.age_s);
 }
 
 /// Publishers of whom only their announcement was heard.
@@ -220,6 +221,7 @@ void add_regions(nlohmann::ordered_json& entry, const BusView& view, wire::Sessi
     if (request.peer == peer)
       entry["last_requests"].push_back({{"content_hash", to_hex(request.content_hash)},
                                         {"nodes", request.nodes},
+                                        {"pairs", request.pairs},
                                         {"needed_now", request.priority == 0},
                                         {"age_s", request.age_s}});
 }

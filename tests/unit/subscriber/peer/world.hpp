@@ -32,12 +32,16 @@ class World {
   /// `replaces`: the content whose place its ground takes.
   void start_publisher(wire::SessionId id = kPublisher, const ServedModel& ground = terrain(),
                        ContentHash replaces = {}) {
-    Server& server = servers_[id];
-    server.channel = bus.make_publisher(id);
-    server.service = std::make_unique<publisher::Service>(*server.channel, id);
-    EXPECT_TRUE(server.service->add_model("terrain", ground.open(), replaces).is_ok());
-    EXPECT_TRUE(server.service->add_model("aircraft", aircraft().open()).is_ok());
-    server.service->announce();
+    publisher::Service& service = make_service(id);
+    EXPECT_TRUE(service.add_model("terrain", ground.open(), replaces).is_ok());
+    EXPECT_TRUE(service.add_model("aircraft", aircraft().open()).is_ok());
+    service.announce();
+  }
+  /// One that serves nothing else.
+  void start_publisher_of(const std::string& name, const ServedModel& model, wire::SessionId id) {
+    publisher::Service& service = make_service(id);
+    EXPECT_TRUE(service.add_model(name, model.open()).is_ok());
+    service.announce();
   }
   void stop_publisher(wire::SessionId id = kPublisher) { servers_.erase(id); }
   publisher::Service& service(wire::SessionId id = kPublisher) { return *servers_.at(id).service; }
@@ -123,6 +127,13 @@ class World {
     std::unique_ptr<publisher::Channel> channel;
     std::unique_ptr<publisher::Service> service;
   };
+  publisher::Service& make_service(wire::SessionId id) {
+    Server& server = servers_[id];
+    server.channel = bus.make_publisher(id);
+    server.service = std::make_unique<publisher::Service>(*server.channel, id);
+    return *server.service;
+  }
+
   std::map<wire::SessionId, Server> servers_;
   std::uint64_t steps_ = 0;
   double begin_s_ = 0;  ///< of frame 0, by the exercise's clock
