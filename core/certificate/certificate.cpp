@@ -120,6 +120,7 @@ Status CertificateMaker::round() {
   const auto lacking = lacking_ahead(a, {}, "a", b, motion, "b",
                                      step_ == Step::kNow ? 0 : request_.horizon_s, margin_m);
   NEARMESH_RETURN_IF_ERROR(lacking);
+  tests_ += lacking.value().tests;
   if (!lacking.value().is_nothing()) return split(pair, lacking.value().a, lacking.value().b);
   if (step_ == Step::kNow && (pair.solid_a || pair.solid_b)) {
     const Result<PosedPair> posed = pose_pair(*a.grid, {}, "a", *b.grid, motion.pose, "b");
@@ -167,7 +168,7 @@ Result<CertificateMaker::Part> CertificateMaker::next() {
     }
     return part;
   }
-  const bool is_full = split_count_ >= kMaxSplits;
+  const bool is_full = split_count_ >= kMaxSplits || tests_ >= kMaxTests;
   if (at_ < request_.pairs.size() && !is_full) {
     NEARMESH_RETURN_IF_ERROR(round());
     return Part{};

@@ -23,8 +23,9 @@ namespace nearmesh {
 /// Makes the batches, a little at a time, so that who serves many is never held up by one. Threads: one at a time.
 class CertificateMaker {
  public:
-  /// So many splits at most are sent for one request; the peer asks on.
+  /// So many splits at most are sent for one request, and so many tests made, some tenths of a second; the peer asks on.
   static constexpr std::size_t kMaxSplits = 16'384;
+  static constexpr std::uint64_t kMaxTests = 10'000'000;
 
   /// `mirrors`: of the request's models, in their order. In: a request that check_request() accepted.
   CertificateMaker(CertificateRequest request, std::vector<std::shared_ptr<Mirror>> mirrors);
@@ -50,6 +51,7 @@ class CertificateMaker {
   std::vector<std::shared_ptr<Mirror>> mirrors_;
   std::vector<std::vector<VertexId>> splits_;  // by model: to be sent
   std::size_t split_count_ = 0;
+  std::uint64_t tests_ = 0;
   Step step_ = Step::kNow, after_ = Step::kAhead;  // what follows when all that is due was sent
   std::size_t at_ = 0;                             // the pair, or the model that is sent
 };

@@ -13,6 +13,7 @@ namespace nearmesh {
 /// Unresolved nodes, ascending. None: every query ahead is certified, as far as surfaces go.
 struct Lacking {
   std::vector<NodeSpan> a, b;
+  std::uint64_t tests = 0;  ///< that it took
 
   [[nodiscard]] bool is_nothing() const { return a.empty() && b.empty(); }
 };

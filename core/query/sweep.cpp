@@ -85,7 +85,8 @@ class SweptQuery {
     seeks_contact_ = false;
     advance(0, 0, {{a_.tree.root(), b_.tree.root()}});
     finish();
-    return {std::move(answer_.missing_a), std::move(answer_.missing_b)};
+    return {std::move(answer_.missing_a), std::move(answer_.missing_b),
+            answer_.stats.box_tests + answer_.stats.triangle_tests};
   }
 
  private:
