@@ -168,6 +168,8 @@ int main(int argc, char** argv) {
   write_sample<TypeOf<MeshHeader>>("mesh_header", 1, wire::test::valid_header());
   write_sample<TypeOf<RegionSubscription>>("region_subscription", 2,
                                            wire::test::valid_subscription());
+  write_sample<TypeOf<RegionSubscription>>("certificate_subscription", 2,
+                                           wire::test::valid_certificate_subscription());
   write_sample<TypeOf<SplitBatchMessage>>("split_batch", 3, wire::test::valid_batch());
   write_sample<TypeOf<BodyPose>>("body_pose", 4, wire::test::valid_pose());
   write_sample<TypeOf<ContactReport>>("contact_report", 5, wire::test::valid_report());

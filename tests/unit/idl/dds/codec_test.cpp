@@ -45,7 +45,7 @@ TEST(Decode, RefusesSubscriptionWithPartialRecords) {
 
 TEST(Decode, RefusesBatchWithUnknownFlags) {
   using S = wire_types::SplitBatchSample;
-  expect_refused<S>(valid_batch(), "flags", [](S& s) { s.flags(4); });
+  expect_refused<S>(valid_batch(), "flags", [](S& s) { s.flags(16); });
 }
 
 TEST(Decode, RefusesStatusWhoseListsDiffer) {
@@ -54,7 +54,7 @@ TEST(Decode, RefusesStatusWhoseListsDiffer) {
   expect_refused<S>(valid_status(), "models", [](S& s) { s.held_splits().push_back(1); });
   expect_refused<S>(valid_status(), "models", [](S& s) { s.splits().clear(); });
   expect_refused<S>(valid_status(), "names", [](S& s) { s.names().pop_back(); });
-  expect_refused<S>(valid_status(), "flags", [](S& s) { s.flags(4); });
+  expect_refused<S>(valid_status(), "flags", [](S& s) { s.flags(16); });
   expect_refused<S>(valid_status(), "complaints: more",
                     [](S& s) { s.complaints().assign(17, '\n'); });
   expect_refused<S>(valid_status(), "complaints: fewer",

@@ -46,6 +46,19 @@ inline RegionSubscription valid_subscription() {
   return message;
 }
 
+inline RegionSubscription valid_certificate_subscription() {
+  RegionSubscription message;
+  message.peer = 42;
+  message.request = 8;
+  message.publisher = 8;
+  CertificateRequest& told = message.certificate.emplace();
+  told.horizon_s = 0.5F;
+  told.margin_m = 0.25F;
+  told.models = {{{1, 11}, 77, {}}, {{2, 12}, 78, {}}};
+  told.pairs = {{.a = 0, .b = 1, .solid_b = true, .translation_m = {1, 2, 3}}};
+  return message;
+}
+
 inline SplitBatchMessage valid_batch() {
   SplitBatchMessage message;
   message.publisher = 8;

@@ -108,7 +108,7 @@ class MemoryOutlet final : public publisher::ReplayOutlet {
   publisher::Inbox take() override { return end_->take(); }
   bool send(wire::SessionId peer, const wire::SplitBatchMessage& batch) override {
     answers.push_back(batch);
-    if (batch.refused) refused_bytes += batch.bytes.size();
+    if (batch.refused && !batch.wants_regions) refused_bytes += batch.bytes.size();
     return end_->send(peer, batch);
   }
   void wait(double) override {}
