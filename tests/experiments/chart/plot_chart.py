@@ -31,9 +31,6 @@ STYLES = {  # method: name in legends, colour, line
     "global": ("global refinement", "#6b6b6b", "--"),
     "static-full": ("whole mesh", "#000000", ":"),
     "certified-least": ("certified, split by split, many round trips", "#0b6e4f", ":"),
-    "blocks-32": ("whole blocks, 32", "#4caf86", "--"),
-    "blocks-64": ("whole blocks, 64", "#7cc9a8", "-."),
-    "blocks-128": ("whole blocks, 128", "#a9dfc7", ":"),
     "static": ("static levels (five sizes)", "#000000", "o"),
     "libraries": ("FCL, Bullet, Embree, CGAL: whole mesh", "#8e44ad", "s"),
 }
@@ -233,7 +230,7 @@ def quantile(values, q):
 def frame_times(run, scenes, name):
     parts = (("t_r_us", "T_R refinement", "#264aa8"), ("t_b_us", "T_B tree", "#f08a24"), ("t_q_us", "T_Q query", "#0b6e4f"),
              ("t_l_us", "T_L loading", "#9b59b6"))
-    methods = ["certified", "blocks-64", "clusters-checked", "triangles-trusted", "grid8-hoppe", "grid16", "global",
+    methods = ["certified", "clusters-checked", "triangles-trusted", "grid8-hoppe", "grid16", "global",
                "static-1/16", "static-full", "fcl-obb", "embree-collide"]
     figure, panels = plt.subplots(1, len(scenes), figsize=(5.2 * len(scenes), 5), squeeze=False)
     for axes, scene in zip(panels[0], scenes):
@@ -259,7 +256,7 @@ def frame_times(run, scenes, name):
 
 
 def overhead(run, scenes, name):
-    methods = ["certified", "blocks-64", "clusters-checked", "triangles-trusted", "grid8-hoppe", "grid32", "static-full"]
+    methods = ["certified", "clusters-checked", "triangles-trusted", "grid8-hoppe", "grid32", "static-full"]
     figure, panels = plt.subplots(1, 2, figsize=(14, 4.8))
     for axes, (what, text) in zip(panels, (("faces_held", "faces held / faces needed (median)"),
                                            ("tree_bytes", "bytes of the tree in memory (median)"))):
@@ -328,7 +325,7 @@ def certification_table(run):
         base = run.last(scene, "certified")[0]["header_bytes"]
         checked = mean("clusters-checked")
         row = [scene, number(base), number(mean("certified") - base)]
-        row += [number(mean(m) - base) if run.has(scene, m) else "-" for m in ("certified-least", "blocks-32", "blocks-64", "blocks-128")]
+        row += [number(mean(m) - base) if run.has(scene, m) else "-" for m in ("certified-least",)]
         row += [number(checked), number(mean("triangles-trusted")) if run.has(scene, "triangles-trusted") else "-",
                 f"{(mean('certified') - base) / checked:.2f}", f"{mean('certified') / checked:.2f}"]
         if run.has(scene, "triangles-trusted"):
@@ -336,7 +333,7 @@ def certification_table(run):
         else:
             row.append("-")
         rows.append(row)
-    return table(["scene", "base meshes", "certified", "split by split", "blocks 32", "blocks 64", "blocks 128", "rival, checked",
+    return table(["scene", "base meshes", "certified", "split by split", "rival, checked",
                   "rival, trusted", "certified / checked", "the same with base", "certified / trusted"], rows)
 
 
@@ -374,7 +371,7 @@ def budget_table(run):
 
 
 def overhead_table(run):
-    methods = ["certified", "blocks-64", "clusters-checked", "triangles-trusted", "grid8-hoppe", "grid8", "grid16", "grid32", "static-full"]
+    methods = ["certified", "clusters-checked", "triangles-trusted", "grid8-hoppe", "grid8", "grid16", "grid32", "static-full"]
     rows = []
     for scene in run.scenes:
         if scene.startswith("growth") or not any(r["truth"] for r in run.last(scene, "certified")):
@@ -446,7 +443,7 @@ def main(folder, docs=None):
         accuracy_bytes(run, few, MAIN, "accuracy_bytes")
         if rest := there(["needle-in-plain", "conforming", "paper-sphere"]):
             accuracy_bytes(run, rest, MAIN, "accuracy_bytes_more")
-        accuracy_bytes(run, few[:3], ["certified", "certified-least", "blocks-32", "blocks-64", "blocks-128", "grid8", "grid16",
+        accuracy_bytes(run, few[:3], ["certified", "certified-least", "grid8", "grid16",
                                       "grid32"], "variants_bytes")
         accuracy_time(run, pose_scenes[0], "accuracy_time")
         contacts(run, there(["terrain-grazing", "two-scans", "paper-bunny", "paper-sphere"])[:3], "contacts")
