@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "core/command/outcome.hpp"
 #include "idl/program/stop.hpp"
 #include "idl/security/security.hpp"
 #include "nearmesh/core/base/status.hpp"
@@ -22,7 +23,7 @@ struct ServeOptions {
   std::string metrics;
   std::vector<std::string> log{"info"};
 };
-Status run(const ServeOptions& options, int& exit_code);
+Outcome run(const ServeOptions& options);
 
 struct ReplayOptions {
   std::string path;

@@ -32,7 +32,7 @@ void add_settings(wire::program::Settings& settings, ServeOptions& options) {
   wire::program::add_log_setting(settings, options.log, {"service", wire::program::kFastDdsRoom});
 }
 
-void add_serve_command(CLI::App& app, Action& chosen, int& exit_code) {
+void add_serve_command(CLI::App& app, Action& chosen) {
   const auto options = std::make_shared<ServeOptions>();
   CLI::App* command =
       app.add_subcommand("serve", "Serve models until Ctrl-C; a model's name is its file's name.");
@@ -50,9 +50,9 @@ void add_serve_command(CLI::App& app, Action& chosen, int& exit_code) {
         wire::program::set_log_levels(options->log);
       },
       "models");
-  command->callback([options, &chosen, &exit_code] {
+  command->callback([options, &chosen] {
     if (options->models.empty()) throw CLI::RequiredError("models");
-    chosen = [options, &exit_code] { return run(*options, exit_code); };
+    chosen = [options] { return run(*options); };
   });
 }
 
@@ -171,13 +171,11 @@ int main(int argc, char** argv) {
                "nearmesh-publisher"};
   app.require_subcommand(1);
   nearmesh::Action chosen;
-  int exit_code = 1;  // of what fails
-  add_serve_command(app, chosen, exit_code);
+  add_serve_command(app, chosen);
   add_replay_command(app, chosen);
   add_discovery_command(app, chosen);
   add_security_commands(app, chosen);
   nearmesh::wire::program::begin_logging(app.get_name());
-  const int code = nearmesh::run_program(
+  return nearmesh::run_program(
       app, argc, argv, [&chosen] { return chosen(); }, nearmesh::wire::program::dds_versions());
-  return code == 1 ? exit_code : code;
 }
