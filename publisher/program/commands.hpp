@@ -21,7 +21,6 @@ struct ServeOptions {
   std::vector<std::string> models, replaces;
   DdsChannelOptions channel;
   std::string metrics;
-  std::vector<std::string> log{"info"};
 };
 Outcome run(const ServeOptions& options);
 
@@ -31,7 +30,6 @@ struct ReplayOptions {
   bool loop = false, json = false;
   std::vector<std::string> topics, remaps;
   wire::TransportOptions transport;
-  std::vector<std::string> log{"info"};
 };
 Status run(ReplayOptions options);
 

@@ -29,7 +29,6 @@ void add_settings(wire::program::Settings& settings, ServeOptions& options) {
   settings.add("header_bytes_per_s", options.channel.header_bytes_per_s, 100'000, 1'000'000'000,
                "Pace of mesh headers, all peers together; below the link's rate");
   wire::program::add_metrics_setting(settings, options.metrics);
-  wire::program::add_log_setting(settings, options.log, {"service", wire::program::kFastDdsRoom});
 }
 
 void add_serve_command(CLI::App& app, Action& chosen) {
@@ -39,15 +38,13 @@ void add_serve_command(CLI::App& app, Action& chosen) {
   options->channel.transport.listen_port = wire::kDefaultTcpPort;
   const auto settings = std::make_shared<wire::program::Settings>();
   add_settings(*settings, *options);
-  wire::program::add_flags(
-      *command, settings,
+  wire::program::add_bus_flags(
+      *command, settings, options->channel.transport, {"service"},
       [options, known = settings.get()] {
         const wire::Transport transport = options->channel.transport.transport;
-        wire::program::apply_preset(*known, options->channel.transport);
         if (transport == wire::Transport::kThin)
           known->set_preset("header_bytes_per_s", kThinHeaderBytesPerSecond,
                             wire::to_string(transport));
-        wire::program::set_log_levels(options->log);
       },
       "models");
   command->callback([options, &chosen] {
@@ -95,11 +92,7 @@ void add_replay_command(CLI::App& app, Action& chosen) {
                     "Print one JSON line about what was played at the end");
   const auto settings = std::make_shared<wire::program::Settings>();
   wire::program::add_transport_settings(*settings, options->transport);
-  wire::program::add_log_setting(*settings, options->log, {wire::program::kFastDdsRoom});
-  wire::program::add_flags(*command, settings, [options, known = settings.get()] {
-    wire::program::apply_preset(*known, options->transport);
-    wire::program::set_log_levels(options->log);
-  });
+  wire::program::add_bus_flags(*command, settings, options->transport, {});
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 

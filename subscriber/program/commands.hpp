@@ -22,7 +22,6 @@ struct RunOptions {
   std::string scene, answers;
   DdsChannelOptions channel;
   std::string metrics;
-  std::vector<std::string> log{"info"};
   bool json = false;
   std::optional<double> wait_recorder_s;  ///< for so long at most; 0: without end
 };

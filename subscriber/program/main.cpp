@@ -15,20 +15,15 @@
 namespace nearmesh::subscriber::program {
 namespace {
 
-/// Rooms of the log (--log ROOM=LEVEL).
-constexpr std::array<const char*, 3> kRooms{"session", "record", wire::program::kFastDdsRoom};
+/// Rooms of the log (--log ROOM=LEVEL), beside Fast DDS's.
+constexpr std::array<const char*, 2> kRooms{"session", "record"};
 
 /// How to join the bus, and what to log, as settings (--config, --print-config). Call last, when the command has its
 /// other options; the transport must live as long as the command.
 void add_transport_options(CLI::App& command, wire::TransportOptions& transport) {
   const auto settings = std::make_shared<wire::program::Settings>();
-  const auto levels = std::make_shared<std::vector<std::string>>(1, "info");
   wire::program::add_transport_settings(*settings, transport);
-  wire::program::add_log_setting(*settings, *levels, {kRooms.begin(), kRooms.end()});
-  wire::program::add_flags(command, settings, [&transport, levels, known = settings.get()] {
-    wire::program::apply_preset(*known, transport);
-    wire::program::set_log_levels(*levels);
-  });
+  wire::program::add_bus_flags(command, settings, transport, {kRooms.begin(), kRooms.end()});
 }
 
 void add_run_command(CLI::App& app, Action& chosen) {
@@ -49,11 +44,8 @@ void add_run_command(CLI::App& app, Action& chosen) {
   const auto settings = std::make_shared<wire::program::Settings>();
   wire::program::add_transport_settings(*settings, options->channel.transport);
   wire::program::add_metrics_setting(*settings, options->metrics);
-  wire::program::add_log_setting(*settings, options->log, {kRooms.begin(), kRooms.end()});
-  wire::program::add_flags(*command, settings, [options, known = settings.get()] {
-    wire::program::apply_preset(*known, options->channel.transport);
-    wire::program::set_log_levels(options->log);
-  });
+  wire::program::add_bus_flags(*command, settings, options->channel.transport,
+                               {kRooms.begin(), kRooms.end()});
   command->callback([options, waits, wait_s, &chosen] {
     if (options->scene.empty()) throw CLI::RequiredError("scene");
     if (waits->count() > 0) options->wait_recorder_s = std::stod(*wait_s);
