@@ -81,6 +81,9 @@ class Door final : public rtps::ChainingTransport, private LeaseEnd {
         {data, size}, {is_udp, is_udp ? IPLocator::getPhysicalPort(remote) : std::uint16_t{0}});
     if (verdict.refusal) return;
     const auto passed = static_cast<std::uint32_t>(verdict.size);
+    // Taken before any lock of Fast DDS, always.
+    std::unique_lock<std::mutex> introduction;
+    if (verdict.introduces) introduction = std::unique_lock(watch_->introductions());
     if (verdict.announcement && !verdict.announcement->leaves && watch_->ends_leases()) {
       receive_announcement(*next, {data, passed}, *verdict.announcement, local, remote);
       return;

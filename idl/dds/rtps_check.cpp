@@ -404,6 +404,7 @@ struct Submessages {
   /// What discovery and the handshakes of security write.
   Refusal read_builtin(std::uint32_t writer, std::int64_t sequence, const InlineQos& qos,
                        Bytes payload) {
+    verdict.introduces |= writer == kParticipants || writer == kHandshakes;
     switch (writer) {
       case kParticipants:
         return read_announcement(sequence, qos, payload);

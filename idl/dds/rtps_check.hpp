@@ -46,6 +46,9 @@ struct RtpsVerdict {
   std::optional<RtpsAnnouncement> announcement;  ///< of the source itself
   /// Whom a handshake of the source's shows itself to be: a certificate in PEM, as it stands in the message. Empty: it does not.
   std::span<const std::uint8_t> certificate;
+  /// Holds an announcement, of whomever, or a handshake: what makes Fast DDS match the endpoints by which participants get to know
+  /// each other.
+  bool introduces = false;
   /// Discovery about another participant, or an endpoint of one: only a discovery server may.
   bool tells_of_others = false;
 };

@@ -7,6 +7,7 @@
 #include <cstdlib>
 
 #include "idl/messages/process_name.hpp"
+#include "logging.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
 
 namespace nearmesh::wire::program {
@@ -137,6 +138,22 @@ void add_flags(CLI::App& command, const std::shared_ptr<Settings>& settings,
     std::fputs(text.c_str(), stdout);
     throw CLI::Success();
   });
+}
+
+void add_bus_flags(CLI::App& command, const std::shared_ptr<Settings>& settings,
+                   const wire::TransportOptions& transport, std::vector<std::string> rooms,
+                   std::function<void()> preset, const std::string& positional) {
+  const auto levels = std::make_shared<std::vector<std::string>>(1, "info");
+  rooms.emplace_back(kFastDdsRoom);
+  add_log_setting(*settings, *levels, rooms);
+  add_flags(
+      command, settings,
+      [&transport, levels, preset = std::move(preset), known = settings.get()] {
+        apply_preset(*known, transport);
+        if (preset) preset();
+        set_log_levels(*levels);
+      },
+      positional);
 }
 
 }  // namespace nearmesh::wire::program

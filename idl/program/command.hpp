@@ -23,4 +23,11 @@ void apply_preset(Settings& settings, const wire::TransportOptions& transport);
 void add_flags(CLI::App& command, const std::shared_ptr<Settings>& settings,
                std::function<void()> ready, const std::string& positional = {});
 
+/// The flags of a verb that joins the bus: `settings`, which hold those of the transport, and what is logged, of `rooms` and of Fast
+/// DDS. When all layers have spoken the transport's preset is applied, then `preset` is called. The transport must live as long as
+/// the command. Else as add_flags.
+void add_bus_flags(CLI::App& command, const std::shared_ptr<Settings>& settings,
+                   const wire::TransportOptions& transport, std::vector<std::string> rooms,
+                   std::function<void()> preset = {}, const std::string& positional = {});
+
 }  // namespace nearmesh::wire::program

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "core/command/outcome.hpp"
 #include "idl/program/stop.hpp"
 #include "idl/security/security.hpp"
 #include "nearmesh/core/base/status.hpp"
@@ -20,9 +21,8 @@ struct ServeOptions {
   std::vector<std::string> models, replaces;
   DdsChannelOptions channel;
   std::string metrics;
-  std::vector<std::string> log{"info"};
 };
-Status run(const ServeOptions& options, int& exit_code);
+Outcome run(const ServeOptions& options);
 
 struct ReplayOptions {
   std::string path;
@@ -30,7 +30,6 @@ struct ReplayOptions {
   bool loop = false, json = false;
   std::vector<std::string> topics, remaps;
   wire::TransportOptions transport;
-  std::vector<std::string> log{"info"};
 };
 Status run(ReplayOptions options);
 

@@ -29,30 +29,27 @@ void add_settings(wire::program::Settings& settings, ServeOptions& options) {
   settings.add("header_bytes_per_s", options.channel.header_bytes_per_s, 100'000, 1'000'000'000,
                "Pace of mesh headers, all peers together; below the link's rate");
   wire::program::add_metrics_setting(settings, options.metrics);
-  wire::program::add_log_setting(settings, options.log, {"service", wire::program::kFastDdsRoom});
 }
 
-void add_serve_command(CLI::App& app, Action& chosen, int& exit_code) {
+void add_serve_command(CLI::App& app, Action& chosen) {
   const auto options = std::make_shared<ServeOptions>();
   CLI::App* command =
       app.add_subcommand("serve", "Serve models until Ctrl-C; a model's name is its file's name.");
   options->channel.transport.listen_port = wire::kDefaultTcpPort;
   const auto settings = std::make_shared<wire::program::Settings>();
   add_settings(*settings, *options);
-  wire::program::add_flags(
-      *command, settings,
+  wire::program::add_bus_flags(
+      *command, settings, options->channel.transport, {"service"},
       [options, known = settings.get()] {
         const wire::Transport transport = options->channel.transport.transport;
-        wire::program::apply_preset(*known, options->channel.transport);
         if (transport == wire::Transport::kThin)
           known->set_preset("header_bytes_per_s", kThinHeaderBytesPerSecond,
                             wire::to_string(transport));
-        wire::program::set_log_levels(options->log);
       },
       "models");
-  command->callback([options, &chosen, &exit_code] {
+  command->callback([options, &chosen] {
     if (options->models.empty()) throw CLI::RequiredError("models");
-    chosen = [options, &exit_code] { return run(*options, exit_code); };
+    chosen = [options] { return run(*options); };
   });
 }
 
@@ -95,11 +92,7 @@ void add_replay_command(CLI::App& app, Action& chosen) {
                     "Print one JSON line about what was played at the end");
   const auto settings = std::make_shared<wire::program::Settings>();
   wire::program::add_transport_settings(*settings, options->transport);
-  wire::program::add_log_setting(*settings, options->log, {wire::program::kFastDdsRoom});
-  wire::program::add_flags(*command, settings, [options, known = settings.get()] {
-    wire::program::apply_preset(*known, options->transport);
-    wire::program::set_log_levels(options->log);
-  });
+  wire::program::add_bus_flags(*command, settings, options->transport, {});
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 
@@ -171,13 +164,11 @@ int main(int argc, char** argv) {
                "nearmesh-publisher"};
   app.require_subcommand(1);
   nearmesh::Action chosen;
-  int exit_code = 1;  // of what fails
-  add_serve_command(app, chosen, exit_code);
+  add_serve_command(app, chosen);
   add_replay_command(app, chosen);
   add_discovery_command(app, chosen);
   add_security_commands(app, chosen);
   nearmesh::wire::program::begin_logging(app.get_name());
-  const int code = nearmesh::run_program(
+  return nearmesh::run_program(
       app, argc, argv, [&chosen] { return chosen(); }, nearmesh::wire::program::dds_versions());
-  return code == 1 ? exit_code : code;
 }

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <utility>
 
 #include "commands.hpp"
 #include "core/base/hash.hpp"
@@ -63,7 +64,7 @@ Status add_models(const ServeOptions& options, Service& service) {
 
 }  // namespace
 
-Status run(const ServeOptions& options, int& exit_code) {
+Outcome run(const ServeOptions& options) {
   std::unique_ptr<wire::program::MetricsServer> metrics;
   if (!options.metrics.empty()) {
     auto server = wire::program::MetricsServer::start(options.metrics);
@@ -100,10 +101,8 @@ Status run(const ServeOptions& options, int& exit_code) {
             static_cast<double>(resident_memory_bytes()) / 1e6);
       reported_requests = stats.requests;
     }
-    if (const Status identity = channel.value()->identity(); !identity.is_ok()) {
-      exit_code = wire::program::kIdentityEnded;
-      return identity;
-    }
+    if (Status identity = channel.value()->identity(); !identity.is_ok())
+      return {std::move(identity), wire::program::kIdentityEnded};
     if (!service.is_behind()) channel.value()->wait(0.02);
   }
   const ServiceStats& stats = service.stats();

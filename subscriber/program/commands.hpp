@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "core/command/outcome.hpp"
 #include "idl/program/stop.hpp"
 #include "nearmesh/core/base/status.hpp"
 #include "nearmesh/idl/dds/transport_options.hpp"
@@ -21,14 +22,13 @@ struct RunOptions {
   std::string scene, answers;
   DdsChannelOptions channel;
   std::string metrics;
-  std::vector<std::string> log{"info"};
   bool json = false;
   std::optional<double> wait_recorder_s;  ///< for so long at most; 0: without end
 };
-Status run(const RunOptions& options, int& exit_code);
+Outcome run(const RunOptions& options);
 
 /// Of `record`.
-Status run(const RecorderOptions& options, int& exit_code);
+Outcome run(const RecorderOptions& options);
 
 struct InfoOptions {
   std::string path;
@@ -41,8 +41,7 @@ struct VerifyOptions {
   unsigned threads = 1;
   bool allow_unproved = false, json = false;
 };
-/// `exit_code`: with which the program ends where the status is not ok.
-Status run(const VerifyOptions& options, int& exit_code);
+Outcome run(const VerifyOptions& options);
 
 struct ExportOptions {
   std::string session, peer, body, other, out;

@@ -15,23 +15,18 @@
 namespace nearmesh::subscriber::program {
 namespace {
 
-/// Rooms of the log (--log ROOM=LEVEL).
-constexpr std::array<const char*, 3> kRooms{"session", "record", wire::program::kFastDdsRoom};
+/// Rooms of the log (--log ROOM=LEVEL), beside Fast DDS's.
+constexpr std::array<const char*, 2> kRooms{"session", "record"};
 
 /// How to join the bus, and what to log, as settings (--config, --print-config). Call last, when the command has its
 /// other options; the transport must live as long as the command.
 void add_transport_options(CLI::App& command, wire::TransportOptions& transport) {
   const auto settings = std::make_shared<wire::program::Settings>();
-  const auto levels = std::make_shared<std::vector<std::string>>(1, "info");
   wire::program::add_transport_settings(*settings, transport);
-  wire::program::add_log_setting(*settings, *levels, {kRooms.begin(), kRooms.end()});
-  wire::program::add_flags(command, settings, [&transport, levels, known = settings.get()] {
-    wire::program::apply_preset(*known, transport);
-    wire::program::set_log_levels(*levels);
-  });
+  wire::program::add_bus_flags(command, settings, transport, {kRooms.begin(), kRooms.end()});
 }
 
-void add_run_command(CLI::App& app, Action& chosen, int& exit_code) {
+void add_run_command(CLI::App& app, Action& chosen) {
   CLI::App* command =
       app.add_subcommand("run", "Fly a scene (docs/scene.md) and answer every frame.");
   const auto options = std::make_shared<RunOptions>();
@@ -49,19 +44,16 @@ void add_run_command(CLI::App& app, Action& chosen, int& exit_code) {
   const auto settings = std::make_shared<wire::program::Settings>();
   wire::program::add_transport_settings(*settings, options->channel.transport);
   wire::program::add_metrics_setting(*settings, options->metrics);
-  wire::program::add_log_setting(*settings, options->log, {kRooms.begin(), kRooms.end()});
-  wire::program::add_flags(*command, settings, [options, known = settings.get()] {
-    wire::program::apply_preset(*known, options->channel.transport);
-    wire::program::set_log_levels(options->log);
-  });
-  command->callback([options, waits, wait_s, &chosen, &exit_code] {
+  wire::program::add_bus_flags(*command, settings, options->channel.transport,
+                               {kRooms.begin(), kRooms.end()});
+  command->callback([options, waits, wait_s, &chosen] {
     if (options->scene.empty()) throw CLI::RequiredError("scene");
     if (waits->count() > 0) options->wait_recorder_s = std::stod(*wait_s);
-    chosen = [options, &exit_code] { return run(*options, exit_code); };
+    chosen = [options] { return run(*options); };
   });
 }
 
-void add_record_command(CLI::App& app, Action& chosen, int& exit_code) {
+void add_record_command(CLI::App& app, Action& chosen) {
   CLI::App* command =
       app.add_subcommand("record", "Record all that is said on the bus, until Ctrl-C.");
   const auto options = std::make_shared<RecorderOptions>();
@@ -77,9 +69,7 @@ void add_record_command(CLI::App& app, Action& chosen, int& exit_code) {
   command->add_flag("--split", options->split,
                     "At --max-size go on in another file: SESSION_1.db3 and so on");
   add_transport_options(*command, options->transport);
-  command->callback([options, &chosen, &exit_code] {
-    chosen = [options, &exit_code] { return run(*options, exit_code); };
-  });
+  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 
 void add_info_command(CLI::App& app, Action& chosen) {
@@ -90,7 +80,7 @@ void add_info_command(CLI::App& app, Action& chosen) {
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 
-void add_verify_command(CLI::App& app, Action& chosen, int& exit_code) {
+void add_verify_command(CLI::App& app, Action& chosen) {
   CLI::App* command = app.add_subcommand(
       "verify", "Run a recorded session again, offline, and compare states and answers.");
   command->footer(
@@ -111,9 +101,7 @@ void add_verify_command(CLI::App& app, Action& chosen, int& exit_code) {
       "End with 0 also where answers could not be proved or reports are missing, if none "
       "is different");
   command->add_flag("--json", options->json, "As JSON");
-  command->callback([options, &chosen, &exit_code] {
-    chosen = [options, &exit_code] { return run(*options, exit_code); };
-  });
+  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 
 void add_export_command(CLI::App& app, Action& chosen) {
@@ -207,17 +195,15 @@ int main(int argc, char** argv) {
       "nearmesh-subscriber"};
   app.require_subcommand(1);
   nearmesh::Action chosen;
-  int exit_code = 1;  // of what fails
-  add_run_command(app, chosen, exit_code);
-  add_record_command(app, chosen, exit_code);
+  add_run_command(app, chosen);
+  add_record_command(app, chosen);
   add_info_command(app, chosen);
-  add_verify_command(app, chosen, exit_code);
+  add_verify_command(app, chosen);
   add_export_command(app, chosen);
   add_report_command(app, chosen);
   add_status_command(app, chosen);
   add_doctor_command(app, chosen);
   nearmesh::wire::program::begin_logging(app.get_name());
-  const int code = nearmesh::run_program(
+  return nearmesh::run_program(
       app, argc, argv, [&chosen] { return chosen(); }, nearmesh::wire::program::dds_versions());
-  return code == 1 ? exit_code : code;
 }

@@ -29,7 +29,7 @@ void show(const char* end, const RecorderStats& stats, double seconds) {
 
 }  // namespace
 
-Status run(const RecorderOptions& options, int& exit_code) {
+Outcome run(const RecorderOptions& options) {
   wire::program::log_fastdds();
   wire::program::log_network(options.transport);
   Result<std::unique_ptr<DdsRecorder>> created = DdsRecorder::create(options);
@@ -60,8 +60,7 @@ Status run(const RecorderOptions& options, int& exit_code) {
   if (terminal) std::fprintf(stderr, "\n");
   show("\n", recorder.stats(), clock.seconds());
   NEARMESH_RETURN_IF_ERROR(status);
-  if (!identity.is_ok()) exit_code = wire::program::kIdentityEnded;
-  NEARMESH_RETURN_IF_ERROR(identity);
+  if (!identity.is_ok()) return {identity, wire::program::kIdentityEnded};
   if (at_limit) spdlog::info("ended: {} has reached its size", options.path);
   return Status::ok();
 }

@@ -361,7 +361,7 @@ Status wait_for_recorder(const DdsChannel& channel, const RunOptions& options) {
 
 }  // namespace
 
-Status run(const RunOptions& options, int& exit_code) {
+Outcome run(const RunOptions& options) {
   Stopwatch clock;
   const Result<Scene> scene = read_scene(options.scene);
   NEARMESH_RETURN_IF_ERROR(scene);
@@ -380,14 +380,12 @@ Status run(const RunOptions& options, int& exit_code) {
   Flight flight(options, scene.value(), std::move(channel).value(), clock);
   NEARMESH_RETURN_IF_ERROR(flight.prepare());
   const Status started = flight.wait_for_start();
-  const auto end = [&](const Status& status) {
-    if (!status.is_ok() && !flight.identity().is_ok()) exit_code = wire::program::kIdentityEnded;
-    return status;
-  };
-  if (!started.is_ok()) return end(started);
+  if (!started.is_ok())
+    return {started, flight.identity().is_ok() ? 1 : wire::program::kIdentityEnded};
   NEARMESH_RETURN_IF_ERROR(flight.fly());
   NEARMESH_RETURN_IF_ERROR(flight.print_summary());
-  if (const Status identity = flight.identity(); !identity.is_ok()) return end(identity);
+  if (Status identity = flight.identity(); !identity.is_ok())
+    return {std::move(identity), wire::program::kIdentityEnded};
   flight.stay();
   return Status::ok();
 }

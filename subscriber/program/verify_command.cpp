@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "commands.hpp"
 #include "core/base/hash.hpp"
@@ -79,36 +80,35 @@ nlohmann::ordered_json to_json(const VerifyReport& report) {
   return json;
 }
 
-/// What it comes to; `exit_code` is left as it is where it is an error like any other.
-Status judge(const VerifyReport& report, const VerifyOptions& options, int& exit_code) {
+Outcome judge(const VerifyReport& report, const VerifyOptions& options) {
   const auto text = [](std::uint64_t n) { return std::to_string(n); };
   if (report.different > 0)
-    return {StatusCode::kConflict, options.path + ": " + text(report.different) + " of " +
-                                       text(report.answers()) + " answers differ"};
+    return Status{StatusCode::kConflict, options.path + ": " + text(report.different) + " of " +
+                                             text(report.answers()) + " answers differ"};
   if (report.reports == 0 || report.malformed > 0 ||
       (report.missing > 0 && !options.allow_unproved)) {
-    exit_code = kReportsAmiss;
-    return {StatusCode::kCorrupt,
-            options.path + ": " +
-                (report.reports == 0 ? "no report is recorded, so nothing is proved"
-                                     : text(report.malformed) + " reports are malformed, " +
-                                           text(report.missing) + " are missing")};
+    Status amiss{StatusCode::kCorrupt,
+                 options.path + ": " +
+                     (report.reports == 0 ? "no report is recorded, so nothing is proved"
+                                          : text(report.malformed) + " reports are malformed, " +
+                                                text(report.missing) + " are missing")};
+    return {std::move(amiss), kReportsAmiss};
   }
   const std::uint64_t unproved = report.answers() - report.verified;
   if (unproved == 0 || options.allow_unproved) return Status::ok();
-  exit_code = kNotAllProved;
   std::string wanted;
   for (const auto& [content_hash, model] : report.wanted)
     wanted += (wanted.empty() ? "; --models wants the files of " : ", ") + model.name +
               " (content " + to_hex(content_hash) + ")";
-  return {StatusCode::kNotFound, options.path + ": " + text(unproved) + " of " +
-                                     text(report.answers()) + " answers could not be proved" +
-                                     wanted};
+  Status lacking{StatusCode::kNotFound, options.path + ": " + text(unproved) + " of " +
+                                            text(report.answers()) +
+                                            " answers could not be proved" + wanted};
+  return {std::move(lacking), kNotAllProved};
 }
 
 }  // namespace
 
-Status run(const VerifyOptions& options, int& exit_code) {
+Outcome run(const VerifyOptions& options) {
   Result<std::unique_ptr<RecordingReader>> recording = RecordingReader::open(options.path);
   NEARMESH_RETURN_IF_ERROR(recording);
   RecordingReader& reader = *recording.value();
@@ -134,7 +134,7 @@ Status run(const VerifyOptions& options, int& exit_code) {
     std::fprintf(stderr, "%.1f s of session in %.2f s\n",
                  static_cast<double>(reader.end_ns() - reader.begin_ns()) * 1e-9, clock.seconds());
   }
-  return judge(report, options, exit_code);
+  return judge(report, options);
 }
 
 }  // namespace nearmesh::subscriber::program

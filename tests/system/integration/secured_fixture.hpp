@@ -16,8 +16,7 @@ namespace nearmesh::test {
 
 namespace fs = std::filesystem;
 
-/// One a process: where others of these tests ran beside this one, on the same domain, 4 of 120 secured peers never heard their
-/// publisher (Fast DDS 2.9.1); on domains of their own none of 180.
+/// One a process: others of these tests run beside this one, and would try a handshake with each of its participants.
 inline const int kDomain = 133 + static_cast<int>(::getpid() % 90);
 inline constexpr wire::SessionId kTrue = 0x7, kFalse = 0xbad;
 /// How long nothing may have come once somebody else was let in; a handshake takes some 0.3 s.

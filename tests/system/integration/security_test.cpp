@@ -101,6 +101,34 @@ TEST_F(Secured, BodyStaysWithItsIdentity) {
   EXPECT_TRUE(watcher.hears_frame(6));
 }
 
+// The more come in one moment, the more of them are introduced to each other by two threads at once.
+TEST_F(Secured, WhoJoinsAtOnceHearsAllOthers) {
+  constexpr std::size_t kPeers = 6;
+  constexpr int kRounds = 5;
+  const std::string set = make_set("set");
+  const std::vector<std::string> identities = {"/alice", "/bob", "/carol"};
+  for (int round = 0; round < kRounds; ++round) {
+    std::vector<Peer> peers(kPeers);
+    std::vector<std::thread> threads;
+    for (std::size_t i = 0; i < kPeers; ++i)
+      threads.emplace_back([&, i] { peers[i] = join(set + identities[i % identities.size()]); });
+    for (std::thread& thread : threads) thread.join();
+    for (const Peer& peer : peers) ASSERT_NE(peer.channel, nullptr);
+    std::uint64_t frame = 0;
+    const auto hears_all = [](const Peer& peer) { return peer.all.movers.size() == kPeers - 1; };
+    EXPECT_TRUE(test::await([&] {
+      ++frame;
+      for (std::size_t i = 0; i < kPeers; ++i) move(peers[i], "body" + std::to_string(i), frame);
+      for (Peer& peer : peers) peer.collect();
+      return std::all_of(peers.begin(), peers.end(), hears_all);
+    })) << "round "
+        << round;
+    for (std::size_t i = 0; i < kPeers; ++i)
+      EXPECT_TRUE(hears_all(peers[i])) << "peer " << i << " heard " << peers[i].all.movers.size();
+    if (HasFailure()) return;
+  }
+}
+
 TEST_F(Secured, LongestNamesPassTheHandshake) {
   prefix += std::string(100 - prefix.size(), 'x');
   wire::SecurityPlan plan;

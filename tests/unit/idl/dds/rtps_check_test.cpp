@@ -262,6 +262,15 @@ TEST(RtpsCheck, TellsWhomAHandshakeShows) {
   EXPECT_EQ(shown(handshake(1, {"alice"}, 0x000201c4, 0x00000103)), "alice");
 }
 
+TEST(RtpsCheck, TellsWhatIntroduces) {
+  EXPECT_TRUE(check_rtps(message().announcement().bytes).introduces);
+  EXPECT_TRUE(check_rtps(message().farewell().bytes).introduces);
+  EXPECT_TRUE(check_rtps(handshake(1, {}).bytes).introduces);
+  Rtps m = message();
+  sample(4, [](Rtps& s) { s.encapsulation(1).zeros(9).align(); })(m);
+  EXPECT_FALSE(check_rtps(m.heartbeat(1, 9).bytes).introduces);
+}
+
 TEST(RtpsCheck, RefusesHandshakesOfTwo) {
   EXPECT_EQ(reason(handshake(1, {"alice", "bob"}).bytes), "parameters");
   EXPECT_EQ(reason(handshake(1, {"", "bob"}).bytes), "parameters");
