@@ -303,6 +303,8 @@ void AbTree::update(const RefineDelta& delta) {
     apply_box(node.left_of(u));
     apply_box(node.right_of(u));
   }
+  // A node's half-space is in the slab of its lane. It may have been split since: then its tip is looked at in vain.
+  for (const NodeSpan& node : delta.told_of) mark_changed(tip_of(node.first));
   for (const std::uint32_t tip : pending_) {
     const TreePlace place = tips_[tip].place;
     fetch(&arrays_.nodes[place / kLanes].first[place % kLanes]);

@@ -46,9 +46,10 @@ void TreeBuilder::clear() {
   lanes_.clear();
 }
 
-void TreeBuilder::add_unresolved(NodeSpan node, const GridBox& box) {
+void TreeBuilder::add_unresolved(NodeSpan node, const GridBox& box, const Slab& slab) {
   TreeEntry& entry = lanes_.emplace_back();
   entry.box = box;
+  entry.slab = slab;
   entry.set(TreeEntry::Kind::kUnresolved, node.begin(), node.size);
 }
 

@@ -25,7 +25,7 @@ class TreeBuilder {
     if (faces_.size() * kLanes < count) faces_.resize(2 * ((count + kLanes - 1) / kLanes));
     return faces_.data();
   }
-  void add_unresolved(NodeSpan node, const GridBox& box);
+  void add_unresolved(NodeSpan node, const GridBox& box, const Slab& slab = {});
   /// Makes the tree in place, parents before children, and returns its root, but for its box and slab if that is an inner
   /// entry: inner_entry() finds them, and sooner when what was written here has had time to reach the cache.
   [[nodiscard]] TreeEntry build(TreeArrays& arrays);

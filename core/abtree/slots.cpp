@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cstdlib>
 #include <utility>
 
 #include "build.hpp"
@@ -30,8 +31,33 @@ void AbTree::look_at(std::uint32_t index) {
   }
   TreeEntry unresolved;
   unresolved.box = mesh_->store().box(tip.node);
+  unresolved.slab = slab_of(tip.node, unresolved.box);
   unresolved.set(TreeEntry::Kind::kUnresolved, tip.node.begin(), tip.node.size);
   set_entry(tip.place, unresolved);
+}
+
+// A lane has one slab: of the node's half-spaces the one that cuts most off its box, and the box on the other side.
+Slab AbTree::slab_of(NodeSpan node, const GridBox& box) const {
+  Slab slab;
+  std::int64_t most = 0;
+  const GridPoint& from = mesh_->store().position(node.first);
+  for (const HalfSpace& half_space : mesh_->half_spaces().of(node.first)) {
+    const std::array<std::int8_t, 3>& normal = half_space_normal(half_space.direction);
+    // In halves of grid units, so that the box's centre is whole. All is below 2^43: exact.
+    std::int64_t support = 0, way = 0;
+    for (int k = 0; k < 3; ++k) {
+      const std::int64_t n = normal[static_cast<std::size_t>(k)];
+      support += std::abs(n) * (std::int64_t{box.hi[k]} - box.lo[k]);
+      way += n * (2 * std::int64_t{from[k]} - (std::int64_t{box.lo[k]} + box.hi[k]));
+    }
+    const std::int64_t to = way + 2 * half_space_reach(half_space.reach);
+    if (support - to <= most) continue;
+    most = support - to;
+    slab.normal = normal;
+    slab.from = rounded_down(-0.5 * static_cast<double>(support));
+    slab.to = -rounded_down(-0.5 * static_cast<double>(to));
+  }
+  return slab;
 }
 
 // Who has the corners elsewhere shall tell this slot when one of them changes.
@@ -200,7 +226,8 @@ void AbTree::build_micro_tree(std::uint32_t index) {
     const std::uint32_t size = after != 0 ? static_cast<std::uint32_t>(std::countr_zero(after)) + 1
                                           : slot.node.size - offset;
     const NodeSpan at{{slot.node.begin() + offset}, size};
-    builder_->add_unresolved(at, store.box(at));
+    const GridBox box = store.box(at);
+    builder_->add_unresolved(at, box, slab_of(at, box));
   }
   free_micro_tree(slot.place);
   const TreeEntry root = builder_->build(arrays_);

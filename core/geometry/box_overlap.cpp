@@ -18,6 +18,8 @@
 //    rounding.
 // 4. A drift moves projections on n by at most |n . along| + around |n|; what doubles add to that is
 //    below 128u (|along|_1 + around) |n|, and `reach` puts it into `around`.
+// 5. A half-space of A's is an axis n with a bound of A's side along it, a whole number below 2^9 M: the other side is
+//    projected as above, and 8u (|n|_1 M + |bound|) for the last sums is inside, since |n|_1 >= 127.
 // Hence slack = 1.7322 c + 128u M, and growing A's half extents by the slack on each axis grows the
 // projection by slack |n|_1 >= slack |n|_2: enough for every axis, with no further constants.
 #include "nearmesh/core/geometry/detail/box_overlap.hpp"
@@ -461,6 +463,34 @@ bool triangles_stay_apart(const RelativeFrame& f, const Drift& drift, const Doub
   if (!(best.squared > 0)) return false;
   const double gap = gap_along(best.vector, a, b) - std::abs(dot(best.vector, d));
   return gap / std::sqrt(best.squared) * kGapShrink > grow;
+}
+
+namespace {
+
+/// What the other body must be beyond the half-space's plane: for rounding, of posed corners too, and for the drift.
+double room_on(const RelativeFrame& f, const Drift& drift, const Vec3& normal) {
+  const double length = std::abs(normal[0]) + std::abs(normal[1]) + std::abs(normal[2]);
+  return (f.slack + reach(drift)) * length + std::abs(dot(normal, drift.along));
+}
+
+}  // namespace
+
+bool half_space_box_stay_apart(const RelativeFrame& f, const Drift& drift, const BoundedPart& a,
+                               const CenteredBox& b) {
+  const Vec3 mapped = apply(f.rotation, b.center);
+  double least = 0;
+  for (std::size_t k = 0; k < 3; ++k) least += a.normal[k] * (mapped[k] + f.translation[k]);
+  for (std::size_t j = 0; j < 3; ++j)
+    least -=
+        std::abs(dot(a.normal, {f.rotation[j], f.rotation[3 + j], f.rotation[6 + j]})) * b.half[j];
+  return least > a.bound + room_on(f, drift, a.normal);
+}
+
+bool half_space_triangle_stay_apart(const RelativeFrame& f, const Drift& drift,
+                                    const BoundedPart& a, const DoubleTriangle& t) {
+  const double least =
+      std::min(std::min(dot(a.normal, t[0]), dot(a.normal, t[1])), dot(a.normal, t[2]));
+  return least > a.bound + room_on(f, drift, a.normal);
 }
 
 }  // namespace nearmesh

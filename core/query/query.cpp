@@ -46,6 +46,8 @@ class Query {
       // The walk tried six axes; nine more settle one pair in twelve.
       ++answer_.stats.box_tests;
       if (boxes_apart(s_.b_in_a, centered(a.box), centered(b.box))) return;
+      if (parted(s_.a, a, s_.b_in_a, b.box)) return;
+      if (has_half_spaces(s_.b, b) && parted(s_.b, b, s_.a_in_b(), a.box)) return;
       // The larger of two is the one to split next; ties go to a.
       if (size_of(a.box) * s_.cell_a_m >= size_of(b.box) * s_.cell_b_m) {
         add_missing(s_.a, a, missing_a_);
@@ -53,23 +55,36 @@ class Query {
         add_missing(s_.b, b, missing_b_);
       }
     } else if (unresolved_a) {
-      if (meets_face(s_.b_in_a, a.box, s_.b.blocks[b.first], pair.faces))
+      if (meets_face(s_.a, a, s_.b_in_a, s_.b.blocks[b.first], pair.faces))
         add_missing(s_.a, a, missing_a_);
     } else {
-      if (meets_face(s_.a_in_b(), b.box, s_.a.blocks[a.first], pair.faces))
+      if (meets_face(s_.b, b, s_.a_in_b(), s_.a.blocks[a.first], pair.faces))
         add_missing(s_.b, b, missing_b_);
     }
   }
 
-  // Whether an unresolved node's box (in its own grid) may meet one of the other side's faces.
-  bool meets_face(const RelativeFrame& other_in_own, const GridBox& own, const FaceBlock& block,
-                  std::uint32_t faces) {
-    const CenteredBox box = centered(own);
+  // Whether a half-space of an unresolved node keeps it clear of the other side's box. (One of them is in its lane's slab, but
+  // the walk tests that in floats.)
+  bool parted(const TreeView& own, const TreeEntry& node, const RelativeFrame& other_in_own,
+              const GridBox& other) {
+    return half_spaces_part(own, node, [&](const BoundedPart& part) {
+      ++answer_.stats.box_tests;
+      return half_space_box_stay_apart(other_in_own, {}, part, centered(other));
+    });
+  }
+
+  // Whether what is below an unresolved node may meet one of the other side's faces.
+  bool meets_face(const TreeView& own, const TreeEntry& node, const RelativeFrame& other_in_own,
+                  const FaceBlock& block, std::uint32_t faces) {
+    const CenteredBox box = centered(node.box);
     for (; faces != 0; faces &= faces - 1) {
       const auto i = static_cast<std::uint32_t>(std::countr_zero(faces));
       ++answer_.stats.box_tests;
-      if (!box_triangle_apart(other_in_own, box,
-                              to_a_units(other_in_own, block.triangles.corners(i))))
+      const DoubleTriangle face = to_a_units(other_in_own, block.triangles.corners(i));
+      if (!box_triangle_apart(other_in_own, box, face) &&
+          !half_spaces_part(own, node, [&](const BoundedPart& part) {
+            return half_space_triangle_stay_apart(other_in_own, {}, part, face);
+          }))
         return true;
     }
     return false;

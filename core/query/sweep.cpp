@@ -26,6 +26,7 @@
 #include "lacking_ahead.hpp"
 #include "nearmesh/core/geometry/detail/box_overlap.hpp"
 #include "sweep_from.hpp"
+#include "walk.hpp"
 
 namespace nearmesh {
 namespace {
@@ -204,13 +205,21 @@ class SweptQuery {
     ++answer_.stats.box_tests;
     const Drift drift = in_units(view.b_in_a, view.along_a, around_m);
     if (boxes_stay_apart(view.b_in_a, drift, box_a, box_b)) return;
+    if (ka == Kind::kUnresolved && has_half_spaces(a_.tree, na) &&
+        stays_behind(view.b_in_a, drift, a_.tree, na, box_b))
+      return;
+    if (kb == Kind::kUnresolved && has_half_spaces(b_.tree, nb) &&
+        stays_behind(view.a_in_b, in_units(view.a_in_b, view.along_b, around_m), b_.tree, nb,
+                     box_a))
+      return;
 
     // Faces are often much smaller than their boxes.
     if (ka == Kind::kFaces && kb != Kind::kFaces &&
-        stays_clear(view.a_in_b, in_units(view.a_in_b, view.along_b, around_m), box_b, a_.tree, na))
+        stays_clear(view.a_in_b, in_units(view.a_in_b, view.along_b, around_m), b_.tree, nb,
+                    a_.tree, na))
       return;
     if (kb == Kind::kFaces && ka != Kind::kFaces &&
-        stays_clear(view.b_in_a, drift, box_a, b_.tree, nb))
+        stays_clear(view.b_in_a, drift, a_.tree, na, b_.tree, nb))
       return;
     const bool finest = is_finest(view);
     const double size_a = static_cast<double>(size_of(na.box)) * cell_a_m_,
@@ -306,15 +315,29 @@ class SweptQuery {
     return status_.is_ok();
   }
 
-  /// Whether an unresolved node's box (in its own grid) stays clear of the other side's exact faces.
-  bool stays_clear(const RelativeFrame& other_in_own, const Drift& drift, const CenteredBox& box,
-                   const TreeView& other, const TreeEntry& faces) {
+  /// Whether a half-space of an unresolved node stays clear of the other side's box.
+  bool stays_behind(const RelativeFrame& other_in_own, const Drift& drift, const TreeView& own,
+                    const TreeEntry& node, const CenteredBox& other) {
+    return half_spaces_part(own, node, [&](const BoundedPart& part) {
+      ++answer_.stats.box_tests;
+      return half_space_box_stay_apart(other_in_own, drift, part, other);
+    });
+  }
+
+  /// Whether what is below an inner entry or an unresolved node stays clear of the other side's exact faces.
+  bool stays_clear(const RelativeFrame& other_in_own, const Drift& drift, const TreeView& own,
+                   const TreeEntry& part, const TreeView& other, const TreeEntry& faces) {
+    const CenteredBox box = centered(part.box);
+    const bool has_planes = part.kind() == Kind::kUnresolved && has_half_spaces(own, part);
     bool clear = true;
     other.for_each_face(faces, [&](const TreeFace& face) {
       if (!clear) return;
       ++answer_.stats.box_tests;
-      clear =
-          box_triangle_stay_apart(other_in_own, drift, box, to_a_units(other_in_own, face.corners));
+      const DoubleTriangle corners = to_a_units(other_in_own, face.corners);
+      clear = box_triangle_stay_apart(other_in_own, drift, box, corners) ||
+              (has_planes && half_spaces_part(own, part, [&](const BoundedPart& bounded) {
+                 return half_space_triangle_stay_apart(other_in_own, drift, bounded, corners);
+               }));
     });
     return clear;
   }

@@ -60,12 +60,36 @@ bool ActiveMesh::split(VertexId u, RefineDelta& delta) {
   }
   for (; !stack_.empty(); stack_.pop_back()) {
     const VertexId v = stack_.back();
+    if (!half_spaces_.is_empty()) drop_half_spaces(store_->node_of(v).first);
     bits_[v.value >> 6] |= std::uint64_t{1} << (v.value & 63U);
     hash_ += mix(v.value);
     ++split_count_;
     delta.split.push_back(v);
   }
   return true;
+}
+
+bool ActiveMesh::add_half_space(NodeSpan node, const HalfSpace& half_space, RefineDelta& delta) {
+  NEARMESH_ASSERT(node.size > 1 && is_current(node));
+  const std::uint64_t before = hash_of_half_spaces(node.first);
+  if (!half_spaces_.add(node.first, half_space)) return false;
+  hash_ += hash_of_half_spaces(node.first) - before;
+  delta.told_of.push_back(node);
+  return true;
+}
+
+// The size of a node follows from the set of active vertices, so its first vertex names it.
+std::uint64_t ActiveMesh::hash_of_half_spaces(VertexId first) const {
+  std::uint64_t sum = 0;
+  for (const HalfSpace& half_space : half_spaces_.of(first))
+    sum += mix(mix(first.value) ^
+               (std::uint64_t{half_space.direction} << kReachBits | half_space.reach));
+  return sum;
+}
+
+void ActiveMesh::drop_half_spaces(VertexId first) {
+  hash_ -= hash_of_half_spaces(first);
+  half_spaces_.erase(first);
 }
 
 void ActiveMesh::collapse(NodeSpan node, RefineDelta& delta) {
@@ -79,13 +103,17 @@ void ActiveMesh::collapse(NodeSpan node, RefineDelta& delta) {
     std::uint64_t gone = bits_[v >> 6] & mask;
     if (gone != 0) bits_[v >> 6] &= ~mask;  // a page that was never written stays the kernel's
     for (; gone != 0; gone &= gone - 1) {
-      hash_ -= mix((v & ~63U) + static_cast<std::uint32_t>(std::countr_zero(gone)));
+      const VertexId lost{(v & ~63U) + static_cast<std::uint32_t>(std::countr_zero(gone))};
+      hash_ -= mix(lost.value);
+      if (!half_spaces_.is_empty()) drop_half_spaces(lost);
       --split_count_;
       changed = true;
     }
     v += span;
   }
-  if (changed) delta.collapsed.push_back(node);
+  if (!changed) return;
+  drop_half_spaces(node.first);  // of the smaller node that it stood for
+  delta.collapsed.push_back(node);
 }
 
 Treelet active_treelet(const ActiveMesh& mesh) {

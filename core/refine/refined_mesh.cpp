@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <string>
 
 namespace nearmesh {
 namespace {
@@ -20,6 +21,8 @@ RefinedMesh::RefinedMesh(SpmHeader header)
 
 Status RefinedMesh::insert(const SplitRecord& record, std::span<const SplitFace> faces,
                            Teller teller, RefineDelta& delta) {
+  if (!mesh_->half_spaces().is_empty())
+    NEARMESH_RETURN_IF_ERROR(check_against_half_spaces(record, faces));
   const Result<SplitStore::Insertion> inserted = store_->insert(record, faces, outside_of(faces));
   NEARMESH_RETURN_IF_ERROR(inserted);
   if (inserted.value() == SplitStore::Insertion::kNoParent) {
@@ -35,6 +38,71 @@ Status RefinedMesh::insert(const SplitRecord& record, std::span<const SplitFace>
   const bool done = mesh_->split(record.split, delta);
   NEARMESH_ASSERT(done);
   static_cast<void>(done);
+  if (parked_half_spaces_.empty()) return Status::ok();
+  NEARMESH_RETURN_IF_ERROR(tell_parked(record.left(), delta));
+  return tell_parked(record.right(), delta);
+}
+
+namespace {
+
+Status outside_half_space(NodeSpan node, const HalfSpace& half_space) {
+  return {StatusCode::kCorrupt, to_string(node) + ": a face of its lies outside its half-space " +
+                                    std::to_string(half_space.direction) + ":" +
+                                    std::to_string(half_space.reach)};
+}
+
+}  // namespace
+
+// Once a node is split its half-spaces are gone. What its split shows is held against them before: the new vertex, and those
+// corners of the split's faces that are known, as each of these faces has a vertex in the node.
+Status RefinedMesh::check_against_half_spaces(const SplitRecord& record,
+                                              std::span<const SplitFace> faces) const {
+  if (!store_->is_node(record.node) || !mesh_->is_current(record.node)) return Status::ok();
+  const GridPoint& from = store_->position(record.node.first);
+  GridPoint to;
+  for (int k = 0; k < 3; ++k) {
+    const std::int64_t at = std::int64_t{from[k]} + record.offset[static_cast<std::size_t>(k)];
+    if (at < 0 || at > store_->grid_max()) return Status::ok();  // the store will say so
+    to[k] = static_cast<std::int32_t>(at);
+  }
+  for (const HalfSpace& half_space : mesh_->half_spaces().of(record.node.first)) {
+    if (!contains(half_space, from, to)) return outside_half_space(record.node, half_space);
+    for (const SplitFace& face : faces)
+      if (face.outside.value < store_->vertex_count() && mesh_->is_active(face.outside) &&
+          !contains(half_space, from, store_->position(face.outside)))
+        return outside_half_space(record.node, half_space);
+  }
+  return Status::ok();
+}
+
+// A half-space that came. The faces that appeared with the node have a vertex in it, so those of their corners that are known
+// lie in the half-space; check_faces() looks at other faces, in turn.
+Status RefinedMesh::tell(const NodeHalfSpace& told, RefineDelta& delta) {
+  if (!store_->is_node(told.node)) {
+    if (parked_half_spaces_.size() < kMaxParked || parked_half_spaces_.contains(key(told.node)))
+      nearmesh::add_half_space(told.half_space, parked_half_spaces_[key(told.node)]);
+    return Status::ok();
+  }
+  if (!mesh_->is_current(told.node)) return Status::ok();
+  if (!mesh_->add_half_space(told.node, told.half_space, delta)) return Status::ok();
+  const bool is_first = told.node == store_->initial_node(told.node.first);
+  const VertexId maker{is_first ? told.node.begin() : told.node.end()};
+  if (store_->is_root(maker)) return Status::ok();
+  for (const SplitFace& face : store_->faces(maker))
+    for (const VertexId corner : face.corners())
+      if (mesh_->is_active(corner) &&
+          !contains(told.half_space, store_->position(told.node.first), store_->position(corner)))
+        return outside_half_space(told.node, told.half_space);
+  return Status::ok();
+}
+
+Status RefinedMesh::tell_parked(NodeSpan node, RefineDelta& delta) {
+  const auto at = parked_half_spaces_.find(key(node));
+  if (at == parked_half_spaces_.end()) return Status::ok();
+  const std::vector<HalfSpace> parked = std::move(at->second);
+  parked_half_spaces_.erase(at);
+  for (const HalfSpace& half_space : parked)
+    NEARMESH_RETURN_IF_ERROR(tell({node, half_space}, delta));
   return Status::ok();
 }
 
@@ -79,6 +147,10 @@ RefinedMesh::Applied RefinedMesh::apply_batch(const SplitBatch& batch, Teller te
     if (applied.status.is_ok() && !parked_.empty()) applied.status = unpark(record, applied.delta);
     if (!applied.status.is_ok()) return applied;
   }
+  for (const NodeHalfSpace& told : batch.half_spaces) {
+    applied.status = tell(told, applied.delta);
+    if (!applied.status.is_ok()) return applied;
+  }
   applied.status = check_faces(kVerticesChecked);
   return applied;
 }
@@ -113,9 +185,15 @@ Status RefinedMesh::check_face(const SplitFace& face) const {
     if (!mesh_->is_resolved(corner))
       open[open_count++] = mesh_->current_node(mesh_->active_predecessor(corner));
   }
-  for (std::size_t i = 0; i < open_count; ++i)
+  for (std::size_t i = 0; i < open_count; ++i) {
     if (!store_->encloses(open[i], known))
       return {StatusCode::kCorrupt, to_string(open[i]) + ": a face of its lies outside its box"};
+    for (const HalfSpace& half_space : mesh_->half_spaces().of(open[i].first))
+      for (const VertexId corner : face.corners())
+        if (mesh_->is_active(corner) &&
+            !contains(half_space, store_->position(open[i].first), store_->position(corner)))
+          return outside_half_space(open[i], half_space);
+  }
   return Status::ok();
 }
 

@@ -23,8 +23,9 @@ class RefinedMesh {
   [[nodiscard]] const SplitStore& store() const { return *store_; }
   [[nodiscard]] const ActiveMesh& mesh() const { return *mesh_; }
 
-  /// Adds a batch and activates all of it that can be. Splits whose parent has not come are parked until it does;
-  /// repeats are harmless; the result depends on the set of batches, not on their order.
+  /// Adds a batch and activates all of it that can be. Splits whose parent has not come are parked until it does, and so are
+  /// half-spaces; those of a node that is split already do not count. Repeats are harmless; the result depends on the set of
+  /// batches, not on their order.
   /// The delta is what was applied, also beside a status that is not ok: kCorrupt where a record contradicts the model;
   /// records before it stay applied, it and later ones are not. Cost: O(batch).
   struct Applied {
@@ -39,7 +40,10 @@ class RefinedMesh {
   /// Forgets all splits below a node that is whole. Cost: O(splits forgotten).
   void forget(NodeSpan node);
 
-  [[nodiscard]] std::size_t parked_splits() const { return parked_.size(); }
+  /// Also of nodes that half-spaces wait for.
+  [[nodiscard]] std::size_t parked_splits() const {
+    return parked_.size() + parked_half_spaces_.size();
+  }
 
  private:
   struct Parked {
@@ -47,7 +51,7 @@ class RefinedMesh {
     std::vector<SplitFace> faces;
     Teller teller = 0;
   };
-  // Parked splits, by the node they divide. Bounded, so that a hostile publisher cannot fill memory; what does not fit
+  // Parked splits, by the node they divide; and as many nodes with parked half-spaces. Bounded, so that a hostile publisher cannot fill memory; what does not fit
   // is dropped, and asked for again since it stays missing.
   static constexpr std::size_t kMaxParked = 65536;
   static std::uint64_t key(NodeSpan node) { return std::uint64_t{node.begin()} << 32 | node.size; }
@@ -56,6 +60,10 @@ class RefinedMesh {
   [[nodiscard]] GridBox outside_of(std::span<const SplitFace> faces) const;
   void park(const SplitRecord& record, std::span<const SplitFace> faces, Teller teller);
   Status unpark(const SplitRecord& parent, RefineDelta& delta);
+  [[nodiscard]] Status check_against_half_spaces(const SplitRecord& record,
+                                                 std::span<const SplitFace> faces) const;
+  Status tell(const NodeHalfSpace& told, RefineDelta& delta);
+  Status tell_parked(NodeSpan node, RefineDelta& delta);
   [[nodiscard]] Status check_faces(std::size_t count);
   [[nodiscard]] Status check_face(const SplitFace& face) const;
 
@@ -65,6 +73,7 @@ class RefinedMesh {
   std::unique_ptr<ActiveMesh> mesh_;
   LazyArray<Teller> tellers_;
   std::unordered_map<std::uint64_t, Parked> parked_;
+  std::unordered_map<std::uint64_t, std::vector<HalfSpace>> parked_half_spaces_;  // by their node
   // Whose faces check_faces() looks at next: a base face, then an active vertex.
   std::size_t next_base_face_ = 0;
   VertexId next_vertex_{0};

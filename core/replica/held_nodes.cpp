@@ -15,6 +15,9 @@ class BitWriter {
     bytes_.back() = static_cast<std::uint8_t>(bytes_.back() | (bit ? 1U : 0U) << count_ % 8);
     ++count_;
   }
+  void put(std::uint32_t value, int bits) {
+    for (int i = 0; i < bits; ++i) put((value >> i & 1U) != 0);
+  }
   [[nodiscard]] std::vector<std::uint8_t> take() { return std::move(bytes_); }
 
  private:
@@ -34,6 +37,11 @@ class BitReader {
     const bool bit = (bytes_[at_ / 8] >> at_ % 8 & 1U) != 0;
     ++at_;
     return bit;
+  }
+  std::uint32_t get(int bits) {
+    std::uint32_t value = 0;
+    for (int i = 0; i < bits; ++i) value |= std::uint32_t{get()} << i;
+    return value;
   }
   /// All was read, but for what fills the last byte.
   [[nodiscard]] bool is_over() const { return !failed_ && (at_ + 7) / 8 == bytes_.size(); }
@@ -69,6 +77,7 @@ class HeldReader {
       : model_(model), require_(require), bits_(bits) {}
 
   Result<SplitBatch> read() {
+    tells_half_spaces_ = bits_.get();
     for (const BaseRoot& root : model_.roots()) {
       stack_.assign(1, {root.node, kNoRecord, false});
       while (!stack_.empty()) {
@@ -94,6 +103,11 @@ class HeldReader {
     const bool is_split = step.whole || bits_.get();
     const bool whole = step.whole || (is_split && bits_.get());
     if (!whole && bits_.get()) give_box(step);
+    while (!is_split && tells_half_spaces_ && bits_.get()) {
+      const auto direction = static_cast<std::uint16_t>(bits_.get(kDirectionBits));
+      const auto reach = static_cast<std::uint8_t>(bits_.get(kReachBits));
+      batch_.half_spaces.push_back({step.node, {direction, reach}});
+    }
     if (bits_.has_failed())
       return {StatusCode::kInvalidArgument, "held nodes: fewer bits than the model has nodes"};
     if (!is_split) return Status::ok();
@@ -131,6 +145,7 @@ class HeldReader {
   const SplitStore& model_;
   const std::function<Status(NodeSpan)>& require_;
   BitReader bits_;
+  bool tells_half_spaces_ = false;
   std::vector<Step> stack_;
   SplitBatch batch_;
 };
@@ -142,6 +157,8 @@ HeldNodes held_nodes(const Replica& replica) {
   const ActiveMesh& mesh = replica.mesh();
   HeldNodes held;
   BitWriter bits;
+  const bool tells_half_spaces = !mesh.half_spaces().is_empty();
+  bits.put(tells_half_spaces);
   std::vector<NodeSpan> stack;
   for (const BaseRoot& root : store.roots()) {
     stack.assign(1, root.node);
@@ -158,6 +175,14 @@ HeldNodes held_nodes(const Replica& replica) {
       if (is_split) bits.put(whole);
       if (whole) continue;
       bits.put(box != kNoBox);
+      if (!is_split && tells_half_spaces) {
+        for (const HalfSpace& half_space : mesh.half_spaces().of(node.first)) {
+          bits.put(true);
+          bits.put(half_space.direction, kDirectionBits);
+          bits.put(half_space.reach, kReachBits);
+        }
+        bits.put(false);
+      }
       if (!is_split) continue;
       stack.push_back(node.right_of(split));
       stack.push_back(node.left_of(split));

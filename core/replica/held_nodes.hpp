@@ -3,11 +3,12 @@
 // What a replica holds of its model, in a few kB. Takes a replica, gives bits; with the model's file the bits give the splits
 // again. So a peer tells a recorder that came late where to begin.
 //
-// Bits, the lowest of each byte first, in the order of a walk from the roots down, left before right; a vertex of the full
-// mesh has none:
-// | 0, box | unresolved; box: has a box of its own |
+// Bits, the lowest of each byte first: whether half-spaces are told. Then in the order of a walk from the roots down, left
+// before right; a vertex of the full mesh has none:
+// | 0, box | unresolved; box: has a box of its own. Where half-spaces are told: for each of it 1, direction, reach; then 0 |
 // | 1, 1 | every split below is done: nothing below follows |
 // | 1, 0, box | split, and not all below is; both children follow |
+// Half-spaces are told as they came, so who is told knows as much as who tells.
 // Boxes inside of what is done do not count: no answer depends on them before detail is given up.
 
 #include <cstdint>

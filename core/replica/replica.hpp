@@ -63,7 +63,7 @@ class Replica {
   [[nodiscard]] TreeView view() const { return tree_.view(header().grid); }
   /// How many batches came, also of those that were wrong.
   [[nodiscard]] std::uint32_t taken_batches() const { return taken_batches_; }
-  /// Splits that came and wait for their parents.
+  /// Splits that came and wait for their parents, and nodes that half-spaces came of and wait for.
   [[nodiscard]] std::size_t parked_splits() const { return refined_.parked_splits(); }
   /// Whether any detail was ever given up: what is held is then less than what came.
   [[nodiscard]] bool gave_up_detail() const { return gave_up_detail_; }

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "core/base/hash.hpp"
+#include "nearmesh/core/spm/detail/half_space.hpp"
 #include "record_codec.hpp"
 #include "train.hpp"
 
@@ -66,9 +67,70 @@ class ExpectedNodes {
   std::size_t count_ = 0;
 };
 
+// The half-spaces to be sent, by their nodes.
+class NodesToTell {
+ public:
+  explicit NodesToTell(std::span<const NodeHalfSpace> half_spaces) {
+    for (std::size_t i = 0; i < half_spaces.size();) {
+      const std::size_t begin = i;
+      while (i < half_spaces.size() && half_spaces[i].node == half_spaces[begin].node) ++i;
+      NEARMESH_ASSERT(i - begin <= kMaxHalfSpaces && half_spaces[begin].node.size > 1);
+      groups_.push_back(half_spaces.subspan(begin, i - begin));
+    }
+    told_.resize(groups_.size());
+  }
+  [[nodiscard]] bool is_empty() const { return groups_.empty(); }
+  using Group = std::span<const NodeHalfSpace>;
+  /// Those of a node that a record makes; perhaps none.
+  [[nodiscard]] Group take(NodeSpan node) {
+    const std::size_t at = find(node);
+    if (at == groups_.size()) return {};
+    told_[at] = true;
+    return groups_[at];
+  }
+  void give_back(NodeSpan node) {
+    const std::size_t at = find(node);
+    if (at < groups_.size()) told_[at] = false;
+  }
+  /// Those that nobody took.
+  [[nodiscard]] std::vector<Group> left() const {
+    std::vector<Group> left;
+    for (std::size_t i = 0; i < groups_.size(); ++i)
+      if (!told_[i]) left.push_back(groups_[i]);
+    return left;
+  }
+
+ private:
+  // As many as there are where it has none.
+  [[nodiscard]] std::size_t find(NodeSpan node) const {
+    const auto at = std::lower_bound(
+        groups_.begin(), groups_.end(), node,
+        [](const Group& group, const NodeSpan& wanted) { return group.front().node < wanted; });
+    if (at == groups_.end() || at->front().node != node) return groups_.size();
+    return static_cast<std::size_t>(at - groups_.begin());
+  }
+
+  std::vector<Group> groups_;
+  std::vector<bool> told_;
+};
+
+// After each half-space a bit says whether another one follows; the last that there can be has none.
+void put_half_spaces(NodesToTell::Group group, BitWriter& out) {
+  for (std::size_t i = 0; i < group.size(); ++i) {
+    const HalfSpace& half_space = group[i].half_space;
+    NEARMESH_ASSERT(i == 0 || group[i - 1].half_space.direction < half_space.direction);
+    out.put(half_space.direction, kDirectionBits);
+    out.put(half_space.reach, kReachBits);
+    if (i + 1 < kMaxHalfSpaces) out.put(i + 1 < group.size(), 1);
+  }
+}
+
 // One batch under construction.
 struct OpenBatch {
   BitWriter attach, body;
+  BitWriter made, held;  // half-spaces: of nodes that the records make, of others
+  std::uint32_t held_count = 0, last_held = 0;
+  bool any_made = false;
   std::uint32_t attach_count = 0, record_count = 0, last_attach = 0;
   record::OpenEdges edges;
 
@@ -78,34 +140,68 @@ struct OpenBatch {
     last_attach = node.begin();
     ++attach_count;
   }
-  // Upper bound of finish()'s size: flags and two counts of at most 63 bits.
+  /// A bit for each node that a record makes and the treelet does not divide, whether there are any.
+  void add_made(const SplitRecord& record, const record::Inclusion& included, NodesToTell& nodes) {
+    for (const bool left : {true, false}) {
+      const NodeSpan node = left ? record.left() : record.right();
+      if (node.size < 2 || (left ? included.left : included.right)) continue;
+      const NodesToTell::Group group = nodes.take(node);
+      made.put(!group.empty(), 1);
+      any_made |= !group.empty();
+      put_half_spaces(group, made);
+    }
+  }
+  void add_held(NodesToTell::Group group) {
+    const NodeSpan node = group.front().node;
+    NEARMESH_ASSERT(node.begin() >= last_held);
+    held.put_gamma(node.begin() - last_held);
+    held.put_gamma(node.size - 2);
+    put_half_spaces(group, held);
+    last_held = node.end();
+    ++held_count;
+  }
+  [[nodiscard]] bool has_half_spaces() const { return any_made || held_count > 0; }
+  [[nodiscard]] bool is_empty() const { return record_count == 0 && held_count == 0; }
+  // Upper bound of finish()'s size: flags and counts of at most 63 bits.
   [[nodiscard]] std::size_t byte_bound() const {
     const std::size_t counts = 2 * (bit_length(record_count + 1) + bit_length(attach_count + 1));
-    return (8 + counts + attach.bit_count() + body.bit_count() + 7) / 8;
+    const std::size_t half_spaces =
+        has_half_spaces() ? 2 * bit_length(held_count + 1) + made.bit_count() + held.bit_count()
+                          : 0;
+    return (8 + counts + attach.bit_count() + body.bit_count() + half_spaces + 7) / 8;
   }
   /// Where to cut back to.
   struct Mark {
-    std::size_t attach, body;
+    std::size_t attach, body, made;
     std::uint32_t attach_count, last_attach;
+    bool any_made;
   };
   [[nodiscard]] Mark mark() const {
-    return {attach.bit_count(), body.bit_count(), attach_count, last_attach};
+    return {attach.bit_count(), body.bit_count(), made.bit_count(),
+            attach_count,       last_attach,      any_made};
   }
   /// Takes the last record back. `edges` stay as they are: the batch can be finished, no more.
   void take_back(const Mark& mark) {
     attach.truncate(mark.attach);
     body.truncate(mark.body);
+    made.truncate(mark.made);
     attach_count = mark.attach_count;
     last_attach = mark.last_attach;
+    any_made = mark.any_made;
     --record_count;
   }
   [[nodiscard]] std::vector<std::uint8_t> finish(BoxPolicy policy) const {
     BitWriter out;
-    out.put(static_cast<std::uint64_t>(policy), 8);
+    out.put(has_half_spaces() ? kWithHalfSpaces : static_cast<std::uint64_t>(policy), 8);
     out.put_gamma(record_count);
     out.put_gamma(attach_count);
     out.append(attach);
     out.append(body);
+    if (has_half_spaces()) {
+      out.append(made);
+      out.put_gamma(held_count);
+      out.append(held);
+    }
     return std::move(out).finish();
   }
 };
@@ -118,15 +214,18 @@ Status corrupt(std::uint32_t record, const char* field) {
 // What stands before the records.
 struct BatchHead {
   BoxPolicy boxes;
+  bool has_half_spaces;
   std::uint32_t record_count;
   std::vector<NodeSpan> attach;
 };
 
 Result<BatchHead> read_head(const SpmHeader& header, BitReader& in) {
-  const std::uint32_t policy = in.get(8);
-  if (policy > static_cast<std::uint32_t>(BoxPolicy::kAllNodes))
+  const std::uint32_t flags = in.get(8);
+  const bool has_half_spaces = flags == kWithHalfSpaces;
+  const BoxPolicy policy = has_half_spaces ? BoxPolicy::kCutNodes : static_cast<BoxPolicy>(flags);
+  if (!has_half_spaces && flags > static_cast<std::uint32_t>(BoxPolicy::kAllNodes))
     return Status{StatusCode::kCorrupt,
-                  "split batch: flags: expected 0 or 1, found " + std::to_string(policy)};
+                  "split batch: flags: expected 0, 1 or 3, found " + std::to_string(flags)};
   const std::uint64_t record_count = in.get_gamma();
   const std::uint64_t attach_count = in.get_gamma();
   // Every attach node takes at least two bits and every record three, whatever the tables say: so what is allocated is bounded
@@ -135,7 +234,7 @@ Result<BatchHead> read_head(const SpmHeader& header, BitReader& in) {
       attach_count > record_count)
     return Status{StatusCode::kCorrupt,
                   "split batch: counts exceed its " + std::to_string(in.bytes().size()) + " bytes"};
-  BatchHead head{static_cast<BoxPolicy>(policy), static_cast<std::uint32_t>(record_count), {}};
+  BatchHead head{policy, has_half_spaces, static_cast<std::uint32_t>(record_count), {}};
   head.attach.resize(attach_count);
   std::uint64_t next = 0;
   for (NodeSpan& node : head.attach) {
@@ -149,8 +248,9 @@ Result<BatchHead> read_head(const SpmHeader& header, BitReader& in) {
   return head;
 }
 
-[[gnu::flatten]] Status read_records(const SpmHeader& header, const BatchHead& head,
-                                     record::ReadingCoder coder, SplitBatch& batch) {
+// Out: how many bits are left after them.
+[[gnu::flatten]] Result<std::size_t> read_records(const SpmHeader& header, const BatchHead& head,
+                                                  record::ReadingCoder coder, SplitBatch& batch) {
   ExpectedNodes expected(head.record_count);
   record::OpenEdges edges;
   std::uint32_t face_count = 0;
@@ -168,9 +268,58 @@ Result<BatchHead> read_head(const SpmHeader& header, BitReader& in) {
     face_count += record.face_count;
     expected.push_children(record, included);
   }
-  if (next_attach != head.attach.size() || coder.bits_left() >= 8)
-    return {StatusCode::kCorrupt, "split batch: bytes left over after its last record"};
+  if (next_attach != head.attach.size() || (!head.has_half_spaces && coder.bits_left() >= 8))
+    return Status{StatusCode::kCorrupt, "split batch: bytes left over after its last record"};
   batch.faces.resize(face_count);
+  return coder.bits_left();
+}
+
+Status corrupt_half_space(NodeSpan node, const char* what) {
+  return {StatusCode::kCorrupt, "split batch: half-spaces of " + to_string(node) + ": " + what};
+}
+
+// Those of one node, at least one.
+Status read_half_spaces(NodeSpan node, BitReader& in, std::vector<NodeHalfSpace>& out) {
+  for (std::size_t i = 0; i < kMaxHalfSpaces; ++i) {
+    NodeHalfSpace next{node, {}};
+    next.half_space.direction = static_cast<std::uint16_t>(in.get(kDirectionBits));
+    next.half_space.reach = static_cast<std::uint8_t>(in.get(kReachBits));
+    if (in.overrun()) return corrupt_half_space(node, "bytes end inside");
+    if (i > 0 && out.back().half_space.direction >= next.half_space.direction)
+      return corrupt_half_space(node, "directions do not ascend");
+    out.push_back(next);
+    if (i + 1 == kMaxHalfSpaces || in.get(1) == 0) break;
+  }
+  return Status::ok();
+}
+
+// What follows the records: a bit for each node that they make and that has a box, whether there are any of it; then other
+// nodes, ascending and disjoint.
+Status read_all_half_spaces(const SpmHeader& header, BitReader in, SplitBatch& batch) {
+  for (const SplitRecord& record : batch.splits) {
+    if (record.left_box != kNoBox && in.get(1) != 0)
+      NEARMESH_RETURN_IF_ERROR(read_half_spaces(record.left(), in, batch.half_spaces));
+    if (record.right_box != kNoBox && in.get(1) != 0)
+      NEARMESH_RETURN_IF_ERROR(read_half_spaces(record.right(), in, batch.half_spaces));
+  }
+  const std::uint64_t held_count = in.get_gamma();
+  std::uint64_t next = 0;
+  for (std::uint64_t i = 0; i < held_count && !in.overrun(); ++i) {
+    next += in.get_gamma();
+    const std::uint64_t size = in.get_gamma() + 2;
+    if (in.overrun() || next + size > header.vertex_count)
+      return {StatusCode::kCorrupt, "split batch: half-spaces of a node outside the model's " +
+                                        std::to_string(header.vertex_count) + " vertices"};
+    const NodeSpan node{{static_cast<std::uint32_t>(next)}, static_cast<std::uint32_t>(size)};
+    NEARMESH_RETURN_IF_ERROR(read_half_spaces(node, in, batch.half_spaces));
+    next += size;
+  }
+  if (in.overrun()) return {StatusCode::kCorrupt, "split batch: bytes end inside its half-spaces"};
+  if (in.bits_left() >= 8)
+    return {StatusCode::kCorrupt, "split batch: bytes left over after its half-spaces"};
+  // A writer has no use for these flags then.
+  if (batch.half_spaces.empty())
+    return {StatusCode::kCorrupt, "split batch: flags say half-spaces, and there are none"};
   return Status::ok();
 }
 
@@ -179,9 +328,12 @@ Result<BatchHead> read_head(const SpmHeader& header, BitReader& in) {
 std::vector<std::vector<std::uint8_t>> encode_batches(const SpmHeader& header,
                                                       const SplitStore& store,
                                                       const Treelet& treelet, BoxPolicy boxes,
-                                                      std::size_t max_bytes) {
+                                                      std::size_t max_bytes,
+                                                      std::span<const NodeHalfSpace> half_spaces) {
+  NEARMESH_ASSERT(half_spaces.empty() || boxes == BoxPolicy::kCutNodes);
   std::vector<std::vector<std::uint8_t>> batches;
   OpenBatch open;
+  NodesToTell nodes(half_spaces);
   ExpectedNodes expected(treelet.size());
   std::vector<SplitFace> faces;
   for (const TreeletSplit& split : treelet) {
@@ -194,6 +346,18 @@ std::vector<std::vector<std::uint8_t>> encode_batches(const SpmHeader& header,
       record::WritingCoder coder(header.tables, open.body);
       record::code_record(coder, header, boxes, open.edges, record, included, faces);
       ++open.record_count;
+      if (!nodes.is_empty()) {
+        open.add_made(record, included, nodes);
+        // A record with very many faces may leave no room for them: they are told beside it.
+        if (open.record_count == 1 && open.any_made && open.byte_bound() > max_bytes) {
+          nodes.give_back(record.left());
+          nodes.give_back(record.right());
+          NodesToTell none({});
+          open.made.truncate(mark.made);
+          open.any_made = mark.any_made;
+          open.add_made(record, included, none);
+        }
+      }
       fits = open.byte_bound() <= max_bytes || open.record_count == 1;
       if (fits) {
         expected.push_children(record, included);
@@ -206,7 +370,17 @@ std::vector<std::vector<std::uint8_t>> encode_batches(const SpmHeader& header,
       expected.clear();
     }
   }
-  if (open.record_count > 0) batches.push_back(open.finish(boxes));
+  for (const NodesToTell::Group& group : nodes.left()) {
+    OpenBatch with = open;
+    with.add_held(group);
+    if (!open.is_empty() && with.byte_bound() > max_bytes) {
+      batches.push_back(open.finish(boxes));
+      with = OpenBatch{};
+      with.add_held(group);
+    }
+    open = std::move(with);
+  }
+  if (!open.is_empty()) batches.push_back(open.finish(boxes));
   return batches;
 }
 
@@ -219,8 +393,13 @@ Result<SplitBatch> decode_batch(const SpmHeader& header, std::span<const std::ui
   SplitBatch batch;
   batch.splits.resize(head.value().record_count);
   batch.faces.resize(2 * batch.splits.size());
-  NEARMESH_RETURN_IF_ERROR(read_records(
-      header, head.value(), record::ReadingCoder(header.tables, window, bytes.size() * 8), batch));
+  const Result<std::size_t> left = read_records(
+      header, head.value(), record::ReadingCoder(header.tables, window, bytes.size() * 8), batch);
+  NEARMESH_RETURN_IF_ERROR(left);
+  if (head.value().has_half_spaces) {
+    in.skip(static_cast<int>(in.bits_left() - left.value()));
+    NEARMESH_RETURN_IF_ERROR(read_all_half_spaces(header, in, batch));
+  }
   return batch;
 }
 

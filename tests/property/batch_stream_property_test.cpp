@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // A peer's view of a stream: whatever prefix of it has come, whatever is lost, no certified answer
 // is wrong.
+#include "half_spaces.hpp"
 #include "nearmesh/core/geometry/detail/box_overlap.hpp"
 #include "random_policies.hpp"
+#include "rounds.hpp"
 
 namespace nearmesh {
 namespace {
@@ -118,6 +120,61 @@ TEST_P(BatchStream, AnySingleLossIsNeverWrongAndIsHealedByTheBatchAlone) {
       ASSERT_FALSE(HasFailure());
     }
   }
+}
+
+// Half-spaces of whatever nodes, in batches that come in any order, some twice and some not at all.
+TEST_P(BatchStream, HalfSpacesAreNeverWrongWhateverIsLost) {
+  const test::TrueHalfSpaces truth_a(a_.store), truth_b(b_.store);
+  std::size_t told = 0, nearer = 0;
+  for (std::uint64_t seed = 0; seed < static_cast<std::uint64_t>(test::rounds(40)); ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    Random random(9000 + seed);
+    const PosedPair posed = test::near_pose(random, a_, b_);
+    const Answer full = stream_.full(posed);
+    Body a(a_.header), b(b_.header), bare_a(a_.header), bare_b(b_.header);
+    const auto send = [&](const BakedModel& model, const test::TrueHalfSpaces& truth, Body& body,
+                          Body& bare) {
+      LocalModel local(model.store, model.header.grid);
+      test::refine_at_random(local, random);
+      const Treelet treelet = active_treelet(local.mesh);
+      const std::uint32_t most = 40 + random.below(400);
+      auto batches = encode_batches(model.header, model.store, treelet, BoxPolicy::kCutNodes, most,
+                                    test::random_half_spaces(model.store, treelet, truth, random));
+      test::shuffle(batches, random);
+      for (std::size_t i = 0; i < batches.size(); ++i) {
+        if (random.below(6) == 0) continue;
+        body.apply(batches[i]);
+        if (random.below(6) == 0)
+          body.apply(batches[random.below(static_cast<std::uint32_t>(i) + 1)]);
+        // The same without.
+        SplitBatch batch = decode_batch(model.header, batches[i]).value();
+        told += batch.half_spaces.size();
+        batch.half_spaces.clear();
+        bare.tree.update(bare.replica.apply_batch(batch).delta);
+        if (random.below(8) == 0) expect_never_wrong(ask(a, b, posed), full);
+      }
+    };
+    for (int round = 0; round < 3; ++round) {
+      send(a_, truth_a, a, bare_a);
+      send(b_, truth_b, b, bare_b);
+      const Answer answer = query(a.view(), posed.a, b.view(), posed.b);
+      expect_never_wrong(answer, full);
+      const Answer bare = ask(bare_a, bare_b, posed);
+      const std::size_t missing = answer.missing_a.size() + answer.missing_b.size(),
+                        bare_missing = bare.missing_a.size() + bare.missing_b.size();
+      nearer += missing < bare_missing ? 1 : 0;
+      a.evict_some(random);
+      b.evict_some(random);
+      expect_never_wrong(ask(a, b, posed), full);
+    }
+    // What was lost comes after all: certified, and right.
+    for (const Sent& sent : stream_.batches(posed)) (sent.to_a ? a : b).apply(sent.bytes);
+    const Answer last = ask(a, b, posed);
+    EXPECT_TRUE(is_certified(last.status));
+    expect_never_wrong(last, full);
+  }
+  EXPECT_GT(told, 100U);
+  EXPECT_GT(nearer, 0U);
 }
 
 // The real exchange: the peer names what its answer lacks, the publisher collects below those

@@ -32,12 +32,23 @@ inline std::vector<KeyedFace> all_faces(const SplitStore& store) {
 /// Boxes of original faces: by vertex, and of any interval of vertices. From a complete store.
 class TrueBoxes {
  public:
-  explicit TrueBoxes(const SplitStore& store) : of_vertex_(store.vertex_count()) {
+  explicit TrueBoxes(const SplitStore& store)
+      : of_vertex_(store.vertex_count()), corners_(store.vertex_count()) {
     for (const KeyedFace& keyed : all_faces(store)) {
       GridBox box;
       for (const VertexId corner : keyed.face.corners()) box.add(store.position(corner));
-      for (const VertexId corner : keyed.face.corners()) of_vertex_[corner.value].add(box);
+      for (const VertexId corner : keyed.face.corners()) {
+        of_vertex_[corner.value].add(box);
+        for (const VertexId other : keyed.face.corners())
+          corners_[corner.value].push_back(store.position(other));
+      }
     }
+  }
+  /// Of all faces that touch a vertex of the node.
+  template <class Visit>
+  void for_each_corner(NodeSpan node, const Visit& visit) const {
+    for (std::uint32_t v = node.begin(); v < node.end(); ++v)
+      for (const GridPoint& p : corners_[v]) visit(p);
   }
   [[nodiscard]] GridBox of(NodeSpan node) const {
     GridBox box;
@@ -48,6 +59,7 @@ class TrueBoxes {
 
  private:
   std::vector<GridBox> of_vertex_;
+  std::vector<std::vector<GridPoint>> corners_;
 };
 
 /// The active ids, by asking each.
@@ -184,9 +196,12 @@ inline TreeContent walk_tree(const TreeView& view, const TrueBoxes& boxes) {
           GridPoint p;
           for (int k = 0; k < 3; ++k)
             p[k] = (corner >> k & 1) != 0 ? part.box.hi[k] : part.box.lo[k];
-          for (std::size_t i = 0; i + 1 < step.above.size(); ++i)
-            EXPECT_TRUE(slab_holds(step.above[i], p));
+          if (!slab_holds(part, p)) continue;  // nothing of the node is there
+          for (const TreeEntry& outer : step.above) EXPECT_TRUE(slab_holds(outer, p));
         }
+        boxes.for_each_corner(part.unresolved_node(), [&](const GridPoint& p) {
+          for (const TreeEntry& outer : step.above) EXPECT_TRUE(slab_holds(outer, p));
+        });
         content.unresolved.push_back(part.unresolved_node());
         break;
       case TreeEntry::Kind::kEmpty:

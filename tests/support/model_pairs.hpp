@@ -5,6 +5,7 @@
 #include <string>
 #include <utility>
 
+#include "half_spaces.hpp"
 #include "test_models.hpp"
 
 namespace nearmesh::test {
@@ -24,7 +25,9 @@ class ModelPair : public ::testing::TestWithParam<ModelNames> {
  protected:
   BakedModel a_ = bake_named(GetParam().first), b_ = bake_named(GetParam().second);
 
-  /// Both models, each refined at random, and what is left of the random numbers.
+  test::TrueHalfSpaces half_spaces_a_{a_.store}, half_spaces_b_{b_.store};
+
+  /// Both models, each refined at random, every other pair with half-spaces, and what is left of the random numbers.
   struct State {
     State(const ModelPair& pair, std::uint64_t seed)
         : random(seed),
@@ -32,6 +35,10 @@ class ModelPair : public ::testing::TestWithParam<ModelNames> {
           b(pair.b_.store, pair.b_.header.grid) {
       refine_at_random(a, random);
       refine_at_random(b, random);
+      if (seed % 2 == 0) return;
+      Random directions(seed);
+      tell_half_spaces(a, pair.half_spaces_a_, directions);
+      tell_half_spaces(b, pair.half_spaces_b_, directions);
     }
     Random random;
     LocalModel a, b;

@@ -2,10 +2,13 @@
 #pragma once
 // Random states of refinement that a peer can be in.
 
+#include <functional>
+
 #include "brute_force.hpp"
 #include "core/demand/collect.hpp"
 #include "core/refine/refined_mesh.hpp"
 #include "fault_of.hpp"
+#include "half_spaces.hpp"
 
 namespace nearmesh::test {
 
@@ -111,17 +114,20 @@ inline RegionRequest request_region(const SplitStore& store, const GridBox& regi
   return request;
 }
 
-/// What a publisher of the model sends, in batches of at most `max_bytes`.
+/// What a publisher of the model sends, in batches of at most `max_bytes`, with these half-spaces.
+using HalfSpacesOf = std::function<std::vector<NodeHalfSpace>(const Treelet&)>;
 inline std::vector<std::vector<std::uint8_t>> serve(const BakedModel& model,
                                                     const RegionRequest& request,
-                                                    std::size_t max_bytes) {
+                                                    std::size_t max_bytes,
+                                                    const HalfSpacesOf& half_spaces_of = {}) {
   if (request.attach.empty()) return {};
   EXPECT_TRUE(check_request(model.store, request).is_ok());
   const Result<Demand> demand =
       collect(model.store, request, test::no_require, AttachRule::kAlways);
   EXPECT_TRUE(demand.is_ok());
-  return encode_batches(model.header, model.store, demand.value().treelet, BoxPolicy::kCutNodes,
-                        max_bytes);
+  const Treelet& treelet = demand.value().treelet;
+  return encode_batches(model.header, model.store, treelet, BoxPolicy::kCutNodes, max_bytes,
+                        half_spaces_of ? half_spaces_of(treelet) : std::vector<NodeHalfSpace>());
 }
 
 /// Delivers batches the way a bad link does: in any order, a share of them lost, some twice.

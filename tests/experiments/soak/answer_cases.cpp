@@ -177,6 +177,8 @@ class Case {
       next_pose(i, false);
       refine(a, a_);
       refine(b, b_);
+      if (random_.below(2) == 0) test::tell_half_spaces(a, a_.half_spaces, random_);
+      if (random_.below(2) == 0) test::tell_half_spaces(b, b_.half_spaces, random_);
       ask(a, b, true);
       const Result<Answer> last =
           certify(a, posed_.a, test::no_require, b, posed_.b, test::no_require, {});
@@ -222,9 +224,10 @@ class Case {
                                          test::no_require, {.clearance = false});
     if (!whole.is_ok()) return found(whole.status().message());
     const std::size_t bytes = 100 + random_.below(kMaxBatchBytes - 100);
-    const auto encode = [bytes](const Model& model, const LocalModel& local) {
-      return encode_batches(model.baked.header, model.baked.store, active_treelet(local.mesh),
-                            BoxPolicy::kCutNodes, bytes);
+    const auto encode = [&](const Model& model, const LocalModel& local) {
+      const Treelet treelet = active_treelet(local.mesh);
+      return encode_batches(model.baked.header, model.baked.store, treelet, BoxPolicy::kCutNodes,
+                            bytes, half_spaces(model)(treelet));
     };
     test::Body a(a_.baked.header), b(b_.baked.header);
     ask(a, b, true);
@@ -261,7 +264,16 @@ class Case {
     if (missing.empty()) return;
     const auto request =
         test::request_missing(body.replica.store(), missing, 1 + random_.below(500));
-    test::deliver(body, test::serve(model.baked, request, kMaxBatchBytes), random_);
+    test::deliver(body, test::serve(model.baked, request, kMaxBatchBytes, half_spaces(model)),
+                  random_);
+  }
+
+  // Of every other answer.
+  test::HalfSpacesOf half_spaces(const Model& model) {
+    return [this, &model](const Treelet& treelet) {
+      if (random_.below(2) == 0) return std::vector<NodeHalfSpace>();
+      return test::random_half_spaces(model.baked.store, treelet, model.half_spaces, random_);
+    };
   }
 
   // ---- a peer that moves on, keeps what it has, and gives some of it up -------------------------
@@ -284,7 +296,8 @@ class Case {
     const SplitStore& store = model.baked.store;
     const GridBox region = test::random_region(store, random_);
     const auto request = test::request_region(store, region, 1 + random_.below(500));
-    test::deliver(body, test::serve(model.baked, request, kMaxBatchBytes), random_);
+    test::deliver(body, test::serve(model.baked, request, kMaxBatchBytes, half_spaces(model)),
+                  random_);
   }
 
   const Model &a_, &b_;
@@ -305,6 +318,7 @@ Model::Model(BakedModel baked_model)
       full(baked),
       faces(test::all_faces(baked.store)),
       order(test::all_splits(baked.store)),
+      half_spaces(baked.store),
       radius_m(test::radius_m(baked)) {}
 
 void Tally::add(const Tally& other) {

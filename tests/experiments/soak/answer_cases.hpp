@@ -20,10 +20,13 @@ inline constexpr std::array<const char*, 6> kPolicyNames{"base",   "subset", "pr
 /// A model, complete, with what the cases need of it.
 struct Model {
   explicit Model(BakedModel baked_model);
+  Model(const Model&) = delete;
+  Model& operator=(const Model&) = delete;
   BakedModel baked;
   test::FullModel full;
   std::vector<test::KeyedFace> faces;
   std::vector<VertexId> order;  ///< all splits in global order
+  test::TrueHalfSpaces half_spaces;
   double radius_m;
 };
 

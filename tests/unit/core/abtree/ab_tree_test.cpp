@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nearmesh/core/abtree/detail/ab_tree.hpp"
 
-#include "brute_force.hpp"
 #include "core/base/resources.hpp"
 #include "core/refine/refined_mesh.hpp"
+#include "half_spaces.hpp"
 #include "nearmesh/core/query/query.hpp"
 #include "random_policies.hpp"
 
@@ -36,6 +36,12 @@ class Wanderer {
         ASSERT_TRUE(mesh_.split(any_vertex(), delta));
       }
     }
+    for (std::uint32_t n = random_.below(6); n > 0; --n) {
+      const NodeSpan node = mesh_.current_node(mesh_.active_predecessor(any_vertex()));
+      if (node.size < 2) continue;
+      for (const HalfSpace& half_space : half_spaces_.some(node, random_, 3))
+        mesh_.add_half_space(node, half_space, delta);
+    }
     tree_.update(delta);
   }
   [[nodiscard]] const ActiveMesh& mesh() const { return mesh_; }
@@ -46,6 +52,7 @@ class Wanderer {
 
   Random random_;
   const BakedModel& model_;
+  const test::TrueHalfSpaces half_spaces_{model_.store};
   ActiveMesh mesh_;
   AbTree tree_;
 };

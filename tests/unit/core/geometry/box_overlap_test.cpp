@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Boxes and triangles of posed models: never "apart" across a contact, never a gap above the truth,
 // and still sharp. The hard poses are found by bisection: the last lattice step that still touches.
-#include "nearmesh/core/geometry/detail/box_overlap.hpp"
+#include "nearmesh/core/geometry/detail/lanes.hpp"
 
 #include <gtest/gtest.h>
 
@@ -166,6 +166,80 @@ TEST(BoxTriangleApart, NeverAcrossAContact) {
     const RelativeFrame ba = make_relative_frame(s.b, s.a);
     EXPECT_FALSE(box_triangle_apart(ba, box_around(s.in_b), to_a_units(ba, s.in_a)));
   });
+}
+
+/// The tightest half-space of a triangle, about as long as a stored one.
+BoundedPart half_space_around(const std::array<GridPoint, 3>& t,
+                              const std::array<double, 3>& towards) {
+  BoundedPart part;
+  const auto normal = make_slab_normal(towards);
+  for (std::size_t k = 0; k < 3; ++k) part.normal[k] = normal[k];
+  part.bound = -1e300;
+  for (const GridPoint& p : t) {
+    double at = 0;
+    for (std::size_t k = 0; k < 3; ++k) at += part.normal[k] * p.v[k];
+    part.bound = std::max(part.bound, at);
+  }
+  return part;
+}
+
+// Directions: at random, and that from one triangle to the other, along which they are nearly parted.
+TEST(HalfSpaceApart, NeverAcrossAContact) {
+  Random random(25);
+  for_each_last_contact(25, [&](const Scene& s) {
+    for (const bool swapped : {false, true}) {
+      const RelativeFrame f =
+          swapped ? make_relative_frame(s.b, s.a) : make_relative_frame(s.a, s.b);
+      const auto &own = swapped ? s.in_b : s.in_a, &other = swapped ? s.in_a : s.in_b;
+      const DoubleTriangle there = to_a_units(f, other);
+      for (int i = 0; i < 4; ++i) {
+        std::array<double, 3> towards{};
+        for (std::size_t k = 0; k < 3; ++k)
+          towards[k] = i == 0 ? there[0][k] + there[1][k] + there[2][k] - own[0].v[k] -
+                                    own[1].v[k] - own[2].v[k]
+                              : random.between(-1, 1);
+        if (std::abs(towards[0]) + std::abs(towards[1]) + std::abs(towards[2]) < 1e-6)
+          towards[0] = 1;
+        const BoundedPart part = half_space_around(own, towards);
+        EXPECT_FALSE(half_space_triangle_stay_apart(f, {}, part, there));
+        EXPECT_FALSE(half_space_box_stay_apart(f, {}, part, box_around(other)));
+      }
+    }
+  });
+}
+
+TEST(HalfSpaceApart, JustWhereTheOtherIsBeyondThePlaneByMoreThanTheSlack) {
+  Random random(26);
+  int boxes = 0;
+  for (int i = 0; i < 20000; ++i) {
+    const Grid grid{.exponent = -16, .bits = 21};
+    const PosedFrame frame = make_posed_frame(grid, {}, -18).value();
+    const RelativeFrame f = make_relative_frame(frame, frame);
+    const auto point = [&] {
+      GridPoint p;
+      for (int k = 0; k < 3; ++k) p[k] = static_cast<std::int32_t>(random.below(1000));
+      return p;
+    };
+    const std::array<GridPoint, 3> a{point(), point(), point()}, b{point(), point(), point()};
+    const BoundedPart part = half_space_around(
+        a, {random.between(-1, 1), random.between(-1, 1), random.between(0.1, 1)});
+    double least = 1e300, length = 0;
+    for (std::size_t k = 0; k < 3; ++k) length += std::abs(part.normal[k]);
+    for (const GridPoint& p : b)
+      least =
+          std::min(least, part.normal[0] * p[0] + part.normal[1] * p[1] + part.normal[2] * p[2]);
+    const double beyond = least - part.bound;
+    const bool apart = half_space_triangle_stay_apart(f, {}, part, to_a_units(f, b));
+    EXPECT_EQ(apart, beyond > f.slack * length) << beyond;
+    const bool box_apart = half_space_box_stay_apart(f, {}, part, box_around(b));
+    EXPECT_LE(box_apart, apart);
+    boxes += box_apart ? 1 : 0;
+    // A drift as far as the way between them is the end of it.
+    Drift drift;
+    drift.around = beyond / length;
+    EXPECT_FALSE(half_space_triangle_stay_apart(f, drift, part, to_a_units(f, b)));
+  }
+  EXPECT_GT(boxes, 100);
 }
 
 TEST(TrianglesGap, ZeroAcrossAContact) {

@@ -132,6 +132,13 @@ TEST(Drift, NothingStaysApartFromWhatItIsTakenTo) {
     EXPECT_FALSE(triangles_stay_apart(s.frame, drift, s.a, s.b));
     EXPECT_FALSE(boxes_stay_apart(s.frame, drift, box_of(s.in_a), box_of(s.in_b)));
     EXPECT_FALSE(box_triangle_stay_apart(s.frame, drift, box_of(s.in_a), s.b));
+    BoundedPart part{{random.between(-127, 127), random.between(-127, 127), 127}, -1e300};
+    for (double& x : part.normal) x = std::floor(x);
+    for (const Vec3& corner : s.a)
+      part.bound = std::max(part.bound, part.normal[0] * corner[0] + part.normal[1] * corner[1] +
+                                            part.normal[2] * corner[2]);
+    EXPECT_FALSE(half_space_triangle_stay_apart(s.frame, drift, part, s.b));
+    EXPECT_FALSE(half_space_box_stay_apart(s.frame, drift, part, box_of(s.in_b)));
   }
 }
 

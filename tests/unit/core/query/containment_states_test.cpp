@@ -2,6 +2,7 @@
 // Containment in every state of refinement: never wrong by the winding numbers of the full meshes, certified in the
 // end.
 #include "fault_of.hpp"
+#include "half_spaces.hpp"
 #include "solids.hpp"
 
 namespace nearmesh {
@@ -87,6 +88,7 @@ INSTANTIATE_TEST_SUITE_P(Scenes, SolidPair,
 
 TEST_P(SolidPair, NeverWrongAndAlwaysCertifiedInTheEnd) {
   std::array<std::size_t, 5> seen{};
+  const test::TrueHalfSpaces half_spaces_a(a_.model.store), half_spaces_b(b_.model.store);
   for (std::uint64_t seed = 0; seed < 40; ++seed) {
     SCOPED_TRACE(seed);
     Random random(seed);
@@ -99,6 +101,10 @@ TEST_P(SolidPair, NeverWrongAndAlwaysCertifiedInTheEnd) {
       LocalModel a(a_.model.store, a_.model.header.grid), b(b_.model.store, b_.model.header.grid);
       if (state > 0) test::refine_at_random(a, random);
       if (state > 0) test::refine_at_random(b, random);
+      if (state > 1) {
+        test::tell_half_spaces(a, half_spaces_a, random);
+        test::tell_half_spaces(b, half_spaces_b, random);
+      }
       const Answer early = query(a.view(), posed.a, b.view(), posed.b, options_);
       expect_true(truth, early);
       const Result<Answer> end =

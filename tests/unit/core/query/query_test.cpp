@@ -214,6 +214,7 @@ double true_distance_m(const BakedModel& a, const PosedFrame& frame_a, const Bak
 TEST_P(Clearance, NeverExceedsTheTrueDistance) {
   const BakedModel model_a = test::bake_mesh(tiny(GetParam().first), 8);
   const BakedModel model_b = test::bake_mesh(tiny(GetParam().second), 8);
+  const test::TrueHalfSpaces half_spaces_a(model_a.store), half_spaces_b(model_b.store);
   int free = 0;
   for (int seed = 0; seed < test::rounds(60); ++seed) {
     SCOPED_TRACE(seed);
@@ -221,6 +222,10 @@ TEST_P(Clearance, NeverExceedsTheTrueDistance) {
     const PosedPair posed = apart_pose(random, model_a, model_b);
     LocalModel a(model_a.store, model_a.header.grid), b(model_b.store, model_b.header.grid);
     if (seed % 2 == 0) test::refine_at_random(a, random);
+    if (seed % 3 > 0) {
+      test::tell_half_spaces(a, half_spaces_a, random);
+      test::tell_half_spaces(b, half_spaces_b, random);
+    }
     const Result<Answer> answer =
         certify(a, posed.a, test::no_require, b, posed.b, test::no_require, {});
     ASSERT_TRUE(answer.is_ok()) << answer.status().message();

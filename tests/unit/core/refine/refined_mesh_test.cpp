@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/refine/refined_mesh.hpp"
 
-#include "brute_force.hpp"
+#include "half_spaces.hpp"
 
 namespace nearmesh {
 namespace {
@@ -84,6 +84,173 @@ TEST_P(ApplyBatchTo, StateIsClosedUnderParentsWhateverIsLost) {
       EXPECT_TRUE(replica.mesh().is_active(replica.store().split_of(parent)));
     }
   }
+}
+
+// ---- half-spaces ----------------------------------------------------------------------------------
+
+/// The model in batches with half-spaces, by several answers that go ever deeper: so that nodes get some and lose them.
+std::vector<SplitBatch> batches_with_half_spaces(const BakedModel& model, std::uint64_t seed) {
+  const test::TrueHalfSpaces truth(model.store);
+  Random random(seed);
+  ActiveMesh mesh(model.store), before(model.store);
+  RefineDelta delta;
+  const std::vector<VertexId> order = test::all_splits(model.store);
+  std::vector<SplitBatch> batches;
+  for (const std::size_t share : {5U, 20U, 70U}) {
+    for (std::size_t i = 0; 100 * i < share * order.size(); ++i)
+      EXPECT_TRUE(mesh.split(order[i], delta));
+    Treelet treelet = active_treelet(mesh);
+    std::erase_if(treelet, [&](const TreeletSplit& s) { return before.is_active(s.split); });
+    for (const TreeletSplit& s : treelet) EXPECT_TRUE(before.split(s.split, delta));
+    for (const auto& bytes :
+         encode_batches(model.header, model.store, treelet, BoxPolicy::kCutNodes, 150,
+                        test::random_half_spaces(model.store, treelet, truth, random)))
+      batches.push_back(decode_batch(model.header, bytes).value());
+  }
+  return batches;
+}
+
+std::vector<NodeHalfSpace> half_spaces_of(const RefinedMesh& replica) {
+  std::vector<NodeHalfSpace> all;
+  for (const NodeSpan& node : test::unresolved_nodes(replica.mesh()))
+    for (const HalfSpace& half_space : replica.mesh().half_spaces().of(node.first))
+      all.push_back({node, half_space});
+  return all;
+}
+
+TEST_P(ApplyBatchTo, HalfSpacesComeInAnyOrderWithRepeats) {
+  const BakedModel model = test::bake_named(GetParam());
+  const std::vector<SplitBatch> batches = batches_with_half_spaces(model, 5);
+  RefinedMesh straight(model.header);
+  for (const SplitBatch& batch : batches) apply(straight, batch);
+  const std::vector<NodeHalfSpace> expected = half_spaces_of(straight);
+  RefinedMesh bare(model.header);
+  for (SplitBatch batch : batches) {
+    batch.half_spaces.clear();
+    apply(bare, batch);
+  }
+  EXPECT_EQ(bare.mesh().state_hash() == straight.mesh().state_hash(), expected.empty());
+  for (std::uint64_t seed = 0; seed < 6; ++seed) {
+    SCOPED_TRACE(seed);
+    Random random(seed);
+    std::vector<SplitBatch> some = batches;
+    for (std::size_t i = 0; i < batches.size(); ++i)
+      if (random.below(3) == 0) some.push_back(batches[i]);
+    test::shuffle(some, random);
+    RefinedMesh replica(model.header);
+    for (const SplitBatch& batch : some) apply(replica, batch);
+    expect_same_mesh(replica, straight);
+    EXPECT_EQ(half_spaces_of(replica), expected);
+  }
+}
+
+// What is left of the digest is that of the splits: nothing of what was dropped stays in it.
+TEST_P(ApplyBatchTo, HalfSpacesGoWithTheirNode) {
+  const BakedModel model = test::bake_named(GetParam());
+  for (std::uint64_t seed = 0; seed < 4; ++seed) {
+    Random random(seed);
+    RefinedMesh replica(model.header);
+    for (const SplitBatch& batch : batches_with_half_spaces(model, seed)) {
+      if (random.below(4) == 0) continue;
+      apply(replica, batch);
+      for (std::uint32_t n = random.below(3); n > 0; --n) {
+        const VertexId u{random.below(model.header.vertex_count)};
+        if (!replica.store().is_known(u) || replica.store().is_root(u)) continue;
+        const NodeSpan node = replica.store().node_of(u);
+        if (replica.collapse(node).collapsed.empty()) continue;
+        EXPECT_TRUE(replica.mesh().half_spaces().of(node.first).empty());
+        replica.forget(node);
+      }
+      ActiveMesh twin(model.store);
+      RefineDelta delta;
+      for (const std::uint32_t v : test::active_ids(replica.mesh()))
+        if (!model.store.is_root({v})) ASSERT_TRUE(twin.split({v}, delta));
+      for (const NodeHalfSpace& told : half_spaces_of(replica))
+        ASSERT_TRUE(twin.add_half_space(told.node, told.half_space, delta));
+      ASSERT_EQ(twin.state_hash(), replica.mesh().state_hash());
+    }
+    for (const BaseRoot& root : model.header.roots) static_cast<void>(replica.collapse(root.node));
+    if (half_spaces_of(replica).empty()) {
+      EXPECT_EQ(replica.mesh().state_hash(), RefinedMesh(model.header).mesh().state_hash());
+    }
+  }
+}
+
+TEST(ApplyBatch, AHalfSpaceOfASplitNodeDoesNotCount) {
+  const BakedModel model = test::bake_named("terrain");
+  RefinedMesh replica(model.header);
+  for (const SplitBatch& batch : all_batches(model, kMaxBatchBytes)) apply(replica, batch);
+  const std::uint64_t before = replica.mesh().state_hash();
+  SplitBatch batch;
+  for (const BaseRoot& root : model.header.roots)
+    if (root.node.size > 1) batch.half_spaces.push_back({root.node, {1, 0}});
+  ASSERT_FALSE(batch.half_spaces.empty());
+  const RefinedMesh::Applied applied = replica.apply_batch(batch);
+  EXPECT_TRUE(applied.status.is_ok());
+  EXPECT_TRUE(applied.delta.is_empty());
+  EXPECT_EQ(replica.mesh().state_hash(), before);
+}
+
+/// One code short of the truth, of each node that a batch makes, in some directions: how many are refused, if the rest follows.
+TEST(ApplyBatch, FalseHalfSpacesAreFoundByWhatIsKnownOfTheirNodeOrComes) {
+  const BakedModel model = test::bake_named("aircraft");
+  const test::TrueHalfSpaces truth(model.store);
+  const std::vector<SplitBatch> batches = all_batches(model, 80);
+  Random random(8);
+  std::size_t at_once = 0, later = 0, tried = 0;
+  for (std::size_t i = 0; i + 1 < batches.size() && tried < 300; ++i) {
+    RefinedMesh held(model.header);
+    for (std::size_t k = 0; k <= i; ++k) apply(held, batches[k]);
+    for (const NodeSpan& node : test::unresolved_nodes(held.mesh())) {
+      if (random.below(3) > 0) continue;
+      HalfSpace wrong =
+          *truth.tightest(node, static_cast<std::uint16_t>(random.below(1U << kDirectionBits)));
+      if (wrong.reach < 40) continue;
+      wrong.reach = static_cast<std::uint8_t>(wrong.reach - 8);  // half as far
+      ++tried;
+      RefinedMesh replica(model.header);
+      for (std::size_t k = 0; k <= i; ++k) apply(replica, batches[k]);
+      SplitBatch batch;
+      batch.half_spaces.push_back({node, wrong});
+      Status fault = replica.apply_batch(batch).status;
+      at_once += fault.is_ok() ? 0 : 1;
+      if (!fault.is_ok()) {
+        EXPECT_NE(fault.message().find(to_string(node)), std::string::npos);
+        EXPECT_NE(fault.message().find("half-space"), std::string::npos);
+        continue;
+      }
+      for (std::size_t k = 0; k < batches.size() && fault.is_ok(); ++k)
+        fault = replica.apply_batch(batches[k]).status;
+      later += fault.is_ok() ? 0 : 1;
+    }
+  }
+  EXPECT_GT(tried, 100U);
+  EXPECT_GT(at_once, tried / 20);
+  EXPECT_GT(at_once + later, tried / 3);
+  RecordProperty("tried", static_cast<int>(tried));
+  RecordProperty("found_at_once", static_cast<int>(at_once));
+  RecordProperty("found_later", static_cast<int>(later));
+}
+
+// A face of long ago, with a corner in the node: looked at in turn.
+TEST(ApplyBatch, FalseHalfSpacesAreFoundByFacesThatAreKnownInPart) {
+  const BakedModel model = test::bake_named("sphere");
+  const std::vector<SplitBatch> batches = all_batches(model, 150);
+  std::size_t found = 0;
+  RefinedMesh held(model.header);
+  for (std::size_t i = 0; i < batches.size() / 2; ++i) apply(held, batches[i]);
+  for (const NodeSpan& node : test::unresolved_nodes(held.mesh()))
+    for (std::uint16_t direction = 100; direction < 4096 && found == 0; direction += 500) {
+      RefinedMesh replica(model.header);
+      for (std::size_t i = 0; i < batches.size() / 2; ++i) apply(replica, batches[i]);
+      SplitBatch batch;
+      batch.half_spaces.push_back({node, {direction, 0}});
+      if (!replica.apply_batch(batch).status.is_ok()) continue;
+      // Nothing new: only the checks in turn can find it.
+      for (int round = 0; round < 200 && found == 0; ++round)
+        found += replica.apply_batch(SplitBatch{}).status.is_ok() ? 0 : 1;
+    }
+  EXPECT_GT(found, 0U);
 }
 
 TEST(ApplyBatch, ReportsWhatBecameActiveParentsFirst) {

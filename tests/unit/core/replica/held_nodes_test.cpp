@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/replica/held_nodes.hpp"
 
-#include "brute_force.hpp"
+#include "half_spaces.hpp"
 
 namespace nearmesh {
 namespace {
@@ -9,7 +9,10 @@ namespace {
 const auto kKnowsAll = [](NodeSpan) { return Status::ok(); };
 
 /// Two answers: the larger half of all nodes, and the rest. Nodes where the first is cut come with a box of their own.
-std::vector<SplitBatch> decoded_batches(const BakedModel& model, std::size_t max_bytes) {
+std::vector<SplitBatch> decoded_batches(const BakedModel& model, std::size_t max_bytes,
+                                        bool with_half_spaces = false) {
+  const test::TrueHalfSpaces truth(model.store);
+  Random random(4);
   ActiveMesh half(model.store), whole(model.store);
   RefineDelta delta;
   const std::vector<VertexId> splits = test::all_splits(model.store);
@@ -23,8 +26,10 @@ std::vector<SplitBatch> decoded_batches(const BakedModel& model, std::size_t max
   std::erase_if(rest, [&](const TreeletSplit& split) { return half.is_active(split.split); });
   std::vector<SplitBatch> batches;
   for (const Treelet& treelet : {active_treelet(half), rest})
-    for (const auto& bytes :
-         encode_batches(model.header, model.store, treelet, BoxPolicy::kCutNodes, max_bytes))
+    for (const auto& bytes : encode_batches(
+             model.header, model.store, treelet, BoxPolicy::kCutNodes, max_bytes,
+             with_half_spaces ? test::random_half_spaces(model.store, treelet, truth, random)
+                              : std::vector<NodeHalfSpace>()))
       batches.push_back(decode_batch(model.header, bytes).value());
   return batches;
 }
@@ -37,6 +42,9 @@ void expect_same(const Replica& one, const Replica& other) {
   for (const NodeSpan& node : test::unresolved_nodes(one.mesh())) {
     ASSERT_EQ(one.store().box_code(node), other.store().box_code(node)) << to_string(node);
     ASSERT_EQ(one.store().box(node), other.store().box(node)) << to_string(node);
+    ASSERT_TRUE(std::ranges::equal(one.mesh().half_spaces().of(node.first),
+                                   other.mesh().half_spaces().of(node.first)))
+        << to_string(node);
   }
 }
 
@@ -51,32 +59,40 @@ Replica made_from(const BakedModel& model, const HeldNodes& held) {
 
 // Also in the midst of an answer, where nodes that the next batch splits came without a box of their own.
 TEST(HeldNodes, MakeTheSameReplicaWhichGoesOnAlike) {
-  std::size_t with_box = 0, without_box = 0;
-  for (const std::string& name : test::mesh_names()) {
+  std::size_t with_box = 0, without_box = 0, with_half_spaces = 0;
+  for (std::size_t i = 0; i < 2 * test::mesh_names().size(); ++i) {
+    const std::string name = test::mesh_names()[i / 2];
+    const bool told = i % 2 == 1;
     const BakedModel model = test::bake_named(name);
-    const std::vector<SplitBatch> batches = decoded_batches(model, 150);
+    const std::vector<SplitBatch> batches = decoded_batches(model, 150, told);
     for (const std::size_t share : {0U, 3U, 5U, 9U, 10U}) {
       const std::size_t taken = batches.size() * share / 10;
       SCOPED_TRACE(name + " after " + std::to_string(taken) + " of " +
-                   std::to_string(batches.size()));
+                   std::to_string(batches.size()) + (told ? ", with half-spaces" : ""));
       Replica replica(model.header);
-      for (std::size_t i = 0; i < taken; ++i) ASSERT_TRUE(replica.take(batches[i]).status.is_ok());
+      for (std::size_t k = 0; k < taken; ++k) ASSERT_TRUE(replica.take(batches[k]).status.is_ok());
       for (const NodeSpan& node : test::unresolved_nodes(replica.mesh()))
         ++(replica.store().box_code(node) == kNoBox ? without_box : with_box);
+      std::size_t half_spaces = 0;
+      for (const NodeSpan& node : test::unresolved_nodes(replica.mesh()))
+        half_spaces += replica.mesh().half_spaces().of(node.first).size();
+      with_half_spaces += half_spaces > 0 ? 1 : 0;
       const HeldNodes held = held_nodes(replica);
       EXPECT_LE(8 * held.bits.size(),
-                7 + 2 * model.header.roots.size() + 5 * std::size_t{replica.mesh().split_count()});
+                8 + (told ? 3 : 2) * model.header.roots.size() + 21 * half_spaces +
+                    (told ? 6 : 5) * std::size_t{replica.mesh().split_count()});
       Replica twin = made_from(model, held);
       expect_same(replica, twin);
-      for (std::size_t i = taken; i < batches.size(); ++i) {
-        ASSERT_TRUE(replica.take(batches[i]).status.is_ok());
-        ASSERT_TRUE(twin.take(batches[i]).status.is_ok());
+      for (std::size_t k = taken; k < batches.size(); ++k) {
+        ASSERT_TRUE(replica.take(batches[k]).status.is_ok());
+        ASSERT_TRUE(twin.take(batches[k]).status.is_ok());
         expect_same(replica, twin);
       }
     }
   }
   EXPECT_GT(with_box, 100U);
   EXPECT_GT(without_box, 20U);
+  EXPECT_GT(with_half_spaces, 5U);
 }
 
 TEST(HeldNodes, TellWhatIsLeftAfterDetailWasGivenUp) {

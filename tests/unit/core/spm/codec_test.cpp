@@ -7,7 +7,7 @@
 #include "core/spm/blocks.hpp"
 #include "core/spm/contexts.hpp"
 #include "core/spm/train.hpp"
-#include "test_models.hpp"
+#include "half_spaces.hpp"
 
 namespace nearmesh {
 namespace {
@@ -209,6 +209,137 @@ TEST(MakeTables, LeavesOutWhatAPeerSeldomMeets) {
   // The escape stands for what was left out: 63 uses, to 100, 11 and 11.
   EXPECT_EQ(length(record::kFaceCount, kEscape), 2);
   EXPECT_EQ(length(record::kFaceCount, 1), 3);
+}
+
+// ---- half-spaces ----------------------------------------------------------------------------------
+
+TEST_P(Codec, HalfSpacesGoWithTheirNodesAndOnTheirOwn) {
+  const BakedModel model = test::bake_named(GetParam());
+  const test::TrueHalfSpaces truth(model.store);
+  Random random(17);
+  for (const std::size_t max_bytes : {std::size_t{60}, std::size_t{300}, kMaxBatchBytes})
+    for (int i = 0; i < 20; ++i) {
+      const Treelet treelet = i == 0 ? Treelet{} : random_treelet(random, model, random.below(200));
+      const auto told = test::random_half_spaces(model.store, treelet, truth, random);
+      std::vector<NodeHalfSpace> found;
+      std::size_t next = 0;
+      for (const auto& bytes : encode_batches(model.header, model.store, treelet,
+                                              BoxPolicy::kCutNodes, max_bytes, told)) {
+        const Result<SplitBatch> batch = decode_batch(model.header, bytes);
+        ASSERT_TRUE(batch.is_ok()) << batch.status().message();
+        EXPECT_EQ(bytes.front(), batch.value().half_spaces.empty() ? 0 : kWithHalfSpaces);
+        if (batch.value().splits.size() != 1) {
+          EXPECT_LE(bytes.size(), max_bytes);
+        }
+        for (const SplitRecord& record : batch.value().splits)
+          expect_record(model, treelet[next++], batch.value(), record, BoxPolicy::kCutNodes);
+        found.insert(found.end(), batch.value().half_spaces.begin(),
+                     batch.value().half_spaces.end());
+      }
+      EXPECT_EQ(next, treelet.size());
+      std::sort(found.begin(), found.end());
+      EXPECT_EQ(found, told);
+    }
+}
+
+TEST(CodecHalfSpaces, CostNothingWhereThereAreNoneAndSome21BitsEach) {
+  const BakedModel model = test::bake_named("terrain");
+  const test::TrueHalfSpaces truth(model.store);
+  Random random(18);
+  const Treelet treelet = random_treelet(random, model, 100);
+  std::vector<NodeHalfSpace> told;
+  std::size_t cut = 0;
+  for (const TreeletSplit& split : treelet)
+    for (const NodeSpan& node :
+         {split.node.left_of(split.split), split.node.right_of(split.split)}) {
+      const bool included = node.first == split.split ? split.right_included : split.left_included;
+      if (node.size < 2 || included) continue;
+      ++cut;
+      for (const int direction : {7, 1000, 3000})
+        told.push_back({node, *truth.tightest(node, static_cast<std::uint16_t>(direction))});
+    }
+  std::sort(told.begin(), told.end());
+  const auto encode = [&](std::span<const NodeHalfSpace> half_spaces) {
+    const auto batches = encode_batches(model.header, model.store, treelet, BoxPolicy::kCutNodes,
+                                        std::size_t{1} << 20, half_spaces);
+    EXPECT_EQ(batches.size(), 1U);
+    return batches.front();
+  };
+  const auto without = encode({}), with = encode(told);
+  EXPECT_EQ(without, encode_batches(model.header, model.store, treelet, BoxPolicy::kCutNodes,
+                                    std::size_t{1} << 20)
+                         .front());
+  EXPECT_GT(told.size(), 30U);
+  EXPECT_LE(8 * (with.size() - without.size()), 21 * told.size() + cut + 8);
+}
+
+/// A batch of one half-space of a held node, its fields as they are given.
+std::vector<std::uint8_t> batch_of(std::uint32_t first, std::uint32_t size,
+                                   std::span<const HalfSpace> half_spaces, int held = 1) {
+  BitWriter out;
+  out.put(kWithHalfSpaces, 8);
+  out.put_gamma(0);
+  out.put_gamma(0);
+  out.put_gamma(static_cast<std::uint64_t>(held));
+  for (int i = 0; i < held; ++i) {
+    out.put_gamma(i == 0 ? first : 0);
+    out.put_gamma(size - 2);
+    for (std::size_t k = 0; k < half_spaces.size(); ++k) {
+      out.put(half_spaces[k].direction, kDirectionBits);
+      out.put(half_spaces[k].reach, kReachBits);
+      if (k + 1 < kMaxHalfSpaces) out.put(k + 1 < half_spaces.size(), 1);
+    }
+  }
+  return std::move(out).finish();
+}
+
+TEST(CodecHalfSpaces, MalformedOnesAreRefusedAndNamed) {
+  const BakedModel model = test::bake_named("sphere");
+  const auto fault = [&](std::vector<std::uint8_t> bytes) {
+    return decode_batch(model.header, bytes).status().message();
+  };
+  const std::uint32_t n = model.header.vertex_count;
+  const HalfSpace low{5, 9}, high{6, 0};
+  EXPECT_EQ(fault(batch_of(0, n, {{low, high}})), "");
+  EXPECT_EQ(fault(batch_of(0, 2, {{low}}, 2)), "");
+  EXPECT_NE(fault(batch_of(0, n + 1, {{low}})).find("outside the model's"), std::string::npos);
+  EXPECT_NE(fault(batch_of(n - 1, 2, {{low}})).find("outside the model's"), std::string::npos);
+  EXPECT_NE(fault(batch_of(0, 9, {{high, low}})).find("node [0, 9): directions do not ascend"),
+            std::string::npos);
+  EXPECT_NE(fault(batch_of(0, 9, {{low, low}})).find("directions do not ascend"),
+            std::string::npos);
+  EXPECT_NE(fault(batch_of(0, 2, {}, 0)).find("there are none"), std::string::npos);
+  auto longer = batch_of(0, 9, {{low}});
+  longer.push_back(0);
+  EXPECT_NE(fault(longer).find("left over after its half-spaces"), std::string::npos);
+  const std::vector<std::uint8_t> good = batch_of(0, 9, {{low, high}});
+  for (std::size_t size = 0; size < good.size(); ++size)
+    EXPECT_NE(fault({good.begin(), good.begin() + static_cast<std::ptrdiff_t>(size)}), "") << size;
+}
+
+TEST(CodecHalfSpaces, DamagedBytesAreRefusedOrReadAsSomethingInRange) {
+  const BakedModel model = test::bake_named("aircraft");
+  const test::TrueHalfSpaces truth(model.store);
+  Random random(19);
+  for (int i = 0; i < 2000; ++i) {
+    const Treelet treelet = random_treelet(random, model, 30);
+    auto batches =
+        encode_batches(model.header, model.store, treelet, BoxPolicy::kCutNodes, kMaxBatchBytes,
+                       test::random_half_spaces(model.store, treelet, truth, random));
+    if (batches.empty()) continue;
+    auto& bytes = batches.front();
+    for (std::uint32_t n = 1 + random.below(3); n > 0; --n)
+      bytes[random.below(static_cast<std::uint32_t>(bytes.size()))] ^=
+          static_cast<std::uint8_t>(1U << random.below(8));
+    if (random.below(3) == 0) bytes.resize(random.below(static_cast<std::uint32_t>(bytes.size())));
+    const Result<SplitBatch> batch = decode_batch(model.header, bytes);
+    if (!batch.is_ok()) continue;
+    for (const NodeHalfSpace& told : batch.value().half_spaces) {
+      EXPECT_GE(told.node.size, 2U);
+      EXPECT_LE(told.node.end(), model.header.vertex_count);
+      EXPECT_LT(told.half_space.direction, 1U << kDirectionBits);
+    }
+  }
 }
 
 TEST(CodecBatches, NothingGivesNoBatch) {

@@ -40,8 +40,8 @@ class AbTree {
   void update(const RefineDelta& delta);
 
   [[nodiscard]] TreeView view(const Grid& grid) const {
-    return {&grid, arrays_.nodes.view(), arrays_.blocks.view(), &mesh_->store(),
-            &mesh_->store().surface()};
+    return {&grid,           arrays_.nodes.view(),      arrays_.blocks.view(),
+            &mesh_->store(), &mesh_->store().surface(), &mesh_->half_spaces()};
   }
   [[nodiscard]] AbTreeStats stats() const;
   /// The slot of which the last update() found an exact face outside the box that must enclose it: what was sent of the model
@@ -110,6 +110,7 @@ class AbTree {
   void apply_split(VertexId u);
   void apply_collapse(NodeSpan node);
   void apply_box(NodeSpan node);
+  [[nodiscard]] Slab slab_of(NodeSpan node, const GridBox& box) const;
   void free_micro_tree(TreePlace place);
 
   // Slots: slots.cpp.

@@ -120,6 +120,7 @@ struct TreeView {
       nullptr;  ///< of the progressive model; none for a fixed set of triangles
   /// Of the full mesh, for questions about inside and outside; none where the triangles are not known to be one.
   const SurfaceFacts* surface = nullptr;
+  const HalfSpaces* half_spaces = nullptr;  ///< of unresolved nodes; none where there is no store
 
   [[nodiscard]] TreeEntry root() const { return nodes[0].entry(0); }
   /// Calls visit(TreeEntry) for each part of an inner entry that is not empty.

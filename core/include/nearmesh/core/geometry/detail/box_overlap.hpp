@@ -89,4 +89,17 @@ struct Drift {
 [[nodiscard]] bool triangles_stay_apart(const RelativeFrame& f, const Drift& drift,
                                         const DoubleTriangle& a, const DoubleTriangle& b);
 
+/// A half-space that holds a part of model A: normal . x <= bound for all its points x, A's grid units. Exact: |normal|_1 and
+/// |bound| are whole numbers below 2^9 and 2^42.
+struct BoundedPart {
+  std::array<double, 3> normal{};
+  double bound = 0;
+};
+/// The part and box b (B's grid) stay apart under the drift: no posed triangle of the part's meets one with corners in b.
+[[nodiscard]] bool half_space_box_stay_apart(const RelativeFrame& f, const Drift& drift,
+                                             const BoundedPart& a, const CenteredBox& b);
+/// The same of triangle t (B's, by to_a_units).
+[[nodiscard]] bool half_space_triangle_stay_apart(const RelativeFrame& f, const Drift& drift,
+                                                  const BoundedPart& a, const DoubleTriangle& t);
+
 }  // namespace nearmesh

@@ -11,6 +11,7 @@
 
 #include "nearmesh/core/base/detail/lazy_array.hpp"
 #include "nearmesh/core/spm/detail/codec.hpp"
+#include "nearmesh/core/spm/detail/half_space.hpp"
 #include "nearmesh/core/spm/detail/split_store.hpp"
 
 namespace nearmesh {
@@ -20,9 +21,10 @@ struct RefineDelta {
   std::vector<NodeSpan> collapsed;  ///< nodes that became whole, disjoint; before any split below
   std::vector<VertexId> split;      ///< splits done, parents first
   std::vector<VertexId> boxed;      ///< active splits of which a child's box has come only now
+  std::vector<NodeSpan> told_of;    ///< nodes that have got a half-space; some may be split since
 
   [[nodiscard]] bool is_empty() const {
-    return collapsed.empty() && split.empty() && boxed.empty();
+    return collapsed.empty() && split.empty() && boxed.empty() && told_of.empty();
   }
 };
 
@@ -71,13 +73,23 @@ class ActiveMesh {
   /// Cost: O(size / 64).
   void collapse(NodeSpan node, RefineDelta& delta);
 
+  /// Takes a half-space of an unresolved node of the current front; it is gone when the node is split, or collapsed with one
+  /// above. Appends to `delta`. False where nothing changed: see HalfSpaces. Precondition: is_current(node), of two vertices or more.
+  bool add_half_space(NodeSpan node, const HalfSpace& half_space, RefineDelta& delta);
+  /// Of the unresolved nodes.
+  [[nodiscard]] const HalfSpaces& half_spaces() const { return half_spaces_; }
+
   /// Number of splits done.
   [[nodiscard]] std::uint32_t split_count() const { return split_count_; }
-  /// Digest of the set of active vertices; equal sets have equal digests.
+  /// Digest of the set of active vertices and of the half-spaces, a sum; equal sets have equal digests.
   [[nodiscard]] std::uint64_t state_hash() const { return hash_; }
 
  private:
+  [[nodiscard]] std::uint64_t hash_of_half_spaces(VertexId first) const;
+  void drop_half_spaces(VertexId first);
+
   const SplitStore* store_;
+  HalfSpaces half_spaces_;
   LazyArray<std::uint64_t>
       bits_;  // one past the last vertex is set, so that is_resolved needs no bound
   std::vector<VertexId> stack_;

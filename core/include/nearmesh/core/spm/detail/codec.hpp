@@ -35,6 +35,8 @@ inline constexpr std::size_t kMaxSealedBytes = 1180;
 inline constexpr std::size_t kMaxBatchBytes = kMaxSealedBytes - kSealBytes;
 /// What the first byte is of a piece of an audit, which travels as batches do, where a batch has its box policy.
 inline constexpr std::uint8_t kAuditPiece = 2;
+/// The same of a batch with half-spaces: its box policy is kCutNodes.
+inline constexpr std::uint8_t kWithHalfSpaces = 3;
 [[nodiscard]] inline bool is_audit_piece(std::span<const std::uint8_t> batch) {
   return !batch.empty() && batch.front() == kAuditPiece;
 }
@@ -44,10 +46,13 @@ inline constexpr std::size_t kBatchFramingBytes = 204;
 
 /// Cuts a treelet into batches of at most `max_bytes` each and encodes them; each batch decodes alone.
 /// The store must know every split named; it need not hold all of the model: a node that came without a box is given one
-/// around its nearest ancestor's. Cost: about 200 ns a split.
+/// around its nearest ancestor's.
+/// `half_spaces`, ascending, with box policy kCutNodes: of nodes that a split of the treelet makes and none divides, at some 20
+/// bits each, and of nodes that are disjoint from these and from each other, which the receiver holds. At most
+/// kMaxHalfSpaces a node, one a direction. Cost: about 200 ns a split.
 [[nodiscard]] std::vector<std::vector<std::uint8_t>> encode_batches(
     const SpmHeader& header, const SplitStore& store, const Treelet& treelet, BoxPolicy boxes,
-    std::size_t max_bytes = kMaxBatchBytes);
+    std::size_t max_bytes = kMaxBatchBytes, std::span<const NodeHalfSpace> half_spaces = {});
 
 /// Decodes one batch. Needs the header alone: no state of the peer enters.
 /// Errors: kCorrupt with the record and field where bytes contradict the header; nothing is allocated beyond what the

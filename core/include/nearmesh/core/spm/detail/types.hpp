@@ -74,6 +74,24 @@ inline constexpr std::uint8_t kMaxExtentCode = 124;
 inline constexpr BoxCode kNoBox{kNoBoxCode, kNoBoxCode, kNoBoxCode,
                                 kNoBoxCode, kNoBoxCode, kNoBoxCode};
 
+inline constexpr int kDirectionBits = 12, kReachBits = 8;
+/// A half-space of a node, as it is stored (half_space.hpp). For every point x of every face of the full mesh that has a vertex in the node, p being the place of the
+/// node's vertex: half_space_normal(direction) . (x - p) <= half_space_reach(reach).
+struct HalfSpace {
+  std::uint16_t direction = 0;  ///< below 2^kDirectionBits: a point of a 64 x 64 octahedral map
+  std::uint8_t reach = 0;
+  auto operator<=>(const HalfSpace&) const = default;
+};
+/// A half-space of a node: what batches tell.
+struct NodeHalfSpace {
+  NodeSpan node;
+  HalfSpace half_space;
+  friend bool operator<(const NodeHalfSpace& x, const NodeHalfSpace& y) {
+    return x.node != y.node ? x.node < y.node : x.half_space < y.half_space;
+  }
+  bool operator==(const NodeHalfSpace&) const = default;
+};
+
 /// Slots, stored blocks of the lowest level, and the unit of eviction: maximal nodes of at most this many ids.
 inline constexpr std::uint32_t kSlotSize = 64;
 
@@ -173,6 +191,7 @@ struct SplitRecord {
 struct SplitBatch {
   std::vector<SplitRecord> splits;
   std::vector<SplitFace> faces;
+  std::vector<NodeHalfSpace> half_spaces;  ///< of nodes that the splits make, and of others
 };
 
 }  // namespace nearmesh
