@@ -58,9 +58,7 @@ std::vector<std::string> conflicts(const std::vector<wire::Hello>& publishers,
       line += "publisher " + wire::called(offer.publisher, offer.name) + " serves content " +
               to_hex(content) + ", ";
     }
-    lines.push_back(line +
-                    "peers keep what they hold: stop or rename one, or serve the right one "
-                    "with --replaces");
+    lines.push_back(line + wire::kConflictAdvice);
   }
   return lines;
 }
