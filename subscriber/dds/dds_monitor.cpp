@@ -106,6 +106,8 @@ class DdsMonitor::Impl {
     for (std::string& line : mailbox_.take_complaints()) refuse(std::move(line));
   }
 
+  Status identity() const { return wire::identity_of(bus_->door().get()); }
+
   BusView view() const {
     BusView view;
     std::map<wire::SessionId, wire::Hello> publishers;
@@ -222,5 +224,6 @@ DdsMonitor::DdsMonitor(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 DdsMonitor::~DdsMonitor() = default;
 void DdsMonitor::listen(double seconds) { impl_->listen(seconds); }
 BusView DdsMonitor::view() const { return impl_->view(); }
+Status DdsMonitor::identity() const { return impl_->identity(); }
 
 }  // namespace nearmesh::subscriber
