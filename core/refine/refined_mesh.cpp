@@ -108,11 +108,7 @@ Status RefinedMesh::tell_parked(NodeSpan node, RefineDelta& delta) {
 
 // The mesh says which are known: to ask the store would read pages that were never written.
 GridBox RefinedMesh::outside_of(std::span<const SplitFace> faces) const {
-  GridBox outside;
-  for (const SplitFace& face : faces)
-    if (face.outside.value < store_->vertex_count() && mesh_->is_active(face.outside))
-      outside.add(store_->position(face.outside));
-  return outside;
+  return store_->outside_of(faces, [this](VertexId corner) { return mesh_->is_active(corner); });
 }
 
 void RefinedMesh::park(const SplitRecord& record, std::span<const SplitFace> faces, Teller teller) {

@@ -250,10 +250,8 @@ Status ModelFile::Impl::load(const DirectoryEntry& entry) {
   for (const SplitRecord& record : batch.value().splits) {
     const std::span<const SplitFace> faces{batch.value().faces.data() + record.face_begin,
                                            record.face_count};
-    GridBox outside;
-    for (const SplitFace& face : faces)
-      if (face.outside.value < header.vertex_count && store->is_known(face.outside))
-        outside.add(store->position(face.outside));
+    const GridBox outside =
+        store->outside_of(faces, [this](VertexId corner) { return store->is_known(corner); });
     const auto inserted = store->insert(record, faces, outside);
     if (!inserted.is_ok()) return corrupt(name(entry) + ": " + inserted.status().message());
     if (inserted.value() == SplitStore::Insertion::kNoParent)

@@ -139,6 +139,11 @@ Status set_tcp(const TransportOptions& options, const std::string& interface,
 }
 
 Status set_discovery_server(const TransportOptions& options, fdds::DomainParticipantQos& qos) {
+  // A server of Fast DDS 2.9 does not hand on what secured programs tell of their endpoints; its 2.10 does.
+  if (!options.security.empty())
+    return {StatusCode::kInvalidArgument,
+            "discovery server: secured programs do not find each other through one; expected "
+            "multicast, or initial peers (--peer)"};
   Result<Locator_t> locator =
       parse_locator(options.discovery_server, kDefaultServerPort, "discovery server");
   NEARMESH_RETURN_IF_ERROR(locator);

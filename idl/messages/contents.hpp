@@ -24,6 +24,10 @@ struct Offer {
 /// Adds what a publisher serves under the name, if it does.
 void add_offer(const Hello& hello, const std::string& name, std::vector<Offer>& offers);
 
+/// What people are told to do where several contents stand for one name.
+inline constexpr const char* kConflictAdvice =
+    "peers keep what they hold: stop or rename one, or serve the right one with --replaces";
+
 /// The contents that nobody replaces, ascending: more than one is a mistake that people must mend. Where they replace each other in
 /// a circle all of them stand.
 [[nodiscard]] std::vector<ContentHash> standing(std::span<const Offer> offers);

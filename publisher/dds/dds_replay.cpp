@@ -69,6 +69,9 @@ class DdsReplay::Impl {
     if (bus_ != nullptr) writers_[stream]->withdraw(cdr);
   }
   bool take_restart();
+  Status identity() const {
+    return bus_ == nullptr ? Status::ok() : wire::identity_of(bus_->door().get());
+  }
   Inbox take();
   DdsPeers& peers() { return peers_; }
   wire::Mailbox& mailbox() { return mailbox_; }
@@ -153,6 +156,7 @@ bool DdsReplay::send(SessionId peer, const wire::SplitBatchMessage& batch) {
   return impl_->peers().send(peer, batch);
 }
 void DdsReplay::wait(double seconds) { impl_->mailbox().wait(seconds); }
+Status DdsReplay::identity() const { return impl_->identity(); }
 std::vector<std::string> DdsReplay::take_complaints() { return impl_->mailbox().take_complaints(); }
 
 }  // namespace nearmesh::publisher

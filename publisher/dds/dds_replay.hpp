@@ -32,6 +32,8 @@ class DdsReplay final : public ReplayOutlet {
   [[nodiscard]] bool send(wire::SessionId peer, const wire::SplitBatchMessage& batch) override;
   void wait(double seconds) override;
   [[nodiscard]] std::vector<std::string> take_complaints() override;
+  /// kConflict once this program's own identity does not count any more: then it hears nobody.
+  [[nodiscard]] Status identity() const;
 
  private:
   class Impl;

@@ -8,13 +8,17 @@
 #include "nearmesh/core/base/status.hpp"
 #include "nearmesh/idl/dds/transport_options.hpp"
 
+namespace eprosima::fastdds::dds {
+class DomainParticipant;
+}
+
 namespace nearmesh::publisher {
 
 /// Serves from create to destruction.
 class DiscoveryServer {
  public:
-  /// `listen`: "ADDRESS" or "ADDRESS:PORT" of this machine, where it is found. Of the options domain, interface and security
-  /// count. Errors: kInvalidArgument naming the option; kIo when Fast DDS refuses, say because the port is taken.
+  /// `listen`: "ADDRESS" or "ADDRESS:PORT" of this machine, where it is found. Of the options domain, lease and period of
+  /// life signs count. Errors: kInvalidArgument naming the option; kIo when Fast DDS refuses, say because the port is taken.
   [[nodiscard]] static Result<std::unique_ptr<DiscoveryServer>> create(
       const wire::TransportOptions& options, const std::string& listen);
   ~DiscoveryServer();
@@ -22,9 +26,9 @@ class DiscoveryServer {
   DiscoveryServer& operator=(const DiscoveryServer&) = delete;
 
  private:
-  DiscoveryServer() = default;
-  class Impl;
-  std::unique_ptr<Impl> impl_;
+  explicit DiscoveryServer(eprosima::fastdds::dds::DomainParticipant* participant)
+      : participant_(participant) {}
+  eprosima::fastdds::dds::DomainParticipant* const participant_;
 };
 
 }  // namespace nearmesh::publisher

@@ -31,7 +31,7 @@ struct ReplayOptions {
   std::vector<std::string> topics, remaps;
   wire::TransportOptions transport;
 };
-Status run(ReplayOptions options);
+Outcome run(ReplayOptions options);
 
 struct DiscoveryOptions {
   std::string listen;

@@ -114,8 +114,6 @@ void add_discovery_command(CLI::App& app, Action& chosen) {
                        std::to_string(wire::kDefaultServerPort) + ")")
       ->required();
   add_domain_option(*command, options->transport.domain);
-  command->add_option("--security", options->transport.security,
-                      "Join with this program's identity (folder)");
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 

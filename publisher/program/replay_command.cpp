@@ -171,13 +171,13 @@ nlohmann::ordered_json to_json(const ReplayOptions& options, const ReplayStats& 
             {"live_batch_bytes", stats.batch_bytes}}}};
 }
 
-/// Until all was played, or a line or a signal ends it.
-Status play(Replay& replay, const Stopwatch& clock) {
+/// Until all was played, or a line, a signal or the end of this program's identity ends it.
+Status play(Replay& replay, const DdsReplay& outlet, const Stopwatch& clock) {
   LineInput input;
   Progress progress;
   NEARMESH_RETURN_IF_ERROR(replay.begin());
   bool going = true;
-  while (going && stop_requested == 0 && !replay.is_done()) {
+  while (going && stop_requested == 0 && outlet.identity().is_ok() && !replay.is_done()) {
     NEARMESH_RETURN_IF_ERROR(replay.step(clock.seconds()));
     for (auto line = input.read(); going && line; line = input.read()) {
       progress.clear();
@@ -213,7 +213,7 @@ void report(const ReplayOptions& options, Replay& replay, double seconds, double
 
 }  // namespace
 
-Status run(ReplayOptions options) {
+Outcome run(ReplayOptions options) {
   wire::program::log_fastdds();
   wire::program::log_network(options.transport);
   const Result<std::unique_ptr<RecordingReader>> opened = RecordingReader::open(options.path);
@@ -252,11 +252,13 @@ Status run(ReplayOptions options) {
   }
   const double begun_s = clock.seconds();
   NEARMESH_RETURN_IF_ERROR(replay.playhead().seek(replay.playhead().start_s(), begun_s));
-  NEARMESH_RETURN_IF_ERROR(play(replay, clock));
+  NEARMESH_RETURN_IF_ERROR(play(replay, *outlet.value(), clock));
   const double ended_s = clock.seconds();
   while (clock.seconds() < ended_s + kLinger_s && stop_requested == 0)
     outlet.value()->wait(kLoop_s);
   report(options, replay, ended_s - begun_s, replay.playhead().time_s(ended_s));
+  if (Status identity = outlet.value()->identity(); !identity.is_ok())
+    return {std::move(identity), wire::program::kIdentityEnded};
   return Status::ok();
 }
 

@@ -153,9 +153,8 @@ void Service::find_conflicts(std::vector<std::string>& lines) {
       if (theirs.content == hash || !stands(theirs.content)) continue;
       if (stands(hash))
         found.insert(who + " serves other content, " + to_hex(theirs.content) +
-                     ", under this name, here it is " + to_hex(hash) +
-                     "; peers keep what they hold: stop or rename one, or serve the right one "
-                     "with --replaces");
+                     ", under this name, here it is " + to_hex(hash) + "; " +
+                     wire::kConflictAdvice);
       else if (theirs.replaces == hash)
         found.insert(who + " replaces content " + to_hex(hash) + ", which is served here, by " +
                      to_hex(theirs.content) + "; peers go over to it: stop this one");

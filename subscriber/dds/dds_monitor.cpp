@@ -58,9 +58,7 @@ std::vector<std::string> conflicts(const std::vector<wire::Hello>& publishers,
       line += "publisher " + wire::called(offer.publisher, offer.name) + " serves content " +
               to_hex(content) + ", ";
     }
-    lines.push_back(line +
-                    "peers keep what they hold: stop or rename one, or serve the right one "
-                    "with --replaces");
+    lines.push_back(line + wire::kConflictAdvice);
   }
   return lines;
 }
@@ -107,6 +105,8 @@ class DdsMonitor::Impl {
       refuse("publisher " + wire::name_of(writer, mailbox_) + wire::kSilentHint);
     for (std::string& line : mailbox_.take_complaints()) refuse(std::move(line));
   }
+
+  Status identity() const { return wire::identity_of(bus_->door().get()); }
 
   BusView view() const {
     BusView view;
@@ -234,5 +234,6 @@ DdsMonitor::DdsMonitor(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 DdsMonitor::~DdsMonitor() = default;
 void DdsMonitor::listen(double seconds) { impl_->listen(seconds); }
 BusView DdsMonitor::view() const { return impl_->view(); }
+Status DdsMonitor::identity() const { return impl_->identity(); }
 
 }  // namespace nearmesh::subscriber

@@ -55,6 +55,8 @@ class DdsMonitor {
   /// Takes in what comes, and returns when something came or the time is over.
   void listen(double seconds);
   [[nodiscard]] BusView view() const;
+  /// kConflict once this program's own identity does not count any more: then it hears nobody.
+  [[nodiscard]] Status identity() const;
 
  private:
   class Impl;

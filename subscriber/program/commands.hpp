@@ -60,13 +60,13 @@ struct StatusOptions {
   double seconds = 3;
   bool watch = false, json = false, regions = false;
 };
-Status run(const StatusOptions& options);
+Outcome run(const StatusOptions& options);
 
 struct DoctorOptions {
   wire::TransportOptions transport;
   double seconds = 10;
   bool json = false;
 };
-Status run(const DoctorOptions& options);
+Outcome run(const DoctorOptions& options);
 
 }  // namespace nearmesh::subscriber::program

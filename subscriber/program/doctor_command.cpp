@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
+#include <utility>
 
 #include "commands.hpp"
 #include "core/base/hash.hpp"
@@ -114,7 +115,8 @@ class Doctor {
     find_others();
     if (other_) test_other();
     // The other doctor may not be through with us yet.
-    while (left_s() > 0 && stop_requested == 0) poll(std::min(0.05, left_s()));
+    while (left_s() > 0 && stop_requested == 0 && identity().is_ok())
+      poll(std::min(0.05, left_s()));
     look_at_publishers();
     look_at_doors();
     if (!other_ && publishers_.empty())
@@ -123,8 +125,13 @@ class Doctor {
             "the same --domain and --prefix. If it runs: multicast may not get "
             "through (name the other with --peer), or a firewall blocks UDP ports from " +
                 first_port() + " on");
+    if (const Status ended = identity(); !ended.is_ok()) wrong("identity", ended.message());
     for (const std::string& line : complaints_) wrong("refusal", line);
     return Status::ok();
+  }
+  /// Not ok once this program's own identity does not count any more.
+  [[nodiscard]] Status identity() const {
+    return channel_ == nullptr ? Status::ok() : channel_->identity();
   }
 
   void print() const {
@@ -453,12 +460,14 @@ class Doctor {
 
 }  // namespace
 
-Status run(const DoctorOptions& options) {
+Outcome run(const DoctorOptions& options) {
   Doctor doctor(options);
   NEARMESH_RETURN_IF_ERROR(doctor.examine());
   doctor.print();
+  if (Status identity = doctor.identity(); !identity.is_ok())
+    return {std::move(identity), wire::program::kIdentityEnded};
   if (doctor.is_healthy()) return Status::ok();
-  return {StatusCode::kNotFound, "something is wrong, see above"};
+  return Status{StatusCode::kNotFound, "something is wrong, see above"};
 }
 
 }  // namespace nearmesh::subscriber::program

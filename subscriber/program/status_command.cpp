@@ -7,6 +7,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <utility>
 
 #include "commands.hpp"
 #include "core/base/hash.hpp"
@@ -287,7 +288,7 @@ nlohmann::ordered_json to_json(const BusView& view, bool regions) {
 
 }  // namespace
 
-Status run(const StatusOptions& options) {
+Outcome run(const StatusOptions& options) {
   auto monitor = DdsMonitor::create(options.transport, options.regions);
   NEARMESH_RETURN_IF_ERROR(monitor);
   do {
@@ -302,11 +303,13 @@ Status run(const StatusOptions& options) {
       print_text(view);
     }
     NEARMESH_RETURN_IF_ERROR(flush_standard_output());
+    if (Status identity = monitor.value()->identity(); !identity.is_ok())
+      return {std::move(identity), wire::program::kIdentityEnded};
     if (!options.watch && view.processes.empty() && view.publishers.empty())
-      return {StatusCode::kNotFound, "nobody was heard on domain " +
-                                         std::to_string(options.transport.domain) + ", topics " +
-                                         options.transport.prefix +
-                                         "/*: nearmesh-subscriber doctor may say why"};
+      return Status{StatusCode::kNotFound, "nobody was heard on domain " +
+                                               std::to_string(options.transport.domain) +
+                                               ", topics " + options.transport.prefix +
+                                               "/*: nearmesh-subscriber doctor may say why"};
   } while (options.watch && stop_requested == 0);
   return Status::ok();
 }

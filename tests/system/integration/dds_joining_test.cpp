@@ -75,6 +75,10 @@ TEST(DdsChannel, WrongTransportOptionsAreNamed) {
     o.transport = wire::Transport::kUdpOnly;
     o.interface.clear();
   });
+  refuses("secured programs do not find each other through one", [](Options& o) {
+    o.discovery_server = "127.0.0.1";
+    o.security = "alice";
+  });
   refuses("discovery server \"here\"", [](Options& o) { o.discovery_server = "here"; });
 }
 

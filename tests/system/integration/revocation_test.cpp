@@ -146,6 +146,32 @@ TEST_F(Revoked, CannotComeBackUntilItIsRenewed) {
   EXPECT_EQ(carol.all.poses.size(), 2U);
 }
 
+TEST_F(Revoked, EndsEachVerbOnTheBus) {
+  const std::string set = make_set("set");
+  const auto start = [&](const std::string& program, const std::string& identity,
+                         std::vector<std::string> words) {
+    words.insert(words.end(),
+                 {"--domain", std::to_string(kDomain), "--prefix", prefix, "--interface",
+                  "127.0.0.1", "--security", set + "/" + identity, "--identity-period-s", "0.5"});
+    return std::make_unique<Process>(folder, program, words);
+  };
+  const auto player = start("nearmesh-publisher", "serve",
+                            {"replay", NEARMESH_SESSION_DATA "/session_v1.db3", "--loop",
+                             "--topics", "hello,mesh_header"});
+  const auto looker =
+      start("nearmesh-subscriber", "alice", {"status", "--watch", "--seconds", "0.3"});
+  const auto doctor = start("nearmesh-subscriber", "bob", {"doctor", "--seconds", "60"});
+  ASSERT_TRUE(player->says("replaying")) << player->err();
+  ASSERT_TRUE(test::await([&] { return looker->out().find("publishers") != std::string::npos; }));
+  // One that meets it shows that it is there.
+  const auto other = start("nearmesh-subscriber", "carol", {"doctor", "--seconds", "8"});
+  ASSERT_EQ(other->wait(), 0) << other->out() << other->err();
+  for (const char* name : {"serve", "alice", "bob"}) revoke(set, name);
+  EXPECT_EQ(player->wait(), 5) << player->err();
+  EXPECT_EQ(looker->wait(), 5) << looker->err();
+  EXPECT_EQ(doctor->wait(kSoon_s), 5) << doctor->out() << doctor->err();
+}
+
 TEST_F(Revoked, OthersFlyOnCertified) {
   const std::string set = folder.file("set");
   // Alice looks last, or she might leave by herself before the others bar her.

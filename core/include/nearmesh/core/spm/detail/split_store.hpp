@@ -78,6 +78,15 @@ class SplitStore {
   [[nodiscard]] Result<Insertion> insert(const SplitRecord& record,
                                          std::span<const SplitFace> faces,
                                          const GridBox& outside = {});
+  /// Around those outside corners of a split's faces of which `is_there` says that they are known: what insert() is told.
+  template <class IsThere>
+  [[nodiscard]] GridBox outside_of(std::span<const SplitFace> faces, IsThere is_there) const {
+    GridBox outside;
+    for (const SplitFace& face : faces)
+      if (face.outside.value < vertex_count_ && is_there(face.outside))
+        outside.add(position(face.outside));
+    return outside;
+  }
   /// Tells the processor that `split` will be inserted soon. No other effect, whatever the id.
   void prefetch(VertexId split) const {
     if (split.value < vertex_count_) __builtin_prefetch(&entries_[split.value], 1);
