@@ -132,14 +132,19 @@ TEST_P(BatchStream, HalfSpacesAreNeverWrongWhateverIsLost) {
     const PosedPair posed = test::near_pose(random, a_, b_);
     const Answer full = stream_.full(posed);
     Body a(a_.header), b(b_.header), bare_a(a_.header), bare_b(b_.header);
+    const auto target_of = [&](const BakedModel& model) {
+      return &model == &a_ ? test::random_target(posed.a, posed.b, b_.store, random)
+                           : test::random_target(posed.b, posed.a, a_.store, random);
+    };
     const auto send = [&](const BakedModel& model, const test::TrueHalfSpaces& truth, Body& body,
                           Body& bare) {
       LocalModel local(model.store, model.header.grid);
       test::refine_at_random(local, random);
       const Treelet treelet = active_treelet(local.mesh);
       const std::uint32_t most = 40 + random.below(400);
-      auto batches = encode_batches(model.header, model.store, treelet, BoxPolicy::kCutNodes, most,
-                                    test::random_half_spaces(model.store, treelet, truth, random));
+      auto batches = encode_batches(
+          model.header, model.store, treelet, BoxPolicy::kCutNodes, most,
+          test::random_half_spaces(model.store, treelet, truth, random, target_of(model)));
       test::shuffle(batches, random);
       for (std::size_t i = 0; i < batches.size(); ++i) {
         if (random.below(6) == 0) continue;
