@@ -126,7 +126,7 @@ TEST_P(BatchStream, AnySingleLossIsNeverWrongAndIsHealedByTheBatchAlone) {
 TEST_P(BatchStream, HalfSpacesAreNeverWrongWhateverIsLost) {
   const test::TrueHalfSpaces truth_a(a_.store), truth_b(b_.store);
   std::size_t told = 0, nearer = 0, certified = 0, bare_certified = 0;
-  for (std::uint64_t seed = 0; seed < static_cast<std::uint64_t>(test::rounds(40)); ++seed) {
+  for (std::uint64_t seed = 0; seed < static_cast<std::uint64_t>(test::rounds(150)); ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     Random random(9000 + seed);
     const PosedPair posed = test::near_pose(random, a_, b_);
