@@ -177,8 +177,8 @@ class Case {
       next_pose(i, false);
       refine(a, a_);
       refine(b, b_);
-      if (random_.below(2) == 0) test::tell_half_spaces(a, a_.half_spaces, random_);
-      if (random_.below(2) == 0) test::tell_half_spaces(b, b_.half_spaces, random_);
+      if (random_.below(2) == 0) test::tell_half_spaces(a, a_.half_spaces, random_, target_of(a_));
+      if (random_.below(2) == 0) test::tell_half_spaces(b, b_.half_spaces, random_, target_of(b_));
       ask(a, b, true);
       const Result<Answer> last =
           certify(a, posed_.a, test::no_require, b, posed_.b, test::no_require, {});
@@ -272,8 +272,13 @@ class Case {
   test::HalfSpacesOf half_spaces(const Model& model) {
     return [this, &model](const Treelet& treelet) {
       if (random_.below(2) == 0) return std::vector<NodeHalfSpace>();
-      return test::random_half_spaces(model.baked.store, treelet, model.half_spaces, random_);
+      return test::random_half_spaces(model.baked.store, treelet, model.half_spaces, random_,
+                                      target_of(model));
     };
+  }
+  test::Target target_of(const Model& model) {
+    return &model == &a_ ? test::random_target(posed_.a, posed_.b, b_.baked.store, random_)
+                         : test::random_target(posed_.b, posed_.a, a_.baked.store, random_);
   }
 
   // ---- a peer that moves on, keeps what it has, and gives some of it up -------------------------
