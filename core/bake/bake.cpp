@@ -9,11 +9,9 @@
 
 #include "core/base/float_guard.hpp"
 #include "core/base/parallel.hpp"
-#include "core/base/random.hpp"
-#include "core/demand/collect.hpp"
 #include "core/geometry/surface.hpp"
-#include "core/spm/blocks.hpp"
 #include "core/spm/train.hpp"
+#include "count_typical.hpp"
 
 namespace nearmesh {
 namespace {
@@ -267,39 +265,6 @@ SurfaceFacts describe_surface(const GridMesh& mesh, const Forest& forest) {
   return facts;
 }
 
-// Typical requests: cubes of many sizes around random vertices. Every eighth stored block of a large model is enough to
-// learn what blocks look like, and keeps requests from being drowned.
-CodingTables train(const SpmHeader& header, const SplitStore& store) {
-  TrainingCounts counts(static_cast<std::size_t>(coding_context_count()));
-  std::size_t splits = 0;
-  std::size_t number = 0;
-  for (const NodeSpan& root : block_roots(store))
-    if (number++ % 8 == 0 || splits < 4096) {
-      const Treelet treelet = block_treelet(store, root);
-      count_treelet(header, store, treelet, BoxPolicy::kAllNodes, counts);
-      splits += treelet.size();
-    }
-  Random random(1);
-  const std::int64_t extent = store.grid_max();
-  for (int i = 0; i < 256; ++i) {
-    RegionRequest request{.max_splits = 2048};
-    for (const BaseRoot& root : header.roots)
-      if (root.node.size > 1) request.attach.push_back(root.node);
-    const GridPoint& at = store.position({random.below(header.vertex_count)});
-    const std::int64_t radius = std::max<std::int64_t>(1, extent >> (4 + random.below(8)));
-    GridBox box;
-    for (int k = 0; k < 3; ++k) {
-      box.lo[k] = static_cast<std::int32_t>(std::max<std::int64_t>(0, at[k] - radius));
-      box.hi[k] = static_cast<std::int32_t>(std::min<std::int64_t>(extent, at[k] + radius));
-    }
-    request.region.push_back(box);
-    if (request.attach.empty()) break;
-    const Result<Demand> demand = collect(store, request, nullptr);
-    count_treelet(header, store, demand.value().treelet, BoxPolicy::kCutNodes, counts);
-  }
-  return make_tables(counts);
-}
-
 // A split travels in one datagram; only hundreds of faces on one edge make one that does not fit.
 Status check_split_sizes(const SpmHeader& header, const SplitStore& store) {
   constexpr std::size_t kSuspicious = 64;
@@ -376,7 +341,7 @@ Result<BakedModel> bake(const GridMesh& mesh, double rounding_error_m,
 
   SplitStore store(header);
   NEARMESH_RETURN_IF_ERROR(fill_store(forest, position, boxes, owned, store));
-  header.tables = train(header, store);
+  header.tables = choose_tables(count_typical(header, store), header.split_count());
   NEARMESH_RETURN_IF_ERROR(check_split_sizes(header, store));
 
   return BakedModel{std::move(header), std::move(store), std::move(owned.numbers), std::move(log)};

@@ -4,6 +4,7 @@
 
 #include "commands.hpp"
 #include "core/base/hash.hpp"
+#include "core/spm/coding_sets.hpp"
 #include "measures.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
 
@@ -24,6 +25,8 @@ Status run(const InfoOptions& options) {
   for (const std::string& doubt : doubts(measures))
     std::fprintf(stderr, "%s: warning: %s\n", options.path.c_str(), doubt.c_str());
   const std::string hash = to_hex(file.value().content_hash());
+  const std::uint32_t set = header.tables.set();
+  const std::string tables = set == 0 ? "own" : coding_sets_data()[set - 1].name;
   if (options.json) {
     nlohmann::ordered_json report = {{"path", options.path},
                                      {"content_hash", hash},
@@ -35,6 +38,7 @@ Status run(const InfoOptions& options) {
                                      {"blocks", file.value().block_count()},
                                      {"bytes", file.value().file_bytes()},
                                      {"header_bytes", file.value().header_bytes().size()},
+                                     {"coding_tables", tables},
                                      {"grid_bits", header.grid.bits},
                                      {"cell_m", cell},
                                      {"origin_m", header.grid.origin_m},
@@ -63,9 +67,9 @@ Status run(const InfoOptions& options) {
               header.surface.has_seeds() ? "" : ", too many to be proved outside a solid");
   std::printf("  splits        %u in %llu blocks\n", header.split_count(),
               static_cast<unsigned long long>(file.value().block_count()));
-  std::printf("  bytes         %llu in all, header %zu\n",
+  std::printf("  bytes         %llu in all, header %zu, coding tables: %s\n",
               static_cast<unsigned long long>(file.value().file_bytes()),
-              file.value().header_bytes().size());
+              file.value().header_bytes().size(), tables.c_str());
   std::printf("  grid          %d bits, cell %.3g m, rounding error %.3g m\n", header.grid.bits,
               cell, header.rounding_error_m);
   print_text(measures);

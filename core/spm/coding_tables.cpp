@@ -111,7 +111,9 @@ bool HuffmanTable::derive() {
   return true;
 }
 
-CodingTables::CodingTables(std::vector<HuffmanTable> contexts)
-    : contexts_(std::move(contexts)), fast_(fast_table(contexts_)) {}
+CodingTables::CodingTables(std::vector<HuffmanTable> contexts, std::uint32_t set) {
+  std::vector<HuffmanTable::Decoded> fast = fast_table(contexts);
+  tables_ = std::make_shared<const Tables>(Tables{std::move(contexts), std::move(fast), set});
+}
 
 }  // namespace nearmesh

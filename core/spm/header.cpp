@@ -4,49 +4,60 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <limits>
 #include <string>
 
 #include "bits.hpp"
+#include "coding_sets.hpp"
 #include "core/base/digest.hpp"
 #include "nearmesh/core/spm/detail/split_store.hpp"
-#include "train.hpp"
 
 namespace nearmesh {
 namespace {
 
-constexpr std::uint32_t kHeaderMagic = 0x4e4d4835;  // "NMH5"
+constexpr std::uint32_t kHeaderMagic = 0x4e4d4836;  // "NMH6"
 
 Status corrupt(const std::string& field) { return {StatusCode::kCorrupt, "mesh header: " + field}; }
 
-// Code lengths of one context: the escape's, 0 for none at all, then symbols in order until the code is complete.
-// Present symbols are few, so runs of zeros are counted.
-void write_table(BitWriter& out, const HuffmanTable& table) {
-  out.put(table.lengths[kEscape], 4);
-  std::uint32_t zeros = 0;
-  for (const std::uint8_t length : std::span(table.lengths).first(kEscape)) {
-    if (length == 0) {
-      ++zeros;
-      continue;
-    }
-    out.put_gamma(zeros);
-    out.put(length, 4);
-    zeros = 0;
-  }
+// A number below 2^31: how many bits it has, then those below the leading one.
+void write_count(BitWriter& out, std::uint32_t x) {
+  const int length = bit_length(x);
+  out.put(static_cast<std::uint64_t>(length), 5);
+  if (length > 1) out.put(x, length - 1);
+}
+std::uint32_t read_count(BitReader& in) {
+  const auto length = static_cast<int>(in.get(5));
+  return length > 1 ? 1U << (length - 1) | in.get(length - 1) : static_cast<std::uint32_t>(length);
 }
 
-bool read_table(BitReader& in, HuffmanTable& table) {
-  const auto share = [](std::uint32_t length) { return (1U << kMaxCodeBits) >> length; };
-  const std::uint32_t escape = in.get(4);
-  table.lengths[kEscape] = static_cast<std::uint8_t>(escape);
-  std::uint32_t sum = share(escape);
-  for (std::uint64_t symbol = 0; sum < share(0); ++symbol) {
-    symbol += in.get_gamma();
-    const std::uint32_t length = in.get(4);
-    if (in.overrun() || symbol >= kEscape || length == 0 || length > kMaxCodeBits) return false;
-    table.lengths[symbol] = static_cast<std::uint8_t>(length);
-    sum += share(length);
+// Origins are whole cells from zero, of 53 bits at most, but for models that are tiny and far away.
+void write_origin(BitWriter& out, double origin_m, int exponent) {
+  const double cells = std::ldexp(origin_m, -exponent);
+  const bool is_whole = std::fabs(cells) < 0x1p53 && cells == std::floor(cells) &&
+                        std::ldexp(cells, exponent) == origin_m &&
+                        (cells != 0 || !std::signbit(cells));
+  out.put(is_whole ? 1 : 0, 1);
+  if (!is_whole) {
+    out.put64(std::bit_cast<std::uint64_t>(origin_m));
+    return;
   }
-  return !in.overrun() && table.derive();
+  const auto magnitude = static_cast<std::uint64_t>(std::fabs(cells));
+  const int length = bit_length(magnitude);
+  out.put(static_cast<std::uint64_t>(length), 6);
+  if (length == 0) return;
+  out.put(cells < 0 ? 1 : 0, 1);
+  out.put(magnitude >> 26, std::max(length - 26, 0));
+  out.put(magnitude, std::min(length, 26));
+}
+double read_origin(BitReader& in, int exponent) {
+  if (in.get(1) == 0) return std::bit_cast<double>(in.get64());
+  const auto length = static_cast<int>(in.get(6));
+  if (length == 0) return 0;
+  if (length > 53) return std::numeric_limits<double>::quiet_NaN();  // refused as no place
+  const bool is_negative = in.get(1) != 0;
+  const std::uint64_t high = in.get(std::max(length - 26, 0));
+  const auto magnitude = static_cast<double>(high << 26 | in.get(std::min(length, 26)));
+  return std::ldexp(is_negative ? -magnitude : magnitude, exponent);
 }
 
 // The first seed is vertex 0, the first root's place, and takes no bits.
@@ -141,17 +152,18 @@ std::vector<std::uint8_t> encode_header(const SpmHeader& header) {
   out.put(kHeaderMagic, 32);
   out.put64(header.blocks_root.high);
   out.put64(header.blocks_root.low);
-  for (const double x : header.grid.origin_m) out.put64(std::bit_cast<std::uint64_t>(x));
-  out.put64(std::bit_cast<std::uint64_t>(header.rounding_error_m));
   out.put(static_cast<std::uint32_t>(header.grid.exponent + 4096), 14);
   out.put(static_cast<std::uint32_t>(header.grid.bits), 6);
   for (const std::uint8_t shift : header.lattice_shift) out.put(shift, 5);
-  out.put(header.vertex_count, 32);
-  out.put(header.face_count, 32);
-  out.put(header.roots.size(), 32);
-  out.put(header.base_faces.size(), 32);
+  for (const double x : header.grid.origin_m) write_origin(out, x, header.grid.exponent);
+  out.put(header.rounding_error_m != 0 ? 1 : 0, 1);
+  if (header.rounding_error_m != 0)
+    out.put64(std::bit_cast<std::uint64_t>(header.rounding_error_m));
+  write_count(out, header.face_count);
+  out.put_gamma(header.base_faces.size());
+  out.put_gamma(header.roots.size() - 1);
   for (const BaseRoot& root : header.roots) {
-    out.put_gamma(root.node.size - 1);
+    write_count(out, root.node.size);
     for (int k = 0; k < 3; ++k)
       out.put(static_cast<std::uint32_t>(root.position[k]) >> header.lattice_shift[k],
               header.grid.bits - header.lattice_shift[k]);
@@ -177,7 +189,8 @@ std::vector<std::uint8_t> encode_header(const SpmHeader& header) {
     }
   }
   write_surface(out, header);
-  for (const HuffmanTable& table : header.tables.contexts()) write_table(out, table);
+  out.put_gamma(header.tables.set());
+  if (header.tables.set() == 0) write_tables(out, header.tables);
   return std::move(out).finish();
 }
 
@@ -191,15 +204,14 @@ Result<SpmHeader> decode_header(std::span<const std::uint8_t> bytes) {
   header.content = digest_of(bytes);
   header.blocks_root.high = in.get64();
   header.blocks_root.low = in.get64();
-  for (double& x : header.grid.origin_m) x = std::bit_cast<double>(in.get64());
-  header.rounding_error_m = std::bit_cast<double>(in.get64());
   header.grid.exponent = static_cast<int>(in.get(14)) - 4096;
   header.grid.bits = static_cast<int>(in.get(6));
   for (std::uint8_t& shift : header.lattice_shift) shift = static_cast<std::uint8_t>(in.get(5));
-  header.vertex_count = in.get(32);
-  header.face_count = in.get(32);
-  const std::uint32_t root_count = in.get(32);
-  const std::uint32_t base_face_count = in.get(32);
+  for (double& x : header.grid.origin_m) x = read_origin(in, header.grid.exponent);
+  if (in.get(1) != 0) header.rounding_error_m = std::bit_cast<double>(in.get64());
+  header.face_count = read_count(in);
+  const std::uint64_t base_face_count = in.get_gamma();
+  const std::uint64_t root_count = in.get_gamma() + 1;
   for (const double x : header.grid.origin_m)
     if (!std::isfinite(x)) return corrupt("grid origin is not finite");
   if (!std::isfinite(header.rounding_error_m) || header.rounding_error_m < 0)
@@ -212,21 +224,19 @@ Result<SpmHeader> decode_header(std::span<const std::uint8_t> bytes) {
                    " of 0, found " + std::to_string(header.grid.exponent));
   for (const std::uint8_t shift : header.lattice_shift)
     if (shift > header.grid.bits) return corrupt("lattice shift exceeds the grid");
-  if (header.vertex_count == 0 || header.vertex_count >= kMaxVertices)
-    return corrupt("vertex count " + std::to_string(header.vertex_count));
-  // A root takes at least four bits and a base face four: no count can ask for more memory than the bytes justify.
-  if (root_count == 0 || root_count > header.vertex_count || root_count > bytes.size() * 2)
-    return corrupt("root count " + std::to_string(root_count));
+  // A root takes at least 47 bits and a base face four: no count can ask for more memory than the bytes justify.
+  if (root_count > bytes.size() * 2) return corrupt("root count " + std::to_string(root_count));
   if (base_face_count > header.face_count || base_face_count > bytes.size() * 2)
     return corrupt("base face count " + std::to_string(base_face_count));
 
-  std::uint64_t next = 0;
-  for (std::uint32_t i = 0; i < root_count && !in.overrun(); ++i) {
+  for (std::uint64_t i = 0; i < root_count && !in.overrun(); ++i) {
     BaseRoot root;
-    const std::uint64_t size = in.get_gamma() + 1;
-    if (next + size > header.vertex_count) return corrupt("roots exceed the vertex count");
-    root.node = {{static_cast<std::uint32_t>(next)}, static_cast<std::uint32_t>(size)};
-    next += size;
+    const std::uint32_t size = read_count(in);
+    if (size == 0) return corrupt("a root without vertices");
+    if (std::uint64_t{header.vertex_count} + size >= kMaxVertices)
+      return corrupt("vertex count: roots of " + std::to_string(kMaxVertices) + " and more");
+    root.node = {{header.vertex_count}, size};
+    header.vertex_count += size;
     root.position = read_position(in, header);
     for (std::uint8_t& code : root.box) {
       code = static_cast<std::uint8_t>(in.get(7));
@@ -234,11 +244,8 @@ Result<SpmHeader> decode_header(std::span<const std::uint8_t> bytes) {
     }
     header.roots.push_back(root);
   }
-  if (!in.overrun() && next != header.vertex_count)
-    return corrupt("roots cover " + std::to_string(next) + " of " +
-                   std::to_string(header.vertex_count) + " vertices");
   const CornerCoding coding(header.roots.size());
-  for (std::uint32_t i = 0; i < base_face_count && !in.overrun(); ++i) {
+  for (std::uint64_t i = 0; i < base_face_count && !in.overrun(); ++i) {
     SplitFace face;
     face.flipped = in.get(1) != 0;
     std::array<std::uint32_t, 3> root{};
@@ -258,12 +265,16 @@ Result<SpmHeader> decode_header(std::span<const std::uint8_t> bytes) {
   }
   if (!in.overrun()) NEARMESH_RETURN_IF_ERROR(check_base_faces(header));
   if (!in.overrun()) NEARMESH_RETURN_IF_ERROR(read_surface(in, header));
-  std::vector<HuffmanTable> contexts(static_cast<std::size_t>(coding_context_count()));
-  for (HuffmanTable& table : contexts)
-    if (!read_table(in, table)) return corrupt("coding table is not a prefix code");
+  const std::uint64_t set = in.get_gamma();
+  if (set > coding_set_count())
+    return corrupt("coding tables: built-in set " + std::to_string(set) + " of " +
+                   std::to_string(coding_set_count()));
+  std::optional<CodingTables> tables =
+      set == 0 ? read_tables(in) : coding_set(static_cast<std::uint32_t>(set));
+  if (!tables) return corrupt("coding table is not a prefix code");
   if (in.overrun() || in.bits_left() >= 8)
     return corrupt("length " + std::to_string(bytes.size()) + " does not match its content");
-  header.tables = CodingTables(std::move(contexts));
+  header.tables = std::move(*tables);
   return header;
 }
 

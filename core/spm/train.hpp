@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// How a model's coding tables come about: its own stored blocks and typical requests are counted once, while it is baked.
+// How a model's coding tables come about: its own stored blocks and typical requests are counted once, while it is baked. By these
+// one of the built-in sets is chosen, or tables are made that the header carries.
 
 #include <array>
 #include <cstdint>
@@ -21,9 +22,22 @@ void count_treelet(const SpmHeader& header, const SplitStore& store, const Treel
 /// which every peer receives, and without it the symbol takes seven bits more.
 inline constexpr std::uint64_t kTableSplits = 20'000;
 /// In: counts of coding_context_count() contexts.
-[[nodiscard]] CodingTables make_tables(const TrainingCounts& counts);
+[[nodiscard]] CodingTables make_tables(const TrainingCounts& counts,
+                                       std::uint64_t table_splits = kTableSplits);
 
-/// How many contexts the codec has; a header with another number is refused.
+/// How many splits were counted.
+[[nodiscard]] std::uint64_t count_records(const TrainingCounts& counts);
+/// Bits that coding what was counted takes, with what follows each symbol in any case.
+[[nodiscard]] std::uint64_t coded_bits(const TrainingCounts& counts, const CodingTables& tables);
+
+/// A built-in set makes a model's answers larger than its own tables would, and its header smaller by these. A peer that loads
+/// so many bytes of answers is to receive the fewest (core/spm/README.md).
+inline constexpr std::uint64_t kChosenForBytes = 16'384;
+/// The built-in set that codes the counts best; tables of the model's own where these are worth their place in the header. In: what
+/// was counted in a model of so many splits: nobody loads more than all of them.
+[[nodiscard]] CodingTables choose_tables(const TrainingCounts& counts, std::uint32_t split_count);
+
+/// How many contexts the codec has.
 [[nodiscard]] int coding_context_count();
 
 }  // namespace nearmesh

@@ -24,7 +24,8 @@
 namespace nearmesh::test {
 
 /// Cleaned (21 bits) and baked; fails the test when either refuses.
-inline BakedModel bake_mesh(const IndexedMesh& mesh, std::uint32_t base_faces = 256) {
+inline BakedModel bake_mesh(const IndexedMesh& mesh,
+                            std::uint32_t base_faces = SimplifyOptions{}.base_faces) {
   Result<CleanResult> clean = clean_mesh(mesh);
   if (!clean.is_ok()) ADD_FAILURE() << clean.status().message();
   Result<BakedModel> baked =

@@ -155,7 +155,7 @@ void print_means(const std::string& name, const Cost& sum, double count) {
 void measure_poses(const std::string& path, double radius_share) {
   ModelFile file = ModelFile::open(path).value();
   if (const Status status = file.require_all(); !status.is_ok()) std::exit(1);
-  const double radius_m = radius_share * largest_side_m(file.header());
+  const double radius_m = radius_share * largest_side_m(file.header(), file.store());
   const Ball ball(radius_m);
   const TreeView body = ball.view();
   std::vector<TouchingPlace> places;
@@ -235,12 +235,13 @@ bool get_all(int from, std::vector<T>& items) {
 
 void publish(int socket, const std::string& path, double radius_share) {
   ModelFile file = ModelFile::open(path).value();
-  const double radius_m = radius_share * largest_side_m(file.header());
+  if (const Status status = file.require_all(); !status.is_ok()) std::exit(1);
+  const double radius_m = radius_share * largest_side_m(file.header(), file.store());
   const Ball ball(radius_m);
   const TreeView body = ball.view();
   const auto header = file.header_bytes();
   put_all(socket, std::vector<std::uint8_t>(header.begin(), header.end()));
-  if (const Status status = file.require_all(); !status.is_ok()) std::exit(1);
+  put(socket, &radius_m, sizeof radius_m);
   put_all(socket, flight_poses(build_full_tree(file.header(), file.store()).value().view(), body,
                                file.store(), radius_m, kFrames));
   Publisher publisher(file, ball);
@@ -252,12 +253,12 @@ void publish(int socket, const std::string& path, double radius_share) {
   }
 }
 
-void fly(int socket, double radius_share) {
+void fly(int socket) {
   std::vector<std::uint8_t> header_bytes;
   std::vector<Pose> poses;
-  if (!get_all(socket, header_bytes)) std::exit(1);
+  double radius_m = 0;
+  if (!get_all(socket, header_bytes) || !get(socket, &radius_m, sizeof radius_m)) std::exit(1);
   const SpmHeader header = decode_header(header_bytes).value();
-  const double radius_m = radius_share * largest_side_m(header);
   const Ball ball(radius_m);
   if (!get_all(socket, poses)) std::exit(1);
   const double before = static_cast<double>(resident_memory_bytes());
@@ -309,7 +310,7 @@ void measure_flight(const std::string& path, double radius_share) {
     std::_Exit(0);
   }
   ::close(sockets[1]);
-  fly(sockets[0], radius_share);
+  fly(sockets[0]);
   ::close(sockets[0]);
   ::waitpid(child, nullptr, 0);
 }

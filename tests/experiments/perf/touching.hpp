@@ -66,10 +66,10 @@ inline Vector in_metres(const Grid& grid, const GridPoint& p) {
   return at;
 }
 
-inline double largest_side_m(const SpmHeader& header) {
+/// Of a complete store: boxes of nodes are rounded outward, the more the fewer roots there are.
+inline double largest_side_m(const SpmHeader& header, const SplitStore& store) {
   GridBox box;
-  const SplitStore store(header);
-  for (const BaseRoot& root : header.roots) box.add(store.box(root.node));
+  for (std::uint32_t v = 0; v < header.vertex_count; ++v) box.add(store.position({v}));
   std::int32_t side = 0;
   for (int k = 0; k < 3; ++k) side = std::max(side, box.hi[k] - box.lo[k]);
   return std::ldexp(side, header.grid.exponent);

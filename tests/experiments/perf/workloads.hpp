@@ -18,7 +18,8 @@ struct Model {
   TriangleTree tree;  ///< over all faces, for references
 };
 /// Cleaned on a grid of 21 bits and baked. Ends the program with a message where the mesh is refused.
-[[nodiscard]] Model make_model(const IndexedMesh& mesh, std::uint32_t base_faces = 256);
+[[nodiscard]] Model make_model(const IndexedMesh& mesh,
+                               std::uint32_t base_faces = SimplifyOptions{}.base_faces);
 
 struct PosePair {
   Pose a, b;

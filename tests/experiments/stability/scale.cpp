@@ -88,7 +88,7 @@ bool in_child(const Run& run, Measured& measured) {
 }
 
 bool write_model(const IndexedMesh& mesh, const std::string& path) {
-  const auto model = build_model(mesh, 256);
+  const auto model = build_model(mesh, SimplifyOptions{}.base_faces);
   return model.is_ok() && write_model_file(model.value()->baked.header, model.value()->baked.store,
                                            model.value()->baked.numbers, path)
                               .is_ok();

@@ -1,7 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nearmesh/core/spm/detail/header.hpp"
 
+#include <bit>
+#include <limits>
+
+#include "core/bake/count_typical.hpp"
 #include "core/spm/bits.hpp"
+#include "core/spm/coding_sets.hpp"
 #include "core/spm/train.hpp"
 #include "test_models.hpp"
 
@@ -30,6 +35,79 @@ TEST_P(Header, DecodesToWhatWasEncoded) {
     EXPECT_EQ(found.tables.contexts()[i].lengths, header.tables.contexts()[i].lengths) << i;
 }
 
+TEST(EncodeHeader, WithTablesOfItsOwnDecodesToThem) {
+  const BakedModel model = test::bake_named("aircraft");
+  SpmHeader header = model.header;
+  header.tables = make_tables(count_typical(header, model.store));
+  ASSERT_EQ(header.tables.set(), 0U);
+  const Result<SpmHeader> decoded = decode_header(encode_header(header));
+  ASSERT_TRUE(decoded.is_ok()) << decoded.status().message();
+  EXPECT_EQ(decoded.value().tables.set(), 0U);
+  ASSERT_EQ(decoded.value().tables.contexts().size(), header.tables.contexts().size());
+  for (std::size_t i = 0; i < header.tables.contexts().size(); ++i)
+    EXPECT_EQ(decoded.value().tables.contexts()[i].lengths, header.tables.contexts()[i].lengths)
+        << i;
+}
+
+TEST(EncodeHeader, ThatNamesASetCarriesNoTables) {
+  SpmHeader header = test::bake_named("sphere").header;
+  ASSERT_NE(header.tables.set(), 0U);
+  const std::size_t named = encode_header(header).size();
+  EXPECT_LT(named, 400U);
+  const auto contexts = header.tables.contexts();
+  header.tables = CodingTables({contexts.begin(), contexts.end()});
+  EXPECT_GT(encode_header(header).size(), named + 1000);
+}
+
+TEST(EncodeHeader, KeepsOriginsThatAreNoWholeCells) {
+  SpmHeader header = test::bake_named("one_face").header;
+  header.grid.exponent = -3;
+  for (const double origin_m : {0.0, -0.0, 0.125, -0.125, 0.0625, 12345.0, -12345.0, 0x1p49,
+                                0x1p50 - 0.125, 0x1p50, -0x1p1000, 0x1p-1074, 1.0 / 3}) {
+    header.grid.origin_m = {origin_m, -1, 7};
+    const Result<SpmHeader> decoded = decode_header(encode_header(header));
+    ASSERT_TRUE(decoded.is_ok()) << decoded.status().message();
+    for (std::size_t k = 0; k < 3; ++k)
+      EXPECT_EQ(std::bit_cast<std::uint64_t>(decoded.value().grid.origin_m[k]),
+                std::bit_cast<std::uint64_t>(header.grid.origin_m[k]))
+          << origin_m;
+  }
+}
+
+TEST(DecodeHeader, RefusesOriginsThatAreNoPlace) {
+  SpmHeader header = test::bake_named("one_face").header;
+  for (const double origin_m :
+       {std::numeric_limits<double>::infinity(), std::numeric_limits<double>::quiet_NaN()}) {
+    header.grid.origin_m[1] = origin_m;
+    EXPECT_FALSE(decode_header(encode_header(header)).is_ok());
+  }
+  // The origin stands after magic number, blocks' root, exponent, bits and shifts: a flag, and how many bits it has.
+  header.grid.origin_m = {};
+  auto bytes = encode_header(header);
+  constexpr std::size_t kOrigin = 32 + 128 + 14 + 6 + 15;
+  for (std::size_t bit = kOrigin + 1; bit < kOrigin + 7; ++bit)
+    bytes[bit / 8] |= static_cast<std::uint8_t>(0x80U >> bit % 8);
+  const Result<SpmHeader> decoded = decode_header(bytes);
+  ASSERT_FALSE(decoded.is_ok());
+  EXPECT_NE(decoded.status().message().find("grid origin is not finite"), std::string::npos)
+      << decoded.status().message();
+}
+
+TEST(DecodeHeader, RefusesASetThatIsNotBuiltIn) {
+  SpmHeader header = test::bake_named("sphere").header;
+  const auto contexts = header.tables.contexts();
+  for (const std::uint32_t set : {coding_set_count(), coding_set_count() + 1}) {
+    header.tables = CodingTables({contexts.begin(), contexts.end()}, set);
+    const Result<SpmHeader> decoded = decode_header(encode_header(header));
+    ASSERT_EQ(decoded.is_ok(), set == coding_set_count());
+    if (decoded.is_ok()) continue;
+    EXPECT_EQ(decoded.status().code(), StatusCode::kCorrupt);
+    EXPECT_NE(decoded.status().message().find("built-in set " + std::to_string(set) + " of "),
+              std::string::npos)
+        << decoded.status().message();
+  }
+}
+
 TEST_P(Header, EncodesToTheSameBytesAgain) {
   const auto bytes = encode_header(test::bake_named(GetParam()).header);
   const Result<SpmHeader> decoded = decode_header(bytes);
@@ -40,8 +118,8 @@ TEST_P(Header, EncodesToTheSameBytesAgain) {
 TEST(DecodeHeader, RefusesAnotherVersion) {
   auto bytes = encode_header(test::bake_named("sphere").header);
   ASSERT_TRUE(decode_header(bytes).is_ok());
-  ASSERT_EQ(bytes[3], '5');  // of the magic number, "NMH5"
-  bytes[3] = '4';
+  ASSERT_EQ(bytes[3], '6');  // of the magic number, "NMH6"
+  bytes[3] = '5';
   const Result<SpmHeader> refused = decode_header(bytes);
   ASSERT_FALSE(refused.is_ok());
   EXPECT_EQ(refused.status().code(), StatusCode::kCorrupt);
@@ -139,28 +217,23 @@ TEST(DecodeHeader, RefusesCellsThatDoublesCannotReckonWith) {
   }
 }
 
-// The fields before the roots, then `sizes` of roots (kEndlessSize: 64 zero bits where a gamma code
-// should be).
-constexpr std::uint64_t kEndlessSize = ~std::uint64_t{0};
-std::vector<std::uint8_t> header_with_roots(std::uint32_t vertex_count,
-                                            const std::vector<std::uint64_t>& sizes,
+// The fields before the roots, then `sizes` of roots.
+std::vector<std::uint8_t> header_with_roots(const std::vector<std::uint32_t>& sizes,
                                             std::uint64_t open_edges = 0, std::uint64_t parts = 1) {
   BitWriter out;
-  out.put(0x4e4d4835, 32);
-  for (int i = 0; i < 6; ++i) out.put64(0);
+  out.put(0x4e4d4836, 32);
+  for (int i = 0; i < 2; ++i) out.put64(0);  // the blocks' root
   out.put(4096, 14);
   out.put(21, 6);
   out.put(0, 15);
-  out.put(vertex_count, 32);
-  out.put(0, 32);
-  out.put(sizes.size(), 32);
-  out.put(0, 32);
-  for (const std::uint64_t size : sizes) {
-    if (size == kEndlessSize) {
-      out.put64(0);
-    } else {
-      out.put_gamma(size - 1);
-    }
+  for (int k = 0; k < 3; ++k) out.put(1 << 6, 7);  // the origin: no cells
+  out.put(0, 1);                                   // no rounding error
+  out.put(0, 5);                                   // no faces
+  out.put_gamma(0);
+  out.put_gamma(sizes.size() - 1);
+  for (const std::uint32_t size : sizes) {
+    out.put(static_cast<std::uint64_t>(bit_length(size)), 5);
+    out.put(size, std::max(bit_length(size) - 1, 0));
     for (int k = 0; k < 3; ++k) out.put(0, 21);
     for (int k = 0; k < 6; ++k) out.put(0, 7);
   }
@@ -169,30 +242,35 @@ std::vector<std::uint8_t> header_with_roots(std::uint32_t vertex_count,
   out.put_gamma(parts - 1);
   if (parts <= kMaxComponentSeeds)
     for (std::uint64_t i = 3; i < 3 * parts; ++i) out.put(i, 21);
-  for (int i = 0; i < coding_context_count(); ++i) out.put(0, 4);  // the escape alone
+  out.put_gamma(1);  // the first set of tables
   return std::move(out).finish();
 }
 
 TEST(DecodeHeader, AcceptsRootsAloneWithoutFaces) {
-  const Result<SpmHeader> header = decode_header(header_with_roots(5, {2, 3}));
+  const Result<SpmHeader> header = decode_header(header_with_roots({2, 3}));
   ASSERT_TRUE(header.is_ok()) << header.status().message();
   EXPECT_EQ(header.value().roots.size(), 2U);
+  EXPECT_EQ(header.value().vertex_count, 5U);
 }
 
 TEST(DecodeHeader, RefusesARootWithoutVertices) {
-  EXPECT_FALSE(decode_header(header_with_roots(5, {5, kEndlessSize})).is_ok());
+  const Result<SpmHeader> header = decode_header(header_with_roots({5, 0}));
+  ASSERT_FALSE(header.is_ok());
+  EXPECT_NE(header.status().message().find("a root without vertices"), std::string::npos)
+      << header.status().message();
 }
 
-TEST(DecodeHeader, RefusesRootsThatDoNotCoverTheVertices) {
-  EXPECT_FALSE(decode_header(header_with_roots(6, {2, 3})).is_ok());
-}
-
-TEST(DecodeHeader, RefusesRootsBeyondTheVertices) {
-  EXPECT_FALSE(decode_header(header_with_roots(4, {2, 3})).is_ok());
+TEST(DecodeHeader, RefusesMoreVerticesThanAModelHas) {
+  constexpr std::uint32_t kHalf = kMaxVertices / 2;
+  EXPECT_TRUE(decode_header(header_with_roots({kHalf, kHalf - 1})).is_ok());
+  const Result<SpmHeader> header = decode_header(header_with_roots({kHalf, kHalf}));
+  ASSERT_FALSE(header.is_ok());
+  EXPECT_NE(header.status().message().find("vertex count"), std::string::npos)
+      << header.status().message();
 }
 
 TEST(DecodeHeader, ReadsTheSeedsOfAllParts) {
-  const Result<SpmHeader> header = decode_header(header_with_roots(5, {2, 3}, 0, 3));
+  const Result<SpmHeader> header = decode_header(header_with_roots({2, 3}, 0, 3));
   ASSERT_TRUE(header.is_ok()) << header.status().message();
   EXPECT_EQ(header.value().surface.component_seeds,
             (std::vector<GridPoint>{{{0, 0, 0}}, {{3, 4, 5}}, {{6, 7, 8}}}));
@@ -200,22 +278,22 @@ TEST(DecodeHeader, ReadsTheSeedsOfAllParts) {
 }
 
 TEST(DecodeHeader, KnowsThatTooManyPartsHaveNoSeeds) {
-  const Result<SpmHeader> most = decode_header(header_with_roots(300, {300}, 0, 256));
+  const Result<SpmHeader> most = decode_header(header_with_roots({300}, 0, 256));
   ASSERT_TRUE(most.is_ok()) << most.status().message();
   EXPECT_EQ(most.value().surface.component_seeds.size(), 256U);
-  const Result<SpmHeader> more = decode_header(header_with_roots(300, {300}, 0, 257));
+  const Result<SpmHeader> more = decode_header(header_with_roots({300}, 0, 257));
   ASSERT_TRUE(more.is_ok()) << more.status().message();
   EXPECT_FALSE(more.value().surface.has_seeds());
   EXPECT_TRUE(more.value().surface.component_seeds.empty());
 }
 
 TEST(DecodeHeader, RefusesMorePartsThanVertices) {
-  EXPECT_TRUE(decode_header(header_with_roots(5, {2, 3}, 0, 5)).is_ok());
-  EXPECT_FALSE(decode_header(header_with_roots(5, {2, 3}, 0, 6)).is_ok());
+  EXPECT_TRUE(decode_header(header_with_roots({2, 3}, 0, 5)).is_ok());
+  EXPECT_FALSE(decode_header(header_with_roots({2, 3}, 0, 6)).is_ok());
 }
 
 TEST(DecodeHeader, RefusesMoreOpenEdgesThanItsFacesHave) {
-  const Result<SpmHeader> header = decode_header(header_with_roots(5, {2, 3}, 1));
+  const Result<SpmHeader> header = decode_header(header_with_roots({2, 3}, 1));
   ASSERT_FALSE(header.is_ok());
   EXPECT_NE(header.status().message().find("1 open edges of 0 faces"), std::string::npos)
       << header.status().message();

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // Static Huffman tables of one model: for each context of the record codec the code length of each symbol.
-// They are part of the header, so that every batch decodes alone.
+// The header carries them or names a set that is built in, so that every batch decodes alone.
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -39,20 +40,26 @@ struct HuffmanTable {
   [[nodiscard]] bool derive();
 };
 
-/// The tables of all contexts.
+/// The tables of all contexts. Copies share them.
 class CodingTables {
  public:
   CodingTables() = default;
-  explicit CodingTables(std::vector<HuffmanTable> contexts);
+  /// `set`: the number of the built-in set that these are, 0 where they are a model's own.
+  explicit CodingTables(std::vector<HuffmanTable> contexts, std::uint32_t set = 0);
 
-  [[nodiscard]] const std::vector<HuffmanTable>& contexts() const { return contexts_; }
+  [[nodiscard]] std::span<const HuffmanTable> contexts() const { return tables_->contexts; }
   /// By context and, within, the next kFastCodeBits bits: the symbol, and how many bits it and what follows it in any case take.
   /// kEscape for longer codes and the escape, which HuffmanTable::decode gives.
-  [[nodiscard]] const HuffmanTable::Decoded* fast() const { return fast_.data(); }
+  [[nodiscard]] const HuffmanTable::Decoded* fast() const { return tables_->fast.data(); }
+  [[nodiscard]] std::uint32_t set() const { return tables_->set; }
 
  private:
-  std::vector<HuffmanTable> contexts_;
-  std::vector<HuffmanTable::Decoded> fast_;
+  struct Tables {
+    std::vector<HuffmanTable> contexts;
+    std::vector<HuffmanTable::Decoded> fast;
+    std::uint32_t set = 0;
+  };
+  std::shared_ptr<const Tables> tables_ = std::make_shared<const Tables>();
 };
 
 }  // namespace nearmesh

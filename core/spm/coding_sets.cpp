@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "coding_sets.hpp"
+
+#include <mutex>
+
+#include "train.hpp"
+
+namespace nearmesh {
+namespace {
+
+// Code lengths of one context: the escape's, 0 for none at all, then symbols in order until the code is complete.
+// Present symbols are few, so runs of zeros are counted.
+void write_table(BitWriter& out, const HuffmanTable& table) {
+  out.put(table.lengths[kEscape], 4);
+  std::uint32_t zeros = 0;
+  for (const std::uint8_t length : std::span(table.lengths).first(kEscape)) {
+    if (length == 0) {
+      ++zeros;
+      continue;
+    }
+    out.put_gamma(zeros);
+    out.put(length, 4);
+    zeros = 0;
+  }
+}
+
+bool read_table(BitReader& in, HuffmanTable& table) {
+  const auto share = [](std::uint32_t length) { return (1U << kMaxCodeBits) >> length; };
+  const std::uint32_t escape = in.get(4);
+  table.lengths[kEscape] = static_cast<std::uint8_t>(escape);
+  std::uint32_t sum = share(escape);
+  for (std::uint64_t symbol = 0; sum < share(0); ++symbol) {
+    symbol += in.get_gamma();
+    const std::uint32_t length = in.get(4);
+    if (in.overrun() || symbol >= kEscape || length == 0 || length > kMaxCodeBits) return false;
+    table.lengths[symbol] = static_cast<std::uint8_t>(length);
+    sum += share(length);
+  }
+  return !in.overrun() && table.derive();
+}
+
+std::optional<CodingTables> read_set(std::uint32_t number) {
+  std::vector<std::uint8_t> bytes;
+  for (const std::uint64_t word : coding_sets_data()[number - 1].words)
+    for (int shift = 56; shift >= 0; shift -= 8)
+      bytes.push_back(static_cast<std::uint8_t>(word >> shift));
+  BitReader in(bytes);
+  std::optional<CodingTables> tables = read_tables(in);
+  if (!tables || in.bits_left() >= 64) return std::nullopt;
+  return CodingTables({tables->contexts().begin(), tables->contexts().end()}, number);
+}
+
+}  // namespace
+
+void write_tables(BitWriter& out, const CodingTables& tables) {
+  for (const HuffmanTable& table : tables.contexts()) write_table(out, table);
+}
+
+std::optional<CodingTables> read_tables(BitReader& in) {
+  std::vector<HuffmanTable> contexts(static_cast<std::size_t>(coding_context_count()));
+  for (HuffmanTable& table : contexts)
+    if (!read_table(in, table)) return std::nullopt;
+  return CodingTables(std::move(contexts));
+}
+
+std::uint32_t coding_set_count() { return static_cast<std::uint32_t>(coding_sets_data().size()); }
+
+std::optional<CodingTables> coding_set(std::uint32_t number) {
+  NEARMESH_ASSERT(number >= 1 && number <= coding_set_count());
+  static std::mutex mutex;
+  static std::vector<std::optional<CodingTables>> sets(coding_set_count());
+  const std::scoped_lock lock(mutex);
+  std::optional<CodingTables>& set = sets[number - 1];
+  if (!set) set = read_set(number);
+  return set;
+}
+
+}  // namespace nearmesh
