@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "core/base/float_guard.hpp"
-#include "nearmesh/core/spm/detail/half_space.hpp"
 
 namespace nearmesh {
 namespace {

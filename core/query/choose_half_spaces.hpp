@@ -8,8 +8,8 @@
 #include <span>
 #include <vector>
 
+#include "nearmesh/core/abtree/detail/tree.hpp"
 #include "nearmesh/core/geometry/detail/box_overlap.hpp"
-#include "nearmesh/core/spm/detail/types.hpp"
 
 namespace nearmesh {
 
