@@ -112,7 +112,7 @@ void ActiveMesh::collapse(NodeSpan node, RefineDelta& delta) {
     v += span;
   }
   if (!changed) return;
-  drop_half_spaces(node.first);  // of the smaller node that it stood for
+  if (!half_spaces_.is_empty()) drop_half_spaces(node.first);  // of the smaller node before
   delta.collapsed.push_back(node);
 }
 

@@ -86,6 +86,11 @@ inline void check_mesh(const ActiveMesh& mesh) {
   std::uint32_t splits = 0;
   std::uint64_t hash = 0;
   for (std::uint32_t v = 0; v < store.vertex_count(); ++v) {
+    const auto half_spaces = mesh.half_spaces().of({v});
+    FUZZ_CHECK(half_spaces.size() <= kMaxHalfSpaces);
+    FUZZ_CHECK(half_spaces.empty() || (mesh.is_active({v}) && !mesh.is_resolved({v})));
+    for (const HalfSpace& half_space : half_spaces)
+      hash += mix(mix(v) ^ (std::uint64_t{half_space.direction} << kReachBits | half_space.reach));
     if (!mesh.is_active({v})) continue;
     FUZZ_CHECK(store.is_known({v}));
     if (store.is_root({v})) continue;

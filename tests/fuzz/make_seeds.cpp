@@ -132,16 +132,26 @@ void write_batch_seeds() {
   ActiveMesh mesh(model.store());
   RefineDelta delta;
   for (const VertexId u : global_order(model.store(), 20)) FUZZ_CHECK(mesh.split(u, delta));
-  for (const BoxPolicy policy : {BoxPolicy::kCutNodes, BoxPolicy::kAllNodes}) {
+  const Treelet treelet = active_treelet(mesh);
+  std::vector<NodeHalfSpace> half_spaces;
+  for (const TreeletSplit& split : treelet) {
+    const NodeSpan right = split.node.right_of(split.split);
+    if (right.size > 1 && !split.right_included)
+      half_spaces.push_back({right, {static_cast<std::uint16_t>(right.begin()), 200}});
+  }
+  std::sort(half_spaces.begin(), half_spaces.end());
+  for (const int flags : {0, 1, int{kWithHalfSpaces}}) {
+    const BoxPolicy policy = flags == 1 ? BoxPolicy::kAllNodes : BoxPolicy::kCutNodes;
     Bytes program;
     for (const Bytes& batch :
-         encode_batches(model.header(), model.store(), active_treelet(mesh), policy, 100)) {
+         encode_batches(model.header(), model.store(), treelet, policy, 100,
+                        flags == kWithHalfSpaces ? half_spaces : std::vector<NodeHalfSpace>())) {
       FUZZ_CHECK(batch.size() < 256);
       program.insert(program.end(), {0, static_cast<std::uint8_t>(batch.size())});
       program.insert(program.end(), batch.begin(), batch.end());
       program.insert(program.end(), {3, 1});
     }
-    write("batch/raw_" + std::to_string(static_cast<int>(policy)), 0, program);
+    write("batch/raw_" + std::to_string(flags), 0, program);
   }
 }
 

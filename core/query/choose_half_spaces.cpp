@@ -1,0 +1,198 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "choose_half_spaces.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/base/float_guard.hpp"
+
+namespace nearmesh {
+namespace {
+
+using Vec3 = std::array<double, 3>;
+
+double dot(const Vec3& a, const Vec3& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+/// The point of an obstacle that is farthest along d, in own units. The drift is left out: what is chosen is tested with it.
+Vec3 farthest(const Obstacle& obstacle, const Vec3& d) {
+  if (obstacle.face)
+    return *std::max_element(obstacle.face->begin(), obstacle.face->end(),
+                             [&](const Vec3& a, const Vec3& b) { return dot(d, a) < dot(d, b); });
+  const RelativeFrame& f = *obstacle.other_in_own;
+  Vec3 corner = obstacle.box.center, at = f.translation;
+  for (std::size_t j = 0; j < 3; ++j) {
+    const Vec3 column{f.rotation[j], f.rotation[3 + j], f.rotation[6 + j]};
+    corner[j] += dot(d, column) >= 0 ? obstacle.box.half[j] : -obstacle.box.half[j];
+  }
+  for (std::size_t k = 0; k < 3; ++k)
+    at[k] += f.rotation[3 * k] * corner[0] + f.rotation[3 * k + 1] * corner[1] +
+             f.rotation[3 * k + 2] * corner[2];
+  return at;
+}
+
+class Chooser {
+ public:
+  Chooser(std::span<const GridPoint> points, const GridPoint& from)
+      : points_(points), from_(from) {}
+
+  /// The half-space that parts most of these obstacles from the points, among those that look about from the points to
+  /// their hull; nothing where none parts any.
+  std::optional<HalfSpace> choose(std::span<const Obstacle* const> obstacles) const {
+    const std::optional<Vec3> direction = direction_to(obstacles);
+    if (!direction) return std::nullopt;
+    std::optional<HalfSpace> best;
+    std::size_t most = 0;
+    const int code = nearest_direction(*direction);
+    // Rounded to a code the direction may just miss: the codes around it are tried as well.
+    for (const int column : {0, -64, 64})
+      for (const int row : {0, -1, 1}) {
+        const int next = code + column + row;
+        if (next < 0 || next >= 1 << kDirectionBits) continue;
+        const std::optional<HalfSpace> found = tightest(static_cast<std::uint16_t>(next));
+        if (!found) continue;
+        const auto parted = static_cast<std::size_t>(std::count_if(
+            obstacles.begin(), obstacles.end(),
+            [&](const Obstacle* obstacle) { return keeps_clear(*found, from_, *obstacle); }));
+        if (parted <= most) continue;
+        most = parted;
+        best = found;
+        if (most == obstacles.size()) return best;
+      }
+    return best;
+  }
+
+  /// The obstacle nearest to the points' middle, about.
+  const Obstacle* nearest(std::span<const Obstacle* const> obstacles) const {
+    Vec3 middle{};
+    for (const GridPoint& p : points_)
+      for (std::size_t k = 0; k < 3; ++k) middle[k] += p.v[k] / static_cast<double>(points_.size());
+    const auto square_to = [&](const Obstacle* obstacle) {
+      double square = 0;
+      const Vec3 lo = farthest(*obstacle, {-1, -1, -1}), hi = farthest(*obstacle, {1, 1, 1});
+      for (std::size_t k = 0; k < 3; ++k) {
+        const double way = 0.5 * (lo[k] + hi[k]) - middle[k];
+        square += way * way;
+      }
+      return square;
+    };
+    const Obstacle* found = nullptr;
+    double least = 0;
+    for (const Obstacle* obstacle : obstacles) {
+      const double square = square_to(obstacle);
+      if (found != nullptr && square >= least) continue;
+      found = obstacle;
+      least = square;
+    }
+    return found;
+  }
+
+ private:
+  std::optional<HalfSpace> tightest(std::uint16_t direction) const {
+    std::int64_t reach = 0;
+    for (const GridPoint& p : points_)
+      reach = std::max(reach, way_along(half_space_normal(direction), from_, p));
+    const std::optional<std::uint8_t> code = half_space_reach_code(reach);
+    return code ? std::optional(HalfSpace{direction, *code}) : std::nullopt;
+  }
+
+  // w is a point of the difference {points} - {obstacles}, ever nearer to the origin. Where all of it lies beyond a plane
+  // across w, this plane's normal parts the two. Some more steps turn the plane towards the widest gap.
+  std::optional<Vec3> direction_to(std::span<const Obstacle* const> obstacles) const {
+    constexpr int kSteps = 48, kMore = 6;
+    const auto corner = [&](const Vec3& d) {
+      const Vec3 own = farthest_point(d);
+      Vec3 there{};
+      double most = 0;
+      for (const Obstacle* obstacle : obstacles) {
+        const Vec3 p = farthest(*obstacle, {-d[0], -d[1], -d[2]});
+        const double at = -dot(d, p);
+        if (obstacle != obstacles.front() && at <= most) continue;
+        most = at;
+        there = p;
+      }
+      return Vec3{own[0] - there[0], own[1] - there[1], own[2] - there[2]};
+    };
+    Vec3 w = corner({1, 0, 0});
+    std::optional<Vec3> found;
+    double widest = 0;
+    for (int step = 0, more = 0; step < kSteps && more < kMore; ++step) {
+      const double square = dot(w, w);
+      if (!(square > 0)) return std::nullopt;  // the hulls share a point
+      const double length = std::sqrt(square);
+      const Vec3 d{-w[0] / length, -w[1] / length, -w[2] / length};
+      const Vec3 s = corner(d);
+      const double gap = -dot(d, s);
+      if (gap > widest) {
+        widest = gap;
+        found = d;
+      }
+      more += found ? 1 : 0;
+      const Vec3 e{s[0] - w[0], s[1] - w[1], s[2] - w[2]};
+      const double along = dot(e, e);
+      if (!(along > 0)) break;
+      const double t = std::clamp(-dot(w, e) / along, 0.0, 1.0);
+      if (t == 0) break;
+      for (std::size_t k = 0; k < 3; ++k) w[k] += t * e[k];
+    }
+    return found;
+  }
+
+  Vec3 farthest_point(const Vec3& d) const {
+    Vec3 best{};
+    double most = 0;
+    bool any = false;
+    for (const GridPoint& p : points_) {
+      const Vec3 at{static_cast<double>(p.v[0]), static_cast<double>(p.v[1]),
+                    static_cast<double>(p.v[2])};
+      const double along = dot(d, at);
+      if (any && along <= most) continue;
+      any = true;
+      most = along;
+      best = at;
+    }
+    return best;
+  }
+
+  std::span<const GridPoint> points_;
+  const GridPoint from_;
+};
+
+}  // namespace
+
+bool keeps_clear(const HalfSpace& half_space, const GridPoint& from, const Obstacle& obstacle) {
+  const std::array<std::int8_t, 3>& normal = half_space_normal(half_space.direction);
+  const BoundedPart part{
+      {static_cast<double>(normal[0]), static_cast<double>(normal[1]),
+       static_cast<double>(normal[2])},
+      static_cast<double>(half_space_reach(half_space.reach) + way_along(normal, {}, from))};
+  const RelativeFrame& f = *obstacle.other_in_own;
+  return obstacle.face ? half_space_triangle_stay_apart(f, obstacle.drift, part, *obstacle.face)
+                       : half_space_box_stay_apart(f, obstacle.drift, part, obstacle.box);
+}
+
+ChosenHalfSpaces choose_half_spaces(std::span<const GridPoint> points, const GridPoint& from,
+                                    std::span<const Obstacle> obstacles, std::size_t most) {
+  const FloatGuard guard;
+  ChosenHalfSpaces chosen;
+  std::vector<const Obstacle*> left;
+  for (const Obstacle& obstacle : obstacles) left.push_back(&obstacle);
+  if (points.empty()) return {{}, left.size()};
+  const Chooser chooser(points, from);
+  while (!left.empty() && chosen.half_spaces.size() < most) {
+    std::optional<HalfSpace> next = chooser.choose(left);
+    // No plane for all of them: one for the nearest, which may part others.
+    if (!next) {
+      const Obstacle* const nearest = chooser.nearest(left);
+      next = chooser.choose({&nearest, 1});
+    }
+    if (!next) break;
+    chosen.half_spaces.push_back(*next);
+    std::erase_if(left,
+                  [&](const Obstacle* obstacle) { return keeps_clear(*next, from, *obstacle); });
+  }
+  chosen.left = left.size();
+  std::sort(chosen.half_spaces.begin(), chosen.half_spaces.end());
+  return chosen;
+}
+
+}  // namespace nearmesh
