@@ -164,7 +164,9 @@ TEST_P(ApplyBatchTo, HalfSpacesGoWithTheirNode) {
       ActiveMesh twin(model.store);
       RefineDelta delta;
       for (const std::uint32_t v : test::active_ids(replica.mesh()))
-        if (!model.store.is_root({v})) ASSERT_TRUE(twin.split({v}, delta));
+        if (!model.store.is_root({v})) {
+          ASSERT_TRUE(twin.split({v}, delta));
+        }
       for (const NodeHalfSpace& told : half_spaces_of(replica))
         ASSERT_TRUE(twin.add_half_space(told.node, told.half_space, delta));
       ASSERT_EQ(twin.state_hash(), replica.mesh().state_hash());
