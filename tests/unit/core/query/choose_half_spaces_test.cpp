@@ -87,7 +87,10 @@ TEST(ChooseHalfSpaces, OneSufficesWhereAPlaneLeavesRoom) {
     const RelativeFrame f = frame_at(test::random_rotation(random), {});
     std::array<double, 3> way{};
     double length = 0;
-    for (double& x : way) length += (x = random.between(-1, 1)) * x;
+    for (double& x : way) {
+      x = random.between(-1, 1);
+      length += x * x;
+    }
     std::vector<Obstacle> obstacles(1 + random.below(5));
     for (Obstacle& obstacle : obstacles) {
       obstacle.other_in_own = &f;
