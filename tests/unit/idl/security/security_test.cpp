@@ -248,7 +248,7 @@ TEST_F(Security, PermissionsOfSomebodyElse) {
 
 TEST_F(Security, PermissionsWithoutATopic) {
   change_permissions("site/v*/body_pose", "site/v*/body_prose");
-  expect_only_fault("permissions.p7s", "does not allow to publish site/v7/body_pose");
+  expect_only_fault("permissions.p7s", "does not allow to publish site/v8/body_pose");
 }
 
 TEST_F(Security, PermissionsForAnotherDomain) {
