@@ -204,7 +204,7 @@ TEST(CheckMessage, NamesBothVersionsWhenTheyDiffer) {
   const auto expect_unsupported = [](auto message) {
     message.wire_version = 9;
     EXPECT_EQ(check(message).code(), StatusCode::kUnsupported);
-    EXPECT_EQ(check(message).message(), "wire version 9, this build speaks 7");
+    EXPECT_EQ(check(message).message(), "wire version 9, this build speaks 8");
   };
   expect_unsupported(valid_hello());
   expect_unsupported(valid_header());
