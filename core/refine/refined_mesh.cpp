@@ -21,8 +21,10 @@ RefinedMesh::RefinedMesh(SpmHeader header)
 
 Status RefinedMesh::insert(const SplitRecord& record, std::span<const SplitFace> faces,
                            Teller teller, RefineDelta& delta) {
-  if (!mesh_->half_spaces().is_empty())
-    NEARMESH_RETURN_IF_ERROR(check_against_half_spaces(record, faces));
+  if (!mesh_->half_spaces().is_empty()) [[unlikely]] {
+    Status fault = check_against_half_spaces(record, faces);
+    if (!fault.is_ok()) return fault;
+  }
   const Result<SplitStore::Insertion> inserted = store_->insert(record, faces, outside_of(faces));
   NEARMESH_RETURN_IF_ERROR(inserted);
   if (inserted.value() == SplitStore::Insertion::kNoParent) {
@@ -38,9 +40,9 @@ Status RefinedMesh::insert(const SplitRecord& record, std::span<const SplitFace>
   const bool done = mesh_->split(record.split, delta);
   NEARMESH_ASSERT(done);
   static_cast<void>(done);
-  if (parked_half_spaces_.empty()) return Status::ok();
-  NEARMESH_RETURN_IF_ERROR(tell_parked(record.left(), delta));
-  return tell_parked(record.right(), delta);
+  if (!parked_half_spaces_.empty()) [[unlikely]]
+    return tell_parked(record, delta);
+  return Status::ok();
 }
 
 namespace {
@@ -96,13 +98,15 @@ Status RefinedMesh::tell(const NodeHalfSpace& told, RefineDelta& delta) {
   return Status::ok();
 }
 
-Status RefinedMesh::tell_parked(NodeSpan node, RefineDelta& delta) {
-  const auto at = parked_half_spaces_.find(key(node));
-  if (at == parked_half_spaces_.end()) return Status::ok();
-  const std::vector<HalfSpace> parked = std::move(at->second);
-  parked_half_spaces_.erase(at);
-  for (const HalfSpace& half_space : parked)
-    NEARMESH_RETURN_IF_ERROR(tell({node, half_space}, delta));
+Status RefinedMesh::tell_parked(const SplitRecord& maker, RefineDelta& delta) {
+  for (const NodeSpan node : {maker.left(), maker.right()}) {
+    const auto at = parked_half_spaces_.find(key(node));
+    if (at == parked_half_spaces_.end()) continue;
+    const std::vector<HalfSpace> parked = std::move(at->second);
+    parked_half_spaces_.erase(at);
+    for (const HalfSpace& half_space : parked)
+      NEARMESH_RETURN_IF_ERROR(tell({node, half_space}, delta));
+  }
   return Status::ok();
 }
 

@@ -60,10 +60,10 @@ class RefinedMesh {
   [[nodiscard]] GridBox outside_of(std::span<const SplitFace> faces) const;
   void park(const SplitRecord& record, std::span<const SplitFace> faces, Teller teller);
   Status unpark(const SplitRecord& parent, RefineDelta& delta);
-  [[nodiscard]] Status check_against_half_spaces(const SplitRecord& record,
-                                                 std::span<const SplitFace> faces) const;
+  [[nodiscard, gnu::noinline]] Status check_against_half_spaces(
+      const SplitRecord& record, std::span<const SplitFace> faces) const;
   Status tell(const NodeHalfSpace& told, RefineDelta& delta);
-  Status tell_parked(NodeSpan node, RefineDelta& delta);
+  [[gnu::noinline]] Status tell_parked(const SplitRecord& maker, RefineDelta& delta);
   [[nodiscard]] Status check_faces(std::size_t count);
   [[nodiscard]] Status check_face(const SplitFace& face) const;
 

@@ -29,7 +29,7 @@ void set_log_levels(const std::vector<std::string>& levels);
 void log_fastdds();
 /// The next: why others may not be found, where the machine's network gives a reason.
 void log_network(const TransportOptions& transport);
-/// "wire version 7\nFast DDS 2.9.1, with live assertions": what --version of a program that speaks DDS adds.
+/// "wire version 8\nFast DDS 2.9.1, with live assertions": what --version of a program that speaks DDS adds.
 [[nodiscard]] std::string dds_versions();
 
 }  // namespace nearmesh::wire::program

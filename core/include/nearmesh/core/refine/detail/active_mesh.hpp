@@ -89,12 +89,12 @@ class ActiveMesh {
   void drop_half_spaces(VertexId first);
 
   const SplitStore* store_;
-  HalfSpaces half_spaces_;
   LazyArray<std::uint64_t>
       bits_;  // one past the last vertex is set, so that is_resolved needs no bound
   std::vector<VertexId> stack_;
   std::uint32_t split_count_ = 0;
   std::uint64_t hash_ = 0;
+  HalfSpaces half_spaces_;
 };
 
 /// The splits done, as one treelet on the base mesh: what would have to be sent to reach this state.
