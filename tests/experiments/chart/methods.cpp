@@ -337,7 +337,9 @@ class Certified : public Stream {
   enum class Choice : std::uint8_t { kPublisher, kLeast };
 
   Certified(const Scene& scene, Choice choice)
-      : Stream(scene), choice_(choice), served_{perf::Served(scene.a.baked), perf::Served(scene.b.baked)} {}
+      : Stream(scene),
+        choice_(choice),
+        served_{perf::Served(scene.a.baked), perf::Served(scene.b.baked)} {}
 
   void start() override {
     for (auto& tree : trees_) tree.reset();

@@ -12,8 +12,7 @@ using test::Vector3;
 using test::World;
 
 constexpr double kFrame_s = 0.001;
-constexpr int kFrames =
-    60;  // less than an eighth of the look-ahead: one look is due for each pair
+constexpr int kFrames = 60;  // less than an eighth of the look-ahead: one look is due for each pair
 
 /// Updates until nothing has been asked for in a second.
 double settle(World& world, subscriber::Session& session, const Motion& one, const Motion& two) {
