@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coding_sets.hpp"
 
-#include <mutex>
-
 #include "train.hpp"
 
 namespace nearmesh {
@@ -39,7 +37,10 @@ bool read_table(BitReader& in, HuffmanTable& table) {
   return !in.overrun() && table.derive();
 }
 
-std::optional<CodingTables> read_set(std::uint32_t number) {
+}  // namespace
+
+std::optional<CodingTables> coding_set(std::uint32_t number) {
+  NEARMESH_ASSERT(number >= 1 && number <= coding_set_count());
   std::vector<std::uint8_t> bytes;
   for (const std::uint64_t word : coding_sets_data()[number - 1].words)
     for (int shift = 56; shift >= 0; shift -= 8)
@@ -49,8 +50,6 @@ std::optional<CodingTables> read_set(std::uint32_t number) {
   if (!tables || in.bits_left() >= 64) return std::nullopt;
   return CodingTables({tables->contexts().begin(), tables->contexts().end()}, number);
 }
-
-}  // namespace
 
 void write_tables(BitWriter& out, const CodingTables& tables) {
   for (const HuffmanTable& table : tables.contexts()) write_table(out, table);
@@ -64,15 +63,5 @@ std::optional<CodingTables> read_tables(BitReader& in) {
 }
 
 std::uint32_t coding_set_count() { return static_cast<std::uint32_t>(coding_sets_data().size()); }
-
-std::optional<CodingTables> coding_set(std::uint32_t number) {
-  NEARMESH_ASSERT(number >= 1 && number <= coding_set_count());
-  static std::mutex mutex;
-  static std::vector<std::optional<CodingTables>> sets(coding_set_count());
-  const std::scoped_lock lock(mutex);
-  std::optional<CodingTables>& set = sets[number - 1];
-  if (!set) set = read_set(number);
-  return set;
-}
 
 }  // namespace nearmesh
