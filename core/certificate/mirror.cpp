@@ -28,6 +28,8 @@ Status Mirror::hold(std::span<const std::uint8_t> held) {
   RefineDelta delta;
   for (const SplitRecord& record : batch.value().splits)
     static_cast<void>(model_.mesh.split(record.split, delta));  // parents come first
+  for (const NodeHalfSpace& told : batch.value().half_spaces)
+    static_cast<void>(model_.mesh.add_half_space(told.node, told.half_space, delta));
   model_.tree.update(delta);
   return Status::ok();
 }

@@ -37,6 +37,13 @@ bool read_table(BitReader& in, HuffmanTable& table) {
   return !in.overrun() && table.derive();
 }
 
+std::optional<CodingTables> read_numbered(BitReader& in, std::uint32_t set) {
+  std::vector<HuffmanTable> contexts(static_cast<std::size_t>(coding_context_count()));
+  for (HuffmanTable& table : contexts)
+    if (!read_table(in, table)) return std::nullopt;
+  return CodingTables(std::move(contexts), set);
+}
+
 }  // namespace
 
 std::optional<CodingTables> coding_set(std::uint32_t number) {
@@ -46,21 +53,16 @@ std::optional<CodingTables> coding_set(std::uint32_t number) {
     for (int shift = 56; shift >= 0; shift -= 8)
       bytes.push_back(static_cast<std::uint8_t>(word >> shift));
   BitReader in(bytes);
-  std::optional<CodingTables> tables = read_tables(in);
-  if (!tables || in.bits_left() >= 64) return std::nullopt;
-  return CodingTables({tables->contexts().begin(), tables->contexts().end()}, number);
+  std::optional<CodingTables> tables = read_numbered(in, number);
+  if (in.bits_left() >= 64) return std::nullopt;
+  return tables;
 }
 
 void write_tables(BitWriter& out, const CodingTables& tables) {
   for (const HuffmanTable& table : tables.contexts()) write_table(out, table);
 }
 
-std::optional<CodingTables> read_tables(BitReader& in) {
-  std::vector<HuffmanTable> contexts(static_cast<std::size_t>(coding_context_count()));
-  for (HuffmanTable& table : contexts)
-    if (!read_table(in, table)) return std::nullopt;
-  return CodingTables(std::move(contexts));
-}
+std::optional<CodingTables> read_tables(BitReader& in) { return read_numbered(in, 0); }
 
 std::uint32_t coding_set_count() { return static_cast<std::uint32_t>(coding_sets_data().size()); }
 

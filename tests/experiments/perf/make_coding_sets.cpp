@@ -64,7 +64,9 @@ const std::vector<SetOfMeshes>& sets() {
         "robot/ur5/collision/forearm.stl", "robot/ur5/collision/shoulder.stl",
         "robot/ur5/collision/wrist1.stl", "robot/ur5/collision/wrist3.stl"}},
       {"regular", {"sphere 64 0", "sphere 200 0", "aircraft 4000 1", "aircraft 20000 3"}},
-      {"flat grid", {"plane 48", "plane 100", "plane 200"}}};
+      {"flat grid", {"plane 48", "plane 100", "plane 200"}},
+      {"thread",
+       {"assembly/factory_bolt_m16_loose.obj", "assembly/factory_nut_m16_loose_subdiv_3x.obj"}}};
   return all;
 }
 
