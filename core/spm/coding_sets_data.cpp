@@ -641,7 +641,7 @@ constexpr std::array<std::uint64_t, 260> kSet11{
 }  // namespace
 
 std::span<const CodingSetData> coding_sets_data() {
-  static constexpr CodingSetData sets[] = {
+  static constexpr CodingSetData kSets[] = {
       {"terrain of 8192 cells an edge", kSet1},
       {"terrain of 2048 cells an edge", kSet2},
       {"terrain of 512 cells an edge", kSet3},
@@ -654,7 +654,7 @@ std::span<const CodingSetData> coding_sets_data() {
       {"flat grid", kSet10},
       {"thread", kSet11},
   };
-  return sets;
+  return kSets;
 }
 
 }  // namespace nearmesh

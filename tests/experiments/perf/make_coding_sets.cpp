@@ -183,12 +183,12 @@ void print_source(const std::vector<Counted>& all) {
   std::printf(
       "}  // namespace\n\n"
       "std::span<const CodingSetData> coding_sets_data() {\n"
-      "  static constexpr CodingSetData sets[] = {\n");
+      "  static constexpr CodingSetData kSets[] = {\n");
   for (std::size_t set = 0; set < sets().size(); ++set)
     std::printf("      {\"%s\", kSet%zu},\n", sets()[set].name, set + 1);
   std::printf(
       "  };\n"
-      "  return sets;\n"
+      "  return kSets;\n"
       "}\n\n"
       "}  // namespace nearmesh\n");
 }

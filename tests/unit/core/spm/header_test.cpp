@@ -95,7 +95,8 @@ TEST(DecodeHeader, RefusesOriginsThatAreNoPlace) {
 
 TEST(DecodeHeader, RefusesASetThatIsNotBuiltIn) {
   SpmHeader header = test::bake_named("sphere").header;
-  const auto contexts = header.tables.contexts();
+  const std::vector<HuffmanTable> contexts(header.tables.contexts().begin(),
+                                           header.tables.contexts().end());
   for (const std::uint32_t set : {coding_set_count(), coding_set_count() + 1}) {
     header.tables = CodingTables({contexts.begin(), contexts.end()}, set);
     const Result<SpmHeader> decoded = decode_header(encode_header(header));
