@@ -13,8 +13,7 @@ namespace {
 
 /// What is needed now goes first where it is more than some batches: less is cheaper together with what is ahead.
 constexpr std::size_t kWorthItsOwn = 768;
-/// So much of its way may a body end beside where it is predicted. A flight over terrain that sets the body down in each frame:
-/// 34 requests, one of them because an answer was not certified; without, 55 and 19.
+/// So much of its way may a body end beside where it is predicted (figures: README.md).
 constexpr double kOffCourse = 1.0 / 40;
 Motion motion_of(const CertificateRequest::Pair& pair) {
   const double w = pair.rotation[0], x = pair.rotation[1], y = pair.rotation[2],

@@ -106,7 +106,6 @@ def aims(folder):
             ("boxes, bytes a split, as decoding", "at most", [1] * 4, codec("bytes_per_split_boxes")),
             ("bytes to certify a touching pose: bunny, armadillo, terrain of 263 k and 1 M vertices", "at most",
              [1300, 1800, 1000, 1800], [size(m, "touching_lean_bytes") for m in models]),
-            ("with half a radius of look-ahead", "at most", [3400, 5500, 3700, 10500], [size(m, "lookahead_lean_bytes") for m in models]),
             ("flight over 1 M vertices, KB in all / in the worst frame", "at most", [500, 10],
              [size(flight, "flight_lean_bytes") / 1000, size(flight, "flight_frame_worst") / 1000]),
             ("a peer's memory after it, MB", "at most", [64], [size(flight, "flight_resident")]),
