@@ -140,8 +140,8 @@ TEST(Chart, NothingIsReceivedBeyondTheBudgetOrForgotten) {
 
 TEST(Chart, RowsAreTheSameInEveryRunButForTimes) {
   const Scene& scene = scene_named("terrain-grazing");
-  const std::vector<std::string> own = {"certified", "certified-least", "grid8-hoppe", "clusters-checked",
-                                        "triangles-trusted"};
+  const std::vector<std::string> own = {"certified", "certified-least", "grid8-hoppe",
+                                        "clusters-checked", "triangles-trusted"};
   const Rows first(scene, own), second(scene, own);
   ASSERT_EQ(first.table.row_count(), second.table.row_count());
   ASSERT_GT(first.table.row_count(), 100U);
