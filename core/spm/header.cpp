@@ -10,6 +10,7 @@
 #include "bits.hpp"
 #include "coding_sets.hpp"
 #include "core/base/digest.hpp"
+#include "core/base/float_guard.hpp"
 #include "nearmesh/core/spm/detail/split_store.hpp"
 
 namespace nearmesh {
@@ -148,6 +149,7 @@ struct CornerCoding {
 }  // namespace
 
 std::vector<std::uint8_t> encode_header(const SpmHeader& header) {
+  const FloatGuard guard;
   BitWriter out;
   out.put(kHeaderMagic, 32);
   out.put64(header.blocks_root.high);
@@ -195,6 +197,7 @@ std::vector<std::uint8_t> encode_header(const SpmHeader& header) {
 }
 
 Result<SpmHeader> decode_header(std::span<const std::uint8_t> bytes) {
+  const FloatGuard guard;
   if (bytes.size() > kMaxHeaderBytes)
     return corrupt("size: at most " + std::to_string(kMaxHeaderBytes) + " bytes expected, found " +
                    std::to_string(bytes.size()));
