@@ -136,6 +136,7 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
     report.complaints.push_back("time_s of frame " + std::to_string(frame) + " is " +
                                 std::to_string(time_s) + ", before it was " +
                                 std::to_string(impl.time_s) + ": the exercise's clock went back");
+  impl.frame_s = impl.has_updated ? std::max(0.0, time_s - impl.time_s) : 0;
   impl.has_updated = true;
   impl.time_s = time_s;
   for (const OwnMotion& own : motions) {

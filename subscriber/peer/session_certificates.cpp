@@ -35,13 +35,15 @@ std::optional<std::uint8_t> Session::Impl::urgency_of(Pair& pair, const PairAnsw
   if (horizon_s() <= 0) return std::nullopt;
   if (answer.swept && !(answer.swept->missing_a.empty() && answer.swept->missing_b.empty()))
     return kHorizon;
-  // What is lacked soon is asked for with all of the horizon: fewer and fuller answers than a little in each frame. Where a look
-  // found nothing, an eighth of the horizon may pass before the next: another eighth is left then.
+  // What is lacked soon is asked for with all of the horizon: fewer and fuller answers than a little in each frame. Soon are three
+  // frames at least, since an answer that comes in the next is there for the one after. Where a look found nothing, an eighth
+  // of the horizon may pass before the next: another eighth is left then.
   if (std::abs(time_s - pair.looked_ahead_s) < horizon_s() / 8) return std::nullopt;
   ++stats.looks_ahead;
-  const auto lacking = lacking_ahead(pair.a->model->replica->view(), *pair.a->motion, pair.a->name,
-                                     pair.b->model->replica->view(), *pair.b->motion, pair.b->name,
-                                     horizon_s() / 4, options.margin_m);
+  const auto lacking =
+      lacking_ahead(pair.a->model->replica->view(), *pair.a->motion, pair.a->name,
+                    pair.b->model->replica->view(), *pair.b->motion, pair.b->name,
+                    std::clamp(3 * frame_s, horizon_s() / 4, horizon_s()), options.margin_m);
   if (lacking.is_ok() && !lacking.value().is_nothing()) return kHorizon;
   pair.looked_ahead_s = time_s;
   return std::nullopt;

@@ -99,7 +99,8 @@ struct Session::Impl {
   bool has_news = false;        // of publishers or bodies: what names stand for may change
   std::map<ContentHash, Outstanding> outstanding;
   std::uint32_t last_request = 0;
-  double time_s = 0;  // of the update
+  double time_s = 0;   // of the update
+  double frame_s = 0;  // since the update before
   bool has_updated = false;
   std::optional<double> heard_time_s;
   std::uint64_t refused = 0;
