@@ -46,7 +46,7 @@ Slab AbTree::slab_of(NodeSpan node, const GridBox& box) const {
     // In halves of grid units, so that the box's centre is whole. All is below 2^43: exact.
     std::int64_t support = 0, way = 0;
     for (int k = 0; k < 3; ++k) {
-      const std::int64_t n = normal[static_cast<std::size_t>(k)];
+      const auto n = std::int64_t{normal[static_cast<std::size_t>(k)]};
       support += std::abs(n) * (std::int64_t{box.hi[k]} - box.lo[k]);
       way += n * (2 * std::int64_t{from[k]} - (std::int64_t{box.lo[k]} + box.hi[k]));
     }

@@ -83,7 +83,9 @@ std::uint16_t nearest_direction(const std::array<double, 3>& v) {
     x = folded;
   }
   // The map bends, so the nearest is one of the nine around.
-  const auto place = [](double at) { return static_cast<int>((at + 1) * 0.5 * kRadius + 0.5); };
+  const auto place = [](double at) {
+    return static_cast<int>(std::floor((at + 1) * 0.5 * kRadius + 0.5));
+  };
   const int column = place(x), row = place(y);
   double best = -2;
   std::uint16_t found = 0;
