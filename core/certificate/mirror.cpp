@@ -21,9 +21,15 @@ Result<std::vector<VertexId>> Mirror::split(std::span<const NodeSpan> nodes) {
   return std::move(delta.split);
 }
 
-Status Mirror::hold(std::span<const std::uint8_t> held) {
-  const Result<SplitBatch> batch = held_batch(
-      file_->store(), [this](NodeSpan node) { return file_->require(node); }, held);
+Status Mirror::hold(std::span<const std::uint8_t> held, std::size_t most) {
+  std::size_t count = 0;
+  const auto require = [&](NodeSpan node) -> Status {
+    if (++count > most)
+      return {StatusCode::kUnsupported, file_->path() + ": more than " + std::to_string(most) +
+                                            " splits are said to be held"};
+    return file_->require(node);
+  };
+  const Result<SplitBatch> batch = held_batch(file_->store(), require, held);
   NEARMESH_RETURN_IF_ERROR(batch);
   RefineDelta delta;
   for (const SplitRecord& record : batch.value().splits)

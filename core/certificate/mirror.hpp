@@ -25,8 +25,11 @@ class Mirror {
   [[nodiscard]] std::uint64_t state() const { return model_.mesh.state_hash(); }
   /// Does the splits of these nodes. Out: those done, also those that they rest on. Errors: those of reading the file.
   [[nodiscard]] Result<std::vector<VertexId>> split(std::span<const NodeSpan> nodes);
-  /// Makes a fresh mirror hold what a peer says (replica/held_nodes.hpp). Errors: those of held_batch().
-  [[nodiscard]] Status hold(std::span<const std::uint8_t> held);
+  /// More is not taken on a peer's word: two bits may stand for a whole model.
+  static constexpr std::size_t kMostHeld = 262'144;
+  /// Makes a fresh mirror hold what a peer says (replica/held_nodes.hpp). Errors: those of held_batch(); kUnsupported for more
+  /// than `most` splits. Nothing is changed then.
+  [[nodiscard]] Status hold(std::span<const std::uint8_t> held, std::size_t most = kMostHeld);
 
  private:
   ModelFile* file_;

@@ -126,6 +126,24 @@ TEST_P(Certificate, OneRoundTripCertifiesNowAndAhead) {
   EXPECT_GE(certified, asked * 9 / 10) << certified << " of " << asked;
 }
 
+TEST_P(Certificate, NoMoreIsTakenToBeHeldThanAMirrorMayCost) {
+  Desk desk(a_, b_);
+  Random random(8);
+  const auto [motion_a, motion_b] = near_motions(random);
+  BegunCertificate begun = desk.begin(desk.ask(motion_a, motion_b, 0));
+  ASSERT_TRUE(begun.maker) << begun.why_not;
+  desk.answer(*begun.maker);
+  const std::size_t splits = desk.a.mesh().split_count();
+  if (splits == 0) return;
+  const std::vector<std::uint8_t> held = held_nodes(desk.a).bits;
+  Mirror mirror(desk.file_a);
+  const std::uint64_t fresh = mirror.state();
+  EXPECT_EQ(mirror.hold(held, splits - 1).code(), StatusCode::kUnsupported);
+  EXPECT_EQ(mirror.state(), fresh);
+  EXPECT_TRUE(mirror.hold(held, splits).is_ok());
+  EXPECT_EQ(mirror.state(), desk.a.mesh().state_hash());
+}
+
 TEST_P(Certificate, WhatIsHeldIsNotSentAgain) {
   Desk desk(a_, b_);
   Random random(2);
