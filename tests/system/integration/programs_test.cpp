@@ -5,6 +5,7 @@
 #include <sys/stat.h>
 
 #include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <set>
 
@@ -158,11 +159,11 @@ TEST_F(Programs, LateJoinerIsAnsweredToo) {
     EXPECT_EQ(checked.wrong, 0U);
     EXPECT_GT(checked.certified, checked.answers / 2);
   }
-  // It came seconds later, and has the other's time.
+  // It came seconds later, and has the other's time; up to a frame behind, since it takes that from what it hears.
   int fresh = 0;
   for (const json& answer : answers_of("late"))
     if (answer.at("a") == "one" && is_certified(answer))
-      fresh += answer.at("age_a_s") >= 0 && answer.at("age_a_s") < 0.5 ? 1 : 0;
+      fresh += std::abs(answer.at("age_a_s").get<double>()) < 0.5 ? 1 : 0;
   EXPECT_GT(fresh, 50);
 }
 
