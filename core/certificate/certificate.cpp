@@ -15,6 +15,7 @@ namespace {
 constexpr std::size_t kWorthItsOwn = 768;
 /// So much of its way may a body end beside where it is predicted (figures: README.md).
 constexpr double kOffCourse = 1.0 / 40;
+
 Motion motion_of(const CertificateRequest::Pair& pair) {
   const double w = pair.rotation[0], x = pair.rotation[1], y = pair.rotation[2],
                z = pair.rotation[3];

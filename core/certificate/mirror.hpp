@@ -4,9 +4,7 @@
 // model's file, so that the server can ask the peer's own questions. It is never believed without the state's digest.
 
 #include <cstdint>
-#include <functional>
 #include <list>
-#include <map>
 #include <memory>
 #include <span>
 
