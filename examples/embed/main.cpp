@@ -24,7 +24,7 @@ int main(int argc, char** argv) {
   Session session(std::move(channel).value());
   const auto anvil = session.add_body({.name = "anvil", .model = "sphere", .own = true}).value();
   const auto hammer = session.add_body({.name = "hammer", .model = "sphere", .own = true}).value();
-  const auto pair = session.watch(anvil, hammer).value();
+  if (!session.watch(anvil, hammer).is_ok()) return 1;
 
   const double heights_m[] = {3.0, 2.5, 1.99,
                               1.0};  // between the centres of two spheres of radius 1 m
@@ -36,7 +36,7 @@ int main(int argc, char** argv) {
       const auto report = session.update(static_cast<std::uint64_t>(step), step,
                                          {{anvil, here}, {hammer, above}}, 0.005);
       if (!report.is_ok()) return 1;
-      const auto& answer = report.value().answers[pair.value].answer;
+      const auto& answer = report.value().find(anvil, hammer)->answer;
       if (nearmesh::is_certified(answer.status)) {
         std::printf("height %.2f m: %s, %zu touching face pairs\n", heights_m[step],
                     nearmesh::to_string(answer.status), answer.pairs.size());

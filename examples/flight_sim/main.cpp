@@ -67,7 +67,7 @@ nearmesh::Result<Peer> join_nearmesh(const HostBus& bus, const std::vector<Aircr
   for (const Aircraft& own : fleet) {
     const auto body = session.add_body({.name = own.name, .model = "aircraft", .own = true});
     if (!body.is_ok()) return body.status();
-    NEARMESH_RETURN_IF_ERROR(session.watch(peer.terrain, body.value()).status());
+    NEARMESH_RETURN_IF_ERROR(session.watch(peer.terrain, body.value()));
     peer.own_of.push_back(peer.bodies.size());
     peer.bodies.push_back(body.value());
   }
@@ -79,7 +79,7 @@ nearmesh::Status meet(Peer& peer, const std::string& name) {
   const auto other = peer.session->add_body({.name = name, .model = "aircraft"});
   if (!other.is_ok()) return other.status();
   for (std::size_t own = 0; own < peer.bodies.size(); ++own) {
-    NEARMESH_RETURN_IF_ERROR(peer.session->watch(peer.bodies[own], other.value()).status());
+    NEARMESH_RETURN_IF_ERROR(peer.session->watch(peer.bodies[own], other.value()));
     peer.own_of.push_back(own);
   }
   return nearmesh::Status::ok();

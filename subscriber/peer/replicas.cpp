@@ -79,6 +79,7 @@ std::size_t ReplicaSet::take_header(const Channel::Header& header,
     return 0;
   }
   model->replica = std::move(replica).value();
+  model->bounds = ModelBounds(model->replica->header().grid, model->replica->store());
   model->header = header;
   return message.bytes.size();
 }

@@ -9,6 +9,7 @@
 #include <optional>
 #include <set>
 
+#include "core/broadphase/body_bounds.hpp"
 #include "core/replica/replica.hpp"
 #include "nearmesh/subscriber/peer/session.hpp"
 
@@ -28,6 +29,7 @@ struct PeerModel {
   std::string conflict;      // what publishers disagree about, as it was said
   std::uint64_t mesh_bytes = 0;
   std::optional<Replica> replica;  // from the header on
+  ModelBounds bounds;              // of the same header
   Channel::Header header;          // of the replica: nobody sends it again
   struct Batch {
     wire::SessionId publisher = 0;

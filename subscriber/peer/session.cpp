@@ -21,16 +21,21 @@ constexpr std::uint64_t kMaxSweepTests = 200'000;
 /// the frames of neither side need to be frequent.
 constexpr double kRepeatShare = 0.25;
 
-Status no_such(BodyId body) {
-  return {StatusCode::kNotFound, "body " + (body.is_valid() ? std::to_string(body.value) : "none") +
-                                     " is not of this session"};
-}
-
 }  // namespace
 
 bool FrameReport::all_certified() const {
-  return std::all_of(answers.begin(), answers.end(),
-                     [](const PairAnswer& a) { return is_certified(a.answer.status); });
+  return unknown_pairs == 0 && std::all_of(answers.begin(), answers.end(), [](const PairAnswer& a) {
+           return is_certified(a.answer.status);
+         });
+}
+
+const PairAnswer* FrameReport::find(BodyId a, BodyId b) const {
+  const auto wanted = std::minmax(a, b);
+  const auto at = std::lower_bound(answers.begin(), answers.end(), wanted,
+                                   [](const PairAnswer& answer, const auto& key) {
+                                     return std::minmax(answer.a, answer.b) < key;
+                                   });
+  return at != answers.end() && std::minmax(at->a, at->b) == wanted ? &*at : nullptr;
 }
 
 Session::Session(std::unique_ptr<Channel> channel, SessionOptions options)
@@ -42,77 +47,6 @@ Session::Session(std::unique_ptr<Channel> channel, SessionOptions options)
   impl_->audits = Random(options.audit_seed != 0 ? options.audit_seed : std::random_device{}());
 }
 Session::~Session() = default;
-
-Result<BodyId> Session::add_body(BodyOptions options) {
-  const FloatGuard guard;
-  for (const std::string& text : {options.name, options.model})
-    if (text.empty() || text.size() > wire::kMaxNameBytes)
-      return Status{
-          StatusCode::kInvalidArgument,
-          "name '" + text + "': expected 1 to " + std::to_string(wire::kMaxNameBytes) + " bytes"};
-  const double max_age_s = options.max_pose_age_s.value_or(
-      options.own ? std::numeric_limits<double>::infinity() : impl_->options.max_pose_age_s);
-  if (!(max_age_s >= 0))
-    return Status{StatusCode::kInvalidArgument, "body " + options.name + ": max_pose_age_s is " +
-                                                    std::to_string(max_age_s) +
-                                                    ", expected seconds, not negative"};
-  const BodyId id{static_cast<std::uint32_t>(impl_->bodies.size())};
-  NEARMESH_RETURN_IF_ERROR(impl_->check_pin(options));
-  if (!impl_->named.emplace(options.name, id).second)
-    return Status{StatusCode::kConflict, "body " + options.name + " is declared twice"};
-  PeerModel& model = impl_->replicas.add(options.model);
-  if (options.content.is_set()) model.pinned = options.content;
-  impl_->bodies.push_back({.id = id,
-                           .name = std::move(options.name),
-                           .model = &model,
-                           .own = options.own,
-                           .solid = options.solid,
-                           .stamp = {.max_age_s = max_age_s}});
-  impl_->has_news = true;
-  return id;
-}
-
-/// One content for each model that is pinned, and one model for each content: a replica belongs to both.
-Status Session::Impl::check_pin(const BodyOptions& body) const {
-  if (!body.content.is_set()) return Status::ok();
-  const std::string pins = "body " + body.name + " pins model " + body.model + " to content " +
-                           to_hex(body.content) + ", another body ";
-  for (const auto& [name, model] : replicas.all()) {
-    if (name == body.model && model.pinned.is_set() && model.pinned != body.content)
-      return {StatusCode::kConflict, pins + "to " + to_hex(model.pinned)};
-    if (name != body.model && model.pinned == body.content)
-      return {StatusCode::kConflict, pins + "model " + name + " to the same"};
-  }
-  return Status::ok();
-}
-
-Status Session::place_body(BodyId body, const Pose& pose) {
-  const FloatGuard guard;
-  Body* placed = impl_->find(body);
-  if (placed == nullptr) return no_such(body);
-  NEARMESH_RETURN_IF_ERROR(check_pose(pose, placed->name));
-  placed->motion = Motion{.pose = pose};
-  placed->stamp.mover = wire::Mover::kThere;
-  placed->is_placed = true;
-  for (Impl::Pair& pair : impl_->pairs)
-    if (pair.has(*placed)) pair.last = not_asked(pair.names());
-  return Status::ok();
-}
-
-Result<PairId> Session::watch(BodyId a, BodyId b) {
-  for (const BodyId body : {a, b})
-    if (impl_->find(body) == nullptr) return no_such(body);
-  if (a == b) return Status{StatusCode::kInvalidArgument, "body " + name_of(a) + " against itself"};
-  Impl::Pair pair{.a = impl_->find(a), .b = impl_->find(b)};
-  pair.last = not_asked(pair.names());
-  impl_->pairs.push_back(std::move(pair));
-  return PairId{static_cast<std::uint32_t>(impl_->pairs.size() - 1)};
-}
-
-std::string Session::name_of(BodyId body) const {
-  const Body* named = impl_->find(body);
-  return named == nullptr ? std::string() : named->name;
-}
 
 Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
                                     const std::vector<OwnMotion>& motions, double budget_s) {
@@ -143,11 +77,12 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
     Body& body = *impl.find(own.body);
     body.motion = own.motion;
     body.is_placed = false;
+    body.is_new_to_bounds = true;
     body.stamp.mover = wire::Mover::kThere;
     body.stamp.time_s = time_s;
     impl.publish(body, frame);
   }
-  for (Body& body : impl.bodies)
+  for (auto& [id, body] : impl.bodies)
     if (body.own && body.motion && !body.is_placed && is_at_rest(*body.motion) &&
         std::abs(time_s - body.published_s) >= kRepeatShare * impl.options.max_pose_age_s)
       impl.publish(body, frame);
@@ -159,7 +94,8 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
   for (const auto& [name, model] : impl.replicas.all())
     report.state_digest =
         mix(report.state_digest ^ (model.is_ready() ? model.replica->mesh().state_hash() + 1 : 0));
-  for (std::uint32_t i = 0; i < impl.pairs.size(); ++i) impl.answer_pair(PairId{i}, frame, report);
+  impl.find_near(report);
+  for (Impl::Pair* pair : impl.listed) impl.answer_pair(*pair, frame, report);
   impl.ask(report);
   if (impl.options.max_held_splits > 0)
     for (auto& [name, model] : impl.replicas.all())
@@ -213,13 +149,11 @@ std::string Session::Impl::why_no_mesh(const PeerModel& model) const {
 }
 
 std::string Session::Impl::why_not_ready(const Body& body) const {
-  if (!body.model->is_ready())
-    return "model " + body.model->name + " of body " + body.name + ": " + why_no_mesh(*body.model);
-  if (body.solid)
+  if (body.model->is_ready() && body.solid)
     if (const Status status = check_solid(body.model->replica->header().surface, body.name);
         !status.is_ok())
       return status.message();
-  return wire::why_stale(stamp_of(body), time_s, body.name);
+  return why_unknown(body);
 }
 
 namespace {
@@ -238,9 +172,8 @@ void take_answer(Answered&& all, PairAnswer& result, std::vector<std::string>& c
 
 }  // namespace
 
-void Session::Impl::answer_pair(PairId id, std::uint64_t frame, FrameReport& report) {
-  Pair& pair = pairs[id.value];
-  PairAnswer result{.pair = id, .a = pair.a->id, .b = pair.b->id, .answer = nothing_known()};
+void Session::Impl::answer_pair(Pair& pair, std::uint64_t frame, FrameReport& report) {
+  PairAnswer result{.a = pair.a->id, .b = pair.b->id, .answer = nothing_known()};
   result.content_a = pair.a->model->content_hash;
   result.content_b = pair.b->model->content_hash;
   result.age_a_s = wire::age_s(stamp_of(*pair.a), time_s);
@@ -289,8 +222,12 @@ Result<Readiness> Session::readiness(BodyId body) const {
   const Body* asked = impl_->find(body);
   if (asked == nullptr) return no_such(body);
   Readiness all{.stage = ReadyStage::kCertified};
-  for (const Impl::Pair& pair : impl_->pairs)
+  for (const auto& [key, pair] : impl_->pairs)
     if (pair.has(*asked)) add_pair(all, pair.last);
+  if (impl_->watches_all) {
+    impl_->add_unbounded(all, *asked);
+    return all;
+  }
   if (all.pairs == 0)
     return Readiness{.reason = "body " + asked->name + " is watched against nothing"};
   return all;

@@ -22,21 +22,22 @@ RegionMaker Session::Impl::region_of(const PeerModel& model, double lookahead_s,
                                      const FrameReport& report, Scope scope) {
   std::vector<RegionPart> rays;
   std::vector<std::pair<const Body*, const Body*>> against;
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
+  for (std::size_t i = 0; i < listed.size(); ++i) {
+    const Pair& pair = *listed[i];
     const PairAnswer& answer = report.answers[i];
-    if (!answer.reason.empty() || (scope != Scope::kAll && !pairs[i].by_region)) continue;
+    if (!answer.reason.empty() || (scope != Scope::kAll && !pair.by_region)) continue;
     if (scope == Scope::kUncertified && is_certified(answer.answer.status)) continue;
     const Answer& undecided = answer.answer;
     if (scope == Scope::kUncertified && !(undecided.rays_a.empty() && undecided.rays_b.empty())) {
       // The surfaces are apart: only the rays wait for detail.
-      if (pairs[i].a->model == &model)
+      if (pair.a->model == &model)
         rays.insert(rays.end(), undecided.rays_a.begin(), undecided.rays_a.end());
-      if (pairs[i].b->model == &model)
+      if (pair.b->model == &model)
         rays.insert(rays.end(), undecided.rays_b.begin(), undecided.rays_b.end());
       continue;
     }
-    if (pairs[i].a->model == &model) against.emplace_back(pairs[i].a, pairs[i].b);
-    if (pairs[i].b->model == &model) against.emplace_back(pairs[i].b, pairs[i].a);
+    if (pair.a->model == &model) against.emplace_back(pair.a, pair.b);
+    if (pair.b->model == &model) against.emplace_back(pair.b, pair.a);
   }
   rays.resize(std::min(rays.size(), kMaxRegionBoxes / 2));
   if (rays.empty() && against.empty()) return nullptr;
@@ -124,15 +125,16 @@ std::vector<NodeSpan> Session::Impl::missing_of(const PeerModel& model, const Fr
   const auto add = [&](const PeerModel* lacks, const std::vector<NodeSpan>& nodes) {
     if (lacks == &model) missing.insert(missing.end(), nodes.begin(), nodes.end());
   };
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
+  for (std::size_t i = 0; i < listed.size(); ++i) {
+    const Pair& pair = *listed[i];
     const PairAnswer& answer = report.answers[i];
-    if (!pairs[i].by_region) continue;
+    if (!pair.by_region) continue;
     if (!ahead) {
-      add(pairs[i].a->model, answer.answer.missing_a);
-      add(pairs[i].b->model, answer.answer.missing_b);
+      add(pair.a->model, answer.answer.missing_a);
+      add(pair.b->model, answer.answer.missing_b);
     } else if (answer.swept) {
-      add(pairs[i].a->model, answer.swept->missing_a);
-      add(pairs[i].b->model, answer.swept->missing_b);
+      add(pair.a->model, answer.swept->missing_a);
+      add(pair.b->model, answer.swept->missing_b);
     }
   }
   std::sort(missing.begin(), missing.end());

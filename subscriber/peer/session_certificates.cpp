@@ -67,8 +67,8 @@ void Session::Impl::ask_certificates(const FrameReport& report) {
     double patience_s;
   };
   std::map<wire::SessionId, Due> due;
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
-    Pair& pair = pairs[i];
+  for (std::size_t i = 0; i < listed.size(); ++i) {
+    Pair& pair = *listed[i];
     const PeerModel &a = *pair.a->model, &b = *pair.b->model;
     const Publisher* publisher = publisher_of(a.content_hash, b.content_hash);
     if (pair.asked.fruitless > 0 && a.is_ready() && b.is_ready() &&

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// What the files of Session share: session.cpp (a frame), session_take.cpp (what comes), session_ask.cpp, session_certificates.cpp
-// and session_audit.cpp (what is asked of publishers), session_tell.cpp (what is told). Threads: one.
+// What the files of Session share: session.cpp (a frame), session_bodies.cpp (bodies and pairs that come and go, and which are
+// near), session_take.cpp (what comes), session_ask.cpp, session_certificates.cpp and session_audit.cpp (what is asked of
+// publishers), session_tell.cpp (what is told). Threads: one.
 
 #include <algorithm>
-#include <deque>
+#include <map>
 #include <optional>
 #include <set>
 #include <span>
@@ -13,6 +14,7 @@
 #include "core/ask/predict.hpp"
 #include "core/base/random.hpp"
 #include "core/base/stopwatch.hpp"
+#include "core/broadphase/broad_phase.hpp"
 #include "core/query/answer.hpp"
 #include "idl/messages/process_name.hpp"
 #include "idl/messages/status_keeper.hpp"
@@ -33,6 +35,14 @@ struct Body {
   double published_s = 0;      // own: the time that the others know its pose for
   bool has_gone_back = false;  // its mover's time, as was said
   bool contested = false;      // another peer moves it too, as was said
+
+  // For watch_all(): what was told to the broad phase.
+  Company company;
+  std::optional<BroadPhase::Slot> slot;
+  ContentHash bounded;           // the content whose bounds were told
+  bool is_new_to_bounds = true;  // motion or model changed since
+  double way_m = 0;              // it may go so far within the look-ahead
+  std::uint64_t digest = 0;      // of all that its bounds follow from
 };
 
 // A request that was sent and not yet answered in full.
@@ -66,16 +76,20 @@ struct Publisher {
   return wire::called(publisher.hello.publisher, publisher.hello.name);
 }
 
+[[nodiscard]] Status no_such(BodyId body);
+
 struct Session::Impl {
   std::unique_ptr<Channel> channel;
   SessionOptions options;
   ReplicaSet replicas;
-  std::deque<Body> bodies;  // by BodyId; where they are does not change, so pairs may point at them
+  std::map<std::uint32_t, Body>
+      bodies;  // by BodyId; where they are does not change, so pairs may point at them
+  std::uint32_t next_body = 0;
   std::unordered_map<std::string, BodyId> named;             // for what comes from the bus
   using Reported = std::pair<std::uint64_t, std::uint64_t>;  // frame and digest of the answer
   struct Pair {
-    Body* a;
-    Body* b;
+    Body* a = nullptr;
+    Body* b = nullptr;
     std::optional<Reported> reported;
     Readiness last;  // of this pair alone, as of the last update
     // What was last asked of a publisher that chooses.
@@ -85,13 +99,23 @@ struct Session::Impl {
       bool is_answered = false;
       int fruitless = 0;  // answers in a row that brought nothing
     } asked;
-    bool by_region = false;  // nobody chooses for it
+    bool by_region = false;     // nobody chooses for it
+    bool is_by_name = false;    // watched by name
+    std::uint64_t near_in = 0;  // the update that found it near last
     double looked_ahead_s = -std::numeric_limits<double>::infinity();
 
     [[nodiscard]] bool has(const Body& body) const { return a == &body || b == &body; }
     [[nodiscard]] std::string names() const { return a->name + " and " + b->name; }
   };
-  std::vector<Pair> pairs;
+  using PairKey = std::pair<std::uint32_t, std::uint32_t>;  // BodyIds, the lower first
+  std::map<PairKey, Pair> pairs;                            // watched by name, or near
+  std::vector<Pair*> listed;  // all of them: the report's answers, in order
+
+  bool watches_all = false;
+  BroadPhase broad;
+  std::vector<Body*> by_slot;
+  std::uint64_t updates = 0;
+
   std::map<wire::SessionId, Publisher> publishers;
   std::map<wire::SessionId, std::uint32_t>
       last_sequence;            // of batches, by publisher; also of those that are gone
@@ -114,9 +138,11 @@ struct Session::Impl {
 
   // Null where there is no such body.
   [[nodiscard]] Body* find(BodyId body) {
-    return body.value < bodies.size() ? &bodies[body.value] : nullptr;
+    const auto at = bodies.find(body.value);
+    return at == bodies.end() ? nullptr : &at->second;
   }
-  [[nodiscard]] Status check_pin(const BodyOptions& body) const;
+  [[nodiscard]] Status check_pin(const std::string& body, const std::string& model_name,
+                                 const ContentHash& content) const;
   [[nodiscard]] wire::PoseStamp stamp_of(const Body& body) const;
   void publish(Body& body, std::uint64_t frame);
   void take_inbox(FrameReport& report);
@@ -124,7 +150,14 @@ struct Session::Impl {
   void take_batch(wire::SplitBatchMessage&& message, FrameReport& report);
   void take_redirection(const wire::SplitBatchMessage& message);
   void close_request(std::uint32_t request);
-  void answer_pair(PairId id, std::uint64_t frame, FrameReport& report);
+  void ask_anew(Body& body);
+  void leave_model(PeerModel& model);
+  void bound(Body& body, FrameReport& report);
+  void find_near(FrameReport& report);
+  void tell_free(FrameReport& report);
+  void add_unbounded(Readiness& all, const Body& body);
+  [[nodiscard]] std::string why_unknown(const Body& body) const;
+  void answer_pair(Pair& pair, std::uint64_t frame, FrameReport& report);
   void report_pair(Pair& pair, const PairAnswer& answer, const Reported& now);
   void give_up(PeerModel& model, FrameReport& report);
   void tell_held(FrameReport& report);

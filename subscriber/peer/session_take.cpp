@@ -43,7 +43,7 @@ void Session::Impl::take_poses(const Channel::Inbox& inbox, std::vector<std::str
     heard_time_s = std::max(heard_time_s.value_or(pose.time_s), pose.time_s);
     const auto at = named.find(pose.body);
     if (at == named.end()) continue;
-    Body& body = bodies[at->second.value];
+    Body& body = *find(at->second);
     if (body.own) {
       if (!std::exchange(body.contested, true))
         complaints.push_back("another peer also moves body " + pose.body +
@@ -57,13 +57,14 @@ void Session::Impl::take_poses(const Channel::Inbox& inbox, std::vector<std::str
                            std::to_string(pose.time_s) + " s; this is said once");
     body.motion = Motion{pose.pose, pose.linear_velocity_mps, pose.angular_velocity_radps};
     body.is_placed = false;
+    body.is_new_to_bounds = true;
     body.stamp.mover = wire::Mover::kThere;
     body.stamp.time_s = pose.time_s;
   }
   for (const auto& [name, mover] : inbox.movers) {
     const auto at = named.find(name);
     if (at == named.end()) continue;
-    Body& body = bodies[at->second.value];
+    Body& body = *find(at->second);
     const bool is_of_another = !body.own && !body.is_placed;
     if (is_of_another && body.stamp.mover != wire::Mover::kNone) body.stamp.mover = mover;
   }
@@ -180,7 +181,7 @@ void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& r
 void Session::Impl::close_request(std::uint32_t request) {
   std::erase_if(outstanding,
                 [request](const auto& open) { return open.second.request == request; });
-  for (Pair& pair : pairs)
+  for (auto& [bodies_of, pair] : pairs)
     if (pair.asked.request == request) pair.asked.is_answered = true;
 }
 

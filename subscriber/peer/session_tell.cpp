@@ -83,7 +83,7 @@ void Session::Impl::report_pair(Pair& pair, const PairAnswer& answer, const Repo
 
 /// Which bodies this peer moves, and how old what it knows of the others is.
 void Session::Impl::tell_bodies(wire::ProcessStatus& now) const {
-  for (const Body& body : bodies) {
+  for (const auto& [id, body] : bodies) {
     if (body.own) {
       ++now.moved_bodies;
       if (now.moved.size() < wire::kMaxStatusBodies) now.moved.push_back(body.name);

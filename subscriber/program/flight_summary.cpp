@@ -26,6 +26,8 @@ nlohmann::ordered_json to_json(Summary& s) {
             {"uncertain", s.by_status[3]},
             {"contained", s.by_status[4]},
             {"contact_pairs", s.contact_pairs},
+            {"free_by_bounds", s.free_by_bounds},
+            {"unknown", s.unknown},
             {"received_bytes", s.stats.batch_bytes + s.stats.header_bytes},
             {"batch_bytes", s.stats.batch_bytes},
             {"header_bytes", s.stats.header_bytes},
@@ -52,6 +54,9 @@ void print_text(Summary& s) {
               count(contact), count(partial), count(uncertain));
   if (contained > 0) std::printf(", %llu contained", count(contained));
   std::printf("; %llu touching face pairs\n", count(s.contact_pairs));
+  if (s.free_by_bounds + s.unknown > 0)
+    std::printf("  other pairs   %llu free by bounds, %llu unknown\n", count(s.free_by_bounds),
+                count(s.unknown));
   std::printf(
       "  received      %llu bytes of %llu (%.2f %%): headers %llu, %llu batches %llu; %llu "
       "requests\n",

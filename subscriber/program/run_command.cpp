@@ -100,6 +100,24 @@ nlohmann::ordered_json to_json(std::uint64_t frame, double time_s, const PairAns
   }
   return line;
 }
+nlohmann::ordered_json others_to_json(std::uint64_t frame, double time_s, const FrameReport& report,
+                                      const Scene& scene) {
+  const FreeByBounds& free = report.free_by_bounds;
+  nlohmann::ordered_json line = {{"frame", frame},
+                                 {"time_s", time_s},
+                                 {"free_by_bounds",
+                                  {{"pairs", free.pairs},
+                                   {"clearance_m", free.clearance_m},
+                                   {"safe_horizon_s", free.horizon_s},
+                                   {"digest", to_hex(free.digest)}}},
+                                 {"unknown_pairs", report.unknown_pairs},
+                                 {"unknown", nlohmann::ordered_json::array()}};
+  for (const UnknownBody& body : report.unknown)
+    line["unknown"].push_back(
+        {{"body", scene.bodies[body.body.value].name}, {"reason", body.reason}});
+  return line;
+}
+
 // One peer, from the scene to the summary.
 class Flight {
  public:
@@ -134,8 +152,9 @@ class Flight {
       if (body.fixed_pose)
         NEARMESH_RETURN_IF_ERROR(session_.place_body(added.value(), *body.fixed_pose));
     }
+    if (scene_.watches_all) session_.watch_all();
     for (const auto& [a, b] : scene_.pairs)
-      NEARMESH_RETURN_IF_ERROR(session_.watch(id_of(a), id_of(b)).status());
+      NEARMESH_RETURN_IF_ERROR(session_.watch(id_of(a), id_of(b)));
     return Status::ok();
   }
 
@@ -157,6 +176,7 @@ class Flight {
       for (const PairAnswer& pair : report.value().answers)
         if (!pair.reason.empty() || !pair.awaited.empty())
           reason = pair.reason.empty() ? pair.awaited : pair.reason;
+      for (const UnknownBody& body : report.value().unknown) reason = body.reason;
       if (clock_.seconds() > scene_.start_timeout_s)
         return {StatusCode::kNotFound, "no certified answer within " +
                                            std::to_string(scene_.start_timeout_s) +
@@ -242,7 +262,20 @@ class Flight {
     return session_.update(frame, time_s_, motions, budget_s);
   }
 
+  [[nodiscard]] bool does_any_known_body_fly(const FrameReport& report) const {
+    for (std::size_t i = 0; i < scene_.bodies.size(); ++i) {
+      const bool is_unknown =
+          std::any_of(report.unknown.begin(), report.unknown.end(),
+                      [&](const UnknownBody& body) { return body.body == id_of(i); });
+      const auto motion = session_.motion_of(id_of(i));
+      if (!is_unknown && scene_.bodies[i].trajectory.empty() && motion && !is_at_rest(*motion))
+        return true;
+    }
+    return false;
+  }
+
   [[nodiscard]] bool does_anybody_fly(const FrameReport& report) const {
+    if (scene_.watches_all) return does_any_known_body_fly(report);
     for (const PairAnswer& pair : report.answers)
       for (const BodyId body : {pair.a, pair.b})
         if (const auto motion = session_.motion_of(body);
@@ -291,12 +324,24 @@ class Flight {
       if (options_.json) std::fputs(line.c_str(), stdout);
       if (answers_) NEARMESH_RETURN_IF_ERROR(answers_->write(line));
     }
+    if (scene_.watches_all) NEARMESH_RETURN_IF_ERROR(record_others(frame, report));
     if (options_.json) NEARMESH_RETURN_IF_ERROR(flush_standard_output());
     return answers_ ? answers_->put_in_place() : Status::ok();
   }
 
+  // The pairs that are not listed: free by bounds, or unknown.
+  Status record_others(std::uint64_t frame, const FrameReport& report) {
+    summary_.free_by_bounds += report.free_by_bounds.pairs;
+    summary_.unknown += report.unknown_pairs;
+    if (!options_.json && !answers_) return Status::ok();
+    const std::string line = others_to_json(frame, time_s_, report, scene_).dump() + '\n';
+    if (options_.json) std::fputs(line.c_str(), stdout);
+    return answers_ ? answers_->write(line) : Status::ok();
+  }
+
   void note_certified(const FrameReport& report) {
     if (summary_.first_certified_s >= 0) return;
+    if (report.free_by_bounds.pairs > 0) summary_.first_certified_s = clock_.seconds();
     for (const PairAnswer& pair : report.answers)
       if (is_certified(pair.answer.status)) {
         summary_.first_certified_s = clock_.seconds();

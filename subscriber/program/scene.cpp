@@ -188,7 +188,11 @@ Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
       scene.frames = std::max<std::uint64_t>(scene.frames, body.trajectory.size());
     }
   }
-  if (!root["pairs"] || !root["pairs"].IsSequence()) fail(root, "pairs: expected a list");
+  if (root["pairs"] && root["pairs"].IsScalar() && root["pairs"].Scalar() == "all") {
+    scene.watches_all = true;
+  } else if (!root["pairs"] || !root["pairs"].IsSequence()) {
+    fail(root, "pairs: expected a list, or all");
+  }
   for (const YAML::Node& node : root["pairs"]) {
     const auto names = value<std::vector<std::string>>(node, "pairs", "a list of two names each");
     if (names.size() != 2)

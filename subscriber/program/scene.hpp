@@ -23,6 +23,7 @@ struct BodyOfScene {
 struct Scene {
   std::vector<BodyOfScene> bodies;
   std::vector<std::pair<std::size_t, std::size_t>> pairs;  ///< places in `bodies`
+  bool watches_all = false;                                ///< all pairs, instead
   double frame_rate_hz = 20;
   double budget_s = 0.01;
   double start_timeout_s = 30;

@@ -42,14 +42,14 @@ int main(int argc, char** argv) {
   nearmesh::subscriber::Session session(std::move(channel));
   const auto left = session.add_body({.name = "left", .model = "sphere", .own = true}).value();
   const auto right = session.add_body({.name = "right", .model = "sphere", .own = true}).value();
-  const auto pair = session.watch(left, right).value();
+  if (const auto status = session.watch(left, right); !status.is_ok()) return fail(status.message());
 
   nearmesh::Motion here, beside;
   beside.pose.translation_m = {1.99, 0.1, 0.05};
   for (int updates = 1; updates <= 10; ++updates) {
     const auto report = session.update(0, 0, {{left, here}, {right, beside}}, 1);
     if (!report.is_ok()) return fail(report.status().message());
-    const auto& answer = report.value().answers[pair.value].answer;
+    const auto& answer = report.value().find(left, right)->answer;
     std::printf("update %d: %s\n", updates, to_string(answer.status));
     if (is_certified(answer.status)) return updates == 1 ? fail("certain of nothing") : 0;
   }

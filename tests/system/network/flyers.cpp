@@ -50,7 +50,7 @@ void Flyers::fly(int peer, std::unique_ptr<subscriber::DdsChannel> made) {
   must(ground.status());
   must(own.status());
   must(session.place_body(ground.value(), {}));
-  must(session.watch(ground.value(), own.value()).status());
+  must(session.watch(ground.value(), own.value()));
   const std::size_t rows = trajectory_.size();
   for (std::uint64_t frame = 0; !ending_; ++frame) {
     const double due_s = (static_cast<double>(frame) + static_cast<double>(peer) / options_.peers) /

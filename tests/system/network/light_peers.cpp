@@ -170,7 +170,7 @@ int fly(const Options& options) {
     check(ground.status());
     check(own.status());
     check(session->place_body(ground.value(), {}));
-    check(session->watch(ground.value(), own.value()).status());
+    check(session->watch(ground.value(), own.value()));
     aircraft = own.value();  // the same in all
   }
   const auto motion_of = [&](std::size_t peer, std::uint64_t frame) {

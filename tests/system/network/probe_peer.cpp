@@ -31,7 +31,7 @@ ProbePeer::ProbePeer(const Lan& lan, std::size_t host, const Exercise& exercise)
   const auto ground = session_->add_body({.name = "ground", .model = "terrain"}).value();
   own_ = session_->add_body({.name = "probe", .model = "aircraft", .own = true}).value();
   for (const Status& status :
-       {session_->place_body(ground, {}), session_->watch(ground, own_).status()})
+       {session_->place_body(ground, {}), session_->watch(ground, own_)})
     if (!status.is_ok()) throw std::runtime_error(status.message());
 }
 

@@ -6,6 +6,7 @@
 // Polled by the host: update() never blocks and never calls DDS (the channel's own thread does).
 
 #include <array>
+#include <cstdint>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -20,10 +21,9 @@
 
 namespace nearmesh::subscriber {
 
-/// A body, and a pair of bodies that is watched, of one session: numbers from 0 in the order of add_body() and watch(), so
-/// that they may index arrays of the host's. Made by default they stand for none.
+/// A body of one session: numbers from 0 in the order of add_body(), never used again, so that they may index arrays of the
+/// host's. Made by default it stands for none.
 using BodyId = Id<struct BodyTag>;
-using PairId = Id<struct PairTag>;
 
 struct BodyOptions {
   std::string name;    ///< on the bus and for people, unique in the session; 1 to 63 bytes
@@ -34,6 +34,8 @@ struct BodyOptions {
   ContentHash content;
   /// As SessionOptions::max_pose_age_s, for this body. None: that; for own bodies no limit.
   std::optional<double> max_pose_age_s;
+  /// Which pairs watch_all() watches: those of which the mask of each has a bit of the other's group.
+  std::uint32_t group = 1, mask = 0xffffffffU;
 };
 
 struct SessionOptions {
@@ -60,10 +62,9 @@ struct SessionOptions {
       true;  ///< send a ContactReport of each answer, and again when it changes within a frame
 };
 
-/// An answer about one watched pair.
+/// An answer about one pair that is watched by name, or may be near.
 struct PairAnswer {
-  PairId pair;
-  BodyId a, b;
+  BodyId a, b;  ///< as they were watched; else the lower first
   Answer answer;
   /// Why nothing can be said (status kUncertain): a header, a publisher or a pose that has not come; a pose that is too old,
   /// or whose mover is gone; or, for ever, a solid with an open model, or a model of too many parts near a solid. Else empty.
@@ -87,13 +88,37 @@ struct PairAnswer {
   std::optional<SweptAnswer> swept;
 };
 
+/// What watch_all() says at once of all pairs that are not listed: boxes around the bodies prove them apart. A certified answer
+/// (core/THEOREM.md, "Free by bounds").
+struct FreeByBounds {
+  std::uint64_t pairs = 0;
+  double clearance_m = 0;  ///< of each of them at least, at the frame's poses
+  /// Until this much after the frame's time none of them can touch, if the bodies keep within their speeds. Seconds.
+  double horizon_s = 0;
+  /// Of all bodies that it is about, with poses, motions and contents, and of these numbers. Of equal worlds it is equal on all
+  /// peers, whatever came before and in whichever order bodies were added.
+  std::uint64_t digest = 0;
+};
+
+/// A body of which nothing can be said, for its header or a fresh pose has not come. None of its pairs is certified.
+struct UnknownBody {
+  BodyId body;
+  std::string reason;
+};
+
 /// What one update did. Seconds are wall clock of this call.
 struct FrameReport {
-  std::vector<PairAnswer> answers;  ///< one per watched pair; that of a PairId stands at its value
-  double load_s = 0;                ///< T_L: decoding batches
-  double refine_s = 0;              ///< T_R: vertex splits and collapses
-  double tree_s = 0;                ///< T_B: AB-tree
-  double query_s = 0;               ///< T_Q, sweeps and contacts included
+  /// Of pairs that are watched by name, and with watch_all() of those that may be near; by the lower BodyId, then the higher.
+  std::vector<PairAnswer> answers;
+  FreeByBounds free_by_bounds;       ///< with watch_all()
+  std::vector<UnknownBody> unknown;  ///< with watch_all()
+  std::uint64_t unknown_pairs =
+      0;                ///< that are not listed because one of the two is unknown: uncertain
+  double load_s = 0;    ///< T_L: decoding batches
+  double refine_s = 0;  ///< T_R: vertex splits and collapses
+  double tree_s = 0;    ///< T_B: AB-tree
+  double broad_s = 0;   ///< which pairs may be near
+  double query_s = 0;   ///< T_Q, sweeps and contacts included
   std::uint64_t batches_waiting = 0;    ///< left over for want of budget
   std::vector<std::string> complaints;  ///< one line each, for a log
   /// Digest of the state of refinement that the answers were given in: of all models' active vertices, in the order of
@@ -103,7 +128,11 @@ struct FrameReport {
   /// about the same poses have the same two digests.
   std::uint64_t answers_digest = 0;
 
+  /// Of all pairs, listed or not.
   [[nodiscard]] bool all_certified() const;
+  /// The answer about two bodies, in either order; null where it is not listed: then they are free by bounds, or one is unknown, or
+  /// nobody watches them.
+  [[nodiscard]] const PairAnswer* find(BodyId a, BodyId b) const;
 };
 
 struct SessionStats {
@@ -134,8 +163,21 @@ class Session {
   [[nodiscard]] Result<BodyId> add_body(BodyOptions options);
   /// Fixes a body in place, for scenery that nobody moves. Errors: kNotFound, kInvalidArgument (pose).
   [[nodiscard]] Status place_body(BodyId body, const Pose& pose);
-  /// Asks for an answer about two bodies in every update. Errors: kNotFound, kInvalidArgument (the same body).
-  [[nodiscard]] Result<PairId> watch(BodyId a, BodyId b);
+  /// The body is there no more, nor are its pairs; its name is free again. Detail of a model that no body uses is given up.
+  /// Errors: kNotFound.
+  [[nodiscard]] Status remove_body(BodyId body);
+  /// From now on the body has another model; where it is stays. `content` as in BodyOptions. Errors: those of add_body, kNotFound.
+  [[nodiscard]] Status replace_model(BodyId body, const std::string& model,
+                                     const ContentHash& content = {});
+
+  /// Watches all pairs of bodies, now and later, but those of which both are in place, and those that groups and masks leave
+  /// out. Pairs that bounds prove apart are told of together: FrameReport::free_by_bounds.
+  void watch_all();
+  /// Lists the answer about two bodies in every update, near or not, whatever their groups. (a, b) and (b, a) are one pair.
+  /// Errors: kNotFound, kInvalidArgument (the same body).
+  [[nodiscard]] Status watch(BodyId a, BodyId b);
+  /// Takes watch() back; watch_all() stays. Errors: kNotFound.
+  [[nodiscard]] Status unwatch(BodyId a, BodyId b);
   /// For people; empty where no such body is declared.
   [[nodiscard]] std::string name_of(BodyId body) const;
 

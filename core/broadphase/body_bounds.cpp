@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+// Why boxes that do not meet prove more than the corners of the boxes: core/THEOREM.md, "Free by bounds".
+#include "body_bounds.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/geometry/motion_bounds.hpp"
+
+namespace nearmesh {
+namespace {
+
+/// Covers the rounding of a sum of four products, and of the sums that follow.
+constexpr double kRounding = 0x1p-48;
+
+GridBox box_of_roots(const SplitStore& store) {
+  GridBox all = store.box(store.roots().front().node);
+  for (const BaseRoot& root : store.roots()) {
+    const GridBox box = store.box(root.node);
+    for (int k = 0; k < 3; ++k) {
+      all.lo[k] = std::min(all.lo[k], box.lo[k]);
+      all.hi[k] = std::max(all.hi[k], box.hi[k]);
+    }
+  }
+  return all;
+}
+
+}  // namespace
+
+ModelBounds::ModelBounds(const Grid& grid, const SplitStore& store)
+    : grid_(grid),
+      // The lattice of a pair is at most the coarser of what the two have alone. It moves points of both, and neither body
+      // knows the other: each counts its own twice.
+      lattice_exponent_(nearmesh::lattice_exponent(grid, grid) + 1) {
+  const GridBox box = box_of_roots(store);
+  reach_m_ = nearmesh::reach_m(grid, box);
+  for (int k = 0; k < 3; ++k) {
+    const auto axis = static_cast<std::size_t>(k);
+    const double lo_m = grid.origin_m[axis] + std::ldexp(box.lo[k], grid.exponent);
+    const double hi_m = grid.origin_m[axis] + std::ldexp(box.hi[k], grid.exponent);
+    center_m_[axis] = (lo_m + hi_m) / 2;
+    half_m_[axis] = (hi_m - lo_m) / 2;
+  }
+}
+
+double ModelBounds::way_m(const Motion& motion, double duration_s) const {
+  return speed_bound_mps(motion, reach_m_) * duration_s * (1 + kRounding);
+}
+
+WorldBox ModelBounds::around(const Motion& motion, double duration_s, double margin_m) const {
+  const double grown_m = posing_error_m(motion, reach_m_, duration_s, grid_, lattice_exponent_) +
+                         way_m(motion, duration_s) + margin_m;
+  WorldBox box;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const double* row = motion.pose.rotation.data() + 3 * k;
+    const double center_m = row[0] * center_m_[0] + row[1] * center_m_[1] + row[2] * center_m_[2] +
+                            motion.pose.translation_m[k];
+    const double half_m = std::abs(row[0]) * half_m_[0] + std::abs(row[1]) * half_m_[1] +
+                          std::abs(row[2]) * half_m_[2] + grown_m;
+    const double rounding_m =
+        kRounding * (4 * reach_m_ + half_m + std::abs(motion.pose.translation_m[k]));
+    box.lo_m[k] = center_m - half_m - rounding_m;
+    box.hi_m[k] = center_m + half_m + rounding_m;
+  }
+  return box;
+}
+
+}  // namespace nearmesh

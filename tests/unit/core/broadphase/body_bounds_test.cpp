@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/broadphase/body_bounds.hpp"
+
+#include "test_models.hpp"
+
+namespace nearmesh {
+namespace {
+
+struct Body {
+  const BakedModel* model;
+  ModelBounds bounds;
+  Motion motion;
+};
+
+// Every vertex as it is posed on the lattice that the body has with another, metres.
+void expect_holds(const WorldBox& box, const BakedModel& model, const Pose& pose, int lattice,
+                  double least_room_m) {
+  const Result<PosedFrame> frame = make_posed_frame(model.header.grid, pose, lattice);
+  ASSERT_TRUE(frame.is_ok()) << frame.status().message();
+  for (std::uint32_t v = 0; v < model.store.vertex_count(); ++v) {
+    const LatticePoint at = pose_point(frame.value(), model.store.position(VertexId{v}));
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double x = std::ldexp(static_cast<double>(at.v[k]), lattice);
+      ASSERT_GE(x - box.lo_m[k], least_room_m);
+      ASSERT_GE(box.hi_m[k] - x, least_room_m);
+    }
+  }
+}
+
+Motion random_motion(Random& random) {
+  Motion motion;
+  motion.pose.rotation = test::random_rotation(random);
+  const double far_m = std::ldexp(1.0, static_cast<int>(random.below(24)));
+  for (std::size_t k = 0; k < 3; ++k) {
+    motion.pose.translation_m[k] = random.between(-far_m, far_m);
+    motion.linear_velocity_mps[k] = random.between(-30, 30);
+    motion.angular_velocity_radps[k] = random.between(-2, 2);
+  }
+  return motion;
+}
+
+TEST(ModelBoundsOf, HoldAllPosedVerticesAtEachInstantOnTheLatticeOfAnyPair) {
+  const BakedModel small = test::bake_mesh(generate_sphere(6, 0), 16);
+  const BakedModel large = test::bake_mesh(generate_terrain(12, 3), 16);
+  Random random(5);
+  for (int round = 0; round < 200; ++round) {
+    const bool swap = random.below(2) == 0;
+    const BakedModel &model = swap ? small : large, &other = swap ? large : small;
+    const ModelBounds bounds(model.header.grid, model.store);
+    const Motion motion = random_motion(random);
+    const double duration_s = random.between(0, 2), margin_m = random.between(0, 1);
+    const WorldBox box = bounds.around(motion, duration_s, margin_m);
+    const int lattice = lattice_exponent(model.header.grid, other.header.grid);
+    // Two bodies share what the lattice takes: a body against a much larger one may take more than its own half.
+    const double lent_m = 1.8 * std::ldexp(1.0, lattice);
+    expect_holds(box, model, motion.pose, lattice,
+                 bounds.way_m(motion, duration_s) + margin_m - lent_m);
+    for (int i = 0; i < 4; ++i)
+      expect_holds(box, model, pose_at(motion, random.between(0, duration_s)), lattice,
+                   margin_m - lent_m);
+  }
+}
+
+// The rounding of both is covered by both: boxes that do not meet leave no way to meet for the posed vertices.
+TEST(ModelBoundsOf, BoxesThatBarelyPartLeavePosedVerticesApart) {
+  const BakedModel small = test::bake_mesh(generate_sphere(6, 0), 16);
+  const BakedModel large = test::bake_mesh(generate_terrain(12, 3), 16);
+  const ModelBounds a(small.header.grid, small.store), b(large.header.grid, large.store);
+  const int lattice = lattice_exponent(small.header.grid, large.header.grid);
+  Random random(6);
+  for (int round = 0; round < 200; ++round) {
+    Motion one = random_motion(random), two = random_motion(random);
+    one.linear_velocity_mps = two.linear_velocity_mps = {};
+    one.angular_velocity_radps = two.angular_velocity_radps = {};
+    // Push the first along x until the boxes just part.
+    const WorldBox still = b.around(two, 0, 0);
+    one.pose.translation_m[0] += still.hi_m[0] - a.around(one, 0, 0).lo_m[0];
+    double push_m = 0x1p-30;
+    while (a.around(one, 0, 0).lo_m[0] <= still.hi_m[0]) {
+      one.pose.translation_m[0] += push_m;
+      push_m *= 2;
+    }
+    const auto frame_a = make_posed_frame(small.header.grid, one.pose, lattice);
+    const auto frame_b = make_posed_frame(large.header.grid, two.pose, lattice);
+    ASSERT_TRUE(frame_a.is_ok() && frame_b.is_ok());
+    std::int64_t lowest = std::numeric_limits<std::int64_t>::max(), highest = -lowest;
+    for (std::uint32_t v = 0; v < small.store.vertex_count(); ++v)
+      lowest =
+          std::min(lowest, pose_point(frame_a.value(), small.store.position(VertexId{v})).v[0]);
+    for (std::uint32_t v = 0; v < large.store.vertex_count(); ++v)
+      highest =
+          std::max(highest, pose_point(frame_b.value(), large.store.position(VertexId{v})).v[0]);
+    EXPECT_GT(lowest, highest);
+  }
+}
+
+}  // namespace
+}  // namespace nearmesh

@@ -1,0 +1,285 @@
+// SPDX-License-Identifier: Apache-2.0
+// Many bodies, all pairs of them: what is listed, what is free by bounds, what is unknown.
+#include <set>
+
+#include "local_host.hpp"
+
+namespace nearmesh {
+namespace {
+
+using subscriber::Readiness;
+using subscriber::ReadyStage;
+using test::kGround;
+using test::LocalHost;
+
+constexpr double kStep_s = 0.05;
+
+/// Aircraft that fly, turn and now and then jump, over the ground and near each other.
+class Swarm {
+ public:
+  Swarm(std::uint64_t seed, std::size_t count) : random_(seed) {
+    for (std::size_t i = 0; i < count; ++i) motions.push_back(anywhere());
+  }
+  void step() {
+    for (Motion& motion : motions) {
+      motion.pose = test::moved(motion, kStep_s);
+      if (random_.unit() < 0.05) motion.angular_velocity_radps = spin();
+      if (random_.unit() < 0.02) motion = anywhere();
+    }
+  }
+
+  std::vector<Motion> motions;
+
+ private:
+  test::Vector3 spin() {
+    return {random_.between(-2, 2), random_.between(-2, 2), random_.between(-2, 2)};
+  }
+  Motion anywhere() {
+    const std::uint32_t vertices = test::terrain().model.header.vertex_count;
+    Motion motion = test::above_ground(random_.below(vertices), random_.between(0, 400));
+    motion.pose.rotation = test::random_rotation(random_);
+    for (double& v : motion.linear_velocity_mps) v = random_.between(-60, 60);
+    motion.angular_velocity_radps = spin();
+    return motion;
+  }
+
+  Random random_;
+};
+
+/// A session that watches all; the ground is there, aircraft come.
+struct Host : LocalHost {
+  explicit Host(SessionOptions options = {.lookahead_s = 0.2}) : LocalHost(options) {
+    session->watch_all();
+  }
+  BodyId add(const std::string& name, std::uint32_t group = 1, std::uint32_t mask = ~0U) {
+    return session
+        ->add_body({.name = name, .model = "aircraft", .own = true, .group = group, .mask = mask})
+        .value();
+  }
+};
+
+using test::BodyId;
+using test::FrameReport;
+using test::PairAnswer;
+using test::Session;
+
+/// The answer of the full meshes about two bodies.
+Answer full_answer(bool is_ground_first, const Pose& a, const Pose& b) {
+  const TriangleTree& first =
+      is_ground_first ? test::terrain().full.tree : test::aircraft().full.tree;
+  const TriangleTree& second = test::aircraft().full.tree;
+  const auto posed = pose_pair(first.grid, a, "a", second.grid, b, "b");
+  EXPECT_TRUE(posed.is_ok());
+  return query(first.view(), posed.value().a, second.view(), posed.value().b);
+}
+
+TEST(WatchAll, EveryPairThatIsNotListedIsFreeOfTheFullMeshes) {
+  constexpr std::size_t kCount = 24;
+  std::uint64_t unlisted = 0, listed = 0, contacts = 0;
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    Host host({.lookahead_s = 0.2, .margin_m = 1});
+    std::vector<BodyId> bodies{kGround};
+    for (std::size_t i = 0; i < kCount; ++i) bodies.push_back(host.add("a" + std::to_string(i)));
+    Swarm swarm(seed, kCount);
+    for (int frame = 0; frame < 40; ++frame, swarm.step()) {
+      std::vector<Session::OwnMotion> own;
+      for (std::size_t i = 0; i < kCount; ++i) own.push_back({bodies[i + 1], swarm.motions[i]});
+      host.settle(own);
+      const FrameReport report = host.update();
+      EXPECT_TRUE(report.all_certified());
+      EXPECT_EQ(report.unknown_pairs, 0U);
+      std::uint64_t others = 0;
+      for (std::size_t i = 0; i <= kCount; ++i)
+        for (std::size_t j = i + 1; j <= kCount; ++j) {
+          if (const PairAnswer* answer = report.find(bodies[i], bodies[j]); answer != nullptr) {
+            ++listed;
+            contacts += answer->answer.pairs.empty() ? 0U : 1U;
+            continue;
+          }
+          ++others;
+          const Pose ground;
+          const Answer full = full_answer(i == 0, i == 0 ? ground : swarm.motions[i - 1].pose,
+                                          swarm.motions[j - 1].pose);
+          ASSERT_EQ(full.status, AnswerStatus::kFree) << "bodies " << i << " and " << j;
+          ASSERT_LE(report.free_by_bounds.clearance_m, full.clearance_m);
+        }
+      ASSERT_EQ(report.free_by_bounds.pairs, others);
+      if (others > 0) EXPECT_GE(report.free_by_bounds.clearance_m, 2 * 0.999);
+      unlisted += others;
+    }
+  }
+  // A test of something: all three kinds are there in number.
+  EXPECT_GT(unlisted, 5000U);
+  EXPECT_GT(listed, 1000U);
+  EXPECT_GT(contacts, 50U);
+}
+
+TEST(WatchAll, AnswersThoseNearAsWatchingThemWould) {
+  Host all;
+  LocalHost named({.lookahead_s = 0.2});
+  std::vector<BodyId> bodies;
+  for (int i = 0; i < 6; ++i) {
+    bodies.push_back(all.add("a" + std::to_string(i)));
+    ASSERT_EQ(named.spawn("a" + std::to_string(i)), bodies.back());
+    for (const BodyId before : bodies)
+      if (before != bodies.back()) ASSERT_TRUE(named.session->watch(before, bodies.back()).is_ok());
+  }
+  Swarm swarm(9, bodies.size());
+  std::uint64_t compared = 0;
+  for (int frame = 0; frame < 40; ++frame, swarm.step()) {
+    std::vector<Session::OwnMotion> own;
+    for (std::size_t i = 0; i < bodies.size(); ++i) own.push_back({bodies[i], swarm.motions[i]});
+    ASSERT_GT(all.settle(own), 0);
+    ASSERT_GT(named.settle(own), 0);
+    const FrameReport some = all.update(), each = named.update();
+    for (const PairAnswer& answer : some.answers) {
+      const PairAnswer* other = each.find(answer.a, answer.b);
+      ASSERT_NE(other, nullptr);
+      EXPECT_EQ(answer.answer.status, other->answer.status);
+      EXPECT_EQ(answer.answer.pairs, other->answer.pairs);
+      ++compared;
+    }
+    EXPECT_EQ(some.answers.size() + some.free_by_bounds.pairs, each.answers.size());
+  }
+  EXPECT_GT(compared, 60U);
+}
+
+TEST(WatchAll, WhatIsUnknownIsNeverFree) {
+  Host host;
+  const BodyId one = host.add("one"), two = host.add("two");
+  const BodyId ghost =
+      host.session->add_body({.name = "ghost", .model = "spectre", .own = true}).value();
+  FrameReport report = host.update({{one, test::above_ground(0, 9000)}});
+  // The local channel hands headers over at once, but "two" has no pose and "ghost" no model.
+  ASSERT_EQ(report.unknown.size(), 2U);
+  EXPECT_EQ(report.unknown[0].body, two);
+  EXPECT_EQ(report.unknown[0].reason, "no pose of body two has come");
+  EXPECT_EQ(report.unknown[1].reason, "model spectre of body ghost: no publisher serves it");
+  EXPECT_EQ(report.free_by_bounds.pairs, 1U);  // ground and one
+  EXPECT_EQ(report.unknown_pairs, 5U);
+  EXPECT_TRUE(report.answers.empty());
+  EXPECT_FALSE(report.all_certified());
+  EXPECT_EQ(host.session->readiness(one).value().stage, ReadyStage::kWaiting);
+
+  report =
+      host.update({{two, test::above_ground(0, 18000)}, {ghost, test::above_ground(0, 90000)}});
+  EXPECT_EQ(report.free_by_bounds.pairs, 3U);
+  EXPECT_EQ(report.unknown_pairs, 3U);
+  ASSERT_TRUE(host.session->remove_body(ghost).is_ok());
+  report = host.update();
+  EXPECT_TRUE(report.all_certified());
+  EXPECT_EQ(report.unknown_pairs, 0U);
+  const Readiness ready = host.session->readiness(one).value();
+  EXPECT_EQ(ready.stage, ReadyStage::kCertified) << ready.reason;
+  // What was said of a place says nothing of another.
+  ASSERT_TRUE(host.session->place_body(kGround, {}).is_ok());
+  EXPECT_EQ(host.session->readiness(one).value().stage, ReadyStage::kWaiting);
+}
+
+TEST(WatchAll, BodiesComeGoAndChangeBetweenUpdates) {
+  Host host;
+  const BodyId one = host.add("one"), two = host.add("two");
+  const Motion high = test::above_ground(0, 300);
+  Motion beside = high;
+  beside.pose.translation_m[0] += 1;  // into each other
+  EXPECT_GT(host.settle({{one, high}, {two, beside}}), 0);
+  FrameReport report = host.update();
+  ASSERT_NE(report.find(one, two), nullptr);
+  EXPECT_EQ(report.find(two, one)->answer.status, AnswerStatus::kContact);
+  EXPECT_EQ(host.session->add_body({.name = "two", .model = "aircraft"}).status().code(),
+            StatusCode::kConflict);
+
+  ASSERT_TRUE(host.session->remove_body(two).is_ok());
+  EXPECT_EQ(host.session->remove_body(two).code(), StatusCode::kNotFound);
+  EXPECT_EQ(host.session->watch(one, two).code(), StatusCode::kNotFound);
+  report = host.update();
+  EXPECT_EQ(report.find(one, two), nullptr);
+  EXPECT_EQ(report.answers.size() + report.free_by_bounds.pairs, 1U);
+
+  const BodyId again = host.add("two");  // the name is free; the number is new
+  EXPECT_NE(again, two);
+  report = host.update();
+  EXPECT_EQ(report.unknown_pairs, 2U);
+  EXPECT_GT(host.settle({{again, beside}}), 0);
+  EXPECT_EQ(host.update().find(one, again)->answer.status, AnswerStatus::kContact);
+
+  // Another model in the same place: the ground's is far too large to be clear of the aircraft's box.
+  ASSERT_TRUE(host.session->replace_model(again, "spectre").is_ok());
+  report = host.update();
+  EXPECT_EQ(report.find(one, again), nullptr);
+  EXPECT_EQ(report.unknown_pairs, 2U);
+  ASSERT_TRUE(host.session->replace_model(again, "aircraft").is_ok());
+  EXPECT_GT(host.settle(), 0);
+  EXPECT_EQ(host.update().find(one, again)->answer.status, AnswerStatus::kContact);
+  EXPECT_EQ(host.session->replace_model(again, "").code(), StatusCode::kInvalidArgument);
+  EXPECT_EQ(host.session->replace_model(two, "aircraft").code(), StatusCode::kNotFound);
+}
+
+TEST(WatchAll, AModelThatNobodyUsesHoldsNoDetail) {
+  Host host;
+  const BodyId one = host.add("one"), two = host.add("two");
+  Motion high = test::above_ground(0, 300);
+  Motion beside = high;
+  beside.pose.translation_m[0] += 1;
+  ASSERT_GT(host.settle({{one, high}, {two, beside}}), 0);
+  EXPECT_GT(host.session->stats().held_splits, 50U);
+  ASSERT_TRUE(host.session->remove_body(one).is_ok());
+  EXPECT_GT(host.session->stats().held_splits, 50U);
+  ASSERT_TRUE(host.session->remove_body(two).is_ok());
+  EXPECT_EQ(host.session->stats().held_splits, 0U);
+}
+
+TEST(WatchAll, WatchedByNameIsListedWhereverItIs) {
+  Host host;
+  const BodyId one = host.add("one", 2, 2), two = host.add("two", 4, 4);
+  const std::vector<Session::OwnMotion> far{{one, test::above_ground(0, 9000)},
+                                            {two, test::above_ground(0, 18000)}};
+  FrameReport report = host.update(far);
+  EXPECT_TRUE(report.answers.empty());
+  EXPECT_EQ(report.free_by_bounds.pairs,
+            0U);  // their groups do not mind each other, nor the ground
+  ASSERT_TRUE(host.session->watch(two, one).is_ok());
+  ASSERT_TRUE(host.session->watch(one, two).is_ok());  // one pair
+  report = host.update();
+  ASSERT_EQ(report.answers.size(), 1U);
+  EXPECT_EQ(report.answers[0].a, two);
+  EXPECT_EQ(report.answers[0].answer.status, AnswerStatus::kFree);
+  ASSERT_TRUE(host.session->unwatch(one, two).is_ok());
+  EXPECT_EQ(host.session->unwatch(one, two).code(), StatusCode::kNotFound);
+  EXPECT_TRUE(host.update().answers.empty());
+}
+
+TEST(WatchAll, DigestsTellWorldsApartAndNotTheirHistories) {
+  const auto digest_of = [](bool other_order, double moved_m, int jumps) {
+    Host host;
+    const BodyId first = host.add(other_order ? "two" : "one");
+    const BodyId second = host.add(other_order ? "one" : "two");
+    const BodyId one = other_order ? second : first, two = other_order ? first : second;
+    Motion high = test::above_ground(0, 9000), higher = test::above_ground(0, 18000);
+    for (int i = 1; i <= jumps; ++i)
+      host.update(
+          {{one, test::above_ground(0, 9000.0 * i)}, {two, test::above_ground(9, 50.0 * i)}});
+    higher.pose.translation_m[0] += moved_m;
+    const FrameReport report = host.update({{one, high}, {two, higher}});
+    EXPECT_EQ(report.free_by_bounds.pairs, 3U);
+    return report.free_by_bounds.digest;
+  };
+  const std::uint64_t digest = digest_of(false, 0, 0);
+  EXPECT_EQ(digest_of(true, 0, 0), digest);
+  EXPECT_EQ(digest_of(false, 0, 7), digest);
+  EXPECT_EQ(digest_of(true, 0, 3), digest);
+  EXPECT_NE(digest_of(false, 0x1p-20, 0), digest);
+}
+
+TEST(WatchAll, SceneryIsNoPairWithScenery) {
+  Host host;
+  const BodyId still = host.session->add_body({.name = "still", .model = "aircraft"}).value();
+  ASSERT_TRUE(host.session->place_body(still, test::above_ground(0, 1).pose).is_ok());
+  const FrameReport report = host.update();
+  EXPECT_TRUE(report.answers.empty());
+  EXPECT_EQ(report.free_by_bounds.pairs, 0U);
+  EXPECT_EQ(report.unknown_pairs, 0U);
+}
+
+}  // namespace
+}  // namespace nearmesh
