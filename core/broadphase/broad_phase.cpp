@@ -11,13 +11,15 @@ BroadPhase::Slot BroadPhase::add(const Company& company) {
   Slot slot = static_cast<Slot>(bodies_.size());
   if (unused_.empty()) {
     bodies_.emplace_back();
+    boxes_.emplace_back();
+    settled_.emplace_back();
+    company_near_.emplace_back();
   } else {
     slot = unused_.back();
     unused_.pop_back();
   }
-  Body& body = bodies_[slot];
-  body.company = company;
-  body.settled = ++settlings_;  // what was near of who had the slot before is out of date
+  bodies_[slot].company = company;
+  settled_[slot] = ++settlings_;  // what was near of who had the slot before is out of date
   all_pairs_ += pairs_with(company, &Members::all);
   ++members_[company].all;
   return slot;
@@ -38,8 +40,8 @@ void BroadPhase::lose(Slot slot) {
   if (body.leaf == BoxTree::kNowhere) return;
   tree_of(body).remove(body.leaf);
   body.leaf = BoxTree::kNowhere;
-  body.company_near.clear();
-  body.settled = ++settlings_;
+  company_near_[slot].clear();
+  settled_[slot] = ++settlings_;
   --members_[body.company].placed;
   placed_pairs_ -= pairs_with(body.company, &Members::placed);
 }
@@ -56,8 +58,8 @@ void BroadPhase::settle(Slot slot, const WorldBox& roam) {
   Body& body = bodies_[slot];
   WorldBox kept = roam;
   for (std::size_t k = 0; k < 3; ++k) {
-    kept.lo_m[k] = std::min(kept.lo_m[k], body.box.lo_m[k]);
-    kept.hi_m[k] = std::max(kept.hi_m[k], body.box.hi_m[k]);
+    kept.lo_m[k] = std::min(kept.lo_m[k], boxes_[slot].lo_m[k]);
+    kept.hi_m[k] = std::max(kept.hi_m[k], boxes_[slot].hi_m[k]);
   }
   if (body.leaf == BoxTree::kNowhere) {
     body.leaf = tree_of(body).insert(kept, slot);
@@ -66,17 +68,18 @@ void BroadPhase::settle(Slot slot, const WorldBox& roam) {
   } else {
     tree_of(body).move(body.leaf, kept);
   }
-  body.settled = ++settlings_;
+  settled_[slot] = ++settlings_;
   unsettled_.push_back(slot);
 }
 
 void BroadPhase::look_around(Slot slot) {
-  Body& body = bodies_[slot];
-  body.company_near.clear();
+  const Body& body = bodies_[slot];
+  std::vector<Slot>& near = company_near_[slot];
+  near.clear();
   const auto take = [&](Slot other) {
     // Of two that have settled both, the pair stands at the later one.
-    if (bodies_[other].settled < body.settled && body.company.wants(bodies_[other].company))
-      body.company_near.push_back(other);
+    if (settled_[other] < settled_[slot] && body.company.wants(bodies_[other].company))
+      near.push_back(other);
   };
   const WorldBox roam = tree_of(body).box_of(body.leaf);
   movers_.for_each_meeting(roam, take);
@@ -89,11 +92,11 @@ const std::vector<std::pair<BroadPhase::Slot, BroadPhase::Slot>>& BroadPhase::fi
   unsettled_.clear();
   near_.clear();
   for (Slot slot = 0; slot < bodies_.size(); ++slot) {
-    Body& body = bodies_[slot];
-    std::erase_if(body.company_near,
-                  [&](Slot other) { return bodies_[other].settled > body.settled; });
-    for (const Slot other : body.company_near)
-      if (body.box.meets(bodies_[other].box)) near_.emplace_back(slot, other);
+    std::erase_if(company_near_[slot], [&](Slot other) {
+      if (settled_[other] > settled_[slot]) return true;
+      if (boxes_[slot].meets(boxes_[other])) near_.emplace_back(slot, other);
+      return false;
+    });
   }
   return near_;
 }

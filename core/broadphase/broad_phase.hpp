@@ -39,8 +39,8 @@ class BroadPhase {
   /// `roam()` gives a box, of which what holds `box` is used; it is called where the last one is left.
   template <class Roam>
   void place(Slot slot, const WorldBox& box, const Roam& roam) {
-    Body& body = bodies_[slot];
-    body.box = box;
+    boxes_[slot] = box;
+    const Body& body = bodies_[slot];
     if (body.leaf != BoxTree::kNowhere && tree_of(body).box_of(body.leaf).holds(box)) return;
     settle(slot, roam());
   }
@@ -61,12 +61,8 @@ class BroadPhase {
 
  private:
   struct Body {
-    WorldBox box;
     Company company;
     BoxTree::Place leaf = BoxTree::kNowhere;
-    // Whose roams meet its own; the pair stands at the one that left its roam last. A pair is out of date where the other has left its roam since.
-    std::vector<Slot> company_near;
-    std::uint64_t settled = 0;  // when it left its roam last
   };
   struct Members {
     std::uint64_t all = 0, placed = 0;
@@ -80,7 +76,12 @@ class BroadPhase {
   [[nodiscard]] std::uint64_t pairs_with(const Company& company,
                                          std::uint64_t Members::*members) const;
 
+  // By slot. Arrays of their own, since each frame runs through them.
   std::vector<Body> bodies_;
+  std::vector<WorldBox> boxes_;
+  std::vector<std::uint64_t> settled_;  // a number that grows: when it left its roam last
+  // Whose roams meet its own: a pair stands at the one that left its roam last, and is out of date where the other has since.
+  std::vector<std::vector<Slot>> company_near_;
   std::vector<Slot> unused_;
   BoxTree movers_, scenery_;
   std::vector<Slot> unsettled_;  // left their roams since find_near()

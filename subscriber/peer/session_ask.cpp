@@ -156,8 +156,7 @@ void Session::Impl::send_request(const Publisher& publisher, std::uint8_t priori
 
 // `missing`, ascending, is asked for in any case, before other unresolved nodes that meet the region.
 bool Session::Impl::request(PeerModel& model, const RegionMaker& region,
-                            std::vector<NodeSpan> missing, std::uint8_t priority,
-                            double patience_s) {
+                            std::vector<NodeSpan> missing, std::uint8_t priority) {
   Publisher* publisher = publisher_of(model.content_hash);
   if (publisher == nullptr) return false;
   if (region == nullptr) return false;
@@ -171,14 +170,14 @@ bool Session::Impl::request(PeerModel& model, const RegionMaker& region,
   outstanding[model.content_hash] = {.request = last_request,
                                      .priority = priority,
                                      .heard_s = clock.seconds(),
-                                     .patience_s = patience_s,
+                                     .patience_s = patience_with(*publisher),
                                      .publisher = publisher->hello.publisher};
   ++stats.requests;
   return true;
 }
 
 // What the swept answers lack, and what else may be met within the horizon.
-bool Session::Impl::request_ahead(PeerModel& model, const FrameReport& report, double patience_s) {
+bool Session::Impl::request_ahead(PeerModel& model, const FrameReport& report) {
   if (publisher_of(model.content_hash) == nullptr) return false;
   std::vector<NodeSpan> missing = missing_of(model, report, true);
   // Looking ahead costs more than most answers. Where a look found nothing to ask for, an eighth of the horizon may pass
@@ -190,19 +189,32 @@ bool Session::Impl::request_ahead(PeerModel& model, const FrameReport& report, d
       !missing.empty() || (nearer != nullptr && lacks(model.replica->store(), nearer));
   const bool is_sent =
       is_due && request(model, region_of(model, horizon_s(), report, Scope::kByRegion),
-                        std::move(missing), kHorizon, patience_s);
+                        std::move(missing), kHorizon);
   model.looked_ahead_s = is_sent ? -std::numeric_limits<double>::infinity() : time_s;
   return is_sent;
 }
 
-// A request for a model was lost: how long to wait for the answer to the next, perhaps of another publisher.
-double Session::Impl::patience_after(const ContentHash& content, Outstanding& lost) {
-  const auto asked = publishers.find(lost.publisher);
-  if (asked != publishers.end() && !std::exchange(lost.is_counted, true))
+// One request may stand for several models; it is lost once.
+void Session::Impl::count_lost(const Outstanding& lost) {
+  if (lost.is_counted) return;
+  const std::uint32_t request = lost.request;
+  if (const auto asked = publishers.find(lost.publisher); asked != publishers.end())
     ++asked->second.lost_requests;
-  const Publisher* next = publisher_of(content);
-  if (next != nullptr && next->lost_requests == 0) return options.request_timeout_s;
-  return std::min(2 * lost.patience_s, kMaxPatience_s);
+  for (auto& [content, open] : outstanding) {
+    if (open.request != request) continue;
+    open.is_counted = true;
+    // What it said of us is lost, too.
+    if (PeerModel* model = replicas.find(content); model != nullptr)
+      model->tells_held |= open.has_told_held;
+  }
+}
+
+// How long to wait for its answer: doubled with each one that did not come, for it may need long.
+double Session::Impl::patience_with(const Publisher& publisher) const {
+  constexpr std::uint32_t kMostDoublings = 20;
+  return std::min(std::ldexp(options.request_timeout_s,
+                             static_cast<int>(std::min(publisher.lost_requests, kMostDoublings))),
+                  std::max(options.request_timeout_s, kMaxPatience_s));
 }
 
 void Session::Impl::ask(FrameReport& report) {
@@ -214,19 +226,18 @@ void Session::Impl::ask(FrameReport& report) {
     // One request at a time and model: the next one names what the answer has left unresolved, so nothing is sent
     // twice. Only what is needed now does not wait for a horizon; the publisher drops what is left of that.
     const auto open = outstanding.find(model.content_hash);
-    double patience_s = options.request_timeout_s;
     bool may_prefetch = horizon_s() > 0;
     if (open != outstanding.end()) {
-      const bool lost = clock.seconds() - open->second.heard_s >= open->second.patience_s;
+      const bool lost = is_lost(open->second);
       if (!lost && open->second.priority == kNeededNow) continue;
       may_prefetch = may_prefetch && lost;
-      if (lost) patience_s = patience_after(model.content_hash, open->second);
+      if (lost) count_lost(open->second);
     }
     // What an answer lacks is named outright: boxes of nodes need not nest, so the walk may miss a node that the query met.
     if (!request(model, region_of(model, 0, report, Scope::kUncertified),
-                 missing_of(model, report, false), kNeededNow, patience_s) &&
+                 missing_of(model, report, false), kNeededNow) &&
         may_prefetch)
-      static_cast<void>(request_ahead(model, report, patience_s));
+      static_cast<void>(request_ahead(model, report));
   }
 }
 

@@ -53,8 +53,7 @@ std::optional<std::uint8_t> Session::Impl::urgency_of(Pair& pair, const PairAnsw
 bool Session::Impl::has_open(wire::SessionId publisher, const Pair& pair) const {
   return std::any_of(outstanding.begin(), outstanding.end(), [&](const auto& entry) {
     const auto& [content, open] = entry;
-    const bool is_lost = clock.seconds() - open.heard_s >= open.patience_s;
-    return !is_lost &&
+    return !is_lost(open) &&
            (content == pair.a->model->content_hash || content == pair.b->model->content_hash ||
             (open.is_certificate && open.publisher == publisher));
   });
@@ -64,7 +63,6 @@ bool Session::Impl::has_open(wire::SessionId publisher, const Pair& pair) const 
 void Session::Impl::ask_certificates(const FrameReport& report) {
   struct Due {
     std::vector<Pair*> now, ahead;
-    double patience_s;
   };
   std::map<wire::SessionId, Due> due;
   for (std::size_t i = 0; i < listed.size(); ++i) {
@@ -81,23 +79,22 @@ void Session::Impl::ask_certificates(const FrameReport& report) {
     if (has_open(publisher->hello.publisher, pair)) continue;
     const std::optional<std::uint8_t> urgency = urgency_of(pair, report.answers[i]);
     if (!urgency) continue;
-    double patience_s = options.request_timeout_s;
     for (const ContentHash& content : {a.content_hash, b.content_hash})
       if (const auto lost = outstanding.find(content); lost != outstanding.end())
-        patience_s = std::max(patience_s, patience_after(content, lost->second));
+        count_lost(lost->second);
     publisher = publisher_of(a.content_hash, b.content_hash);  // another, where that one is lost
-    Due& its = due.try_emplace(publisher->hello.publisher, Due{{}, {}, patience_s}).first->second;
+    Due& its = due[publisher->hello.publisher];
     (*urgency == kNeededNow ? its.now : its.ahead).push_back(&pair);
   }
   for (auto& [id, its] : due) {
     const std::uint8_t priority = its.now.empty() ? kHorizon : kNeededNow;
     its.now.insert(its.now.end(), its.ahead.begin(), its.ahead.end());
-    request_certificate(publishers.at(id), its.now, priority, its.patience_s);
+    request_certificate(publishers.at(id), its.now, priority);
   }
 }
 
 void Session::Impl::request_certificate(const Publisher& publisher, std::span<Pair* const> asked,
-                                        std::uint8_t priority, double patience_s) {
+                                        std::uint8_t priority) {
   CertificateRequest certificate{.horizon_s = static_cast<float>(horizon_s()),
                                  .margin_m = static_cast<float>(options.margin_m),
                                  .models = {},
@@ -142,7 +139,7 @@ void Session::Impl::request_certificate(const Publisher& publisher, std::span<Pa
     outstanding[model->content_hash] = {.request = last_request,
                                         .priority = priority,
                                         .heard_s = clock.seconds(),
-                                        .patience_s = patience_s,
+                                        .patience_s = patience_with(publisher),
                                         .publisher = id,
                                         .is_certificate = true,
                                         .has_told_held = has_told_held};

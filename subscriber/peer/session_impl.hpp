@@ -51,8 +51,8 @@ inline constexpr std::uint8_t kNeededNow = 0, kHorizon = 1;  // priorities of re
 struct Outstanding {
   std::uint32_t request = 0;
   std::uint8_t priority = 0;
-  double heard_s = 0;     // when it was sent, or its last batch came
-  double patience_s = 0;  // silence after which it counts as lost; doubles with each loss in a row
+  double heard_s = 0;             // when it was sent, or its last batch came
+  double patience_s = 0;          // silence after which it counts as lost
   wire::SessionId publisher = 0;  // that was asked
   bool is_certificate = false;    // bodies were told, no region
   bool has_told_held = false;     // and what is held of all models
@@ -166,7 +166,7 @@ struct Session::Impl {
   void ask_certificates(const FrameReport& report);
   [[nodiscard]] std::optional<std::uint8_t> urgency_of(Pair& pair, const PairAnswer& answer);
   void request_certificate(const Publisher& publisher, std::span<Pair* const> asked,
-                           std::uint8_t priority, double patience_s);
+                           std::uint8_t priority);
   [[nodiscard]] bool has_open(wire::SessionId publisher, const Pair& pair) const;
   enum class Scope : std::uint8_t { kAll, kByRegion, kUncertified };  // the last: by region, too
   [[nodiscard]] RegionMaker region_of(const PeerModel& model, double lookahead_s,
@@ -175,9 +175,9 @@ struct Session::Impl {
   [[nodiscard]] std::vector<NodeSpan> missing_of(const PeerModel& model, const FrameReport& report,
                                                  bool ahead) const;
   [[nodiscard]] double horizon_s() const { return std::max(options.lookahead_s, options.sweep_s); }
-  bool request_ahead(PeerModel& model, const FrameReport& report, double patience_s);
+  bool request_ahead(PeerModel& model, const FrameReport& report);
   bool request(PeerModel& model, const RegionMaker& region, std::vector<NodeSpan> missing,
-               std::uint8_t priority, double patience_s);
+               std::uint8_t priority);
   void send_request(const Publisher& publisher, std::uint8_t priority,
                     wire::RegionSubscription request);
   void audit(PeerModel& model);
@@ -187,7 +187,11 @@ struct Session::Impl {
   [[nodiscard]] Publisher* publisher_of(const ContentHash& content,
                                         const ContentHash& and_too = {});
   [[nodiscard]] bool is_contradicted(const PeerModel& model) const;
-  [[nodiscard]] double patience_after(const ContentHash& content, Outstanding& lost);
+  [[nodiscard]] bool is_lost(const Outstanding& open) const {
+    return clock.seconds() - open.heard_s >= open.patience_s;
+  }
+  void count_lost(const Outstanding& lost);
+  [[nodiscard]] double patience_with(const Publisher& publisher) const;
   [[nodiscard]] std::string why_no_mesh(const PeerModel& model) const;
   [[nodiscard]] std::string why_not_ready(const Body& body) const;
   void take_hello(const wire::Hello& hello);

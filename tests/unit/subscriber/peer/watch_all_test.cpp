@@ -3,6 +3,7 @@
 #include <set>
 
 #include "local_host.hpp"
+#include "world.hpp"
 
 namespace nearmesh {
 namespace {
@@ -280,6 +281,42 @@ TEST(WatchAll, SceneryIsNoPairWithScenery) {
   EXPECT_EQ(report.free_by_bounds.pairs, 0U);
   EXPECT_EQ(report.unknown_pairs, 0U);
 }
+
+// Far more pairs than one request may name, and more regions than one may hold.
+class ThreeHundredOverOneTerrain : public ::testing::TestWithParam<bool> {};
+
+TEST_P(ThreeHundredOverOneTerrain, AreAllCertified) {
+  test::World world;
+  const bool by_region = GetParam();
+  if (by_region) {  // nobody has both models, so nobody chooses
+    world.start_publisher_of("terrain", test::terrain(), test::kPublisher);
+    world.start_publisher_of("aircraft", test::aircraft(), test::kPublisher + 1);
+  } else {
+    world.start_publisher();
+  }
+  Session session(world.bus.make_peer(test::kPeer), test::quick_options());
+  session.watch_all();
+  ASSERT_EQ(session.add_body({.name = "ground", .model = "terrain"}).value(), kGround);
+  ASSERT_TRUE(session.place_body(kGround, {}).is_ok());
+  Random random(3);
+  std::vector<Session::OwnMotion> own;
+  for (int i = 0; i < 300; ++i) {
+    const std::uint32_t vertices = test::terrain().model.header.vertex_count;
+    Motion motion = test::above_ground(random.below(vertices), random.between(-2, 20));
+    motion.pose.rotation = test::random_rotation(random);
+    const auto id = session.add_body({.name = std::to_string(i), .model = "aircraft", .own = true});
+    own.push_back({id.value(), motion});
+  }
+  FrameReport report;
+  int rounds = 0;
+  do report = world.round(session, 0, own);
+  while (!report.all_certified() && ++rounds < 400);
+  EXPECT_TRUE(report.all_certified()) << rounds;
+  EXPECT_GT(report.answers.size(), 300U);
+}
+
+INSTANTIATE_TEST_SUITE_P(WhoeverChooses, ThreeHundredOverOneTerrain, ::testing::Bool(),
+                         [](const auto& info) { return info.param ? "ThePeer" : "ThePublisher"; });
 
 }  // namespace
 }  // namespace nearmesh

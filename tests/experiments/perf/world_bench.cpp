@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: Apache-2.0
+// What many bodies cost, as CSV rows: what,bodies,tiles,median_us,mean_us,worst_us,near. Thread CPU time, one thread.
+//   broad    the broad phase alone: bodies as boxes that fly, turn and bounce over a square of 100 km, tiles below them
+//   fcl      FCL's dynamic AABB tree on the same boxes, in the same run (where it is installed)
+//   session  Session::update() of one peer that moves all bodies, 20 Hz, everything that a default session does
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <ctime>
+#include <numeric>
+
+#include "core/base/random.hpp"
+#include "core/broadphase/broad_phase.hpp"
+#include "nearmesh/core/mesh/generate.hpp"
+#include "nearmesh/subscriber/peer/local_channel.hpp"
+#include "nearmesh/subscriber/peer/session.hpp"
+#include "test_models.hpp"
+
+#ifdef NEARMESH_PEER_FCL_CROWD
+#include "box_crowd.hpp"
+#endif
+
+namespace {
+
+using namespace nearmesh;
+
+constexpr double kSide_m = 100e3, kHeight_m = 3e3, kSpeed_mps = 200, kStep_s = 0.05;
+constexpr double kLookahead_s = 0.5, kRadius_m = 44;
+constexpr int kFrames = 400;
+
+double cpu_s() {
+  timespec t{};
+  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return static_cast<double>(t.tv_sec) + static_cast<double>(t.tv_nsec) * 1e-9;
+}
+
+/// Bodies that fly at up to 200 m/s, turn, and turn back at the edges.
+class Traffic {
+ public:
+  explicit Traffic(std::size_t count) {
+    Random random(7);
+    for (std::size_t i = 0; i < count; ++i) {
+      Motion motion;
+      motion.pose.translation_m = {random.between(0, kSide_m), random.between(0, kSide_m),
+                                   random.between(0, kHeight_m)};
+      const double course = random.between(0, 6.283), speed = random.between(0.5, 1) * kSpeed_mps;
+      motion.linear_velocity_mps = {speed * std::cos(course), speed * std::sin(course),
+                                    random.between(-20, 20)};
+      motions.push_back(motion);
+    }
+  }
+  void step() {
+    ++steps_;
+    for (std::size_t i = 0; i < motions.size(); ++i) {
+      auto& [pose, v, w] = motions[i];
+      const double turn = (static_cast<double>((i * 7 + steps_ / 100) % 5) - 2) * 0.02 * kStep_s;
+      const double vx = v[0] - v[1] * turn, vy = v[1] + v[0] * turn;
+      v[0] = vx;
+      v[1] = vy;
+      for (std::size_t k = 0; k < 3; ++k) {
+        pose.translation_m[k] += v[k] * kStep_s;
+        const double top = k == 2 ? kHeight_m : kSide_m;
+        if ((pose.translation_m[k] < 0 && v[k] < 0) || (pose.translation_m[k] > top && v[k] > 0))
+          v[k] = -v[k];
+      }
+    }
+  }
+  std::vector<Motion> motions;
+
+ private:
+  std::size_t steps_ = 0;
+};
+
+WorldBox around(const Motion& motion, double duration_s) {
+  const auto& v = motion.linear_velocity_mps;
+  const double reach_m = kRadius_m + std::hypot(v[0], v[1], v[2]) * duration_s;
+  WorldBox box;
+  for (std::size_t k = 0; k < 3; ++k) {
+    box.lo_m[k] = motion.pose.translation_m[k] - reach_m;
+    box.hi_m[k] = motion.pose.translation_m[k] + reach_m;
+  }
+  return box;
+}
+
+std::vector<WorldBox> make_tiles(std::size_t count) {
+  std::vector<WorldBox> tiles;
+  const auto side = static_cast<std::size_t>(std::lround(std::sqrt(static_cast<double>(count))));
+  const double edge_m = kSide_m / static_cast<double>(std::max<std::size_t>(1, side));
+  for (std::size_t i = 0; i < side; ++i)
+    for (std::size_t j = 0; j < side; ++j) {
+      const double x = static_cast<double>(i) * edge_m, y = static_cast<double>(j) * edge_m;
+      tiles.push_back({{x, y, -200}, {x + edge_m, y + edge_m, 150}});
+    }
+  return tiles;
+}
+
+/// Calls frame() so often, and prints what it took and how much was near.
+template <class Frame>
+void measure(const char* what, std::size_t bodies, std::size_t tiles, int frames,
+             const Frame& frame) {
+  std::vector<double> us;
+  double near = 0;
+  for (int i = 0; i <= frames; ++i) {
+    double spent_s = 0;
+    const std::size_t found = frame(spent_s);
+    if (i == 0) continue;  // builds the trees
+    us.push_back(spent_s * 1e6);
+    near += static_cast<double>(found);
+  }
+  std::sort(us.begin(), us.end());
+  const auto count = static_cast<double>(us.size());
+  std::printf("%s,%zu,%zu,%.1f,%.1f,%.1f,%.1f\n", what, bodies, tiles, us[us.size() / 2],
+              std::accumulate(us.begin(), us.end(), 0.0) / count, us.back(), near / count);
+  std::fflush(stdout);
+}
+
+void run_broad(std::size_t bodies, std::size_t tile_count) {
+  const std::vector<WorldBox> tiles = make_tiles(tile_count);
+  BroadPhase broad;
+  for (const WorldBox& tile : tiles)
+    broad.place(broad.add({.is_scenery = true}), tile, [&] { return tile; });
+  std::vector<BroadPhase::Slot> slots;
+  for (std::size_t i = 0; i < bodies; ++i) slots.push_back(broad.add({}));
+  Traffic traffic(bodies);
+  measure("broad", bodies, tiles.size(), kFrames, [&](double& spent_s) {
+    traffic.step();
+    const double start_s = cpu_s();
+    for (std::size_t i = 0; i < bodies; ++i) {
+      const Motion& motion = traffic.motions[i];
+      broad.place(slots[i], around(motion, kLookahead_s), [&] {
+        return around(motion, kLookahead_s + 1 + static_cast<double>(i % 16) / 16);
+      });
+    }
+    const std::size_t near = broad.find_near().size();
+    spent_s = cpu_s() - start_s;
+    return near;
+  });
+}
+
+#ifdef NEARMESH_PEER_FCL_CROWD
+void run_fcl(std::size_t bodies, std::size_t tile_count) {
+  Traffic traffic(bodies);
+  std::vector<WorldBox> boxes(bodies);
+  const auto set_boxes = [&] {
+    for (std::size_t i = 0; i < bodies; ++i) boxes[i] = around(traffic.motions[i], kLookahead_s);
+  };
+  set_boxes();
+  const auto crowd = peers::make_fcl_crowd(make_tiles(tile_count), boxes);
+  measure("fcl", bodies, tile_count, bodies > 3000 ? 40 : kFrames, [&](double& spent_s) {
+    traffic.step();
+    const double start_s = cpu_s();
+    set_boxes();
+    const std::size_t near = crowd->count_near(boxes);
+    spent_s = cpu_s() - start_s;
+    return near;
+  });
+}
+#endif
+
+void run_session(std::size_t bodies) {
+  const auto file = test::write_model(test::bake_mesh(generate_aircraft(2000, 7), 16));
+  auto channel = std::make_unique<subscriber::LocalChannel>();
+  if (!channel->add_model("aircraft", std::move(ModelFile::open(file->path())).value()).is_ok())
+    return;
+  subscriber::Session session(std::move(channel));
+  session.watch_all();
+  std::vector<subscriber::Session::OwnMotion> own;
+  for (std::size_t i = 0; i < bodies; ++i)
+    own.push_back(
+        {session.add_body({.name = "a" + std::to_string(i), .model = "aircraft", .own = true})
+             .value(),
+         {}});
+  Traffic traffic(bodies);
+  std::uint64_t frame = 0, uncertain = 0;
+  measure("session", bodies, 0, kFrames, [&](double& spent_s) {
+    traffic.step();
+    for (std::size_t i = 0; i < bodies; ++i) own[i].motion = traffic.motions[i];
+    const double start_s = cpu_s();
+    const auto report = session.update(frame, static_cast<double>(frame) * kStep_s, own, 0.01);
+    spent_s = cpu_s() - start_s;
+    ++frame;
+    uncertain += report.value().all_certified() ? 0U : 1U;
+    return report.value().answers.size();
+  });
+  std::printf("# session of %zu bodies: %llu of %d frames with an answer that is not certified\n",
+              bodies, static_cast<unsigned long long>(uncertain), kFrames + 1);
+}
+
+}  // namespace
+
+int main() {
+  std::printf("what,bodies,tiles,median_us,mean_us,worst_us,near\n");
+  for (const auto& [bodies, tiles] :
+       {std::pair<std::size_t, std::size_t>{1000, 0}, {10000, 0}, {1000, 10000}}) {
+    run_broad(bodies, tiles);
+#ifdef NEARMESH_PEER_FCL_CROWD
+    run_fcl(bodies, tiles);
+#endif
+  }
+  for (const std::size_t bodies : {100U, 1000U, 10000U}) run_session(bodies);
+}
