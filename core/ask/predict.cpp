@@ -46,14 +46,14 @@ struct Item {
   std::uint32_t faces = kAllLanes;  // of a block: those meant
 };
 
-// Calls emit for each of `groups` parts of the items, alike in number and close together.
-template <class Emit>
-void cut(std::span<Item> items, std::size_t groups, const Emit& emit) {
+// Calls emit for each of `groups` parts of what has boxes, alike in number and close together.
+template <class Boxed, class Emit>
+void cut(std::span<Boxed> items, std::size_t groups, const Emit& emit) {
   if (groups == 1) {
     emit(items);
     return;
   }
-  const auto twice_center = [](const Item& item, int axis) {
+  const auto twice_center = [](const Boxed& item, int axis) {
     return std::int64_t{item.box.lo[axis]} + item.box.hi[axis];
   };
   int axis = 0;
@@ -61,14 +61,14 @@ void cut(std::span<Item> items, std::size_t groups, const Emit& emit) {
   for (int k = 0; k < 3; ++k) {
     const auto [least, most] = std::minmax_element(
         items.begin(), items.end(),
-        [&](const Item& x, const Item& y) { return twice_center(x, k) < twice_center(y, k); });
+        [&](const Boxed& x, const Boxed& y) { return twice_center(x, k) < twice_center(y, k); });
     const std::int64_t length = twice_center(*most, k) - twice_center(*least, k);
     if (length <= longest) continue;
     longest = length;
     axis = k;
   }
   // Stable, so that equal centres stay in the tree's order.
-  std::stable_sort(items.begin(), items.end(), [&](const Item& x, const Item& y) {
+  std::stable_sort(items.begin(), items.end(), [&](const Boxed& x, const Boxed& y) {
     return twice_center(x, axis) < twice_center(y, axis);
   });
   const std::size_t left = groups / 2, middle = items.size() * left / groups;
@@ -341,10 +341,28 @@ std::vector<RegionPart> swept_region(const TreeView& own, const Motion& own_moti
   }
   std::vector<RegionPart> region;
   if (!items.empty())
-    cut(items, std::min(items.size(), max_parts), [&](std::span<const Item> group) {
+    cut(std::span(items), std::min(items.size(), max_parts), [&](std::span<const Item> group) {
       if (const RegionPart part = sweep.part(group); is_near(part)) region.push_back(part);
     });
   return region;
+}
+
+std::vector<RegionPart> merge_by_place(std::vector<RegionPart> parts, std::size_t most) {
+  if (parts.size() <= most) return parts;
+  std::vector<RegionPart> merged;
+  cut(std::span(parts), most, [&](std::span<const RegionPart> group) {
+    RegionPart all = group.front();
+    if (group.size() > 1) {
+      all = RegionPart(reach_of(group.front()));
+      all.min_extent = group.front().min_extent;
+      for (const RegionPart& part : group) {
+        all.box.add(reach_of(part));
+        all.min_extent = std::min(all.min_extent, part.min_extent);
+      }
+    }
+    merged.push_back(all);
+  });
+  return merged;
 }
 
 std::vector<GridBox> root_reach(const SplitStore& store) {

@@ -52,8 +52,7 @@ RegionMaker Session::Impl::region_of(const PeerModel& model, double lookahead_s,
                        *other->motion, lookahead_s, options.margin_m, each, near);
       region.insert(region.end(), parts.begin(), parts.end());
     }
-    region.resize(std::min(region.size(), kMaxRegionBoxes));
-    return region;
+    return merge_by_place(std::move(region), kMaxRegionBoxes);
   };
 }
 

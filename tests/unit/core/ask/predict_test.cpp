@@ -401,5 +401,44 @@ TEST(MakeRequest, NamesWhatAnAnswerLacksWhereverItIs) {
   EXPECT_EQ(check_request(empty, *request).message(), "");
 }
 
+TEST(MergeByPlace, CoversAllPartsWithFewThatAreNotFarApart) {
+  Random random(4);
+  std::vector<RegionPart> parts;
+  // Two crowds, far from each other.
+  for (int i = 0; i < 700; ++i) {
+    RegionPart part;
+    for (int k = 0; k < 3; ++k) {
+      part.box.lo[k] = static_cast<std::int32_t>(random.below(1000)) + (i % 2 == 0 ? 0 : 1000000);
+      part.box.hi[k] = part.box.lo[k] + static_cast<std::int32_t>(random.below(50));
+    }
+    part.radius = static_cast<std::int32_t>(random.below(30));
+    part.min_extent = 5 + static_cast<std::int32_t>(random.below(10));
+    parts.push_back(part);
+  }
+  EXPECT_EQ(merge_by_place(parts, 700), parts);
+  for (const std::size_t most : {1U, 2U, 5U, 256U}) {
+    const std::vector<RegionPart> merged = merge_by_place(parts, most);
+    ASSERT_EQ(merged.size(), most);
+    for (const RegionPart& part : merged) {
+      EXPECT_EQ(fault_of(part), nullptr);
+      if (most == 2 || most == 256) {
+        EXPECT_LT(part.box.extent(), 2000);
+      }
+    }
+    for (int i = 0; i < 3000; ++i) {
+      const RegionPart& some = parts[random.below(700)];
+      GridBox node;
+      for (int k = 0; k < 3; ++k) {
+        node.lo[k] = some.box.lo[k] - 40 + static_cast<std::int32_t>(random.below(120));
+        node.hi[k] = node.lo[k] + static_cast<std::int32_t>(random.below(40));
+      }
+      const auto asks = [&](const RegionPart& part) { return part.asks_for(node); };
+      if (std::any_of(parts.begin(), parts.end(), asks)) {
+        ASSERT_TRUE(std::any_of(merged.begin(), merged.end(), asks));
+      }
+    }
+  }
+}
+
 }  // namespace
 }  // namespace nearmesh
