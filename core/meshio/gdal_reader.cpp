@@ -12,7 +12,17 @@
 #include "text.hpp"
 #include "wgs84.hpp"
 
-namespace nearmesh::meshio {
+namespace nearmesh {
+
+bool has_gdal() {
+#ifdef NEARMESH_WITH_GDAL
+  return true;
+#else
+  return false;
+#endif
+}
+
+namespace meshio {
 
 bool is_for_gdal(std::string_view path, std::string_view bytes) {
   const std::size_t dot = path.rfind('.');
@@ -154,4 +164,5 @@ Result<SceneMesh> read_with_gdal(const std::string& /*path*/, const TerrainOptio
 
 #endif
 
-}  // namespace nearmesh::meshio
+}  // namespace meshio
+}  // namespace nearmesh

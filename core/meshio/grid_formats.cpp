@@ -64,10 +64,15 @@ std::optional<int> digits(std::string_view text) {
   return value;
 }
 
-/// Longitude and latitude of the south-western post, as in N47E011.hgt.
+/// Longitude and latitude of the south-western post, by a word of the name: N47E011.SRTMGL1.hgt.
 std::optional<std::array<double, 2>> find_tile(std::string_view path) {
   const std::string_view name = file_name(path);
+  const auto is_in_word = [name](std::size_t at) {
+    const char c = at < name.size() ? to_lower(name[at]) : '.';
+    return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9');
+  };
   for (std::size_t at = 0; at + 7 <= name.size(); ++at) {
+    if ((at > 0 && is_in_word(at - 1)) || is_in_word(at + 7)) continue;
     const std::string_view tile = name.substr(at, 7);
     const char ns = to_lower(tile[0]), ew = to_lower(tile[3]);
     const auto latitude = digits(tile.substr(1, 2)), longitude = digits(tile.substr(4));

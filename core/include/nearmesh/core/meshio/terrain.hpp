@@ -56,4 +56,7 @@ struct ImportedTerrain {
   std::string stated_crs;  ///< the name of the coordinates, by the file or its format; may be empty
 };
 
+/// Whether this build reads what only GDAL does: GeoTIFF, DTED and others.
+[[nodiscard]] bool has_gdal();
+
 }  // namespace nearmesh
