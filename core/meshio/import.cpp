@@ -43,9 +43,10 @@ Result<std::string> read_file(const std::string& path) {
   return bytes;
 }
 
-meshio::ChildLimits limits_for(std::uint64_t file_bytes) {
+/// A grid may be packed to next to nothing: a sea, say.
+meshio::ChildLimits limits_for(std::uint64_t file_bytes, bool is_grid) {
   constexpr std::uint64_t kMiB = 1 << 20;
-  return {.memory_bytes = std::min(8192 * kMiB, 512 * kMiB + 200 * file_bytes),
+  return {.memory_bytes = std::min(8192 * kMiB, (is_grid ? 2048 : 512) * kMiB + 200 * file_bytes),
           .wall_time = std::chrono::seconds(60 + 2 * (file_bytes / kMiB))};
 }
 
@@ -100,10 +101,10 @@ Result<SceneMesh> read_any(const std::string& path, const ImportOptions& options
   if (is_grid) {
     NEARMESH_RETURN_IF_ERROR(check_grid_options(options));
     return meshio::run_in_child([&] { return meshio::read_with_gdal(path, terrain); },
-                                limits_for(file_bytes));
+                                limits_for(file_bytes, is_grid));
   }
   return meshio::run_in_child([&] { return meshio::read_with_assimp(path, options.node); },
-                              limits_for(file_bytes));
+                              limits_for(file_bytes, is_grid));
 }
 
 Status check_faces(const IndexedMesh& mesh) {

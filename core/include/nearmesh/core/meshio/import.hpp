@@ -84,7 +84,7 @@ struct MeshFormat {
 /// its posts in file order, those without data left out, and two triangles a cell, counter-clockwise from
 /// above, that part it from south-west to north-east. No
 /// exception leaves. Assimp or GDAL runs in a forked child process under a limit of memory (200 times the
-/// file and 512 MiB, at most 8 GiB) and of time (60 s and 2 s a MiB), so that a crash inside it is an
+/// file and 512 MiB, for GDAL 2 GiB; at most 8 GiB) and of time (60 s and 2 s a MiB), so that a crash inside it is an
 /// error message here. Cost: linear; the file is held beside the mesh while it is read. Threads:
 /// any, also at once.
 [[nodiscard]] Result<ImportedMesh> import_mesh(const std::string& path,
