@@ -74,6 +74,7 @@ Status check_line(const nlohmann::json& line, const std::map<std::string, FullMe
     counts.mesh_bytes += line["summary"].at("mesh_bytes").get<std::uint64_t>();
     return Status::ok();
   }
+  if (line.contains("free_by_bounds")) return Status::ok();  // names no pairs; the theorem is tested
   ++counts.answers;
   const auto status = line.at("status").get<std::string>();
   if (status == "uncertain") return Status::ok();  // claims nothing
