@@ -12,13 +12,26 @@ struct Body {
   Motion motion;
 };
 
-// Every vertex as it is posed on the lattice that the body has with another, metres.
+/// The corners of the boxes that the header gives its roots: no face reaches farther.
+std::vector<GridPoint> corners_of_roots(const SplitStore& store) {
+  std::vector<GridPoint> corners;
+  for (const BaseRoot& root : store.roots()) {
+    const GridBox box = store.box(root.node);
+    for (int corner = 0; corner < 8; ++corner) {
+      GridPoint& at = corners.emplace_back();
+      for (int k = 0; k < 3; ++k) at[k] = (corner >> k & 1) != 0 ? box.hi[k] : box.lo[k];
+    }
+  }
+  return corners;
+}
+
+// What may be a vertex, as it is posed on the lattice that the body has with another, metres.
 void expect_holds(const WorldBox& box, const BakedModel& model, const Pose& pose, int lattice,
                   double least_room_m) {
   const Result<PosedFrame> frame = make_posed_frame(model.header.grid, pose, lattice);
   ASSERT_TRUE(frame.is_ok()) << frame.status().message();
-  for (std::uint32_t v = 0; v < model.store.vertex_count(); ++v) {
-    const LatticePoint at = pose_point(frame.value(), model.store.position(VertexId{v}));
+  for (const GridPoint& point : corners_of_roots(model.store)) {
+    const LatticePoint at = pose_point(frame.value(), point);
     for (std::size_t k = 0; k < 3; ++k) {
       const double x = std::ldexp(static_cast<double>(at.v[k]), lattice);
       ASSERT_GE(x - box.lo_m[k], least_room_m);
@@ -84,12 +97,10 @@ TEST(ModelBoundsOf, BoxesThatBarelyPartLeavePosedVerticesApart) {
     const auto frame_b = make_posed_frame(large.header.grid, two.pose, lattice);
     ASSERT_TRUE(frame_a.is_ok() && frame_b.is_ok());
     std::int64_t lowest = std::numeric_limits<std::int64_t>::max(), highest = -lowest;
-    for (std::uint32_t v = 0; v < small.store.vertex_count(); ++v)
-      lowest =
-          std::min(lowest, pose_point(frame_a.value(), small.store.position(VertexId{v})).v[0]);
-    for (std::uint32_t v = 0; v < large.store.vertex_count(); ++v)
-      highest =
-          std::max(highest, pose_point(frame_b.value(), large.store.position(VertexId{v})).v[0]);
+    for (const GridPoint& point : corners_of_roots(small.store))
+      lowest = std::min(lowest, pose_point(frame_a.value(), point).v[0]);
+    for (const GridPoint& point : corners_of_roots(large.store))
+      highest = std::max(highest, pose_point(frame_b.value(), point).v[0]);
     EXPECT_GT(lowest, highest);
   }
 }
