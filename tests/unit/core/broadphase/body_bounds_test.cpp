@@ -75,11 +75,9 @@ TEST(ModelBoundsOf, HoldAllPosedVerticesAtEachInstantOnTheLatticeOfAnyPair) {
 }
 
 // The rounding of both is covered by both: boxes that do not meet leave no way to meet for the posed vertices.
-TEST(ModelBoundsOf, BoxesThatBarelyPartLeavePosedVerticesApart) {
-  const BakedModel small = test::bake_mesh(generate_sphere(6, 0), 16);
-  const BakedModel large = test::bake_mesh(generate_terrain(12, 3), 16);
-  const ModelBounds a(small.header.grid, small.store), b(large.header.grid, large.store);
-  const int lattice = lattice_exponent(small.header.grid, large.header.grid);
+void expect_apart_where_boxes_part(const BakedModel& left, const BakedModel& right) {
+  const ModelBounds a(left.header.grid, left.store), b(right.header.grid, right.store);
+  const int lattice = lattice_exponent(left.header.grid, right.header.grid);
   Random random(6);
   for (int round = 0; round < 200; ++round) {
     Motion one = random_motion(random), two = random_motion(random);
@@ -93,16 +91,24 @@ TEST(ModelBoundsOf, BoxesThatBarelyPartLeavePosedVerticesApart) {
       one.pose.translation_m[0] += push_m;
       push_m *= 2;
     }
-    const auto frame_a = make_posed_frame(small.header.grid, one.pose, lattice);
-    const auto frame_b = make_posed_frame(large.header.grid, two.pose, lattice);
+    const auto frame_a = make_posed_frame(left.header.grid, one.pose, lattice);
+    const auto frame_b = make_posed_frame(right.header.grid, two.pose, lattice);
     ASSERT_TRUE(frame_a.is_ok() && frame_b.is_ok());
     std::int64_t lowest = std::numeric_limits<std::int64_t>::max(), highest = -lowest;
-    for (const GridPoint& point : corners_of_roots(small.store))
+    for (const GridPoint& point : corners_of_roots(left.store))
       lowest = std::min(lowest, pose_point(frame_a.value(), point).v[0]);
-    for (const GridPoint& point : corners_of_roots(large.store))
+    for (const GridPoint& point : corners_of_roots(right.store))
       highest = std::max(highest, pose_point(frame_b.value(), point).v[0]);
     EXPECT_GT(lowest, highest);
   }
+}
+
+TEST(ModelBoundsOf, BoxesThatBarelyPartLeavePosedVerticesApart) {
+  const BakedModel small = test::bake_mesh(generate_sphere(6, 0), 16);
+  const BakedModel large = test::bake_mesh(generate_terrain(12, 3), 16);
+  expect_apart_where_boxes_part(small, large);  // the rounding of rotations weighs most
+  expect_apart_where_boxes_part(large, small);
+  expect_apart_where_boxes_part(small, small);  // that of the lattice does
 }
 
 }  // namespace
