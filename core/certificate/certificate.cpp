@@ -127,7 +127,7 @@ Status CertificateMaker::round() {
     NEARMESH_RETURN_IF_ERROR(posed);
     const Answer inside =
         query(a, posed.value().a, b, posed.value().b,
-              {.clearance = false, .solid_a = pair.solid_a, .solid_b = pair.solid_b});
+              {.clearance = Clearance::kNone, .solid_a = pair.solid_a, .solid_b = pair.solid_b});
     if (!inside.missing_a.empty() || !inside.missing_b.empty())
       return split(pair, inside.missing_a, inside.missing_b);
   }

@@ -130,7 +130,7 @@ class SweptQuery {
     Posed posed;
     if (!pose_both(instant, posed)) return false;
     const Answer there =
-        query(a_.tree, posed.a, b_.tree, posed.b, {.any = true, .clearance = false});
+        query(a_.tree, posed.a, b_.tree, posed.b, {.any = true, .clearance = Clearance::kNone});
     answer_.stats.box_tests += there.stats.box_tests;
     answer_.stats.triangle_tests += there.stats.triangle_tests;
     return there.status == AnswerStatus::kContact;
@@ -443,8 +443,8 @@ Result<SweptAnswer> sweep_from(const Answer* now, const TreeView& a, const Motio
     const Result<PosedPair> start =
         pose_pair(*a.grid, motion_a.pose, name_a, *b.grid, motion_b.pose, name_b);
     NEARMESH_RETURN_IF_ERROR(start);
-    now = &asked.emplace(
-        query(a, start.value().a, b, start.value().b, {.any = true, .clearance = false}));
+    now = &asked.emplace(query(a, start.value().a, b, start.value().b,
+                               {.any = true, .clearance = Clearance::kNone}));
   }
   if (now->pair_total > 0 || (is_at_rest(motion_a) && is_at_rest(motion_b))) {
     SweptAnswer swept = at_once(*now, options.duration_s);

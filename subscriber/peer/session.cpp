@@ -189,7 +189,8 @@ void Session::Impl::answer_pair(Pair& pair, std::uint64_t frame, FrameReport& re
     result.pose_a = a.motion.pose;
     result.pose_b = b.motion.pose;
     Result<Answered> asked = answer(a, b,
-                                    {.contacts = options.contacts,
+                                    {.clearance = options.clearance,
+                                     .contacts = options.contacts,
                                      .sweep_s = options.sweep_s,
                                      .max_sweep_tests = kMaxSweepTests});
     if (asked.is_ok()) {

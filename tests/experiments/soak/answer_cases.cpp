@@ -155,7 +155,7 @@ class Case {
     return answer;
   }
   template <class State>
-  Answer ask(const State& a, const State& b, bool clearance) {
+  Answer ask(const State& a, const State& b, Clearance clearance) {
     return judge(query(a.view(), posed_.a, b.view(), posed_.b, {.clearance = clearance}));
   }
 
@@ -179,7 +179,7 @@ class Case {
       refine(b, b_);
       if (random_.below(2) == 0) test::tell_half_spaces(a, a_.half_spaces, random_, target_of(a_));
       if (random_.below(2) == 0) test::tell_half_spaces(b, b_.half_spaces, random_, target_of(b_));
-      ask(a, b, true);
+      ask(a, b, Clearance::kBound);
       const Result<Answer> last =
           certify(a, posed_.a, test::no_require, b, posed_.b, test::no_require, {});
       if (!last.is_ok()) return found(last.status().message());
@@ -221,7 +221,7 @@ class Case {
     LocalModel whole_a(a_.baked.store, a_.baked.header.grid);
     LocalModel whole_b(b_.baked.store, b_.baked.header.grid);
     const Result<Answer> whole = certify(whole_a, posed_.a, test::no_require, whole_b, posed_.b,
-                                         test::no_require, {.clearance = false});
+                                         test::no_require, {.clearance = Clearance::kNone});
     if (!whole.is_ok()) return found(whole.status().message());
     const std::size_t bytes = 100 + random_.below(kMaxBatchBytes - 100);
     const auto encode = [&](const Model& model, const LocalModel& local) {
@@ -230,14 +230,14 @@ class Case {
                             bytes, half_spaces(model)(treelet));
     };
     test::Body a(a_.baked.header), b(b_.baked.header);
-    ask(a, b, true);
+    ask(a, b, Clearance::kBound);
     // In two halves, so that there are answers on the way.
     const Batches all_a = encode(a_, whole_a), all_b = encode(b_, whole_b);
     for (int half = 0; half < 2; ++half) {
       deliver(a, all_a);
-      ask(a, b, false);
+      ask(a, b, Clearance::kNone);
       deliver(b, all_b);
-      ask(a, b, false);
+      ask(a, b, Clearance::kNone);
     }
     finish(a, b, i);
   }
@@ -250,12 +250,12 @@ class Case {
   // Asks for what is missing until nothing is.
   void finish(test::Body& a, test::Body& b, std::uint32_t i) {
     constexpr int kMaxRounds = 4000;
-    Answer answer = ask(a, b, true);
+    Answer answer = ask(a, b, Clearance::kBound);
     for (int round = 0; !is_certified(answer.status); ++round) {
       if (round == kMaxRounds) return found("asking for what is missing does not end");
       request(a, a_, answer.missing_a);
       request(b, b_, answer.missing_b);
-      answer = ask(a, b, true);
+      answer = ask(a, b, Clearance::kBound);
     }
     if (i + 1 == kPosesPerCase) compare_with_new_trees(a.replica.mesh(), b.replica.mesh(), answer);
   }
@@ -292,7 +292,7 @@ class Case {
       finish(a, b, i);
       a.evict_some(random_);
       b.evict_some(random_);
-      ask(a, b, true);
+      ask(a, b, Clearance::kExact);
     }
   }
 

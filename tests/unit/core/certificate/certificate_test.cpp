@@ -116,7 +116,7 @@ TEST_P(Certificate, OneRoundTripCertifiesNowAndAhead) {
             << answer.missing_a.size() << " " << answer.missing_b.size();
       }
       const Answer full = query(full_a.tree.view(), posed.value().a, full_b.tree.view(),
-                                posed.value().b, {.clearance = false});
+                                posed.value().b, {.clearance = Clearance::kNone});
       EXPECT_EQ(test::fault_of(answer, full), "") << i << ", " << step;
       ++asked;
       certified += is_certified(answer.status) ? 1 : 0;

@@ -57,6 +57,8 @@ struct SessionOptions {
   double audit_s = 0;
   /// Draws which blocks; 0: the system does, so that no publisher can tell.
   std::uint64_t audit_seed = 0;
+  /// How the bound of a free answer is sought; without one no safe_horizon_s is known either.
+  Clearance clearance = Clearance::kBound;
   bool contacts = false;  ///< work out where bodies touch: PairAnswer::contacts
   bool publish_reports =
       true;  ///< send a ContactReport of each answer, and again when it changes within a frame
