@@ -95,7 +95,7 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
     report.state_digest =
         mix(report.state_digest ^ (model.is_ready() ? model.replica->mesh().state_hash() + 1 : 0));
   impl.find_near(report);
-  for (Impl::Pair* pair : impl.listed) impl.answer_pair(*pair, frame, report);
+  impl.answer_pairs(frame, report);
   impl.ask(report);
   if (impl.options.max_held_splits > 0)
     for (auto& [name, model] : impl.replicas.all())
@@ -172,8 +172,31 @@ void take_answer(Answered&& all, PairAnswer& result, std::vector<std::string>& c
 
 }  // namespace
 
-void Session::Impl::answer_pair(Pair& pair, std::uint64_t frame, FrameReport& report) {
-  PairAnswer result{.a = pair.a->id, .b = pair.b->id, .answer = nothing_known()};
+void Session::Impl::run_jobs(std::size_t count, const std::function<void(std::size_t)>& job) const {
+  if (options.run_jobs && count > 1) {
+    options.run_jobs(count, [&job](std::size_t i) {
+      const FloatGuard guard;  // of this thread
+      job(i);
+    });
+  } else {
+    for (std::size_t i = 0; i < count; ++i) job(i);
+  }
+}
+
+void Session::Impl::answer_pairs(std::uint64_t frame, FrameReport& report) {
+  std::vector<AskedPair> asked(listed.size());
+  run_jobs(asked.size(), [&](std::size_t i) { asked[i] = ask_pair(*listed[i]); });
+  for (std::size_t i = 0; i < asked.size(); ++i)
+    settle_pair(*listed[i], std::move(asked[i]), frame, report);
+}
+
+// Changes nothing, so that pairs may be asked at once.
+Session::Impl::AskedPair Session::Impl::ask_pair(const Pair& pair) const {
+  AskedPair asked_pair;
+  PairAnswer& result = asked_pair.result;
+  result.a = pair.a->id;
+  result.b = pair.b->id;
+  result.answer = nothing_known();
   result.content_a = pair.a->model->content_hash;
   result.content_b = pair.b->model->content_hash;
   result.age_a_s = wire::age_s(stamp_of(*pair.a), time_s);
@@ -195,7 +218,7 @@ void Session::Impl::answer_pair(Pair& pair, std::uint64_t frame, FrameReport& re
                                      .max_sweep_tests = kMaxSweepTests});
     if (asked.is_ok()) {
       result.asked = true;
-      take_answer(std::move(asked).value(), result, report.complaints);
+      take_answer(std::move(asked).value(), result, asked_pair.complaints);
       if (is_beyond_detail(result.answer))
         result.reason = "body " + (a.view.surface->has_seeds() ? pair.b : pair.a)->name +
                         " has more than " + std::to_string(kMaxComponentSeeds) +
@@ -203,8 +226,17 @@ void Session::Impl::answer_pair(Pair& pair, std::uint64_t frame, FrameReport& re
     } else {
       result.reason = asked.status().message();
     }
-    report.query_s += watch.seconds();
+    asked_pair.query_s = watch.seconds();
   }
+  return asked_pair;
+}
+
+void Session::Impl::settle_pair(Pair& pair, AskedPair&& asked, std::uint64_t frame,
+                                FrameReport& report) {
+  PairAnswer& result = asked.result;
+  report.query_s += asked.query_s;
+  report.complaints.insert(report.complaints.end(), asked.complaints.begin(),
+                           asked.complaints.end());
   if (result.reason.empty() && !is_certified(result.answer.status)) {
     result.awaited = awaited_of(*pair.a->model, result.answer.missing_a.size());
     const std::string more = awaited_of(*pair.b->model, result.answer.missing_b.size());

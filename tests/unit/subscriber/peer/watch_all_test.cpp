@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Many bodies, all pairs of them: what is listed, what is free by bounds, what is unknown.
+#include <atomic>
 #include <set>
+#include <thread>
 
 #include "local_host.hpp"
 #include "world.hpp"
@@ -280,6 +282,58 @@ TEST(WatchAll, SceneryIsNoPairWithScenery) {
   EXPECT_TRUE(report.answers.empty());
   EXPECT_EQ(report.free_by_bounds.pairs, 0U);
   EXPECT_EQ(report.unknown_pairs, 0U);
+}
+
+/// Jobs on threads of their own, the last first.
+void run_on_threads(std::size_t count, const std::function<void(std::size_t)>& job) {
+  constexpr std::size_t kThreads = 3;
+  std::atomic<std::size_t> left{count};
+  std::vector<std::thread> threads;
+  for (std::size_t t = 0; t < kThreads; ++t)
+    threads.emplace_back([&] {
+      for (;;) {
+        std::size_t before = left.load();
+        while (before > 0 && !left.compare_exchange_weak(before, before - 1)) {
+        }
+        if (before == 0) return;
+        job(before - 1);
+      }
+    });
+  for (std::thread& thread : threads) thread.join();
+}
+
+TEST(WatchAll, AnswersAreTheSameOnAnyNumberOfThreads) {
+  SessionOptions alone{.lookahead_s = 0.2, .sweep_s = 0.1, .contacts = true};
+  SessionOptions threads = alone;
+  std::size_t jobs = 0;
+  threads.run_jobs = [&jobs](std::size_t count, const std::function<void(std::size_t)>& job) {
+    jobs += count;
+    run_on_threads(count, job);
+  };
+  Host one(alone), many(threads);
+  std::vector<BodyId> bodies;
+  for (int i = 0; i < 8; ++i) {
+    bodies.push_back(one.add(std::to_string(i)));
+    ASSERT_EQ(many.add(std::to_string(i)), bodies.back());
+  }
+  Swarm swarm(5, bodies.size());
+  for (int frame = 0; frame < 30; ++frame, swarm.step()) {
+    std::vector<Session::OwnMotion> own;
+    for (std::size_t i = 0; i < bodies.size(); ++i) own.push_back({bodies[i], swarm.motions[i]});
+    for (int round = 0; round < 5; ++round) {
+      const FrameReport a = one.update(own), b = many.update(own);
+      ASSERT_EQ(a.answers_digest, b.answers_digest);
+      ASSERT_EQ(a.state_digest, b.state_digest);
+      ASSERT_EQ(a.answers.size(), b.answers.size());
+      for (std::size_t i = 0; i < a.answers.size(); ++i) {
+        EXPECT_EQ(a.answers[i].answer.clearance_m, b.answers[i].answer.clearance_m);
+        EXPECT_EQ(a.answers[i].safe_horizon_s, b.answers[i].safe_horizon_s);
+        EXPECT_EQ(a.answers[i].swept.has_value(), b.answers[i].swept.has_value());
+      }
+    }
+  }
+  EXPECT_EQ(one.session->stats().looks_ahead, many.session->stats().looks_ahead);
+  EXPECT_GT(jobs, 500U);
 }
 
 // Far more pairs than one request may name, and more regions than one may hold.

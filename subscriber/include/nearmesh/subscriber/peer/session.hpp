@@ -6,7 +6,9 @@
 // Polled by the host: update() never blocks and never calls DDS (the channel's own thread does).
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -38,6 +40,9 @@ struct BodyOptions {
   std::uint32_t group = 1, mask = 0xffffffffU;
 };
 
+/// Calls job(0) to job(count - 1), each once, in any order and on any threads, and returns when all are done.
+using RunJobs = std::function<void(std::size_t count, const std::function<void(std::size_t)>& job)>;
+
 struct SessionOptions {
   /// Answers are uncertain where the pose of a body that another moves is this far from the frame's time, seconds. Own bodies
   /// at rest are published again after a quarter of it, so let all peers have one value.
@@ -60,6 +65,10 @@ struct SessionOptions {
   /// How the bound of a free answer is sought; without one no safe_horizon_s is known either.
   Clearance clearance = Clearance::kBound;
   bool contacts = false;  ///< work out where bodies touch: PairAnswer::contacts
+  /// Answers of pairs, and looks ahead for them, are jobs: the host's scheduler may run them at once. Answers and digests are the
+  /// same whatever it does. None: one after the other, in update(). It is called in update(), at most twice a frame; a job never
+  /// throws, never waits and calls nothing of the host's.
+  RunJobs run_jobs;
   bool publish_reports =
       true;  ///< send a ContactReport of each answer, and again when it changes within a frame
 };
@@ -120,7 +129,7 @@ struct FrameReport {
   double refine_s = 0;  ///< T_R: vertex splits and collapses
   double tree_s = 0;    ///< T_B: AB-tree
   double broad_s = 0;   ///< which pairs may be near
-  double query_s = 0;   ///< T_Q, sweeps and contacts included
+  double query_s = 0;   ///< T_Q, sweeps and contacts included, the sum over pairs
   std::uint64_t batches_waiting = 0;    ///< left over for want of budget
   std::vector<std::string> complaints;  ///< one line each, for a log
   /// Digest of the state of refinement that the answers were given in: of all models' active vertices, in the order of
