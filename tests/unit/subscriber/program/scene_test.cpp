@@ -116,7 +116,7 @@ TEST(ReadScene, ReadsAllOfIt) {
   folder.write("scene.yaml",
                std::string(kScene) +
                    "margin_m: 2\nsweep_s: 1.5\nmax_held_splits: 5000\nstart_timeout_s: 7\n"
-                   "contacts: true\n");
+                   "contacts: true\ncache: kept\n");
   const Result<Scene> result = read_scene(folder.file("scene.yaml"));
   ASSERT_TRUE(result.is_ok()) << result.status().message();
   const Scene& scene = result.value();
@@ -138,6 +138,7 @@ TEST(ReadScene, ReadsAllOfIt) {
   EXPECT_EQ(scene.session.sweep_s, 1.5);
   EXPECT_EQ(scene.session.max_held_splits, 5000U);
   EXPECT_TRUE(scene.session.contacts);
+  EXPECT_EQ(scene.session.cache_folder, folder.file("kept"));
 }
 
 TEST(ReadScene, DerivesVelocitiesFromTheNextFrame) {

@@ -55,6 +55,10 @@ struct SessionOptions {
   double audit_s = 0;
   /// Draws which blocks; 0: the system does, so that no publisher can tell.
   std::uint64_t audit_seed = 0;
+  /// A folder in which detail is kept from one session to the next, by content, at most 8 MiB each; none: it is not. Several
+  /// processes may share one. Whoever can write there is believed as a publisher is. Read in the update that brings a model's
+  /// header, written by write_cache() and at the session's end.
+  std::string cache_folder;
   bool contacts = false;  ///< work out where bodies touch: PairAnswer::contacts
   bool publish_reports =
       true;  ///< send a ContactReport of each answer, and again when it changes within a frame
@@ -160,6 +164,9 @@ class Session {
   [[nodiscard]] Result<RegionReadiness> region_readiness(BodyId body,
                                                          const std::array<double, 3>& lo_m,
                                                          const std::array<double, 3>& hi_m) const;
+  /// Brings the files of SessionOptions::cache_folder up to date. Errors: kIo; kConflict where a file of another kind stands in a
+  /// place; the other files are written all the same.
+  [[nodiscard]] Status write_cache();
   [[nodiscard]] SessionStats stats() const;
   /// Where a body was last known to be, and how it moves; none where no pose has come, or no such body is declared.
   [[nodiscard]] std::optional<Motion> motion_of(BodyId body) const;
