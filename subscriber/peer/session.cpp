@@ -43,10 +43,13 @@ Session::Session(std::unique_ptr<Channel> channel, SessionOptions options)
   NEARMESH_ASSERT(options.sweep_s >= 0);
   NEARMESH_ASSERT(options.max_pose_age_s >= 0);
   impl_->channel = std::move(channel);
+  impl_->replicas.use_cache(options.cache_folder);
   impl_->options = options;
   impl_->audits = Random(options.audit_seed != 0 ? options.audit_seed : std::random_device{}());
 }
-Session::~Session() = default;
+Session::~Session() { static_cast<void>(impl_->replicas.write_caches()); }
+
+Status Session::write_cache() { return impl_->replicas.write_caches(); }
 
 Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
                                     const std::vector<OwnMotion>& motions, double budget_s) {
@@ -87,6 +90,7 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
         std::abs(time_s - body.published_s) >= kRepeatShare * impl.options.max_pose_age_s)
       impl.publish(body, frame);
   impl.take_inbox(report);
+  impl.replicas.read_caches(report.complaints);
   while (impl.replicas.apply_one(report) && spent.seconds() < budget_s) {
   }
   for (const auto& [name, model] : impl.replicas.all())

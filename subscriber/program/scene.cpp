@@ -154,8 +154,8 @@ std::size_t body_named(const Scene& scene, const std::string& name, const YAML::
 Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
   check_keys(root, "scene",
              {"bodies", "moves", "pairs", "frame_rate_hz", "budget_ms", "lookahead_s", "audit_s",
-              "margin_m", "max_pose_age_s", "sweep_s", "max_held_splits", "clearance", "contacts",
-              "start_timeout_s"});
+              "cache", "margin_m", "max_pose_age_s", "sweep_s", "max_held_splits", "clearance",
+              "contacts", "start_timeout_s"});
   Scene scene;
   scene.frame_rate_hz = number_in(root, "frame_rate_hz", scene.frame_rate_hz, 0.1, 10000);
   scene.budget_s = number_in(root, "budget_ms", scene.budget_s * 1e3, 0, 1e6) / 1e3;
@@ -169,6 +169,11 @@ Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
   scene.session.max_held_splits =
       static_cast<std::uint32_t>(number_in(root, "max_held_splits", 0, 0, 4e9));
   if (root["clearance"]) scene.session.clearance = clearance(root["clearance"]);
+  if (root["cache"]) {
+    const std::filesystem::path cache = value<std::string>(root["cache"], "cache", "a folder");
+    if (cache.empty()) fail(root["cache"], "cache: expected a folder, found nothing");
+    scene.session.cache_folder = (cache.is_absolute() ? cache : folder / cache).string();
+  }
   if (root["contacts"])
     scene.session.contacts = value<bool>(root["contacts"], "contacts", "true or false");
   if (!root["bodies"] || !root["bodies"].IsSequence()) fail(root, "bodies: expected a list");

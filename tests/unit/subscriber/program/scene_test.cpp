@@ -116,7 +116,7 @@ TEST(ReadScene, ReadsAllOfIt) {
   folder.write("scene.yaml",
                std::string(kScene) +
                    "margin_m: 2\nsweep_s: 1.5\nmax_held_splits: 5000\nstart_timeout_s: 7\n"
-                   "contacts: true\nclearance: exact\n");
+                   "contacts: true\nclearance: exact\ncache: kept\n");
   const Result<Scene> result = read_scene(folder.file("scene.yaml"));
   ASSERT_TRUE(result.is_ok()) << result.status().message();
   const Scene& scene = result.value();
@@ -140,6 +140,7 @@ TEST(ReadScene, ReadsAllOfIt) {
   EXPECT_TRUE(scene.session.contacts);
   EXPECT_EQ(scene.session.clearance, Clearance::kExact);
   EXPECT_FALSE(scene.watches_all);
+  EXPECT_EQ(scene.session.cache_folder, folder.file("kept"));
 }
 
 TEST(ReadScene, MayWatchAllPairs) {

@@ -373,6 +373,23 @@ TEST_F(Verify, ALateRecorderProvesWhatFollowsWithTheModelsFiles) {
   EXPECT_EQ(whole.verified, all.answers());
 }
 
+// It was in no batch that a recorder could hear.
+TEST_F(Verify, WhatCameOutOfACacheIsSaidAndProvedWithTheModelsFiles) {
+  SessionOptions options = quick_options();
+  options.cache_folder = folder_ + "/cache";
+  static_cast<void>(record(options));
+  const Recorded all = record(options, {0});
+  const VerifyReport without = verify(all);
+  expect_sum(without);
+  EXPECT_EQ(without.different, 0U);
+  EXPECT_EQ(without.wanted.size(), 2U);
+  const auto folder = models();
+  const VerifyReport found = verify(all, 2, folder.get());
+  expect_sum(found);
+  EXPECT_EQ(found.different, 0U) << found.differences.front().what;
+  EXPECT_EQ(found.verified, all.answers());
+}
+
 TEST_F(Verify, ALateRecordingWithoutFilesSaysWhichItWants) {
   const Recorded all = record(quick_options(), {12});
   const Recorded late = all.from(find_held(all));

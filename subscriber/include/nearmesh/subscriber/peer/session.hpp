@@ -64,6 +64,10 @@ struct SessionOptions {
   std::uint64_t audit_seed = 0;
   /// How the bound of a free answer is sought; without one no safe_horizon_s is known either.
   Clearance clearance = Clearance::kBound;
+  /// A folder in which detail is kept from one session to the next, by content, at most 8 MiB each; none: it is not. Several
+  /// processes may share one. Whoever can write there is believed as a publisher is. Read in the update that brings a model's
+  /// header, written by write_cache() and at the session's end.
+  std::string cache_folder;
   bool contacts = false;  ///< work out where bodies touch: PairAnswer::contacts
   /// Answers of pairs, and looks ahead for them, are jobs: the host's scheduler may run them at once. Answers and digests are the
   /// same whatever it does. None: one after the other, in update(). It is called in update(), at most twice a frame; a job never
@@ -213,6 +217,9 @@ class Session {
   [[nodiscard]] Result<RegionReadiness> region_readiness(BodyId body,
                                                          const std::array<double, 3>& lo_m,
                                                          const std::array<double, 3>& hi_m) const;
+  /// Brings the files of SessionOptions::cache_folder up to date. Errors: kIo; kConflict where a file of another kind stands in a
+  /// place; the other files are written all the same.
+  [[nodiscard]] Status write_cache();
   [[nodiscard]] SessionStats stats() const;
   /// Where a body was last known to be, and how it moves; none where no pose has come, or no such body is declared.
   [[nodiscard]] std::optional<Motion> motion_of(BodyId body) const;
