@@ -26,7 +26,7 @@ constexpr bool kCanLimitMemory = false;
 constexpr bool kCanLimitMemory = true;
 #endif
 
-/// What goes over the pipe: this, the message, the positions, the faces, the parts, their names.
+/// What goes over the pipe: this, the message or the grid, the positions, the faces, the parts, their names.
 struct Preamble {
   std::uint32_t code = 0;
   std::uint32_t message_size = 0;
@@ -34,6 +34,16 @@ struct Preamble {
   std::uint64_t face_count = 0;
   std::uint64_t part_count = 0;
   FileConvention convention;
+  bool has_terrain = false;
+};
+/// An ImportedTerrain, then the name of its coordinates.
+struct TerrainRecord {
+  std::uint64_t columns = 0, rows = 0, posts_without_data = 0;
+  double fill = 0;
+  bool has_fill = false;
+  TerrainFrame frame = TerrainFrame::kFile;
+  std::array<double, 2> enu_origin_deg{};
+  std::uint32_t name_size = 0;
 };
 struct PartRecord {
   Transform to_file;
@@ -102,6 +112,17 @@ Result<SceneMesh> run_guarded(const std::function<Result<SceneMesh>()>& reader) 
     preamble.face_count = mesh.faces.size();
     preamble.part_count = parts.size();
     preamble.convention = result.value().convention;
+    const ImportedTerrain terrain = result.value().terrain.value_or(ImportedTerrain{});
+    preamble.has_terrain = result.value().terrain.has_value();
+    const std::string crs = terrain.stated_crs.substr(0, kMostMessage);
+    const TerrainRecord terrain_record{terrain.columns,
+                                       terrain.rows,
+                                       terrain.posts_without_data,
+                                       terrain.fill.value_or(0),
+                                       terrain.fill.has_value(),
+                                       terrain.frame,
+                                       terrain.enu_origin_deg,
+                                       static_cast<std::uint32_t>(crs.size())};
     std::vector<PartRecord> records;
     std::string names;
     for (const ScenePart& part : parts) {
@@ -109,6 +130,8 @@ Result<SceneMesh> run_guarded(const std::function<Result<SceneMesh>()>& reader) 
       names += part.name;
     }
     sent = write_all(pipe, &preamble, sizeof preamble) &&
+           write_all(pipe, &terrain_record, sizeof terrain_record) &&
+           write_all(pipe, crs.data(), crs.size()) &&
            write_all(pipe, mesh.positions_m.data(),
                      mesh.positions_m.size() * sizeof mesh.positions_m[0]) &&
            write_all(pipe, mesh.faces.data(), mesh.faces.size() * sizeof mesh.faces[0]) &&
@@ -195,6 +218,23 @@ ReadOutcome receive_parts(PipeReader& pipe, std::uint64_t count, const ChildLimi
   return ReadOutcome::kDone;
 }
 
+ReadOutcome receive_terrain(PipeReader& pipe, bool has_terrain, SceneMesh& scene) {
+  TerrainRecord record;
+  if (const auto got = pipe.read_all(&record, sizeof record); got != ReadOutcome::kDone) return got;
+  if (record.frame > TerrainFrame::kEcef || record.name_size > kMostMessage)
+    return ReadOutcome::kMalformed;
+  ImportedTerrain terrain{.columns = record.columns,
+                          .rows = record.rows,
+                          .posts_without_data = record.posts_without_data,
+                          .frame = record.frame,
+                          .enu_origin_deg = record.enu_origin_deg,
+                          .stated_crs = std::string(record.name_size, '\0')};
+  if (record.has_fill) terrain.fill = record.fill;
+  const auto got = pipe.read_all(terrain.stated_crs.data(), terrain.stated_crs.size());
+  if (has_terrain) scene.terrain = std::move(terrain);
+  return got;
+}
+
 /// Trusts no count of the child, which may have been talked into anything by the file.
 ReadOutcome receive(PipeReader& pipe, const ChildLimits& limits, Status& status, SceneMesh& scene) {
   Preamble preamble;
@@ -216,9 +256,11 @@ ReadOutcome receive(PipeReader& pipe, const ChildLimits& limits, Status& status,
       !is_sound(preamble.convention))
     return ReadOutcome::kMalformed;
   scene.convention = preamble.convention;
+  auto got = receive_terrain(pipe, preamble.has_terrain, scene);
+  if (got != ReadOutcome::kDone) return got;
   mesh.positions_m.resize(preamble.position_count);
   mesh.faces.resize(preamble.face_count);
-  auto got =
+  got =
       pipe.read_all(mesh.positions_m.data(), mesh.positions_m.size() * sizeof mesh.positions_m[0]);
   if (got != ReadOutcome::kDone) return got;
   got = pipe.read_all(mesh.faces.data(), mesh.faces.size() * sizeof mesh.faces[0]);

@@ -15,6 +15,8 @@
 #include "assimp_reader.hpp"
 #include "child.hpp"
 #include "core/base/float_guard.hpp"
+#include "gdal_reader.hpp"
+#include "grid_formats.hpp"
 #include "nodes.hpp"
 #include "plain_formats.hpp"
 
@@ -62,17 +64,45 @@ Result<SceneMesh> read_plain_scene(meshio::PlainFormat format, std::string_view 
   return SceneMesh{.mesh = std::move(mesh).value()};
 }
 
-Result<SceneMesh> read_any(const std::string& path, const std::string& node, bool by_node) {
+Status check_grid_options(const ImportOptions& options) {
+  if (!options.node.empty())
+    return {StatusCode::kNotFound, "no node is named " + options.node + ": a grid has none"};
+  if (options.up == UpAxis::kY)
+    return {StatusCode::kInvalidArgument, "expected z as the axis that is up in a grid, found y"};
+  return Status::ok();
+}
+
+Result<SceneMesh> read_any(const std::string& path, const ImportOptions& options, bool by_node) {
+  const TerrainOptions terrain = options.terrain.value_or(TerrainOptions{});
   std::uint64_t file_bytes = 0;
+  bool is_grid = false;
   {
-    const Result<std::string> bytes = read_file(path);
-    NEARMESH_RETURN_IF_ERROR(bytes);
-    if (bytes.value().empty()) return Status(StatusCode::kCorrupt, "the file is empty");
-    if (const auto format = meshio::find_plain_format(path, bytes.value()))
-      return read_plain_scene(*format, bytes.value(), node, by_node);
-    file_bytes = bytes.value().size();
+    Result<std::string> read = read_file(path);
+    NEARMESH_RETURN_IF_ERROR(read);
+    std::string& bytes = read.value();
+    if (bytes.empty()) return Status(StatusCode::kCorrupt, "the file is empty");
+    if (const auto format = meshio::find_grid_format(path, bytes, terrain)) {
+      NEARMESH_RETURN_IF_ERROR(check_grid_options(options));
+      Result<meshio::HeightGrid> grid = meshio::read_grid(*format, path, bytes, terrain);
+      NEARMESH_RETURN_IF_ERROR(grid);
+      bytes = {};
+      return meshio::to_scene(std::move(grid.value()), terrain);
+    }
+    if (const auto format = meshio::find_plain_format(path, bytes)) {
+      if (options.terrain)
+        return Status(StatusCode::kInvalidArgument,
+                      "expected a grid of heights, as the options have it, found a mesh");
+      return read_plain_scene(*format, bytes, options.node, by_node);
+    }
+    is_grid = options.terrain || meshio::is_for_gdal(path, bytes);
+    file_bytes = bytes.size();
   }
-  return meshio::run_in_child([&] { return meshio::read_with_assimp(path, node); },
+  if (is_grid) {
+    NEARMESH_RETURN_IF_ERROR(check_grid_options(options));
+    return meshio::run_in_child([&] { return meshio::read_with_gdal(path, terrain); },
+                                limits_for(file_bytes));
+  }
+  return meshio::run_in_child([&] { return meshio::read_with_assimp(path, options.node); },
                               limits_for(file_bytes));
 }
 
@@ -153,7 +183,7 @@ struct Read {
 
 Result<Read> read_checked(const std::string& path, const ImportOptions& options, bool by_node) {
   NEARMESH_RETURN_IF_ERROR(check_options(options));
-  Result<SceneMesh> scene = read_any(path, options.node, by_node);
+  Result<SceneMesh> scene = read_any(path, options, by_node);
   NEARMESH_RETURN_IF_ERROR(scene);
   NEARMESH_RETURN_IF_ERROR(check_faces(scene.value().mesh));
   const Result<MeshOrigin> origin = find_origin(scene.value().convention, options);
@@ -185,9 +215,10 @@ Result<ImportedMesh> import_mesh(const std::string& path, const ImportOptions& o
     auto& [scene, origin] = read.value();
     const bool is_as_written = scene.convention.is_known;
     const UpAxis stated_up = scene.convention.up;
+    std::optional<ImportedTerrain> terrain = std::move(scene.terrain);
     IndexedMesh mesh = assemble(std::move(scene), meshio::to_model(origin));
     NEARMESH_RETURN_IF_ERROR(check_faces(mesh));  // a product may have left the doubles
-    return ImportedMesh{std::move(mesh), origin, is_as_written, stated_up};
+    return ImportedMesh{std::move(mesh), origin, is_as_written, stated_up, std::move(terrain)};
   });
 }
 
@@ -204,7 +235,7 @@ Result<ImportedNodes> import_nodes(const std::string& path, const ImportOptions&
     auto& [scene, origin] = read.value();
     ImportedNodes out{
         meshio::take_apart(scene, meshio::to_model(origin), std::filesystem::path(path).stem()),
-        origin, scene.convention.is_known, scene.convention.up};
+        origin, scene.convention.is_known, scene.convention.up, scene.terrain};
     for (const ImportedNode& node : out.nodes) NEARMESH_RETURN_IF_ERROR(check_faces(node.mesh));
     return out;
   });

@@ -5,11 +5,13 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "nearmesh/core/base/mesh_origin.hpp"
 #include "nearmesh/core/mesh/indexed_mesh.hpp"
+#include "nearmesh/core/meshio/terrain.hpp"
 
 namespace nearmesh::meshio {
 
@@ -70,6 +72,7 @@ struct SceneMesh {
   std::vector<ScenePart>
       parts;  ///< empty: the mesh is one part without a name, in the file's frame
   FileConvention convention;
+  std::optional<ImportedTerrain> terrain;  ///< it was a grid of heights
 };
 
 }  // namespace nearmesh::meshio

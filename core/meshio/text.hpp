@@ -5,6 +5,7 @@
 #include <charconv>
 #include <cmath>
 #include <cstdint>
+#include <cstdio>
 #include <cstdlib>
 #include <optional>
 #include <string>
@@ -63,6 +64,13 @@ inline std::string quote(std::string_view found) {
   std::string text = "\"";
   for (const char c : found.substr(0, 40)) text += c >= ' ' && c <= '~' ? c : '?';
   return text + (found.size() > 40 ? "...\"" : "\"");
+}
+
+/// A number as a message has it: short, and as exact as anybody needs to find it.
+inline std::string quote_number(double x) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.9g", x);
+  return text;
 }
 
 /// A finite number that a double holds; one too small for a double is zero.

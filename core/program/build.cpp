@@ -17,6 +17,7 @@
 #include "nearmesh/core/bake/bake.hpp"
 #include "nearmesh/core/meshio/import.hpp"
 #include "nearmesh/core/spm/write_model_file.hpp"
+#include "terrain.hpp"
 
 namespace nearmesh::program {
 namespace {
@@ -52,6 +53,7 @@ class Progress {
 struct Outcome {
   std::string in, out;
   Measures measures;
+  std::optional<ImportedTerrain> terrain;
   CleanReport clean;
   double seconds = 0, simplify_seconds = 0;
   std::uint64_t base_vertices = 0, base_faces = 0, splits = 0;
@@ -93,6 +95,7 @@ void print_json(const Outcome& o) {
                                    {"seconds", o.seconds},
                                    {"peak_memory_bytes", peak_memory_bytes()}};
   add_json(o.measures, report);
+  if (o.terrain) report["terrain"] = terrain_json(*o.terrain);
   std::printf("%s\n", report.dump().c_str());
 }
 
@@ -103,6 +106,7 @@ void print_text(const Outcome& o) {
   std::printf("  content: %s\n", to_hex(o.written.content_hash).c_str());  // as a scene has it
   std::printf("  in            %llu faces, %llu vertices\n", count(c.faces_in),
               count(c.vertices_in));
+  if (o.terrain) print_terrain(*o.terrain);
   std::printf("  welded        %llu vertices\n", count(c.vertices_welded));
   std::printf(
       "  dropped       %llu unreferenced vertices, %llu duplicate faces, %llu degenerate faces\n",
@@ -136,9 +140,10 @@ void print_text(const Outcome& o) {
 
 /// `mesh` is let go of as soon as it is cleaned: the bake needs the memory.
 Result<Outcome> build(IndexedMesh mesh, const MeshOrigin& origin, UpAxis stated_up,
-                      const std::string& out, const BuildOptions& options, Progress& progress) {
+                      const std::optional<ImportedTerrain>& terrain, const std::string& out,
+                      const BuildOptions& options, Progress& progress) {
   Stopwatch watch;
-  Outcome outcome{.in = options.in, .out = out};
+  Outcome outcome{.in = options.in, .out = out, .terrain = terrain};
   progress.stage("cleaning");
   Result<CleanResult> clean = clean_mesh(mesh, {.grid_bits = options.grid_bits});
   if (!clean.is_ok())
@@ -149,6 +154,7 @@ Result<Outcome> build(IndexedMesh mesh, const MeshOrigin& origin, UpAxis stated_
   for (const GridPoint& position : clean.value().mesh.positions) box.add(position);
   outcome.measures = measure(clean.value().mesh.grid, box, origin);
   outcome.measures.stated_up = stated_up;
+  outcome.measures.is_terrain = terrain.has_value();
   progress.stage("simplifying");
   Stopwatch simplify_watch;
   Result<BakedModel> baked =
@@ -197,10 +203,13 @@ double metres(const std::string& unit) {
   return 0;  // which import refuses
 }
 
-ImportOptions import_options(const BuildOptions& options) {
+Result<ImportOptions> import_options(const BuildOptions& options) {
   ImportOptions out{.scale = options.scale, .node = options.node};
   if (!options.unit.empty()) out.unit_m = metres(options.unit);
   if (!options.up.empty()) out.up = options.up == "y" ? UpAxis::kY : UpAxis::kZ;
+  const auto terrain = terrain_options(options);
+  NEARMESH_RETURN_IF_ERROR(terrain);
+  out.terrain = terrain.value();
   return out;
 }
 
@@ -217,8 +226,9 @@ std::string list(std::span<const double> numbers) {
   return nlohmann::json(std::vector<double>(numbers.begin(), numbers.end())).dump();
 }
 
-Status build_nodes(const BuildOptions& options, Progress& progress) {
-  const Result<ImportedNodes> imported = import_nodes(options.in, import_options(options));
+Status build_nodes(const BuildOptions& options, const ImportOptions& import_options,
+                   Progress& progress) {
+  const Result<ImportedNodes> imported = import_nodes(options.in, import_options);
   NEARMESH_RETURN_IF_ERROR(imported);
   const std::filesystem::path folder = options.out;
   std::error_code error;
@@ -235,7 +245,7 @@ Status build_nodes(const BuildOptions& options, Progress& progress) {
   for (const ImportedNode& node : imported.value().nodes) {
     const Result<Outcome> outcome =
         build(node.mesh, imported.value().origin, imported.value().stated_up,
-              path_of(node.name + ".spm"), options, progress);
+              imported.value().terrain, path_of(node.name + ".spm"), options, progress);
     NEARMESH_RETURN_IF_ERROR(outcome);
     report(outcome.value(), options);
     const std::string name = nlohmann::json(node.name).dump();
@@ -256,13 +266,16 @@ Status run(const BuildOptions& options) {
   Stopwatch watch;
   if (!options.per_node)
     NEARMESH_RETURN_IF_ERROR(check_output(options.out, file_layout::kModelFile, {options.in}));
+  const Result<ImportOptions> asked = import_options(options);
+  NEARMESH_RETURN_IF_ERROR(asked);
   Progress progress;
   progress.stage("reading");
-  if (options.per_node) return build_nodes(options, progress);
-  Result<ImportedMesh> imported = import_mesh(options.in, import_options(options));
+  if (options.per_node) return build_nodes(options, asked.value(), progress);
+  Result<ImportedMesh> imported = import_mesh(options.in, asked.value());
   NEARMESH_RETURN_IF_ERROR(imported);
-  Result<Outcome> outcome = build(std::move(imported.value().mesh), imported.value().origin,
-                                  imported.value().stated_up, options.out, options, progress);
+  Result<Outcome> outcome =
+      build(std::move(imported.value().mesh), imported.value().origin, imported.value().stated_up,
+            imported.value().terrain, options.out, options, progress);
   NEARMESH_RETURN_IF_ERROR(outcome);
   outcome.value().seconds = watch.seconds();
   report(outcome.value(), options);

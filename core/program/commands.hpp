@@ -28,6 +28,8 @@ struct BuildOptions {
   unsigned threads = 0;
   std::string unit, up, node;  ///< empty: what the file says; nothing turned; all nodes
   double scale = 1;
+  /// Of a grid of heights, as they were typed; empty: not said.
+  std::string crs, spacing, corner, nodata, fill, heights, raw;
   bool per_node = false, json = false;
 };
 Status run(const BuildOptions& options);

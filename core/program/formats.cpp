@@ -33,7 +33,11 @@ Status run(const FormatsOptions& options) {
       "\nCoordinates are the file's as written, in metres. No unit stated: a metre, or --unit. "
       "Nothing is\n"
       "turned without --up. Assimp reads more formats, which it may turn or scale; build warns of "
-      "that.\n");
+      "that.\n\n"
+      "Grids of heights, with options that docs/terrain.md tells: HGT, ESRI ASCII (asc), PGM, PNG, "
+      "raw "
+      "samples.\nGeoTIFF, DTED and others are read by GDAL, which this build %s.\n",
+      has_gdal() ? "has" : "has not (libgdal-dev)");
   return Status::ok();
 }
 

@@ -58,6 +58,31 @@ void add_build(CLI::App& app, Action& chosen) {
                  "A model for each node, named by it, in the node's frame, and scene.yaml, which "
                  "places them")
       ->excludes(node);
+  const auto add_for_grids = [command](const char* name, std::string& value, const char* help) {
+    command->add_option(name, value, help)->group("For grids of heights (docs/terrain.md)");
+  };
+  add_for_grids(
+      "--crs", options->crs,
+      "The model's frame. file: the file's own coordinates, in metres. enu:LAT,LON: east, north, "
+      "up in the plane that touches the WGS 84 ellipsoid there. ecef: geocentric");
+  add_for_grids(
+      "--spacing", options->spacing,
+      "EAST,NORTH between posts, of a file that does not state it: metres, or degrees with enu "
+      "and ecef");
+  add_for_grids("--corner", options->corner,
+                "X,Y of the south-western post, of a file that does not state it (default: 0,0)");
+  add_for_grids("--nodata", options->nodata,
+                "The sample that means no data, beside the one that the file states; may be nan");
+  add_for_grids("--fill", options->fill,
+                "Height of posts without data (default: none, they leave holes)");
+  add_for_grids(
+      "--heights", options->heights,
+      "OFFSET,STEP: a height is OFFSET + STEP x sample; of colours, a sample is 65536 red + 256 "
+      "green + blue");
+  add_for_grids(
+      "--raw", options->raw,
+      "COLUMNSxROWS,TYPE: nothing but samples, the northern row first; u8, i8, or u, i, f, then "
+      "16, 32 or 64, then le or be, as i16be");
   command->add_option("--grid-bits", options->grid_bits, "Bits per axis of the integer grid")
       ->capture_default_str()
       ->check(CLI::Range(kMinGridBits, kMaxGridBits));

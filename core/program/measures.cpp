@@ -60,7 +60,7 @@ std::vector<std::string> doubts(const Measures& measures) {
   double size_m = 0;
   for (std::size_t k = 0; k < 3; ++k)
     size_m = std::max(size_m, measures.hi_m[k] - measures.lo_m[k]);
-  if (size_m < kSmall_m || size_m > kLarge_m)
+  if (size_m < kSmall_m || (size_m > kLarge_m && !measures.is_terrain))
     found.push_back("the model is " + number(size_m) + " m long, " +
                     (size_m < kSmall_m ? "less than a centimetre" : "more than ten kilometres") +
                     ": is its unit right? " + units_text(measures.origin));

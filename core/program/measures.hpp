@@ -15,6 +15,7 @@ struct Measures {
   std::array<double, 3> lo_m{}, hi_m{};  ///< of the vertices
   MeshOrigin origin;
   UpAxis stated_up = UpAxis::kUnknown;  ///< by the file or its format, where that is at hand
+  bool is_terrain = false;  ///< a grid of heights, which may well be ten kilometres long
 };
 
 /// `box` holds exactly the vertices.

@@ -28,6 +28,33 @@ TEST(RunInChild, ReturnsTheMesh) {
   EXPECT_EQ(result.value().mesh.faces, mesh.faces);
 }
 
+TEST(RunInChild, ReturnsWhatIsSaidOfAGrid) {
+  const ImportedTerrain terrain{.columns = 3,
+                                .rows = 4,
+                                .posts_without_data = 5,
+                                .fill = -1.5,
+                                .frame = TerrainFrame::kEnu,
+                                .enu_origin_deg = {47, 11},
+                                .stated_crs = "WGS 84"};
+  const auto result = run_in_child(
+      [&terrain] {
+        return Result<SceneMesh>(SceneMesh{.mesh = generate_sphere(4, 0), .terrain = terrain});
+      },
+      kLimits);
+
+  ASSERT_TRUE(result.is_ok()) << result.status().message();
+  ASSERT_TRUE(result.value().terrain);
+  const ImportedTerrain& found = *result.value().terrain;
+  EXPECT_EQ(found.columns, terrain.columns);
+  EXPECT_EQ(found.rows, terrain.rows);
+  EXPECT_EQ(found.posts_without_data, terrain.posts_without_data);
+  EXPECT_EQ(found.fill, terrain.fill);
+  EXPECT_EQ(found.frame, terrain.frame);
+  EXPECT_EQ(found.enu_origin_deg, terrain.enu_origin_deg);
+  EXPECT_EQ(found.stated_crs, terrain.stated_crs);
+  EXPECT_EQ(result.value().mesh.faces, generate_sphere(4, 0).faces);
+}
+
 TEST(RunInChild, ReturnsTheReadersStatus) {
   const auto result = run_in_child(
       [] { return Result<SceneMesh>(Status(StatusCode::kUnsupported, "strange")); }, kLimits);

@@ -2,7 +2,8 @@
 #pragma once
 // API (docs/api.md).
 // Reads any mesh file: PLY, STL, OFF and OBJ with readers of our own, every other format through
-// assimp. The only room that knows assimp. Gives the IndexedMesh that clean_mesh takes: the file's
+// assimp; and grids of heights: HGT, ASC, PGM, PNG and raw with our own, others through GDAL, where the
+// build has it. The only room that knows assimp and GDAL. Gives the IndexedMesh that clean_mesh takes: the file's
 // coordinates as they are written, in metres.
 
 #include <optional>
@@ -13,6 +14,7 @@
 
 #include "nearmesh/core/base/mesh_origin.hpp"
 #include "nearmesh/core/mesh/indexed_mesh.hpp"
+#include "nearmesh/core/meshio/terrain.hpp"
 
 namespace nearmesh {
 
@@ -25,6 +27,8 @@ struct ImportOptions {
   double scale = 1;
   /// Only the node (OBJ: the object) of this name and what hangs on it; empty: all.
   std::string node;
+  /// For a grid of heights alone.
+  std::optional<TerrainOptions> terrain;
 };
 
 struct ImportedMesh {
@@ -35,6 +39,8 @@ struct ImportedMesh {
   bool is_as_written = true;
   /// What the file or its format states, also where options.up says otherwise.
   UpAxis stated_up = UpAxis::kUnknown;
+  /// The file was a grid of heights.
+  std::optional<ImportedTerrain> terrain;
 };
 
 /// One node of a file, in its own frame, and where that stands: x_file = rotation x_node + translation.
@@ -49,8 +55,9 @@ struct ImportedNode {
 struct ImportedNodes {
   std::vector<ImportedNode> nodes;  ///< those with faces, in file order
   MeshOrigin origin;
-  bool is_as_written = true;            ///< as in ImportedMesh
-  UpAxis stated_up = UpAxis::kUnknown;  ///< as in ImportedMesh
+  bool is_as_written = true;               ///< as in ImportedMesh
+  UpAxis stated_up = UpAxis::kUnknown;     ///< as in ImportedMesh
+  std::optional<ImportedTerrain> terrain;  ///< as in ImportedMesh
 };
 
 /// What is promised of a format, as docs/import.md has it.
@@ -72,8 +79,11 @@ struct MeshFormat {
 /// place, expected, found: kIo (cannot be read or held in memory), kCorrupt (bytes contradict their
 /// header or their format; a reader that crashed or took too long), kUnsupported (no reader),
 /// kInvalidArgument (no faces; a coordinate not finite, in text any, in binary one that a face uses;
-/// a unit for a file that states another; a scale that is not above 0), kNotFound (no such node). No
-/// exception leaves. Assimp runs in a forked child process under a limit of memory (200 times the
+/// a unit for a file that states another; a scale that is not above 0; options of a grid that are
+/// missing, contradict the file, or come with a mesh), kNotFound (no such node). A grid of heights gives
+/// its posts in file order, those without data left out, and two triangles a cell, counter-clockwise from
+/// above, that part it from south-west to north-east. No
+/// exception leaves. Assimp or GDAL runs in a forked child process under a limit of memory (200 times the
 /// file and 512 MiB, at most 8 GiB) and of time (60 s and 2 s a MiB), so that a crash inside it is an
 /// error message here. Cost: linear; the file is held beside the mesh while it is read. Threads:
 /// any, also at once.

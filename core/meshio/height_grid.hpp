@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// A grid of heights as its reader leaves it, and the triangles that it becomes.
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "nearmesh/core/meshio/terrain.hpp"
+#include "scene_mesh.hpp"
+
+namespace nearmesh::meshio {
+
+/// Posts take a vertex each, and two faces: clean_mesh takes no more.
+inline constexpr std::uint64_t kMostPosts = std::uint64_t{1} << 29;
+
+/// Coordinates of columns or rows, in the file's unit. Where posts stand at whole fractions of a unit, as
+/// in grids of arc-seconds, each is a quotient of whole numbers: neighbouring grids then give the posts
+/// that they share the same bits, which first + step * i would not.
+struct GridAxis {
+  double first = 0, step = 1;  ///< step may be negative
+  double numerator = 0, numerator_step = 0;
+  double denominator = 0;  ///< 0: there are none
+
+  [[nodiscard]] double at(std::uint64_t i) const {
+    const auto index = static_cast<double>(i);
+    return denominator > 0 ? (numerator + numerator_step * index) / denominator
+                           : first + step * index;
+  }
+};
+
+/// With the quotients, where they move no post by more than a ten-thousandth of the step.
+[[nodiscard]] GridAxis make_axis(double first, double step, std::uint64_t count);
+
+enum class GridUnit : std::uint8_t { kUnstated, kLength, kDegrees };
+
+struct HeightGrid {
+  std::uint64_t columns = 0, rows = 0;
+  std::vector<double> samples;  ///< row by row
+  GridAxis x, y;
+  bool states_place = false;  ///< else options say where the posts stand
+  bool takes_corner = false;  ///< where it does: an option may say the corner all the same
+  GridUnit unit = GridUnit::kUnstated;
+  double unit_m = 0;             ///< of kLength; 0: not stated
+  std::optional<double> nodata;  ///< a sample that means none
+  double offset = 0, scale = 1;  ///< height, in the file's unit, = offset + scale * sample
+  bool needs_heights = false;    ///< colours: options must say what they mean
+  std::string crs;               ///< what the file or its format calls its coordinates
+};
+
+/// Whether a grid can be that large and `bytes` of the file can hold it, `per_byte` posts at most in each.
+/// Errors: kInvalidArgument (below 2 x 2), kUnsupported (above kMostPosts), kCorrupt.
+[[nodiscard]] Status check_grid_size(const std::string& format, std::uint64_t columns,
+                                     std::uint64_t rows, std::uint64_t bytes, double per_byte);
+
+/// Two triangles a cell, counter-clockwise from above; their common edge runs from south-west to north-east. A
+/// triangle with a corner without data is left out, where it is not filled.
+/// Errors: kInvalidArgument (options are missing, contradict the file, or make no sense; a height or a
+/// place that is no number).
+[[nodiscard]] Result<SceneMesh> to_scene(HeightGrid grid, const TerrainOptions& options);
+
+}  // namespace nearmesh::meshio
