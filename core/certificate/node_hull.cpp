@@ -39,8 +39,7 @@ class Hull {
     return Status::ok();
   }
   std::vector<GridPoint> take() && {
-    std::sort(points_.begin(), points_.end(),
-              [](const GridPoint& x, const GridPoint& y) { return x.v < y.v; });
+    std::sort(points_.begin(), points_.end());
     points_.erase(std::unique(points_.begin(), points_.end()), points_.end());
     return std::move(points_);
   }

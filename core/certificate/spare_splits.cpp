@@ -2,6 +2,8 @@
 #include "spare_splits.hpp"
 
 #include <algorithm>
+#include <array>
+#include <iterator>
 
 #include "core/query/lacking_ahead.hpp"
 #include "node_hull.hpp"
@@ -11,8 +13,10 @@ namespace {
 
 /// What a half-space takes on the wire.
 constexpr double kHalfSpaceBits = kDirectionBits + kReachBits + 1;
-/// So many a node at most; and a node that meets more than that is split.
-constexpr std::size_t kMostHalfSpaces = 3, kMostObstacles = 256;
+/// A node that meets more than that is split.
+constexpr std::size_t kMostObstacles = 1024;
+/// A hull of more points is made coarser.
+constexpr std::size_t kMostPoints = 2048;
 /// Steps of the choice for each point and obstacle, as so many tests.
 constexpr std::uint64_t kTestsAPoint = 8;
 
@@ -60,6 +64,37 @@ bool SplitSparer::may_be_spared(std::size_t i) const {
   return !std::binary_search(kept_.begin(), kept_.end(), node.split.node);
 }
 
+// The faces of a node are those of its two parts.
+Status SplitSparer::find_hull(std::size_t i) {
+  Node& node = nodes_[i];
+  const NodeSpan span = node.split.node;
+  const std::array<NodeSpan, 2> parts{span.left_of(node.split.split),
+                                      span.right_of(node.split.split)};
+  std::array<std::vector<GridPoint>, 2> hulls;
+  std::size_t child = i + 1;
+  for (const std::size_t side : {0U, 1U}) {
+    if (!(side == 0 ? node.split.left_included : node.split.right_included)) continue;
+    hulls[side] = std::move(nodes_[child].hull);
+    child += nodes_[child].count;
+  }
+  const std::size_t known = hulls[0].size() + hulls[1].size();
+  if (known == 0 || known > kMostPoints) {
+    Result<std::vector<GridPoint>> whole = hull_of_node(mirror_->file(), span);
+    NEARMESH_RETURN_IF_ERROR(whole);
+    node.hull = std::move(whole).value();
+    return Status::ok();
+  }
+  for (const std::size_t side : {0U, 1U}) {
+    if (!hulls[side].empty()) continue;
+    Result<std::vector<GridPoint>> part = hull_of_node(mirror_->file(), parts[side]);
+    NEARMESH_RETURN_IF_ERROR(part);
+    hulls[side] = std::move(part).value();
+  }
+  std::set_union(hulls[0].begin(), hulls[0].end(), hulls[1].begin(), hulls[1].end(),
+                 std::back_inserter(node.hull));
+  return Status::ok();
+}
+
 Result<std::uint64_t> SplitSparer::look() {
   Node& node = nodes_[--at_];
   node.bits = split_bits_;
@@ -86,11 +121,10 @@ Result<std::uint64_t> SplitSparer::look() {
     if (!met.back().is_all || all.size() > kMostObstacles) return tests;
   }
   if (!all.empty()) {
-    const Result<std::vector<GridPoint>> hull = hull_of_node(mirror_->file(), node.split.node);
-    NEARMESH_RETURN_IF_ERROR(hull);
-    tests += kTestsAPoint * (hull.value().size() + all.size());
+    NEARMESH_RETURN_IF_ERROR(find_hull(at_));
+    tests += kTestsAPoint * (node.hull.size() + all.size());
     const GridPoint& from = mirror_->file().store().position(node.split.node.first);
-    ChosenHalfSpaces chosen = choose_half_spaces(hull.value(), from, all, kMostHalfSpaces);
+    ChosenHalfSpaces chosen = choose_half_spaces(node.hull, from, all);
     if (chosen.left > 0) return tests;
     node.half_spaces = std::move(chosen.half_spaces);
   }
