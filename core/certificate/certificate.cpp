@@ -133,9 +133,8 @@ Status CertificateMaker::round() {
   const TreeView a = mirrors_[pair.a]->model().view(), b = mirrors_[pair.b]->model().view();
   const Motion motion = motion_of(pair);
   const bool is_ahead = step_ == Step::kAhead;
-  const auto lacking =
-      lacking_ahead(a, {}, "a", b, motion, "b", is_ahead ? request_.horizon_s : 0,
-                    margin_m(pair, is_ahead));
+  const auto lacking = lacking_ahead(a, {}, "a", b, motion, "b", is_ahead ? request_.horizon_s : 0,
+                                     margin_m(pair, is_ahead));
   NEARMESH_RETURN_IF_ERROR(lacking);
   tests_ += lacking.value().tests;
   if (!lacking.value().is_nothing()) return split(pair, lacking.value().a, lacking.value().b);

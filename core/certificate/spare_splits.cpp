@@ -47,8 +47,8 @@ SplitSparer::SplitSparer(Mirror& mirror, std::span<const VertexId> splits,
     nodes_.push_back({.split = split, .half_spaces = {}});
   std::sort(kept_.begin(), kept_.end());
   // What a split of this model takes on the average, all boxes included.
-  split_bits_ = 8.0 * static_cast<double>(mirror.file().mesh_bytes()) /
-                mirror.file().header().vertex_count;
+  split_bits_ =
+      8.0 * static_cast<double>(mirror.file().mesh_bytes()) / mirror.file().header().vertex_count;
   at_ = nodes_.size();
 }
 
@@ -110,10 +110,10 @@ Result<std::uint64_t> SplitSparer::look() {
   std::vector<Obstacles> met;
   std::vector<Obstacle> all;
   for (const ToClear& to_clear : others_) {
-    Result<Obstacles> found = obstacles_ahead(
-        mirror_->model().view(), to_clear.own_motion, "own", node.split.node,
-        to_clear.other->model().view(), to_clear.other_motion, "other", to_clear.duration_s,
-        to_clear.margin_m, kMostObstacles);
+    Result<Obstacles> found =
+        obstacles_ahead(mirror_->model().view(), to_clear.own_motion, "own", node.split.node,
+                        to_clear.other->model().view(), to_clear.other_motion, "other",
+                        to_clear.duration_s, to_clear.margin_m, kMostObstacles);
     NEARMESH_RETURN_IF_ERROR(found);
     tests += found.value().tests;
     all.insert(all.end(), found.value().obstacles.begin(), found.value().obstacles.end());

@@ -38,7 +38,8 @@ class SplitSparer {
     std::size_t count = 1;  ///< of splits at it and below
     bool can_be_spared = false, is_spared = false;
     std::vector<HalfSpace> half_spaces;
-    std::vector<GridPoint> hull;  ///< hull_of_node(), until the node above takes it over; or none was needed
+    std::vector<GridPoint>
+        hull;         ///< hull_of_node(), until the node above takes it over; or none was needed
     double bits = 0;  ///< of the cheapest way
   };
   [[nodiscard]] bool may_be_spared(std::size_t i) const;

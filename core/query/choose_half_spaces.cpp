@@ -25,7 +25,8 @@ void add_corners(const Obstacle& obstacle, std::vector<Vec3>& to) {
     for (std::size_t j = 0; j < 3; ++j)
       p[j] += (corner >> j & 1U) != 0 ? obstacle.box.half[j] : -obstacle.box.half[j];
     for (std::size_t k = 0; k < 3; ++k)
-      at[k] += f.rotation[3 * k] * p[0] + f.rotation[3 * k + 1] * p[1] + f.rotation[3 * k + 2] * p[2];
+      at[k] +=
+          f.rotation[3 * k] * p[0] + f.rotation[3 * k + 1] * p[1] + f.rotation[3 * k + 2] * p[2];
     to.push_back(at);
   }
 }
@@ -45,11 +46,10 @@ const Vec3& farthest(const std::vector<Vec3>& points, const Vec3& d) {
 
 class Chooser {
  public:
-  Chooser(std::span<const GridPoint> points, const GridPoint& from)
-      : points_(points), from_(from) {
+  Chooser(std::span<const GridPoint> points, const GridPoint& from) : points_(points), from_(from) {
     for (const GridPoint& p : points)
-      corners_.push_back({static_cast<double>(p[0]), static_cast<double>(p[1]),
-                          static_cast<double>(p[2])});
+      corners_.push_back(
+          {static_cast<double>(p[0]), static_cast<double>(p[1]), static_cast<double>(p[2])});
   }
 
   /// The half-space that parts most of these obstacles from the points, among those that look about from the points to
