@@ -138,17 +138,18 @@ Status CertificateMaker::round() {
   NEARMESH_RETURN_IF_ERROR(lacking);
   tests_ += lacking.value().tests;
   if (!lacking.value().is_nothing()) return split(pair, lacking.value().a, lacking.value().b);
-  if (step_ == Step::kNow && (pair.solid_a || pair.solid_b)) {
+  if (step_ == Step::kNow) {
+    // What the peer asks, in full: rays, and what a look that ran out of tests did not come to.
     const Result<PosedPair> posed = pose_pair(*a.grid, {}, "a", *b.grid, motion.pose, "b");
     NEARMESH_RETURN_IF_ERROR(posed);
-    const Answer inside =
+    const Answer answer =
         query(a, posed.value().a, b, posed.value().b,
               {.clearance = false, .solid_a = pair.solid_a, .solid_b = pair.solid_b});
-    if (!inside.missing_a.empty() || !inside.missing_b.empty()) {
+    if (!answer.missing_a.empty() || !answer.missing_b.empty()) {
       for (const auto& [model, nodes] :
-           {std::pair{pair.a, &inside.missing_a}, std::pair{pair.b, &inside.missing_b}})
+           {std::pair{pair.a, &answer.missing_a}, std::pair{pair.b, &answer.missing_b}})
         kept_[model].insert(kept_[model].end(), nodes->begin(), nodes->end());
-      return split(pair, inside.missing_a, inside.missing_b);
+      return split(pair, answer.missing_a, answer.missing_b);
     }
   }
   ++at_;

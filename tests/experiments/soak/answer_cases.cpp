@@ -342,7 +342,12 @@ class Case {
         const Answer answer = ask(desk_a.replica, other.replica, true);
         if (round > 1 && is_certified(answer.status)) break;
         if (round == kMaxRounds) return found("asking the publisher does not end");
-        serve(desk_a, other, mirrors, relative(motion_a, motion_b), round < 2);
+        const bool is_lossy = round < 2;
+        if (serve(desk_a, other, mirrors, relative(motion_a, motion_b), is_lossy) || is_lossy)
+          continue;
+        // The pose that was asked for is rounded, and looks end: then a peer names what is missing.
+        send_missing(desk_a, a_, answer.missing_a);
+        send_missing(other, b_, answer.missing_b);
       }
       if (random_.below(3) > 0) continue;
       for (Desk* desk : {&desk_a, &desk_b})
@@ -351,7 +356,20 @@ class Case {
     }
   }
 
-  void serve(Desk& a, Desk& b, Mirrors& mirrors, CertificateRequest::Pair pair, bool is_lossy) {
+  void send_missing(Desk& desk, const Model& model, const std::vector<NodeSpan>& missing) {
+    Treelet treelet;
+    for (const NodeSpan& node : missing)
+      treelet.push_back({node, model.baked.store.split_of(node), false, false});
+    for (const auto& batch :
+         encode_batches(model.baked.header, model.baked.store, treelet, BoxPolicy::kCutNodes))
+      if (const Status status =
+              desk.replica.take(decode_batch(model.baked.header, batch).value()).status;
+          !status.is_ok())
+        return found(status.message());
+  }
+
+  // Out: whether anything was sent.
+  bool serve(Desk& a, Desk& b, Mirrors& mirrors, CertificateRequest::Pair pair, bool is_lossy) {
     CertificateRequest request;
     request.horizon_s = random_.below(2) == 0 ? 0 : 0.3F;
     for (Desk* desk : {&a, &b}) {
@@ -366,11 +384,17 @@ class Case {
         begin_certificate(1, request, mirrors, [&](const ContentHash& content) {
           return content == a.file.content_hash() ? &a.file : &b.file;
         });
-    if (!begun.maker) return found(begun.why_not);
+    if (!begun.maker) {
+      found(begun.why_not);
+      return false;
+    }
     std::vector<std::pair<Desk*, std::vector<std::uint8_t>>> batches;
     while (!begun.maker->is_done()) {
       Result<CertificateMaker::Part> part = begun.maker->next();
-      if (!part.is_ok()) return found(part.status().message());
+      if (!part.is_ok()) {
+        found(part.status().message());
+        return false;
+      }
       for (std::vector<std::uint8_t>& batch : part.value().batches) {
         seal_batch(part.value().content, batch);
         batches.emplace_back(part.value().content == a.file.content_hash() ? &a : &b,
@@ -382,9 +406,10 @@ class Case {
       if (is_lossy && random_.below(4) == 0) continue;
       for (std::uint32_t times = random_.below(8) == 0 ? 2 : 1; times > 0; --times)
         if (const Status status = desk->replica.take(batch).status; !status.is_ok())
-          return found(status.message());
+          found(status.message());
       if (is_lossy && random_.below(4) == 0) ask(a.replica, b.replica, false);
     }
+    return !batches.empty();
   }
 
   const Model &a_, &b_;
