@@ -13,6 +13,8 @@ namespace {
 
 /// What is needed now goes first where it is more than some batches: less is cheaper together with what is ahead.
 constexpr std::size_t kWorthItsOwn = 768;
+/// Tests between two turns of those who are served, at least.
+constexpr std::uint64_t kTestsATurn = 50'000;
 /// So much of its way may a body end beside where it is predicted (figures: README.md).
 constexpr double kOffCourse = 1.0 / 40;
 
@@ -94,12 +96,19 @@ CertificateRequest::Pair relative(const Motion& a, const Motion& b) {
 
 CertificateMaker::CertificateMaker(CertificateRequest request,
                                    std::vector<std::shared_ptr<Mirror>> mirrors)
-    : request_(std::move(request)), mirrors_(std::move(mirrors)), splits_(mirrors_.size()) {}
+    : request_(std::move(request)),
+      mirrors_(std::move(mirrors)),
+      splits_(mirrors_.size()),
+      told_of_(mirrors_.size()),
+      kept_(mirrors_.size()) {}
 
 Status CertificateMaker::split(const CertificateRequest::Pair& pair, std::span<const NodeSpan> a,
                                std::span<const NodeSpan> b) {
   for (const auto& [model, nodes] : {std::pair{pair.a, a}, std::pair{pair.b, b}}) {
     if (nodes.empty()) continue;
+    const HalfSpaces& half_spaces = mirrors_[model]->model().mesh.half_spaces();
+    for (const NodeSpan& node : nodes)
+      if (!half_spaces.of(node.first).empty()) kept_[model].push_back(node);
     const Result<std::vector<VertexId>> done = mirrors_[model]->split(nodes);
     NEARMESH_RETURN_IF_ERROR(done);
     splits_[model].insert(splits_[model].end(), done.value().begin(), done.value().end());
@@ -108,54 +117,93 @@ Status CertificateMaker::split(const CertificateRequest::Pair& pair, std::span<c
   return Status::ok();
 }
 
+/// What is wanted around body b, beside what is known of it.
+double CertificateMaker::margin_m(const CertificateRequest::Pair& pair, bool is_ahead) const {
+  const TreeView b = mirrors_[pair.b]->model().view();
+  const Motion motion = motion_of(pair);
+  const double rounding = rounding_m(motion, b);
+  if (!is_ahead) return rounding;
+  return rounding + request_.margin_m +
+         kOffCourse * request_.horizon_s * speed_bound_mps(motion, reach_m(*b.grid, b.root().box));
+}
+
 /// Looks at one pair once. Goes on to the next where it lacks nothing.
 Status CertificateMaker::round() {
   const CertificateRequest::Pair& pair = request_.pairs[at_];
   const TreeView a = mirrors_[pair.a]->model().view(), b = mirrors_[pair.b]->model().view();
   const Motion motion = motion_of(pair);
-  double margin_m = rounding_m(motion, b);
-  if (step_ == Step::kAhead)
-    margin_m += request_.margin_m + kOffCourse * request_.horizon_s *
-                                        speed_bound_mps(motion, reach_m(*b.grid, b.root().box));
-  const auto lacking = lacking_ahead(a, {}, "a", b, motion, "b",
-                                     step_ == Step::kNow ? 0 : request_.horizon_s, margin_m);
+  const bool is_ahead = step_ == Step::kAhead;
+  const auto lacking = lacking_ahead(a, {}, "a", b, motion, "b", is_ahead ? request_.horizon_s : 0,
+                                     margin_m(pair, is_ahead));
   NEARMESH_RETURN_IF_ERROR(lacking);
   tests_ += lacking.value().tests;
   if (!lacking.value().is_nothing()) return split(pair, lacking.value().a, lacking.value().b);
-  if (step_ == Step::kNow && (pair.solid_a || pair.solid_b)) {
+  if (step_ == Step::kNow) {
+    // What the peer asks, in full: rays, and what a look that ran out of tests did not come to.
     const Result<PosedPair> posed = pose_pair(*a.grid, {}, "a", *b.grid, motion.pose, "b");
     NEARMESH_RETURN_IF_ERROR(posed);
-    const Answer inside =
+    const Answer answer =
         query(a, posed.value().a, b, posed.value().b,
-              {.clearance = false, .solid_a = pair.solid_a, .solid_b = pair.solid_b});
-    if (!inside.missing_a.empty() || !inside.missing_b.empty())
-      return split(pair, inside.missing_a, inside.missing_b);
+              {.clearance = Clearance::kNone, .solid_a = pair.solid_a, .solid_b = pair.solid_b});
+    if (!answer.missing_a.empty() || !answer.missing_b.empty()) {
+      for (const auto& [model, nodes] :
+           {std::pair{pair.a, &answer.missing_a}, std::pair{pair.b, &answer.missing_b}})
+        kept_[model].insert(kept_[model].end(), nodes->begin(), nodes->end());
+      return split(pair, answer.missing_a, answer.missing_b);
+    }
   }
+  ++at_;
+  return Status::ok();
+}
+
+/// Looks at some splits of one model, whether they can be spared. Goes on to the next model when all are.
+Status CertificateMaker::spare() {
+  if (!sparer_) {
+    std::vector<ToClear> others;
+    const bool is_ahead = farthest_ == Step::kAhead;
+    for (const CertificateRequest::Pair& pair : request_.pairs) {
+      const double duration_s = is_ahead ? double{request_.horizon_s} : 0,
+                   around_m = margin_m(pair, is_ahead);
+      if (pair.a == at_)
+        others.push_back({mirrors_[pair.b].get(), {}, motion_of(pair), duration_s, around_m});
+      if (pair.b == at_)
+        others.push_back({mirrors_[pair.a].get(), motion_of(pair), {}, duration_s, around_m});
+    }
+    sparer_.emplace(*mirrors_[at_], splits_[at_], kept_[at_], std::move(others));
+  }
+  for (const std::uint64_t end = tests_ + kTestsATurn;
+       !sparer_->is_done() && tests_ < std::min(end, kMaxTests);) {
+    const Result<std::uint64_t> tests = sparer_->look();
+    NEARMESH_RETURN_IF_ERROR(tests);
+    tests_ += tests.value();
+  }
+  if (!sparer_->is_done() && tests_ < kMaxTests) return Status::ok();
+  told_of_[at_] = sparer_->apply();
+  sparer_.reset();
   ++at_;
   return Status::ok();
 }
 
 CertificateMaker::Part CertificateMaker::encode(std::size_t model) {
   Mirror& mirror = *mirrors_[model];
-  const SplitStore& store = mirror.file().store();
+  const ActiveMesh& mesh = mirror.model().mesh;
+  // Some were spared, some of these done again.
   std::vector<VertexId>& splits = splits_[model];
-  const auto is_sent = [&](NodeSpan node) {
-    const VertexId split = node.size < 2 ? VertexId{} : store.split_of(node);
-    return split.is_valid() && std::binary_search(splits.begin(), splits.end(), split);
-  };
   std::sort(splits.begin(), splits.end());
-  Treelet treelet;
-  treelet.reserve(splits.size());
-  for (const VertexId split : splits) {
-    const NodeSpan node = store.node_of(split);
-    treelet.push_back({node, split, is_sent(node.left_of(split)), is_sent(node.right_of(split))});
-  }
-  std::sort(treelet.begin(), treelet.end(),
-            [](const TreeletSplit& x, const TreeletSplit& y) { return x.node < y.node; });
-  splits.clear();
+  splits.erase(std::unique(splits.begin(), splits.end()), splits.end());
+  std::erase_if(splits, [&](VertexId split) { return !mesh.is_active(split); });
+  std::vector<NodeHalfSpace> half_spaces;
+  for (const NodeSpan& node : told_of_[model])
+    if (mesh.is_current(node))
+      for (const HalfSpace& half_space : mesh.half_spaces().of(node.first))
+        half_spaces.push_back({node, half_space});
+  const Treelet treelet = treelet_of(mesh.store(), splits);
   Part part{model, request_.models[model].content, {}};
-  if (!treelet.empty())
-    part.batches = encode_batches(mirror.file().header(), store, treelet, BoxPolicy::kCutNodes);
+  if (!treelet.empty() || !half_spaces.empty())
+    part.batches = encode_batches(mirror.file().header(), mesh.store(), treelet,
+                                  BoxPolicy::kCutNodes, kMaxBatchBytes, half_spaces);
+  splits.clear();
+  told_of_[model].clear();
   return part;
 }
 
@@ -163,21 +211,35 @@ Result<CertificateMaker::Part> CertificateMaker::next() {
   if (step_ == Step::kSend) {
     Part part = encode(at_++);
     if (at_ == mirrors_.size()) {
-      step_ = after_;
+      step_ = farthest_ = after_;
+      is_spared_ = false;
       at_ = 0;
     }
     return part;
+  }
+  if (step_ == Step::kSpare) {
+    NEARMESH_RETURN_IF_ERROR(spare());
+    // Then all is looked at again: what is spared was seen by itself.
+    if (at_ == mirrors_.size()) {
+      step_ = Step::kNow;
+      is_spared_ = true;
+      at_ = 0;
+    }
+    return Part{};
   }
   const bool is_full = split_count_ >= kMaxSplits || tests_ >= kMaxTests;
   if (at_ < request_.pairs.size() && !is_full) {
     NEARMESH_RETURN_IF_ERROR(round());
     return Part{};
   }
-  const bool is_over = step_ == Step::kAhead || is_full || request_.horizon_s == 0;
   at_ = 0;
-  if (is_over || split_count_ >= kWorthItsOwn) {
+  farthest_ = std::max(farthest_, step_);
+  const bool is_over = farthest_ == Step::kAhead || is_full || request_.horizon_s == 0;
+  if (is_spared_ && step_ < farthest_ && !is_full) {
+    step_ = Step::kAhead;
+  } else if (is_over || is_spared_ || split_count_ >= kWorthItsOwn) {
     after_ = is_over ? Step::kDone : Step::kAhead;
-    step_ = Step::kSend;
+    step_ = is_spared_ ? Step::kSend : Step::kSpare;
   } else {
     step_ = Step::kAhead;
   }

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "core/certificate/mirror.hpp"
+#include "core/certificate/spare_splits.hpp"
 #include "nearmesh/core/geometry/motion.hpp"
 #include "nearmesh/core/spm/detail/certificate_request.hpp"
 
@@ -41,19 +42,26 @@ class CertificateMaker {
   [[nodiscard]] bool is_done() const { return step_ == Step::kDone; }
 
  private:
-  enum class Step : std::uint8_t { kNow, kAhead, kSend, kDone };
+  enum class Step : std::uint8_t { kNow, kAhead, kSpare, kSend, kDone };
   [[nodiscard]] Status round();
+  [[nodiscard]] Status spare();
+  [[nodiscard]] double margin_m(const CertificateRequest::Pair& pair, bool is_ahead) const;
   [[nodiscard]] Status split(const CertificateRequest::Pair& pair, std::span<const NodeSpan> a,
                              std::span<const NodeSpan> b);
   Part encode(std::size_t model);
 
   CertificateRequest request_;
   std::vector<std::shared_ptr<Mirror>> mirrors_;
-  std::vector<std::vector<VertexId>> splits_;  // by model: to be sent
+  // By model: what is to be sent; nodes that have to be split, since a ray or half-spaces of theirs did not settle them.
+  std::vector<std::vector<VertexId>> splits_;
+  std::vector<std::vector<NodeSpan>> told_of_, kept_;
   std::size_t split_count_ = 0;
   std::uint64_t tests_ = 0;
   Step step_ = Step::kNow, after_ = Step::kAhead;  // what follows when all that is due was sent
-  std::size_t at_ = 0;                             // the pair, or the model that is sent
+  Step farthest_ = Step::kNow;                     // of what is to be sent next
+  bool is_spared_ = false;                         // of that it has been seen what to spare
+  std::optional<SplitSparer> sparer_;
+  std::size_t at_ = 0;  // the pair, or the model that is sent
 };
 
 /// A request that a server has begun to answer, or why it does not.

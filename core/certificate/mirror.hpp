@@ -20,6 +20,7 @@ class Mirror {
 
   [[nodiscard]] ModelFile& file() const { return *file_; }
   [[nodiscard]] LocalModel& model() { return model_; }
+  [[nodiscard]] const LocalModel& model() const { return model_; }
   [[nodiscard]] std::uint64_t state() const { return model_.mesh.state_hash(); }
   /// Does the splits of these nodes. Out: those done, also those that they rest on. Errors: those of reading the file.
   [[nodiscard]] Result<std::vector<VertexId>> split(std::span<const NodeSpan> nodes);

@@ -148,8 +148,8 @@ class PaperGrid : public QueryMethod {
       const TriangleTree tree_a = build_triangle_tree(a_.header().grid, current_triangles(mesh_a));
       const TriangleTree tree_b = build_triangle_tree(b_.header().grid, current_triangles(mesh_b));
       result.tree_s += watch.lap();
-      result.answer =
-          query(tree_a.view(), posed.a, tree_b.view(), posed.b, {.any = false, .clearance = false});
+      result.answer = query(tree_a.view(), posed.a, tree_b.view(), posed.b,
+                            {.any = false, .clearance = Clearance::kNone});
       result.query_s += watch.lap();
       std::set<int> touched_a, touched_b;
       for (const FacePair& pair : result.answer.pairs) {

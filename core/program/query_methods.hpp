@@ -12,7 +12,7 @@
 namespace nearmesh::program {
 
 struct QueryMethodOptions {
-  QueryOptions query{.any = false, .clearance = false};
+  QueryOptions query{.any = false, .clearance = Clearance::kNone};
   std::uint32_t global_splits = 16384;
   bool contacts = false;  ///< fill MethodAnswer::contacts
 };

@@ -51,7 +51,8 @@ Result<Answered> answer(const AskedBody& a, const AskedBody& b, const AnswerOpti
   NEARMESH_RETURN_IF_ERROR(posed);
   const auto& [frame_a, frame_b] = posed.value();
   Answered all;
-  all.answer = query(a.view, frame_a, b.view, frame_b, {.solid_a = a.solid, .solid_b = b.solid});
+  all.answer = query(a.view, frame_a, b.view, frame_b,
+                     {.clearance = options.clearance, .solid_a = a.solid, .solid_b = b.solid});
   const Answer& now = all.answer;
   if (options.contacts && !now.pairs.empty())
     all.contacts = find_contacts(a.view, frame_a, b.view, frame_b, now);

@@ -22,8 +22,9 @@ struct AskedBody {
 };
 
 struct AnswerOptions {
-  bool contacts = false;  ///< also say where they touch
-  double sweep_s = 0;     ///< also answer for all of this time ahead; 0: do not
+  Clearance clearance = Clearance::kBound;  ///< changes neither the digest nor what is certified
+  bool contacts = false;                    ///< also say where they touch
+  double sweep_s = 0;                       ///< also answer for all of this time ahead; 0: do not
   std::uint64_t max_sweep_tests = SweepOptions{}.max_tests;
 };
 

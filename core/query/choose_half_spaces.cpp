@@ -13,27 +13,44 @@ using Vec3 = std::array<double, 3>;
 
 double dot(const Vec3& a, const Vec3& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
-/// The point of an obstacle that is farthest along d, in own units. The drift is left out: what is chosen is tested with it.
-Vec3 farthest(const Obstacle& obstacle, const Vec3& d) {
-  if (obstacle.face)
-    return *std::max_element(obstacle.face->begin(), obstacle.face->end(),
-                             [&](const Vec3& a, const Vec3& b) { return dot(d, a) < dot(d, b); });
-  const RelativeFrame& f = *obstacle.other_in_own;
-  Vec3 corner = obstacle.box.center, at = f.translation;
-  for (std::size_t j = 0; j < 3; ++j) {
-    const Vec3 column{f.rotation[j], f.rotation[3 + j], f.rotation[6 + j]};
-    corner[j] += dot(d, column) >= 0 ? obstacle.box.half[j] : -obstacle.box.half[j];
+/// The corners of an obstacle, in own units. The drift is left out: what is chosen is tested with it.
+void add_corners(const Obstacle& obstacle, std::vector<Vec3>& to) {
+  if (obstacle.face) {
+    to.insert(to.end(), obstacle.face->begin(), obstacle.face->end());
+    return;
   }
-  for (std::size_t k = 0; k < 3; ++k)
-    at[k] += f.rotation[3 * k] * corner[0] + f.rotation[3 * k + 1] * corner[1] +
-             f.rotation[3 * k + 2] * corner[2];
-  return at;
+  const RelativeFrame& f = *obstacle.other_in_own;
+  for (unsigned corner = 0; corner < 8; ++corner) {
+    Vec3 p = obstacle.box.center, at = f.translation;
+    for (std::size_t j = 0; j < 3; ++j)
+      p[j] += (corner >> j & 1U) != 0 ? obstacle.box.half[j] : -obstacle.box.half[j];
+    for (std::size_t k = 0; k < 3; ++k)
+      at[k] +=
+          f.rotation[3 * k] * p[0] + f.rotation[3 * k + 1] * p[1] + f.rotation[3 * k + 2] * p[2];
+    to.push_back(at);
+  }
+}
+
+/// The first of those that are farthest along d. Precondition: there is one.
+const Vec3& farthest(const std::vector<Vec3>& points, const Vec3& d) {
+  std::size_t found = 0;
+  double most = dot(d, points[0]);
+  for (std::size_t i = 1; i < points.size(); ++i) {
+    const double along = dot(d, points[i]);
+    if (along <= most) continue;
+    most = along;
+    found = i;
+  }
+  return points[found];
 }
 
 class Chooser {
  public:
-  Chooser(std::span<const GridPoint> points, const GridPoint& from)
-      : points_(points), from_(from) {}
+  Chooser(std::span<const GridPoint> points, const GridPoint& from) : points_(points), from_(from) {
+    for (const GridPoint& p : points)
+      corners_.push_back(
+          {static_cast<double>(p[0]), static_cast<double>(p[1]), static_cast<double>(p[2])});
+  }
 
   /// The half-space that parts most of these obstacles from the points, among those that look about from the points to
   /// their hull; nothing where none parts any.
@@ -64,13 +81,18 @@ class Chooser {
   /// The obstacle nearest to the points' middle, about.
   const Obstacle* nearest(std::span<const Obstacle* const> obstacles) const {
     Vec3 middle{};
-    for (const GridPoint& p : points_)
-      for (std::size_t k = 0; k < 3; ++k) middle[k] += p.v[k] / static_cast<double>(points_.size());
+    for (const Vec3& p : corners_)
+      for (std::size_t k = 0; k < 3; ++k) middle[k] += p[k] / static_cast<double>(corners_.size());
+    std::vector<Vec3> corners;
     const auto square_to = [&](const Obstacle* obstacle) {
+      corners.clear();
+      add_corners(*obstacle, corners);
       double square = 0;
-      const Vec3 lo = farthest(*obstacle, {-1, -1, -1}), hi = farthest(*obstacle, {1, 1, 1});
       for (std::size_t k = 0; k < 3; ++k) {
-        const double way = 0.5 * (lo[k] + hi[k]) - middle[k];
+        const auto [lo, hi] =
+            std::minmax_element(corners.begin(), corners.end(),
+                                [k](const Vec3& x, const Vec3& y) { return x[k] < y[k]; });
+        const double way = 0.5 * ((*lo)[k] + (*hi)[k]) - middle[k];
         square += way * way;
       }
       return square;
@@ -98,19 +120,12 @@ class Chooser {
   // w is a point of the difference {points} - {obstacles}, ever nearer to the origin. Where all of it lies beyond a plane
   // across w, this plane's normal parts the two. Some more steps turn the plane towards the widest gap.
   std::optional<Vec3> direction_to(std::span<const Obstacle* const> obstacles) const {
-    constexpr int kSteps = 48, kMore = 6;
+    constexpr int kSteps = 32, kMore = 6;
+    std::vector<Vec3> there;
+    for (const Obstacle* obstacle : obstacles) add_corners(*obstacle, there);
     const auto corner = [&](const Vec3& d) {
-      const Vec3 own = farthest_point(d);
-      Vec3 there{};
-      double most = 0;
-      for (const Obstacle* obstacle : obstacles) {
-        const Vec3 p = farthest(*obstacle, {-d[0], -d[1], -d[2]});
-        const double at = -dot(d, p);
-        if (obstacle != obstacles.front() && at <= most) continue;
-        most = at;
-        there = p;
-      }
-      return Vec3{own[0] - there[0], own[1] - there[1], own[2] - there[2]};
+      const Vec3 &p = farthest(corners_, d), &q = farthest(there, {-d[0], -d[1], -d[2]});
+      return Vec3{p[0] - q[0], p[1] - q[1], p[2] - q[2]};
     };
     Vec3 w = corner({1, 0, 0});
     std::optional<Vec3> found;
@@ -137,24 +152,9 @@ class Chooser {
     return found;
   }
 
-  Vec3 farthest_point(const Vec3& d) const {
-    Vec3 best{};
-    double most = 0;
-    bool any = false;
-    for (const GridPoint& p : points_) {
-      const Vec3 at{static_cast<double>(p.v[0]), static_cast<double>(p.v[1]),
-                    static_cast<double>(p.v[2])};
-      const double along = dot(d, at);
-      if (any && along <= most) continue;
-      any = true;
-      most = along;
-      best = at;
-    }
-    return best;
-  }
-
   std::span<const GridPoint> points_;
   const GridPoint from_;
+  std::vector<Vec3> corners_;  // the points
 };
 
 }  // namespace

@@ -38,6 +38,6 @@ struct ChosenHalfSpaces {
 [[nodiscard]] ChosenHalfSpaces choose_half_spaces(std::span<const GridPoint> points,
                                                   const GridPoint& from,
                                                   std::span<const Obstacle> obstacles,
-                                                  std::size_t most = 3);
+                                                  std::size_t most = kMaxHalfSpaces);
 
 }  // namespace nearmesh

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <optional>
 #include <queue>
 #include <utility>
 
@@ -35,26 +36,39 @@ class PlacedNodes {
   std::array<PlacedLanes, kHeld> placed_;
 };
 
-/// Pairs of boxes by growing gap, until the least gap left is no smaller than the least distance found. Every pair of faces
-/// lies below some pair that was counted or is still queued, so stopping early only makes the bound smaller.
+/// Pairs of boxes by growing gap. Every pair of faces lies below some pair that was counted, is still queued, or was left out
+/// with its gap noted: the least of these three is a bound, whenever the search ends.
+///
+/// First it dives: from pair to pair below the nearest one, down to two ends. What it finds there says how near is near
+/// enough, so that few pairs need be queued. A pair whose gap is more than the share that is sought of the least distance found
+/// changes nothing, and is left out.
 class Search {
  public:
-  Search(const Scene& scene, QueryStats& stats)
+  Search(const Scene& scene, Clearance sought, QueryStats& stats)
       : s_(scene),
         stats_(stats),
+        share_(sought == Clearance::kExact ? 1 : kClearanceShare),
+        max_steps_(sought == Clearance::kExact ? 65'536 : 256),
         placed_a_(scene.a, scene.a_in_b()),
         placed_b_(scene.b, scene.b_in_a) {}
 
-  double run() {
-    constexpr int kMaxSteps = 4096;
-    queue_.push({0, order_++, 0, 0});
-    for (int step = 0; !queue_.empty() && queue_.top().gap < found_; ++step) {
+  ClearanceBound run() {
+    for (std::optional<Gap> next = Gap{0, order_++, 0, 0}; next;) {
+      nearest_below_.reset();
+      is_diving_ = true;
+      visit(*next);
+      next = nearest_below_;
+    }
+    is_diving_ = false;
+    for (int step = 0; !queue_.empty() && is_of_use(queue_.top().gap); ++step) {
+      if (step == max_steps_) break;
       const Gap top = queue_.top();
-      if (step == kMaxSteps) return top.gap;
       queue_.pop();
       visit(top);
     }
-    return found_;
+    if (!queue_.empty()) least_left_ = std::min(least_left_, queue_.top().gap);
+    const double bound = std::min(found_, least_left_);
+    return {bound, found_ == bound ? 1 : bound / found_};
   }
 
  private:
@@ -67,6 +81,8 @@ class Search {
     TreePlace a, b;
     bool operator<(const Gap& o) const { return gap != o.gap ? gap > o.gap : order > o.order; }
   };
+
+  [[nodiscard]] bool is_of_use(double gap) const { return gap < share_ * found_; }
 
   void visit(const Gap& top) {
     const Part a(s_.a, top.a), b(s_.b, top.b);
@@ -83,7 +99,7 @@ class Search {
     }
   }
 
-  // Queues the lanes of a node.
+  // Queues the lanes of a node, in a dive all but the nearest.
   template <class PairOf>
   void offer(const Gap& top, const RelativeFrame& other_in_own, const PlacedLanes& other,
              std::uint32_t other_lane, const TreeNode& own, const PairOf& pair_of) {
@@ -94,11 +110,23 @@ class Search {
       if ((own.lanes >> lane & 1U) == 0) continue;
       const auto [place_a, place_b] = pair_of(lane);
       const double gap = std::max(gaps_m[lane], top.gap);  // what holds above holds below
-      if (gap < found_) queue_.push({gap, order_++, place_a, place_b});
+      Gap offered{gap, order_++, place_a, place_b};
+      if (is_diving_ && (!nearest_below_ || gap < nearest_below_->gap)) {
+        if (!nearest_below_) {
+          nearest_below_ = offered;
+          continue;
+        }
+        std::swap(*nearest_below_, offered);
+      }
+      if (is_of_use(offered.gap)) {
+        queue_.push(offered);
+      } else {
+        least_left_ = std::min(least_left_, offered.gap);
+      }
     }
   }
 
-  // The least gap of two blocks' faces, where it is the least so far. Most pairs are settled by their extents.
+  // The least gap of two blocks' faces, where it is of use. Most pairs are settled by their extents.
   void hold_faces(const Part& a, const Part& b) {
     const FaceBlock &block_a = s_.a.blocks[a.first()], &block_b = s_.b.blocks[b.first()];
     PlacedTriangles placed_b;
@@ -108,7 +136,10 @@ class Search {
       double gaps_m[kLanes];
       extents_gaps_m(s_.b_in_a, triangle_a, placed_b, gaps_m);
       for (std::uint32_t j = 0; j < b.count(); ++j) {
-        if (!(gaps_m[j] < found_)) continue;
+        if (!is_of_use(gaps_m[j])) {
+          least_left_ = std::min(least_left_, gaps_m[j]);
+          continue;
+        }
         DoubleTriangle triangle_b;
         for (std::size_t c = 0; c < 3; ++c)
           for (std::size_t k = 0; k < 3; ++k) triangle_b[c][k] = placed_b.corner[c][k][j];
@@ -119,18 +150,23 @@ class Search {
 
   const Scene& s_;
   QueryStats& stats_;
+  const double share_;  // of the least distance found: a bound of so much is enough
+  const int max_steps_;
   PlacedNodes placed_a_, placed_b_;
   std::priority_queue<Gap> queue_;
   std::uint32_t order_ = 0;
+  bool is_diving_ = false;
+  std::optional<Gap> nearest_below_;  // of what the dive has just opened
   double found_ = std::numeric_limits<double>::infinity();
+  double least_left_ = std::numeric_limits<double>::infinity();
 };
 
 }  // namespace
 
-double clearance_m(const Scene& scene, QueryStats& stats) {
+ClearanceBound clearance(const Scene& scene, Clearance sought, QueryStats& stats) {
   if (scene.a.nodes[0].lanes == 0 || scene.b.nodes[0].lanes == 0)
-    return std::numeric_limits<double>::infinity();
-  return Search(scene, stats).run();
+    return {std::numeric_limits<double>::infinity(), 1};
+  return Search(scene, sought, stats).run();
 }
 
 }  // namespace nearmesh

@@ -6,8 +6,13 @@
 
 namespace nearmesh {
 
-/// A lower bound, metres, of the distance of two bodies whose surfaces do not touch; infinite when either has no face. An
-/// unresolved node counts with its whole box. Cost: some thousands of steps at most, and then the bound is smaller.
-[[nodiscard]] double clearance_m(const Scene& scene, QueryStats& stats);
+struct ClearanceBound {
+  double at_least_m = 0;
+  double share = 0;  ///< Answer::clearance_share
+};
+
+/// A lower bound of the distance of two bodies whose surfaces do not touch; infinite when either has no face. An
+/// unresolved node counts with its whole box. `sought` is not kNone. Cost: by steps, at most as many as `sought` allows.
+[[nodiscard]] ClearanceBound clearance(const Scene& scene, Clearance sought, QueryStats& stats);
 
 }  // namespace nearmesh

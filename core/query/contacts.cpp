@@ -360,8 +360,9 @@ Contacts approximate_contacts(const ActiveMesh& a, const PosedFrame& frame_a, co
   const FloatGuard guard;
   const TriangleTree tree_a = build_triangle_tree(frame_a.grid, current_triangles(a));
   const TriangleTree tree_b = build_triangle_tree(frame_b.grid, current_triangles(b));
-  const Answer answer = query(tree_a.view(), frame_a, tree_b.view(), frame_b,
-                              {.any = false, .clearance = false, .max_pairs = max_pairs});
+  const Answer answer =
+      query(tree_a.view(), frame_a, tree_b.view(), frame_b,
+            {.any = false, .clearance = Clearance::kNone, .max_pairs = max_pairs});
   TouchingFaces faces_a = collect_faces(tree_a.view(), frame_a, answer.pairs, &FacePair::a);
   TouchingFaces faces_b = collect_faces(tree_b.view(), frame_b, answer.pairs, &FacePair::b);
   for (const FaceKey& key : faces_a.keys)

@@ -113,8 +113,11 @@ class Query {
     } else {
       answer_.status = touches ? AnswerStatus::kPartial : AnswerStatus::kUncertain;
     }
-    if (is_certified(answer_.status) && !touches && options_.clearance)
-      answer_.clearance_m = clearance_m(s_, answer_.stats);
+    if (is_certified(answer_.status) && !touches && options_.clearance != Clearance::kNone) {
+      const ClearanceBound bound = clearance(s_, options_.clearance, answer_.stats);
+      answer_.clearance_m = bound.at_least_m;
+      answer_.clearance_share = bound.share;
+    }
     std::sort(answer_.pairs.begin(), answer_.pairs.end());
     answer_.pair_total = answer_.pairs.size();
     answer_.truncated = answer_.pair_total > options_.max_pairs;
@@ -222,7 +225,6 @@ std::uint64_t digest(const Answer& answer) {
     add(missing->size());
     for (const NodeSpan& node : *missing) add(std::uint64_t{node.begin()} << 32 | node.size);
   }
-  add(std::bit_cast<std::uint64_t>(answer.clearance_m));
   add(std::bit_cast<std::uint64_t>(answer.uncertainty_m));
   return h;
 }

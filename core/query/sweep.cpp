@@ -42,6 +42,8 @@ constexpr double kStretch = 1.0001;
 /// Of what is looked for ahead: sixty-four steps; and so many tests.
 constexpr int kAheadLevels = 6;
 constexpr std::uint64_t kAheadTests = 200'000;
+/// An obstacle may move by so much of the node that it is near to: more instants would be more obstacles.
+constexpr double kSmallWay = 1.0 / 8;
 
 /// One of the two, with what does not change on the way.
 struct Mover {
@@ -90,6 +92,18 @@ class SweptQuery {
             answer_.stats.box_tests + answer_.stats.triangle_tests};
   }
 
+  /// What of b's a part of a's may meet, at any instant.
+  Obstacles obstacles(const TreeEntry& part, std::size_t most) {
+    Obstacles found;
+    most_obstacles_ = most;
+    obstacles_ = &found;
+    seeks_contact_ = false;
+    advance(0, 0, {{part, b_.tree.root()}});
+    found.is_all = !answer_.exhausted;
+    found.tests = answer_.stats.box_tests + answer_.stats.triangle_tests;
+    return found;
+  }
+
  private:
   struct Pair {
     TreeEntry a, b;
@@ -107,6 +121,7 @@ class SweptQuery {
     RelativeFrame b_in_a, a_in_b;
     Vec3 along_a, along_b;  ///< the way of half the interval, in each one's grid units
     double along_m;
+    const RelativeFrame* kept;  ///< b_in_a, where an obstacle refers to it
   };
 
   [[nodiscard]] double error_of(const Mover& x) const {
@@ -130,7 +145,7 @@ class SweptQuery {
     Posed posed;
     if (!pose_both(instant, posed)) return false;
     const Answer there =
-        query(a_.tree, posed.a, b_.tree, posed.b, {.any = true, .clearance = false});
+        query(a_.tree, posed.a, b_.tree, posed.b, {.any = true, .clearance = Clearance::kNone});
     answer_.stats.box_tests += there.stats.box_tests;
     answer_.stats.triangle_tests += there.stats.triangle_tests;
     return there.status == AnswerStatus::kContact;
@@ -172,6 +187,7 @@ class SweptQuery {
 
   void set_view(View& view, int level, std::uint64_t first, std::uint64_t length) const {
     view.level = level;
+    view.kept = nullptr;
     view.first = first;
     view.middle = first + length / 2;
     view.start_s = seconds(first);
@@ -192,7 +208,7 @@ class SweptQuery {
     return view.level == options_.time_levels;
   }
 
-  void visit(const Pair& pair, const View& view, std::vector<Pair>& left) {
+  void visit(const Pair& pair, View& view, std::vector<Pair>& left) {
     const TreeEntry &na = pair.a, &nb = pair.b;
     const Kind ka = na.kind(), kb = nb.kind();
     if (ka == Kind::kEmpty || kb == Kind::kEmpty) return;
@@ -243,6 +259,8 @@ class SweptQuery {
           undecided_s_ = std::min(undecided_s_, view.start_s);
         }
       }
+    } else if (obstacles_ != nullptr && (finest || way_m - error_m_ <= kSmallWay * size_a)) {
+      add_obstacles(na, nb, view, drift);
     } else if (!finest) {
       left.push_back(pair);
     } else if (ka == Kind::kUnresolved && kb == Kind::kUnresolved) {
@@ -342,6 +360,23 @@ class SweptQuery {
     return clear;
   }
 
+  void add_obstacles(const TreeEntry& part, const TreeEntry& other, View& view,
+                     const Drift& drift) {
+    if (view.kept == nullptr) view.kept = &obstacles_->frames.emplace_back(view.b_in_a);
+    if (other.kind() == Kind::kUnresolved) {
+      obstacles_->obstacles.push_back({view.kept, std::nullopt, centered(other.box), drift});
+    } else {
+      const CenteredBox box = centered(part.box);
+      b_.tree.for_each_face(other, [&](const TreeFace& face) {
+        ++answer_.stats.box_tests;
+        const DoubleTriangle corners = to_a_units(view.b_in_a, face.corners);
+        if (!box_triangle_stay_apart(view.b_in_a, drift, box, corners))
+          obstacles_->obstacles.push_back({view.kept, corners, {}, drift});
+      });
+    }
+    if (obstacles_->obstacles.size() > most_obstacles_) answer_.exhausted = true;
+  }
+
   static void add_missing(const TreeEntry& node, const View& view,
                           std::unordered_set<std::uint32_t>& known, std::vector<Missing>& missing) {
     known.insert(node.first);
@@ -384,6 +419,8 @@ class SweptQuery {
   std::unordered_set<std::uint32_t> known_a_, known_b_;  // by first vertex; membership only
   std::vector<Missing> missing_a_, missing_b_;
   bool seeks_contact_ = true;
+  Obstacles* obstacles_ = nullptr;  ///< what is looked for, if not null
+  std::size_t most_obstacles_ = 0;
   double undecided_s_ = kNever;  ///< start of the first interval that could not be settled
   Status status_;
   SweptAnswer answer_;
@@ -443,8 +480,8 @@ Result<SweptAnswer> sweep_from(const Answer* now, const TreeView& a, const Motio
     const Result<PosedPair> start =
         pose_pair(*a.grid, motion_a.pose, name_a, *b.grid, motion_b.pose, name_b);
     NEARMESH_RETURN_IF_ERROR(start);
-    now = &asked.emplace(
-        query(a, start.value().a, b, start.value().b, {.any = true, .clearance = false}));
+    now = &asked.emplace(query(a, start.value().a, b, start.value().b,
+                               {.any = true, .clearance = Clearance::kNone}));
   }
   if (now->pair_total > 0 || (is_at_rest(motion_a) && is_at_rest(motion_b))) {
     SweptAnswer swept = at_once(*now, options.duration_s);
@@ -454,9 +491,13 @@ Result<SweptAnswer> sweep_from(const Answer* now, const TreeView& a, const Motio
   return SweptQuery(mover_a, mover_b, options).run();
 }
 
-Result<Lacking> lacking_ahead(const TreeView& a, const Motion& motion_a, std::string_view name_a,
-                              const TreeView& b, const Motion& motion_b, std::string_view name_b,
-                              double duration_s, double margin_m) {
+namespace {
+
+/// What looks ahead along two motions: `look`, given a SweptQuery. Errors: those of the motions.
+template <class Found, class Look>
+Result<Found> look_ahead(const TreeView& a, const Motion& motion_a, std::string_view name_a,
+                         const TreeView& b, const Motion& motion_b, std::string_view name_b,
+                         double duration_s, double margin_m, const Look& look) {
   const FloatGuard guard;
   const bool is_still =
       duration_s < kMinDuration_s || (is_at_rest(motion_a) && is_at_rest(motion_b));
@@ -470,7 +511,30 @@ Result<Lacking> lacking_ahead(const TreeView& a, const Motion& motion_a, std::st
   const Mover mover_b{b, now_b, name_b, length_bound(now_b.angular_velocity_radps)};
   NEARMESH_RETURN_IF_ERROR(check_way(mover_a, options.duration_s));
   NEARMESH_RETURN_IF_ERROR(check_way(mover_b, options.duration_s));
-  return SweptQuery(mover_a, mover_b, options, margin_m).lacking();
+  SweptQuery query(mover_a, mover_b, options, margin_m);
+  return look(query);
+}
+
+}  // namespace
+
+Result<Lacking> lacking_ahead(const TreeView& a, const Motion& motion_a, std::string_view name_a,
+                              const TreeView& b, const Motion& motion_b, std::string_view name_b,
+                              double duration_s, double margin_m) {
+  return look_ahead<Lacking>(a, motion_a, name_a, b, motion_b, name_b, duration_s, margin_m,
+                             [](SweptQuery& query) { return query.lacking(); });
+}
+
+Result<Obstacles> obstacles_ahead(const TreeView& a, const Motion& motion_a,
+                                  std::string_view name_a, NodeSpan node, const TreeView& b,
+                                  const Motion& motion_b, std::string_view name_b,
+                                  double duration_s, double margin_m, std::size_t most) {
+  TreeEntry part;
+  part.box = a.store->box(node);
+  part.set(Kind::kUnresolved, node.begin(), node.size);
+  TreeView bare = a;
+  bare.half_spaces = nullptr;  // of a smaller node that has the same first vertex, perhaps
+  return look_ahead<Obstacles>(bare, motion_a, name_a, b, motion_b, name_b, duration_s, margin_m,
+                               [&](SweptQuery& query) { return query.obstacles(part, most); });
 }
 
 double safe_horizon_s(const TreeView& a, const Motion& motion_a, const TreeView& b,

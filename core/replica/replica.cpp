@@ -67,11 +67,19 @@ Replica::Taken Replica::take(std::span<const std::uint8_t> bytes, std::uint64_t 
         batch.is_ok() ? refine(batch.value(), teller_of(sender), taken.times) : batch.status();
   }
   taken.contradicts = !taken.status.is_ok();
+  taken.rests_on_kept = has_kept_;
   if (taken.contradicts) {
+    if (has_kept_) taken.liar = 0;
     if (taken.liar != 0) distrusted_.insert(taken.liar);
     forget_all();
   }
   return taken;
+}
+
+Replica::Taken Replica::take_kept(std::span<const std::uint8_t> bytes) {
+  has_kept_ = true;
+  taken_batches_ = std::max(taken_batches_, kKeptBatches);
+  return take(bytes);
 }
 
 Teller Replica::teller_of(std::uint64_t sender) {
@@ -137,6 +145,7 @@ Status Replica::refine(const SplitBatch& batch, Teller teller, Times& times) {
 void Replica::forget_all() {
   refined_ = RefinedMesh(header());
   tree_ = AbTree(refined_.mesh());
+  has_kept_ = false;
 }
 
 Replica::Times Replica::give_up(std::span<const RegionPart> keep) {

@@ -34,6 +34,7 @@ class Replica {
     /// The status is of what was said of the model, not of what befell the batch on its way: by `liar`; 0: by one of several.
     bool contradicts = false;
     std::uint64_t liar = 0;
+    bool rests_on_kept = false;  ///< take_kept() brought some of what is here, or this batch
     bool audited =
         false;  ///< an audit ended with this: what is here of a block was held against the block
   };
@@ -44,6 +45,11 @@ class Replica {
   /// of it, and kCorrupt says what was told otherwise, with the hash of both.
   /// Cost: O(batch and the slots that it changes).
   [[nodiscard]] Taken take(std::span<const std::uint8_t> bytes, std::uint64_t sender = 0);
+  /// The same of a batch that was kept since an earlier session. Where such detail is held nobody is to blame for what
+  /// contradicts it. From the first of these on batches count from kKeptBatches, so that nobody takes what is here for what was
+  /// sent since the base mesh.
+  [[nodiscard]] Taken take_kept(std::span<const std::uint8_t> bytes);
+  static constexpr std::uint32_t kKeptBatches = 1U << 31;
   /// The same of a batch that was decoded elsewhere, with this model's header.
   [[nodiscard]] Taken take(const SplitBatch& batch, std::uint64_t sender = 0);
   /// What this sender sends counts no more, and what is here is given up: nobody proves it.
@@ -81,6 +87,7 @@ class Replica {
   AuditReader audit_;
   std::uint32_t taken_batches_ = 0;
   bool gave_up_detail_ = false;
+  bool has_kept_ = false;
 };
 
 }  // namespace nearmesh

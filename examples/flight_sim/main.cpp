@@ -48,8 +48,7 @@ double exercise_time_s() {
 struct Peer {
   std::unique_ptr<nm::Session> session;
   nm::BodyId terrain;
-  std::vector<nm::BodyId> bodies;   ///< of the own aircraft, by place in the fleet
-  std::vector<std::size_t> own_of;  ///< of each pair: the own aircraft's place in the fleet
+  std::vector<nm::BodyId> bodies;  ///< of the own aircraft, by place in the fleet
 };
 
 /// A session on the simulator's own participant, with the terrain and the own aircraft.
@@ -68,7 +67,6 @@ nearmesh::Result<Peer> join_nearmesh(const HostBus& bus, const std::vector<Aircr
     const auto body = session.add_body({.name = own.name, .model = "aircraft", .own = true});
     if (!body.is_ok()) return body.status();
     NEARMESH_RETURN_IF_ERROR(session.watch(peer.terrain, body.value()));
-    peer.own_of.push_back(peer.bodies.size());
     peer.bodies.push_back(body.value());
   }
   return peer;
@@ -78,10 +76,8 @@ nearmesh::Result<Peer> join_nearmesh(const HostBus& bus, const std::vector<Aircr
 nearmesh::Status meet(Peer& peer, const std::string& name) {
   const auto other = peer.session->add_body({.name = name, .model = "aircraft"});
   if (!other.is_ok()) return other.status();
-  for (std::size_t own = 0; own < peer.bodies.size(); ++own) {
-    NEARMESH_RETURN_IF_ERROR(peer.session->watch(peer.bodies[own], other.value()));
-    peer.own_of.push_back(own);
-  }
+  for (const nm::BodyId own : peer.bodies)
+    NEARMESH_RETURN_IF_ERROR(peer.session->watch(own, other.value()));
   return nearmesh::Status::ok();
 }
 
@@ -182,9 +178,10 @@ int run(const Options& options) {
       if (said.insert(line).second)  // they come as often as their cause
         std::fprintf(stderr, "flight_sim: nearmesh: %s\n", line.c_str());
     for (const nm::PairAnswer& pair : report.value().answers) {
-      const std::size_t own = peer.own_of[pair.pair.value];
-      use_answer(pair, pair.b == peer.bodies[own], options.policy, fleet[own], before[own],
-                 summary);
+      for (std::size_t own = 0; own < fleet.size(); ++own)
+        if (pair.a == peer.bodies[own] || pair.b == peer.bodies[own])
+          use_answer(pair, pair.b == peer.bodies[own], options.policy, fleet[own], before[own],
+                     summary);
     }
     summary.nearmesh_ms.push_back(ms_since(update_start));
     // ---- nearmesh: end

@@ -222,7 +222,8 @@ class DiscoveryListener : public fdds::DomainParticipantListener {
       : mailbox_(mailbox),
         prefix_(options.transport.prefix),
         names_(prefix_),
-        on_writer_(options.on_writer) {}
+        on_writer_(options.on_writer),
+        on_reader_(options.on_reader) {}
 
   void on_participant_discovery(
       fdds::DomainParticipant*,
@@ -246,7 +247,14 @@ class DiscoveryListener : public fdds::DomainParticipantListener {
   }
   void on_subscriber_discovery(fdds::DomainParticipant*,
                                eprosima::fastrtps::rtps::ReaderDiscoveryInfo&& found) override {
-    if (found.status != eprosima::fastrtps::rtps::ReaderDiscoveryInfo::DISCOVERED_READER) return;
+    using Info = eprosima::fastrtps::rtps::ReaderDiscoveryInfo;
+    const bool is_gone = found.status == Info::REMOVED_READER;
+    if (on_reader_ && (is_gone || found.status == Info::DISCOVERED_READER)) {
+      const std::vector<std::string> partitions = found.info.m_qos.m_partition.names();
+      on_reader_({Handle(found.info.guid()), found.info.topicName().to_string(),
+                  partitions.empty() ? "" : partitions.front(), is_gone});
+    }
+    if (found.status != Info::DISCOVERED_READER) return;
     judge(found.info.topicName().to_string(), found.info.typeName().to_string());
     judge_qos(found.info.topicName().to_string(), Handle(found.info.guid()), false,
               found.info.m_qos.m_reliability.kind, found.info.m_qos.m_durability.kind);
@@ -302,6 +310,7 @@ class DiscoveryListener : public fdds::DomainParticipantListener {
   const std::string prefix_;
   const TopicNames names_;
   const std::function<void(const Handle&, const std::string&)> on_writer_;
+  const std::function<void(const BusOptions::FoundReader&)> on_reader_;
   std::mutex mutex_;
   std::set<std::string> said_;
 };

@@ -192,6 +192,13 @@ struct BusOptions {
   /// Told of every writer elsewhere and its partition ("" for none) before any of its samples comes; not with a host's
   /// participant. Called by threads of Fast DDS.
   std::function<void(const Handle& writer, const std::string& partition)> on_writer;
+  /// Told of every reader elsewhere that is found or goes; else as on_writer.
+  struct FoundReader {
+    Handle reader;
+    std::string topic, partition;
+    bool gone = false;
+  };
+  std::function<void(const FoundReader& found)> on_reader;
 };
 
 class DiscoveryListener;

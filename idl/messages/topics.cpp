@@ -2,6 +2,7 @@
 #include "nearmesh/idl/messages/topics.hpp"
 
 #include <algorithm>
+#include <charconv>
 #include <random>
 
 #include "core/base/hash.hpp"
@@ -44,6 +45,12 @@ std::string key_of(std::uint64_t id) { return to_hex(id); }
 std::string key_of(const ContentHash& content) { return to_hex(content); }
 
 std::string partition_of(SessionId peer) { return to_hex(peer); }
+
+SessionId peer_of(std::string_view partition) {
+  SessionId peer = 0;
+  std::from_chars(partition.data(), partition.data() + partition.size(), peer, 16);
+  return partition == partition_of(peer) ? peer : 0;
+}
 
 SessionId make_session_id() {
   std::random_device device;

@@ -78,6 +78,7 @@ Status DdsChannel::Impl::open() {
   wire::BusOptions bus_options;
   bus_options.transport = options_.transport;
   bus_options.header_bytes_per_s = options_.header_bytes_per_s;
+  bus_options.on_reader = [this](const auto& reader) { peers_.found(reader); };
   auto bus = wire::Bus::open(bus_options, mailbox_);
   NEARMESH_RETURN_IF_ERROR(bus);
   bus_ = std::move(bus).value();

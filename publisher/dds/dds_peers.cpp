@@ -27,6 +27,11 @@ Status DdsPeers::open(wire::Bus& bus) {
 void DdsPeers::forget() {
   for (const SessionId peer : book_.clear()) lost_.push_back(peer);
   peers_.clear();
+  prepared_.clear();
+  {
+    const std::lock_guard lock(mutex_);
+    found_.clear();
+  }
   (void)reader_.take_matches();
 }
 
@@ -39,11 +44,46 @@ bool DdsPeers::is_own(const Handle& writer) const {
   return wire::have_one_participant(writer, reader_.endpoint().get_instance_handle());
 }
 
+void DdsPeers::found(const wire::BusOptions::FoundReader& reader) {
+  if (wire::peer_of(reader.partition) == 0) return;
+  {
+    const std::lock_guard lock(mutex_);
+    if (found_.size() >= kMaxTaken) return;
+    found_.push_back(reader);
+  }
+  mailbox_.wake();
+}
+
+void DdsPeers::prepare() {
+  std::vector<wire::BusOptions::FoundReader> found;
+  {
+    const std::lock_guard lock(mutex_);
+    found = std::exchange(found_, {});
+  }
+  for (const wire::BusOptions::FoundReader& one : found) {
+    if (one.topic != bus_->names().of<wire::SplitBatchMessage>()) continue;
+    const SessionId peer = wire::peer_of(one.partition);
+    const auto known = prepared_.find(peer);
+    if (known == prepared_.end()) {
+      if (one.gone || peers_.contains(peer) || peers_.size() + prepared_.size() >= max_peers_)
+        continue;
+      if (Result<Peer> made = make_peer(peer); made.is_ok())
+        prepared_.emplace(peer, Prepared{one.reader, std::move(made).value()});
+    } else if (!one.gone) {
+      known->second.reader = one.reader;  // joined anew
+    } else if (known->second.reader == one.reader) {
+      bus_->remove_writer(&known->second.peer.writer->endpoint());
+      prepared_.erase(known);
+    }
+  }
+}
+
 /// A peer that was lost and found again by the time it is taken from has said again what it wants: it must be lost before
 /// that is heard, or the answer is forgotten with it.
 Inbox DdsPeers::admit(std::vector<Heard> heard) {
   Inbox inbox;
   inbox.lost_peers = take_lost();
+  prepare();
   for (Heard& one : heard)
     if (admit(one.message.peer, one.writer, one.received))
       inbox.subscriptions.push_back(std::move(one.message));
@@ -76,16 +116,23 @@ bool DdsPeers::add_peer(SessionId peer, const Handle& subscriptions) {
                         std::to_string(peers_.size()) + " already, the limit (max_peers)");
     return false;
   }
-  Peer entry;
-  entry.writer = std::make_unique<wire::Writer<wire::SplitBatchMessage>>(mailbox_);
-  if (const Status opened = entry.writer->open(*bus_, wire::partition_of(peer)); !opened.is_ok()) {
+  auto prepared = prepared_.extract(peer);
+  Result<Peer> made =
+      prepared.empty() ? make_peer(peer) : Result<Peer>(std::move(prepared.mapped().peer));
+  if (!made.is_ok()) {
     mailbox_.complain("peer " + wire::called(peer, name_of(peer)) +
-                      " refused: " + opened.message());
+                      " refused: " + made.status().message());
     return false;
   }
-  entry.subscriptions = subscriptions;
-  peers_.emplace(peer, std::move(entry));
+  made.value().subscriptions = subscriptions;
+  peers_.emplace(peer, std::move(made).value());
   return true;
+}
+
+Result<DdsPeers::Peer> DdsPeers::make_peer(SessionId peer) {
+  Peer made{std::make_unique<wire::Writer<wire::SplitBatchMessage>>(mailbox_), {}};
+  NEARMESH_RETURN_IF_ERROR(made.writer->open(*bus_, wire::partition_of(peer)));
+  return made;
 }
 
 std::vector<SessionId> DdsPeers::take_lost() {

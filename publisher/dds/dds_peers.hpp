@@ -6,6 +6,7 @@
 #include <chrono>
 #include <map>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <vector>
 
@@ -24,6 +25,9 @@ class DdsPeers {
   [[nodiscard]] Status open(wire::Bus& bus);
   /// The bus is gone, and all peers with it; they are among the lost.
   void forget();
+  /// A peer that will ask hears batches in its partition already. Its writer is made now: both sides know of each other when it
+  /// asks, else the first batches would come before the word of who writes them, and again after a heartbeat. Threads: all.
+  void found(const wire::BusOptions::FoundReader& reader);
 
   /// `wanted`: which subscriptions count; the others leave no trace. None of this participant's own writers do.
   template <class Wanted>
@@ -58,16 +62,26 @@ class DdsPeers {
     wire::Handle subscriptions;  ///< the peer's writer, by which its participant is known
     std::chrono::steady_clock::time_point added = std::chrono::steady_clock::now();
   };
+  /// Of a reader that was found, before its peer has said anything.
+  struct Prepared {
+    wire::Handle reader;
+    Peer peer;
+  };
 
   [[nodiscard]] bool is_own(const wire::Handle& writer) const;
   [[nodiscard]] Inbox admit(std::vector<Heard> heard);
   bool admit(wire::SessionId peer, const wire::Handle& writer, wire::Microseconds received);
   bool add_peer(wire::SessionId peer, const wire::Handle& subscriptions);
+  [[nodiscard]] Result<Peer> make_peer(wire::SessionId peer);
+  void prepare();
 
   wire::Mailbox& mailbox_;
   const std::size_t max_peers_;
   wire::Reader<wire::RegionSubscription> reader_;
   std::map<wire::SessionId, Peer> peers_;
+  std::map<wire::SessionId, Prepared> prepared_;  ///< none of these is among the peers
+  std::mutex mutex_;
+  std::vector<wire::BusOptions::FoundReader> found_;  ///< since the last take()
   wire::SessionBook book_;
   std::vector<wire::SessionId> lost_;  ///< with a bus
   bool complained_of_limit_ = false;

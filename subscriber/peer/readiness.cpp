@@ -38,6 +38,21 @@ GridBox cells_around(const Grid& grid, const std::array<double, 3>& lo_m,
   return box;
 }
 
+/// Whether a half-space of an unresolved node keeps it clear of the box: exact.
+bool stays_behind(const TreeView& tree, VertexId first, const GridBox& box) {
+  if (tree.half_spaces == nullptr) return false;
+  for (const HalfSpace& half_space : tree.half_spaces->of(first)) {
+    GridPoint nearest;
+    for (int k = 0; k < 3; ++k) {
+      const bool ascends =
+          half_space_normal(half_space.direction)[static_cast<std::size_t>(k)] >= 0;
+      nearest[k] = ascends ? box.lo[k] : box.hi[k];
+    }
+    if (!contains(half_space, tree.store->position(first), nearest)) return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 const char* to_string(ReadyStage stage) {
@@ -67,6 +82,7 @@ RegionReadiness lacks_in_box(const TreeView& tree, const std::array<double, 3>& 
       tree.for_each_child(entry, [&](const TreeEntry& child) { open.push_back(child); });
     } else if (entry.kind() == TreeEntry::Kind::kUnresolved) {
       const NodeSpan node = entry.unresolved_node();
+      if (stays_behind(tree, node.first, box)) continue;
       ++lacks.unresolved_nodes;
       lacks.missing_vertices += node.size - 1;
       bound_cells = std::max(bound_cells, node_bound(*tree.store, node));

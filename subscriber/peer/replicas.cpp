@@ -5,6 +5,7 @@
 
 #include "core/base/digest.hpp"
 #include "core/base/hash.hpp"
+#include "nearmesh/core/spm/detail/codec.hpp"
 
 namespace nearmesh::subscriber {
 PeerModel& ReplicaSet::add(const std::string& name) {
@@ -86,8 +87,18 @@ std::size_t ReplicaSet::take_header(const Channel::Header& header,
 
 namespace {
 
+/// As the publisher of batches out of the cache; no publisher has it.
+constexpr wire::SessionId kFromCache = 0;
+
 void complain(PeerModel& model, wire::SessionId publisher, const Replica::Taken& taken,
               std::vector<std::string>& complaints) {
+  if (taken.contradicts && taken.rests_on_kept) {
+    complaints.push_back("model " + model.name +
+                         ": detail out of the cache and what came contradict each other, all is "
+                         "forgotten: " +
+                         taken.status.message());
+    return;
+  }
   if (!taken.contradicts && !model.damaged.insert(publisher).second) return;
   complaints.push_back(
       "model " + model.name + ": " +
@@ -104,18 +115,55 @@ void complain(PeerModel& model, wire::SessionId publisher, const Replica::Taken&
 bool ReplicaSet::apply_one(FrameReport& report) {
   for (auto& [name, model] : models_) {
     if (!model.is_ready() || model.waiting.empty()) continue;
-    const PeerModel::Batch batch = std::move(model.waiting.front());
+    PeerModel::Batch batch = std::move(model.waiting.front());
     model.waiting.pop_front();
-    const Replica::Taken taken = model.replica->take(batch.bytes, batch.publisher);
+    const bool is_cached = batch.publisher == kFromCache;
+    const Replica::Taken taken = is_cached ? model.replica->take_kept(batch.bytes)
+                                           : model.replica->take(batch.bytes, batch.publisher);
     report.load_s += taken.times.load_s;
     report.refine_s += taken.times.refine_s;
     report.tree_s += taken.times.tree_s;
     model.audit.is_proved |= taken.audited;
     if (!taken.status.is_ok())
       complain(model, taken.contradicts ? taken.liar : batch.publisher, taken, report.complaints);
+    if (taken.contradicts) model.cache = {.is_read = true, .has_news = true};
+    if (taken.status.is_ok() && !cache_folder_.empty() && !is_audit_piece(batch.bytes))
+      model.cache.keep(std::move(batch.bytes), !is_cached);
     return true;
   }
   return false;
+}
+
+void PeerModel::Cache::keep(std::vector<std::uint8_t>&& batch, bool is_new) {
+  if (bytes + batch.size() > kMaxCachedBytes || batches.size() == kMaxCachedBatches) return;
+  bytes += batch.size();
+  has_news |= is_new;
+  batches.push_back(std::move(batch));
+}
+
+void ReplicaSet::read_caches(std::vector<std::string>& complaints) {
+  if (cache_folder_.empty()) return;
+  for (auto& [name, model] : models_) {
+    if (!model.is_ready() || std::exchange(model.cache.is_read, true)) continue;
+    Result<std::optional<Batches>> read = read_cached(cache_folder_, model.content_hash);
+    if (!read.is_ok()) {
+      complaints.push_back("model " + name + ": the cache is not used: " + read.status().message());
+    } else if (read.value()) {
+      for (std::vector<std::uint8_t>& batch : *read.value())
+        model.waiting.push_back({kFromCache, std::move(batch)});
+    }
+  }
+}
+
+Status ReplicaSet::write_caches() {
+  Status status;
+  if (cache_folder_.empty()) return status;
+  for (auto& [name, model] : models_) {
+    if (!std::exchange(model.cache.has_news, false)) continue;
+    const Status written = write_cached(cache_folder_, model.content_hash, model.cache.batches);
+    if (!written.is_ok()) status = written;
+  }
+  return status;
 }
 
 }  // namespace nearmesh::subscriber

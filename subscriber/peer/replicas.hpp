@@ -11,6 +11,7 @@
 
 #include "core/broadphase/body_bounds.hpp"
 #include "core/replica/replica.hpp"
+#include "detail_cache.hpp"
 #include "nearmesh/subscriber/peer/session.hpp"
 
 namespace nearmesh::subscriber {
@@ -54,6 +55,15 @@ struct PeerModel {
 
   std::uint32_t told_recorders = 0;  // so many of those that came know what is held
 
+  /// For the next time: batches that were taken in, up to the limits of a file.
+  struct Cache {
+    bool is_read = false, has_news = false;  // what the file does not hold
+    Batches batches;
+    std::size_t bytes = 0;
+
+    void keep(std::vector<std::uint8_t>&& batch, bool is_new);
+  } cache;
+
   [[nodiscard]] bool is_ready() const { return replica.has_value(); }
 };
 
@@ -82,11 +92,17 @@ class ReplicaSet {
   [[nodiscard]] std::size_t refused_count() const { return refused_.size(); }
   /// Applies the oldest waiting batch of some model; false when none waits.
   bool apply_one(FrameReport& report);
+  /// What is taken in from here on is kept there, and what was kept waits to be taken in once a header is there.
+  void use_cache(std::string folder) { cache_folder_ = std::move(folder); }
+  void read_caches(std::vector<std::string>& complaints);
+  /// Replaces files that lack something. Errors: the last of those of write_cached().
+  Status write_caches();
 
  private:
   std::map<std::string, PeerModel> models_;
   void keep_header(const Channel::Header& header);
 
+  std::string cache_folder_;  // none: nothing is kept
   std::map<ContentHash, Channel::Header>
       unclaimed_;  // headers of contents that no model in use stands for
   std::size_t unclaimed_bytes_ = 0;

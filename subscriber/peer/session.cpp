@@ -43,10 +43,13 @@ Session::Session(std::unique_ptr<Channel> channel, SessionOptions options)
   NEARMESH_ASSERT(options.sweep_s >= 0);
   NEARMESH_ASSERT(options.max_pose_age_s >= 0);
   impl_->channel = std::move(channel);
+  impl_->replicas.use_cache(options.cache_folder);
   impl_->options = options;
   impl_->audits = Random(options.audit_seed != 0 ? options.audit_seed : std::random_device{}());
 }
-Session::~Session() = default;
+Session::~Session() { static_cast<void>(impl_->replicas.write_caches()); }
+
+Status Session::write_cache() { return impl_->replicas.write_caches(); }
 
 Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
                                     const std::vector<OwnMotion>& motions, double budget_s) {
@@ -87,6 +90,7 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
         std::abs(time_s - body.published_s) >= kRepeatShare * impl.options.max_pose_age_s)
       impl.publish(body, frame);
   impl.take_inbox(report);
+  impl.replicas.read_caches(report.complaints);
   while (impl.replicas.apply_one(report) && spent.seconds() < budget_s) {
   }
   for (const auto& [name, model] : impl.replicas.all())
@@ -95,7 +99,7 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
     report.state_digest =
         mix(report.state_digest ^ (model.is_ready() ? model.replica->mesh().state_hash() + 1 : 0));
   impl.find_near(report);
-  for (Impl::Pair* pair : impl.listed) impl.answer_pair(*pair, frame, report);
+  impl.answer_pairs(frame, report);
   impl.ask(report);
   if (impl.options.max_held_splits > 0)
     for (auto& [name, model] : impl.replicas.all())
@@ -172,8 +176,31 @@ void take_answer(Answered&& all, PairAnswer& result, std::vector<std::string>& c
 
 }  // namespace
 
-void Session::Impl::answer_pair(Pair& pair, std::uint64_t frame, FrameReport& report) {
-  PairAnswer result{.a = pair.a->id, .b = pair.b->id, .answer = nothing_known()};
+void Session::Impl::run_jobs(std::size_t count, const std::function<void(std::size_t)>& job) const {
+  if (options.run_jobs && count > 1) {
+    options.run_jobs(count, [&job](std::size_t i) {
+      const FloatGuard guard;  // of this thread
+      job(i);
+    });
+  } else {
+    for (std::size_t i = 0; i < count; ++i) job(i);
+  }
+}
+
+void Session::Impl::answer_pairs(std::uint64_t frame, FrameReport& report) {
+  std::vector<AskedPair> asked(listed.size());
+  run_jobs(asked.size(), [&](std::size_t i) { asked[i] = ask_pair(*listed[i]); });
+  for (std::size_t i = 0; i < asked.size(); ++i)
+    settle_pair(*listed[i], std::move(asked[i]), frame, report);
+}
+
+// Changes nothing, so that pairs may be asked at once.
+Session::Impl::AskedPair Session::Impl::ask_pair(const Pair& pair) const {
+  AskedPair asked_pair;
+  PairAnswer& result = asked_pair.result;
+  result.a = pair.a->id;
+  result.b = pair.b->id;
+  result.answer = nothing_known();
   result.content_a = pair.a->model->content_hash;
   result.content_b = pair.b->model->content_hash;
   result.age_a_s = wire::age_s(stamp_of(*pair.a), time_s);
@@ -189,12 +216,13 @@ void Session::Impl::answer_pair(Pair& pair, std::uint64_t frame, FrameReport& re
     result.pose_a = a.motion.pose;
     result.pose_b = b.motion.pose;
     Result<Answered> asked = answer(a, b,
-                                    {.contacts = options.contacts,
+                                    {.clearance = options.clearance,
+                                     .contacts = options.contacts,
                                      .sweep_s = options.sweep_s,
                                      .max_sweep_tests = kMaxSweepTests});
     if (asked.is_ok()) {
       result.asked = true;
-      take_answer(std::move(asked).value(), result, report.complaints);
+      take_answer(std::move(asked).value(), result, asked_pair.complaints);
       if (is_beyond_detail(result.answer))
         result.reason = "body " + (a.view.surface->has_seeds() ? pair.b : pair.a)->name +
                         " has more than " + std::to_string(kMaxComponentSeeds) +
@@ -202,8 +230,17 @@ void Session::Impl::answer_pair(Pair& pair, std::uint64_t frame, FrameReport& re
     } else {
       result.reason = asked.status().message();
     }
-    report.query_s += watch.seconds();
+    asked_pair.query_s = watch.seconds();
   }
+  return asked_pair;
+}
+
+void Session::Impl::settle_pair(Pair& pair, AskedPair&& asked, std::uint64_t frame,
+                                FrameReport& report) {
+  PairAnswer& result = asked.result;
+  report.query_s += asked.query_s;
+  report.complaints.insert(report.complaints.end(), asked.complaints.begin(),
+                           asked.complaints.end());
   if (result.reason.empty() && !is_certified(result.answer.status)) {
     result.awaited = awaited_of(*pair.a->model, result.answer.missing_a.size());
     const std::string more = awaited_of(*pair.b->model, result.answer.missing_b.size());

@@ -28,25 +28,25 @@ std::uint64_t states_of(const Pair& pair) {
 
 }  // namespace
 
-// How soon a pair needs detail, or not: none that it lacks is known.
-std::optional<std::uint8_t> Session::Impl::urgency_of(Pair& pair, const PairAnswer& answer) {
+// How soon a pair needs detail.
+Session::Impl::Need Session::Impl::need_of(const Pair& pair, const PairAnswer& answer) const {
   const Answer& now = answer.answer;
-  if (!now.missing_a.empty() || !now.missing_b.empty()) return kNeededNow;
-  if (horizon_s() <= 0) return std::nullopt;
+  if (!now.missing_a.empty() || !now.missing_b.empty()) return Need::kNow;
+  if (horizon_s() <= 0) return Need::kNothing;
   if (answer.swept && !(answer.swept->missing_a.empty() && answer.swept->missing_b.empty()))
-    return kHorizon;
-  // What is lacked soon is asked for with all of the horizon: fewer and fuller answers than a little in each frame. Soon are three
-  // frames at least, since an answer that comes in the next is there for the one after. Where a look found nothing, an eighth
-  // of the horizon may pass before the next: another eighth is left then.
-  if (std::abs(time_s - pair.looked_ahead_s) < horizon_s() / 8) return std::nullopt;
-  ++stats.looks_ahead;
+    return Need::kAhead;
+  // Where a look found nothing, an eighth of the horizon may pass before the next: another eighth is left then.
+  return std::abs(time_s - pair.looked_ahead_s) < horizon_s() / 8 ? Need::kNothing : Need::kLook;
+}
+
+// What is lacked soon is asked for with all of the horizon: fewer and fuller answers than a little in each frame. Soon are three
+// frames at least, since an answer that comes in the next is there for the one after.
+bool Session::Impl::is_lacking_soon(const Pair& pair) const {
   const auto lacking =
       lacking_ahead(pair.a->model->replica->view(), *pair.a->motion, pair.a->name,
                     pair.b->model->replica->view(), *pair.b->motion, pair.b->name,
                     std::clamp(3 * frame_s, horizon_s() / 4, horizon_s()), options.margin_m);
-  if (lacking.is_ok() && !lacking.value().is_nothing()) return kHorizon;
-  pair.looked_ahead_s = time_s;
-  return std::nullopt;
+  return lacking.is_ok() && !lacking.value().is_nothing();
 }
 
 // A request is open that concerns the pair, or tells this publisher of bodies: it answers one at a time.
@@ -59,12 +59,9 @@ bool Session::Impl::has_open(wire::SessionId publisher, const Pair& pair) const 
   });
 }
 
-// Where one publisher serves both models of a pair it is told where the bodies are, and chooses what certifies.
-void Session::Impl::ask_certificates(const FrameReport& report) {
-  struct Due {
-    std::vector<Pair*> now, ahead;
-  };
-  std::map<wire::SessionId, Due> due;
+// The pairs for which a publisher chooses, and that need detail or may: none of whose models waits for an answer.
+std::vector<Session::Impl::Candidate> Session::Impl::find_candidates(const FrameReport& report) {
+  std::vector<Candidate> candidates;
   for (std::size_t i = 0; i < listed.size(); ++i) {
     Pair& pair = *listed[i];
     const PeerModel &a = *pair.a->model, &b = *pair.b->model;
@@ -77,14 +74,39 @@ void Session::Impl::ask_certificates(const FrameReport& report) {
     if (pair.by_region || !report.answers[i].reason.empty()) continue;
     if (!a.waiting.empty() || !b.waiting.empty()) continue;
     if (has_open(publisher->hello.publisher, pair)) continue;
-    const std::optional<std::uint8_t> urgency = urgency_of(pair, report.answers[i]);
-    if (!urgency) continue;
+    if (const Need need = need_of(pair, report.answers[i]); need != Need::kNothing)
+      candidates.push_back({&pair, need});
+  }
+  return candidates;
+}
+
+// Where one publisher serves both models of a pair it is told where the bodies are, and chooses what certifies.
+void Session::Impl::ask_certificates(const FrameReport& report) {
+  std::vector<Candidate> candidates = find_candidates(report);
+  std::vector<Candidate*> looks;
+  for (Candidate& candidate : candidates)
+    if (candidate.need == Need::kLook) looks.push_back(&candidate);
+  stats.looks_ahead += looks.size();
+  run_jobs(looks.size(), [&](std::size_t i) {
+    looks[i]->need = is_lacking_soon(*looks[i]->pair) ? Need::kAhead : Need::kNothing;
+  });
+  struct Due {
+    std::vector<Pair*> now, ahead;
+  };
+  std::map<wire::SessionId, Due> due;
+  for (const Candidate& candidate : candidates) {
+    Pair& pair = *candidate.pair;
+    if (candidate.need == Need::kNothing) {
+      pair.looked_ahead_s = time_s;
+      continue;
+    }
+    const PeerModel &a = *pair.a->model, &b = *pair.b->model;
     for (const ContentHash& content : {a.content_hash, b.content_hash})
       if (const auto lost = outstanding.find(content); lost != outstanding.end())
         count_lost(lost->second);
-    publisher = publisher_of(a.content_hash, b.content_hash);  // another, where that one is lost
-    Due& its = due[publisher->hello.publisher];
-    (*urgency == kNeededNow ? its.now : its.ahead).push_back(&pair);
+    // Perhaps another than before, where that one is lost.
+    Due& its = due[publisher_of(a.content_hash, b.content_hash)->hello.publisher];
+    (candidate.need == Need::kNow ? its.now : its.ahead).push_back(&pair);
   }
   for (auto& [id, its] : due) {
     const std::uint8_t priority = its.now.empty() ? kHorizon : kNeededNow;

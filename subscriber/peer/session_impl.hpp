@@ -157,14 +157,34 @@ struct Session::Impl {
   void tell_free(FrameReport& report);
   void add_unbounded(Readiness& all, const Body& body);
   [[nodiscard]] std::string why_unknown(const Body& body) const;
-  void answer_pair(Pair& pair, std::uint64_t frame, FrameReport& report);
+  void run_jobs(std::size_t count, const std::function<void(std::size_t)>& job) const;
+  struct AskedPair {
+    PairAnswer result;
+    std::vector<std::string> complaints;
+    double query_s = 0;
+  };
+  void answer_pairs(std::uint64_t frame, FrameReport& report);
+  [[nodiscard]] AskedPair ask_pair(const Pair& pair) const;
+  void settle_pair(Pair& pair, AskedPair&& asked, std::uint64_t frame, FrameReport& report);
   void report_pair(Pair& pair, const PairAnswer& answer, const Reported& now);
   void give_up(PeerModel& model, FrameReport& report);
   void tell_held(FrameReport& report);
   void note_sequence(const wire::SplitBatchMessage& message);
   void ask(FrameReport& report);
   void ask_certificates(const FrameReport& report);
-  [[nodiscard]] std::optional<std::uint8_t> urgency_of(Pair& pair, const PairAnswer& answer);
+  enum class Need : std::uint8_t {
+    kNothing,
+    kNow,
+    kAhead,
+    kLook
+  };  // the last: who looks ahead finds out
+  struct Candidate {
+    Pair* pair;
+    Need need;
+  };
+  [[nodiscard]] std::vector<Candidate> find_candidates(const FrameReport& report);
+  [[nodiscard]] Need need_of(const Pair& pair, const PairAnswer& answer) const;
+  [[nodiscard]] bool is_lacking_soon(const Pair& pair) const;
   void request_certificate(const Publisher& publisher, std::span<Pair* const> asked,
                            std::uint8_t priority);
   [[nodiscard]] bool has_open(wire::SessionId publisher, const Pair& pair) const;

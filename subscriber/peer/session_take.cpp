@@ -136,8 +136,7 @@ void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& r
   // What one that was lost meanwhile sent is good all the same.
   if (const auto at = publishers.find(message.publisher); at != publishers.end()) {
     Publisher& publisher = at->second;
-    // To say how to ask is no answer: who needs longer than our patience would be asked anew for ever.
-    if (!message.wants_held && !message.wants_regions) publisher.lost_requests = 0;
+    publisher.lost_requests = 0;
     if (message.sequence > publisher.received_sequence + 1)
       stats.sequence_gaps += message.sequence - publisher.received_sequence - 1;
     publisher.received_sequence = std::max(publisher.received_sequence, message.sequence);

@@ -110,7 +110,12 @@ void Session::Impl::tell_status(const FrameReport& report, const SessionStats& c
   now.bytes = counted.batch_bytes;
   now.lost_batches = counted.sequence_gaps;
   now.waiting_batches = report.batches_waiting;
-  now.watched_pairs = static_cast<std::uint32_t>(report.answers.size());
+  const auto capped = [](std::uint64_t n) {
+    return static_cast<std::uint32_t>(std::min<std::uint64_t>(n, 0xffffffffU));
+  };
+  now.watched_pairs =
+      capped(report.answers.size() + report.free_by_bounds.pairs + report.unknown_pairs);
+  now.certified_pairs = capped(report.free_by_bounds.pairs);
   for (const PairAnswer& pair : report.answers) {
     if (is_certified(pair.answer.status)) {
       ++now.certified_pairs;

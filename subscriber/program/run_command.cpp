@@ -218,6 +218,12 @@ class Flight {
     }
   }
 
+  // Before the bus is left, as the summary.
+  void keep_detail() {
+    if (const Status kept = session_.write_cache(); !kept.is_ok())
+      log_.warn("detail is not kept for the next time: {}", kept.message());
+  }
+
   Status print_summary() {
     if (::isatty(STDERR_FILENO) != 0) std::fprintf(stderr, "\r%40s\r", "");
     if (options_.json) {
@@ -429,6 +435,7 @@ Outcome run(const RunOptions& options) {
     return {started, flight.identity().is_ok() ? 1 : wire::program::kIdentityEnded};
   NEARMESH_RETURN_IF_ERROR(flight.fly());
   NEARMESH_RETURN_IF_ERROR(flight.print_summary());
+  flight.keep_detail();
   if (Status identity = flight.identity(); !identity.is_ok())
     return {std::move(identity), wire::program::kIdentityEnded};
   flight.stay();

@@ -66,6 +66,14 @@ ContentHash content(const YAML::Node& node) {
   return hash.value();
 }
 
+Clearance clearance(const YAML::Node& node) {
+  const auto name = value<std::string>(node, "clearance", "none, bound or exact");
+  if (name == "none") return Clearance::kNone;
+  if (name == "bound") return Clearance::kBound;
+  if (name == "exact") return Clearance::kExact;
+  fail(node, "clearance: expected none, bound or exact, found " + name);
+}
+
 Pose fixed_pose(const YAML::Node& node, const std::string& body) {
   check_keys(node, "pose of " + body, {"rotation", "translation"});
   Pose pose;
@@ -144,10 +152,10 @@ std::size_t body_named(const Scene& scene, const std::string& name, const YAML::
 }
 
 Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
-  check_keys(
-      root, "scene",
-      {"bodies", "moves", "pairs", "frame_rate_hz", "budget_ms", "lookahead_s", "audit_s",
-       "margin_m", "max_pose_age_s", "sweep_s", "max_held_splits", "contacts", "start_timeout_s"});
+  check_keys(root, "scene",
+             {"bodies", "moves", "pairs", "frame_rate_hz", "budget_ms", "lookahead_s", "audit_s",
+              "cache", "margin_m", "max_pose_age_s", "sweep_s", "max_held_splits", "clearance",
+              "contacts", "start_timeout_s"});
   Scene scene;
   scene.frame_rate_hz = number_in(root, "frame_rate_hz", scene.frame_rate_hz, 0.1, 10000);
   scene.budget_s = number_in(root, "budget_ms", scene.budget_s * 1e3, 0, 1e6) / 1e3;
@@ -160,6 +168,12 @@ Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
   scene.session.sweep_s = number_in(root, "sweep_s", scene.session.sweep_s, 0, 60);
   scene.session.max_held_splits =
       static_cast<std::uint32_t>(number_in(root, "max_held_splits", 0, 0, 4e9));
+  if (root["clearance"]) scene.session.clearance = clearance(root["clearance"]);
+  if (root["cache"]) {
+    const std::filesystem::path cache = value<std::string>(root["cache"], "cache", "a folder");
+    if (cache.empty()) fail(root["cache"], "cache: expected a folder, found nothing");
+    scene.session.cache_folder = (cache.is_absolute() ? cache : folder / cache).string();
+  }
   if (root["contacts"])
     scene.session.contacts = value<bool>(root["contacts"], "contacts", "true or false");
   if (!root["bodies"] || !root["bodies"].IsSequence()) fail(root, "bodies: expected a list");

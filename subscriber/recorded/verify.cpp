@@ -77,7 +77,14 @@ class CheckedPeer final : public RecordedPeer {
     const std::uint64_t found = digest(answer);
     found_.digest = mix(found_.digest ^ found);
     if (found == recorded.answer_digest) {
-      ++found_.verified;
+      if (is_bound_proved(recorded, answer)) {
+        ++found_.verified;
+      } else {
+        differ({.message = report.id,
+                .recorded = recorded,
+                .what = "recorded clearance " + std::to_string(recorded.clearance_m) +
+                        " m; what the peer held proves less"});
+      }
       return;
     }
     Difference difference{.message = report.id, .recorded = recorded};
@@ -103,6 +110,13 @@ class CheckedPeer final : public RecordedPeer {
     difference.only_recorded = without(recorded.pairs, pairs);
     difference.only_found = without(pairs, recorded.pairs);
     differ(std::move(difference));
+  }
+
+  /// A clearance is a bound: less than what can be proved is true, too. The peer may have sought longer than is the default.
+  bool is_bound_proved(const wire::ContactReport& recorded, const Answer& answer) const {
+    if (recorded.clearance_m <= answer.clearance_m) return true;
+    const Result<Answered> sought = ask(recorded, {.clearance = Clearance::kExact});
+    return sought.is_ok() && recorded.clearance_m <= sought.value().answer.clearance_m;
   }
 
   void differ(Difference difference) {

@@ -47,7 +47,7 @@ class Stream {
 };
 
 Answer ask(const Body& a, const Body& b, const PosedPair& posed) {
-  return query(a.view(), posed.a, b.view(), posed.b, {.clearance = false});
+  return query(a.view(), posed.a, b.view(), posed.b, {.clearance = Clearance::kNone});
 }
 
 void expect_never_wrong(const Answer& answer, const Answer& full) {

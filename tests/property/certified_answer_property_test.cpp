@@ -59,7 +59,8 @@ TEST_P(CertifiedAnswer, EqualsTheFullMeshesInEveryPose) {
     LocalModel b(model_b.store, model_b.header.grid);
     LocalModel& a = GetParam().static_a ? static_a : progressive_a;
     while (true) {
-      const Answer answer = query(a.view(), posed.a, b.view(), posed.b, {.clearance = false});
+      const Answer answer =
+          query(a.view(), posed.a, b.view(), posed.b, {.clearance = Clearance::kNone});
       EXPECT_EQ(test::fault_of(answer, full), "");
       if (is_certified(answer.status)) break;
       ++uncertain;

@@ -160,7 +160,7 @@ TEST_P(RobotMeshes, AnswerAlikeAsColladaAndAsStl) {
   const auto ask = [&](std::size_t i, const Pose& pose) {
     const auto posed = pose_pair(trees[i].grid, pose, "link", trees[2].grid, Pose{}, "plate");
     return query(trees[i].view(), posed.value().a, trees[2].view(), posed.value().b,
-                 {.clearance = false})
+                 {.clearance = Clearance::kNone})
         .status;
   };
   Random random(17);

@@ -219,7 +219,7 @@ struct PosedSolid {
 inline Answer true_answer(const BakedModel& a, const TreeView& full_a, const BakedModel& b,
                           const TreeView& full_b, const PosedPair& posed,
                           const QueryOptions& options) {
-  Answer truth = query(full_a, posed.a, full_b, posed.b, {.clearance = false});
+  Answer truth = query(full_a, posed.a, full_b, posed.b, {.clearance = Clearance::kNone});
   if (truth.status != AnswerStatus::kFree) return truth;
   const PosedSolid solid_a(a, posed.a), solid_b(b, posed.b);
   const int contained = (options.solid_b && solid_a.has_part_in(solid_b) ? 1 : 0) +

@@ -22,7 +22,7 @@ inline AnswerStatus status_at(const TreeView& a, const Motion& motion_a, const T
                               const Motion& motion_b, double t) {
   const PosedPair posed =
       pose_pair(*a.grid, pose_at(motion_a, t), "a", *b.grid, pose_at(motion_b, t), "b").value();
-  return query(a, posed.a, b, posed.b, {.any = true, .clearance = false}).status;
+  return query(a, posed.a, b, posed.b, {.any = true, .clearance = Clearance::kNone}).status;
 }
 
 }  // namespace nearmesh::test

@@ -166,7 +166,7 @@ class Stream : public Method {
     guessed_ = version_;
     const TriangleTree &a = bodies_[0].tree(state_), &b = bodies_[1].tree(state_);
     const Stopwatch watch;
-    Answer answer = query(a.view(), posed.a, b.view(), posed.b, {.clearance = false});
+    Answer answer = query(a.view(), posed.a, b.view(), posed.b, {.clearance = Clearance::kNone});
     state_.query_s += watch.seconds();
     state_.answers = true;
     state_.contacts = find_contacts(a.view(), posed.a, b.view(), posed.b, answer);
@@ -419,7 +419,7 @@ class Certified : public Stream {
     if (exact_ == version_) return;
     exact_ = version_;
     const Stopwatch watch;
-    answer_ = query(view(0), posed.a, view(1), posed.b, {.clearance = false});
+    answer_ = query(view(0), posed.a, view(1), posed.b, {.clearance = Clearance::kNone});
     state_.query_s += watch.seconds();
   }
 

@@ -29,7 +29,7 @@ std::vector<Truth> find_truth(const Scene& scene) {
         pose_pair(scene.a.baked.header.grid, poses.a, "a", scene.b.baked.header.grid, poses.b, "b")
             .value();
     truth.answer = query(scene.a.tree.view(), truth.posed.a, scene.b.tree.view(), truth.posed.b,
-                         {.clearance = false});
+                         {.clearance = Clearance::kNone});
     truth.contacts = find_contacts(scene.a.tree.view(), truth.posed.a, scene.b.tree.view(),
                                    truth.posed.b, truth.answer);
     for (const FacePair& pair : truth.answer.pairs) truth.faces_a.insert(pair.a);

@@ -483,7 +483,7 @@ class Rival : public Method {
     state_.pairs.clear();
     state_.contacts = {};
     if (!held_[0].empty() && (!scene_.b_streamed || !held_[1].empty())) {
-      Answer found = query(a, posed.a, b, posed.b, {.clearance = false});
+      Answer found = query(a, posed.a, b, posed.b, {.clearance = Clearance::kNone});
       state_.query_s += watch.lap();
       state_.contacts = find_contacts(a, posed.a, b, posed.b, found);
       state_.pairs = std::move(found.pairs);

@@ -4,7 +4,8 @@
 //   nearmesh-bench-bytes MODEL.spm RADIUS_SHARE [--flight]
 // A body of 1,280 faces, a sphere whose radius is a share of the model's largest side, is set down until it touches, in 45
 // places; with --flight it also slides along the ground for 200 frames, a fifth of its radius each, in a process of its
-// own, where each request says the velocities of the last frame and a horizon of ten. Requests are those of a peer's Session
+// own, where each request says the mean velocity of the last ten frames (the body is set down on vertices, so that of one frame
+// swings to both sides of its way) and a horizon of ten. Requests are those of a peer's Session
 // that holds the body whole; counts are exact, the same in every run. Bytes are payload plus framing: `wire` is ours
 // (kBatchFramingBytes), `lean` 76 bytes a batch. Requests are counted apart.
 
@@ -35,6 +36,7 @@ namespace {
 
 constexpr int kPlaces = 45;
 constexpr int kFrames = 200;
+constexpr std::size_t kMeanFrames = 10;
 constexpr double kLeanFramingBytes = 76;
 constexpr double kFrame_s = 0.02, kHorizon_s = 10 * kFrame_s;
 
@@ -275,9 +277,11 @@ void fly(int socket) {
   for (std::size_t i = 0; i < poses.size(); ++i) {
     const double start = peer.cost.wire();
     Motion motion{.pose = poses[i]};
+    const std::size_t since = i < kMeanFrames ? 0 : i - kMeanFrames;
     for (std::size_t axis = 0; axis < 3 && i > 0; ++axis)
       motion.linear_velocity_mps[axis] =
-          (poses[i].translation_m[axis] - poses[i - 1].translation_m[axis]) / kFrame_s;
+          (poses[i].translation_m[axis] - poses[since].translation_m[axis]) /
+          (kFrame_s * static_cast<double>(i - since));
     peer.certify(motion, kHorizon_s);
     peer.look_ahead(motion);
     frames.push_back(peer.cost.wire() - start);

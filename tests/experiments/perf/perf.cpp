@@ -32,14 +32,16 @@ class Nearmesh : public peers::Peer {
   void place(const Pose& a, const Pose& b) override {
     posed_ = pose_pair(a_.grid, a, "a", b_.grid, b, "b").value();
     static_cast<void>(certify(a_, posed_.a, test::no_require, b_, posed_.b, test::no_require,
-                              {.clearance = false}));
+                              {.clearance = Clearance::kNone}));
   }
   bool touches() override {
-    return query(a_.view(), posed_.a, b_.view(), posed_.b, {.any = true, .clearance = false})
+    return query(a_.view(), posed_.a, b_.view(), posed_.b,
+                 {.any = true, .clearance = Clearance::kNone})
                .status == AnswerStatus::kContact;
   }
   std::optional<std::uint64_t> count_pairs() override {
-    return query(a_.view(), posed_.a, b_.view(), posed_.b, {.clearance = false}).pair_total;
+    return query(a_.view(), posed_.a, b_.view(), posed_.b, {.clearance = Clearance::kNone})
+        .pair_total;
   }
 
  private:
@@ -161,7 +163,7 @@ void time_refining(const std::string& workload, const PoseSet& set, const Model&
     for (const PosePair& poses : set.poses) {
       const PosedPair posed = pose_pair(own_a.grid, poses.a, "a", own_b.grid, poses.b, "b").value();
       static_cast<void>(certify(twin_a, posed.a, test::no_require, twin_b, posed.b,
-                                test::no_require, {.clearance = false}));
+                                test::no_require, {.clearance = Clearance::kNone}));
       std::vector<VertexId> new_a, new_b;
       for (auto [twin, own, found] :
            {std::tuple(&twin_a, &own_a, &new_a), std::tuple(&twin_b, &own_b, &new_b)})
@@ -176,7 +178,7 @@ void time_refining(const std::string& workload, const PoseSet& set, const Model&
       own_b.tree.update(delta_b);
       const double tree_s = watch.lap();
       const Answer answer =
-          query(own_a.view(), posed.a, own_b.view(), posed.b, {.clearance = false});
+          query(own_a.view(), posed.a, own_b.view(), posed.b, {.clearance = Clearance::kNone});
       const double query_s = watch.lap();
       if (!is_certified(answer.status))
         std::fprintf(stderr, "%s: a frame is not certified\n", workload.c_str());

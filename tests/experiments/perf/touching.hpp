@@ -86,7 +86,8 @@ inline Pose touching_pose(const TreeView& model, const TreeView& body, const Vec
   const auto touches = [&](double distance_m) {
     for (std::size_t k = 0; k < 3; ++k) pose.translation_m[k] = at[k] + distance_m * away[k];
     const PosedPair frames = posed(*model.grid, *body.grid, pose);
-    return !query(model, frames.a, body, frames.b, {.any = true, .clearance = false}).pairs.empty();
+    return !query(model, frames.a, body, frames.b, {.any = true, .clearance = Clearance::kNone})
+                .pairs.empty();
   };
   for (; touches(out); out += radius_m) in = out;
   while (out - in > 1e-3 * radius_m) {
@@ -109,7 +110,7 @@ inline std::vector<TouchingPlace> touching_poses(const TreeView& model, const Tr
   std::vector<TouchingPlace> poses;
   const auto full = [&](const Pose& pose) {
     const PosedPair frames = posed(*model.grid, *body.grid, pose);
-    return query(model, frames.a, body, frames.b, {.any = true, .clearance = false});
+    return query(model, frames.a, body, frames.b, {.any = true, .clearance = Clearance::kNone});
   };
   while (poses.size() < count) {
     const Vector at = in_metres(*model.grid, store.position({random.below(store.vertex_count())}));

@@ -13,7 +13,8 @@ namespace {
 
 bool touches(const Model& a, const Model& b, const PosePair& poses) {
   const PosedPair posed = pose_pair(a.tree.grid, poses.a, "a", b.tree.grid, poses.b, "b").value();
-  return query(a.tree.view(), posed.a, b.tree.view(), posed.b, {.any = true, .clearance = false})
+  return query(a.tree.view(), posed.a, b.tree.view(), posed.b,
+               {.any = true, .clearance = Clearance::kNone})
              .status == AnswerStatus::kContact;
 }
 

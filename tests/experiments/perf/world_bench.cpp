@@ -3,11 +3,14 @@
 //   broad    the broad phase alone: bodies as boxes that fly, turn and bounce over a square of 100 km, tiles below them
 //   fcl      FCL's dynamic AABB tree on the same boxes, in the same run (where it is installed)
 //   session  Session::update() of one peer that moves all bodies, 20 Hz, everything that a default session does
+//   crowd1, crowd2  the same of bodies that are all near each other, on one thread and on two; wall clock
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstdio>
 #include <ctime>
 #include <numeric>
+#include <thread>
 
 #include "core/base/random.hpp"
 #include "core/broadphase/broad_phase.hpp"
@@ -157,6 +160,56 @@ void run_fcl(std::size_t bodies, std::size_t tile_count) {
 }
 #endif
 
+/// Jobs on this thread and on one more.
+void run_on_two(std::size_t count, const std::function<void(std::size_t)>& job) {
+  std::atomic<std::size_t> next{0};
+  const auto work = [&] {
+    for (std::size_t i = next++; i < count; i = next++) job(i);
+  };
+  std::thread other(work);
+  work();
+  other.join();
+}
+
+double wall_s() {
+  timespec t{};
+  ::clock_gettime(CLOCK_MONOTONIC, &t);
+  return static_cast<double>(t.tv_sec) + static_cast<double>(t.tv_nsec) * 1e-9;
+}
+
+/// Bodies that turn in their places, some 40 m from their neighbours, in a row of rows.
+void run_crowd(std::size_t bodies, bool on_two) {
+  const auto file = test::write_model(test::bake_mesh(generate_aircraft(20000, 7), 16));
+  auto channel = std::make_unique<subscriber::LocalChannel>();
+  if (!channel->add_model("aircraft", std::move(ModelFile::open(file->path())).value()).is_ok())
+    return;
+  subscriber::SessionOptions options{.margin_m = 500};
+  if (on_two) options.run_jobs = run_on_two;
+  subscriber::Session session(std::move(channel), options);
+  session.watch_all();
+  std::vector<subscriber::Session::OwnMotion> own;
+  Random random(3);
+  for (std::size_t i = 0; i < bodies; ++i) {
+    const auto id =
+        session.add_body({.name = "a" + std::to_string(i), .model = "aircraft", .own = true});
+    Motion motion;
+    motion.pose.rotation = test::random_rotation(random);
+    motion.pose.translation_m = {40.0 * static_cast<double>(i % 6),
+                                 40.0 * static_cast<double>(i / 6), 0};
+    motion.angular_velocity_radps = {random.between(-1, 1), random.between(-1, 1), 0};
+    own.push_back({id.value(), motion});
+  }
+  std::uint64_t frame = 0;
+  measure(on_two ? "crowd2" : "crowd1", bodies, 0, kFrames, [&](double& spent_s) {
+    for (auto& [id, motion] : own) motion.pose = pose_at(motion, kStep_s);
+    const double start_s = wall_s();
+    const auto report = session.update(frame, static_cast<double>(frame) * kStep_s, own, 0.01);
+    spent_s = wall_s() - start_s;
+    ++frame;
+    return report.value().answers.size();
+  });
+}
+
 void run_session(std::size_t bodies) {
   const auto file = test::write_model(test::bake_mesh(generate_aircraft(2000, 7), 16));
   auto channel = std::make_unique<subscriber::LocalChannel>();
@@ -198,4 +251,6 @@ int main() {
 #endif
   }
   for (const std::size_t bodies : {100U, 1000U, 10000U}) run_session(bodies);
+  for (const std::size_t bodies : {18U, 36U})
+    for (const bool on_two : {false, true}) run_crowd(bodies, on_two);
 }

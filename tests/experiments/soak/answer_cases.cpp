@@ -5,6 +5,9 @@
 #include <optional>
 
 #include "core/base/hash.hpp"
+#include "core/certificate/certificate.hpp"
+#include "core/replica/held_nodes.hpp"
+#include "core/replica/replica.hpp"
 #include "distance.hpp"
 
 namespace nearmesh::soak {
@@ -99,6 +102,9 @@ class Case {
       case Policy::kSession:
         run_session();
         break;
+      case Policy::kServed:
+        run_served();
+        break;
     }
     return std::move(result_);
   }
@@ -155,7 +161,7 @@ class Case {
     return answer;
   }
   template <class State>
-  Answer ask(const State& a, const State& b, bool clearance) {
+  Answer ask(const State& a, const State& b, Clearance clearance) {
     return judge(query(a.view(), posed_.a, b.view(), posed_.b, {.clearance = clearance}));
   }
 
@@ -179,7 +185,7 @@ class Case {
       refine(b, b_);
       if (random_.below(2) == 0) test::tell_half_spaces(a, a_.half_spaces, random_, target_of(a_));
       if (random_.below(2) == 0) test::tell_half_spaces(b, b_.half_spaces, random_, target_of(b_));
-      ask(a, b, true);
+      ask(a, b, Clearance::kBound);
       const Result<Answer> last =
           certify(a, posed_.a, test::no_require, b, posed_.b, test::no_require, {});
       if (!last.is_ok()) return found(last.status().message());
@@ -221,7 +227,7 @@ class Case {
     LocalModel whole_a(a_.baked.store, a_.baked.header.grid);
     LocalModel whole_b(b_.baked.store, b_.baked.header.grid);
     const Result<Answer> whole = certify(whole_a, posed_.a, test::no_require, whole_b, posed_.b,
-                                         test::no_require, {.clearance = false});
+                                         test::no_require, {.clearance = Clearance::kNone});
     if (!whole.is_ok()) return found(whole.status().message());
     const std::size_t bytes = 100 + random_.below(kMaxBatchBytes - 100);
     const auto encode = [&](const Model& model, const LocalModel& local) {
@@ -230,14 +236,14 @@ class Case {
                             bytes, half_spaces(model)(treelet));
     };
     test::Body a(a_.baked.header), b(b_.baked.header);
-    ask(a, b, true);
+    ask(a, b, Clearance::kBound);
     // In two halves, so that there are answers on the way.
     const Batches all_a = encode(a_, whole_a), all_b = encode(b_, whole_b);
     for (int half = 0; half < 2; ++half) {
       deliver(a, all_a);
-      ask(a, b, false);
+      ask(a, b, Clearance::kNone);
       deliver(b, all_b);
-      ask(a, b, false);
+      ask(a, b, Clearance::kNone);
     }
     finish(a, b, i);
   }
@@ -250,12 +256,12 @@ class Case {
   // Asks for what is missing until nothing is.
   void finish(test::Body& a, test::Body& b, std::uint32_t i) {
     constexpr int kMaxRounds = 4000;
-    Answer answer = ask(a, b, true);
+    Answer answer = ask(a, b, Clearance::kBound);
     for (int round = 0; !is_certified(answer.status); ++round) {
       if (round == kMaxRounds) return found("asking for what is missing does not end");
       request(a, a_, answer.missing_a);
       request(b, b_, answer.missing_b);
-      answer = ask(a, b, true);
+      answer = ask(a, b, Clearance::kBound);
     }
     if (i + 1 == kPosesPerCase) compare_with_new_trees(a.replica.mesh(), b.replica.mesh(), answer);
   }
@@ -292,7 +298,7 @@ class Case {
       finish(a, b, i);
       a.evict_some(random_);
       b.evict_some(random_);
-      ask(a, b, true);
+      ask(a, b, Clearance::kExact);
     }
   }
 
@@ -303,6 +309,107 @@ class Case {
     const auto request = test::request_region(store, region, 1 + random_.below(500));
     test::deliver(body, test::serve(model.baked, request, kMaxBatchBytes, half_spaces(model)),
                   random_);
+  }
+
+  // ---- a peer that says where its bodies are, whose publisher chooses ----------------------------
+
+  struct Desk {
+    explicit Desk(const Model& model)
+        : path(test::write_model(model.baked)),
+          file(ModelFile::open(path->path()).value()),
+          replica(file.header()) {}
+    std::unique_ptr<test::TempFile> path;
+    ModelFile file;
+    Replica replica;
+  };
+
+  void run_served() {
+    Desk desk_a(a_), desk_b(b_);
+    Desk& other = &a_ == &b_ ? desk_a : desk_b;  // one replica a model
+    Mirrors mirrors;
+    for (std::uint32_t i = 0; i < kPosesPerCase && result_.fault.empty(); ++i) {
+      next_pose(i, i > 0 && random_.below(8) > 0);
+      const double speed = random_.below(4) == 0 ? 0 : b_.radius_m;
+      Motion motion_a{.pose = poses_.a}, motion_b{.pose = poses_.b};
+      for (Motion* motion : {&motion_a, &motion_b})
+        for (std::size_t k = 0; k < 3; ++k) {
+          motion->linear_velocity_mps[k] = random_.between(-speed, speed);
+          motion->angular_velocity_radps[k] = speed > 0 ? random_.between(-1, 1) : 0;
+        }
+      // First over a bad link, then until it is certified.
+      constexpr int kMaxRounds = 400;
+      for (int round = 0;; ++round) {
+        const Answer answer = ask(desk_a.replica, other.replica, true);
+        if (round > 1 && is_certified(answer.status)) break;
+        if (round == kMaxRounds) return found("asking the publisher does not end");
+        const bool is_lossy = round < 2;
+        if (serve(desk_a, other, mirrors, relative(motion_a, motion_b), is_lossy) || is_lossy)
+          continue;
+        // The pose that was asked for is rounded, and looks end: then a peer names what is missing.
+        send_missing(desk_a, a_, answer.missing_a);
+        send_missing(other, b_, answer.missing_b);
+      }
+      if (random_.below(3) > 0) continue;
+      for (Desk* desk : {&desk_a, &desk_b})
+        desk->replica.give_up({{test::random_region(desk->file.store(), random_)}});
+      ask(desk_a.replica, other.replica, true);
+    }
+  }
+
+  void send_missing(Desk& desk, const Model& model, const std::vector<NodeSpan>& missing) {
+    Treelet treelet;
+    for (const NodeSpan& node : missing)
+      treelet.push_back({node, model.baked.store.split_of(node), false, false});
+    for (const auto& batch :
+         encode_batches(model.baked.header, model.baked.store, treelet, BoxPolicy::kCutNodes))
+      if (const Status status =
+              desk.replica.take(decode_batch(model.baked.header, batch).value()).status;
+          !status.is_ok())
+        return found(status.message());
+  }
+
+  // Out: whether anything was sent.
+  bool serve(Desk& a, Desk& b, Mirrors& mirrors, CertificateRequest::Pair pair, bool is_lossy) {
+    CertificateRequest request;
+    request.horizon_s = random_.below(2) == 0 ? 0 : 0.3F;
+    for (Desk* desk : {&a, &b}) {
+      if (&a == &b && !request.models.empty()) break;
+      request.models.push_back({desk->file.content_hash(), desk->replica.mesh().state_hash(), {}});
+      // It must be told what the mirror of a lost batch does not know.
+      request.models.back().held = held_nodes(desk->replica).bits;
+      pair.b = static_cast<std::uint8_t>(request.models.size() - 1);
+    }
+    request.pairs = {pair};
+    BegunCertificate begun =
+        begin_certificate(1, request, mirrors, [&](const ContentHash& content) {
+          return content == a.file.content_hash() ? &a.file : &b.file;
+        });
+    if (!begun.maker) {
+      found(begun.why_not);
+      return false;
+    }
+    std::vector<std::pair<Desk*, std::vector<std::uint8_t>>> batches;
+    while (!begun.maker->is_done()) {
+      Result<CertificateMaker::Part> part = begun.maker->next();
+      if (!part.is_ok()) {
+        found(part.status().message());
+        return false;
+      }
+      for (std::vector<std::uint8_t>& batch : part.value().batches) {
+        seal_batch(part.value().content, batch);
+        batches.emplace_back(part.value().content == a.file.content_hash() ? &a : &b,
+                             std::move(batch));
+      }
+    }
+    test::shuffle(batches, random_);
+    for (const auto& [desk, batch] : batches) {
+      if (is_lossy && random_.below(4) == 0) continue;
+      for (std::uint32_t times = random_.below(8) == 0 ? 2 : 1; times > 0; --times)
+        if (const Status status = desk->replica.take(batch).status; !status.is_ok())
+          found(status.message());
+      if (is_lossy && random_.below(4) == 0) ask(a.replica, b.replica, false);
+    }
+    return !batches.empty();
   }
 
   const Model &a_, &b_;

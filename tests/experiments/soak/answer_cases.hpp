@@ -13,9 +13,9 @@ namespace nearmesh::soak {
 
 inline constexpr std::uint32_t kPosesPerCase = 8;
 
-enum class Policy : std::uint8_t { kBase, kSubset, kPrefix, kDemand, kLoss, kSession };
-inline constexpr std::array<const char*, 6> kPolicyNames{"base",   "subset", "prefix",
-                                                         "demand", "loss",   "session"};
+enum class Policy : std::uint8_t { kBase, kSubset, kPrefix, kDemand, kLoss, kSession, kServed };
+inline constexpr std::array<const char*, 7> kPolicyNames{"base", "subset",  "prefix", "demand",
+                                                         "loss", "session", "served"};
 
 /// A model, complete, with what the cases need of it.
 struct Model {

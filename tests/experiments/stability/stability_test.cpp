@@ -64,7 +64,8 @@ TEST(Stability, F1EveryPrefixOfTheStreamIsHonest) {
     LocalModel a(baked_a.store, baked_a.header.grid), b(baked_b.store, baked_b.header.grid);
     split_all(b);
     const auto expect_honest = [&] {
-      const Answer answer = query(a.view(), posed.a, b.view(), posed.b, {.clearance = false});
+      const Answer answer =
+          query(a.view(), posed.a, b.view(), posed.b, {.clearance = Clearance::kNone});
       uncertain += answer.status == AnswerStatus::kUncertain ? 1 : 0;
       if (c.touches) {
         EXPECT_NE(answer.status, AnswerStatus::kFree) << c.name << a.mesh.split_count();
@@ -226,7 +227,8 @@ TEST(Stability, F10ContactsMoveWithinTheirBoundAndStay) {
       RefineDelta delta;
       ASSERT_TRUE(a.mesh.split(order[i], delta));
       a.tree.update(delta);
-      const Answer answer = query(a.view(), posed.a, b.view(), posed.b, {.clearance = false});
+      const Answer answer =
+          query(a.view(), posed.a, b.view(), posed.b, {.clearance = Clearance::kNone});
       ASSERT_NE(answer.status, AnswerStatus::kFree);
       const bool touches_now = answer.status != AnswerStatus::kUncertain;
       EXPECT_TRUE(touches_now || !proved) << c.name << " after " << i;

@@ -10,6 +10,43 @@
 namespace nearmesh::test {
 namespace {
 
+// --- Before a peer asks
+
+/// Writers that a reader is matched with.
+struct Ear {
+  explicit Ear(const std::string& partition) { EXPECT_TRUE(reader.open(*bus, partition).is_ok()); }
+  int writers() {
+    for (const auto& match : reader.take_matches()) count += match.gone ? -1 : 1;
+    return count;
+  }
+  wire::Mailbox mailbox;
+  wire::Reader<wire::SplitBatchMessage> reader{mailbox};
+  std::unique_ptr<wire::Bus> bus =
+      std::move(wire::Bus::open({.transport = transport(own_prefix())}, mailbox)).value();
+  int count = 0;
+};
+
+// Else the first batches would come before the word of who writes them.
+TEST(DdsChannel, WhoHearsBatchesHasAWriterBeforeItAsks) {
+  const auto publisher = make_publisher(own_prefix(), 1);
+  const auto writers_at = [&](Ear& ear, int expected) {
+    return poll(
+        [&] {
+          static_cast<void>(publisher->take());
+          return ear.writers() == expected;
+        },
+        kDeadline_s, 0.01);
+  };
+  Ear all("*");  // as a recorder
+  auto peer = std::make_unique<Ear>(wire::partition_of(kChildPeer));
+  EXPECT_TRUE(writers_at(*peer, 1));
+  EXPECT_TRUE(writers_at(all, 1));
+  peer.reset();
+  EXPECT_TRUE(writers_at(all, 0)) << "it left without a word";
+  Ear another(wire::partition_of(kChildPeer + 1));
+  EXPECT_TRUE(writers_at(another, 1)) << "the other's place is free";
+}
+
 // --- Other ways to find each other
 
 std::uint16_t own_port() { return static_cast<std::uint16_t>(20000 + getpid() % 20000); }

@@ -462,6 +462,40 @@ TEST_F(Programs, JsonParsesLineByLine) {
   EXPECT_GT(summary.at("first_certified_s").get<double>(), 0);
 }
 
+// Two peers that each move one body of three: of each frame's three pairs each is answered, free by bounds, or unknown.
+TEST_F(Programs, AllPairsAreAnsweredOrToldTogether) {
+  constexpr std::uint64_t kFrames = 60;
+  write_flights(kFrames);
+  write_scene("first", {"one"}, "all");
+  write_scene("second", {"two"}, "all");
+  const auto publisher = serve();
+  const auto first = fly("first"), second = fly("second");
+  ASSERT_EQ(first->wait(), 0) << first->err();
+  ASSERT_EQ(second->wait(), 0) << second->err();
+  for (const char* scene : {"first", "second"}) {
+    std::uint64_t listed = 0, together = 0, frames = 0, known = 0;
+    for (const json& line : answers_of(scene)) {
+      if (!line.contains("free_by_bounds")) {
+        ++listed;
+        continue;
+      }
+      ++frames;
+      const json& free = line.at("free_by_bounds");
+      known += free.at("pairs").get<std::uint64_t>();
+      together +=
+          free.at("pairs").get<std::uint64_t>() + line.at("unknown_pairs").get<std::uint64_t>();
+      EXPECT_EQ(line.at("unknown").empty(), line.at("unknown_pairs") == 0) << line;
+      EXPECT_GE(free.at("safe_horizon_s"), 0) << line;
+    }
+    EXPECT_EQ(frames, kFrames);
+    EXPECT_EQ(listed + together, 3 * kFrames);
+    EXPECT_GT(listed, 0U);  // they fly through the ground
+    EXPECT_GT(known, 0U);   // and apart from each other
+    EXPECT_EQ(check(scene).wrong, 0U);
+    EXPECT_EQ(check(scene).answers, listed);
+  }
+}
+
 TEST_F(Programs, SceneMistakesAreNamed) {
   folder.write("bad.yaml", "bodies:\n  - {name: one, mesh: aircraft}\n");
   std::string err;

@@ -1,15 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "lan.hpp"
 
+#include <arpa/inet.h>
 #include <fcntl.h>
+#include <linux/if_ether.h>
+#include <linux/if_packet.h>
+#include <net/if.h>
+#include <poll.h>
 #include <sched.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
+#include <atomic>
+#include <chrono>
 #include <cstdio>
+#include <deque>
 #include <fstream>
 #include <sstream>
 #include <stdexcept>
+#include <thread>
 
 namespace nearmesh::test {
 namespace {
@@ -70,7 +81,81 @@ std::string shaping(const std::string& device, const Link& link) {
          std::to_string(burst) + " limit " + std::to_string(queue);
 }
 
+/// All frames that come in through an interface of this namespace. The first bytes of each say what is left to do of its
+/// checksum, and must go with it.
+int open_frames(const std::string& interface) {
+  const int made = ::socket(AF_PACKET, SOCK_RAW | SOCK_CLOEXEC | SOCK_NONBLOCK, htons(ETH_P_ALL));
+  const int on = 1, buffer_bytes = 1 << 22;
+  sockaddr_ll address{};
+  address.sll_family = AF_PACKET;
+  address.sll_protocol = htons(ETH_P_ALL);
+  address.sll_ifindex = static_cast<int>(::if_nametoindex(interface.c_str()));
+  if (made < 0 || ::setsockopt(made, SOL_PACKET, PACKET_VNET_HDR, &on, sizeof on) != 0 ||
+      ::setsockopt(made, SOL_PACKET, PACKET_IGNORE_OUTGOING, &on, sizeof on) != 0 ||
+      ::setsockopt(made, SOL_SOCKET, SO_RCVBUFFORCE, &buffer_bytes, sizeof buffer_bytes) != 0 ||
+      ::bind(made, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0)
+    throw std::runtime_error("frames of " + interface + " cannot be heard");
+  return made;
+}
+
 }  // namespace
+
+/// Two interfaces: what comes in through one goes out through the other, later.
+class Lan::Relay {
+ public:
+  /// In the namespace of both.
+  Relay(const std::string& a, const std::string& b, double delay_s)
+      : sockets_{open_frames(a), open_frames(b)},
+        delay_(std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(delay_s))),
+        thread_([this] { run(); }) {}
+  ~Relay() {
+    ending_ = true;
+    thread_.join();
+    for (const int socket : sockets_) ::close(socket);
+  }
+  Relay(const Relay&) = delete;
+  Relay& operator=(const Relay&) = delete;
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  static constexpr std::size_t kMaxFrameBytes = 1 << 17;  // unsegmented ones too
+  struct Frame {
+    Clock::time_point due;
+    std::size_t to;
+    std::vector<char> bytes;
+  };
+
+  void run() {
+    while (!ending_) {
+      std::array<pollfd, 2> waiting{{{sockets_[0], POLLIN, 0}, {sockets_[1], POLLIN, 0}}};
+      constexpr std::chrono::nanoseconds kIdle = std::chrono::milliseconds(50);
+      const std::chrono::nanoseconds wait =
+          frames_.empty()
+              ? kIdle
+              : std::clamp<std::chrono::nanoseconds>(frames_.front().due - Clock::now(), {}, kIdle);
+      const timespec timeout{0, static_cast<long>(wait.count())};
+      ::ppoll(waiting.data(), waiting.size(), &timeout, nullptr);
+      take();
+      for (; !frames_.empty() && frames_.front().due <= Clock::now(); frames_.pop_front())
+        static_cast<void>(::send(sockets_[frames_.front().to], frames_.front().bytes.data(),
+                                 frames_.front().bytes.size(), 0));
+    }
+  }
+  void take() {
+    for (std::size_t from = 0; from < 2; ++from)
+      for (ssize_t size = 0;
+           (size = ::recv(sockets_[from], buffer_.data(), buffer_.size(), 0)) > 0;)
+        frames_.push_back(
+            {Clock::now() + delay_, 1 - from, {buffer_.begin(), buffer_.begin() + size}});
+  }
+
+  const std::array<int, 2> sockets_;
+  const Clock::duration delay_;
+  std::vector<char> buffer_ = std::vector<char>(kMaxFrameBytes);
+  std::deque<Frame> frames_;
+  std::atomic<bool> ending_ = false;
+  std::thread thread_;
+};
 
 Lan::Visit::Visit(int there) : home_(open_own()) {
   if (::setns(there, CLONE_NEWNET) != 0) throw std::runtime_error("cannot enter a namespace");
@@ -100,9 +185,16 @@ Lan::Lan(const std::vector<Link>& hosts) : hub_(make_namespace()) {
     must("nft add table bridge loss");
     for (std::size_t i = 0; i < hosts.size(); ++i) {
       hosts_.push_back(make_namespace());
-      const std::string port = "port" + std::to_string(i);
-      must("ip link add " + port + " type veth peer name e0 netns " + name_for_ip(hosts_[i]));
+      const std::string port = "port" + std::to_string(i), far = "far" + std::to_string(i),
+                        near = "near" + std::to_string(i);
+      const bool is_delayed = hosts[i].delay_s > 0;
+      must("ip link add " + (is_delayed ? far : port) + " type veth peer name e0 netns " +
+           name_for_ip(hosts_[i]));
+      if (is_delayed)
+        must("ip link add " + port + " type veth peer name " + near + " && ip link set " + far +
+             " up && ip link set " + near + " up");
       must("ip link set " + port + " master br0 up");
+      if (is_delayed) relays_.push_back(std::make_unique<Relay>(near, far, hosts[i].delay_s));
       const Visit host(hosts_[i]);
       must("ip link set e0 up");
       give_address(i, i + 1);
@@ -116,6 +208,7 @@ Lan::Lan(const std::vector<Link>& hosts) : hub_(make_namespace()) {
 }
 
 Lan::~Lan() {
+  relays_.clear();
   for (const int host : hosts_) ::close(host);
   ::close(hub_);
 }

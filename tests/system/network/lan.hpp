@@ -3,7 +3,7 @@
 // A small network inside this process: hosts in network namespaces, joined by a bridge in one more, each over a link with a
 // rate, a queue and losses of its own. The namespaces have no names: they are held by file descriptors and by the processes
 // in them, so the kernel removes them, links and all, however this process ends.
-// Needs root, iproute2 (ip, tc) and nft. Delay is not offered: netem is not in every kernel.
+// Needs root, iproute2 (ip, tc) and nft. A delay is made by a thread that forwards frames: netem is not in every kernel.
 
 #include <cstdint>
 #include <memory>
@@ -18,6 +18,7 @@ struct Link {
   double loss = 0;        ///< share of packets lost, in [0, 1]
   /// What waits in front of the link; the rest is dropped. 0: 100 ms of the rate, at least 32 kB.
   std::uint32_t queue_bytes = 0;
+  double delay_s = 0;  ///< on top of what the rate takes
 };
 
 class Lan {
@@ -58,10 +59,13 @@ class Lan {
   [[nodiscard]] Counters counters(std::size_t host) const;
 
  private:
+  class Relay;
+
   void shape(std::size_t host, const Link& link);
 
   std::vector<int> hosts_;  ///< file descriptors of namespaces
   int hub_ = -1;
+  std::vector<std::unique_ptr<Relay>> relays_;  ///< of links with a delay
 };
 
 }  // namespace nearmesh::test

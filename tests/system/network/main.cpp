@@ -160,6 +160,10 @@ int main(int argc, char** argv) {
         ->transform(CLI::CheckedTransformer(presets));
   CLI::App* poses_command = add(
       "poses", "The chart's terrain poses on every rate, beside its simulated clock: poses.csv");
+  CLI::App* cold_command = add("cold", "Peers that join where bodies are in contact: cold.csv");
+  cold_command->add_option("--scenes", options.scenes, "Of the chart")->delimiter(',');
+  cold_command->add_option("--round-trips", options.round_trips_s, "Seconds, beside the rate's")
+      ->delimiter(',');
   CLI::App* peers_command =
       add("peers", "More and more peers of one publisher: peers-light.csv, peers-programs.csv");
   const auto add_numbers = [&](const char* name, std::vector<int>& numbers, const char* what) {
@@ -189,8 +193,8 @@ int main(int argc, char** argv) {
   try {
     if (const std::string why = Lan::why_not_permitted(); !why.empty())
       throw std::runtime_error("no network can be made: " + why);
-    if (poses_command->parsed()) {
-      measure_poses(options);
+    if (poses_command->parsed() || cold_command->parsed()) {
+      (poses_command->parsed() ? measure_poses : measure_cold_starts)(options);
       return 0;
     }
     const Exercise exercise{{model_file("terrain", kTerrainCells), model_file("aircraft", 600)},

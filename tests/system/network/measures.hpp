@@ -24,11 +24,16 @@ struct MeasureOptions {
   std::vector<std::string> faults;  ///< by name; empty: all
   int rounds = 5;
   bool secured = false;  ///< faults: the bad peer is one of the authenticated
+  std::vector<std::string> scenes{"terrain-grazing", "two-scans", "touching-flight"};  ///< cold
+  std::vector<double> round_trips_s{0, 0.05};
 };
 
 /// For each rate and pose of the chart's terrain, both bodies streamed: seconds from the pose to the first certified answer,
 /// headers being there, and bytes of the peer's interface meanwhile; beside what the chart's clock says at no delay.
 void measure_poses(const MeasureOptions& options);
+/// For each of the chart's scenes, rate and round trip: peers that join where the bodies are in contact already. Seconds from the
+/// match to the first certified answer; of a scene that moves, how many of the first 100 frames at 100 Hz are certified.
+void measure_cold_starts(const MeasureOptions& options);
 /// Peers of one publisher, as programs of their own and as light peers: what they need and what the publisher spends.
 void measure_peers(const MeasureOptions& options, const Exercise& exercise);
 

@@ -30,8 +30,7 @@ ProbePeer::ProbePeer(const Lan& lan, std::size_t host, const Exercise& exercise)
   session_ = std::make_unique<subscriber::Session>(std::move(channel).value());
   const auto ground = session_->add_body({.name = "ground", .model = "terrain"}).value();
   own_ = session_->add_body({.name = "probe", .model = "aircraft", .own = true}).value();
-  for (const Status& status :
-       {session_->place_body(ground, {}), session_->watch(ground, own_)})
+  for (const Status& status : {session_->place_body(ground, {}), session_->watch(ground, own_)})
     if (!status.is_ok()) throw std::runtime_error(status.message());
 }
 
@@ -67,7 +66,7 @@ void ProbePeer::check(const subscriber::PairAnswer& answer) {
       pose_pair(ground_.tree.grid, answer.pose_a, "a", aircraft_.tree.grid, answer.pose_b, "b");
   if (!posed.is_ok()) throw std::runtime_error(posed.status().message());
   const Answer full = query(ground_.tree.view(), posed.value().a, aircraft_.tree.view(),
-                            posed.value().b, {.clearance = false});
+                            posed.value().b, {.clearance = Clearance::kNone});
   if (full.status != answer.answer.status || full.pairs != answer.answer.pairs) ++wrong_;
 }
 

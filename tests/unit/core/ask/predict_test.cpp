@@ -422,7 +422,7 @@ TEST(MergeByPlace, CoversAllPartsWithFewThatAreNotFarApart) {
     for (const RegionPart& part : merged) {
       EXPECT_EQ(fault_of(part), nullptr);
       if (most == 2 || most == 256) {
-        EXPECT_LT(part.box.extent(), 2000);
+        EXPECT_LT(part.box.extent(), 5000);  // the crowds are a million apart
       }
     }
     for (int i = 0; i < 3000; ++i) {

@@ -12,13 +12,26 @@ struct Body {
   Motion motion;
 };
 
-// Every vertex as it is posed on the lattice that the body has with another, metres.
+/// The corners of the boxes that the header gives its roots: no face reaches farther.
+std::vector<GridPoint> corners_of_roots(const SplitStore& store) {
+  std::vector<GridPoint> corners;
+  for (const BaseRoot& root : store.roots()) {
+    const GridBox box = store.box(root.node);
+    for (int corner = 0; corner < 8; ++corner) {
+      GridPoint& at = corners.emplace_back();
+      for (int k = 0; k < 3; ++k) at[k] = (corner >> k & 1) != 0 ? box.hi[k] : box.lo[k];
+    }
+  }
+  return corners;
+}
+
+// What may be a vertex, as it is posed on the lattice that the body has with another, metres.
 void expect_holds(const WorldBox& box, const BakedModel& model, const Pose& pose, int lattice,
                   double least_room_m) {
   const Result<PosedFrame> frame = make_posed_frame(model.header.grid, pose, lattice);
   ASSERT_TRUE(frame.is_ok()) << frame.status().message();
-  for (std::uint32_t v = 0; v < model.store.vertex_count(); ++v) {
-    const LatticePoint at = pose_point(frame.value(), model.store.position(VertexId{v}));
+  for (const GridPoint& point : corners_of_roots(model.store)) {
+    const LatticePoint at = pose_point(frame.value(), point);
     for (std::size_t k = 0; k < 3; ++k) {
       const double x = std::ldexp(static_cast<double>(at.v[k]), lattice);
       ASSERT_GE(x - box.lo_m[k], least_room_m);
@@ -62,11 +75,9 @@ TEST(ModelBoundsOf, HoldAllPosedVerticesAtEachInstantOnTheLatticeOfAnyPair) {
 }
 
 // The rounding of both is covered by both: boxes that do not meet leave no way to meet for the posed vertices.
-TEST(ModelBoundsOf, BoxesThatBarelyPartLeavePosedVerticesApart) {
-  const BakedModel small = test::bake_mesh(generate_sphere(6, 0), 16);
-  const BakedModel large = test::bake_mesh(generate_terrain(12, 3), 16);
-  const ModelBounds a(small.header.grid, small.store), b(large.header.grid, large.store);
-  const int lattice = lattice_exponent(small.header.grid, large.header.grid);
+void expect_apart_where_boxes_part(const BakedModel& left, const BakedModel& right) {
+  const ModelBounds a(left.header.grid, left.store), b(right.header.grid, right.store);
+  const int lattice = lattice_exponent(left.header.grid, right.header.grid);
   Random random(6);
   for (int round = 0; round < 200; ++round) {
     Motion one = random_motion(random), two = random_motion(random);
@@ -80,18 +91,24 @@ TEST(ModelBoundsOf, BoxesThatBarelyPartLeavePosedVerticesApart) {
       one.pose.translation_m[0] += push_m;
       push_m *= 2;
     }
-    const auto frame_a = make_posed_frame(small.header.grid, one.pose, lattice);
-    const auto frame_b = make_posed_frame(large.header.grid, two.pose, lattice);
+    const auto frame_a = make_posed_frame(left.header.grid, one.pose, lattice);
+    const auto frame_b = make_posed_frame(right.header.grid, two.pose, lattice);
     ASSERT_TRUE(frame_a.is_ok() && frame_b.is_ok());
     std::int64_t lowest = std::numeric_limits<std::int64_t>::max(), highest = -lowest;
-    for (std::uint32_t v = 0; v < small.store.vertex_count(); ++v)
-      lowest =
-          std::min(lowest, pose_point(frame_a.value(), small.store.position(VertexId{v})).v[0]);
-    for (std::uint32_t v = 0; v < large.store.vertex_count(); ++v)
-      highest =
-          std::max(highest, pose_point(frame_b.value(), large.store.position(VertexId{v})).v[0]);
+    for (const GridPoint& point : corners_of_roots(left.store))
+      lowest = std::min(lowest, pose_point(frame_a.value(), point).v[0]);
+    for (const GridPoint& point : corners_of_roots(right.store))
+      highest = std::max(highest, pose_point(frame_b.value(), point).v[0]);
     EXPECT_GT(lowest, highest);
   }
+}
+
+TEST(ModelBoundsOf, BoxesThatBarelyPartLeavePosedVerticesApart) {
+  const BakedModel small = test::bake_mesh(generate_sphere(6, 0), 16);
+  const BakedModel large = test::bake_mesh(generate_terrain(12, 3), 16);
+  expect_apart_where_boxes_part(small, large);  // the rounding of rotations weighs most
+  expect_apart_where_boxes_part(large, small);
+  expect_apart_where_boxes_part(small, small);  // that of the lattice does
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 #include "core/certificate/certificate.hpp"
 
 #include <cmath>
+#include <set>
 
 #include "brute_force.hpp"
 #include "core/replica/held_nodes.hpp"
@@ -62,7 +63,11 @@ struct Desk {
       if (!part.is_ok()) break;
       for (std::vector<std::uint8_t>& batch : part.value().batches) {
         seal_batch(part.value().content, batch);
-        Replica& replica = part.value().content == file_a.content_hash() ? a : b;
+        const bool is_a = part.value().content == file_a.content_hash();
+        Replica& replica = is_a ? a : b;
+        const SplitBatch sent = decode_sealed(replica.header(), batch).value();
+        splits += sent.splits.size();
+        for (const NodeHalfSpace& half_space : sent.half_spaces) told.push_back({is_a, half_space});
         EXPECT_TRUE(replica.take(batch).status.is_ok());
         ++batches;
       }
@@ -73,9 +78,15 @@ struct Desk {
   /// What the peer holds of b's model.
   Replica& other() { return file_a.content_hash() == file_b.content_hash() ? a : b; }
 
+  struct Told {
+    bool of_a;
+    NodeHalfSpace half_space;
+  };
   std::unique_ptr<test::TempFile> path_a, path_b;
   ModelFile file_a, file_b;
   Replica a, b;
+  std::vector<Told> told;  ///< all that came
+  std::size_t splits = 0;
   Mirrors mirrors;
 };
 
@@ -116,7 +127,7 @@ TEST_P(Certificate, OneRoundTripCertifiesNowAndAhead) {
             << answer.missing_a.size() << " " << answer.missing_b.size();
       }
       const Answer full = query(full_a.tree.view(), posed.value().a, full_b.tree.view(),
-                                posed.value().b, {.clearance = false});
+                                posed.value().b, {.clearance = Clearance::kNone});
       EXPECT_EQ(test::fault_of(answer, full), "") << i << ", " << step;
       ++asked;
       certified += is_certified(answer.status) ? 1 : 0;
@@ -124,6 +135,65 @@ TEST_P(Certificate, OneRoundTripCertifiesNowAndAhead) {
   }
   // Both turn, so the way of the one as seen from the other is bent; the request says it straight.
   EXPECT_GE(certified, asked * 9 / 10) << certified << " of " << asked;
+}
+
+// Where the sender errs the receiver's answers do: every face of the full mesh is held against every claim.
+TEST_P(Certificate, HalfSpacesThatAreSentHoldEveryFace) {
+  const test::TrueBoxes truth_a(a_.store), truth_b(b_.store);
+  Random random(21);
+  std::size_t told = 0, splits = 0, bare_splits = 0;
+  for (int i = 0; i < 40; ++i) {
+    Desk desk(a_, b_);
+    for (int step = 0; step < 3; ++step) {
+      const auto [motion_a, motion_b] = near_motions(random);
+      BegunCertificate begun =
+          desk.begin(desk.ask(motion_a, motion_b, 0.1F * static_cast<float>(step)));
+      ASSERT_TRUE(begun.maker) << begun.why_not;
+      desk.answer(*begun.maker);
+      if (step > 0) continue;
+      LocalModel bare_a(a_.store, a_.header.grid), bare_b(b_.store, b_.header.grid);
+      const PosedPair posed =
+          pose_pair(a_.header.grid, motion_a.pose, "a", b_.header.grid, motion_b.pose, "b").value();
+      ASSERT_TRUE(certify(bare_a, posed.a, test::no_require, bare_b, posed.b, test::no_require, {})
+                      .is_ok());
+      splits += desk.splits;
+      bare_splits += bare_a.mesh.split_count() + bare_b.mesh.split_count();
+    }
+    for (const Desk::Told& its : desk.told) {
+      const auto& [node, half_space] = its.half_space;
+      const BakedModel& model = its.of_a ? a_ : b_;
+      const GridPoint from = model.store.position(node.first);
+      (its.of_a ? truth_a : truth_b)
+          .for_each_corner(node, [&, half = half_space](const GridPoint& p) {
+            EXPECT_TRUE(contains(half, from, p));
+          });
+    }
+    told += desk.told.size();
+  }
+  EXPECT_GT(told, 0U);
+  if (std::string(GetParam().first) == "terrain") {
+    EXPECT_LT(10 * splits, 9 * bare_splits) << "they spare splits";
+  }
+}
+
+// A claim that did not last is not made again: the node is split, so that requests end.
+TEST_P(Certificate, NodesThatHaveHalfSpacesAreSplitNext) {
+  Random random(22);
+  Desk desk(a_, b_);
+  std::set<std::pair<bool, NodeSpan>> known;
+  std::size_t again = 0;
+  for (int i = 0; i < 12; ++i) {
+    const auto [motion_a, motion_b] = near_motions(random);
+    BegunCertificate begun = desk.begin(desk.ask(motion_a, motion_b, 0.1F));
+    ASSERT_TRUE(begun.maker) << begun.why_not;
+    desk.told.clear();
+    desk.answer(*begun.maker);
+    std::set<std::pair<bool, NodeSpan>> now;
+    for (const Desk::Told& told : desk.told) now.insert({told.of_a, told.half_space.node});
+    for (const auto& node : now) again += known.insert(node).second ? 0 : 1;
+  }
+  EXPECT_GT(known.size(), 0U);
+  EXPECT_EQ(again, 0U);
 }
 
 TEST_P(Certificate, NoMoreIsTakenToBeHeldThanAMirrorMayCost) {

@@ -41,7 +41,7 @@ IndexedMesh scene_mesh(const std::string& name) {
 class SolidPair : public ::testing::TestWithParam<Scene> {
  protected:
   const Solid a_{scene_mesh(GetParam().a)}, b_{scene_mesh(GetParam().b)};
-  const QueryOptions options_{.clearance = false,
+  const QueryOptions options_{.clearance = Clearance::kNone,
                               .solid_a = check_solid(a_.model.header.surface, "a").is_ok(),
                               .solid_b = check_solid(b_.model.header.surface, "b").is_ok()};
 
@@ -138,9 +138,9 @@ TEST_P(SolidPair, SwappedBodiesGiveTheMirroredAnswer) {
     test::refine_at_random(a, random);
     test::refine_at_random(b, random);
     const Answer answer = query(a.view(), posed.a, b.view(), posed.b, options_);
-    const Answer mirrored =
-        query(b.view(), posed.b, a.view(), posed.a,
-              {.clearance = false, .solid_a = options_.solid_b, .solid_b = options_.solid_a});
+    const Answer mirrored = query(
+        b.view(), posed.b, a.view(), posed.a,
+        {.clearance = Clearance::kNone, .solid_a = options_.solid_b, .solid_b = options_.solid_a});
     EXPECT_EQ(answer.status, mirrored.status);
     const auto c = static_cast<int>(answer.contained), m = static_cast<int>(mirrored.contained);
     EXPECT_EQ(c, (m & 1) * 2 + m / 2);

@@ -15,7 +15,7 @@ using test::pose_at;
 using test::quarter_turns;
 using test::Solid;
 
-constexpr QueryOptions kBothSolid{.clearance = false, .solid_a = true, .solid_b = true};
+constexpr QueryOptions kBothSolid{.clearance = Clearance::kNone, .solid_a = true, .solid_b = true};
 constexpr std::array<double, 9> kNoTurn{1, 0, 0, 0, 1, 0, 0, 0, 1};
 
 /// The answer of full meshes and of certify() from the bases, which must be one.
@@ -168,7 +168,7 @@ TEST(Containment, AircraftUnderGround) {
 TEST(Containment, ClearanceIsThatOfTheSurfaces) {
   const Solid small(make_cube(1, 4)), large(make_cube(4, 4));
   QueryOptions options = kBothSolid;
-  options.clearance = true;
+  options.clearance = Clearance::kExact;
   const Answer answer = answer_at(small, large, moved(1, 0, 0), {}, options);
   EXPECT_GT(answer.clearance_m, 1.5);
   EXPECT_LE(answer.clearance_m, 2);

@@ -71,7 +71,7 @@ void ask(const std::string& path, Outcome& outcome) {
   Result<ModelFile> other = ModelFile::open(ball.file->path());
   ASSERT_TRUE(other.value().require_all().is_ok());
   const TriangleTree other_full = *build_full_tree(other.value().header(), other.value().store());
-  const QueryOptions options{.clearance = false};
+  const QueryOptions options{.clearance = Clearance::kNone};
   Result<ModelFile> model = ModelFile::open(path);
   Replica a(model.value().header()), b(other.value().header());
   for (const Pose& pose : poses()) {

@@ -61,8 +61,8 @@ TEST_P(QueryPair, AnswersDoNotDependOnTheInstructionSet) {
       auto& [random, a, b] = state;
       const PosedPair posed = test::near_pose(random, a_, b_);
       for (const bool any : {false, true})
-        found.push_back(
-            digest(query(a.view(), posed.a, b.view(), posed.b, {.any = any, .clearance = true})));
+        found.push_back(digest(query(a.view(), posed.a, b.view(), posed.b,
+                                     {.any = any, .clearance = Clearance::kExact})));
     }
     if (digests.empty()) digests = found;
     EXPECT_EQ(found, digests);
@@ -165,8 +165,8 @@ TEST_P(QueryPair, EarlyContactOfAnyIsNeverWrong) {
 
 // ---- clearance ----------------------------------------------------------------------------------
 
-class Clearance : public ::testing::TestWithParam<Names> {};
-INSTANTIATE_TEST_SUITE_P(Models, Clearance,
+class ClearanceOf : public ::testing::TestWithParam<Names> {};
+INSTANTIATE_TEST_SUITE_P(Models, ClearanceOf,
                          ::testing::Values(Names{"sphere", "sphere"}, Names{"terrain", "sphere"},
                                            Names{"aircraft", "one_face"}),
                          test::name_of_pair);
@@ -211,7 +211,7 @@ double true_distance_m(const BakedModel& a, const PosedFrame& frame_a, const Bak
   return least;
 }
 
-TEST_P(Clearance, NeverExceedsTheTrueDistance) {
+TEST_P(ClearanceOf, NeverExceedsTheTrueDistance) {
   const BakedModel model_a = test::bake_mesh(tiny(GetParam().first), 8);
   const BakedModel model_b = test::bake_mesh(tiny(GetParam().second), 8);
   const test::TrueHalfSpaces half_spaces_a(model_a.store), half_spaces_b(model_b.store);
@@ -241,7 +241,7 @@ TEST_P(Clearance, NeverExceedsTheTrueDistance) {
   EXPECT_GT(free, test::rounds(20));
 }
 
-TEST_P(Clearance, IsNearTheTrueDistanceOfFullMeshes) {
+TEST_P(ClearanceOf, IsNearTheTrueDistanceOfFullMeshes) {
   const BakedModel model_a = test::bake_mesh(tiny(GetParam().first), 8);
   const BakedModel model_b = test::bake_mesh(tiny(GetParam().second), 8);
   const test::FullModel a(model_a), b(model_b);
@@ -257,7 +257,35 @@ TEST_P(Clearance, IsNearTheTrueDistanceOfFullMeshes) {
   EXPECT_GT(share / count, 0.3);
 }
 
-TEST_P(Clearance, IsPositiveFromTheBaseWhenBodiesAreFarApart) {
+TEST_P(ClearanceOf, IsAtLeastTheShareThatItSays) {
+  const BakedModel model_a = test::bake_mesh(tiny(GetParam().first), 8);
+  const BakedModel model_b = test::bake_mesh(tiny(GetParam().second), 8);
+  const test::FullModel a(model_a), b(model_b);
+  int shorter = 0;
+  for (int seed = 0; seed < test::rounds(60); ++seed) {
+    SCOPED_TRACE(seed);
+    Random random(static_cast<std::uint64_t>(seed));
+    const PosedPair posed = apart_pose(random, model_a, model_b);
+    const auto ask = [&](Clearance sought) {
+      return query(a.tree.view(), posed.a, b.tree.view(), posed.b, {.clearance = sought});
+    };
+    const Answer exact = ask(Clearance::kExact), bound = ask(Clearance::kBound);
+    EXPECT_EQ(digest(exact), digest(bound));
+    if (exact.status != AnswerStatus::kFree) continue;
+    EXPECT_EQ(exact.clearance_share, 1);
+    EXPECT_GE(bound.clearance_share, kClearanceShare);  // so small models are searched in 256 steps
+    EXPECT_LE(bound.clearance_m, exact.clearance_m);
+    EXPECT_GE(bound.clearance_m, bound.clearance_share * exact.clearance_m * (1 - 1e-12));
+    shorter += bound.stats.box_tests < exact.stats.box_tests ? 1 : 0;
+    const Answer none = ask(Clearance::kNone);
+    EXPECT_EQ(none.clearance_m, 0);
+    EXPECT_EQ(none.clearance_share, 0);
+    EXPECT_EQ(digest(none), digest(exact));
+  }
+  EXPECT_GT(shorter, test::rounds(10));
+}
+
+TEST_P(ClearanceOf, IsPositiveFromTheBaseWhenBodiesAreFarApart) {
   const BakedModel model_a = test::bake_mesh(tiny(GetParam().first), 8);
   const BakedModel model_b = test::bake_mesh(tiny(GetParam().second), 8);
   const double reach = 4 * (test::radius_m(model_a) + test::radius_m(model_b));

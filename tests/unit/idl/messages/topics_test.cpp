@@ -15,6 +15,9 @@ TEST(Topics, CarryPrefixAndVersionButHelloHasNone) {
 TEST(Topics, PartitionIsSixteenDigits) {
   EXPECT_EQ(partition_of(0xab), "00000000000000ab");
   EXPECT_EQ(partition_of(~SessionId{0}), "ffffffffffffffff");
+  EXPECT_EQ(peer_of(partition_of(0xab)), 0xabU);
+  for (const char* nobodys : {"", "*", "ab", "00000000000000AB", "00000000000000abc"})
+    EXPECT_EQ(peer_of(nobodys), 0U) << nobodys;
 }
 
 TEST(Topics, PrefixIsChecked) {

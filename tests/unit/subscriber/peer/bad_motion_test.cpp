@@ -22,7 +22,7 @@ using test::kTwo;
 using test::World;
 
 /// Nothing is lost here, so nothing need be asked for twice, and no clock decides what a peer holds.
-constexpr subscriber::SessionOptions kOptions{.request_timeout_s = 60};
+const subscriber::SessionOptions kOptions{.request_timeout_s = 60};
 
 /// Two worlds alike; bad numbers reach only one of them.
 class BadNumbers : public ::testing::Test {

@@ -150,7 +150,7 @@ class Judge {
     const Result<PosedPair> posed = pose_pair(a.grid, pose_a, "a", b.grid, pose_b, "b");
     EXPECT_TRUE(posed.is_ok());
     return query(a.view(), posed.value().a, b.view(), posed.value().b,
-                 {.clearance = false, .solid_a = solid_ground && answer.a == kGround});
+                 {.clearance = Clearance::kNone, .solid_a = solid_ground && answer.a == kGround});
   }
   [[nodiscard]] const ServedModel& mesh_of(BodyId body) const {
     return body == kGround ? *ground : aircraft();

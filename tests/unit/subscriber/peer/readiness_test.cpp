@@ -5,6 +5,7 @@
 #include <set>
 
 #include "core/base/stopwatch.hpp"
+#include "half_spaces.hpp"
 #include "local_host.hpp"
 #include "nearmesh/core/query/certify.hpp"
 #include "nearmesh/subscriber/peer/wait_ready.hpp"
@@ -253,6 +254,9 @@ TEST(RegionReadiness, ResolvedMeansThatEveryFaceThereIsHere) {
   const Require complete = [](NodeSpan) { return Status::ok(); };
   ASSERT_TRUE(
       certify(local, posed.value().a, complete, other, posed.value().b, complete, {}).is_ok());
+  // Of half of what is unresolved there are half-spaces, some of which keep it clear of a box.
+  Random directions(6);
+  test::tell_half_spaces(local, test::TrueHalfSpaces(ground.model.store), directions);
   std::set<FaceKey> exact;
   for_each_face(local.view(), [&](const TreeFace& face) { exact.insert(face.key); });
   std::vector<TreeFace> all;

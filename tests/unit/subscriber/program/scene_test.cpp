@@ -116,7 +116,7 @@ TEST(ReadScene, ReadsAllOfIt) {
   folder.write("scene.yaml",
                std::string(kScene) +
                    "margin_m: 2\nsweep_s: 1.5\nmax_held_splits: 5000\nstart_timeout_s: 7\n"
-                   "contacts: true\n");
+                   "contacts: true\nclearance: exact\ncache: kept\n");
   const Result<Scene> result = read_scene(folder.file("scene.yaml"));
   ASSERT_TRUE(result.is_ok()) << result.status().message();
   const Scene& scene = result.value();
@@ -138,6 +138,20 @@ TEST(ReadScene, ReadsAllOfIt) {
   EXPECT_EQ(scene.session.sweep_s, 1.5);
   EXPECT_EQ(scene.session.max_held_splits, 5000U);
   EXPECT_TRUE(scene.session.contacts);
+  EXPECT_EQ(scene.session.clearance, Clearance::kExact);
+  EXPECT_FALSE(scene.watches_all);
+  EXPECT_EQ(scene.session.cache_folder, folder.file("kept"));
+}
+
+TEST(ReadScene, MayWatchAllPairs) {
+  Folder folder;
+  folder.write("scene.yaml",
+               changed("pairs:\n  - [terrain, one]\n  - [one, two]\n", "pairs: all\n"));
+  const Result<Scene> result = read_scene(folder.file("scene.yaml"));
+  ASSERT_TRUE(result.is_ok()) << result.status().message();
+  EXPECT_TRUE(result.value().watches_all);
+  EXPECT_TRUE(result.value().pairs.empty());
+  EXPECT_EQ(result.value().session.clearance, Clearance::kBound);
 }
 
 TEST(ReadScene, DerivesVelocitiesFromTheNextFrame) {
@@ -185,6 +199,8 @@ TEST(ReadScene, RefusesWithFileAndLine) {
       {"lookahead_s: 0.3", "sweep_s: 61", 12, "sweep_s: expected a number in"},
       {"frame_rate_hz: 20", "frame_rate_hz: 0", 10, "frame_rate_hz: expected a number in"},
       {"budget_ms: 5", "contacts: perhaps", 11, "contacts: expected true or false"},
+      {"budget_ms: 5", "clearance: some", 11,
+       "clearance: expected none, bound or exact, found some"},
       {"budget_ms: 5", "budget_ms: .inf", 11, "budget_ms: expected a number in"},
       {"{name: one, model", "{name: one, solid: maybe, model", 3, "solid: expected true or false"},
       {"{name: one, model", "{name: one, content: 0x12, model", 3,
@@ -234,7 +250,8 @@ TEST(ReadScene, RefusesASceneThatLacksSomething) {
   const std::string file = folder.file("scene.yaml");
   for (const auto& [text, expected] : std::vector<std::pair<std::string, std::string>>{
            {"pairs: []\n", "bodies: expected a list"},
-           {"bodies: []\n", "pairs: expected a list"},
+           {"bodies: []\n", "pairs: expected a list, or all"},
+           {"bodies: []\npairs: some\n", "pairs: expected a list, or all"},
            {"bodies: []\npairs: []\n", "moves: expected at least one body"},
            {"- a\n- b\n", "scene: expected a map"},
            {"", "scene: expected a map"},

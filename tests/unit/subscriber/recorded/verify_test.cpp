@@ -238,10 +238,24 @@ TEST_F(Verify, ShowsTheFirstAnswerThatDiffers) {
 TEST_F(Verify, FindsAPoseThatWasChanged) {
   Recorded recorded = record();
   const std::size_t at = find_report(recorded, [](const wire::ContactReport& r) {
-    return r.asked && r.status == 0 && r.clearance_m > 0 && r.frame > 3;
+    return r.asked && r.status == 1 && r.frame > 3;
   });
-  recorded.items[at].report->a.pose.translation_m[2] += 1e-3;  // another clearance
+  recorded.items[at].report->a.pose.translation_m[2] += 1e4;  // what touched is far away
   EXPECT_EQ(verify(recorded).different, 1U);
+}
+
+// A bound may be sought longer than is the default, and is proved then; more than can be proved is found.
+TEST_F(Verify, FindsAClearanceThatIsTooLarge) {
+  for (const double factor : {1.0, 0.5, 1 / kClearanceShare * 1.01}) {
+    Recorded recorded = record();
+    const std::size_t at = find_report(recorded, [](const wire::ContactReport& r) {
+      return r.asked && r.status == 0 && r.clearance_m > 0 && r.frame > 3;
+    });
+    recorded.items[at].report->clearance_m *= factor;
+    const VerifyReport found = verify(recorded);
+    EXPECT_EQ(found.different, factor > 1 ? 1U : 0U) << factor;
+    expect_sum(found);
+  }
 }
 
 TEST_F(Verify, FindsABatchThatWasChanged) {
@@ -357,6 +371,23 @@ TEST_F(Verify, ALateRecorderProvesWhatFollowsWithTheModelsFiles) {
   EXPECT_TRUE(found.wanted.empty());
   EXPECT_TRUE(found.complaints.empty());
   EXPECT_EQ(whole.verified, all.answers());
+}
+
+// It was in no batch that a recorder could hear.
+TEST_F(Verify, WhatCameOutOfACacheIsSaidAndProvedWithTheModelsFiles) {
+  SessionOptions options = quick_options();
+  options.cache_folder = folder_ + "/cache";
+  static_cast<void>(record(options));
+  const Recorded all = record(options, {0});
+  const VerifyReport without = verify(all);
+  expect_sum(without);
+  EXPECT_EQ(without.different, 0U);
+  EXPECT_EQ(without.wanted.size(), 2U);
+  const auto folder = models();
+  const VerifyReport found = verify(all, 2, folder.get());
+  expect_sum(found);
+  EXPECT_EQ(found.different, 0U) << found.differences.front().what;
+  EXPECT_EQ(found.verified, all.answers());
 }
 
 TEST_F(Verify, ALateRecordingWithoutFilesSaysWhichItWants) {

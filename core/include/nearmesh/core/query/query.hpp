@@ -57,10 +57,18 @@ struct FacePair {
 
 inline constexpr std::size_t kAllPairs = std::numeric_limits<std::size_t>::max();
 
+/// How near to the distance the bound of a free answer is sought.
+enum class Clearance : std::uint8_t {
+  kNone,  ///< not at all: the bound is 0
+  kBound,  ///< until it is kClearanceShare of what is known at least; ends after 256 steps in any case
+  kExact,  ///< the greatest that what is held allows: with full meshes the distance. Ends after 65,536 steps in any case
+};
+inline constexpr double kClearanceShare = 0.75;
+
 struct QueryOptions {
   bool any =
       false;  ///< stop at the first touching pair: kContact then says "touches", not "these are all"
-  bool clearance = true;  ///< also bound the distance when free
+  Clearance clearance = Clearance::kBound;  ///< also bound the distance when free
   std::size_t max_pairs =
       kAllPairs;         ///< list at most so many; the search goes on, so that the total is right
   bool solid_a = false;  ///< a has an inside: is b in it? Only where check_solid accepts a's model
@@ -85,6 +93,9 @@ struct Answer {
   /// Free: a lower bound of the distance, metres (infinite when either side has no face). Else 0.
   /// Contained: the same, of the surfaces.
   double clearance_m = 0;
+  /// The bound is at least this share of the greatest that what is held allows: 1 where it was sought to the end, less where the
+  /// search was ended by its steps before kClearanceShare was reached. 0: no bound.
+  double clearance_share = 0;
   Containment contained = Containment::kNone;  ///< kNone but for status kContained
   /// Not certified: a bound, metres. Every original face with a corner below a missing node lies, as a whole, within
   /// this of the vertex that stands for that node, hence of its own image in the current mesh. Else 0.
@@ -100,8 +111,8 @@ struct Answer {
          answer.missing_b.empty();
 }
 
-/// Digest of everything in an answer but its statistics and hints: equal answers, equal digests, on every peer and
-/// build.
+/// Digest of everything in an answer but its statistics, its hints and its clearance, which is a bound and may be sought in
+/// several ways: equal answers, equal digests, on every peer and build.
 [[nodiscard]] std::uint64_t digest(const Answer& answer);
 
 /// The bound of Answer::uncertainty_m for one node, in grid units: greatest distance from its representative to a corner

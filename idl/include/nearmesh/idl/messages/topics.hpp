@@ -246,6 +246,8 @@ class TopicNames {
 
 /// The partition in which one peer's batches travel: 16 hexadecimal digits.
 [[nodiscard]] std::string partition_of(SessionId peer);
+/// Whose partition that is; 0 where it is nobody's.
+[[nodiscard]] SessionId peer_of(std::string_view partition);
 
 /// DDS stays silent when two programs use one topic with different types, or topics of different
 /// wire versions. Returns one line about a remote endpoint that cannot talk to us, or nothing when

@@ -6,7 +6,9 @@
 // Polled by the host: update() never blocks and never calls DDS (the channel's own thread does).
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -38,6 +40,9 @@ struct BodyOptions {
   std::uint32_t group = 1, mask = 0xffffffffU;
 };
 
+/// Calls job(0) to job(count - 1), each once, in any order and on any threads, and returns when all are done.
+using RunJobs = std::function<void(std::size_t count, const std::function<void(std::size_t)>& job)>;
+
 struct SessionOptions {
   /// Answers are uncertain where the pose of a body that another moves is this far from the frame's time, seconds. Own bodies
   /// at rest are published again after a quarter of it, so let all peers have one value.
@@ -57,7 +62,17 @@ struct SessionOptions {
   double audit_s = 0;
   /// Draws which blocks; 0: the system does, so that no publisher can tell.
   std::uint64_t audit_seed = 0;
+  /// How the bound of a free answer is sought; without one no safe_horizon_s is known either.
+  Clearance clearance = Clearance::kBound;
+  /// A folder in which detail is kept from one session to the next, by content, at most 8 MiB each; none: it is not. Several
+  /// processes may share one. Whoever can write there is believed as a publisher is. Read in the update that brings a model's
+  /// header, written by write_cache() and at the session's end.
+  std::string cache_folder;
   bool contacts = false;  ///< work out where bodies touch: PairAnswer::contacts
+  /// Answers of pairs, and looks ahead for them, are jobs: the host's scheduler may run them at once. Answers and digests are the
+  /// same whatever it does. None: one after the other, in update(). It is called in update(), at most twice a frame; a job never
+  /// throws, never waits and calls nothing of the host's.
+  RunJobs run_jobs;
   bool publish_reports =
       true;  ///< send a ContactReport of each answer, and again when it changes within a frame
 };
@@ -118,7 +133,7 @@ struct FrameReport {
   double refine_s = 0;  ///< T_R: vertex splits and collapses
   double tree_s = 0;    ///< T_B: AB-tree
   double broad_s = 0;   ///< which pairs may be near
-  double query_s = 0;   ///< T_Q, sweeps and contacts included
+  double query_s = 0;   ///< T_Q, sweeps and contacts included, the sum over pairs
   std::uint64_t batches_waiting = 0;    ///< left over for want of budget
   std::vector<std::string> complaints;  ///< one line each, for a log
   /// Digest of the state of refinement that the answers were given in: of all models' active vertices, in the order of
@@ -202,6 +217,9 @@ class Session {
   [[nodiscard]] Result<RegionReadiness> region_readiness(BodyId body,
                                                          const std::array<double, 3>& lo_m,
                                                          const std::array<double, 3>& hi_m) const;
+  /// Brings the files of SessionOptions::cache_folder up to date. Errors: kIo; kConflict where a file of another kind stands in a
+  /// place; the other files are written all the same.
+  [[nodiscard]] Status write_cache();
   [[nodiscard]] SessionStats stats() const;
   /// Where a body was last known to be, and how it moves; none where no pose has come, or no such body is declared.
   [[nodiscard]] std::optional<Motion> motion_of(BodyId body) const;
