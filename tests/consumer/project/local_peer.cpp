@@ -42,7 +42,8 @@ int main(int argc, char** argv) {
   nearmesh::subscriber::Session session(std::move(channel));
   const auto left = session.add_body({.name = "left", .model = "sphere", .own = true}).value();
   const auto right = session.add_body({.name = "right", .model = "sphere", .own = true}).value();
-  if (const auto status = session.watch(left, right); !status.is_ok()) return fail(status.message());
+  if (const auto status = session.watch(left, right); !status.is_ok())
+    return fail(status.message());
 
   nearmesh::Motion here, beside;
   beside.pose.translation_m = {1.99, 0.1, 0.05};

@@ -127,8 +127,7 @@ void fly(const wire::TransportOptions& transport, const std::string& terrain,
   };
   const auto ground = value_of(session.add_body({.name = "ground", .model = stem(terrain)}));
   const auto moved = value_of(session.add_body({.name = "body", .model = stem(body), .own = true}));
-  for (const Status& status :
-       {session.place_body(ground, {}), session.watch(ground, moved)})
+  for (const Status& status : {session.place_body(ground, {}), session.watch(ground, moved)})
     if (!status.is_ok()) fail(status.message());
   Motion motion;
   certify(session, moved, motion, 0);
