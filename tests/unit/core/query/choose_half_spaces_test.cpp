@@ -58,8 +58,8 @@ TEST(ChooseHalfSpaces, AreTrueAndPartWhatTheyAreSaidToPart) {
       }
       if (random.below(3) == 0) obstacle.drift.around = random.between(0, 100);
     }
-    const ChosenHalfSpaces chosen = choose_half_spaces(points, from, obstacles);
-    EXPECT_LE(chosen.half_spaces.size(), kMaxHalfSpaces);
+    const ChosenHalfSpaces chosen = choose_half_spaces(points, from, obstacles, 3);
+    EXPECT_LE(chosen.half_spaces.size(), 3U);
     std::size_t left = 0;
     for (const Obstacle& obstacle : obstacles)
       left += std::none_of(chosen.half_spaces.begin(), chosen.half_spaces.end(),
