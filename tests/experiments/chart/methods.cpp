@@ -468,6 +468,7 @@ const std::vector<MethodInfo>& methods() {
          return std::make_unique<Certified>(s, Certified::Choice::kLeast);
        }},
       {"clusters-checked", "client", make_checked_rival},
+      {"clusters-chosen", "client", make_chosen_rival},
       {"triangles-trusted", "server", make_trusted_rival},
   };
   return all;

@@ -66,6 +66,7 @@ struct MethodInfo {
 
 // The rivals without a progressive mesh (rivals.cpp).
 [[nodiscard]] std::unique_ptr<Method> make_checked_rival(const Scene& scene);
+[[nodiscard]] std::unique_ptr<Method> make_chosen_rival(const Scene& scene);
 [[nodiscard]] std::unique_ptr<Method> make_trusted_rival(const Scene& scene);
 
 /// Faces of streamed bodies without which no one could know which faces touch: those whose posed box meets that of a face

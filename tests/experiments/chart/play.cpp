@@ -151,7 +151,7 @@ PlayTotals play_method(const Scene& scene, const MethodInfo& info, const std::ve
   PlayTotals totals;
   const std::unique_ptr<Method> method = info.make(scene);
   const std::uint64_t header = header_bytes(scene);
-  const bool rival = info.name == "clusters-checked" || info.name == "triangles-trusted";
+  const bool rival = info.name.starts_with("clusters-") || info.name == "triangles-trusted";
   const auto write = [&](const char* kind, std::size_t i, std::uint64_t budget, const State& state,
                          const State& before) {
     ++totals.rows;
@@ -276,8 +276,8 @@ PlayTotals play(const Scene& scene, const std::vector<std::string>& only, std::F
   for (const MethodInfo& info : methods()) {
     if (!wanted(info.name)) continue;
     if (grows && info.name != "certified" &&
-        (large ||
-         (info.name != "static-full" && info.name != "grid8" && info.name != "clusters-checked")))
+        (large || (info.name != "static-full" && info.name != "grid8" &&
+                   info.name != "clusters-checked" && info.name != "clusters-chosen")))
       continue;
     const Stopwatch watch;
     add(play_method(scene, info, truths, rows));

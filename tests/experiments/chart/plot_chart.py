@@ -23,6 +23,7 @@ import matplotlib.pyplot as plt
 STYLES = {  # method: name in legends, colour, line
     "certified": ("nearmesh, certified batches", "#0b6e4f", "-"),
     "clusters-checked": ("rival: clusters, client checks", "#c1121f", "-"),
+    "clusters-chosen": ("rival: clusters and half-spaces, server chooses, client checks", "#c1121f", "--"),
     "triangles-trusted": ("rival: triangles, server's word", "#f08a24", "--"),
     "grid8-hoppe": ("paper: 8³ grid, Hoppe closure (reconstruction)", "#264aa8", "-"),
     "grid8": ("8³ grid, ancestor closure", "#5d83de", "--"),
@@ -36,9 +37,9 @@ STYLES = {  # method: name in legends, colour, line
 }
 STATIC = ["static-1/256", "static-1/64", "static-1/16", "static-1/4", "static-full"]
 LIBRARIES = ["fcl-obb", "fcl-obbrss", "bullet-gimpact", "embree-collide", "cgal-exact"]
-MAIN = ["certified", "clusters-checked", "triangles-trusted", "grid8-hoppe", "global"]
+RIVALS = ["clusters-checked", "clusters-chosen", "triangles-trusted"]
+MAIN = ["certified"] + RIVALS + ["grid8-hoppe", "global"]
 PAPER_AND_LEVELS = ["grid8-hoppe", "grid8", "grid16", "grid32", "global"] + STATIC
-STREAMED_BASE = [m for m in STYLES if m not in ("clusters-checked", "triangles-trusted")] + STATIC
 
 
 class Run:
@@ -102,9 +103,9 @@ def compute_s(row):
 
 
 def clock(method, mbit, trip_s):
-    """Simulated time of a row: round trips, both directions' bytes one after the other, and measured compute."""
-    join = 0 if method in ("clusters-checked", "triangles-trusted") else 1  # base mesh first
-    return lambda row: ((row["requests"] + join) * trip_s + 8 * (row["bytes"] + row["request_bytes"]) / (mbit * 1e6)
+    """Simulated time of a row from the match on, which brings base meshes unasked: round trips, both directions' bytes one after
+    the other, and measured compute."""
+    return lambda row: (row["requests"] * trip_s + 8 * (row["bytes"] + row["request_bytes"]) / (mbit * 1e6)
                         + compute_s(row))
 
 
@@ -169,6 +170,23 @@ def accuracy_bytes(run, scenes, methods, name):
     save(run, figure, name)
 
 
+def both_ways(run, scenes, name):
+    """Bytes to the final answer, to the peer and from it."""
+    methods = ["certified"] + RIVALS
+    figure, panels = plt.subplots(1, len(scenes), figsize=(2.4 * len(scenes) + 0.6, 3.6), squeeze=False)
+    for axes, scene in zip(panels[0], scenes):
+        for x, method in enumerate(m for m in methods if run.has(scene, m)):
+            rows = run.last(scene, method)
+            mean = lambda key: statistics.mean(row[key] for row in rows) / 1000
+            text, colour, _ = STYLES[method]
+            hatch = "//" if method == "clusters-chosen" else None
+            axes.bar(x, mean("bytes"), color="white" if hatch else colour, edgecolor=colour, hatch=hatch, label=text)
+            axes.bar(x, mean("request_bytes"), bottom=mean("bytes"), color="black", label="asked with")
+        axes.set_xticks([])
+        nice(axes, scene, None, "kB to the final answer, base meshes included" if scene == scenes[0] else None, log=False)
+    save(run, figure, name)
+
+
 def accuracy_time(run, scene, name):
     links, trips = (0.25, 1, 10, 100), (0.005, 0.05, 0.2)
     figure, panels = plt.subplots(len(trips), len(links), figsize=(14, 8), sharey=True)
@@ -185,7 +203,7 @@ def accuracy_time(run, scene, name):
                 axes.fill_between(xs, share(run, scene, "certified", "certified", clock("certified", mbit, trip), xs),
                                   step="post", color="#0b6e4f", alpha=0.12, label="nearmesh: certified")
             axes.set_ylim(-0.03, 1.05)
-            nice(axes, f"{mbit:g} Mbit/s, round trip {trip * 1000:g} ms", "seconds since joining" if i == 2 else None,
+            nice(axes, f"{mbit:g} Mbit/s, round trip {trip * 1000:g} ms", "seconds since the match" if i == 2 else None,
                  "share of answers correct" if j == 0 else None)
     figure.suptitle(f"{scene}: simulated clock over measured bytes and compute", fontsize=10)
     save(run, figure, name)
@@ -230,7 +248,7 @@ def quantile(values, q):
 def frame_times(run, scenes, name):
     parts = (("t_r_us", "T_R refinement", "#264aa8"), ("t_b_us", "T_B tree", "#f08a24"), ("t_q_us", "T_Q query", "#0b6e4f"),
              ("t_l_us", "T_L loading", "#9b59b6"))
-    methods = ["certified", "clusters-checked", "triangles-trusted", "grid8-hoppe", "grid16", "global",
+    methods = ["certified"] + RIVALS + ["grid8-hoppe", "grid16", "global",
                "static-1/16", "static-full", "fcl-obb", "embree-collide"]
     figure, panels = plt.subplots(1, len(scenes), figsize=(5.2 * len(scenes), 5), squeeze=False)
     for axes, scene in zip(panels[0], scenes):
@@ -256,7 +274,7 @@ def frame_times(run, scenes, name):
 
 
 def overhead(run, scenes, name):
-    methods = ["certified", "clusters-checked", "triangles-trusted", "grid8-hoppe", "grid32", "static-full"]
+    methods = ["certified"] + RIVALS + ["grid8-hoppe", "grid32", "static-full"]
     figure, panels = plt.subplots(1, 2, figsize=(14, 4.8))
     for axes, (what, text) in zip(panels, (("faces_held", "faces held / faces needed (median)"),
                                            ("tree_bytes", "bytes of the tree in memory (median)"))):
@@ -285,7 +303,7 @@ def growth(run, name):
              ("milliseconds of compute to the final answer", lambda row: 1e3 * compute_s(row)),
              ("faces held", lambda row: row["faces_held"]))
     for axes, (text, value) in zip(panels, kinds):
-        for method in ("certified", "clusters-checked", "grid8", "static-full"):
+        for method in ("certified", "clusters-checked", "clusters-chosen", "grid8", "static-full"):
             here = [s for s in scenes if run.has(s, method)]
             axes.plot([faces[s] for s in here], [max(1e-3, statistics.median(map(value, run.whole[s, method].values()))) for s in here],
                       marker="o", **style(method))
@@ -323,18 +341,19 @@ def certification_table(run):
             continue
         mean = lambda method: statistics.mean(r["bytes"] for r in run.last(scene, method))
         base = run.last(scene, "certified")[0]["header_bytes"]
-        checked = mean("clusters-checked")
-        row = [scene, number(base), number(mean("certified") - base)]
+        ours, chosen = mean("certified") - base, mean("clusters-chosen")
+        row = [scene, number(base), number(ours)]
         row += [number(mean(m) - base) if run.has(scene, m) else "-" for m in ("certified-least",)]
-        row += [number(checked), number(mean("triangles-trusted")) if run.has(scene, "triangles-trusted") else "-",
-                f"{(mean('certified') - base) / checked:.2f}", f"{mean('certified') / checked:.2f}"]
+        row += [number(mean("clusters-checked")), number(chosen),
+                number(mean("triangles-trusted")) if run.has(scene, "triangles-trusted") else "-",
+                f"{ours / mean('clusters-checked'):.2f}", f"{ours / chosen:.2f}", f"{(ours + base) / chosen:.2f}"]
         if run.has(scene, "triangles-trusted"):
             row.append(f"{(mean('certified') - base) / mean('triangles-trusted'):.2f}")
         else:
             row.append("-")
         rows.append(row)
-    return table(["scene", "base meshes", "certified", "split by split", "rival, checked",
-                  "rival, trusted", "certified / checked", "the same with base", "certified / trusted"], rows)
+    return table(["scene", "base meshes", "certified", "split by split", "rival, checked", "rival, chosen and checked",
+                  "rival, trusted", "certified / checked", "certified / chosen", "the same with base", "certified / trusted"], rows)
 
 
 def first_correct_table(run):
@@ -342,7 +361,7 @@ def first_correct_table(run):
     for scene in run.scenes:
         if run.runs(scene, "certified")[0][0]["kind"] != "pose":
             continue
-        for method in ("certified", "clusters-checked", "triangles-trusted", "grid8-hoppe", "grid8", "global", "static-full"):
+        for method in ["certified"] + RIVALS + ["grid8-hoppe", "grid8", "global", "static-full"]:
             if not run.has(scene, method):
                 continue
             times = [first_lasting(r, clock(method, 1, 0.05)) for r in run.runs(scene, method)]
@@ -371,7 +390,7 @@ def budget_table(run):
 
 
 def overhead_table(run):
-    methods = ["certified", "clusters-checked", "triangles-trusted", "grid8-hoppe", "grid8", "grid16", "grid32", "static-full"]
+    methods = ["certified"] + RIVALS + ["grid8-hoppe", "grid8", "grid16", "grid32", "static-full"]
     rows = []
     for scene in run.scenes:
         if scene.startswith("growth") or not any(r["truth"] for r in run.last(scene, "certified")):
@@ -445,6 +464,8 @@ def main(folder, docs=None):
             accuracy_bytes(run, rest, MAIN, "accuracy_bytes_more")
         accuracy_bytes(run, few[:3], ["certified", "certified-least", "grid8", "grid16",
                                       "grid32"], "variants_bytes")
+        both_ways(run, there(["terrain-grazing", "two-scans", "needle-in-plain", "paper-sphere", "paper-bunny", "bolt-in-nut",
+                              "conforming"]), "both_ways")
         accuracy_time(run, pose_scenes[0], "accuracy_time")
         contacts(run, there(["terrain-grazing", "two-scans", "paper-bunny", "paper-sphere"])[:3], "contacts")
     if flights := there(["touching-flight", "near-flight", "clear-flight"]):

@@ -2,6 +2,8 @@
 // Streaming without a progressive mesh, as well as it can be done: original triangles, on demand.
 //   clusters-checked: clusters of at most 32 triangles below a tree of boxes, eight a node. The peer gets every node and
 //     cluster that its own walk of both trees would open, so it can check that nothing is missing.
+//   clusters-chosen: the same, but the server chooses: of a node that stands in the way it tells half-spaces that part it from the
+//     other body, or opens it, whichever is cheaper in all. The peer can check this, too.
 //   triangles-trusted: exactly the triangles whose box meets a box of the other body's triangles; that these are all is the
 //     server's word.
 // Bytes: an ideal entropy coder with tables trained on the very mesh, for which nothing is charged; vertices by parallelogram
@@ -14,6 +16,7 @@
 #include <set>
 
 #include "core/base/stopwatch.hpp"
+#include "core/query/choose_half_spaces.hpp"
 #include "methods.hpp"
 #include "nearmesh/core/geometry/detail/box_overlap.hpp"
 
@@ -182,6 +185,7 @@ class Clusters {
     if (coded) train();
   }
   [[nodiscard]] const Node& node(std::uint32_t i) const { return nodes_[i]; }
+  [[nodiscard]] std::size_t size() const { return nodes_.size(); }
   // Bits of these faces as one piece, near `from`.
   [[nodiscard]] double bits(const std::vector<TreeFace>& faces, const GridPoint& from) const {
     double sum = 0;
@@ -331,6 +335,163 @@ Walk walk(const Clusters& a, const Clusters& b, const PosedPair& posed) {
   found.b.assign(opened_b.begin(), opened_b.end());
   std::sort(found.clusters.begin(), found.clusters.end());
   return found;
+}
+
+// ---- what the server chooses --------------------------------------------------------------------
+
+constexpr double kHalfSpaceBits = kDirectionBits + kReachBits + 2;  // the last: of which node
+constexpr std::size_t kMostHalfSpaces = 3;
+constexpr std::size_t kMostPoints = 20'000, kMostParts = 64, kMostObstacles = 400;
+
+using HalfSpaces = std::map<std::uint32_t, std::vector<HalfSpace>>;  // by node
+
+GridPoint middle_of(const GridBox& box) {
+  GridPoint middle;
+  for (std::size_t k = 0; k < 3; ++k) middle.v[k] = (box.lo.v[k] + box.hi.v[k]) / 2;
+  return middle;
+}
+
+// A part of a body as a peer holds it: the faces of an open cluster, or a box with half-spaces.
+struct Part {
+  CenteredBox box;
+  GridPoint middle;
+  const Node* open = nullptr;
+  std::vector<HalfSpace> half_spaces;
+};
+
+// The cheapest statements about one body that part it from, or hold its faces against, the parts of the other.
+class Planner {
+ public:
+  // `other_in_own`, `own_in_other`: of the two frames. What is known costs nothing.
+  Planner(const Clusters& own, const std::set<std::uint32_t>& known, const HalfSpaces& told,
+          const RelativeFrame& other_in_own, const RelativeFrame& own_in_other)
+      : own_(own),
+        known_(known),
+        told_(told),
+        other_in_own_(other_in_own),
+        own_in_other_(own_in_other) {}
+
+  struct Plan {
+    double bits = 0;
+    std::vector<std::uint32_t> opened;  // parents first
+    HalfSpaces told;                    // new ones
+    std::vector<Part> parts;
+  };
+  Plan plan(const std::vector<Part>& others) {
+    std::vector<const Part*> all;
+    for (const Part& part : others) all.push_back(&part);
+    Plan plan{.bits = solve(0, all)};
+    collect(0, plan);
+    return plan;
+  }
+
+ private:
+  struct Choice {
+    bool opens = false;
+    std::vector<HalfSpace> half_spaces;
+  };
+
+  [[nodiscard]] std::vector<HalfSpace> known_of(std::uint32_t i) const {
+    const auto at = told_.find(i);
+    return at == told_.end() ? std::vector<HalfSpace>() : at->second;
+  }
+  [[nodiscard]] bool is_clear(const Part& own, const Part& other) const {
+    const Obstacle theirs{&other_in_own_, {}, other.box, {}}, ours{&own_in_other_, {}, own.box, {}};
+    const auto clears = [](const Part& part, const Obstacle& obstacle) {
+      return std::any_of(part.half_spaces.begin(), part.half_spaces.end(),
+                         [&](HalfSpace h) { return keeps_clear(h, part.middle, obstacle); });
+    };
+    return boxes_apart(other_in_own_, own.box, other.box) || clears(own, theirs) ||
+           clears(other, ours);
+  }
+  [[nodiscard]] Part part_of(std::uint32_t i) const {
+    const GridBox& box = own_.node(i).box;
+    return {centered(box), middle_of(box), nullptr, known_of(i)};
+  }
+  // Empty: half-spaces cannot do it. `clear`: nothing stands in the way after all.
+  std::vector<HalfSpace> choose(std::uint32_t i, const Part& own,
+                                const std::vector<const Part*>& close, bool& clear) const {
+    if (close.size() > kMostParts) return {};
+    std::vector<Obstacle> obstacles;
+    for (const Part* part : close) {
+      if (part->open == nullptr) obstacles.push_back({&other_in_own_, {}, part->box, {}});
+      if (part->open == nullptr) continue;
+      for (const TreeFace& face : part->open->faces)
+        if (const DoubleTriangle triangle = to_a_units(other_in_own_, face.corners);
+            !box_triangle_apart(other_in_own_, own.box, triangle))
+          obstacles.push_back({&other_in_own_, triangle, {}, {}});
+    }
+    std::erase_if(obstacles, [&](const Obstacle& obstacle) {
+      return std::any_of(own.half_spaces.begin(), own.half_spaces.end(),
+                         [&](HalfSpace h) { return keeps_clear(h, own.middle, obstacle); });
+    });
+    clear = obstacles.empty();
+    if (clear || obstacles.size() > kMostObstacles) return {};
+    std::vector<GridPoint> points;
+    if (!gather(i, points)) return {};
+    ChosenHalfSpaces chosen = choose_half_spaces(points, own.middle, obstacles, kMostHalfSpaces);
+    return chosen.left == 0 ? std::move(chosen.half_spaces) : std::vector<HalfSpace>();
+  }
+  bool gather(std::uint32_t i, std::vector<GridPoint>& points) const {
+    const Node& node = own_.node(i);
+    for (const TreeFace& face : node.faces)
+      points.insert(points.end(), face.corners.begin(), face.corners.end());
+    return points.size() <= kMostPoints &&
+           std::all_of(node.children.begin(), node.children.end(),
+                       [&](std::uint32_t child) { return gather(child, points); });
+  }
+  double solve(std::uint32_t i, const std::vector<const Part*>& above) {
+    const Part own = part_of(i);
+    std::vector<const Part*> close;
+    for (const Part* part : above)
+      if (!is_clear(own, *part)) close.push_back(part);
+    choices_[i] = {};
+    if (close.empty()) return 0;
+    bool clear = false;
+    std::vector<HalfSpace> half_spaces = choose(i, own, close, clear);
+    if (clear) return 0;
+    const Node& node = own_.node(i);
+    double open_bits = known_.contains(i) ? 0 : node.bits;
+    const double told_bits = kHalfSpaceBits * static_cast<double>(half_spaces.size());
+    if (half_spaces.empty() || open_bits < told_bits)
+      for (const std::uint32_t child : node.children) open_bits += solve(child, close);
+    if (half_spaces.empty() || open_bits < told_bits) {
+      choices_[i].opens = true;
+      return open_bits;
+    }
+    choices_[i].half_spaces = std::move(half_spaces);
+    return told_bits;
+  }
+  void collect(std::uint32_t i, Plan& plan) const {
+    const Choice& choice = choices_.at(i);
+    const Node& node = own_.node(i);
+    if (choice.opens) plan.opened.push_back(i);
+    if (choice.opens && node.faces.empty()) {
+      for (const std::uint32_t child : node.children) collect(child, plan);
+      return;
+    }
+    Part part = part_of(i);
+    if (choice.opens) part.open = &node;
+    part.half_spaces.insert(part.half_spaces.end(), choice.half_spaces.begin(),
+                            choice.half_spaces.end());
+    if (!choice.half_spaces.empty()) plan.told[i] = choice.half_spaces;
+    plan.parts.push_back(std::move(part));
+  }
+
+  const Clusters& own_;
+  const std::set<std::uint32_t>& known_;
+  const HalfSpaces& told_;
+  const RelativeFrame &other_in_own_, &own_in_other_;
+  std::map<std::uint32_t, Choice> choices_;
+};
+
+// A body of which all clusters are open.
+std::vector<Part> all_open(const Clusters& clusters) {
+  std::vector<Part> parts;
+  for (std::uint32_t i = 0; i < clusters.size(); ++i)
+    if (const Node& node = clusters.node(i); !node.faces.empty())
+      parts.push_back({centered(node.box), middle_of(node.box), &node, {}});
+  return parts;
 }
 
 using FaceSet = std::map<FaceKey, TreeFace>;
@@ -534,6 +695,55 @@ class CheckedRival : public Rival {
   std::array<std::set<std::uint32_t>, 2> known_;
 };
 
+class ChosenRival : public Rival {
+ public:
+  explicit ChosenRival(const Scene& scene) : Rival(scene), open_{all_open(a_), all_open(b_)} {}
+
+ protected:
+  // One body is planned against all faces of the other, that one against what the peer will hold of the first; the cheaper of
+  // both orders. Whatever is not open of the second was parted from all of the first, and the other way round.
+  std::deque<Piece> select(const PosedPair& posed, const Walk& /*walked*/) override {
+    const RelativeFrame b_in_a = make_relative_frame(posed.a, posed.b),
+                        a_in_b = make_relative_frame(posed.b, posed.a);
+    const auto plan_of = [&](std::size_t body, const std::vector<Part>& others) {
+      return Planner(body == 0 ? a_ : b_, known_[body], told_[body], body == 0 ? b_in_a : a_in_b,
+                     body == 0 ? a_in_b : b_in_a)
+          .plan(others);
+    };
+    std::array<Planner::Plan, 2> plans{plan_of(0, open_[1]), {}};
+    if (scene_.b_streamed) {
+      plans[1] = plan_of(1, plans[0].parts);
+      Planner::Plan b_first = plan_of(1, open_[0]), a_second = plan_of(0, b_first.parts);
+      if (b_first.bits + a_second.bits < plans[0].bits + plans[1].bits)
+        plans = {std::move(a_second), std::move(b_first)};
+    }
+    std::deque<Piece> pieces;
+    for (std::size_t body = 0; body < 2; ++body) {
+      for (const std::uint32_t i : plans[body].opened)
+        if (const Node& node = (body == 0 ? a_ : b_).node(i); known_[body].insert(i).second)
+          pieces.push_back({body, node.bits, node.faces});
+      for (const auto& [i, half_spaces] : plans[body].told) {
+        std::vector<HalfSpace>& told = told_[body][i];
+        told.insert(told.end(), half_spaces.begin(), half_spaces.end());
+        pieces.push_back({body, kHalfSpaceBits * static_cast<double>(half_spaces.size()), {}});
+      }
+    }
+    std::stable_partition(pieces.begin(), pieces.end(),
+                          [](const Piece& piece) { return piece.faces.empty(); });
+    return pieces;
+  }
+  [[nodiscard]] bool asks_always() const override { return false; }
+  void forget() override {
+    for (auto& nodes : known_) nodes.clear();
+    for (auto& told : told_) told.clear();
+  }
+
+ private:
+  const std::array<std::vector<Part>, 2> open_;
+  std::array<std::set<std::uint32_t>, 2> known_;
+  std::array<HalfSpaces, 2> told_;
+};
+
 class TrustedRival : public Rival {
  public:
   explicit TrustedRival(const Scene& scene) : Rival(scene) {}
@@ -574,6 +784,9 @@ class TrustedRival : public Rival {
 
 std::unique_ptr<Method> make_checked_rival(const Scene& scene) {
   return std::make_unique<CheckedRival>(scene);
+}
+std::unique_ptr<Method> make_chosen_rival(const Scene& scene) {
+  return std::make_unique<ChosenRival>(scene);
 }
 std::unique_ptr<Method> make_trusted_rival(const Scene& scene) {
   return std::make_unique<TrustedRival>(scene);

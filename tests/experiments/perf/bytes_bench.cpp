@@ -5,8 +5,9 @@
 // A body of 1,280 faces, a sphere whose radius is a share of the model's largest side, is set down until it touches, in 45
 // places; with --flight it also slides along the ground for 200 frames, a fifth of its radius each, in a process of its
 // own, where each request says the mean velocity of the last ten frames (the body is set down on vertices, so that of one frame
-// swings to both sides of its way) and a horizon of ten. Requests are those of a peer's Session
-// that holds the body whole; counts are exact, the same in every run. Bytes are payload plus framing: `wire` is ours
+// swings to both sides of its way) and a horizon of ten. Requests are those of a peer's Session that holds the body whole;
+// counts are exact, the same in every run. `answer`: the publisher's processor time a request; `mirror`: what the memory
+// of a peer's state takes there. Bytes are payload plus framing: `wire` is ours
 // (kBatchFramingBytes), `lean` 76 bytes a batch. Requests are counted apart.
 
 #include <sys/socket.h>
@@ -17,7 +18,9 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <ctime>
 #include <functional>
+#include <list>
 #include <string>
 
 #include "core/base/resources.hpp"
@@ -70,6 +73,7 @@ class Publisher {
 
   Batches answer(const CertificateRequest& request) {
     if (request.models[0].state != mirror_->state()) std::abort();
+    const double start_s = processor_s();
     CertificateMaker maker(request, {mirror_, ball_.whole});
     Batches batches;
     while (!maker.is_done())
@@ -77,10 +81,17 @@ class Publisher {
         seal_batch(mirror_->file().header().content, bytes);
         batches.push_back(std::move(bytes));
       }
+    spent_s += processor_s() - start_s;
     return batches;
   }
 
+  double spent_s = 0;
+
  private:
+  static double processor_s() {
+    return static_cast<double>(std::clock()) / static_cast<double>(CLOCKS_PER_SEC);
+  }
+
   const Ball& ball_;
   std::shared_ptr<Mirror> mirror_;
 };
@@ -166,7 +177,20 @@ void measure_poses(const std::string& path, double radius_share) {
     places = touching_poses(full.view(), body, file.store(), radius_m, kPlaces);
   }
   Cost touching, least;
-  double rounds = 0;
+  double rounds = 0, spent_s = 0;
+  std::list<Publisher> publishers;  // kept for their memory
+  const std::uint64_t before = resident_memory_bytes();
+  for (const auto& [pose, away] : places) {
+    Publisher& publisher = publishers.emplace_back(file, ball);
+    Peer peer(file.header(), ball, [&publisher](const CertificateRequest& request) {
+      return publisher.answer(request);
+    });
+    peer.certify({.pose = pose}, 0);
+    spent_s += publisher.spent_s;
+  }
+  row("touching_answer", 1e3 * spent_s / kPlaces, "ms");
+  row("touching_mirror", static_cast<double>(resident_memory_bytes() - before) / 1024 / kPlaces,
+      "kB");
   for (const auto& [pose, away] : places) {
     Publisher publisher(file, ball);
     Peer peer(file.header(), ball, [&publisher](const CertificateRequest& request) {
@@ -246,13 +270,18 @@ void publish(int socket, const std::string& path, double radius_share) {
   put(socket, &radius_m, sizeof radius_m);
   put_all(socket, flight_poses(build_full_tree(file.header(), file.store()).value().view(), body,
                                file.store(), radius_m, kFrames));
+  const std::uint64_t before = resident_memory_bytes();
   Publisher publisher(file, ball);
-  for (std::vector<std::uint8_t> bytes; get_all(socket, bytes);) {
+  double requests = 0;
+  for (std::vector<std::uint8_t> bytes; get_all(socket, bytes); ++requests) {
     const Batches batches = publisher.answer(unpack_certificate(bytes).value());
     const std::uint64_t count = batches.size();
     put(socket, &count, sizeof count);
     for (const auto& batch : batches) put_all(socket, batch);
   }
+  row("flight_answer", 1e3 * publisher.spent_s / requests, "ms");
+  row("flight_mirror", static_cast<double>(resident_memory_bytes() - before) / 1024, "kB");
+  std::fflush(stdout);
 }
 
 void fly(int socket) {
