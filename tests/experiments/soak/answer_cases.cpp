@@ -339,7 +339,7 @@ class Case {
       // First over a bad link, then until it is certified.
       constexpr int kMaxRounds = 400;
       for (int round = 0;; ++round) {
-        const Answer answer = ask(desk_a.replica, other.replica, true);
+        const Answer answer = ask(desk_a.replica, other.replica, Clearance::kBound);
         if (round > 1 && is_certified(answer.status)) break;
         if (round == kMaxRounds) return found("asking the publisher does not end");
         const bool is_lossy = round < 2;
@@ -352,7 +352,7 @@ class Case {
       if (random_.below(3) > 0) continue;
       for (Desk* desk : {&desk_a, &desk_b})
         desk->replica.give_up({{test::random_region(desk->file.store(), random_)}});
-      ask(desk_a.replica, other.replica, true);
+      ask(desk_a.replica, other.replica, Clearance::kBound);
     }
   }
 
@@ -407,7 +407,7 @@ class Case {
       for (std::uint32_t times = random_.below(8) == 0 ? 2 : 1; times > 0; --times)
         if (const Status status = desk->replica.take(batch).status; !status.is_ok())
           found(status.message());
-      if (is_lossy && random_.below(4) == 0) ask(a.replica, b.replica, false);
+      if (is_lossy && random_.below(4) == 0) ask(a.replica, b.replica, Clearance::kNone);
     }
     return !batches.empty();
   }
