@@ -8,10 +8,23 @@ namespace nearmesh {
 
 Result<std::vector<std::vector<std::uint8_t>>> answer_request(
     const SpmHeader& header, const SplitStore& store, const RegionRequest& request,
-    const std::function<Status(NodeSpan)>& require) {
+    const std::function<Status(NodeSpan)>& require,
+    const std::function<std::span<const HalfSpace>(NodeSpan)>& half_spaces_of) {
   const Result<Demand> demand = collect(store, request, require, AttachRule::kAlways);
   NEARMESH_RETURN_IF_ERROR(demand);
-  return encode_batches(header, store, demand.value().treelet, BoxPolicy::kCutNodes);
+  const Treelet& treelet = demand.value().treelet;
+  std::vector<NodeHalfSpace> told;
+  const auto tell = [&](NodeSpan node, bool is_split) {
+    if (is_split || node.size < 2) return;
+    for (const HalfSpace& half_space : half_spaces_of(node)) told.push_back({node, half_space});
+  };
+  if (half_spaces_of)
+    for (const TreeletSplit& split : treelet) {
+      tell(split.node.left_of(split.split), split.left_included);
+      tell(split.node.right_of(split.split), split.right_included);
+    }
+  std::sort(told.begin(), told.end());
+  return encode_batches(header, store, treelet, BoxPolicy::kCutNodes, kMaxBatchBytes, told);
 }
 
 AnswerMaker::AnswerMaker(const SpmHeader& header, const SplitStore& store, RegionRequest request,

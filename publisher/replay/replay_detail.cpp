@@ -23,6 +23,9 @@ Status RecordedDetail::add(std::int64_t id, std::span<const std::uint8_t> batch)
   NEARMESH_RETURN_IF_ERROR(decoded);
   const RefinedMesh::Applied applied = all_.apply_batch(decoded.value());
   for (const VertexId split : applied.delta.split) delivered_[split.value] = id;
+  if (applied.status.is_ok())
+    for (const NodeHalfSpace& told : decoded.value().half_spaces)
+      told_[told.node].push_back({id, told.half_space});
   return applied.status;
 }
 
@@ -50,6 +53,14 @@ bool RecordedDetail::reach(NodeSpan target) {
   return node == target;
 }
 
+std::span<const HalfSpace> RecordedDetail::half_spaces_of(NodeSpan node) {
+  told_by_then_.clear();
+  if (const auto at = told_.find(node); at != told_.end())
+    for (const Told& told : at->second)
+      if (told.id < end_) static_cast<void>(add_half_space(told.half_space, told_by_then_));
+  return told_by_then_;
+}
+
 Result<std::vector<std::vector<std::uint8_t>>> RecordedDetail::answer(const RegionRequest& request,
                                                                       std::int64_t end) {
   NEARMESH_RETURN_IF_ERROR(check_request(*now_, request));
@@ -57,8 +68,9 @@ Result<std::vector<std::vector<std::uint8_t>>> RecordedDetail::answer(const Regi
   end_ = end;
   RegionRequest known = request;
   std::erase_if(known.attach, [this](NodeSpan node) { return !reach(node); });
-  return answer_request(all_.header(), *now_, known,
-                        [this](NodeSpan node) { return require(node); });
+  return answer_request(
+      all_.header(), *now_, known, [this](NodeSpan node) { return require(node); },
+      [this](NodeSpan node) { return half_spaces_of(node); });
 }
 
 }  // namespace nearmesh::publisher

@@ -5,6 +5,7 @@
 // peer that asked.
 
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <span>
 #include <vector>
@@ -23,7 +24,8 @@ class RecordedDetail {
   /// the fault is kept.
   [[nodiscard]] Status add(std::int64_t id, std::span<const std::uint8_t> batch);
 
-  /// The splits below the request's attach nodes that matter to its region and were delivered before message `end`, in
+  /// The splits below the request's attach nodes that matter to its region and were delivered before message `end`, with the
+  /// half-spaces of nodes that these leave unresolved, in
   /// batches as the publisher encodes them; none when there are none. Attach nodes that were not known then are left out.
   /// Boxes are those of the whole recording, or an ancestor's where every batch had split the node: both enclose the faces.
   /// Errors: kInvalidArgument, as check_request. Cost: O(splits looked at); going back in time forgets what was looked at.
@@ -37,9 +39,17 @@ class RecordedDetail {
   /// Makes the split of a node of `now_` known to it, if it was delivered by then.
   [[nodiscard]] Status require(NodeSpan node);
   [[nodiscard]] bool reach(NodeSpan node);
+  /// What was told of a node before end_. Valid until the next call.
+  [[nodiscard]] std::span<const HalfSpace> half_spaces_of(NodeSpan node);
 
   RefinedMesh all_;                    ///< everything, of all times
   LazyArray<std::int64_t> delivered_;  ///< by split: the first message after which it was whole
+  struct Told {
+    std::int64_t id;  ///< of the message
+    HalfSpace half_space;
+  };
+  std::map<NodeSpan, std::vector<Told>> told_;  ///< half-spaces, as they came
+  std::vector<HalfSpace> told_by_then_;         ///< of the node that was asked for last
   std::unique_ptr<SplitStore>
       now_;  ///< of what was delivered before end_, that which was asked for
   std::int64_t end_ = 0;

@@ -97,8 +97,8 @@ TEST(Chart, WhoCanProveProvesInTheEnd) {
 
 TEST(Chart, CertifiedNeedsHardlyMoreThanTheLeastAndOneRoundTrip) {
   const Rows& rows = terrain_rows();
-  EXPECT_LE(rows.mean("certified-least", "splits"), rows.mean("certified", "splits"));
-  EXPECT_LT(rows.mean("certified", "splits"), 1.05 * rows.mean("certified-least", "splits"));
+  // The least without half-spaces, which spare some of them.
+  EXPECT_LT(rows.mean("certified", "splits"), rows.mean("certified-least", "splits"));
   EXPECT_LT(rows.mean("certified", "requests"), 1.2);
   EXPECT_GT(rows.mean("certified-least", "requests"), 3);
   EXPECT_LT(rows.mean("certified", "bytes"), rows.mean("static-full", "bytes"));

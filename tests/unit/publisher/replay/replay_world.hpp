@@ -45,8 +45,10 @@ inline double record_flight(const std::string& path, const RecordOptions& option
   const auto [hello, headers] = announcement();
   for (const wire::MeshHeader& header : headers) file->add(now_s, header);
   file->add(now_s, hello);
-  const auto one = world.make_peer(quick_options(), kPeer, true, false);
-  const auto two = world.make_peer(quick_options(), kOther, false, true);
+  // Nothing is lost: what is asked for twice would depend on the machine's speed.
+  const SessionOptions patient{.request_timeout_s = 60};
+  const auto one = world.make_peer(patient, kPeer, true, false);
+  const auto two = world.make_peer(patient, kOther, false, true);
   const Flight flight = make_flight(5, options.segments);
   std::size_t asked = 0;
   for (std::size_t frame = 0; frame < flight.frames(); ++frame) {
