@@ -235,9 +235,9 @@ Result<CertificateMaker::Part> CertificateMaker::next() {
   at_ = 0;
   farthest_ = std::max(farthest_, step_);
   const bool is_over = farthest_ == Step::kAhead || is_full || request_.horizon_s == 0;
-  if (is_spared_ && step_ < farthest_ && !is_full) {
-    step_ = Step::kAhead;
-  } else if (is_over || is_spared_ || split_count_ >= kWorthItsOwn) {
+  const bool is_looked_at_again = is_spared_ && step_ < farthest_ && !is_full;
+  const bool is_worth_sending = is_over || is_spared_ || split_count_ >= kWorthItsOwn;
+  if (is_worth_sending && !is_looked_at_again) {
     after_ = is_over ? Step::kDone : Step::kAhead;
     step_ = is_spared_ ? Step::kSend : Step::kSpare;
   } else {
