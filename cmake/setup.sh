@@ -13,7 +13,6 @@ nearmesh_packages=(
   libsqlite3-dev libssl-dev
   libfastrtps-dev libfastcdr-dev fastddsgen libspdlog-dev libyaml-cpp-dev
   prometheus-cpp-dev libtinyxml2-dev iproute2 nftables libfaketime)
-nearmesh_test_packages=(cyclonedds-dev cyclonedds-tools)  # of another vendor, for tests/system/cyclone
 
 install_missing() {
   command -v dpkg-query >/dev/null || return 0  # not Debian: CMake will name what it cannot find
