@@ -106,9 +106,10 @@ Status CertificateMaker::split(const CertificateRequest::Pair& pair, std::span<c
                                std::span<const NodeSpan> b) {
   for (const auto& [model, nodes] : {std::pair{pair.a, a}, std::pair{pair.b, b}}) {
     if (nodes.empty()) continue;
-    const HalfSpaces& half_spaces = mirrors_[model]->model().mesh.half_spaces();
+    const ActiveMesh& mesh = mirrors_[model]->model().mesh;
     for (const NodeSpan& node : nodes)
-      if (!half_spaces.of(node.first).empty()) kept_[model].push_back(node);
+      if (mesh.is_current(node) && !mesh.half_spaces().of(node.first).empty())
+        kept_[model].push_back(node);
     const Result<std::vector<VertexId>> done = mirrors_[model]->split(nodes);
     NEARMESH_RETURN_IF_ERROR(done);
     splits_[model].insert(splits_[model].end(), done.value().begin(), done.value().end());
@@ -133,8 +134,12 @@ Status CertificateMaker::round() {
   const TreeView a = mirrors_[pair.a]->model().view(), b = mirrors_[pair.b]->model().view();
   const Motion motion = motion_of(pair);
   const bool is_ahead = step_ == Step::kAhead;
+  const auto requires_of = [](Mirror& mirror) -> Require {
+    return [&file = mirror.file()](NodeSpan node) { return file.require(node); };
+  };
   const auto lacking = lacking_ahead(a, {}, "a", b, motion, "b", is_ahead ? request_.horizon_s : 0,
-                                     margin_m(pair, is_ahead));
+                                     margin_m(pair, is_ahead), requires_of(*mirrors_[pair.a]),
+                                     requires_of(*mirrors_[pair.b]));
   NEARMESH_RETURN_IF_ERROR(lacking);
   tests_ += lacking.value().tests;
   if (!lacking.value().is_nothing()) return split(pair, lacking.value().a, lacking.value().b);

@@ -108,9 +108,6 @@ Result<std::uint64_t> SplitSparer::look() {
   if (!may_be_spared(at_)) return std::uint64_t{0};
   std::uint64_t tests = 0;
   std::vector<Obstacles> met;
-  met.reserve(
-      others_
-          .size());  // obstacles point into what they were found in: it must not be copied elsewhere
   std::vector<Obstacle> all;
   for (const ToClear& to_clear : others_) {
     Result<Obstacles> found =

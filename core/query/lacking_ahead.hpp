@@ -8,6 +8,7 @@
 
 #include "choose_half_spaces.hpp"
 #include "nearmesh/core/geometry/motion.hpp"
+#include "nearmesh/core/query/certify.hpp"
 #include "nearmesh/core/query/query.hpp"
 
 namespace nearmesh {
@@ -23,14 +24,23 @@ struct Lacking {
 /// The nodes that may come within `margin_m` of what is known of the other body at some instant of [0, duration_s] of the
 /// motions, whether or not the bodies touch; of two unresolved ones the larger. Split these, and ask again.
 /// Where tests run out, what was found by then: the nodes that matter soonest.
-/// Errors: those of sweep(). Deterministic. Threads: views may be shared. Cost: that of a sweep without its faces' tests.
+/// With `require_a` and `require_b`, for who has the whole models, also nodes below those, as far as boxes alone tell: one look instead of one a
+/// level of the forest. Parents and their parts may come in any order.
+/// Errors: those of sweep() and of `require`. Deterministic. Threads: views may be shared. Cost: that of a sweep without its faces' tests.
 [[nodiscard]] Result<Lacking> lacking_ahead(const TreeView& a, const Motion& motion_a,
                                             std::string_view name_a, const TreeView& b,
                                             const Motion& motion_b, std::string_view name_b,
-                                            double duration_s, double margin_m);
+                                            double duration_s, double margin_m,
+                                            const Require& require_a = {},
+                                            const Require& require_b = {});
 
-/// Why a node lacks: what of the other body its box may meet, at some instants.
+/// Why a node lacks: what of the other body its box may meet, at some instants. Moves and is never copied, since obstacles point
+/// into `frames`.
 struct Obstacles {
+  Obstacles() = default;
+  Obstacles(Obstacles&&) = default;
+  Obstacles& operator=(Obstacles&&) = default;
+
   std::vector<Obstacle> obstacles;
   std::deque<RelativeFrame> frames;  ///< what they refer to
   bool is_all = true;                ///< else there are more, or tests ran out

@@ -59,6 +59,19 @@ struct Missing {
   double since_s;
 };
 
+[[nodiscard]] std::uint64_t key_of(const TreeEntry& unresolved) {
+  const NodeSpan node = unresolved.unresolved_node();
+  return std::uint64_t{node.begin()} << 32 | node.size;
+}
+
+/// A node as an entry, whether or not it is in the tree.
+[[nodiscard]] TreeEntry unresolved_entry(const TreeView& tree, NodeSpan node) {
+  TreeEntry entry;
+  entry.box = tree.store->box(node);
+  entry.set(Kind::kUnresolved, node.begin(), node.size);
+  return entry;
+}
+
 class SweptQuery {
  public:
   SweptQuery(const Mover& a, const Mover& b, const SweepOptions& options, double margin_m = 0)
@@ -84,12 +97,15 @@ class SweptQuery {
   }
 
   /// Only what is missing, at any instant: faces may touch meanwhile.
-  Lacking lacking() {
+  Result<Lacking> lacking(const Require& require_a, const Require& require_b) {
     seeks_contact_ = false;
+    require_a_ = &require_a;
+    require_b_ = &require_b;
     advance(0, 0, {{a_.tree.root(), b_.tree.root()}});
+    NEARMESH_RETURN_IF_ERROR(status_);
     finish();
-    return {std::move(answer_.missing_a), std::move(answer_.missing_b),
-            answer_.stats.box_tests + answer_.stats.triangle_tests};
+    return Lacking{std::move(answer_.missing_a), std::move(answer_.missing_b),
+                   answer_.stats.box_tests + answer_.stats.triangle_tests};
   }
 
   /// What of b's a part of a's may meet, at any instant.
@@ -214,8 +230,8 @@ class SweptQuery {
     if (ka == Kind::kEmpty || kb == Kind::kEmpty) return;
     if (!seeks_contact_ && !na.is_coarse() && !nb.is_coarse()) return;
     // Known to be missing since an earlier start, or the same.
-    if (ka == Kind::kUnresolved && known_a_.contains(na.first)) return;
-    if (kb == Kind::kUnresolved && known_b_.contains(nb.first)) return;
+    if (ka == Kind::kUnresolved && known_a_.contains(key_of(na))) return open_a(pair);
+    if (kb == Kind::kUnresolved && known_b_.contains(key_of(nb))) return open_b(pair);
     const double around_m = around(na, nb, view);
     const CenteredBox box_a = centered(na.box), box_b = centered(nb.box);
     ++answer_.stats.box_tests;
@@ -263,18 +279,39 @@ class SweptQuery {
       add_obstacles(na, nb, view, drift);
     } else if (!finest) {
       left.push_back(pair);
-    } else if (ka == Kind::kUnresolved && kb == Kind::kUnresolved) {
+    } else if (ka == Kind::kUnresolved && (kb != Kind::kUnresolved || size_a >= size_b)) {
       // The larger of two is the one to split next; ties go to a.
-      if (size_a >= size_b) {
-        add_missing(na, view, known_a_, missing_a_);
-      } else {
-        add_missing(nb, view, known_b_, missing_b_);
-      }
-    } else if (ka == Kind::kUnresolved) {
       add_missing(na, view, known_a_, missing_a_);
+      open_a(pair);
     } else {
       add_missing(nb, view, known_b_, missing_b_);
+      open_b(pair);
     }
+  }
+
+  /// Goes on with the parts of an unresolved node instead of the node, where they can be known.
+  void open_a(const Pair& pair) {
+    open(a_.tree, *require_a_, pair.a, [&](const TreeEntry& part) {
+      stack_.push_back({part, pair.b});
+    });
+  }
+  void open_b(const Pair& pair) {
+    open(b_.tree, *require_b_, pair.b, [&](const TreeEntry& part) {
+      stack_.push_back({pair.a, part});
+    });
+  }
+  template <class Push>
+  void open(const TreeView& tree, const Require& require, const TreeEntry& entry,
+            const Push& push) {
+    if (!require) return;
+    const NodeSpan node = entry.unresolved_node();
+    if (const Status known = require(node); !known.is_ok()) {
+      status_ = known;
+      return;
+    }
+    const VertexId split = tree.store->split_of(node);
+    for (const NodeSpan part : {node.right_of(split), node.left_of(split)})
+      if (part.size > 1) push(unresolved_entry(tree, part));
   }
 
   /// `around` of the bound, metres.
@@ -378,8 +415,8 @@ class SweptQuery {
   }
 
   static void add_missing(const TreeEntry& node, const View& view,
-                          std::unordered_set<std::uint32_t>& known, std::vector<Missing>& missing) {
-    known.insert(node.first);
+                          std::unordered_set<std::uint64_t>& known, std::vector<Missing>& missing) {
+    known.insert(key_of(node));
     missing.push_back({node.unresolved_node(), view.start_s});
   }
 
@@ -416,9 +453,11 @@ class SweptQuery {
   std::vector<Posed> mids_;
   Posed start_;
   std::vector<Pair> stack_;
-  std::unordered_set<std::uint32_t> known_a_, known_b_;  // by first vertex; membership only
+  std::unordered_set<std::uint64_t> known_a_, known_b_;  // missing nodes; membership only
   std::vector<Missing> missing_a_, missing_b_;
   bool seeks_contact_ = true;
+  const Require nothing_;
+  const Require *require_a_ = &nothing_, *require_b_ = &nothing_;
   Obstacles* obstacles_ = nullptr;  ///< what is looked for, if not null
   std::size_t most_obstacles_ = 0;
   double undecided_s_ = kNever;  ///< start of the first interval that could not be settled
@@ -519,18 +558,18 @@ Result<Found> look_ahead(const TreeView& a, const Motion& motion_a, std::string_
 
 Result<Lacking> lacking_ahead(const TreeView& a, const Motion& motion_a, std::string_view name_a,
                               const TreeView& b, const Motion& motion_b, std::string_view name_b,
-                              double duration_s, double margin_m) {
-  return look_ahead<Lacking>(a, motion_a, name_a, b, motion_b, name_b, duration_s, margin_m,
-                             [](SweptQuery& query) { return query.lacking(); });
+                              double duration_s, double margin_m, const Require& require_a,
+                              const Require& require_b) {
+  return look_ahead<Lacking>(
+      a, motion_a, name_a, b, motion_b, name_b, duration_s, margin_m,
+      [&](SweptQuery& query) { return query.lacking(require_a, require_b); });
 }
 
 Result<Obstacles> obstacles_ahead(const TreeView& a, const Motion& motion_a,
                                   std::string_view name_a, NodeSpan node, const TreeView& b,
                                   const Motion& motion_b, std::string_view name_b,
                                   double duration_s, double margin_m, std::size_t most) {
-  TreeEntry part;
-  part.box = a.store->box(node);
-  part.set(Kind::kUnresolved, node.begin(), node.size);
+  const TreeEntry part = unresolved_entry(a, node);
   TreeView bare = a;
   bare.half_spaces = nullptr;  // of a smaller node that has the same first vertex, perhaps
   return look_ahead<Obstacles>(bare, motion_a, name_a, b, motion_b, name_b, duration_s, margin_m,
