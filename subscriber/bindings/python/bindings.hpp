@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// What the parts of the Python module share: errors, poses and rows of arrays.
+
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+
+#include <array>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "nearmesh/core/geometry/motion.hpp"
+#include "nearmesh/core/query/contacts.hpp"
+#include "nearmesh/core/spm/model_file.hpp"
+
+namespace nearmesh::python {
+
+namespace py = pybind11;
+
+using Doubles = py::array_t<double, py::array::c_style | py::array::forcecast>;
+
+/// Raises the exception of nearmesh/errors.py that stands for the code, with the status's own text.
+[[noreturn]] void raise(const Status& status);
+inline void need(const Status& status) {
+  if (!status.is_ok()) raise(status);
+}
+template <class T>
+[[nodiscard]] T need(Result<T> result) {
+  if (!result.is_ok()) raise(result.status());
+  return std::move(result).value();
+}
+[[noreturn]] inline void refuse(const std::string& why) {
+  raise({StatusCode::kInvalidArgument, why});
+}
+
+/// Rigid placements as homogeneous matrices, x_world = M x_model, metres: an array (n, 4, 4), or (4, 4) for one.
+/// Raises where the shape or a last row is another; whether a rotation is one is checked where it is used.
+[[nodiscard]] std::vector<Pose> poses_of(const Doubles& matrices, const char* name);
+[[nodiscard]] Pose pose_of(const Doubles& matrix, const char* name);
+using Matrix = std::array<std::array<double, 4>, 4>;
+[[nodiscard]] Matrix matrix_of(const Pose& pose);
+[[nodiscard]] Doubles array_of(const Matrix& matrix);
+/// An array (n, 3) of its own.
+template <class T>
+[[nodiscard]] py::array_t<T> rows_of(const std::vector<std::array<T, 3>>& rows) {
+  const std::vector<py::ssize_t> shape{static_cast<py::ssize_t>(rows.size()), 3};
+  return py::array_t<T>(shape, rows.empty() ? nullptr : rows[0].data());
+}
+/// A structured array of its own.
+template <class Row>
+[[nodiscard]] py::array_t<Row> rows_of(const std::vector<Row>& rows) {
+  return py::array_t<Row>(static_cast<py::ssize_t>(rows.size()), rows.data());
+}
+
+/// Clearance by its name in Python: "none", "bound", "exact".
+[[nodiscard]] Clearance clearance_of(const std::string& name);
+
+/// A model file that may be shared by whatever is made of it.
+struct Model {
+  explicit Model(const std::string& path) : file(need(ModelFile::open(path))) {}
+  ModelFile file;
+  std::mutex
+      mutex;  ///< of the file and of all that reads from it: Python's other threads run on meanwhile
+};
+
+/// Contacts as arrays.
+[[nodiscard]] py::object contacts_object(const Contacts& contacts);
+
+void add_models(py::module_& module);
+void add_sessions(py::module_& module);
+void add_recordings(py::module_& module);
+
+}  // namespace nearmesh::python

@@ -1,0 +1,387 @@
+// SPDX-License-Identifier: Apache-2.0
+// Peers: sessions from files and on DDS, and what a frame says.
+
+#include <atomic>
+#include <map>
+#include <memory>
+#include <thread>
+
+#include "bindings.hpp"
+#include "nearmesh/subscriber/dds/dds_channel.hpp"
+#include "nearmesh/subscriber/peer/local_channel.hpp"
+#include "nearmesh/subscriber/peer/session.hpp"
+#include "nearmesh/subscriber/peer/wait_ready.hpp"
+
+namespace nearmesh::python {
+namespace {
+
+using subscriber::BodyId;
+using subscriber::FrameReport;
+using subscriber::PairAnswer;
+using subscriber::Session;
+
+struct PairRow {
+  std::uint32_t a, b;
+  std::uint8_t status, contained;
+  bool certified, asked;
+  std::uint64_t pairs;
+  double clearance_m, clearance_share, uncertainty_m, safe_horizon_s, age_a_s, age_b_s;
+  Matrix pose_a, pose_b;
+  std::uint64_t digest;
+};
+
+PairRow row_of(const PairAnswer& pair) {
+  return {pair.a.value,
+          pair.b.value,
+          static_cast<std::uint8_t>(pair.answer.status),
+          static_cast<std::uint8_t>(pair.answer.contained),
+          is_certified(pair.answer.status),
+          pair.asked,
+          pair.answer.pair_total,
+          pair.answer.clearance_m,
+          pair.answer.clearance_share,
+          pair.answer.uncertainty_m,
+          pair.safe_horizon_s,
+          pair.age_a_s,
+          pair.age_b_s,
+          matrix_of(pair.pose_a),
+          matrix_of(pair.pose_b),
+          digest(pair.answer)};
+}
+
+/// A session of Python's, whose other threads run on while it works.
+struct Peer {
+  std::unique_ptr<Session> session;
+  std::mutex mutex{};
+};
+
+/// Jobs of a frame on so many threads, the caller's among them.
+subscriber::RunJobs jobs_on(unsigned threads) {
+  if (threads < 2) return {};
+  return [threads](std::size_t count, const std::function<void(std::size_t)>& job) {
+    std::atomic<std::size_t> next{0};
+    const auto work = [&] {
+      for (std::size_t i = next++; i < count; i = next++) job(i);
+    };
+    std::vector<std::thread> others;
+    for (std::size_t i = 1; i < std::min<std::size_t>(threads, count); ++i)
+      others.emplace_back(work);
+    work();
+    for (std::thread& other : others) other.join();
+  };
+}
+
+subscriber::SessionOptions session_options(const py::kwargs& given) {
+  subscriber::SessionOptions options;
+  for (const auto& [key, value] : given) {
+    const std::string name = py::cast<std::string>(key);
+    if (name == "max_pose_age_s") {
+      options.max_pose_age_s = py::cast<double>(value);
+    } else if (name == "lookahead_s") {
+      options.lookahead_s = py::cast<double>(value);
+    } else if (name == "margin_m") {
+      options.margin_m = py::cast<double>(value);
+    } else if (name == "sweep_s") {
+      options.sweep_s = py::cast<double>(value);
+    } else if (name == "request_timeout_s") {
+      options.request_timeout_s = py::cast<double>(value);
+    } else if (name == "max_held_splits") {
+      options.max_held_splits = py::cast<std::uint32_t>(value);
+    } else if (name == "clearance") {
+      options.clearance = clearance_of(py::cast<std::string>(value));
+    } else if (name == "cache_folder") {
+      options.cache_folder = py::cast<std::string>(value);
+    } else if (name == "contacts") {
+      options.contacts = py::cast<bool>(value);
+    } else if (name == "publish_reports") {
+      options.publish_reports = py::cast<bool>(value);
+    } else if (name == "threads") {
+      options.run_jobs = jobs_on(py::cast<unsigned>(value));
+    } else {
+      throw py::type_error("unexpected option " + name);
+    }
+  }
+  return options;
+}
+
+std::unique_ptr<Peer> local_session(const std::map<std::string, std::string>& models,
+                                    const py::kwargs& given) {
+  auto channel = std::make_unique<subscriber::LocalChannel>();
+  for (const auto& [name, path] : models)
+    need(channel->add_model(name, need(ModelFile::open(path))));
+  auto peer = std::make_unique<Peer>();
+  peer->session = std::make_unique<Session>(std::move(channel), session_options(given));
+  return peer;
+}
+
+std::unique_ptr<Peer> dds_session(std::uint32_t domain, const std::string& interface,
+                                  const std::string& name, const std::string& prefix,
+                                  const std::string& transport, const std::string& security,
+                                  const std::vector<std::string>& initial_peers,
+                                  const std::string& discovery_server, const py::kwargs& given) {
+  const auto by_name = wire::transport_of(transport);
+  if (!by_name)
+    refuse("transport: expected lan, thin, tcp, udp-only or same-host, found " + transport);
+  subscriber::DdsChannelOptions options;
+  options.transport = wire::preset_of(*by_name);
+  options.transport.domain = domain;
+  options.transport.interface = interface;
+  options.transport.name = name;
+  options.transport.prefix = prefix;
+  options.transport.security = security;
+  options.transport.initial_peers = initial_peers;
+  options.transport.discovery_server = discovery_server;
+  subscriber::SessionOptions session = session_options(given);
+  auto channel = [&] {
+    const py::gil_scoped_release others_may_run;
+    return subscriber::DdsChannel::create(options);
+  }();
+  auto peer = std::make_unique<Peer>();
+  peer->session = std::make_unique<Session>(need(std::move(channel)), std::move(session));
+  return peer;
+}
+
+/// Of a body: a pose, or a pose with velocities.
+Motion motion_of(const py::handle& given, std::uint32_t body) {
+  const std::string name = "body " + std::to_string(body);
+  if (py::isinstance<Motion>(given)) return py::cast<Motion>(given);
+  const auto matrix = Doubles::ensure(given);
+  if (!matrix) {
+    PyErr_Clear();
+    refuse(name + ": expected an array (4, 4) or a Motion");
+  }
+  return {.pose = pose_of(matrix, name.c_str())};
+}
+
+std::vector<Session::OwnMotion> motions_of(const py::dict& given) {
+  std::vector<Session::OwnMotion> motions;
+  for (const auto& [body, motion] : given) {
+    const auto id = py::cast<std::uint32_t>(body);
+    motions.push_back({BodyId{id}, motion_of(motion, id)});
+  }
+  return motions;
+}
+
+/// Runs what may take long without the interpreter's lock, one at a time.
+template <class Work>
+auto unlocked(Peer& peer, const Work& work) {
+  const py::gil_scoped_release others_may_run;
+  const std::lock_guard lock(peer.mutex);
+  return work(*peer.session);
+}
+
+void add_frame(py::module_& module) {
+  py::class_<subscriber::FreeByBounds>(
+      module, "FreeByBounds",
+      "Of all pairs that are not listed: boxes prove them apart. Certified.")
+      .def_readonly("pairs", &subscriber::FreeByBounds::pairs)
+      .def_readonly("clearance_m", &subscriber::FreeByBounds::clearance_m)
+      .def_readonly("horizon_s", &subscriber::FreeByBounds::horizon_s)
+      .def_readonly("digest", &subscriber::FreeByBounds::digest);
+  py::class_<FrameReport>(module, "FrameReport", "What one update did.")
+      .def_property_readonly(
+          "answers",
+          [](const FrameReport& report) {
+            std::vector<PairRow> rows;
+            rows.reserve(report.answers.size());
+            for (const PairAnswer& pair : report.answers) rows.push_back(row_of(pair));
+            return rows_of(rows);
+          },
+          "A structured array: a, b (bodies), status (Status), certified, asked, pairs, "
+          "clearance_m, safe_horizon_s, ...")
+      .def_property_readonly(
+          "reasons",
+          [](const FrameReport& report) {
+            std::vector<std::string> reasons;
+            for (const PairAnswer& pair : report.answers)
+              reasons.push_back(pair.reason.empty() ? pair.awaited : pair.reason);
+            return reasons;
+          },
+          "Of each row of answers: why it is not certified; empty where it is.")
+      .def(
+          "contacts",
+          [](const FrameReport& report, std::size_t row) -> py::object {
+            if (row >= report.answers.size()) throw py::index_error("no such row of answers");
+            const auto& contacts = report.answers[row].contacts;
+            return contacts ? contacts_object(*contacts) : py::none();
+          },
+          py::arg("row"),
+          "Where the bodies of a row of answers touch; None without contact, or without the "
+          "session's option contacts.")
+      .def(
+          "find",
+          [](const FrameReport& report, std::uint32_t a, std::uint32_t b) -> py::object {
+            const PairAnswer* pair = report.find(BodyId{a}, BodyId{b});
+            if (pair == nullptr) return py::none();
+            return py::cast(pair - report.answers.data());
+          },
+          py::arg("a"), py::arg("b"),
+          "The row of two bodies, in either order; None where it is not listed.")
+      .def_property_readonly("all_certified", &FrameReport::all_certified,
+                             "Of all pairs, listed or not.")
+      .def_readonly("free_by_bounds", &FrameReport::free_by_bounds)
+      .def_property_readonly(
+          "unknown",
+          [](const FrameReport& report) {
+            std::vector<std::pair<std::uint32_t, std::string>> unknown;
+            for (const auto& body : report.unknown)
+              unknown.emplace_back(body.body.value, body.reason);
+            return unknown;
+          },
+          "Bodies of which nothing can be said, and why.")
+      .def_readonly("unknown_pairs", &FrameReport::unknown_pairs)
+      .def_readonly("complaints", &FrameReport::complaints, "One line each, for a log.")
+      .def_readonly("state_digest", &FrameReport::state_digest)
+      .def_readonly("answers_digest", &FrameReport::answers_digest,
+                    "Equal on peers that hold and ask the same.")
+      .def_readonly("query_s", &FrameReport::query_s)
+      .def_readonly("load_s", &FrameReport::load_s);
+}
+
+}  // namespace
+
+void add_sessions(py::module_& module) {
+  PYBIND11_NUMPY_DTYPE(PairRow, a, b, status, contained, certified, asked, pairs, clearance_m,
+                       clearance_share, uncertainty_m, safe_horizon_s, age_a_s, age_b_s, pose_a,
+                       pose_b, digest);
+  py::class_<Motion>(module, "Motion", "Where a body is and how it moves, world frame.")
+      .def(py::init([](const Doubles& pose, const std::array<double, 3>& linear,
+                       const std::array<double, 3>& angular) {
+             return Motion{pose_of(pose, "pose"), linear, angular};
+           }),
+           py::arg("pose"), py::arg("linear_velocity_mps") = std::array<double, 3>{},
+           py::arg("angular_velocity_radps") = std::array<double, 3>{})
+      .def_property_readonly("pose",
+                             [](const Motion& motion) { return array_of(matrix_of(motion.pose)); })
+      .def_readonly("linear_velocity_mps", &Motion::linear_velocity_mps)
+      .def_readonly("angular_velocity_radps", &Motion::angular_velocity_radps);
+  add_frame(module);
+  py::class_<Peer>(module, "Session", R"(A peer: bodies, watched pairs, one update a frame, answers.
+
+Made by Session.local (from files, no network) or Session.dds. Options of both, by keyword: max_pose_age_s, lookahead_s,
+margin_m, sweep_s, request_timeout_s, max_held_splits, clearance ("none", "bound", "exact"), cache_folder, contacts,
+publish_reports, threads.)")
+      .def_static("local", &local_session, py::arg("models"),
+                  "A session fed from files: {name: path}.")
+      .def_static("dds", &dds_session, py::kw_only(), py::arg("domain") = 0U,
+                  py::arg("interface") = "", py::arg("name") = "", py::arg("prefix") = "nearmesh",
+                  py::arg("transport") = "lan", py::arg("security") = "",
+                  py::arg("initial_peers") = std::vector<std::string>{},
+                  py::arg("discovery_server") = "",
+                  "A peer on DDS, on a participant of its own. transport: lan, thin, tcp, udp-only "
+                  "or same-host.")
+      .def(
+          "add_body",
+          [](Peer& peer, const std::string& name, const std::string& model, bool own, bool solid,
+             std::optional<double> max_pose_age_s, std::uint32_t group, std::uint32_t mask) {
+            return need(unlocked(peer,
+                                 [&](Session& session) {
+                                   return session.add_body({.name = name,
+                                                            .model = model,
+                                                            .own = own,
+                                                            .solid = solid,
+                                                            .content = {},
+                                                            .max_pose_age_s = max_pose_age_s,
+                                                            .group = group,
+                                                            .mask = mask});
+                                 }))
+                .value;
+          },
+          py::arg("name"), py::arg("model"), py::kw_only(), py::arg("own") = false,
+          py::arg("solid") = false, py::arg("max_pose_age_s") = py::none(), py::arg("group") = 1U,
+          py::arg("mask") = 0xffffffffU,
+          "Declares a body; own: this peer moves it. Gives its number.")
+      .def(
+          "place_body",
+          [](Peer& peer, std::uint32_t body, const Doubles& pose) {
+            const Pose at = pose_of(pose, "pose");
+            need(unlocked(peer,
+                          [&](Session& session) { return session.place_body(BodyId{body}, at); }));
+          },
+          py::arg("body"), py::arg("pose"), "Fixes a body in place, for scenery that nobody moves.")
+      .def(
+          "remove_body",
+          [](Peer& peer, std::uint32_t body) {
+            need(unlocked(peer,
+                          [&](Session& session) { return session.remove_body(BodyId{body}); }));
+          },
+          py::arg("body"))
+      .def(
+          "replace_model",
+          [](Peer& peer, std::uint32_t body, const std::string& model) {
+            need(unlocked(peer, [&](Session& session) {
+              return session.replace_model(BodyId{body}, model);
+            }));
+          },
+          py::arg("body"), py::arg("model"))
+      .def(
+          "watch",
+          [](Peer& peer, std::uint32_t a, std::uint32_t b) {
+            need(unlocked(peer,
+                          [&](Session& session) { return session.watch(BodyId{a}, BodyId{b}); }));
+          },
+          py::arg("a"), py::arg("b"), "Lists the answer about two bodies in every frame.")
+      .def(
+          "unwatch",
+          [](Peer& peer, std::uint32_t a, std::uint32_t b) {
+            need(unlocked(peer,
+                          [&](Session& session) { return session.unwatch(BodyId{a}, BodyId{b}); }));
+          },
+          py::arg("a"), py::arg("b"))
+      .def(
+          "watch_all",
+          [](Peer& peer) { unlocked(peer, [](Session& session) { session.watch_all(); }); },
+          "Watches all pairs: near ones are listed, the others told of in free_by_bounds.")
+      .def(
+          "name_of",
+          [](Peer& peer, std::uint32_t body) { return peer.session->name_of(BodyId{body}); },
+          py::arg("body"))
+      .def(
+          "update",
+          [](Peer& peer, std::uint64_t frame, double time_s, const py::dict& motions,
+             double budget_s) {
+            const std::vector<Session::OwnMotion> own = motions_of(motions);
+            return need(unlocked(peer, [&](Session& session) {
+              return session.update(frame, time_s, own, budget_s);
+            }));
+          },
+          py::arg("frame"), py::arg("time_s"), py::arg("motions") = py::dict(),
+          py::arg("budget_s") = 0.005,
+          R"(One frame: sends own bodies' motions {body: pose (4, 4) or Motion}, takes in detail for budget_s, answers all watched pairs.)")
+      .def(
+          "wait_ready",
+          [](Peer& peer, std::uint32_t body, double timeout_s, const py::dict& motions,
+             std::uint64_t frame, double time_s) {
+            const std::vector<Session::OwnMotion> own = motions_of(motions);
+            subscriber::Waited waited = need(unlocked(peer, [&](Session& session) {
+              return subscriber::wait_ready(session, BodyId{body}, timeout_s, own, frame, time_s);
+            }));
+            return py::make_tuple(to_string(waited.readiness.stage), waited.readiness.reason,
+                                  std::move(waited.report));
+          },
+          py::arg("body"), py::arg("timeout_s"), py::arg("motions") = py::dict(),
+          py::arg("frame") = 0U, py::arg("time_s") = 0.0,
+          R"(Updates until all pairs of a body are certified, or the time is over: (stage, reason, report of the last update).
+
+stage: "waiting", "answering" or "certified".)")
+      .def(
+          "motion_of",
+          [](Peer& peer, std::uint32_t body) { return peer.session->motion_of(BodyId{body}); },
+          py::arg("body"), "Where a body was last known to be; None where no pose has come.")
+      .def_property_readonly("heard_time_s",
+                             [](Peer& peer) { return peer.session->heard_time_s(); })
+      .def_property_readonly(
+          "stats",
+          [](Peer& peer) {
+            const subscriber::SessionStats stats = peer.session->stats();
+            using namespace py::literals;  // NOLINT(google-build-using-namespace): "name"_a
+            return py::dict("batches"_a = stats.batches, "batch_bytes"_a = stats.batch_bytes,
+                            "header_bytes"_a = stats.header_bytes, "requests"_a = stats.requests,
+                            "held_splits"_a = stats.held_splits,
+                            "exact_faces"_a = stats.exact_faces, "tree_bytes"_a = stats.tree_bytes,
+                            "mesh_bytes"_a = stats.mesh_bytes);
+          },
+          "What came and what is held, by name.");
+}
+
+}  // namespace nearmesh::python

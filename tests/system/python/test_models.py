@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Models from arrays, and queries of arrays of poses."""
+import json
+import os
+import subprocess
+import threading
+
+import numpy as np
+import pytest
+from conftest import at, sphere
+
+import nearmesh as nm
+
+
+def test_a_model_gives_back_the_mesh_that_it_was_baked_from(ball):
+    vertices, faces = sphere()
+    assert (ball.vertex_count, ball.face_count) == (len(vertices), len(faces))
+    own_vertices, own_faces = ball.mesh()
+    assert own_faces.shape == faces.shape
+    assert np.abs(own_vertices[own_faces] - vertices[faces]).max() <= ball.rounding_error_m < ball.cell_m
+
+
+def test_the_file_is_the_same_for_any_number_of_threads(ball, tmp_path):
+    again = nm.bake(*sphere(), str(tmp_path / "again.spm"), threads=1)
+    assert again.content == ball.content
+    assert open(again.path, "rb").read() == open(ball.path, "rb").read()
+
+
+def test_answers_for_an_array_of_poses(ball):
+    x_m = np.array([3, 2.5, 1.9, 0.5])
+    answers = nm.Pair(ball, ball).query(np.eye(4), np.stack([at(x) for x in x_m]), clearance="exact")
+    assert answers["certified"].all()
+    assert answers["status"].tolist() == [nm.Status.FREE] * 2 + [nm.Status.CONTACT] * 2
+    # A bound from what the answer needed of the models: below the distance, and not far.
+    free = answers["status"] == nm.Status.FREE
+    distance_m = x_m[free] - 2
+    assert (answers["clearance_m"][free] <= distance_m + 2 * ball.rounding_error_m).all()
+    assert (answers["clearance_m"][free] > 0.9 * distance_m).all()
+    assert (answers["pairs"][~free] > 0).all()
+
+
+def test_one_pose_stands_for_all_and_counts_must_agree(ball):
+    pair = nm.Pair(ball, ball)
+    three = np.stack([at(x) for x in (1.5, 2.5, 3.5)])
+    alone = [pair.query(np.eye(4), pose)[0] for pose in three]
+    assert pair.query(np.eye(4), three).tolist() == [row.tolist() for row in alone]
+    assert len(pair.query(np.eye(4), np.zeros((0, 4, 4)))) == 0
+    with pytest.raises(ValueError, match="2 poses, poses_b 3"):
+        pair.query(three[:2], three)
+
+
+def test_a_solid_contains_what_is_inside_it(ball, tmp_path):
+    vertices, faces = sphere(6)
+    small = nm.bake(vertices / 4, faces, str(tmp_path / "small.spm"))
+    hollow, solid = nm.Pair(ball, small), nm.Pair(ball, small, solid_a=True)
+    assert hollow.query(np.eye(4), np.eye(4))["status"] == [nm.Status.FREE]
+    inside = solid.query(np.eye(4), np.eye(4))
+    assert inside["status"] == [nm.Status.CONTAINED] and inside["contained"] == [nm.Contained.B_IN_A]
+    sheet = nm.bake([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], str(tmp_path / "sheet.spm"))
+    with pytest.raises(nm.Error, match="open|close"):
+        nm.Pair(sheet, ball, solid_a=True)
+
+
+def test_contacts_and_faces_name_where_and_what(ball):
+    pair = nm.Pair(ball, ball)
+    contacts = pair.contacts(np.eye(4), at(1.9))
+    assert len(contacts.patches) == 1 and not contacts.truncated
+    patch = contacts.patches[0]
+    np.testing.assert_allclose(patch["centroid_m"], [0.95, 0, 0], atol=1e-3)
+    np.testing.assert_allclose(patch["normal"], [1, 0, 0], atol=0.1)
+    segments = contacts.segments[patch["first"]:patch["first"] + patch["count"]]
+    assert (segments["patch"] == 0).all() and len(segments) == len(contacts.segments)
+    np.testing.assert_allclose(segments["p_m"][:, 0], 0.95, atol=0.03)
+    faces = pair.faces(np.eye(4), at(1.9))
+    assert len(faces) == pair.query(np.eye(4), at(1.9))["pairs"][0]
+    vertices, triangles = sphere()
+    assert (vertices[triangles[faces[:, 0]]][:, :, 0].max(axis=1) > 0.94).all()
+    assert (vertices[triangles[faces[:, 1]]][:, :, 0].min(axis=1) < -0.94).all()
+
+
+@pytest.mark.parametrize("wrong, kind, text", [
+    (lambda ball: nm.Pair(ball, ball).query(np.eye(3), np.eye(4)), ValueError, r"expected an array \(4, 4\)"),
+    (lambda ball: nm.Pair(ball, ball).query(at(np.nan), np.eye(4)), ValueError, "pose 0"),
+    (lambda ball: nm.Pair(ball, ball).query(2 * np.eye(4), np.eye(4)), ValueError, "last row"),
+    (lambda ball: nm.Pair(ball, ball).query(np.eye(4), np.eye(4), clearance="best"), ValueError, "none, bound or exact"),
+    (lambda ball: nm.bake([[0, 0, 0]], [[0, 0, 1]], "/nowhere/x.spm"), ValueError, "names vertex 1"),
+    (lambda ball: nm.bake([[0, 0, 0]], np.zeros((0, 3)), "/nowhere/x.spm"), ValueError, "at least one"),
+    (lambda ball: nm.bake([[0, 0, np.inf], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], "/nowhere/x.spm"), ValueError, "vertex 0"),
+    (lambda ball: nm.bake(*sphere(4), "/nowhere/x.spm"), OSError, "/nowhere"),
+    (lambda ball: nm.bake(*sphere(4), "/nowhere/x.spm", grid_bits=99), ValueError, "grid_bits"),
+    (lambda ball: nm.Model("/nowhere/x.spm"), OSError, "/nowhere/x.spm"),
+    (lambda ball: nm.Model(__file__), nm.errors.CorruptError, "test_models.py"),
+])
+def test_what_is_wrong_is_told(ball, wrong, kind, text):
+    with pytest.raises(kind, match=text) as caught:
+        wrong(ball)
+    assert isinstance(caught.value, nm.Error)
+
+
+def test_threads_may_share_a_model(ball):
+    poses = np.stack([at(x) for x in np.linspace(1, 3, 60)])
+    expected = nm.Pair(ball, ball).query(np.eye(4), poses)
+    shared, found = nm.Model(ball.path), {}
+
+    def ask(number):
+        found[number] = nm.Pair(shared, shared).query(np.eye(4), poses)
+
+    threads = [threading.Thread(target=ask, args=(i,)) for i in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert all((found[i] == expected).all() for i in range(4))
+
+
+def test_answers_are_those_of_the_program(ball, tmp_path):
+    x_m = np.linspace(1.2, 2.8, 9)
+    names = [f"{body}_R{row}{column}" for body in "AB" for row in range(3) for column in range(3)]
+    columns = ["id"] + [name for body in "AB" for name in
+                        [n for n in names if n[0] == body] + [f"{body}_T{k}" for k in range(3)]]
+    identity = ["1", "0", "0", "0", "1", "0", "0", "0", "1"]
+    with open(tmp_path / "poses.csv", "w") as poses:
+        print(*columns, sep=",", file=poses)
+        for i, x in enumerate(x_m):
+            print(i, *identity, 0, 0, 0, *identity, x, 0, 0, sep=",", file=poses)
+    program = os.path.join(os.environ["NEARMESH_BIN_DIR"], "nearmesh-model")
+    run = subprocess.run([program, "query", ball.path, ball.path, "--poses", tmp_path / "poses.csv", "--list-pairs", "--json"],
+                         check=True, capture_output=True, text=True)
+    pair = nm.Pair(ball, ball)
+    answers = pair.query(np.eye(4), np.stack([at(x) for x in x_m]))
+    lines = [json.loads(line) for line in run.stdout.splitlines()]
+    assert [line["status"] for line in lines] == [nm.Status(row["status"]).name.lower() for row in answers]
+    assert [line["faces"] for line in lines] == [pair.faces(np.eye(4), at(x)).tolist() for x in x_m]

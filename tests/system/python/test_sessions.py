@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Peers: fed from files, and on DDS beside a publisher."""
+import os
+import signal
+import subprocess
+import threading
+
+import numpy as np
+import pytest
+from conftest import at
+
+import nearmesh as nm
+
+
+def two_balls(session):
+    a = session.add_body("a", "ball", own=True)
+    b = session.add_body("b", "ball", own=True)
+    return a, b
+
+
+def fly(session, bodies, x_m, frame=0):
+    """Frames at one place until all is certified."""
+    a, b = bodies
+    for _ in range(200):
+        report = session.update(frame, frame / 20, {a: np.eye(4), b: at(x_m)})
+        if report.all_certified:
+            return report
+    raise AssertionError(report.reasons)
+
+
+def test_a_local_session_answers_as_two_models_do(ball):
+    session = nm.Session.local({"ball": ball.path}, contacts=True)
+    bodies = two_balls(session)
+    session.watch(*bodies)
+    first = session.update(0, 0, {bodies[0]: np.eye(4), bodies[1]: at(1.9)})
+    assert not first.all_certified and first.reasons[0]
+    pair = nm.Pair(ball, ball)
+    for frame, x_m in enumerate((1.9, 2.1, 0.7)):
+        report = fly(session, bodies, x_m, frame)
+        expected = pair.query(np.eye(4), at(x_m))[0]
+        row = report.answers[report.find(bodies[1], bodies[0])]
+        assert (row["status"], row["pairs"], row["digest"]) == (expected["status"], expected["pairs"], expected["digest"])
+        np.testing.assert_array_equal(row["pose_b"], at(x_m))
+        contacts = report.contacts(0)
+        assert (contacts is not None) == (row["status"] == nm.Status.CONTACT)
+        if contacts:
+            np.testing.assert_array_equal(contacts.segments, pair.contacts(np.eye(4), at(x_m)).segments)
+    assert session.stats["held_splits"] > 0 and session.stats["batch_bytes"] > 0
+    np.testing.assert_array_equal(session.motion_of(bodies[1]).pose, at(0.7))
+
+
+def test_threads_change_no_answer(ball):
+    digests = []
+    for threads in (1, 4):
+        session = nm.Session.local({"ball": ball.path}, threads=threads)
+        bodies = [session.add_body(f"b{i}", "ball", own=True) for i in range(6)]
+        session.watch_all()
+        motions = {body: nm.Motion(at(1.5 * body), (1, 0, 0)) for body in bodies}
+        for frame in range(8):
+            report = session.update(frame, frame / 20, motions)
+        assert report.all_certified
+        digests.append((report.answers_digest, report.state_digest))
+    assert digests[0] == digests[1]
+
+
+def test_far_bodies_are_free_by_bounds_and_unknown_ones_are_not(ball):
+    session = nm.Session.local({"ball": ball.path})
+    bodies = [session.add_body(f"b{i}", "ball", own=True) for i in range(4)]
+    session.watch_all()
+    for frame in range(4):
+        report = session.update(frame, frame / 20, {body: nm.Motion(at(100 * body), (8, 0, 0)) for body in bodies})
+    assert len(report.answers) == 0 and report.free_by_bounds.pairs == 6 and report.all_certified
+    assert 0 < report.free_by_bounds.clearance_m < 98 and report.free_by_bounds.horizon_s > 0
+    stranger = session.add_body("stranger", "ball")
+    report = session.update(5, 0.25, {})
+    assert not report.all_certified and report.unknown_pairs == 4
+    assert [body for body, _ in report.unknown] == [stranger]
+    session.remove_body(stranger)
+    assert session.update(6, 0.3, {}).all_certified
+
+
+def test_wait_ready_waits(ball):
+    session = nm.Session.local({"ball": ball.path})
+    bodies = two_balls(session)
+    session.watch(*bodies)
+    stage, reason, report = session.wait_ready(bodies[0], 10, {bodies[0]: np.eye(4), bodies[1]: at(1.9)})
+    assert (stage, reason) == ("certified", "") and report.all_certified
+    session.add_body("c", "nobody serves this", own=True)
+    session.watch(bodies[0], 2)
+    stage, reason, _ = session.wait_ready(2, 0)
+    assert stage == "waiting" and reason
+
+
+@pytest.mark.parametrize("wrong, kind, text", [
+    (lambda s: s.add_body("a", "ball"), nm.errors.ConflictError, "a"),
+    (lambda s: s.add_body("", "ball"), ValueError, "name"),
+    (lambda s: s.watch(0, 0), ValueError, ""),
+    (lambda s: s.watch(0, 7), LookupError, "7"),
+    (lambda s: s.place_body(9, np.eye(4)), LookupError, "9"),
+    (lambda s: s.update(0, np.nan), ValueError, "time"),
+    (lambda s: s.update(0, 0, {0: np.eye(3)}), ValueError, r"body 0: expected an array \(4, 4\)"),
+    (lambda s: s.update(0, 0, {0: "here"}), ValueError, "body 0"),
+    (lambda s: s.update(0, 0, {0: at(np.inf)}), ValueError, "a"),
+    (lambda s: nm.Session.local({"ball": "/nowhere/ball.spm"}), OSError, "/nowhere/ball.spm"),
+    (lambda s: nm.Session.local({}, look_ahead=1), TypeError, "look_ahead"),
+    (lambda s: nm.Session.dds(transport="pigeon"), ValueError, "pigeon"),
+])
+def test_what_is_wrong_is_told(ball, wrong, kind, text):
+    session = nm.Session.local({"ball": ball.path})
+    two_balls(session)
+    with pytest.raises(kind, match=text):
+        wrong(session)
+    fly(session, (0, 1), 3)  # and nothing is broken by it
+
+
+def test_a_peer_on_dds(ball):
+    program = os.path.join(os.environ["NEARMESH_BIN_DIR"], "nearmesh-publisher")
+    prefix = f"python{os.getpid()}"
+    publisher = subprocess.Popen([program, "serve", ball.path, "--domain", "93", "--interface", "127.0.0.1", "--prefix", prefix])
+    try:
+        session = nm.Session.dds(domain=93, interface="127.0.0.1", prefix=prefix, name="python", request_timeout_s=2)
+        bodies = two_balls(session)
+        session.watch(*bodies)
+        motions = {bodies[0]: np.eye(4), bodies[1]: at(1.9)}
+        # Other threads of Python run while this one waits.
+        ticks = threading.Event()
+        threading.Thread(target=ticks.set).start()
+        stage, reason, report = session.wait_ready(bodies[0], 60, motions)
+        assert ticks.is_set() and (stage, reason) == ("certified", "")
+        expected = nm.Pair(ball, ball).query(np.eye(4), at(1.9))[0]
+        assert report.answers[0]["digest"] == expected["digest"] and report.answers[0]["status"] == nm.Status.CONTACT
+    finally:
+        publisher.send_signal(signal.SIGINT)
+        assert publisher.wait(20) == 0
