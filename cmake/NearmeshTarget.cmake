@@ -23,6 +23,8 @@ function(nearmesh_compile_options target)
                                            -Wno-missing-field-initializers
                          # g++ 12 sees overlaps in std::string that are not there (its bug 105651).
                          $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>
+                         # g++ 14 takes any reference that a function is given for the one that it returns.
+                         $<$<AND:$<CXX_COMPILER_ID:GNU>,$<VERSION_GREATER_EQUAL:$<CXX_COMPILER_VERSION>,13>>:-Wno-dangling-reference>
                          # Answers must be the same bits everywhere: no fused multiply-add.
                          -ffp-contract=off)
 endfunction()

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Sourced by ./test, ./demo and .ci/run: what they share. Stops the caller at the first failure.
+#   nearmesh_packages   what to install on this Debian, 12 or 13
 #   install_missing PACKAGE...   installs those Debian packages that are not there; silent when all are
 #   build_preset PRESET [TARGET...]   configures and builds (all, or these targets) into build/PRESET
 # Call from anywhere: the working folder becomes the project's.
@@ -7,11 +8,15 @@
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
+fastdds=libfastrtps-dev  # Debian 12: Fast DDS 2.9
+if (. /etc/os-release 2>/dev/null && [[ ${ID:-} == debian && ${VERSION_ID:-99} -ge 13 ]]); then
+  fastdds=libfastdds-dev  # Debian 13: Fast DDS 3.1
+fi
 nearmesh_packages=(
   build-essential cmake ninja-build python3
   libeigen3-dev libassimp-dev zlib1g-dev libcli11-dev nlohmann-json3-dev libxxhash-dev libgtest-dev libgmp-dev libhwy-dev
   libsqlite3-dev libssl-dev
-  libfastrtps-dev libfastcdr-dev fastddsgen libspdlog-dev libyaml-cpp-dev
+  "$fastdds" libfastcdr-dev fastddsgen libspdlog-dev libyaml-cpp-dev
   prometheus-cpp-dev libtinyxml2-dev iproute2 nftables libfaketime)
 
 install_missing() {

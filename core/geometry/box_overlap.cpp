@@ -49,7 +49,7 @@ Vec3 along(const Vec3& v, double t, const Vec3& d) {
   return {v[0] + t * d[0], v[1] + t * d[1], v[2] + t * d[2]};
 }
 
-Vec3 apply(const Mat3& m, const Vec3& v) {
+Vec3 turn(const Mat3& m, const Vec3& v) {
   return {m[0] * v[0] + m[1] * v[1] + m[2] * v[2], m[3] * v[0] + m[4] * v[1] + m[5] * v[2],
           m[6] * v[0] + m[7] * v[1] + m[8] * v[2]};
 }
@@ -115,7 +115,7 @@ RelativeFrame relate(const Mat3& rotation_a, const Mat3& rotation_b, const Vec3&
   RelativeFrame f;
   f.rotation = multiply(inverse_a, rotation_b);
   for (double& entry : f.rotation) entry *= scale;
-  f.translation = apply(inverse_a, offset);
+  f.translation = turn(inverse_a, offset);
   f.inverse = inverse_of(f.rotation);
   f.abs_rotation = absolute(f.rotation);
   f.abs_inverse = absolute(f.inverse);
@@ -147,7 +147,7 @@ struct BoxPair {
 };
 
 BoxPair pair_up(const RelativeFrame& f, const CenteredBox& a, const CenteredBox& b, double grow) {
-  const Vec3 mapped = apply(f.rotation, b.center);
+  const Vec3 mapped = turn(f.rotation, b.center);
   BoxPair pair{{}, {}, b.half};
   for (std::size_t k = 0; k < 3; ++k) {
     pair.between[k] = mapped[k] + f.translation[k] - a.center[k];
@@ -301,8 +301,8 @@ RelativeFrame make_relative_frame(const PosedFrame& a, const PosedFrame& b) {
 RelativeFrame make_relative_frame(const Grid& grid_a, const Pose& pose_a, const Grid& grid_b,
                                   const Pose& pose_b) {
   const double unit_m = std::ldexp(1.0, grid_a.exponent);
-  const Vec3 origin_a = apply(pose_a.rotation, grid_a.origin_m);
-  const Vec3 origin_b = apply(pose_b.rotation, grid_b.origin_m);
+  const Vec3 origin_a = turn(pose_a.rotation, grid_a.origin_m);
+  const Vec3 origin_b = turn(pose_b.rotation, grid_b.origin_m);
   Vec3 offset;
   double terms = 0;  // what rounds before the difference is taken
   for (std::size_t k = 0; k < 3; ++k) {
@@ -321,7 +321,7 @@ RelativeFrame make_relative_frame(const Grid& grid_a, const Pose& pose_a, const 
 
 std::array<double, 3> to_grid_units(const Grid& grid, const Pose& pose,
                                     const std::array<double, 3>& vector_world_m) {
-  const Vec3 v = apply(inverse_of(pose.rotation), vector_world_m);
+  const Vec3 v = turn(inverse_of(pose.rotation), vector_world_m);
   const double unit_m = std::ldexp(1.0, grid.exponent);
   return {v[0] / unit_m, v[1] / unit_m, v[2] / unit_m};
 }
@@ -384,7 +384,7 @@ double boxes_gap_m(const RelativeFrame& f, const CenteredBox& a, const CenteredB
 DoubleTriangle to_a_units(const RelativeFrame& f, const std::array<GridPoint, 3>& b) {
   DoubleTriangle out;
   for (std::size_t i = 0; i < 3; ++i) {
-    const Vec3 mapped = apply(
+    const Vec3 mapped = turn(
         f.rotation,
         {static_cast<double>(b[i][0]), static_cast<double>(b[i][1]), static_cast<double>(b[i][2])});
     for (std::size_t k = 0; k < 3; ++k) out[i][k] = mapped[k] + f.translation[k];
@@ -477,7 +477,7 @@ double room_on(const RelativeFrame& f, const Drift& drift, const Vec3& normal) {
 
 bool half_space_box_stay_apart(const RelativeFrame& f, const Drift& drift, const BoundedPart& a,
                                const CenteredBox& b) {
-  const Vec3 mapped = apply(f.rotation, b.center);
+  const Vec3 mapped = turn(f.rotation, b.center);
   double least = 0;
   for (std::size_t k = 0; k < 3; ++k) least += a.normal[k] * (mapped[k] + f.translation[k]);
   for (std::size_t j = 0; j < 3; ++j)

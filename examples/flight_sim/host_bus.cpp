@@ -12,12 +12,14 @@
 namespace flight_sim {
 
 namespace fdds = eprosima::fastdds::dds;
-using eprosima::fastrtps::types::ReturnCode_t;
+
+/// Fast DDS 2 has a class of return codes, 3 has numbers; what is made of nothing is "ok" in both.
+const decltype(std::declval<fdds::DataReader&>().take_next_sample(nullptr, nullptr)) kOk{};
 
 std::unique_ptr<HostBus> HostBus::join(const std::string& profiles_file, const std::string& profile,
                                        std::uint32_t domain, std::string& why) {
   auto* factory = fdds::DomainParticipantFactory::get_instance();
-  if (factory->load_XML_profiles_file(profiles_file) != ReturnCode_t::RETCODE_OK) {
+  if (factory->load_XML_profiles_file(profiles_file) != kOk) {
     why = profiles_file + ": not a file of Fast DDS profiles";
     return nullptr;
   }
@@ -71,7 +73,7 @@ std::vector<AircraftState> HostBus::take() {
   if (!listener.has_data.exchange(false)) return states;
   AircraftState state;
   fdds::SampleInfo info;
-  while (reader->take_next_sample(&state, &info) == ReturnCode_t::RETCODE_OK)
+  while (reader->take_next_sample(&state, &info) == kOk)
     if (info.valid_data) states.push_back(state);
   return states;
 }

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "flight.hpp"
-#include "flight_simPubSubTypes.h"
+#include "flight_sim_types.hpp"
 
 namespace flight_sim {
 

@@ -10,13 +10,13 @@
 #include <map>
 #include <string>
 
-#include <fastdds/rtps/common/InstanceHandle.h>
+#include "fastdds_api.hpp"
 
 namespace nearmesh::wire {
 
 class BodyBook {
  public:
-  using Handle = eprosima::fastrtps::rtps::InstanceHandle_t;
+  using Handle = wire::Handle;
   enum class Claim : std::uint8_t {
     kOwn,     ///< the writer's, from now on if not before
     kOthers,  ///< another's

@@ -6,9 +6,9 @@
 #include <array>
 #include <cstdint>
 
+#include "fastdds_api.hpp"
 #include "nearmesh/idl/messages/messages.hpp"
-#include "nearmesh/idl/nearmesh.h"
-#include "nearmesh/idl/nearmeshPubSubTypes.h"
+#include "nearmesh/idl/nearmesh_types.hpp"
 
 namespace nearmesh::wire {
 
@@ -28,6 +28,9 @@ struct Generated;
   struct Generated<Message> {                                          \
     using Sample = wire_types::SampleName;                             \
     using Type = wire_types::SampleName##PubSubType;                   \
+    [[nodiscard]] static std::size_t max_key_bytes() {                 \
+      return NEARMESH_MAX_KEY_BYTES(wire_types, SampleName);           \
+    }                                                                  \
   };                                                                   \
   void encode(const Message& message, wire_types::SampleName& sample); \
   [[nodiscard]] Result<Message> decode(const wire_types::SampleName& sample)

@@ -17,9 +17,6 @@ namespace nearmesh::wire {
 
 namespace {
 
-using eprosima::fastrtps::Duration_t;
-using eprosima::fastrtps::types::ReturnCode_t;
-
 constexpr std::uint32_t kMaxDomain = 232;
 
 /// What Fast DDS calls a participant that was given no name.
@@ -75,8 +72,8 @@ const char* policy_name(fdds::QosPolicyId_t id) {
   }
 }
 
-eprosima::fastrtps::rtps::GuidPrefix_t prefix_of(const Handle& endpoint) {
-  return eprosima::fastrtps::rtps::iHandle2GUID(endpoint).guidPrefix;
+rtps::GuidPrefix_t prefix_of(const Handle& endpoint) {
+  return rtps::iHandle2GUID(endpoint).guidPrefix;
 }
 
 ParticipantKey key_of(const Handle& endpoint) {
@@ -216,7 +213,7 @@ void WriterListener::on_publication_matched(fdds::DataWriter*,
 }
 
 /// Reports endpoints that DDS would ignore in silence.
-class DiscoveryListener : public fdds::DomainParticipantListener {
+class DiscoveryListener : public FindingListener {
  public:
   DiscoveryListener(Mailbox& mailbox, const BusOptions& options)
       : mailbox_(mailbox),
@@ -225,39 +222,22 @@ class DiscoveryListener : public fdds::DomainParticipantListener {
         on_writer_(options.on_writer),
         on_reader_(options.on_reader) {}
 
-  void on_participant_discovery(
-      fdds::DomainParticipant*,
-      eprosima::fastrtps::rtps::ParticipantDiscoveryInfo&& found) override {
-    using Info = eprosima::fastrtps::rtps::ParticipantDiscoveryInfo;
-    const bool is_gone =
-        found.status == Info::REMOVED_PARTICIPANT || found.status == Info::DROPPED_PARTICIPANT;
-    const std::string name = shown_name(found.info.m_participantName.to_string());
-    mailbox_.meet(key_of(Handle(found.info.m_guid)), is_gone || name == kUnnamed ? "" : name);
+  void participant_found(const FoundParticipant& found) override {
+    const std::string name = shown_name(found.name);
+    mailbox_.meet(key_of(found.participant), found.is_gone || name == kUnnamed ? "" : name);
   }
-  void on_publisher_discovery(fdds::DomainParticipant*,
-                              eprosima::fastrtps::rtps::WriterDiscoveryInfo&& found) override {
-    if (found.status != eprosima::fastrtps::rtps::WriterDiscoveryInfo::DISCOVERED_WRITER) return;
-    const Handle writer(found.info.guid());
-    judge(found.info.topicName().to_string(), found.info.typeName().to_string());
-    judge_qos(found.info.topicName().to_string(), writer, true, found.info.m_qos.m_reliability.kind,
-              found.info.m_qos.m_durability.kind);
-    if (!on_writer_) return;
-    const std::vector<std::string> partitions = found.info.m_qos.m_partition.names();
-    on_writer_(writer, partitions.empty() ? "" : partitions.front());
+  void writer_found(const FoundEndpoint& found) override {
+    if (!found.is_new) return;
+    judge(found.topic, found.type);
+    judge_qos(found, true);
+    if (on_writer_) on_writer_(found.endpoint, partition_of(found));
   }
-  void on_subscriber_discovery(fdds::DomainParticipant*,
-                               eprosima::fastrtps::rtps::ReaderDiscoveryInfo&& found) override {
-    using Info = eprosima::fastrtps::rtps::ReaderDiscoveryInfo;
-    const bool is_gone = found.status == Info::REMOVED_READER;
-    if (on_reader_ && (is_gone || found.status == Info::DISCOVERED_READER)) {
-      const std::vector<std::string> partitions = found.info.m_qos.m_partition.names();
-      on_reader_({Handle(found.info.guid()), found.info.topicName().to_string(),
-                  partitions.empty() ? "" : partitions.front(), is_gone});
-    }
-    if (found.status != Info::DISCOVERED_READER) return;
-    judge(found.info.topicName().to_string(), found.info.typeName().to_string());
-    judge_qos(found.info.topicName().to_string(), Handle(found.info.guid()), false,
-              found.info.m_qos.m_reliability.kind, found.info.m_qos.m_durability.kind);
+  void reader_found(const FoundEndpoint& found) override {
+    if (on_reader_ && (found.is_gone || found.is_new))
+      on_reader_({found.endpoint, found.topic, partition_of(found), found.is_gone});
+    if (!found.is_new) return;
+    judge(found.topic, found.type);
+    judge_qos(found, false);
   }
 
   /// Of a mismatch in this policy a line was said, with both sides.
@@ -268,32 +248,34 @@ class DiscoveryListener : public fdds::DomainParticipantListener {
  private:
   static constexpr std::size_t kMaxKnown = 256;
 
+  static std::string partition_of(const FoundEndpoint& found) {
+    return found.partitions.empty() ? "" : found.partitions.front();
+  }
+
   void judge(const std::string& topic, const std::string& type) {
     if (std::optional<std::string> line = judge_remote_endpoint(prefix_, topic, type))
       say(std::move(*line));
   }
 
   /// A writer must offer at least what readers request; ours all offer and request what their topic has.
-  void judge_qos(const std::string& topic, const Handle& endpoint, bool is_writer,
-                 fdds::ReliabilityQosPolicyKind reliability,
-                 fdds::DurabilityQosPolicyKind durability) {
-    const std::optional<TopicPlace> place = names_.find(topic);
+  void judge_qos(const FoundEndpoint& found, bool is_writer) {
+    const std::optional<TopicPlace> place = names_.find(found.topic);
     if (!place) return;
     const Delivery& delivery = kTopicFacts[*place].delivery;
     const auto too_little = [&](auto theirs, auto ours) {
       return is_writer ? theirs < ours : theirs > ours;
     };
     const auto line = [&](const char* policy, const char* theirs, const char* ours) {
-      return topic + ": " + (is_writer ? "writer " : "reader ") + name_of(endpoint, mailbox_) +
-             " cannot be matched: it " + (is_writer ? "offers " : "requests ") + policy + " " +
-             theirs + ", this side " + (is_writer ? "requests " : "offers ") + ours + "; give it " +
-             policy + " " + ours;
+      return found.topic + ": " + (is_writer ? "writer " : "reader ") +
+             name_of(found.endpoint, mailbox_) + " cannot be matched: it " +
+             (is_writer ? "offers " : "requests ") + policy + " " + theirs + ", this side " +
+             (is_writer ? "requests " : "offers ") + ours + "; give it " + policy + " " + ours;
     };
-    if (too_little(reliability, reliability_of(delivery)))
-      say(line("reliability", reliability_name(reliability),
+    if (too_little(found.reliability, reliability_of(delivery)))
+      say(line("reliability", reliability_name(found.reliability),
                reliability_name(reliability_of(delivery))));
-    if (too_little(durability, durability_of(delivery)))
-      say(line("durability", durability_name(durability),
+    if (too_little(found.durability, durability_of(delivery)))
+      say(line("durability", durability_name(found.durability),
                durability_name(durability_of(delivery))));
   }
 
@@ -370,13 +352,14 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
   // us.
   fdds::DomainParticipantQos qos;
   qos.name(name_of_process(options.transport.name));
+  speak_as_2_9(qos);
   NEARMESH_RETURN_IF_ERROR(set_transport(options.transport, qos));
   if (!options.transport.security.empty()) {
     NEARMESH_RETURN_IF_ERROR(set_security(options.transport, qos));
     bus->refusal_hint_ = "; its permissions may not allow it: " + options.transport.security;
   }
   if (options.header_bytes_per_s > 0) {
-    auto flow = std::make_shared<eprosima::fastdds::rtps::FlowControllerDescriptor>();
+    auto flow = std::make_shared<rtps::FlowControllerDescriptor>();
     flow->name = kPacedFlow;
     flow->period_ms = 10;
     flow->max_bytes_per_period =
@@ -418,9 +401,9 @@ Result<fdds::Topic*> Bus::add_topic(const std::string& name, const fdds::TypeSup
   if (topic == nullptr) {
     NEARMESH_RETURN_IF_ERROR(add_type(type, is_ours));
     // find_topic counts its users, so every session deletes what it got and the last one removes the topic.
-    topic = participant_->find_topic(name, Duration_t(0, 0));
+    topic = participant_->find_topic(name, Duration(0, 0));
     if (topic == nullptr) topic = participant_->create_topic(name, type_name, fdds::TopicQos{});
-    if (topic == nullptr) topic = participant_->find_topic(name, Duration_t(0, 0));
+    if (topic == nullptr) topic = participant_->find_topic(name, Duration(0, 0));
   }
   if (topic == nullptr)
     return Status{StatusCode::kIo, "Fast DDS could not create the topic " + name};
@@ -495,7 +478,7 @@ void Bus::remove_reader(fdds::DataReader* reader) {
   participant_->delete_subscriber(subscriber);
 }
 
-const char* name_of(const ReturnCode_t& code) {
+const char* name_of(const ReturnCode& code) {
   static constexpr std::array<const char*, 14> kNames{"ok",
                                                       "error",
                                                       "unsupported",
@@ -510,14 +493,14 @@ const char* name_of(const ReturnCode_t& code) {
                                                       "no data",
                                                       "illegal operation",
                                                       "not allowed by security"};
-  return code() < kNames.size() ? kNames[code()] : "unknown";
+  return number_of(code) < kNames.size() ? kNames[number_of(code)] : "unknown";
 }
 
 bool have_one_participant(const Handle& a, const Handle& b) { return prefix_of(a) == prefix_of(b); }
 
 std::string name_of(const Handle& endpoint) {
   std::ostringstream text;
-  text << eprosima::fastrtps::rtps::iHandle2GUID(endpoint);
+  text << rtps::iHandle2GUID(endpoint);
   return text.str();
 }
 

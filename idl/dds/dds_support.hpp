@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // What both channels need of Fast DDS: joining the bus, entities that are removed again, listeners
-// that only wake, and a book of who is who. For the rooms named dds alone. A change of Fast DDS' major
-// version is absorbed here.
+// that only wake, and a book of who is who. For the rooms named dds alone.
 
 #include <fastdds/dds/domain/DomainParticipant.hpp>
-#include <fastdds/dds/domain/DomainParticipantListener.hpp>
 #include <fastdds/dds/publisher/DataWriter.hpp>
 #include <fastdds/dds/publisher/DataWriterListener.hpp>
 #include <fastdds/dds/publisher/Publisher.hpp>
@@ -28,6 +26,7 @@
 #include <vector>
 
 #include "codec.hpp"
+#include "fastdds_api.hpp"
 #include "mailbox.hpp"
 #include "nearmesh/idl/dds/transport_options.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
@@ -38,8 +37,7 @@ namespace nearmesh::wire {
 
 class DoorWatch;
 
-using Handle = eprosima::fastrtps::rtps::InstanceHandle_t;
-using Timestamp = eprosima::fastrtps::rtps::Time_t;
+using Timestamp = rtps::Time_t;
 using Microseconds = std::int64_t;
 
 /// Since the epoch, by the clock that stamps received samples.
@@ -278,7 +276,7 @@ void tell_of_process(const TransportOptions& options, const DoorWatch* door, Pro
 [[nodiscard]] Status identity_of(const DoorWatch* door);
 
 /// Short name of a Fast DDS return code, for messages.
-[[nodiscard]] const char* name_of(const eprosima::fastrtps::types::ReturnCode_t& code);
+[[nodiscard]] const char* name_of(const ReturnCode& code);
 /// Do two endpoints belong to one participant?
 [[nodiscard]] bool have_one_participant(const Handle& a, const Handle& b);
 /// The endpoint's GUID, for messages.
@@ -332,18 +330,14 @@ class Writer {
   /// kFull covers every TIMEOUT of Fast DDS 2.9, which also comes spuriously: the sample was not sent and should be tried
   /// again. kFailed leaves a complaint.
   [[nodiscard]] WriteResult write_sample(Data& data) {
-    using eprosima::fastrtps::types::ReturnCode_t;
-    const ReturnCode_t code =
-        writer_->write(sample_of(data), eprosima::fastrtps::rtps::c_InstanceHandle_Unknown);
-    if (code == ReturnCode_t::RETCODE_OK) return WriteResult::kTaken;
-    if (code == ReturnCode_t::RETCODE_TIMEOUT) return WriteResult::kFull;
+    const ReturnCode code = writer_->write(sample_of(data), rtps::c_InstanceHandle_Unknown);
+    if (is_ok(code)) return WriteResult::kTaken;
+    if (is_timeout(code)) return WriteResult::kFull;
     mailbox_.complain(writer_->get_topic()->get_name() + ": write failed: " + name_of(code));
     return WriteResult::kFailed;
   }
   /// Late joiners shall not get the sample with this key any more.
-  void dispose(Data& data) {
-    writer_->dispose(sample_of(data), eprosima::fastrtps::rtps::c_InstanceHandle_Unknown);
-  }
+  void dispose(Data& data) { writer_->dispose(sample_of(data), rtps::c_InstanceHandle_Unknown); }
 
  private:
   static auto* sample_of(Data& data) {
@@ -380,14 +374,13 @@ class Reader {
   template <class Accept>
   [[nodiscard]] bool drain(std::size_t most, Accept accept,
                            const std::function<void(const Handle&)>& heard = {}) {
-    using eprosima::fastrtps::types::ReturnCode_t;
     typename TypeOf<Message>::Data data;
     fdds::SampleInfo info;
     for (std::size_t i = 0; i < most; ++i) {
       data.fault.clear();
-      const ReturnCode_t code =
+      const ReturnCode code =
           reader_->take_next_sample(static_cast<typename TypeOf<Message>::Sample*>(&data), &info);
-      if (code != ReturnCode_t::RETCODE_OK) return false;
+      if (!wire::is_ok(code)) return false;
       if (heard) heard(info.publication_handle);
       if (!info.valid_data) continue;  // a dispose: nothing here depends on it
       std::string fault = data.fault;

@@ -2,11 +2,6 @@
 #include "dds_transport.hpp"
 
 #include <arpa/inet.h>
-#include <fastdds/rtps/attributes/ServerAttributes.h>
-#include <fastdds/rtps/transport/TCPv4TransportDescriptor.h>
-#include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
-#include <fastdds/rtps/transport/shared_mem/SharedMemTransportDescriptor.h>
-#include <fastrtps/utils/IPLocator.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
 
@@ -19,12 +14,11 @@
 namespace nearmesh::wire {
 namespace {
 
-using eprosima::fastdds::rtps::SharedMemTransportDescriptor;
-using eprosima::fastdds::rtps::TCPv4TransportDescriptor;
-using eprosima::fastdds::rtps::UDPv4TransportDescriptor;
-using eprosima::fastrtps::Duration_t;
-using eprosima::fastrtps::rtps::IPLocator;
-using eprosima::fastrtps::rtps::Locator_t;
+using rtps::IPLocator;
+using rtps::Locator_t;
+using rtps::SharedMemTransportDescriptor;
+using rtps::TCPv4TransportDescriptor;
+using rtps::UDPv4TransportDescriptor;
 
 /// A header of a megabyte arrives as one burst. The kernel may grant less.
 constexpr std::uint32_t kSocketBufferBytes = 4U << 20;
@@ -147,12 +141,7 @@ Status set_discovery_server(const TransportOptions& options, fdds::DomainPartici
   Result<Locator_t> locator =
       parse_locator(options.discovery_server, kDefaultServerPort, "discovery server");
   NEARMESH_RETURN_IF_ERROR(locator);
-  eprosima::fastdds::rtps::RemoteServerAttributes server;
-  eprosima::fastdds::rtps::get_server_client_default_guidPrefix(0, server.guidPrefix);
-  server.metatrafficUnicastLocatorList.push_back(locator.value());
-  auto& config = qos.wire_protocol().builtin.discovery_config;
-  config.discoveryProtocol = eprosima::fastrtps::rtps::DiscoveryProtocol_t::CLIENT;
-  config.m_DiscoveryServers.push_back(server);
+  add_discovery_server(qos, locator.value());
   return Status::ok();
 }
 
@@ -163,8 +152,8 @@ Status set_transport(const TransportOptions& options, fdds::DomainParticipantQos
   // takes 10 MB a participant, and is not faster for samples of our size. Who wants it says same-host.
   qos.transport().use_builtin_transports = false;
   auto& discovery = qos.wire_protocol().builtin.discovery_config;
-  discovery.leaseDuration = Duration_t(options.lease_s);
-  discovery.leaseDuration_announcementperiod = Duration_t(options.announcement_s);
+  discovery.leaseDuration = Duration(options.lease_s);
+  discovery.leaseDuration_announcementperiod = Duration(options.announcement_s);
   // Liveliness is by participant, at the door; this would only be two more endpoints for everybody to match.
   qos.wire_protocol().builtin.use_WriterLivelinessProtocol = false;
   std::string interface = options.interface.empty() && options.transport == Transport::kSameHost
@@ -195,11 +184,11 @@ Status set_server_transport(const TransportOptions& options, const std::string& 
   auto& builtin = qos.wire_protocol().builtin;
   builtin.use_WriterLivelinessProtocol = false;
   builtin.metatrafficUnicastLocatorList.push_back(locator.value());
-  builtin.discovery_config.discoveryProtocol =
-      eprosima::fastrtps::rtps::DiscoveryProtocol_t::SERVER;
-  builtin.discovery_config.leaseDuration = Duration_t(options.lease_s);
-  builtin.discovery_config.leaseDuration_announcementperiod = Duration_t(options.announcement_s);
-  eprosima::fastdds::rtps::get_server_client_default_guidPrefix(0, qos.wire_protocol().prefix);
+  builtin.discovery_config.discoveryProtocol = DiscoveryProtocol::SERVER;
+  builtin.discovery_config.leaseDuration = Duration(options.lease_s);
+  builtin.discovery_config.leaseDuration_announcementperiod = Duration(options.announcement_s);
+  // As those name it that are of 2.9.
+  rtps::get_server_client_default_guidPrefix(0, qos.wire_protocol().prefix);
   return Status::ok();
 }
 

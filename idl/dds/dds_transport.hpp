@@ -2,16 +2,13 @@
 #pragma once
 // Turns TransportOptions into what Fast DDS wants to know of transports and discovery.
 
-#include <fastdds/dds/domain/qos/DomainParticipantQos.hpp>
-
 #include <string>
 
+#include "fastdds_api.hpp"
 #include "nearmesh/core/base/status.hpp"
 #include "nearmesh/idl/dds/transport_options.hpp"
 
 namespace nearmesh::wire {
-
-namespace fdds = eprosima::fastdds::dds;
 
 /// Below the usual MTU with room for IP, UDP and a tunnel: nothing fragments at IP level, where one
 /// lost fragment costs the whole datagram.

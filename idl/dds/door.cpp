@@ -1,32 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nearmesh/idl/dds/door.hpp"
 
-#include <fastdds/rtps/transport/ChainingTransport.h>
-#include <fastdds/rtps/transport/ChainingTransportDescriptor.h>
-#include <fastdds/rtps/transport/TCPv4TransportDescriptor.h>
-#include <fastdds/rtps/transport/TCPv6TransportDescriptor.h>
-#include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
-#include <fastdds/rtps/transport/UDPv6TransportDescriptor.h>
-#include <fastdds/rtps/transport/shared_mem/SharedMemTransportDescriptor.h>
-#include <fastrtps/utils/IPLocator.h>
-#include <fastdds/dds/domain/qos/DomainParticipantQos.hpp>
-
 #include <algorithm>
 #include <exception>
 #include <filesystem>
 #include <utility>
 
 #include "door_watch.hpp"
+#include "fastdds_api.hpp"
 #include "idl/security/security_folder.hpp"
 
 namespace nearmesh::wire {
 namespace {
 
-namespace fdds = eprosima::fastdds::dds;
-namespace rtps = eprosima::fastdds::rtps;
-using eprosima::fastrtps::rtps::IPLocator;
-using eprosima::fastrtps::rtps::Locator_t;
-using eprosima::fastrtps::rtps::octet;
+using rtps::IPLocator;
+using rtps::Locator_t;
+using rtps::octet;
 using Descriptor = rtps::TransportDescriptorInterface;
 
 /// The lease that Fast DDS is told: its own timers shall not end any. Its timer may meet the removal of the participant for
@@ -42,10 +31,10 @@ struct Below final : rtps::ChainingTransportDescriptor {
 };
 
 /// One transport with a door: what comes in passes it, what goes out does not.
-class Door final : public rtps::ChainingTransport, private LeaseEnd {
+class Door final : public ChainedTransport, private LeaseEnd {
  public:
   Door(std::shared_ptr<Descriptor> below, std::shared_ptr<DoorWatch> watch)
-      : ChainingTransport(Below(below)), below_(std::move(below)), watch_(std::move(watch)) {}
+      : ChainedTransport(Below(below)), below_(std::move(below)), watch_(std::move(watch)) {}
   ~Door() override { close(); }
 
   [[nodiscard]] Descriptor* get_configuration() override { return below_.get(); }
@@ -65,13 +54,6 @@ class Door final : public rtps::ChainingTransport, private LeaseEnd {
   bool CloseInputChannel(const Locator_t& locator) override {
     close();
     return ChainingTransport::CloseInputChannel(locator);
-  }
-
-  bool send(eprosima::fastrtps::rtps::SenderResource* low, const octet* data, std::uint32_t size,
-            eprosima::fastrtps::rtps::LocatorsIterator* begin,
-            eprosima::fastrtps::rtps::LocatorsIterator* end,
-            const std::chrono::steady_clock::time_point& timeout) override {
-    return low->send(data, size, begin, end, timeout);
   }
 
   void receive(rtps::TransportReceiverInterface* next, const octet* data, std::uint32_t size,
@@ -214,7 +196,7 @@ void name_builtin_transports(fdds::DomainParticipantQos& qos) {
 /// The path of a file that a property of authentication names; "" for none.
 std::string file_of(const fdds::DomainParticipantQos& qos, const std::string& property) {
   constexpr std::string_view kScheme = "file://";
-  const std::string* value = eprosima::fastrtps::rtps::PropertyPolicyHelper::find_property(
+  const std::string* value = rtps::PropertyPolicyHelper::find_property(
       qos.properties(), "dds.sec.auth.builtin.PKI-DH." + property);
   return value != nullptr && value->starts_with(kScheme) ? value->substr(kScheme.size()) : "";
 }
@@ -239,8 +221,8 @@ const HasDoor* door_of(const Descriptor* descriptor) {
 
 void add_door(fdds::DomainParticipantQos& qos, double identity_period_s) {
   name_builtin_transports(qos);
-  const bool is_plain = qos.wire_protocol().builtin.discovery_config.discoveryProtocol ==
-                        eprosima::fastrtps::rtps::DiscoveryProtocol_t::SIMPLE;
+  const bool is_plain =
+      qos.wire_protocol().builtin.discovery_config.discoveryProtocol == DiscoveryProtocol::SIMPLE;
   std::shared_ptr<DoorWatch> watch;
   for (auto& transport : qos.transport().user_transports) {
     if (door_of(transport.get()) != nullptr) continue;

@@ -2,7 +2,6 @@
 #include "fastdds.hpp"
 
 #include <dlfcn.h>
-#include <fastrtps/config.h>
 #include <link.h>
 
 #include <cstring>
@@ -11,10 +10,10 @@
 #include <memory>
 #include <string_view>
 
+#include "fastdds_api.hpp"
+
 namespace nearmesh::wire {
 namespace {
-
-namespace fdds = eprosima::fastdds::dds;
 
 /// A loaded library's tables of what it asks of others.
 struct Imports {
@@ -96,7 +95,7 @@ class Consumer final : public fdds::LogConsumer {
 
 }  // namespace
 
-const char* fastdds_version() { return FASTRTPS_VERSION_STR; }
+const char* fastdds_version() { return kFastDdsVersion; }
 
 bool fastdds_asserts() {
   Dl_info info{};
@@ -116,6 +115,14 @@ void set_fastdds_level(FastDdsLevel level) {
   fdds::Log::SetVerbosity(level == FastDdsLevel::kError     ? fdds::Log::Kind::Error
                           : level == FastDdsLevel::kWarning ? fdds::Log::Kind::Warning
                                                             : fdds::Log::Kind::Info);
+}
+
+void speak_through_transports() {
+  constexpr std::string_view kSettings =
+      "<?xml version=\"1.0\"?><dds><library_settings>"
+      "<intraprocess_delivery>OFF</intraprocess_delivery></library_settings></dds>";
+  fdds::DomainParticipantFactory::get_instance()->load_XML_profiles_string(kSettings.data(),
+                                                                           kSettings.size());
 }
 
 }  // namespace nearmesh::wire

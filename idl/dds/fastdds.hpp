@@ -22,4 +22,7 @@ void take_fastdds_log(std::function<void(FastDdsLevel, const std::string&)> take
 /// What Fast DDS logs: this and what is graver.
 void set_fastdds_level(FastDdsLevel level);
 
+/// Participants of one process speak to each other as those of two do. For tests; before the first participant.
+void speak_through_transports();
+
 }  // namespace nearmesh::wire

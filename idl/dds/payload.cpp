@@ -32,11 +32,9 @@ std::vector<std::uint8_t> encode_payload(TopicPlace place, const void* message) 
     Type type;
     typename Type::Data data;
     encode(*static_cast<const Message*>(message), data);
-    auto* sample = static_cast<typename Type::Sample*>(&data);
-    eprosima::fastrtps::rtps::SerializedPayload_t payload(type.getSerializedSizeProvider(sample)());
-    const bool fits = type.serialize(sample, &payload);
-    NEARMESH_ASSERT(fits);
-    return std::vector<std::uint8_t>(payload.data, payload.data + payload.length);
+    std::vector<std::uint8_t> cdr = to_cdr(type, data);
+    NEARMESH_ASSERT(!cdr.empty());
+    return cdr;
   });
 }
 

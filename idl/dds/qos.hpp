@@ -6,11 +6,10 @@
 #include <fastdds/dds/publisher/qos/DataWriterQos.hpp>
 #include <fastdds/dds/subscriber/qos/DataReaderQos.hpp>
 
+#include "fastdds_api.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
 
 namespace nearmesh::wire {
-
-namespace fdds = eprosima::fastdds::dds;
 
 /// Names the flow controller of paced topics; Fast DDS keeps the pointer.
 inline constexpr char kPacedFlow[] = "nearmesh_header";
@@ -37,8 +36,7 @@ void apply_delivery(const Delivery& delivery, EndpointQos& qos) {
   qos.resource_limits().max_samples = 0;
   qos.resource_limits().allocated_samples = 0;
   // Not DYNAMIC_*: there one dispose wedges a reliable reader for good.
-  qos.endpoint().history_memory_policy =
-      eprosima::fastrtps::rtps::PREALLOCATED_WITH_REALLOC_MEMORY_MODE;
+  qos.endpoint().history_memory_policy = rtps::PREALLOCATED_WITH_REALLOC_MEMORY_MODE;
   qos.data_sharing().off();  // leaves files behind when a process is killed
 }
 
@@ -52,8 +50,8 @@ void apply_delivery(const Delivery& delivery, EndpointQos& qos) {
     qos.resource_limits().max_samples = delivery.depth;
   }
   // Never block the caller; a write that cannot be taken is tried again by whoever made it.
-  qos.reliability().max_blocking_time = eprosima::fastrtps::Duration_t(0, 0);
-  qos.reliable_writer_qos().times.heartbeatPeriod = eprosima::fastrtps::Duration_t(heartbeat_s);
+  qos.reliability().max_blocking_time = Duration(0, 0);
+  set_heartbeat_period(qos, heartbeat_s);
   qos.publish_mode().kind = fdds::SYNCHRONOUS_PUBLISH_MODE;  // the lowest latency
   if (delivery.is_paced) {
     qos.publish_mode().kind = fdds::ASYNCHRONOUS_PUBLISH_MODE;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Makes the generated type supports of Fast DDS 2.9 fit for bytes from strangers. For the rooms named dds
+// Makes the generated type supports of Fast DDS fit for bytes from strangers. For the rooms named dds
 // alone.
-// * getKey of the generated code shares one buffer between threads (3,338 wrong keys in 4 M calls);
+// * The keys of the generated code share one buffer between threads (3,338 wrong keys in 4 M calls);
 // ours has its own.
 // * The generated deserialize lets std::bad_alloc and others out, into a thread of Fast DDS; ours
 // catches everything.
@@ -11,20 +11,18 @@
 //   silence, and because it computes the key after a failed deserialize from whatever was in the
 //   object before.
 
-#include <fastcdr/Cdr.h>
-#include <fastcdr/FastBuffer.h>
 #include <fastdds/dds/topic/TypeSupport.hpp>
 
 #include <algorithm>
 #include <array>
 #include <cstdint>
 #include <cstring>
-#include <functional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "codec.hpp"
+#include "fastdds_api.hpp"
 
 namespace nearmesh::wire {
 
@@ -51,81 +49,71 @@ struct Envelope : Sample {
          std::to_string(kWireVersion);
 }
 
-/// In: the generated type support. Its maximum size stays: a reader of Fast DDS 2.9 drops what is
-/// larger, in silence.
-template <class Support>
-class SafeType : public Support {
+/// In: what was generated for a message. Its maximum size stays: a reader of Fast DDS drops what is larger, in silence.
+template <class OfMessage>
+class SafeType : public OfEitherVersion<typename OfMessage::Type> {
  public:
-  using Sample = typename Support::type;
+  using Support = typename OfMessage::Type;
+  using Sample = typename OfMessage::Sample;
   using Data = Envelope<Sample>;
 
-  SafeType() {
-    this->auto_fill_type_object(false);
-    this->auto_fill_type_information(false);
+  void* make_data() override { return static_cast<Sample*>(new Data); }
+  void delete_made(void* data) override { delete &envelope(data); }
+
+  std::uint32_t size_of(const void* data) override {
+    const Data& from = envelope(data);
+    return static_cast<std::uint32_t>(
+        from.cdr.empty() ? generated_size(static_cast<const Sample&>(from)) : from.cdr.size());
   }
 
-  void* createData() override { return static_cast<Sample*>(new Data); }
-  void deleteData(void* data) override { delete &envelope(data); }
-
-  std::function<std::uint32_t()> getSerializedSizeProvider(void* data) override {
-    if (envelope(data).cdr.empty()) return Support::getSerializedSizeProvider(data);
-    return [data] { return static_cast<std::uint32_t>(envelope(data).cdr.size()); };
+  bool write(const void* data, Payload& payload) override {
+    const Data& from = envelope(data);
+    if (from.cdr.size() > payload.max_size || from.cdr.size() == 1) return false;
+    std::copy(from.cdr.begin(), from.cdr.end(), payload.data);
+    payload.length = static_cast<std::uint32_t>(
+        from.cdr.empty() ? written_size(from, {payload.data, payload.max_size}) : from.cdr.size());
+    if (payload.length > 0) payload.encapsulation = payload.data[1];
+    return payload.length > 0;
   }
 
-  bool serialize(void* data, eprosima::fastrtps::rtps::SerializedPayload_t* payload) override {
-    if (const std::vector<std::uint8_t>& cdr = envelope(data).cdr; !cdr.empty()) {
-      if (cdr.size() > payload->max_size || cdr.size() < 2) return false;
-      std::copy(cdr.begin(), cdr.end(), payload->data);
-      payload->length = static_cast<std::uint32_t>(cdr.size());
-      payload->encapsulation = cdr[1];
-      return true;
-    }
-    try {
-      return Support::serialize(data, payload);
-    } catch (...) {
-      return false;
-    }
-  }
-
-  bool deserialize(eprosima::fastrtps::rtps::SerializedPayload_t* payload, void* data) override {
+  bool read(Payload& payload, void* data) override {
     Data& target = envelope(data);
     static_cast<Sample&>(target) = Sample{};
-    target.fault = judge_payload(payload->data, payload->length);
+    target.fault = judge_payload(payload.data, payload.length);
     if (!target.fault.empty()) return true;
-    bool read = false;
+    bool is_good = false;
     try {
-      read = Support::deserialize(payload, data);
-      // Also catches names that were cut to their bound, and bytes that belong to no field. Up to
-      // three bytes of padding follow a sample on the wire.
-      const std::size_t expected = 4 + Sample::getCdrSerializedSize(target);
-      read = read && expected <= payload->length && payload->length < expected + 4;
+      // Written again, it has the same size: that also catches names that were cut to their bound, and bytes that belong to no
+      // field. Up to three bytes of padding follow a sample on the wire.
+      if (generated_read<Support>(*this, payload, data)) {
+        std::vector<std::uint8_t> again(generated_size(static_cast<const Sample&>(target)));
+        const std::size_t expected = written_size(target, again);
+        is_good = expected <= payload.length && payload.length < expected + 4;
+      }
     } catch (...) {
-      read = false;
     }
-    if (!read) {
+    if (!is_good) {
       static_cast<Sample&>(target) = Sample{};
-      target.fault = std::to_string(payload->length) + " bytes that contradict the type";
+      target.fault = std::to_string(payload.length) + " bytes that contradict the type";
     }
     return true;
   }
 
-  bool getKey(void* data, eprosima::fastrtps::rtps::InstanceHandle_t* handle,
-              bool force_md5) override {
-    if (!Sample::isKeyDefined()) return false;
-    std::array<unsigned char, kMaxKeyBytes> bytes{};
-    eprosima::fastcdr::FastBuffer buffer(reinterpret_cast<char*>(bytes.data()), bytes.size());
-    eprosima::fastcdr::Cdr key(buffer, eprosima::fastcdr::Cdr::BIG_ENDIANNESS);
+  bool key_of(const void* data, Handle& handle, bool force_md5) override {
+    if (!this->has_key()) return false;
+    std::array<std::uint8_t, kMaxKeyBytes> bytes{};
+    std::size_t size = 0;
     try {
-      static_cast<const Sample*>(data)->serializeKey(key);
+      size = generated_key(*static_cast<const Sample*>(data), bytes);
     } catch (...) {
       return false;
     }
     constexpr std::size_t kHandleBytes = 16;
-    unsigned char* out = &handle->value[0];
-    if (force_md5 || Sample::getKeyMaxCdrSerializedSize() > kHandleBytes) {
-      MD5 digest;
+    unsigned char* out = &handle.value[0];
+    if (force_md5 || OfMessage::max_key_bytes() > kHandleBytes) {
+      Md5 digest;
       digest.init();
-      digest.update(bytes.data(), static_cast<unsigned int>(key.getSerializedDataLength()));
+      digest.update(bytes.data(), static_cast<unsigned int>(size));
       digest.finalize();
       std::memcpy(out, digest.digest, kHandleBytes);
     } else {
@@ -137,38 +125,59 @@ class SafeType : public Support {
  private:
   static constexpr std::size_t kMaxKeyBytes = 256;  // contact reports: 8 + 2 * 69 and padding
 
+  /// 0 where it does not fit.
+  static std::size_t written_size(const Data& data, std::span<std::uint8_t> out) {
+    try {
+      return generated_write(static_cast<const Sample&>(data), out);
+    } catch (...) {
+      return 0;
+    }
+  }
+
   static Data& envelope(void* data) { return static_cast<Data&>(*static_cast<Sample*>(data)); }
+  static const Data& envelope(const void* data) {
+    return static_cast<const Data&>(*static_cast<const Sample*>(data));
+  }
 };
 
 /// As SafeType, and keeps the bytes of what it reads, also of what is faulty: for recorders.
-template <class Support>
-class RawType : public SafeType<Support> {
+template <class OfMessage>
+class RawType : public SafeType<OfMessage> {
  public:
-  using Base = SafeType<Support>;
+  using Base = SafeType<OfMessage>;
   using Sample = typename Base::Sample;
   using Data = typename Base::Data;
 
-  bool deserialize(eprosima::fastrtps::rtps::SerializedPayload_t* payload, void* data) override {
+  bool read(Payload& payload, void* data) override {
     static_cast<Data&>(*static_cast<Sample*>(data))
-        .cdr.assign(payload->data, payload->data + payload->length);
-    return Base::deserialize(payload, data);
+        .cdr.assign(payload.data, payload.data + payload.length);
+    return Base::read(payload, data);
   }
 };
 
 /// The type supports of a message, as it is written and read, and as a recorder reads it.
 template <class Message>
-using TypeOf = SafeType<typename Generated<Message>::Type>;
+using TypeOf = SafeType<Generated<Message>>;
 template <class Message>
-using RawTypeOf = RawType<typename Generated<Message>::Type>;
+using RawTypeOf = RawType<Generated<Message>>;
 
 /// A sample's bytes into a data object, as when they come from the bus.
 template <class Type>
 void read_cdr(Type& type, std::span<const std::uint8_t> cdr, typename Type::Data& data) {
-  eprosima::fastrtps::rtps::SerializedPayload_t payload;
+  Payload payload;
   payload.data = const_cast<std::uint8_t*>(cdr.data());  // only read
   payload.length = payload.max_size = static_cast<std::uint32_t>(cdr.size());
-  type.deserialize(&payload, static_cast<typename Type::Sample*>(&data));
+  static_cast<void>(type.read(payload, static_cast<typename Type::Sample*>(&data)));
   payload.data = nullptr;  // its destructor would free it
+}
+
+/// The bytes of a sample, as they go to the bus. Empty: it cannot be written.
+template <class Type>
+[[nodiscard]] std::vector<std::uint8_t> to_cdr(Type& type, const typename Type::Data& data) {
+  const auto* sample = static_cast<const typename Type::Sample*>(&data);
+  Payload payload(type.size_of(sample));
+  if (!type.write(sample, payload)) return {};
+  return {payload.data, payload.data + payload.length};
 }
 
 }  // namespace nearmesh::wire

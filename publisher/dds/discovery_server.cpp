@@ -9,12 +9,13 @@
 
 namespace nearmesh::publisher {
 
-namespace fdds = eprosima::fastdds::dds;
+namespace fdds = wire::fdds;
 
 Result<std::unique_ptr<DiscoveryServer>> DiscoveryServer::create(
     const wire::TransportOptions& options, const std::string& listen) {
   fdds::DomainParticipantQos qos;
   qos.name("nearmesh discovery");
+  wire::speak_as_2_9(qos);
   NEARMESH_RETURN_IF_ERROR(wire::set_server_transport(options, listen, qos));
   wire::add_door(qos);
   fdds::DomainParticipant* const participant =

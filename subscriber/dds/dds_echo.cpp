@@ -38,7 +38,7 @@ class DdsEcho::Impl {
   wire::SessionId own_id() const { return own_id_; }
 
   std::vector<std::string> locators() const {
-    eprosima::fastrtps::rtps::LocatorList_t list;
+    wire::rtps::LocatorList_t list;
     echo_.reader.endpoint().get_listening_locators(list);
     std::vector<std::string> texts;
     for (const auto& locator : list) {

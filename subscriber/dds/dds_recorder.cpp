@@ -296,7 +296,6 @@ Status DdsRecorder::Impl::open_reader(Topic& topic) {
 template <class Message>
 bool DdsRecorder::Impl::drain(std::uint32_t topic) {
   using Type = wire::RawTypeOf<Message>;
-  using eprosima::fastrtps::types::ReturnCode_t;
   if (topics_[topic].reader == nullptr) return false;
   if (!topics_[topic].listener->take_matches().empty()) {
     const auto found = std::chrono::steady_clock::now() + kMatching;
@@ -309,8 +308,8 @@ bool DdsRecorder::Impl::drain(std::uint32_t topic) {
   std::vector<Entry> taken;
   while (taken.size() < kMaxRecordedAtOnce) {
     data.fault.clear();
-    if (topics_[topic].reader->take_next_sample(static_cast<typename Type::Sample*>(&data),
-                                                &info) != ReturnCode_t::RETCODE_OK)
+    if (!wire::is_ok(topics_[topic].reader->take_next_sample(
+            static_cast<typename Type::Sample*>(&data), &info)))
       break;
     Entry& entry = taken.emplace_back();
     entry.topic = topic;

@@ -12,7 +12,6 @@ using namespace nearmesh::wire;
 
 namespace {
 
-using Payload = eprosima::fastrtps::rtps::SerializedPayload_t;
 using Bytes = std::vector<std::uint8_t>;
 
 template <class Type, class Message>
@@ -20,28 +19,27 @@ Bytes to_bytes(const Message& message) {
   Type type;
   typename Type::Data data;
   encode(message, data);
-  void* sample = static_cast<typename Type::Sample*>(&data);
-  Payload payload(type.getSerializedSizeProvider(sample)());
-  FUZZ_CHECK(type.serialize(sample, &payload));
-  return {payload.data, payload.data + payload.length};
+  Bytes written = to_cdr(type, data);
+  FUZZ_CHECK(!written.empty());
+  return written;
 }
 
 template <class Type>
 auto from_bytes(std::span<const std::uint8_t> bytes)
     -> decltype(decode(std::declval<typename Type::Sample>())) {
   Type type;
-  void* data = type.createData();
+  void* data = type.make_data();
   // A buffer of just this size, so that a read beyond it is seen.
   Payload payload(static_cast<std::uint32_t>(bytes.size()));
   if (!bytes.empty()) std::memcpy(payload.data, bytes.data(), bytes.size());
   payload.length = static_cast<std::uint32_t>(bytes.size());
-  FUZZ_CHECK(type.deserialize(&payload, data));
+  FUZZ_CHECK(type.read(payload, data));
   auto& sample = static_cast<typename Type::Data&>(*static_cast<typename Type::Sample*>(data));
-  eprosima::fastrtps::rtps::InstanceHandle_t key;
-  static_cast<void>(type.getKey(data, &key, false));
+  Handle key;
+  static_cast<void>(type.key_of(data, key, false));
   const std::string fault = sample.fault;
   auto decoded = decode(sample);
-  type.deleteData(data);
+  type.delete_made(data);
   if (!fault.empty()) return Status{StatusCode::kCorrupt, fault};
   return decoded;
 }

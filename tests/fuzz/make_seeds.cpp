@@ -40,10 +40,9 @@ void write_sample(const std::string& name, std::uint8_t choice, const Message& m
   Type type;
   typename Type::Data data;
   wire::encode(message, data);
-  void* sample = static_cast<typename Type::Sample*>(&data);
-  eprosima::fastrtps::rtps::SerializedPayload_t payload(type.getSerializedSizeProvider(sample)());
-  FUZZ_CHECK(type.serialize(sample, &payload));
-  write("wire/" + name, choice, {payload.data, payload.data + payload.length});
+  Bytes cdr = wire::to_cdr(type, data);
+  FUZZ_CHECK(!cdr.empty());
+  write("wire/" + name, choice, std::move(cdr));
 }
 
 void write_model_file_seeds() {

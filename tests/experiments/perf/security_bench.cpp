@@ -5,8 +5,6 @@
 // CSV rows mode,metric,value,unit. Bytes are those of the interface lo, headers included: run it in a network namespace of
 // its own (ip netns), where nobody else speaks.
 
-#include <fastrtps/xmlparser/XMLProfileManager.h>
-
 #include <algorithm>
 #include <atomic>
 #include <cmath>
@@ -19,6 +17,7 @@
 #include <thread>
 
 #include "core/base/stopwatch.hpp"
+#include "idl/dds/fastdds.hpp"
 #include "idl/security/security.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
 #include "nearmesh/subscriber/dds/dds_channel.hpp"
@@ -155,9 +154,7 @@ int main(int argc, char** argv) {
     std::fprintf(stderr, "usage: nearmesh-bench-security TERRAIN.spm BODY.spm DOMAIN\n");
     return 2;
   }
-  eprosima::fastrtps::LibrarySettingsAttributes settings;
-  settings.intraprocess_delivery = eprosima::fastrtps::INTRAPROCESS_OFF;
-  eprosima::fastrtps::xmlparser::XMLProfileManager::library_settings(settings);
+  wire::speak_through_transports();
   wire::TransportOptions transport;
   transport.domain = static_cast<std::uint32_t>(std::atoi(argv[3]));
   transport.interface = "127.0.0.1";

@@ -4,8 +4,6 @@
 // else two participants with intra-process delivery off. Every test has its own topic prefix, so
 // nothing leaks from one into another.
 
-#include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
-#include <fastrtps/utils/IPLocator.h>
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/prctl.h>
@@ -24,6 +22,7 @@
 
 #include "core/base/digest.hpp"
 #include "idl/dds/dds_support.hpp"
+#include "idl/dds/fastdds.hpp"
 #include "inbox.hpp"
 #include "nearmesh/core/spm/detail/codec.hpp"
 #include "nearmesh/idl/dds/door.hpp"
@@ -33,7 +32,8 @@
 
 namespace nearmesh::test {
 
-namespace fdds = eprosima::fastdds::dds;
+namespace fdds = wire::fdds;
+namespace rtps = wire::rtps;
 using PublisherChannel = publisher::DdsChannel;
 using PeerChannel = subscriber::DdsChannel;
 using Inbox = subscriber::Channel::Inbox;
@@ -266,28 +266,24 @@ inline std::string recording_of(const std::string& prefix) {
 }
 
 /// Sends bytes as they are, under any name of a type.
-class RawType : public fdds::TopicDataType {
+class RawType : public wire::OfEitherVersion<fdds::TopicDataType> {
  public:
   using Bytes = std::vector<std::uint8_t>;
-  RawType(std::string_view name, bool keyed) {
-    setName(std::string(name).c_str());
-    m_typeSize = 65536;
-    m_isGetKeyDefined = keyed;
-  }
-  bool serialize(void* data, eprosima::fastrtps::rtps::SerializedPayload_t* payload) override {
-    const auto& bytes = *static_cast<Bytes*>(data);
-    std::copy(bytes.begin(), bytes.end(), payload->data);
-    payload->length = static_cast<std::uint32_t>(bytes.size());
+  RawType(std::string_view name, bool keyed) { describe(std::string(name), 65536, keyed); }
+  bool write(const void* data, wire::Payload& payload) override {
+    const auto& bytes = *static_cast<const Bytes*>(data);
+    std::copy(bytes.begin(), bytes.end(), payload.data);
+    payload.length = static_cast<std::uint32_t>(bytes.size());
     return true;
   }
-  bool deserialize(eprosima::fastrtps::rtps::SerializedPayload_t*, void*) override { return true; }
-  std::function<std::uint32_t()> getSerializedSizeProvider(void* data) override {
-    return [data] { return static_cast<std::uint32_t>(static_cast<Bytes*>(data)->size()); };
+  bool read(wire::Payload&, void*) override { return true; }
+  std::uint32_t size_of(const void* data) override {
+    return static_cast<std::uint32_t>(static_cast<const Bytes*>(data)->size());
   }
-  void* createData() override { return new Bytes; }
-  void deleteData(void* data) override { delete static_cast<Bytes*>(data); }
-  bool getKey(void*, eprosima::fastrtps::rtps::InstanceHandle_t* handle, bool) override {
-    handle->value[0] = 1;
+  void* make_data() override { return new Bytes; }
+  void delete_made(void* data) override { delete static_cast<Bytes*>(data); }
+  bool key_of(const void*, wire::Handle& handle, bool) override {
+    handle.value[0] = 1;
     return true;
   }
 };
@@ -296,11 +292,11 @@ inline fdds::DomainParticipant* make_participant(const std::string& prefix,
                                                  bool with_door = false) {
   fdds::DomainParticipantQos qos;
   qos.transport().use_builtin_transports = false;
-  auto udp = std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>();
+  auto udp = std::make_shared<rtps::UDPv4TransportDescriptor>();
   udp->interfaceWhiteList.push_back("127.0.0.1");
   qos.transport().user_transports.push_back(udp);
-  eprosima::fastrtps::rtps::Locator_t locator;
-  eprosima::fastrtps::rtps::IPLocator::setIPv4(locator, "239.255.0.1");
+  rtps::Locator_t locator;
+  rtps::IPLocator::setIPv4(locator, "239.255.0.1");
   locator.port = qos.wire_protocol().port.getMulticastPort(transport(prefix).domain);
   qos.wire_protocol().builtin.initialPeersList.push_back(locator);
   if (with_door) wire::add_door(qos);
@@ -345,9 +341,7 @@ class Stranger {
       return status.current_count > 0;
     });
   }
-  void write(RawType::Bytes bytes) {
-    writer_->write(&bytes, eprosima::fastrtps::rtps::c_InstanceHandle_Unknown);
-  }
+  void write(RawType::Bytes bytes) { writer_->write(&bytes, rtps::c_InstanceHandle_Unknown); }
 
  private:
   fdds::DomainParticipant* participant_;
@@ -360,10 +354,7 @@ RawType::Bytes bytes_of(const Message& message) {
   typename Type::Data data;
   wire::encode(message, data);
   Type type;
-  void* sample = static_cast<typename Type::Sample*>(&data);
-  eprosima::fastrtps::rtps::SerializedPayload_t payload(type.getSerializedSizeProvider(sample)());
-  type.serialize(sample, &payload);
-  return {payload.data, payload.data + payload.length};
+  return wire::to_cdr(type, data);
 }
 
 }  // namespace nearmesh::test

@@ -2,8 +2,6 @@
 // Two processes, and two participants of one. This program is also its own helper: "--child
 // publisher|peer|recorder PREFIX LEASE".
 
-#include <fastrtps/xmlparser/XMLProfileManager.h>
-
 #include "dds_channel_fixture.hpp"
 #include "nearmesh/core/recording/recording.hpp"
 #include "subscriber/dds/dds_recorder.hpp"
@@ -523,9 +521,7 @@ int main(int argc, char** argv) {
     lease_s = std::atof(argv[4]);
     return run_child(argv[2], argv[3]);
   }
-  eprosima::fastrtps::LibrarySettingsAttributes settings;
-  settings.intraprocess_delivery = eprosima::fastrtps::INTRAPROCESS_OFF;
-  eprosima::fastrtps::xmlparser::XMLProfileManager::library_settings(settings);
+  nearmesh::wire::speak_through_transports();
   testing::InitGoogleTest(&argc, argv);
   return RUN_ALL_TESTS();
 }

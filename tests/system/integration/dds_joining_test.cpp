@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Both channels: other ways to find each other, and participants given by a host.
 
-#include <fastdds/rtps/attributes/ServerAttributes.h>
-
 #include <atomic>
 
 #include "dds_channel_fixture.hpp"
@@ -69,12 +67,10 @@ TEST(DdsChannel, DiscoveryServerAloneBringsThemTogether) {
 
   fdds::DomainParticipantQos qos;
   auto& builtin = qos.wire_protocol().builtin;
-  builtin.discovery_config.discoveryProtocol =
-      eprosima::fastrtps::rtps::DiscoveryProtocol_t::SERVER;
-  ASSERT_TRUE(
-      eprosima::fastdds::rtps::get_server_client_default_guidPrefix(0, qos.wire_protocol().prefix));
-  eprosima::fastrtps::rtps::Locator_t locator;
-  eprosima::fastrtps::rtps::IPLocator::setIPv4(locator, "127.0.0.1");
+  builtin.discovery_config.discoveryProtocol = wire::DiscoveryProtocol::SERVER;
+  ASSERT_TRUE(rtps::get_server_client_default_guidPrefix(0, qos.wire_protocol().prefix));
+  rtps::Locator_t locator;
+  rtps::IPLocator::setIPv4(locator, "127.0.0.1");
   locator.port = own_port();
   builtin.metatrafficUnicastLocatorList.push_back(locator);
   auto* factory = fdds::DomainParticipantFactory::get_instance();
@@ -156,8 +152,8 @@ TEST(DdsChannel, HostParticipantIsLeftAsItWas) {
   for (wire::TopicPlace place = 0; place < wire::kTopicCount; ++place)
     EXPECT_EQ(host->lookup_topicdescription(names.at(place)), nullptr) << names.at(place);
   EXPECT_TRUE(host->find_type(std::string(wire::topic_of<wire::SplitBatchMessage>().type)).empty());
-  EXPECT_TRUE(fdds::DomainParticipantFactory::get_instance()->delete_participant(host) ==
-              eprosima::fastrtps::types::ReturnCode_t::RETCODE_OK);
+  EXPECT_TRUE(
+      wire::is_ok(fdds::DomainParticipantFactory::get_instance()->delete_participant(host)));
 }
 
 TEST(DdsChannel, ForeignTypeOnHostParticipantIsAConflict) {
@@ -172,8 +168,8 @@ TEST(DdsChannel, ForeignTypeOnHostParticipantIsAConflict) {
   EXPECT_EQ(channel.status().code(), StatusCode::kConflict);
   EXPECT_FALSE(
       host->find_type(std::string(wire::topic_of<wire::SplitBatchMessage>().type)).empty());
-  EXPECT_TRUE(fdds::DomainParticipantFactory::get_instance()->delete_participant(host) ==
-              eprosima::fastrtps::types::ReturnCode_t::RETCODE_OK);
+  EXPECT_TRUE(
+      wire::is_ok(fdds::DomainParticipantFactory::get_instance()->delete_participant(host)));
 }
 
 }  // namespace

@@ -2,8 +2,6 @@
 // The door on participants as a host makes them, in processes of their own: some are to die.
 
 #include <arpa/inet.h>
-#include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
-#include <fastdds/rtps/transport/shared_mem/SharedMemTransportDescriptor.h>
 #include <gtest/gtest.h>
 #include <netinet/in.h>
 #include <signal.h>
@@ -17,12 +15,12 @@
 #include <cstdlib>
 #include <fastdds/dds/domain/DomainParticipant.hpp>
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
-#include <fastdds/dds/domain/DomainParticipantListener.hpp>
 #include <memory>
 #include <string>
 #include <thread>
 
 #include "idl/dds/fastdds.hpp"
+#include "idl/dds/fastdds_api.hpp"
 #include "nearmesh/idl/dds/door.hpp"
 #include "poll.hpp"
 #include "tests/support/rtps_message.hpp"
@@ -30,8 +28,8 @@
 namespace nearmesh::test {
 namespace {
 
-namespace fdds = eprosima::fastdds::dds;
-namespace rtps = eprosima::fastdds::rtps;
+namespace fdds = wire::fdds;
+namespace rtps = wire::rtps;
 
 constexpr double kDeadline_s = 20;
 constexpr double kLease_s = 2;
@@ -46,8 +44,8 @@ fdds::DomainParticipantQos loopback_qos() {
   udp->interfaceWhiteList.push_back("127.0.0.1");
   qos.transport().user_transports.push_back(udp);
   auto& discovery = qos.wire_protocol().builtin.discovery_config;
-  discovery.leaseDuration = eprosima::fastrtps::Duration_t(kLease_s);
-  discovery.leaseDuration_announcementperiod = eprosima::fastrtps::Duration_t(0.3);
+  discovery.leaseDuration = wire::Duration(kLease_s);
+  discovery.leaseDuration_announcementperiod = wire::Duration(0.3);
   return qos;
 }
 
@@ -58,7 +56,7 @@ fdds::DomainParticipantQos shared_memory_qos() {
 }
 
 /// Who is there, as Fast DDS tells.
-class Watcher : public fdds::DomainParticipantListener {
+class Watcher : public wire::FindingListener {
  public:
   explicit Watcher(std::uint32_t domain, const fdds::DomainParticipantQos& qos)
       : participant_(fdds::DomainParticipantFactory::get_instance()->create_participant(
@@ -66,13 +64,9 @@ class Watcher : public fdds::DomainParticipantListener {
   ~Watcher() override {
     fdds::DomainParticipantFactory::get_instance()->delete_participant(participant_);
   }
-  void on_participant_discovery(
-      fdds::DomainParticipant*,
-      eprosima::fastrtps::rtps::ParticipantDiscoveryInfo&& info) override {
-    using Info = eprosima::fastrtps::rtps::ParticipantDiscoveryInfo;
-    if (info.status == Info::DISCOVERED_PARTICIPANT) ++found;
-    if (info.status == Info::REMOVED_PARTICIPANT || info.status == Info::DROPPED_PARTICIPANT)
-      ++gone;
+  void participant_found(const wire::FoundParticipant& told) override {
+    if (told.is_new) ++found;
+    if (told.is_gone) ++gone;
   }
   [[nodiscard]] fdds::DomainParticipant& participant() { return *participant_; }
 

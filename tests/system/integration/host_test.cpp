@@ -16,6 +16,7 @@
 #include "core/base/stopwatch.hpp"
 #include "examples/flight_sim/flight.hpp"
 #include "examples/flight_sim/host_bus.hpp"
+#include "idl/dds/fastdds_api.hpp"
 #include "nearmesh/subscriber/dds/dds_channel.hpp"
 #include "nearmesh/subscriber/peer/wait_ready.hpp"
 #include "process.hpp"
@@ -27,13 +28,10 @@ namespace fdds = eprosima::fastdds::dds;
 using flight_sim::HostBus;
 using subscriber::ReadyStage;
 using subscriber::Session;
+using wire::is_ok;
 
 constexpr std::uint32_t kDomain = 131;
 const char* const kProfiles = NEARMESH_FLIGHT_SIM_DIR "/profiles.xml";
-
-bool is_ok(const eprosima::fastrtps::types::ReturnCode_t& code) {
-  return code == eprosima::fastrtps::types::ReturnCode_t::RETCODE_OK;
-}
 
 std::unique_ptr<HostBus> join() {
   std::string why;

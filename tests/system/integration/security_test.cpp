@@ -2,8 +2,7 @@
 // Secured programs over real sockets on 127.0.0.1: who may join, who may serve, and whose a body is. Each refusal stands
 // beside somebody who is let in, so that a bus on which nobody hears anybody passes no test.
 
-#include <fastrtps/xmlparser/XMLProfileManager.h>
-
+#include "idl/dds/fastdds.hpp"
 #include "secured_fixture.hpp"
 
 namespace nearmesh {
@@ -205,9 +204,7 @@ TEST_F(Secured, ProgramsReachCertifiedAnswers) {
 }  // namespace nearmesh
 
 int main(int argc, char** argv) {
-  eprosima::fastrtps::LibrarySettingsAttributes settings;
-  settings.intraprocess_delivery = eprosima::fastrtps::INTRAPROCESS_OFF;
-  eprosima::fastrtps::xmlparser::XMLProfileManager::library_settings(settings);
+  nearmesh::wire::speak_through_transports();
   testing::InitGoogleTest(&argc, argv);
   return RUN_ALL_TESTS();
 }

@@ -16,8 +16,7 @@ namespace nearmesh::wire {
 namespace {
 
 using namespace test;
-using Payload = eprosima::fastrtps::rtps::SerializedPayload_t;
-using Key = eprosima::fastrtps::rtps::InstanceHandle_t;
+using Key = Handle;
 using Bytes = std::vector<std::uint8_t>;
 
 template <class Type, class Message>
@@ -25,10 +24,9 @@ Bytes to_bytes(const Message& message) {
   Type type;
   typename Type::Data data;
   encode(message, data);
-  void* sample = static_cast<typename Type::Sample*>(&data);
-  Payload payload(type.getSerializedSizeProvider(sample)());
-  EXPECT_TRUE(type.serialize(sample, &payload));
-  return {payload.data, payload.data + payload.length};
+  Bytes bytes = to_cdr(type, data);
+  EXPECT_FALSE(bytes.empty());
+  return bytes;
 }
 
 /// What a reader would make of the bytes.
@@ -36,15 +34,15 @@ template <class Type>
 auto from_bytes(const Bytes& bytes, std::string* fault = nullptr)
     -> decltype(decode(std::declval<typename Type::Sample>())) {
   Type type;
-  void* data = type.createData();
+  void* data = type.make_data();
   Payload payload(static_cast<std::uint32_t>(bytes.size()));
   std::copy(bytes.begin(), bytes.end(), payload.data);
   payload.length = static_cast<std::uint32_t>(bytes.size());
-  EXPECT_TRUE(type.deserialize(&payload, data));  // a fault is delivered, never swallowed
+  EXPECT_TRUE(type.read(payload, data));  // a fault is delivered, never swallowed
   auto& sample = static_cast<typename Type::Data&>(*static_cast<typename Type::Sample*>(data));
   const std::string found = sample.fault;
   auto decoded = decode(sample);
-  type.deleteData(data);
+  type.delete_made(data);
   if (fault != nullptr) *fault = found;
   if (!found.empty()) return Status{StatusCode::kCorrupt, found};
   return decoded;
@@ -181,14 +179,14 @@ TEST(TypeSupport, NameThatWasCutIsRefused) {
 
 TEST(TypeSupport, FailureLeavesNoKeyOfTheSampleBefore) {
   TypeOf<Hello> type;
-  void* data = type.createData();
+  void* data = type.make_data();
   const auto load = [&](const Bytes& bytes) {
     Payload payload(static_cast<std::uint32_t>(bytes.size()));
     std::copy(bytes.begin(), bytes.end(), payload.data);
     payload.length = static_cast<std::uint32_t>(bytes.size());
-    type.deserialize(&payload, data);
+    EXPECT_TRUE(type.read(payload, data));
     Key key;
-    EXPECT_TRUE(type.getKey(data, &key, false));
+    EXPECT_TRUE(type.key_of(data, key, false));
     return key;
   };
   const Bytes good = to_bytes<TypeOf<Hello>>(valid_hello());
@@ -196,31 +194,31 @@ TEST(TypeSupport, FailureLeavesNoKeyOfTheSampleBefore) {
   const Key of_bad = load(Bytes(good.begin(), good.begin() + 30));
   EXPECT_TRUE(of_good.isDefined());
   EXPECT_FALSE(of_bad == of_good);
-  type.deleteData(data);
+  type.delete_made(data);
 }
 
 TEST(TypeSupport, GivenBytesGoOutAsTheyAre) {
   Bytes bytes = to_bytes<TypeOf<BodyPose>>(valid_pose());
   bytes.insert(bytes.end(), {0, 0, 0});  // padding, as it comes from the wire
-  RawType<wire_types::BodyPoseSamplePubSubType> raw;
-  void* data = raw.createData();
+  RawTypeOf<BodyPose> raw;
+  void* data = raw.make_data();
   Payload in(static_cast<std::uint32_t>(bytes.size()));
   std::copy(bytes.begin(), bytes.end(), in.data);
   in.length = static_cast<std::uint32_t>(bytes.size());
-  ASSERT_TRUE(raw.deserialize(&in, data));
+  ASSERT_TRUE(raw.read(in, data));
   // What was read is written again, whatever the fields say.
   auto& sample =
       static_cast<TypeOf<BodyPose>::Data&>(*static_cast<TypeOf<BodyPose>::Sample*>(data));
   EXPECT_EQ(sample.cdr, bytes);
   sample.frame(99);
   TypeOf<BodyPose> type;
-  ASSERT_EQ(type.getSerializedSizeProvider(data)(), bytes.size());
+  ASSERT_EQ(type.size_of(data), bytes.size());
   Payload out(static_cast<std::uint32_t>(bytes.size()));
-  ASSERT_TRUE(type.serialize(data, &out));
+  ASSERT_TRUE(type.write(data, out));
   EXPECT_EQ(Bytes(out.data, out.data + out.length), bytes);
   Payload small(static_cast<std::uint32_t>(bytes.size() - 1));
-  EXPECT_FALSE(type.serialize(data, &small));
-  raw.deleteData(data);
+  EXPECT_FALSE(type.write(data, small));
+  raw.delete_made(data);
 }
 
 TEST(TypeSupport, KeysComputedByTwoThreadsAreRight) {
@@ -231,7 +229,7 @@ TEST(TypeSupport, KeysComputedByTwoThreadsAreRight) {
     TypeOf<ContactReport>::Data data;
     encode(report, data);
     Key key;
-    type.getKey(static_cast<TypeOf<ContactReport>::Sample*>(&data), &key, false);
+    EXPECT_TRUE(type.key_of(static_cast<TypeOf<ContactReport>::Sample*>(&data), key, false));
     return key;
   };
   const Key expected[2] = {key_of(1), key_of(2)};
