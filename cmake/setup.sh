@@ -15,7 +15,7 @@ fi
 nearmesh_packages=(
   build-essential cmake ninja-build python3
   libeigen3-dev libassimp-dev zlib1g-dev libcli11-dev nlohmann-json3-dev libxxhash-dev libgtest-dev libgmp-dev libhwy-dev
-  libsqlite3-dev libssl-dev
+  libsqlite3-dev libssl-dev libjs-three
   "$fastdds" libfastcdr-dev fastddsgen libspdlog-dev libyaml-cpp-dev
   prometheus-cpp-dev libtinyxml2-dev iproute2 nftables libfaketime)
 

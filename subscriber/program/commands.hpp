@@ -51,7 +51,6 @@ Status run(const ExportOptions& options);
 
 struct ReportOptions {
   std::string session, folder;
-  std::vector<double> at_s;
 };
 Status run(const ReportOptions& options);
 

@@ -139,17 +139,11 @@ void add_export_command(CLI::App& app, Action& chosen) {
 void add_report_command(CLI::App& app, Action& chosen) {
   CLI::App* command = app.add_subcommand(
       "report",
-      "Write a recorded session as one page of HTML: answers, bytes, contacts, pictures.");
+      "Write a recorded session as one page of HTML: a moving picture of it, and charts.");
   const auto options = std::make_shared<ReportOptions>();
   command->add_option("session", options->session, "Recorded session (.db3)")->required();
   command->add_option("-o,--output", options->folder, "Folder for index.html; made if need be")
       ->required();
-  command
-      ->add_option("--at", options->at_s,
-                   "Picture the meshes so many seconds after the first message; repeatable "
-                   "(default: first contact, most contacts, largest replicas)")
-      ->allow_extra_args(false)
-      ->check(CLI::NonNegativeNumber);
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 

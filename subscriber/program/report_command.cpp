@@ -7,6 +7,7 @@
 #include "commands.hpp"
 #include "nearmesh/core/recording/recording.hpp"
 #include "subscriber/report/html_page.hpp"
+#include "subscriber/report/player_page.hpp"
 
 namespace nearmesh::subscriber::program {
 Status run(const ReportOptions& options) {
@@ -16,7 +17,7 @@ Status run(const ReportOptions& options) {
   if (std::filesystem::exists(path))
     NEARMESH_RETURN_IF_ERROR(check_output(path, report::kPageFile));
   const Result<std::string> html = report::html_page(
-      *opened.value(), std::filesystem::path(options.session).filename().string(), options.at_s);
+      *opened.value(), std::filesystem::path(options.session).filename().string());
   if (!html.is_ok())
     return {html.status().code(), options.session + ": " + html.status().message()};
   std::error_code error;
@@ -24,6 +25,7 @@ Status run(const ReportOptions& options) {
   if (error) return {StatusCode::kIo, options.folder + ": cannot create: " + error.message()};
   NEARMESH_RETURN_IF_ERROR(write_file(path, report::kPageFile, html.value()));
   std::printf("%s: %zu bytes\n", path.c_str(), html.value().size());
+  if (report::player_files().three.empty()) std::printf("%s\n", report::kNoPlayer);
   return Status::ok();
 }
 

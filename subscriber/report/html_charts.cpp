@@ -161,11 +161,11 @@ std::string number(double x, int digits) {
   return text;
 }
 
-std::string timeline_figure(const std::string& peer, const PeerHistory& history,
-                            double duration_s) {
+std::string timeline_figure(const std::string& peer, const PeerHistory& one,
+                            const History& history) {
   PeerHistory::Bin sum;
   std::uint64_t most_answers = 0, most_bytes = 0;
-  for (const PeerHistory::Bin& bin : history.bins) {
+  for (const PeerHistory::Bin& bin : one.bins) {
     std::uint64_t answers = 0;
     for (std::size_t s = 0; s < kStatuses; ++s) {
       answers += bin.answers[s];
@@ -175,11 +175,12 @@ std::string timeline_figure(const std::string& peer, const PeerHistory& history,
     most_answers = std::max(most_answers, answers);
     most_bytes = std::max(most_bytes, bin.bytes);
   }
+  if (most_answers == 0 && most_bytes == 0) return "";
   constexpr double kHeight = 334;
-  const double width_s = duration_s / kBins;
+  const double width_s = history.bin_s, span_s = width_s * static_cast<double>(history.bins);
   std::string drawing;
-  Panel answers(drawing, 30, 150, duration_s, static_cast<double>(most_answers));
-  Panel bytes(drawing, 224, 70, duration_s, static_cast<double>(most_bytes));
+  Panel answers(drawing, 30, 150, span_s, static_cast<double>(most_answers));
+  Panel bytes(drawing, 224, 70, span_s, static_cast<double>(most_bytes));
   answers.axes("", "answers in " + number(width_s, 3) + " s");
   bytes.axes("seconds", "bytes of batches in " + number(width_s, 3) + " s");
   std::string table = "<table><caption>Totals</caption>";
@@ -191,8 +192,8 @@ std::string timeline_figure(const std::string& peer, const PeerHistory& history,
   heads.emplace_back("bytes");
   totals.push_back(std::to_string(sum.bytes));
   table += row(heads, "th") + row(totals) + "</table>";
-  for (std::size_t i = 0; i < kBins; ++i) {
-    const PeerHistory::Bin& bin = history.bins[i];
+  for (std::size_t i = 0; i < history.bins; ++i) {
+    const PeerHistory::Bin& bin = one.bins[i];
     const double from = static_cast<double>(i) * width_s, to = from + width_s;
     double low = 0;
     for (const std::size_t s : {0U, 4U, 1U, 2U, 3U}) {  // certified ones below
@@ -222,20 +223,21 @@ std::string timeline_figure(const std::string& peer, const PeerHistory& history,
 }
 
 std::string contacts_figure(const History& history) {
+  if (history.contacts.empty()) return "";
   std::uint32_t most = 0;
   for (const auto& [body, bins] : history.contacts)
     most = std::max(most, *std::max_element(bins.begin(), bins.end()));
   constexpr double kEach = 118;
-  const double width_s = history.duration_s / kBins;
+  const double width_s = history.bin_s, span_s = width_s * static_cast<double>(history.bins);
   std::string drawing, table = "<table><caption>Most touching face pairs</caption>" +
                                row({"body", "face pairs", "parts of the session in contact"}, "th");
   double top = 30;
   for (const auto& [body, bins] : history.contacts) {
     const bool is_last = body == history.contacts.rbegin()->first;
-    Panel panel(drawing, top, kEach - 48, history.duration_s, most);
+    Panel panel(drawing, top, kEach - 48, span_s, most);
     panel.axes(is_last ? "seconds" : "", body);
     std::size_t touching = 0;
-    for (std::size_t i = 0; i < kBins; ++i) {
+    for (std::size_t i = 0; i < history.bins; ++i) {
       if (bins[i] == 0) continue;
       ++touching;
       const double from = static_cast<double>(i) * width_s;
@@ -243,7 +245,7 @@ std::string contacts_figure(const History& history) {
                 number(from) + " s: " + std::to_string(bins[i]) + " face pairs");
     }
     table += row({escape(body), std::to_string(*std::max_element(bins.begin(), bins.end())),
-                  std::to_string(touching) + " of " + std::to_string(kBins)});
+                  std::to_string(touching) + " of " + std::to_string(history.bins)});
     top += kEach;
   }
   return figure("Contacts of each body",
@@ -265,6 +267,7 @@ std::string certified_figure(const History& history) {
       most_bytes = std::max(most_bytes, static_cast<double>(time.bytes));
       ++count;
     }
+  if (count == 0) return "";
   std::string drawing,
       table = "<table><caption>Seconds to certified</caption>" +
               row({"peer", "times", "min", "median", "max", "bytes, median"}, "th");
@@ -320,6 +323,7 @@ std::string accuracy_figure(const History& history) {
     table += row({escape(peer), std::to_string(answers),
                   answers == 0 ? "" : number(curve.back()[1]), std::to_string(bytes)});
   }
+  if (most_bytes == 0) return "";
   std::string drawing;
   Panel panel(drawing, 30, 204, most_bytes, 100);
   panel.axes("bytes of batches received so far", "% of answers so far that were certified");

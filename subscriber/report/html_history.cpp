@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <cmath>
 
 #include "html_parts.hpp"
 #include "nearmesh/idl/dds/recorded_samples.hpp"
@@ -8,6 +9,22 @@
 namespace nearmesh::subscriber::report {
 namespace {
 
+/// How often a peer's frames are.
+struct Frames {
+  std::uint64_t first = 0, last = 0;
+  double first_s = 0, last_s = 0;
+
+  [[nodiscard]] double period_s() const {
+    return last > first ? (last_s - first_s) / static_cast<double>(last - first) : 0;
+  }
+  /// On time, whatever its way to the recorder took.
+  [[nodiscard]] double time_s(std::uint64_t frame) const {
+    const double s =
+        first_s + period_s() * (static_cast<double>(frame) - static_cast<double>(first));
+    return std::clamp(s, first_s, last_s);
+  }
+};
+
 class Gatherer {
  public:
   Gatherer(const RecordingReader& recording, const wire::RecordedSamples& samples)
@@ -15,72 +32,79 @@ class Gatherer {
     history_.duration_s = static_cast<double>(recording.end_ns() - recording.begin_ns()) * 1e-9;
   }
 
-  void take(std::int64_t id, const RecordedMessage& message) {
+  /// The first run: of reports alone.
+  void look(const RecordedMessage& message) {
+    const auto report = samples_.read<wire::ContactReport>(message);
+    if (!report) return;
+    const auto [at, is_new] = frames_.try_emplace(wire::partition_of(report->peer));
+    Frames& frames = at->second;
+    const double s = seconds_of(message);
+    if (is_new || report->frame < frames.first) frames = {report->frame, report->frame, s, s};
+    if (report->frame > frames.last) {
+      frames.last = report->frame;
+      frames.last_s = s;
+    }
+  }
+  void choose_bins() {
+    double period_s = 0;
+    for (const auto& [peer, frames] : frames_) period_s = std::max(period_s, frames.period_s());
+    history_.bin_s = history_.duration_s / kBins;
+    if (period_s > 0) history_.bin_s = period_s * std::ceil(history_.bin_s / period_s);
+    if (history_.bin_s > 0)
+      history_.bins = static_cast<std::size_t>(history_.duration_s / history_.bin_s) + 1;
+  }
+
+  void take(const RecordedMessage& message) {
     if (samples_.is<wire::SplitBatchMessage>(message)) {
       const std::string& partition = recording_.writers()[message.writer].partition;
-      history_.peers[partition].bins[bin_of(message)].bytes += message.cdr.size();
+      bin_of(peer_of(partition), seconds_of(message)).bytes += message.cdr.size();
       bytes_[partition] += message.cdr.size();
     } else if (const auto report = samples_.read<wire::ContactReport>(message)) {
-      take(id, message, *report);
+      take(message, *report);
     }
   }
 
-  [[nodiscard]] History finish() {
-    for (const auto& [why, best] :
-         {std::pair("First contact", first_contact_), std::pair("Most contacts", most_contacts_),
-          std::pair("Largest replicas", largest_)}) {
-      if (best.report == 0) continue;
-      const auto same =
-          std::find_if(history_.moments.begin(), history_.moments.end(),
-                       [id = best.report](const Moment& m) { return m.report == id; });
-      if (same == history_.moments.end())
-        history_.moments.push_back({why, best.report});
-      else
-        same->why += std::string("; ") + static_cast<char>(why[0] - 'A' + 'a') + (why + 1);
-    }
-    return std::move(history_);
-  }
+  [[nodiscard]] History finish() { return std::move(history_); }
 
  private:
-  struct Best {
-    std::int64_t report = 0;
-    std::uint64_t value = 0;
-    void offer(std::int64_t id, std::uint64_t offered) {
-      if (offered > value) *this = {id, offered};
-    }
-  };
-
-  void take(std::int64_t id, const RecordedMessage& message, const wire::ContactReport& report) {
+  void take(const RecordedMessage& message, const wire::ContactReport& report) {
     const std::string partition = wire::partition_of(report.peer);
-    PeerHistory& peer = history_.peers[partition];
-    const std::size_t bin = bin_of(message);
-    ++peer.bins[bin].answers[report.status];
+    PeerHistory& peer = peer_of(partition);
+    const double s = frames_.at(partition).time_s(report.frame);
+    ++bin_of(peer, s).answers[report.status];
     const std::uint64_t bytes = bytes_[partition];
     if (const auto began = open_.add(report, {message.source_ns, bytes}))
       peer.certified.push_back(
           {static_cast<double>(message.source_ns - began->source_ns) * 1e-9, bytes - began->bytes});
+    if (report.pair_count == 0) return;
     for (const std::string& body : {report.body_a, report.body_b}) {
       std::vector<std::uint32_t>& most = history_.contacts[body];
-      most.resize(kBins);
-      most[bin] = std::max(most[bin], report.pair_count);
+      most.resize(history_.bins);
+      most[place_of(s)] = std::max(most[place_of(s)], report.pair_count);
     }
-    if (!report.asked || report.gave_up_detail) return;
-    if (first_contact_.report == 0) first_contact_.offer(id, report.pair_count);
-    most_contacts_.offer(id, report.pair_count);
-    largest_.offer(id, std::uint64_t{report.a.applied_batches} + report.b.applied_batches);
   }
-  [[nodiscard]] std::size_t bin_of(const RecordedMessage& message) const {
-    const double s = static_cast<double>(message.received_ns - recording_.begin_ns()) * 1e-9;
-    if (!(s > 0) || history_.duration_s <= 0) return 0;
-    return static_cast<std::size_t>(std::min(s / history_.duration_s * kBins, kBins - 1.0));
+  PeerHistory& peer_of(const std::string& partition) {
+    PeerHistory& peer = history_.peers[partition];
+    peer.bins.resize(history_.bins);
+    return peer;
+  }
+  [[nodiscard]] PeerHistory::Bin& bin_of(PeerHistory& peer, double s) const {
+    return peer.bins[place_of(s)];
+  }
+  [[nodiscard]] double seconds_of(const RecordedMessage& message) const {
+    return static_cast<double>(message.received_ns - recording_.begin_ns()) * 1e-9;
+  }
+  [[nodiscard]] std::size_t place_of(double s) const {
+    if (!(s > 0) || history_.bin_s <= 0) return 0;
+    return std::min(static_cast<std::size_t>(s / history_.bin_s), history_.bins - 1);
   }
 
   const RecordingReader& recording_;
   const wire::RecordedSamples& samples_;
   History history_;
+  std::map<std::string, Frames> frames_;        // by partition
   std::map<std::string, std::uint64_t> bytes_;  // so far, by partition
   CertifiedTimes open_;
-  Best first_contact_, most_contacts_, largest_;
 };
 
 }  // namespace
@@ -89,11 +113,16 @@ Result<History> gather_history(RecordingReader& recording) {
   const Result<wire::RecordedSamples> samples = wire::RecordedSamples::of(recording);
   NEARMESH_RETURN_IF_ERROR(samples);
   Gatherer gatherer(recording, samples.value());
-  NEARMESH_RETURN_IF_ERROR(recording.read(1, recording.message_count() + 1,
-                                          [&](std::int64_t id, const RecordedMessage& message) {
-                                            gatherer.take(id, message);
-                                            return true;
-                                          }));
+  const auto read = [&](const auto& visit) {
+    return recording.read(1, recording.message_count() + 1,
+                          [&](std::int64_t, const RecordedMessage& message) {
+                            visit(message);
+                            return true;
+                          });
+  };
+  NEARMESH_RETURN_IF_ERROR(read([&](const RecordedMessage& message) { gatherer.look(message); }));
+  gatherer.choose_bins();
+  NEARMESH_RETURN_IF_ERROR(read([&](const RecordedMessage& message) { gatherer.take(message); }));
   return gatherer.finish();
 }
 

@@ -6,6 +6,7 @@
 #include "idl/messages/process_name.hpp"
 #include "nearmesh/core/query/query.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
+#include "player_page.hpp"
 #include "subscriber/recorded/survey.hpp"
 
 namespace nearmesh::subscriber::report {
@@ -14,15 +15,16 @@ namespace {
 // Colours of statuses and peers are told apart with any colour vision (Okabe and Ito), on light and on dark.
 constexpr const char* kStyle = R"css(
 :root{color-scheme:light dark;--back:#fff;--text:#1c2430;--dim:#556070;--line:#c9d0d8;--grid:#e8ecf0;--panel:#f5f7f9;
---free:#009e73;--contact:#d55e00;--partial:#cc79a7;--uncertain:#8a929c;--contained:#56b4e9;--bytes:#0072b2}
+--free:#009e73;--contact:#d6006c;--partial:#cc79a7;--uncertain:#f0a000;--contained:#56b4e9;--bytes:#0072b2}
 @media(prefers-color-scheme:dark){:root{--back:#14181d;--text:#e6eaef;--dim:#a4adb8;--line:#47505b;--grid:#2a313a;
 --panel:#1d232a;--bytes:#56a8dc}}
-body{margin:0 auto;max-width:62rem;padding:1.5rem;background:var(--back);color:var(--text);
-font:16px/1.5 system-ui,sans-serif}
-h1{font-size:1.6rem;margin:0 0 .2rem}h2{font-size:1.2rem;margin:2.2rem 0 .6rem;border-bottom:1px solid var(--line)}
+body{margin:0;background:var(--back);color:var(--text);font:16px/1.5 system-ui,sans-serif}
+main{margin:0 auto;max-width:62rem;padding:0 1.5rem 1.5rem}
+header{display:flex;flex-wrap:wrap;gap:0 1.2rem;align-items:baseline;padding:.5rem .8rem;border-bottom:1px solid var(--line)}
+header p{margin:0;color:var(--dim)}.none{padding:0 .8rem}
+h1{font-size:1.2rem;margin:0}h2{font-size:1.2rem;margin:2.2rem 0 .6rem;border-bottom:1px solid var(--line)}
 p.dim,figcaption{color:var(--dim)}figcaption{font-size:.9rem}
 figure{margin:1rem 0 1.6rem}figure>svg{width:100%;height:auto;background:var(--panel);border-radius:6px}
-.picture>svg{max-width:52rem}
 svg text{font:12px system-ui,sans-serif;fill:var(--dim)}
 .axis{stroke:var(--dim)}.grid{stroke:var(--grid)}
 .s0{fill:var(--free)}.s1{fill:var(--contact)}.s2{fill:var(--partial)}.s3{fill:var(--uncertain)}.s4{fill:var(--contained)}
@@ -30,16 +32,10 @@ svg text{font:12px system-ui,sans-serif;fill:var(--dim)}
 .p0{--c:#0072b2}.p1{--c:#d55e00}.p2{--c:#009e73}.p3{--c:#cc79a7}.p4{--c:#e69f00}.p5{--c:#56b4e9}.p6{--c:#8a929c}
 .p7{--c:#b8a200}
 .fill{fill:var(--c);fill-opacity:.75}.stroke{fill:none;stroke:var(--c);stroke-width:2}
-.mesh path{fill:currentColor;stroke:currentColor;stroke-width:.6;stroke-linejoin:round}
-.mesh path.o{fill:none;stroke:#000;stroke-opacity:.3;stroke-width:.5}
-.mesh path.contact{fill:none;stroke:#f0f;stroke-width:2.4;stroke-linecap:round}
 table{border-collapse:collapse;font-size:.9rem;font-variant-numeric:tabular-nums}
 th,td{padding:.2rem .7rem .2rem 0;text-align:left;border-bottom:1px solid var(--grid)}caption{text-align:left}
 .scroll{overflow-x:auto}.legend{list-style:none;display:flex;flex-wrap:wrap;gap:.2rem 1.1rem;margin:.3rem 0;padding:0}
 .swatch{width:.8em;height:.8em}
-.scale{display:inline-block;width:9rem;height:.9em;vertical-align:-.1em;border-radius:2px;
-background:linear-gradient(90deg,#ffffb2,#fecc5c,#fd8d3c,#f03b20,#bd0026)}
-.chip{display:inline-block;width:.9em;height:.9em;vertical-align:-.1em;border-radius:2px}
 )css";
 
 std::string summary_section(const RecordingReader& recording, const Survey& survey) {
@@ -85,81 +81,70 @@ std::string with_name(const std::string& partition, const Survey& survey) {
   return partition;
 }
 
-/// What is to be pictured: the moments asked for, or those that the history suggests.
-Result<std::vector<Moment>> moments_of(RecordingReader& recording, const History& history,
-                                       const std::vector<double>& at_s) {
-  if (at_s.empty()) return history.moments;
-  std::vector<Moment> moments;
-  for (const double time_s : at_s) {
-    const auto after_ns = static_cast<std::int64_t>(std::min(time_s, 1e8) * 1e9 + 0.5);
-    const Result<std::int64_t> report =
-        find_report(recording, {.received_ns = recording.begin_ns() + after_ns});
-    NEARMESH_RETURN_IF_ERROR(report);
-    moments.push_back({"At " + number(time_s, 6) + " s", report.value()});
+/// One line for who opens the page.
+std::string in_short(const Survey& survey) {
+  std::uint64_t answers = 0, certified = 0;
+  for (std::size_t i = 0; i < survey.by_status.size(); ++i) {
+    answers += survey.by_status[i];
+    if (is_certified(static_cast<AnswerStatus>(i))) certified += survey.by_status[i];
   }
-  return moments;
+  std::uint64_t bytes = 0;
+  for (const TopicCount& topic : survey.topics) bytes += topic.bytes;
+  return number(survey.duration_s, 4) + " s, " + std::to_string(survey.peers.size()) + " peers, " +
+         std::to_string(answers) + " answers, " + std::to_string(certified) +
+         " of them certified, " + number(static_cast<double>(bytes) / 1e6, 3) + " MB";
 }
 
-Result<std::string> pictures_section(RecordingReader& recording,
-                                     const std::vector<Moment>& moments) {
-  std::vector<std::int64_t> reports;
-  for (const Moment& moment : moments) reports.push_back(moment.report);
-  const auto scenes = rebuild_scenes(recording, reports);
-  NEARMESH_RETURN_IF_ERROR(scenes);
-  std::string out =
-      "<section id=\"pictures\"><h2>Meshes at chosen moments</h2><p>"
-      "<span class=\"chip\" style=\"background:#3182bd\"></span> exact "
-      "<span class=\"chip\" style=\"background:#969696\"></span> exact, of the other body "
-      "<span class=\"scale\" role=\"img\" aria-label=\"yellow to red\"></span> eps, the bound of "
-      "the distance to the full mesh, from 1/8192 to 1/8 of the model's size "
-      "<span class=\"chip\" style=\"background:#f0f\"></span> contact</p>\n";
-  if (moments.empty()) out += "<p>No answer was about meshes that are recorded.</p>";
-  for (std::size_t i = 0; i < moments.size(); ++i) {
-    const Result<RecordedScene>& scene = scenes.value()[i];
-    if (scene.is_ok())
-      out += picture_figure(
-          scene.value(), moments[i].why,
-          static_cast<double>(scene.value().received_ns - recording.begin_ns()) * 1e-9);
-    else
-      out += "<p>" + escape(moments[i].why + ": no picture, " + scene.status().message()) + "</p>";
-  }
-  return out + "</section>\n";
+/// What is far from everything may change in the picture some 3,000 times: in a session of 10 minutes 5 times a second.
+FilmPlan plan_for(double duration_s) {
+  return {.least_step_ms = static_cast<std::int64_t>(duration_s / 3)};
 }
 
 }  // namespace
 
-Result<std::string> html_page(RecordingReader& recording, const std::string& title,
-                              const std::vector<double>& at_s) {
+Result<std::string> html_page(RecordingReader& recording, const std::string& title) {
   const Result<Survey> counts = survey(recording);
   NEARMESH_RETURN_IF_ERROR(counts);
   const Result<History> gathered = gather_history(recording);
   NEARMESH_RETURN_IF_ERROR(gathered);
   const History& history = gathered.value();
-  const Result<std::vector<Moment>> moments = moments_of(recording, history, at_s);
-  NEARMESH_RETURN_IF_ERROR(moments);
-  const Result<std::string> pictures = pictures_section(recording, moments.value());
-  NEARMESH_RETURN_IF_ERROR(pictures);
+  std::map<std::string, std::string> names;
+  for (const auto& [id, called] : counts.value().names) names[wire::partition_of(id)] = called;
+  PlayerPage player;
+  if (!player_files().three.empty()) {
+    const Result<Film> film = make_film(recording, plan_for(history.duration_s));
+    NEARMESH_RETURN_IF_ERROR(film);
+    Result<PlayerPage> made = player_page(film.value(), names);
+    NEARMESH_RETURN_IF_ERROR(made);
+    player = std::move(made).value();
+  }
   const std::string name = escape(title);
   std::string out = std::string(kPageFile.begins) +
                     "<meta name=\"viewport\" content=\"width=device-width\">"
                     "<link rel=\"icon\" href=\"data:,\"><title>Session " +
-                    name + "</title><style>" + kStyle +
-                    "</style></head><body><main>\n<h1>Session " + name +
-                    "</h1><p class=\"dim\">Times are those of the recorder, from the first "
-                    "message. Bars and dots say more when pointed at; each chart has its "
-                    "numbers below it.</p>\n";
-  out += summary_section(recording, counts.value());
-  out += pictures.value();
+                    name + "</title><style>" + kStyle + player.style +
+                    "</style></head><body>\n<header><h1>Session " + name + "</h1><p>" +
+                    in_short(counts.value()) + "</p></header>\n";
   out +=
-      "<section id=\"accuracy\"><h2>Speed and accuracy</h2><p>A recording has no milliseconds of "
-      "computing; how fast answers became certain follows from when they arrived.</p>" +
-      certified_figure(history) + accuracy_figure(history) + "</section>\n";
-  out += "<section id=\"contacts\"><h2>Contacts</h2>" +
-         (history.contacts.empty() ? "<p>No answers.</p>" : contacts_figure(history)) +
-         "</section>\n<section id=\"timeline\"><h2>Peers over time</h2>";
+      player.body.empty() ? "<p class=\"none\">" + std::string(kNoPlayer) + ".</p>" : player.body;
+  out += "<main>" + summary_section(recording, counts.value());
+  std::string charts = certified_figure(history) + accuracy_figure(history);
+  if (!charts.empty())
+    out +=
+        "<section id=\"accuracy\"><h2>Speed and accuracy</h2><p>A recording has no milliseconds of "
+        "computing; how fast answers became certain follows from when they arrived.</p>" +
+        charts + "</section>\n";
+  if (charts = contacts_figure(history); !charts.empty())
+    out += "<section id=\"contacts\"><h2>Contacts</h2>" + charts + "</section>\n";
+  charts.clear();
   for (const auto& [peer, one] : history.peers)
-    out += timeline_figure(with_name(peer, counts.value()), one, history.duration_s);
-  return out + "</section>\n</main></body></html>\n";
+    charts += timeline_figure(with_name(peer, counts.value()), one, history);
+  if (!charts.empty())
+    out += "<section id=\"timeline\"><h2>Peers over time</h2>" + charts + "</section>\n";
+  return out +
+         "<p class=\"dim\">Times are those of the recorder, from the first message. Bars and dots "
+         "say "
+         "more when pointed at; each chart has its numbers below it.</p></main></body></html>\n";
 }
 
 }  // namespace nearmesh::subscriber::report

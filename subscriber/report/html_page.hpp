@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// A recorded session as one page of HTML that needs nothing else: answers, bytes, contacts, pictures (takes a recording, gives
-// the page).
+// A recorded session as one page of HTML that needs nothing else: the moving picture, and charts of answers, bytes and
+// contacts (takes a recording, gives the page).
 
 #include <string>
-#include <vector>
 
 #include "core/base/output_file.hpp"
 #include "nearmesh/core/recording/recording.hpp"
@@ -16,9 +15,8 @@ inline constexpr FileKind kPageFile{
     "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"
     "<meta name=\"generator\" content=\"nearmesh-subscriber report\">"};
 
-/// `at_s`: the meshes are pictured so many seconds after the first message; empty: at moments that the recording suggests.
-/// Errors: those of the reader; kNotFound where there is no answer at such a time. Cost: some runs through the recording.
-[[nodiscard]] Result<std::string> html_page(RecordingReader& recording, const std::string& title,
-                                            const std::vector<double>& at_s);
+/// Errors: those of the reader; kIo where there is no memory for replicas. Cost: that of verify, and some runs through the
+/// recording. The same recording gives the same page.
+[[nodiscard]] Result<std::string> html_page(RecordingReader& recording, const std::string& title);
 
 }  // namespace nearmesh::subscriber::report

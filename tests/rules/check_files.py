@@ -12,7 +12,7 @@ import sys
 import tempfile
 
 LICENCE = "SPDX-License-Identifier: Apache-2.0"
-CODE = {".cpp", ".hpp", ".h", ".idl", ".py", ".sh"}
+CODE = {".cpp", ".hpp", ".h", ".idl", ".js", ".py", ".sh"}
 SKIPPED = {".git", ".cache", "out"}  # and build*
 MACHINE_FOLDERS = ["/" + folder + "/" for folder in ("work", "root")]
 # Answers must be the same bits everywhere; sqrt, floor, ldexp and the like are exact by IEEE 754 or by definition.
