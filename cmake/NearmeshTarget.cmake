@@ -1,8 +1,13 @@
 # How every library and program of the project is made. A target is one folder, or a stated list of folders: all sources in
 # them belong to it, and a new file needs no line in any CMake file.
 
-if(NOT CMAKE_BUILD_TYPE AND NOT CMAKE_CONFIGURATION_TYPES)
-  set(CMAKE_BUILD_TYPE RelWithDebInfo CACHE STRING "" FORCE)
+# Of a build of our own; a project that adds this one has its own.
+if(PROJECT_IS_TOP_LEVEL)
+  if(NOT CMAKE_BUILD_TYPE AND NOT CMAKE_CONFIGURATION_TYPES)
+    set(CMAKE_BUILD_TYPE RelWithDebInfo CACHE STRING "" FORCE)
+  endif()
+  # Assertions stay on in RelWithDebInfo (they are cheap by rule); Release drops them.
+  set(CMAKE_CXX_FLAGS_RELWITHDEBINFO "-O3 -g1")
 endif()
 set(CMAKE_CXX_STANDARD 20)
 set(CMAKE_CXX_STANDARD_REQUIRED ON)
@@ -11,8 +16,6 @@ set(CMAKE_POSITION_INDEPENDENT_CODE ON)
 set(CMAKE_CXX_VISIBILITY_PRESET hidden)
 set(CMAKE_VISIBILITY_INLINES_HIDDEN ON)
 set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
-# Assertions stay on in RelWithDebInfo (they are cheap by rule); Release drops them.
-set(CMAKE_CXX_FLAGS_RELWITHDEBINFO "-O3 -g1")
 
 # nearmesh_compile_options(TARGET): warnings and the flags that answers depend on.
 function(nearmesh_compile_options target)
@@ -80,7 +83,7 @@ function(nearmesh_add_library name)
     cmake_path(GET CMAKE_CURRENT_SOURCE_DIR FILENAME wing)
     foreach(room ${ARG_FOLDERS})
       set(headers ${CMAKE_CURRENT_SOURCE_DIR}/include/nearmesh/${wing}/${room})
-      if(IS_DIRECTORY ${headers})
+      if(NEARMESH_INSTALL AND IS_DIRECTORY ${headers})
         install(DIRECTORY ${headers} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/nearmesh/${wing} FILES_MATCHING PATTERN *.hpp)
       endif()
     endforeach()

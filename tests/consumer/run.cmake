@@ -4,7 +4,7 @@ function(run)
 endfunction()
 
 # From nothing each time, so that no file of an earlier install can help.
-file(REMOVE_RECURSE ${SCRATCH}/prefix ${SCRATCH}/build)
+file(REMOVE_RECURSE ${SCRATCH}/prefix ${SCRATCH}/build ${SCRATCH}/c_build)
 run(${CMAKE_COMMAND} --install ${BUILD} --prefix ${SCRATCH}/prefix)
 run(${CMAKE_COMMAND} -S ${PROJECT} -B ${SCRATCH}/build -G ${GENERATOR}
     -D CMAKE_PREFIX_PATH=${SCRATCH}/prefix -D COMPONENTS=${COMPONENTS} -D CMAKE_CXX_COMPILER=${CXX}
@@ -16,3 +16,20 @@ if(EXISTS ${SCRATCH}/build/lone_peer)  # with DDS
   run(${SCRATCH}/build/lone_peer)
 endif()
 run(${SCRATCH}/prefix/bin/nearmesh-model --help)
+
+# In C, by CMake without any other package; and by pkg-config, from a prefix that was moved.
+run(${CMAKE_COMMAND} -S ${C_PROJECT} -B ${SCRATCH}/c_build -G ${GENERATOR} -D CMAKE_PREFIX_PATH=${SCRATCH}/prefix
+    -D CMAKE_C_COMPILER=${C} -D CMAKE_BUILD_TYPE=${BUILD_TYPE})
+run(${CMAKE_COMMAND} --build ${SCRATCH}/c_build)
+run(${SCRATCH}/c_build/two_cubes ${SCRATCH}/cube.spm)
+find_program(PKG_CONFIG pkg-config)
+if(PKG_CONFIG)
+  file(REMOVE_RECURSE ${SCRATCH}/moved)
+  file(RENAME ${SCRATCH}/prefix ${SCRATCH}/moved)
+  set(ENV{PKG_CONFIG_PATH} ${SCRATCH}/moved/${LIBDIR}/pkgconfig)
+  execute_process(COMMAND ${PKG_CONFIG} --cflags --libs nearmesh OUTPUT_VARIABLE flags
+                  OUTPUT_STRIP_TRAILING_WHITESPACE COMMAND_ERROR_IS_FATAL ANY)
+  separate_arguments(flags UNIX_COMMAND "${flags}")
+  run(${C} -std=c11 ${C_PROJECT}/two_cubes.c ${flags} -Wl,-rpath,${SCRATCH}/moved/${LIBDIR} -o ${SCRATCH}/c_build/by_pkg_config)
+  run(${SCRATCH}/c_build/by_pkg_config ${SCRATCH}/cube.spm)
+endif()

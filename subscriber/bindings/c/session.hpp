@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// The handle of a session, with the last frame as C reads it.
+
+#include <atomic>
+#include <deque>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "answers.hpp"
+#include "handle.hpp"
+#include "nearmesh/subscriber/peer/local_channel.hpp"
+#include "nearmesh/subscriber/peer/session.hpp"
+
+namespace nearmesh::c {
+
+/// Of a frame; its texts are the report's.
+struct OwnedPair {
+  OwnedPair() = default;
+  OwnedPair(const OwnedPair&) = delete;
+  OwnedPair& operator=(const OwnedPair&) = delete;
+  void fill(const subscriber::PairAnswer& of);
+
+  nearmesh_pair_answer pair{};
+  OwnedAnswer answer;
+  ContentText content_a, content_b;
+  nearmesh_swept swept{};
+};
+
+struct OwnedFrame {
+  OwnedFrame() = default;
+  OwnedFrame(const OwnedFrame&) = delete;
+  OwnedFrame& operator=(const OwnedFrame&) = delete;
+  void fill(subscriber::FrameReport of);
+
+  subscriber::FrameReport report;
+  nearmesh_frame frame{};
+  std::deque<OwnedPair> pairs;  // do not move; the report's, and some that are not used now
+  std::vector<nearmesh_unknown_body> unknown;
+};
+
+/// A channel on DDS. Errors: those of DdsChannel::create; kUnsupported where this build has none.
+[[nodiscard]] Result<std::unique_ptr<subscriber::Channel>> make_dds_channel(
+    const nearmesh_dds_options* options);
+
+}  // namespace nearmesh::c
+
+struct nearmesh_session {
+  static constexpr nearmesh::c::Kind kKind = nearmesh::c::Kind::kSession;
+  nearmesh::c::Kind kind = kKind;
+  mutable std::atomic<bool> in_use = false;
+  bool is_spoiled = false;  // an exception came half-way: what it holds is not to be trusted
+  nearmesh::subscriber::LocalChannel* local = nullptr;  // the session's channel, of a local one
+  std::unique_ptr<nearmesh::subscriber::Session> session;
+  std::vector<nearmesh::subscriber::Session::OwnMotion> motions;  // scratch
+  std::optional<nearmesh::c::OwnedFrame> frame;
+
+  // What the functions of these names gave last.
+  std::string readiness_reason, region_reason, name;
+  nearmesh_readiness readiness{};
+  nearmesh_region_readiness region{};
+  nearmesh_session_stats stats{};
+  nearmesh::c::ContentText content;
+  nearmesh_model_facts facts{};
+};

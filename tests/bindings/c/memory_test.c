@@ -1,0 +1,164 @@
+// SPDX-License-Identifier: Apache-2.0
+// Memory that runs out, at any place: each call gives a status, what was half-way done is not asked again, no answer is wrong.
+// Argument: a folder to write to. The library's allocations end in the malloc() of this file.
+#define _GNU_SOURCE
+#include "check.h"
+
+#include <stdatomic.h>
+
+extern void* __libc_malloc(size_t size);
+
+static atomic_long left = -1;  // until one fails; none where it is below 0
+static atomic_int is_lasting;  // and all that follow
+static atomic_int has_failed;
+
+void* malloc(size_t size) {
+  if (atomic_load(&left) >= 0) {
+    const long before = atomic_fetch_sub(&left, 1);
+    if (before == 0) {
+      atomic_store(&has_failed, 1);
+      if (atomic_load(&is_lasting)) atomic_store(&left, 0);
+      return NULL;
+    }
+  }
+  return __libc_malloc(size);
+}
+
+static nearmesh_error error;
+
+static void arm(long allocations, int lasting) {
+  atomic_store(&has_failed, 0);
+  atomic_store(&is_lasting, lasting);
+  atomic_store(&left, allocations);
+}
+static int disarm(void) {
+  atomic_store(&left, -1);
+  return atomic_load(&has_failed);
+}
+
+static Sphere sphere;
+static char file[1024], other_file[1024];
+
+static nearmesh_status bake_it(void) {
+  nearmesh_bake_options options;
+  nearmesh_bake_options_init(&options, sizeof options);
+  options.threads = 1;
+  return nearmesh_bake(sphere.positions_m, kSphereVertices, sphere.faces, kSphereFaces, other_file,
+                       &options, &error);
+}
+
+static nearmesh_status ask_it(void) {
+  nearmesh_model* model = NULL;
+  nearmesh_status status = nearmesh_model_open(file, &model, &error);
+  if (status != NEARMESH_OK) return status;
+  nearmesh_query* query = NULL;
+  status = nearmesh_query_create(model, model, NULL, &query, &error);
+  const nearmesh_pose here = NEARMESH_POSE_IDENTITY, there = at(1.98, 0, 0);
+  const nearmesh_answer* answer = NULL;
+  if (status == NEARMESH_OK) status = nearmesh_query_ask(query, &here, &there, &answer, &error);
+  if (status == NEARMESH_OK)
+    CHECK(answer->status == NEARMESH_CONTACT);
+  else if (query != NULL) {
+    CHECK(answer == NULL);
+    disarm();
+    nearmesh_error again;
+    const nearmesh_status later = nearmesh_query_ask(query, &here, &there, &answer, &again);
+    // Either nothing had begun, or it is not to be asked again.
+    CHECK(later == NEARMESH_CONFLICT ||
+          (later == NEARMESH_OK && answer->status == NEARMESH_CONTACT));
+  }
+  nearmesh_query_destroy(query);
+  nearmesh_model_close(model);
+  return status;
+}
+
+static nearmesh_status fly_on(nearmesh_session* session) {
+  nearmesh_body bodies[2];
+  nearmesh_motion motions[2] = {NEARMESH_MOTION_IDENTITY, NEARMESH_MOTION_IDENTITY};
+  nearmesh_status status = nearmesh_session_add_model(session, "sphere", file, &error);
+  for (int i = 0; i < 2 && status == NEARMESH_OK; ++i) {
+    nearmesh_body_options options;
+    nearmesh_body_options_init(&options, sizeof options);
+    options.name = i == 0 ? "left" : "right";
+    options.model = "sphere";
+    options.own = 1;
+    status = nearmesh_session_add_body(session, &options, &bodies[i], &error);
+  }
+  if (status == NEARMESH_OK) status = nearmesh_session_watch(session, 0, 1, &error);
+  for (int i = 0; i < 8 && status == NEARMESH_OK; ++i) {
+    const nearmesh_frame* frame = NULL;
+    motions[1].pose = at(i < 4 ? 2.3 : 1.98, 0, 0);
+    status = nearmesh_session_update(session, (uint64_t)i, i * 0.1, bodies, motions, 2, 1, &frame,
+                                     &error);
+    if (status != NEARMESH_OK) break;
+    const nearmesh_answer* answer = nearmesh_session_answer(session, 0)->answer;
+    if (answer->is_certified)
+      CHECK(answer->status == (i < 4 ? NEARMESH_FREE : NEARMESH_CONTACT));
+    else  // a batch for which there was no memory is asked for again, later than it would have come
+      CHECK((i != 3 && i != 7) || atomic_load(&has_failed));
+  }
+  return status;
+}
+
+static nearmesh_status fly_it(void) {
+  nearmesh_session_options options;
+  nearmesh_session_options_init(&options, sizeof options);
+  options.contacts = 1;
+  options.sweep_s = 0.1;
+  nearmesh_session* session = NULL;
+  nearmesh_status status = nearmesh_session_create_local(&options, &session, &error);
+  if (status != NEARMESH_OK) return status;
+  status = fly_on(session);
+  if (status != NEARMESH_OK) {
+    disarm();
+    nearmesh_error again;
+    const nearmesh_status later =
+        nearmesh_session_update(session, 9, 1, NULL, NULL, 0, 1, NULL, &again);
+    // An update that ended half-way is the last one; a file that could not be opened is nothing to the session.
+    CHECK(later == (status == NEARMESH_OUT_OF_MEMORY ? NEARMESH_CONFLICT : NEARMESH_OK));
+    if (later == NEARMESH_CONFLICT) CHECK(nearmesh_session_answer(session, 0) == NULL);
+  }
+  nearmesh_session_destroy(session);
+  return status;
+}
+
+// Lets one allocation fail after the other, with steps that grow, until all succeed.
+static void starve(const char* name, nearmesh_status (*run)(void)) {
+  for (int lasting = 0; lasting < 2; ++lasting) {
+    long tries = 0, at_most = 0;
+    for (long allocations = 0;; allocations += 1 + allocations / 48) {
+      arm(allocations, lasting);
+      const nearmesh_status status = run();
+      const int failed = disarm();
+      ++tries;
+      at_most = allocations;
+      if (!failed) {
+        CHECK(status == NEARMESH_OK);
+        break;
+      }
+      // What is only sought for speed may do without; a file that finds no address space says so itself.
+      if (status != NEARMESH_OUT_OF_MEMORY && status != NEARMESH_OK &&
+          strstr(error.message, "no address space") == NULL) {
+        ++failures;
+        printf("%s, allocation %ld: %s: %s\n", name, allocations, nearmesh_status_name(status),
+               error.message);
+        if (failures > 20) exit(1);
+      }
+    }
+    printf("%s: %ld runs, %ld allocations at most\n", name, tries, at_most);
+  }
+}
+
+int main(int argc, char** argv) {
+  if (argc != 2) return fprintf(stderr, "usage: %s FOLDER\n", argv[0]), 2;
+  atomic_store(&left, -1);
+  snprintf(file, sizeof file, "%s/memory.spm", argv[1]);
+  snprintf(other_file, sizeof other_file, "%s/starved.spm", argv[1]);
+  make_sphere(&sphere);
+  MUST(nearmesh_bake(sphere.positions_m, kSphereVertices, sphere.faces, kSphereFaces, file, NULL,
+                     &error));
+  starve("query", ask_it);
+  starve("session", fly_it);
+  starve("bake", bake_it);
+  return failures == 0 ? 0 : 1;
+}
