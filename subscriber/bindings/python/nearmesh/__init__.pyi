@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-# Types of the package nearmesh, for editors and type checkers. tests/system/python holds them against the module.
+# Types of the package nearmesh, for editors and type checkers. tests/bindings/python holds them against the module.
 from enum import IntEnum
 from typing import Any, Mapping, Sequence
 
