@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
+#include <string>
 #include <thread>
 
 #include "nearmesh/subscriber/dds/dds_channel.hpp"
@@ -26,8 +27,8 @@ int main(int argc, char** argv) {
   const auto hammer = session.add_body({.name = "hammer", .model = "sphere", .own = true}).value();
   if (!session.watch(anvil, hammer).is_ok()) return 1;
 
-  const double heights_m[] = {3.0, 2.5, 1.99,
-                              1.0};  // between the centres of two spheres of radius 1 m
+  const double heights_m[] = {3.0, 2.5, 1.99, 1.0};  // between the centres of two unit spheres
+  std::string said;                                  // what an operator was told last
   for (int step = 0; step < 4; ++step) {
     nearmesh::Motion here, above;
     above.pose.translation_m = {0.01, 0.02, heights_m[step]};
@@ -36,7 +37,10 @@ int main(int argc, char** argv) {
       const auto report = session.update(static_cast<std::uint64_t>(step), step,
                                          {{anvil, here}, {hammer, above}}, 0.005);
       if (!report.is_ok()) return 1;
-      const auto& answer = report.value().find(anvil, hammer)->answer;
+      const PairAnswer& pair = *report.value().find(anvil, hammer);
+      if (!pair.reason.empty() && pair.reason != said)
+        std::fprintf(stderr, "waiting: %s\n", (said = pair.reason).c_str());
+      const auto& answer = pair.answer;
       if (nearmesh::is_certified(answer.status)) {
         std::printf("height %.2f m: %s, %zu touching face pairs\n", heights_m[step],
                     nearmesh::to_string(answer.status), answer.pairs.size());

@@ -8,7 +8,7 @@ import time
 
 import ffi
 
-DOMAIN, PREFIX, DEADLINE_S = 141, b"nearmesh_c_interface", 40
+DOMAIN, PREFIX, DEADLINE_S = 141, b"nearmesh_c_%d" % os.getpid(), 40
 
 
 def main():

@@ -16,6 +16,11 @@ TEST(Embed, PrintsTheExpectedOutput) {
   test::Process example(folder, "nearmesh-example-embed", {domain, interface});
   EXPECT_EQ(example.wait(), 0) << example.err();
   EXPECT_EQ(example.out(), test::read_text(NEARMESH_EMBED_DIR "/expected_output.txt"));
+  // In its first step nobody has been heard yet.
+  EXPECT_NE(
+      test::read_text(NEARMESH_EMBED_DIR "/README.md").find(test::lines_of(example.err()).at(0)),
+      std::string::npos)
+      << example.err();
 }
 
 }  // namespace
