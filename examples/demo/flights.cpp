@@ -65,15 +65,18 @@ double clearance_m(int frame, int frames) {
 }
 
 // Both fly along x through the middle of the terrain, in opposite directions; the altitude that both use near the
-// meeting is the same, so that they touch there.
-bool write_flight(const std::string& path, const Ground& ground, int frames, double rate_hz,
-                  double direction) {
+// meeting is the same, so that they touch there. Every second round goes back the same way.
+bool write_flight(const std::string& path, const Ground& ground, int frames, int rounds,
+                  double rate_hz, double direction) {
   constexpr double kSpeedMps = 160;
   const double middle = ground.top(0, 0, 96) + 140;
   std::ofstream out(path);
   out.precision(17);
   out << "t,R00,R01,R02,R10,R11,R12,R20,R21,R22,T0,T1,T2\n";
-  for (int frame = 0; frame < frames; ++frame) {
+  for (int n = 0; n < frames * rounds; ++n) {
+    const bool is_back = n / frames % 2 == 1;
+    const int frame = is_back ? frames - 1 - n % frames : n % frames;
+    const double facing = is_back ? -direction : direction;
     const double s = (frame - (frames - 1) / 2.0) / rate_hz;
     const double x = direction * kSpeedMps * s;
     const double along = s * rate_hz / frames * 2;  // -1 .. 1
@@ -81,8 +84,8 @@ bool write_flight(const std::string& path, const Ground& ground, int frames, dou
     const double meeting = std::max(0.0, 1 - 6 * std::abs(along));
     const double low = ground.top(x, y, 48) + clearance_m(frame, frames);
     const double z = low + (middle - low) * std::min(1.0, 2 * meeting);
-    out << frame / rate_hz << ',' << direction << ",0,0,0," << direction << ",0,0,0,1," << x << ','
-        << y << ',' << z << '\n';
+    out << n / rate_hz << ',' << facing << ",0,0,0," << facing << ",0,0,0,1," << x << ',' << y
+        << ',' << z << '\n';
   }
   out.close();
   return out.good();
@@ -95,12 +98,17 @@ int main(int argc, char** argv) {
   std::string folder = ".";
   std::uint32_t cells = 708;
   std::uint64_t seed = 1;
-  int frames = 200;
+  int frames = 200, rounds = 1;
   double rate_hz = 20;
   app.add_option("folder", folder, "Where flight1.csv and flight2.csv go")->required();
   app.add_option("--size", cells, "Cells a side of the terrain")->capture_default_str();
   app.add_option("--seed", seed, "Seed of the terrain")->capture_default_str();
-  app.add_option("--frames", frames, "Frames")->capture_default_str()->check(CLI::Range(2, 100000));
+  app.add_option("--rounds", rounds, "There, back, there again")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 1000));
+  app.add_option("--frames", frames, "Frames of a round")
+      ->capture_default_str()
+      ->check(CLI::Range(2, 100000));
   app.add_option("--rate", rate_hz, "Frames a second")->capture_default_str();
   app.set_version_flag("--version", "nearmesh-demo-flights " NEARMESH_VERSION);
   CLI11_PARSE(app, argc, argv);
@@ -108,7 +116,7 @@ int main(int argc, char** argv) {
   for (const auto& [name, direction] :
        {std::pair("flight1.csv", 1.0), std::pair("flight2.csv", -1.0)}) {
     const std::string path = folder + "/" + name;
-    if (!write_flight(path, ground, frames, rate_hz, direction)) {
+    if (!write_flight(path, ground, frames, rounds, rate_hz, direction)) {
       std::fprintf(stderr, "nearmesh-demo-flights: cannot write %s\n", path.c_str());
       return 1;
     }

@@ -18,21 +18,6 @@
 namespace nearmesh::wire::program {
 namespace {
 
-/// "PORT" is of loopback. Nothing when it is neither that nor "ADDRESS:PORT".
-std::optional<std::string> full_address(const std::string& text) {
-  const std::size_t colon = text.find(':');
-  const std::string port_text = colon == std::string::npos ? text : text.substr(colon + 1);
-  const std::string address = colon == std::string::npos ? "127.0.0.1" : text.substr(0, colon);
-  unsigned port = 0;
-  const char* end = port_text.data() + port_text.size();
-  const auto parsed = std::from_chars(port_text.data(), end, port);
-  in_addr unused{};
-  if (parsed.ec != std::errc{} || parsed.ptr != end || port < 1 || port > 65535 ||
-      inet_pton(AF_INET, address.c_str(), &unused) != 1)
-    return std::nullopt;
-  return address + ":" + port_text;
-}
-
 class Families {
  public:
   explicit Families(const wire::ProcessStatus& status)
@@ -130,11 +115,25 @@ std::vector<prometheus::MetricFamily> families_of(const wire::ProcessStatus& sta
 
 }  // namespace
 
+std::optional<std::string> listening_address(const std::string& text) {
+  const std::size_t colon = text.find(':');
+  const std::string port_text = colon == std::string::npos ? text : text.substr(colon + 1);
+  const std::string address = colon == std::string::npos ? "127.0.0.1" : text.substr(0, colon);
+  unsigned port = 0;
+  const char* end = port_text.data() + port_text.size();
+  const auto parsed = std::from_chars(port_text.data(), end, port);
+  in_addr unused{};
+  if (parsed.ec != std::errc{} || parsed.ptr != end || port < 1 || port > 65535 ||
+      inet_pton(AF_INET, address.c_str(), &unused) != 1)
+    return std::nullopt;
+  return address + ":" + port_text;
+}
+
 void add_metrics_setting(Settings& settings, std::string& address) {
   settings.add(
       "metrics", address, "Serve metrics for Prometheus at /metrics",
       "PORT (on 127.0.0.1) or ADDRESS:PORT; empty: do not", [](const std::string& text) {
-        if (text.empty() || full_address(text)) return Status::ok();
+        if (text.empty() || listening_address(text)) return Status::ok();
         return Status{StatusCode::kInvalidArgument, "expected PORT or ADDRESS:PORT, found " + text};
       });
 }
@@ -157,7 +156,7 @@ class MetricsServer::Impl : public prometheus::Collectable {
 };
 
 Result<std::unique_ptr<MetricsServer>> MetricsServer::start(const std::string& address) {
-  const std::optional<std::string> full = full_address(address);
+  const std::optional<std::string> full = listening_address(address);
   if (!full)
     return Status{StatusCode::kInvalidArgument,
                   "metrics: expected PORT or ADDRESS:PORT, found " + address};

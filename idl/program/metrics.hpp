@@ -3,6 +3,7 @@
 // Metrics of a process for Prometheus, over HTTP (GET /metrics): the fields of its ProcessStatus.
 
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "nearmesh/idl/messages/messages.hpp"
@@ -16,6 +17,9 @@ namespace nearmesh::wire::program {
 
 /// Adds the setting "metrics": "PORT" (on loopback alone), "ADDRESS:PORT", or "" for none.
 void add_metrics_setting(Settings& settings, std::string& address);
+
+/// Where to listen: "PORT" is of loopback. Nothing when it is neither that nor "ADDRESS:PORT".
+[[nodiscard]] std::optional<std::string> listening_address(const std::string& text);
 
 /// Threads: set() by one; the server has its own.
 class MetricsServer {

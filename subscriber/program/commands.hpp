@@ -54,6 +54,12 @@ struct ReportOptions {
 };
 Status run(const ReportOptions& options);
 
+struct WatchOptions {
+  wire::TransportOptions transport;
+  std::string http, models;
+};
+Outcome run(const WatchOptions& options);
+
 struct StatusOptions {
   wire::TransportOptions transport;
   double seconds = 3;

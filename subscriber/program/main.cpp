@@ -147,6 +147,22 @@ void add_report_command(CLI::App& app, Action& chosen) {
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 
+void add_watch_command(CLI::App& app, Action& chosen) {
+  const auto options = std::make_shared<WatchOptions>();
+  CLI::App* command = app.add_subcommand(
+      "watch",
+      "Show the bus as it is now in a browser: what each peer holds and answers, until Ctrl-C.");
+  command
+      ->add_option("--http", options->http,
+                   "Where the page is: PORT (on this machine alone) or ADDRESS:PORT")
+      ->required();
+  command->add_option("--models", options->models,
+                      "Folder with .spm files: from them peers are taken up that began before this "
+                      "program");
+  add_transport_options(*command, options->transport);
+  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
+}
+
 void add_status_command(CLI::App& app, Action& chosen) {
   const auto options = std::make_shared<StatusOptions>();
   CLI::App* command = app.add_subcommand(
@@ -195,6 +211,7 @@ int main(int argc, char** argv) {
   add_verify_command(app, chosen);
   add_export_command(app, chosen);
   add_report_command(app, chosen);
+  add_watch_command(app, chosen);
   add_status_command(app, chosen);
   add_doctor_command(app, chosen);
   nearmesh::wire::program::begin_logging(app.get_name());

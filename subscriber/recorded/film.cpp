@@ -161,11 +161,15 @@ class FilmModel {
 /// What all peers share: the numbers of models and bodies.
 class FilmWorld {
  public:
-  explicit FilmWorld(const RecordingReader& recording) : begin_ns_(recording.begin_ns()) {
-    for (const RecordedModel& model : recording.models()) names_[model.content_hash] = model.name;
-  }
+  FilmWorld() = default;
   FilmWorld(const FilmWorld&) = delete;
   FilmWorld& operator=(const FilmWorld&) = delete;
+
+  /// What is known of the recording as a whole.
+  void look(const RecordingReader& recording) {
+    begin_ns_ = recording.begin_ns();
+    for (const RecordedModel& model : recording.models()) names_[model.content_hash] = model.name;
+  }
 
   [[nodiscard]] std::int64_t ms_of(std::int64_t received_ns) const {
     return std::max<std::int64_t>(0, (received_ns - begin_ns_) / 1'000'000);
@@ -228,7 +232,7 @@ class FilmWorld {
     int unit = kBodyUnit;
     FilmWay way{};
   };
-  std::int64_t begin_ns_;
+  std::int64_t begin_ns_ = 0;
   std::map<ContentHash, std::string> names_;
   std::map<ContentHash, KnownModel> models_;
   std::map<std::string, Body> bodies_;
@@ -392,28 +396,30 @@ class FilmPeer final : public RecordedPeer {
 /// What was said on the bus: poses, bytes, requests.
 class FilmBus {
  public:
-  FilmBus(FilmWorld& world, const RecordingReader& recording, const wire::RecordedSamples& samples)
-      : world_(world), recording_(recording), samples_(samples) {}
+  explicit FilmBus(FilmWorld& world) : world_(world) {}
 
-  void take(const RecordedMessage& message) {
+  /// `partition`: of the message's writer.
+  void take(const RecordedMessage& message, const std::string& partition,
+            const wire::RecordedSamples& samples) {
     const std::int64_t ms = world_.ms_of(message.received_ns);
-    if (const auto pose = samples_.read<wire::BodyPose>(message)) {
+    if (const auto pose = samples.read<wire::BodyPose>(message)) {
       world_.take(*pose, ms);
-    } else if (samples_.is<wire::SplitBatchMessage>(message)) {
-      Peer& peer = peers_[recording_.writers()[message.writer].partition];
+    } else if (samples.is<wire::SplitBatchMessage>(message)) {
+      Peer& peer = peers_[partition];
       if (peer.bytes > 0 && ms >= peer.bytes_ms + kLeastByteStep_ms) peer.tell_bytes();
       if (peer.bytes == 0) peer.bytes_ms = ms;
       peer.bytes += message.cdr.size();
-    } else if (const auto asked = samples_.read<wire::RegionSubscription>(message)) {
+    } else if (const auto asked = samples.read<wire::RegionSubscription>(message)) {
       take(*asked, ms);
     }
   }
-  std::map<std::string, std::string> finish() {
-    std::map<std::string, std::string> streams;
-    for (auto& [partition, peer] : peers_) {
-      peer.tell_bytes();
-      streams[partition] = std::move(peer.out.bytes);
-    }
+  /// Says the bytes that were counted.
+  void tell() {
+    for (auto& [partition, peer] : peers_) peer.tell_bytes();
+  }
+  [[nodiscard]] std::map<std::string, const std::string*> streams() const {
+    std::map<std::string, const std::string*> streams;
+    for (const auto& [partition, peer] : peers_) streams[partition] = &peer.out.bytes;
     return streams;
   }
 
@@ -469,37 +475,75 @@ class FilmBus {
   }
 
   FilmWorld& world_;
-  const RecordingReader& recording_;
-  const wire::RecordedSamples& samples_;
   std::map<std::string, Peer> peers_;
 };
 
 }  // namespace
 
-Result<Film> make_film(RecordingReader& recording, const FilmPlan& plan) {
-  const Result<wire::RecordedSamples> samples = wire::RecordedSamples::of(recording);
-  NEARMESH_RETURN_IF_ERROR(samples);
-  FilmWorld world(recording);
-  // One thread: the numbers of faces and nodes are those of their first coming.
-  Result<Played> played = play(recording, {.threads = 1, .make_peer = [&](const std::string&) {
-                                             return std::make_unique<FilmPeer>(world, plan);
-                                           }});
-  NEARMESH_RETURN_IF_ERROR(played);
-  FilmBus bus(world, recording, samples.value());
-  NEARMESH_RETURN_IF_ERROR(recording.read(1, recording.message_count() + 1,
-                                          [&](std::int64_t, const RecordedMessage& message) {
-                                            bus.take(message);
-                                            return true;
-                                          }));
-  Film film;
-  for (auto& [partition, peer] : played.value().peers) {
-    auto& seen = static_cast<FilmPeer&>(*peer);
-    film.peers[partition].mesh = std::move(seen.mesh.bytes);
-    film.peers[partition].answers = std::move(seen.answers.bytes);
+class FilmMaker::Impl {
+ public:
+  explicit Impl(const FilmPlan& plan)
+      : plan_(plan),
+        // One thread: the numbers of faces and nodes are those of their first coming.
+        playing_(
+            {.threads = 1,
+             .make_peer =
+                 [this](const std::string&) { return std::make_unique<FilmPeer>(world_, plan_); },
+             .models = plan.models}) {}
+
+  Status go_on(RecordingReader& recording, bool final) {
+    const Result<wire::RecordedSamples> samples = wire::RecordedSamples::of(recording);
+    NEARMESH_RETURN_IF_ERROR(samples);
+    world_.look(recording);
+    NEARMESH_RETURN_IF_ERROR(playing_.go_on(recording, final));
+    const std::int64_t end = recording.message_count() + 1;
+    NEARMESH_RETURN_IF_ERROR(
+        recording.read(next_, end, [&](std::int64_t, const RecordedMessage& message) {
+          bus_.take(message, recording.writers()[message.writer].partition, samples.value());
+          return true;
+        }));
+    next_ = end;
+    bus_.tell();
+    return Status::ok();
   }
-  for (auto& [partition, bytes] : bus.finish()) film.peers[partition].bus = std::move(bytes);
-  film.models = std::move(world.models.bytes);
-  film.world = std::move(world.world.bytes);
+  void visit(
+      const std::function<void(const std::string& name, const std::string& bytes)>& visit) const {
+    visit("models", world_.models.bytes);
+    visit("world", world_.world.bytes);
+    for (const auto& [partition, peer] : playing_.played().peers) {
+      const auto& seen = static_cast<const FilmPeer&>(*peer);
+      visit("answers-" + partition, seen.answers.bytes);
+      visit("mesh-" + partition, seen.mesh.bytes);
+    }
+    for (const auto& [partition, bytes] : bus_.streams()) visit("bus-" + partition, *bytes);
+  }
+
+ private:
+  FilmPlan plan_;
+  FilmWorld world_;
+  Playing playing_;
+  FilmBus bus_{world_};
+  std::int64_t next_ = 1;
+};
+
+FilmMaker::FilmMaker(const FilmPlan& plan) : impl_(std::make_unique<Impl>(plan)) {}
+FilmMaker::~FilmMaker() = default;
+Status FilmMaker::go_on(RecordingReader& recording, bool final) {
+  return impl_->go_on(recording, final);
+}
+void FilmMaker::visit(
+    const std::function<void(const std::string& name, const std::string& bytes)>& visit) const {
+  impl_->visit(visit);
+}
+
+Result<Film> make_film(RecordingReader& recording, const FilmPlan& plan) {
+  FilmMaker maker(plan);
+  NEARMESH_RETURN_IF_ERROR(maker.go_on(recording, true));
+  Film film;
+  maker.visit([&](const std::string& name, const std::string& bytes) {
+    film.streams.push_back({name, bytes});
+    if (name.starts_with("answers-")) film.peers.push_back(name.substr(8));
+  });
   return film;
 }
 

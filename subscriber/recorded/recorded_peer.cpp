@@ -225,13 +225,11 @@ Result<Answered> RecordedPeer::ask(const wire::ContactReport& report,
 namespace {
 
 /// Hands the messages of a recording to its peers.
-class Player {
+class Hands {
  public:
-  Player(const RecordingReader& recording, const wire::RecordedSamples& samples,
-         const PlayPlan& plan)
-      : recording_(recording), samples_(samples), plan_(plan) {
-    sources_.files = plan.models;
-  }
+  Hands(const RecordingReader& recording, const wire::RecordedSamples& samples,
+        const PlayPlan& plan, ModelSources& sources, Played& played)
+      : recording_(recording), samples_(samples), plan_(plan), sources_(sources), played_(played) {}
 
   void take(std::int64_t id, const RecordedMessage& message) {
     if (const auto header = samples_.read<wire::MeshHeader>(message)) {
@@ -257,10 +255,6 @@ class Player {
     for_each_index(all.size(), plan_.threads,
                    [&](std::size_t i) { all[i]->work(sources_, final); });
   }
-  [[nodiscard]] Played finish() {
-    std::erase_if(played_.peers, [](const auto& entry) { return entry.second == nullptr; });
-    return std::move(played_);
-  }
 
  private:
   RecordedPeer* peer_of(const std::string& partition) {
@@ -283,32 +277,47 @@ class Player {
   const RecordingReader& recording_;
   const wire::RecordedSamples& samples_;
   const PlayPlan& plan_;
-  ModelSources sources_;
-  Played played_;
+  ModelSources& sources_;
+  Played& played_;
 };
 
 }  // namespace
 
-Result<Played> play(RecordingReader& recording, const PlayPlan& plan) {
+Playing::Playing(PlayPlan plan) : plan_(std::move(plan)) { sources_.files = plan_.models; }
+
+Status Playing::go_on(RecordingReader& recording, bool final) {
   const FloatGuard guard;
   const Result<wire::RecordedSamples> samples = wire::RecordedSamples::of(recording);
   NEARMESH_RETURN_IF_ERROR(samples);
-  Player player(recording, samples.value(), plan);
+  Hands hands(recording, samples.value(), plan_, sources_, played_);
   const auto take = [&](std::int64_t id, const RecordedMessage& message) {
-    player.take(id, message);
+    hands.take(id, message);
     return true;
   };
   try {
-    for (std::int64_t first = 1; first <= recording.message_count(); first += kChunk) {
-      NEARMESH_RETURN_IF_ERROR(recording.read(first, first + kChunk, take));
-      player.work(false);
-      if (plan.has_enough && plan.has_enough()) break;
+    while (next_ <= recording.message_count()) {
+      const std::int64_t end = std::min(next_ + kChunk, recording.message_count() + 1);
+      NEARMESH_RETURN_IF_ERROR(recording.read(next_, end, take));
+      next_ = end;
+      hands.work(false);
+      if (plan_.has_enough && plan_.has_enough()) break;
     }
-    player.work(true);
+    if (final) hands.work(true);
   } catch (const std::bad_alloc&) {  // replicas span all ids that a header announces
     return Status{StatusCode::kIo, "no memory for the peers' replicas"};
   }
-  return player.finish();
+  return Status::ok();
+}
+
+Played Playing::finish() {
+  std::erase_if(played_.peers, [](const auto& entry) { return entry.second == nullptr; });
+  return std::move(played_);
+}
+
+Result<Played> play(RecordingReader& recording, const PlayPlan& plan) {
+  Playing playing(plan);
+  NEARMESH_RETURN_IF_ERROR(playing.go_on(recording, true));
+  return playing.finish();
 }
 
 }  // namespace nearmesh::subscriber

@@ -154,6 +154,23 @@ struct Played {
   std::uint64_t reports = 0, malformed = 0;
 };
 
+/// A recording that still grows, lived through as far as it goes.
+class Playing {
+ public:
+  explicit Playing(PlayPlan plan);
+  /// Takes what came since the last call. In: the same recording each time, opened anew. `final`: nothing more comes.
+  /// Errors: those of play(); after one nothing more may be asked.
+  [[nodiscard]] Status go_on(RecordingReader& recording, bool final);
+  [[nodiscard]] const Played& played() const { return played_; }
+  [[nodiscard]] Played finish();
+
+ private:
+  PlayPlan plan_;
+  ModelSources sources_;
+  Played played_;
+  std::int64_t next_ = 1;
+};
+
 /// Visits of one peer come in order, those of different peers at once. Memory: the peers' replicas, a few thousand messages,
 /// and batches that no wanted report speaks of yet.
 /// Errors: those of the reader; kUnsupported for another wire version; kIo where there is no memory for replicas.

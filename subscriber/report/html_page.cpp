@@ -100,7 +100,26 @@ FilmPlan plan_for(double duration_s) {
   return {.least_step_ms = static_cast<std::int64_t>(duration_s / 3)};
 }
 
+std::string head_of(const std::string& title, const PlayerPage& player) {
+  return std::string(kPageFile.begins) +
+         "<meta name=\"viewport\" content=\"width=device-width\">"
+         "<link rel=\"icon\" href=\"data:,\"><title>" +
+         title + "</title><style>" + kStyle + player.style + "</style></head><body>\n<header><h1>" +
+         title + "</h1>";
+}
+
 }  // namespace
+
+Result<std::string> live_page(const std::string& title) {
+  const Result<PlayerPage> player = player_page(nullptr, {});
+  NEARMESH_RETURN_IF_ERROR(player);
+  return head_of(escape(title), player.value()) +
+         "<p data-live=\"state\">waiting for peers</p></header>\n" +
+         (player.value().body.empty() ? "<p class=\"none\">" + std::string(kNoPlayer) + ".</p>"
+                                      : player.value().body) +
+         "<main><section id=\"processes\"><h2>Processes</h2><div class=\"scroll\">"
+         "<table data-live=\"processes\"></table></div></section></main></body></html>\n";
+}
 
 Result<std::string> html_page(RecordingReader& recording, const std::string& title) {
   const Result<Survey> counts = survey(recording);
@@ -114,17 +133,12 @@ Result<std::string> html_page(RecordingReader& recording, const std::string& tit
   if (!player_files().three.empty()) {
     const Result<Film> film = make_film(recording, plan_for(history.duration_s));
     NEARMESH_RETURN_IF_ERROR(film);
-    Result<PlayerPage> made = player_page(film.value(), names);
+    Result<PlayerPage> made = player_page(&film.value(), names);
     NEARMESH_RETURN_IF_ERROR(made);
     player = std::move(made).value();
   }
-  const std::string name = escape(title);
-  std::string out = std::string(kPageFile.begins) +
-                    "<meta name=\"viewport\" content=\"width=device-width\">"
-                    "<link rel=\"icon\" href=\"data:,\"><title>Session " +
-                    name + "</title><style>" + kStyle + player.style +
-                    "</style></head><body>\n<header><h1>Session " + name + "</h1><p>" +
-                    in_short(counts.value()) + "</p></header>\n";
+  std::string out = head_of("Session " + escape(title), player) + "<p>" + in_short(counts.value()) +
+                    "</p></header>\n";
   out +=
       player.body.empty() ? "<p class=\"none\">" + std::string(kNoPlayer) + ".</p>" : player.body;
   out += "<main>" + summary_section(recording, counts.value());

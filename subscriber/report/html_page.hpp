@@ -19,4 +19,7 @@ inline constexpr FileKind kPageFile{
 /// recording. The same recording gives the same page.
 [[nodiscard]] Result<std::string> html_page(RecordingReader& recording, const std::string& title);
 
+/// The page of `watch`: the same picture, of what a web socket at /film beside it sends. Without three.js: that alone.
+[[nodiscard]] Result<std::string> live_page(const std::string& title);
+
 }  // namespace nearmesh::subscriber::report

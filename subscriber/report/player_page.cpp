@@ -38,20 +38,19 @@ Status add_stream(const std::string& name, const std::string& bytes, std::string
 
 }  // namespace
 
-Result<PlayerPage> player_page(const Film& film, const std::map<std::string, std::string>& names) {
+Result<PlayerPage> player_page(const Film* film, const std::map<std::string, std::string>& names) {
   const PlayerFiles& files = player_files();
   if (files.three.empty()) return PlayerPage{};
   PlayerPage page{.style = std::string(files.style), .body = std::string(files.markup)};
-  nlohmann::json facts{
-      {"peers", nlohmann::json::array()}, {"names", nlohmann::json::object()}, {"live", false}};
-  NEARMESH_RETURN_IF_ERROR(add_stream("models", film.models, page.body));
-  NEARMESH_RETURN_IF_ERROR(add_stream("world", film.world, page.body));
-  for (const auto& [id, peer] : film.peers) {
-    facts["peers"].push_back(id);
-    if (const auto name = names.find(id); name != names.end()) facts["names"][id] = name->second;
-    NEARMESH_RETURN_IF_ERROR(add_stream("mesh-" + id, peer.mesh, page.body));
-    NEARMESH_RETURN_IF_ERROR(add_stream("answers-" + id, peer.answers, page.body));
-    NEARMESH_RETURN_IF_ERROR(add_stream("bus-" + id, peer.bus, page.body));
+  nlohmann::json facts{{"peers", nlohmann::json::array()},
+                       {"names", nlohmann::json::object()},
+                       {"live", film == nullptr}};
+  if (film != nullptr) {
+    for (const Film::Stream& stream : film->streams)
+      NEARMESH_RETURN_IF_ERROR(add_stream(stream.name, stream.bytes, page.body));
+    facts["peers"] = film->peers;
+    for (const std::string& id : film->peers)
+      if (const auto name = names.find(id); name != names.end()) facts["names"][id] = name->second;
   }
   // A "<" in a name could end the element.
   std::string told = facts.dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);

@@ -26,8 +26,9 @@ inline constexpr const char* kNoPlayer =
 struct PlayerPage {
   std::string style, body;  ///< both empty without three.js
 };
-/// `names`: of peers, by partition. Errors: kIo where there is no memory to compress.
-[[nodiscard]] Result<PlayerPage> player_page(const Film& film,
+/// `film`: none for a live page, which is sent it. `names`: of peers, by partition.
+/// Errors: kIo where there is no memory to compress.
+[[nodiscard]] Result<PlayerPage> player_page(const Film* film,
                                              const std::map<std::string, std::string>& names);
 
 }  // namespace nearmesh::subscriber::report

@@ -43,16 +43,21 @@ class Player {
     this.view = new View(this.find('view'), this.film, () => { this.dirty = true; });
     this.lanes = new Lanes(this.find('lanes'), this.film, time => this.seek(time), id => this.choose([id, ...this.peers.slice(1)]));
     this.connect();
-    this.refresh();
-    const first = this.choosePair();
-    await this.choose([first.peer]);
-    this.followPair(first.pair);
-    this.seek(first.time);
+    if (!this.facts.live) await this.open();
     const loop = now => {
       this.tick(now);
       requestAnimationFrame(loop);
     };
     requestAnimationFrame(loop);
+  }
+  /** The first sight of what is there. */
+  async open() {
+    this.refresh();
+    const first = this.choosePair();
+    if (first.peer === undefined) return;
+    await this.choose([first.peer]);
+    this.followPair(first.pair);
+    if (!this.facts.live) this.seek(first.time);
   }
   /** A stream of the page, unpacked when it is needed. */
   async load(name, take) {
@@ -141,6 +146,7 @@ class Player {
     this.dirty = true;
   }
   seek(time) {
+    if (this.live) this.live.follows = false;
     this.time = Math.min(Math.max(time, 0), this.film.end);
     this.dirty = true;
   }
@@ -152,6 +158,8 @@ class Player {
     if (frame >= 0) this.seek(times.data[frame]);
   }
   play(on = !this.playing) {
+    if (this.live && on) { this.live.follows = true; return; }
+    if (this.live) this.live.follows = false;
     if (on && this.time >= this.film.end) this.seek(0);
     this.playing = on;
     this.dirty = true;
@@ -199,7 +207,7 @@ class Player {
     const keys = {
       ' ': () => this.play(), ArrowRight: () => event.shiftKey ? this.seek(this.time + 1000) : this.step(1),
       ArrowLeft: () => event.shiftKey ? this.seek(this.time - 1000) : this.step(-1), Home: () => this.seek(0),
-      End: () => this.seek(this.film.end), u: () => this.jump('uncertain'), c: () => this.jump('contact'), l: () => this.jump('largest'),
+      End: () => { this.seek(this.film.end); if (this.live) this.live.follows = true; }, u: () => this.jump('uncertain'), c: () => this.jump('contact'), l: () => this.jump('largest'),
       w: () => this.wholeScene(), e: () => toggle('edges'), b: () => toggle('boxes'), h: () => toggle('halfSpaces'),
       r: () => toggle('asked'), t: () => toggle('trails'), p: () => this.nextPeer(), f: () => this.nextFollowed(),
     };
@@ -220,6 +228,7 @@ class Player {
   }
 
   tick(now) {
+    if (this.live) this.live.tick(now - (this.lastTick || now));
     if (this.playing && this.lastTick !== undefined) {
       this.time = Math.min(this.time + (now - this.lastTick) * this.speed, this.film.end);
       if (this.time >= this.film.end && !this.facts.live) this.playing = false;
@@ -231,11 +240,11 @@ class Player {
   draw() {
     const peers = this.peers.map(id => this.film.peers.get(id));
     this.dirty = false;
-    if (peers.length === 0) return;
+    if (peers.length === 0 || this.view.findCentre(peers[0], this.time) === null) return;
     this.view.show(peers, this.time, this.options);
     this.view.draw();
     this.lanes.draw(this.time, this.peers, id => this.name(id));
-    this.find('play').textContent = this.playing ? '\u275a\u275a' : '\u25b6';
+    this.find('play').textContent = this.playing || (this.live && this.live.follows) ? '\u275a\u275a' : '\u25b6';
     this.find('scrub').value = 1000 * this.time / (this.film.end || 1);
     this.tell(peers);
     this.labels();
@@ -320,7 +329,8 @@ window.addEventListener('DOMContentLoaded', () => {
   if (!root) return;
   const player = new Player(root, JSON.parse(document.getElementById('film-facts').textContent));
   window.nearmesh.player = player;
-  window.nearmesh.ready = player.begin().catch(error => {
+  if (player.facts.live) player.live = new Live(player);
+  window.nearmesh.ready = player.begin().then(() => player.live && player.live.connect()).catch(error => {
     player.say('The moving picture cannot be shown: ' + error.message);
     throw error;
   });

@@ -226,6 +226,49 @@ TEST_F(Operate, LevelsOfTheLogCountByRoom) {
   EXPECT_NE(err.find("session debug: 1 answers"), std::string::npos) << err;
 }
 
+// --- Watch
+
+// What strangers get, and what a browser shows: look_at_live.py.
+TEST_F(Operate, WatchShowsTheBusInABrowser) {
+  write_scene(2);
+  ASSERT_EQ(test::run(folder, "nearmesh-demo-flights",
+                      {folder.path(), "--size", "48", "--frames", "100", "--rate", "20", "--rounds",
+                       "200"}),
+            0);  // there and back
+  const auto publisher = serve(with({terrain(), aircraft()}));
+  const std::string port = free_port();
+  Process watch(folder, "nearmesh-subscriber", with({"watch", "--http", port}));
+  if (watch.wait(0) == 1 && watch.err().find("three.js") != std::string::npos)
+    GTEST_SKIP() << watch.err();
+  ASSERT_TRUE(test::await([&] { return !watch.out().empty() || watch.is_over(); })) << watch.err();
+  EXPECT_EQ(watch.out(), "http://127.0.0.1:" + port + "/\n") << watch.err();
+  const Process peer(
+      folder, "nearmesh-subscriber",
+      with({"run", folder.file("flight.yaml"), "--wait-recorder", "--name", "peer-1"}));
+  const std::string out = folder.file("looked.txt");
+  const int status = std::system(("python3 '" NEARMESH_LOOK_AT_LIVE "' " + port + " " +
+                                  std::to_string(watch.id()) + " >'" + out + "' 2>&1")
+                                     .c_str());
+  if (WEXITSTATUS(status) == 77)
+    watch.signal(SIGINT);
+  else
+    EXPECT_EQ(status, 0) << test::read_text(out);
+  EXPECT_EQ(watch.wait(), 0) << watch.err();
+  if (WEXITSTATUS(status) == 77) GTEST_SKIP() << "no Chromium here (Debian package chromium)";
+}
+
+TEST_F(Operate, WatchSaysWhatIsWrong) {
+  std::string err;
+  EXPECT_EQ(
+      test::run(folder, "nearmesh-subscriber", with({"watch", "--http", "nowhere"}), nullptr, &err),
+      1);
+  EXPECT_NE(err.find("--http nowhere: expected PORT or ADDRESS:PORT"), std::string::npos) << err;
+  EXPECT_EQ(test::run(folder, "nearmesh-subscriber", with({"watch", "--http", "203.0.113.1:8080"}),
+                      nullptr, &err),
+            1);
+  EXPECT_NE(err.find("cannot listen at 203.0.113.1:8080"), std::string::npos) << err;
+}
+
 // --- Status and metrics
 
 TEST_F(Operate, StatusTellsOfPublisherAndPeer) {
