@@ -33,6 +33,9 @@ class Player {
     return this.facts.names[id] || (isAlone ? id.slice(0, 8) : id);
   }
 
+  /** For sentences. */
+  called(id) { return (this.facts.names[id] ? '' : 'peer ') + this.name(id); }
+
   async begin() {
     await this.load('models', bytes => this.film.takeModels(bytes));
     await this.load('world', bytes => this.film.takeWorld(bytes));
@@ -80,8 +83,8 @@ class Player {
     if (eps.length > 0) options.scale = [eps[Math.floor(eps.length * 0.05)], eps[Math.floor(eps.length * 0.995)]];
     this.find('least').textContent = metresText(options.scale[0]);
     this.find('most').textContent = metresText(options.scale[1]);
-    this.fill('peer', [...film.peers.keys()].map(id => [id, 'peer ' + this.name(id)]));
-    this.fill('other', [['', 'alone'], ...[...film.peers.keys()].map(id => [id, 'beside ' + this.name(id)])]);
+    this.fill('peer', [...film.peers.keys()].map(id => [id, this.called(id)]));
+    this.fill('other', [['', 'alone'], ...[...film.peers.keys()].map(id => [id, 'beside ' + this.called(id)])]);
     this.fill('follow', [['', 'nothing'], ...film.bodies.map((body, i) => [String(i), body.name])]);
   }
   fill(name, entries) {
@@ -132,7 +135,10 @@ class Player {
     const sizes = this.film.models.filter(Boolean).map(model => this.sizeOf(model));
     this.options.follow = null;
     this.find('follow').value = '';
-    this.view.orbit.distance = 1.1 * Math.max(1, ...sizes);
+    this.view.orbit.distance = 1.3 * Math.max(1e-3, ...sizes);
+    const places = [...(this.view.panes[0].places || new Map()).values()];
+    const largest = places.reduce((best, place) => !best || place.radius > best.radius ? place : best, null);
+    if (largest) this.view.orbit.target.copy(largest.middle);
     this.dirty = true;
   }
 
@@ -170,7 +176,8 @@ class Player {
     const time = to === 'uncertain' ? peer.first(answer => !isCertified(answer.status))
         : to === 'contact' ? peer.first(answer => answer.facePairs > 0) : peer.largestFrame()[0];
     this.playing = false;
-    if (time === null) this.say(`Peer ${this.name(peer.id)} has no such frame.`);
+    this.say('');
+    if (time === null) this.say(`There is no such frame of ${this.called(peer.id)}.`);
     else this.seek(time);
   }
   say(text) { this.find('note').textContent = text; }
@@ -314,8 +321,8 @@ class Player {
     }
     this.find('labels').replaceChildren(...names);
     this.find('split').hidden = view.shown < 2;
-    this.find('who').textContent = 'as peer ' + this.name(this.peers[0]) + ' held it';
-    this.find('who2').textContent = view.shown < 2 ? '' : 'as peer ' + this.name(this.peers[1]) + ' held it';
+    this.find('who').textContent = `as ${this.called(this.peers[0])} held it`;
+    this.find('who2').textContent = view.shown < 2 ? '' : `as ${this.called(this.peers[1])} held it`;
   }
 }
 
