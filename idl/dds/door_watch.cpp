@@ -8,6 +8,8 @@
 
 #include "core/base/float_guard.hpp"
 #include "core/base/hash.hpp"
+#include "fastdds_api.hpp"
+#include "idl/messages/process_name.hpp"
 
 namespace nearmesh::wire {
 namespace {
@@ -63,6 +65,7 @@ RtpsVerdict DoorWatch::check(std::span<const std::uint8_t> message, const Messag
   if (!verdict.refusal && verdict.tells_of_others && is_plain_)
     verdict.refusal = DoorRefusal::kSource;
   if (!verdict.refusal && has_ended_) verdict.refusal = DoorRefusal::kIdentity;
+  if (!verdict.refusal && identities_ != nullptr && verdict.announcement) judge_release(verdict);
   if (!verdict.refusal && identities_ != nullptr && !verdict.certificate.empty())
     verdict.refusal = judge_handshake(verdict);
   if (!verdict.refusal) {
@@ -105,6 +108,23 @@ std::optional<DoorRefusal> DoorWatch::judge_handshake(const RtpsVerdict& message
   if (!has_room_for_certificate()) return DoorRefusal::kCrowd;
   certificates_.emplace(message.source, *facts);
   return std::nullopt;
+}
+
+/// It is heard all the same: Fast DDS lets it wait for ever, in silence. Each name once.
+void DoorWatch::judge_release(const RtpsVerdict& message) {
+  const RtpsAnnouncement& told = *message.announcement;
+  if (!told.is_secured || told.has_secure_announcements == kHasSecureAnnouncements) return;
+  const auto end = std::find(told.name.begin(), told.name.end(), 0);
+  const std::string name = shown_name(std::string(told.name.begin(), end));
+  {
+    const std::lock_guard lock(complain_mutex_);
+    if (of_other_releases_.size() >= kMaxCertificates || !of_other_releases_.insert(name).second)
+      return;
+  }
+  say(name + " is secured by a Fast DDS " +
+      (kHasSecureAnnouncements ? "before 2.10" : "of 2.10 or later") + ", this program by " +
+      kFastDdsVersion +
+      ": the two never find each other; one release for all of a secured bus (docs/platforms.md)");
 }
 
 /// With a discovery server nobody says here who has left.

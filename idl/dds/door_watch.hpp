@@ -76,6 +76,7 @@ class DoorWatch {
   void say(std::string line);
   [[nodiscard]] std::optional<DoorRefusal> judge_handshake(const RtpsVerdict& message);
   [[nodiscard]] bool has_room_for_certificate();
+  void judge_release(const RtpsVerdict& message);
   void refuse_identity(const IdentityFacts& facts, const std::string& fault);
   [[nodiscard]] std::vector<ParticipantBook::Gone> look_at_identities();
 
@@ -96,6 +97,7 @@ class DoorWatch {
   std::mutex complain_mutex_;
   std::function<void(std::string)> complain_;
   std::set<std::string> refused_serials_;
+  std::set<std::string> of_other_releases_;
   std::array<std::uint64_t, kDoorRefusals> said_{};
   std::condition_variable condition_;
   bool ending_ = false;

@@ -81,6 +81,15 @@ using Md5 = ::MD5;
 inline constexpr const char* kFastDdsVersion = FASTRTPS_VERSION_STR;
 #endif
 
+/// A secured participant takes others in when they have announced themselves by their identity. Fast DDS 2.9 does not, so the two
+/// do not find each other.
+#if NEARMESH_FASTDDS == 3
+inline constexpr bool kHasSecureAnnouncements = true;
+#else
+inline constexpr bool kHasSecureAnnouncements =
+    FASTRTPS_VERSION_MAJOR > 2 || FASTRTPS_VERSION_MINOR >= 10;
+#endif
+
 using Handle = rtps::InstanceHandle_t;
 using Payload = rtps::SerializedPayload_t;
 
@@ -388,6 +397,16 @@ class ChainedTransport : public rtps::ChainingTransport {
             const std::chrono::steady_clock::time_point& timeout) final {
     return low->send(buffers, bytes, begin, end, timeout);
   }
+  // ChainingTransport leaves these to their defaults, by which no connection of TCP is ever opened.
+  bool OpenOutputChannels(rtps::SendResourceList& senders,
+                          const rtps::LocatorSelectorEntry& to) final {
+    return low_level_transport_->OpenOutputChannels(senders, to);
+  }
+  void CloseOutputChannels(rtps::SendResourceList& senders,
+                           const rtps::LocatorSelectorEntry& to) final {
+    low_level_transport_->CloseOutputChannels(senders, to);
+  }
+  void shutdown() final { low_level_transport_->shutdown(); }
 #else
   bool send(rtps::SenderResource* low, const rtps::octet* data, std::uint32_t size,
             rtps::LocatorsIterator* begin, rtps::LocatorsIterator* end,

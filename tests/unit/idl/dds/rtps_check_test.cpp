@@ -231,6 +231,26 @@ TEST(RtpsCheck, TellsWhoAnnouncesItself) {
   EXPECT_EQ(m.bytes[verdict.announcement->lease_at + 7], 0x80);
 }
 
+// What two releases of Fast DDS on one secured bus are told by.
+TEST(RtpsCheck, TellsHowAnIdentityAnnouncesItself) {
+  Rtps m = message();
+  m.begin_announcement().lease(20);
+  m.begin_parameter(0x0062).text("rig/peer").end_parameter();
+  m.begin_parameter(0x1001).text("DDS:Auth:PKI-DH:1.0").u32(0).u32(0).end_parameter();
+  const auto told = [](Rtps written) {
+    written.finish_announcement();
+    const RtpsVerdict verdict = check_rtps(written.bytes);
+    EXPECT_TRUE(verdict.announcement);
+    EXPECT_EQ(std::string(verdict.announcement->name.begin(), verdict.announcement->name.end() - 1),
+              "rig/peer");
+    return std::pair(verdict.announcement->is_secured,
+                     verdict.announcement->has_secure_announcements);
+  };
+  EXPECT_EQ(told(m), std::pair(true, false));
+  m.begin_parameter(0x0058).u32(0x0c00003f).end_parameter();
+  EXPECT_EQ(told(m), std::pair(true, true));
+}
+
 /// Of participant 1, in the name of `speaker`, with these certificates.
 Rtps handshake(std::uint8_t speaker, const std::vector<std::string>& certificates,
                std::uint32_t reader = 0x000201c4,

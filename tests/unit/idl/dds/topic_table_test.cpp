@@ -22,7 +22,7 @@ TEST(TopicTable, NamesAreUniqueAndTypesAreTheGeneratedOnes) {
   std::set<std::string_view> names;
   for_each_topic([&]<class Message>(const Topic<Message>& topic) {
     EXPECT_TRUE(names.insert(topic.name).second) << topic.name;
-    EXPECT_EQ(std::string(TypeOf<Message>().getName()), topic.type);
+    EXPECT_EQ(fdds::TypeSupport(new TypeOf<Message>).get_type_name(), topic.type);
     EXPECT_EQ(&topic, &topic_of<Message>()) << topic.name;
     EXPECT_EQ(TopicNames(kPrefix).find(TopicNames(kPrefix).of<Message>()), place_of<Message>());
   });
