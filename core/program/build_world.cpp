@@ -2,6 +2,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <charconv>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -200,6 +201,7 @@ std::string command_of(const BuildWorldOptions& options) {
     out += " --lattice-origin=" + number(build.lattice_origin_m[0]) + "," +
            number(build.lattice_origin_m[1]) + "," + number(build.lattice_origin_m[2]);
   if (build.scale != 1) out += " --scale " + number(build.scale);
+  if (!options.repeat.empty()) out += " --repeat " + quoted(options.repeat);
   for (const auto& [flag, value] : {std::pair("--unit", &build.unit),
                                     {"--up", &build.up},
                                     {"--crs", &build.crs},
@@ -258,6 +260,47 @@ Status write_plan(const BuildWorldOptions& options, const WorldPlan& plan) {
   text +=
       "build " + for_ninja(WorldFolder::record_path(options.build.out)) + ": pages" + notes + "\n";
   return write_file(options.plan, kNinja, text, options.in);
+}
+
+// ---- repeated tiles ---------------------------------------------------------------------------
+
+/// Columns and rows. Errors: kInvalidArgument.
+Result<std::array<std::uint32_t, 2>> parse_repeat(const std::string& text) {
+  constexpr std::uint64_t kMost = 100'000'000;
+  std::array<std::uint32_t, 2> out{1, 1};
+  if (text.empty()) return out;
+  const char *from = text.data(), *const end = from + text.size();
+  const auto columns = std::from_chars(from, end, out[0]);
+  if (columns.ec == std::errc() && columns.ptr != end && *columns.ptr == 'x') {
+    const auto rows = std::from_chars(columns.ptr + 1, end, out[1]);
+    if (rows.ec == std::errc() && rows.ptr == end && out[0] > 0 && out[1] > 0 &&
+        std::uint64_t{out[0]} * out[1] <= kMost)
+      return out;
+  }
+  return Status(StatusCode::kInvalidArgument,
+                "--repeat: expected COLUMNSxROWS, as 10x10, found \"" + text + "\"");
+}
+
+/// All tiles, so often along x and y, each time moved by the size of all of them: then borders that match meet.
+void repeat_tiles(const std::array<std::uint32_t, 2>& times, std::vector<PlacedTile>& tiles) {
+  std::array<std::int64_t, 2> step{};
+  for (std::size_t k = 0; k < 2 && !tiles.empty(); ++k) {
+    std::int64_t lo = tiles.front().place[k], hi = lo;
+    for (const PlacedTile& tile : tiles) {
+      lo = std::min(lo, tile.place[k]);
+      hi = std::max(hi, tile.place[k] + tile.extent[k]);
+    }
+    step[k] = hi - lo;
+  }
+  const std::size_t count = tiles.size();
+  for (std::uint32_t row = 0; row < times[1]; ++row)
+    for (std::uint32_t column = 0; column < times[0]; ++column)
+      for (std::size_t i = 0; i < count && (row > 0 || column > 0); ++i) {
+        PlacedTile tile = tiles[i];
+        tile.place[0] += column * step[0];
+        tile.place[1] += row * step[1];
+        tiles.push_back(tile);
+      }
 }
 
 // ---- the command ------------------------------------------------------------------------------
@@ -327,6 +370,8 @@ void report(const BuildWorldOptions& options, const WorldPlan& plan, const Sum& 
 Status run(const BuildWorldOptions& options) {
   const Stopwatch watch;
   const std::string& world = options.build.out;
+  const auto repeat = parse_repeat(options.repeat);
+  NEARMESH_RETURN_IF_ERROR(repeat);
   const Result<WorldPlan> planned = plan_world(options);
   NEARMESH_RETURN_IF_ERROR(planned);
   const WorldPlan& plan = planned.value();
@@ -368,6 +413,7 @@ Status run(const BuildWorldOptions& options) {
       return Status::ok();
     }
   }
+  repeat_tiles(repeat.value(), sum.tiles);
   const Result<WorldPages> pages = make_pages(plan.lattice, options.build.grid_bits, sum.tiles);
   NEARMESH_RETURN_IF_ERROR(pages);
   NEARMESH_RETURN_IF_ERROR(write_world(pages.value(), world));

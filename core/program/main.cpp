@@ -156,6 +156,10 @@ void add_build_world(CLI::App& app, Action& chosen) {
       ->check(CLI::Range(1U, 1000U));
   command->add_option("--threads", build.threads, "Threads to use (default: one for each core)")
       ->check(CLI::Range(1U, 256U));
+  command->add_option(
+      "--repeat", options->repeat,
+      "COLUMNSxROWS: all tiles stand again so many times along x and y, each time moved "
+      "by the size of all of them; for worlds that are made to try how large they may be");
   CLI::Option* only =
       command->add_option("--only", options->only, "Bake this tile alone, as a plan has it");
   command
@@ -205,7 +209,8 @@ void add_query(CLI::App& app, Action& chosen) {
   CLI::App* command = app.add_subcommand(
       "query", "Test two models for contact in given poses; prints one JSON line per pose.");
   const auto options = std::make_shared<PoseQueryOptions>();
-  command->add_option("A", options->a, ".spm file of model A")->required();
+  command->add_option("A", options->a, ".spm file of model A, or the folder of a world")
+      ->required();
   command->add_option("B", options->b, ".spm file of model B")->required();
   command
       ->add_option(

@@ -3,9 +3,11 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <iomanip>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <sstream>
 
 #include "core/world/world_folder.hpp"
 #include "nearmesh/core/mesh/generate.hpp"
@@ -210,6 +212,21 @@ TEST_F(WorldProgram, WhatIsThereIsNotBakedAgain) {
   EXPECT_EQ(model("check " + path("w")).code, 0);
 }
 
+TEST_F(WorldProgram, TheSameTilesMayStandManyTimes) {
+  const std::string command =
+      "build-world " + raw_flags() + " --cell 0.01 -o " + path("w") + " --faces 300 --json";
+  const json once = parse(model(command)), often = parse(model(command + " --repeat 5x3"));
+  EXPECT_EQ(often.at("tiles").get<int>(), 15 * once.at("tiles").get<int>());
+  EXPECT_EQ(often.at("faces").get<int>(), 15 * once.at("faces").get<int>());
+  EXPECT_EQ(often.at("distinct_tiles"), once.at("distinct_tiles"));
+  EXPECT_EQ(often.at("baked"), 0);
+  EXPECT_EQ(model("check " + path("w")).code, 0);
+  const json info = parse(model("info --json " + path("w")));
+  EXPECT_NEAR(info.at("box_max_m")[0].get<double>(), 10 + 5 * 100, 30)
+      << "boxes are rounded outward";
+  EXPECT_NE(model(command + " --repeat 5").code, 0);
+}
+
 TEST_F(WorldProgram, ACraterIsATileAndThePagesAboveIt) {
   const std::string command =
       "build-world " + raw_flags() + " -o " + path("w") + " --faces 60 --json";
@@ -250,6 +267,74 @@ TEST_F(WorldProgram, APlansCommandsMakeTheSameWorld) {
   const std::string text((std::istreambuf_iterator<char>(ninja)), std::istreambuf_iterator<char>());
   EXPECT_NE(text.find(": pages "), std::string::npos);
   EXPECT_NE(text.find("--only $tile"), std::string::npos);
+}
+
+/// Of the hill's frame: one pose a line, with the same poses of both bodies turned and moved together.
+void write_poses(const std::string& path, int count) {
+  Random random(12);
+  std::ofstream out(path);
+  out << "id";
+  for (const char* body : {"A", "B"}) {
+    for (int i = 0; i < 9; ++i) out << ',' << body << "_R" << i / 3 << i % 3;
+    for (int k = 0; k < 3; ++k) out << ',' << body << "_T" << k;
+  }
+  out << std::setprecision(17) << '\n';
+  for (int n = 0; n < count; ++n) {
+    Pose world, body{test::random_rotation(random), {}};
+    if (n % 3 > 0) world.rotation = test::random_rotation(random);
+    const double far_m = n % 3 == 2 ? 6.4e6 : 500;
+    for (double& t : world.translation_m) t = random.between(-far_m, far_m);
+    // Near corners of tiles, at the ground's height or above.
+    const int column = 8 * static_cast<int>(1 + random.below(4)),
+              row = 6 * static_cast<int>(1 + random.below(4));
+    const double at[3] = {10 + 2.5 * column, -20 + 2.5 * (kRows - 1 - row),
+                          sample(row, column) + random.between(-1, 10)};
+    body.translation_m = world.translation_m;
+    for (std::size_t k = 0; k < 3; ++k)
+      for (std::size_t i = 0; i < 3; ++i)
+        body.translation_m[k] += world.rotation[3 * k + i] * at[i];
+    out << n;
+    for (const Pose* pose : {&world, &body}) {
+      for (const double x : pose->rotation) out << ',' << x;
+      for (const double x : pose->translation_m) out << ',' << x;
+    }
+    out << '\n';
+  }
+}
+
+// The proof of a world: it is the merged mesh, at its seams and corners, turned and geocentric.
+TEST_F(WorldProgram, AnswersAsTheMergedMeshDoes) {
+  const std::string lattice = " --cell 0.002 --lattice-origin=50,10,100 ";
+  ASSERT_EQ(model("build-world " + raw_flags() + lattice + "-o " + path("w") + " --faces 25").code,
+            0);
+  ASSERT_EQ(model("build " + raw_flags() + lattice + "-o " + path("whole.spm")).code, 0);
+  ASSERT_EQ(model("generate sphere --size 12 -o " + path("s.ply")).code, 0);
+  ASSERT_EQ(model("build " + path("s.ply") + " --scale 3 -o " + path("s.spm")).code, 0);
+  write_poses(path("poses.csv"), 90);
+  const auto lines = [this](const std::string& of) {
+    const Ended ended =
+        model("query " + of + " " + path("s.spm") + " --json --poses " + path("poses.csv"));
+    EXPECT_EQ(ended.code, 0) << ended.err;
+    std::vector<json> out;
+    std::istringstream in(ended.out);
+    for (std::string line; std::getline(in, line);)
+      out.push_back(json::parse(line, nullptr, false));
+    return out;
+  };
+  const std::vector<json> tiled = lines(path("w")), merged = lines(path("whole.spm"));
+  ASSERT_EQ(tiled.size(), 90U);
+  ASSERT_EQ(merged.size(), 90U);
+  int contacts = 0, free = 0, tiles = 0;
+  for (std::size_t i = 0; i < tiled.size(); ++i) {
+    EXPECT_EQ(tiled[i].at("status"), merged[i].at("status")) << i;
+    EXPECT_EQ(tiled[i].at("pairs"), merged[i].at("pairs")) << i;
+    contacts += tiled[i].at("status") == "contact" ? 1 : 0;
+    free += tiled[i].at("status") == "free" ? 1 : 0;
+    tiles += tiled[i].at("tiles").get<int>();
+  }
+  EXPECT_GT(contacts, 20);
+  EXPECT_GT(free, 5);
+  EXPECT_LT(tiles, 90 * 20) << "of more than 100";
 }
 
 TEST_F(WorldProgram, SaysWhatIsWrong) {
