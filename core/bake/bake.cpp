@@ -312,7 +312,7 @@ Status fill_store(const Forest& forest, const std::vector<GridPoint>& position,
 }  // namespace
 
 Result<BakedModel> bake(const GridMesh& mesh, double rounding_error_m,
-                        const SimplifyOptions& options) {
+                        const SimplifyOptions& options, TableChoice tables) {
   const FloatGuard guard;
   NEARMESH_ASSERT(!mesh.faces.empty());
   if (mesh.faces.size() >= (std::size_t{1} << 30))
@@ -341,7 +341,9 @@ Result<BakedModel> bake(const GridMesh& mesh, double rounding_error_m,
 
   SplitStore store(header);
   NEARMESH_RETURN_IF_ERROR(fill_store(forest, position, boxes, owned, store));
-  header.tables = choose_tables(count_typical(header, store), header.split_count());
+  const TrainingCounts counts = count_typical(header, store);
+  header.tables = tables == TableChoice::kBuiltIn ? nearest_set(counts)
+                                                  : choose_tables(counts, header.split_count());
   NEARMESH_RETURN_IF_ERROR(check_split_sizes(header, store));
 
   return BakedModel{std::move(header), std::move(store), std::move(owned.numbers), std::move(log)};

@@ -7,7 +7,8 @@
 //    image. Of both models: sqrt(3) cells. A's inverse stretches by less than 1.0001 (check_pose:
 //    |R^T R - I| <= 1e-5 an entry, plus 2^-30 rounding). Together 1.7322 c, c = the cell's length.
 // 2. Doubles. Centres and corners are exact (int32). rotation carries an error of at most 30u s,
-//    translation 30u |t|, and a mapped point 4u more of its terms; in all less than 64u M, where
+//    translation 30u |t| and, with remainders of both frames, 2u c more, and a mapped point 4u more of its terms; in all
+//    less than 64u M (c <= 2^31 (1 + s) where there are remainders), where
 //    M = |t|_1 + 2^33 (1 + s) bounds the sum of all magnitudes (int32 points, three axes).
 // 3. Any vector n may serve as an axis, so an axis needs no error bound: n is taken as the exact
 // double
@@ -290,7 +291,9 @@ RelativeFrame make_relative_frame(const PosedFrame& a, const PosedFrame& b) {
   const double cell = std::ldexp(1.0, a.lattice_exp - a.grid.exponent);
   Vec3 offset;
   for (std::size_t k = 0; k < 3; ++k)  // |translation| < 2^62 each: the difference fits
-    offset[k] = static_cast<double>(b.translation[k] - a.translation[k]) * cell;
+    offset[k] = (static_cast<double>(b.translation[k] - a.translation[k]) +
+                 (beyond_translation(b, k) - beyond_translation(a, k))) *
+                cell;
   RelativeFrame f =
       relate(unit_rotation(a), unit_rotation(b), offset, a.grid.exponent, b.grid.exponent);
   f.slack = kPosedRounding * cell +

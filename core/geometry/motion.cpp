@@ -108,10 +108,12 @@ double placing_error_m(const Motion& motion, double reach, double duration_s) {
 
 // pose_at's error; each entry of the fixed-point rotation rounded by 2^-31, which the grid's part of the point feels
 // (an operator of at most 3 * 2^-31); the grid's origin turned in doubles; its place and then the vertex rounded to
-// lattice points, sqrt(3)/2 of a cell each.
+// lattice points, sqrt(3)/2 of a cell each. Of a model that shares a lattice it is the lattice's origin that is turned in
+// doubles and rounded, and all from there to the point that the fixed-point rotation feels; the grid's own place is rounded
+// with the vertex, once.
 double posing_error_m(const Motion& motion, double reach, double duration_s, const Grid& grid,
                       int lattice_exp) {
-  const double origin = length_bound(grid.origin_m);
+  const double origin = length_bound(grid.lattice_origin_m());
   return (placing_error_m(motion, reach, duration_s) + 3.01 * 0x1p-31 * (reach + origin) +
           0x1p-49 * (origin + length_bound(motion.pose.translation_m)) +
           1.7322 * std::ldexp(1.0, lattice_exp)) *

@@ -20,7 +20,8 @@ constexpr double kMaxTranslationCells = 0x1p62;
 constexpr int kMaxSpanBits = 38;  ///< a posed model spans at most 2^38 lattice cells per axis
 constexpr int kSubBits = 2;       ///< the lattice divides the finer cell by 2^2
 constexpr int kRotationBits = 30;
-constexpr int kMaxFinerBits = 100;  ///< of a model's cell than the lattice's
+constexpr int kMaxFinerBits = 100;       ///< of a model's cell than the lattice's
+constexpr int kMaxFinerSharedBits = 31;  ///< where it keeps a remainder, which then is below 2^61
 
 Status refuse(std::string_view body, const std::string& what) {
   return {StatusCode::kInvalidArgument, "pose of " + std::string(body) + ": " + what};
@@ -100,7 +101,7 @@ Result<PosedFrame> make_posed_frame(const Grid& grid, const Pose& pose, int latt
                                                 std::to_string(lattice_exp) + " m");
   // box_overlap.cpp takes products of four lengths of one model in the other's cells: they stay
   // below 2^(4 (62 + 134)) and above 2^(-4 * 134).
-  if (lattice_exp - grid.exponent > kMaxFinerBits)
+  if (lattice_exp - grid.exponent > (grid.shares_lattice() ? kMaxFinerSharedBits : kMaxFinerBits))
     return Status(StatusCode::kUnsupported,
                   "its grid's cell of 2^" + std::to_string(grid.exponent) +
                       " m is too small beside a model that needs lattice cells of 2^" +
@@ -112,16 +113,24 @@ Result<PosedFrame> make_posed_frame(const Grid& grid, const Pose& pose, int latt
   for (std::size_t i = 0; i < 9; ++i)
     frame.rotation[i] = static_cast<std::int64_t>(std::floor(pose.rotation[i] * 0x1p30 + 0.5));
 
+  // The origin of the lattice is turned in doubles, the way from there to the grid's in fixed point, as points are: so
+  // what a point of the lattice comes to does not depend on whose grid it is in.
+  const std::array<double, 3> origin_m = grid.lattice_origin_m();
   for (std::size_t k = 0; k < 3; ++k) {
     const double* row = pose.rotation.data() + 3 * k;
-    const double rotated_m =
-        row[0] * grid.origin_m[0] + row[1] * grid.origin_m[1] + row[2] * grid.origin_m[2];
+    const double rotated_m = row[0] * origin_m[0] + row[1] * origin_m[1] + row[2] * origin_m[2];
+    // |way| < 2^61.8, as of points.
+    std::int64_t way = 0;
+    for (std::size_t i = 0; i < 3; ++i) way += frame.rotation[3 * k + i] * grid.lattice_cells[i];
+    const double way_cells = std::ldexp(static_cast<double>(way), -frame.shift);
     // Whole and fractional cells are added apart, so that a large translation does not round the
     // fraction away: whole cells of either then shift the sum exactly.
     const double rotated = std::ldexp(rotated_m, -lattice_exp);
     const double moved = std::ldexp(pose.translation_m[k], -lattice_exp);
     if (!(std::abs(rotated) < kMaxTranslationCells && std::abs(moved) < kMaxTranslationCells &&
-          std::abs(rotated + moved) < kMaxTranslationCells))
+          std::abs(rotated + moved) < kMaxTranslationCells &&
+          std::abs(way_cells) < kMaxTranslationCells &&
+          std::abs(rotated + moved + way_cells) < kMaxTranslationCells))
       return Status(StatusCode::kUnsupported, "translation_m[" + std::to_string(k) +
                                                   "] = " + number(pose.translation_m[k]) +
                                                   " with the grid's origin (" + number(rotated_m) +
@@ -133,6 +142,13 @@ Result<PosedFrame> make_posed_frame(const Grid& grid, const Pose& pose, int latt
     frame.translation[k] = static_cast<std::int64_t>(rotated_whole) +
                            static_cast<std::int64_t>(moved_whole) +
                            static_cast<std::int64_t>(std::floor(fraction + 0.5));
+    if (frame.shift <= 0) {
+      frame.translation[k] += way * (std::int64_t{1} << -frame.shift);
+    } else if (way != 0) {  // then shift <= 61
+      const std::int64_t whole = way >> frame.shift;
+      frame.translation[k] += whole;
+      frame.remainder[k] = way - (whole << frame.shift);
+    }
   }
   return frame;
 }

@@ -30,6 +30,12 @@ std::string describe(const std::array<double, 3>& p) {
   return text;
 }
 
+std::string number(double x) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.17g", x);
+  return text;
+}
+
 Status invalid(std::string message) { return {StatusCode::kInvalidArgument, std::move(message)}; }
 
 /// One flag a vertex: is it a corner of some face?
@@ -127,6 +133,38 @@ Grid choose_grid(const Bounds& bounds, int bits) {
   grid.bits = bounds.lo == bounds.hi ? kMinGridBits : bits;
   for (std::size_t k = 0; k < 3; ++k)
     grid.origin_m[k] = std::ldexp(first_cell(bounds.lo[k], grid.exponent), grid.exponent);
+  return grid;
+}
+
+/// The grid on a lattice that other models share.
+Result<Grid> grid_on(const CommonLattice& lattice, const Bounds& bounds, int bits) {
+  constexpr std::array<const char*, 3> kAxes{"x", "y", "z"};
+  if (std::abs(lattice.exponent) > kMaxGridExponent)
+    return invalid("lattice: expected a cell of 2^-" + std::to_string(kMaxGridExponent) + " to 2^" +
+                   std::to_string(kMaxGridExponent) + " m, found 2^" +
+                   std::to_string(lattice.exponent));
+  const std::string cell = "cells of 2^" + std::to_string(lattice.exponent) + " m";
+  Grid grid{.exponent = lattice.exponent, .bits = bits};
+  for (std::size_t k = 0; k < 3; ++k) {
+    const double origin = std::ldexp(lattice.origin_m[k], -lattice.exponent);
+    if (!is_lattice_place(origin, 0))
+      return invalid(std::string("lattice: expected an origin of whole ") + cell +
+                     ", within 2^52 of them, found " + number(lattice.origin_m[k]) + " m on " +
+                     kAxes[k]);
+    const double first = first_cell(bounds.lo[k], lattice.exponent),
+                 last = nearest_cell(bounds.hi[k], lattice.exponent);
+    if (!(std::fabs(first) <= 0x1p52 &&
+          std::fabs(first - origin) <= static_cast<double>(kMaxLatticeCells)))
+      return invalid("mesh: expected to begin within 2^31 " + cell +
+                     " of the lattice's origin, found " + number(bounds.lo[k]) + " m on " +
+                     kAxes[k]);
+    if (!(last - first <= std::ldexp(1.0, bits) - 1))
+      return invalid("mesh: expected at most 2^" + std::to_string(bits) + " " + cell +
+                     " along each axis, found " + number(last - first + 1) + " along " + kAxes[k] +
+                     ": take a larger cell, more bits, or smaller parts");
+    grid.origin_m[k] = std::ldexp(first, lattice.exponent) + 0.0;  // no -0
+    grid.lattice_cells[k] = static_cast<std::int64_t>(first - origin);
+  }
   return grid;
 }
 
@@ -382,7 +420,13 @@ Result<CleanResult> clean_mesh(const IndexedMesh& mesh, const CleanOptions& opti
   CleanReport& report = result.report;
   report.vertices_in = mesh.positions_m.size();
   report.faces_in = mesh.faces.size();
-  result.mesh.grid = choose_grid(bounds.value(), options.grid_bits);
+  if (options.lattice) {
+    const Result<Grid> grid = grid_on(*options.lattice, bounds.value(), options.grid_bits);
+    NEARMESH_RETURN_IF_ERROR(grid);
+    result.mesh.grid = grid.value();
+  } else {
+    result.mesh.grid = choose_grid(bounds.value(), options.grid_bits);
+  }
 
   const auto number = weld(mesh, referenced.value(), bounds.value(), result.mesh, report);
   std::vector<Triple> faces(mesh.faces);

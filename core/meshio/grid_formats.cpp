@@ -24,24 +24,27 @@ bool ends(std::string_view path, std::string_view ending) {
 }
 
 /// Samples without anything between them, as many as the grid has.
-Result<HeightGrid> read_samples(const std::string& format, std::string_view bytes,
-                                const RawGrid& type) {
-  NEARMESH_RETURN_IF_ERROR(
-      check_grid_size(format, type.columns, type.rows, bytes.size(), 1.0 / type.sample_bytes));
-  HeightGrid grid{.columns = type.columns, .rows = type.rows};
-  const std::uint64_t posts = grid.columns * grid.rows, expected = posts * type.sample_bytes;
-  if (bytes.size() != expected)
+Result<SampleLayout> lay_out(const std::string& format, std::uint64_t bytes, std::uint64_t offset,
+                             const RawGrid& type) {
+  const std::uint64_t found = bytes - offset;
+  if (type.columns < 2 || type.rows < 2 ||
+      std::uint64_t{type.columns} * type.rows > found / type.sample_bytes)
+    return check_grid_size(format, type.columns, type.rows, found, 1.0 / type.sample_bytes);
+  SampleLayout layout{.grid = {.columns = type.columns, .rows = type.rows},
+                      .type = type,
+                      .offset = offset,
+                      .format = format};
+  const std::uint64_t posts = layout.grid.columns * layout.grid.rows,
+                      expected = posts * type.sample_bytes;
+  if (found != expected)
     return corrupt(format + ": " + std::to_string(type.columns) + " x " +
                    std::to_string(type.rows) + " posts of " + std::to_string(type.sample_bytes) +
                    " bytes make " + std::to_string(expected) + " bytes, found " +
-                   std::to_string(bytes.size()));
-  grid.samples.reserve(posts);
-  for (std::size_t at = 0; at < bytes.size(); at += type.sample_bytes)
-    grid.samples.push_back(decode_sample(bytes.substr(at), type));
-  return grid;
+                   std::to_string(found));
+  return layout;
 }
 
-Result<HeightGrid> read_raw(std::string_view bytes, const RawGrid& type) {
+Result<SampleLayout> lay_out_raw(std::uint64_t bytes, const RawGrid& type) {
   const int size = type.sample_bytes;
   const bool is_known =
       size == 4 || size == 8 || (type.kind != Kind::kFloat && (size == 1 || size == 2));
@@ -50,7 +53,7 @@ Result<HeightGrid> read_raw(std::string_view bytes, const RawGrid& type) {
                   "raw samples: expected whole numbers of 1, 2, 4 or 8 bytes, or floats of 4 or 8, "
                   "found " +
                       std::to_string(size) + " bytes");
-  return read_samples("raw samples", bytes, type);
+  return lay_out("raw samples", bytes, 0, type);
 }
 
 // --- HGT ---
@@ -83,24 +86,25 @@ std::optional<std::array<double, 2>> find_tile(std::string_view path) {
   return std::nullopt;
 }
 
-Result<HeightGrid> read_hgt(const std::string& path, std::string_view bytes,
-                            const TerrainOptions& options) {
+Result<SampleLayout> lay_out_hgt(const std::string& path, std::uint64_t bytes,
+                                 const TerrainOptions& options) {
   const auto side =
-      static_cast<std::uint32_t>(std::lround(std::sqrt(static_cast<double>(bytes.size()) / 2)));
-  if (std::uint64_t{2} * side * side != bytes.size())
+      static_cast<std::uint32_t>(std::lround(std::sqrt(static_cast<double>(bytes) / 2)));
+  if (std::uint64_t{2} * side * side != bytes)
     return corrupt(
         "HGT: expected a square of samples of two bytes, such as 1201 x 1201 (2884802 "
         "bytes) or 3601 x 3601 (25934402 bytes), found " +
-        std::to_string(bytes.size()) + " bytes");
-  auto grid = read_samples(
-      "HGT", bytes, {.columns = side, .rows = side, .kind = Kind::kSigned, .is_big_endian = true});
-  NEARMESH_RETURN_IF_ERROR(grid);
+        std::to_string(bytes) + " bytes");
+  auto layout =
+      lay_out("HGT", bytes, 0,
+              {.columns = side, .rows = side, .kind = Kind::kSigned, .is_big_endian = true});
+  NEARMESH_RETURN_IF_ERROR(layout);
   const auto corner = options.corner ? options.corner : find_tile(path);
   if (!corner)
     return Status(StatusCode::kInvalidArgument,
                   "HGT: expected a name that says which tile it is, as N47E011.hgt, or --corner "
                   "LONGITUDE,LATITUDE of its south-western post");
-  HeightGrid& out = grid.value();
+  HeightGrid& out = layout.value().grid;
   const double step = 1.0 / (side - 1);
   out.x = make_axis((*corner)[0], step, side);
   out.y = make_axis((*corner)[1] + 1, -step, side);
@@ -108,7 +112,7 @@ Result<HeightGrid> read_hgt(const std::string& path, std::string_view bytes,
   out.unit = GridUnit::kDegrees;
   out.nodata = -32768;
   out.crs = "WGS 84, heights above the EGM96 geoid";
-  return grid;
+  return layout;
 }
 
 // --- ESRI ASCII grid ---
@@ -242,11 +246,11 @@ std::optional<std::int64_t> take_pgm_number(std::string_view& text) {
   return number;
 }
 
-Result<HeightGrid> read_pgm(std::string_view bytes) {
-  if (!bytes.starts_with("P5"))
+Result<SampleLayout> lay_out_pgm(std::string_view begins, std::uint64_t bytes) {
+  if (!begins.starts_with("P5"))
     return Status(StatusCode::kUnsupported,
-                  "PGM: expected a binary one, P5, found " + quote(bytes.substr(0, 2)));
-  std::string_view text = bytes.substr(2);
+                  "PGM: expected a binary one, P5, found " + quote(begins.substr(0, 2)));
+  std::string_view text = begins.substr(2);
   constexpr std::int64_t kMostSide = 0xffffffff;
   const auto columns = take_pgm_number(text), rows = take_pgm_number(text),
              greatest = take_pgm_number(text);
@@ -257,20 +261,15 @@ Result<HeightGrid> read_pgm(std::string_view bytes) {
   if (text.empty() || !is_blank(text.front()))
     return corrupt("PGM: expected a blank behind its header");
   text.remove_prefix(1);
-  auto grid = read_samples("PGM", text,
-                           {.columns = static_cast<std::uint32_t>(*columns),
-                            .rows = static_cast<std::uint32_t>(*rows),
-                            .kind = Kind::kUnsigned,
-                            .sample_bytes = static_cast<std::uint8_t>(*greatest > 255 ? 2 : 1),
-                            .is_big_endian = true});
-  NEARMESH_RETURN_IF_ERROR(grid);
-  const auto& samples = grid.value().samples;
-  for (std::size_t i = 0; i < samples.size(); ++i)
-    if (samples[i] > static_cast<double>(*greatest))
-      return corrupt("PGM: row " + std::to_string(i / grid.value().columns) + ", column " +
-                     std::to_string(i % grid.value().columns) + ": expected at most " +
-                     std::to_string(*greatest) + ", found " + quote_number(samples[i]));
-  return grid;
+  auto layout = lay_out("PGM", bytes, begins.size() - text.size(),
+                        {.columns = static_cast<std::uint32_t>(*columns),
+                         .rows = static_cast<std::uint32_t>(*rows),
+                         .kind = Kind::kUnsigned,
+                         .sample_bytes = static_cast<std::uint8_t>(*greatest > 255 ? 2 : 1),
+                         .is_big_endian = true});
+  NEARMESH_RETURN_IF_ERROR(layout);
+  layout.value().greatest = static_cast<double>(*greatest);
+  return layout;
 }
 
 }  // namespace
@@ -299,21 +298,46 @@ std::optional<GridFormat> find_grid_format(const std::string& path, std::string_
   return std::nullopt;
 }
 
+bool has_layout(GridFormat format) {
+  return format == GridFormat::kHgt || format == GridFormat::kPgm || format == GridFormat::kRaw;
+}
+
+Result<SampleLayout> find_layout(GridFormat format, const std::string& path,
+                                 std::string_view begins, std::uint64_t file_bytes,
+                                 const TerrainOptions& options) {
+  if (format == GridFormat::kHgt) return lay_out_hgt(path, file_bytes, options);
+  if (format == GridFormat::kPgm) return lay_out_pgm(begins, file_bytes);
+  return lay_out_raw(file_bytes, options.raw.value_or(RawGrid{}));
+}
+
+Status decode_samples(const SampleLayout& layout, std::string_view bytes, std::uint64_t row,
+                      std::uint64_t column, std::vector<double>& samples) {
+  for (std::size_t at = 0; at < bytes.size(); at += layout.type.sample_bytes, ++column) {
+    const double sample = decode_sample(bytes.substr(at), layout.type);
+    if (layout.greatest > 0 && sample > layout.greatest)
+      return corrupt(layout.format + ": row " + std::to_string(row + column / layout.grid.columns) +
+                     ", column " + std::to_string(column % layout.grid.columns) +
+                     ": expected at most " + quote_number(layout.greatest) + ", found " +
+                     quote_number(sample));
+    samples.push_back(sample);
+  }
+  return Status::ok();
+}
+
 Result<HeightGrid> read_grid(GridFormat format, const std::string& path, std::string_view bytes,
                              const TerrainOptions& options) {
-  switch (format) {
-    case GridFormat::kHgt:
-      return read_hgt(path, bytes, options);
-    case GridFormat::kAsc:
-      return read_asc(bytes);
-    case GridFormat::kPgm:
-      return read_pgm(bytes);
-    case GridFormat::kPng:
-      return read_png(bytes);
-    case GridFormat::kRaw:
-      return read_raw(bytes, options.raw.value_or(RawGrid{}));
-  }
-  return Status(StatusCode::kUnsupported, "no such format");
+  if (format == GridFormat::kAsc) return read_asc(bytes);
+  if (format == GridFormat::kPng) return read_png(bytes);
+  Result<SampleLayout> found = find_layout(format, path, bytes, bytes.size(), options);
+  NEARMESH_RETURN_IF_ERROR(found);
+  SampleLayout& layout = found.value();
+  NEARMESH_RETURN_IF_ERROR(check_grid_size(layout.format, layout.grid.columns, layout.grid.rows,
+                                           bytes.size(), 1.0 / layout.type.sample_bytes));
+  std::vector<double> samples;
+  samples.reserve(layout.grid.columns * layout.grid.rows);
+  NEARMESH_RETURN_IF_ERROR(decode_samples(layout, bytes.substr(layout.offset), 0, 0, samples));
+  layout.grid.samples = std::move(samples);
+  return std::move(layout.grid);
 }
 
 }  // namespace nearmesh::meshio

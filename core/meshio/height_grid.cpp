@@ -109,9 +109,10 @@ Result<std::uint64_t> fill_heights(HeightGrid& grid, const TerrainOptions& optio
     }
     const double height = grid.offset + grid.scale * sample;
     if (!std::isfinite(height))
-      return invalid("post in row " + std::to_string(i / grid.columns) + ", column " +
-                     std::to_string(i % grid.columns) + ": expected a finite height, found " +
-                     quote_number(sample) + "; --nodata says which samples are no heights");
+      return invalid("post in row " + std::to_string(grid.y.begin + i / grid.columns) +
+                     ", column " + std::to_string(grid.x.begin + i % grid.columns) +
+                     ": expected a finite height, found " + quote_number(sample) +
+                     "; --nodata says which samples are no heights");
     sample = height;
   }
   return missing;
@@ -236,25 +237,53 @@ Status check_grid_size(const std::string& format, std::uint64_t columns, std::ui
   return Status::ok();
 }
 
-Result<SceneMesh> to_scene(HeightGrid grid, const TerrainOptions& options) {
+Result<TerrainFrame> settle_grid(HeightGrid& grid, const TerrainOptions& options) {
   const Result<TerrainFrame> frame = find_frame(grid, options);
   NEARMESH_RETURN_IF_ERROR(frame);
   NEARMESH_RETURN_IF_ERROR(place_posts(grid, options));
   if (takes_degrees(frame.value())) NEARMESH_RETURN_IF_ERROR(check_degrees(grid, options));
   NEARMESH_RETURN_IF_ERROR(set_heights(grid, options));
+  return frame;
+}
+
+HeightGrid window_of(const HeightGrid& grid, const GridWindow& window) {
+  HeightGrid out{.columns = window.columns,
+                 .rows = window.rows,
+                 .x = grid.x,
+                 .y = grid.y,
+                 .states_place = grid.states_place,
+                 .takes_corner = grid.takes_corner,
+                 .unit = grid.unit,
+                 .unit_m = grid.unit_m,
+                 .nodata = grid.nodata,
+                 .offset = grid.offset,
+                 .scale = grid.scale,
+                 .needs_heights = grid.needs_heights,
+                 .crs = grid.crs};
+  out.x.begin = window.column;
+  out.y.begin = window.row;
+  return out;
+}
+
+Result<SceneMesh> to_scene(HeightGrid grid, const TerrainOptions& options) {
+  const Result<TerrainFrame> frame = settle_grid(grid, options);
+  NEARMESH_RETURN_IF_ERROR(frame);
+  return to_scene(std::move(grid), frame.value(), options);
+}
+
+Result<SceneMesh> to_scene(HeightGrid grid, TerrainFrame frame, const TerrainOptions& options) {
   const Result<std::uint64_t> missing = fill_heights(grid, options);
   NEARMESH_RETURN_IF_ERROR(missing);
   SceneMesh scene;
-  scene.convention = convention_of(grid, frame.value());
+  scene.convention = convention_of(grid, frame);
   scene.terrain = ImportedTerrain{.columns = grid.columns,
                                   .rows = grid.rows,
                                   .posts_without_data = missing.value(),
                                   .fill = options.fill,
-                                  .frame = frame.value(),
+                                  .frame = frame,
                                   .enu_origin_deg = options.enu_origin_deg,
                                   .stated_crs = grid.crs};
-  scene.mesh =
-      make_mesh(grid, Placer(grid, options, frame.value()), options.fill ? 0 : missing.value());
+  scene.mesh = make_mesh(grid, Placer(grid, options, frame), options.fill ? 0 : missing.value());
   return scene;
 }
 

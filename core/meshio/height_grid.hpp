@@ -20,10 +20,11 @@ inline constexpr std::uint64_t kMostPosts = std::uint64_t{1} << 29;
 struct GridAxis {
   double first = 0, step = 1;  ///< step may be negative
   double numerator = 0, numerator_step = 0;
-  double denominator = 0;  ///< 0: there are none
+  double denominator = 0;   ///< 0: there are none
+  std::uint64_t begin = 0;  ///< of a window: its first in the whole grid
 
   [[nodiscard]] double at(std::uint64_t i) const {
-    const auto index = static_cast<double>(i);
+    const auto index = static_cast<double>(begin + i);
     return denominator > 0 ? (numerator + numerator_step * index) / denominator
                            : first + step * index;
   }
@@ -52,6 +53,15 @@ struct HeightGrid {
 /// Errors: kInvalidArgument (below 2 x 2), kUnsupported (above kMostPosts), kCorrupt.
 [[nodiscard]] Status check_grid_size(const std::string& format, std::uint64_t columns,
                                      std::uint64_t rows, std::uint64_t bytes, double per_byte);
+
+/// What options say beside the file, without a look at samples: places and the meaning of samples enter the grid. Gives the model's frame.
+/// Errors: kInvalidArgument (options are missing, contradict the file, or make no sense).
+[[nodiscard]] Result<TerrainFrame> settle_grid(HeightGrid& grid, const TerrainOptions& options);
+/// A part of a settled grid, without samples. Its posts are those of the whole, to the bit.
+[[nodiscard]] HeightGrid window_of(const HeightGrid& grid, const GridWindow& window);
+/// Of a settled grid, or a window of one: as below.
+[[nodiscard]] Result<SceneMesh> to_scene(HeightGrid grid, TerrainFrame frame,
+                                         const TerrainOptions& options);
 
 /// Two triangles a cell, counter-clockwise from above; their common edge runs from south-west to north-east. A
 /// triangle with a corner without data is left out, where it is not filled.

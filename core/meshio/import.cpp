@@ -17,6 +17,7 @@
 #include "core/base/float_guard.hpp"
 #include "gdal_reader.hpp"
 #include "grid_formats.hpp"
+#include "nearmesh/core/base/detail/assert.hpp"
 #include "nodes.hpp"
 #include "plain_formats.hpp"
 
@@ -90,12 +91,12 @@ Result<SceneMesh> read_any(const std::string& path, const ImportOptions& options
       return meshio::to_scene(std::move(grid.value()), terrain);
     }
     if (const auto format = meshio::find_plain_format(path, bytes)) {
-      if (options.terrain)
+      if (options.terrain && !options.is_terrain_of_some)
         return Status(StatusCode::kInvalidArgument,
                       "expected a grid of heights, as the options have it, found a mesh");
       return read_plain_scene(*format, bytes, options.node, by_node);
     }
-    is_grid = options.terrain || meshio::is_for_gdal(path, bytes);
+    is_grid = (options.terrain && !options.is_terrain_of_some) || meshio::is_for_gdal(path, bytes);
     file_bytes = bytes.size();
   }
   if (is_grid) {
@@ -227,6 +228,113 @@ Result<IndexedMesh> import_mesh(const std::string& path) {
   Result<ImportedMesh> imported = import_mesh(path, ImportOptions{});
   NEARMESH_RETURN_IF_ERROR(imported);
   return std::move(imported.value().mesh);
+}
+
+struct TerrainFile::Parts {
+  std::string path;
+  ImportOptions options;
+  TerrainOptions terrain;
+  TerrainFrame frame = TerrainFrame::kUnstated;
+  meshio::SampleLayout
+      layout;  // its grid is settled; with all samples where they cannot be read apart
+};
+
+namespace {
+
+Result<std::string> read_start(const std::string& path, std::uint64_t& file_bytes) {
+  const std::unique_ptr<std::FILE, FileCloser> file(std::fopen(path.c_str(), "rb"));
+  struct stat info {};
+  if (!file || fstat(fileno(file.get()), &info) != 0)
+    return Status(StatusCode::kIo, std::string("cannot be read: ") + std::strerror(errno));
+  if (!S_ISREG(info.st_mode)) return Status(StatusCode::kIo, "expected a regular file");
+  file_bytes = static_cast<std::uint64_t>(info.st_size);
+  std::string bytes(std::min<std::uint64_t>(file_bytes, meshio::kLayoutBytes), '\0');
+  bytes.resize(std::fread(bytes.data(), 1, bytes.size(), file.get()));
+  return bytes;
+}
+
+/// The window's samples, row by row from the file.
+Status read_window(const std::string& path, const meshio::SampleLayout& layout,
+                   const GridWindow& window, std::vector<double>& samples) {
+  const std::unique_ptr<std::FILE, FileCloser> file(std::fopen(path.c_str(), "rb"));
+  if (!file) return {StatusCode::kIo, std::string("cannot be read: ") + std::strerror(errno)};
+  std::string row(window.columns * layout.type.sample_bytes, '\0');
+  samples.reserve(window.columns * window.rows);
+  for (std::uint64_t r = window.row; r < window.row + window.rows; ++r) {
+    const std::uint64_t at =
+        layout.offset + (r * layout.grid.columns + window.column) * layout.type.sample_bytes;
+    if (fseeko(file.get(), static_cast<off_t>(at), SEEK_SET) != 0 ||
+        std::fread(row.data(), 1, row.size(), file.get()) != row.size())
+      return {StatusCode::kCorrupt, "row " + std::to_string(r) + " is no longer there"};
+    NEARMESH_RETURN_IF_ERROR(meshio::decode_samples(layout, row, r, window.column, samples));
+  }
+  return Status::ok();
+}
+
+}  // namespace
+
+Result<std::optional<TerrainFile>> TerrainFile::open(const std::string& path,
+                                                     const ImportOptions& options) {
+  using Found = std::optional<TerrainFile>;
+  return naming<Found>(path, [&]() -> Result<Found> {
+    NEARMESH_RETURN_IF_ERROR(check_options(options));
+    auto parts = std::make_shared<Parts>(Parts{
+        .path = path, .options = options, .terrain = options.terrain.value_or(TerrainOptions{})});
+    std::uint64_t file_bytes = 0;
+    Result<std::string> begins = read_start(path, file_bytes);
+    NEARMESH_RETURN_IF_ERROR(begins);
+    const auto format = meshio::find_grid_format(path, begins.value(), parts->terrain);
+    if (!format) return Found();
+    NEARMESH_RETURN_IF_ERROR(check_grid_options(options));
+    if (meshio::has_layout(*format)) {
+      Result<meshio::SampleLayout> layout =
+          meshio::find_layout(*format, path, begins.value(), file_bytes, parts->terrain);
+      NEARMESH_RETURN_IF_ERROR(layout);
+      parts->layout = std::move(layout).value();
+    } else {
+      Result<std::string> bytes = read_file(path);
+      NEARMESH_RETURN_IF_ERROR(bytes);
+      Result<meshio::HeightGrid> grid =
+          meshio::read_grid(*format, path, bytes.value(), parts->terrain);
+      NEARMESH_RETURN_IF_ERROR(grid);
+      parts->layout.grid = std::move(grid).value();
+    }
+    const Result<TerrainFrame> frame = meshio::settle_grid(parts->layout.grid, parts->terrain);
+    NEARMESH_RETURN_IF_ERROR(frame);
+    parts->frame = frame.value();
+    return Found(TerrainFile(std::move(parts)));
+  });
+}
+
+std::uint64_t TerrainFile::columns() const { return parts_->layout.grid.columns; }
+std::uint64_t TerrainFile::rows() const { return parts_->layout.grid.rows; }
+
+Result<ImportedMesh> TerrainFile::read(const GridWindow& window) const {
+  return naming<ImportedMesh>(parts_->path, [&]() -> Result<ImportedMesh> {
+    const meshio::HeightGrid& whole = parts_->layout.grid;
+    NEARMESH_ASSERT(window.columns >= 2 && window.column + window.columns <= whole.columns &&
+                    window.rows >= 2 && window.row + window.rows <= whole.rows);
+    meshio::HeightGrid grid = meshio::window_of(whole, window);
+    if (whole.samples.empty()) {
+      NEARMESH_RETURN_IF_ERROR(read_window(parts_->path, parts_->layout, window, grid.samples));
+    } else {
+      for (std::uint64_t r = window.row; r < window.row + window.rows; ++r) {
+        const auto row =
+            whole.samples.begin() + static_cast<std::ptrdiff_t>(r * whole.columns + window.column);
+        grid.samples.insert(grid.samples.end(), row,
+                            row + static_cast<std::ptrdiff_t>(window.columns));
+      }
+    }
+    Result<SceneMesh> scene = meshio::to_scene(std::move(grid), parts_->frame, parts_->terrain);
+    NEARMESH_RETURN_IF_ERROR(scene);
+    const meshio::FileConvention convention = scene.value().convention;
+    const Result<MeshOrigin> origin = find_origin(convention, parts_->options);
+    NEARMESH_RETURN_IF_ERROR(origin);
+    const std::optional<ImportedTerrain> terrain = scene.value().terrain;
+    IndexedMesh mesh = assemble(std::move(scene).value(), meshio::to_model(origin.value()));
+    if (!mesh.faces.empty()) NEARMESH_RETURN_IF_ERROR(check_faces(mesh));
+    return ImportedMesh{std::move(mesh), origin.value(), true, convention.up, terrain};
+  });
 }
 
 Result<ImportedNodes> import_nodes(const std::string& path, const ImportOptions& options) {

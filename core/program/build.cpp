@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <unistd.h>
 
+#include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <span>
@@ -13,6 +14,7 @@
 #include "core/spm/check_boxes.hpp"
 #include "core/spm/check_surface.hpp"
 #include "core/spm/file_layout.hpp"
+#include "import_options.hpp"
 #include "measures.hpp"
 #include "nearmesh/core/bake/bake.hpp"
 #include "nearmesh/core/meshio/import.hpp"
@@ -145,7 +147,9 @@ Result<Outcome> build(IndexedMesh mesh, const MeshOrigin& origin, UpAxis stated_
   Stopwatch watch;
   Outcome outcome{.in = options.in, .out = out, .terrain = terrain};
   progress.stage("cleaning");
-  Result<CleanResult> clean = clean_mesh(mesh, {.grid_bits = options.grid_bits});
+  Result<CleanResult> clean =
+      clean_mesh(mesh, {.grid_bits = options.grid_bits,
+                        .lattice = common_lattice(options.cell_m, options.lattice_origin_m)});
   if (!clean.is_ok())
     return Status{clean.status().code(), options.in + ": " + clean.status().message()};
   mesh = {};
@@ -203,16 +207,6 @@ double metres(const std::string& unit) {
   return 0;  // which import refuses
 }
 
-Result<ImportOptions> import_options(const BuildOptions& options) {
-  ImportOptions out{.scale = options.scale, .node = options.node};
-  if (!options.unit.empty()) out.unit_m = metres(options.unit);
-  if (!options.up.empty()) out.up = options.up == "y" ? UpAxis::kY : UpAxis::kZ;
-  const auto terrain = terrain_options(options);
-  NEARMESH_RETURN_IF_ERROR(terrain);
-  out.terrain = terrain.value();
-  return out;
-}
-
 void warn_of_reader(const std::string& path, bool is_as_written) {
   if (is_as_written) return;
   std::fprintf(stderr,
@@ -261,6 +255,27 @@ Status build_nodes(const BuildOptions& options, const ImportOptions& import_opti
 }
 
 }  // namespace
+
+Result<ImportOptions> import_options(const BuildOptions& options) {
+  ImportOptions out{.scale = options.scale, .node = options.node};
+  if (!options.unit.empty()) out.unit_m = metres(options.unit);
+  if (!options.up.empty()) out.up = options.up == "y" ? UpAxis::kY : UpAxis::kZ;
+  const auto terrain = terrain_options(options);
+  NEARMESH_RETURN_IF_ERROR(terrain);
+  out.terrain = terrain.value();
+  return out;
+}
+
+std::optional<CommonLattice> common_lattice(double cell_m, const std::array<double, 3>& origin_m) {
+  if (cell_m == 0) return std::nullopt;
+  CommonLattice lattice;
+  std::frexp(cell_m, &lattice.exponent);
+  --lattice.exponent;
+  for (std::size_t k = 0; k < 3; ++k)
+    lattice.origin_m[k] =
+        std::ldexp(std::round(std::ldexp(origin_m[k], -lattice.exponent)), lattice.exponent);
+  return lattice;
+}
 
 Status run(const BuildOptions& options) {
   Stopwatch watch;

@@ -118,6 +118,15 @@ Status check_line(const nlohmann::json& line, const std::map<std::string, FullMe
 }  // namespace
 
 Status run(const CheckOptions& options) {
+  if (options.answers.empty()) {
+    for (const std::string& path : options.models) {
+      if (!std::filesystem::is_directory(path))
+        return {StatusCode::kInvalidArgument,
+                path + ": is no folder of a world; expected --answers, to check against models"};
+      NEARMESH_RETURN_IF_ERROR(run(WorldCheckOptions{path}));
+    }
+    return Status::ok();
+  }
   std::map<std::string, FullMesh> models;
   for (const std::string& path : options.models) {
     Result<FullMesh> mesh = load(path);

@@ -3,6 +3,7 @@
 // The commands of nearmesh-model: what each is told, and what it then does. A Status that is not ok becomes one line on
 // standard error and exit code 1 (wrong usage: 2). Flags and help stand in main.cpp alone, so that no command compiles CLI11.
 
+#include <array>
 #include <optional>
 #include <string>
 #include <vector>
@@ -30,14 +31,39 @@ struct BuildOptions {
   double scale = 1;
   /// Of a grid of heights, as they were typed; empty: not said.
   std::string crs, spacing, corner, nodata, fill, heights, raw;
+  double cell_m = 0;  ///< of a lattice that several models share; 0: of its own
+  std::array<double, 3> lattice_origin_m{};
   bool per_node = false, json = false;
 };
 Status run(const BuildOptions& options);
+
+struct BuildWorldOptions {
+  std::vector<std::string> in;
+  BuildOptions
+      build;  ///< how to read and bake each; its `in` is not used, `out` is the world's folder
+  bool has_lattice_origin = false;
+  std::uint32_t tile_faces = 1'000'000;
+  std::string repeat;  ///< as it was typed; empty: once
+  std::optional<std::uint32_t> only;  ///< this tile alone, without pages
+  std::string plan;                   ///< write commands to this file instead
+};
+Status run(const BuildWorldOptions& options);
 
 struct FormatsOptions {
   bool json = false;
 };
 Status run(const FormatsOptions& options);
+
+/// Of a folder.
+struct WorldInfoOptions {
+  std::string path;
+  bool json = false;
+};
+Status run(const WorldInfoOptions& options);
+struct WorldCheckOptions {
+  std::string path;
+};
+Status run(const WorldCheckOptions& options);
 
 struct InfoOptions {
   std::string path;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <cmath>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "commands.hpp"
@@ -11,6 +12,9 @@
 namespace nearmesh::program {
 
 Status run(const InfoOptions& options) {
+  if (std::filesystem::is_directory(options.path))
+    return options.deep ? run(WorldCheckOptions{options.path})
+                        : run(WorldInfoOptions{options.path, options.json});
   Result<ModelFile> file = ModelFile::open(options.path);
   NEARMESH_RETURN_IF_ERROR(file);
   NEARMESH_RETURN_IF_ERROR(options.deep ? file.value().check_deep() : file.value().verify());
@@ -47,6 +51,10 @@ Status run(const InfoOptions& options) {
                                      {"disagreeing_edges", header.surface.disagreeing_edges},
                                      {"components", header.surface.component_count},
                                      {"rounding_error_m", header.rounding_error_m}};
+    if (header.grid.shares_lattice()) {
+      report["lattice_cells"] = header.grid.lattice_cells;
+      report["lattice_origin_m"] = header.grid.lattice_origin_m();
+    }
     add_json(measures, report);
     std::printf("%s\n", report.dump().c_str());
     return Status::ok();
@@ -72,6 +80,11 @@ Status run(const InfoOptions& options) {
               file.value().header_bytes().size(), tables.c_str());
   std::printf("  grid          %d bits, cell %.3g m, rounding error %.3g m\n", header.grid.bits,
               cell, header.rounding_error_m);
+  if (header.grid.shares_lattice()) {
+    const auto origin_m = header.grid.lattice_origin_m();
+    std::printf("  lattice       shared, from %.9g, %.9g, %.9g m\n", origin_m[0], origin_m[1],
+                origin_m[2]);
+  }
   print_text(measures);
   return Status::ok();
 }

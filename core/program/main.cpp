@@ -30,6 +30,47 @@ void add_generate(CLI::App& app, Action& chosen) {
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 
+/// How files are read, of build and build-world.
+void add_import_flags(CLI::App* command, BuildOptions& options) {
+  command
+      ->add_option("--unit", options.unit,
+                   "Length of a unit of a file that does not state it (default: m)")
+      ->check(CLI::IsMember({"mm", "cm", "m", "in", "ft", "km"}));
+  command
+      ->add_option("--up", options.up,
+                   "Which axis is up in the file; the model is turned so that z is (default: "
+                   "nothing is turned)")
+      ->check(CLI::IsMember({"y", "z"}));
+  command->add_option("--scale", options.scale, "Multiply all lengths")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
+  const auto add_for_grids = [command](const char* name, std::string& value, const char* help) {
+    command->add_option(name, value, help)->group("For grids of heights (docs/terrain.md)");
+  };
+  add_for_grids(
+      "--crs", options.crs,
+      "The model's frame. file: the file's own coordinates, in metres. enu:LAT,LON: east, north, "
+      "up in the plane that touches the WGS 84 ellipsoid there. ecef: geocentric");
+  add_for_grids(
+      "--spacing", options.spacing,
+      "EAST,NORTH between posts, of a file that does not state it: metres, or degrees with enu "
+      "and ecef");
+  add_for_grids("--corner", options.corner,
+                "X,Y of the south-western post, of a file that does not state it (default: 0,0)");
+  add_for_grids("--nodata", options.nodata,
+                "The sample that means no data, beside the one that the file states; may be nan");
+  add_for_grids("--fill", options.fill,
+                "Height of posts without data (default: none, they leave holes)");
+  add_for_grids(
+      "--heights", options.heights,
+      "OFFSET,STEP: a height is OFFSET + STEP x sample; of colours, a sample is 65536 red + 256 "
+      "green + blue");
+  add_for_grids(
+      "--raw", options.raw,
+      "COLUMNSxROWS,TYPE: nothing but samples, the northern row first; u8, i8, or u, i, f, then "
+      "16, 32 or 64, then le or be, as i16be");
+}
+
 void add_build(CLI::App& app, Action& chosen) {
   CLI::App* command =
       app.add_subcommand("build", "Turn a mesh file into a progressive model (.spm).");
@@ -38,18 +79,7 @@ void add_build(CLI::App& app, Action& chosen) {
       ->required();
   command->add_option("-o,--output", options->out, ".spm file to write; with --per-node, a folder")
       ->required();
-  command
-      ->add_option("--unit", options->unit,
-                   "Length of a unit of a file that does not state it (default: m)")
-      ->check(CLI::IsMember({"mm", "cm", "m", "in", "ft", "km"}));
-  command
-      ->add_option("--up", options->up,
-                   "Which axis is up in the file; the model is turned so that z is (default: "
-                   "nothing is turned)")
-      ->check(CLI::IsMember({"y", "z"}));
-  command->add_option("--scale", options->scale, "Multiply all lengths")
-      ->capture_default_str()
-      ->check(CLI::PositiveNumber);
+  add_import_flags(command, *options);
   CLI::Option* node = command->add_option(
       "--node", options->node,
       "Only the node or object of this name and what hangs on it, where the file has it");
@@ -58,34 +88,23 @@ void add_build(CLI::App& app, Action& chosen) {
                  "A model for each node, named by it, in the node's frame, and scene.yaml, which "
                  "places them")
       ->excludes(node);
-  const auto add_for_grids = [command](const char* name, std::string& value, const char* help) {
-    command->add_option(name, value, help)->group("For grids of heights (docs/terrain.md)");
-  };
-  add_for_grids(
-      "--crs", options->crs,
-      "The model's frame. file: the file's own coordinates, in metres. enu:LAT,LON: east, north, "
-      "up in the plane that touches the WGS 84 ellipsoid there. ecef: geocentric");
-  add_for_grids(
-      "--spacing", options->spacing,
-      "EAST,NORTH between posts, of a file that does not state it: metres, or degrees with enu "
-      "and ecef");
-  add_for_grids("--corner", options->corner,
-                "X,Y of the south-western post, of a file that does not state it (default: 0,0)");
-  add_for_grids("--nodata", options->nodata,
-                "The sample that means no data, beside the one that the file states; may be nan");
-  add_for_grids("--fill", options->fill,
-                "Height of posts without data (default: none, they leave holes)");
-  add_for_grids(
-      "--heights", options->heights,
-      "OFFSET,STEP: a height is OFFSET + STEP x sample; of colours, a sample is 65536 red + 256 "
-      "green + blue");
-  add_for_grids(
-      "--raw", options->raw,
-      "COLUMNSxROWS,TYPE: nothing but samples, the northern row first; u8, i8, or u, i, f, then "
-      "16, 32 or 64, then le or be, as i16be");
   command->add_option("--grid-bits", options->grid_bits, "Bits per axis of the integer grid")
       ->capture_default_str()
       ->check(CLI::Range(kMinGridBits, kMaxGridBits));
+  CLI::Option* cell =
+      command
+          ->add_option(
+              "--cell", options->cell_m,
+              "Models that border on each other: give all of them one cell, in metres (the "
+              "greatest power of two up to this), so that vertices that they share stay equal "
+              "in every pose")
+          ->check(CLI::PositiveNumber);
+  command
+      ->add_option(
+          "--lattice-origin", options->lattice_origin_m,
+          "With --cell: X,Y,Z in metres, one point for all models, near them (default: 0,0,0)")
+      ->delimiter(',')
+      ->needs(cell);
   command->add_option("--base-faces", options->base_faces, "Stop simplifying at this many faces")
       ->capture_default_str()
       ->check(CLI::Range(1U, 1000U));
@@ -98,6 +117,64 @@ void add_build(CLI::App& app, Action& chosen) {
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 
+void add_build_world(CLI::App& app, Action& chosen) {
+  CLI::App* command = app.add_subcommand("build-world",
+                                         "Turn grids of heights and meshes into a world: tiles of "
+                                         "one lattice, baked one by one, and the "
+                                         "pages that list them (docs/worlds.md).");
+  const auto options = std::make_shared<BuildWorldOptions>();
+  BuildOptions& build = options->build;
+  command
+      ->add_option("inputs", options->in,
+                   "Files whose frames agree; nearmesh-model formats lists what is read")
+      ->required();
+  command->add_option("-o,--output", build.out, "Folder of the world; what it has stays")
+      ->required();
+  command->add_option("--faces", options->tile_faces, "Of a tile, about")
+      ->capture_default_str()
+      ->check(CLI::Range(2U, 100'000'000U));
+  command
+      ->add_option(
+          "--cell", build.cell_m,
+          "Of all tiles, in metres: the greatest power of two up to this (default: the "
+          "world's that is there, or the smallest that the largest tile allows, for which all "
+          "inputs are read once)")
+      ->check(CLI::PositiveNumber);
+  CLI::Option* origin =
+      command
+          ->add_option(
+              "--lattice-origin", build.lattice_origin_m,
+              "X,Y,Z in metres, near the tiles (default: the world's that is there, or the "
+              "middle of all inputs)")
+          ->delimiter(',');
+  add_import_flags(command, build);
+  command->add_option("--grid-bits", build.grid_bits, "Bits per axis of each tile's grid")
+      ->capture_default_str()
+      ->check(CLI::Range(kMinGridBits, kMaxGridBits));
+  command->add_option("--base-faces", build.base_faces, "Stop simplifying at this many faces")
+      ->capture_default_str()
+      ->check(CLI::Range(1U, 1000U));
+  command->add_option("--threads", build.threads, "Threads to use (default: one for each core)")
+      ->check(CLI::Range(1U, 256U));
+  command->add_option(
+      "--repeat", options->repeat,
+      "COLUMNSxROWS: all tiles stand again so many times along x and y, each time moved "
+      "by the size of all of them; for worlds that are made to try how large they may be");
+  CLI::Option* only =
+      command->add_option("--only", options->only, "Bake this tile alone, as a plan has it");
+  command
+      ->add_option(
+          "--plan", options->plan,
+          "Bake nothing, and write the commands that do: a ninja file where the name ends in "
+          ".ninja, else one command a line, of which the last comes after all others")
+      ->excludes(only);
+  command->add_flag("--json", build.json, "Print the report as one JSON object");
+  command->callback([options, origin, &chosen] {
+    options->has_lattice_origin = origin->count() > 0;
+    chosen = [options] { return run(*options); };
+  });
+}
+
 void add_formats(CLI::App& app, Action& chosen) {
   CLI::App* command = app.add_subcommand(
       "formats", "List the mesh formats that build reads, and their conventions.");
@@ -107,10 +184,10 @@ void add_formats(CLI::App& app, Action& chosen) {
 }
 
 void add_info(CLI::App& app, Action& chosen) {
-  CLI::App* command =
-      app.add_subcommand("info", "Check every checksum of a model and describe it.");
+  CLI::App* command = app.add_subcommand(
+      "info", "Check every checksum of a model or of a world's pages and describe it.");
   const auto options = std::make_shared<InfoOptions>();
-  command->add_option("model", options->path, ".spm file")->required();
+  command->add_option("model", options->path, ".spm file, or the folder of a world")->required();
   command->add_flag("--deep", options->deep,
                     "Also check that boxes enclose all faces, as serve does the first time");
   command->add_flag("--json", options->json, "Print one JSON object");
@@ -132,7 +209,8 @@ void add_query(CLI::App& app, Action& chosen) {
   CLI::App* command = app.add_subcommand(
       "query", "Test two models for contact in given poses; prints one JSON line per pose.");
   const auto options = std::make_shared<PoseQueryOptions>();
-  command->add_option("A", options->a, ".spm file of model A")->required();
+  command->add_option("A", options->a, ".spm file of model A, or the folder of a world")
+      ->required();
   command->add_option("B", options->b, ".spm file of model B")->required();
   command
       ->add_option(
@@ -181,14 +259,17 @@ void add_query(CLI::App& app, Action& chosen) {
 }
 
 void add_check(CLI::App& app, Action& chosen) {
-  CLI::App* command = app.add_subcommand(
-      "check", "Check a peer's recorded answers against the full meshes; fails if one is wrong.");
+  CLI::App* command = app.add_subcommand("check",
+                                         "Check a peer's recorded answers against the full meshes, "
+                                         "or a world against its tiles; fails if "
+                                         "anything is wrong.");
   const auto options = std::make_shared<CheckOptions>();
-  command->add_option("models", options->models, ".spm files of all models that occur")->required();
   command
-      ->add_option("--answers", options->answers,
-                   "Files written by nearmesh-subscriber run --answers (or its --json output)")
+      ->add_option("models", options->models,
+                   ".spm files of all models that occur; without --answers, folders of worlds")
       ->required();
+  command->add_option("--answers", options->answers,
+                      "Files written by nearmesh-subscriber run --answers (or its --json output)");
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }
 
@@ -203,6 +284,7 @@ int main(int argc, char** argv) {
   nearmesh::Action action;
   add_generate(app, action);
   add_build(app, action);
+  add_build_world(app, action);
   add_formats(app, action);
   add_info(app, action);
   add_export(app, action);

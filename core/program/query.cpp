@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "commands.hpp"
 #include "core/base/csv.hpp"
 #include "core/query/contacts_json.hpp"
+#include "core/world/near_tiles.hpp"
+#include "core/world/open_tiles.hpp"
 #include "query_methods.hpp"
 
 namespace nearmesh::program {
@@ -63,11 +66,107 @@ nlohmann::ordered_json to_json(const PoseRow& row, const MethodAnswer& answer) {
   return line;
 }
 
+void sum_up(const PoseQueryOptions& options, std::size_t poses,
+            const std::array<std::uint64_t, 5>& by_status) {
+  if (options.json) return;
+  const auto count = [&](std::size_t i) { return static_cast<unsigned long long>(by_status[i]); };
+  std::fprintf(
+      stderr,
+      "%zu poses by %s: %llu free, %llu contact, %llu contained, %llu partial, %llu uncertain\n",
+      poses, options.method.c_str(), count(0), count(1), count(4), count(2), count(3));
+}
+
+Status check_world_options(const PoseQueryOptions& options) {
+  if (options.method != "certified" && options.method != "full")
+    return {StatusCode::kInvalidArgument,
+            "--method: of a world expected certified or full, found " + options.method};
+  if (options.list_pairs || options.limited || options.method_options.contacts ||
+      options.method_options.query.solid_a || options.method_options.query.solid_b)
+    return {
+        StatusCode::kUnsupported,
+        options.a + ": is a world, of which this command gives status and count of pairs alone"};
+  return Status::ok();
+}
+
+/// Adds the answer about one tile to that about the world. Tiles have no face in common.
+void add_tile(const MethodAnswer& tile, MethodAnswer& sum) {
+  if (tile.answer.status != AnswerStatus::kFree) sum.answer.status = tile.answer.status;
+  sum.answer.pair_total += tile.answer.pairs.size();
+  sum.splits += tile.splits;
+  sum.slots += tile.slots;
+  sum.bytes += tile.bytes;
+  sum.refine_s += tile.refine_s;
+  sum.tree_s += tile.tree_s;
+  sum.query_s += tile.query_s;
+  sum.load_s += tile.load_s;
+}
+
+/// A is a world: the query is asked of each tile that boxes do not part from B.
+Status query_world(const PoseQueryOptions& options, const std::vector<PoseRow>& poses) {
+  constexpr std::size_t kOpenTiles = 64;
+  NEARMESH_RETURN_IF_ERROR(check_world_options(options));
+  const Result<WorldFolder> folder = WorldFolder::open(options.a);
+  NEARMESH_RETURN_IF_ERROR(folder);
+  const WorldRecord& world = folder.value().world();
+  const Result<WorldPage> root = folder.value().root();
+  NEARMESH_RETURN_IF_ERROR(root);
+  Result<ModelFile> b = ModelFile::open(options.b);
+  NEARMESH_RETURN_IF_ERROR(b);
+  const SpmHeader& header = b.value().header();
+  const GridBox box = LocalModel(b.value().store(), header.grid).view().root().box;
+  OpenTiles tiles(folder.value(), kOpenTiles);
+  const PageOf page_of = [&folder](const WorldEntry& entry,
+                                   int level) -> Result<std::optional<WorldPage>> {
+    Result<WorldPage> page = folder.value().page(entry, level);
+    NEARMESH_RETURN_IF_ERROR(page);
+    return std::optional(std::move(page).value());
+  };
+  std::array<std::uint64_t, 5> by_status{};
+  for (const PoseRow& row : poses) {
+    const auto posed_as = [&row, &header](const Grid& grid) -> Result<PosedPair> {
+      Result<PosedPair> posed =
+          pose_pair(grid, row.a, "A of pose " + row.id, header.grid, row.b, "B of pose " + row.id);
+      if (posed.is_ok()) return posed;
+      return Status(posed.status().code(), row.place + ": " + posed.status().message());
+    };
+    const Result<PosedPair> posed = posed_as(world_grid(world));
+    NEARMESH_RETURN_IF_ERROR(posed);
+    const Result<NearTiles> near = find_near_tiles(
+        world, root.value(), page_of, make_relative_frame(posed.value().a, posed.value().b), box);
+    NEARMESH_RETURN_IF_ERROR(near);
+    MethodAnswer sum;
+    sum.answer.status = AnswerStatus::kFree;
+    for (const WorldEntry& entry : near.value().tiles) {
+      const Result<ModelFile*> tile = tiles.open(entry.content);
+      NEARMESH_RETURN_IF_ERROR(tile);
+      const Result<PosedPair> in_place = posed_as(world.grid_at(entry));
+      NEARMESH_RETURN_IF_ERROR(in_place);
+      const auto method =
+          make_query_method(options.method, *tile.value(), b.value(), options.method_options);
+      NEARMESH_RETURN_IF_ERROR(method);
+      const Result<MethodAnswer> answer = method.value()->answer(in_place.value());
+      NEARMESH_RETURN_IF_ERROR(answer);
+      add_tile(answer.value(), sum);
+      if (options.method_options.query.any && sum.answer.status == AnswerStatus::kContact) break;
+    }
+    nlohmann::ordered_json line = to_json(row, sum);
+    line["pairs"] = sum.answer.pair_total;
+    line["tiles"] = near.value().tiles.size();
+    line["pages"] = near.value().pages;
+    std::printf("%s\n", line.dump().c_str());
+    if (std::ferror(stdout) != 0) break;  // main says so
+    ++by_status[static_cast<std::size_t>(sum.answer.status)];
+  }
+  sum_up(options, poses.size(), by_status);
+  return Status::ok();
+}
+
 }  // namespace
 
 Status run(const PoseQueryOptions& options) {
   Result<std::vector<PoseRow>> poses = read_poses(options.poses);
   NEARMESH_RETURN_IF_ERROR(poses);
+  if (std::filesystem::is_directory(options.a)) return query_world(options, poses.value());
   Result<ModelFile> a = ModelFile::open(options.a);
   NEARMESH_RETURN_IF_ERROR(a);
   Result<ModelFile> b = ModelFile::open(options.b);
@@ -115,15 +214,7 @@ Status run(const PoseQueryOptions& options) {
     if (std::ferror(stdout) != 0) break;  // main says so
     ++by_status[static_cast<std::size_t>(answer.value().answer.status)];
   }
-  if (!options.json)
-    std::fprintf(
-        stderr,
-        "%zu poses by %s: %llu free, %llu contact, %llu contained, %llu partial, %llu uncertain\n",
-        poses.value().size(), options.method.c_str(), static_cast<unsigned long long>(by_status[0]),
-        static_cast<unsigned long long>(by_status[1]),
-        static_cast<unsigned long long>(by_status[4]),
-        static_cast<unsigned long long>(by_status[2]),
-        static_cast<unsigned long long>(by_status[3]));
+  sum_up(options, poses.value().size(), by_status);
   return Status::ok();
 }
 

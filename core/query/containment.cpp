@@ -43,7 +43,8 @@ class RayTest {
  public:
   RayTest(const PosedFrame& frame, const Ray& ray) : frame_(frame), ray_(ray) {
     for (std::size_t k = 0; k < 3; ++k) {
-      from_[k] = static_cast<double>(ray.from.v[k] - frame.translation[k]);
+      from_[k] =
+          static_cast<double>(ray.from.v[k] - frame.translation[k]) - beyond_translation(frame, k);
       for (std::size_t j = 0; j < 3; ++j)
         step_[k][j] = std::ldexp(static_cast<double>(frame.rotation[3 * k + j]), -frame.shift);
     }
@@ -242,7 +243,10 @@ void add_ray_boxes(const PosedFrame& solid, const Ray& ray, const GridBox& box,
   for (std::size_t i = 0; i < 3; ++i) {
     for (std::size_t k = 0; k < 3; ++k) {
       const double r = static_cast<double>(solid.rotation[3 * k + i]) * 0x1p-30;
-      from[i] += r * static_cast<double>(ray.from.v[k] - solid.translation[k]) * cells;
+      from[i] += r *
+                 (static_cast<double>(ray.from.v[k] - solid.translation[k]) -
+                  beyond_translation(solid, k)) *
+                 cells;
       if (k == static_cast<std::size_t>(ray.axis)) along[i] = ray.upward ? r : -r;
     }
     if (along[i] == 0) continue;

@@ -490,10 +490,11 @@ std::uint64_t coded_bits(const TrainingCounts& counts, const CodingTables& table
   return bits;
 }
 
-CodingTables choose_tables(const TrainingCounts& counts, std::uint32_t split_count) {
-  CodingTables own = make_tables(counts);
-  const std::uint64_t own_bits = coded_bits(counts, own);
-  std::uint64_t least = std::numeric_limits<std::uint64_t>::max();
+namespace {
+
+/// Of no number where no set is of this codec.
+CodingTables find_nearest_set(const TrainingCounts& counts, std::uint64_t& least) {
+  least = std::numeric_limits<std::uint64_t>::max();
   CodingTables nearest;
   for (std::uint32_t number = 1; number <= coding_set_count(); ++number) {
     const std::optional<CodingTables> set = coding_set(number);
@@ -503,6 +504,22 @@ CodingTables choose_tables(const TrainingCounts& counts, std::uint32_t split_cou
       nearest = *set;
     }
   }
+  return nearest;
+}
+
+}  // namespace
+
+CodingTables nearest_set(const TrainingCounts& counts) {
+  std::uint64_t least = 0;
+  CodingTables nearest = find_nearest_set(counts, least);
+  return nearest.set() == 0 ? make_tables(counts) : nearest;
+}
+
+CodingTables choose_tables(const TrainingCounts& counts, std::uint32_t split_count) {
+  CodingTables own = make_tables(counts);
+  const std::uint64_t own_bits = coded_bits(counts, own);
+  std::uint64_t least = 0;
+  CodingTables nearest = find_nearest_set(counts, least);
   if (nearest.set() == 0) return own;
   BitWriter written;
   write_tables(written, own);

@@ -31,8 +31,31 @@ std::uint32_t read_count(BitReader& in) {
   return length > 1 ? 1U << (length - 1) | in.get(length - 1) : static_cast<std::uint32_t>(length);
 }
 
+// In the place of a length of whole cells: the cells to the origin of a lattice that the model shares come first.
+constexpr int kOnLattice = 63;
+
+void write_whole(BitWriter& out, double cells) {
+  const auto magnitude = static_cast<std::uint64_t>(std::fabs(cells));
+  const int length = bit_length(magnitude);
+  out.put(static_cast<std::uint64_t>(length), 6);
+  if (length == 0) return;
+  out.put(cells < 0 ? 1 : 0, 1);
+  out.put(magnitude >> 26, std::max(length - 26, 0));
+  out.put(magnitude, std::min(length, 26));
+}
+double read_whole(BitReader& in, int length) {
+  if (length == 0) return 0;
+  if (length > 53) return std::numeric_limits<double>::quiet_NaN();  // refused as no place
+  const bool is_negative = in.get(1) != 0;
+  const std::uint64_t high = in.get(std::max(length - 26, 0));
+  const auto magnitude = static_cast<double>(high << 26 | in.get(std::min(length, 26)));
+  return is_negative ? -magnitude : magnitude;
+}
+
 // Origins are whole cells from zero, of 53 bits at most, but for models that are tiny and far away.
-void write_origin(BitWriter& out, double origin_m, int exponent) {
+void write_origin(BitWriter& out, const Grid& grid, std::size_t axis) {
+  const double origin_m = grid.origin_m[axis];
+  const int exponent = grid.exponent;
   const double cells = std::ldexp(origin_m, -exponent);
   const bool is_whole = std::fabs(cells) < 0x1p53 && cells == std::floor(cells) &&
                         std::ldexp(cells, exponent) == origin_m &&
@@ -42,23 +65,33 @@ void write_origin(BitWriter& out, double origin_m, int exponent) {
     out.put64(std::bit_cast<std::uint64_t>(origin_m));
     return;
   }
-  const auto magnitude = static_cast<std::uint64_t>(std::fabs(cells));
-  const int length = bit_length(magnitude);
-  out.put(static_cast<std::uint64_t>(length), 6);
-  if (length == 0) return;
-  out.put(cells < 0 ? 1 : 0, 1);
-  out.put(magnitude >> 26, std::max(length - 26, 0));
-  out.put(magnitude, std::min(length, 26));
+  if (grid.lattice_cells[axis] != 0) {
+    NEARMESH_ASSERT(is_lattice_place(cells - static_cast<double>(grid.lattice_cells[axis]),
+                                     grid.lattice_cells[axis]));
+    out.put(kOnLattice, 6);
+    write_whole(out, static_cast<double>(grid.lattice_cells[axis]));
+  }
+  write_whole(out, cells);
 }
-double read_origin(BitReader& in, int exponent) {
-  if (in.get(1) == 0) return std::bit_cast<double>(in.get64());
-  const auto length = static_cast<int>(in.get(6));
-  if (length == 0) return 0;
-  if (length > 53) return std::numeric_limits<double>::quiet_NaN();  // refused as no place
-  const bool is_negative = in.get(1) != 0;
-  const std::uint64_t high = in.get(std::max(length - 26, 0));
-  const auto magnitude = static_cast<double>(high << 26 | in.get(std::min(length, 26)));
-  return std::ldexp(is_negative ? -magnitude : magnitude, exponent);
+Status read_origin(BitReader& in, Grid& grid, std::size_t axis) {
+  if (in.get(1) == 0) {
+    grid.origin_m[axis] = std::bit_cast<double>(in.get64());
+    return Status::ok();
+  }
+  auto length = static_cast<int>(in.get(6));
+  if (length == kOnLattice) {
+    const double lattice_cells = read_whole(in, static_cast<int>(in.get(6)));
+    length = static_cast<int>(in.get(6));
+    const double cells = read_whole(in, length);
+    if (!(std::fabs(lattice_cells) <= static_cast<double>(kMaxLatticeCells)) ||
+        lattice_cells == 0 || !is_lattice_place(cells - lattice_cells, 0))
+      return corrupt("the place on a common lattice");
+    grid.lattice_cells[axis] = static_cast<std::int64_t>(lattice_cells);
+    grid.origin_m[axis] = std::ldexp(cells, grid.exponent);
+    return Status::ok();
+  }
+  grid.origin_m[axis] = std::ldexp(read_whole(in, length), grid.exponent);
+  return Status::ok();
 }
 
 // The first seed is vertex 0, the first root's place, and takes no bits.
@@ -157,7 +190,7 @@ std::vector<std::uint8_t> encode_header(const SpmHeader& header) {
   out.put(static_cast<std::uint32_t>(header.grid.exponent + 4096), 14);
   out.put(static_cast<std::uint32_t>(header.grid.bits), 6);
   for (const std::uint8_t shift : header.lattice_shift) out.put(shift, 5);
-  for (const double x : header.grid.origin_m) write_origin(out, x, header.grid.exponent);
+  for (std::size_t k = 0; k < 3; ++k) write_origin(out, header.grid, k);
   out.put(header.rounding_error_m != 0 ? 1 : 0, 1);
   if (header.rounding_error_m != 0)
     out.put64(std::bit_cast<std::uint64_t>(header.rounding_error_m));
@@ -210,7 +243,7 @@ Result<SpmHeader> decode_header(std::span<const std::uint8_t> bytes) {
   header.grid.exponent = static_cast<int>(in.get(14)) - 4096;
   header.grid.bits = static_cast<int>(in.get(6));
   for (std::uint8_t& shift : header.lattice_shift) shift = static_cast<std::uint8_t>(in.get(5));
-  for (double& x : header.grid.origin_m) x = read_origin(in, header.grid.exponent);
+  for (std::size_t k = 0; k < 3; ++k) NEARMESH_RETURN_IF_ERROR(read_origin(in, header.grid, k));
   if (in.get(1) != 0) header.rounding_error_m = std::bit_cast<double>(in.get64());
   header.face_count = read_count(in);
   const std::uint64_t base_face_count = in.get_gamma();

@@ -36,6 +36,9 @@ inline constexpr std::uint64_t kChosenForBytes = 16'384;
 /// The built-in set that codes the counts best; tables of the model's own where these are worth their place in the header. In: what
 /// was counted in a model of so many splits: nobody loads more than all of them.
 [[nodiscard]] CodingTables choose_tables(const TrainingCounts& counts, std::uint32_t split_count);
+/// The built-in set alone: for many models of one kind, of which a peer holds headers and tables of several. Own tables only where
+/// no set is of this codec.
+[[nodiscard]] CodingTables nearest_set(const TrainingCounts& counts);
 
 /// How many contexts the codec has.
 [[nodiscard]] int coding_context_count();

@@ -29,7 +29,7 @@ std::uint64_t framed_batch(const std::vector<std::uint8_t>& batch) {
 // that the log cannot be followed by positions, the largest nodes first.
 std::vector<VertexId> collapse_order(const perf::Model& model) {
   const SplitStore& store = model.baked.store;
-  const auto [origin_m, exponent, bits] = model.baked.header.grid;
+  const Grid& grid = model.baked.header.grid;
   std::map<GridPoint, VertexId> ids;
   for (std::uint32_t v = 0; v < store.vertex_count(); ++v) ids[store.position({v})] = {v};
   if (ids.size() < store.vertex_count()) return global_order(store, 0xffffffffU);
@@ -39,7 +39,7 @@ std::vector<VertexId> collapse_order(const perf::Model& model) {
     GridPoint p;
     for (std::size_t k = 0; k < 3; ++k)
       p.v[k] = static_cast<std::int32_t>(
-          std::ldexp(model.mesh.positions_m[at->removed][k] - origin_m[k], -exponent));
+          std::ldexp(model.mesh.positions_m[at->removed][k] - grid.origin_m[k], -grid.exponent));
     order.push_back(ids.at(p));
   }
   return order;

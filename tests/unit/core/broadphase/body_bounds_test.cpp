@@ -54,10 +54,13 @@ Motion random_motion(Random& random) {
 
 TEST(ModelBoundsOf, HoldAllPosedVerticesAtEachInstantOnTheLatticeOfAnyPair) {
   const BakedModel small = test::bake_mesh(generate_sphere(6, 0), 16);
-  const BakedModel large = test::bake_mesh(generate_terrain(12, 3), 16);
+  BakedModel large = test::bake_mesh(generate_terrain(12, 3), 16);
+  BakedModel tile = test::bake_mesh(generate_terrain(12, 3), 16);
+  tile.header.grid.lattice_cells = {-0x7000'1235, 0x123'4567, 1};
   Random random(5);
-  for (int round = 0; round < 200; ++round) {
+  for (int round = 0; round < 300; ++round) {
     const bool swap = random.below(2) == 0;
+    if (round == 200) std::swap(large.header.grid, tile.header.grid);
     const BakedModel &model = swap ? small : large, &other = swap ? large : small;
     const ModelBounds bounds(model.header.grid, model.store);
     const Motion motion = random_motion(random);

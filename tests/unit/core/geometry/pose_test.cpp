@@ -238,6 +238,84 @@ TEST(PosePoint, StaysWithinHalfACellOfTheAffineImage) {
   }
 }
 
+/// Two grids of one lattice that hold the same points, at different coordinates.
+struct Neighbours {
+  Grid one, other;
+  std::array<std::int32_t, 3>
+      apart{};  // what a point's coordinates in `other` are less than in `one`
+};
+Neighbours random_neighbours(Random& random, int exponent) {
+  Neighbours out;
+  std::array<double, 3> origin{};
+  out.one = out.other = {.exponent = exponent, .bits = 21};
+  const int far_bits = 1 + static_cast<int>(random.below(31));
+  for (std::size_t k = 0; k < 3; ++k) {
+    origin[k] = static_cast<double>(random.below(1U << 31)) * (random.below(3) - 1.0);
+    std::int64_t& cells = out.one.lattice_cells[k];
+    cells = random.below(1U << far_bits) - (std::int64_t{1} << (far_bits - 1));
+    out.apart[k] = static_cast<std::int32_t>(random.below(1U << 20));
+    out.other.lattice_cells[k] = cells + out.apart[k];
+    const auto place = [&](Grid& grid) {
+      grid.origin_m[k] =
+          std::ldexp(origin[k] + static_cast<double>(grid.lattice_cells[k]), exponent);
+    };
+    place(out.one);
+    place(out.other);
+  }
+  return out;
+}
+
+// The seam of two tiles: at rest, turned, geocentric, and beside other models of any size.
+TEST(PosePoint, PlacesPointsOfOneLatticeAlikeWhoeverHoldsThem) {
+  Random random(41);
+  std::size_t alone_alike = 0;
+  for (int i = 0; i < 20'000; ++i) {
+    const int exponent = -static_cast<int>(random.below(15));
+    const Neighbours n = random_neighbours(random, exponent);
+    Pose pose{i % 10 == 0 ? Pose{}.rotation : random_rotation(random), {}};
+    const double far_m = std::ldexp(1.0, static_cast<int>(random.below(24)));
+    for (double& t : pose.translation_m) t = random.between(-far_m, far_m);
+    const int finer = static_cast<int>(random.below(48)) - 17;  // the lattice than the cell
+    const int lattice_exp = exponent - std::min(finer, 17);
+    const PosedFrame a = frame_of(n.one, pose, lattice_exp),
+                     b = frame_of(n.other, pose, lattice_exp);
+    Grid own_a = n.one, own_b = n.other;
+    own_a.lattice_cells = own_b.lattice_cells = {};
+    const PosedFrame alone_a = frame_of(own_a, pose, lattice_exp),
+                     alone_b = frame_of(own_b, pose, lattice_exp);
+    GridPoint p = random_point(random, 20), q;
+    for (int k = 0; k < 3; ++k) {
+      p[k] += 1 << 20;  // both grids hold it
+      q[k] = p[k] - n.apart[static_cast<std::size_t>(k)];
+    }
+    ASSERT_EQ(pose_point(a, p), pose_point(b, q));
+    alone_alike += pose_point(alone_a, p) == pose_point(alone_b, q) ? 1 : 0;
+    // In either frame within half a cell of its affine image.
+    for (std::size_t k = 0; k < 3; ++k) {
+      long double exact = static_cast<long double>(a.remainder[k]);
+      for (std::size_t j = 0; j < 3; ++j)
+        exact += static_cast<long double>(a.rotation[3 * k + j]) * p.v[j];
+      exact = std::ldexp(exact, -a.shift) + static_cast<long double>(a.translation[k]);
+      EXPECT_LE(std::abs(static_cast<long double>(pose_point(a, p).v[k]) - exact), 0.5L);
+    }
+  }
+  EXPECT_LT(alone_alike, 20'000U / 3) << "without a common lattice, seams gape";
+}
+
+TEST(PosePoint, FarthestTilesDoNotOverflow) {
+  const double a = 1 / std::sqrt(3.0), b = 1 / std::sqrt(2.0), c = 1 / std::sqrt(6.0);
+  const Pose pose{{a, a, a, b, -b, 0, c, c, -2 * c}, {}};
+  Grid far{.origin_m = {0x1p31, 0x1p31, 0x1p31}, .exponent = 0, .bits = 31};
+  far.lattice_cells = {kMaxLatticeCells, kMaxLatticeCells, kMaxLatticeCells};
+  const std::int32_t top = std::numeric_limits<std::int32_t>::max();
+  for (const int lattice_exp : {-7, -2, 0, 1, 30, 31}) {
+    const LatticePoint posed = pose_point(frame_of(far, pose, lattice_exp), {{top, top, top}});
+    EXPECT_NEAR(std::ldexp(static_cast<double>(posed[0]), lattice_exp), std::sqrt(3.0) * 0x1p32,
+                16 + std::ldexp(1.0, lattice_exp));
+  }
+  EXPECT_EQ(make_posed_frame(far, pose, 32).status().code(), StatusCode::kUnsupported);
+}
+
 TEST(PosePoint, RoundsHalfUp) {
   const PosedFrame frame = frame_of({{}, 0, 21}, {}, 1);  // the lattice cell is two grid cells
   EXPECT_EQ(pose_point(frame, {{1, 2, 3}}), (LatticePoint{{1, 1, 2}}));

@@ -478,5 +478,39 @@ TEST(CleanMesh, CoversEveryInputFaceOfRandomSoups) {
   }
 }
 
+TEST(CleanMesh, OnACommonLatticeRoundsBordersAlike) {
+  IndexedMesh left{{{0.1, 0.2, 0}, {4.4, 0.3, 1}, {4.4, 8.7, 2.3}}, {{0, 1, 2}}};
+  IndexedMesh right{{{4.4, 0.3, 1}, {9.1, 5, 5}, {4.4, 8.7, 2.3}}, {{0, 1, 2}}};
+  const CleanOptions options{.lattice = CommonLattice{{1, -1, 0}, -7}};
+  const auto a = clean_mesh(left, options), b = clean_mesh(right, options);
+  ASSERT_TRUE(a.is_ok() && b.is_ok());
+  const GridMesh &p = a.value().mesh, &q = b.value().mesh;
+  EXPECT_EQ(p.grid.exponent, -7);
+  EXPECT_EQ(p.grid.lattice_origin_m(), (std::array<double, 3>{1, -1, 0}));
+  EXPECT_EQ(q.grid.lattice_origin_m(), (std::array<double, 3>{1, -1, 0}));
+  EXPECT_NE(p.grid.origin_m, q.grid.origin_m);
+  for (const auto& [one, other] : {std::pair(1U, 0U), std::pair(2U, 2U)})
+    for (std::size_t k = 0; k < 3; ++k)
+      EXPECT_EQ(p.grid.lattice_cells[k] + p.positions[one].v[k],
+                q.grid.lattice_cells[k] + q.positions[other].v[k]);
+}
+
+TEST(CleanMesh, RefusesALatticeOnWhichTheMeshDoesNotFit) {
+  const auto refused = [](const IndexedMesh& mesh, const CommonLattice& lattice, int bits) {
+    const auto result = clean_mesh(mesh, {.grid_bits = bits, .lattice = lattice});
+    EXPECT_EQ(result.status().code(), StatusCode::kInvalidArgument);
+    return result.status().message();
+  };
+  EXPECT_NE(refused(square(), {{}, -1}, 4).find("found 17 along x"), std::string::npos)
+      << refused(square(), {{}, -1}, 4);
+  EXPECT_TRUE(clean_mesh(square(), {.grid_bits = 5, .lattice = CommonLattice{{}, -1}}).is_ok());
+  EXPECT_NE(refused(square(), {{0, 0.3, 0}, -1}, 21).find("0.29999"), std::string::npos);
+  EXPECT_NE(refused(square(), {{0x1p31 + 1, 0, 0}, 0}, 21).find("within 2^31 cells"),
+            std::string::npos);
+  EXPECT_TRUE(clean_mesh(square(), {.lattice = CommonLattice{{0x1p31, 0, 0}, 0}}).is_ok());
+  refused(square(), {{}, 501}, 21);
+  refused(square(), {{std::numeric_limits<double>::quiet_NaN(), 0, 0}, 0}, 21);
+}
+
 }  // namespace
 }  // namespace nearmesh

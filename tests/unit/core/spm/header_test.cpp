@@ -49,6 +49,23 @@ TEST(EncodeHeader, WithTablesOfItsOwnDecodesToThem) {
         << i;
 }
 
+TEST(EncodeHeader, KeepsThePlaceOnACommonLattice) {
+  SpmHeader header = test::bake_named("sphere").header;
+  const std::size_t alone = encode_header(header).size();
+  const Grid own = header.grid;
+  for (const std::array<std::int64_t, 3>& cells : {std::array<std::int64_t, 3>{1, -1, 0},
+                                                   {kMaxLatticeCells, 0, 5},
+                                                   {0, 0, -kMaxLatticeCells}}) {
+    header.grid = own;
+    header.grid.lattice_cells = cells;
+    const auto bytes = encode_header(header);
+    EXPECT_LE(bytes.size(), alone + 16);
+    const Result<SpmHeader> decoded = decode_header(bytes);
+    ASSERT_TRUE(decoded.is_ok()) << decoded.status().message();
+    EXPECT_EQ(decoded.value().grid, header.grid);
+  }
+}
+
 TEST(EncodeHeader, ThatNamesASetCarriesNoTables) {
   SpmHeader header = test::bake_named("sphere").header;
   ASSERT_NE(header.tables.set(), 0U);
@@ -85,12 +102,19 @@ TEST(DecodeHeader, RefusesOriginsThatAreNoPlace) {
   header.grid.origin_m = {};
   auto bytes = encode_header(header);
   constexpr std::size_t kOrigin = 32 + 128 + 14 + 6 + 15;
-  for (std::size_t bit = kOrigin + 1; bit < kOrigin + 7; ++bit)
+  const auto refused_for = [&bytes](const std::string& reason) {
+    const Result<SpmHeader> decoded = decode_header(bytes);
+    ASSERT_FALSE(decoded.is_ok());
+    EXPECT_NE(decoded.status().message().find(reason), std::string::npos)
+        << decoded.status().message();
+  };
+  for (std::size_t bit = kOrigin + 1; bit < kOrigin + 6; ++bit)
     bytes[bit / 8] |= static_cast<std::uint8_t>(0x80U >> bit % 8);
-  const Result<SpmHeader> decoded = decode_header(bytes);
-  ASSERT_FALSE(decoded.is_ok());
-  EXPECT_NE(decoded.status().message().find("grid origin is not finite"), std::string::npos)
-      << decoded.status().message();
+  refused_for("grid origin is not finite");
+  // One more: cells to the origin of a lattice follow, which are 0.
+  constexpr std::size_t kLast = kOrigin + 6;
+  bytes[kLast / 8] |= static_cast<std::uint8_t>(0x80U >> kLast % 8);
+  refused_for("the place on a common lattice");
 }
 
 TEST(DecodeHeader, RefusesASetThatIsNotBuiltIn) {

@@ -19,10 +19,16 @@ struct BakedModel {
   CollapseLog log;  ///< for the report
 };
 
+enum class TableChoice : std::uint8_t {
+  kFewestBytes,  ///< a built-in set, or the model's own where that saves a peer bytes
+  kBuiltIn,      ///< a built-in set: for many models of one kind
+};
+
 /// In: what clean_mesh gives, with its rounding error. Errors: kUnsupported beyond 2^30 faces, where hundreds of faces
 /// share one edge, so that their split does not fit a datagram, or where the forest is deeper than kMaxForestDepth.
 /// Deterministic, on any number of threads. Cost: O(n log n), about 250 bytes a vertex.
 [[nodiscard]] Result<BakedModel> bake(const GridMesh& mesh, double rounding_error_m,
-                                      const SimplifyOptions& options);
+                                      const SimplifyOptions& options,
+                                      TableChoice tables = TableChoice::kFewestBytes);
 
 }  // namespace nearmesh

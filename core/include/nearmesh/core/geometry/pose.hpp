@@ -7,6 +7,7 @@
 // bit.
 
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <string_view>
 
@@ -42,9 +43,14 @@ using LatticeTriangle = std::array<LatticePoint, 3>;
 
 /// A model's fixed-point placement on the lattice: 30 fractional bits of rotation.
 struct PosedFrame {
-  std::array<std::int64_t, 9> rotation{};     ///< round(R * 2^30), row-major
-  std::array<std::int64_t, 3> translation{};  ///< of the grid's origin, in lattice cells
-  int shift = 30;                             ///< lattice = (rotation * grid, rounded) >> shift
+  std::array<std::int64_t, 9> rotation{};  ///< round(R * 2^30), row-major
+  std::array<std::int64_t, 3>
+      translation{};  ///< of the grid's origin, in lattice cells, rounded down
+                      ///< where there is a remainder
+  /// What rounding `translation` down left, in [0, 2^shift): of a model that shares its lattice. It is kept for the
+  /// rounding of each point, so that neighbours, which have other remainders, round the points they share alike.
+  std::array<std::int64_t, 3> remainder{};
+  int shift = 30;  ///< lattice = (rotation * grid, rounded) >> shift
   int lattice_exp = 0;
   Grid grid;
 };
@@ -52,19 +58,26 @@ struct PosedFrame {
 /// Derives the fixed-point placement. Precondition: check_pose accepted the pose.
 /// Moving the pose by a multiple of the lattice cell moves `translation` by exactly that integer
 /// whenever the pose's own doubles express the move exactly, whatever the rotation.
+/// Models with one lattice (Grid::lattice_cells) in one pose place equal points of that lattice alike, to the bit.
 /// Errors: kUnsupported when the translation does not fit 2^62 lattice cells, the model spans more
 /// than 2^38 of them (lattice_exponent never asks for that), or its cell is below 2^-100 of theirs:
-/// the other model is so much larger that doubles would overflow between the two.
+/// the other model is so much larger that doubles would overflow between the two. 2^-31 where it shares its lattice.
 [[nodiscard]] Result<PosedFrame> make_posed_frame(const Grid& grid, const Pose& pose,
                                                   int lattice_exp);
 
 /// A row of the fixed-point rotation times a grid point, in lattice cells, rounding half up. Never decreases with n.
 [[nodiscard]] inline std::int64_t round_to_cells(const PosedFrame& frame, std::int64_t n) {
   // |n| <= 2^31 * 2^30 * sqrt(3) * (1 + 1e-5) < 2^61.8, so n + 2^(shift - 1) fits for shift <= 62,
-  // and anything shifted further rounds to 0. A left shift stays within 2^40: see make_posed_frame.
+  // and anything shifted further rounds to 0. A remainder adds less than 2^shift to n, and is there for shift <= 61
+  // only: that fits too. A left shift stays within 2^40: see make_posed_frame.
   if (frame.shift <= 0) return n * (std::int64_t{1} << -frame.shift);
   if (frame.shift <= 62) return (n + (std::int64_t{1} << (frame.shift - 1))) >> frame.shift;
   return 0;
+}
+
+/// Where the grid's origin is beyond `translation`, in lattice cells: at least 0, less than 1.
+[[nodiscard]] inline double beyond_translation(const PosedFrame& frame, std::size_t axis) {
+  return std::ldexp(static_cast<double>(frame.remainder[axis]), -frame.shift);
 }
 
 /// The posed vertex. Deterministic: integer arithmetic only, rounding half up. Each coordinate is
@@ -74,8 +87,10 @@ struct PosedFrame {
   LatticePoint out;
   for (int k = 0; k < 3; ++k) {
     const std::int64_t* row = frame.rotation.data() + 3 * k;
-    out[k] = round_to_cells(frame, row[0] * p[0] + row[1] * p[1] + row[2] * p[2]) +
-             frame.translation[static_cast<std::size_t>(k)];
+    const auto axis = static_cast<std::size_t>(k);
+    out[k] = round_to_cells(frame,
+                            row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + frame.remainder[axis]) +
+             frame.translation[axis];
   }
   return out;
 }
@@ -98,7 +113,7 @@ struct LatticeBox {
   LatticeBox out;
   for (int k = 0; k < 3; ++k) {
     const std::int64_t* row = frame.rotation.data() + 3 * k;
-    std::int64_t least = 0, most = 0;
+    std::int64_t least = frame.remainder[static_cast<std::size_t>(k)], most = least;
     for (int i = 0; i < 3; ++i) {
       const std::int64_t at_lo = row[i] * box.lo[i], at_hi = row[i] * box.hi[i];
       least += std::min(at_lo, at_hi);

@@ -6,6 +6,7 @@
 // build has it. The only room that knows assimp and GDAL. Gives the IndexedMesh that clean_mesh takes: the file's
 // coordinates as they are written, in metres.
 
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -29,6 +30,8 @@ struct ImportOptions {
   std::string node;
   /// For a grid of heights alone.
   std::optional<TerrainOptions> terrain;
+  bool is_terrain_of_some =
+      false;  ///< of several files: one that is a mesh does without, instead of an error
 };
 
 struct ImportedMesh {
@@ -90,6 +93,25 @@ struct MeshFormat {
 [[nodiscard]] Result<ImportedMesh> import_mesh(const std::string& path,
                                                const ImportOptions& options);
 [[nodiscard]] Result<IndexedMesh> import_mesh(const std::string& path);
+
+/// A grid of heights that is read part by part. Parts that share a row or a column of posts share its bits.
+class TerrainFile {
+ public:
+  /// None where the file is a mesh, or a grid that only GDAL reads. HGT, PGM and raw samples are not held: read() takes from the file what
+  /// it needs. ASC and PNG are read as a whole, here. Errors: as import_mesh.
+  [[nodiscard]] static Result<std::optional<TerrainFile>> open(const std::string& path,
+                                                               const ImportOptions& options);
+  [[nodiscard]] std::uint64_t columns() const;
+  [[nodiscard]] std::uint64_t rows() const;
+  /// Vertices and faces of the window as import_mesh gives those of the whole; none where all is without data.
+  /// Precondition: the window lies in the grid. Errors: as import_mesh. Cost: linear in the window.
+  [[nodiscard]] Result<ImportedMesh> read(const GridWindow& window) const;
+
+ private:
+  struct Parts;
+  explicit TerrainFile(std::shared_ptr<const Parts> parts) : parts_(std::move(parts)) {}
+  std::shared_ptr<const Parts> parts_;
+};
 
 /// The same, node by node. A format without nodes gives one, named after the file.
 [[nodiscard]] Result<ImportedNodes> import_nodes(const std::string& path,

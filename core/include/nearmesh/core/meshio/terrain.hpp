@@ -46,6 +46,12 @@ struct TerrainOptions {
   std::optional<RawGrid> raw;  ///< the file is of this kind, whatever its name
 };
 
+/// Posts of a grid, the northern row first as in its file.
+struct GridWindow {
+  std::uint64_t column = 0, row = 0;    ///< of the first
+  std::uint64_t columns = 0, rows = 0;  ///< at least 2 of each
+};
+
 /// What a grid was, and what became of it.
 struct ImportedTerrain {
   std::uint64_t columns = 0, rows = 0;

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <compare>
 #include <cstdint>
 #include <limits>
@@ -66,9 +67,48 @@ struct Grid {
   std::array<double, 3> origin_m{};  ///< each a multiple of the cell
   int exponent = 0;                  ///< the cell is 2^exponent metres
   int bits = 21;                     ///< coordinates lie in [0, 2^bits)
+  /// Models that border on each other may share a lattice: one cell, one number of bits and one origin. These are the
+  /// cells from the lattice's origin to origin_m, each within kMaxLatticeCells. A pose then places the points that
+  /// two of them share alike, to the bit. 0: the lattice is the model's own.
+  std::array<std::int64_t, 3> lattice_cells{};
 
+  [[nodiscard]] bool shares_lattice() const {
+    return lattice_cells[0] != 0 || lattice_cells[1] != 0 || lattice_cells[2] != 0;
+  }
+  /// Exact where is_lattice_place.
+  [[nodiscard]] std::array<double, 3> lattice_origin_m() const {
+    std::array<double, 3> out;
+    for (std::size_t k = 0; k < 3; ++k)
+      out[k] = origin_m[k] - std::ldexp(static_cast<double>(lattice_cells[k]), exponent);
+    return out;
+  }
   bool operator==(const Grid&) const = default;
 };
+
+/// A lattice for models that border on each other: the vertices that two of them share, equal in the input, are equal
+/// afterwards, and under each pose (Grid::lattice_cells).
+struct CommonLattice {
+  std::array<double, 3>
+      origin_m{};  ///< whole cells, within 2^52 of them; near the models, as posing is finest there
+  int exponent = 0;  ///< the cell is 2^exponent metres
+
+  /// The grid that begins so many cells from the origin.
+  [[nodiscard]] Grid grid_at(const std::array<std::int64_t, 3>& cells, int bits) const {
+    Grid grid{.exponent = exponent, .bits = bits, .lattice_cells = cells};
+    for (std::size_t k = 0; k < 3; ++k)
+      grid.origin_m[k] = origin_m[k] + std::ldexp(static_cast<double>(cells[k]), exponent);
+    return grid;
+  }
+  bool operator==(const CommonLattice&) const = default;
+};
+
+/// 2^32 cells an axis are a planet in steps of 3 mm.
+inline constexpr std::int64_t kMaxLatticeCells = std::int64_t{1} << 31;
+/// Whether cells so far from zero, whole numbers, and a place so many cells from them are exact in doubles.
+[[nodiscard]] inline bool is_lattice_place(double origin_cells, std::int64_t lattice_cells) {
+  return lattice_cells >= -kMaxLatticeCells && lattice_cells <= kMaxLatticeCells &&
+         std::fabs(origin_cells) <= 0x1p52 && origin_cells == std::floor(origin_cells);
+}
 
 inline constexpr int kMinGridBits = 4;
 inline constexpr int kMaxGridBits = 31;

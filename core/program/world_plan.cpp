@@ -1,0 +1,362 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "world_plan.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <numeric>
+
+#include "core/base/digest.hpp"
+#include "core/base/output_file.hpp"
+#include "core/world/world_folder.hpp"
+#include "import_options.hpp"
+
+namespace nearmesh::program {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+constexpr FileKind kPlanFile{"a plan of a world", "{\"nearmesh_world_plan\":"};
+
+struct Bounds {
+  std::array<double, 3> lo{}, hi{};
+  bool is_empty = true;
+
+  void add(const std::array<double, 3>& p) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      lo[k] = is_empty ? p[k] : std::min(lo[k], p[k]);
+      hi[k] = is_empty ? p[k] : std::max(hi[k], p[k]);
+    }
+    is_empty = false;
+  }
+  [[nodiscard]] double longest() const {
+    double side = 0;
+    for (std::size_t k = 0; k < 3; ++k) side = std::max(side, hi[k] - lo[k]);
+    return side;
+  }
+};
+
+Bounds bounds_of(const IndexedMesh& mesh) {
+  Bounds bounds;
+  for (const auto& face : mesh.faces)
+    for (const std::uint32_t v : face) bounds.add(mesh.positions_m[v]);
+  return bounds;
+}
+
+/// What a plan depends on.
+Result<std::string> name_of(const BuildWorldOptions& options) {
+  const BuildOptions& build = options.build;
+  json parts = {1,
+                options.tile_faces,
+                build.grid_bits,
+                build.base_faces,
+                build.cell_m,
+                build.unit,
+                build.up,
+                build.node,
+                build.scale,
+                build.crs,
+                build.spacing,
+                build.corner,
+                build.nodata,
+                build.fill,
+                build.heights,
+                build.raw};
+  if (options.has_lattice_origin) parts.push_back(build.lattice_origin_m);
+  for (const std::string& in : options.in) {
+    std::error_code error;
+    const auto size = fs::file_size(in, error);
+    if (error) return Status(StatusCode::kIo, in + ": cannot be read: " + error.message());
+    const auto time = fs::last_write_time(in, error);
+    if (error) return Status(StatusCode::kIo, in + ": cannot be read: " + error.message());
+    parts.push_back({fs::absolute(in).lexically_normal().string(), size,
+                     static_cast<std::int64_t>(time.time_since_epoch().count())});
+  }
+  const std::string text = parts.dump();
+  return to_hex(digest_of({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}));
+}
+
+Result<ImportOptions> options_of(const BuildWorldOptions& options) {
+  Result<ImportOptions> import = import_options(options.build);
+  if (import.is_ok()) import.value().is_terrain_of_some = true;
+  return import;
+}
+
+std::uint64_t most_cells(std::uint32_t faces) {
+  return std::max<std::uint64_t>(
+      1, static_cast<std::uint64_t>(std::sqrt(static_cast<double>(faces) / 2)));
+}
+
+/// Windows of about the same size, row by row.
+void add_windows(const TerrainFile& grid, std::uint32_t input, std::uint32_t faces,
+                 std::vector<TileJob>& tiles) {
+  const std::uint64_t side = most_cells(faces);
+  const auto parts = [side](std::uint64_t cells) { return (cells + side - 1) / side; };
+  const std::uint64_t columns = grid.columns() - 1, rows = grid.rows() - 1;
+  const std::uint64_t across = parts(columns), down = parts(rows);
+  for (std::uint64_t j = 0; j < down; ++j)
+    for (std::uint64_t i = 0; i < across; ++i) {
+      const std::uint64_t west = i * columns / across, east = (i + 1) * columns / across;
+      const std::uint64_t north = j * rows / down, south = (j + 1) * rows / down;
+      tiles.push_back(
+          {.input = input, .window = GridWindow{west, north, east - west + 1, south - north + 1}});
+    }
+}
+
+/// What there is to choose a lattice from.
+struct Sizes {
+  Bounds all;
+  double longest_tile = 0;
+
+  void add(const Bounds& tile) {
+    if (tile.is_empty) return;
+    all.add(tile.lo);
+    all.add(tile.hi);
+    longest_tile = std::max(longest_tile, tile.longest());
+  }
+};
+
+Result<CommonLattice> choose_lattice(const BuildWorldOptions& options, const Sizes& sizes) {
+  const BuildOptions& build = options.build;
+  if (sizes.all.is_empty)
+    return Status(StatusCode::kInvalidArgument,
+                  "expected at least one face in all inputs, found none");
+  int exponent = 0;
+  if (build.cell_m > 0) {
+    exponent = common_lattice(build.cell_m, {})->exponent;
+  } else {
+    // One cell for rounding at either end.
+    const double cells = std::ldexp(1.0, build.grid_bits) - 2;
+    std::frexp(std::max(sizes.longest_tile / cells, 0x1p-100), &exponent);
+  }
+  const double cell_m = std::ldexp(1.0, exponent);
+  std::array<double, 3> origin_m = build.lattice_origin_m;
+  for (std::size_t k = 0; k < 3 && !options.has_lattice_origin; ++k)
+    origin_m[k] = (sizes.all.lo[k] + sizes.all.hi[k]) / 2;
+  return *common_lattice(cell_m, origin_m);
+}
+
+Result<CommonLattice> find_lattice(const BuildWorldOptions& options, const Sizes& sizes) {
+  const BuildOptions& build = options.build;
+  const Result<WorldFolder> there = WorldFolder::open(build.out);
+  if (there.is_ok() && build.cell_m == 0 && !options.has_lattice_origin &&
+      there.value().world().bits == build.grid_bits)
+    return there.value().world().lattice;
+  if (!there.is_ok() && there.status().code() != StatusCode::kNotFound) return there.status();
+  if (build.cell_m > 0 && options.has_lattice_origin)
+    return *common_lattice(build.cell_m, build.lattice_origin_m);
+  return choose_lattice(options, sizes);
+}
+
+nlohmann::ordered_json as_json(const WorldPlan& plan) {
+  json tiles = json::array();
+  for (const TileJob& tile : plan.tiles)
+    tiles.push_back(tile.window ? json{tile.input, tile.window->column, tile.window->row,
+                                       tile.window->columns, tile.window->rows}
+                                : json{tile.input, tile.part});
+  return {{"nearmesh_world_plan", 1},
+          {"exponent", plan.lattice.exponent},
+          {"origin_m", plan.lattice.origin_m},
+          {"tiles", tiles}};
+}
+
+/// None where none is kept.
+std::optional<WorldPlan> read_plan(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  if (!in) return std::nullopt;
+  try {
+    const json stored = json::parse(in);
+    WorldPlan plan;
+    plan.lattice.exponent = stored.at("exponent").get<int>();
+    plan.lattice.origin_m = stored.at("origin_m").get<std::array<double, 3>>();
+    for (const json& tile : stored.at("tiles")) {
+      TileJob job{.input = tile.at(0).get<std::uint32_t>()};
+      if (tile.size() == 2) {
+        job.part = tile.at(1).get<std::uint32_t>();
+      } else {
+        job.window = GridWindow{tile.at(1).get<std::uint64_t>(), tile.at(2).get<std::uint64_t>(),
+                                tile.at(3).get<std::uint64_t>(), tile.at(4).get<std::uint64_t>()};
+      }
+      plan.tiles.push_back(job);
+    }
+    return plan;
+  } catch (const json::exception&) {
+    return std::nullopt;  // made anew
+  }
+}
+
+Result<WorldPlan> make_plan(const BuildWorldOptions& options) {
+  const Result<ImportOptions> import = options_of(options);
+  NEARMESH_RETURN_IF_ERROR(import);
+  const bool is_lattice_known = find_lattice(options, {}).is_ok();
+  WorldPlan plan;
+  Sizes sizes;
+  std::vector<std::uint32_t> meshes;
+  for (std::uint32_t i = 0; i < options.in.size(); ++i) {
+    const Result<std::optional<TerrainFile>> grid =
+        TerrainFile::open(options.in[i], import.value());
+    NEARMESH_RETURN_IF_ERROR(grid);
+    if (!grid.value()) {
+      meshes.push_back(i);
+      if (is_lattice_known) continue;
+      const Result<ImportedMesh> mesh = import_mesh(options.in[i], import.value());
+      NEARMESH_RETURN_IF_ERROR(mesh);
+      sizes.add(bounds_of(mesh.value().mesh));
+      continue;
+    }
+    const std::size_t first = plan.tiles.size();
+    add_windows(*grid.value(), i, options.tile_faces, plan.tiles);
+    for (std::size_t t = first; t < plan.tiles.size() && !is_lattice_known; ++t) {
+      const Result<ImportedMesh> window = grid.value()->read(*plan.tiles[t].window);
+      NEARMESH_RETURN_IF_ERROR(window);
+      sizes.add(bounds_of(window.value().mesh));
+    }
+  }
+  const Result<CommonLattice> lattice = find_lattice(options, sizes);
+  NEARMESH_RETURN_IF_ERROR(lattice);
+  plan.lattice = lattice.value();
+  for (const std::uint32_t i : meshes) {
+    const Result<ImportedMesh> mesh = import_mesh(options.in[i], import.value());
+    NEARMESH_RETURN_IF_ERROR(mesh);
+    const std::size_t parts =
+        cut_mesh(mesh.value().mesh, plan.lattice.exponent, options.tile_faces).size();
+    for (std::uint32_t part = 0; part < parts; ++part)
+      plan.tiles.push_back({.input = i, .part = part});
+  }
+  return plan;
+}
+
+/// A face's place: twice the middle of its box, in cells.
+using Middle = std::array<double, 3>;
+
+void cut(const std::vector<Middle>& middles, std::span<std::uint32_t> faces,
+         std::uint32_t most_faces, std::vector<std::vector<std::uint32_t>>& parts) {
+  if (faces.size() > most_faces) {
+    Bounds bounds;
+    for (const std::uint32_t face : faces) bounds.add(middles[face]);
+    std::array<std::size_t, 3> axes{0, 1, 2};
+    std::ranges::stable_sort(axes, std::ranges::greater(),
+                             [&](std::size_t k) { return bounds.hi[k] - bounds.lo[k]; });
+    for (const std::size_t k : axes) {
+      const auto at = [&](std::uint32_t face) { return middles[face][k]; };
+      const auto half = faces.begin() + static_cast<std::ptrdiff_t>(faces.size() / 2);
+      std::ranges::nth_element(faces, half, {}, at);
+      const double border = at(*half);
+      auto below = std::ranges::partition(faces, [&](std::uint32_t f) { return at(f) < border; });
+      if (below.begin() == faces.begin())  // half of them begin there
+        below = std::ranges::partition(faces, [&](std::uint32_t f) { return at(f) <= border; });
+      const auto left = static_cast<std::size_t>(below.begin() - faces.begin());
+      if (left == 0 || left == faces.size()) continue;
+      cut(middles, faces.first(left), most_faces, parts);
+      cut(middles, faces.subspan(left), most_faces, parts);
+      return;
+    }
+  }
+  parts.emplace_back(faces.begin(), faces.end());
+  std::ranges::sort(parts.back());
+}
+
+}  // namespace
+
+std::vector<std::vector<std::uint32_t>> cut_mesh(const IndexedMesh& mesh, int exponent,
+                                                 std::uint32_t most_faces) {
+  std::vector<Middle> middles(mesh.faces.size());
+  for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
+    Bounds bounds;
+    for (const std::uint32_t v : mesh.faces[f]) bounds.add(mesh.positions_m[v]);
+    for (std::size_t k = 0; k < 3; ++k) {
+      const auto cell = [&](double x) {  // as clean_mesh rounds, halves up
+        const double cells = std::ldexp(x, -exponent), below = std::floor(cells);
+        return cells - below >= 0.5 ? below + 1 : below;
+      };
+      middles[f][k] = cell(bounds.lo[k]) + cell(bounds.hi[k]);
+    }
+  }
+  std::vector<std::uint32_t> faces(mesh.faces.size());
+  std::iota(faces.begin(), faces.end(), 0U);
+  std::vector<std::vector<std::uint32_t>> parts;
+  cut(middles, faces, most_faces, parts);
+  return parts;
+}
+
+Result<WorldPlan> plan_world(const BuildWorldOptions& options) {
+  const Result<std::string> name = name_of(options);
+  NEARMESH_RETURN_IF_ERROR(name);
+  const fs::path folder = fs::path(options.build.out) / "plans" / name.value();
+  const std::string path = (folder / "plan.json").string();
+  if (std::optional<WorldPlan> kept = read_plan(path)) {
+    kept->folder = folder.string();
+    return *std::move(kept);
+  }
+  Result<WorldPlan> plan = make_plan(options);
+  NEARMESH_RETURN_IF_ERROR(plan);
+  plan.value().folder = folder.string();
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error)
+    return Status(StatusCode::kIo, folder.string() + ": cannot create: " + error.message());
+  NEARMESH_RETURN_IF_ERROR(write_file(path, kPlanFile, as_json(plan.value()).dump(), options.in));
+  return plan;
+}
+
+Result<ImportedMesh> TileSource::read(const TileJob& job) {
+  const std::string& path = options_.in[job.input];
+  if (open_ != job.input) {
+    const Result<ImportOptions> import = options_of(options_);
+    NEARMESH_RETURN_IF_ERROR(import);
+    open_.reset();
+    grid_.reset();
+    mesh_ = {};
+    if (job.window) {
+      Result<std::optional<TerrainFile>> grid = TerrainFile::open(path, import.value());
+      NEARMESH_RETURN_IF_ERROR(grid);
+      if (!grid.value()) return Status(StatusCode::kConflict, path + ": is no grid any more");
+      grid_ = std::move(grid).value();
+    } else {
+      Result<ImportedMesh> mesh = import_mesh(path, import.value());
+      NEARMESH_RETURN_IF_ERROR(mesh);
+      mesh_ = std::move(mesh).value();
+      parts_ = cut_mesh(mesh_.mesh, plan_.lattice.exponent, options_.tile_faces);
+    }
+    open_ = job.input;
+  }
+  if (job.window) return grid_->read(*job.window);
+  if (job.part >= parts_.size())
+    return Status(StatusCode::kConflict, path + ": has no part " + std::to_string(job.part) +
+                                             " any more, of " + std::to_string(parts_.size()));
+  // Only the part's own vertices, in the mesh's order.
+  constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+  ImportedMesh out{.origin = mesh_.origin,
+                   .is_as_written = mesh_.is_as_written,
+                   .stated_up = mesh_.stated_up,
+                   .terrain = mesh_.terrain};
+  std::vector<std::uint32_t> number(mesh_.mesh.positions_m.size(), kNone);
+  for (const std::uint32_t f : parts_[job.part])
+    for (const std::uint32_t v : mesh_.mesh.faces[f]) number[v] = 0;
+  for (std::size_t v = 0; v < number.size(); ++v) {
+    if (number[v] == kNone) continue;
+    number[v] = static_cast<std::uint32_t>(out.mesh.positions_m.size());
+    out.mesh.positions_m.push_back(mesh_.mesh.positions_m[v]);
+  }
+  for (const std::uint32_t f : parts_[job.part]) {
+    auto face = mesh_.mesh.faces[f];
+    for (std::uint32_t& v : face) v = number[v];
+    out.mesh.faces.push_back(face);
+  }
+  return out;
+}
+
+std::string describe(const TileJob& job, const BuildWorldOptions& options) {
+  const std::string& path = options.in[job.input];
+  if (!job.window) return path + ", part " + std::to_string(job.part);
+  const GridWindow& w = *job.window;
+  return path + ", columns " + std::to_string(w.column) + " to " +
+         std::to_string(w.column + w.columns - 1) + ", rows " + std::to_string(w.row) + " to " +
+         std::to_string(w.row + w.rows - 1);
+}
+
+}  // namespace nearmesh::program

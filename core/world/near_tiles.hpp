@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// Which tiles of a posed world a posed body may meet, by the boxes of pages. A page that is not at hand is an unresolved node of the
+// world: it is named, and nothing is said of what is below it.
+
+#include <functional>
+#include <limits>
+#include <optional>
+
+#include "nearmesh/core/geometry/detail/box_overlap.hpp"
+#include "page.hpp"
+
+namespace nearmesh {
+
+/// A page that is not at hand.
+struct MissingPage {
+  WorldEntry entry;
+  int level = 0;
+  bool operator==(const MissingPage&) const = default;
+};
+
+struct NearTiles {
+  std::vector<WorldEntry> tiles;     ///< not proved apart from the body, ascending
+  std::vector<MissingPage> missing;  ///< the same, of pages
+  /// A lower bound of the distance from the body to all else, metres.
+  double apart_m = std::numeric_limits<double>::infinity();
+  std::uint64_t pages = 0;  ///< looked at
+};
+
+/// The page of an entry at a level, checked (check_page); none where it is not at hand.
+using PageOf = std::function<Result<std::optional<WorldPage>>(const WorldEntry& entry, int level)>;
+
+/// The grid in whose cells pages have their boxes. Posed, it places each point of the lattice where the tiles' own grids place it.
+[[nodiscard]] Grid world_grid(const WorldRecord& world);
+
+/// In: the root page; body_in_world maps the body's grid into world_grid. No posed face of a tile that is neither listed nor below a
+/// missing page meets a posed triangle with its corners in `body`. Errors: those of page_of; kCorrupt where pages list more than the record
+/// says. Cost: some 0.1 us an entry of the pages near the body.
+[[nodiscard]] Result<NearTiles> find_near_tiles(const WorldRecord& world, const WorldPage& root,
+                                                const PageOf& page_of,
+                                                const RelativeFrame& body_in_world,
+                                                const GridBox& body);
+
+}  // namespace nearmesh

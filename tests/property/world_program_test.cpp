@@ -1,0 +1,361 @@
+// SPDX-License-Identifier: Apache-2.0
+// nearmesh-model build-world: grids and meshes in, a world out; plans; what is there is not baked again.
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iomanip>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <sstream>
+
+#include "core/world/world_folder.hpp"
+#include "nearmesh/core/mesh/generate.hpp"
+#include "nearmesh/core/meshio/import.hpp"
+#include "test_models.hpp"
+
+namespace nearmesh {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using test::TempFile;
+
+constexpr int kColumns = 41, kRows = 31;
+
+/// A hill with a hole, as raw samples and as text.
+std::int16_t sample(int row, int column) {
+  if (row == 7 && column > 30 && column < 34) return -32768;
+  return static_cast<std::int16_t>(100 + 3 * row - (column - 20) * (column - 20) / 4 +
+                                   row * column % 7);
+}
+
+class WorldProgram : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    if (!fs::exists(program())) GTEST_SKIP() << program() << " is not built";
+    fs::create_directories(folder_);
+    std::ofstream raw(path("hill.raw"), std::ios::binary);
+    std::ofstream asc(path("hill.asc"));
+    asc << "ncols " << kColumns << "\nnrows " << kRows
+        << "\nxllcenter 10\nyllcenter -20\ncellsize 2.5\nNODATA_value -32768\n";
+    for (int r = 0; r < kRows; ++r)
+      for (int c = 0; c < kColumns; ++c) {
+        const std::int16_t x = sample(r, c);
+        raw.put(static_cast<char>(x & 0xff)).put(static_cast<char>(x >> 8));
+        asc << x << (c + 1 == kColumns ? '\n' : ' ');
+      }
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+  static std::string program() { return std::string(NEARMESH_BIN_DIR) + "/nearmesh-model"; }
+  [[nodiscard]] std::string path(const std::string& name) const {
+    return (fs::path(folder_) / name).string();
+  }
+  struct Ended {
+    int code = -1;
+    std::string out, err;
+  };
+  static Ended run_command(const std::string& command) {
+    const TempFile out(".txt"), err(".txt");
+    const int code = std::system((command + " > " + out.path() + " 2> " + err.path()).c_str());
+    const auto text = [](const TempFile& file) {
+      const auto bytes = file.read();
+      return std::string(bytes.begin(), bytes.end());
+    };
+    return {code, text(out), text(err)};
+  }
+  [[nodiscard]] static Ended model(const std::string& words) {
+    return run_command(program() + " " + words);
+  }
+  [[nodiscard]] std::string raw_flags() const {
+    return path("hill.raw") +
+           " --raw 41x31,i16le --spacing 2.5,2.5 --corner 10,-20 --nodata -32768 --crs file";
+  }
+  static json parse(const Ended& ended) {
+    EXPECT_EQ(ended.code, 0) << ended.err;
+    return json::parse(ended.out, nullptr, false);
+  }
+
+  const std::string folder_ = ::testing::TempDir() + "nearmesh_world_" + std::to_string(::getpid());
+};
+
+/// By place on the lattice, how often tiles have a vertex there, and all faces.
+struct Surface {
+  std::map<std::array<std::int64_t, 3>, int> vertices;
+  std::multiset<std::array<std::array<std::int64_t, 3>, 3>> faces;
+};
+
+void add_model(const std::string& file_path, const std::array<std::int64_t, 3>& place,
+               Surface& surface) {
+  Result<ModelFile> file = ModelFile::open(file_path);
+  ASSERT_TRUE(file.is_ok()) << file.status().message();
+  ASSERT_TRUE(file.value().require_all().is_ok());
+  const SplitStore& store = file.value().store();
+  const auto at = [&](VertexId v) {
+    std::array<std::int64_t, 3> x;
+    for (std::size_t k = 0; k < 3; ++k) x[k] = place[k] + store.position(v).v[k];
+    return x;
+  };
+  for (std::uint32_t v = 0; v < store.vertex_count(); ++v) ++surface.vertices[at({v})];
+  const auto add = [&](const SplitFace& face) {
+    auto corners = face.corners();
+    std::array<std::array<std::int64_t, 3>, 3> places{at(corners[0]), at(corners[1]),
+                                                      at(corners[2])};
+    std::ranges::sort(places);
+    surface.faces.insert(places);
+  };
+  for (const SplitFace& face : store.base_faces()) add(face);
+  for (std::uint32_t v = 0; v < store.vertex_count(); ++v)
+    if (!store.is_root({v}))
+      for (const SplitFace& face : store.faces({v})) add(face);
+}
+
+void add_world(const WorldFolder& world, const WorldPage& page, Surface& surface) {
+  for (const WorldEntry& entry : page.entries) {
+    if (page.level > 0) {
+      const auto below = world.page(entry, page.level - 1);
+      ASSERT_TRUE(below.is_ok()) << below.status().message();
+      add_world(world, below.value(), surface);
+    } else {
+      add_model(world.tile_path(entry.content), {entry.place[0], entry.place[1], entry.place[2]},
+                surface);
+    }
+  }
+}
+
+Surface surface_of(const std::string& folder) {
+  Surface surface;
+  const auto world = WorldFolder::open(folder);
+  EXPECT_TRUE(world.is_ok()) << world.status().message();
+  const auto root = world.value().root();
+  EXPECT_TRUE(root.is_ok()) << root.status().message();
+  add_world(world.value(), root.value(), surface);
+  return surface;
+}
+
+TEST_F(WorldProgram, ItsTilesAreTheGridEachFaceOnce) {
+  const std::string lattice = " --cell 0.01 --lattice-origin=-3,7,100";
+  const json report = parse(
+      model("build-world " + raw_flags() + lattice + " -o " + path("w") + " --faces 100 --json"));
+  EXPECT_EQ(report.at("tiles").get<int>(), 6 * 5) << report.dump();
+  EXPECT_EQ(report.at("baked"), report.at("tiles"));
+  EXPECT_EQ(report.at("cell_m"), 0.0078125);
+  const Surface tiles = surface_of(path("w"));
+  ASSERT_EQ(model("build " + raw_flags() + lattice + " -o " + path("whole.spm")).code, 0);
+  Result<ModelFile> whole = ModelFile::open(path("whole.spm"));
+  ASSERT_TRUE(whole.is_ok());
+  EXPECT_EQ(whole.value().header().face_count, report.at("faces").get<std::uint32_t>());
+  Surface expected;
+  add_model(path("whole.spm"), whole.value().header().grid.lattice_cells, expected);
+  EXPECT_EQ(tiles.faces, expected.faces);
+  // Posts at borders stand in two tiles, at corners in four.
+  std::map<int, int> shared;
+  for (const auto& [place, times] : tiles.vertices) ++shared[times];
+  EXPECT_EQ(tiles.vertices.size(), expected.vertices.size());
+  EXPECT_GT(shared[2], 200);
+  EXPECT_GE(shared[4], 18);
+  EXPECT_EQ(shared[3] + shared[4], 19) << "of 20 corners, one at the hole";
+}
+
+TEST_F(WorldProgram, AMeshIsCutSoThatNoFaceIsLostOrDoubled) {
+  ASSERT_EQ(model("generate aircraft --size 1500 -o " + path("a.ply")).code, 0);
+  const json report = parse(model("build-world " + path("a.ply") + " -o " + path("w") +
+                                  " --faces 200 --cell 0.001 --lattice-origin=0,0,0 --json"));
+  EXPECT_GE(report.at("tiles").get<int>(), 8);
+  ASSERT_EQ(model("build " + path("a.ply") + " --cell 0.001 -o " + path("whole.spm")).code, 0);
+  Result<ModelFile> whole = ModelFile::open(path("whole.spm"));
+  ASSERT_TRUE(whole.is_ok());
+  Surface expected;
+  add_model(path("whole.spm"), whole.value().header().grid.lattice_cells, expected);
+  EXPECT_EQ(surface_of(path("w")).faces, expected.faces);
+}
+
+TEST_F(WorldProgram, GridAndMeshStandInOneWorldOnALatticeThatItChooses) {
+  ASSERT_EQ(model("generate sphere --size 16 -o " + path("s.ply")).code, 0);
+  const std::string world = " -o " + path("w") + " --faces 300 --json";
+  const json report =
+      parse(model("build-world " + path("hill.asc") + " " + path("s.ply") + " --crs file" + world));
+  EXPECT_GT(report.at("tiles").get<int>(), 8);
+  // 21 bits hold the largest tile: some 30 m.
+  EXPECT_LE(report.at("cell_m").get<double>(), 0x1p-14);
+  const json info = parse(model("info --json " + path("w")));
+  EXPECT_EQ(info.at("world"), report.at("world"));
+  EXPECT_EQ(info.at("tiles_missing"), 0);
+  EXPECT_EQ(model("check " + path("w")).code, 0);
+  // Another input joins the lattice that is there.
+  ASSERT_EQ(model("generate sphere --size 8 -o " + path("t.ply")).code, 0);
+  const json more = parse(model("build-world " + path("hill.asc") + " " + path("s.ply") + " " +
+                                path("t.ply") + " --crs file" + world));
+  EXPECT_EQ(more.at("cell_m"), report.at("cell_m"));
+  EXPECT_EQ(more.at("origin_m"), report.at("origin_m"));
+  EXPECT_EQ(more.at("kept"), report.at("tiles"));
+  EXPECT_EQ(more.at("baked"), 1);
+}
+
+TEST_F(WorldProgram, WhatIsThereIsNotBakedAgain) {
+  const std::string command =
+      "build-world " + raw_flags() + " -o " + path("w") + " --faces 200 --json";
+  const json first = parse(model(command)), second = parse(model(command));
+  EXPECT_EQ(second.at("baked"), 0);
+  EXPECT_EQ(second.at("kept"), first.at("tiles"));
+  EXPECT_EQ(second.at("world"), first.at("world"));
+  // Another plan of the same tiles: they are known by what is in them.
+  fs::remove_all(path("w") + "/plans");
+  EXPECT_EQ(parse(model(command)).at("baked"), 0);
+  // One tile is lost.
+  const std::string lost = fs::directory_iterator(path("w") + "/tiles")->path().string();
+  fs::remove(lost);
+  EXPECT_EQ(model("check " + path("w")).code, 256);
+  EXPECT_EQ(parse(model("info --json " + path("w"))).at("tiles_missing"), 1);
+  EXPECT_EQ(parse(model(command)).at("baked"), 1);
+  EXPECT_TRUE(fs::exists(lost));
+  EXPECT_EQ(model("check " + path("w")).code, 0);
+}
+
+TEST_F(WorldProgram, TheSameTilesMayStandManyTimes) {
+  const std::string command =
+      "build-world " + raw_flags() + " --cell 0.01 -o " + path("w") + " --faces 300 --json";
+  const json once = parse(model(command)), often = parse(model(command + " --repeat 5x3"));
+  EXPECT_EQ(often.at("tiles").get<int>(), 15 * once.at("tiles").get<int>());
+  EXPECT_EQ(often.at("faces").get<int>(), 15 * once.at("faces").get<int>());
+  EXPECT_EQ(often.at("distinct_tiles"), once.at("distinct_tiles"));
+  EXPECT_EQ(often.at("baked"), 0);
+  EXPECT_EQ(model("check " + path("w")).code, 0);
+  const json info = parse(model("info --json " + path("w")));
+  EXPECT_NEAR(info.at("box_max_m")[0].get<double>(), 10 + 5 * 100, 30)
+      << "boxes are rounded outward";
+  EXPECT_NE(model(command + " --repeat 5").code, 0);
+}
+
+TEST_F(WorldProgram, ACraterIsATileAndThePagesAboveIt) {
+  const std::string command =
+      "build-world " + raw_flags() + " -o " + path("w") + " --faces 60 --json";
+  const json before = parse(model(command));
+  const auto pages = [this] {
+    std::set<std::string> names;
+    for (const auto& file : fs::directory_iterator(path("w") + "/pages")) names.insert(file.path());
+    return names;
+  };
+  const std::size_t pages_before = pages().size();
+  {
+    std::fstream raw(path("hill.raw"), std::ios::binary | std::ios::in | std::ios::out);
+    raw.seekp(2 * (3 * kColumns + 3));
+    raw.put(20).put(0);
+  }
+  const json after = parse(model(command));
+  EXPECT_EQ(after.at("baked"), 1);
+  EXPECT_NE(after.at("world"), before.at("world"));
+  EXPECT_EQ(pages().size(), pages_before + 2) << "levels 0 and 1; old pages stay";
+  EXPECT_EQ(model("check " + path("w")).code, 0);
+}
+
+TEST_F(WorldProgram, APlansCommandsMakeTheSameWorld) {
+  const std::string flags = "build-world " + raw_flags() + " --faces 300 --threads 2";
+  const json direct = parse(model(flags + " -o " + path("w") + " --json"));
+  ASSERT_EQ(model(flags + " -o " + path("v") + " --plan " + path("jobs.txt")).code, 0);
+  std::ifstream in(path("jobs.txt"));
+  std::vector<std::string> lines;
+  for (std::string line; std::getline(in, line);) lines.push_back(line);
+  ASSERT_EQ(lines.size(), direct.at("tiles").get<std::size_t>() + 1);
+  for (std::size_t i = lines.size() - 1; i-- > 0;)
+    EXPECT_EQ(run_command(lines[i]).code, 0) << lines[i];
+  const json last = parse(run_command(lines.back() + " --json"));
+  EXPECT_EQ(last.at("world"), direct.at("world"));
+  EXPECT_EQ(last.at("baked"), 0);
+  ASSERT_EQ(model(flags + " -o " + path("v") + " --plan " + path("jobs.ninja")).code, 0);
+  std::ifstream ninja(path("jobs.ninja"));
+  const std::string text((std::istreambuf_iterator<char>(ninja)), std::istreambuf_iterator<char>());
+  EXPECT_NE(text.find(": pages "), std::string::npos);
+  EXPECT_NE(text.find("--only $tile"), std::string::npos);
+}
+
+/// Of the hill's frame: one pose a line, with the same poses of both bodies turned and moved together.
+void write_poses(const std::string& path, int count) {
+  Random random(12);
+  std::ofstream out(path);
+  out << "id";
+  for (const char* body : {"A", "B"}) {
+    for (int i = 0; i < 9; ++i) out << ',' << body << "_R" << i / 3 << i % 3;
+    for (int k = 0; k < 3; ++k) out << ',' << body << "_T" << k;
+  }
+  out << std::setprecision(17) << '\n';
+  for (int n = 0; n < count; ++n) {
+    Pose world, body{test::random_rotation(random), {}};
+    if (n % 3 > 0) world.rotation = test::random_rotation(random);
+    const double far_m = n % 3 == 2 ? 6.4e6 : 500;
+    for (double& t : world.translation_m) t = random.between(-far_m, far_m);
+    // Near corners of tiles, at the ground's height or above.
+    const int column = 8 * static_cast<int>(1 + random.below(4)),
+              row = 6 * static_cast<int>(1 + random.below(4));
+    const double at[3] = {10 + 2.5 * column, -20 + 2.5 * (kRows - 1 - row),
+                          sample(row, column) + random.between(-1, 10)};
+    body.translation_m = world.translation_m;
+    for (std::size_t k = 0; k < 3; ++k)
+      for (std::size_t i = 0; i < 3; ++i)
+        body.translation_m[k] += world.rotation[3 * k + i] * at[i];
+    out << n;
+    for (const Pose* pose : {&world, &body}) {
+      for (const double x : pose->rotation) out << ',' << x;
+      for (const double x : pose->translation_m) out << ',' << x;
+    }
+    out << '\n';
+  }
+}
+
+// The proof of a world: it is the merged mesh, at its seams and corners, turned and geocentric.
+TEST_F(WorldProgram, AnswersAsTheMergedMeshDoes) {
+  const std::string lattice = " --cell 0.002 --lattice-origin=50,10,100 ";
+  ASSERT_EQ(model("build-world " + raw_flags() + lattice + "-o " + path("w") + " --faces 25").code,
+            0);
+  ASSERT_EQ(model("build " + raw_flags() + lattice + "-o " + path("whole.spm")).code, 0);
+  ASSERT_EQ(model("generate sphere --size 12 -o " + path("s.ply")).code, 0);
+  ASSERT_EQ(model("build " + path("s.ply") + " --scale 3 -o " + path("s.spm")).code, 0);
+  write_poses(path("poses.csv"), 90);
+  const auto lines = [this](const std::string& of) {
+    const Ended ended =
+        model("query " + of + " " + path("s.spm") + " --json --poses " + path("poses.csv"));
+    EXPECT_EQ(ended.code, 0) << ended.err;
+    std::vector<json> out;
+    std::istringstream in(ended.out);
+    for (std::string line; std::getline(in, line);)
+      out.push_back(json::parse(line, nullptr, false));
+    return out;
+  };
+  const std::vector<json> tiled = lines(path("w")), merged = lines(path("whole.spm"));
+  ASSERT_EQ(tiled.size(), 90U);
+  ASSERT_EQ(merged.size(), 90U);
+  int contacts = 0, free = 0, tiles = 0;
+  for (std::size_t i = 0; i < tiled.size(); ++i) {
+    EXPECT_EQ(tiled[i].at("status"), merged[i].at("status")) << i;
+    EXPECT_EQ(tiled[i].at("pairs"), merged[i].at("pairs")) << i;
+    contacts += tiled[i].at("status") == "contact" ? 1 : 0;
+    free += tiled[i].at("status") == "free" ? 1 : 0;
+    tiles += tiled[i].at("tiles").get<int>();
+  }
+  EXPECT_GT(contacts, 20);
+  EXPECT_GT(free, 5);
+  EXPECT_LT(tiles, 90 * 20) << "of more than 100";
+}
+
+TEST_F(WorldProgram, SaysWhatIsWrong) {
+  const auto says = [](const Ended& ended, const std::string& what) {
+    EXPECT_EQ(ended.code, 256);
+    EXPECT_NE(ended.err.find(what), std::string::npos) << ended.err;
+  };
+  says(model("build-world " + path("none.ply") + " -o " + path("w")), "none.ply");
+  says(model("build-world " + path("hill.asc") + " -o " + path("w")), "--crs");
+  says(model("build-world " + raw_flags() +
+             " --cell 1e-6 --grid-bits 10 --lattice-origin=0,0,0 -o " + path("w")),
+       "tile 0 (" + path("hill.raw"));
+  says(model("build-world " + raw_flags() + " --only 99 -o " + path("w")),
+       "expected a tile below 1");
+  says(model("info " + folder_), "world.nmw");
+  const std::string world = path("v");
+  ASSERT_EQ(model("build-world " + raw_flags() + " --faces 100 -o " + world).code, 0);
+  const std::string page = fs::directory_iterator(world + "/pages")->path().string();
+  std::fstream(page, std::ios::binary | std::ios::in | std::ios::out).seekp(20).put(1);
+  says(model("info " + world), fs::path(page).filename().string());
+}
+
+}  // namespace
+}  // namespace nearmesh
