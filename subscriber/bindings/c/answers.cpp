@@ -42,11 +42,11 @@ static_assert(sizeof(nearmesh_error) == 1024 && sizeof(nearmesh_pose) == 96 &&
               sizeof(nearmesh_motion) == 144 && sizeof(nearmesh_face) == 8 &&
               sizeof(nearmesh_face_pair) == 16 && sizeof(nearmesh_contact_segment) == 72);
 
-nearmesh_face to_c(const FaceKey& key) { return {key.split.value, key.index}; }
+nearmesh_face face_of(const FaceKey& key) { return {key.split.value, key.index}; }
 
 }  // namespace
 
-nearmesh_face_pair to_c(const FacePair& pair) { return {to_c(pair.a), to_c(pair.b)}; }
+nearmesh_face_pair to_c(const FacePair& pair) { return {face_of(pair.a), face_of(pair.b)}; }
 
 nearmesh_pose to_c(const Pose& pose) {
   nearmesh_pose out;

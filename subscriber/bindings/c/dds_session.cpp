@@ -13,14 +13,14 @@ namespace nearmesh::c {
 #ifdef NEARMESH_C_WITH_DDS
 namespace {
 
-constexpr double kMostSeconds = 86400;
+constexpr double kLongest_s = 86400;
 
 void take_text(const char* given, std::string& option) {
   if (given != nullptr) option = given;
 }
 
 Status take_seconds(double given, const char* name, double& option) {
-  NEARMESH_RETURN_IF_ERROR(check_number(given, 0, kMostSeconds, name));
+  NEARMESH_RETURN_IF_ERROR(check_number(given, 0, kLongest_s, name));
   if (given != 0) option = given;
   return Status::ok();
 }
