@@ -68,7 +68,8 @@ class Player {
     this.loaded.add(name);
     const element = document.getElementById('film-' + name);
     if (!element) return;
-    const packed = Uint8Array.from(atob(element.textContent), c => c.charCodeAt(0));
+    const text = atob(element.textContent), packed = new Uint8Array(text.length);
+    for (let i = 0; i < text.length; ++i) packed[i] = text.charCodeAt(i);
     element.remove();
     const unpacked = new Blob([packed]).stream().pipeThrough(new DecompressionStream('deflate'));
     take(new Uint8Array(await new Response(unpacked).arrayBuffer()));
