@@ -43,7 +43,7 @@ struct BuildWorldOptions {
       build;  ///< how to read and bake each; its `in` is not used, `out` is the world's folder
   bool has_lattice_origin = false;
   std::uint32_t tile_faces = 1'000'000;
-  std::string repeat;  ///< as it was typed; empty: once
+  std::string repeat;                 ///< as it was typed; empty: once
   std::optional<std::uint32_t> only;  ///< this tile alone, without pages
   std::string plan;                   ///< write commands to this file instead
 };
