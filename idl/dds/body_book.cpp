@@ -29,6 +29,13 @@ BodyBook::Claim BodyBook::claim(const std::string& body, const Handle& writer) {
   return Claim::kOwn;
 }
 
+void BodyBook::release(const std::string& body, const Handle& writer) {
+  const auto known = owners_.find(body);
+  if (authenticated_ || known == owners_.end() || known->second != owner_of(writer)) return;
+  --counts_[known->second];
+  owners_.erase(known);
+}
+
 void BodyBook::forget(const Handle& writer) {
   if (authenticated_) return;
   const Owner owner = owner_of(writer);

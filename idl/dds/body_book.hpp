@@ -28,6 +28,8 @@ class BodyBook {
   explicit BodyBook(bool authenticated) : authenticated_(authenticated) {}
 
   [[nodiscard]] Claim claim(const std::string& body, const Handle& writer);
+  /// The writer moves the body no more.
+  void release(const std::string& body, const Handle& writer);
   /// The writer is gone. Cost: O(bodies).
   void forget(const Handle& writer);
   void clear();

@@ -19,6 +19,7 @@ constexpr std::uint8_t kFlagWantsRegions = 8;
 constexpr std::size_t kWordsPerNode = 2;
 constexpr std::size_t kWordsPerPair = 4;
 constexpr std::size_t kWordsPerContent = 2;
+constexpr std::size_t kNumbersPerPose = 19;  // its time, then those of its motion
 constexpr std::uint8_t kFlagAsked = 1;
 constexpr std::uint8_t kFlagSolidA = 2;
 constexpr std::uint8_t kFlagSolidB = 4;
@@ -66,6 +67,44 @@ Result<std::vector<std::string>> split_lines(const Octets& octets, std::size_t l
 template <class Words>
 ContentHash content_at(const Words& words, std::size_t at) {
   return {words[kWordsPerContent * at], words[kWordsPerContent * at + 1]};
+}
+
+/// The bit of a body in its part.
+std::uint8_t place_of(std::uint32_t number) {
+  return static_cast<std::uint8_t>(1U << (number % kBodiesPerPart));
+}
+
+template <class Message>
+std::uint8_t places_of(const Message& message) {
+  std::uint8_t places = 0;
+  for (const auto& body : message.bodies) places |= place_of(body.number);
+  return places;
+}
+
+/// The part, and its bodies' numbers.
+template <class Sample, class Message>
+Status take_places(const Sample& sample, Message& message) {
+  message.part = sample.part();
+  if (sample.places() >> kBodiesPerPart != 0)
+    return malformed("places: found unknown bits, " + std::to_string(sample.places()));
+  for (std::uint32_t place = 0; place < kBodiesPerPart; ++place) {
+    if ((sample.places() >> place & 1U) == 0) continue;
+    message.bodies.emplace_back();
+    message.bodies.back().number = message.part * kBodiesPerPart + place;
+  }
+  return Status::ok();
+}
+
+/// use(number) of each, in the order in which they travel.
+template <class AnyMotion, class Use>
+void for_each_number(AnyMotion& motion, const Use& use) {
+  const auto all = [&use](auto& numbers) {
+    for (auto& number : numbers) use(number);
+  };
+  all(motion.pose.rotation);
+  all(motion.pose.translation_m);
+  all(motion.linear_velocity_mps);
+  all(motion.angular_velocity_radps);
 }
 
 template <class Message>
@@ -216,29 +255,84 @@ Result<SplitBatchMessage> decode(const wire_types::SplitBatchSample& sample) {
   return checked(std::move(message));
 }
 
-void encode(const BodyPose& message, wire_types::BodyPoseSample& sample) {
+void encode(const BodyPoses& message, wire_types::BodyPosesSample& sample) {
   sample.wire_version(message.wire_version);
-  sample.body(message.body.c_str());
+  sample.places(places_of(message));
+  sample.part(message.part);
   sample.peer(message.peer);
   sample.frame(message.frame);
-  sample.time_s(message.time_s);
-  sample.rotation(message.pose.rotation);
-  sample.translation_m(message.pose.translation_m);
-  sample.linear_velocity_mps(message.linear_velocity_mps);
-  sample.angular_velocity_radps(message.angular_velocity_radps);
+  std::vector<double>& motions = sample.motions();
+  motions.clear();
+  for (const BodyPoses::Body& body : message.bodies) {
+    motions.push_back(body.time_s);
+    for_each_number(body.motion, [&](double number) { motions.push_back(number); });
+  }
 }
 
-Result<BodyPose> decode(const wire_types::BodyPoseSample& sample) {
-  BodyPose message;
+Result<BodyPoses> decode(const wire_types::BodyPosesSample& sample) {
+  BodyPoses message;
   message.wire_version = sample.wire_version();
-  message.body = sample.body().to_string();
   message.peer = sample.peer();
   message.frame = sample.frame();
-  message.time_s = sample.time_s();
-  message.pose.rotation = sample.rotation();
-  message.pose.translation_m = sample.translation_m();
-  message.linear_velocity_mps = sample.linear_velocity_mps();
-  message.angular_velocity_radps = sample.angular_velocity_radps();
+  NEARMESH_RETURN_IF_ERROR(take_places(sample, message));
+  const std::vector<double>& motions = sample.motions();
+  if (motions.size() != kNumbersPerPose * message.bodies.size())
+    return malformed("motions: " + std::to_string(motions.size()) + " numbers of " +
+                     std::to_string(message.bodies.size()) + " bodies");
+  auto next = motions.begin();
+  for (BodyPoses::Body& body : message.bodies) {
+    body.time_s = *next++;
+    for_each_number(body.motion, [&](double& number) { number = *next++; });
+  }
+  return checked(std::move(message));
+}
+
+void encode(const BodyDirectory& message, wire_types::BodyDirectorySample& sample) {
+  sample.wire_version(message.wire_version);
+  sample.places(places_of(message));
+  sample.part(message.part);
+  sample.peer(message.peer);
+  sample.names().clear();
+  sample.content_hashes().clear();
+  sample.companies().clear();
+  std::uint8_t solids = 0;
+  for (const BodyDirectory::Body& body : message.bodies) {
+    append_line(body.name, sample.names());
+    append_line(body.model, sample.names());
+    for (const std::uint64_t word : words_of(body.content)) sample.content_hashes().push_back(word);
+    sample.companies().push_back(body.group);
+    sample.companies().push_back(body.mask);
+    if (body.solid) solids |= place_of(body.number);
+  }
+  sample.solids(solids);
+}
+
+Result<BodyDirectory> decode(const wire_types::BodyDirectorySample& sample) {
+  BodyDirectory message;
+  message.wire_version = sample.wire_version();
+  message.peer = sample.peer();
+  NEARMESH_RETURN_IF_ERROR(take_places(sample, message));
+  const std::size_t count = message.bodies.size();
+  if (sample.content_hashes().size() != kWordsPerContent * count ||
+      sample.companies().size() != 2 * count ||
+      sample.names().size() > 2 * kBodiesPerPart * (kMaxNameBytes + 1))
+    return malformed("bodies: " + std::to_string(count) + " places, " +
+                     std::to_string(sample.content_hashes().size()) + " words of contents, " +
+                     std::to_string(sample.companies().size()) + " of groups and masks, " +
+                     std::to_string(sample.names().size()) + " bytes of names");
+  if ((sample.solids() & ~sample.places()) != 0)
+    return malformed("solids: found " + std::to_string(sample.solids()));
+  const auto names = split_lines(sample.names(), 2 * count, 2 * count, "names of bodies");
+  NEARMESH_RETURN_IF_ERROR(names);
+  for (std::size_t i = 0; i < count; ++i) {
+    BodyDirectory::Body& body = message.bodies[i];
+    body.name = names.value()[2 * i];
+    body.model = names.value()[2 * i + 1];
+    body.content = content_at(sample.content_hashes(), i);
+    body.solid = (sample.solids() & place_of(body.number)) != 0;
+    body.group = sample.companies()[2 * i];
+    body.mask = sample.companies()[2 * i + 1];
+  }
   return checked(std::move(message));
 }
 

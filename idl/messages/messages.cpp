@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "core/base/digest.hpp"
+#include "core/base/hash.hpp"
 #include "nearmesh/core/geometry/motion.hpp"
 #include "nearmesh/core/spm/detail/codec.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
@@ -21,6 +22,7 @@ namespace {
 constexpr std::uint8_t kPriorityCount = 2;
 constexpr std::uint8_t kAnswerStatusCount = 5;  // free, contact, partial, uncertain, contained
 constexpr std::uint32_t kMaxWindowBytes = 64U << 20;
+constexpr std::uint32_t kMaxPart = 1U << 24;
 
 Status invalid(std::string message) { return {StatusCode::kInvalidArgument, std::move(message)}; }
 
@@ -217,13 +219,62 @@ Status check(const SplitBatchMessage& message) {
   return Status::ok();
 }
 
-Status check(const BodyPose& message) {
+namespace {
+
+/// In the part, and in ascending order.
+template <class Message>
+Status check_numbers(const Message& message) {
+  if (message.part > kMaxPart)
+    return invalid("part: expected at most " + std::to_string(kMaxPart) + ", found " +
+                   std::to_string(message.part));
+  std::uint32_t least = message.part * kBodiesPerPart;
+  const std::uint32_t end = least + kBodiesPerPart;
+  for (const auto& body : message.bodies) {
+    if (body.number < least || body.number >= end)
+      return invalid("part " + std::to_string(message.part) + ": body " +
+                     std::to_string(body.number) + " is out of place");
+    least = body.number + 1;
+  }
+  return Status::ok();
+}
+
+}  // namespace
+
+Status check(const BodyPoses& message) {
   NEARMESH_RETURN_IF_ERROR(check_version(message.wire_version));
   NEARMESH_RETURN_IF_ERROR(check_session(message.peer, "peer"));
-  NEARMESH_RETURN_IF_ERROR(check_name(message.body, "body"));
-  NEARMESH_RETURN_IF_ERROR(check_time(message.time_s, "pose of " + message.body + ": time_s"));
-  return check_motion({message.pose, message.linear_velocity_mps, message.angular_velocity_radps},
-                      message.body);
+  NEARMESH_RETURN_IF_ERROR(check_numbers(message));
+  for (const BodyPoses::Body& body : message.bodies) {
+    const std::string name =
+        "pose of body " + std::to_string(body.number) + " of peer " + to_hex(message.peer);
+    NEARMESH_RETURN_IF_ERROR(check_time(body.time_s, name + ": time_s"));
+    NEARMESH_RETURN_IF_ERROR(check_motion(body.motion, name));
+  }
+  return Status::ok();
+}
+
+Status check(const BodyDirectory& message) {
+  NEARMESH_RETURN_IF_ERROR(check_version(message.wire_version));
+  NEARMESH_RETURN_IF_ERROR(check_session(message.peer, "peer"));
+  NEARMESH_RETURN_IF_ERROR(check_numbers(message));
+  std::vector<std::string_view> names;
+  for (const BodyDirectory::Body& body : message.bodies) {
+    NEARMESH_RETURN_IF_ERROR(check_name(body.name, "body"));
+    NEARMESH_RETURN_IF_ERROR(check_name(body.model, "model name"));
+    names.push_back(body.name);
+  }
+  std::sort(names.begin(), names.end());
+  const auto twice = std::adjacent_find(names.begin(), names.end());
+  if (twice != names.end()) return invalid("body \"" + std::string(*twice) + "\" twice");
+  return Status::ok();
+}
+
+Status check(const BodyPose& pose) {
+  NEARMESH_RETURN_IF_ERROR(check_session(pose.peer, "peer"));
+  NEARMESH_RETURN_IF_ERROR(check_name(pose.body, "body"));
+  NEARMESH_RETURN_IF_ERROR(check_time(pose.time_s, "pose of " + pose.body + ": time_s"));
+  return check_motion({pose.pose, pose.linear_velocity_mps, pose.angular_velocity_radps},
+                      pose.body);
 }
 
 Status check(const ContactReport& message) {

@@ -43,6 +43,9 @@ std::optional<TopicPlace> TopicNames::find(std::string_view name) const {
 
 std::string key_of(std::uint64_t id) { return to_hex(id); }
 std::string key_of(const ContentHash& content) { return to_hex(content); }
+std::string key_of(SessionId peer, std::uint32_t part) {
+  return to_hex(peer) + "/" + std::to_string(part);
+}
 
 std::string partition_of(SessionId peer) { return to_hex(peer); }
 

@@ -149,7 +149,7 @@ Status Replay::step_to_pose(double now_s) {
     play(*due.value());
     const std::uint32_t stream = index_.stream_of(due.value()->message.writer);
     at_pose =
-        stream != ReplayIndex::kNotPlayed && index_.streams()[stream].carries<wire::BodyPose>();
+        stream != ReplayIndex::kNotPlayed && index_.streams()[stream].carries<wire::BodyPoses>();
   }
   return Status::ok();
 }

@@ -83,16 +83,17 @@ Status ReplayIndex::read_key(RecordingReader& recording, std::uint32_t key) {
   const std::uint32_t stream = stream_of_writer_[recorded.writer];
   const Result<std::vector<std::int64_t>> ids = recording.ids_of(key);
   NEARMESH_RETURN_IF_ERROR(ids);
-  const bool is_pose = streams_[stream].carries<wire::BodyPose>();
+  const bool is_of_part = streams_[stream].carries<wire::BodyPoses>() ||
+                          streams_[stream].carries<wire::BodyDirectory>();
   for (const std::int64_t id : ids.value()) {
     NEARMESH_RETURN_IF_ERROR(
         recording.read(id, id + 1, [&](std::int64_t, const RecordedMessage& message) {
           take(id, message);
           return true;
         }));
-    if (is_pose) break;  // all are of one body, and of one peer
+    if (is_of_part) break;  // all are of one part, and of one peer
   }
-  if (is_pose && !ids.value().empty()) {
+  if (is_of_part && !ids.value().empty()) {
     Latch& latch = latches_[{stream, recorded.name}];
     latch.insert(latch.end(), ids.value().begin() + 1, ids.value().end());
   }
@@ -173,12 +174,19 @@ void ReplayIndex::take(std::int64_t id, const RecordedMessage& message) {
           {.id = id, .number = asked.value().request});
   } else if (stream.carries<wire::SplitBatchMessage>()) {
     take_batch(id, at, message);
-  } else if (stream.carries<wire::BodyPose>()) {
-    if (const auto pose = wire::decode_payload<wire::BodyPose>(message.cdr); pose.is_ok()) {
-      peers_.insert(pose.value().peer);
-      latches_[{at, pose.value().body}].push_back(id);
-    }
+  } else if (stream.carries<wire::BodyPoses>()) {
+    take_part<wire::BodyPoses>(id, at, message);
+  } else if (stream.carries<wire::BodyDirectory>()) {
+    take_part<wire::BodyDirectory>(id, at, message);
   }
+}
+
+template <class Message>
+void ReplayIndex::take_part(std::int64_t id, std::uint32_t stream, const RecordedMessage& message) {
+  const auto told = wire::decode_payload<Message>(message.cdr);
+  if (!told.is_ok()) return;
+  peers_.insert(told.value().peer);
+  latches_[{stream, wire::topic_of<Message>().key(told.value())}].push_back(id);
 }
 
 void ReplayIndex::take_hello(std::int64_t id, const RecordedMessage& message) {

@@ -80,6 +80,8 @@ class ReplayIndex {
   void sort();
   void take(std::int64_t id, const RecordedMessage& message);
   void take_hello(std::int64_t id, const RecordedMessage& message);
+  template <class Message>
+  void take_part(std::int64_t id, std::uint32_t stream, const RecordedMessage& message);
   void add_detail(const RecordedMessage& message);
   void take_batch(std::int64_t id, std::uint32_t stream, const RecordedMessage& message);
 

@@ -47,7 +47,7 @@ class DdsChannel::Impl {
         names_(options.transport.prefix),
         hellos_(mailbox_, names_.of<wire::Hello>()),
         headers_(mailbox_, names_.of<wire::MeshHeader>()),
-        movers_(mailbox_, names_.of<wire::BodyPose>(), !options.transport.security.empty(),
+        movers_(mailbox_, names_.of<wire::BodyPoses>(), !options.transport.security.empty(),
                 options.transport.silence_s) {}
   ~Impl();
 
@@ -61,13 +61,14 @@ class DdsChannel::Impl {
   void send(const wire::RegionSubscription& subscription);
   template <class Message>
   void put(std::deque<Message> Impl::*queue, const Message& message);
+  void send(const wire::BodyDirectory& directory);
   void tell(wire::ProcessStatus& status);
   Inbox take();
   void wait(double seconds);
 
   // Written by the host, emptied by the I/O thread.
   std::deque<wire::RegionSubscription> subscriptions_;
-  std::deque<wire::BodyPose> poses_;
+  std::deque<wire::BodyPoses> poses_;
   std::deque<wire::ContactReport> reports_;
   std::deque<wire::HeldDetail> held_;
   std::deque<wire::ProcessStatus> statuses_;
@@ -90,6 +91,7 @@ class DdsChannel::Impl {
   void tell_lost(SessionId publisher);
   Status rejoin();
   bool flush();
+  bool flush_directory();
   double acknowledge();
   template <class Message>
   bool flush(std::deque<Message> Impl::*queue, wire::Writer<Message>& writer);
@@ -110,10 +112,12 @@ class DdsChannel::Impl {
   wire::Reader<wire::Hello> hello_reader_{mailbox_};
   wire::Reader<wire::MeshHeader> header_reader_{mailbox_};
   wire::Reader<wire::SplitBatchMessage> batch_reader_{mailbox_};
-  wire::Reader<wire::BodyPose> pose_reader_{mailbox_};
+  wire::Reader<wire::BodyPoses> pose_reader_{mailbox_};
+  wire::Reader<wire::BodyDirectory> directory_reader_{mailbox_};
   wire::Reader<wire::ProcessStatus> status_reader_{mailbox_};
   wire::Writer<wire::RegionSubscription> subscription_writer_{mailbox_};
-  wire::Writer<wire::BodyPose> pose_writer_{mailbox_};
+  wire::Writer<wire::BodyPoses> pose_writer_{mailbox_};
+  wire::Writer<wire::BodyDirectory> directory_writer_{mailbox_};
   wire::Writer<wire::ContactReport> report_writer_{mailbox_};
   wire::Writer<wire::HeldDetail> held_writer_{mailbox_};  ///< heard by recorders alone
   wire::Writer<wire::ProcessStatus> status_writer_{mailbox_};
@@ -121,7 +125,9 @@ class DdsChannel::Impl {
   mutable std::mutex mutex_;  ///< outgoing queues and inbox; never held during a DDS call
   std::condition_variable arrived_;
   Inbox inbox_;
-  std::shared_ptr<wire::DoorWatch> door_;  ///< of the bus
+  std::shared_ptr<wire::DoorWatch> door_;                   ///< of the bus
+  std::map<std::uint32_t, wire::BodyDirectory> directory_;  ///< of the own bodies, by part
+  std::set<std::uint32_t> unsent_parts_;                    ///< of it
   std::map<SessionId, Account> accounts_;  ///< by publisher: those that requests were sent to
   std::vector<DdsHeaders::Counted> counted_headers_;  ///< of the inbox
   std::size_t waiting_header_bytes_ = 0;
@@ -161,6 +167,20 @@ void DdsChannel::Impl::send(const wire::RegionSubscription& subscription) {
     accounts_[subscription.publisher].window_bytes = subscription.window_bytes;
   }
   put(&Impl::subscriptions_, subscription);
+}
+
+/// Kept: as a new participant it is said again.
+void DdsChannel::Impl::send(const wire::BodyDirectory& directory) {
+  if (Status status = check(directory); !status.is_ok()) {
+    mailbox_.complain(names_.of<wire::BodyDirectory>() + ": not sent: " + status.message());
+    return;
+  }
+  {
+    const std::lock_guard lock(mutex_);
+    directory_[directory.part] = directory;
+    unsent_parts_.insert(directory.part);
+  }
+  mailbox_.wake();
 }
 
 void DdsChannel::Impl::tell(wire::ProcessStatus& status) {
@@ -264,9 +284,11 @@ Status DdsChannel::Impl::open() {
   NEARMESH_RETURN_IF_ERROR(batch_reader_.open(*bus_, wire::partition_of(own_id_)));
   NEARMESH_RETURN_IF_ERROR(hello_reader_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(header_reader_.open(*bus_));
+  NEARMESH_RETURN_IF_ERROR(directory_reader_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(pose_reader_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(status_reader_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(subscription_writer_.open(*bus_));
+  NEARMESH_RETURN_IF_ERROR(directory_writer_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(pose_writer_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(report_writer_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(held_writer_.open(*bus_));
@@ -391,14 +413,26 @@ double DdsChannel::Impl::acknowledge() {
 /// Out: true when there may be more.
 bool DdsChannel::Impl::receive_poses() {
   // The matches first: of who is gone by then, what it said is all there.
+  const std::vector<wire::ReaderListener::Match> tellers = directory_reader_.take_matches();
+  std::vector<DdsPoses::HeardDirectory> directories;
+  const bool more_told = directory_reader_.drain(
+      kMaxTaken, [&](wire::BodyDirectory&& directory, const Handle& writer, Microseconds) {
+        if (directory.peer != own_id_) directories.push_back({std::move(directory), writer});
+      });
+  movers_.take_directories(tellers, std::move(directories), more_told);
   const std::vector<wire::ReaderListener::Match> matches = pose_reader_.take_matches();
   std::vector<DdsPoses::Heard> heard;
-  bool more =
-      pose_reader_.drain(kMaxTaken, [&](wire::BodyPose&& pose, const Handle& writer, Microseconds) {
-        if (pose.peer != own_id_) heard.push_back({std::move(pose), writer});
-      });
-  for (wire::BodyPose& pose : movers_.take(matches, std::move(heard), more))
-    deliver(&Inbox::poses, std::move(pose), kMaxWaitingOthers, names_.of<wire::BodyPose>());
+  bool more = pose_reader_.drain(kMaxTaken,
+                                 [&](wire::BodyPoses&& poses, const Handle& writer, Microseconds) {
+                                   if (poses.peer != own_id_)
+                                     heard.push_back({std::move(poses), writer});
+                                 });
+  std::vector<wire::BodyPose> accepted = movers_.take(matches, std::move(heard), more);
+  for (Inbox::Told& told : movers_.take_bodies())
+    deliver(&Inbox::bodies, std::move(told), kMaxWaitingBodies, names_.of<wire::BodyDirectory>());
+  for (wire::BodyPose& pose : accepted)
+    deliver(&Inbox::poses, std::move(pose), kMaxWaitingPoses, names_.of<wire::BodyPoses>());
+  more |= more_told;
   more |= status_reader_.drain(
       kMaxTaken, [&](wire::ProcessStatus&& status, const Handle& writer, Microseconds) {
         movers_.hear_sign(status.session, writer);
@@ -418,7 +452,7 @@ void DdsChannel::Impl::deliver_movers() {
       else
         dropped = true;
   }
-  if (dropped) complain_of_overflow(names_.of<wire::BodyPose>());
+  if (dropped) complain_of_overflow(names_.of<wire::BodyPoses>());
 }
 
 /// The host takes losses before hellos, so a hello of before the loss must not wait for it.
@@ -452,8 +486,13 @@ Status DdsChannel::Impl::rejoin() {
   held_writer_.listener().forget_readers();
   (void)hello_reader_.take_matches();
   (void)header_reader_.take_matches();
+  (void)directory_reader_.take_matches();
   (void)pose_reader_.take_matches();
   (void)status_reader_.take_matches();
+  {
+    const std::lock_guard lock(mutex_);
+    for (const auto& [part, directory] : directory_) unsent_parts_.insert(part);
+  }
   return open();
 }
 
@@ -503,11 +542,33 @@ bool DdsChannel::Impl::flush() {
             return subscription_writer_.listener().is_matched_with_participant_of(publisher);
           }))
     all &= flush(&Impl::subscriptions_, subscription_writer_);
+  all &= flush_directory();
   all &= flush(&Impl::poses_, pose_writer_);
   all &= flush(&Impl::held_, held_writer_);
   all &= flush(&Impl::reports_, report_writer_);
   all &= flush(&Impl::statuses_, status_writer_);
   return all;
+}
+
+bool DdsChannel::Impl::flush_directory() {
+  std::set<std::uint32_t> unsent;
+  {
+    const std::lock_guard lock(mutex_);
+    unsent.swap(unsent_parts_);
+  }
+  while (!unsent.empty()) {
+    wire::BodyDirectory directory;
+    {
+      const std::lock_guard lock(mutex_);
+      directory = directory_.at(*unsent.begin());
+    }
+    if (directory_writer_.write(directory) == wire::WriteResult::kFull) break;
+    unsent.erase(unsent.begin());
+  }
+  if (unsent.empty()) return true;
+  const std::lock_guard lock(mutex_);
+  unsent_parts_.merge(unsent);
+  return false;
 }
 
 template <class Message>
@@ -540,7 +601,8 @@ DdsChannel::~DdsChannel() = default;
 
 SessionId DdsChannel::own_id() const { return impl_->own_id(); }
 void DdsChannel::send(const wire::RegionSubscription& subscription) { impl_->send(subscription); }
-void DdsChannel::send(const wire::BodyPose& pose) { impl_->put(&Impl::poses_, pose); }
+void DdsChannel::send(const wire::BodyPoses& poses) { impl_->put(&Impl::poses_, poses); }
+void DdsChannel::send(const wire::BodyDirectory& directory) { impl_->send(directory); }
 void DdsChannel::send(const wire::ContactReport& report) { impl_->put(&Impl::reports_, report); }
 void DdsChannel::tell(wire::ProcessStatus& status) { impl_->tell(status); }
 void DdsChannel::tell_held(const wire::HeldDetail& held) { impl_->put(&Impl::held_, held); }

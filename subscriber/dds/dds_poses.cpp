@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "dds_poses.hpp"
 
+#include <algorithm>
 #include <utility>
 
 namespace nearmesh::subscriber {
@@ -11,6 +12,73 @@ constexpr double kLook_s = 0.1;
 
 }  // namespace
 
+DdsPoses::PartKey DdsPoses::key_of(const wire::Handle& writer, wire::SessionId peer,
+                                   std::uint32_t part) {
+  std::array<std::uint8_t, 12> participant{};
+  for (std::size_t i = 0; i < participant.size(); ++i) participant[i] = writer.value[i];
+  return {participant, peer, part};
+}
+
+void DdsPoses::take_directories(const std::vector<wire::ReaderListener::Match>& matches,
+                                std::vector<HeardDirectory> heard, bool more) {
+  for (const auto& event : matches)
+    if (event.gone) gone_tellers_.push_back(event.writer);
+  for (HeardDirectory& one : heard) know(std::move(one));
+  if (more) return;
+  for (const wire::Handle& gone : std::exchange(gone_tellers_, {})) {
+    std::erase_if(parts_, [&](const auto& entry) { return entry.second.writer == gone; });
+    part_counts_.erase(gone);
+    over_full_.erase(gone);
+  }
+}
+
+void DdsPoses::know(HeardDirectory&& heard) {
+  const wire::BodyDirectory& directory = heard.directory;
+  const PartKey key = key_of(heard.writer, directory.peer, directory.part);
+  const auto known = parts_.find(key);
+  if (known == parts_.end()) {
+    std::size_t& count = part_counts_[heard.writer];
+    if (count >= kMaxPartsOfOne || parts_.size() >= kMaxParts) {
+      if (over_full_.insert(heard.writer).second)
+        mailbox_.complain(
+            topic_ + ": " + wire::name_of(heard.writer, mailbox_) +
+            " tells of more bodies than are kept, the poses of the others are ignored");
+      return;
+    }
+    ++count;
+  } else if (known->second.writer == heard.writer) {
+    change_bodies(directory.peer, known->second, directory.bodies);
+  }
+  parts_[key] = {heard.writer, std::move(heard.directory.bodies)};
+  told_parts_.push_back(key);
+}
+
+/// Who removes a body moves it no more: its name is free again. One that is told otherwise was there all the time.
+void DdsPoses::change_bodies(wire::SessionId peer, const Part& before,
+                             const std::vector<wire::BodyDirectory::Body>& now) {
+  for (const wire::BodyDirectory::Body& body : before.bodies) {
+    const auto moved = moved_.find(body.name);
+    if (moved == moved_.end() || moved->second.body != body ||
+        !wire::have_one_participant(moved->second.writer, before.writer))
+      continue;
+    const auto source = sources_.find(moved->second.writer);
+    if (source == sources_.end() || source->second.session != peer) continue;
+    const auto same = std::find_if(now.begin(), now.end(), [&](const auto& other) {
+      return other.number == body.number && other.name == body.name;
+    });
+    if (same != now.end()) {
+      if (*same != body) told_.push_back({*same, false});
+      moved->second.body = *same;
+      continue;
+    }
+    told_.push_back({body, true});
+    changes_[body.name] = wire::Mover::kLeft;
+    bodies_.release(body.name, moved->second.writer);
+    moved_.erase(moved);
+    has_released_ = true;
+  }
+}
+
 std::vector<wire::BodyPose> DdsPoses::take(const std::vector<wire::ReaderListener::Match>& matches,
                                            std::vector<Heard> heard, bool more) {
   std::vector<wire::BodyPose> accepted;
@@ -18,7 +86,11 @@ std::vector<wire::BodyPose> DdsPoses::take(const std::vector<wire::ReaderListene
     if (event.gone)
       gone_movers_.emplace_back(event.writer,
                                 event.barred ? wire::Mover::kBarred : wire::Mover::kLeft);
-  for (Heard& one : heard) accept(std::move(one), accepted);
+  for (const PartKey& part : std::exchange(told_parts_, {}))
+    if (const auto waiting = unnamed_.extract(part); !waiting.empty())
+      name(std::move(waiting.mapped()), accepted);
+  for (Heard& one : heard) name(std::move(one), accepted);
+  if (std::exchange(has_released_, false)) accept_contested(accepted);
   look_for_silent();
   // What a writer said before it went is taken before it is forgotten, or it would claim its bodies again.
   if (more || gone_movers_.empty()) return accepted;
@@ -27,14 +99,48 @@ std::vector<wire::BodyPose> DdsPoses::take(const std::vector<wire::ReaderListene
     bodies_.forget(writer);
     lose(writer, gone.second);
     std::erase_if(contested_, [&](const auto& c) { return c.second.writer == writer; });
+    std::erase_if(unnamed_, [&](const auto& entry) { return entry.second.writer == writer; });
   }
   // A peer that started again may be heard before its old self is gone.
-  for (auto& [body, contested] : std::exchange(contested_, {}))
-    accept(std::move(contested), accepted);
+  accept_contested(accepted);
   return accepted;
 }
 
-void DdsPoses::accept(Heard&& heard, std::vector<wire::BodyPose>& accepted) {
+void DdsPoses::accept_contested(std::vector<wire::BodyPose>& accepted) {
+  for (auto& [body, contested] : std::exchange(contested_, {}))
+    accept(std::move(contested), accepted);
+}
+
+/// Whose number no directory tells yet waits: the two topics are not in one order.
+void DdsPoses::name(Heard&& heard, std::vector<wire::BodyPose>& accepted) {
+  const PartKey key = key_of(heard.writer, heard.poses.peer, heard.poses.part);
+  const auto part = parts_.find(key);
+  bool all = true;
+  for (const wire::BodyPoses::Body& pose : heard.poses.bodies) {
+    const wire::BodyDirectory::Body* body = nullptr;
+    if (part != parts_.end())
+      for (const wire::BodyDirectory::Body& told : part->second.bodies)
+        if (told.number == pose.number) body = &told;
+    if (body == nullptr) {
+      all = false;
+      continue;
+    }
+    accept({.pose = {.peer = heard.poses.peer,
+                     .body = body->name,
+                     .frame = heard.poses.frame,
+                     .time_s = pose.time_s,
+                     .pose = pose.motion.pose,
+                     .linear_velocity_mps = pose.motion.linear_velocity_mps,
+                     .angular_velocity_radps = pose.motion.angular_velocity_radps},
+            .writer = heard.writer,
+            .body = *body},
+           accepted);
+  }
+  unnamed_.erase(key);
+  if (!all && unnamed_.size() < kMaxParts) unnamed_.emplace(key, std::move(heard));
+}
+
+void DdsPoses::accept(Named&& heard, std::vector<wire::BodyPose>& accepted) {
   const std::string body = heard.pose.body;
   const wire::BodyBook::Claim claim = bodies_.claim(body, heard.writer);
   if (claim == wire::BodyBook::Claim::kOwn) {
@@ -43,6 +149,10 @@ void DdsPoses::accept(Heard&& heard, std::vector<wire::BodyPose>& accepted) {
     source.heard_s = clock_.seconds();
     Moved& moved = moved_[body];
     moved.writer = heard.writer;
+    if (moved.body != heard.body) {
+      told_.push_back({heard.body, false});
+      moved.body = heard.body;
+    }
     tell(body, moved, wire::Mover::kThere);
     accepted.push_back(std::move(heard.pose));
     return;
@@ -101,6 +211,12 @@ void DdsPoses::clear() {
   for (const auto& [body, moved] : std::exchange(moved_, {})) changes_[body] = wire::Mover::kLeft;
   bodies_.clear();
   gone_movers_.clear();
+  parts_.clear();
+  part_counts_.clear();
+  unnamed_.clear();
+  told_parts_.clear();
+  gone_tellers_.clear();
+  over_full_.clear();
   contested_.clear();
 }
 

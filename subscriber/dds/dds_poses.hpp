@@ -2,17 +2,24 @@
 #pragma once
 // Whose poses of a body count: those of the peer that moved it first, until that is gone; and whether that peer is there, which the
 // machine's clock decides: it gave a sign of life each second, a ProcessStatus, and has given none for some. Who never gave one is
-// taken to be there until its writer goes. Fast DDS: for the rooms named dds alone.
+// taken to be there until its writer goes. What a pose's number stands for, the directory of the same peer and participant says.
+// Fast DDS: for the rooms named dds alone.
 
 #include <algorithm>
+#include <array>
+#include <cstdint>
 #include <map>
+#include <set>
 #include <string>
+#include <tuple>
+#include <utility>
 #include <vector>
 
 #include "core/base/stopwatch.hpp"
 #include "idl/dds/body_book.hpp"
 #include "idl/dds/dds_support.hpp"
 #include "idl/messages/status_keeper.hpp"
+#include "nearmesh/subscriber/peer/channel.hpp"
 
 namespace nearmesh::subscriber {
 
@@ -20,9 +27,15 @@ namespace nearmesh::subscriber {
 class DdsPoses {
  public:
   struct Heard {
-    wire::BodyPose pose;
+    wire::BodyPoses poses;
     wire::Handle writer;
   };
+  struct HeardDirectory {
+    wire::BodyDirectory directory;
+    wire::Handle writer;
+  };
+  /// Parts known of one writer of directories, and of all; as many may wait for theirs.
+  static constexpr std::size_t kMaxPartsOfOne = 1024, kMaxParts = 16384;
 
   /// `silence_s`: without a sign of life for so long a mover is silent; two missed ones at least.
   DdsPoses(wire::Mailbox& mailbox, std::string topic, bool is_secured, double silence_s)
@@ -31,6 +44,9 @@ class DdsPoses {
         silence_s_(std::max(silence_s, 2 * wire::kStatusPeriod_s)),
         bodies_(is_secured) {}
 
+  /// Directories that came since the last call; before the poses.
+  void take_directories(const std::vector<wire::ReaderListener::Match>& matches,
+                        std::vector<HeardDirectory> heard, bool more);
   /// What came since the last call; `more`: some of it was not read yet. Out: the poses that count, in order. One line for each body
   /// that another claims.
   [[nodiscard]] std::vector<wire::BodyPose> take(
@@ -41,10 +57,13 @@ class DdsPoses {
   void clear();
   /// What became of the bodies' movers since the last call: of each what holds now.
   [[nodiscard]] std::map<std::string, wire::Mover> take_changes();
+  /// Bodies whose poses count that came, went or became other ones since the last call.
+  [[nodiscard]] std::vector<Channel::Inbox::Told> take_bodies() { return std::exchange(told_, {}); }
 
  private:
   struct Moved {
     wire::Handle writer;
+    wire::BodyDirectory::Body body;
     wire::Mover mover = wire::Mover::kNone;  ///< as was told
   };
   /// Who writes poses.
@@ -53,7 +72,26 @@ class DdsPoses {
     double heard_s = 0;  ///< a pose or a sign of life
     bool gives_signs = false;
   };
-  void accept(Heard&& heard, std::vector<wire::BodyPose>& accepted);
+  /// A part of a peer's bodies, as one participant tells of it.
+  using PartKey = std::tuple<std::array<std::uint8_t, 12>, wire::SessionId, std::uint32_t>;
+  struct Part {
+    wire::Handle writer;
+    std::vector<wire::BodyDirectory::Body> bodies;
+  };
+  /// One body's pose, and who the body is.
+  struct Named {
+    wire::BodyPose pose;
+    wire::Handle writer;
+    wire::BodyDirectory::Body body;
+  };
+  [[nodiscard]] static PartKey key_of(const wire::Handle& writer, wire::SessionId peer,
+                                      std::uint32_t part);
+  void know(HeardDirectory&& heard);
+  void name(Heard&& heard, std::vector<wire::BodyPose>& accepted);
+  void change_bodies(wire::SessionId peer, const Part& before,
+                     const std::vector<wire::BodyDirectory::Body>& now);
+  void accept(Named&& heard, std::vector<wire::BodyPose>& accepted);
+  void accept_contested(std::vector<wire::BodyPose>& accepted);
   void tell(const std::string& body, Moved& moved, wire::Mover now);
   void look_for_silent();
   void lose(const wire::Handle& writer, wire::Mover how);
@@ -64,7 +102,15 @@ class DdsPoses {
   wire::BodyBook bodies_;
   std::vector<std::pair<wire::Handle, wire::Mover>>
       gone_movers_;                         ///< not yet forgotten, and how they went
-  std::map<std::string, Heard> contested_;  ///< of bodies that another owns, the latest
+  std::map<std::string, Named> contested_;  ///< of bodies that another owns, the latest
+  std::map<PartKey, Part> parts_;
+  std::map<wire::Handle, std::size_t> part_counts_;  ///< by writer of directories
+  std::map<PartKey, Heard> unnamed_;  ///< poses of bodies that no directory names yet, the latest
+  std::vector<PartKey> told_parts_;   ///< whose directory came since poses were named
+  std::vector<wire::Handle> gone_tellers_;
+  std::set<wire::Handle> over_full_;  ///< of whom that was said
+  std::vector<Channel::Inbox::Told> told_;
+  bool has_released_ = false;  ///< a body, since poses were taken
   const Stopwatch clock_;
   double looked_s_ = 0;                     ///< for silent ones, the last time
   std::map<wire::Handle, Source> sources_;  ///< by writer

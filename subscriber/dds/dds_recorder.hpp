@@ -19,7 +19,7 @@ struct RecorderOptions {
   wire::TransportOptions transport;
   std::string path;  ///< of the first file; must not exist
   std::vector<std::string>
-      topics;                   ///< by their last name, "body_pose"; empty: all that are recorded
+      topics;                   ///< by their last name, "body_poses"; empty: all that are recorded
   std::uint64_t max_bytes = 0;  ///< of a file with its log, at least kMinFileBytes; 0: no limit
   bool split = false;           ///< at max_bytes go on in another file, instead of ending
 };

@@ -76,6 +76,7 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
   impl.frame_s = impl.has_updated ? std::max(0.0, time_s - impl.time_s) : 0;
   impl.has_updated = true;
   impl.time_s = time_s;
+  std::set<std::uint32_t> parts;  // that go out
   for (const OwnMotion& own : motions) {
     Body& body = *impl.find(own.body);
     body.motion = own.motion;
@@ -83,12 +84,15 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
     body.is_new_to_bounds = true;
     body.stamp.mover = wire::Mover::kThere;
     body.stamp.time_s = time_s;
-    impl.publish(body, frame);
+    parts.insert(part_of(body));
   }
-  for (auto& [id, body] : impl.bodies)
-    if (body.own && body.motion && !body.is_placed && is_at_rest(*body.motion) &&
+  for (const auto& [number, id] : impl.own_bodies)
+    if (const Body& body = *impl.find(id);
+        body.motion && !body.is_placed && is_at_rest(*body.motion) &&
         std::abs(time_s - body.published_s) >= kRepeatShare * impl.options.max_pose_age_s)
-      impl.publish(body, frame);
+      parts.insert(part_of(body));
+  impl.tell_directory();
+  for (const std::uint32_t part : parts) impl.publish(part, frame);
   impl.take_inbox(report);
   impl.replicas.read_caches(report.complaints);
   while (impl.replicas.apply_one(report) && spent.seconds() < budget_s) {
@@ -111,17 +115,40 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
   return report;
 }
 
-void Session::Impl::publish(Body& body, std::uint64_t frame) {
-  wire::BodyPose pose;
-  pose.peer = channel->own_id();
-  pose.body = body.name;
-  pose.frame = frame;
-  pose.time_s = time_s;
-  pose.pose = body.motion->pose;
-  pose.linear_velocity_mps = body.motion->linear_velocity_mps;
-  pose.angular_velocity_radps = body.motion->angular_velocity_radps;
-  channel->send(pose);
-  body.published_s = time_s;
+template <class Use>
+void Session::Impl::for_each_of_part(std::uint32_t part, const Use& use) {
+  const std::uint32_t first = part * wire::kBodiesPerPart;
+  for (auto at = own_bodies.lower_bound(first);
+       at != own_bodies.end() && at->first < first + wire::kBodiesPerPart; ++at)
+    use(*find(at->second));
+}
+
+void Session::Impl::tell_directory() {
+  for (const std::uint32_t part : std::exchange(untold_parts, {})) {
+    wire::BodyDirectory directory{.peer = channel->own_id(), .part = part};
+    for_each_of_part(part, [&](const Body& body) {
+      directory.bodies.push_back({.number = body.number,
+                                  .name = body.name,
+                                  .model = body.model->name,
+                                  .content = body.model->pinned,
+                                  .solid = body.solid,
+                                  .group = body.company.group,
+                                  .mask = body.company.mask});
+    });
+    channel->send(directory);
+  }
+}
+
+/// All of the part that have a pose: the sample stands for those before it.
+void Session::Impl::publish(std::uint32_t part, std::uint64_t frame) {
+  wire::BodyPoses poses{.peer = channel->own_id(), .part = part, .frame = frame};
+  for_each_of_part(part, [&](Body& body) {
+    if (!body.motion || body.is_placed) return;
+    poses.bodies.push_back(
+        {.number = body.number, .time_s = stamp_of(body).time_s, .motion = *body.motion});
+    body.published_s = time_s;
+  });
+  channel->send(poses);
 }
 
 /// A body in place is where it is, and so is an own one at rest until the host moves it: their poses are of now.

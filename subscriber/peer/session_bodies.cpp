@@ -57,28 +57,38 @@ Status no_such(BodyId body) {
 
 Result<BodyId> Session::add_body(BodyOptions options) {
   const FloatGuard guard;
-  NEARMESH_RETURN_IF_ERROR(check_names({options.name, options.model}));
-  const double max_age_s = options.max_pose_age_s.value_or(
-      options.own ? std::numeric_limits<double>::infinity() : impl_->options.max_pose_age_s);
+  return impl_->add_body(std::move(options));
+}
+
+Result<BodyId> Session::Impl::add_body(BodyOptions body_options) {
+  NEARMESH_RETURN_IF_ERROR(check_names({body_options.name, body_options.model}));
+  const double max_age_s = body_options.max_pose_age_s.value_or(
+      body_options.own ? std::numeric_limits<double>::infinity() : options.max_pose_age_s);
   if (!(max_age_s >= 0))
-    return Status{StatusCode::kInvalidArgument, "body " + options.name + ": max_pose_age_s is " +
-                                                    std::to_string(max_age_s) +
-                                                    ", expected seconds, not negative"};
-  const BodyId id{impl_->next_body};
-  NEARMESH_RETURN_IF_ERROR(impl_->check_pin(options.name, options.model, options.content));
-  if (!impl_->named.emplace(options.name, id).second)
-    return Status{StatusCode::kConflict, "body " + options.name + " is declared twice"};
-  ++impl_->next_body;
-  PeerModel& model = impl_->replicas.add(options.model);
-  if (options.content.is_set()) model.pinned = options.content;
-  impl_->bodies.emplace(id.value, Body{.id = id,
-                                       .name = std::move(options.name),
-                                       .model = &model,
-                                       .own = options.own,
-                                       .solid = options.solid,
-                                       .stamp = {.max_age_s = max_age_s},
-                                       .company = {options.group, options.mask, false}});
-  impl_->has_news = true;
+    return Status{StatusCode::kInvalidArgument,
+                  "body " + body_options.name + ": max_pose_age_s is " + std::to_string(max_age_s) +
+                      ", expected seconds, not negative"};
+  const BodyId id{next_body};
+  NEARMESH_RETURN_IF_ERROR(check_pin(body_options.name, body_options.model, body_options.content));
+  if (!named.emplace(body_options.name, id).second)
+    return Status{StatusCode::kConflict, "body " + body_options.name + " is declared twice"};
+  ++next_body;
+  PeerModel& model = replicas.add(body_options.model);
+  if (body_options.content.is_set()) model.pinned = body_options.content;
+  bodies.emplace(id.value, Body{.id = id,
+                                .name = std::move(body_options.name),
+                                .model = &model,
+                                .own = body_options.own,
+                                .solid = body_options.solid,
+                                .stamp = {.max_age_s = max_age_s},
+                                .company = {body_options.group, body_options.mask, false}});
+  if (body_options.own) {
+    Body& own = *find(id);
+    own.number = next_number++;
+    own_bodies.emplace(own.number, id);
+    untold_parts.insert(part_of(own));
+  }
+  has_news = true;
   return id;
 }
 
@@ -113,14 +123,22 @@ Status Session::remove_body(BodyId body) {
   const FloatGuard guard;
   Body* removed = impl_->find(body);
   if (removed == nullptr) return no_such(body);
-  std::erase_if(impl_->pairs, [&](const auto& entry) { return entry.second.has(*removed); });
-  impl_->listed.clear();
-  if (removed->slot) impl_->broad.remove(*removed->slot);
-  PeerModel& model = *removed->model;
-  impl_->named.erase(removed->name);
-  impl_->bodies.erase(body.value);
-  impl_->leave_model(model);
+  impl_->remove_body(*removed);
   return Status::ok();
+}
+
+void Session::Impl::remove_body(Body& body) {
+  std::erase_if(pairs, [&](const auto& entry) { return entry.second.has(body); });
+  listed.clear();
+  if (body.slot) broad.remove(*body.slot);
+  if (body.own) {
+    own_bodies.erase(body.number);
+    untold_parts.insert(part_of(body));
+  }
+  PeerModel& model = *body.model;
+  named.erase(body.name);
+  bodies.erase(body.id.value);
+  leave_model(model);
 }
 
 Status Session::replace_model(BodyId body, const std::string& model, const ContentHash& content) {
@@ -131,6 +149,7 @@ Status Session::replace_model(BodyId body, const std::string& model, const Conte
   NEARMESH_RETURN_IF_ERROR(impl_->check_pin(changed->name, model, content));
   PeerModel& before = *std::exchange(changed->model, &impl_->replicas.add(model));
   if (content.is_set()) changed->model->pinned = content;
+  if (changed->own) impl_->untold_parts.insert(part_of(*changed));
   impl_->has_news = true;
   impl_->ask_anew(*changed);
   impl_->leave_model(before);
@@ -161,6 +180,7 @@ void Session::Impl::leave_model(PeerModel& model) {
 }
 
 void Session::watch_all() { impl_->watches_all = true; }
+void Session::discover_bodies() { impl_->discovers = true; }
 
 Status Session::watch(BodyId a, BodyId b) {
   for (const BodyId body : {a, b})
@@ -189,6 +209,19 @@ Status Session::unwatch(BodyId a, BodyId b) {
 std::string Session::name_of(BodyId body) const {
   const Body* named = impl_->find(body);
   return named == nullptr ? std::string() : named->name;
+}
+
+Result<BodyOptions> Session::options_of(BodyId body) const {
+  const Body* asked = impl_->find(body);
+  if (asked == nullptr) return no_such(body);
+  return BodyOptions{.name = asked->name,
+                     .model = asked->model->name,
+                     .own = asked->own,
+                     .solid = asked->solid,
+                     .content = asked->model->pinned,
+                     .max_pose_age_s = asked->stamp.max_age_s,
+                     .group = asked->company.group,
+                     .mask = asked->company.mask};
 }
 
 /// Why nothing can be said of where the body is; empty where it can.

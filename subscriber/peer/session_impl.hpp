@@ -28,6 +28,8 @@ struct Body {
   std::string name;
   PeerModel* model = nullptr;
   bool own = false;
+  bool is_discovered = false;
+  std::uint32_t number = 0;  // own: on the bus
   bool solid = false;
   std::optional<Motion> motion;
   wire::PoseStamp stamp;       // of the motion's pose
@@ -78,6 +80,10 @@ struct Publisher {
 
 [[nodiscard]] Status no_such(BodyId body);
 
+[[nodiscard]] inline std::uint32_t part_of(const Body& own) {
+  return own.number / wire::kBodiesPerPart;
+}
+
 struct Session::Impl {
   std::unique_ptr<Channel> channel;
   SessionOptions options;
@@ -85,6 +91,10 @@ struct Session::Impl {
   std::map<std::uint32_t, Body>
       bodies;  // by BodyId; where they are does not change, so pairs may point at them
   std::uint32_t next_body = 0;
+  std::map<std::uint32_t, BodyId> own_bodies;  // by number on the bus
+  std::uint32_t next_number = 0;
+  std::set<std::uint32_t> untold_parts;  // of the directory: others know them otherwise
+  bool discovers = false;
   std::unordered_map<std::string, BodyId> named;             // for what comes from the bus
   using Reported = std::pair<std::uint64_t, std::uint64_t>;  // frame and digest of the answer
   struct Pair {
@@ -144,8 +154,15 @@ struct Session::Impl {
   [[nodiscard]] Status check_pin(const std::string& body, const std::string& model_name,
                                  const ContentHash& content) const;
   [[nodiscard]] wire::PoseStamp stamp_of(const Body& body) const;
-  void publish(Body& body, std::uint64_t frame);
+  [[nodiscard]] Result<BodyId> add_body(BodyOptions options);
+  void remove_body(Body& body);
+  template <class Use>
+  void for_each_of_part(std::uint32_t part, const Use& use);
+  void tell_directory();
+  void publish(std::uint32_t part, std::uint64_t frame);
   void take_inbox(FrameReport& report);
+  void take_bodies(const Channel::Inbox& inbox, FrameReport& report);
+  void take_body(const wire::BodyDirectory::Body& told, FrameReport& report);
   void take_poses(const Channel::Inbox& inbox, std::vector<std::string>& complaints);
   void take_batch(wire::SplitBatchMessage&& message, FrameReport& report);
   void take_redirection(const wire::SplitBatchMessage& message);

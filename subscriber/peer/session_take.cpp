@@ -35,7 +35,46 @@ void Session::Impl::take_inbox(FrameReport& report) {
   is_dropping = false;
   for (wire::SplitBatchMessage& batch : inbox.batches) take_batch(std::move(batch), report);
   if (inbox.recorder_came) ++recorders;
+  if (discovers) take_bodies(inbox, report);
   take_poses(inbox, complaints);
+}
+
+void Session::Impl::take_bodies(const Channel::Inbox& inbox, FrameReport& report) {
+  for (const auto& [told, is_gone] : inbox.bodies) {
+    if (!is_gone) {
+      take_body(told, report);
+      continue;
+    }
+    const auto at = named.find(told.name);
+    if (at == named.end() || !find(at->second)->is_discovered) continue;
+    report.went.push_back(at->second);
+    remove_body(*find(at->second));
+  }
+}
+
+/// What the host declared stays as it is.
+void Session::Impl::take_body(const wire::BodyDirectory::Body& told, FrameReport& report) {
+  if (const auto at = named.find(told.name); at != named.end()) {
+    Body& body = *find(at->second);
+    const bool is_same = told.solid == body.solid && told.group == body.company.group &&
+                         told.mask == body.company.mask && told.model == body.model->name &&
+                         (!told.content.is_set() || told.content == body.model->pinned);
+    if (!body.is_discovered || is_same) return;
+    report.went.push_back(body.id);
+    remove_body(body);
+  }
+  const auto added = add_body({.name = told.name,
+                               .model = told.model,
+                               .solid = told.solid,
+                               .content = told.content,
+                               .group = told.group,
+                               .mask = told.mask});
+  if (!added.is_ok()) {
+    report.complaints.push_back("not discovered: " + added.status().message());
+    return;
+  }
+  find(added.value())->is_discovered = true;
+  report.came.push_back(added.value());
 }
 
 void Session::Impl::take_poses(const Channel::Inbox& inbox, std::vector<std::string>& complaints) {

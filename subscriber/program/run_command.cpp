@@ -7,6 +7,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <set>
 #include <thread>
 
 #include "commands.hpp"
@@ -48,8 +49,8 @@ constexpr double kStay_s = 5;
 constexpr double kRepeat_s = 0.25;
 
 nlohmann::ordered_json to_json(std::uint64_t frame, double time_s, const PairAnswer& pair,
-                               const Scene& scene) {
-  const BodyOfScene &a = scene.bodies[pair.a.value], &b = scene.bodies[pair.b.value];
+                               const Session& session) {
+  const BodyOptions a = session.options_of(pair.a).value(), b = session.options_of(pair.b).value();
   const auto pose = [](const Pose& p) {
     std::vector<double> x(p.rotation.begin(), p.rotation.end());
     x.insert(x.end(), p.translation_m.begin(), p.translation_m.end());
@@ -101,7 +102,7 @@ nlohmann::ordered_json to_json(std::uint64_t frame, double time_s, const PairAns
   return line;
 }
 nlohmann::ordered_json others_to_json(std::uint64_t frame, double time_s, const FrameReport& report,
-                                      const Scene& scene) {
+                                      const Session& session) {
   const FreeByBounds& free = report.free_by_bounds;
   nlohmann::ordered_json line = {{"frame", frame},
                                  {"time_s", time_s},
@@ -113,8 +114,7 @@ nlohmann::ordered_json others_to_json(std::uint64_t frame, double time_s, const 
                                  {"unknown_pairs", report.unknown_pairs},
                                  {"unknown", nlohmann::ordered_json::array()}};
   for (const UnknownBody& body : report.unknown)
-    line["unknown"].push_back(
-        {{"body", scene.bodies[body.body.value].name}, {"reason", body.reason}});
+    line["unknown"].push_back({{"body", session.name_of(body.body)}, {"reason", body.reason}});
   return line;
 }
 
@@ -149,10 +149,14 @@ class Flight {
                                             .content = body.content,
                                             .max_pose_age_s = body.max_pose_age_s});
       NEARMESH_RETURN_IF_ERROR(added.status());
+      if (body.trajectory.empty()) others_.insert(added.value());
       if (body.fixed_pose)
         NEARMESH_RETURN_IF_ERROR(session_.place_body(added.value(), *body.fixed_pose));
     }
-    if (scene_.watches_all) session_.watch_all();
+    if (scene_.watches_all) {
+      session_.watch_all();
+      session_.discover_bodies();
+    }
     for (const auto& [a, b] : scene_.pairs)
       NEARMESH_RETURN_IF_ERROR(session_.watch(id_of(a), id_of(b)));
     return Status::ok();
@@ -208,6 +212,7 @@ class Flight {
 
   // Those who began later still ask about its bodies: it stays with them in place until they have ended too.
   void stay() {
+    if (scene_.frames == Scene::kForEver) return;
     std::vector<Session::OwnMotion> rest = motions(scene_.frames - 1);
     for (Session::OwnMotion& own : rest) own.motion = {.pose = own.motion.pose};
     const Stopwatch clock;
@@ -239,7 +244,7 @@ class Flight {
   }
 
  private:
-  // Bodies are added in the scene's order, and a session numbers them so.
+  // Bodies are added in the scene's order before any is discovered, and a session numbers them so.
   static BodyId id_of(std::size_t body) { return {static_cast<std::uint32_t>(body)}; }
 
   std::vector<Session::OwnMotion> motions(std::uint64_t frame) const {
@@ -265,19 +270,23 @@ class Flight {
                              double budget_s) {
     exercise_.follow(session_.heard_time_s());
     time_s_ = exercise_.now_s();
-    return session_.update(frame, time_s_, motions, budget_s);
+    auto report = session_.update(frame, time_s_, motions, budget_s);
+    if (report.is_ok()) {
+      for (const BodyId body : report.value().went) others_.erase(body);
+      for (const BodyId body : report.value().came)
+        if (session_.options_of(body).is_ok()) others_.insert(body);
+    }
+    return report;
   }
 
   [[nodiscard]] bool does_any_known_body_fly(const FrameReport& report) const {
-    for (std::size_t i = 0; i < scene_.bodies.size(); ++i) {
+    return std::any_of(others_.begin(), others_.end(), [&](BodyId other) {
       const bool is_unknown =
           std::any_of(report.unknown.begin(), report.unknown.end(),
-                      [&](const UnknownBody& body) { return body.body == id_of(i); });
-      const auto motion = session_.motion_of(id_of(i));
-      if (!is_unknown && scene_.bodies[i].trajectory.empty() && motion && !is_at_rest(*motion))
-        return true;
-    }
-    return false;
+                      [&](const UnknownBody& body) { return body.body == other; });
+      const auto motion = session_.motion_of(other);
+      return !is_unknown && motion && !is_at_rest(*motion);
+    });
   }
 
   [[nodiscard]] bool does_anybody_fly(const FrameReport& report) const {
@@ -285,7 +294,7 @@ class Flight {
     for (const PairAnswer& pair : report.answers)
       for (const BodyId body : {pair.a, pair.b})
         if (const auto motion = session_.motion_of(body);
-            pair.asked && scene_.bodies[body.value].trajectory.empty() && !is_at_rest(*motion))
+            pair.asked && others_.contains(body) && !is_at_rest(*motion))
           return true;
     return false;
   }
@@ -326,7 +335,7 @@ class Flight {
       ++summary_.by_status[static_cast<std::size_t>(pair.answer.status)];
       summary_.contact_pairs += pair.answer.pair_total;
       if (!options_.json && !answers_) continue;
-      const std::string line = to_json(frame, time_s_, pair, scene_).dump() + '\n';
+      const std::string line = to_json(frame, time_s_, pair, session_).dump() + '\n';
       if (options_.json) std::fputs(line.c_str(), stdout);
       if (answers_) NEARMESH_RETURN_IF_ERROR(answers_->write(line));
     }
@@ -340,7 +349,7 @@ class Flight {
     summary_.free_by_bounds += report.free_by_bounds.pairs;
     summary_.unknown += report.unknown_pairs;
     if (!options_.json && !answers_) return Status::ok();
-    const std::string line = others_to_json(frame, time_s_, report, scene_).dump() + '\n';
+    const std::string line = others_to_json(frame, time_s_, report, session_).dump() + '\n';
     if (options_.json) std::fputs(line.c_str(), stdout);
     return answers_ ? answers_->write(line) : Status::ok();
   }
@@ -366,7 +375,9 @@ class Flight {
 
   void show_progress(std::uint64_t done) const {
     const bool terminal = ::isatty(STDERR_FILENO) != 0;
-    if (!terminal && done % std::max<std::uint64_t>(1, scene_.frames / 4) != 0) return;
+    if (scene_.frames == Scene::kForEver ||
+        (!terminal && done % std::max<std::uint64_t>(1, scene_.frames / 4) != 0))
+      return;
     const auto& [free, contact, partial, uncertain, contained] = summary_.by_status;
     std::fprintf(
         stderr,
@@ -388,6 +399,7 @@ class Flight {
   std::unique_ptr<wire::program::MetricsServer> metrics_;
   std::optional<OutputFile> answers_;
   Session session_;
+  std::set<BodyId> others_;  ///< bodies that it does not move
   Summary summary_;
 };
 

@@ -14,6 +14,7 @@ namespace nearmesh::subscriber::program {
 namespace {
 
 constexpr double kMaxPoseAge_s = 1e9;
+constexpr double kMaxDuration_s = 1e8;
 
 // Thrown inside this file only, and turned into a Status by read_scene.
 struct SceneError {
@@ -155,7 +156,7 @@ Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
   check_keys(root, "scene",
              {"bodies", "moves", "pairs", "frame_rate_hz", "budget_ms", "lookahead_s", "audit_s",
               "cache", "margin_m", "max_pose_age_s", "sweep_s", "max_held_splits", "clearance",
-              "contacts", "start_timeout_s"});
+              "contacts", "start_timeout_s", "duration_s"});
   Scene scene;
   scene.frame_rate_hz = number_in(root, "frame_rate_hz", scene.frame_rate_hz, 0.1, 10000);
   scene.budget_s = number_in(root, "budget_ms", scene.budget_s * 1e3, 0, 1e6) / 1e3;
@@ -176,7 +177,10 @@ Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
   }
   if (root["contacts"])
     scene.session.contacts = value<bool>(root["contacts"], "contacts", "true or false");
-  if (!root["bodies"] || !root["bodies"].IsSequence()) fail(root, "bodies: expected a list");
+  scene.watches_all = root["pairs"] && root["pairs"].IsScalar() && root["pairs"].Scalar() == "all";
+  const bool finds_bodies = scene.watches_all && !root["bodies"];
+  if (!finds_bodies && (!root["bodies"] || !root["bodies"].IsSequence()))
+    fail(root, "bodies: expected a list");
   for (const YAML::Node& node : root["bodies"]) {
     check_keys(node, "body", {"name", "model", "content", "solid", "pose", "max_pose_age_s"});
     BodyOfScene body{.name = name_of(node, "name", "body"),
@@ -202,11 +206,8 @@ Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
       scene.frames = std::max<std::uint64_t>(scene.frames, body.trajectory.size());
     }
   }
-  if (root["pairs"] && root["pairs"].IsScalar() && root["pairs"].Scalar() == "all") {
-    scene.watches_all = true;
-  } else if (!root["pairs"] || !root["pairs"].IsSequence()) {
+  if (!scene.watches_all && (!root["pairs"] || !root["pairs"].IsSequence()))
     fail(root, "pairs: expected a list, or all");
-  }
   for (const YAML::Node& node : root["pairs"]) {
     const auto names = value<std::vector<std::string>>(node, "pairs", "a list of two names each");
     if (names.size() != 2)
@@ -214,7 +215,13 @@ Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
     scene.pairs.emplace_back(body_named(scene, names[0], node, "pairs"),
                              body_named(scene, names[1], node, "pairs"));
   }
-  if (scene.frames == 0) fail(root, "moves: expected at least one body that this peer moves");
+  if (root["duration_s"]) {
+    const double duration_s = number_in(root, "duration_s", 0, 0, kMaxDuration_s);
+    scene.frames = std::max<std::uint64_t>(
+        1, static_cast<std::uint64_t>(duration_s * scene.frame_rate_hz + 0.5));
+  } else if (scene.frames == 0) {
+    scene.frames = Scene::kForEver;
+  }
   return scene;
 }
 

@@ -23,12 +23,14 @@ struct BodyOfScene {
 struct Scene {
   std::vector<BodyOfScene> bodies;
   std::vector<std::pair<std::size_t, std::size_t>> pairs;  ///< places in `bodies`
-  bool watches_all = false;                                ///< all pairs, instead
+  bool watches_all = false;  ///< all pairs, instead, of all bodies that others tell of too
   double frame_rate_hz = 20;
   double budget_s = 0.01;
   double start_timeout_s = 30;
   SessionOptions session;
-  std::uint64_t frames = 0;  ///< of the longest trajectory
+  static constexpr std::uint64_t kForEver = UINT64_MAX;
+  std::uint64_t frames =
+      0;  ///< of the longest trajectory, or as the scene says; for ever where neither does
 };
 
 /// Errors: kIo, kInvalidArgument; each names file, line, key, what was expected and what was found.

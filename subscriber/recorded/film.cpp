@@ -212,10 +212,10 @@ class FilmWorld {
     return body.number;
   }
   [[nodiscard]] int unit_of(const std::string& name) const { return bodies_.at(name).unit; }
-  void take(const wire::BodyPose& pose, std::int64_t ms) {
-    const std::uint32_t number = body_of(pose.body, nullptr);
-    Body& body = bodies_.at(pose.body);
-    FilmPose told(pose.pose, body.unit);
+  void take(const std::string& name, const Pose& pose, std::int64_t ms) {
+    const std::uint32_t number = body_of(name, nullptr);
+    Body& body = bodies_.at(name);
+    FilmPose told(pose, body.unit);
     if (body.way.is_at(told)) return;
     world.begin('P', number, static_cast<std::uint64_t>(ms - last_ms_));
     last_ms_ = ms;
@@ -402,8 +402,13 @@ class FilmBus {
   void take(const RecordedMessage& message, const std::string& partition,
             const wire::RecordedSamples& samples) {
     const std::int64_t ms = world_.ms_of(message.received_ns);
-    if (const auto pose = samples.read<wire::BodyPose>(message)) {
-      world_.take(*pose, ms);
+    if (const auto told = samples.read<wire::BodyDirectory>(message)) {
+      for (const wire::BodyDirectory::Body& body : told->bodies)
+        names_[{told->peer, body.number}] = body.name;
+    } else if (const auto poses = samples.read<wire::BodyPoses>(message)) {
+      for (const wire::BodyPoses::Body& body : poses->bodies)
+        if (const auto name = names_.find({poses->peer, body.number}); name != names_.end())
+          world_.take(name->second, body.motion.pose, ms);
     } else if (samples.is<wire::SplitBatchMessage>(message)) {
       Peer& peer = peers_[partition];
       if (peer.bytes > 0 && ms >= peer.bytes_ms + kLeastByteStep_ms) peer.tell_bytes();
@@ -476,6 +481,8 @@ class FilmBus {
 
   FilmWorld& world_;
   std::map<std::string, Peer> peers_;
+  std::map<std::pair<wire::SessionId, std::uint32_t>, std::string>
+      names_;  // of bodies, by mover and number
 };
 
 }  // namespace

@@ -85,8 +85,8 @@ Result<Survey> survey(RecordingReader& recording) {
       if (const auto began = open.add(*report, {.source_ns = message.source_ns}))
         survey.to_certified_s.push_back(static_cast<double>(message.source_ns - began->source_ns) *
                                         1e-9);
-    } else if (const auto pose = samples.read<wire::BodyPose>(message)) {
-      survey.peers.insert(pose->peer);
+    } else if (const auto poses = samples.read<wire::BodyPoses>(message)) {
+      survey.peers.insert(poses->peer);
     } else if (const auto asked = samples.read<wire::RegionSubscription>(message)) {
       survey.peers.insert(asked->peer);
     } else if (const auto hello = samples.read<wire::Hello>(message)) {

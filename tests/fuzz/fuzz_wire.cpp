@@ -65,7 +65,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::uint8_t choice = in.byte();
   Bytes bytes(in.rest().begin(), in.rest().end());
   if (choice >= 128) bytes.insert(bytes.begin(), {0, 1, 0, 0, kWireVersion, 0});
-  switch (choice % 9) {
+  switch (choice % 10) {
     case 0:
       run<TypeOf<Hello>>(bytes);
       break;
@@ -79,7 +79,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       run<TypeOf<SplitBatchMessage>>(bytes);
       break;
     case 4:
-      run<TypeOf<BodyPose>>(bytes);
+      run<TypeOf<BodyPoses>>(bytes);
       break;
     case 5:
       run<TypeOf<ContactReport>>(bytes);
@@ -90,8 +90,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     case 7:
       run<TypeOf<Echo>>(bytes);
       break;
-    default:
+    case 8:
       run<TypeOf<HeldDetail>>(bytes);
+      break;
+    default:
+      run<TypeOf<BodyDirectory>>(bytes);
   }
   return 0;
 }

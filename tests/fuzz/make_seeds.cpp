@@ -180,12 +180,13 @@ int main(int argc, char** argv) {
   write_sample<TypeOf<RegionSubscription>>("certificate_subscription", 2,
                                            wire::test::valid_certificate_subscription());
   write_sample<TypeOf<SplitBatchMessage>>("split_batch", 3, wire::test::valid_batch());
-  write_sample<TypeOf<BodyPose>>("body_pose", 4, wire::test::valid_pose());
+  write_sample<TypeOf<BodyPoses>>("body_poses", 4, wire::test::valid_poses());
   write_sample<TypeOf<ContactReport>>("contact_report", 5, wire::test::valid_report());
   write_sample<TypeOf<ProcessStatus>>("process_status", 6, wire::test::valid_status());
   write_sample<TypeOf<Echo>>("echo", 7, wire::test::valid_echo());
   write_sample<TypeOf<HeldDetail>>("held_detail", 8, wire::test::valid_held());
-  BodyPose skewed = wire::test::valid_pose();
-  skewed.pose.rotation[1] = 0.5;
-  write_sample<TypeOf<BodyPose>>("refused_body_pose", 4, skewed);
+  BodyPoses skewed = wire::test::valid_poses();
+  skewed.bodies[0].motion.pose.rotation[1] = 0.5;
+  write_sample<TypeOf<BodyPoses>>("refused_body_poses", 4, skewed);
+  write_sample<TypeOf<BodyDirectory>>("body_directory", 9, wire::test::valid_directory());
 }

@@ -58,6 +58,39 @@ class MemoryBus {
       at->second.batches.push(now_, message);
   }
   void inject(const wire::BodyPose& pose) { to_peers(pose); }
+  /// Of bodies that a directory has named, as all that peers send are.
+  void inject(const wire::BodyPoses& poses) {
+    for (const wire::BodyPoses::Body& body : poses.bodies) {
+      const auto told = directories_.find({poses.peer, body.number});
+      if (told == directories_.end()) continue;
+      if (moved_[poses.peer].insert(told->second.name).second)
+        for (auto& [id, box] : peers_)
+          if (id != poses.peer) box.inbox.bodies.push_back({told->second, false});
+      to_peers(wire::BodyPose{.peer = poses.peer,
+                              .body = told->second.name,
+                              .frame = poses.frame,
+                              .time_s = body.time_s,
+                              .pose = body.motion.pose,
+                              .linear_velocity_mps = body.motion.linear_velocity_mps,
+                              .angular_velocity_radps = body.motion.angular_velocity_radps});
+    }
+  }
+  /// Who a part of a peer's bodies are, from now on.
+  void tell(const wire::BodyDirectory& directory) {
+    const std::uint32_t first = directory.part * wire::kBodiesPerPart;
+    for (std::uint32_t number = first; number < first + wire::kBodiesPerPart; ++number) {
+      const auto before = directories_.extract({directory.peer, number});
+      const auto now = std::find_if(directory.bodies.begin(), directory.bodies.end(),
+                                    [&](const auto& body) { return body.number == number; });
+      if (now != directory.bodies.end()) directories_[{directory.peer, number}] = *now;
+      if (before.empty() || !moved_[directory.peer].contains(before.mapped().name)) continue;
+      const bool is_gone = now == directory.bodies.end();
+      if (is_gone) moved_[directory.peer].erase(before.mapped().name);
+      for (auto& [id, box] : peers_)
+        if (id != directory.peer)
+          box.inbox.bodies.push_back({is_gone ? before.mapped() : *now, is_gone});
+    }
+  }
   void inject(const wire::Hello& hello) {
     for (auto& [id, box] : peers_) box.inbox.hellos.push_back(hello);
   }
@@ -154,6 +187,7 @@ class MemoryBus {
   std::map<wire::SessionId, Station> publishers_;
   std::map<wire::SessionId, PeerBox> peers_;
   std::map<wire::SessionId, std::set<std::string>> moved_;  ///< bodies, by who moves them
+  std::map<std::pair<wire::SessionId, std::uint32_t>, wire::BodyDirectory::Body> directories_;
 };
 
 class MemoryBus::PublisherEnd : public publisher::Channel {
@@ -206,6 +240,9 @@ class MemoryBus::PeerEnd : public subscriber::Channel {
   PeerEnd(MemoryBus& bus, wire::SessionId id) : bus_(bus), id_(id) {
     PeerBox& box = bus.peers_[id];
     for (const auto& [publisher, station] : bus.publishers_) bus.announce(publisher, box);
+    for (const auto& [mover, body] : bus.directories_)
+      if (mover.first != id && bus.moved_[mover.first].contains(body.name))
+        box.inbox.bodies.push_back({body, false});
   }
   ~PeerEnd() override {
     if (!bus_.keep_quiet) {
@@ -221,10 +258,13 @@ class MemoryBus::PeerEnd : public subscriber::Channel {
     bus_.subscriptions.push_back(subscription);
     bus_.to_publishers(subscription);
   }
-  void send(const wire::BodyPose& pose) override {
-    EXPECT_EQ(wire::check(pose).message(), "");
-    bus_.moved_[id_].insert(pose.body);
-    bus_.to_peers(pose);
+  void send(const wire::BodyDirectory& directory) override {
+    EXPECT_EQ(wire::check(directory).message(), "");
+    bus_.tell(directory);
+  }
+  void send(const wire::BodyPoses& poses) override {
+    EXPECT_EQ(wire::check(poses).message(), "");
+    bus_.inject(poses);
   }
   void send(const wire::ContactReport& report) override {
     EXPECT_EQ(wire::check(report).message(), "");

@@ -38,7 +38,8 @@ class SessionFile {
   void add(double time_s, wire::SessionId peer, const wire::SplitBatchMessage& m) {
     put(time_s, 2000 + int(peer), wire::partition_of(peer), m);
   }
-  void add(double time_s, const wire::BodyPose& m) { put(time_s, 3000 + int(m.peer), "", m); }
+  void add(double time_s, const wire::BodyPoses& m) { put(time_s, 3000 + int(m.peer), "", m); }
+  void add(double time_s, const wire::BodyDirectory& m) { put(time_s, 5000 + int(m.peer), "", m); }
   void add(double time_s, const wire::ContactReport& m) { put(time_s, 4000 + int(m.peer), "", m); }
   /// Bytes of any kind, as a contact report of writer 0.
   void add_bytes(double time_s, std::vector<std::uint8_t> cdr) {

@@ -82,9 +82,13 @@ inline HourFacts write_session_hour(const std::string& path, const HourOptions& 
         ++facts.batches;
         facts.messages += 2;
       }
-      wire::BodyPose pose{.peer = id, .body = body, .frame = frame, .time_s = time_s};
-      pose.pose.translation_m = {time_s, static_cast<double>(i), 0};
-      session.add(time_s, pose);
+      if (frame == 0) {
+        session.add(0, wire::BodyDirectory{.peer = id, .bodies = {{0, body, "terrain"}}});
+        ++facts.messages;
+      }
+      wire::BodyPoses poses{.peer = id, .frame = frame, .bodies = {{0, time_s, {}}}};
+      poses.bodies[0].motion.pose.translation_m = {time_s, static_cast<double>(i), 0};
+      session.add(time_s, poses);
       wire::ContactReport report{
           .peer = id, .body_a = "ground", .body_b = body, .frame = frame, .time_s = time_s};
       session.add(time_s, report);

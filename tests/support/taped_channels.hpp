@@ -43,8 +43,9 @@ class Tape {
   void put(wire::SessionId by, wire::SessionId peer, const wire::SplitBatchMessage& m) {
     add(by, wire::partition_of(peer), m);
   }
-  void put(wire::SessionId by, const wire::BodyPose& m) {
-    Writer& writer = writer_of(by, wire::place_of<wire::BodyPose>(), "");
+  void put(wire::SessionId by, const wire::BodyDirectory& m) { add(by, "", m); }
+  void put(wire::SessionId by, const wire::BodyPoses& m) {
+    Writer& writer = writer_of(by, wire::place_of<wire::BodyPoses>(), "");
     if (lose_every != 0 && writer.sequence % lose_every == lose_every - 1) {
       const RecordingGap gap{writer.index, ++writer.sequence, 1, now_ns + delay_ns};
       if (status.is_ok()) keep(writer_->add_gap(gap));
@@ -139,7 +140,8 @@ class TapedPeer final : public subscriber::Channel {
       : inner_(std::move(inner)), tape_(tape) {}
   wire::SessionId own_id() const override { return inner_->own_id(); }
   void send(const wire::RegionSubscription& message) override { pass(message); }
-  void send(const wire::BodyPose& message) override { pass(message); }
+  void send(const wire::BodyPoses& message) override { pass(message); }
+  void send(const wire::BodyDirectory& message) override { pass(message); }
   void send(const wire::ContactReport& message) override { pass(message); }
   void tell_held(const wire::HeldDetail& message) override {
     tape_.put(own_id(), message);

@@ -29,6 +29,7 @@
 #include "nearmesh/subscriber/dds/dds_channel.hpp"
 #include "poll.hpp"
 #include "publisher/dds/dds_channel.hpp"
+#include "said.hpp"
 
 namespace nearmesh::test {
 

@@ -290,11 +290,11 @@ TEST(DdsChannel, NamedPeersAreLookedForBesideMulticast) {
 
 TEST(DdsChannel, PosesReachOthersButNotTheirSender) {
   Peer mover(make_peer(own_prefix()));
-  mover.channel->send(pose_of(mover.channel->own_id(), "arm", 1));
+  say(*mover.channel, pose_of(mover.channel->own_id(), "arm", 1));
   Peer late(make_peer(own_prefix()));
   ASSERT_TRUE(late.await([](const Inbox& in) { return !in.poses.empty(); }));
   EXPECT_EQ(late.all.poses[0].body, "arm");
-  late.channel->send(pose_of(late.channel->own_id(), "leg", 2));
+  say(*late.channel, pose_of(late.channel->own_id(), "leg", 2));
   ASSERT_TRUE(mover.await([](const Inbox& in) { return !in.poses.empty(); }));
   EXPECT_EQ(mover.all.poses.size(), 1U);
   EXPECT_EQ(mover.all.poses[0].body, "leg");
@@ -313,7 +313,7 @@ TEST(DdsChannel, WhoGivesNoSignOfLifeIsSilentLongBeforeItsLeaseIsOver) {
   Child mover("mover", own_prefix());
   Peer watcher(make_peer(own_prefix(), nullptr, 0, kSilence_s)), quiet(make_peer(own_prefix()));
   // One that never gave a sign is taken to be there.
-  quiet.channel->send(pose_of(quiet.channel->own_id(), "leg", 1));
+  say(*quiet.channel, pose_of(quiet.channel->own_id(), "leg", 1));
   ASSERT_TRUE(watcher.await([](const Inbox& in) {
     return in.movers.contains("arm") && in.movers.contains("leg") && in.poses.size() > 5;
   })) << watcher.story();
@@ -431,7 +431,7 @@ TEST(DdsChannel, PublishersHearOfEachOther) {
 
 TEST(DdsChannel, InvalidMessageIsNotSent) {
   Peer peer(make_peer(own_prefix()));
-  peer.channel->send(pose_of(peer.channel->own_id(), "", 1));
+  say(*peer.channel, pose_of(peer.channel->own_id(), "", 1));
   ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.complaints.empty(); }));
   EXPECT_NE(peer.all.complaints[0].find("not sent: body"), std::string::npos)
       << peer.all.complaints[0];
@@ -443,25 +443,36 @@ TEST(DdsChannel, FullInboxComplainsOnce) {
   auto channel = PeerChannel::create(options);
   ASSERT_TRUE(channel.is_ok());
   Peer mover(make_peer(own_prefix()));
-  for (int i = 0; i < 10; ++i)
-    mover.channel->send(pose_of(mover.channel->own_id(), "body" + std::to_string(i), 1));
+  constexpr std::uint32_t kParts = 10, kBodies = kParts * wire::kBodiesPerPart;
+  const auto send = [&](std::uint64_t frame) {
+    for (std::uint32_t part = 0; part < kParts; ++part) {
+      wire::BodyDirectory directory{.peer = mover.channel->own_id(), .part = part};
+      wire::BodyPoses poses{.peer = mover.channel->own_id(), .part = part, .frame = frame};
+      for (std::uint32_t i = 0; i < wire::kBodiesPerPart; ++i) {
+        const std::uint32_t number = part * wire::kBodiesPerPart + i;
+        directory.bodies.push_back({number, "body" + std::to_string(number), "model"});
+        poses.bodies.push_back({.number = number});
+      }
+      if (frame == 1) mover.channel->send(directory);
+      mover.channel->send(poses);
+    }
+  };
+  send(1);
   Peer witness(make_peer(own_prefix()));
-  ASSERT_TRUE(witness.await([](const Inbox& in) { return in.poses.size() == 10; }));
+  ASSERT_TRUE(witness.await([](const Inbox& in) { return in.poses.size() == kBodies; }));
   // Nothing tells when it has overflowed without taking, so more is sent until it must have.
   Inbox taken;
   std::uint64_t frame = 1;
   ASSERT_TRUE(wait_for([&] {
-    for (std::size_t sent = 0; sent < PeerChannel::kMaxWaitingOthers + 1000; sent += 10) {
-      ++frame;
-      for (int i = 0; i < 10; ++i)
-        mover.channel->send(pose_of(mover.channel->own_id(), "body" + std::to_string(i), frame));
+    for (std::size_t sent = 0; sent < PeerChannel::kMaxWaitingPoses + 1000; sent += kBodies) {
+      send(++frame);
       const auto arrived = [&](const Inbox& in) { return in.poses.back().frame == frame; };
       if (!witness.await(arrived)) return false;
     }
     taken = channel.value()->take();
     return !taken.complaints.empty();
   }));
-  EXPECT_EQ(taken.poses.size(), PeerChannel::kMaxWaitingOthers);
+  EXPECT_EQ(taken.poses.size(), PeerChannel::kMaxWaitingPoses);
   ASSERT_EQ(taken.complaints.size(), 1U);
   EXPECT_NE(taken.complaints[0].find("full"), std::string::npos) << taken.complaints[0];
 }
@@ -502,7 +513,7 @@ int run_child(const std::string& role, const std::string& prefix) {
   for (std::uint64_t frame = 1; role == "mover"; ++frame) {
     wire::ProcessStatus sign = sign_of_life(kChildPeer);
     channel.value()->tell(sign);
-    channel.value()->send(pose_of(kChildPeer, "arm", frame));
+    say(*channel.value(), pose_of(kChildPeer, "arm", frame));
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
   }
   for (;;) {

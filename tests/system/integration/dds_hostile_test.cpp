@@ -18,7 +18,7 @@ struct HostileCase {
 // A subscription: 4 bytes of encapsulation, version, priority, -, request, peer, publisher, hash,
 // acknowledged, window, max_splits; the count of attach words is at 56.
 const std::vector<HostileCase> kHostile{
-    {"OtherVersion", "wire version 9", [](RawType::Bytes& b) { b[4] = 9; }},
+    {"OtherVersion", "wire version 10", [](RawType::Bytes& b) { b[4] = 10; }},
     {"HugeAttachCount", "contradict", [](RawType::Bytes& b) { b[59] = 0x7f; }},
     {"AttachCountBeyondBytes", "contradict", [](RawType::Bytes& b) { b[56] = 30; }},
     {"UnknownPriority", "priority", [](RawType::Bytes& b) { b[6] = 2; }},
@@ -84,9 +84,9 @@ TEST(DdsChannel, BodyStaysWithItsFirstMoverUntilThatIsGone) {
   Peer watcher(make_peer(own_prefix())), second(make_peer(own_prefix()));
   {
     Peer first(make_peer(own_prefix()));
-    first.channel->send(pose_of(first.channel->own_id(), "arm", 1));
+    say(*first.channel, pose_of(first.channel->own_id(), "arm", 1));
     ASSERT_TRUE(watcher.await([](const Inbox& in) { return in.poses.size() == 1; }));
-    second.channel->send(pose_of(second.channel->own_id(), "arm", 2));
+    say(*second.channel, pose_of(second.channel->own_id(), "arm", 2));
     ASSERT_TRUE(watcher.await([](const Inbox& in) { return !in.complaints.empty(); }));
     EXPECT_NE(watcher.all.complaints[0].find("body arm"), std::string::npos);
     EXPECT_EQ(watcher.all.poses.size(), 1U);
@@ -95,6 +95,41 @@ TEST(DdsChannel, BodyStaysWithItsFirstMoverUntilThatIsGone) {
   ASSERT_TRUE(watcher.await([](const Inbox& in) { return in.poses.size() == 2; }));
   EXPECT_EQ(watcher.all.poses[1].frame, 2U);
   EXPECT_EQ(watcher.all.complaints.size(), 1U);
+}
+
+TEST(DdsChannel, PosesCountOnceTheirMoversDirectoryNamesThem) {
+  Peer watcher(make_peer(own_prefix())), mover(make_peer(own_prefix()));
+  const auto said = said_of(pose_of(mover.channel->own_id(), "arm", 1));
+  // Another participant's word does not count for it.
+  Peer liar(make_peer(own_prefix()));
+  liar.channel->send(said.directory);
+  mover.channel->send(said.poses);
+  say(*mover.channel, pose_of(mover.channel->own_id(), "leg", 1));
+  ASSERT_TRUE(watcher.await([](const Inbox& in) { return !in.poses.empty(); }));
+  EXPECT_EQ(watcher.all.poses[0].body, "leg");
+  mover.channel->send(said.directory);
+  ASSERT_TRUE(watcher.await([](const Inbox& in) { return in.poses.size() == 2; }));
+  EXPECT_EQ(watcher.all.poses[1].body, "arm");
+  ASSERT_EQ(watcher.all.bodies.size(), 2U);
+  EXPECT_EQ(watcher.all.bodies[1].body, said.directory.bodies[0]);
+}
+
+TEST(DdsChannel, ABodyThatItsMoverRemovesIsGoneAndItsNameIsFree) {
+  Peer watcher(make_peer(own_prefix())), first(make_peer(own_prefix())),
+      second(make_peer(own_prefix()));
+  auto said = said_of(pose_of(first.channel->own_id(), "arm", 1));
+  first.channel->send(said.directory);
+  first.channel->send(said.poses);
+  ASSERT_TRUE(watcher.await([](const Inbox& in) { return in.poses.size() == 1; }));
+  said.directory.bodies.clear();
+  first.channel->send(said.directory);
+  ASSERT_TRUE(watcher.await(
+      [](const Inbox& in) { return !in.bodies.empty() && in.bodies.back().is_gone; }));
+  EXPECT_EQ(watcher.all.movers.at("arm"), wire::Mover::kLeft);
+  say(*second.channel, pose_of(second.channel->own_id(), "arm", 2));
+  ASSERT_TRUE(watcher.await([](const Inbox& in) { return in.poses.size() == 2; }));
+  EXPECT_EQ(watcher.all.movers.at("arm"), wire::Mover::kThere);
+  EXPECT_EQ(watcher.all.complaints.size(), 0U);
 }
 
 TEST(DdsChannel, BatchIsNotTakenBeforeThePeerCanHearIt) {
@@ -109,16 +144,18 @@ TEST(DdsChannel, BatchIsNotTakenBeforeThePeerCanHearIt) {
 
 TEST(DdsChannel, PoseThatIsNotFiniteGivesOneComplaint) {
   Peer peer(make_peer(own_prefix()));
-  auto stranger = Stranger::of<wire::BodyPose>(own_prefix());
+  auto stranger = Stranger::of<wire::BodyPoses>(own_prefix());
   ASSERT_TRUE(stranger.await_match());
-  wire::BodyPose bad = pose_of(3, "arm", 1);
-  bad.pose.translation_m[1] = std::numeric_limits<double>::quiet_NaN();
+  wire::BodyPoses bad = said_of(pose_of(3, "arm", 1)).poses;
+  bad.bodies[0].motion.pose.translation_m[1] = std::numeric_limits<double>::quiet_NaN();
   stranger.write(bytes_of(bad));
-  stranger.write(bytes_of(pose_of(3, "leg", 2)));
+  Peer mover(make_peer(own_prefix()));
+  say(*mover.channel, pose_of(mover.channel->own_id(), "leg", 2));
   ASSERT_TRUE(peer.await([](const Inbox& in) { return !in.poses.empty(); }));
   EXPECT_EQ(peer.all.poses[0].body, "leg");
   ASSERT_EQ(peer.all.complaints.size(), 1U);
-  EXPECT_NE(peer.all.complaints[0].find("arm"), std::string::npos) << peer.all.complaints[0];
+  EXPECT_NE(peer.all.complaints[0].find("pose of body "), std::string::npos)
+      << peer.all.complaints[0];
 }
 
 TEST(DdsChannel, HelloOfAnotherVersionIsRefusedLoudly) {

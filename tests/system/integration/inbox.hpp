@@ -19,6 +19,7 @@ inline void take_into(subscriber::Channel& channel, subscriber::Channel::Inbox& 
   append(all.headers, now.headers);
   all.refused_headers += now.refused_headers;
   append(all.batches, now.batches);
+  append(all.bodies, now.bodies);
   append(all.poses, now.poses);
   for (const auto& [body, mover] : now.movers) all.movers[body] = mover;
   append(all.complaints, now.complaints);

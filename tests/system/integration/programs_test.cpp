@@ -693,7 +693,7 @@ TEST_F(Programs, LateRecorderProvesWhatFollowsAndCountsWhatWasBefore) {
     EXPECT_GE(writer.at("who").get<std::string>().size(), 16U);
   }
   EXPECT_TRUE(late.contains("contact_report"));
-  EXPECT_TRUE(late.contains("body_pose"));
+  EXPECT_TRUE(late.contains("body_poses"));
 }
 
 TEST_F(Programs, WaitsForARecorderSoThatNothingIsMissed) {

@@ -160,7 +160,7 @@ TEST_F(ReplayProgram, RecordedAgainItIsTheSame) {
   EXPECT_GE(report.at("seconds").get<double>(), 1.98 * report.at("until_s").get<double>());
   EXPECT_GT(report.at("until_s"), 3.5);
   EXPECT_GT(report.at("late_p99_ms"), 0);
-  ASSERT_EQ(report.at("topics").size(), 7U);
+  ASSERT_EQ(report.at("topics").size(), 8U);
   for (const json& topic : report.at("topics")) EXPECT_GT(topic.at("bytes"), 0) << topic;
   // It proves itself as the first did.
   std::string verdict;
@@ -260,7 +260,7 @@ TEST_F(ReplayProgram, RefusesWithAReason) {
                          {{session, "--start", "2", "--end", "1"}, 1, "after the start"},
                          {{session, "--remap", "lab"}, 1, "expected OLD:=NEW"},
                          {{session, "--remap", "lab:=x"}, 1, "has no lab"},
-                         {{session, "--remap", "body_pose:=a b"}, 1, "remap body_pose"},
+                         {{session, "--remap", "body_poses:=a b"}, 1, "remap body_poses"},
                          {{session, "--rate", "0"}, 2, "above 0"},
                          {{session, "--rate", "-2"}, 2, "above 0"},
                          {{session, "--rate", "nan"}, 2, "above 0"},

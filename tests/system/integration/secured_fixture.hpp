@@ -11,6 +11,7 @@
 #include "nearmesh/subscriber/dds/dds_channel.hpp"
 #include "process.hpp"
 #include "publisher/dds/dds_channel.hpp"
+#include "said.hpp"
 
 namespace nearmesh::test {
 
@@ -120,7 +121,7 @@ class Secured : public ::testing::Test {
     pose.peer = peer.channel->own_id();
     pose.body = body;
     pose.frame = frame;
-    peer.channel->send(pose);
+    say(*peer.channel, pose);
   }
   // Nothing of a false publisher reaches the peer, while the true one is heard, and nothing of the peer reaches it.
   void expect_unheard(publisher::DdsChannel& false_publisher, SecuredPeer& peer) const {

@@ -40,7 +40,8 @@ class LightChannel final : public subscriber::Channel {
   explicit LightChannel(LightBus& bus);
   wire::SessionId own_id() const override { return own_id_; }
   void send(const wire::RegionSubscription& subscription) override;
-  void send(const wire::BodyPose& /*pose*/) override {}
+  void send(const wire::BodyPoses& /*poses*/) override {}
+  void send(const wire::BodyDirectory& /*directory*/) override {}
   void send(const wire::ContactReport& /*report*/) override {}
   Inbox take() override;
 

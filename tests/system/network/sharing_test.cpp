@@ -28,7 +28,8 @@ class Overheard final : public subscriber::Channel {
     ++asked[request.publisher];
     below_->send(request);
   }
-  void send(const wire::BodyPose& pose) override { below_->send(pose); }
+  void send(const wire::BodyPoses& poses) override { below_->send(poses); }
+  void send(const wire::BodyDirectory& bodies) override { below_->send(bodies); }
   void send(const wire::ContactReport& report) override { below_->send(report); }
   [[nodiscard]] Inbox take() override {
     Inbox inbox = below_->take();

@@ -244,7 +244,7 @@ class Storm {
       packet.begin_parameter(kIds[pick(std::size(kIds))]);
       switch (below(5)) {
         case 0:
-          packet.text("nearmesh/body_pose");
+          packet.text("nearmesh/body_poses");
           break;
         case 1:  // a token with its lists
           packet.text("DDS:Auth:PKI-DH:1.0").u32(1).text("dds.cert.sn").text("x");
@@ -292,8 +292,8 @@ class Storm {
                     is_writer ? kPublicationsWriter : kSubscriptionsWriter, below(5) + 1, 4)
         .encapsulation(3);
     packet.begin_parameter(0x5a).guid(is_writer ? 0x103U : 0x104U).end_parameter();
-    packet.begin_parameter(0x05).text(chance(2) ? "nearmesh/body_pose" : "x").end_parameter();
-    packet.begin_parameter(0x07).text("nearmesh::wire_types::BodyPoseSample").end_parameter();
+    packet.begin_parameter(0x05).text(chance(2) ? "nearmesh/body_poses" : "x").end_parameter();
+    packet.begin_parameter(0x07).text("nearmesh::wire_types::BodyPosesSample").end_parameter();
     add_parameters(packet);
     packet.sentinel().end();
   }

@@ -51,9 +51,9 @@ TEST(Payload, ReportKeepsWhatWasAsked) {
 
 TEST(Payload, OfAnotherVersionIsRefused) {
   for (const int other : {kWireVersion - 1, kWireVersion + 1}) {
-    std::vector<std::uint8_t> cdr = encode_payload(test::valid_pose());
+    std::vector<std::uint8_t> cdr = encode_payload(test::valid_poses());
     cdr[4] = static_cast<std::uint8_t>(other);
-    const Result<BodyPose> read = decode_payload<BodyPose>(cdr);
+    const Result<BodyPoses> read = decode_payload<BodyPoses>(cdr);
     ASSERT_FALSE(read.is_ok()) << other;
     EXPECT_EQ(read.status().message(), "wire version " + std::to_string(other) +
                                            ", this build speaks " + std::to_string(kWireVersion));
@@ -65,10 +65,10 @@ TEST(Payload, RecordingsOfAnotherVersionAreRefusedWithBothVersionsAndWhatToDo) {
   const Status older = check_recorded_version(4), newer = check_recorded_version(kWireVersion + 1);
   EXPECT_EQ(older.code(), StatusCode::kUnsupported);
   EXPECT_EQ(older.message(),
-            "recorded with wire version 4, this build reads 8: use the build that recorded it, or "
+            "recorded with wire version 4, this build reads 9: use the build that recorded it, or "
             "record anew");
   EXPECT_EQ(newer.code(), StatusCode::kUnsupported);
-  EXPECT_NE(newer.message().find("wire version 9, this build reads 8"), std::string::npos);
+  EXPECT_NE(newer.message().find("wire version 10, this build reads 9"), std::string::npos);
 }
 
 TEST(Payload, IdlIsTheText) {

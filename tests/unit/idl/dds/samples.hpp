@@ -71,14 +71,33 @@ inline SplitBatchMessage valid_batch() {
 }
 
 inline BodyPose valid_pose() {
-  BodyPose message;
+  BodyPose pose;
+  pose.peer = 42;
+  pose.body = "robot/arm-1";
+  pose.frame = 1000;
+  pose.time_s = 1.5;
+  pose.pose.translation_m = {1, 2, 3};
+  pose.linear_velocity_mps = {0.1, 0.2, 0.3};
+  pose.angular_velocity_radps = {4, 5, 6};
+  return pose;
+}
+
+inline BodyPoses valid_poses() {
+  const BodyPose pose = valid_pose();
+  BodyPoses message;
   message.peer = 42;
-  message.body = "robot/arm-1";
+  message.part = 3;
   message.frame = 1000;
-  message.time_s = 1.5;
-  message.pose.translation_m = {1, 2, 3};
-  message.linear_velocity_mps = {0.1, 0.2, 0.3};
-  message.angular_velocity_radps = {4, 5, 6};
+  message.bodies = {{21, 1.5, {pose.pose, pose.linear_velocity_mps, pose.angular_velocity_radps}},
+                    {27, -2, {pose.pose, {}, {7, 8, 9}}}};
+  return message;
+}
+
+inline BodyDirectory valid_directory() {
+  BodyDirectory message;
+  message.peer = 42;
+  message.part = 3;
+  message.bodies = {{21, "robot/arm-1", "ur5", {5, 6}, true, 2, 6}, {27, "crate", "box"}};
   return message;
 }
 
@@ -169,8 +188,9 @@ inline Echo valid_echo() {
 template <class Message>
 Message valid() {
   return std::get<Message>(std::tuple(valid_hello(), valid_header(), valid_subscription(),
-                                      valid_batch(), valid_pose(), valid_report(), valid_held(),
-                                      valid_status(), valid_echo(), Probe{valid_echo()}));
+                                      valid_batch(), valid_poses(), valid_directory(),
+                                      valid_report(), valid_held(), valid_status(), valid_echo(),
+                                      Probe{valid_echo()}));
 }
 /// use(message) with one of each.
 template <class Use>

@@ -90,16 +90,72 @@ TEST(TypeSupport, RoundTripKeepsValues) {
   EXPECT_TRUE(batch.value().last);
   EXPECT_FALSE(batch.value().refused);
   EXPECT_EQ(batch.value().sequence, 3U);
-  const auto pose = from_bytes<TypeOf<BodyPose>>(to_bytes<TypeOf<BodyPose>>(valid_pose()));
-  ASSERT_TRUE(pose.is_ok());
-  EXPECT_EQ(pose.value().pose.translation_m, valid_pose().pose.translation_m);
-  EXPECT_EQ(pose.value().angular_velocity_radps, valid_pose().angular_velocity_radps);
+  const auto poses = from_bytes<TypeOf<BodyPoses>>(to_bytes<TypeOf<BodyPoses>>(valid_poses()));
+  ASSERT_TRUE(poses.is_ok()) << poses.status().message();
+  ASSERT_EQ(poses.value().bodies.size(), 2U);
+  for (std::size_t i = 0; i < 2; ++i) {
+    const BodyPoses::Body &found = poses.value().bodies[i], sent = valid_poses().bodies[i];
+    EXPECT_EQ(found.number, sent.number);
+    EXPECT_EQ(found.time_s, sent.time_s);
+    EXPECT_EQ(found.motion.pose.rotation, sent.motion.pose.rotation);
+    EXPECT_EQ(found.motion.pose.translation_m, sent.motion.pose.translation_m);
+    EXPECT_EQ(found.motion.linear_velocity_mps, sent.motion.linear_velocity_mps);
+    EXPECT_EQ(found.motion.angular_velocity_radps, sent.motion.angular_velocity_radps);
+  }
+  const auto directory =
+      from_bytes<TypeOf<BodyDirectory>>(to_bytes<TypeOf<BodyDirectory>>(valid_directory()));
+  ASSERT_TRUE(directory.is_ok()) << directory.status().message();
+  EXPECT_EQ(directory.value().bodies, valid_directory().bodies);
+}
+
+TEST(TypeSupport, PosesThatDoNotAddUpAreRefused) {
+  wire_types::BodyPosesSample sample;
+  const auto refusal = [&] { return decode(sample).status().message(); };
+  encode(valid_poses(), sample);
+  EXPECT_EQ(refusal(), "");
+  sample.places(0x82);
+  EXPECT_EQ(refusal(), "places: found unknown bits, 130");
+  sample.places(0x40);
+  EXPECT_EQ(refusal(), "motions: 38 numbers of 1 bodies");
+  encode(valid_poses(), sample);
+  sample.part(0xffffffff);
+  EXPECT_EQ(refusal(), "part: expected at most 16777216, found 4294967295");
+}
+
+TEST(TypeSupport, DirectoriesThatDoNotAddUpAreRefused) {
+  wire_types::BodyDirectorySample sample;
+  const auto refusal_after = [&](const auto& change) {
+    encode(valid_directory(), sample);
+    change();
+    return decode(sample).status().message();
+  };
+  EXPECT_EQ(refusal_after([] {}), "");
+  EXPECT_EQ(refusal_after([&] { sample.solids(2); }), "solids: found 2");
+  EXPECT_EQ(refusal_after([&] { sample.places(0xff); }), "places: found unknown bits, 255");
+  EXPECT_EQ(refusal_after([&] { sample.places(1); }),
+            "bodies: 1 places, 4 words of contents, 4 of groups and masks, 26 bytes of names");
+  EXPECT_EQ(refusal_after([&] { sample.companies().pop_back(); }),
+            "bodies: 2 places, 4 words of contents, 3 of groups and masks, 26 bytes of names");
+  EXPECT_EQ(refusal_after([&] { sample.names().pop_back(); }),
+            "names of bodies: fewer whole ones than 4");
+  EXPECT_EQ(refusal_after([&] { sample.names()[0] = 0x07; }),
+            "body: expected printable ASCII without blanks at the ends");
 }
 
 TEST(TypeSupport, OverheadIsAsDocumented) {
   SplitBatchMessage batch = valid_batch();
   batch.bytes.resize(kMaxSealedBytes);
   EXPECT_EQ(to_bytes<TypeOf<SplitBatchMessage>>(batch).size(), kMaxSealedBytes + 44);
+  BodyPoses poses = valid_poses();
+  poses.bodies.resize(kBodiesPerPart);
+  for (std::uint32_t i = 0; i < kBodiesPerPart; ++i) poses.bodies[i].number = 21 + i;
+  EXPECT_EQ(to_bytes<TypeOf<BodyPoses>>(poses).size(), 36 + kBodiesPerPart * 152U);
+  EXPECT_LE(to_bytes<TypeOf<BodyPoses>>(poses).size(), kMaxSealedBytes);  // one datagram
+  BodyDirectory longest{.peer = 1};
+  for (std::uint32_t i = 0; i < kBodiesPerPart; ++i)
+    longest.bodies.push_back({i, std::string(kMaxNameBytes - 1, 'a') + std::to_string(i),
+                              std::string(kMaxNameBytes, 'm')});
+  EXPECT_LE(to_bytes<TypeOf<BodyDirectory>>(longest).size(), kMaxSealedBytes);
   RegionSubscription credit = valid_subscription();
   credit.region = {};
   EXPECT_EQ(to_bytes<TypeOf<RegionSubscription>>(credit).size(), 84U);
@@ -159,9 +215,9 @@ TEST(TypeSupport, SurvivesChangedBytes) {
 TEST(TypeSupport, RecognisesAnotherVersionWhateverFollows) {
   std::string fault;
   (void)from_bytes<TypeOf<Hello>>({0, 1, 0, 0, 4, 0, 0xff, 0xff, 0xff, 0xff}, &fault);
-  EXPECT_EQ(fault, "wire version 4, this build speaks 8");
+  EXPECT_EQ(fault, "wire version 4, this build speaks 9");
   (void)from_bytes<TypeOf<Hello>>({0, 0, 0, 0, 1, 2, 0xff, 0xff}, &fault);  // big endian
-  EXPECT_EQ(fault, "wire version 258, this build speaks 8");
+  EXPECT_EQ(fault, "wire version 258, this build speaks 9");
   (void)from_bytes<TypeOf<Hello>>({0, 3, 0, 0, 2, 0, 0xff, 0xff}, &fault);
   EXPECT_EQ(fault, "encapsulation 3, expected plain CDR");
 }
@@ -198,9 +254,9 @@ TEST(TypeSupport, FailureLeavesNoKeyOfTheSampleBefore) {
 }
 
 TEST(TypeSupport, GivenBytesGoOutAsTheyAre) {
-  Bytes bytes = to_bytes<TypeOf<BodyPose>>(valid_pose());
+  Bytes bytes = to_bytes<TypeOf<BodyPoses>>(valid_poses());
   bytes.insert(bytes.end(), {0, 0, 0});  // padding, as it comes from the wire
-  RawTypeOf<BodyPose> raw;
+  RawTypeOf<BodyPoses> raw;
   void* data = raw.make_data();
   Payload in(static_cast<std::uint32_t>(bytes.size()));
   std::copy(bytes.begin(), bytes.end(), in.data);
@@ -208,10 +264,10 @@ TEST(TypeSupport, GivenBytesGoOutAsTheyAre) {
   ASSERT_TRUE(raw.read(in, data));
   // What was read is written again, whatever the fields say.
   auto& sample =
-      static_cast<TypeOf<BodyPose>::Data&>(*static_cast<TypeOf<BodyPose>::Sample*>(data));
+      static_cast<TypeOf<BodyPoses>::Data&>(*static_cast<TypeOf<BodyPoses>::Sample*>(data));
   EXPECT_EQ(sample.cdr, bytes);
   sample.frame(99);
-  TypeOf<BodyPose> type;
+  TypeOf<BodyPoses> type;
   ASSERT_EQ(type.size_of(data), bytes.size());
   Payload out(static_cast<std::uint32_t>(bytes.size()));
   ASSERT_TRUE(type.write(data, out));
@@ -233,15 +289,20 @@ TEST(TypeSupport, KeysAreOnesOwnBytes) {
   };
   EXPECT_EQ(key_of(valid_hello()),
             (Bytes{0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88, 0, 0, 0, 0, 0, 0, 0, 0}));
-  const BodyPose pose = valid_pose();
-  Bytes name{0, 0, 0, static_cast<std::uint8_t>(pose.body.size() + 1)};
-  name.insert(name.end(), pose.body.begin(), pose.body.end());
-  name.push_back(0);
+  const ContactReport report = valid_report();
+  ASSERT_EQ(report.peer, 42U);
+  Bytes names{0, 0, 0, 0, 0, 0, 0, 42};
+  for (const std::string& name : {report.body_a, report.body_b}) {
+    names.resize((names.size() + 3) / 4 * 4);
+    names.insert(names.end(), {0, 0, 0, static_cast<std::uint8_t>(name.size() + 1)});
+    names.insert(names.end(), name.begin(), name.end());
+    names.push_back(0);
+  }
   Md5 digest;
   digest.init();
-  digest.update(name.data(), static_cast<unsigned int>(name.size()));
+  digest.update(names.data(), static_cast<unsigned int>(names.size()));
   digest.finalize();
-  EXPECT_EQ(key_of(pose), Bytes(digest.digest, digest.digest + 16));
+  EXPECT_EQ(key_of(report), Bytes(digest.digest, digest.digest + 16));
 }
 
 /// Fast CDR 2 counts bytes that would align the numbers of an empty list, and does not write them.

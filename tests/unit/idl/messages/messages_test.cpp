@@ -173,6 +173,35 @@ TEST(CheckMessage, RefusesPoseOutsideItsLimits) {
                       {"angular", [](M& m) { m.angular_velocity_radps[2] = 1e300; }}});
 }
 
+TEST(CheckMessage, RefusesPosesOutsideTheirLimits) {
+  using M = BodyPoses;
+  EXPECT_TRUE(check(valid_poses()).is_ok());
+  expect_refusals<M>(valid_poses(),
+                     {{"peer", [](M& m) { m.peer = 0; }},
+                      {"part", [](M& m) { m.part = 1U << 30; }},
+                      {"out of place", [](M& m) { m.part = 2; }},
+                      {"out of place", [](M& m) { m.bodies[1].number = 28; }},
+                      {"out of place", [](M& m) { m.bodies[1].number = 21; }},
+                      {"pose of body 27 of peer 000000000000002a: time_s",
+                       [](M& m) { m.bodies[1].time_s = kNan; }},
+                      {"27", [](M& m) { m.bodies[1].motion.pose.rotation[4] = 2; }},
+                      {"21", [](M& m) { m.bodies[0].motion.pose.translation_m[0] = kNan; }},
+                      {"linear", [](M& m) { m.bodies[0].motion.linear_velocity_mps[0] = kNan; }}});
+}
+
+TEST(CheckMessage, RefusesDirectoriesOutsideTheirLimits) {
+  using M = BodyDirectory;
+  EXPECT_TRUE(check(valid_directory()).is_ok());
+  EXPECT_TRUE(check(M{.peer = 1}).is_ok());
+  expect_refusals<M>(valid_directory(),
+                     {{"peer", [](M& m) { m.peer = 0; }},
+                      {"out of place", [](M& m) { std::swap(m.bodies[0], m.bodies[1]); }},
+                      {"body:", [](M& m) { m.bodies[0].name = ""; }},
+                      {"body:", [](M& m) { m.bodies[0].name = std::string(64, 'a'); }},
+                      {"model name", [](M& m) { m.bodies[0].model = "a\n"; }},
+                      {"twice", [](M& m) { m.bodies[0].name = m.bodies[1].name; }}});
+}
+
 TEST(CheckMessage, TakesAReportOfEachStatus) {
   ContactReport report = valid_report();
   for (std::uint8_t status = 0; status <= 4; ++status) {
@@ -202,15 +231,16 @@ TEST(CheckMessage, RefusesReportOutsideItsLimits) {
 
 TEST(CheckMessage, NamesBothVersionsWhenTheyDiffer) {
   const auto expect_unsupported = [](auto message) {
-    message.wire_version = 9;
+    message.wire_version = 10;
     EXPECT_EQ(check(message).code(), StatusCode::kUnsupported);
-    EXPECT_EQ(check(message).message(), "wire version 9, this build speaks 8");
+    EXPECT_EQ(check(message).message(), "wire version 10, this build speaks 9");
   };
   expect_unsupported(valid_hello());
   expect_unsupported(valid_header());
   expect_unsupported(valid_subscription());
   expect_unsupported(valid_batch());
-  expect_unsupported(valid_pose());
+  expect_unsupported(valid_poses());
+  expect_unsupported(valid_directory());
   expect_unsupported(valid_report());
   expect_unsupported(valid_held());
   expect_unsupported(valid_status());

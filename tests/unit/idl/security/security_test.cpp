@@ -247,8 +247,8 @@ TEST_F(Security, PermissionsOfSomebodyElse) {
 }
 
 TEST_F(Security, PermissionsWithoutATopic) {
-  change_permissions("site/v*/body_pose", "site/v*/body_prose");
-  expect_only_fault("permissions.p7s", "does not allow to publish site/v8/body_pose");
+  change_permissions("site/v*/body_poses", "site/v*/body_proses");
+  expect_only_fault("permissions.p7s", "does not allow to publish site/v9/body_poses");
 }
 
 TEST_F(Security, PermissionsForAnotherDomain) {

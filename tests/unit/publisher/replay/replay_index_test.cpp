@@ -58,8 +58,9 @@ TEST_F(ReplayIndexTest, LatchedIsTheLatestOfEachKey) {
       case wire::place_of<wire::MeshHeader>():
         latest["header " + wire::decode_payload<wire::MeshHeader>(message.cdr).value().name] = id;
         break;
-      case wire::place_of<wire::BodyPose>():
-        latest["pose " + wire::decode_payload<wire::BodyPose>(message.cdr).value().body] = id;
+      case wire::place_of<wire::BodyPoses>():
+      case wire::place_of<wire::BodyDirectory>():
+        latest[std::to_string(stream.topic) + wire::record_key(stream.topic, message.cdr)] = id;
         break;
       case wire::place_of<wire::RegionSubscription>(): {
         const auto asked = wire::decode_payload<wire::RegionSubscription>(message.cdr).value();
@@ -82,19 +83,19 @@ TEST_F(ReplayIndexTest, LatchedIsTheLatestOfEachKey) {
     return !::testing::Test::HasFailure();
   };
   ASSERT_TRUE(recording->read(1, recording->message_count() + 1, check).is_ok());
-  EXPECT_EQ(latest.size(), 5U);
+  EXPECT_EQ(latest.size(), 7U);
   EXPECT_GT(most_open, 0U);
 }
 
 TEST_F(ReplayIndexTest, NotYetIsWhatWasSaidFirstBetween) {
   SessionFile session(file.path());
-  session.add(0, wire::BodyPose{.peer = kPeer, .body = "one"});
-  session.add(1, wire::BodyPose{.peer = kPeer, .body = "two"});
-  session.add(2, wire::BodyPose{.peer = kPeer, .body = "one"});
-  session.add(3, wire::BodyPose{.peer = kPeer, .body = "three"});
+  session.add(0, wire::BodyPoses{.peer = kPeer, .part = 1});
+  session.add(1, wire::BodyPoses{.peer = kPeer, .part = 2});
+  session.add(2, wire::BodyPoses{.peer = kPeer, .part = 1});
+  session.add(3, wire::BodyPoses{.peer = kPeer, .part = 3});
   session.close();
   const auto index = build();
-  EXPECT_EQ(index->not_yet(1, 5), (Ids{1, 4, 2}));  // in the order of names
+  EXPECT_EQ(index->not_yet(1, 5), (Ids{1, 2, 4}));
   EXPECT_EQ(index->not_yet(2, 4), Ids{2});
   EXPECT_EQ(index->not_yet(3, 4), Ids{});
 }
@@ -112,11 +113,11 @@ TEST_F(ReplayIndexTest, HellosOfOnePublisherAreOneStream) {
   EXPECT_NE(index->stream_of(1), index->stream_of(0));
 }
 
-TEST_F(ReplayIndexTest, ABodyOfTwoPeersHoldsTwice) {
+TEST_F(ReplayIndexTest, PosesOfTwoPeersHoldBoth) {
   SessionFile session(file.path());
   for (int i = 0; i < 3; ++i)
     for (const wire::SessionId peer : {kPeer, kOther})
-      session.add(i, wire::BodyPose{.peer = peer, .body = "one"});
+      session.add(i, wire::BodyPoses{.peer = peer, .part = 1});
   session.close();
   const auto index = build();
   EXPECT_EQ(index->peers(), (std::set<wire::SessionId>{kPeer, kOther}));
@@ -136,9 +137,9 @@ TEST_F(ReplayIndexTest, PartsHoldOn) {
 
 TEST_F(ReplayIndexTest, OnlyWantedTopicsArePlayed) {
   record_flight(file.path());
-  const auto index = build({"body_pose", "hello"});
+  const auto index = build({"body_poses", "hello"});
   for (const publisher::ReplayStream& stream : index->streams())
-    EXPECT_TRUE(stream.carries<wire::BodyPose>() || stream.carries<wire::Hello>());
+    EXPECT_TRUE(stream.carries<wire::BodyPoses>() || stream.carries<wire::Hello>());
   EXPECT_EQ(index->streams().size(), 3U);
   EXPECT_TRUE(index->details().empty());
   EXPECT_EQ(index->latched(recording->message_count() + 1).size(), 3U);
@@ -181,8 +182,8 @@ TEST_F(ReplayIndexTest, BatchesBeforeTheirHeaderAreNotLost) {
 TEST_F(ReplayIndexTest, FaultySamplesHaveNoEffectButTheirPlace) {
   SessionFile session(file.path());
   session.add_bytes(0, {1, 2, 3});
-  session.add(1, wire::BodyPose{.peer = kPeer, .body = std::string(200, 'x')});
-  session.add(2, wire::BodyPose{.peer = kPeer, .body = "good"});
+  session.add(1, wire::BodyPoses{.peer = kPeer, .part = 0xffffffff});
+  session.add(2, wire::BodyPoses{.peer = kPeer});
   session.close();
   const auto index = build();
   EXPECT_EQ(index->latched(4), Ids{3});
@@ -202,10 +203,10 @@ TEST_F(ReplayIndexTest, SaysWhyARecordingCannotBePlayed) {
     std::remove(file.path().c_str());
   }
   SessionFile poses(file.path());
-  poses.add(0, wire::BodyPose{.peer = kPeer, .body = "one"});
+  poses.add(0, wire::BodyPoses{.peer = kPeer, .part = 1});
   poses.close();
   EXPECT_EQ(refusal({"split_batch"}),
-            "topic split_batch: not in the recording, which has body_pose");
+            "topic split_batch: not in the recording, which has body_poses");
 }
 
 TEST_F(ReplayIndexTest, CanBeEndedWhileItReads) {

@@ -258,17 +258,17 @@ TEST_F(ReplayTest, StateDependsOnTheMomentAlone) {
 
 TEST_F(ReplayTest, ASeekBackTakesBackWhatWasNotYetSaid) {
   SessionFile session(file.path());
-  session.add(0, wire::BodyPose{.peer = kPeer, .body = "early"});
-  session.add(1, wire::BodyPose{.peer = kPeer, .body = "late"});
-  session.add(2, wire::BodyPose{.peer = kPeer, .body = "early", .frame = 7});
+  session.add(0, wire::BodyPoses{.peer = kPeer, .part = 0});
+  session.add(1, wire::BodyPoses{.peer = kPeer, .part = 1});
+  session.add(2, wire::BodyPoses{.peer = kPeer, .part = 0, .frame = 7});
   session.close();
   ReplayWorld play(file.path());
   play.play_to(2);
   EXPECT_EQ(play.outlet.latched.size(), 2U);
   ASSERT_TRUE(play.replay.seek(0.5, play.now_s).is_ok());
   ASSERT_EQ(play.outlet.latched.size(), 1U);
-  EXPECT_EQ(wire::decode_payload<wire::BodyPose>(play.outlet.latched.begin()->second).value().frame,
-            0U);
+  EXPECT_EQ(
+      wire::decode_payload<wire::BodyPoses>(play.outlet.latched.begin()->second).value().frame, 0U);
   // And when all endpoints are new, it is said again.
   play.outlet.latched.clear();
   play.outlet.restart = true;
@@ -389,8 +389,8 @@ TEST_F(ReplayTest, SeeksAnywhereInAnHourInUnderASecond) {
     const std::uint64_t state =
         state_of_answer(index->details().begin()->second, header, replay.playhead().next_id());
     EXPECT_LT(std::clock() - begun, CLOCKS_PER_SEC) << "to " << time_s;
-    // Twelve latched: header, hello, ten poses; at the very begin none is played yet.
-    EXPECT_EQ(outlet.latched.size(), time_s > 0 ? 12U : 0U);
+    // Twenty-two latched: header, hello, ten poses and directories; at the very begin none is played yet.
+    EXPECT_EQ(outlet.latched.size(), time_s > 0 ? 22U : 0U);
     EXPECT_EQ(state == RefinedMesh(header).mesh().state_hash(), time_s == 0) << time_s;
   }
 }

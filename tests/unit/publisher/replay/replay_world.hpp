@@ -58,14 +58,12 @@ inline double record_flight(const std::string& path, const RecordOptions& option
     }
     now_s = static_cast<double>(frame) * kFrame_s;
     const auto fly = [&](Session& session, wire::SessionId peer, BodyId body,
-                         const Motion& motion) {
-      file->add(now_s, wire::BodyPose{.peer = peer,
-                                      .body = session.name_of(body),
-                                      .frame = frame,
-                                      .time_s = now_s,
-                                      .pose = motion.pose,
-                                      .linear_velocity_mps = motion.linear_velocity_mps,
-                                      .angular_velocity_radps = motion.angular_velocity_radps});
+                         const std::string& model, const Motion& motion) {
+      if (frame == 0)
+        file->add(now_s,
+                  wire::BodyDirectory{.peer = peer, .bodies = {{0, session.name_of(body), model}}});
+      file->add(now_s,
+                wire::BodyPoses{.peer = peer, .frame = frame, .bodies = {{0, now_s, motion}}});
       for (int round = 0; round < 10; ++round) {
         world.round(session, frame,
                     round == 0 ? std::vector<Session::OwnMotion>{{body, motion}}
@@ -77,8 +75,8 @@ inline double record_flight(const std::string& path, const RecordOptions& option
         now_s += 0.001;
       }
     };
-    fly(*one, kPeer, kOne, flight.one[frame]);
-    fly(*two, kOther, kTwo, flight.two[frame]);
+    fly(*one, kPeer, kOne, "aircraft", flight.one[frame]);
+    fly(*two, kOther, kTwo, "aircraft", flight.two[frame]);
   }
   EXPECT_GT(world.judge.certified(), 0U);
   file->close();
@@ -128,8 +126,9 @@ class MemoryOutlet final : public publisher::ReplayOutlet {
         return wire::partition_of(wire::decode_payload<wire::Hello>(cdr).value().publisher);
       case wire::place_of<wire::MeshHeader>():
         return wire::key_of(wire::decode_payload<wire::MeshHeader>(cdr).value().content_hash);
-      case wire::place_of<wire::BodyPose>():
-        return wire::decode_payload<wire::BodyPose>(cdr).value().body;
+      case wire::place_of<wire::BodyPoses>():
+      case wire::place_of<wire::BodyDirectory>():
+        return wire::record_key(index_.streams()[stream].topic, cdr);
       default:
         return "";
     }
@@ -141,8 +140,10 @@ class MemoryOutlet final : public publisher::ReplayOutlet {
     if (topic == wire::place_of<wire::MeshHeader>())
       bus_.inject(*index_.publishers().begin(),
                   wire::decode_payload<wire::MeshHeader>(cdr).value());
-    if (topic == wire::place_of<wire::BodyPose>())
-      bus_.inject(wire::decode_payload<wire::BodyPose>(cdr).value());
+    if (topic == wire::place_of<wire::BodyDirectory>())
+      bus_.tell(wire::decode_payload<wire::BodyDirectory>(cdr).value());
+    if (topic == wire::place_of<wire::BodyPoses>())
+      bus_.inject(wire::decode_payload<wire::BodyPoses>(cdr).value());
     return key_of(stream, cdr);
   }
 

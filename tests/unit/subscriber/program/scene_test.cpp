@@ -245,6 +245,18 @@ TEST(ReadScene, RefusesWithFileAndLine) {
   }
 }
 
+TEST(ReadScene, WhoOnlyLooksOnNeedsNeitherBodiesNorMoves) {
+  Folder folder;
+  folder.write("scene.yaml", "pairs: all\n");
+  const Result<Scene> scene = read_scene(folder.file("scene.yaml"));
+  ASSERT_TRUE(scene.is_ok()) << scene.status().message();
+  EXPECT_TRUE(scene.value().watches_all);
+  EXPECT_TRUE(scene.value().bodies.empty());
+  EXPECT_EQ(scene.value().frames, Scene::kForEver);
+  folder.write("scene.yaml", "pairs: all\nduration_s: 1.5\nframe_rate_hz: 10\n");
+  EXPECT_EQ(read_scene(folder.file("scene.yaml")).value().frames, 15U);
+}
+
 TEST(ReadScene, RefusesASceneThatLacksSomething) {
   Folder folder;
   const std::string file = folder.file("scene.yaml");
@@ -252,7 +264,8 @@ TEST(ReadScene, RefusesASceneThatLacksSomething) {
            {"pairs: []\n", "bodies: expected a list"},
            {"bodies: []\n", "pairs: expected a list, or all"},
            {"bodies: []\npairs: some\n", "pairs: expected a list, or all"},
-           {"bodies: []\npairs: []\n", "moves: expected at least one body"},
+           {"bodies: 3\npairs: all\n", "bodies: expected a list"},
+           {"pairs: all\nduration_s: -1\n", "duration_s: expected a number"},
            {"- a\n- b\n", "scene: expected a map"},
            {"", "scene: expected a map"},
            {"bodies: [\n", file + ":"},

@@ -17,7 +17,7 @@ TEST(Survey, TellsWhatWasBeforeFromWhatIsMissing) {
   const auto add_writer = [&](const std::string& topic, const std::string& partition) {
     return writer->add_writer({writer->add_topic({topic, "type"}).value(), {}, partition}).value();
   };
-  const std::uint32_t poses = add_writer(names.of<wire::BodyPose>(), ""),
+  const std::uint32_t poses = add_writer(names.of<wire::BodyPoses>(), ""),
                       batches = add_writer(names.of<wire::SplitBatchMessage>(), "00000000000000b1");
   constexpr std::int64_t kBegin_ns = 1'700'000'000'000'000'000;
   const auto append = [&](std::uint32_t by, std::uint64_t sequence, std::int64_t sent_ns,
@@ -30,17 +30,17 @@ TEST(Survey, TellsWhatWasBeforeFromWhatIsMissing) {
                               .cdr = std::move(cdr)})
                     .is_ok());
   };
-  const auto pose_of = [](const std::string& body) {
-    return wire::encode_payload(wire::BodyPose{.peer = 0xb1, .body = body});
+  const auto poses_of = [](std::uint32_t part) {
+    return wire::encode_payload(wire::BodyPoses{.peer = 0xb1, .part = part});
   };
-  // Latched: the last pose of a body at rest, then that of one that moves.
+  // Latched: the last poses of bodies at rest, then those of some that move.
   EXPECT_TRUE(writer->add_gap({poses, 1, 9, kBegin_ns}).is_ok());
-  append(poses, 10, -5'000'000'000, pose_of("rests"));
+  append(poses, 10, -5'000'000'000, poses_of(0));
   EXPECT_TRUE(writer->add_gap({poses, 11, 989, kBegin_ns}).is_ok());
-  append(poses, 1000, -1'000'000, pose_of("moves"));
-  append(poses, 1001, 1'000'000, pose_of("moves"));
+  append(poses, 1000, -1'000'000, poses_of(1));
+  append(poses, 1001, 1'000'000, poses_of(1));
   EXPECT_TRUE(writer->add_gap({poses, 1002, 3, kBegin_ns}).is_ok());
-  append(poses, 1005, 9'000'000, pose_of("moves"));
+  append(poses, 1005, 9'000'000, poses_of(1));
   EXPECT_TRUE(writer->add_gap({batches, 1, 56, kBegin_ns}).is_ok());
   append(batches, 57, 2'000'000,
          wire::encode_payload(

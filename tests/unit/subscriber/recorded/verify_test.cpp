@@ -538,7 +538,7 @@ TEST_F(Verify, ReportsThatNeverCameAreCounted) {
   };
   const std::uint32_t reports =
       add(wire::topic_of<wire::ContactReport>(), names.of<wire::ContactReport>());
-  const std::uint32_t poses = add(wire::topic_of<wire::BodyPose>(), names.of<wire::BodyPose>());
+  const std::uint32_t poses = add(wire::topic_of<wire::BodyPoses>(), names.of<wire::BodyPoses>());
   ASSERT_TRUE(writer->add_gap({reports, 1, 9, 0}).is_ok());
   ASSERT_TRUE(writer->add_gap({reports, 20, 3, 0}).is_ok());
   ASSERT_TRUE(writer->add_gap({poses, 20, 100, 0}).is_ok());

@@ -13,6 +13,7 @@
 
 #include "nearmesh/core/base/content_hash.hpp"
 #include "nearmesh/core/base/status.hpp"
+#include "nearmesh/core/geometry/motion.hpp"
 #include "nearmesh/core/geometry/pose.hpp"
 #include "nearmesh/core/spm/detail/certificate_request.hpp"
 #include "nearmesh/core/spm/detail/types.hpp"
@@ -24,7 +25,7 @@ class ModelFile;
 namespace nearmesh::wire {
 
 /// Raised with every change of a topic's layout or of the batch codec. Peers of another version are refused loudly.
-inline constexpr std::uint16_t kWireVersion = 8;
+inline constexpr std::uint16_t kWireVersion = 9;
 
 /// Random per process; tells a restarted publisher from the old one, and names a peer.
 using SessionId = std::uint64_t;
@@ -95,9 +96,43 @@ struct SplitBatchMessage {
       bytes;  ///< sealed (codec.hpp), at most kMaxSealedBytes; may be empty when nothing was needed
 };
 
-/// Where a body is (keyed by body name; the peer that moves it publishes).
-struct BodyPose {
+/// A peer numbers the bodies that it moves from 0, each number once, and tells of them in parts of so many neighbours: as many
+/// poses as one datagram holds.
+inline constexpr std::uint32_t kBodiesPerPart = 7;
+
+/// Where the bodies of a part are (keyed by peer and part; the peer that moves them publishes): all of them that have a pose, as
+/// each sample replaces the one before.
+struct BodyPoses {
   std::uint16_t wire_version = kWireVersion;
+  SessionId peer = 0;
+  std::uint32_t part = 0;
+  std::uint64_t frame = 0;
+  struct Body {
+    std::uint32_t number = 0;
+    double time_s = 0;  ///< of the pose, on the exercise's clock
+    Motion motion;
+  };
+  std::vector<Body> bodies;  ///< of the part, by number
+};
+
+/// Who the bodies of a part are (keyed by peer and part, transient local).
+struct BodyDirectory {
+  std::uint16_t wire_version = kWireVersion;
+  SessionId peer = 0;
+  std::uint32_t part = 0;
+  struct Body {
+    std::uint32_t number = 0;
+    std::string name, model;  ///< 1 to kMaxNameBytes
+    ContentHash content;      ///< that the peer pins the model to; or none
+    bool solid = false;
+    std::uint32_t group = 1, mask = 0xffffffffU;
+    bool operator==(const Body&) const = default;
+  };
+  std::vector<Body> bodies;  ///< of the part, by number
+};
+
+/// Where a body is, by the body's name: a pose and the directory, brought together. Does not travel.
+struct BodyPose {
   SessionId peer = 0;
   std::string body;
   std::uint64_t frame = 0;
@@ -281,7 +316,9 @@ struct Probe : Echo {};
 [[nodiscard]] Status check(const MeshHeader& message);
 [[nodiscard]] Status check(const RegionSubscription& message);
 [[nodiscard]] Status check(const SplitBatchMessage& message);
-[[nodiscard]] Status check(const BodyPose& message);
+[[nodiscard]] Status check(const BodyPoses& message);
+[[nodiscard]] Status check(const BodyDirectory& message);
+[[nodiscard]] Status check(const BodyPose& pose);
 [[nodiscard]] Status check(const ContactReport& message);
 [[nodiscard]] Status check(const HeldDetail& message);
 [[nodiscard]] Status check(const ProcessStatus& message);

@@ -78,6 +78,8 @@ struct Topic : TopicFacts {
 [[nodiscard]] std::string key_of(std::uint64_t id);
 /// 32 of them.
 [[nodiscard]] std::string key_of(const ContentHash& content);
+/// Of a part of a peer's bodies.
+[[nodiscard]] std::string key_of(SessionId peer, std::uint32_t part);
 
 inline constexpr std::tuple kTopics{
     // The latest state of each publisher. Not versioned: one of another version must be heard in order to be refused loudly.
@@ -122,15 +124,24 @@ inline constexpr std::tuple kTopics{
                               [](const RegionSubscription& m) {
                                 return m.request == 0 ? std::string() : key_of(m.peer);
                               }},
-    // The latest pose of each body; latched, so that whoever joins learns of bodies at rest.
-    Topic<BodyPose>{{.name = "body_pose",
-                     .type = "nearmesh::wire_types::BodyPoseSample",
-                     .delivery = {.is_latched = true},
-                     .writers = {Role::kSubscriber},
-                     .readers = {Role::kSubscriber},
-                     .listeners = {Role::kRecorder},
-                     .is_recorded = true},
-                    [](const BodyPose& m) { return m.body; }},
+    // The latest poses of each part of a mover's bodies; latched, so that whoever joins learns of bodies at rest.
+    Topic<BodyPoses>{{.name = "body_poses",
+                      .type = "nearmesh::wire_types::BodyPosesSample",
+                      .delivery = {.is_latched = true},
+                      .writers = {Role::kSubscriber},
+                      .readers = {Role::kSubscriber},
+                      .listeners = {Role::kRecorder},
+                      .is_recorded = true},
+                     [](const BodyPoses& m) { return key_of(m.peer, m.part); }},
+    // Who these bodies are. Poses count once it has come.
+    Topic<BodyDirectory>{{.name = "body_directory",
+                          .type = "nearmesh::wire_types::BodyDirectorySample",
+                          .delivery = {.is_latched = true},
+                          .writers = {Role::kSubscriber},
+                          .readers = {Role::kSubscriber},
+                          .listeners = {Role::kRecorder},
+                          .is_recorded = true},
+                         [](const BodyDirectory& m) { return key_of(m.peer, m.part); }},
     // The latest answer for each pair, renewed every frame: nothing holds.
     Topic<ContactReport>{{.name = "contact_report",
                           .type = "nearmesh::wire_types::ContactReportSample",

@@ -32,6 +32,8 @@ class DdsChannel final : public Channel {
   /// What may wait for take(), each kind; the newest beyond are dropped with a complaint.
   static constexpr std::size_t kMaxWaitingBatches = 16384;  ///< about 20 MB
   static constexpr std::size_t kMaxWaitingOthers = 4096;
+  static constexpr std::size_t kMaxWaitingPoses = 4 * kMaxWaitingOthers;
+  static constexpr std::size_t kMaxWaitingBodies = 65536;  ///< that others tell of
   static constexpr std::size_t kMaxWaitingHeaderBytes = 64U << 20;
   /// What may wait to be sent, each kind; the oldest beyond are dropped with a complaint.
   static constexpr std::size_t kMaxOutgoing = 4096;
@@ -46,7 +48,8 @@ class DdsChannel final : public Channel {
   [[nodiscard]] wire::SessionId own_id() const override;
   /// Kept until a publisher can hear it. A message that check() refuses leaves a complaint.
   void send(const wire::RegionSubscription& subscription) override;
-  void send(const wire::BodyPose& pose) override;
+  void send(const wire::BodyPoses& poses) override;
+  void send(const wire::BodyDirectory& directory) override;
   void send(const wire::ContactReport& report) override;
   void tell(wire::ProcessStatus& status) override;
   void tell_held(const wire::HeldDetail& held) override;

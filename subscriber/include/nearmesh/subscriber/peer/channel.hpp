@@ -20,7 +20,10 @@ class Channel {
   /// Batches that answer it are acknowledged by the channel, as they come and with the window named here: the publisher learns
   /// the pace of the link that way, not of the host's frames.
   virtual void send(const wire::RegionSubscription& subscription) = 0;
-  virtual void send(const wire::BodyPose& pose) = 0;
+  /// After the directory that names these bodies.
+  virtual void send(const wire::BodyPoses& poses) = 0;
+  /// Holds from now on, also for who joins later.
+  virtual void send(const wire::BodyDirectory& directory) = 0;
   virtual void send(const wire::ContactReport& report) = 0;
 
   /// What this process knows of itself, for operators. The channel adds what it knows of the network.
@@ -42,6 +45,12 @@ class Channel {
     std::vector<Header> headers;        ///< of publishers whose hello came before
     std::uint64_t refused_headers = 0;  ///< that no publisher is known to have sent, by now
     std::vector<wire::SplitBatchMessage> batches;
+    /// A body that another moves, told when its poses begin to count and when it is another one.
+    struct Told {
+      wire::BodyDirectory::Body body;
+      bool is_gone = false;  ///< its mover has removed it
+    };
+    std::vector<Told> bodies;           ///< take these before the poses
     std::vector<wire::BodyPose> poses;  ///< of bodies that others move
     /// Bodies whose movers left, fell silent or came back since the last call: what holds now. Take these after the poses.
     std::map<std::string, wire::Mover> movers;

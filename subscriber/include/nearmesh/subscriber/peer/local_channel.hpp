@@ -42,7 +42,8 @@ class LocalChannel final : public Channel {
 
   [[nodiscard]] wire::SessionId own_id() const override { return kPeer; }
   void send(const wire::RegionSubscription& subscription) override;
-  void send(const wire::BodyPose&) override {}       ///< nobody else is there
+  void send(const wire::BodyPoses&) override {}      ///< nobody else is there
+  void send(const wire::BodyDirectory&) override {}  ///< nobody else is there
   void send(const wire::ContactReport&) override {}  ///< nobody else is there
   [[nodiscard]] Inbox take() override;
 

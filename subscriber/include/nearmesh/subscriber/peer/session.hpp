@@ -125,6 +125,7 @@ struct UnknownBody {
 struct FrameReport {
   /// Of pairs that are watched by name, and with watch_all() of those that may be near; by the lower BodyId, then the higher.
   std::vector<PairAnswer> answers;
+  std::vector<BodyId> came, went;    ///< with discover_bodies()
   FreeByBounds free_by_bounds;       ///< with watch_all()
   std::vector<UnknownBody> unknown;  ///< with watch_all()
   std::uint64_t unknown_pairs =
@@ -188,6 +189,10 @@ class Session {
   /// Watches all pairs of bodies, now and later, but those of which both are in place, and those that groups and masks leave
   /// out. Pairs that bounds prove apart are told of together: FrameReport::free_by_bounds.
   void watch_all();
+  /// Declares each body that another peer moves and that is not declared here, with the name, model, pin, group and mask that its
+  /// mover tells, and whether it is solid: FrameReport::came. One that its mover removes is removed here: FrameReport::went.
+  /// Of one whose mover has left nothing is known: it stays, and none of its pairs is certified.
+  void discover_bodies();
   /// Lists the answer about two bodies in every update, near or not, whatever their groups. (a, b) and (b, a) are one pair.
   /// Errors: kNotFound, kInvalidArgument (the same body).
   [[nodiscard]] Status watch(BodyId a, BodyId b);
@@ -195,6 +200,8 @@ class Session {
   [[nodiscard]] Status unwatch(BodyId a, BodyId b);
   /// For people; empty where no such body is declared.
   [[nodiscard]] std::string name_of(BodyId body) const;
+  /// As it was declared, here or by its mover. Errors: kNotFound.
+  [[nodiscard]] Result<BodyOptions> options_of(BodyId body) const;
 
   struct OwnMotion {
     BodyId body;
