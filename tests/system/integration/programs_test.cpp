@@ -640,7 +640,7 @@ TEST_F(Programs, RecordedSessionComesOutAgain) {
   EXPECT_EQ(info.at("peers").size(), 2U);
   EXPECT_EQ(info.at("publishers").size(), 1U);
   ASSERT_EQ(info.at("models").size(), 2U);
-  EXPECT_EQ(info.at("topics").size(), 8U);
+  EXPECT_EQ(info.at("topics").size(), 9U);
   for (const json& topic : info.at("topics")) EXPECT_GT(topic.at("samples"), 0U) << topic;
   EXPECT_GT(info.at("duration_s"), 1.0);
   EXPECT_GT(info.at("reports").at("contact"), 0U);
