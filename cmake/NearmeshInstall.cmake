@@ -2,6 +2,9 @@
 # One export file a library, so that a project which asks for core alone needs none of the others' dependencies.
 include(CMakePackageConfigHelpers)
 
+# Components, which are the Debian packages: tools are programs, dev is all else.
+set(CMAKE_INSTALL_DEFAULT_COMPONENT_NAME dev)
+
 set(package_folder ${CMAKE_INSTALL_LIBDIR}/cmake/nearmesh)
 
 get_property(libraries GLOBAL PROPERTY NEARMESH_LIBRARIES)
@@ -11,13 +14,17 @@ foreach(library ${libraries})
   install(EXPORT ${library} NAMESPACE nearmesh:: FILE nearmesh-${component}.cmake DESTINATION ${package_folder})
 endforeach()
 
-foreach(program nearmesh-model nearmesh-publisher nearmesh-subscriber)
+set(NEARMESH_PROGRAMS)
+foreach(program nearmesh-model nearmesh-publisher nearmesh-subscriber nearmesh-demo-flights)
   if(TARGET ${program})
-    install(TARGETS ${program} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+    list(APPEND NEARMESH_PROGRAMS ${program})
+    install(TARGETS ${program} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT tools)
   endif()
 endforeach()
 # api.md lists the headers that users may include; each of them says so in its third line.
-install(FILES ${PROJECT_SOURCE_DIR}/LICENSE ${PROJECT_SOURCE_DIR}/docs/api.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
+if(NOT NEARMESH_PACKAGES)
+  install(FILES ${PROJECT_SOURCE_DIR}/LICENSE ${PROJECT_SOURCE_DIR}/docs/api.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
+endif()
 
 configure_package_config_file(${PROJECT_SOURCE_DIR}/cmake/nearmeshConfig.cmake.in
   ${PROJECT_BINARY_DIR}/cmake/nearmeshConfig.cmake INSTALL_DESTINATION ${package_folder})
@@ -26,3 +33,35 @@ write_basic_package_version_file(${PROJECT_BINARY_DIR}/cmake/nearmeshConfigVersi
   COMPATIBILITY SameMinorVersion)
 install(FILES ${PROJECT_BINARY_DIR}/cmake/nearmeshConfig.cmake ${PROJECT_BINARY_DIR}/cmake/nearmeshConfigVersion.cmake
         DESTINATION ${package_folder})
+
+# The same for pkg-config, as two modules: nearmesh-core, and nearmesh with all that there is.
+set(needs_core -lhwy -lcrypto -pthread)
+set(needs -lassimp -lz -lsqlite3)
+if(GDAL_FOUND)
+  list(APPEND needs -lgdal)
+endif()
+if(NEARMESH_WITH_DDS)
+  list(APPEND needs -ltinyxml2 -l${NEARMESH_FASTDDS} -lfastcdr)
+  install(FILES ${PROJECT_SOURCE_DIR}/idl/nearmesh.idl DESTINATION ${CMAKE_INSTALL_DATADIR}/nearmesh/idl)
+endif()
+set(archives)
+foreach(library ${libraries})
+  list(PREPEND archives -l${library})  # who rests on others comes before them
+endforeach()
+foreach(suffix "" -core)
+  set(about "Certified collision detection over DDS")
+  set(libs ${archives} ${needs} ${needs_core})
+  if(suffix STREQUAL "-core")
+    set(about "Certified collision detection, without a network")
+    set(libs -lnearmesh_core ${needs_core})
+  endif()
+  list(JOIN libs " " libs)
+  configure_file(${PROJECT_SOURCE_DIR}/cmake/packages/nearmesh.pc.in ${PROJECT_BINARY_DIR}/cmake/nearmesh${suffix}.pc @ONLY)
+  install(FILES ${PROJECT_BINARY_DIR}/cmake/nearmesh${suffix}.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
+endforeach()
+
+if(NEARMESH_PACKAGES)
+  set(NEARMESH_PACKAGE_VERSION ${PROJECT_VERSION})
+  set(NEARMESH_MAINTAINER "nearmesh maintainers <maintainers@users.noreply.h-seed-4db0c024.example>")
+  include(NearmeshPackages)
+endif()
