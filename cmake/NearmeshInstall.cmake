@@ -2,9 +2,6 @@
 # One export file a library, so that a project which asks for core alone needs none of the others' dependencies.
 include(CMakePackageConfigHelpers)
 
-# Components, which are the Debian packages: tools are programs, dev is all else.
-set(CMAKE_INSTALL_DEFAULT_COMPONENT_NAME dev)
-
 set(package_folder ${CMAKE_INSTALL_LIBDIR}/cmake/nearmesh)
 
 get_property(libraries GLOBAL PROPERTY NEARMESH_LIBRARIES)
