@@ -9,6 +9,8 @@ if(PROJECT_IS_TOP_LEVEL)
   # Assertions stay on in RelWithDebInfo (they are cheap by rule); Release drops them.
   set(CMAKE_CXX_FLAGS_RELWITHDEBINFO "-O3 -g1")
 endif()
+# Components of what is installed are the Debian packages: tools are programs, dev is all else.
+set(CMAKE_INSTALL_DEFAULT_COMPONENT_NAME dev)
 set(CMAKE_CXX_STANDARD 20)
 set(CMAKE_CXX_STANDARD_REQUIRED ON)
 set(CMAKE_CXX_EXTENSIONS OFF)

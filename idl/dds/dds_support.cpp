@@ -19,6 +19,10 @@ namespace {
 
 constexpr std::uint32_t kMaxDomain = 232;
 
+/// Where a participant has a flow controller, Fast DDS 3.1 announces it from another thread, and an assertion ends the process when
+/// newcomers make it do so again before that thread has run (StatelessWriter::unsent_changes_reset). There headers go out at once.
+constexpr bool kHasFlowControllers = NEARMESH_FASTDDS == 2;
+
 /// What Fast DDS calls a participant that was given no name.
 constexpr const char* kUnnamed = "RTPSParticipant";
 
@@ -358,7 +362,7 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
     NEARMESH_RETURN_IF_ERROR(set_security(options.transport, qos));
     bus->refusal_hint_ = "; its permissions may not allow it: " + options.transport.security;
   }
-  if (options.header_bytes_per_s > 0) {
+  if (kHasFlowControllers && options.header_bytes_per_s > 0) {
     auto flow = std::make_shared<rtps::FlowControllerDescriptor>();
     flow->name = kPacedFlow;
     flow->period_ms = 10;
@@ -428,8 +432,13 @@ Status Bus::add_type(const fdds::TypeSupport& type, bool (*is_ours)(const fdds::
   return Status::ok();
 }
 
-Result<fdds::DataWriter*> Bus::add_writer(fdds::Topic* topic, const fdds::DataWriterQos& qos,
+Result<fdds::DataWriter*> Bus::add_writer(fdds::Topic* topic, const fdds::DataWriterQos& wanted,
                                           WriterListener& listener, const std::string& partition) {
+  fdds::DataWriterQos qos = wanted;
+  if (!kHasFlowControllers) {
+    qos.publish_mode() = {};
+    qos.publish_mode().kind = fdds::SYNCHRONOUS_PUBLISH_MODE;
+  }
   fdds::PublisherQos
       publisher_qos;  // not the participant's default, which the host may have changed
   if (!partition.empty()) publisher_qos.partition().push_back(partition.c_str());

@@ -1,0 +1,89 @@
+# Debian packages: `cpack -G DEB` in a build of the preset `package` makes nearmesh-tools and libnearmesh-dev, for the release on
+# which it runs. Man pages and completion are made of the programs' own --help. tests/platforms/packages.sh tries them.
+
+find_package(Python3 REQUIRED COMPONENTS Interpreter)
+set(from ${PROJECT_SOURCE_DIR}/cmake/packages)
+set(made ${PROJECT_BINARY_DIR}/packages)
+file(MAKE_DIRECTORY ${made})
+
+set(pages)
+foreach(program ${NEARMESH_PROGRAMS})
+  add_custom_command(OUTPUT ${made}/${program}.1.gz
+    COMMAND Python3::Interpreter ${from}/make_pages.py $<TARGET_FILE:${program}> ${made}/${program}.1 ${made}/${program}
+    COMMAND gzip -9nf ${made}/${program}.1
+    DEPENDS ${program} ${from}/make_pages.py VERBATIM)
+  list(APPEND pages ${made}/${program}.1.gz)
+  install(FILES ${made}/${program}.1.gz DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT tools)
+  install(FILES ${made}/${program} DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions COMPONENT tools)
+endforeach()
+add_custom_target(nearmesh_pages ALL DEPENDS ${pages})
+
+foreach(component tools dev)
+  set(package nearmesh-tools)
+  if(component STREQUAL "dev")
+    set(package libnearmesh-dev)
+  endif()
+  # The release's name is the distribution's; packages of two releases differ, so their versions do.
+  file(CONFIGURE OUTPUT ${made}/${package}/changelog CONTENT
+"nearmesh (${NEARMESH_PACKAGE_VERSION}) unstable; urgency=medium
+
+  * See /usr/share/doc/nearmesh-tools/CHANGELOG.md.
+
+ -- ${NEARMESH_MAINTAINER}  Mon, 23 Nov 2026 00:00:00 +0000
+" @ONLY)
+  execute_process(COMMAND gzip -9nkf ${made}/${package}/changelog COMMAND_ERROR_IS_FATAL ANY)
+  install(FILES ${made}/${package}/changelog.gz ${from}/copyright
+          DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/${package} COMPONENT ${component})
+endforeach()
+
+# The pages link to each other, so they lie as in the source.
+set(doc ${CMAKE_INSTALL_DATADIR}/doc/nearmesh-tools)
+install(FILES ${PROJECT_SOURCE_DIR}/README.md ${PROJECT_SOURCE_DIR}/CHANGELOG.md DESTINATION ${doc} COMPONENT tools)
+install(DIRECTORY ${PROJECT_SOURCE_DIR}/docs DESTINATION ${doc} COMPONENT tools FILES_MATCHING PATTERN *.md PATTERN *.svg)
+install(FILES ${PROJECT_SOURCE_DIR}/core/spm_format.md ${PROJECT_SOURCE_DIR}/core/THEOREM.md DESTINATION ${doc}/core COMPONENT tools)
+install(DIRECTORY ${PROJECT_SOURCE_DIR}/examples/demo ${PROJECT_SOURCE_DIR}/examples/settings DESTINATION ${doc}/examples
+        COMPONENT tools FILES_MATCHING PATTERN *.yaml)
+install(FILES ${PROJECT_SOURCE_DIR}/docs/api.md ${PROJECT_SOURCE_DIR}/docs/embed.md
+        DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/libnearmesh-dev COMPONENT dev)
+install(DIRECTORY ${PROJECT_SOURCE_DIR}/examples/embed ${PROJECT_SOURCE_DIR}/examples/flight_sim
+        ${PROJECT_SOURCE_DIR}/examples/read_session DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/libnearmesh-dev/examples COMPONENT dev)
+
+set(CPACK_GENERATOR DEB)
+set(CPACK_PACKAGE_NAME nearmesh)
+set(CPACK_PACKAGE_VERSION ${NEARMESH_PACKAGE_VERSION})
+set(CPACK_PACKAGING_INSTALL_PREFIX ${CMAKE_INSTALL_PREFIX})
+set(CPACK_PACKAGE_DIRECTORY ${made})
+set(CPACK_DEB_COMPONENT_INSTALL ON)
+set(CPACK_COMPONENTS_ALL tools dev)
+set(CPACK_COMPONENTS_GROUPING IGNORE)
+set(CPACK_STRIP_FILES ON)
+set(CPACK_PRE_BUILD_SCRIPTS ${from}/strip_more.cmake)
+set(CPACK_INSTALL_DEFAULT_DIRECTORY_PERMISSIONS
+    OWNER_READ OWNER_WRITE OWNER_EXECUTE GROUP_READ GROUP_EXECUTE WORLD_READ WORLD_EXECUTE)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_PACKAGE_MAINTAINER "${NEARMESH_MAINTAINER}")
+set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
+set(CPACK_DEBIAN_TOOLS_PACKAGE_NAME nearmesh-tools)
+set(CPACK_DEBIAN_TOOLS_PACKAGE_SECTION net)
+set(CPACK_DEBIAN_TOOLS_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_DEV_PACKAGE_NAME libnearmesh-dev)
+set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
+# What the CMake configuration and the .pc file of static libraries ask for.
+set(needs libhwy-dev libssl-dev libassimp-dev zlib1g-dev libsqlite3-dev libtinyxml2-dev libfastcdr-dev
+          lib${NEARMESH_FASTDDS}-dev nlohmann-json3-dev)
+if(GDAL_FOUND)
+  list(APPEND needs libgdal-dev)
+endif()
+list(JOIN needs ", " CPACK_DEBIAN_DEV_PACKAGE_DEPENDS)
+set(about "Streams, over DDS, only the mesh detail that is about to be touched, and tells
+every simulation peer whether two objects collide, with a proof attached to
+each answer.")
+set(CPACK_COMPONENT_TOOLS_DESCRIPTION "${about}
+
+This package has the programs that make models, serve them, fly, record and
+verify, a systemd unit, and the documentation.")
+set(CPACK_COMPONENT_DEV_DESCRIPTION "${about}
+
+This package has the C++ headers, static libraries, the configuration for
+CMake and pkg-config, and the IDL of the topics.")
+include(CPack)
