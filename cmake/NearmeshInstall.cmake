@@ -31,7 +31,7 @@ write_basic_package_version_file(${PROJECT_BINARY_DIR}/cmake/nearmeshConfigVersi
 install(FILES ${PROJECT_BINARY_DIR}/cmake/nearmeshConfig.cmake ${PROJECT_BINARY_DIR}/cmake/nearmeshConfigVersion.cmake
         DESTINATION ${package_folder})
 
-# The same for pkg-config, as two modules: nearmesh-core, and nearmesh with all that there is.
+# The same for pkg-config, as two modules: nearmesh-core, and nearmesh-cpp with all that there is. (nearmesh is the C interface.)
 set(needs_core -lhwy -lcrypto -pthread)
 set(needs -lassimp -lz -lsqlite3)
 if(GDAL_FOUND)
@@ -45,7 +45,7 @@ set(archives)
 foreach(library ${libraries})
   list(PREPEND archives -l${library})  # who rests on others comes before them
 endforeach()
-foreach(suffix "" -core)
+foreach(suffix -cpp -core)
   set(about "Certified collision detection over DDS")
   set(libs ${archives} ${needs} ${needs_core})
   if(suffix STREQUAL "-core")

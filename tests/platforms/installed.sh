@@ -61,7 +61,7 @@ case $1 in
     quietly consumer/two_spheres
     echo "consumer by CMake: built and run"
     for name in two_spheres local_peer lone_peer; do
-      module=nearmesh
+      module=nearmesh-cpp
       if [[ $name == two_spheres ]]; then module=nearmesh-core; fi
       quietly g++ -std=c++20 -O1 $(pkg-config --cflags $module) "$source/tests/consumer/project/$name.cpp" -o $name \
         $(pkg-config --libs $module)
