@@ -19,10 +19,6 @@ namespace {
 
 constexpr std::uint32_t kMaxDomain = 232;
 
-/// Where a participant has a flow controller, Fast DDS 3.1 announces it from another thread, and an assertion ends the process when
-/// newcomers make it do so again before that thread has run (StatelessWriter::unsent_changes_reset). There headers go out at once.
-constexpr bool kHasFlowControllers = NEARMESH_FASTDDS == 2;
-
 /// What Fast DDS calls a participant that was given no name.
 constexpr const char* kUnnamed = "RTPSParticipant";
 

@@ -107,6 +107,11 @@ using Payload = rtps::SerializedPayload_t;
 
 // --- QoS
 
+/// Where a participant has a flow controller, Fast DDS 3.1 announces it from another thread, and an assertion ends the process when
+/// newcomers make it do so again before that thread has run (StatelessWriter::unsent_changes_reset). There headers
+/// go out at once.
+inline constexpr bool kHasFlowControllers = NEARMESH_FASTDDS == 2;
+
 template <class WriterQos>
 void set_heartbeat_period(WriterQos& qos, double seconds) {
 #if NEARMESH_FASTDDS == 3
