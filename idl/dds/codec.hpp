@@ -26,6 +26,7 @@ struct Generated;
 #define NEARMESH_CODEC(Message, SampleName)                            \
   template <>                                                          \
   struct Generated<Message> {                                          \
+    using Own = Generated;                                             \
     using Sample = wire_types::SampleName;                             \
     using Type = wire_types::SampleName##PubSubType;                   \
     [[nodiscard]] static std::size_t max_key_bytes() {                 \

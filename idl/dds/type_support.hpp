@@ -155,11 +155,11 @@ class RawType : public SafeType<OfMessage> {
   }
 };
 
-/// The type supports of a message, as it is written and read, and as a recorder reads it.
+/// The type supports of a message, as it is written and read, and as a recorder reads it. Messages of one generated type have one.
 template <class Message>
-using TypeOf = SafeType<Generated<Message>>;
+using TypeOf = SafeType<typename Generated<Message>::Own>;
 template <class Message>
-using RawTypeOf = RawType<Generated<Message>>;
+using RawTypeOf = RawType<typename Generated<Message>::Own>;
 
 /// A sample's bytes into a data object, as when they come from the bus.
 template <class Type>

@@ -162,7 +162,7 @@ struct Session::Impl {
   void publish(std::uint32_t part, std::uint64_t frame);
   void take_inbox(FrameReport& report);
   void take_bodies(const Channel::Inbox& inbox, FrameReport& report);
-  void take_body(const wire::BodyDirectory::Body& told, FrameReport& report);
+  void take_body(const wire::BodyDirectory::Body& entry, FrameReport& report);
   void take_poses(const Channel::Inbox& inbox, std::vector<std::string>& complaints);
   void take_batch(wire::SplitBatchMessage&& message, FrameReport& report);
   void take_redirection(const wire::SplitBatchMessage& message);

@@ -40,12 +40,12 @@ void Session::Impl::take_inbox(FrameReport& report) {
 }
 
 void Session::Impl::take_bodies(const Channel::Inbox& inbox, FrameReport& report) {
-  for (const auto& [told, is_gone] : inbox.bodies) {
+  for (const auto& [entry, is_gone] : inbox.bodies) {
     if (!is_gone) {
-      take_body(told, report);
+      take_body(entry, report);
       continue;
     }
-    const auto at = named.find(told.name);
+    const auto at = named.find(entry.name);
     if (at == named.end() || !find(at->second)->is_discovered) continue;
     report.went.push_back(at->second);
     remove_body(*find(at->second));
@@ -53,22 +53,22 @@ void Session::Impl::take_bodies(const Channel::Inbox& inbox, FrameReport& report
 }
 
 /// What the host declared stays as it is.
-void Session::Impl::take_body(const wire::BodyDirectory::Body& told, FrameReport& report) {
-  if (const auto at = named.find(told.name); at != named.end()) {
+void Session::Impl::take_body(const wire::BodyDirectory::Body& entry, FrameReport& report) {
+  if (const auto at = named.find(entry.name); at != named.end()) {
     Body& body = *find(at->second);
-    const bool is_same = told.solid == body.solid && told.group == body.company.group &&
-                         told.mask == body.company.mask && told.model == body.model->name &&
-                         (!told.content.is_set() || told.content == body.model->pinned);
+    const bool is_same = entry.solid == body.solid && entry.group == body.company.group &&
+                         entry.mask == body.company.mask && entry.model == body.model->name &&
+                         (!entry.content.is_set() || entry.content == body.model->pinned);
     if (!body.is_discovered || is_same) return;
     report.went.push_back(body.id);
     remove_body(body);
   }
-  const auto added = add_body({.name = told.name,
-                               .model = told.model,
-                               .solid = told.solid,
-                               .content = told.content,
-                               .group = told.group,
-                               .mask = told.mask});
+  const auto added = add_body({.name = entry.name,
+                               .model = entry.model,
+                               .solid = entry.solid,
+                               .content = entry.content,
+                               .group = entry.group,
+                               .mask = entry.mask});
   if (!added.is_ok()) {
     report.complaints.push_back("not discovered: " + added.status().message());
     return;

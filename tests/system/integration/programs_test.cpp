@@ -576,7 +576,7 @@ TEST_F(Programs, WrongUsageExitsWithTwo) {
            {"nearmesh-subscriber", {"run"}},
            {"nearmesh-subscriber", {"run", "scene.yaml", "--domain", "x"}},
            {"nearmesh-subscriber", {"run", "scene.yaml", "--jsonl"}},
-           {"nearmesh-model", {"check", "x.spm"}}}) {
+           {"nearmesh-model", {"check"}}}) {
     std::string err;
     EXPECT_EQ(test::run(folder, program, words, nullptr, &err), 2) << program;
     EXPECT_FALSE(err.empty());

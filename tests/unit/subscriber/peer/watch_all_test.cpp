@@ -156,7 +156,9 @@ TEST(WatchAll, EveryPairThatIsNotListedIsFreeOfTheFullMeshes) {
       ASSERT_EQ(report.free_by_bounds.pairs, free_now);
       ASSERT_EQ(report.unknown_pairs, unknown_now);
       ASSERT_EQ(report.all_certified(), unknown_now == 0);
-      if (free_now > 0) EXPECT_GE(report.free_by_bounds.clearance_m, 2 * 0.999);
+      if (free_now > 0) {
+        EXPECT_GE(report.free_by_bounds.clearance_m, 2 * 0.999);
+      }
       free += free_now;
       unknown += unknown_now;
     }
@@ -179,7 +181,9 @@ TEST(WatchAll, AnswersThoseNearAsWatchingThemWould) {
     bodies.push_back(all.add("a" + std::to_string(i)));
     ASSERT_EQ(named.spawn("a" + std::to_string(i)), bodies.back());
     for (const BodyId before : bodies)
-      if (before != bodies.back()) ASSERT_TRUE(named.session->watch(before, bodies.back()).is_ok());
+      if (before != bodies.back()) {
+        ASSERT_TRUE(named.session->watch(before, bodies.back()).is_ok());
+      }
   }
   Swarm swarm(9, bodies.size());
   std::uint64_t compared = 0;
@@ -424,7 +428,9 @@ TEST_P(ThreeHundredOverOneTerrain, AreAllCertified) {
 }
 
 INSTANTIATE_TEST_SUITE_P(WhoeverChooses, ThreeHundredOverOneTerrain, ::testing::Bool(),
-                         [](const auto& info) { return info.param ? "ThePeer" : "ThePublisher"; });
+                         [](const auto& chosen) {
+                           return chosen.param ? "ThePeer" : "ThePublisher";
+                         });
 
 }  // namespace
 }  // namespace nearmesh
