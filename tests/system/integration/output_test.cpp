@@ -77,7 +77,7 @@ const std::vector<Row>& rows() {
       {kSubscriber, "export {session} --time 2 --peer {peer} -o {out}.glb", true, {{"{out}.glb"}}},
       {kSubscriber, "report {session} -o {out}", true, {{"{out}/index.html"}}},
       {kSubscriber, "watch --http 18643 {bus}"},
-      {kSubscriber, "watch --print-config"},
+      {kSubscriber, "watch --http 18643 --print-config"},
       {kSubscriber, "status --seconds 1 {bus}", true, {}, true},
       {kSubscriber, "status --seconds 1 --json {bus}", true, {}, true},
       {kSubscriber, "status --print-config"},
