@@ -181,7 +181,7 @@ std::string quoted(const std::string& word) {
   return out + "'";
 }
 
-std::string number(double x) { return json(x).dump(); }
+std::string exact_number(double x) { return json(x).dump(); }
 
 /// The command that makes the same plan.
 std::string command_of(const BuildWorldOptions& options) {
@@ -196,11 +196,11 @@ std::string command_of(const BuildWorldOptions& options) {
   out += " -o " + absolute(build.out) + " --faces " + std::to_string(options.tile_faces) +
          " --grid-bits " + std::to_string(build.grid_bits) + " --base-faces " +
          std::to_string(build.base_faces);
-  if (build.cell_m > 0) out += " --cell " + number(build.cell_m);
+  if (build.cell_m > 0) out += " --cell " + exact_number(build.cell_m);
   if (options.has_lattice_origin)
-    out += " --lattice-origin=" + number(build.lattice_origin_m[0]) + "," +
-           number(build.lattice_origin_m[1]) + "," + number(build.lattice_origin_m[2]);
-  if (build.scale != 1) out += " --scale " + number(build.scale);
+    out += " --lattice-origin=" + exact_number(build.lattice_origin_m[0]) + "," +
+           exact_number(build.lattice_origin_m[1]) + "," + exact_number(build.lattice_origin_m[2]);
+  if (build.scale != 1) out += " --scale " + exact_number(build.scale);
   if (!options.repeat.empty()) out += " --repeat " + quoted(options.repeat);
   for (const auto& [flag, value] : {std::pair("--unit", &build.unit),
                                     {"--up", &build.up},
