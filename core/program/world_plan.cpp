@@ -246,10 +246,12 @@ void cut(const std::vector<Middle>& middles, std::span<std::uint32_t> faces,
       const auto half = faces.begin() + static_cast<std::ptrdiff_t>(faces.size() / 2);
       std::ranges::nth_element(faces, half, {}, at);
       const double border = at(*half);
-      auto below = std::ranges::partition(faces, [&](std::uint32_t f) { return at(f) < border; });
-      if (below.begin() == faces.begin())  // half of them begin there
-        below = std::ranges::partition(faces, [&](std::uint32_t f) { return at(f) <= border; });
-      const auto left = static_cast<std::size_t>(below.begin() - faces.begin());
+      auto middle = std::partition(faces.begin(), faces.end(),
+                                   [&](std::uint32_t f) { return at(f) < border; });
+      if (middle == faces.begin())  // half of them begin there
+        middle = std::partition(faces.begin(), faces.end(),
+                                [&](std::uint32_t f) { return at(f) <= border; });
+      const auto left = static_cast<std::size_t>(middle - faces.begin());
       if (left == 0 || left == faces.size()) continue;
       cut(middles, faces.first(left), most_faces, parts);
       cut(middles, faces.subspan(left), most_faces, parts);

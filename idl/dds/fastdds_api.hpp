@@ -68,6 +68,7 @@ using ReturnCode = fdds::ReturnCode_t;
 using Duration = fdds::Duration_t;
 using DiscoveryProtocol = rtps::DiscoveryProtocol;
 using Md5 = eprosima::fastdds::MD5;
+using LocatorsIterator = rtps::LocatorsIterator;
 inline constexpr const char* kFastDdsVersion = FASTDDS_VERSION_STR;
 #else
 namespace rtps {
@@ -78,6 +79,7 @@ using ReturnCode = eprosima::fastrtps::types::ReturnCode_t;
 using Duration = eprosima::fastrtps::Duration_t;
 using DiscoveryProtocol = eprosima::fastrtps::rtps::DiscoveryProtocol_t;
 using Md5 = ::MD5;
+using LocatorsIterator = eprosima::fastrtps::rtps::LocatorsIterator;
 inline constexpr const char* kFastDdsVersion = FASTRTPS_VERSION_STR;
 #endif
 
@@ -398,7 +400,7 @@ class ChainedTransport : public rtps::ChainingTransport {
   using ChainingTransport::ChainingTransport;
 #if NEARMESH_FASTDDS == 3
   bool send(rtps::SenderResource* low, const std::vector<rtps::NetworkBuffer>& buffers,
-            std::uint32_t bytes, rtps::LocatorsIterator* begin, rtps::LocatorsIterator* end,
+            std::uint32_t bytes, LocatorsIterator* begin, LocatorsIterator* end,
             const std::chrono::steady_clock::time_point& timeout) final {
     return low->send(buffers, bytes, begin, end, timeout);
   }
@@ -414,7 +416,7 @@ class ChainedTransport : public rtps::ChainingTransport {
   void shutdown() final { low_level_transport_->shutdown(); }
 #else
   bool send(rtps::SenderResource* low, const rtps::octet* data, std::uint32_t size,
-            rtps::LocatorsIterator* begin, rtps::LocatorsIterator* end,
+            LocatorsIterator* begin, LocatorsIterator* end,
             const std::chrono::steady_clock::time_point& timeout) final {
     return low->send(data, size, begin, end, timeout);
   }

@@ -89,21 +89,21 @@ TEST_P(LackingAhead, ANodeThatLacksHasObstacles) {
   Random random(5);
   int with = 0, without = 0;
   for (int i = 0; i < 40; ++i) {
-    const auto [motion_a, motion_b] = near_motions(random);
+    const std::pair<Motion, Motion> motions = near_motions(random);
     Cuts cuts(a_, b_);
     // The other one whole, so that each node of a's lacks by itself.
     RefineDelta delta;
     for (std::uint32_t v = 0; v < b_.store.vertex_count(); ++v)
       if (!b_.store.is_root({v})) static_cast<void>(cuts.b.mesh.split({v}, delta));
     cuts.b.tree.update(delta);
-    const Result<Lacking> lacking =
-        lacking_ahead(cuts.a.view(), motion_a, "a", cuts.b.view(), motion_b, "b", kAhead_s, 0);
+    const Result<Lacking> lacking = lacking_ahead(cuts.a.view(), motions.first, "a", cuts.b.view(),
+                                                  motions.second, "b", kAhead_s, 0);
     ASSERT_TRUE(lacking.is_ok());
     for (const BaseRoot& root : a_.store.roots()) {
       if (root.node.size < 2) continue;
       const auto obstacles_of = [&](std::size_t most) {
-        return obstacles_ahead(cuts.a.view(), motion_a, "a", root.node, cuts.b.view(), motion_b,
-                               "b", kAhead_s, 0, most);
+        return obstacles_ahead(cuts.a.view(), motions.first, "a", root.node, cuts.b.view(),
+                               motions.second, "b", kAhead_s, 0, most);
       };
       const Result<Obstacles> found = obstacles_of(1'000'000);
       ASSERT_TRUE(found.is_ok());
