@@ -129,12 +129,17 @@ void add_node_on_ray(const TreeView& tree, const GridView& view, const CutRay& c
                      const NodeOnRay& node, double limit, NeedsMaker& needs) {
   const TreeEntry entry = tree.nodes[node.place / kLanes].entry(node.place % kLanes);
   const std::array<double, 3> from = view.point(cut.ray.from), to = view.point(cut.ray.to);
-  const double until = std::max(node.enter, std::min(node.leave, limit));
+  double until = limit;
+  for (int k = 0; k < 3; ++k) {
+    const auto i = static_cast<std::size_t>(k);
+    const double way = to[i] - from[i], far = way < 0 ? entry.box.lo[k] : entry.box.hi[k];
+    if (way != 0) until = std::min(until, (far - from[i]) / way);
+  }
+  until = std::max(until, node.enter);
   std::array<double, 3> lo, hi;
   for (std::size_t k = 0; k < 3; ++k) {
     const double way = to[k] - from[k];
-    std::tie(lo[k], hi[k]) =
-        std::minmax({from[k] + node.enter * way, from[k] + until * way});
+    std::tie(lo[k], hi[k]) = std::minmax({from[k] + node.enter * way, from[k] + until * way});
   }
   needs.add(entry, around(lo, hi, entry.box));
 }

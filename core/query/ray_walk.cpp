@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rays through a tree, eight boxes at a time, nearest first; once for each instruction set.
+// Rays through a tree, eight boxes at a time; once for each instruction set. Of all rays of a batch sixteen parts are in flight, as in walk.cpp,
+// so that none waits for another's memory, and what a test comes to need not be foretold.
 //
 // In which units. Boxes stay in the body's grid; a ray is brought there. A posed corner lies within half a lattice cell, along each axis of the
 // lattice, of where the frame's matrix M takes its grid point, and a face's points between. So what M's inverse takes back lies within half the
@@ -21,6 +22,7 @@
 #include <bit>
 #include <cmath>
 
+#include "lane_lists.hpp"
 #include "ray_walk.hpp"
 //
 #include "core/geometry/vectors.hpp"
@@ -30,153 +32,218 @@ namespace nearmesh::HWY_NAMESPACE {
 
 class RayWalk {
  public:
-  RayWalk(const TreeView& tree, const PosedFrame& frame, std::vector<NodeOnRay>& nodes,
-          QueryStats& stats)
-      : tree_(tree), frame_(frame), view_(frame), nodes_(nodes), stats_(stats) {}
+  RayWalk(const TreeView& tree, const PosedFrame& frame)
+      : tree_(tree), frame_(frame), view_(frame) {}
 
-  void run(const CutRay& cut, RayFound& found) {
-    found = {};
-    found.first_node = static_cast<std::uint32_t>(nodes_.size());
-    if (cut.is_empty) return;
-    aim(cut.ray);
-    ray_ = &cut.ray;
-    found_ = &found;
-    limit_ = 1;
-    push_lanes(0);
-    while (!stack_.empty()) {
-      const Waiting next = stack_.back();
-      stack_.pop_back();
-      if (next.enter > limit_) continue;
-      const TreeNode& node = tree_.nodes[next.place / kLanes];
-      const std::uint32_t lane = next.place % kLanes;
-      if (node.kind(lane) == TreeEntry::Kind::kInner) {
-        push_lanes(node.first[lane]);
-      } else if (node.kind(lane) == TreeEntry::Kind::kFaces) {
-        test_faces(tree_.blocks[node.first[lane]], node.kind_and_count[lane] >> 2);
-      } else {
-        nodes_.push_back({next.place, next.enter, next.leave});
-      }
+  void run(std::span<const CutRay> rays, std::span<RayFound> found, std::vector<NodeOnRay>& nodes,
+           QueryStats& stats) {
+    rays_ = rays;
+    found_ = found;
+    aims_.resize(rays.size());
+    waiting_.resize(std::max(waiting_.size(), rays.size() + kBatch * kLanes));
+    for (std::uint32_t i = 0; i < rays.size(); ++i) {
+      found[i] = {};
+      if (rays[i].is_empty) continue;
+      aim(rays[i].ray, aims_[i]);
+      waiting_[count_++] = {0, i, 0};
     }
-    // What was found before a nearer hit was.
-    const auto first = nodes_.begin() + found.first_node;
-    nodes_.erase(std::remove_if(first, nodes_.end(),
-                                [this](const NodeOnRay& node) { return node.enter > limit_; }),
-                 nodes_.end());
-    found.nodes = static_cast<std::uint32_t>(nodes_.size()) - found.first_node;
+    while (count_ != 0) {
+      step();
+      if (count_ == 0 || ends_.size() >= kBatch) test_ends();
+    }
+    settle_nodes(nodes);
+    stats.box_tests += box_tests_;
+    stats.triangle_tests += face_tests_;
   }
 
  private:
+  struct Aim {
+    double inverse[3], above[3], below[3];  // of where the ray starts, by the margin
+    double limit;
+  };
   struct Waiting {
-    double enter, leave;
+    double enter;
+    std::uint32_t ray;
     TreePlace place;
   };
 
-  void aim(const LatticeRay& ray) {
+  void aim(const LatticeRay& ray, Aim& aim) const {
     const std::array<double, 3> from = view_.point(ray.from), to = view_.point(ray.to);
     for (std::size_t k = 0; k < 3; ++k) {
       constexpr double kLeast = 0x1p-20;
       double way = to[k] - from[k];
       if (std::abs(way) < kLeast) way = kLeast;
-      inverse_[k] = 1 / way;
-      falls_[k] = way < 0;
-      const double room = falls_[k] ? -view_.margin[k] : view_.margin[k];
-      near_[k] = from[k] + room;
-      far_[k] = from[k] - room;
+      aim.inverse[k] = 1 / way;
+      aim.above[k] = from[k] + view_.margin[k];
+      aim.below[k] = from[k] - view_.margin[k];
     }
+    aim.limit = 1;
   }
 
-  /// Which lanes the ray is in for a while before limit_; from when to when.
-  template <class Load>
-  HWY_INLINE std::uint32_t meets(const Load& load_planes, double (&enter)[kLanes],
-                                 double (&leave)[kLanes]) {
+  /// Which lanes the ray is in for a while before its limit, and from when on. `planes(k, i, lo, hi)` loads those of the lanes from i on.
+  template <class Planes>
+  static HWY_INLINE std::uint32_t meets(const Aim& aim, const Planes& planes,
+                                        double (&enter)[kLanes]) {
     const Doubles d;
     std::uint32_t met = 0;
     for (std::size_t i = 0; i < kLanes; i += hn::Lanes(d)) {
-      Vec in = hn::Zero(d), out = hn::Set(d, limit_);
+      Vec in = hn::Zero(d), out = hn::Set(d, aim.limit);
       for (std::size_t k = 0; k < 3; ++k) {
-        const auto [lo, hi] = load_planes(k, i);
-        const Vec inverse = hn::Set(d, inverse_[k]);
-        const Vec near = falls_[k] ? hi : lo, far = falls_[k] ? lo : hi;
-        in = hn::Max(in, hn::Mul(hn::Sub(near, hn::Set(d, near_[k])), inverse));
-        out = hn::Min(out, hn::Mul(hn::Sub(far, hn::Set(d, far_[k])), inverse));
+        Vec lo, hi;
+        planes(k, i, lo, hi);
+        const Vec inverse = hn::Set(d, aim.inverse[k]);
+        const Vec one = hn::Mul(hn::Sub(lo, hn::Set(d, aim.above[k])), inverse),
+                  two = hn::Mul(hn::Sub(hi, hn::Set(d, aim.below[k])), inverse);
+        in = hn::Max(in, hn::Min(one, two));
+        out = hn::Min(out, hn::Max(one, two));
       }
       hn::StoreU(in, d, enter + i);
-      hn::StoreU(out, d, leave + i);
       met |= bits_of(hn::Le(in, out)) << i;
     }
     return met;
   }
 
-  void push_lanes(std::uint32_t at) {
-    const TreeNode& node = tree_.nodes[at];
-    struct Planes {
-      Vec lo, hi;
+  /// All of its lines that a test reads.
+  template <class Thing>
+  static HWY_INLINE void prefetch(const Thing& thing) {
+    const char* const first = reinterpret_cast<const char*>(&thing);
+    for (std::size_t at = 0; at < sizeof(Thing); at += 64) __builtin_prefetch(first + at);
+  }
+
+  /// The latest few parts at once, so that one test need not wait for the other; what of them is inner is opened. Of several lanes that a ray
+  /// meets the nearest comes next.
+  void step() {
+    const std::size_t count = std::min(count_, kBatch);
+    Waiting opened[kBatch];
+    std::size_t open = 0;
+    for (std::size_t i = 0; i < count; ++i) {
+      const Waiting& next = waiting_[--count_];
+      const TreeNode& node = tree_.nodes[next.place / kLanes];
+      const std::uint32_t lane = next.place % kLanes;
+      const bool counts = next.enter <= aims_[next.ray].limit;
+      if (node.kind(lane) == TreeEntry::Kind::kInner) {
+        opened[open] = {next.enter, next.ray, node.first[lane]};
+        prefetch(tree_.nodes[node.first[lane]]);
+        open += counts ? 1 : 0;
+      } else if (counts) {
+        if (node.kind(lane) == TreeEntry::Kind::kFaces) prefetch(tree_.blocks[node.first[lane]]);
+        ends_.push_back(next);
+      }
+    }
+    if (count_ + kBatch * kLanes > waiting_.size()) waiting_.resize(2 * waiting_.size());
+    box_tests_ += open * kLanes;
+    for (std::size_t i = open; i-- > 0;) push_lanes(opened[i]);
+  }
+
+  void push_lanes(const Waiting& opened) {
+    const TreeNode& node = tree_.nodes[opened.place];
+    double enter[kLanes];
+    const std::uint32_t met =
+        node.lanes & meets(
+                         aims_[opened.ray],
+                         [&node](std::size_t k, std::size_t first, Vec& lo, Vec& hi) {
+                           lo = load(node.boxes.lo[k] + first);
+                           hi = load(node.boxes.hi[k] + first);
+                         },
+                         enter);
+    // Two are written whatever there is, and as many counted as there are: most often one or two.
+    const std::array<std::uint8_t, kLanes>& order = kLanesOf[met];
+    const auto of_lane = [&](std::uint32_t lane) {
+      return Waiting{enter[lane], opened.ray, opened.place * kLanes + lane};
     };
-    double enter[kLanes], leave[kLanes];
-    std::uint32_t met = node.lanes & meets(
-                                         [&node](std::size_t k, std::size_t i) {
-                                           return Planes{load(node.boxes.lo[k] + i),
-                                                         load(node.boxes.hi[k] + i)};
-                                         },
-                                         enter, leave);
-    stats_.box_tests += kLanes;
-    const std::size_t before = stack_.size();
-    for (; met != 0; met &= met - 1) {
-      const auto lane = static_cast<std::uint32_t>(std::countr_zero(met));
-      stack_.push_back({enter[lane], leave[lane], at * kLanes + lane});
-      for (std::size_t i = stack_.size() - 1; i > before && stack_[i - 1].enter < stack_[i].enter;
-           --i)
-        std::swap(stack_[i - 1], stack_[i]);
+    Waiting* const top = waiting_.data() + count_;
+    const Waiting one = of_lane(order[0]), two = of_lane(order[1]);
+    const auto number = static_cast<std::size_t>(std::popcount(met));
+    const bool in_order = number < 2 || one.enter >= two.enter;
+    top[0] = in_order ? one : two;
+    top[1] = in_order ? two : one;
+    if (HWY_UNLIKELY(number > 2)) {
+      for (std::size_t n = 2; n < number; ++n) {
+        std::size_t at = n;
+        const Waiting next = of_lane(order[n]);
+        for (; at > 0 && top[at - 1].enter < next.enter; --at) top[at] = top[at - 1];
+        top[at] = next;
+      }
+    }
+    count_ += number;
+  }
+
+  /// Blocks of faces, and unresolved nodes, that were put aside.
+  void test_ends() {
+    for (const Waiting& end : ends_) {
+      const TreeNode& node = tree_.nodes[end.place / kLanes];
+      const std::uint32_t lane = end.place % kLanes;
+      if (node.kind(lane) == TreeEntry::Kind::kUnresolved) {
+        nodes_.push_back(end);
+        continue;
+      }
+      const FaceBlock& block = tree_.blocks[node.first[lane]];
+      double enter[kLanes];
+      std::uint32_t met =
+          meets(
+              aims_[end.ray],
+              [&block](std::size_t k, std::size_t first, Vec& lo, Vec& hi) {
+                const Ints d;
+                const auto a = hn::LoadU(d, block.triangles.corner[0][k] + first),
+                           b = hn::LoadU(d, block.triangles.corner[1][k] + first),
+                           c = hn::LoadU(d, block.triangles.corner[2][k] + first);
+                lo = hn::PromoteTo(Doubles(), hn::Min(hn::Min(a, b), c));
+                hi = hn::PromoteTo(Doubles(), hn::Max(hn::Max(a, b), c));
+              },
+              enter) &
+          ((1U << (node.kind_and_count[lane] >> 2)) - 1);
+      for (; met != 0; met &= met - 1)
+        test_face(end.ray, block, static_cast<std::uint32_t>(std::countr_zero(met)));
+    }
+    ends_.clear();
+  }
+
+  void test_face(std::uint32_t ray, const FaceBlock& block, std::uint32_t lane) {
+    ++face_tests_;
+    const LatticeTriangle face = pose_triangle(frame_, block.triangles.corners(lane));
+    const std::optional<RayHit> hit = first_hit(rays_[ray].ray, face);
+    if (!hit) return;
+    RayFound candidate;
+    candidate.has_face = true;
+    candidate.hit = *hit;
+    candidate.key = block.keys[lane];
+    candidate.face = face;
+    RayFound& found = found_[ray];
+    if (found.has_face && !comes_before(rays_[ray].ray, candidate, found)) return;
+    found = candidate;
+    aims_[ray].limit = std::min(1.0, found.limit());
+  }
+
+  /// By ray; without those that a nearer hit has made needless.
+  void settle_nodes(std::vector<NodeOnRay>& nodes) {
+    std::stable_sort(nodes_.begin(), nodes_.end(),
+                     [](const Waiting& a, const Waiting& b) { return a.ray < b.ray; });
+    std::size_t next = 0;
+    for (std::uint32_t i = 0; i < rays_.size(); ++i) {
+      found_[i].first_node = static_cast<std::uint32_t>(nodes.size());
+      for (; next < nodes_.size() && nodes_[next].ray == i; ++next)
+        if (nodes_[next].enter <= aims_[i].limit)
+          nodes.push_back({nodes_[next].place, nodes_[next].enter});
+      found_[i].nodes = static_cast<std::uint32_t>(nodes.size()) - found_[i].first_node;
     }
   }
 
-  void test_faces(const FaceBlock& block, std::uint32_t count) {
-    struct Planes {
-      Vec lo, hi;
-    };
-    double enter[kLanes], leave[kLanes];
-    std::uint32_t met =
-        ((1U << count) - 1) & meets(
-                                  [&block](std::size_t k, std::size_t i) {
-                                    const Vec a = load(block.triangles.corner[0][k] + i),
-                                              b = load(block.triangles.corner[1][k] + i),
-                                              c = load(block.triangles.corner[2][k] + i);
-                                    return Planes{hn::Min(hn::Min(a, b), c),
-                                                  hn::Max(hn::Max(a, b), c)};
-                                  },
-                                  enter, leave);
-    for (; met != 0; met &= met - 1) {
-      const auto lane = static_cast<std::uint32_t>(std::countr_zero(met));
-      ++stats_.triangle_tests;
-      RayFound candidate{.has_face = true, .key = block.keys[lane]};
-      candidate.face = pose_triangle(frame_, block.triangles.corners(lane));
-      const std::optional<RayHit> hit = first_hit(*ray_, candidate.face);
-      if (!hit) continue;
-      candidate.hit = *hit;
-      if (found_->has_face && !comes_before(*ray_, candidate, *found_)) continue;
-      candidate.first_node = found_->first_node;
-      *found_ = candidate;
-      limit_ = std::min(1.0, found_->limit());
-    }
-  }
-
+  static constexpr std::size_t kBatch = 16;  // parts in flight
   const TreeView& tree_;
   const PosedFrame& frame_;
   const GridView view_;
-  std::vector<NodeOnRay>& nodes_;
-  QueryStats& stats_;
-  std::vector<Waiting> stack_;
-  const LatticeRay* ray_ = nullptr;
-  RayFound* found_ = nullptr;
-  double limit_ = 1;
-  double inverse_[3], near_[3], far_[3];
-  bool falls_[3];
+  std::span<const CutRay> rays_;
+  std::span<RayFound> found_;
+  std::vector<Aim> aims_;         // by ray
+  std::vector<Waiting> waiting_;  // the first count_; the latest last
+  std::size_t count_ = 0;
+  std::vector<Waiting> ends_, nodes_;
+  std::uint64_t box_tests_ = 0, face_tests_ = 0;
 };
 
 void walk_all_rays(const TreeView& tree, const PosedFrame& frame, std::span<const CutRay> rays,
                    std::span<RayFound> found, std::vector<NodeOnRay>& nodes, QueryStats& stats) {
-  RayWalk walk(tree, frame, nodes, stats);
-  for (std::size_t i = 0; i < rays.size(); ++i) walk.run(rays[i], found[i]);
+  RayWalk(tree, frame).run(rays, found, nodes, stats);
 }
 
 }  // namespace nearmesh::HWY_NAMESPACE

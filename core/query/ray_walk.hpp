@@ -27,7 +27,7 @@ struct CutRay {
 /// An unresolved node that a ray may meet, no earlier than `enter`.
 struct NodeOnRay {
   TreePlace place = 0;
-  double enter = 0, leave = 0;
+  double enter = 0;
 };
 struct RayFound {
   bool has_face = false;
