@@ -37,8 +37,7 @@ Wide product(Uint128 a, Uint128 b) {
   const Uint128 a0 = a & kLow, a1 = a >> 64, b0 = b & kLow, b1 = b >> 64;
   const Uint128 low = a0 * b0, middle_a = a1 * b0, middle_b = a0 * b1, high = a1 * b1;
   const Uint128 carry = (low >> 64) + (middle_a & kLow) + (middle_b & kLow);
-  return {high + (middle_a >> 64) + (middle_b >> 64) + (carry >> 64),
-          (carry << 64) | (low & kLow)};
+  return {high + (middle_a >> 64) + (middle_b >> 64) + (carry >> 64), (carry << 64) | (low & kLow)};
 }
 
 constexpr double kFilter = 0x1p-47;
@@ -47,7 +46,9 @@ constexpr double kFineTime = 0x1p-40;
 /// Of an exact t, rounded: numerator, denominator and quotient.
 constexpr double kRoundedTime = 0x1p-51;
 
-Double3 difference(const LatticePoint& p, const LatticePoint& q) { return subtract<double>(p.v, q.v); }
+Double3 difference(const LatticePoint& p, const LatticePoint& q) {
+  return subtract<double>(p.v, q.v);
+}
 double greatest(const Double3& v) {
   return std::max(std::max(std::abs(v[0]), std::abs(v[1])), std::abs(v[2]));
 }
@@ -164,8 +165,8 @@ bool ball_meets(const LatticeBall& ball, const LatticeTriangle& face) {
     v[i] = subtract<Int128>(face[i].v, ball.center.v);
     if (dot(v[i], v[i]) <= radius * radius) return true;
   }
-  const Wide3 normal = cross(subtract<Int128>(face[1].v, face[0].v),
-                             subtract<Int128>(face[2].v, face[0].v));
+  const Wide3 normal =
+      cross(subtract<Int128>(face[1].v, face[0].v), subtract<Int128>(face[2].v, face[0].v));
   bool is_over_face = !is_zero(normal);
   for (std::size_t i = 0; i < 3; ++i) {
     const Wide3 edge = subtract<Int128>(face[(i + 1) % 3].v, face[i].v);

@@ -24,8 +24,7 @@ Status refuse(const char* kind, std::size_t place, const std::string& what) {
 }
 
 bool is_place(const std::array<double, 3>& at_m) {
-  return std::all_of(at_m.begin(), at_m.end(),
-                     [](double x) { return std::abs(x) <= kMaxPlaceM; });
+  return std::all_of(at_m.begin(), at_m.end(), [](double x) { return std::abs(x) <= kMaxPlaceM; });
 }
 const char* const kPlaceRange = "expected finite numbers within 1e9 m of 0";
 
@@ -226,7 +225,8 @@ Result<ProbeNeeds> probe(const TreeView& solid, const Pose& pose,
   const FloatGuard guard;
   NEARMESH_ASSERT(points_m.size() == answers.size());
   if (solid.surface == nullptr)
-    return Status{StatusCode::kInvalidArgument, "the probed body: nothing tells whether it is closed"};
+    return Status{StatusCode::kInvalidArgument,
+                  "the probed body: nothing tells whether it is closed"};
   NEARMESH_RETURN_IF_ERROR(check_solid(*solid.surface, "the probed body"));
   const Result<PosedFrame> frame = probe_frame(*solid.grid, pose);
   NEARMESH_RETURN_IF_ERROR(frame);
@@ -257,8 +257,8 @@ class BallWalk {
 
   ShapeAnswer run(const LatticeBall& ball, NeedsMaker& needs, QueryStats& stats) {
     // Rotations are within 1e-5 of one, so the ball is a ball in the grid but for that.
-    const double radius = static_cast<double>(ball.radius) *
-                          std::ldexp(1.0, frame_.shift - 30) * (1 + 1e-4);
+    const double radius =
+        static_cast<double>(ball.radius) * std::ldexp(1.0, frame_.shift - 30) * (1 + 1e-4);
     const std::array<double, 3> center = view_.point(ball.center);
     std::array<double, 3> lo, hi;
     for (std::size_t k = 0; k < 3; ++k) {
@@ -327,8 +327,9 @@ Result<ProbeNeeds> probe(const TreeView& body, const Pose& pose, std::span<const
     if (!is_place(balls[i].center_m))
       return refuse("ball", i, std::string("center_m: ") + kPlaceRange);
     if (!(balls[i].radius_m >= 0) || !(radius_cells(balls[i]) <= kMaxBallRadiusCells))
-      return refuse("ball", i, "radius_m: expected metres, at least 0, at most " +
-                                   std::to_string(std::ldexp(kMaxBallRadiusCells, lattice_exp)));
+      return refuse("ball", i,
+                    "radius_m: expected metres, at least 0, at most " +
+                        std::to_string(std::ldexp(kMaxBallRadiusCells, lattice_exp)));
   }
   const LatticeBox bounds = bounds_of(frame.value());
   BallWalk walk(body, frame.value());
@@ -381,8 +382,8 @@ TriangleTree make_box(const std::array<double, 3>& half_m, const Grid& body) {
         p[v] = at_v ? far[v] : 0;
         return p;
       };
-      std::array<GridPoint, 4> around{corner(false, false), corner(true, false),
-                                      corner(true, true), corner(false, true)};
+      std::array<GridPoint, 4> around{corner(false, false), corner(true, false), corner(true, true),
+                                      corner(false, true)};
       if (!upper) std::swap(around[1], around[3]);
       for (const std::size_t i : {1U, 2U})
         faces.push_back({{around[0], around[i], around[i + 1]},
@@ -420,7 +421,8 @@ Result<ProbeNeeds> probe(const TreeView& body, const Pose& pose, std::span<const
     stats.triangle_tests += answer.stats.triangle_tests;
     ShapeAnswer& told = found[i];
     if (!answer.pairs.empty()) {
-      told = {.status = ProbeStatus::kHit, .has_face = true, .missing = 0, .face = answer.pairs[0].a};
+      told = {
+          .status = ProbeStatus::kHit, .has_face = true, .missing = 0, .face = answer.pairs[0].a};
     } else if (answer.status == AnswerStatus::kContained) {
       told.status = ProbeStatus::kHit;
     } else if (answer.status == AnswerStatus::kFree) {

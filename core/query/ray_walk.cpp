@@ -179,19 +179,18 @@ class RayWalk {
       }
       const FaceBlock& block = tree_.blocks[node.first[lane]];
       double enter[kLanes];
-      std::uint32_t met =
-          meets(
-              aims_[end.ray],
-              [&block](std::size_t k, std::size_t first, Vec& lo, Vec& hi) {
-                const Ints d;
-                const auto a = hn::LoadU(d, block.triangles.corner[0][k] + first),
-                           b = hn::LoadU(d, block.triangles.corner[1][k] + first),
-                           c = hn::LoadU(d, block.triangles.corner[2][k] + first);
-                lo = hn::PromoteTo(Doubles(), hn::Min(hn::Min(a, b), c));
-                hi = hn::PromoteTo(Doubles(), hn::Max(hn::Max(a, b), c));
-              },
-              enter) &
-          ((1U << (node.kind_and_count[lane] >> 2)) - 1);
+      std::uint32_t met = meets(
+                              aims_[end.ray],
+                              [&block](std::size_t k, std::size_t first, Vec& lo, Vec& hi) {
+                                const Ints d;
+                                const auto a = hn::LoadU(d, block.triangles.corner[0][k] + first),
+                                           b = hn::LoadU(d, block.triangles.corner[1][k] + first),
+                                           c = hn::LoadU(d, block.triangles.corner[2][k] + first);
+                                lo = hn::PromoteTo(Doubles(), hn::Min(hn::Min(a, b), c));
+                                hi = hn::PromoteTo(Doubles(), hn::Max(hn::Max(a, b), c));
+                              },
+                              enter) &
+                          ((1U << (node.kind_and_count[lane] >> 2)) - 1);
       for (; met != 0; met &= met - 1)
         test_face(end.ray, block, static_cast<std::uint32_t>(std::countr_zero(met)));
     }
@@ -290,8 +289,7 @@ CutRay cut_ray(const RayProbe& ray, const LatticeBox& bounds, int lattice_exp) {
   const auto& d = ray.direction;
   const double scale = std::max(std::max(std::abs(d[0]), std::abs(d[1])), std::abs(d[2]));
   std::array<double, 3> along{d[0] / scale, d[1] / scale, d[2] / scale}, from;
-  const double length =
-      std::sqrt(along[0] * along[0] + along[1] * along[1] + along[2] * along[2]);
+  const double length = std::sqrt(along[0] * along[0] + along[1] * along[1] + along[2] * along[2]);
   double begin = 0, end = ray.range_m * cells_per_m;
   std::array<double, 3> lo, hi;
   for (std::size_t k = 0; k < 3; ++k) {

@@ -5,8 +5,8 @@
 #include <span>
 #include <vector>
 
-#include "nearmesh/core/query/probe.hpp"
 #include "lattice_probes.hpp"
+#include "nearmesh/core/query/probe.hpp"
 
 namespace nearmesh {
 

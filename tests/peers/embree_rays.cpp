@@ -17,9 +17,9 @@ EmbreeRays::EmbreeRays(const IndexedMesh& mesh) : impl_(std::make_unique<Impl>()
   impl_->scene = rtcNewScene(impl_->device);
   rtcSetSceneFlags(impl_->scene, RTC_SCENE_FLAG_ROBUST);  // no ray slips between two faces
   RTCGeometry geometry = rtcNewGeometry(impl_->device, RTC_GEOMETRY_TYPE_TRIANGLE);
-  auto* corners = static_cast<float*>(
-      rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
-                              3 * sizeof(float), mesh.positions_m.size()));
+  auto* corners = static_cast<float*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0,
+                                                              RTC_FORMAT_FLOAT3, 3 * sizeof(float),
+                                                              mesh.positions_m.size()));
   for (const auto& p : mesh.positions_m)
     for (const double x : p) *corners++ = static_cast<float>(x);
   auto* faces = static_cast<unsigned*>(

@@ -51,14 +51,16 @@ struct Rays {
 /// Over the whole terrain at random, around one place, and slanted views.
 std::vector<Rays> make_rays(double half_m, double height_m) {
   Random random(1);
-  std::vector<Rays> all{{"heights, anywhere", {}}, {"heights, within 200 m", {}},
-                        {"heights, a grid of 100 x 100", {}}, {"rays, from above", {}},
+  std::vector<Rays> all{{"heights, anywhere", {}},
+                        {"heights, within 200 m", {}},
+                        {"heights, a grid of 100 x 100", {}},
+                        {"rays, from above", {}},
                         {"rays, level", {}}};
   for (std::size_t i = 0; i < kProbes; ++i) {
     const double x = random.between(-1, 1) * half_m, y = random.between(-1, 1) * half_m;
     all[0].rays.push_back({.origin_m = {x, y, height_m}});
-    all[1].rays.push_back({.origin_m = {100 + random.between(-200, 200),
-                                        200 + random.between(-200, 200), height_m}});
+    all[1].rays.push_back(
+        {.origin_m = {100 + random.between(-200, 200), 200 + random.between(-200, 200), height_m}});
     all[2].rays.push_back({.origin_m = {4.0 * static_cast<double>(i % 100),
                                         4.0 * static_cast<double>(i / 100), height_m}});
     std::array<double, 3> way{random.between(-1, 1), random.between(-1, 1),
@@ -99,9 +101,9 @@ void run(std::uint32_t size) {
   const auto count = [&](const Pose& pose, const std::vector<RayProbe>& rays) {
     const Result<ProbeNeeds> needs = probe(view, pose, rays, answers);
     if (!needs.is_ok() || !needs.value().is_nothing()) return std::size_t{0};
-    return static_cast<std::size_t>(std::count_if(
-        answers.begin(), answers.end(),
-        [](const RayAnswer& answer) { return answer.status == ProbeStatus::kHit; }));
+    return static_cast<std::size_t>(
+        std::count_if(answers.begin(), answers.end(),
+                      [](const RayAnswer& answer) { return answer.status == ProbeStatus::kHit; }));
   };
   for (auto& [name, rays] : make_rays(half_m * 0.99, height_m + 100)) {
     measure(faces, name, "nearmesh", [&] { return count({}, rays); });
@@ -119,8 +121,8 @@ void run(std::uint32_t size) {
     for (const bool packets : {false, true})
       measure(faces, name, packets ? "embree, packets of 8" : "embree, one by one", [&] {
         embree.trace(rays, distances, packets);
-        return static_cast<std::size_t>(std::count_if(
-            distances.begin(), distances.end(), [](float d) { return std::isfinite(d); }));
+        return static_cast<std::size_t>(std::count_if(distances.begin(), distances.end(),
+                                                      [](float d) { return std::isfinite(d); }));
       });
     count({}, rays);
     std::size_t differ = 0;

@@ -28,8 +28,9 @@ exact::Vec as_exact(const LatticePoint& p) {
 /// The least t at which the ray is in the triangle, by cutting the ray with it.
 std::optional<mpq_class> true_time(const LatticeRay& ray, const LatticeTriangle& face) {
   const exact::Vec from = as_exact(ray.from), way = exact::minus(as_exact(ray.to), from);
-  const exact::Polygon common = exact::common_part(
-      {{from, 1}, {as_exact(ray.to), 1}}, {as_exact(face[0]), as_exact(face[1]), as_exact(face[2])});
+  const exact::Polygon common =
+      exact::common_part({{from, 1}, {as_exact(ray.to), 1}},
+                         {as_exact(face[0]), as_exact(face[1]), as_exact(face[2])});
   std::optional<mpq_class> first;
   for (const exact::Point& p : common) {
     mpq_class t = 0;
@@ -149,9 +150,10 @@ TEST(ExactTime, IsOrderedAsRationalsAre) {
     a.under = a.under < 0 ? -a.under : a.under + 1;
     b.under = b.under < 0 ? -b.under : b.under + 1;
     if (random.below(4) == 0) b = {2 * a.over, 2 * a.under};
-    const int truth = sgn(mpz_class(whole(a.over) * whole(b.under) - whole(b.over) * whole(a.under)));
+    const int truth =
+        sgn(mpz_class(whole(a.over) * whole(b.under) - whole(b.over) * whole(a.under)));
     EXPECT_EQ(a < b, truth < 0);
-    EXPECT_EQ(b < a, truth > 0);
+    EXPECT_EQ(b<a, truth> 0);
   }
 }
 

@@ -57,8 +57,7 @@ std::vector<RayProbe> random_rays(Random& random, const BakedModel& model, const
   std::vector<RayProbe> rays(count);
   for (RayProbe& ray : rays) {
     const auto target = vertex(), other = vertex();
-    for (std::size_t k = 0; k < 3; ++k)
-      ray.origin_m[k] = target[k] + random.between(-2, 2) * size;
+    for (std::size_t k = 0; k < 3; ++k) ray.origin_m[k] = target[k] + random.between(-2, 2) * size;
     switch (random.below(5)) {
       case 0:  // at a vertex
         for (std::size_t k = 0; k < 3; ++k) ray.direction[k] = target[k] - ray.origin_m[k];
@@ -201,9 +200,9 @@ TEST_P(ProbedModel, RaysDependOnNeitherInstructionSetNorBatch) {
       const auto more = bits_of_answers(answers, needs.value());
       found.insert(found.end(), more.begin(), more.end());
       for (std::size_t i = 0; i < rays.size(); ++i)
-        ASSERT_TRUE(probe(held.view(), pose, std::span(rays).subspan(i, 1),
-                          std::span(alone).subspan(i, 1))
-                        .is_ok());
+        ASSERT_TRUE(
+            probe(held.view(), pose, std::span(rays).subspan(i, 1), std::span(alone).subspan(i, 1))
+                .is_ok());
       EXPECT_EQ(bits_of_answers(alone, needs.value()), more);
     }
     if (bits.empty()) bits = found;
@@ -223,8 +222,8 @@ TEST_P(ProbedModel, BallsAreNeverWrongAndEndAsOverAllFaces) {
     const double size = test::radius_m(model_);
     std::vector<BallProbe> balls(30);
     for (BallProbe& ball : balls) {
-      const auto at = test::position_m(model_.header, model_.store,
-                                       {random.below(model_.header.vertex_count)});
+      const auto at =
+          test::position_m(model_.header, model_.store, {random.below(model_.header.vertex_count)});
       ball.center_m = test::place(pose, at);
       ball.radius_m = size * std::ldexp(random.between(0, 1), -static_cast<int>(random.below(8)));
       const double off = ball.radius_m * random.between(0.2, 3);
@@ -239,8 +238,7 @@ TEST_P(ProbedModel, BallsAreNeverWrongAndEndAsOverAllFaces) {
       LatticeBall ball;
       const double cell = std::ldexp(1.0, truth.frame.lattice_exp);
       for (std::size_t k = 0; k < 3; ++k)
-        ball.center.v[k] =
-            static_cast<std::int64_t>(std::floor(balls[i].center_m[k] / cell + 0.5));
+        ball.center.v[k] = static_cast<std::int64_t>(std::floor(balls[i].center_m[k] / cell + 0.5));
       ball.radius = static_cast<std::int64_t>(std::floor(balls[i].radius_m / cell + 0.5));
       for (std::size_t f = 0; f < truth.faces.size(); ++f)
         if (ball_meets(ball, truth.faces[f])) keys[i].push_back(truth.keys[f]);
@@ -282,8 +280,8 @@ TEST_P(ProbedModel, BoxesAreNeverWrongAndEndAsTheFullMesh) {
     const double size = test::radius_m(model_);
     std::vector<BoxProbe> boxes(20);
     for (BoxProbe& box : boxes) {
-      const auto at = test::position_m(model_.header, model_.store,
-                                       {random.below(model_.header.vertex_count)});
+      const auto at =
+          test::position_m(model_.header, model_.store, {random.below(model_.header.vertex_count)});
       box.pose.translation_m = test::place(pose, at);
       if (random.below(3) != 0) box.pose.rotation = test::random_rotation(random);
       const double scale = std::ldexp(size, -static_cast<int>(random.below(7)));
@@ -347,8 +345,8 @@ TEST_P(ProbedModel, BoxesAreNeverWrongAndEndAsTheFullMesh) {
 
 TEST(PointProbe, EndsAsTheWindingNumberOverAllFacesInEveryState) {
   std::size_t inside = 0, on = 0, open = 0;
-  for (const IndexedMesh& mesh :
-       {test::make_torus(3, 1, 24, 12), test::make_nested(), test::make_closed_terrain(12, 3, -2)}) {
+  for (const IndexedMesh& mesh : {test::make_torus(3, 1, 24, 12), test::make_nested(),
+                                  test::make_closed_terrain(12, 3, -2)}) {
     const BakedModel model = test::bake_mesh(mesh, 16);
     for (std::uint64_t seed = 0; seed < 12; ++seed) {
       SCOPED_TRACE(seed);
@@ -375,9 +373,10 @@ TEST(PointProbe, EndsAsTheWindingNumberOverAllFacesInEveryState) {
         for (std::size_t k = 0; k < 3; ++k)
           p.v[k] = static_cast<std::int64_t>(
               std::floor(std::ldexp(points[i][k], -truth.frame.lattice_exp) + 0.5));
-        wanted[i].on_surface = std::any_of(
-            truth.faces.begin(), truth.faces.end(),
-            [&](const LatticeTriangle& face) { return triangles_overlap({p, p, p}, face); });
+        wanted[i].on_surface =
+            std::any_of(truth.faces.begin(), truth.faces.end(), [&](const LatticeTriangle& face) {
+              return triangles_overlap({p, p, p}, face);
+            });
         const bool is_in = wanted[i].on_surface || test::winding_number(truth.faces, p) != 0;
         wanted[i].status = is_in ? ProbeStatus::kHit : ProbeStatus::kMiss;
         inside += is_in ? 1 : 0;
@@ -447,9 +446,10 @@ TEST(RayProbe, RefusesWhatIsNoRay) {
   const LocalModel held(cube.store, cube.header.grid);
   const double infinite = std::numeric_limits<double>::infinity(), nan = std::nan("");
   RayAnswer answer;
-  for (const RayProbe& ray : {RayProbe{.origin_m = {nan, 0, 0}}, RayProbe{.origin_m = {2e9, 0, 0}},
-                              RayProbe{.direction = {0, 0, 0}}, RayProbe{.direction = {infinite, 0, 0}},
-                              RayProbe{.range_m = -1}, RayProbe{.range_m = nan}})
+  for (const RayProbe& ray :
+       {RayProbe{.origin_m = {nan, 0, 0}}, RayProbe{.origin_m = {2e9, 0, 0}},
+        RayProbe{.direction = {0, 0, 0}}, RayProbe{.direction = {infinite, 0, 0}},
+        RayProbe{.range_m = -1}, RayProbe{.range_m = nan}})
     EXPECT_FALSE(probe(held.view(), {}, std::span(&ray, 1), std::span(&answer, 1)).is_ok());
   const BallProbe ball{.radius_m = nan};
   ShapeAnswer shape;

@@ -44,7 +44,8 @@ struct RayProbe {
 /// The first face that a ray meets. Of several at one point the one with the least key.
 struct RayAnswer {
   ProbeStatus status = ProbeStatus::kUncertain;
-  bool has_face = false;      ///< a face is known that the ray meets; uncertain: what is missing may be met before it
+  bool has_face =
+      false;  ///< a face is known that the ray meets; uncertain: what is missing may be met before it
   std::uint32_t missing = 0;  ///< how many nodes this answer lacks
   FaceKey face;               ///< where has_face; so are point_m and normal
   /// Of the face that is met first, metres from the origin: hit: both but for the rounding of doubles (2^-40 of the way through the
@@ -52,7 +53,8 @@ struct RayAnswer {
   double at_least_m = 0;
   double at_most_m = std::numeric_limits<double>::infinity();
   std::array<double, 3> point_m{};  ///< world
-  std::array<double, 3> normal{};   ///< of the face, a unit vector on the side where its corners run counter-clockwise; 0: it has none
+  std::array<double, 3>
+      normal{};  ///< of the face, a unit vector on the side where its corners run counter-clockwise; 0: it has none
 
   /// Of the face; NaN where there is none. Of a ray straight down it is the origin's height above the ground.
   [[nodiscard]] double distance_m() const {
@@ -80,15 +82,18 @@ struct BoxProbe {
 /// Whether a ball or a box, filled, meets a surface.
 struct ShapeAnswer {
   ProbeStatus status = ProbeStatus::kUncertain;
-  bool has_face = false;  ///< false for a hit where a part of the body is inside a box that its surface does not meet
+  bool has_face =
+      false;  ///< false for a hit where a part of the body is inside a box that its surface does not meet
   std::uint32_t missing = 0;
-  FaceKey face;  ///< of those that are met the one with the least key; while uncertain, of those that are known
+  FaceKey
+      face;  ///< of those that are met the one with the least key; while uncertain, of those that are known
 };
 
 /// What the answers of a batch lack together.
 struct ProbeNeeds {
   std::vector<NodeSpan> missing;  ///< ascending
-  std::vector<GridBox> where;     ///< in the body's grid: the parts of these nodes that matter, a hint where to ask for detail
+  std::vector<GridBox>
+      where;  ///< in the body's grid: the parts of these nodes that matter, a hint where to ask for detail
   QueryStats stats;
   [[nodiscard]] bool is_nothing() const { return missing.empty(); }
 };
