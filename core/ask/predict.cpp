@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "predict.hpp"
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -9,15 +8,13 @@
 #include <utility>
 
 #include "core/geometry/motion_bounds.hpp"
+#include "vector3.hpp"
 
 namespace nearmesh {
 namespace {
 
-using Eigen::Vector3d;
-using Rotation = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
-
-Vector3d vector(const std::array<double, 3>& v) { return {v[0], v[1], v[2]}; }
-Rotation rotation(const Pose& pose) { return Eigen::Map<const Rotation>(pose.rotation.data()); }
+Vector3d vector(const std::array<double, 3>& v) { return {v}; }
+Matrix3d rotation(const Pose& pose) { return {pose.rotation}; }
 
 struct MetreBox {
   Vector3d center, half;
@@ -29,7 +26,7 @@ MetreBox in_metres(const Grid& grid, const GridBox& box) {
     lo[k] = std::ldexp(box.lo[k], grid.exponent);
     hi[k] = std::ldexp(box.hi[k], grid.exponent);
   }
-  return {vector(grid.origin_m) + (lo + hi) / 2, (hi - lo) / 2};
+  return {vector(grid.origin_m) + (lo + hi) * 0.5, (hi - lo) * 0.5};
 }
 
 std::int32_t clamp_grid(double x) {
@@ -85,7 +82,7 @@ class Sweep {
         other_(other),
         margin_m_(margin_m),
         cell_(std::ldexp(1.0, own.grid->exponent)) {
-    const Rotation to_own = rotation(own_motion.pose).transpose();
+    const Matrix3d to_own = rotation(own_motion.pose).transposed();
     turn_ = to_own * rotation(other_motion.pose);
     offset_ =
         to_own * (vector(other_motion.pose.translation_m) - vector(own_motion.pose.translation_m));
@@ -93,14 +90,14 @@ class Sweep {
     drift_ = to_own *
              (vector(other_motion.linear_velocity_mps) - vector(own_motion.linear_velocity_mps)) *
              lookahead_s;
-    own_turn_ = vector(own_motion.angular_velocity_radps).norm() * lookahead_s;
-    other_turn_ = vector(other_motion.angular_velocity_radps).norm() * lookahead_s;
+    own_turn_ = norm(vector(own_motion.angular_velocity_radps)) * lookahead_s;
+    other_turn_ = norm(vector(other_motion.angular_velocity_radps)) * lookahead_s;
   }
 
   // Where a box of the other's grid may be.
   [[nodiscard]] GridBox box(const GridBox& box) const {
     const MetreBox m = in_metres(*other_.grid, box);
-    const Vector3d center = offset_ + turn_ * m.center, half = turn_.cwiseAbs() * m.half;
+    const Vector3d center = offset_ + turn_ * m.center, half = absolute(turn_) * m.half;
     return covering(center - half, center + half, growth(box) / cell_);
   }
   // Where what some items bound may be: closer than their boxes.
@@ -111,15 +108,15 @@ class Sweep {
       gather(item.entry, item.faces, kPartDepth, pieces);
       box.add(item.box);
     }
-    Vector3d lo = Vector3d::Constant(1e300), hi = -lo;
+    Vector3d lo{{1e300, 1e300, 1e300}}, hi{{-1e300, -1e300, -1e300}};
     for (const MetreBox& piece : pieces.boxes) {
-      const Vector3d half = turn_.cwiseAbs() * piece.half;
-      lo = lo.cwiseMin(piece.center - half);
-      hi = hi.cwiseMax(piece.center + half);
+      const Vector3d half = absolute(turn_) * piece.half;
+      lo = least_of(lo, piece.center - half);
+      hi = greatest_of(hi, piece.center + half);
     }
     for (const Vector3d& point : pieces.points) {
-      lo = lo.cwiseMin(point);
-      hi = hi.cwiseMax(point);
+      lo = least_of(lo, point);
+      hi = greatest_of(hi, point);
     }
     const double growth_m = growth(box);
     const double radius = std::min(std::ceil(growth_m / cell_), double{kMaxRegionRadius});
@@ -139,14 +136,14 @@ class Sweep {
   struct Pieces {
     std::vector<Vector3d> points;
     std::vector<MetreBox> boxes;
-    Vector3d normal = Vector3d::Zero();
+    Vector3d normal;
   };
 
   [[nodiscard]] double growth(const GridBox& box) const {
     const MetreBox m = in_metres(*other_.grid, box);
-    const Vector3d center = offset_ + turn_ * m.center, half = turn_.cwiseAbs() * m.half;
+    const Vector3d center = offset_ + turn_ * m.center, half = absolute(turn_) * m.half;
     return margin_m_ + other_turn_ * reach_m(*other_.grid, box) +
-           own_turn_ * (center.norm() + half.norm() + drift_.norm()) + cell_;
+           own_turn_ * (norm(center) + norm(half) + norm(drift_)) + cell_;
   }
   // The drifting box, grown by so many cells.
   [[nodiscard]] GridBox covering(const Vector3d& lo, const Vector3d& hi, double cells) const {
@@ -179,7 +176,7 @@ class Sweep {
           at[k] = offset_ + turn_ * in_metres(*other_.grid, {p, p}).center;
           pieces.points.push_back(at[k]);
         }
-        pieces.normal += (at[1] - at[0]).cross(at[2] - at[0]);
+        pieces.normal = pieces.normal + cross(at[1] - at[0], at[2] - at[0]);
       }
     } else if (entry.kind() == TreeEntry::Kind::kInner && depth > 0) {
       other_.for_each_child(
@@ -191,7 +188,8 @@ class Sweep {
   }
   // The slab across the faces' mean normal; none where they have none.
   void add_slab(const Pieces& pieces, double growth_m, RegionPart& part) const {
-    const double size = pieces.normal.lpNorm<1>();
+    const Vector3d sizes = absolute(pieces.normal);
+    const double size = sizes[0] + sizes[1] + sizes[2];
     if (!(size > 0)) return;
     Vector3d normal;
     for (int k = 0; k < 3; ++k) {
@@ -201,17 +199,17 @@ class Sweep {
     }
     double least = 1e300, most = -1e300;
     for (const Vector3d& point : pieces.points) {
-      least = std::min(least, normal.dot(point));
-      most = std::max(most, normal.dot(point));
+      least = std::min(least, dot(normal, point));
+      most = std::max(most, dot(normal, point));
     }
     for (const MetreBox& piece : pieces.boxes) {
-      const double at = normal.dot(piece.center);
-      const double half = (turn_.transpose() * normal).cwiseAbs().dot(piece.half);
+      const double at = dot(normal, piece.center);
+      const double half = dot(absolute(turn_.transposed() * normal), piece.half);
       least = std::min(least, at - half);
       most = std::max(most, at + half);
     }
-    const double from = normal.dot(vector(own_.origin_m)), along = normal.dot(drift_);
-    const double wider = normal.norm() * growth_m;
+    const double from = dot(normal, vector(own_.origin_m)), along = dot(normal, drift_);
+    const double wider = norm(normal) * growth_m;
     part.slab_lo =
         clamp_grid(std::floor((least - from + std::min(along, 0.0) - wider) / cell_ / 128));
     part.slab_hi =
@@ -221,7 +219,7 @@ class Sweep {
   const Grid& own_;
   const TreeView& other_;
   const double margin_m_, cell_;
-  Rotation turn_;
+  Matrix3d turn_;
   Vector3d offset_, drift_;
   double own_turn_ = 0, other_turn_ = 0;
 };

@@ -16,6 +16,7 @@ namespace {
 constexpr double kMaxTranslationM = 1e9;
 constexpr double kMaxSpeed = 1e9;
 constexpr double kOrthonormalTolerance = 1e-5;
+constexpr double kQuaternionTolerance = 1e-3;
 constexpr double kMaxTranslationCells = 0x1p62;
 constexpr int kMaxSpanBits = 38;  ///< a posed model spans at most 2^38 lattice cells per axis
 constexpr int kSubBits = 2;       ///< the lattice divides the finer cell by 2^2
@@ -73,6 +74,22 @@ Status check_pose(const Pose& pose, std::string_view body) {
   return Status::ok();
 }
 
+Result<std::array<double, 9>> rotation_of_quaternion(const std::array<double, 4>& wxyz,
+                                                     std::string_view body) {
+  const FloatGuard guard;
+  const double length =
+      std::sqrt(wxyz[0] * wxyz[0] + wxyz[1] * wxyz[1] + wxyz[2] * wxyz[2] + wxyz[3] * wxyz[3]);
+  if (!(std::abs(length - 1) <= kQuaternionTolerance))
+    return refuse(body, "quaternion: its length is " + number(length) +
+                            ", expected 1 within 1e-3 (w, x, y, z)");
+  const double w = wxyz[0] / length, x = wxyz[1] / length, y = wxyz[2] / length,
+               z = wxyz[3] / length;
+  return std::array<double, 9>{
+      1 - 2 * (y * y + z * z), 2 * (x * y - z * w),     2 * (x * z + y * w),
+      2 * (x * y + z * w),     1 - 2 * (x * x + z * z), 2 * (y * z - x * w),
+      2 * (x * z - y * w),     2 * (y * z + x * w),     1 - 2 * (x * x + y * y)};
+}
+
 Pose orthonormal(const Pose& pose) {
   const FloatGuard guard;
   constexpr double kGoodEnough = 0x1p-40;
@@ -91,9 +108,9 @@ Pose orthonormal(const Pose& pose) {
     const std::array<double, 9> before = r;
     for (std::size_t i = 0; i < 3; ++i)
       for (std::size_t j = 0; j < 3; ++j)
-        r[3 * i + j] = before[3 * i + j] -
-                       0.5 * (before[3 * i] * e[j] + before[3 * i + 1] * e[3 + j] +
-                              before[3 * i + 2] * e[6 + j]);
+        r[3 * i + j] =
+            before[3 * i + j] - 0.5 * (before[3 * i] * e[j] + before[3 * i + 1] * e[3 + j] +
+                                       before[3 * i + 2] * e[6 + j]);
   }
   return out;
 }

@@ -76,8 +76,17 @@ Clearance clearance(const YAML::Node& node) {
 }
 
 Pose fixed_pose(const YAML::Node& node, const std::string& body) {
-  check_keys(node, "pose of " + body, {"rotation", "translation"});
+  check_keys(node, "pose of " + body, {"rotation", "quaternion", "translation"});
   Pose pose;
+  if (const YAML::Node q = node["quaternion"]) {
+    if (node["rotation"]) fail(q, "quaternion: expected it or rotation, found both");
+    const auto x = value<std::vector<double>>(q, "quaternion", "four numbers: w, x, y, z");
+    if (x.size() != 4)
+      fail(q, "quaternion: expected four numbers, w, x, y, z, found " + std::to_string(x.size()));
+    const auto rotation = rotation_of_quaternion({x[0], x[1], x[2], x[3]}, body);
+    if (!rotation.is_ok()) fail(q, rotation.status().message());
+    pose.rotation = rotation.value();
+  }
   if (const YAML::Node r = node["rotation"]) {
     const auto x = value<std::vector<double>>(r, "rotation", "nine numbers, row-major");
     if (x.size() != 9)
@@ -120,16 +129,31 @@ Result<std::vector<Motion>> read_trajectory(const std::string& path, const std::
                                             double rate_hz) {
   const Result<CsvTable> table = CsvTable::read(path);
   NEARMESH_RETURN_IF_ERROR(table);
-  const auto columns = table.value().columns(
-      {"R00", "R01", "R02", "R10", "R11", "R12", "R20", "R21", "R22", "T0", "T1", "T2"});
+  // Nine numbers of a matrix, or four of a quaternion.
+  const bool is_quaternion = table.value().column("QW") != CsvTable::npos;
+  std::vector<std::string> names{"R00", "R01", "R02", "R10", "R11", "R12", "R20", "R21", "R22"};
+  if (is_quaternion) names = {"QW", "QX", "QY", "QZ"};
+  const std::size_t turns = names.size();
+  names.insert(names.end(), {"T0", "T1", "T2"});
+  const auto columns = table.value().columns(names);
   NEARMESH_RETURN_IF_ERROR(columns);
   std::vector<Motion> motions(table.value().row_count());
   for (std::size_t row = 0; row < motions.size(); ++row) {
     Pose& pose = motions[row].pose;
-    for (std::size_t i = 0; i < 12; ++i) {
+    std::array<double, 4> quaternion{};
+    for (std::size_t i = 0; i < names.size(); ++i) {
       const Result<double> x = table.value().number(row, columns.value()[i]);
       NEARMESH_RETURN_IF_ERROR(x);
-      (i < 9 ? pose.rotation[i] : pose.translation_m[i - 9]) = x.value();
+      (i >= turns      ? pose.translation_m[i - turns]
+       : is_quaternion ? quaternion[i]
+                       : pose.rotation[i]) = x.value();
+    }
+    if (is_quaternion) {
+      const auto rotation = rotation_of_quaternion(quaternion, body);
+      if (!rotation.is_ok())
+        return Status{rotation.status().code(),
+                      table.value().place(row) + ": " + rotation.status().message()};
+      pose.rotation = rotation.value();
     }
     if (const Status status = check_pose(pose, body); !status.is_ok())
       return Status{status.code(), table.value().place(row) + ": " + status.message()};

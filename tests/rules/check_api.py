@@ -24,7 +24,7 @@ def read_page(text):
         for name in HEADER.findall(row):
             if "/" in name:
                 folder = name.rpartition("/")[0]
-            yield name if "/" in name else f"{folder}/{name}"
+            yield name if "/" in name or not folder else f"{folder}/{name}"
 
 
 def check(root):

@@ -26,6 +26,8 @@ def spelled(header):
 def room_of(path):
     """core/query/walk.cpp and core/include/nearmesh/core/query/query.hpp: core/query."""
     parts = path.parts
+    if parts[1] == "include" and len(parts) == 4:  # core/include/nearmesh/eigen.hpp
+        return f"{parts[0]}/{path.stem}"
     return "/".join((parts[0], parts[4] if parts[1] == "include" else parts[1]))
 
 

@@ -314,5 +314,45 @@ TEST(ReadScene, NamesTheRowOfABadTrajectory) {
   EXPECT_FALSE(read_scene(folder.file("scene.yaml")).is_ok());
 }
 
+TEST(Scene, RotationsMayBeQuaternions) {
+  const Folder folder;
+  folder.write("flight1.csv",
+               "QW,QX,QY,QZ,T0,T1,T2\n"
+               "1,0,0,0,0,0,100\n"
+               "0.70710678,0,0,0.70710678,8,0,100\n"
+               "0,0,0,1,20,0,100\n");
+  folder.write("scene.yaml", changed("{translation: [1, 2, 3]}",
+                                     "{quaternion: [0, 1, 0, 0], translation: [1, 2, 3]}"));
+  const auto scene = read_scene(folder.file("scene.yaml"));
+  ASSERT_TRUE(scene.is_ok()) << scene.status().message();
+  const std::array<double, 9> half_turn{1, 0, 0, 0, -1, 0, 0, 0, -1};
+  EXPECT_EQ(scene.value().bodies[0].fixed_pose->rotation, half_turn);
+  const auto& flown = scene.value().bodies[1].trajectory;
+  ASSERT_EQ(flown.size(), 3U);
+  EXPECT_NEAR(flown[1].pose.rotation[3], 1, 1e-12);  // x is where y was
+  EXPECT_NEAR(flown[1].pose.rotation[0], 0, 1e-7);
+  EXPECT_TRUE(check_pose(flown[1].pose, "it").is_ok());
+}
+
+TEST(Scene, RefusesQuaternionsThatAreNone) {
+  for (const char* pose : {"quaternion: [0, 0, 0, 0]", "quaternion: [1, 0, 0]",
+                           "quaternion: [2, 0, 0, 0]", "quaternion: [.nan, 0, 0, 0]",
+                           "quaternion: [1, 0, 0, 0], rotation: [1, 0, 0, 0, 1, 0, 0, 0, 1]"}) {
+    const Folder folder;
+    folder.write("scene.yaml", changed("{translation: [1, 2, 3]}", "{" + std::string(pose) + "}"));
+    const auto scene = read_scene(folder.file("scene.yaml"));
+    ASSERT_FALSE(scene.is_ok()) << pose;
+    EXPECT_NE(scene.status().message().find("quaternion"), std::string::npos)
+        << scene.status().message();
+  }
+  const Folder folder;
+  folder.write("flight1.csv", "QW,QX,QY,QZ,T0,T1,T2\n1,0,0,0,0,0,1\n1,1,0,0,0,0,1\n");
+  folder.write("scene.yaml", kScene);
+  const auto scene = read_scene(folder.file("scene.yaml"));
+  ASSERT_FALSE(scene.is_ok());
+  EXPECT_NE(scene.status().message().find("flight1.csv:3"), std::string::npos)
+      << scene.status().message();
+}
+
 }  // namespace
 }  // namespace nearmesh

@@ -34,6 +34,11 @@ struct Pose {
 /// Precondition: check_pose accepted the pose.
 [[nodiscard]] Pose orthonormal(const Pose& pose);
 
+/// The rotation, row-major, of the quaternion w + x i + y j + z k, which is normalised first. Errors: kInvalidArgument where its length is not within 1e-3
+/// of 1, naming it.
+[[nodiscard]] Result<std::array<double, 9>> rotation_of_quaternion(
+    const std::array<double, 4>& wxyz, std::string_view body);
+
 /// A point of the pair's common integer lattice (see lattice_exponent).
 struct LatticePoint {
   std::array<std::int64_t, 3> v{};
