@@ -70,6 +70,13 @@ std::optional<Scene> flight(const SceneOptions& options, const std::string& name
 std::optional<Scene> touching_flight(const SceneOptions& o) {
   return flight(o, "touching-flight", 0);
 }
+// Who joins in the middle of that flight starts from nothing there.
+std::optional<Scene> late_flight(const SceneOptions& o) {
+  std::optional<Scene> scene = flight(o, "late-flight", 0);
+  scene->poses.erase(scene->poses.begin(),
+                     scene->poses.begin() + static_cast<std::ptrdiff_t>(scene->poses.size() / 2));
+  return scene;
+}
 std::optional<Scene> near_flight(const SceneOptions& o) { return flight(o, "near-flight", 0.25); }
 std::optional<Scene> clear_flight(const SceneOptions& o) { return flight(o, "clear-flight", 1); }
 
@@ -225,6 +232,7 @@ const std::vector<SceneInfo>& scenes() {
   static const std::vector<SceneInfo> all{
       {"terrain-grazing", false, terrain_grazing},
       {"touching-flight", false, touching_flight},
+      {"late-flight", false, late_flight},
       {"near-flight", false, near_flight},
       {"clear-flight", false, clear_flight},
       {"two-scans", true, two_scans},
