@@ -5,7 +5,7 @@
 #include <string>
 
 #include "nearmesh/core/recording/recording.hpp"
-#include "subscriber/recorded/model_folder.hpp"
+#include "core/spm/model_folder.hpp"
 
 namespace nearmesh::subscriber::report {
 
