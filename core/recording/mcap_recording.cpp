@@ -15,10 +15,10 @@
 namespace nearmesh {
 namespace {
 
-constexpr const char* kSession = "nearmesh session";  // the metadata
-constexpr const char* kTopics = "nearmesh topics";    // metadata, too: names and types, in order
-constexpr const char* kTables = "nearmesh tables";    // the attachment
-constexpr const char* kWriter = "nearmesh_writer";    // of a channel: the writer's index
+constexpr const char* kSessionName = "nearmesh session";  // the metadata
+constexpr const char* kTopicsName = "nearmesh topics";   // metadata, too: names and types, in order
+constexpr const char* kTablesName = "nearmesh tables";   // the attachment
+constexpr const char* kWriterIndex = "nearmesh_writer";  // of a channel: the writer's index
 constexpr const char* kMediaType = "application/octet-stream";
 
 // ---- tables: what the recorder knew beside the samples ------------------------------------------
@@ -189,17 +189,17 @@ Result<std::vector<std::uint16_t>> begin_mcap_recording(RecordingReader& recordi
                                                         mcap::Writer& file) {
   const RecordingFacts& facts = recording.facts();
   NEARMESH_RETURN_IF_ERROR(
-      file.add_metadata(kSession, {{"version", std::to_string(kRecordingVersion)},
-                                   {"session", to_hex(facts.session)},
-                                   {"wire_version", std::to_string(facts.wire_version)},
-                                   {"prefix", facts.prefix},
-                                   {"idl", facts.idl}}));
+      file.add_metadata(kSessionName, {{"version", std::to_string(kRecordingVersion)},
+                                       {"session", to_hex(facts.session)},
+                                       {"wire_version", std::to_string(facts.wire_version)},
+                                       {"prefix", facts.prefix},
+                                       {"idl", facts.idl}}));
   mcap::Texts topics;
   for (const RecordedTopic& topic : recording.topics()) topics.emplace_back(topic.name, topic.type);
-  NEARMESH_RETURN_IF_ERROR(file.add_metadata(kTopics, topics));
+  NEARMESH_RETURN_IF_ERROR(file.add_metadata(kTopicsName, topics));
   const Result<Tables> tables = tables_of(recording);
   NEARMESH_RETURN_IF_ERROR(tables);
-  NEARMESH_RETURN_IF_ERROR(file.attach(kTables, kMediaType, tables.value().encode()));
+  NEARMESH_RETURN_IF_ERROR(file.attach(kTablesName, kMediaType, tables.value().encode()));
   std::vector<std::uint16_t> schemas, channels;
   for (const RecordedTopic& topic : recording.topics()) {
     const Result<std::uint16_t> schema = file.add_schema({topic.type, "omgidl", facts.idl});
@@ -212,7 +212,7 @@ Result<std::vector<std::uint16_t>> begin_mcap_recording(RecordingReader& recordi
         file.add_channel({.schema = schemas[writer.topic],
                           .topic = recording.topics()[writer.topic].name,
                           .message_encoding = "cdr",
-                          .metadata = {{kWriter, std::to_string(i)},
+                          .metadata = {{kWriterIndex, std::to_string(i)},
                                        {"guid", hex_of(writer.guid)},
                                        {"partition", writer.partition}}});
     NEARMESH_RETURN_IF_ERROR(channel);
@@ -235,7 +235,7 @@ class Unpacking {
                 .message = [this](const mcap::Message& message) { return take(message); },
                 .metadata =
                     [this](std::string_view name, const mcap::Texts& texts) {
-                      return name == kTopics ? take_topics(texts) : take_facts(name, texts);
+                      return name == kTopicsName ? take_topics(texts) : take_facts(name, texts);
                     },
                 .attachment =
                     [this](std::string_view name, std::span<const std::uint8_t> data) {
@@ -243,7 +243,7 @@ class Unpacking {
                     }});
     NEARMESH_RETURN_IF_ERROR(status);
     if (!writer_) return corrupt("no recorded session of nearmesh is in it");
-    if (!tables_) return corrupt(std::string("attachment '") + kTables + "' is missing");
+    if (!tables_) return corrupt(std::string("attachment '") + kTablesName + "' is missing");
     for (const RecordingGap& gap : tables_->gaps) {
       if (gap.writer >= sequences_.size()) return corrupt("a gap names no writer");
       NEARMESH_RETURN_IF_ERROR(writer_->add_gap(gap));
@@ -259,12 +259,12 @@ class Unpacking {
   }
 
   Status take_facts(std::string_view name, const mcap::Texts& texts) {
-    if (name != kSession || writer_) return Status::ok();
+    if (name != kSessionName || writer_) return Status::ok();
     const auto version = number_in<std::uint32_t>(texts, "version");
     const auto session = number_in<std::uint64_t>(texts, "session", 16);
     const auto wire_version = number_in<std::uint32_t>(texts, "wire_version");
     if (!version || !session || !wire_version)
-      return corrupt(std::string("metadata '") + kSession + "' are damaged");
+      return corrupt(std::string("metadata '") + kSessionName + "' are damaged");
     if (*version != kRecordingVersion)
       return {StatusCode::kUnsupported, from_ + ": recording version " + std::to_string(*version) +
                                             ", this build reads " +
@@ -281,7 +281,7 @@ class Unpacking {
 
   Status take_topics(const mcap::Texts& texts) {
     if (!writer_ || !topics_.empty())
-      return corrupt(std::string("metadata '") + kTopics + "' stand in a wrong place");
+      return corrupt(std::string("metadata '") + kTopicsName + "' stand in a wrong place");
     for (const auto& [name, type] : texts) {
       const Result<std::uint32_t> added = writer_->add_topic({name, type});
       NEARMESH_RETURN_IF_ERROR(added);
@@ -291,16 +291,16 @@ class Unpacking {
   }
 
   Status take_tables(std::string_view name, std::span<const std::uint8_t> data) {
-    if (name != kTables || tables_) return Status::ok();
+    if (name != kTablesName || tables_) return Status::ok();
     tables_ = Tables::decode(data);
-    if (!tables_) return corrupt(std::string("attachment '") + kTables + "' is damaged");
+    if (!tables_) return corrupt(std::string("attachment '") + kTablesName + "' is damaged");
     for (const Tables::Key& key : tables_->keys)
       for (const std::int64_t id : key.messages) keys_[id] = &key.key;
     return Status::ok();
   }
 
   Status take(std::uint16_t id, const mcap::Channel& channel) {
-    const auto index = number_in<std::uint32_t>(channel.metadata, kWriter);
+    const auto index = number_in<std::uint32_t>(channel.metadata, kWriterIndex);
     if (!index || writers_.contains(id)) return Status::ok();
     const auto guid = guid_from(text_in(channel.metadata, "guid"));
     const auto topic = topics_.find(channel.topic);
