@@ -305,8 +305,8 @@ def overhead(run, scenes, name):
 
 
 def draw_growth(run, axes, value, methods, unit=1):
-    scenes = sorted((s for s in run.scenes if s.startswith("growth-")), key=lambda s: int(s.split("-")[1]))
     faces = {m["scene"]: int(m["faces"]) for m in run.models if m["body"] == "a"}
+    scenes = sorted((s for s in run.scenes if s.startswith("growth-")), key=faces.get)
     for method in methods:
         here = [s for s in scenes if run.has(s, method)]
         axes.plot([faces[s] for s in here],
