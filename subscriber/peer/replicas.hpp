@@ -45,6 +45,15 @@ struct PeerModel {
   wire::SessionId told = 0;
   bool tells_held = false, is_too_much_to_tell = false;
 
+  /// What probes lack, until it has been asked for.
+  struct Probed {
+    std::vector<NodeSpan> missing;
+    std::vector<GridBox> where;
+    bool had_turn = false;  // the last request was for probes: pairs come first now
+    std::vector<GridBox> kept;  // where probes lacked something of late: it is not given up
+    double kept_until_s = 0;
+  } probed;
+
   struct Audit {
     std::uint32_t request = 0;  // 0: none is open
     wire::SessionId publisher = 0;

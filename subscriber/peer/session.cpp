@@ -80,6 +80,7 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
   for (const OwnMotion& own : motions) {
     Body& body = *impl.find(own.body);
     body.motion = own.motion;
+    body.motion->pose = orthonormal(own.motion.pose);
     body.is_placed = false;
     body.is_new_to_bounds = true;
     body.stamp.mover = wire::Mover::kThere;

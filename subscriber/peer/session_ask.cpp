@@ -59,8 +59,10 @@ RegionMaker Session::Impl::region_of(const PeerModel& model, double lookahead_s,
 // What is not given up: somewhat more than will be asked for, or it would come and go.
 std::vector<RegionPart> Session::Impl::kept_of(const PeerModel& model, const FrameReport& report) {
   const RegionMaker region = region_of(model, horizon_s(), report, Scope::kAll);
-  if (region == nullptr) return {};
-  std::vector<RegionPart> kept = region(kCoarseParts, root_reach(model.replica->store()));
+  std::vector<RegionPart> kept;
+  if (region != nullptr) kept = region(kCoarseParts, root_reach(model.replica->store()));
+  if (clock.seconds() < model.probed.kept_until_s)
+    kept.insert(kept.end(), model.probed.kept.begin(), model.probed.kept.end());
   for (RegionPart& part : kept) {
     const std::int32_t radius = part.radius;
     part = reach_below(part.box);
@@ -217,6 +219,7 @@ double Session::Impl::patience_with(const Publisher& publisher) const {
 }
 
 void Session::Impl::ask(FrameReport& report) {
+  ask_for_probes();
   ask_certificates(report);
   for (auto& [name, model] : replicas.all()) {
     if (!model.is_ready() || !model.waiting.empty()) continue;

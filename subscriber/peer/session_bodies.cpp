@@ -112,7 +112,7 @@ Status Session::place_body(BodyId body, const Pose& pose) {
   Body* placed = impl_->find(body);
   if (placed == nullptr) return no_such(body);
   NEARMESH_RETURN_IF_ERROR(check_pose(pose, placed->name));
-  placed->motion = Motion{.pose = pose};
+  placed->motion = Motion{.pose = orthonormal(pose)};
   placed->stamp.mover = wire::Mover::kThere;
   placed->is_placed = true;
   impl_->ask_anew(*placed);

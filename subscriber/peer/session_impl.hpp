@@ -2,7 +2,7 @@
 #pragma once
 // What the files of Session share: session.cpp (a frame), session_bodies.cpp (bodies and pairs that come and go, and which are
 // near), session_take.cpp (what comes), session_ask.cpp, session_certificates.cpp and session_audit.cpp (what is asked of
-// publishers), session_tell.cpp (what is told). Threads: one.
+// publishers), session_probe.cpp (probes of bodies), session_tell.cpp (what is told). Threads: one.
 
 #include <algorithm>
 #include <map>
@@ -138,6 +138,7 @@ struct Session::Impl {
   bool has_updated = false;
   std::optional<double> heard_time_s;
   std::uint64_t refused = 0;
+  std::vector<wire::BodyPose> heard_by_host;  // since the last update
   bool is_dropping = false;              // batches, in this update
   std::set<wire::SessionId> refused_of;  // who sent headers that do not count, as was said
   SessionStats stats;
@@ -185,6 +186,10 @@ struct Session::Impl {
   void settle_pair(Pair& pair, AskedPair&& asked, std::uint64_t frame, FrameReport& report);
   void report_pair(Pair& pair, const PairAnswer& answer, const Reported& now);
   void give_up(PeerModel& model, FrameReport& report);
+  template <class Probe, class Answer>
+  [[nodiscard]] Result<ProbeReport> probe(BodyId body, std::span<const Probe> probes,
+                                          std::span<Answer> answers);
+  void ask_for_probes();
   void tell_held(FrameReport& report);
   void note_sequence(const wire::SplitBatchMessage& message);
   void ask(FrameReport& report);

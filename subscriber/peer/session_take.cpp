@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a session takes in: who serves what, headers, batches, poses of others.
 #include <algorithm>
+#include <iterator>
 #include <utility>
 
 #include "content_choice.hpp"
@@ -19,6 +20,8 @@ constexpr std::size_t kMaxRefusedOf = 256;
 
 void Session::Impl::take_inbox(FrameReport& report) {
   Channel::Inbox inbox = channel->take();
+  std::move(heard_by_host.begin(), heard_by_host.end(), std::back_inserter(inbox.poses));
+  heard_by_host.clear();
   std::vector<std::string>& complaints = report.complaints;
   complaints.insert(complaints.end(), inbox.complaints.begin(), inbox.complaints.end());
   for (const wire::SessionId id : inbox.lost_publishers) {

@@ -373,5 +373,59 @@ TEST(PoseBox, IsTheTightestAroundEveryPosedPoint) {
   }
 }
 
+TEST(Orthonormal, IsARotationWithinItsBoundAndKeepsTheBitsOfOne) {
+  Random random(21);
+  for (int i = 0; i < 2'000; ++i) {
+    SCOPED_TRACE(i);
+    Pose pose;
+    pose.rotation = test::random_rotation(random);
+    EXPECT_EQ(orthonormal(pose).rotation, pose.rotation);
+    const bool by_floats = i % 2 == 0;
+    const double off = std::ldexp(1.5, -19 - static_cast<int>(random.below(20)));
+    for (double& x : pose.rotation)
+      x = by_floats ? static_cast<double>(static_cast<float>(x)) : x + random.between(-off, off);
+    ASSERT_TRUE(check_pose(pose, "it").is_ok());
+    const Pose tidy = orthonormal(pose);
+    double error = 0, left = 0, moved = 0;
+    for (std::size_t a = 0; a < 3; ++a)
+      for (std::size_t b = 0; b < 3; ++b) {
+        double before = a == b ? -1 : 0, after = before;
+        for (std::size_t k = 0; k < 3; ++k) {
+          before += pose.rotation[3 * k + a] * pose.rotation[3 * k + b];
+          after += tidy.rotation[3 * k + a] * tidy.rotation[3 * k + b];
+        }
+        error += before * before;
+        left = std::max(left, std::abs(after));
+        const double change = tidy.rotation[3 * a + b] - pose.rotation[3 * a + b];
+        moved += change * change;
+      }
+    EXPECT_LE(left, 0x1p-40);
+    // The most that a point at distance 1 can move is the norm of the change: by a power step on its square, at most its Frobenius norm.
+    std::array<double, 3> x{random.between(-1, 1), random.between(-1, 1), random.between(-1, 1)};
+    double most = 0;
+    for (int step = 0; step < 40; ++step) {
+      std::array<double, 3> y{}, z{};
+      for (std::size_t a = 0; a < 3; ++a)
+        for (std::size_t b = 0; b < 3; ++b)
+          y[a] += (tidy.rotation[3 * a + b] - pose.rotation[3 * a + b]) * x[b];
+      for (std::size_t a = 0; a < 3; ++a)
+        for (std::size_t b = 0; b < 3; ++b)
+          z[b] += (tidy.rotation[3 * a + b] - pose.rotation[3 * a + b]) * y[a];
+      const double of_x = std::sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]);
+      most = std::sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2]) / of_x;
+      const double of_z = std::sqrt(z[0] * z[0] + z[1] * z[1] + z[2] * z[2]);
+      if (of_z == 0) break;
+      for (std::size_t k = 0; k < 3; ++k) x[k] = z[k] / of_z;
+    }
+    EXPECT_LE(most, 0.51 * std::sqrt(error) + 1e-15);
+    if (by_floats) {
+      EXPECT_LE(most, 1e-7);
+      EXPECT_LE(std::sqrt(moved), 1e-7);
+    }
+    EXPECT_EQ(orthonormal(tidy).rotation, tidy.rotation);
+    EXPECT_EQ(tidy.translation_m, pose.translation_m);
+  }
+}
+
 }  // namespace
 }  // namespace nearmesh

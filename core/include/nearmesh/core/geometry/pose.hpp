@@ -27,6 +27,13 @@ struct Pose {
 /// < 0.
 [[nodiscard]] Status check_pose(const Pose& pose, std::string_view body);
 
+/// The same pose with the rotation next to its matrix. Sessions take the poses of a host so, since those of floats are off by their
+/// rounding. What check_pose accepts moves by no more than that takes: with E = R^T R - 1, a point by at most 0.51 |E| times its distance from the
+/// model's origin, |E| being the root of the sum of E's squares; 1e-7 of the distance for a rotation rounded to floats. A matrix within 2^-40 of a rotation
+/// (no entry of E beyond that) keeps its bits; so what this gives is not changed by it again. Deterministic.
+/// Precondition: check_pose accepted the pose.
+[[nodiscard]] Pose orthonormal(const Pose& pose);
+
 /// A point of the pair's common integer lattice (see lattice_exponent).
 struct LatticePoint {
   std::array<std::int64_t, 3> v{};

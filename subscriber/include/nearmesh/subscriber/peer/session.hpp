@@ -12,11 +12,13 @@
 #include <limits>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "nearmesh/core/base/detail/ids.hpp"
 #include "nearmesh/core/query/contacts.hpp"
+#include "nearmesh/core/query/probe.hpp"
 #include "nearmesh/core/query/sweep.hpp"
 #include "nearmesh/subscriber/peer/channel.hpp"
 #include "nearmesh/subscriber/peer/readiness.hpp"
@@ -165,6 +167,18 @@ struct SessionStats {
   std::uint64_t mesh_bytes = 0;  ///< what whole replicas of the models in use would take
 };
 
+/// What probes of a body were answered from.
+struct ProbeReport {
+  /// Why nothing can be said, as PairAnswer::reason, so that every answer is uncertain; else empty.
+  std::string reason;
+  /// Some are uncertain for want of detail: of which model, and whether any publisher is there that sends it. Else empty.
+  std::string awaited;
+  double age_s = std::numeric_limits<double>::infinity();  ///< of the pose, as PairAnswer::age_a_s
+  Pose pose;                 ///< where the body was taken to be; meaningless with a reason
+  ContentHash content;       ///< of its model; none: not known yet
+  std::uint64_t missing = 0; ///< nodes that are missing, of all answers together
+};
+
 class Session {
  public:
   explicit Session(std::unique_ptr<Channel> channel, SessionOptions options = {});
@@ -216,6 +230,16 @@ class Session {
   [[nodiscard]] Result<FrameReport> update(std::uint64_t frame, double time_s,
                                            const std::vector<OwnMotion>& motions, double budget_s);
 
+  /// Where another peer's body is, as the host heard on a topic of its own.
+  struct HeardPose {
+    BodyId body;
+    double time_s = 0;  ///< for which the motion's pose holds, on the exercise's clock
+    Motion motion;
+  };
+  /// Poses of bodies that others move: the next update() takes them in after those of the bus, and they age alike. They are not sent
+  /// again. Of one body the last counts. Errors: kNotFound, kInvalidArgument (an own body, a motion, a time), naming the body; nothing is taken then.
+  [[nodiscard]] Status hear(std::span<const HeardPose> heard);
+
   /// How far a body is, as of the last update. A pair that was watched, or a body that was placed, since then is not
   /// certified. Cost: O(watched pairs). Errors: kNotFound.
   [[nodiscard]] Result<Readiness> readiness(BodyId body) const;
@@ -224,6 +248,21 @@ class Session {
   [[nodiscard]] Result<RegionReadiness> region_readiness(BodyId body,
                                                          const std::array<double, 3>& lo_m,
                                                          const std::array<double, 3>& hi_m) const;
+  /// Probes of one body where it was as of the last update, from what is held of its model (core/query/probe.hpp): rays, points, balls,
+  /// boxes, in the world. What certified answers lack is asked for in the next updates: probe, update, probe again. Of the calls since an update all is asked
+  /// for that has room in a request; what was probed in the last second is not given up (max_held_splits). A body of which nothing is
+  /// known gives uncertain answers and a reason. Probes are neither published nor reported.
+  /// In: as many answers as probes. Errors: kNotFound; kInvalidArgument naming the probe, or for points in a body whose model is open.
+  /// Cost: probe()'s; nothing is allocated for certified answers but for a batch.
+  [[nodiscard]] Result<ProbeReport> probe(BodyId body, std::span<const RayProbe> rays,
+                                          std::span<RayAnswer> answers);
+  [[nodiscard]] Result<ProbeReport> probe(BodyId body,
+                                          std::span<const std::array<double, 3>> points_m,
+                                          std::span<PointAnswer> answers);
+  [[nodiscard]] Result<ProbeReport> probe(BodyId body, std::span<const BallProbe> balls,
+                                          std::span<ShapeAnswer> answers);
+  [[nodiscard]] Result<ProbeReport> probe(BodyId body, std::span<const BoxProbe> boxes,
+                                          std::span<ShapeAnswer> answers);
   /// Brings the files of SessionOptions::cache_folder up to date. Errors: kIo; kConflict where a file of another kind stands in a
   /// place; the other files are written all the same.
   [[nodiscard]] Status write_cache();
