@@ -41,6 +41,10 @@ Result<SweptAnswer> sweep_ahead(const Answer& now, const AskedBody& a, const Ask
 
 }  // namespace
 
+bool is_cut(const Answer& answer, const AnswerOptions& options) {
+  return answer.exhausted || answer.truncated || (options.any && answer.pair_total > 0);
+}
+
 Answer nothing_known() { return {.uncertainty_m = std::numeric_limits<double>::infinity()}; }
 
 Result<Answered> answer(const AskedBody& a, const AskedBody& b, const AnswerOptions& options) {
@@ -52,7 +56,12 @@ Result<Answered> answer(const AskedBody& a, const AskedBody& b, const AnswerOpti
   const auto& [frame_a, frame_b] = posed.value();
   Answered all;
   all.answer = query(a.view, frame_a, b.view, frame_b,
-                     {.clearance = options.clearance, .solid_a = a.solid, .solid_b = b.solid});
+                     {.any = options.any,
+                      .clearance = options.clearance,
+                      .max_pairs = options.max_pairs,
+                      .max_tests = options.max_tests,
+                      .solid_a = a.solid,
+                      .solid_b = b.solid});
   const Answer& now = all.answer;
   if (options.contacts && !now.pairs.empty())
     all.contacts = find_contacts(a.view, frame_a, b.view, frame_b, now);

@@ -53,6 +53,10 @@ struct Mover {
   double turn_rate;  ///< |w|
 };
 
+[[nodiscard]] QueryOptions first_contact(const SweepOptions& options) {
+  return {.any = true, .clearance = Clearance::kNone, .max_tests = options.max_tests};
+}
+
 /// An unresolved node, and the start of the first interval in which it might touch.
 struct Missing {
   NodeSpan node;
@@ -160,8 +164,7 @@ class SweptQuery {
   bool touches_at(std::uint64_t instant) {
     Posed posed;
     if (!pose_both(instant, posed)) return false;
-    const Answer there =
-        query(a_.tree, posed.a, b_.tree, posed.b, {.any = true, .clearance = Clearance::kNone});
+    const Answer there = query(a_.tree, posed.a, b_.tree, posed.b, first_contact(options_));
     answer_.stats.box_tests += there.stats.box_tests;
     answer_.stats.triangle_tests += there.stats.triangle_tests;
     return there.status == AnswerStatus::kContact;
@@ -244,7 +247,6 @@ class SweptQuery {
         stays_behind(view.a_in_b, in_units(view.a_in_b, view.along_b, around_m), b_.tree, nb,
                      box_a))
       return;
-
     // Faces are often much smaller than their boxes.
     if (ka == Kind::kFaces && kb != Kind::kFaces &&
         stays_clear(view.a_in_b, in_units(view.a_in_b, view.along_b, around_m), b_.tree, nb,
@@ -485,9 +487,9 @@ SweptAnswer at_once(const Answer& now, double duration_s) {
   }
   swept.missing_a = now.missing_a;
   swept.missing_b = now.missing_b;
+  swept.exhausted = now.exhausted;
   if (!is_certified(now.status)) return swept;
-  swept.status =
-      AnswerStatus::kFree;  // as far as surfaces go, also where one body is inside the other
+  swept.status = AnswerStatus::kFree;  // of the surfaces, also where one body is in the other
   swept.free_until_s = duration_s;
   return swept;
 }
@@ -519,8 +521,7 @@ Result<SweptAnswer> sweep_from(const Answer* now, const TreeView& a, const Motio
     const Result<PosedPair> start =
         pose_pair(*a.grid, motion_a.pose, name_a, *b.grid, motion_b.pose, name_b);
     NEARMESH_RETURN_IF_ERROR(start);
-    now = &asked.emplace(query(a, start.value().a, b, start.value().b,
-                               {.any = true, .clearance = Clearance::kNone}));
+    now = &asked.emplace(query(a, start.value().a, b, start.value().b, first_contact(options)));
   }
   if (now->pair_total > 0 || (is_at_rest(motion_a) && is_at_rest(motion_b))) {
     SweptAnswer swept = at_once(*now, options.duration_s);
