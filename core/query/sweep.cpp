@@ -39,9 +39,8 @@ constexpr double kMinDuration_s = 1e-9;
 constexpr double kMaxDuration_s = 1e9;
 constexpr double kRoundUp = 1 + 0x1p-40;
 constexpr double kStretch = 1.0001;
-/// Of what is looked for ahead: sixty-four steps; and so many tests.
+/// Of what is looked for ahead: sixty-four steps.
 constexpr int kAheadLevels = 6;
-constexpr std::uint64_t kAheadTests = 200'000;
 /// An obstacle may move by so much of the node that it is near to: more instants would be more obstacles.
 constexpr double kSmallWay = 1.0 / 8;
 
@@ -537,13 +536,14 @@ namespace {
 template <class Found, class Look>
 Result<Found> look_ahead(const TreeView& a, const Motion& motion_a, std::string_view name_a,
                          const TreeView& b, const Motion& motion_b, std::string_view name_b,
-                         double duration_s, double margin_m, const Look& look) {
+                         double duration_s, double margin_m, std::uint64_t max_tests,
+                         const Look& look) {
   const FloatGuard guard;
   const bool is_still =
       duration_s < kMinDuration_s || (is_at_rest(motion_a) && is_at_rest(motion_b));
   const SweepOptions options{.duration_s = is_still ? kMinDuration_s : duration_s,
                              .time_levels = is_still ? 0 : kAheadLevels,
-                             .max_tests = kAheadTests};
+                             .max_tests = max_tests};
   Motion now_a = motion_a, now_b = motion_b;
   if (is_still)
     for (Motion* motion : {&now_a, &now_b}) *motion = {.pose = motion->pose};
@@ -560,9 +560,9 @@ Result<Found> look_ahead(const TreeView& a, const Motion& motion_a, std::string_
 Result<Lacking> lacking_ahead(const TreeView& a, const Motion& motion_a, std::string_view name_a,
                               const TreeView& b, const Motion& motion_b, std::string_view name_b,
                               double duration_s, double margin_m, const Require& require_a,
-                              const Require& require_b) {
+                              const Require& require_b, std::uint64_t max_tests) {
   return look_ahead<Lacking>(
-      a, motion_a, name_a, b, motion_b, name_b, duration_s, margin_m,
+      a, motion_a, name_a, b, motion_b, name_b, duration_s, margin_m, max_tests,
       [&](SweptQuery& query) { return query.lacking(require_a, require_b); });
 }
 
@@ -574,6 +574,7 @@ Result<Obstacles> obstacles_ahead(const TreeView& a, const Motion& motion_a,
   TreeView bare = a;
   bare.half_spaces = nullptr;  // of a smaller node that has the same first vertex, perhaps
   return look_ahead<Obstacles>(bare, motion_a, name_a, b, motion_b, name_b, duration_s, margin_m,
+                               kLookTests,
                                [&](SweptQuery& query) { return query.obstacles(part, most); });
 }
 
