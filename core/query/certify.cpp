@@ -24,6 +24,16 @@ Status split_nodes(LocalModel& model, const std::vector<NodeSpan>& nodes, const 
 
 }  // namespace
 
+Status split_missing(LocalModel& model, const std::vector<NodeSpan>& nodes,
+                     const Require& require) {
+  RefineDelta delta;
+  NEARMESH_RETURN_IF_ERROR(split_nodes(model, nodes, require, delta));
+  model.tree.update(delta);
+  if (const NodeSpan slot = model.tree.contradiction(); slot.size != 0)
+    return {StatusCode::kCorrupt, to_string(slot) + ": a face lies outside its box"};
+  return Status::ok();
+}
+
 Result<Answer> certify(LocalModel& a, const PosedFrame& frame_a, const Require& require_a,
                        LocalModel& b, const PosedFrame& frame_b, const Require& require_b,
                        const QueryOptions& options, CertifyTimes* times) {

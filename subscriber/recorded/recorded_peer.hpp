@@ -15,7 +15,7 @@
 
 #include "core/query/answer.hpp"
 #include "core/replica/replica.hpp"
-#include "model_folder.hpp"
+#include "core/spm/model_folder.hpp"
 #include "nearmesh/core/recording/recording.hpp"
 #include "nearmesh/idl/messages/messages.hpp"
 

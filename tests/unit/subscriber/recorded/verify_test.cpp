@@ -127,7 +127,7 @@ class Verify : public ::testing::Test {
   }
 
   VerifyReport verify(const Recorded& recorded, unsigned threads = 1,
-                      subscriber::ModelFolder* models = nullptr) {
+                      ModelFolder* models = nullptr) {
     const std::string path = folder_ + "/" + std::to_string(files_++) + ".db3";
     const wire::TopicNames names("prefix");
     auto writer =
@@ -164,12 +164,12 @@ class Verify : public ::testing::Test {
   }
 
   /// A folder with the files of both models, or of one.
-  std::unique_ptr<subscriber::ModelFolder> models(bool with_terrain = true) {
+  std::unique_ptr<ModelFolder> models(bool with_terrain = true) {
     const std::string path = folder_ + "/models" + std::to_string(files_++);
     std::filesystem::create_directory(path);
     std::filesystem::copy_file(aircraft().open().path(), path + "/aircraft.spm");
     if (with_terrain) std::filesystem::copy_file(terrain().open().path(), path + "/terrain.spm");
-    auto opened = subscriber::ModelFolder::open(path);
+    auto opened = ModelFolder::open(path);
     EXPECT_TRUE(opened.is_ok()) << opened.status().message();
     return std::move(opened).value();
   }
@@ -614,11 +614,11 @@ TEST_F(Verify, ReportsThatNeverCameAreCounted) {
 }
 
 TEST_F(Verify, AFolderWithoutModelsIsRefusedAndFilesThatAreNoneAreTold) {
-  EXPECT_EQ(subscriber::ModelFolder::open(folder_ + "/none").status().code(),
+  EXPECT_EQ(ModelFolder::open(folder_ + "/none").status().code(),
             StatusCode::kNotFound);
   std::ofstream(folder_ + "/junk.spm") << "junk";
   std::ofstream(folder_ + "/notes.txt") << "none of ours";
-  const auto opened = subscriber::ModelFolder::open(folder_);
+  const auto opened = ModelFolder::open(folder_);
   ASSERT_TRUE(opened.is_ok());
   ASSERT_EQ(opened.value()->complaints().size(), 1U);
   EXPECT_NE(opened.value()->complaints()[0].find("junk.spm"), std::string::npos);

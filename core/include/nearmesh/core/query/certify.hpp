@@ -42,4 +42,8 @@ using Require = std::function<Status(NodeSpan)>;
                                      const PosedFrame& frame_b, const Require& require_b,
                                      const QueryOptions& options, CertifyTimes* times = nullptr);
 
+/// Splits nodes that an answer misses, and lets the tree follow. Errors: those of require; kCorrupt and kNotFound as certify().
+[[nodiscard]] Status split_missing(LocalModel& model, const std::vector<NodeSpan>& nodes,
+                                   const Require& require);
+
 }  // namespace nearmesh
