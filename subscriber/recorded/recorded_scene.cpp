@@ -66,6 +66,9 @@ class ScenePeer final : public RecordedPeer {
     switch (standing) {
       case Standing::kNotAsked:
         return Status{StatusCode::kNotFound, about + "the peer had no mesh or no pose then"};
+      case Standing::kPutOff:
+        return Status{StatusCode::kNotFound,
+                      about + "its turn did not come within the frame's budget"};
       case Standing::kStale:
         return Status{StatusCode::kNotFound, about + why_stale(recorded)};
       case Standing::kGaveUp:
