@@ -129,7 +129,7 @@ double CertificateMaker::margin_m(const CertificateRequest::Pair& pair, bool is_
 }
 
 /// Looks at one pair once. Goes on to the next where it lacks nothing.
-Status CertificateMaker::round() {
+Status CertificateMaker::round(std::uint64_t round_tests) {
   const CertificateRequest::Pair& pair = request_.pairs[at_];
   const TreeView a = mirrors_[pair.a]->model().view(), b = mirrors_[pair.b]->model().view();
   const Motion motion = motion_of(pair);
@@ -139,7 +139,7 @@ Status CertificateMaker::round() {
   };
   const auto lacking = lacking_ahead(a, {}, "a", b, motion, "b", is_ahead ? request_.horizon_s : 0,
                                      margin_m(pair, is_ahead), requires_of(*mirrors_[pair.a]),
-                                     requires_of(*mirrors_[pair.b]));
+                                     requires_of(*mirrors_[pair.b]), round_tests);
   NEARMESH_RETURN_IF_ERROR(lacking);
   tests_ += lacking.value().tests;
   if (!lacking.value().is_nothing()) return split(pair, lacking.value().a, lacking.value().b);
@@ -147,9 +147,13 @@ Status CertificateMaker::round() {
     // What the peer asks, in full: rays, and what a look that ran out of tests did not come to.
     const Result<PosedPair> posed = pose_pair(*a.grid, {}, "a", *b.grid, motion.pose, "b");
     NEARMESH_RETURN_IF_ERROR(posed);
-    const Answer answer =
-        query(a, posed.value().a, b, posed.value().b,
-              {.clearance = Clearance::kNone, .solid_a = pair.solid_a, .solid_b = pair.solid_b});
+    const Answer answer = query(a, posed.value().a, b, posed.value().b,
+                                {.clearance = Clearance::kNone,
+                                 .max_pairs = 0,
+                                 .max_tests = kMaxTests,
+                                 .solid_a = pair.solid_a,
+                                 .solid_b = pair.solid_b});
+    tests_ += tests_of(answer.stats);
     if (!answer.missing_a.empty() || !answer.missing_b.empty()) {
       for (const auto& [model, nodes] :
            {std::pair{pair.a, &answer.missing_a}, std::pair{pair.b, &answer.missing_b}})
@@ -162,7 +166,7 @@ Status CertificateMaker::round() {
 }
 
 /// Looks at some splits of one model, whether they can be spared. Goes on to the next model when all are.
-Status CertificateMaker::spare() {
+Status CertificateMaker::spare(std::uint64_t round_tests) {
   if (!sparer_) {
     std::vector<ToClear> others;
     const bool is_ahead = farthest_ == Step::kAhead;
@@ -176,7 +180,7 @@ Status CertificateMaker::spare() {
     }
     sparer_.emplace(*mirrors_[at_], splits_[at_], kept_[at_], std::move(others));
   }
-  for (const std::uint64_t end = tests_ + kTestsATurn;
+  for (const std::uint64_t end = tests_ + std::min(kTestsATurn, round_tests);
        !sparer_->is_done() && tests_ < std::min(end, kMaxTests);) {
     const Result<std::uint64_t> tests = sparer_->look();
     NEARMESH_RETURN_IF_ERROR(tests);
@@ -212,7 +216,7 @@ CertificateMaker::Part CertificateMaker::encode(std::size_t model) {
   return part;
 }
 
-Result<CertificateMaker::Part> CertificateMaker::next() {
+Result<CertificateMaker::Part> CertificateMaker::next(std::uint64_t round_tests) {
   if (step_ == Step::kSend) {
     Part part = encode(at_++);
     if (at_ == mirrors_.size()) {
@@ -223,7 +227,7 @@ Result<CertificateMaker::Part> CertificateMaker::next() {
     return part;
   }
   if (step_ == Step::kSpare) {
-    NEARMESH_RETURN_IF_ERROR(spare());
+    NEARMESH_RETURN_IF_ERROR(spare(round_tests));
     // Then all is looked at again: what is spared was seen by itself.
     if (at_ == mirrors_.size()) {
       step_ = Step::kNow;
@@ -234,7 +238,7 @@ Result<CertificateMaker::Part> CertificateMaker::next() {
   }
   const bool is_full = split_count_ >= kMaxSplits || tests_ >= kMaxTests;
   if (at_ < request_.pairs.size() && !is_full) {
-    NEARMESH_RETURN_IF_ERROR(round());
+    NEARMESH_RETURN_IF_ERROR(round(round_tests));
     return Part{};
   }
   at_ = 0;

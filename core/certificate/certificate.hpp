@@ -13,6 +13,7 @@
 
 #include "core/certificate/mirror.hpp"
 #include "core/certificate/spare_splits.hpp"
+#include "core/query/lacking_ahead.hpp"
 #include "nearmesh/core/geometry/motion.hpp"
 #include "nearmesh/core/spm/detail/certificate_request.hpp"
 
@@ -38,13 +39,14 @@ class CertificateMaker {
   };
   /// One round of a query, or the batches of one model; perhaps none yet. Errors: those of reading the files, and of the
   /// request's poses; nothing follows then.
-  [[nodiscard]] Result<Part> next();
+  /// `round_tests`: so many tests a look ahead takes; less makes rounds shorter, and more of them.
+  [[nodiscard]] Result<Part> next(std::uint64_t round_tests = kLookTests);
   [[nodiscard]] bool is_done() const { return step_ == Step::kDone; }
 
  private:
   enum class Step : std::uint8_t { kNow, kAhead, kSpare, kSend, kDone };
-  [[nodiscard]] Status round();
-  [[nodiscard]] Status spare();
+  [[nodiscard]] Status round(std::uint64_t round_tests);
+  [[nodiscard]] Status spare(std::uint64_t round_tests);
   [[nodiscard]] double margin_m(const CertificateRequest::Pair& pair, bool is_ahead) const;
   [[nodiscard]] Status split(const CertificateRequest::Pair& pair, std::span<const NodeSpan> a,
                              std::span<const NodeSpan> b);

@@ -24,6 +24,18 @@ Result<Motion> at_frame(const AskedBody& body) {
   return motion;
 }
 
+/// Whether the bodies cannot meet in all of the time ahead, whichever way they go at their speeds: the horizon is longer by more
+/// than what their motions' poses may be off on the way.
+bool is_free_by_speed(const AskedBody& a, const AskedBody& b, double horizon_s, double sweep_s) {
+  double speed_mps = 0, error_m = 0;
+  for (const AskedBody* body : {&a, &b}) {
+    const double reach = reach_m(*body->view.grid, body->view.root().box);
+    speed_mps += speed_bound_mps(body->motion, reach);
+    error_m += 2 * placing_error_m(body->motion, reach, std::abs(body->age_s) + sweep_s);
+  }
+  return (horizon_s - sweep_s) * speed_mps > error_m;
+}
+
 /// `now`: the answer about the poses as they are.
 Result<SweptAnswer> sweep_ahead(const Answer& now, const AskedBody& a, const AskedBody& b,
                                 const AnswerOptions& options) {
@@ -41,6 +53,10 @@ Result<SweptAnswer> sweep_ahead(const Answer& now, const AskedBody& a, const Ask
 
 }  // namespace
 
+bool is_cut(const Answer& answer, const AnswerOptions& options) {
+  return answer.exhausted || answer.truncated || (options.any && answer.pair_total > 0);
+}
+
 Answer nothing_known() { return {.uncertainty_m = std::numeric_limits<double>::infinity()}; }
 
 Result<Answered> answer(const AskedBody& a, const AskedBody& b, const AnswerOptions& options) {
@@ -52,14 +68,24 @@ Result<Answered> answer(const AskedBody& a, const AskedBody& b, const AnswerOpti
   const auto& [frame_a, frame_b] = posed.value();
   Answered all;
   all.answer = query(a.view, frame_a, b.view, frame_b,
-                     {.clearance = options.clearance, .solid_a = a.solid, .solid_b = b.solid});
+                     {.any = options.any,
+                      .clearance = options.clearance,
+                      .max_pairs = options.max_pairs,
+                      .max_tests = options.max_tests,
+                      .solid_a = a.solid,
+                      .solid_b = b.solid});
   const Answer& now = all.answer;
   if (options.contacts && !now.pairs.empty())
     all.contacts = find_contacts(a.view, frame_a, b.view, frame_b, now);
   if (is_certified(now.status) && now.pair_total == 0)
     all.safe_horizon_s =
         safe_horizon_s(a.view, a.motion, b.view, b.motion, now.clearance_m, a.age_s, b.age_s);
-  if (options.sweep_s > 0) all.swept = sweep_ahead(now, a, b, options);
+  if (options.sweep_s <= 0) return all;
+  if (is_free_by_speed(a, b, all.safe_horizon_s, options.sweep_s)) {
+    all.swept = SweptAnswer{.status = AnswerStatus::kFree, .free_until_s = options.sweep_s};
+  } else {
+    all.swept = sweep_ahead(now, a, b, options);
+  }
   return all;
 }
 

@@ -23,8 +23,11 @@ struct AskedBody {
 
 struct AnswerOptions {
   Clearance clearance = Clearance::kBound;  ///< changes neither the digest nor what is certified
-  bool contacts = false;                    ///< also say where they touch
-  double sweep_s = 0;                       ///< also answer for all of this time ahead; 0: do not
+  bool any = false;                         ///< these three as in QueryOptions
+  std::size_t max_pairs = kAllPairs;
+  std::uint64_t max_tests = kAllTests;
+  bool contacts = false;  ///< also say where they touch
+  double sweep_s = 0;     ///< also answer for all of this time ahead; 0: do not
   std::uint64_t max_sweep_tests = SweepOptions{}.max_tests;
 };
 
@@ -40,6 +43,9 @@ struct Answered {
 
 /// What is said where nothing is known: uncertain without a bound.
 [[nodiscard]] Answer nothing_known();
+
+/// Whether the options may have ended the search before all was listed: the digest depends on them then.
+[[nodiscard]] bool is_cut(const Answer& answer, const AnswerOptions& options);
 
 /// Errors: those of pose_pair; kInvalidArgument for a solid body whose surface is open. Both name the body.
 /// Deterministic; what is not in the options does not change Answer, nor do ages. Threads: views may be shared.

@@ -5,6 +5,7 @@
 
 #include "core/base/float_guard.hpp"
 #include "core/base/stopwatch.hpp"
+#include "find_missing.hpp"
 
 namespace nearmesh {
 namespace {
@@ -39,14 +40,25 @@ Result<Answer> certify(LocalModel& a, const PosedFrame& frame_a, const Require& 
   const FloatGuard guard;
   CertifyTimes spent;
   Stopwatch watch;
+  bool is_asked =
+      true;  // else the round only looks for what is missing: its pairs would be listed in vain
   while (true) {
-    Answer answer = query(a.view(), frame_a, b.view(), frame_b, options);
+    Answer answer = is_asked
+                        ? query(a.view(), frame_a, b.view(), frame_b, options)
+                        : find_missing(a.view(), frame_a, b.view(), frame_b, options.max_tests);
     spent.query_s += watch.lap();
+    const bool is_to_be_asked =
+        answer.exhausted || (answer.missing_a.empty() && answer.missing_b.empty());
+    if (!is_asked && is_to_be_asked) {
+      is_asked = true;
+      continue;
+    }
     ++spent.rounds;
-    if (is_certified(answer.status) || is_beyond_detail(answer)) {
+    if (is_certified(answer.status) || is_beyond_detail(answer) || answer.exhausted) {
       if (times != nullptr) *times = spent;
       return answer;
     }
+    is_asked = options.any;  // it may end before all is there
     RefineDelta delta_a, delta_b;
     NEARMESH_RETURN_IF_ERROR(split_nodes(a, answer.missing_a, require_a, delta_a));
     NEARMESH_RETURN_IF_ERROR(split_nodes(b, answer.missing_b, require_b, delta_b));

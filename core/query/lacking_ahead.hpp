@@ -13,6 +13,9 @@
 
 namespace nearmesh {
 
+/// So many tests a look takes at most, unless it is told otherwise.
+inline constexpr std::uint64_t kLookTests = 200'000;
+
 /// Unresolved nodes, ascending. None: every query ahead is certified, as far as surfaces go.
 struct Lacking {
   std::vector<NodeSpan> a, b;
@@ -32,7 +35,8 @@ struct Lacking {
                                             const Motion& motion_b, std::string_view name_b,
                                             double duration_s, double margin_m,
                                             const Require& require_a = {},
-                                            const Require& require_b = {});
+                                            const Require& require_b = {},
+                                            std::uint64_t max_tests = kLookTests);
 
 /// Why a node lacks: what of the other body its box may meet, at some instants. Moves and is never copied, since obstacles point
 /// into `frames`.

@@ -10,6 +10,7 @@
 #include "containment.hpp"
 #include "core/base/float_guard.hpp"
 #include "core/base/hash.hpp"
+#include "find_missing.hpp"
 #include "nearmesh/core/geometry/detail/box_overlap.hpp"
 #include "walk.hpp"
 
@@ -23,15 +24,51 @@ class Query {
   Query(const Scene& scene, const QueryOptions& options) : s_(scene), options_(options) {}
 
   Answer run() {
-    std::vector<UnresolvedPair> unresolved;
-    walk_trees(s_, options_.any, answer_.pairs, unresolved, answer_.stats);
-    if (!options_.any || answer_.pairs.empty())
-      for (const UnresolvedPair& pair : unresolved) settle(pair);
+    look(options_.any ? Seeks::kAnyPair : Seeks::kPairs);
     finish();
     return std::move(answer_);
   }
 
+  /// Of an answer only what it misses.
+  Answer missing() {
+    look(Seeks::kUnresolved);
+    if (answer_.exhausted) answer_.uncertainty_m = std::numeric_limits<double>::infinity();
+    sort_missing();
+    return std::move(answer_);
+  }
+
  private:
+  /// Held back for sorting: the least are looked for when there are twice as many.
+  static constexpr std::size_t kFewPairs = 4096;
+
+  void look(Seeks seeks) {
+    WalkFinds finds;
+    if (options_.max_pairs < kAllPairs - kFewPairs)
+      finds.most_pairs = 2 * std::max(options_.max_pairs, kFewPairs);
+    finds.hand_on = [&] { take(finds); };
+    answer_.exhausted = !walk_trees(s_, seeks, options_.max_tests, finds, answer_.stats);
+    if (seeks == Seeks::kAnyPair && !finds.pairs.empty()) {
+      answer_.exhausted = false;
+      finds.unresolved.clear();
+    }
+    take(finds);
+    answer_.pairs = std::move(finds.pairs);
+  }
+
+  /// Settles what is unresolved; counts the pairs, and keeps those that may be listed.
+  void take(WalkFinds& finds) {
+    for (const UnresolvedPair& pair : finds.unresolved) settle(pair);
+    finds.unresolved.clear();
+    if (finds.pairs.size() <= options_.max_pairs) return;
+    const auto kept = finds.pairs.begin() + static_cast<std::ptrdiff_t>(options_.max_pairs);
+    std::nth_element(finds.pairs.begin(), kept, finds.pairs.end());
+    dropped_pairs_ += static_cast<std::uint64_t>(finds.pairs.end() - kept);
+    finds.pairs.erase(kept, finds.pairs.end());
+  }
+
+  [[nodiscard]] bool touches() const { return dropped_pairs_ != 0 || !answer_.pairs.empty(); }
+  [[nodiscard]] bool has_spent() const { return tests_of(answer_.stats) >= options_.max_tests; }
+
   // Names what to split next, unless the pair is proved apart, or has a part that is named already: it will be looked at
   // again once that is split.
   void settle(const UnresolvedPair& pair) {
@@ -100,28 +137,31 @@ class Query {
   }
 
   void finish() {
-    const bool touches = !answer_.pairs.empty();
-    const bool complete = missing_a_.empty() && missing_b_.empty();
-    if (complete && !touches) {
+    const bool complete = missing_a_.empty() && missing_b_.empty() && !answer_.exhausted;
+    if (complete && !touches()) {
       answer_.status = AnswerStatus::kFree;
       if (options_.solid_a || options_.solid_b) settle_containment();
-    } else if (complete || (options_.any && touches)) {
+    } else if (complete || (options_.any && touches())) {
       answer_.status = AnswerStatus::kContact;
       answer_.missing_a.clear();
       answer_.missing_b.clear();
       answer_.uncertainty_m = 0;
     } else {
-      answer_.status = touches ? AnswerStatus::kPartial : AnswerStatus::kUncertain;
+      answer_.status = touches() ? AnswerStatus::kPartial : AnswerStatus::kUncertain;
     }
-    if (is_certified(answer_.status) && !touches && options_.clearance != Clearance::kNone) {
+    if (answer_.exhausted) answer_.uncertainty_m = std::numeric_limits<double>::infinity();
+    if (is_certified(answer_.status) && !touches() && options_.clearance != Clearance::kNone) {
       const ClearanceBound bound = clearance(s_, options_.clearance, answer_.stats);
       answer_.clearance_m = bound.at_least_m;
       answer_.clearance_share = bound.share;
     }
     std::sort(answer_.pairs.begin(), answer_.pairs.end());
-    answer_.pair_total = answer_.pairs.size();
-    answer_.truncated = answer_.pair_total > options_.max_pairs;
-    if (answer_.truncated) answer_.pairs.resize(options_.max_pairs);
+    answer_.pair_total = dropped_pairs_ + answer_.pairs.size();
+    answer_.truncated = dropped_pairs_ != 0;
+    sort_missing();
+  }
+
+  void sort_missing() {
     std::sort(answer_.missing_a.begin(), answer_.missing_a.end());
     std::sort(answer_.missing_b.begin(), answer_.missing_b.end());
   }
@@ -138,7 +178,7 @@ class Query {
         options_.solid_a ? side_of(s_.b, s_.frame_b, s_.a, s_.frame_a, missing_a_) : Side::kOutside;
     const bool inside = a_in_b == Side::kInside || b_in_a == Side::kInside;
     const bool undecided = a_in_b == Side::kUndecided || b_in_a == Side::kUndecided;
-    if (!missing_a_.empty() || !missing_b_.empty() || (undecided && !inside)) {
+    if (!missing_a_.empty() || !missing_b_.empty() || answer_.exhausted || (undecided && !inside)) {
       answer_.status = AnswerStatus::kUncertain;
       if (is_beyond_detail(answer_))
         answer_.uncertainty_m = std::numeric_limits<double>::infinity();
@@ -155,6 +195,10 @@ class Query {
     if (!inner.surface->has_seeds()) return Side::kUndecided;
     std::vector<Location> undecided;
     for (const GridPoint& seed : inner.surface->component_seeds) {
+      if (has_spent()) {
+        answer_.exhausted = true;
+        return Side::kUndecided;
+      }
       Location at = locate(solid, solid_frame, pose_point(inner_frame, seed), answer_.stats);
       if (at.side == Side::kInside) return Side::kInside;
       if (at.side == Side::kUndecided) undecided.push_back(std::move(at));
@@ -172,6 +216,7 @@ class Query {
   const Scene& s_;
   const QueryOptions options_;
   std::unordered_set<std::uint32_t> missing_a_, missing_b_;  // by first vertex; membership only
+  std::uint64_t dropped_pairs_ = 0;                          // that max_pairs leaves out
   Answer answer_;
 };
 
@@ -226,6 +271,7 @@ std::uint64_t digest(const Answer& answer) {
     for (const NodeSpan& node : *missing) add(std::uint64_t{node.begin()} << 32 | node.size);
   }
   add(std::bit_cast<std::uint64_t>(answer.uncertainty_m));
+  if (answer.exhausted) add(1);
   return h;
 }
 
@@ -252,6 +298,13 @@ Answer query(const TreeView& a, const PosedFrame& frame_a, const TreeView& b,
   NEARMESH_ASSERT(!options.solid_a || a.surface->is_closed());
   NEARMESH_ASSERT(!options.solid_b || b.surface->is_closed());
   return Query(Scene(a, frame_a, b, frame_b), options).run();
+}
+
+Answer find_missing(const TreeView& a, const PosedFrame& frame_a, const TreeView& b,
+                    const PosedFrame& frame_b, std::uint64_t max_tests) {
+  const FloatGuard guard;
+  NEARMESH_ASSERT(frame_a.lattice_exp == frame_b.lattice_exp);
+  return Query(Scene(a, frame_a, b, frame_b), {.max_tests = max_tests}).missing();
 }
 
 Result<PosedPair> pose_pair(const Grid& grid_a, const Pose& pose_a, std::string_view name_a,

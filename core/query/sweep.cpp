@@ -39,9 +39,8 @@ constexpr double kMinDuration_s = 1e-9;
 constexpr double kMaxDuration_s = 1e9;
 constexpr double kRoundUp = 1 + 0x1p-40;
 constexpr double kStretch = 1.0001;
-/// Of what is looked for ahead: sixty-four steps; and so many tests.
+/// Of what is looked for ahead: sixty-four steps.
 constexpr int kAheadLevels = 6;
-constexpr std::uint64_t kAheadTests = 200'000;
 /// An obstacle may move by so much of the node that it is near to: more instants would be more obstacles.
 constexpr double kSmallWay = 1.0 / 8;
 
@@ -52,6 +51,10 @@ struct Mover {
   std::string_view name;
   double turn_rate;  ///< |w|
 };
+
+[[nodiscard]] QueryOptions first_contact(const SweepOptions& options) {
+  return {.any = true, .clearance = Clearance::kNone, .max_tests = options.max_tests};
+}
 
 /// An unresolved node, and the start of the first interval in which it might touch.
 struct Missing {
@@ -160,8 +163,7 @@ class SweptQuery {
   bool touches_at(std::uint64_t instant) {
     Posed posed;
     if (!pose_both(instant, posed)) return false;
-    const Answer there =
-        query(a_.tree, posed.a, b_.tree, posed.b, {.any = true, .clearance = Clearance::kNone});
+    const Answer there = query(a_.tree, posed.a, b_.tree, posed.b, first_contact(options_));
     answer_.stats.box_tests += there.stats.box_tests;
     answer_.stats.triangle_tests += there.stats.triangle_tests;
     return there.status == AnswerStatus::kContact;
@@ -244,7 +246,6 @@ class SweptQuery {
         stays_behind(view.a_in_b, in_units(view.a_in_b, view.along_b, around_m), b_.tree, nb,
                      box_a))
       return;
-
     // Faces are often much smaller than their boxes.
     if (ka == Kind::kFaces && kb != Kind::kFaces &&
         stays_clear(view.a_in_b, in_units(view.a_in_b, view.along_b, around_m), b_.tree, nb,
@@ -485,9 +486,9 @@ SweptAnswer at_once(const Answer& now, double duration_s) {
   }
   swept.missing_a = now.missing_a;
   swept.missing_b = now.missing_b;
+  swept.exhausted = now.exhausted;
   if (!is_certified(now.status)) return swept;
-  swept.status =
-      AnswerStatus::kFree;  // as far as surfaces go, also where one body is inside the other
+  swept.status = AnswerStatus::kFree;  // of the surfaces, also where one body is in the other
   swept.free_until_s = duration_s;
   return swept;
 }
@@ -519,8 +520,7 @@ Result<SweptAnswer> sweep_from(const Answer* now, const TreeView& a, const Motio
     const Result<PosedPair> start =
         pose_pair(*a.grid, motion_a.pose, name_a, *b.grid, motion_b.pose, name_b);
     NEARMESH_RETURN_IF_ERROR(start);
-    now = &asked.emplace(query(a, start.value().a, b, start.value().b,
-                               {.any = true, .clearance = Clearance::kNone}));
+    now = &asked.emplace(query(a, start.value().a, b, start.value().b, first_contact(options)));
   }
   if (now->pair_total > 0 || (is_at_rest(motion_a) && is_at_rest(motion_b))) {
     SweptAnswer swept = at_once(*now, options.duration_s);
@@ -536,13 +536,14 @@ namespace {
 template <class Found, class Look>
 Result<Found> look_ahead(const TreeView& a, const Motion& motion_a, std::string_view name_a,
                          const TreeView& b, const Motion& motion_b, std::string_view name_b,
-                         double duration_s, double margin_m, const Look& look) {
+                         double duration_s, double margin_m, std::uint64_t max_tests,
+                         const Look& look) {
   const FloatGuard guard;
   const bool is_still =
       duration_s < kMinDuration_s || (is_at_rest(motion_a) && is_at_rest(motion_b));
   const SweepOptions options{.duration_s = is_still ? kMinDuration_s : duration_s,
                              .time_levels = is_still ? 0 : kAheadLevels,
-                             .max_tests = kAheadTests};
+                             .max_tests = max_tests};
   Motion now_a = motion_a, now_b = motion_b;
   if (is_still)
     for (Motion* motion : {&now_a, &now_b}) *motion = {.pose = motion->pose};
@@ -559,9 +560,9 @@ Result<Found> look_ahead(const TreeView& a, const Motion& motion_a, std::string_
 Result<Lacking> lacking_ahead(const TreeView& a, const Motion& motion_a, std::string_view name_a,
                               const TreeView& b, const Motion& motion_b, std::string_view name_b,
                               double duration_s, double margin_m, const Require& require_a,
-                              const Require& require_b) {
+                              const Require& require_b, std::uint64_t max_tests) {
   return look_ahead<Lacking>(
-      a, motion_a, name_a, b, motion_b, name_b, duration_s, margin_m,
+      a, motion_a, name_a, b, motion_b, name_b, duration_s, margin_m, max_tests,
       [&](SweptQuery& query) { return query.lacking(require_a, require_b); });
 }
 
@@ -573,6 +574,7 @@ Result<Obstacles> obstacles_ahead(const TreeView& a, const Motion& motion_a,
   TreeView bare = a;
   bare.half_spaces = nullptr;  // of a smaller node that has the same first vertex, perhaps
   return look_ahead<Obstacles>(bare, motion_a, name_a, b, motion_b, name_b, duration_s, margin_m,
+                               kLookTests,
                                [&](SweptQuery& query) { return query.obstacles(part, most); });
 }
 

@@ -94,6 +94,9 @@ class WalkedBody {
   [[nodiscard]] TreeEntry::Kind kind(TreePlace at) const {
     return nodes_[at / kLanes].kind(at % kLanes);
   }
+  [[nodiscard]] bool is_coarse(TreePlace at) const {
+    return nodes_[at / kLanes].is_coarse(at % kLanes);
+  }
   [[nodiscard]] std::uint32_t first(TreePlace at) const {
     return nodes_[at / kLanes].first[at % kLanes];
   }
@@ -121,23 +124,25 @@ class WalkedBody {
   PlacedTreeBlocks& placed_blocks_;
 };
 
-template <bool kAny>
+template <Seeks kSeeks>
 class Walk {
  public:
-  Walk(const Scene& scene, WalkMemory& memory, std::vector<FacePair>& pairs,
-       std::vector<UnresolvedPair>& unresolved, QueryStats& stats)
+  Walk(const Scene& scene, WalkMemory& memory, std::uint64_t max_tests, WalkFinds& finds,
+       QueryStats& stats)
       : s_(scene),
         stack_(memory.stack),
         bodies_{{scene.a, scene.a_in_b(), scene.b_in_a, scene.cell_a_m, memory.nodes[0],
                  memory.blocks[0]},
                 {scene.b, scene.b_in_a, scene.a_in_b(), scene.cell_b_m, memory.nodes[1],
                  memory.blocks[1]}},
-        pairs_(pairs),
-        unresolved_(unresolved),
+        max_tests_(max_tests),
+        finds_(finds),
+        pairs_(finds.pairs),
+        unresolved_(finds.unresolved),
         stats_(stats) {}
 
-  // The caller has seen that the roots are not apart.
-  void run() {
+  // The caller has seen that the roots are not apart. False: the tests were spent first.
+  bool run() {
     stack_.reserve(1);
     stack_.push({{0, 0}, {kAllLanes, kAllLanes}});
     while (stack_.size != 0) {
@@ -146,13 +151,20 @@ class Walk {
       } else {
         look_at_latest();
       }
-      if (kAny && !pairs_.empty()) return;
+      if (kAny && !pairs_.empty()) return true;
+      if (HWY_UNLIKELY(tests_of(stats_) >= max_tests_) && (stack_.size | end_count_) != 0)
+        return false;
+      if (HWY_UNLIKELY(unresolved_.size() > finds_.most_unresolved ||
+                       pairs_.size() > finds_.most_pairs))
+        finds_.hand_on();
     }
     test_ends();  // what was collected last
+    return true;
   }
 
  private:
   using Kind = TreeEntry::Kind;
+  static constexpr bool kAny = kSeeks == Seeks::kAnyPair;
 
   // Where one contact suffices, the part that reaches deepest into the other comes next: it is the likeliest to have it.
   // With branches, which the processor may guess ahead of the tests: there is but one at a time.
@@ -182,6 +194,9 @@ class Walk {
     // A pair is written both where ends and where nodes to open go, and counted where it belongs.
     for (std::size_t i = 0; i < count; ++i) {
       const PendingPair pair = stack_.pop();
+      if (kSeeks == Seeks::kUnresolved && !bodies_[0].is_coarse(pair.place[0]) &&
+          !bodies_[1].is_coarse(pair.place[1]))
+        continue;  // nothing but exact faces below
       Opened& next = opened[inner_count];
       const bool is_inner = plan(pair, next);
       if (HWY_UNLIKELY(static_cast<int>(is_inner) &
@@ -323,6 +338,7 @@ class Walk {
         leave(pair);
         continue;
       }
+      if (kSeeks == Seeks::kUnresolved) continue;
       const std::uint32_t count_b = bodies_[1].count(b);
       stats_.triangle_tests += std::uint64_t{bodies_[0].count(a)} * count_b;
       const TreePlace first = bodies_[0].first(a) * kLanes;
@@ -362,10 +378,12 @@ class Walk {
     for (std::uint32_t i = 0; i < pair_count_; ++i) {
       if ((verdicts.apart >> i & 1U) != 0) continue;
       // In neither: too near to tell in doubles, so it is decided exactly.
-      if ((verdicts.touching >> i & 1U) == 0 &&
-          !triangles_overlap(pose_triangle(s_.frame_a, a.corners(i)),
-                             pose_triangle(s_.frame_b, b.corners(i))))
-        continue;
+      if ((verdicts.touching >> i & 1U) == 0) {
+        ++stats_.exact_tests;
+        if (!triangles_overlap(pose_triangle(s_.frame_a, a.corners(i)),
+                               pose_triangle(s_.frame_b, b.corners(i))))
+          continue;
+      }
       pairs_.push_back({bodies_[0].block(faces_a_[i] / kLanes).keys[faces_a_[i] % kLanes],
                         bodies_[1].block(faces_b_[i] / kLanes).keys[faces_b_[i] % kLanes]});
       if (kAny) break;
@@ -399,18 +417,24 @@ class Walk {
   PendingPair ends_[kEnds + 1];
   std::size_t end_count_ = 0, opened_ = 0;
   std::uint32_t faces_a_[kLanes], faces_b_[kLanes], pair_count_ = 0;
+  const std::uint64_t max_tests_;
+  WalkFinds& finds_;
   std::vector<FacePair>& pairs_;
   std::vector<UnresolvedPair>& unresolved_;
   QueryStats& stats_;
 };
 
-void walk_all(const Scene& scene, bool any, WalkMemory& memory, std::vector<FacePair>& pairs,
-              std::vector<UnresolvedPair>& unresolved, QueryStats& stats) {
-  if (any) {
-    Walk<true>(scene, memory, pairs, unresolved, stats).run();
-  } else {
-    Walk<false>(scene, memory, pairs, unresolved, stats).run();
+bool walk_all(const Scene& scene, Seeks seeks, std::uint64_t max_tests, WalkMemory& memory,
+              WalkFinds& finds, QueryStats& stats) {
+  switch (seeks) {
+    case Seeks::kPairs:
+      break;
+    case Seeks::kAnyPair:
+      return Walk<Seeks::kAnyPair>(scene, memory, max_tests, finds, stats).run();
+    case Seeks::kUnresolved:
+      return Walk<Seeks::kUnresolved>(scene, memory, max_tests, finds, stats).run();
   }
+  return Walk<Seeks::kPairs>(scene, memory, max_tests, finds, stats).run();
 }
 
 }  // namespace nearmesh::HWY_NAMESPACE
@@ -436,14 +460,14 @@ const RelativeFrame& Scene::a_in_b() const {
   return *a_in_b_;
 }
 
-void walk_trees(const Scene& scene, bool any, std::vector<FacePair>& pairs,
-                std::vector<UnresolvedPair>& unresolved, QueryStats& stats) {
+bool walk_trees(const Scene& scene, Seeks seeks, std::uint64_t max_tests, WalkFinds& finds,
+                QueryStats& stats) {
   const TreeNode &a = scene.a.nodes[0], &b = scene.b.nodes[0];
-  if (a.lanes == 0 || b.lanes == 0) return;
+  if (a.lanes == 0 || b.lanes == 0) return true;
   ++stats.box_tests;
-  if (boxes_apart(scene.b_in_a, centered(a.boxes.box(0)), centered(b.boxes.box(0)))) return;
+  if (boxes_apart(scene.b_in_a, centered(a.boxes.box(0)), centered(b.boxes.box(0)))) return true;
   WalkMemory memory;
-  HWY_DYNAMIC_DISPATCH(walk_all)(scene, any, memory, pairs, unresolved, stats);
+  return HWY_DYNAMIC_DISPATCH(walk_all)(scene, seeks, max_tests, memory, finds, stats);
 }
 
 }  // namespace nearmesh

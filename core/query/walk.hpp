@@ -3,6 +3,7 @@
 // The walk of two trees at once that every query starts with: which exact faces touch, and which unresolved parts may.
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -78,9 +79,25 @@ struct UnresolvedPair {
   std::uint32_t faces;
 };
 
-/// Adds pairs of faces that touch to `pairs`, and pairs that need detail to `unresolved`, each in an order that follows
-/// from the trees' shapes. With `any` it ends at the first pair of faces. Threads: any.
-void walk_trees(const Scene& scene, bool any, std::vector<FacePair>& pairs,
-                std::vector<UnresolvedPair>& unresolved, QueryStats& stats);
+/// What a walk looks for.
+enum class Seeks : std::uint8_t {
+  kPairs,       ///< all pairs of faces that touch, and unresolved parts
+  kAnyPair,     ///< the same, but it ends at the first pair of faces
+  kUnresolved,  ///< unresolved parts alone: faces are not held against faces
+};
+
+/// What a walk finds. It is handed on before it is much.
+struct WalkFinds {
+  std::vector<FacePair> pairs;
+  std::vector<UnresolvedPair> unresolved;
+  /// Called when there are more than so many of either; takes them away, or some. Adds its own tests to the statistics.
+  std::size_t most_pairs = kAllPairs, most_unresolved = 4096;
+  std::function<void()> hand_on;
+};
+
+/// Adds pairs of faces that touch, and pairs that need detail, each in an order that follows from the trees' shapes. Ends when
+/// `max_tests` are spent; false then. Threads: any.
+[[nodiscard]] bool walk_trees(const Scene& scene, Seeks seeks, std::uint64_t max_tests,
+                              WalkFinds& finds, QueryStats& stats);
 
 }  // namespace nearmesh

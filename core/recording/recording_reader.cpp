@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <cerrno>
 #include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <optional>
 #include <utility>
 
+#include "mcap_recording.hpp"
 #include "nearmesh/core/recording/recording.hpp"
 #include "sqlite.hpp"
 
@@ -59,6 +62,21 @@ Result<sqlite::Database> open_part(const std::string& path) {
   // In a folder where nothing may be written.
   if (!opened.is_ok())
     if (auto plain = attempt(SQLITE_OPEN_READONLY, nullptr); plain.is_ok()) return plain;
+  return opened;
+}
+
+/// Opens what an MCAP file holds as a recording of its own, which goes when it is closed.
+Result<sqlite::Database> open_mcap(const std::string& path) {
+  std::error_code error;
+  std::string folder =
+      (std::filesystem::temp_directory_path(error) / "nearmesh-recording-XXXXXX").string();
+  if (error || ::mkdtemp(folder.data()) == nullptr)
+    return Status{StatusCode::kIo, path + ": no folder for temporary files: " +
+                                       (error ? error.message() : std::strerror(errno))};
+  const std::string unpacked = folder + "/recording.db3";
+  const Status status = unpack_mcap_recording(path, unpacked);
+  Result<sqlite::Database> opened = status.is_ok() ? open_part(unpacked) : status;
+  std::filesystem::remove_all(folder, error);  // an open file stays until it is closed
   return opened;
 }
 
@@ -209,11 +227,12 @@ Result<std::unique_ptr<RecordingReader>> RecordingReader::open(const std::string
                       name + ": " + (error ? error.message() : "no such file")};
       break;
     }
-    Result<sqlite::Database> opened = open_part(name);
+    const bool is_mcap = part == 0 && mcap::is_mcap(name);  // such a file is whole
+    Result<sqlite::Database> opened = is_mcap ? open_mcap(name) : open_part(name);
     RecordingFacts facts;
     Status status =
         opened.is_ok() ? impl->read_facts(opened.value(), name, facts) : opened.status();
-    if (status.code() == StatusCode::kCorrupt)
+    if (status.code() == StatusCode::kCorrupt && !is_mcap)
       status = {StatusCode::kCorrupt, "not a recorded session: " + status.message()};
     if (part == 0) {
       NEARMESH_RETURN_IF_ERROR(status);
@@ -225,6 +244,7 @@ Result<std::unique_ptr<RecordingReader>> RecordingReader::open(const std::string
       break;  // killed while it was begun, or none of ours
     }
     NEARMESH_RETURN_IF_ERROR(impl->add_part(std::move(opened).value(), name));
+    if (is_mcap) break;
   }
   return std::unique_ptr<RecordingReader>(new RecordingReader(std::move(impl)));
 }

@@ -24,6 +24,8 @@ constexpr std::uint8_t kFlagAsked = 1;
 constexpr std::uint8_t kFlagSolidA = 2;
 constexpr std::uint8_t kFlagSolidB = 4;
 constexpr std::uint8_t kFlagGaveUp = 8;
+constexpr std::uint8_t kFlagCut = 16;
+constexpr std::uint8_t kFlagPutOff = 32;
 constexpr std::uint8_t kFlagPublisher = 1;
 constexpr std::uint8_t kFlagDoor = 2;
 constexpr std::uint8_t kFlagReply = 1;
@@ -349,7 +351,8 @@ void encode(const ContactReport& message, wire_types::ContactReportSample& sampl
   sample.uncertainty_m(message.uncertainty_m);
   sample.flags(static_cast<std::uint8_t>(
       (message.asked ? kFlagAsked : 0) | (message.a.solid ? kFlagSolidA : 0) |
-      (message.b.solid ? kFlagSolidB : 0) | (message.gave_up_detail ? kFlagGaveUp : 0)));
+      (message.b.solid ? kFlagSolidB : 0) | (message.gave_up_detail ? kFlagGaveUp : 0) |
+      (message.cut ? kFlagCut : 0) | (message.put_off ? kFlagPutOff : 0)));
   sample.answer_digest(message.answer_digest);
   std::size_t at = 0;
   for (const ContactReport::Asked* body : {&message.a, &message.b}) {
@@ -388,10 +391,13 @@ Result<ContactReport> decode(const wire_types::ContactReportSample& sample) {
   message.clearance_m = sample.clearance_m();
   message.uncertainty_m = sample.uncertainty_m();
   const std::uint8_t flags = sample.flags();
-  if ((flags & ~(kFlagAsked | kFlagSolidA | kFlagSolidB | kFlagGaveUp)) != 0)
+  if ((flags & ~(kFlagAsked | kFlagSolidA | kFlagSolidB | kFlagGaveUp | kFlagCut | kFlagPutOff)) !=
+      0)
     return malformed("flags: found unknown bits, " + std::to_string(flags));
   message.asked = (flags & kFlagAsked) != 0;
   message.gave_up_detail = (flags & kFlagGaveUp) != 0;
+  message.cut = (flags & kFlagCut) != 0;
+  message.put_off = (flags & kFlagPutOff) != 0;
   message.a.solid = (flags & kFlagSolidA) != 0;
   message.b.solid = (flags & kFlagSolidB) != 0;
   message.answer_digest = sample.answer_digest();

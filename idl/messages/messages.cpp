@@ -293,6 +293,7 @@ Status check(const ContactReport& message) {
     NEARMESH_RETURN_IF_ERROR(check_time(stamp.time_s, "time of a pose"));
     if (!(stamp.max_age_s >= 0)) return invalid("max_age_s: expected a time, not negative");
   }
+  if (message.put_off && message.asked) return invalid("put_off: the answer was asked");
   if (message.asked) {
     NEARMESH_RETURN_IF_ERROR(check_pose(message.a.pose, message.body_a));
     NEARMESH_RETURN_IF_ERROR(check_pose(message.b.pose, message.body_b));

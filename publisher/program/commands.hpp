@@ -25,7 +25,7 @@ struct ServeOptions {
 Outcome run(const ServeOptions& options);
 
 struct ReplayOptions {
-  std::string path;
+  std::string path, models;
   PlayheadOptions playhead;
   bool loop = false, json = false;
   std::vector<std::string> topics, remaps;

@@ -63,7 +63,9 @@ void add_replay_command(CLI::App& app, Action& chosen) {
       "12.5 (to that second), +5 or -60 (seconds on or back), start, end, quit.");
   const auto options = std::make_shared<ReplayOptions>();
   options->transport.prefix.clear();  // as recorded
-  command->add_option("session", options->path, "Recorded session (.db3), the first of its files")
+  command
+      ->add_option("session", options->path,
+                   "Recorded session (.db3, the first of its files, or .mcap)")
       ->required();
   command->add_option("--rate", options->playhead.rate, "Recorded seconds a second")
       ->capture_default_str()
@@ -88,6 +90,9 @@ void add_replay_command(CLI::App& app, Action& chosen) {
   command->add_option(
       "--remap", options->remaps,
       "OLD:=NEW, the recorded prefix or a topic and what it is called here; repeatable");
+  command->add_option("--models", options->models,
+                      "Folder with .spm files: live peers get all detail of these models, so that "
+                      "they may fly where no recorded peer was");
   command->add_flag("--json", options->json,
                     "Print one JSON line about what was played at the end");
   const auto settings = std::make_shared<wire::program::Settings>();

@@ -245,6 +245,16 @@ Outcome run(ReplayOptions options) {
       options.transport.prefix);
   Replay replay(recording, *index.value(), *outlet.value(), std::move(playhead).value(),
                 options.loop);
+  if (!options.models.empty()) {
+    const Result<std::unique_ptr<ModelFolder>> models = ModelFolder::open(options.models);
+    if (!models.is_ok())
+      return Status{models.status().code(), "--models " + models.status().message()};
+    for (const std::string& line : models.value()->complaints()) spdlog::warn("{}", line);
+    const Result<std::size_t> found = replay.serve_from(*models.value());
+    NEARMESH_RETURN_IF_ERROR(found);
+    spdlog::info("{} of {} recorded models are served from {}", found.value(),
+                 index.value()->details().size(), options.models);
+  }
   for (const double until_s = clock.seconds() + kDiscovery_s;
        clock.seconds() < until_s && stop_requested == 0;) {
     NEARMESH_RETURN_IF_ERROR(replay.prepare());

@@ -5,6 +5,7 @@
 #include <bit>
 #include <utility>
 
+#include "nearmesh/core/base/content_hash.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
 
 namespace nearmesh::publisher {
@@ -114,6 +115,22 @@ Replay::Replay(RecordingReader& recording, ReplayIndex& index, ReplayOutlet& out
   }
 }
 Replay::~Replay() = default;
+
+Result<std::size_t> Replay::serve_from(const ModelFolder& models) {
+  std::size_t found = 0;
+  for (const auto& [content, detail] : index_.details()) {
+    const std::optional<std::string> path = models.path_of(content);
+    if (!path) continue;
+    ++found;
+    for (auto& [id, publisher] : publishers_) {
+      Result<ModelFile> file = ModelFile::open(*path);
+      NEARMESH_RETURN_IF_ERROR(file);
+      NEARMESH_RETURN_IF_ERROR(
+          publisher.service->add_model(to_hex(content), std::move(file).value()));
+    }
+  }
+  return found;
+}
 
 Status Replay::begin() { return restore(std::nullopt); }
 

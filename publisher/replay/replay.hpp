@@ -5,7 +5,8 @@
 // nothing of DDS.
 // What a peer that joins at a moment finds (hellos, headers, poses, detail) depends on the moment alone, however the replay
 // came there: played, sought, or looped. A seek back withdraws what was not yet said.
-// What no recorded peer was sent is not sent here either: a live peer that needs it says "uncertain".
+// What no recorded peer was sent is not sent here either, unless the models' files are at hand: a live peer that needs it
+// says "uncertain".
 // A live peer with the id of a recorded one is refused: answers to it would mix with what the recorded one was sent.
 
 #include <array>
@@ -17,6 +18,7 @@
 #include <string>
 #include <vector>
 
+#include "core/spm/model_folder.hpp"
 #include "playhead.hpp"
 #include "publisher/serve/service.hpp"
 #include "replay_index.hpp"
@@ -78,6 +80,10 @@ class Replay {
          bool loop);
   ~Replay();
 
+  /// Live peers are answered from these files where they have the content, with all of its detail at any time: so new
+  /// trajectories that are flown against the recording get certified answers. Before begin(). Errors: those of the files.
+  /// Out: so many of the recorded contents have a file.
+  [[nodiscard]] Result<std::size_t> serve_from(const ModelFolder& models);
   /// Sends what holds at the start. Errors: the reader's.
   [[nodiscard]] Status begin();
   /// Sends what is due, at most kBurst messages, and answers live peers. Never blocks but on the disk.

@@ -53,6 +53,7 @@ Status Service::add_model(const std::string& name, ModelFile file, ContentHash r
   answerers_[hash] = [&file = model->file](const RegionRequest& request) {
     return answer(file, request);
   };
+  by_region_.erase(hash);
   models_.emplace(hash, std::move(model));
   return Status::ok();
 }

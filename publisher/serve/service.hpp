@@ -47,7 +47,7 @@ class Service {
   Service(Channel& channel, wire::SessionId session, ServiceOptions options = {});
 
   /// Serves a model under a name unique to this publisher. `replaces`: peers that hold that content under the name go over to
-  /// this one; or none. Errors: kInvalidArgument (name, or it would replace itself), kConflict (name taken).
+  /// this one; or none. Goes before an answerer of that content. Errors: kInvalidArgument (name, or it would replace itself), kConflict (name taken).
   [[nodiscard]] Status add_model(const std::string& name, ModelFile file,
                                  ContentHash replaces = {});
   /// Encoded batches; none where nothing is to be sent, or none is made yet.

@@ -4,8 +4,10 @@
 #include <utility>
 
 #include "core/base/float_guard.hpp"
+#include "core/base/stopwatch.hpp"
 #include "core/certificate/certificate.hpp"
 #include "core/demand/answer.hpp"
+#include "frame_budget.hpp"
 
 namespace nearmesh::subscriber {
 namespace {
@@ -19,6 +21,12 @@ Result<std::vector<std::vector<std::uint8_t>>> answer_region(ModelFile& file,
 }
 
 }  // namespace
+
+/// The publisher's choice of detail, on its way.
+struct LocalChannel::Begun {
+  wire::RegionSubscription subscription;
+  CertificateMaker maker;
+};
 
 LocalChannel::LocalChannel() : mirrors_(std::make_unique<Mirrors>()) {}
 LocalChannel::~LocalChannel() = default;
@@ -54,6 +62,7 @@ void LocalChannel::set_connected(bool connected) {
     return;
   }
   inbox_ = {};
+  begun_.reset();
   inbox_.lost_publishers.push_back(kPublisher);
   for (const std::string& body : delivered_) inbox_.movers[body] = wire::Mover::kLeft;
 }
@@ -71,8 +80,15 @@ Status LocalChannel::deliver(const wire::BodyPose& pose) {
 void LocalChannel::send(const wire::RegionSubscription& subscription) {
   // Whoever returns credit alone asks for nothing: there is no link here to overrun.
   if (!connected_ || subscription.request == 0) return;
-  for (wire::SplitBatchMessage& message :
-       subscription.certificate ? certify(subscription) : answer(subscription)) {
+  if (subscription.certificate) {
+    certify(subscription);
+  } else {
+    deliver(answer(subscription));
+  }
+}
+
+void LocalChannel::deliver(std::vector<wire::SplitBatchMessage>&& messages) {
+  for (wire::SplitBatchMessage& message : messages) {
     message.sequence = ++sequence_;
     inbox_.batches.push_back(std::move(message));
   }
@@ -91,27 +107,47 @@ std::vector<wire::SplitBatchMessage> LocalChannel::answer(
                                std::move(batches).value(), true);
 }
 
-std::vector<wire::SplitBatchMessage> LocalChannel::certify(
-    const wire::RegionSubscription& subscription) {
+void LocalChannel::certify(const wire::RegionSubscription& subscription) {
   BegunCertificate begun =
       begin_certificate(kPeer, *subscription.certificate, *mirrors_, [this](const auto& content) {
         const auto model = models_.find(content);
         return model == models_.end() ? nullptr : &model->second.file;
       });
-  if (!begun.maker)
-    return {wire::redirection_message(kPublisher, subscription, begun.why_not, begun.unknown_state,
-                                      begun.wants_regions)};
-  std::vector<wire::SplitBatchMessage> messages;
-  while (!begun.maker->is_done()) {
-    Result<CertificateMaker::Part> part = begun.maker->next();
-    if (!part.is_ok())
-      return {wire::refusal_message(kPublisher, subscription, part.status().message())};
-    for (wire::SplitBatchMessage& message :
-         wire::answer_messages(kPublisher, subscription.request, part.value().content,
-                               std::move(part.value().batches), begun.maker->is_done()))
-      messages.push_back(std::move(message));
+  if (!begun.maker) {
+    deliver({wire::redirection_message(kPublisher, subscription, begun.why_not, begun.unknown_state,
+                                       begun.wants_regions)});
+    return;
   }
-  return messages;
+  begun_ = std::make_unique<Begun>(Begun{subscription, std::move(*begun.maker)});
+  go_on();
+}
+
+void LocalChannel::allow(double seconds) {
+  constexpr int kPatience = 8;
+  allowed_s_ = seconds;
+  not_allowed_ = seconds > 0 ? 0 : (not_allowed_ + 1) % kPatience;
+  if (begun_) go_on();
+}
+
+/// At least one step, where any is allowed.
+void LocalChannel::go_on() {
+  if (allowed_s_ <= 0 && not_allowed_ != 0) return;
+  const Stopwatch watch;
+  while (begun_) {
+    const double left_s = allowed_s_ - watch.seconds();
+    Result<CertificateMaker::Part> part = begun_->maker.next(tests_within(left_s));
+    if (!part.is_ok()) {
+      deliver({wire::refusal_message(kPublisher, begun_->subscription, part.status().message())});
+      begun_.reset();
+      return;
+    }
+    const bool is_last = begun_->maker.is_done();
+    deliver(wire::answer_messages(kPublisher, begun_->subscription.request, part.value().content,
+                                  std::move(part.value().batches), is_last));
+    if (is_last) begun_.reset();
+    if (watch.seconds() >= allowed_s_) break;
+  }
+  allowed_s_ -= watch.seconds();
 }
 
 Channel::Inbox LocalChannel::take() { return std::exchange(inbox_, {}); }

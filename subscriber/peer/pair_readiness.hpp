@@ -11,6 +11,11 @@ namespace nearmesh::subscriber {
   return {.pairs = 1, .reason = names + ": not asked since the last update"};
 }
 
+/// Of a pair whose turn did not come.
+[[nodiscard]] inline Readiness put_off(const std::string& names) {
+  return {ReadyStage::kAnswering, 1, 0, names + ": out of budget"};
+}
+
 [[nodiscard]] inline Readiness readiness_of(const PairAnswer& pair, const std::string& names) {
   const Answer& answer = pair.answer;
   if (is_certified(answer.status)) return {ReadyStage::kCertified, 1, 1, {}};

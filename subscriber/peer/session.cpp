@@ -14,9 +14,6 @@
 namespace nearmesh::subscriber {
 namespace {
 
-/// A sweep may take some twenty milliseconds, then it says what it knows.
-constexpr std::uint64_t kMaxSweepTests = 200'000;
-
 /// An own body at rest is published again after this share of max_pose_age_s: of the rest half may be lost on the way, and
 /// the frames of neither side need to be frequent.
 constexpr double kRepeatShare = 0.25;
@@ -67,7 +64,7 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
                                                     " is " + std::to_string(time_s) +
                                                     ", expected seconds, at most " +
                                                     std::to_string(wire::kMaxTime_s) + " from 0"};
-  const Stopwatch spent;
+  const FrameBudget budget(budget_s);
   FrameReport report;
   if (impl.has_updated && time_s < impl.time_s)
     report.complaints.push_back("time_s of frame " + std::to_string(frame) + " is " +
@@ -96,21 +93,24 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
   for (const std::uint32_t part : parts) impl.publish(part, frame);
   impl.take_inbox(report);
   impl.replicas.read_caches(report.complaints);
-  while (impl.replicas.apply_one(report) && spent.seconds() < budget_s) {
+  // What comes after it is to have its time, half of all if it needs that.
+  const double answers_s = std::min(impl.answers_cost.seconds(), budget_s / 2);
+  while (impl.replicas.apply_one(report) && budget.left_s() > answers_s) {
   }
+  const Stopwatch since_batches;
   for (const auto& [name, model] : impl.replicas.all())
     report.batches_waiting += model.waiting.size();
   for (const auto& [name, model] : impl.replicas.all())
     report.state_digest =
         mix(report.state_digest ^ (model.is_ready() ? model.replica->mesh().state_hash() + 1 : 0));
   impl.find_near(report);
-  impl.answer_pairs(frame, report);
-  impl.ask(report);
-  if (impl.options.max_held_splits > 0)
-    for (auto& [name, model] : impl.replicas.all())
-      if (model.is_ready() && model.replica->mesh().split_count() > impl.options.max_held_splits)
-        impl.give_up(model, report);
+  impl.answer_pairs(frame, budget, report);
+  impl.channel->allow(budget.left_s());
+  impl.ask(budget, report);
+  impl.give_up(budget, report);
   impl.tell_held(report);
+  impl.rest_cost.add(budget.spent_s() - impl.asked_by_s);
+  impl.answers_cost.add(since_batches.seconds());
   for (const std::string& line : report.complaints) impl.keeper.note(line, impl.clock.seconds());
   if (impl.keeper.is_due(impl.clock.seconds())) impl.tell_status(report, stats());
   return report;
@@ -158,6 +158,21 @@ wire::PoseStamp Session::Impl::stamp_of(const Body& body) const {
   if (body.is_placed || (body.own && body.motion && is_at_rest(*body.motion)))
     stamp.time_s = time_s;
   return stamp;
+}
+
+/// Where time is left, or the limit is passed by much.
+void Session::Impl::give_up(const FrameBudget& budget, FrameReport& report) {
+  const std::uint64_t most = options.max_held_splits;
+  if (most == 0) return;
+  for (auto& [name, model] : replicas.all()) {
+    if (!model.is_ready()) continue;
+    const std::uint64_t held = model.replica->mesh().split_count();
+    if (held <= most || (held <= most + most / 8 && budget.left_s() < give_up_cost.seconds()))
+      continue;
+    const Stopwatch watch;
+    give_up(model, report);
+    give_up_cost.add(watch.seconds());
+  }
 }
 
 void Session::Impl::give_up(PeerModel& model, FrameReport& report) {
@@ -215,16 +230,9 @@ void Session::Impl::run_jobs(std::size_t count, const std::function<void(std::si
   }
 }
 
-void Session::Impl::answer_pairs(std::uint64_t frame, FrameReport& report) {
-  std::vector<AskedPair> asked(listed.size());
-  run_jobs(asked.size(), [&](std::size_t i) { asked[i] = ask_pair(*listed[i]); });
-  for (std::size_t i = 0; i < asked.size(); ++i)
-    settle_pair(*listed[i], std::move(asked[i]), frame, report);
-}
-
-// Changes nothing, so that pairs may be asked at once.
-Session::Impl::AskedPair Session::Impl::ask_pair(const Pair& pair) const {
-  AskedPair asked_pair;
+// Changes nothing of the session's, so that pairs may be asked at once. `has_turn` is called where it could be asked.
+void Session::Impl::ask_pair(const Pair& pair, AskedPair& asked_pair,
+                             const std::function<bool()>& has_turn) const {
   PairAnswer& result = asked_pair.result;
   result.a = pair.a->id;
   result.b = pair.b->id;
@@ -233,9 +241,11 @@ Session::Impl::AskedPair Session::Impl::ask_pair(const Pair& pair) const {
   result.content_b = pair.b->model->content_hash;
   result.age_a_s = wire::age_s(stamp_of(*pair.a), time_s);
   result.age_b_s = wire::age_s(stamp_of(*pair.b), time_s);
-  result.reason = why_not_ready(*pair.a);
-  if (result.reason.empty()) result.reason = why_not_ready(*pair.b);
-  if (result.reason.empty()) {
+  if (!pair.is_ready) result.reason = why_not_ready(*pair.a);
+  if (!pair.is_ready && result.reason.empty()) result.reason = why_not_ready(*pair.b);
+  if (result.reason.empty() && !has_turn()) {
+    put_off(pair, result);
+  } else if (result.reason.empty()) {
     const Stopwatch watch;
     const auto body = [](const Body& of, double age_s) {
       return AskedBody{of.model->replica->view(), *of.motion, of.name, of.solid, age_s};
@@ -245,9 +255,12 @@ Session::Impl::AskedPair Session::Impl::ask_pair(const Pair& pair) const {
     result.pose_b = b.motion.pose;
     Result<Answered> asked = answer(a, b,
                                     {.clearance = options.clearance,
+                                     .any = options.any,
+                                     .max_pairs = options.max_pairs,
+                                     .max_tests = options.max_tests,
                                      .contacts = options.contacts,
                                      .sweep_s = options.sweep_s,
-                                     .max_sweep_tests = kMaxSweepTests});
+                                     .max_sweep_tests = options.max_sweep_tests});
     if (asked.is_ok()) {
       result.asked = true;
       take_answer(std::move(asked).value(), result, asked_pair.complaints);
@@ -260,7 +273,6 @@ Session::Impl::AskedPair Session::Impl::ask_pair(const Pair& pair) const {
     }
     asked_pair.query_s = watch.seconds();
   }
-  return asked_pair;
 }
 
 void Session::Impl::settle_pair(Pair& pair, AskedPair&& asked, std::uint64_t frame,
@@ -274,8 +286,14 @@ void Session::Impl::settle_pair(Pair& pair, AskedPair&& asked, std::uint64_t fra
     const std::string more = awaited_of(*pair.b->model, result.answer.missing_b.size());
     if (!result.awaited.empty() && !more.empty()) result.awaited += "; ";
     result.awaited += more;
+    if (result.answer.exhausted)
+      result.awaited +=
+          (result.awaited.empty() ? "the search was ended after " : "; it was ended after ") +
+          std::to_string(options.max_tests) + " tests";
   }
-  pair.last = readiness_of(result, pair.names());
+  note_turn(pair, asked);
+  report.pairs_put_off += result.put_off ? 1 : 0;
+  if (!result.put_off) pair.last = readiness_of(result, pair.names());
   const std::uint64_t answer_digest = digest(result.answer);
   report.answers_digest = mix(report.answers_digest ^ answer_digest);
   if (options.publish_reports) report_pair(pair, result, {frame, answer_digest});
@@ -288,7 +306,7 @@ Result<Readiness> Session::readiness(BodyId body) const {
   if (asked == nullptr) return no_such(body);
   Readiness all{.stage = ReadyStage::kCertified};
   for (const auto& [key, pair] : impl_->pairs)
-    if (pair.has(*asked)) add_pair(all, pair.last);
+    if (pair.has(*asked)) add_pair(all, pair.is_put_off ? put_off(pair.names()) : pair.last);
   if (impl_->watches_all) {
     impl_->add_unbounded(all, *asked);
     return all;

@@ -25,8 +25,10 @@ RegionMaker Session::Impl::region_of(const PeerModel& model, double lookahead_s,
   for (std::size_t i = 0; i < listed.size(); ++i) {
     const Pair& pair = *listed[i];
     const PairAnswer& answer = report.answers[i];
-    if (!answer.reason.empty() || (scope != Scope::kAll && !pair.by_region)) continue;
-    if (scope == Scope::kUncertified && is_certified(answer.answer.status)) continue;
+    if (!answer.reason.empty() && !answer.put_off) continue;
+    if (scope != Scope::kAll && !pair.by_region) continue;
+    if (scope == Scope::kUncertified && (answer.put_off || is_certified(answer.answer.status)))
+      continue;
     const Answer& undecided = answer.answer;
     if (scope == Scope::kUncertified && !(undecided.rays_a.empty() && undecided.rays_b.empty())) {
       // The surfaces are apart: only the rays wait for detail.
@@ -218,10 +220,17 @@ double Session::Impl::patience_with(const Publisher& publisher) const {
                   std::max(options.request_timeout_s, kMaxPatience_s));
 }
 
-void Session::Impl::ask(FrameReport& report) {
+void Session::Impl::ask(const FrameBudget& budget, FrameReport& report) {
   ask_for_probes();
-  ask_certificates(report);
-  for (auto& [name, model] : replicas.all()) {
+  ask_certificates(budget, report);
+  // Models take turns where time is short; one is served in any case.
+  auto& models = replicas.all();
+  auto at = models.upper_bound(last_served);
+  for (std::size_t i = 0; i < models.size(); ++i, ++at) {
+    if (at == models.end()) at = models.begin();
+    auto& [name, model] = *at;
+    if (i > 0 && budget.left_s() < region_cost.seconds()) break;
+    last_served = name;
     if (!model.is_ready() || !model.waiting.empty()) continue;
     settle_audit(model, report);
     audit(model);
@@ -236,10 +245,12 @@ void Session::Impl::ask(FrameReport& report) {
       if (lost) count_lost(open->second);
     }
     // What an answer lacks is named outright: boxes of nodes need not nest, so the walk may miss a node that the query met.
+    const Stopwatch watch;
     if (!request(model, region_of(model, 0, report, Scope::kUncertified),
                  missing_of(model, report, false), kNeededNow) &&
         may_prefetch)
       static_cast<void>(request_ahead(model, report));
+    region_cost.add(watch.seconds());
   }
 }
 

@@ -162,6 +162,8 @@ void Session::Impl::ask_anew(Body& body) {
   for (auto& [key, pair] : pairs) {
     if (!pair.has(body)) continue;
     pair.last = not_asked(pair.names());
+    pair.is_put_off = false;
+    pair.certified.reset();
     pair.asked = {};
   }
 }

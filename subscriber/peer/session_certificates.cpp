@@ -2,6 +2,7 @@
 // What a session asks of a publisher that serves both models of a pair: it says where the bodies are and what it holds, and
 // the publisher chooses the detail that certifies.
 #include <algorithm>
+#include <atomic>
 #include <map>
 #include <utility>
 
@@ -16,6 +17,8 @@ namespace {
 
 /// So many answers in a row may bring nothing to a pair before it names what it lacks itself.
 constexpr int kMaxFruitless = 2;
+/// After so many updates without one there is a look ahead whatever time is left.
+constexpr std::uint64_t kPatientLooks = 8;
 /// Who holds so much that it takes more bytes to tell names what it lacks itself: that takes some kilobytes.
 constexpr std::size_t kMaxToldBytes = 64 * 1024;
 
@@ -41,11 +44,11 @@ Session::Impl::Need Session::Impl::need_of(const Pair& pair, const PairAnswer& a
 
 // What is lacked soon is asked for with all of the horizon: fewer and fuller answers than a little in each frame. Soon are three
 // frames at least, since an answer that comes in the next is there for the one after.
-bool Session::Impl::is_lacking_soon(const Pair& pair) const {
-  const auto lacking =
-      lacking_ahead(pair.a->model->replica->view(), *pair.a->motion, pair.a->name,
-                    pair.b->model->replica->view(), *pair.b->motion, pair.b->name,
-                    std::clamp(3 * frame_s, horizon_s() / 4, horizon_s()), options.margin_m);
+bool Session::Impl::is_lacking_soon(const Pair& pair, std::uint64_t max_tests) const {
+  const auto lacking = lacking_ahead(pair.a->model->replica->view(), *pair.a->motion, pair.a->name,
+                                     pair.b->model->replica->view(), *pair.b->motion, pair.b->name,
+                                     std::clamp(3 * frame_s, horizon_s() / 4, horizon_s()),
+                                     options.margin_m, {}, {}, max_tests);
   return lacking.is_ok() && !lacking.value().is_nothing();
 }
 
@@ -63,6 +66,7 @@ bool Session::Impl::has_open(wire::SessionId publisher, const Pair& pair) const 
 std::vector<Session::Impl::Candidate> Session::Impl::find_candidates(const FrameReport& report) {
   std::vector<Candidate> candidates;
   for (std::size_t i = 0; i < listed.size(); ++i) {
+    if (report.answers[i].put_off) continue;
     Pair& pair = *listed[i];
     const PeerModel &a = *pair.a->model, &b = *pair.b->model;
     const Publisher* publisher = publisher_of(a.content_hash, b.content_hash);
@@ -80,22 +84,45 @@ std::vector<Session::Impl::Candidate> Session::Impl::find_candidates(const Frame
   return candidates;
 }
 
-// Where one publisher serves both models of a pair it is told where the bodies are, and chooses what certifies.
-void Session::Impl::ask_certificates(const FrameReport& report) {
-  std::vector<Candidate> candidates = find_candidates(report);
+/// As many as there is time for, those first that were looked at longest ago; one in any
+/// case in some updates. The others wait for another update.
+void Session::Impl::look_ahead(const FrameBudget& budget, std::vector<Candidate>& candidates) {
   std::vector<Candidate*> looks;
   for (Candidate& candidate : candidates)
     if (candidate.need == Need::kLook) looks.push_back(&candidate);
-  stats.looks_ahead += looks.size();
-  run_jobs(looks.size(), [&](std::size_t i) {
-    looks[i]->need = is_lacking_soon(*looks[i]->pair) ? Need::kAhead : Need::kNothing;
+  std::stable_sort(looks.begin(), looks.end(), [](const Candidate* one, const Candidate* two) {
+    return one->pair->looked_ahead_s < two->pair->looked_ahead_s;
   });
+  std::atomic<std::size_t> next{0}, looked{0};
+  run_jobs(looks.size(), [&](std::size_t) {
+    const std::size_t turn = next++;
+    Candidate& look = *looks[turn];
+    const double left_s = budget.left_s();
+    if ((turn > 0 || updates - looked_ahead_in < kPatientLooks) &&
+        left_s < (look.pair->look_cost_s > 0 ? look.pair->look_cost_s : look_cost.seconds()))
+      return;
+    const Stopwatch watch;
+    look.need = is_lacking_soon(*look.pair, tests_within(left_s)) ? Need::kAhead : Need::kNothing;
+    look.pair->look_cost_s = watch.seconds();
+    ++looked;
+  });
+  stats.looks_ahead += looked;
+  if (looked > 0 || looks.empty()) looked_ahead_in = updates;
+  for (const Candidate* look : looks)
+    if (look->need != Need::kLook) look_cost.add(look->pair->look_cost_s);
+}
+
+// Where one publisher serves both models of a pair it is told where the bodies are, and chooses what certifies.
+void Session::Impl::ask_certificates(const FrameBudget& budget, const FrameReport& report) {
+  std::vector<Candidate> candidates = find_candidates(report);
+  look_ahead(budget, candidates);
   struct Due {
     std::vector<Pair*> now, ahead;
   };
   std::map<wire::SessionId, Due> due;
   for (const Candidate& candidate : candidates) {
     Pair& pair = *candidate.pair;
+    if (candidate.need == Need::kLook) continue;
     if (candidate.need == Need::kNothing) {
       pair.looked_ahead_s = time_s;
       continue;

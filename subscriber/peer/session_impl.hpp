@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // What the files of Session share: session.cpp (a frame), session_bodies.cpp (bodies and pairs that come and go, and which are
-// near), session_take.cpp (what comes), session_ask.cpp, session_certificates.cpp and session_audit.cpp (what is asked of
-// publishers), session_probe.cpp (probes of bodies), session_tell.cpp (what is told). Threads: one.
+// near), session_take.cpp (what comes), session_turns.cpp (whom it asks), session_ask.cpp, session_certificates.cpp and
+// session_audit.cpp (what is asked of publishers), session_probe.cpp (probes of bodies), session_tell.cpp (what is told).
+// Threads: one.
 
 #include <algorithm>
 #include <map>
@@ -16,6 +17,8 @@
 #include "core/base/stopwatch.hpp"
 #include "core/broadphase/broad_phase.hpp"
 #include "core/query/answer.hpp"
+#include "core/query/clearance_left.hpp"
+#include "frame_budget.hpp"
 #include "idl/messages/process_name.hpp"
 #include "idl/messages/status_keeper.hpp"
 #include "nearmesh/subscriber/peer/session.hpp"
@@ -32,11 +35,14 @@ struct Body {
   std::uint32_t number = 0;  // own: on the bus
   bool solid = false;
   std::optional<Motion> motion;
-  wire::PoseStamp stamp;       // of the motion's pose
-  bool is_placed = false;      // its pose holds at any time
-  double published_s = 0;      // own: the time that the others know its pose for
-  bool has_gone_back = false;  // its mover's time, as was said
-  bool contested = false;      // another peer moves it too, as was said
+  wire::PoseStamp stamp;           // of the motion's pose
+  bool is_placed = false;          // its pose holds at any time
+  double published_s = 0;          // own: the time that the others know its pose for
+  bool has_gone_back = false;      // its mover's time, as was said
+  bool contested = false;          // another peer moves it too, as was said
+  std::uint64_t looked_at_in = 0;  // the update that the next two are of; 0: none
+  bool is_ready = false;           // why_not_ready() says nothing
+  BodyReach reach;
 
   // For watch_all(): what was told to the broad phase.
   Company company;
@@ -80,6 +86,9 @@ struct Publisher {
 
 [[nodiscard]] Status no_such(BodyId body);
 
+/// PairAnswer::reason of a pair that is put off. Short, since there may be thousands in a frame.
+inline constexpr const char* kOutOfBudget = "out of budget";
+
 [[nodiscard]] inline std::uint32_t part_of(const Body& own) {
   return own.number / wire::kBodiesPerPart;
 }
@@ -101,7 +110,8 @@ struct Session::Impl {
     Body* a = nullptr;
     Body* b = nullptr;
     std::optional<Reported> reported;
-    Readiness last;  // of this pair alone, as of the last update
+    bool is_told_put_off = false;  // by the last report
+    Readiness last;                // of this pair alone, as of the last update
     // What was last asked of a publisher that chooses.
     struct Asked {
       std::uint32_t request = 0;
@@ -113,6 +123,22 @@ struct Session::Impl {
     bool is_by_name = false;    // watched by name
     std::uint64_t near_in = 0;  // the update that found it near last
     double looked_ahead_s = -std::numeric_limits<double>::infinity();
+    double look_cost_s = 0;  // then
+    // session_turns.cpp
+    struct Turn {
+      std::uint64_t came_in = 0, asked_in = 0;  // updates; 0: not yet
+      double cost_s = 0;                        // of asking it then
+    } turn;
+    struct Certified {
+      LastCertified said, now;  // then; and what is left of it in this update
+      std::uint64_t asked_in = 0;
+      double time_s = 0;
+      Pose pose_a, pose_b;
+      ContentHash content_a, content_b;
+    };
+    std::optional<Certified> certified;
+    bool is_ready = false;    // in this update: headers and fresh poses are there
+    bool is_put_off = false;  // in the last update; stands for `last` then
 
     [[nodiscard]] bool has(const Body& body) const { return a == &body || b == &body; }
     [[nodiscard]] std::string names() const { return a->name + " and " + b->name; }
@@ -133,8 +159,11 @@ struct Session::Impl {
   bool has_news = false;        // of publishers or bodies: what names stand for may change
   std::map<ContentHash, Outstanding> outstanding;
   std::uint32_t last_request = 0;
-  double time_s = 0;   // of the update
-  double frame_s = 0;  // since the update before
+  std::string last_served;            // model, of those that name what they lack
+  double time_s = 0;                  // of the update
+  double frame_s = 0;                 // since the update before
+  std::uint64_t looked_ahead_in = 0;  // the last update that looked ahead, or had no need to
+  double asked_by_s = 0;              // of this update's time, when the last pair had been asked
   bool has_updated = false;
   std::optional<double> heard_time_s;
   std::uint64_t refused = 0;
@@ -181,8 +210,18 @@ struct Session::Impl {
     std::vector<std::string> complaints;
     double query_s = 0;
   };
-  void answer_pairs(std::uint64_t frame, FrameReport& report);
-  [[nodiscard]] AskedPair ask_pair(const Pair& pair) const;
+  // What updates took of late: a pair; what follows the batches; what follows the answers; a look ahead; giving up.
+  ExpectedCost pair_cost{0.125}, answers_cost, rest_cost, look_cost{0.125}, region_cost,
+      give_up_cost;
+  void answer_pairs(std::uint64_t frame, const FrameBudget& budget, FrameReport& report);
+  void ask_pair(const Pair& pair, AskedPair& asked, const std::function<bool()>& has_turn) const;
+  void look_at_pairs();
+  [[nodiscard]] std::vector<std::uint32_t> take_turns(double left_s) const;
+  [[nodiscard]] double due_of(const Pair& pair) const;
+  [[nodiscard]] double cost_of(const Pair& pair) const;
+  [[nodiscard]] LastCertified last_certified_of(const Pair& pair) const;
+  void put_off(const Pair& pair, PairAnswer& result) const;
+  void note_turn(Pair& pair, const AskedPair& asked);
   void settle_pair(Pair& pair, AskedPair&& asked, std::uint64_t frame, FrameReport& report);
   void report_pair(Pair& pair, const PairAnswer& answer, const Reported& now);
   void give_up(PeerModel& model, FrameReport& report);
@@ -190,10 +229,11 @@ struct Session::Impl {
   [[nodiscard]] Result<ProbeReport> probe(BodyId body, std::span<const Probe> probes,
                                           std::span<Answer> answers);
   void ask_for_probes();
+  void give_up(const FrameBudget& budget, FrameReport& report);
   void tell_held(FrameReport& report);
   void note_sequence(const wire::SplitBatchMessage& message);
-  void ask(FrameReport& report);
-  void ask_certificates(const FrameReport& report);
+  void ask(const FrameBudget& budget, FrameReport& report);
+  void ask_certificates(const FrameBudget& budget, const FrameReport& report);
   enum class Need : std::uint8_t {
     kNothing,
     kNow,
@@ -205,8 +245,9 @@ struct Session::Impl {
     Need need;
   };
   [[nodiscard]] std::vector<Candidate> find_candidates(const FrameReport& report);
+  void look_ahead(const FrameBudget& budget, std::vector<Candidate>& candidates);
   [[nodiscard]] Need need_of(const Pair& pair, const PairAnswer& answer) const;
-  [[nodiscard]] bool is_lacking_soon(const Pair& pair) const;
+  [[nodiscard]] bool is_lacking_soon(const Pair& pair, std::uint64_t max_tests) const;
   void request_certificate(const Publisher& publisher, std::span<Pair* const> asked,
                            std::uint8_t priority);
   [[nodiscard]] bool has_open(wire::SessionId publisher, const Pair& pair) const;

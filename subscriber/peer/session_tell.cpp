@@ -42,8 +42,9 @@ void Session::Impl::tell_held(FrameReport& report) {
 }
 
 void Session::Impl::report_pair(Pair& pair, const PairAnswer& answer, const Reported& now) {
-  if (pair.reported == now) return;
+  if (pair.reported == now || (answer.put_off && pair.is_told_put_off)) return;
   pair.reported = now;
+  pair.is_told_put_off = answer.put_off;
   wire::ContactReport report;
   report.peer = channel->own_id();
   report.body_a = pair.a->name;
@@ -57,6 +58,8 @@ void Session::Impl::report_pair(Pair& pair, const PairAnswer& answer, const Repo
   report.uncertainty_m = finite(answer.answer.uncertainty_m);
   report.pair_count = static_cast<std::uint32_t>(answer.answer.pair_total);
   report.asked = answer.asked;
+  report.put_off = answer.put_off;
+  report.cut = is_cut(answer.answer, {.any = options.any});
   report.answer_digest = now.second;
   if (report.asked) {
     report.gave_up_detail =

@@ -44,8 +44,8 @@ struct VerifyOptions {
 Outcome run(const VerifyOptions& options);
 
 struct ExportOptions {
-  std::string session, peer, body, other, out;
-  double time_s = 0;
+  std::string session, peer, body, other, out, models;
+  std::optional<double> time_s;  ///< none: the whole session
 };
 Status run(const ExportOptions& options);
 

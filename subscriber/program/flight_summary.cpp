@@ -25,6 +25,7 @@ nlohmann::ordered_json to_json(Summary& s) {
             {"partial", s.by_status[2]},
             {"uncertain", s.by_status[3]},
             {"contained", s.by_status[4]},
+            {"put_off", s.put_off},
             {"contact_pairs", s.contact_pairs},
             {"free_by_bounds", s.free_by_bounds},
             {"unknown", s.unknown},
@@ -53,6 +54,7 @@ void print_text(Summary& s) {
   std::printf("  answers       %llu free, %llu contact, %llu partial, %llu uncertain", count(free),
               count(contact), count(partial), count(uncertain));
   if (contained > 0) std::printf(", %llu contained", count(contained));
+  if (s.put_off > 0) std::printf(" (%llu put off)", count(s.put_off));
   std::printf("; %llu touching face pairs\n", count(s.contact_pairs));
   if (s.free_by_bounds + s.unknown > 0)
     std::printf("  other pairs   %llu free by bounds, %llu unknown\n", count(s.free_by_bounds),

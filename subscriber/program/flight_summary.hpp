@@ -24,6 +24,7 @@ class Timings {
 struct Summary {
   std::array<std::uint64_t, 5> by_status{};
   std::uint64_t frames = 0, contact_pairs = 0;
+  std::uint64_t put_off = 0;                      // of the uncertain ones: for want of budget
   std::uint64_t free_by_bounds = 0, unknown = 0;  // of pairs that were not listed
   Timings load, refine, tree, query;
   double first_certified_s = -1, seconds = 0;

@@ -106,34 +106,46 @@ void add_verify_command(CLI::App& app, Action& chosen) {
 
 void add_export_command(CLI::App& app, Action& chosen) {
   CLI::App* command = app.add_subcommand(
-      "export", "Write what a peer held at a moment of a recorded session as a mesh file.");
+      "export",
+      "Write a recorded session for programs of others: .mcap for viewers of robotics, .glb as "
+      "an animation; or a moment of it as a mesh file, .ply or .glb.");
   command->footer(
-      "Colours of vertices. Blue: exact (grey: of the other body). Yellow to red: eps, a bound of "
-      "the "
-      "distance to the full mesh, from 1/8192 to 1/8 of the model's size. Magenta: segments of "
-      "contact, with slender solids around them. How to open it in MeshLab, ParaView and Blender: "
-      "docs/sessions.md.");
+      "An .mcap file holds the whole recording, so info, verify and replay read it; and what ROS "
+      "2's tools draw: /tf, contacts, meshes, clearances. Colours of vertices in the others. Blue: "
+      "exact (grey: of the other body). Yellow to red: eps, a bound of the distance to the full "
+      "mesh, from 1/8192 to 1/8 of the model's size. Magenta: contact. How to open them in "
+      "Foxglove, MeshLab, ParaView and Blender: docs/sessions.md.");
   const auto options = std::make_shared<ExportOptions>();
-  command->add_option("session", options->session, "Recorded session (.db3)")->required();
+  command->add_option("session", options->session, "Recorded session (.db3 or .mcap)")->required();
   command
-      ->add_option("--time", options->time_s,
-                   "Seconds after the first message: the last answer until then is shown")
-      ->required()
+      ->add_option(
+          "--time", options->time_s,
+          "This moment, seconds after the first message: the last answer until then, one "
+          "in contact first where there was one within a second (default: the whole session)")
       ->check(CLI::NonNegativeNumber);
-  command->add_option("--peer", options->peer,
-                      "Whose: the id as info lists it, or how it begins (default: the only one)");
+  command->add_option(
+      "--peer", options->peer,
+      "Whose: the id as info lists it, or how it begins (default: of one in contact)");
   command->add_option("--body", options->body,
-                      "Which body to look at (default: the first of the last answer)");
+                      "Of a moment: which body to look at (default: the first of the answer)");
   command->add_option("--other", options->other,
-                      "Against which (default: that of the last answer)");
-  command->add_option("-o,--output", options->out, "File to write, .ply or .glb")
+                      "Of a moment: against which (default: that of the answer)");
+  command->add_option(
+      "--models", options->models,
+      "Of a whole session: folder with .spm files, for peers of which the recording "
+      "lacks batches");
+  command->add_option("-o,--output", options->out, "File to write, .mcap, .glb or .ply")
       ->required()
       ->check([](const std::string& path) {
-        return path.ends_with(".ply") || path.ends_with(".glb")
+        return path.ends_with(".mcap") || path.ends_with(".ply") || path.ends_with(".glb")
                    ? std::string()
-                   : path + ": expected a name that ends with .ply or .glb";
+                   : path + ": expected a name that ends with .mcap, .glb or .ply";
       });
-  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
+  command->callback([options, &chosen] {
+    if (options->out.ends_with(".ply") && !options->time_s)
+      throw CLI::RequiredError("a .ply file holds one moment: --time");
+    chosen = [options] { return run(*options); };
+  });
 }
 
 void add_report_command(CLI::App& app, Action& chosen) {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -49,7 +50,7 @@ constexpr double kStay_s = 5;
 constexpr double kRepeat_s = 0.25;
 
 nlohmann::ordered_json to_json(std::uint64_t frame, double time_s, const PairAnswer& pair,
-                               const Session& session) {
+                               const Session& session, bool is_any) {
   const BodyOptions a = session.options_of(pair.a).value(), b = session.options_of(pair.b).value();
   const auto pose = [](const Pose& p) {
     std::vector<double> x(p.rotation.begin(), p.rotation.end());
@@ -92,6 +93,18 @@ nlohmann::ordered_json to_json(std::uint64_t frame, double time_s, const PairAns
     line["swept_status"] = to_string(pair.swept->status);
     line["free_until_s"] = pair.swept->free_until_s;
     line["hit_s"] = finite(pair.swept->hit_s);
+  }
+  if (is_any) line["any"] = true;
+  if (answer.truncated) line["truncated"] = true;
+  if (answer.exhausted) line["exhausted"] = true;
+  if (pair.put_off) line["put_off"] = true;
+  if (pair.last_certified) {
+    const LastCertified& last = *pair.last_certified;
+    line["last_certified"] = {{"status", to_string(last.status)},
+                              {"pairs", last.pair_total},
+                              {"age_s", last.age_s},
+                              {"clearance_m", finite(last.clearance_m)},
+                              {"safe_s", finite(last.safe_s)}};
   }
   if (!pair.reason.empty()) line["reason"] = pair.reason;
   if (!pair.awaited.empty()) line["awaited"] = pair.awaited;
@@ -299,15 +312,29 @@ class Flight {
     return false;
   }
 
+  // Of a pair that is put off, what it was answered by an earlier update of this frame counts.
+  void take_turns(FrameReport& report) {
+    for (PairAnswer& pair : report.answers) {
+      const auto key = std::pair(pair.a, pair.b);
+      if (pair.asked) {
+        answered_[key] = pair;
+      } else if (const auto at = answered_.find(key); pair.put_off && at != answered_.end()) {
+        pair = at->second;
+      }
+    }
+  }
+
   // Asks again within the frame while detail is on its way and time is left; the last answers count.
   Status fly_frame(std::uint64_t frame, double end_s, const Stopwatch& clock) {
     double load_s = 0, refine_s = 0, tree_s = 0, query_s = 0;
+    answered_.clear();
     for (bool again = false;; again = true) {
       Result<FrameReport> result =
           update(frame, again ? no_motions_ : motions(frame), scene_.budget_s);
       NEARMESH_RETURN_IF_ERROR(result);
       NEARMESH_RETURN_IF_ERROR(check_solids());
-      const FrameReport& report = result.value();
+      FrameReport& report = result.value();
+      take_turns(report);
       log(report);
       note_certified(report);
       load_s += report.load_s;
@@ -332,10 +359,12 @@ class Flight {
   // Frame by frame to the end of both streams: whoever reads along, or after this process was killed, finds it there.
   Status record(std::uint64_t frame, const FrameReport& report) {
     for (const PairAnswer& pair : report.answers) {
+      if (pair.put_off) ++summary_.put_off;
       ++summary_.by_status[static_cast<std::size_t>(pair.answer.status)];
       summary_.contact_pairs += pair.answer.pair_total;
       if (!options_.json && !answers_) continue;
-      const std::string line = to_json(frame, time_s_, pair, session_).dump() + '\n';
+      const std::string line =
+          to_json(frame, time_s_, pair, session_, scene_.session.any).dump() + '\n';
       if (options_.json) std::fputs(line.c_str(), stdout);
       if (answers_) NEARMESH_RETURN_IF_ERROR(answers_->write(line));
     }
@@ -399,7 +428,8 @@ class Flight {
   std::unique_ptr<wire::program::MetricsServer> metrics_;
   std::optional<OutputFile> answers_;
   Session session_;
-  std::set<BodyId> others_;  ///< bodies that it does not move
+  std::set<BodyId> others_;                                   ///< bodies that it does not move
+  std::map<std::pair<BodyId, BodyId>, PairAnswer> answered_;  // in this frame
   Summary summary_;
 };
 

@@ -38,6 +38,12 @@ void print_text(const VerifyReport& report) {
       "before the recorder heard their peers\n",
       count(report.lacking), count(report.gave_up), count(report.reports), count(report.not_asked),
       count(report.malformed), count(report.missing), count(report.before));
+  if (report.put_off > 0 || report.cut > 0)
+    std::printf(
+        "put off: %llu reports of pairs whose turn did not come within the budget; cut: %llu of "
+        "the "
+        "proved answers, by the peers' own options\n",
+        count(report.put_off), count(report.cut));
   for (const auto& [content_hash, model] : report.wanted)
     std::printf("wanted: the file of model %s, content %s, for %llu reports (--models)\n",
                 model.name.c_str(), to_hex(content_hash).c_str(), count(model.reports));
@@ -59,6 +65,8 @@ nlohmann::ordered_json to_json(const VerifyReport& report) {
                                  {"gave_up_detail", report.gave_up},
                                  {"reports", report.reports},
                                  {"without_answer", report.not_asked},
+                                 {"put_off", report.put_off},
+                                 {"cut", report.cut},
                                  {"malformed", report.malformed},
                                  {"missing", report.missing},
                                  {"before", report.before},

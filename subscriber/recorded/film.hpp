@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "model_folder.hpp"
+#include "core/spm/model_folder.hpp"
 #include "nearmesh/core/recording/recording.hpp"
 
 namespace nearmesh::subscriber {

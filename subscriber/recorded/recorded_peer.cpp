@@ -19,6 +19,8 @@ constexpr std::int64_t kChunk = 8192;  ///< messages between two rounds of work
 constexpr std::size_t kLatest = 1024;
 constexpr int kPatientRounds = 2;
 constexpr std::size_t kMaxComplaints = 16;
+/// Of an answer that was cut, since it may have been for its cost: some 10 to 50 ms.
+constexpr std::uint64_t kCutTests = 2'000'000;
 
 }  // namespace
 
@@ -97,6 +99,8 @@ void RecordedPeer::work(const ModelSources& sources, bool final) {
     const RecordedReport& report = reports_.front();
     if (!why_stale(report.message).empty()) {
       visit(report, Standing::kStale);
+    } else if (report.message.put_off) {
+      visit(report, Standing::kPutOff);
     } else if (!report.message.asked) {
       visit(report, Standing::kNotAsked);
     } else if (report.message.gave_up_detail) {
@@ -216,10 +220,12 @@ std::uint32_t RecordedPeer::taken_batches(const wire::ContactReport::Asked& aske
 
 Result<Answered> RecordedPeer::ask(const wire::ContactReport& report,
                                    const AnswerOptions& options) const {
+  AnswerOptions bounded = options;
+  if (report.cut) bounded.max_tests = std::min(bounded.max_tests, kCutTests);
   const auto body = [this](const wire::ContactReport::Asked& asked, const std::string& name) {
     return AskedBody{replica(asked).view(), Motion{.pose = asked.pose}, name, asked.solid};
   };
-  return answer(body(report.a, report.body_a), body(report.b, report.body_b), options);
+  return answer(body(report.a, report.body_a), body(report.b, report.body_b), bounded);
 }
 
 namespace {

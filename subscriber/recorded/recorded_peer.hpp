@@ -15,7 +15,7 @@
 
 #include "core/query/answer.hpp"
 #include "core/replica/replica.hpp"
-#include "model_folder.hpp"
+#include "core/spm/model_folder.hpp"
 #include "nearmesh/core/recording/recording.hpp"
 #include "nearmesh/idl/messages/messages.hpp"
 
@@ -71,6 +71,7 @@ class RecordedPeer {
     kGaveUp,   ///< the peer had given up detail, which is not recorded
     kLacking,  ///< batches or a header that the peer had are not in the recording
     kNoFile,   ///< the same, but with a model's file it might be reached
+    kPutOff,   ///< its turn did not come within the frame's budget, so there is nothing to reach
   };
   virtual void visit(const RecordedReport& report, Standing standing) = 0;
 
@@ -78,7 +79,7 @@ class RecordedPeer {
   [[nodiscard]] const Replica& replica(const wire::ContactReport::Asked& asked) const;
   /// More than the report says where reports came out of order.
   [[nodiscard]] std::uint32_t taken_batches(const wire::ContactReport::Asked& asked) const;
-  /// What Session says of this pair.
+  /// What Session says of this pair. Of an answer that was cut the search is bounded too, by what a session has built in.
   [[nodiscard]] Result<Answered> ask(const wire::ContactReport& report,
                                      const AnswerOptions& options = {}) const;
 

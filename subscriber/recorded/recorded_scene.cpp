@@ -21,7 +21,9 @@ std::array<double, 3> to_world(const Grid& grid, const Pose& pose, const GridPoi
   return world;
 }
 
-RecordedBody body_of(const std::string& name, const Replica& replica, const Pose& pose) {
+}  // namespace
+
+RecordedBody recorded_body(const std::string& name, const Replica& replica, const Pose& pose) {
   const SplitStore& store = replica.store();
   const ActiveMesh& mesh = replica.mesh();
   const Grid& grid = replica.header().grid;
@@ -45,6 +47,8 @@ RecordedBody body_of(const std::string& name, const Replica& replica, const Pose
   return body;
 }
 
+namespace {
+
 /// Looks at what it is in some reports.
 class ScenePeer final : public RecordedPeer {
  public:
@@ -62,6 +66,9 @@ class ScenePeer final : public RecordedPeer {
     switch (standing) {
       case Standing::kNotAsked:
         return Status{StatusCode::kNotFound, about + "the peer had no mesh or no pose then"};
+      case Standing::kPutOff:
+        return Status{StatusCode::kNotFound,
+                      about + "its turn did not come within the frame's budget"};
       case Standing::kStale:
         return Status{StatusCode::kNotFound, about + why_stale(recorded)};
       case Standing::kGaveUp:
@@ -81,8 +88,8 @@ class ScenePeer final : public RecordedPeer {
                       about + "the meshes do not come out as recorded; see verify"};
     RecordedScene scene{.message = report.id, .received_ns = report.received_ns};
     scene.report = recorded;
-    scene.bodies = {body_of(recorded.body_a, replica(recorded.a), recorded.a.pose),
-                    body_of(recorded.body_b, replica(recorded.b), recorded.b.pose)};
+    scene.bodies = {recorded_body(recorded.body_a, replica(recorded.a), recorded.a.pose),
+                    recorded_body(recorded.body_b, replica(recorded.b), recorded.b.pose)};
     Result<Answered> asked = ask(recorded, {.contacts = true});
     NEARMESH_RETURN_IF_ERROR(asked);
     if (asked.value().contacts) scene.contacts = std::move(*asked.value().contacts);
@@ -113,22 +120,36 @@ Result<std::int64_t> find_report(RecordingReader& recording, const SceneChoice& 
   constexpr std::int64_t kStep = 1024;
   const Result<std::int64_t> after = recording.find(choice.received_ns + 1);
   NEARMESH_RETURN_IF_ERROR(after);
+  std::int64_t found = 0, found_ns = 0;
   for (std::int64_t end = after.value(); end > 1; end -= std::min(kStep, end - 1)) {
-    std::int64_t found = 0;
-    NEARMESH_RETURN_IF_ERROR(
-        recording.read(std::max<std::int64_t>(1, end - kStep), end,
-                       [&](std::int64_t id, const RecordedMessage& message) {
-                         const auto report = samples.value().read<wire::ContactReport>(message);
-                         if (!report) return true;
-                         const wire::ContactReport& r = *report;
-                         if (r.asked && !r.gave_up_detail &&
-                             (choice.peer.empty() || wire::partition_of(r.peer) == choice.peer) &&
-                             (fits(choice, r.body_a, r.body_b) || fits(choice, r.body_b, r.body_a)))
-                           found = id;
-                         return true;
-                       }));
-    if (found != 0) return found;
+    std::int64_t last = 0, last_ns = 0, touching = 0, touching_ns = 0, first_ns = 0;
+    NEARMESH_RETURN_IF_ERROR(recording.read(
+        std::max<std::int64_t>(1, end - kStep), end,
+        [&](std::int64_t id, const RecordedMessage& message) {
+          if (first_ns == 0) first_ns = message.received_ns;
+          const auto report = samples.value().read<wire::ContactReport>(message);
+          if (!report) return true;
+          const wire::ContactReport& r = *report;
+          if (!r.asked || r.gave_up_detail ||
+              (!choice.peer.empty() && wire::partition_of(r.peer) != choice.peer) ||
+              !(fits(choice, r.body_a, r.body_b) || fits(choice, r.body_b, r.body_a)))
+            return true;
+          last = id;
+          last_ns = message.received_ns;
+          if (r.pair_count == 0) return true;
+          touching = id;
+          touching_ns = message.received_ns;
+          return true;
+        }));
+    if (found == 0) {
+      found = last;
+      found_ns = last_ns;
+    }
+    if (found == 0) continue;
+    if (touching != 0 && found_ns - touching_ns <= choice.contact_first_ns) return touching;
+    if (found_ns - first_ns > choice.contact_first_ns) return found;
   }
+  if (found != 0) return found;
   return Status{
       StatusCode::kNotFound,
       describe(choice) + " until " +

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "core/replica/replica.hpp"
 #include "nearmesh/core/query/contacts.hpp"
 #include "nearmesh/core/recording/recording.hpp"
 #include "nearmesh/idl/messages/messages.hpp"
@@ -26,6 +27,10 @@ struct RecordedBody {
   double size_m = 0;  ///< longest side of the model's box, in its own frame: a scale for eps_m
 };
 
+/// What a replica holds, under a pose; under none in the model's own frame.
+[[nodiscard]] RecordedBody recorded_body(const std::string& name, const Replica& replica,
+                                         const Pose& pose = {});
+
 struct RecordedScene {
   std::int64_t message = 0;      ///< the report's id in the recording
   std::int64_t received_ns = 0;  ///< of the report
@@ -39,6 +44,8 @@ struct SceneChoice {
   std::int64_t received_ns = 0;  ///< the last one until then (inclusive)
   std::string peer;              ///< its partition; empty: any
   std::string body, other;       ///< the two bodies, either way round; empty: any
+  /// One in contact goes before others that are at most so much later.
+  std::int64_t contact_first_ns = 0;
 };
 
 /// The id of the last report chosen that was asked and has not given up detail.

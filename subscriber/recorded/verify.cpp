@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "core/base/hash.hpp"
+#include "core/query/faces_touch.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
 
 namespace nearmesh::subscriber {
@@ -22,6 +23,9 @@ class CheckedPeer final : public RecordedPeer {
         break;
       case Standing::kNotAsked:
         ++found_.not_asked;
+        break;
+      case Standing::kPutOff:
+        compare_put_off(report);
         break;
       case Standing::kStale:
         compare_stale(report);
@@ -53,6 +57,20 @@ class CheckedPeer final : public RecordedPeer {
                     to_hex(recorded.answer_digest)});
   }
 
+  /// It must claim nothing.
+  void compare_put_off(const RecordedReport& report) {
+    const wire::ContactReport& recorded = report.message;
+    if (recorded.answer_digest == digest(nothing_known()) && recorded.pair_count == 0 &&
+        recorded.status == static_cast<std::uint8_t>(AnswerStatus::kUncertain)) {
+      ++found_.put_off;
+      return;
+    }
+    differ({.message = report.id,
+            .recorded = recorded,
+            .what = std::string("not asked within the budget; and yet recorded ") +
+                    to_string(static_cast<AnswerStatus>(recorded.status))});
+  }
+
   void compare(const RecordedReport& report) {
     const wire::ContactReport& recorded = report.message;
     for (const auto& [asked, body] :
@@ -66,6 +84,10 @@ class CheckedPeer final : public RecordedPeer {
                   ? to_hex(state)
                   : std::to_string(taken_in) + " batches taken in before";
       differ({.message = report.id, .recorded = recorded, .state = true, .what = what});
+      return;
+    }
+    if (recorded.cut) {
+      compare_cut(report);
       return;
     }
     const Result<Answered> asked = ask(recorded);
@@ -110,6 +132,47 @@ class CheckedPeer final : public RecordedPeer {
     difference.only_recorded = without(recorded.pairs, pairs);
     difference.only_found = without(pairs, recorded.pairs);
     differ(std::move(difference));
+  }
+
+  /// What was found depends on the peer's options, and, where its tests were spent, on its processor: so what it lists is looked at
+  /// pair by pair, and not searched for.
+  void compare_cut(const RecordedReport& report) {
+    const wire::ContactReport& recorded = report.message;
+    const std::string what = why_unproved(recorded);
+    found_.digest = mix(found_.digest ^ recorded.pair_count);
+    if (what.empty()) {
+      ++found_.verified;
+      ++found_.cut;
+    } else {
+      differ({.message = report.id, .recorded = recorded, .what = what});
+    }
+  }
+
+  /// Of an answer that was cut; empty where all that it says is so.
+  [[nodiscard]] std::string why_unproved(const wire::ContactReport& recorded) const {
+    const auto status = static_cast<AnswerStatus>(recorded.status);
+    const std::string said = std::string("recorded ") + to_string(status) + ", cut";
+    if (status != AnswerStatus::kContact && status != AnswerStatus::kPartial &&
+        status != AnswerStatus::kUncertain)
+      return said;
+    if (status == AnswerStatus::kUncertain && recorded.pair_count > 0)
+      return said + ", with pairs of faces";
+    const Replica &a = replica(recorded.a), &b = replica(recorded.b);
+    const Result<PosedPair> posed = pose_pair(a.header().grid, recorded.a.pose, recorded.body_a,
+                                              b.header().grid, recorded.b.pose, recorded.body_b);
+    if (!posed.is_ok()) return posed.status().message();
+    for (const auto& [face_a, face_b] : recorded.pairs)
+      if (!faces_touch(a.mesh(), posed.value().a, face_a, b.mesh(), posed.value().b, face_b))
+        return said + "; faces that it lists do not touch, or are not held";
+    if (status != AnswerStatus::kContact || (recorded.pair_count == 1 && !recorded.pairs.empty()))
+      return {};
+    // It says how many there are, or that there is one at all.
+    const Answer all =
+        query(a.view(), posed.value().a, b.view(), posed.value().b,
+              {.any = recorded.pair_count == 1, .clearance = Clearance::kNone, .max_pairs = 0});
+    if (all.status == AnswerStatus::kContact && all.pair_total == recorded.pair_count) return {};
+    return said + ", " + std::to_string(recorded.pair_count) + " pairs; found " +
+           to_string(all.status) + ", " + std::to_string(all.pair_total) + " pairs";
   }
 
   /// A clearance is a bound: less than what can be proved is true, too. The peer may have sought longer than is the default.
@@ -157,6 +220,8 @@ Result<VerifyReport> verify(RecordingReader& recording, const VerifyPlan& plan) 
     sum.verified += found.verified;
     sum.different += found.different;
     sum.not_asked += found.not_asked;
+    sum.put_off += found.put_off;
+    sum.cut += found.cut;
     sum.lacking += found.lacking;
     sum.gave_up += found.gave_up;
     sum.batches += peer->batches();

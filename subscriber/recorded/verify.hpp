@@ -28,17 +28,22 @@ struct Difference {
 };
 
 struct VerifyReport {
-  std::uint64_t reports = 0;  ///< all contact reports; the sum of the next six
+  std::uint64_t reports = 0;  ///< all contact reports; the sum of the next seven
   std::uint64_t verified =
       0;  ///< state and answer agree, or a pose was stale and nothing certified
   std::uint64_t different = 0;
   std::uint64_t not_asked =
       0;  ///< the peer lacked a header or a pose, so there is nothing to compare
+  std::uint64_t put_off =
+      0;  ///< the pair's turn did not come within the frame's budget: nothing was claimed
   std::uint64_t lacking = 0;  ///< batches (or a header) that the peer had are not in the recording
   std::uint64_t gave_up = 0;  ///< the peer had given up detail, which is not recorded
   std::uint64_t malformed = 0;  ///< reports that do not decode
-  std::uint64_t missing = 0;    ///< reports that were sent after the first and never came
-  std::uint64_t before = 0;     ///< sent before the recorder heard the first of their peer
+  /// Of `verified`: the peer's own options ended the answer (any, max_pairs, max_tests). What it lists does touch; that it is all
+  /// it did not claim, unless it gave the number of pairs, which was counted again.
+  std::uint64_t cut = 0;
+  std::uint64_t missing = 0;  ///< reports that were sent after the first and never came
+  std::uint64_t before = 0;   ///< sent before the recorder heard the first of their peer
   std::uint64_t peers = 0, batches = 0;
   std::uint64_t digest = 0;  ///< of all that was found, for comparing builds
   std::vector<Difference>

@@ -3,30 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <cstring>
 #include <limits>
-#include <nlohmann/json.hpp>
-#include <span>
 
-#include "mesh_colours.hpp"
+#include "gltf.hpp"
 
 namespace nearmesh::subscriber::report {
 namespace {
-
-static_assert(std::endian::native == std::endian::little);
-
-using Vector = std::array<double, 3>;
-
-template <class T>
-void put(std::string& out, T value) {
-  char bytes[sizeof(T)];
-  std::memcpy(bytes, &value, sizeof(T));
-  out.append(bytes, sizeof(T));
-}
-void put(std::string& out, const Colour& colour) {
-  for (const std::uint8_t channel : colour) put(out, channel);
-}
 
 /// One vertex of a PLY file.
 void put_vertex(std::string& out, const Vector& at, const Colour& colour, double eps_m) {
@@ -96,120 +78,6 @@ Splints splints_of(const RecordedScene& scene) {
   return splints;
 }
 
-/// The parts of a glTF file as they are put together.
-class Gltf {
- public:
-  /// Positions relative to `origin`.
-  std::size_t add_positions(std::span<const Vector> positions, const Vector& origin) {
-    std::array<float, 3> lo, hi;
-    lo.fill(std::numeric_limits<float>::max());
-    hi.fill(std::numeric_limits<float>::lowest());
-    const std::size_t begin = binary_.size();
-    for (const auto& at : positions)
-      for (std::size_t k = 0; k < 3; ++k) {
-        const auto x = static_cast<float>(at[k] - origin[k]);
-        lo[k] = std::min(lo[k], x);
-        hi[k] = std::max(hi[k], x);
-        put(binary_, x);
-      }
-    const std::size_t accessor = add_accessor(begin, positions.size(), kFloat, "VEC3", kVertices);
-    json_["accessors"][accessor]["min"] = lo;
-    json_["accessors"][accessor]["max"] = hi;
-    return accessor;
-  }
-  /// glTF's vertex colours are linear, four bytes each.
-  std::size_t add_colours(std::span<const Colour> colours) {
-    const std::size_t begin = binary_.size();
-    for (const Colour& colour : colours) {
-      for (const std::uint8_t channel : colour) put(binary_, linear(channel));
-      put(binary_, std::uint8_t{255});
-    }
-    const std::size_t accessor = add_accessor(begin, colours.size(), kByte, "VEC4", kVertices);
-    json_["accessors"][accessor]["normalized"] = true;
-    return accessor;
-  }
-  std::size_t add_indices(std::span<const std::array<std::uint32_t, 3>> faces) {
-    const std::size_t begin = binary_.size();
-    for (const auto& face : faces)
-      for (const std::uint32_t corner : face) put(binary_, corner);
-    return add_accessor(begin, 3 * faces.size(), kInteger, "SCALAR", kIndices);
-  }
-  /// An attribute of an application's own, by the rules of glTF: its name begins with a line.
-  std::size_t add_numbers(std::span<const double> numbers) {
-    const std::size_t begin = binary_.size();
-    for (const double number : numbers) put(binary_, static_cast<float>(number));
-    return add_accessor(begin, numbers.size(), kFloat, "SCALAR", kVertices);
-  }
-  void add_node(const std::string& name, std::vector<nlohmann::ordered_json> primitives) {
-    for (nlohmann::ordered_json& primitive : primitives) primitive["material"] = 0;
-    json_["nodes"][1]["children"].push_back(json_["nodes"].size());
-    json_["nodes"].push_back({{"name", name}, {"mesh", json_["meshes"].size()}});
-    json_["meshes"].push_back({{"name", name}, {"primitives", std::move(primitives)}});
-  }
-  Result<std::string> finish(const Vector& origin, nlohmann::ordered_json extras) && {
-    constexpr std::size_t kHeader = 12, kChunkHeader = 8;
-    json_["nodes"][1]["translation"] = origin;
-    json_["asset"]["extras"] = std::move(extras);
-    json_["buffers"] = {{{"byteLength", binary_.size()}}};
-    // Names come from the wire: bytes that are no UTF-8 are replaced.
-    std::string text = json_.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
-    text.resize((text.size() + 3) / 4 * 4, ' ');
-    const std::size_t total = kHeader + 2 * kChunkHeader + text.size() + binary_.size();
-    if (total > std::numeric_limits<std::uint32_t>::max())
-      return Status{StatusCode::kUnsupported,
-                    "more than 4 GiB, which is all that GLB can be; PLY "
-                    "has no such limit"};
-    std::string out = "glTF";
-    put(out, std::uint32_t{2});
-    put(out, static_cast<std::uint32_t>(total));
-    put(out, static_cast<std::uint32_t>(text.size()));
-    out += "JSON" + text;
-    put(out, static_cast<std::uint32_t>(binary_.size()));
-    out.append("BIN\0", 4);
-    return out + binary_;
-  }
-
- private:
-  static constexpr int kByte = 5121, kInteger = 5125, kFloat = 5126;  // component types
-  static constexpr int kVertices = 34962, kIndices = 34963;           // what a view holds
-
-  /// sRGB to linear, within 0.003, by a cubic: every machine gives the same byte.
-  static std::uint8_t linear(std::uint8_t channel) {
-    const double c = channel / 255.0;
-    return static_cast<std::uint8_t>(255 * c * (c * (c * 0.305306011 + 0.682171111) + 0.012522878) +
-                                     0.5);
-  }
-  std::size_t add_accessor(std::size_t begin, std::size_t count, int component, const char* type,
-                           int target) {
-    json_["bufferViews"].push_back({{"buffer", 0},
-                                    {"byteOffset", begin},
-                                    {"byteLength", binary_.size() - begin},
-                                    {"target", target}});
-    json_["accessors"].push_back({{"bufferView", json_["bufferViews"].size() - 1},
-                                  {"componentType", component},
-                                  {"count", count},
-                                  {"type", type}});
-    return json_["accessors"].size() - 1;
-  }
-
-  // Node 0 does nothing but turn z up into y up, by -90 degrees about x. Who knows the generator can leave that out, as
-  // core/meshio does.
-  nlohmann::ordered_json json_ = {
-      {"asset", {{"version", "2.0"}, {"generator", "nearmesh-subscriber export"}}},
-      {"scene", 0},
-      {"scenes", {{{"nodes", {0}}}}},
-      {"nodes",
-       {{{"name", "y_up"},
-         {"rotation", {-0.7071067811865476, 0, 0, 0.7071067811865476}},
-         {"children", {1}}},
-        {{"name", "scene"}, {"children", nlohmann::ordered_json::array()}}}},
-      {"materials",
-       {{{"name", "by_eps"},
-         {"doubleSided", true},
-         {"pbrMetallicRoughness", {{"metallicFactor", 0}, {"roughnessFactor", 1}}}}}}};
-  std::string binary_;
-};
-
 std::vector<Colour> colours_of(const RecordedBody& body, bool other) {
   std::vector<Colour> colours;
   for (const double eps_m : body.eps_m) colours.push_back(vertex_colour(eps_m, body.size_m, other));
@@ -276,11 +144,12 @@ Result<std::string> to_glb(const RecordedScene& scene, std::size_t looked_at) {
     const auto positions = gltf.add_positions(body.positions_world_m, origin);
     const auto colours = gltf.add_colours(colours_of(body, other));
     const auto eps_m = gltf.add_numbers(body.eps_m);
-    gltf.add_node(
+    const std::size_t mesh = gltf.add_mesh(
         body.name,
         {{{"attributes", {{"POSITION", positions}, {"COLOR_0", colours}, {"_EPS_M", eps_m}}},
           {"indices", gltf.add_indices(body.faces)},
           {"mode", 4}}});
+    gltf.set(gltf.add_node(body.name), "mesh", mesh);
   }
   if (!scene.contacts.segments.empty()) {
     std::vector<Vector> ends;
@@ -298,7 +167,8 @@ Result<std::string> to_glb(const RecordedScene& scene, std::size_t looked_at) {
     nlohmann::ordered_json solids = {{"attributes", attributes(splints.positions)},
                                      {"indices", gltf.add_indices(splints.faces)},
                                      {"mode", 4}};
-    gltf.add_node("contacts", {std::move(lines), std::move(solids)});
+    const std::size_t mesh = gltf.add_mesh("contacts", {std::move(lines), std::move(solids)});
+    gltf.set(gltf.add_node("contacts"), "mesh", mesh);
   }
   return std::move(gltf).finish(origin, {{"colours", kColourScale}});
 }

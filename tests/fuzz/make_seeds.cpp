@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "core/recording/mcap_recording.hpp"
 #include "fuzz_models.hpp"
 #include "idl/dds/codec.hpp"
 #include "idl/dds/type_support.hpp"
@@ -154,6 +155,56 @@ void write_batch_seeds() {
   }
 }
 
+/// A recording in an MCAP file, without checksums: a changed byte shall come further than to them.
+void write_recording() {
+  const std::filesystem::path folder = root / "recording";
+  std::filesystem::create_directories(folder);
+  const std::string recorded = (folder / "s.db3").string(), packed = (folder / "s.mcap").string();
+  {
+    const auto writer =
+        RecordingWriter::create(recorded, {0xab, 0, 9, "near", "module m {};"}).value();
+    FUZZ_CHECK(writer->add_topic({"near/a", "m::A"}).is_ok());
+    FUZZ_CHECK(writer->add_topic({"near/b", "m::B"}).is_ok());
+    for (std::uint8_t i = 0; i < 2; ++i)
+      FUZZ_CHECK(writer->add_writer({i, EndpointGuid{i}, i == 0 ? "" : "peer"}).is_ok());
+    for (std::uint32_t i = 0; i < 6; ++i)
+      FUZZ_CHECK(
+          writer
+              ->append({i % 2, i, 10 * i, 10 * i, random_bytes(i, 5 * i)}, i % 3 == 0 ? "key" : "")
+              .is_ok());
+    FUZZ_CHECK(writer->add_gap({1, 2, 3, 4}).is_ok());
+    FUZZ_CHECK(writer->add_model({{1, 2}, "hull", 1}).is_ok());
+    FUZZ_CHECK(writer->close().is_ok());
+  }
+  {
+    const auto reader = RecordingReader::open(recorded).value();
+    const auto file = mcap::Writer::create(packed, "seed").value();
+    const auto channels = begin_mcap_recording(*reader, *file).value();
+    FUZZ_CHECK(
+        reader
+            ->read(1, reader->message_count() + 1,
+                   [&](std::int64_t, const RecordedMessage& m) {
+                     return file->append({.channel = channels[m.writer], .data = m.cdr}).is_ok();
+                   })
+            .is_ok());
+    FUZZ_CHECK(file->close().is_ok());
+  }
+  std::ifstream in(packed, std::ios::binary);
+  std::string bytes{std::istreambuf_iterator<char>(in), {}};
+  constexpr std::size_t kMagic = 8, kHead = 9, kBeforeSum = 24;
+  constexpr char kChunk = 6, kAttachment = 9, kDataEnd = 15;
+  for (std::size_t at = kMagic; bytes.at(at) != kDataEnd;) {
+    std::uint64_t length = 0;
+    std::memcpy(&length, &bytes.at(at + 1), sizeof length);
+    if (bytes[at] == kChunk) bytes.replace(at + kHead + kBeforeSum, 4, 4, '\0');
+    if (bytes[at] == kAttachment) bytes.replace(at + kHead + length - 4, 4, 4, '\0');
+    at += kHead + length;
+  }
+  std::ofstream(folder / "whole", std::ios::binary) << bytes;
+  std::filesystem::remove(recorded);
+  std::filesystem::remove(packed);
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -162,6 +213,7 @@ int main(int argc, char** argv) {
   write_model_file_seeds();
   write_batch_seeds();
   write_rtps_seeds();
+  write_recording();
   for (std::uint64_t seed = 0; seed < 6; ++seed) {
     const auto name = "/program_" + std::to_string(seed);
     write("batch" + name, static_cast<std::uint8_t>(seed), random_bytes(10 + seed, 60));

@@ -154,6 +154,7 @@ void OwnedAnswer::fill(const Answer& of, const std::optional<Contacts>& of_conta
   answer.missing_b = of.missing_b.size();
   answer.digest = digest(of);
   answer.contacts = of_contacts ? &contacts : nullptr;
+  answer.exhausted = of.exhausted;
 }
 
 }  // namespace nearmesh::c

@@ -28,7 +28,8 @@ constexpr nearmesh_query_options kQueryDefaults{.size = sizeof(nearmesh_query_op
                                                 .solid_a = 0,
                                                 .solid_b = 0,
                                                 .contacts = 0,
-                                                .reserved = 0};
+                                                .reserved = 0,
+                                                .max_tests = UINT64_MAX};
 
 Require require_of(SharedModel& model) {
   return [&model](NodeSpan node) { return model.file.require(node); };
@@ -85,6 +86,7 @@ nearmesh_status nearmesh_query_create(nearmesh_model* a, nearmesh_model* b,
         .any = read.any != 0,
         .clearance = static_cast<Clearance>(read.clearance),
         .max_pairs = static_cast<std::size_t>(std::min<std::uint64_t>(read.max_pairs, kAllPairs)),
+        .max_tests = read.max_tests,
         .solid_a = read.solid_a != 0,
         .solid_b = read.solid_b != 0};
     made->contacts = read.contacts != 0;

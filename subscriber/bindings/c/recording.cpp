@@ -127,6 +127,8 @@ void fill_report(nearmesh_recording& recording) {
   out.answer_digest = of.answer_digest;
   out.pair_count = recording.pairs.size();
   out.pairs = recording.pairs.data();
+  out.put_off = of.put_off;
+  out.cut = of.cut;
 }
 
 Result<const nearmesh_recorded_report*> next_report(nearmesh_recording& recording) {

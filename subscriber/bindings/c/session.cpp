@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "session.hpp"
 
+#include <algorithm>
 #include <limits>
 #include <utility>
 
@@ -42,6 +43,10 @@ nearmesh_session_options session_defaults() {
   options.clearance = static_cast<int32_t>(built_in.clearance);
   options.contacts = built_in.contacts;
   options.publish_reports = built_in.publish_reports;
+  options.any = built_in.any;
+  options.max_pairs = built_in.max_pairs;
+  options.max_tests = built_in.max_tests;
+  options.max_sweep_tests = built_in.max_sweep_tests;
   return options;
 }
 
@@ -85,6 +90,10 @@ Result<SessionOptions> session_options_of(const nearmesh_session_options* given)
   options.contacts = read.contacts != 0;
   options.run_jobs = run_jobs_of(read.run_jobs, read.run_jobs_user);
   options.publish_reports = read.publish_reports != 0;
+  options.any = read.any != 0;
+  options.max_pairs = static_cast<std::size_t>(std::min<std::uint64_t>(read.max_pairs, kAllPairs));
+  options.max_tests = read.max_tests;
+  options.max_sweep_tests = read.max_sweep_tests;
   return options;
 }
 
@@ -187,6 +196,15 @@ void OwnedPair::fill(const subscriber::PairAnswer& of) {
   pair.content_a = content_a.digits;
   pair.content_b = content_b.digits;
   pair.safe_horizon_s = of.safe_horizon_s;
+  pair.put_off = of.put_off;
+  if (of.last_certified)
+    last_certified = {.status = static_cast<int32_t>(of.last_certified->status),
+                      .contained = static_cast<int32_t>(of.last_certified->contained),
+                      .pair_total = of.last_certified->pair_total,
+                      .age_s = of.last_certified->age_s,
+                      .clearance_m = of.last_certified->clearance_m,
+                      .safe_s = of.last_certified->safe_s};
+  pair.last_certified = of.last_certified ? &last_certified : nullptr;
   if (of.swept) swept = to_c(*of.swept);
   pair.swept = of.swept ? &swept : nullptr;
 }
@@ -215,6 +233,7 @@ void OwnedFrame::fill(subscriber::FrameReport of) {
   frame.batches_waiting = report.batches_waiting;
   frame.state_digest = report.state_digest;
   frame.answers_digest = report.answers_digest;
+  frame.pairs_put_off = report.pairs_put_off;
 }
 
 }  // namespace nearmesh::c

@@ -27,6 +27,7 @@ struct OwnedPair {
   OwnedAnswer answer;
   ContentText content_a, content_b;
   nearmesh_swept swept{};
+  nearmesh_last_certified last_certified{};
 };
 
 struct OwnedFrame {

@@ -110,6 +110,7 @@ struct AnswerRow {
   std::uint64_t pairs;
   double clearance_m, clearance_share, uncertainty_m;
   std::uint64_t digest;
+  bool exhausted;
 };
 
 /// Two models at hand, each refined as far as any question needed.
@@ -127,7 +128,8 @@ class Pair {
   }
 
   py::array_t<AnswerRow> query(const Doubles& poses_a, const Doubles& poses_b,
-                               const std::string& clearance, bool any) {
+                               const std::string& clearance, bool any,
+                               std::optional<std::uint64_t> max_tests) {
     const std::vector<Pose> at_a = poses_of(poses_a, "poses_a"),
                             at_b = poses_of(poses_b, "poses_b");
     if (at_a.size() != at_b.size() && at_a.size() != 1 && at_b.size() != 1)
@@ -135,6 +137,7 @@ class Pair {
              std::to_string(at_b.size()) + ": expected as many, or one");
     QueryOptions options = solid_;
     options.any = any;
+    options.max_tests = max_tests.value_or(kAllTests);
     options.clearance = clearance_of(clearance);
     std::vector<AnswerRow> rows(at_a.empty() || at_b.empty() ? 0
                                                              : std::max(at_a.size(), at_b.size()));
@@ -155,7 +158,8 @@ class Pair {
                    answer.clearance_m,
                    answer.clearance_share,
                    answer.uncertainty_m,
-                   digest(answer)};
+                   digest(answer),
+                   answer.exhausted};
       }
       return Status::ok();
     };
@@ -249,7 +253,7 @@ class Pair {
 
 void add_models(py::module_& module) {
   PYBIND11_NUMPY_DTYPE(AnswerRow, status, contained, certified, pairs, clearance_m, clearance_share,
-                       uncertainty_m, digest);
+                       uncertainty_m, digest, exhausted);
   py::class_<Model, std::shared_ptr<Model>>(
       module, "Model", "A .spm file. Detail is read from it when it is first needed.")
       .def(py::init<const std::string&>(), py::arg("path"))
@@ -283,11 +287,12 @@ Holds what the questions so far needed of each. One question at a time; other th
            py::arg("b"), py::kw_only(), py::arg("solid_a") = false, py::arg("solid_b") = false)
       .def(
           "query", &Pair::query, py::arg("poses_a"), py::arg("poses_b"), py::kw_only(),
-          py::arg("clearance") = "bound", py::arg("any") = false,
+          py::arg("clearance") = "bound", py::arg("any") = false, py::arg("max_tests") = py::none(),
           R"(Answers for poses (n, 4, 4), or (4, 4) that stands for all: a structured array of n rows.
 
 status: Status. certified. pairs: faces that touch, all of them. clearance_m: lower bound of the distance where free;
-clearance_share of the greatest that can be proved. contained: Contained. uncertainty_m. digest: equal answers, equal digests.)")
+clearance_share of the greatest that can be proved. contained: Contained. uncertainty_m. digest: equal answers, equal digests.
+exhausted: max_tests, of 2 to 25 ns, were spent; partial or uncertain then, with what was found.)")
       .def("contacts", &Pair::contacts, py::arg("pose_a"), py::arg("pose_b"),
            "Where they touch, for one pose of each.")
       .def("faces", &Pair::faces, py::arg("pose_a"), py::arg("pose_b"),

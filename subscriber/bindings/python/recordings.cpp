@@ -18,7 +18,7 @@ struct ReportRow {
   double time_s;
   std::int32_t a, b;
   std::uint8_t status;
-  bool certified, asked;
+  bool certified, asked, put_off, cut;
   std::uint32_t pairs;
   double clearance_m, uncertainty_m;
   Matrix pose_a, pose_b;
@@ -54,8 +54,9 @@ class Recording {
             rows.push_back({message.received_ns, report->peer, report->frame, report->time_s,
                             number_of(report->body_a), number_of(report->body_b), report->status,
                             is_certified(static_cast<AnswerStatus>(report->status)), report->asked,
-                            report->pair_count, report->clearance_m, report->uncertainty_m,
-                            matrix_of(report->a.pose), matrix_of(report->b.pose)});
+                            report->put_off, report->cut, report->pair_count, report->clearance_m,
+                            report->uncertainty_m, matrix_of(report->a.pose),
+                            matrix_of(report->b.pose)});
             return true;
           });
     };
@@ -113,7 +114,7 @@ class Recording {
 
 void add_recordings(py::module_& module) {
   PYBIND11_NUMPY_DTYPE(ReportRow, received_ns, peer, frame, time_s, a, b, status, certified, asked,
-                       pairs, clearance_m, uncertainty_m, pose_a, pose_b);
+                       put_off, cut, pairs, clearance_m, uncertainty_m, pose_a, pose_b);
   py::class_<subscriber::RecordedBody>(module, "RecordedBody", "A body's mesh as a peer held it.")
       .def_readonly("name", &subscriber::RecordedBody::name)
       .def_property_readonly(
@@ -146,8 +147,8 @@ void add_recordings(py::module_& module) {
       .def("reports", &Recording::reports,
            R"(All answers of all peers in order, and the names of bodies: (structured array, list).
 
-Fields: received_ns, peer, frame, time_s, a and b (indices into the names), status (Status), certified, asked, pairs,
-clearance_m, uncertainty_m, pose_a and pose_b (4, 4).)")
+Fields: received_ns, peer, frame, time_s, a and b (indices into the names), status (Status), certified, asked, put_off (for want
+of budget), cut (by the peer's own max_tests, max_pairs or any), pairs, clearance_m, uncertainty_m, pose_a and pose_b (4, 4).)")
       .def("scene", &Recording::scene, py::kw_only(), py::arg("received_ns") = py::none(),
            py::arg("body") = "", py::arg("other") = "",
            "Meshes and contacts of the last answer until a time, of any pair, or of one body, or "

@@ -2,6 +2,8 @@
 // Peers: sessions from files and on DDS, and what a frame says.
 
 #include <atomic>
+#include <exception>
+#include <limits>
 #include <map>
 #include <memory>
 #include <thread>
@@ -28,9 +30,14 @@ struct PairRow {
   double clearance_m, clearance_share, uncertainty_m, safe_horizon_s, age_a_s, age_b_s;
   Matrix pose_a, pose_b;
   std::uint64_t digest;
+  bool put_off, exhausted;
+  std::uint8_t last_status;  ///< of the last certified answer; kNone without one
+  double last_age_s, last_clearance_m, last_safe_s;
 };
+constexpr std::uint8_t kNone = 255;
 
 PairRow row_of(const PairAnswer& pair) {
+  const auto& last = pair.last_certified;
   return {pair.a.value,
           pair.b.value,
           static_cast<std::uint8_t>(pair.answer.status),
@@ -46,7 +53,13 @@ PairRow row_of(const PairAnswer& pair) {
           pair.age_b_s,
           matrix_of(pair.pose_a),
           matrix_of(pair.pose_b),
-          digest(pair.answer)};
+          digest(pair.answer),
+          pair.put_off,
+          pair.answer.exhausted,
+          last ? static_cast<std::uint8_t>(last->status) : kNone,
+          last ? last->age_s : std::numeric_limits<double>::infinity(),
+          last ? last->clearance_m : 0,
+          last ? last->safe_s : 0};
 }
 
 /// A session of Python's, whose other threads run on while it works.
@@ -68,6 +81,47 @@ subscriber::RunJobs jobs_on(unsigned threads) {
       others.emplace_back(work);
     work();
     for (std::thread& other : others) other.join();
+  };
+}
+
+/// Jobs of a frame as Python's callable spreads them: run_jobs(count, job) calls job(i) for each i below count, on whichever
+/// threads, and returns when all are done. A job runs without the interpreter's lock; each is done once, also where the
+/// callable leaves one out, repeats one, or raises: what it raised is raised by update().
+subscriber::RunJobs jobs_of(py::function run) {
+  // Let go under the lock, wherever the session ends.
+  const std::shared_ptr<py::function> held(new py::function(std::move(run)), [](py::function* f) {
+    const py::gil_scoped_acquire lock;
+    delete f;
+  });
+  return [held](std::size_t count, const std::function<void(std::size_t)>& job) {
+    struct Jobs {
+      Jobs(std::size_t jobs, const std::function<void(std::size_t)>& of) : states(jobs), run(&of) {}
+      std::vector<std::atomic<bool>> states;  // begun
+      std::atomic<std::size_t> done{0};
+      const std::function<void(std::size_t)>* run;
+      void work(std::size_t i) {
+        if (i >= states.size() || states[i].exchange(true)) return;
+        (*run)(i);
+        ++done;
+      }
+    };
+    // The callable may keep its job beyond the frame; it does nothing then.
+    const auto jobs = std::make_shared<Jobs>(count, job);
+    std::exception_ptr fault;
+    {
+      const py::gil_scoped_acquire lock;
+      try {
+        (*held)(count, py::cpp_function([jobs](std::size_t i) {
+                  const py::gil_scoped_release others_may_run;
+                  jobs->work(i);
+                }));
+      } catch (const py::error_already_set&) {
+        fault = std::current_exception();
+      }
+    }
+    for (std::size_t i = 0; i < count; ++i) jobs->work(i);
+    while (jobs->done != count) std::this_thread::yield();
+    if (fault) std::rethrow_exception(fault);
   };
 }
 
@@ -95,6 +149,16 @@ subscriber::SessionOptions session_options(const py::kwargs& given) {
       options.contacts = py::cast<bool>(value);
     } else if (name == "publish_reports") {
       options.publish_reports = py::cast<bool>(value);
+    } else if (name == "any") {
+      options.any = py::cast<bool>(value);
+    } else if (name == "max_pairs") {
+      options.max_pairs = py::cast<std::size_t>(value);
+    } else if (name == "max_tests") {
+      options.max_tests = py::cast<std::uint64_t>(value);
+    } else if (name == "max_sweep_tests") {
+      options.max_sweep_tests = py::cast<std::uint64_t>(value);
+    } else if (name == "run_jobs") {
+      options.run_jobs = jobs_of(py::cast<py::function>(value));
     } else if (name == "threads") {
       options.run_jobs = jobs_on(py::cast<unsigned>(value));
     } else {
@@ -188,7 +252,10 @@ void add_frame(py::module_& module) {
             return rows_of(rows);
           },
           "A structured array: a, b (bodies), status (Status), certified, asked, pairs, "
-          "clearance_m, safe_horizon_s, ...")
+          "clearance_m, safe_horizon_s, ...; put_off where a pair's turn did not come within the "
+          "budget, with last_status (255: none), last_age_s, last_clearance_m and last_safe_s of "
+          "its "
+          "last certified answer")
       .def_property_readonly(
           "reasons",
           [](const FrameReport& report) {
@@ -234,6 +301,8 @@ void add_frame(py::module_& module) {
       .def_readonly("state_digest", &FrameReport::state_digest)
       .def_readonly("answers_digest", &FrameReport::answers_digest,
                     "Equal on peers that hold and ask the same.")
+      .def_readonly("pairs_put_off", &FrameReport::pairs_put_off,
+                    "Rows of answers that are, for want of budget.")
       .def_readonly("query_s", &FrameReport::query_s)
       .def_readonly("load_s", &FrameReport::load_s);
 }
@@ -243,7 +312,8 @@ void add_frame(py::module_& module) {
 void add_sessions(py::module_& module) {
   PYBIND11_NUMPY_DTYPE(PairRow, a, b, status, contained, certified, asked, pairs, clearance_m,
                        clearance_share, uncertainty_m, safe_horizon_s, age_a_s, age_b_s, pose_a,
-                       pose_b, digest);
+                       pose_b, digest, put_off, exhausted, last_status, last_age_s,
+                       last_clearance_m, last_safe_s);
   py::class_<Motion>(module, "Motion", "Where a body is and how it moves, world frame.")
       .def(py::init([](const Doubles& pose, const std::array<double, 3>& linear,
                        const std::array<double, 3>& angular) {
@@ -260,7 +330,8 @@ void add_sessions(py::module_& module) {
 
 Made by Session.local (from files, no network) or Session.dds. Options of both, by keyword: max_pose_age_s, lookahead_s,
 margin_m, sweep_s, request_timeout_s, max_held_splits, clearance ("none", "bound", "exact"), cache_folder, contacts,
-publish_reports, threads.)")
+publish_reports, any, max_pairs, max_tests, max_sweep_tests; and, for the pairs of a frame, threads=N or run_jobs=f: f(count, job)
+calls job(i) for each i below count, on threads of its own, and returns when all are done.)")
       .def_static("local", &local_session, py::arg("models"),
                   "A session fed from files: {name: path}.")
       .def_static("dds", &dds_session, py::kw_only(), py::arg("domain") = 0U,
@@ -347,7 +418,9 @@ publish_reports, threads.)")
           },
           py::arg("frame"), py::arg("time_s"), py::arg("motions") = py::dict(),
           py::arg("budget_s") = 0.005,
-          R"(One frame: sends own bodies' motions {body: pose (4, 4) or Motion}, takes in detail for budget_s, answers all watched pairs.)")
+          R"(One frame: sends own bodies' motions {body: pose (4, 4) or Motion}, takes in detail, answers watched pairs, all within budget_s.
+
+Where that is too little pairs take turns, who may touch soonest first; a row whose turn did not come is put_off, not asked.)")
       .def(
           "wait_ready",
           [](Peer& peer, std::uint32_t body, double timeout_s, const py::dict& motions,

@@ -326,6 +326,67 @@ static void test_run_jobs(const char* sphere_file) {
   }
 }
 
+// Without time one pair of a frame is asked; the others say what is left of their last answers.
+static void test_budget(const char* sphere_file) {
+  nearmesh_session_options options;
+  CHECK(nearmesh_session_options_init(&options, sizeof options) == NEARMESH_OK);
+  CHECK(options.any == 0 && options.max_pairs == UINT64_MAX && options.max_tests == 2000000 &&
+        options.max_sweep_tests == 50000);
+  options.lookahead_s = 0;
+  options.max_pairs = 1;
+  nearmesh_body bodies[3];
+  nearmesh_session* session = make_session(&options, sphere_file, bodies, 3);
+  for (int i = 0; i < 3; ++i)
+    MUST(nearmesh_session_watch(session, bodies[i], bodies[(i + 1) % 3], &error));
+  nearmesh_motion motions[3];
+  for (int i = 0; i < 3; ++i) {
+    const nearmesh_motion still = NEARMESH_MOTION_IDENTITY;
+    motions[i] = still;
+    motions[i].pose = at(i == 2 ? 5 : 1.98 * i, 0.01 * i, 0);
+    motions[i].linear_velocity_mps[0] = 0.5;
+  }
+  const nearmesh_frame* frame = NULL;
+  for (int i = 0; i < 40; ++i) {
+    MUST(nearmesh_session_update(session, 1, 0.5, bodies, motions, 3, 0, &frame, &error));
+    CHECK(frame->answer_count == 3 && frame->pairs_put_off == 2 && !frame->all_certified);
+  }
+  int free_ones = 0, put_off = 0;
+  for (size_t i = 0; i < 3; ++i) {
+    const nearmesh_pair_answer* pair = nearmesh_session_answer(session, i);
+    CHECK(pair->asked != pair->put_off);
+    if (pair->asked) {
+      CHECK(pair->last_certified == NULL && pair->answer->pair_count <= 1);
+      continue;
+    }
+    ++put_off;
+    CHECK(pair->answer->status == NEARMESH_UNCERTAIN && strcmp(pair->reason, "out of budget") == 0);
+    const nearmesh_last_certified* last = pair->last_certified;
+    CHECK(last != NULL && last->age_s == 0);
+    if (last->status == NEARMESH_FREE) {
+      ++free_ones;
+      CHECK(last->clearance_m > 0.5 && last->safe_s > 0.1 && last->safe_s < 10);
+    } else {
+      CHECK(last->status == NEARMESH_CONTACT && last->pair_total > 1 && last->safe_s == 0);
+    }
+  }
+  CHECK(put_off == 2 && free_ones > 0);
+  nearmesh_session_destroy(session);
+
+  nearmesh_model* model = NULL;
+  MUST(nearmesh_model_open(sphere_file, &model, &error));
+  nearmesh_query_options few;
+  CHECK(nearmesh_query_options_init(&few, sizeof few) == NEARMESH_OK && few.max_tests == UINT64_MAX);
+  few.max_tests = 20;
+  nearmesh_query* query = NULL;
+  MUST(nearmesh_query_create(model, model, &few, &query, &error));
+  const nearmesh_pose here = at(0, 0, 0), there = at(0.5, 0, 0);
+  const nearmesh_answer* answer = NULL;
+  MUST(nearmesh_query_ask(query, &here, &there, &answer, &error));
+  CHECK(answer->exhausted && !answer->is_certified);
+  nearmesh_query_destroy(query);
+  nearmesh_model_close(model);
+}
+
 static void test_session(const char* sphere_file) {
   nearmesh_body bodies[2];
   nearmesh_session* session = make_session(NULL, sphere_file, bodies, 2);
@@ -657,6 +718,7 @@ int main(int argc, char** argv) {
   test_lengths(sphere_file);
   test_session(sphere_file);
   test_run_jobs(sphere_file);
+  test_budget(sphere_file);
   test_session_options();
   test_threads(sphere_file);
   test_recordings(argv[2], sphere_file);

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Peers: fed from files, and on DDS beside a publisher."""
+import concurrent.futures
 import os
 import signal
 import subprocess
@@ -61,6 +62,74 @@ def test_threads_change_no_answer(ball):
         assert report.all_certified
         digests.append((report.answers_digest, report.state_digest))
     assert digests[0] == digests[1]
+
+
+def crowd(ball, **options):
+    session = nm.Session.local({"ball": ball.path}, lookahead_s=0, **options)
+    bodies = [session.add_body(f"b{i}", "ball", own=True) for i in range(6)]
+    for i in bodies:
+        for j in range(i):
+            session.watch(j, i)
+    return session, {body: nm.Motion(at(2.2 * body), (1, 0, 0)) for body in bodies}
+
+
+def spread(kind):
+    """A host's own ways to run jobs."""
+    pool = concurrent.futures.ThreadPoolExecutor(3)
+    kept = []
+    return {
+        "pool": lambda count, job: list(pool.map(job, range(count))),
+        "backwards": lambda count, job: [job(i) for i in reversed(range(count))],
+        "none": lambda count, job: None,
+        "twice, and beyond": lambda count, job: [job(i) for i in [*range(count), *range(count), count, 10 ** 9]],
+        "kept": lambda count, job: (kept.append(job), [earlier(0) for earlier in kept]),
+    }[kind]
+
+
+@pytest.mark.parametrize("kind", ["pool", "backwards", "none", "twice, and beyond", "kept"])
+def test_jobs_on_a_pool_of_the_hosts_give_the_same(ball, kind):
+    digests = []
+    for options in {}, {"run_jobs": spread(kind)}:
+        session, motions = crowd(ball, **options)
+        for frame in range(8):
+            report = session.update(frame, frame / 20, motions, 10)
+        assert report.all_certified
+        digests.append((report.answers_digest, report.state_digest))
+    assert digests[0] == digests[1]
+
+
+def test_what_jobs_raise_comes_out(ball):
+    def fails(count, job):
+        raise KeyError("mine")
+    session, motions = crowd(ball, run_jobs=fails)
+    with pytest.raises(KeyError, match="mine"):
+        session.update(0, 0, motions)
+    with pytest.raises(TypeError, match="function"):
+        crowd(ball, run_jobs=3)
+
+
+def test_a_budget_puts_pairs_off(ball):
+    session, motions = crowd(ball)
+    for frame in range(60):
+        report = session.update(frame, 0, motions, budget_s=0)
+        rows = report.answers
+        assert rows["asked"].sum() == 1 and report.pairs_put_off == len(rows) - 1 == rows["put_off"].sum()
+        assert not rows["certified"][rows["put_off"]].any() and not report.all_certified
+        assert all(reason == "out of budget" for reason, row in zip(report.reasons, rows) if row["put_off"])
+    known = rows[rows["put_off"] & (rows["last_status"] != 255)]
+    assert len(known) == 14 and (known["last_status"] == nm.Status.FREE).any()
+    assert (known["last_clearance_m"] > 0).all() and (known["last_safe_s"] > 0).all() and (known["last_age_s"] == 0).all()
+
+
+def test_limits_of_an_answer(ball):
+    for options, pairs in ({}, None), ({"any": True}, 1), ({"max_pairs": 2}, None), ({"max_tests": 5}, None):
+        session = nm.Session.local({"ball": ball.path}, lookahead_s=0, max_sweep_tests=100, **options)
+        bodies = two_balls(session)
+        session.watch(*bodies)
+        for frame in range(40):
+            row = session.update(frame, 0, {bodies[0]: np.eye(4), bodies[1]: at(1.9)}, 10).answers[0]
+        assert row["certified"] == (not row["exhausted"]) == ("max_tests" not in options)
+        assert row["pairs"] == 1 if pairs == 1 else True
 
 
 def test_far_bodies_are_free_by_bounds_and_unknown_ones_are_not(ball):

@@ -22,6 +22,12 @@ struct Scene {
   /// In order; frames follow each other in time and detail stays, poses each start afresh.
   std::vector<perf::PosePair> poses;
   bool frames = false;
+  /// Where `a` is a tile of a world: its faces, and by pose the pages that lead to what the body may meet.
+  std::uint64_t world_faces = 0;
+  struct Pages {
+    std::uint64_t count = 0, bytes = 0;
+  };
+  std::vector<Pages> pages{};
 };
 
 /// What a method knows after it has received so much. Times are sums since start().

@@ -152,9 +152,13 @@ PlayTotals play_method(const Scene& scene, const MethodInfo& info, const std::ve
   const std::unique_ptr<Method> method = info.make(scene);
   const std::uint64_t header = header_bytes(scene);
   const bool rival = info.name.starts_with("clusters-") || info.name == "triangles-trusted";
-  const auto write = [&](const char* kind, std::size_t i, std::uint64_t budget, const State& state,
+  const auto write = [&](const char* kind, std::size_t i, std::uint64_t budget, State state,
                          const State& before) {
     ++totals.rows;
+    if (!scene.pages.empty()) {  // one after the other, from the root down
+      state.bytes += scene.pages[i].bytes;
+      state.requests += static_cast<std::uint32_t>(scene.pages[i].count);
+    }
     if (!write_row({&scene, info.name, info.proof, kind, i, budget, rival ? 0 : header}, state,
                    before, truths[i], rows))
       ++totals.false_certificates;
@@ -252,10 +256,13 @@ void write_models(const Scene& scene, std::FILE* models) {
        {std::tuple("a", &scene.a, true), std::tuple("b", &scene.b, scene.b_streamed)}) {
     const SpmHeader& header = model->baked.header;
     const TreeView view = model->tree.view();
-    std::fprintf(models, "%s,%s,%d,%u,%u,%zu,%zu,%u,%u,%zu,%llu\n", scene.name.c_str(), name,
-                 streamed ? 1 : 0, header.face_count, header.vertex_count, header.base_faces.size(),
-                 header.roots.size(), header.split_count(), height(view, view.root()),
-                 encode_header(header).size(),
+    std::fprintf(models, "%s,%s,%d,%llu,%u,%zu,%zu,%u,%u,%zu,%llu\n", scene.name.c_str(), name,
+                 streamed ? 1 : 0,
+                 static_cast<unsigned long long>(model == &scene.a && scene.world_faces > 0
+                                                     ? scene.world_faces
+                                                     : header.face_count),
+                 header.vertex_count, header.base_faces.size(), header.roots.size(),
+                 header.split_count(), height(view, view.root()), encode_header(header).size(),
                  static_cast<unsigned long long>(whole_bytes(*model)));
   }
 }
@@ -272,7 +279,7 @@ PlayTotals play(const Scene& scene, const std::vector<std::string>& only, std::F
   };
   // How cost grows is asked of few methods: the others' is that of the mesh.
   const bool grows = scene.name.starts_with("growth");
-  const bool large = scene.a.baked.header.face_count > 2'000'000;
+  const bool large = scene.a.baked.header.face_count > 2'000'000 || !scene.pages.empty();
   for (const MethodInfo& info : methods()) {
     if (!wanted(info.name)) continue;
     if (grows && info.name != "certified" &&

@@ -19,7 +19,7 @@
 // A pose's rows end with the one that is finished; all later budgets are as that one.
 // Empty cells: recall and errors where nothing touches, or is found to touch.
 //
-// models.csv, one row a scene and body: scene, body, streamed, faces, vertices, base_faces, base_vertices, splits,
+// models.csv, one row a scene and body: scene, body, streamed, faces (of a world's tile: of the world), vertices, base_faces, base_vertices, splits,
 //   tree_height, header_bytes, mesh_bytes (all splits in largest batches, with framing, and the header).
 //
 // Everything but the columns t_* is the same in every run.

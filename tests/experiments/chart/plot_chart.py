@@ -35,6 +35,8 @@ STYLES = {  # method: name in legends, colour, line
     "static": ("static levels (five sizes)", "#000000", "o"),
     "libraries": ("FCL, Bullet, Embree, CGAL: whole mesh", "#8e44ad", "s"),
 }
+NAMES = {"static-1/16": "a level of a sixteenth", "fcl-obb": "FCL, whole mesh", "embree-collide": "Embree, whole mesh"}  # of bars
+SHORT = {"clusters-chosen": "rival: chosen by the server, client checks"}
 STATIC = ["static-1/256", "static-1/64", "static-1/16", "static-1/4", "static-full"]
 LIBRARIES = ["fcl-obb", "fcl-obbrss", "bullet-gimpact", "embree-collide", "cgal-exact"]
 RIVALS = ["clusters-checked", "clusters-chosen", "triangles-trusted"]
@@ -70,6 +72,9 @@ class Run:
     def runs(self, scene, method):
         """Rows of each pose."""
         return list(self.poses[scene, method].values())
+
+    def frames(self, scene, method):
+        return len(self.poses[scene, method])
 
     def last(self, scene, method):
         return [rows[-1] for rows in self.runs(scene, method)]
@@ -118,13 +123,15 @@ def style(method):
     return dict(label=name, color=colour, linestyle=line, linewidth=2.2 if method == "certified" else 1.4)
 
 
-def save(run, figure, name, legend_rows=2):
+def save(run, figure, name, title, legend_rows=2):
+    """Title: what one sees, in a line."""
     handles = {}
     for axes in figure.axes:
         for handle, label in zip(*axes.get_legend_handles_labels()):
             handles.setdefault(label, handle)
     columns = max(1, math.ceil(len(handles) / legend_rows))
     height = figure.get_figheight()
+    figure.suptitle(title, fontsize=11, y=1 - 0.08 / height, va="top")
     figure.tight_layout(rect=(0, (0.3 + 0.22 * legend_rows) / height, 1, 1))
     if handles:
         figure.legend(handles.values(), handles.keys(), loc="lower center", ncol=columns, fontsize=8, frameon=False,
@@ -148,7 +155,7 @@ def nice(axes, title=None, x=None, y=None, log=True):
         axes.set_ylabel(y, fontsize=8)
 
 
-def accuracy_bytes(run, scenes, methods, name):
+def accuracy_bytes(run, scenes, methods, name, title):
     figure, panels = plt.subplots(2, len(scenes), figsize=(3.3 * len(scenes) + 0.6, 6.2), squeeze=False, sharey=True)
     for column, scene in enumerate(scenes):
         most = max(bytes_of(row) for m in methods + STATIC + LIBRARIES if run.has(scene, m) for row in run.last(scene, m))
@@ -167,7 +174,7 @@ def accuracy_bytes(run, scenes, methods, name):
             axes.set_ylim(-0.03, 1.05)
             nice(axes, f"{scene}" if line == 0 else None, "bytes received, base meshes included" if line else None,
                  f"share of answers {what}" if column == 0 else None)
-    save(run, figure, name)
+    save(run, figure, name, title)
 
 
 def both_ways(run, scenes, name):
@@ -184,7 +191,7 @@ def both_ways(run, scenes, name):
             axes.bar(x, mean("request_bytes"), bottom=mean("bytes"), color="black", label="asked with")
         axes.set_xticks([])
         nice(axes, scene, None, "kB to the final answer, base meshes included" if scene == scenes[0] else None, log=False)
-    save(run, figure, name)
+    save(run, figure, name, "Bytes until the answer is final: what comes to the peer, and what it asks with")
 
 
 def accuracy_time(run, scene, name):
@@ -205,8 +212,7 @@ def accuracy_time(run, scene, name):
             axes.set_ylim(-0.03, 1.05)
             nice(axes, f"{mbit:g} Mbit/s, round trip {trip * 1000:g} ms", "seconds since the match" if i == 2 else None,
                  "share of answers correct" if j == 0 else None)
-    figure.suptitle(f"{scene}: simulated clock over measured bytes and compute", fontsize=10)
-    save(run, figure, name)
+    save(run, figure, name, f"{scene}: how soon answers are right. A simulated clock over measured bytes and compute")
 
 
 def contacts(run, scenes, name):
@@ -237,7 +243,7 @@ def contacts(run, scenes, name):
                 axes.set_yscale("symlog", linthresh=1e-4 if scene != "terrain-grazing" else 1e-1)
             nice(axes, scene if line == 0 else None, "bytes received, base meshes included" if line == 2 else None,
                  text if column == 0 else None)
-    save(run, figure, name)
+    save(run, figure, name, "Contacts found, and their errors, after so many bytes")
 
 
 def quantile(values, q):
@@ -250,7 +256,7 @@ def frame_times(run, scenes, name):
              ("t_l_us", "T_L loading", "#9b59b6"))
     methods = ["certified"] + RIVALS + ["grid8-hoppe", "grid16", "global",
                "static-1/16", "static-full", "fcl-obb", "embree-collide"]
-    figure, panels = plt.subplots(1, len(scenes), figsize=(5.2 * len(scenes), 5), squeeze=False)
+    figure, panels = plt.subplots(1, len(scenes), figsize=(4.4 * len(scenes) + 1.5, 5), squeeze=False)
     for axes, scene in zip(panels[0], scenes):
         here = [m for m in methods if run.has(scene, m)]
         labels = []
@@ -264,13 +270,16 @@ def frame_times(run, scenes, name):
                 left += width
             axes.plot(quantile(total, 0.99), y, "k|", markersize=10, label="99th percentile")
             right, sure = (statistics.mean(row[k] for row in rows) for k in ("correct", "certified"))
-            labels.append(f"{method}\n{100 * right:.0f} % correct, {100 * sure:.0f} % certified")
-        axes.set_yticks(range(len(here)), labels, fontsize=7)
+            labels.append(SHORT.get(method) or NAMES.get(method) or STYLES[method][0])
+            axes.text(0.98, y, f"{100 * right:.0f} % right, {100 * sure:.0f} % certified", fontsize=7, ha="right", va="center",
+                      transform=axes.get_yaxis_transform())
+        axes.set_yticks(range(len(here)), labels if axes is panels[0][0] else [""] * len(here), fontsize=8)
         axes.invert_yaxis()
         axes.set_xscale("symlog", linthresh=1, linscale=3)
-        axes.set_xlim(0)
+        axes.set_xlim(0, 3e4)  # the words stand behind the bars
+        axes.set_xticks([0, 1, 10])
         nice(axes, scene, "milliseconds a frame (linear up to 1)", log=False)
-    save(run, figure, name, 1)
+    save(run, figure, name, "What a frame of a flight costs, and how far its answers can be trusted", 1)
 
 
 def overhead(run, scenes, name):
@@ -292,24 +301,55 @@ def overhead(run, scenes, name):
         axes.set_yscale("log")
         axes.set_xticks(range(len(scenes)), scenes, rotation=20, ha="right", fontsize=8)
         nice(axes, None, None, text, log=False)
-    save(run, figure, name)
+    save(run, figure, name, "What is held in memory, against what the contact needs")
+
+
+def draw_growth(run, axes, value, methods, unit=1):
+    faces = {m["scene"]: int(m["faces"]) for m in run.models if m["body"] == "a"}
+    scenes = sorted((s for s in run.scenes if s.startswith("growth-")), key=faces.get)
+    for method in methods:
+        here = [s for s in scenes if run.has(s, method)]
+        axes.plot([faces[s] for s in here],
+                  [max(1e-3, statistics.median(map(value, run.whole[s, method].values()))) / unit for s in here],
+                  marker="o", **style(method))
+    axes.set_yscale("log")
 
 
 def growth(run, name):
-    scenes = sorted((s for s in run.scenes if s.startswith("growth-")), key=lambda s: int(s.split("-")[1]))
-    faces = {m["scene"]: int(m["faces"]) for m in run.models if m["body"] == "a"}
     figure, panels = plt.subplots(1, 3, figsize=(14, 4.6))
     kinds = (("bytes to the final answer, base mesh included", bytes_of),
              ("milliseconds of compute to the final answer", lambda row: 1e3 * compute_s(row)),
              ("faces held", lambda row: row["faces_held"]))
     for axes, (text, value) in zip(panels, kinds):
-        for method in ("certified", "clusters-checked", "clusters-chosen", "grid8", "static-full"):
-            here = [s for s in scenes if run.has(s, method)]
-            axes.plot([faces[s] for s in here], [max(1e-3, statistics.median(map(value, run.whole[s, method].values()))) for s in here],
-                      marker="o", **style(method))
-        axes.set_yscale("log")
+        draw_growth(run, axes, value, ("certified", "clusters-checked", "clusters-chosen", "grid8", "static-full"))
         nice(axes, None, "faces of the terrain, the same contacts", text)
-    save(run, figure, name, 1)
+    save(run, figure, name, "The same ten contacts on larger and larger terrains", 1)
+
+
+def first_look(run, name):
+    """Why one would use this: bytes of a flight over time, and of one answer over the size of the mesh."""
+    figure, (flight, size) = plt.subplots(1, 2, figsize=(11, 4.2), width_ratios=(3, 2))
+    second = 20  # frames
+    for method in ("certified", "clusters-checked", "grid8-hoppe", "static-full"):
+        if not run.has("touching-flight", method):
+            continue
+        whole, late = (run.last(scene, method) for scene in ("touching-flight", "late-flight"))
+        seconds = [i / second for i in range(len(whole))]
+        flight.plot(seconds, [bytes_of(row) / 1000 for row in whole], **style(method))
+        flight.plot(seconds[-len(late):], [bytes_of(row) / 1000 for row in late], alpha=0.6, marker="o", markevery=[0],
+                    **style(method))
+        right = 100 * statistics.mean(row["correct"] for row in whole)
+        sure = "all right, all proved" if whole[-1]["certified"] else f"{right:.0f} % right, none proved"
+        flight.annotate(f"{bytes_of(whole[-1]) / 1000:.0f} kB, {sure}", (seconds[-1], bytes_of(whole[-1]) / 1000), fontsize=8,
+                        xytext=(5, 4 if method in ("certified", "grid8-hoppe") else -5), textcoords="offset points",
+                        color=STYLES[method][1], va="center")
+    flight.set_xlim(0, 7.6)
+    flight.set_xticks(range(6))
+    flight.set_ylim(0, 1.1 * flight.get_ylim()[1])
+    nice(flight, "A touching flight over 131,072 faces at 1 Mbit/s; ● a peer joins late", "seconds", "kB received", log=False)
+    draw_growth(run, size, bytes_of, ("certified", "clusters-checked", "static-full"), 1000)
+    nice(size, "One answer, on larger and larger terrains", "faces", "kB received")
+    save(run, figure, name, "Detail that may be touched, and no more")
 
 
 # ---- tables -------------------------------------------------------------------------------------
@@ -458,12 +498,13 @@ def main(folder, docs=None):
     there = lambda names: [name for name in names if name in run.scenes]
     pose_scenes = there(["terrain-grazing", "two-scans", "needle-in-plain", "bolt-in-nut", "conforming", "paper-bunny"])
     if pose_scenes:
+        answers = "Right answers (above) and certified ones (below) after so many bytes"
         few = there(["terrain-grazing", "two-scans", "bolt-in-nut", "paper-bunny"])
-        accuracy_bytes(run, few, MAIN, "accuracy_bytes")
+        accuracy_bytes(run, few, MAIN, "accuracy_bytes", answers)
         if rest := there(["needle-in-plain", "conforming", "paper-sphere"]):
-            accuracy_bytes(run, rest, MAIN, "accuracy_bytes_more")
+            accuracy_bytes(run, rest, MAIN, "accuracy_bytes_more", answers)
         accuracy_bytes(run, few[:3], ["certified", "certified-least", "grid8", "grid16",
-                                      "grid32"], "variants_bytes")
+                                      "grid32"], "variants_bytes", "Right and certified answers after so many bytes: finer grids, smaller steps")
         both_ways(run, there(["terrain-grazing", "two-scans", "needle-in-plain", "paper-sphere", "paper-bunny", "bolt-in-nut",
                               "conforming"]), "both_ways")
         accuracy_time(run, pose_scenes[0], "accuracy_time")
@@ -475,6 +516,8 @@ def main(folder, docs=None):
                              "paper-sphere", "paper-bunny"]), "overhead")
     if any(s.startswith("growth-") for s in run.scenes):
         growth(run, "growth")
+        if "late-flight" in run.scenes:
+            first_look(run, "first_look")
     tables = {"about": about_table(run), "certification": certification_table(run), "budgets": budget_table(run),
               "first-correct": first_correct_table(run), "overhead": overhead_table(run), "paper-1": paper_table_1(run),
               "paper-2": paper_table_2(run)}

@@ -3,8 +3,11 @@
 
 #include <cmath>
 #include <cstdio>
+#include <map>
 
 #include "core/base/csv.hpp"
+#include "core/world/near_tiles.hpp"
+#include "core/world/pages.hpp"
 #include "nearmesh/core/mesh/generate.hpp"
 #include "nearmesh/core/meshio/import.hpp"
 #include "shapes.hpp"
@@ -70,6 +73,13 @@ std::optional<Scene> flight(const SceneOptions& options, const std::string& name
 std::optional<Scene> touching_flight(const SceneOptions& o) {
   return flight(o, "touching-flight", 0);
 }
+// Who joins in the middle of that flight starts from nothing there.
+std::optional<Scene> late_flight(const SceneOptions& o) {
+  std::optional<Scene> scene = flight(o, "late-flight", 0);
+  scene->poses.erase(scene->poses.begin(),
+                     scene->poses.begin() + static_cast<std::ptrdiff_t>(scene->poses.size() / 2));
+  return scene;
+}
 std::optional<Scene> near_flight(const SceneOptions& o) { return flight(o, "near-flight", 0.25); }
 std::optional<Scene> clear_flight(const SceneOptions& o) { return flight(o, "clear-flight", 1); }
 
@@ -87,6 +97,57 @@ std::optional<Scene> growth(const SceneOptions& /*options*/) {
     const auto& at = place.pose.translation_m;
     if (std::abs(at[0]) < 900 && std::abs(at[1]) < 900 && scene.poses.size() < 10)
       scene.poses.push_back({{}, place.pose});
+  }
+  return scene;
+}
+
+// The greatest of these that all methods are given, as a tile that stands so many times along both sides of a world; the ball
+// touches the one in the middle.
+template <std::int64_t kTiles>
+std::optional<Scene> world_growth(const SceneOptions& options) {
+  std::optional<Scene> scene = growth<708>(options);
+  scene->name = "growth-world-" + std::to_string(kTiles);
+  const SpmHeader& tile = scene->a.baked.header;
+  const ContentHash content{1, 1};
+  PlacedTile placed{.content = content, .faces = tile.face_count};
+  GridBox all;
+  for (std::uint32_t v = 0; v < tile.vertex_count; ++v)
+    all.add(scene->a.baked.store.position(VertexId{v}));
+  for (int k = 0; k < 3; ++k) placed.extent[static_cast<std::size_t>(k)] = all.hi[k];
+  std::vector<PlacedTile> tiles;
+  for (std::int64_t x = 0; x < kTiles; ++x)
+    for (std::int64_t y = 0; y < kTiles; ++y) {
+      placed.place = {(x - kTiles / 2) * placed.extent[0], (y - kTiles / 2) * placed.extent[1], 0};
+      tiles.push_back(placed);
+    }
+  const WorldPages pages =
+      make_pages({.origin_m = tile.grid.origin_m, .exponent = tile.grid.exponent}, tile.grid.bits,
+                 tiles)
+          .value();
+  scene->world_faces = pages.world.faces;
+  std::map<ContentHash, std::pair<WorldPage, std::size_t>> by_content;
+  for (const auto& [name, bytes] : pages.pages)
+    by_content.emplace(name, std::pair(decode_page(bytes).value(), bytes.size()));
+  GridBox ball;
+  for (std::uint32_t v = 0; v < scene->b.baked.header.vertex_count; ++v)
+    ball.add(scene->b.baked.store.position(VertexId{v}));
+  for (const PosePair& pose : scene->poses) {
+    const auto& root = by_content.at(pages.world.root);
+    Scene::Pages met{.count = 1, .bytes = kWorldRecordBytes + framed(root.second)};
+    const PageOf page_of = [&](const WorldEntry& entry, int) -> Result<std::optional<WorldPage>> {
+      const auto& [page, size] = by_content.at(entry.content);
+      ++met.count;
+      met.bytes += framed(size);
+      return std::optional(page);
+    };
+    const PosedPair posed = pose_pair(world_grid(pages.world), pose.a, "world",
+                                      scene->b.baked.header.grid, pose.b, "ball")
+                                .value();
+    const NearTiles near = find_near_tiles(pages.world, root.first, page_of,
+                                           make_relative_frame(posed.a, posed.b), ball)
+                               .value();
+    NEARMESH_ASSERT(near.tiles.size() == 1);
+    scene->pages.push_back(met);
   }
   return scene;
 }
@@ -223,20 +284,15 @@ std::optional<Scene> paper_bunny(const SceneOptions& options) {
 
 const std::vector<SceneInfo>& scenes() {
   static const std::vector<SceneInfo> all{
-      {"terrain-grazing", false, terrain_grazing},
-      {"touching-flight", false, touching_flight},
-      {"near-flight", false, near_flight},
-      {"clear-flight", false, clear_flight},
-      {"two-scans", true, two_scans},
-      {"needle-in-plain", false, needle},
-      {"conforming", false, conforming},
-      {"bolt-in-nut", true, bolt_in_nut},
-      {"paper-sphere", false, paper_sphere},
-      {"paper-bunny", true, paper_bunny},
-      {"growth-70", false, growth<70>},
-      {"growth-224", true, growth<224>},
-      {"growth-708", true, growth<708>},
-      {"growth-2236", true, growth<2236>},
+      {"terrain-grazing", false, terrain_grazing}, {"touching-flight", false, touching_flight},
+      {"late-flight", false, late_flight},         {"near-flight", false, near_flight},
+      {"clear-flight", false, clear_flight},       {"two-scans", true, two_scans},
+      {"needle-in-plain", false, needle},          {"conforming", false, conforming},
+      {"bolt-in-nut", true, bolt_in_nut},          {"paper-sphere", false, paper_sphere},
+      {"paper-bunny", true, paper_bunny},          {"growth-70", false, growth<70>},
+      {"growth-224", true, growth<224>},           {"growth-708", true, growth<708>},
+      {"growth-2236", true, growth<2236>},         {"growth-world-10", true, world_growth<10>},
+      {"growth-world-32", true, world_growth<32>}, {"growth-world-100", true, world_growth<100>},
   };
   return all;
 }

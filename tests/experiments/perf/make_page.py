@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Writes docs/perf.md from the CSV files of the benchmarks in docs/perf, and from limits.md beside this file.
+"""Writes docs/perf.md from the CSV files of the benchmarks in docs/perf, and from terrain.md.in and limits.md beside this file.
 
 Usage: make_page.py docs/perf > docs/perf.md
 """
@@ -44,8 +44,8 @@ Ratios are to FCL's OBB trees over the full meshes in the same run.
 AGAIN = """
 ## To measure again
 
-Tables are written by `tests/experiments/perf/make_page.py` from the files in [perf](perf); the section above by hand, in `limits.md`
-beside it. It takes some fifteen minutes. FCL, Bullet, Embree and CGAL are compared where they are installed.
+Tables are written by `tests/experiments/perf/make_page.py` from the files in [perf](perf); the two sections above by hand, in
+`terrain.md.in` and `limits.md` beside it. It takes some fifteen minutes. FCL, Bullet, Embree and CGAL are compared where they are installed.
 
     cmake --build --preset dev --target experiments nearmesh-model    # programs that are run by hand are not in `all`
     bin=build/dev/bin
@@ -208,7 +208,8 @@ def main():
     plain("Codec, refinement, tree", sorted(folder.glob("core-*.csv")))
     plain("Baking and opening", sorted(folder.glob("bake-*.csv")))
     plain("Bytes to certify, and a peer's memory", sorted(folder.glob("bytes-*.csv")))
-    print(pathlib.Path(__file__).with_name("limits.md").read_text(), end="")
+    for section in ("terrain.md.in", "limits.md"):
+        print(pathlib.Path(__file__).with_name(section).read_text(), end="")
     print(AGAIN, end="")
 
 

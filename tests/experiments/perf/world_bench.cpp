@@ -4,15 +4,23 @@
 //   fcl      FCL's dynamic AABB tree on the same boxes, in the same run (where it is installed)
 //   session  Session::update() of one peer that moves all bodies, 20 Hz, everything that a default session does
 //   crowd1, crowd2  the same of bodies that are all near each other, on one thread and on two; wall clock
+//   budget1, budget2  60 bodies that fly through each other, with sweeps and look-ahead, and a budget of 2 ms; wall clock. A comment
+//            has the 99th percentile, and how many pairs were asked. From the first frame on: nothing is held then.
+//   fans     two fans of that many faces, tip to tip, so that each face touches each: a query with a session's max_tests, wall
+//            clock, and what that takes of memory. By itself, or the memory is that of what was before.
+// With "budget" or "fans" those rows alone.
 #include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <cstdio>
 #include <ctime>
+#include <map>
+#include <numbers>
 #include <numeric>
 #include <thread>
 
 #include "core/base/random.hpp"
+#include "core/base/resources.hpp"
 #include "core/broadphase/broad_phase.hpp"
 #include "nearmesh/core/mesh/generate.hpp"
 #include "nearmesh/subscriber/peer/local_channel.hpp"
@@ -210,6 +218,105 @@ void run_crowd(std::size_t bodies, bool on_two) {
   });
 }
 
+/// Bodies that fly to and fro in a box, through each other, with a budget.
+void run_budget(std::size_t bodies, double budget_s, bool on_two) {
+  const auto file = test::write_model(test::bake_mesh(generate_aircraft(20000, 7), 16));
+  auto channel = std::make_unique<subscriber::LocalChannel>();
+  if (!channel->add_model("aircraft", std::move(ModelFile::open(file->path())).value()).is_ok())
+    return;
+  subscriber::SessionOptions options{.sweep_s = 0.5, .contacts = true, .max_sweep_tests = 10'000};
+  if (on_two) options.run_jobs = run_on_two;
+  subscriber::Session session(std::move(channel), options);
+  session.watch_all();
+  std::vector<subscriber::Session::OwnMotion> own;
+  Random random(3);
+  constexpr double kBox_m = 150;
+  for (std::size_t i = 0; i < bodies; ++i) {
+    const auto id =
+        session.add_body({.name = "a" + std::to_string(i), .model = "aircraft", .own = true});
+    Motion motion;
+    motion.pose.rotation = test::random_rotation(random);
+    for (std::size_t k = 0; k < 3; ++k) {
+      motion.pose.translation_m[k] = random.between(0, kBox_m);
+      motion.linear_velocity_mps[k] = random.between(-20, 20);
+      motion.angular_velocity_radps[k] = random.between(-1, 1);
+    }
+    own.push_back({id.value(), motion});
+  }
+  std::uint64_t frame = 0, asked = 0, ended = 0, listed = 0, certified = 0, longest = 0;
+  std::vector<double> ms;
+  std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint64_t> waits;
+  measure(on_two ? "budget2" : "budget1", bodies, 0, kFrames, [&](double& spent_s) {
+    for (auto& [id, motion] : own) {
+      motion.pose = pose_at(motion, kStep_s);
+      for (std::size_t k = 0; k < 3; ++k)
+        if (motion.pose.translation_m[k] < 0 || motion.pose.translation_m[k] > kBox_m)
+          motion.linear_velocity_mps[k] = std::copysign(motion.linear_velocity_mps[k],
+                                                        kBox_m / 2 - motion.pose.translation_m[k]);
+    }
+    const double start_s = wall_s();
+    const auto report = session.update(frame, static_cast<double>(frame) * kStep_s, own, budget_s);
+    spent_s = wall_s() - start_s;
+    ms.push_back(spent_s * 1e3);
+    ++frame;
+    listed += report.value().answers.size();
+    for (const auto& answer : report.value().answers) {
+      asked += answer.asked ? 1U : 0U;
+      ended += answer.swept && answer.swept->exhausted ? 1U : 0U;
+      certified += is_certified(answer.answer.status) ? 1U : 0U;
+      std::uint64_t& wait = waits[{answer.a.value, answer.b.value}];
+      wait = answer.asked ? 0 : wait + 1;
+      longest = std::max(longest, wait);
+    }
+    return report.value().answers.size();
+  });
+  std::sort(ms.begin(), ms.end());
+  std::printf(
+      "# budget %.1f ms: p50 %.2f, p90 %.2f, p99 %.2f, worst %.2f ms; %llu of %llu pairs asked, "
+      "%llu certified, %llu sweeps ended by their tests; longest wait "
+      "%llu frames\n",
+      budget_s * 1e3, ms[ms.size() / 2], ms[ms.size() * 9 / 10], ms[ms.size() * 99 / 100],
+      ms.back(), static_cast<unsigned long long>(asked), static_cast<unsigned long long>(listed),
+      static_cast<unsigned long long>(certified), static_cast<unsigned long long>(ended),
+      static_cast<unsigned long long>(longest));
+}
+
+IndexedMesh make_fan(std::uint32_t faces, double height_m) {
+  IndexedMesh fan;
+  fan.positions_m.push_back({0, 0, 0});
+  for (std::uint32_t i = 0; i < faces; ++i) {
+    const double angle = 2 * std::numbers::pi * i / faces;
+    fan.positions_m.push_back({std::cos(angle), std::sin(angle), height_m});
+    fan.faces.push_back({0, 1 + i, 1 + (i + 1) % faces});
+  }
+  return fan;
+}
+
+void run_fans(std::uint32_t faces) {
+  const BakedModel up = test::bake_mesh(make_fan(faces, 1)),
+                   down = test::bake_mesh(make_fan(faces, -1));
+  LocalModel a(up.store, up.header.grid), b(down.store, down.header.grid);
+  const PosedPair posed = pose_pair(a.grid, {}, "a", b.grid, {}, "b").value();
+  const QueryOptions options{.max_tests = subscriber::SessionOptions{}.max_tests};
+  const Require all = [](NodeSpan) { return Status::ok(); };
+  const std::uint64_t before = resident_memory_bytes();
+  CertifyTimes times;
+  const double start_s = wall_s();
+  static_cast<void>(certify(a, posed.a, all, b, posed.b, all, options, &times));
+  const double certify_s = wall_s() - start_s;
+  std::size_t found = 0;
+  measure("fans", faces, 0, 20, [&](double& spent_s) {
+    const double begin_s = wall_s();
+    found = query(a.view(), posed.a, b.view(), posed.b, options).pairs.size();
+    spent_s = wall_s() - begin_s;
+    return found;
+  });
+  std::printf(
+      "# fans: %zu of %.0f pairs found; certify gave up after %u rounds, %.1f ms; %.1f MB\n", found,
+      static_cast<double>(faces) * faces, times.rounds, certify_s * 1e3,
+      static_cast<double>(peak_memory_bytes() - before) / 1e6);
+}
+
 void run_session(std::size_t bodies) {
   const auto file = test::write_model(test::bake_mesh(generate_aircraft(2000, 7), 16));
   auto channel = std::make_unique<subscriber::LocalChannel>();
@@ -241,8 +348,14 @@ void run_session(std::size_t bodies) {
 
 }  // namespace
 
-int main() {
+int main(int argc, char** argv) {
   std::printf("what,bodies,tiles,median_us,mean_us,worst_us,near\n");
+  const std::string only = argc > 1 ? argv[1] : "";
+  if (only.empty() || only == "budget")
+    for (const double budget_s : {0.008, 0.002})
+      for (const bool on_two : {false, true}) run_budget(60, budget_s, on_two);
+  if (only.empty() || only == "fans") run_fans(20000);
+  if (!only.empty()) return 0;
   for (const auto& [bodies, tiles] :
        {std::pair<std::size_t, std::size_t>{1000, 0}, {10000, 0}, {1000, 10000}}) {
     run_broad(bodies, tiles);

@@ -72,9 +72,6 @@ void run_scene(const Scene& scene, const std::vector<std::unique_ptr<System>>& s
 }
 
 int run(const Options& options) {
-  std::error_code error;
-  std::filesystem::create_directories(options.out,
-                                      error);  // a failure shows when files are written
   Report report;
   std::vector<std::unique_ptr<System>> systems = available_systems();
   std::erase_if(systems, [&](const auto& s) { return !is_chosen(options.systems, s->name()); });
@@ -105,7 +102,8 @@ int main(int argc, char** argv) {
       "Runs the scenes in which methods fail through nearmesh and, where installed, FCL, Bullet "
       "and CGAL.",
       "nearmesh-stability"};
-  app.add_option("--out", options.out, "Folder for stability.md and the tables (stability/*.csv)")
+  app.add_option("--out", options.out,
+                 "Folder for the tables (*.csv), of which make_page.py makes the page")
       ->capture_default_str();
   app.add_option("--systems", options.systems, "Only these (nearmesh, FCL, Bullet, CGAL)")
       ->delimiter(',');

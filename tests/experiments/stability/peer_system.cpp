@@ -76,26 +76,27 @@ std::vector<std::unique_ptr<System>> make_peers() {
   };
 #ifdef NEARMESH_PEER_FCL
   add(peers::fcl_obbrss(),
-      "BVHModel<OBBRSSd>, collide() with num_max_contacts 1e8 (F18: the limit) and "
+      "BVHModel<OBBRSSd>, collide() with num_max_contacts 1e8 (where a limit is asked for: that) "
+      "and "
       "enable_contact false; "
-      "pairs are distinct (b1, b2). F7: continuousCollide(), CCDC_NAIVE with 1000 steps, "
+      "pairs are distinct (b1, b2). Paths: continuousCollide(), CCDC_NAIVE with 1000 steps, "
       "CCDM_LINEAR (of its "
       "settings the one that finds most of these hits). "
-      "F8, F9: enable_contact true, Contact::pos and normal");
+      "Contact points: enable_contact true, Contact::pos and normal");
 #endif
 #ifdef NEARMESH_PEER_BULLET_DOUBLE
   add(peers::bullet(),
       "double precision, btGImpactMeshShape with margin 0, "
       "btGImpactCollisionAlgorithm::processCollision; contacts at distance <= 0, pairs are "
-      "distinct (triangle, triangle). F7: convexSweepTest of the moving body's hull against "
-      "btBvhTriangleMeshShape. F8, F9: "
+      "distinct (triangle, triangle). Paths: convexSweepTest of the moving body's hull against "
+      "btBvhTriangleMeshShape. Contact points: "
       "the points and normals that the algorithm reports");
 #endif
 #ifdef NEARMESH_PEER_CGAL
   add(peers::cgal_triangles(),
       "exact predicates, inexact constructions; AABB_tree of a's posed triangles, "
       "all_intersected_primitives for "
-      "each of b's; files by IO::read_polygon_soup. F2: "
+      "each of b's; files by IO::read_polygon_soup. Insides: "
       "Polygon_mesh_processing::do_intersect with do_overlap_test_of_bounded_sides");
 #endif
   return systems;

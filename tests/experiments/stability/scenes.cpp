@@ -80,7 +80,7 @@ const std::vector<Row>& rows() {
       {"F7", "thin and fast: does the path hit?", [](const auto&, bool) { return sweep_cases(); }},
       {"F8", "contact points on both surfaces, normals",
        [](const auto&, bool quick) { return sample(contact_cases(), quick); }},
-      {"F9", "ball rolling and box sliding over a flat plate, through mixed levels",
+      {"F9", "ball rolling, box sliding over a flat plate of mixed levels",
        [](const auto&, bool) { return rolling_cases(); }},
       {"F10", "ball at rest on terrain while it refines and coarsens",
        [](const auto&, bool) { return resting_cases(); }},

@@ -242,6 +242,8 @@ typedef struct nearmesh_answer {
   uint64_t missing_a, missing_b;    ///< nodes whose detail the answer lacks
   uint64_t digest;                  ///< equal answers, equal digests, on every peer and build
   const nearmesh_contacts* contacts;  ///< where they were asked for and something touches; else NULL
+  int32_t exhausted;  ///< max_tests were spent: partial or uncertain, with what was found by then
+  int32_t reserved;
 } nearmesh_answer;
 
 // ---- Queries of two files at hand ----------------------------------------------------------------------------------
@@ -254,6 +256,7 @@ typedef struct nearmesh_query_options {
   int32_t solid_a, solid_b;  ///< it has an inside, so is the other one in it? Its model must be closed
   int32_t contacts;    ///< work out where they touch
   int32_t reserved;    ///< 0
+  uint64_t max_tests;  ///< end after so many tests, of 2 to 25 ns; UINT64_MAX, the default: do not
 } nearmesh_query_options;
 
 /// `size`: sizeof of your struct. Errors: NEARMESH_INVALID_ARGUMENT.
@@ -305,9 +308,12 @@ typedef struct nearmesh_session_options {
   int32_t clearance;          ///< NEARMESH_CLEARANCE_BOUND; without one no safe_horizon_s is known either
   int32_t contacts;           ///< work out where bodies touch; 0
   int32_t publish_reports;    ///< tell the bus each answer; 1
-  int32_t reserved;           ///< 0
+  int32_t any;                ///< as in nearmesh_query_options, of each answer; 0
   nearmesh_run_jobs run_jobs; ///< answers of pairs, on threads of yours; NULL, the default: in update(), one by one
   void* run_jobs_user;        ///< given to run_jobs
+  uint64_t max_pairs;         ///< list so many of each answer at most; UINT64_MAX, the default: all
+  uint64_t max_tests;         ///< of each answer, 10 to 50 ms; 2000000
+  uint64_t max_sweep_tests;   ///< of each swept answer, of some 100 ns; 50000
 } nearmesh_session_options;
 
 /// `size`: sizeof of your struct. Errors: NEARMESH_INVALID_ARGUMENT.
@@ -445,6 +451,7 @@ typedef struct nearmesh_frame {
   uint64_t batches_waiting; ///< left over for want of budget
   uint64_t state_digest;    ///< of the detail that is held
   uint64_t answers_digest;  ///< of all answers; equal on peers that know the same
+  uint64_t pairs_put_off;   ///< answers that are, for want of budget
 } nearmesh_frame;
 
 /// An answer about a pair that is watched by name, or may be near.
@@ -456,19 +463,30 @@ typedef struct nearmesh_swept {
   uint64_t missing_a, missing_b;  ///< nodes whose detail would narrow it
 } nearmesh_swept;
 
+/// The latest certified answer about a pair, and what it still says.
+typedef struct nearmesh_last_certified {
+  int32_t status;      ///< NEARMESH_FREE, NEARMESH_CONTACT or NEARMESH_CONTAINED
+  int32_t contained;   ///< NEARMESH_NOT_CONTAINED and so on
+  uint64_t pair_total;
+  double age_s;        ///< the frame's time less that of the frame that it was given in
+  double clearance_m;  ///< the surfaces are at least so far apart at this frame's poses; 0: nothing follows
+  double safe_s;       ///< so long nothing can touch, if the bodies keep within their speeds of this frame; 0: nothing follows
+} nearmesh_last_certified;
+
 typedef struct nearmesh_pair_answer {
   nearmesh_body a, b;             ///< as they were watched; else the lower first
   const nearmesh_answer* answer;
   const char* reason;   ///< why nothing can be said: something that has not come, or is too old; else empty
   const char* awaited;  ///< not certified for want of detail: of which model, and who sends it; else empty
   int32_t asked;        ///< headers and fresh poses were there
-  int32_t reserved;
+  int32_t put_off;      ///< they were there, but its turn did not come within the budget: not asked
   double age_a_s, age_b_s;        ///< of the poses at the frame's time; infinite where none has come
   nearmesh_pose pose_a, pose_b;   ///< what was asked about; meaningless unless `asked`
   const char* content_a;          ///< of the models that it is about, 32 digits; empty: not known yet
   const char* content_b;
   double safe_horizon_s;          ///< so long nothing can touch, if the bodies keep within their speeds
   const nearmesh_swept* swept;    ///< with sweep_s, where the poses are known; else NULL
+  const nearmesh_last_certified* last_certified;  ///< of a pair that is put off, if it ever was certified; else NULL
 } nearmesh_pair_answer;
 
 /// A body of which nothing can be said; none of its pairs is certified.
@@ -478,8 +496,10 @@ typedef struct nearmesh_unknown_body {
   const char* reason;
 } nearmesh_unknown_body;
 
-/// One frame: publishes the motions of own bodies, takes in what arrived until `budget_s` is spent (at least one batch), answers
-/// every watched pair, and asks for what is missing. May be called again for the same frame. Never blocks.
+/// One frame: publishes the motions of own bodies, takes in what arrived, answers the watched pairs, and asks for what is missing.
+/// May be called again for the same frame. Never blocks. All of it ends within `budget_s`, by the wall clock, but for one batch, one
+/// pair, one look ahead, and some microseconds a body and pair. Pairs take turns, who may touch soonest first; whose turn did
+/// not come is `put_off`. A budget decides which pairs are asked, never what an answer says.
 /// In: `count` own bodies and their motions, side by side; those that rest need not be passed again. `time_s`: the frame's time on
 /// the clock that the whole exercise has, at most 1e11 from 0.
 /// Out: `frame`; it, and all that the functions below give, is valid until the next call of this, nearmesh_session_wait_ready()
@@ -633,6 +653,8 @@ typedef struct nearmesh_recorded_report {
   uint64_t answer_digest;
   size_t pair_count;      ///< the first of them, 64 at most
   const nearmesh_face_pair* pairs;
+  int32_t put_off;        ///< not asked: its turn did not come within the frame's budget
+  int32_t cut;            ///< the host's options ended the answer (any, max_pairs, max_tests)
 } nearmesh_recorded_report;
 
 /// Errors: NEARMESH_NOT_FOUND; NEARMESH_CORRUPT where it is no recording, or a damaged one; NEARMESH_UNSUPPORTED for a later

@@ -98,6 +98,7 @@ TEST(Decode, RefusesWhatIsHeldWithListsThatDoNotBelongTogether) {
 
 TEST(Decode, RefusesReportOfAnUnknownMover) {
   using S = wire_types::ContactReportSample;
+  expect_refused<S>(valid_report(), "flags: found unknown bits, 93", [](S& s) { s.flags(93); });
   expect_refused<S>(valid_report(), "movers: found 5", [](S& s) { s.movers()[1] = 5; });
 }
 

@@ -29,6 +29,8 @@ TEST(Payload, ReportKeepsWhatWasAsked) {
   const ContactReport sent = test::valid_report();
   const ContactReport came = decode_payload<ContactReport>(encode_payload(sent)).value();
   EXPECT_TRUE(came.asked);
+  EXPECT_TRUE(came.cut);
+  EXPECT_FALSE(came.put_off);
   EXPECT_TRUE(came.gave_up_detail);
   EXPECT_EQ(came.answer_digest, sent.answer_digest);
   for (const auto side : {&ContactReport::a, &ContactReport::b}) {
@@ -42,6 +44,12 @@ TEST(Payload, ReportKeepsWhatWasAsked) {
     EXPECT_EQ((came.*side).stamp.time_s, (sent.*side).stamp.time_s);
     EXPECT_EQ((came.*side).stamp.max_age_s, (sent.*side).stamp.max_age_s);
   }
+  ContactReport late = sent;
+  late.asked = false;
+  late.put_off = true;
+  EXPECT_TRUE(decode_payload<ContactReport>(encode_payload(late)).value().put_off);
+  late.asked = true;
+  EXPECT_FALSE(decode_payload<ContactReport>(encode_payload(late)).is_ok());
   ContactReport tilted = sent;
   tilted.b.pose.rotation[0] = 2;
   EXPECT_FALSE(decode_payload<ContactReport>(encode_payload(tilted)).is_ok());

@@ -114,6 +114,7 @@ inline ContactReport valid_report() {
   message.pair_count = 3;
   message.asked = true;
   message.gave_up_detail = true;
+  message.cut = true;
   message.answer_digest = 0x1020304050607080;
   message.a = {{1, 11}, 12, 13, true, {.translation_m = {1, 2, 3}}, {Mover::kThere, 2.25, 4}};
   message.b = {{2, 21},

@@ -3,6 +3,8 @@
 #include "publisher/replay/replay.hpp"
 
 #include <ctime>
+#include <filesystem>
+#include <fstream>
 #include <limits>
 
 #include "replay_world.hpp"
@@ -197,6 +199,28 @@ TEST_F(ReplayTest, WhatWasNotRecordedStaysUncertain) {
     EXPECT_TRUE(answer.bytes.empty());
   }
   EXPECT_LT(play.outlet.answers.size(), 2 * (length_s / 0.1 + 1));
+}
+
+// With the models' files new trajectories get certified answers where no recorded peer was sent anything.
+TEST_F(ReplayTest, FilesOfTheModelsAnswerWhatWasNotRecorded) {
+  const double length_s = record_flight(file.path(), {.batches = false});
+  const std::filesystem::path folder = file.path() + ".models";
+  std::filesystem::create_directory(folder);
+  std::filesystem::copy_file(terrain().open().path(), folder / "a.spm");
+  std::filesystem::copy_file(aircraft().open().path(), folder / "b.spm");
+  std::ofstream(folder / "c.spm") << "no model";
+  const auto models = ModelFolder::open(folder.string()).value();
+  EXPECT_EQ(models->complaints().size(), 1U);
+  ReplayWorld play(file.path());
+  EXPECT_EQ(play.replay.serve_from(*models).value(), 2U);
+  const auto live = play.join();
+  play.play_to(length_s, live.get());
+  const Judge& judge = play.world.judge;
+  EXPECT_GT(judge.free, 0U);
+  EXPECT_GT(judge.contact, 20U);
+  EXPECT_GT(judge.certified(), 20 * (judge.uncertain + judge.partial));
+  EXPECT_TRUE(play.world.complaints.empty()) << play.world.complaints.front();
+  std::filesystem::remove_all(folder);
 }
 
 TEST_F(ReplayTest, StateDependsOnTheMomentAlone) {

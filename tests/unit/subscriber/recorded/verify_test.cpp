@@ -78,9 +78,10 @@ class Verify : public ::testing::Test {
   }
   /// Two peers that fly, each on its own, over the same ground. A recorder comes in each of these frames.
   Recorded record(SessionOptions options = quick_options(),
-                  const std::set<std::size_t>& comings = {}) {
+                  const std::set<std::size_t>& comings = {}, double budget_s = 1) {
     Recorded recorded;
     World world;
+    world.judges = !options.any && options.max_pairs == kAllPairs && options.max_tests > 1000;
     world.start_publisher();
     record_detail(world, recorded);
     world.on_report = [&](const FrameReport&) {
@@ -95,8 +96,9 @@ class Verify : public ::testing::Test {
     // In turns, several rounds a frame, so that answers change while batches come.
     for (std::size_t i = 0; i < flight.frames(); ++i) {
       if (comings.contains(i)) world.bus.bring_recorder();
-      world.fly_frame(*one, i, {{kOne, flight.one[i]}, {kTwo, flight.two[i]}}, 20);
-      world.fly_frame(*other, i, {{kOne, other_flight.one[i]}, {kTwo, other_flight.two[i]}}, 20);
+      world.fly_frame(*one, i, {{kOne, flight.one[i]}, {kTwo, flight.two[i]}}, 20, budget_s);
+      world.fly_frame(*other, i, {{kOne, other_flight.one[i]}, {kTwo, other_flight.two[i]}}, 20,
+                      budget_s);
     }
     return recorded;
   }
@@ -125,7 +127,7 @@ class Verify : public ::testing::Test {
   }
 
   VerifyReport verify(const Recorded& recorded, unsigned threads = 1,
-                      subscriber::ModelFolder* models = nullptr) {
+                      ModelFolder* models = nullptr) {
     const std::string path = folder_ + "/" + std::to_string(files_++) + ".db3";
     const wire::TopicNames names("prefix");
     auto writer =
@@ -162,12 +164,12 @@ class Verify : public ::testing::Test {
   }
 
   /// A folder with the files of both models, or of one.
-  std::unique_ptr<subscriber::ModelFolder> models(bool with_terrain = true) {
+  std::unique_ptr<ModelFolder> models(bool with_terrain = true) {
     const std::string path = folder_ + "/models" + std::to_string(files_++);
     std::filesystem::create_directory(path);
     std::filesystem::copy_file(aircraft().open().path(), path + "/aircraft.spm");
     if (with_terrain) std::filesystem::copy_file(terrain().open().path(), path + "/terrain.spm");
-    auto opened = subscriber::ModelFolder::open(path);
+    auto opened = ModelFolder::open(path);
     EXPECT_TRUE(opened.is_ok()) << opened.status().message();
     return std::move(opened).value();
   }
@@ -193,8 +195,9 @@ std::size_t find_report(const Recorded& recorded,
 }
 
 void expect_sum(const VerifyReport& r) {
-  EXPECT_EQ(r.verified + r.different + r.not_asked + r.lacking + r.gave_up + r.malformed,
-            r.reports);
+  EXPECT_EQ(
+      r.verified + r.different + r.not_asked + r.put_off + r.lacking + r.gave_up + r.malformed,
+      r.reports);
 }
 
 TEST_F(Verify, EveryAnswerComesOutAgain) {
@@ -255,6 +258,64 @@ TEST_F(Verify, FindsAClearanceThatIsTooLarge) {
     const VerifyReport found = verify(recorded);
     EXPECT_EQ(found.different, factor > 1 ? 1U : 0U) << factor;
     expect_sum(found);
+  }
+}
+
+// Of what the budget put off nothing was claimed; it is counted apart.
+TEST_F(Verify, WhatWasPutOffIsCountedApart) {
+  Recorded recorded = record(quick_options(), {}, 0);
+  const VerifyReport found = verify(recorded);
+  expect_sum(found);
+  EXPECT_EQ(found.different, 0U);
+  EXPECT_GT(found.put_off, 100U);
+  EXPECT_GT(found.verified, 100U);
+  EXPECT_EQ(found.cut, 0U);
+  const std::size_t at =
+      find_report(recorded, [](const wire::ContactReport& r) { return r.put_off; });
+  recorded.items[at].report->status = 0;
+  EXPECT_EQ(verify(recorded).different, 1U);
+  recorded.items[at].report->status = 3;
+  recorded.items[at].report->answer_digest ^= 1;
+  EXPECT_EQ(verify(recorded).different, 1U);
+}
+
+// What the host's options ended is proved pair by pair: whatever the options were, which the report does not tell.
+TEST_F(Verify, WhatWasCutIsProvedAsFarAsItGoes) {
+  for (const int how : {0, 1, 2, 3}) {
+    SCOPED_TRACE(how);
+    SessionOptions options = quick_options();
+    if (how == 0) options.any = true;
+    if (how == 1) options.max_pairs = 2;
+    if (how == 2) options.max_pairs = 0;
+    if (how == 3) options.max_tests = 300;
+    Recorded recorded = record(options);
+    const VerifyReport found = verify(recorded);
+    expect_sum(found);
+    EXPECT_EQ(found.different, 0U);
+    EXPECT_GT(found.cut, 3U);
+    EXPECT_GT(found.verified, found.cut);
+    const auto is_cut = [](const wire::ContactReport& r) { return r.cut && r.pair_count > 0; };
+    const std::size_t at = find_report(recorded, is_cut);
+    ASSERT_LT(at, recorded.items.size());
+    wire::ContactReport& report = *recorded.items[at].report;
+    const wire::ContactReport kept = report;
+    report.a.pose.translation_m[2] += 1e4;  // what touched is far away
+    EXPECT_EQ(verify(recorded).different, how == 2 && kept.status == 2 ? 0U : 1U);
+    report = kept;
+    report.status = 0;
+    EXPECT_EQ(verify(recorded).different, 1U);
+    report = kept;
+    if (report.status == 1 && how != 0) {
+      report.pair_count += 2;
+      EXPECT_EQ(verify(recorded).different, 1U);
+    }
+    if (kept.pairs.empty()) continue;
+    report = kept;
+    report.pairs.front()[0] = {VertexId{123456789}, 77};
+    EXPECT_EQ(verify(recorded).different, 1U);
+    report = kept;
+    report.pairs.front()[0].index = 1U << 30U;
+    EXPECT_EQ(verify(recorded).different, 1U);
   }
 }
 
@@ -553,11 +614,11 @@ TEST_F(Verify, ReportsThatNeverCameAreCounted) {
 }
 
 TEST_F(Verify, AFolderWithoutModelsIsRefusedAndFilesThatAreNoneAreTold) {
-  EXPECT_EQ(subscriber::ModelFolder::open(folder_ + "/none").status().code(),
+  EXPECT_EQ(ModelFolder::open(folder_ + "/none").status().code(),
             StatusCode::kNotFound);
   std::ofstream(folder_ + "/junk.spm") << "junk";
   std::ofstream(folder_ + "/notes.txt") << "none of ours";
-  const auto opened = subscriber::ModelFolder::open(folder_);
+  const auto opened = ModelFolder::open(folder_);
   ASSERT_TRUE(opened.is_ok());
   ASSERT_EQ(opened.value()->complaints().size(), 1U);
   EXPECT_NE(opened.value()->complaints()[0].find("junk.spm"), std::string::npos);

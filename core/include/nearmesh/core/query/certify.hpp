@@ -34,7 +34,7 @@ using Require = std::function<Status(NodeSpan)>;
 
 /// Repeats query and split of what is missing until nothing is. Each split is one that an uncertain answer named, so
 /// both models end with no more than the answer needs. Ends: every round splits at least one node.
-/// Out: certified, or is_beyond_detail().
+/// Out: certified, or is_beyond_detail(), or exhausted: QueryOptions::max_tests bound each round.
 /// Errors: those of require; kCorrupt where a model contradicts its boxes; kNotFound where require succeeds but the store still
 /// lacks the split.
 [[nodiscard]] Result<Answer> certify(LocalModel& a, const PosedFrame& frame_a,

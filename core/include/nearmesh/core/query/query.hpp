@@ -28,10 +28,12 @@
 namespace nearmesh {
 
 enum class AnswerStatus : std::uint8_t {
-  kFree = 0,       ///< certified: no contact
-  kContact = 1,    ///< certified: `pairs` is the contact set of the full meshes
-  kPartial = 2,    ///< at least the pairs given touch; what is missing may add more
-  kUncertain = 3,  ///< nothing exact touches, but what is missing might
+  kFree = 0,     ///< certified: no contact
+  kContact = 1,  ///< certified: `pairs` is the contact set of the full meshes
+  kPartial =
+      2,  ///< at least the pairs given touch; what is missing, or was not looked at, may add more
+  kUncertain =
+      3,  ///< nothing exact was found to touch, but what is missing, or was not looked at, might
   kContained = 4,  ///< certified: no contact, but a connected part of one body is inside the other
 };
 /// "free", "contact", "partial", "uncertain", "contained".
@@ -56,6 +58,7 @@ struct FacePair {
 [[nodiscard]] std::uint64_t digest(const std::vector<FacePair>& pairs);
 
 inline constexpr std::size_t kAllPairs = std::numeric_limits<std::size_t>::max();
+inline constexpr std::uint64_t kAllTests = std::numeric_limits<std::uint64_t>::max();
 
 /// How near to the distance the bound of a free answer is sought.
 enum class Clearance : std::uint8_t {
@@ -70,20 +73,32 @@ struct QueryOptions {
       false;  ///< stop at the first touching pair: kContact then says "touches", not "these are all"
   Clearance clearance = Clearance::kBound;  ///< also bound the distance when free
   std::size_t max_pairs =
-      kAllPairs;         ///< list at most so many; the search goes on, so that the total is right
+      kAllPairs;  ///< list at most so many, and hold no more; the search goes on, so that the total is right
+  /// End after so many tests (tests_of): what was found by then is partial or uncertain, and Answer::exhausted says so. A bound
+  /// of time, some 2 to 5 ns a test, and with it of memory. The search for the clearance has a bound of its own.
+  std::uint64_t max_tests = kAllTests;
   bool solid_a = false;  ///< a has an inside: is b in it? Only where check_solid accepts a's model
   bool solid_b = false;  ///< the same of b
 };
 
 struct QueryStats {
   std::uint64_t box_tests = 0, triangle_tests = 0;
+  std::uint64_t exact_tests = 0;  ///< pairs of faces that only exact integers could decide
 };
+/// What QueryOptions::max_tests counts. An exact test takes as long as many others.
+inline constexpr std::uint64_t kTestsAnExactOne = 64;
+[[nodiscard]] constexpr std::uint64_t tests_of(const QueryStats& stats) {
+  return stats.box_tests + stats.triangle_tests + kTestsAnExactOne * stats.exact_tests;
+}
 
 struct Answer {
   AnswerStatus status = AnswerStatus::kUncertain;
   std::vector<FacePair> pairs;   ///< exact, ascending
   std::uint64_t pair_total = 0;  ///< how many were found
   bool truncated = false;        ///< `pairs` holds only the first QueryOptions::max_pairs of them
+  /// QueryOptions::max_tests were spent: partial or uncertain, with whatever was found by then. Of what was not looked at nothing
+  /// is said, so `missing` may be empty. What is found by then may differ between processors; what it lists does touch.
+  bool exhausted = false;
   /// What the answer misses: the unresolved nodes whose splits bring it nearer, ascending. Most unresolved nodes are out of
   /// the way and are not missed.
   std::vector<NodeSpan> missing_a, missing_b;
@@ -99,16 +114,17 @@ struct Answer {
   Containment contained = Containment::kNone;  ///< kNone but for status kContained
   /// Not certified: a bound, metres. Every original face with a corner below a missing node lies, as a whole, within
   /// this of the vertex that stands for that node, hence of its own image in the current mesh. Else 0.
-  /// Infinite, with nothing missing, where a part might be inside a solid but the model has too many parts for seeds.
+  /// Infinite where the search was ended (`exhausted`), and, with nothing missing, where a part might be inside a solid but
+  /// the model has too many parts for seeds.
   double uncertainty_m = 0;
   QueryStats stats;
 };
 
-/// Uncertain with nothing missing: no detail can settle it, since a part might be inside a solid, but the model has too many
-/// parts for seeds. query() then says that the uncertainty is infinite.
+/// Uncertain with nothing missing, though all was looked at: no detail can settle it, since a part might be inside a solid, but
+/// the model has too many parts for seeds. query() then says that the uncertainty is infinite.
 [[nodiscard]] inline bool is_beyond_detail(const Answer& answer) {
-  return answer.status == AnswerStatus::kUncertain && answer.missing_a.empty() &&
-         answer.missing_b.empty();
+  return answer.status == AnswerStatus::kUncertain && !answer.exhausted &&
+         answer.missing_a.empty() && answer.missing_b.empty();
 }
 
 /// Digest of everything in an answer but its statistics, its hints and its clearance, which is a bound and may be sought in
@@ -124,7 +140,7 @@ struct Answer {
 /// A model without seeds (more parts than kMaxComponentSeeds) can hold others, but itself be proved outside a solid
 /// only where the boxes of the whole bodies are apart; else the answer stays uncertain with nothing missing.
 /// Preconditions (asserted): a solid's tree carries the facts of a closed surface, the other one's tree its facts.
-/// Deterministic: the answer depends on faces, front and poses only. Threads: views may be shared.
+/// Deterministic: the answer depends on faces, front and poses only, unless it is exhausted. Threads: views may be shared.
 [[nodiscard]] Answer query(const TreeView& a, const PosedFrame& frame_a, const TreeView& b,
                            const PosedFrame& frame_b, const QueryOptions& options = {});
 

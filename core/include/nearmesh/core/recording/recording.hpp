@@ -118,12 +118,14 @@ class RecordingWriter {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Reads a recording, all its parts in turn, also while it is being written or after its writer was killed. Ids, indices
+/// Reads a recording, all its parts in turn, also while it is being written or after its writer was killed; or one that was
+/// exported to MCAP, which is first unpacked into the folder for temporary files. Ids, indices
 /// and order are those of the whole: a message's id is its place, from 1.
 /// Threads: one at a time; several readers may read one file.
 class RecordingReader {
  public:
-  /// Errors: kNotFound; kCorrupt when it is no recording, or a damaged one; kUnsupported for a later version; kIo.
+  /// Errors: kNotFound; kCorrupt when it is no recording, or a damaged one; kUnsupported for a later version, and for an MCAP
+  /// file with compressed chunks; kIo.
   [[nodiscard]] static Result<std::unique_ptr<RecordingReader>> open(const std::string& path);
   ~RecordingReader();
 

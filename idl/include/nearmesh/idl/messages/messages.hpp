@@ -186,8 +186,12 @@ struct ContactReport {
   double clearance_m = 0;        ///< lower bound, when free or contained
   double uncertainty_m = 0;      ///< when uncertain
   std::uint32_t pair_count = 0;  ///< all exact pairs
-  /// False: a header or a pose was missing, or a pose was stale, so nothing was asked.
+  /// False: a header or a pose was missing, or a pose was stale, or the pair was put off, so nothing was asked.
   bool asked = false;
+  bool put_off =
+      false;  ///< it could have been asked; its turn did not come within the frame's budget. Said once, until it is asked
+  bool cut =
+      false;  ///< the host's options ended the answer (any, max_pairs, max_tests): what it lists may not be all
   bool gave_up_detail =
       false;  ///< of one of the models, at some time: applied_batches do not tell the state
   std::uint64_t answer_digest = 0;            ///< digest(Answer)

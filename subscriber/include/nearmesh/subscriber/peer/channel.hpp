@@ -26,6 +26,8 @@ class Channel {
   virtual void send(const wire::BodyDirectory& directory) = 0;
   virtual void send(const wire::ContactReport& report) = 0;
 
+  /// How long a channel may work that answers requests itself, until this is called again. Less than a step of its work: one step.
+  virtual void allow(double) {}
   /// What this process knows of itself, for operators. The channel adds what it knows of the network.
   virtual void tell(wire::ProcessStatus&) {}
   /// What this peer holds of a model, for a recorder that came (Inbox::recorder_came).

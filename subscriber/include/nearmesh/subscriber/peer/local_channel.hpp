@@ -41,6 +41,9 @@ class LocalChannel final : public Channel {
   [[nodiscard]] Status deliver(const wire::BodyPose& pose);
 
   [[nodiscard]] wire::SessionId own_id() const override { return kPeer; }
+  /// Seconds, of the caller's in this call and in send(). What is left of an answer follows later, as from a slow link. Without time
+  /// nothing is done, but in each eighth call. Never called: all at once.
+  void allow(double seconds) override;
   void send(const wire::RegionSubscription& subscription) override;
   void send(const wire::BodyPoses&) override {}      ///< nobody else is there
   void send(const wire::BodyDirectory&) override {}  ///< nobody else is there
@@ -56,12 +59,17 @@ class LocalChannel final : public Channel {
   void announce();
   [[nodiscard]] std::vector<wire::SplitBatchMessage> answer(
       const wire::RegionSubscription& subscription);
-  [[nodiscard]] std::vector<wire::SplitBatchMessage> certify(
-      const wire::RegionSubscription& subscription);
+  void certify(const wire::RegionSubscription& subscription);
+  void go_on();
+  void deliver(std::vector<wire::SplitBatchMessage>&& messages);
 
   std::map<ContentHash, Model> models_;  // by content hash
   std::unique_ptr<Mirrors> mirrors_;     // of the peer's state
-  std::set<std::string> delivered_;      // bodies of others
+  struct Begun;                          // an answer
+  std::unique_ptr<Begun> begun_;
+  int not_allowed_ = 0;                                         // times in a row
+  double allowed_s_ = std::numeric_limits<double>::infinity();  // since allow()
+  std::set<std::string> delivered_;                             // bodies of others
   Inbox inbox_;
   std::uint32_t sequence_ = 0;
   bool connected_ = true;

@@ -71,6 +71,13 @@ struct SessionOptions {
   /// header, written by write_cache() and at the session's end.
   std::string cache_folder;
   bool contacts = false;  ///< work out where bodies touch: PairAnswer::contacts
+  /// Of each answer, as in QueryOptions (core/query/query.hpp). `max_tests` is some 10 to 50 ms, a hundred times what an ordinary
+  /// contact takes: it bounds what one pair may cost, and is no matter to others.
+  bool any = false;
+  std::size_t max_pairs = kAllPairs;
+  std::uint64_t max_tests = 2'000'000;
+  /// Of each swept answer, as SweepOptions::max_tests: some 100 ns each.
+  std::uint64_t max_sweep_tests = 50'000;
   /// Answers of pairs, and looks ahead for them, are jobs: the host's scheduler may run them at once. Answers and digests are the
   /// same whatever it does. None: one after the other, in update(). It is called in update(), at most twice a frame; a job never
   /// throws, never waits and calls nothing of the host's.
@@ -79,16 +86,36 @@ struct SessionOptions {
       true;  ///< send a ContactReport of each answer, and again when it changes within a frame
 };
 
+/// The latest certified answer about a pair, and what it still says. Its pairs are not kept.
+struct LastCertified {
+  AnswerStatus status = AnswerStatus::kFree;
+  Containment contained = Containment::kNone;
+  std::uint64_t pair_total = 0;
+  double age_s = 0;  ///< the frame's time less that of the frame that it was given in
+  /// Free or contained: the surfaces are at least so far apart at this frame's poses, wherever the bodies were meanwhile: what
+  /// was certified, less how far both have gone from the poses that it was about. 0: nothing follows.
+  double clearance_m = 0;
+  /// Until this much after the frame's time nothing can touch, if the bodies keep within their speeds from their poses of this
+  /// frame on, whatever they did before. 0 where nothing follows. Seconds.
+  double safe_s = 0;
+};
+
 /// An answer about one pair that is watched by name, or may be near.
 struct PairAnswer {
   BodyId a, b;  ///< as they were watched; else the lower first
   Answer answer;
   /// Why nothing can be said (status kUncertain): a header, a publisher or a pose that has not come; a pose that is too old,
-  /// or whose mover is gone; or, for ever, a solid with an open model, or a model of too many parts near a solid. Else empty.
+  /// or whose mover is gone; or, for ever, a solid with an open model, or a model of too many parts near a solid; or that its
+  /// turn did not come. Else empty.
   std::string reason;
-  /// Not certified for want of detail: of which model, and whether any publisher is there that sends it. Else empty.
+  /// Not certified for want of detail: of which model, and whether any publisher is there that sends it; or since the search was
+  /// ended by its tests. Else empty.
   std::string awaited;
   bool asked = false;  ///< headers and fresh poses were there, so the trees were asked
+  /// Headers and fresh poses were there, but its turn did not come within the budget: not asked, and nothing is known of this frame.
+  bool put_off = false;
+  std::optional<LastCertified>
+      last_certified;  ///< of a pair that is put off, if it ever was certified
   /// The frame's time less that for which the body's pose was given: 0 for bodies in place and own bodies at rest, negative
   /// where the mover's clock is ahead, infinite where no pose has come. Seconds.
   double age_a_s = std::numeric_limits<double>::infinity();
@@ -138,6 +165,7 @@ struct FrameReport {
   double broad_s = 0;   ///< which pairs may be near
   double query_s = 0;   ///< T_Q, sweeps and contacts included, the sum over pairs
   std::uint64_t batches_waiting = 0;    ///< left over for want of budget
+  std::uint64_t pairs_put_off = 0;      ///< answers that are, for want of budget
   std::vector<std::string> complaints;  ///< one line each, for a log
   /// Digest of the state of refinement that the answers were given in: of all models' active vertices, in the order of
   /// the models' names.
@@ -221,8 +249,12 @@ class Session {
     BodyId body;
     Motion motion;
   };
-  /// One frame: publishes the own bodies' motions, takes in what arrived until `budget_s` is spent (at least one batch),
-  /// answers every watched pair, and asks for what is missing. May be called again for the same frame.
+  /// One frame: publishes the own bodies' motions, takes in what arrived, answers the watched pairs, and asks for what is missing.
+  /// May be called again for the same frame.
+  /// `budget_s`: all of it ends by then, by the wall clock, except for what is done in any case: one batch, one pair, one look
+  /// ahead, and what takes microseconds a body and pair. Pairs take turns, who may touch soonest first; one whose turn did not come is
+  /// put_off, and none waits for more than some updates and the others. A budget decides which pairs are asked, never what an
+  /// answer says. Infinite: no end.
   /// In: `time_s` is the frame's time on the clock that the whole exercise has, up to kMaxTime_s from 0: poses of this peer go
   /// out with it, those of others are as old as it says. Where it is before the last one, a complaint says so.
   /// Errors: kNotFound or kInvalidArgument naming the body, kInvalidArgument for such a time; nothing was changed then.

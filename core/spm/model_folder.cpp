@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <system_error>
 
-namespace nearmesh::subscriber {
+namespace nearmesh {
 
 Result<std::unique_ptr<ModelFolder>> ModelFolder::open(const std::string& folder) {
   std::error_code error;
@@ -39,4 +39,10 @@ bool ModelFolder::lend(const ContentHash& content_hash,
   return true;
 }
 
-}  // namespace nearmesh::subscriber
+std::optional<std::string> ModelFolder::path_of(const ContentHash& content_hash) const {
+  const auto at = files_.find(content_hash);
+  if (at == files_.end()) return std::nullopt;
+  return at->second.path();
+}
+
+}  // namespace nearmesh

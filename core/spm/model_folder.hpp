@@ -8,12 +8,13 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "nearmesh/core/spm/model_file.hpp"
 
-namespace nearmesh::subscriber {
+namespace nearmesh {
 
 /// Threads: any; one file is lent at a time.
 class ModelFolder {
@@ -25,6 +26,8 @@ class ModelFolder {
   /// Calls use(file) with the one that has this content. Out: false where there is none.
   [[nodiscard]] bool lend(const ContentHash& content_hash,
                           const std::function<void(ModelFile&)>& use);
+  /// Where the file with this content is; none: no file has it. Where several have it, the first by name.
+  [[nodiscard]] std::optional<std::string> path_of(const ContentHash& content_hash) const;
   /// One line each: files that cannot be read.
   [[nodiscard]] const std::vector<std::string>& complaints() const { return complaints_; }
 
@@ -36,4 +39,4 @@ class ModelFolder {
   std::vector<std::string> complaints_;
 };
 
-}  // namespace nearmesh::subscriber
+}  // namespace nearmesh

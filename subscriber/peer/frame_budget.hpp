@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// The time that an update has, and what its parts are expected to take.
+
+#include <algorithm>
+#include <cstdint>
+
+#include "core/base/stopwatch.hpp"
+#include "core/query/lacking_ahead.hpp"
+
+namespace nearmesh::subscriber {
+
+/// Runs from where it is made. Threads: any may look at it.
+class FrameBudget {
+ public:
+  explicit FrameBudget(double seconds) : seconds_(seconds) {}
+  [[nodiscard]] double seconds() const { return seconds_; }
+  [[nodiscard]] double spent_s() const { return spent_.seconds(); }
+  [[nodiscard]] double left_s() const { return seconds_ - spent_s(); }
+
+ private:
+  double seconds_;
+  Stopwatch spent_;
+};
+
+/// So many tests of a look ahead fit. A look is no answer: it may end where time does, with what matters soonest. Never so few that
+/// it sees nothing.
+[[nodiscard]] inline std::uint64_t tests_within(double left_s) {
+  constexpr double kTestsPerSecond = 1e7, kLeastTests = 2'000;
+  return static_cast<std::uint64_t>(
+      std::clamp(left_s * kTestsPerSecond, kLeastTests, static_cast<double>(kLookTests)));
+}
+
+/// What something took of late: a mean that falls slowly, and rises by the share that is given. Where it must not be overrun, at
+/// once.
+class ExpectedCost {
+ public:
+  explicit ExpectedCost(double rise = 1) : rise_(rise) {}
+  void add(double cost_s) {
+    constexpr double kFall = 1.0 / 8;
+    cost_s_ += (cost_s - cost_s_) * (cost_s > cost_s_ ? rise_ : kFall);
+  }
+  [[nodiscard]] double seconds() const { return cost_s_; }
+
+ private:
+  double rise_;
+  double cost_s_ = 0;
+};
+
+}  // namespace nearmesh::subscriber

@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: Apache-2.0
+// Which pairs an update asks within its budget, and what is said of the others.
+//
+// A pair is due at an update: one that touches, or is not certified, at that which asked it last; one that is free when it may
+// touch by what was said of it, but kMostFreeTurns later at most; a new one kNewTurns before it came. Who is due first is asked first, and in
+// each update at least one is asked. So none starves: of n pairs each is asked again after kMostFreeTurns + n updates at the
+// latest, since whoever was asked after a pair was due is due after it.
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <utility>
+
+#include "pair_readiness.hpp"
+#include "session_impl.hpp"
+
+namespace nearmesh::subscriber {
+namespace {
+
+constexpr double kMostFreeTurns = 16, kNewTurns = 8;
+
+}  // namespace
+
+/// What the last certified answer of a pair says of the frame's poses. Precondition: there is one; both bodies are ready.
+LastCertified Session::Impl::last_certified_of(const Pair& pair) const {
+  const Pair::Certified& then = *pair.certified;
+  LastCertified last = then.said;
+  last.age_s = time_s - then.time_s;
+  last.clearance_m = 0;
+  if (last.pair_total > 0 || then.content_a != pair.a->model->content_hash ||
+      then.content_b != pair.b->model->content_hash)
+    return last;
+  const auto moved = [this](const Body& body, const Pose& pose) {
+    return MovedBody{body.reach, pose, body.motion->pose, wire::age_s(stamp_of(body), time_s)};
+  };
+  const auto grid_of = [](const Body& body) -> const Grid& {
+    return body.model->replica->header().grid;
+  };
+  const ClearanceLeft left =
+      clearance_left(moved(*pair.a, then.pose_a), moved(*pair.b, then.pose_b),
+                     lattice_exponent(grid_of(*pair.a), grid_of(*pair.b)), then.said.clearance_m);
+  last.clearance_m = left.clearance_m;
+  last.safe_s = left.safe_s;
+  return last;
+}
+
+/// By update; see above.
+double Session::Impl::due_of(const Pair& pair) const {
+  const Pair::Turn& turn = pair.turn;
+  if (turn.asked_in == 0) return static_cast<double>(turn.came_in) - kNewTurns;
+  const auto asked_in = static_cast<double>(turn.asked_in);
+  if (!pair.certified || pair.certified->asked_in != turn.asked_in) return asked_in;
+  const double safe_s = pair.certified->now.safe_s;
+  if (safe_s <= 0) return asked_in;
+  const double turns = frame_s > 0 ? safe_s / frame_s : kMostFreeTurns;
+  return std::min(static_cast<double>(updates) + turns, asked_in + kMostFreeTurns);
+}
+
+/// What is known of each pair before any is asked: whether it can be, and what is left of what was said of it.
+void Session::Impl::look_at_pairs() {
+  for (Pair* pair : listed) {
+    for (Body* body : {pair->a, pair->b}) {
+      if (std::exchange(body->looked_at_in, updates) == updates) continue;
+      body->is_ready = why_not_ready(*body).empty();
+      if (body->is_ready) body->reach = reach_of(body->model->replica->view(), *body->motion);
+    }
+    if (pair->turn.came_in == 0) pair->turn.came_in = updates;
+    pair->is_ready = pair->a->is_ready && pair->b->is_ready;
+    if (pair->is_ready && pair->certified) pair->certified->now = last_certified_of(*pair);
+  }
+}
+
+/// Places in `listed`: those who are due first, where all will not be asked; else as they stand.
+std::vector<std::uint32_t> Session::Impl::take_turns(double left_s) const {
+  std::vector<std::uint32_t> turns(listed.size());
+  double expected_s = 0;
+  for (std::uint32_t i = 0; i < turns.size(); ++i) {
+    turns[i] = i;
+    expected_s += cost_of(*listed[i]);
+  }
+  if (2 * expected_s < left_s) return turns;
+  std::vector<double> due(turns.size());
+  for (std::uint32_t i = 0; i < turns.size(); ++i) due[i] = due_of(*listed[i]);
+  std::sort(turns.begin(), turns.end(), [&](std::uint32_t i, std::uint32_t j) {
+    return due[i] != due[j] ? due[i] < due[j] : i < j;
+  });
+  return turns;
+}
+
+/// What asking a pair will take, as far as is known: what it took then, or, since that may be long ago, what pairs take.
+double Session::Impl::cost_of(const Pair& pair) const {
+  return std::max(pair.turn.cost_s, pair_cost.seconds());
+}
+
+void Session::Impl::answer_pairs(std::uint64_t frame, const FrameBudget& budget,
+                                 FrameReport& report) {
+  look_at_pairs();
+  const double end_s = std::min(rest_cost.seconds(), budget.seconds() / 4);  // is left for the rest
+  const std::vector<std::uint32_t> turns = take_turns(budget.left_s() - end_s);
+  std::vector<AskedPair> asked(listed.size());
+  std::atomic<std::size_t> next{0};
+  std::atomic<bool> is_any_asked{false};
+  // Whichever job comes first takes the first turn, in whatever order the host runs them.
+  run_jobs(turns.size(), [&](std::size_t) {
+    const std::uint32_t place = turns[next++];
+    const Pair& pair = *listed[place];
+    ask_pair(pair, asked[place], [&] {
+      return budget.left_s() - end_s >= cost_of(pair) || !is_any_asked.exchange(true);
+    });
+    if (asked[place].result.asked) is_any_asked = true;
+  });
+  asked_by_s = budget.spent_s();
+  report.answers.reserve(asked.size());
+  for (std::size_t i = 0; i < asked.size(); ++i)
+    settle_pair(*listed[i], std::move(asked[i]), frame, report);
+}
+
+/// Its turn did not come.
+void Session::Impl::put_off(const Pair& pair, PairAnswer& result) const {
+  result.put_off = true;
+  result.reason = kOutOfBudget;
+  if (pair.certified) result.last_certified = pair.certified->now;
+}
+
+void Session::Impl::note_turn(Pair& pair, const AskedPair& asked) {
+  const PairAnswer& result = asked.result;
+  pair.is_put_off = result.put_off;
+  if (!result.asked) return;
+  pair.turn.asked_in = updates;
+  pair.turn.cost_s = asked.query_s;
+  pair_cost.add(asked.query_s);
+  if (!is_certified(result.answer.status)) return;
+  pair.certified = {.said = {.status = result.answer.status,
+                             .contained = result.answer.contained,
+                             .pair_total = result.answer.pair_total,
+                             .clearance_m = result.answer.clearance_m},
+                    .asked_in = updates,
+                    .time_s = time_s,
+                    .pose_a = result.pose_a,
+                    .pose_b = result.pose_b,
+                    .content_a = result.content_a,
+                    .content_b = result.content_b};
+}
+
+}  // namespace nearmesh::subscriber
