@@ -9,6 +9,7 @@
 
 #include "answers.hpp"
 #include "handle.hpp"
+#include "nearmesh/core/query/certify.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
 
 namespace nearmesh::c {
@@ -50,4 +51,5 @@ struct nearmesh_model {
   nearmesh::c::ContentText content;
   nearmesh_model_facts facts{};
   std::optional<nearmesh::FaceNumbering> numbering;
+  std::optional<nearmesh::LocalModel> probed;  // as far as probes have needed it
 };

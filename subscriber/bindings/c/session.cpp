@@ -125,23 +125,6 @@ Result<subscriber::BodyOptions> body_options_of(const nearmesh_body_options* giv
   return options;
 }
 
-/// Runs `body`, which may change the session. Whatever it throws leaves the session behind half-way: nothing is asked of it then.
-template <class Body>
-nearmesh_status changing(nearmesh_session* handle, nearmesh_error* error, Body&& body) noexcept {
-  return guarded(handle, error, [&]() -> Status {
-    if (handle->is_spoiled)
-      return {StatusCode::kConflict,
-              "an earlier call ended half-way, for want of memory say; destroy the session"};
-    try {
-      return body();
-    } catch (...) {
-      handle->is_spoiled = true;
-      handle->frame.reset();
-      throw;
-    }
-  });
-}
-
 Status take_motions(nearmesh_session& handle, const nearmesh_body* bodies,
                     const nearmesh_motion* motions, std::size_t count) {
   NEARMESH_RETURN_IF_ERROR(check_array(bodies, count, "bodies"));

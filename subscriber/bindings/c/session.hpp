@@ -62,7 +62,30 @@ struct nearmesh_session {
   std::string readiness_reason, region_reason, name;
   nearmesh_readiness readiness{};
   nearmesh_region_readiness region{};
+  std::string probe_reason, probe_awaited;
+  nearmesh_probe_report probe{};
   nearmesh_session_stats stats{};
   nearmesh::c::ContentText content;
   nearmesh_model_facts facts{};
 };
+
+namespace nearmesh::c {
+
+/// Runs `body`, which may change the session. Whatever it throws leaves the session behind half-way: nothing is asked of it then.
+template <class Body>
+nearmesh_status changing(nearmesh_session* handle, nearmesh_error* error, Body&& body) noexcept {
+  return guarded(handle, error, [&]() -> Status {
+    if (handle->is_spoiled)
+      return {StatusCode::kConflict,
+              "an earlier call ended half-way, for want of memory say; destroy the session"};
+    try {
+      return body();
+    } catch (...) {
+      handle->is_spoiled = true;
+      handle->frame.reset();
+      throw;
+    }
+  });
+}
+
+}  // namespace nearmesh::c

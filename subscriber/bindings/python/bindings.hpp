@@ -7,11 +7,14 @@
 #include <pybind11/stl.h>
 
 #include <array>
+#include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "nearmesh/core/geometry/motion.hpp"
+#include "nearmesh/core/query/certify.hpp"
 #include "nearmesh/core/query/contacts.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
 
@@ -63,12 +66,15 @@ struct Model {
   ModelFile file;
   std::mutex
       mutex;  ///< of the file and of all that reads from it: Python's other threads run on meanwhile
+  std::optional<LocalModel> probed;  ///< as far as probes have needed it
 };
 
 /// Contacts as arrays.
 [[nodiscard]] py::object contacts_object(const Contacts& contacts);
 
 void add_models(py::module_& module);
+/// What the class Model has of probes; poses of quaternions.
+void add_probes(py::module_& module, py::class_<Model, std::shared_ptr<Model>> model);
 void add_sessions(py::module_& module);
 void add_recordings(py::module_& module);
 

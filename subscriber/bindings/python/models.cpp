@@ -254,26 +254,30 @@ class Pair {
 void add_models(py::module_& module) {
   PYBIND11_NUMPY_DTYPE(AnswerRow, status, contained, certified, pairs, clearance_m, clearance_share,
                        uncertainty_m, digest, exhausted);
-  py::class_<Model, std::shared_ptr<Model>>(
-      module, "Model", "A .spm file. Detail is read from it when it is first needed.")
-      .def(py::init<const std::string&>(), py::arg("path"))
-      .def_property_readonly("path", [](const Model& m) { return m.file.path(); })
-      .def_property_readonly(
-          "content", [](const Model& m) { return to_hex(m.file.content_hash()); },
-          "Names the whole content: models with equal values are the same.")
-      .def_property_readonly("vertex_count",
-                             [](const Model& m) { return m.file.header().vertex_count; })
-      .def_property_readonly("face_count",
-                             [](const Model& m) { return m.file.header().face_count; })
-      .def_property_readonly(
-          "cell_m", [](const Model& m) { return std::ldexp(1.0, m.file.header().grid.exponent); },
-          "Vertices were rounded to a grid of this cell, metres.")
-      .def_property_readonly(
-          "rounding_error_m", [](const Model& m) { return m.file.header().rounding_error_m; },
-          "Greatest distance of an input vertex from its place on the grid, metres.")
-      .def("mesh", &mesh_arrays,
-           "The full mesh: vertices (n, 3) float64, metres, and faces (m, 3) uint32 in the input's "
-           "order.");
+  const auto model_class =
+      py::class_<Model, std::shared_ptr<Model>>(
+          module, "Model", "A .spm file. Detail is read from it when it is first needed.")
+          .def(py::init<const std::string&>(), py::arg("path"))
+          .def_property_readonly("path", [](const Model& m) { return m.file.path(); })
+          .def_property_readonly(
+              "content", [](const Model& m) { return to_hex(m.file.content_hash()); },
+              "Names the whole content: models with equal values are the same.")
+          .def_property_readonly("vertex_count",
+                                 [](const Model& m) { return m.file.header().vertex_count; })
+          .def_property_readonly("face_count",
+                                 [](const Model& m) { return m.file.header().face_count; })
+          .def_property_readonly(
+              "cell_m",
+              [](const Model& m) { return std::ldexp(1.0, m.file.header().grid.exponent); },
+              "Vertices were rounded to a grid of this cell, metres.")
+          .def_property_readonly(
+              "rounding_error_m", [](const Model& m) { return m.file.header().rounding_error_m; },
+              "Greatest distance of an input vertex from its place on the grid, metres.")
+          .def("mesh", &mesh_arrays,
+               "The full mesh: vertices (n, 3) float64, metres, and faces (m, 3) uint32 in the "
+               "input's "
+               "order.");
+  add_probes(module, model_class);
   module.def("bake", &bake_arrays, py::arg("vertices"), py::arg("faces"), py::arg("path"),
              py::kw_only(), py::arg("grid_bits") = 21, py::arg("threads") = 0U,
              R"(Writes a progressive model of a triangle mesh to `path` and opens it.

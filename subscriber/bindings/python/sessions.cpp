@@ -13,6 +13,7 @@
 #include "nearmesh/subscriber/peer/local_channel.hpp"
 #include "nearmesh/subscriber/peer/session.hpp"
 #include "nearmesh/subscriber/peer/wait_ready.hpp"
+#include "peer.hpp"
 
 namespace nearmesh::python {
 namespace {
@@ -61,12 +62,6 @@ PairRow row_of(const PairAnswer& pair) {
           last ? last->clearance_m : 0,
           last ? last->safe_s : 0};
 }
-
-/// A session of Python's, whose other threads run on while it works.
-struct Peer {
-  std::unique_ptr<Session> session;
-  std::mutex mutex{};
-};
 
 /// Jobs of a frame on so many threads, the caller's among them.
 subscriber::RunJobs jobs_on(unsigned threads) {
@@ -205,18 +200,6 @@ std::unique_ptr<Peer> dds_session(std::uint32_t domain, const std::string& inter
   return peer;
 }
 
-/// Of a body: a pose, or a pose with velocities.
-Motion motion_of(const py::handle& given, std::uint32_t body) {
-  const std::string name = "body " + std::to_string(body);
-  if (py::isinstance<Motion>(given)) return py::cast<Motion>(given);
-  const auto matrix = Doubles::ensure(given);
-  if (!matrix) {
-    PyErr_Clear();
-    refuse(name + ": expected an array (4, 4) or a Motion");
-  }
-  return {.pose = pose_of(matrix, name.c_str())};
-}
-
 std::vector<Session::OwnMotion> motions_of(const py::dict& given) {
   std::vector<Session::OwnMotion> motions;
   for (const auto& [body, motion] : given) {
@@ -224,14 +207,6 @@ std::vector<Session::OwnMotion> motions_of(const py::dict& given) {
     motions.push_back({BodyId{id}, motion_of(motion, id)});
   }
   return motions;
-}
-
-/// Runs what may take long without the interpreter's lock, one at a time.
-template <class Work>
-auto unlocked(Peer& peer, const Work& work) {
-  const py::gil_scoped_release others_may_run;
-  const std::lock_guard lock(peer.mutex);
-  return work(*peer.session);
 }
 
 void add_frame(py::module_& module) {
@@ -309,6 +284,18 @@ void add_frame(py::module_& module) {
 
 }  // namespace
 
+/// Of a body: a pose, or a pose with velocities.
+Motion motion_of(const py::handle& given, std::uint32_t body) {
+  const std::string name = "body " + std::to_string(body);
+  if (py::isinstance<Motion>(given)) return py::cast<Motion>(given);
+  const auto matrix = Doubles::ensure(given);
+  if (!matrix) {
+    PyErr_Clear();
+    refuse(name + ": expected an array (4, 4) or a Motion");
+  }
+  return {.pose = pose_of(matrix, name.c_str())};
+}
+
 void add_sessions(py::module_& module) {
   PYBIND11_NUMPY_DTYPE(PairRow, a, b, status, contained, certified, asked, pairs, clearance_m,
                        clearance_share, uncertainty_m, safe_horizon_s, age_a_s, age_b_s, pose_a,
@@ -326,135 +313,141 @@ void add_sessions(py::module_& module) {
       .def_readonly("linear_velocity_mps", &Motion::linear_velocity_mps)
       .def_readonly("angular_velocity_radps", &Motion::angular_velocity_radps);
   add_frame(module);
-  py::class_<Peer>(module, "Session", R"(A peer: bodies, watched pairs, one update a frame, answers.
+  const auto peer_class =
+      py::class_<Peer>(module, "Session",
+                       R"(A peer: bodies, watched pairs, one update a frame, answers.
 
 Made by Session.local (from files, no network) or Session.dds. Options of both, by keyword: max_pose_age_s, lookahead_s,
 margin_m, sweep_s, request_timeout_s, max_held_splits, clearance ("none", "bound", "exact"), cache_folder, contacts,
 publish_reports, any, max_pairs, max_tests, max_sweep_tests; and, for the pairs of a frame, threads=N or run_jobs=f: f(count, job)
 calls job(i) for each i below count, on threads of its own, and returns when all are done.)")
-      .def_static("local", &local_session, py::arg("models"),
-                  "A session fed from files: {name: path}.")
-      .def_static("dds", &dds_session, py::kw_only(), py::arg("domain") = 0U,
-                  py::arg("interface") = "", py::arg("name") = "", py::arg("prefix") = "nearmesh",
-                  py::arg("transport") = "lan", py::arg("security") = "",
-                  py::arg("initial_peers") = std::vector<std::string>{},
-                  py::arg("discovery_server") = "",
-                  "A peer on DDS, on a participant of its own. transport: lan, thin, tcp, udp-only "
-                  "or same-host.")
-      .def(
-          "add_body",
-          [](Peer& peer, const std::string& name, const std::string& model, bool own, bool solid,
-             std::optional<double> max_pose_age_s, std::uint32_t group, std::uint32_t mask) {
-            return need(unlocked(peer,
-                                 [&](Session& session) {
-                                   return session.add_body({.name = name,
-                                                            .model = model,
-                                                            .own = own,
-                                                            .solid = solid,
-                                                            .content = {},
-                                                            .max_pose_age_s = max_pose_age_s,
-                                                            .group = group,
-                                                            .mask = mask});
-                                 }))
-                .value;
-          },
-          py::arg("name"), py::arg("model"), py::kw_only(), py::arg("own") = false,
-          py::arg("solid") = false, py::arg("max_pose_age_s") = py::none(), py::arg("group") = 1U,
-          py::arg("mask") = 0xffffffffU,
-          "Declares a body; own: this peer moves it. Gives its number.")
-      .def(
-          "place_body",
-          [](Peer& peer, std::uint32_t body, const Doubles& pose) {
-            const Pose at = pose_of(pose, "pose");
-            need(unlocked(peer,
-                          [&](Session& session) { return session.place_body(BodyId{body}, at); }));
-          },
-          py::arg("body"), py::arg("pose"), "Fixes a body in place, for scenery that nobody moves.")
-      .def(
-          "remove_body",
-          [](Peer& peer, std::uint32_t body) {
-            need(unlocked(peer,
-                          [&](Session& session) { return session.remove_body(BodyId{body}); }));
-          },
-          py::arg("body"))
-      .def(
-          "replace_model",
-          [](Peer& peer, std::uint32_t body, const std::string& model) {
-            need(unlocked(peer, [&](Session& session) {
-              return session.replace_model(BodyId{body}, model);
-            }));
-          },
-          py::arg("body"), py::arg("model"))
-      .def(
-          "watch",
-          [](Peer& peer, std::uint32_t a, std::uint32_t b) {
-            need(unlocked(peer,
-                          [&](Session& session) { return session.watch(BodyId{a}, BodyId{b}); }));
-          },
-          py::arg("a"), py::arg("b"), "Lists the answer about two bodies in every frame.")
-      .def(
-          "unwatch",
-          [](Peer& peer, std::uint32_t a, std::uint32_t b) {
-            need(unlocked(peer,
-                          [&](Session& session) { return session.unwatch(BodyId{a}, BodyId{b}); }));
-          },
-          py::arg("a"), py::arg("b"))
-      .def(
-          "watch_all",
-          [](Peer& peer) { unlocked(peer, [](Session& session) { session.watch_all(); }); },
-          "Watches all pairs: near ones are listed, the others told of in free_by_bounds.")
-      .def(
-          "name_of",
-          [](Peer& peer, std::uint32_t body) { return peer.session->name_of(BodyId{body}); },
-          py::arg("body"))
-      .def(
-          "update",
-          [](Peer& peer, std::uint64_t frame, double time_s, const py::dict& motions,
-             double budget_s) {
-            const std::vector<Session::OwnMotion> own = motions_of(motions);
-            return need(unlocked(peer, [&](Session& session) {
-              return session.update(frame, time_s, own, budget_s);
-            }));
-          },
-          py::arg("frame"), py::arg("time_s"), py::arg("motions") = py::dict(),
-          py::arg("budget_s") = 0.005,
-          R"(One frame: sends own bodies' motions {body: pose (4, 4) or Motion}, takes in detail, answers watched pairs, all within budget_s.
+          .def_static("local", &local_session, py::arg("models"),
+                      "A session fed from files: {name: path}.")
+          .def_static(
+              "dds", &dds_session, py::kw_only(), py::arg("domain") = 0U, py::arg("interface") = "",
+              py::arg("name") = "", py::arg("prefix") = "nearmesh", py::arg("transport") = "lan",
+              py::arg("security") = "", py::arg("initial_peers") = std::vector<std::string>{},
+              py::arg("discovery_server") = "",
+              "A peer on DDS, on a participant of its own. transport: lan, thin, tcp, udp-only "
+              "or same-host.")
+          .def(
+              "add_body",
+              [](Peer& peer, const std::string& name, const std::string& model, bool own,
+                 bool solid, std::optional<double> max_pose_age_s, std::uint32_t group,
+                 std::uint32_t mask) {
+                return need(unlocked(peer,
+                                     [&](Session& session) {
+                                       return session.add_body({.name = name,
+                                                                .model = model,
+                                                                .own = own,
+                                                                .solid = solid,
+                                                                .content = {},
+                                                                .max_pose_age_s = max_pose_age_s,
+                                                                .group = group,
+                                                                .mask = mask});
+                                     }))
+                    .value;
+              },
+              py::arg("name"), py::arg("model"), py::kw_only(), py::arg("own") = false,
+              py::arg("solid") = false, py::arg("max_pose_age_s") = py::none(),
+              py::arg("group") = 1U, py::arg("mask") = 0xffffffffU,
+              "Declares a body; own: this peer moves it. Gives its number.")
+          .def(
+              "place_body",
+              [](Peer& peer, std::uint32_t body, const Doubles& pose) {
+                const Pose at = pose_of(pose, "pose");
+                need(unlocked(
+                    peer, [&](Session& session) { return session.place_body(BodyId{body}, at); }));
+              },
+              py::arg("body"), py::arg("pose"),
+              "Fixes a body in place, for scenery that nobody moves.")
+          .def(
+              "remove_body",
+              [](Peer& peer, std::uint32_t body) {
+                need(unlocked(peer,
+                              [&](Session& session) { return session.remove_body(BodyId{body}); }));
+              },
+              py::arg("body"))
+          .def(
+              "replace_model",
+              [](Peer& peer, std::uint32_t body, const std::string& model) {
+                need(unlocked(peer, [&](Session& session) {
+                  return session.replace_model(BodyId{body}, model);
+                }));
+              },
+              py::arg("body"), py::arg("model"))
+          .def(
+              "watch",
+              [](Peer& peer, std::uint32_t a, std::uint32_t b) {
+                need(unlocked(
+                    peer, [&](Session& session) { return session.watch(BodyId{a}, BodyId{b}); }));
+              },
+              py::arg("a"), py::arg("b"), "Lists the answer about two bodies in every frame.")
+          .def(
+              "unwatch",
+              [](Peer& peer, std::uint32_t a, std::uint32_t b) {
+                need(unlocked(
+                    peer, [&](Session& session) { return session.unwatch(BodyId{a}, BodyId{b}); }));
+              },
+              py::arg("a"), py::arg("b"))
+          .def(
+              "watch_all",
+              [](Peer& peer) { unlocked(peer, [](Session& session) { session.watch_all(); }); },
+              "Watches all pairs: near ones are listed, the others told of in free_by_bounds.")
+          .def(
+              "name_of",
+              [](Peer& peer, std::uint32_t body) { return peer.session->name_of(BodyId{body}); },
+              py::arg("body"))
+          .def(
+              "update",
+              [](Peer& peer, std::uint64_t frame, double time_s, const py::dict& motions,
+                 double budget_s) {
+                const std::vector<Session::OwnMotion> own = motions_of(motions);
+                return need(unlocked(peer, [&](Session& session) {
+                  return session.update(frame, time_s, own, budget_s);
+                }));
+              },
+              py::arg("frame"), py::arg("time_s"), py::arg("motions") = py::dict(),
+              py::arg("budget_s") = 0.005,
+              R"(One frame: sends own bodies' motions {body: pose (4, 4) or Motion}, takes in detail, answers watched pairs, all within budget_s.
 
 Where that is too little pairs take turns, who may touch soonest first; a row whose turn did not come is put_off, not asked.)")
-      .def(
-          "wait_ready",
-          [](Peer& peer, std::uint32_t body, double timeout_s, const py::dict& motions,
-             std::uint64_t frame, double time_s) {
-            const std::vector<Session::OwnMotion> own = motions_of(motions);
-            subscriber::Waited waited = need(unlocked(peer, [&](Session& session) {
-              return subscriber::wait_ready(session, BodyId{body}, timeout_s, own, frame, time_s);
-            }));
-            return py::make_tuple(to_string(waited.readiness.stage), waited.readiness.reason,
-                                  std::move(waited.report));
-          },
-          py::arg("body"), py::arg("timeout_s"), py::arg("motions") = py::dict(),
-          py::arg("frame") = 0U, py::arg("time_s") = 0.0,
-          R"(Updates until all pairs of a body are certified, or the time is over: (stage, reason, report of the last update).
+          .def(
+              "wait_ready",
+              [](Peer& peer, std::uint32_t body, double timeout_s, const py::dict& motions,
+                 std::uint64_t frame, double time_s) {
+                const std::vector<Session::OwnMotion> own = motions_of(motions);
+                subscriber::Waited waited = need(unlocked(peer, [&](Session& session) {
+                  return subscriber::wait_ready(session, BodyId{body}, timeout_s, own, frame,
+                                                time_s);
+                }));
+                return py::make_tuple(to_string(waited.readiness.stage), waited.readiness.reason,
+                                      std::move(waited.report));
+              },
+              py::arg("body"), py::arg("timeout_s"), py::arg("motions") = py::dict(),
+              py::arg("frame") = 0U, py::arg("time_s") = 0.0,
+              R"(Updates until all pairs of a body are certified, or the time is over: (stage, reason, report of the last update).
 
 stage: "waiting", "answering" or "certified".)")
-      .def(
-          "motion_of",
-          [](Peer& peer, std::uint32_t body) { return peer.session->motion_of(BodyId{body}); },
-          py::arg("body"), "Where a body was last known to be; None where no pose has come.")
-      .def_property_readonly("heard_time_s",
-                             [](Peer& peer) { return peer.session->heard_time_s(); })
-      .def_property_readonly(
-          "stats",
-          [](Peer& peer) {
-            const subscriber::SessionStats stats = peer.session->stats();
-            using namespace py::literals;  // NOLINT(google-build-using-namespace): "name"_a
-            return py::dict("batches"_a = stats.batches, "batch_bytes"_a = stats.batch_bytes,
-                            "header_bytes"_a = stats.header_bytes, "requests"_a = stats.requests,
-                            "held_splits"_a = stats.held_splits,
-                            "exact_faces"_a = stats.exact_faces, "tree_bytes"_a = stats.tree_bytes,
-                            "mesh_bytes"_a = stats.mesh_bytes);
-          },
-          "What came and what is held, by name.");
+          .def(
+              "motion_of",
+              [](Peer& peer, std::uint32_t body) { return peer.session->motion_of(BodyId{body}); },
+              py::arg("body"), "Where a body was last known to be; None where no pose has come.")
+          .def_property_readonly("heard_time_s",
+                                 [](Peer& peer) { return peer.session->heard_time_s(); })
+          .def_property_readonly(
+              "stats",
+              [](Peer& peer) {
+                const subscriber::SessionStats stats = peer.session->stats();
+                using namespace py::literals;  // NOLINT(google-build-using-namespace): "name"_a
+                return py::dict(
+                    "batches"_a = stats.batches, "batch_bytes"_a = stats.batch_bytes,
+                    "header_bytes"_a = stats.header_bytes, "requests"_a = stats.requests,
+                    "held_splits"_a = stats.held_splits, "exact_faces"_a = stats.exact_faces,
+                    "tree_bytes"_a = stats.tree_bytes, "mesh_bytes"_a = stats.mesh_bytes);
+              },
+              "What came and what is held, by name.");
+  add_probes(peer_class);
 }
 
 }  // namespace nearmesh::python

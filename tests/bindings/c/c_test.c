@@ -707,6 +707,98 @@ static void test_words(void) {
   CHECK((error.message[length - 1] & 0xff) == 0xa4);
 }
 
+// ---- Probes
+
+static void test_probes(const char* sphere_file, const char* open_file) {
+  const nearmesh_pose pose = NEARMESH_POSE_IDENTITY;
+  const nearmesh_ray rays[3] = {{{0.1, 0.1, 5}, {0, 0, -1}, INFINITY},
+                                {{3, 3, 5}, {0, 0, -2}, INFINITY},
+                                {{0.1, 0.1, 5}, {0, 0, -1}, 1}};
+  nearmesh_ray_answer answers[3];
+  nearmesh_model* model = NULL;
+  MUST(nearmesh_model_open(sphere_file, &model, &error));
+  MUST(nearmesh_model_probe_rays(model, &pose, rays, 3, answers, &error));
+  CHECK(answers[0].status == NEARMESH_HIT && answers[0].has_face && answers[0].missing == 0);
+  CHECK(answers[0].at_most_m > 3.9 && answers[0].at_most_m < 4.2);
+  CHECK(answers[0].at_least_m <= answers[0].at_most_m && answers[0].normal[2] > 0.9);
+  CHECK(answers[1].status == NEARMESH_MISS && isinf(answers[1].at_most_m) &&
+        isinf(answers[1].at_least_m));
+  CHECK(answers[2].status == NEARMESH_MISS);
+  uint32_t number = 0;
+  MUST(nearmesh_model_face_number(model, answers[0].face, &number, &error));
+  const double points_m[6] = {0, 0, 0, 0, 0, 3};
+  nearmesh_point_answer of_points[2];
+  MUST(nearmesh_model_probe_points(model, &pose, points_m, 2, of_points, &error));
+  CHECK(of_points[0].status == NEARMESH_HIT && !of_points[0].on_surface);
+  CHECK(of_points[1].status == NEARMESH_MISS);
+  const nearmesh_ball balls[2] = {{{0, 0, 2}, 1.2}, {{0, 0, 2}, 0.5}};
+  nearmesh_shape_answer of_shapes[2];
+  MUST(nearmesh_model_probe_balls(model, &pose, balls, 2, of_shapes, &error));
+  CHECK(of_shapes[0].status == NEARMESH_HIT && of_shapes[0].has_face);
+  CHECK(of_shapes[1].status == NEARMESH_MISS);
+  const nearmesh_box boxes[2] = {{NEARMESH_POSE_IDENTITY, {3, 3, 3}},
+                                 {NEARMESH_POSE_IDENTITY, {0.1, 0.1, 0.1}}};
+  MUST(nearmesh_model_probe_boxes(model, &pose, boxes, 2, of_shapes, &error));
+  CHECK(of_shapes[0].status == NEARMESH_HIT && !of_shapes[0].has_face);
+  CHECK(of_shapes[1].status == NEARMESH_MISS);
+
+  nearmesh_ray bad = rays[0];
+  bad.direction[2] = 0;
+  REFUSED(nearmesh_model_probe_rays(model, &pose, &bad, 1, answers, &error),
+          NEARMESH_INVALID_ARGUMENT, "ray 0");
+  REFUSED(nearmesh_model_probe_rays(model, &pose, NULL, 1, answers, &error),
+          NEARMESH_INVALID_ARGUMENT, "rays");
+  REFUSED(nearmesh_model_probe_rays(model, &pose, rays, 1, NULL, &error),
+          NEARMESH_INVALID_ARGUMENT, "answers");
+  REFUSED(nearmesh_model_probe_rays(model, NULL, rays, 1, answers, &error),
+          NEARMESH_INVALID_ARGUMENT, "pose");
+  MUST(nearmesh_model_probe_rays(model, &pose, NULL, 0, NULL, &error));
+  nearmesh_model_close(model);
+  MUST(nearmesh_model_open(open_file, &model, &error));
+  REFUSED(nearmesh_model_probe_points(model, &pose, points_m, 2, of_points, &error),
+          NEARMESH_INVALID_ARGUMENT, "closed");
+  nearmesh_model_close(model);
+
+  // Of a session: uncertain, asked for, certified; and of a body that the host hears of.
+  nearmesh_session* session = NULL;
+  MUST(nearmesh_session_create_local(NULL, &session, &error));
+  MUST(nearmesh_session_add_model(session, "sphere", sphere_file, &error));
+  nearmesh_body_options options;
+  nearmesh_body_options_init(&options, sizeof options);
+  options.name = "other";
+  options.model = "sphere";
+  nearmesh_body body;
+  MUST(nearmesh_session_add_body(session, &options, &body, &error));
+  options.name = "own";
+  options.own = 1;
+  nearmesh_body own;
+  MUST(nearmesh_session_add_body(session, &options, &own, &error));
+  const nearmesh_probe_report* report = NULL;
+  int updates = 0;
+  for (; updates < 30; ++updates) {
+    MUST(nearmesh_session_probe_rays(session, body, rays, 3, answers, &report, &error));
+    if (report->reason[0] == 0 && report->missing == 0) break;
+    CHECK(report->reason[0] != 0 || report->awaited[0] != 0);
+    const nearmesh_motion motion = NEARMESH_MOTION_IDENTITY;
+    const double time_s = updates;
+    MUST(nearmesh_session_hear(session, &body, &time_s, &motion, 1, &error));
+    REFUSED(nearmesh_session_hear(session, &own, &time_s, &motion, 1, &error),
+            NEARMESH_INVALID_ARGUMENT, "own");
+    MUST(nearmesh_session_update(session, (uint64_t)updates, updates, NULL, NULL, 0, 1, NULL,
+                                 &error));
+  }
+  CHECK(updates > 1 && updates < 30);
+  CHECK(answers[0].status == NEARMESH_HIT && answers[1].status == NEARMESH_MISS);
+  CHECK(report->age_s == 0 && report->pose.rotation[0] == 1);
+  MUST(nearmesh_session_probe_points(session, body, points_m, 2, of_points, NULL, &error));
+  MUST(nearmesh_session_probe_balls(session, body, balls, 2, of_shapes, NULL, &error));
+  MUST(nearmesh_session_probe_boxes(session, body, boxes, 2, of_shapes, NULL, &error));
+  REFUSED(nearmesh_session_probe_rays(session, 99, rays, 3, answers, &report, &error),
+          NEARMESH_NOT_FOUND, "99");
+  CHECK(report == NULL);
+  nearmesh_session_destroy(session);
+}
+
 int main(int argc, char** argv) {
   if (argc != 3) return fprintf(stderr, "usage: %s FOLDER RECORDING\n", argv[0]), 2;
   char sphere_file[1024], open_file[1024];
@@ -719,6 +811,7 @@ int main(int argc, char** argv) {
   test_session(sphere_file);
   test_run_jobs(sphere_file);
   test_budget(sphere_file);
+  test_probes(sphere_file, open_file);
   test_session_options();
   test_threads(sphere_file);
   test_recordings(argv[2], sphere_file);

@@ -17,7 +17,7 @@
 //   - Results that you read are given as pointers, of lists one by one. Never copy such a struct by assignment, or rely on its
 //     size.
 //   - These never change: nearmesh_error, nearmesh_pose, nearmesh_motion, nearmesh_face, nearmesh_face_pair,
-//     nearmesh_contact_segment. They may stand in arrays.
+//     nearmesh_contact_segment, and probes with their answers (nearmesh_ray and so on). They may stand in arrays.
 // * Text is UTF-8 that ends with 0. An int32_t that answers a question is 0 for no; else yes.
 // * Frames. Right-handed, metres, seconds, radians; x_world = rotation x_model + translation, rotation row by row.
 #ifndef NEARMESH_H
@@ -605,6 +605,117 @@ typedef struct nearmesh_session_stats {
 NEARMESH_API nearmesh_status nearmesh_session_get_stats(nearmesh_session* session,
                                                         const nearmesh_session_stats** stats,
                                                         nearmesh_error* error) NEARMESH_NOTHROW;
+
+// ---- Probes ----------------------------------------------------------------------------------------------------------
+
+// Rays, heights, points, balls and boxes against one body: certified, or uncertain. What they mean: core/query/probe.hpp.
+
+/// status of the answers to probes
+enum {
+  NEARMESH_MISS = 0,             ///< certified: nothing of the full mesh is met
+  NEARMESH_HIT = 1,              ///< certified
+  NEARMESH_PROBE_UNCERTAIN = 2   ///< what is missing may be met
+};
+
+/// From a point of the world in a direction of any length, as far as range_m, which may be INFINITY. Straight down: 0, 0, -1.
+typedef struct nearmesh_ray {
+  double origin_m[3];
+  double direction[3];
+  double range_m;
+} nearmesh_ray;
+/// The first face that a ray meets.
+typedef struct nearmesh_ray_answer {
+  int32_t status;
+  int32_t has_face;      ///< a face is known that is met; uncertain: what is missing may be met before it
+  double at_least_m;     ///< nothing is met before; hit: the distance of the face but for rounding. Miss: infinite
+  double at_most_m;      ///< something is met by then; hit: the distance of the face
+  double point_m[3];     ///< world; where has_face
+  double normal[3];      ///< of the face, where its corners run counter-clockwise; 0, 0, 0: it has none
+  nearmesh_face face;
+  uint32_t missing;      ///< nodes whose detail this answer lacks
+  uint32_t reserved;
+} nearmesh_ray_answer;
+
+/// Whether a point lies in a solid.
+typedef struct nearmesh_point_answer {
+  int32_t status;        ///< hit: inside, or on the surface
+  int32_t on_surface;
+  uint32_t missing;
+  uint32_t reserved;
+} nearmesh_point_answer;
+
+typedef struct nearmesh_ball {
+  double center_m[3];
+  double radius_m;
+} nearmesh_ball;
+/// About the origin of its own frame.
+typedef struct nearmesh_box {
+  nearmesh_pose pose;
+  double half_m[3];
+} nearmesh_box;
+/// Whether a ball or a box, filled, meets a surface.
+typedef struct nearmesh_shape_answer {
+  int32_t status;
+  int32_t has_face;      ///< 0 for a hit: a part of the body is inside the box
+  nearmesh_face face;    ///< one that is met
+  uint32_t missing;
+  uint32_t reserved;
+} nearmesh_shape_answer;
+
+/// What probes of a body were answered from.
+typedef struct nearmesh_probe_report {
+  const char* reason;    ///< why nothing can be said, so that every answer is uncertain; else empty
+  const char* awaited;   ///< some lack detail: of which model, and who sends it; else empty
+  double age_s;          ///< of the pose
+  nearmesh_pose pose;    ///< where the body was taken to be; meaningless with a reason
+  uint64_t missing;      ///< nodes that are missing, of all answers together
+} nearmesh_probe_report;
+
+/// Probes of a body where it was as of the last update. What they lack the next updates ask for: probe, update, probe again.
+/// In: `count` probes. Out: as many answers; `report`, which may be NULL, valid until the next probe of this session.
+/// Errors: NEARMESH_NOT_FOUND; NEARMESH_INVALID_ARGUMENT naming the probe, or for points in a body whose model is open.
+NEARMESH_API nearmesh_status nearmesh_session_probe_rays(
+    nearmesh_session* session, nearmesh_body body, const nearmesh_ray* rays, size_t count,
+    nearmesh_ray_answer* answers, const nearmesh_probe_report** report,
+    nearmesh_error* error) NEARMESH_NOTHROW;
+/// `points_m`: 3 numbers a point.
+NEARMESH_API nearmesh_status nearmesh_session_probe_points(
+    nearmesh_session* session, nearmesh_body body, const double* points_m, size_t count,
+    nearmesh_point_answer* answers, const nearmesh_probe_report** report,
+    nearmesh_error* error) NEARMESH_NOTHROW;
+NEARMESH_API nearmesh_status nearmesh_session_probe_balls(
+    nearmesh_session* session, nearmesh_body body, const nearmesh_ball* balls, size_t count,
+    nearmesh_shape_answer* answers, const nearmesh_probe_report** report,
+    nearmesh_error* error) NEARMESH_NOTHROW;
+NEARMESH_API nearmesh_status nearmesh_session_probe_boxes(
+    nearmesh_session* session, nearmesh_body body, const nearmesh_box* boxes, size_t count,
+    nearmesh_shape_answer* answers, const nearmesh_probe_report** report,
+    nearmesh_error* error) NEARMESH_NOTHROW;
+
+/// The same of a file at hand, in a place: certified, as detail is read where answers need it, and kept for later ones. (A box
+/// that holds a part of a model of more than 256 parts stays uncertain.)
+/// Errors: NEARMESH_INVALID_ARGUMENT naming the probe or the pose; NEARMESH_CORRUPT, NEARMESH_IO.
+NEARMESH_API nearmesh_status nearmesh_model_probe_rays(
+    nearmesh_model* model, const nearmesh_pose* pose, const nearmesh_ray* rays, size_t count,
+    nearmesh_ray_answer* answers, nearmesh_error* error) NEARMESH_NOTHROW;
+NEARMESH_API nearmesh_status nearmesh_model_probe_points(
+    nearmesh_model* model, const nearmesh_pose* pose, const double* points_m, size_t count,
+    nearmesh_point_answer* answers, nearmesh_error* error) NEARMESH_NOTHROW;
+NEARMESH_API nearmesh_status nearmesh_model_probe_balls(
+    nearmesh_model* model, const nearmesh_pose* pose, const nearmesh_ball* balls, size_t count,
+    nearmesh_shape_answer* answers, nearmesh_error* error) NEARMESH_NOTHROW;
+NEARMESH_API nearmesh_status nearmesh_model_probe_boxes(
+    nearmesh_model* model, const nearmesh_pose* pose, const nearmesh_box* boxes, size_t count,
+    nearmesh_shape_answer* answers, nearmesh_error* error) NEARMESH_NOTHROW;
+
+/// Poses of bodies that others move, as the host heard them on a topic of its own: the next update takes them in, they age as
+/// those of the bus, and are not sent again. `times_s`: for when each holds, on the exercise's clock.
+/// Errors: NEARMESH_NOT_FOUND, NEARMESH_INVALID_ARGUMENT (an own body, a motion, a time); nothing is taken then.
+NEARMESH_API nearmesh_status nearmesh_session_hear(nearmesh_session* session,
+                                                   const nearmesh_body* bodies,
+                                                   const double* times_s,
+                                                   const nearmesh_motion* motions, size_t count,
+                                                   nearmesh_error* error) NEARMESH_NOTHROW;
 
 // ---- Recordings ----------------------------------------------------------------------------------------------------
 

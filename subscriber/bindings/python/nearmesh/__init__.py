@@ -13,7 +13,7 @@ from enum import IntEnum
 
 from . import errors
 from ._nearmesh import (Contacts, FrameReport, FreeByBounds, Model, Motion, Pair, RecordedBody, RecordedScene, Recording,
-                        Session, __version__, bake)
+                        Session, __version__, bake, pose)
 from .errors import Error
 
 
@@ -34,5 +34,12 @@ class Contained(IntEnum):
     BOTH = 3
 
 
-__all__ = ["Contacts", "Contained", "Error", "FrameReport", "FreeByBounds", "Model", "Motion", "Pair", "RecordedBody",
-           "RecordedScene", "Recording", "Session", "Status", "__version__", "bake", "errors"]
+class ProbeStatus(IntEnum):
+    """What a probe met: MISS and HIT are certified."""
+    MISS = 0
+    HIT = 1
+    UNCERTAIN = 2
+
+
+__all__ = ["Contacts", "Contained", "Error", "FrameReport", "FreeByBounds", "Model", "Motion", "Pair", "ProbeStatus",
+           "RecordedBody", "RecordedScene", "Recording", "Session", "Status", "__version__", "bake", "errors", "pose"]
