@@ -91,9 +91,9 @@ Pose orthonormal(const Pose& pose) {
     const std::array<double, 9> before = r;
     for (std::size_t i = 0; i < 3; ++i)
       for (std::size_t j = 0; j < 3; ++j)
-        r[3 * i + j] = before[3 * i + j] -
-                       0.5 * (before[3 * i] * e[j] + before[3 * i + 1] * e[3 + j] +
-                              before[3 * i + 2] * e[6 + j]);
+        r[3 * i + j] =
+            before[3 * i + j] - 0.5 * (before[3 * i] * e[j] + before[3 * i + 1] * e[3 + j] +
+                                       before[3 * i + 2] * e[6 + j]);
   }
   return out;
 }

@@ -49,7 +49,7 @@ struct PeerModel {
   struct Probed {
     std::vector<NodeSpan> missing;
     std::vector<GridBox> where;
-    bool had_turn = false;  // the last request was for probes: pairs come first now
+    bool had_turn = false;      // the last request was for probes: pairs come first now
     std::vector<GridBox> kept;  // where probes lacked something of late: it is not given up
     double kept_until_s = 0;
   } probed;

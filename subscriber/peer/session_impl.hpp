@@ -168,8 +168,8 @@ struct Session::Impl {
   std::optional<double> heard_time_s;
   std::uint64_t refused = 0;
   std::vector<wire::BodyPose> heard_by_host;  // since the last update
-  bool is_dropping = false;              // batches, in this update
-  std::set<wire::SessionId> refused_of;  // who sent headers that do not count, as was said
+  bool is_dropping = false;                   // batches, in this update
+  std::set<wire::SessionId> refused_of;       // who sent headers that do not count, as was said
   SessionStats stats;
   Stopwatch clock;
   Random audits{0};  // which block is next

@@ -61,8 +61,7 @@ Result<ProbeReport> Session::Impl::probe(BodyId id, std::span<const Probe> probe
     return report;
   }
   report.pose = body->motion->pose;
-  Result<ProbeNeeds> lacking =
-      nearmesh::probe(model.replica->view(), report.pose, probes, answers);
+  Result<ProbeNeeds> lacking = nearmesh::probe(model.replica->view(), report.pose, probes, answers);
   if (!lacking.is_ok()) return as_of_body(lacking.status(), body->name);
   ProbeNeeds& needs = lacking.value();
   if (needs.is_nothing()) return report;
@@ -86,13 +85,12 @@ void Session::Impl::ask_for_probes() {
   for (auto& [name, model] : replicas.all()) {
     PeerModel::Probed& probed = model.probed;
     const auto open = outstanding.find(model.content_hash);
-    const bool is_open = open != outstanding.end() && !is_lost(open->second) &&
-                         open->second.priority == kNeededNow;
+    const bool is_open =
+        open != outstanding.end() && !is_lost(open->second) && open->second.priority == kNeededNow;
     if (is_open || !model.is_ready() || !model.waiting.empty()) continue;
     if (std::exchange(probed.had_turn, false) || probed.missing.empty()) continue;
-    std::erase_if(probed.missing, [&](const NodeSpan& node) {
-      return !model.replica->mesh().is_current(node);
-    });
+    std::erase_if(probed.missing,
+                  [&](const NodeSpan& node) { return !model.replica->mesh().is_current(node); });
     if (probed.missing.empty()) {  // what they lacked has come meanwhile
       probed.where.clear();
       continue;
@@ -141,10 +139,9 @@ Status Session::hear(std::span<const HeardPose> heard) {
       return {StatusCode::kInvalidArgument, body->name + " is a body that this peer moves"};
     NEARMESH_RETURN_IF_ERROR(check_motion(pose.motion, body->name));
     if (!wire::is_time(pose.time_s))
-      return {StatusCode::kInvalidArgument, "time_s of the pose of " + body->name + " is " +
-                                                std::to_string(pose.time_s) +
-                                                ", expected seconds, at most " +
-                                                std::to_string(wire::kMaxTime_s) + " from 0"};
+      return {StatusCode::kInvalidArgument,
+              "time_s of the pose of " + body->name + " is " + std::to_string(pose.time_s) +
+                  ", expected seconds, at most " + std::to_string(wire::kMaxTime_s) + " from 0"};
     poses.push_back({.body = body->name,
                      .time_s = pose.time_s,
                      .pose = orthonormal(pose.motion.pose),

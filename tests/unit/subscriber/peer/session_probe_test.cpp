@@ -14,7 +14,8 @@ std::vector<RayProbe> heights_above(const BakedModel& ground, std::size_t count)
   Random random(3);
   std::vector<RayProbe> rays(count);
   for (RayProbe& ray : rays) {
-    ray.origin_m = position_m(ground.header, ground.store, {random.below(ground.header.vertex_count)});
+    ray.origin_m =
+        position_m(ground.header, ground.store, {random.below(ground.header.vertex_count)});
     for (std::size_t k = 0; k < 2; ++k) ray.origin_m[k] += random.between(-1, 1);
     ray.origin_m[2] += 500;
   }
@@ -216,7 +217,8 @@ TEST(FloatRotations, AreTakenAsTheRotationNextToThem) {
     EXPECT_NE(asked.rotation, motion.pose.rotation);
     for (std::size_t c = 0; c < 3; ++c) {
       double square = 0;
-      for (std::size_t r = 0; r < 3; ++r) square += asked.rotation[3 * r + c] * asked.rotation[3 * r + c];
+      for (std::size_t r = 0; r < 3; ++r)
+        square += asked.rotation[3 * r + c] * asked.rotation[3 * r + c];
       EXPECT_NEAR(square, 1, 1e-14);
     }
   }

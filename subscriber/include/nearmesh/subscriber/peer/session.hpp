@@ -202,9 +202,9 @@ struct ProbeReport {
   /// Some are uncertain for want of detail: of which model, and whether any publisher is there that sends it. Else empty.
   std::string awaited;
   double age_s = std::numeric_limits<double>::infinity();  ///< of the pose, as PairAnswer::age_a_s
-  Pose pose;                 ///< where the body was taken to be; meaningless with a reason
-  ContentHash content;       ///< of its model; none: not known yet
-  std::uint64_t missing = 0; ///< nodes that are missing, of all answers together
+  Pose pose;                  ///< where the body was taken to be; meaningless with a reason
+  ContentHash content;        ///< of its model; none: not known yet
+  std::uint64_t missing = 0;  ///< nodes that are missing, of all answers together
 };
 
 class Session {
