@@ -4,8 +4,8 @@
 
 #include <string>
 
-#include "nearmesh/core/recording/recording.hpp"
 #include "core/spm/model_folder.hpp"
+#include "nearmesh/core/recording/recording.hpp"
 
 namespace nearmesh::subscriber::report {
 

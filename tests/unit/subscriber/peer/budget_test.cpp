@@ -122,7 +122,8 @@ TEST(Budget, WhoMayTouchSoonestIsAskedFirst) {
   // One in the middle, the others around it; the nearer, the sooner, and at last another one comes fast.
   Squadron squadron(5);
   for (std::size_t i = 1; i < 5; ++i) {
-    squadron.motions[i].motion.pose.translation_m[0] = i % 2 == 0 ? 200.0 * i : -200.0 * i;
+    squadron.motions[i].motion.pose.translation_m[0] =
+        (i % 2 == 0 ? 200.0 : -200.0) * static_cast<double>(i);
     squadron.motions[i].motion.linear_velocity_mps[0] = i % 2 == 0 ? -0.5 : 0.5;
   }
   const auto is_of_middle = [&](const PairAnswer& answer) {
@@ -186,7 +187,9 @@ TEST(Budget, AnswersThatWereAskedAreThoseOfASessionWithoutOne) {
           EXPECT_EQ(one.answer.clearance_m, two.answer.clearance_m);
           EXPECT_EQ(one.safe_horizon_s, two.safe_horizon_s);
           ASSERT_EQ(one.contacts.has_value(), two.contacts.has_value());
-          if (one.contacts) EXPECT_EQ(one.contacts->patches.size(), two.contacts->patches.size());
+          if (one.contacts) {
+            EXPECT_EQ(one.contacts->patches.size(), two.contacts->patches.size());
+          }
           ASSERT_TRUE(one.swept && two.swept);
           EXPECT_EQ(one.swept->free_until_s, two.swept->free_until_s);
           EXPECT_EQ(one.swept->hit_s, two.swept->hit_s);
@@ -236,7 +239,9 @@ TEST(Budget, WhatIsLeftOfTheLastAnswerHolds) {
           EXPECT_LE(last.safe_s, all.answers[i].safe_horizon_s);
           ++safe;
         }
-        if (last.pair_total > 0) EXPECT_EQ(last.safe_s, 0);
+        if (last.pair_total > 0) {
+          EXPECT_EQ(last.safe_s, 0);
+        }
       }
     }
   }
@@ -256,7 +261,9 @@ TEST(Budget, AnotherModelTakesTheLastAnswerAway) {
   EXPECT_TRUE(had_one);
   ASSERT_TRUE(squadron.session->replace_model(squadron.motions[0].body, "aircraft").is_ok());
   for (const PairAnswer& answer : squadron.update(kNoBudget).answers)
-    if (answer.a == squadron.motions[0].body) EXPECT_FALSE(answer.last_certified);
+    if (answer.a == squadron.motions[0].body) {
+      EXPECT_FALSE(answer.last_certified);
+    }
 }
 
 // A host's own order and threads: the most urgent pair is the one that is asked all the same.

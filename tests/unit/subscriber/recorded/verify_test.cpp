@@ -614,8 +614,7 @@ TEST_F(Verify, ReportsThatNeverCameAreCounted) {
 }
 
 TEST_F(Verify, AFolderWithoutModelsIsRefusedAndFilesThatAreNoneAreTold) {
-  EXPECT_EQ(ModelFolder::open(folder_ + "/none").status().code(),
-            StatusCode::kNotFound);
+  EXPECT_EQ(ModelFolder::open(folder_ + "/none").status().code(), StatusCode::kNotFound);
   std::ofstream(folder_ + "/junk.spm") << "junk";
   std::ofstream(folder_ + "/notes.txt") << "none of ours";
   const auto opened = ModelFolder::open(folder_);
