@@ -249,6 +249,9 @@ Result<ProbeNeeds> probe(const TreeView& solid, const Pose& pose,
 namespace {
 
 constexpr auto kMaxBallRadiusCells = static_cast<double>(kMaxBallRadius);
+double radius_cells(const BallProbe& ball, int lattice_exp) {
+  return std::floor(std::ldexp(ball.radius_m, -lattice_exp) + 0.5);
+}
 
 class BallWalk {
  public:
@@ -313,6 +316,16 @@ class BallWalk {
 
 }  // namespace
 
+Status check_ball(const BallProbe& ball, std::size_t place, int lattice_exp) {
+  if (!is_place(ball.center_m))
+    return refuse("ball", place, std::string("center_m: ") + kPlaceRange);
+  if (!(ball.radius_m >= 0) || !(radius_cells(ball, lattice_exp) <= kMaxBallRadiusCells))
+    return refuse("ball", place,
+                  "radius_m: expected metres, at least 0, at most " +
+                      std::to_string(std::ldexp(kMaxBallRadiusCells, lattice_exp)));
+  return Status::ok();
+}
+
 Result<ProbeNeeds> probe(const TreeView& body, const Pose& pose, std::span<const BallProbe> balls,
                          std::span<ShapeAnswer> answers) {
   const FloatGuard guard;
@@ -320,23 +333,14 @@ Result<ProbeNeeds> probe(const TreeView& body, const Pose& pose, std::span<const
   const Result<PosedFrame> frame = probe_frame(*body.grid, pose);
   NEARMESH_RETURN_IF_ERROR(frame);
   const int lattice_exp = frame.value().lattice_exp;
-  const auto radius_cells = [&](const BallProbe& ball) {
-    return std::floor(std::ldexp(ball.radius_m, -lattice_exp) + 0.5);
-  };
-  for (std::size_t i = 0; i < balls.size(); ++i) {
-    if (!is_place(balls[i].center_m))
-      return refuse("ball", i, std::string("center_m: ") + kPlaceRange);
-    if (!(balls[i].radius_m >= 0) || !(radius_cells(balls[i]) <= kMaxBallRadiusCells))
-      return refuse("ball", i,
-                    "radius_m: expected metres, at least 0, at most " +
-                        std::to_string(std::ldexp(kMaxBallRadiusCells, lattice_exp)));
-  }
+  for (std::size_t i = 0; i < balls.size(); ++i)
+    NEARMESH_RETURN_IF_ERROR(check_ball(balls[i], i, lattice_exp));
   const LatticeBox bounds = bounds_of(frame.value());
   BallWalk walk(body, frame.value());
   NeedsMaker needs;
   QueryStats stats;
   for (std::size_t i = 0; i < balls.size(); ++i) {
-    const double cells = radius_cells(balls[i]);
+    const double cells = radius_cells(balls[i], lattice_exp);
     LatticeBall ball{.center = {}, .radius = static_cast<std::int64_t>(cells)};
     LatticeBox reach = bounds;
     for (int k = 0; k < 3; ++k) {
@@ -398,6 +402,13 @@ TriangleTree make_box(const std::array<double, 3>& half_m, const Grid& body) {
 
 }  // namespace
 
+Status check_box(const BoxProbe& box, std::size_t place) {
+  for (const double half : box.half_m)
+    if (!(half >= 0 && half <= kMaxPlaceM))
+      return refuse("box", place, "half_m: expected metres, at least 0, at most 1e9");
+  return check_pose(box.pose, "box " + std::to_string(place));
+}
+
 Result<ProbeNeeds> probe(const TreeView& body, const Pose& pose, std::span<const BoxProbe> boxes,
                          std::span<ShapeAnswer> answers) {
   const FloatGuard guard;
@@ -408,9 +419,7 @@ Result<ProbeNeeds> probe(const TreeView& body, const Pose& pose, std::span<const
   QueryStats stats;
   std::vector<ShapeAnswer> found(boxes.size());
   for (std::size_t i = 0; i < boxes.size(); ++i) {
-    for (const double half : boxes[i].half_m)
-      if (!(half >= 0 && half <= kMaxPlaceM))
-        return refuse("box", i, "half_m: expected metres, at least 0, at most 1e9");
+    NEARMESH_RETURN_IF_ERROR(check_box(boxes[i], i));
     const TriangleTree box = make_box(boxes[i].half_m, *body.grid);
     const Result<PosedPair> posed = pose_pair(*body.grid, pose, "the probed body", box.grid,
                                               boxes[i].pose, "box " + std::to_string(i));

@@ -11,7 +11,10 @@ namespace nearmesh {
 
 /// On the lattice of a body's own. Errors: those of check_pose and make_posed_frame.
 [[nodiscard]] Result<PosedFrame> probe_frame(const Grid& grid, const Pose& pose);
+/// Whether a probe is one. Errors: kInvalidArgument naming it by its place.
 [[nodiscard]] Status check_ray(const RayProbe& ray, std::size_t place);
+[[nodiscard]] Status check_ball(const BallProbe& ball, std::size_t place, int lattice_exp);
+[[nodiscard]] Status check_box(const BoxProbe& box, std::size_t place);
 
 /// Collects nodes, each with a box around the parts of it that matter.
 class NeedsMaker {

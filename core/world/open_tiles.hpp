@@ -10,13 +10,15 @@
 
 namespace nearmesh {
 
+/// Errors: those of opening, kConflict (another content than its name says, or no tile of this world), naming the file.
+[[nodiscard]] Result<ModelFile> open_tile(const WorldFolder& folder, const ContentHash& content);
+
 class OpenTiles {
  public:
   /// Holds at most so many, one at least. The folder must outlive it.
   OpenTiles(const WorldFolder& folder, std::size_t most) : folder_(folder), most_(most) {}
 
-  /// Until the next call. Errors: those of opening, kConflict (another content than its name says, or no tile of this world),
-  /// naming the file.
+  /// Until the next call. Errors: those of open_tile().
   [[nodiscard]] Result<ModelFile*> open(const ContentHash& content);
   [[nodiscard]] std::size_t count() const { return by_content_.size(); }
 
