@@ -84,6 +84,12 @@ struct PoseQueryOptions {
 };
 Status run(const PoseQueryOptions& options);
 
+/// Of a file or a world's folder.
+struct ProbeOptions {
+  std::string path, rays;
+};
+Status run(const ProbeOptions& options);
+
 struct CheckOptions {
   std::vector<std::string> models, answers;
 };

@@ -258,6 +258,22 @@ void add_query(CLI::App& app, Action& chosen) {
   });
 }
 
+void add_probe(CLI::App& app, Action& chosen) {
+  CLI::App* command = app.add_subcommand(
+      "probe",
+      "Tell what rays meet first, or how high points are above a model or a world; "
+      "prints one JSON line per ray.");
+  const auto options = std::make_shared<ProbeOptions>();
+  command->add_option("MODEL", options->path, ".spm file, or the folder of a world")->required();
+  command
+      ->add_option(
+          "--rays", options->rays,
+          "CSV with a header, metres in the model's frame: x, y, z; dx, dy, dz, where rays "
+          "do not go straight down; range, where they end; other columns are ignored")
+      ->required();
+  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
+}
+
 void add_check(CLI::App& app, Action& chosen) {
   CLI::App* command = app.add_subcommand("check",
                                          "Check a peer's recorded answers against the full meshes, "
@@ -289,6 +305,7 @@ int main(int argc, char** argv) {
   add_info(app, action);
   add_export(app, action);
   add_query(app, action);
+  add_probe(app, action);
   add_check(app, action);
   return nearmesh::run_program(app, argc, argv, action);
 }

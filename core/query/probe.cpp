@@ -227,7 +227,7 @@ Result<ProbeNeeds> probe(const TreeView& solid, const Pose& pose,
   if (solid.surface == nullptr)
     return Status{StatusCode::kInvalidArgument,
                   "the probed body: nothing tells whether it is closed"};
-  NEARMESH_RETURN_IF_ERROR(check_solid(*solid.surface, "the probed body"));
+  NEARMESH_RETURN_IF_ERROR(check_solid(*solid.surface, "probed"));
   const Result<PosedFrame> frame = probe_frame(*solid.grid, pose);
   NEARMESH_RETURN_IF_ERROR(frame);
   for (std::size_t i = 0; i < points_m.size(); ++i)

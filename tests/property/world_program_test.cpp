@@ -357,5 +357,37 @@ TEST_F(WorldProgram, SaysWhatIsWrong) {
   says(model("info " + world), fs::path(page).filename().string());
 }
 
+TEST_F(WorldProgram, ProbeTellsHeightsAboveTilesAsAboveOneModel) {
+  ASSERT_EQ(model("build-world " + raw_flags() + " -o " + path("world") + " --faces 300").code, 0);
+  ASSERT_EQ(model("build " + raw_flags() + " -o " + path("one.spm")).code, 0);
+  std::ofstream rays(path("rays.csv"));
+  rays << "x,y,z,dx,dy,dz,range\n";
+  for (int i = 0; i < 40; ++i)
+    rays << 12 + 2.3 * i << ',' << -18 + 1.7 * i << ",500," << 0.01 * i << ",0,-1,"
+         << (i % 7 == 0 ? 1 : 1000) << '\n';
+  rays.close();
+  const Ended tiles = model("probe " + path("world") + " --rays " + path("rays.csv"));
+  const Ended one = model("probe " + path("one.spm") + " --rays " + path("rays.csv"));
+  ASSERT_EQ(tiles.code, 0) << tiles.err;
+  ASSERT_EQ(one.code, 0) << one.err;
+  std::istringstream of_tiles(tiles.out), of_one(one.out);
+  std::string a, b;
+  int lines = 0, hits = 0;
+  while (std::getline(of_tiles, a) && std::getline(of_one, b)) {
+    ++lines;
+    const json of_world = json::parse(a), of_model = json::parse(b);
+    ASSERT_EQ(of_world["status"], of_model["status"]);
+    if (of_world["status"] != "hit") continue;
+    ++hits;
+    EXPECT_NEAR(of_world["distance_m"].get<double>(), of_model["distance_m"].get<double>(), 0.02);
+    EXPECT_EQ(of_world["tile"].get<std::string>().size(), 32U);
+    EXPECT_TRUE(of_model.contains("face"));
+  }
+  EXPECT_EQ(lines, 40);
+  EXPECT_GT(hits, 8);
+  EXPECT_EQ(model("probe " + path("world") + " --rays " + path("none.csv")).code, 256);
+  EXPECT_EQ(model("probe " + path("world")).code, 512);  // as the shell has it: 2, wrong usage
+}
+
 }  // namespace
 }  // namespace nearmesh

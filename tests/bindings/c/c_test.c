@@ -761,7 +761,7 @@ static void test_probes(const char* sphere_file, const char* open_file) {
   nearmesh_model_close(model);
   MUST(nearmesh_model_open(open_file, &model, &error));
   REFUSED(nearmesh_model_probe_points(model, &pose, points_m, 2, of_points, &error),
-          NEARMESH_INVALID_ARGUMENT, "closed");
+          NEARMESH_INVALID_ARGUMENT, "boundary edges");
   nearmesh_model_close(model);
 
   // Of a session: uncertain, asked for, certified; and of a body that the host hears of.

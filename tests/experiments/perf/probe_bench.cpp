@@ -105,7 +105,9 @@ void run(std::uint32_t size) {
         std::count_if(answers.begin(), answers.end(),
                       [](const RayAnswer& answer) { return answer.status == ProbeStatus::kHit; }));
   };
-  for (auto& [name, rays] : make_rays(half_m * 0.99, height_m + 100)) {
+  for (const Rays& some : make_rays(half_m * 0.99, height_m + 100)) {
+    const char* const name = some.name;
+    const std::vector<RayProbe>& rays = some.rays;
     measure(faces, name, "nearmesh", [&] { return count({}, rays); });
     std::vector<RayProbe> also = rays;  // with the body
     for (RayProbe& ray : also)

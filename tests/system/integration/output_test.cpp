@@ -52,6 +52,7 @@ const std::vector<Row>& rows() {
       {kModel, "export {model} -o {out}.ply", true, {{"{out}.ply"}}},
       {kModel, "query {model} {model} --poses {poses}"},
       {kModel, "query {model} {model} --poses {poses} --method full --json"},
+      {kModel, "probe {model} --rays {rays}"},
       {kModel, "check {model} --answers {answers}"},
       {kPublisher, "serve {model} {bus}", false},
       {kPublisher, "serve --print-config"},
@@ -120,11 +121,17 @@ class Output : public ::testing::Test {
                  "0\nendloop\nendfacet\nendsolid t\n");
     folder.write("two.obj",
                  "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\no left\nf 1 2 3\no right\nf 1 2 4\n");
-    files = {{"{out}", folder.file("out")},          {"{mesh}", folder.file("mesh.stl")},
-             {"{obj}", folder.file("two.obj")},      {"{model}", folder.file("ball.spm")},
-             {"{poses}", folder.file("poses.csv")},  {"{answers}", folder.file("answers.jsonl")},
-             {"{scene}", folder.file("scene.yaml")}, {"{session}", folder.file("session.db3")},
-             {"{set}", folder.file("set")},          {"{peer}", "00000000000000b1"}};
+    files = {{"{out}", folder.file("out")},
+             {"{mesh}", folder.file("mesh.stl")},
+             {"{obj}", folder.file("two.obj")},
+             {"{model}", folder.file("ball.spm")},
+             {"{poses}", folder.file("poses.csv")},
+             {"{rays}", folder.file("rays.csv")},
+             {"{answers}", folder.file("answers.jsonl")},
+             {"{scene}", folder.file("scene.yaml")},
+             {"{session}", folder.file("session.db3")},
+             {"{set}", folder.file("set")},
+             {"{peer}", "00000000000000b1"}};
     must(kModel, "generate sphere --size 8 -o " + folder.file("ball.ply"));
     must(kModel, "build " + folder.file("ball.ply") + " -o {model}");
     must(kPublisher, "make-security {set} --publisher alice");
@@ -140,6 +147,7 @@ class Output : public ::testing::Test {
       }
     }
     folder.write("poses.csv", names + "\n" + numbers + "\n");
+    folder.write("rays.csv", "x,y,z\n0,0,9\n");
     const std::string content =
         to_hex(ModelFile::open(folder.file("ball.spm")).value().content_hash());
     folder.write(

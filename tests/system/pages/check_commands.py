@@ -19,7 +19,7 @@ import sys
 import tempfile
 
 # What needs neither a bus nor minutes.
-RUN = {"nearmesh-model": {"generate", "build", "info", "check", "query", "formats"},
+RUN = {"nearmesh-model": {"generate", "build", "info", "check", "query", "probe", "formats"},
        "nearmesh-publisher": {"make-security", "check-security", "--version"},
        "nearmesh-subscriber": {"info", "verify", "report", "--version"}}
 # Files that only the reader has: real elevations of which one takes half a minute to bake, worlds of them, other machines'
