@@ -82,7 +82,8 @@ Result<ProbeReport> Session::Impl::probe(BodyId id, std::span<const Probe> probe
 
 /// One request a model, of whoever serves it, by region. Pairs and probes take turns where both need detail all the time.
 void Session::Impl::ask_for_probes() {
-  for (auto& [name, model] : replicas.all()) {
+  for (auto& entry : replicas.all()) {
+    PeerModel& model = entry.second;
     PeerModel::Probed& probed = model.probed;
     const auto open = outstanding.find(model.content_hash);
     const bool is_open =
