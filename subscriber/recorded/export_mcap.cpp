@@ -238,9 +238,9 @@ class McapPeer final : public RecordedPeer {
 };
 
 /// Looks at all samples once: says where bodies are, and finds out who touched something.
-class Survey {
+class FirstLook {
  public:
-  explicit Survey(Derived& derived) : derived_(derived) {}
+  explicit FirstLook(Derived& derived) : derived_(derived) {}
 
   void take(const RecordedMessage& message, const wire::RecordedSamples& samples) {
     if (const auto told = samples.read<wire::BodyDirectory>(message)) {
@@ -298,14 +298,14 @@ Result<McapExport> export_mcap(RecordingReader& recording, const std::string& pa
 
   McapExport done;
   Derived derived(file);
-  Survey survey(derived);
+  FirstLook look(derived);
   NEARMESH_RETURN_IF_ERROR(recording.read(1, recording.message_count() + 1,
                                           [&](std::int64_t, const RecordedMessage& message) {
-                                            survey.take(message, samples.value());
+                                            look.take(message, samples.value());
                                             return true;
                                           }));
-  survey.tell_placed();
-  done.mesh_peer = peer.empty() ? survey.peer() : peer;
+  look.tell_placed();
+  done.mesh_peer = peer.empty() ? look.peer() : peer;
   // One thread: messages of all peers go into one file in the same order each time.
   const Result<Played> played =
       play(recording, {.threads = 1,

@@ -21,10 +21,10 @@ import tempfile
 # What needs neither a bus nor minutes.
 RUN = {"nearmesh-model": {"generate", "build", "info", "check", "query", "probe", "formats"},
        "nearmesh-publisher": {"make-security", "check-security", "--version"},
-       "nearmesh-subscriber": {"info", "verify", "report", "--version"}}
-# Files that only the reader has: real elevations of which one takes half a minute to bake, worlds of them, other machines'
+       "nearmesh-subscriber": {"info", "verify", "report", "export", "--version"}}
+# What only the reader has: bodies by name, real elevations of which one takes half a minute to bake, worlds of them, other machines'
 # models, colours, and identities that are carried to other machines under other names.
-NOT_HERE = re.compile(r"\.hgt|WORLD|terrain_rgb|bigtujunga|basin|degrees|models/|nearmesh-key|MODEL|DATA|--size (708|512|1024)")
+NOT_HERE = re.compile(r"\.hgt|WORLD|terrain_rgb|bigtujunga|basin|degrees|models/|nearmesh-key|MODEL|DATA|--body|--size (708|512|1024)")
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 

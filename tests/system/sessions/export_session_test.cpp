@@ -69,7 +69,9 @@ TEST_F(ExportSession, DecodersOfOthersReadEveryMessage) {
     std::filesystem::copy_file(sources + "/" + name, folder_.file(name));
   const std::string log = folder_.file("npm.log");
   if (std::system(("cd '" + folder_.path() + "' && command -v node >'" + log +
-                   "' 2>&1 && npm ci --no-audit --no-fund >'" + log + "' 2>&1")
+                   "' 2>&1 && timeout 60 npm ci --no-audit --no-fund --prefer-offline "
+                   "--fetch-retries=0 >'" +
+                   log + "' 2>&1")
                       .c_str()) != 0)
     GTEST_SKIP() << "npm gives no decoders here (needs node, npm and a network, or its cache): "
                  << read_text(log);
