@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Probes of models at hand and of a session's bodies, as arrays; poses that the host heard.
 
+#include "peer.hpp"
+
 #include <limits>
 #include <memory>
 #include <span>
 
 #include "nearmesh/core/query/probe.hpp"
-#include "peer.hpp"
 
 namespace nearmesh::python {
 namespace {
