@@ -2,10 +2,13 @@
 #include "clearance.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <optional>
 #include <queue>
 #include <utility>
+
+#include "core/geometry/nearest_points.hpp"
 
 namespace nearmesh {
 namespace {
@@ -52,7 +55,7 @@ class Search {
         placed_a_(scene.a, scene.a_in_b()),
         placed_b_(scene.b, scene.b_in_a) {}
 
-  ClearanceBound run() {
+  DistanceBounds run() {
     for (std::optional<Gap> next = Gap{0, order_++, 0, 0}; next;) {
       nearest_below_.reset();
       is_diving_ = true;
@@ -68,7 +71,7 @@ class Search {
     }
     if (!queue_.empty()) least_left_ = std::min(least_left_, queue_.top().gap);
     const double bound = std::min(found_, least_left_);
-    return {bound, found_ == bound ? 1 : bound / found_};
+    return with_points({.at_least_m = bound, .share = found_ == bound ? 1 : bound / found_});
   }
 
  private:
@@ -96,6 +99,7 @@ class Search {
       hold_faces(a, b);
     } else {
       found_ = std::min(found_, top.gap);  // an unresolved node: its box stands for what is in it
+      hold_corners(a, b);
     }
   }
 
@@ -143,9 +147,56 @@ class Search {
         DoubleTriangle triangle_b;
         for (std::size_t c = 0; c < 3; ++c)
           for (std::size_t k = 0; k < 3; ++k) triangle_b[c][k] = placed_b.corner[c][k][j];
-        found_ = std::min(found_, triangles_gap_m(s_.b_in_a, triangle_a, triangle_b));
+        const double gap_m = triangles_gap_m(s_.b_in_a, triangle_a, triangle_b);
+        found_ = std::min(found_, gap_m);
+        offer_nearest(gap_m, block_a.triangles.corners(i), block_b.triangles.corners(j));
       }
     }
+  }
+
+  using Corners = std::array<GridPoint, 3>;
+
+  /// What two parts have of the full meshes, one of them at least an unresolved node: its vertex; of faces a corner each.
+  void hold_corners(const Part& a, const Part& b) {
+    for_each_corner(s_.a, a, [&](const GridPoint& p) {
+      for_each_corner(s_.b, b, [&](const GridPoint& q) {
+        const std::array<double, 3> at = to_a_units(s_.b_in_a, {q, q, q})[0];
+        double square = 0;
+        for (std::size_t k = 0; k < 3; ++k) {
+          const double way = at[k] - p[static_cast<int>(k)];
+          square += way * way;
+        }
+        offer_nearest(std::sqrt(square) * s_.b_in_a.metres_per_unit, {p, p, p}, {q, q, q});
+      });
+    });
+  }
+  template <class Use>
+  static void for_each_corner(const TreeView& tree, const Part& part, const Use& use) {
+    if (part.kind() == Kind::kUnresolved) return use(tree.store->position({part.first()}));
+    for (std::uint32_t i = 0; i < part.count(); ++i)
+      use(tree.blocks[part.first()].triangles.corners(i)[0]);
+  }
+
+  void offer_nearest(double apart_m, const Corners& a, const Corners& b) {
+    if (apart_m < nearest_m_) {
+      nearest_m_ = apart_m;
+      nearest_a_ = a;
+      nearest_b_ = b;
+    }
+  }
+
+  [[nodiscard]] DistanceBounds with_points(DistanceBounds bounds) const {
+    if (!(nearest_m_ < kFar)) return bounds;
+    const LatticeTriangle a = pose_triangle(s_.frame_a, nearest_a_);
+    const NearestPoints nearest = nearest_points(a, pose_triangle(s_.frame_b, nearest_b_));
+    const int lattice = s_.frame_a.lattice_exp;
+    bounds.at_most_m = std::ldexp(nearest.at_most, lattice);
+    for (std::size_t k = 0; k < 3; ++k) {
+      const auto origin = static_cast<double>(a[0].v[k]);
+      bounds.nearest_a_m[k] = std::ldexp(origin + nearest.on_a[k], lattice);
+      bounds.nearest_b_m[k] = std::ldexp(origin + nearest.on_b[k], lattice);
+    }
+    return bounds;
   }
 
   const Scene& s_;
@@ -157,15 +208,18 @@ class Search {
   std::uint32_t order_ = 0;
   bool is_diving_ = false;
   std::optional<Gap> nearest_below_;  // of what the dive has just opened
-  double found_ = std::numeric_limits<double>::infinity();
-  double least_left_ = std::numeric_limits<double>::infinity();
+  static constexpr double kFar = std::numeric_limits<double>::infinity();
+  double found_ = kFar, least_left_ = kFar;
+  // The nearest that are known to be there, by what was found of them on the way.
+  double nearest_m_ = kFar;
+  Corners nearest_a_, nearest_b_;
 };
 
 }  // namespace
 
-ClearanceBound clearance(const Scene& scene, Clearance sought, QueryStats& stats) {
+DistanceBounds find_distance(const Scene& scene, Clearance sought, QueryStats& stats) {
   if (scene.a.nodes[0].lanes == 0 || scene.b.nodes[0].lanes == 0)
-    return {std::numeric_limits<double>::infinity(), 1};
+    return {.at_least_m = std::numeric_limits<double>::infinity(), .share = 1};
   return Search(scene, sought, stats).run();
 }
 

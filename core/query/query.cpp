@@ -150,15 +150,23 @@ class Query {
       answer_.status = touches() ? AnswerStatus::kPartial : AnswerStatus::kUncertain;
     }
     if (answer_.exhausted) answer_.uncertainty_m = std::numeric_limits<double>::infinity();
-    if (is_certified(answer_.status) && !touches() && options_.clearance != Clearance::kNone) {
-      const ClearanceBound bound = clearance(s_, options_.clearance, answer_.stats);
-      answer_.clearance_m = bound.at_least_m;
-      answer_.clearance_share = bound.share;
-    }
+    bound_distance();
     std::sort(answer_.pairs.begin(), answer_.pairs.end());
     answer_.pair_total = dropped_pairs_ + answer_.pairs.size();
     answer_.truncated = dropped_pairs_ != 0;
     sort_missing();
+  }
+
+  void bound_distance() {
+    if (touches()) answer_.distance_at_most_m = 0;
+    if (touches() || answer_.exhausted || options_.clearance == Clearance::kNone) return;
+    const DistanceBounds bounds = find_distance(s_, options_.clearance, answer_.stats);
+    answer_.distance_at_most_m = bounds.at_most_m;
+    answer_.nearest_a_m = bounds.nearest_a_m;
+    answer_.nearest_b_m = bounds.nearest_b_m;
+    if (!is_certified(answer_.status)) return;  // what is missing may be nearer
+    answer_.clearance_m = bounds.at_least_m;
+    answer_.clearance_share = bounds.share;
   }
 
   void sort_missing() {

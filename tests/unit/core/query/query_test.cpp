@@ -2,6 +2,7 @@
 #include "nearmesh/core/query/query.hpp"
 
 #include "brute_force.hpp"
+#include "contact_errors.hpp"
 #include "distance.hpp"
 #include "instruction_sets.hpp"
 #include "model_pairs.hpp"
@@ -283,6 +284,66 @@ TEST_P(ClearanceOf, IsAtLeastTheShareThatItSays) {
     EXPECT_EQ(digest(none), digest(exact));
   }
   EXPECT_GT(shorter, test::rounds(10));
+}
+
+TEST_P(ClearanceOf, TheDistanceIsBracketedInAnyStateByPointsOfTheFullMeshes) {
+  const BakedModel model_a = test::bake_mesh(tiny(GetParam().first), 8);
+  const BakedModel model_b = test::bake_mesh(tiny(GetParam().second), 8);
+  int uncertain = 0, bounded = 0;
+  for (int seed = 0; seed < test::rounds(90); ++seed) {
+    SCOPED_TRACE(seed);
+    Random random(static_cast<std::uint64_t>(seed));
+    const PosedPair posed = seed % 2 == 0 ? apart_pose(random, model_a, model_b)
+                                          : test::near_pose(random, model_a, model_b);
+    LocalModel a(model_a.store, model_a.header.grid), b(model_b.store, model_b.header.grid);
+    test::refine_at_random(a, random);
+    test::refine_at_random(b, random);
+    const Answer answer = query(a.view(), posed.a, b.view(), posed.b);
+    if (answer.pair_total > 0) {
+      EXPECT_EQ(answer.distance_at_most_m, 0);
+      EXPECT_EQ(answer.clearance_m, 0);
+      continue;
+    }
+    uncertain += answer.status == AnswerStatus::kUncertain ? 1 : 0;
+    EXPECT_GE(answer.distance_at_most_m,
+              true_distance_m(model_a, posed.a, model_b, posed.b) * (1 - 1e-12));
+    EXPECT_LE(answer.clearance_m, answer.distance_at_most_m);
+    ASSERT_LT(answer.distance_at_most_m, std::numeric_limits<double>::infinity());
+    ++bounded;
+    const double cell_m = std::ldexp(1.0, posed.a.lattice_exp);
+    EXPECT_NEAR(std::hypot(answer.nearest_a_m[0] - answer.nearest_b_m[0],
+                           answer.nearest_a_m[1] - answer.nearest_b_m[1],
+                           answer.nearest_a_m[2] - answer.nearest_b_m[2]),
+                answer.distance_at_most_m, cell_m * 1e-3);
+    EXPECT_LT(test::FullSurface(model_a.store, posed.a).distance(answer.nearest_a_m),
+              cell_m * 1e-3);
+    EXPECT_LT(test::FullSurface(model_b.store, posed.b).distance(answer.nearest_b_m),
+              cell_m * 1e-3);
+  }
+  EXPECT_GT(uncertain, test::rounds(9));
+  EXPECT_GT(bounded, test::rounds(30));
+}
+
+TEST_P(ClearanceOf, BothBoundsMeetOnFullMeshesThatAreSearchedToTheEnd) {
+  const BakedModel model_a = test::bake_mesh(tiny(GetParam().first), 8);
+  const BakedModel model_b = test::bake_mesh(tiny(GetParam().second), 8);
+  const test::FullModel a(model_a), b(model_b);
+  int free = 0;
+  for (int seed = 0; seed < test::rounds(60); ++seed) {
+    SCOPED_TRACE(seed);
+    Random random(static_cast<std::uint64_t>(seed));
+    const PosedPair posed = apart_pose(random, model_a, model_b);
+    const Answer exact = query(a.tree.view(), posed.a, b.tree.view(), posed.b,
+                               {.clearance = Clearance::kExact});
+    if (exact.status != AnswerStatus::kFree) continue;
+    ++free;
+    const double rounding_m = 16 * std::ldexp(1.0, posed.a.lattice_exp);
+    EXPECT_LE(exact.distance_at_most_m, exact.clearance_m * (1 + 1e-5) + rounding_m);
+    const Answer bound = query(a.tree.view(), posed.a, b.tree.view(), posed.b);
+    EXPECT_LE(bound.distance_at_most_m,
+              bound.clearance_m / bound.clearance_share * (1 + 1e-5) + rounding_m);
+  }
+  EXPECT_GT(free, test::rounds(20));
 }
 
 TEST_P(ClearanceOf, IsPositiveFromTheBaseWhenBodiesAreFarApart) {

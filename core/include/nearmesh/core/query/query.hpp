@@ -18,6 +18,7 @@
 // (SurfaceFacts::component_seeds) decides, however coarse the rest is. Inside is where the winding number is not 0: the
 // room between nested shells of opposite orientation is outside, what two overlapping shells share is inside.
 
+#include <array>
 #include <cstdint>
 #include <limits>
 #include <vector>
@@ -111,6 +112,13 @@ struct Answer {
   /// The bound is at least this share of the greatest that what is held allows: 1 where it was sought to the end, less where the
   /// search was ended by its steps before kClearanceShare was reached. 0: no bound.
   double clearance_share = 0;
+  /// An upper bound of the distance of the full meshes as they are posed, metres: with `clearance_m` a bracket of it. 0 where faces touch; infinite
+  /// without a face, where nothing was looked at (`exhausted`), and with Clearance::kNone. Of a certified answer that was sought to the end
+  /// both bounds meet, but for rounding, wherever the nearest faces are exact. Uncertain: of what is held, so a hint how near they are.
+  double distance_at_most_m = std::numeric_limits<double>::infinity();
+  /// Where that bound is positive and finite: the points so far apart, of the full meshes a's and b's, world frame, but for the rounding of doubles.
+  /// They are on exact faces, or vertices that stand for unresolved nodes.
+  std::array<double, 3> nearest_a_m{}, nearest_b_m{};
   Containment contained = Containment::kNone;  ///< kNone but for status kContained
   /// Not certified: a bound, metres. Every original face with a corner below a missing node lies, as a whole, within
   /// this of the vertex that stands for that node, hence of its own image in the current mesh. Else 0.
