@@ -93,4 +93,10 @@ NearestPoints nearest_points(const LatticeTriangle& a, const LatticeTriangle& b)
           std::sqrt(nearest.square) * (1 + 0x1p-50) + 0x1p-48 * extent};
 }
 
+double distance_to_triangle(const Vec3& p, const Corners& triangle) {
+  Nearest nearest;
+  for_nearest(p, triangle, [&](const Vec3& point) { nearest.offer(p, point); });
+  return std::sqrt(nearest.square);
+}
+
 }  // namespace nearmesh

@@ -18,4 +18,8 @@ struct NearestPoints {
 /// Precondition: coordinate differences within the pair stay below 2^40. Triangles may be segments or points. Deterministic.
 [[nodiscard]] NearestPoints nearest_points(const LatticeTriangle& a, const LatticeTriangle& b);
 
+/// How far a point is from a triangle, or segment, or point, but for rounding: any units.
+[[nodiscard]] double distance_to_triangle(const std::array<double, 3>& p,
+                                          const std::array<std::array<double, 3>, 3>& triangle);
+
 }  // namespace nearmesh

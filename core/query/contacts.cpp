@@ -19,6 +19,7 @@
 #include <tuple>
 
 #include "core/base/float_guard.hpp"
+#include "core/geometry/nearest_points.hpp"
 #include "core/geometry/triangle_intersection.hpp"
 #include "touching_faces.hpp"
 
@@ -161,6 +162,57 @@ void set_normal(const MeanNormal& a, const MeanNormal& b, ContactPatch& patch) {
   patch.normal_error_rad = mean.chord * mean.chord < 2 ? angle_of_chord(mean.chord) : kNoNormal_rad;
 }
 
+// ---- manifold ---------------------------------------------------------------------------------
+
+/// Up to four of a patch's ends, farthest first.
+struct Manifold {
+  std::array<std::uint32_t, 4> ends{};
+  std::uint32_t count = 0;
+  double error = 0;  // no end is farther from their hull
+};
+
+/// What is nearer is one point: ends that neighbours share are rounded apart.
+constexpr double kOnePoint = 0x1p-30;
+
+Manifold span(const std::vector<Vec3>& ends, const Vec3& middle) {
+  Manifold manifold;
+  const auto farthest = [&ends](const auto& distance) {
+    std::pair<double, std::uint32_t> best{-1, 0};
+    for (std::uint32_t i = 0; i < ends.size(); ++i)
+      if (const double d = distance(ends[i]); d > best.first) best = {d, i};
+    return best;
+  };
+  const auto at = [&](std::size_t i) -> const Vec3& { return ends[manifold.ends[i]]; };
+  const auto from_hull = [&](const Vec3& p) {
+    switch (manifold.count) {
+      case 0:
+        return distance_to_triangle(p, {middle, middle, middle});
+      case 1:
+        return distance_to_triangle(p, {at(0), at(0), at(0)});
+      case 2:
+        return distance_to_triangle(p, {at(0), at(1), at(1)});
+      case 3:
+        return distance_to_triangle(p, {at(0), at(1), at(2)});
+      default:  // by the faces of the hull: of what is inside it a bound
+        return std::min({distance_to_triangle(p, {at(0), at(1), at(2)}),
+                         distance_to_triangle(p, {at(0), at(1), at(3)}),
+                         distance_to_triangle(p, {at(0), at(2), at(3)}),
+                         distance_to_triangle(p, {at(1), at(2), at(3)})});
+    }
+  };
+  double size = 0;
+  while (true) {
+    const auto [distance, end] = farthest(from_hull);
+    if (manifold.count == 0) size = distance;
+    if (manifold.count == manifold.ends.size() ||
+        (manifold.count > 0 && distance <= size * kOnePoint)) {
+      manifold.error = distance * (1 + 0x1p-40);
+      return manifold;
+    }
+    manifold.ends[manifold.count++] = end;
+  }
+}
+
 // ---- assembly -----------------------------------------------------------------------------------
 
 class Assembly {
@@ -196,6 +248,7 @@ class Assembly {
         {.first = static_cast<std::uint32_t>(contacts_.segments.size()), .count = 0});
     length_ = 0;
     by_length_ = by_count_ = {};
+    ends_.clear();
     weights_a_.clear();
     weights_b_.clear();
   }
@@ -219,8 +272,12 @@ class Assembly {
       ++patch.count;
       const double piece_length = length({q[0] - p[0], q[1] - p[1], q[2] - p[2]});
       pair_length += piece_length;
+      ends_.resize(ends_.size() + 2);
       for (std::size_t k = 0; k < 3; ++k) {
-        const double middle = static_cast<double>(ta[0].v[k] - anchor_.v[k]) + (p[k] + q[k]) / 2;
+        const auto offset = static_cast<double>(ta[0].v[k] - anchor_.v[k]);
+        ends_[ends_.size() - 2][k] = offset + p[k];
+        ends_.back()[k] = offset + q[k];
+        const double middle = offset + (p[k] + q[k]) / 2;
         by_length_[k] += piece_length * middle;
         by_count_[k] += middle;
       }
@@ -236,6 +293,13 @@ class Assembly {
     Vec3 mean = length_ > 0 ? by_length_ : by_count_;
     for (double& x : mean) x /= length_ > 0 ? length_ : patch.count;
     patch.centroid_m = to_world_m(anchor_, mean, lattice_exp_);
+    const Manifold manifold = span(ends_, mean);
+    patch.manifold_count = manifold.count;
+    patch.manifold_error_m = std::ldexp(manifold.error, lattice_exp_);
+    for (std::uint32_t i = 0; i < manifold.count; ++i) {
+      const ContactSegment& segment = contacts_.segments[patch.first + manifold.ends[i] / 2];
+      patch.manifold_m[i] = manifold.ends[i] % 2 == 0 ? segment.p_m : segment.q_m;
+    }
     set_normal(mean_normal(a_, merge(weights_a_)), mean_normal(b_, merge(weights_b_)), patch);
   }
 
@@ -274,6 +338,7 @@ class Assembly {
   LatticePoint anchor_;
   double length_ = 0;
   Vec3 by_length_{}, by_count_{};
+  std::vector<Vec3> ends_;  // of its segments, two each
   std::vector<FaceWeight> weights_a_, weights_b_;
 };
 

@@ -13,6 +13,7 @@ namespace nearmesh {
 namespace {
 
 using test::Point;
+using test::operator-;
 
 // ---- random pairs of models ---------------------------------------------------------------------
 
@@ -115,6 +116,57 @@ TEST_P(ContactPair, PatchesHoldEveryPairOnceAndAreThoseOfTheDefinition) {
     }
     EXPECT_EQ(next, c.contacts.segments.size());
   }
+}
+
+TEST_P(ContactPair, AFewEndsSpanEachPatchWithinTheStatedError) {
+  int large = 0;
+  for (const Case& c : touching_cases(120, 2000)) {
+    for (const ContactPatch& patch : c.contacts.patches) {
+      ASSERT_GE(patch.manifold_count, 1U);
+      ASSERT_LE(patch.manifold_count, 4U);
+      std::array<test::Vec, 4> points;  // the last again, so that there are four
+      for (std::size_t i = 0; i < 4; ++i) {
+        const Point& p = patch.manifold_m[std::min<std::size_t>(i, patch.manifold_count - 1)];
+        points[i] = {p[0], p[1], p[2]};
+      }
+      std::array<bool, 4> is_end{};
+      double reach = 0, most = 0;
+      for (std::uint32_t s = patch.first; s < patch.first + patch.count; ++s)
+        for (const Point& end : {c.contacts.segments[s].p_m, c.contacts.segments[s].q_m}) {
+          for (std::size_t i = 0; i < patch.manifold_count; ++i)
+            is_end[i] = is_end[i] || patch.manifold_m[i] == end;
+          const test::Vec p{end[0], end[1], end[2]};
+          long double off = std::numeric_limits<long double>::infinity();
+          for (std::size_t left_out = 0; left_out < 4; ++left_out) {
+            std::array<test::Vec, 3> face;
+            for (std::size_t i = 0, next = 0; i < 4; ++i)
+              if (i != left_out) face[next++] = points[i];
+            off = std::min(off, test::point_triangle(p, face));
+          }
+          most = std::max(most, static_cast<double>(off));
+          reach = std::max(reach, static_cast<double>(test::length(p - points[0])));
+        }
+      EXPECT_LE(most, patch.manifold_error_m + 4 * c.contacts.position_error_m + 1e-9 * reach);
+      EXPECT_LE(patch.manifold_error_m, reach);
+      for (std::size_t i = 0; i < patch.manifold_count; ++i) EXPECT_TRUE(is_end[i]);
+      large += patch.manifold_count == 4 ? 1 : 0;
+    }
+  }
+  if (std::string(GetParam().first) != "one_face") EXPECT_GT(large, 0);
+}
+
+TEST(Manifold, OfABallInAPlaneSpansTheCircle) {
+  const test::ContactScene scene = test::sphere_in_plane();
+  const PosedPair posed = scene.posed();
+  const test::FullModel a(scene.a), b(scene.b);
+  const Answer answer = query(a.tree.view(), posed.a, b.tree.view(), posed.b);
+  const Contacts contacts = find_contacts(a.tree.view(), posed.a, b.tree.view(), posed.b, answer);
+  ASSERT_EQ(contacts.patches.size(), 1U);
+  const ContactPatch& patch = contacts.patches[0];
+  ASSERT_EQ(patch.manifold_count, 4U);
+  // Of a circle of radius 0.6 a square leaves 0.18 out on each side; the ball is a polyhedron.
+  EXPECT_LT(patch.manifold_error_m, 0.25);
+  EXPECT_GT(patch.manifold_error_m, 0.1);
 }
 
 std::array<long double, 3> normal_of(const LatticeTriangle& t) {

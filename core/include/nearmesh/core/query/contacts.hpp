@@ -2,8 +2,8 @@
 #pragma once
 // API (docs/api.md).
 // Where bodies touch: the intersection of touching faces as points and segments, grouped into patches, each with a
-// normal and a bound of its error. Takes an Answer (query.hpp), gives Contacts. No depth: how far two meshes have
-// sunk into each other as wholes is not a question that their contact answers.
+// normal and a bound of its error, and with a few points that span it. Takes an Answer (query.hpp), gives Contacts. How deep the
+// bodies are in each other: depth.hpp.
 
 #include <array>
 #include <cstdint>
@@ -41,6 +41,11 @@ struct ContactPatch {
   /// Every face of the reference body in this patch has its normal (B: reversed) within this of `normal`, rounding
   /// included. kNoNormal_rad: nothing is known.
   double normal_error_rad = kNoNormal_rad;
+  /// For solvers that take few points: at most four ends of its segments that span it, each far from those before; world frame.
+  std::array<std::array<double, 3>, 4> manifold_m{};
+  std::uint32_t manifold_count = 0;
+  /// Every point of its segments is within this, and position_error_m, of the convex hull of these points, metres.
+  double manifold_error_m = 0;
   bool approximate = false;  ///< some segment is
   /// The surface of each full mesh passes within this, and position_error_m, of every point of the patch. 0 unless
   /// approximate. This does not say that the full meshes touch there.
