@@ -89,8 +89,7 @@ NearestPoints nearest_points(const LatticeTriangle& a, const LatticeTriangle& b)
     for (std::size_t j = 0; j < 3; ++j)
       offer_edges(x[i], u, y[j], minus(y[(j + 1) % 3], y[j]), nearest);
   }
-  return {nearest.on_a, nearest.on_b,
-          std::sqrt(nearest.square) * (1 + 0x1p-50) + 0x1p-48 * extent};
+  return {nearest.on_a, nearest.on_b, std::sqrt(nearest.square) * (1 + 0x1p-50) + 0x1p-48 * extent};
 }
 
 double distance_to_triangle(const Vec3& p, const Corners& triangle) {

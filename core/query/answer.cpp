@@ -75,8 +75,14 @@ Result<Answered> answer(const AskedBody& a, const AskedBody& b, const AnswerOpti
                       .solid_a = a.solid,
                       .solid_b = b.solid});
   const Answer& now = all.answer;
-  if (options.contacts && !now.pairs.empty())
+  if ((options.contacts || options.depth) && !now.pairs.empty())
     all.contacts = find_contacts(a.view, frame_a, b.view, frame_b, now);
+  if (options.depth && !now.pairs.empty()) {
+    Result<Depth> depth = find_depth(a.view, a.motion.pose, a.name, b.view, b.motion.pose, b.name,
+                                     now, *all.contacts, {.solid_a = a.solid, .solid_b = b.solid});
+    NEARMESH_RETURN_IF_ERROR(depth);
+    all.depth = std::move(depth).value();
+  }
   if (is_certified(now.status) && now.pair_total == 0)
     all.safe_horizon_s =
         safe_horizon_s(a.view, a.motion, b.view, b.motion, now.clearance_m, a.age_s, b.age_s);

@@ -7,7 +7,7 @@
 #include <optional>
 #include <string_view>
 
-#include "nearmesh/core/query/contacts.hpp"
+#include "nearmesh/core/query/depth.hpp"
 #include "nearmesh/core/query/sweep.hpp"
 
 namespace nearmesh {
@@ -27,6 +27,7 @@ struct AnswerOptions {
   std::size_t max_pairs = kAllPairs;
   std::uint64_t max_tests = kAllTests;
   bool contacts = false;  ///< also say where they touch
+  bool depth = false;     ///< and how deep they are in each other; implies `contacts`
   double sweep_s = 0;     ///< also answer for all of this time ahead; 0: do not
   std::uint64_t max_sweep_tests = SweepOptions{}.max_tests;
 };
@@ -34,6 +35,7 @@ struct AnswerOptions {
 struct Answered {
   Answer answer;
   std::optional<Contacts> contacts;  ///< where asked for and there are pairs
+  std::optional<Depth> depth;        ///< likewise
   /// Certified without a pair: safe_horizon_s(), from the frame's time on; else 0.
   double safe_horizon_s = 0;
   /// Where asked for: from the frame's time on, where the motions have taken the bodies by then. Errors: those of sweep(),

@@ -112,7 +112,7 @@ class Search {
   }
 
   [[nodiscard]] Step reached() const { return reached_; }  ///< touches until here
-  [[nodiscard]] Step free() const { return free_; }        ///< is certified free here; kNoStep: not found
+  [[nodiscard]] Step free() const { return free_; }  ///< is certified free here; kNoStep: not found
   [[nodiscard]] bool has_spent() const { return has_spent_; }
   [[nodiscard]] std::array<Step, 3> cells(Step step) const {
     std::array<Step, 3> out;
@@ -143,17 +143,17 @@ class Search {
     Pose moved = t_.pose_b;
     const std::array<Step, 3> way = cells(step);
     for (std::size_t k = 0; k < 3; ++k)
-      moved.translation_m[k] +=
-          std::ldexp(static_cast<double>(way[k]), t_.posed.b.lattice_exp);
+      moved.translation_m[k] += std::ldexp(static_cast<double>(way[k]), t_.posed.b.lattice_exp);
     const Result<PosedPair> posed =
         pose_pair(*t_.a.grid, t_.pose_a, t_.name_a, *t_.b.grid, moved, t_.name_b);
     if (!posed.is_ok()) return {};
-    Answer answer = query(t_.a, posed.value().a, t_.b, posed.value().b,
-                          {.clearance = Clearance::kNone,
-                           .max_pairs = kMostPairs,
-                           .max_tests = std::max(max_tests_ - std::min(max_tests_, spent()), kLeastTests),
-                           .solid_a = options_.solid_a,
-                           .solid_b = options_.solid_b});
+    Answer answer =
+        query(t_.a, posed.value().a, t_.b, posed.value().b,
+              {.clearance = Clearance::kNone,
+               .max_pairs = kMostPairs,
+               .max_tests = std::max(max_tests_ - std::min(max_tests_, spent()), kLeastTests),
+               .solid_a = options_.solid_a,
+               .solid_b = options_.solid_b});
     stats_.box_tests += answer.stats.box_tests;
     stats_.triangle_tests += answer.stats.triangle_tests;
     stats_.exact_tests += answer.stats.exact_tests;
@@ -176,7 +176,8 @@ class Search {
   /// Where pairs were found to touch.
   struct Found {
     TouchingFaces a, b;
-    std::vector<std::pair<double, std::uint32_t>> farthest_first;  // steps from there; place among the pairs
+    std::vector<std::pair<double, std::uint32_t>>
+        farthest_first;  // steps from there; place among the pairs
   };
   Found look_at(const std::vector<FacePair>& pairs, Step step) {
     guesses_ += pairs.size();
@@ -186,7 +187,8 @@ class Search {
     for (std::uint32_t i = 0; i < pairs.size(); ++i) {
       const LatticeTriangle& face_b = found.b.posed[found.b.of_pair[i]];
       found.farthest_first.emplace_back(
-          -steps_until_apart(found.a.posed[found.a.of_pair[i]], moved(face_b, step), direction_), i);
+          -steps_until_apart(found.a.posed[found.a.of_pair[i]], moved(face_b, step), direction_),
+          i);
     }
     std::sort(found.farthest_first.begin(), found.farthest_first.end());
     return found;
@@ -201,7 +203,8 @@ class Search {
       if (!touch_at(a, b, reached_) || (step > reached_ && !touch_at(a, b, step))) continue;
       reached_ = step;
       const Step until = std::min(step + static_cast<Step>(std::min(-steps, 0x1p61)), farthest_);
-      for (Step end = until; end > step && end > until - 3; --end)  // the guess ignores that steps are rounded
+      for (Step end = until; end > step && end > until - 3;
+           --end)  // the guess ignores that steps are rounded
         if (touch_at(a, b, end)) {
           reached_ = end;
           break;
@@ -250,7 +253,8 @@ class Search {
       note(std::move(there));
     } else {
       const double steps = -look_at(there.pairs, step).farthest_first.front().first;
-      blocked_ = std::max(blocked_, std::min(step + static_cast<Step>(std::min(steps, 0x1p61)), farthest_ - 1));
+      blocked_ = std::max(
+          blocked_, std::min(step + static_cast<Step>(std::min(steps, 0x1p61)), farthest_ - 1));
     }
     return false;
   }
@@ -330,8 +334,9 @@ Result<Depth> find_depth(const TreeView& a, const Pose& pose_a, std::string_view
   for (std::size_t i = 0; i < directions.size(); ++i) {
     directions[i] = unit(directions[i]);
     if (directions[i] == Vec3{})
-      return Status{StatusCode::kInvalidArgument,
-                    "direction " + std::to_string(i) + " of a depth has no length, or an infinite one"};
+      return Status{
+          StatusCode::kInvalidArgument,
+          "direction " + std::to_string(i) + " of a depth has no length, or an infinite one"};
   }
   Depth best;
   if (answer.pairs.empty() || directions.empty()) return best;

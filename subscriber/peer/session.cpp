@@ -208,6 +208,7 @@ namespace {
 void take_answer(Answered&& all, PairAnswer& result, std::vector<std::string>& complaints) {
   result.answer = std::move(all.answer);
   result.contacts = std::move(all.contacts);
+  result.depth = std::move(all.depth);
   result.safe_horizon_s = all.safe_horizon_s;
   if (!all.swept) return;
   if (all.swept->is_ok()) {
@@ -259,6 +260,7 @@ void Session::Impl::ask_pair(const Pair& pair, AskedPair& asked_pair,
                                      .max_pairs = options.max_pairs,
                                      .max_tests = options.max_tests,
                                      .contacts = options.contacts,
+                                     .depth = options.depth,
                                      .sweep_s = options.sweep_s,
                                      .max_sweep_tests = options.max_sweep_tests});
     if (asked.is_ok()) {
@@ -293,6 +295,8 @@ void Session::Impl::settle_pair(Pair& pair, AskedPair&& asked, std::uint64_t fra
   }
   note_turn(pair, asked);
   report.pairs_put_off += result.put_off ? 1 : 0;
+  if (options.contacts || options.depth) follow_contacts(pair, result, report);
+  if (result.depth) ask_for_depth(pair, result);
   if (!result.put_off) pair.last = readiness_of(result, pair.names());
   const std::uint64_t answer_digest = digest(result.answer);
   report.answers_digest = mix(report.answers_digest ^ answer_digest);

@@ -282,9 +282,18 @@ void Session::Impl::find_near(FrameReport& report) {
       }
       pair.near_in = updates;
     }
-    std::erase_if(pairs, [this](const auto& entry) {
-      return !entry.second.is_by_name && entry.second.near_in != updates;
-    });
+    for (auto at = pairs.begin(); at != pairs.end();) {
+      Pair& pair = at->second;
+      // That a body is unknown does not end what it touched.
+      const bool is_proved = pair.contacts.is_empty() ||
+                             (broad.is_placed(*pair.a->slot) && broad.is_placed(*pair.b->slot));
+      if (pair.is_by_name || pair.near_in == updates || !is_proved) {
+        ++at;
+      } else {
+        end_contacts(pair, report);
+        at = pairs.erase(at);
+      }
+    }
   }
   for (auto& [key, pair] : pairs) listed.push_back(&pair);
   if (watches_all) tell_free(report);

@@ -2,7 +2,8 @@
 #pragma once
 // What the files of Session share: session.cpp (a frame), session_bodies.cpp (bodies and pairs that come and go, and which are
 // near), session_take.cpp (what comes), session_turns.cpp (whom it asks), session_ask.cpp, session_certificates.cpp and
-// session_audit.cpp (what is asked of publishers), session_probe.cpp (probes of bodies), session_tell.cpp (what is told).
+// session_audit.cpp (what is asked of publishers), session_probe.cpp (probes of bodies), session_contacts.cpp (contacts from
+// update to update), session_tell.cpp (what is told).
 // Threads: one.
 
 #include <algorithm>
@@ -12,6 +13,7 @@
 #include <span>
 #include <unordered_map>
 
+#include "contact_book.hpp"
 #include "core/ask/predict.hpp"
 #include "core/base/random.hpp"
 #include "core/base/stopwatch.hpp"
@@ -137,8 +139,10 @@ struct Session::Impl {
       ContentHash content_a, content_b;
     };
     std::optional<Certified> certified;
-    bool is_ready = false;    // in this update: headers and fresh poses are there
-    bool is_put_off = false;  // in the last update; stands for `last` then
+    ContactBook contacts;
+    ContentHash content_a, content_b;  // that its contacts are of
+    bool is_ready = false;             // in this update: headers and fresh poses are there
+    bool is_put_off = false;           // in the last update; stands for `last` then
 
     [[nodiscard]] bool has(const Body& body) const { return a == &body || b == &body; }
     [[nodiscard]] std::string names() const { return a->name + " and " + b->name; }
@@ -151,6 +155,7 @@ struct Session::Impl {
   BroadPhase broad;
   std::vector<Body*> by_slot;
   std::uint64_t updates = 0;
+  std::uint64_t next_contact = 1;
 
   std::map<wire::SessionId, Publisher> publishers;
   std::map<wire::SessionId, std::uint32_t>
@@ -223,6 +228,11 @@ struct Session::Impl {
   void put_off(const Pair& pair, PairAnswer& result) const;
   void note_turn(Pair& pair, const AskedPair& asked);
   void settle_pair(Pair& pair, AskedPair&& asked, std::uint64_t frame, FrameReport& report);
+  void follow_contacts(Pair& pair, PairAnswer& answer, FrameReport& report);
+  void end_contacts(Pair& pair, FrameReport& report);
+  void ask_for_depth(const Pair& pair, const PairAnswer& answer);
+  void note_lacking(PeerModel& model, const std::vector<NodeSpan>& missing,
+                    std::vector<GridBox> where);
   void report_pair(Pair& pair, const PairAnswer& answer, const Reported& now);
   void give_up(PeerModel& model, FrameReport& report);
   template <class Probe, class Answer>

@@ -44,6 +44,21 @@ Status as_of_body(const Status& status, const std::string& name) {
 
 }  // namespace
 
+/// Notes what is to be asked for, and where in the model's grid.
+void Session::Impl::note_lacking(PeerModel& model, const std::vector<NodeSpan>& missing,
+                                 std::vector<GridBox> where) {
+  PeerModel::Probed& probed = model.probed;
+  add_nodes(probed.missing, missing);
+  std::move(where.begin(), where.end(), std::back_inserter(probed.where));
+  probed.where = merged(std::move(probed.where), kMaxRegionBoxes);
+  if (options.max_held_splits > 0) {
+    if (clock.seconds() >= probed.kept_until_s) probed.kept.clear();
+    probed.kept.insert(probed.kept.end(), probed.where.begin(), probed.where.end());
+    probed.kept = merged(std::move(probed.kept), kMaxRegionBoxes);
+    probed.kept_until_s = clock.seconds() + kKept_s;
+  }
+}
+
 template <class Probe, class Answer>
 Result<ProbeReport> Session::Impl::probe(BodyId id, std::span<const Probe> probes,
                                          std::span<Answer> answers) {
@@ -67,16 +82,7 @@ Result<ProbeReport> Session::Impl::probe(BodyId id, std::span<const Probe> probe
   if (needs.is_nothing()) return report;
   report.missing = needs.missing.size();
   report.awaited = awaited_of(model, needs.missing.size());
-  PeerModel::Probed& probed = model.probed;
-  add_nodes(probed.missing, needs.missing);
-  std::move(needs.where.begin(), needs.where.end(), std::back_inserter(probed.where));
-  probed.where = merged(std::move(probed.where), kMaxRegionBoxes);
-  if (options.max_held_splits > 0) {
-    if (clock.seconds() >= probed.kept_until_s) probed.kept.clear();
-    probed.kept.insert(probed.kept.end(), probed.where.begin(), probed.where.end());
-    probed.kept = merged(std::move(probed.kept), kMaxRegionBoxes);
-    probed.kept_until_s = clock.seconds() + kKept_s;
-  }
+  note_lacking(model, needs.missing, std::move(needs.where));
   return report;
 }
 

@@ -81,8 +81,8 @@ TEST_P(DepthOfPair, BothBoundsHoldForTheFullMeshesInAnyState) {
   for (int seed = 0; seed < test::rounds(120) && bounded < test::rounds(20); ++seed) {
     SCOPED_TRACE(seed);
     State state(*this, static_cast<std::uint64_t>(seed));
-    const test::PairOfPoses poses = test::near_poses(state.random, a_, test::radius_m(a_), b_,
-                                                     test::radius_m(b_));
+    const test::PairOfPoses poses =
+        test::near_poses(state.random, a_, test::radius_m(a_), b_, test::radius_m(b_));
     const DepthClaims claims(a_, b_, poses.a, poses.b);
     if (seed % 2 == 0) {
       const auto certified = certify(state.a, claims.posed().a, test::no_require, state.b,
@@ -93,8 +93,7 @@ TEST_P(DepthOfPair, BothBoundsHoldForTheFullMeshesInAnyState) {
     const Answer answer = query(a, claims.posed().a, b, claims.posed().b);
     if (answer.pairs.empty()) continue;
     const Contacts contacts = find_contacts(a, claims.posed().a, b, claims.posed().b, answer);
-    const Result<Depth> depth =
-        find_depth(a, poses.a, "a", b, poses.b, "b", answer, contacts, {});
+    const Result<Depth> depth = find_depth(a, poses.a, "a", b, poses.b, "b", answer, contacts, {});
     ASSERT_TRUE(depth.is_ok()) << depth.status().message();
     claims.check(depth.value(), state.random);
     EXPECT_LT(depth.value().at_most_m, std::numeric_limits<double>::infinity());

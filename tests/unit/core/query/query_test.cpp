@@ -333,8 +333,8 @@ TEST_P(ClearanceOf, BothBoundsMeetOnFullMeshesThatAreSearchedToTheEnd) {
     SCOPED_TRACE(seed);
     Random random(static_cast<std::uint64_t>(seed));
     const PosedPair posed = apart_pose(random, model_a, model_b);
-    const Answer exact = query(a.tree.view(), posed.a, b.tree.view(), posed.b,
-                               {.clearance = Clearance::kExact});
+    const Answer exact =
+        query(a.tree.view(), posed.a, b.tree.view(), posed.b, {.clearance = Clearance::kExact});
     if (exact.status != AnswerStatus::kFree) continue;
     ++free;
     const double rounding_m = 16 * std::ldexp(1.0, posed.a.lattice_exp);

@@ -17,7 +17,7 @@
 #include <vector>
 
 #include "nearmesh/core/base/detail/ids.hpp"
-#include "nearmesh/core/query/contacts.hpp"
+#include "nearmesh/core/query/depth.hpp"
 #include "nearmesh/core/query/probe.hpp"
 #include "nearmesh/core/query/sweep.hpp"
 #include "nearmesh/subscriber/peer/channel.hpp"
@@ -70,7 +70,10 @@ struct SessionOptions {
   /// processes may share one. Whoever can write there is believed as a publisher is. Read in the update that brings a model's
   /// header, written by write_cache() and at the session's end.
   std::string cache_folder;
-  bool contacts = false;  ///< work out where bodies touch: PairAnswer::contacts
+  bool contacts =
+      false;  ///< work out where bodies touch, and follow each contact: PairAnswer::contacts, FrameReport::contact_events
+  /// Also work out how deep bodies are in each other: PairAnswer::depth. Implies `contacts`. What it lacks is asked for. Some 0.1 to 5 ms for a pair that touches.
+  bool depth = false;
   /// Of each answer, as in QueryOptions (core/query/query.hpp). `max_tests` is some 10 to 50 ms, a hundred times what an ordinary
   /// contact takes: it bounds what one pair may cost, and is no matter to others.
   bool any = false;
@@ -124,12 +127,35 @@ struct PairAnswer {
   ContentHash content_a, content_b;  ///< of the models that it is about; none: not known yet
   /// With SessionOptions::contacts, when the answer has pairs: where they touch, all exact.
   std::optional<Contacts> contacts;
+  /// Of each of its patches: a number that the contact keeps as long as it lasts, and that no other contact of the session has.
+  std::vector<std::uint64_t> contact_ids;
+  /// With SessionOptions::depth, when the answer has pairs: how far B must be moved, and which way, to be free (core/query/depth.hpp).
+  std::optional<Depth> depth;
   /// Free or contained: until this much after the frame's time nothing can touch, if the bodies keep within their speeds from
   /// their poses on. Seconds.
   double safe_horizon_s = 0;
   /// With SessionOptions::sweep_s, where the poses are known: the answer for the time from the frame's on, if both bodies keep
   /// their velocities from their poses on. What it misses is asked for as the look-ahead's detail is.
   std::optional<SweptAnswer> swept;
+};
+
+/// What an update says of a contact: a patch (core/query/contacts.hpp) that is followed from update to update.
+enum class ContactChange : std::uint8_t {
+  kBegin,    ///< it is new
+  kPersist,  ///< it is still there
+  kEnd,      ///< certified: it is over. Or the model of a body was replaced
+  /// It was not found, but the answer is not certified: what is missing may hold it. It goes on as soon as it is found, and is
+  /// told so in each update until then.
+  kUnconfirmed,
+};
+/// "begin", "persist", "end", "unconfirmed".
+[[nodiscard]] const char* to_string(ContactChange change);
+struct ContactEvent {
+  ContactChange change = ContactChange::kBegin;
+  std::uint64_t id = 0;  ///< as PairAnswer::contact_ids
+  BodyId a, b;           ///< as in the pair's answers
+  std::uint32_t patch =
+      0;  ///< begin, persist: its place among Contacts::patches of the pair's answer
 };
 
 /// What watch_all() says at once of all pairs that are not listed: boxes around the bodies prove them apart. A certified answer
@@ -154,6 +180,9 @@ struct UnknownBody {
 struct FrameReport {
   /// Of pairs that are watched by name, and with watch_all() of those that may be near; by the lower BodyId, then the higher.
   std::vector<PairAnswer> answers;
+  /// With SessionOptions::contacts: one event for each contact that there is or was until now, by pair, then patch; first those of pairs that
+  /// are not listed any more. Of a pair that is watched no more, or whose body is removed, no more is told.
+  std::vector<ContactEvent> contact_events;
   std::vector<BodyId> came, went;    ///< with discover_bodies()
   FreeByBounds free_by_bounds;       ///< with watch_all()
   std::vector<UnknownBody> unknown;  ///< with watch_all()
