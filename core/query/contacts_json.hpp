@@ -3,6 +3,8 @@
 // A patch of contact as JSON, for whoever has nlohmann's library, which calls this by itself; the fields are described
 // in docs/answers.md.
 
+#include <vector>
+
 #include "nearmesh/core/query/contacts.hpp"
 
 namespace nearmesh {
@@ -16,6 +18,9 @@ void to_json(Json& json, const ContactPatch& patch) {
               {"normal_error_rad", patch.normal_error_rad},
               {"segments", patch.count},
               {"length_m", patch.length_m},
+              {"manifold_m", std::vector(patch.manifold_m.begin(),
+                                         patch.manifold_m.begin() + patch.manifold_count)},
+              {"manifold_error_m", patch.manifold_error_m},
               {"approximate", patch.approximate},
               {"uncertainty_m", patch.uncertainty_m}};
   if (patch.normal_error_rad == kNoNormal_rad) json["normal_error_rad"] = nullptr;

@@ -369,4 +369,20 @@ Result<Depth> find_depth(const TreeView& a, const Pose& pose_a, std::string_view
   return best;
 }
 
+Result<Depth> certify_depth(LocalModel& a, const Pose& pose_a, const Require& require_a,
+                            LocalModel& b, const Pose& pose_b, const Require& require_b,
+                            const Answer& answer, const Contacts& contacts,
+                            const DepthOptions& options) {
+  const FloatGuard guard;
+  while (true) {
+    Result<Depth> depth =
+        find_depth(a.view(), pose_a, "a", b.view(), pose_b, "b", answer, contacts, options);
+    if (!depth.is_ok() || depth.value().exhausted ||
+        (depth.value().missing_a.empty() && depth.value().missing_b.empty()))
+      return depth;
+    NEARMESH_RETURN_IF_ERROR(split_missing(a, depth.value().missing_a, require_a));
+    NEARMESH_RETURN_IF_ERROR(split_missing(b, depth.value().missing_b, require_b));
+  }
+}
+
 }  // namespace nearmesh

@@ -49,8 +49,33 @@ constexpr double kStay_s = 5;
 /// Of the first frame's poses, while it is waited for.
 constexpr double kRepeat_s = 0.25;
 
+nlohmann::ordered_json to_json(const Depth& depth) {
+  nlohmann::ordered_json json = {{"direction", depth.direction},
+                                 {"at_least_m", depth.at_least_m},
+                                 {"at_most_m", nullptr},
+                                 {"missing", depth.missing_a.size() + depth.missing_b.size()}};
+  if (depth.at_most_m < std::numeric_limits<double>::infinity()) {
+    json["at_most_m"] = depth.at_most_m;
+    json["separation_m"] = depth.separation_m;
+  }
+  if (depth.exhausted) json["exhausted"] = true;
+  return json;
+}
+
+/// Those of two bodies; of a pair that is not listed they are `end` alone.
+nlohmann::ordered_json events_to_json(const FrameReport& report, BodyId a, BodyId b) {
+  nlohmann::ordered_json events = nlohmann::ordered_json::array();
+  for (const ContactEvent& event : report.contact_events) {
+    if (event.a != a || event.b != b) continue;
+    events.push_back({{"change", to_string(event.change)}, {"id", event.id}});
+    if (event.change == ContactChange::kBegin || event.change == ContactChange::kPersist)
+      events.back()["patch"] = event.patch;
+  }
+  return events;
+}
+
 nlohmann::ordered_json to_json(std::uint64_t frame, double time_s, const PairAnswer& pair,
-                               const Session& session, bool is_any) {
+                               const FrameReport& report, const Session& session, bool is_any) {
   const BodyOptions a = session.options_of(pair.a).value(), b = session.options_of(pair.b).value();
   const auto pose = [](const Pose& p) {
     std::vector<double> x(p.rotation.begin(), p.rotation.end());
@@ -83,6 +108,7 @@ nlohmann::ordered_json to_json(std::uint64_t frame, double time_s, const PairAns
                                  {"pairs_digest", std::to_string(digest(answer.pairs))},
                                  {"digest", to_hex(digest(answer))},
                                  {"clearance_m", finite(answer.clearance_m)},
+                                 {"distance_at_most_m", finite(answer.distance_at_most_m)},
                                  {"uncertainty_m", finite(answer.uncertainty_m)},
                                  {"safe_horizon_s", finite(pair.safe_horizon_s)},
                                  {"missing", answer.missing_a.size() + answer.missing_b.size()},
@@ -112,6 +138,13 @@ nlohmann::ordered_json to_json(std::uint64_t frame, double time_s, const PairAns
     line["patches"] = pair.contacts->patches;
     line["position_error_m"] = pair.contacts->position_error_m;
   }
+  if (nlohmann::ordered_json events = events_to_json(report, pair.a, pair.b); !events.empty())
+    line["contact_events"] = std::move(events);
+  if (pair.depth) line["depth"] = to_json(*pair.depth);
+  if (answer.distance_at_most_m > 0 && std::isfinite(answer.distance_at_most_m)) {
+    line["nearest_a_m"] = answer.nearest_a_m;
+    line["nearest_b_m"] = answer.nearest_b_m;
+  }
   return line;
 }
 nlohmann::ordered_json others_to_json(std::uint64_t frame, double time_s, const FrameReport& report,
@@ -128,6 +161,13 @@ nlohmann::ordered_json others_to_json(std::uint64_t frame, double time_s, const 
                                  {"unknown", nlohmann::ordered_json::array()}};
   for (const UnknownBody& body : report.unknown)
     line["unknown"].push_back({{"body", session.name_of(body.body)}, {"reason", body.reason}});
+  for (const ContactEvent& event : report.contact_events) {
+    if (report.find(event.a, event.b) != nullptr) continue;
+    line["contact_events"].push_back({{"change", to_string(event.change)},
+                                      {"id", event.id},
+                                      {"a", session.name_of(event.a)},
+                                      {"b", session.name_of(event.b)}});
+  }
   return line;
 }
 
@@ -288,8 +328,26 @@ class Flight {
       for (const BodyId body : report.value().went) others_.erase(body);
       for (const BodyId body : report.value().came)
         if (session_.options_of(body).is_ok()) others_.insert(body);
+      add_unrecorded(report.value().contact_events);
     }
     return report;
+  }
+
+  /// Of a frame's updates the last is recorded: what began or ended in one before is told with it.
+  void add_unrecorded(std::vector<ContactEvent>& events) {
+    std::vector<ContactEvent> ended;
+    std::erase_if(events,
+                  [this](const ContactEvent& event) {  // who never was recorded does not end
+                    return event.change == ContactChange::kEnd && began_.erase(event.id) > 0;
+                  });
+    for (ContactEvent& event : events) {
+      if (event.change == ContactChange::kBegin) began_.insert(event.id);
+      if (event.change == ContactChange::kPersist && began_.contains(event.id))
+        event.change = ContactChange::kBegin;
+      if (event.change == ContactChange::kEnd) ended.push_back(event);
+    }
+    events.insert(events.end(), ended_.begin(), ended_.end());
+    ended_.insert(ended_.end(), ended.begin(), ended.end());
   }
 
   [[nodiscard]] bool does_any_known_body_fly(const FrameReport& report) const {
@@ -364,11 +422,13 @@ class Flight {
       summary_.contact_pairs += pair.answer.pair_total;
       if (!options_.json && !answers_) continue;
       const std::string line =
-          to_json(frame, time_s_, pair, session_, scene_.session.any).dump() + '\n';
+          to_json(frame, time_s_, pair, report, session_, scene_.session.any).dump() + '\n';
       if (options_.json) std::fputs(line.c_str(), stdout);
       if (answers_) NEARMESH_RETURN_IF_ERROR(answers_->write(line));
     }
     if (scene_.watches_all) NEARMESH_RETURN_IF_ERROR(record_others(frame, report));
+    began_.clear();
+    ended_.clear();
     if (options_.json) NEARMESH_RETURN_IF_ERROR(flush_standard_output());
     return answers_ ? answers_->put_in_place() : Status::ok();
   }
@@ -428,6 +488,8 @@ class Flight {
   std::unique_ptr<wire::program::MetricsServer> metrics_;
   std::optional<OutputFile> answers_;
   Session session_;
+  std::set<std::uint64_t> began_;  ///< contacts, in updates of this frame
+  std::vector<ContactEvent> ended_;
   std::set<BodyId> others_;                                   ///< bodies that it does not move
   std::map<std::pair<BodyId, BodyId>, PairAnswer> answered_;  // in this frame
   Summary summary_;

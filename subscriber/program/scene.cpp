@@ -177,12 +177,12 @@ std::size_t body_named(const Scene& scene, const std::string& name, const YAML::
 }
 
 Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
-  check_keys(
-      root, "scene",
-      {"bodies",      "moves",           "pairs",           "frame_rate_hz",   "budget_ms",
-       "lookahead_s", "audit_s",         "cache",           "margin_m",        "max_pose_age_s",
-       "sweep_s",     "max_held_splits", "clearance",       "contacts",        "any",
-       "max_pairs",   "max_tests",       "max_sweep_tests", "start_timeout_s", "duration_s"});
+  check_keys(root, "scene",
+             {"bodies",      "moves",           "pairs",     "frame_rate_hz",   "budget_ms",
+              "lookahead_s", "audit_s",         "cache",     "margin_m",        "max_pose_age_s",
+              "sweep_s",     "max_held_splits", "clearance", "contacts",        "depth",
+              "any",         "max_pairs",       "max_tests", "max_sweep_tests", "start_timeout_s",
+              "duration_s"});
   Scene scene;
   scene.frame_rate_hz = number_in(root, "frame_rate_hz", scene.frame_rate_hz, 0.1, 10000);
   scene.budget_s = number_in(root, "budget_ms", scene.budget_s * 1e3, 0, 1e6) / 1e3;
@@ -203,6 +203,7 @@ Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
   }
   if (root["contacts"])
     scene.session.contacts = value<bool>(root["contacts"], "contacts", "true or false");
+  if (root["depth"]) scene.session.depth = value<bool>(root["depth"], "depth", "true or false");
   if (root["any"]) scene.session.any = value<bool>(root["any"], "any", "true or false");
   constexpr double kMostTests = 1e15;
   const auto limit = [&](const char* key, auto& of_session) {

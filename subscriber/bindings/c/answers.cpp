@@ -126,6 +126,10 @@ void OwnedContacts::fill(const Contacts& of) {
     out.uncertainty_m = patch.uncertainty_m;
     out.normal_is_of_a = patch.normal_is_of_a;
     out.approximate = patch.approximate;
+    for (std::size_t i = 0; i < patch.manifold_count; ++i)
+      copy(patch.manifold_m[i], out.manifold_m[i]);
+    out.manifold_count = patch.manifold_count;
+    out.manifold_error_m = patch.manifold_error_m;
   }
   segment_count = all_segments.size();
   segments = all_segments.data();
@@ -135,7 +139,8 @@ void OwnedContacts::fill(const Contacts& of) {
   truncated = of.truncated;
 }
 
-void OwnedAnswer::fill(const Answer& of, const std::optional<Contacts>& of_contacts) {
+void OwnedAnswer::fill(const Answer& of, const std::optional<Contacts>& of_contacts,
+                       const std::optional<Depth>& of_depth) {
   pairs.clear();
   pairs.reserve(of.pairs.size());
   for (const FacePair& pair : of.pairs) pairs.push_back(to_c(pair));
@@ -155,6 +160,18 @@ void OwnedAnswer::fill(const Answer& of, const std::optional<Contacts>& of_conta
   answer.digest = digest(of);
   answer.contacts = of_contacts ? &contacts : nullptr;
   answer.exhausted = of.exhausted;
+  answer.distance_at_most_m = of.distance_at_most_m;
+  copy(of.nearest_a_m, answer.nearest_a_m);
+  copy(of.nearest_b_m, answer.nearest_b_m);
+  answer.depth = of_depth ? &depth : nullptr;
+  if (!of_depth) return;
+  copy(of_depth->direction, depth.direction);
+  depth.at_least_m = of_depth->at_least_m;
+  depth.at_most_m = of_depth->at_most_m;
+  copy(of_depth->separation_m, depth.separation_m);
+  depth.missing_a = of_depth->missing_a.size();
+  depth.missing_b = of_depth->missing_b.size();
+  depth.exhausted = of_depth->exhausted;
 }
 
 }  // namespace nearmesh::c

@@ -8,7 +8,7 @@
 
 #include "nearmesh.h"
 #include "nearmesh/core/geometry/motion.hpp"
-#include "nearmesh/core/query/contacts.hpp"
+#include "nearmesh/core/query/depth.hpp"
 #include "nearmesh/core/query/sweep.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
 
@@ -47,11 +47,13 @@ struct OwnedAnswer {
   OwnedAnswer() = default;
   OwnedAnswer(const OwnedAnswer&) = delete;
   OwnedAnswer& operator=(const OwnedAnswer&) = delete;
-  void fill(const Answer& of, const std::optional<Contacts>& of_contacts);
+  void fill(const Answer& of, const std::optional<Contacts>& of_contacts,
+            const std::optional<Depth>& of_depth);
 
   nearmesh_answer answer{};
   std::vector<nearmesh_face_pair> pairs;
   OwnedContacts contacts;
+  nearmesh_depth depth{};
 };
 
 }  // namespace nearmesh::c

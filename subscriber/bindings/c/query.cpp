@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "model.hpp"
-#include "nearmesh/core/query/certify.hpp"
+#include "nearmesh/core/query/depth.hpp"
 
 struct nearmesh_query {
   static constexpr nearmesh::c::Kind kKind = nearmesh::c::Kind::kQuery;
@@ -14,7 +14,7 @@ struct nearmesh_query {
   std::shared_ptr<nearmesh::c::SharedModel> a, b;
   std::optional<nearmesh::LocalModel> local_a, local_b;  // as far as answers have needed them
   nearmesh::QueryOptions options;
-  bool contacts = false;
+  bool contacts = false, depth = false;
   nearmesh::c::OwnedAnswer answer;
 };
 
@@ -28,7 +28,7 @@ constexpr nearmesh_query_options kQueryDefaults{.size = sizeof(nearmesh_query_op
                                                 .solid_a = 0,
                                                 .solid_b = 0,
                                                 .contacts = 0,
-                                                .reserved = 0,
+                                                .depth = 0,
                                                 .max_tests = UINT64_MAX};
 
 Require require_of(SharedModel& model) {
@@ -47,10 +47,19 @@ Status ask(nearmesh_query& query, const Pose& pose_a, const Pose& pose_b) {
               posed.value().b, require_of(*query.b), query.options);
   NEARMESH_RETURN_IF_ERROR(answer);
   std::optional<Contacts> contacts;
+  std::optional<Depth> depth;
   if (query.contacts && !answer.value().pairs.empty())
     contacts = find_contacts(query.local_a->view(), posed.value().a, query.local_b->view(),
                              posed.value().b, answer.value());
-  query.answer.fill(answer.value(), contacts);
+  if (query.depth && contacts) {
+    Result<Depth> found =
+        certify_depth(*query.local_a, pose_a, require_of(*query.a), *query.local_b, pose_b,
+                      require_of(*query.b), answer.value(), *contacts,
+                      {.solid_a = query.options.solid_a, .solid_b = query.options.solid_b});
+    NEARMESH_RETURN_IF_ERROR(found);
+    depth = std::move(found).value();
+  }
+  query.answer.fill(answer.value(), contacts, depth);
   return Status::ok();
 }
 
@@ -89,7 +98,8 @@ nearmesh_status nearmesh_query_create(nearmesh_model* a, nearmesh_model* b,
         .max_tests = read.max_tests,
         .solid_a = read.solid_a != 0,
         .solid_b = read.solid_b != 0};
-    made->contacts = read.contacts != 0;
+    made->contacts = read.contacts != 0 || read.depth != 0;
+    made->depth = read.depth != 0;
     *query = made.release();
     return Status::ok();
   });

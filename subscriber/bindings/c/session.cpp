@@ -47,6 +47,7 @@ nearmesh_session_options session_defaults() {
   options.max_pairs = built_in.max_pairs;
   options.max_tests = built_in.max_tests;
   options.max_sweep_tests = built_in.max_sweep_tests;
+  options.depth = built_in.depth;
   return options;
 }
 
@@ -88,6 +89,7 @@ Result<SessionOptions> session_options_of(const nearmesh_session_options* given)
   options.clearance = static_cast<Clearance>(read.clearance);
   if (read.cache_folder != nullptr) options.cache_folder = read.cache_folder;
   options.contacts = read.contacts != 0;
+  options.depth = read.depth != 0;
   options.run_jobs = run_jobs_of(read.run_jobs, read.run_jobs_user);
   options.publish_reports = read.publish_reports != 0;
   options.any = read.any != 0;
@@ -163,7 +165,7 @@ Status no_such(nearmesh_body body, const char* what) {
 }  // namespace
 
 void OwnedPair::fill(const subscriber::PairAnswer& of) {
-  answer.fill(of.answer, of.contacts);
+  answer.fill(of.answer, of.contacts, of.depth);
   content_a = ContentText(of.content_a);
   content_b = ContentText(of.content_b);
   pair.a = of.a.value;
@@ -190,12 +192,20 @@ void OwnedPair::fill(const subscriber::PairAnswer& of) {
   pair.last_certified = of.last_certified ? &last_certified : nullptr;
   if (of.swept) swept = to_c(*of.swept);
   pair.swept = of.swept ? &swept : nullptr;
+  pair.contact_ids = of.contact_ids.data();
 }
 
 void OwnedFrame::fill(subscriber::FrameReport of) {
   report = std::move(of);
   while (pairs.size() < report.answers.size()) pairs.emplace_back();
   for (std::size_t i = 0; i < report.answers.size(); ++i) pairs[i].fill(report.answers[i]);
+  contact_events.clear();
+  for (const subscriber::ContactEvent& event : report.contact_events)
+    contact_events.push_back({.change = static_cast<int32_t>(event.change),
+                              .patch = event.patch,
+                              .id = event.id,
+                              .a = event.a.value,
+                              .b = event.b.value});
   unknown.clear();
   for (const subscriber::UnknownBody& body : report.unknown)
     unknown.push_back({body.body.value, 0, body.reason.c_str()});
@@ -217,6 +227,7 @@ void OwnedFrame::fill(subscriber::FrameReport of) {
   frame.state_digest = report.state_digest;
   frame.answers_digest = report.answers_digest;
   frame.pairs_put_off = report.pairs_put_off;
+  frame.contact_event_count = contact_events.size();
 }
 
 }  // namespace nearmesh::c
@@ -414,6 +425,13 @@ const nearmesh_pair_answer* nearmesh_session_find(const nearmesh_session* sessio
   return &session->frame
               ->pairs[static_cast<std::size_t>(found - session->frame->report.answers.data())]
               .pair;
+}
+
+const nearmesh_contact_event* nearmesh_session_contact_event(const nearmesh_session* session,
+                                                             size_t index) noexcept {
+  if (!c::is_handle(session) || !session->frame || index >= session->frame->contact_events.size())
+    return nullptr;
+  return &session->frame->contact_events[index];
 }
 
 const nearmesh_unknown_body* nearmesh_session_unknown(const nearmesh_session* session,

@@ -40,6 +40,7 @@ struct OwnedFrame {
   nearmesh_frame frame{};
   std::deque<OwnedPair> pairs;  // do not move; the report's, and some that are not used now
   std::vector<nearmesh_unknown_body> unknown;
+  std::vector<nearmesh_contact_event> contact_events;
 };
 
 /// A channel on DDS. Errors: those of DdsChannel::create; kUnsupported where this build has none.

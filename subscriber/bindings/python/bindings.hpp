@@ -14,8 +14,7 @@
 #include <vector>
 
 #include "nearmesh/core/geometry/motion.hpp"
-#include "nearmesh/core/query/certify.hpp"
-#include "nearmesh/core/query/contacts.hpp"
+#include "nearmesh/core/query/depth.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
 
 namespace nearmesh::python {
@@ -45,6 +44,8 @@ template <class T>
 using Matrix = std::array<std::array<double, 4>, 4>;
 [[nodiscard]] Matrix matrix_of(const Pose& pose);
 [[nodiscard]] Doubles array_of(const Matrix& matrix);
+/// An array (3).
+[[nodiscard]] Doubles vector_of(const std::array<double, 3>& v);
 /// An array (n, 3) of its own.
 template <class T>
 [[nodiscard]] py::array_t<T> rows_of(const std::vector<std::array<T, 3>>& rows) {

@@ -111,6 +111,8 @@ struct AnswerRow {
   double clearance_m, clearance_share, uncertainty_m;
   std::uint64_t digest;
   bool exhausted;
+  double distance_at_most_m;
+  std::array<double, 3> nearest_a_m, nearest_b_m;
 };
 
 /// Two models at hand, each refined as far as any question needed.
@@ -159,7 +161,10 @@ class Pair {
                    answer.clearance_share,
                    answer.uncertainty_m,
                    digest(answer),
-                   answer.exhausted};
+                   answer.exhausted,
+                   answer.distance_at_most_m,
+                   answer.nearest_a_m,
+                   answer.nearest_b_m};
       }
       return Status::ok();
     };
@@ -181,6 +186,31 @@ class Pair {
     };
     need(find());
     return contacts_object(contacts);
+  }
+
+  py::object depth(const Doubles& pose_a, const Doubles& pose_b,
+                   const std::vector<std::array<double, 3>>& directions) {
+    const Pose at_a = pose_of(pose_a, "pose_a"), at_b = pose_of(pose_b, "pose_b");
+    std::optional<Depth> depth;
+    const auto find = [&]() -> Status {
+      const py::gil_scoped_release others_may_run;
+      const Locks locks = lock();
+      const Result<Asked> asked = ask(at_a, at_b, solid_);
+      NEARMESH_RETURN_IF_ERROR(asked);
+      const Answer& answer = asked.value().answer;
+      if (answer.pairs.empty()) return Status::ok();
+      const Contacts contacts = find_contacts(held_a_.view(), asked.value().posed.a, held_b_.view(),
+                                              asked.value().posed.b, answer);
+      Result<Depth> found = certify_depth(
+          held_a_, at_a, require_of(a_->file), held_b_, at_b, require_of(b_->file), answer,
+          contacts,
+          {.directions = directions, .solid_a = solid_.solid_a, .solid_b = solid_.solid_b});
+      NEARMESH_RETURN_IF_ERROR(found);
+      depth = std::move(found).value();
+      return Status::ok();
+    };
+    need(find());
+    return depth ? py::cast(*depth) : py::none();
   }
 
   py::array_t<std::uint32_t> faces(const Doubles& pose_a, const Doubles& pose_b) {
@@ -226,6 +256,10 @@ class Pair {
     return locks;
   }
 
+  static Require require_of(ModelFile& file) {
+    return [&file](NodeSpan node) { return file.require(node); };
+  }
+
   struct Asked {
     PosedPair posed;
     Answer answer;
@@ -234,9 +268,6 @@ class Pair {
     const Result<PosedPair> posed =
         pose_pair(a_->file.header().grid, at_a, "a", b_->file.header().grid, at_b, "b");
     NEARMESH_RETURN_IF_ERROR(posed);
-    const auto require_of = [](ModelFile& file) -> Require {
-      return [&file](NodeSpan node) { return file.require(node); };
-    };
     Result<Answer> answer = certify(held_a_, posed.value().a, require_of(a_->file), held_b_,
                                     posed.value().b, require_of(b_->file), options);
     NEARMESH_RETURN_IF_ERROR(answer);
@@ -253,7 +284,8 @@ class Pair {
 
 void add_models(py::module_& module) {
   PYBIND11_NUMPY_DTYPE(AnswerRow, status, contained, certified, pairs, clearance_m, clearance_share,
-                       uncertainty_m, digest, exhausted);
+                       uncertainty_m, digest, exhausted, distance_at_most_m, nearest_a_m,
+                       nearest_b_m);
   const auto model_class =
       py::class_<Model, std::shared_ptr<Model>>(
           module, "Model", "A .spm file. Detail is read from it when it is first needed.")
@@ -295,8 +327,13 @@ Holds what the questions so far needed of each. One question at a time; other th
           R"(Answers for poses (n, 4, 4), or (4, 4) that stands for all: a structured array of n rows.
 
 status: Status. certified. pairs: faces that touch, all of them. clearance_m: lower bound of the distance where free;
-clearance_share of the greatest that can be proved. contained: Contained. uncertainty_m. digest: equal answers, equal digests.
+clearance_share of the greatest that can be proved; distance_at_most_m: it is no more, between nearest_a_m and nearest_b_m. contained: Contained. uncertainty_m. digest: equal answers, equal digests.
 exhausted: max_tests, of 2 to 25 ns, were spent; partial or uncertain then, with what was found.)")
+      .def("depth", &Pair::depth, py::arg("pose_a"), py::arg("pose_b"),
+           py::arg("directions") = std::vector<std::array<double, 3>>{},
+           "How deep b is in a, and which way it is out soonest: of the directions given, else of "
+           "the contacts' normals. None where "
+           "nothing touches.")
       .def("contacts", &Pair::contacts, py::arg("pose_a"), py::arg("pose_b"),
            "Where they touch, for one pose of each.")
       .def("faces", &Pair::faces, py::arg("pose_a"), py::arg("pose_b"),

@@ -15,6 +15,9 @@ struct PatchRow {
   std::array<double, 3> centroid_m, normal;
   double normal_error_rad, length_m;
   bool normal_is_of_a;
+  std::array<std::array<double, 3>, 4> manifold_m;
+  std::uint32_t manifold_count;
+  double manifold_error_m;
 };
 
 struct ContactArrays {
@@ -93,6 +96,8 @@ Matrix matrix_of(const Pose& pose) {
   return matrix;
 }
 
+Doubles vector_of(const std::array<double, 3>& v) { return Doubles(3, v.data()); }
+
 Doubles array_of(const Matrix& matrix) {
   return Doubles(std::vector<py::ssize_t>{4, 4}, matrix[0].data());
 }
@@ -113,7 +118,8 @@ py::object contacts_object(const Contacts& contacts) {
     for (std::uint32_t i = patch.first; i < patch.first + patch.count; ++i)
       segments[i].patch = static_cast<std::uint32_t>(patches.size());
     patches.push_back({patch.first, patch.count, patch.centroid_m, patch.normal,
-                       patch.normal_error_rad, patch.length_m, patch.normal_is_of_a});
+                       patch.normal_error_rad, patch.length_m, patch.normal_is_of_a,
+                       patch.manifold_m, patch.manifold_count, patch.manifold_error_m});
   }
   return py::cast(ContactArrays{rows_of(segments), rows_of(patches), contacts.position_error_m,
                                 contacts.truncated});
@@ -123,20 +129,39 @@ py::object contacts_object(const Contacts& contacts) {
 
 PYBIND11_MODULE(_nearmesh, module) {
   using namespace nearmesh::python;
+  using nearmesh::Depth;
   PYBIND11_NUMPY_DTYPE(SegmentRow, p_m, q_m, patch);
   PYBIND11_NUMPY_DTYPE(PatchRow, first, count, centroid_m, normal, normal_error_rad, length_m,
-                       normal_is_of_a);
+                       normal_is_of_a, manifold_m, manifold_count, manifold_error_m);
   module.attr("__version__") = NEARMESH_VERSION;
   py::class_<ContactArrays>(module, "Contacts", R"(Where two bodies touch, world frame, metres.
 
 segments: p_m, q_m (ends of what two faces have in common), patch (index into patches); each exact to position_error_m.
 patches: segments [first, first + count), centroid_m, normal (unit, from a to b), normal_error_rad (pi: no normal),
-length_m, normal_is_of_a.)")
+length_m, normal_is_of_a; manifold_m: at most four points that span it, the first manifold_count of the rows, of whose hull no
+point of its segments is farther than manifold_error_m.)")
       .def_readonly("segments", &ContactArrays::segments)
       .def_readonly("patches", &ContactArrays::patches)
       .def_readonly("position_error_m", &ContactArrays::position_error_m,
                     "Every point lies within this of both faces.")
       .def_readonly("truncated", &ContactArrays::truncated, "There are more than these.");
+  py::class_<Depth>(
+      module, "Depth",
+      R"(How deep b is in a along a direction, metres: how far b has to be moved until it is free of a.
+
+Both bounds are proofs. Moved by less than at_least_m along direction, b touches a all the way; with separation_m added to the
+translation of b's pose both are certified free (at_most_m is infinite where no such place was found).)")
+      .def_property_readonly("direction",
+                             [](const Depth& depth) { return vector_of(depth.direction); })
+      .def_readonly("at_least_m", &Depth::at_least_m)
+      .def_readonly("at_most_m", &Depth::at_most_m)
+      .def_property_readonly("separation_m",
+                             [](const Depth& depth) { return vector_of(depth.separation_m); })
+      .def_property_readonly(
+          "missing",
+          [](const Depth& depth) { return depth.missing_a.size() + depth.missing_b.size(); },
+          "Nodes whose detail would narrow it.")
+      .def_readonly("exhausted", &Depth::exhausted, "The search was ended by its length.");
   add_models(module);
   add_sessions(module);
   add_recordings(module);

@@ -34,6 +34,13 @@ struct PairRow {
   bool put_off, exhausted;
   std::uint8_t last_status;  ///< of the last certified answer; kNone without one
   double last_age_s, last_clearance_m, last_safe_s;
+  double distance_at_most_m;
+  std::array<double, 3> nearest_a_m, nearest_b_m;
+};
+struct EventRow {
+  std::uint8_t change;
+  std::uint64_t id;
+  std::uint32_t a, b, patch;
 };
 constexpr std::uint8_t kNone = 255;
 
@@ -60,7 +67,10 @@ PairRow row_of(const PairAnswer& pair) {
           last ? static_cast<std::uint8_t>(last->status) : kNone,
           last ? last->age_s : std::numeric_limits<double>::infinity(),
           last ? last->clearance_m : 0,
-          last ? last->safe_s : 0};
+          last ? last->safe_s : 0,
+          pair.answer.distance_at_most_m,
+          pair.answer.nearest_a_m,
+          pair.answer.nearest_b_m};
 }
 
 /// Jobs of a frame on so many threads, the caller's among them.
@@ -142,6 +152,8 @@ subscriber::SessionOptions session_options(const py::kwargs& given) {
       options.cache_folder = py::cast<std::string>(value);
     } else if (name == "contacts") {
       options.contacts = py::cast<bool>(value);
+    } else if (name == "depth") {
+      options.depth = py::cast<bool>(value);
     } else if (name == "publish_reports") {
       options.publish_reports = py::cast<bool>(value);
     } else if (name == "any") {
@@ -227,7 +239,9 @@ void add_frame(py::module_& module) {
             return rows_of(rows);
           },
           "A structured array: a, b (bodies), status (Status), certified, asked, pairs, "
-          "clearance_m, safe_horizon_s, ...; put_off where a pair's turn did not come within the "
+          "clearance_m and distance_at_most_m (the distance lies between), nearest_a_m, "
+          "nearest_b_m, "
+          "safe_horizon_s, ...; put_off where a pair's turn did not come within the "
           "budget, with last_status (255: none), last_age_s, last_clearance_m and last_safe_s of "
           "its "
           "last certified answer")
@@ -250,6 +264,34 @@ void add_frame(py::module_& module) {
           py::arg("row"),
           "Where the bodies of a row of answers touch; None without contact, or without the "
           "session's option contacts.")
+      .def(
+          "contact_ids",
+          [](const FrameReport& report, std::size_t row) {
+            if (row >= report.answers.size()) throw py::index_error("no such row of answers");
+            return rows_of(report.answers[row].contact_ids);
+          },
+          py::arg("row"), "Of each patch of contacts(row): a number that lasts with the contact.")
+      .def(
+          "depth",
+          [](const FrameReport& report, std::size_t row) -> py::object {
+            if (row >= report.answers.size()) throw py::index_error("no such row of answers");
+            const auto& depth = report.answers[row].depth;
+            return depth ? py::cast(*depth) : py::none();
+          },
+          py::arg("row"),
+          "How deep the bodies of a row of answers are in each other; None without contact, or "
+          "without the session's option depth.")
+      .def_property_readonly(
+          "contact_events",
+          [](const FrameReport& report) {
+            std::vector<EventRow> rows;
+            for (const subscriber::ContactEvent& event : report.contact_events)
+              rows.push_back({static_cast<std::uint8_t>(event.change), event.id, event.a.value,
+                              event.b.value, event.patch});
+            return rows_of(rows);
+          },
+          "A structured array: change (ContactChange), id, a, b (bodies), patch (of contacts(), "
+          "where it begins or persists). One for each contact that there is or was until now.")
       .def(
           "find",
           [](const FrameReport& report, std::uint32_t a, std::uint32_t b) -> py::object {
@@ -300,7 +342,8 @@ void add_sessions(py::module_& module) {
   PYBIND11_NUMPY_DTYPE(PairRow, a, b, status, contained, certified, asked, pairs, clearance_m,
                        clearance_share, uncertainty_m, safe_horizon_s, age_a_s, age_b_s, pose_a,
                        pose_b, digest, put_off, exhausted, last_status, last_age_s,
-                       last_clearance_m, last_safe_s);
+                       last_clearance_m, last_safe_s, distance_at_most_m, nearest_a_m, nearest_b_m);
+  PYBIND11_NUMPY_DTYPE(EventRow, change, id, a, b, patch);
   py::class_<Motion>(module, "Motion", "Where a body is and how it moves, world frame.")
       .def(py::init([](const Doubles& pose, const std::array<double, 3>& linear,
                        const std::array<double, 3>& angular) {
@@ -318,7 +361,7 @@ void add_sessions(py::module_& module) {
                        R"(A peer: bodies, watched pairs, one update a frame, answers.
 
 Made by Session.local (from files, no network) or Session.dds. Options of both, by keyword: max_pose_age_s, lookahead_s,
-margin_m, sweep_s, request_timeout_s, max_held_splits, clearance ("none", "bound", "exact"), cache_folder, contacts,
+margin_m, sweep_s, request_timeout_s, max_held_splits, clearance ("none", "bound", "exact"), cache_folder, contacts, depth,
 publish_reports, any, max_pairs, max_tests, max_sweep_tests; and, for the pairs of a frame, threads=N or run_jobs=f: f(count, job)
 calls job(i) for each i below count, on threads of its own, and returns when all are done.)")
           .def_static("local", &local_session, py::arg("models"),

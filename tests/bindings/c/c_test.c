@@ -90,6 +90,7 @@ static void test_queries(const char* sphere_file, const char* open_file) {
   nearmesh_query_options options;
   CHECK(nearmesh_query_options_init(&options, sizeof options) == NEARMESH_OK);
   options.contacts = 1;
+  options.depth = 1;
   options.clearance = NEARMESH_CLEARANCE_EXACT;
   nearmesh_query* query = NULL;
   MUST(nearmesh_query_create(model, model, &options, &query, &error));
@@ -100,7 +101,15 @@ static void test_queries(const char* sphere_file, const char* open_file) {
   MUST(nearmesh_query_ask(query, &here, &there, &answer, &error));
   CHECK(answer->status == NEARMESH_FREE && answer->is_certified && answer->pair_count == 0);
   CHECK(answer->clearance_m > 0 && answer->clearance_m < 0.53);
-  CHECK(answer->contacts == NULL);
+  CHECK(answer->contacts == NULL && answer->depth == NULL);
+  CHECK(answer->distance_at_most_m >= answer->clearance_m);
+  CHECK(answer->distance_at_most_m > 0.5 && answer->distance_at_most_m < 2.5);
+  double apart = 0;
+  for (int k = 0; k < 3; ++k) {
+    const double way = answer->nearest_b_m[k] - answer->nearest_a_m[k];
+    apart += way * way;
+  }
+  CHECK(fabs(sqrt(apart) - answer->distance_at_most_m) < 1e-6);
 
   there = at(1.99, 0.01, 0.02);
   MUST(nearmesh_query_ask(query, &here, &there, &answer, &error));
@@ -111,12 +120,23 @@ static void test_queries(const char* sphere_file, const char* open_file) {
   const nearmesh_contact_patch* patch = nearmesh_contacts_patch(contacts, 0);
   CHECK(patch->count == contacts->segment_count && patch->normal[0] > 0.9);
   CHECK(fabs(patch->centroid_m[0] - 0.995) < 0.01);
+  CHECK(patch->manifold_count == 4 && patch->manifold_error_m > 0);
+  CHECK(fabs(patch->manifold_m[3][0] - 0.995) < 0.01);
+  CHECK(answer->distance_at_most_m == 0);
+  const nearmesh_depth* depth = answer->depth;
+  CHECK(depth != NULL && !depth->exhausted && depth->missing_a + depth->missing_b == 0);
+  CHECK(depth->at_least_m > 0 && depth->at_most_m >= depth->at_least_m);
+  CHECK(depth->at_most_m < depth->at_least_m + 1e-4 && depth->at_most_m < 0.02);
   CHECK(contacts->segments[0].p_m[0] > 0.9 && !contacts->segments[0].approximate);
   CHECK(nearmesh_contacts_patch(contacts, 1) == NULL && nearmesh_contacts_patch(NULL, 0) == NULL);
+  nearmesh_pose out = there;
+  for (int k = 0; k < 3; ++k) out.translation_m[k] += depth->separation_m[k];
   uint32_t number = 0;
   for (size_t i = 0; i < answer->pair_count; ++i)
     MUST(nearmesh_model_face_number(model, answer->pairs[i].a, &number, &error));
   CHECK(number < kSphereFaces);
+  MUST(nearmesh_query_ask(query, &here, &out, &answer, &error));
+  CHECK(answer->status == NEARMESH_FREE && answer->depth == NULL);
 
   // The answer that was given is gone; NULL comes with an error.
   there.translation_m[1] = NAN;
@@ -271,7 +291,7 @@ enum { kRow = 5 };
 static uint64_t fly_row(const char* sphere_file, Runner* runner) {
   nearmesh_session_options options;
   CHECK(nearmesh_session_options_init(&options, sizeof options) == NEARMESH_OK);
-  options.contacts = 1;
+  options.depth = 1;  // and so contacts
   options.sweep_s = 0.5;
   options.cache_folder = NULL;
   if (runner != NULL) {
@@ -306,10 +326,20 @@ static uint64_t fly_row(const char* sphere_file, Runner* runner) {
     if (pair->answer->status == NEARMESH_CONTACT) {
       ++contacts;
       CHECK(pair->answer->contacts != NULL && pair->answer->contacts->patch_count > 0);
+      CHECK(pair->answer->depth != NULL && pair->contact_ids[0] > 0);
       CHECK(pair->swept->status == NEARMESH_CONTACT && pair->swept->hit_s == 0);
     }
   }
   CHECK(contacts == kRow - 1);
+  CHECK(frame->contact_event_count >= contacts);
+  for (size_t i = 0; i < frame->contact_event_count; ++i) {
+    const nearmesh_contact_event* event = nearmesh_session_contact_event(session, i);
+    CHECK(event->change == NEARMESH_CONTACT_BEGIN || event->change == NEARMESH_CONTACT_PERSIST);
+    const nearmesh_pair_answer* pair = nearmesh_session_find(session, event->a, event->b);
+    CHECK(pair->contact_ids[event->patch] == event->id);
+  }
+  CHECK(nearmesh_session_contact_event(session, frame->contact_event_count) == NULL);
+  CHECK(nearmesh_session_contact_event(NULL, 0) == NULL);
   CHECK(nearmesh_session_answer(session, frame->answer_count) == NULL);
   CHECK(nearmesh_session_find(session, 0, kRow - 1) == NULL);
   const uint64_t digest = frame->answers_digest;
@@ -380,7 +410,8 @@ static void test_budget(const char* sphere_file) {
   nearmesh_model* model = NULL;
   MUST(nearmesh_model_open(sphere_file, &model, &error));
   nearmesh_query_options few;
-  CHECK(nearmesh_query_options_init(&few, sizeof few) == NEARMESH_OK && few.max_tests == UINT64_MAX);
+  CHECK(nearmesh_query_options_init(&few, sizeof few) == NEARMESH_OK &&
+        few.max_tests == UINT64_MAX);
   few.max_tests = 20;
   nearmesh_query* query = NULL;
   MUST(nearmesh_query_create(model, model, &few, &query, &error));
@@ -753,8 +784,8 @@ static void test_probes(const char* sphere_file, const char* open_file) {
           NEARMESH_INVALID_ARGUMENT, "ray 0");
   REFUSED(nearmesh_model_probe_rays(model, &pose, NULL, 1, answers, &error),
           NEARMESH_INVALID_ARGUMENT, "rays");
-  REFUSED(nearmesh_model_probe_rays(model, &pose, rays, 1, NULL, &error),
-          NEARMESH_INVALID_ARGUMENT, "answers");
+  REFUSED(nearmesh_model_probe_rays(model, &pose, rays, 1, NULL, &error), NEARMESH_INVALID_ARGUMENT,
+          "answers");
   REFUSED(nearmesh_model_probe_rays(model, NULL, rays, 1, answers, &error),
           NEARMESH_INVALID_ARGUMENT, "pose");
   MUST(nearmesh_model_probe_rays(model, &pose, NULL, 0, NULL, &error));

@@ -43,7 +43,9 @@ def test_one_pose_stands_for_all_and_counts_must_agree(ball):
     pair = nm.Pair(ball, ball)
     three = np.stack([at(x) for x in (1.5, 2.5, 3.5)])
     alone = [pair.query(np.eye(4), pose)[0] for pose in three]
-    assert pair.query(np.eye(4), three).tolist() == [row.tolist() for row in alone]
+    together = pair.query(np.eye(4), three)
+    for field in together.dtype.names:
+        np.testing.assert_array_equal(together[field], [row[field] for row in alone])
     assert len(pair.query(np.eye(4), np.zeros((0, 4, 4)))) == 0
     with pytest.raises(ValueError, match="2 poses, poses_b 3"):
         pair.query(three[:2], three)
@@ -76,6 +78,33 @@ def test_contacts_and_faces_name_where_and_what(ball):
     vertices, triangles = sphere()
     assert (vertices[triangles[faces[:, 0]]][:, :, 0].max(axis=1) > 0.94).all()
     assert (vertices[triangles[faces[:, 1]]][:, :, 0].min(axis=1) < -0.94).all()
+
+
+def test_distance_is_bracketed_by_points_of_both(ball):
+    pair = nm.Pair(ball, ball)
+    pair.query(np.eye(4), at(1.9))  # brings the detail
+    row = pair.query(np.eye(4), at(2.001), clearance="exact")[0]
+    assert row["clearance_m"] <= row["distance_at_most_m"] < row["clearance_m"] + 0.01
+    assert np.linalg.norm(row["nearest_b_m"] - row["nearest_a_m"]) == pytest.approx(row["distance_at_most_m"], abs=1e-6)
+    np.testing.assert_allclose(np.linalg.norm(row["nearest_a_m"]), 1, atol=0.03)
+
+
+def test_depth_leads_out(ball):
+    pair = nm.Pair(ball, ball)
+    assert pair.depth(np.eye(4), at(2.5)) is None
+    depth = pair.depth(np.eye(4), at(1.9))
+    assert 0.05 < depth.at_least_m <= depth.at_most_m < 0.11 and depth.missing == 0 and not depth.exhausted
+    np.testing.assert_allclose(depth.direction, [1, 0, 0], atol=0.1)
+    out = at(1.9)
+    out[:3, 3] += depth.separation_m
+    assert pair.query(np.eye(4), out)["status"][0] == nm.Status.FREE
+    up = pair.depth(np.eye(4), at(1.9), directions=[[0, 0, 2]])
+    assert up.at_most_m > depth.at_most_m and up.direction.tolist() == [0, 0, 1]
+    with pytest.raises(ValueError, match="direction 0"):
+        pair.depth(np.eye(4), at(1.9), directions=[[0, 0, 0]])
+    patch = pair.contacts(np.eye(4), at(1.9)).patches[0]
+    assert patch["manifold_count"] == 4
+    np.testing.assert_allclose(patch["manifold_m"][:, 0], 0.95, atol=0.03)
 
 
 @pytest.mark.parametrize("wrong, kind, text", [

@@ -50,6 +50,25 @@ def test_a_local_session_answers_as_two_models_do(ball):
     np.testing.assert_array_equal(session.motion_of(bodies[1]).pose, at(0.7))
 
 
+def test_contacts_keep_their_numbers_and_depth_leads_out(ball):
+    session = nm.Session.local({"ball": ball.path}, depth=True)
+    bodies = two_balls(session)
+    session.watch(*bodies)
+    fly(session, bodies, 1.9, 0)
+    for frame in range(1, 20):  # detail for the depth comes
+        report = fly(session, bodies, 1.9, frame)
+    depth, ids = report.depth(0), report.contact_ids(0)
+    assert len(ids) == 1 and depth.missing == 0 and 0 < depth.at_least_m <= depth.at_most_m < 0.11
+    event, = report.contact_events
+    assert (event["change"], event["id"], event["patch"]) == (nm.ContactChange.PERSIST, ids[0], 0)
+    report = fly(session, bodies, 1.89, 20)
+    assert report.contact_ids(0).tolist() == ids.tolist()
+    report = fly(session, bodies, 2.2, 21)
+    event, = report.contact_events
+    assert (event["change"], event["id"]) == (nm.ContactChange.END, ids[0])
+    assert report.depth(0) is None and len(report.contact_ids(0)) == 0
+
+
 def test_threads_change_no_answer(ball):
     digests = []
     for threads in (1, 4):

@@ -209,9 +209,13 @@ typedef struct nearmesh_contact_patch {
   double uncertainty_m;     ///< 0 unless approximate
   int32_t normal_is_of_a;   ///< whose faces it was taken of
   int32_t approximate;
+  /// For solvers that take few points: at most four ends of its segments that span it.
+  double manifold_m[4][3];
+  uint32_t manifold_count, reserved;
+  double manifold_error_m;  ///< every point of its segments is within this of their convex hull
 } nearmesh_contact_patch;
 
-/// Where two bodies touch. No depth: two meshes' contact does not answer how far they have sunk into each other.
+/// Where two bodies touch.
 typedef struct nearmesh_contacts {
   size_t segment_count;
   const nearmesh_contact_segment* segments;  ///< by patch
@@ -225,6 +229,17 @@ typedef struct nearmesh_contacts {
 /// NULL beyond patch_count. Valid as long as the contacts.
 NEARMESH_API const nearmesh_contact_patch* nearmesh_contacts_patch(
     const nearmesh_contacts* contacts, size_t index) NEARMESH_NOTHROW;
+
+/// How deep two bodies are in each other along a direction: how far B has to be moved until it is free of A. Both bounds are proofs.
+typedef struct nearmesh_depth {
+  double direction[3];     ///< unit vector, world: the way B is moved
+  double at_least_m;       ///< moved less along it B touches A all the way; 0: nothing is proved
+  double at_most_m;        ///< moved so far it is free; infinite where no free place was found
+  double separation_m[3];  ///< add it to the translation of B's pose: then they are certified free, where at_most_m is finite
+  uint64_t missing_a, missing_b;  ///< nodes whose detail would narrow the bracket
+  int32_t exhausted;       ///< the search was ended by its length
+  int32_t reserved;
+} nearmesh_depth;
 
 typedef struct nearmesh_answer {
   int32_t status;                   ///< NEARMESH_FREE and so on
@@ -244,6 +259,10 @@ typedef struct nearmesh_answer {
   const nearmesh_contacts* contacts;  ///< where they were asked for and something touches; else NULL
   int32_t exhausted;  ///< max_tests were spent: partial or uncertain, with what was found by then
   int32_t reserved;
+  /// The full meshes are at most so far apart, metres; 0 where faces touch, infinite where nothing is known.
+  double distance_at_most_m;
+  double nearest_a_m[3], nearest_b_m[3];  ///< where it is positive and finite: points of the full meshes that are; world
+  const nearmesh_depth* depth;            ///< where it was asked for and something touches; else NULL
 } nearmesh_answer;
 
 // ---- Queries of two files at hand ----------------------------------------------------------------------------------
@@ -255,7 +274,7 @@ typedef struct nearmesh_query_options {
   uint64_t max_pairs;  ///< list so many at most; UINT64_MAX, the default: all
   int32_t solid_a, solid_b;  ///< it has an inside, so is the other one in it? Its model must be closed
   int32_t contacts;    ///< work out where they touch
-  int32_t reserved;    ///< 0
+  int32_t depth;       ///< and how deep they are in each other; then also `contacts`
   uint64_t max_tests;  ///< end after so many tests, of 2 to 25 ns; UINT64_MAX, the default: do not
 } nearmesh_query_options;
 
@@ -314,6 +333,8 @@ typedef struct nearmesh_session_options {
   uint64_t max_pairs;         ///< list so many of each answer at most; UINT64_MAX, the default: all
   uint64_t max_tests;         ///< of each answer, 10 to 50 ms; 2000000
   uint64_t max_sweep_tests;   ///< of each swept answer, of some 100 ns; 50000
+  int32_t depth;              ///< work out how deep bodies are in each other; then also `contacts`; 0
+  int32_t reserved;           ///< 0
 } nearmesh_session_options;
 
 /// `size`: sizeof of your struct. Errors: NEARMESH_INVALID_ARGUMENT.
@@ -452,7 +473,23 @@ typedef struct nearmesh_frame {
   uint64_t state_digest;    ///< of the detail that is held
   uint64_t answers_digest;  ///< of all answers; equal on peers that know the same
   uint64_t pairs_put_off;   ///< answers that are, for want of budget
+  size_t contact_event_count;  ///< nearmesh_session_contact_event()
 } nearmesh_frame;
+
+/// nearmesh_contact_event.change
+enum {
+  NEARMESH_CONTACT_BEGIN = 0,
+  NEARMESH_CONTACT_PERSIST = 1,
+  NEARMESH_CONTACT_END = 2,         ///< certified, or a body's model was replaced
+  NEARMESH_CONTACT_UNCONFIRMED = 3  ///< not found, but the answer is not certified: it may be there
+};
+/// What an update says of a contact, a patch that is followed from update to update.
+typedef struct nearmesh_contact_event {
+  int32_t change;
+  uint32_t patch;      ///< begin, persist: its place among the patches of the pair's answer
+  uint64_t id;         ///< that it keeps; no other contact of the session has it
+  nearmesh_body a, b;  ///< as in the pair's answers
+} nearmesh_contact_event;
 
 /// An answer about a pair that is watched by name, or may be near.
 typedef struct nearmesh_swept {
@@ -487,6 +524,7 @@ typedef struct nearmesh_pair_answer {
   double safe_horizon_s;          ///< so long nothing can touch, if the bodies keep within their speeds
   const nearmesh_swept* swept;    ///< with sweep_s, where the poses are known; else NULL
   const nearmesh_last_certified* last_certified;  ///< of a pair that is put off, if it ever was certified; else NULL
+  const uint64_t* contact_ids;    ///< of each patch of answer->contacts, where there are some: a number that lasts with the contact
 } nearmesh_pair_answer;
 
 /// A body of which nothing can be said; none of its pairs is certified.
@@ -520,6 +558,9 @@ NEARMESH_API const nearmesh_pair_answer* nearmesh_session_answer(const nearmesh_
 NEARMESH_API const nearmesh_pair_answer* nearmesh_session_find(const nearmesh_session* session,
                                                                nearmesh_body a, nearmesh_body b)
     NEARMESH_NOTHROW;
+/// With `contacts`: one for each contact that there is or was until now. Of the last frame. NULL beyond contact_event_count.
+NEARMESH_API const nearmesh_contact_event* nearmesh_session_contact_event(
+    const nearmesh_session* session, size_t index) NEARMESH_NOTHROW;
 /// With watch_all. NULL beyond unknown_count.
 NEARMESH_API const nearmesh_unknown_body* nearmesh_session_unknown(const nearmesh_session* session,
                                                                    size_t index) NEARMESH_NOTHROW;

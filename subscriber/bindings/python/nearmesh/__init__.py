@@ -12,9 +12,17 @@ one that is not certified says so. Objects may be shared between threads: calls 
 from enum import IntEnum
 
 from . import errors
-from ._nearmesh import (Contacts, FrameReport, FreeByBounds, Model, Motion, Pair, RecordedBody, RecordedScene, Recording,
+from ._nearmesh import (Contacts, Depth, FrameReport, FreeByBounds, Model, Motion, Pair, RecordedBody, RecordedScene, Recording,
                         Session, __version__, bake, pose)
 from .errors import Error
+
+
+class ContactChange(IntEnum):
+    """What an update says of a contact. UNCONFIRMED: it was not found, but the answer is not certified."""
+    BEGIN = 0
+    PERSIST = 1
+    END = 2
+    UNCONFIRMED = 3
 
 
 class Status(IntEnum):
@@ -41,5 +49,5 @@ class ProbeStatus(IntEnum):
     UNCERTAIN = 2
 
 
-__all__ = ["Contacts", "Contained", "Error", "FrameReport", "FreeByBounds", "Model", "Motion", "Pair", "ProbeStatus",
+__all__ = ["ContactChange", "Contacts", "Contained", "Depth", "Error", "FrameReport", "FreeByBounds", "Model", "Motion", "Pair", "ProbeStatus",
            "RecordedBody", "RecordedScene", "Recording", "Session", "Status", "__version__", "bake", "errors", "pose"]

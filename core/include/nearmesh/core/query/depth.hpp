@@ -16,6 +16,7 @@
 #include <string_view>
 #include <vector>
 
+#include "nearmesh/core/query/certify.hpp"
 #include "nearmesh/core/query/contacts.hpp"
 
 namespace nearmesh {
@@ -54,5 +55,12 @@ struct Depth {
                                        const Pose& pose_b, std::string_view name_b,
                                        const Answer& answer, const Contacts& contacts,
                                        const DepthOptions& options = {});
+
+/// The same of two models at hand: splits what is missing, until nothing is or max_tests were spent. Errors: also those of certify().
+[[nodiscard]] Result<Depth> certify_depth(LocalModel& a, const Pose& pose_a,
+                                          const Require& require_a, LocalModel& b,
+                                          const Pose& pose_b, const Require& require_b,
+                                          const Answer& answer, const Contacts& contacts,
+                                          const DepthOptions& options = {});
 
 }  // namespace nearmesh
