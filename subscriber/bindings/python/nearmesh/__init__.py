@@ -13,7 +13,7 @@ from enum import IntEnum
 
 from . import errors
 from ._nearmesh import (Contacts, FrameReport, FreeByBounds, Model, Motion, Pair, RecordedBody, RecordedScene, Recording,
-                        Session, __version__, bake, pose)
+                        Session, World, __version__, bake, pose)
 from .errors import Error
 
 
@@ -42,4 +42,5 @@ class ProbeStatus(IntEnum):
 
 
 __all__ = ["Contacts", "Contained", "Error", "FrameReport", "FreeByBounds", "Model", "Motion", "Pair", "ProbeStatus",
-           "RecordedBody", "RecordedScene", "Recording", "Session", "Status", "__version__", "bake", "errors", "pose"]
+           "RecordedBody", "RecordedScene", "Recording", "Session", "Status", "World", "__version__", "bake", "errors",
+           "pose"]
