@@ -36,6 +36,8 @@ const char* to_string(Kind kind) {
       return "model";
     case Kind::kQuery:
       return "query";
+    case Kind::kWorld:
+      return "world";
     case Kind::kSession:
       return "session";
     case Kind::kRecording:

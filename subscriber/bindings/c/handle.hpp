@@ -25,6 +25,7 @@ enum class Kind : std::uint32_t {
   kNone = 0,  ///< destroyed
   kModel = 0x6d6d6f64,
   kQuery = 0x6d717279,
+  kWorld = 0x6d776c64,
   kSession = 0x6d736573,
   kRecording = 0x6d726563,
 };

@@ -1,64 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Probes of bodies of sessions and of files at hand; poses that the host heard.
-#include <algorithm>
-#include <span>
 #include <utility>
 #include <vector>
 
 #include "model.hpp"
-#include "nearmesh/core/query/probe.hpp"
+#include "probes.hpp"
 #include "session.hpp"
 
 namespace nearmesh::c {
 namespace {
-
-template <class From>
-std::array<double, 3> three(const From& from) {
-  return {from[0], from[1], from[2]};
-}
-RayProbe probe_of(const nearmesh_ray& ray) {
-  return {three(ray.origin_m), three(ray.direction), ray.range_m};
-}
-BallProbe probe_of(const nearmesh_ball& ball) { return {three(ball.center_m), ball.radius_m}; }
-BoxProbe probe_of(const nearmesh_box& box) { return {from_c(box.pose), three(box.half_m)}; }
-using Point = double[3];
-std::array<double, 3> probe_of(const Point& point_m) { return three(point_m); }
-
-void tell_answer(const RayAnswer& from, nearmesh_ray_answer& to) {
-  to = {};
-  to.status = static_cast<int32_t>(from.status);
-  to.has_face = from.has_face ? 1 : 0;
-  to.at_least_m = from.at_least_m;
-  to.at_most_m = from.at_most_m;
-  std::copy(from.point_m.begin(), from.point_m.end(), to.point_m);
-  std::copy(from.normal.begin(), from.normal.end(), to.normal);
-  to.face = {from.face.split.value, from.face.index};
-  to.missing = from.missing;
-}
-void tell_answer(const PointAnswer& from, nearmesh_point_answer& to) {
-  to = {static_cast<int32_t>(from.status), from.on_surface ? 1 : 0, from.missing, 0};
-}
-void tell_answer(const ShapeAnswer& from, nearmesh_shape_answer& to) {
-  to = {static_cast<int32_t>(from.status),
-        from.has_face ? 1 : 0,
-        {from.face.split.value, from.face.index},
-        from.missing,
-        0};
-}
-
-/// Calls ask(probes, answers) with the arrays as C++ has them.
-template <class Probe, class Answer, class From, class To, class Ask>
-Status asked(const From* given, std::size_t count, const char* name, To* answers, const Ask& ask) {
-  NEARMESH_RETURN_IF_ERROR(check_array(given, count, name));
-  NEARMESH_RETURN_IF_ERROR(check_array(answers, count, "answers"));
-  std::vector<Probe> probes;
-  probes.reserve(count);
-  for (std::size_t i = 0; i < count; ++i) probes.push_back(probe_of(given[i]));
-  std::vector<Answer> found(count);
-  NEARMESH_RETURN_IF_ERROR(ask(std::span<const Probe>(probes), std::span<Answer>(found)));
-  for (std::size_t i = 0; i < count; ++i) tell_answer(found[i], answers[i]);
-  return Status::ok();
-}
 
 template <class Probe, class Answer, class From, class To>
 nearmesh_status of_session(nearmesh_session* session, nearmesh_body body, const From* given,
@@ -103,10 +53,6 @@ nearmesh_status of_model(nearmesh_model* model, const nearmesh_pose* pose, const
       return status;
     });
   });
-}
-
-const Point* points_of(const double* points_m) {
-  return reinterpret_cast<const Point*>(points_m);  // an array of arrays lies as one of numbers
 }
 
 }  // namespace

@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Probes of models at hand and of a session's bodies, as arrays; poses that the host heard.
+// Probes of models at hand, of worlds and of a session's bodies, as arrays; poses that the host heard.
 
 #include "peer.hpp"
 
+#include <algorithm>
 #include <limits>
 #include <memory>
 #include <span>
 
 #include "nearmesh/core/query/probe.hpp"
+#include "nearmesh/core/world/world_probe.hpp"
 
 namespace nearmesh::python {
 namespace {
@@ -57,6 +59,50 @@ ShapeRow row_of(const ShapeAnswer& answer) {
           answer.missing,
           {answer.face.split.value, answer.face.index}};
 }
+
+/// Of a world: the answer, and whose face it names.
+using HexText = std::array<char, 32>;
+using Place = std::array<std::int32_t, 3>;
+struct WorldRayRow {
+  std::uint8_t status;
+  bool has_face;
+  std::array<std::uint32_t, 2> face;
+  HexText tile;
+  Place place;
+  double distance_m;
+  Point point_m, normal;
+};
+struct WorldShapeRow {
+  std::uint8_t status;
+  bool has_face;
+  std::array<std::uint32_t, 2> face;
+  HexText tile;
+  Place place;
+};
+HexText name_of(const WorldTile& tile, bool has_face) {
+  HexText text{};
+  const std::string hex = has_face ? to_hex(tile.content) : std::string();
+  std::copy(hex.begin(), hex.end(), text.begin());
+  return text;
+}
+WorldRayRow row_of(const WorldRayAnswer& answer) {
+  const RayRow row = row_of(answer.ray);
+  return {row.status,        row.has_face,   row.face,    name_of(answer.tile, row.has_face),
+          answer.tile.place, row.distance_m, row.point_m, row.normal};
+}
+WorldShapeRow row_of(const WorldShapeAnswer& answer) {
+  const ShapeRow row = row_of(answer.shape);
+  return {row.status, row.has_face, row.face, name_of(answer.tile, row.has_face),
+          answer.tile.place};
+}
+
+/// A world that several of Python's threads may share: one of them probes at a time.
+struct World {
+  World(const std::string& folder, std::size_t most_tiles)
+      : probe(need(WorldProbe::open(folder, most_tiles))) {}
+  WorldProbe probe;
+  std::mutex mutex;
+};
 
 /// An array (n, 3), or (3,) for one.
 std::vector<Point> points_of(const Doubles& array, const char* name) {
@@ -139,6 +185,19 @@ auto of_model(Model& model, const Doubles& pose, const std::vector<Probe>& probe
 }
 
 template <class Answer, class Probe>
+auto of_world(World& world, const Doubles& pose, const std::vector<Probe>& probes) {
+  const Pose place = pose_of(pose, "pose");
+  std::vector<Answer> answers(probes.size());
+  const auto ask = [&]() -> Status {
+    const py::gil_scoped_release others_may_run;
+    const std::lock_guard lock(world.mutex);
+    return world.probe.probe(place, std::span<const Probe>(probes), std::span<Answer>(answers));
+  };
+  need(ask());
+  return rows(answers);
+}
+
+template <class Answer, class Probe>
 py::tuple of_body(Peer& peer, std::uint32_t body, const std::vector<Probe>& probes) {
   std::vector<Answer> answers(probes.size());
   const ProbeReport report = need(unlocked(peer, [&](Session& session) {
@@ -153,6 +212,45 @@ Doubles matrix(const Point& translation, const std::array<double, 4>& quaternion
 
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
 const Point kDown{0, 0, -1};
+
+void add_world(py::module_& module) {
+  PYBIND11_NUMPY_DTYPE(WorldRayRow, status, has_face, face, tile, place, distance_m, point_m,
+                       normal);
+  PYBIND11_NUMPY_DTYPE(WorldShapeRow, status, has_face, face, tile, place);
+  py::class_<World>(
+      module, "World",
+      R"(A folder that `nearmesh-model build-world` made: its tiles, as if they were one mesh.
+
+At most most_tiles are held open, the least recently used going first. Answers are certified. There are no probes of points,
+since tiles are not closed: a ray down tells whether a point is below a ground.)")
+      .def(py::init<const std::string&, std::size_t>(), py::arg("folder"), py::kw_only(),
+           py::arg("most_tiles") = 64)
+      .def(
+          "probe_rays",
+          [](World& w, const Doubles& pose, const Doubles& origins, const Doubles& directions,
+             const Doubles& range_m) {
+            return of_world<WorldRayAnswer>(w, pose, rays_of(origins, directions, range_m));
+          },
+          py::arg("pose"), py::arg("origins"), py::arg("directions") = kDown,
+          py::arg("range_m") = kInfinite,
+          R"(The first face that each ray meets, of the world in a pose (4, 4): a structured array of n rows.
+
+As Model.probe_rays; tile is the content of the model that the face belongs to, place where its grid begins, in cells.)")
+      .def(
+          "probe_balls",
+          [](World& w, const Doubles& pose, const Doubles& centers, const Doubles& radii) {
+            return of_world<WorldShapeAnswer>(w, pose, balls_of(centers, radii));
+          },
+          py::arg("pose"), py::arg("centers"), py::arg("radii"),
+          "Whether balls meet the surface; has_face, face, tile, place: which.")
+      .def(
+          "probe_boxes",
+          [](World& w, const Doubles& pose, const Doubles& poses, const Doubles& half_m) {
+            return of_world<WorldShapeAnswer>(w, pose, boxes_of(poses, half_m));
+          },
+          py::arg("pose"), py::arg("poses"), py::arg("half_m"),
+          "Whether filled boxes, poses (n, 4, 4) and half extents (n, 3), meet the surface.");
+}
 
 }  // namespace
 
@@ -195,6 +293,7 @@ a miss; point_m, normal. Certified: detail is read as rays need it.)")
           },
           py::arg("pose"), py::arg("poses"), py::arg("half_m"),
           "Whether filled boxes, poses (n, 4, 4) and half extents (n, 3), meet the surface.");
+  add_world(module);
   module.def("pose", &matrix, py::arg("translation") = Point{},
              py::arg("quaternion") = std::array<double, 4>{1, 0, 0, 0},
              "A pose (4, 4) of a translation, metres, and a quaternion (w, x, y, z) of length 1 "

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Probes of models at hand and of a session's bodies; poses that the host heard; poses of quaternions."""
+import os
+import subprocess
+
 import numpy as np
 import pytest
 from conftest import at
@@ -111,3 +114,46 @@ def test_poses_of_quaternions():
     np.testing.assert_array_equal(nm.pose(), np.eye(4))
     with pytest.raises(nm.Error, match="quaternion"):
         nm.pose(quaternion=(1, 1, 0, 0))
+
+
+@pytest.fixture(scope="module")
+def ground(tmp_path_factory):
+    """The same terrain as one model, and as a world of tiles."""
+    folder = tmp_path_factory.mktemp("world")
+    program = os.path.join(os.environ["NEARMESH_BIN_DIR"], "nearmesh-model")
+    for words in (["generate", "terrain", "--size", "24", "-o", "ground.ply"],
+                  ["build", "ground.ply", "-o", "ground.spm"],
+                  ["build-world", "ground.ply", "--faces", "150", "-o", "WORLD"]):
+        subprocess.run([program, *words], cwd=folder, check=True, capture_output=True)
+    return nm.Model(str(folder / "ground.spm")), str(folder / "WORLD")
+
+
+def test_a_world_answers_as_the_one_mesh_that_was_cut(ground):
+    model, folder = ground
+    world = nm.World(folder, most_tiles=2)
+    random = np.random.default_rng(5)
+    origins = np.column_stack([random.uniform(-450, 450, (300, 2)), np.full(300, 2000.0)])
+    directions = np.column_stack([random.uniform(-0.2, 0.2, (300, 2)), -np.ones(300)])
+    rows, truth = world.probe_rays(np.eye(4), origins, directions), model.probe_rays(np.eye(4), origins, directions)
+    np.testing.assert_array_equal(rows["status"], truth["status"])
+    hit = rows["status"] == nm.ProbeStatus.HIT
+    assert 100 < hit.sum() < 300
+    np.testing.assert_allclose(rows["distance_m"][hit], truth["distance_m"][hit], atol=0.01)
+    np.testing.assert_allclose(rows["point_m"][hit], truth["point_m"][hit], atol=0.01)
+    tiles = set(rows["tile"][hit])
+    assert len(tiles) > 4 and all(os.path.exists(f"{folder}/tiles/{tile.decode()}.spm") for tile in tiles)
+    assert set(rows["tile"][~hit]) == {b""}
+    centers = rows["point_m"][hit] + (0, 0, 3)
+    for radius in (2.9, 3.1, 0.1):
+        np.testing.assert_array_equal(world.probe_balls(np.eye(4), centers, radius)["status"],
+                                      model.probe_balls(np.eye(4), centers, radius)["status"])
+    boxes = np.tile(np.eye(4), (len(centers), 1, 1))
+    boxes[:, :3, 3] = centers
+    found = world.probe_boxes(np.eye(4), boxes, (1, 1, 3.1))
+    assert (found["status"] == nm.ProbeStatus.HIT).all() and found["has_face"].all()
+    moved = world.probe_rays(at(100), origins + (100, 0, 0), directions)
+    np.testing.assert_allclose(moved["distance_m"][hit], rows["distance_m"][hit], atol=0.01)
+    with pytest.raises(nm.Error, match="ray 1"):
+        world.probe_rays(np.eye(4), origins, [[0, 0, 1], [0, 0, 0]] * 150)
+    with pytest.raises(nm.errors.NotFoundError):
+        nm.World(folder + "/tiles")

@@ -17,7 +17,7 @@
 //   - Results that you read are given as pointers, of lists one by one. Never copy such a struct by assignment, or rely on its
 //     size.
 //   - These never change: nearmesh_error, nearmesh_pose, nearmesh_motion, nearmesh_face, nearmesh_face_pair,
-//     nearmesh_contact_segment, and probes with their answers (nearmesh_ray and so on). They may stand in arrays.
+//     nearmesh_contact_segment, probes with their answers (nearmesh_ray and so on), and nearmesh_world_tile. They may stand in arrays.
 // * Text is UTF-8 that ends with 0. An int32_t that answers a question is 0 for no; else yes.
 // * Frames. Right-handed, metres, seconds, radians; x_world = rotation x_model + translation, rotation row by row.
 #ifndef NEARMESH_H
@@ -748,6 +748,37 @@ NEARMESH_API nearmesh_status nearmesh_model_probe_balls(
 NEARMESH_API nearmesh_status nearmesh_model_probe_boxes(
     nearmesh_model* model, const nearmesh_pose* pose, const nearmesh_box* boxes, size_t count,
     nearmesh_shape_answer* answers, nearmesh_error* error) NEARMESH_NOTHROW;
+
+/// A world of tiles on disk, made by `nearmesh-model build-world` (docs/worlds.md), as if it were one mesh.
+typedef struct nearmesh_world nearmesh_world;
+/// A tile in one of its places.
+typedef struct nearmesh_world_tile {
+  char content[33];      ///< of its model, 32 hexadecimal digits; empty where no face was met
+  int32_t place[3];      ///< where its grid begins, in cells from the world's origin
+} nearmesh_world_tile;
+
+/// Holds at most `most_tiles` tiles open, the least recently used going first; 0: 64.
+/// Errors: NEARMESH_NOT_FOUND (no world's record is there), NEARMESH_IO, NEARMESH_CORRUPT, NEARMESH_UNSUPPORTED, naming the file.
+NEARMESH_API nearmesh_status nearmesh_world_open(const char* folder, size_t most_tiles,
+                                                 nearmesh_world** world,
+                                                 nearmesh_error* error) NEARMESH_NOTHROW;
+/// NULL: nothing.
+NEARMESH_API void nearmesh_world_close(nearmesh_world* world) NEARMESH_NOTHROW;
+/// Probes of a world in a place: certified. Faces are the tile's; `tiles` says whose, and may be NULL. There are no probes of
+/// points, since tiles are not closed: to learn whether a point is below a ground, send a ray.
+/// Errors: NEARMESH_INVALID_ARGUMENT naming the probe or the pose; NEARMESH_CORRUPT, NEARMESH_IO, NEARMESH_CONFLICT, naming a file.
+/// A world whose call met NEARMESH_OUT_OF_MEMORY refuses later ones.
+NEARMESH_API nearmesh_status nearmesh_world_probe_rays(
+    nearmesh_world* world, const nearmesh_pose* pose, const nearmesh_ray* rays, size_t count,
+    nearmesh_ray_answer* answers, nearmesh_world_tile* tiles, nearmesh_error* error) NEARMESH_NOTHROW;
+NEARMESH_API nearmesh_status nearmesh_world_probe_balls(
+    nearmesh_world* world, const nearmesh_pose* pose, const nearmesh_ball* balls, size_t count,
+    nearmesh_shape_answer* answers, nearmesh_world_tile* tiles,
+    nearmesh_error* error) NEARMESH_NOTHROW;
+NEARMESH_API nearmesh_status nearmesh_world_probe_boxes(
+    nearmesh_world* world, const nearmesh_pose* pose, const nearmesh_box* boxes, size_t count,
+    nearmesh_shape_answer* answers, nearmesh_world_tile* tiles,
+    nearmesh_error* error) NEARMESH_NOTHROW;
 
 /// Poses of bodies that others move, as the host heard them on a topic of its own: the next update takes them in, they age as
 /// those of the bus, and are not sent again. `times_s`: for when each holds, on the exercise's clock.

@@ -12,8 +12,8 @@ one that is not certified says so. Objects may be shared between threads: calls 
 from enum import IntEnum
 
 from . import errors
-from ._nearmesh import (Contacts, Depth, FrameReport, FreeByBounds, Model, Motion, Pair, RecordedBody, RecordedScene, Recording,
-                        Session, __version__, bake, pose)
+from ._nearmesh import (Contacts, Depth, FrameReport, FreeByBounds, Model, Motion, Pair, RecordedBody, RecordedScene,
+                        Recording, Session, World, __version__, bake, pose)
 from .errors import Error
 
 
@@ -49,5 +49,6 @@ class ProbeStatus(IntEnum):
     UNCERTAIN = 2
 
 
-__all__ = ["ContactChange", "Contacts", "Contained", "Depth", "Error", "FrameReport", "FreeByBounds", "Model", "Motion", "Pair", "ProbeStatus",
-           "RecordedBody", "RecordedScene", "Recording", "Session", "Status", "__version__", "bake", "errors", "pose"]
+__all__ = ["ContactChange", "Contacts", "Contained", "Depth", "Error", "FrameReport", "FreeByBounds", "Model", "Motion", "Pair",
+           "ProbeStatus", "RecordedBody", "RecordedScene", "Recording", "Session", "Status", "World", "__version__", "bake",
+           "errors", "pose"]

@@ -3,6 +3,8 @@
 // API (docs/api.md).
 // Probes of a world on disk (docs/worlds.md): rays, balls and boxes against all of its tiles, as if they were one mesh. Pages tell which tiles a probe may
 // meet; these are opened, and of each as much detail is read as the answer needs. So every answer is certified.
+// There are no probes of points: a tile is cut open at its border, and nothing says that all of them together close. A ray down tells
+// whether a point is below a ground.
 
 #include <array>
 #include <cstdint>
