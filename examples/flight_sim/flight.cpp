@@ -15,29 +15,11 @@ constexpr double kArea_m = 1500;  // way points lie within so much of the middle
 constexpr double kMass_kg = 60'000, kWing_m2 = 240, kAir_kgpm3 = 1.2, kGravity_mps2 = 9.81;
 constexpr double kCruise_mps = 140;
 
-Vector operator+(const Vector& a, const Vector& b) {
-  return {a[0] + b[0], a[1] + b[1], a[2] + b[2]};
-}
-Vector operator*(double s, const Vector& a) { return {s * a[0], s * a[1], s * a[2]}; }
-Vector operator-(const Vector& a, const Vector& b) { return a + -1.0 * b; }
-double dot(const Vector& a, const Vector& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-Vector cross(const Vector& a, const Vector& b) {
-  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
-}
-double length(const Vector& a) { return std::sqrt(dot(a, a)); }
-Vector unit(const Vector& a) { return (1 / std::max(length(a), 1e-9)) * a; }
-
-Vector axis_of(const Aircraft& aircraft, std::size_t column) {
-  return {aircraft.rotation[column], aircraft.rotation[3 + column], aircraft.rotation[6 + column]};
-}
+Vector unit(const Vector& a) { return a / std::max(a.norm(), 1e-9); }
 
 void set_axes(Aircraft& aircraft, const Vector& nose, const Vector& up_hint) {
-  const Vector x = unit(nose), y = unit(cross(up_hint, x)), z = cross(x, y);
-  for (std::size_t k = 0; k < 3; ++k) {
-    aircraft.rotation[3 * k] = x[k];
-    aircraft.rotation[3 * k + 1] = y[k];
-    aircraft.rotation[3 * k + 2] = z[k];
-  }
+  const Vector x = unit(nose), y = unit(up_hint.cross(x));
+  aircraft.pose.linear() << x, y, x.cross(y);
 }
 
 Vector next_way_point(Aircraft& aircraft, const Ground& ground) {
@@ -48,27 +30,28 @@ Vector next_way_point(Aircraft& aircraft, const Ground& ground) {
 }
 
 Vector acceleration(const Aircraft& aircraft) {
-  const Vector nose = axis_of(aircraft, 0), left = axis_of(aircraft, 1), up = axis_of(aircraft, 2);
+  const Vector nose = aircraft.pose.linear().col(0), left = aircraft.pose.linear().col(1),
+               up = aircraft.pose.linear().col(2);
   const Vector& v = aircraft.velocity_mps;
-  const double speed = length(v), pressure_n = 0.5 * kAir_kgpm3 * speed * speed * kWing_m2;
+  const double speed = v.norm(), pressure_n = 0.5 * kAir_kgpm3 * speed * speed * kWing_m2;
   const Vector along = unit(v);
-  const double lift = std::clamp(0.25 + 5 * -dot(along, up), -1.2, 1.6);
+  const double lift = std::clamp(0.25 + 5 * -along.dot(up), -1.2, 1.6);
   const double drag = 0.02 + 0.05 * lift * lift;
   const double thrust_n = std::clamp((kCruise_mps - speed) * 2e4 + drag * pressure_n, 0.0,
                                      0.5 * kMass_kg * kGravity_mps2);
-  const Vector force = thrust_n * nose + (lift * pressure_n) * unit(cross(along, left)) -
-                       (drag * pressure_n) * along - (0.8 * pressure_n * dot(along, left)) * left;
-  return 1 / kMass_kg * force + Vector{0, 0, -kGravity_mps2};
+  const Vector force = thrust_n * nose + lift * pressure_n * unit(along.cross(left)) -
+                       drag * pressure_n * along - 0.8 * pressure_n * along.dot(left) * left;
+  return force / kMass_kg - kGravity_mps2 * Vector::UnitZ();
 }
 
 /// Turns the nose to the way point, and the wings so that their lift pulls there.
 Vector wanted_rates(const Aircraft& aircraft) {
-  const Vector nose = axis_of(aircraft, 0), up = axis_of(aircraft, 2);
-  const Vector to = unit(aircraft.way_point_m - aircraft.position_m);
+  const Vector nose = aircraft.pose.linear().col(0), up = aircraft.pose.linear().col(2);
+  const Vector to = unit(aircraft.way_point_m - aircraft.pose.translation());
   const Vector pull =
-      0.25 * kCruise_mps * (to - dot(to, nose) * nose) + Vector{0, 0, kGravity_mps2};
-  const double roll = dot(cross(up, unit(pull)), nose);
-  return 0.5 * cross(nose, to) + 1.5 * roll * nose;
+      0.25 * kCruise_mps * (to - to.dot(nose) * nose) + kGravity_mps2 * Vector::UnitZ();
+  const double roll = up.cross(unit(pull)).dot(nose);
+  return 0.5 * nose.cross(to) + 1.5 * roll * nose;
 }
 
 }  // namespace
@@ -92,32 +75,30 @@ std::vector<Aircraft> make_fleet(const Ground& ground, const std::string& callsi
     Aircraft& aircraft = fleet[i];
     aircraft.name = callsign + std::to_string(i + 1);
     aircraft.random = std::mt19937_64(seed + i);
-    aircraft.position_m = next_way_point(aircraft, ground);
-    aircraft.position_m[2] += 200;
+    aircraft.pose.translation() = next_way_point(aircraft, ground) + 200 * Vector::UnitZ();
     aircraft.way_point_m = next_way_point(aircraft, ground);
-    set_axes(aircraft, aircraft.way_point_m - aircraft.position_m, {0, 0, 1});
-    aircraft.velocity_mps = kCruise_mps * axis_of(aircraft, 0);
+    set_axes(aircraft, aircraft.way_point_m - aircraft.pose.translation(), Vector::UnitZ());
+    aircraft.velocity_mps = kCruise_mps * aircraft.pose.linear().col(0);
   }
   return fleet;
 }
 
 void fly(Aircraft& aircraft, const Ground& ground) {
-  if (length(aircraft.way_point_m - aircraft.position_m) < 150)
+  if ((aircraft.way_point_m - aircraft.pose.translation()).norm() < 150)
     aircraft.way_point_m = next_way_point(aircraft, ground);
-  aircraft.velocity_mps = aircraft.velocity_mps + kStep_s * acceleration(aircraft);
-  aircraft.position_m = aircraft.position_m + kStep_s * aircraft.velocity_mps;
-  const Vector lag = wanted_rates(aircraft) - aircraft.rates_radps;
-  aircraft.rates_radps = aircraft.rates_radps + (kStep_s / 0.3) * lag;
-  const Vector nose = axis_of(aircraft, 0), up = axis_of(aircraft, 2);
-  set_axes(aircraft, nose + kStep_s * cross(aircraft.rates_radps, nose),
-           up + kStep_s * cross(aircraft.rates_radps, up));
+  aircraft.velocity_mps += kStep_s * acceleration(aircraft);
+  aircraft.pose.translation() += kStep_s * aircraft.velocity_mps;
+  aircraft.rates_radps += kStep_s / 0.3 * (wanted_rates(aircraft) - aircraft.rates_radps);
+  const Vector nose = aircraft.pose.linear().col(0), up = aircraft.pose.linear().col(2);
+  set_axes(aircraft, nose + kStep_s * aircraft.rates_radps.cross(nose),
+           up + kStep_s * aircraft.rates_radps.cross(up));
 }
 
 void push_out(Aircraft& aircraft, const Vector& normal) {
   constexpr double kBounce = 0.3, kSkin_m = 0.05;
-  const double inward_mps = std::max(0.0, -dot(aircraft.velocity_mps, normal));
-  aircraft.position_m = aircraft.position_m + (kStep_s * inward_mps + kSkin_m) * normal;
-  aircraft.velocity_mps = aircraft.velocity_mps + (1 + kBounce) * inward_mps * normal;
+  const double inward_mps = std::max(0.0, -aircraft.velocity_mps.dot(normal));
+  aircraft.pose.translation() += (kStep_s * inward_mps + kSkin_m) * normal;
+  aircraft.velocity_mps += (1 + kBounce) * inward_mps * normal;
 }
 
 }  // namespace flight_sim

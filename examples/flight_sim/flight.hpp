@@ -3,7 +3,7 @@
 // The simulator's physics: rigid aircraft on autopilot from way point to way point, low over the terrain. Fixed step,
 // metres, seconds, z up. No DDS, no nearmesh but its terrain generator.
 
-#include <array>
+#include <Eigen/Geometry>
 #include <cstdint>
 #include <random>
 #include <string>
@@ -13,16 +13,16 @@
 
 namespace flight_sim {
 
-using Vector = std::array<double, 3>;
+using Vector = Eigen::Vector3d;
 
 inline constexpr double kStep_s = 0.01;  ///< 100 Hz
 
 struct Aircraft {
   std::string name;
-  Vector position_m{}, velocity_mps{}, rates_radps{};  ///< world frame
-  std::array<double, 9> rotation{1, 0, 0, 0, 1,
-                                 0, 0, 0, 1};  ///< row-major; columns: nose, left, up
-  Vector way_point_m{};
+  Eigen::Isometry3d pose =
+      Eigen::Isometry3d::Identity();  ///< x_world = pose x; axes: nose, left, up
+  Vector velocity_mps = Vector::Zero(), rates_radps = Vector::Zero();  ///< world frame
+  Vector way_point_m = Vector::Zero();
   std::mt19937_64 random{0};
 };
 

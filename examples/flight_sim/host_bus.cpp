@@ -62,9 +62,10 @@ void HostBus::publish(const Aircraft& aircraft, std::uint64_t step) {
   AircraftState state;
   state.name(aircraft.name);
   state.step(step);
-  state.position_m(aircraft.position_m);
-  state.velocity_mps(aircraft.velocity_mps);
-  state.rotation(aircraft.rotation);
+  Vector::Map(state.position_m().data()) = aircraft.pose.translation();
+  Vector::Map(state.velocity_mps().data()) = aircraft.velocity_mps;
+  Eigen::Matrix<double, 3, 3, Eigen::RowMajor>::Map(state.rotation().data()) =
+      aircraft.pose.linear();
   writer->write(&state);
 }
 

@@ -13,6 +13,7 @@
 
 #include "flight.hpp"
 #include "host_bus.hpp"
+#include "nearmesh/eigen.hpp"
 #include "nearmesh/subscriber/dds/dds_channel.hpp"
 #include "nearmesh/subscriber/peer/wait_ready.hpp"
 
@@ -85,9 +86,8 @@ std::vector<nm::Session::OwnMotion> motions_of(const Peer& peer,
                                                const std::vector<Aircraft>& fleet) {
   std::vector<nm::Session::OwnMotion> motions;
   for (std::size_t i = 0; i < fleet.size(); ++i)
-    motions.push_back(
-        {peer.bodies[i],
-         {{fleet[i].rotation, fleet[i].position_m}, fleet[i].velocity_mps, fleet[i].rates_radps}});
+    motions.push_back({peer.bodies[i], nearmesh::to_motion(fleet[i].pose, fleet[i].velocity_mps,
+                                                           fleet[i].rates_radps)});
   return motions;
 }
 
@@ -97,16 +97,15 @@ void use_answer(const nm::PairAnswer& pair, bool is_b, Policy policy, Aircraft& 
   if (pair.contacts) {  // certified, or a part of it: what touches does touch
     ++summary.contact;
     for (const nearmesh::ContactPatch& patch : pair.contacts->patches) {
-      Vector away = patch.normal;  // the way B has to move
-      for (double& x : away) x = is_b ? x : -x;
-      push_out(own, away);
+      const Vector away = nearmesh::to_eigen(patch.normal);  // the way B has to move
+      push_out(own, is_b ? away : Vector(-away));
     }
   } else if (nearmesh::is_certified(pair.answer.status)) {
     ++summary.free;
   } else {  // not known yet: never free
     ++summary.uncertain;
     if (policy == Policy::kHold) own = before;
-    if (policy == Policy::kConservative) push_out(own, {0, 0, 1});
+    if (policy == Policy::kConservative) push_out(own, Vector::UnitZ());
     summary.held += policy == Policy::kHold ? 1 : 0;
   }
 }

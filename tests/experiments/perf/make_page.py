@@ -29,6 +29,15 @@ Microseconds, one thread: medians of all poses, the least of three calls each. I
 the same over eight million.
 """
 
+PROBES = """## Probes
+
+10,000 heights above a million faces take {least:.1f} to {most:.1f} ms. Below are milliseconds for 10,000 [probes](answers.md#probes) of a
+terrain that is held as a whole, one thread, medians of 21 batches, and the share of rays that hit.
+
+* **nearmesh** says for certain which face comes first, in whatever pose the body is.
+* **Embree** rounds to floats and gives no certificate; the body lies in the world's place, and nothing is posed. Packets are of 8 rays.
+"""
+
 REFINING = """## A frame in which detail arrives
 
 The same flight, from the base mesh on: the splits that a frame's pose needs are done (T R), the tree follows (T B), one query finds
@@ -51,6 +60,7 @@ Tables are written by `tests/experiments/perf/make_page.py` from the files in [p
     bin=build/dev/bin
     $bin/nearmesh-perf --workload sphere bunny terrain1m terrain8m -o docs/perf/queries.csv     # 11 GB
     $bin/nearmesh-model generate terrain --size 708 -o terrain.ply && $bin/nearmesh-model build terrain.ply -o terrain.spm
+    $bin/nearmesh-bench-probe > docs/perf/probes.csv                            # of six runs the least disturbed
     $bin/nearmesh-bench-core terrain.spm > docs/perf/core-terrain.csv           # of twelve runs the least disturbed
     $bin/nearmesh-bench-bake 1000000 1 > docs/perf/bake-1M-faces-1-thread.csv
     $bin/nearmesh-bench-bake 10000000 2 > docs/perf/bake-10M-faces-2-threads.csv                 # and 30000000
@@ -91,6 +101,8 @@ def aims(folder):
     million, ten = "1M-faces-1-thread", "10M-faces-2-threads"
     models = ("bunny", "armadillo", "terrain-263k-vertices", "terrain-1M-vertices")
     flight = "terrain-1M-vertices"
+    heights = [value["nearmesh"] for (faces, name), value in probe_times(folder / "probes.csv")[0].items()
+               if faces > 1e6 and name.startswith("heights")]
     rows = [("sphere near miss, first contact", "at most", [0.10], [ratio("sphere/near_miss", "first_contact_median")]),
             ("bunny grazing / deep, all pairs", "at most", [0.12, 0.10],
              [ratio("bunny/grazing", "all_pairs_median"), ratio("bunny/deep_0.5", "all_pairs_median")]),
@@ -115,7 +127,8 @@ def aims(folder):
             ("its mean error at a tenth of the faces, diagonals / faces that meet others", "at most", [1.36e-4, 0],
              [bake(million, "mean_error_at_10_percent"), bake(million, "self_intersecting_at_10_percent")]),
             ("bake 10 M faces on two threads, s / GB", "at most", [40, 3], [bake(ten, "bake"), bake(ten, "peak_resident") / 1024 / MB]),
-            ("open a file of 10 M faces, ms", "at most", [50], [bake(ten, "open")])]
+            ("open a file of 10 M faces, ms", "at most", [50], [bake(ten, "open")]),
+            ("10,000 heights above a terrain of 1 M faces, ms, the slowest of three kinds", "at most", [5], [max(heights)])]
     print(AIMS)
     print("| | aim | measured | |\n|---|--:|--:|---|")
     for what, bound, aim, found in rows:
@@ -183,6 +196,37 @@ def queries(path):
     print("\n")
 
 
+def probe_times(path):
+    """By faces and probes, milliseconds by who; hits; answers that differ."""
+    with open(path, newline="") as file:
+        rows = list(csv.DictReader(file))
+    times, hits, differ = {}, {}, 0
+    for row in rows:
+        if row["median_ms"]:
+            times.setdefault((int(row["faces"]), row["probes"]), {})[row["who"]] = float(row["median_ms"])
+            hits[int(row["faces"]), row["probes"]] = int(row["hits"])
+        else:
+            differ += int(row["hits"])
+    return times, hits, differ
+
+
+def probes(path):
+    times, hits, differ = probe_times(path)
+    whos = list(next(iter(times.values())))
+    heights = [value["nearmesh"] for (faces, name), value in times.items() if faces > 1e6 and name.startswith("heights")]
+    print(PROBES.format(least=min(heights), most=max(heights)))
+    print("| faces | | hits | " + " | ".join(whos) + " |\n|--:|---|--:|" + "--:|" * len(whos))
+    for (faces, name), value in times.items():
+        cells = [f"{value[who]:.2f}" for who in whos]
+        print(f"| {faces:,} | {name} | {hits[faces, name] / 100:.0f} % | **{cells[0]}** | " + " | ".join(cells[1:]) + " |")
+    for who in whos[2:]:
+        shares = [value[who] / value["nearmesh"] for value in times.values()]
+        print(f"\n{who[0].upper()}{who[1:]}, takes {min(shares):.2f} to {max(shares):.2f} of nearmesh's time.", end="")
+    if whos[2:]:
+        print(f" Of {len(times) * 10_000:,} answers {differ or 'none'} differ{'' if differ > 1 else 's'} from Embree's by more than 5 cm.")
+    print()
+
+
 def plain(title, paths):
     if not paths:
         return
@@ -205,6 +249,7 @@ def main():
     summary(folder)
     aims(folder)
     queries(folder / "queries.csv")
+    probes(folder / "probes.csv")
     plain("Codec, refinement, tree", sorted(folder.glob("core-*.csv")))
     plain("Baking and opening", sorted(folder.glob("bake-*.csv")))
     plain("Bytes to certify, and a peer's memory", sorted(folder.glob("bytes-*.csv")))

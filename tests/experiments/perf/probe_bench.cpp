@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Time of 10,000 probes of a terrain that is held as a whole, and Embree's of the same rays, as CSV.
-//   nearmesh-bench-probe
+//   nearmesh-bench-probe > docs/perf/probes.csv
 // Single thread, thread CPU time; the least and the median of 21 batches. A tree of a replica, so of its slots, not one built at once.
 
 #include <algorithm>
@@ -40,7 +40,8 @@ void measure(std::uint32_t faces, const char* probes, const char* who,
     ms.push_back(cpu_ms() - start);
   }
   std::sort(ms.begin(), ms.end());
-  std::printf("%u,%s,%s,%.3f,%.3f,%zu\n", faces, probes, who, ms.front(), ms[ms.size() / 2], hits);
+  std::printf("%u,\"%s\",\"%s\",%.3f,%.3f,%zu\n", faces, probes, who, ms.front(), ms[ms.size() / 2],
+              hits);
 }
 
 struct Rays {
@@ -134,7 +135,7 @@ void run(std::uint32_t size) {
           (hits && std::abs(answers[i].distance_m() - static_cast<double>(distances[i])) > 0.05))
         ++differ;
     }
-    std::printf("%u,%s,answers that differ by more than 5 cm,,,%zu\n", faces, name, differ);
+    std::printf("%u,\"%s\",differ by more than 5 cm,,,%zu\n", faces, name, differ);
 #endif
   }
 }

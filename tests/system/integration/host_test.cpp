@@ -381,7 +381,7 @@ TEST_F(Host, StepTimesWithAndWithoutSideBySide) {
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
   for (std::size_t i = 0; i < fleet_with.size(); ++i)  // the same flights, to the bit
-    EXPECT_EQ(fleet_with[i].position_m, fleet_without[i].position_m);
+    EXPECT_EQ(fleet_with[i].pose.matrix(), fleet_without[i].pose.matrix());
   std::printf(
       "p99 of the host's own step: %.0f us with nearmesh, %.0f us without; update() %.0f us\n",
       p99_us(with_us), p99_us(without_us), p99_us(update_us));

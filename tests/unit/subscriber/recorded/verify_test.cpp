@@ -126,6 +126,32 @@ class Verify : public ::testing::Test {
     return recorded;
   }
 
+  /// The host hears where "one" is on a topic of its own, in floats, and hands it in: until `silent`, and again three seconds later.
+  /// No pose of it is on the bus.
+  Recorded record_heard(
+      std::size_t silent,
+      std::set<std::pair<std::array<double, 9>, std::array<double, 3>>>& heard_poses) {
+    Recorded recorded;
+    World world;
+    world.start_publisher();
+    record_detail(world, recorded);
+    world.on_report = [&](const FrameReport&) { take_reports(world, recorded); };
+    const auto peer = world.make_peer(quick_options(), kPeer, false, true);
+    const Flight flight = make_flight(5);
+    for (std::size_t i = 0; i < silent + 70; ++i) {
+      const std::size_t at = std::min(i, flight.frames() - 1);
+      if (i < silent || i >= silent + 60) {
+        Session::HeardPose heard{kOne, static_cast<double>(i) * 0.05, flight.one[at]};
+        for (double& x : heard.motion.pose.rotation) x = static_cast<float>(x);
+        const Pose pose = orthonormal(heard.motion.pose);
+        heard_poses.insert({pose.rotation, pose.translation_m});
+        EXPECT_TRUE(peer->hear(std::span(&heard, 1)).is_ok());
+      }
+      world.fly_frame(*peer, i, {{kTwo, flight.two[at]}}, 20);
+    }
+    return recorded;
+  }
+
   VerifyReport verify(const Recorded& recorded, unsigned threads = 1,
                       ModelFolder* models = nullptr) {
     const std::string path = folder_ + "/" + std::to_string(files_++) + ".db3";
@@ -401,6 +427,44 @@ TEST_F(Verify, FindsAnAnswerThatAnAgedPoseDoesNotAllow) {
   });
   Recorded spoilt = recorded;
   spoilt.items[aged].report->status = 0;
+  EXPECT_EQ(verify(spoilt).different, 1U);
+}
+
+// Poses that the host heard elsewhere are in no message of the bus: a report carries them, so its answer is proved as others are.
+TEST_F(Verify, AnswersAboutPosesThatTheHostHeardComeOutAgain) {
+  std::set<std::pair<std::array<double, 9>, std::array<double, 3>>> heard;
+  const Recorded recorded = record_heard(40, heard);
+  std::map<std::uint8_t, int> asked;
+  int aged = 0;
+  for (const Recorded::Item& item : recorded.items) {
+    if (!item.report || (item.report->body_a != "one" && item.report->body_b != "one")) continue;
+    const bool is_a = item.report->body_a == "one";
+    const wire::ContactReport::Asked& one = is_a ? item.report->a : item.report->b;
+    if (item.report->asked) {
+      ++asked[item.report->status];
+      EXPECT_TRUE(heard.contains({one.pose.rotation, one.pose.translation_m}));
+    } else if (age_s(one.stamp, item.report->time_s) > 2) {
+      EXPECT_EQ(item.report->status, static_cast<std::uint8_t>(AnswerStatus::kUncertain));
+      ++aged;
+    }
+  }
+  EXPECT_GT(asked[0], 20);  // free
+  EXPECT_GT(asked[1], 5);   // contact
+  EXPECT_GT(aged, 15);
+  const VerifyReport found = verify(recorded);
+  expect_sum(found);
+  EXPECT_EQ(found.different, 0U);
+  EXPECT_EQ(found.lacking + found.gave_up + found.malformed, 0U);
+  EXPECT_EQ(found.verified + found.not_asked, found.reports);
+  EXPECT_GT(found.verified, recorded.answers());  // those that age made uncertain, too
+
+  // What was said of such a pose must be so.
+  const std::size_t at = find_report(recorded, [](const wire::ContactReport& r) {
+    return r.asked && r.status == 1 && (r.body_a == "one" || r.body_b == "one");
+  });
+  Recorded spoilt = recorded;
+  wire::ContactReport& report = *spoilt.items[at].report;
+  (report.body_a == "one" ? report.a : report.b).pose.translation_m[2] += 1e4;
   EXPECT_EQ(verify(spoilt).different, 1U);
 }
 
