@@ -153,15 +153,22 @@ struct WorldProbe::Impl {
     by_content[content] = tiles.begin();
     return &tiles.front().second;
   }
-  /// A tile that could not be read to the end is forgotten: mesh and tree may have parted.
+  /// A tile that could not be read to the end is forgotten, also where memory ran out: mesh and tree may have parted.
   Status split(Tile& tile, const std::vector<NodeSpan>& missing) {
-    const Status status = split_missing(tile.held, missing,
-                                        [&tile](NodeSpan node) { return tile.file.require(node); });
-    if (!status.is_ok()) {
-      by_content.clear();
-      tiles.clear();
+    Status status;
+    try {
+      status = split_missing(tile.held, missing,
+                             [&tile](NodeSpan node) { return tile.file.require(node); });
+    } catch (...) {
+      forget_tiles();
+      throw;
     }
+    if (!status.is_ok()) forget_tiles();
     return status;
+  }
+  void forget_tiles() {
+    by_content.clear();
+    tiles.clear();
   }
 
   /// Of each of some rays the first hit of one tile, certified.

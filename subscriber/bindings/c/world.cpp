@@ -11,8 +11,6 @@ struct nearmesh_world {
   static constexpr nearmesh::c::Kind kKind = nearmesh::c::Kind::kWorld;
   nearmesh::c::Kind kind = kKind;
   std::atomic<bool> in_use = false;
-  bool is_spoiled =
-      false;  // an exception came half-way: what is held of its tiles is not to be trusted
   nearmesh::WorldProbe probe;
 };
 
@@ -35,16 +33,9 @@ nearmesh_status of_world(nearmesh_world* world, const nearmesh_pose* pose, const
                          nearmesh_world_tile* tiles, nearmesh_error* error) noexcept {
   return guarded(world, error, [&]() -> Status {
     NEARMESH_RETURN_IF_ERROR(check_given(pose, "pose"));
-    if (world->is_spoiled)
-      return {StatusCode::kConflict, "an earlier call ended half-way; open the world again"};
     return asked<Probe, Answer>(
         given, count, name, answers, [&](auto probes, auto found) -> Status {
-          try {
-            NEARMESH_RETURN_IF_ERROR(world->probe.probe(from_c(*pose), probes, found));
-          } catch (...) {
-            world->is_spoiled = true;
-            throw;
-          }
+          NEARMESH_RETURN_IF_ERROR(world->probe.probe(from_c(*pose), probes, found));
           if (tiles == nullptr) return Status::ok();
           for (std::size_t i = 0; i < count; ++i) {
             tiles[i] = {};

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Memory that runs out, at any place: each call gives a status, what was half-way done is not asked again, no answer is wrong.
-// Argument: a folder to write to. The library's allocations end in the malloc() of this file.
+// Arguments: a folder to write to, a world. The library's allocations end in the malloc() of this file.
 #define _GNU_SOURCE
 #include "check.h"
 
+#include <errno.h>
 #include <stdatomic.h>
 
 extern void* __libc_malloc(size_t size);
@@ -18,6 +19,7 @@ void* malloc(size_t size) {
     if (before == 0) {
       atomic_store(&has_failed, 1);
       if (atomic_load(&is_lasting)) atomic_store(&left, 0);
+      errno = ENOMEM;
       return NULL;
     }
   }
@@ -38,6 +40,7 @@ static int disarm(void) {
 
 static Sphere sphere;
 static char file[1024], other_file[1024];
+static const char* world_folder;
 
 static nearmesh_status bake_it(void) {
   nearmesh_bake_options options;
@@ -69,6 +72,34 @@ static nearmesh_status ask_it(void) {
   }
   nearmesh_query_destroy(query);
   nearmesh_model_close(model);
+  return status;
+}
+
+static nearmesh_status probe_world(void) {
+  nearmesh_world* world = NULL;
+  nearmesh_status status = nearmesh_world_open(world_folder, 2, &world, &error);
+  if (status != NEARMESH_OK) {
+    CHECK(world == NULL);
+    return status;
+  }
+  const nearmesh_pose pose = NEARMESH_POSE_IDENTITY;
+  nearmesh_ray rays[8];
+  nearmesh_ray_answer answers[8];
+  nearmesh_world_tile tiles[8];
+  for (int i = 0; i < 8; ++i)
+    rays[i] = (nearmesh_ray){{80 * i - 280, 70 * i - 240, 5000}, {0, 0, -1}, INFINITY};
+  status = nearmesh_world_probe_rays(world, &pose, rays, 8, answers, tiles, &error);
+  int has_answers = status == NEARMESH_OK;
+  if (!has_answers) {
+    disarm();
+    nearmesh_error again;
+    const nearmesh_status later =
+        nearmesh_world_probe_rays(world, &pose, rays, 8, answers, tiles, &again);
+    CHECK(later == NEARMESH_OK);
+    has_answers = later == NEARMESH_OK;
+  }
+  for (int i = 0; i < 8 && has_answers; ++i) CHECK(answers[i].status == NEARMESH_HIT);
+  nearmesh_world_close(world);
   return status;
 }
 
@@ -136,9 +167,11 @@ static void starve(const char* name, nearmesh_status (*run)(void)) {
         CHECK(status == NEARMESH_OK);
         break;
       }
-      // What is only sought for speed may do without; a file that finds no address space says so itself.
+      // What is only sought for speed may do without; a file that finds no address space or memory says so itself.
       if (status != NEARMESH_OUT_OF_MEMORY && status != NEARMESH_OK &&
-          strstr(error.message, "no address space") == NULL) {
+          strstr(error.message, "no address space") == NULL &&
+          strstr(error.message, "no memory for") == NULL &&
+          strstr(error.message, strerror(ENOMEM)) == NULL) {
         ++failures;
         printf("%s, allocation %ld: %s: %s\n", name, allocations, nearmesh_status_name(status),
                error.message);
@@ -150,14 +183,16 @@ static void starve(const char* name, nearmesh_status (*run)(void)) {
 }
 
 int main(int argc, char** argv) {
-  if (argc != 2) return fprintf(stderr, "usage: %s FOLDER\n", argv[0]), 2;
+  if (argc != 3) return fprintf(stderr, "usage: %s FOLDER WORLD\n", argv[0]), 2;
   atomic_store(&left, -1);
   snprintf(file, sizeof file, "%s/memory.spm", argv[1]);
   snprintf(other_file, sizeof other_file, "%s/starved.spm", argv[1]);
+  world_folder = argv[2];
   make_sphere(&sphere);
   MUST(nearmesh_bake(sphere.positions_m, kSphereVertices, sphere.faces, kSphereFaces, file, NULL,
                      &error));
   starve("query", ask_it);
+  starve("world", probe_world);
   starve("session", fly_it);
   starve("bake", bake_it);
   return failures == 0 ? 0 : 1;

@@ -766,8 +766,8 @@ NEARMESH_API nearmesh_status nearmesh_world_open(const char* folder, size_t most
 NEARMESH_API void nearmesh_world_close(nearmesh_world* world) NEARMESH_NOTHROW;
 /// Probes of a world in a place: certified. Faces are the tile's; `tiles` says whose, and may be NULL. There are no probes of
 /// points, since tiles are not closed: to learn whether a point is below a ground, send a ray.
-/// Errors: NEARMESH_INVALID_ARGUMENT naming the probe or the pose; NEARMESH_CORRUPT, NEARMESH_IO, NEARMESH_CONFLICT, naming a file.
-/// A world whose call met NEARMESH_OUT_OF_MEMORY refuses later ones.
+/// Errors: NEARMESH_INVALID_ARGUMENT naming the probe or the pose; NEARMESH_CORRUPT, NEARMESH_IO, NEARMESH_CONFLICT, naming a file;
+/// NEARMESH_OUT_OF_MEMORY. What was read of tiles is forgotten after the latter ones, and the world may be asked again.
 NEARMESH_API nearmesh_status nearmesh_world_probe_rays(
     nearmesh_world* world, const nearmesh_pose* pose, const nearmesh_ray* rays, size_t count,
     nearmesh_ray_answer* answers, nearmesh_world_tile* tiles, nearmesh_error* error) NEARMESH_NOTHROW;

@@ -44,7 +44,7 @@ class WorldProbe {
   ~WorldProbe();
 
   /// Answers a batch, of the world in a place. Rays are cut to the world's box. Preconditions (asserted): as many answers as probes.
-  /// Errors: as probe() of a body; kIo, kCorrupt, kConflict, naming a file. Some answers may have been written then.
+  /// Errors: as probe() of a body; kIo, kCorrupt, kConflict, naming a file. Some answers may have been written then. After a std::bad_alloc it may be asked again.
   /// Deterministic: what was probed before changes nothing. Cost: a ray some us and what its tiles take to open and read. Threads: one at a time.
   [[nodiscard]] Status probe(const Pose& pose, std::span<const RayProbe> rays,
                              std::span<WorldRayAnswer> answers);
