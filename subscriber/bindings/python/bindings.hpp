@@ -7,6 +7,7 @@
 #include <pybind11/stl.h>
 
 #include <array>
+#include <initializer_list>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -68,7 +69,27 @@ struct Model {
   std::mutex
       mutex;  ///< of the file and of all that reads from it: Python's other threads run on meanwhile
   std::optional<LocalModel> probed;  ///< as far as probes have needed it
+  bool is_spoiled = false;           ///< see reading()
 };
+
+/// Runs `body`, which reads `models` and refines what is held of them. Where it fails, mesh and tree may have parted: `forget` drops
+/// them. After an exception, such as want of memory, the files' own tables may be half-way: the models are refused from then on.
+template <class Forget, class Body>
+[[nodiscard]] Status reading(std::initializer_list<Model*> models, const Forget& forget,
+                             const Body& body) {
+  for (const Model* model : models)
+    if (model->is_spoiled)
+      return {StatusCode::kConflict,
+              model->file.path() + ": an earlier call ended half-way; open the model again"};
+  try {
+    const Status status = body();
+    if (!status.is_ok() && status.code() != StatusCode::kInvalidArgument) forget();
+    return status;
+  } catch (...) {
+    for (Model* model : models) model->is_spoiled = true;
+    throw;
+  }
+}
 
 /// Contacts as arrays.
 [[nodiscard]] py::object contacts_object(const Contacts& contacts);

@@ -119,10 +119,7 @@ struct AnswerRow {
 class Pair {
  public:
   Pair(std::shared_ptr<Model> a, std::shared_ptr<Model> b, bool solid_a, bool solid_b)
-      : a_(std::move(a)),
-        b_(std::move(b)),
-        held_a_(a_->file.store(), a_->file.header().grid),
-        held_b_(b_->file.store(), b_->file.header().grid) {
+      : a_(std::move(a)), b_(std::move(b)) {
     if (solid_a) need(check_solid(a_->file.header().surface, "a"));
     if (solid_b) need(check_solid(b_->file.header().surface, "b"));
     solid_.solid_a = solid_a;
@@ -143,9 +140,7 @@ class Pair {
     options.clearance = clearance_of(clearance);
     std::vector<AnswerRow> rows(at_a.empty() || at_b.empty() ? 0
                                                              : std::max(at_a.size(), at_b.size()));
-    const auto ask_all = [&]() -> Status {
-      const py::gil_scoped_release others_may_run;
-      const Locks locks = lock();
+    read([&]() -> Status {
       for (std::size_t i = 0; i < rows.size(); ++i) {
         const Result<Asked> asked =
             ask(at_a[at_a.size() == 1 ? 0 : i], at_b[at_b.size() == 1 ? 0 : i], options);
@@ -167,24 +162,20 @@ class Pair {
                    answer.nearest_b_m};
       }
       return Status::ok();
-    };
-    need(ask_all());
+    });
     return rows_of(rows);
   }
 
   py::object contacts(const Doubles& pose_a, const Doubles& pose_b) {
     const Pose at_a = pose_of(pose_a, "pose_a"), at_b = pose_of(pose_b, "pose_b");
     Contacts contacts;
-    const auto find = [&]() -> Status {
-      const py::gil_scoped_release others_may_run;
-      const Locks locks = lock();
+    read([&]() -> Status {
       const Result<Asked> asked = ask(at_a, at_b, solid_);
       NEARMESH_RETURN_IF_ERROR(asked);
-      contacts = find_contacts(held_a_.view(), asked.value().posed.a, held_b_.view(),
+      contacts = find_contacts(held_a_->view(), asked.value().posed.a, held_b_->view(),
                                asked.value().posed.b, asked.value().answer);
       return Status::ok();
-    };
-    need(find());
+    });
     return contacts_object(contacts);
   }
 
@@ -192,33 +183,28 @@ class Pair {
                    const std::vector<std::array<double, 3>>& directions) {
     const Pose at_a = pose_of(pose_a, "pose_a"), at_b = pose_of(pose_b, "pose_b");
     std::optional<Depth> depth;
-    const auto find = [&]() -> Status {
-      const py::gil_scoped_release others_may_run;
-      const Locks locks = lock();
+    read([&]() -> Status {
       const Result<Asked> asked = ask(at_a, at_b, solid_);
       NEARMESH_RETURN_IF_ERROR(asked);
       const Answer& answer = asked.value().answer;
       if (answer.pairs.empty()) return Status::ok();
-      const Contacts contacts = find_contacts(held_a_.view(), asked.value().posed.a, held_b_.view(),
-                                              asked.value().posed.b, answer);
+      const Contacts contacts = find_contacts(held_a_->view(), asked.value().posed.a,
+                                              held_b_->view(), asked.value().posed.b, answer);
       Result<Depth> found = certify_depth(
-          held_a_, at_a, require_of(a_->file), held_b_, at_b, require_of(b_->file), answer,
+          *held_a_, at_a, require_of(a_->file), *held_b_, at_b, require_of(b_->file), answer,
           contacts,
           {.directions = directions, .solid_a = solid_.solid_a, .solid_b = solid_.solid_b});
       NEARMESH_RETURN_IF_ERROR(found);
       depth = std::move(found).value();
       return Status::ok();
-    };
-    need(find());
+    });
     return depth ? py::cast(*depth) : py::none();
   }
 
   py::array_t<std::uint32_t> faces(const Doubles& pose_a, const Doubles& pose_b) {
     const Pose at_a = pose_of(pose_a, "pose_a"), at_b = pose_of(pose_b, "pose_b");
     std::vector<std::array<std::uint32_t, 2>> faces;
-    const auto find = [&]() -> Status {
-      const py::gil_scoped_release others_may_run;
-      const Locks locks = lock();
+    read([&]() -> Status {
       const Result<Asked> asked = ask(at_a, at_b, solid_);
       NEARMESH_RETURN_IF_ERROR(asked);
       for (const auto& [model, numbering] :
@@ -232,14 +218,14 @@ class Pair {
         faces.push_back({(*numbering_a_)[pair.a].face.value, (*numbering_b_)[pair.b].face.value});
       std::sort(faces.begin(), faces.end());
       return Status::ok();
-    };
-    need(find());
+    });
     const std::vector<py::ssize_t> shape{static_cast<py::ssize_t>(faces.size()), 2};
     return py::array_t<std::uint32_t>(shape, faces.empty() ? nullptr : faces[0].data());
   }
 
   [[nodiscard]] std::size_t held_splits() const {
-    return held_a_.mesh.split_count() + held_b_.mesh.split_count();
+    return (held_a_ ? held_a_->mesh.split_count() : 0) +
+           (held_b_ ? held_b_->mesh.split_count() : 0);
   }
 
  private:
@@ -256,6 +242,20 @@ class Pair {
     return locks;
   }
 
+  template <class Body>
+  void read(const Body& body) {
+    const auto run = [&]() -> Status {
+      const py::gil_scoped_release others_may_run;
+      const Locks locks = lock();
+      const auto forget = [this] {
+        held_a_.reset();
+        held_b_.reset();
+      };
+      return reading({a_.get(), b_.get()}, forget, body);
+    };
+    need(run());
+  }
+
   static Require require_of(ModelFile& file) {
     return [&file](NodeSpan node) { return file.require(node); };
   }
@@ -268,14 +268,16 @@ class Pair {
     const Result<PosedPair> posed =
         pose_pair(a_->file.header().grid, at_a, "a", b_->file.header().grid, at_b, "b");
     NEARMESH_RETURN_IF_ERROR(posed);
-    Result<Answer> answer = certify(held_a_, posed.value().a, require_of(a_->file), held_b_,
+    if (!held_a_) held_a_.emplace(a_->file.store(), a_->file.header().grid);
+    if (!held_b_) held_b_.emplace(b_->file.store(), b_->file.header().grid);
+    Result<Answer> answer = certify(*held_a_, posed.value().a, require_of(a_->file), *held_b_,
                                     posed.value().b, require_of(b_->file), options);
     NEARMESH_RETURN_IF_ERROR(answer);
     return Asked{posed.value(), std::move(answer).value()};
   }
 
   std::shared_ptr<Model> a_, b_;
-  LocalModel held_a_, held_b_;
+  std::optional<LocalModel> held_a_, held_b_;  // as far as questions have needed them
   QueryOptions solid_;
   std::optional<FaceNumbering> numbering_a_, numbering_b_;
 };

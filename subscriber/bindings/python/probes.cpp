@@ -175,10 +175,13 @@ auto of_model(Model& model, const Doubles& pose, const std::vector<Probe>& probe
   const auto ask = [&]() -> Status {
     const py::gil_scoped_release others_may_run;
     const std::lock_guard lock(model.mutex);
-    if (!model.probed) model.probed.emplace(model.file.store(), model.file.header().grid);
-    return certify_probes(
-        *model.probed, place, [&](NodeSpan node) { return model.file.require(node); },
-        std::span<const Probe>(probes), std::span<Answer>(answers));
+    const auto forget = [&model] { model.probed.reset(); };
+    return reading({&model}, forget, [&] {
+      if (!model.probed) model.probed.emplace(model.file.store(), model.file.header().grid);
+      return certify_probes(
+          *model.probed, place, [&](NodeSpan node) { return model.file.require(node); },
+          std::span<const Probe>(probes), std::span<Answer>(answers));
+    });
   };
   need(ask());
   return rows(answers);

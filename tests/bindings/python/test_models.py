@@ -160,3 +160,32 @@ def test_answers_are_those_of_the_program(ball, tmp_path):
     lines = [json.loads(line) for line in run.stdout.splitlines()]
     assert [line["status"] for line in lines] == [nm.Status(row["status"]).name.lower() for row in answers]
     assert [line["faces"] for line in lines] == [pair.faces(np.eye(4), at(x)).tolist() for x in x_m]
+
+
+def test_a_damaged_block_is_an_error_and_never_a_wrong_answer(tmp_path):
+    good = nm.bake(*sphere(32), str(tmp_path / "good.spm"))
+    whole = (tmp_path / "good.spm").read_bytes()
+    random = np.random.default_rng(1)
+    found = {"right": 0, "refused": 0}
+    for number, place in enumerate(range(4000, len(whole), 4999)):
+        damaged = bytearray(whole)
+        damaged[place] ^= 0x10
+        file = tmp_path / f"damaged{number}.spm"
+        file.write_bytes(damaged)
+        model = nm.Model(str(file))
+        pair, truth = nm.Pair(model, model), nm.Pair(good, good)
+        for _ in range(30):  # on and on after an error
+            direction = random.normal(size=3)
+            pose = np.eye(4)
+            pose[:3, 3] = direction / np.linalg.norm(direction) * random.uniform(1.9, 2.05)
+            for ask, right in (
+                    (lambda: pair.query(np.eye(4), pose)[["status", "pairs"]], truth.query(np.eye(4), pose)[["status", "pairs"]]),
+                    (lambda: model.probe_rays(pose, [[0, 0, 0]], pose[:3, 3])[["status", "distance_m"]],
+                     good.probe_rays(pose, [[0, 0, 0]], pose[:3, 3])[["status", "distance_m"]])):
+                try:
+                    assert ask() == right
+                    found["right"] += 1
+                except nm.errors.CorruptError as error:
+                    assert file.name in str(error)
+                    found["refused"] += 1
+    assert min(found.values()) > 20, found
