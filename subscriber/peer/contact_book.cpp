@@ -26,7 +26,9 @@ Point to_world(const Pose& pose, const Point& model) {
   return out;
 }
 double distance(const Point& a, const Point& b) {
-  return std::hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
+  double square = 0;
+  for (std::size_t k = 0; k < 3; ++k) square += (a[k] - b[k]) * (a[k] - b[k]);
+  return std::sqrt(square);
 }
 /// Of p from the way from a to b.
 double distance_from_way(const Point& p, const Point& a, const Point& b) {

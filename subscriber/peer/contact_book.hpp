@@ -5,7 +5,6 @@
 #include <cstdint>
 #include <vector>
 
-#include "nearmesh/core/geometry/pose.hpp"
 #include "nearmesh/subscriber/peer/session.hpp"
 
 namespace nearmesh::subscriber {
