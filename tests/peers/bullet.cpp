@@ -75,7 +75,7 @@ class Found : public btManifoldResult {
     if (depth > 0) return;
     pairs.emplace(m_index0, m_index1);
     if (with_places_)
-      points.push_back({{at[0], at[1], at[2]}, {-normal[0], -normal[1], -normal[2]}});
+      points.push_back({{at[0], at[1], at[2]}, {-normal[0], -normal[1], -normal[2]}, -depth});
   }
   std::set<std::pair<int, int>> pairs;
   std::vector<ContactPoint> points;

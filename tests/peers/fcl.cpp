@@ -54,9 +54,14 @@ class Fcl : public Peer {
     for (std::size_t i = 0; i < result.numContacts(); ++i) {
       const auto& contact = result.getContact(i);
       points.push_back({{contact.pos[0], contact.pos[1], contact.pos[2]},
-                        {contact.normal[0], contact.normal[1], contact.normal[2]}});
+                        {contact.normal[0], contact.normal[1], contact.normal[2]},
+                        contact.penetration_depth});
     }
     return points;
+  }
+  std::optional<double> distance_m() override {
+    fcl::DistanceResultd result;
+    return fcl::distance(a_.get(), pose_a_, b_.get(), pose_b_, fcl::DistanceRequestd(), result);
   }
   // Of its settings the one that finds most hits.
   std::optional<bool> touches_on_the_way(const Pose& end_b) override {

@@ -20,6 +20,7 @@ namespace nearmesh::peers {
 /// Of one contact, as a library tells it.
 struct ContactPoint {
   std::array<double, 3> at_m{}, normal{};  ///< world; the normal of any length, from a to b
+  double depth_m = 0;                      ///< of the two triangles, along the normal
 };
 
 /// Built once, then asked pose by pose. What a library does not offer is nothing. Functions may throw std::exception, and
@@ -42,6 +43,8 @@ class Peer {
   }
   /// Where they touch.
   virtual std::optional<std::vector<ContactPoint>> contacts() { return std::nullopt; }
+  /// Of bodies that do not touch. Timed.
+  virtual std::optional<double> distance_m() { return std::nullopt; }
   /// Whether they touch at any time while b moves to `end_b` in a straight line.
   virtual std::optional<bool> touches_on_the_way(const Pose& /*end_b*/) { return std::nullopt; }
   /// Whether the bodies touch, taken with their insides.
@@ -63,6 +66,7 @@ struct PeerInfo {
 // Each is there where its target nearmesh_peer_NAME is, which defines NEARMESH_PEER_NAME for whoever links it.
 [[nodiscard]] PeerInfo fcl_obb();
 [[nodiscard]] PeerInfo fcl_obbrss();
+[[nodiscard]] PeerInfo coal_obbrss();
 /// The precision is that of the target: nearmesh_peer_bullet, as its users have it, or nearmesh_peer_bullet_double.
 [[nodiscard]] PeerInfo bullet();
 [[nodiscard]] PeerInfo embree();

@@ -38,6 +38,21 @@ terrain that is held as a whole, one thread, medians of 21 batches, and the shar
 * **Embree** rounds to floats and gives no certificate; the body lies in the world's place, and nothing is posed. Packets are of 8 rays.
 """
 
+SOLVER = """## What a solver asks
+
+How far apart are two meshes, and which way is out? Two spheres of {sphere:,} faces and two bunnies of {bunny:,}, each whole and at hand, in random
+directions and turns; one thread, microseconds, medians of the poses.
+
+**Distance.** nearmesh gives a bracket: `bound` ends when its lower end is three quarters of what is known to be there at most, `exact` goes on to the end. Its *width* is
+how much the upper end is above the lower. The others give a number; *outside* counts the poses in which it lies outside the exact bracket, by more than a lattice cell.
+"""
+
+WAY_OUT = """
+**The way out.** nearmesh says how far b must be moved along one direction ([depth](answers.md#depth)), after one query. The others tell a depth and a normal of each pair of
+triangles: b is pushed along the deepest, they are asked again, and so on until they say that nothing touches, at most twenty times. *Free* counts the poses in which
+b is then free of a by the exact query over all faces, after the first push and in the end. *Length* is that of the way, to nearmesh's. *Time* is that of the first answer.
+"""
+
 REFINING = """## A frame in which detail arrives
 
 The same flight, from the base mesh on: the splits that a frame's pose needs are done (T R), the tree follows (T B), one query finds
@@ -61,6 +76,7 @@ Tables are written by `tests/experiments/perf/make_page.py` from the files in [p
     $bin/nearmesh-perf --workload sphere bunny terrain1m terrain8m -o docs/perf/queries.csv     # 11 GB
     $bin/nearmesh-model generate terrain --size 708 -o terrain.ply && $bin/nearmesh-model build terrain.ply -o terrain.spm
     $bin/nearmesh-bench-probe > docs/perf/probes.csv                            # of six runs the least disturbed
+    $bin/nearmesh-bench-solver BUNNY.obj > docs/perf/solver.csv
     $bin/nearmesh-bench-core terrain.spm > docs/perf/core-terrain.csv           # of twelve runs the least disturbed
     $bin/nearmesh-bench-bake 1000000 1 > docs/perf/bake-1M-faces-1-thread.csv
     $bin/nearmesh-bench-bake 10000000 2 > docs/perf/bake-10M-faces-2-threads.csv                 # and 30000000
@@ -227,6 +243,33 @@ def probes(path):
     print()
 
 
+def solver(path):
+    with open(path, newline="") as file:
+        rows = list(csv.DictReader(file))
+    table = {}
+    for row in rows:
+        table.setdefault(row["scene"], {}).setdefault(row["who"], {})[row["what"]] = float(row["value"])
+    faces = {scene: int(whos["mesh"]["faces"]) for scene, whos in table.items() if "mesh" in whos}
+    print(SOLVER.format(**faces))
+    print("| scene | | time | width | outside | worst error |\n|---|---|--:|--:|--:|--:|")
+    for scene, whos in table.items():
+        for who, at in whos.items():
+            if "distance_us" not in at:
+                continue
+            width = f"{short(100 * at['bracket_width'])} %" if "bracket_width" in at else ""
+            outside = f"{at['outside_bracket']:.0f} of {at['poses']:.0f}" if "outside_bracket" in at else ""
+            worst = f"{short(100 * at['worst_relative_error'])} %" if at.get("outside_bracket") else ""
+            print(f"| {scene} | {who} | {at['distance_us']:.0f} | {width} | {outside} | {worst} |")
+    print(WAY_OUT)
+    print("| scene | | free at once | in the end | pushes | length | time |\n|---|---|--:|--:|--:|--:|--:|")
+    for scene, whos in table.items():
+        for who, at in whos.items():
+            if "way_out_us" in at:
+                print(f"| {scene} | {who} | {at['free_at_once']:.0f} of {at['poses']:.0f} | {at['free_in_the_end']:.0f} | {at['pushes']:.0f} | "
+                      f"{at['length_ratio']:.2f} | {at['way_out_us']:.0f} |")
+    print()
+
+
 def plain(title, paths):
     if not paths:
         return
@@ -250,6 +293,7 @@ def main():
     aims(folder)
     queries(folder / "queries.csv")
     probes(folder / "probes.csv")
+    solver(folder / "solver.csv")
     plain("Codec, refinement, tree", sorted(folder.glob("core-*.csv")))
     plain("Baking and opening", sorted(folder.glob("bake-*.csv")))
     plain("Bytes to certify, and a peer's memory", sorted(folder.glob("bytes-*.csv")))
