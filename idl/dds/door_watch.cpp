@@ -113,7 +113,7 @@ std::optional<DoorRefusal> DoorWatch::judge_handshake(const RtpsVerdict& message
 /// It is heard all the same: Fast DDS lets it wait for ever, in silence. Each name once.
 void DoorWatch::judge_release(const RtpsVerdict& message) {
   const RtpsAnnouncement& told = *message.announcement;
-  if (!told.is_secured || told.has_secure_announcements == kHasSecureAnnouncements) return;
+  if (!told.is_secured || told.release == kToldRelease) return;
   const auto end = std::find(told.name.begin(), told.name.end(), 0);
   const std::string name = shown_name(std::string(told.name.begin(), end));
   {
@@ -122,7 +122,7 @@ void DoorWatch::judge_release(const RtpsVerdict& message) {
       return;
   }
   say(name + " is secured by a Fast DDS " +
-      (kHasSecureAnnouncements ? "before 2.10" : "of 2.10 or later") + ", this program by " +
+      (told.release == 0 ? "before 3" : std::to_string(told.release)) + ", this program by " +
       kFastDdsVersion +
       ": the two never find each other; one release for all of a secured bus (docs/platforms.md)");
 }

@@ -83,13 +83,11 @@ using LocatorsIterator = eprosima::fastrtps::rtps::LocatorsIterator;
 inline constexpr const char* kFastDdsVersion = FASTRTPS_VERSION_STR;
 #endif
 
-/// A secured participant takes others in when they have announced themselves by their identity. Fast DDS 2.9 does not, so the two
-/// do not find each other.
+/// What it tells of its release (RtpsAnnouncement::release). Secured participants of before 3 and of 3 do not find each other.
 #if NEARMESH_FASTDDS == 3
-inline constexpr bool kHasSecureAnnouncements = true;
+inline constexpr int kToldRelease = 3;
 #else
-inline constexpr bool kHasSecureAnnouncements =
-    FASTRTPS_VERSION_MAJOR > 2 || FASTRTPS_VERSION_MINOR >= 10;
+inline constexpr int kToldRelease = 0;
 #endif
 
 using Handle = rtps::InstanceHandle_t;

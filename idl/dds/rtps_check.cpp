@@ -46,8 +46,8 @@ enum BuiltinWriter : std::uint32_t {
   kNobody = 0,
 };
 constexpr std::uint32_t kHandshakeReader = 0x000201c4;
-/// Among the bits of builtin endpoints.
-constexpr std::uint32_t kSecureAnnouncements = 3U << 26;
+/// Of a product, which Fast DDS 3 tells: its release comes first.
+constexpr std::uint16_t kProductVersion = 0x8000;
 
 /// Takes numbers off bytes. What is not there is 0, and leaves the cursor broken.
 class Cursor {
@@ -491,9 +491,7 @@ struct Submessages {
           found.lease_at = offset + place;
           if (found.lease_s < kMinLease_s) return false;
         }
-        if (id == 0x0058)
-          found.has_secure_announcements =
-              (Cursor(bytes, *little_endian).u32() & kSecureAnnouncements) != 0;
+        if (id == kProductVersion && !bytes.empty()) found.release = bytes[0];
         if (id == 0x0062) found.name = Cursor(bytes, *little_endian).bytes();
         if (id == 0x1001) found.is_secured = true;  // an identity
         return true;

@@ -36,8 +36,7 @@ struct RtpsAnnouncement {
   std::size_t lease_at = 0;   ///< of its 8 bytes in the message
   bool little_endian = true;  ///< how they are written
   bool is_secured = false;    ///< has an identity
-  /// What it announces itself by, once it is known by its identity. Fast DDS 2.10 and later wait for that, those before have none.
-  bool has_secure_announcements = false;
+  std::uint8_t release = 0;  ///< of Fast DDS, 3 and later; those before do not tell
   std::span<const std::uint8_t> name;  ///< what it is called
 };
 

@@ -232,7 +232,7 @@ TEST(RtpsCheck, TellsWhoAnnouncesItself) {
 }
 
 // What two releases of Fast DDS on one secured bus are told by.
-TEST(RtpsCheck, TellsHowAnIdentityAnnouncesItself) {
+TEST(RtpsCheck, TellsOfWhichReleaseAnIdentityIs) {
   Rtps m = message();
   m.begin_announcement().lease(20);
   m.begin_parameter(0x0062).text("rig/peer").end_parameter();
@@ -244,11 +244,13 @@ TEST(RtpsCheck, TellsHowAnIdentityAnnouncesItself) {
     EXPECT_EQ(std::string(verdict.announcement->name.begin(), verdict.announcement->name.end() - 1),
               "rig/peer");
     return std::pair(verdict.announcement->is_secured,
-                     verdict.announcement->has_secure_announcements);
+                     int{verdict.announcement->release});
   };
-  EXPECT_EQ(told(m), std::pair(true, false));
-  m.begin_parameter(0x0058).u32(0x0c00003f).end_parameter();
-  EXPECT_EQ(told(m), std::pair(true, true));
+  // As Fast DDS 2.9.1 and 3.1.2 announce themselves.
+  m.begin_parameter(0x0058).u32(0x0fcf003f).end_parameter();
+  EXPECT_EQ(told(m), std::pair(true, 0));
+  m.begin_parameter(0x8000).u32(0x00020103).end_parameter();
+  EXPECT_EQ(told(m), std::pair(true, 3));
 }
 
 /// Of participant 1, in the name of `speaker`, with these certificates.
