@@ -56,7 +56,7 @@ class Coal : public Peer {
 
   static std::shared_ptr<Model> build(const IndexedMesh& mesh) {
     std::vector<coal::Vec3s> points;
-    std::vector<coal::Triangle32> triangles;
+    std::vector<coal::Triangle> triangles;
     for (const auto& p : mesh.positions_m) points.emplace_back(p[0], p[1], p[2]);
     for (const auto& f : mesh.faces) triangles.emplace_back(f[0], f[1], f[2]);
     auto model = std::make_shared<Model>();

@@ -40,7 +40,7 @@ terrain that is held as a whole, one thread, medians of 21 batches, and the shar
 
 SOLVER = """## What a solver asks
 
-How far apart are two meshes, and which way is out? Two spheres of {sphere:,} faces and two bunnies of {bunny:,}, each whole and at hand, in random
+How far apart are two meshes, and which way is out? Two spheres of {sphere:,} faces and two bunnies of {bunny:,}, each held whole by a peer, in random
 directions and turns; one thread, microseconds, medians of the poses.
 
 **Distance.** nearmesh gives a bracket: `bound` ends when its lower end is three quarters of what is known to be there at most, `exact` goes on to the end. Its *width* is
@@ -257,6 +257,8 @@ def solver(path):
             if "distance_us" not in at:
                 continue
             width = f"{short(100 * at['bracket_width'])} %" if "bracket_width" in at else ""
+            if width == "inf %":
+                width = "no lower end"
             outside = f"{at['outside_bracket']:.0f} of {at['poses']:.0f}" if "outside_bracket" in at else ""
             worst = f"{short(100 * at['worst_relative_error'])} %" if at.get("outside_bracket") else ""
             print(f"| {scene} | {who} | {at['distance_us']:.0f} | {width} | {outside} | {worst} |")

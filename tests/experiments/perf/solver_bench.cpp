@@ -37,9 +37,24 @@ void row(const std::string& scene, const char* who, const char* what, double val
   std::printf("%s,%s,%s,%.9g\n", scene.c_str(), who, what, value);
 }
 
-Answer ask(const Model& a, const Model& b, const PosePair& at, Clearance clearance) {
-  const PosedPair posed = pose_pair(a.tree.grid, at.a, "a", b.tree.grid, at.b, "b").value();
-  return query(a.tree.view(), posed.a, b.tree.view(), posed.b, {.clearance = clearance});
+/// All of a model, held as a peer holds it.
+struct Held {
+  explicit Held(const Model& model)
+      : mesh(model.mesh), local(model.baked.store, model.baked.header.grid) {
+    RefineDelta delta;
+    for (const VertexId split : global_order(model.baked.store, model.baked.header.vertex_count))
+      static_cast<void>(local.mesh.split(split, delta));
+    local.tree.update(delta);
+  }
+  [[nodiscard]] TreeView view() const { return local.view(); }
+
+  const IndexedMesh& mesh;
+  LocalModel local;
+};
+
+Answer ask(const Held& a, const Held& b, const PosePair& at, Clearance clearance) {
+  const PosedPair posed = pose_pair(a.local.grid, at.a, "a", b.local.grid, at.b, "b").value();
+  return query(a.view(), posed.a, b.view(), posed.b, {.clearance = clearance});
 }
 
 /// The library's own word, and whether it is there.
@@ -50,7 +65,7 @@ struct Other {
 
 // ---- distance -----------------------------------------------------------------------------------
 
-void measure_distance(const std::string& scene, const Model& a, const Model& b,
+void measure_distance(const std::string& scene, const Held& a, const Held& b,
                       const std::vector<PosePair>& poses, std::vector<Other>& others) {
   for (const auto& [who, clearance] : {std::pair{"nearmesh (bound)", Clearance::kBound},
                                        std::pair{"nearmesh (exact)", Clearance::kExact}}) {
@@ -80,7 +95,7 @@ void measure_distance(const std::string& scene, const Model& a, const Model& b,
       if (!said) break;
       ++count;
       // The posed vertices of the bracket are rounded to the lattice: both sides are given a cell.
-      const double cell_m = std::ldexp(4.0, lattice_exponent(a.tree.grid, b.tree.grid));
+      const double cell_m = std::ldexp(4.0, lattice_exponent(a.local.grid, b.local.grid));
       const double off = std::max(
           {truth.clearance_m - cell_m - *said, *said - truth.distance_at_most_m - cell_m, 0.0});
       worst = std::max(worst, off / truth.distance_at_most_m);
@@ -96,7 +111,7 @@ void measure_distance(const std::string& scene, const Model& a, const Model& b,
 
 // ---- the way out --------------------------------------------------------------------------------
 
-bool is_free(const Model& a, const Model& b, const PosePair& at) {
+bool is_free(const Held& a, const Held& b, const PosePair& at) {
   return ask(a, b, at, Clearance::kNone).pair_total == 0;
 }
 PosePair moved(PosePair at, const Vec3& way_m) {
@@ -136,21 +151,21 @@ std::optional<Vec3> push_of(Peer& peer) {
   return push;
 }
 
-void measure_way_out(const std::string& scene, const Model& a, const Model& b,
+void measure_way_out(const std::string& scene, const Held& a, const Held& b,
                      const std::vector<PosePair>& poses, std::vector<Other>& others) {
   WayOut ours;
   std::vector<double> widths, query_us;
   std::vector<PosePair> touching;
   for (const PosePair& at : poses) {
-    const PosedPair posed = pose_pair(a.tree.grid, at.a, "a", b.tree.grid, at.b, "b").value();
+    const PosedPair posed = pose_pair(a.local.grid, at.a, "a", b.local.grid, at.b, "b").value();
     Stopwatch watch;
     const Answer answer =
-        query(a.tree.view(), posed.a, b.tree.view(), posed.b, {.clearance = Clearance::kNone});
+        query(a.view(), posed.a, b.view(), posed.b, {.clearance = Clearance::kNone});
     if (answer.pairs.empty()) continue;
     query_us.push_back(watch.lap() * 1e6);
-    const Contacts contacts = find_contacts(a.tree.view(), posed.a, b.tree.view(), posed.b, answer);
+    const Contacts contacts = find_contacts(a.view(), posed.a, b.view(), posed.b, answer);
     const Depth depth =
-        find_depth(a.tree.view(), at.a, "a", b.tree.view(), at.b, "b", answer, contacts).value();
+        find_depth(a.view(), at.a, "a", b.view(), at.b, "b", answer, contacts).value();
     ours.us.push_back(watch.seconds() * 1e6);
     touching.push_back(at);
     ++ours.count;
@@ -207,11 +222,12 @@ void measure(const std::string& name, const Model& a, const Model& b, int draws)
 #ifdef NEARMESH_PEER_BULLET
   add(peers::bullet());
 #endif
+  const Held held_a(a), held_b(b);
   for (const perf::PoseSet& set : perf::distances(a, b, draws)) {
     const std::string scene = name + "/" + set.name;
     std::fprintf(stderr, "%s\n", scene.c_str());
     const bool is_apart = set.name.starts_with("apart") || set.name == "near_miss";
-    (is_apart ? measure_distance : measure_way_out)(scene, a, b, set.poses, others);
+    (is_apart ? measure_distance : measure_way_out)(scene, held_a, held_b, set.poses, others);
   }
 }
 
