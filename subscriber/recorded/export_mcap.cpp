@@ -13,9 +13,9 @@
 #include <utility>
 
 #include "core/recording/mcap_recording.hpp"
+#include "idl/messages/ros2_messages.hpp"
 #include "nearmesh/idl/dds/recorded_samples.hpp"
 #include "recorded_peer.hpp"
-#include "ros2_messages.hpp"
 
 namespace nearmesh::subscriber {
 namespace {
