@@ -83,11 +83,12 @@ std::vector<BodyId> Ros2Flight::fresh_bodies(const FrameReport& report, const Se
   std::set<BodyId> known;
   for (const PairAnswer& pair : report.answers)
     if (pair.asked || pair.put_off) known.insert({pair.a, pair.b});
-  if (scene_.watches_all)
+  if (scene_.watches_all) {
+    std::set<BodyId> unknown;
+    for (const UnknownBody& one : report.unknown) unknown.insert(one.body);
     for (const auto& [body, shown] : bodies_)
-      if (std::none_of(report.unknown.begin(), report.unknown.end(),
-                       [&](const UnknownBody& unknown) { return unknown.body == body; }))
-        known.insert(body);
+      if (!unknown.contains(body)) known.insert(body);
+  }
   std::vector<BodyId> fresh;
   for (auto& [body, shown] : bodies_) {
     const std::optional<Motion> motion = session.motion_of(body);
@@ -121,6 +122,7 @@ void Ros2Flight::show(const FrameReport& report, const Session& session) {
       view.moving.push_back(at);
   }
   for (const PairAnswer& pair : report.answers) add_marks(pair, session, view);
+  for (const UnknownBody& unknown : report.unknown) add_cross(unknown.body, session, view);
   add_mesh(session, view);
   bridge_->tell(std::move(view));
 }
@@ -154,6 +156,28 @@ void Ros2Flight::add_marks(const PairAnswer& pair, const Session& session, Ros2V
   marker.name_space = name + " uncertain";
   marker.rgba = kUncertain;
   marker.points_m = {motion_a->pose.translation_m, motion_b->pose.translation_m};
+  view.contacts.push_back(std::move(marker));
+}
+
+/// Where a body was last, of which nothing is known now: its pairs are not in the answers, and all are uncertain.
+void Ros2Flight::add_cross(BodyId body, const Session& session, Ros2View& view) const {
+  const std::optional<Motion> motion = session.motion_of(body);
+  if (!motion) return;
+  const SpmHeader* header = session.header_of(body);
+  const double span_m = header == nullptr ? 10 : std::ldexp(1, 21 + header->grid.exponent);
+  ros2::Marker marker{.frame = options_.ros2_frame,
+                      .name_space = session.name_of(body) + " unknown",
+                      .id = 0,
+                      .kind = ros2::Marker::Kind::kLineList,
+                      .width_m = kWidthShare * span_m,
+                      .rgba = kUncertain,
+                      .lifetime_s = kLifetime_s,
+                      .points_m = {}};
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    for (const double side : {-0.1, 0.1}) {
+      marker.points_m.push_back(motion->pose.translation_m);
+      marker.points_m.back()[axis] += side * span_m;
+    }
   view.contacts.push_back(std::move(marker));
 }
 

@@ -42,6 +42,7 @@ class Ros2Flight {
   Ros2Flight(const RunOptions& options, const Scene& scene) : options_(options), scene_(scene) {}
   [[nodiscard]] std::vector<BodyId> fresh_bodies(const FrameReport& report, const Session& session);
   void add_marks(const PairAnswer& pair, const Session& session, Ros2View& view);
+  void add_cross(BodyId body, const Session& session, Ros2View& view) const;
   void add_mesh(const Session& session, Ros2View& view);
 
   const RunOptions& options_;

@@ -130,6 +130,39 @@ TEST_F(Ros2Flight, IsMovedAndSeenByAProgramOfAnotherVendor) {
       << told;
 }
 
+TEST_F(Ros2Flight, ShowsWhoHasFallenSilentAmongAllPairs) {
+  test::Process publisher(
+      folder, "nearmesh-publisher",
+      on_bus({"serve", test::model_file("terrain", 48), test::model_file("aircraft", 600)}));
+  ASSERT_TRUE(publisher.says("ready on domain")) << publisher.err();
+  folder.write("all.yaml",
+               "bodies:\n"
+               "  - {name: ground, model: terrain, pose: {translation: [0, 0, 0]}}\n"
+               "  - {name: drone, model: aircraft}\n"
+               "pairs: all\n"
+               "max_pose_age_s: 0.5\n");
+  say("tf map drone 0 0 900 1\n");
+  test::Process ros(folder, "nearmesh-cyclone-ros2",
+                    {std::to_string(kBusDomain), folder.file("sayings.txt")});
+  test::Process peer(folder, "nearmesh-subscriber",
+                     on_bus({"run", folder.file("all.yaml"), "--ros2", "--ros2-frame", "map",
+                             "--ros2-poses", "drone"}));
+  std::size_t from = 0;  // in what it has seen
+  const auto sees = [&](const std::string& line) {
+    return test::await([&] { return ros.out().find("\n" + line, from) != std::string::npos; });
+  };
+  ASSERT_TRUE(sees("static 'map' 'ground' 0 0 0 0 0 0 1\n")) << peer.err();
+  ASSERT_TRUE(sees("mesh 'drone' 'drone coarse' ")) << peer.err();
+  say("");
+  from = ros.out().size() - 1;
+  EXPECT_TRUE(sees("contacts 'map' 'drone unknown' 0 5 0 2 6 "));
+  from = ros.out().size() - 1;
+  say("tf map drone 0 0 900 1\n");
+  EXPECT_TRUE(sees("contacts 'map' 'drone unknown' 0 5 2 "));
+  peer.signal(SIGINT);
+  EXPECT_EQ(peer.wait(), 0) << peer.err();
+}
+
 TEST_F(Ros2Flight, OfBodiesThatItCannotMoveIsRefused) {
   folder.write("sayings.txt", "");
   for (const auto& [poses, expected] : std::vector<std::pair<std::string, std::string>>{
