@@ -90,6 +90,25 @@ Result<std::array<double, 9>> rotation_of_quaternion(const std::array<double, 4>
       2 * (x * z - y * w),     2 * (y * z + x * w),     1 - 2 * (x * x + y * y)};
 }
 
+// The greatest of the four is found first, so that nothing small is divided by.
+std::array<double, 4> quaternion_of_rotation(const std::array<double, 9>& r) {
+  const FloatGuard guard;
+  std::array<double, 4> squares{1 + r[0] + r[4] + r[8], 1 + r[0] - r[4] - r[8],
+                                1 - r[0] + r[4] - r[8], 1 - r[0] - r[4] + r[8]};
+  std::size_t most = 0;
+  for (std::size_t i = 1; i < 4; ++i)
+    if (squares[i] > squares[most]) most = i;
+  const double x = r[7] - r[5], y = r[2] - r[6], z = r[3] - r[1], xy = r[1] + r[3],
+               xz = r[2] + r[6], yz = r[5] + r[7];
+  std::array<double, 4> q = most == 0   ? std::array{squares[0], x, y, z}
+                            : most == 1 ? std::array{x, squares[1], xy, xz}
+                            : most == 2 ? std::array{y, xy, squares[2], yz}
+                                        : std::array{z, xz, yz, squares[3]};
+  const double length = 2 * std::sqrt(squares[most]) * (q[0] < 0 ? -1 : 1);
+  for (double& part : q) part = length != 0 ? part / length : 0;
+  return q;
+}
+
 Pose orthonormal(const Pose& pose) {
   const FloatGuard guard;
   constexpr double kGoodEnough = 0x1p-40;

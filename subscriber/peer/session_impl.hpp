@@ -3,7 +3,7 @@
 // What the files of Session share: session.cpp (a frame), session_bodies.cpp (bodies and pairs that come and go, and which are
 // near), session_take.cpp (what comes), session_turns.cpp (whom it asks), session_ask.cpp, session_certificates.cpp and
 // session_audit.cpp (what is asked of publishers), session_probe.cpp (probes of bodies), session_contacts.cpp (contacts from
-// update to update), session_tell.cpp (what is told).
+// update to update), session_tell.cpp (what is told), session_mesh.cpp (meshes to be drawn).
 // Threads: one.
 
 #include <algorithm>

@@ -24,6 +24,11 @@ struct RunOptions {
   std::string metrics;
   bool json = false;
   std::optional<double> wait_recorder_s;  ///< for so long at most; 0: without end
+  bool ros2 = false;                      ///< show it to ROS 2's tools
+  std::vector<std::string>
+      ros2_poses;  ///< bodies that ROS 2 moves, as parse_ros2_body() takes them
+  std::string ros2_frame = "world";
+  std::optional<std::uint32_t> ros2_domain;  ///< none: that of the bus
 };
 Outcome run(const RunOptions& options);
 

@@ -26,6 +26,32 @@ void add_transport_options(CLI::App& command, wire::TransportOptions& transport)
   wire::program::add_bus_flags(command, settings, transport, {kRooms.begin(), kRooms.end()});
 }
 
+void add_ros2_options(CLI::App& command, RunOptions& options) {
+  constexpr const char* kGroup = "ROS 2 (docs/ros2.md)";
+  command
+      .add_flag("--ros2", options.ros2,
+                "Show bodies, contacts and meshes to ROS 2's tools: /tf, /nearmesh/contacts, "
+                "/nearmesh/mesh")
+      ->group(kGroup);
+  command
+      .add_option("--ros2-poses", options.ros2_poses,
+                  "Bodies of the scene that ROS 2 moves: BODY or BODY=FRAME by /tf, BODY=/TOPIC by "
+                  "PoseStamped; several with commas")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->group(kGroup);
+  command
+      .add_option("--ros2-frame", options.ros2_frame,
+                  "The frame that all poses are in, those shown and those taken")
+      ->capture_default_str()
+      ->group(kGroup);
+  command
+      .add_option("--ros2-domain", options.ros2_domain,
+                  "ROS_DOMAIN_ID of the others (default: the bus's domain)")
+      ->check(CLI::Range(0, 232))
+      ->group(kGroup);
+}
+
 void add_run_command(CLI::App& app, Action& chosen) {
   CLI::App* command =
       app.add_subcommand("run", "Fly a scene (docs/scene.md) and answer every frame.");
@@ -41,6 +67,7 @@ void add_run_command(CLI::App& app, Action& chosen) {
                      "Begin when nearmesh-subscriber record listens; with =SECONDS fail when none "
                      "came by then. Ctrl-C ends")
           ->check(CLI::NonNegativeNumber);
+  add_ros2_options(*command, *options);
   const auto settings = std::make_shared<wire::program::Settings>();
   wire::program::add_transport_settings(*settings, options->channel.transport);
   wire::program::add_metrics_setting(*settings, options->metrics);

@@ -22,6 +22,7 @@
 #include "idl/program/logging.hpp"
 #include "idl/program/metrics.hpp"
 #include "nearmesh/subscriber/dds/dds_channel.hpp"
+#include "ros2_flight.hpp"
 #include "scene.hpp"
 
 namespace nearmesh::subscriber::program {
@@ -175,12 +176,14 @@ nlohmann::ordered_json others_to_json(std::uint64_t frame, double time_s, const 
 class Flight {
  public:
   /// `clock` runs since the program's start.
+  /// `ros2`: nothing where ROS 2 has no part in it.
   Flight(const RunOptions& options, const Scene& scene, std::unique_ptr<DdsChannel> channel,
-         Stopwatch clock)
+         std::unique_ptr<Ros2Flight> ros2, Stopwatch clock)
       : options_(options),
         scene_(scene),
         clock_(clock),
         channel_(*channel),
+        ros2_(std::move(ros2)),
         session_(std::move(channel), scene.session) {}
 
   Status prepare() {
@@ -194,15 +197,21 @@ class Flight {
       NEARMESH_RETURN_IF_ERROR(file);
       answers_.emplace(std::move(file).value());
     }
-    for (const BodyOfScene& body : scene_.bodies) {
+    for (std::size_t i = 0; i < scene_.bodies.size(); ++i) {
+      const BodyOfScene& body = scene_.bodies[i];
+      const bool is_of_ros2 = ros2_ != nullptr && ros2_->moves(i);
+      // Who moves an own body may fall silent all the same.
+      const auto age_s = is_of_ros2 && !body.max_pose_age_s
+                             ? std::optional(scene_.session.max_pose_age_s)
+                             : body.max_pose_age_s;
       const auto added = session_.add_body({.name = body.name,
                                             .model = body.model,
-                                            .own = !body.trajectory.empty(),
+                                            .own = !body.trajectory.empty() || is_of_ros2,
                                             .solid = body.solid,
                                             .content = body.content,
-                                            .max_pose_age_s = body.max_pose_age_s});
+                                            .max_pose_age_s = age_s});
       NEARMESH_RETURN_IF_ERROR(added.status());
-      if (body.trajectory.empty()) others_.insert(added.value());
+      if (body.trajectory.empty() && !is_of_ros2) others_.insert(added.value());
       if (body.fixed_pose)
         NEARMESH_RETURN_IF_ERROR(session_.place_body(added.value(), *body.fixed_pose));
     }
@@ -224,7 +233,7 @@ class Flight {
       // Said again, or it ages: it waits, but has the velocity that it will fly with.
       const bool says = clock_.seconds() - said_s >= kRepeat_s;
       if (says) said_s = clock_.seconds();
-      Result<FrameReport> report = update(0, says ? motions(0) : no_motions_, 1);
+      Result<FrameReport> report = update(0, with_heard(says ? motions(0) : no_motions_), 1);
       NEARMESH_RETURN_IF_ERROR(report);
       NEARMESH_RETURN_IF_ERROR(check_solids());
       log(report.value());
@@ -270,7 +279,8 @@ class Flight {
     for (Session::OwnMotion& own : rest) own.motion = {.pose = own.motion.pose};
     const Stopwatch clock;
     for (bool said = false; stop_requested == 0 && clock.seconds() < kStay_s; said = true) {
-      const auto report = update(scene_.frames - 1, said ? no_motions_ : rest, scene_.budget_s);
+      const auto report =
+          update(scene_.frames - 1, with_heard(said ? no_motions_ : rest), scene_.budget_s);
       if (!report.is_ok() || !does_anybody_fly(report.value())) return;
       std::this_thread::sleep_for(std::chrono::milliseconds(20));
     }
@@ -283,6 +293,11 @@ class Flight {
   }
 
   Status print_summary() {
+    if (ros2_ != nullptr) {
+      const Ros2Bridge::Counts counts = ros2_->counts();
+      log_.info("ros2: {} poses taken, {} refused, {} transforms of other frames", counts.taken,
+                counts.refused, counts.strange);
+    }
     if (::isatty(STDERR_FILENO) != 0) std::fprintf(stderr, "\r%40s\r", "");
     if (options_.json) {
       std::printf("%s\n", to_json(summary_).dump().c_str());
@@ -310,6 +325,12 @@ class Flight {
     return all;
   }
 
+  /// And those that ROS 2 has moved since the last frame.
+  std::vector<Session::OwnMotion> with_heard(std::vector<Session::OwnMotion> all) const {
+    if (ros2_ != nullptr) ros2_->add_motions(all);
+    return all;
+  }
+
   // A mistake in the scene that shows when headers come, or when a publisher changes a model.
   [[nodiscard]] Status check_solids() const {
     for (std::size_t i = 0; i < scene_.bodies.size(); ++i)
@@ -329,6 +350,10 @@ class Flight {
       for (const BodyId body : report.value().came)
         if (session_.options_of(body).is_ok()) others_.insert(body);
       add_unrecorded(report.value().contact_events);
+      if (ros2_ != nullptr) {
+        ros2_->show(report.value(), session_);
+        for (const std::string& line : ros2_->take_complaints()) log_.warn("{}", line);
+      }
     }
     return report;
   }
@@ -388,7 +413,7 @@ class Flight {
     answered_.clear();
     for (bool again = false;; again = true) {
       Result<FrameReport> result =
-          update(frame, again ? no_motions_ : motions(frame), scene_.budget_s);
+          update(frame, again ? no_motions_ : with_heard(motions(frame)), scene_.budget_s);
       NEARMESH_RETURN_IF_ERROR(result);
       NEARMESH_RETURN_IF_ERROR(check_solids());
       FrameReport& report = result.value();
@@ -481,6 +506,7 @@ class Flight {
   const Scene& scene_;
   const Stopwatch clock_{};
   const DdsChannel& channel_;  ///< the session's
+  const std::unique_ptr<Ros2Flight> ros2_;
   ExerciseClock exercise_;
   double time_s_ = 0;  ///< of the last update
   const std::vector<Session::OwnMotion> no_motions_;
@@ -518,8 +544,9 @@ Status wait_for_recorder(const DdsChannel& channel, const RunOptions& options) {
 
 Outcome run(const RunOptions& options) {
   Stopwatch clock;
-  const Result<Scene> scene = read_scene(options.scene);
+  Result<Scene> scene = read_scene(options.scene);
   NEARMESH_RETURN_IF_ERROR(scene);
+  if (options.ros2) scene.value().session.contacts = true;
   wire::program::log_fastdds();
   wire::program::log_network(options.channel.transport);
   Result<std::unique_ptr<DdsChannel>> channel = DdsChannel::create(options.channel);
@@ -532,7 +559,9 @@ Outcome run(const RunOptions& options) {
     NEARMESH_RETURN_IF_ERROR(wait_for_recorder(*channel.value(), options));
     clock = Stopwatch();
   }
-  Flight flight(options, scene.value(), std::move(channel).value(), clock);
+  auto ros2 = Ros2Flight::create(options, scene.value());
+  NEARMESH_RETURN_IF_ERROR(ros2);
+  Flight flight(options, scene.value(), std::move(channel).value(), std::move(ros2).value(), clock);
   NEARMESH_RETURN_IF_ERROR(flight.prepare());
   const Status started = flight.wait_for_start();
   if (!started.is_ok())

@@ -13,9 +13,10 @@
 #include <utility>
 
 #include "core/recording/mcap_recording.hpp"
+#include "core/replica/triangles.hpp"
+#include "idl/messages/ros2_messages.hpp"
 #include "nearmesh/idl/dds/recorded_samples.hpp"
 #include "recorded_peer.hpp"
-#include "ros2_messages.hpp"
 
 namespace nearmesh::subscriber {
 namespace {
@@ -202,14 +203,6 @@ class McapPeer final : public RecordedPeer {
         now_ns - told.at_ns < static_cast<std::int64_t>(kMeshStep_s * 1e9))
       return;
     told = {mesh.state_hash(), now_ns};
-    const Grid& grid = held.header().grid;
-    const auto in_metres = [&](VertexId vertex) {
-      std::array<double, 3> at{};
-      const GridPoint& point = held.store().position(vertex);
-      for (std::size_t k = 0; k < 3; ++k)
-        at[k] = grid.origin_m[k] + std::ldexp(double{1} * point.v[k], grid.exponent);
-      return at;
-    };
     ros2::Marker exact{.frame = body,
                        .name_space = body + " exact",
                        .id = 0,
@@ -220,12 +213,7 @@ class McapPeer final : public RecordedPeer {
     ros2::Marker coarse = exact;
     coarse.name_space = body + " coarse";
     coarse.rgba = kCoarse;
-    for (const ActiveFace& face : extract_faces(mesh)) {
-      const bool is_exact = std::all_of(face.corners.begin(), face.corners.end(),
-                                        [&](VertexId corner) { return mesh.is_resolved(corner); });
-      for (const VertexId corner : face.corners)
-        (is_exact ? exact : coarse).points_m.push_back(in_metres(corner));
-    }
+    add_triangles(held, exact.points_m, coarse.points_m);
     derived_.add(topic_ + "/mesh", ros2::marker_array(), now_ns,
                  ros2::marker_array(now_ns, {exact, coarse}));
   }

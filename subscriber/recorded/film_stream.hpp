@@ -60,30 +60,13 @@ struct FilmPose {
   FilmPose() = default;
   FilmPose(const Pose& pose, int of_unit) : unit(of_unit) {
     for (std::size_t k = 0; k < 3; ++k) at[k] = cells(pose.translation_m[k], unit);
-    const std::array<double, 4> q = quaternion(pose.rotation);
+    const std::array<double, 4> q = quaternion_of_rotation(pose.rotation);
     for (std::size_t k = 0; k < 4; ++k) at[3 + k] = std::lround(q[k] * 16384);
   }
   /// Beyond 2^52 cells: that.
   static std::int64_t cells(double metres, int unit) {
     const double cells = std::ldexp(metres, -unit);
     return std::abs(cells) < 0x1p52 ? std::llround(cells) : 0;
-  }
-  /// w, x, y, z, with w >= 0. The greatest of the four is found first, so that nothing small is divided by.
-  static std::array<double, 4> quaternion(const std::array<double, 9>& r) {
-    std::array<double, 4> squares{1 + r[0] + r[4] + r[8], 1 + r[0] - r[4] - r[8],
-                                  1 - r[0] + r[4] - r[8], 1 - r[0] - r[4] + r[8]};
-    std::size_t most = 0;
-    for (std::size_t i = 1; i < 4; ++i)
-      if (squares[i] > squares[most]) most = i;
-    const double x = r[7] - r[5], y = r[2] - r[6], z = r[3] - r[1], xy = r[1] + r[3],
-                 xz = r[2] + r[6], yz = r[5] + r[7];
-    std::array<double, 4> q = most == 0   ? std::array{squares[0], x, y, z}
-                              : most == 1 ? std::array{x, squares[1], xy, xz}
-                              : most == 2 ? std::array{y, xy, squares[2], yz}
-                                          : std::array{z, xz, yz, squares[3]};
-    const double length = 2 * std::sqrt(squares[most]) * (q[0] < 0 ? -1 : 1);
-    for (double& part : q) part = length != 0 ? part / length : 0;
-    return q;
   }
 };
 

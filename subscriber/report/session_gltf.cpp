@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "gltf.hpp"
-#include "subscriber/recorded/film_stream.hpp"
 #include "subscriber/recorded/recorded_peer.hpp"
 #include "subscriber/recorded/recorded_scene.hpp"
 
@@ -123,7 +122,7 @@ class GltfPeer final : public RecordedPeer {
       body.times_s.push_back(time_s);
       for (std::size_t k = 0; k < 3; ++k)
         body.places.push_back(asked.pose.translation_m[k] - picture_.origin[k]);
-      std::array<double, 4> q = FilmPose::quaternion(asked.pose.rotation);
+      std::array<double, 4> q = quaternion_of_rotation(asked.pose.rotation);
       // Of the two that stand for a rotation the nearer one: or it would turn once around between them.
       if (!body.turns.empty()) {
         const double* last = &body.turns[body.turns.size() - 4];

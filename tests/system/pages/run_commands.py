@@ -37,6 +37,7 @@ NOT_RUN = [
     ("docs/platforms.md", r"^tests/platforms/", "needs root, and installs a Debian"),
     ("docs/operate.md", r"^(systemctl|journalctl) ", "needs root and systemd"),
     ("docs/terrain.md", r"\.tif ", "needs GDAL"),
+    ("docs/ros2.md", r"--ros2", "goes on until Ctrl-C beside programs of ROS 2; cyclone_test runs it"),
 ]
 # What a page writes for what only its reader knows.
 WORDS = {

@@ -427,5 +427,24 @@ TEST(Orthonormal, IsARotationWithinItsBoundAndKeepsTheBitsOfOne) {
   }
 }
 
+void expect_quaternion(const std::array<double, 9>& rotation) {
+  const std::array<double, 4> q = quaternion_of_rotation(rotation);
+  const double numbers[4] = {q[0], q[1], q[2], q[3]};
+  EXPECT_GE(q[0], 0);
+  const std::array<double, 9> back = test::rotation_of(numbers, 1);
+  for (std::size_t i = 0; i < 9; ++i) EXPECT_NEAR(back[i], rotation[i], 1e-12) << i;
+}
+
+TEST(Quaternion, IsThatOfTheRotation) {
+  Random random(1);
+  for (int i = 0; i < 1000; ++i) expect_quaternion(test::random_rotation(random));
+  // Half turns, where a part of the quaternion that others would divide by is 0.
+  expect_quaternion({1, 0, 0, 0, 1, 0, 0, 0, 1});
+  expect_quaternion({1, 0, 0, 0, -1, 0, 0, 0, -1});
+  expect_quaternion({-1, 0, 0, 0, 1, 0, 0, 0, -1});
+  expect_quaternion({-1, 0, 0, 0, -1, 0, 0, 0, 1});
+  expect_quaternion({0, 1, 0, 1, 0, 0, 0, 0, -1});
+}
+
 }  // namespace
 }  // namespace nearmesh

@@ -11,25 +11,6 @@ using subscriber::FilmPose;
 using subscriber::FilmStream;
 using subscriber::FilmWay;
 
-void expect_rotation(const std::array<double, 9>& rotation) {
-  const std::array<double, 4> q = FilmPose::quaternion(rotation);
-  const double numbers[4] = {q[0], q[1], q[2], q[3]};
-  EXPECT_GE(q[0], 0);
-  const std::array<double, 9> back = test::rotation_of(numbers, 1);
-  for (std::size_t i = 0; i < 9; ++i) EXPECT_NEAR(back[i], rotation[i], 1e-12) << i;
-}
-
-TEST(FilmPose, HasTheRotationOfThePose) {
-  Random random(1);
-  for (int i = 0; i < 1000; ++i) expect_rotation(test::random_rotation(random));
-  // Half turns, where a part of the quaternion that others would divide by is 0.
-  expect_rotation({1, 0, 0, 0, 1, 0, 0, 0, 1});
-  expect_rotation({1, 0, 0, 0, -1, 0, 0, 0, -1});
-  expect_rotation({-1, 0, 0, 0, 1, 0, 0, 0, -1});
-  expect_rotation({-1, 0, 0, 0, -1, 0, 0, 0, 1});
-  expect_rotation({0, 1, 0, 1, 0, 0, 0, 0, -1});
-}
-
 /// As player/film.js reads them.
 class Reader {
  public:

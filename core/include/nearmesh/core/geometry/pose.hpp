@@ -38,6 +38,8 @@ struct Pose {
 /// of 1, naming it.
 [[nodiscard]] Result<std::array<double, 9>> rotation_of_quaternion(
     const std::array<double, 4>& wxyz, std::string_view body);
+/// The way back: w, x, y, z, with w >= 0, of length 1 but for rounding. Precondition: as of orthonormal().
+[[nodiscard]] std::array<double, 4> quaternion_of_rotation(const std::array<double, 9>& rotation);
 
 /// A point of the pair's common integer lattice (see lattice_exponent).
 struct LatticePoint {

@@ -324,6 +324,17 @@ class Session {
                                           std::span<ShapeAnswer> answers);
   [[nodiscard]] Result<ProbeReport> probe(BodyId body, std::span<const BoxProbe> boxes,
                                           std::span<ShapeAnswer> answers);
+
+  /// What is held of a body's model, to be drawn: the current mesh, three corners a face, metres, the body's model frame.
+  struct HeldMesh {
+    std::vector<std::array<double, 3>> exact_m;   ///< faces of the full mesh
+    std::vector<std::array<double, 3>> coarse_m;  ///< faces that stand for what is missing
+  };
+  /// Errors: kNotFound, also while its header has not come. Cost: O(its faces), some 50 ns each.
+  [[nodiscard]] Result<HeldMesh> held_mesh(BodyId body) const;
+  /// The same number while held_mesh() is the same; 0 where that is not found. Cost: O(1).
+  [[nodiscard]] std::uint64_t held_state(BodyId body) const;
+
   /// Brings the files of SessionOptions::cache_folder up to date. Errors: kIo; kConflict where a file of another kind stands in a
   /// place; the other files are written all the same.
   [[nodiscard]] Status write_cache();

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "ros2_messages.hpp"
 
+#include <algorithm>
 #include <bit>
 #include <cstring>
-
-#include "film_stream.hpp"
+#include <utility>
 
 namespace nearmesh::ros2 {
 namespace {
@@ -42,6 +42,72 @@ class Cdr {
   Bytes bytes_{0, 1, 0, 0};  // CDR, little-endian
 };
 
+/// The other way: after the first value that is not there, all are 0 and is_ok() is false.
+class CdrReader {
+ public:
+  explicit CdrReader(std::span<const std::uint8_t> cdr) : cdr_(cdr) {
+    is_ok_ = cdr.size() >= kHead && cdr[0] == 0 && cdr[1] <= 1;
+    is_swapped_ = is_ok_ && cdr[1] == 0;  // big-endian
+  }
+  template <class T>
+  T take() {
+    const std::size_t at = kHead + (at_ - kHead + sizeof(T) - 1) / sizeof(T) * sizeof(T);
+    std::array<std::uint8_t, sizeof(T)> raw{};
+    if (has(at, sizeof(T))) {
+      std::copy_n(&cdr_[at], sizeof(T), raw.begin());
+      at_ = at + sizeof(T);
+    }
+    if (is_swapped_) std::reverse(raw.begin(), raw.end());
+    return std::bit_cast<T>(raw);
+  }
+  std::string take_text() {
+    const std::size_t size = take<std::uint32_t>();
+    if (!has(at_, size) || size == 0 || cdr_[at_ + size - 1] != 0) {
+      is_ok_ = false;
+      return {};
+    }
+    const std::size_t from = std::exchange(at_, at_ + size);
+    return {reinterpret_cast<const char*>(&cdr_[from]), size - 1};
+  }
+  /// Of elements of at least so many bytes.
+  std::size_t take_count(std::size_t least_bytes) {
+    const std::size_t count = take<std::uint32_t>();
+    return has(at_, count * least_bytes) ? count : 0;
+  }
+  [[nodiscard]] bool is_ok() const { return is_ok_; }
+  /// Up to three bytes of padding follow a sample on the wire.
+  [[nodiscard]] bool is_at_end() const { return is_ok_ && cdr_.size() - at_ < 4; }
+
+ private:
+  static constexpr std::size_t kHead = 4;
+  bool has(std::size_t at, std::size_t size) {
+    is_ok_ = is_ok_ && at <= cdr_.size() && size <= cdr_.size() - at;
+    return is_ok_;
+  }
+
+  std::span<const std::uint8_t> cdr_;
+  std::size_t at_ = kHead;
+  bool is_ok_ = false, is_swapped_ = false;
+};
+
+/// Stamp, frame; of a transform then the child's frame.
+SaidPose take_header(CdrReader& cdr) {
+  SaidPose said;
+  const std::int64_t seconds = cdr.take<std::int32_t>();
+  said.stamp_ns = seconds * 1'000'000'000 + cdr.take<std::uint32_t>();
+  said.frame = cdr.take_text();
+  return said;
+}
+
+void take_placement(CdrReader& cdr, SaidPose& said) {
+  for (double& x : said.translation_m) x = cdr.take<double>();
+  for (const std::size_t i : {1U, 2U, 3U, 0U}) said.wxyz[i] = cdr.take<double>();
+}
+
+Status no_such_message(const char* type, std::size_t size) {
+  return {StatusCode::kCorrupt, std::to_string(size) + " bytes that are no " + type};
+}
+
 // ---- definitions --------------------------------------------------------------------------------
 
 constexpr const char* kTime = "int32 sec\nuint32 nanosec\n";
@@ -67,7 +133,7 @@ void put_marker(Cdr& cdr, std::int64_t stamp_ns, const Marker& marker) {
   else
     cdr.put_vector({1, 1, 1});
   for (const float channel : marker.rgba) cdr.put(channel);
-  cdr.put(std::int32_t{0});  // lifetime: until it is changed
+  cdr.put(static_cast<std::int32_t>(marker.lifetime_s));
   cdr.put(std::uint32_t{0});
   cdr.put(std::uint8_t{1});  // it goes with its frame
   cdr.put_count(marker.points_m.size());
@@ -127,14 +193,15 @@ Type marker_array() {
 
 Type float64() { return {"std_msgs/msg/Float64", "float64 data\n"}; }
 
-Bytes tf_message(std::int64_t stamp_ns, const std::vector<Transform>& transforms) {
+Bytes tf_message(std::int64_t stamp_ns, const std::vector<Transform>& transforms,
+                 const std::string& frame) {
   Cdr cdr;
   cdr.put_count(transforms.size());
   for (const Transform& transform : transforms) {
-    cdr.put_header(stamp_ns, "world");
+    cdr.put_header(stamp_ns, frame);
     cdr.put_text(transform.child_frame);
     cdr.put_vector(transform.pose.translation_m);
-    const std::array<double, 4> wxyz = subscriber::FilmPose::quaternion(transform.pose.rotation);
+    const std::array<double, 4> wxyz = quaternion_of_rotation(transform.pose.rotation);
     for (const std::size_t i : {1U, 2U, 3U, 0U}) cdr.put(wxyz[i]);
   }
   return cdr.take();
@@ -151,6 +218,38 @@ Bytes float64(double value) {
   Cdr cdr;
   cdr.put(value);
   return cdr.take();
+}
+
+Result<SaidPose> read_pose_stamped(std::span<const std::uint8_t> bytes) {
+  CdrReader cdr(bytes);
+  SaidPose said = take_header(cdr);
+  take_placement(cdr, said);
+  if (!cdr.is_at_end()) return no_such_message("PoseStamped", bytes.size());
+  return said;
+}
+
+Result<std::vector<SaidPose>> read_tf_message(std::span<const std::uint8_t> bytes) {
+  constexpr std::size_t kLeastBytes =
+      74;  // time, two empty names, seven numbers; less what aligns them
+  CdrReader cdr(bytes);
+  const std::size_t count = cdr.take_count(kLeastBytes);
+  std::vector<SaidPose> all;
+  for (std::size_t i = 0; i < count && cdr.is_ok(); ++i) {
+    SaidPose said = take_header(cdr);
+    said.child_frame = cdr.take_text();
+    take_placement(cdr, said);
+    all.push_back(std::move(said));
+  }
+  if (!cdr.is_at_end()) return no_such_message("TFMessage", bytes.size());
+  return all;
+}
+
+Result<Pose> to_pose(const SaidPose& said, const std::string& body) {
+  auto rotation = rotation_of_quaternion(said.wxyz, body);
+  NEARMESH_RETURN_IF_ERROR(rotation);
+  const Pose pose{.rotation = rotation.value(), .translation_m = said.translation_m};
+  NEARMESH_RETURN_IF_ERROR(check_pose(pose, body));
+  return pose;
 }
 
 std::string topic_part(const std::string& name) {
