@@ -28,11 +28,13 @@ GridBox box_of_roots(const SplitStore& store) {
 }  // namespace
 
 ModelBounds::ModelBounds(const Grid& grid, const SplitStore& store)
+    : ModelBounds(grid, box_of_roots(store)) {}
+
+ModelBounds::ModelBounds(const Grid& grid, const GridBox& box)
     : grid_(grid),
       // The lattice of a pair is at most the coarser of what the two have alone. It moves points of both, and neither body
       // knows the other: each counts its own twice.
       lattice_exponent_(nearmesh::lattice_exponent(grid, grid) + 1) {
-  const GridBox box = box_of_roots(store);
   reach_m_ = nearmesh::reach_m(grid, box);
   for (int k = 0; k < 3; ++k) {
     const auto axis = static_cast<std::size_t>(k);

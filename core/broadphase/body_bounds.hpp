@@ -31,6 +31,8 @@ class ModelBounds {
  public:
   ModelBounds() = default;
   ModelBounds(const Grid& grid, const SplitStore& store);
+  /// Of a box that holds all faces, in the grid.
+  ModelBounds(const Grid& grid, const GridBox& box);
 
   /// How far a point of the body may move in so many seconds, if it keeps within its speeds; metres, rounded up.
   [[nodiscard]] double way_m(const Motion& motion, double duration_s) const;

@@ -137,7 +137,7 @@ Status query_world(const PoseQueryOptions& options, const std::vector<PoseRow>& 
     MethodAnswer sum;
     sum.answer.status = AnswerStatus::kFree;
     for (const WorldEntry& entry : near.value().tiles) {
-      const Result<ModelFile*> tile = tiles.open(entry.content);
+      const Result<std::shared_ptr<ModelFile>> tile = tiles.open(entry.content);
       NEARMESH_RETURN_IF_ERROR(tile);
       const Result<PosedPair> in_place = posed_as(world.grid_at(entry));
       NEARMESH_RETURN_IF_ERROR(in_place);

@@ -17,10 +17,10 @@ Result<ModelFile> open_tile(const WorldFolder& folder, const ContentHash& conten
   return file;
 }
 
-Result<ModelFile*> OpenTiles::open(const ContentHash& content) {
+Result<std::shared_ptr<ModelFile>> OpenTiles::open(const ContentHash& content) {
   if (const auto at = by_content_.find(content); at != by_content_.end()) {
     tiles_.splice(tiles_.begin(), tiles_, at->second);
-    return &tiles_.front().second;
+    return tiles_.front().second;
   }
   Result<ModelFile> file = open_tile(folder_, content);
   NEARMESH_RETURN_IF_ERROR(file);
@@ -28,9 +28,9 @@ Result<ModelFile*> OpenTiles::open(const ContentHash& content) {
     by_content_.erase(tiles_.back().first);
     tiles_.pop_back();
   }
-  tiles_.emplace_front(content, std::move(file).value());
+  tiles_.emplace_front(content, std::make_shared<ModelFile>(std::move(file).value()));
   by_content_[content] = tiles_.begin();
-  return &tiles_.front().second;
+  return tiles_.front().second;
 }
 
 }  // namespace nearmesh

@@ -4,6 +4,7 @@
 
 #include <list>
 #include <map>
+#include <memory>
 
 #include "nearmesh/core/spm/model_file.hpp"
 #include "world_folder.hpp"
@@ -18,15 +19,16 @@ class OpenTiles {
   /// Holds at most so many, one at least. The folder must outlive it.
   OpenTiles(const WorldFolder& folder, std::size_t most) : folder_(folder), most_(most) {}
 
-  /// Until the next call. Errors: those of open_tile().
-  [[nodiscard]] Result<ModelFile*> open(const ContentHash& content);
+  /// Closed when it is neither among those used last nor held by who asked for it. Errors: those of open_tile().
+  [[nodiscard]] Result<std::shared_ptr<ModelFile>> open(const ContentHash& content);
   [[nodiscard]] std::size_t count() const { return by_content_.size(); }
 
  private:
   const WorldFolder& folder_;
   std::size_t most_;
-  std::list<std::pair<ContentHash, ModelFile>> tiles_;  // the last used first
-  std::map<ContentHash, std::list<std::pair<ContentHash, ModelFile>>::iterator> by_content_;
+  using Tiles = std::list<std::pair<ContentHash, std::shared_ptr<ModelFile>>>;
+  Tiles tiles_;  // the last used first
+  std::map<ContentHash, Tiles::iterator> by_content_;
 };
 
 }  // namespace nearmesh

@@ -65,13 +65,20 @@ Result<WorldFolder> WorldFolder::open(const std::string& folder) {
   return out;
 }
 
-Result<WorldPage> WorldFolder::read(const ContentHash& content) const {
+Result<std::vector<std::uint8_t>> WorldFolder::page_bytes(const ContentHash& content) const {
   constexpr std::size_t kMostBytes = 2048;
   const std::string path = page_path(folder_, content);
-  const auto bytes = read_small(path, kMostBytes);
+  auto bytes = read_small(path, kMostBytes);
   NEARMESH_RETURN_IF_ERROR(bytes);
   if (digest_of(bytes.value()) != content)
     return Status(StatusCode::kCorrupt, path + ": its bytes are not those that its name says");
+  return bytes;
+}
+
+Result<WorldPage> WorldFolder::read(const ContentHash& content) const {
+  const std::string path = page_path(folder_, content);
+  const auto bytes = page_bytes(content);
+  NEARMESH_RETURN_IF_ERROR(bytes);
   Result<WorldPage> page = decode_page(bytes.value());
   if (!page.is_ok()) return naming(path, page.status());
   return page;

@@ -27,6 +27,8 @@ class WorldFolder {
     return tile_path(folder_, tile);
   }
   [[nodiscard]] Result<WorldPage> root() const;
+  /// A page as it goes on the wire. Errors: kNotFound; kIo, kCorrupt (other bytes than its name says), naming the file.
+  [[nodiscard]] Result<std::vector<std::uint8_t>> page_bytes(const ContentHash& page) const;
   /// The page of an entry, which stands in a page of the level above. Errors: kIo, kCorrupt (other bytes than its name says,
   /// no page, or another than the entry announces), naming the file.
   [[nodiscard]] Result<WorldPage> page(const WorldEntry& entry, int level) const;

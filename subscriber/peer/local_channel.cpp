@@ -8,6 +8,8 @@
 #include "core/base/stopwatch.hpp"
 #include "core/certificate/certificate.hpp"
 #include "core/demand/answer.hpp"
+#include "core/world/content_bytes.hpp"
+#include "core/world/open_tiles.hpp"
 #include "frame_budget.hpp"
 
 namespace nearmesh::subscriber {
@@ -29,11 +31,24 @@ struct LocalChannel::Begun {
   CertificateMaker maker;
 };
 
+struct LocalChannel::World {
+  static constexpr std::size_t kMostOpen = 64;
+  World(std::string called, WorldFolder opened)
+      : name(std::move(called)), folder(std::move(opened)), tiles(folder, kMostOpen) {}
+  std::string name;
+  WorldFolder folder;
+  OpenTiles tiles;
+};
+
 LocalChannel::LocalChannel() : mirrors_(std::make_unique<Mirrors>()) {}
 LocalChannel::~LocalChannel() = default;
 
 Status LocalChannel::add_model(const std::string& name, ModelFile file) {
-  NEARMESH_RETURN_IF_ERROR(wire::check_new_model(name, models_.size()));
+  NEARMESH_RETURN_IF_ERROR(wire::check_new_model(name, models_.size() + worlds_.size()));
+  for (const auto& world : worlds_)
+    if (world->name == name)
+      return {StatusCode::kConflict,
+              file.path() + " as " + name + ": the name is taken by a world"};
   for (const auto& [hash, model] : models_)
     if (model.name == name || hash == file.content_hash())
       return {StatusCode::kConflict,
@@ -46,12 +61,54 @@ Status LocalChannel::add_model(const std::string& name, ModelFile file) {
   return Status::ok();
 }
 
+Status LocalChannel::add_world(const std::string& name, const std::string& folder) {
+  NEARMESH_RETURN_IF_ERROR(wire::check_new_model(name, models_.size() + worlds_.size()));
+  Result<WorldFolder> opened = WorldFolder::open(folder);
+  NEARMESH_RETURN_IF_ERROR(opened);
+  const auto is_taken = [&](const std::string& other) { return other == name; };
+  for (const auto& [hash, model] : models_)
+    if (is_taken(model.name))
+      return {StatusCode::kConflict, folder + ": the name " + name + " is taken"};
+  for (const auto& world : worlds_)
+    if (is_taken(world->name) || world->folder.name() == opened.value().name())
+      return {StatusCode::kConflict,
+              folder + " as " + name + ": the name is taken, or the same world is served"};
+  worlds_.push_back(std::make_unique<World>(name, std::move(opened).value()));
+  if (connected_) announce();
+  return Status::ok();
+}
+
+Result<std::vector<std::vector<std::uint8_t>>> LocalChannel::answer_of_world(
+    const wire::RegionSubscription& subscription) {
+  NEARMESH_RETURN_IF_ERROR(check_request(subscription.region));
+  const bool wants_bytes = asks_for_content_bytes(subscription.region);
+  for (const auto& world : worlds_) {
+    if (wants_bytes)
+      if (const auto page = world->folder.page_bytes(subscription.content_hash); page.is_ok())
+        return content_pieces(page.value());
+    const auto tile = world->tiles.open(subscription.content_hash);
+    if (!tile.is_ok()) continue;
+    if (wants_bytes) return content_pieces(tile.value()->header_bytes());
+    return answer_region(*tile.value(), subscription.region);
+  }
+  return Status{StatusCode::kNotFound,
+                "no model, tile or page with that content hash is served here"};
+}
+
 void LocalChannel::announce() {
   wire::Hello hello;
   hello.publisher = kPublisher;
   inbox_.headers.clear();
   for (const auto& [hash, model] : models_)
     inbox_.headers.push_back({kPublisher, wire::announce_model(model.name, model.file, {}, hello)});
+  for (const auto& world : worlds_) {
+    const ContentHash& content = world->folder.name();
+    hello.models.push_back({world->name, content, 0, {}});
+    inbox_.headers.push_back({kPublisher,
+                              {.name = world->name,
+                               .content_hash = content,
+                               .bytes = encode_world(world->folder.world())}});
+  }
   inbox_.hellos.assign(1, std::move(hello));
 }
 
@@ -99,9 +156,8 @@ std::vector<wire::SplitBatchMessage> LocalChannel::answer(
     const wire::RegionSubscription& subscription) {
   const auto at = models_.find(subscription.content_hash);
   Result<std::vector<std::vector<std::uint8_t>>> batches =
-      at == models_.end()
-          ? Status{StatusCode::kNotFound, "no model with that content hash is served here"}
-          : answer_region(at->second.file, subscription.region);
+      at == models_.end() ? answer_of_world(subscription)
+                          : answer_region(at->second.file, subscription.region);
   if (!batches.is_ok())
     return {wire::refusal_message(kPublisher, subscription, batches.status().message())};
   return wire::answer_messages(kPublisher, subscription.request, subscription.content_hash,

@@ -28,7 +28,7 @@ PeerModel* ReplicaSet::find(const ContentHash& content_hash) {
 std::size_t ReplicaSet::assign(PeerModel& model, const ContentHash& content,
                                std::vector<std::string>& complaints) {
   if (model.content_hash == content) return 0;
-  if (model.is_ready()) keep_header(model.header);  // the content may come back
+  if (model.is_held()) keep_header(model.header);  // the content may come back
   model = PeerModel{.name = std::string(model.name),
                     .content_hash = content,
                     .pinned = model.pinned,
@@ -64,7 +64,18 @@ std::size_t ReplicaSet::take_header(const Channel::Header& header,
     keep_header(header);
     return 0;
   }
-  if (model->is_ready()) return 0;
+  if (model->is_held()) return 0;
+  if (is_world_record(message.bytes)) {
+    Result<PeerWorld> world = PeerWorld::from_record(message.content_hash, message.bytes);
+    if (!world.is_ok()) {
+      complaints.push_back("model " + model->name + ": publisher " + to_hex(header.publisher) +
+                           ": " + world.status().message());
+      return 0;
+    }
+    model->world = std::move(world).value();
+    model->header = header;
+    return message.bytes.size();
+  }
   Result<Replica> replica = Replica::from_header(message.bytes);
   if (!replica.is_ok()) {
     // Of that content for certain: else it befell the header on its way.

@@ -13,6 +13,7 @@
 #include "core/replica/replica.hpp"
 #include "detail_cache.hpp"
 #include "nearmesh/subscriber/peer/session.hpp"
+#include "peer_world.hpp"
 
 namespace nearmesh::subscriber {
 
@@ -31,6 +32,8 @@ struct PeerModel {
   std::uint64_t mesh_bytes = 0;
   std::optional<Replica> replica;  // from the header on
   ModelBounds bounds;              // of the same header
+  std::optional<PeerWorld> world;  // instead of a replica: the model is a world
+  bool is_tile = false;            // of a world, and no name on the bus
   Channel::Header header;          // of the replica: nobody sends it again
   struct Batch {
     wire::SessionId publisher = 0;
@@ -74,6 +77,8 @@ struct PeerModel {
   } cache;
 
   [[nodiscard]] bool is_ready() const { return replica.has_value(); }
+  /// Its header is here, of a model or a world.
+  [[nodiscard]] bool is_held() const { return is_ready() || world.has_value(); }
 };
 
 /// T_L, T_R and T_B go to the report. Of a publisher whose batches are damaged on their way, or contradict the model, one
@@ -83,6 +88,7 @@ class ReplicaSet {
   PeerModel& add(const std::string& name);
   [[nodiscard]] PeerModel* find(const std::string& name);
   [[nodiscard]] PeerModel* find(const ContentHash& content_hash);
+  void remove(const std::string& name) { models_.erase(name); }
   [[nodiscard]] std::map<std::string, PeerModel>& all() { return models_; }
   [[nodiscard]] const std::map<std::string, PeerModel>& all() const { return models_; }
 

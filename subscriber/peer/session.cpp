@@ -104,11 +104,13 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
     report.state_digest =
         mix(report.state_digest ^ (model.is_ready() ? model.replica->mesh().state_hash() + 1 : 0));
   impl.find_near(report);
+  impl.join_tiles(report);
   impl.answer_pairs(frame, budget, report);
   impl.channel->allow(budget.left_s());
   impl.ask(budget, report);
   impl.give_up(budget, report);
   impl.tell_held(report);
+  impl.fold_worlds(report);
   impl.rest_cost.add(budget.spent_s() - impl.asked_by_s);
   impl.answers_cost.add(since_batches.seconds());
   for (const std::string& line : report.complaints) impl.keeper.note(line, impl.clock.seconds());
@@ -185,6 +187,7 @@ void Session::Impl::give_up(PeerModel& model, FrameReport& report) {
 
 /// Why no base mesh of a model is here.
 std::string Session::Impl::why_no_mesh(const PeerModel& model) const {
+  if (model.world) return "its first page has not come";
   const bool is_served = std::any_of(publishers.begin(), publishers.end(), [&](const auto& entry) {
     return entry.second.serves(model.content_hash) && replicas.refused_of(model.content_hash) == 0;
   });
@@ -196,6 +199,8 @@ std::string Session::Impl::why_no_mesh(const PeerModel& model) const {
 }
 
 std::string Session::Impl::why_not_ready(const Body& body) const {
+  if (body.model->world && body.model->world->root() != nullptr)
+    return "body " + body.name + " is a world, of which only answers about pairs are given";
   if (body.model->is_ready() && body.solid)
     if (const Status status = check_solid(body.model->replica->header().surface, body.name);
         !status.is_ok())
@@ -249,7 +254,7 @@ void Session::Impl::ask_pair(const Pair& pair, AskedPair& asked_pair,
   } else if (result.reason.empty()) {
     const Stopwatch watch;
     const auto body = [](const Body& of, double age_s) {
-      return AskedBody{of.model->replica->view(), *of.motion, of.name, of.solid, age_s};
+      return AskedBody{of.view(), *of.motion, of.name, of.solid, age_s};
     };
     const AskedBody a = body(*pair.a, result.age_a_s), b = body(*pair.b, result.age_b_s);
     result.pose_a = a.motion.pose;
@@ -260,7 +265,7 @@ void Session::Impl::ask_pair(const Pair& pair, AskedPair& asked_pair,
                                      .max_pairs = options.max_pairs,
                                      .max_tests = options.max_tests,
                                      .contacts = options.contacts,
-                                     .depth = options.depth,
+                                     .depth = options.depth && !pair.is_of_tile,
                                      .sweep_s = options.sweep_s,
                                      .max_sweep_tests = options.max_sweep_tests});
     if (asked.is_ok()) {
@@ -294,6 +299,10 @@ void Session::Impl::settle_pair(Pair& pair, AskedPair&& asked, std::uint64_t fra
           std::to_string(options.max_tests) + " tests";
   }
   note_turn(pair, asked);
+  if (pair.is_of_tile) {  // told with the others of its world
+    report.answers.push_back(std::move(result));
+    return;
+  }
   report.pairs_put_off += result.put_off ? 1 : 0;
   if (options.contacts || options.depth) follow_contacts(pair, result, report);
   if (result.depth) ask_for_depth(pair, result);

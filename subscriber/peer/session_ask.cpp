@@ -49,9 +49,8 @@ RegionMaker Session::Impl::region_of(const PeerModel& model, double lookahead_s,
       const std::size_t each = std::max<std::size_t>(
           1, std::min(max_parts, (kMaxRegionBoxes - rays.size()) / against.size()));
       ++stats.looks_ahead;
-      const auto parts =
-          swept_region(own->model->replica->view(), *own->motion, other->model->replica->view(),
-                       *other->motion, lookahead_s, options.margin_m, each, near);
+      const auto parts = swept_region(own->view(), *own->motion, other->view(), *other->motion,
+                                      lookahead_s, options.margin_m, each, near);
       region.insert(region.end(), parts.begin(), parts.end());
     }
     return merge_by_place(std::move(region), kMaxRegionBoxes);
@@ -221,6 +220,7 @@ double Session::Impl::patience_with(const Publisher& publisher) const {
 }
 
 void Session::Impl::ask(const FrameBudget& budget, FrameReport& report) {
+  ask_for_bytes();
   ask_for_probes();
   ask_certificates(budget, report);
   // Models take turns where time is short; one is served in any case.

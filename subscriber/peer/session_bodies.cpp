@@ -128,6 +128,7 @@ Status Session::remove_body(BodyId body) {
 }
 
 void Session::Impl::remove_body(Body& body) {
+  forget_tiles(body);
   std::erase_if(pairs, [&](const auto& entry) { return entry.second.has(body); });
   listed.clear();
   if (body.slot) broad.remove(*body.slot);
@@ -159,6 +160,7 @@ Status Session::replace_model(BodyId body, const std::string& model, const Conte
 /// What was said of the body's pairs says nothing of it now.
 void Session::Impl::ask_anew(Body& body) {
   body.is_new_to_bounds = true;
+  forget_tiles(body);
   for (auto& [key, pair] : pairs) {
     if (!pair.has(body)) continue;
     pair.last = not_asked(pair.names());
@@ -228,7 +230,7 @@ Result<BodyOptions> Session::options_of(BodyId body) const {
 
 /// Why nothing can be said of where the body is; empty where it can.
 std::string Session::Impl::why_unknown(const Body& body) const {
-  if (!body.model->is_ready())
+  if (!body.model->is_ready() && !(body.model->world && body.model->world->root() != nullptr))
     return "model " + body.model->name + " of body " + body.name + ": " + why_no_mesh(*body.model);
   return wire::why_stale(stamp_of(body), time_s, body.name);
 }

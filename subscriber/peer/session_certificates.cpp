@@ -43,10 +43,9 @@ Session::Impl::Need Session::Impl::need_of(const Pair& pair, const PairAnswer& a
 // What is lacked soon is asked for with all of the horizon: fewer and fuller answers than a little in each frame. Soon are three
 // frames at least, since an answer that comes in the next is there for the one after.
 bool Session::Impl::is_lacking_soon(const Pair& pair, std::uint64_t max_tests) const {
-  const auto lacking = lacking_ahead(pair.a->model->replica->view(), *pair.a->motion, pair.a->name,
-                                     pair.b->model->replica->view(), *pair.b->motion, pair.b->name,
-                                     std::clamp(3 * frame_s, horizon_s() / 4, horizon_s()),
-                                     options.margin_m, {}, {}, max_tests);
+  const auto lacking = lacking_ahead(
+      pair.a->view(), *pair.a->motion, pair.a->name, pair.b->view(), *pair.b->motion, pair.b->name,
+      std::clamp(3 * frame_s, horizon_s() / 4, horizon_s()), options.margin_m, {}, {}, max_tests);
   return lacking.is_ok() && !lacking.value().is_nothing();
 }
 
@@ -71,8 +70,9 @@ std::vector<Session::Impl::Candidate> Session::Impl::find_candidates(const Frame
     if (pair.asked.fruitless > 0 && a.is_ready() && b.is_ready() &&
         states_of(pair) != pair.asked.states)
       pair.asked = {};
-    pair.by_region = publisher == nullptr || publisher->wants_regions || a.is_too_much_to_tell ||
-                     b.is_too_much_to_tell || pair.asked.fruitless >= kMaxFruitless;
+    pair.by_region = pair.is_of_tile || publisher == nullptr || publisher->wants_regions ||
+                     a.is_too_much_to_tell || b.is_too_much_to_tell ||
+                     pair.asked.fruitless >= kMaxFruitless;
     if (pair.by_region || !report.answers[i].reason.empty()) continue;
     if (!a.waiting.empty() || !b.waiting.empty()) continue;
     if (has_open(publisher->hello.publisher, pair)) continue;

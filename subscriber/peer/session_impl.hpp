@@ -3,7 +3,8 @@
 // What the files of Session share: session.cpp (a frame), session_bodies.cpp (bodies and pairs that come and go, and which are
 // near), session_take.cpp (what comes), session_turns.cpp (whom it asks), session_ask.cpp, session_certificates.cpp and
 // session_audit.cpp (what is asked of publishers), session_probe.cpp (probes of bodies), session_contacts.cpp (contacts from
-// update to update), session_tell.cpp (what is told), session_mesh.cpp (meshes to be drawn).
+// update to update), session_worlds.cpp (bodies that are worlds), session_tell.cpp (what is told), session_mesh.cpp (meshes to
+// be drawn).
 // Threads: one.
 
 #include <algorithm>
@@ -20,6 +21,7 @@
 #include "core/broadphase/broad_phase.hpp"
 #include "core/query/answer.hpp"
 #include "core/query/clearance_left.hpp"
+#include "core/world/content_bytes.hpp"
 #include "frame_budget.hpp"
 #include "idl/messages/process_name.hpp"
 #include "idl/messages/status_keeper.hpp"
@@ -53,6 +55,20 @@ struct Body {
   bool is_new_to_bounds = true;  // motion or model changed since
   double way_m = 0;              // it may go so far within the look-ahead
   std::uint64_t digest = 0;      // of all that its bounds follow from
+
+  // Of a tile in its place, which stands for a part of a body that is a world.
+  std::optional<Grid> tile_grid;
+  double needed_s = 0;  // the update's time when it was near something last
+
+  // Preconditions of both: the model is ready.
+  [[nodiscard]] const Grid& grid() const {
+    return tile_grid ? *tile_grid : model->replica->header().grid;
+  }
+  [[nodiscard]] TreeView view() const {
+    TreeView view = model->replica->view();
+    if (tile_grid) view.grid = &*tile_grid;
+    return view;
+  }
 };
 
 // A request that was sent and not yet answered in full.
@@ -74,9 +90,13 @@ struct Publisher {
   std::uint32_t received_sequence = 0;
   std::uint32_t lost_requests =
       0;  // in a row: it may be dead, which DDS tells only when its lease is over
-  bool wants_regions = false;  // it chooses nothing itself
+  bool wants_regions = false;   // it chooses nothing itself
+  std::set<ContentHash> parts;  // pages and tiles of worlds that it serves, as far as they are used
 
   [[nodiscard]] bool serves(const ContentHash& content) const {
+    return parts.contains(content) || announces(content);
+  }
+  [[nodiscard]] bool announces(const ContentHash& content) const {
     return std::any_of(hello.models.begin(), hello.models.end(),
                        [&](const auto& model) { return model.content_hash == content; });
   }
@@ -123,6 +143,7 @@ struct Session::Impl {
     } asked;
     bool by_region = false;     // nobody chooses for it
     bool is_by_name = false;    // watched by name
+    bool is_of_tile = false;    // a part of one with a world
     std::uint64_t near_in = 0;  // the update that found it near last
     double looked_ahead_s = -std::numeric_limits<double>::infinity();
     double look_cost_s = 0;  // then
@@ -156,6 +177,29 @@ struct Session::Impl {
   std::vector<Body*> by_slot;
   std::uint64_t updates = 0;
   std::uint64_t next_contact = 1;
+
+  // session_worlds.cpp
+  struct WorldPair {
+    Pair* pair = nullptr;
+    std::string reason;  // why nothing can be said
+    NearTiles near;
+    std::vector<WorldEntry> not_here;  // tiles of which no header is, of those near
+    std::vector<std::string> why_not_here;
+    std::size_t first =
+        0;              // the pairs of its other tiles: listed[first], ..., as they stand in `near`
+    double rest_m = 0;  // all else is so far from the other body, at least
+  };
+  std::vector<WorldPair> world_pairs;                                // of the update
+  std::map<std::pair<std::uint32_t, WorldEntry>, Body> tile_bodies;  // by the world's BodyId
+  std::map<std::pair<PairKey, WorldEntry>, Pair> tile_pairs;
+  struct WantedBytes {
+    ContentReader reader;
+    ContentHash of_world;
+    bool is_page = false;         // else the header of a tile
+    std::uint64_t wanted_in = 0;  // the update that wanted it last
+  };
+  std::map<ContentHash, WantedBytes> wanted_bytes;
+  std::set<std::uint32_t> byte_requests;  // the latest
 
   std::map<wire::SessionId, Publisher> publishers;
   std::map<wire::SessionId, std::uint32_t>
@@ -194,6 +238,19 @@ struct Session::Impl {
   void remove_body(Body& body);
   template <class Use>
   void for_each_of_part(std::uint32_t part, const Use& use);
+  void join_tiles(FrameReport& report);
+  [[nodiscard]] Status find_tiles(WorldPair& found);
+  void leave_tiles();
+  void forget_tiles(const Body& body);
+  [[nodiscard]] Body* tile_body(const Body& world, const WorldEntry& tile, std::string& why_not,
+                                std::vector<std::string>& complaints);
+  void note_part(const ContentHash& part, const ContentHash& of_world);
+  void want_bytes(const ContentHash& content, const ContentHash& of_world, bool is_page);
+  [[nodiscard]] std::string who_gives(const ContentHash& content);
+  void ask_for_bytes();
+  bool take_bytes(const wire::SplitBatchMessage& message, FrameReport& report);
+  void fold_worlds(FrameReport& report);
+  [[nodiscard]] PairAnswer fold_world(WorldPair& found, FrameReport& report);
   void tell_directory();
   void publish(std::uint32_t part, std::uint64_t frame);
   void take_inbox(FrameReport& report);

@@ -71,6 +71,7 @@ Result<ProbeReport> Session::Impl::probe(BodyId id, std::span<const Probe> probe
                      .age_s = wire::age_s(stamp_of(*body), time_s),
                      .pose = {},
                      .content = model.content_hash};
+  if (report.reason.empty() && model.world) report.reason = why_not_ready(*body);
   if (!report.reason.empty()) {
     std::fill(answers.begin(), answers.end(), Answer{});
     return report;

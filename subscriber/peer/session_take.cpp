@@ -146,6 +146,7 @@ void Session::Impl::take_header(const Channel::Header& header,
 /// What each model's name stands for, by all that publishers say now.
 void Session::Impl::settle_contents(std::vector<std::string>& complaints) {
   for (auto& [name, model] : replicas.all()) {
+    if (model.is_tile) continue;
     std::vector<wire::Offer> offers;
     for (const auto& [id, publisher] : publishers) wire::add_offer(publisher.hello, name, offers);
     std::string untaken;
@@ -157,10 +158,10 @@ void Session::Impl::settle_contents(std::vector<std::string>& complaints) {
     });
     const ContentHash before = model.content_hash;
     ContentChoice choice = choose_content(
-        {.pinned = model.pinned, .held = model.is_ready() ? before : ContentHash{}}, offers);
+        {.pinned = model.pinned, .held = model.is_held() ? before : ContentHash{}}, offers);
     if (!choice.change.empty())
       complaints.push_back("model " + name + ": " + choice.change + "; starting again with it");
-    if (model.is_ready() && model.pinned.is_set() && before != model.pinned)
+    if (model.is_held() && model.pinned.is_set() && before != model.pinned)
       complaints.push_back("model " + name + ": content " + to_hex(model.pinned) +
                            " is pinned now; content " + to_hex(before) + " is dropped");
     const std::size_t refused_before = replicas.refused_count();
@@ -202,6 +203,7 @@ void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& r
                                 ": " + std::string(message.bytes.begin(), message.bytes.end()));
     return;
   }
+  if (take_bytes(message, report)) return;
   bool is_chosen = false;
   for (auto& [content, open] : outstanding) {
     if (open.request != message.request) continue;

@@ -15,8 +15,9 @@ namespace nearmesh::subscriber {
 /// of what comes, recorders would not know what it drops.
 void Session::Impl::tell_held(FrameReport& report) {
   for (auto& [name, model] : replicas.all()) {
-    if (model.told_recorders == recorders || !model.is_ready() || !model.waiting.empty() ||
-        model.replica->parked_splits() > 0 || model.replica->distrusts_anybody())
+    if (model.is_tile || model.told_recorders == recorders || !model.is_ready() ||
+        !model.waiting.empty() || model.replica->parked_splits() > 0 ||
+        model.replica->distrusts_anybody())
       continue;
     model.told_recorders = recorders;
     HeldNodes held = held_nodes(*model.replica);
@@ -130,6 +131,7 @@ void Session::Impl::tell_status(const FrameReport& report, const SessionStats& c
   tell_bodies(now);
   for (const auto& [name, model] : replicas.all()) {
     if (now.models.size() == wire::kMaxModels) break;
+    if (model.is_tile) continue;
     wire::ProcessStatus::Model entry{.name = name, .content_hash = model.content_hash};
     if (model.is_ready()) {
       const SpmHeader& header = model.replica->header();

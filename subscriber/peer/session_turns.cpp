@@ -32,12 +32,9 @@ LastCertified Session::Impl::last_certified_of(const Pair& pair) const {
   const auto moved = [this](const Body& body, const Pose& pose) {
     return MovedBody{body.reach, pose, body.motion->pose, wire::age_s(stamp_of(body), time_s)};
   };
-  const auto grid_of = [](const Body& body) -> const Grid& {
-    return body.model->replica->header().grid;
-  };
   const ClearanceLeft left =
       clearance_left(moved(*pair.a, then.pose_a), moved(*pair.b, then.pose_b),
-                     lattice_exponent(grid_of(*pair.a), grid_of(*pair.b)), then.said.clearance_m);
+                     lattice_exponent(pair.a->grid(), pair.b->grid()), then.said.clearance_m);
   last.clearance_m = left.clearance_m;
   last.safe_s = left.safe_s;
   return last;
@@ -61,7 +58,7 @@ void Session::Impl::look_at_pairs() {
     for (Body* body : {pair->a, pair->b}) {
       if (std::exchange(body->looked_at_in, updates) == updates) continue;
       body->is_ready = why_not_ready(*body).empty();
-      if (body->is_ready) body->reach = reach_of(body->model->replica->view(), *body->motion);
+      if (body->is_ready) body->reach = reach_of(body->view(), *body->motion);
     }
     if (pair->turn.came_in == 0) pair->turn.came_in = updates;
     pair->is_ready = pair->a->is_ready && pair->b->is_ready;

@@ -32,6 +32,10 @@ class LocalChannel final : public Channel {
   /// Errors: kInvalidArgument (name, too many models); kConflict (the name is taken, or the same content is served).
   [[nodiscard]] Status add_model(const std::string& name, ModelFile file);
 
+  /// Serves a world on disk (docs/worlds.md) as a model of that name: pages, tiles' headers and detail as they are asked for, at most 64 tiles open.
+  /// Errors: as add_model(); kNotFound, kIo, kCorrupt, kUnsupported, naming the file.
+  [[nodiscard]] Status add_world(const std::string& name, const std::string& folder);
+
   /// False: as when the network goes down; the publisher is lost, nothing is answered, who moved the other bodies has left,
   /// and nobody's pose arrives until it is true again. To test what a host does while answers are uncertain.
   void set_connected(bool connected);
@@ -56,7 +60,10 @@ class LocalChannel final : public Channel {
     std::string name;
     ModelFile file;
   };
+  struct World;
   void announce();
+  [[nodiscard]] Result<std::vector<std::vector<std::uint8_t>>> answer_of_world(
+      const wire::RegionSubscription& subscription);
   [[nodiscard]] std::vector<wire::SplitBatchMessage> answer(
       const wire::RegionSubscription& subscription);
   void certify(const wire::RegionSubscription& subscription);
@@ -64,8 +71,9 @@ class LocalChannel final : public Channel {
   void deliver(std::vector<wire::SplitBatchMessage>&& messages);
 
   std::map<ContentHash, Model> models_;  // by content hash
-  std::unique_ptr<Mirrors> mirrors_;     // of the peer's state
-  struct Begun;                          // an answer
+  std::vector<std::unique_ptr<World>> worlds_;
+  std::unique_ptr<Mirrors> mirrors_;  // of the peer's state
+  struct Begun;                       // an answer
   std::unique_ptr<Begun> begun_;
   int not_allowed_ = 0;                                         // times in a row
   double test_s_ = 0;                                           // what a test took of late

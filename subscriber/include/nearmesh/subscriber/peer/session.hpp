@@ -22,6 +22,7 @@
 #include "nearmesh/core/query/sweep.hpp"
 #include "nearmesh/subscriber/peer/channel.hpp"
 #include "nearmesh/subscriber/peer/readiness.hpp"
+#include "nearmesh/subscriber/peer/world_answer.hpp"
 
 namespace nearmesh::subscriber {
 
@@ -125,6 +126,9 @@ struct PairAnswer {
   double age_b_s = std::numeric_limits<double>::infinity();
   Pose pose_a, pose_b;               ///< what was asked about; meaningless unless `asked`
   ContentHash content_a, content_b;  ///< of the models that it is about; none: not known yet
+  /// Where one of the bodies is a world: of which tiles the pairs are, and what the answer misses of the world. `answer` then misses nodes of the
+  /// other body alone, and says nothing of the time ahead or of depth; contacts have no numbers.
+  std::optional<WorldAnswer> world;
   /// With SessionOptions::contacts, when the answer has pairs: where they touch, all exact.
   std::optional<Contacts> contacts;
   /// Of each of its patches: a number that the contact keeps as long as it lasts, and that no other contact of the session has.

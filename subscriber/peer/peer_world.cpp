@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "peer_world.hpp"
+
+#include <cmath>
+#include <string>
+#include <utility>
+
+namespace nearmesh::subscriber {
+
+bool is_world_record(std::span<const std::uint8_t> bytes) {
+  return bytes.size() == kWorldRecordBytes && bytes[0] == 'N' && bytes[1] == 'M' &&
+         bytes[2] == 'W' && bytes[3] == 'O';
+}
+
+Result<PeerWorld> PeerWorld::from_record(const ContentHash& name,
+                                         std::span<const std::uint8_t> bytes) {
+  Result<WorldRecord> record = decode_world(bytes);
+  NEARMESH_RETURN_IF_ERROR(record);
+  PeerWorld world;
+  world.record_ = record.value();
+  world.name_ = name;
+  return world;
+}
+
+bool PeerWorld::take_page(const ContentHash& content, std::span<const std::uint8_t> bytes) {
+  Result<WorldPage> page = decode_page(bytes);
+  if (page.is_ok() && content == record_.root && page.value().level != record_.root_level)
+    page = Status(StatusCode::kCorrupt, "page of a world: expected a root of level " +
+                                            std::to_string(record_.root_level) + ", found " +
+                                            std::to_string(page.value().level));
+  if (!page.is_ok()) {
+    faulty_.insert_or_assign(content, page.status());
+    return false;
+  }
+  if (content == record_.root) {
+    root_ = std::move(page).value();
+    return true;
+  }
+  pages_.insert_or_assign(content, Page{std::move(page).value(), time_s_});
+  return false;
+}
+
+GridBox PeerWorld::box() const {
+  const CellBox all = root_->box();
+  GridBox box;
+  for (std::size_t k = 0; k < 3; ++k) {
+    box.lo.v[k] = static_cast<std::int32_t>(all.lo[k]);
+    box.hi.v[k] = static_cast<std::int32_t>(all.hi[k]);
+  }
+  return box;
+}
+
+ModelBounds PeerWorld::bounds() const { return {world_grid(record_), box()}; }
+
+Result<NearTiles> PeerWorld::near_tiles(const RelativeFrame& body_in_world, const GridBox& body,
+                                        double time_s) {
+  time_s_ = time_s;
+  if (const auto fault = faulty_.find(record_.root); fault != faulty_.end()) return fault->second;
+  // One page may be announced by several, not all of them truly: whatever is announced is checked.
+  const PageOf page_of = [&](const WorldEntry& entry,
+                             int level) -> Result<std::optional<WorldPage>> {
+    if (const auto fault = faulty_.find(entry.content); fault != faulty_.end())
+      return fault->second;
+    const auto at = pages_.find(entry.content);
+    if (at == pages_.end()) return std::optional<WorldPage>();
+    NEARMESH_RETURN_IF_ERROR(check_page(at->second.page, entry, level));
+    at->second.used_s = time_s;
+    return std::optional(at->second.page);
+  };
+  return find_near_tiles(record_, *root_, page_of, body_in_world, body);
+}
+
+void PeerWorld::give_up(double time_s, double unused_s) {
+  std::erase_if(
+      pages_, [&](const auto& entry) { return std::abs(time_s - entry.second.used_s) > unused_s; });
+}
+
+}  // namespace nearmesh::subscriber

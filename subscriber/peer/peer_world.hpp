@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// A world as far as it is here: its record, and the pages that were asked for.
+
+#include <map>
+#include <optional>
+#include <span>
+
+#include "core/broadphase/body_bounds.hpp"
+#include "core/world/near_tiles.hpp"
+
+namespace nearmesh::subscriber {
+
+/// Whether the bytes that came as a model's header are a world's record.
+[[nodiscard]] bool is_world_record(std::span<const std::uint8_t> bytes);
+
+class PeerWorld {
+ public:
+  /// In: bytes that have the digest `name`. Errors: those of decode_world().
+  [[nodiscard]] static Result<PeerWorld> from_record(const ContentHash& name,
+                                                     std::span<const std::uint8_t> bytes);
+
+  [[nodiscard]] const WorldRecord& record() const { return record_; }
+  [[nodiscard]] const ContentHash& name() const { return name_; }
+  [[nodiscard]] const WorldPage* root() const { return root_ ? &*root_ : nullptr; }
+  /// In: bytes that have the digest `content`. What is no page of this world is remembered as such, and said by near_tiles(). Out: the root came.
+  bool take_page(const ContentHash& content, std::span<const std::uint8_t> bytes);
+  /// Of the root page's boxes. Precondition: there is a root.
+  [[nodiscard]] ModelBounds bounds() const;
+  [[nodiscard]] GridBox box() const;
+  /// As find_near_tiles(), from the pages that are here; they count as used at that time. Precondition: there is a root.
+  [[nodiscard]] Result<NearTiles> near_tiles(const RelativeFrame& body_in_world,
+                                             const GridBox& body, double time_s);
+  /// Forgets pages, but the root, that were not used for so long.
+  void give_up(double time_s, double unused_s);
+  [[nodiscard]] std::size_t page_count() const { return pages_.size() + (root_ ? 1 : 0); }
+
+ private:
+  struct Page {
+    WorldPage page;
+    double used_s = 0;
+  };
+  WorldRecord record_;
+  ContentHash name_;
+  std::optional<WorldPage> root_;
+  std::map<ContentHash, Page> pages_;
+  std::map<ContentHash, Status> faulty_;
+  double time_s_ = 0;
+};
+
+}  // namespace nearmesh::subscriber

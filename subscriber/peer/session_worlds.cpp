@@ -1,0 +1,533 @@
+// SPDX-License-Identifier: Apache-2.0
+// Bodies that are worlds. Before pairs are answered, each pair with a world gives way to pairs with those of its tiles that boxes do not prove
+// apart from the other body, now or within the look-ahead (join_tiles); these take turns, ask for detail and are answered as others are. Then their answers
+// become that of the pair (fold_worlds).
+//
+// Why the sum is right: every face of the world is in one tile. A tile is apart by a box of a page that is here, or below a page that is not, or its trees
+// were asked, or it is not here. The first touches nothing (find_near_tiles); where there is one of the second or last kind nothing is certified. Tiles are posed to the
+// points that one mesh of them all would be posed to (Grid::lattice_cells), and none has a face of another's.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <tuple>
+#include <utility>
+
+#include "core/base/hash.hpp"
+#include "core/geometry/motion_bounds.hpp"
+#include "nearmesh/core/spm/detail/codec.hpp"
+#include "pair_readiness.hpp"
+#include "session_impl.hpp"
+
+namespace nearmesh::subscriber {
+namespace {
+
+/// Tiles and pages that nothing was near for so long, on the exercise's clock, are given up.
+constexpr double kUnused_s = 10;
+/// So many pages and headers are asked for at a time.
+constexpr std::size_t kMostAsked = 32;
+/// Requests whose answers may still come twice.
+constexpr std::size_t kMostRemembered = 1024;
+
+std::string place_of(const WorldEntry& tile) {
+  return "tile " + to_hex(tile.content) + " at (" + std::to_string(tile.place[0]) + ", " +
+         std::to_string(tile.place[1]) + ", " + std::to_string(tile.place[2]) + ")";
+}
+
+/// On each side by so many cells, as far as there are cells.
+GridBox grown(const GridBox& box, double cells) {
+  constexpr double kLeast = std::numeric_limits<std::int32_t>::min(),
+                   kMost = std::numeric_limits<std::int32_t>::max();
+  GridBox out;
+  for (int k = 0; k < 3; ++k) {
+    out.lo[k] = static_cast<std::int32_t>(std::clamp(box.lo[k] - cells, kLeast, kMost));
+    out.hi[k] = static_cast<std::int32_t>(std::clamp(box.hi[k] + cells, kLeast, kMost));
+  }
+  return out;
+}
+
+/// By how many cells it did grow, at least.
+double growth(const GridBox& box, const GridBox& larger) {
+  double least = std::numeric_limits<double>::infinity();
+  for (int k = 0; k < 3; ++k)
+    least = std::min({least, static_cast<double>(box.lo[k]) - larger.lo[k],
+                      static_cast<double>(larger.hi[k]) - box.hi[k]});
+  return least;
+}
+
+void add_sorted(std::vector<NodeSpan>& nodes, const std::vector<NodeSpan>& more) {
+  nodes.insert(nodes.end(), more.begin(), more.end());
+  std::sort(nodes.begin(), nodes.end());
+  nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
+}
+
+/// Patches of another tile; none is of both.
+void append(const Contacts& tile, Contacts& sum) {
+  const auto first = static_cast<std::uint32_t>(sum.segments.size());
+  sum.segments.insert(sum.segments.end(), tile.segments.begin(), tile.segments.end());
+  for (const ContactPatch& patch : tile.patches) {
+    sum.patches.push_back(patch);
+    sum.patches.back().first += first;
+  }
+  sum.position_error_m = std::max(sum.position_error_m, tile.position_error_m);
+  sum.pair_total += tile.pair_total;
+  sum.truncated |= tile.truncated;
+}
+
+/// The distance, its points and what bounds it, of the tile that is nearer. Of tiles that touch nothing matters.
+void take_nearer(const Answer& tile, Answer& sum) {
+  if (tile.clearance_m < sum.clearance_m) {
+    sum.clearance_m = tile.clearance_m;
+    sum.clearance_share = tile.clearance_share;
+  }
+  if (tile.distance_at_most_m < sum.distance_at_most_m) {
+    sum.distance_at_most_m = tile.distance_at_most_m;
+    sum.nearest_a_m = tile.nearest_a_m;
+    sum.nearest_b_m = tile.nearest_b_m;
+  }
+}
+
+}  // namespace
+
+/// Whoever serves the world serves its parts.
+void Session::Impl::note_part(const ContentHash& part, const ContentHash& of_world) {
+  for (auto& [id, publisher] : publishers)
+    if (publisher.announces(of_world)) publisher.parts.insert(part);
+}
+
+void Session::Impl::want_bytes(const ContentHash& content, const ContentHash& of_world,
+                               bool is_page) {
+  note_part(content, of_world);
+  WantedBytes& wanted =
+      wanted_bytes.try_emplace(content, WantedBytes{ContentReader(content)}).first->second;
+  wanted.of_world = of_world;
+  wanted.is_page = is_page;
+  wanted.wanted_in = updates;
+}
+
+/// Whether a page or header may be expected.
+std::string Session::Impl::who_gives(const ContentHash& content) {
+  const Publisher* publisher = publisher_of(content);
+  if (publisher == nullptr)
+    return publishers.empty() ? "no publisher is there" : "no publisher that is there serves it";
+  if (publisher->lost_requests > 0)
+    return "publisher " + called_of(*publisher) + " has not answered " +
+           std::to_string(publisher->lost_requests) + " requests in a row";
+  return "publisher " + called_of(*publisher) + " is asked for it";
+}
+
+/// Tiles stand for the pairs of worlds in `listed` from here to fold_worlds().
+void Session::Impl::join_tiles(FrameReport& report) {
+  world_pairs.clear();
+  for (auto& [id, publisher] : publishers) publisher.parts.clear();
+  for (const auto& [name, model] : replicas.all())
+    if (model.world && model.world->root() == nullptr)
+      want_bytes(model.world->record().root, model.world->name(), true);
+  std::erase_if(listed, [this](Pair* pair) {
+    if (!pair->a->model->world && !pair->b->model->world) return false;
+    world_pairs.push_back({.pair = pair});
+    return true;
+  });
+  for (WorldPair& found : world_pairs) {
+    const Pair& pair = *found.pair;
+    found.first = listed.size();
+    if (const Status status = find_tiles(found); !status.is_ok()) found.reason = status.message();
+    if (!found.reason.empty()) {
+      found.near = {};
+      continue;
+    }
+    const bool is_a = pair.a->model->world.has_value();
+    const Body& world = is_a ? *pair.a : *pair.b;
+    for (const MissingPage& page : found.near.missing)
+      want_bytes(page.entry.content, world.model->content_hash, true);
+    for (const WorldEntry& entry : found.near.tiles) {
+      std::string why_not;
+      Body* tile = tile_body(world, entry, why_not, report.complaints);
+      if (tile == nullptr) {
+        found.not_here.push_back(entry);
+        found.why_not_here.push_back(std::move(why_not));
+        continue;
+      }
+      const PairKey key = std::minmax(pair.a->id.value, pair.b->id.value);
+      Pair& its = tile_pairs[{key, entry}];
+      its.is_of_tile = true;
+      its.a = is_a ? tile : pair.a;
+      its.b = is_a ? pair.b : tile;
+      its.near_in = updates;
+      listed.push_back(&its);
+    }
+  }
+  leave_tiles();
+}
+
+/// Which tiles may be near, or why that is not known.
+Status Session::Impl::find_tiles(WorldPair& found) {
+  const Pair& pair = *found.pair;
+  const bool is_a = pair.a->model->world.has_value();
+  const Body &world = is_a ? *pair.a : *pair.b, &other = is_a ? *pair.b : *pair.a;
+  const auto because = [&found](std::string why) {
+    found.reason = std::move(why);
+    return Status::ok();
+  };
+  if (other.model->world)
+    return because("bodies " + world.name + " and " + other.name +
+                   " are worlds, of which none is asked against another");
+  if (world.solid)
+    return because("body " + world.name +
+                   " is a world: whether something is inside cannot be told");
+  for (const Body* body : {&world, &other})
+    if (std::string why = why_unknown(*body); !why.empty()) return because(std::move(why));
+  if (std::string why = why_not_ready(other); !why.empty()) return because(std::move(why));
+  PeerWorld& tiles = *world.model->world;
+  const Grid grid = world_grid(tiles.record());
+  const Result<PosedPair> posed =
+      pose_pair(grid, world.motion->pose, world.name, other.grid(), other.motion->pose, other.name);
+  NEARMESH_RETURN_IF_ERROR(posed);
+  const auto way_m = [this](const Body& body) {
+    return body.model->bounds.way_m(*body.motion,
+                                    horizon_s() + std::abs(wire::age_s(stamp_of(body), time_s)));
+  };
+  const double cell_m = std::ldexp(1.0, other.grid().exponent);
+  const GridBox box = other.view().root().box;
+  const GridBox reach = grown(
+      box,
+      std::ceil((way_m(world) + way_m(other) + options.margin_m) * (1 + 0x1p-30) / cell_m) + 8);
+  Result<NearTiles> near =
+      tiles.near_tiles(make_relative_frame(posed.value().a, posed.value().b), reach, time_s);
+  NEARMESH_RETURN_IF_ERROR(near);
+  found.near = std::move(near).value();
+  // A point so near the body that growing takes it in would not be apart. Four cells of each cover what posing rounds.
+  found.rest_m =
+      found.near.apart_m + std::max(0.0, (growth(box, reach) - 4) * cell_m * (1 - 0x1p-30) -
+                                             4 * std::ldexp(1.0, grid.exponent));
+  return Status::ok();
+}
+
+/// A tile in its place, once its header is here; else null, and why.
+Body* Session::Impl::tile_body(const Body& world, const WorldEntry& entry, std::string& why_not,
+                               std::vector<std::string>& complaints) {
+  const ContentHash& content = entry.content;
+  note_part(content, world.model->content_hash);
+  PeerModel* model = replicas.find(content);
+  if (model == nullptr) {
+    model = &replicas.add(world.model->name + " tile " + to_hex(content));
+    if (!model->content_hash.is_set()) {
+      model->is_tile = true;
+      model->pinned = content;
+      static_cast<void>(replicas.assign(*model, content, complaints));
+      model->is_tile = true;
+    }
+  }
+  if (model->content_hash != content || model->world) {
+    why_not = "its name stands for another content";
+    return nullptr;
+  }
+  if (replicas.refused_of(content) != 0) {
+    why_not = "it contradicts itself and is not taken";
+    return nullptr;
+  }
+  Body& body = tile_bodies[{world.id.value, entry}];
+  body.needed_s = time_s;
+  body.model = model;
+  if (!model->is_ready()) {
+    want_bytes(content, world.model->content_hash, false);
+    why_not = "its header has not come, " + who_gives(content);
+    return nullptr;
+  }
+  if (const Status status =
+          check_tile_grid(model->replica->header().grid, world.model->world->record());
+      !status.is_ok()) {
+    why_not = status.message();
+    return nullptr;
+  }
+  if (!body.tile_grid) {
+    body.tile_grid = world.model->world->record().grid_at(entry);
+    body.name = world.name + ", " + place_of(entry);
+  }
+  body.id = world.id;
+  body.own = world.own;
+  body.is_placed = world.is_placed;
+  body.stamp = world.stamp;
+  body.motion = world.motion;
+  return &body;
+}
+
+/// What is near nothing now, and was not for long.
+void Session::Impl::leave_tiles() {
+  std::erase_if(tile_pairs, [this](const auto& entry) { return entry.second.near_in != updates; });
+  std::erase_if(wanted_bytes,
+                [this](const auto& entry) { return entry.second.wanted_in != updates; });
+  if (tile_bodies.empty()) return;
+  const auto is_unused = [this](const auto& entry) {
+    return std::abs(time_s - entry.second.needed_s) > kUnused_s;
+  };
+  if (std::erase_if(tile_bodies, is_unused) > 0) {
+    std::set<const PeerModel*> used;
+    for (const auto& [key, body] : tile_bodies) used.insert(body.model);
+    std::vector<std::string> unused;
+    for (const auto& [name, model] : replicas.all())
+      if (model.is_tile && !used.contains(&model)) unused.push_back(name);
+    for (const std::string& name : unused) {
+      outstanding.erase(replicas.find(name)->content_hash);
+      replicas.remove(name);
+    }
+  }
+  for (auto& [name, model] : replicas.all())
+    if (model.world) model.world->give_up(time_s, kUnused_s);
+}
+
+/// The tiles of its pairs, and its own. Their replicas stay for a while.
+void Session::Impl::forget_tiles(const Body& body) {
+  world_pairs.clear();
+  std::erase_if(tile_pairs, [&](const auto& entry) {
+    const PairKey& key = entry.first.first;
+    return key.first == body.id.value || key.second == body.id.value;
+  });
+  listed.clear();
+}
+
+void Session::Impl::ask_for_bytes() {
+  std::size_t open_count = 0;
+  for (auto& [content, wanted] : wanted_bytes) {
+    if (const auto open = outstanding.find(content); open != outstanding.end()) {
+      if (!is_lost(open->second)) {
+        ++open_count;
+        continue;
+      }
+      count_lost(open->second);
+    }
+    if (open_count >= kMostAsked) continue;
+    const Publisher* publisher = publisher_of(content);
+    if (publisher == nullptr) continue;
+    send_request(*publisher, kNeededNow,
+                 {.content_hash = content, .region = content_bytes_request()});
+    ++stats.requests;
+    ++open_count;
+    byte_requests.insert(last_request);
+    if (byte_requests.size() > kMostRemembered) byte_requests.erase(byte_requests.begin());
+    outstanding[content] = {.request = last_request,
+                            .priority = kNeededNow,
+                            .heard_s = clock.seconds(),
+                            .patience_s = patience_with(*publisher),
+                            .publisher = publisher->hello.publisher};
+  }
+}
+
+/// False: the message is no answer to what ask_for_bytes() asks.
+bool Session::Impl::take_bytes(const wire::SplitBatchMessage& message, FrameReport& report) {
+  if (!byte_requests.contains(message.request)) return false;
+  const auto at = wanted_bytes.find(message.content_hash);
+  const auto open = outstanding.find(message.content_hash);
+  const bool is_open = open != outstanding.end() && open->second.request == message.request;
+  if (is_open) open->second.heard_s = clock.seconds();
+  if (at == wanted_bytes.end()) {
+    if (is_open && message.last) outstanding.erase(open);
+    return true;
+  }
+  const auto piece = unseal_batch(message.content_hash, message.bytes);
+  auto bytes = piece.is_ok() ? at->second.reader.take(piece.value())
+                             : Result<std::optional<std::vector<std::uint8_t>>>(piece.status());
+  if (!bytes.is_ok()) {
+    // Asked for again when the request's time is up, of another where there is one.
+    report.complaints.push_back("publisher " + to_hex(message.publisher) + ": " +
+                                bytes.status().message());
+    if (const auto liar = publishers.find(message.publisher); liar != publishers.end())
+      ++liar->second.lost_requests;
+    return true;
+  }
+  if (is_open && message.last) outstanding.erase(open);
+  if (!bytes.value()) return true;
+  const WantedBytes wanted = std::move(at->second);
+  wanted_bytes.erase(at);
+  if (!wanted.is_page) {
+    stats.header_bytes += replicas.take_header({message.publisher,
+                                                {.name = "tile",
+                                                 .content_hash = message.content_hash,
+                                                 .bytes = std::move(*bytes.value())}},
+                                               report.complaints);
+    return true;
+  }
+  PeerModel* model = replicas.find(wanted.of_world);
+  if (model == nullptr || !model->world) return true;
+  if (model->world->take_page(message.content_hash, *bytes.value()))
+    model->bounds = model->world->bounds();
+  return true;
+}
+
+/// In the place of their tiles' answers.
+void Session::Impl::fold_worlds(FrameReport& report) {
+  if (world_pairs.empty()) return;
+  std::vector<PairAnswer> folded;
+  for (WorldPair& found : world_pairs) folded.push_back(fold_world(found, report));
+  report.answers.resize(world_pairs.front().first);
+  listed.resize(world_pairs.front().first);
+  for (std::size_t i = 0; i < folded.size(); ++i) {
+    PairAnswer& result = folded[i];
+    Pair& pair = *world_pairs[i].pair;
+    report.pairs_put_off += result.put_off ? 1 : 0;
+    pair.is_put_off = result.put_off;
+    if (!result.put_off) pair.last = readiness_of(result, pair.names());
+    report.answers.push_back(std::move(result));
+  }
+  std::sort(report.answers.begin(), report.answers.end(),
+            [](const PairAnswer& one, const PairAnswer& two) {
+              return std::minmax(one.a, one.b) < std::minmax(two.a, two.b);
+            });
+  listed.clear();
+  world_pairs.clear();
+}
+
+namespace {
+
+/// As safe_horizon_s(), of all of a world that was not asked.
+double rest_is_safe_s(const Body& world, double age_world_s, const Body& other, double age_other_s,
+                      double rest_m) {
+  constexpr double kRoundUp = 1 + 0x1p-40;
+  const Grid grid = world_grid(world.model->world->record());
+  const int lattice = lattice_exponent(grid, other.grid());
+  double speed_mps = 0, rounding_m = 0, gone_m = 0;
+  const auto add = [&](const Grid& its, const GridBox& box, const Motion& motion, double age_s) {
+    const double reach = reach_m(its, box), speed = speed_bound_mps(motion, reach);
+    speed_mps += speed;
+    if (speed > 0) gone_m += speed * std::abs(age_s) * kRoundUp;
+    rounding_m += 2 * posing_error_m(motion, reach, 0, its, lattice);
+  };
+  add(grid, world.model->world->box(), *world.motion, age_world_s);
+  add(other.grid(), other.view().root().box, *other.motion, age_other_s);
+  if (speed_mps == 0) return std::numeric_limits<double>::infinity();
+  return std::max(0.0, rest_m - (rounding_m + gone_m) * kRoundUp) / (speed_mps * kRoundUp);
+}
+
+}  // namespace
+
+PairAnswer Session::Impl::fold_world(WorldPair& found, FrameReport& report) {
+  const Pair& pair = *found.pair;
+  const bool is_a = pair.a->model->world.has_value();
+  const Body &world = is_a ? *pair.a : *pair.b, &other = is_a ? *pair.b : *pair.a;
+  PairAnswer result;
+  result.a = pair.a->id;
+  result.b = pair.b->id;
+  result.content_a = pair.a->model->content_hash;
+  result.content_b = pair.b->model->content_hash;
+  result.age_a_s = wire::age_s(stamp_of(*pair.a), time_s);
+  result.age_b_s = wire::age_s(stamp_of(*pair.b), time_s);
+  result.answer = nothing_known();
+  result.reason = found.reason;
+  if (result.reason.empty()) {
+    result.asked = true;
+    result.pose_a = pair.a->motion->pose;
+    result.pose_b = pair.b->motion->pose;
+    WorldAnswer& about = result.world.emplace();
+    about.world = world.model->content_hash;
+    for (const MissingPage& page : found.near.missing)
+      about.missing_pages.push_back(page.entry.content);
+
+    Answer sum;
+    sum.clearance_m = found.rest_m;
+    double safe_s = rest_is_safe_s(world, is_a ? result.age_a_s : result.age_b_s, other,
+                                   is_a ? result.age_b_s : result.age_a_s, found.rest_m);
+    bool all_certified = found.near.missing.empty() && found.not_here.empty();
+    bool is_any_asked = found.near.tiles.size() == found.not_here.size();
+    std::size_t put_off_count = 0, next_not_here = 0, next = found.first;
+    std::string awaited;
+    const auto await = [&awaited](const std::string& what) {
+      if (!what.empty()) awaited += (awaited.empty() ? "" : "; ") + what;
+    };
+    int contained = 0;
+    for (const WorldEntry& entry : found.near.tiles) {
+      NearTile& tile = about.tiles.emplace_back();
+      tile.tile = {entry.content, entry.place};
+      if (next_not_here < found.not_here.size() && found.not_here[next_not_here] == entry) {
+        await(place_of(entry) + ": " + found.why_not_here[next_not_here++]);
+        sum.uncertainty_m = std::numeric_limits<double>::infinity();
+        continue;
+      }
+      const PairAnswer& its = report.answers[next++];
+      tile.is_here = true;
+      tile.asked = its.asked;
+      tile.status = its.answer.status;
+      is_any_asked |= its.asked;
+      all_certified &= is_certified(its.answer.status);
+      if (!its.asked) {
+        ++put_off_count;
+        if (!its.put_off) await(place_of(entry) + ": " + its.reason);
+        sum.uncertainty_m = std::numeric_limits<double>::infinity();
+        continue;
+      }
+      const Answer& part = its.answer;
+      sum.pair_total += part.pair_total;
+      const std::size_t room = options.max_pairs - std::min(options.max_pairs, sum.pairs.size());
+      tile.pairs = std::min(part.pairs.size(), room);
+      sum.pairs.insert(sum.pairs.end(), part.pairs.begin(),
+                       part.pairs.begin() + static_cast<std::ptrdiff_t>(tile.pairs));
+      sum.truncated |= part.truncated || tile.pairs < part.pairs.size();
+      sum.exhausted |= part.exhausted;
+      tile.missing = is_a ? part.missing_a : part.missing_b;
+      if (is_a) {
+        add_sorted(sum.missing_b, part.missing_b);
+      } else {
+        add_sorted(sum.missing_a, part.missing_a);
+      }
+      if (!its.awaited.empty()) await(place_of(entry) + ": " + its.awaited);
+      sum.uncertainty_m = std::max(sum.uncertainty_m, part.uncertainty_m);
+      if (part.status == AnswerStatus::kContained) contained |= static_cast<int>(part.contained);
+      take_nearer(part, sum);
+      if (is_certified(part.status) && part.pair_total == 0)
+        safe_s = std::min(safe_s, its.safe_horizon_s);
+      if (its.contacts) {
+        if (!result.contacts) result.contacts.emplace();
+        append(*its.contacts, *result.contacts);
+      }
+    }
+    if (!found.near.missing.empty()) {
+      await(std::to_string(found.near.missing.size()) + " pages of world " + world.model->name +
+            " have not come, " + who_gives(found.near.missing.front().entry.content));
+      sum.uncertainty_m = std::numeric_limits<double>::infinity();
+    }
+    if (put_off_count > 0 && is_any_asked)
+      await(std::to_string(put_off_count) + " tiles were not asked");
+    if (sum.pair_total > 0) {
+      sum.status = all_certified || options.any ? AnswerStatus::kContact : AnswerStatus::kPartial;
+      sum.distance_at_most_m = 0;
+    } else if (!all_certified) {
+      sum.status = AnswerStatus::kUncertain;
+    } else {
+      sum.status = contained != 0 ? AnswerStatus::kContained : AnswerStatus::kFree;
+      sum.contained = static_cast<Containment>(contained);
+    }
+    if (!is_certified(sum.status) || sum.pair_total > 0 || options.clearance == Clearance::kNone) {
+      sum.clearance_m = 0;
+      sum.clearance_share = 0;
+    }
+    if (is_certified(sum.status)) {
+      sum.uncertainty_m = 0;
+      if (sum.pair_total == 0)
+        result.safe_horizon_s = options.clearance == Clearance::kNone ? 0 : safe_s;
+    } else {
+      result.awaited = std::move(awaited);
+    }
+    result.answer = std::move(sum);
+    if (!is_any_asked) {
+      result.asked = false;
+      result.put_off = true;
+      result.reason = kOutOfBudget;
+      result.awaited.clear();
+    }
+  }
+  std::uint64_t its = digest(result.answer);
+  if (result.world) {
+    const auto add = [&its](std::uint64_t bits) { its = mix(its ^ bits); };
+    add(result.world->world.high);
+    for (const NearTile& tile : result.world->tiles) {
+      if (tile.status == AnswerStatus::kFree) continue;
+      add(tile.tile.content.high);
+      for (const std::int32_t cells : tile.tile.place) add(static_cast<std::uint32_t>(cells));
+      add(tile.pairs);
+      for (const NodeSpan& node : tile.missing)
+        add(std::uint64_t{node.first.value} << 32 | node.size);
+    }
+  }
+  report.answers_digest = mix(report.answers_digest ^ its);
+  return result;
+}
+
+}  // namespace nearmesh::subscriber
