@@ -25,11 +25,14 @@ class FrameBudget {
 
 /// So many tests of a look ahead fit. A look is no answer: it may end where time does, with what matters soonest. Never so few that
 /// it sees nothing.
-[[nodiscard]] inline std::uint64_t tests_within(double left_s) {
-  constexpr double kTestsPerSecond = 1e7, kLeastTests = 2'000;
+inline constexpr double kLeastTests = 2'000, kTest_s = 1e-7;
+[[nodiscard]] inline std::uint64_t tests_within(double left_s, double test_s = kTest_s) {
   return static_cast<std::uint64_t>(
-      std::clamp(left_s * kTestsPerSecond, kLeastTests, static_cast<double>(kLookTests)));
+      std::clamp(left_s / test_s, kLeastTests, static_cast<double>(kLookTests)));
 }
+
+/// After so many updates without one there is a look ahead whatever time is left.
+inline constexpr std::uint64_t kPatientLooks = 8;
 
 /// What something took of late: a mean that falls slowly, and rises by the share that is given. Where it must not be overrun, at
 /// once.

@@ -246,11 +246,17 @@ void Session::Impl::ask(const FrameBudget& budget, FrameReport& report) {
     }
     // What an answer lacks is named outright: boxes of nodes need not nest, so the walk may miss a node that the query met.
     const Stopwatch watch;
-    if (!request(model, region_of(model, 0, report, Scope::kUncertified),
-                 missing_of(model, report, false), kNeededNow) &&
-        may_prefetch)
-      static_cast<void>(request_ahead(model, report));
+    const bool is_asked = request(model, region_of(model, 0, report, Scope::kUncertified),
+                                  missing_of(model, report, false), kNeededNow);
     region_cost.add(watch.seconds());
+    // What is ahead can wait for some updates.
+    if (is_asked || !may_prefetch ||
+        (budget.left_s() < ahead_cost.seconds() && updates - asked_ahead_in < kPatientLooks))
+      continue;
+    const Stopwatch ahead;
+    static_cast<void>(request_ahead(model, report));
+    ahead_cost.add(ahead.seconds());
+    asked_ahead_in = updates;
   }
 }
 

@@ -17,8 +17,6 @@ namespace {
 
 /// So many answers in a row may bring nothing to a pair before it names what it lacks itself.
 constexpr int kMaxFruitless = 2;
-/// After so many updates without one there is a look ahead whatever time is left.
-constexpr std::uint64_t kPatientLooks = 8;
 /// Who holds so much that it takes more bytes to tell names what it lacks itself: that takes some kilobytes.
 constexpr std::size_t kMaxToldBytes = 64 * 1024;
 

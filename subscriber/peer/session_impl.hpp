@@ -167,6 +167,7 @@ struct Session::Impl {
   std::string last_served;            // model, of those that name what they lack
   double time_s = 0;                  // of the update
   double frame_s = 0;                 // since the update before
+  std::uint64_t asked_ahead_in = 0;   // the last update that asked by region for what is ahead
   std::uint64_t looked_ahead_in = 0;  // the last update that looked ahead, or had no need to
   double asked_by_s = 0;              // of this update's time, when the last pair had been asked
   bool has_updated = false;
@@ -217,7 +218,7 @@ struct Session::Impl {
   };
   // What updates took of late: a pair; what follows the batches; what follows the answers; a look ahead; giving up.
   ExpectedCost pair_cost{0.125}, answers_cost, rest_cost, look_cost{0.125}, region_cost,
-      give_up_cost;
+      ahead_cost{0.125}, give_up_cost;
   void answer_pairs(std::uint64_t frame, const FrameBudget& budget, FrameReport& report);
   void ask_pair(const Pair& pair, AskedPair& asked, const std::function<bool()>& has_turn) const;
   void look_at_pairs();

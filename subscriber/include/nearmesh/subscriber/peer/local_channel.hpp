@@ -68,6 +68,7 @@ class LocalChannel final : public Channel {
   struct Begun;                          // an answer
   std::unique_ptr<Begun> begun_;
   int not_allowed_ = 0;                                         // times in a row
+  double test_s_ = 0;                                           // what a test took of late
   double allowed_s_ = std::numeric_limits<double>::infinity();  // since allow()
   std::set<std::string> delivered_;                             // bodies of others
   Inbox inbox_;
