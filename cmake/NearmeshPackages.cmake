@@ -1,5 +1,5 @@
-# Debian packages: `cpack -G DEB` in a build of the preset `package` makes nearmesh-tools and libnearmesh-dev, for the release on
-# which it runs. Man pages and completion are made of the programs' own --help. tests/platforms/packages.sh tries them.
+# Debian packages: `cpack -G DEB` in a build of the preset `package` makes nearmesh-tools, libnearmesh-dev, libnearmesh0 (the shared
+# library for C) and python3-nearmesh (where pybind11 is there), for the release on which it runs. Man pages and completion are made of the programs' own --help. tests/platforms/packages.sh tries them.
 
 find_package(Python3 REQUIRED COMPONENTS Interpreter)
 set(from ${PROJECT_SOURCE_DIR}/cmake/packages)
@@ -18,11 +18,17 @@ foreach(program ${NEARMESH_PROGRAMS})
 endforeach()
 add_custom_target(nearmesh_pages ALL DEPENDS ${pages})
 
-foreach(component tools dev)
-  set(package nearmesh-tools)
-  if(component STREQUAL "dev")
-    set(package libnearmesh-dev)
-  endif()
+set(library libnearmesh${PROJECT_VERSION_MAJOR})  # by its SONAME, so that two of them may be installed
+set(package_of_tools nearmesh-tools)
+set(package_of_dev libnearmesh-dev)
+set(package_of_c ${library})
+set(package_of_python python3-nearmesh)
+set(components tools dev c)
+if(TARGET nearmesh_python)
+  list(APPEND components python)
+endif()
+foreach(component ${components})
+  set(package ${package_of_${component}})
   # The release's name is the distribution's; packages of two releases differ, so their versions do.
   file(CONFIGURE OUTPUT ${made}/${package}/changelog CONTENT
 "nearmesh (${NEARMESH_PACKAGE_VERSION}) unstable; urgency=medium
@@ -54,10 +60,11 @@ set(CPACK_PACKAGE_VERSION ${NEARMESH_PACKAGE_VERSION})
 set(CPACK_PACKAGING_INSTALL_PREFIX ${CMAKE_INSTALL_PREFIX})
 set(CPACK_PACKAGE_DIRECTORY ${made})
 set(CPACK_DEB_COMPONENT_INSTALL ON)
-set(CPACK_COMPONENTS_ALL tools dev)
+set(CPACK_COMPONENTS_ALL ${components})
 set(CPACK_COMPONENTS_GROUPING IGNORE)
 set(CPACK_STRIP_FILES ON)
 set(CPACK_PRE_BUILD_SCRIPTS ${from}/strip_more.cmake)
+set(CPACK_POST_BUILD_SCRIPTS ${from}/without_ldconfig.cmake)
 set(CPACK_INSTALL_DEFAULT_DIRECTORY_PERMISSIONS
     OWNER_READ OWNER_WRITE OWNER_EXECUTE GROUP_READ GROUP_EXECUTE WORLD_READ WORLD_EXECUTE)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
@@ -74,7 +81,26 @@ set(needs libhwy-dev libssl-dev libassimp-dev zlib1g-dev libsqlite3-dev libtinyx
 if(GDAL_FOUND)
   list(APPEND needs libgdal-dev)
 endif()
+list(APPEND needs "${library} (= ${NEARMESH_PACKAGE_VERSION})")
 list(JOIN needs ", " CPACK_DEBIAN_DEV_PACKAGE_DEPENDS)
+set(CPACK_DEBIAN_C_PACKAGE_NAME ${library})
+set(CPACK_DEBIAN_C_PACKAGE_SECTION libs)
+set(CPACK_DEBIAN_C_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_C_PACKAGE_CONTROL_EXTRA ${made}/${library}/shlibs ${from}/triggers)
+file(WRITE ${made}/${library}/shlibs "libnearmesh ${PROJECT_VERSION_MAJOR} ${library} (>= ${PROJECT_VERSION})\n")
+if(TARGET nearmesh_python)
+  # The module is of one minor version of Python. What Python compiles at installation goes with the package.
+  get_target_property(minor nearmesh_python NEARMESH_PYTHON_MINOR)
+  math(EXPR next "${minor} + 1")
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-nearmesh)
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_SHLIBDEPS ON)
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS
+      "python3 (>= 3.${minor}), python3 (<< 3.${next}), python3-numpy")
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_CONTROL_EXTRA ${from}/python/postinst ${from}/python/prerm)
+  install(FILES ${PROJECT_SOURCE_DIR}/examples/python/chart.py ${PROJECT_SOURCE_DIR}/examples/python/peer.py
+          DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/python3-nearmesh/examples COMPONENT python)
+endif()
 set(about "Streams, over DDS, only the mesh detail that is about to be touched, and tells
 every simulation peer whether two objects collide, with a proof attached to
 each answer.")
@@ -84,6 +110,13 @@ This package has the programs that make models, serve them, fly, record and
 verify, a systemd unit, and the documentation.")
 set(CPACK_COMPONENT_DEV_DESCRIPTION "${about}
 
-This package has the C++ headers, static libraries, the configuration for
-CMake and pkg-config, and the IDL of the topics.")
+This package has the headers for C++ and C, static libraries, the
+configuration for CMake and pkg-config, and the IDL of the topics.")
+set(CPACK_COMPONENT_C_DESCRIPTION "${about}
+
+This package has the shared library for programs in C and other languages;
+it holds all that it needs of nearmesh.")
+set(CPACK_COMPONENT_PYTHON_DESCRIPTION "${about}
+
+This package has the Python module: baking, queries, peers, recordings.")
 include(CPack)

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <cmath>
 #include <deque>
 #include <future>
@@ -26,6 +27,7 @@ constexpr std::size_t kMaxTaken = 256;  ///< of one topic, before the others hav
 constexpr std::size_t kTransformsAMessage = 500;   ///< so that it fits what readers of ours take
 constexpr std::int64_t kMaxStep_ns = 500'000'000;  ///< between poses that a velocity is made of
 constexpr double kHardlyMoves_mps = 1e-9;
+constexpr std::chrono::seconds kQuiet{10};  ///< until what was refused is said again
 
 /// ROS 2's default, and its own for /tf and /tf_static.
 constexpr wire::Delivery kDefault{.depth = 10};
@@ -209,7 +211,7 @@ class Ros2Bridge::Impl {
   void receive(const Input& input, const std::vector<std::uint8_t>& cdr) {
     if (input.is_tf) {
       const auto said = ros2::read_tf_message(cdr);
-      if (!said.is_ok()) return refuse(input.topic + ": " + said.status().message());
+      if (!said.is_ok()) return refuse(input.topic, said.status().message());
       for (const ros2::SaidPose& one : said.value()) {
         bool is_known = false;
         for (std::size_t i = 0; i < options_.moved.size(); ++i)
@@ -226,7 +228,7 @@ class Ros2Bridge::Impl {
       return;
     }
     const auto said = ros2::read_pose_stamped(cdr);
-    if (!said.is_ok()) return refuse(input.topic + ": " + said.status().message());
+    if (!said.is_ok()) return refuse(input.topic, said.status().message());
     for (std::size_t i = 0; i < options_.moved.size(); ++i)
       if (options_.moved[i].topic == input.topic) move(i, said.value());
   }
@@ -234,10 +236,10 @@ class Ros2Bridge::Impl {
   void move(std::size_t place, const ros2::SaidPose& said) {
     const std::string& body = options_.moved[place].body;
     if (without_slash(said.frame) != options_.frame)
-      return refuse("pose of " + body + " is in the frame \"" + printable(said.frame) +
-                    "\", expected \"" + options_.frame + "\"");
+      return refuse("frame of " + body,
+                    "\"" + printable(said.frame) + "\", expected \"" + options_.frame + "\"");
     const auto pose = ros2::to_pose(said, body);
-    if (!pose.is_ok()) return refuse(pose.status().message());
+    if (!pose.is_ok()) return refuse("pose of " + body, pose.status().message());
     Moved& moved = moved_[place];
     const std::int64_t at_ns = said.stamp_ns != 0 ? said.stamp_ns : wire::now_us() * 1000;
     const std::int64_t step_ns = at_ns - moved.at_ns;
@@ -252,12 +254,17 @@ class Ros2Bridge::Impl {
     ++counts_.taken;
   }
 
-  void refuse(std::string why) {
+  /// A line for each `what` in a while: whoever sends faults without end, each another, shall not fill a log.
+  void refuse(const std::string& what, const std::string& why) {
+    const auto now = std::chrono::steady_clock::now();
     {
       const std::lock_guard lock(mutex_);
       ++counts_.refused;
     }
-    mailbox_.complain("ros2: refused: " + std::move(why));
+    const auto [said, is_new] = said_.try_emplace(what, now);
+    if (!is_new && now - said->second < kQuiet) return;
+    said->second = now;
+    mailbox_.complain("ros2: refused: " + what + ": " + why);
   }
 
   // --- What is written
@@ -332,7 +339,8 @@ class Ros2Bridge::Impl {
                         *mesh_ = nullptr;
   std::vector<Input> inputs_;
   std::vector<Moved> moved_;
-  ros2::Bytes placed_ = ros2::tf_message(0, {});  ///< as they were written
+  std::map<std::string, std::chrono::steady_clock::time_point> said_;  ///< of topics and bodies
+  ros2::Bytes placed_ = ros2::tf_message(0, {});                       ///< as they were written
   std::set<Key> drawn_;
   std::int64_t told_ns_ = 0;  ///< of the last view
 

@@ -14,9 +14,9 @@ case $1 in
     quietly apt-get -q update
     quietly apt-get -qy install --no-install-recommends "$source"/out/packages/nearmesh-tools*.deb
     for program in nearmesh-model nearmesh-publisher nearmesh-subscriber; do $program --version | head -n 1; done
-    quietly apt-get -qy install --no-install-recommends "$source"/out/packages/libnearmesh-dev*.deb
+    quietly apt-get -qy install --no-install-recommends "$source"/out/packages/{libnearmesh0,libnearmesh-dev,python3-nearmesh}_*.deb
     quietly apt-get -qy install --no-install-recommends g++ make cmake pkg-config
-    dpkg -L nearmesh-tools libnearmesh-dev | sort -u >out/files
+    dpkg -L nearmesh-tools libnearmesh-dev libnearmesh0 python3-nearmesh | sort -u >out/files
     ;;
   use)
     rm -rf "$out"
@@ -68,6 +68,25 @@ case $1 in
     done
     quietly ./two_spheres
     echo "consumer by pkg-config: built and run"
+    quietly gcc -std=c11 $(pkg-config --cflags nearmesh) "$source/tests/consumer/c_project/two_cubes.c" -o two_cubes \
+      $(pkg-config --libs nearmesh)
+    quietly cmake -S "$source/tests/consumer/c_project" -B consumer_in_c
+    quietly cmake --build consumer_in_c
+    quietly ./two_cubes cube.spm
+    quietly consumer_in_c/two_cubes cube.spm
+    echo "programs in C by pkg-config and CMake: built and run"
+    python3 - <<'PYTHON'
+import numpy as np
+import nearmesh as nm
+vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+tetra = nm.bake(vertices, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]), "tetra.spm")
+poses = np.tile(np.eye(4), (2, 1, 1))
+poses[:, 0, 3] = 0.3, 1.5
+answers = nm.Pair(tetra, tetra).query(np.eye(4), poses)
+assert list(answers["status"] == nm.Status.CONTACT) == [True, False] and all(answers["certified"])
+session = nm.Session.dds(domain=31, interface="127.0.0.1")
+print("Python", nm.__version__ + ": baked, asked, joined a bus")
+PYTHON
     test -s /usr/share/nearmesh/idl/nearmesh.idl
     for page in model publisher subscriber demo-flights; do
       test -s /usr/share/man/man1/nearmesh-$page.1.gz || test ! -d /usr/share/man/man1  # minimal systems may leave them out
@@ -75,7 +94,7 @@ case $1 in
     done
     ;;
   remove)
-    quietly apt-get -qy purge nearmesh-tools libnearmesh-dev
+    quietly apt-get -qy purge nearmesh-tools libnearmesh-dev libnearmesh0 python3-nearmesh
     left=$(while read -r file; do [[ -e $file && ! -d $file ]] && echo "$file"; done <out/files || true)
     left+=$(find / -xdev \( -path /nearmesh -o -path /proc \) -prune -o -iname '*nearmesh*' -print)
     if [[ -n $left ]]; then echo "left after removal: $left" >&2; exit 1; fi

@@ -12,7 +12,7 @@ release=${2:-$own}
 mkdir -p "$folder"
 folder=$(cd "$folder" && pwd)
 
-make='set -e; source cmake/setup.sh; install_missing "${nearmesh_packages[@]}" dpkg-dev file lintian
+make='set -e; source cmake/setup.sh; install_missing "${nearmesh_packages[@]}" dpkg-dev file lintian pybind11-dev python3-dev
   build_preset package >/dev/null; rm -rf build/package/packages/*.deb; (cd build/package && cpack -G DEB >/dev/null)
   lintian --fail-on error,warning build/package/packages/*.deb && echo "lintian: nothing to say"'
 if [[ $release == "$own" ]]; then

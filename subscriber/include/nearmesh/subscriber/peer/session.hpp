@@ -334,7 +334,7 @@ class Session {
     std::vector<std::array<double, 3>> exact_m;   ///< faces of the full mesh
     std::vector<std::array<double, 3>> coarse_m;  ///< faces that stand for what is missing
   };
-  /// Errors: kNotFound, also while its header has not come. Cost: O(its faces), some 50 ns each.
+  /// Errors: kNotFound, also while its header has not come. Cost: O(its faces), some 100 ns each.
   [[nodiscard]] Result<HeldMesh> held_mesh(BodyId body) const;
   /// The same number while held_mesh() is the same; 0 where that is not found. Cost: O(1).
   [[nodiscard]] std::uint64_t held_state(BodyId body) const;

@@ -1,0 +1,11 @@
+# CPack gives a package with a shared library scripts that call ldconfig; Debian does that by a trigger, which ours has.
+foreach(package ${CPACK_PACKAGE_FILES})
+  if(package MATCHES "/libnearmesh[0-9]+_[^/]*$")
+    set(scratch ${package}.unpacked)
+    file(REMOVE_RECURSE ${scratch})
+    execute_process(COMMAND dpkg-deb --raw-extract ${package} ${scratch} COMMAND_ERROR_IS_FATAL ANY)
+    file(REMOVE ${scratch}/DEBIAN/postinst ${scratch}/DEBIAN/postrm)
+    execute_process(COMMAND dpkg-deb --root-owner-group --build ${scratch} ${package} OUTPUT_QUIET COMMAND_ERROR_IS_FATAL ANY)
+    file(REMOVE_RECURSE ${scratch})
+  endif()
+endforeach()
