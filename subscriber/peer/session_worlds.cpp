@@ -212,7 +212,6 @@ Body* Session::Impl::tile_body(const Body& world, const WorldEntry& entry, std::
     model = &replicas.add(world.model->name + " tile " + to_hex(content));
     if (!model->content_hash.is_set()) {
       model->is_tile = true;
-      model->pinned = content;
       static_cast<void>(replicas.assign(*model, content, complaints));
       model->is_tile = true;
     }
@@ -239,10 +238,9 @@ Body* Session::Impl::tile_body(const Body& world, const WorldEntry& entry, std::
     why_not = status.message();
     return nullptr;
   }
-  if (!body.tile_grid) {
-    body.tile_grid = world.model->world->record().grid_at(entry);
-    body.name = world.name + ", " + place_of(entry);
-  }
+  // Anew each time: the world may be another one by now, with the same tile in another place.
+  body.tile_grid = world.model->world->record().grid_at(entry);
+  body.name = world.name + ", " + place_of(entry);
   body.id = world.id;
   body.own = world.own;
   body.is_placed = world.is_placed;

@@ -414,6 +414,38 @@ TEST(SessionWorlds, TilesAndPagesThatNothingNeedsAreGivenUp) {
   EXPECT_EQ(host.settle(scene.world, scene.ball).answer.pair_total, near.answer.pair_total);
 }
 
+TEST(SessionWorlds, TheSameTilesInAnotherLatticeStandElsewhere) {
+  const CutTerrain terrain;
+  const std::string folder = terrain.folder + "_moved";
+  std::filesystem::copy(terrain.folder, folder, std::filesystem::copy_options::recursive);
+  WorldPages moved = terrain.pages;
+  moved.world.lattice.origin_m[0] += 16;
+  ASSERT_TRUE(write_world(moved, folder).is_ok());
+  CutHost host(terrain);
+  ASSERT_TRUE(host.local.add_world("moved", folder).is_ok());
+  Random random(37);
+  for (int round = 0; round < 8; ++round) {
+    CutScene scene = random_scene(terrain, random, 0);
+    scene.world = {};
+    scene.ball.pose.translation_m = terrain.posts()[100 + 7 * static_cast<std::size_t>(round)];
+    scene.ball.linear_velocity_mps = {};
+    ASSERT_TRUE(host.session->replace_model(host.world, "valley").is_ok());
+    PairAnswer answer = host.settle(scene.world, scene.ball);
+    expect_true(terrain, scene, answer);
+    EXPECT_EQ(answer.answer.status, AnswerStatus::kContact);
+    ASSERT_TRUE(host.session->replace_model(host.world, "moved").is_ok());
+    answer = host.settle(scene.world, scene.ball);
+    EXPECT_EQ(answer.answer.status, AnswerStatus::kFree);
+    EXPECT_NE(answer.content_b, terrain.pages.name);
+    scene.ball.pose.translation_m[0] += 16;
+    answer = host.settle(scene.world, scene.ball);
+    EXPECT_EQ(answer.answer.status, AnswerStatus::kContact);
+    scene.world.translation_m[0] = 16;
+    expect_true(terrain, scene, answer);
+  }
+  std::filesystem::remove_all(folder);
+}
+
 TEST(SessionWorlds, TwoRunsGiveTheSameDigests) {
   const CutTerrain terrain;
   std::vector<std::uint64_t> digests[2];
