@@ -85,7 +85,6 @@ Result<WorldPages> make_pages(const CommonLattice& lattice, int bits,
   if (tiles.empty())
     return Status(StatusCode::kInvalidArgument, "world: expected at least one tile, found none");
   std::vector<Child> children;
-  CellBox all;
   for (const PlacedTile& tile : tiles) {
     CellBox box;
     for (std::size_t k = 0; k < 3; ++k) {

@@ -21,9 +21,9 @@
 namespace nearmesh::subscriber {
 namespace {
 
-constexpr double kIdleWait_s = 0.5;  ///< everything wakes the thread; this is a safety net
-constexpr double kRetryWait_s = 0.005;
-constexpr std::size_t kMaxTaken = 256;  ///< of one topic, before the others have their turn
+constexpr double kRos2IdleWait_s = 0.5;  ///< everything wakes the thread; this is a safety net
+constexpr double kRos2RetryWait_s = 0.005;
+constexpr std::size_t kMaxRos2Taken = 256;  ///< of one topic, before the others have their turn
 constexpr std::size_t kTransformsAMessage = 500;   ///< so that it fits what readers of ours take
 constexpr std::int64_t kMaxStep_ns = 500'000'000;  ///< between poses that a velocity is made of
 constexpr double kHardlyMoves_mps = 1e-9;
@@ -143,10 +143,10 @@ class Ros2Bridge::Impl {
       try {
         const bool more = receive();
         const bool wrote_all = write();
-        if (!more) mailbox_.wait(wrote_all ? kIdleWait_s : kRetryWait_s);
+        if (!more) mailbox_.wait(wrote_all ? kRos2IdleWait_s : kRos2RetryWait_s);
       } catch (const std::bad_alloc&) {
         mailbox_.complain_of_memory();
-        mailbox_.wait(kIdleWait_s);
+        mailbox_.wait(kRos2IdleWait_s);
       }
     }
   }
@@ -201,9 +201,9 @@ class Ros2Bridge::Impl {
     for (const Input& input : inputs_) {
       static_cast<void>(input.reader->listener.take_matches());  // nobody asks
       std::size_t taken = 0;
-      for (; taken < kMaxTaken && endpoints_->take(*input.reader, cdr); ++taken)
+      for (; taken < kMaxRos2Taken && endpoints_->take(*input.reader, cdr); ++taken)
         if (!cdr.empty()) receive(input, cdr);
-      more |= taken == kMaxTaken;
+      more |= taken == kMaxRos2Taken;
     }
     return more;
   }
