@@ -32,8 +32,8 @@ Result<FullMesh> load(const std::string& path) {
   return FullMesh{to_hex(file.value().content_hash()), header, *std::move(tree)};
 }
 
-Pose pose_of(const nlohmann::json& json) {
-  const auto x = json.get<std::array<double, 12>>();
+Pose pose_of(const nlohmann::json& numbers) {
+  const auto x = numbers.get<std::array<double, 12>>();
   Pose pose;
   std::copy(x.begin(), x.begin() + 9, pose.rotation.begin());
   std::copy(x.begin() + 9, x.end(), pose.translation_m.begin());

@@ -31,12 +31,12 @@ inline constexpr double kMinLease_s = 0.1;
 /// A participant's announcement of itself, where a message holds one.
 struct RtpsAnnouncement {
   std::int64_t sequence = 0;
-  bool leaves = false;        ///< takes itself back
-  double lease_s = 0;         ///< and below, unless it leaves
-  std::size_t lease_at = 0;   ///< of its 8 bytes in the message
-  bool little_endian = true;  ///< how they are written
-  bool is_secured = false;    ///< has an identity
-  std::uint8_t release = 0;  ///< of Fast DDS, 3 and later; those before do not tell
+  bool leaves = false;                 ///< takes itself back
+  double lease_s = 0;                  ///< and below, unless it leaves
+  std::size_t lease_at = 0;            ///< of its 8 bytes in the message
+  bool little_endian = true;           ///< how they are written
+  bool is_secured = false;             ///< has an identity
+  std::uint8_t release = 0;            ///< of Fast DDS, 3 and later; those before do not tell
   std::span<const std::uint8_t> name;  ///< what it is called
 };
 
