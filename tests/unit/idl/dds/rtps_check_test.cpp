@@ -243,8 +243,7 @@ TEST(RtpsCheck, TellsOfWhichReleaseAnIdentityIs) {
     EXPECT_TRUE(verdict.announcement);
     EXPECT_EQ(std::string(verdict.announcement->name.begin(), verdict.announcement->name.end() - 1),
               "rig/peer");
-    return std::pair(verdict.announcement->is_secured,
-                     int{verdict.announcement->release});
+    return std::pair(verdict.announcement->is_secured, int{verdict.announcement->release});
   };
   // As Fast DDS 2.9.1 and 3.1.2 announce themselves.
   m.begin_parameter(0x0058).u32(0x0fcf003f).end_parameter();
