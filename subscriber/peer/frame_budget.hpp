@@ -35,18 +35,15 @@ inline constexpr double kLeastTests = 2'000, kTest_s = 1e-7;
 inline constexpr std::uint64_t kPatientLooks = 8;
 
 /// What something took of late: a mean that falls slowly, and rises by the share that is given. Where it must not be overrun, at
-/// once.
+/// once. What comes in some updates only falls more slowly.
 class ExpectedCost {
  public:
-  explicit ExpectedCost(double rise = 1) : rise_(rise) {}
-  void add(double cost_s) {
-    constexpr double kFall = 1.0 / 8;
-    cost_s_ += (cost_s - cost_s_) * (cost_s > cost_s_ ? rise_ : kFall);
-  }
+  explicit ExpectedCost(double rise = 1, double fall = 1.0 / 8) : rise_(rise), fall_(fall) {}
+  void add(double cost_s) { cost_s_ += (cost_s - cost_s_) * (cost_s > cost_s_ ? rise_ : fall_); }
   [[nodiscard]] double seconds() const { return cost_s_; }
 
  private:
-  double rise_;
+  double rise_, fall_;
   double cost_s_ = 0;
 };
 

@@ -274,8 +274,8 @@ struct Session::Impl {
     double query_s = 0;
   };
   // What updates took of late: a pair; what follows the batches; what follows the answers; a look ahead; giving up.
-  ExpectedCost pair_cost{0.125}, answers_cost, rest_cost, look_cost{0.125}, region_cost,
-      ahead_cost{0.125}, give_up_cost;
+  ExpectedCost pair_cost{0.125}, answers_cost, rest_cost{1, 1.0 / 64}, look_cost{0.125},
+      region_cost, ahead_cost{0.125}, give_up_cost;
   void answer_pairs(std::uint64_t frame, const FrameBudget& budget, FrameReport& report);
   void ask_pair(const Pair& pair, AskedPair& asked, const std::function<bool()>& has_turn) const;
   void look_at_pairs();
