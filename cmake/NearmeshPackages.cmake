@@ -51,8 +51,9 @@ install(DIRECTORY ${PROJECT_SOURCE_DIR}/examples/demo ${PROJECT_SOURCE_DIR}/exam
         COMPONENT tools FILES_MATCHING PATTERN *.yaml)
 install(FILES ${PROJECT_SOURCE_DIR}/docs/api.md ${PROJECT_SOURCE_DIR}/docs/embed.md
         DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/libnearmesh-dev COMPONENT dev)
-install(DIRECTORY ${PROJECT_SOURCE_DIR}/examples/embed ${PROJECT_SOURCE_DIR}/examples/flight_sim
-        ${PROJECT_SOURCE_DIR}/examples/read_session DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/libnearmesh-dev/examples COMPONENT dev)
+install(DIRECTORY ${PROJECT_SOURCE_DIR}/examples/cyclone ${PROJECT_SOURCE_DIR}/examples/embed ${PROJECT_SOURCE_DIR}/examples/flight_sim
+        ${PROJECT_SOURCE_DIR}/examples/flightgear ${PROJECT_SOURCE_DIR}/examples/read_session
+        DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/libnearmesh-dev/examples COMPONENT dev)
 
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME nearmesh)

@@ -67,4 +67,31 @@ WorldBox ModelBounds::around(const Motion& motion, double duration_s, double mar
   return box;
 }
 
+WorldBox ModelBounds::around_ball(const std::array<double, 3>& center_m, double radius_m,
+                                  double margin_m) const {
+  // Rotations of poses stretch by less.
+  constexpr double kStretch = 1 + 0x1p-10;
+  Motion farthest;  // of all poses with the origin in the ball
+  for (std::size_t k = 0; k < 3; ++k)
+    farthest.pose.translation_m[k] = std::abs(center_m[k]) + radius_m;
+  const double half_m = radius_m + kStretch * reach_m_ + margin_m +
+                        posing_error_m(farthest, reach_m_, 0, grid_, lattice_exponent_);
+  WorldBox box;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const double rounding_m = kRounding * (4 * reach_m_ + half_m + std::abs(center_m[k]));
+    box.lo_m[k] = center_m[k] - half_m - rounding_m;
+    box.hi_m[k] = center_m[k] + half_m + rounding_m;
+  }
+  return box;
+}
+
+WorldBox hull(const WorldBox& a, const WorldBox& b) {
+  WorldBox both;
+  for (std::size_t k = 0; k < 3; ++k) {
+    both.lo_m[k] = std::min(a.lo_m[k], b.lo_m[k]);
+    both.hi_m[k] = std::max(a.hi_m[k], b.hi_m[k]);
+  }
+  return both;
+}
+
 }  // namespace nearmesh

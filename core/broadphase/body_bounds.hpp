@@ -25,6 +25,9 @@ struct WorldBox {
   bool operator==(const WorldBox&) const = default;
 };
 
+/// The smallest that holds both.
+[[nodiscard]] WorldBox hull(const WorldBox& a, const WorldBox& b);
+
 /// What a model's header says of where its faces are, as a body needs it in each frame: the boxes of its roots hold all faces
 /// of the full mesh, and no batch changes them.
 class ModelBounds {
@@ -40,6 +43,10 @@ class ModelBounds {
   /// `margin_m` more on each side. Then two bodies whose boxes do not meet are farther apart than both ways and margins
   /// together. Precondition: check_motion accepted the motion. Cost: some 60 operations.
   [[nodiscard]] WorldBox around(const Motion& motion, double duration_s, double margin_m) const;
+  /// The same of a body whose origin is in a ball, however it is turned: holds each of its posed faces against any other body, and
+  /// `margin_m` more on each side.
+  [[nodiscard]] WorldBox around_ball(const std::array<double, 3>& center_m, double radius_m,
+                                     double margin_m) const;
 
  private:
   Grid grid_;

@@ -9,15 +9,6 @@
 namespace nearmesh {
 namespace {
 
-WorldBox around(const WorldBox& a, const WorldBox& b) {
-  WorldBox both;
-  for (std::size_t k = 0; k < 3; ++k) {
-    both.lo_m[k] = std::min(a.lo_m[k], b.lo_m[k]);
-    both.hi_m[k] = std::max(a.hi_m[k], b.hi_m[k]);
-  }
-  return both;
-}
-
 /// Half the surface: how likely a box is met.
 double area(const WorldBox& box) {
   std::array<double, 3> side;
@@ -60,11 +51,11 @@ BoxTree::Place BoxTree::sibling_for(const WorldBox& box) const {
   Place at = root_;
   while (!nodes_[at].is_leaf()) {
     const Node& node = nodes_[at];
-    const double together = area(around(node.box, box));
+    const double together = area(hull(node.box, box));
     const double grown = together - area(node.box);
     const auto cost_of = [&](Place child) {
       const Node& its = nodes_[child];
-      return area(around(its.box, box)) - (its.is_leaf() ? 0 : area(its.box)) + grown;
+      return area(hull(its.box, box)) - (its.is_leaf() ? 0 : area(its.box)) + grown;
     };
     const double left = cost_of(node.left), right = cost_of(node.right);
     if (together < std::min(left, right)) break;
@@ -117,7 +108,7 @@ void BoxTree::replace_child(Place parent, Place before, Place after) {
 void BoxTree::refit_from(Place node) {
   for (; node != kNowhere; node = nodes_[node].parent) {
     rotate(node);
-    nodes_[node].box = around(nodes_[nodes_[node].left].box, nodes_[nodes_[node].right].box);
+    nodes_[node].box = hull(nodes_[nodes_[node].left].box, nodes_[nodes_[node].right].box);
   }
 }
 
@@ -131,7 +122,7 @@ void BoxTree::rotate(Place node) {
     const Node& its = nodes_[sibling];
     if (its.is_leaf()) return;
     const auto gain_of = [&](Place grandchild, Place stays) {
-      const double gain = area(its.box) - area(around(nodes_[child].box, nodes_[stays].box));
+      const double gain = area(its.box) - area(hull(nodes_[child].box, nodes_[stays].box));
       if (gain <= best_gain) return;
       best_gain = gain;
       best = {child, sibling, grandchild};
@@ -147,7 +138,7 @@ void BoxTree::rotate(Place node) {
   nodes_[best.grandchild].parent = node;
   nodes_[best.child].parent = best.sibling;
   Node& sibling = nodes_[best.sibling];
-  sibling.box = around(nodes_[sibling.left].box, nodes_[sibling.right].box);
+  sibling.box = hull(nodes_[sibling.left].box, nodes_[sibling.right].box);
 }
 
 }  // namespace nearmesh

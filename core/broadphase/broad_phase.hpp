@@ -16,10 +16,11 @@ namespace nearmesh {
 struct Company {
   std::uint32_t group = 1, mask = 0xffffffffU;
   bool is_scenery = false;  ///< stands in its place: no pair with other scenery
+  bool is_other = false;  ///< is looked at for the sake of others alone: no pair with another such
 
   [[nodiscard]] bool wants(const Company& other) const {
     return (mask & other.group) != 0 && (other.mask & group) != 0 &&
-           !(is_scenery && other.is_scenery);
+           !(is_scenery && other.is_scenery) && !(is_other && other.is_other);
   }
   auto operator<=>(const Company&) const = default;
 };

@@ -83,10 +83,12 @@ double length_bound(const Vec3& v) { return std::sqrt(dot(v, v)) * kRoundUp; }
 
 double reach_m(const Grid& grid, const GridBox& box) {
   Vec3 farthest;
+  const double cell_m =
+      std::ldexp(1.0, grid.exponent);  // once: sweeps ask this of each pair of nodes
   for (int k = 0; k < 3; ++k) {
     const auto axis = static_cast<std::size_t>(k);
-    const double lo = grid.origin_m[axis] + std::ldexp(box.lo[k], grid.exponent);
-    const double hi = grid.origin_m[axis] + std::ldexp(box.hi[k], grid.exponent);
+    const double lo = grid.origin_m[axis] + box.lo[k] * cell_m;
+    const double hi = grid.origin_m[axis] + box.hi[k] * cell_m;
     farthest[axis] = std::max(std::abs(lo), std::abs(hi));
   }
   return length_bound(farthest) * kRoundUp;

@@ -157,6 +157,8 @@ ReadConvention collada(const aiScene& scene, const std::string& path) {
 
 ReadConvention fbx(const aiScene& scene, const std::string& path) {
   ReadConvention out;
+  out.leaves_out_root =
+      true;  // the file has none; assimp 5.4 turns and scales to Y-up there, 5.2 does nothing
   const std::string bytes = head_of(path, ".fbx");
   // In text it stands in quotes, in binary behind its length; OriginalUnitScaleFactor is another.
   const auto has = [&bytes](const std::string& name) {

@@ -6,6 +6,7 @@
 
 #include "commands.hpp"
 #include "core/base/hash.hpp"
+#include "full_world.hpp"
 #include "nearmesh/core/query/query.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
 
@@ -58,22 +59,65 @@ bool is_wrong(const std::string& status, const nlohmann::json& line, const Answe
   return status == "partial" && full.status != AnswerStatus::kContact;
 }
 
-Result<const FullMesh*> mesh_of(const std::map<std::string, FullMesh>& models,
-                                const std::string& name, const std::string& content,
-                                const std::string& where) {
-  const auto at = models.find(name);
-  if (at == models.end())
+/// All models and worlds that answers may be about, by name.
+struct Full {
+  std::map<std::string, FullMesh> models;
+  std::map<std::string, FullWorld> worlds;
+};
+
+/// One body of a line's two.
+struct Side {
+  std::string name;  ///< of the body
+  const FullMesh* mesh = nullptr;
+  FullWorld* world = nullptr;  ///< instead
+  Pose pose;
+  bool solid = false;
+};
+
+Result<Side> side_of(const nlohmann::json& line, const std::string& which, Full& full,
+                     const std::string& where) {
+  const auto model = line.at("model_" + which).get<std::string>();
+  const auto content = line.at("content_" + which).get<std::string>();
+  Side side{.name = line.at(which).get<std::string>(),
+            .pose = pose_of(line.at("pose_" + which)),
+            .solid = line.value("solid_" + which, false)};
+  std::string found;
+  if (const auto mesh = full.models.find(model); mesh != full.models.end()) {
+    side.mesh = &mesh->second;
+    found = mesh->second.content;
+    if (side.solid)
+      NEARMESH_RETURN_IF_ERROR(check_solid(mesh->second.header.surface, where + ": " + side.name));
+  } else if (const auto world = full.worlds.find(model); world != full.worlds.end()) {
+    side.world = &world->second;
+    found = to_hex(world->second.content());
+  } else {
     return Status{StatusCode::kNotFound,
-                  where + ": model " + name + " is not among the .spm files given"};
-  if (content != at->second.content)
-    return Status{StatusCode::kConflict, where + ": the answer is about content " + content +
-                                             " of model " + name + ", the .spm file given is " +
-                                             at->second.content};
-  return &at->second;
+                  where + ": model " + model + " is not among the files and folders given"};
+  }
+  if (content != found)
+    return Status{StatusCode::kConflict,
+                  where + ": the answer is about content " + content + " of model " + model +
+                      (side.world != nullptr ? ", the world" : ", the .spm file") + " given is " +
+                      found};
+  return side;
 }
 
-Status check_line(const nlohmann::json& line, const std::map<std::string, FullMesh>& models,
-                  const std::string& where, Counts& counts) {
+Result<Answer> answer_of(const Side& a, const Side& b) {
+  if (a.world != nullptr && b.world != nullptr)
+    return Status{StatusCode::kUnsupported, a.name + " and " + b.name + " are both worlds"};
+  if (a.world != nullptr)
+    return a.world->answer({a.pose, b.pose, b.mesh->tree.view(), true, a.name, b.name});
+  if (b.world != nullptr)
+    return b.world->answer({b.pose, a.pose, a.mesh->tree.view(), false, b.name, a.name});
+  const Result<PosedPair> posed =
+      pose_pair(a.mesh->tree.grid, a.pose, a.name, b.mesh->tree.grid, b.pose, b.name);
+  NEARMESH_RETURN_IF_ERROR(posed);
+  return query(a.mesh->tree.view(), posed.value().a, b.mesh->tree.view(), posed.value().b,
+               {.clearance = Clearance::kNone, .solid_a = a.solid, .solid_b = b.solid});
+}
+
+Status check_line(const nlohmann::json& line, Full& models, const std::string& where,
+                  Counts& counts) {
   if (line.contains("summary")) {
     counts.received += line["summary"].at("received_bytes").get<std::uint64_t>();
     counts.mesh_bytes += line["summary"].at("mesh_bytes").get<std::uint64_t>();
@@ -84,37 +128,19 @@ Status check_line(const nlohmann::json& line, const std::map<std::string, FullMe
   ++counts.answers;
   const auto status = line.at("status").get<std::string>();
   if (status == "uncertain") return Status::ok();  // claims nothing
-  const FullMesh* mesh[2] = {};
-  int side = 0;
-  for (const auto& [key, content_key] :
-       {std::pair{"model_a", "content_a"}, std::pair{"model_b", "content_b"}}) {
-    const Result<const FullMesh*> found = mesh_of(models, line.at(key).get<std::string>(),
-                                                  line.at(content_key).get<std::string>(), where);
-    NEARMESH_RETURN_IF_ERROR(found);
-    mesh[side++] = found.value();
-  }
-  const Result<PosedPair> posed =
-      pose_pair(mesh[0]->tree.grid, pose_of(line.at("pose_a")), line.at("a").get<std::string>(),
-                mesh[1]->tree.grid, pose_of(line.at("pose_b")), line.at("b").get<std::string>());
-  if (!posed.is_ok()) return {posed.status().code(), where + ": " + posed.status().message()};
-  const QueryOptions options{.clearance = Clearance::kNone,
-                             .solid_a = line.value("solid_a", false),
-                             .solid_b = line.value("solid_b", false)};
-  if (options.solid_a)
-    NEARMESH_RETURN_IF_ERROR(
-        check_solid(mesh[0]->header.surface, where + ": " + line.at("a").get<std::string>()));
-  if (options.solid_b)
-    NEARMESH_RETURN_IF_ERROR(
-        check_solid(mesh[1]->header.surface, where + ": " + line.at("b").get<std::string>()));
-  const Answer full =
-      query(mesh[0]->tree.view(), posed.value().a, mesh[1]->tree.view(), posed.value().b, options);
+  const Result<Side> a = side_of(line, "a", models, where);
+  NEARMESH_RETURN_IF_ERROR(a);
+  const Result<Side> b = side_of(line, "b", models, where);
+  NEARMESH_RETURN_IF_ERROR(b);
+  const Result<Answer> found = answer_of(a.value(), b.value());
+  if (!found.is_ok()) return {found.status().code(), where + ": " + found.status().message()};
+  const Answer& full = found.value();
   if (status != "partial") ++counts.certified;
   if (is_wrong(status, line, full)) {
     ++counts.wrong;
     std::fprintf(stderr,
                  "%s: %s and %s: answered %s with %zu pairs, the full meshes say %s with %zu\n",
-                 where.c_str(), line.at("a").get<std::string>().c_str(),
-                 line.at("b").get<std::string>().c_str(), status.c_str(),
+                 where.c_str(), a.value().name.c_str(), b.value().name.c_str(), status.c_str(),
                  line.at("pairs").get<std::size_t>(), to_string(full.status), full.pairs.size());
   }
   return Status::ok();
@@ -132,11 +158,18 @@ Status run(const CheckOptions& options) {
     }
     return Status::ok();
   }
-  std::map<std::string, FullMesh> models;
+  Full models;
   for (const std::string& path : options.models) {
+    if (std::filesystem::is_directory(path)) {
+      Result<FullWorld> world = FullWorld::open(path);
+      NEARMESH_RETURN_IF_ERROR(world);
+      models.worlds.insert_or_assign(name_of_folder(path), std::move(world).value());
+      continue;
+    }
     Result<FullMesh> mesh = load(path);
     NEARMESH_RETURN_IF_ERROR(mesh);
-    models.insert_or_assign(std::filesystem::path(path).stem().string(), std::move(mesh).value());
+    models.models.insert_or_assign(std::filesystem::path(path).stem().string(),
+                                   std::move(mesh).value());
   }
   Counts counts;
   for (const std::string& path : options.answers) {

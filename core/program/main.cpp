@@ -282,7 +282,8 @@ void add_check(CLI::App& app, Action& chosen) {
   const auto options = std::make_shared<CheckOptions>();
   command
       ->add_option("models", options->models,
-                   ".spm files of all models that occur; without --answers, folders of worlds")
+                   ".spm files of all models that occur, and folders of worlds; without --answers, "
+                   "folders of worlds")
       ->required();
   command->add_option("--answers", options->answers,
                       "Files written by nearmesh-subscriber run --answers (or its --json output)");

@@ -5,8 +5,8 @@
 #include "commands.hpp"
 #include "core/base/csv.hpp"
 #include "core/query/contacts_json.hpp"
-#include "core/world/near_tiles.hpp"
 #include "core/world/open_tiles.hpp"
+#include "full_world.hpp"
 #include "query_methods.hpp"
 
 namespace nearmesh::program {
@@ -115,12 +115,6 @@ Status query_world(const PoseQueryOptions& options, const std::vector<PoseRow>& 
   const SpmHeader& header = b.value().header();
   const GridBox box = LocalModel(b.value().store(), header.grid).view().root().box;
   OpenTiles tiles(folder.value(), kOpenTiles);
-  const PageOf page_of = [&folder](const WorldEntry& entry,
-                                   int level) -> Result<std::optional<WorldPage>> {
-    Result<WorldPage> page = folder.value().page(entry, level);
-    NEARMESH_RETURN_IF_ERROR(page);
-    return std::optional(std::move(page).value());
-  };
   std::array<std::uint64_t, 5> by_status{};
   for (const PoseRow& row : poses) {
     const auto posed_as = [&row, &header](const Grid& grid) -> Result<PosedPair> {
@@ -131,8 +125,8 @@ Status query_world(const PoseQueryOptions& options, const std::vector<PoseRow>& 
     };
     const Result<PosedPair> posed = posed_as(world_grid(world));
     NEARMESH_RETURN_IF_ERROR(posed);
-    const Result<NearTiles> near = find_near_tiles(
-        world, root.value(), page_of, make_relative_frame(posed.value().a, posed.value().b), box);
+    const Result<NearTiles> near =
+        find_near_tiles(folder.value(), root.value(), posed.value(), box);
     NEARMESH_RETURN_IF_ERROR(near);
     MethodAnswer sum;
     sum.answer.status = AnswerStatus::kFree;

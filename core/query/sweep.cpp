@@ -83,6 +83,7 @@ class SweptQuery {
         options_(options),
         lattice_(lattice_exponent(*a.tree.grid, *b.tree.grid)),
         last_instant_(std::uint64_t{1} << (options.time_levels + 1)),
+        instant_share_(1.0 / static_cast<double>(last_instant_)),
         error_m_(error_of(a) + error_of(b) + margin_m),
         cell_a_m_(std::ldexp(1.0, a.tree.grid->exponent)),
         cell_b_m_(std::ldexp(1.0, b.tree.grid->exponent)),
@@ -170,8 +171,7 @@ class SweptQuery {
   }
 
   [[nodiscard]] double seconds(std::uint64_t instant) const {
-    return options_.duration_s *
-           std::ldexp(static_cast<double>(instant), -(options_.time_levels + 1));
+    return options_.duration_s * (static_cast<double>(instant) * instant_share_);
   }
 
   /// Everything that starts in the interval `index` of 2^level, for the pairs given.
@@ -446,7 +446,8 @@ class SweptQuery {
   const SweepOptions options_;
   const int lattice_;
   const std::uint64_t last_instant_;
-  const double error_m_;  ///< placing and posing, of both; and what is wanted around
+  const double instant_share_;  ///< of the duration
+  const double error_m_;        ///< placing and posing, of both; and what is wanted around
   const double cell_a_m_, cell_b_m_;
   Vec3 velocity_{};  ///< of b against a
 

@@ -187,6 +187,11 @@ std::vector<std::uint8_t> encode_world(const WorldRecord& world) {
   return std::move(out).finish();
 }
 
+bool is_world_record(std::span<const std::uint8_t> bytes) {
+  return bytes.size() == kWorldRecordBytes && bytes[0] == 'N' && bytes[1] == 'M' &&
+         bytes[2] == 'W' && bytes[3] == 'O';
+}
+
 Result<WorldRecord> decode_world(std::span<const std::uint8_t> bytes) {
   if (bytes.size() != kWorldRecordBytes)
     return corrupt("world: expected 80 bytes, found " + std::to_string(bytes.size()));

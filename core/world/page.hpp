@@ -75,6 +75,8 @@ struct WorldRecord {
 
 inline constexpr std::size_t kWorldRecordBytes = 80;
 [[nodiscard]] std::vector<std::uint8_t> encode_world(const WorldRecord& world);
+/// Whether the bytes that came as a model's header begin as a world's record does, and are as many.
+[[nodiscard]] bool is_world_record(std::span<const std::uint8_t> bytes);
 /// Any bytes. Errors: kCorrupt, kUnsupported (another version).
 [[nodiscard]] Result<WorldRecord> decode_world(std::span<const std::uint8_t> bytes);
 

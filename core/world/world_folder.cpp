@@ -101,6 +101,11 @@ Result<WorldPage> WorldFolder::page(const WorldEntry& entry, int level) const {
   return page;
 }
 
+std::string name_of_folder(const std::string& folder) {
+  const fs::path its = fs::path(folder).lexically_normal();
+  return (its.has_filename() ? its : its.parent_path()).stem().string();
+}
+
 Status write_world(const WorldPages& pages, const std::string& folder) {
   std::error_code error;
   fs::create_directories(fs::path(folder) / "pages", error);

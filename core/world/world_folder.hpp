@@ -23,6 +23,9 @@ class WorldFolder {
 
   [[nodiscard]] const WorldRecord& world() const { return world_; }
   [[nodiscard]] const ContentHash& name() const { return name_; }
+  [[nodiscard]] std::string page_path(const ContentHash& page) const {
+    return page_path(folder_, page);
+  }
   [[nodiscard]] std::string tile_path(const ContentHash& tile) const {
     return tile_path(folder_, tile);
   }
@@ -40,6 +43,9 @@ class WorldFolder {
   WorldRecord world_;
   ContentHash name_;
 };
+
+/// What a world is called where nobody says: as its folder, of "data/valley/" "valley".
+[[nodiscard]] std::string name_of_folder(const std::string& folder);
 
 /// Makes the folder where there is none; pages that are there stay, and the record is replaced last. Errors: kIo, kConflict, naming the file.
 [[nodiscard]] Status write_world(const WorldPages& pages, const std::string& folder);

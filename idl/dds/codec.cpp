@@ -2,6 +2,9 @@
 #include "codec.hpp"
 
 #include <algorithm>
+#include <cstdlib>
+#include <optional>
+#include <span>
 #include <utility>
 
 #include "core/spm/packed_certificate.hpp"
@@ -20,6 +23,9 @@ constexpr std::size_t kWordsPerNode = 2;
 constexpr std::size_t kWordsPerPair = 4;
 constexpr std::size_t kWordsPerContent = 2;
 constexpr std::size_t kNumbersPerPose = 19;  // its time, then those of its motion
+constexpr std::size_t kWordsPerRun = 7;      // known, mover, first, count, content, group, mask
+constexpr std::size_t kWordsPerPlaced = 3;   // content, group, mask
+constexpr std::size_t kNumbersPerPlaced = 12;
 constexpr std::uint8_t kFlagAsked = 1;
 constexpr std::uint8_t kFlagSolidA = 2;
 constexpr std::uint8_t kFlagSolidB = 4;
@@ -95,6 +101,31 @@ Status take_places(const Sample& sample, Message& message) {
     message.bodies.back().number = message.part * kBodiesPerPart + place;
   }
   return Status::ok();
+}
+
+constexpr int kQuantumOffset = 64;
+constexpr std::int64_t kMostQuanta = std::int64_t{1} << 52;  // exact in doubles
+constexpr unsigned kMostBits = 56;  // of a difference of two places, and its sign
+
+/// Seven bits a byte, the lowest first; small numbers of either sign are short.
+void append_signed(std::int64_t number, Octets& to) {
+  auto rest = static_cast<std::uint64_t>(number) << 1U ^ static_cast<std::uint64_t>(number >> 63);
+  for (; rest >= 128; rest >>= 7U) to.push_back(static_cast<std::uint8_t>(rest % 128 + 128));
+  to.push_back(static_cast<std::uint8_t>(rest));
+}
+
+/// Takes it away from the bytes; nothing where it does not end, is longer than it must be, or too large.
+std::optional<std::int64_t> take_signed(std::span<const std::uint8_t>& bytes) {
+  std::uint64_t number = 0;
+  for (unsigned shift = 0; shift < kMostBits && !bytes.empty(); shift += 7) {
+    const std::uint8_t byte = bytes.front();
+    bytes = bytes.subspan(1);
+    number |= static_cast<std::uint64_t>(byte % 128) << shift;
+    if (byte >= 128) continue;
+    if (byte == 0 && shift > 0) return std::nullopt;
+    return static_cast<std::int64_t>(number >> 1U ^ (0 - (number & 1U)));
+  }
+  return std::nullopt;
 }
 
 /// use(number) of each, in the order in which they travel.
@@ -263,6 +294,7 @@ void encode(const BodyPoses& message, wire_types::BodyPosesSample& sample) {
   sample.part(message.part);
   sample.peer(message.peer);
   sample.frame(message.frame);
+  sample.sequence_number(message.sequence);
   std::vector<double>& motions = sample.motions();
   motions.clear();
   for (const BodyPoses::Body& body : message.bodies) {
@@ -276,6 +308,7 @@ Result<BodyPoses> decode(const wire_types::BodyPosesSample& sample) {
   message.wire_version = sample.wire_version();
   message.peer = sample.peer();
   message.frame = sample.frame();
+  message.sequence = sample.sequence_number();
   NEARMESH_RETURN_IF_ERROR(take_places(sample, message));
   const std::vector<double>& motions = sample.motions();
   if (motions.size() != kNumbersPerPose * message.bodies.size())
@@ -289,6 +322,77 @@ Result<BodyPoses> decode(const wire_types::BodyPosesSample& sample) {
   return checked(std::move(message));
 }
 
+void encode(const BodyPromises& message, wire_types::BodyPromisesSample& sample) {
+  sample.wire_version(message.wire_version);
+  sample.steps(message.steps);
+  sample.part(message.part);
+  sample.peer(message.peer);
+  sample.from_s(message.from_s);
+  sample.quantum(static_cast<std::uint8_t>(message.quantum + kQuantumOffset));
+  sample.bytes().clear();
+  std::uint32_t places = 0;
+  std::array<std::int64_t, 3> before{};
+  for (const BodyPromises::Body& body : message.bodies) {
+    places |= 1U << (body.number % kBodiesPerPromise);
+    for (std::size_t k = 0; k < before.size(); ++k)
+      append_signed(body.place[k] - before[k], sample.bytes());
+    before = body.place;
+  }
+  sample.places(places);
+}
+
+Result<BodyPromises> decode(const wire_types::BodyPromisesSample& sample) {
+  BodyPromises message;
+  message.wire_version = sample.wire_version();
+  message.steps = sample.steps();
+  message.part = sample.part();
+  message.peer = sample.peer();
+  message.from_s = sample.from_s();
+  message.quantum =
+      static_cast<std::int8_t>(std::clamp(sample.quantum() - kQuantumOffset, -128, 127));
+  std::span<const std::uint8_t> bytes = sample.bytes();
+  std::array<std::int64_t, 3> place{};
+  for (std::uint32_t at = 0; at < kBodiesPerPromise; ++at) {
+    if ((sample.places() >> at & 1U) == 0) continue;
+    for (std::int64_t& quanta : place) {
+      const std::optional<std::int64_t> step = take_signed(bytes);
+      if (!step) return malformed("promises: bytes that end too soon, or a number of too many");
+      quanta += *step;
+      if (std::abs(quanta) > kMostQuanta) return malformed("promises: a place that is too far");
+    }
+    message.bodies.push_back({message.part * kBodiesPerPromise + at, place});
+  }
+  if (!bytes.empty())
+    return malformed("promises: " + std::to_string(bytes.size()) + " bytes too many");
+  return checked(std::move(message));
+}
+
+void encode(const WantedPoses& message, wire_types::WantedPosesSample& sample) {
+  sample.wire_version(message.wire_version);
+  sample.peer(message.peer);
+  sample.mover(message.mover);
+  sample.parts().clear();
+  sample.places().clear();
+  for (const WantedPoses::Part& part : message.parts) {
+    sample.parts().push_back(part.part);
+    sample.places().push_back(part.places);
+  }
+}
+
+Result<WantedPoses> decode(const wire_types::WantedPosesSample& sample) {
+  WantedPoses message;
+  message.wire_version = sample.wire_version();
+  message.peer = sample.peer();
+  message.mover = sample.mover();
+  const std::size_t count = sample.parts().size();
+  if (count > kMaxWantedParts || sample.places().size() != count)
+    return malformed("wanted poses: lists of " + std::to_string(count) + " parts and " +
+                     std::to_string(sample.places().size()) + " places");
+  for (std::size_t i = 0; i < count; ++i)
+    message.parts.push_back({sample.parts()[i], sample.places()[i]});
+  return checked(std::move(message));
+}
+
 void encode(const BodyDirectory& message, wire_types::BodyDirectorySample& sample) {
   sample.wire_version(message.wire_version);
   sample.places(places_of(message));
@@ -297,8 +401,10 @@ void encode(const BodyDirectory& message, wire_types::BodyDirectorySample& sampl
   sample.names().clear();
   sample.content_hashes().clear();
   sample.companies().clear();
+  sample.max_speeds_mps().clear();
   std::uint8_t solids = 0;
   for (const BodyDirectory::Body& body : message.bodies) {
+    sample.max_speeds_mps().push_back(body.max_speed_mps);
     append_line(body.name, sample.names());
     append_line(body.model, sample.names());
     for (const std::uint64_t word : words_of(body.content)) sample.content_hashes().push_back(word);
@@ -316,11 +422,12 @@ Result<BodyDirectory> decode(const wire_types::BodyDirectorySample& sample) {
   NEARMESH_RETURN_IF_ERROR(take_places(sample, message));
   const std::size_t count = message.bodies.size();
   if (sample.content_hashes().size() != kWordsPerContent * count ||
-      sample.companies().size() != 2 * count ||
+      sample.companies().size() != 2 * count || sample.max_speeds_mps().size() != count ||
       sample.names().size() > 2 * kBodiesPerPart * (kMaxNameBytes + 1))
     return malformed("bodies: " + std::to_string(count) + " places, " +
                      std::to_string(sample.content_hashes().size()) + " words of contents, " +
                      std::to_string(sample.companies().size()) + " of groups and masks, " +
+                     std::to_string(sample.max_speeds_mps().size()) + " speeds, " +
                      std::to_string(sample.names().size()) + " bytes of names");
   if ((sample.solids() & ~sample.places()) != 0)
     return malformed("solids: found " + std::to_string(sample.solids()));
@@ -334,6 +441,7 @@ Result<BodyDirectory> decode(const wire_types::BodyDirectorySample& sample) {
     body.solid = (sample.solids() & place_of(body.number)) != 0;
     body.group = sample.companies()[2 * i];
     body.mask = sample.companies()[2 * i + 1];
+    body.max_speed_mps = sample.max_speeds_mps()[i];
   }
   return checked(std::move(message));
 }
@@ -423,6 +531,153 @@ Result<ContactReport> decode(const wire_types::ContactReportSample& sample) {
   for (std::size_t i = 0; i < words.size(); i += kWordsPerPair)
     message.pairs.push_back(
         {FaceKey{VertexId{words[i]}, words[i + 1]}, FaceKey{VertexId{words[i + 2]}, words[i + 3]}});
+  return checked(std::move(message));
+}
+
+namespace {
+
+/// The place of a value in a list, at the end if it is new.
+template <class Value>
+std::uint32_t index_in(std::vector<Value>& list, const Value& value) {
+  const auto at = std::find(list.begin(), list.end(), value);
+  const auto index = static_cast<std::uint32_t>(at - list.begin());
+  if (at == list.end()) list.push_back(value);
+  return index;
+}
+
+/// Lists of the lengths that each other asks for, none longer than a part.
+Status check_lists(const wire_types::WatchedBodiesSample& sample) {
+  const std::size_t runs = sample.max_ages_s().size(),
+                    placed = sample.placed_companies().size() / kWordsPerPlaced;
+  if (runs > kWatchedPerPart || placed > kWatchedPerPart ||
+      sample.runs().size() != kWordsPerRun * runs ||
+      sample.placed_companies().size() != kWordsPerPlaced * placed ||
+      sample.placed_poses().size() != kNumbersPerPlaced * placed ||
+      sample.content_hashes().size() % kWordsPerContent != 0 ||
+      sample.content_hashes().size() > kWordsPerContent * kWatchedPerPart ||
+      sample.movers().size() > kWatchedPerPart ||
+      sample.names().size() > kWatchedPerPart * (kMaxNameBytes + 1))
+    return malformed(
+        "watched bodies: lists of " + std::to_string(sample.runs().size()) + " words of runs, " +
+        std::to_string(runs) + " ages, " + std::to_string(sample.placed_companies().size()) +
+        " words of companies, " + std::to_string(sample.placed_poses().size()) +
+        " numbers of poses, " + std::to_string(sample.content_hashes().size()) +
+        " words of contents, " + std::to_string(sample.movers().size()) + " movers and " +
+        std::to_string(sample.names().size()) + " bytes of names do not belong together");
+  return Status::ok();
+}
+
+Status check_index(std::uint32_t index, std::size_t count, const char* field) {
+  if (index < count) return Status::ok();
+  return malformed(std::string(field) + ": found " + std::to_string(index) + " of " +
+                   std::to_string(count));
+}
+
+}  // namespace
+
+void encode(const WatchedBodies& message, wire_types::WatchedBodiesSample& sample) {
+  sample.wire_version(message.wire_version);
+  sample.part(message.part);
+  sample.peer(message.peer);
+  sample.edition(message.edition);
+  sample.horizon_s(message.horizon_s);
+  sample.margin_m(message.margin_m);
+  std::vector<ContentHash> contents;
+  sample.movers().clear();
+  sample.runs().clear();
+  sample.max_ages_s().clear();
+  for (const WatchedBodies::Run& run : message.runs) {
+    const std::uint32_t mover = index_in(sample.movers(), run.mover);
+    for (const std::uint32_t word :
+         {static_cast<std::uint32_t>(run.known), mover, run.first, run.count,
+          index_in(contents, run.content), run.group, run.mask})
+      sample.runs().push_back(word);
+    sample.max_ages_s().push_back(run.max_age_s);
+  }
+  sample.names().clear();
+  sample.placed_companies().clear();
+  sample.placed_poses().clear();
+  for (const WatchedBodies::Placed& body : message.placed) {
+    append_line(body.name, sample.names());
+    for (const std::uint32_t word : {index_in(contents, body.content), body.group, body.mask})
+      sample.placed_companies().push_back(word);
+    for (const double number : body.pose.rotation) sample.placed_poses().push_back(number);
+    for (const double number : body.pose.translation_m) sample.placed_poses().push_back(number);
+  }
+  sample.content_hashes().clear();
+  for (const ContentHash& content : contents)
+    for (const std::uint64_t word : words_of(content)) sample.content_hashes().push_back(word);
+}
+
+Result<WatchedBodies> decode(const wire_types::WatchedBodiesSample& sample) {
+  WatchedBodies message;
+  message.wire_version = sample.wire_version();
+  message.part = sample.part();
+  message.peer = sample.peer();
+  message.edition = sample.edition();
+  message.horizon_s = sample.horizon_s();
+  message.margin_m = sample.margin_m();
+  NEARMESH_RETURN_IF_ERROR(check_lists(sample));
+  const std::size_t contents = sample.content_hashes().size() / kWordsPerContent;
+  for (std::size_t i = 0; i < sample.max_ages_s().size(); ++i) {
+    const std::uint32_t* word = &sample.runs()[kWordsPerRun * i];
+    if (word[0] > static_cast<std::uint32_t>(WatchedBodies::Known::kByPose))
+      return malformed("runs: found bodies known by " + std::to_string(word[0]));
+    NEARMESH_RETURN_IF_ERROR(check_index(word[1], sample.movers().size(), "mover"));
+    NEARMESH_RETURN_IF_ERROR(check_index(word[4], contents, "content"));
+    message.runs.push_back({.known = static_cast<WatchedBodies::Known>(word[0]),
+                            .mover = sample.movers()[word[1]],
+                            .first = word[2],
+                            .count = word[3],
+                            .content = content_at(sample.content_hashes(), word[4]),
+                            .group = word[5],
+                            .mask = word[6],
+                            .max_age_s = sample.max_ages_s()[i]});
+  }
+  const std::size_t placed = sample.placed_companies().size() / kWordsPerPlaced;
+  const auto names = split_lines(sample.names(), placed, placed, "names of bodies");
+  NEARMESH_RETURN_IF_ERROR(names);
+  for (std::size_t i = 0; i < placed; ++i) {
+    const std::uint32_t* word = &sample.placed_companies()[kWordsPerPlaced * i];
+    NEARMESH_RETURN_IF_ERROR(check_index(word[0], contents, "content"));
+    message.placed.push_back({.name = names.value()[i],
+                              .content = content_at(sample.content_hashes(), word[0]),
+                              .group = word[1],
+                              .mask = word[2],
+                              .pose = {}});
+    Pose& pose = message.placed.back().pose;
+    const double* numbers = &sample.placed_poses()[kNumbersPerPlaced * i];
+    std::copy(numbers, numbers + 9, pose.rotation.begin());
+    std::copy(numbers + 9, numbers + 12, pose.translation_m.begin());
+  }
+  return checked(std::move(message));
+}
+
+void encode(const BoundsReport& message, wire_types::BoundsReportSample& sample) {
+  sample.wire_version(message.wire_version);
+  sample.edition(message.edition);
+  sample.peer(message.peer);
+  sample.frame(message.frame);
+  sample.time_s(message.time_s);
+  sample.places_digest(message.places_digest);
+  sample.pairs(message.pairs);
+  sample.clearance_m(message.clearance_m);
+  sample.horizon_s(message.horizon_s);
+  sample.heard(message.heard);
+}
+
+Result<BoundsReport> decode(const wire_types::BoundsReportSample& sample) {
+  BoundsReport message;
+  message.wire_version = sample.wire_version();
+  message.edition = sample.edition();
+  message.peer = sample.peer();
+  message.frame = sample.frame();
+  message.time_s = sample.time_s();
+  message.places_digest = sample.places_digest();
+  message.pairs = sample.pairs();
+  message.clearance_m = sample.clearance_m();
+  message.horizon_s = sample.horizon_s();
+  message.heard = sample.heard();
   return checked(std::move(message));
 }
 

@@ -41,12 +41,18 @@ NEARMESH_CODEC(RegionSubscription, RegionSubscriptionSample);
 NEARMESH_CODEC(SplitBatchMessage, SplitBatchSample);
 NEARMESH_CODEC(BodyPoses, BodyPosesSample);
 NEARMESH_CODEC(BodyDirectory, BodyDirectorySample);
+NEARMESH_CODEC(BodyPromises, BodyPromisesSample);
+NEARMESH_CODEC(WantedPoses, WantedPosesSample);
 NEARMESH_CODEC(ContactReport, ContactReportSample);
+NEARMESH_CODEC(WatchedBodies, WatchedBodiesSample);
+NEARMESH_CODEC(BoundsReport, BoundsReportSample);
 NEARMESH_CODEC(HeldDetail, HeldDetailSample);
 NEARMESH_CODEC(ProcessStatus, ProcessStatusSample);
 NEARMESH_CODEC(Echo, EchoSample);
 #undef NEARMESH_CODEC
 template <>
 struct Generated<Probe> : Generated<Echo> {};
+template <>
+struct Generated<NearPoses> : Generated<BodyPoses> {};
 
 }  // namespace nearmesh::wire

@@ -12,12 +12,14 @@
 #include "door_watch.hpp"
 #include "idl/messages/process_name.hpp"
 #include "nearmesh/idl/dds/door.hpp"
+#include "routes.hpp"
 
 namespace nearmesh::wire {
 
 namespace {
 
 constexpr std::uint32_t kMaxDomain = 232;
+constexpr int kMostSessions = 256;  ///< on one participant of a host's
 
 /// What Fast DDS calls a participant that was given no name.
 constexpr const char* kUnnamed = "RTPSParticipant";
@@ -228,7 +230,7 @@ class DiscoveryListener : public FindingListener {
   }
   void writer_found(const FoundEndpoint& found) override {
     if (!found.is_new) return;
-    judge(found.topic, found.type);
+    judge(found);
     judge_qos(found, true);
     if (on_writer_) on_writer_(found.endpoint, partition_of(found));
   }
@@ -236,7 +238,7 @@ class DiscoveryListener : public FindingListener {
     if (on_reader_ && (found.is_gone || found.is_new))
       on_reader_({found.endpoint, found.topic, partition_of(found), found.is_gone});
     if (!found.is_new) return;
-    judge(found.topic, found.type);
+    judge(found);
     judge_qos(found, false);
   }
 
@@ -252,8 +254,9 @@ class DiscoveryListener : public FindingListener {
     return found.partitions.empty() ? "" : found.partitions.front();
   }
 
-  void judge(const std::string& topic, const std::string& type) {
-    if (std::optional<std::string> line = judge_remote_endpoint(prefix_, topic, type))
+  void judge(const FoundEndpoint& found) {
+    if (std::optional<std::string> line = judge_remote_endpoint(
+            prefix_, found.topic, found.type, participant_name(found.endpoint, mailbox_)))
       say(std::move(*line));
   }
 
@@ -312,8 +315,7 @@ bool was_judged(const Parent* parent, fdds::QosPolicyId_t id) {
 void ReaderListener::on_requested_incompatible_qos(
     fdds::DataReader* reader, const fdds::RequestedIncompatibleQosStatus& status) {
   if (!was_judged(reader->get_subscriber(), status.last_policy_id))
-    mailbox_.complain(
-        incompatible(reader->get_topicdescription()->get_name(), status.last_policy_id));
+    mailbox_.complain(incompatible(topic_heard_by(*reader), status.last_policy_id));
 }
 
 void WriterListener::on_offered_incompatible_qos(fdds::DataWriter* writer,
@@ -346,6 +348,7 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
   if (options.host_participant != nullptr) {
     bus->participant_ = options.host_participant;
     bus->door_ = door_watch_of(*bus->participant_);
+    bus->add_routes();
     return bus;
   }
   // From scratch, not from the default profile: an XML file meant for other programs must not reach
@@ -377,6 +380,7 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
                                        std::to_string(options.transport.domain) +
                                        bus->refusal_hint_};
   bus->is_own_ = true;
+  bus->add_routes();
   bus->door_ = door_watch_of(*bus->participant_);
   bus->door_->set_complaint([&mailbox](std::string line) { mailbox.complain(std::move(line)); });
   return bus;
@@ -387,11 +391,40 @@ Bus::~Bus() {
   if (is_own_) door_->set_complaint({});
   while (!writers_.empty()) remove_writer(writers_.back());
   while (!readers_.empty()) remove_reader(readers_.back());
+  for (fdds::ContentFilteredTopic* topic : routed_)
+    participant_->delete_contentfilteredtopic(topic);
+  // Refused, rightly, while another session on the host's participant uses them.
+  participant_->unregister_content_filter_factory(kRoutesFilter);
   for (const auto& [name, topic] : topics_)
     if (topic != nullptr) participant_->delete_topic(topic);
   // Refused, rightly, while another session on the host's participant uses the type.
   for (const std::string& type : types_) participant_->unregister_type(type);
   if (is_own_) fdds::DomainParticipantFactory::get_instance()->delete_participant(participant_);
+}
+
+/// Another session on the host's participant may have done so.
+void Bus::add_routes() {
+  if (participant_->lookup_content_filter_factory(kRoutesFilter) == nullptr)
+    participant_->register_content_filter_factory(kRoutesFilter, &routes_filters());
+}
+
+Result<fdds::ContentFilteredTopic*> Bus::add_routed(fdds::Topic* topic) {
+  // Of readers whose filters have one name and expression, wherever they are, a writer tells one result: that of whom it asked first.
+  std::ostringstream participant;
+  participant << participant_->guid().guidPrefix;
+  const std::string name = topic->get_name() + "#" + participant.str();
+  fdds::ContentFilteredTopic* routed = nullptr;
+  for (int i = 0; i < kMostSessions && routed == nullptr; ++i) {  // of one participant
+    const std::string its = name + "#" + std::to_string(i);
+    if (participant_->lookup_topicdescription(its) == nullptr)
+      routed = participant_->create_contentfilteredtopic(its, topic, kRoutesExpression, {},
+                                                         kRoutesFilter);
+  }
+  if (routed == nullptr)
+    return Status{StatusCode::kIo,
+                  "Fast DDS could not create the routed topic of " + topic->get_name()};
+  routed_.push_back(routed);
+  return routed;
 }
 
 Result<fdds::Topic*> Bus::add_topic(const std::string& name, const fdds::TypeSupport& type,
@@ -451,8 +484,9 @@ Result<fdds::DataWriter*> Bus::add_writer(fdds::Topic* topic, const fdds::DataWr
                 "Fast DDS could not create a writer of " + topic->get_name() + refusal_hint_};
 }
 
-Result<fdds::DataReader*> Bus::add_reader(fdds::Topic* topic, const fdds::DataReaderQos& qos,
-                                          ReaderListener& listener, const std::string& partition) {
+Result<fdds::DataReader*> Bus::add_reader(fdds::TopicDescription* topic,
+                                          const fdds::DataReaderQos& qos, ReaderListener& listener,
+                                          const std::string& partition) {
   fdds::SubscriberQos subscriber_qos;
   listener.watch_life_signs(door_, silence_s_);
   if (!partition.empty()) subscriber_qos.partition().push_back(partition.c_str());
@@ -499,6 +533,12 @@ const char* name_of(const ReturnCode& code) {
                                                       "illegal operation",
                                                       "not allowed by security"};
   return number_of(code) < kNames.size() ? kNames[number_of(code)] : "unknown";
+}
+
+std::string topic_heard_by(const fdds::DataReader& reader) {
+  const fdds::TopicDescription* topic = reader.get_topicdescription();
+  const auto* routed = dynamic_cast<const fdds::ContentFilteredTopic*>(topic);
+  return routed == nullptr ? topic->get_name() : routed->get_related_topic()->get_name();
 }
 
 bool have_one_participant(const Handle& a, const Handle& b) { return prefix_of(a) == prefix_of(b); }

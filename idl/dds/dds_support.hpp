@@ -11,8 +11,10 @@
 #include <fastdds/dds/subscriber/SampleInfo.hpp>
 #include <fastdds/dds/subscriber/Subscriber.hpp>
 #include <fastdds/dds/subscriber/SubscriberListener.hpp>
+#include <fastdds/dds/topic/ContentFilteredTopic.hpp>
 #include <fastdds/dds/topic/Topic.hpp>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdint>
 #include <deque>
@@ -221,7 +223,13 @@ class Bus {
                                                  Hearing hearing = Hearing::kAsPromised) {
     const auto topic = add_topic<Type>(names_->of<Message>());
     NEARMESH_RETURN_IF_ERROR(topic);
-    return add_reader(topic.value(), reader_qos(topic_of<Message>().delivery, hearing), listener,
+    fdds::TopicDescription* heard = topic.value();
+    if (topic_of<Message>().delivery.is_routed && hearing != Hearing::kAll) {
+      const auto routed = add_routed(topic.value());
+      NEARMESH_RETURN_IF_ERROR(routed);
+      heard = routed.value();
+    }
+    return add_reader(heard, reader_qos(topic_of<Message>().delivery, hearing), listener,
                       partition);
   }
   template <class Message>
@@ -240,6 +248,7 @@ class Bus {
 
  private:
   Bus() = default;
+  void add_routes();
   template <class Type>
   Result<fdds::Topic*> add_topic(const std::string& name) {
     fdds::TypeSupport type(new Type);
@@ -250,8 +259,10 @@ class Bus {
   Result<fdds::Topic*> add_topic(const std::string& name, const fdds::TypeSupport& type,
                                  bool (*is_ours)(const fdds::TypeSupport&));
   Status add_type(const fdds::TypeSupport& type, bool (*is_ours)(const fdds::TypeSupport&));
-  Result<fdds::DataReader*> add_reader(fdds::Topic* topic, const fdds::DataReaderQos& qos,
-                                       ReaderListener& listener, const std::string& partition);
+  Result<fdds::ContentFilteredTopic*> add_routed(fdds::Topic* topic);
+  Result<fdds::DataReader*> add_reader(fdds::TopicDescription* topic,
+                                       const fdds::DataReaderQos& qos, ReaderListener& listener,
+                                       const std::string& partition);
   Result<fdds::DataWriter*> add_writer(fdds::Topic* topic, const fdds::DataWriterQos& qos,
                                        WriterListener& listener, const std::string& partition);
 
@@ -262,6 +273,7 @@ class Bus {
   std::vector<fdds::DataWriter*> writers_;
   std::vector<fdds::DataReader*> readers_;
   std::map<std::string, fdds::Topic*> topics_;
+  std::vector<fdds::ContentFilteredTopic*> routed_;
   std::vector<std::string> types_;
   std::optional<TopicNames> names_;
   double heartbeat_s_ = 0;
@@ -285,6 +297,9 @@ void tell_of_process(const TransportOptions& options, const DoorWatch* door, Pro
 [[nodiscard]] std::string participant_name(const Handle& endpoint, const Mailbox& mailbox);
 /// The GUID with the name of its participant, where discovery told one.
 [[nodiscard]] std::string name_of(const Handle& endpoint, const Mailbox& mailbox);
+
+/// The name of its topic on the bus.
+[[nodiscard]] std::string topic_heard_by(const fdds::DataReader& reader);
 
 enum class WriteResult { kTaken, kFull, kFailed };
 
@@ -382,6 +397,7 @@ class Reader {
           reader_->take_next_sample(static_cast<typename TypeOf<Message>::Sample*>(&data), &info);
       if (!wire::is_ok(code)) return false;
       if (heard) heard(info.publication_handle);
+      note_sequence(info);
       if (!info.valid_data) continue;  // a dispose: nothing here depends on it
       std::string fault = data.fault;
       if (fault.empty()) {
@@ -393,16 +409,32 @@ class Reader {
         }
         fault = message.status().message();
       }
-      mailbox_.complain(reader_->get_topicdescription()->get_name() + ": sample of " +
+      mailbox_.complain(topic_heard_by(*reader_) + ": sample of " +
                         name_of(info.publication_handle, mailbox_) + " dropped: " + fault);
     }
     return true;
   }
+  /// In accept(): so many samples of this writer, between the one before and this one, never came, or were displaced before they were
+  /// taken. Where a writer chooses who gets what, also those that were not for this reader.
+  [[nodiscard]] std::uint64_t missed() const { return missed_; }
 
  private:
+  static constexpr std::size_t kMaxWriters = 4096;
+  void note_sequence(const fdds::SampleInfo& info) {
+    const std::uint64_t now = info.sample_identity.sequence_number().to64long();
+    missed_ = 0;
+    if (sequences_.size() >= kMaxWriters) sequences_.clear();
+    const auto [last, is_first] = sequences_.try_emplace(info.publication_handle, now);
+    if (is_first) return;
+    if (now > last->second) missed_ = now - last->second - 1;
+    last->second = std::max(last->second, now);
+  }
+
   Mailbox& mailbox_;
   ReaderListener listener_;
   fdds::DataReader* reader_ = nullptr;
+  std::map<Handle, std::uint64_t> sequences_;  ///< the last, by writer
+  std::uint64_t missed_ = 0;
 };
 
 }  // namespace nearmesh::wire

@@ -59,6 +59,7 @@ class Door final : public ChainedTransport, private LeaseEnd {
   void receive(rtps::TransportReceiverInterface* next, const octet* data, std::uint32_t size,
                const Locator_t& local, const Locator_t& remote) override {
     const bool is_udp = remote.kind == LOCATOR_KIND_UDPv4 || remote.kind == LOCATOR_KIND_UDPv6;
+    if (local.kind == LOCATOR_KIND_SHM) size -= std::min(size, kSharedMemoryRoom);
     const RtpsVerdict verdict = watch_->check(
         {data, size}, {is_udp, is_udp ? IPLocator::getPhysicalPort(remote) : std::uint16_t{0}});
     if (verdict.refusal) return;

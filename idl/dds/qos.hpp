@@ -53,6 +53,8 @@ void apply_delivery(const Delivery& delivery, EndpointQos& qos) {
   qos.reliability().max_blocking_time = Duration(0, 0);
   set_heartbeat_period(qos, heartbeat_s);
   qos.publish_mode().kind = fdds::SYNCHRONOUS_PUBLISH_MODE;  // the lowest latency
+  // Readers beyond these get all.
+  if (delivery.is_routed) qos.writer_resource_limits().reader_filters_allocation.maximum = 4096;
   if (delivery.is_paced) {
     qos.publish_mode().kind = fdds::ASYNCHRONOUS_PUBLISH_MODE;
     qos.publish_mode().flow_controller_name = kPacedFlow;

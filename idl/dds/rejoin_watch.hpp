@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "fastdds_api.hpp"
 #include "interfaces.hpp"
 #include "mailbox.hpp"
 #include "nearmesh/core/base/status.hpp"
@@ -61,6 +62,7 @@ class RejoinWatch {
   [[nodiscard]] bool rejoin_if_due(std::unique_ptr<Bus>& bus, Join join) {
     if (!take_due()) return false;
     bus.reset();
+    list_addresses_again();
     const Status status = join();
     if (status.is_ok()) return true;
     mailbox_.complain("could not join again: " + status.message());

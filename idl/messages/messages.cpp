@@ -87,6 +87,12 @@ MeshHeader announce_model(const std::string& name, const ModelFile& file, Conten
   return {kWireVersion, name, file.content_hash(), {bytes.begin(), bytes.end()}};
 }
 
+MeshHeader announce_world(const std::string& name, const ContentHash& content,
+                          std::vector<std::uint8_t> record, ContentHash replaces, Hello& hello) {
+  hello.models.push_back({name, content, 0, replaces});
+  return {kWireVersion, name, content, std::move(record)};
+}
+
 std::vector<SplitBatchMessage> answer_messages(SessionId publisher, std::uint32_t request,
                                                const ContentHash& content,
                                                std::vector<std::vector<std::uint8_t>> batches,
@@ -222,13 +228,13 @@ Status check(const SplitBatchMessage& message) {
 namespace {
 
 /// In the part, and in ascending order.
-template <class Message>
+template <std::uint32_t kPerPart = kBodiesPerPart, class Message>
 Status check_numbers(const Message& message) {
   if (message.part > kMaxPart)
     return invalid("part: expected at most " + std::to_string(kMaxPart) + ", found " +
                    std::to_string(message.part));
-  std::uint32_t least = message.part * kBodiesPerPart;
-  const std::uint32_t end = least + kBodiesPerPart;
+  std::uint32_t least = message.part * kPerPart;
+  const std::uint32_t end = least + kPerPart;
   for (const auto& body : message.bodies) {
     if (body.number < least || body.number >= end)
       return invalid("part " + std::to_string(message.part) + ": body " +
@@ -253,6 +259,68 @@ Status check(const BodyPoses& message) {
   return Status::ok();
 }
 
+bool WantedPoses::wants(std::uint32_t number) const {
+  const auto at =
+      std::lower_bound(parts.begin(), parts.end(), number / kBodiesPerPart,
+                       [](const Part& one, std::uint32_t part) { return one.part < part; });
+  return at != parts.end() && at->part == number / kBodiesPerPart &&
+         (at->places >> (number % kBodiesPerPart) & 1U) != 0;
+}
+
+BodyPromise promise_of(const BodyPromises& promises, const BodyPromises::Body& body,
+                       const BodyDirectory::Body& who) {
+  const double quantum_m = std::ldexp(1.0, promises.quantum);
+  BodyPromise promise{.peer = promises.peer,
+                      .number = body.number,
+                      .body = who.name,
+                      .from_s = promises.from_s,
+                      .until_s = promises.until_s(),
+                      .slack_m = quantum_m,
+                      .max_speed_mps = who.max_speed_mps};
+  for (std::size_t k = 0; k < 3; ++k)
+    promise.place_m[k] = static_cast<double>(body.place[k]) * quantum_m;
+  return promise;
+}
+
+std::optional<double> BodyPromise::radius_m(double time_s) const {
+  constexpr double kRounding = 0x1p-48;
+  if (!(time_s >= from_s && time_s <= until_s)) return std::nullopt;
+  return (slack_m + max_speed_mps * (time_s - from_s)) * (1 + kRounding);
+}
+
+Status check(const BodyPromises& message) {
+  NEARMESH_RETURN_IF_ERROR(check_version(message.wire_version));
+  NEARMESH_RETURN_IF_ERROR(check_session(message.peer, "peer"));
+  const std::string of = "promises of peer " + to_hex(message.peer);
+  NEARMESH_RETURN_IF_ERROR(check_time(message.from_s, of + ": from_s"));
+  if (message.steps == 0 || message.steps * kPromiseStep_s > kMaxPromise_s)
+    return invalid(of + ": expected to hold up to " + in_seconds(kMaxPromise_s) + ", found " +
+                   in_seconds(message.steps * kPromiseStep_s));
+  if (message.quantum < kMinQuantum || message.quantum > kMaxQuantum)
+    return invalid(of + ": quantum of 2^" + std::to_string(message.quantum) + " m");
+  NEARMESH_RETURN_IF_ERROR(check_numbers<kBodiesPerPromise>(message));
+  for (const BodyPromises::Body& body : message.bodies)
+    for (const std::int64_t quanta : body.place)
+      if (!(std::abs(std::ldexp(static_cast<double>(quanta), message.quantum)) <= kMaxPlace_m))
+        return invalid(of + ": body " + std::to_string(body.number) + " is too far away");
+  return Status::ok();
+}
+
+Status check(const WantedPoses& message) {
+  NEARMESH_RETURN_IF_ERROR(check_version(message.wire_version));
+  NEARMESH_RETURN_IF_ERROR(check_session(message.peer, "peer"));
+  NEARMESH_RETURN_IF_ERROR(check_session(message.mover, "mover"));
+  NEARMESH_RETURN_IF_ERROR(check_most(message.parts.size(), kMaxWantedParts, "wanted parts"));
+  for (std::size_t i = 0; i < message.parts.size(); ++i) {
+    const WantedPoses::Part& part = message.parts[i];
+    if (part.part > kMaxPart || part.places == 0 || part.places >> kBodiesPerPart != 0 ||
+        (i > 0 && part.part <= message.parts[i - 1].part))
+      return invalid("wanted poses: part " + std::to_string(part.part) + " with places " +
+                     std::to_string(part.places));
+  }
+  return Status::ok();
+}
+
 Status check(const BodyDirectory& message) {
   NEARMESH_RETURN_IF_ERROR(check_version(message.wire_version));
   NEARMESH_RETURN_IF_ERROR(check_session(message.peer, "peer"));
@@ -261,6 +329,10 @@ Status check(const BodyDirectory& message) {
   for (const BodyDirectory::Body& body : message.bodies) {
     NEARMESH_RETURN_IF_ERROR(check_name(body.name, "body"));
     NEARMESH_RETURN_IF_ERROR(check_name(body.model, "model name"));
+    if (!(body.max_speed_mps >= 0 && body.max_speed_mps <= kMaxSpeed_mps))
+      return invalid("body " + body.name + ": max_speed_mps: expected 0 to " +
+                     std::to_string(kMaxSpeed_mps) + ", found " +
+                     std::to_string(body.max_speed_mps));
     names.push_back(body.name);
   }
   std::sort(names.begin(), names.end());
@@ -302,6 +374,67 @@ Status check(const ContactReport& message) {
     return invalid("pairs: " + std::to_string(message.pairs.size()) +
                    " listed, but pair_count is " + std::to_string(message.pair_count));
   return Status::ok();
+}
+
+namespace {
+
+Status check_runs(const WatchedBodies& message) {
+  constexpr std::uint64_t kMaxNumbers = (std::uint64_t{kMaxPart} + 1) * kBodiesPerPart;
+  std::uint64_t count = message.placed.size();
+  std::vector<std::pair<SessionId, std::uint64_t>> bodies;
+  for (const WatchedBodies::Run& run : message.runs) {
+    NEARMESH_RETURN_IF_ERROR(check_session(run.mover, "mover"));
+    count += run.count;
+    if (run.count == 0 || count > kWatchedPerPart ||
+        run.first + std::uint64_t{run.count} > kMaxNumbers)
+      return invalid("runs: " + std::to_string(run.count) + " bodies from number " +
+                     std::to_string(run.first) + ", expected 1 to " +
+                     std::to_string(kWatchedPerPart) + " in a part");
+    if (!run.content.is_set()) return invalid("runs: no content");
+    if (!(run.max_age_s >= 0)) return invalid("max_age_s: expected a time, not negative");
+    for (std::uint32_t i = 0; i < run.count; ++i) bodies.emplace_back(run.mover, run.first + i);
+  }
+  std::sort(bodies.begin(), bodies.end());
+  const auto twice = std::adjacent_find(bodies.begin(), bodies.end());
+  if (twice != bodies.end())
+    return invalid("runs: body " + std::to_string(twice->second) + " of " + to_hex(twice->first) +
+                   " twice");
+  return Status::ok();
+}
+
+}  // namespace
+
+Status check(const WatchedBodies& message) {
+  NEARMESH_RETURN_IF_ERROR(check_version(message.wire_version));
+  NEARMESH_RETURN_IF_ERROR(check_session(message.peer, "peer"));
+  NEARMESH_RETURN_IF_ERROR(check_most(message.part, kMaxPart, "part"));
+  if (message.edition == 0) return invalid("edition: expected from 1, found 0");
+  NEARMESH_RETURN_IF_ERROR(check_distance(message.horizon_s, "horizon_s"));
+  NEARMESH_RETURN_IF_ERROR(check_distance(message.margin_m, "margin_m"));
+  NEARMESH_RETURN_IF_ERROR(check_most(message.placed.size(), kWatchedPerPart, "placed"));
+  NEARMESH_RETURN_IF_ERROR(check_runs(message));
+  std::vector<std::string_view> names;
+  for (const WatchedBodies::Placed& body : message.placed) {
+    NEARMESH_RETURN_IF_ERROR(check_name(body.name, "body in place"));
+    if (!body.content.is_set()) return invalid("body " + body.name + ": no content");
+    NEARMESH_RETURN_IF_ERROR(check_pose(body.pose, body.name));
+    names.push_back(body.name);
+  }
+  std::sort(names.begin(), names.end());
+  const auto twice = std::adjacent_find(names.begin(), names.end());
+  if (twice != names.end()) return invalid("body \"" + std::string(*twice) + "\" twice");
+  return Status::ok();
+}
+
+Status check(const BoundsReport& message) {
+  NEARMESH_RETURN_IF_ERROR(check_version(message.wire_version));
+  NEARMESH_RETURN_IF_ERROR(check_session(message.peer, "peer"));
+  NEARMESH_RETURN_IF_ERROR(check_time(message.time_s, "time_s"));
+  if (message.edition == 0) return invalid("edition: expected from 1, found 0");
+  if (message.pairs == 0) return invalid("pairs: expected from 1, found 0");
+  NEARMESH_RETURN_IF_ERROR(check_distance(message.clearance_m, "clearance_m"));
+  NEARMESH_RETURN_IF_ERROR(check_distance(message.horizon_s, "horizon_s"));
+  return check_most(message.heard.size(), kMaxWatchedMovers, "heard");
 }
 
 Status check(const HeldDetail& message) {

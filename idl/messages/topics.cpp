@@ -63,12 +63,13 @@ SessionId make_session_id() {
 }
 
 std::optional<std::string> judge_remote_endpoint(std::string_view prefix, std::string_view topic,
-                                                 std::string_view type) {
+                                                 std::string_view type, std::string_view program) {
+  const std::string who = program.empty() ? "a program" : std::string(program);
   if (!topic.starts_with(prefix)) return std::nullopt;
   if (const auto place = TopicNames(prefix).find(topic)) {
     const std::string_view expected = kTopicFacts[*place].type;
     if (type == expected) return std::nullopt;
-    return "topic " + std::string(topic) + " is used elsewhere with type " + std::string(type) +
+    return who + " uses topic " + std::string(topic) + " with type " + std::string(type) +
            ", expected " + std::string(expected) + ": the two will never exchange data";
   }
   std::string_view rest = topic.substr(prefix.size());
@@ -78,9 +79,9 @@ std::optional<std::string> judge_remote_endpoint(std::string_view prefix, std::s
       static_cast<std::size_t>(std::find_if_not(rest.begin(), rest.end(), is_digit) - rest.begin());
   if (digits == 0 || digits >= rest.size() || rest[digits] != '/') return std::nullopt;
   if (rest.substr(0, digits) == std::to_string(kWireVersion)) return std::nullopt;
-  return "a program with wire version " + std::string(rest.substr(0, digits)) + " uses prefix " +
-         std::string(prefix) + ", this build speaks " + std::to_string(kWireVersion) +
-         ": the two will not exchange data";
+  return who + " uses prefix " + std::string(prefix) + " with wire version " +
+         std::string(rest.substr(0, digits)) + ", this build speaks " +
+         std::to_string(kWireVersion) + ": the two will not exchange data";
 }
 
 Status check_prefix(std::string_view prefix) {

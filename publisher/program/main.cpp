@@ -18,8 +18,9 @@ namespace {
 constexpr double kThinHeaderBytesPerSecond = 100'000;
 
 void add_settings(wire::program::Settings& settings, ServeOptions& options) {
-  settings.add("models", options.models, "What is served; a model's name is its file's name",
-               ".spm files");
+  settings.add("models", options.models,
+               "What is served; a model's name is its file's or folder's name",
+               ".spm files, and folders of worlds");
   settings.add("replaces", options.replaces,
                "Contents whose place a model takes: peers that hold one go over to it",
                "MODEL=CONTENT");
@@ -33,8 +34,8 @@ void add_settings(wire::program::Settings& settings, ServeOptions& options) {
 
 void add_serve_command(CLI::App& app, Action& chosen) {
   const auto options = std::make_shared<ServeOptions>();
-  CLI::App* command =
-      app.add_subcommand("serve", "Serve models until Ctrl-C; a model's name is its file's name.");
+  CLI::App* command = app.add_subcommand(
+      "serve", "Serve models and worlds until Ctrl-C; a model's name is its file's or folder's.");
   options->channel.transport.listen_port = wire::kDefaultTcpPort;
   const auto settings = std::make_shared<wire::program::Settings>();
   add_settings(*settings, *options);

@@ -11,6 +11,7 @@
 #include "core/base/hash.hpp"
 #include "core/base/resources.hpp"
 #include "core/base/stopwatch.hpp"
+#include "core/world/world_folder.hpp"
 #include "idl/messages/process_name.hpp"
 #include "idl/program/logging.hpp"
 #include "idl/program/metrics.hpp"
@@ -41,20 +42,39 @@ Result<std::map<std::string, ContentHash>> read_replaces(const std::vector<std::
   return replaces;
 }
 
+Status add_world(const std::string& path, const std::string& name, ContentHash replaces,
+                 Service& service) {
+  const Result<WorldFolder> folder = WorldFolder::open(path);
+  NEARMESH_RETURN_IF_ERROR(folder);
+  const WorldRecord& world = folder.value().world();
+  spdlog::info("serving world {}: content {}, {} faces in {} tiles", path,
+               to_hex(folder.value().name()), world.faces, world.tiles);
+  return service.add_world(name, path, replaces);
+}
+
+Status add_model(const std::string& path, const std::string& name, ContentHash replaces,
+                 Service& service) {
+  Result<ModelFile> file = open_checked(path);
+  NEARMESH_RETURN_IF_ERROR(file);
+  const SpmHeader& header = file.value().header();
+  spdlog::info("serving {}: content {}, {} faces, {} splits, header {} bytes", path,
+               to_hex(file.value().content_hash()), header.face_count, header.split_count(),
+               file.value().header_bytes().size());
+  return service.add_model(name, std::move(file).value(), replaces);
+}
+
 Status add_models(const ServeOptions& options, Service& service) {
   Result<std::map<std::string, ContentHash>> replaces = read_replaces(options.replaces);
   NEARMESH_RETURN_IF_ERROR(replaces);
   for (const std::string& path : options.models) {
-    Result<ModelFile> file = open_checked(path);
-    NEARMESH_RETURN_IF_ERROR(file);
-    const SpmHeader& header = file.value().header();
-    spdlog::info("serving {}: content {}, {} faces, {} splits, header {} bytes", path,
-                 to_hex(file.value().content_hash()), header.face_count, header.split_count(),
-                 file.value().header_bytes().size());
-    const std::string name = std::filesystem::path(path).stem().string();
+    std::error_code error;
+    const bool is_world = std::filesystem::exists(WorldFolder::record_path(path), error);
+    const std::string name =
+        is_world ? name_of_folder(path) : std::filesystem::path(path).stem().string();
     const auto replaced = replaces.value().extract(name);
-    NEARMESH_RETURN_IF_ERROR(service.add_model(name, std::move(file).value(),
-                                               replaced ? replaced.mapped() : ContentHash{}));
+    const ContentHash older = replaced ? replaced.mapped() : ContentHash{};
+    NEARMESH_RETURN_IF_ERROR(is_world ? add_world(path, name, older, service)
+                                      : add_model(path, name, older, service));
   }
   if (!replaces.value().empty())
     return {StatusCode::kNotFound,

@@ -84,7 +84,8 @@ Status ReplayIndex::read_key(RecordingReader& recording, std::uint32_t key) {
   const Result<std::vector<std::int64_t>> ids = recording.ids_of(key);
   NEARMESH_RETURN_IF_ERROR(ids);
   const bool is_of_part = streams_[stream].carries<wire::BodyPoses>() ||
-                          streams_[stream].carries<wire::BodyDirectory>();
+                          streams_[stream].carries<wire::BodyDirectory>() ||
+                          streams_[stream].carries<wire::WatchedBodies>();
   for (const std::int64_t id : ids.value()) {
     NEARMESH_RETURN_IF_ERROR(
         recording.read(id, id + 1, [&](std::int64_t, const RecordedMessage& message) {
@@ -178,6 +179,8 @@ void ReplayIndex::take(std::int64_t id, const RecordedMessage& message) {
     take_part<wire::BodyPoses>(id, at, message);
   } else if (stream.carries<wire::BodyDirectory>()) {
     take_part<wire::BodyDirectory>(id, at, message);
+  } else if (stream.carries<wire::WatchedBodies>()) {
+    take_part<wire::WatchedBodies>(id, at, message);
   }
 }
 

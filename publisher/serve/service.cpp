@@ -6,6 +6,7 @@
 
 #include "core/base/hash.hpp"
 #include "core/demand/answer.hpp"
+#include "core/world/content_bytes.hpp"
 #include "idl/messages/contents.hpp"
 #include "idl/messages/process_name.hpp"
 
@@ -19,6 +20,8 @@ constexpr int kMaxSent = 64;
 /// Answers that are being collected at a time, since each may take some 20 MB for it.
 constexpr std::size_t kMaxCollecting = 8;
 constexpr std::size_t kMaxRivals = 256;
+/// Requests of a peer that are not answered in full, before those for parts of worlds replace one another.
+constexpr std::size_t kMaxOpenOfPeer = 128;
 /// How often an answer that was begun may give way to another of the same model: faster than any peer's frames.
 constexpr double kRestart_s = 0.01;
 constexpr int kRestartsAtOnce = 10;
@@ -36,19 +39,31 @@ bool is_about(const wire::RegionSubscription& asked, const ContentHash& content)
 Service::Service(Channel& channel, wire::SessionId session, ServiceOptions options)
     : channel_(channel), session_(session), options_(options) {}
 
-Status Service::add_model(const std::string& name, ModelFile file, ContentHash replaces) {
-  NEARMESH_RETURN_IF_ERROR(wire::check_new_model(name, models_.size()));
-  for (const auto& [hash, model] : models_)
-    if (model->name == name)
-      return {StatusCode::kConflict,
-              file.path() + ": the name " + name + " is taken by " + model->file.path()};
-  const ContentHash hash = file.content_hash();
-  if (replaces == hash)
+Status Service::check_new(const std::string& name, const std::string& path,
+                          const ContentHash& content, const ContentHash& replaces) const {
+  NEARMESH_RETURN_IF_ERROR(wire::check_new_model(name, models_.size() + worlds_.size()));
+  if (replaces == content)
     return {StatusCode::kInvalidArgument,
-            file.path() + ": its content is " + to_hex(hash) + " itself, which it cannot replace"};
-  if (const auto same = models_.find(hash); same != models_.end())
-    return {StatusCode::kConflict, file.path() + ": same content as " + same->second->file.path() +
-                                       ", which is served as " + same->second->name};
+            path + ": its content is " + to_hex(content) + " itself, which it cannot replace"};
+  const auto check = [&](const ContentHash& its, const std::string& its_name,
+                         const std::string& its_path) -> Status {
+    if (its_name == name)
+      return {StatusCode::kConflict, path + ": the name " + name + " is taken by " + its_path};
+    if (its == content)
+      return {StatusCode::kConflict,
+              path + ": same content as " + its_path + ", which is served as " + its_name};
+    return Status::ok();
+  };
+  for (const auto& [its, model] : models_)
+    NEARMESH_RETURN_IF_ERROR(check(its, model->name, model->file.path()));
+  for (const auto& [its, world] : worlds_)
+    NEARMESH_RETURN_IF_ERROR(check(its, world.name, world.path));
+  return Status::ok();
+}
+
+Status Service::add_model(const std::string& name, ModelFile file, ContentHash replaces) {
+  const ContentHash hash = file.content_hash();
+  NEARMESH_RETURN_IF_ERROR(check_new(name, file.path(), hash, replaces));
   auto model = std::make_unique<Model>(Model{name, std::move(file), replaces});
   answerers_[hash] = [&file = model->file](const RegionRequest& request) {
     return answer(file, request);
@@ -58,18 +73,30 @@ Status Service::add_model(const std::string& name, ModelFile file, ContentHash r
   return Status::ok();
 }
 
+Status Service::add_world(const std::string& name, const std::string& folder,
+                          ContentHash replaces) {
+  Result<std::unique_ptr<WorldSource>> source = WorldSource::open(folder);
+  NEARMESH_RETURN_IF_ERROR(source);
+  const ContentHash hash = source.value()->folder().name();
+  NEARMESH_RETURN_IF_ERROR(check_new(name, folder, hash, replaces));
+  worlds_.emplace(hash, World{name, folder, std::move(source).value(), replaces});
+  return Status::ok();
+}
+
 void Service::add_answerer(const ContentHash& content_hash, Answerer answerer) {
   answerers_[content_hash] = std::move(answerer);
   by_region_.insert(content_hash);
 }
 
 void Service::announce() {
-  wire::Hello hello;
-  hello.publisher = session_;
+  hello_ = {.publisher = session_};
   std::vector<wire::MeshHeader> headers;
   for (const auto& [hash, model] : models_)
-    headers.push_back(wire::announce_model(model->name, model->file, model->replaces, hello));
-  channel_.announce(hello, headers);
+    headers.push_back(wire::announce_model(model->name, model->file, model->replaces, hello_));
+  for (const auto& [hash, world] : worlds_)
+    headers.push_back(wire::announce_world(
+        world.name, hash, encode_world(world.source->folder().world()), world.replaces, hello_));
+  channel_.announce(hello_, headers);
 }
 
 Result<Service::Parts> Service::answer(ModelFile& file, const RegionRequest& request) {
@@ -87,6 +114,30 @@ Result<Service::Parts> Service::answer(ModelFile& file, const RegionRequest& req
     NEARMESH_RETURN_IF_ERROR(batches);
     return Part{content, std::move(batches).value(), maker->is_done()};
   });
+}
+
+/// Null where it is of none that is served.
+WorldSource* Service::world_with(const ContentHash& content) const {
+  for (const auto& [hash, world] : worlds_)
+    if (world.source->has(content)) return world.source.get();
+  return nullptr;
+}
+
+Result<Service::Parts> Service::answer(WorldSource& world, const wire::RegionSubscription& asked) {
+  if (asks_for_content_bytes(asked.region)) {
+    auto pieces = world.pieces(asked.content_hash);
+    NEARMESH_RETURN_IF_ERROR(pieces);
+    return Parts([pieces = std::move(pieces).value(),
+                  content = asked.content_hash]() mutable -> Result<Part> {
+      return Part{content, std::move(pieces), true};
+    });
+  }
+  auto tile = world.tile(asked.content_hash);
+  NEARMESH_RETURN_IF_ERROR(tile);
+  auto parts = answer(*tile.value(), asked.region);
+  NEARMESH_RETURN_IF_ERROR(parts);
+  // The tile stays open until its answer is made.
+  return Parts([open = std::move(tile).value(), its = std::move(parts).value()] { return its(); });
 }
 
 Service::Kind Service::kind_of(const wire::RegionSubscription& request) {
@@ -117,8 +168,11 @@ void Service::take_requests(double now_s) {
       return (waiting.kind == Kind::kAudit) == (kind == Kind::kAudit) &&
              is_about(subscription, waiting.message.content_hash);
     });
-    const ContentHash hash =
-        answerers_.contains(subscription.content_hash) ? subscription.content_hash : ContentHash{};
+    const ContentHash& content = subscription.content_hash;
+    const bool stands_alone =
+        answerers_.contains(content) ||
+        (peer.open.size() < kMaxOpenOfPeer && !subscription.certificate && world_with(content));
+    const ContentHash hash = stands_alone ? content : ContentHash{};
     Open& open = peer.open[{hash, kind}];
     // What is begun anew again and again would keep the publisher busy for nothing.
     if (open.parts)
@@ -141,14 +195,14 @@ void Service::take_rivals(const Inbox& inbox) {
 void Service::find_conflicts(std::vector<std::string>& lines) {
   if (!std::exchange(has_news_of_rivals_, false)) return;
   std::set<std::string> found;
-  for (const auto& [hash, model] : models_) {
-    std::vector<wire::Offer> offers{{session_, hash, model->replaces}};
-    for (const auto& [id, rival] : rivals_) wire::add_offer(rival, model->name, offers);
+  for (const auto& [name, hash, mesh_bytes, replaces] : hello_.models) {
+    std::vector<wire::Offer> offers{{session_, hash, replaces}};
+    for (const auto& [id, rival] : rivals_) wire::add_offer(rival, name, offers);
     const std::vector<ContentHash> standing = wire::standing(offers);
-    const auto stands = [&](const ContentHash& content) {
+    const auto stands = [&standing](const ContentHash& content) {
       return std::find(standing.begin(), standing.end(), content) != standing.end();
     };
-    const std::string here = "model " + model->name + ": publisher ";
+    const std::string here = "model " + name + ": publisher ";
     for (const wire::Offer& theirs : offers) {
       const std::string who = here + wire::called(theirs.publisher, theirs.name);
       if (theirs.content == hash || !stands(theirs.content)) continue;
@@ -241,10 +295,11 @@ void Service::serve(wire::SessionId id, Peer& peer, double now_s, std::vector<st
 Result<Service::Parts> Service::begin(wire::SessionId id, Peer& peer, const Open& open) {
   const wire::RegionSubscription& asked = open.subscription;
   if (open.kind != Kind::kCertificate) {
-    const auto answerer = answerers_.find(asked.content_hash);
-    if (answerer == answerers_.end())
-      return Status{StatusCode::kNotFound, "no model with that content hash is served here"};
-    return answerer->second(asked.region);
+    if (const auto answerer = answerers_.find(asked.content_hash); answerer != answerers_.end())
+      return answerer->second(asked.region);
+    if (WorldSource* world = world_with(asked.content_hash)) return answer(*world, asked);
+    return Status{StatusCode::kNotFound,
+                  "no model, tile or page with that content hash is served here"};
   }
   BegunCertificate begun =
       begin_certificate(id, *asked.certificate, mirrors_, [this](const ContentHash& content) {
@@ -358,6 +413,8 @@ void Service::tell_status(double now_s) {
     const SpmHeader& header = model->file.header();
     status.models.push_back({model->name, hash, header.face_count, 0, header.split_count()});
   }
+  for (const auto& [hash, world] : worlds_)
+    status.models.push_back({world.name, hash, world.source->folder().world().faces, 0, 0});
   for (const std::string& line : conflicts_) keeper_.note(line, now_s);  // as long as it lasts
   keeper_.complete(status, now_s);
   channel_.tell(status);

@@ -26,6 +26,7 @@
 
 #include "channel.hpp"
 #include "core/certificate/certificate.hpp"
+#include "core/world/world_source.hpp"
 #include "idl/messages/status_keeper.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
 #include "pacing.hpp"
@@ -49,6 +50,10 @@ class Service {
   /// Serves a model under a name unique to this publisher. `replaces`: peers that hold that content under the name go over to
   /// this one; or none. Goes before an answerer of that content. Errors: kInvalidArgument (name, or it would replace itself), kConflict (name taken).
   [[nodiscard]] Status add_model(const std::string& name, ModelFile file,
+                                 ContentHash replaces = {});
+  /// Serves a world under a name: pages, tiles' headers and detail, as they are asked for; at most WorldSource::kMostOpen tiles
+  /// are open. Errors: as add_model(); those of WorldSource::open(), naming the file.
+  [[nodiscard]] Status add_world(const std::string& name, const std::string& folder,
                                  ContentHash replaces = {});
   /// Encoded batches; none where nothing is to be sent, or none is made yet.
   struct Part {
@@ -84,6 +89,11 @@ class Service {
     ModelFile file;
     ContentHash replaces;
   };
+  struct World {
+    std::string name, path;
+    std::unique_ptr<WorldSource> source;
+    ContentHash replaces;
+  };
   enum class Kind : std::uint8_t { kRegion, kAudit, kCertificate };  ///< of a request
   static Kind kind_of(const wire::RegionSubscription& request);
   struct Waiting {
@@ -101,7 +111,8 @@ class Service {
   };
   struct Peer {
     explicit Peer(const PacingOptions& options) : pacing(options) {}
-    /// By content hash, none for all that are not served and for certificates, which are about several; and kind.
+    /// By content hash, none for all that are not served, for certificates, which are about several, and for parts of worlds
+    /// beyond kMaxOpenOfPeer; and kind.
     std::map<std::pair<ContentHash, Kind>, Open> open;
     std::uint64_t last_turn = 0;
     double said_refusal_s = 0;
@@ -114,7 +125,12 @@ class Service {
 
   using Peers = std::map<wire::SessionId, Peer>;
 
+  [[nodiscard]] Status check_new(const std::string& name, const std::string& path,
+                                 const ContentHash& content, const ContentHash& replaces) const;
   [[nodiscard]] static Result<Parts> answer(ModelFile& file, const RegionRequest& request);
+  [[nodiscard]] WorldSource* world_with(const ContentHash& content) const;
+  [[nodiscard]] static Result<Parts> answer(WorldSource& world,
+                                            const wire::RegionSubscription& asked);
   void take_requests(double now_s);
   void take_rivals(const Inbox& inbox);
   void find_conflicts(std::vector<std::string>& lines);
@@ -134,10 +150,12 @@ class Service {
   const wire::SessionId session_;
   const ServiceOptions options_;
   std::map<ContentHash, std::unique_ptr<Model>> models_;  // by content hash
-  std::map<ContentHash, Answerer> answerers_;             // of the same, and others
-  std::set<ContentHash> by_region_;                       // of which others answer
+  std::map<ContentHash, World> worlds_;
+  std::map<ContentHash, Answerer> answerers_;  // of models, and others
+  std::set<ContentHash> by_region_;            // of which others answer
   Peers peers_;
   Mirrors mirrors_;
+  wire::Hello hello_;                              // as announced
   std::map<wire::SessionId, wire::Hello> rivals_;  // other publishers that are there
   bool has_news_of_rivals_ = false;
   std::set<std::string> conflicts_;  // of names with them, as they were said

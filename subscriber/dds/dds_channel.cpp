@@ -20,6 +20,7 @@
 #include "idl/dds/dds_support.hpp"
 #include "idl/dds/rejoin_watch.hpp"
 #include "idl/dds/room.hpp"
+#include "idl/dds/routes.hpp"
 
 namespace nearmesh::subscriber {
 
@@ -57,11 +58,24 @@ class DdsChannel::Impl {
     const std::lock_guard lock(mutex_);
     return wire::identity_of(door_.get());
   }
+  std::map<SessionId, PoseCounts> pose_counts() const {
+    const std::lock_guard lock(mutex_);
+    std::map<SessionId, PoseCounts> counts = counts_;
+    for (const auto& [peer, samples] : routes_.sent()) counts[peer].sent_near = samples;
+    return counts;
+  }
   bool has_recorder() const { return held_writer_.listener().has_readers(); }
   void send(const wire::RegionSubscription& subscription);
   template <class Message>
   void put(std::deque<Message> Impl::*queue, const Message& message);
-  void send(const wire::BodyDirectory& directory);
+  /// What holds of the own bodies, by part: kept, for as a new participant it is said again.
+  template <class Message>
+  struct Kept {
+    std::map<std::uint32_t, Message> parts;
+    std::set<std::uint32_t> unsent;
+  };
+  template <class Message>
+  void keep(Kept<Message> Impl::*kept, const Message& message);
   void tell(wire::ProcessStatus& status);
   Inbox take();
   void wait(double seconds);
@@ -69,9 +83,15 @@ class DdsChannel::Impl {
   // Written by the host, emptied by the I/O thread.
   std::deque<wire::RegionSubscription> subscriptions_;
   std::deque<wire::BodyPoses> poses_;
+  std::deque<wire::NearPoses> near_;
+  std::deque<wire::WantedPoses> wanted_;
+  std::deque<wire::BodyPromises> promises_;
   std::deque<wire::ContactReport> reports_;
   std::deque<wire::HeldDetail> held_;
   std::deque<wire::ProcessStatus> statuses_;
+  std::deque<wire::BoundsReport> bounds_;
+  Kept<wire::BodyDirectory> directory_;
+  Kept<wire::WatchedBodies> watched_;
 
  private:
   /// What came of a publisher that was asked, and has not been acknowledged.
@@ -88,10 +108,16 @@ class DdsChannel::Impl {
   bool receive_hellos();
   bool receive_poses();
   void deliver_movers();
+  template <class Use>
+  void note(SessionId peer, const Use& use) {
+    const std::lock_guard lock(mutex_);
+    if (counts_.size() < kMaxWaitingOthers || counts_.contains(peer)) use(counts_[peer]);
+  }
   void tell_lost(SessionId publisher);
   Status rejoin();
   bool flush();
-  bool flush_directory();
+  template <class Message>
+  bool flush(Kept<Message> Impl::*kept, wire::Writer<Message>& writer);
   double acknowledge();
   template <class Message>
   bool flush(std::deque<Message> Impl::*queue, wire::Writer<Message>& writer);
@@ -113,30 +139,38 @@ class DdsChannel::Impl {
   wire::Reader<wire::MeshHeader> header_reader_{mailbox_};
   wire::Reader<wire::SplitBatchMessage> batch_reader_{mailbox_};
   wire::Reader<wire::BodyPoses> pose_reader_{mailbox_};
+  wire::Reader<wire::NearPoses> near_reader_{mailbox_};
+  wire::Reader<wire::WantedPoses> wanted_reader_{mailbox_};
+  wire::Reader<wire::BodyPromises> promise_reader_{mailbox_};
   wire::Reader<wire::BodyDirectory> directory_reader_{mailbox_};
   wire::Reader<wire::ProcessStatus> status_reader_{mailbox_};
   wire::Writer<wire::RegionSubscription> subscription_writer_{mailbox_};
   wire::Writer<wire::BodyPoses> pose_writer_{mailbox_};
+  wire::Writer<wire::NearPoses> near_writer_{mailbox_};
+  wire::Writer<wire::WantedPoses> wanted_writer_{mailbox_};
+  wire::Writer<wire::BodyPromises> promise_writer_{mailbox_};
   wire::Writer<wire::BodyDirectory> directory_writer_{mailbox_};
   wire::Writer<wire::ContactReport> report_writer_{mailbox_};
+  wire::Writer<wire::WatchedBodies> watched_writer_{mailbox_};
+  wire::Writer<wire::BoundsReport> bounds_writer_{mailbox_};
   wire::Writer<wire::HeldDetail> held_writer_{mailbox_};  ///< heard by recorders alone
   wire::Writer<wire::ProcessStatus> status_writer_{mailbox_};
 
   mutable std::mutex mutex_;  ///< outgoing queues and inbox; never held during a DDS call
   std::condition_variable arrived_;
   Inbox inbox_;
-  std::shared_ptr<wire::DoorWatch> door_;                   ///< of the bus
-  std::map<std::uint32_t, wire::BodyDirectory> directory_;  ///< of the own bodies, by part
-  std::set<std::uint32_t> unsent_parts_;                    ///< of it
+  std::shared_ptr<wire::DoorWatch> door_;  ///< of the bus
   std::map<SessionId, Account> accounts_;  ///< by publisher: those that requests were sent to
   std::vector<DdsHeaders::Counted> counted_headers_;  ///< of the inbox
   std::size_t waiting_header_bytes_ = 0;
+  std::map<SessionId, PoseCounts> counts_;
   std::set<std::string> overflowed_;  ///< topics that already complained since the last take()
 
   // The I/O thread's own.
   DdsHellos hellos_;
   DdsHeaders headers_;
   DdsPoses movers_;
+  wire::Routes routes_{own_id_};
   std::unique_ptr<wire::Bus> bus_;
 
   std::atomic<bool> stopping_ = false;
@@ -169,16 +203,16 @@ void DdsChannel::Impl::send(const wire::RegionSubscription& subscription) {
   put(&Impl::subscriptions_, subscription);
 }
 
-/// Kept: as a new participant it is said again.
-void DdsChannel::Impl::send(const wire::BodyDirectory& directory) {
-  if (Status status = check(directory); !status.is_ok()) {
-    mailbox_.complain(names_.of<wire::BodyDirectory>() + ": not sent: " + status.message());
+template <class Message>
+void DdsChannel::Impl::keep(Kept<Message> Impl::*kept, const Message& message) {
+  if (Status status = check(message); !status.is_ok()) {
+    mailbox_.complain(names_.of<Message>() + ": not sent: " + status.message());
     return;
   }
   {
     const std::lock_guard lock(mutex_);
-    directory_[directory.part] = directory;
-    unsent_parts_.insert(directory.part);
+    (this->*kept).parts[message.part] = message;
+    (this->*kept).unsent.insert(message.part);
   }
   mailbox_.wake();
 }
@@ -232,8 +266,9 @@ void DdsChannel::Impl::wait(double seconds) {
   std::unique_lock lock(mutex_);
   arrived_.wait_for(lock, std::chrono::duration<double>(seconds), [this] {
     return !inbox_.hellos.empty() || !inbox_.lost_publishers.empty() || !counted_headers_.empty() ||
-           !inbox_.batches.empty() || !inbox_.poses.empty() || !inbox_.movers.empty() ||
-           inbox_.recorder_came || mailbox_.has_complaints();
+           !inbox_.batches.empty() || !inbox_.poses.empty() || !inbox_.promises.empty() ||
+           !inbox_.wanted.empty() || !inbox_.movers.empty() || inbox_.recorder_came ||
+           mailbox_.has_complaints();
   });
 }
 
@@ -286,11 +321,19 @@ Status DdsChannel::Impl::open() {
   NEARMESH_RETURN_IF_ERROR(header_reader_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(directory_reader_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(pose_reader_.open(*bus_));
+  NEARMESH_RETURN_IF_ERROR(promise_reader_.open(*bus_));
+  NEARMESH_RETURN_IF_ERROR(near_reader_.open(*bus_, "", wire::Hearing::kLatest));
+  NEARMESH_RETURN_IF_ERROR(wanted_reader_.open(*bus_, "", wire::Hearing::kLatest));
   NEARMESH_RETURN_IF_ERROR(status_reader_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(subscription_writer_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(directory_writer_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(pose_writer_.open(*bus_));
+  NEARMESH_RETURN_IF_ERROR(promise_writer_.open(*bus_));
+  NEARMESH_RETURN_IF_ERROR(near_writer_.open(*bus_));
+  NEARMESH_RETURN_IF_ERROR(wanted_writer_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(report_writer_.open(*bus_));
+  NEARMESH_RETURN_IF_ERROR(watched_writer_.open(*bus_));
+  NEARMESH_RETURN_IF_ERROR(bounds_writer_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(held_writer_.open(*bus_));
   return status_writer_.open(*bus_);
 }
@@ -420,16 +463,52 @@ bool DdsChannel::Impl::receive_poses() {
         if (directory.peer != own_id_) directories.push_back({std::move(directory), writer});
       });
   movers_.take_directories(tellers, std::move(directories), more_told);
-  const std::vector<wire::ReaderListener::Match> matches = pose_reader_.take_matches();
+  (void)pose_reader_.take_matches();
+  (void)near_reader_.take_matches();
+  (void)promise_reader_.take_matches();
+  (void)wanted_reader_.take_matches();
+  std::vector<DdsPoses::HeardPromises> promises;
+  bool more_promised = promise_reader_.drain(
+      kMaxTaken, [&](wire::BodyPromises&& promised, const Handle& writer, Microseconds) {
+        if (promised.peer == own_id_) return;
+        note(promised.peer, [&](PoseCounts& counts) {
+          ++counts.heard_promises;
+          counts.lost_promises += promise_reader_.missed();
+        });
+        promises.push_back({std::move(promised), writer});
+      });
+  movers_.hear_promises(std::move(promises));
   std::vector<DdsPoses::Heard> heard;
   bool more = pose_reader_.drain(kMaxTaken,
                                  [&](wire::BodyPoses&& poses, const Handle& writer, Microseconds) {
-                                   if (poses.peer != own_id_)
-                                     heard.push_back({std::move(poses), writer});
+                                   if (poses.peer == own_id_) return;
+                                   note(poses.peer, [&](PoseCounts& counts) {
+                                     ++counts.heard_poses;
+                                     counts.lost_poses += pose_reader_.missed();
+                                   });
+                                   heard.push_back({std::move(poses), writer});
                                  });
-  std::vector<wire::BodyPose> accepted = movers_.take(matches, std::move(heard), more);
+  more |= near_reader_.drain(kMaxTaken,
+                             [&](wire::BodyPoses&& poses, const Handle& writer, Microseconds) {
+                               if (poses.peer == own_id_) return;
+                               note(poses.peer, [](PoseCounts& counts) { ++counts.heard_near; });
+                               heard.push_back({std::move(poses), writer});
+                             });
+  more |= more_promised;
+  std::vector<wire::BodyPose> accepted = movers_.take(std::move(heard), more);
+  for (const auto& [mover, writer] : movers_.take_movers())
+    routes_.find(mover, wire::Routes::participant_of(writer));
+  more |= wanted_reader_.drain(kMaxTaken, [&](wire::WantedPoses&& wanted, const Handle& writer,
+                                              Microseconds) {
+    if (wanted.mover != own_id_ || wanted.peer == own_id_) return;
+    routes_.want(wanted, wire::Routes::participant_of(writer));
+    deliver(&Inbox::wanted, std::move(wanted), kMaxWaitingOthers, names_.of<wire::WantedPoses>());
+  });
   for (Inbox::Told& told : movers_.take_bodies())
     deliver(&Inbox::bodies, std::move(told), kMaxWaitingBodies, names_.of<wire::BodyDirectory>());
+  for (wire::BodyPromise& promise : movers_.take_promises())
+    deliver(&Inbox::promises, std::move(promise), kMaxWaitingPoses,
+            names_.of<wire::BodyPromises>());
   for (wire::BodyPose& pose : accepted)
     deliver(&Inbox::poses, std::move(pose), kMaxWaitingPoses, names_.of<wire::BodyPoses>());
   more |= more_told;
@@ -480,6 +559,7 @@ void DdsChannel::Impl::tell_lost(SessionId publisher) {
 Status DdsChannel::Impl::rejoin() {
   for (const SessionId publisher : hellos_.clear()) tell_lost(publisher);
   movers_.clear();
+  routes_.clear();
   headers_.clear();
   deliver_movers();
   subscription_writer_.listener().forget_readers();
@@ -488,10 +568,14 @@ Status DdsChannel::Impl::rejoin() {
   (void)header_reader_.take_matches();
   (void)directory_reader_.take_matches();
   (void)pose_reader_.take_matches();
+  (void)near_reader_.take_matches();
+  (void)promise_reader_.take_matches();
+  (void)wanted_reader_.take_matches();
   (void)status_reader_.take_matches();
   {
     const std::lock_guard lock(mutex_);
-    for (const auto& [part, directory] : directory_) unsent_parts_.insert(part);
+    for (const auto& [part, directory] : directory_.parts) directory_.unsent.insert(part);
+    for (const auto& [part, watched] : watched_.parts) watched_.unsent.insert(part);
   }
   return open();
 }
@@ -542,32 +626,38 @@ bool DdsChannel::Impl::flush() {
             return subscription_writer_.listener().is_matched_with_participant_of(publisher);
           }))
     all &= flush(&Impl::subscriptions_, subscription_writer_);
-  all &= flush_directory();
+  all &= flush(&Impl::directory_, directory_writer_);
+  all &= flush(&Impl::promises_, promise_writer_);
   all &= flush(&Impl::poses_, pose_writer_);
+  all &= flush(&Impl::watched_, watched_writer_);
+  all &= flush(&Impl::bounds_, bounds_writer_);
+  all &= flush(&Impl::wanted_, wanted_writer_);
+  all &= flush(&Impl::near_, near_writer_);
   all &= flush(&Impl::held_, held_writer_);
   all &= flush(&Impl::reports_, report_writer_);
   all &= flush(&Impl::statuses_, status_writer_);
   return all;
 }
 
-bool DdsChannel::Impl::flush_directory() {
+template <class Message>
+bool DdsChannel::Impl::flush(Kept<Message> Impl::*kept, wire::Writer<Message>& writer) {
   std::set<std::uint32_t> unsent;
   {
     const std::lock_guard lock(mutex_);
-    unsent.swap(unsent_parts_);
+    unsent.swap((this->*kept).unsent);
   }
   while (!unsent.empty()) {
-    wire::BodyDirectory directory;
+    Message message;
     {
       const std::lock_guard lock(mutex_);
-      directory = directory_.at(*unsent.begin());
+      message = (this->*kept).parts.at(*unsent.begin());
     }
-    if (directory_writer_.write(directory) == wire::WriteResult::kFull) break;
+    if (writer.write(message) == wire::WriteResult::kFull) break;
     unsent.erase(unsent.begin());
   }
   if (unsent.empty()) return true;
   const std::lock_guard lock(mutex_);
-  unsent_parts_.merge(unsent);
+  (this->*kept).unsent.merge(unsent);
   return false;
 }
 
@@ -602,11 +692,25 @@ DdsChannel::~DdsChannel() = default;
 SessionId DdsChannel::own_id() const { return impl_->own_id(); }
 void DdsChannel::send(const wire::RegionSubscription& subscription) { impl_->send(subscription); }
 void DdsChannel::send(const wire::BodyPoses& poses) { impl_->put(&Impl::poses_, poses); }
-void DdsChannel::send(const wire::BodyDirectory& directory) { impl_->send(directory); }
+void DdsChannel::send(const wire::BodyDirectory& directory) {
+  impl_->keep(&Impl::directory_, directory);
+}
+void DdsChannel::promise(const wire::BodyPromises& promises) {
+  impl_->put(&Impl::promises_, promises);
+}
+void DdsChannel::send_near(const wire::NearPoses& poses) { impl_->put(&Impl::near_, poses); }
+void DdsChannel::want(const wire::WantedPoses& wanted) { impl_->put(&Impl::wanted_, wanted); }
 void DdsChannel::send(const wire::ContactReport& report) { impl_->put(&Impl::reports_, report); }
 void DdsChannel::tell(wire::ProcessStatus& status) { impl_->tell(status); }
 void DdsChannel::tell_held(const wire::HeldDetail& held) { impl_->put(&Impl::held_, held); }
+void DdsChannel::tell_watched(const wire::WatchedBodies& watched) {
+  impl_->keep(&Impl::watched_, watched);
+}
+void DdsChannel::tell_bounds(const wire::BoundsReport& bounds) {
+  impl_->put(&Impl::bounds_, bounds);
+}
 bool DdsChannel::has_recorder() const { return impl_->has_recorder(); }
+std::map<SessionId, PoseCounts> DdsChannel::pose_counts() const { return impl_->pose_counts(); }
 Status DdsChannel::identity() const { return impl_->identity(); }
 Channel::Inbox DdsChannel::take() { return impl_->take(); }
 void DdsChannel::wait(double seconds) { impl_->wait(seconds); }

@@ -22,7 +22,11 @@ DdsPoses::PartKey DdsPoses::key_of(const wire::Handle& writer, wire::SessionId p
 void DdsPoses::take_directories(const std::vector<wire::ReaderListener::Match>& matches,
                                 std::vector<HeardDirectory> heard, bool more) {
   for (const auto& event : matches)
-    if (event.gone) gone_tellers_.push_back(event.writer);
+    if (event.gone) {
+      gone_tellers_.push_back(event.writer);
+      gone_movers_.emplace_back(event.writer,
+                                event.barred ? wire::Mover::kBarred : wire::Mover::kLeft);
+    }
   for (HeardDirectory& one : heard) know(std::move(one));
   if (more) return;
   for (const wire::Handle& gone : std::exchange(gone_tellers_, {})) {
@@ -79,13 +83,50 @@ void DdsPoses::change_bodies(wire::SessionId peer, const Part& before,
   }
 }
 
-std::vector<wire::BodyPose> DdsPoses::take(const std::vector<wire::ReaderListener::Match>& matches,
-                                           std::vector<Heard> heard, bool more) {
+std::pair<const wire::BodyDirectory::Body*, const DdsPoses::Part*> DdsPoses::find(
+    const wire::Handle& writer, wire::SessionId peer, std::uint32_t number) const {
+  const auto part = parts_.find(key_of(writer, peer, number / wire::kBodiesPerPart));
+  if (part == parts_.end()) return {};
+  for (const wire::BodyDirectory::Body& told : part->second.bodies)
+    if (told.number == number) return {&told, &part->second};
+  return {};
+}
+
+void DdsPoses::hear_promises(std::vector<HeardPromises> heard) {
+  if (!told_parts_.empty())
+    for (auto& [key, waiting] : std::exchange(unnamed_promises_, {})) name(std::move(waiting));
+  for (HeardPromises& one : heard) name(std::move(one));
+}
+
+/// As of poses. A promise of a body without a greatest speed says nothing.
+void DdsPoses::name(HeardPromises&& heard) {
+  const PartKey key = key_of(heard.writer, heard.promises.peer, heard.promises.part);
+  bool all = true;
+  for (const wire::BodyPromises::Body& one : heard.promises.bodies) {
+    const auto [body, part] = find(heard.writer, heard.promises.peer, one.number);
+    if (body == nullptr) {
+      all = false;
+    } else if (body->max_speed_mps > 0) {
+      accept(NamedPromise{wire::promise_of(heard.promises, one, *body), part->writer, *body});
+    }
+  }
+  unnamed_promises_.erase(key);
+  if (!all && unnamed_promises_.size() < kMaxParts)
+    unnamed_promises_.emplace(key, std::move(heard));
+}
+
+void DdsPoses::accept(NamedPromise&& heard) {
+  const std::string body = heard.promise.body;
+  if (is_of_mover(heard.body, heard.promise.peer, heard.writer)) {
+    promises_.push_back(std::move(heard.promise));
+  } else if (contested_promises_.contains(body) ||
+             contested_promises_.size() < kMaxContestedBodies) {
+    contested_promises_.insert_or_assign(body, std::move(heard));
+  }
+}
+
+std::vector<wire::BodyPose> DdsPoses::take(std::vector<Heard> heard, bool more) {
   std::vector<wire::BodyPose> accepted;
-  for (const auto& event : matches)
-    if (event.gone)
-      gone_movers_.emplace_back(event.writer,
-                                event.barred ? wire::Mover::kBarred : wire::Mover::kLeft);
   for (const PartKey& part : std::exchange(told_parts_, {}))
     if (const auto waiting = unnamed_.extract(part); !waiting.empty())
       name(std::move(waiting.mapped()), accepted);
@@ -99,7 +140,12 @@ std::vector<wire::BodyPose> DdsPoses::take(const std::vector<wire::ReaderListene
     bodies_.forget(writer);
     lose(writer, gone.second);
     std::erase_if(contested_, [&](const auto& c) { return c.second.writer == writer; });
-    std::erase_if(unnamed_, [&](const auto& entry) { return entry.second.writer == writer; });
+    std::erase_if(contested_promises_, [&](const auto& c) { return c.second.writer == writer; });
+    const auto is_its = [&](const auto& entry) {
+      return wire::have_one_participant(entry.second.writer, writer);
+    };
+    std::erase_if(unnamed_, is_its);
+    std::erase_if(unnamed_promises_, is_its);
   }
   // A peer that started again may be heard before its old self is gone.
   accept_contested(accepted);
@@ -109,18 +155,16 @@ std::vector<wire::BodyPose> DdsPoses::take(const std::vector<wire::ReaderListene
 void DdsPoses::accept_contested(std::vector<wire::BodyPose>& accepted) {
   for (auto& [body, contested] : std::exchange(contested_, {}))
     accept(std::move(contested), accepted);
+  for (auto& [body, contested] : std::exchange(contested_promises_, {}))
+    accept(std::move(contested));
 }
 
 /// Whose number no directory tells yet waits: the two topics are not in one order.
 void DdsPoses::name(Heard&& heard, std::vector<wire::BodyPose>& accepted) {
   const PartKey key = key_of(heard.writer, heard.poses.peer, heard.poses.part);
-  const auto part = parts_.find(key);
   bool all = true;
   for (const wire::BodyPoses::Body& pose : heard.poses.bodies) {
-    const wire::BodyDirectory::Body* body = nullptr;
-    if (part != parts_.end())
-      for (const wire::BodyDirectory::Body& told : part->second.bodies)
-        if (told.number == pose.number) body = &told;
+    const auto [body, part] = find(heard.writer, heard.poses.peer, pose.number);
     if (body == nullptr) {
       all = false;
       continue;
@@ -131,8 +175,10 @@ void DdsPoses::name(Heard&& heard, std::vector<wire::BodyPose>& accepted) {
                      .time_s = pose.time_s,
                      .pose = pose.motion.pose,
                      .linear_velocity_mps = pose.motion.linear_velocity_mps,
-                     .angular_velocity_radps = pose.motion.angular_velocity_radps},
-            .writer = heard.writer,
+                     .angular_velocity_radps = pose.motion.angular_velocity_radps,
+                     .number = pose.number,
+                     .sequence = heard.poses.sequence},
+            .writer = part->writer,
             .body = *body},
            accepted);
   }
@@ -140,34 +186,38 @@ void DdsPoses::name(Heard&& heard, std::vector<wire::BodyPose>& accepted) {
   if (!all && unnamed_.size() < kMaxParts) unnamed_.emplace(key, std::move(heard));
 }
 
+bool DdsPoses::is_of_mover(const wire::BodyDirectory::Body& body, wire::SessionId peer,
+                           const wire::Handle& writer) {
+  const wire::BodyBook::Claim claim = bodies_.claim(body.name, writer);
+  if (claim != wire::BodyBook::Claim::kOwn) {
+    if (!contested_.contains(body.name) && !contested_promises_.contains(body.name) &&
+        contested_.size() < kMaxContestedBodies)
+      mailbox_.complain(topic_ + ": body " + body.name + " of " + wire::name_of(writer, mailbox_) +
+                        (claim == wire::BodyBook::Claim::kFull
+                             ? " is one too many, its poses are ignored"
+                             : " is moved by another peer already, these poses are ignored"));
+    return false;
+  }
+  Source& source = sources_[writer];
+  if (std::exchange(source.session, peer) != peer) new_movers_.emplace_back(peer, writer);
+  source.heard_s = clock_.seconds();
+  Moved& moved = moved_[body.name];
+  moved.writer = writer;
+  if (moved.body != body) {
+    told_.push_back({body, false});
+    moved.body = body;
+  }
+  tell(body.name, moved, wire::Mover::kThere);
+  return true;
+}
+
 void DdsPoses::accept(Named&& heard, std::vector<wire::BodyPose>& accepted) {
   const std::string body = heard.pose.body;
-  const wire::BodyBook::Claim claim = bodies_.claim(body, heard.writer);
-  if (claim == wire::BodyBook::Claim::kOwn) {
-    Source& source = sources_[heard.writer];
-    source.session = heard.pose.peer;
-    source.heard_s = clock_.seconds();
-    Moved& moved = moved_[body];
-    moved.writer = heard.writer;
-    if (moved.body != heard.body) {
-      told_.push_back({heard.body, false});
-      moved.body = heard.body;
-    }
-    tell(body, moved, wire::Mover::kThere);
+  if (is_of_mover(heard.body, heard.pose.peer, heard.writer)) {
     accepted.push_back(std::move(heard.pose));
-    return;
+  } else if (contested_.contains(body) || contested_.size() < kMaxContestedBodies) {
+    contested_.insert_or_assign(body, std::move(heard));
   }
-  const auto known = contested_.find(body);
-  if (known != contested_.end()) {
-    known->second = std::move(heard);
-    return;
-  }
-  if (contested_.size() >= kMaxContestedBodies) return;
-  mailbox_.complain(topic_ + ": body " + body + " of " + wire::name_of(heard.writer, mailbox_) +
-                    (claim == wire::BodyBook::Claim::kFull
-                         ? " is one too many, its poses are ignored"
-                         : " is moved by another peer already, these poses are ignored"));
-  contested_.emplace(body, std::move(heard));
 }
 
 /// A session's name is not enough: anybody can say it.
@@ -218,6 +268,10 @@ void DdsPoses::clear() {
   gone_tellers_.clear();
   over_full_.clear();
   contested_.clear();
+  contested_promises_.clear();
+  unnamed_promises_.clear();
+  promises_.clear();
+  new_movers_.clear();
 }
 
 }  // namespace nearmesh::subscriber

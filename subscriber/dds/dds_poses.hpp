@@ -2,7 +2,8 @@
 #pragma once
 // Whose poses of a body count: those of the peer that moved it first, until that is gone; and whether that peer is there, which the
 // machine's clock decides: it gave a sign of life each second, a ProcessStatus, and has given none for some. Who never gave one is
-// taken to be there until its writer goes. What a pose's number stands for, the directory of the same peer and participant says.
+// taken to be there until its writer goes. What a pose's number stands for, the directory of the same peer and participant says. The
+// same holds for promises. A peer is known by the writer of its directory, whichever of its writers speaks.
 // Fast DDS: for the rooms named dds alone.
 
 #include <algorithm>
@@ -30,6 +31,10 @@ class DdsPoses {
     wire::BodyPoses poses;
     wire::Handle writer;
   };
+  struct HeardPromises {
+    wire::BodyPromises promises;
+    wire::Handle writer;
+  };
   struct HeardDirectory {
     wire::BodyDirectory directory;
     wire::Handle writer;
@@ -49,8 +54,17 @@ class DdsPoses {
                         std::vector<HeardDirectory> heard, bool more);
   /// What came since the last call; `more`: some of it was not read yet. Out: the poses that count, in order. One line for each body
   /// that another claims.
-  [[nodiscard]] std::vector<wire::BodyPose> take(
-      const std::vector<wire::ReaderListener::Match>& matches, std::vector<Heard> heard, bool more);
+  [[nodiscard]] std::vector<wire::BodyPose> take(std::vector<Heard> heard, bool more);
+  /// Promises that came since the last call; before the poses. Out: as of poses, of take_promises().
+  void hear_promises(std::vector<HeardPromises> heard);
+  /// Those that count, in order, since the last call; after take().
+  [[nodiscard]] std::vector<wire::BodyPromise> take_promises() {
+    return std::exchange(promises_, {});
+  }
+  /// Through which participant each session moves bodies.
+  [[nodiscard]] std::vector<std::pair<wire::SessionId, wire::Handle>> take_movers() {
+    return std::exchange(new_movers_, {});
+  }
   /// A sign of life of a session, from a writer of its participant's.
   void hear_sign(wire::SessionId session, const wire::Handle& writer);
   /// With a bus: nobody is known any more.
@@ -84,6 +98,19 @@ class DdsPoses {
     wire::Handle writer;
     wire::BodyDirectory::Body body;
   };
+  struct NamedPromise {
+    wire::BodyPromise promise;
+    wire::Handle writer;
+    wire::BodyDirectory::Body body;
+  };
+  /// What is known of a body, and who tells it; nullptrs where nothing is.
+  [[nodiscard]] std::pair<const wire::BodyDirectory::Body*, const Part*> find(
+      const wire::Handle& writer, wire::SessionId peer, std::uint32_t number) const;
+  /// Whether this writer moves the body, from now on if not before.
+  [[nodiscard]] bool is_of_mover(const wire::BodyDirectory::Body& body, wire::SessionId peer,
+                                 const wire::Handle& writer);
+  void name(HeardPromises&& heard);
+  void accept(NamedPromise&& heard);
   [[nodiscard]] static PartKey key_of(const wire::Handle& writer, wire::SessionId peer,
                                       std::uint32_t part);
   void know(HeardDirectory&& heard);
@@ -103,6 +130,10 @@ class DdsPoses {
   std::vector<std::pair<wire::Handle, wire::Mover>>
       gone_movers_;                         ///< not yet forgotten, and how they went
   std::map<std::string, Named> contested_;  ///< of bodies that another owns, the latest
+  std::map<std::string, NamedPromise> contested_promises_;
+  std::map<PartKey, HeardPromises> unnamed_promises_;  ///< as unnamed_; the part is theirs
+  std::vector<wire::BodyPromise> promises_;            ///< that count
+  std::vector<std::pair<wire::SessionId, wire::Handle>> new_movers_;
   std::map<PartKey, Part> parts_;
   std::map<wire::Handle, std::size_t> part_counts_;  ///< by writer of directories
   std::map<PartKey, Heard> unnamed_;  ///< poses of bodies that no directory names yet, the latest

@@ -449,7 +449,8 @@ void DdsRecorder::Impl::write() {
 }
 
 Status DdsRecorder::Impl::begin_part() {
-  auto file = RecordingWriter::create(part_path(options_.path, facts_.part), facts_);
+  auto file = RecordingWriter::create(part_path(options_.path, facts_.part), facts_,
+                                      options_.commit_period_s);
   NEARMESH_RETURN_IF_ERROR(file);
   file_ = std::move(file).value();
   writers_.clear();

@@ -22,6 +22,8 @@ struct RecorderOptions {
       topics;                   ///< by their last name, "body_poses"; empty: all that are recorded
   std::uint64_t max_bytes = 0;  ///< of a file with its log, at least kMinFileBytes; 0: no limit
   bool split = false;           ///< at max_bytes go on in another file, instead of ending
+  double commit_period_s =
+      RecordingWriter::kCommitPeriod_s;  ///< what came can be read after so long
 };
 inline constexpr std::uint64_t kMinFileBytes = 256U << 10;
 

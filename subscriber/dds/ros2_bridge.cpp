@@ -27,7 +27,8 @@ constexpr std::size_t kMaxRos2Taken = 256;  ///< of one topic, before the others
 constexpr std::size_t kTransformsAMessage = 500;   ///< so that it fits what readers of ours take
 constexpr std::int64_t kMaxStep_ns = 500'000'000;  ///< between poses that a velocity is made of
 constexpr double kHardlyMoves_mps = 1e-9;
-constexpr std::chrono::seconds kQuiet{10};  ///< until what was refused is said again
+constexpr std::chrono::seconds kUntilKnown{2};  ///< until a reader that came has surely found us
+constexpr std::chrono::seconds kQuiet{10};      ///< until what was refused is said again
 
 /// ROS 2's default, and its own for /tf and /tf_static.
 constexpr wire::Delivery kDefault{.depth = 10};
@@ -277,7 +278,15 @@ class Ros2Bridge::Impl {
     {
       const std::lock_guard lock(mutex_);
       mesh_readers_.are_there = mesh_->listener.has_readers();
-      if (mesh_->listener.take_came()) ++mesh_readers_.came;
+      // A reader that is known here may not know of this writer yet, and then hears what comes later alone.
+      const auto now = std::chrono::steady_clock::now();
+      if (mesh_->listener.take_came()) {
+        ++mesh_readers_.came;
+        comes_again_ = now + kUntilKnown;
+      } else if (comes_again_ && now >= *comes_again_) {
+        ++mesh_readers_.came;
+        comes_again_.reset();
+      }
       view = std::exchange(view_, std::nullopt);
       meshes = std::exchange(meshes_, {});
     }
@@ -342,7 +351,8 @@ class Ros2Bridge::Impl {
   std::map<std::string, std::chrono::steady_clock::time_point> said_;  ///< of topics and bodies
   ros2::Bytes placed_ = ros2::tf_message(0, {});                       ///< as they were written
   std::set<Key> drawn_;
-  std::int64_t told_ns_ = 0;  ///< of the last view
+  std::int64_t told_ns_ = 0;                                          ///< of the last view
+  std::optional<std::chrono::steady_clock::time_point> comes_again_;  ///< who reads meshes
 
   std::atomic<bool> stopping_ = false;
   std::thread thread_;

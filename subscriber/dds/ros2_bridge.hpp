@@ -54,7 +54,8 @@ class Ros2Bridge {
 
   /// Is written soon, unless the next comes first; meshes in any case.
   void tell(Ros2View view);
-  /// Somebody reads meshes. A number that grows with each who comes: they have not seen what was written before.
+  /// Somebody reads meshes. A number that grows with each who comes, and once more soon after: they have not seen what was written
+  /// before.
   struct MeshReaders {
     bool are_there = false;
     std::uint64_t came = 0;

@@ -9,11 +9,14 @@
 #include "core/certificate/certificate.hpp"
 #include "core/demand/answer.hpp"
 #include "core/world/content_bytes.hpp"
-#include "core/world/open_tiles.hpp"
+#include "core/world/world_source.hpp"
 #include "frame_budget.hpp"
 
 namespace nearmesh::subscriber {
 namespace {
+
+/// Each so manieth call with too little time a step is made all the same.
+constexpr int kPatience = 8;
 
 Result<std::vector<std::vector<std::uint8_t>>> answer_region(ModelFile& file,
                                                              const RegionRequest& request) {
@@ -32,21 +35,38 @@ struct LocalChannel::Begun {
 };
 
 struct LocalChannel::World {
-  static constexpr std::size_t kMostOpen = 64;
-  World(std::string called, WorldFolder opened)
-      : name(std::move(called)), folder(std::move(opened)), tiles(folder, kMostOpen) {}
   std::string name;
-  WorldFolder folder;
-  OpenTiles tiles;
+  std::unique_ptr<WorldSource> source;
 };
 
-LocalChannel::LocalChannel() : mirrors_(std::make_unique<Mirrors>()) {}
+/// How long steps take: so much a test, and up to so much more, for a step may end later than its tests.
+struct LocalChannel::Pace {
+  ExpectedCost test{0.5, 1.0 / 16}, beyond{1, 1.0 / 32};
+
+  /// The shortest.
+  [[nodiscard]] double step_s() const { return kLeastTests * test.seconds() + beyond.seconds(); }
+  [[nodiscard]] std::uint64_t tests_within(double left_s) const {
+    return subscriber::tests_within(left_s - beyond.seconds(),
+                                    std::max(test.seconds(), kTest_s / 4));
+  }
+  /// A step that was interrupted says nothing of those that follow: believed, it would keep them waiting.
+  void note(std::uint64_t tests, double took_s) {
+    constexpr double kMostBeyond_s = 1e-3;
+    const auto count = static_cast<double>(tests);
+    beyond.add(std::clamp(took_s - count * test.seconds(), 0.0, kMostBeyond_s));
+    // Too little where the work ended before the tests did: it falls slowly.
+    test.add(std::min(took_s / count, 4 * kTest_s));
+  }
+};
+
+LocalChannel::LocalChannel()
+    : mirrors_(std::make_unique<Mirrors>()), pace_(std::make_unique<Pace>()) {}
 LocalChannel::~LocalChannel() = default;
 
 Status LocalChannel::add_model(const std::string& name, ModelFile file) {
   NEARMESH_RETURN_IF_ERROR(wire::check_new_model(name, models_.size() + worlds_.size()));
-  for (const auto& world : worlds_)
-    if (world->name == name)
+  for (const World& world : worlds_)
+    if (world.name == name)
       return {StatusCode::kConflict,
               file.path() + " as " + name + ": the name is taken by a world"};
   for (const auto& [hash, model] : models_)
@@ -63,17 +83,17 @@ Status LocalChannel::add_model(const std::string& name, ModelFile file) {
 
 Status LocalChannel::add_world(const std::string& name, const std::string& folder) {
   NEARMESH_RETURN_IF_ERROR(wire::check_new_model(name, models_.size() + worlds_.size()));
-  Result<WorldFolder> opened = WorldFolder::open(folder);
+  Result<std::unique_ptr<WorldSource>> opened = WorldSource::open(folder);
   NEARMESH_RETURN_IF_ERROR(opened);
   const auto is_taken = [&](const std::string& other) { return other == name; };
   for (const auto& [hash, model] : models_)
     if (is_taken(model.name))
       return {StatusCode::kConflict, folder + ": the name " + name + " is taken"};
-  for (const auto& world : worlds_)
-    if (is_taken(world->name) || world->folder.name() == opened.value().name())
+  for (const World& world : worlds_)
+    if (is_taken(world.name) || world.source->folder().name() == opened.value()->folder().name())
       return {StatusCode::kConflict,
               folder + " as " + name + ": the name is taken, or the same world is served"};
-  worlds_.push_back(std::make_unique<World>(name, std::move(opened).value()));
+  worlds_.push_back({name, std::move(opened).value()});
   if (connected_) announce();
   return Status::ok();
 }
@@ -82,13 +102,11 @@ Result<std::vector<std::vector<std::uint8_t>>> LocalChannel::answer_of_world(
     const wire::RegionSubscription& subscription) {
   NEARMESH_RETURN_IF_ERROR(check_request(subscription.region));
   const bool wants_bytes = asks_for_content_bytes(subscription.region);
-  for (const auto& world : worlds_) {
-    if (wants_bytes)
-      if (const auto page = world->folder.page_bytes(subscription.content_hash); page.is_ok())
-        return content_pieces(page.value());
-    const auto tile = world->tiles.open(subscription.content_hash);
-    if (!tile.is_ok()) continue;
-    if (wants_bytes) return content_pieces(tile.value()->header_bytes());
+  for (const World& world : worlds_) {
+    if (!world.source->has(subscription.content_hash)) continue;
+    if (wants_bytes) return world.source->pieces(subscription.content_hash);
+    const auto tile = world.source->tile(subscription.content_hash);
+    NEARMESH_RETURN_IF_ERROR(tile);
     return answer_region(*tile.value(), subscription.region);
   }
   return Status{StatusCode::kNotFound,
@@ -101,13 +119,11 @@ void LocalChannel::announce() {
   inbox_.headers.clear();
   for (const auto& [hash, model] : models_)
     inbox_.headers.push_back({kPublisher, wire::announce_model(model.name, model.file, {}, hello)});
-  for (const auto& world : worlds_) {
-    const ContentHash& content = world->folder.name();
-    hello.models.push_back({world->name, content, 0, {}});
-    inbox_.headers.push_back({kPublisher,
-                              {.name = world->name,
-                               .content_hash = content,
-                               .bytes = encode_world(world->folder.world())}});
+  for (const World& world : worlds_) {
+    const WorldFolder& folder = world.source->folder();
+    inbox_.headers.push_back(
+        {kPublisher,
+         wire::announce_world(world.name, folder.name(), encode_world(folder.world()), {}, hello)});
   }
   inbox_.hellos.assign(1, std::move(hello));
 }
@@ -176,23 +192,27 @@ void LocalChannel::certify(const wire::RegionSubscription& subscription) {
     return;
   }
   begun_ = std::make_unique<Begun>(Begun{subscription, std::move(*begun.maker)});
-  go_on();
+  if (allowed_s_ >= pace_->step_s()) go_on();
 }
 
 void LocalChannel::allow(double seconds) {
-  constexpr int kPatience = 8;
   allowed_s_ = seconds;
-  not_allowed_ = seconds > kLeastTests * test_s_ ? 0 : (not_allowed_ + 1) % kPatience;
-  if (begun_) go_on();
+  if (!begun_) return;
+  if (seconds < pace_->step_s() && ++waited_ < kPatience) return;
+  waited_ = 0;
+  go_on();
 }
 
-/// At least one step, where any is allowed.
+double LocalChannel::needs_s() const {
+  return begun_ && waited_ + 1 >= kPatience ? pace_->step_s() : 0;
+}
+
+/// One step at least.
 void LocalChannel::go_on() {
-  if (allowed_s_ <= kLeastTests * test_s_ && not_allowed_ != 0) return;
   const Stopwatch watch;
   while (begun_) {
-    const double begun_s = watch.seconds(), left_s = allowed_s_ - begun_s;
-    const std::uint64_t tests = tests_within(left_s, std::max(test_s_, kTest_s / 4));
+    const double begun_s = watch.seconds();
+    const std::uint64_t tests = pace_->tests_within(allowed_s_ - begun_s);
     Result<CertificateMaker::Part> part = begun_->maker.next(tests);
     if (!part.is_ok()) {
       deliver({wire::refusal_message(kPublisher, begun_->subscription, part.status().message())});
@@ -203,10 +223,8 @@ void LocalChannel::go_on() {
     deliver(wire::answer_messages(kPublisher, begun_->subscription.request, part.value().content,
                                   std::move(part.value().batches), is_last));
     if (is_last) begun_.reset();
-    // Where the work ended before the tests did this says too little, so it falls slowly.
-    const double took_s = (watch.seconds() - begun_s) / static_cast<double>(tests);
-    test_s_ += (took_s - test_s_) * (took_s > test_s_ ? 0.5 : 1.0 / 16);
-    if (watch.seconds() + kLeastTests * test_s_ >= allowed_s_) break;
+    pace_->note(tests, watch.seconds() - begun_s);
+    if (watch.seconds() + pace_->step_s() > allowed_s_) break;
   }
   allowed_s_ -= watch.seconds();
 }

@@ -7,11 +7,6 @@
 
 namespace nearmesh::subscriber {
 
-bool is_world_record(std::span<const std::uint8_t> bytes) {
-  return bytes.size() == kWorldRecordBytes && bytes[0] == 'N' && bytes[1] == 'M' &&
-         bytes[2] == 'W' && bytes[3] == 'O';
-}
-
 Result<PeerWorld> PeerWorld::from_record(const ContentHash& name,
                                          std::span<const std::uint8_t> bytes) {
   Result<WorldRecord> record = decode_world(bytes);

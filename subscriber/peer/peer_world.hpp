@@ -11,9 +11,6 @@
 
 namespace nearmesh::subscriber {
 
-/// Whether the bytes that came as a model's header are a world's record.
-[[nodiscard]] bool is_world_record(std::span<const std::uint8_t> bytes);
-
 class PeerWorld {
  public:
   /// In: bytes that have the digest `name`. Errors: those of decode_world().

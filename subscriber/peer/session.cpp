@@ -58,6 +58,7 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
     if (!body->own)
       return Status{StatusCode::kNotFound, body->name + " is not a body that this peer moves"};
     NEARMESH_RETURN_IF_ERROR(check_motion(own.motion, body->name));
+    NEARMESH_RETURN_IF_ERROR(impl.check_promised(*body, own.motion, time_s));
   }
   if (!wire::is_time(time_s))  // it goes out with every pose
     return Status{StatusCode::kInvalidArgument, "time_s of frame " + std::to_string(frame) +
@@ -87,11 +88,15 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
   for (const auto& [number, id] : impl.own_bodies)
     if (const Body& body = *impl.find(id);
         body.motion && !body.is_placed && is_at_rest(*body.motion) &&
+        (body.max_speed_mps == 0 || !impl.who_wants(body).empty()) &&
         std::abs(time_s - body.published_s) >= kRepeatShare * impl.options.max_pose_age_s)
       parts.insert(part_of(body));
   impl.tell_directory();
+  impl.make_promises();
   for (const std::uint32_t part : parts) impl.publish(part, frame);
   impl.take_inbox(report);
+  for (const std::uint32_t part : std::exchange(impl.unserved_parts, {}))
+    impl.publish(part, frame, true);
   impl.replicas.read_caches(report.complaints);
   // What comes after it is to have its time, half of all if it needs that.
   const double answers_s = std::min(impl.answers_cost.seconds(), budget_s / 2);
@@ -103,15 +108,20 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
   for (const auto& [name, model] : impl.replicas.all())
     report.state_digest =
         mix(report.state_digest ^ (model.is_ready() ? model.replica->mesh().state_hash() + 1 : 0));
-  impl.find_near(report);
+  impl.find_near(frame, report);
+  impl.tell_wishes();
   impl.join_tiles(report);
   impl.answer_pairs(frame, budget, report);
+  const double answered_s = budget.spent_s();
   impl.channel->allow(budget.left_s());
+  const double allowed_s = budget.spent_s();
   impl.ask(budget, report);
   impl.give_up(budget, report);
   impl.tell_held(report);
   impl.fold_worlds(report);
-  impl.rest_cost.add(budget.spent_s() - impl.asked_by_s);
+  // The channel's own work is set aside for apart.
+  impl.rest_cost.add(budget.spent_s() - allowed_s + answered_s - impl.asked_by_s);
+  impl.note_overrun(budget);
   impl.answers_cost.add(since_batches.seconds());
   for (const std::string& line : report.complaints) impl.keeper.note(line, impl.clock.seconds());
   if (impl.keeper.is_due(impl.clock.seconds())) impl.tell_status(report, stats());
@@ -136,22 +146,34 @@ void Session::Impl::tell_directory() {
                                   .content = body.model->pinned,
                                   .solid = body.solid,
                                   .group = body.company.group,
-                                  .mask = body.company.mask});
+                                  .mask = body.company.mask,
+                                  .max_speed_mps = body.max_speed_mps});
     });
     channel->send(directory);
   }
 }
 
-/// All of the part that have a pose: the sample stands for those before it.
-void Session::Impl::publish(std::uint32_t part, std::uint64_t frame) {
+/// All of the part that have a pose: the sample stands for those before it. Of bodies that promises are made of, those that somebody
+/// wants, apart.
+void Session::Impl::publish(std::uint32_t part, std::uint64_t frame, bool only_near) {
   wire::BodyPoses poses{.peer = channel->own_id(), .part = part, .frame = frame};
+  const wire::NearPoses none{poses};
+  std::map<std::vector<wire::SessionId>, wire::NearPoses> near;  // by who wants them
   for_each_of_part(part, [&](Body& body) {
     if (!body.motion || body.is_placed) return;
-    poses.bodies.push_back(
+    const bool is_promised = body.max_speed_mps > 0;
+    const std::vector<wire::SessionId> wanted_by = who_wants(body);
+    if (is_promised ? wanted_by.empty() : only_near) return;
+    wire::BodyPoses& sample = is_promised ? near.try_emplace(wanted_by, none).first->second : poses;
+    sample.bodies.push_back(
         {.number = body.number, .time_s = stamp_of(body).time_s, .motion = *body.motion});
     body.published_s = time_s;
   });
-  channel->send(poses);
+  if (!poses.bodies.empty()) {
+    poses.sequence = ++pose_samples;
+    channel->send(poses);
+  }
+  for (const auto& [wanted_by, sample] : near) channel->send_near(sample);
 }
 
 /// A body in place is where it is, and so is an own one at rest until the host moves it: their poses are of now.
@@ -237,9 +259,8 @@ void Session::Impl::run_jobs(std::size_t count, const std::function<void(std::si
 }
 
 // Changes nothing of the session's, so that pairs may be asked at once. `has_turn` is called where it could be asked.
-void Session::Impl::ask_pair(const Pair& pair, AskedPair& asked_pair,
+void Session::Impl::ask_pair(const Pair& pair, PairAnswer& result, AskedPair& asked_pair,
                              const std::function<bool()>& has_turn) const {
-  PairAnswer& result = asked_pair.result;
   result.a = pair.a->id;
   result.b = pair.b->id;
   result.answer = nothing_known();
@@ -282,9 +303,8 @@ void Session::Impl::ask_pair(const Pair& pair, AskedPair& asked_pair,
   }
 }
 
-void Session::Impl::settle_pair(Pair& pair, AskedPair&& asked, std::uint64_t frame,
-                                FrameReport& report) {
-  PairAnswer& result = asked.result;
+void Session::Impl::settle_pair(Pair& pair, PairAnswer& result, const AskedPair& asked,
+                                std::uint64_t frame, FrameReport& report) {
   report.query_s += asked.query_s;
   report.complaints.insert(report.complaints.end(), asked.complaints.begin(),
                            asked.complaints.end());
@@ -298,11 +318,8 @@ void Session::Impl::settle_pair(Pair& pair, AskedPair&& asked, std::uint64_t fra
           (result.awaited.empty() ? "the search was ended after " : "; it was ended after ") +
           std::to_string(options.max_tests) + " tests";
   }
-  note_turn(pair, asked);
-  if (pair.is_of_tile) {  // told with the others of its world
-    report.answers.push_back(std::move(result));
-    return;
-  }
+  note_turn(pair, result, asked.query_s);
+  if (pair.is_of_tile) return;  // told with the others of its world
   report.pairs_put_off += result.put_off ? 1 : 0;
   if (options.contacts || options.depth) follow_contacts(pair, result, report);
   if (result.depth) ask_for_depth(pair, result);
@@ -310,7 +327,6 @@ void Session::Impl::settle_pair(Pair& pair, AskedPair&& asked, std::uint64_t fra
   const std::uint64_t answer_digest = digest(result.answer);
   report.answers_digest = mix(report.answers_digest ^ answer_digest);
   if (options.publish_reports) report_pair(pair, result, {frame, answer_digest});
-  report.answers.push_back(std::move(result));
 }
 
 Result<Readiness> Session::readiness(BodyId body) const {

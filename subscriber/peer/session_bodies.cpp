@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Bodies and pairs of a session: how they come and go, and which pairs may be near.
+#include <algorithm>
 #include <bit>
 #include <limits>
 #include <utility>
 
 #include "core/base/float_guard.hpp"
 #include "core/base/hash.hpp"
+#include "core/geometry/motion_bounds.hpp"
 #include "pair_readiness.hpp"
 #include "session_impl.hpp"
 
@@ -15,6 +17,12 @@ namespace {
 /// Bodies are expected to roam as far as they may go in the look-ahead and this much more, and up to twice that: not all at once
 /// shall leave their roams.
 constexpr double kRoam_s = 1;
+double lateness_of(const Body& body) {
+  return 1 + static_cast<double>(mix(body.id.value) % 16) / 16;
+}
+
+/// Full poses are asked for so long before a body may be near: for the way there and back, and two frames.
+constexpr double kLead_s = 0.3;
 
 Status check_names(std::initializer_list<std::string_view> names) {
   for (const std::string_view name : names)
@@ -24,28 +32,36 @@ Status check_names(std::initializer_list<std::string_view> names) {
   return Status::ok();
 }
 
+/// The distance is rounded down.
+bool meets(const Ball& ball, const WorldBox& box) {
+  double square = 0;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const double nearest = std::clamp(ball.center_m[k], box.lo_m[k], box.hi_m[k]);
+    square += (ball.center_m[k] - nearest) * (ball.center_m[k] - nearest);
+  }
+  return square * (1 - 0x1p-40) <= ball.radius_m * ball.radius_m;
+}
+
+/// The ball in a cube of around_ball().
+Ball ball_in(const WorldBox& cube, const Ball& of) {
+  double radius_m = 0;  // the cube is rounded outward
+  for (std::size_t k = 0; k < 3; ++k)
+    radius_m = std::max({radius_m, cube.hi_m[k] - of.center_m[k], of.center_m[k] - cube.lo_m[k]});
+  return {of.center_m, radius_m};
+}
+
 /// Of a pair, whichever way round.
 std::pair<std::uint32_t, std::uint32_t> key_of(BodyId a, BodyId b) {
   return std::minmax({a.value, b.value});
 }
 
-/// Of all that a body's bounds follow from; the same on every machine.
-std::uint64_t digest_of(const Body& body) {
-  std::uint64_t digest = 0;
-  const auto add = [&digest](std::uint64_t bits) { digest = mix(digest ^ bits); };
-  for (const char c : body.name) add(static_cast<unsigned char>(c));
-  add(body.model->content_hash.high);
-  add(body.model->content_hash.low);
-  add(std::uint64_t{body.company.group} << 32 | body.company.mask);
-  add(body.company.is_scenery ? 1 : 0);
-  const auto add_all = [&](const auto& numbers) {
-    for (const double number : numbers) add(std::bit_cast<std::uint64_t>(number));
-  };
-  add_all(body.motion->pose.rotation);
-  add_all(body.motion->pose.translation_m);
-  add_all(body.motion->linear_velocity_mps);
-  add_all(body.motion->angular_velocity_radps);
-  return digest;
+/// Of all that the bounds of one that is known by a promise follow from.
+std::uint64_t digest_of_promised(const Body& body, double radius_m) {
+  const wire::BodyPromise& promise = *body.promises[0];
+  Motion bounds;
+  bounds.pose.translation_m = promise.place_m;
+  bounds.linear_velocity_mps = {promise.max_speed_mps, radius_m, 0};
+  return place_digest(body.name, body.model->content_hash, body.company, bounds);
 }
 
 }  // namespace
@@ -68,6 +84,12 @@ Result<BodyId> Session::Impl::add_body(BodyOptions body_options) {
     return Status{StatusCode::kInvalidArgument,
                   "body " + body_options.name + ": max_pose_age_s is " + std::to_string(max_age_s) +
                       ", expected seconds, not negative"};
+  if (!(body_options.max_speed_mps >= 0 && body_options.max_speed_mps <= wire::kMaxSpeed_mps) ||
+      (body_options.max_speed_mps > 0 && !body_options.own))
+    return Status{StatusCode::kInvalidArgument,
+                  "body " + body_options.name + ": max_speed_mps is " +
+                      std::to_string(body_options.max_speed_mps) + ", expected 0 to " +
+                      std::to_string(wire::kMaxSpeed_mps) + ", and 0 of a body that another moves"};
   const BodyId id{next_body};
   NEARMESH_RETURN_IF_ERROR(check_pin(body_options.name, body_options.model, body_options.content));
   if (!named.emplace(body_options.name, id).second)
@@ -81,10 +103,13 @@ Result<BodyId> Session::Impl::add_body(BodyOptions body_options) {
                                 .own = body_options.own,
                                 .solid = body_options.solid,
                                 .stamp = {.max_age_s = max_age_s},
-                                .company = {body_options.group, body_options.mask, false}});
+                                .max_speed_mps = body_options.max_speed_mps,
+                                .company = {body_options.group, body_options.mask, false,
+                                            watches_only_own && !body_options.own}});
   if (body_options.own) {
     Body& own = *find(id);
     own.number = next_number++;
+    own.mover = channel->own_id();
     own_bodies.emplace(own.number, id);
     untold_parts.insert(part_of(own));
   }
@@ -112,6 +137,9 @@ Status Session::place_body(BodyId body, const Pose& pose) {
   Body* placed = impl_->find(body);
   if (placed == nullptr) return no_such(body);
   NEARMESH_RETURN_IF_ERROR(check_pose(pose, placed->name));
+  if (placed->max_speed_mps > 0)
+    return {StatusCode::kInvalidArgument,
+            "body " + placed->name + " has a max_speed_mps: others are promised where it stays"};
   placed->motion = Motion{.pose = orthonormal(pose)};
   placed->stamp.mover = wire::Mover::kThere;
   placed->is_placed = true;
@@ -131,6 +159,7 @@ void Session::Impl::remove_body(Body& body) {
   forget_tiles(body);
   std::erase_if(pairs, [&](const auto& entry) { return entry.second.has(body); });
   listed.clear();
+  note_told(body, {});
   if (body.slot) broad.remove(*body.slot);
   if (body.own) {
     own_bodies.erase(body.number);
@@ -183,7 +212,20 @@ void Session::Impl::leave_model(PeerModel& model) {
   }
 }
 
-void Session::watch_all() { impl_->watches_all = true; }
+void Session::watch_all() { impl_->watch_many(false); }
+void Session::watch_own() { impl_->watch_many(true); }
+
+/// Who is a pair may have changed: all bodies are told to the broad phase anew.
+void Session::Impl::watch_many(bool only_own) {
+  watches_all = true;
+  watches_only_own = only_own;
+  for (auto& [id, body] : bodies) {
+    if (body.slot) broad.remove(*body.slot);
+    body.slot.reset();
+    body.company.is_other = only_own && !body.own;
+  }
+}
+
 void Session::discover_bodies() { impl_->discovers = true; }
 
 Status Session::watch(BodyId a, BodyId b) {
@@ -224,15 +266,93 @@ Result<BodyOptions> Session::options_of(BodyId body) const {
                      .solid = asked->solid,
                      .content = asked->model->pinned,
                      .max_pose_age_s = asked->stamp.max_age_s,
+                     .max_speed_mps = !asked->own && asked->promises[0]
+                                          ? asked->promises[0]->max_speed_mps
+                                          : asked->max_speed_mps,
                      .group = asked->company.group,
                      .mask = asked->company.mask};
 }
 
 /// Why nothing can be said of where the body is; empty where it can.
 std::string Session::Impl::why_unknown(const Body& body) const {
-  if (!body.model->is_ready() && !(body.model->world && body.model->world->root() != nullptr))
-    return "model " + body.model->name + " of body " + body.name + ": " + why_no_mesh(*body.model);
-  return wire::why_stale(stamp_of(body), time_s, body.name);
+  if (std::string reason = why_no_bounds(body); !reason.empty()) return reason;
+  std::string reason = wire::why_stale(stamp_of(body), time_s, body.name);
+  if (reason.empty() || body.own || body.is_placed || !body.promises[0]) return reason;
+  if (std::string why = why_unpromised(body); !why.empty()) return why;
+  return "body " + body.name + " is known by a promise alone, its full poses are asked for";
+}
+
+/// Of its model alone.
+std::string Session::Impl::why_no_bounds(const Body& body) const {
+  if (body.model->is_ready() || (body.model->world && body.model->world->root() != nullptr))
+    return {};
+  return "model " + body.model->name + " of body " + body.name + ": " + why_no_mesh(*body.model);
+}
+
+/// Whether the two may be near, by what is known in this update.
+bool Session::Impl::is_near(const Body& a, const Body& b) {
+  return a.tight.meets(b.tight) && (!a.stays || meets(*a.stays, b.tight)) &&
+         (!b.stays || meets(*b.stays, a.tight));
+}
+
+/// Whether full poses of those of the two that are promised are of use.
+bool Session::Impl::is_near_soon(const Body& a, const Body& b) {
+  return (!a.soon || meets(*a.soon, b.tight)) && (!b.soon || meets(*b.soon, a.tight));
+}
+
+/// Of one that is known by a promise, or was: full poses count while they are wanted, for then they come.
+void Session::Impl::bound_promised(Body& body, FrameReport& report) {
+  std::string reason = why_no_bounds(body);
+  const std::optional<Ball> ball = ball_of(body);
+  const bool is_posed = reason.empty() && wants_poses(body) &&
+                        body.stamp.time_s >= body.wanted_since_s &&
+                        wire::why_stale(stamp_of(body), time_s, body.name).empty();
+  body.is_new_to_bounds = true;  // a ball grows with time
+  body.is_by_promise = false;
+  body.soon.reset();
+  body.stays.reset();
+  if (reason.empty() && !ball && !is_posed) reason = why_unpromised(body);
+  if (!reason.empty()) {
+    broad.lose(*body.slot);
+    report.unknown.push_back({body.id, std::move(reason)});
+    return;
+  }
+  body.is_new_to_bounds = false;
+  body.bounded = body.model->content_hash;
+  const ModelBounds& model = body.model->bounds;
+  WorldBox around;
+  double speed_mps = 0;
+  if (ball) {
+    speed_mps = body.promises[0]->max_speed_mps;
+    body.way_m = speed_mps * horizon_s();
+    body.tight = model.around_ball(ball->center_m, ball->radius_m + body.way_m, options.margin_m);
+    // Who may be near soon is asked for its poses before.
+    const double lead_m = (speed_mps + fastest_mps) * kLead_s;
+    around =
+        model.around_ball(ball->center_m, ball->radius_m + body.way_m + lead_m, options.margin_m);
+    body.soon = ball_in(around, *ball);
+    body.stays = ball_in(body.tight, *ball);
+    body.digest = digest_of_promised(body, ball->radius_m);
+  }
+  if (is_posed) {
+    body.stays.reset();
+    body.tight = model.around(*body.motion, horizon_s(), options.margin_m);
+    body.way_m = model.way_m(*body.motion, horizon_s());
+    body.digest = place_digest(body.name, body.model->content_hash, body.company, *body.motion);
+    around = ball ? hull(around, body.tight) : body.tight;
+    if (!ball) note_near(body);  // they are all that is known
+  }
+  body.is_by_promise = !is_posed;
+  report.promised += body.is_by_promise ? 1U : 0U;
+  broad.place(*body.slot, around, [&] {
+    const double roam_m = (speed_mps + fastest_mps) * kRoam_s * lateness_of(body);
+    WorldBox roam = around;
+    for (std::size_t k = 0; k < 3; ++k) {
+      roam.lo_m[k] -= roam_m;
+      roam.hi_m[k] += roam_m;
+    }
+    return roam;
+  });
 }
 
 /// Tells the broad phase where the body may be, if it does not know yet.
@@ -248,6 +368,11 @@ void Session::Impl::bound(Body& body, FrameReport& report) {
     by_slot[*body.slot] = &body;
     body.is_new_to_bounds = true;
   }
+  if (!body.own && !body.is_placed && body.promises[0]) {
+    bound_promised(body, report);
+    return;
+  }
+  note_known(body);
   std::string reason = why_unknown(body);
   if (!reason.empty()) {
     broad.lose(*body.slot);
@@ -259,22 +384,32 @@ void Session::Impl::bound(Body& body, FrameReport& report) {
     return;
   body.bounded = body.model->content_hash;
   const ModelBounds& model = body.model->bounds;
-  const double late = 1 + static_cast<double>(mix(body.id.value) % 16) / 16;
-  broad.place(*body.slot, model.around(*body.motion, horizon_s(), options.margin_m), [&] {
-    return model.around(*body.motion, horizon_s() + kRoam_s * late, options.margin_m);
+  body.tight = model.around(*body.motion, horizon_s(), options.margin_m);
+  broad.place(*body.slot, body.tight, [&] {
+    return model.around(*body.motion, horizon_s() + kRoam_s * lateness_of(body), options.margin_m);
   });
   body.way_m = model.way_m(*body.motion, horizon_s());
-  body.digest = digest_of(body);
+  body.digest = place_digest(body.name, body.model->content_hash, body.company, *body.motion);
 }
 
 /// Which pairs this update answers; what is said of all others.
-void Session::Impl::find_near(FrameReport& report) {
+void Session::Impl::find_near(std::uint64_t frame, FrameReport& report) {
   const Stopwatch watch;
   ++updates;
   listed.clear();
+  std::uint64_t near = 0;
   if (watches_all) {
+    fastest_mps = 0;
+    for (const auto& [number, id] : own_bodies)
+      if (const Body& own = *find(id); own.motion)
+        fastest_mps = std::max(fastest_mps, length_bound(own.motion->linear_velocity_mps));
     for (auto& [id, body] : bodies) bound(body, report);
     for (const auto& [one, two] : broad.find_near()) {
+      if (is_near_soon(*by_slot[one], *by_slot[two])) {
+        note_near(*by_slot[one]);
+        note_near(*by_slot[two]);
+      }
+      if (!is_near(*by_slot[one], *by_slot[two])) continue;  // soon, perhaps
       const auto [lower, higher] = std::minmax({by_slot[one]->id, by_slot[two]->id});
       const auto [at, is_new] = pairs.try_emplace(key_of(lower, higher));
       Pair& pair = at->second;
@@ -283,6 +418,7 @@ void Session::Impl::find_near(FrameReport& report) {
         pair.b = find(higher);
       }
       pair.near_in = updates;
+      ++near;
     }
     for (auto at = pairs.begin(); at != pairs.end();) {
       Pair& pair = at->second;
@@ -297,12 +433,16 @@ void Session::Impl::find_near(FrameReport& report) {
       }
     }
   }
-  for (auto& [key, pair] : pairs) listed.push_back(&pair);
-  if (watches_all) tell_free(report);
+  for (auto& [key, pair] : pairs) {
+    listed.push_back(&pair);
+    note_near(*pair.a);
+    note_near(*pair.b);
+  }
+  if (watches_all) tell_free(frame, near, report);
   report.broad_s = watch.seconds();
 }
 
-void Session::Impl::tell_free(FrameReport& report) {
+void Session::Impl::tell_free(std::uint64_t frame, std::uint64_t near, FrameReport& report) {
   FreeByBounds& free = report.free_by_bounds;
   free.pairs = broad.placed_pair_count();
   report.unknown_pairs = broad.pair_count() - free.pairs;
@@ -311,22 +451,21 @@ void Session::Impl::tell_free(FrameReport& report) {
     if (!broad.wants(a, b)) continue;
     --(broad.is_placed(a) && broad.is_placed(b) ? free.pairs : report.unknown_pairs);
   }
-  // Boxes that do not meet are farther apart than both ways and margins.
-  double least_way_m = std::numeric_limits<double>::infinity(), next_way_m = least_way_m;
-  double oldest_s = 0;
+  FreePairs bounds;
+  std::uint64_t digest = 0;
+  bool is_recorded = !watches_only_own;  // all that it rests on, so that it can be proved
   for (const auto& [id, body] : bodies) {
     if (!broad.is_placed(*body.slot)) continue;
-    free.digest += body.digest;
-    if (body.way_m < next_way_m) next_way_m = std::max(body.way_m, least_way_m);
-    least_way_m = std::min(least_way_m, body.way_m);
-    if (body.way_m > 0) oldest_s = std::max(oldest_s, wire::age_s(stamp_of(body), time_s));
+    digest += body.digest;
+    bounds.add(body.way_m, body.is_by_promise ? 0 : wire::age_s(stamp_of(body), time_s));
+    is_recorded &= body.max_speed_mps == 0 && !body.promises[0];
   }
-  if (free.pairs == 0) {
-    free = {};
-    return;
-  }
-  free.clearance_m = (least_way_m + next_way_m + 2 * options.margin_m) * (1 - 0x1p-40);
-  free.horizon_s = std::max(0.0, horizon_s() - oldest_s);
+  if (options.publish_reports && is_recorded)
+    tell_bounds(frame, broad.placed_pair_count() - near, digest, bounds);
+  if (free.pairs == 0) return;
+  free.clearance_m = bounds.clearance_m(options.margin_m);
+  free.horizon_s = bounds.horizon_s(horizon_s());
+  free.digest = digest;
   for (const std::uint64_t bits : {free.pairs, std::bit_cast<std::uint64_t>(free.clearance_m),
                                    std::bit_cast<std::uint64_t>(free.horizon_s)})
     free.digest = mix(free.digest ^ bits);

@@ -3,7 +3,8 @@
 // What the files of Session share: session.cpp (a frame), session_bodies.cpp (bodies and pairs that come and go, and which are
 // near), session_take.cpp (what comes), session_turns.cpp (whom it asks), session_ask.cpp, session_certificates.cpp and
 // session_audit.cpp (what is asked of publishers), session_probe.cpp (probes of bodies), session_contacts.cpp (contacts from
-// update to update), session_worlds.cpp (bodies that are worlds), session_tell.cpp (what is told), session_mesh.cpp (meshes to
+// update to update), session_worlds.cpp (bodies that are worlds), session_tell.cpp (what is told), session_bounds.cpp (what is told of
+// pairs that bounds prove apart), session_promises.cpp (where bodies stay, and whose full poses are wanted), session_mesh.cpp (meshes to
 // be drawn).
 // Threads: one.
 
@@ -19,6 +20,7 @@
 #include "core/base/random.hpp"
 #include "core/base/stopwatch.hpp"
 #include "core/broadphase/broad_phase.hpp"
+#include "core/broadphase/free_pairs.hpp"
 #include "core/query/answer.hpp"
 #include "core/query/clearance_left.hpp"
 #include "core/world/content_bytes.hpp"
@@ -30,13 +32,19 @@
 
 namespace nearmesh::subscriber {
 
+struct Ball {
+  std::array<double, 3> center_m{};
+  double radius_m = 0;
+};
+
 struct Body {
   BodyId id;
   std::string name;
   PeerModel* model = nullptr;
   bool own = false;
   bool is_discovered = false;
-  std::uint32_t number = 0;  // own: on the bus
+  std::uint32_t number = 0;   // on the bus, at its mover
+  wire::SessionId mover = 0;  // of the pose; 0: none, or the bus has no number of it
   bool solid = false;
   std::optional<Motion> motion;
   wire::PoseStamp stamp;           // of the motion's pose
@@ -48,13 +56,34 @@ struct Body {
   bool is_ready = false;           // why_not_ready() says nothing
   BodyReach reach;
 
-  // For watch_all(): what was told to the broad phase.
+  // Promises: made of an own body, or heard of one that another moves. The latest first, and the one before it, which holds for frames
+  // of before the latest.
+  std::array<std::optional<wire::BodyPromise>, 2> promises;
+  double max_speed_mps = 0;                   // own: promised
+  wire::Mover promiser = wire::Mover::kNone;  // of another's: who made them
+  double wanted_s = -std::numeric_limits<
+      double>::infinity();     // the update's time when its full poses were wanted last
+  double wanted_since_s = 0;   // without a pause: poses of before do not count
+  std::optional<Ball> stays;   // by a promise alone: `tight` is around it
+  std::optional<Ball> soon;    // who meets it may be near it before poses of it come
+  bool is_by_promise = false;  // in this update: its bounds follow from a promise
+
+  // For watch_all() and watch_own(): what was told to the broad phase.
   Company company;
   std::optional<BroadPhase::Slot> slot;
   ContentHash bounded;           // the content whose bounds were told
   bool is_new_to_bounds = true;  // motion or model changed since
+  WorldBox tight;                // that is near or not; what the broad phase has may be larger
   double way_m = 0;              // it may go so far within the look-ahead
   std::uint64_t digest = 0;      // of all that its bounds follow from
+  // What others know of how its place is known (session_bounds.cpp).
+  struct Told {
+    enum class Known : std::uint8_t { kNot, kByPose, kInPlace } known = Known::kNot;
+    wire::SessionId mover = 0;
+    std::uint32_t number = 0;
+    ContentHash content;
+    bool operator==(const Told&) const = default;
+  } told;
 
   // Of a tile in its place, which stands for a part of a body that is a world.
   std::optional<Grid> tile_grid;
@@ -172,11 +201,20 @@ struct Session::Impl {
   std::map<PairKey, Pair> pairs;                            // watched by name, or near
   std::vector<Pair*> listed;  // all of them: the report's answers, in order
 
-  bool watches_all = false;
+  bool watches_all = false;       // or
+  bool watches_only_own = false;  // of them those of own bodies
   BroadPhase broad;
   std::vector<Body*> by_slot;
+  double fastest_mps = 0;  // of the own bodies, as they move now
   std::uint64_t updates = 0;
   std::uint64_t next_contact = 1;
+
+  // session_bounds.cpp
+  std::set<std::uint32_t> untold_watched;  // parts of the bodies: others know them otherwise
+  std::uint32_t watched_edition = 0;
+  std::map<wire::SessionId, std::uint32_t> watched_movers;     // and of how many bodies
+  std::map<wire::SessionId, std::uint32_t> last_pose_samples;  // that came, by mover
+  std::uint32_t pose_samples = 0;                              // that went out
 
   // session_worlds.cpp
   struct WorldPair {
@@ -201,6 +239,19 @@ struct Session::Impl {
   std::map<ContentHash, WantedBytes> wanted_bytes;
   std::set<std::uint32_t> byte_requests;  // the latest
 
+  // session_promises.cpp
+  struct Wish {
+    wire::WantedPoses wanted;
+    double heard_s = 0;
+  };
+  std::map<wire::SessionId, Wish> wishes;  // of other peers, for poses of own bodies
+  std::set<std::uint32_t> unserved_parts;  // that somebody wants since the last update
+  struct ToldWish {
+    std::vector<wire::WantedPoses::Part> parts;
+    double told_s = 0;
+  };
+  std::map<wire::SessionId, ToldWish> told_wishes;  // by mover
+
   std::map<wire::SessionId, Publisher> publishers;
   std::map<wire::SessionId, std::uint32_t>
       last_sequence;            // of batches, by publisher; also of those that are gone
@@ -213,7 +264,8 @@ struct Session::Impl {
   double frame_s = 0;                 // since the update before
   std::uint64_t asked_ahead_in = 0;   // the last update that asked by region for what is ahead
   std::uint64_t looked_ahead_in = 0;  // the last update that looked ahead, or had no need to
-  double asked_by_s = 0;              // of this update's time, when the last pair had been asked
+  // Of this update's time, when the last pair that was asked had been: to put off the others takes time, too.
+  double asked_by_s = 0;
   bool has_updated = false;
   std::optional<double> heard_time_s;
   std::uint64_t refused = 0;
@@ -252,40 +304,71 @@ struct Session::Impl {
   void fold_worlds(FrameReport& report);
   [[nodiscard]] PairAnswer fold_world(WorldPair& found, FrameReport& report);
   void tell_directory();
-  void publish(std::uint32_t part, std::uint64_t frame);
+  void publish(std::uint32_t part, std::uint64_t frame, bool only_near = false);
   void take_inbox(FrameReport& report);
   void take_bodies(const Channel::Inbox& inbox, FrameReport& report);
   void take_body(const wire::BodyDirectory::Body& entry, FrameReport& report);
   void take_poses(const Channel::Inbox& inbox, std::vector<std::string>& complaints);
+  void take_promises(const Channel::Inbox& inbox, std::vector<std::string>& complaints);
+  void take_wishes(const Channel::Inbox& inbox);
+  [[nodiscard]] Status check_promised(const Body& own, const Motion& motion, double at_s) const;
+  [[nodiscard]] std::vector<wire::SessionId> who_wants(const Body& own) const;
+  void make_promises();
+  void tell_wishes();
+  [[nodiscard]] bool wants_poses(const Body& body) const;
+  void note_near(Body& body) const;
+  [[nodiscard]] static bool is_near(const Body& a, const Body& b);
+  [[nodiscard]] static bool is_near_soon(const Body& a, const Body& b);
+  [[nodiscard]] std::optional<Ball> ball_of(const Body& body) const;
+  [[nodiscard]] std::string why_unpromised(const Body& body) const;
+  void bound_promised(Body& body, FrameReport& report);
+  void watch_many(bool only_own);
   void take_batch(wire::SplitBatchMessage&& message, FrameReport& report);
   void take_redirection(const wire::SplitBatchMessage& message);
   void close_request(std::uint32_t request);
   void ask_anew(Body& body);
   void leave_model(PeerModel& model);
   void bound(Body& body, FrameReport& report);
-  void find_near(FrameReport& report);
-  void tell_free(FrameReport& report);
+  void find_near(std::uint64_t frame, FrameReport& report);
+  void tell_free(std::uint64_t frame, std::uint64_t near, FrameReport& report);
+  void note_known(Body& body);
+  void note_told(Body& body, const Body::Told& now);
+  void tell_watched();
+  void tell_bounds(std::uint64_t frame, std::uint64_t free, std::uint64_t places_digest,
+                   const FreePairs& bounds);
   void add_unbounded(Readiness& all, const Body& body);
   [[nodiscard]] std::string why_unknown(const Body& body) const;
+  [[nodiscard]] std::string why_no_bounds(const Body& body) const;
   void run_jobs(std::size_t count, const std::function<void(std::size_t)>& job) const;
   struct AskedPair {
-    PairAnswer result;
     std::vector<std::string> complaints;
     double query_s = 0;
+    double ended_s = 0;  // of the update's time; 0: was not asked
   };
   // What updates took of late: a pair; what follows the batches; what follows the answers; a look ahead; giving up.
   ExpectedCost pair_cost{0.125}, answers_cost, rest_cost{1, 1.0 / 64}, look_cost{0.125},
       region_cost, ahead_cost{0.125}, give_up_cost;
+  // By how much updates would have run over, had nothing been set aside for that.
+  ExpectedCost overrun{1, 1.0 / 256};
+  [[nodiscard]] double margin_of(const FrameBudget& budget) const {
+    return std::min(overrun.seconds(), budget.seconds() / 8);
+  }
+  void note_overrun(const FrameBudget& budget) {
+    const double margin_s = margin_of(budget);
+    overrun.add(std::clamp(margin_s - budget.left_s(), 0.0, budget.seconds() / 8));
+  }
   void answer_pairs(std::uint64_t frame, const FrameBudget& budget, FrameReport& report);
-  void ask_pair(const Pair& pair, AskedPair& asked, const std::function<bool()>& has_turn) const;
+  void ask_pair(const Pair& pair, PairAnswer& result, AskedPair& asked,
+                const std::function<bool()>& has_turn) const;
   void look_at_pairs();
   [[nodiscard]] std::vector<std::uint32_t> take_turns(double left_s) const;
   [[nodiscard]] double due_of(const Pair& pair) const;
   [[nodiscard]] double cost_of(const Pair& pair) const;
   [[nodiscard]] LastCertified last_certified_of(const Pair& pair) const;
   void put_off(const Pair& pair, PairAnswer& result) const;
-  void note_turn(Pair& pair, const AskedPair& asked);
-  void settle_pair(Pair& pair, AskedPair&& asked, std::uint64_t frame, FrameReport& report);
+  void note_turn(Pair& pair, const PairAnswer& result, double query_s);
+  void settle_pair(Pair& pair, PairAnswer& result, const AskedPair& asked, std::uint64_t frame,
+                   FrameReport& report);
   void follow_contacts(Pair& pair, PairAnswer& answer, FrameReport& report);
   void end_contacts(Pair& pair, FrameReport& report);
   void ask_for_depth(const Pair& pair, const PairAnswer& answer);

@@ -40,6 +40,7 @@ void Session::Impl::take_inbox(FrameReport& report) {
   if (inbox.recorder_came) ++recorders;
   if (discovers) take_bodies(inbox, report);
   take_poses(inbox, complaints);
+  take_wishes(inbox);
 }
 
 void Session::Impl::take_bodies(const Channel::Inbox& inbox, FrameReport& report) {
@@ -83,6 +84,10 @@ void Session::Impl::take_body(const wire::BodyDirectory::Body& entry, FrameRepor
 void Session::Impl::take_poses(const Channel::Inbox& inbox, std::vector<std::string>& complaints) {
   for (const wire::BodyPose& pose : inbox.poses) {
     heard_time_s = std::max(heard_time_s.value_or(pose.time_s), pose.time_s);
+    if (pose.sequence != 0) {
+      std::uint32_t& last = last_pose_samples[pose.peer];
+      last = std::max(last, pose.sequence);
+    }
     const auto at = named.find(pose.body);
     if (at == named.end()) continue;
     Body& body = *find(at->second);
@@ -102,13 +107,17 @@ void Session::Impl::take_poses(const Channel::Inbox& inbox, std::vector<std::str
     body.is_new_to_bounds = true;
     body.stamp.mover = wire::Mover::kThere;
     body.stamp.time_s = pose.time_s;
+    body.mover = pose.sequence != 0 ? pose.peer : 0;
+    body.number = pose.number;
   }
+  take_promises(inbox, complaints);
   for (const auto& [name, mover] : inbox.movers) {
     const auto at = named.find(name);
     if (at == named.end()) continue;
     Body& body = *find(at->second);
     const bool is_of_another = !body.own && !body.is_placed;
     if (is_of_another && body.stamp.mover != wire::Mover::kNone) body.stamp.mover = mover;
+    if (is_of_another && body.promiser != wire::Mover::kNone) body.promiser = mover;
   }
 }
 

@@ -95,6 +95,7 @@ void Session::Impl::tell_bodies(wire::ProcessStatus& now) const {
     }
     if (body.is_placed) continue;
     ++now.heard_bodies;
+    if (body.is_by_promise) continue;
     const wire::PoseStamp stamp = stamp_of(body);
     if (!wire::why_stale(stamp, time_s, body.name).empty()) ++now.stale_bodies;
     if (const double age_s = wire::age_s(stamp, time_s);

@@ -91,24 +91,35 @@ double Session::Impl::cost_of(const Pair& pair) const {
 void Session::Impl::answer_pairs(std::uint64_t frame, const FrameBudget& budget,
                                  FrameReport& report) {
   look_at_pairs();
-  const double end_s = std::min(rest_cost.seconds(), budget.seconds() / 4);  // is left for the rest
+  // Is left for the rest: what that takes of late, and what has waited so long that it takes its turn in any case.
+  const double look_s = updates - looked_ahead_in >= kPatientLooks ? look_cost.seconds() : 0;
+  const double end_s = std::min(rest_cost.seconds(), budget.seconds() / 4) +
+                       std::min(channel->needs_s() + look_s, budget.seconds() / 2) +
+                       margin_of(budget);
   const std::vector<std::uint32_t> turns = take_turns(budget.left_s() - end_s);
+  report.answers.resize(listed.size());  // asked in place: they are large
   std::vector<AskedPair> asked(listed.size());
   std::atomic<std::size_t> next{0};
-  std::atomic<bool> is_any_asked{false};
+  std::atomic<bool> is_any_asked{false}, is_over{false};
+  asked_by_s = budget.spent_s();
   // Whichever job comes first takes the first turn, in whatever order the host runs them.
   run_jobs(turns.size(), [&](std::size_t) {
     const std::uint32_t place = turns[next++];
     const Pair& pair = *listed[place];
-    ask_pair(pair, asked[place], [&] {
-      return budget.left_s() - end_s >= cost_of(pair) || !is_any_asked.exchange(true);
+    ask_pair(pair, report.answers[place], asked[place], [&] {
+      if (is_over) return false;  // none is expected to take less
+      const double left_s = budget.left_s() - end_s;
+      if (left_s >= cost_of(pair) || !is_any_asked.exchange(true)) return true;
+      is_over = left_s < pair_cost.seconds();
+      return false;
     });
-    if (asked[place].result.asked) is_any_asked = true;
+    if (!report.answers[place].asked) return;
+    is_any_asked = true;
+    asked[place].ended_s = budget.spent_s();
   });
-  asked_by_s = budget.spent_s();
-  report.answers.reserve(asked.size());
+  for (const AskedPair& pair : asked) asked_by_s = std::max(asked_by_s, pair.ended_s);
   for (std::size_t i = 0; i < asked.size(); ++i)
-    settle_pair(*listed[i], std::move(asked[i]), frame, report);
+    settle_pair(*listed[i], report.answers[i], asked[i], frame, report);
 }
 
 /// Its turn did not come.
@@ -118,13 +129,12 @@ void Session::Impl::put_off(const Pair& pair, PairAnswer& result) const {
   if (pair.certified) result.last_certified = pair.certified->now;
 }
 
-void Session::Impl::note_turn(Pair& pair, const AskedPair& asked) {
-  const PairAnswer& result = asked.result;
+void Session::Impl::note_turn(Pair& pair, const PairAnswer& result, double query_s) {
   pair.is_put_off = result.put_off;
   if (!result.asked) return;
   pair.turn.asked_in = updates;
-  pair.turn.cost_s = asked.query_s;
-  pair_cost.add(asked.query_s);
+  pair.turn.cost_s = query_s;
+  pair_cost.add(query_s);
   if (!is_certified(result.answer.status)) return;
   pair.certified = {.said = {.status = result.answer.status,
                              .contained = result.answer.contained,

@@ -159,6 +159,42 @@ void Session::Impl::join_tiles(FrameReport& report) {
   leave_tiles();
 }
 
+namespace {
+
+constexpr double kRoundUp = 1 + 0x1p-40;
+
+/// How fast a world and another body come together at most, what posing them rounds, and how far they may have gone since their
+/// poses. As safe_horizon_s() counts.
+struct Approach {
+  double speed_mps = 0, rounding_m = 0, gone_m = 0;
+
+  Approach(const Body& world, double age_world_s, const Body& other, double age_other_s) {
+    const Grid grid = world_grid(world.model->world->record());
+    const int lattice = lattice_exponent(grid, other.grid());
+    add(grid, world.model->world->box(), *world.motion, age_world_s, lattice);
+    add(other.grid(), other.view().root().box, *other.motion, age_other_s, lattice);
+  }
+  /// So far apart they cannot meet for so long.
+  [[nodiscard]] double needed_m(double duration_s) const {
+    return ((rounding_m + gone_m) * kRoundUp + speed_mps * kRoundUp * duration_s) * kRoundUp;
+  }
+  /// For so long what is so far apart cannot meet.
+  [[nodiscard]] double safe_s(double apart_m) const {
+    if (speed_mps == 0) return std::numeric_limits<double>::infinity();
+    return std::max(0.0, apart_m - (rounding_m + gone_m) * kRoundUp) / (speed_mps * kRoundUp);
+  }
+
+ private:
+  void add(const Grid& grid, const GridBox& box, const Motion& motion, double age_s, int lattice) {
+    const double reach = reach_m(grid, box), speed = speed_bound_mps(motion, reach);
+    speed_mps += speed;
+    if (speed > 0) gone_m += speed * std::abs(age_s) * kRoundUp;
+    rounding_m += 2 * posing_error_m(motion, reach, 0, grid, lattice);
+  }
+};
+
+}  // namespace
+
 /// Which tiles may be near, or why that is not known.
 Status Session::Impl::find_tiles(WorldPair& found) {
   const Pair& pair = *found.pair;
@@ -182,15 +218,14 @@ Status Session::Impl::find_tiles(WorldPair& found) {
   const Result<PosedPair> posed =
       pose_pair(grid, world.motion->pose, world.name, other.grid(), other.motion->pose, other.name);
   NEARMESH_RETURN_IF_ERROR(posed);
-  const auto way_m = [this](const Body& body) {
-    return body.model->bounds.way_m(*body.motion,
-                                    horizon_s() + std::abs(wire::age_s(stamp_of(body), time_s)));
-  };
+  const Approach approach(world, wire::age_s(stamp_of(world), time_s), other,
+                          wire::age_s(stamp_of(other), time_s));
   const double cell_m = std::ldexp(1.0, other.grid().exponent);
+  // What the last line takes off again is added, so that all else is apart for the whole look-ahead.
+  const double around_m =
+      approach.needed_m(horizon_s()) + options.margin_m + 4 * std::ldexp(1.0, grid.exponent);
   const GridBox box = other.view().root().box;
-  const GridBox reach = grown(
-      box,
-      std::ceil((way_m(world) + way_m(other) + options.margin_m) * (1 + 0x1p-30) / cell_m) + 8);
+  const GridBox reach = grown(box, std::ceil(around_m * (1 + 0x1p-29) / cell_m) + 8);
   Result<NearTiles> near =
       tiles.near_tiles(make_relative_frame(posed.value().a, posed.value().b), reach, time_s);
   NEARMESH_RETURN_IF_ERROR(near);
@@ -376,24 +411,40 @@ void Session::Impl::fold_worlds(FrameReport& report) {
 
 namespace {
 
-/// As safe_horizon_s(), of all of a world that was not asked.
-double rest_is_safe_s(const Body& world, double age_world_s, const Body& other, double age_other_s,
-                      double rest_m) {
-  constexpr double kRoundUp = 1 + 0x1p-40;
-  const Grid grid = world_grid(world.model->world->record());
-  const int lattice = lattice_exponent(grid, other.grid());
-  double speed_mps = 0, rounding_m = 0, gone_m = 0;
-  const auto add = [&](const Grid& its, const GridBox& box, const Motion& motion, double age_s) {
-    const double reach = reach_m(its, box), speed = speed_bound_mps(motion, reach);
-    speed_mps += speed;
-    if (speed > 0) gone_m += speed * std::abs(age_s) * kRoundUp;
-    rounding_m += 2 * posing_error_m(motion, reach, 0, its, lattice);
-  };
-  add(grid, world.model->world->box(), *world.motion, age_world_s);
-  add(other.grid(), other.view().root().box, *other.motion, age_other_s);
-  if (speed_mps == 0) return std::numeric_limits<double>::infinity();
-  return std::max(0.0, rest_m - (rounding_m + gone_m) * kRoundUp) / (speed_mps * kRoundUp);
-}
+/// The swept answer about a world, tile by tile.
+class SweptWorld {
+ public:
+  /// In: how long what is not among the tiles cannot be met; whether something is not here.
+  SweptWorld(double duration_s, double rest_safe_s, bool lacks_any)
+      : duration_s_(duration_s), first_unknown_s_(lacks_any ? 0 : rest_safe_s) {
+    sum_.free_until_s = std::min(duration_s, first_unknown_s_);
+  }
+  /// `missing`: of the other body.
+  void add(const SweptAnswer& tile, std::vector<NodeSpan> SweptAnswer::*missing) {
+    sum_.free_until_s = std::min(sum_.free_until_s, tile.free_until_s);
+    sum_.hit_s = std::min(sum_.hit_s, tile.hit_s);
+    sum_.exhausted |= tile.exhausted;
+    add_sorted(sum_.*missing, tile.*missing);
+    if (tile.status != AnswerStatus::kFree && tile.status != AnswerStatus::kContact)
+      first_unknown_s_ = std::min(first_unknown_s_, tile.free_until_s);
+  }
+  void add_unknown() { first_unknown_s_ = sum_.free_until_s = 0; }
+  [[nodiscard]] SweptAnswer sum() && {
+    if (sum_.hit_s < std::numeric_limits<double>::infinity()) {
+      sum_.status =
+          first_unknown_s_ >= sum_.hit_s ? AnswerStatus::kContact : AnswerStatus::kPartial;
+    } else {
+      sum_.status =
+          first_unknown_s_ >= duration_s_ ? AnswerStatus::kFree : AnswerStatus::kUncertain;
+    }
+    return std::move(sum_);
+  }
+
+ private:
+  double duration_s_;
+  double first_unknown_s_;  // before it nothing that is not known could touch
+  SweptAnswer sum_;
+};
 
 }  // namespace
 
@@ -421,9 +472,11 @@ PairAnswer Session::Impl::fold_world(WorldPair& found, FrameReport& report) {
 
     Answer sum;
     sum.clearance_m = found.rest_m;
-    double safe_s = rest_is_safe_s(world, is_a ? result.age_a_s : result.age_b_s, other,
-                                   is_a ? result.age_b_s : result.age_a_s, found.rest_m);
+    const Approach approach(world, is_a ? result.age_a_s : result.age_b_s, other,
+                            is_a ? result.age_b_s : result.age_a_s);
+    double safe_s = approach.safe_s(found.rest_m);
     bool all_certified = found.near.missing.empty() && found.not_here.empty();
+    SweptWorld swept(options.sweep_s, safe_s, !all_certified);
     bool is_any_asked = found.near.tiles.size() == found.not_here.size();
     std::size_t put_off_count = 0, next_not_here = 0, next = found.first;
     std::string awaited;
@@ -445,6 +498,11 @@ PairAnswer Session::Impl::fold_world(WorldPair& found, FrameReport& report) {
       tile.status = its.answer.status;
       is_any_asked |= its.asked;
       all_certified &= is_certified(its.answer.status);
+      if (its.swept) {
+        swept.add(*its.swept, is_a ? &SweptAnswer::missing_b : &SweptAnswer::missing_a);
+      } else {
+        swept.add_unknown();
+      }
       if (!its.asked) {
         ++put_off_count;
         if (!its.put_off) await(place_of(entry) + ": " + its.reason);
@@ -504,6 +562,7 @@ PairAnswer Session::Impl::fold_world(WorldPair& found, FrameReport& report) {
       result.awaited = std::move(awaited);
     }
     result.answer = std::move(sum);
+    if (options.sweep_s > 0 && is_any_asked) result.swept = std::move(swept).sum();
     if (!is_any_asked) {
       result.asked = false;
       result.put_off = true;

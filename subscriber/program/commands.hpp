@@ -18,17 +18,22 @@ namespace nearmesh::subscriber::program {
 
 using wire::program::stop_requested;
 
+/// What ROS 2's tools are shown, and where.
+struct Ros2Showing {
+  bool is_wanted = false;
+  std::string frame = "world";
+  std::optional<std::uint32_t> domain;  ///< none: that of the bus
+};
+
 struct RunOptions {
   std::string scene, answers;
   DdsChannelOptions channel;
   std::string metrics;
   bool json = false;
   std::optional<double> wait_recorder_s;  ///< for so long at most; 0: without end
-  bool ros2 = false;                      ///< show it to ROS 2's tools
+  Ros2Showing ros2;
   std::vector<std::string>
       ros2_poses;  ///< bodies that ROS 2 moves, as parse_ros2_body() takes them
-  std::string ros2_frame = "world";
-  std::optional<std::uint32_t> ros2_domain;  ///< none: that of the bus
 };
 Outcome run(const RunOptions& options);
 
@@ -62,6 +67,7 @@ Status run(const ReportOptions& options);
 struct WatchOptions {
   wire::TransportOptions transport;
   std::string http, models;
+  Ros2Showing ros2;
 };
 Outcome run(const WatchOptions& options);
 

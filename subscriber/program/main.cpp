@@ -26,30 +26,22 @@ void add_transport_options(CLI::App& command, wire::TransportOptions& transport)
   wire::program::add_bus_flags(command, settings, transport, {kRooms.begin(), kRooms.end()});
 }
 
-void add_ros2_options(CLI::App& command, RunOptions& options) {
-  constexpr const char* kGroup = "ROS 2 (docs/ros2.md)";
+constexpr const char* kRos2Group = "ROS 2 (docs/ros2.md)";
+
+void add_ros2_options(CLI::App& command, Ros2Showing& options, const char* frame_help) {
   command
-      .add_flag("--ros2", options.ros2,
+      .add_flag("--ros2", options.is_wanted,
                 "Show bodies, contacts and meshes to ROS 2's tools: /tf, /nearmesh/contacts, "
                 "/nearmesh/mesh")
-      ->group(kGroup);
-  command
-      .add_option("--ros2-poses", options.ros2_poses,
-                  "Bodies of the scene that ROS 2 moves: BODY or BODY=FRAME by /tf, BODY=/TOPIC by "
-                  "PoseStamped; several with commas")
-      ->delimiter(',')
-      ->allow_extra_args(false)
-      ->group(kGroup);
-  command
-      .add_option("--ros2-frame", options.ros2_frame,
-                  "The frame that all poses are in, those shown and those taken")
+      ->group(kRos2Group);
+  command.add_option("--ros2-frame", options.frame, frame_help)
       ->capture_default_str()
-      ->group(kGroup);
+      ->group(kRos2Group);
   command
-      .add_option("--ros2-domain", options.ros2_domain,
+      .add_option("--ros2-domain", options.domain,
                   "ROS_DOMAIN_ID of the others (default: the bus's domain)")
       ->check(CLI::Range(0, 232))
-      ->group(kGroup);
+      ->group(kRos2Group);
 }
 
 void add_run_command(CLI::App& app, Action& chosen) {
@@ -67,7 +59,16 @@ void add_run_command(CLI::App& app, Action& chosen) {
                      "Begin when nearmesh-subscriber record listens; with =SECONDS fail when none "
                      "came by then. Ctrl-C ends")
           ->check(CLI::NonNegativeNumber);
-  add_ros2_options(*command, *options);
+  add_ros2_options(*command, options->ros2,
+                   "The frame that all poses are in, those shown and those taken");
+  command
+      ->add_option(
+          "--ros2-poses", options->ros2_poses,
+          "Bodies of the scene that ROS 2 moves: BODY or BODY=FRAME by /tf, BODY=/TOPIC by "
+          "PoseStamped; several with commas")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->group(kRos2Group);
   const auto settings = std::make_shared<wire::program::Settings>();
   wire::program::add_transport_settings(*settings, options->channel.transport);
   wire::program::add_metrics_setting(*settings, options->metrics);
@@ -190,16 +191,20 @@ void add_watch_command(CLI::App& app, Action& chosen) {
   const auto options = std::make_shared<WatchOptions>();
   CLI::App* command = app.add_subcommand(
       "watch",
-      "Show the bus as it is now in a browser: what each peer holds and answers, until Ctrl-C.");
-  command
-      ->add_option("--http", options->http,
-                   "Where the page is: PORT (on this machine alone) or ADDRESS:PORT")
-      ->required();
+      "Show the bus as it is now in a browser, or to ROS 2's tools: what each peer holds and "
+      "answers, until Ctrl-C.");
+  command->add_option("--http", options->http,
+                      "Where the page is: PORT (on this machine alone) or ADDRESS:PORT");
   command->add_option("--models", options->models,
                       "Folder with .spm files: from them peers are taken up that began before this "
                       "program");
+  add_ros2_options(*command, options->ros2, "The frame that what is shown is in");
   add_transport_options(*command, options->transport);
-  command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
+  command->callback([options, &chosen] {
+    if (options->http.empty() && !options->ros2.is_wanted)
+      throw CLI::RequiredError("--http or --ros2");
+    chosen = [options] { return run(*options); };
+  });
 }
 
 void add_status_command(CLI::App& app, Action& chosen) {

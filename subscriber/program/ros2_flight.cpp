@@ -2,29 +2,12 @@
 #include "ros2_flight.hpp"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 
-#include "idl/program/logging.hpp"
+#include "ros2_marks.hpp"
 
 namespace nearmesh::subscriber::program {
 namespace {
-
-// Colours of the player: exact faces, coarse faces, contacts; and what is not known.
-constexpr std::array<float, 4> kExact{0.13F, 0.27F, 0.60F, 1};
-constexpr std::array<float, 4> kCoarse{0.78F, 0.82F, 0.86F, 1};
-constexpr std::array<float, 4> kContact{1, 0, 1, 1};
-constexpr std::array<float, 4> kUncertain{1, 0.65F, 0, 1};
-constexpr double kWidthShare = 0.001;  ///< of lines, of what the smaller model's grid spans
-constexpr double kMeshStep_s = 1;      ///< a body's mesh is drawn anew after this
-constexpr std::size_t kMostFaces = 200'000;
-constexpr std::uint32_t kLifetime_s = 2;  ///< of what is drawn each frame, if the frames end
-
-std::int64_t now_ns() {
-  return std::chrono::duration_cast<std::chrono::nanoseconds>(
-             std::chrono::system_clock::now().time_since_epoch())
-      .count();
-}
 
 bool are_equal(const Pose& a, const Pose& b) {
   return a.rotation == b.rotation && a.translation_m == b.translation_m;
@@ -34,13 +17,13 @@ bool are_equal(const Pose& a, const Pose& b) {
 
 Result<std::unique_ptr<Ros2Flight>> Ros2Flight::create(const RunOptions& options,
                                                        const Scene& scene) {
-  if (!options.ros2 && options.ros2_poses.empty()) return std::unique_ptr<Ros2Flight>();
+  if (!options.ros2.is_wanted && options.ros2_poses.empty()) return std::unique_ptr<Ros2Flight>();
   std::unique_ptr<Ros2Flight> flight(new Ros2Flight(options, scene));
   Ros2Options wanted{.transport = options.channel.transport,
-                     .frame = options.ros2_frame,
-                     .writes = options.ros2,
+                     .frame = options.ros2.frame,
+                     .writes = options.ros2.is_wanted,
                      .moved = {}};
-  if (options.ros2_domain) wanted.transport.domain = *options.ros2_domain;
+  if (options.ros2.domain) wanted.transport.domain = *options.ros2.domain;
   for (const std::string& text : options.ros2_poses) {
     auto parsed = parse_ros2_body(text);
     if (!parsed.is_ok())
@@ -104,10 +87,10 @@ std::vector<BodyId> Ros2Flight::fresh_bodies(const FrameReport& report, const Se
 void Ros2Flight::show(const FrameReport& report, const Session& session) {
   for (const BodyId body : report.went) bodies_.erase(body);
   for (const BodyId body : report.came) bodies_[body];
-  if (!options_.ros2 || clock_.seconds() - shown_s_ < 1 / kMostShown_hz) return;
+  if (!options_.ros2.is_wanted || clock_.seconds() - shown_s_ < 1 / kMostShown_hz) return;
   shown_s_ = clock_.seconds();
   // Where poses come from ROS 2, so does its time: that of a simulator, perhaps.
-  Ros2View view{.stamp_ns = heard_stamp_ns_ != 0 ? heard_stamp_ns_ : now_ns()};
+  Ros2View view{.stamp_ns = heard_stamp_ns_ != 0 ? heard_stamp_ns_ : ros2_now_ns()};
   for (const BodyId body : fresh_bodies(report, session)) {
     const ros2::Transform at{session.name_of(body), session.motion_of(body)->pose};
     const std::size_t place = body.value;
@@ -127,36 +110,22 @@ void Ros2Flight::show(const FrameReport& report, const Session& session) {
   bridge_->tell(std::move(view));
 }
 
-/// Where they touch; and a line from one body to the other where that is not certified, since nothing is drawn where all is free.
 void Ros2Flight::add_marks(const PairAnswer& pair, const Session& session, Ros2View& view) {
-  const std::string name = session.name_of(pair.a) + " " + session.name_of(pair.b);
   const auto number =
       pairs_.try_emplace({pair.a, pair.b}, static_cast<std::int32_t>(pairs_.size() + 1))
           .first->second;
-  double width_m = 0.01;
+  LineMark mark{.frame = options_.ros2.frame,
+                .name = session.name_of(pair.a) + " " + session.name_of(pair.b),
+                .id = number};
   const SpmHeader *a = session.header_of(pair.a), *b = session.header_of(pair.b);
   if (a != nullptr && b != nullptr)
-    width_m = kWidthShare * std::ldexp(1, 21 + std::min(a->grid.exponent, b->grid.exponent));
-  ros2::Marker marker{.frame = options_.ros2_frame,
-                      .name_space = name,
-                      .id = number,
-                      .kind = ros2::Marker::Kind::kLineList,
-                      .width_m = width_m,
-                      .rgba = kContact,
-                      .lifetime_s = kLifetime_s,
-                      .points_m = {}};
-  if (pair.contacts)
-    for (const ContactSegment& segment : pair.contacts->segments) {
-      marker.points_m.push_back(segment.p_m);
-      marker.points_m.push_back(segment.q_m);
-    }
-  if (!marker.points_m.empty()) view.contacts.push_back(marker);
+    mark.width_m = line_width_m(std::min(a->grid.exponent, b->grid.exponent));
+  if (pair.contacts && !pair.contacts->segments.empty())
+    view.contacts.push_back(contact_mark(mark, pair.contacts->segments));
   const auto motion_a = session.motion_of(pair.a), motion_b = session.motion_of(pair.b);
   if (is_certified(pair.answer.status) || !motion_a || !motion_b) return;
-  marker.name_space = name + " uncertain";
-  marker.rgba = kUncertain;
-  marker.points_m = {motion_a->pose.translation_m, motion_b->pose.translation_m};
-  view.contacts.push_back(std::move(marker));
+  view.contacts.push_back(
+      uncertain_mark(mark, motion_a->pose.translation_m, motion_b->pose.translation_m));
 }
 
 /// Where a body was last, of which nothing is known now: its pairs are not in the answers, and all are uncertain.
@@ -164,21 +133,10 @@ void Ros2Flight::add_cross(BodyId body, const Session& session, Ros2View& view) 
   const std::optional<Motion> motion = session.motion_of(body);
   if (!motion) return;
   const SpmHeader* header = session.header_of(body);
+  LineMark mark{.frame = options_.ros2.frame, .name = session.name_of(body)};
+  if (header != nullptr) mark.width_m = line_width_m(header->grid.exponent);
   const double span_m = header == nullptr ? 10 : std::ldexp(1, 21 + header->grid.exponent);
-  ros2::Marker marker{.frame = options_.ros2_frame,
-                      .name_space = session.name_of(body) + " unknown",
-                      .id = 0,
-                      .kind = ros2::Marker::Kind::kLineList,
-                      .width_m = kWidthShare * span_m,
-                      .rgba = kUncertain,
-                      .lifetime_s = kLifetime_s,
-                      .points_m = {}};
-  for (std::size_t axis = 0; axis < 3; ++axis)
-    for (const double side : {-0.1, 0.1}) {
-      marker.points_m.push_back(motion->pose.translation_m);
-      marker.points_m.back()[axis] += side * span_m;
-    }
-  view.contacts.push_back(std::move(marker));
+  view.contacts.push_back(unknown_mark(mark, motion->pose.translation_m, span_m));
 }
 
 /// Of one body at most, since it costs more than all the rest.
@@ -193,30 +151,16 @@ void Ros2Flight::add_mesh(const Session& session, Ros2View& view) {
     next_mesh_ = body.value;
     const std::uint64_t state = session.held_state(body);
     if (state == 0 || (state == shown.state && readers.came == shown.readers) ||
-        now_s - shown.at_s < kMeshStep_s)
+        now_s - shown.at_s < kRos2MeshStep_s)
       continue;
     shown.state = state;
     shown.readers = readers.came;
     shown.at_s = now_s;
     auto held = session.held_mesh(body);
     if (!held.is_ok()) continue;
-    const std::string name = session.name_of(body);
-    ros2::Marker exact{.frame = name,
-                       .name_space = name + " exact",
-                       .id = 0,
-                       .kind = ros2::Marker::Kind::kTriangleList,
-                       .rgba = kExact,
-                       .points_m = std::move(held.value().exact_m)};
-    ros2::Marker coarse = exact;
-    coarse.name_space = name + " coarse";
-    coarse.rgba = kCoarse;
-    coarse.points_m = std::move(held.value().coarse_m);
-    if (exact.points_m.size() + coarse.points_m.size() > 3 * kMostFaces) {
-      wire::program::log("session").warn("ros2: {} has more than {} faces here: not drawn", name,
-                                         kMostFaces);
-      continue;
-    }
-    view.meshes = {std::move(exact), std::move(coarse)};
+    view.meshes = mesh_marks(session.name_of(body), std::move(held.value().exact_m),
+                             std::move(held.value().coarse_m));
+    if (view.meshes.empty()) continue;
     return;
   }
 }

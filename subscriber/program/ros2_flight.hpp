@@ -32,7 +32,6 @@ class Ros2Flight {
   [[nodiscard]] Ros2Bridge::Counts counts() const { return bridge_->counts(); }
 
  private:
-  static constexpr double kMostShown_hz = 60;
   struct Shown {
     std::uint64_t state = 0, readers = 0;
     double at_s = -1e9;

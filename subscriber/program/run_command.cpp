@@ -92,6 +92,7 @@ nlohmann::ordered_json to_json(std::uint64_t frame, double time_s, const PairAns
     return nullptr;
   };
   const Answer& answer = pair.answer;
+  std::size_t missing = answer.missing_a.size() + answer.missing_b.size();
   nlohmann::ordered_json line = {{"frame", frame},
                                  {"time_s", time_s},
                                  {"a", a.name},
@@ -112,7 +113,7 @@ nlohmann::ordered_json to_json(std::uint64_t frame, double time_s, const PairAns
                                  {"distance_at_most_m", finite(answer.distance_at_most_m)},
                                  {"uncertainty_m", finite(answer.uncertainty_m)},
                                  {"safe_horizon_s", finite(pair.safe_horizon_s)},
-                                 {"missing", answer.missing_a.size() + answer.missing_b.size()},
+                                 {"missing", missing},
                                  {"pose_a", pose(pair.pose_a)},
                                  {"pose_b", pose(pair.pose_b)}};
   if (answer.status == AnswerStatus::kContained) line["contained"] = to_string(answer.contained);
@@ -120,6 +121,12 @@ nlohmann::ordered_json to_json(std::uint64_t frame, double time_s, const PairAns
     line["swept_status"] = to_string(pair.swept->status);
     line["free_until_s"] = pair.swept->free_until_s;
     line["hit_s"] = finite(pair.swept->hit_s);
+  }
+  if (pair.world) {
+    line["tiles"] = pair.world->tiles.size();
+    line["missing_pages"] = pair.world->missing_pages.size();
+    for (const NearTile& tile : pair.world->tiles) missing += tile.missing.size();
+    line["missing"] = missing;
   }
   if (is_any) line["any"] = true;
   if (answer.truncated) line["truncated"] = true;
@@ -204,19 +211,21 @@ class Flight {
       const auto age_s = is_of_ros2 && !body.max_pose_age_s
                              ? std::optional(scene_.session.max_pose_age_s)
                              : body.max_pose_age_s;
-      const auto added = session_.add_body({.name = body.name,
-                                            .model = body.model,
-                                            .own = !body.trajectory.empty() || is_of_ros2,
-                                            .solid = body.solid,
-                                            .content = body.content,
-                                            .max_pose_age_s = age_s});
+      const auto added = session_.add_body(
+          {.name = body.name,
+           .model = body.model,
+           .own = !body.trajectory.empty() || is_of_ros2,
+           .solid = body.solid,
+           .content = body.content,
+           .max_pose_age_s = age_s,
+           .max_speed_mps = body.trajectory.empty() && !is_of_ros2 ? 0 : body.max_speed_mps});
       NEARMESH_RETURN_IF_ERROR(added.status());
       if (body.trajectory.empty() && !is_of_ros2) others_.insert(added.value());
       if (body.fixed_pose)
         NEARMESH_RETURN_IF_ERROR(session_.place_body(added.value(), *body.fixed_pose));
     }
     if (scene_.watches_all) {
-      session_.watch_all();
+      scene_.watches_only_own ? session_.watch_own() : session_.watch_all();
       session_.discover_bodies();
     }
     for (const auto& [a, b] : scene_.pairs)
@@ -546,7 +555,7 @@ Outcome run(const RunOptions& options) {
   Stopwatch clock;
   Result<Scene> scene = read_scene(options.scene);
   NEARMESH_RETURN_IF_ERROR(scene);
-  if (options.ros2) scene.value().session.contacts = true;
+  if (options.ros2.is_wanted) scene.value().session.contacts = true;
   wire::program::log_fastdds();
   wire::program::log_network(options.channel.transport);
   Result<std::unique_ptr<DdsChannel>> channel = DdsChannel::create(options.channel);

@@ -214,18 +214,24 @@ Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
   limit("max_pairs", scene.session.max_pairs);
   limit("max_tests", scene.session.max_tests);
   limit("max_sweep_tests", scene.session.max_sweep_tests);
-  scene.watches_all = root["pairs"] && root["pairs"].IsScalar() && root["pairs"].Scalar() == "all";
+  const std::string many =
+      root["pairs"] && root["pairs"].IsScalar() ? root["pairs"].Scalar() : std::string();
+  scene.watches_only_own = many == "own";
+  scene.watches_all = many == "all" || scene.watches_only_own;
   const bool finds_bodies = scene.watches_all && !root["bodies"];
   if (!finds_bodies && (!root["bodies"] || !root["bodies"].IsSequence()))
     fail(root, "bodies: expected a list");
   for (const YAML::Node& node : root["bodies"]) {
-    check_keys(node, "body", {"name", "model", "content", "solid", "pose", "max_pose_age_s"});
+    check_keys(node, "body",
+               {"name", "model", "content", "solid", "pose", "max_pose_age_s", "max_speed_mps"});
     BodyOfScene body{.name = name_of(node, "name", "body"),
                      .model = name_of(node, "model", "body")};
     if (node["solid"]) body.solid = value<bool>(node["solid"], "solid", "true or false");
     if (node["content"]) body.content = content(node["content"]);
     if (node["max_pose_age_s"])
       body.max_pose_age_s = number_in(node, "max_pose_age_s", 0, 0, kMaxPoseAge_s);
+    if (node["max_speed_mps"])
+      body.max_speed_mps = number_in(node, "max_speed_mps", 0, 0, wire::kMaxSpeed_mps);
     if (node["pose"]) body.fixed_pose = fixed_pose(node["pose"], body.name);
     scene.bodies.push_back(std::move(body));
   }
@@ -244,7 +250,7 @@ Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
     }
   }
   if (!scene.watches_all && (!root["pairs"] || !root["pairs"].IsSequence()))
-    fail(root, "pairs: expected a list, or all");
+    fail(root, "pairs: expected a list, all, or own");
   for (const YAML::Node& node : root["pairs"]) {
     const auto names = value<std::vector<std::string>>(node, "pairs", "a list of two names each");
     if (names.size() != 2)

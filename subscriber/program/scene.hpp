@@ -16,6 +16,7 @@ struct BodyOfScene {
   bool solid = false;
   ContentHash content;  ///< pinned; or none
   std::optional<double> max_pose_age_s;
+  double max_speed_mps = 0;  ///< where it is moved here
   std::optional<Pose> fixed_pose;
   std::vector<Motion> trajectory;  ///< one per frame; empty when another peer moves the body
 };
@@ -23,7 +24,8 @@ struct BodyOfScene {
 struct Scene {
   std::vector<BodyOfScene> bodies;
   std::vector<std::pair<std::size_t, std::size_t>> pairs;  ///< places in `bodies`
-  bool watches_all = false;  ///< all pairs, instead, of all bodies that others tell of too
+  bool watches_all = false;       ///< all pairs, instead, of all bodies that others tell of too
+  bool watches_only_own = false;  ///< of them those of bodies that are moved here
   double frame_rate_hz = 20;
   double budget_s = 0.01;
   double start_timeout_s = 30;

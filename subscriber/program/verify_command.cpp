@@ -28,6 +28,23 @@ unsigned long long count(std::uint64_t n) { return n; }
 /// 1 where answers are different or nothing can be read.
 enum ExitCode : int { kNotAllProved = 3, kReportsAmiss = 4 };
 
+void print_text(const BoundsProof& bounds) {
+  if (bounds.reports + bounds.missing + bounds.before == 0) return;
+  std::printf(
+      "free by bounds: %llu of %llu answers proved, in %llu of %llu reports; %llu wrong, %llu not "
+      "provable, %llu malformed; %llu missing, %llu sent before the recorder heard their peers\n",
+      count(bounds.proved_pairs), count(bounds.pairs), count(bounds.proved), count(bounds.reports),
+      count(bounds.wrong), count(bounds.unprovable), count(bounds.malformed), count(bounds.missing),
+      count(bounds.before));
+  for (const auto& [what, reports] : bounds.why_not)
+    std::printf("  not in the recording, for %llu reports: %s\n", count(reports), what.c_str());
+  if (bounds.wrong_ones.empty()) return;
+  const WrongBounds& first = bounds.wrong_ones.front();
+  std::printf("  first wrong one: message %lld, frame %llu, peer %s\n  %s\n",
+              static_cast<long long>(first.message), count(first.recorded.frame),
+              wire::partition_of(first.recorded.peer).c_str(), first.what.c_str());
+}
+
 void print_text(const VerifyReport& report) {
   std::printf("%llu of %llu answers proved, %llu different; %llu peers, digest %s\n",
               count(report.verified), count(report.answers()), count(report.different),
@@ -44,6 +61,7 @@ void print_text(const VerifyReport& report) {
         "the "
         "proved answers, by the peers' own options\n",
         count(report.put_off), count(report.cut));
+  print_text(report.bounds);
   for (const auto& [content_hash, model] : report.wanted)
     std::printf("wanted: the file of model %s, content %s, for %llu reports (--models)\n",
                 model.name.c_str(), to_hex(content_hash).c_str(), count(model.reports));
@@ -55,6 +73,25 @@ void print_text(const VerifyReport& report) {
               first.recorded.body_b.c_str(), first.what.c_str());
   print(first.only_recorded, "recorded");
   print(first.only_found, "found");
+}
+
+nlohmann::ordered_json to_json(const BoundsProof& bounds) {
+  nlohmann::ordered_json json = {
+      {"answers", bounds.pairs},       {"proved", bounds.proved_pairs},
+      {"reports", bounds.reports},     {"proved_reports", bounds.proved},
+      {"wrong", bounds.wrong},         {"not_provable", bounds.unprovable},
+      {"malformed", bounds.malformed}, {"missing", bounds.missing},
+      {"before", bounds.before}};
+  json["lacking"] = nlohmann::ordered_json::array();
+  for (const auto& [what, reports] : bounds.why_not)
+    json["lacking"].push_back({{"what", what}, {"reports", reports}});
+  json["wrong_reports"] = nlohmann::ordered_json::array();
+  for (const WrongBounds& one : bounds.wrong_ones)
+    json["wrong_reports"].push_back({{"message", one.message},
+                                     {"frame", one.recorded.frame},
+                                     {"peer", wire::partition_of(one.recorded.peer)},
+                                     {"what", one.what}});
+  return json;
 }
 
 nlohmann::ordered_json to_json(const VerifyReport& report) {
@@ -72,6 +109,7 @@ nlohmann::ordered_json to_json(const VerifyReport& report) {
                                  {"before", report.before},
                                  {"peers", report.peers},
                                  {"digest", to_hex(report.digest)}};
+  json["free_by_bounds"] = to_json(report.bounds);
   json["wanted"] = nlohmann::ordered_json::array();
   for (const auto& [content_hash, model] : report.wanted)
     json["wanted"].push_back(
@@ -93,17 +131,30 @@ Outcome judge(const VerifyReport& report, const VerifyOptions& options) {
   if (report.different > 0)
     return Status{StatusCode::kConflict, options.path + ": " + text(report.different) + " of " +
                                              text(report.answers()) + " answers differ"};
-  if (report.reports == 0 || report.malformed > 0 ||
-      (report.missing > 0 && !options.allow_unproved)) {
+  const BoundsProof& bounds = report.bounds;
+  if (bounds.wrong > 0)
+    return Status{StatusCode::kConflict, options.path + ": " + text(bounds.wrong) + " of " +
+                                             text(bounds.reports) +
+                                             " reports of what is free by bounds are wrong"};
+  const std::uint64_t reports = report.reports + bounds.reports,
+                      malformed = report.malformed + bounds.malformed,
+                      missing = report.missing + bounds.missing;
+  if (reports == 0 || malformed > 0 || (missing > 0 && !options.allow_unproved)) {
     Status amiss{StatusCode::kCorrupt,
                  options.path + ": " +
-                     (report.reports == 0 ? "no report is recorded, so nothing is proved"
-                                          : text(report.malformed) + " reports are malformed, " +
-                                                text(report.missing) + " are missing")};
+                     (reports == 0 ? "no report is recorded, so nothing is proved"
+                                   : text(malformed) + " reports are malformed, " + text(missing) +
+                                         " are missing")};
     return {std::move(amiss), kReportsAmiss};
   }
   const std::uint64_t unproved = report.answers() - report.verified;
-  if (unproved == 0 || options.allow_unproved) return Status::ok();
+  if (options.allow_unproved) return Status::ok();
+  if (unproved == 0 && bounds.unprovable > 0)
+    return {Status{StatusCode::kNotFound,
+                   options.path + ": " + text(bounds.unprovable) + " of " + text(bounds.reports) +
+                       " reports of what is free by bounds could not be proved"},
+            kNotAllProved};
+  if (unproved == 0) return Status::ok();
   std::string wanted;
   for (const auto& [content_hash, model] : report.wanted)
     wanted += (wanted.empty() ? "; --models wants the files of " : ", ") + model.name +

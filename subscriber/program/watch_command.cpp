@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // nearmesh-subscriber watch: the bus in a browser, as it is now. What `record` hears goes into a file that nobody keeps, what
-// `report` shows is made of it as it grows, and a web socket carries it on.
+// `report` shows is made of it as it grows, and a web socket carries it on; or ROS 2's topics do.
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
@@ -16,6 +16,7 @@
 #include "idl/program/metrics.hpp"
 #include "live_server.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
+#include "ros2_watch.hpp"
 #include "subscriber/dds/dds_monitor.hpp"
 #include "subscriber/recorded/film.hpp"
 #include "subscriber/report/html_page.hpp"
@@ -25,6 +26,8 @@ namespace nearmesh::subscriber::program {
 namespace {
 
 constexpr double kPeriod_s = 0.25;
+/// Positions are for the eye, too: what is heard is shown some 0.2 s later, not 0.5.
+constexpr double kRos2Period_s = 0.1;
 
 /// A folder that is gone with it.
 class Scratch {
@@ -72,15 +75,23 @@ std::string processes_of(const BusView& view) {
   return json.dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
 }
 
+/// Nothing where no browser is to look.
+Result<std::unique_ptr<LiveServer>> start_server(const std::string& http) {
+  if (http.empty()) return std::unique_ptr<LiveServer>();
+  const std::optional<std::string> address = wire::program::listening_address(http);
+  if (!address)
+    return Status{StatusCode::kInvalidArgument,
+                  "--http " + http + ": expected PORT or ADDRESS:PORT"};
+  if (report::player_files().three.empty())
+    return Status{StatusCode::kUnsupported, report::kNoPlayer};
+  Result<std::string> page = report::live_page("Live");
+  NEARMESH_RETURN_IF_ERROR(page);
+  return LiveServer::start(*address, std::move(page).value());
+}
+
 }  // namespace
 
 Outcome run(const WatchOptions& options) {
-  const std::optional<std::string> address = wire::program::listening_address(options.http);
-  if (!address)
-    return Status{StatusCode::kInvalidArgument,
-                  "--http " + options.http + ": expected PORT or ADDRESS:PORT"};
-  if (report::player_files().three.empty())
-    return Status{StatusCode::kUnsupported, report::kNoPlayer};
   std::unique_ptr<ModelFolder> models;
   if (!options.models.empty()) {
     Result<std::unique_ptr<ModelFolder>> opened = ModelFolder::open(options.models);
@@ -93,24 +104,34 @@ Outcome run(const WatchOptions& options) {
   if (scratch.path().empty())
     return Status{StatusCode::kIo, "cannot make a folder for what is heard (TMPDIR)"};
   const std::string path = scratch.path() + "/live.db3";
-  Result<std::string> page = report::live_page("Live");
-  NEARMESH_RETURN_IF_ERROR(page);
-  Result<std::unique_ptr<LiveServer>> server = LiveServer::start(*address, std::move(page).value());
+  const Result<std::unique_ptr<LiveServer>> server = start_server(options.http);
   NEARMESH_RETURN_IF_ERROR(server);
-  Result<std::unique_ptr<DdsRecorder>> recorder =
-      DdsRecorder::create({.transport = options.transport, .path = path});
+  std::unique_ptr<Ros2Watch> ros2;
+  double period_s = kPeriod_s;
+  RecorderOptions hearing{.transport = options.transport, .path = path};
+  if (options.ros2.is_wanted) {
+    Result<std::unique_ptr<Ros2Watch>> made = Ros2Watch::create(options);
+    NEARMESH_RETURN_IF_ERROR(made);
+    ros2 = std::move(made).value();
+    period_s = hearing.commit_period_s = kRos2Period_s;
+  }
+  Result<std::unique_ptr<DdsRecorder>> recorder = DdsRecorder::create(hearing);
   NEARMESH_RETURN_IF_ERROR(recorder);
   auto monitor = DdsMonitor::create(options.transport);
   NEARMESH_RETURN_IF_ERROR(monitor);
-  std::printf("http://%s/\n", address->c_str());
+  if (server.value() != nullptr)
+    std::printf("http://%s/\n", wire::program::listening_address(options.http)->c_str());
+  if (ros2 != nullptr)
+    std::printf("/tf, /nearmesh/contacts and /nearmesh/mesh on domain %u\n",
+                options.ros2.domain.value_or(options.transport.domain));
   NEARMESH_RETURN_IF_ERROR(flush_standard_output());
 
-  FilmMaker film({.models = models.get()});
+  FilmMaker film({.models = models.get(), .onlooker = ros2.get()});
   std::int64_t seen = 0;
   while (stop_requested == 0) {
     const Stopwatch clock;
-    while (clock.seconds() < kPeriod_s && stop_requested == 0)
-      monitor.value()->listen(std::min(0.1, kPeriod_s));
+    while (clock.seconds() < period_s && stop_requested == 0)
+      monitor.value()->listen(std::min(0.1, period_s));
     for (const std::string& line : recorder.value()->take_complaints())
       wire::program::log("record").warn("{}", line);
     const RecorderStats stats = recorder.value()->stats();
@@ -122,8 +143,14 @@ Outcome run(const WatchOptions& options) {
       seen = reader.value()->message_count();
       NEARMESH_RETURN_IF_ERROR(film.go_on(*reader.value(), false));
     }
-    server.value()->send([&](const auto& visit) { film.visit(visit); },
-                         processes_of(monitor.value()->view()));
+    if (server.value() != nullptr)
+      server.value()->send([&](const auto& visit) { film.visit(visit); },
+                           processes_of(monitor.value()->view()));
+    if (ros2 != nullptr) {
+      ros2->show();
+      for (const std::string& line : ros2->take_complaints())
+        wire::program::log("session").warn("{}", line);
+    }
   }
   return recorder.value()->finish();
 }

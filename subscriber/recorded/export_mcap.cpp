@@ -236,7 +236,7 @@ class FirstLook {
         names_[{told->peer, body.number}] = body.name;
         moved_.insert(body.name);
       }
-    } else if (const auto poses = samples.read<wire::BodyPoses>(message)) {
+    } else if (const auto poses = samples.read_poses(message)) {
       std::vector<ros2::Transform> transforms;
       for (const wire::BodyPoses::Body& body : poses->bodies)
         if (const auto name = names_.find({poses->peer, body.number}); name != names_.end())
@@ -244,6 +244,9 @@ class FirstLook {
       if (!transforms.empty())
         derived_.add("/tf", ros2::tf_message(), message.received_ns,
                      ros2::tf_message(message.received_ns, transforms));
+    } else if (const auto watched = samples.read<wire::WatchedBodies>(message)) {
+      for (const wire::WatchedBodies::Placed& body : watched->placed)
+        first_.try_emplace(body.name, message.received_ns, body.pose);
     } else if (const auto report = samples.read<wire::ContactReport>(message);
                report && report->asked) {
       const std::string partition = wire::partition_of(report->peer);
@@ -267,7 +270,8 @@ class FirstLook {
   Derived& derived_;
   std::map<std::pair<wire::SessionId, std::uint32_t>, std::string> names_;  // of bodies
   std::set<std::string> moved_;
-  std::map<std::string, std::pair<std::int64_t, Pose>> first_;  // that was asked about
+  std::map<std::string, std::pair<std::int64_t, Pose>>
+      first_;  // that was asked about, or told of in its place
   std::string touching_, any_;
 };
 

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "core/base/hash.hpp"
+#include "core/replica/triangles.hpp"
 #include "film_stream.hpp"
 #include "nearmesh/core/spm/detail/half_space.hpp"
 #include "nearmesh/idl/dds/recorded_samples.hpp"
@@ -275,6 +276,14 @@ class FilmPeer final : public RecordedPeer {
       if (Result<Answered> again = ask(r, {.clearance = Clearance::kNone, .contacts = true});
           again.is_ok())
         asked = std::move(again).value();
+    if (plan_.onlooker != nullptr) {
+      std::optional<FilmOnlooker::Held> held;
+      if (is_rebuilt)
+        held.emplace(FilmOnlooker::Held{FilmOnlooker::HeldBody(replica(r.a)),
+                                        FilmOnlooker::HeldBody(replica(r.b)),
+                                        asked && asked->contacts ? &*asked->contacts : nullptr});
+      plan_.onlooker->see(r, report.received_ns, held);
+    }
     const bool is_near = r.pair_count > 0 || !is_certified(status);
     std::array<std::uint32_t, 2> bodies{};
     for (std::size_t side = 0; side < 2; ++side)
@@ -396,7 +405,7 @@ class FilmPeer final : public RecordedPeer {
 /// What was said on the bus: poses, bytes, requests.
 class FilmBus {
  public:
-  explicit FilmBus(FilmWorld& world) : world_(world) {}
+  FilmBus(FilmWorld& world, FilmOnlooker* onlooker) : world_(world), onlooker_(onlooker) {}
 
   /// `partition`: of the message's writer.
   void take(const RecordedMessage& message, const std::string& partition,
@@ -405,10 +414,13 @@ class FilmBus {
     if (const auto told = samples.read<wire::BodyDirectory>(message)) {
       for (const wire::BodyDirectory::Body& body : told->bodies)
         names_[{told->peer, body.number}] = body.name;
-    } else if (const auto poses = samples.read<wire::BodyPoses>(message)) {
+    } else if (const auto poses = samples.read_poses(message)) {
       for (const wire::BodyPoses::Body& body : poses->bodies)
-        if (const auto name = names_.find({poses->peer, body.number}); name != names_.end())
+        if (const auto name = names_.find({poses->peer, body.number}); name != names_.end()) {
           world_.take(name->second, body.motion.pose, ms);
+          if (onlooker_ != nullptr)
+            onlooker_->see(name->second, body.motion.pose, message.received_ns);
+        }
     } else if (samples.is<wire::SplitBatchMessage>(message)) {
       Peer& peer = peers_[partition];
       if (peer.bytes > 0 && ms >= peer.bytes_ms + kLeastByteStep_ms) peer.tell_bytes();
@@ -480,12 +492,20 @@ class FilmBus {
   }
 
   FilmWorld& world_;
+  FilmOnlooker* const onlooker_;
   std::map<std::string, Peer> peers_;
   std::map<std::pair<wire::SessionId, std::uint32_t>, std::string>
       names_;  // of bodies, by mover and number
 };
 
 }  // namespace
+
+int FilmOnlooker::HeldBody::exponent() const { return replica_.header().grid.exponent; }
+std::uint64_t FilmOnlooker::HeldBody::state() const { return replica_.mesh().state_hash(); }
+void FilmOnlooker::HeldBody::add_triangles(std::vector<std::array<double, 3>>& exact_m,
+                                           std::vector<std::array<double, 3>>& coarse_m) const {
+  nearmesh::add_triangles(replica_, exact_m, coarse_m);
+}
 
 class FilmMaker::Impl {
  public:
@@ -529,7 +549,7 @@ class FilmMaker::Impl {
   FilmPlan plan_;
   FilmWorld world_;
   Playing playing_;
-  FilmBus bus_{world_};
+  FilmBus bus_{world_, plan_.onlooker};
   std::int64_t next_ = 1;
 };
 

@@ -8,14 +8,19 @@
 // the moments at which it got or lost one. So a session costs what changed in it, not its frames.
 // The format is an agreement between film.cpp and player/film.js of one build, and no file format.
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "core/replica/replica.hpp"
 #include "core/spm/model_folder.hpp"
+#include "nearmesh/core/query/contacts.hpp"
 #include "nearmesh/core/recording/recording.hpp"
+#include "nearmesh/idl/messages/messages.hpp"
 
 namespace nearmesh::subscriber {
 
@@ -32,10 +37,44 @@ struct Film {
   std::vector<std::string> peers;  ///< partitions
 };
 
+/// Sees what a film is made of, as it comes: of each peer in order.
+class FilmOnlooker {
+ public:
+  FilmOnlooker() = default;
+  FilmOnlooker(const FilmOnlooker&) = delete;
+  FilmOnlooker& operator=(const FilmOnlooker&) = delete;
+  virtual ~FilmOnlooker() = default;
+
+  /// What a peer held of a body when it answered.
+  class HeldBody {
+   public:
+    explicit HeldBody(const Replica& replica) : replica_(replica) {}
+    [[nodiscard]] int exponent() const;         ///< of the grid
+    [[nodiscard]] std::uint64_t state() const;  ///< a digest
+    /// As core/replica/triangles.hpp.
+    void add_triangles(std::vector<std::array<double, 3>>& exact_m,
+                       std::vector<std::array<double, 3>>& coarse_m) const;
+
+   private:
+    const Replica& replica_;
+  };
+  /// Of both, and where they touch: of an answer in contact or not certified.
+  struct Held {
+    HeldBody a, b;
+    const Contacts* contacts = nullptr;
+  };
+  /// `held`: none where that cannot be rebuilt.
+  virtual void see(const wire::ContactReport& report, std::int64_t received_ns,
+                   const std::optional<Held>& held) = 0;
+  /// A body's pose, as its mover told it.
+  virtual void see(const std::string& body, const Pose& pose, std::int64_t received_ns) = 0;
+};
+
 struct FilmPlan {
   /// Between two changes of a peer's mesh lies so much, but where it touches something or lacks detail.
   std::int64_t least_step_ms = 0;
-  ModelFolder* models = nullptr;  ///< to take peers up where batches are missing
+  ModelFolder* models = nullptr;     ///< to take peers up where batches are missing
+  FilmOnlooker* onlooker = nullptr;  ///< none: nobody else
 };
 
 /// Of a recording that may still grow.

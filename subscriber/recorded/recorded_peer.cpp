@@ -8,6 +8,7 @@
 #include "core/base/hash.hpp"
 #include "core/base/parallel.hpp"
 #include "core/replica/held_nodes.hpp"
+#include "core/world/page.hpp"
 #include "nearmesh/idl/dds/recorded_samples.hpp"
 
 namespace nearmesh::subscriber {
@@ -240,6 +241,7 @@ class Hands {
   void take(std::int64_t id, const RecordedMessage& message) {
     if (const auto header = samples_.read<wire::MeshHeader>(message)) {
       if (sources_.headers.contains(header->content_hash)) return;
+      if (is_world_record(header->bytes)) played_.worlds[header->content_hash] = header->name;
       if (auto decoded = decode_header(header->bytes); decoded.is_ok())
         sources_.headers.emplace(header->content_hash, std::move(decoded).value());
     } else if (samples_.is<wire::SplitBatchMessage>(message)) {

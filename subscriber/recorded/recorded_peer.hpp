@@ -153,6 +153,7 @@ struct PlayPlan {
 struct Played {
   std::map<std::string, std::unique_ptr<RecordedPeer>> peers;  ///< by partition
   std::uint64_t reports = 0, malformed = 0;
+  std::map<ContentHash, std::string> worlds;  ///< that were served, and their names
 };
 
 /// A recording that still grows, lived through as far as it goes.

@@ -85,8 +85,12 @@ Result<Survey> survey(RecordingReader& recording) {
       if (const auto began = open.add(*report, {.source_ns = message.source_ns}))
         survey.to_certified_s.push_back(static_cast<double>(message.source_ns - began->source_ns) *
                                         1e-9);
-    } else if (const auto poses = samples.read<wire::BodyPoses>(message)) {
+    } else if (const auto poses = samples.read_poses(message)) {
       survey.peers.insert(poses->peer);
+    } else if (const auto promises = samples.read<wire::BodyPromises>(message)) {
+      survey.peers.insert(promises->peer);
+    } else if (const auto watched = samples.read<wire::WatchedBodies>(message)) {
+      survey.peers.insert(watched->peer);
     } else if (const auto asked = samples.read<wire::RegionSubscription>(message)) {
       survey.peers.insert(asked->peer);
     } else if (const auto hello = samples.read<wire::Hello>(message)) {

@@ -215,6 +215,10 @@ Result<VerifyReport> verify(RecordingReader& recording, const VerifyPlan& plan) 
   VerifyReport sum{.reports = played.value().reports, .malformed = played.value().malformed};
   sum.peers = played.value().peers.size();
   count_missing(recording, sum);
+  for (const auto& [content, name] : played.value().worlds)
+    sum.complaints.push_back("world " + name + " (content " + to_hex(content) +
+                             "): answers about it are not reported, so none of them is proved, but "
+                             "for what bounds prove");
   for (const auto& [partition, peer] : played.value().peers) {
     const VerifyReport& found = static_cast<const CheckedPeer&>(*peer).found();
     sum.verified += found.verified;
@@ -235,6 +239,10 @@ Result<VerifyReport> verify(RecordingReader& recording, const VerifyPlan& plan) 
     sum.differences.insert(sum.differences.end(), found.differences.begin(),
                            found.differences.end());
   }
+  Result<BoundsProof> bounds = prove_bounds(recording);
+  NEARMESH_RETURN_IF_ERROR(bounds);
+  sum.bounds = std::move(bounds).value();
+  if (sum.bounds.reports > 0) sum.digest = mix(sum.digest ^ sum.bounds.digest);
   std::sort(sum.differences.begin(), sum.differences.end(),
             [](const Difference& a, const Difference& b) { return a.message < b.message; });
   return sum;

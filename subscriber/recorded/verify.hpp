@@ -12,6 +12,7 @@
 
 #include "nearmesh/core/recording/recording.hpp"
 #include "nearmesh/idl/messages/messages.hpp"
+#include "prove_bounds.hpp"
 #include "recorded_peer.hpp"
 
 namespace nearmesh::subscriber {
@@ -46,11 +47,12 @@ struct VerifyReport {
   std::uint64_t before = 0;   ///< sent before the recorder heard the first of their peer
   std::uint64_t peers = 0, batches = 0;
   std::uint64_t digest = 0;  ///< of all that was found, for comparing builds
+  BoundsProof bounds;        ///< of pairs that were free by bounds, counted apart
   std::vector<Difference>
       differences;  ///< the first kMaxDifferences of each peer, in order of the recording
   /// Files that would help with reports that lack batches, by content.
   std::map<ContentHash, WantedModel> wanted;
-  /// One line each: why a peer could not be taken up from what it said it held.
+  /// One line each: why a peer could not be taken up from what it said it held; worlds, of which nothing is reported.
   std::vector<std::string> complaints;
 
   /// Of how many answers the recording tells.

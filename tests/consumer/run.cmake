@@ -4,7 +4,7 @@ function(run)
 endfunction()
 
 # From nothing each time, so that no file of an earlier install can help.
-file(REMOVE_RECURSE ${SCRATCH}/prefix ${SCRATCH}/build ${SCRATCH}/c_build)
+file(REMOVE_RECURSE ${SCRATCH}/prefix ${SCRATCH}/build ${SCRATCH}/c_build ${SCRATCH}/cyclone_build)
 run(${CMAKE_COMMAND} --install ${BUILD} --prefix ${SCRATCH}/prefix)
 run(${CMAKE_COMMAND} -S ${PROJECT} -B ${SCRATCH}/build -G ${GENERATOR}
     -D CMAKE_PREFIX_PATH=${SCRATCH}/prefix -D COMPONENTS=${COMPONENTS} -D CMAKE_CXX_COMPILER=${CXX}
@@ -22,6 +22,12 @@ run(${CMAKE_COMMAND} -S ${C_PROJECT} -B ${SCRATCH}/c_build -G ${GENERATOR} -D CM
     -D CMAKE_C_COMPILER=${C} -D CMAKE_BUILD_TYPE=${BUILD_TYPE})
 run(${CMAKE_COMMAND} --build ${SCRATCH}/c_build)
 run(${SCRATCH}/c_build/two_cubes ${SCRATCH}/cube.spm)
+# The example that needs another vendor's DDS, where that is there.
+if(CYCLONE_PROJECT)
+  run(${CMAKE_COMMAND} -S ${CYCLONE_PROJECT} -B ${SCRATCH}/cyclone_build -G ${GENERATOR}
+      -D CMAKE_PREFIX_PATH=${SCRATCH}/prefix -D CMAKE_C_COMPILER=${C} -D CMAKE_BUILD_TYPE=${BUILD_TYPE})
+  run(${CMAKE_COMMAND} --build ${SCRATCH}/cyclone_build)
+endif()
 find_program(PKG_CONFIG pkg-config)
 if(PKG_CONFIG)
   file(REMOVE_RECURSE ${SCRATCH}/moved)

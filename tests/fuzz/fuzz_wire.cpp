@@ -65,7 +65,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::uint8_t choice = in.byte();
   Bytes bytes(in.rest().begin(), in.rest().end());
   if (choice >= 128) bytes.insert(bytes.begin(), {0, 1, 0, 0, kWireVersion, 0});
-  switch (choice % 10) {
+  switch (choice % 14) {
     case 0:
       run<TypeOf<Hello>>(bytes);
       break;
@@ -93,8 +93,20 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     case 8:
       run<TypeOf<HeldDetail>>(bytes);
       break;
-    default:
+    case 9:
       run<TypeOf<BodyDirectory>>(bytes);
+      break;
+    case 10:
+      run<TypeOf<WatchedBodies>>(bytes);
+      break;
+    case 11:
+      run<TypeOf<BoundsReport>>(bytes);
+      break;
+    case 12:
+      run<TypeOf<BodyPromises>>(bytes);
+      break;
+    default:
+      run<TypeOf<WantedPoses>>(bytes);
   }
   return 0;
 }

@@ -4,6 +4,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <limits>
 
 #include "core/recording/mcap_recording.hpp"
 #include "fuzz_models.hpp"
@@ -241,4 +242,21 @@ int main(int argc, char** argv) {
   skewed.bodies[0].motion.pose.rotation[1] = 0.5;
   write_sample<TypeOf<BodyPoses>>("refused_body_poses", 4, skewed);
   write_sample<TypeOf<BodyDirectory>>("body_directory", 9, wire::test::valid_directory());
+  write_sample<TypeOf<WatchedBodies>>("watched_bodies", 10, wire::test::valid_watched());
+  WatchedBodies twice = wire::test::valid_watched();
+  twice.runs[1].mover = twice.runs[0].mover;
+  twice.runs[1].first = twice.runs[0].first;
+  write_sample<TypeOf<WatchedBodies>>("refused_watched_bodies", 10, twice);
+  WatchedBodies too_many = wire::test::valid_watched();
+  too_many.runs[0].count = 0xffffffffU;
+  write_sample<TypeOf<WatchedBodies>>("uncounted_watched_bodies", 10, too_many);
+  write_sample<TypeOf<BoundsReport>>("bounds_report", 11, wire::test::valid_bounds());
+  BoundsReport empty = wire::test::valid_bounds();
+  empty.pairs = 0;
+  write_sample<TypeOf<BoundsReport>>("refused_bounds_report", 11, empty);
+  write_sample<TypeOf<BodyPromises>>("body_promises", 12, wire::test::valid_promises());
+  BodyPromises late = wire::test::valid_promises();
+  late.from_s = std::numeric_limits<double>::quiet_NaN();
+  write_sample<TypeOf<BodyPromises>>("refused_body_promises", 12, late);
+  write_sample<TypeOf<WantedPoses>>("wanted_poses", 13, wire::test::valid_wanted());
 }

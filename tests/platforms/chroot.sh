@@ -57,5 +57,6 @@ exec unshare --mount --propagation private "${alone[@]}" bash -euc '
     with=(CMAKE_CXX_COMPILER_LAUNCHER=ccache CMAKE_C_COMPILER_LAUNCHER=ccache CCACHE_DIR=/ccache)
   fi
   for name in "${!NEARMESH_@}"; do with+=("$name=${!name}"); done
+  if [[ -n ${NEARMESH_TEST_DATA:-} ]]; then with+=(NEARMESH_TEST_DATA=/shared/data); fi
   exec chroot "$root" env -i HOME=/tmp LANG=C.UTF-8 TERM="${TERM:-dumb}" PATH=/usr/sbin:/usr/bin:/sbin:/bin "${with[@]}" \
     bash -c "cd /nearmesh && exec \"\$@\"" -- "$@"' -- "$@"

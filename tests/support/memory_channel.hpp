@@ -34,7 +34,13 @@ class MemoryBus {
  public:
   explicit MemoryBus(std::uint64_t seed = 1) : random_(seed) {}
 
-  Faults on_batches, on_subscriptions, on_poses;
+  Faults on_batches, on_subscriptions, on_poses, on_promises;
+  /// Sees every promise before the faults do; may change it; false drops it.
+  std::function<bool(wire::BodyPromise&)> promise_filter;
+  std::vector<wire::BodyPromises> promises;  ///< all that were sent
+  std::vector<wire::WantedPoses> wanted;     ///< all that were sent
+  std::uint64_t common_poses = 0,
+                near_poses = 0;  ///< of bodies: sent to all; delivered to who wants them
   /// Sees every batch before the faults do; may change it; false drops it.
   std::function<bool(wire::SessionId peer, wire::SplitBatchMessage&)> batch_filter;
   bool accept_batches = true;   ///< false: send() says "not now"
@@ -43,6 +49,8 @@ class MemoryBus {
   std::vector<wire::RegionSubscription> subscriptions;      ///< all that were sent, also those lost
   std::map<wire::SessionId, wire::ProcessStatus> statuses;  ///< the last of each process
   std::vector<wire::HeldDetail> held;                       ///< all that were told
+  std::vector<wire::WatchedBodies> watched;                 ///< all that were told
+  std::vector<wire::BoundsReport> bounds;                   ///< all that were told
 
   /// The bus must outlive its channels. A channel that goes away is news to the other side, see
   /// keep_quiet.
@@ -63,17 +71,56 @@ class MemoryBus {
     for (const wire::BodyPoses::Body& body : poses.bodies) {
       const auto told = directories_.find({poses.peer, body.number});
       if (told == directories_.end()) continue;
-      if (moved_[poses.peer].insert(told->second.name).second)
-        for (auto& [id, box] : peers_)
-          if (id != poses.peer) box.inbox.bodies.push_back({told->second, false});
+      begin_to_move(poses.peer, told->second);
+      ++common_poses;
       to_peers(wire::BodyPose{.peer = poses.peer,
                               .body = told->second.name,
                               .frame = poses.frame,
                               .time_s = body.time_s,
                               .pose = body.motion.pose,
                               .linear_velocity_mps = body.motion.linear_velocity_mps,
-                              .angular_velocity_radps = body.motion.angular_velocity_radps});
+                              .angular_velocity_radps = body.motion.angular_velocity_radps,
+                              .number = body.number,
+                              .sequence = poses.sequence});
     }
+  }
+  /// As the writer's filter does it.
+  void inject(const wire::NearPoses& poses) {
+    for (const auto& [who, wish] : wishes_) {
+      if (wish.mover != poses.peer) continue;
+      const auto box = peers_.find(wish.peer);
+      if (box == peers_.end()) continue;
+      for (const wire::BodyPoses::Body& body : poses.bodies) {
+        const auto told = directories_.find({poses.peer, body.number});
+        if (told == directories_.end() || !wish.wants(body.number)) continue;
+        ++near_poses;
+        post(box->second.poses,
+             wire::BodyPose{.peer = poses.peer,
+                            .body = told->second.name,
+                            .frame = poses.frame,
+                            .time_s = body.time_s,
+                            .pose = body.motion.pose,
+                            .linear_velocity_mps = body.motion.linear_velocity_mps,
+                            .angular_velocity_radps = body.motion.angular_velocity_radps},
+             on_poses);
+      }
+    }
+  }
+  void inject(const wire::BodyPromises& message) {
+    for (const wire::BodyPromises::Body& body : message.bodies) {
+      const auto told = directories_.find({message.peer, body.number});
+      if (told == directories_.end()) continue;
+      begin_to_move(message.peer, told->second);
+      wire::BodyPromise promise = wire::promise_of(message, body, told->second);
+      if (promise_filter && !promise_filter(promise)) continue;
+      for (auto& [id, box] : peers_)
+        if (id != message.peer) post(box.promises, promise, on_promises);
+    }
+  }
+  void inject(const wire::WantedPoses& message) {
+    wishes_[{message.peer, message.mover}] = message;
+    if (const auto at = peers_.find(message.mover); at != peers_.end())
+      at->second.inbox.wanted.push_back(message);
   }
   /// Who a part of a peer's bodies are, from now on.
   void tell(const wire::BodyDirectory& directory) {
@@ -153,7 +200,19 @@ class MemoryBus {
     subscriber::Channel::Inbox inbox;  // what is never delayed
     Post<wire::SplitBatchMessage> batches;
     Post<wire::BodyPose> poses;
+    Post<wire::BodyPromise> promises;
   };
+
+  template <class Use>
+  static void for_each_kind(PeerBox& box, const Use& use) {
+    use(box.poses.items);
+    use(box.promises.items);
+  }
+  void begin_to_move(wire::SessionId mover, const wire::BodyDirectory::Body& body) {
+    if (!moved_[mover].insert(body.name).second) return;
+    for (auto& [id, box] : peers_)
+      if (id != mover) box.inbox.bodies.push_back({body, false});
+  }
 
   template <class Message>
   void post(Post<Message>& to, const Message& message, const Faults& faults) {
@@ -186,6 +245,7 @@ class MemoryBus {
   std::uint64_t now_ = 0;
   std::map<wire::SessionId, Station> publishers_;
   std::map<wire::SessionId, PeerBox> peers_;
+  std::map<std::pair<wire::SessionId, wire::SessionId>, wire::WantedPoses> wishes_;
   std::map<wire::SessionId, std::set<std::string>> moved_;  ///< bodies, by who moves them
   std::map<std::pair<wire::SessionId, std::uint32_t>, wire::BodyDirectory::Body> directories_;
 };
@@ -266,6 +326,20 @@ class MemoryBus::PeerEnd : public subscriber::Channel {
     EXPECT_EQ(wire::check(poses).message(), "");
     bus_.inject(poses);
   }
+  void promise(const wire::BodyPromises& promises) override {
+    EXPECT_EQ(wire::check(promises).message(), "");
+    bus_.promises.push_back(promises);
+    bus_.inject(promises);
+  }
+  void send_near(const wire::NearPoses& poses) override {
+    EXPECT_EQ(wire::check(poses).message(), "");
+    bus_.inject(poses);
+  }
+  void want(const wire::WantedPoses& wanted) override {
+    EXPECT_EQ(wire::check(wanted).message(), "");
+    bus_.wanted.push_back(wanted);
+    bus_.inject(wanted);
+  }
   void send(const wire::ContactReport& report) override {
     EXPECT_EQ(wire::check(report).message(), "");
     bus_.reports.push_back(report);
@@ -275,11 +349,20 @@ class MemoryBus::PeerEnd : public subscriber::Channel {
     EXPECT_EQ(wire::check(held).message(), "");
     bus_.held.push_back(held);
   }
+  void tell_watched(const wire::WatchedBodies& watched) override {
+    EXPECT_EQ(wire::check(watched).message(), "");
+    bus_.watched.push_back(watched);
+  }
+  void tell_bounds(const wire::BoundsReport& bounds) override {
+    EXPECT_EQ(wire::check(bounds).message(), "");
+    bus_.bounds.push_back(bounds);
+  }
   Inbox take() override {
     PeerBox& box = bus_.peers_.at(id_);
     Inbox inbox = std::exchange(box.inbox, {});
     inbox.batches = box.batches.take(bus_.now_);
     inbox.poses = box.poses.take(bus_.now_);
+    inbox.promises = box.promises.take(bus_.now_);
     std::map<wire::SessionId, std::uint32_t> last;
     for (const wire::SplitBatchMessage& batch : inbox.batches)
       last[batch.publisher] = batch.sequence;
@@ -315,7 +398,9 @@ inline void MemoryBus::tell_of_mover(wire::SessionId id, wire::Mover what) {
   for (auto& [peer, box] : peers_) {
     if (peer == id) continue;
     if (what == wire::Mover::kLeft)
-      std::erase_if(box.poses.items, [&](const auto& item) { return item.message.peer == id; });
+      for_each_kind(box, [&](auto& items) {
+        std::erase_if(items, [&](const auto& item) { return item.message.peer == id; });
+      });
     for (const std::string& body : moved_[id]) box.inbox.movers[body] = what;
   }
 }

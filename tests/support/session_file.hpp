@@ -41,6 +41,8 @@ class SessionFile {
   void add(double time_s, const wire::BodyPoses& m) { put(time_s, 3000 + int(m.peer), "", m); }
   void add(double time_s, const wire::BodyDirectory& m) { put(time_s, 5000 + int(m.peer), "", m); }
   void add(double time_s, const wire::ContactReport& m) { put(time_s, 4000 + int(m.peer), "", m); }
+  void add(double time_s, const wire::WatchedBodies& m) { put(time_s, 6000 + int(m.peer), "", m); }
+  void add(double time_s, const wire::BoundsReport& m) { put(time_s, 7000 + int(m.peer), "", m); }
   /// Bytes of any kind, as a contact report of writer 0.
   void add_bytes(double time_s, std::vector<std::uint8_t> cdr) {
     put_bytes(time_s, wire::place_of<wire::ContactReport>(), 0, "", std::move(cdr));

@@ -55,6 +55,8 @@ class Tape {
   }
   void put(wire::SessionId by, const wire::ContactReport& m) { add(by, "", m); }
   void put(wire::SessionId by, const wire::HeldDetail& m) { add(by, "", m); }
+  void put(wire::SessionId by, const wire::WatchedBodies& m) { add(by, "", m); }
+  void put(wire::SessionId by, const wire::BoundsReport& m) { add(by, "", m); }
   [[nodiscard]] Status close() {
     keep(writer_->close());
     return status;
@@ -146,6 +148,14 @@ class TapedPeer final : public subscriber::Channel {
   void tell_held(const wire::HeldDetail& message) override {
     tape_.put(own_id(), message);
     inner_->tell_held(message);
+  }
+  void tell_watched(const wire::WatchedBodies& message) override {
+    tape_.put(own_id(), message);
+    inner_->tell_watched(message);
+  }
+  void tell_bounds(const wire::BoundsReport& message) override {
+    tape_.put(own_id(), message);
+    inner_->tell_bounds(message);
   }
   Inbox take() override { return inner_->take(); }
 

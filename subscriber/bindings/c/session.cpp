@@ -59,7 +59,8 @@ constexpr nearmesh_body_options kBodyDefaults{.size = sizeof(nearmesh_body_optio
                                               .own = 0,
                                               .solid = 0,
                                               .group = 1,
-                                              .mask = 0xffffffffU};
+                                              .mask = 0xffffffffU,
+                                              .max_speed_mps = 0};
 
 Result<SessionOptions> session_options_of(const nearmesh_session_options* given) {
   nearmesh_session_options read = session_defaults();
@@ -124,6 +125,7 @@ Result<subscriber::BodyOptions> body_options_of(const nearmesh_body_options* giv
   if (read.max_pose_age_s >= 0) options.max_pose_age_s = read.max_pose_age_s;
   options.group = read.group;
   options.mask = read.mask;
+  options.max_speed_mps = read.max_speed_mps;
   return options;
 }
 
@@ -376,6 +378,14 @@ nearmesh_status nearmesh_session_watch_all(nearmesh_session* session,
                                            nearmesh_error* error) noexcept {
   return c::changing(session, error, [&] {
     session->session->watch_all();
+    return Status::ok();
+  });
+}
+
+nearmesh_status nearmesh_session_watch_own(nearmesh_session* session,
+                                           nearmesh_error* error) noexcept {
+  return c::changing(session, error, [&] {
+    session->session->watch_own();
     return Status::ok();
   });
 }

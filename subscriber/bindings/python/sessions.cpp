@@ -377,7 +377,7 @@ calls job(i) for each i below count, on threads of its own, and returns when all
               "add_body",
               [](Peer& peer, const std::string& name, const std::string& model, bool own,
                  bool solid, std::optional<double> max_pose_age_s, std::uint32_t group,
-                 std::uint32_t mask) {
+                 std::uint32_t mask, double max_speed_mps) {
                 return need(unlocked(peer,
                                      [&](Session& session) {
                                        return session.add_body({.name = name,
@@ -386,6 +386,7 @@ calls job(i) for each i below count, on threads of its own, and returns when all
                                                                 .solid = solid,
                                                                 .content = {},
                                                                 .max_pose_age_s = max_pose_age_s,
+                                                                .max_speed_mps = max_speed_mps,
                                                                 .group = group,
                                                                 .mask = mask});
                                      }))
@@ -393,8 +394,10 @@ calls job(i) for each i below count, on threads of its own, and returns when all
               },
               py::arg("name"), py::arg("model"), py::kw_only(), py::arg("own") = false,
               py::arg("solid") = false, py::arg("max_pose_age_s") = py::none(),
-              py::arg("group") = 1U, py::arg("mask") = 0xffffffffU,
-              "Declares a body; own: this peer moves it. Gives its number.")
+              py::arg("group") = 1U, py::arg("mask") = 0xffffffffU, py::arg("max_speed_mps") = 0.0,
+              "Declares a body; own: this peer moves it, max_speed_mps: and never faster, so that "
+              "others are promised where it stays. "
+              "Gives its number.")
           .def(
               "place_body",
               [](Peer& peer, std::uint32_t body, const Doubles& pose) {
@@ -437,6 +440,10 @@ calls job(i) for each i below count, on threads of its own, and returns when all
               "watch_all",
               [](Peer& peer) { unlocked(peer, [](Session& session) { session.watch_all(); }); },
               "Watches all pairs: near ones are listed, the others told of in free_by_bounds.")
+          .def(
+              "watch_own",
+              [](Peer& peer) { unlocked(peer, [](Session& session) { session.watch_own(); }); },
+              "As watch_all, of the pairs of own bodies alone.")
           .def(
               "name_of",
               [](Peer& peer, std::uint32_t body) { return peer.session->name_of(BodyId{body}); },

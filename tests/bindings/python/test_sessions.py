@@ -154,6 +154,19 @@ def test_limits_of_an_answer(ball):
         assert row["pairs"] == 1 if pairs == 1 else True
 
 
+def test_own_pairs_and_a_speed_that_is_kept(ball):
+    session = nm.Session.local({"ball": ball.path})
+    own = session.add_body("own", "ball", own=True, max_speed_mps=10)
+    for name, x in (("left", -50), ("right", 50)):
+        session.place_body(session.add_body(name, "ball"), at(x))
+    session.watch_own()
+    report = session.update(0, 0, {own: nm.Motion(at(0), (8, 0, 0))}, 10)
+    assert report.free_by_bounds.pairs == 2 and report.all_certified
+    with pytest.raises(ValueError, match="max_speed_mps"):
+        session.update(1, 1, {own: nm.Motion(at(20), (8, 0, 0))}, 10)
+    session.update(1, 1, {own: nm.Motion(at(8), (8, 0, 0))}, 10)
+
+
 def test_far_bodies_are_free_by_bounds_and_unknown_ones_are_not(ball):
     session = nm.Session.local({"ball": ball.path})
     bodies = [session.add_body(f"b{i}", "ball", own=True) for i in range(4)]

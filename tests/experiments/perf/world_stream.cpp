@@ -44,9 +44,9 @@ double resident_kb() {
 
 }  // namespace
 
-bool run_stream(const std::string& folder) {
-  constexpr double kStep_s = 0.05, kSpeed_mps = 200, kAbove_m = 12;
-  constexpr int kFrames = 200, kMostUpdates = 60;
+bool run_stream(const std::string& folder, int frames) {
+  constexpr double kStep_s = 0.05, kSpeed_mps = 200, kAbove_m = 12, kLeg_m = 40e3;
+  constexpr int kMostUpdates = 60;
   LocalChannel publisher;
   const auto aircraft = test::write_model(test::bake_mesh(generate_aircraft(500, 7), 16));
   auto file = ModelFile::open(aircraft->path());
@@ -75,11 +75,15 @@ bool run_stream(const std::string& folder) {
   std::uint64_t before_tile = 0, join_headers = 0, most_tiles = 0;
   int certified = 0, contacts = 0, updates = 0;
   std::printf("frame,updates,tiles,bytes,requests,certified\n");
-  for (int frame = 0; frame < kFrames; ++frame) {
-    const double along_m = kSpeed_mps * kStep_s * frame;
-    Motion motion{.linear_velocity_mps = {kSpeed_mps, 0, 0}};
-    motion.pose.translation_m = {along_m, 0.3 * along_m, 0};
-    motion.pose.translation_m[2] = height_m(along_m, 0.3 * along_m) + kAbove_m;
+  for (int frame = 0; frame < frames; ++frame) {
+    // There and back in lanes beside each other.
+    const double way_m = kSpeed_mps * kStep_s * frame, lane = std::floor(way_m / kLeg_m);
+    const bool is_back = std::fmod(lane, 2) != 0;
+    const double along_m = is_back ? (lane + 1) * kLeg_m - way_m : way_m - lane * kLeg_m;
+    const double across_m = 0.3 * along_m + 500 * lane;
+    const double speed_mps = is_back ? -kSpeed_mps : kSpeed_mps;
+    Motion motion{.linear_velocity_mps = {speed_mps, 0.3 * speed_mps, 0}};
+    motion.pose.translation_m = {along_m, across_m, height_m(along_m, across_m) + kAbove_m};
     bool is_certified = false;
     int tries = 0;
     std::size_t tiles = 0;
@@ -99,7 +103,7 @@ bool run_stream(const std::string& folder) {
     updates += tries;
     most_tiles = std::max<std::uint64_t>(most_tiles, tiles);
     certified += is_certified ? 1 : 0;
-    if (frame % 20 == 0)
+    if (frame % std::max(frames / 10, 1) == 0)
       std::printf("%d,%d,%zu,%llu,%llu,%d\n", frame, tries, tiles,
                   static_cast<unsigned long long>(bytes()),
                   static_cast<unsigned long long>(session->stats().requests), is_certified ? 1 : 0);
@@ -111,9 +115,9 @@ bool run_stream(const std::string& folder) {
       "# before the first tile %llu bytes; %d frames %llu bytes, %d certified, %d in contact, at "
       "most %llu tiles near, "
       "%.2f updates a frame; peer's memory %.0f KB\n",
-      static_cast<unsigned long long>(before_tile), kFrames, static_cast<unsigned long long>(all),
+      static_cast<unsigned long long>(before_tile), frames, static_cast<unsigned long long>(all),
       certified, contacts, static_cast<unsigned long long>(most_tiles),
-      static_cast<double>(updates) / kFrames, with_kb - resident_kb());
+      static_cast<double>(updates) / frames, with_kb - resident_kb());
   return true;
 }
 

@@ -6,7 +6,8 @@
 
 namespace nearmesh {
 
-/// Rows of bytes and tiles, and a sum. In: a world's folder, without a network. False: it cannot be served.
-bool run_stream(const std::string& folder);
+/// Rows of bytes and tiles, and a sum, of a flight of so many frames of 50 ms, to and fro. In: a world's folder, without a network. False: it cannot be
+/// served.
+bool run_stream(const std::string& folder, int frames);
 
 }  // namespace nearmesh

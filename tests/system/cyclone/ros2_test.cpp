@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A flight that ROS 2 moves and looks at: nearmesh-subscriber run --ros2 --ros2-poses against a program of another vendor that has
-// ROS 2's types and names. UDP on 127.0.0.1, processes of their own.
+// A flight that ROS 2 moves and looks at: nearmesh-subscriber run --ros2 --ros2-poses, and watch --ros2 beside it, against a program
+// of another vendor that has ROS 2's types and names. UDP on 127.0.0.1, processes of their own.
 
 #include <nlohmann/json.hpp>
 
@@ -11,7 +11,7 @@ namespace {
 
 class Ros2Flight : public ::testing::Test {
  protected:
-  static constexpr int kRosDomain = 97, kBusDomain = 96;
+  static constexpr int kRosDomain = 97, kBusDomain = 96, kLookDomain = 95;
 
   Ros2Flight() {
     // Loopback offers no multicast to Cyclone: found by unicast. Datagrams as large as Cyclone makes them by itself.
@@ -125,7 +125,9 @@ TEST_F(Ros2Flight, IsMovedAndSeenByAProgramOfAnotherVendor) {
     const std::string err = peer.err();
     const std::size_t at = err.find(line);
     EXPECT_NE(at, std::string::npos) << line << "\n" << err;
-    if (at != std::string::npos) EXPECT_EQ(err.find(line, at + 1), std::string::npos) << err;
+    if (at != std::string::npos) {
+      EXPECT_EQ(err.find(line, at + 1), std::string::npos) << err;
+    }
   }
   EXPECT_EQ(peer.err().find(" 0 refused"), std::string::npos);
   recorder.signal(SIGINT);
@@ -167,6 +169,77 @@ TEST_F(Ros2Flight, ShowsWhoHasFallenSilentAmongAllPairs) {
   EXPECT_TRUE(sees("contacts 'map' 'drone unknown' 0 5 2 "));
   peer.signal(SIGINT);
   EXPECT_EQ(peer.wait(), 0) << peer.err();
+}
+
+/// A peer that shows nothing itself, and who looks on from the first.
+TEST_F(Ros2Flight, IsShownByOneWhoLooksOn) {
+  test::Process publisher(
+      folder, "nearmesh-publisher",
+      on_bus({"serve", test::model_file("terrain", 48), test::model_file("aircraft", 600)}));
+  ASSERT_TRUE(publisher.says("ready on domain")) << publisher.err();
+  test::Process watch(folder, "nearmesh-subscriber",
+                      on_bus({"watch", "--ros2", "--ros2-domain", std::to_string(kLookDomain)}));
+  ASSERT_TRUE(test::await([&] {
+    return watch.out() == "/tf, /nearmesh/contacts and /nearmesh/mesh on domain " +
+                              std::to_string(kLookDomain) + "\n";
+  })) << watch.err();
+  folder.write("pair.yaml",
+               "bodies:\n"
+               "  - {name: ground, model: terrain, pose: {translation: [0, 0, 0]}}\n"
+               "  - {name: drone, model: aircraft}\n"
+               "pairs: [[ground, drone]]\n"
+               "max_pose_age_s: 1\n");
+  say("pose /drone/pose world 10 20 800 1\n");
+  test::Process ros(folder, "nearmesh-cyclone-ros2",
+                    {std::to_string(kLookDomain), folder.file("sayings.txt")});
+  test::Process peer(
+      folder, "nearmesh-subscriber",
+      on_bus({"run", folder.file("pair.yaml"), "--answers", folder.file("answers.jsonl"),
+              "--ros2-domain", std::to_string(kLookDomain), "--ros2-poses", "drone=/drone/pose",
+              "--wait-recorder"}));
+  std::size_t from = 0;  // in what it has seen
+  const auto sees = [&](const std::string& line) {
+    return test::await([&] { return ros.out().find("\n" + line, from) != std::string::npos; });
+  };
+  ASSERT_TRUE(sees("tf 'world' 'drone' 10 20 800 0 0 0 1\n")) << watch.err() << peer.err();
+  EXPECT_TRUE(sees("static 'world' 'ground' 0 0 0 0 0 0 1\n"));
+  EXPECT_TRUE(sees("mesh 'ground' 'ground coarse' 0 11 0 0 "));
+  ASSERT_TRUE(sees("mesh 'drone' 'drone coarse' 0 11 0 0 ")) << watch.err();
+  EXPECT_EQ(ros.out().find("static 'world' 'drone'"), std::string::npos);
+  EXPECT_EQ(ros.out().find("contacts 'world' 'ground drone' "), std::string::npos);
+
+  // Into the ground: lines where they touch, and the faces there as exact ones.
+  say("pose /drone/pose world 0 0 165 1\n");
+  ASSERT_TRUE(is_answered("contact")) << peer.err();
+  EXPECT_TRUE(sees("contacts 'world' 'ground drone' 1 5 0 2 "));
+  EXPECT_EQ(ros.out().find("contacts 'world' 'ground drone' 1 5 0 2 2 0 165\n"), std::string::npos);
+  EXPECT_TRUE(sees("mesh 'ground' 'ground exact' 0 11 0 0 "));
+
+  // Who comes now has not heard what the peer holds: that they touch is all that he knows.
+  watch.signal(SIGINT);
+  EXPECT_EQ(watch.wait(), 0) << watch.err();
+  test::Process late(folder, "nearmesh-subscriber",
+                     on_bus({"watch", "--ros2", "--ros2-domain", std::to_string(kLookDomain)}));
+  EXPECT_TRUE(sees("contacts 'world' 'ground drone' 1 5 0 2 2 0 165\n")) << late.err();
+
+  // Off it: they are taken away.
+  say("pose /drone/pose world 10 20 800 1\n");
+  ASSERT_TRUE(is_answered("free"));
+  EXPECT_TRUE(sees("contacts 'world' 'ground drone' 1 5 2 ")) << late.err();
+
+  // Who falls silent is not taken for one who stays where he is; nor is a peer who leaves taken for one who answers.
+  say("");
+  ASSERT_TRUE(is_answered("uncertain"));
+  EXPECT_TRUE(sees("contacts 'world' 'ground drone uncertain' 1 5 0 2 2 0 800\n"));
+  from = ros.out().size() - 1;
+  peer.signal(SIGINT);
+  EXPECT_EQ(peer.wait(), 0) << peer.err();
+  EXPECT_TRUE(sees("contacts 'world' 'ground drone uncertain' 1 5 2 "));
+  late.signal(SIGINT);
+  EXPECT_EQ(late.wait(), 0) << late.err();
+  std::string err;
+  EXPECT_EQ(test::run(folder, "nearmesh-subscriber", on_bus({"watch"}), nullptr, &err), 2);
+  EXPECT_NE(err.find("--http or --ros2 is required"), std::string::npos) << err;
 }
 
 TEST_F(Ros2Flight, OfBodiesThatItCannotMoveIsRefused) {

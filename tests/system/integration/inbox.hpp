@@ -21,6 +21,8 @@ inline void take_into(subscriber::Channel& channel, subscriber::Channel::Inbox& 
   append(all.batches, now.batches);
   append(all.bodies, now.bodies);
   append(all.poses, now.poses);
+  append(all.promises, now.promises);
+  append(all.wanted, now.wanted);
   for (const auto& [body, mover] : now.movers) all.movers[body] = mover;
   append(all.complaints, now.complaints);
 }

@@ -84,9 +84,9 @@ def peers(folder):
                   "sent alike to another"], lines)
 
 
-# Of a participant: announcements, measured on the wire at one a second, and its endpoints told to each other participant, once.
+# Of a participant: announcements, measured on the wire at one a second, and a peer's readers and writers told to each other participant, once.
 ANNOUNCED_BYTES_PER_S = 1000
-ENDPOINTS, ENDPOINT_BYTES = 7, 700
+ENDPOINTS, ENDPOINT_BYTES = 14, 700
 
 
 def scale(folder):

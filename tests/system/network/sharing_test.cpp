@@ -31,6 +31,8 @@ class Overheard final : public subscriber::Channel {
   void send(const wire::BodyPoses& poses) override { below_->send(poses); }
   void send(const wire::BodyDirectory& bodies) override { below_->send(bodies); }
   void send(const wire::ContactReport& report) override { below_->send(report); }
+  void tell_watched(const wire::WatchedBodies& watched) override { below_->tell_watched(watched); }
+  void tell_bounds(const wire::BoundsReport& bounds) override { below_->tell_bounds(bounds); }
   [[nodiscard]] Inbox take() override {
     Inbox inbox = below_->take();
     for (const wire::Hello& hello : inbox.hellos) there.insert(hello.publisher);

@@ -33,21 +33,28 @@ NOT_RUN = [
     ("docs/network.md", r"^(cmake --build|bin=|(chrt -r 2 )?\$bin/nearmesh-network|python3 .*(crowd|make_page)\.py)", HAND),
     ("docs/perf.md", r"^(cmake --build|bin=|\$bin/|python3 .*make_page\.py)", HAND + " (rules.perf_page)"),
     ("docs/results.md", r"^(cmake --build|build/dev/bin/nearmesh-chart)", HAND),
+    ("docs/sites.md", r"^(cmake --build|build/dev/bin/nearmesh-plan-sites|python3 .*measure_discovery\.py)",
+     "builds, measures for minutes, or writes into docs/; sites_tests holds the page against what they give"),
+    ("docs/sites.md", r"^nearmesh-publisher discovery", "as in docs/operate.md, whose page runs it"),
     ("docs/stability.md", r"^(cmake --build|build/dev/bin/nearmesh-stability|python3)", HAND + " (rules.stability_page)"),
     ("docs/platforms.md", r"^tests/platforms/", "needs root, and installs a Debian"),
     ("docs/operate.md", r"^(systemctl|journalctl) ", "needs root and systemd"),
     ("docs/terrain.md", r"\.tif ", "needs GDAL"),
+    ("examples/cyclone/README.md", r"^(cmake -S examples/cyclone|export CYCLONEDDS_URI=|nearmesh-(publisher|subscriber) )",
+     "needs Cyclone DDS, which consumer builds it with and cyclone_test flies it with"),
+    ("examples/world/README.md", r"^examples/world/fly$", "bakes and flies for a minute; --small does the same in seconds"),
     ("docs/ros2.md", r"--ros2", "goes on until Ctrl-C beside programs of ROS 2; cyclone_test runs it"),
 ]
 # What a page writes for what only its reader knows.
 WORDS = {
+    "docs/worlds.md": {"CONTENT": "8f1c42d0a97be35561d09f7c2e04ab83"},
     "docs/terrain.md": {"1201x1201": "17x17"},
     "docs/sessions.md": {"--peer 3f": "--peer {peer}"},
     "docs/scene.md": {"MODEL.spm ... --answers FILE ...": "terrain.spm aircraft.spm --answers answers.jsonl"},
     "docs/operate.md": {"ADDRESS": "127.0.0.1", "8f1c42d0a97be35561d09f7c2e04ab83": "{content}"},
 }
 STARTS = re.compile(r"(?:[A-Z_]+=\S+ )?(?:[\w./$-]*/)?(?:nearmesh-[a-z-]+|cmake|ctest|python3|ninja|scp|systemctl|journalctl|chrt|gdal\w+|"
-                    r"export|\w+\.(?:sh|py)|demo|test)(?= |$)|[a-z]+=\S")
+                    r"export|\w+\.(?:sh|py)|demo|test|fly)(?= |$)|[a-z]+=\S")
 ERROR = re.compile(r"error|fail|cannot|could not|refused [1-9]|wrong [1-9]|Traceback|\[warning\]|terminate|abort", re.IGNORECASE)
 
 NO_ERROR = re.compile(r"rounding error|^errors\n  none$", re.MULTILINE)
@@ -332,6 +339,11 @@ def sessions(page):
     page.expect(page.end(onlooker), r"[1-9]\d* contact")
 
 
+def example_world(page):
+    said = page.run("examples/world/fly --small")
+    page.expect(said, r"peer1: .*[1-9]\d* pairs free by bounds; answers: .*[1-9]\d* contact", r"peer2: ")
+
+
 def example_embed(page):
     page.folder = page.bin
     for line in ("./nearmesh-model generate sphere --size 64 -o sphere.ply", "./nearmesh-model build sphere.ply -o sphere.spm"):
@@ -346,6 +358,15 @@ def example_flight_sim(page):
         page.run(line)
     with page.going_on("./nearmesh-publisher serve terrain.spm aircraft.spm --domain 7 --interface 127.0.0.1", "ready on domain"):
         page.expect(page.run(next(line for line in page.lines if "nearmesh-example-flight-sim" in line)), "flight_sim alpha: 2000 steps")
+
+
+def example_flightgear(page):
+    page.folder = page.bin
+    for line in [line for line in page.lines if line.startswith("./nearmesh-model")]:
+        page.run(line)
+    with page.going_on("./nearmesh-publisher serve terrain.spm aircraft.spm --domain 7 --interface 127.0.0.1", "ready on domain"), \
+            page.going_on(next(line for line in page.lines if "nearmesh-example-flightgear" in line), "states at UDP port"):
+        time.sleep(1)  # FlightGear itself: tests/system/flightgear
 
 
 def example_python(page):
@@ -388,6 +409,26 @@ def make_ball(page):
     (page.folder / "MESH").symlink_to("MESH.ply")
 
 
+def worlds(page):
+    make_elevations(page)
+    make_flown_world(page)
+    make_scene(page)
+    scene = (page.folder / "scene.yaml").read_text()
+    (page.folder / "world.yaml").write_text(scene.replace("model: terrain", "model: WORLD").replace("pairs: all", "pairs: [[ground, craft]]"))
+    server = None
+    for line in page.lines:
+        if line == "nearmesh-publisher serve WORLD aircraft.spm":
+            server = page.begin(line, "ready on domain")
+        elif "--replaces" in line:
+            page.end(server)
+            server = page.begin(line, "ready on domain")
+        elif not excuse(page.name, line):
+            said = page.run(line)
+            if "--answers" in line and " check " in line:
+                page.expect(said, "wrong 0", r"certified [1-9]")
+    page.end(server)
+
+
 def make_flown_world(page):
     make_models(page)
     make_poses(page, 30)
@@ -403,9 +444,11 @@ SCRIPTS = {
     "docs/security.md": (security, True),
     "docs/sessions.md": (sessions, True),
     "docs/terrain.md": (in_order(make_elevations), False),
-    "docs/worlds.md": (in_order(make_elevations, make_flown_world), False),
+    "docs/worlds.md": (worlds, True),
     "examples/embed/README.md": (example_embed, True),
+    "examples/world/README.md": (example_world, True),
     "examples/flight_sim/README.md": (example_flight_sim, True),
+    "examples/flightgear/README.md": (example_flightgear, True),
     "examples/python/README.md": (example_python, True),
     "examples/read_session/README.md": (in_order(), False),
 }

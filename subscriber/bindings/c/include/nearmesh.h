@@ -410,13 +410,16 @@ typedef struct nearmesh_body_options {
   int32_t own;            ///< this peer moves it; 0: another does, or it stands in its place
   int32_t solid;          ///< it has an inside; 0
   uint32_t group, mask;   ///< 1 and all: a pair counts where the mask of each has a bit of the other's group
+  /// Of an own body: its origin never moves faster, m/s, up to 1e6. Then others are promised where it stays, and full poses go to those
+  /// alone that it may come near to. 0, the default: poses go to all.
+  double max_speed_mps;
 } nearmesh_body_options;
 
 /// `size`: sizeof of your struct. Errors: NEARMESH_INVALID_ARGUMENT.
 NEARMESH_API nearmesh_status nearmesh_body_options_init(nearmesh_body_options* options, size_t size)
     NEARMESH_NOTHROW;
 
-/// At any time. Errors: NEARMESH_INVALID_ARGUMENT (name, content, max_pose_age_s); NEARMESH_CONFLICT (name taken, or the content
+/// At any time. Errors: NEARMESH_INVALID_ARGUMENT (name, content, max_pose_age_s, max_speed_mps); NEARMESH_CONFLICT (name taken, or the content
 /// contradicts another body's).
 NEARMESH_API nearmesh_status nearmesh_session_add_body(nearmesh_session* session,
                                                        const nearmesh_body_options* options,
@@ -440,6 +443,9 @@ NEARMESH_API nearmesh_status nearmesh_session_replace_model(nearmesh_session* se
 /// Watches all pairs of bodies, now and later, but those of which both are in place and those that groups and masks leave out. A
 /// frame lists those that may be near, and says of all others together that they are free (nearmesh_frame.free_*).
 NEARMESH_API nearmesh_status nearmesh_session_watch_all(nearmesh_session* session,
+                                                        nearmesh_error* error) NEARMESH_NOTHROW;
+/// As nearmesh_session_watch_all(), but of the pairs of own bodies alone: with each other, and with all that others move.
+NEARMESH_API nearmesh_status nearmesh_session_watch_own(nearmesh_session* session,
                                                         nearmesh_error* error) NEARMESH_NOTHROW;
 /// Lists the answer about two bodies in every frame, whatever their groups. Errors: NEARMESH_NOT_FOUND, NEARMESH_INVALID_ARGUMENT
 /// (the same body).

@@ -96,6 +96,35 @@ TEST(Decode, RefusesWhatIsHeldWithListsThatDoNotBelongTogether) {
   expect_refused<S>(valid_held(), "heard", [](S& s) { s.heard_publishers().resize(1000); });
 }
 
+TEST(Decode, RefusesWatchedBodiesWithListsThatDoNotBelongTogether) {
+  using S = wire_types::WatchedBodiesSample;
+  const char* const lists = "do not belong together";
+  expect_refused<S>(valid_watched(), lists, [](S& s) { s.runs().pop_back(); });
+  expect_refused<S>(valid_watched(), lists, [](S& s) { s.max_ages_s().push_back(1); });
+  expect_refused<S>(valid_watched(), lists, [](S& s) {
+    s.max_ages_s().resize(1000);
+    s.runs().resize(7000);
+  });
+  expect_refused<S>(valid_watched(), lists, [](S& s) { s.placed_companies().pop_back(); });
+  expect_refused<S>(valid_watched(), lists, [](S& s) { s.placed_poses().resize(23); });
+  expect_refused<S>(valid_watched(), lists, [](S& s) {
+    s.placed_companies().resize(3000);
+    s.placed_poses().resize(12000);
+  });
+  expect_refused<S>(valid_watched(), lists, [](S& s) { s.content_hashes().pop_back(); });
+  expect_refused<S>(valid_watched(), lists, [](S& s) { s.content_hashes().resize(1000); });
+  expect_refused<S>(valid_watched(), lists, [](S& s) { s.movers().resize(1000, 1); });
+  expect_refused<S>(valid_watched(), lists, [](S& s) { s.names().resize(100'000, 'a'); });
+  expect_refused<S>(valid_watched(), "fewer whole", [](S& s) { s.names().pop_back(); });
+  expect_refused<S>(valid_watched(), "more than 2", [](S& s) { s.names().push_back('\n'); });
+  expect_refused<S>(valid_watched(), "known by 9", [](S& s) { s.runs()[0] = 9; });
+  expect_refused<S>(valid_watched(), "mover: found 2 of 2", [](S& s) { s.runs()[1] = 2; });
+  expect_refused<S>(valid_watched(), "content: found 4294967295 of 3",
+                    [](S& s) { s.runs()[4] = 0xffffffffU; });
+  expect_refused<S>(valid_watched(), "content: found 3 of 3",
+                    [](S& s) { s.placed_companies()[3] = 3; });
+}
+
 TEST(Decode, RefusesReportOfAnUnknownMover) {
   using S = wire_types::ContactReportSample;
   expect_refused<S>(valid_report(), "flags: found unknown bits, 93", [](S& s) { s.flags(93); });

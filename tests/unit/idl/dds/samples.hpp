@@ -10,6 +10,9 @@
 
 namespace nearmesh::wire::test {
 
+/// Of 1/8 m: as far as places may be.
+inline constexpr std::int64_t kFarQuanta = std::int64_t{1} << 51;
+
 inline Hello valid_hello() {
   Hello message;
   message.publisher = 0x1122334455667788;
@@ -88,8 +91,28 @@ inline BodyPoses valid_poses() {
   message.peer = 42;
   message.part = 3;
   message.frame = 1000;
+  message.sequence = 77;
   message.bodies = {{21, 1.5, {pose.pose, pose.linear_velocity_mps, pose.angular_velocity_radps}},
                     {27, -2, {pose.pose, {}, {7, 8, 9}}}};
+  return message;
+}
+
+inline BodyPromises valid_promises() {
+  BodyPromises message;
+  message.peer = 42;
+  message.part = 2;
+  message.from_s = 1.5;
+  message.steps = 2048;
+  message.quantum = -3;
+  message.bodies = {{64, {1, -2, 300}}, {70, {-100000, 0, 64}}, {95, {kFarQuanta, -kFarQuanta, 0}}};
+  return message;
+}
+
+inline WantedPoses valid_wanted() {
+  WantedPoses message;
+  message.peer = 42;
+  message.mover = 43;
+  message.parts = {{0, 1}, {3, 0x41}};
   return message;
 }
 
@@ -97,7 +120,7 @@ inline BodyDirectory valid_directory() {
   BodyDirectory message;
   message.peer = 42;
   message.part = 3;
-  message.bodies = {{21, "robot/arm-1", "ur5", {5, 6}, true, 2, 6}, {27, "crate", "box"}};
+  message.bodies = {{21, "robot/arm-1", "ur5", {5, 6}, true, 2, 6, 1.5}, {27, "crate", "box"}};
   return message;
 }
 
@@ -125,6 +148,40 @@ inline ContactReport valid_report() {
                {Mover::kSilent, -7, std::numeric_limits<double>::infinity()}};
   message.pairs = {{FaceKey{VertexId{1}, 2}, FaceKey{VertexId{3}, 4}},
                    {FaceKey{VertexId{}, 6}, FaceKey{VertexId{7}, 8}}};
+  return message;
+}
+
+inline WatchedBodies valid_watched() {
+  WatchedBodies message;
+  message.peer = 42;
+  message.part = 3;
+  message.edition = 5;
+  message.horizon_s = 0.5;
+  message.margin_m = 2;
+  message.runs = {{.mover = 42, .first = 10, .count = 60, .content = {1, 11}},
+                  {.mover = 43,
+                   .first = 2,
+                   .count = 1,
+                   .content = {2, 21},
+                   .group = 4,
+                   .mask = 5,
+                   .max_age_s = std::numeric_limits<double>::infinity()}};
+  message.placed = {{"ground", {2, 21}, 2, 3, {{0, -1, 0, 1, 0, 0, 0, 0, 1}, {4, 5, 6}}},
+                    {"tower/1", {3, 31}, 1, ~0U, {.translation_m = {1, 2, 3}}}};
+  return message;
+}
+
+inline BoundsReport valid_bounds() {
+  BoundsReport message;
+  message.peer = 42;
+  message.edition = 5;
+  message.frame = 9;
+  message.time_s = 2.5;
+  message.places_digest = 0x1020304050607080;
+  message.pairs = 499'500;
+  message.clearance_m = 0.25F;
+  message.horizon_s = 0.5F;
+  message.heard = {7, 4'000'000'000U};
   return message;
 }
 
@@ -189,9 +246,10 @@ inline Echo valid_echo() {
 template <class Message>
 Message valid() {
   return std::get<Message>(std::tuple(valid_hello(), valid_header(), valid_subscription(),
-                                      valid_batch(), valid_poses(), valid_directory(),
-                                      valid_report(), valid_held(), valid_status(), valid_echo(),
-                                      Probe{valid_echo()}));
+                                      valid_batch(), valid_poses(), NearPoses{valid_poses()},
+                                      valid_wanted(), valid_promises(), valid_directory(),
+                                      valid_report(), valid_watched(), valid_bounds(), valid_held(),
+                                      valid_status(), valid_echo(), Probe{valid_echo()}));
 }
 /// use(message) with one of each.
 template <class Use>

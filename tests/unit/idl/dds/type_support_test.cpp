@@ -108,6 +108,35 @@ TEST(TypeSupport, RoundTripKeepsValues) {
   EXPECT_EQ(directory.value().bodies, valid_directory().bodies);
 }
 
+TEST(TypeSupport, WatchedBodiesAndBoundsComeAsTheyWere) {
+  const WatchedBodies sent = valid_watched();
+  const auto came = from_bytes<TypeOf<WatchedBodies>>(to_bytes<TypeOf<WatchedBodies>>(sent));
+  ASSERT_TRUE(came.is_ok()) << came.status().message();
+  const WatchedBodies& found = came.value();
+  EXPECT_EQ(std::tuple(found.peer, found.part, found.edition, found.horizon_s, found.margin_m),
+            std::tuple(sent.peer, sent.part, sent.edition, sent.horizon_s, sent.margin_m));
+  EXPECT_EQ(found.runs, sent.runs);
+  ASSERT_EQ(found.placed.size(), sent.placed.size());
+  for (std::size_t i = 0; i < sent.placed.size(); ++i) {
+    const WatchedBodies::Placed &one = found.placed[i], &other = sent.placed[i];
+    EXPECT_EQ(std::tuple(one.name, one.content, one.group, one.mask),
+              std::tuple(other.name, other.content, other.group, other.mask));
+    EXPECT_EQ(one.pose.rotation, other.pose.rotation);
+    EXPECT_EQ(one.pose.translation_m, other.pose.translation_m);
+  }
+  const BoundsReport said = valid_bounds();
+  const auto bounds = from_bytes<TypeOf<BoundsReport>>(to_bytes<TypeOf<BoundsReport>>(said));
+  ASSERT_TRUE(bounds.is_ok()) << bounds.status().message();
+  const auto all_of = [](const BoundsReport& m) {
+    return std::tuple(m.peer, m.edition, m.frame, m.time_s, m.places_digest, m.pairs, m.clearance_m,
+                      m.horizon_s, m.heard);
+  };
+  EXPECT_EQ(all_of(bounds.value()), all_of(said));
+  const BodyPoses poses = valid_poses();
+  EXPECT_EQ(from_bytes<TypeOf<BodyPoses>>(to_bytes<TypeOf<BodyPoses>>(poses)).value().sequence,
+            poses.sequence);
+}
+
 TEST(TypeSupport, PosesThatDoNotAddUpAreRefused) {
   wire_types::BodyPosesSample sample;
   const auto refusal = [&] { return decode(sample).status().message(); };
@@ -132,17 +161,71 @@ TEST(TypeSupport, DirectoriesThatDoNotAddUpAreRefused) {
   EXPECT_EQ(refusal_after([] {}), "");
   EXPECT_EQ(refusal_after([&] { sample.solids(2); }), "solids: found 2");
   EXPECT_EQ(refusal_after([&] { sample.places(0xff); }), "places: found unknown bits, 255");
-  EXPECT_EQ(refusal_after([&] { sample.places(1); }),
-            "bodies: 1 places, 4 words of contents, 4 of groups and masks, 26 bytes of names");
-  EXPECT_EQ(refusal_after([&] { sample.companies().pop_back(); }),
-            "bodies: 2 places, 4 words of contents, 3 of groups and masks, 26 bytes of names");
+  EXPECT_EQ(
+      refusal_after([&] { sample.places(1); }),
+      "bodies: 1 places, 4 words of contents, 4 of groups and masks, 2 speeds, 26 bytes of names");
+  EXPECT_EQ(
+      refusal_after([&] { sample.companies().pop_back(); }),
+      "bodies: 2 places, 4 words of contents, 3 of groups and masks, 2 speeds, 26 bytes of names");
   EXPECT_EQ(refusal_after([&] { sample.names().pop_back(); }),
             "names of bodies: fewer whole ones than 4");
   EXPECT_EQ(refusal_after([&] { sample.names()[0] = 0x07; }),
             "body: expected printable ASCII without blanks at the ends");
 }
 
+TEST(TypeSupport, PromisesKeepTheirPlaces) {
+  const auto promises =
+      from_bytes<TypeOf<BodyPromises>>(to_bytes<TypeOf<BodyPromises>>(valid_promises()));
+  ASSERT_TRUE(promises.is_ok()) << promises.status().message();
+  EXPECT_EQ(promises.value().bodies, valid_promises().bodies);
+  EXPECT_EQ(promises.value().quantum, valid_promises().quantum);
+  EXPECT_EQ(promises.value().until_s(), 9.5);
+  const auto wanted =
+      from_bytes<TypeOf<WantedPoses>>(to_bytes<TypeOf<WantedPoses>>(valid_wanted()));
+  ASSERT_TRUE(wanted.is_ok()) << wanted.status().message();
+  EXPECT_EQ(wanted.value().parts, valid_wanted().parts);
+}
+
+TEST(TypeSupport, PromisesThatDoNotAddUpAreRefused) {
+  wire_types::BodyPromisesSample sample;
+  const auto refusal_after = [&](const auto& change) {
+    encode(valid_promises(), sample);
+    change();
+    return decode(sample).status().message();
+  };
+  EXPECT_EQ(refusal_after([] {}), "");
+  const std::string short_of = "promises: bytes that end too soon, or a number of too many";
+  encode(valid_promises(), sample);
+  const std::size_t whole = sample.bytes().size();
+  for (std::size_t size = 0; size < whole; ++size)
+    EXPECT_EQ(refusal_after([&] { sample.bytes().resize(size); }), short_of) << size;
+  EXPECT_EQ(refusal_after([&] { sample.bytes().push_back(0); }), "promises: 1 bytes too many");
+  EXPECT_EQ(refusal_after([&] { sample.places(sample.places() | 2); }), short_of);
+  EXPECT_EQ(refusal_after([&] { sample.bytes().assign(9, 0x80); }), short_of);
+  EXPECT_EQ(refusal_after([&] {
+              sample.places(1);
+              sample.bytes() = {0x80, 0x00, 0, 0};  // a longer way to say 0
+            }),
+            short_of);
+  EXPECT_EQ(refusal_after([&] {
+              sample.places(1);
+              sample.bytes() = {0xfe, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0x7f, 0, 0};
+            }),
+            "promises: a place that is too far");
+  EXPECT_EQ(refusal_after([&] { sample.quantum(255); }),
+            "promises of peer 000000000000002a: quantum of 2^127 m");
+}
+
 TEST(TypeSupport, OverheadIsAsDocumented) {
+  BodyPromises promises{.peer = 1, .steps = 2048, .quantum = 4};
+  for (std::uint32_t i = 0; i < kBodiesPerPromise; ++i)
+    promises.bodies.push_back({i, {i % 2 == 0 ? 3000 : -3000, 3000, 60}});
+  EXPECT_LE(to_bytes<TypeOf<BodyPromises>>(promises).size(), 44 + kBodiesPerPromise * 4U);
+  for (BodyPromises::Body& body : promises.bodies)
+    for (std::int64_t& quanta : body.place)
+      quanta = body.number % 2 == 0 ? test::kFarQuanta : -test::kFarQuanta;
+  promises.quantum = -3;
+  EXPECT_LE(to_bytes<TypeOf<BodyPromises>>(promises).size(), 44 + 768U);
   SplitBatchMessage batch = valid_batch();
   batch.bytes.resize(kMaxSealedBytes);
   EXPECT_EQ(to_bytes<TypeOf<SplitBatchMessage>>(batch).size(), kMaxSealedBytes + 44);
@@ -156,6 +239,9 @@ TEST(TypeSupport, OverheadIsAsDocumented) {
     longest.bodies.push_back({i, std::string(kMaxNameBytes - 1, 'a') + std::to_string(i),
                               std::string(kMaxNameBytes, 'm')});
   EXPECT_LE(to_bytes<TypeOf<BodyDirectory>>(longest).size(), kMaxSealedBytes);
+  BoundsReport bounds = valid_bounds();
+  bounds.heard.resize(1);
+  EXPECT_EQ(to_bytes<TypeOf<BoundsReport>>(bounds).size(), 64U);
   RegionSubscription credit = valid_subscription();
   credit.region = {};
   EXPECT_EQ(to_bytes<TypeOf<RegionSubscription>>(credit).size(), 84U);
@@ -215,9 +301,9 @@ TEST(TypeSupport, SurvivesChangedBytes) {
 TEST(TypeSupport, RecognisesAnotherVersionWhateverFollows) {
   std::string fault;
   (void)from_bytes<TypeOf<Hello>>({0, 1, 0, 0, 4, 0, 0xff, 0xff, 0xff, 0xff}, &fault);
-  EXPECT_EQ(fault, "wire version 4, this build speaks 9");
+  EXPECT_EQ(fault, "wire version 4, this build speaks 10");
   (void)from_bytes<TypeOf<Hello>>({0, 0, 0, 0, 1, 2, 0xff, 0xff}, &fault);  // big endian
-  EXPECT_EQ(fault, "wire version 258, this build speaks 9");
+  EXPECT_EQ(fault, "wire version 258, this build speaks 10");
   (void)from_bytes<TypeOf<Hello>>({0, 3, 0, 0, 2, 0, 0xff, 0xff}, &fault);
   EXPECT_EQ(fault, "encapsulation 3, expected plain CDR");
 }

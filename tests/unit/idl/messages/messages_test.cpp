@@ -189,6 +189,55 @@ TEST(CheckMessage, RefusesPosesOutsideTheirLimits) {
                       {"linear", [](M& m) { m.bodies[0].motion.linear_velocity_mps[0] = kNan; }}});
 }
 
+TEST(CheckMessage, RefusesPromisesOutsideTheirLimits) {
+  using M = BodyPromises;
+  EXPECT_TRUE(check(valid_promises()).is_ok());
+  expect_refusals<M>(valid_promises(),
+                     {{"peer", [](M& m) { m.peer = 0; }},
+                      {"out of place", [](M& m) { m.part = 3; }},
+                      {"out of place", [](M& m) { std::swap(m.bodies[0], m.bodies[1]); }},
+                      {"part", [](M& m) { m.part = 1U << 30; }},
+                      {"from_s", [](M& m) { m.from_s = kNan; }},
+                      {"from_s", [](M& m) { m.from_s = kInfinity; }},
+                      {"from_s", [](M& m) { m.from_s = 1e12; }},
+                      {"to hold up to 255 s, found 0 s", [](M& m) { m.steps = 0; }},
+                      {"to hold up to 255 s, found 255.004 s", [](M& m) { m.steps = 65281; }},
+                      {"quantum of 2^21", [](M& m) { m.quantum = 21; }},
+                      {"quantum of 2^-21", [](M& m) { m.quantum = -21; }},
+                      {"too far", [](M& m) { m.bodies[2].place[0] += 1; }},
+                      {"too far", [](M& m) { m.bodies[2].place[1] -= 1; }}});
+}
+
+TEST(CheckMessage, RefusesWishesOutsideTheirLimits) {
+  using M = WantedPoses;
+  EXPECT_TRUE(check(valid_wanted()).is_ok());
+  EXPECT_TRUE(check(M{.peer = 1, .mover = 2}).is_ok());
+  EXPECT_TRUE(valid_wanted().wants(27));
+  EXPECT_FALSE(valid_wanted().wants(26));
+  EXPECT_FALSE(valid_wanted().wants(7));
+  expect_refusals<M>(valid_wanted(), {{"peer", [](M& m) { m.peer = 0; }},
+                                      {"mover", [](M& m) { m.mover = 0; }},
+                                      {"part 3", [](M& m) { m.parts[1].places = 0; }},
+                                      {"part 3", [](M& m) { m.parts[1].places = 0x80; }},
+                                      {"part 0", [](M& m) { m.parts[1].part = 0; }},
+                                      {"wanted parts", [](M& m) {
+                                         m.parts.resize(257, {1, 1});
+                                       }}});
+}
+
+TEST(Promise, HoldsFromItsBeginToItsEndAndGrowsWithTheSpeed) {
+  const BodyPromises promises = valid_promises();
+  BodyDirectory::Body who{.number = 70, .name = "a", .model = "m", .max_speed_mps = 10};
+  const BodyPromise promise = promise_of(promises, promises.bodies[1], who);
+  EXPECT_EQ(promise.place_m, (std::array<double, 3>{-12500, 0, 8}));
+  EXPECT_FALSE(promise.radius_m(1.499));
+  EXPECT_NEAR(promise.radius_m(1.5).value(), 0.125, 1e-12);
+  EXPECT_NEAR(promise.radius_m(9.5).value(), 80.125, 1e-9);
+  EXPECT_GE(promise.radius_m(9.5).value(), 80.125);
+  EXPECT_FALSE(promise.radius_m(9.501));
+  EXPECT_FALSE(promise.radius_m(kNan));
+}
+
 TEST(CheckMessage, RefusesDirectoriesOutsideTheirLimits) {
   using M = BodyDirectory;
   EXPECT_TRUE(check(valid_directory()).is_ok());
@@ -199,6 +248,9 @@ TEST(CheckMessage, RefusesDirectoriesOutsideTheirLimits) {
                       {"body:", [](M& m) { m.bodies[0].name = ""; }},
                       {"body:", [](M& m) { m.bodies[0].name = std::string(64, 'a'); }},
                       {"model name", [](M& m) { m.bodies[0].model = "a\n"; }},
+                      {"max_speed_mps", [](M& m) { m.bodies[0].max_speed_mps = -1; }},
+                      {"max_speed_mps", [](M& m) { m.bodies[0].max_speed_mps = kNan; }},
+                      {"max_speed_mps", [](M& m) { m.bodies[0].max_speed_mps = 1.1e6; }},
                       {"twice", [](M& m) { m.bodies[0].name = m.bodies[1].name; }}});
 }
 
@@ -231,9 +283,9 @@ TEST(CheckMessage, RefusesReportOutsideItsLimits) {
 
 TEST(CheckMessage, NamesBothVersionsWhenTheyDiffer) {
   const auto expect_unsupported = [](auto message) {
-    message.wire_version = 10;
+    message.wire_version = 11;
     EXPECT_EQ(check(message).code(), StatusCode::kUnsupported);
-    EXPECT_EQ(check(message).message(), "wire version 10, this build speaks 9");
+    EXPECT_EQ(check(message).message(), "wire version 11, this build speaks 10");
   };
   expect_unsupported(valid_hello());
   expect_unsupported(valid_header());
@@ -242,9 +294,53 @@ TEST(CheckMessage, NamesBothVersionsWhenTheyDiffer) {
   expect_unsupported(valid_poses());
   expect_unsupported(valid_directory());
   expect_unsupported(valid_report());
+  expect_unsupported(valid_watched());
+  expect_unsupported(valid_bounds());
   expect_unsupported(valid_held());
   expect_unsupported(valid_status());
   expect_unsupported(valid_echo());
+}
+
+TEST(CheckMessage, RefusesWatchedBodiesOutsideTheirLimits) {
+  using M = WatchedBodies;
+  expect_refusals<M>(valid_watched(),
+                     {{"peer", [](M& m) { m.peer = 0; }},
+                      {"part", [](M& m) { m.part = 0xffffffffU; }},
+                      {"edition", [](M& m) { m.edition = 0; }},
+                      {"horizon_s", [](M& m) { m.horizon_s = kNan; }},
+                      {"margin_m", [](M& m) { m.margin_m = -1; }},
+                      {"mover", [](M& m) { m.runs[1].mover = 0; }},
+                      {"runs: 0 bodies", [](M& m) { m.runs[1].count = 0; }},
+                      {"runs: 65 bodies", [](M& m) { m.runs[0].count = kWatchedPerPart + 1; }},
+                      {"runs: 4294967295 bodies", [](M& m) { m.runs[0].count = 0xffffffffU; }},
+                      {"runs: 3 bodies", [](M& m) { m.runs[1].count = 3; }},  // 65 with the others
+                      {"number 4294967295", [](M& m) { m.runs[1].first = 0xffffffffU; }},
+                      {"no content", [](M& m) { m.runs[0].content = {}; }},
+                      {"max_age_s", [](M& m) { m.runs[0].max_age_s = kNan; }},
+                      {"body 69 of 000000000000002a twice",
+                       [](M& m) {
+                         m.runs[1].mover = 42;
+                         m.runs[1].first = 69;
+                       }},
+                      {"body in place", [](M& m) { m.placed[0].name = "\x1b"; }},
+                      {"ground: no content", [](M& m) { m.placed[0].content = {}; }},
+                      {"tower/1", [](M& m) { m.placed[1].pose.rotation[4] = 2; }},
+                      {"\"tower/1\" twice", [](M& m) { m.placed[0].name = m.placed[1].name; }},
+                      {"placed", [](M& m) { m.placed.resize(kWatchedPerPart + 1, m.placed[0]); }}});
+}
+
+TEST(CheckMessage, RefusesBoundsOutsideTheirLimits) {
+  using M = BoundsReport;
+  expect_refusals<M>(
+      valid_bounds(),
+      {{"peer", [](M& m) { m.peer = 0; }},
+       {"edition", [](M& m) { m.edition = 0; }},
+       {"time_s", [](M& m) { m.time_s = kNan; }},
+       {"pairs", [](M& m) { m.pairs = 0; }},
+       {"clearance_m", [](M& m) { m.clearance_m = -1; }},
+       {"clearance_m", [](M& m) { m.clearance_m = std::numeric_limits<float>::infinity(); }},
+       {"horizon_s", [](M& m) { m.horizon_s = std::nanf(""); }},
+       {"heard", [](M& m) { m.heard.resize(kMaxWatchedMovers + 1); }}});
 }
 
 TEST(CheckMessage, RefusesWhatIsHeldOutsideItsLimits) {

@@ -128,7 +128,8 @@ TEST(Service, TellsEachSecondWhatItServesAndRefuses) {
   EXPECT_EQ(second.uptime_s, 1);
   EXPECT_EQ(second.bytes_per_s, static_cast<double>(second.bytes));
   ASSERT_EQ(second.complaints.size(), 1U);
-  EXPECT_NE(second.complaints[0].find("no model with that content hash"), std::string::npos);
+  EXPECT_NE(second.complaints[0].find("no model, tile or page with that content hash"),
+            std::string::npos);
   EXPECT_EQ(desk.service.status().requests, 2U);
 }
 
@@ -431,7 +432,8 @@ TEST(Service, RefusesUnknownModel) {
   Desk desk;
   wire::RegionSubscription subscription = desk.request(1);
   subscription.content_hash.low ^= 1;
-  EXPECT_EQ(desk.refusal(subscription), "no model with that content hash is served here");
+  EXPECT_EQ(desk.refusal(subscription),
+            "no model, tile or page with that content hash is served here");
   EXPECT_EQ(desk.service.stats().refused, 1U);
 }
 

@@ -44,6 +44,26 @@ TEST(LocalChannel, FirstAnswerIsUncertainForWantOfDetail) {
   EXPECT_GT(host.settle(), 0);
 }
 
+TEST(LocalChannel, WithoutTimeItWorksInEachEighthCallAndSaysSoBefore) {
+  LocalHost host;
+  host.spawn("one");
+  ASSERT_GT(host.settle({{kOne, above_ground(800, 0)}}), 0);
+  // Elsewhere, and no time: what is lacking there is asked for, and waits.
+  ASSERT_TRUE(host.session->update(1000, 0, {{kOne, above_ground(20, 0)}}, 0).is_ok());
+  std::vector<int> steps;  // the calls that it announced
+  bool came = false;
+  for (int call = 1; !came && call <= 400; ++call) {
+    const double needs_s = host.channel->needs_s();
+    EXPECT_LE(needs_s, 3e-3);  // one step, however slow the machine
+    if (needs_s > 0) steps.push_back(call);
+    host.channel->allow(0);
+    came = !host.channel->take().batches.empty();
+    EXPECT_TRUE(!came || needs_s > 0) << "call " << call;
+  }
+  EXPECT_TRUE(came);
+  for (std::size_t i = 0; i < steps.size(); ++i) EXPECT_EQ(steps[i], 8 * static_cast<int>(i + 1));
+}
+
 TEST(LocalChannel, DisconnectedBringsNothingAndSaysSo) {
   LocalHost host;
   host.spawn("one");

@@ -10,9 +10,11 @@
 #include "core/world/content_bytes.hpp"
 #include "core/world/near_tiles.hpp"
 #include "core/world/world_folder.hpp"
+#include "memory_channel.hpp"
 #include "nearmesh/core/spm/detail/codec.hpp"
 #include "nearmesh/subscriber/peer/local_channel.hpp"
 #include "nearmesh/subscriber/peer/session.hpp"
+#include "publisher/serve/service.hpp"
 #include "test_models.hpp"
 
 namespace nearmesh {
@@ -263,6 +265,103 @@ TEST(SessionWorlds, AnswersAreThoseOfTheMeshThatWasCut) {
   EXPECT_GT(contacts, 40U);
   EXPECT_GT(over_seams, 20U);
   EXPECT_GT(free, 10U);
+}
+
+TEST(SessionWorlds, SweptAnswersAreThoseOfTheMeshThatWasCut) {
+  constexpr double kSweep_s = 0.7;
+  const CutTerrain terrain;
+  CutHost host(terrain, {.lookahead_s = 0.1, .sweep_s = kSweep_s});
+  const auto whole = build_full_tree(terrain.model->header, terrain.model->store);
+  const auto ball = build_full_tree(cut_ball().header, cut_ball().store);
+  ASSERT_TRUE(whole && ball);
+  Random random(17);
+  int hits = 0, free = 0;
+  for (int i = 0; i < 60; ++i) {
+    CutScene scene = random_scene(terrain, random, i % 3);
+    if (i % 6 == 0) scene.ball.pose.translation_m[2] += 0.9;
+    const auto truth = sweep(ball->view(), scene.ball, "ball", whole->view(), {.pose = scene.world},
+                             "whole", {.duration_s = kSweep_s});
+    ASSERT_TRUE(truth.is_ok()) << truth.status().message();
+    ASSERT_TRUE(host.session->place_body(host.world, scene.world).is_ok());
+    for (int round = 0; round < 60; ++round) {
+      const FrameReport report = host.update(scene.ball);
+      const PairAnswer& answer = report.answers.at(0);
+      if (!answer.swept) {
+        EXPECT_FALSE(answer.asked);
+        continue;
+      }
+      // As long as tiles and detail come it says less, and nothing else.
+      EXPECT_LE(answer.swept->free_until_s, truth.value().hit_s);
+      EXPECT_GE(answer.swept->hit_s, truth.value().hit_s);
+      if (!is_certified(answer.swept->status)) continue;
+      EXPECT_EQ(answer.swept->status, truth.value().status);
+      EXPECT_EQ(answer.swept->hit_s, truth.value().hit_s);
+      hits += answer.swept->status == AnswerStatus::kContact ? 1 : 0;
+      free += answer.swept->status == AnswerStatus::kFree ? 1 : 0;
+      break;
+    }
+  }
+  EXPECT_GT(hits, 20);
+  EXPECT_GT(free, 5);
+}
+
+/// From a publisher's service, over a bus that loses and reorders.
+TEST(SessionWorlds, APublisherServesThemOverALossyBus) {
+  const CutTerrain terrain;
+  const auto ball_file = test::write_model(cut_ball());
+  Random random(11);
+  test::MemoryBus bus(3);
+  bus.on_batches = bus.on_subscriptions = {.lose = 0.1, .repeat = 0.1, .max_delay = 3};
+  const auto end = bus.make_publisher(0xa1);
+  publisher::Service service(*end, 0xa1);
+  ASSERT_EQ(service.add_world("valley", terrain.folder + "/").message(), "");
+  ASSERT_TRUE(service.add_model("ball", ModelFile::open(ball_file->path()).value()).is_ok());
+  EXPECT_EQ(service.add_world("valley", terrain.folder).code(), StatusCode::kConflict);
+  EXPECT_EQ(service.add_world("other", terrain.folder).code(), StatusCode::kConflict);
+  EXPECT_EQ(service.add_world("none", ball_file->path()).code(), StatusCode::kIo);
+  service.announce();
+  Session session(bus.make_peer(0xb1), {.request_timeout_s = 0.002});
+  const BodyId world = session.add_body({.name = "ground", .model = "valley"}).value();
+  const BodyId ball = session.add_body({.name = "ball", .model = "ball", .own = true}).value();
+  ASSERT_TRUE(session.watch(ball, world).is_ok());
+  std::uint64_t frame = 0;
+  double seconds = 0;
+  int certified = 0, contacts = 0;
+  const auto settle = [&](const CutTerrain& truth, const CutScene& scene, auto&& step) {
+    ASSERT_TRUE(session.place_body(world, scene.world).is_ok());
+    for (int round = 0; round < 400; ++round) {
+      const auto report = session.update(frame++, 0, {{ball, scene.ball}}, 10);
+      ASSERT_TRUE(report.is_ok()) << report.status().message();
+      step();
+      bus.tick();
+      const PairAnswer& answer = report.value().answers.at(0);
+      if (answer.world && answer.world->world != truth.pages.name) continue;
+      expect_true(truth, scene, answer);
+      if (!report.value().all_certified()) continue;
+      ++certified;
+      contacts += answer.answer.pair_total > 0 ? 1 : 0;
+      return;
+    }
+  };
+  for (int i = 0; i < 40; ++i)
+    settle(terrain, random_scene(terrain, random, i % 3),
+           [&] { static_cast<void>(service.step(seconds += 0.05)); });
+  EXPECT_EQ(certified, 40);
+  EXPECT_GT(contacts, 10);
+
+  // A crater: another world in its place. It shares all tiles but one, and the folder.
+  const CutTerrain crater(0.6, true);
+  const auto other_end = bus.make_publisher(0xa2);
+  publisher::Service other(*other_end, 0xa2);
+  ASSERT_EQ(other.add_world("valley", crater.folder, terrain.pages.name).message(), "");
+  other.announce();
+  for (int i = 0; i < 20; ++i)
+    settle(crater, random_scene(crater, random, i % 3), [&] {
+      static_cast<void>(service.step(seconds += 0.05));
+      static_cast<void>(other.step(seconds));
+    });
+  EXPECT_EQ(certified, 60);
+  EXPECT_EQ(service.stats().refused, 0U);
 }
 
 TEST(SessionWorlds, WhatIsFarIsFreeByAPageAndCostsNoTile) {

@@ -154,6 +154,23 @@ TEST(ReadScene, MayWatchAllPairs) {
   EXPECT_EQ(result.value().session.clearance, Clearance::kBound);
 }
 
+TEST(ReadScene, MayWatchThePairsOfItsOwnBodiesWhoseSpeedsItSays) {
+  Folder folder;
+  folder.write("flight1.csv",
+               "R00,R01,R02,R10,R11,R12,R20,R21,R22,T0,T1,T2\n1,0,0,0,1,0,0,0,1,0,0,0\n");
+  folder.write("scene.yaml",
+               "bodies:\n  - {name: one, model: aircraft, max_speed_mps: 250}\n"
+               "moves:\n  - {body: one, trajectory: flight1.csv}\npairs: own\n");
+  const Result<Scene> result = read_scene(folder.file("scene.yaml"));
+  ASSERT_TRUE(result.is_ok()) << result.status().message();
+  EXPECT_TRUE(result.value().watches_all);
+  EXPECT_TRUE(result.value().watches_only_own);
+  EXPECT_EQ(result.value().bodies[0].max_speed_mps, 250);
+  folder.write("scene.yaml", "bodies:\n  - {name: one, model: m, max_speed_mps: -1}\npairs: own\n");
+  EXPECT_NE(read_scene(folder.file("scene.yaml")).status().message().find("max_speed_mps"),
+            std::string::npos);
+}
+
 TEST(ReadScene, DerivesVelocitiesFromTheNextFrame) {
   Folder folder;
   // A quarter turn about z in 256 frames would be small; this one turns by 0.01 rad a frame.
@@ -265,8 +282,8 @@ TEST(ReadScene, RefusesASceneThatLacksSomething) {
   const std::string file = folder.file("scene.yaml");
   for (const auto& [text, expected] : std::vector<std::pair<std::string, std::string>>{
            {"pairs: []\n", "bodies: expected a list"},
-           {"bodies: []\n", "pairs: expected a list, or all"},
-           {"bodies: []\npairs: some\n", "pairs: expected a list, or all"},
+           {"bodies: []\n", "pairs: expected a list, all, or own"},
+           {"bodies: []\npairs: some\n", "pairs: expected a list, all, or own"},
            {"bodies: 3\npairs: all\n", "bodies: expected a list"},
            {"pairs: all\nduration_s: -1\n", "duration_s: expected a number"},
            {"- a\n- b\n", "scene: expected a map"},

@@ -33,6 +33,11 @@ class RecordedSamples {
     if (!message.is_ok()) return std::nullopt;
     return std::move(message).value();
   }
+  /// Of either topic of poses.
+  [[nodiscard]] std::optional<BodyPoses> read_poses(const RecordedMessage& sample) const {
+    if (std::optional<NearPoses> near = read<NearPoses>(sample)) return std::move(*near);
+    return read<BodyPoses>(sample);
+  }
 
  private:
   explicit RecordedSamples(const RecordingReader& recording);

@@ -25,7 +25,7 @@ class ModelFile;
 namespace nearmesh::wire {
 
 /// Raised with every change of a topic's layout or of the batch codec. Peers of another version are refused loudly.
-inline constexpr std::uint16_t kWireVersion = 9;
+inline constexpr std::uint16_t kWireVersion = 10;
 
 /// Random per process; tells a restarted publisher from the old one, and names a peer.
 using SessionId = std::uint64_t;
@@ -107,6 +107,8 @@ struct BodyPoses {
   SessionId peer = 0;
   std::uint32_t part = 0;
   std::uint64_t frame = 0;
+  std::uint32_t sequence =
+      0;  ///< counts up per peer, over all parts, from 1; 0: it does not count, and nothing that rests on it can be proved
   struct Body {
     std::uint32_t number = 0;
     double time_s = 0;  ///< of the pose, on the exercise's clock
@@ -114,6 +116,56 @@ struct BodyPoses {
   };
   std::vector<Body> bodies;  ///< of the part, by number
 };
+
+/// Poses that go only to the peers that asked for them (WantedPoses): of bodies of which promises are made. On a topic of its own.
+struct NearPoses : BodyPoses {};
+
+/// Promises are told of so many neighbours at once: by number, as in BodyPoses.
+inline constexpr std::uint32_t kBodiesPerPromise = 32;
+/// A promise holds for whole steps of this, so many at most; seconds.
+inline constexpr double kPromiseStep_s = 0x1p-8, kMaxPromise_s = 255;
+/// Places are counted in quanta of 2^exponent metres.
+inline constexpr int kMinQuantum = -20, kMaxQuantum = 20;
+/// Places lie within so many metres of 0: farther than any pose.
+inline constexpr double kMaxPlace_m = 0x1p48;
+
+/// Where the bodies of a part stay (keyed by peer and part, transient local), of each its origin: from `from_s` to until_s(), on the
+/// exercise's clock, it is no farther from its place than one quantum and the way that its greatest speed (BodyDirectory) allows
+/// since `from_s`. A body that is not in here keeps the promise that was made of it before.
+struct BodyPromises {
+  std::uint16_t wire_version = kWireVersion;
+  SessionId peer = 0;
+  std::uint32_t part = 0;
+  double from_s = 0;
+  std::uint16_t steps = 0;  ///< it holds so long, kPromiseStep_s each; 1 at least
+  std::int8_t quantum = 0;  ///< exponent of the quantum, kMinQuantum to kMaxQuantum
+  struct Body {
+    std::uint32_t number = 0;
+    std::array<std::int64_t, 3> place{};  ///< in quanta, the world's axes
+    bool operator==(const Body&) const = default;
+  };
+  std::vector<Body> bodies;  ///< of the part, by number
+
+  [[nodiscard]] double until_s() const { return from_s + steps * kPromiseStep_s; }
+};
+
+/// Which bodies of one mover a peer wants full poses of (keyed by peer and mover): said when that changes, and again as long as it
+/// wants some, for a mover forgets it after kWantedFor_s.
+struct WantedPoses {
+  std::uint16_t wire_version = kWireVersion;
+  SessionId peer = 0;   ///< who wants
+  SessionId mover = 0;  ///< whose bodies
+  struct Part {
+    std::uint32_t part = 0;   ///< as in BodyPoses
+    std::uint8_t places = 0;  ///< a bit for each of its bodies, the lowest for the first
+    bool operator==(const Part&) const = default;
+  };
+  std::vector<Part> parts;  ///< by number, at most kMaxWantedParts; none: nothing any more
+
+  [[nodiscard]] bool wants(std::uint32_t number) const;
+};
+inline constexpr std::size_t kMaxWantedParts = 256;
+inline constexpr double kWantedFor_s = 3;  ///< by the machine's clock
 
 /// Who the bodies of a part are (keyed by peer and part, transient local).
 struct BodyDirectory {
@@ -126,10 +178,13 @@ struct BodyDirectory {
     ContentHash content;      ///< that the peer pins the model to; or none
     bool solid = false;
     std::uint32_t group = 1, mask = 0xffffffffU;
+    /// Of its origin, which the peer keeps it to: then promises are told of it, and full poses to those alone who want them. 0: not so.
+    double max_speed_mps = 0;
     bool operator==(const Body&) const = default;
   };
   std::vector<Body> bodies;  ///< of the part, by number
 };
+inline constexpr double kMaxSpeed_mps = 1e6;  ///< that a body may have by its mover's word
 
 /// Where a body is, by the body's name: a pose and the directory, brought together. Does not travel.
 struct BodyPose {
@@ -140,7 +195,26 @@ struct BodyPose {
   Pose pose;
   std::array<double, 3> linear_velocity_mps{};
   std::array<double, 3> angular_velocity_radps{};
+  std::uint32_t number = 0;    ///< of the body, at its peer
+  std::uint32_t sequence = 0;  ///< of the sample that it came in; 0: it came in none
 };
+
+/// Where a body stays, by the body's name: a promise and the directory, brought together. Does not travel.
+struct BodyPromise {
+  SessionId peer = 0;
+  std::uint32_t number = 0;
+  std::string body;
+  double from_s = 0, until_s = 0;  ///< on the exercise's clock
+  std::array<double, 3> place_m{};
+  double slack_m = 0;  ///< its origin is so far from there at most at from_s
+  double max_speed_mps = 0;
+
+  /// At that time its origin is no farther from the place than this, metres, rounded up; nothing where the promise says nothing of it.
+  [[nodiscard]] std::optional<double> radius_m(double time_s) const;
+};
+/// One of those in a message. Precondition: check() accepted it.
+[[nodiscard]] BodyPromise promise_of(const BodyPromises& promises, const BodyPromises::Body& body,
+                                     const BodyDirectory::Body& who);
 
 /// Who moves a body, as far as another peer can tell.
 enum class Mover : std::uint8_t {
@@ -198,6 +272,63 @@ struct ContactReport {
   Asked a, b;                                 ///< when asked
   std::vector<std::array<FaceKey, 2>> pairs;  ///< the first kMaxReportPairs of them
 };
+
+/// Which bodies a peer that watches all pairs knows of, for recorders (keyed by peer and part, transient local): the pairs of these
+/// are what its BoundsReports are about. Of a body known by its poses, the mover's directory says the name.
+struct WatchedBodies {
+  /// What the peer knows a body's place by.
+  enum class Known : std::uint8_t {
+    kByPose = 0,  ///< the last one that came
+  };
+  /// Bodies whose numbers follow each other, alike in all else.
+  struct Run {
+    Known known = Known::kByPose;
+    SessionId mover = 0;  ///< the peer itself: own bodies
+    std::uint32_t first = 0, count = 1;
+    ContentHash content;  ///< of the model, that the peer holds
+    std::uint32_t group = 1, mask = 0xffffffffU;
+    double max_age_s =
+        0;  ///< may be infinite; a pose that is further from the frame's time is none
+    bool operator==(const Run&) const = default;
+  };
+  /// A body that the host has put in its place.
+  struct Placed {
+    std::string name;  ///< 1 to kMaxNameBytes
+    ContentHash content;
+    std::uint32_t group = 1, mask = 0xffffffffU;
+    Pose pose;
+  };
+  std::uint16_t wire_version = kWireVersion;
+  SessionId peer = 0;
+  std::uint32_t part = 0;
+  std::uint32_t edition = 0;  ///< counts up with each change of any part, from 1
+  double horizon_s = 0;       ///< the boxes hold what the bodies may do for so long
+  double margin_m = 0;        ///< and so much more on each side
+  std::vector<Run> runs;      ///< no body twice
+  std::vector<Placed> placed;
+};
+/// Bodies told of in one part, at most.
+inline constexpr std::uint32_t kWatchedPerPart = 64;
+
+/// What bounds prove free in one frame, for recorders (keyed by peer): of how many pairs of its watched bodies (core/THEOREM.md,
+/// "Free by bounds"), those that are answered one by one as well among them. With the poses on the bus the same comes out again.
+struct BoundsReport {
+  std::uint16_t wire_version = kWireVersion;
+  SessionId peer = 0;
+  std::uint32_t edition =
+      0;  ///< of the watched bodies: each part's last with no greater one counts
+  std::uint64_t frame = 0;
+  double time_s = 0;  ///< of the frame, on the exercise's clock
+  std::uint64_t places_digest =
+      0;                    ///< sum of place_digest() (core/broadphase) of all that had a box
+  std::uint32_t pairs = 0;  ///< from 1; more than 2^32 - 1 are said as that
+  float clearance_m = 0;    ///< of each of them at least; rounded down, as horizon_s is
+  float horizon_s = 0;      ///< until this much after the frame's time none of them can touch
+  /// Of each mover of a watched body, in the order of their sessions: the sequence of its last BodyPoses that counted. Each body is
+  /// where the last sample of its part up to then has it.
+  std::vector<std::uint32_t> heard;
+};
+inline constexpr std::size_t kMaxWatchedMovers = 4096;
 
 /// What a peer holds of one model, for recorders (keyed by peer and content): said when a recorder comes, so that one that
 /// missed batches can prove what follows. With the model's file it is enough to make the same replica.
@@ -298,6 +429,10 @@ struct Probe : Echo {};
 /// What is told of a model that is served, in place of another content or of none: adds it to the hello. Out: its header.
 [[nodiscard]] MeshHeader announce_model(const std::string& name, const ModelFile& file,
                                         ContentHash replaces, Hello& hello);
+/// The same of a world: its record takes a header's place. In: bytes that have that digest.
+[[nodiscard]] MeshHeader announce_world(const std::string& name, const ContentHash& content,
+                                        std::vector<std::uint8_t> record, ContentHash replaces,
+                                        Hello& hello);
 
 /// The batches of an answer, or of a part of one, as messages to the peer that asked; their sequence is the channel's to count.
 /// `last`: the request is answered in full with these. That nothing was needed is an answer too: one message without bytes.
@@ -321,9 +456,13 @@ struct Probe : Echo {};
 [[nodiscard]] Status check(const RegionSubscription& message);
 [[nodiscard]] Status check(const SplitBatchMessage& message);
 [[nodiscard]] Status check(const BodyPoses& message);
+[[nodiscard]] Status check(const BodyPromises& message);
+[[nodiscard]] Status check(const WantedPoses& message);
 [[nodiscard]] Status check(const BodyDirectory& message);
 [[nodiscard]] Status check(const BodyPose& pose);
 [[nodiscard]] Status check(const ContactReport& message);
+[[nodiscard]] Status check(const WatchedBodies& message);
+[[nodiscard]] Status check(const BoundsReport& message);
 [[nodiscard]] Status check(const HeldDetail& message);
 [[nodiscard]] Status check(const ProcessStatus& message);
 [[nodiscard]] Status check(const Echo& message);

@@ -43,6 +43,8 @@ struct Delivery {
   int depth = 1;            ///< samples kept per key; of keeps_all in total
   bool is_latched = false;  ///< whoever joins later gets what is kept
   bool is_reliable = true;  ///< a lost datagram is repaired within a heartbeat
+  bool is_routed =
+      false;  ///< its writer chooses who gets which sample (idl/dds/routes.hpp); a recorder gets them all
   bool is_paced =
       false;  ///< large, and asked for by many at once: a burst would drown the link and its own repairs
 };
@@ -133,7 +135,32 @@ inline constexpr std::tuple kTopics{
                       .listeners = {Role::kRecorder},
                       .is_recorded = true},
                      [](const BodyPoses& m) { return key_of(m.peer, m.part); }},
-    // Who these bodies are. Poses count once it has come.
+    // Of bodies of which promises are made: to those who want them. Peers hear them with best effort: the next is newer, and nobody has to
+    // be told of what went to others.
+    Topic<NearPoses>{{.name = "near_poses",
+                      .type = "nearmesh::wire_types::BodyPosesSample",
+                      .delivery = {.depth = 16, .is_routed = true},
+                      .writers = {Role::kSubscriber},
+                      .readers = {Role::kSubscriber},
+                      .listeners = {Role::kRecorder},
+                      .is_recorded = true},
+                     [](const NearPoses& m) { return key_of(m.peer, m.part); }},
+    // To the movers that they name. Said again, so what is lost does not matter.
+    Topic<WantedPoses>{{.name = "wanted_poses",
+                        .type = "nearmesh::wire_types::WantedPosesSample",
+                        .delivery = {.is_routed = true},
+                        .writers = {Role::kSubscriber},
+                        .readers = {Role::kSubscriber}}},
+    // The latest promises of each part of a mover's bodies.
+    Topic<BodyPromises>{{.name = "body_promises",
+                         .type = "nearmesh::wire_types::BodyPromisesSample",
+                         .delivery = {.is_latched = true},
+                         .writers = {Role::kSubscriber},
+                         .readers = {Role::kSubscriber},
+                         .listeners = {Role::kRecorder},
+                         .is_recorded = true},
+                        [](const BodyPromises& m) { return key_of(m.peer, m.part); }},
+    // Who these bodies are. Poses and promises count once it has come.
     Topic<BodyDirectory>{{.name = "body_directory",
                           .type = "nearmesh::wire_types::BodyDirectorySample",
                           .delivery = {.is_latched = true},
@@ -151,6 +178,25 @@ inline constexpr std::tuple kTopics{
                           .listeners = {Role::kRecorder},
                           .signs_for_each = true,
                           .is_recorded = true}},
+    // Which bodies each peer knows of that watches all pairs; latched, so that whoever comes to record can prove what follows.
+    Topic<WatchedBodies>{{.name = "watched_bodies",
+                          .type = "nearmesh::wire_types::WatchedBodiesSample",
+                          .delivery = {.is_latched = true},
+                          .writers = {Role::kSubscriber},
+                          .readers = {},
+                          .listeners = {Role::kRecorder},
+                          .signs_for_each = true,
+                          .is_recorded = true},
+                         [](const WatchedBodies& m) { return key_of(m.peer, m.part); }},
+    // What bounds prove free, a sample a frame: nothing holds. Some seconds of them are kept, for each is another answer.
+    Topic<BoundsReport>{{.name = "bounds_report",
+                         .type = "nearmesh::wire_types::BoundsReportSample",
+                         .delivery = {.depth = 64},
+                         .writers = {Role::kSubscriber},
+                         .readers = {},
+                         .listeners = {Role::kRecorder},
+                         .signs_for_each = true,
+                         .is_recorded = true}},
     // What a peer holds of each model, said anew to each recorder that comes.
     Topic<HeldDetail>{
         {.name = "held_detail",
@@ -262,10 +308,11 @@ class TopicNames {
 
 /// DDS stays silent when two programs use one topic with different types, or topics of different
 /// wire versions. Returns one line about a remote endpoint that cannot talk to us, or nothing when
-/// it can or is none of ours.
+/// it can or is none of ours. `program`: what its process is called; "": that is not known.
 [[nodiscard]] std::optional<std::string> judge_remote_endpoint(std::string_view prefix,
                                                                std::string_view topic,
-                                                               std::string_view type);
+                                                               std::string_view type,
+                                                               std::string_view program);
 
 /// A fresh session id, never 0: 64 bits from the operating system.
 [[nodiscard]] SessionId make_session_id();

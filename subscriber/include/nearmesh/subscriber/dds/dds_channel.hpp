@@ -27,6 +27,14 @@ struct DdsChannelOptions {
 };
 
 /// Threads: all functions, any thread.
+/// Samples about where bodies are, between this peer and another, since the start.
+struct PoseCounts {
+  std::uint64_t heard_poses = 0, heard_promises = 0, heard_near = 0;
+  /// That the other wrote between two that were heard, and that never came or were displaced by later ones before they were taken.
+  std::uint64_t lost_poses = 0, lost_promises = 0;
+  std::uint64_t sent_near = 0;  ///< to it alone; beside its heard_near, this tells what was lost
+};
+
 class DdsChannel final : public Channel {
  public:
   /// What may wait for take(), each kind; the newest beyond are dropped with a complaint.
@@ -50,13 +58,20 @@ class DdsChannel final : public Channel {
   void send(const wire::RegionSubscription& subscription) override;
   void send(const wire::BodyPoses& poses) override;
   void send(const wire::BodyDirectory& directory) override;
+  void promise(const wire::BodyPromises& promises) override;
+  void send_near(const wire::NearPoses& poses) override;
+  void want(const wire::WantedPoses& wanted) override;
   void send(const wire::ContactReport& report) override;
   void tell(wire::ProcessStatus& status) override;
   void tell_held(const wire::HeldDetail& held) override;
+  void tell_watched(const wire::WatchedBodies& watched) override;
+  void tell_bounds(const wire::BoundsReport& bounds) override;
   /// Whether somebody records what this peer says from now on. Recorders of some topics count where held_detail is one.
   [[nodiscard]] bool has_recorder() const;
   /// Not ok once this program's identity was revoked or has expired: then it hears nobody, and nobody hears it.
   [[nodiscard]] Status identity() const;
+  /// By the other's session. Threads: any.
+  [[nodiscard]] std::map<wire::SessionId, PoseCounts> pose_counts() const;
   /// A Hello comes out only when its publisher can hear subscriptions, so no request that follows
   /// it is lost.
   [[nodiscard]] Inbox take() override;

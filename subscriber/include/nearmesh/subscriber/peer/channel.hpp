@@ -24,14 +24,28 @@ class Channel {
   virtual void send(const wire::BodyPoses& poses) = 0;
   /// Holds from now on, also for who joins later.
   virtual void send(const wire::BodyDirectory& directory) = 0;
+  /// The same. After the directory that names these bodies.
+  virtual void promise(const wire::BodyPromises&) {}
+  /// For those peers alone that want some of these bodies.
+  virtual void send_near(const wire::NearPoses&) {}
+  /// For the mover that it names.
+  virtual void want(const wire::WantedPoses&) {}
   virtual void send(const wire::ContactReport& report) = 0;
 
-  /// How long a channel may work that answers requests itself, until this is called again. Less than a step of its work: one step.
+  /// How long a channel may work that answers requests itself, until this is called again, seconds. One that has waited long takes
+  /// what needs_s() says in any case.
   virtual void allow(double) {}
+  /// What it will take of the caller's time however little the next allow() gives, seconds: so that it can be set aside.
+  [[nodiscard]] virtual double needs_s() const { return 0; }
   /// What this process knows of itself, for operators. The channel adds what it knows of the network.
   virtual void tell(wire::ProcessStatus&) {}
   /// What this peer holds of a model, for a recorder that came (Inbox::recorder_came).
   virtual void tell_held(const wire::HeldDetail&) {}
+
+  /// Which bodies this peer watches all pairs of, for whoever records. Holds from now on, also for who joins later.
+  virtual void tell_watched(const wire::WatchedBodies&) {}
+  /// What bounds prove free of these, for whoever records. After the poses that it is about.
+  virtual void tell_bounds(const wire::BoundsReport&) {}
 
   /// A header, and the publisher that sent it: the channel knows that it did, whatever the header says.
   struct Header {
@@ -52,9 +66,11 @@ class Channel {
       wire::BodyDirectory::Body body;
       bool is_gone = false;  ///< its mover has removed it
     };
-    std::vector<Told> bodies;           ///< take these before the poses
-    std::vector<wire::BodyPose> poses;  ///< of bodies that others move
-    /// Bodies whose movers left, fell silent or came back since the last call: what holds now. Take these after the poses.
+    std::vector<Told> bodies;                 ///< take these before the poses
+    std::vector<wire::BodyPose> poses;        ///< of bodies that others move
+    std::vector<wire::BodyPromise> promises;  ///< of bodies that others move
+    std::vector<wire::WantedPoses> wanted;    ///< of bodies that this peer moves
+    /// Bodies whose movers left, fell silent or came back since the last call: what holds now. Take these after poses and promises.
     std::map<std::string, wire::Mover> movers;
     bool recorder_came = false;  ///< one that may have missed what came before
     std::vector<std::string>

@@ -9,6 +9,7 @@
 #include <memory>
 #include <set>
 #include <string>
+#include <vector>
 
 #include "nearmesh/core/spm/model_file.hpp"
 #include "nearmesh/subscriber/peer/channel.hpp"
@@ -45,9 +46,10 @@ class LocalChannel final : public Channel {
   [[nodiscard]] Status deliver(const wire::BodyPose& pose);
 
   [[nodiscard]] wire::SessionId own_id() const override { return kPeer; }
-  /// Seconds, of the caller's in this call and in send(). What is left of an answer follows later, as from a slow link. Without time
-  /// nothing is done, but in each eighth call. Never called: all at once.
+  /// Seconds, of the caller's in this call and in send(). What is left of an answer follows later, as from a slow link. Too little for
+  /// a step of the work: nothing is done, but a step in each eighth such call. Never called: all at once.
   void allow(double seconds) override;
+  [[nodiscard]] double needs_s() const override;
   void send(const wire::RegionSubscription& subscription) override;
   void send(const wire::BodyPoses&) override {}      ///< nobody else is there
   void send(const wire::BodyDirectory&) override {}  ///< nobody else is there
@@ -71,12 +73,13 @@ class LocalChannel final : public Channel {
   void deliver(std::vector<wire::SplitBatchMessage>&& messages);
 
   std::map<ContentHash, Model> models_;  // by content hash
-  std::vector<std::unique_ptr<World>> worlds_;
+  std::vector<World> worlds_;
   std::unique_ptr<Mirrors> mirrors_;  // of the peer's state
   struct Begun;                       // an answer
   std::unique_ptr<Begun> begun_;
-  int not_allowed_ = 0;                                         // times in a row
-  double test_s_ = 0;                                           // what a test took of late
+  struct Pace;  // of the steps
+  std::unique_ptr<Pace> pace_;
+  int waited_ = 0;                                              // calls in a row, with work to do
   double allowed_s_ = std::numeric_limits<double>::infinity();  // since allow()
   std::set<std::string> delivered_;                             // bodies of others
   Inbox inbox_;

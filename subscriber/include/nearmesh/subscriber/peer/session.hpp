@@ -39,7 +39,10 @@ struct BodyOptions {
   ContentHash content;
   /// As SessionOptions::max_pose_age_s, for this body. None: that; for own bodies no limit.
   std::optional<double> max_pose_age_s;
-  /// Which pairs watch_all() watches: those of which the mask of each has a bit of the other's group.
+  /// Of an own body: its origin never moves faster, m/s, up to wire::kMaxSpeed_mps. Then others are promised where it stays, and its full
+  /// poses go to those peers alone that it may come near to (docs/worlds.md, "Promises"). 0: poses go to all, whenever it moves.
+  double max_speed_mps = 0;
+  /// Which pairs watch_all() and watch_own() watch: those of which the mask of each has a bit of the other's group.
   std::uint32_t group = 1, mask = 0xffffffffU;
 };
 
@@ -52,6 +55,9 @@ struct SessionOptions {
   double max_pose_age_s = 2;
   /// Detail is asked for where the other body may be within this time, as soon as some is missing in the first half of it.
   double lookahead_s = 0.5;
+  /// What is promised of an own body (BodyOptions::max_speed_mps) holds for so long, and is promised anew after half of it; up to
+  /// wire::kMaxPromise_s. On the exercise's clock.
+  double promise_s = 8;
   double margin_m = 0;  ///< and this much further
   double sweep_s = 0;   ///< also answer for all of this time ahead; 0: do not
   std::uint32_t window_bytes =
@@ -126,8 +132,8 @@ struct PairAnswer {
   double age_b_s = std::numeric_limits<double>::infinity();
   Pose pose_a, pose_b;               ///< what was asked about; meaningless unless `asked`
   ContentHash content_a, content_b;  ///< of the models that it is about; none: not known yet
-  /// Where one of the bodies is a world: of which tiles the pairs are, and what the answer misses of the world. `answer` then misses nodes of the
-  /// other body alone, and says nothing of the time ahead or of depth; contacts have no numbers.
+  /// Where one of the bodies is a world: of which tiles the pairs are, and what the answer misses of the world. `answer` and `swept` then miss nodes of the
+  /// other body alone, nothing is said of depth, and contacts have no numbers.
   std::optional<WorldAnswer> world;
   /// With SessionOptions::contacts, when the answer has pairs: where they touch, all exact.
   std::optional<Contacts> contacts;
@@ -162,7 +168,7 @@ struct ContactEvent {
       0;  ///< begin, persist: its place among Contacts::patches of the pair's answer
 };
 
-/// What watch_all() says at once of all pairs that are not listed: boxes around the bodies prove them apart. A certified answer
+/// What watch_all() and watch_own() say at once of all pairs that are not listed: boxes around the bodies prove them apart. A certified answer
 /// (core/THEOREM.md, "Free by bounds").
 struct FreeByBounds {
   std::uint64_t pairs = 0;
@@ -188,8 +194,10 @@ struct FrameReport {
   /// are not listed any more. Of a pair that is watched no more, or whose body is removed, no more is told.
   std::vector<ContactEvent> contact_events;
   std::vector<BodyId> came, went;    ///< with discover_bodies()
-  FreeByBounds free_by_bounds;       ///< with watch_all()
-  std::vector<UnknownBody> unknown;  ///< with watch_all()
+  FreeByBounds free_by_bounds;       ///< with watch_all() or watch_own()
+  std::vector<UnknownBody> unknown;  ///< with watch_all() or watch_own()
+  std::uint64_t promised =
+      0;  ///< bodies of which no full pose is here, and a promise holds: in the bounds of those two
   std::uint64_t unknown_pairs =
       0;                ///< that are not listed because one of the two is unknown: uncertain
   double load_s = 0;    ///< T_L: decoding batches
@@ -252,7 +260,7 @@ class Session {
   /// is ever certified, and each names the reason. Errors: kConflict (name taken, or the pin contradicts another),
   /// kInvalidArgument (name, max_pose_age_s).
   [[nodiscard]] Result<BodyId> add_body(BodyOptions options);
-  /// Fixes a body in place, for scenery that nobody moves. Errors: kNotFound, kInvalidArgument (pose).
+  /// Fixes a body in place, for scenery that nobody moves. Errors: kNotFound, kInvalidArgument (pose; a body with a max_speed_mps).
   [[nodiscard]] Status place_body(BodyId body, const Pose& pose);
   /// The body is there no more, nor are its pairs; its name is free again. Detail of a model that no body uses is given up.
   /// Errors: kNotFound.
@@ -264,6 +272,9 @@ class Session {
   /// Watches all pairs of bodies, now and later, but those of which both are in place, and those that groups and masks leave
   /// out. Pairs that bounds prove apart are told of together: FrameReport::free_by_bounds.
   void watch_all();
+  /// As watch_all(), but of the pairs of own bodies alone: with each other, and with all that others move. What many peers each ask
+  /// of their own bodies is together all that one would ask.
+  void watch_own();
   /// Declares each body that another peer moves and that is not declared here, with the name, model, pin, group and mask that its
   /// mover tells, and whether it is solid: FrameReport::came. One that its mover removes is removed here: FrameReport::went.
   /// Of one whose mover has left nothing is known: it stays, and none of its pairs is certified.
@@ -290,6 +301,8 @@ class Session {
   /// answer says. Infinite: no end.
   /// In: `time_s` is the frame's time on the clock that the whole exercise has, up to kMaxTime_s from 0: poses of this peer go
   /// out with it, those of others are as old as it says. Where it is before the last one, a complaint says so.
+  /// A body that is farther than its max_speed_mps allows from where others were promised it stays is refused: a jump is a body that
+  /// is removed, and another.
   /// Errors: kNotFound or kInvalidArgument naming the body, kInvalidArgument for such a time; nothing was changed then.
   /// Threads: one at a time. Never blocks.
   [[nodiscard]] Result<FrameReport> update(std::uint64_t frame, double time_s,

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "free_pairs.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+#include "core/base/hash.hpp"
+
+namespace nearmesh {
+
+std::uint64_t place_digest(std::string_view name, const ContentHash& content,
+                           const Company& company, const Motion& motion) {
+  std::uint64_t digest = 0;
+  const auto add = [&digest](std::uint64_t bits) { digest = mix(digest ^ bits); };
+  for (const char c : name) add(static_cast<unsigned char>(c));
+  add(content.high);
+  add(content.low);
+  add(std::uint64_t{company.group} << 32 | company.mask);
+  add(company.is_scenery ? 1 : 0);
+  const auto add_all = [&](const auto& numbers) {
+    for (const double number : numbers) add(std::bit_cast<std::uint64_t>(number));
+  };
+  add_all(motion.pose.rotation);
+  add_all(motion.pose.translation_m);
+  add_all(motion.linear_velocity_mps);
+  add_all(motion.angular_velocity_radps);
+  return digest;
+}
+
+void FreePairs::add(double way_m, double age_s) {
+  if (way_m < next_way_m_) next_way_m_ = std::max(way_m, least_way_m_);
+  least_way_m_ = std::min(least_way_m_, way_m);
+  if (way_m > 0) oldest_s_ = std::max(oldest_s_, age_s);
+}
+
+// Boxes that do not meet are farther apart than both ways and margins.
+double FreePairs::clearance_m(double margin_m) const {
+  return (least_way_m_ + next_way_m_ + 2 * margin_m) * (1 - 0x1p-40);
+}
+
+double FreePairs::horizon_s(double lookahead_s) const {
+  return std::max(0.0, lookahead_s - oldest_s_);
+}
+
+float float_at_most(double number) {
+  if (number >= double{std::numeric_limits<float>::max()}) return std::numeric_limits<float>::max();
+  const auto nearest = static_cast<float>(number);
+  return double{nearest} > number ? std::nextafter(nearest, 0.0F) : nearest;
+}
+
+}  // namespace nearmesh

@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "full_world.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include "core/world/open_tiles.hpp"
+
+namespace nearmesh::program {
+
+Result<NearTiles> find_near_tiles(const WorldFolder& folder, const WorldPage& root,
+                                  const PosedPair& world_and_body, const GridBox& body) {
+  const PageOf page_of = [&folder](const WorldEntry& entry,
+                                   int level) -> Result<std::optional<WorldPage>> {
+    Result<WorldPage> page = folder.page(entry, level);
+    NEARMESH_RETURN_IF_ERROR(page);
+    return std::optional(std::move(page).value());
+  };
+  return nearmesh::find_near_tiles(folder.world(), root, page_of,
+                                   make_relative_frame(world_and_body.a, world_and_body.b), body);
+}
+
+Result<FullWorld> FullWorld::open(const std::string& folder) {
+  Result<WorldFolder> opened = WorldFolder::open(folder);
+  NEARMESH_RETURN_IF_ERROR(opened);
+  Result<WorldPage> root = opened.value().root();
+  NEARMESH_RETURN_IF_ERROR(root);
+  FullWorld world;
+  world.folder_ = std::make_unique<WorldFolder>(std::move(opened).value());
+  world.root_ = std::move(root).value();
+  return world;
+}
+
+Result<const TriangleTree*> FullWorld::tree_of(const ContentHash& content) {
+  const auto at = std::find_if(tiles_.begin(), tiles_.end(),
+                               [&](const Tile& tile) { return tile.content == content; });
+  if (at != tiles_.end()) {
+    tiles_.splice(tiles_.begin(), tiles_, at);
+    return &tiles_.front().tree;
+  }
+  Result<ModelFile> file = open_tile(*folder_, content);
+  NEARMESH_RETURN_IF_ERROR(file);
+  NEARMESH_RETURN_IF_ERROR(file.value().require_all());
+  std::optional<TriangleTree> tree = build_full_tree(file.value().header(), file.value().store());
+  if (!tree) return Status{StatusCode::kCorrupt, file.value().path() + ": a split is missing"};
+  if (tiles_.size() == kMostTrees) tiles_.pop_back();
+  tiles_.push_front({content, *std::move(tree)});
+  return &tiles_.front().tree;
+}
+
+Result<Answer> FullWorld::answer(const Asked& asked) {
+  const auto pose_in = [&asked](const Grid& grid) {
+    return pose_pair(grid, asked.world_pose, asked.world_name, *asked.body.grid, asked.pose,
+                     asked.name);
+  };
+  const Result<PosedPair> posed = pose_in(world_grid(folder_->world()));
+  NEARMESH_RETURN_IF_ERROR(posed);
+  const Result<NearTiles> near =
+      find_near_tiles(*folder_, root_, posed.value(), asked.body.root().box);
+  NEARMESH_RETURN_IF_ERROR(near);
+  Answer sum;
+  sum.status = AnswerStatus::kFree;
+  for (const WorldEntry& entry : near.value().tiles) {
+    const Grid grid = folder_->world().grid_at(entry);
+    const Result<const TriangleTree*> tree = tree_of(entry.content);
+    NEARMESH_RETURN_IF_ERROR(tree);
+    TreeView tile = tree.value()->view();
+    tile.grid = &grid;
+    const Result<PosedPair> in_place = pose_in(grid);
+    NEARMESH_RETURN_IF_ERROR(in_place);
+    const QueryOptions options{.clearance = Clearance::kNone};
+    const Answer part =
+        asked.is_world_a ? query(tile, in_place.value().a, asked.body, in_place.value().b, options)
+                         : query(asked.body, in_place.value().b, tile, in_place.value().a, options);
+    if (part.status != AnswerStatus::kFree) sum.status = part.status;
+    sum.pairs.insert(sum.pairs.end(), part.pairs.begin(), part.pairs.end());
+  }
+  sum.pair_total = sum.pairs.size();
+  return sum;
+}
+
+}  // namespace nearmesh::program

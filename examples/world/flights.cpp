@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: Apache-2.0
+// Writes what examples/world flies: heights that go on without a seam when they are laid side by side, and for each peer a scene
+// with its bodies and their trajectories.
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <numbers>
+#include <string>
+#include <vector>
+
+namespace {
+
+constexpr double kSpacing_m = 5, kStep_m = 0.1;
+
+/// Of the post in a column from the west and a row from the south. Its period is the grid's side of so many cells.
+double height_m(int cells, std::int64_t column, std::int64_t row) {
+  const auto wave = [cells](std::int64_t at, int waves) {
+    const std::int64_t place = (at % cells + cells) % cells;
+    return 2 * std::numbers::pi * static_cast<double>(place * waves % cells) / cells;
+  };
+  const double metres = 300 + 200 * std::sin(wave(column, 1)) * std::cos(wave(row, 1)) +
+                        60 * std::sin(wave(column, 8)) * std::sin(wave(row, 5)) +
+                        8 * std::sin(wave(column, 61)) * std::cos(wave(row, 53));
+  return std::round(metres / kStep_m) * kStep_m;
+}
+
+/// Of the ground within a distance, the highest post.
+double top_m(int cells, double x_m, double y_m, double around_m) {
+  double top = -1e9;
+  const auto first = [&](double at) {
+    return static_cast<std::int64_t>((at - around_m) / kSpacing_m);
+  };
+  const auto last = [&](double at) {
+    return static_cast<std::int64_t>((at + around_m) / kSpacing_m) + 1;
+  };
+  for (std::int64_t j = first(y_m); j <= last(y_m); ++j)
+    for (std::int64_t i = first(x_m); i <= last(x_m); ++i)
+      top = std::max(top, height_m(cells, i, j));
+  return top;
+}
+
+bool write_heights(const std::filesystem::path& path, int cells) {
+  std::ofstream out(path, std::ios::binary);
+  for (int row = cells; row >= 0; --row)  // the northern one first
+    for (int column = 0; column <= cells; ++column) {
+      const auto sample =
+          static_cast<std::int16_t>(std::lround(height_m(cells, column, row) / kStep_m));
+      out.put(static_cast<char>(sample & 0xff)).put(static_cast<char>(sample >> 8));
+    }
+  out.close();
+  return out.good();
+}
+
+struct Plan {
+  int cells = 2828;  // a side of the heights
+  int repeats = 25, peers = 4, bodies = 1000, low = 100, frames = 200;
+  double rate_hz = 10;
+};
+
+/// Every body has a square of the world for itself. Those that fly low follow the ground, and every fourth of them touches it for a while.
+bool write_flight(const std::filesystem::path& path, const Plan& plan, int body, bool is_low) {
+  constexpr double kSpeed_mps = 150, kAround_m = 20;
+  const double world_m = plan.cells * kSpacing_m * plan.repeats;
+  const int columns = static_cast<int>(std::ceil(std::sqrt(plan.bodies)));
+  const double square_m = world_m / columns;
+  const double x0 = (body % columns + 0.5) * square_m - kSpeed_mps * plan.frames / plan.rate_hz / 2;
+  const double y_m = (body / columns + 0.5) * square_m;
+  std::ofstream out(path);
+  out.precision(17);
+  out << "QW,QX,QY,QZ,T0,T1,T2\n";
+  for (int frame = 0; frame < plan.frames; ++frame) {
+    const double x_m = x0 + kSpeed_mps * frame / plan.rate_hz;
+    const double way = static_cast<double>(frame) / plan.frames;
+    const double dip_m = body % 4 == 0 && way > 0.4 && way < 0.6 ? -6 : 12;
+    const double z_m =
+        is_low ? top_m(plan.cells, x_m, y_m, kAround_m) + dip_m : 3000 + body % 50 * 100;
+    out << "1,0,0,0," << x_m << ',' << y_m << ',' << z_m << '\n';
+  }
+  out.close();
+  return out.good();
+}
+
+bool write_peer(const std::filesystem::path& folder, const Plan& plan, int peer) {
+  const std::string name = "peer" + std::to_string(peer + 1);
+  const std::filesystem::path flights = folder / name;
+  std::filesystem::create_directories(flights);
+  std::string bodies =
+      "bodies:\n  - {name: ground, model: world, pose: {translation: [0, 0, 0]}}\n";
+  std::string moves = "moves:\n";
+  const int share = plan.bodies / std::max(plan.low, 1);
+  for (int body = peer; body < plan.bodies; body += plan.peers) {
+    const std::string its = "craft" + std::to_string(body);
+    const bool is_low = plan.low > 0 && body / plan.peers % share == 0;
+    if (!write_flight(flights / (its + ".csv"), plan, body, is_low)) return false;
+    bodies += "  - {name: " + its + ", model: aircraft}\n";
+    moves += "  - {body: " + its + ", trajectory: " + name + "/" + its + ".csv}\n";
+  }
+  std::ofstream out(folder / (name + ".yaml"));
+  out << bodies << moves << "pairs: all\nframe_rate_hz: " << plan.rate_hz
+      << "\nbudget_ms: 40\nlookahead_s: 0.3\nstart_timeout_s: 120\n";
+  out.close();
+  return out.good();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{"Writes heights, scenes and flights of nearmesh's world example.",
+               "nearmesh-world-flights"};
+  std::string folder;
+  Plan plan;
+  app.add_option("folder", folder, "Where heights.raw, peer1.yaml and so on go")->required();
+  app.add_option("--cells", plan.cells, "A side of the heights; 5 m each")
+      ->capture_default_str()
+      ->check(CLI::Range(64, 10'000));
+  app.add_option("--repeats", plan.repeats, "How often the heights stand in each direction")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 1000));
+  app.add_option("--peers", plan.peers, "Processes")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 100));
+  app.add_option("--bodies", plan.bodies, "Of all peers together")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 100'000));
+  app.add_option("--low", plan.low, "So many of them fly close to the ground")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 100'000));
+  app.add_option("--frames", plan.frames, "Of a flight")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 100'000));
+  app.set_version_flag("--version", "nearmesh-world-flights " NEARMESH_VERSION);
+  CLI11_PARSE(app, argc, argv);
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  bool is_written = write_heights(folder + "/heights.raw", plan.cells);
+  for (int peer = 0; peer < plan.peers; ++peer)
+    is_written = is_written && write_peer(folder, plan, peer);
+  if (!is_written)
+    std::fprintf(stderr, "nearmesh-world-flights: cannot write in %s\n", folder.c_str());
+  return is_written ? 0 : 1;
+}

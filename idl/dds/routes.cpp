@@ -1,0 +1,172 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "routes.hpp"
+
+#include <algorithm>
+#include <cstring>
+#include <string_view>
+
+#include "nearmesh/idl/messages/topics.hpp"
+
+namespace nearmesh::wire {
+namespace {
+
+/// Sessions of this process that write routed samples.
+struct Writers {
+  std::mutex mutex;
+  std::map<SessionId, Routes*> of;
+};
+Writers& writers() {
+  static auto* all = new Writers;  // never destroyed: threads of Fast DDS may outlive main()
+  return *all;
+}
+
+/// Of a sample in plain CDR, as this machine writes it. Precondition: it is long enough.
+template <class Number>
+Number number_at(std::span<const std::uint8_t> cdr, std::size_t at) {
+  Number number{};
+  std::memcpy(&number, cdr.data() + at, sizeof number);
+  return number;
+}
+
+// Where the fields stand, behind the four bytes of the encapsulation: nearmesh.idl.
+constexpr std::size_t kPlacesAt = 6, kPartAt = 8, kPeerAt = 12, kNearBytes = 20;
+constexpr std::size_t kWanterAt = 12, kMoverAt = 20, kWantedBytes = 28;
+
+using Gets = bool (*)(Routes& routes, std::span<const std::uint8_t> cdr,
+                      const Routes::Participant& reader);
+
+class RoutesFilter : public fdds::IContentFilter {
+ public:
+  /// The session that writes stands at `session_at`.
+  RoutesFilter(std::size_t session_at, std::size_t least_bytes, Gets gets)
+      : session_at_(session_at), least_bytes_(least_bytes), gets_(gets) {}
+
+  bool evaluate(const SerializedPayload& payload, const FilterSampleInfo&,
+                const GUID_t& reader) const override {
+    const std::span<const std::uint8_t> cdr(payload.data, payload.length);
+    if (cdr.size() < least_bytes_ || cdr[1] != 1) return true;
+    Writers& all = writers();
+    const std::lock_guard lock(all.mutex);
+    const auto own = all.of.find(number_at<SessionId>(cdr, session_at_));
+    if (own == all.of.end()) return true;  // at a reader: the writer has chosen
+    return gets_(*own->second, cdr, Routes::participant_of(Handle(reader)));
+  }
+
+ private:
+  const std::size_t session_at_, least_bytes_;
+  const Gets gets_;
+};
+
+class Filters : public fdds::IContentFilterFactory {
+ public:
+  ReturnCode create_content_filter(const char* name, const char* type, const fdds::TopicDataType*,
+                                   const char*, const ParameterSeq&,
+                                   fdds::IContentFilter*& filter) override {
+    if (std::string_view(name) != kRoutesFilter || type == nullptr) return refused();
+    if (filter != nullptr) return {};  // nothing that could change
+    if (type == topic_of<NearPoses>().type) {
+      filter = &near_;
+    } else if (type == topic_of<WantedPoses>().type) {
+      filter = &wanted_;
+    } else {
+      return refused();
+    }
+    return {};
+  }
+  ReturnCode delete_content_filter(const char*, fdds::IContentFilter*) override { return {}; }
+
+ private:
+  static ReturnCode refused() {
+#if NEARMESH_FASTDDS == 3
+    return fdds::RETCODE_UNSUPPORTED;
+#else
+    return ReturnCode::RETCODE_UNSUPPORTED;
+#endif
+  }
+
+  RoutesFilter near_{kPeerAt, kNearBytes, [](Routes& routes, auto cdr, const auto& reader) {
+                       return routes.gets_near_poses(cdr, reader);
+                     }};
+  RoutesFilter wanted_{kWanterAt, kWantedBytes, [](Routes& routes, auto cdr, const auto& reader) {
+                         return routes.gets_wanted_poses(cdr, reader);
+                       }};
+};
+
+}  // namespace
+
+fdds::IContentFilterFactory& routes_filters() {
+  static auto* all = new Filters;  // as writers()
+  return *all;
+}
+
+Routes::Participant Routes::participant_of(const Handle& endpoint) {
+  Participant participant{};
+  for (std::size_t i = 0; i < participant.size(); ++i) participant[i] = endpoint.value[i];
+  return participant;
+}
+
+Routes::Routes(SessionId own) : own_(own) {
+  const std::lock_guard lock(writers().mutex);
+  writers().of[own_] = this;
+}
+
+Routes::~Routes() {
+  const std::lock_guard lock(writers().mutex);
+  writers().of.erase(own_);
+}
+
+void Routes::want(const WantedPoses& wanted, const Participant& from) {
+  const std::lock_guard lock(mutex_);
+  const auto now = std::chrono::steady_clock::now();
+  std::erase_if(wishes_, [&](const auto& entry) {
+    return now - entry.second.heard > std::chrono::duration<double>(kWantedFor_s);
+  });
+  if (wanted.parts.empty()) {
+    wishes_.erase(wanted.peer);
+  } else if (wishes_.size() < kMaxPeers || wishes_.contains(wanted.peer)) {
+    wishes_[wanted.peer] = {from, wanted, now};
+  }
+}
+
+void Routes::find(SessionId session, const Participant& at) {
+  const std::lock_guard lock(mutex_);
+  if (places_.size() < kMaxPeers || places_.contains(session)) places_[session] = at;
+}
+
+void Routes::clear() {
+  const std::lock_guard lock(mutex_);
+  wishes_.clear();
+  places_.clear();
+}
+
+std::map<SessionId, std::uint64_t> Routes::sent() const {
+  const std::lock_guard lock(mutex_);
+  return sent_;
+}
+
+bool Routes::gets_near_poses(std::span<const std::uint8_t> cdr, const Participant& reader) {
+  const std::lock_guard lock(mutex_);
+  const auto places = cdr[kPlacesAt];
+  const auto part = number_at<std::uint32_t>(cdr, kPartAt);
+  const auto now = std::chrono::steady_clock::now();
+  bool is_wanted = false;
+  for (const auto& [peer, wish] : wishes_) {
+    if (wish.from != reader || now - wish.heard > std::chrono::duration<double>(kWantedFor_s))
+      continue;
+    const bool is_its = std::any_of(wish.wanted.parts.begin(), wish.wanted.parts.end(),
+                                    [&](const WantedPoses::Part& one) {
+                                      return one.part == part && (one.places & places) != 0;
+                                    });
+    if (is_its && (sent_.size() < kMaxPeers || sent_.contains(peer))) ++sent_[peer];
+    is_wanted |= is_its;
+  }
+  return is_wanted;
+}
+
+bool Routes::gets_wanted_poses(std::span<const std::uint8_t> cdr, const Participant& reader) const {
+  const std::lock_guard lock(mutex_);
+  const auto place = places_.find(number_at<SessionId>(cdr, kMoverAt));
+  return place == places_.end() || place->second == reader;
+}
+
+}  // namespace nearmesh::wire

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// Who gets which sample of a routed topic (topics.hpp): the writer's custom content filter of Fast DDS, over a table of our own. Readers
+// announce one filter, which never changes; what they want is said by WantedPoses, and stands in the table of the session that
+// writes. So nothing is announced anew when it changes. For the rooms named dds alone.
+
+#include <fastdds/dds/topic/IContentFilter.hpp>
+#include <fastdds/dds/topic/IContentFilterFactory.hpp>
+
+#include <array>
+#include <chrono>
+#include <cstdint>
+#include <map>
+#include <mutex>
+#include <span>
+#include <vector>
+
+#include "fastdds_api.hpp"
+#include "nearmesh/idl/messages/messages.hpp"
+
+namespace nearmesh::wire {
+
+/// What the filter is called when it is announced, and its expression, which says nothing.
+inline constexpr char kRoutesFilter[] = "nearmesh.routes";
+inline constexpr char kRoutesExpression[] = "routed";
+
+/// Of one session: who wants which of its bodies, and where the sessions are whose bodies it wants. A sample of which the table does not
+/// say who gets it goes to all. Threads: any.
+class Routes {
+ public:
+  using Participant = std::array<std::uint8_t, 12>;
+  [[nodiscard]] static Participant participant_of(const Handle& endpoint);
+
+  /// Samples that this session writes from now on, until the destructor, go by this table.
+  explicit Routes(SessionId own);
+  ~Routes();
+  Routes(const Routes&) = delete;
+  Routes& operator=(const Routes&) = delete;
+
+  /// A peer's wish, as it came from a writer of that participant: the last one of a peer holds, for kWantedFor_s.
+  void want(const WantedPoses& wanted, const Participant& from);
+  /// The session speaks through that participant.
+  void find(SessionId session, const Participant& at);
+  /// With a bus: nobody is known any more.
+  void clear();
+
+  /// Samples of near poses that went to each peer, since the start.
+  [[nodiscard]] std::map<SessionId, std::uint64_t> sent() const;
+
+  /// Whether a reader there gets a sample: its bytes, as they go to the bus.
+  [[nodiscard]] bool gets_near_poses(std::span<const std::uint8_t> cdr, const Participant& reader);
+  [[nodiscard]] bool gets_wanted_poses(std::span<const std::uint8_t> cdr,
+                                       const Participant& reader) const;
+
+  /// Peers whose wishes are kept.
+  static constexpr std::size_t kMaxPeers = 4096;
+
+ private:
+  struct Wish {
+    Participant from{};
+    WantedPoses wanted;
+    std::chrono::steady_clock::time_point heard;
+  };
+  const SessionId own_;
+  mutable std::mutex mutex_;
+  std::map<SessionId, Wish> wishes_;
+  std::map<SessionId, Participant> places_;
+  std::map<SessionId, std::uint64_t> sent_;
+};
+
+/// Makes the filter of every routed topic, for any participant; lives as long as the process.
+[[nodiscard]] fdds::IContentFilterFactory& routes_filters();
+
+}  // namespace nearmesh::wire

@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// A peer's channel whose samples are kept as a recorder would hear them, to be spoilt and written; and what recordings they give.
+
+#include <functional>
+#include <memory>
+#include <set>
+#include <string>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "taped_channels.hpp"
+
+namespace nearmesh::test {
+
+struct KeptSample {
+  wire::SessionId by = 0;  ///< the participant
+  std::variant<wire::MeshHeader, wire::BodyDirectory, wire::BodyPoses, wire::WatchedBodies,
+               wire::BoundsReport>
+      message;
+  wire::SplitBatchMessage batch{};  ///< instead, where it has bytes
+
+  template <class Message>
+  [[nodiscard]] Message* as() {
+    return batch.bytes.empty() ? std::get_if<Message>(&message) : nullptr;
+  }
+  template <class Message>
+  [[nodiscard]] const Message* as() const {
+    return batch.bytes.empty() ? std::get_if<Message>(&message) : nullptr;
+  }
+};
+using KeptSamples = std::vector<KeptSample>;
+
+class KeptChannel final : public subscriber::Channel {
+ public:
+  KeptChannel(std::unique_ptr<subscriber::Channel> inner, KeptSamples& kept)
+      : inner_(std::move(inner)), kept_(kept) {}
+  wire::SessionId own_id() const override { return inner_->own_id(); }
+  void send(const wire::RegionSubscription& message) override { inner_->send(message); }
+  void send(const wire::BodyPoses& message) override { pass(message); }
+  void send(const wire::BodyDirectory& message) override { pass(message); }
+  void send(const wire::ContactReport& message) override { inner_->send(message); }
+  void tell_watched(const wire::WatchedBodies& message) override {
+    keep(own_id(), message);
+    inner_->tell_watched(message);
+  }
+  void tell_bounds(const wire::BoundsReport& message) override {
+    keep(own_id(), message);
+    inner_->tell_bounds(message);
+  }
+  Inbox take() override {
+    Inbox inbox = inner_->take();
+    for (const Header& header : inbox.headers)
+      if (headers_.insert(header.message.content_hash).second)
+        keep(header.publisher, header.message);
+    for (const wire::SplitBatchMessage& batch : inbox.batches)
+      kept_.push_back({.by = batch.publisher, .message = {}, .batch = batch});
+    return inbox;
+  }
+
+ private:
+  template <class Message>
+  void pass(const Message& message) {
+    keep(own_id(), message);
+    inner_->send(message);
+  }
+  template <class Message>
+  void keep(wire::SessionId by, const Message& message) {
+    kept_.push_back({.by = by, .message = message});
+  }
+  std::unique_ptr<subscriber::Channel> inner_;
+  KeptSamples& kept_;
+  std::set<ContentHash> headers_;
+};
+
+/// In their order, a millisecond apart.
+inline void write_samples(const KeptSamples& samples, const std::string& path) {
+  Tape tape(RecordingWriter::create(path, {7, 0, wire::kWireVersion, "kept", "idl"}).value(),
+            "kept");
+  tape.now_ns = 1'700'000'000'000'000'000;
+  for (const KeptSample& sample : samples) {
+    tape.now_ns += 1'000'000;
+    if (!sample.batch.bytes.empty()) {
+      tape.put(sample.by, 1, sample.batch);
+    } else {
+      std::visit([&](const auto& message) { tape.put(sample.by, message); }, sample.message);
+    }
+  }
+  EXPECT_TRUE(tape.close().is_ok());
+}
+
+}  // namespace nearmesh::test

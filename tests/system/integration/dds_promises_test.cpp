@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: Apache-2.0
+// Promises and full poses over real sockets: who gets them, and from whom they count.
+#include <fastdds/dds/topic/IContentFilter.hpp>
+#include <fastdds/dds/topic/IContentFilterFactory.hpp>
+
+#include "dds_channel_fixture.hpp"
+#include "idl/dds/routes.hpp"
+
+namespace nearmesh::test {
+namespace {
+
+/// "arm", of which promises are made, alone in its parts.
+wire::BodyDirectory directory_of(wire::SessionId peer, double max_speed_mps = 10) {
+  wire::BodyDirectory directory{.peer = peer};
+  directory.bodies.push_back(
+      {.number = 0, .name = "arm", .model = "m", .max_speed_mps = max_speed_mps});
+  return directory;
+}
+
+wire::BodyPromises promises_of(wire::SessionId peer, double from_s) {
+  return {.peer = peer, .from_s = from_s, .steps = 2048, .bodies = {{0, {1, 2, 3}}}};
+}
+
+wire::NearPoses near_of(wire::SessionId peer, std::uint64_t frame) {
+  wire::NearPoses poses;
+  poses.peer = peer;
+  poses.frame = frame;
+  poses.bodies.push_back({.number = 0});
+  return poses;
+}
+
+/// A reader's filter that lets everything pass: what does not come, its writer chose not to send.
+class OpenFilters : public fdds::IContentFilterFactory, public fdds::IContentFilter {
+ public:
+  wire::ReturnCode create_content_filter(const char*, const char*, const fdds::TopicDataType*,
+                                         const char*, const ParameterSeq&,
+                                         fdds::IContentFilter*& filter) override {
+    filter = this;
+    return {};
+  }
+  wire::ReturnCode delete_content_filter(const char*, fdds::IContentFilter*) override { return {}; }
+  bool evaluate(const SerializedPayload&, const FilterSampleInfo&, const GUID_t&) const override {
+    return true;
+  }
+};
+
+TEST(DdsChannel, NearPosesAreSentToThoseAloneWhoWantThem) {
+  OpenFilters open;
+  fdds::DomainParticipant* host = make_participant(own_prefix());
+  ASSERT_TRUE(wire::is_ok(host->register_content_filter_factory(wire::kRoutesFilter, &open)));
+  {
+    Peer mover(make_peer(own_prefix())), wants(make_peer(own_prefix())),
+        does_not(make_peer(own_prefix(), host));
+    const wire::SessionId id = mover.channel->own_id();
+    mover.channel->send(directory_of(id));
+    mover.channel->promise(promises_of(id, 1));
+    const auto has_promise = [](const Inbox& in) { return !in.promises.empty(); };
+    ASSERT_TRUE(wants.await(has_promise)) << wants.story();
+    ASSERT_TRUE(does_not.await(has_promise)) << does_not.story();
+    EXPECT_EQ(wants.all.promises[0].body, "arm");
+    EXPECT_EQ(wants.all.promises[0].max_speed_mps, 10);
+    ASSERT_EQ(wants.all.bodies.size(), 1U);
+    std::uint64_t frame = 0;
+    for (int i = 0; i < 20; ++i) mover.channel->send_near(near_of(id, ++frame));
+    wants.channel->want({.peer = wants.channel->own_id(), .mover = id, .parts = {{0, 1}}});
+    ASSERT_TRUE(mover.await([](const Inbox& in) { return !in.wanted.empty(); }));
+    EXPECT_EQ(mover.all.wanted[0].peer, wants.channel->own_id());
+    for (int i = 0; i < 200; ++i) {
+      mover.channel->send_near(near_of(id, ++frame));
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    ASSERT_TRUE(wants.await([&](const Inbox& in) {
+      return !in.poses.empty() && in.poses.back().frame == frame;
+    })) << wants.story();
+    EXPECT_GT(wants.all.poses.size(), 150U);  // the newest displaces those before
+    EXPECT_EQ(does_not.collect().poses.size(), 0U);
+    // Nothing is announced anew: who wants them too gets them from then on.
+    does_not.channel->want({.peer = does_not.channel->own_id(), .mover = id, .parts = {{0, 1}}});
+    ASSERT_TRUE(mover.await([](const Inbox& in) { return in.wanted.size() == 2; }));
+    mover.channel->send_near(near_of(id, ++frame));
+    ASSERT_TRUE(does_not.await([](const Inbox& in) { return in.poses.size() == 1; }));
+    EXPECT_EQ(does_not.all.poses[0].frame, frame);
+    // And who wants them no more gets none.
+    does_not.channel->want({.peer = does_not.channel->own_id(), .mover = id});
+    ASSERT_TRUE(mover.await([](const Inbox& in) { return in.wanted.size() == 3; }));
+    mover.channel->send_near(near_of(id, ++frame));
+    ASSERT_TRUE(wants.await([&](const Inbox& in) { return in.poses.back().frame == frame; }));
+    EXPECT_EQ(does_not.collect().poses.size(), 1U);
+  }
+  fdds::DomainParticipantFactory::get_instance()->delete_participant(host);
+}
+
+TEST(DdsChannel, WhoJoinsLaterIsPromisedAtOnce) {
+  Peer mover(make_peer(own_prefix()));
+  const wire::SessionId id = mover.channel->own_id();
+  mover.channel->send(directory_of(id));
+  mover.channel->promise(promises_of(id, 1));
+  mover.channel->promise(promises_of(id, 5));
+  Peer late(make_peer(own_prefix()));
+  ASSERT_TRUE(late.await([](const Inbox& in) { return !in.promises.empty(); }));
+  EXPECT_EQ(late.all.promises.size(), 1U);
+  EXPECT_EQ(late.all.promises[0].from_s, 5);
+  EXPECT_EQ(late.all.promises[0].place_m, (std::array<double, 3>{1, 2, 3}));
+  EXPECT_EQ(late.all.movers.at("arm"), wire::Mover::kThere);
+}
+
+TEST(DdsChannel, PromisesCountOnceADirectoryNamesThemAndOfWhoHasASpeed) {
+  Peer mover(make_peer(own_prefix())), watcher(make_peer(own_prefix()));
+  const wire::SessionId id = mover.channel->own_id();
+  mover.channel->promise(promises_of(id, 1));
+  say(*mover.channel, pose_of(id, "leg", 1));
+  ASSERT_TRUE(watcher.await([](const Inbox& in) { return !in.poses.empty(); }));
+  EXPECT_TRUE(watcher.all.promises.empty());
+  // Of a body that may have any speed a promise says nothing.
+  mover.channel->send(directory_of(id, 0));
+  say(*mover.channel, pose_of(id, "leg", 2));
+  ASSERT_TRUE(watcher.await([](const Inbox& in) { return in.poses.size() == 2; }));
+  EXPECT_TRUE(watcher.all.promises.empty());
+  mover.channel->send(directory_of(id));
+  mover.channel->promise(promises_of(id, 2));
+  ASSERT_TRUE(watcher.await([](const Inbox& in) { return !in.promises.empty(); }));
+  EXPECT_EQ(watcher.all.promises[0].from_s, 2);
+}
+
+TEST(DdsChannel, NobodyPromisesForABodyThatAnotherMoves) {
+  Peer watcher(make_peer(own_prefix())), thief(make_peer(own_prefix()));
+  const wire::SessionId thief_id = thief.channel->own_id();
+  {
+    Peer mover(make_peer(own_prefix()));
+    const wire::SessionId id = mover.channel->own_id();
+    mover.channel->send(directory_of(id));
+    mover.channel->promise(promises_of(id, 1));
+    ASSERT_TRUE(watcher.await([](const Inbox& in) { return in.promises.size() == 1; }));
+    thief.channel->send(directory_of(thief_id));
+    thief.channel->promise(promises_of(thief_id, 7));
+    ASSERT_TRUE(watcher.await([](const Inbox& in) { return !in.complaints.empty(); }));
+    EXPECT_NE(watcher.all.complaints[0].find("body arm"), std::string::npos);
+    EXPECT_NE(watcher.all.complaints[0].find("is moved by another peer already"),
+              std::string::npos);
+    // Nor in the name of the mover's session.
+    thief.channel->promise(promises_of(id, 8));
+    // Both have one key: what waits unread is displaced by what comes later.
+    say(*thief.channel, pose_of(thief_id, "leg", 1));
+    ASSERT_TRUE(watcher.await([](const Inbox& in) { return !in.poses.empty(); }));
+    mover.channel->promise(promises_of(id, 2));
+    ASSERT_TRUE(watcher.await([](const Inbox& in) { return in.promises.size() == 2; }));
+    EXPECT_EQ(watcher.all.promises[1].from_s, 2);
+  }
+  // The body is free: what the other said last counts then, though it says no more.
+  ASSERT_TRUE(watcher.await([](const Inbox& in) { return in.promises.size() == 3; }));
+  EXPECT_EQ(watcher.all.promises[2].from_s, 7);
+  EXPECT_EQ(watcher.all.promises[2].peer, thief_id);
+  EXPECT_EQ(watcher.all.movers.at("arm"), wire::Mover::kThere);
+}
+
+TEST(DdsChannel, WhatIsToldOfADirectoryAndAPromiseFromTwoSessionsOfOneHostStaysApart) {
+  fdds::DomainParticipant* host = make_participant(own_prefix());
+  {
+    Peer one(make_peer(own_prefix(), host)), two(make_peer(own_prefix(), host)),
+        watcher(make_peer(own_prefix()));
+    one.channel->send(directory_of(one.channel->own_id()));
+    one.channel->promise(promises_of(one.channel->own_id(), 1));
+    ASSERT_TRUE(watcher.await([](const Inbox& in) { return in.promises.size() == 1; }));
+    two.channel->send(directory_of(two.channel->own_id()));
+    two.channel->promise(promises_of(two.channel->own_id(), 2));
+    ASSERT_TRUE(watcher.await([](const Inbox& in) { return !in.complaints.empty(); }));
+    EXPECT_EQ(watcher.all.promises.size(), 1U);
+  }
+  fdds::DomainParticipantFactory::get_instance()->delete_participant(host);
+}
+
+}  // namespace
+}  // namespace nearmesh::test
