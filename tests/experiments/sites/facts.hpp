@@ -14,13 +14,11 @@ namespace nearmesh::sites {
 /// Samples as the product's codecs write them, bytes with their encapsulation and without what travels around them.
 struct MessageBytes {
   double poses = 0;    ///< of a peer with one body
+  double promise = 0;  ///< of the same
   double request = 0;  ///< about one pair of bodies, for the publisher to choose
   double batch = 0;    ///< a batch without its detail
 };
 [[nodiscard]] MessageBytes message_bytes();
-
-/// GUESS: bytes of one body's promise in a sample of its own, until promises have a codec.
-[[nodiscard]] double promise_bytes_a_body();
 
 /// DDS domains that one network has.
 inline constexpr double kMostDomains = 233;

@@ -18,9 +18,9 @@ constexpr std::size_t kHubs = 12;
 constexpr double kHubReach_m = 5000;
 /// From the body's origin to its farthest point, rounded up; and so far may two bodies be whose promises meet.
 constexpr double kReach_m = 16;
+/// A promise as old as one gets, and what is looked ahead.
 constexpr double kFarthest_m =
-    4 *
-    (Flights::kMostSpeed_mps * Simulation::kPromise_s / 2 * Simulation::kPromiseRoom + kReach_m);
+    2 * (Flights::kMostSpeed_mps * (Simulation::kRenewed_s + 1) + kReach_m);
 constexpr double kMostPeerFrames = 1e8;
 
 double distance_m(const std::array<double, 3>& a, const std::array<double, 3>& b) {
@@ -188,30 +188,21 @@ void Simulation::find_near() {
 }
 
 void Simulation::renew_promises() {
-  const double step_s = 1 / scenario_.frame_rate_hz;
   for (std::size_t body = 0; body < promises_.size(); ++body) {
-    const Motion& motion = flights_.motions()[body];
-    const auto& place_m = motion.pose.translation_m;
+    const auto& place_m = flights_.motions()[body].pose.translation_m;
     Promise& promise = promises_[body];
-    std::array<double, 3> next_m = place_m;
-    for (std::size_t k = 0; k < 3; ++k) next_m[k] += motion.linear_velocity_mps[k] * step_s;
-    renewed_[body] = now_s_ + step_s > promise.until_s ||
-                     distance_m(place_m, promise.middle_m) > promise.radius_m ||
-                     distance_m(next_m, promise.middle_m) > promise.radius_m;
-    if (renewed_[body] == 0) continue;
-    // The first ones of all bodies end one after the other.
-    const double share = counts_.frames == 0
-                             ? static_cast<double>(body + 1) / static_cast<double>(promises_.size())
-                             : 1;
-    const double lasts_s = std::max(2 * step_s, kPromise_s * share);
-    promise.until_s = now_s_ + lasts_s;
-    for (std::size_t k = 0; k < 3; ++k)
-      promise.middle_m[k] = place_m[k] + motion.linear_velocity_mps[k] * (lasts_s / 2);
-    promise.radius_m = kPromiseRoom * distance_m(place_m, promise.middle_m);
+    renewed_[body] = counts_.frames == 0 || now_s_ - promise.from_s >= kRenewed_s;
+    if (renewed_[body] != 0) promise = {place_m, now_s_};
+    // Those of all bodies end one after the other.
+    if (counts_.frames == 0)
+      promise.from_s -=
+          kRenewed_s * static_cast<double>(body) / static_cast<double>(promises_.size());
+    const double radius_m =
+        Flights::kMostSpeed_mps * (now_s_ - promise.from_s + lookahead_s_) + kReach_m;
     WorldBox box;
     for (std::size_t k = 0; k < 3; ++k) {
-      box.lo_m[k] = promise.middle_m[k] - promise.radius_m - kReach_m;
-      box.hi_m[k] = promise.middle_m[k] + promise.radius_m + kReach_m;
+      box.lo_m[k] = promise.place_m[k] - radius_m;
+      box.hi_m[k] = promise.place_m[k] + radius_m;
     }
     promised_.place(promise_slots_[body], box, [&] { return box; });
   }

@@ -104,14 +104,14 @@ class Simulation {
   /// Which cell a body is over, by rows.
   [[nodiscard]] std::uint32_t cell_of(std::size_t body, std::uint32_t cells_a_side) const;
 
-  static constexpr double kPromise_s = 2, kPromiseRoom = 1.1;
+  static constexpr double kRenewed_s = 4;
 
  private:
   explicit Simulation(const Scenario& scenario);
-  /// A place and time that a body keeps to.
+  /// Where a body was: since then it went no farther than its greatest speed allows.
   struct Promise {
-    std::array<double, 3> middle_m{};
-    double radius_m = 0, until_s = -1;
+    std::array<double, 3> place_m{};
+    double from_s = 0;
   };
   void find_near();
   void renew_promises();

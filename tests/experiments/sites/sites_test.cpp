@@ -153,8 +153,8 @@ TEST(SitesSimulation, PromisesAreRenewedAndMeetWhereBodiesAreNear) {
   const Counts& counts = simulation.run();
   const double seconds = small().duration_s;
   const auto told = static_cast<double>(counts.layouts[0].promises.told);
-  EXPECT_GE(told, small().peers * seconds / Simulation::kPromise_s);
-  EXPECT_LE(told, small().peers * (2 + 2 * seconds / Simulation::kPromise_s));
+  EXPECT_GE(told, small().peers * seconds / Simulation::kRenewed_s);
+  EXPECT_LE(told, small().peers * (2 + seconds / Simulation::kRenewed_s));
   EXPECT_GE(counts.layouts[0].wanted_poses.told, 2 * counts.near_pairs);
 }
 
@@ -205,6 +205,8 @@ TEST(SitesFacts, SizesAreThoseOfTheCodecs) {
   poses.bodies.resize(1);
   EXPECT_EQ(bytes.poses, static_cast<double>(wire::encode_payload(poses).size()));
   EXPECT_GT(bytes.poses, 19 * 8);
+  EXPECT_GT(bytes.promise, 4 * 8);
+  EXPECT_LT(bytes.promise, bytes.poses / 2);
   EXPECT_GT(bytes.request, bytes.batch);
 }
 

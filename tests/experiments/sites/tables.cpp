@@ -73,7 +73,7 @@ Plan plan_of(const LayoutCounts& layout, const Measured& measured, const Scenari
   const double around = measured.around_bytes(), peers = scenario.peers;
   Plan plan;
   plan.today.add(layout.poses, measured.pose_wire_bytes, a_second, peers);
-  plan.promised.add(layout.promises, promise_bytes_a_body() + around, a_second, peers);
+  plan.promised.add(layout.promises, message_bytes().promise + around, a_second, peers);
   plan.promised.add(layout.wanted_poses, measured.pose_wire_bytes, a_second, peers);
   return plan;
 }
@@ -131,6 +131,7 @@ Table lines(const Inputs& inputs) {
             number(measured.pose_wire_bytes) + " bytes, " + number(bytes.poses) +
                 " of them payload; " + number(1e6 * measured.pose_cpu_s) +
                 " us of CPU of both together"},
+           {"a promise of one body", number(bytes.promise) + " bytes of payload"},
            {"a request about one pair", number(bytes.request) + " bytes of payload"},
            {"its answer, of flights like the demo's",
             number(asking.answer_bytes) + " bytes of detail in a sample of " + number(bytes.batch) +
