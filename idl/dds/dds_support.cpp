@@ -229,14 +229,13 @@ class DiscoveryListener : public FindingListener {
     mailbox_.meet(key_of(found.participant), found.is_gone || name == kUnnamed ? "" : name);
   }
   void writer_found(const FoundEndpoint& found) override {
+    if (on_writer_) tell(on_writer_, found);
     if (!found.is_new) return;
     judge(found);
     judge_qos(found, true);
-    if (on_writer_) on_writer_(found.endpoint, partition_of(found));
   }
   void reader_found(const FoundEndpoint& found) override {
-    if (on_reader_ && (found.is_gone || found.is_new))
-      on_reader_({found.endpoint, found.topic, partition_of(found), found.is_gone});
+    if (on_reader_) tell(on_reader_, found);
     if (!found.is_new) return;
     judge(found);
     judge_qos(found, false);
@@ -250,8 +249,11 @@ class DiscoveryListener : public FindingListener {
  private:
   static constexpr std::size_t kMaxKnown = 256;
 
-  static std::string partition_of(const FoundEndpoint& found) {
-    return found.partitions.empty() ? "" : found.partitions.front();
+  using Tell = std::function<void(const BusOptions::Found&)>;
+  static void tell(const Tell& use, const FoundEndpoint& found) {
+    if (found.is_new || found.is_gone)
+      use({found.endpoint, found.topic, found.partitions.empty() ? "" : found.partitions.front(),
+           found.is_gone});
   }
 
   void judge(const FoundEndpoint& found) {
@@ -294,8 +296,7 @@ class DiscoveryListener : public FindingListener {
   Mailbox& mailbox_;
   const std::string prefix_;
   const TopicNames names_;
-  const std::function<void(const Handle&, const std::string&)> on_writer_;
-  const std::function<void(const BusOptions::FoundReader&)> on_reader_;
+  const Tell on_writer_, on_reader_;
   std::mutex mutex_;
   std::set<std::string> said_;
 };

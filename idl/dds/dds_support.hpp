@@ -189,16 +189,16 @@ struct BusOptions {
   fdds::DomainParticipant* host_participant = nullptr;  ///< used as it is, instead of an own one
   std::int32_t header_bytes_per_s = 0;  ///< above 0: makes the flow controller kPacedFlow
   std::optional<TopicNames> names;      ///< where topics are called otherwise than the prefix says
-  /// Told of every writer elsewhere and its partition ("" for none) before any of its samples comes; not with a host's
-  /// participant. Called by threads of Fast DDS.
-  std::function<void(const Handle& writer, const std::string& partition)> on_writer;
-  /// Told of every reader elsewhere that is found or goes; else as on_writer.
-  struct FoundReader {
-    Handle reader;
-    std::string topic, partition;
+  struct Found {
+    Handle endpoint;
+    std::string topic, partition;  ///< "" for none
     bool gone = false;
   };
-  std::function<void(const FoundReader& found)> on_reader;
+  /// Told of every writer elsewhere that is found, before any of its samples comes, or goes; not with a host's participant.
+  /// Called by threads of Fast DDS.
+  std::function<void(const Found& found)> on_writer;
+  /// The same of readers.
+  std::function<void(const Found& found)> on_reader;
 };
 
 class DiscoveryListener;
@@ -333,6 +333,12 @@ class Writer {
     writer_ = made.is_ok() ? made.value() : nullptr;
     return made.status();
   }
+  [[nodiscard]] bool is_open() const { return writer_ != nullptr; }
+  /// Its bus is gone.
+  void forget() {
+    writer_ = nullptr;
+    listener_.forget_readers();
+  }
   [[nodiscard]] fdds::DataWriter& endpoint() const { return *writer_; }
   [[nodiscard]] WriterListener& listener() { return listener_; }
   [[nodiscard]] const WriterListener& listener() const { return listener_; }
@@ -378,6 +384,11 @@ class Reader {
     return made.status();
   }
   [[nodiscard]] bool is_open() const { return reader_ != nullptr; }
+  /// Its bus is gone.
+  void forget() {
+    reader_ = nullptr;
+    (void)listener_.take_matches();
+  }
   [[nodiscard]] fdds::DataReader& endpoint() const { return *reader_; }
   /// Which writers came and went since the last call.
   [[nodiscard]] std::vector<ReaderListener::Match> take_matches() {
@@ -389,6 +400,7 @@ class Reader {
   template <class Accept>
   [[nodiscard]] bool drain(std::size_t most, Accept accept,
                            const std::function<void(const Handle&)>& heard = {}) {
+    if (!is_open()) return false;
     typename TypeOf<Message>::Data data;
     fdds::SampleInfo info;
     for (std::size_t i = 0; i < most; ++i) {

@@ -44,7 +44,7 @@ bool DdsPeers::is_own(const Handle& writer) const {
   return wire::have_one_participant(writer, reader_.endpoint().get_instance_handle());
 }
 
-void DdsPeers::found(const wire::BusOptions::FoundReader& reader) {
+void DdsPeers::found(const wire::BusOptions::Found& reader) {
   if (wire::peer_of(reader.partition) == 0) return;
   {
     const std::lock_guard lock(mutex_);
@@ -55,12 +55,12 @@ void DdsPeers::found(const wire::BusOptions::FoundReader& reader) {
 }
 
 void DdsPeers::prepare() {
-  std::vector<wire::BusOptions::FoundReader> found;
+  std::vector<wire::BusOptions::Found> found;
   {
     const std::lock_guard lock(mutex_);
     found = std::exchange(found_, {});
   }
-  for (const wire::BusOptions::FoundReader& one : found) {
+  for (const wire::BusOptions::Found& one : found) {
     if (one.topic != bus_->names().of<wire::SplitBatchMessage>()) continue;
     const SessionId peer = wire::peer_of(one.partition);
     const auto known = prepared_.find(peer);
@@ -68,10 +68,10 @@ void DdsPeers::prepare() {
       if (one.gone || peers_.contains(peer) || peers_.size() + prepared_.size() >= max_peers_)
         continue;
       if (Result<Peer> made = make_peer(peer); made.is_ok())
-        prepared_.emplace(peer, Prepared{one.reader, std::move(made).value()});
+        prepared_.emplace(peer, Prepared{one.endpoint, std::move(made).value()});
     } else if (!one.gone) {
-      known->second.reader = one.reader;  // joined anew
-    } else if (known->second.reader == one.reader) {
+      known->second.reader = one.endpoint;  // joined anew
+    } else if (known->second.reader == one.endpoint) {
       bus_->remove_writer(&known->second.peer.writer->endpoint());
       prepared_.erase(known);
     }

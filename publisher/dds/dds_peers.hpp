@@ -27,7 +27,7 @@ class DdsPeers {
   void forget();
   /// A peer that will ask hears batches in its partition already. Its writer is made now: both sides know of each other when it
   /// asks, else the first batches would come before the word of who writes them, and again after a heartbeat. Threads: all.
-  void found(const wire::BusOptions::FoundReader& reader);
+  void found(const wire::BusOptions::Found& reader);
 
   /// `wanted`: which subscriptions count; the others leave no trace. None of this participant's own writers do.
   template <class Wanted>
@@ -81,7 +81,7 @@ class DdsPeers {
   std::map<wire::SessionId, Peer> peers_;
   std::map<wire::SessionId, Prepared> prepared_;  ///< none of these is among the peers
   std::mutex mutex_;
-  std::vector<wire::BusOptions::FoundReader> found_;  ///< since the last take()
+  std::vector<wire::BusOptions::Found> found_;  ///< since the last take()
   wire::SessionBook book_;
   std::vector<wire::SessionId> lost_;  ///< with a bus
   bool complained_of_limit_ = false;

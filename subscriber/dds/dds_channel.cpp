@@ -104,6 +104,12 @@ class DdsChannel::Impl {
 
   void run(std::promise<Status> started);
   Status open();
+  template <class Endpoint, class... How>
+  Status open(Endpoint& endpoint, const How&... how);
+  void open_what_is_of_use();
+  Status open_promising();
+  Status open_promised();
+  Status open_reporting();
   bool receive();
   bool receive_hellos();
   bool receive_poses();
@@ -172,7 +178,10 @@ class DdsChannel::Impl {
   DdsPoses movers_;
   wire::Routes routes_{own_id_};
   std::unique_ptr<wire::Bus> bus_;
+  bool promises_made_ = false;  ///< of own bodies
 
+  // What others open, as discovery told it.
+  std::atomic<bool> promises_found_ = false, recorder_found_ = false;
   std::atomic<bool> stopping_ = false;
   std::thread thread_;
 };
@@ -291,6 +300,7 @@ void DdsChannel::Impl::run(std::promise<Status> started) {
       continue;
     }
     try {
+      open_what_is_of_use();
       const bool sent_all = flush();
       const bool more = receive();
       const double wait_s = acknowledge();
@@ -308,6 +318,16 @@ Status DdsChannel::Impl::open() {
   wire::BusOptions bus_options;
   bus_options.transport = options_.transport;
   bus_options.host_participant = options_.participant;
+  bus_options.on_writer = [this](const wire::BusOptions::Found& found) {
+    if (found.gone || found.topic != names_.of<wire::BodyPromises>()) return;
+    promises_found_ = true;
+    mailbox_.wake();
+  };
+  bus_options.on_reader = [this](const wire::BusOptions::Found& found) {
+    if (found.gone || found.topic != names_.of<wire::ContactReport>()) return;
+    recorder_found_ = true;
+    mailbox_.wake();
+  };
   auto bus = wire::Bus::open(bus_options, mailbox_);
   NEARMESH_RETURN_IF_ERROR(bus);
   bus_ = std::move(bus).value();
@@ -321,21 +341,60 @@ Status DdsChannel::Impl::open() {
   NEARMESH_RETURN_IF_ERROR(header_reader_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(directory_reader_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(pose_reader_.open(*bus_));
-  NEARMESH_RETURN_IF_ERROR(promise_reader_.open(*bus_));
-  NEARMESH_RETURN_IF_ERROR(near_reader_.open(*bus_, "", wire::Hearing::kLatest));
-  NEARMESH_RETURN_IF_ERROR(wanted_reader_.open(*bus_, "", wire::Hearing::kLatest));
   NEARMESH_RETURN_IF_ERROR(status_reader_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(subscription_writer_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(directory_writer_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(pose_writer_.open(*bus_));
-  NEARMESH_RETURN_IF_ERROR(promise_writer_.open(*bus_));
-  NEARMESH_RETURN_IF_ERROR(near_writer_.open(*bus_));
-  NEARMESH_RETURN_IF_ERROR(wanted_writer_.open(*bus_));
-  NEARMESH_RETURN_IF_ERROR(report_writer_.open(*bus_));
-  NEARMESH_RETURN_IF_ERROR(watched_writer_.open(*bus_));
-  NEARMESH_RETURN_IF_ERROR(bounds_writer_.open(*bus_));
-  NEARMESH_RETURN_IF_ERROR(held_writer_.open(*bus_));
-  return status_writer_.open(*bus_);
+  NEARMESH_RETURN_IF_ERROR(status_writer_.open(*bus_));
+  if (options_.participant == nullptr) return Status::ok();
+  // Its listener is the host's, so who comes is not told here.
+  NEARMESH_RETURN_IF_ERROR(open_promising());
+  NEARMESH_RETURN_IF_ERROR(open_promised());
+  return open_reporting();
+}
+
+/// Each endpoint is told to every participant, and costs both. So those that few scenes need are opened once somebody is there who uses
+/// them: halves what it costs that many peers join.
+void DdsChannel::Impl::open_what_is_of_use() {
+  const auto open_if = [&](bool is_due, Status (Impl::*open)()) {
+    if (!is_due) return;
+    if (const Status status = (this->*open)(); !status.is_ok())
+      mailbox_.complain(std::string(status.message()));
+  };
+  {
+    const std::lock_guard lock(mutex_);
+    promises_made_ |= !promises_.empty();
+  }
+  open_if(promises_made_ && !near_writer_.is_open(), &Impl::open_promising);
+  open_if(promises_found_.exchange(false), &Impl::open_promised);
+  open_if(recorder_found_.exchange(false), &Impl::open_reporting);
+}
+
+template <class Endpoint, class... How>
+Status DdsChannel::Impl::open(Endpoint& endpoint, const How&... how) {
+  return endpoint.is_open() ? Status::ok() : endpoint.open(*bus_, how...);
+}
+
+/// For promises of own bodies.
+Status DdsChannel::Impl::open_promising() {
+  NEARMESH_RETURN_IF_ERROR(open(wanted_reader_, "", wire::Hearing::kLatest));
+  NEARMESH_RETURN_IF_ERROR(open(promise_writer_));
+  return open(near_writer_);
+}
+
+/// For those of others'.
+Status DdsChannel::Impl::open_promised() {
+  NEARMESH_RETURN_IF_ERROR(open(wanted_writer_));
+  NEARMESH_RETURN_IF_ERROR(open(promise_reader_));
+  return open(near_reader_, "", wire::Hearing::kLatest);
+}
+
+/// For who records.
+Status DdsChannel::Impl::open_reporting() {
+  NEARMESH_RETURN_IF_ERROR(open(report_writer_));
+  NEARMESH_RETURN_IF_ERROR(open(watched_writer_));
+  NEARMESH_RETURN_IF_ERROR(open(bounds_writer_));
+  return open(held_writer_);
 }
 
 /// Out: true when some reader may hold more.
@@ -562,16 +621,12 @@ Status DdsChannel::Impl::rejoin() {
   routes_.clear();
   headers_.clear();
   deliver_movers();
-  subscription_writer_.listener().forget_readers();
-  held_writer_.listener().forget_readers();
-  (void)hello_reader_.take_matches();
-  (void)header_reader_.take_matches();
-  (void)directory_reader_.take_matches();
-  (void)pose_reader_.take_matches();
-  (void)near_reader_.take_matches();
-  (void)promise_reader_.take_matches();
-  (void)wanted_reader_.take_matches();
-  (void)status_reader_.take_matches();
+  const auto forget = [](auto&... endpoints) { (endpoints.forget(), ...); };
+  forget(hello_reader_, header_reader_, batch_reader_, directory_reader_, pose_reader_,
+         near_reader_, promise_reader_, wanted_reader_, status_reader_);
+  forget(subscription_writer_, directory_writer_, pose_writer_, promise_writer_, near_writer_,
+         wanted_writer_, report_writer_, watched_writer_, bounds_writer_, held_writer_,
+         status_writer_);
   {
     const std::lock_guard lock(mutex_);
     for (const auto& [part, directory] : directory_.parts) directory_.unsent.insert(part);
@@ -641,6 +696,7 @@ bool DdsChannel::Impl::flush() {
 
 template <class Message>
 bool DdsChannel::Impl::flush(Kept<Message> Impl::*kept, wire::Writer<Message>& writer) {
+  if (!writer.is_open()) return true;  // it is said when it is
   std::set<std::uint32_t> unsent;
   {
     const std::lock_guard lock(mutex_);
@@ -666,8 +722,12 @@ bool DdsChannel::Impl::flush(std::deque<Message> Impl::*queue, wire::Writer<Mess
   std::deque<Message> outgoing;
   {
     const std::lock_guard lock(mutex_);
+    // What is said to recorders is dropped where there is none. For what peers hear the writer is about to come.
+    if (!writer.is_open() && wire::topic_of<Message>().readers.has(wire::Role::kSubscriber))
+      return true;
     outgoing.swap(this->*queue);
   }
+  if (!writer.is_open()) return true;
   while (!outgoing.empty() && writer.write(outgoing.front()) != wire::WriteResult::kFull)
     outgoing.pop_front();
   if (outgoing.empty()) return true;

@@ -240,10 +240,10 @@ void DdsRecorder::Impl::listen(std::promise<Status> started) {
 Status DdsRecorder::Impl::join() {
   wire::BusOptions bus_options;
   bus_options.transport = options_.transport;
-  bus_options.on_writer = [this](const Handle& writer, const std::string& partition) {
-    if (partition.empty()) return;
+  bus_options.on_writer = [this](const wire::BusOptions::Found& found) {
+    if (found.partition.empty() || found.gone) return;
     const std::lock_guard lock(partitions_mutex_);
-    partitions_[writer] = partition;
+    partitions_[found.endpoint] = found.partition;
   };
   auto bus = wire::Bus::open(bus_options, mailbox_);
   NEARMESH_RETURN_IF_ERROR(bus);
