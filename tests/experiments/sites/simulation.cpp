@@ -18,9 +18,12 @@ constexpr std::size_t kHubs = 12;
 constexpr double kHubReach_m = 5000;
 /// From the body's origin to its farthest point, rounded up; and so far may two bodies be whose promises meet.
 constexpr double kReach_m = 16;
-/// A promise as old as one gets, and what is looked ahead.
-constexpr double kFarthest_m =
-    2 * (Flights::kMostSpeed_mps * (Simulation::kRenewed_s + 1) + kReach_m);
+/// Of bodies whose promises are as old as they get, with what is looked ahead.
+double farthest_m(const Scenario& scenario) {
+  const double s = Simulation::kRenewed_s + 1 / scenario.frame_rate_hz +
+                   subscriber::SessionOptions{}.lookahead_s;
+  return 2 * (Flights::kMostSpeed_mps * s + kReach_m);
+}
 constexpr double kMostPeerFrames = 1e8;
 
 double distance_m(const std::array<double, 3>& a, const std::array<double, 3>& b) {
@@ -55,8 +58,9 @@ Status check(const Scenario& scenario) {
   for (const std::uint32_t cells : scenario.cells_a_side) {
     if (!lies(cells, 1, 128) || (cells != 1 && cells % scenario.sites_a_side != 0))
       return refuse("1 to 128 cells a side, a multiple of the sites', or 1");
-    if (cells != 1 && scenario.side_m / cells < kFarthest_m)
-      return refuse("cells of " + std::to_string(static_cast<int>(std::ceil(kFarthest_m))) +
+    if (cells != 1 && scenario.side_m / cells < farthest_m(scenario))
+      return refuse("cells of " +
+                    std::to_string(static_cast<int>(std::ceil(farthest_m(scenario)))) +
                     " m or more: bodies that are near would be farther apart than a cell");
   }
   return Status::ok();
