@@ -62,7 +62,7 @@ class Door final : public ChainedTransport, private LeaseEnd {
     if (local.kind == LOCATOR_KIND_SHM) size -= std::min(size, kSharedMemoryRoom);
     const RtpsVerdict verdict = watch_->check(
         {data, size}, {is_udp, is_udp ? IPLocator::getPhysicalPort(remote) : std::uint16_t{0}});
-    if (verdict.refusal) return;
+    if (verdict.refusal || verdict.is_repeat) return;
     const auto passed = static_cast<std::uint32_t>(verdict.size);
     // Taken before any lock of Fast DDS, always.
     std::unique_lock<std::mutex> introduction;

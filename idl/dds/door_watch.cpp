@@ -71,6 +71,9 @@ RtpsVerdict DoorWatch::check(std::span<const std::uint8_t> message, const Messag
   if (!verdict.refusal) {
     const std::lock_guard lock(mutex_);
     verdict.refusal = book_.hear(verdict, from);
+    // Beside identities Fast DDS itself waits for announcements, to begin handshakes anew.
+    if (!verdict.refusal && is_plain_ && identities_ == nullptr)
+      verdict.is_repeat = book_.repeats(verdict);
   }
   if (verdict.refusal) count(*verdict.refusal);
   return verdict;

@@ -24,6 +24,7 @@ std::optional<DoorRefusal> ParticipantBook::hear(const RtpsVerdict& message,
                 .lease_s = message.announcement->lease_s,
                 .announced_s = now_s_,
                 .sequence = message.announcement->sequence,
+                .handed_on_s = {},
                 .ports = {}};
     if (from.is_udp) known.ports.push_back(from.port);
     known_.emplace(message.source, std::move(known));
@@ -43,8 +44,21 @@ std::optional<DoorRefusal> ParticipantBook::hear(const RtpsVerdict& message,
     known.period_s = now_s_ - known.announced_s;
     known.announced_s = now_s_;
   }
-  known.sequence = std::max(known.sequence, message.announcement->sequence);
+  if (message.announcement->sequence > known.sequence) {
+    known.sequence = message.announcement->sequence;
+    known.handed_on_s.reset();
+  }
   return std::nullopt;
+}
+
+bool ParticipantBook::repeats(const RtpsVerdict& message) {
+  if (!message.only_announces) return false;
+  const auto at = known_.find(message.source);
+  if (at == known_.end()) return false;
+  std::optional<double>& handed_on_s = at->second.handed_on_s;
+  if (handed_on_s && now_s_ - *handed_on_s < kRepeat_s) return true;
+  handed_on_s = now_s_;
+  return false;
 }
 
 bool ParticipantBook::speaks_from(Known& known, const MessageSource& from) const {

@@ -19,7 +19,7 @@ struct MessageSource {
   std::uint16_t port = 0;
 };
 
-/// Four rules:
+/// Five rules:
 /// * **Who speaks.** A participant speaks from few sockets. After the first kLearning_s a message in its name from another one is
 ///   refused, unless it has been silent for kMoved_s: else anybody could forge what it says, and one such message makes a reader
 ///   deaf for it.
@@ -27,6 +27,8 @@ struct MessageSource {
 ///   kNewcomersPerSecond; who is held back is let in when it speaks again, which an honest one does each second, and who invents
 ///   participants does not.
 /// * **Who is barred.** A participant whose identity does not count any more is not heard.
+/// * **Who repeats itself.** Of each participant an announcement is handed on once in kRepeat_s. Fast DDS announces itself to all anew
+///   for each participant that it hears of, by two ways: where n come at once, each is told n^2 times what it knows, and reads it all.
 /// * **Who is gone.** A participant that has been silent for its lease has left. Time counts only while this process runs, so one
 ///   that stood still does not miss everybody.
 /// Threads: one at a time.
@@ -36,13 +38,17 @@ class ParticipantBook {
   static constexpr double kMoved_s = 5;
   static constexpr double kBurst = 256;
   static constexpr double kNewcomersPerSecond = 50;
-  static constexpr double kAgain_s = 0.05;          ///< between the two words of who is held back
+  static constexpr double kAgain_s = 0.05;  ///< between the two words of who is held back
+  static constexpr double kRepeat_s = 0.5;
   static constexpr std::size_t kMaxWaiting = 4096;  ///< held back; the oldest are forgotten
   static constexpr std::size_t kMaxPorts = 16;      ///< of one participant
 
   /// A well-formed message. Out: why it is refused.
   [[nodiscard]] std::optional<DoorRefusal> hear(const RtpsVerdict& message,
                                                 const MessageSource& from);
+
+  /// A message that hear() took says what was handed on just now, and nothing else. If not, it is to be handed on.
+  [[nodiscard]] bool repeats(const RtpsVerdict& message);
 
   struct Gone {
     ParticipantKey key;
@@ -68,6 +74,7 @@ class ParticipantBook {
     double lease_s = 0;
     double announced_s = 0, period_s = 0;  ///< of its announcements
     std::int64_t sequence = 0;
+    std::optional<double> handed_on_s;  ///< with that sequence number
     std::vector<std::uint16_t> ports;
   };
   [[nodiscard]] bool may_come_in(const ParticipantKey& key);

@@ -524,6 +524,7 @@ RtpsVerdict check_rtps(std::span<const std::uint8_t> message) {
   const std::uint16_t vendor = static_cast<std::uint16_t>(message[6] << 8 | message[7]);
   std::copy_n(message.begin() + 8, verdict.source.size(), verdict.source.begin());
   Submessages submessages{message, verdict};
+  std::size_t words = 0;
   for (std::size_t at = kHeaderBytes; at < message.size();) {
     if (message.size() - at < 4) {
       verdict.refusal = DoorRefusal::kSubmessages;
@@ -548,8 +549,10 @@ RtpsVerdict check_rtps(std::span<const std::uint8_t> message) {
     }
     verdict.refusal = submessages.read(id, flags, message.subspan(at + 4, length));
     if (verdict.refusal) return verdict;
+    if (id != kInfoTimestamp && id != kInfoDestination) ++words;
     at += 4 + length;
   }
+  verdict.only_announces = verdict.announcement && words == 1;
   return verdict;
 }
 

@@ -341,7 +341,7 @@ Status DdsChannel::Impl::open() {
   NEARMESH_RETURN_IF_ERROR(header_reader_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(directory_reader_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(pose_reader_.open(*bus_));
-  NEARMESH_RETURN_IF_ERROR(status_reader_.open(*bus_));
+  NEARMESH_RETURN_IF_ERROR(status_reader_.open(*bus_, "", wire::Hearing::kLatest));
   NEARMESH_RETURN_IF_ERROR(subscription_writer_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(directory_writer_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(pose_writer_.open(*bus_));

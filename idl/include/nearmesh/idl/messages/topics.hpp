@@ -43,6 +43,9 @@ struct Delivery {
   int depth = 1;            ///< samples kept per key; of keeps_all in total
   bool is_latched = false;  ///< whoever joins later gets what is kept
   bool is_reliable = true;  ///< a lost datagram is repaired within a heartbeat
+  /// Each peer writes it and each hears it, and what is lost is soon said anew: heartbeats go with no sample, and come each second. All
+  /// readers answer each, so that many on a busy machine would be occupied with nothing else.
+  bool is_said_again = false;
   bool is_routed =
       false;  ///< its writer chooses who gets which sample (idl/dds/routes.hpp); a recorder gets them all
   bool is_paced =
@@ -129,7 +132,7 @@ inline constexpr std::tuple kTopics{
     // The latest poses of each part of a mover's bodies; latched, so that whoever joins learns of bodies at rest.
     Topic<BodyPoses>{{.name = "body_poses",
                       .type = "nearmesh::wire_types::BodyPosesSample",
-                      .delivery = {.is_latched = true},
+                      .delivery = {.is_latched = true, .is_said_again = true},
                       .writers = {Role::kSubscriber},
                       .readers = {Role::kSubscriber},
                       .listeners = {Role::kRecorder},
@@ -154,7 +157,7 @@ inline constexpr std::tuple kTopics{
     // The latest promises of each part of a mover's bodies.
     Topic<BodyPromises>{{.name = "body_promises",
                          .type = "nearmesh::wire_types::BodyPromisesSample",
-                         .delivery = {.is_latched = true},
+                         .delivery = {.is_latched = true, .is_said_again = true},
                          .writers = {Role::kSubscriber},
                          .readers = {Role::kSubscriber},
                          .listeners = {Role::kRecorder},
@@ -163,7 +166,7 @@ inline constexpr std::tuple kTopics{
     // Who these bodies are. Poses and promises count once it has come.
     Topic<BodyDirectory>{{.name = "body_directory",
                           .type = "nearmesh::wire_types::BodyDirectorySample",
-                          .delivery = {.is_latched = true},
+                          .delivery = {.is_latched = true, .is_said_again = true},
                           .writers = {Role::kSubscriber},
                           .readers = {Role::kSubscriber},
                           .listeners = {Role::kRecorder},
@@ -208,10 +211,10 @@ inline constexpr std::tuple kTopics{
          .signs_for_each = true,
          .is_recorded = true},
         [](const HeldDetail& m) { return key_of(m.peer) + "/" + key_of(m.content_hash); }},
-    // What each process said last of itself; who asks later gets it at once.
+    // What each process said last of itself; who asks later gets it at once. Peers hear it with best effort: any word is a sign of life.
     Topic<ProcessStatus>{{.name = "process_status",
                           .type = "nearmesh::wire_types::ProcessStatusSample",
-                          .delivery = {.is_latched = true},
+                          .delivery = {.is_latched = true, .is_said_again = true},
                           .writers = {Role::kPublisher, Role::kSubscriber},
                           .readers = {Role::kSubscriber},
                           .listeners = {Role::kRecorder},
