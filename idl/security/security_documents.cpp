@@ -6,6 +6,9 @@
 
 #include <array>
 #include <cstdio>
+#include <map>
+#include <utility>
+#include <vector>
 
 #include "nearmesh/idl/messages/topics.hpp"
 
@@ -69,12 +72,18 @@ bool has_domain(const XMLElement* domains, std::uint32_t domain) {
   return false;
 }
 
-void add_criterion(std::string& text, const Endpoint& endpoint) {
-  const std::string what = endpoint.writes ? "publish" : "subscribe";
-  text += "        <" + what + "><topics><topic>" + endpoint.topic + "</topic></topics>";
-  if (!endpoint.partition.empty())
-    text += "<partitions><partition>" + endpoint.partition + "</partition></partitions>";
-  text += "</" + what + ">\n";
+/// Those of one kind and partition together: the handshake has room for some 4 kB.
+void add_criteria(std::string& text, const std::vector<Endpoint>& endpoints) {
+  std::map<std::pair<bool, std::string>, std::string> topics;  // in the schema's order
+  for (const Endpoint& endpoint : endpoints)
+    topics[{!endpoint.writes, endpoint.partition}] += "<topic>" + endpoint.topic + "</topic>";
+  for (const auto& [kind, names] : topics) {
+    const std::string what = kind.first ? "subscribe" : "publish";
+    text += "        <" + what + "><topics>" + names + "</topics>";
+    if (!kind.second.empty())
+      text += "<partitions><partition>" + kind.second + "</partition></partitions>";
+    text += "</" + what + ">\n";
+  }
 }
 
 std::string topic_rule(const std::string& topic, const std::string& protection) {
@@ -204,9 +213,7 @@ std::string permissions_text(const SecurityPlan& plan, const SecurityPlan::Ident
                      "</not_after>\n      </validity>\n      <allow_rule>\n"
                      "        <domains><id>" +
                      std::to_string(plan.domain) + "</id></domains>\n";
-  for (const bool writes : {true, false})  // the schema's order
-    for (const Endpoint& endpoint : endpoints_of(identity.role, all_versions(plan.prefix)))
-      if (endpoint.writes == writes) add_criterion(text, endpoint);
+  add_criteria(text, endpoints_of(identity.role, all_versions(plan.prefix)));
   return text +
          "      </allow_rule>\n      <default>DENY</default>\n    </grant>\n  </permissions>\n"
          "</dds>\n";

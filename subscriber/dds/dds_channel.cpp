@@ -109,7 +109,8 @@ class DdsChannel::Impl {
   void open_what_is_of_use();
   Status open_promising();
   Status open_promised();
-  Status open_reporting();
+  Status open_bounding();
+  Status open_holding();
   bool receive();
   bool receive_hellos();
   bool receive_poses();
@@ -179,6 +180,7 @@ class DdsChannel::Impl {
   wire::Routes routes_{own_id_};
   std::unique_ptr<wire::Bus> bus_;
   bool promises_made_ = false;  ///< of own bodies
+  bool bounds_told_ = false;
 
   // What others open, as discovery told it.
   std::atomic<bool> promises_found_ = false, recorder_found_ = false;
@@ -324,7 +326,7 @@ Status DdsChannel::Impl::open() {
     mailbox_.wake();
   };
   bus_options.on_reader = [this](const wire::BusOptions::Found& found) {
-    if (found.gone || found.topic != names_.of<wire::ContactReport>()) return;
+    if (found.gone || found.topic != names_.of<wire::HeldDetail>()) return;
     recorder_found_ = true;
     mailbox_.wake();
   };
@@ -345,12 +347,14 @@ Status DdsChannel::Impl::open() {
   NEARMESH_RETURN_IF_ERROR(subscription_writer_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(directory_writer_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(pose_writer_.open(*bus_));
+  NEARMESH_RETURN_IF_ERROR(report_writer_.open(*bus_));
   NEARMESH_RETURN_IF_ERROR(status_writer_.open(*bus_));
   if (options_.participant == nullptr) return Status::ok();
   // Its listener is the host's, so who comes is not told here.
   NEARMESH_RETURN_IF_ERROR(open_promising());
   NEARMESH_RETURN_IF_ERROR(open_promised());
-  return open_reporting();
+  NEARMESH_RETURN_IF_ERROR(open_bounding());
+  return open_holding();
 }
 
 /// Each endpoint is told to every participant, and costs both. So those that few scenes need are opened once somebody is there who uses
@@ -364,10 +368,12 @@ void DdsChannel::Impl::open_what_is_of_use() {
   {
     const std::lock_guard lock(mutex_);
     promises_made_ |= !promises_.empty();
+    bounds_told_ |= !watched_.unsent.empty() || !bounds_.empty();
   }
   open_if(promises_made_ && !near_writer_.is_open(), &Impl::open_promising);
   open_if(promises_found_.exchange(false), &Impl::open_promised);
-  open_if(recorder_found_.exchange(false), &Impl::open_reporting);
+  open_if(bounds_told_ && !bounds_writer_.is_open(), &Impl::open_bounding);
+  open_if(recorder_found_.exchange(false), &Impl::open_holding);
 }
 
 template <class Endpoint, class... How>
@@ -389,13 +395,15 @@ Status DdsChannel::Impl::open_promised() {
   return open(near_reader_, "", wire::Hearing::kLatest);
 }
 
-/// For who records.
-Status DdsChannel::Impl::open_reporting() {
-  NEARMESH_RETURN_IF_ERROR(open(report_writer_));
+/// For pairs that bounds prove free. As answers are, they are written whether anybody listens or not: a recorder that comes late shall
+/// count what it missed.
+Status DdsChannel::Impl::open_bounding() {
   NEARMESH_RETURN_IF_ERROR(open(watched_writer_));
-  NEARMESH_RETURN_IF_ERROR(open(bounds_writer_));
-  return open(held_writer_);
+  return open(bounds_writer_);
 }
+
+/// For who records.
+Status DdsChannel::Impl::open_holding() { return open(held_writer_); }
 
 /// Out: true when some reader may hold more.
 bool DdsChannel::Impl::receive() {
@@ -719,15 +727,12 @@ bool DdsChannel::Impl::flush(Kept<Message> Impl::*kept, wire::Writer<Message>& w
 
 template <class Message>
 bool DdsChannel::Impl::flush(std::deque<Message> Impl::*queue, wire::Writer<Message>& writer) {
+  if (!writer.is_open()) return true;  // open_what_is_of_use() comes first
   std::deque<Message> outgoing;
   {
     const std::lock_guard lock(mutex_);
-    // What is said to recorders is dropped where there is none. For what peers hear the writer is about to come.
-    if (!writer.is_open() && wire::topic_of<Message>().readers.has(wire::Role::kSubscriber))
-      return true;
     outgoing.swap(this->*queue);
   }
-  if (!writer.is_open()) return true;
   while (!outgoing.empty() && writer.write(outgoing.front()) != wire::WriteResult::kFull)
     outgoing.pop_front();
   if (outgoing.empty()) return true;

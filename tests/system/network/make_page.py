@@ -86,7 +86,7 @@ def peers(folder):
 
 # Of a participant: announcements, measured on the wire at one a second, and a peer's readers and writers told to each other participant, once.
 ANNOUNCED_BYTES_PER_S = 1000
-ENDPOINTS, ENDPOINT_BYTES = 14, 700
+ENDPOINTS, ENDPOINT_BYTES = 11, 700
 
 
 def scale(folder):
