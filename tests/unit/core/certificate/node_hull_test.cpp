@@ -56,6 +56,7 @@ TEST_P(HullOfNode, HoldsEveryFaceOfTheNodeWhateverHasBeenRead) {
     points.erase(std::unique(points.begin(), points.end()), points.end());
     std::vector<GridPoint> some = below.value().points(file->store());
     std::sort(some.begin(), some.end());
+    some.erase(std::unique(some.begin(), some.end()), some.end());
     std::vector<GridPoint> corners;
     truth.for_each_corner(nodes[i], [&](const GridPoint& p) { corners.push_back(p); });
     for (std::uint32_t v = nodes[i].begin(); v < nodes[i].end(); ++v)
@@ -65,7 +66,7 @@ TEST_P(HullOfNode, HoldsEveryFaceOfTheNodeWhateverHasBeenRead) {
     if (nodes[i].size <= 256) {
       ++small;
       EXPECT_EQ(points, corners);
-      EXPECT_GE(some.size(), nodes[i].size);
+      EXPECT_GE(below.value().vertices.size(), nodes[i].size);
       EXPECT_TRUE(std::includes(points.begin(), points.end(), some.begin(), some.end()));
       continue;
     }
