@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/geometry/motion_bounds.hpp"
+#include "core/query/find_missing.hpp"
 #include "core/query/lacking_ahead.hpp"
 #include "nearmesh/core/spm/detail/codec.hpp"
 
@@ -144,22 +145,34 @@ Status CertificateMaker::round(std::uint64_t round_tests) {
   tests_ += lacking.value().tests;
   if (!lacking.value().is_nothing()) return split(pair, lacking.value().a, lacking.value().b);
   if (step_ == Step::kNow) {
-    // What the peer asks, in full: rays, and what a look that ran out of tests did not come to.
+    // What a look that ran out of tests did not come to; then what the peer asks, in full, where solids' rays may lack something.
     const Result<PosedPair> posed = pose_pair(*a.grid, {}, "a", *b.grid, motion.pose, "b");
     NEARMESH_RETURN_IF_ERROR(posed);
-    const Answer answer = query(a, posed.value().a, b, posed.value().b,
-                                {.clearance = Clearance::kNone,
-                                 .max_pairs = 0,
-                                 .max_tests = kMaxTests,
-                                 .solid_a = pair.solid_a,
-                                 .solid_b = pair.solid_b});
+    query_tests_ = std::max(query_tests_, round_tests);
+    Answer answer = find_missing(a, posed.value().a, b, posed.value().b, query_tests_);
     tests_ += tests_of(answer.stats);
-    if (!answer.missing_a.empty() || !answer.missing_b.empty()) {
+    const auto is_missing = [&] { return !answer.missing_a.empty() || !answer.missing_b.empty(); };
+    if ((pair.solid_a || pair.solid_b) && !is_missing() && !answer.exhausted) {
+      answer = query(a, posed.value().a, b, posed.value().b,
+                     {.clearance = Clearance::kNone,
+                      .max_pairs = 0,
+                      .max_tests = query_tests_,
+                      .solid_a = pair.solid_a,
+                      .solid_b = pair.solid_b});
+      tests_ += tests_of(answer.stats);
+    }
+    if (is_missing()) {
       for (const auto& [model, nodes] :
            {std::pair{pair.a, &answer.missing_a}, std::pair{pair.b, &answer.missing_b}})
         kept_[model].insert(kept_[model].end(), nodes->begin(), nodes->end());
       return split(pair, answer.missing_a, answer.missing_b);
     }
+    // Who waits for a turn is not kept waiting by this: more tests the next time.
+    if (answer.exhausted) {
+      query_tests_ *= 4;
+      return Status::ok();
+    }
+    query_tests_ = 0;
   }
   ++at_;
   return Status::ok();

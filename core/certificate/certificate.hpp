@@ -39,7 +39,8 @@ class CertificateMaker {
   };
   /// One round of a query, or the batches of one model; perhaps none yet. Errors: those of reading the files, and of the
   /// request's poses; nothing follows then.
-  /// `round_tests`: so many tests a look ahead takes; less makes rounds shorter, and more of them.
+  /// `round_tests`: so many tests a look or a query takes; less makes rounds shorter, and more of them. A query that finds nothing within
+  /// them is asked again with four times as many.
   [[nodiscard]] Result<Part> next(std::uint64_t round_tests = kLookTests);
   [[nodiscard]] bool is_done() const { return step_ == Step::kDone; }
 
@@ -59,6 +60,7 @@ class CertificateMaker {
   std::vector<std::vector<NodeSpan>> told_of_, kept_;
   std::size_t split_count_ = 0;
   std::uint64_t tests_ = 0;
+  std::uint64_t query_tests_ = 0;                  // that the query of a pair may take, at least
   Step step_ = Step::kNow, after_ = Step::kAhead;  // what follows when all that is due was sent
   Step farthest_ = Step::kNow;                     // of what is to be sent next
   bool is_spared_ = false;                         // of that it has been seen what to spare

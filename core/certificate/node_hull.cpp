@@ -6,8 +6,8 @@
 namespace nearmesh {
 namespace {
 
-/// Nodes up to this size are taken face by face. Larger ones are cut into parts first, of which the small ones are.
-constexpr std::uint32_t kExact = 256, kExactPart = 8;
+/// Nodes up to this size are taken face by face. Larger ones are cut into parts first: their boxes, and the faces of single vertices.
+constexpr std::uint32_t kExact = 256;
 constexpr std::size_t kParts = 48;
 
 class Hull {
@@ -16,7 +16,7 @@ class Hull {
 
   Status add(NodeSpan node) {
     if (node.size <= kExact) return add_faces(node);
-    // The largest part first. A part of one vertex has no box of its own.
+    // The largest part first. A vertex has no box of its own.
     std::vector<Part> parts{part_of(node)};
     std::vector<NodeSpan> small;
     while (!parts.empty() && parts.size() + small.size() < kParts) {
@@ -26,7 +26,7 @@ class Hull {
       NEARMESH_RETURN_IF_ERROR(file_.require(largest));
       const VertexId split = store_.split_of(largest);
       for (const NodeSpan child : {largest.left_of(split), largest.right_of(split)}) {
-        if (child.size <= kExactPart) {
+        if (child.size == 1) {
           small.push_back(child);
         } else {
           parts.push_back(part_of(child));
@@ -38,10 +38,32 @@ class Hull {
     for (const Part& part : parts) add_box(store_.box(part.node));
     return Status::ok();
   }
-  std::vector<GridPoint> take() && {
-    std::sort(points_.begin(), points_.end());
-    points_.erase(std::unique(points_.begin(), points_.end()), points_.end());
-    return std::move(points_);
+  /// The node's vertices, and the faces of the splits below it.
+  Status add_below(NodeSpan node) {
+    own_ = node;
+    hull_.vertices.push_back(node.first);
+    around_ = {};
+    around_.add(store_.position(node.first));
+    stack_.assign(1, node);
+    while (!stack_.empty()) {
+      const NodeSpan at = stack_.back();
+      stack_.pop_back();
+      if (at.size < 2) continue;
+      NEARMESH_RETURN_IF_ERROR(file_.require(at));
+      const VertexId split = store_.split_of(at);
+      hull_.vertices.push_back(split);
+      around_.add(store_.position(split));
+      NEARMESH_RETURN_IF_ERROR(add_faces_of(store_.faces(split)));
+      stack_.push_back(at.right_of(split));
+      stack_.push_back(at.left_of(split));
+    }
+    return Status::ok();
+  }
+  NodeHull take() && {
+    std::sort(hull_.vertices.begin(), hull_.vertices.end());
+    hull_.vertices.erase(std::unique(hull_.vertices.begin(), hull_.vertices.end()),
+                         hull_.vertices.end());
+    return std::move(hull_);
   }
 
  private:
@@ -58,7 +80,7 @@ class Hull {
     for (unsigned corner = 0; corner < 8; ++corner) {
       GridPoint p;
       for (int k = 0; k < 3; ++k) p[k] = (corner >> k & 1U) != 0 ? box.hi[k] : box.lo[k];
-      points_.push_back(p);
+      hull_.corners.push_back(p);
     }
   }
 
@@ -66,7 +88,6 @@ class Hull {
   /// the node, or above it. Only where its third corner alone is in the node does it belong to a split elsewhere, and then
   /// the node of that split has a box around the face.
   Status add_faces(NodeSpan node) {
-    own_ = node;
     NEARMESH_RETURN_IF_ERROR(add_below(node));
     NEARMESH_RETURN_IF_ERROR(add_faces_of(store_.base_faces()));
     for (NodeSpan at = node, above = store_.parent_of(at); above.size != 0;
@@ -78,26 +99,6 @@ class Hull {
     }
     for (const BaseRoot& root : store_.roots())
       if (!root.node.contains(node.first)) NEARMESH_RETURN_IF_ERROR(add_elsewhere(root.node));
-    return Status::ok();
-  }
-  /// The node's vertices, and the faces of the splits below it.
-  Status add_below(NodeSpan node) {
-    points_.push_back(store_.position(node.first));
-    around_ = {};
-    around_.add(points_.back());
-    stack_.assign(1, node);
-    while (!stack_.empty()) {
-      const NodeSpan at = stack_.back();
-      stack_.pop_back();
-      if (at.size < 2) continue;
-      NEARMESH_RETURN_IF_ERROR(file_.require(at));
-      const VertexId split = store_.split_of(at);
-      points_.push_back(store_.position(split));
-      around_.add(points_.back());
-      NEARMESH_RETURN_IF_ERROR(add_faces_of(store_.faces(split)));
-      stack_.push_back(at.right_of(split));
-      stack_.push_back(at.left_of(split));
-    }
     return Status::ok();
   }
   Status add_elsewhere(NodeSpan node) {
@@ -133,7 +134,7 @@ class Hull {
       const VertexId split = store_.split_of(at);
       at = at.left_of(split).contains(v) ? at.left_of(split) : at.right_of(split);
     }
-    points_.push_back(store_.position(v));
+    hull_.vertices.push_back(v);
     return Status::ok();
   }
 
@@ -142,14 +143,36 @@ class Hull {
   NodeSpan own_;
   GridBox around_;  ///< the node's vertices
   std::vector<NodeSpan> stack_;
-  std::vector<GridPoint> points_;
+  NodeHull hull_;
 };
 
 }  // namespace
 
-Result<std::vector<GridPoint>> hull_of_node(ModelFile& file, NodeSpan node) {
+void NodeHull::add(const NodeHull& other) {
+  const std::size_t before = vertices.size();
+  vertices.insert(vertices.end(), other.vertices.begin(), other.vertices.end());
+  const auto middle = vertices.begin() + static_cast<std::ptrdiff_t>(before);
+  std::inplace_merge(vertices.begin(), middle, vertices.end());
+  vertices.erase(std::unique(vertices.begin(), vertices.end()), vertices.end());
+  corners.insert(corners.end(), other.corners.begin(), other.corners.end());
+}
+
+std::vector<GridPoint> NodeHull::points(const SplitStore& store) const {
+  std::vector<GridPoint> points(corners);
+  points.reserve(size());
+  for (const VertexId v : vertices) points.push_back(store.position(v));
+  return points;
+}
+
+Result<NodeHull> hull_of_node(ModelFile& file, NodeSpan node) {
   Hull hull(file);
   NEARMESH_RETURN_IF_ERROR(hull.add(node));
+  return std::move(hull).take();
+}
+
+Result<NodeHull> hull_below(ModelFile& file, NodeSpan node) {
+  Hull hull(file);
+  NEARMESH_RETURN_IF_ERROR(hull.add_below(node));
   return std::move(hull).take();
 }
 

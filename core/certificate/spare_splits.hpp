@@ -7,7 +7,9 @@
 #include <vector>
 
 #include "core/certificate/mirror.hpp"
+#include "core/query/obstacles_ahead.hpp"
 #include "nearmesh/core/geometry/motion.hpp"
+#include "node_hull.hpp"
 
 namespace nearmesh {
 
@@ -38,17 +40,34 @@ class SplitSparer {
     std::size_t count = 1;  ///< of splits at it and below
     bool can_be_spared = false, is_spared = false;
     std::vector<HalfSpace> half_spaces;
-    std::vector<GridPoint>
-        hull;         ///< hull_of_node(), until the node above takes it over; or none was needed
+    NodeHull hull;    ///< until the node above takes it over; or none was needed
     double bits = 0;  ///< of the cheapest way
+  };
+  /// What came of a look.
+  struct Looked {
+    bool is_to_be_split = false;  ///< half-spaces cannot keep it clear, as far as is known
+    std::uint64_t tests = 0;
   };
   [[nodiscard]] bool may_be_spared(std::size_t i) const;
   Status find_hull(std::size_t i);
+  Status find_obstacles(std::size_t i, std::span<const HalfSpace> told, std::vector<Obstacle>& to,
+                        Looked& looked);
+  [[nodiscard]] std::vector<HalfSpace> guess(std::span<const GridPoint> points,
+                                             const GridPoint& from) const;
+  std::optional<std::vector<HalfSpace>> choose(std::span<const GridPoint> points,
+                                               const GridPoint& from,
+                                               std::span<const Obstacle> obstacles, Looked& looked);
+  Status look_at_pair(std::size_t i, Looked& looked);
+  Status look_at(std::size_t i, Looked& looked);
 
   Mirror* mirror_;
   std::vector<Node> nodes_;  // in preorder
   std::vector<NodeSpan> kept_;
   std::vector<ToClear> others_;
+  std::vector<std::unique_ptr<ObstaclesAhead>>
+      obstacles_;                     // of each of these; made when first asked
+  std::vector<Obstacle> in_the_way_;  // of the last node that could not be kept clear
+  std::optional<std::uint16_t> last_direction_;
   double split_bits_;
   std::size_t at_;  // those from here on have been looked at
 };

@@ -133,13 +133,6 @@ double magnitude_of(int exponent_a, int exponent_b, const Vec3& offset) {
          kInt32Magnitude * (1 + std::ldexp(1.0, exponent_b - exponent_a));
 }
 
-/// `around`, with what doubles may add to the drift.
-double reach(const Drift& drift) {
-  const double along =
-      std::abs(drift.along[0]) + std::abs(drift.along[1]) + std::abs(drift.along[2]);
-  return drift.around + kDoubleRounding * (drift.around + along);
-}
-
 /// Box a grown by the slack, box b, and the vector from a's centre to b's.
 struct BoxPair {
   Vec3 between;
@@ -274,6 +267,12 @@ double gap_along(const Vec3& n, const DoubleTriangle& a, const DoubleTriangle& b
 }
 
 }  // namespace
+
+double reach(const Drift& drift) {
+  const double along =
+      std::abs(drift.along[0]) + std::abs(drift.along[1]) + std::abs(drift.along[2]);
+  return drift.around + kDoubleRounding * (drift.around + along);
+}
 
 CenteredBox centered(const GridBox& box) {
   CenteredBox out;

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/base/float_guard.hpp"
+#include "walk.hpp"
 
 namespace nearmesh {
 namespace {
@@ -46,7 +47,14 @@ const Vec3& farthest(const std::vector<Vec3>& points, const Vec3& d) {
 
 class Chooser {
  public:
-  Chooser(std::span<const GridPoint> points, const GridPoint& from) : points_(points), from_(from) {
+  Chooser(std::span<const GridPoint> points, const GridPoint& from,
+          std::optional<std::uint16_t> hint)
+      : points_(points), from_(from) {
+    if (hint) {
+      const std::array<std::int8_t, 3>& normal = half_space_normal(*hint);
+      first_way_ = {double{normal[0]}, double{normal[1]}, double{normal[2]}};
+    }
+    corners_.reserve(points.size());
     for (const GridPoint& p : points)
       corners_.push_back(
           {static_cast<double>(p[0]), static_cast<double>(p[1]), static_cast<double>(p[2])});
@@ -110,11 +118,7 @@ class Chooser {
 
  private:
   std::optional<HalfSpace> tightest(std::uint16_t direction) const {
-    std::int64_t reach = 0;
-    for (const GridPoint& p : points_)
-      reach = std::max(reach, way_along(half_space_normal(direction), from_, p));
-    const std::optional<std::uint8_t> code = half_space_reach_code(reach);
-    return code ? std::optional(HalfSpace{direction, *code}) : std::nullopt;
+    return tightest_half_space(points_, from_, direction);
   }
 
   // w is a point of the difference {points} - {obstacles}, ever nearer to the origin. Where all of it lies beyond a plane
@@ -122,17 +126,22 @@ class Chooser {
   std::optional<Vec3> direction_to(std::span<const Obstacle* const> obstacles) const {
     constexpr int kSteps = 32, kMore = 6;
     std::vector<Vec3> there;
-    for (const Obstacle* obstacle : obstacles) add_corners(*obstacle, there);
+    double least_around = obstacles.front()->drift.around;
+    for (const Obstacle* obstacle : obstacles) {
+      add_corners(*obstacle, there);
+      least_around = std::min(least_around, obstacle->drift.around);
+    }
     const auto corner = [&](const Vec3& d) {
       const Vec3 &p = farthest(corners_, d), &q = farthest(there, {-d[0], -d[1], -d[2]});
       return Vec3{p[0] - q[0], p[1] - q[1], p[2] - q[2]};
     };
-    Vec3 w = corner({1, 0, 0});
+    Vec3 w = corner(first_way_);
     std::optional<Vec3> found;
     double widest = 0;
     for (int step = 0, more = 0; step < kSteps && more < kMore; ++step) {
       const double square = dot(w, w);
-      if (!(square > 0)) return std::nullopt;  // the hulls share a point
+      // The hulls share a point, or are nearer than the obstacles may move.
+      if (!(square > least_around * least_around)) return std::nullopt;
       const double length = std::sqrt(square);
       const Vec3 d{-w[0] / length, -w[1] / length, -w[2] / length};
       const Vec3 s = corner(d);
@@ -154,30 +163,37 @@ class Chooser {
 
   std::span<const GridPoint> points_;
   const GridPoint from_;
+  Vec3 first_way_{1, 0, 0};
   std::vector<Vec3> corners_;  // the points
 };
 
 }  // namespace
 
 bool keeps_clear(const HalfSpace& half_space, const GridPoint& from, const Obstacle& obstacle) {
-  const std::array<std::int8_t, 3>& normal = half_space_normal(half_space.direction);
-  const BoundedPart part{
-      {static_cast<double>(normal[0]), static_cast<double>(normal[1]),
-       static_cast<double>(normal[2])},
-      static_cast<double>(half_space_reach(half_space.reach) + way_along(normal, {}, from))};
+  const BoundedPart part = bounded_part(half_space, from);
   const RelativeFrame& f = *obstacle.other_in_own;
   return obstacle.face ? half_space_triangle_stay_apart(f, obstacle.drift, part, *obstacle.face)
                        : half_space_box_stay_apart(f, obstacle.drift, part, obstacle.box);
 }
 
+std::optional<HalfSpace> tightest_half_space(std::span<const GridPoint> points,
+                                             const GridPoint& from, std::uint16_t direction) {
+  std::int64_t reach = 0;
+  for (const GridPoint& p : points)
+    reach = std::max(reach, way_along(half_space_normal(direction), from, p));
+  const std::optional<std::uint8_t> code = half_space_reach_code(reach);
+  return code ? std::optional(HalfSpace{direction, *code}) : std::nullopt;
+}
+
 ChosenHalfSpaces choose_half_spaces(std::span<const GridPoint> points, const GridPoint& from,
-                                    std::span<const Obstacle> obstacles, std::size_t most) {
+                                    std::span<const Obstacle> obstacles, std::size_t most,
+                                    std::optional<std::uint16_t> hint) {
   const FloatGuard guard;
   ChosenHalfSpaces chosen;
   std::vector<const Obstacle*> left;
   for (const Obstacle& obstacle : obstacles) left.push_back(&obstacle);
   if (points.empty()) return {{}, left.size()};
-  const Chooser chooser(points, from);
+  const Chooser chooser(points, from, hint);
   while (!left.empty() && chosen.half_spaces.size() < most) {
     std::optional<HalfSpace> next = chooser.choose(left);
     // No plane for all of them: one for the nearest, which may part others.

@@ -24,6 +24,12 @@ struct Obstacle {
 [[nodiscard]] bool keeps_clear(const HalfSpace& half_space, const GridPoint& from,
                                const Obstacle& obstacle);
 
+/// The narrowest one across a direction that holds these points, the corners of all faces of the full mesh that have a vertex in the
+/// node; nothing where they reach farther than one can say. `from`: the place of the node's vertex.
+[[nodiscard]] std::optional<HalfSpace> tightest_half_space(std::span<const GridPoint> points,
+                                                           const GridPoint& from,
+                                                           std::uint16_t direction);
+
 struct ChosenHalfSpaces {
   std::vector<HalfSpace>
       half_spaces;       ///< ascending; each parts an obstacle that none of the others parts
@@ -38,6 +44,7 @@ struct ChosenHalfSpaces {
 [[nodiscard]] ChosenHalfSpaces choose_half_spaces(std::span<const GridPoint> points,
                                                   const GridPoint& from,
                                                   std::span<const Obstacle> obstacles,
-                                                  std::size_t most = kMaxHalfSpaces);
+                                                  std::size_t most = kMaxHalfSpaces,
+                                                  std::optional<std::uint16_t> hint = {});
 
 }  // namespace nearmesh

@@ -2,11 +2,9 @@
 #pragma once
 // Which detail a pair will need: what stands in the way of a certified answer at some instant ahead.
 
-#include <deque>
 #include <string_view>
 #include <vector>
 
-#include "choose_half_spaces.hpp"
 #include "nearmesh/core/geometry/motion.hpp"
 #include "nearmesh/core/query/certify.hpp"
 #include "nearmesh/core/query/query.hpp"
@@ -37,26 +35,5 @@ struct Lacking {
                                             const Require& require_a = {},
                                             const Require& require_b = {},
                                             std::uint64_t max_tests = kLookTests);
-
-/// Why a node lacks: what of the other body its box may meet, at some instants. Moves and is never copied, since obstacles point
-/// into `frames`.
-struct Obstacles {
-  Obstacles() = default;
-  Obstacles(Obstacles&&) = default;
-  Obstacles& operator=(Obstacles&&) = default;
-
-  std::vector<Obstacle> obstacles;
-  std::deque<RelativeFrame> frames;  ///< what they refer to
-  bool is_all = true;                ///< else there are more, or tests ran out
-  std::uint64_t tests = 0;           ///< that it took
-};
-/// The obstacles of a node of a's, whatever a holds of it: where half-spaces keep it clear of all of them, lacking_ahead() with
-/// the same motions finds nothing that it lacks. Its box alone counts, not half-spaces that are known of it. At most `most`.
-/// Errors: those of sweep(). Deterministic.
-[[nodiscard]] Result<Obstacles> obstacles_ahead(const TreeView& a, const Motion& motion_a,
-                                                std::string_view name_a, NodeSpan node,
-                                                const TreeView& b, const Motion& motion_b,
-                                                std::string_view name_b, double duration_s,
-                                                double margin_m, std::size_t most);
 
 }  // namespace nearmesh

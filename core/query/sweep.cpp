@@ -15,10 +15,11 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <optional>
 #include <string>
-#include <unordered_set>
+#include <unordered_map>
 
 #include "core/base/float_guard.hpp"
 #include "core/geometry/motion_bounds.hpp"
@@ -26,6 +27,7 @@
 #include "lacking_ahead.hpp"
 #include "nearmesh/core/geometry/detail/box_overlap.hpp"
 #include "sweep_from.hpp"
+#include "swept_frames.hpp"
 #include "walk.hpp"
 
 namespace nearmesh {
@@ -35,63 +37,82 @@ using Kind = TreeEntry::Kind;
 using Vec3 = std::array<double, 3>;
 
 constexpr double kNever = std::numeric_limits<double>::infinity();
-constexpr double kMinDuration_s = 1e-9;
-constexpr double kMaxDuration_s = 1e9;
-constexpr double kRoundUp = 1 + 0x1p-40;
-constexpr double kStretch = 1.0001;
-/// Of what is looked for ahead: sixty-four steps.
-constexpr int kAheadLevels = 6;
-/// An obstacle may move by so much of the node that it is near to: more instants would be more obstacles.
-constexpr double kSmallWay = 1.0 / 8;
-
-/// One of the two, with what does not change on the way.
-struct Mover {
-  const TreeView& tree;
-  const Motion& motion;
-  std::string_view name;
-  double turn_rate;  ///< |w|
-};
 
 [[nodiscard]] QueryOptions first_contact(const SweepOptions& options) {
   return {.any = true, .clearance = Clearance::kNone, .max_tests = options.max_tests};
 }
 
-/// An unresolved node, and the start of the first interval in which it might touch.
-struct Missing {
-  NodeSpan node;
-  double since_s;
+/// Unresolved nodes that a sweep met, those of the tree and parts of missing ones: by number, since it comes back to the same ones in
+/// each interval.
+class MetNodes {
+ public:
+  static constexpr std::uint32_t kNone = 0xffffffffU;
+  struct Met {
+    TreeEntry entry;
+    std::uint32_t whole = kNone;              ///< what it is a part of
+    std::uint32_t parts[2] = {kNone, kNone};  ///< of more than one vertex, where they are known
+    std::uint32_t open_parts = 0;             ///< of which something may be found yet
+    double since_s =
+        0;  ///< of a missing one: the start of the first interval in which it might touch
+    bool has_half_spaces = false, is_missing = false, has_parts = false;
+    bool is_settled =
+        false;  ///< it is missing, and so is all below it: nothing more is to be found
+  };
+  /// Of an entry of the tree.
+  std::uint32_t number_of(const TreeView& tree, const TreeEntry& entry) {
+    const auto [at, is_new] =
+        by_first_.try_emplace(entry.first, static_cast<std::uint32_t>(met_.size()));
+    if (is_new) met_.push_back({.entry = entry, .has_half_spaces = has_half_spaces(tree, entry)});
+    return at->second;
+  }
+  /// The split of a missing node is known.
+  void add_parts(const TreeView& tree, std::uint32_t number, VertexId split) {
+    const NodeSpan node = met_[number].entry.unresolved_node();
+    const NodeSpan parts[2] = {node.right_of(split), node.left_of(split)};
+    for (const std::size_t side : {0U, 1U}) {
+      if (parts[side].size < 2) continue;
+      met_[number].parts[side] = static_cast<std::uint32_t>(met_.size());
+      ++met_[number].open_parts;
+      met_.push_back({.entry = unresolved_entry(tree, parts[side]), .whole = number});
+    }
+    met_[number].has_parts = true;
+    settle(number);
+  }
+  void add_missing(std::uint32_t number, double since_s) {
+    met_[number].is_missing = true;
+    met_[number].since_s = since_s;
+  }
+  [[nodiscard]] const Met& operator[](std::uint32_t number) const { return met_[number]; }
+  [[nodiscard]] const std::vector<Met>& all() const { return met_; }
+
+ private:
+  void settle(std::uint32_t number) {
+    while (number != kNone && met_[number].open_parts == 0) {
+      met_[number].is_settled = true;
+      number = met_[number].whole;
+      if (number != kNone) --met_[number].open_parts;
+    }
+  }
+
+  std::vector<Met> met_;
+  std::unordered_map<std::uint32_t, std::uint32_t> by_first_;  // by the first vertex; look-ups only
 };
-
-[[nodiscard]] std::uint64_t key_of(const TreeEntry& unresolved) {
-  const NodeSpan node = unresolved.unresolved_node();
-  return std::uint64_t{node.begin()} << 32 | node.size;
-}
-
-/// A node as an entry, whether or not it is in the tree.
-[[nodiscard]] TreeEntry unresolved_entry(const TreeView& tree, NodeSpan node) {
-  TreeEntry entry;
-  entry.box = tree.store->box(node);
-  entry.set(Kind::kUnresolved, node.begin(), node.size);
-  return entry;
-}
 
 class SweptQuery {
  public:
-  SweptQuery(const Mover& a, const Mover& b, const SweepOptions& options, double margin_m = 0)
+  /// Errors, too, name the bodies.
+  SweptQuery(const Mover& a, std::string_view name_a, const Mover& b, std::string_view name_b,
+             const SweepOptions& options, double margin_m = 0)
       : a_(a),
         b_(b),
+        name_a_(name_a),
+        name_b_(name_b),
         options_(options),
-        lattice_(lattice_exponent(*a.tree.grid, *b.tree.grid)),
-        last_instant_(std::uint64_t{1} << (options.time_levels + 1)),
-        instant_share_(1.0 / static_cast<double>(last_instant_)),
-        error_m_(error_of(a) + error_of(b) + margin_m),
+        frames_(a_, b_, options.duration_s, options.time_levels, margin_m),
         cell_a_m_(std::ldexp(1.0, a.tree.grid->exponent)),
         cell_b_m_(std::ldexp(1.0, b.tree.grid->exponent)),
         views_(static_cast<std::size_t>(options.time_levels) + 1),
-        mids_(views_.size()) {
-    for (std::size_t k = 0; k < 3; ++k)
-      velocity_[k] = b.motion.linear_velocity_mps[k] - a.motion.linear_velocity_mps[k];
-  }
+        mids_(views_.size()) {}
 
   Result<SweptAnswer> run() {
     advance(level_of_first_contact(), 0, {{a_.tree.root(), b_.tree.root()}});
@@ -112,51 +133,31 @@ class SweptQuery {
                    answer_.stats.box_tests + answer_.stats.triangle_tests};
   }
 
-  /// What of b's a part of a's may meet, at any instant.
-  Obstacles obstacles(const TreeEntry& part, std::size_t most) {
-    Obstacles found;
-    most_obstacles_ = most;
-    obstacles_ = &found;
-    seeks_contact_ = false;
-    advance(0, 0, {{part, b_.tree.root()}});
-    found.is_all = !answer_.exhausted;
-    found.tests = answer_.stats.box_tests + answer_.stats.triangle_tests;
-    return found;
-  }
-
  private:
   struct Pair {
     TreeEntry a, b;
+    bool is_tested = false;  ///< their boxes meet in this interval
+    std::uint32_t met_a = MetNodes::kNone,
+                  met_b = MetNodes::kNone;  ///< numbers of unresolved nodes, where known
   };
   /// Both frames at an instant.
   struct Posed {
     std::uint64_t instant = ~std::uint64_t{0};
     PosedFrame a, b;
   };
-  /// An interval, and the drift about its middle without the turns.
-  struct View {
-    int level;
-    std::uint64_t first, middle;  ///< instants
-    double start_s, half_s;
-    RelativeFrame b_in_a, a_in_b;
-    Vec3 along_a, along_b;  ///< the way of half the interval, in each one's grid units
-    double along_m;
-    const RelativeFrame* kept;  ///< b_in_a, where an obstacle refers to it
+  /// An interval.
+  struct View : SweptFrame {
+    int level = 0;
   };
-
-  [[nodiscard]] double error_of(const Mover& x) const {
-    const double reach = reach_m(*x.tree.grid, x.tree.root().box);
-    return placing_error_m(x.motion, reach, options_.duration_s) +
-           posing_error_m(x.motion, reach, options_.duration_s, *x.tree.grid, lattice_);
-  }
 
   /// Tests the last instant, and as long as there is contact, the middle of what is before: nothing later matters then.
   /// The level of which the first interval is left to look at.
   int level_of_first_contact() {
     int level = 0;
-    for (std::uint64_t instant = last_instant_; instant > 1 && touches_at(instant); instant /= 2) {
+    const std::uint64_t last = frames_.last_instant();
+    for (std::uint64_t instant = last; instant > 1 && touches_at(instant); instant /= 2) {
       answer_.hit_s = seconds(instant);
-      if (instant < last_instant_) ++level;
+      if (instant < last) ++level;
     }
     return level;
   }
@@ -170,16 +171,15 @@ class SweptQuery {
     return there.status == AnswerStatus::kContact;
   }
 
-  [[nodiscard]] double seconds(std::uint64_t instant) const {
-    return options_.duration_s * (static_cast<double>(instant) * instant_share_);
-  }
+  [[nodiscard]] double seconds(std::uint64_t instant) const { return frames_.seconds(instant); }
 
   /// Everything that starts in the interval `index` of 2^level, for the pairs given.
   void advance(int level, std::uint64_t index, const std::vector<Pair>& pairs) {
-    const std::uint64_t length = last_instant_ >> level;
+    const std::uint64_t length = frames_.last_instant() >> level;
     if (is_over(seconds(index * length))) return;
     View& view = views_[static_cast<std::size_t>(level)];
-    set_view(view, level, index * length, length);
+    view.level = level;
+    frames_.set(view, index * length, length);
     std::vector<Pair> left;
     for (const Pair& pair : pairs) {
       stack_.push_back(pair);
@@ -203,53 +203,42 @@ class SweptQuery {
     return true;
   }
 
-  void set_view(View& view, int level, std::uint64_t first, std::uint64_t length) const {
-    view.level = level;
-    view.kept = nullptr;
-    view.first = first;
-    view.middle = first + length / 2;
-    view.start_s = seconds(first);
-    view.half_s = seconds(length / 2) + 0x1p-51 * options_.duration_s;
-    const Pose pose_a = pose_at(a_.motion, seconds(view.middle));
-    const Pose pose_b = pose_at(b_.motion, seconds(view.middle));
-    const Grid &grid_a = *a_.tree.grid, &grid_b = *b_.tree.grid;
-    view.b_in_a = make_relative_frame(grid_a, pose_a, grid_b, pose_b);
-    Vec3 along;
-    for (std::size_t k = 0; k < 3; ++k) along[k] = velocity_[k] * view.half_s;
-    view.along_a = to_grid_units(grid_a, pose_a, along);
-    view.along_m = length_bound(along);
-    view.a_in_b = make_relative_frame(grid_b, pose_b, grid_a, pose_a);
-    view.along_b = to_grid_units(grid_b, pose_b, along);
-  }
-
   [[nodiscard]] bool is_finest(const View& view) const {
     return view.level == options_.time_levels;
   }
 
-  void visit(const Pair& pair, View& view, std::vector<Pair>& left) {
+  void visit(Pair pair, View& view, std::vector<Pair>& left) {
     const TreeEntry &na = pair.a, &nb = pair.b;
     const Kind ka = na.kind(), kb = nb.kind();
     if (ka == Kind::kEmpty || kb == Kind::kEmpty) return;
     if (!seeks_contact_ && !na.is_coarse() && !nb.is_coarse()) return;
-    // Known to be missing since an earlier start, or the same.
-    if (ka == Kind::kUnresolved && known_a_.contains(key_of(na))) return open_a(pair);
-    if (kb == Kind::kUnresolved && known_b_.contains(key_of(nb))) return open_b(pair);
-    const double around_m = around(na, nb, view);
+    if (ka == Kind::kUnresolved && pair.met_a == MetNodes::kNone)
+      pair.met_a = met_a_.number_of(a_.tree, na);
+    if (kb == Kind::kUnresolved && pair.met_b == MetNodes::kNone)
+      pair.met_b = met_b_.number_of(b_.tree, nb);
+    const auto is_settled = [](const MetNodes& met, std::uint32_t number, const TreeEntry& other) {
+      return number != MetNodes::kNone && met[number].is_settled && !other.is_coarse();
+    };
+    if (is_settled(met_a_, pair.met_a, nb) || is_settled(met_b_, pair.met_b, na)) return;
+    const double around_m = frames_.around_m(na.box, nb.box, view);
     const CenteredBox box_a = centered(na.box), box_b = centered(nb.box);
-    ++answer_.stats.box_tests;
-    const Drift drift = in_units(view.b_in_a, view.along_a, around_m);
-    if (boxes_stay_apart(view.b_in_a, drift, box_a, box_b)) return;
-    if (ka == Kind::kUnresolved && has_half_spaces(a_.tree, na) &&
+    const Drift drift = view.drift_in_a(around_m);
+    if (!pair.is_tested) {
+      ++answer_.stats.box_tests;
+      if (boxes_stay_apart(view.b_in_a, drift, box_a, box_b)) return;
+    }
+    // Known to be missing since an earlier start, or the same: its parts count, and none of its half-spaces.
+    if (ka == Kind::kUnresolved && met_a_[pair.met_a].is_missing) return open_a(pair);
+    if (kb == Kind::kUnresolved && met_b_[pair.met_b].is_missing) return open_b(pair);
+    if (ka == Kind::kUnresolved && met_a_[pair.met_a].has_half_spaces &&
         stays_behind(view.b_in_a, drift, a_.tree, na, box_b))
       return;
-    if (kb == Kind::kUnresolved && has_half_spaces(b_.tree, nb) &&
-        stays_behind(view.a_in_b, in_units(view.a_in_b, view.along_b, around_m), b_.tree, nb,
-                     box_a))
+    if (kb == Kind::kUnresolved && met_b_[pair.met_b].has_half_spaces &&
+        stays_behind(view.a_in_b, view.drift_in_b(around_m), b_.tree, nb, box_a))
       return;
     // Faces are often much smaller than their boxes.
     if (ka == Kind::kFaces && kb != Kind::kFaces &&
-        stays_clear(view.a_in_b, in_units(view.a_in_b, view.along_b, around_m), b_.tree, nb,
-                    a_.tree, na))
+        stays_clear(view.a_in_b, view.drift_in_b(around_m), b_.tree, nb, a_.tree, na))
       return;
     if (kb == Kind::kFaces && ka != Kind::kFaces &&
         stays_clear(view.b_in_a, drift, a_.tree, na, b_.tree, nb))
@@ -263,69 +252,81 @@ class SweptQuery {
     const double way_m = view.along_m + around_m;
     // NOLINTNEXTLINE(bugprone-branch-clone): the way may be halved first, or last
     if (!finest && (inner_a || inner_b) && way_m > (opens_a ? size_a : size_b)) {
-      left.push_back(pair);
+      leave(pair, left);
     } else if (opens_a) {
-      a_.tree.for_each_child(na, [&](const TreeEntry& child) { stack_.push_back({child, nb}); });
+      const TreeNode& node = a_.tree.nodes[na.first];
+      push_close(
+          node,
+          boxes_stay_apart(view.b_in_a, frames_.drift_in_a(node, nb.box, view), node.boxes, box_b),
+          [&](const TreeEntry& child) {
+            stack_.push_back({child, nb, true, MetNodes::kNone, pair.met_b});
+          });
     } else if (inner_b) {
-      b_.tree.for_each_child(nb, [&](const TreeEntry& child) { stack_.push_back({na, child}); });
+      const TreeNode& node = b_.tree.nodes[nb.first];
+      push_close(
+          node,
+          boxes_stay_apart(view.b_in_a, frames_.drift_in_a(na.box, node, view), box_a, node.boxes),
+          [&](const TreeEntry& child) {
+            stack_.push_back({na, child, true, pair.met_a, MetNodes::kNone});
+          });
     } else if (ka == Kind::kFaces && kb == Kind::kFaces) {
       if (seeks_contact_ && !faces_stay_apart(na, nb, view, drift)) {
         if (!finest) {
-          left.push_back(pair);
+          leave(pair, left);
         } else {
           undecided_s_ = std::min(undecided_s_, view.start_s);
         }
       }
-    } else if (obstacles_ != nullptr && (finest || way_m - error_m_ <= kSmallWay * size_a)) {
-      add_obstacles(na, nb, view, drift);
     } else if (!finest) {
-      left.push_back(pair);
+      leave(pair, left);
     } else if (ka == Kind::kUnresolved && (kb != Kind::kUnresolved || size_a >= size_b)) {
       // The larger of two is the one to split next; ties go to a.
-      add_missing(na, view, known_a_, missing_a_);
+      met_a_.add_missing(pair.met_a, view.start_s);
       open_a(pair);
     } else {
-      add_missing(nb, view, known_b_, missing_b_);
+      met_b_.add_missing(pair.met_b, view.start_s);
       open_b(pair);
     }
   }
 
+  /// To the halves of the interval.
+  static void leave(const Pair& pair, std::vector<Pair>& left) {
+    left.push_back(pair);
+    left.back().is_tested = false;
+  }
+  template <class Push>
+  void push_close(const TreeNode& node, std::uint32_t apart, const Push& push) {
+    answer_.stats.box_tests += static_cast<std::uint64_t>(std::popcount(node.lanes));
+    for (std::uint32_t close = node.lanes & ~apart; close != 0; close &= close - 1)
+      push(node.entry(static_cast<std::uint32_t>(std::countr_zero(close))));
+  }
+
   /// Goes on with the parts of an unresolved node instead of the node, where they can be known.
   void open_a(const Pair& pair) {
-    open(a_.tree, *require_a_, pair.a, [&](const TreeEntry& part) {
-      stack_.push_back({part, pair.b});
+    open(a_.tree, *require_a_, met_a_, pair.met_a, [&](std::uint32_t part) {
+      stack_.push_back({met_a_[part].entry, pair.b, false, part, pair.met_b});
     });
   }
   void open_b(const Pair& pair) {
-    open(b_.tree, *require_b_, pair.b, [&](const TreeEntry& part) {
-      stack_.push_back({pair.a, part});
+    open(b_.tree, *require_b_, met_b_, pair.met_b, [&](std::uint32_t part) {
+      stack_.push_back({pair.a, met_b_[part].entry, false, pair.met_a, part});
     });
   }
   template <class Push>
-  void open(const TreeView& tree, const Require& require, const TreeEntry& entry,
+  void open(const TreeView& tree, const Require& require, MetNodes& met, std::uint32_t number,
             const Push& push) {
     if (!require) return;
-    const NodeSpan node = entry.unresolved_node();
-    if (const Status known = require(node); !known.is_ok()) {
-      status_ = known;
-      return;
+    if (!met[number].has_parts) {
+      const NodeSpan node = met[number].entry.unresolved_node();
+      if (const Status known = require(node); !known.is_ok()) {
+        status_ = known;
+        return;
+      }
+      met.add_parts(tree, number, tree.store->split_of(node));
     }
-    const VertexId split = tree.store->split_of(node);
-    for (const NodeSpan part : {node.right_of(split), node.left_of(split)})
-      if (part.size > 1) push(unresolved_entry(tree, part));
-  }
-
-  /// `around` of the bound, metres.
-  [[nodiscard]] double around(const TreeEntry& na, const TreeEntry& nb, const View& view) const {
-    double turned = 0;
-    if (a_.turn_rate > 0) turned += a_.turn_rate * reach_m(*a_.tree.grid, na.box);
-    if (b_.turn_rate > 0) turned += b_.turn_rate * reach_m(*b_.tree.grid, nb.box);
-    // Last: the velocities' difference and its way were rounded.
-    return (view.half_s * turned * kStretch + error_m_ + 0x1p-40 * view.along_m) * kRoundUp;
-  }
-
-  static Drift in_units(const RelativeFrame& f, const Vec3& along, double around_m) {
-    return {along, around_m / f.least_metres_per_unit * kRoundUp};
+    const std::uint32_t parts[2] = {met[number].parts[0], met[number].parts[1]};
+    for (const std::uint32_t part : parts)
+      if (part != MetNodes::kNone) push(part);
   }
 
   /// False when a pair is closer than the drift resolves. Such pairs are tested at the interval's instants.
@@ -356,17 +357,17 @@ class SweptQuery {
 
   bool pose_both(std::uint64_t instant, Posed& posed) {
     if (posed.instant == instant) return status_.is_ok();
-    const auto pose = [&](const Mover& x, PosedFrame& frame) {
+    const auto pose = [&](const Mover& x, std::string_view name, PosedFrame& frame) {
       const Result<PosedFrame> made =
-          make_posed_frame(*x.tree.grid, pose_at(x.motion, seconds(instant)), lattice_);
+          make_posed_frame(*x.tree.grid, pose_at(x.motion, seconds(instant)), frames_.lattice());
       if (made.is_ok()) {
         frame = made.value();
       } else {
-        status_ = {made.status().code(), std::string(x.name) + ": " + made.status().message()};
+        status_ = {made.status().code(), std::string(name) + ": " + made.status().message()};
       }
     };
-    pose(a_, posed.a);
-    pose(b_, posed.b);
+    pose(a_, name_a_, posed.a);
+    pose(b_, name_b_, posed.b);
     posed.instant = instant;
     return status_.is_ok();
   }
@@ -383,55 +384,36 @@ class SweptQuery {
   /// Whether what is below an inner entry or an unresolved node stays clear of the other side's exact faces.
   bool stays_clear(const RelativeFrame& other_in_own, const Drift& drift, const TreeView& own,
                    const TreeEntry& part, const TreeView& other, const TreeEntry& faces) {
-    const CenteredBox box = centered(part.box);
-    const bool has_planes = part.kind() == Kind::kUnresolved && has_half_spaces(own, part);
-    bool clear = true;
-    other.for_each_face(faces, [&](const TreeFace& face) {
-      if (!clear) return;
-      ++answer_.stats.box_tests;
-      const DoubleTriangle corners = to_a_units(other_in_own, face.corners);
-      clear = box_triangle_stay_apart(other_in_own, drift, box, corners) ||
-              (has_planes && half_spaces_part(own, part, [&](const BoundedPart& bounded) {
-                 return half_space_triangle_stay_apart(other_in_own, drift, bounded, corners);
-               }));
-    });
-    return clear;
-  }
-
-  void add_obstacles(const TreeEntry& part, const TreeEntry& other, View& view,
-                     const Drift& drift) {
-    if (view.kept == nullptr) view.kept = &obstacles_->frames.emplace_back(view.b_in_a);
-    if (other.kind() == Kind::kUnresolved) {
-      obstacles_->obstacles.push_back({view.kept, std::nullopt, centered(other.box), drift});
-    } else {
-      const CenteredBox box = centered(part.box);
-      b_.tree.for_each_face(other, [&](const TreeFace& face) {
-        ++answer_.stats.box_tests;
-        const DoubleTriangle corners = to_a_units(view.b_in_a, face.corners);
-        if (!box_triangle_stay_apart(view.b_in_a, drift, box, corners))
-          obstacles_->obstacles.push_back({view.kept, corners, {}, drift});
-      });
+    const std::uint32_t all = (1U << faces.count()) - 1;
+    ++answer_.stats.box_tests;
+    const FaceBlock& block = other.blocks[faces.first];
+    std::uint32_t close =
+        all & ~box_triangles_stay_apart(other_in_own, drift, centered(part.box), block.triangles);
+    if (close == 0 || part.kind() != Kind::kUnresolved || !has_half_spaces(own, part))
+      return close == 0;
+    for (; close != 0; close &= close - 1) {
+      const DoubleTriangle corners =
+          to_a_units(other_in_own,
+                     block.triangles.corners(static_cast<std::uint32_t>(std::countr_zero(close))));
+      if (!half_spaces_part(own, part, [&](const BoundedPart& bounded) {
+            return half_space_triangle_stay_apart(other_in_own, drift, bounded, corners);
+          }))
+        return false;
     }
-    if (obstacles_->obstacles.size() > most_obstacles_) answer_.exhausted = true;
-  }
-
-  static void add_missing(const TreeEntry& node, const View& view,
-                          std::unordered_set<std::uint64_t>& known, std::vector<Missing>& missing) {
-    known.insert(key_of(node));
-    missing.push_back({node.unresolved_node(), view.start_s});
+    return true;
   }
 
   void finish() {
-    const auto list = [this](const std::vector<Missing>& missing, std::vector<NodeSpan>& out) {
-      for (const Missing& m : missing) {
-        if (m.since_s >= answer_.hit_s) continue;
-        undecided_s_ = std::min(undecided_s_, m.since_s);
-        out.push_back(m.node);
+    const auto list = [this](const MetNodes& met, std::vector<NodeSpan>& out) {
+      for (const MetNodes::Met& node : met.all()) {
+        if (!node.is_missing || node.since_s >= answer_.hit_s) continue;
+        undecided_s_ = std::min(undecided_s_, node.since_s);
+        out.push_back(node.entry.unresolved_node());
       }
       std::sort(out.begin(), out.end());
     };
-    list(missing_a_, answer_.missing_a);
-    list(missing_b_, answer_.missing_b);
+    list(met_a_, answer_.missing_a);
+    list(met_b_, answer_.missing_b);
     const bool complete =
         answer_.missing_a.empty() && answer_.missing_b.empty() && !answer_.exhausted;
     if (answer_.hit_s < kNever) {
@@ -443,39 +425,23 @@ class SweptQuery {
   }
 
   const Mover a_, b_;
+  const std::string_view name_a_, name_b_;
   const SweepOptions options_;
-  const int lattice_;
-  const std::uint64_t last_instant_;
-  const double instant_share_;  ///< of the duration
-  const double error_m_;        ///< placing and posing, of both; and what is wanted around
+  const SweptFrames frames_;
   const double cell_a_m_, cell_b_m_;
-  Vec3 velocity_{};  ///< of b against a
 
   std::vector<View> views_;  ///< one a level
   std::vector<Posed> mids_;
   Posed start_;
   std::vector<Pair> stack_;
-  std::unordered_set<std::uint64_t> known_a_, known_b_;  // missing nodes; membership only
-  std::vector<Missing> missing_a_, missing_b_;
+  MetNodes met_a_, met_b_;
   bool seeks_contact_ = true;
   const Require nothing_;
   const Require *require_a_ = &nothing_, *require_b_ = &nothing_;
-  Obstacles* obstacles_ = nullptr;  ///< what is looked for, if not null
-  std::size_t most_obstacles_ = 0;
   double undecided_s_ = kNever;  ///< start of the first interval that could not be settled
   Status status_;
   SweptAnswer answer_;
 };
-
-Status check_way(const Mover& x, double duration_s) {
-  NEARMESH_RETURN_IF_ERROR(check_motion(x.motion, x.name));
-  if (!(x.turn_rate * duration_s <= kMaxTurnRad))
-    return {StatusCode::kInvalidArgument,
-            "motion of " + std::string(x.name) + ": turns by more than 2^20 radians on the way"};
-  Pose end = x.motion.pose;
-  end.translation_m = pose_at(x.motion, duration_s).translation_m;
-  return check_pose(end, x.name);
-}
 
 /// Bodies at rest, or already in contact, need no time. In: an answer as sweep_from() takes it.
 SweptAnswer at_once(const Answer& now, double duration_s) {
@@ -507,13 +473,11 @@ Result<SweptAnswer> sweep_from(const Answer* now, const TreeView& a, const Motio
                                std::string_view name_a, const TreeView& b, const Motion& motion_b,
                                std::string_view name_b, const SweepOptions& options) {
   NEARMESH_ASSERT(options.time_levels >= 0 && options.time_levels <= kMaxTimeLevels);
-  if (!(options.duration_s >= kMinDuration_s && options.duration_s <= kMaxDuration_s))
+  if (!(options.duration_s >= kMinSweep_s && options.duration_s <= kMaxSweep_s))
     return Status{StatusCode::kInvalidArgument,
                   "a sweep's duration must lie between 1e-9 and 1e9 seconds"};
-  const Mover mover_a{a, motion_a, name_a, length_bound(motion_a.angular_velocity_radps)};
-  const Mover mover_b{b, motion_b, name_b, length_bound(motion_b.angular_velocity_radps)};
-  NEARMESH_RETURN_IF_ERROR(check_way(mover_a, options.duration_s));
-  NEARMESH_RETURN_IF_ERROR(check_way(mover_b, options.duration_s));
+  NEARMESH_RETURN_IF_ERROR(check_way(motion_a, name_a, options.duration_s));
+  NEARMESH_RETURN_IF_ERROR(check_way(motion_b, name_b, options.duration_s));
 
   // Contact at the start is the commonest hit, and settles all.
   std::optional<Answer> asked;
@@ -528,55 +492,23 @@ Result<SweptAnswer> sweep_from(const Answer* now, const TreeView& a, const Motio
     if (asked) swept.stats = asked->stats;
     return swept;
   }
-  return SweptQuery(mover_a, mover_b, options).run();
+  return SweptQuery({a, motion_a}, name_a, {b, motion_b}, name_b, options).run();
 }
-
-namespace {
-
-/// What looks ahead along two motions: `look`, given a SweptQuery. Errors: those of the motions.
-template <class Found, class Look>
-Result<Found> look_ahead(const TreeView& a, const Motion& motion_a, std::string_view name_a,
-                         const TreeView& b, const Motion& motion_b, std::string_view name_b,
-                         double duration_s, double margin_m, std::uint64_t max_tests,
-                         const Look& look) {
-  const FloatGuard guard;
-  const bool is_still =
-      duration_s < kMinDuration_s || (is_at_rest(motion_a) && is_at_rest(motion_b));
-  const SweepOptions options{.duration_s = is_still ? kMinDuration_s : duration_s,
-                             .time_levels = is_still ? 0 : kAheadLevels,
-                             .max_tests = max_tests};
-  Motion now_a = motion_a, now_b = motion_b;
-  if (is_still)
-    for (Motion* motion : {&now_a, &now_b}) *motion = {.pose = motion->pose};
-  const Mover mover_a{a, now_a, name_a, length_bound(now_a.angular_velocity_radps)};
-  const Mover mover_b{b, now_b, name_b, length_bound(now_b.angular_velocity_radps)};
-  NEARMESH_RETURN_IF_ERROR(check_way(mover_a, options.duration_s));
-  NEARMESH_RETURN_IF_ERROR(check_way(mover_b, options.duration_s));
-  SweptQuery query(mover_a, mover_b, options, margin_m);
-  return look(query);
-}
-
-}  // namespace
 
 Result<Lacking> lacking_ahead(const TreeView& a, const Motion& motion_a, std::string_view name_a,
                               const TreeView& b, const Motion& motion_b, std::string_view name_b,
                               double duration_s, double margin_m, const Require& require_a,
                               const Require& require_b, std::uint64_t max_tests) {
-  return look_ahead<Lacking>(
-      a, motion_a, name_a, b, motion_b, name_b, duration_s, margin_m, max_tests,
-      [&](SweptQuery& query) { return query.lacking(require_a, require_b); });
-}
-
-Result<Obstacles> obstacles_ahead(const TreeView& a, const Motion& motion_a,
-                                  std::string_view name_a, NodeSpan node, const TreeView& b,
-                                  const Motion& motion_b, std::string_view name_b,
-                                  double duration_s, double margin_m, std::size_t most) {
-  const TreeEntry part = unresolved_entry(a, node);
-  TreeView bare = a;
-  bare.half_spaces = nullptr;  // of a smaller node that has the same first vertex, perhaps
-  return look_ahead<Obstacles>(bare, motion_a, name_a, b, motion_b, name_b, duration_s, margin_m,
-                               kLookTests,
-                               [&](SweptQuery& query) { return query.obstacles(part, most); });
+  const FloatGuard guard;
+  const AheadOf ahead(motion_a, motion_b, duration_s);
+  NEARMESH_RETURN_IF_ERROR(check_way(ahead.motion_a, name_a, ahead.duration_s));
+  NEARMESH_RETURN_IF_ERROR(check_way(ahead.motion_b, name_b, ahead.duration_s));
+  return SweptQuery({a, ahead.motion_a}, name_a, {b, ahead.motion_b}, name_b,
+                    {.duration_s = ahead.duration_s,
+                     .time_levels = ahead.time_levels,
+                     .max_tests = max_tests},
+                    margin_m)
+      .lacking(require_a, require_b);
 }
 
 double safe_horizon_s(const TreeView& a, const Motion& motion_a, const TreeView& b,

@@ -55,21 +55,21 @@ struct Part {
 [[nodiscard]] inline bool has_half_spaces(const TreeView& tree, const TreeEntry& node) {
   return tree.half_spaces != nullptr && !tree.half_spaces->of({node.first}).empty();
 }
+/// A half-space of a node whose vertex stands at `from`.
+[[nodiscard]] inline BoundedPart bounded_part(const HalfSpace& half_space, const GridPoint& from) {
+  const std::array<std::int8_t, 3>& normal = half_space_normal(half_space.direction);
+  return {{static_cast<double>(normal[0]), static_cast<double>(normal[1]),
+           static_cast<double>(normal[2])},
+          static_cast<double>(half_space_reach(half_space.reach) + way_along(normal, {}, from))};
+}
 /// Whether `apart` (BoundedPart -> bool) says so of one of the half-spaces of an unresolved node.
 template <class Apart>
 [[nodiscard]] bool half_spaces_part(const TreeView& tree, const TreeEntry& node,
                                     const Apart& apart) {
   if (tree.half_spaces == nullptr) return false;
   const VertexId first{node.first};
-  for (const HalfSpace& half_space : tree.half_spaces->of(first)) {
-    const std::array<std::int8_t, 3>& normal = half_space_normal(half_space.direction);
-    const std::int64_t bound =
-        half_space_reach(half_space.reach) + way_along(normal, {}, tree.store->position(first));
-    if (apart({{static_cast<double>(normal[0]), static_cast<double>(normal[1]),
-                static_cast<double>(normal[2])},
-               static_cast<double>(bound)}))
-      return true;
-  }
+  for (const HalfSpace& half_space : tree.half_spaces->of(first))
+    if (apart(bounded_part(half_space, tree.store->position(first)))) return true;
   return false;
 }
 

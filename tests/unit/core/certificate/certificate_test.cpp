@@ -55,10 +55,11 @@ struct Desk {
     });
   }
   /// All that is sent, taken in. Out: how many batches.
-  std::size_t answer(CertificateMaker& maker) {
+  std::size_t answer(CertificateMaker& maker, std::uint64_t round_tests = kLookTests) {
     std::size_t batches = 0;
     while (!maker.is_done()) {
-      Result<CertificateMaker::Part> part = maker.next();
+      ++rounds;
+      Result<CertificateMaker::Part> part = maker.next(round_tests);
       EXPECT_TRUE(part.is_ok()) << part.status().message();
       if (!part.is_ok()) break;
       for (std::vector<std::uint8_t>& batch : part.value().batches) {
@@ -86,7 +87,7 @@ struct Desk {
   ModelFile file_a, file_b;
   Replica a, b;
   std::vector<Told> told;  ///< all that came
-  std::size_t splits = 0;
+  std::size_t splits = 0, rounds = 0;
   Mirrors mirrors;
 };
 
@@ -135,6 +136,29 @@ TEST_P(Certificate, OneRoundTripCertifiesNowAndAhead) {
   }
   // Both turn, so the way of the one as seen from the other is bent; the request says it straight.
   EXPECT_GE(certified, asked * 9 / 10) << certified << " of " << asked;
+}
+
+// A round that may make few tests does not come to an end at once; more of them do.
+TEST_P(Certificate, ShortRoundsCertifyToo) {
+  Random random(9);
+  std::size_t rounds = 0, short_rounds = 0;
+  for (int i = 0; i < 12; ++i) {
+    const auto [motion_a, motion_b] = near_motions(random);
+    const PosedPair posed =
+        pose_pair(a_.header.grid, motion_a.pose, "a", b_.header.grid, motion_b.pose, "b").value();
+    Desk desk(a_, b_), short_desk(a_, b_);
+    for (auto [its, tests] :
+         {std::pair{&desk, kLookTests}, std::pair{&short_desk, std::uint64_t{20}}}) {
+      BegunCertificate begun = its->begin(its->ask(motion_a, motion_b, 0));
+      ASSERT_TRUE(begun.maker) << begun.why_not;
+      its->answer(*begun.maker, tests);
+      const Answer answer = query(its->a.view(), posed.a, its->other().view(), posed.b);
+      EXPECT_TRUE(is_certified(answer.status)) << i << ", " << tests << " tests";
+    }
+    rounds += desk.rounds;
+    short_rounds += short_desk.rounds;
+  }
+  EXPECT_GT(short_rounds, rounds);
 }
 
 // Where the sender errs the receiver's answers do: every face of the full mesh is held against every claim.

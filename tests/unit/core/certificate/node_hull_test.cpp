@@ -47,8 +47,16 @@ TEST_P(HullOfNode, HoldsEveryFaceOfTheNodeWhateverHasBeenRead) {
     SCOPED_TRACE(to_string(nodes[i]));
     if (i % 16 == 0) file.emplace(ModelFile::open(path->path()).value());
     reach(*file, nodes[i]);
-    const Result<std::vector<GridPoint>> hull = hull_of_node(*file, nodes[i]);
+    const Result<NodeHull> hull = hull_of_node(*file, nodes[i]),
+                           below = hull_below(*file, nodes[i]);
     ASSERT_TRUE(hull.is_ok()) << hull.status().message();
+    ASSERT_TRUE(below.is_ok()) << below.status().message();
+    std::vector<GridPoint> points = hull.value().points(file->store());
+    std::sort(points.begin(), points.end());
+    points.erase(std::unique(points.begin(), points.end()), points.end());
+    std::vector<GridPoint> some = below.value().points(file->store());
+    std::sort(some.begin(), some.end());
+    some.erase(std::unique(some.begin(), some.end()), some.end());
     std::vector<GridPoint> corners;
     truth.for_each_corner(nodes[i], [&](const GridPoint& p) { corners.push_back(p); });
     for (std::uint32_t v = nodes[i].begin(); v < nodes[i].end(); ++v)
@@ -57,7 +65,9 @@ TEST_P(HullOfNode, HoldsEveryFaceOfTheNodeWhateverHasBeenRead) {
     corners.erase(std::unique(corners.begin(), corners.end()), corners.end());
     if (nodes[i].size <= 256) {
       ++small;
-      EXPECT_EQ(hull.value(), corners);
+      EXPECT_EQ(points, corners);
+      EXPECT_GE(below.value().vertices.size(), nodes[i].size);
+      EXPECT_TRUE(std::includes(points.begin(), points.end(), some.begin(), some.end()));
       continue;
     }
     ++large;
@@ -69,12 +79,28 @@ TEST_P(HullOfNode, HoldsEveryFaceOfTheNodeWhateverHasBeenRead) {
         for (const GridPoint& p : points) most = std::max(most, way_along(normal, origin, p));
         return most;
       };
-      ASSERT_GE(support(hull.value()), support(corners)) << direction;
+      ASSERT_GE(support(points), support(corners)) << direction;
     }
   }
   EXPECT_GT(small, 0U);
   if (GetParam() == "soup") {
     EXPECT_GT(large, 0U);
+  }
+}
+
+// A node's faces are those of its two parts.
+TEST_P(HullOfNode, OfTwoPartsIsThatOfTheWhole) {
+  const BakedModel baked = test::bake_named(GetParam());
+  const auto path = test::write_model(baked);
+  ModelFile file = ModelFile::open(path->path()).value();
+  ASSERT_TRUE(file.require_all().is_ok());
+  int count = 0;
+  for (const NodeSpan& node : all_nodes(file.store())) {
+    if (node.size < 2 || node.size > 256 || ++count > 200) continue;
+    const VertexId split = file.store().split_of(node);
+    NodeHull both = hull_of_node(file, node.left_of(split)).value();
+    both.add(hull_of_node(file, node.right_of(split)).value());
+    EXPECT_EQ(both.vertices, hull_of_node(file, node).value().vertices) << to_string(node);
   }
 }
 

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Boxes and triangles adrift: never "stay apart" where the drift brings them together, and no finer than at rest.
+#include <algorithm>
 #include <cmath>
 
-#include "nearmesh/core/geometry/detail/box_overlap.hpp"
+#include "nearmesh/core/geometry/detail/lanes.hpp"
 #include "test_models.hpp"
 
 namespace nearmesh {
@@ -189,6 +190,70 @@ TEST(Drift, TurnedTrianglesSlidePastEachOtherToo) {
     EXPECT_TRUE(triangles_stay_apart(f, slide, low, high));
     EXPECT_FALSE(triangles_stay_apart(f, sink, low, high));
   }
+}
+
+// Eight at a time say what one by one does.
+TEST(DriftLanes, SayWhatSinglePairsDo) {
+  Random random(37);
+  int boxes_apart = 0, boxes_close = 0, faces_apart = 0, faces_close = 0;
+  for (int i = 0; i < 4000; ++i) {
+    const DriftingPair s = some_scene(random);
+    const CenteredBox own = box_of(s.in_a), other = box_of(s.in_b);
+    // Lanes about where a's box is, as b's grid has it, of all sizes.
+    const auto lanes_about = [&](const CenteredBox& box) {
+      std::array<Triangle, kLanes> triangles;
+      for (Triangle& t : triangles) {
+        const double way = std::exp2(random.between(0, 18));
+        for (int k = 0; k < 3; ++k) {
+          const double at = box.center[std::size_t(k)] + random.between(-way, way);
+          for (GridPoint& p : t)
+            p[k] = std::int32_t(std::clamp(at + random.between(-way, way) / 4, 0.0, 0x1p21 - 1));
+        }
+      }
+      return triangles;
+    };
+    const auto triangles_b = lanes_about(other), triangles_a = lanes_about(own);
+    BoxLanes boxes_a, boxes_b;
+    TriangleLanes faces_b;
+    for (std::uint32_t lane = 0; lane < kLanes; ++lane) {
+      GridBox box_a, box_b;
+      for (const GridPoint& p : triangles_a[lane]) box_a.add(p);
+      for (const GridPoint& p : triangles_b[lane]) box_b.add(p);
+      boxes_a.set(lane, box_a, {});
+      boxes_b.set(lane, box_b, {});
+      faces_b.set(lane, triangles_b[lane]);
+    }
+    // Brought together: b's frame moved so that the boxes are about each other.
+    RelativeFrame f = s.frame;
+    for (std::size_t k = 0; k < 3; ++k) {
+      double at = 0;
+      for (std::size_t j = 0; j < 3; ++j) at += f.rotation[3 * k + j] * other.center[j];
+      f.translation[k] = own.center[k] - at + random.between(-1, 1) * own.half[k];
+    }
+    DriftLanes drifts;
+    const double size = std::exp2(random.between(-4, 16));
+    for (double& x : drifts.along) x = random.between(-1, 1) * size;
+    for (double& x : drifts.around) x = random.below(3) == 0 ? 0 : random.unit() * size;
+    const std::uint32_t of_b = boxes_stay_apart(f, drifts, own, boxes_b),
+                        of_a = boxes_stay_apart(f, drifts, boxes_a, other),
+                        of_faces = box_triangles_stay_apart(f, {drifts.along, drifts.around[0]},
+                                                            own, faces_b);
+    for (std::uint32_t lane = 0; lane < kLanes; ++lane) {
+      const Drift drift{drifts.along, drifts.around[lane]};
+      const bool apart = boxes_stay_apart(f, drift, own, centered(boxes_b.box(lane)));
+      ASSERT_EQ(of_b >> lane & 1U, apart ? 1U : 0U) << i << ", lane " << lane;
+      ASSERT_EQ(of_a >> lane & 1U,
+                boxes_stay_apart(f, drift, centered(boxes_a.box(lane)), other) ? 1U : 0U)
+          << i << ", lane " << lane;
+      ++(apart ? boxes_apart : boxes_close);
+      const bool face_apart = box_triangle_stay_apart(f, {drifts.along, drifts.around[0]}, own,
+                                                      to_a_units(f, triangles_b[lane]));
+      ASSERT_EQ(of_faces >> lane & 1U, face_apart ? 1U : 0U) << i << ", lane " << lane;
+      ++(face_apart ? faces_apart : faces_close);
+    }
+  }
+  for (const int count : {boxes_apart, boxes_close, faces_apart, faces_close})
+    EXPECT_GT(count, 2000);
 }
 
 }  // namespace

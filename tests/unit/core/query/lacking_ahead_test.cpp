@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/query/lacking_ahead.hpp"
 
-#include <algorithm>
-
 #include "model_pairs.hpp"
 
 namespace nearmesh {
@@ -82,45 +80,6 @@ TEST_P(LackingAhead, TellsWhyASplitCannotBeLoaded) {
                                                 motion_b, "b", kAhead_s, 0, refuse, refuse);
   ASSERT_FALSE(lacking.is_ok());
   EXPECT_EQ(lacking.status().message(), "the disk is gone");
-}
-
-// What obstacles say of a node is what a look ahead sees of it; they are found in larger steps, and may say more.
-TEST_P(LackingAhead, ANodeThatLacksHasObstacles) {
-  Random random(5);
-  int with = 0, without = 0;
-  for (int i = 0; i < 40; ++i) {
-    const std::pair<Motion, Motion> motions = near_motions(random);
-    Cuts cuts(a_, b_);
-    // The other one whole, so that each node of a's lacks by itself.
-    RefineDelta delta;
-    for (std::uint32_t v = 0; v < b_.store.vertex_count(); ++v)
-      if (!b_.store.is_root({v})) static_cast<void>(cuts.b.mesh.split({v}, delta));
-    cuts.b.tree.update(delta);
-    const Result<Lacking> lacking = lacking_ahead(cuts.a.view(), motions.first, "a", cuts.b.view(),
-                                                  motions.second, "b", kAhead_s, 0);
-    ASSERT_TRUE(lacking.is_ok());
-    for (const BaseRoot& root : a_.store.roots()) {
-      if (root.node.size < 2) continue;
-      const auto obstacles_of = [&](std::size_t most) {
-        return obstacles_ahead(cuts.a.view(), motions.first, "a", root.node, cuts.b.view(),
-                               motions.second, "b", kAhead_s, 0, most);
-      };
-      const Result<Obstacles> found = obstacles_of(1'000'000);
-      ASSERT_TRUE(found.is_ok());
-      ASSERT_TRUE(found.value().is_all);
-      const bool lacks =
-          std::binary_search(lacking.value().a.begin(), lacking.value().a.end(), root.node);
-      const std::size_t count = found.value().obstacles.size();
-      EXPECT_TRUE(count > 0 || !lacks) << i << ": " << to_string(root.node);
-      ++(count > 0 ? with : without);
-      if (count > 1) {
-        EXPECT_FALSE(obstacles_of(count / 2).value().is_all);
-      }
-    }
-  }
-  const bool has_nodes = a_.store.vertex_count() > a_.store.roots().size();
-  EXPECT_EQ(with > 8, has_nodes) << with;
-  EXPECT_EQ(without > 8, has_nodes) << without;
 }
 
 }  // namespace

@@ -78,6 +78,9 @@ struct Drift {
   double around = 0;
 };
 
+/// `around`, with what doubles may add to the drift.
+[[nodiscard]] double reach(const Drift& drift);
+
 /// boxes_apart for every place to which the drift may take the boxes.
 [[nodiscard]] bool boxes_stay_apart(const RelativeFrame& f, const Drift& drift,
                                     const CenteredBox& a, const CenteredBox& b);

@@ -134,4 +134,21 @@ void place_triangles(const RelativeFrame& other_in_own, const TriangleLanes& oth
 void extents_gaps_m(const RelativeFrame& other_in_own, const DoubleTriangle& own,
                     const PlacedTriangles& other, double (&gaps_m)[kLanes]);
 
+/// How eight parts may move: all the same way, and each by so much around.
+struct DriftLanes {
+  std::array<double, 3> along{};
+  std::array<double, kLanes> around{};
+};
+/// boxes_stay_apart of one box and each of eight, as bits. Unused lanes: any.
+[[nodiscard]] std::uint32_t boxes_stay_apart(const RelativeFrame& other_in_own,
+                                             const DriftLanes& drift, const CenteredBox& own,
+                                             const BoxLanes& other);
+[[nodiscard]] std::uint32_t boxes_stay_apart(const RelativeFrame& other_in_own,
+                                             const DriftLanes& drift, const BoxLanes& own,
+                                             const CenteredBox& other);
+/// box_triangle_stay_apart of an own box and each of the other's triangles, as bits.
+[[nodiscard]] std::uint32_t box_triangles_stay_apart(const RelativeFrame& other_in_own,
+                                                     const Drift& drift, const CenteredBox& own,
+                                                     const TriangleLanes& other);
+
 }  // namespace nearmesh
