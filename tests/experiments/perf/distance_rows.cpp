@@ -37,8 +37,8 @@ void time_bound(const LocalModel& a, const LocalModel& b, const PosedPair& posed
 
 }  // namespace
 
-int time_distances(const std::string& workload, const PoseSet& set, const Model& a,
-                   const Model& b, std::span<Contender> others, int repeats, Report& report) {
+int time_distances(const std::string& workload, const PoseSet& set, const Model& a, const Model& b,
+                   std::span<Contender> others, int repeats, Report& report) {
   const std::string name = workload + "/" + set.name;
   const WholeModel whole_a(a), whole_b(b);
   // Posed vertices are rounded to the lattice: both sides are given a cell.

@@ -69,9 +69,9 @@ Pose flown(const Model& terrain, double along_m, double aside_m, double phase, d
 FrameScene flight_of(const std::string& name, const Model& terrain, const Model& aircraft,
                      std::size_t count, double apart_m, bool is_in_file, double low_m,
                      double high_m, bool is_by_name = false) {
-  const auto side = is_in_file ? count
-                               : static_cast<std::size_t>(
-                                     std::ceil(std::sqrt(static_cast<double>(count))));
+  const auto side =
+      is_in_file ? count
+                 : static_cast<std::size_t>(std::ceil(std::sqrt(static_cast<double>(count))));
   const auto pose_at = [=, &terrain](std::size_t i, double time_s) {
     return flown(terrain, apart_m * static_cast<double>(i % side),
                  apart_m * static_cast<double>(i / side), 0.7 * static_cast<double>(i), low_m,
@@ -85,13 +85,13 @@ Motion motion_at(const FrameScene& scene, std::size_t mover, double time_s, doub
   Motion motion{.pose = scene.pose_at(mover, time_s)};
   const Pose next = scene.pose_at(mover, time_s + step_s);
   const auto &r = motion.pose.rotation, &q = next.rotation;
-  const auto turned = [&](std::size_t row, std::size_t column) {  // of next.rotation by the other's transpose
+  const auto turned = [&](std::size_t row,
+                          std::size_t column) {  // of next.rotation by the other's transpose
     return q[3 * row] * r[3 * column] + q[3 * row + 1] * r[3 * column + 1] +
            q[3 * row + 2] * r[3 * column + 2];
   };
   for (std::size_t k = 0; k < 3; ++k) {
-    motion.linear_velocity_mps[k] =
-        (next.translation_m[k] - motion.pose.translation_m[k]) / step_s;
+    motion.linear_velocity_mps[k] = (next.translation_m[k] - motion.pose.translation_m[k]) / step_s;
     const std::size_t i = (k + 1) % 3, j = (k + 2) % 3;
     motion.angular_velocity_radps[k] = (turned(j, i) - turned(i, j)) / 2 / step_s;
   }
@@ -141,7 +141,8 @@ class ServedChannel final : public subscriber::Channel {
     request.region = {all};
     auto batches = answer_request(file.header(), store, request,
                                   [&file](NodeSpan node) { return file.require(node); });
-    auto messages = wire::answer_messages(0, 0, file.content_hash(), std::move(batches).value(), true);
+    auto messages =
+        wire::answer_messages(0, 0, file.content_hash(), std::move(batches).value(), true);
     std::move(messages.begin(), messages.end(), std::back_inserter(detail_));
   }
 
@@ -159,8 +160,8 @@ struct Frames {
 };
 
 void fly(const FrameScene& scene, int rate_hz, bool all_detail, Report& report) {
-  const std::string name = scene.name + "/" + std::to_string(rate_hz) + "hz/" +
-                           (all_detail ? "full" : "least");
+  const std::string name =
+      scene.name + "/" + std::to_string(rate_hz) + "hz/" + (all_detail ? "full" : "least");
   std::fprintf(stderr, "%s\n", name.c_str());
   auto made = std::make_unique<ServedChannel>();
   ServedChannel& channel = *made;
@@ -244,9 +245,9 @@ void time_flights(const Model& terrain, const Model& aircraft, Report& report) {
 void time_near_miss(const std::string& name, const Model& model, Report& report) {
   const std::vector<PoseSet> sets = distances(model, model, 1);
   const auto poses_of = [&](const char* wanted) {
-    return std::find_if(sets.begin(), sets.end(), [&](const PoseSet& set) {
-             return set.name == wanted;
-           })->poses.front();
+    return std::find_if(sets.begin(), sets.end(),
+                        [&](const PoseSet& set) { return set.name == wanted; })
+        ->poses.front();
   };
   const PosePair near = poses_of("near_miss");
   std::array<double, 3> away = poses_of("apart_2").b.translation_m;

@@ -169,8 +169,9 @@ int main(int argc, char** argv) {
   app.add_option("-o,--out", out, "CSV file")->capture_default_str();
   app.add_option("--data", data, "Folder of shared test data (for the bunny)")
       ->capture_default_str();
-  app.add_option("--workload", only,
-                 "Only these: sphere bunny terrain1m terrain8m frames (default: all but terrain8m)");
+  app.add_option(
+      "--workload", only,
+      "Only these: sphere bunny terrain1m terrain8m frames (default: all but terrain8m)");
   app.add_option("--contender", contenders, "Only these beside nearmesh");
   app.add_option("--repeats", repeats, "Runs of each workload")
       ->capture_default_str()
@@ -215,8 +216,7 @@ int main(int argc, char** argv) {
   const auto time_all = [&](const std::string& name, const PoseSet& set, const Model& a,
                             const Model& b, std::vector<Contender>& entries) {
     time_poses(name, set, entries, repeats, report, differences);
-    differences +=
-        time_distances(name, set, a, b, std::span(entries).subspan(1), repeats, report);
+    differences += time_distances(name, set, a, b, std::span(entries).subspan(1), repeats, report);
   };
   const auto against_itself = [&](const std::string& name, const Model& model) {
     std::vector<Contender> entries = enter(model, model);

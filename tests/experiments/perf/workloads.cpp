@@ -66,7 +66,8 @@ Model make_model(const IndexedMesh& mesh, std::uint32_t base_faces) {
   return model;
 }
 
-WholeModel::WholeModel(const Model& model) : LocalModel(model.baked.store, model.baked.header.grid) {
+WholeModel::WholeModel(const Model& model)
+    : LocalModel(model.baked.store, model.baked.header.grid) {
   RefineDelta delta;
   for (const VertexId split : global_order(model.baked.store, model.baked.header.vertex_count))
     static_cast<void>(mesh.split(split, delta));
