@@ -130,6 +130,11 @@ std::optional<Answered> still_free(const AskedBody& a, const AskedBody& b, const
   std::array<double, 3> way;
   for (std::size_t k = 0; k < 3; ++k) way[k] = now.nearest_b_m[k] - now.nearest_a_m[k];
   now.distance_at_most_m = length_bound(way) + left.error_m;
+  if (left.boxes_moved_m == 0) {  // nor have they moved at all
+    now.nearest_a_m = kept.nearest_a_m;
+    now.nearest_b_m = kept.nearest_b_m;
+    now.distance_at_most_m = kept.distance_at_most_m;
+  }
   all.safe_horizon_s =
       safe_horizon_s(a.view, a.motion, b.view, b.motion, now.clearance_m, a.age_s, b.age_s);
   if (options.sweep_s <= 0) return all;

@@ -65,11 +65,13 @@ ClearanceLeft clearance_left(const MovedBody& a, const MovedBody& b, int lattice
   } else if (!has_moved || left_m > 0) {
     left.safe_s = std::numeric_limits<double>::infinity();
   }
-  const double apart_m = distance(a.now.translation_m, b.now.translation_m);
-  left.error_m = error_m * kRoundUp;
-  left.boxes_moved_m =
-      (moved_m + 3 * turned * (reach_m + apart_m) + error_m + 0x1p-16 * (reach_m + apart_m)) *
-      kRoundUp;
+  if (has_moved) {
+    const double apart_m = distance(a.now.translation_m, b.now.translation_m);
+    left.error_m = error_m * kRoundUp;
+    left.boxes_moved_m =
+        (moved_m + 3 * turned * (reach_m + apart_m) + error_m + 0x1p-16 * (reach_m + apart_m)) *
+        kRoundUp;
+  }
   left.clearance_m = guard.keep(left.clearance_m);
   left.safe_s = guard.keep(left.safe_s);
   return left;

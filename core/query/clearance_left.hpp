@@ -27,7 +27,7 @@ struct ClearanceLeft {
   double clearance_m = 0;
   /// For so long from now on nothing can touch, if neither is faster than its motion of now says. Infinite where neither moves.
   double safe_s = 0;
-  /// Posed points are off by this much together, then and now, metres.
+  /// Posed points are off by this much together, then and now, metres. 0, and so is what follows, of poses that are the same to the bit.
   double error_m = 0;
   /// Gaps that tests of the two trees find between parts, along the axes of either and normals of their slabs, have changed by less,
   /// metres: what a turn moves far from its centre, and rounding to floats, included.
