@@ -51,6 +51,20 @@ Result<SweptAnswer> sweep_ahead(const Answer& now, const AskedBody& a, const Ask
                     {.duration_s = options.sweep_s, .max_tests = options.max_sweep_tests});
 }
 
+/// A walk that finds nothing near takes far fewer: it opens what the search for the bound did.
+constexpr std::uint64_t kFreeTests = 65'536;
+
+/// Where a point that went with the body is now.
+std::array<double, 3> carried(const Pose& then, const Pose& now, const std::array<double, 3>& p) {
+  std::array<double, 3> own{}, out = now.translation_m;
+  for (std::size_t i = 0; i < 3; ++i)
+    for (std::size_t k = 0; k < 3; ++k)
+      own[i] += then.rotation[3 * k + i] * (p[k] - then.translation_m[k]);
+  for (std::size_t i = 0; i < 3; ++i)
+    for (std::size_t k = 0; k < 3; ++k) out[i] += now.rotation[3 * i + k] * own[k];
+  return out;
+}
+
 }  // namespace
 
 bool is_cut(const Answer& answer, const AnswerOptions& options) {
@@ -92,6 +106,40 @@ Result<Answered> answer(const AskedBody& a, const AskedBody& b, const AnswerOpti
   } else {
     all.swept = sweep_ahead(now, a, b, options);
   }
+  return all;
+}
+
+// Why the walk would find nothing. The search for the bound goes down from pair to pair of parts as the walk does, and each pair of
+// ends lies below a pair whose gap it found to be `clearance_m` at least: along three axes of one body together, so that one of them has
+// 0.57 of it, or along a slab's normal. A motion changes that by less than boxes_moved_m, of which four are not more: the walk, which
+// tries the same axes and normals, parts that pair. Exact faces are as far apart as clearance_left() says.
+std::optional<Answered> still_free(const AskedBody& a, const AskedBody& b, const KeptFree& kept,
+                                   const ClearanceLeft& left, const AnswerOptions& options) {
+  if (options.clearance != Clearance::kBound || options.max_tests < kFreeTests ||
+      !std::isfinite(kept.distance_at_most_m) || !(4 * left.boxes_moved_m <= kept.clearance_m))
+    return std::nullopt;
+  Answered all;
+  Answer& now = all.answer;
+  now.status = AnswerStatus::kFree;
+  now.clearance_m = kept.clearance_m - left.boxes_moved_m;
+  // Nor has the greatest that what is held allows grown by more.
+  now.clearance_share =
+      now.clearance_m / (kept.clearance_m / kept.clearance_share + left.boxes_moved_m);
+  now.nearest_a_m = carried(kept.pose_a, a.motion.pose, kept.nearest_a_m);
+  now.nearest_b_m = carried(kept.pose_b, b.motion.pose, kept.nearest_b_m);
+  std::array<double, 3> way;
+  for (std::size_t k = 0; k < 3; ++k) way[k] = now.nearest_b_m[k] - now.nearest_a_m[k];
+  now.distance_at_most_m = length_bound(way) + left.error_m;
+  if (left.boxes_moved_m == 0) {  // nor have they moved at all
+    now.nearest_a_m = kept.nearest_a_m;
+    now.nearest_b_m = kept.nearest_b_m;
+    now.distance_at_most_m = kept.distance_at_most_m;
+  }
+  all.safe_horizon_s =
+      safe_horizon_s(a.view, a.motion, b.view, b.motion, now.clearance_m, a.age_s, b.age_s);
+  if (options.sweep_s <= 0) return all;
+  if (!is_free_by_speed(a, b, all.safe_horizon_s, options.sweep_s)) return std::nullopt;
+  all.swept = SweptAnswer{.status = AnswerStatus::kFree, .free_until_s = options.sweep_s};
   return all;
 }
 

@@ -7,6 +7,7 @@
 #include <optional>
 #include <string_view>
 
+#include "clearance_left.hpp"
 #include "nearmesh/core/query/depth.hpp"
 #include "nearmesh/core/query/sweep.hpp"
 
@@ -53,5 +54,21 @@ struct Answered {
 /// Deterministic; what is not in the options does not change Answer, nor do ages. Threads: views may be shared.
 [[nodiscard]] Result<Answered> answer(const AskedBody& a, const AskedBody& b,
                                       const AnswerOptions& options = {});
+
+/// A certified answer about two bodies that nothing of touched, to be kept for the poses that follow.
+struct KeptFree {
+  double clearance_m = 0, clearance_share = 0;  ///< as in Answer, and so are these
+  double distance_at_most_m = std::numeric_limits<double>::infinity();
+  std::array<double, 3> nearest_a_m{}, nearest_b_m{};
+  Pose pose_a, pose_b;  ///< that it was about
+};
+
+/// Where the bodies have moved so little that the trees need not be asked: what answer() says, but for its bounds, which are worked
+/// out from those of then, and so hold as well; none where that is not certain. The digest is the same.
+/// In: clearance_left() of what was kept. Both views as they were then, to the last split and half-space, neither body solid.
+/// Cost: a hundred operations. Threads: any.
+[[nodiscard]] std::optional<Answered> still_free(const AskedBody& a, const AskedBody& b,
+                                                 const KeptFree& kept, const ClearanceLeft& left,
+                                                 const AnswerOptions& options);
 
 }  // namespace nearmesh

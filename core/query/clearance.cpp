@@ -139,17 +139,16 @@ class Search {
       const DoubleTriangle triangle_a = as_doubles(block_a.triangles.corners(i));
       double gaps_m[kLanes];
       extents_gaps_m(s_.b_in_a, triangle_a, placed_b, gaps_m);
+      double least_m = kFar;
+      for (std::uint32_t j = 0; j < b.count(); ++j) least_m = std::min(least_m, gaps_m[j]);
+      if (!is_of_use(least_m)) {
+        least_left_ = std::min(least_left_, least_m);
+        continue;
+      }
+      triangles_gaps_m(s_.b_in_a, triangle_a, placed_b, gaps_m);
       for (std::uint32_t j = 0; j < b.count(); ++j) {
-        if (!is_of_use(gaps_m[j])) {
-          least_left_ = std::min(least_left_, gaps_m[j]);
-          continue;
-        }
-        DoubleTriangle triangle_b;
-        for (std::size_t c = 0; c < 3; ++c)
-          for (std::size_t k = 0; k < 3; ++k) triangle_b[c][k] = placed_b.corner[c][k][j];
-        const double gap_m = triangles_gap_m(s_.b_in_a, triangle_a, triangle_b);
-        found_ = std::min(found_, gap_m);
-        offer_nearest(gap_m, block_a.triangles.corners(i), block_b.triangles.corners(j));
+        found_ = std::min(found_, gaps_m[j]);
+        offer_nearest(gaps_m[j], block_a.triangles.corners(i), block_b.triangles.corners(j));
       }
     }
   }

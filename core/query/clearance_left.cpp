@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A point x of the model is at R x + T. Between two poses it goes |(R' - R) x + (T' - T)|, at most |R' - R| |x| + |T' - T|, with the
 // Frobenius norm for the first; no rotation is assumed to be one. The full mesh lies in the root's box, so |x| is at most its
-// reach. The answer was about posed points, each within posing_error_m of R x + T, and so is what is asked now, or later: two
+// reach. What both bodies are shifted by alike changes no distance: of the shifts their difference counts. The answer was about posed points, each within posing_error_m of R x + T, and so is what is asked now, or later: two
 // errors of each body, of the pose that is farther out. posing_error_m's share of a lattice is 1.7322 cells.
 #include "clearance_left.hpp"
 
@@ -39,20 +39,38 @@ ClearanceLeft clearance_left(const MovedBody& a, const MovedBody& b, int lattice
                              double clearance_m) {
   const FloatGuard guard;
   const double cells_m = 1.74 * std::ldexp(1.0, lattice_exp);
-  double moved_m = 0, error_m = 0, speed_mps = 0, gone_m = 0;
+  std::array<double, 3> shift_a, shift_b;
+  for (std::size_t k = 0; k < 3; ++k) {
+    shift_a[k] = a.now.translation_m[k] - a.then.translation_m[k];
+    shift_b[k] = b.now.translation_m[k] - b.then.translation_m[k];
+  }
+  double moved_m = distance(shift_a, shift_b), turned = 0, error_m = 0, speed_mps = 0, gone_m = 0,
+         reach_m = 0;
+  bool has_moved = false;
   for (const MovedBody* body : {&a, &b}) {
     const double way_m = distance(body->then.translation_m, body->now.translation_m);
-    moved_m += way_m + distance(body->then.rotation, body->now.rotation) * body->reach.reach_m;
+    const double turn = distance(body->then.rotation, body->now.rotation);
+    has_moved |= way_m > 0 || turn > 0;
+    moved_m += turn * body->reach.reach_m;
+    turned += turn;
+    reach_m += body->reach.reach_m;
     error_m += 2 * (body->reach.error_m + 0x1p-48 * way_m + cells_m);
     speed_mps += body->reach.speed_mps;
     if (body->reach.speed_mps > 0) gone_m += body->reach.speed_mps * std::abs(body->age_s);
   }
   const double left_m = clearance_m - (moved_m + error_m) * kRoundUp;
-  ClearanceLeft left{.clearance_m = moved_m == 0 ? clearance_m : std::max(0.0, left_m)};
+  ClearanceLeft left{.clearance_m = has_moved ? std::max(0.0, left_m) : clearance_m};
   if (speed_mps > 0) {
     left.safe_s = std::max(0.0, left_m - gone_m * kRoundUp) / (speed_mps * kRoundUp);
-  } else if (moved_m == 0 || left_m > 0) {
+  } else if (!has_moved || left_m > 0) {
     left.safe_s = std::numeric_limits<double>::infinity();
+  }
+  if (has_moved) {
+    const double apart_m = distance(a.now.translation_m, b.now.translation_m);
+    left.error_m = error_m * kRoundUp;
+    left.boxes_moved_m =
+        (moved_m + 3 * turned * (reach_m + apart_m) + error_m + 0x1p-16 * (reach_m + apart_m)) *
+        kRoundUp;
   }
   left.clearance_m = guard.keep(left.clearance_m);
   left.safe_s = guard.keep(left.safe_s);

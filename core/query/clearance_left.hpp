@@ -27,11 +27,16 @@ struct ClearanceLeft {
   double clearance_m = 0;
   /// For so long from now on nothing can touch, if neither is faster than its motion of now says. Infinite where neither moves.
   double safe_s = 0;
+  /// Posed points are off by this much together, then and now, metres. 0, and so is what follows, of poses that are the same to the bit.
+  double error_m = 0;
+  /// Gaps that tests of the two trees find between parts, along the axes of either and normals of their slabs, have changed by less,
+  /// metres: what a turn moves far from its centre, and rounding to floats, included.
+  double boxes_moved_m = 0;
 };
 
 /// Where a certified answer without a pair gave `clearance_m`, about the same two contents: no point of a body has gone farther
 /// than its pose's change takes it, whichever way it went meanwhile, and what is held does not matter. Of poses that are the same to
-/// the bit, what was said then.
+/// the bit, what was said then. What both have been shifted by alike does not count.
 /// In: the pair's lattice.
 [[nodiscard]] ClearanceLeft clearance_left(const MovedBody& a, const MovedBody& b, int lattice_exp,
                                            double clearance_m);

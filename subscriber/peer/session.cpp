@@ -258,6 +258,22 @@ void Session::Impl::run_jobs(std::size_t count, const std::function<void(std::si
   }
 }
 
+AnswerOptions Session::Impl::answer_options_of(const Pair& pair) const {
+  return {.clearance = options.clearance,
+          .any = options.any,
+          .max_pairs = options.max_pairs,
+          .max_tests = options.max_tests,
+          .contacts = options.contacts,
+          .depth = options.depth && !pair.is_of_tile,
+          .sweep_s = options.sweep_s,
+          .max_sweep_tests = options.max_sweep_tests};
+}
+
+/// Precondition: it is ready.
+AskedBody Session::Impl::asked_body_of(const Body& body) const {
+  return {body.view(), *body.motion, body.name, body.solid, wire::age_s(stamp_of(body), time_s)};
+}
+
 // Changes nothing of the session's, so that pairs may be asked at once. `has_turn` is called where it could be asked.
 void Session::Impl::ask_pair(const Pair& pair, PairAnswer& result, AskedPair& asked_pair,
                              const std::function<bool()>& has_turn) const {
@@ -270,25 +286,19 @@ void Session::Impl::ask_pair(const Pair& pair, PairAnswer& result, AskedPair& as
   result.age_b_s = wire::age_s(stamp_of(*pair.b), time_s);
   if (!pair.is_ready) result.reason = why_not_ready(*pair.a);
   if (!pair.is_ready && result.reason.empty()) result.reason = why_not_ready(*pair.b);
-  if (result.reason.empty() && !has_turn()) {
+  if (result.reason.empty() && pair.still) {
+    result.asked = true;
+    result.pose_a = pair.a->motion->pose;
+    result.pose_b = pair.b->motion->pose;
+    take_answer(Answered(*pair.still), result, asked_pair.complaints);
+  } else if (result.reason.empty() && !has_turn()) {
     put_off(pair, result);
   } else if (result.reason.empty()) {
     const Stopwatch watch;
-    const auto body = [](const Body& of, double age_s) {
-      return AskedBody{of.view(), *of.motion, of.name, of.solid, age_s};
-    };
-    const AskedBody a = body(*pair.a, result.age_a_s), b = body(*pair.b, result.age_b_s);
+    const AskedBody a = asked_body_of(*pair.a), b = asked_body_of(*pair.b);
     result.pose_a = a.motion.pose;
     result.pose_b = b.motion.pose;
-    Result<Answered> asked = answer(a, b,
-                                    {.clearance = options.clearance,
-                                     .any = options.any,
-                                     .max_pairs = options.max_pairs,
-                                     .max_tests = options.max_tests,
-                                     .contacts = options.contacts,
-                                     .depth = options.depth && !pair.is_of_tile,
-                                     .sweep_s = options.sweep_s,
-                                     .max_sweep_tests = options.max_sweep_tests});
+    Result<Answered> asked = answer(a, b, answer_options_of(pair));
     if (asked.is_ok()) {
       result.asked = true;
       take_answer(std::move(asked).value(), result, asked_pair.complaints);
@@ -318,7 +328,11 @@ void Session::Impl::settle_pair(Pair& pair, PairAnswer& result, const AskedPair&
           (result.awaited.empty() ? "the search was ended after " : "; it was ended after ") +
           std::to_string(options.max_tests) + " tests";
   }
-  note_turn(pair, result, asked.query_s);
+  if (pair.still) {
+    note_still(pair);
+  } else {
+    note_turn(pair, result, asked.query_s);
+  }
   if (pair.is_of_tile) return;  // told with the others of its world
   report.pairs_put_off += result.put_off ? 1 : 0;
   if (options.contacts || options.depth) follow_contacts(pair, result, report);

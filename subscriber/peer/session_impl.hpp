@@ -185,13 +185,16 @@ struct Session::Impl {
       LastCertified said, now;  // then; and what is left of it in this update
       std::uint64_t asked_in = 0;
       double time_s = 0;
-      Pose pose_a, pose_b;
+      KeptFree kept;  // of an answer without a pair, and the poses of any
       ContentHash content_a, content_b;
+      std::uint64_t changes_a = 0, changes_b = 0;  // of the replicas: changes_of()
+      ClearanceLeft left;                          // in this update
     };
     std::optional<Certified> certified;
     ContactBook contacts;
     ContentHash content_a, content_b;  // that its contacts are of
     bool is_ready = false;             // in this update: headers and fresh poses are there
+    std::optional<Answered> still;     // in this update, where it need not be asked
     bool is_put_off = false;           // in the last update; stands for `last` then
 
     [[nodiscard]] bool has(const Body& body) const { return a == &body || b == &body; }
@@ -364,9 +367,13 @@ struct Session::Impl {
   [[nodiscard]] std::vector<std::uint32_t> take_turns(double left_s) const;
   [[nodiscard]] double due_of(const Pair& pair) const;
   [[nodiscard]] double cost_of(const Pair& pair) const;
-  [[nodiscard]] LastCertified last_certified_of(const Pair& pair) const;
+  [[nodiscard]] LastCertified last_certified_of(const Pair& pair, ClearanceLeft& left) const;
+  [[nodiscard]] std::optional<Answered> still_free_of(const Pair& pair) const;
+  [[nodiscard]] AnswerOptions answer_options_of(const Pair& pair) const;
+  [[nodiscard]] AskedBody asked_body_of(const Body& body) const;
   void put_off(const Pair& pair, PairAnswer& result) const;
   void note_turn(Pair& pair, const PairAnswer& result, double query_s);
+  void note_still(Pair& pair);
   void settle_pair(Pair& pair, PairAnswer& result, const AskedPair& asked, std::uint64_t frame,
                    FrameReport& report);
   void follow_contacts(Pair& pair, PairAnswer& answer, FrameReport& report);

@@ -10,6 +10,7 @@
 #include <cmath>
 #include <utility>
 
+#include "core/base/hash.hpp"
 #include "pair_readiness.hpp"
 #include "session_impl.hpp"
 
@@ -18,11 +19,17 @@ namespace {
 
 constexpr double kMostFreeTurns = 16, kNewTurns = 8;
 
+/// The same as long as nothing of what is held has changed.
+std::uint64_t changes_of(const Replica& replica) {
+  return mix(replica.mesh().state_hash() ^ mix(replica.taken_batches()));
+}
+
 }  // namespace
 
 /// What the last certified answer of a pair says of the frame's poses. Precondition: there is one; both bodies are ready.
-LastCertified Session::Impl::last_certified_of(const Pair& pair) const {
+LastCertified Session::Impl::last_certified_of(const Pair& pair, ClearanceLeft& left) const {
   const Pair::Certified& then = *pair.certified;
+  left = {};
   LastCertified last = then.said;
   last.age_s = time_s - then.time_s;
   last.clearance_m = 0;
@@ -32,12 +39,23 @@ LastCertified Session::Impl::last_certified_of(const Pair& pair) const {
   const auto moved = [this](const Body& body, const Pose& pose) {
     return MovedBody{body.reach, pose, body.motion->pose, wire::age_s(stamp_of(body), time_s)};
   };
-  const ClearanceLeft left =
-      clearance_left(moved(*pair.a, then.pose_a), moved(*pair.b, then.pose_b),
-                     lattice_exponent(pair.a->grid(), pair.b->grid()), then.said.clearance_m);
+  left = clearance_left(moved(*pair.a, then.kept.pose_a), moved(*pair.b, then.kept.pose_b),
+                        lattice_exponent(pair.a->grid(), pair.b->grid()), then.said.clearance_m);
   last.clearance_m = left.clearance_m;
   last.safe_s = left.safe_s;
   return last;
+}
+
+/// The answer without asking, where what was said last and how little both have moved since make it certain, and where what is held has not
+/// changed: so it is what every peer answers that holds the same. Precondition: both bodies are ready.
+std::optional<Answered> Session::Impl::still_free_of(const Pair& pair) const {
+  if (!pair.certified || pair.a->solid || pair.b->solid) return std::nullopt;
+  const Pair::Certified& then = *pair.certified;
+  if (then.now.clearance_m == 0 || then.changes_a != changes_of(*pair.a->model->replica) ||
+      then.changes_b != changes_of(*pair.b->model->replica))
+    return std::nullopt;
+  return still_free(asked_body_of(*pair.a), asked_body_of(*pair.b), then.kept, then.left,
+                    answer_options_of(pair));
 }
 
 /// By update; see above.
@@ -62,7 +80,10 @@ void Session::Impl::look_at_pairs() {
     }
     if (pair->turn.came_in == 0) pair->turn.came_in = updates;
     pair->is_ready = pair->a->is_ready && pair->b->is_ready;
-    if (pair->is_ready && pair->certified) pair->certified->now = last_certified_of(*pair);
+    pair->still.reset();
+    if (!pair->is_ready || !pair->certified) continue;
+    pair->certified->now = last_certified_of(*pair, pair->certified->left);
+    pair->still = still_free_of(*pair);
   }
 }
 
@@ -85,6 +106,7 @@ std::vector<std::uint32_t> Session::Impl::take_turns(double left_s) const {
 
 /// What asking a pair will take, as far as is known: what it took then, or, since that may be long ago, what pairs take.
 double Session::Impl::cost_of(const Pair& pair) const {
+  if (pair.still) return 0;
   return std::max(pair.turn.cost_s, pair_cost.seconds());
 }
 
@@ -113,7 +135,7 @@ void Session::Impl::answer_pairs(std::uint64_t frame, const FrameBudget& budget,
       is_over = left_s < pair_cost.seconds();
       return false;
     });
-    if (!report.answers[place].asked) return;
+    if (!report.answers[place].asked || pair.still) return;
     is_any_asked = true;
     asked[place].ended_s = budget.spent_s();
   });
@@ -142,10 +164,25 @@ void Session::Impl::note_turn(Pair& pair, const PairAnswer& result, double query
                              .clearance_m = result.answer.clearance_m},
                     .asked_in = updates,
                     .time_s = time_s,
-                    .pose_a = result.pose_a,
-                    .pose_b = result.pose_b,
+                    .kept = {.clearance_m = result.answer.clearance_m,
+                             .clearance_share = result.answer.clearance_share,
+                             .distance_at_most_m = result.answer.distance_at_most_m,
+                             .nearest_a_m = result.answer.nearest_a_m,
+                             .nearest_b_m = result.answer.nearest_b_m,
+                             .pose_a = result.pose_a,
+                             .pose_b = result.pose_b},
                     .content_a = result.content_a,
-                    .content_b = result.content_b};
+                    .content_b = result.content_b,
+                    .changes_a = changes_of(*pair.a->model->replica),
+                    .changes_b = changes_of(*pair.b->model->replica)};
+}
+
+/// It was answered without being asked: certified now, by what was said of the poses of then.
+void Session::Impl::note_still(Pair& pair) {
+  pair.is_put_off = false;
+  pair.turn.asked_in = updates;
+  pair.certified->asked_in = updates;
+  pair.certified->time_s = time_s;
 }
 
 }  // namespace nearmesh::subscriber

@@ -5,6 +5,7 @@
 
 #include <set>
 #include <stdexcept>
+#include <type_traits>
 
 #include "peers.hpp"
 
@@ -60,6 +61,7 @@ class Fcl : public Peer {
     return points;
   }
   std::optional<double> distance_m() override {
+    if (!std::is_same_v<Box, fcl::OBBRSSd>) return std::nullopt;  // it has none of boxes alone
     fcl::DistanceResultd result;
     return fcl::distance(a_.get(), pose_a_, b_.get(), pose_b_, fcl::DistanceRequestd(), result);
   }

@@ -5,9 +5,15 @@ namespace nearmesh::peers {
 
 std::vector<PeerInfo> timed_peers() {
   std::vector<PeerInfo> found;
+#ifdef NEARMESH_PEER_PQP
+  found.push_back(pqp());
+#endif
 #ifdef NEARMESH_PEER_FCL
   found.push_back(fcl_obb());
   found.push_back(fcl_obbrss());
+#endif
+#ifdef NEARMESH_PEER_COAL
+  found.push_back(coal_obbrss());
 #endif
 #ifdef NEARMESH_PEER_BULLET
   found.push_back(bullet());

@@ -43,7 +43,7 @@ class Peer {
   }
   /// Where they touch.
   virtual std::optional<std::vector<ContactPoint>> contacts() { return std::nullopt; }
-  /// Of bodies that do not touch. Timed.
+  /// Exact, of bodies that do not touch. Timed.
   virtual std::optional<double> distance_m() { return std::nullopt; }
   /// Whether they touch at any time while b moves to `end_b` in a straight line.
   virtual std::optional<bool> touches_on_the_way(const Pose& /*end_b*/) { return std::nullopt; }
@@ -67,6 +67,7 @@ struct PeerInfo {
 [[nodiscard]] PeerInfo fcl_obb();
 [[nodiscard]] PeerInfo fcl_obbrss();
 [[nodiscard]] PeerInfo coal_obbrss();
+[[nodiscard]] PeerInfo pqp();
 /// The precision is that of the target: nearmesh_peer_bullet, as its users have it, or nearmesh_peer_bullet_double.
 [[nodiscard]] PeerInfo bullet();
 [[nodiscard]] PeerInfo embree();

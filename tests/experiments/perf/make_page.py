@@ -11,15 +11,16 @@ import sys
 
 HEAD = """# Speed and size
 
-For whoever asks whether nearmesh is fast and small enough: aims and what was measured, times beside FCL, Bullet, Embree and CGAL,
-bytes, baking, and what stands in the way of the aims that are missed.
+For whoever asks whether nearmesh is fast and small enough: aims and what was measured, the frame that a host waits for, times beside
+PQP, FCL, Coal, Bullet, Embree and CGAL, bytes, baking, and what stands in the way of the aims that are missed.
 """
 
 QUERIES = """## Queries
 
-Microseconds, one thread: medians of all poses, the least of three calls each. In brackets: the ratio to nearmesh's time.
+Microseconds, one thread: medians of all poses, the least of three calls each (of one, where that takes more than 10 ms). In brackets: the
+ratio to nearmesh's time.
 
-* **nearmesh** answers on a replica that holds what the pose needs and no more, certificate included.
+* **nearmesh** answers on a replica that holds what these poses need and no more, certificate included. No distance is asked for: see below.
 * **The others** hold the full meshes, posed and built beforehand. Embree has no transforms: it re-places the moving body, and that
   is in its time.
 * **All answers agree**, number of pairs included, but for Bullet's pairs: its test of triangles is an approximate one.
@@ -27,6 +28,32 @@ Microseconds, one thread: medians of all poses, the least of three calls each. I
 `sphere` is 4,096 faces against itself, `bunny` 39,787. A number after the name is the distance in units of that of first contact;
 `near_miss` is 1.00001, `grazing` 0.9999. `terrain1m` is a flight of an aircraft of 8,000 faces, low over a million faces, `terrain8m`
 the same over eight million.
+
+{measured}
+"""
+
+DISTANCES = """## Distances
+
+How far apart are they? The same poses, where the bodies are free; microseconds as above.
+
+* **nearmesh** goes on to the end and gives a bracket whose width is rounding, with all detail held.
+* **The others** give one number. PQP begins each search anew, as after a jump: from frame to frame it would begin with the last pair.
+* **Bounds** are what a session asks for in each frame: a search that ends when it has three quarters of what is known to be there at most, or
+  after 256 steps. *Share* is the median of bound to distance, *cut* the poses in which the steps ended it. On *least detail* nothing
+  is held but what certifies.
+"""
+
+FRAMES = """## The frame of a session
+
+What a host waits for: all of `Session::update` of one peer with the default options, reports, bounds and looking ahead included, over a channel
+without a network. Microseconds of this thread's processor time, without what the publisher does in the same thread, which stands in a column of its own.
+
+* `flight`: so many aircraft of 8,000 faces in a square, 100 m apart, at 60 m/s up to 15 m above a terrain of a million faces, into it now and
+  then; pairs by `watch_all()`. `touching`: one that always touches.
+* `named`: 40 of them, all 820 pairs watched by name, 100 m apart or 15 m one behind the other, into each other.
+* `bunny_near_miss`: one of two goes from a near miss 0.01 % of its size away in each frame.
+* *Detail*: what the session asks for from the base mesh on (after half a second of flight), or all of it, held from the start. *Pairs* are answers a
+  frame, all others are proved free by boxes.
 """
 
 PROBES = """## Probes
@@ -38,42 +65,39 @@ terrain that is held as a whole, one thread, medians of 21 batches, and the shar
 * **Embree** rounds to floats and gives no certificate; the body lies in the world's place, and nothing is posed. Packets are of 8 rays.
 """
 
-SOLVER = """## What a solver asks
+WAY_OUT = """## The way out
 
-How far apart are two meshes, and which way is out? Two spheres of {sphere:,} faces and two bunnies of {bunny:,}, each held whole by a peer, in random
-directions and turns; one thread, microseconds, medians of the poses.
-
-**Distance.** nearmesh gives a bracket: `bound` ends when its lower end is three quarters of what is known to be there at most, `exact` goes on to the end. Its *width* is
-how much the upper end is above the lower. The others give a number; *outside* counts the poses in which it lies outside the exact bracket, by more than a lattice cell.
-"""
-
-WAY_OUT = """
-**The way out.** nearmesh says how far b must be moved along one direction ([depth](answers.md#depth)), after one query. The others tell a depth and a normal of each pair of
+Two spheres of {sphere:,} faces and two bunnies of {bunny:,} that touch, each held whole by a peer, in random directions and turns; one thread, microseconds,
+medians of the poses. nearmesh says how far b must be moved along one direction ([depth](answers.md#depth)), after one query. The others tell a depth and a normal of each pair of
 triangles: b is pushed along the deepest, they are asked again, and so on until they say that nothing touches, at most twenty times. *Free* counts the poses in which
 b is then free of a by the exact query over all faces, after the first push and in the end. *Length* is that of the way, to nearmesh's. *Time* is that of the first answer.
 """
 
-REFINING = """## A frame in which detail arrives
+REFINING = """## Detail arrives
 
 The same flight, from the base mesh on: the splits that a frame's pose needs are done (T R), the tree follows (T B), one query finds
-all pairs (T Q). Medians of the frames in which something arrived, each measured once and in passing, microseconds.
+all pairs (T Q), without a distance. Medians of the frames in which something arrived, each measured once and in passing, microseconds.
 """
 
 
 AIMS = """## Aims
 
-Ratios are to FCL's OBB trees over the full meshes in the same run.
+Ratios are to FCL's OBB trees over the full meshes in the same run, where no other is named; of distances to its OBBRSS trees.
 """
+
+LIBRARIES = ("PQP", "FCL", "Coal", "Bullet", "Embree", "CGAL")
 
 AGAIN = """
 ## To measure again
 
 Tables are written by `tests/experiments/perf/make_page.py` from the files in [perf](perf); the two sections above by hand, in
-`terrain.md.in` and `limits.md` beside it. It takes some fifteen minutes. FCL, Bullet, Embree and CGAL are compared where they are installed.
+`terrain.md.in` and `limits.md` beside it. It takes some fifteen minutes. FCL, Bullet, Embree and CGAL are compared where they are installed; PQP and
+Coal, which Debian has not, where CMake is told of a built copy (`-DPQP_DIR=`, `-Dcoal_DIR=`).
 
     cmake --build --preset dev --target experiments nearmesh-model    # programs that are run by hand are not in `all`
     bin=build/dev/bin
     $bin/nearmesh-perf --workload sphere bunny terrain1m terrain8m -o docs/perf/queries.csv     # 11 GB
+    $bin/nearmesh-perf --workload frames -o docs/perf/frames.csv
     $bin/nearmesh-model generate terrain --size 708 -o terrain.ply && $bin/nearmesh-model build terrain.ply -o terrain.spm
     $bin/nearmesh-bench-probe > docs/perf/probes.csv                            # of six runs the least disturbed
     $bin/nearmesh-bench-solver BUNNY.obj > docs/perf/solver.csv
@@ -91,6 +115,7 @@ MB = 1 << 20
 def aims(folder):
     """What is aimed at, in the words of the table below, with a figure each for what was measured."""
     times = query_times(folder / "queries.csv")
+    frames = query_times(folder / "frames.csv")
     table = {path.stem: {row["metric"]: row["value"] for row in read(path)} for path in folder.glob("*-*.csv")}
 
     def ratio(workload, metric):
@@ -113,17 +138,34 @@ def aims(folder):
         return [float(table["core-" + model][f"{n}_bytes_per_split"]) - float(table["core-" + model][f"{n}_bytes_per_split_boxes"])
                 for n in ("small", "large")]
 
+    def frame(workload, metric, unit=1):
+        return frames[workload, metric]["nearmesh"] / unit
+
     refining = times["terrain1m/refining", "T_R+T_B+T_Q_median"]["nearmesh"] / times["terrain1m/flight", "all_pairs_median"]["fcl-obb"]
     million, ten = "1M-faces-1-thread", "10M-faces-2-threads"
     models = ("bunny", "armadillo", "terrain-263k-vertices", "terrain-1M-vertices")
     flight = "terrain-1M-vertices"
     heights = [value["nearmesh"] for (faces, name), value in probe_times(folder / "probes.csv")[0].items()
                if faces > 1e6 and name.startswith("heights")]
-    rows = [("sphere near miss, first contact", "at most", [0.10], [ratio("sphere/near_miss", "first_contact_median")]),
+    rows = []
+    for metric, what in (("first_contact", "first contact"), ("all_pairs", "all pairs"), ("distance", "exact distance")):
+        for who, at_most in slowest(times, metric):
+            rows.append((f"{what}, to {who}: the slowest row", "at most", [1], [at_most]))
+    if "pqp" in times["sphere/near_miss", "first_contact_median"]:
+        at = times["sphere/near_miss", "first_contact_median"]
+        rows.append(("sphere near miss, first contact, to PQP", "at most", [0.45], [at["nearmesh"] / at["pqp"]]))
+    rows += [("frame: aircraft over a terrain, 100 Hz, mean / p99, us", "at most", [80, 400],
+              [frame("flight_1/100hz/least", "mean"), frame("flight_1/100hz/least", "p99")]),
+             ("the same, touching, 1,000 Hz, mean, us", "at most", [60], [frame("touching/1000hz/least", "mean")]),
+             ("frame: bunny near miss, 100 Hz, mean, us", "at most", [60], [frame("bunny_near_miss/100hz/least", "mean")]),
+             ("frame: 40 aircraft 100 m apart, 820 pairs, mean / worst, ms", "at most", [0.5, 2],
+              [frame("named_100m/100hz/least", "mean", 1000), frame("named_100m/100hz/least", "worst", 1000)]),
+             ("frame: 40 aircraft 15 m apart, 820 pairs, mean, ms", "at most", [8], [frame("named_15m/100hz/least", "mean", 1000)])]
+    rows += [("sphere near miss, first contact", "at most", [0.10], [ratio("sphere/near_miss", "first_contact_median")]),
             ("bunny grazing / deep, all pairs", "at most", [0.12, 0.10],
              [ratio("bunny/grazing", "all_pairs_median"), ratio("bunny/deep_0.5", "all_pairs_median")]),
             ("terrain of 1 M faces, 95th percentile of first contact", "at most", [0.15], [ratio("terrain1m/flight", "first_contact_p95")]),
-            ("a frame that refines, all of it, to FCL's query alone", "at most", [1], [refining]),
+            ("splits, tree and one query where detail arrives, to FCL's query alone", "at most", [1], [refining]),
             ("tree update, armadillo / terrain, M faces/s", "at least", [8, 8], core("tree_update")),
             ("splits / collapses in order of arrival, terrain, M/s", "at least", [10, 10],
              [core("split_arrival_order")[1], core("collapse_reverse_order")[1]]),
@@ -177,6 +219,16 @@ def query_times(path):
     return {key: {who: statistics.median(v) for who, v in value.items()} for key, value in times.items()}
 
 
+def slowest(times, metric):
+    """The greatest ratio of nearmesh's median to each peer's, of all rows."""
+    ratios = {}
+    for (workload, at), value in times.items():
+        for who, name in (("pqp", "PQP"), ("fcl-obbrss" if metric == "distance" else "fcl-obb", "FCL"), ("coal-obbrss", "Coal")):
+            if at == metric + "_median" and who in value:
+                ratios.setdefault(name, []).append(value["nearmesh"] / value[who])
+    return [(f"{name}, {sum(x > 1 for x in found)} of {len(found)} rows above", max(found)) for name, found in ratios.items()]
+
+
 def summary(folder):
     """How many times as fast as FCL's OBB trees, in one sentence."""
     near, apart = [], []
@@ -191,8 +243,9 @@ def queries(path):
     times = query_times(path)
     others = []
     for value in times.values():
-        others += [who for who in value if who != "nearmesh" and who not in others]
-    print(QUERIES)
+        others += [who for who in value if not who.startswith("nearmesh") and who not in others]
+    absent = [name for name in LIBRARIES if not any(who.startswith(name.lower()) for who in others)]
+    print(QUERIES.format(measured=f"Not there when this was measured: {', '.join(absent)}." if absent else "All of them were there when this was measured."))
     print("| | nearmesh | " + " | ".join(others) + " |")
     print("|---|--:|" + "--:|" * len(others))
     for metric, title in (("first_contact_median", "first contact, or none"), ("first_contact_p95", "first contact, or none, 95th percentile"),
@@ -202,11 +255,53 @@ def queries(path):
                 continue
             cells = [f"{short(value[who])} ({short(value[who] / value['nearmesh'])})" if who in value else "" for who in others]
             print(f"| {workload.replace('/', ' ')}: {title} | **{short(value['nearmesh'])}** | " + " | ".join(cells) + " |")
+    distances(times, others)
     print("\n" + REFINING)
     print("| | |\n|---|--:|")
     for (workload, metric), value in times.items():
         if "refining" in workload:
             print(f"| {workload.split('/')[0]} {metric.replace('_median', '').replace('_', ' ')} | {short(value['nearmesh'])} |")
+    for line in comments(path):
+        print(f"\n{line}", end="")
+    print("\n")
+
+
+def distances(times, others):
+    others = [who for who in others if any(at == "distance_median" and who in value for (_, at), value in times.items())]
+    others = [who for who in others if not who.startswith("nearmesh")]
+    print("\n" + DISTANCES)
+    print("| | nearmesh | " + " | ".join(others) + " | bound | share | cut | least detail | share | cut |")
+    print("|---|--:|" + "--:|" * len(others) + "--:|" * 6)
+    outside = {}
+    for (workload, at), value in times.items():
+        if at == "distance_outside":
+            for who, count in value.items():
+                outside[who] = outside.get(who, 0) + count
+        if at != "distance_median":
+            continue
+        cells = [f"{short(value[who])} ({short(value[who] / value['nearmesh'])})" if who in value else "" for who in others]
+        poses = times[workload, "distance_poses"]["nearmesh"]
+        for who in ("nearmesh-bound", "nearmesh-bound-least"):
+            cells += [short(value[who]), f"{100 * times[workload, 'distance_share'][who]:.0f} %",
+                      f"{times[workload, 'distance_cut'][who]:.0f} of {poses:.0f}"]
+        print(f"| {workload.replace('/', ' ')} | **{short(value['nearmesh'])}** | " + " | ".join(cells) + " |")
+    wrong = ", ".join(f"{who} {count:.0f}" for who, count in outside.items() if count)
+    print("\nOutside nearmesh's bracket by more than a lattice cell: " + (wrong + " poses." if wrong else "none of the others' numbers."))
+
+
+def frames(path):
+    times = query_times(path)
+    print(FRAMES)
+    print("| scene | rate | detail | pairs | mean | median | p99 | worst | publisher |\n|---|--:|---|--:|--:|--:|--:|--:|--:|")
+    for (workload, at), value in times.items():
+        if at != "mean":
+            continue
+        scene, rate, detail = workload.split("/")
+        cells = [short(times[workload, metric]["nearmesh"]) for metric in ("median", "p99", "worst", "publisher")]
+        print(f"| {scene} | {rate[:-2]} | {detail} | {times[workload, 'pairs']['nearmesh']:.0f} | **{short(value['nearmesh'])}** | " + " | ".join(cells) + " |")
+    asked = sum(times[w, "pairs"]["nearmesh"] for (w, at) in times if at == "mean")
+    certified = sum(times[w, "pairs"]["nearmesh"] * value["nearmesh"] for (w, at), value in times.items() if at == "certified")
+    print(f"\nOf all answers {100 * certified / asked:.3f} % are certified in their frame.")
     for line in comments(path):
         print(f"\n{line}", end="")
     print("\n")
@@ -250,19 +345,7 @@ def solver(path):
     for row in rows:
         table.setdefault(row["scene"], {}).setdefault(row["who"], {})[row["what"]] = float(row["value"])
     faces = {scene: int(whos["mesh"]["faces"]) for scene, whos in table.items() if "mesh" in whos}
-    print(SOLVER.format(**faces))
-    print("| scene | | time | width | outside | worst error |\n|---|---|--:|--:|--:|--:|")
-    for scene, whos in table.items():
-        for who, at in whos.items():
-            if "distance_us" not in at:
-                continue
-            width = f"{short(100 * at['bracket_width'])} %" if "bracket_width" in at else ""
-            if width == "inf %":
-                width = "no lower end"
-            outside = f"{at['outside_bracket']:.0f} of {at['poses']:.0f}" if "outside_bracket" in at else ""
-            worst = f"{short(100 * at['worst_relative_error'])} %" if at.get("outside_bracket") else ""
-            print(f"| {scene} | {who} | {at['distance_us']:.0f} | {width} | {outside} | {worst} |")
-    print(WAY_OUT)
+    print(WAY_OUT.format(**faces))
     print("| scene | | free at once | in the end | pushes | length | time |\n|---|---|--:|--:|--:|--:|--:|")
     for scene, whos in table.items():
         for who, at in whos.items():
@@ -293,6 +376,7 @@ def main():
     print(HEAD)
     summary(folder)
     aims(folder)
+    frames(folder / "frames.csv")
     queries(folder / "queries.csv")
     probes(folder / "probes.csv")
     solver(folder / "solver.csv")

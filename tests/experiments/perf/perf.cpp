@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // nearmesh-perf: the same meshes, the same poses, one run: nearmesh's certified answer against the neighbouring libraries'
-// full-mesh queries. Prints CSV rows workload,contender,metric,value,unit,repeat; the first lines name machine and build.
-// Answers are compared before anything is timed. Single thread.
+// full-mesh queries, and their distances; and whole frames of a session. Prints CSV rows workload,contender,metric,value,unit,repeat;
+// the first lines name machine and build. Answers are compared before they are timed. Single thread.
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
-#include <fstream>
-#include <map>
+#include <span>
 
 #include "core/base/stopwatch.hpp"
+#include "distance_rows.hpp"
 #include "first_line_of.hpp"
+#include "frame_rows.hpp"
 #include "nearmesh/core/meshio/import.hpp"
 #include "nearmesh/core/query/certify.hpp"
 #include "test_models.hpp"
@@ -20,9 +21,20 @@
 using namespace nearmesh;
 using namespace nearmesh::perf;
 
-namespace {
+void Report::print_summary() const {
+  std::printf("%-44s %12s  ratio of nearmesh to each\n", "workload, metric", "nearmesh us");
+  for (const auto& [what, contenders] : rows_) {
+    const auto ours = contenders.find(kUnderTest);
+    if (ours == contenders.end()) continue;
+    const double value = quantile(ours->second, 0.5);
+    std::printf("%-44s %12.2f ", what.c_str(), value);
+    for (const auto& [name, values] : contenders)
+      if (name != kUnderTest) std::printf("  %s %.3f", name.c_str(), value / quantile(values, 0.5));
+    std::printf("\n");
+  }
+}
 
-constexpr const char* kUnderTest = "nearmesh";
+namespace {
 
 // A replica of each model that holds what the pose needs: certified before it is timed.
 class Nearmesh : public peers::Peer {
@@ -49,58 +61,14 @@ class Nearmesh : public peers::Peer {
   PosedPair posed_;
 };
 
-class Report {
- public:
-  explicit Report(const std::string& path) : out_(path) {}
-  [[nodiscard]] bool is_open() const { return out_.is_open(); }
-  void comment(const std::string& text) { out_ << "# " << text << '\n'; }
-  void header() { out_ << "workload,contender,metric,value,unit,repeat\n"; }
-  void add(const std::string& workload, const std::string& contender, const std::string& metric,
-           double value, const std::string& unit, int repeat) {
-    out_ << workload << ',' << contender << ',' << metric << ',' << value << ',' << unit << ','
-         << repeat << '\n';
-    out_.flush();
-    rows_[workload + "," + metric][contender].push_back(value);
-  }
-  void print_summary() const;
-
- private:
-  std::ofstream out_;
-  std::map<std::string, std::map<std::string, std::vector<double>>> rows_;
-};
-
-double quantile(std::vector<double> values, double q) {
-  std::sort(values.begin(), values.end());
-  return values[std::min(values.size() - 1,
-                         static_cast<std::size_t>(q * static_cast<double>(values.size())))];
-}
-
-void Report::print_summary() const {
-  std::printf("%-44s %12s  ratio of nearmesh to each\n", "workload, metric", "nearmesh us");
-  for (const auto& [what, contenders] : rows_) {
-    const auto ours = contenders.find(kUnderTest);
-    if (ours == contenders.end()) continue;
-    const double value = quantile(ours->second, 0.5);
-    std::printf("%-44s %12.2f ", what.c_str(), value);
-    for (const auto& [name, values] : contenders)
-      if (name != kUnderTest) std::printf("  %s %.3f", name.c_str(), value / quantile(values, 0.5));
-    std::printf("\n");
-  }
-}
-
-struct Entry {
-  peers::PeerInfo info;
-  std::unique_ptr<peers::Peer> contender;
-};
-
 // False, with a message, where a contender's answers differ from ours.
-bool compare(const std::string& workload, std::size_t pose, std::vector<Entry>& entries) {
+bool compare(const std::string& workload, std::size_t pose, std::vector<Contender>& entries) {
   bool same = true;
-  const bool touches = entries.front().contender->touches();
-  const std::uint64_t pairs = entries.front().contender->count_pairs().value();
+  const bool touches = entries.front().peer->touches();
+  const std::uint64_t pairs = entries.front().peer->count_pairs().value();
   for (std::size_t i = 1; i < entries.size(); ++i) {
-    const bool theirs = entries[i].contender->touches();
-    const std::optional<std::uint64_t> count = entries[i].contender->count_pairs();
+    const bool theirs = entries[i].peer->touches();
+    const std::optional<std::uint64_t> count = entries[i].peer->count_pairs();
     if (theirs == touches && (!count || !entries[i].info.counts_exactly || *count == pairs))
       continue;
     std::fprintf(stderr, "%s, pose %zu: nearmesh says %s, %llu pairs; %s says %s, %llu\n",
@@ -112,34 +80,25 @@ bool compare(const std::string& workload, std::size_t pose, std::vector<Entry>& 
   return same;
 }
 
-// Least of three calls, in microseconds: what the machine can do, not what disturbed it.
-template <class Function>
-double time_us(const Function& function) {
-  double best = 1e300;
-  for (int i = 0; i < 3; ++i) {
-    const Stopwatch watch;
-    function();
-    best = std::min(best, watch.seconds() * 1e6);
-  }
-  return best;
-}
-
-void time_poses(const std::string& workload, const PoseSet& set, std::vector<Entry>& entries,
+void time_poses(const std::string& workload, const PoseSet& set, std::vector<Contender>& entries,
                 int repeats, Report& report, int& differences) {
   std::fprintf(stderr, "%s/%s\n", workload.c_str(), set.name.c_str());
   const std::string name = workload + "/" + set.name;
   for (std::size_t i = 0; i < set.poses.size(); ++i) {
-    for (Entry& entry : entries) entry.contender->place(set.poses[i].a, set.poses[i].b);
+    for (Contender& entry : entries) entry.peer->place(set.poses[i].a, set.poses[i].b);
     if (!compare(name, i, entries)) ++differences;
   }
   for (int repeat = 0; repeat < repeats; ++repeat) {
     std::vector<std::vector<double>> first(entries.size()), all(entries.size());
     for (const PosePair& poses : set.poses)
       for (std::size_t i = 0; i < entries.size(); ++i) {
-        peers::Peer& contender = *entries[i].contender;
+        peers::Peer& contender = *entries[i].peer;
         contender.place(poses.a, poses.b);
-        first[i].push_back(time_us([&] { contender.touches(); }));
-        if (contender.count_pairs()) all[i].push_back(time_us([&] { contender.count_pairs(); }));
+        first[i].push_back(least_of_three_us([&] { contender.touches(); }));
+        bool counts = true;
+        const double all_us =
+            least_of_three_us([&] { counts = contender.count_pairs().has_value(); });
+        if (counts) all[i].push_back(all_us);
       }
     for (std::size_t i = 0; i < entries.size(); ++i)
       for (const auto& [metric, values] :
@@ -210,8 +169,9 @@ int main(int argc, char** argv) {
   app.add_option("-o,--out", out, "CSV file")->capture_default_str();
   app.add_option("--data", data, "Folder of shared test data (for the bunny)")
       ->capture_default_str();
-  app.add_option("--workload", only,
-                 "Only these: sphere bunny terrain1m terrain8m (default: all but terrain8m)");
+  app.add_option(
+      "--workload", only,
+      "Only these: sphere bunny terrain1m terrain8m frames (default: all but terrain8m)");
   app.add_option("--contender", contenders, "Only these beside nearmesh");
   app.add_option("--repeats", repeats, "Runs of each workload")
       ->capture_default_str()
@@ -242,9 +202,9 @@ int main(int argc, char** argv) {
   };
   int differences = 0;
   const auto enter = [&](const Model& a, const Model& b) {
-    std::vector<Entry> entries(1);
+    std::vector<Contender> entries(1);
     entries[0].info = {.name = kUnderTest, .counts_exactly = true};
-    entries[0].contender = std::make_unique<Nearmesh>(a, b);
+    entries[0].peer = std::make_unique<Nearmesh>(a, b);
     for (peers::PeerInfo info : peers::timed_peers())
       if (contenders.empty() ||
           std::find(contenders.begin(), contenders.end(), info.name) != contenders.end()) {
@@ -253,21 +213,31 @@ int main(int argc, char** argv) {
       }
     return entries;
   };
+  const auto time_all = [&](const std::string& name, const PoseSet& set, const Model& a,
+                            const Model& b, std::vector<Contender>& entries) {
+    time_poses(name, set, entries, repeats, report, differences);
+    differences += time_distances(name, set, a, b, std::span(entries).subspan(1), repeats, report);
+  };
   const auto against_itself = [&](const std::string& name, const Model& model) {
-    std::vector<Entry> entries = enter(model, model);
+    std::vector<Contender> entries = enter(model, model);
     for (const PoseSet& set : distances(model, model, draws))
-      time_poses(name, set, entries, repeats, report, differences);
+      time_all(name, set, model, model, entries);
   };
 
   if (wanted("sphere", true)) against_itself("sphere", make_model(generate_sphere(66, 0)));
-  if (wanted("bunny", true)) {
+  if (wanted("bunny", true) || wanted("frames", true)) {
     const Result<IndexedMesh> bunny = import_mesh(data + "/scans/stanford_bunny.obj");
     if (bunny.is_ok()) {
-      against_itself("bunny", make_model(bunny.value()));
+      const Model model = make_model(bunny.value());
+      if (wanted("bunny", true)) against_itself("bunny", model);
+      if (wanted("frames", true)) time_near_miss("bunny_near_miss", model, report);
     } else {
       std::fprintf(stderr, "bunny left out: %s\n", bunny.status().message().c_str());
     }
   }
+  if (wanted("frames", true))
+    time_flights(make_model(generate_terrain(708, 42)), make_model(generate_aircraft(8000, 1)),
+                 report);
   for (const auto& [name, size, by_default] :
        {std::tuple("terrain1m", 708U, true), std::tuple("terrain8m", 2000U, false)})
     if (wanted(name, by_default)) {
@@ -276,8 +246,8 @@ int main(int argc, char** argv) {
                   aircraft = make_model(generate_aircraft(8000, 1));
       const PoseSet poses = flight(terrain, aircraft, frames);
       time_refining(std::string(name) + "/refining", poses, terrain, aircraft, repeats, report);
-      std::vector<Entry> entries = enter(terrain, aircraft);
-      time_poses(name, poses, entries, repeats, report, differences);
+      std::vector<Contender> entries = enter(terrain, aircraft);
+      time_all(name, poses, terrain, aircraft, entries);
     }
   if (summary) report.print_summary();
   if (differences > 0) std::fprintf(stderr, "%d poses with different answers\n", differences);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a solver asks of two whole meshes, of nearmesh and of others in one run, as CSV: how far apart they are, and which way out.
+// The way out of two whole meshes that touch, by nearmesh and by others in one run, as CSV.
 //   nearmesh-bench-solver [BUNNY.obj] > docs/perf/solver.csv
 // Single thread, wall clock, medians of the poses. Whether bodies are free is decided by the exact query over all faces.
 
@@ -20,6 +20,7 @@ using namespace nearmesh;
 using peers::Peer;
 using perf::Model;
 using perf::PosePair;
+using perf::WholeModel;
 using Vec3 = std::array<double, 3>;
 
 namespace {
@@ -37,82 +38,18 @@ void row(const std::string& scene, const char* who, const char* what, double val
   std::printf("%s,%s,%s,%.9g\n", scene.c_str(), who, what, value);
 }
 
-/// All of a model, held as a peer holds it.
-struct Held {
-  explicit Held(const Model& model)
-      : mesh(model.mesh), local(model.baked.store, model.baked.header.grid) {
-    RefineDelta delta;
-    for (const VertexId split : global_order(model.baked.store, model.baked.header.vertex_count))
-      static_cast<void>(local.mesh.split(split, delta));
-    local.tree.update(delta);
-  }
-  [[nodiscard]] TreeView view() const { return local.view(); }
-
-  const IndexedMesh& mesh;
-  LocalModel local;
-};
-
-Answer ask(const Held& a, const Held& b, const PosePair& at, Clearance clearance) {
-  const PosedPair posed = pose_pair(a.local.grid, at.a, "a", b.local.grid, at.b, "b").value();
-  return query(a.view(), posed.a, b.view(), posed.b, {.clearance = clearance});
-}
-
 /// The library's own word, and whether it is there.
 struct Other {
   std::string name;
   std::unique_ptr<Peer> peer;
 };
 
-// ---- distance -----------------------------------------------------------------------------------
-
-void measure_distance(const std::string& scene, const Held& a, const Held& b,
-                      const std::vector<PosePair>& poses, std::vector<Other>& others) {
-  for (const auto& [who, clearance] : {std::pair{"nearmesh (bound)", Clearance::kBound},
-                                       std::pair{"nearmesh (exact)", Clearance::kExact}}) {
-    std::vector<double> us, width;
-    for (const PosePair& at : poses) {
-      const Stopwatch watch;
-      const Answer answer = ask(a, b, at, clearance);
-      us.push_back(watch.seconds() * 1e6);
-      if (answer.status != AnswerStatus::kFree) continue;
-      width.push_back(answer.distance_at_most_m / answer.clearance_m - 1);
-    }
-    row(scene, who, "distance_us", median(us));
-    row(scene, who, "bracket_width", median(width));
-    row(scene, who, "poses", static_cast<double>(width.size()));
-  }
-  for (Other& other : others) {
-    std::vector<double> us;
-    double worst = 0;
-    int outside = 0, count = 0;
-    for (const PosePair& at : poses) {
-      const Answer truth = ask(a, b, at, Clearance::kExact);
-      if (truth.status != AnswerStatus::kFree) continue;
-      other.peer->place(at.a, at.b);
-      const Stopwatch watch;
-      const std::optional<double> said = other.peer->distance_m();
-      us.push_back(watch.seconds() * 1e6);
-      if (!said) break;
-      ++count;
-      // The posed vertices of the bracket are rounded to the lattice: both sides are given a cell.
-      const double cell_m = std::ldexp(4.0, lattice_exponent(a.local.grid, b.local.grid));
-      const double off = std::max(
-          {truth.clearance_m - cell_m - *said, *said - truth.distance_at_most_m - cell_m, 0.0});
-      worst = std::max(worst, off / truth.distance_at_most_m);
-      outside += off > 0 ? 1 : 0;
-    }
-    if (count == 0) continue;
-    row(scene, other.name.c_str(), "distance_us", median(us));
-    row(scene, other.name.c_str(), "outside_bracket", outside);
-    row(scene, other.name.c_str(), "worst_relative_error", worst);
-    row(scene, other.name.c_str(), "poses", count);
-  }
-}
-
 // ---- the way out --------------------------------------------------------------------------------
 
-bool is_free(const Held& a, const Held& b, const PosePair& at) {
-  return ask(a, b, at, Clearance::kNone).pair_total == 0;
+bool is_free(const WholeModel& a, const WholeModel& b, const PosePair& at) {
+  const PosedPair posed = pose_pair(a.grid, at.a, "a", b.grid, at.b, "b").value();
+  return query(a.view(), posed.a, b.view(), posed.b, {.clearance = Clearance::kNone}).pair_total ==
+         0;
 }
 PosePair moved(PosePair at, const Vec3& way_m) {
   for (std::size_t k = 0; k < 3; ++k) at.b.translation_m[k] += way_m[k];
@@ -151,13 +88,13 @@ std::optional<Vec3> push_of(Peer& peer) {
   return push;
 }
 
-void measure_way_out(const std::string& scene, const Held& a, const Held& b,
+void measure_way_out(const std::string& scene, const WholeModel& a, const WholeModel& b,
                      const std::vector<PosePair>& poses, std::vector<Other>& others) {
   WayOut ours;
   std::vector<double> widths, query_us;
   std::vector<PosePair> touching;
   for (const PosePair& at : poses) {
-    const PosedPair posed = pose_pair(a.local.grid, at.a, "a", b.local.grid, at.b, "b").value();
+    const PosedPair posed = pose_pair(a.grid, at.a, "a", b.grid, at.b, "b").value();
     Stopwatch watch;
     const Answer answer =
         query(a.view(), posed.a, b.view(), posed.b, {.clearance = Clearance::kNone});
@@ -222,12 +159,11 @@ void measure(const std::string& name, const Model& a, const Model& b, int draws)
 #ifdef NEARMESH_PEER_BULLET
   add(peers::bullet());
 #endif
-  const Held held_a(a), held_b(b);
+  const WholeModel whole_a(a), whole_b(b);
   for (const perf::PoseSet& set : perf::distances(a, b, draws)) {
     const std::string scene = name + "/" + set.name;
     std::fprintf(stderr, "%s\n", scene.c_str());
-    const bool is_apart = set.name.starts_with("apart") || set.name == "near_miss";
-    (is_apart ? measure_distance : measure_way_out)(scene, held_a, held_b, set.poses, others);
+    measure_way_out(scene, whole_a, whole_b, set.poses, others);
   }
 }
 

@@ -66,6 +66,14 @@ Model make_model(const IndexedMesh& mesh, std::uint32_t base_faces) {
   return model;
 }
 
+WholeModel::WholeModel(const Model& model)
+    : LocalModel(model.baked.store, model.baked.header.grid) {
+  RefineDelta delta;
+  for (const VertexId split : global_order(model.baked.store, model.baked.header.vertex_count))
+    static_cast<void>(mesh.split(split, delta));
+  tree.update(delta);
+}
+
 std::vector<PoseSet> distances(const Model& a, const Model& b, int draws) {
   const std::pair<const char*, double> factors[] = {
       {"apart_2", 2},      {"apart_1.1", 1.1},      {"apart_1.01", 1.01}, {"near_miss", 1.00001},

@@ -9,6 +9,7 @@
 #include "nearmesh/core/bake/bake.hpp"
 #include "nearmesh/core/geometry/pose.hpp"
 #include "nearmesh/core/mesh/indexed_mesh.hpp"
+#include "nearmesh/core/query/certify.hpp"
 
 namespace nearmesh::perf {
 
@@ -20,6 +21,11 @@ struct Model {
 /// Cleaned on a grid of 21 bits and baked. Ends the program with a message where the mesh is refused.
 [[nodiscard]] Model make_model(const IndexedMesh& mesh,
                                std::uint32_t base_faces = SimplifyOptions{}.base_faces);
+
+/// All of a model, held as a peer holds it. The model must outlive it.
+struct WholeModel : LocalModel {
+  explicit WholeModel(const Model& model);
+};
 
 struct PosePair {
   Pose a, b;

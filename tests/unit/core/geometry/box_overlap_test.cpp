@@ -5,12 +5,14 @@
 
 #include <gtest/gtest.h>
 
+#include <bit>
 #include <cmath>
 #include <iostream>
 #include <limits>
 
 #include "core/base/random.hpp"
 #include "core/geometry/triangle_overlap.hpp"
+#include "instruction_sets.hpp"
 #include "rounds.hpp"
 
 namespace nearmesh {
@@ -549,6 +551,34 @@ TEST(TrianglesGap, IsSharpFaceCornerAndEdge) {
   EXPECT_NEAR(gap_units({{{{9, 9, 500}}, {{9, 40, 900}}, {{40, 9, 900}}}}), 500, 0.5);
   EXPECT_NEAR(gap_units({{{{-300, -400, 0}}, {{-900, -400, 7}}, {{-300, -900, 7}}}}), 500, 0.5);
   EXPECT_NEAR(gap_units({{{{50, -40, -70}}, {{50, -40, 90}}, {{70, -900, 9}}}}), 40, 0.5);
+}
+
+/// The corners are few, so that flat triangles, points and common corners are among them.
+TEST(TrianglesGaps, HaveTheBitsOfTheSlowTwin) {
+  int apart = 0;
+  test::for_each_instruction_set([&apart] {
+    Random random(31);
+    for (int i = 0; i < test::rounds(300); ++i) {
+      const Scene s = some_scene(random, i % 2 == 0 ? 2 : 12);
+      const RelativeFrame f = make_relative_frame(s.a, s.b);
+      TriangleLanes lanes;
+      std::array<GridTriangle, kLanes> triangles;
+      for (std::uint32_t lane = 0; lane < kLanes; ++lane) {
+        triangles[lane] = lane == 0 ? s.in_b : some_scene(random, i % 2 == 0 ? 2 : 12).in_b;
+        lanes.set(lane, triangles[lane]);
+      }
+      PlacedTriangles placed;
+      place_triangles(f, lanes, placed);
+      double gaps_m[kLanes];
+      triangles_gaps_m(f, as_doubles(s.in_a), placed, gaps_m);
+      for (std::uint32_t lane = 0; lane < kLanes; ++lane) {
+        const double gap_m = triangles_gap_m(f, as_doubles(s.in_a), to_a_units(f, triangles[lane]));
+        ASSERT_EQ(std::bit_cast<std::uint64_t>(gaps_m[lane]), std::bit_cast<std::uint64_t>(gap_m));
+        apart += gap_m > 0 ? 1 : 0;
+      }
+    }
+  });
+  EXPECT_GT(apart, test::rounds(300));
 }
 
 TEST(TrianglesGap, CountsMetresOfPosedTriangles) {

@@ -17,6 +17,8 @@ using subscriber::LastCertified;
 using subscriber::Readiness;
 using subscriber::ReadyStage;
 
+/// No bound of these is kept: each pair is asked, or put off.
+const SessionOptions kAsksAll{.lookahead_s = 0, .clearance = Clearance::kExact};
 constexpr double kNoBudget = 0, kAllTime = std::numeric_limits<double>::infinity();
 
 /// Aircraft of a local session, all pairs watched by name.
@@ -120,7 +122,7 @@ TEST(Budget, NoPairStarves) {
 
 TEST(Budget, WhoMayTouchSoonestIsAskedFirst) {
   // One in the middle, the others around it; the nearer, the sooner, and at last another one comes fast.
-  Squadron squadron(5);
+  Squadron squadron(5, kAsksAll);
   for (std::size_t i = 1; i < 5; ++i) {
     squadron.motions[i].motion.pose.translation_m[0] =
         (i % 2 == 0 ? 200.0 : -200.0) * static_cast<double>(i);
@@ -145,8 +147,31 @@ TEST(Budget, WhoMayTouchSoonestIsAskedFirst) {
               asked_of(alarm)[0]->a == squadron.motions[3].body);
 }
 
-TEST(Budget, WhatIsNewIsAskedBeforeWhatIsFree) {
+// What boxes and bounds of then prove costs no turn.
+TEST(Budget, WhatStaysFreeByItsBoundIsAnsweredWithoutATurn) {
   Squadron squadron(4);
+  for (std::size_t i = 0; i < 4; ++i) {
+    squadron.motions[i].motion.pose.translation_m[0] = 300.0 * static_cast<double>(i);
+    squadron.motions[i].motion.linear_velocity_mps[1] = static_cast<double>(i);
+  }
+  squadron.settle();
+  for (int frame = 0; frame < 20; ++frame) {
+    squadron.move();
+    const FrameReport report = squadron.update(kNoBudget);
+    EXPECT_TRUE(report.all_certified());
+    EXPECT_EQ(report.pairs_put_off, 0U);
+    for (const PairAnswer& answer : report.answers) {
+      EXPECT_TRUE(answer.asked);
+      EXPECT_EQ(answer.answer.stats.box_tests, 0U);
+      EXPECT_GT(answer.answer.clearance_m, 50);
+    }
+  }
+  for (auto& [body, motion] : squadron.motions) motion.pose.translation_m[0] *= 0.5;
+  EXPECT_EQ(squadron.update(kNoBudget).pairs_put_off, 5U);
+}
+
+TEST(Budget, WhatIsNewIsAskedBeforeWhatIsFree) {
+  Squadron squadron(4, kAsksAll);
   for (std::size_t i = 0; i < 4; ++i)
     squadron.motions[i].motion.pose.translation_m[0] = 300.0 * static_cast<double>(i);
   squadron.settle();
@@ -251,7 +276,7 @@ TEST(Budget, WhatIsLeftOfTheLastAnswerHolds) {
 }
 
 TEST(Budget, AnotherModelTakesTheLastAnswerAway) {
-  Squadron squadron(3);
+  Squadron squadron(3, kAsksAll);
   for (std::size_t i = 0; i < 3; ++i)
     squadron.motions[i].motion.pose.translation_m[0] = 300.0 * static_cast<double>(i);
   squadron.settle();

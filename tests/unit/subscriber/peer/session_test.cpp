@@ -682,7 +682,8 @@ TEST(Session, MakesProgressWithoutBudget) {
   world.bus.most_splits = kMaxRequestSplits;
   world.start_publisher();
   SessionOptions options = quick_options();
-  options.lookahead_s = 20;  // answers of several batches
+  options.lookahead_s = 20;               // answers of several batches
+  options.clearance = Clearance::kExact;  // no bound of it is kept: each pair is asked, or put off
   const auto session = world.make_peer(options);
   const Flight flight = make_flight(3);
   // One batch and one pair an update, whatever the budget.

@@ -71,7 +71,9 @@ struct SessionOptions {
   double audit_s = 0;
   /// Draws which blocks; 0: the system does, so that no publisher can tell.
   std::uint64_t audit_seed = 0;
-  /// How the bound of a free answer is sought; without one no safe_horizon_s is known either.
+  /// How the bound of a free answer is sought; without one no safe_horizon_s is known either. With kBound a pair of bodies without
+  /// insides is not asked again while both have moved by less than a quarter of it, and what is held of them is the same: it is as free as
+  /// before, and its bounds follow from those of then.
   Clearance clearance = Clearance::kBound;
   /// A folder in which detail is kept from one session to the next, by content, at most 8 MiB each; none: it is not. Several
   /// processes may share one. Whoever can write there is believed as a publisher is. Read in the update that brings a model's
@@ -121,7 +123,8 @@ struct PairAnswer {
   /// Not certified for want of detail: of which model, and whether any publisher is there that sends it; or since the search was
   /// ended by its tests. Else empty.
   std::string awaited;
-  bool asked = false;  ///< headers and fresh poses were there, so the trees were asked
+  bool asked =
+      false;  ///< headers and fresh poses were there, so the trees were asked, or need not be: it stayed free (SessionOptions::clearance)
   /// Headers and fresh poses were there, but its turn did not come within the budget: not asked, and nothing is known of this frame.
   bool put_off = false;
   std::optional<LastCertified>
@@ -296,7 +299,7 @@ class Session {
   /// One frame: publishes the own bodies' motions, takes in what arrived, answers the watched pairs, and asks for what is missing.
   /// May be called again for the same frame.
   /// `budget_s`: all of it ends by then, by the wall clock, except for what is done in any case: one batch, one pair, one look
-  /// ahead, and what takes microseconds a body and pair. Pairs take turns, who may touch soonest first; one whose turn did not come is
+  /// ahead, and what takes microseconds a body and pair, such as pairs that stayed free. Pairs take turns, who may touch soonest first; one whose turn did not come is
   /// put_off, and none waits for more than some updates and the others. A budget decides which pairs are asked, never what an
   /// answer says. Infinite: no end.
   /// In: `time_s` is the frame's time on the clock that the whole exercise has, up to kMaxTime_s from 0: poses of this peer go

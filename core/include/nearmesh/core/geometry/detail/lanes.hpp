@@ -133,6 +133,9 @@ void place_triangles(const RelativeFrame& other_in_own, const TriangleLanes& oth
 /// extents along one's own axes.
 void extents_gaps_m(const RelativeFrame& other_in_own, const DoubleTriangle& own,
                     const PlacedTriangles& other, double (&gaps_m)[kLanes]);
+/// The same by the direction between their closest edges, or corner and face: triangles_gap_m of each, to the bit.
+void triangles_gaps_m(const RelativeFrame& other_in_own, const DoubleTriangle& own,
+                      const PlacedTriangles& other, double (&gaps_m)[kLanes]);
 
 /// How eight parts may move: all the same way, and each by so much around.
 struct DriftLanes {

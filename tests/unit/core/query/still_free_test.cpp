@@ -1,0 +1,164 @@
+// SPDX-License-Identifier: Apache-2.0
+// What was free and has moved little is answered without the trees: as they would answer, and with bounds that hold.
+#include <gtest/gtest.h>
+
+#include "core/geometry/motion_bounds.hpp"
+#include "core/query/answer.hpp"
+#include "rounds.hpp"
+#include "test_models.hpp"
+
+namespace nearmesh {
+namespace {
+
+/// Turned by some radians about some axis.
+std::array<double, 9> turned_about(Random& random, const std::array<double, 9>& rotation,
+                                   double rad) {
+  Motion motion{.pose = {rotation, {}}};
+  for (double& w : motion.angular_velocity_radps) w = random.between(-1, 1);
+  return pose_at(motion, rad).rotation;
+}
+
+/// A little farther, or turned, or both; `size` metres and, at a reach of `reach_m`, radians that take as far.
+Pose a_little_moved(Random& random, const Pose& pose, double size_m, double reach_m) {
+  Pose out = pose;
+  const std::uint32_t kind = random.below(3);
+  if (kind != 0) out.rotation = turned_about(random, pose.rotation, size_m / reach_m);
+  if (kind != 1)
+    for (double& x : out.translation_m) x += random.between(-1, 1) * size_m;
+  return out;
+}
+
+struct HeldPair {
+  const BakedModel &model_a, &model_b;
+  LocalModel a, b;
+  TriangleTree all_a, all_b;
+
+  HeldPair(const BakedModel& one, const BakedModel& two)
+      : model_a(one),
+        model_b(two),
+        a(one.store, one.header.grid),
+        b(two.store, two.header.grid),
+        all_a(build_full_tree(one.header, one.store).value()),
+        all_b(build_full_tree(two.header, two.store).value()) {}
+
+  [[nodiscard]] PosedPair posed(const Pose& pose_a, const Pose& pose_b) const {
+    return pose_pair(a.grid, pose_a, "a", b.grid, pose_b, "b").value();
+  }
+  [[nodiscard]] Answer ask(const Pose& pose_a, const Pose& pose_b, Clearance clearance) const {
+    const PosedPair at = posed(pose_a, pose_b);
+    return query(a.view(), at.a, b.view(), at.b, {.clearance = clearance});
+  }
+  /// Of the full meshes, to the end.
+  [[nodiscard]] Answer truth(const Pose& pose_a, const Pose& pose_b) const {
+    const PosedPair at = posed(pose_a, pose_b);
+    return query(all_a.view(), at.a, all_b.view(), at.b, {.clearance = Clearance::kExact});
+  }
+};
+
+struct StillCounts {
+  int kept = 0, near_limit = 0, left = 0;
+};
+
+/// Base poses, then motions of all sizes, up to the largest that is still accepted.
+void check_still(HeldPair& pair, Random& random, const AnswerOptions& options,
+                 StillCounts& counts) {
+  const test::PairOfPoses poses =
+      test::near_poses(random, pair.model_a, test::radius_m(pair.model_a), pair.model_b,
+                       test::radius_m(pair.model_b));
+  Pose then_a = poses.a, then_b = poses.b;
+  for (double& x : then_b.translation_m) x *= random.between(1, 1.5);
+  const Answer base = pair.ask(then_a, then_b, Clearance::kBound);
+  if (base.status != AnswerStatus::kFree || !(base.clearance_m > 0)) return;
+  const KeptFree kept{base.clearance_m,
+                      base.clearance_share,
+                      base.distance_at_most_m,
+                      base.nearest_a_m,
+                      base.nearest_b_m,
+                      then_a,
+                      then_b};
+  const int lattice = lattice_exponent(pair.a.grid, pair.b.grid);
+  double size_m = 2 * base.clearance_m;
+  for (int i = 0; i < 12; ++i, size_m *= random.between(0.4, 0.9)) {
+    const std::array<double, 3> common{random.between(-9, 9), random.between(-9, 9), 0};
+    Motion now_a{.pose = a_little_moved(random, then_a, size_m, test::radius_m(pair.model_a))},
+        now_b{.pose = a_little_moved(random, then_b, size_m, test::radius_m(pair.model_b))};
+    if (random.below(2) == 0)
+      for (std::size_t k = 0; k < 3; ++k) {
+        now_a.pose.translation_m[k] += common[k];
+        now_b.pose.translation_m[k] += common[k];
+      }
+    const BodyReach reach_a = reach_of(pair.a.view(), now_a),
+                    reach_b = reach_of(pair.b.view(), now_b);
+    const ClearanceLeft left = clearance_left(
+        {reach_a, then_a, now_a.pose}, {reach_b, then_b, now_b.pose}, lattice, base.clearance_m);
+    const Answer truth = pair.truth(now_a.pose, now_b.pose);
+    ASSERT_LE(left.clearance_m, truth.distance_at_most_m);
+    counts.left += left.clearance_m > 0 ? 1 : 0;
+    const AskedBody a{pair.a.view(), now_a, "a"}, b{pair.b.view(), now_b, "b"};
+    const std::optional<Answered> still = still_free(a, b, kept, left, options);
+    if (!still) continue;
+    ++counts.kept;
+    counts.near_limit += 4 * left.boxes_moved_m > 0.5 * base.clearance_m ? 1 : 0;
+    const Answer asked = pair.ask(now_a.pose, now_b.pose, Clearance::kExact);
+    ASSERT_EQ(asked.status, AnswerStatus::kFree);
+    ASSERT_EQ(digest(still->answer), digest(asked));
+    // What verify proves of a recorded bound, and what the bracket is of.
+    ASSERT_LE(still->answer.clearance_m, asked.clearance_m);
+    ASSERT_GE(still->answer.clearance_m, 0.75 * base.clearance_m);
+    ASSERT_GE(still->answer.distance_at_most_m, truth.clearance_m);
+    ASSERT_GE(still->answer.clearance_m, still->answer.clearance_share * asked.clearance_m);
+  }
+}
+
+TEST(StillFree, SaysWhatTheTreesSayAndBoundsThatHold) {
+  const BakedModel terrain = test::bake_named("terrain"), aircraft = test::bake_named("aircraft"),
+                   sphere = test::bake_named("sphere"), soup = test::bake_named("soup");
+  Random random(3);
+  StillCounts counts;
+  for (const auto& [one, two] : {std::pair(&terrain, &aircraft), std::pair(&aircraft, &aircraft),
+                                 std::pair(&sphere, &soup), std::pair(&soup, &terrain)}) {
+    for (int i = 0; i < test::rounds(60) && !HasFatalFailure(); ++i) {
+      HeldPair pair(*one, *two);
+      if (i % 3 > 0) test::refine_at_random(pair.a, random);
+      if (i % 3 > 1) test::refine_at_random(pair.b, random);
+      check_still(pair, random, {}, counts);
+    }
+  }
+  EXPECT_GT(counts.kept, test::rounds(200));
+  EXPECT_GT(counts.near_limit, test::rounds(20));
+  EXPECT_GT(counts.left, counts.kept);
+}
+
+TEST(StillFree, AsksWhereMoreIsWanted) {
+  const BakedModel sphere = test::bake_named("sphere");
+  HeldPair pair(sphere, sphere);
+  const Pose then_a, then_b{.translation_m = {5, 0, 0}};
+  const Answer base = pair.ask(then_a, then_b, Clearance::kBound);
+  ASSERT_EQ(base.status, AnswerStatus::kFree);
+  const KeptFree kept{base.clearance_m,
+                      base.clearance_share,
+                      base.distance_at_most_m,
+                      base.nearest_a_m,
+                      base.nearest_b_m,
+                      then_a,
+                      then_b};
+  const Motion now_a,
+      now_b{.pose = {.translation_m = {5.1, 0, 0}}, .linear_velocity_mps = {-9, 0, 0}};
+  const BodyReach reach_a = reach_of(pair.a.view(), now_a),
+                  reach_b = reach_of(pair.b.view(), now_b);
+  const ClearanceLeft left =
+      clearance_left({reach_a, then_a, now_a.pose}, {reach_b, then_b, now_b.pose},
+                     lattice_exponent(pair.a.grid, pair.b.grid), base.clearance_m);
+  const AskedBody a{pair.a.view(), now_a, "a"}, b{pair.b.view(), now_b, "b"};
+  EXPECT_TRUE(still_free(a, b, kept, left, {}));
+  EXPECT_FALSE(still_free(a, b, kept, left, {.clearance = Clearance::kExact}));
+  EXPECT_FALSE(still_free(a, b, kept, left, {.clearance = Clearance::kNone}));
+  EXPECT_FALSE(still_free(a, b, kept, left, {.max_tests = 1000}));
+  const auto swept = still_free(a, b, kept, left, {.sweep_s = 0.01});
+  ASSERT_TRUE(swept && swept->swept && swept->swept->is_ok());
+  EXPECT_EQ(swept->swept->value().free_until_s, 0.01);
+  EXPECT_FALSE(still_free(a, b, kept, left, {.sweep_s = 1}));  // it may come as far in that time
+}
+
+}  // namespace
+}  // namespace nearmesh
