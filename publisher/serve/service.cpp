@@ -129,7 +129,7 @@ Result<Service::Parts> Service::answer(WorldSource& world, const wire::RegionSub
     NEARMESH_RETURN_IF_ERROR(pieces);
     return Parts([pieces = std::move(pieces).value(),
                   content = asked.content_hash]() mutable -> Result<Part> {
-      return Part{content, std::move(pieces), true};
+      return Part{content, std::move(pieces), true, true};
     });
   }
   auto tile = world.tile(asked.content_hash);
@@ -281,7 +281,8 @@ void Service::serve(wire::SessionId id, Peer& peer, double now_s, std::vector<st
       open.is_collecting = !last && part.value().batches.empty();
       enqueue(peer, open,
               wire::answer_messages(session_, open.subscription.request, part.value().content,
-                                    std::move(part.value().batches), last));
+                                    std::move(part.value().batches), last,
+                                    part.value().are_pieces));
       if (last) peer.open.erase(at);
       return;
     }

@@ -50,7 +50,7 @@ void print_text(const VerifyReport& report) {
               count(report.verified), count(report.answers()), count(report.different),
               count(report.peers), to_hex(report.digest).c_str());
   std::printf(
-      "not proved: %llu for want of recorded batches, %llu after detail was given up\n"
+      "not proved: %llu for want of recorded batches, %llu after give-ups that are not recorded\n"
       "reports: %llu, %llu of them without an answer, %llu malformed; %llu missing, %llu sent "
       "before the recorder heard their peers\n",
       count(report.lacking), count(report.gave_up), count(report.reports), count(report.not_asked),
@@ -171,9 +171,9 @@ Outcome run(const VerifyOptions& options) {
   Result<std::unique_ptr<RecordingReader>> recording = RecordingReader::open(options.path);
   NEARMESH_RETURN_IF_ERROR(recording);
   RecordingReader& reader = *recording.value();
-  std::unique_ptr<ModelFolder> models;
+  std::unique_ptr<DetailFolder> models;
   if (!options.models.empty()) {
-    Result<std::unique_ptr<ModelFolder>> opened = ModelFolder::open(options.models);
+    Result<std::unique_ptr<DetailFolder>> opened = DetailFolder::open(options.models);
     NEARMESH_RETURN_IF_ERROR(opened);
     models = std::move(opened).value();
     for (const std::string& line : models->complaints()) spdlog::warn("{}", line);

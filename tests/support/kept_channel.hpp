@@ -17,7 +17,7 @@ namespace nearmesh::test {
 struct KeptSample {
   wire::SessionId by = 0;  ///< the participant
   std::variant<wire::MeshHeader, wire::BodyDirectory, wire::BodyPoses, wire::WatchedBodies,
-               wire::BoundsReport>
+               wire::BoundsReport, wire::ContactReport, wire::HeldDetail>
       message;
   wire::SplitBatchMessage batch{};  ///< instead, where it has bytes
 
@@ -40,7 +40,11 @@ class KeptChannel final : public subscriber::Channel {
   void send(const wire::RegionSubscription& message) override { inner_->send(message); }
   void send(const wire::BodyPoses& message) override { pass(message); }
   void send(const wire::BodyDirectory& message) override { pass(message); }
-  void send(const wire::ContactReport& message) override { inner_->send(message); }
+  void send(const wire::ContactReport& message) override { pass(message); }
+  void tell_held(const wire::HeldDetail& message) override {
+    keep(own_id(), message);
+    inner_->tell_held(message);
+  }
   void tell_watched(const wire::WatchedBodies& message) override {
     keep(own_id(), message);
     inner_->tell_watched(message);
@@ -49,8 +53,10 @@ class KeptChannel final : public subscriber::Channel {
     keep(own_id(), message);
     inner_->tell_bounds(message);
   }
+  bool recorder_comes = false;  ///< by the next take()
   Inbox take() override {
     Inbox inbox = inner_->take();
+    inbox.recorder_came |= std::exchange(recorder_comes, false);
     for (const Header& header : inbox.headers)
       if (headers_.insert(header.message.content_hash).second)
         keep(header.publisher, header.message);
