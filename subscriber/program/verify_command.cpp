@@ -36,6 +36,10 @@ void print_text(const BoundsProof& bounds) {
       count(bounds.proved_pairs), count(bounds.pairs), count(bounds.proved), count(bounds.reports),
       count(bounds.wrong), count(bounds.unprovable), count(bounds.malformed), count(bounds.missing),
       count(bounds.before));
+  if (bounds.unreported > 0)
+    std::printf("near: %llu of %llu answers are not reported; the first: %s\n",
+                count(bounds.unreported), count(bounds.near_pairs),
+                bounds.first_unreported.c_str());
   for (const auto& [what, reports] : bounds.why_not)
     std::printf("  not in the recording, for %llu reports: %s\n", count(reports), what.c_str());
   if (bounds.wrong_ones.empty()) return;
@@ -81,7 +85,8 @@ nlohmann::ordered_json to_json(const BoundsProof& bounds) {
       {"reports", bounds.reports},     {"proved_reports", bounds.proved},
       {"wrong", bounds.wrong},         {"not_provable", bounds.unprovable},
       {"malformed", bounds.malformed}, {"missing", bounds.missing},
-      {"before", bounds.before}};
+      {"before", bounds.before},       {"near", bounds.near_pairs},
+      {"unreported", bounds.unreported}};
   json["lacking"] = nlohmann::ordered_json::array();
   for (const auto& [what, reports] : bounds.why_not)
     json["lacking"].push_back({{"what", what}, {"reports", reports}});
@@ -138,7 +143,7 @@ Outcome judge(const VerifyReport& report, const VerifyOptions& options) {
                                              " reports of what is free by bounds are wrong"};
   const std::uint64_t reports = report.reports + bounds.reports,
                       malformed = report.malformed + bounds.malformed,
-                      missing = report.missing + bounds.missing;
+                      missing = report.missing + bounds.missing + bounds.unreported;
   if (reports == 0 || malformed > 0 || (missing > 0 && !options.allow_unproved)) {
     Status amiss{StatusCode::kCorrupt,
                  options.path + ": " +

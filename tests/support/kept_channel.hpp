@@ -20,6 +20,7 @@ struct KeptSample {
                wire::BoundsReport, wire::ContactReport, wire::HeldDetail>
       message;
   wire::SplitBatchMessage batch{};  ///< instead, where it has bytes
+  wire::SessionId peer = 0;         ///< that it is for
 
   template <class Message>
   [[nodiscard]] Message* as() {
@@ -61,7 +62,8 @@ class KeptChannel final : public subscriber::Channel {
       if (headers_.insert(header.message.content_hash).second)
         keep(header.publisher, header.message);
     for (const wire::SplitBatchMessage& batch : inbox.batches)
-      kept_.push_back({.by = batch.publisher, .message = {}, .batch = batch});
+      kept_.push_back(
+          {.by = batch.publisher, .message = {}, .batch = batch, .peer = own_id()});
     return inbox;
   }
 
@@ -81,14 +83,17 @@ class KeptChannel final : public subscriber::Channel {
 };
 
 /// In their order, a millisecond apart.
-inline void write_samples(const KeptSamples& samples, const std::string& path) {
+/// `unheard`: who had sent contact reports before.
+inline void write_samples(const KeptSamples& samples, const std::string& path,
+                          wire::SessionId unheard = 0) {
   Tape tape(RecordingWriter::create(path, {7, 0, wire::kWireVersion, "kept", "idl"}).value(),
             "kept");
   tape.now_ns = 1'700'000'000'000'000'000;
+  if (unheard != 0) tape.miss_reports(unheard, 7);
   for (const KeptSample& sample : samples) {
     tape.now_ns += 1'000'000;
     if (!sample.batch.bytes.empty()) {
-      tape.put(sample.by, 1, sample.batch);
+      tape.put(sample.by, sample.peer, sample.batch);
     } else {
       std::visit([&](const auto& message) { tape.put(sample.by, message); }, sample.message);
     }

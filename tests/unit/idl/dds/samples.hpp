@@ -69,6 +69,7 @@ inline SplitBatchMessage valid_batch() {
   message.request = 7;
   message.sequence = 3;
   message.last = true;
+  message.is_piece = true;
   message.bytes = {9, 8, 7};
   return message;
 }

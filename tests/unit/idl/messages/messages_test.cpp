@@ -275,6 +275,10 @@ TEST(CheckMessage, RefusesReportOutsideItsLimits) {
                                       {"clearance", [](M& m) { m.clearance_m = -1; }},
                                       {"uncertainty", [](M& m) { m.uncertainty_m = kNan; }},
                                       {"pair_count", [](M& m) { m.pair_count = 1; }},
+                                      {"world", [](M& m) { m.asked = false; }},
+                                      {"tiles", [](M& m) { m.world->tiles.resize(kMaxReportTiles + 1); }},
+                                      {"missing pages",
+                                       [](M& m) { m.world->missing_pages.resize(kMaxReportPages + 1); }},
                                       {"pairs", [](M& m) {
                                          m.pair_count = 1000;
                                          m.pairs.resize(kMaxReportPairs + 1);
@@ -283,9 +287,9 @@ TEST(CheckMessage, RefusesReportOutsideItsLimits) {
 
 TEST(CheckMessage, NamesBothVersionsWhenTheyDiffer) {
   const auto expect_unsupported = [](auto message) {
-    message.wire_version = 11;
+    message.wire_version = 12;
     EXPECT_EQ(check(message).code(), StatusCode::kUnsupported);
-    EXPECT_EQ(check(message).message(), "wire version 11, this build speaks 10");
+    EXPECT_EQ(check(message).message(), "wire version 12, this build speaks 11");
   };
   expect_unsupported(valid_hello());
   expect_unsupported(valid_header());
