@@ -239,14 +239,13 @@ struct Watcher {
     return last.put_off || (frame == report.frame && last.time_s == report.time_s);
   }
   void forget(int round) {
-    std::erase_if(said, [round](auto& pair) {
-      auto& frames = pair.second;
+    for (auto& [names, frames] : said) {
       const std::uint64_t last = frames.rbegin()->first;
-      std::erase_if(frames, [&](const auto& one) {
+      std::erase_if(frames, [last, round](const auto& one) {
         return one.second.round + kRoundsKept < round && !(one.first == last && one.second.put_off);
       });
-      return frames.empty();
-    });
+    }
+    std::erase_if(said, [](const auto& pair) { return pair.second.empty(); });
   }
 
   void take(wire::WatchedBodies&& watched) {
