@@ -43,8 +43,7 @@ TileSum::TileSum(const TileSumOptions& options, const ContentHash& world, const 
 void TileSum::note(const WorldEntry& tile, std::size_t pairs,
                    const std::vector<NodeSpan>& missing) {
   words_.push_back(tile.content.high);
-  for (const std::int32_t cells : tile.place)
-    words_.push_back(static_cast<std::uint32_t>(cells));
+  for (const std::int32_t cells : tile.place) words_.push_back(static_cast<std::uint32_t>(cells));
   words_.push_back(pairs);
   for (const NodeSpan& node : missing)
     words_.push_back(std::uint64_t{node.first.value} << 32 | node.size);

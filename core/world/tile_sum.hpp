@@ -10,8 +10,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "nearmesh/core/query/query.hpp"
 #include "near_tiles.hpp"
+#include "nearmesh/core/query/query.hpp"
 
 namespace nearmesh {
 

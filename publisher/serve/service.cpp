@@ -279,10 +279,10 @@ void Service::serve(wire::SessionId id, Peer& peer, double now_s, std::vector<st
     if (part.is_ok()) {
       const bool last = part.value().last;
       open.is_collecting = !last && part.value().batches.empty();
-      enqueue(peer, open,
-              wire::answer_messages(session_, open.subscription.request, part.value().content,
-                                    std::move(part.value().batches), last,
-                                    part.value().are_pieces));
+      enqueue(
+          peer, open,
+          wire::answer_messages(session_, open.subscription.request, part.value().content,
+                                std::move(part.value().batches), last, part.value().are_pieces));
       if (last) peer.open.erase(at);
       return;
     }

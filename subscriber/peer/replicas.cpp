@@ -34,8 +34,8 @@ void ReplicaSet::remove(const std::string& name) {
 
 void ReplicaSet::note_given_up() {
   for (auto& [name, model] : models_)
-    if (model.is_ready() && std::exchange(model.noted_give_ups, model.replica->give_ups()) !=
-                                model.replica->give_ups())
+    if (model.is_ready() &&
+        std::exchange(model.noted_give_ups, model.replica->give_ups()) != model.replica->give_ups())
       model.era = ++last_era_;
 }
 

@@ -129,7 +129,8 @@ class ReplicaSet {
   std::size_t unclaimed_bytes_ = 0;
   std::map<ContentHash, wire::SessionId> refused_;
   std::uint32_t last_era_ = 0;
-  std::uint32_t begins_in_ = 0;  // a replica: the era when one was dropped last, for it may be of the same content
+  std::uint32_t begins_in_ =
+      0;  // a replica: the era when one was dropped last, for it may be of the same content
 };
 
 }  // namespace nearmesh::subscriber

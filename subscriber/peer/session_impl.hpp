@@ -222,7 +222,7 @@ struct Session::Impl {
     Pair* pair = nullptr;
     std::string reason;  // why nothing can be said
     TilesAround around;
-    std::uint32_t reach_cells = 0;  // that it is of
+    std::uint32_t reach_cells = 0;     // that it is of
     std::vector<WorldEntry> not_here;  // tiles of which no header is, of those near
     std::vector<std::string> why_not_here;
     std::size_t first = 0;  // the pairs of its other tiles: listed[first], ..., as they stand there

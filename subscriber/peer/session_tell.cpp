@@ -69,10 +69,8 @@ void Session::Impl::report_pair(Pair& pair, const PairAnswer& answer, const Repo
   report.answer_digest = now.second;
   if (report.asked) {
     const auto as_asked = [](const Body& body, const Pose& pose) {
-      wire::ContactReport::Asked asked{.content_hash = body.model->content_hash,
-                                       .solid = body.solid,
-                                       .pose = pose,
-                                       .stamp = {}};
+      wire::ContactReport::Asked asked{
+          .content_hash = body.model->content_hash, .solid = body.solid, .pose = pose, .stamp = {}};
       if (body.model->world) return asked;
       asked.state_digest = body.model->replica->mesh().state_hash();
       asked.applied_batches = body.model->replica->taken_batches();

@@ -126,7 +126,8 @@ struct Approach {
     const Grid grid = world_grid(world.model->world->record());
     const int lattice = lattice_exponent(grid, other.grid());
     add(grid, world.model->world->box(), *world.motion, age_world_s, lattice);
-    add(other.grid(), whole_box(other.model->replica->store()), *other.motion, age_other_s, lattice);
+    add(other.grid(), whole_box(other.model->replica->store()), *other.motion, age_other_s,
+        lattice);
   }
   /// So far apart they cannot meet for so long.
   [[nodiscard]] double needed_m(double duration_s) const {
@@ -486,8 +487,9 @@ void Session::Impl::fold_world(WorldPair& found, const FrameReport& report) {
       }
     }
     if (!found.around.near.missing.empty()) {
-      await(std::to_string(found.around.near.missing.size()) + " pages of world " + world.model->name +
-            " have not come, " + who_gives(found.around.near.missing.front().entry.content));
+      await(std::to_string(found.around.near.missing.size()) + " pages of world " +
+            world.model->name + " have not come, " +
+            who_gives(found.around.near.missing.front().entry.content));
     }
     if (put_off_count > 0 && is_any_asked)
       await(std::to_string(put_off_count) + " tiles were not asked");

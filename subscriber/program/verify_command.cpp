@@ -81,11 +81,11 @@ void print_text(const VerifyReport& report) {
 
 nlohmann::ordered_json to_json(const BoundsProof& bounds) {
   nlohmann::ordered_json json = {
-      {"answers", bounds.pairs},       {"proved", bounds.proved_pairs},
-      {"reports", bounds.reports},     {"proved_reports", bounds.proved},
-      {"wrong", bounds.wrong},         {"not_provable", bounds.unprovable},
-      {"malformed", bounds.malformed}, {"missing", bounds.missing},
-      {"before", bounds.before},       {"near", bounds.near_pairs},
+      {"answers", bounds.pairs},        {"proved", bounds.proved_pairs},
+      {"reports", bounds.reports},      {"proved_reports", bounds.proved},
+      {"wrong", bounds.wrong},          {"not_provable", bounds.unprovable},
+      {"malformed", bounds.malformed},  {"missing", bounds.missing},
+      {"before", bounds.before},        {"near", bounds.near_pairs},
       {"unreported", bounds.unreported}};
   json["lacking"] = nlohmann::ordered_json::array();
   for (const auto& [what, reports] : bounds.why_not)

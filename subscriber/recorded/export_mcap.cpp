@@ -172,7 +172,8 @@ class McapPeer final : public RecordedPeer {
           marker.points_m.push_back(segment.p_m);
           marker.points_m.push_back(segment.q_m);
         }
-      marker.width_m = kContactShare * std::min(size_m(replica(r.a.content_hash)), size_m(replica(r.b.content_hash)));
+      marker.width_m = kContactShare * std::min(size_m(replica(r.a.content_hash)),
+                                                size_m(replica(r.b.content_hash)));
     }
     const bool touched = std::exchange(pair.touches, !marker.points_m.empty());
     if (touched || pair.touches)

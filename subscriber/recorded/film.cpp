@@ -288,7 +288,11 @@ class FilmPeer final : public RecordedPeer {
       bodies[side] = tell_body(side == 0 ? r.body_a : r.body_b, side == 0 ? r.a : r.b, has_both,
                                standing, is_near);
     const bool is_of_world = r.world && standing == Standing::kReached;
-    tell_answer(r, bodies, has_both ? 0 : is_of_world ? kOfWorld : 1 + static_cast<int>(standing), asked);
+    tell_answer(r, bodies,
+                has_both      ? 0
+                : is_of_world ? kOfWorld
+                              : 1 + static_cast<int>(standing),
+                asked);
   }
 
   void begin_frame(std::uint64_t frame, std::int64_t ms) {
@@ -302,7 +306,8 @@ class FilmPeer final : public RecordedPeer {
                           bool has_both, Standing standing, bool is_near) {
     const FilmWorld::KnownModel* model = nullptr;
     if (has_both) {
-      FilmWorld::KnownModel& known = world_.model_of(asked.content_hash, replica(asked.content_hash).header());
+      FilmWorld::KnownModel& known =
+          world_.model_of(asked.content_hash, replica(asked.content_hash).header());
       tell_mesh(known, replica(asked.content_hash).mesh(), is_near);
       model = &known;
     } else {
@@ -367,10 +372,12 @@ class FilmPeer final : public RecordedPeer {
       const std::size_t told = std::min(missing.size(), kMostMissing);
       said.number(told);
       if (told == 0) continue;
-      FilmWorld::KnownModel& known = world_.model_of(body.content_hash, replica(body.content_hash).header());
+      FilmWorld::KnownModel& known =
+          world_.model_of(body.content_hash, replica(body.content_hash).header());
       std::int64_t last = 0;
       for (std::size_t i = 0; i < told; ++i)
-        said.difference(last, known.model->number_of(replica(body.content_hash).mesh(), missing[i]));
+        said.difference(last,
+                        known.model->number_of(replica(body.content_hash).mesh(), missing[i]));
     }
     tell_contacts(asked, std::min(world_.unit_of(r.body_a), world_.unit_of(r.body_b)), said);
     // What is as it was is not said again.

@@ -73,7 +73,7 @@ class FilmOnlooker {
 struct FilmPlan {
   /// Between two changes of a peer's mesh lies so much, but where it touches something or lacks detail.
   std::int64_t least_step_ms = 0;
-  DetailFolder* models = nullptr;     ///< to take peers up where batches are missing
+  DetailFolder* models = nullptr;    ///< to take peers up where batches are missing
   FilmOnlooker* onlooker = nullptr;  ///< none: nobody else
 };
 

@@ -33,7 +33,7 @@ struct BoundsProof {
   /// Pairs that the same poses put near each other, in all frames of proved reports together, but the last of each peer, whose answers may
   /// come after the recording's end; and those of them of which the peer reported no answer.
   std::uint64_t near_pairs = 0, unreported = 0;
-  std::string first_unreported;  ///< one line on the first of these; else empty
+  std::string first_unreported;         ///< one line on the first of these; else empty
   std::uint64_t digest = 0;             ///< of all that was found, for comparing builds
   std::vector<WrongBounds> wrong_ones;  ///< the first kMaxWrongBounds, in order of the recording
   std::map<std::string, std::uint64_t> why_not;  ///< what is not there, and for how many reports

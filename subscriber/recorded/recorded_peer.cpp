@@ -106,8 +106,8 @@ void RecordedPeer::Stretch::follow(const Batch& batch, const ContentHash& conten
 bool RecordedPeer::Stretch::has_heard(const wire::HeldDetail& told) const {
   return numbers.whole && std::all_of(told.heard.begin(), told.heard.end(), [&](const auto& last) {
            const auto at = numbers.heard.find(last.publisher);
-           return at != numbers.heard.end() && (at->second.sequence >= last.sequence ||
-                                                at->second.request > told.last_request);
+           return at != numbers.heard.end() &&
+                  (at->second.sequence >= last.sequence || at->second.request > told.last_request);
          });
 }
 
@@ -121,8 +121,7 @@ RecordedPeer::Stream& RecordedPeer::stream_of(const ContentHash& content_hash) {
 void RecordedPeer::drop_followed(Stream& stream) {
   for (std::size_t i = 0; i + 1 < stream.size();) {
     const Stretch &one = stream[i], &next = stream[i + 1];
-    if (one.era == next.era && one.end() >= next.first && next.held &&
-        one.has_heard(*next.held)) {
+    if (one.era == next.era && one.end() >= next.first && next.held && one.has_heard(*next.held)) {
       stream.erase(stream.begin() + static_cast<std::ptrdiff_t>(i + 1));
     } else {
       ++i;
@@ -153,8 +152,7 @@ void RecordedPeer::take(wire::HeldDetail&& held) {
   if (held.era == stream.back().era && stream.back().end() >= held.applied_batches &&
       stream.back().has_heard(held))
     return;
-  Stretch next{
-      .held = std::nullopt, .numbers = {}, .era = held.era, .first = held.applied_batches};
+  Stretch next{.held = std::nullopt, .numbers = {}, .era = held.era, .first = held.applied_batches};
   for (const wire::HeldDetail::Heard& heard : held.heard)
     next.numbers.heard[heard.publisher] = {heard.sequence, held.last_request};
   for (const Batch& batch : latest_) next.follow(batch, held.content_hash);
@@ -254,8 +252,8 @@ void RecordedPeer::hand_over(Stream& stream, const ContentHash& content,
   if (next.replica || next.failed || !next.held) return;
   if (begin(before, content, sources) != Reach::kThere) return;
   for (; !before.waiting.empty() && before.taken() < next.first; before.waiting.pop_front())
-    static_cast<void>(before.replica->take(*before.waiting.front().bytes,
-                                           before.waiting.front().publisher));
+    static_cast<void>(
+        before.replica->take(*before.waiting.front().bytes, before.waiting.front().publisher));
   const auto lacks = [&](NodeSpan node) {
     return before.replica->store().split_of(node).is_valid()
                ? Status::ok()
@@ -302,7 +300,8 @@ RecordedPeer::Reach RecordedPeer::find_tiles(const wire::ContactReport& report,
                                              const ModelSources& sources) {
   world_ = {};
   const wire::ContactReport::World& told = *report.world;
-  const auto& [its, other] = told.is_a ? std::tie(report.a, report.b) : std::tie(report.b, report.a);
+  const auto& [its, other] =
+      told.is_a ? std::tie(report.a, report.b) : std::tie(report.b, report.a);
   const WorldRecord* record = sources.world(its.content_hash);
   if (record == nullptr) return Reach::kNotYet;
   bool lacks_page = false;
@@ -438,13 +437,13 @@ std::string RecordedPeer::why_not_rebuilt(const wire::ContactReport& report) con
   for (const auto& [asked, body, is_a] : {std::tuple(&report.a, &report.body_a, true),
                                           std::tuple(&report.b, &report.body_b, false)}) {
     if (report.world && report.world->is_a == is_a) continue;
-    std::string why =
-        look(*body, asked->content_hash, asked->applied_batches, asked->state_digest);
+    std::string why = look(*body, asked->content_hash, asked->applied_batches, asked->state_digest);
     if (!why.empty()) return why;
   }
   if (!report.world) return {};
   const std::string& world = report.world->is_a ? report.body_a : report.body_b;
-  if (!world_.is_found) return "of world " + world + ": its pages, or the poses, contradict each other";
+  if (!world_.is_found)
+    return "of world " + world + ": its pages, or the poses, contradict each other";
   if (world_.tiles.size() != report.world->tiles.size())
     return "of world " + world + " " + std::to_string(report.world->tiles.size()) +
            " tiles were told, its pages list " + std::to_string(world_.around.near.tiles.size()) +
@@ -453,8 +452,8 @@ std::string RecordedPeer::why_not_rebuilt(const wire::ContactReport& report) con
     const wire::ContactReport::World::Tile& told = report.world->tiles[i];
     if (!told.asked) continue;
     const ContentHash& content = world_.tiles[i].entry->content;
-    std::string why = look(world + ", tile " + to_hex(content), content, told.applied_batches,
-                           told.state_digest);
+    std::string why =
+        look(world + ", tile " + to_hex(content), content, told.applied_batches, told.state_digest);
     if (!why.empty()) return why;
     if (const Status fits = check_tile_grid(replica(content).header().grid, *world_.record);
         !fits.is_ok())

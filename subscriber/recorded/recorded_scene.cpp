@@ -72,8 +72,9 @@ class ScenePeer final : public RecordedPeer {
       case Standing::kStale:
         return Status{StatusCode::kNotFound, about + why_stale(recorded)};
       case Standing::kGaveUp:
-        return Status{StatusCode::kUnsupported,
-                      about + "the peer had given up detail, and what it held then is not recorded"};
+        return Status{
+            StatusCode::kUnsupported,
+            about + "the peer had given up detail, and what it held then is not recorded"};
       case Standing::kLacking:
       case Standing::kNoFile:
         return Status{StatusCode::kNotFound,
@@ -84,12 +85,13 @@ class ScenePeer final : public RecordedPeer {
     if (recorded.world)
       return Status{StatusCode::kUnsupported, about + "one of the bodies is a world"};
     if (!is_rebuilt(recorded, standing))
-        return Status{StatusCode::kConflict,
-                      about + "the meshes do not come out as recorded; see verify"};
+      return Status{StatusCode::kConflict,
+                    about + "the meshes do not come out as recorded; see verify"};
     RecordedScene scene{.message = report.id, .received_ns = report.received_ns};
     scene.report = recorded;
-    scene.bodies = {recorded_body(recorded.body_a, replica(recorded.a.content_hash), recorded.a.pose),
-                    recorded_body(recorded.body_b, replica(recorded.b.content_hash), recorded.b.pose)};
+    scene.bodies = {
+        recorded_body(recorded.body_a, replica(recorded.a.content_hash), recorded.a.pose),
+        recorded_body(recorded.body_b, replica(recorded.b.content_hash), recorded.b.pose)};
     Result<Answered> asked = ask(recorded, {.contacts = true});
     NEARMESH_RETURN_IF_ERROR(asked);
     if (asked.value().contacts) scene.contacts = std::move(*asked.value().contacts);

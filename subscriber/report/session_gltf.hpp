@@ -4,8 +4,8 @@
 
 #include <string>
 
-#include "subscriber/recorded/detail_folder.hpp"
 #include "nearmesh/core/recording/recording.hpp"
+#include "subscriber/recorded/detail_folder.hpp"
 
 namespace nearmesh::subscriber::report {
 

@@ -62,8 +62,7 @@ class KeptChannel final : public subscriber::Channel {
       if (headers_.insert(header.message.content_hash).second)
         keep(header.publisher, header.message);
     for (const wire::SplitBatchMessage& batch : inbox.batches)
-      kept_.push_back(
-          {.by = batch.publisher, .message = {}, .batch = batch, .peer = own_id()});
+      kept_.push_back({.by = batch.publisher, .message = {}, .batch = batch, .peer = own_id()});
     return inbox;
   }
 

@@ -302,8 +302,7 @@ void add_frame(py::module_& module) {
               rows.push_back({hex_of(tile.tile.content), tile.tile.place, tile.is_here, tile.asked,
                               static_cast<std::uint8_t>(tile.status), tile.pairs,
                               tile.missing.size()});
-            return py::make_tuple(to_hex(world->world), rows_of(rows),
-                                  world->missing_pages.size());
+            return py::make_tuple(to_hex(world->world), rows_of(rows), world->missing_pages.size());
           },
           py::arg("row"),
           "Where one of the bodies of a row of answers is a world, and was asked: the world's "

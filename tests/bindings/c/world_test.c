@@ -13,7 +13,7 @@ static void fly(const char* folder, const char* model) {
   static char ball_file[1000];
   make_sphere(&ball);
   for (int i = 0; i < kSphereVertices; ++i)
-    for (int k = 0; k < 3; ++k) ball.positions_m[3 * i + k] *= 60;
+    for (int k = 0; k < 3; ++k) ball.positions_m[3 * i + k] *= 300;
   snprintf(ball_file, sizeof ball_file, "%s/ball.spm", folder);
   MUST(nearmesh_bake(ball.positions_m, kSphereVertices, ball.faces, kSphereFaces, ball_file, NULL,
                      &error));

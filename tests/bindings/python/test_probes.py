@@ -131,7 +131,7 @@ def ground(tmp_path_factory):
 def test_a_body_may_be_a_world(ground):
     model, folder = ground
     ball = os.path.join(os.path.dirname(folder), "ball.spm")
-    vertices = np.array([(x, y, z) for x in (-40, 40) for y in (-40, 40) for z in (-40, 40)], float)
+    vertices = np.array([(x, y, z) for x in (-150, 150) for y in (-150, 150) for z in (-150, 150)], float)
     faces = [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4),
              (1, 5, 7), (1, 7, 3)]
     nm.bake(vertices, faces, ball)
@@ -144,7 +144,7 @@ def test_a_body_may_be_a_world(ground):
     touched = 0
     for frame, (x, z) in enumerate([(0, 0), (100, 50), (-200, 0), (50, 3000)]):
         for _ in range(200):
-            report = session.update(frame, float(frame), {flyer: at(x, 0, z)}, 1)
+            report = session.update(frame, float(frame), {flyer: nm.pose((x, 0, z))}, 1)
             if report.all_certified:
                 break
         assert report.all_certified

@@ -35,12 +35,12 @@ class VerifyWorlds : public ::testing::Test {
   struct Plan {
     SessionOptions options{};
     int scenes = 30;
-    int rounds = 10;          ///< updates of each, at most
-    double between_s = 0;     ///< of the exercise's time, from scene to scene
+    int rounds = 10;       ///< updates of each, at most
+    double between_s = 0;  ///< of the exercise's time, from scene to scene
     bool is_world_first = false;
-    int recorder_in = -1;     ///< one comes in that scene; -1: it was there, and was not told
+    int recorder_in = -1;  ///< one comes in that scene; -1: it was there, and was not told
     double budget_s = 10;
-    double crowd_m = 0;       ///< scenes lie so near to each other
+    double crowd_m = 0;  ///< scenes lie so near to each other
   };
   /// A ball near seams and corners of the world, from one publisher. What a recorder hears.
   KeptSamples record(const Plan& plan) {
@@ -52,10 +52,9 @@ class VerifyWorlds : public ::testing::Test {
     KeptChannel& channel = *made;
     Session session(std::move(made), plan.options);
     const BodyId world = session.add_body({.name = "ground", .model = "valley"}).value();
-    const BodyId ball =
-        session.add_body({.name = "ball", .model = "ball", .own = true}).value();
-    EXPECT_TRUE((plan.is_world_first ? session.watch(world, ball) : session.watch(ball, world))
-                    .is_ok());
+    const BodyId ball = session.add_body({.name = "ball", .model = "ball", .own = true}).value();
+    EXPECT_TRUE(
+        (plan.is_world_first ? session.watch(world, ball) : session.watch(ball, world)).is_ok());
     Random random(11);
     std::uint64_t frame = 0;
     double time_s = 0;
@@ -67,8 +66,7 @@ class VerifyWorlds : public ::testing::Test {
       const CutScene scene = random_scene(terrain_, random, i % 3);
       EXPECT_TRUE(session.place_body(world, scene.world).is_ok());
       for (int round = 0; round < plan.rounds; ++round) {
-        const auto report =
-            session.update(frame++, time_s, {{ball, scene.ball}}, plan.budget_s);
+        const auto report = session.update(frame++, time_s, {{ball, scene.ball}}, plan.budget_s);
         EXPECT_TRUE(report.is_ok()) << report.status().message();
         for (const std::string& line : report.value().complaints) ADD_FAILURE() << line;
         if (report.value().all_certified()) break;
@@ -200,9 +198,11 @@ TEST_F(VerifyWorlds, FindsWhatWasForged) {
   EXPECT_NE(expect_different(is_contact, [](auto& r) { r.world->tiles.pop_back(); }).find("tiles"),
             std::string::npos);
   expect_different(is_contact, [](auto& r) { r.world->reach_cells = 0xffffffffU; });
-  EXPECT_NE(expect_different(is_contact, [](auto& r) {
-              for (auto& tile : r.world->tiles) tile.state_digest ^= 1;
-            }).find("state"),
+  EXPECT_NE(expect_different(is_contact,
+                             [](auto& r) {
+                               for (auto& tile : r.world->tiles) tile.state_digest ^= 1;
+                             })
+                .find("state"),
             std::string::npos);
   // That it was not asked leaves nothing certified.
   expect_different(is_contact, [](auto& r) {
@@ -286,9 +286,8 @@ TEST_F(VerifyWorlds, WhatFollowsTilesThatWereGivenUpIsProved) {
   EXPECT_EQ(found.verified, answers(kept));
   // Nobody said what was held from then on.
   KeptSamples untold = kept;
-  std::erase_if(untold, [](const KeptSample& sample) {
-    return sample.as<wire::HeldDetail>() != nullptr;
-  });
+  std::erase_if(untold,
+                [](const KeptSample& sample) { return sample.as<wire::HeldDetail>() != nullptr; });
   const VerifyReport without = verify(untold);
   EXPECT_EQ(without.different, 0U);
   EXPECT_GT(without.gave_up, 20U);
@@ -326,9 +325,9 @@ TEST_F(VerifyWorlds, WhatTheHostsOptionsCutIsProvedAsFarAsItGoes) {
     expect_different([](auto& r) { r.a.pose.translation_m[2] += 1e4; });
     expect_different([](auto& r) { r.status = 0; });
     if (how == 2) continue;
-    const VerifyReport more =
-        spoilt(kept, [](const auto& r) { return r.cut && r.status == 1 && !r.pairs.empty(); },
-               [](auto& r) { r.pair_count += 777; });
+    const VerifyReport more = spoilt(
+        kept, [](const auto& r) { return r.cut && r.status == 1 && !r.pairs.empty(); },
+        [](auto& r) { r.pair_count += 777; });
     EXPECT_EQ(more.different, 1U);
   }
 }

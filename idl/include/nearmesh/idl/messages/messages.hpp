@@ -92,7 +92,8 @@ struct SplitBatchMessage {
   bool wants_held = false;
   /// Refused, because the publisher does not choose for these bodies: ask for regions.
   bool wants_regions = false;
-  bool is_piece = false;  ///< the bytes are no batch, but a piece of those that the content is the digest of (core/world/content_bytes.hpp)
+  bool is_piece =
+      false;  ///< the bytes are no batch, but a piece of those that the content is the digest of (core/world/content_bytes.hpp)
   std::vector<std::uint8_t>
       bytes;  ///< sealed (codec.hpp), at most kMaxSealedBytes; may be empty when nothing was needed
 };
@@ -270,24 +271,27 @@ struct ContactReport {
       false;  ///< it could have been asked; its turn did not come within the frame's budget. Said once, until it is asked
   bool cut =
       false;  ///< the host's options ended the answer (any, max_pairs, max_tests): what it lists may not be all
-  std::uint64_t answer_digest = 0;            ///< digest(Answer)
-  Asked a, b;                                 ///< when asked; of a world its content and pose
+  std::uint64_t answer_digest = 0;  ///< digest(Answer)
+  Asked a, b;                       ///< when asked; of a world its content and pose
   /// Where one of the bodies is a world that was asked: with its pages it tells which tiles the answer rests on.
   struct World {
     bool is_a = false;  ///< which of the two is
     /// Tiles were looked for within so many cells of the other body's grid around its box.
     std::uint32_t reach_cells = 0;
     struct Tile {
-      bool asked = false;  ///< its trees were; else nothing was known of it, or its turn did not come
+      bool asked =
+          false;  ///< its trees were; else nothing was known of it, or its turn did not come
       std::uint64_t state_digest = 0;  ///< these three as in Asked
       std::uint32_t applied_batches = 0, era = 0;
       bool operator==(const Tile&) const = default;
     };
-    std::vector<Tile> tiles;                 ///< found there, in order of place; at most kMaxReportTiles
-    std::vector<ContentHash> missing_pages;  ///< that were not here, ascending; at most kMaxReportPages
+    std::vector<Tile> tiles;  ///< found there, in order of place; at most kMaxReportTiles
+    std::vector<ContentHash>
+        missing_pages;  ///< that were not here, ascending; at most kMaxReportPages
     bool operator==(const World&) const = default;
   };
-  std::optional<World> world;  ///< none, too, where there are more tiles or pages: then nothing can be proved
+  std::optional<World>
+      world;  ///< none, too, where there are more tiles or pages: then nothing can be proved
   std::vector<std::array<FaceKey, 2>> pairs;  ///< the first kMaxReportPairs of them
 };
 
