@@ -68,7 +68,9 @@ std::array<double, 3> carried(const Pose& then, const Pose& now, const std::arra
 }  // namespace
 
 bool is_cut(const Answer& answer, const AnswerOptions& options) {
-  return answer.exhausted || answer.truncated || (options.any && answer.pair_total > 0);
+  // Who looks for any pair looks in another order, so where something is missing it may name other nodes.
+  return answer.exhausted || answer.truncated ||
+         (options.any && (answer.pair_total > 0 || !is_certified(answer.status)));
 }
 
 Answer nothing_known() { return {.uncertainty_m = std::numeric_limits<double>::infinity()}; }

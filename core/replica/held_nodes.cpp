@@ -102,7 +102,8 @@ class HeldReader {
     if (step.node.size < 2) return Status::ok();
     const bool is_split = step.whole || bits_.get();
     const bool whole = step.whole || (is_split && bits_.get());
-    if (!whole && bits_.get()) give_box(step);
+    // Inside of what is done none is told: those that are at hand may be needed when detail is given up.
+    if (whole || bits_.get()) give_box(step);
     while (!is_split && tells_half_spaces_ && bits_.get()) {
       const auto direction = static_cast<std::uint16_t>(bits_.get(kDirectionBits));
       const auto reach = static_cast<std::uint8_t>(bits_.get(kReachBits));

@@ -151,7 +151,7 @@ void Replica::forget_all() {
 Replica::Times Replica::give_up(std::span<const RegionPart> keep) {
   Times times;
   const std::vector<NodeSpan> outside = nodes_outside(store(), keep);
-  gave_up_detail_ |= !outside.empty();
+  give_ups_ += outside.empty() ? 0 : 1;
   for (const NodeSpan& node : outside) {
     Stopwatch watch;
     const RefineDelta delta = refined_.collapse(node);

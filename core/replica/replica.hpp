@@ -71,8 +71,8 @@ class Replica {
   [[nodiscard]] std::uint32_t taken_batches() const { return taken_batches_; }
   /// Splits that came and wait for their parents, and nodes that half-spaces came of and wait for.
   [[nodiscard]] std::size_t parked_splits() const { return refined_.parked_splits(); }
-  /// Whether any detail was ever given up: what is held is then less than what came.
-  [[nodiscard]] bool gave_up_detail() const { return gave_up_detail_; }
+  /// How often detail was given up: from then on what is held is less than what came.
+  [[nodiscard]] std::uint32_t give_ups() const { return give_ups_; }
 
  private:
   [[nodiscard]] Status refine(const SplitBatch& batch, Teller teller, Times& times);
@@ -86,7 +86,7 @@ class Replica {
   std::vector<std::uint64_t> tellers_;  // by number
   AuditReader audit_;
   std::uint32_t taken_batches_ = 0;
-  bool gave_up_detail_ = false;
+  std::uint32_t give_ups_ = 0;
   bool has_kept_ = false;
 };
 

@@ -5,6 +5,7 @@
 #include "near_tiles.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <string>
 
 namespace nearmesh {
@@ -72,6 +73,52 @@ Result<NearTiles> find_near_tiles(const WorldRecord& world, const WorldPage& roo
   std::ranges::sort(out.tiles);
   std::ranges::sort(out.missing, {}, &MissingPage::entry);
   return out;
+}
+
+namespace {
+
+/// On each side by so many cells, as far as there are cells.
+GridBox grown(const GridBox& box, std::uint32_t cells) {
+  constexpr std::int64_t kLeast = std::numeric_limits<std::int32_t>::min(),
+                         kMost = std::numeric_limits<std::int32_t>::max();
+  GridBox out;
+  for (int k = 0; k < 3; ++k) {
+    out.lo[k] = static_cast<std::int32_t>(std::max(kLeast, std::int64_t{box.lo[k]} - cells));
+    out.hi[k] = static_cast<std::int32_t>(std::min(kMost, std::int64_t{box.hi[k]} + cells));
+  }
+  return out;
+}
+
+/// By how many cells it did grow, at least.
+double growth(const GridBox& box, const GridBox& larger) {
+  double least = std::numeric_limits<double>::infinity();
+  for (int k = 0; k < 3; ++k)
+    least = std::min({least, static_cast<double>(box.lo[k]) - larger.lo[k],
+                      static_cast<double>(larger.hi[k]) - box.hi[k]});
+  return least;
+}
+
+}  // namespace
+
+GridBox whole_box(const SplitStore& store) {
+  GridBox box;
+  for (const BaseRoot& root : store.roots()) box.add(store.box(root.node));
+  return box;
+}
+
+Result<TilesAround> find_tiles_around(const WorldRecord& world, const WorldPage& root,
+                                      const PageOf& page_of, const RelativeFrame& body_in_world,
+                                      const Grid& grid, const GridBox& body,
+                                      std::uint32_t reach_cells) {
+  const GridBox reach = grown(body, reach_cells);
+  Result<NearTiles> near = find_near_tiles(world, root, page_of, body_in_world, reach);
+  NEARMESH_RETURN_IF_ERROR(near);
+  // A point so near the body that growing takes it in would not be apart. Four cells of each cover what posing rounds.
+  const double apart_m = near.value().apart_m;
+  const double grown_m =
+      std::max(0.0, (growth(body, reach) - 4) * std::ldexp(1.0, grid.exponent) * (1 - 0x1p-30) -
+                        4 * std::ldexp(1.0, world.lattice.exponent));
+  return TilesAround{std::move(near).value(), apart_m + grown_m};
 }
 
 }  // namespace nearmesh

@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "nearmesh/core/geometry/detail/box_overlap.hpp"
+#include "nearmesh/core/spm/detail/split_store.hpp"
 #include "page.hpp"
 
 namespace nearmesh {
@@ -40,5 +41,22 @@ using PageOf = std::function<Result<std::optional<WorldPage>>(const WorldEntry& 
                                                 const PageOf& page_of,
                                                 const RelativeFrame& body_in_world,
                                                 const GridBox& body);
+
+/// The tiles that stand for a world in an answer about it and a body.
+struct TilesAround {
+  NearTiles near;
+  double rest_m = 0;  ///< all else is so far from the body, at least
+};
+
+/// The box of all faces of a model, as its header tells it: the same whatever is held.
+[[nodiscard]] GridBox whole_box(const SplitStore& store);
+
+/// As find_near_tiles(), of the body's box grown by so many cells of its grid on each side: what must not be met is listed early, and all else is
+/// farther. The same on whoever holds the same pages. In: whole_box(); body_in_world maps `grid`, the body's, into world_grid.
+[[nodiscard]] Result<TilesAround> find_tiles_around(const WorldRecord& world, const WorldPage& root,
+                                                    const PageOf& page_of,
+                                                    const RelativeFrame& body_in_world,
+                                                    const Grid& grid, const GridBox& body,
+                                                    std::uint32_t reach_cells);
 
 }  // namespace nearmesh

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <limits>
 #include <optional>
 #include <span>
 #include <utility>
@@ -19,6 +20,7 @@ constexpr std::uint8_t kFlagLast = 1;
 constexpr std::uint8_t kFlagRefused = 2;
 constexpr std::uint8_t kFlagWantsHeld = 4;
 constexpr std::uint8_t kFlagWantsRegions = 8;
+constexpr std::uint8_t kFlagPiece = 16;
 constexpr std::size_t kWordsPerNode = 2;
 constexpr std::size_t kWordsPerPair = 4;
 constexpr std::size_t kWordsPerContent = 2;
@@ -29,7 +31,6 @@ constexpr std::size_t kNumbersPerPlaced = 12;
 constexpr std::uint8_t kFlagAsked = 1;
 constexpr std::uint8_t kFlagSolidA = 2;
 constexpr std::uint8_t kFlagSolidB = 4;
-constexpr std::uint8_t kFlagGaveUp = 8;
 constexpr std::uint8_t kFlagCut = 16;
 constexpr std::uint8_t kFlagPutOff = 32;
 constexpr std::uint8_t kFlagPublisher = 1;
@@ -107,15 +108,20 @@ constexpr int kQuantumOffset = 64;
 constexpr std::int64_t kMostQuanta = std::int64_t{1} << 52;  // exact in doubles
 constexpr unsigned kMostBits = 56;  // of a difference of two places, and its sign
 
-/// Seven bits a byte, the lowest first; small numbers of either sign are short.
-void append_signed(std::int64_t number, Octets& to) {
-  auto rest = static_cast<std::uint64_t>(number) << 1U ^ static_cast<std::uint64_t>(number >> 63);
+/// Seven bits a byte, the lowest first.
+void append_number(std::uint64_t rest, Octets& to) {
   for (; rest >= 128; rest >>= 7U) to.push_back(static_cast<std::uint8_t>(rest % 128 + 128));
   to.push_back(static_cast<std::uint8_t>(rest));
 }
 
+/// Small numbers of either sign are short.
+void append_signed(std::int64_t number, Octets& to) {
+  append_number(static_cast<std::uint64_t>(number) << 1U ^ static_cast<std::uint64_t>(number >> 63),
+                to);
+}
+
 /// Takes it away from the bytes; nothing where it does not end, is longer than it must be, or too large.
-std::optional<std::int64_t> take_signed(std::span<const std::uint8_t>& bytes) {
+std::optional<std::uint64_t> take_number(std::span<const std::uint8_t>& bytes) {
   std::uint64_t number = 0;
   for (unsigned shift = 0; shift < kMostBits && !bytes.empty(); shift += 7) {
     const std::uint8_t byte = bytes.front();
@@ -123,9 +129,15 @@ std::optional<std::int64_t> take_signed(std::span<const std::uint8_t>& bytes) {
     number |= static_cast<std::uint64_t>(byte % 128) << shift;
     if (byte >= 128) continue;
     if (byte == 0 && shift > 0) return std::nullopt;
-    return static_cast<std::int64_t>(number >> 1U ^ (0 - (number & 1U)));
+    return number;
   }
   return std::nullopt;
+}
+
+std::optional<std::int64_t> take_signed(std::span<const std::uint8_t>& bytes) {
+  const std::optional<std::uint64_t> number = take_number(bytes);
+  if (!number) return std::nullopt;
+  return static_cast<std::int64_t>(*number >> 1U ^ (0 - (*number & 1U)));
 }
 
 /// use(number) of each, in the order in which they travel.
@@ -263,7 +275,8 @@ void encode(const SplitBatchMessage& message, wire_types::SplitBatchSample& samp
   sample.wire_version(message.wire_version);
   sample.flags(static_cast<std::uint8_t>(
       (message.last ? kFlagLast : 0) | (message.refused ? kFlagRefused : 0) |
-      (message.wants_held ? kFlagWantsHeld : 0) | (message.wants_regions ? kFlagWantsRegions : 0)));
+      (message.wants_held ? kFlagWantsHeld : 0) | (message.wants_regions ? kFlagWantsRegions : 0) |
+      (message.is_piece ? kFlagPiece : 0)));
   sample.request(message.request);
   sample.publisher(message.publisher);
   sample.content_hash(words_of(message.content_hash));
@@ -274,12 +287,14 @@ void encode(const SplitBatchMessage& message, wire_types::SplitBatchSample& samp
 Result<SplitBatchMessage> decode(const wire_types::SplitBatchSample& sample) {
   SplitBatchMessage message;
   message.wire_version = sample.wire_version();
-  if ((sample.flags() & ~(kFlagLast | kFlagRefused | kFlagWantsHeld | kFlagWantsRegions)) != 0)
+  if ((sample.flags() &
+       ~(kFlagLast | kFlagRefused | kFlagWantsHeld | kFlagWantsRegions | kFlagPiece)) != 0)
     return malformed("flags: found unknown bits, " + std::to_string(sample.flags()));
   message.last = (sample.flags() & kFlagLast) != 0;
   message.refused = (sample.flags() & kFlagRefused) != 0;
   message.wants_held = (sample.flags() & kFlagWantsHeld) != 0;
   message.wants_regions = (sample.flags() & kFlagWantsRegions) != 0;
+  message.is_piece = (sample.flags() & kFlagPiece) != 0;
   message.request = sample.request();
   message.publisher = sample.publisher();
   message.content_hash = content_at(sample.content_hash(), 0);
@@ -446,6 +461,75 @@ Result<BodyDirectory> decode(const wire_types::BodyDirectorySample& sample) {
   return checked(std::move(message));
 }
 
+namespace {
+
+void append_word(std::uint64_t word, Octets& to) {
+  for (unsigned shift = 0; shift < 64; shift += 8)
+    to.push_back(static_cast<std::uint8_t>(word >> shift));
+}
+
+std::optional<std::uint64_t> take_word(std::span<const std::uint8_t>& bytes) {
+  if (bytes.size() < 8) return std::nullopt;
+  std::uint64_t word = 0;
+  for (unsigned i = 0; i < 8; ++i) word |= std::uint64_t{bytes[i]} << 8 * i;
+  bytes = bytes.subspan(8);
+  return word;
+}
+
+std::optional<std::uint32_t> take_short(std::span<const std::uint8_t>& bytes) {
+  const std::optional<std::uint64_t> number = take_number(bytes);
+  if (!number || *number > std::numeric_limits<std::uint32_t>::max()) return std::nullopt;
+  return static_cast<std::uint32_t>(*number);
+}
+
+void append_world(const ContactReport::World& world, Octets& to) {
+  append_number(world.is_a ? 1 : 0, to);
+  append_number(world.reach_cells, to);
+  append_number(world.tiles.size(), to);
+  for (const ContactReport::World::Tile& tile : world.tiles) {
+    append_number(tile.asked ? 1 : 0, to);
+    if (!tile.asked) continue;
+    append_number(tile.applied_batches, to);
+    append_number(tile.era, to);
+    append_word(tile.state_digest, to);
+  }
+  for (const ContentHash& page : world.missing_pages) {
+    append_word(page.high, to);
+    append_word(page.low, to);
+  }
+}
+
+/// Nothing where the bytes are other than what append_world() makes.
+std::optional<ContactReport::World> take_world(std::span<const std::uint8_t> bytes) {
+  ContactReport::World world;
+  const auto is_a = take_number(bytes);
+  const auto reach = take_short(bytes), tiles = take_short(bytes);
+  if (!is_a || *is_a > 1 || !reach || !tiles || *tiles > kMaxReportTiles) return std::nullopt;
+  world.is_a = *is_a == 1;
+  world.reach_cells = *reach;
+  for (std::uint32_t i = 0; i < *tiles; ++i) {
+    ContactReport::World::Tile& tile = world.tiles.emplace_back();
+    const auto asked = take_number(bytes);
+    if (!asked || *asked > 1) return std::nullopt;
+    tile.asked = *asked == 1;
+    if (!tile.asked) continue;
+    const auto applied = take_short(bytes), era = take_short(bytes);
+    const auto state = take_word(bytes);
+    if (!applied || !era || !state) return std::nullopt;
+    tile.applied_batches = *applied;
+    tile.era = *era;
+    tile.state_digest = *state;
+  }
+  while (!bytes.empty()) {
+    const auto high = take_word(bytes), low = take_word(bytes);
+    if (!high || !low) return std::nullopt;
+    world.missing_pages.push_back({*high, *low});
+  }
+  return world;
+}
+
+}  // namespace
+
 void encode(const ContactReport& message, wire_types::ContactReportSample& sample) {
   sample.wire_version(message.wire_version);
   sample.status(message.status);
@@ -459,8 +543,8 @@ void encode(const ContactReport& message, wire_types::ContactReportSample& sampl
   sample.uncertainty_m(message.uncertainty_m);
   sample.flags(static_cast<std::uint8_t>(
       (message.asked ? kFlagAsked : 0) | (message.a.solid ? kFlagSolidA : 0) |
-      (message.b.solid ? kFlagSolidB : 0) | (message.gave_up_detail ? kFlagGaveUp : 0) |
-      (message.cut ? kFlagCut : 0) | (message.put_off ? kFlagPutOff : 0)));
+      (message.b.solid ? kFlagSolidB : 0) | (message.cut ? kFlagCut : 0) |
+      (message.put_off ? kFlagPutOff : 0)));
   sample.answer_digest(message.answer_digest);
   std::size_t at = 0;
   for (const ContactReport::Asked* body : {&message.a, &message.b}) {
@@ -468,6 +552,7 @@ void encode(const ContactReport& message, wire_types::ContactReportSample& sampl
     sample.content_hashes()[kWordsPerContent * at + 1] = body->content_hash.low;
     sample.state_digests()[at] = body->state_digest;
     sample.applied_batches()[at] = body->applied_batches;
+    sample.eras()[at] = body->era;
     double* pose = &sample.poses()[12 * at++];
     std::copy(body->pose.rotation.begin(), body->pose.rotation.end(), pose);
     std::copy(body->pose.translation_m.begin(), body->pose.translation_m.end(), pose + 9);
@@ -484,6 +569,8 @@ void encode(const ContactReport& message, wire_types::ContactReportSample& sampl
       sample.pairs().push_back(face.split.value);
       sample.pairs().push_back(face.index);
     }
+  sample.world().clear();
+  if (message.world) append_world(*message.world, sample.world());
 }
 
 Result<ContactReport> decode(const wire_types::ContactReportSample& sample) {
@@ -499,11 +586,9 @@ Result<ContactReport> decode(const wire_types::ContactReportSample& sample) {
   message.clearance_m = sample.clearance_m();
   message.uncertainty_m = sample.uncertainty_m();
   const std::uint8_t flags = sample.flags();
-  if ((flags & ~(kFlagAsked | kFlagSolidA | kFlagSolidB | kFlagGaveUp | kFlagCut | kFlagPutOff)) !=
-      0)
+  if ((flags & ~(kFlagAsked | kFlagSolidA | kFlagSolidB | kFlagCut | kFlagPutOff)) != 0)
     return malformed("flags: found unknown bits, " + std::to_string(flags));
   message.asked = (flags & kFlagAsked) != 0;
-  message.gave_up_detail = (flags & kFlagGaveUp) != 0;
   message.cut = (flags & kFlagCut) != 0;
   message.put_off = (flags & kFlagPutOff) != 0;
   message.a.solid = (flags & kFlagSolidA) != 0;
@@ -514,6 +599,7 @@ Result<ContactReport> decode(const wire_types::ContactReportSample& sample) {
     body->content_hash = content_at(sample.content_hashes(), at);
     body->state_digest = sample.state_digests()[at];
     body->applied_batches = sample.applied_batches()[at];
+    body->era = sample.eras()[at];
     const double* pose = &sample.poses()[12 * at++];
     std::copy(pose, pose + 9, body->pose.rotation.begin());
     std::copy(pose + 9, pose + 12, body->pose.translation_m.begin());
@@ -531,6 +617,10 @@ Result<ContactReport> decode(const wire_types::ContactReportSample& sample) {
   for (std::size_t i = 0; i < words.size(); i += kWordsPerPair)
     message.pairs.push_back(
         {FaceKey{VertexId{words[i]}, words[i + 1]}, FaceKey{VertexId{words[i + 2]}, words[i + 3]}});
+  if (!sample.world().empty()) {
+    message.world = take_world(sample.world());
+    if (!message.world) return malformed("world: octets that do not fit what they begin with");
+  }
   return checked(std::move(message));
 }
 
@@ -688,6 +778,7 @@ void encode(const HeldDetail& message, wire_types::HeldDetailSample& sample) {
   sample.content_hash(words_of(message.content_hash));
   sample.model(message.model.c_str());
   sample.last_request(message.last_request);
+  sample.era(message.era);
   sample.state_digest(message.state_digest);
   sample.box_digest(message.box_digest);
   sample.heard_publishers().clear();
@@ -707,6 +798,7 @@ Result<HeldDetail> decode(const wire_types::HeldDetailSample& sample) {
   message.content_hash = content_at(sample.content_hash(), 0);
   message.model = sample.model().to_string();
   message.last_request = sample.last_request();
+  message.era = sample.era();
   message.state_digest = sample.state_digest();
   message.box_digest = sample.box_digest();
   const std::size_t count = sample.heard_publishers().size();

@@ -96,7 +96,7 @@ MeshHeader announce_world(const std::string& name, const ContentHash& content,
 std::vector<SplitBatchMessage> answer_messages(SessionId publisher, std::uint32_t request,
                                                const ContentHash& content,
                                                std::vector<std::vector<std::uint8_t>> batches,
-                                               bool last) {
+                                               bool last, bool are_pieces) {
   if (batches.empty() && last) batches.emplace_back();
   std::vector<SplitBatchMessage> messages;
   for (std::size_t i = 0; i < batches.size(); ++i) {
@@ -105,6 +105,7 @@ std::vector<SplitBatchMessage> answer_messages(SessionId publisher, std::uint32_
                         .content_hash = content,
                         .request = request,
                         .last = last && i + 1 == batches.size(),
+                        .is_piece = are_pieces,
                         .bytes = std::move(batches[i])});
   }
   return messages;
@@ -366,6 +367,12 @@ Status check(const ContactReport& message) {
     if (!(stamp.max_age_s >= 0)) return invalid("max_age_s: expected a time, not negative");
   }
   if (message.put_off && message.asked) return invalid("put_off: the answer was asked");
+  if (message.world && !message.asked) return invalid("world: nothing was asked");
+  if (message.world) {
+    NEARMESH_RETURN_IF_ERROR(check_most(message.world->tiles.size(), kMaxReportTiles, "tiles"));
+    NEARMESH_RETURN_IF_ERROR(
+        check_most(message.world->missing_pages.size(), kMaxReportPages, "missing pages"));
+  }
   if (message.asked) {
     NEARMESH_RETURN_IF_ERROR(check_pose(message.a.pose, message.body_a));
     NEARMESH_RETURN_IF_ERROR(check_pose(message.b.pose, message.body_b));

@@ -223,7 +223,8 @@ void ReplayIndex::take_batch(std::int64_t id, std::uint32_t stream,
                          [](const Request& r, std::uint32_t number) { return r.number < number; });
     if (request != asked->second.end() && request->number == sent.request) request->answered = id;
   }
-  if (!sent.refused && !sent.bytes.empty() && details_.contains(sent.content_hash))
+  if (!sent.refused && !sent.is_piece && !sent.bytes.empty() &&
+      details_.contains(sent.content_hash))
     batches_.emplace_back(id, sent.content_hash);
 }
 

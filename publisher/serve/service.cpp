@@ -129,7 +129,7 @@ Result<Service::Parts> Service::answer(WorldSource& world, const wire::RegionSub
     NEARMESH_RETURN_IF_ERROR(pieces);
     return Parts([pieces = std::move(pieces).value(),
                   content = asked.content_hash]() mutable -> Result<Part> {
-      return Part{content, std::move(pieces), true};
+      return Part{content, std::move(pieces), true, true};
     });
   }
   auto tile = world.tile(asked.content_hash);
@@ -279,9 +279,10 @@ void Service::serve(wire::SessionId id, Peer& peer, double now_s, std::vector<st
     if (part.is_ok()) {
       const bool last = part.value().last;
       open.is_collecting = !last && part.value().batches.empty();
-      enqueue(peer, open,
-              wire::answer_messages(session_, open.subscription.request, part.value().content,
-                                    std::move(part.value().batches), last));
+      enqueue(
+          peer, open,
+          wire::answer_messages(session_, open.subscription.request, part.value().content,
+                                std::move(part.value().batches), last, part.value().are_pieces));
       if (last) peer.open.erase(at);
       return;
     }

@@ -60,6 +60,7 @@ class Service {
     ContentHash content;  ///< which they are of
     std::vector<std::vector<std::uint8_t>> batches;
     bool last = false;
+    bool are_pieces = false;  ///< of a content's own bytes, instead of batches
   };
   /// The next part of one answer; a status that is not ok refuses, and nothing follows.
   using Parts = std::function<Result<Part>()>;

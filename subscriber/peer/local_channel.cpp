@@ -177,7 +177,8 @@ std::vector<wire::SplitBatchMessage> LocalChannel::answer(
   if (!batches.is_ok())
     return {wire::refusal_message(kPublisher, subscription, batches.status().message())};
   return wire::answer_messages(kPublisher, subscription.request, subscription.content_hash,
-                               std::move(batches).value(), true);
+                               std::move(batches).value(), true,
+                               asks_for_content_bytes(subscription.region));
 }
 
 void LocalChannel::certify(const wire::RegionSubscription& subscription) {

@@ -47,8 +47,9 @@ GridBox PeerWorld::box() const {
 
 ModelBounds PeerWorld::bounds() const { return {world_grid(record_), box()}; }
 
-Result<NearTiles> PeerWorld::near_tiles(const RelativeFrame& body_in_world, const GridBox& body,
-                                        double time_s) {
+Result<TilesAround> PeerWorld::tiles_around(const RelativeFrame& body_in_world, const Grid& grid,
+                                            const GridBox& body, std::uint32_t reach_cells,
+                                            double time_s) {
   time_s_ = time_s;
   if (const auto fault = faulty_.find(record_.root); fault != faulty_.end()) return fault->second;
   // One page may be announced by several, not all of them truly: whatever is announced is checked.
@@ -62,7 +63,7 @@ Result<NearTiles> PeerWorld::near_tiles(const RelativeFrame& body_in_world, cons
     at->second.used_s = time_s;
     return std::optional(at->second.page);
   };
-  return find_near_tiles(record_, *root_, page_of, body_in_world, body);
+  return find_tiles_around(record_, *root_, page_of, body_in_world, grid, body, reach_cells);
 }
 
 void PeerWorld::give_up(double time_s, double unused_s) {

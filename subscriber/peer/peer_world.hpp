@@ -20,14 +20,15 @@ class PeerWorld {
   [[nodiscard]] const WorldRecord& record() const { return record_; }
   [[nodiscard]] const ContentHash& name() const { return name_; }
   [[nodiscard]] const WorldPage* root() const { return root_ ? &*root_ : nullptr; }
-  /// In: bytes that have the digest `content`. What is no page of this world is remembered as such, and said by near_tiles(). Out: the root came.
+  /// In: bytes that have the digest `content`. What is no page of this world is remembered as such, and said by tiles_around(). Out: the root came.
   bool take_page(const ContentHash& content, std::span<const std::uint8_t> bytes);
   /// Of the root page's boxes. Precondition: there is a root.
   [[nodiscard]] ModelBounds bounds() const;
   [[nodiscard]] GridBox box() const;
-  /// As find_near_tiles(), from the pages that are here; they count as used at that time. Precondition: there is a root.
-  [[nodiscard]] Result<NearTiles> near_tiles(const RelativeFrame& body_in_world,
-                                             const GridBox& body, double time_s);
+  /// As find_tiles_around(), from the pages that are here; they count as used at that time. Precondition: there is a root.
+  [[nodiscard]] Result<TilesAround> tiles_around(const RelativeFrame& body_in_world,
+                                                 const Grid& grid, const GridBox& body,
+                                                 std::uint32_t reach_cells, double time_s);
   /// Forgets pages, but the root, that were not used for so long.
   void give_up(double time_s, double unused_s);
   [[nodiscard]] std::size_t page_count() const { return pages_.size() + (root_ ? 1 : 0); }

@@ -25,14 +25,31 @@ PeerModel* ReplicaSet::find(const ContentHash& content_hash) {
   return nullptr;
 }
 
+void ReplicaSet::remove(const std::string& name) {
+  const auto at = models_.find(name);
+  if (at == models_.end()) return;
+  if (at->second.is_ready()) begins_in_ = ++last_era_;
+  models_.erase(at);
+}
+
+void ReplicaSet::note_given_up() {
+  for (auto& [name, model] : models_)
+    if (model.is_ready() &&
+        std::exchange(model.noted_give_ups, model.replica->give_ups()) != model.replica->give_ups())
+      model.era = ++last_era_;
+}
+
 std::size_t ReplicaSet::assign(PeerModel& model, const ContentHash& content,
                                std::vector<std::string>& complaints) {
   if (model.content_hash == content) return 0;
   if (model.is_held()) keep_header(model.header);  // the content may come back
-  model = PeerModel{.name = std::string(model.name),
-                    .content_hash = content,
-                    .pinned = model.pinned,
-                    .conflict = std::string(model.conflict)};
+  if (model.is_ready()) begins_in_ = ++last_era_;
+  PeerModel anew;
+  anew.name = std::move(model.name);
+  anew.content_hash = content;
+  anew.pinned = model.pinned;
+  anew.conflict = std::move(model.conflict);
+  model = std::move(anew);
   const auto at = unclaimed_.find(content);
   if (at == unclaimed_.end()) return 0;
   const Channel::Header header = std::move(at->second);
@@ -93,6 +110,7 @@ std::size_t ReplicaSet::take_header(const Channel::Header& header,
   model->replica = std::move(replica).value();
   model->bounds = ModelBounds(model->replica->header().grid, model->replica->store());
   model->header = header;
+  model->era = begins_in_;
   return message.bytes.size();
 }
 

@@ -34,6 +34,7 @@ struct PeerModel {
   ModelBounds bounds;              // of the same header
   std::optional<PeerWorld> world;  // instead of a replica: the model is a world
   bool is_tile = false;            // of a world, and no name on the bus
+  std::string of_world;            // that world's name
   Channel::Header header;          // of the replica: nobody sends it again
   struct Batch {
     wire::SessionId publisher = 0;
@@ -65,7 +66,10 @@ struct PeerModel {
     std::map<wire::SessionId, std::uint32_t> unproved;  // audits in a row, by who was asked
   } audit;
 
+  /// As in wire::ContactReport::Asked. And so many of its replica's give-ups are counted in it.
+  std::uint32_t era = 0, noted_give_ups = 0;
   std::uint32_t told_recorders = 0;  // so many of those that came know what is held
+  std::uint32_t told_era = 0;        // then
 
   /// For the next time: batches that were taken in, up to the limits of a file.
   struct Cache {
@@ -88,7 +92,7 @@ class ReplicaSet {
   PeerModel& add(const std::string& name);
   [[nodiscard]] PeerModel* find(const std::string& name);
   [[nodiscard]] PeerModel* find(const ContentHash& content_hash);
-  void remove(const std::string& name) { models_.erase(name); }
+  void remove(const std::string& name);
   [[nodiscard]] std::map<std::string, PeerModel>& all() { return models_; }
   [[nodiscard]] const std::map<std::string, PeerModel>& all() const { return models_; }
 
@@ -105,6 +109,8 @@ class ReplicaSet {
     return at == refused_.end() ? 0 : at->second;
   }
   [[nodiscard]] std::size_t refused_count() const { return refused_.size(); }
+  /// Begins an era of each model of which detail was given up since the last call.
+  void note_given_up();
   /// Applies the oldest waiting batch of some model; false when none waits.
   bool apply_one(FrameReport& report);
   /// What is taken in from here on is kept there, and what was kept waits to be taken in once a header is there.
@@ -122,6 +128,9 @@ class ReplicaSet {
       unclaimed_;  // headers of contents that no model in use stands for
   std::size_t unclaimed_bytes_ = 0;
   std::map<ContentHash, wire::SessionId> refused_;
+  std::uint32_t last_era_ = 0;
+  std::uint32_t begins_in_ =
+      0;  // a replica: the era when one was dropped last, for it may be of the same content
 };
 
 }  // namespace nearmesh::subscriber

@@ -102,6 +102,7 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
   const double answers_s = std::min(impl.answers_cost.seconds(), budget_s / 2);
   while (impl.replicas.apply_one(report) && budget.left_s() > answers_s) {
   }
+  impl.replicas.note_given_up();
   const Stopwatch since_batches;
   for (const auto& [name, model] : impl.replicas.all())
     report.batches_waiting += model.waiting.size();
@@ -112,13 +113,14 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
   impl.tell_wishes();
   impl.join_tiles(report);
   impl.answer_pairs(frame, budget, report);
+  impl.fold_worlds(frame, report);
   const double answered_s = budget.spent_s();
   impl.channel->allow(budget.left_s());
   const double allowed_s = budget.spent_s();
   impl.ask(budget, report);
   impl.give_up(budget, report);
   impl.tell_held(report);
-  impl.fold_worlds(report);
+  impl.put_folded(report);
   // The channel's own work is set aside for apart.
   impl.rest_cost.add(budget.spent_s() - allowed_s + answered_s - impl.asked_by_s);
   impl.note_overrun(budget);

@@ -24,6 +24,7 @@
 #include "core/query/answer.hpp"
 #include "core/query/clearance_left.hpp"
 #include "core/world/content_bytes.hpp"
+#include "core/world/tile_sum.hpp"
 #include "frame_budget.hpp"
 #include "idl/messages/process_name.hpp"
 #include "idl/messages/status_keeper.hpp"
@@ -223,12 +224,15 @@ struct Session::Impl {
   struct WorldPair {
     Pair* pair = nullptr;
     std::string reason;  // why nothing can be said
-    NearTiles near;
+    TilesAround around;
+    std::uint32_t reach_cells = 0;     // that it is of
     std::vector<WorldEntry> not_here;  // tiles of which no header is, of those near
     std::vector<std::string> why_not_here;
-    std::size_t first =
-        0;              // the pairs of its other tiles: listed[first], ..., as they stand in `near`
-    double rest_m = 0;  // all else is so far from the other body, at least
+    std::size_t first = 0;  // the pairs of its other tiles: listed[first], ..., as they stand there
+    // Once these are answered.
+    PairAnswer answer;
+    std::uint64_t digest = 0;         // of it
+    wire::ContactReport::World told;  // what it rests on
   };
   std::vector<WorldPair> world_pairs;                                // of the update
   std::map<std::pair<std::uint32_t, WorldEntry>, Body> tile_bodies;  // by the world's BodyId
@@ -240,7 +244,6 @@ struct Session::Impl {
     std::uint64_t wanted_in = 0;  // the update that wanted it last
   };
   std::map<ContentHash, WantedBytes> wanted_bytes;
-  std::set<std::uint32_t> byte_requests;  // the latest
 
   // session_promises.cpp
   struct Wish {
@@ -303,9 +306,10 @@ struct Session::Impl {
   void want_bytes(const ContentHash& content, const ContentHash& of_world, bool is_page);
   [[nodiscard]] std::string who_gives(const ContentHash& content);
   void ask_for_bytes();
-  bool take_bytes(const wire::SplitBatchMessage& message, FrameReport& report);
-  void fold_worlds(FrameReport& report);
-  [[nodiscard]] PairAnswer fold_world(WorldPair& found, FrameReport& report);
+  void take_piece(const wire::SplitBatchMessage& message, FrameReport& report);
+  void fold_worlds(std::uint64_t frame, FrameReport& report);
+  void fold_world(WorldPair& found, const FrameReport& report);
+  void put_folded(FrameReport& report);
   void tell_directory();
   void publish(std::uint32_t part, std::uint64_t frame, bool only_near = false);
   void take_inbox(FrameReport& report);
@@ -381,7 +385,8 @@ struct Session::Impl {
   void ask_for_depth(const Pair& pair, const PairAnswer& answer);
   void note_lacking(PeerModel& model, const std::vector<NodeSpan>& missing,
                     std::vector<GridBox> where);
-  void report_pair(Pair& pair, const PairAnswer& answer, const Reported& now);
+  void report_pair(Pair& pair, const PairAnswer& answer, const Reported& now,
+                   wire::ContactReport::World* world = nullptr);
   void give_up(PeerModel& model, FrameReport& report);
   template <class Probe, class Answer>
   [[nodiscard]] Result<ProbeReport> probe(BodyId body, std::span<const Probe> probes,

@@ -212,7 +212,10 @@ void Session::Impl::take_batch(wire::SplitBatchMessage&& message, FrameReport& r
                                 ": " + std::string(message.bytes.begin(), message.bytes.end()));
     return;
   }
-  if (take_bytes(message, report)) return;
+  if (message.is_piece) {
+    take_piece(message, report);
+    return;
+  }
   bool is_chosen = false;
   for (auto& [content, open] : outstanding) {
     if (open.request != message.request) continue;

@@ -11,15 +11,17 @@
 
 namespace nearmesh::subscriber {
 
-/// Not while batches of the model wait: what is said to have come must have been taken in. Nor where it distrusts a publisher:
-/// of what comes, recorders would not know what it drops.
+/// To each recorder that comes, and when detail was given up. Not while batches of the model wait: what is said to have come must have been taken
+/// in. Nor where it distrusts a publisher: of what comes, recorders would not know what it drops.
 void Session::Impl::tell_held(FrameReport& report) {
+  replicas.note_given_up();
   for (auto& [name, model] : replicas.all()) {
-    if (model.is_tile || model.told_recorders == recorders || !model.is_ready() ||
-        !model.waiting.empty() || model.replica->parked_splits() > 0 ||
-        model.replica->distrusts_anybody())
+    const bool is_told = model.told_recorders == recorders && model.told_era == model.era;
+    if (recorders == 0 || is_told || !model.is_ready() || !model.waiting.empty() ||
+        model.replica->parked_splits() > 0 || model.replica->distrusts_anybody())
       continue;
     model.told_recorders = recorders;
+    model.told_era = model.era;
     HeldNodes held = held_nodes(*model.replica);
     if (held.bits.size() > wire::kMaxHeldBytes) {
       report.complaints.push_back(
@@ -30,7 +32,8 @@ void Session::Impl::tell_held(FrameReport& report) {
     }
     wire::HeldDetail message{.peer = channel->own_id(),
                              .content_hash = model.content_hash,
-                             .model = name,
+                             .model = model.is_tile ? model.of_world : name,
+                             .era = model.era,
                              .applied_batches = model.replica->taken_batches(),
                              .last_request = last_request,
                              .state_digest = model.replica->mesh().state_hash(),
@@ -42,7 +45,9 @@ void Session::Impl::tell_held(FrameReport& report) {
   }
 }
 
-void Session::Impl::report_pair(Pair& pair, const PairAnswer& answer, const Reported& now) {
+/// `world`: what it rests on where one of the two is a world, and it was asked.
+void Session::Impl::report_pair(Pair& pair, const PairAnswer& answer, const Reported& now,
+                                wire::ContactReport::World* world) {
   if (pair.reported == now || (answer.put_off && pair.is_told_put_off)) return;
   pair.reported = now;
   pair.is_told_put_off = answer.put_off;
@@ -63,15 +68,14 @@ void Session::Impl::report_pair(Pair& pair, const PairAnswer& answer, const Repo
   report.cut = is_cut(answer.answer, {.any = options.any});
   report.answer_digest = now.second;
   if (report.asked) {
-    report.gave_up_detail =
-        pair.a->model->replica->gave_up_detail() || pair.b->model->replica->gave_up_detail();
     const auto as_asked = [](const Body& body, const Pose& pose) {
-      return wire::ContactReport::Asked{body.model->content_hash,
-                                        body.model->replica->mesh().state_hash(),
-                                        body.model->replica->taken_batches(),
-                                        body.solid,
-                                        pose,
-                                        {}};
+      wire::ContactReport::Asked asked{
+          .content_hash = body.model->content_hash, .solid = body.solid, .pose = pose, .stamp = {}};
+      if (body.model->world) return asked;
+      asked.state_digest = body.model->replica->mesh().state_hash();
+      asked.applied_batches = body.model->replica->taken_batches();
+      asked.era = body.model->era;
+      return asked;
     };
     report.a = as_asked(*pair.a, answer.pose_a);
     report.b = as_asked(*pair.b, answer.pose_b);
@@ -82,6 +86,9 @@ void Session::Impl::report_pair(Pair& pair, const PairAnswer& answer, const Repo
     if (report.pairs.size() == wire::kMaxReportPairs) break;
     report.pairs.push_back({faces.a, faces.b});
   }
+  if (world != nullptr && world->tiles.size() <= wire::kMaxReportTiles &&
+      world->missing_pages.size() <= wire::kMaxReportPages)
+    report.world = std::move(*world);
   channel->send(report);
 }
 

@@ -1,11 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Bodies that are worlds. Before pairs are answered, each pair with a world gives way to pairs with those of its tiles that boxes do not prove
 // apart from the other body, now or within the look-ahead (join_tiles); these take turns, ask for detail and are answered as others are. Then their answers
-// become that of the pair (fold_worlds).
-//
-// Why the sum is right: every face of the world is in one tile. A tile is apart by a box of a page that is here, or below a page that is not, or its trees
-// were asked, or it is not here. The first touches nothing (find_near_tiles); where there is one of the second or last kind nothing is certified. Tiles are posed to the
-// points that one mesh of them all would be posed to (Grid::lattice_cells), and none has a face of another's.
+// become that of the pair (fold_worlds; tile_sum.hpp says why it is right).
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -25,39 +21,10 @@ namespace {
 constexpr double kUnused_s = 10;
 /// So many pages and headers are asked for at a time.
 constexpr std::size_t kMostAsked = 32;
-/// Requests whose answers may still come twice.
-constexpr std::size_t kMostRemembered = 1024;
 
 std::string place_of(const WorldEntry& tile) {
   return "tile " + to_hex(tile.content) + " at (" + std::to_string(tile.place[0]) + ", " +
          std::to_string(tile.place[1]) + ", " + std::to_string(tile.place[2]) + ")";
-}
-
-/// On each side by so many cells, as far as there are cells.
-GridBox grown(const GridBox& box, double cells) {
-  constexpr double kLeast = std::numeric_limits<std::int32_t>::min(),
-                   kMost = std::numeric_limits<std::int32_t>::max();
-  GridBox out;
-  for (int k = 0; k < 3; ++k) {
-    out.lo[k] = static_cast<std::int32_t>(std::clamp(box.lo[k] - cells, kLeast, kMost));
-    out.hi[k] = static_cast<std::int32_t>(std::clamp(box.hi[k] + cells, kLeast, kMost));
-  }
-  return out;
-}
-
-/// By how many cells it did grow, at least.
-double growth(const GridBox& box, const GridBox& larger) {
-  double least = std::numeric_limits<double>::infinity();
-  for (int k = 0; k < 3; ++k)
-    least = std::min({least, static_cast<double>(box.lo[k]) - larger.lo[k],
-                      static_cast<double>(larger.hi[k]) - box.hi[k]});
-  return least;
-}
-
-void add_sorted(std::vector<NodeSpan>& nodes, const std::vector<NodeSpan>& more) {
-  nodes.insert(nodes.end(), more.begin(), more.end());
-  std::sort(nodes.begin(), nodes.end());
-  nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
 }
 
 /// Patches of another tile; none is of both.
@@ -71,19 +38,6 @@ void append(const Contacts& tile, Contacts& sum) {
   sum.position_error_m = std::max(sum.position_error_m, tile.position_error_m);
   sum.pair_total += tile.pair_total;
   sum.truncated |= tile.truncated;
-}
-
-/// The distance, its points and what bounds it, of the tile that is nearer. Of tiles that touch nothing matters.
-void take_nearer(const Answer& tile, Answer& sum) {
-  if (tile.clearance_m < sum.clearance_m) {
-    sum.clearance_m = tile.clearance_m;
-    sum.clearance_share = tile.clearance_share;
-  }
-  if (tile.distance_at_most_m < sum.distance_at_most_m) {
-    sum.distance_at_most_m = tile.distance_at_most_m;
-    sum.nearest_a_m = tile.nearest_a_m;
-    sum.nearest_b_m = tile.nearest_b_m;
-  }
 }
 
 }  // namespace
@@ -115,7 +69,7 @@ std::string Session::Impl::who_gives(const ContentHash& content) {
   return "publisher " + called_of(*publisher) + " is asked for it";
 }
 
-/// Tiles stand for the pairs of worlds in `listed` from here to fold_worlds().
+/// Tiles stand for the pairs of worlds in `listed` from here to put_folded().
 void Session::Impl::join_tiles(FrameReport& report) {
   world_pairs.clear();
   for (auto& [id, publisher] : publishers) publisher.parts.clear();
@@ -132,14 +86,14 @@ void Session::Impl::join_tiles(FrameReport& report) {
     found.first = listed.size();
     if (const Status status = find_tiles(found); !status.is_ok()) found.reason = status.message();
     if (!found.reason.empty()) {
-      found.near = {};
+      found.around = {};
       continue;
     }
     const bool is_a = pair.a->model->world.has_value();
     const Body& world = is_a ? *pair.a : *pair.b;
-    for (const MissingPage& page : found.near.missing)
+    for (const MissingPage& page : found.around.near.missing)
       want_bytes(page.entry.content, world.model->content_hash, true);
-    for (const WorldEntry& entry : found.near.tiles) {
+    for (const WorldEntry& entry : found.around.near.tiles) {
       std::string why_not;
       Body* tile = tile_body(world, entry, why_not, report.complaints);
       if (tile == nullptr) {
@@ -172,7 +126,8 @@ struct Approach {
     const Grid grid = world_grid(world.model->world->record());
     const int lattice = lattice_exponent(grid, other.grid());
     add(grid, world.model->world->box(), *world.motion, age_world_s, lattice);
-    add(other.grid(), other.view().root().box, *other.motion, age_other_s, lattice);
+    add(other.grid(), whole_box(other.model->replica->store()), *other.motion, age_other_s,
+        lattice);
   }
   /// So far apart they cannot meet for so long.
   [[nodiscard]] double needed_m(double duration_s) const {
@@ -221,19 +176,16 @@ Status Session::Impl::find_tiles(WorldPair& found) {
   const Approach approach(world, wire::age_s(stamp_of(world), time_s), other,
                           wire::age_s(stamp_of(other), time_s));
   const double cell_m = std::ldexp(1.0, other.grid().exponent);
-  // What the last line takes off again is added, so that all else is apart for the whole look-ahead.
+  // What find_tiles_around() takes off again is added, so that all else is apart for the whole look-ahead.
   const double around_m =
       approach.needed_m(horizon_s()) + options.margin_m + 4 * std::ldexp(1.0, grid.exponent);
-  const GridBox box = other.view().root().box;
-  const GridBox reach = grown(box, std::ceil(around_m * (1 + 0x1p-29) / cell_m) + 8);
-  Result<NearTiles> near =
-      tiles.near_tiles(make_relative_frame(posed.value().a, posed.value().b), reach, time_s);
-  NEARMESH_RETURN_IF_ERROR(near);
-  found.near = std::move(near).value();
-  // A point so near the body that growing takes it in would not be apart. Four cells of each cover what posing rounds.
-  found.rest_m =
-      found.near.apart_m + std::max(0.0, (growth(box, reach) - 4) * cell_m * (1 - 0x1p-30) -
-                                             4 * std::ldexp(1.0, grid.exponent));
+  found.reach_cells = static_cast<std::uint32_t>(
+      std::min(std::ceil(around_m * (1 + 0x1p-29) / cell_m) + 8, 4294967295.0));
+  Result<TilesAround> around =
+      tiles.tiles_around(make_relative_frame(posed.value().a, posed.value().b), other.grid(),
+                         whole_box(other.model->replica->store()), found.reach_cells, time_s);
+  NEARMESH_RETURN_IF_ERROR(around);
+  found.around = std::move(around).value();
   return Status::ok();
 }
 
@@ -249,6 +201,7 @@ Body* Session::Impl::tile_body(const Body& world, const WorldEntry& entry, std::
       model->is_tile = true;
       static_cast<void>(replicas.assign(*model, content, complaints));
       model->is_tile = true;
+      model->of_world = world.model->name;
     }
   }
   if (model->content_hash != content || model->world) {
@@ -335,8 +288,6 @@ void Session::Impl::ask_for_bytes() {
                  {.content_hash = content, .region = content_bytes_request()});
     ++stats.requests;
     ++open_count;
-    byte_requests.insert(last_request);
-    if (byte_requests.size() > kMostRemembered) byte_requests.erase(byte_requests.begin());
     outstanding[content] = {.request = last_request,
                             .priority = kNeededNow,
                             .heard_s = clock.seconds(),
@@ -345,16 +296,15 @@ void Session::Impl::ask_for_bytes() {
   }
 }
 
-/// False: the message is no answer to what ask_for_bytes() asks.
-bool Session::Impl::take_bytes(const wire::SplitBatchMessage& message, FrameReport& report) {
-  if (!byte_requests.contains(message.request)) return false;
+/// A piece of what ask_for_bytes() asks.
+void Session::Impl::take_piece(const wire::SplitBatchMessage& message, FrameReport& report) {
   const auto at = wanted_bytes.find(message.content_hash);
   const auto open = outstanding.find(message.content_hash);
   const bool is_open = open != outstanding.end() && open->second.request == message.request;
   if (is_open) open->second.heard_s = clock.seconds();
   if (at == wanted_bytes.end()) {
     if (is_open && message.last) outstanding.erase(open);
-    return true;
+    return;
   }
   const auto piece = unseal_batch(message.content_hash, message.bytes);
   auto bytes = piece.is_ok() ? at->second.reader.take(piece.value())
@@ -365,10 +315,10 @@ bool Session::Impl::take_bytes(const wire::SplitBatchMessage& message, FrameRepo
                                 bytes.status().message());
     if (const auto liar = publishers.find(message.publisher); liar != publishers.end())
       ++liar->second.lost_requests;
-    return true;
+    return;
   }
   if (is_open && message.last) outstanding.erase(open);
-  if (!bytes.value()) return true;
+  if (!bytes.value()) return;
   const WantedBytes wanted = std::move(at->second);
   wanted_bytes.erase(at);
   if (!wanted.is_page) {
@@ -377,30 +327,34 @@ bool Session::Impl::take_bytes(const wire::SplitBatchMessage& message, FrameRepo
                                                  .content_hash = message.content_hash,
                                                  .bytes = std::move(*bytes.value())}},
                                                report.complaints);
-    return true;
+    return;
   }
   PeerModel* model = replicas.find(wanted.of_world);
-  if (model == nullptr || !model->world) return true;
+  if (model == nullptr || !model->world) return;
   if (model->world->take_page(message.content_hash, *bytes.value()))
     model->bounds = model->world->bounds();
-  return true;
 }
 
-/// In the place of their tiles' answers.
-void Session::Impl::fold_worlds(FrameReport& report) {
-  if (world_pairs.empty()) return;
-  std::vector<PairAnswer> folded;
-  for (WorldPair& found : world_pairs) folded.push_back(fold_world(found, report));
-  report.answers.resize(world_pairs.front().first);
-  listed.resize(world_pairs.front().first);
-  for (std::size_t i = 0; i < folded.size(); ++i) {
-    PairAnswer& result = folded[i];
-    Pair& pair = *world_pairs[i].pair;
+/// Before what is held changes, since the reports name it.
+void Session::Impl::fold_worlds(std::uint64_t frame, FrameReport& report) {
+  for (WorldPair& found : world_pairs) {
+    fold_world(found, report);
+    const PairAnswer& result = found.answer;
+    Pair& pair = *found.pair;
+    report.answers_digest = mix(report.answers_digest ^ found.digest);
     report.pairs_put_off += result.put_off ? 1 : 0;
     pair.is_put_off = result.put_off;
     if (!result.put_off) pair.last = readiness_of(result, pair.names());
-    report.answers.push_back(std::move(result));
+    if (options.publish_reports)
+      report_pair(pair, result, {frame, found.digest}, result.asked ? &found.told : nullptr);
   }
+}
+
+/// In the place of their tiles' answers, which tell what is to be asked for until then.
+void Session::Impl::put_folded(FrameReport& report) {
+  if (world_pairs.empty()) return;
+  report.answers.resize(world_pairs.front().first);
+  for (WorldPair& found : world_pairs) report.answers.push_back(std::move(found.answer));
   std::sort(report.answers.begin(), report.answers.end(),
             [](const PairAnswer& one, const PairAnswer& two) {
               return std::minmax(one.a, one.b) < std::minmax(two.a, two.b);
@@ -448,11 +402,11 @@ class SweptWorld {
 
 }  // namespace
 
-PairAnswer Session::Impl::fold_world(WorldPair& found, FrameReport& report) {
+void Session::Impl::fold_world(WorldPair& found, const FrameReport& report) {
   const Pair& pair = *found.pair;
   const bool is_a = pair.a->model->world.has_value();
   const Body &world = is_a ? *pair.a : *pair.b, &other = is_a ? *pair.b : *pair.a;
-  PairAnswer result;
+  PairAnswer& result = found.answer;
   result.a = pair.a->id;
   result.b = pair.b->id;
   result.content_a = pair.a->model->content_hash;
@@ -460,6 +414,7 @@ PairAnswer Session::Impl::fold_world(WorldPair& found, FrameReport& report) {
   result.age_a_s = wire::age_s(stamp_of(*pair.a), time_s);
   result.age_b_s = wire::age_s(stamp_of(*pair.b), time_s);
   result.answer = nothing_known();
+  found.digest = digest(result.answer);
   result.reason = found.reason;
   if (result.reason.empty()) {
     result.asked = true;
@@ -467,37 +422,45 @@ PairAnswer Session::Impl::fold_world(WorldPair& found, FrameReport& report) {
     result.pose_b = pair.b->motion->pose;
     WorldAnswer& about = result.world.emplace();
     about.world = world.model->content_hash;
-    for (const MissingPage& page : found.near.missing)
+    for (const MissingPage& page : found.around.near.missing)
       about.missing_pages.push_back(page.entry.content);
+    wire::ContactReport::World& told = found.told;
+    told = {.is_a = is_a,
+            .reach_cells = found.reach_cells,
+            .tiles = {},
+            .missing_pages = about.missing_pages};
+    std::sort(told.missing_pages.begin(), told.missing_pages.end());
+    told.missing_pages.erase(std::unique(told.missing_pages.begin(), told.missing_pages.end()),
+                             told.missing_pages.end());
 
-    Answer sum;
-    sum.clearance_m = found.rest_m;
     const Approach approach(world, is_a ? result.age_a_s : result.age_b_s, other,
                             is_a ? result.age_b_s : result.age_a_s);
-    double safe_s = approach.safe_s(found.rest_m);
-    bool all_certified = found.near.missing.empty() && found.not_here.empty();
-    SweptWorld swept(options.sweep_s, safe_s, !all_certified);
-    bool is_any_asked = found.near.tiles.size() == found.not_here.size();
+    double safe_s = approach.safe_s(found.around.rest_m);
+    TileSum tiles({is_a, options.clearance, options.any, options.max_pairs}, about.world,
+                  found.around);
+    SweptWorld swept(options.sweep_s, safe_s,
+                     !found.around.near.missing.empty() || !found.not_here.empty());
+    bool is_any_asked = found.around.near.tiles.size() == found.not_here.size();
     std::size_t put_off_count = 0, next_not_here = 0, next = found.first;
     std::string awaited;
     const auto await = [&awaited](const std::string& what) {
       if (!what.empty()) awaited += (awaited.empty() ? "" : "; ") + what;
     };
-    int contained = 0;
-    for (const WorldEntry& entry : found.near.tiles) {
+    for (const WorldEntry& entry : found.around.near.tiles) {
       NearTile& tile = about.tiles.emplace_back();
       tile.tile = {entry.content, entry.place};
+      wire::ContactReport::World::Tile& its_told = told.tiles.emplace_back();
       if (next_not_here < found.not_here.size() && found.not_here[next_not_here] == entry) {
         await(place_of(entry) + ": " + found.why_not_here[next_not_here++]);
-        sum.uncertainty_m = std::numeric_limits<double>::infinity();
+        tiles.add_unknown(entry);
         continue;
       }
+      const Pair& its_pair = *listed[next];
       const PairAnswer& its = report.answers[next++];
       tile.is_here = true;
       tile.asked = its.asked;
       tile.status = its.answer.status;
       is_any_asked |= its.asked;
-      all_certified &= is_certified(its.answer.status);
       if (its.swept) {
         swept.add(*its.swept, is_a ? &SweptAnswer::missing_b : &SweptAnswer::missing_a);
       } else {
@@ -506,27 +469,16 @@ PairAnswer Session::Impl::fold_world(WorldPair& found, FrameReport& report) {
       if (!its.asked) {
         ++put_off_count;
         if (!its.put_off) await(place_of(entry) + ": " + its.reason);
-        sum.uncertainty_m = std::numeric_limits<double>::infinity();
+        tiles.add_unknown(entry);
         continue;
       }
+      const PeerModel& model = *(is_a ? its_pair.a : its_pair.b)->model;
+      its_told = {true, model.replica->mesh().state_hash(), model.replica->taken_batches(),
+                  model.era};
       const Answer& part = its.answer;
-      sum.pair_total += part.pair_total;
-      const std::size_t room = options.max_pairs - std::min(options.max_pairs, sum.pairs.size());
-      tile.pairs = std::min(part.pairs.size(), room);
-      sum.pairs.insert(sum.pairs.end(), part.pairs.begin(),
-                       part.pairs.begin() + static_cast<std::ptrdiff_t>(tile.pairs));
-      sum.truncated |= part.truncated || tile.pairs < part.pairs.size();
-      sum.exhausted |= part.exhausted;
+      tile.pairs = tiles.add(entry, part);
       tile.missing = is_a ? part.missing_a : part.missing_b;
-      if (is_a) {
-        add_sorted(sum.missing_b, part.missing_b);
-      } else {
-        add_sorted(sum.missing_a, part.missing_a);
-      }
       if (!its.awaited.empty()) await(place_of(entry) + ": " + its.awaited);
-      sum.uncertainty_m = std::max(sum.uncertainty_m, part.uncertainty_m);
-      if (part.status == AnswerStatus::kContained) contained |= static_cast<int>(part.contained);
-      take_nearer(part, sum);
       if (is_certified(part.status) && part.pair_total == 0)
         safe_s = std::min(safe_s, its.safe_horizon_s);
       if (its.contacts) {
@@ -534,57 +486,30 @@ PairAnswer Session::Impl::fold_world(WorldPair& found, FrameReport& report) {
         append(*its.contacts, *result.contacts);
       }
     }
-    if (!found.near.missing.empty()) {
-      await(std::to_string(found.near.missing.size()) + " pages of world " + world.model->name +
-            " have not come, " + who_gives(found.near.missing.front().entry.content));
-      sum.uncertainty_m = std::numeric_limits<double>::infinity();
+    if (!found.around.near.missing.empty()) {
+      await(std::to_string(found.around.near.missing.size()) + " pages of world " +
+            world.model->name + " have not come, " +
+            who_gives(found.around.near.missing.front().entry.content));
     }
     if (put_off_count > 0 && is_any_asked)
       await(std::to_string(put_off_count) + " tiles were not asked");
-    if (sum.pair_total > 0) {
-      sum.status = all_certified || options.any ? AnswerStatus::kContact : AnswerStatus::kPartial;
-      sum.distance_at_most_m = 0;
-    } else if (!all_certified) {
-      sum.status = AnswerStatus::kUncertain;
-    } else {
-      sum.status = contained != 0 ? AnswerStatus::kContained : AnswerStatus::kFree;
-      sum.contained = static_cast<Containment>(contained);
-    }
-    if (!is_certified(sum.status) || sum.pair_total > 0 || options.clearance == Clearance::kNone) {
-      sum.clearance_m = 0;
-      sum.clearance_share = 0;
-    }
-    if (is_certified(sum.status)) {
-      sum.uncertainty_m = 0;
-      if (sum.pair_total == 0)
-        result.safe_horizon_s = options.clearance == Clearance::kNone ? 0 : safe_s;
-    } else {
+    result.answer = tiles.finish();
+    found.digest = tiles.digest();
+    if (!is_certified(result.answer.status)) {
       result.awaited = std::move(awaited);
+    } else if (result.answer.pair_total == 0) {
+      result.safe_horizon_s = options.clearance == Clearance::kNone ? 0 : safe_s;
     }
-    result.answer = std::move(sum);
     if (options.sweep_s > 0 && is_any_asked) result.swept = std::move(swept).sum();
     if (!is_any_asked) {
+      result.answer = nothing_known();
+      found.digest = digest(result.answer);
       result.asked = false;
       result.put_off = true;
       result.reason = kOutOfBudget;
       result.awaited.clear();
     }
   }
-  std::uint64_t its = digest(result.answer);
-  if (result.world) {
-    const auto add = [&its](std::uint64_t bits) { its = mix(its ^ bits); };
-    add(result.world->world.high);
-    for (const NearTile& tile : result.world->tiles) {
-      if (tile.status == AnswerStatus::kFree) continue;
-      add(tile.tile.content.high);
-      for (const std::int32_t cells : tile.tile.place) add(static_cast<std::uint32_t>(cells));
-      add(tile.pairs);
-      for (const NodeSpan& node : tile.missing)
-        add(std::uint64_t{node.first.value} << 32 | node.size);
-    }
-  }
-  report.answers_digest = mix(report.answers_digest ^ its);
-  return result;
 }
 
 }  // namespace nearmesh::subscriber

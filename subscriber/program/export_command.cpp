@@ -39,9 +39,9 @@ Result<std::string> peer_of(const RecordingReader& recording, const std::string&
 }
 
 /// Detail that was not recorded; none where no folder is named.
-Result<std::unique_ptr<ModelFolder>> models_of(const ExportOptions& options) {
-  if (options.models.empty()) return std::unique_ptr<ModelFolder>();
-  Result<std::unique_ptr<ModelFolder>> opened = ModelFolder::open(options.models);
+Result<std::unique_ptr<DetailFolder>> models_of(const ExportOptions& options) {
+  if (options.models.empty()) return std::unique_ptr<DetailFolder>();
+  Result<std::unique_ptr<DetailFolder>> opened = DetailFolder::open(options.models);
   if (!opened.is_ok())
     return Status{opened.status().code(), "--models " + opened.status().message()};
   for (const std::string& line : opened.value()->complaints()) spdlog::warn("{}", line);
@@ -50,7 +50,7 @@ Result<std::unique_ptr<ModelFolder>> models_of(const ExportOptions& options) {
 
 Status write_mcap(const ExportOptions& options, RecordingReader& recording,
                   const std::string& peer) {
-  const Result<std::unique_ptr<ModelFolder>> models = models_of(options);
+  const Result<std::unique_ptr<DetailFolder>> models = models_of(options);
   NEARMESH_RETURN_IF_ERROR(models);
   const Result<McapExport> done =
       export_mcap(recording, options.out, {options.session}, peer, models.value().get());
@@ -68,7 +68,7 @@ Status write_mcap(const ExportOptions& options, RecordingReader& recording,
 
 Status write_session(const ExportOptions& options, RecordingReader& recording) {
   NEARMESH_RETURN_IF_ERROR(check_output(options.out, report::kGlbFile, {options.session}));
-  const Result<std::unique_ptr<ModelFolder>> models = models_of(options);
+  const Result<std::unique_ptr<DetailFolder>> models = models_of(options);
   NEARMESH_RETURN_IF_ERROR(models);
   const Result<report::SessionGltf> session =
       report::session_to_glb(recording, models.value().get());

@@ -36,6 +36,10 @@ void print_text(const BoundsProof& bounds) {
       count(bounds.proved_pairs), count(bounds.pairs), count(bounds.proved), count(bounds.reports),
       count(bounds.wrong), count(bounds.unprovable), count(bounds.malformed), count(bounds.missing),
       count(bounds.before));
+  if (bounds.unreported > 0)
+    std::printf("near: %llu of %llu answers are not reported; the first: %s\n",
+                count(bounds.unreported), count(bounds.near_pairs),
+                bounds.first_unreported.c_str());
   for (const auto& [what, reports] : bounds.why_not)
     std::printf("  not in the recording, for %llu reports: %s\n", count(reports), what.c_str());
   if (bounds.wrong_ones.empty()) return;
@@ -50,7 +54,7 @@ void print_text(const VerifyReport& report) {
               count(report.verified), count(report.answers()), count(report.different),
               count(report.peers), to_hex(report.digest).c_str());
   std::printf(
-      "not proved: %llu for want of recorded batches, %llu after detail was given up\n"
+      "not proved: %llu for want of recorded batches, %llu after give-ups that are not recorded\n"
       "reports: %llu, %llu of them without an answer, %llu malformed; %llu missing, %llu sent "
       "before the recorder heard their peers\n",
       count(report.lacking), count(report.gave_up), count(report.reports), count(report.not_asked),
@@ -77,11 +81,12 @@ void print_text(const VerifyReport& report) {
 
 nlohmann::ordered_json to_json(const BoundsProof& bounds) {
   nlohmann::ordered_json json = {
-      {"answers", bounds.pairs},       {"proved", bounds.proved_pairs},
-      {"reports", bounds.reports},     {"proved_reports", bounds.proved},
-      {"wrong", bounds.wrong},         {"not_provable", bounds.unprovable},
-      {"malformed", bounds.malformed}, {"missing", bounds.missing},
-      {"before", bounds.before}};
+      {"answers", bounds.pairs},        {"proved", bounds.proved_pairs},
+      {"reports", bounds.reports},      {"proved_reports", bounds.proved},
+      {"wrong", bounds.wrong},          {"not_provable", bounds.unprovable},
+      {"malformed", bounds.malformed},  {"missing", bounds.missing},
+      {"before", bounds.before},        {"near", bounds.near_pairs},
+      {"unreported", bounds.unreported}};
   json["lacking"] = nlohmann::ordered_json::array();
   for (const auto& [what, reports] : bounds.why_not)
     json["lacking"].push_back({{"what", what}, {"reports", reports}});
@@ -138,7 +143,7 @@ Outcome judge(const VerifyReport& report, const VerifyOptions& options) {
                                              " reports of what is free by bounds are wrong"};
   const std::uint64_t reports = report.reports + bounds.reports,
                       malformed = report.malformed + bounds.malformed,
-                      missing = report.missing + bounds.missing;
+                      missing = report.missing + bounds.missing + bounds.unreported;
   if (reports == 0 || malformed > 0 || (missing > 0 && !options.allow_unproved)) {
     Status amiss{StatusCode::kCorrupt,
                  options.path + ": " +
@@ -171,9 +176,9 @@ Outcome run(const VerifyOptions& options) {
   Result<std::unique_ptr<RecordingReader>> recording = RecordingReader::open(options.path);
   NEARMESH_RETURN_IF_ERROR(recording);
   RecordingReader& reader = *recording.value();
-  std::unique_ptr<ModelFolder> models;
+  std::unique_ptr<DetailFolder> models;
   if (!options.models.empty()) {
-    Result<std::unique_ptr<ModelFolder>> opened = ModelFolder::open(options.models);
+    Result<std::unique_ptr<DetailFolder>> opened = DetailFolder::open(options.models);
     NEARMESH_RETURN_IF_ERROR(opened);
     models = std::move(opened).value();
     for (const std::string& line : models->complaints()) spdlog::warn("{}", line);

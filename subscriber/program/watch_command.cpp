@@ -92,9 +92,9 @@ Result<std::unique_ptr<LiveServer>> start_server(const std::string& http) {
 }  // namespace
 
 Outcome run(const WatchOptions& options) {
-  std::unique_ptr<ModelFolder> models;
+  std::unique_ptr<DetailFolder> models;
   if (!options.models.empty()) {
-    Result<std::unique_ptr<ModelFolder>> opened = ModelFolder::open(options.models);
+    Result<std::unique_ptr<DetailFolder>> opened = DetailFolder::open(options.models);
     NEARMESH_RETURN_IF_ERROR(opened);
     models = std::move(opened).value();
   }

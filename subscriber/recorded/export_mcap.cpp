@@ -140,15 +140,12 @@ class McapPeer final : public RecordedPeer {
                  ros2::float64(finite_or_infinite(r.clearance_m)));
     derived_.add(pair + "/uncertainty_m", ros2::float64(), report.received_ns,
                  ros2::float64(finite_or_infinite(r.uncertainty_m)));
-    bool is_rebuilt = standing == Standing::kReached;
-    for (const wire::ContactReport::Asked* asked : {&r.a, &r.b})
-      is_rebuilt = is_rebuilt && taken_batches(*asked) == asked->applied_batches &&
-                   replica(*asked).mesh().state_hash() == asked->state_digest;
-    if (is_rebuilt && has_meshes_) {
+    const bool has_both = is_rebuilt(r, standing);
+    if (has_both && has_meshes_) {
       tell_mesh(r.body_a, r.a, report.received_ns);
       tell_mesh(r.body_b, r.b, report.received_ns);
     }
-    tell_contacts(report, is_rebuilt);
+    tell_contacts(report, has_both);
   }
 
   /// On the wire the greatest number stands for "cannot be bounded".
@@ -156,7 +153,7 @@ class McapPeer final : public RecordedPeer {
     return x == std::numeric_limits<double>::max() ? std::numeric_limits<double>::infinity() : x;
   }
 
-  void tell_contacts(const RecordedReport& report, bool is_rebuilt) {
+  void tell_contacts(const RecordedReport& report, bool has_both) {
     const wire::ContactReport& r = report.message;
     const auto [at, is_new] = pairs_.try_emplace(std::pair(r.body_a, r.body_b));
     Pair& pair = at->second;
@@ -168,14 +165,15 @@ class McapPeer final : public RecordedPeer {
                         .width_m = 0,
                         .rgba = kContact,
                         .points_m = {}};
-    if (is_rebuilt && r.pair_count > 0) {
+    if (has_both && r.pair_count > 0) {
       const Result<Answered> asked = ask(r, {.clearance = Clearance::kNone, .contacts = true});
       if (asked.is_ok() && asked.value().contacts)
         for (const ContactSegment& segment : asked.value().contacts->segments) {
           marker.points_m.push_back(segment.p_m);
           marker.points_m.push_back(segment.q_m);
         }
-      marker.width_m = kContactShare * std::min(size_m(replica(r.a)), size_m(replica(r.b)));
+      marker.width_m = kContactShare * std::min(size_m(replica(r.a.content_hash)),
+                                                size_m(replica(r.b.content_hash)));
     }
     const bool touched = std::exchange(pair.touches, !marker.points_m.empty());
     if (touched || pair.touches)
@@ -196,7 +194,7 @@ class McapPeer final : public RecordedPeer {
 
   void tell_mesh(const std::string& body, const wire::ContactReport::Asked& asked,
                  std::int64_t now_ns) {
-    const Replica& held = replica(asked);
+    const Replica& held = replica(asked.content_hash);
     const ActiveMesh& mesh = held.mesh();
     Told& told = told_[body];
     if (told.state == mesh.state_hash() ||
@@ -279,7 +277,7 @@ class FirstLook {
 
 Result<McapExport> export_mcap(RecordingReader& recording, const std::string& path,
                                const std::vector<std::string>& inputs, const std::string& peer,
-                               ModelFolder* models) {
+                               DetailFolder* models) {
   const Result<wire::RecordedSamples> samples = wire::RecordedSamples::of(recording);
   NEARMESH_RETURN_IF_ERROR(samples);
   Result<std::unique_ptr<mcap::Writer>> created = mcap::Writer::create(path, "nearmesh", inputs);

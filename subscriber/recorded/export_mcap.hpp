@@ -17,7 +17,7 @@
 #include <string>
 #include <vector>
 
-#include "core/spm/model_folder.hpp"
+#include "detail_folder.hpp"
 #include "nearmesh/core/recording/recording.hpp"
 
 namespace nearmesh::subscriber {
@@ -39,6 +39,6 @@ struct McapExport {
 [[nodiscard]] Result<McapExport> export_mcap(RecordingReader& recording, const std::string& path,
                                              const std::vector<std::string>& inputs,
                                              const std::string& peer,
-                                             ModelFolder* models = nullptr);
+                                             DetailFolder* models = nullptr);
 
 }  // namespace nearmesh::subscriber

@@ -261,35 +261,38 @@ class FilmPeer final : public RecordedPeer {
 
   void visit(const RecordedReport& report, Standing standing) override {
     const wire::ContactReport& r = report.message;
+    constexpr int kOfWorld = 8;  // after all standings
     // A frame may be answered again when detail has come.
     if (!frame_ || r.frame != *frame_ || !answered_.emplace(r.body_a, r.body_b).second) {
       begin_frame(r.frame, world_.ms_of(report.received_ns));
       answered_ = {{r.body_a, r.body_b}};
     }
-    bool is_rebuilt = standing == Standing::kReached;
-    for (const wire::ContactReport::Asked* asked : {&r.a, &r.b})
-      is_rebuilt = is_rebuilt && taken_batches(*asked) == asked->applied_batches &&
-                   replica(*asked).mesh().state_hash() == asked->state_digest;
+    const bool has_both = is_rebuilt(r, standing);
     const auto status = static_cast<AnswerStatus>(r.status);
     std::optional<Answered> asked;
-    if (is_rebuilt && (r.pair_count > 0 || !is_certified(status)))
+    if (has_both && (r.pair_count > 0 || !is_certified(status)))
       if (Result<Answered> again = ask(r, {.clearance = Clearance::kNone, .contacts = true});
           again.is_ok())
         asked = std::move(again).value();
     if (plan_.onlooker != nullptr) {
       std::optional<FilmOnlooker::Held> held;
-      if (is_rebuilt)
-        held.emplace(FilmOnlooker::Held{FilmOnlooker::HeldBody(replica(r.a)),
-                                        FilmOnlooker::HeldBody(replica(r.b)),
+      if (has_both)
+        held.emplace(FilmOnlooker::Held{FilmOnlooker::HeldBody(replica(r.a.content_hash)),
+                                        FilmOnlooker::HeldBody(replica(r.b.content_hash)),
                                         asked && asked->contacts ? &*asked->contacts : nullptr});
       plan_.onlooker->see(r, report.received_ns, held);
     }
     const bool is_near = r.pair_count > 0 || !is_certified(status);
     std::array<std::uint32_t, 2> bodies{};
     for (std::size_t side = 0; side < 2; ++side)
-      bodies[side] = tell_body(side == 0 ? r.body_a : r.body_b, side == 0 ? r.a : r.b, is_rebuilt,
+      bodies[side] = tell_body(side == 0 ? r.body_a : r.body_b, side == 0 ? r.a : r.b, has_both,
                                standing, is_near);
-    tell_answer(r, bodies, is_rebuilt ? 0 : 1 + static_cast<int>(standing), asked);
+    const bool is_of_world = r.world && standing == Standing::kReached;
+    tell_answer(r, bodies,
+                has_both      ? 0
+                : is_of_world ? kOfWorld
+                              : 1 + static_cast<int>(standing),
+                asked);
   }
 
   void begin_frame(std::uint64_t frame, std::int64_t ms) {
@@ -300,11 +303,12 @@ class FilmPeer final : public RecordedPeer {
   }
 
   std::uint32_t tell_body(const std::string& name, const wire::ContactReport::Asked& asked,
-                          bool is_rebuilt, Standing standing, bool is_near) {
+                          bool has_both, Standing standing, bool is_near) {
     const FilmWorld::KnownModel* model = nullptr;
-    if (is_rebuilt) {
-      FilmWorld::KnownModel& known = world_.model_of(asked.content_hash, replica(asked).header());
-      tell_mesh(known, replica(asked).mesh(), is_near);
+    if (has_both) {
+      FilmWorld::KnownModel& known =
+          world_.model_of(asked.content_hash, replica(asked.content_hash).header());
+      tell_mesh(known, replica(asked.content_hash).mesh(), is_near);
       model = &known;
     } else {
       model = world_.known_model(asked.content_hash);
@@ -368,10 +372,12 @@ class FilmPeer final : public RecordedPeer {
       const std::size_t told = std::min(missing.size(), kMostMissing);
       said.number(told);
       if (told == 0) continue;
-      FilmWorld::KnownModel& known = world_.model_of(body.content_hash, replica(body).header());
+      FilmWorld::KnownModel& known =
+          world_.model_of(body.content_hash, replica(body.content_hash).header());
       std::int64_t last = 0;
       for (std::size_t i = 0; i < told; ++i)
-        said.difference(last, known.model->number_of(replica(body).mesh(), missing[i]));
+        said.difference(last,
+                        known.model->number_of(replica(body.content_hash).mesh(), missing[i]));
     }
     tell_contacts(asked, std::min(world_.unit_of(r.body_a), world_.unit_of(r.body_b)), said);
     // What is as it was is not said again.

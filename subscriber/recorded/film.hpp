@@ -17,7 +17,7 @@
 #include <vector>
 
 #include "core/replica/replica.hpp"
-#include "core/spm/model_folder.hpp"
+#include "detail_folder.hpp"
 #include "nearmesh/core/query/contacts.hpp"
 #include "nearmesh/core/recording/recording.hpp"
 #include "nearmesh/idl/messages/messages.hpp"
@@ -73,7 +73,7 @@ class FilmOnlooker {
 struct FilmPlan {
   /// Between two changes of a peer's mesh lies so much, but where it touches something or lacks detail.
   std::int64_t least_step_ms = 0;
-  ModelFolder* models = nullptr;     ///< to take peers up where batches are missing
+  DetailFolder* models = nullptr;    ///< to take peers up where batches are missing
   FilmOnlooker* onlooker = nullptr;  ///< none: nobody else
 };
 

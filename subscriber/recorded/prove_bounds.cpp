@@ -210,6 +210,43 @@ struct Watcher {
   std::vector<WatchedBody> bodies;
   std::vector<wire::SessionId> movers;
   BroadPhase broad;
+  std::vector<std::size_t> by_slot;  // of the bodies
+
+  /// Contact reports, by their bodies' names in order, then frame; for a while.
+  struct Said {
+    double time_s = 0;
+    int round = 0;
+    bool put_off = false;  // told once, until the pair is asked again
+  };
+  std::map<std::pair<std::string, std::string>, std::map<std::uint64_t, Said>> said;
+  std::optional<std::uint64_t> first_said;  // frame
+  std::uint64_t latest_frame = 0;           // of the report that came last, of either kind
+
+  void take(wire::ContactReport&& report, int round) {
+    if (!first_said) first_said = report.frame;
+    latest_frame = report.frame;
+    if (report.body_b < report.body_a) std::swap(report.body_a, report.body_b);
+    said[{std::move(report.body_a), std::move(report.body_b)}].insert_or_assign(
+        report.frame, Said{report.time_s, round, report.put_off});
+  }
+  [[nodiscard]] bool has_said(const std::string& a, const std::string& b,
+                              const wire::BoundsReport& report) const {
+    const auto pair = said.find(std::minmax(a, b));
+    if (pair == said.end()) return false;
+    const auto after = pair->second.upper_bound(report.frame);
+    if (after == pair->second.begin()) return false;
+    const auto& [frame, last] = *std::prev(after);
+    return last.put_off || (frame == report.frame && last.time_s == report.time_s);
+  }
+  void forget(int round) {
+    for (auto& [names, frames] : said) {
+      const std::uint64_t last = frames.rbegin()->first;
+      std::erase_if(frames, [last, round](const auto& one) {
+        return one.second.round + kRoundsKept < round && !(one.first == last && one.second.put_off);
+      });
+    }
+    std::erase_if(said, [](const auto& pair) { return pair.second.empty(); });
+  }
 
   void take(wire::WatchedBodies&& watched) {
     if (watched.edition == whole_until + 1) whole_until = watched.edition;
@@ -221,7 +258,9 @@ struct Watcher {
 
 class Prover {
  public:
-  explicit Prover(bool lacks_watched) : lacks_watched_(lacks_watched) {}
+  /// `late`: who had sent contact reports before the recorder heard the first.
+  Prover(bool lacks_watched, std::set<Participant> late)
+      : lacks_watched_(lacks_watched), late_(std::move(late)) {}
 
   void take(std::int64_t id, const RecordedMessage& message, const RecordedWriter& writer,
             const wire::RecordedSamples& samples) {
@@ -245,15 +284,26 @@ class Prover {
         return;
       }
       proof_.pairs += report->pairs;
-      watchers_[{from, report->peer}].waiting.push_back({id, round_, std::move(*report)});
+      Watcher& watcher = watchers_[{from, report->peer}];
+      watcher.latest_frame = report->frame;
+      watcher.waiting.push_back({id, round_, std::move(*report)});
+    } else if (auto said = samples.read<wire::ContactReport>(message)) {
+      watchers_[{from, said->peer}].take(std::move(*said), round_);
     }
   }
   /// Judges what has waited long enough. `final`: nothing more comes.
   void work(bool final) {
-    for (auto& [key, watcher] : watchers_)
+    for (auto& [key, watcher] : watchers_) {
       for (; !watcher.waiting.empty() && (final || watcher.waiting.front().round < round_);
-           watcher.waiting.pop_front())
-        note(watcher.waiting.front(), judge(watcher, key.first, watcher.waiting.front().report));
+           watcher.waiting.pop_front()) {
+        const wire::BoundsReport& report = watcher.waiting.front().report;
+        Judged verdict = judge(watcher, key.first, report);
+        if (verdict.verdict == Judged::Verdict::kProved)
+          count_unreported(watcher, report, late_.contains(key.first));
+        note(watcher.waiting.front(), std::move(verdict));
+      }
+      watcher.forget(round_);
+    }
     ++round_;
     for (auto& [mover, tapes] : tapes_)
       for (PoseTape& tape : tapes) tape.forget(round_);
@@ -339,6 +389,8 @@ class Prover {
           std::lower_bound(watcher.movers.begin(), watcher.movers.end(), body.mover) -
           watcher.movers.begin());
       body.slot = watcher.broad.add(body.company);
+      watcher.by_slot.resize(std::max<std::size_t>(watcher.by_slot.size(), body.slot + 1));
+      watcher.by_slot[body.slot] = static_cast<std::size_t>(&body - watcher.bodies.data());
       if (body.mover == 0) place(watcher, body);
     }
     watcher.edition = edition;
@@ -437,7 +489,24 @@ class Prover {
     return {};
   }
 
+  /// Near are those pairs that the broad phase did not find free just now.
+  void count_unreported(Watcher& watcher, const wire::BoundsReport& report, bool is_late) {
+    if (report.frame == watcher.latest_frame) return;
+    if (is_late && (!watcher.first_said || report.frame <= *watcher.first_said)) return;
+    for (const auto& [one, other] : watcher.broad.find_near()) {
+      ++proof_.near_pairs;
+      const std::string &a = watcher.bodies[watcher.by_slot[one]].name,
+                        &b = watcher.bodies[watcher.by_slot[other]].name;
+      if (watcher.has_said(a, b, report)) continue;
+      ++proof_.unreported;
+      if (proof_.first_unreported.empty())
+        proof_.first_unreported = "frame " + std::to_string(report.frame) + ", peer " +
+                                  wire::partition_of(report.peer) + ", bodies " + a + " and " + b;
+    }
+  }
+
   const bool lacks_watched_;  // something that was said of watched bodies did not come
+  const std::set<Participant> late_;
   int round_ = 0;
   RecordedBounds bounds_;
   std::map<wire::SessionId, std::deque<PoseTape>> tapes_;
@@ -453,13 +522,16 @@ Result<BoundsProof> prove_bounds(RecordingReader& recording) {
   NEARMESH_RETURN_IF_ERROR(samples);
   std::uint64_t missing = 0, before = 0;
   bool lacks_watched = false;
+  std::set<Participant> late;
   for (const RecordingGap& gap : recording.gaps()) {
     const auto place = samples.value().place_of(recording.writers()[gap.writer].topic);
     if (place == wire::place_of<wire::BoundsReport>())
       (gap.first_sequence == 1 ? before : missing) += gap.count;
     lacks_watched |= place == wire::place_of<wire::WatchedBodies>();
+    if (place == wire::place_of<wire::ContactReport>() && gap.first_sequence == 1)
+      late.insert(participant_of(recording.writers()[gap.writer]));
   }
-  Prover prover(lacks_watched);
+  Prover prover(lacks_watched, std::move(late));
   try {
     for (std::int64_t next = 1; next <= recording.message_count();) {
       const std::int64_t end = std::min(next + kMessagesARound, recording.message_count() + 1);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Proves what was free by bounds in a recorded session: makes each peer's boxes again from headers, what it said it watches and recorded
+// Proves what was free by bounds in a recorded session, and that what was not has reports of its own: makes each peer's boxes again from headers, what it said it watches and recorded
 // poses, and counts which of them do not meet (takes a recording, gives what agrees and what does not).
 
 #include <cstdint>
@@ -30,6 +30,10 @@ struct BoundsProof {
   std::uint64_t before = 0;      ///< sent before the recorder heard the first of their peer
   std::uint64_t pairs = 0;       ///< answers: said to be free, in all frames together
   std::uint64_t proved_pairs = 0;
+  /// Pairs that the same poses put near each other, in all frames of proved reports together, but the last of each peer, whose answers may
+  /// come after the recording's end; and those of them of which the peer reported no answer.
+  std::uint64_t near_pairs = 0, unreported = 0;
+  std::string first_unreported;         ///< one line on the first of these; else empty
   std::uint64_t digest = 0;             ///< of all that was found, for comparing builds
   std::vector<WrongBounds> wrong_ones;  ///< the first kMaxWrongBounds, in order of the recording
   std::map<std::string, std::uint64_t> why_not;  ///< what is not there, and for how many reports

@@ -2,13 +2,15 @@
 #include "recorded_peer.hpp"
 
 #include <algorithm>
+#include <array>
 #include <new>
+#include <tuple>
 
 #include "core/base/float_guard.hpp"
 #include "core/base/hash.hpp"
 #include "core/base/parallel.hpp"
 #include "core/replica/held_nodes.hpp"
-#include "core/world/page.hpp"
+#include "nearmesh/core/spm/detail/codec.hpp"
 #include "nearmesh/idl/dds/recorded_samples.hpp"
 
 namespace nearmesh::subscriber {
@@ -18,12 +20,59 @@ constexpr std::int64_t kChunk = 8192;  ///< messages between two rounds of work
 /// Batches and what the peer said it held come to a recorder by different ways, some milliseconds apart: so many batches, and
 /// so many rounds, are enough for the one to be found in the other.
 constexpr std::size_t kLatest = 1024;
-constexpr int kPatientRounds = 2;
 constexpr std::size_t kMaxComplaints = 16;
 /// Of an answer that was cut, since it may have been for its cost: some 10 to 50 ms.
 constexpr std::uint64_t kCutTests = 2'000'000;
 
 }  // namespace
+
+void ModelSources::take(const wire::MeshHeader& header) {
+  if (is_world_record(header.bytes)) {
+    if (auto record = decode_world(header.bytes); record.is_ok())
+      worlds_.try_emplace(header.content_hash, record.value(), header.name);
+  } else if (!headers_.contains(header.content_hash) && decode_header(header.bytes).is_ok()) {
+    headers_.emplace(header.content_hash, header.bytes);
+  }
+}
+
+void ModelSources::take_piece(const wire::SplitBatchMessage& message) {
+  const ContentHash& content = message.content_hash;
+  if (pages_.contains(content) || headers_.contains(content)) return;
+  const auto piece = unseal_batch(content, message.bytes);
+  if (!piece.is_ok()) return;
+  const auto at = unread_.try_emplace(content, content).first;
+  auto bytes = at->second.take(piece.value());
+  if (!bytes.is_ok() || !bytes.value()) return;
+  unread_.erase(at);
+  if (Result<WorldPage> page = decode_page(*bytes.value()); page.is_ok()) {
+    pages_.emplace(content, std::move(page).value());
+  } else if (decode_header(*bytes.value()).is_ok()) {
+    headers_.emplace(content, std::move(*bytes.value()));
+  }
+}
+
+std::optional<SpmHeader> ModelSources::header(const ContentHash& content) const {
+  const auto at = headers_.find(content);
+  if (at == headers_.end()) return std::nullopt;
+  return decode_header(at->second).value();
+}
+
+const WorldRecord* ModelSources::world(const ContentHash& content) const {
+  const auto at = worlds_.find(content);
+  if (at != worlds_.end()) return &at->second.first;
+  return files == nullptr ? nullptr : files->world(content);
+}
+
+const std::string& ModelSources::name_of_world(const ContentHash& content) const {
+  static const std::string kUnknown = "world";
+  const auto at = worlds_.find(content);
+  return at == worlds_.end() ? kUnknown : at->second.second;
+}
+
+const WorldPage* ModelSources::page(const ContentHash& content) const {
+  const auto at = pages_.find(content);
+  return at == pages_.end() ? nullptr : &at->second;
+}
 
 std::string why_stale(const wire::ContactReport& report) {
   for (const auto& [asked, body] :
@@ -53,21 +102,37 @@ void RecordedPeer::Stretch::follow(const Batch& batch, const ContentHash& conten
   waiting.push_back(batch);
 }
 
+/// Of what had come by then nothing is missing.
+bool RecordedPeer::Stretch::has_heard(const wire::HeldDetail& told) const {
+  return numbers.whole && std::all_of(told.heard.begin(), told.heard.end(), [&](const auto& last) {
+           const auto at = numbers.heard.find(last.publisher);
+           return at != numbers.heard.end() &&
+                  (at->second.sequence >= last.sequence || at->second.request > told.last_request);
+         });
+}
+
 RecordedPeer::Stream& RecordedPeer::stream_of(const ContentHash& content_hash) {
   Stream& stream = streams_[content_hash];
   if (stream.empty()) stream.push_back({.held = std::nullopt, .numbers = from_start_});
   return stream;
 }
 
-/// A stretch that goes on past the begin of the next makes that one needless.
+/// A stretch that goes on past the begin of the next, of the same era, makes that one needless.
 void RecordedPeer::drop_followed(Stream& stream) {
-  for (std::size_t i = 0; i + 1 < stream.size(); ++i)
-    if (stream[i].numbers.whole && stream[i].end() >= stream[i + 1].first) stream.resize(i + 1);
+  for (std::size_t i = 0; i + 1 < stream.size();) {
+    const Stretch &one = stream[i], &next = stream[i + 1];
+    if (one.era == next.era && one.end() >= next.first && next.held && one.has_heard(*next.held)) {
+      stream.erase(stream.begin() + static_cast<std::ptrdiff_t>(i + 1));
+    } else {
+      ++i;
+    }
+  }
 }
 
 void RecordedPeer::take(wire::SplitBatchMessage&& message) {
   Batch batch{message.publisher, message.sequence, message.request, message.content_hash, nullptr};
-  if (!message.refused && !message.bytes.empty()) {  // else the peer does not take it in either
+  // Else the peer does not take it in either.
+  if (!message.refused && !message.is_piece && !message.bytes.empty()) {
     ++batches_;
     batch.bytes = std::make_shared<const std::vector<std::uint8_t>>(std::move(message.bytes));
     stream_of(batch.content_hash);
@@ -83,8 +148,11 @@ void RecordedPeer::take(wire::SplitBatchMessage&& message) {
 
 void RecordedPeer::take(wire::HeldDetail&& held) {
   Stream& stream = stream_of(held.content_hash);
-  if (stream.back().numbers.whole && stream.back().end() >= held.applied_batches) return;
-  Stretch next{.held = std::nullopt, .numbers = {}, .first = held.applied_batches};
+  if (held.era < stream.back().era) return;
+  if (held.era == stream.back().era && stream.back().end() >= held.applied_batches &&
+      stream.back().has_heard(held))
+    return;
+  Stretch next{.held = std::nullopt, .numbers = {}, .era = held.era, .first = held.applied_batches};
   for (const wire::HeldDetail::Heard& heard : held.heard)
     next.numbers.heard[heard.publisher] = {heard.sequence, held.last_request};
   for (const Batch& batch : latest_) next.follow(batch, held.content_hash);
@@ -98,55 +166,186 @@ void RecordedPeer::work(const ModelSources& sources, bool final) {
       if (++stream[i].rounds > kPatientRounds) stream[i].numbers.whole = false;
   for (; !reports_.empty(); reports_.pop_front()) {
     const RecordedReport& report = reports_.front();
-    if (!why_stale(report.message).empty()) {
-      visit(report, Standing::kStale);
-    } else if (report.message.put_off) {
-      visit(report, Standing::kPutOff);
-    } else if (!report.message.asked) {
-      visit(report, Standing::kNotAsked);
-    } else if (report.message.gave_up_detail) {
-      visit(report, Standing::kGaveUp);
-    } else {
-      const Reach a = reach(report.message.a, sources, final),
-                  b = reach(report.message.b, sources, final);
-      if (a == Reach::kNever || b == Reach::kNever) {
-        visit(report, Standing::kLacking);
-      } else if (a == Reach::kNoFile || b == Reach::kNoFile) {
-        if (a == Reach::kNoFile) ++wanted_[report.message.a.content_hash].reports;
-        if (b == Reach::kNoFile &&
-            (a != b || report.message.a.content_hash != report.message.b.content_hash))
-          ++wanted_[report.message.b.content_hash].reports;
-        visit(report, Standing::kNoFile);
-      } else if (a == Reach::kNotYet || b == Reach::kNotYet) {
-        return;
-      } else {
-        visit(report, Standing::kReached);
-      }
+    if (std::exchange(waits_, report.id) != report.id) waited_rounds_ = 0;
+    bool waits = false;
+    const Standing standing = look(report.message, sources, final, waits);
+    if (waits) {
+      ++waited_rounds_;
+      return;
     }
+    visit(report, standing);
   }
 }
 
+/// `waits`: what it needs may still come.
+RecordedPeer::Standing RecordedPeer::look(const wire::ContactReport& report,
+                                          const ModelSources& sources, bool final, bool& waits) {
+  if (!why_stale(report).empty()) return Standing::kStale;
+  if (report.put_off) return Standing::kPutOff;
+  if (!report.asked) return Standing::kNotAsked;
+  const auto reach_body = [&](const wire::ContactReport::Asked& asked) {
+    return reach({asked.content_hash, asked.applied_batches, asked.era}, sources, final);
+  };
+  if (!report.world && (sources.world(report.a.content_hash) != nullptr ||
+                        sources.world(report.b.content_hash) != nullptr))
+    return Standing::kLacking;  // more was near than a report holds
+  std::array<Reach, 2> reached{Reach::kThere, Reach::kThere};
+  if (report.world) {
+    reached[0] = reach_body(report.world->is_a ? report.b : report.a);
+    if (reached[0] == Reach::kThere) reached[1] = reach_world(report, sources, final);
+    if (reached[0] == Reach::kNoFile)
+      ++wanted_[(report.world->is_a ? report.b : report.a).content_hash].reports;
+  } else {
+    reached = {reach_body(report.a), reach_body(report.b)};
+    for (std::size_t i = 0; i < 2; ++i)
+      if (reached[i] == Reach::kNoFile && reached[1 - i] != Reach::kNever &&
+          (i == 0 || reached[0] != reached[1] || report.a.content_hash != report.b.content_hash))
+        ++wanted_[(i == 0 ? report.a : report.b).content_hash].reports;
+  }
+  const auto has = [&](Reach one) { return reached[0] == one || reached[1] == one; };
+  if (has(Reach::kNever)) return Standing::kLacking;
+  if (has(Reach::kGaveUp)) return Standing::kGaveUp;
+  if (has(Reach::kNoFile)) return Standing::kNoFile;
+  waits = has(Reach::kNotYet);
+  return Standing::kReached;
+}
+
 /// Takes in batches up to what the report has.
-RecordedPeer::Reach RecordedPeer::reach(const wire::ContactReport::Asked& asked,
-                                        const ModelSources& sources, bool final) {
-  Stream& stream = stream_of(asked.content_hash);
+RecordedPeer::Reach RecordedPeer::reach(const Wanted& wanted, const ModelSources& sources,
+                                        bool final) {
+  Stream& stream = stream_of(wanted.content);
   for (;; stream.pop_front()) {
     Stretch& stretch = stream.front();
+    if (wanted.era < stretch.era) return Reach::kGaveUp;
+    if (wanted.era > stretch.era) {
+      const bool is_told = stream.size() > 1 && stream[1].era <= wanted.era;
+      if (!is_told) {
+        const bool may_come = stream.size() == 1 && !final && !is_past_patience();
+        return may_come ? Reach::kNotYet : Reach::kGaveUp;
+      }
+      hand_over(stream, wanted.content, sources);
+      continue;
+    }
     const bool goes_on = stretch.numbers.whole && !final;
-    if (asked.applied_batches <= stretch.end()) {
-      if (asked.applied_batches < stretch.first) return Reach::kNever;
-      const Reach begun = begin(stretch, asked.content_hash, sources);
+    if (wanted.applied_batches <= stretch.end()) {
+      if (wanted.applied_batches < stretch.first) return Reach::kNever;
+      const Reach begun = begin(stretch, wanted.content, sources);
       if (begun == Reach::kNotYet && !goes_on) return Reach::kNever;
       if (begun != Reach::kThere) return begun;
-      for (; stretch.taken() < asked.applied_batches; stretch.waiting.pop_front())
+      for (; stretch.taken() < wanted.applied_batches; stretch.waiting.pop_front())
         // The peer went on too where one was wrong.
         static_cast<void>(stretch.replica->take(*stretch.waiting.front().bytes,
                                                 stretch.waiting.front().publisher));
       return Reach::kThere;
     }
     if (goes_on) return Reach::kNotYet;
-    if (stream.size() == 1 || asked.applied_batches < stream[1].first) return Reach::kNever;
+    if (stream.size() == 1 || stream[1].era != wanted.era ||
+        wanted.applied_batches < stream[1].first)
+      return Reach::kNever;
   }
+}
+
+/// Where detail was given up, what was held before has all that is held then: so the next stretch begins without a file.
+void RecordedPeer::hand_over(Stream& stream, const ContentHash& content,
+                             const ModelSources& sources) {
+  Stretch &before = stream[0], &next = stream[1];
+  if (next.replica || next.failed || !next.held) return;
+  if (begin(before, content, sources) != Reach::kThere) return;
+  for (; !before.waiting.empty() && before.taken() < next.first; before.waiting.pop_front())
+    static_cast<void>(
+        before.replica->take(*before.waiting.front().bytes, before.waiting.front().publisher));
+  const auto lacks = [&](NodeSpan node) {
+    return before.replica->store().split_of(node).is_valid()
+               ? Status::ok()
+               : Status{StatusCode::kNotFound, to_string(node)};
+  };
+  const Result<SplitBatch> batch = held_batch(before.replica->store(), lacks, next.held->nodes);
+  if (!batch.is_ok()) return;
+  next.replica.emplace(before.replica->header());
+  if (!take_up(next, batch).is_ok()) next.replica.reset();  // with the file it may be
+}
+
+/// The other body of the report is there.
+RecordedPeer::Reach RecordedPeer::reach_world(const wire::ContactReport& report,
+                                              const ModelSources& sources, bool final) {
+  const Reach found = find_tiles(report, sources);
+  if (found == Reach::kNotYet && (final || is_past_patience())) {
+    want_world((report.world->is_a ? report.a : report.b).content_hash, sources);
+    return Reach::kNoFile;
+  }
+  if (found != Reach::kThere) return found;
+  Reach worst = Reach::kThere;
+  for (std::size_t i = 0; i < world_.tiles.size(); ++i) {
+    const wire::ContactReport::World::Tile& tile = report.world->tiles[i];
+    if (!tile.asked) continue;
+    const Reach one =
+        reach({world_.tiles[i].entry->content, tile.applied_batches, tile.era}, sources, final);
+    if (one == Reach::kNoFile)
+      want_world((report.world->is_a ? report.a : report.b).content_hash, sources);
+    if (one == Reach::kThere) continue;
+    // What will never be there counts before what is not there yet.
+    if (worst == Reach::kThere || worst == Reach::kNotYet || one == Reach::kNever) worst = one;
+  }
+  return worst;
+}
+
+void RecordedPeer::want_world(const ContentHash& content, const ModelSources& sources) {
+  WantedModel& wanted = wanted_[content];
+  wanted.name = sources.name_of_world(content);
+  ++wanted.reports;
+}
+
+/// Which tiles the answer is about. kNotYet: for want of its record or a page.
+RecordedPeer::Reach RecordedPeer::find_tiles(const wire::ContactReport& report,
+                                             const ModelSources& sources) {
+  world_ = {};
+  const wire::ContactReport::World& told = *report.world;
+  const auto& [its, other] =
+      told.is_a ? std::tie(report.a, report.b) : std::tie(report.b, report.a);
+  const WorldRecord* record = sources.world(its.content_hash);
+  if (record == nullptr) return Reach::kNotYet;
+  bool lacks_page = false;
+  const auto find_page = [&](const ContentHash& content) -> const WorldPage* {
+    if (const WorldPage* page = sources.page(content)) return page;
+    const auto known = pages_.find(content);
+    if (known != pages_.end()) return &known->second;
+    std::optional<WorldPage> page =
+        sources.files == nullptr ? std::nullopt : sources.files->page(content);
+    if (page) return &pages_.emplace(content, std::move(*page)).first->second;
+    lacks_page = true;
+    return nullptr;
+  };
+  const PageOf page_of = [&](const WorldEntry& entry,
+                             int level) -> Result<std::optional<WorldPage>> {
+    if (std::binary_search(told.missing_pages.begin(), told.missing_pages.end(), entry.content))
+      return std::optional<WorldPage>();
+    const WorldPage* page = find_page(entry.content);
+    if (page == nullptr) return std::optional<WorldPage>();
+    NEARMESH_RETURN_IF_ERROR(check_page(*page, entry, level));
+    return std::optional(*page);
+  };
+  world_.record = record;
+  const WorldPage* root = find_page(record->root);
+  if (root == nullptr) return Reach::kNotYet;
+  const Grid grid = world_grid(*record);
+  const Replica& body = replica(other.content_hash);
+  const Result<PosedPair> posed =
+      pose_pair(grid, its.pose, "world", body.header().grid, other.pose, "body");
+  if (!posed.is_ok() || root->level != record->root_level) return Reach::kThere;
+  Result<TilesAround> around = find_tiles_around(
+      *record, *root, page_of, make_relative_frame(posed.value().a, posed.value().b),
+      body.header().grid, whole_box(body.store()), told.reach_cells);
+  if (lacks_page) return Reach::kNotYet;
+  if (!around.is_ok()) return Reach::kThere;
+  world_.around = std::move(around).value();
+  world_.is_found = true;
+  // As many as were told, or it is shown to be wrong.
+  if (world_.around.near.tiles.size() != told.tiles.size()) return Reach::kThere;
+  for (std::size_t i = 0; i < told.tiles.size(); ++i) {
+    const WorldEntry& entry = world_.around.near.tiles[i];
+    world_.tiles.push_back({&entry, told.tiles[i].asked, record->grid_at(entry)});
+  }
+  return Reach::kThere;
 }
 
 /// Makes the replica at the stretch's begin.
@@ -155,10 +354,13 @@ RecordedPeer::Reach RecordedPeer::begin(Stretch& stretch, const ContentHash& con
   if (stretch.replica) return Reach::kThere;
   if (stretch.failed) return Reach::kNever;
   if (stretch.no_file) return Reach::kNoFile;
-  const auto header = sources.headers.find(content_hash);
+  std::optional<SpmHeader> header = sources.header(content_hash);
   if (!stretch.held) {
-    if (header == sources.headers.end()) return Reach::kNotYet;
-    stretch.replica.emplace(header->second);
+    if (!header && sources.files != nullptr)
+      static_cast<void>(
+          sources.files->lend(content_hash, [&](ModelFile& file) { header = file.header(); }));
+    if (!header) return Reach::kNotYet;
+    stretch.replica.emplace(std::move(*header));
     return Reach::kThere;
   }
   const wire::HeldDetail& held = *stretch.held;
@@ -174,7 +376,7 @@ RecordedPeer::Reach RecordedPeer::begin(Stretch& stretch, const ContentHash& con
   if (!has_file) {
     // A peer that held nothing is taken up without a file.
     const auto lacks = [](NodeSpan node) { return Status{StatusCode::kNotFound, to_string(node)}; };
-    if (header != sources.headers.end()) stretch.replica.emplace(header->second);
+    if (header) stretch.replica.emplace(std::move(*header));
     const Result<SplitBatch> batch = stretch.replica
                                          ? held_batch(stretch.replica->store(), lacks, held.nodes)
                                          : Status{StatusCode::kNotFound, "no header"};
@@ -211,22 +413,86 @@ Status RecordedPeer::take_up(Stretch& stretch, const Result<SplitBatch>& batch) 
   return Status::ok();
 }
 
-const Replica& RecordedPeer::replica(const wire::ContactReport::Asked& asked) const {
-  return *streams_.at(asked.content_hash).front().replica;
+const Replica& RecordedPeer::replica(const ContentHash& content) const {
+  return *streams_.at(content).front().replica;
 }
 
-std::uint32_t RecordedPeer::taken_batches(const wire::ContactReport::Asked& asked) const {
-  return streams_.at(asked.content_hash).front().taken();
+bool RecordedPeer::is_rebuilt(const wire::ContactReport& report, Standing standing) const {
+  return standing == Standing::kReached && !report.world && why_not_rebuilt(report).empty();
 }
+
+std::string RecordedPeer::why_not_rebuilt(const wire::ContactReport& report) const {
+  const auto look = [&](const std::string& name, const ContentHash& content, std::uint32_t applied,
+                        std::uint64_t digest) -> std::string {
+    const Stretch& stretch = streams_.at(content).front();
+    const std::uint64_t state = stretch.replica->mesh().state_hash();
+    // More where reports came out of order.
+    if (stretch.taken() == applied && state == digest) return {};
+    return "model of " + name + " after " + std::to_string(applied) + " batches: recorded state " +
+           to_hex(digest) + ", found " +
+           (stretch.taken() == applied
+                ? to_hex(state)
+                : std::to_string(stretch.taken()) + " batches taken in before");
+  };
+  for (const auto& [asked, body, is_a] : {std::tuple(&report.a, &report.body_a, true),
+                                          std::tuple(&report.b, &report.body_b, false)}) {
+    if (report.world && report.world->is_a == is_a) continue;
+    std::string why = look(*body, asked->content_hash, asked->applied_batches, asked->state_digest);
+    if (!why.empty()) return why;
+  }
+  if (!report.world) return {};
+  const std::string& world = report.world->is_a ? report.body_a : report.body_b;
+  if (!world_.is_found)
+    return "of world " + world + ": its pages, or the poses, contradict each other";
+  if (world_.tiles.size() != report.world->tiles.size())
+    return "of world " + world + " " + std::to_string(report.world->tiles.size()) +
+           " tiles were told, its pages list " + std::to_string(world_.around.near.tiles.size()) +
+           " there";
+  for (std::size_t i = 0; i < world_.tiles.size(); ++i) {
+    const wire::ContactReport::World::Tile& told = report.world->tiles[i];
+    if (!told.asked) continue;
+    const ContentHash& content = world_.tiles[i].entry->content;
+    std::string why =
+        look(world + ", tile " + to_hex(content), content, told.applied_batches, told.state_digest);
+    if (!why.empty()) return why;
+    if (const Status fits = check_tile_grid(replica(content).header().grid, *world_.record);
+        !fits.is_ok())
+      return "of world " + world + ", tile " + to_hex(content) + ": " + fits.message();
+  }
+  return {};
+}
+
+namespace {
+
+AnswerOptions bounded(const wire::ContactReport& report, const AnswerOptions& options) {
+  AnswerOptions bounded = options;
+  if (report.cut) bounded.max_tests = std::min(bounded.max_tests, kCutTests);
+  return bounded;
+}
+
+}  // namespace
 
 Result<Answered> RecordedPeer::ask(const wire::ContactReport& report,
                                    const AnswerOptions& options) const {
-  AnswerOptions bounded = options;
-  if (report.cut) bounded.max_tests = std::min(bounded.max_tests, kCutTests);
   const auto body = [this](const wire::ContactReport::Asked& asked, const std::string& name) {
-    return AskedBody{replica(asked).view(), Motion{.pose = asked.pose}, name, asked.solid};
+    return AskedBody{replica(asked.content_hash).view(), Motion{.pose = asked.pose}, name,
+                     asked.solid};
   };
-  return answer(body(report.a, report.body_a), body(report.b, report.body_b), bounded);
+  return answer(body(report.a, report.body_a), body(report.b, report.body_b),
+                bounded(report, options));
+}
+
+Result<Answered> RecordedPeer::ask_tile(const wire::ContactReport& report, const AskedTile& tile,
+                                        const AnswerOptions& options) const {
+  const auto body = [&](const wire::ContactReport::Asked& asked, const std::string& name,
+                        bool is_a) {
+    if (is_a == report.world->is_a)
+      return AskedBody{tile.view(replica(tile.entry->content)), Motion{.pose = asked.pose}, name};
+    return AskedBody{replica(asked.content_hash).view(), Motion{.pose = asked.pose}, name,
+                     asked.solid};
+  };
+  return answer(body(report.a, report.body_a, true), body(report.b, report.body_b, false),
+                bounded(report, options));
 }
 
 namespace {
@@ -240,15 +506,14 @@ class Hands {
 
   void take(std::int64_t id, const RecordedMessage& message) {
     if (const auto header = samples_.read<wire::MeshHeader>(message)) {
-      if (sources_.headers.contains(header->content_hash)) return;
-      if (is_world_record(header->bytes)) played_.worlds[header->content_hash] = header->name;
-      if (auto decoded = decode_header(header->bytes); decoded.is_ok())
-        sources_.headers.emplace(header->content_hash, std::move(decoded).value());
+      sources_.take(*header);
     } else if (samples_.is<wire::SplitBatchMessage>(message)) {
       RecordedPeer* peer = peer_of(recording_.writers()[message.writer].partition);
       if (peer == nullptr) return;
-      if (auto batch = wire::decode_payload<wire::SplitBatchMessage>(message.cdr); batch.is_ok())
-        peer->take(std::move(batch).value());
+      auto batch = wire::decode_payload<wire::SplitBatchMessage>(message.cdr);
+      if (!batch.is_ok()) return;
+      if (batch.value().is_piece) sources_.take_piece(batch.value());
+      peer->take(std::move(batch).value());
     } else if (auto held = samples_.read<wire::HeldDetail>(message)) {
       RecordedPeer* peer = peer_of(wire::partition_of(held->peer));
       if (peer != nullptr) peer->take(std::move(*held));
@@ -291,7 +556,7 @@ class Hands {
 
 }  // namespace
 
-Playing::Playing(PlayPlan plan) : plan_(std::move(plan)) { sources_.files = plan_.models; }
+Playing::Playing(PlayPlan plan) : plan_(std::move(plan)), sources_(plan_.models) {}
 
 Status Playing::go_on(RecordingReader& recording, bool final) {
   const FloatGuard guard;

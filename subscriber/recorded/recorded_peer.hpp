@@ -15,7 +15,9 @@
 
 #include "core/query/answer.hpp"
 #include "core/replica/replica.hpp"
-#include "core/spm/model_folder.hpp"
+#include "core/world/content_bytes.hpp"
+#include "core/world/tile_sum.hpp"
+#include "detail_folder.hpp"
 #include "nearmesh/core/recording/recording.hpp"
 #include "nearmesh/idl/messages/messages.hpp"
 
@@ -32,9 +34,27 @@ struct RecordedReport {
 [[nodiscard]] std::string why_stale(const wire::ContactReport& report);
 
 /// What replicas are made of, beside batches.
-struct ModelSources {
-  std::map<ContentHash, SpmHeader> headers;  ///< that were recorded
-  ModelFolder* files = nullptr;              ///< none given: what a peer says it held is no help
+class ModelSources {
+ public:
+  explicit ModelSources(DetailFolder* given) : files(given) {}
+  DetailFolder* const files;  ///< none given: what a peer says it held is no help
+
+  void take(const wire::MeshHeader& header);
+  /// A piece of a page or of a tile's header, whomever it was sent to.
+  void take_piece(const wire::SplitBatchMessage& message);
+  /// Of those that were recorded; none.
+  [[nodiscard]] std::optional<SpmHeader> header(const ContentHash& content) const;
+  /// Null where it is neither recorded nor among the files.
+  [[nodiscard]] const WorldRecord* world(const ContentHash& content) const;
+  [[nodiscard]] const std::string& name_of_world(const ContentHash& content) const;
+  /// Null where it is not recorded.
+  [[nodiscard]] const WorldPage* page(const ContentHash& content) const;
+
+ private:
+  std::map<ContentHash, std::vector<std::uint8_t>> headers_;  // as they travel: tables are large
+  std::map<ContentHash, std::pair<WorldRecord, std::string>> worlds_;
+  std::map<ContentHash, WorldPage> pages_;
+  std::map<ContentHash, ContentReader> unread_;
 };
 
 /// A model without whose file reports of a peer cannot be reached.
@@ -68,7 +88,7 @@ class RecordedPeer {
     kReached,   ///< this peer has taken in what the report's had
     kNotAsked,  ///< the peer lacked a header or a pose, so there is nothing to reach
     kStale,  ///< by the times that the report has, or the mover was gone: nothing can be certified, whatever was here
-    kGaveUp,   ///< the peer had given up detail, which is not recorded
+    kGaveUp,   ///< the peer had given up detail, and what it held from then on is not recorded
     kLacking,  ///< batches or a header that the peer had are not in the recording
     kNoFile,   ///< the same, but with a model's file it might be reached
     kPutOff,   ///< its turn did not come within the frame's budget, so there is nothing to reach
@@ -76,12 +96,35 @@ class RecordedPeer {
   virtual void visit(const RecordedReport& report, Standing standing) = 0;
 
   // Of a report that is reached, inside visit():
-  [[nodiscard]] const Replica& replica(const wire::ContactReport::Asked& asked) const;
-  /// More than the report says where reports came out of order.
-  [[nodiscard]] std::uint32_t taken_batches(const wire::ContactReport::Asked& asked) const;
-  /// What Session says of this pair. Of an answer that was cut the search is bounded too, by what a session has built in.
+  /// Whether both bodies are replicas that have the states which the report names. Never where one is a world.
+  [[nodiscard]] bool is_rebuilt(const wire::ContactReport& report, Standing standing) const;
+  /// One line on the first replica that has another state; empty where all have theirs.
+  [[nodiscard]] std::string why_not_rebuilt(const wire::ContactReport& report) const;
+  [[nodiscard]] const Replica& replica(const ContentHash& content) const;
+  /// What Session says of this pair. Of an answer that was cut the search is bounded too, by what a session has built in. Precondition: none is a world.
   [[nodiscard]] Result<Answered> ask(const wire::ContactReport& report,
                                      const AnswerOptions& options = {}) const;
+  /// Of a report about a world: the other body, and each tile that was asked, in the tile's place.
+  struct AskedTile {
+    const WorldEntry* entry = nullptr;  ///< of `around`
+    bool asked = false;                 ///< else nothing more is known of it
+    Grid grid;
+    [[nodiscard]] TreeView view(const Replica& tile) const {
+      TreeView view = tile.view();
+      view.grid = &grid;
+      return view;
+    }
+  };
+  struct AskedWorld {
+    const WorldRecord* record = nullptr;
+    bool is_found = false;  ///< else the pages or poses that it is about contradict each other
+    TilesAround around;
+    std::vector<AskedTile> tiles;
+  };
+  [[nodiscard]] const AskedWorld& asked_world() const { return world_; }
+  /// What Session says of the tile and the other body.
+  [[nodiscard]] Result<Answered> ask_tile(const wire::ContactReport& report, const AskedTile& tile,
+                                          const AnswerOptions& options = {}) const;
 
  private:
   struct Batch {
@@ -105,6 +148,7 @@ class RecordedPeer {
   struct Stretch {
     std::optional<wire::HeldDetail> held;
     Numbers numbers;
+    std::uint32_t era = 0;
     std::uint32_t first = 0;      ///< so many batches had been taken in at its begin
     std::uint32_t received = 0;   ///< since
     std::deque<Batch> waiting{};  ///< the last of them
@@ -117,19 +161,39 @@ class RecordedPeer {
     [[nodiscard]] std::uint32_t end() const { return first + received; }
     [[nodiscard]] std::uint32_t taken() const { return replica->taken_batches() + before; }
     void follow(const Batch& batch, const ContentHash& content_hash);
+    [[nodiscard]] bool has_heard(const wire::HeldDetail& told) const;
   };
   using Stream = std::deque<Stretch>;  ///< of one model; ascending, never empty
-  enum class Reach { kThere, kNotYet, kNever, kNoFile };
+  enum class Reach { kThere, kNotYet, kNever, kNoFile, kGaveUp };
+  /// What of a model is to be reached.
+  struct Wanted {
+    ContentHash content;
+    std::uint32_t applied_batches = 0, era = 0;
+  };
 
   Stream& stream_of(const ContentHash& content_hash);
   static void drop_followed(Stream& stream);
-  [[nodiscard]] Reach reach(const wire::ContactReport::Asked& asked, const ModelSources& sources,
-                            bool final);
+  [[nodiscard]] Standing look(const wire::ContactReport& report, const ModelSources& sources,
+                              bool final, bool& waits);
+  [[nodiscard]] Reach reach(const Wanted& wanted, const ModelSources& sources, bool final);
+  [[nodiscard]] Reach reach_world(const wire::ContactReport& report, const ModelSources& sources,
+                                  bool final);
+  [[nodiscard]] Reach find_tiles(const wire::ContactReport& report, const ModelSources& sources);
+  void want_world(const ContentHash& content, const ModelSources& sources);
+  void hand_over(Stream& stream, const ContentHash& content, const ModelSources& sources);
+  [[nodiscard]] bool is_past_patience() const { return waited_rounds_ > kPatientRounds; }
   [[nodiscard]] Reach begin(Stretch& stretch, const ContentHash& content_hash,
                             const ModelSources& sources);
   [[nodiscard]] Status take_up(Stretch& stretch, const Result<SplitBatch>& batch);
 
+  /// What comes by several ways is waited for so many rounds of work.
+  static constexpr int kPatientRounds = 2;
+
   std::map<ContentHash, Stream> streams_;
+  std::map<ContentHash, WorldPage> pages_;  // out of files
+  AskedWorld world_;
+  std::int64_t waits_ = 0;  // the first report's message; and for so many rounds
+  int waited_rounds_ = 0;
   Numbers from_start_;
   std::deque<Batch> latest_;  // that may have come before what was said to be held then
   std::deque<RecordedReport> reports_;
@@ -147,13 +211,12 @@ struct PlayPlan {
   std::function<bool(std::int64_t id)> wants;
   /// Whether the rest may be left out; none given: never.
   std::function<bool()> has_enough;
-  ModelFolder* models = nullptr;  ///< to take peers up again where batches are missing
+  DetailFolder* models = nullptr;  ///< to take peers up again where batches are missing
 };
 
 struct Played {
   std::map<std::string, std::unique_ptr<RecordedPeer>> peers;  ///< by partition
   std::uint64_t reports = 0, malformed = 0;
-  std::map<ContentHash, std::string> worlds;  ///< that were served, and their names
 };
 
 /// A recording that still grows, lived through as far as it goes.

@@ -72,8 +72,9 @@ class ScenePeer final : public RecordedPeer {
       case Standing::kStale:
         return Status{StatusCode::kNotFound, about + why_stale(recorded)};
       case Standing::kGaveUp:
-        return Status{StatusCode::kUnsupported,
-                      about + "the peer had given up detail, which is not recorded"};
+        return Status{
+            StatusCode::kUnsupported,
+            about + "the peer had given up detail, and what it held then is not recorded"};
       case Standing::kLacking:
       case Standing::kNoFile:
         return Status{StatusCode::kNotFound,
@@ -81,15 +82,16 @@ class ScenePeer final : public RecordedPeer {
       case Standing::kReached:
         break;
     }
-    for (const wire::ContactReport::Asked* asked : {&recorded.a, &recorded.b})
-      if (taken_batches(*asked) != asked->applied_batches ||
-          replica(*asked).mesh().state_hash() != asked->state_digest)
-        return Status{StatusCode::kConflict,
-                      about + "the meshes do not come out as recorded; see verify"};
+    if (recorded.world)
+      return Status{StatusCode::kUnsupported, about + "one of the bodies is a world"};
+    if (!is_rebuilt(recorded, standing))
+      return Status{StatusCode::kConflict,
+                    about + "the meshes do not come out as recorded; see verify"};
     RecordedScene scene{.message = report.id, .received_ns = report.received_ns};
     scene.report = recorded;
-    scene.bodies = {recorded_body(recorded.body_a, replica(recorded.a), recorded.a.pose),
-                    recorded_body(recorded.body_b, replica(recorded.b), recorded.b.pose)};
+    scene.bodies = {
+        recorded_body(recorded.body_a, replica(recorded.a.content_hash), recorded.a.pose),
+        recorded_body(recorded.body_b, replica(recorded.b.content_hash), recorded.b.pose)};
     Result<Answered> asked = ask(recorded, {.contacts = true});
     NEARMESH_RETURN_IF_ERROR(asked);
     if (asked.value().contacts) scene.contacts = std::move(*asked.value().contacts);
@@ -130,7 +132,7 @@ Result<std::int64_t> find_report(RecordingReader& recording, const SceneChoice& 
           const auto report = samples.value().read<wire::ContactReport>(message);
           if (!report) return true;
           const wire::ContactReport& r = *report;
-          if (!r.asked || r.gave_up_detail ||
+          if (!r.asked || r.world ||
               (!choice.peer.empty() && wire::partition_of(r.peer) != choice.peer) ||
               !(fits(choice, r.body_a, r.body_b) || fits(choice, r.body_b, r.body_a)))
             return true;

@@ -48,7 +48,7 @@ struct SceneChoice {
   std::int64_t contact_first_ns = 0;
 };
 
-/// The id of the last report chosen that was asked and has not given up detail.
+/// The id of the last report chosen that was asked, of bodies that are no worlds.
 /// Errors: kUnsupported for another wire version; kNotFound, saying what there is; those of the reader.
 /// Cost: reads backwards until it is found.
 [[nodiscard]] Result<std::int64_t> find_report(RecordingReader& recording,
@@ -56,7 +56,7 @@ struct SceneChoice {
 
 /// The scenes of some reports, in their order, in one run through the recording. Each has a status of its own: kNotFound
 /// where the recording lacks batches or a header that the peer had, or the id is no report that was asked; kUnsupported
-/// after detail was given up; kConflict where what comes out is not what was recorded.
+/// of a world, and after give-ups that are not recorded; kConflict where what comes out is not what was recorded.
 /// Errors: those of the reader; kUnsupported for another wire version; kIo where there is no memory for replicas.
 [[nodiscard]] Result<std::vector<Result<RecordedScene>>> rebuild_scenes(
     RecordingReader& recording, const std::vector<std::int64_t>& reports);

@@ -38,7 +38,8 @@ struct VerifyReport {
   std::uint64_t put_off =
       0;  ///< the pair's turn did not come within the frame's budget: nothing was claimed
   std::uint64_t lacking = 0;  ///< batches (or a header) that the peer had are not in the recording
-  std::uint64_t gave_up = 0;  ///< the peer had given up detail, which is not recorded
+  std::uint64_t gave_up =
+      0;  ///< the peer had given up detail, and what it held from then on is not recorded
   std::uint64_t malformed = 0;  ///< reports that do not decode
   /// Of `verified`: the peer's own options ended the answer (any, max_pairs, max_tests). What it lists does touch; that it is all
   /// it did not claim, unless it gave the number of pairs, which was counted again.
@@ -52,7 +53,7 @@ struct VerifyReport {
       differences;  ///< the first kMaxDifferences of each peer, in order of the recording
   /// Files that would help with reports that lack batches, by content.
   std::map<ContentHash, WantedModel> wanted;
-  /// One line each: why a peer could not be taken up from what it said it held; worlds, of which nothing is reported.
+  /// One line each: why a peer could not be taken up from what it said it held.
   std::vector<std::string> complaints;
 
   /// Of how many answers the recording tells.
@@ -63,7 +64,7 @@ inline constexpr std::size_t kMaxDifferences = 16;
 struct VerifyPlan {
   unsigned threads = 1;  ///< peers are spread over so many (>= 1)
   /// From these files a peer is taken up where it said what it held, if batches of before are not in the recording.
-  ModelFolder* models = nullptr;
+  DetailFolder* models = nullptr;
 };
 
 /// Memory: the peers' replicas, and a few thousand messages.

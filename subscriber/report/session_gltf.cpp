@@ -95,12 +95,8 @@ class GltfPeer final : public RecordedPeer {
   };
 
   void visit(const RecordedReport& report, Standing standing) override {
-    if (standing != Standing::kReached) return;
     const wire::ContactReport& r = report.message;
-    for (const wire::ContactReport::Asked* asked : {&r.a, &r.b})
-      if (taken_batches(*asked) != asked->applied_batches ||
-          replica(*asked).mesh().state_hash() != asked->state_digest)
-        return;
+    if (!is_rebuilt(r, standing)) return;
     const double time_s = 1e-9 * static_cast<double>(report.received_ns - picture_.begin_ns);
     picture_.end_s = std::max(picture_.end_s, time_s);
     if (!std::exchange(picture_.has_origin, true)) picture_.origin = r.a.pose.translation_m;
@@ -131,7 +127,7 @@ class GltfPeer final : public RecordedPeer {
       }
       for (const std::size_t i : {1U, 2U, 3U, 0U}) body.turns.push_back(q[i]);
     }
-    const Replica& held = replica(asked);
+    const Replica& held = replica(asked.content_hash);
     auto& versions = body.meshes.all;
     const std::uint64_t state = held.mesh().state_hash();
     if (!versions.empty() && (state == body.state || time_s - versions.back().from_s < kMeshStep_s))
@@ -181,7 +177,7 @@ class GltfPeer final : public RecordedPeer {
 
 }  // namespace
 
-Result<SessionGltf> session_to_glb(RecordingReader& recording, ModelFolder* models) {
+Result<SessionGltf> session_to_glb(RecordingReader& recording, DetailFolder* models) {
   Picture picture{.begin_ns = recording.begin_ns()};
   // One thread: nodes are numbered in the order of the recording.
   const Result<Played> played =

@@ -4,8 +4,8 @@
 
 #include <string>
 
-#include "core/spm/model_folder.hpp"
 #include "nearmesh/core/recording/recording.hpp"
+#include "subscriber/recorded/detail_folder.hpp"
 
 namespace nearmesh::subscriber::report {
 
@@ -21,6 +21,6 @@ struct SessionGltf {
 /// Errors: those of the reader; kUnsupported above 4 GiB and for another wire version; kNotFound where no answer can be rebuilt; kIo
 /// where there is no memory for replicas.
 [[nodiscard]] Result<SessionGltf> session_to_glb(RecordingReader& recording,
-                                                 ModelFolder* models = nullptr);
+                                                 DetailFolder* models = nullptr);
 
 }  // namespace nearmesh::subscriber::report

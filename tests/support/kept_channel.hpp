@@ -17,9 +17,10 @@ namespace nearmesh::test {
 struct KeptSample {
   wire::SessionId by = 0;  ///< the participant
   std::variant<wire::MeshHeader, wire::BodyDirectory, wire::BodyPoses, wire::WatchedBodies,
-               wire::BoundsReport>
+               wire::BoundsReport, wire::ContactReport, wire::HeldDetail>
       message;
   wire::SplitBatchMessage batch{};  ///< instead, where it has bytes
+  wire::SessionId peer = 0;         ///< that it is for
 
   template <class Message>
   [[nodiscard]] Message* as() {
@@ -40,7 +41,11 @@ class KeptChannel final : public subscriber::Channel {
   void send(const wire::RegionSubscription& message) override { inner_->send(message); }
   void send(const wire::BodyPoses& message) override { pass(message); }
   void send(const wire::BodyDirectory& message) override { pass(message); }
-  void send(const wire::ContactReport& message) override { inner_->send(message); }
+  void send(const wire::ContactReport& message) override { pass(message); }
+  void tell_held(const wire::HeldDetail& message) override {
+    keep(own_id(), message);
+    inner_->tell_held(message);
+  }
   void tell_watched(const wire::WatchedBodies& message) override {
     keep(own_id(), message);
     inner_->tell_watched(message);
@@ -49,13 +54,15 @@ class KeptChannel final : public subscriber::Channel {
     keep(own_id(), message);
     inner_->tell_bounds(message);
   }
+  bool recorder_comes = false;  ///< by the next take()
   Inbox take() override {
     Inbox inbox = inner_->take();
+    inbox.recorder_came |= std::exchange(recorder_comes, false);
     for (const Header& header : inbox.headers)
       if (headers_.insert(header.message.content_hash).second)
         keep(header.publisher, header.message);
     for (const wire::SplitBatchMessage& batch : inbox.batches)
-      kept_.push_back({.by = batch.publisher, .message = {}, .batch = batch});
+      kept_.push_back({.by = batch.publisher, .message = {}, .batch = batch, .peer = own_id()});
     return inbox;
   }
 
@@ -75,14 +82,17 @@ class KeptChannel final : public subscriber::Channel {
 };
 
 /// In their order, a millisecond apart.
-inline void write_samples(const KeptSamples& samples, const std::string& path) {
+/// `unheard`: who had sent contact reports before.
+inline void write_samples(const KeptSamples& samples, const std::string& path,
+                          wire::SessionId unheard = 0) {
   Tape tape(RecordingWriter::create(path, {7, 0, wire::kWireVersion, "kept", "idl"}).value(),
             "kept");
   tape.now_ns = 1'700'000'000'000'000'000;
+  if (unheard != 0) tape.miss_reports(unheard, 7);
   for (const KeptSample& sample : samples) {
     tape.now_ns += 1'000'000;
     if (!sample.batch.bytes.empty()) {
-      tape.put(sample.by, 1, sample.batch);
+      tape.put(sample.by, sample.peer, sample.batch);
     } else {
       std::visit([&](const auto& message) { tape.put(sample.by, message); }, sample.message);
     }

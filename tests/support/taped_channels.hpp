@@ -54,6 +54,12 @@ class Tape {
     add(by, "", m);
   }
   void put(wire::SessionId by, const wire::ContactReport& m) { add(by, "", m); }
+  /// The next so many are not heard.
+  void miss_reports(wire::SessionId by, std::uint64_t count) {
+    Writer& writer = writer_of(by, wire::place_of<wire::ContactReport>(), "");
+    keep(writer_->add_gap({writer.index, writer.sequence + 1, count, now_ns}));
+    writer.sequence += count;
+  }
   void put(wire::SessionId by, const wire::HeldDetail& m) { add(by, "", m); }
   void put(wire::SessionId by, const wire::WatchedBodies& m) { add(by, "", m); }
   void put(wire::SessionId by, const wire::BoundsReport& m) { add(by, "", m); }

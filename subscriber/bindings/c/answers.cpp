@@ -81,6 +81,15 @@ nearmesh_swept to_c(const SweptAnswer& swept) {
           .missing_b = swept.missing_b.size()};
 }
 
+nearmesh_world_tile to_c(const WorldTile& tile) {
+  nearmesh_world_tile out{};
+  const std::string content = to_hex(tile.content);
+  static_assert(sizeof out.content == 2 * sizeof(ContentHash) + 1);
+  std::copy(content.begin(), content.end(), out.content);
+  copy(tile.place, out.place);
+  return out;
+}
+
 ContentText::ContentText(const ContentHash& content) {
   if (!content.is_set()) return;
   const std::string text = to_hex(content);

@@ -11,6 +11,7 @@
 #include "nearmesh/core/query/depth.hpp"
 #include "nearmesh/core/query/sweep.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
+#include "nearmesh/core/world/world_probe.hpp"
 
 namespace nearmesh::c {
 
@@ -20,6 +21,7 @@ namespace nearmesh::c {
 [[nodiscard]] Pose from_c(const nearmesh_pose& pose);
 [[nodiscard]] Motion from_c(const nearmesh_motion& motion);
 [[nodiscard]] nearmesh_swept to_c(const SweptAnswer& swept);
+[[nodiscard]] nearmesh_world_tile to_c(const WorldTile& tile);
 
 /// 32 digits and a 0; empty for no content.
 struct ContentText {

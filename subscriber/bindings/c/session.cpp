@@ -166,6 +166,21 @@ Status no_such(nearmesh_body body, const char* what) {
 
 }  // namespace
 
+void OwnedWorld::fill(const subscriber::WorldAnswer& of) {
+  text = ContentText(of.world);
+  content = text.digits;
+  tiles.clear();
+  for (const subscriber::NearTile& tile : of.tiles)
+    tiles.push_back({.tile = to_c(tile.tile),
+                     .is_here = tile.is_here,
+                     .asked = tile.asked,
+                     .status = static_cast<int32_t>(tile.status),
+                     .pairs = tile.pairs,
+                     .missing = tile.missing.size()});
+  tile_count = tiles.size();
+  missing_page_count = of.missing_pages.size();
+}
+
 void OwnedPair::fill(const subscriber::PairAnswer& of) {
   answer.fill(of.answer, of.contacts, of.depth);
   content_a = ContentText(of.content_a);
@@ -195,6 +210,8 @@ void OwnedPair::fill(const subscriber::PairAnswer& of) {
   if (of.swept) swept = to_c(*of.swept);
   pair.swept = of.swept ? &swept : nullptr;
   pair.contact_ids = of.contact_ids.data();
+  if (of.world) world.fill(*of.world);
+  pair.world = of.world ? &world : nullptr;
 }
 
 void OwnedFrame::fill(subscriber::FrameReport of) {
@@ -301,6 +318,16 @@ nearmesh_status nearmesh_session_add_model(nearmesh_session* session, const char
     Result<ModelFile> file = ModelFile::open(path);
     NEARMESH_RETURN_IF_ERROR(file);
     return session->local->add_model(name, std::move(file).value());
+  });
+}
+
+nearmesh_status nearmesh_session_add_world(nearmesh_session* session, const char* name,
+                                           const char* folder, nearmesh_error* error) noexcept {
+  return c::changing(session, error, [&]() -> Status {
+    NEARMESH_RETURN_IF_ERROR(c::check_local(*session));
+    NEARMESH_RETURN_IF_ERROR(c::check_given(name, "name"));
+    NEARMESH_RETURN_IF_ERROR(c::check_given(folder, "folder"));
+    return session->local->add_world(name, folder);
   });
 }
 
@@ -425,6 +452,12 @@ const nearmesh_pair_answer* nearmesh_session_answer(const nearmesh_session* sess
   if (!c::is_handle(session) || !session->frame || index >= session->frame->frame.answer_count)
     return nullptr;
   return &session->frame->pairs[index].pair;
+}
+
+const nearmesh_near_tile* nearmesh_world_answer_tile(const nearmesh_world_answer* answer,
+                                                     size_t index) noexcept {
+  if (answer == nullptr || index >= answer->tile_count) return nullptr;
+  return &static_cast<const c::OwnedWorld*>(answer)->tiles[index];
 }
 
 const nearmesh_pair_answer* nearmesh_session_find(const nearmesh_session* session, nearmesh_body a,

@@ -16,6 +16,16 @@
 
 namespace nearmesh::c {
 
+struct OwnedWorld : nearmesh_world_answer {
+  OwnedWorld() : nearmesh_world_answer{} {}
+  OwnedWorld(const OwnedWorld&) = delete;
+  OwnedWorld& operator=(const OwnedWorld&) = delete;
+  void fill(const subscriber::WorldAnswer& of);
+
+  ContentText text;
+  std::vector<nearmesh_near_tile> tiles;
+};
+
 /// Of a frame; its texts are the report's.
 struct OwnedPair {
   OwnedPair() = default;
@@ -28,6 +38,7 @@ struct OwnedPair {
   ContentText content_a, content_b;
   nearmesh_swept swept{};
   nearmesh_last_certified last_certified{};
+  OwnedWorld world;
 };
 
 struct OwnedFrame {

@@ -20,13 +20,6 @@ namespace {
 bool has_face(const WorldRayAnswer& answer) { return answer.ray.has_face; }
 bool has_face(const WorldShapeAnswer& answer) { return answer.shape.has_face; }
 
-void tell_tile(const WorldTile& from, nearmesh_world_tile& to) {
-  const std::string content = to_hex(from.content);
-  static_assert(sizeof to.content == 2 * sizeof(ContentHash) + 1);
-  std::copy(content.begin(), content.end(), to.content);
-  std::copy(from.place.begin(), from.place.end(), to.place);
-}
-
 template <class Probe, class Answer, class From, class To>
 nearmesh_status of_world(nearmesh_world* world, const nearmesh_pose* pose, const From* given,
                          std::size_t count, const char* name, To* answers,
@@ -39,7 +32,7 @@ nearmesh_status of_world(nearmesh_world* world, const nearmesh_pose* pose, const
           if (tiles == nullptr) return Status::ok();
           for (std::size_t i = 0; i < count; ++i) {
             tiles[i] = {};
-            if (has_face(found[i])) tell_tile(found[i].tile, tiles[i]);
+            if (has_face(found[i])) tiles[i] = to_c(found[i].tile);
           }
           return Status::ok();
         });

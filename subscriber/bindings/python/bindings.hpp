@@ -6,6 +6,7 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
+#include <algorithm>
 #include <array>
 #include <initializer_list>
 #include <memory>
@@ -57,6 +58,15 @@ template <class T>
 template <class Row>
 [[nodiscard]] py::array_t<Row> rows_of(const std::vector<Row>& rows) {
   return py::array_t<Row>(static_cast<py::ssize_t>(rows.size()), rows.data());
+}
+
+/// A content's 32 digits, as a field of rows.
+using HexText = std::array<char, 32>;
+[[nodiscard]] inline HexText hex_of(const ContentHash& content) {
+  HexText text{};
+  const std::string hex = to_hex(content);
+  std::copy(hex.begin(), hex.end(), text.begin());
+  return text;
 }
 
 /// Clearance by its name in Python: "none", "bound", "exact".

@@ -61,7 +61,6 @@ ShapeRow row_of(const ShapeAnswer& answer) {
 }
 
 /// Of a world: the answer, and whose face it names.
-using HexText = std::array<char, 32>;
 using Place = std::array<std::int32_t, 3>;
 struct WorldRayRow {
   std::uint8_t status;
@@ -80,10 +79,7 @@ struct WorldShapeRow {
   Place place;
 };
 HexText name_of(const WorldTile& tile, bool has_face) {
-  HexText text{};
-  const std::string hex = has_face ? to_hex(tile.content) : std::string();
-  std::copy(hex.begin(), hex.end(), text.begin());
-  return text;
+  return has_face ? hex_of(tile.content) : HexText{};
 }
 WorldRayRow row_of(const WorldRayAnswer& answer) {
   const RayRow row = row_of(answer.ray);

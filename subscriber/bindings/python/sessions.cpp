@@ -37,6 +37,14 @@ struct PairRow {
   double distance_at_most_m;
   std::array<double, 3> nearest_a_m, nearest_b_m;
 };
+/// Of a body that is a world.
+struct TileRow {
+  HexText tile;
+  std::array<std::int32_t, 3> place;
+  bool is_here, asked;
+  std::uint8_t status;
+  std::uint64_t pairs, missing;
+};
 struct EventRow {
   std::uint8_t change;
   std::uint64_t id;
@@ -176,10 +184,12 @@ subscriber::SessionOptions session_options(const py::kwargs& given) {
 }
 
 std::unique_ptr<Peer> local_session(const std::map<std::string, std::string>& models,
+                                    const std::map<std::string, std::string>& worlds,
                                     const py::kwargs& given) {
   auto channel = std::make_unique<subscriber::LocalChannel>();
   for (const auto& [name, path] : models)
     need(channel->add_model(name, need(ModelFile::open(path))));
+  for (const auto& [name, folder] : worlds) need(channel->add_world(name, folder));
   auto peer = std::make_unique<Peer>();
   peer->session = std::make_unique<Session>(std::move(channel), session_options(given));
   return peer;
@@ -281,6 +291,23 @@ void add_frame(py::module_& module) {
           py::arg("row"),
           "How deep the bodies of a row of answers are in each other; None without contact, or "
           "without the session's option depth.")
+      .def(
+          "world",
+          [](const FrameReport& report, std::size_t row) -> py::object {
+            if (row >= report.answers.size()) throw py::index_error("no such row of answers");
+            const auto& world = report.answers[row].world;
+            if (!world) return py::none();
+            std::vector<TileRow> rows;
+            for (const subscriber::NearTile& tile : world->tiles)
+              rows.push_back({hex_of(tile.tile.content), tile.tile.place, tile.is_here, tile.asked,
+                              static_cast<std::uint8_t>(tile.status), tile.pairs,
+                              tile.missing.size()});
+            return py::make_tuple(to_hex(world->world), rows_of(rows), world->missing_pages.size());
+          },
+          py::arg("row"),
+          "Where one of the bodies of a row of answers is a world, and was asked: the world's "
+          "content, its tiles near the other body as a structured array (tile, place, is_here, "
+          "asked, status, pairs, missing), and how many pages have not come. Else None.")
       .def_property_readonly(
           "contact_events",
           [](const FrameReport& report) {
@@ -344,6 +371,7 @@ void add_sessions(py::module_& module) {
                        pose_b, digest, put_off, exhausted, last_status, last_age_s,
                        last_clearance_m, last_safe_s, distance_at_most_m, nearest_a_m, nearest_b_m);
   PYBIND11_NUMPY_DTYPE(EventRow, change, id, a, b, patch);
+  PYBIND11_NUMPY_DTYPE(TileRow, tile, place, is_here, asked, status, pairs, missing);
   py::class_<Motion>(module, "Motion", "Where a body is and how it moves, world frame.")
       .def(py::init([](const Doubles& pose, const std::array<double, 3>& linear,
                        const std::array<double, 3>& angular) {
@@ -365,7 +393,8 @@ margin_m, sweep_s, request_timeout_s, max_held_splits, clearance ("none", "bound
 publish_reports, any, max_pairs, max_tests, max_sweep_tests; and, for the pairs of a frame, threads=N or run_jobs=f: f(count, job)
 calls job(i) for each i below count, on threads of its own, and returns when all are done.)")
           .def_static("local", &local_session, py::arg("models"),
-                      "A session fed from files: {name: path}.")
+                      py::arg("worlds") = std::map<std::string, std::string>{},
+                      "A session fed from files: {name: path}, and worlds: {name: folder}.")
           .def_static(
               "dds", &dds_session, py::kw_only(), py::arg("domain") = 0U, py::arg("interface") = "",
               py::arg("name") = "", py::arg("prefix") = "nearmesh", py::arg("transport") = "lan",

@@ -137,8 +137,8 @@ const kStatuses = ['free', 'contact', 'partial', 'uncertain', 'contained'];
 const kWorstFirst = [3, 2, 1, 4, 0];
 const isCertified = status => status === 0 || status === 1 || status === 4;
 const kUnknown = ['', '', 'nothing was asked: a header or a pose had not come', 'a pose was too old, or its mover gone',
-  'the peer had given up detail, which is not recorded', 'the recording lacks batches that the peer had',
-  'the recording lacks batches that the peer had', 'not asked: its turn did not come within the frame\'s budget'];
+  'the peer had given up detail, and what it held then is not recorded', 'the recording lacks batches that the peer had',
+  'the recording lacks batches that the peer had', 'not asked: its turn did not come within the frame\'s budget', 'one is a world, which is not drawn'];
 
 class FilmPeer {
   constructor(id) {

@@ -7,6 +7,76 @@ static nearmesh_error error;
 
 enum { kSide = 20, kRays = kSide * kSide };
 
+// A ball over the same ground twice: of tiles, and of one mesh.
+static void fly(const char* folder, const char* model) {
+  static Sphere ball;
+  static char ball_file[1000];
+  make_sphere(&ball);
+  for (int i = 0; i < kSphereVertices; ++i)
+    for (int k = 0; k < 3; ++k) ball.positions_m[3 * i + k] *= 300;
+  snprintf(ball_file, sizeof ball_file, "%s/ball.spm", folder);
+  MUST(nearmesh_bake(ball.positions_m, kSphereVertices, ball.faces, kSphereFaces, ball_file, NULL,
+                     &error));
+  nearmesh_session* session = NULL;
+  MUST(nearmesh_session_create_local(NULL, &session, &error));
+  REFUSED(nearmesh_session_add_world(session, "ground", model, &error), NEARMESH_IO, "world.nmw");
+  REFUSED(nearmesh_session_add_world(session, NULL, folder, &error), NEARMESH_INVALID_ARGUMENT,
+          "name");
+  REFUSED(nearmesh_session_add_world(session, "ground", NULL, &error), NEARMESH_INVALID_ARGUMENT,
+          "folder");
+  MUST(nearmesh_session_add_world(session, "ground", folder, &error));
+  REFUSED(nearmesh_session_add_world(session, "ground", folder, &error), NEARMESH_CONFLICT,
+          "taken");
+  MUST(nearmesh_session_add_model(session, "one", model, &error));
+  MUST(nearmesh_session_add_model(session, "ball", ball_file, &error));
+  const char* names[3] = {"ground", "one", "ball"};
+  nearmesh_body bodies[3];
+  for (int i = 0; i < 3; ++i) {
+    nearmesh_body_options options;
+    MUST(nearmesh_body_options_init(&options, sizeof options));
+    options.name = options.model = names[i];
+    options.own = i == 2;
+    MUST(nearmesh_session_add_body(session, &options, &bodies[i], &error));
+    if (i == 2) continue;
+    const nearmesh_pose place = NEARMESH_POSE_IDENTITY;
+    MUST(nearmesh_session_place_body(session, bodies[i], &place, &error));
+  }
+  for (int i = 0; i < 2; ++i) MUST(nearmesh_session_watch(session, bodies[i], bodies[2], &error));
+  int touching = 0;
+  for (int step = 0; step < 5; ++step) {
+    nearmesh_motion motion = {.pose = NEARMESH_POSE_IDENTITY};
+    motion.pose.translation_m[0] = 90 * (step - 2);
+    motion.pose.translation_m[2] = step == 4 ? 5000 : 40;
+    const nearmesh_frame* frame = NULL;
+    for (int i = 0; i < 200 && (i == 0 || !frame->all_certified); ++i)
+      MUST(nearmesh_session_update(session, (uint64_t)step, step, &bodies[2], &motion, 1, 1, &frame,
+                                   &error));
+    CHECK(frame->all_certified);
+    const nearmesh_pair_answer* of_tiles = nearmesh_session_find(session, bodies[0], bodies[2]);
+    const nearmesh_pair_answer* of_one = nearmesh_session_find(session, bodies[1], bodies[2]);
+    CHECK(of_one->world == NULL);
+    CHECK(of_tiles->world != NULL);
+    if (of_tiles->world == NULL) break;
+    CHECK(strcmp(of_tiles->world->content, of_tiles->content_a) == 0);
+    CHECK(of_tiles->world->missing_page_count == 0);
+    CHECK(of_tiles->answer->status == of_one->answer->status);
+    uint64_t pairs = 0;
+    for (size_t i = 0; i < of_tiles->world->tile_count; ++i) {
+      const nearmesh_near_tile* tile = nearmesh_world_answer_tile(of_tiles->world, i);
+      CHECK(tile->is_here && tile->asked && tile->missing == 0);
+      CHECK(strlen(tile->tile.content) == 32);
+      pairs += tile->pairs;
+    }
+    CHECK(pairs == of_tiles->answer->pair_count);
+    CHECK(nearmesh_world_answer_tile(of_tiles->world, of_tiles->world->tile_count) == NULL);
+    CHECK((step == 4) == (of_tiles->world->tile_count == 0));
+    touching += pairs > 0;
+  }
+  CHECK(touching > 1);
+  CHECK(nearmesh_world_answer_tile(NULL, 0) == NULL);
+  nearmesh_session_destroy(session);
+}
+
 int main(int argc, char** argv) {
   if (argc != 3) return fprintf(stderr, "usage: %s WORLD MODEL\n", argv[0]), 2;
   nearmesh_world* world = NULL;
@@ -62,6 +132,7 @@ int main(int argc, char** argv) {
   REFUSED(nearmesh_world_probe_rays((nearmesh_world*)(void*)model, &pose, rays, 1, of_world, NULL,
                                     &error),
           NEARMESH_INVALID_ARGUMENT, "no world");
+  fly(argv[1], argv[2]);
   nearmesh_world_close(NULL);
   nearmesh_world_close(world);
   nearmesh_model_close(model);

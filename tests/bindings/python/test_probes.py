@@ -128,6 +128,43 @@ def ground(tmp_path_factory):
     return nm.Model(str(folder / "ground.spm")), str(folder / "WORLD")
 
 
+def test_a_body_may_be_a_world(ground):
+    model, folder = ground
+    ball = os.path.join(os.path.dirname(folder), "ball.spm")
+    vertices = np.array([(x, y, z) for x in (-150, 150) for y in (-150, 150) for z in (-150, 150)], float)
+    faces = [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4),
+             (1, 5, 7), (1, 7, 3)]
+    nm.bake(vertices, faces, ball)
+    session = nm.Session.local({"whole": model.path, "ball": ball}, {"tiles": folder})
+    whole, tiles = session.add_body("whole", "whole"), session.add_body("tiles", "tiles")
+    flyer = session.add_body("flyer", "ball", own=True)
+    for body in (whole, tiles):
+        session.place_body(body, np.eye(4))
+        session.watch(flyer, body)
+    touched = 0
+    for frame, (x, z) in enumerate([(0, 0), (100, 50), (-200, 0), (50, 3000)]):
+        for _ in range(200):
+            report = session.update(frame, float(frame), {flyer: nm.pose((x, 0, z))}, 1)
+            if report.all_certified:
+                break
+        assert report.all_certified
+        of_whole, of_tiles = report.find(flyer, whole), report.find(flyer, tiles)
+        assert report.world(of_whole) is None
+        content, near, missing_pages = report.world(of_tiles)
+        assert len(content) == 32 and missing_pages == 0
+        answers = report.answers
+        assert answers[of_tiles]["status"] == answers[of_whole]["status"]
+        assert near["pairs"].sum() == answers[of_tiles]["pairs"]
+        assert (near["is_here"] & near["asked"]).all()
+        assert all(os.path.exists(f"{folder}/tiles/{tile.decode()}.spm") for tile in near["tile"])
+        touched += answers[of_tiles]["pairs"] > 0
+    assert touched >= 1 and len(near) == 0
+    with pytest.raises(IndexError):
+        report.world(7)
+    with pytest.raises(nm.errors.NotFoundError):
+        nm.Session.local({}, {"tiles": folder + "/tiles"})
+
+
 def test_a_world_answers_as_the_one_mesh_that_was_cut(ground):
     model, folder = ground
     world = nm.World(folder, most_tiles=2)

@@ -231,7 +231,7 @@ TEST_F(ExportSession, GlbMovesBodiesAsRecorded) {
           ->read(1, recording->message_count() + 1,
                  [&](std::int64_t, const RecordedMessage& message) {
                    const auto report = samples.read<wire::ContactReport>(message);
-                   if (!report || !report->asked || report->gave_up_detail) return true;
+                   if (!report || !report->asked) return true;
                    const float time_s = static_cast<float>(
                        1e-9 * static_cast<double>(message.received_ns - recording->begin_ns()));
                    for (const auto& peer : glb.json["nodes"]) {

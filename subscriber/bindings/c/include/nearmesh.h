@@ -389,6 +389,11 @@ NEARMESH_API void nearmesh_session_destroy(nearmesh_session* session) NEARMESH_N
 NEARMESH_API nearmesh_status nearmesh_session_add_model(nearmesh_session* session, const char* name,
                                                         const char* path, nearmesh_error* error)
     NEARMESH_NOTHROW;
+/// Of a local session: serves a world on disk (docs/worlds.md) as a model of that name; a body of it is a world.
+/// Errors: as nearmesh_session_add_model(); NEARMESH_NOT_FOUND, NEARMESH_IO, NEARMESH_CORRUPT, NEARMESH_UNSUPPORTED, naming the file.
+NEARMESH_API nearmesh_status nearmesh_session_add_world(nearmesh_session* session, const char* name,
+                                                        const char* folder, nearmesh_error* error)
+    NEARMESH_NOTHROW;
 /// Of a local session: 0 as when the network goes down, else as when it is back. To test what your program does while answers are
 /// uncertain. Errors: NEARMESH_UNSUPPORTED of a session with DDS.
 NEARMESH_API nearmesh_status nearmesh_session_set_connected(nearmesh_session* session,
@@ -516,6 +521,30 @@ typedef struct nearmesh_last_certified {
   double safe_s;       ///< so long nothing can touch, if the bodies keep within their speeds of this frame; 0: nothing follows
 } nearmesh_last_certified;
 
+/// A tile of a world, in one of its places.
+typedef struct nearmesh_world_tile {
+  char content[33];      ///< of its model, 32 hexadecimal digits; of a probe's answer empty where no face was met
+  int32_t place[3];      ///< where its grid begins, in cells from the world's origin
+} nearmesh_world_tile;
+/// A tile that pages do not prove apart from the other body, now or within the look-ahead.
+typedef struct nearmesh_near_tile {
+  nearmesh_world_tile tile;
+  int32_t is_here;   ///< its header is; else nothing is known of it but its box
+  int32_t asked;     ///< its trees were asked; else its turn did not come, or it is not here
+  int32_t status;    ///< as nearmesh_answer.status
+  uint64_t pairs;    ///< so many of the answer's pairs are of this tile: first come those of the first tile, and so on
+  uint64_t missing;  ///< nodes of its model that the answer misses
+} nearmesh_near_tile;
+/// What an answer says of a body that is a world (docs/worlds.md).
+typedef struct nearmesh_world_answer {
+  const char* content;        ///< of the world, 32 digits
+  size_t tile_count;          ///< see nearmesh_world_answer_tile
+  size_t missing_page_count;  ///< pages that are not here, of which nothing is known but their boxes
+} nearmesh_world_answer;
+/// By place. Valid as long as the answer. NULL beyond its tile_count.
+NEARMESH_API const nearmesh_near_tile* nearmesh_world_answer_tile(
+    const nearmesh_world_answer* answer, size_t index) NEARMESH_NOTHROW;
+
 typedef struct nearmesh_pair_answer {
   nearmesh_body a, b;             ///< as they were watched; else the lower first
   const nearmesh_answer* answer;
@@ -531,6 +560,7 @@ typedef struct nearmesh_pair_answer {
   const nearmesh_swept* swept;    ///< with sweep_s, where the poses are known; else NULL
   const nearmesh_last_certified* last_certified;  ///< of a pair that is put off, if it ever was certified; else NULL
   const uint64_t* contact_ids;    ///< of each patch of answer->contacts, where there are some: a number that lasts with the contact
+  const nearmesh_world_answer* world;  ///< where one of the bodies is a world, and was asked; else NULL
 } nearmesh_pair_answer;
 
 /// A body of which nothing can be said; none of its pairs is certified.
@@ -757,12 +787,6 @@ NEARMESH_API nearmesh_status nearmesh_model_probe_boxes(
 
 /// A world of tiles on disk, made by `nearmesh-model build-world` (docs/worlds.md), as if it were one mesh.
 typedef struct nearmesh_world nearmesh_world;
-/// A tile in one of its places.
-typedef struct nearmesh_world_tile {
-  char content[33];      ///< of its model, 32 hexadecimal digits; empty where no face was met
-  int32_t place[3];      ///< where its grid begins, in cells from the world's origin
-} nearmesh_world_tile;
-
 /// Holds at most `most_tiles` tiles open, the least recently used going first; 0: 64.
 /// Errors: NEARMESH_NOT_FOUND (no world's record is there), NEARMESH_IO, NEARMESH_CORRUPT, NEARMESH_UNSUPPORTED, naming the file.
 NEARMESH_API nearmesh_status nearmesh_world_open(const char* folder, size_t most_tiles,

@@ -182,7 +182,10 @@ TEST(Cut, IsWhatTheOptionsMayHaveEnded) {
   answer.truncated = true;
   EXPECT_TRUE(is_cut(answer, {}));
   EXPECT_TRUE(is_cut({.exhausted = true}, {}));
-  EXPECT_FALSE(is_cut({}, {.any = true}));
+  EXPECT_FALSE(is_cut({.status = AnswerStatus::kFree}, {.any = true}));
+  EXPECT_FALSE(is_cut({.status = AnswerStatus::kContained}, {.any = true}));
+  EXPECT_TRUE(is_cut({.status = AnswerStatus::kUncertain}, {.any = true})) << "of what is missing";
+  EXPECT_FALSE(is_cut({.status = AnswerStatus::kUncertain}, {}));
 }
 
 }  // namespace

@@ -105,7 +105,7 @@ TEST(HeldNodes, TellWhatIsLeftAfterDetailWasGivenUp) {
   for (const BaseRoot& root : model.store.roots()) whole.add(model.store.box(root.node));
   whole.hi[0] = whole.lo[0] + (whole.hi[0] - whole.lo[0]) / 2;
   static_cast<void>(replica.give_up({{RegionPart{whole}}}));
-  ASSERT_TRUE(replica.gave_up_detail());
+  ASSERT_GT(replica.give_ups(), 0U);
   expect_same(replica, made_from(model, held_nodes(replica)));
 }
 

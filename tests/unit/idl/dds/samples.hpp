@@ -69,6 +69,7 @@ inline SplitBatchMessage valid_batch() {
   message.request = 7;
   message.sequence = 3;
   message.last = true;
+  message.is_piece = true;
   message.bytes = {9, 8, 7};
   return message;
 }
@@ -136,18 +137,22 @@ inline ContactReport valid_report() {
   message.uncertainty_m = 0.5;
   message.pair_count = 3;
   message.asked = true;
-  message.gave_up_detail = true;
   message.cut = true;
   message.answer_digest = 0x1020304050607080;
-  message.a = {{1, 11}, 12, 13, true, {.translation_m = {1, 2, 3}}, {Mover::kThere, 2.25, 4}};
+  message.a = {{1, 11}, 12, 13, 14, true, {.translation_m = {1, 2, 3}}, {Mover::kThere, 2.25, 4}};
   message.b = {{2, 21},
                22,
                23,
+               0,
                false,
                {{0, -1, 0, 1, 0, 0, 0, 0, 1}, {4, 5, 6}},
                {Mover::kSilent, -7, std::numeric_limits<double>::infinity()}};
   message.pairs = {{FaceKey{VertexId{1}, 2}, FaceKey{VertexId{3}, 4}},
                    {FaceKey{VertexId{}, 6}, FaceKey{VertexId{7}, 8}}};
+  message.world = {.is_a = true,
+                   .reach_cells = 1U << 31,
+                   .tiles = {{true, 0xfedcba9876543210, 1U << 31, 3}, {}, {true, 7, 0, 0}},
+                   .missing_pages = {{5, 6}, {7, 8}}};
   return message;
 }
 
@@ -192,6 +197,7 @@ inline HeldDetail valid_held() {
   message.model = "bunny";
   message.applied_batches = 12;
   message.last_request = 7;
+  message.era = 3;
   message.state_digest = 0x1020304050607080;
   message.box_digest = 0x8070605040302010;
   message.heard = {{8, 17}, {9, 1}};

@@ -264,28 +264,33 @@ TEST(CheckMessage, TakesAReportOfEachStatus) {
 
 TEST(CheckMessage, RefusesReportOutsideItsLimits) {
   using M = ContactReport;
-  expect_refusals<M>(valid_report(), {{"peer", [](M& m) { m.peer = 0; }},
-                                      {"body_a", [](M& m) { m.body_a = "\x7f"; }},
-                                      {"body_b", [](M& m) { m.body_b = ""; }},
-                                      {"time_s", [](M& m) { m.time_s = kNan; }},
-                                      {"time of a pose", [](M& m) { m.b.stamp.time_s = kNan; }},
-                                      {"max_age_s", [](M& m) { m.a.stamp.max_age_s = -1; }},
-                                      {"max_age_s", [](M& m) { m.a.stamp.max_age_s = kNan; }},
-                                      {"status", [](M& m) { m.status = 5; }},
-                                      {"clearance", [](M& m) { m.clearance_m = -1; }},
-                                      {"uncertainty", [](M& m) { m.uncertainty_m = kNan; }},
-                                      {"pair_count", [](M& m) { m.pair_count = 1; }},
-                                      {"pairs", [](M& m) {
-                                         m.pair_count = 1000;
-                                         m.pairs.resize(kMaxReportPairs + 1);
-                                       }}});
+  expect_refusals<M>(
+      valid_report(),
+      {{"peer", [](M& m) { m.peer = 0; }},
+       {"body_a", [](M& m) { m.body_a = "\x7f"; }},
+       {"body_b", [](M& m) { m.body_b = ""; }},
+       {"time_s", [](M& m) { m.time_s = kNan; }},
+       {"time of a pose", [](M& m) { m.b.stamp.time_s = kNan; }},
+       {"max_age_s", [](M& m) { m.a.stamp.max_age_s = -1; }},
+       {"max_age_s", [](M& m) { m.a.stamp.max_age_s = kNan; }},
+       {"status", [](M& m) { m.status = 5; }},
+       {"clearance", [](M& m) { m.clearance_m = -1; }},
+       {"uncertainty", [](M& m) { m.uncertainty_m = kNan; }},
+       {"pair_count", [](M& m) { m.pair_count = 1; }},
+       {"world", [](M& m) { m.asked = false; }},
+       {"tiles", [](M& m) { m.world->tiles.resize(kMaxReportTiles + 1); }},
+       {"missing pages", [](M& m) { m.world->missing_pages.resize(kMaxReportPages + 1); }},
+       {"pairs", [](M& m) {
+          m.pair_count = 1000;
+          m.pairs.resize(kMaxReportPairs + 1);
+        }}});
 }
 
 TEST(CheckMessage, NamesBothVersionsWhenTheyDiffer) {
   const auto expect_unsupported = [](auto message) {
-    message.wire_version = 11;
+    message.wire_version = 12;
     EXPECT_EQ(check(message).code(), StatusCode::kUnsupported);
-    EXPECT_EQ(check(message).message(), "wire version 11, this build speaks 10");
+    EXPECT_EQ(check(message).message(), "wire version 12, this build speaks 11");
   };
   expect_unsupported(valid_hello());
   expect_unsupported(valid_header());

@@ -16,6 +16,7 @@ namespace nearmesh {
 namespace {
 
 using namespace test;
+using subscriber::DetailFolder;
 using subscriber::Difference;
 using subscriber::VerifyReport;
 
@@ -153,7 +154,7 @@ class Verify : public ::testing::Test {
   }
 
   VerifyReport verify(const Recorded& recorded, unsigned threads = 1,
-                      ModelFolder* models = nullptr) {
+                      DetailFolder* models = nullptr) {
     const std::string path = folder_ + "/" + std::to_string(files_++) + ".db3";
     const wire::TopicNames names("prefix");
     auto writer =
@@ -190,12 +191,12 @@ class Verify : public ::testing::Test {
   }
 
   /// A folder with the files of both models, or of one.
-  std::unique_ptr<ModelFolder> models(bool with_terrain = true) {
+  std::unique_ptr<DetailFolder> models(bool with_terrain = true) {
     const std::string path = folder_ + "/models" + std::to_string(files_++);
     std::filesystem::create_directory(path);
     std::filesystem::copy_file(aircraft().open().path(), path + "/aircraft.spm");
     if (with_terrain) std::filesystem::copy_file(terrain().open().path(), path + "/terrain.spm");
-    auto opened = ModelFolder::open(path);
+    auto opened = DetailFolder::open(path);
     EXPECT_TRUE(opened.is_ok()) << opened.status().message();
     return std::move(opened).value();
   }
@@ -468,6 +469,7 @@ TEST_F(Verify, AnswersAboutPosesThatTheHostHeardComeOutAgain) {
   EXPECT_EQ(verify(spoilt).different, 1U);
 }
 
+// Where nobody listened for it.
 TEST_F(Verify, GivenUpDetailIsSaidAndNotCompared) {
   SessionOptions options = quick_options();
   options.max_held_splits = 300;
@@ -476,6 +478,38 @@ TEST_F(Verify, GivenUpDetailIsSaidAndNotCompared) {
   EXPECT_EQ(found.different, 0U);
   EXPECT_GT(found.gave_up, 10U);
   EXPECT_GT(found.verified, 10U);
+}
+
+TEST_F(Verify, WhatFollowsDetailThatWasGivenUpIsProvedWithoutFiles) {
+  SessionOptions options = quick_options();
+  options.max_held_splits = 300;
+  const Recorded all = record(options, {0});
+  std::set<std::uint32_t> eras;
+  for (const Recorded::Item& item : all.items)
+    if (item.held) eras.insert(item.held->era);
+  ASSERT_GT(eras.size(), 3U);
+  const VerifyReport found = verify(all, 2);
+  expect_sum(found);
+  EXPECT_EQ(found.different, 0U) << found.differences.front().what;
+  EXPECT_EQ(found.gave_up + found.lacking, 0U);
+  EXPECT_EQ(found.verified, all.answers());
+  // One of the times was not heard: until the next nothing is claimed.
+  Recorded unheard = all;
+  std::uint32_t lost = 0;
+  for (Recorded::Item& item : unheard.items)
+    if (item.held && item.held->peer == kPeer && item.held->era > 0 &&
+        std::exchange(lost, item.held->era) == 0)
+      item.held.reset();
+  ASSERT_GT(lost, 0U);
+  const VerifyReport some = verify(unheard);
+  expect_sum(some);
+  EXPECT_EQ(some.different, 0U);
+  EXPECT_GT(some.gave_up + some.lacking, 0U);
+  const auto folder = models();
+  const VerifyReport with_files = verify(unheard, 1, folder.get());
+  EXPECT_EQ(with_files.different, 0U);
+  EXPECT_GT(with_files.gave_up, 0U);
+  EXPECT_GE(with_files.verified, some.verified);
 }
 
 // ---- recorders that come late -------------------------------------------------------------------
@@ -678,10 +712,10 @@ TEST_F(Verify, ReportsThatNeverCameAreCounted) {
 }
 
 TEST_F(Verify, AFolderWithoutModelsIsRefusedAndFilesThatAreNoneAreTold) {
-  EXPECT_EQ(ModelFolder::open(folder_ + "/none").status().code(), StatusCode::kNotFound);
+  EXPECT_EQ(DetailFolder::open(folder_ + "/none").status().code(), StatusCode::kNotFound);
   std::ofstream(folder_ + "/junk.spm") << "junk";
   std::ofstream(folder_ + "/notes.txt") << "none of ours";
-  const auto opened = ModelFolder::open(folder_);
+  const auto opened = DetailFolder::open(folder_);
   ASSERT_TRUE(opened.is_ok());
   ASSERT_EQ(opened.value()->complaints().size(), 1U);
   EXPECT_NE(opened.value()->complaints()[0].find("junk.spm"), std::string::npos);

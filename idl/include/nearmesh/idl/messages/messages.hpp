@@ -25,7 +25,7 @@ class ModelFile;
 namespace nearmesh::wire {
 
 /// Raised with every change of a topic's layout or of the batch codec. Peers of another version are refused loudly.
-inline constexpr std::uint16_t kWireVersion = 10;
+inline constexpr std::uint16_t kWireVersion = 11;
 
 /// Random per process; tells a restarted publisher from the old one, and names a peer.
 using SessionId = std::uint64_t;
@@ -92,6 +92,8 @@ struct SplitBatchMessage {
   bool wants_held = false;
   /// Refused, because the publisher does not choose for these bodies: ask for regions.
   bool wants_regions = false;
+  bool is_piece =
+      false;  ///< the bytes are no batch, but a piece of those that the content is the digest of (core/world/content_bytes.hpp)
   std::vector<std::uint8_t>
       bytes;  ///< sealed (codec.hpp), at most kMaxSealedBytes; may be empty when nothing was needed
 };
@@ -247,6 +249,9 @@ struct ContactReport {
     std::uint64_t state_digest = 0;  ///< of the model's active vertices
     std::uint32_t applied_batches =
         0;  ///< so many of the model, in order of arrival, had been taken in
+    /// What is held of the model was given up, all or in part, when the peer did so for the so manieth time, of whatever model; 0:
+    /// never. What it held then a HeldDetail says, and batches of before do not tell.
+    std::uint32_t era = 0;
     bool solid = false;
     Pose pose;
     PoseStamp stamp;  ///< also when nothing was asked
@@ -266,12 +271,31 @@ struct ContactReport {
       false;  ///< it could have been asked; its turn did not come within the frame's budget. Said once, until it is asked
   bool cut =
       false;  ///< the host's options ended the answer (any, max_pairs, max_tests): what it lists may not be all
-  bool gave_up_detail =
-      false;  ///< of one of the models, at some time: applied_batches do not tell the state
-  std::uint64_t answer_digest = 0;            ///< digest(Answer)
-  Asked a, b;                                 ///< when asked
+  std::uint64_t answer_digest = 0;  ///< digest(Answer)
+  Asked a, b;                       ///< when asked; of a world its content and pose
+  /// Where one of the bodies is a world that was asked: with its pages it tells which tiles the answer rests on.
+  struct World {
+    bool is_a = false;  ///< which of the two is
+    /// Tiles were looked for within so many cells of the other body's grid around its box.
+    std::uint32_t reach_cells = 0;
+    struct Tile {
+      bool asked =
+          false;  ///< its trees were; else nothing was known of it, or its turn did not come
+      std::uint64_t state_digest = 0;  ///< these three as in Asked
+      std::uint32_t applied_batches = 0, era = 0;
+      bool operator==(const Tile&) const = default;
+    };
+    std::vector<Tile> tiles;  ///< found there, in order of place; at most kMaxReportTiles
+    std::vector<ContentHash>
+        missing_pages;  ///< that were not here, ascending; at most kMaxReportPages
+    bool operator==(const World&) const = default;
+  };
+  std::optional<World>
+      world;  ///< none, too, where there are more tiles or pages: then nothing can be proved
   std::vector<std::array<FaceKey, 2>> pairs;  ///< the first kMaxReportPairs of them
 };
+
+inline constexpr std::size_t kMaxReportTiles = 128, kMaxReportPages = 64;
 
 /// Which bodies a peer that watches all pairs knows of, for recorders (keyed by peer and part, transient local): the pairs of these
 /// are what its BoundsReports are about. Of a body known by its poses, the mover's directory says the name.
@@ -330,8 +354,9 @@ struct BoundsReport {
 };
 inline constexpr std::size_t kMaxWatchedMovers = 4096;
 
-/// What a peer holds of one model, for recorders (keyed by peer and content): said when a recorder comes, so that one that
-/// missed batches can prove what follows. With the model's file it is enough to make the same replica.
+/// What a peer holds of one model, or of a world's tile, for recorders (keyed by peer and content): said when a recorder comes, so that one that
+/// missed batches can prove what follows; and when detail was given up. With the model's file it is enough to make the same replica; with what
+/// was held before, where that was given up.
 struct HeldDetail {
   /// The number of the last batch that had come of a publisher.
   struct Heard {
@@ -341,7 +366,8 @@ struct HeldDetail {
   std::uint16_t wire_version = kWireVersion;
   SessionId peer = 0;
   ContentHash content_hash;
-  std::string model;                  ///< its name, at most kMaxNameBytes
+  std::string model;      ///< its name, at most kMaxNameBytes; of a tile that of its world
+  std::uint32_t era = 0;  ///< as in ContactReport::Asked
   std::uint32_t applied_batches = 0;  ///< of the model: all that had come by then
   std::uint32_t last_request = 0;     ///< of the peer: what answers a later one came after this
   std::uint64_t state_digest = 0, box_digest = 0;  ///< of what `nodes` says
@@ -436,9 +462,10 @@ struct Probe : Echo {};
 
 /// The batches of an answer, or of a part of one, as messages to the peer that asked; their sequence is the channel's to count.
 /// `last`: the request is answered in full with these. That nothing was needed is an answer too: one message without bytes.
+/// `are_pieces`: instead of batches (SplitBatchMessage::is_piece).
 [[nodiscard]] std::vector<SplitBatchMessage> answer_messages(
     SessionId publisher, std::uint32_t request, const ContentHash& content,
-    std::vector<std::vector<std::uint8_t>> batches, bool last);
+    std::vector<std::vector<std::uint8_t>> batches, bool last, bool are_pieces = false);
 /// The same of a request that is refused, with as much of the reason as a batch holds.
 [[nodiscard]] SplitBatchMessage refusal_message(SessionId publisher,
                                                 const RegionSubscription& request,
