@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mirror.hpp"
 
+#include <algorithm>
 #include <string>
 
 #include "core/replica/held_nodes.hpp"
@@ -44,10 +45,11 @@ Result<std::shared_ptr<Mirror>> Mirrors::find(std::uint64_t peer, ModelFile& fil
                                               std::uint64_t state,
                                               std::span<const std::uint8_t> held) {
   auto at = entries_.begin();
-  while (at != entries_.end() && (at->peer != peer || &at->mirror->file() != &file)) ++at;
-  if (at != entries_.end() && at->mirror->state() == state) {
+  while (at != entries_.end() && (at->peer != peer || at->file != &file)) ++at;
+  if (at != entries_.end() && at->state() == state && at->wake()) {
     entries_.splice(entries_.begin(), entries_, at);
-    return at->mirror;
+    make_room();
+    return entries_.front().mirror;
   }
   if (at != entries_.end()) entries_.erase(at);
   auto mirror = std::make_shared<Mirror>(file);
@@ -59,7 +61,7 @@ Result<std::shared_ptr<Mirror>> Mirrors::find(std::uint64_t peer, ModelFile& fil
                                                to_hex(file.content_hash()) +
                                                " is not the state that is said to be held"};
   }
-  entries_.push_front({peer, mirror});
+  entries_.push_front({.peer = peer, .file = &file, .mirror = mirror, .held = {}});
   make_room();
   return mirror;
 }
@@ -68,13 +70,50 @@ void Mirrors::forget(std::uint64_t peer) {
   entries_.remove_if([peer](const Entry& entry) { return entry.peer == peer; });
 }
 
+void Mirrors::Entry::sleep() {
+  asleep_state = mirror->state();
+  asleep_splits = mirror->model().mesh.split_count();
+  held = held_nodes(mirror->model().mesh).bits;
+  held.shrink_to_fit();
+  mirror.reset();
+}
+
+/// False where what was kept does not give the same again: its peer is to say what it holds.
+bool Mirrors::Entry::wake() {
+  if (mirror) return true;
+  auto anew = std::make_shared<Mirror>(*file);
+  if (!anew->hold(held).is_ok() || anew->state() != asleep_state) return false;
+  mirror = std::move(anew);
+  held = {};
+  return true;
+}
+
 void Mirrors::make_room() {
-  std::size_t splits = 0, count = 0;
+  std::size_t splits = 0, count = 0, awake = 0;
   for (auto at = entries_.begin(); at != entries_.end();) {
-    splits += at->mirror->model().mesh.split_count();
-    const bool stays = ++count == 1 || (splits <= kMaxSplits && count <= kMaxMirrors);
-    at = stays ? std::next(at) : entries_.erase(at);
+    splits += at->splits();
+    if (++count > 1 && (splits > kMaxSplits || count > kMaxMirrors)) {
+      at = entries_.erase(at);
+      continue;
+    }
+    if (at->mirror) awake += at->splits() + kSplitsAMirror;
+    if (count > 1 && awake > kMaxAwakeSplits && at->mirror && at->mirror.use_count() == 1)
+      at->sleep();
+    ++at;
   }
+}
+
+std::size_t Mirrors::awake_count() const {
+  return static_cast<std::size_t>(
+      std::count_if(entries_.begin(), entries_.end(),
+                    [](const Entry& entry) { return entry.mirror != nullptr; }));
+}
+
+std::size_t Mirrors::asleep_bytes() const {
+  std::size_t bytes = 0;
+  for (const Entry& entry : entries_)
+    if (!entry.mirror) bytes += sizeof(Entry) + entry.held.capacity();
+  return bytes;
 }
 
 }  // namespace nearmesh

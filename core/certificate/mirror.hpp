@@ -7,6 +7,7 @@
 #include <list>
 #include <memory>
 #include <span>
+#include <vector>
 
 #include "nearmesh/core/query/certify.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
@@ -36,11 +37,15 @@ class Mirror {
 };
 
 /// The mirrors of all peers of a server. Bounded: the one that was longest without use goes first, and its peer is asked what
-/// it holds. Threads: one at a time.
+/// it holds. Those that were not used of late sleep: what they hold is kept in two or three bits a split, and they are made anew when they are asked for.
+/// Threads: one at a time.
 class Mirrors {
  public:
-  /// Together they hold so many splits at most, some 150 bytes each; and so many there are.
+  /// Together they hold so many splits at most; and so many there are.
   static constexpr std::size_t kMaxSplits = 1'000'000, kMaxMirrors = 4096;
+  /// Those awake hold so many at most, some 180 bytes each; each takes as much as so many splits besides. The one used last, and what somebody
+  /// works on, is awake in any case.
+  static constexpr std::size_t kMaxAwakeSplits = 250'000, kSplitsAMirror = 1'000;
 
   /// The mirror of a peer's model in the state that it says, by the peer's word of what it holds if that is not empty.
   /// Out: nullptr where the state is not known: ask the peer what it holds. Errors: those of Mirror::hold(); kConflict where
@@ -49,11 +54,25 @@ class Mirrors {
                                                      std::uint64_t state,
                                                      std::span<const std::uint8_t> held);
   void forget(std::uint64_t peer);
+  [[nodiscard]] std::size_t awake_count() const;
+  /// What those asleep take.
+  [[nodiscard]] std::size_t asleep_bytes() const;
 
  private:
   struct Entry {
-    std::uint64_t peer;
-    std::shared_ptr<Mirror> mirror;
+    std::uint64_t peer = 0;
+    ModelFile* file = nullptr;
+    std::shared_ptr<Mirror> mirror = nullptr;  ///< none: asleep, and what follows is what it was
+    std::uint64_t asleep_state = 0;
+    std::size_t asleep_splits = 0;
+    std::vector<std::uint8_t> held;
+
+    [[nodiscard]] std::uint64_t state() const { return mirror ? mirror->state() : asleep_state; }
+    [[nodiscard]] std::size_t splits() const {
+      return mirror ? mirror->model().mesh.split_count() : asleep_splits;
+    }
+    void sleep();
+    [[nodiscard]] bool wake();
   };
   void make_room();
 

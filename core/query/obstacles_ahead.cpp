@@ -102,12 +102,12 @@ std::uint64_t ObstaclesAhead::find(NodeSpan node, std::span<const HalfSpace> tol
         halve();
         continue;
       }
-      const TreeNode& node = b_.nodes[other.first];
-      tests += static_cast<std::uint64_t>(std::popcount(node.lanes));
+      const TreeNode& below = b_.nodes[other.first];
+      tests += static_cast<std::uint64_t>(std::popcount(below.lanes));
       for (std::uint32_t close =
-               node.lanes & ~boxes_stay_apart(frame.b_in_a,
-                                              frames_.drift_in_a(own.box, node, frame), own_box,
-                                              node.boxes);
+               below.lanes & ~boxes_stay_apart(frame.b_in_a,
+                                               frames_.drift_in_a(own.box, below, frame), own_box,
+                                               below.boxes);
            close != 0; close &= close - 1)
         stack_.push_back(
             {at.part, other.first * kLanes + static_cast<std::uint32_t>(std::countr_zero(close)),

@@ -153,9 +153,10 @@ class HeldReader {
 
 }  // namespace
 
-HeldNodes held_nodes(const Replica& replica) {
-  const SplitStore& store = replica.store();
-  const ActiveMesh& mesh = replica.mesh();
+HeldNodes held_nodes(const Replica& replica) { return held_nodes(replica.mesh()); }
+
+HeldNodes held_nodes(const ActiveMesh& mesh) {
+  const SplitStore& store = mesh.store();
   HeldNodes held;
   BitWriter bits;
   const bool tells_half_spaces = !mesh.half_spaces().is_empty();

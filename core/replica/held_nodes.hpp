@@ -28,6 +28,8 @@ struct HeldNodes {
 /// Splits that wait for their parents are left out: what is said is all only where there is none (Replica::parked_splits).
 /// Cost: O(splits done).
 [[nodiscard]] HeldNodes held_nodes(const Replica& replica);
+/// The same of a mesh over any store that knows its splits.
+[[nodiscard]] HeldNodes held_nodes(const ActiveMesh& mesh);
 
 /// What brings a new replica to hold the same, as one batch. `model`: a store that knows the model, or comes to know it by
 /// `require`. Whether the same came out is for the caller to see: state_hash() and held_nodes().box_digest.

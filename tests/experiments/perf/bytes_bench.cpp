@@ -7,7 +7,7 @@
 // own, where each request says the mean velocity of the last ten frames (the body is set down on vertices, so that of one frame
 // swings to both sides of its way) and a horizon of ten. Requests are those of a peer's Session that holds the body whole;
 // counts are exact, the same in every run. `answer`: the publisher's processor time a request; `mirror`: what the memory
-// of a peer's state takes there. Bytes are payload plus framing: `wire` is ours
+// of a peer's state takes there, and while it sleeps. Bytes are payload plus framing: `wire` is ours
 // (kBatchFramingBytes), `lean` 76 bytes a batch. Requests are counted apart.
 
 #include <sys/socket.h>
@@ -26,6 +26,7 @@
 #include "core/base/resources.hpp"
 #include "core/certificate/certificate.hpp"
 #include "core/query/lacking_ahead.hpp"
+#include "core/replica/held_nodes.hpp"
 #include "core/replica/replica.hpp"
 #include "core/spm/packed_certificate.hpp"
 #include "nearmesh/core/query/certify.hpp"
@@ -83,6 +84,11 @@ class Publisher {
       }
     spent_s += processor_s() - start_s;
     return batches;
+  }
+
+  /// What the mirror takes while it sleeps.
+  [[nodiscard]] double asleep_bytes() const {
+    return static_cast<double>(held_nodes(mirror_->model().mesh).bits.size());
   }
 
   double spent_s = 0;
@@ -177,7 +183,7 @@ void measure_poses(const std::string& path, double radius_share) {
     places = touching_poses(full.view(), body, file.store(), radius_m, kPlaces);
   }
   Cost touching, least;
-  double rounds = 0, spent_s = 0;
+  double rounds = 0, spent_s = 0, asleep_bytes = 0;
   std::list<Publisher> publishers;  // kept for their memory
   const std::uint64_t before = resident_memory_bytes();
   for (const auto& [pose, away] : places) {
@@ -187,10 +193,12 @@ void measure_poses(const std::string& path, double radius_share) {
     });
     peer.certify({.pose = pose}, 0);
     spent_s += publisher.spent_s;
+    asleep_bytes += publisher.asleep_bytes();
   }
   row("touching_answer", 1e3 * spent_s / kPlaces, "ms");
   row("touching_mirror", static_cast<double>(resident_memory_bytes() - before) / 1024 / kPlaces,
       "kB");
+  row("touching_mirror_asleep", asleep_bytes / kPlaces, "B");
   for (const auto& [pose, away] : places) {
     Publisher publisher(file, ball);
     Peer peer(file.header(), ball, [&publisher](const CertificateRequest& request) {
@@ -281,6 +289,7 @@ void publish(int socket, const std::string& path, double radius_share) {
   }
   row("flight_answer", 1e3 * publisher.spent_s / requests, "ms");
   row("flight_mirror", static_cast<double>(resident_memory_bytes() - before) / 1024, "kB");
+  row("flight_mirror_asleep", publisher.asleep_bytes(), "B");
   std::fflush(stdout);
 }
 

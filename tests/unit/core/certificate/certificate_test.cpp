@@ -282,6 +282,39 @@ TEST_P(Certificate, StateThatIsNotKnownIsToldOnce) {
   EXPECT_TRUE(desk.begin(desk.ask(motion_a, motion_b, 0)).maker) << "it is known now";
 }
 
+// Mirrors that sleep are as they were when they wake, half-spaces included; and they take hardly any memory meanwhile.
+TEST_P(Certificate, MirrorsThatSleepWakeAsTheyWere) {
+  Desk desk(a_, b_);
+  Random random(10);
+  Motion motion_a, motion_b;
+  for (int i = 0; i < 4; ++i) {
+    std::tie(motion_a, motion_b) = near_motions(random);
+    BegunCertificate begun = desk.begin(desk.ask(motion_a, motion_b, 0.1F));
+    ASSERT_TRUE(begun.maker) << begun.why_not;
+    desk.answer(*begun.maker);
+  }
+  const std::uint64_t state = desk.a.mesh().state_hash();
+  ASSERT_NE(desk.mirrors.find(kPeer, desk.file_a, state, {}).value(), nullptr);
+  // Others come: what was longest without use falls asleep.
+  const std::size_t others = 2 * Mirrors::kMaxAwakeSplits / Mirrors::kSplitsAMirror;
+  for (std::uint64_t peer = 100; peer < 100 + others; ++peer)
+    ASSERT_NE(desk.mirrors.find(peer, desk.file_a, Mirror(desk.file_a).state(), {}).value(),
+              nullptr);
+  EXPECT_LE(desk.mirrors.awake_count(), Mirrors::kMaxAwakeSplits / Mirrors::kSplitsAMirror + 1);
+  const std::size_t bytes = desk.mirrors.asleep_bytes();
+  EXPECT_GT(bytes, 0U);
+  EXPECT_LT(bytes, 1024 * others);
+  const std::shared_ptr<Mirror> again = desk.mirrors.find(kPeer, desk.file_a, state, {}).value();
+  ASSERT_NE(again, nullptr) << "it is known";
+  EXPECT_EQ(again->state(), state);
+  const HeldNodes was = held_nodes(desk.a), is = held_nodes(again->model().mesh);
+  EXPECT_EQ(held_batch(desk.file_a.store(), test::no_require, was.bits).value().splits.size(),
+            held_batch(desk.file_a.store(), test::no_require, is.bits).value().splits.size());
+  BegunCertificate begun = desk.begin(desk.ask(motion_a, motion_b, 0.1F));
+  ASSERT_TRUE(begun.maker) << begun.why_not;
+  EXPECT_EQ(desk.answer(*begun.maker), 0U) << "it holds what it did";
+}
+
 TEST(CertificateRequests, SayWhatIsHeldAsItIsOrAreSentAway) {
   const BakedModel terrain = test::bake_named("terrain"), aircraft = test::bake_named("aircraft");
   Desk desk(terrain, aircraft);
