@@ -11,15 +11,6 @@
 namespace nearmesh {
 namespace {
 
-GridBox as_grid_box(const CellBox& box) {
-  GridBox out;
-  for (std::size_t k = 0; k < 3; ++k) {
-    out.lo.v[k] = static_cast<std::int32_t>(box.lo[k]);
-    out.hi.v[k] = static_cast<std::int32_t>(box.hi[k]);
-  }
-  return out;
-}
-
 class Search {
  public:
   Search(const WorldRecord& world, const PageOf& page_of, const RelativeFrame& body_in_world,
@@ -62,6 +53,15 @@ class Search {
 };
 
 }  // namespace
+
+GridBox as_grid_box(const CellBox& box) {
+  GridBox out;
+  for (std::size_t k = 0; k < 3; ++k) {
+    out.lo.v[k] = static_cast<std::int32_t>(box.lo[k]);
+    out.hi.v[k] = static_cast<std::int32_t>(box.hi[k]);
+  }
+  return out;
+}
 
 Grid world_grid(const WorldRecord& world) { return world.lattice.grid_at({}, world.bits); }
 

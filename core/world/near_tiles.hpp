@@ -31,6 +31,9 @@ struct NearTiles {
 /// The page of an entry at a level, checked (check_page); none where it is not at hand.
 using PageOf = std::function<Result<std::optional<WorldPage>>(const WorldEntry& entry, int level)>;
 
+/// In: a box of a world's, which fits.
+[[nodiscard]] GridBox as_grid_box(const CellBox& box);
+
 /// The grid in whose cells pages have their boxes. Posed, it places each point of the lattice where the tiles' own grids place it.
 [[nodiscard]] Grid world_grid(const WorldRecord& world);
 

@@ -16,6 +16,7 @@
 #include "core/query/probe_needs.hpp"
 #include "near_tiles.hpp"
 #include "open_tiles.hpp"
+#include "world_reach.hpp"
 
 namespace nearmesh {
 namespace {
@@ -23,59 +24,10 @@ namespace {
 /// Some 5 MB of pages.
 constexpr std::size_t kMostPages = 4096;
 
-/// What may meet a box, as seen from the world's grid.
-struct Reach {
-  std::array<double, 3> lo{}, hi{};
-};
-[[nodiscard]] bool meets(const Reach& reach, const CellBox& box) {
-  for (std::size_t k = 0; k < 3; ++k)
-    if (reach.hi[k] < static_cast<double>(box.lo[k]) ||
-        reach.lo[k] > static_cast<double>(box.hi[k]))
-      return false;
-  return true;
-}
-
-/// A ray as seen from the world's grid.
-class SeenRay {
- public:
-  SeenRay(const GridView& view, const LatticeRay& ray) : margin_(view.margin) {
-    from_ = view.point(ray.from);
-    const std::array<double, 3> to = view.point(ray.to);
-    for (std::size_t k = 0; k < 3; ++k) {
-      constexpr double kLeast = 0x1p-20;
-      way_[k] = to[k] - from_[k];
-      if (std::abs(way_[k]) < kLeast) way_[k] = kLeast;
-    }
-  }
-  /// When it enters the box at the earliest; none where it does not.
-  [[nodiscard]] std::optional<double> enters(const CellBox& box) const {
-    double in = 0, out = 1;
-    for (std::size_t k = 0; k < 3; ++k) {
-      const double one = (static_cast<double>(box.lo[k]) - margin_[k] - from_[k]) / way_[k],
-                   two = (static_cast<double>(box.hi[k]) + margin_[k] - from_[k]) / way_[k];
-      in = std::max(in, std::min(one, two));
-      out = std::min(out, std::max(one, two));
-    }
-    return in <= out ? std::optional(in) : std::nullopt;
-  }
-
- private:
-  std::array<double, 3> margin_, from_{}, way_{};
-};
-
 struct TileOnRay {
   WorldEntry tile;
   double enter = 0;
 };
-
-GridBox as_grid_box(const CellBox& box) {
-  GridBox out;
-  for (std::size_t k = 0; k < 3; ++k) {
-    out.lo.v[k] = static_cast<std::int32_t>(box.lo[k]);
-    out.hi.v[k] = static_cast<std::int32_t>(box.hi[k]);
-  }
-  return out;
-}
 
 WorldTile told(const WorldEntry& tile) { return {tile.content, tile.place}; }
 
@@ -277,34 +229,6 @@ struct WorldProbe::Impl {
   }
 };
 
-namespace {
-
-/// Around world points, as seen from the grid, and so much around them; with room for all rounding.
-Reach reach_of(const GridView& view, const PosedFrame& frame,
-               std::span<const std::array<double, 3>> points_m, double around_m) {
-  Reach reach;
-  reach.lo.fill(std::numeric_limits<double>::infinity());
-  reach.hi.fill(-std::numeric_limits<double>::infinity());
-  const double around = around_m * std::ldexp(1.0, -frame.grid.exponent) * (1 + 1e-4);
-  for (const auto& point_m : points_m) {
-    // Beyond 2^60 lattice cells there is nothing of any world.
-    LatticePoint at;
-    for (std::size_t k = 0; k < 3; ++k)
-      at.v[k] = static_cast<std::int64_t>(
-          std::floor(std::clamp(std::ldexp(point_m[k], -frame.lattice_exp), -0x1p60, 0x1p60)));
-    const std::array<double, 3> seen = view.point(at);
-    for (std::size_t k = 0; k < 3; ++k) {
-      // A lattice cell for the floor, a cell of the grid for a box's rounded extents, and what doubles lose far away.
-      const double room = 4 + view.margin[k] + around + std::abs(seen[k]) * 0x1p-40;
-      reach.lo[k] = std::min(reach.lo[k], seen[k] - room);
-      reach.hi[k] = std::max(reach.hi[k], seen[k] + room);
-    }
-  }
-  return reach;
-}
-
-}  // namespace
-
 WorldProbe::WorldProbe(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 WorldProbe::WorldProbe(WorldProbe&&) noexcept = default;
 WorldProbe& WorldProbe::operator=(WorldProbe&&) noexcept = default;
@@ -347,8 +271,7 @@ Status WorldProbe::probe(const Pose& pose, std::span<const BallProbe> balls,
   const GridView view(frame.value());
   for (std::size_t i = 0; i < balls.size(); ++i) {
     NEARMESH_RETURN_IF_ERROR(check_ball(balls[i], i, frame.value().lattice_exp));
-    const Reach reach =
-        reach_of(view, frame.value(), std::span(&balls[i].center_m, 1), balls[i].radius_m);
+    const Reach reach = reach_of(view, frame.value(), balls[i]);
     NEARMESH_RETURN_IF_ERROR(impl_->probe_shape(pose, reach, balls[i], answers[i]));
   }
   return Status::ok();
@@ -364,17 +287,7 @@ Status WorldProbe::probe(const Pose& pose, std::span<const BoxProbe> boxes,
   for (std::size_t i = 0; i < boxes.size(); ++i) {
     const BoxProbe& box = boxes[i];
     NEARMESH_RETURN_IF_ERROR(check_box(box, i));
-    std::array<std::array<double, 3>, 8> corners;
-    for (std::size_t corner = 0; corner < 8; ++corner)
-      for (std::size_t k = 0; k < 3; ++k) {
-        corners[corner][k] = box.pose.translation_m[k];
-        for (std::size_t axis = 0; axis < 3; ++axis)
-          corners[corner][k] += box.pose.rotation[3 * k + axis] *
-                                ((corner >> axis & 1U) != 0 ? box.half_m[axis] : -box.half_m[axis]);
-      }
-    // Its half extents are rounded to cells of the grid, or coarser ones where it is very large: that is below 2^-28 of its size.
-    const double most_m = std::max({box.half_m[0], box.half_m[1], box.half_m[2]});
-    const Reach reach = reach_of(view, frame.value(), corners, most_m * 0x1p-26);
+    const Reach reach = reach_of(view, frame.value(), box);
     NEARMESH_RETURN_IF_ERROR(impl_->probe_shape(pose, reach, box, answers[i]));
   }
   return Status::ok();

@@ -50,20 +50,23 @@ ModelBounds PeerWorld::bounds() const { return {world_grid(record_), box()}; }
 Result<TilesAround> PeerWorld::tiles_around(const RelativeFrame& body_in_world, const Grid& grid,
                                             const GridBox& body, std::uint32_t reach_cells,
                                             double time_s) {
-  time_s_ = time_s;
   if (const auto fault = faulty_.find(record_.root); fault != faulty_.end()) return fault->second;
-  // One page may be announced by several, not all of them truly: whatever is announced is checked.
-  const PageOf page_of = [&](const WorldEntry& entry,
-                             int level) -> Result<std::optional<WorldPage>> {
-    if (const auto fault = faulty_.find(entry.content); fault != faulty_.end())
-      return fault->second;
-    const auto at = pages_.find(entry.content);
-    if (at == pages_.end()) return std::optional<WorldPage>();
-    NEARMESH_RETURN_IF_ERROR(check_page(at->second.page, entry, level));
-    at->second.used_s = time_s;
-    return std::optional(at->second.page);
+  const PageOf page_of = [&](const WorldEntry& entry, int level) {
+    return page(entry, level, time_s);
   };
   return find_tiles_around(record_, *root_, page_of, body_in_world, grid, body, reach_cells);
+}
+
+// One page may be announced by several, not all of them truly: whatever is announced is checked.
+Result<std::optional<WorldPage>> PeerWorld::page(const WorldEntry& entry, int level,
+                                                 double time_s) {
+  time_s_ = time_s;
+  if (const auto fault = faulty_.find(entry.content); fault != faulty_.end()) return fault->second;
+  const auto at = pages_.find(entry.content);
+  if (at == pages_.end()) return std::optional<WorldPage>();
+  NEARMESH_RETURN_IF_ERROR(check_page(at->second.page, entry, level));
+  at->second.used_s = time_s;
+  return std::optional(at->second.page);
 }
 
 void PeerWorld::give_up(double time_s, double unused_s) {

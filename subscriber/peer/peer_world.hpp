@@ -25,10 +25,16 @@ class PeerWorld {
   /// Of the root page's boxes. Precondition: there is a root.
   [[nodiscard]] ModelBounds bounds() const;
   [[nodiscard]] GridBox box() const;
+  /// The page of an entry, checked, if it is here; it counts as used at that time. Errors: what was announced or came is no page of this world.
+  [[nodiscard]] Result<std::optional<WorldPage>> page(const WorldEntry& entry, int level,
+                                                      double time_s);
   /// As find_tiles_around(), from the pages that are here; they count as used at that time. Precondition: there is a root.
   [[nodiscard]] Result<TilesAround> tiles_around(const RelativeFrame& body_in_world,
                                                  const Grid& grid, const GridBox& body,
                                                  std::uint32_t reach_cells, double time_s);
+  [[nodiscard]] bool has_page(const ContentHash& content) const {
+    return pages_.contains(content) || faulty_.contains(content);
+  }
   /// Forgets pages, but the root, that were not used for so long.
   void give_up(double time_s, double unused_s);
   [[nodiscard]] std::size_t page_count() const { return pages_.size() + (root_ ? 1 : 0); }

@@ -24,6 +24,7 @@
 #include "core/query/answer.hpp"
 #include "core/query/clearance_left.hpp"
 #include "core/world/content_bytes.hpp"
+#include "core/world/held_probe.hpp"
 #include "core/world/tile_sum.hpp"
 #include "frame_budget.hpp"
 #include "idl/messages/process_name.hpp"
@@ -244,6 +245,13 @@ struct Session::Impl {
     std::uint64_t wanted_in = 0;  // the update that wanted it last
   };
   std::map<ContentHash, WantedBytes> wanted_bytes;
+  // What probes of worlds lack, or lacked of late: by the world's body; of a page the content alone counts.
+  struct ProbedPart {
+    WorldEntry entry;
+    bool is_page = false;
+    auto operator<=>(const ProbedPart&) const = default;
+  };
+  std::map<std::pair<std::uint32_t, ProbedPart>, double> probed_parts;  // until when, by `clock`
 
   // session_promises.cpp
   struct Wish {
@@ -391,6 +399,10 @@ struct Session::Impl {
   template <class Probe, class Answer>
   [[nodiscard]] Result<ProbeReport> probe(BodyId body, std::span<const Probe> probes,
                                           std::span<Answer> answers);
+  template <class Probe, class Answer>
+  [[nodiscard]] Result<ProbeReport> probe_world(Body& body, std::span<const Probe> probes,
+                                                std::span<Answer> answers, ProbeReport report);
+  void want_probed(FrameReport& report);
   void ask_for_probes();
   void give_up(const FrameBudget& budget, FrameReport& report);
   void tell_held(FrameReport& report);

@@ -2,6 +2,7 @@
 // Probes of bodies: answered from what is held; what they lack waits to be asked for.
 #include <algorithm>
 #include <iterator>
+#include <type_traits>
 #include <utility>
 
 #include "core/base/float_guard.hpp"
@@ -59,11 +60,95 @@ void Session::Impl::note_lacking(PeerModel& model, const std::vector<NodeSpan>& 
   }
 }
 
+namespace {
+
+/// Of a world's answers those of any body.
+template <class Answer>
+struct InWorld {
+  using Type = void;
+};
+template <>
+struct InWorld<RayAnswer> {
+  using Type = WorldRayAnswer;
+  static RayAnswer of(const WorldRayAnswer& answer) { return answer.ray; }
+};
+template <>
+struct InWorld<ShapeAnswer> {
+  using Type = WorldShapeAnswer;
+  static ShapeAnswer of(const WorldShapeAnswer& answer) { return answer.shape; }
+};
+
+}  // namespace
+
+/// What is lacked is asked for in the updates of the next second, tiles and pages too.
+template <class Probe, class Answer>
+Result<ProbeReport> Session::Impl::probe_world(Body& body, std::span<const Probe> probes,
+                                               std::span<Answer> answers, ProbeReport report) {
+  PeerWorld& world = *body.model->world;
+  const HeldWorld held{
+      .record = world.record(),
+      .root = *world.root(),
+      .page_of = [&](const WorldEntry& entry,
+                     int level) { return world.page(entry, level, time_s); },
+      .tile_of = [&](const WorldEntry& entry) -> std::optional<TreeView> {
+        const PeerModel* tile = replicas.find(entry.content);
+        if (tile == nullptr || !tile->is_ready() ||
+            !check_tile_grid(tile->replica->header().grid, world.record()).is_ok())
+          return std::nullopt;
+        if (const auto at = tile_bodies.find({body.id.value, entry}); at != tile_bodies.end())
+          at->second.needed_s = time_s;
+        return tile->replica->view();
+      }};
+  const Result<WorldNeeds> lacking = nearmesh::probe(held, report.pose, probes, answers);
+  if (!lacking.is_ok()) return as_of_body(lacking.status(), body.name);
+  const WorldNeeds& needs = lacking.value();
+  report.missing = needs.count();
+  const double until_s = clock.seconds() + kKept_s;
+  const auto want = [&](const WorldEntry& entry, bool is_page) {
+    probed_parts[{body.id.value, {entry, is_page}}] = until_s;
+  };
+  const auto await = [&report](const std::string& what) {
+    if (!what.empty()) report.awaited += (report.awaited.empty() ? "" : "; ") + what;
+  };
+  for (const ContentHash& page : needs.pages) want({.content = page}, true);
+  if (!needs.pages.empty())
+    await(std::to_string(needs.pages.size()) + " pages of world " + body.model->name +
+          " have not come, " + who_gives(body.model->content_hash));
+  for (const WorldEntry& tile : needs.tiles) want(tile, false);
+  if (!needs.tiles.empty())
+    await(std::to_string(needs.tiles.size()) + " tiles of world " + body.model->name +
+          " have not come, " + who_gives(body.model->content_hash));
+  for (const auto& [tile, missing] : needs.nodes) {
+    want(tile, false);
+    PeerModel& model = *replicas.find(tile.content);
+    await(awaited_of(model, missing.size()));
+    note_lacking(model, missing, needs.where.at(tile));
+  }
+  return report;
+}
+
+/// Before tiles and pages that nothing wants are left.
+void Session::Impl::want_probed(FrameReport& report) {
+  std::erase_if(probed_parts, [this](const auto& one) { return clock.seconds() >= one.second; });
+  for (const auto& [part, until_s] : probed_parts) {
+    const Body* world = find({part.first});
+    if (world == nullptr || !world->model->world || world->model->world->root() == nullptr)
+      continue;
+    const WorldEntry& entry = part.second.entry;
+    std::string why_not;
+    if (!part.second.is_page) {
+      static_cast<void>(tile_body(*world, entry, why_not, report.complaints));
+    } else if (!world->model->world->has_page(entry.content)) {
+      want_bytes(entry.content, world->model->content_hash, true);
+    }
+  }
+}
+
 template <class Probe, class Answer>
 Result<ProbeReport> Session::Impl::probe(BodyId id, std::span<const Probe> probes,
                                          std::span<Answer> answers) {
   NEARMESH_ASSERT(probes.size() == answers.size());
-  const Body* body = find(id);
+  Body* body = find(id);
   if (body == nullptr) return no_such(id);
   PeerModel& model = *body->model;
   ProbeReport report{.reason = why_unknown(*body),
@@ -71,12 +156,25 @@ Result<ProbeReport> Session::Impl::probe(BodyId id, std::span<const Probe> probe
                      .age_s = wire::age_s(stamp_of(*body), time_s),
                      .pose = {},
                      .content = model.content_hash};
-  if (report.reason.empty() && model.world) report.reason = why_not_ready(*body);
+  constexpr bool is_of_any =
+      std::is_same_v<Answer, RayAnswer> || std::is_same_v<Answer, ShapeAnswer>;
+  if (report.reason.empty() && model.world && std::is_same_v<Answer, PointAnswer>)
+    report.reason =
+        "body " + body->name + " is a world: whether something is inside cannot be told";
   if (!report.reason.empty()) {
     std::fill(answers.begin(), answers.end(), Answer{});
     return report;
   }
   report.pose = body->motion->pose;
+  if constexpr (is_of_any) {
+    if (model.world) {
+      std::vector<typename InWorld<Answer>::Type> found(probes.size());
+      Result<ProbeReport> result = probe_world(*body, probes, std::span(found), std::move(report));
+      NEARMESH_RETURN_IF_ERROR(result);
+      std::transform(found.begin(), found.end(), answers.begin(), InWorld<Answer>::of);
+      return result;
+    }
+  }
   Result<ProbeNeeds> lacking = nearmesh::probe(model.replica->view(), report.pose, probes, answers);
   if (!lacking.is_ok()) return as_of_body(lacking.status(), body->name);
   ProbeNeeds& needs = lacking.value();

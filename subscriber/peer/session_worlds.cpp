@@ -110,6 +110,7 @@ void Session::Impl::join_tiles(FrameReport& report) {
       listed.push_back(&its);
     }
   }
+  want_probed(report);
   leave_tiles();
 }
 
@@ -424,14 +425,15 @@ void Session::Impl::fold_world(WorldPair& found, const FrameReport& report) {
     about.world = world.model->content_hash;
     for (const MissingPage& page : found.around.near.missing)
       about.missing_pages.push_back(page.entry.content);
-    wire::ContactReport::World& told = found.told;
-    told = {.is_a = is_a,
-            .reach_cells = found.reach_cells,
-            .tiles = {},
-            .missing_pages = about.missing_pages};
-    std::sort(told.missing_pages.begin(), told.missing_pages.end());
-    told.missing_pages.erase(std::unique(told.missing_pages.begin(), told.missing_pages.end()),
-                             told.missing_pages.end());
+    wire::ContactReport::World& rests_on = found.told;
+    rests_on = {.is_a = is_a,
+                .reach_cells = found.reach_cells,
+                .tiles = {},
+                .missing_pages = about.missing_pages};
+    std::sort(rests_on.missing_pages.begin(), rests_on.missing_pages.end());
+    rests_on.missing_pages.erase(
+        std::unique(rests_on.missing_pages.begin(), rests_on.missing_pages.end()),
+        rests_on.missing_pages.end());
 
     const Approach approach(world, is_a ? result.age_a_s : result.age_b_s, other,
                             is_a ? result.age_b_s : result.age_a_s);
@@ -449,7 +451,7 @@ void Session::Impl::fold_world(WorldPair& found, const FrameReport& report) {
     for (const WorldEntry& entry : found.around.near.tiles) {
       NearTile& tile = about.tiles.emplace_back();
       tile.tile = {entry.content, entry.place};
-      wire::ContactReport::World::Tile& its_told = told.tiles.emplace_back();
+      wire::ContactReport::World::Tile& its_told = rests_on.tiles.emplace_back();
       if (next_not_here < found.not_here.size() && found.not_here[next_not_here] == entry) {
         await(place_of(entry) + ": " + found.why_not_here[next_not_here++]);
         tiles.add_unknown(entry);

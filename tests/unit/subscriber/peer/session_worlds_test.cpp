@@ -411,6 +411,147 @@ TEST(SessionWorlds, TilesAndPagesThatNothingNeedsAreGivenUp) {
   EXPECT_EQ(host.settle(scene.world, scene.ball).answer.pair_total, near.answer.pair_total);
 }
 
+/// Until nothing is uncertain; what is said before that is so, too. Out: how many updates it took.
+template <class Probe, class Answer, class Check>
+int probe_until_certain(CutHost& host, const Motion& away, const std::vector<Probe>& probes,
+                        std::vector<Answer>& answers, const Check& check) {
+  for (int round = 0; round < 200; ++round) {
+    const auto report =
+        host.session->probe(host.world, std::span<const Probe>(probes), std::span<Answer>(answers));
+    EXPECT_TRUE(report.is_ok()) << report.status().message();
+    check();
+    const bool is_certain = std::all_of(answers.begin(), answers.end(), [](const Answer& answer) {
+      return answer.status != ProbeStatus::kUncertain;
+    });
+    EXPECT_EQ(report.value().awaited.empty() && report.value().reason.empty(), is_certain)
+        << report.value().awaited << report.value().reason;
+    if (is_certain) return round;
+    host.update(away);
+  }
+  ADD_FAILURE() << "still uncertain";
+  return 200;
+}
+
+TEST(SessionWorlds, ProbesAreThoseOfTheWorldOnDisk) {
+  const CutTerrain terrain;
+  WorldProbe truth = WorldProbe::open(terrain.folder).value();
+  Random random(41);
+  std::size_t hits = 0, misses = 0, balls_hit = 0, boxes_hit = 0, told_before = 0;
+  for (int round = 0; round < 12; ++round) {
+    CutHost host(terrain, {.max_held_splits = round % 2 == 0 ? 0U : 40U});
+    const CutScene scene = random_scene(terrain, random, round % 3);
+    Motion away;
+    away.pose.translation_m = test::place(scene.world, {0, 0, 5000});
+    ASSERT_TRUE(host.session->place_body(host.world, scene.world).is_ok());
+    std::vector<RayProbe> rays;
+    std::vector<BallProbe> balls;
+    std::vector<BoxProbe> boxes;
+    for (int i = 0; i < 12; ++i) {
+      std::array<double, 3> post =
+          terrain.posts()[random.below(static_cast<std::uint32_t>(terrain.posts().size()))];
+      std::array<double, 3> near = post, above = post;
+      for (double& x : near) x += random.between(-0.4, 0.4);
+      above[2] += random.between(0.1, 20);
+      above[0] += random.between(-30, 30) * (i % 3 == 0 ? 1 : 0);
+      std::array<double, 3> from = test::place(scene.world, above),
+                            to = test::place(scene.world, near);
+      RayProbe ray{.origin_m = from, .direction = {}, .range_m = 60};
+      for (std::size_t k = 0; k < 3; ++k) ray.direction[k] = to[k] - from[k];
+      rays.push_back(ray);
+      balls.push_back({to, random.between(0, 0.4)});
+      boxes.push_back({{test::random_rotation(random), to}, {0.1, 0.2, random.between(0.1, 3)}});
+    }
+    std::vector<RayAnswer> found(rays.size());
+    std::vector<WorldRayAnswer> on_disk(rays.size());
+    ASSERT_TRUE(truth.probe(scene.world, rays, on_disk).is_ok());
+    host.update(away);  // its first page is asked for
+    const int took = probe_until_certain(host, away, rays, found, [&] {
+      for (std::size_t i = 0; i < rays.size(); ++i) {
+        const RayAnswer &told = found[i], &is = on_disk[i].ray;
+        if (told.status != ProbeStatus::kUncertain) {
+          EXPECT_EQ(told.status, is.status);
+          EXPECT_EQ(told.missing, 0U);
+        } else if (told.at_least_m > 0 || told.has_face) {
+          ++told_before;
+        }
+        if (told.status == ProbeStatus::kHit) {
+          EXPECT_EQ(told.face, is.face);
+          EXPECT_EQ(told.point_m, is.point_m);
+          EXPECT_EQ(told.normal, is.normal);
+        }
+        if (is.status == ProbeStatus::kMiss) {
+          EXPECT_FALSE(told.has_face);
+          continue;
+        }
+        EXPECT_LE(told.at_least_m, is.at_most_m);
+        EXPECT_GE(told.at_most_m, is.at_least_m);
+      }
+    });
+    EXPECT_GT(took, 1) << "pages, headers and detail were not here";
+    for (const WorldRayAnswer& is : on_disk) ++(is.ray.status == ProbeStatus::kHit ? hits : misses);
+
+    std::vector<ShapeAnswer> shapes(balls.size());
+    std::vector<WorldShapeAnswer> shapes_on_disk(balls.size());
+    const auto expect_same = [&](std::size_t& count) {
+      for (std::size_t i = 0; i < shapes.size(); ++i) {
+        if (shapes[i].status == ProbeStatus::kUncertain) continue;
+        EXPECT_EQ(shapes[i].status, shapes_on_disk[i].shape.status);
+        count += shapes[i].status == ProbeStatus::kHit ? 1 : 0;
+      }
+    };
+    ASSERT_TRUE(truth.probe(scene.world, balls, shapes_on_disk).is_ok());
+    probe_until_certain(host, away, balls, shapes, [&] { expect_same(balls_hit); });
+    ASSERT_TRUE(truth.probe(scene.world, boxes, shapes_on_disk).is_ok());
+    probe_until_certain(host, away, boxes, shapes, [&] { expect_same(boxes_hit); });
+
+    std::vector<PointAnswer> points(1);
+    const std::array<double, 3> point{};
+    const auto inside = host.session->probe(host.world, std::span(&point, 1), points);
+    ASSERT_TRUE(inside.is_ok());
+    EXPECT_NE(inside.value().reason.find("is a world"), std::string::npos);
+    EXPECT_EQ(points[0].status, ProbeStatus::kUncertain);
+    rays[3].direction = {};
+    const auto refused = host.session->probe(host.world, rays, std::span(found));
+    EXPECT_EQ(refused.status().code(), StatusCode::kInvalidArgument);
+    EXPECT_NE(refused.status().message().find("ground: ray 3"), std::string::npos)
+        << refused.status().message();
+  }
+  EXPECT_GT(hits, 60U);
+  EXPECT_GT(misses, 10U);
+  EXPECT_GT(balls_hit, 20U);
+  EXPECT_GT(boxes_hit, 20U);
+  EXPECT_GT(told_before, 10U) << "uncertain answers have bounds";
+}
+
+// As long as somebody probes them.
+TEST(SessionWorlds, WhatIsProbedIsNotGivenUp) {
+  const CutTerrain terrain;
+  CutHost host(terrain);
+  Motion away;
+  away.pose.translation_m = {0, 0, 5000};
+  ASSERT_TRUE(host.session->place_body(host.world, {}).is_ok());
+  const std::vector<RayProbe> rays{
+      {.origin_m = {terrain.posts()[300][0] + 0.1, terrain.posts()[300][1] + 0.1, 100}}};
+  std::vector<RayAnswer> found(1);
+  host.update(away);
+  probe_until_certain(host, away, rays, found, [] {});
+  EXPECT_EQ(found[0].status, ProbeStatus::kHit);
+  for (int i = 0; i < 5; ++i) {
+    host.time_s += 6;
+    host.update(away);
+    ASSERT_TRUE(host.session->probe(host.world, rays, std::span(found)).is_ok());
+    EXPECT_EQ(found[0].status, ProbeStatus::kHit) << i;
+  }
+  for (int i = 0; i < 2; ++i) {
+    host.time_s += 11;
+    host.update(away);
+  }
+  ASSERT_TRUE(host.session->probe(host.world, rays, std::span(found)).is_ok());
+  EXPECT_EQ(found[0].status, ProbeStatus::kUncertain);
+  EXPECT_EQ(found[0].missing, 1U);
+  EXPECT_GT(found[0].at_least_m, 90);
+}
+
 TEST(SessionWorlds, TheSameTilesInAnotherLatticeStandElsewhere) {
   const CutTerrain terrain;
   const std::string folder = terrain.folder + "_moved";

@@ -333,6 +333,7 @@ class Session {
   /// boxes, in the world. What certified answers lack is asked for in the next updates: probe, update, probe again. Of the calls since an update all is asked
   /// for that has room in a request; what was probed in the last second is not given up (max_held_splits). A body of which nothing is
   /// known gives uncertain answers and a reason. Probes are neither published nor reported.
+  /// Of a body that is a world what is missing may be pages and tiles, too; a face has its name in its tile's model. Points in it have no answer.
   /// In: as many answers as probes. Errors: kNotFound; kInvalidArgument naming the probe, or for points in a body whose model is open.
   /// Cost: probe()'s; nothing is allocated for certified answers but for a batch.
   [[nodiscard]] Result<ProbeReport> probe(BodyId body, std::span<const RayProbe> rays,
