@@ -224,7 +224,8 @@ std::string Session::Impl::why_no_mesh(const PeerModel& model) const {
 
 std::string Session::Impl::why_not_ready(const Body& body) const {
   if (body.model->world && body.model->world->root() != nullptr)
-    return "body " + body.name + " is a world, of which only answers about pairs and probes are given";
+    return "body " + body.name +
+           " is a world, of which only answers about pairs and probes are given";
   if (body.model->is_ready() && body.solid)
     if (const Status status = check_solid(body.model->replica->header().surface, body.name);
         !status.is_ok())
