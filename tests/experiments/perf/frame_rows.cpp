@@ -156,7 +156,7 @@ class ServedChannel final : public subscriber::Channel {
 struct Frames {
   std::vector<double> us;  ///< without the publisher's time
   double publisher_us = 0;
-  double pairs = 0, certified = 0;  ///< answers, in all frames
+  double pairs = 0, certified = 0, spared = 0;  ///< answers, in all frames; the last without a query
 };
 
 void fly(const FrameScene& scene, int rate_hz, bool all_detail, Report& report) {
@@ -209,6 +209,7 @@ void fly(const FrameScene& scene, int rate_hz, bool all_detail, Report& report) 
     for (const auto& answer : done.value().answers) {
       ++frames.pairs;
       frames.certified += is_certified(answer.answer.status) ? 1 : 0;
+      frames.spared += answer.asked && answer.answer.stats.box_tests == 0 ? 1 : 0;
     }
   }
   const auto measured = static_cast<double>(frames.us.size());
@@ -221,6 +222,7 @@ void fly(const FrameScene& scene, int rate_hz, bool all_detail, Report& report) 
   add("worst", *std::max_element(frames.us.begin(), frames.us.end()), "us");
   add("publisher", frames.publisher_us / measured, "us");
   add("pairs", frames.pairs / measured, "pairs");
+  add("spared", frames.spared / measured, "pairs");
   add("certified", frames.pairs > 0 ? frames.certified / frames.pairs : 1, "share");
   add("held", static_cast<double>(session.stats().held_splits), "splits");
 }
