@@ -156,7 +156,8 @@ class ServedChannel final : public subscriber::Channel {
 struct Frames {
   std::vector<double> us;  ///< without the publisher's time
   double publisher_us = 0;
-  double pairs = 0, certified = 0, spared = 0;  ///< answers, in all frames; the last without a query
+  double pairs = 0, certified = 0,
+         spared = 0;  ///< answers, in all frames; the last without a query
 };
 
 void fly(const FrameScene& scene, int rate_hz, bool all_detail, Report& report) {
