@@ -26,8 +26,7 @@ ratio to nearmesh's time.
 * **All answers agree**, number of pairs included, but for Bullet's pairs: its test of triangles is an approximate one.
 
 `sphere` is 4,096 faces against itself, `bunny` 39,787. A number after the name is the distance in units of that of first contact;
-`near_miss` is 1.00001, `grazing` 0.9999. `terrain1m` is a flight of an aircraft of 8,000 faces, low over a million faces, `terrain8m`
-the same over eight million.
+`near_miss` is 1.00001, `grazing` 0.9999. `terrain1m` is a flight of an aircraft of 8,000 faces, low over a million faces.
 
 {measured}
 """
@@ -96,7 +95,7 @@ Coal, which Debian has not, where CMake is told of a built copy (`-DPQP_DIR=`, `
 
     cmake --build --preset dev --target experiments nearmesh-model    # programs that are run by hand are not in `all`
     bin=build/dev/bin
-    $bin/nearmesh-perf --workload sphere bunny terrain1m terrain8m -o docs/perf/queries.csv     # 11 GB
+    $bin/nearmesh-perf --workload sphere bunny terrain1m -o docs/perf/queries.csv               # terrain8m, too: 11 GB
     $bin/nearmesh-perf --workload frames -o docs/perf/frames.csv
     $bin/nearmesh-model generate terrain --size 708 -o terrain.ply && $bin/nearmesh-model build terrain.ply -o terrain.spm
     $bin/nearmesh-bench-probe > docs/perf/probes.csv                            # of six runs the least disturbed
