@@ -18,11 +18,15 @@ Result<std::vector<std::vector<std::uint8_t>>> answer_request(
     if (is_split || node.size < 2) return;
     for (const HalfSpace& half_space : half_spaces_of(node)) told.push_back({node, half_space});
   };
-  if (half_spaces_of)
+  if (half_spaces_of) {
     for (const TreeletSplit& split : treelet) {
       tell(split.node.left_of(split.split), split.left_included);
       tell(split.node.right_of(split.split), split.right_included);
     }
+    for (const NodeSpan& node : request.attach)
+      tell(node, std::any_of(treelet.begin(), treelet.end(),
+                             [&](const TreeletSplit& split) { return split.node == node; }));
+  }
   std::sort(told.begin(), told.end());
   return encode_batches(header, store, treelet, BoxPolicy::kCutNodes, kMaxBatchBytes, told);
 }

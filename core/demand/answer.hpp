@@ -15,7 +15,7 @@ namespace nearmesh {
 /// The splits below the request's attach nodes that matter to its region, in batches as they travel: attach nodes are always
 /// split, boxes are those of cut nodes. None where nothing is to be sent. In: a request that check_request() passed, but for
 /// attach nodes that were left out. Errors: those of `require`, see collect().
-/// `half_spaces_of`, where given: what is told of a node that the answer makes and does not split.
+/// `half_spaces_of`, where given: what is told of a node that the answer makes, or attaches to, and does not split.
 [[nodiscard]] Result<std::vector<std::vector<std::uint8_t>>> answer_request(
     const SpmHeader& header, const SplitStore& store, const RegionRequest& request,
     const std::function<Status(NodeSpan)>& require,

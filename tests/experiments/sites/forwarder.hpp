@@ -54,8 +54,10 @@ class Forwarder {
   template <class Message>
   struct LaneOf final : Lane {
     /// What is read: two topics may share a message, as near_poses has that of body_poses.
-    using Decoded = std::decay_t<decltype(
-        wire::decode(std::declval<const typename wire::TypeOf<Message>::Data&>()).value())>;
+    using Decoded =
+        std::decay_t<decltype(wire::decode(
+                                  std::declval<const typename wire::TypeOf<Message>::Data&>())
+                                  .value())>;
     explicit LaneOf(Forwarder& own)
         : forwarder(own),
           readers{wire::Reader<Message>(own.mailbox_), wire::Reader<Message>(own.mailbox_)},
