@@ -214,7 +214,6 @@ struct Watcher {
 
   /// Contact reports, by their bodies' names in order, then frame; for a while.
   struct Said {
-    double time_s = 0;
     int round = 0;
     bool put_off = false;  // told once, until the pair is asked again
   };
@@ -227,7 +226,7 @@ struct Watcher {
     latest_frame = report.frame;
     if (report.body_b < report.body_a) std::swap(report.body_a, report.body_b);
     said[{std::move(report.body_a), std::move(report.body_b)}].insert_or_assign(
-        report.frame, Said{report.time_s, round, report.put_off});
+        report.frame, Said{round, report.put_off});
   }
   [[nodiscard]] bool has_said(const std::string& a, const std::string& b,
                               const wire::BoundsReport& report) const {
@@ -236,7 +235,8 @@ struct Watcher {
     const auto after = pair->second.upper_bound(report.frame);
     if (after == pair->second.begin()) return false;
     const auto& [frame, last] = *std::prev(after);
-    return last.put_off || (frame == report.frame && last.time_s == report.time_s);
+    // Where a frame is repeated, what is as before is not said again, at whatever time.
+    return last.put_off || frame == report.frame;
   }
   void forget(int round) {
     for (auto& [names, frames] : said) {
