@@ -214,6 +214,7 @@ struct Watcher {
 
   /// Contact reports, by their bodies' names in order, then frame; for a while.
   struct Said {
+    double since_s = 0;  // a frame may be repeated
     int round = 0;
     bool put_off = false;  // told once, until the pair is asked again
   };
@@ -225,8 +226,9 @@ struct Watcher {
     if (!first_said) first_said = report.frame;
     latest_frame = report.frame;
     if (report.body_b < report.body_a) std::swap(report.body_a, report.body_b);
-    said[{std::move(report.body_a), std::move(report.body_b)}].insert_or_assign(
-        report.frame, Said{round, report.put_off});
+    auto& frames = said[{std::move(report.body_a), std::move(report.body_b)}];
+    const auto at = frames.try_emplace(report.frame, Said{report.time_s}).first;
+    at->second = {std::min(at->second.since_s, report.time_s), round, report.put_off};
   }
   [[nodiscard]] bool has_said(const std::string& a, const std::string& b,
                               const wire::BoundsReport& report) const {
@@ -235,8 +237,8 @@ struct Watcher {
     const auto after = pair->second.upper_bound(report.frame);
     if (after == pair->second.begin()) return false;
     const auto& [frame, last] = *std::prev(after);
-    // Where a frame is repeated, what is as before is not said again, at whatever time.
-    return last.put_off || frame == report.frame;
+    // Where a frame is repeated at another time, what is as before is not said again.
+    return last.put_off || (frame == report.frame && last.since_s <= report.time_s);
   }
   void forget(int round) {
     for (auto& [names, frames] : said) {
