@@ -52,7 +52,7 @@ class Chooser {
       : points_(points), from_(from) {
     if (hint) {
       const std::array<std::int8_t, 3>& normal = half_space_normal(*hint);
-      first_way_ = {double{normal[0]}, double{normal[1]}, double{normal[2]}};
+      for (std::size_t k = 0; k < 3; ++k) first_way_[k] = normal[k];
     }
     corners_.reserve(points.size());
     for (const GridPoint& p : points)
