@@ -71,8 +71,8 @@ RtpsVerdict DoorWatch::check(std::span<const std::uint8_t> message, const Messag
   if (!verdict.refusal) {
     const std::lock_guard lock(mutex_);
     verdict.refusal = book_.hear(verdict, from);
-    // Beside identities Fast DDS itself waits for announcements, to begin handshakes anew.
-    if (!verdict.refusal && is_plain_ && identities_ == nullptr)
+    // By UDP, where each comes by multicast too. Beside identities Fast DDS itself waits for announcements, to begin handshakes anew.
+    if (!verdict.refusal && is_plain_ && identities_ == nullptr && from.is_udp)
       verdict.is_repeat = book_.repeats(verdict);
   }
   if (verdict.refusal) count(*verdict.refusal);
