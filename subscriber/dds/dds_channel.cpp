@@ -360,9 +360,9 @@ Status DdsChannel::Impl::open() {
 /// Each endpoint is told to every participant, and costs both. So those that few scenes need are opened once somebody is there who uses
 /// them: halves what it costs that many peers join.
 void DdsChannel::Impl::open_what_is_of_use() {
-  const auto open_if = [&](bool is_due, Status (Impl::*open)()) {
+  const auto open_if = [&](bool is_due, Status (Impl::*opening)()) {
     if (!is_due) return;
-    if (const Status status = (this->*open)(); !status.is_ok())
+    if (const Status status = (this->*opening)(); !status.is_ok())
       mailbox_.complain(std::string(status.message()));
   };
   {
