@@ -358,7 +358,7 @@ Status DdsChannel::Impl::open() {
 }
 
 /// Each endpoint is told to every participant, and costs both. So those that few scenes need are opened once somebody is there who uses
-/// them: halves what it costs that many peers join.
+/// them.
 void DdsChannel::Impl::open_what_is_of_use() {
   const auto open_if = [&](bool is_due, Status (Impl::*opening)()) {
     if (!is_due) return;

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "half_spaces.hpp"
+#include "nearmesh/core/geometry/motion.hpp"
 #include "test_models.hpp"
 
 namespace nearmesh::test {
@@ -26,6 +27,17 @@ class ModelPair : public ::testing::TestWithParam<ModelNames> {
   BakedModel a_ = bake_named(GetParam().first), b_ = bake_named(GetParam().second);
 
   test::TrueHalfSpaces half_spaces_a_{a_.store}, half_spaces_b_{b_.store};
+
+  /// At poses near each other, on their way.
+  [[nodiscard]] std::pair<Motion, Motion> near_motions(Random& random) const {
+    const PairOfPoses poses = near_poses(random, a_, radius_m(a_), b_, radius_m(b_));
+    std::pair<Motion, Motion> motions{{.pose = poses.a}, {.pose = poses.b}};
+    for (Motion* motion : {&motions.first, &motions.second}) {
+      for (double& x : motion->linear_velocity_mps) x = random.between(-1, 1);
+      for (double& x : motion->angular_velocity_radps) x = random.between(-0.2, 0.2);
+    }
+    return motions;
+  }
 
   /// Both models, each refined at random, every other pair with half-spaces, and what is left of the random numbers.
   struct State {

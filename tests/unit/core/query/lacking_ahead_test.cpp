@@ -37,19 +37,7 @@ struct Cuts {
   LocalModel a, b;
 };
 
-class LackingAhead : public test::ModelPair {
- protected:
-  std::pair<Motion, Motion> near_motions(Random& random) const {
-    const test::PairOfPoses poses =
-        test::near_poses(random, a_, test::radius_m(a_), b_, test::radius_m(b_));
-    std::pair<Motion, Motion> motions{{.pose = poses.a}, {.pose = poses.b}};
-    for (Motion* motion : {&motions.first, &motions.second}) {
-      for (double& x : motion->linear_velocity_mps) x = random.between(-1, 1);
-      for (double& x : motion->angular_velocity_radps) x = random.between(-0.2, 0.2);
-    }
-    return motions;
-  }
-};
+class LackingAhead : public test::ModelPair {};
 INSTANTIATE_TEST_SUITE_P(Models, LackingAhead, test::model_pairs(), test::name_of_pair);
 
 TEST_P(LackingAhead, LooksIntoNodesFindWhatALookALevelDoes) {
