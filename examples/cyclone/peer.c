@@ -19,7 +19,7 @@ typedef nearmesh_wire_types_BodyPosesSample Poses;
 typedef nearmesh_wire_types_ContactReportSample Report;
 
 enum {
-  kWireVersion = 11,  // of the nearmesh.idl that this was written for: nearmesh-subscriber --version
+  kWireVersion = 12,  // of the nearmesh.idl that this was written for: nearmesh-subscriber --version
   kNumbersOfMotion = 19,  // time, rotation (9), translation (3), linear and angular velocity
   kBodiesOfPart = 7,
   kMaxKnown = 256

@@ -26,7 +26,7 @@ constexpr std::size_t kWordsPerPair = 4;
 constexpr std::size_t kWordsPerContent = 2;
 constexpr std::size_t kNumbersPerPose = 19;  // its time, then those of its motion
 constexpr std::size_t kWordsPerRun = 7;      // known, mover, first, count, content, group, mask
-constexpr std::size_t kWordsPerPlaced = 3;   // content, group, mask
+constexpr std::size_t kWordsPerPlaced = 4;   // content, group, mask, own
 constexpr std::size_t kNumbersPerPlaced = 12;
 constexpr std::uint8_t kFlagAsked = 1;
 constexpr std::uint8_t kFlagSolidA = 2;
@@ -36,6 +36,7 @@ constexpr std::uint8_t kFlagPutOff = 32;
 constexpr std::uint8_t kFlagPublisher = 1;
 constexpr std::uint8_t kFlagDoor = 2;
 constexpr std::uint8_t kFlagReply = 1;
+constexpr std::uint8_t kFlagOnlyOwn = 1;
 
 Status malformed(std::string message) { return {StatusCode::kInvalidArgument, std::move(message)}; }
 
@@ -343,6 +344,7 @@ void encode(const BodyPromises& message, wire_types::BodyPromisesSample& sample)
   sample.part(message.part);
   sample.peer(message.peer);
   sample.from_s(message.from_s);
+  sample.sequence_number(message.sequence);
   sample.quantum(static_cast<std::uint8_t>(message.quantum + kQuantumOffset));
   sample.bytes().clear();
   std::uint32_t places = 0;
@@ -363,6 +365,7 @@ Result<BodyPromises> decode(const wire_types::BodyPromisesSample& sample) {
   message.part = sample.part();
   message.peer = sample.peer();
   message.from_s = sample.from_s();
+  message.sequence = sample.sequence_number();
   message.quantum =
       static_cast<std::int8_t>(std::clamp(sample.quantum() - kQuantumOffset, -128, 127));
   std::span<const std::uint8_t> bytes = sample.bytes();
@@ -672,6 +675,7 @@ void encode(const WatchedBodies& message, wire_types::WatchedBodiesSample& sampl
   sample.edition(message.edition);
   sample.horizon_s(message.horizon_s);
   sample.margin_m(message.margin_m);
+  sample.flags(message.only_own ? kFlagOnlyOwn : 0);
   std::vector<ContentHash> contents;
   sample.movers().clear();
   sample.runs().clear();
@@ -689,7 +693,8 @@ void encode(const WatchedBodies& message, wire_types::WatchedBodiesSample& sampl
   sample.placed_poses().clear();
   for (const WatchedBodies::Placed& body : message.placed) {
     append_line(body.name, sample.names());
-    for (const std::uint32_t word : {index_in(contents, body.content), body.group, body.mask})
+    for (const std::uint32_t word :
+         {index_in(contents, body.content), body.group, body.mask, body.own ? 1U : 0U})
       sample.placed_companies().push_back(word);
     for (const double number : body.pose.rotation) sample.placed_poses().push_back(number);
     for (const double number : body.pose.translation_m) sample.placed_poses().push_back(number);
@@ -707,11 +712,14 @@ Result<WatchedBodies> decode(const wire_types::WatchedBodiesSample& sample) {
   message.edition = sample.edition();
   message.horizon_s = sample.horizon_s();
   message.margin_m = sample.margin_m();
+  if ((sample.flags() & ~kFlagOnlyOwn) != 0)
+    return malformed("flags: found unknown bits, " + std::to_string(sample.flags()));
+  message.only_own = (sample.flags() & kFlagOnlyOwn) != 0;
   NEARMESH_RETURN_IF_ERROR(check_lists(sample));
   const std::size_t contents = sample.content_hashes().size() / kWordsPerContent;
   for (std::size_t i = 0; i < sample.max_ages_s().size(); ++i) {
     const std::uint32_t* word = &sample.runs()[kWordsPerRun * i];
-    if (word[0] > static_cast<std::uint32_t>(WatchedBodies::Known::kByPose))
+    if (word[0] > static_cast<std::uint32_t>(WatchedBodies::Known::kPromised))
       return malformed("runs: found bodies known by " + std::to_string(word[0]));
     NEARMESH_RETURN_IF_ERROR(check_index(word[1], sample.movers().size(), "mover"));
     NEARMESH_RETURN_IF_ERROR(check_index(word[4], contents, "content"));
@@ -730,10 +738,12 @@ Result<WatchedBodies> decode(const wire_types::WatchedBodiesSample& sample) {
   for (std::size_t i = 0; i < placed; ++i) {
     const std::uint32_t* word = &sample.placed_companies()[kWordsPerPlaced * i];
     NEARMESH_RETURN_IF_ERROR(check_index(word[0], contents, "content"));
+    NEARMESH_RETURN_IF_ERROR(check_index(word[3], 2, "own"));
     message.placed.push_back({.name = names.value()[i],
                               .content = content_at(sample.content_hashes(), word[0]),
                               .group = word[1],
                               .mask = word[2],
+                              .own = word[3] != 0,
                               .pose = {}});
     Pose& pose = message.placed.back().pose;
     const double* numbers = &sample.placed_poses()[kNumbersPerPlaced * i];
@@ -743,9 +753,40 @@ Result<WatchedBodies> decode(const wire_types::WatchedBodiesSample& sample) {
   return checked(std::move(message));
 }
 
+namespace {
+
+constexpr std::size_t kMaxKnownBytes = 131072;
+
+/// A number, and a bit below it.
+bool take_flagged(std::span<const std::uint8_t>& bytes, std::uint32_t& word, bool& flag) {
+  const std::optional<std::uint64_t> number = take_number(bytes);
+  if (!number || *number >> 33 != 0) return false;
+  word = static_cast<std::uint32_t>(*number >> 1);
+  flag = (*number & 1) != 0;
+  return true;
+}
+
+bool take_heard(std::span<const std::uint8_t>& bytes, BoundsReport::Heard& heard) {
+  bool has_promises = false;
+  if (!take_flagged(bytes, heard.poses, has_promises)) return false;
+  if (!has_promises) return true;
+  const auto promises = take_short(bytes), near = take_short(bytes), posed = take_short(bytes);
+  if (!promises || !near || !posed || *posed > kMaxWatchedPosed) return false;
+  heard.promises = *promises;
+  heard.near = *near;
+  std::uint32_t number = 0;
+  for (std::uint32_t i = 0; i < *posed; ++i) {
+    const auto more = take_short(bytes), sequence = take_short(bytes);
+    if (!more || !sequence) return false;
+    heard.posed.push_back({number += *more, *sequence});
+  }
+  return heard.promises != 0 || heard.near != 0 || !heard.posed.empty();
+}
+
+}  // namespace
+
 void encode(const BoundsReport& message, wire_types::BoundsReportSample& sample) {
   sample.wire_version(message.wire_version);
-  sample.edition(message.edition);
   sample.peer(message.peer);
   sample.frame(message.frame);
   sample.time_s(message.time_s);
@@ -753,13 +794,30 @@ void encode(const BoundsReport& message, wire_types::BoundsReportSample& sample)
   sample.pairs(message.pairs);
   sample.clearance_m(message.clearance_m);
   sample.horizon_s(message.horizon_s);
-  sample.heard(message.heard);
+  Octets& known = sample.known();
+  known.clear();
+  const auto append_flagged = [&](std::uint32_t word, bool flag) {
+    append_number(std::uint64_t{word} << 1U | (flag ? 1 : 0), known);
+  };
+  append_flagged(message.edition, message.rests_on_more);
+  for (const BoundsReport::Heard& heard : message.heard) {
+    const bool has_promises = heard.promises != 0 || heard.near != 0 || !heard.posed.empty();
+    append_flagged(heard.poses, has_promises);
+    if (!has_promises) continue;
+    append_number(heard.promises, known);
+    append_number(heard.near, known);
+    append_number(heard.posed.size(), known);
+    std::uint32_t before = 0;
+    for (const BoundsReport::Heard::Posed& posed : heard.posed) {
+      append_number(posed.number - std::exchange(before, posed.number), known);
+      append_number(posed.sequence, known);
+    }
+  }
 }
 
 Result<BoundsReport> decode(const wire_types::BoundsReportSample& sample) {
   BoundsReport message;
   message.wire_version = sample.wire_version();
-  message.edition = sample.edition();
   message.peer = sample.peer();
   message.frame = sample.frame();
   message.time_s = sample.time_s();
@@ -767,7 +825,15 @@ Result<BoundsReport> decode(const wire_types::BoundsReportSample& sample) {
   message.pairs = sample.pairs();
   message.clearance_m = sample.clearance_m();
   message.horizon_s = sample.horizon_s();
-  message.heard = sample.heard();
+  std::span<const std::uint8_t> known = sample.known();
+  const char* const kUnfit = "bounds report: octets of what is known that end too soon, or are too many";
+  if (known.size() > kMaxKnownBytes || !take_flagged(known, message.edition, message.rests_on_more))
+    return malformed(kUnfit);
+  while (!known.empty()) {
+    if (message.heard.size() > kMaxWatchedMovers ||
+        !take_heard(known, message.heard.emplace_back()))
+      return malformed(kUnfit);
+  }
   return checked(std::move(message));
 }
 

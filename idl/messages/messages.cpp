@@ -277,7 +277,8 @@ BodyPromise promise_of(const BodyPromises& promises, const BodyPromises::Body& b
                       .from_s = promises.from_s,
                       .until_s = promises.until_s(),
                       .slack_m = quantum_m,
-                      .max_speed_mps = who.max_speed_mps};
+                      .max_speed_mps = who.max_speed_mps,
+                      .sequence = promises.sequence};
   for (std::size_t k = 0; k < 3; ++k)
     promise.place_m[k] = static_cast<double>(body.place[k]) * quantum_m;
   return promise;
@@ -437,11 +438,23 @@ Status check(const BoundsReport& message) {
   NEARMESH_RETURN_IF_ERROR(check_version(message.wire_version));
   NEARMESH_RETURN_IF_ERROR(check_session(message.peer, "peer"));
   NEARMESH_RETURN_IF_ERROR(check_time(message.time_s, "time_s"));
-  if (message.edition == 0) return invalid("edition: expected from 1, found 0");
+  if (message.edition == 0 && !message.rests_on_more)
+    return invalid("edition: expected from 1, found 0");
   if (message.pairs == 0) return invalid("pairs: expected from 1, found 0");
   NEARMESH_RETURN_IF_ERROR(check_distance(message.clearance_m, "clearance_m"));
   NEARMESH_RETURN_IF_ERROR(check_distance(message.horizon_s, "horizon_s"));
-  return check_most(message.heard.size(), kMaxWatchedMovers, "heard");
+  NEARMESH_RETURN_IF_ERROR(check_most(message.heard.size(), kMaxWatchedMovers, "heard"));
+  std::size_t posed = 0;
+  for (const BoundsReport::Heard& heard : message.heard) {
+    posed += heard.posed.size();
+    const auto unordered = std::adjacent_find(
+        heard.posed.begin(), heard.posed.end(),
+        [](const auto& one, const auto& next) { return one.number >= next.number; });
+    if (unordered != heard.posed.end())
+      return invalid("posed: body " + std::to_string(unordered->number) +
+                     " is not before the next");
+  }
+  return check_most(posed, kMaxWatchedPosed, "posed");
 }
 
 Status check(const HeldDetail& message) {

@@ -559,7 +559,7 @@ bool DdsChannel::Impl::receive_poses() {
                              [&](wire::BodyPoses&& poses, const Handle& writer, Microseconds) {
                                if (poses.peer == own_id_) return;
                                note(poses.peer, [](PoseCounts& counts) { ++counts.heard_near; });
-                               heard.push_back({std::move(poses), writer});
+                               heard.push_back({std::move(poses), writer, true});
                              });
   more |= more_promised;
   std::vector<wire::BodyPose> accepted = movers_.take(std::move(heard), more);

@@ -177,7 +177,8 @@ void DdsPoses::name(Heard&& heard, std::vector<wire::BodyPose>& accepted) {
                      .linear_velocity_mps = pose.motion.linear_velocity_mps,
                      .angular_velocity_radps = pose.motion.angular_velocity_radps,
                      .number = pose.number,
-                     .sequence = heard.poses.sequence},
+                     .sequence = heard.poses.sequence,
+                     .is_near = heard.is_near},
             .writer = part->writer,
             .body = *body},
            accepted);

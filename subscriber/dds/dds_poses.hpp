@@ -30,6 +30,7 @@ class DdsPoses {
   struct Heard {
     wire::BodyPoses poses;
     wire::Handle writer;
+    bool is_near = false;  ///< of the topic of near poses
   };
   struct HeardPromises {
     wire::BodyPromises promises;

@@ -74,6 +74,7 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
   impl.frame_s = impl.has_updated ? std::max(0.0, time_s - impl.time_s) : 0;
   impl.has_updated = true;
   impl.time_s = time_s;
+  impl.has_recorder = impl.channel->has_recorder();
   std::set<std::uint32_t> parts;  // that go out
   for (const OwnMotion& own : motions) {
     Body& body = *impl.find(own.body);
@@ -88,7 +89,7 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
   for (const auto& [number, id] : impl.own_bodies)
     if (const Body& body = *impl.find(id);
         body.motion && !body.is_placed && is_at_rest(*body.motion) &&
-        (body.max_speed_mps == 0 || !impl.who_wants(body).empty()) &&
+        (body.max_speed_mps == 0 || impl.has_recorder || !impl.who_wants(body).empty()) &&
         std::abs(time_s - body.published_s) >= kRepeatShare * impl.options.max_pose_age_s)
       parts.insert(part_of(body));
   impl.tell_directory();
@@ -156,7 +157,7 @@ void Session::Impl::tell_directory() {
 }
 
 /// All of the part that have a pose: the sample stands for those before it. Of bodies that promises are made of, those that somebody
-/// wants, apart.
+/// wants, apart; recorders hear them all.
 void Session::Impl::publish(std::uint32_t part, std::uint64_t frame, bool only_near) {
   wire::BodyPoses poses{.peer = channel->own_id(), .part = part, .frame = frame};
   const wire::NearPoses none{poses};
@@ -165,7 +166,7 @@ void Session::Impl::publish(std::uint32_t part, std::uint64_t frame, bool only_n
     if (!body.motion || body.is_placed) return;
     const bool is_promised = body.max_speed_mps > 0;
     const std::vector<wire::SessionId> wanted_by = who_wants(body);
-    if (is_promised ? wanted_by.empty() : only_near) return;
+    if (is_promised ? wanted_by.empty() && !has_recorder : only_near) return;
     wire::BodyPoses& sample = is_promised ? near.try_emplace(wanted_by, none).first->second : poses;
     sample.bodies.push_back(
         {.number = body.number, .time_s = stamp_of(body).time_s, .motion = *body.motion});
@@ -175,7 +176,18 @@ void Session::Impl::publish(std::uint32_t part, std::uint64_t frame, bool only_n
     poses.sequence = ++pose_samples;
     channel->send(poses);
   }
-  for (const auto& [wanted_by, sample] : near) channel->send_near(sample);
+  for (auto& [wanted_by, sample] : near) {
+    sample.sequence = ++near_samples;
+    channel->send_near(sample);
+  }
+}
+
+/// It has heard nothing of bodies at rest of which promises are made.
+void Session::Impl::note_recorder() {
+  ++recorders;
+  has_recorder = channel->has_recorder();
+  for (const auto& [number, id] : own_bodies)
+    if (const Body& own = *find(id); own.max_speed_mps > 0) unserved_parts.insert(part_of(own));
 }
 
 /// A body in place is where it is, and so is an own one at rest until the host moves it: their poses are of now.

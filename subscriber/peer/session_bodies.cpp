@@ -32,36 +32,13 @@ Status check_names(std::initializer_list<std::string_view> names) {
   return Status::ok();
 }
 
-/// The distance is rounded down.
-bool meets(const Ball& ball, const WorldBox& box) {
-  double square = 0;
-  for (std::size_t k = 0; k < 3; ++k) {
-    const double nearest = std::clamp(ball.center_m[k], box.lo_m[k], box.hi_m[k]);
-    square += (ball.center_m[k] - nearest) * (ball.center_m[k] - nearest);
-  }
-  return square * (1 - 0x1p-40) <= ball.radius_m * ball.radius_m;
-}
-
-/// The ball in a cube of around_ball().
-Ball ball_in(const WorldBox& cube, const Ball& of) {
-  double radius_m = 0;  // the cube is rounded outward
-  for (std::size_t k = 0; k < 3; ++k)
-    radius_m = std::max({radius_m, cube.hi_m[k] - of.center_m[k], of.center_m[k] - cube.lo_m[k]});
-  return {of.center_m, radius_m};
-}
-
 /// Of a pair, whichever way round.
 std::pair<std::uint32_t, std::uint32_t> key_of(BodyId a, BodyId b) {
   return std::minmax({a.value, b.value});
 }
 
-/// Of all that the bounds of one that is known by a promise follow from.
-std::uint64_t digest_of_promised(const Body& body, double radius_m) {
-  const wire::BodyPromise& promise = *body.promises[0];
-  Motion bounds;
-  bounds.pose.translation_m = promise.place_m;
-  bounds.linear_velocity_mps = {promise.max_speed_mps, radius_m, 0};
-  return place_digest(body.name, body.model->content_hash, body.company, bounds);
+PlacedBody placed(const Body& body) {
+  return {body.name, body.model->content_hash, body.company};
 }
 
 }  // namespace
@@ -289,29 +266,23 @@ std::string Session::Impl::why_no_bounds(const Body& body) const {
   return "model " + body.model->name + " of body " + body.name + ": " + why_no_mesh(*body.model);
 }
 
-/// Whether the two may be near, by what is known in this update.
-bool Session::Impl::is_near(const Body& a, const Body& b) {
-  return a.tight.meets(b.tight) && (!a.stays || meets(*a.stays, b.tight)) &&
-         (!b.stays || meets(*b.stays, a.tight));
-}
-
 /// Whether full poses of those of the two that are promised are of use.
 bool Session::Impl::is_near_soon(const Body& a, const Body& b) {
-  return (!a.soon || meets(*a.soon, b.tight)) && (!b.soon || meets(*b.soon, a.tight));
+  return (!a.soon || a.soon->meets(b.place.box)) && (!b.soon || b.soon->meets(a.place.box));
 }
 
 /// Of one that is known by a promise, or was: full poses count while they are wanted, for then they come.
 void Session::Impl::bound_promised(Body& body, FrameReport& report) {
   std::string reason = why_no_bounds(body);
-  const std::optional<Ball> ball = ball_of(body);
+  const wire::BodyPromise* promise = promise_of(body);
   const bool is_posed = reason.empty() && wants_poses(body) &&
                         body.stamp.time_s >= body.wanted_since_s &&
                         wire::why_stale(stamp_of(body), time_s, body.name).empty();
   body.is_new_to_bounds = true;  // a ball grows with time
   body.is_by_promise = false;
   body.soon.reset();
-  body.stays.reset();
-  if (reason.empty() && !ball && !is_posed) reason = why_unpromised(body);
+  note_known(body);
+  if (reason.empty() && promise == nullptr && !is_posed) reason = why_unpromised(body);
   if (!reason.empty()) {
     broad.lose(*body.slot);
     report.unknown.push_back({body.id, std::move(reason)});
@@ -322,25 +293,20 @@ void Session::Impl::bound_promised(Body& body, FrameReport& report) {
   const ModelBounds& model = body.model->bounds;
   WorldBox around;
   double speed_mps = 0;
-  if (ball) {
-    speed_mps = body.promises[0]->max_speed_mps;
-    body.way_m = speed_mps * horizon_s();
-    body.tight = model.around_ball(ball->center_m, ball->radius_m + body.way_m, options.margin_m);
+  if (promise != nullptr) {
+    const Ball ball{promise->place_m, *promise->radius_m(time_s)};
+    speed_mps = promise->max_speed_mps;
+    body.place = place_by_promise(placed(body), model, ball, speed_mps, ahead());
     // Who may be near soon is asked for its poses before.
     const double lead_m = (speed_mps + fastest_mps) * kLead_s;
-    around =
-        model.around_ball(ball->center_m, ball->radius_m + body.way_m + lead_m, options.margin_m);
-    body.soon = ball_in(around, *ball);
-    body.stays = ball_in(body.tight, *ball);
-    body.digest = digest_of_promised(body, ball->radius_m);
+    around = model.around_ball(ball.center_m, ball.radius_m + body.place.way_m + lead_m,
+                               options.margin_m);
+    body.soon = ball_in(around, ball.center_m);
   }
   if (is_posed) {
-    body.stays.reset();
-    body.tight = model.around(*body.motion, horizon_s(), options.margin_m);
-    body.way_m = model.way_m(*body.motion, horizon_s());
-    body.digest = place_digest(body.name, body.model->content_hash, body.company, *body.motion);
-    around = ball ? hull(around, body.tight) : body.tight;
-    if (!ball) note_near(body);  // they are all that is known
+    body.place = place_by_pose(placed(body), model, *body.motion, ahead());
+    around = promise != nullptr ? hull(around, body.place.box) : body.place.box;
+    if (promise == nullptr) note_near(body);  // they are all that is known
   }
   body.is_by_promise = !is_posed;
   report.promised += body.is_by_promise ? 1U : 0U;
@@ -384,12 +350,10 @@ void Session::Impl::bound(Body& body, FrameReport& report) {
     return;
   body.bounded = body.model->content_hash;
   const ModelBounds& model = body.model->bounds;
-  body.tight = model.around(*body.motion, horizon_s(), options.margin_m);
-  broad.place(*body.slot, body.tight, [&] {
+  body.place = place_by_pose(placed(body), model, *body.motion, ahead());
+  broad.place(*body.slot, body.place.box, [&] {
     return model.around(*body.motion, horizon_s() + kRoam_s * lateness_of(body), options.margin_m);
   });
-  body.way_m = model.way_m(*body.motion, horizon_s());
-  body.digest = place_digest(body.name, body.model->content_hash, body.company, *body.motion);
 }
 
 /// Which pairs this update answers; what is said of all others.
@@ -409,7 +373,7 @@ void Session::Impl::find_near(std::uint64_t frame, FrameReport& report) {
         note_near(*by_slot[one]);
         note_near(*by_slot[two]);
       }
-      if (!is_near(*by_slot[one], *by_slot[two])) continue;  // soon, perhaps
+      if (!may_be_near(by_slot[one]->place, by_slot[two]->place)) continue;  // soon, perhaps
       const auto [lower, higher] = std::minmax({by_slot[one]->id, by_slot[two]->id});
       const auto [at, is_new] = pairs.try_emplace(key_of(lower, higher));
       Pair& pair = at->second;
@@ -453,14 +417,12 @@ void Session::Impl::tell_free(std::uint64_t frame, std::uint64_t near, FrameRepo
   }
   FreePairs bounds;
   std::uint64_t digest = 0;
-  bool is_recorded = !watches_only_own;  // all that it rests on, so that it can be proved
   for (const auto& [id, body] : bodies) {
     if (!broad.is_placed(*body.slot)) continue;
-    digest += body.digest;
-    bounds.add(body.way_m, body.is_by_promise ? 0 : wire::age_s(stamp_of(body), time_s));
-    is_recorded &= body.max_speed_mps == 0 && !body.promises[0];
+    digest += body.place.digest;
+    bounds.add(body.place.way_m, body.is_by_promise ? 0 : wire::age_s(stamp_of(body), time_s));
   }
-  if (options.publish_reports && is_recorded)
+  if (options.publish_reports)
     tell_bounds(frame, broad.placed_pair_count() - near, digest, bounds);
   if (free.pairs == 0) return;
   free.clearance_m = bounds.clearance_m(options.margin_m);

@@ -14,9 +14,17 @@ namespace {
   return body.value / wire::kWatchedPerPart;
 }
 
-/// Of a body that is known by its poses.
+using Told = Body::Told;
+
+/// Of a body that its mover's number names.
+[[nodiscard]] bool is_numbered(const Told& told) {
+  return told.known == Told::Known::kByPose || told.known == Told::Known::kPromised;
+}
+
 [[nodiscard]] wire::WatchedBodies::Run run_of(const Body& body) {
-  return {.known = wire::WatchedBodies::Known::kByPose,
+  return {.known = body.told.known == Told::Known::kPromised
+                       ? wire::WatchedBodies::Known::kPromised
+                       : wire::WatchedBodies::Known::kByPose,
           .mover = body.told.mover,
           .first = body.told.number,
           .count = 1,
@@ -30,27 +38,33 @@ namespace {
 
 /// By what the body's place is known, but for the age of its pose, which follows from the pose.
 void Session::Impl::note_known(Body& body) {
-  Body::Told now;
+  Told now;
   const bool has_model =
       body.model->is_ready() || (body.model->world && body.model->world->root() != nullptr);
-  if (has_model && body.motion && body.stamp.mover == wire::Mover::kThere) {
-    if (body.is_placed) {
-      now = {Body::Told::Known::kInPlace, 0, 0, body.model->content_hash};
-    } else if (body.mover != 0) {
-      now = {Body::Told::Known::kByPose, body.mover, body.number, body.model->content_hash};
-    }
+  const bool is_posed = body.motion && body.stamp.mover == wire::Mover::kThere;
+  const bool is_promised = !body.own && !body.is_placed && body.promises[0];
+  const ContentHash& content = body.model->content_hash;
+  if (has_model && is_promised && (is_posed || body.promiser == wire::Mover::kThere)) {
+    now = {Told::Known::kPromised, body.promises[0]->peer, body.promises[0]->number, content};
+  } else if (has_model && is_posed && body.is_placed) {
+    now = {Told::Known::kInPlace, 0, 0, content};
+  } else if (has_model && is_posed && body.mover != 0) {
+    now = {body.max_speed_mps > 0 ? Told::Known::kPromised : Told::Known::kByPose, body.mover,
+           body.number, content};
   }
+  // A stranger that takes this session's name moves nothing of its own.
+  if (is_numbered(now) && body.own != (now.mover == channel->own_id())) now = {};
   note_told(body, now);
 }
 
-void Session::Impl::note_told(Body& body, const Body::Told& now) {
-  const bool is_replaced = now.known == Body::Told::Known::kInPlace && body.is_new_to_bounds;
+void Session::Impl::note_told(Body& body, const Told& now) {
+  const bool is_replaced = now.known == Told::Known::kInPlace && body.is_new_to_bounds;
   if (now == body.told && !is_replaced) return;
   untold_watched.insert(watched_part_of(body.id));
-  if (body.told.known == Body::Told::Known::kByPose)
+  if (is_numbered(body.told))
     if (const auto at = watched_movers.find(body.told.mover); --at->second == 0)
       watched_movers.erase(at);
-  if (now.known == Body::Told::Known::kByPose) ++watched_movers[now.mover];
+  if (is_numbered(now)) ++watched_movers[now.mover];
   body.told = now;
 }
 
@@ -62,14 +76,15 @@ void Session::Impl::tell_watched() {
                                 .part = part,
                                 .edition = watched_edition,
                                 .horizon_s = horizon_s(),
-                                .margin_m = options.margin_m};
+                                .margin_m = options.margin_m,
+                                .only_own = watches_only_own};
     for (auto at = bodies.lower_bound(part * wire::kWatchedPerPart);
          at != bodies.end() && watched_part_of(at->second.id) == part; ++at) {
       const Body& body = at->second;
-      if (body.told.known == Body::Told::Known::kInPlace) {
+      if (body.told.known == Told::Known::kInPlace) {
         watched.placed.push_back({body.name, body.told.content, body.company.group,
-                                  body.company.mask, body.motion->pose});
-      } else if (body.told.known == Body::Told::Known::kByPose) {
+                                  body.company.mask, body.own, body.motion->pose});
+      } else if (is_numbered(body.told)) {
         wire::WatchedBodies::Run run = run_of(body);
         if (!watched.runs.empty()) {
           wire::WatchedBodies::Run& last = watched.runs.back();
@@ -88,6 +103,28 @@ void Session::Impl::tell_watched() {
   }
 }
 
+/// What the bodies are known by, of each mover.
+std::vector<wire::BoundsReport::Heard> Session::Impl::heard_of_movers() {
+  std::vector<wire::BoundsReport::Heard> heard;
+  std::map<wire::SessionId, std::size_t> places;
+  for (const auto& [mover, count] : watched_movers) {
+    const bool is_own = mover == channel->own_id();
+    places.emplace(mover, heard.size());
+    heard.push_back({.poses = is_own ? pose_samples : last_pose_samples[mover],
+                     .promises = is_own ? 0 : last_promises[mover],
+                     .near = is_own ? near_samples : 0,
+                     .posed = {}});
+  }
+  for (const auto& [id, body] : bodies)
+    if (body.told.known == Told::Known::kPromised && !body.own && !body.is_by_promise &&
+        broad.is_placed(*body.slot))
+      heard[places.at(body.told.mover)].posed.push_back({body.told.number, body.near_sequence});
+  for (wire::BoundsReport::Heard& one : heard)
+    std::sort(one.posed.begin(), one.posed.end(),
+              [](const auto& a, const auto& b) { return a.number < b.number; });
+  return heard;
+}
+
 /// `free`: how many pairs of bodies that have boxes do not meet. Nothing is said where there are none.
 void Session::Impl::tell_bounds(std::uint64_t frame, std::uint64_t free,
                                 std::uint64_t places_digest, const FreePairs& bounds) {
@@ -101,9 +138,14 @@ void Session::Impl::tell_bounds(std::uint64_t frame, std::uint64_t free,
                             .pairs = static_cast<std::uint32_t>(std::min<std::uint64_t>(
                                 free, std::numeric_limits<std::uint32_t>::max())),
                             .clearance_m = float_at_most(bounds.clearance_m(options.margin_m)),
-                            .horizon_s = float_at_most(bounds.horizon_s(horizon_s()))};
-  for (const auto& [mover, count] : watched_movers)
-    report.heard.push_back(mover == channel->own_id() ? pose_samples : last_pose_samples[mover]);
+                            .horizon_s = float_at_most(bounds.horizon_s(horizon_s())),
+                            .heard = heard_of_movers()};
+  for (const auto& [id, body] : bodies) {
+    const bool is_told = body.told.known != Told::Known::kNot;
+    const bool is_elsewhere = body.told.known == Told::Known::kPromised && !body.own &&
+                              !body.is_by_promise && body.near_sequence == 0;
+    report.rests_on_more |= broad.is_placed(*body.slot) && (!is_told || is_elsewhere);
+  }
   channel->tell_bounds(report);
 }
 

@@ -19,6 +19,7 @@
 #include "core/ask/predict.hpp"
 #include "core/base/random.hpp"
 #include "core/base/stopwatch.hpp"
+#include "core/broadphase/body_place.hpp"
 #include "core/broadphase/broad_phase.hpp"
 #include "core/broadphase/free_pairs.hpp"
 #include "core/query/answer.hpp"
@@ -34,11 +35,6 @@
 
 namespace nearmesh::subscriber {
 
-struct Ball {
-  std::array<double, 3> center_m{};
-  double radius_m = 0;
-};
-
 struct Body {
   BodyId id;
   std::string name;
@@ -46,7 +42,8 @@ struct Body {
   bool own = false;
   bool is_discovered = false;
   std::uint32_t number = 0;   // on the bus, at its mover
-  wire::SessionId mover = 0;  // of the pose; 0: none, or the bus has no number of it
+  wire::SessionId mover = 0;  // of the pose; 0: none, or no number on the bus says all of it
+  std::uint32_t near_sequence = 0;  // of the near poses that its pose came in; 0: it did not
   bool solid = false;
   std::optional<Motion> motion;
   wire::PoseStamp stamp;           // of the motion's pose
@@ -66,21 +63,18 @@ struct Body {
   double wanted_s = -std::numeric_limits<
       double>::infinity();     // the update's time when its full poses were wanted last
   double wanted_since_s = 0;   // without a pause: poses of before do not count
-  std::optional<Ball> stays;   // by a promise alone: `tight` is around it
   std::optional<Ball> soon;    // who meets it may be near it before poses of it come
-  bool is_by_promise = false;  // in this update: its bounds follow from a promise
+  bool is_by_promise = false;  // in this update: its place follows from a promise
 
   // For watch_all() and watch_own(): what was told to the broad phase.
   Company company;
   std::optional<BroadPhase::Slot> slot;
   ContentHash bounded;           // the content whose bounds were told
   bool is_new_to_bounds = true;  // motion or model changed since
-  WorldBox tight;                // that is near or not; what the broad phase has may be larger
-  double way_m = 0;              // it may go so far within the look-ahead
-  std::uint64_t digest = 0;      // of all that its bounds follow from
+  BodyPlace place;               // that is near or not; what the broad phase has may be larger
   // What others know of how its place is known (session_bounds.cpp).
   struct Told {
-    enum class Known : std::uint8_t { kNot, kByPose, kInPlace } known = Known::kNot;
+    enum class Known : std::uint8_t { kNot, kByPose, kPromised, kInPlace } known = Known::kNot;
     wire::SessionId mover = 0;
     std::uint32_t number = 0;
     ContentHash content;
@@ -217,9 +211,10 @@ struct Session::Impl {
   // session_bounds.cpp
   std::set<std::uint32_t> untold_watched;  // parts of the bodies: others know them otherwise
   std::uint32_t watched_edition = 0;
-  std::map<wire::SessionId, std::uint32_t> watched_movers;     // and of how many bodies
-  std::map<wire::SessionId, std::uint32_t> last_pose_samples;  // that came, by mover
-  std::uint32_t pose_samples = 0;                              // that went out
+  std::map<wire::SessionId, std::uint32_t> watched_movers;  // and of how many bodies
+  std::map<wire::SessionId, std::uint32_t> last_pose_samples, last_promises;  // that came, by mover
+  std::uint32_t pose_samples = 0, near_samples = 0, promise_samples = 0;      // that went out
+  bool has_recorder = false;                                                  // in this update
 
   // session_worlds.cpp
   struct WorldPair {
@@ -320,6 +315,7 @@ struct Session::Impl {
   void put_folded(FrameReport& report);
   void tell_directory();
   void publish(std::uint32_t part, std::uint64_t frame, bool only_near = false);
+  void note_recorder();
   void take_inbox(FrameReport& report);
   void take_bodies(const Channel::Inbox& inbox, FrameReport& report);
   void take_body(const wire::BodyDirectory::Body& entry, FrameReport& report);
@@ -332,9 +328,8 @@ struct Session::Impl {
   void tell_wishes();
   [[nodiscard]] bool wants_poses(const Body& body) const;
   void note_near(Body& body) const;
-  [[nodiscard]] static bool is_near(const Body& a, const Body& b);
   [[nodiscard]] static bool is_near_soon(const Body& a, const Body& b);
-  [[nodiscard]] std::optional<Ball> ball_of(const Body& body) const;
+  [[nodiscard]] const wire::BodyPromise* promise_of(const Body& body) const;
   [[nodiscard]] std::string why_unpromised(const Body& body) const;
   void bound_promised(Body& body, FrameReport& report);
   void watch_many(bool only_own);
@@ -349,6 +344,7 @@ struct Session::Impl {
   void note_known(Body& body);
   void note_told(Body& body, const Body::Told& now);
   void tell_watched();
+  [[nodiscard]] std::vector<wire::BoundsReport::Heard> heard_of_movers();
   void tell_bounds(std::uint64_t frame, std::uint64_t free, std::uint64_t places_digest,
                    const FreePairs& bounds);
   void add_unbounded(Readiness& all, const Body& body);
@@ -433,6 +429,7 @@ struct Session::Impl {
   [[nodiscard]] std::vector<NodeSpan> missing_of(const PeerModel& model, const FrameReport& report,
                                                  bool ahead) const;
   [[nodiscard]] double horizon_s() const { return std::max(options.lookahead_s, options.sweep_s); }
+  [[nodiscard]] LookAhead ahead() const { return {horizon_s(), options.margin_m}; }
   bool request_ahead(PeerModel& model, const FrameReport& report);
   bool request(PeerModel& model, const RegionMaker& region, std::vector<NodeSpan> missing,
                std::uint8_t priority);

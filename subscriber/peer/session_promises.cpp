@@ -49,22 +49,19 @@ void keep(wire::BodyPromise&& promise, double now_s,
 
 }  // namespace
 
-/// Where it may be at the frame's time, by what was promised.
-std::optional<Ball> Session::Impl::ball_of(const Body& body) const {
-  if (body.promiser != wire::Mover::kThere) return std::nullopt;
-  for (const std::optional<wire::BodyPromise>& promise : body.promises) {
-    if (!promise) continue;
-    if (const std::optional<double> radius_m = promise->radius_m(time_s))
-      return Ball{promise->place_m, *radius_m};
-  }
-  return std::nullopt;
+/// The one that says where it may be at the frame's time; null where none does.
+const wire::BodyPromise* Session::Impl::promise_of(const Body& body) const {
+  if (body.promiser != wire::Mover::kThere) return nullptr;
+  for (const std::optional<wire::BodyPromise>& promise : body.promises)
+    if (promise && promise->radius_m(time_s)) return &*promise;
+  return nullptr;
 }
 
 /// Why no promise says where it is; empty where one does. Precondition: one was made.
 std::string Session::Impl::why_unpromised(const Body& body) const {
   if (body.promiser != wire::Mover::kThere)
     return wire::why_stale({body.promiser, time_s, 0}, time_s, body.name);
-  if (ball_of(body)) return {};
+  if (promise_of(body) != nullptr) return {};
   const wire::BodyPromise& latest = *body.promises[0];
   const bool has_ended = time_s > latest.until_s;
   return "the promise of where body " + body.name + " stays " + (has_ended ? "ended " : "begins ") +
@@ -119,6 +116,7 @@ void Session::Impl::make_promises() {
         .part = part,
         .from_s = time_s,
         .steps = static_cast<std::uint16_t>(promise_s / wire::kPromiseStep_s),
+        .sequence = ++promise_samples,
         .quantum = static_cast<std::int8_t>(quantum_of(farthest_m, slowest_mps, promise_s))};
     for (Body* own : parts[part]) {
       wire::BodyPromises::Body entry{.number = own->number};
@@ -139,6 +137,8 @@ void Session::Impl::take_promises(const Channel::Inbox& inbox,
                                   std::vector<std::string>& complaints) {
   for (const wire::BodyPromise& promise : inbox.promises) {
     heard_time_s = std::max(heard_time_s.value_or(promise.from_s), promise.from_s);
+    std::uint32_t& last = last_promises[promise.peer];
+    last = std::max(last, promise.sequence);
     const auto at = named.find(promise.body);
     if (at == named.end()) continue;
     Body& body = *find(at->second);

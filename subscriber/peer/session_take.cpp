@@ -37,7 +37,7 @@ void Session::Impl::take_inbox(FrameReport& report) {
   for (const Channel::Header& header : inbox.headers) take_header(header, complaints);
   is_dropping = false;
   for (wire::SplitBatchMessage& batch : inbox.batches) take_batch(std::move(batch), report);
-  if (inbox.recorder_came) ++recorders;
+  if (inbox.recorder_came) note_recorder();
   if (discovers) take_bodies(inbox, report);
   take_poses(inbox, complaints);
   take_wishes(inbox);
@@ -84,7 +84,7 @@ void Session::Impl::take_body(const wire::BodyDirectory::Body& entry, FrameRepor
 void Session::Impl::take_poses(const Channel::Inbox& inbox, std::vector<std::string>& complaints) {
   for (const wire::BodyPose& pose : inbox.poses) {
     heard_time_s = std::max(heard_time_s.value_or(pose.time_s), pose.time_s);
-    if (pose.sequence != 0) {
+    if (pose.sequence != 0 && !pose.is_near) {
       std::uint32_t& last = last_pose_samples[pose.peer];
       last = std::max(last, pose.sequence);
     }
@@ -107,8 +107,9 @@ void Session::Impl::take_poses(const Channel::Inbox& inbox, std::vector<std::str
     body.is_new_to_bounds = true;
     body.stamp.mover = wire::Mover::kThere;
     body.stamp.time_s = pose.time_s;
-    body.mover = pose.sequence != 0 ? pose.peer : 0;
+    body.mover = pose.sequence != 0 && !pose.is_near ? pose.peer : 0;
     body.number = pose.number;
+    body.near_sequence = pose.is_near ? pose.sequence : 0;
   }
   take_promises(inbox, complaints);
   for (const auto& [name, mover] : inbox.movers) {

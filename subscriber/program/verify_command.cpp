@@ -29,7 +29,7 @@ unsigned long long count(std::uint64_t n) { return n; }
 enum ExitCode : int { kNotAllProved = 3, kReportsAmiss = 4 };
 
 void print_text(const BoundsProof& bounds) {
-  if (bounds.reports + bounds.missing + bounds.before == 0) return;
+  if (bounds.reports + bounds.missing + bounds.before + bounds.broken == 0) return;
   std::printf(
       "free by bounds: %llu of %llu answers proved, in %llu of %llu reports; %llu wrong, %llu not "
       "provable, %llu malformed; %llu missing, %llu sent before the recorder heard their peers\n",
@@ -40,6 +40,9 @@ void print_text(const BoundsProof& bounds) {
     std::printf("near: %llu of %llu answers are not reported; the first: %s\n",
                 count(bounds.unreported), count(bounds.near_pairs),
                 bounds.first_unreported.c_str());
+  if (bounds.broken > 0)
+    std::printf("broken promises: %llu samples of poses; the first: %s\n", count(bounds.broken),
+                bounds.first_broken.c_str());
   for (const auto& [what, reports] : bounds.why_not)
     std::printf("  not in the recording, for %llu reports: %s\n", count(reports), what.c_str());
   if (bounds.wrong_ones.empty()) return;
@@ -86,7 +89,7 @@ nlohmann::ordered_json to_json(const BoundsProof& bounds) {
       {"wrong", bounds.wrong},          {"not_provable", bounds.unprovable},
       {"malformed", bounds.malformed},  {"missing", bounds.missing},
       {"before", bounds.before},        {"near", bounds.near_pairs},
-      {"unreported", bounds.unreported}};
+      {"unreported", bounds.unreported}, {"broken_promises", bounds.broken}};
   json["lacking"] = nlohmann::ordered_json::array();
   for (const auto& [what, reports] : bounds.why_not)
     json["lacking"].push_back({{"what", what}, {"reports", reports}});
@@ -141,6 +144,10 @@ Outcome judge(const VerifyReport& report, const VerifyOptions& options) {
     return Status{StatusCode::kConflict, options.path + ": " + text(bounds.wrong) + " of " +
                                              text(bounds.reports) +
                                              " reports of what is free by bounds are wrong"};
+  if (bounds.broken > 0)
+    return Status{StatusCode::kConflict, options.path + ": " + text(bounds.broken) +
+                                             " samples of poses break promises, the first: " +
+                                             bounds.first_broken};
   const std::uint64_t reports = report.reports + bounds.reports,
                       malformed = report.malformed + bounds.malformed,
                       missing = report.missing + bounds.missing + bounds.unreported;

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <deque>
 #include <limits>
 #include <memory>
@@ -16,7 +17,7 @@
 
 #include "core/base/float_guard.hpp"
 #include "core/base/hash.hpp"
-#include "core/broadphase/body_bounds.hpp"
+#include "core/broadphase/body_place.hpp"
 #include "core/broadphase/free_pairs.hpp"
 #include "core/world/content_bytes.hpp"
 #include "core/world/near_tiles.hpp"
@@ -44,17 +45,12 @@ Participant participant_of(const RecordedWriter& writer) {
   return participant;
 }
 
-/// What one participant said of the bodies that one session moves: their names, and their poses for a while.
-class PoseTape {
+/// Samples of poses of one topic, by part and sequence.
+class PoseSamples {
  public:
-  explicit PoseTape(const Participant& participant) : participant_(participant) {}
+  /// The bodies of a part may come in several samples, so many at most: as many count as the last one.
+  explicit PoseSamples(std::size_t samples_a_part) : samples_a_part_(samples_a_part) {}
 
-  [[nodiscard]] const Participant& participant() const { return participant_; }
-
-  void take(wire::BodyDirectory&& directory) {
-    for (wire::BodyDirectory::Body& body : directory.bodies)
-      names_[body.number] = std::move(body.name);  // no number is used again
-  }
   void take(wire::BodyPoses&& poses, int round) {
     const std::uint32_t sequence = poses.sequence;
     if (sequence == 0) return;
@@ -70,28 +66,34 @@ class PoseTape {
   }
   void forget(int round) {
     for (auto& [part, samples] : parts_)
-      while (samples.size() > 1 && std::next(samples.begin())->second.round + kRoundsKept < round)
+      while (samples.size() > samples_a_part_ &&
+             std::next(samples.begin())->second.round + kRoundsKept < round)
         samples.erase(samples.begin());
-  }
-  /// Null where no directory told.
-  [[nodiscard]] const std::string* name_of(std::uint32_t number) const {
-    const auto at = names_.find(number);
-    return at == names_.end() ? nullptr : &at->second;
   }
   struct Found {
     const wire::BodyPoses::Body* body = nullptr;
     std::uint32_t sequence = 0;
   };
-  /// Where the last sample of its part has the body, of those up to `last`.
+  /// Where the last samples of its part have the body, of those up to `last`.
   [[nodiscard]] Found find(std::uint32_t number, std::uint32_t last) const {
     const auto part = parts_.find(number / wire::kBodiesPerPart);
     if (part == parts_.end()) return {};
     auto at = part->second.upper_bound(last);
-    if (at == part->second.begin()) return {};
-    --at;
-    for (const wire::BodyPoses::Body& body : at->second.bodies)
-      if (body.number == number) return {&body, at->first};
+    for (std::size_t i = 0; i < samples_a_part_ && at != part->second.begin(); ++i) {
+      --at;
+      for (const wire::BodyPoses::Body& body : at->second.bodies)
+        if (body.number == number) return {&body, at->first};
+    }
     return {};
+  }
+  /// use(pose) of each that is kept of the body.
+  template <class Use>
+  void for_each(std::uint32_t number, const Use& use) const {
+    const auto part = parts_.find(number / wire::kBodiesPerPart);
+    if (part == parts_.end()) return;
+    for (const auto& [sequence, sample] : part->second)
+      for (const wire::BodyPoses::Body& body : sample.bodies)
+        if (body.number == number) use(body);
   }
   /// All samples after `first` up to `last` are here.
   [[nodiscard]] bool is_whole(std::uint32_t first, std::uint32_t last) const {
@@ -107,11 +109,121 @@ class PoseTape {
     std::vector<wire::BodyPoses::Body> bodies;
     int round = 0;
   };
-  Participant participant_;
-  std::map<std::uint32_t, std::string> names_;
+  const std::size_t samples_a_part_;
   std::map<std::uint32_t, std::map<std::uint32_t, Sample>> parts_;  // by sequence
   std::uint32_t last_ = 0, unknown_until_ = 0;
   std::deque<std::pair<std::uint32_t, std::uint32_t>> holes_;  // sequences that did not come
+};
+
+/// What one participant said of the bodies that one session moves: who they are, their poses and promises for a while.
+class PoseTape {
+ public:
+  explicit PoseTape(const Participant& participant) : participant_(participant) {}
+
+  [[nodiscard]] const Participant& participant() const { return participant_; }
+
+  void take(wire::BodyDirectory&& directory) {
+    for (wire::BodyDirectory::Body& body : directory.bodies) {
+      const std::uint32_t number = body.number;  // none is used again
+      who_[number] = std::move(body);
+    }
+  }
+  void take(wire::BodyPoses&& message, int round) { poses.take(std::move(message), round); }
+  /// Out: a line about a body that is not where it was promised to be; else empty.
+  std::string take(wire::NearPoses&& message, int round) {
+    std::string broken;
+    for (const wire::BodyPoses::Body& body : message.bodies) {
+      const auto part = promises_.find(body.number / wire::kBodiesPerPromise);
+      if (part == promises_.end()) continue;
+      for (const auto& [sequence, promised] : part->second)
+        if (const auto promise = promise_in(promised.message, body.number); promise && broken.empty())
+          broken = why_broken(*promise, body);
+    }
+    near.take(std::move(message), round);
+    return broken;
+  }
+  /// The same.
+  std::string take(wire::BodyPromises&& message, int round) {
+    std::string broken;
+    for (const wire::BodyPromises::Body& body : message.bodies)
+      if (const auto promise = promise_in(message, body.number))
+        near.for_each(body.number, [&](const wire::BodyPoses::Body& pose) {
+          if (broken.empty()) broken = why_broken(*promise, pose);
+        });
+    if (message.sequence != 0)
+      promises_[message.part].try_emplace(message.sequence, Promised{std::move(message), round});
+    return broken;
+  }
+  void forget(int round) {
+    poses.forget(round);
+    near.forget(round);
+    for (auto& [part, promised] : promises_)
+      while (promised.size() > 2 &&
+             std::next(promised.begin(), 2)->second.round + kRoundsKept < round)
+        promised.erase(promised.begin());
+  }
+  /// Null where no directory told.
+  [[nodiscard]] const std::string* name_of(std::uint32_t number) const {
+    const auto at = who_.find(number);
+    return at == who_.end() ? nullptr : &at->second.name;
+  }
+  /// What was promised of a body at that time, as one knows it who heard all up to `last`: `is_known` is false where nothing was.
+  struct FoundPromise {
+    bool is_known = false;
+    std::optional<wire::BodyPromise> holds;
+  };
+  [[nodiscard]] FoundPromise find_promise(std::uint32_t number, std::uint32_t last,
+                                          double time_s) const {
+    FoundPromise found;
+    const auto part = promises_.find(number / wire::kBodiesPerPromise);
+    if (part == promises_.end()) return found;
+    auto at = part->second.upper_bound(last);
+    for (int heard = 0; heard < 2 && at != part->second.begin();) {
+      --at;
+      const std::optional<wire::BodyPromise> promise = promise_in(at->second.message, number);
+      if (!promise) continue;
+      ++heard;
+      found.is_known = true;
+      if (promise->radius_m(time_s) && (!found.holds || found.holds->from_s < promise->from_s))
+        found.holds = promise;
+    }
+    return found;
+  }
+
+  PoseSamples poses{1}, near{wire::kBodiesPerPart};
+
+ private:
+  struct Promised {
+    wire::BodyPromises message;
+    int round = 0;
+  };
+  [[nodiscard]] std::optional<wire::BodyPromise> promise_in(const wire::BodyPromises& message,
+                                                            std::uint32_t number) const {
+    const auto who = who_.find(number);
+    if (who == who_.end() || who->second.max_speed_mps <= 0) return std::nullopt;
+    for (const wire::BodyPromises::Body& body : message.bodies)
+      if (body.number == number) return wire::promise_of(message, body, who->second);
+    return std::nullopt;
+  }
+  /// Sessions round against the body, so what they let pass is in here.
+  static std::string why_broken(const wire::BodyPromise& promise,
+                                const wire::BodyPoses::Body& pose) {
+    const std::optional<double> radius_m = promise.radius_m(pose.time_s);
+    if (!radius_m) return {};
+    double square = 0;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double way_m = pose.motion.pose.translation_m[k] - promise.place_m[k];
+      square += way_m * way_m;
+    }
+    if (std::sqrt(square) <= *radius_m) return {};
+    return "body " + promise.body + " of " + to_hex(promise.peer) + " is " +
+           std::to_string(std::sqrt(square)) + " m from its promised place at " +
+           std::to_string(pose.time_s) + " s, promised were " + std::to_string(*radius_m) + " m";
+  }
+
+  Participant participant_;
+  std::map<std::uint32_t, wire::BodyDirectory::Body> who_;
+  std::map<std::uint32_t, std::map<std::uint32_t, Promised>> promises_;  // by part and sequence
 };
 
 /// Of models and worlds whose headers are recorded.
@@ -180,6 +292,7 @@ Judged wrong(std::string what) { return {Judged::Verdict::kWrong, std::move(what
 /// A body that a peer watches.
 struct WatchedBody {
   wire::SessionId mover = 0;  // 0: it is in place
+  wire::WatchedBodies::Known known = wire::WatchedBodies::Known::kByPose;
   std::size_t mover_place = 0;
   std::uint32_t number = 0;
   std::string name;  // empty: not known yet
@@ -190,8 +303,7 @@ struct WatchedBody {
   // As it was last put into the broad phase.
   BroadPhase::Slot slot = 0;
   std::optional<Motion> motion;
-  std::uint64_t digest = 0;
-  double way_m = 0;
+  BodyPlace place;
 };
 
 /// One peer, as one participant speaks for it.
@@ -206,7 +318,7 @@ struct Watcher {
   std::deque<Waiting> waiting;
   // What it watched when a report was judged last.
   std::uint32_t edition = 0;  // 0: none
-  double horizon_s = 0, margin_m = 0;
+  LookAhead ahead;
   std::vector<WatchedBody> bodies;
   std::vector<wire::SessionId> movers;
   BroadPhase broad;
@@ -269,6 +381,10 @@ class Prover {
     const Participant from = participant_of(writer);
     if (auto poses = samples.read<wire::BodyPoses>(message)) {
       tape_of(poses->peer, from).take(std::move(*poses), round_);
+    } else if (auto near = samples.read<wire::NearPoses>(message)) {
+      note_broken(tape_of(near->peer, from).take(std::move(*near), round_));
+    } else if (auto promises = samples.read<wire::BodyPromises>(message)) {
+      note_broken(tape_of(promises->peer, from).take(std::move(*promises), round_));
     } else if (auto directory = samples.read<wire::BodyDirectory>(message)) {
       tape_of(directory->peer, from).take(std::move(*directory));
     } else if (auto watched = samples.read<wire::WatchedBodies>(message)) {
@@ -326,6 +442,12 @@ class Prover {
     return known != tapes.end() ? *known : tapes.emplace_back(from);
   }
 
+  void note_broken(std::string&& what) {
+    if (what.empty()) return;
+    ++proof_.broken;
+    if (proof_.first_broken.empty()) proof_.first_broken = std::move(what);
+  }
+
   void note(const Watcher::Waiting& judged, Judged&& verdict) {
     switch (verdict.verdict) {
       case Judged::Verdict::kProved:
@@ -361,21 +483,23 @@ class Prover {
       editions.erase(editions.begin(), at);
       const wire::WatchedBodies& told = at->second;
       is_any |= told.edition == edition;
-      watcher.horizon_s = told.horizon_s;
-      watcher.margin_m = told.margin_m;
+      watcher.ahead = {told.horizon_s, told.margin_m};
       for (const wire::WatchedBodies::Run& run : told.runs) {
         movers.insert(run.mover);
         for (std::uint32_t i = 0; i < run.count; ++i)
-          watcher.bodies.push_back({.mover = run.mover,
-                                    .number = run.first + i,
-                                    .content = run.content,
-                                    .company = {run.group, run.mask, false},
-                                    .max_age_s = run.max_age_s});
+          watcher.bodies.push_back(
+              {.mover = run.mover,
+               .known = run.known,
+               .number = run.first + i,
+               .content = run.content,
+               .company = {run.group, run.mask, false, told.only_own && run.mover != told.peer},
+               .max_age_s = run.max_age_s});
       }
       for (const wire::WatchedBodies::Placed& body : told.placed)
         watcher.bodies.push_back({.name = body.name,
                                   .content = body.content,
-                                  .company = {body.group, body.mask, true},
+                                  .company = {body.group, body.mask, true,
+                                              told.only_own && !body.own},
                                   .motion = Motion{.pose = body.pose}});
     }
     if (!is_any) return "which bodies the peer watched";
@@ -399,14 +523,36 @@ class Prover {
     return {};
   }
 
+  static void put(Watcher& watcher, WatchedBody& body, double margin_s, const auto& place_for) {
+    body.place = place_for(watcher.ahead);
+    watcher.broad.place(body.slot, body.place.box, [&] {
+      const LookAhead farther{watcher.ahead.horizon_s + margin_s, watcher.ahead.margin_m};
+      return hull(place_for(farther).box, body.place.box);
+    });
+  }
   /// Where body.motion has it.
   static void place(Watcher& watcher, WatchedBody& body) {
-    const Motion& motion = *body.motion;
-    watcher.broad.place(
-        body.slot, body.bounds->around(motion, watcher.horizon_s, watcher.margin_m),
-        [&] { return body.bounds->around(motion, watcher.horizon_s + 1, watcher.margin_m); });
-    body.way_m = body.bounds->way_m(motion, watcher.horizon_s);
-    body.digest = place_digest(body.name, body.content, body.company, motion);
+    put(watcher, body, 1, [&](const LookAhead& ahead) {
+      return place_by_pose(who_is(body), *body.bounds, *body.motion, ahead);
+    });
+  }
+  static PlacedBody who_is(const WatchedBody& body) {
+    return {body.name, body.content, body.company};
+  }
+
+  /// The bodies of a mover, as one participant tells of them: first the peer's own by the participant that reports, then the latest first,
+  /// for one session may have had several. `use` gives true where it has found what it looked for.
+  template <class Use>
+  bool look_at_tapes(const Participant& peer_from, wire::SessionId peer, const WatchedBody& body,
+                     const Use& use) {
+    const auto tapes = tapes_.find(body.mover);
+    if (tapes == tapes_.end()) return false;
+    for (const bool by_reporter : {true, false})
+      for (auto tape = tapes->second.rbegin(); tape != tapes->second.rend(); ++tape)
+        if ((body.mover == peer && tape->participant() == peer_from) == by_reporter &&
+            use(*tape, by_reporter))
+          return true;
+    return false;
   }
 
   struct FoundPose {
@@ -414,25 +560,56 @@ class Prover {
     bool is_certain =
         false;  // no other can be meant: it is the peer's own, and nothing of the mover's is missing
   };
-  /// The pose that the peer used of a body that somebody moves: all that is known of it is asked for here.
+  /// The pose that the peer used of a body that somebody moves: all that is known of it is asked for here. `exactly`: in the near poses
+  /// of that sequence.
   FoundPose find_pose(const Participant& peer_from, wire::SessionId peer, WatchedBody& body,
-                      std::uint32_t last) {
-    const auto tapes = tapes_.find(body.mover);
-    if (tapes == tapes_.end()) return {};
-    // The peer's own by the participant that reports; then the latest first: one session may have had several.
-    for (const bool by_reporter : {true, false})
-      for (auto tape = tapes->second.rbegin(); tape != tapes->second.rend(); ++tape) {
-        if ((body.mover == peer && tape->participant() == peer_from) != by_reporter) continue;
-        const PoseTape::Found found = tape->find(body.number, last);
-        const std::string* name = tape->name_of(body.number);
-        if (found.body == nullptr || name == nullptr) continue;
-        body.name = *name;
-        return {found.body, by_reporter && tape->is_whole(found.sequence, last)};
-      }
+                      const wire::BoundsReport::Heard& heard,
+                      const std::optional<std::uint32_t>& exactly) {
+    FoundPose pose;
+    const bool is_promised = body.known == wire::WatchedBodies::Known::kPromised;
+    const std::uint32_t last = exactly ? *exactly : is_promised ? heard.near : heard.poses;
+    look_at_tapes(peer_from, peer, body, [&](const PoseTape& tape, bool by_reporter) {
+      const PoseSamples& samples = is_promised ? tape.near : tape.poses;
+      const PoseSamples::Found found = samples.find(body.number, last);
+      const std::string* name = tape.name_of(body.number);
+      if (found.body == nullptr || name == nullptr || (exactly && found.sequence != *exactly))
+        return false;
+      body.name = *name;
+      pose = {found.body, by_reporter && samples.is_whole(found.sequence, last)};
+      return true;
+    });
+    return pose;
+  }
+
+  /// Of one that the peer knew by a promise. Out: what is not there; else empty.
+  std::string place_promised(Watcher& watcher, const Participant& from,
+                             const wire::BoundsReport& report, WatchedBody& body,
+                             const wire::BoundsReport::Heard& heard) {
+    std::optional<wire::BodyPromise> promise;
+    const bool is_known =
+        look_at_tapes(from, report.peer, body, [&](const PoseTape& tape, bool) {
+          const PoseTape::FoundPromise found =
+              tape.find_promise(body.number, heard.promises, report.time_s);
+          if (!found.is_known) return false;
+          promise = found.holds;
+          body.name = *tape.name_of(body.number);
+          return true;
+        });
+    if (!is_known) return "a promise of a body of " + to_hex(body.mover) + ", or its name";
+    body.motion.reset();
+    if (!promise) {
+      watcher.broad.lose(body.slot);
+      return {};
+    }
+    const Ball ball{promise->place_m, *promise->radius_m(report.time_s)};
+    put(watcher, body, 1, [&](const LookAhead& ahead) {
+      return place_by_promise(who_is(body), *body.bounds, ball, promise->max_speed_mps, ahead);
+    });
     return {};
   }
 
   Judged judge(Watcher& watcher, const Participant& from, const wire::BoundsReport& report) {
+    if (report.rests_on_more) return unprovable("a pose that the host heard, not from the bus");
     if (std::string lacks = assemble(watcher, report.edition); !lacks.empty())
       return unprovable(std::move(lacks));
     if (report.heard.size() != watcher.movers.size())
@@ -443,29 +620,45 @@ class Prover {
     for (WatchedBody& body : watcher.bodies) {
       double age_s = 0;
       if (body.mover != 0) {
-        const FoundPose found = find_pose(from, report.peer, body, report.heard[body.mover_place]);
-        if (found.body == nullptr)
-          return unprovable("a pose of a body of " + to_hex(body.mover) + ", or its name");
-        is_certain &= found.is_certain;
-        const bool is_now = body.mover == report.peer && is_at_rest(found.body->motion);
-        const wire::PoseStamp stamp{wire::Mover::kThere,
-                                    is_now ? report.time_s : found.body->time_s, body.max_age_s};
-        age_s = wire::age_s(stamp, report.time_s);
-        if (!wire::why_stale(stamp, report.time_s, body.name).empty()) {
-          watcher.broad.lose(body.slot);
-          body.motion.reset();
-          continue;
-        }
-        if (!body.motion || !is_same(*body.motion, found.body->motion)) {
-          body.motion = found.body->motion;
-          place(watcher, body);
+        const wire::BoundsReport::Heard& heard = report.heard[body.mover_place];
+        const auto posed = std::lower_bound(
+            heard.posed.begin(), heard.posed.end(), body.number,
+            [](const auto& one, std::uint32_t number) { return one.number < number; });
+        std::optional<std::uint32_t> exactly;
+        if (posed != heard.posed.end() && posed->number == body.number) exactly = posed->sequence;
+        const bool is_promised = body.known == wire::WatchedBodies::Known::kPromised;
+        if (is_promised && body.mover != report.peer && !exactly) {
+          if (std::string lacks = place_promised(watcher, from, report, body, heard);
+              !lacks.empty())
+            return unprovable(std::move(lacks));
+          is_certain = false;
+          if (!watcher.broad.is_placed(body.slot)) continue;
+        } else {
+          const FoundPose found = find_pose(from, report.peer, body, heard, exactly);
+          if (found.body == nullptr)
+            return unprovable("a pose of a body of " + to_hex(body.mover) + ", or its name");
+          is_certain &= found.is_certain;
+          const bool is_now = body.mover == report.peer && is_at_rest(found.body->motion);
+          const wire::PoseStamp stamp{wire::Mover::kThere,
+                                      is_now ? report.time_s : found.body->time_s, body.max_age_s};
+          age_s = wire::age_s(stamp, report.time_s);
+          if (!wire::why_stale(stamp, report.time_s, body.name).empty()) {
+            watcher.broad.lose(body.slot);
+            body.motion.reset();
+            continue;
+          }
+          if (!body.motion || !is_same(*body.motion, found.body->motion)) {
+            body.motion = found.body->motion;
+            place(watcher, body);
+          }
         }
       }
-      digest += body.digest;
-      bounds.add(body.way_m, age_s);
+      digest += body.place.digest;
+      bounds.add(body.place.way_m, age_s);
     }
     if (digest != report.places_digest) {
-      const std::string what = "the poses that the peer used: they are not those recorded";
+      const std::string what =
+          "the poses and promises that the peer used: they are not those recorded";
       return is_certain ? wrong("recorded poses, names and contents have digest " + to_hex(digest) +
                                 ", the report says " + to_hex(report.places_digest))
                         : unprovable(what);
@@ -473,18 +666,29 @@ class Prover {
     return compare(report, watcher, bounds);
   }
 
+  /// use(one, other) of each pair that is near; which of them the tree finds besides are not.
+  template <class Use>
+  static void for_each_near(Watcher& watcher, const Use& use) {
+    for (const auto& [a, b] : watcher.broad.find_near()) {
+      const WatchedBody &one = watcher.bodies[watcher.by_slot[a]],
+                        &other = watcher.bodies[watcher.by_slot[b]];
+      if (may_be_near(one.place, other.place)) use(one, other);
+    }
+  }
+
   static Judged compare(const wire::BoundsReport& report, Watcher& watcher,
                         const FreePairs& bounds) {
-    const std::uint64_t near = watcher.broad.find_near().size();
+    std::uint64_t near = 0;
+    for_each_near(watcher, [&](const WatchedBody&, const WatchedBody&) { ++near; });
     const std::uint64_t free = watcher.broad.placed_pair_count() - near;
     if (report.pairs != std::min<std::uint64_t>(free, std::numeric_limits<std::uint32_t>::max()))
       return wrong("recorded " + std::to_string(report.pairs) + " pairs free by bounds; found " +
                    std::to_string(free));
-    const double clearance_m = bounds.clearance_m(watcher.margin_m);
+    const double clearance_m = bounds.clearance_m(watcher.ahead.margin_m);
     if (double{report.clearance_m} > clearance_m)
       return wrong("recorded clearance " + std::to_string(report.clearance_m) +
                    " m; bounds prove " + std::to_string(clearance_m) + " m");
-    const double horizon_s = bounds.horizon_s(watcher.horizon_s);
+    const double horizon_s = bounds.horizon_s(watcher.ahead.horizon_s);
     if (double{report.horizon_s} > horizon_s)
       return wrong("recorded free for " + std::to_string(report.horizon_s) + " s; bounds prove " +
                    std::to_string(horizon_s) + " s");
@@ -495,16 +699,15 @@ class Prover {
   void count_unreported(Watcher& watcher, const wire::BoundsReport& report, bool is_late) {
     if (report.frame == watcher.latest_frame) return;
     if (is_late && (!watcher.first_said || report.frame <= *watcher.first_said)) return;
-    for (const auto& [one, other] : watcher.broad.find_near()) {
+    for_each_near(watcher, [&](const WatchedBody& one, const WatchedBody& other) {
       ++proof_.near_pairs;
-      const std::string &a = watcher.bodies[watcher.by_slot[one]].name,
-                        &b = watcher.bodies[watcher.by_slot[other]].name;
-      if (watcher.has_said(a, b, report)) continue;
+      if (watcher.has_said(one.name, other.name, report)) return;
       ++proof_.unreported;
       if (proof_.first_unreported.empty())
         proof_.first_unreported = "frame " + std::to_string(report.frame) + ", peer " +
-                                  wire::partition_of(report.peer) + ", bodies " + a + " and " + b;
-    }
+                                  wire::partition_of(report.peer) + ", bodies " + one.name +
+                                  " and " + other.name;
+    });
   }
 
   const bool lacks_watched_;  // something that was said of watched bodies did not come

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Proves what was free by bounds in a recorded session, and that what was not has reports of its own: makes each peer's boxes again from headers, what it said it watches and recorded
-// poses, and counts which of them do not meet (takes a recording, gives what agrees and what does not).
+// Proves what was free by bounds in a recorded session, and that what was not has reports of its own: makes each peer's boxes again from headers, what it said it watches and
+// recorded poses and promises, and counts which of them do not meet (takes a recording, gives what agrees and what does not).
 
 #include <cstdint>
 #include <map>
@@ -34,6 +34,9 @@ struct BoundsProof {
   /// come after the recording's end; and those of them of which the peer reported no answer.
   std::uint64_t near_pairs = 0, unreported = 0;
   std::string first_unreported;         ///< one line on the first of these; else empty
+  /// Samples in which a body is where its mover had promised that it is not: what others said may be false.
+  std::uint64_t broken = 0;
+  std::string first_broken;             ///< one line on the first of these; else empty
   std::uint64_t digest = 0;             ///< of all that was found, for comparing builds
   std::vector<WrongBounds> wrong_ones;  ///< the first kMaxWrongBounds, in order of the recording
   std::map<std::string, std::uint64_t> why_not;  ///< what is not there, and for how many reports

@@ -16,8 +16,9 @@ namespace nearmesh::test {
 
 struct KeptSample {
   wire::SessionId by = 0;  ///< the participant
-  std::variant<wire::MeshHeader, wire::BodyDirectory, wire::BodyPoses, wire::WatchedBodies,
-               wire::BoundsReport, wire::ContactReport, wire::HeldDetail>
+  std::variant<wire::MeshHeader, wire::BodyDirectory, wire::BodyPoses, wire::NearPoses,
+               wire::BodyPromises, wire::WatchedBodies, wire::BoundsReport, wire::ContactReport,
+               wire::HeldDetail>
       message;
   wire::SplitBatchMessage batch{};  ///< instead, where it has bytes
   wire::SessionId peer = 0;         ///< that it is for
@@ -41,6 +42,16 @@ class KeptChannel final : public subscriber::Channel {
   void send(const wire::RegionSubscription& message) override { inner_->send(message); }
   void send(const wire::BodyPoses& message) override { pass(message); }
   void send(const wire::BodyDirectory& message) override { pass(message); }
+  void promise(const wire::BodyPromises& message) override {
+    keep(own_id(), message);
+    inner_->promise(message);
+  }
+  void send_near(const wire::NearPoses& message) override {
+    keep(own_id(), message);
+    inner_->send_near(message);
+  }
+  void want(const wire::WantedPoses& message) override { inner_->want(message); }
+  bool has_recorder() const override { return records; }
   void send(const wire::ContactReport& message) override { pass(message); }
   void tell_held(const wire::HeldDetail& message) override {
     keep(own_id(), message);
@@ -54,6 +65,7 @@ class KeptChannel final : public subscriber::Channel {
     keep(own_id(), message);
     inner_->tell_bounds(message);
   }
+  bool records = true;
   bool recorder_comes = false;  ///< by the next take()
   Inbox take() override {
     Inbox inbox = inner_->take();

@@ -101,7 +101,10 @@ class MemoryBus {
                             .time_s = body.time_s,
                             .pose = body.motion.pose,
                             .linear_velocity_mps = body.motion.linear_velocity_mps,
-                            .angular_velocity_radps = body.motion.angular_velocity_radps},
+                            .angular_velocity_radps = body.motion.angular_velocity_radps,
+                            .number = body.number,
+                            .sequence = poses.sequence,
+                            .is_near = true},
              on_poses);
       }
     }

@@ -53,6 +53,8 @@ class Tape {
     }
     add(by, "", m);
   }
+  void put(wire::SessionId by, const wire::NearPoses& m) { add(by, "", m); }
+  void put(wire::SessionId by, const wire::BodyPromises& m) { add(by, "", m); }
   void put(wire::SessionId by, const wire::ContactReport& m) { add(by, "", m); }
   /// The next so many are not heard.
   void miss_reports(wire::SessionId by, std::uint64_t count) {
@@ -150,6 +152,16 @@ class TapedPeer final : public subscriber::Channel {
   void send(const wire::RegionSubscription& message) override { pass(message); }
   void send(const wire::BodyPoses& message) override { pass(message); }
   void send(const wire::BodyDirectory& message) override { pass(message); }
+  void promise(const wire::BodyPromises& message) override {
+    tape_.put(own_id(), message);
+    inner_->promise(message);
+  }
+  void send_near(const wire::NearPoses& message) override {
+    tape_.put(own_id(), message);
+    inner_->send_near(message);
+  }
+  void want(const wire::WantedPoses& message) override { inner_->want(message); }
+  bool has_recorder() const override { return true; }
   void send(const wire::ContactReport& message) override { pass(message); }
   void tell_held(const wire::HeldDetail& message) override {
     tape_.put(own_id(), message);

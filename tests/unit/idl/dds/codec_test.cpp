@@ -122,7 +122,23 @@ TEST(Decode, RefusesWatchedBodiesWithListsThatDoNotBelongTogether) {
   expect_refused<S>(valid_watched(), "content: found 4294967295 of 3",
                     [](S& s) { s.runs()[4] = 0xffffffffU; });
   expect_refused<S>(valid_watched(), "content: found 3 of 3",
-                    [](S& s) { s.placed_companies()[3] = 3; });
+                    [](S& s) { s.placed_companies()[4] = 3; });
+  expect_refused<S>(valid_watched(), "own: found 2 of 2",
+                    [](S& s) { s.placed_companies()[3] = 2; });
+  expect_refused<S>(valid_watched(), "unknown bits, 2", [](S& s) { s.flags(2); });
+}
+
+TEST(Decode, RefusesBoundsOfWhichOctetsDoNotFit) {
+  using S = wire_types::BoundsReportSample;
+  const char* const unfit = "too soon, or are too many";
+  expect_refused<S>(valid_bounds(), unfit, [](S& s) { s.known().pop_back(); });
+  expect_refused<S>(valid_bounds(), unfit, [](S& s) { s.known().clear(); });
+  expect_refused<S>(valid_bounds(), unfit, [](S& s) { s.known().resize(200'000, 0); });
+  expect_refused<S>(valid_bounds(), unfit, [](S& s) { s.known() = {2, 1, 0, 0, 0}; });  // no promises
+  expect_refused<S>(valid_bounds(), unfit, [](S& s) {
+    s.known() = {2, 1, 1, 0, 0xff, 0xff, 0x7f};  // so many poses
+  });
+  expect_refused<S>(valid_bounds(), "heard", [](S& s) { s.known().resize(50'000, 0); });
 }
 
 TEST(Decode, RefusesReportOfAnUnknownMover) {

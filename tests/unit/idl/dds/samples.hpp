@@ -104,6 +104,7 @@ inline BodyPromises valid_promises() {
   message.part = 2;
   message.from_s = 1.5;
   message.steps = 2048;
+  message.sequence = 70'000;
   message.quantum = -3;
   message.bodies = {{64, {1, -2, 300}}, {70, {-100000, 0, 64}}, {95, {kFarQuanta, -kFarQuanta, 0}}};
   return message;
@@ -170,9 +171,14 @@ inline WatchedBodies valid_watched() {
                    .content = {2, 21},
                    .group = 4,
                    .mask = 5,
-                   .max_age_s = std::numeric_limits<double>::infinity()}};
-  message.placed = {{"ground", {2, 21}, 2, 3, {{0, -1, 0, 1, 0, 0, 0, 0, 1}, {4, 5, 6}}},
-                    {"tower/1", {3, 31}, 1, ~0U, {.translation_m = {1, 2, 3}}}};
+                   .max_age_s = std::numeric_limits<double>::infinity()},
+                  {.known = WatchedBodies::Known::kPromised,
+                   .mover = 43,
+                   .first = 3,
+                   .content = {2, 21}}};
+  message.only_own = true;
+  message.placed = {{"ground", {2, 21}, 2, 3, true, {{0, -1, 0, 1, 0, 0, 0, 0, 1}, {4, 5, 6}}},
+                    {"tower/1", {3, 31}, 1, ~0U, false, {.translation_m = {1, 2, 3}}}};
   return message;
 }
 
@@ -186,7 +192,10 @@ inline BoundsReport valid_bounds() {
   message.pairs = 499'500;
   message.clearance_m = 0.25F;
   message.horizon_s = 0.5F;
-  message.heard = {7, 4'000'000'000U};
+  message.rests_on_more = true;
+  message.heard = {{.poses = 7, .promises = 0, .near = 9, .posed = {}},
+                   {.poses = 4'000'000'000U, .promises = 0, .near = 0, .posed = {}},
+                   {.poses = 0, .promises = 300, .near = 0, .posed = {{0, 17}, {3, 4'000'000'000U}}}};
   return message;
 }
 

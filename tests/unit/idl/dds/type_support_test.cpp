@@ -116,11 +116,12 @@ TEST(TypeSupport, WatchedBodiesAndBoundsComeAsTheyWere) {
   EXPECT_EQ(std::tuple(found.peer, found.part, found.edition, found.horizon_s, found.margin_m),
             std::tuple(sent.peer, sent.part, sent.edition, sent.horizon_s, sent.margin_m));
   EXPECT_EQ(found.runs, sent.runs);
+  EXPECT_TRUE(found.only_own);
   ASSERT_EQ(found.placed.size(), sent.placed.size());
   for (std::size_t i = 0; i < sent.placed.size(); ++i) {
     const WatchedBodies::Placed &one = found.placed[i], &other = sent.placed[i];
-    EXPECT_EQ(std::tuple(one.name, one.content, one.group, one.mask),
-              std::tuple(other.name, other.content, other.group, other.mask));
+    EXPECT_EQ(std::tuple(one.name, one.content, one.group, one.mask, one.own),
+              std::tuple(other.name, other.content, other.group, other.mask, other.own));
     EXPECT_EQ(one.pose.rotation, other.pose.rotation);
     EXPECT_EQ(one.pose.translation_m, other.pose.translation_m);
   }
@@ -129,7 +130,7 @@ TEST(TypeSupport, WatchedBodiesAndBoundsComeAsTheyWere) {
   ASSERT_TRUE(bounds.is_ok()) << bounds.status().message();
   const auto all_of = [](const BoundsReport& m) {
     return std::tuple(m.peer, m.edition, m.frame, m.time_s, m.places_digest, m.pairs, m.clearance_m,
-                      m.horizon_s, m.heard);
+                      m.horizon_s, m.rests_on_more, m.heard);
   };
   EXPECT_EQ(all_of(bounds.value()), all_of(said));
   const BodyPoses poses = valid_poses();
@@ -240,8 +241,8 @@ TEST(TypeSupport, OverheadIsAsDocumented) {
                               std::string(kMaxNameBytes, 'm')});
   EXPECT_LE(to_bytes<TypeOf<BodyDirectory>>(longest).size(), kMaxSealedBytes);
   BoundsReport bounds = valid_bounds();
-  bounds.heard.resize(1);
-  EXPECT_EQ(to_bytes<TypeOf<BoundsReport>>(bounds).size(), 64U);
+  bounds.heard = {{.poses = 1'000'000, .promises = 0, .near = 0, .posed = {}}};
+  EXPECT_EQ(to_bytes<TypeOf<BoundsReport>>(bounds).size(), 60U);
   RegionSubscription credit = valid_subscription();
   credit.region = {};
   EXPECT_EQ(to_bytes<TypeOf<RegionSubscription>>(credit).size(), 84U);
@@ -301,9 +302,9 @@ TEST(TypeSupport, SurvivesChangedBytes) {
 TEST(TypeSupport, RecognisesAnotherVersionWhateverFollows) {
   std::string fault;
   (void)from_bytes<TypeOf<Hello>>({0, 1, 0, 0, 4, 0, 0xff, 0xff, 0xff, 0xff}, &fault);
-  EXPECT_EQ(fault, "wire version 4, this build speaks 11");
+  EXPECT_EQ(fault, "wire version 4, this build speaks 12");
   (void)from_bytes<TypeOf<Hello>>({0, 0, 0, 0, 1, 2, 0xff, 0xff}, &fault);  // big endian
-  EXPECT_EQ(fault, "wire version 258, this build speaks 11");
+  EXPECT_EQ(fault, "wire version 258, this build speaks 12");
   (void)from_bytes<TypeOf<Hello>>({0, 3, 0, 0, 2, 0, 0xff, 0xff}, &fault);
   EXPECT_EQ(fault, "encapsulation 3, expected plain CDR");
 }

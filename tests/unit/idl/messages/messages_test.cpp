@@ -288,9 +288,9 @@ TEST(CheckMessage, RefusesReportOutsideItsLimits) {
 
 TEST(CheckMessage, NamesBothVersionsWhenTheyDiffer) {
   const auto expect_unsupported = [](auto message) {
-    message.wire_version = 12;
+    message.wire_version = 13;
     EXPECT_EQ(check(message).code(), StatusCode::kUnsupported);
-    EXPECT_EQ(check(message).message(), "wire version 12, this build speaks 11");
+    EXPECT_EQ(check(message).message(), "wire version 13, this build speaks 12");
   };
   expect_unsupported(valid_hello());
   expect_unsupported(valid_header());
@@ -339,12 +339,22 @@ TEST(CheckMessage, RefusesBoundsOutsideTheirLimits) {
   expect_refusals<M>(
       valid_bounds(),
       {{"peer", [](M& m) { m.peer = 0; }},
-       {"edition", [](M& m) { m.edition = 0; }},
+       {"edition",
+        [](M& m) {
+          m.edition = 0;
+          m.rests_on_more = false;
+        }},
        {"time_s", [](M& m) { m.time_s = kNan; }},
        {"pairs", [](M& m) { m.pairs = 0; }},
        {"clearance_m", [](M& m) { m.clearance_m = -1; }},
        {"clearance_m", [](M& m) { m.clearance_m = std::numeric_limits<float>::infinity(); }},
        {"horizon_s", [](M& m) { m.horizon_s = std::nanf(""); }},
+       {"posed: body 3 is not", [](M& m) { m.heard[2].posed[0].number = 3; }},
+       {"posed",
+        [](M& m) {
+          for (std::uint32_t i = 0; i <= kMaxWatchedPosed; ++i)
+            m.heard[0].posed.push_back({i, 1});
+        }},
        {"heard", [](M& m) { m.heard.resize(kMaxWatchedMovers + 1); }}});
 }
 

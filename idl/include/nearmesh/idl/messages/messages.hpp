@@ -25,7 +25,7 @@ class ModelFile;
 namespace nearmesh::wire {
 
 /// Raised with every change of a topic's layout or of the batch codec. Peers of another version are refused loudly.
-inline constexpr std::uint16_t kWireVersion = 11;
+inline constexpr std::uint16_t kWireVersion = 12;
 
 /// Random per process; tells a restarted publisher from the old one, and names a peer.
 using SessionId = std::uint64_t;
@@ -119,7 +119,8 @@ struct BodyPoses {
   std::vector<Body> bodies;  ///< of the part, by number
 };
 
-/// Poses that go only to the peers that asked for them (WantedPoses): of bodies of which promises are made. On a topic of its own.
+/// Poses that go only to the peers that asked for them (WantedPoses), and to recorders: of bodies of which promises are made. On a topic of
+/// its own, with sequences of its own.
 struct NearPoses : BodyPoses {};
 
 /// Promises are told of so many neighbours at once: by number, as in BodyPoses.
@@ -140,6 +141,7 @@ struct BodyPromises {
   std::uint32_t part = 0;
   double from_s = 0;
   std::uint16_t steps = 0;  ///< it holds so long, kPromiseStep_s each; 1 at least
+  std::uint32_t sequence = 0;  ///< counts up per peer, over all parts, from 1; 0: it does not count
   std::int8_t quantum = 0;  ///< exponent of the quantum, kMinQuantum to kMaxQuantum
   struct Body {
     std::uint32_t number = 0;
@@ -199,6 +201,7 @@ struct BodyPose {
   std::array<double, 3> angular_velocity_radps{};
   std::uint32_t number = 0;    ///< of the body, at its peer
   std::uint32_t sequence = 0;  ///< of the sample that it came in; 0: it came in none
+  bool is_near = false;        ///< that was of NearPoses
 };
 
 /// Where a body stays, by the body's name: a promise and the directory, brought together. Does not travel.
@@ -210,6 +213,7 @@ struct BodyPromise {
   std::array<double, 3> place_m{};
   double slack_m = 0;  ///< its origin is so far from there at most at from_s
   double max_speed_mps = 0;
+  std::uint32_t sequence = 0;  ///< of the sample that it came in
 
   /// At that time its origin is no farther from the place than this, metres, rounded up; nothing where the promise says nothing of it.
   [[nodiscard]] std::optional<double> radius_m(double time_s) const;
@@ -302,7 +306,8 @@ inline constexpr std::size_t kMaxReportTiles = 128, kMaxReportPages = 64;
 struct WatchedBodies {
   /// What the peer knows a body's place by.
   enum class Known : std::uint8_t {
-    kByPose = 0,  ///< the last one that came
+    kByPose = 0,   ///< the last one that came
+    kPromised = 1  ///< promises are made of it: a promise, or a pose of NearPoses
   };
   /// Bodies whose numbers follow each other, alike in all else.
   struct Run {
@@ -320,6 +325,7 @@ struct WatchedBodies {
     std::string name;  ///< 1 to kMaxNameBytes
     ContentHash content;
     std::uint32_t group = 1, mask = 0xffffffffU;
+    bool own = false;
     Pose pose;
   };
   std::uint16_t wire_version = kWireVersion;
@@ -328,6 +334,7 @@ struct WatchedBodies {
   std::uint32_t edition = 0;  ///< counts up with each change of any part, from 1
   double horizon_s = 0;       ///< the boxes hold what the bodies may do for so long
   double margin_m = 0;        ///< and so much more on each side
+  bool only_own = false;      ///< of all pairs those alone of which one is the peer's own
   std::vector<Run> runs;      ///< no body twice
   std::vector<Placed> placed;
 };
@@ -344,15 +351,32 @@ struct BoundsReport {
   std::uint64_t frame = 0;
   double time_s = 0;  ///< of the frame, on the exercise's clock
   std::uint64_t places_digest =
-      0;                    ///< sum of place_digest() (core/broadphase) of all that had a box
+      0;                    ///< sum of BodyPlace::digest (core/broadphase) of all that had a box
   std::uint32_t pairs = 0;  ///< from 1; more than 2^32 - 1 are said as that
   float clearance_m = 0;    ///< of each of them at least; rounded down, as horizon_s is
   float horizon_s = 0;      ///< until this much after the frame's time none of them can touch
-  /// Of each mover of a watched body, in the order of their sessions: the sequence of its last BodyPoses that counted. Each body is
-  /// where the last sample of its part up to then has it.
-  std::vector<std::uint32_t> heard;
+  /// A body had a box by what is not on the bus, as poses are that the host heard elsewhere: nobody can prove the report.
+  bool rests_on_more = false;
+  /// How far one mover of watched bodies had been heard: what each body is known by.
+  struct Heard {
+    /// The sequence of its last BodyPoses that counted. Each body that is known by poses is where the last sample of its part up to then
+    /// has it.
+    std::uint32_t poses = 0;
+    /// The same of BodyPromises: of the last two of a body up to then, the later one that holds at the frame's time.
+    std::uint32_t promises = 0;
+    /// Of the peer itself, whose promised bodies are known by their poses: that of its last NearPoses. Else 0.
+    std::uint32_t near = 0;
+    /// Promised bodies of another that were known by a full pose.
+    struct Posed {
+      std::uint32_t number = 0, sequence = 0;  ///< of the NearPoses that it came in
+      bool operator==(const Posed&) const = default;
+    };
+    std::vector<Posed> posed;  ///< by number
+    bool operator==(const Heard&) const = default;
+  };
+  std::vector<Heard> heard;  ///< of each mover of a watched body, in the order of their sessions
 };
-inline constexpr std::size_t kMaxWatchedMovers = 4096;
+inline constexpr std::size_t kMaxWatchedMovers = 4096, kMaxWatchedPosed = 4096;
 
 /// What a peer holds of one model, or of a world's tile, for recorders (keyed by peer and content): said when a recorder comes, so that one that
 /// missed batches can prove what follows; and when detail was given up. With the model's file it is enough to make the same replica; with what

@@ -138,7 +138,7 @@ inline constexpr std::tuple kTopics{
                       .listeners = {Role::kRecorder},
                       .is_recorded = true},
                      [](const BodyPoses& m) { return key_of(m.peer, m.part); }},
-    // Of bodies of which promises are made: to those who want them. Peers hear them with best effort: the next is newer, and nobody has to
+    // Of bodies of which promises are made: to those who want them, and to recorders. Peers hear them with best effort: the next is newer, and nobody has to
     // be told of what went to others.
     Topic<NearPoses>{{.name = "near_poses",
                       .type = "nearmesh::wire_types::BodyPosesSample",

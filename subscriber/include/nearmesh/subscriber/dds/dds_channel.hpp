@@ -67,7 +67,7 @@ class DdsChannel final : public Channel {
   void tell_watched(const wire::WatchedBodies& watched) override;
   void tell_bounds(const wire::BoundsReport& bounds) override;
   /// Whether somebody records what this peer says from now on. Recorders of some topics count where held_detail is one.
-  [[nodiscard]] bool has_recorder() const;
+  [[nodiscard]] bool has_recorder() const override;
   /// Not ok once this program's identity was revoked or has expired: then it hears nobody, and nobody hears it.
   [[nodiscard]] Status identity() const;
   /// By the other's session. Threads: any.

@@ -26,7 +26,7 @@ class Channel {
   virtual void send(const wire::BodyDirectory& directory) = 0;
   /// The same. After the directory that names these bodies.
   virtual void promise(const wire::BodyPromises&) {}
-  /// For those peers alone that want some of these bodies.
+  /// For those peers alone that want some of these bodies, and for recorders.
   virtual void send_near(const wire::NearPoses&) {}
   /// For the mover that it names.
   virtual void want(const wire::WantedPoses&) {}
@@ -39,6 +39,8 @@ class Channel {
   [[nodiscard]] virtual double needs_s() const { return 0; }
   /// What this process knows of itself, for operators. The channel adds what it knows of the network.
   virtual void tell(wire::ProcessStatus&) {}
+  /// Whether somebody records: then all that answers rest on is to go out, wanted by peers or not.
+  [[nodiscard]] virtual bool has_recorder() const { return false; }
   /// What this peer holds of a model, for a recorder that came (Inbox::recorder_came).
   virtual void tell_held(const wire::HeldDetail&) {}
 
