@@ -420,6 +420,9 @@ void encode(const BodyDirectory& message, wire_types::BodyDirectorySample& sampl
   sample.content_hashes().clear();
   sample.companies().clear();
   sample.max_speeds_mps().clear();
+  sample.links().clear();
+  const bool has_links = std::any_of(message.bodies.begin(), message.bodies.end(),
+                                     [](const auto& body) { return body.links != 1; });
   std::uint8_t solids = 0;
   for (const BodyDirectory::Body& body : message.bodies) {
     sample.max_speeds_mps().push_back(body.max_speed_mps);
@@ -429,6 +432,7 @@ void encode(const BodyDirectory& message, wire_types::BodyDirectorySample& sampl
     sample.companies().push_back(body.group);
     sample.companies().push_back(body.mask);
     if (body.solid) solids |= place_of(body.number);
+    if (has_links) sample.links().insert(sample.links().end(), {body.links, body.first_link});
   }
   sample.solids(solids);
 }
@@ -441,11 +445,13 @@ Result<BodyDirectory> decode(const wire_types::BodyDirectorySample& sample) {
   const std::size_t count = message.bodies.size();
   if (sample.content_hashes().size() != kWordsPerContent * count ||
       sample.companies().size() != 2 * count || sample.max_speeds_mps().size() != count ||
+      (!sample.links().empty() && sample.links().size() != 2 * count) ||
       sample.names().size() > 2 * kBodiesPerPart * (kMaxNameBytes + 1))
     return malformed("bodies: " + std::to_string(count) + " places, " +
                      std::to_string(sample.content_hashes().size()) + " words of contents, " +
                      std::to_string(sample.companies().size()) + " of groups and masks, " +
                      std::to_string(sample.max_speeds_mps().size()) + " speeds, " +
+                     std::to_string(sample.links().size()) + " words of links, " +
                      std::to_string(sample.names().size()) + " bytes of names");
   if ((sample.solids() & ~sample.places()) != 0)
     return malformed("solids: found " + std::to_string(sample.solids()));
@@ -460,6 +466,9 @@ Result<BodyDirectory> decode(const wire_types::BodyDirectorySample& sample) {
     body.group = sample.companies()[2 * i];
     body.mask = sample.companies()[2 * i + 1];
     body.max_speed_mps = sample.max_speeds_mps()[i];
+    if (sample.links().empty()) continue;
+    body.links = sample.links()[2 * i];
+    body.first_link = sample.links()[2 * i + 1];
   }
   return checked(std::move(message));
 }

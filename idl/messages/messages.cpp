@@ -335,6 +335,13 @@ Status check(const BodyDirectory& message) {
       return invalid("body " + body.name + ": max_speed_mps: expected 0 to " +
                      std::to_string(kMaxSpeed_mps) + ", found " +
                      std::to_string(body.max_speed_mps));
+    const std::uint64_t first = body.first_link;
+    if (body.links != 1 && (body.links == 0 || body.links > kMaxLinks || body.number < first ||
+                            body.number >= first + body.links || body.max_speed_mps > 0))
+      return invalid("body " + body.name + ": links: expected up to " + std::to_string(kMaxLinks) +
+                     ", itself among them, and no max_speed_mps; found " +
+                     std::to_string(body.links) + " from " + std::to_string(body.first_link) +
+                     " of body " + std::to_string(body.number));
     names.push_back(body.name);
   }
   std::sort(names.begin(), names.end());

@@ -178,7 +178,9 @@ void DdsPoses::name(Heard&& heard, std::vector<wire::BodyPose>& accepted) {
                      .angular_velocity_radps = pose.motion.angular_velocity_radps,
                      .number = pose.number,
                      .sequence = heard.poses.sequence,
-                     .is_near = heard.is_near},
+                     .is_near = heard.is_near,
+                     .links = body->links,
+                     .first_link = body->first_link},
             .writer = part->writer,
             .body = *body},
            accepted);

@@ -60,6 +60,7 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
     NEARMESH_RETURN_IF_ERROR(check_motion(own.motion, body->name));
     NEARMESH_RETURN_IF_ERROR(impl.check_promised(*body, own.motion, time_s));
   }
+  NEARMESH_RETURN_IF_ERROR(impl.check_links(motions));
   if (!wire::is_time(time_s))  // it goes out with every pose
     return Status{StatusCode::kInvalidArgument, "time_s of frame " + std::to_string(frame) +
                                                     " is " + std::to_string(time_s) +
@@ -91,7 +92,7 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
         body.motion && !body.is_placed && is_at_rest(*body.motion) &&
         (body.max_speed_mps == 0 || impl.has_recorder || !impl.who_wants(body).empty()) &&
         std::abs(time_s - body.published_s) >= kRepeatShare * impl.options.max_pose_age_s)
-      parts.insert(part_of(body));
+      impl.add_parts_of(body, parts);
   impl.tell_directory();
   impl.make_promises();
   for (const std::uint32_t part : parts) impl.publish(part, frame);
@@ -150,7 +151,9 @@ void Session::Impl::tell_directory() {
                                   .solid = body.solid,
                                   .group = body.company.group,
                                   .mask = body.company.mask,
-                                  .max_speed_mps = body.max_speed_mps});
+                                  .max_speed_mps = body.max_speed_mps,
+                                  .links = body.links,
+                                  .first_link = body.first_link});
     });
     channel->send(directory);
   }

@@ -117,6 +117,9 @@ Status Session::place_body(BodyId body, const Pose& pose) {
   if (placed->max_speed_mps > 0)
     return {StatusCode::kInvalidArgument,
             "body " + placed->name + " has a max_speed_mps: others are promised where it stays"};
+  if (placed->links > 1)
+    return {StatusCode::kInvalidArgument,
+            "body " + placed->name + " is a link of a robot, and moves with the others"};
   placed->motion = Motion{.pose = orthonormal(pose)};
   placed->stamp.mover = wire::Mover::kThere;
   placed->is_placed = true;
@@ -128,12 +131,21 @@ Status Session::remove_body(BodyId body) {
   const FloatGuard guard;
   Body* removed = impl_->find(body);
   if (removed == nullptr) return no_such(body);
-  impl_->remove_body(*removed);
+  const std::uint32_t first = removed->links > 1 ? removed->first_link : removed->number,
+                      links = removed->links;
+  if (links == 1) {
+    impl_->remove_body(*removed);
+    return Status::ok();
+  }
+  for (std::uint32_t number = first; number < first + links; ++number)
+    if (const auto at = impl_->own_bodies.find(number); at != impl_->own_bodies.end())
+      impl_->remove_body(*impl_->find(at->second));
   return Status::ok();
 }
 
 void Session::Impl::remove_body(Body& body) {
   forget_tiles(body);
+  forget_robot(body);
   std::erase_if(pairs, [&](const auto& entry) { return entry.second.has(body); });
   listed.clear();
   note_told(body, {});

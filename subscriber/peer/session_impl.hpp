@@ -3,7 +3,7 @@
 // What the files of Session share: session.cpp (a frame), session_bodies.cpp (bodies and pairs that come and go, and which are
 // near), session_take.cpp (what comes), session_turns.cpp (whom it asks), session_ask.cpp, session_certificates.cpp and
 // session_audit.cpp (what is asked of publishers), session_probe.cpp (probes of bodies), session_contacts.cpp (contacts from
-// update to update), session_worlds.cpp (bodies that are worlds), session_tell.cpp (what is told), session_bounds.cpp (what is told of
+// update to update), session_links.cpp (robots of several bodies), session_worlds.cpp (bodies that are worlds), session_tell.cpp (what is told), session_bounds.cpp (what is told of
 // pairs that bounds prove apart), session_promises.cpp (where bodies stay, and whose full poses are wanted), session_mesh.cpp (meshes to
 // be drawn).
 // Threads: one.
@@ -42,6 +42,8 @@ struct Body {
   bool own = false;
   bool is_discovered = false;
   std::uint32_t number = 0;   // on the bus, at its mover
+  std::uint32_t links = 1, first_link = 0;  // own: as others are told
+  std::optional<std::uint32_t> heard_robot;  // another's: the first link of the robot that it is of
   wire::SessionId mover = 0;  // of the pose; 0: none, or no number on the bus says all of it
   std::uint32_t near_sequence = 0;  // of the near poses that its pose came in; 0: it did not
   bool solid = false;
@@ -208,6 +210,17 @@ struct Session::Impl {
   std::uint64_t updates = 0;
   std::uint64_t next_contact = 1;
 
+  // session_links.cpp: poses of robots that others move, until all of an instant are here.
+  struct HeardLinks {
+    struct Instant {
+      std::map<std::uint32_t, wire::BodyPose> poses;  // by number
+      std::uint32_t newest = 0;                       // sequence
+    };
+    std::map<double, Instant> instants;  // by time
+    std::uint32_t taken = 0;             // the newest sequence of those that count now
+  };
+  std::map<std::pair<wire::SessionId, std::uint32_t>, HeardLinks> heard_links;  // by first link
+
   // session_bounds.cpp
   std::set<std::uint32_t> untold_watched;  // parts of the bodies: others know them otherwise
   std::uint32_t watched_edition = 0;
@@ -320,6 +333,12 @@ struct Session::Impl {
   void take_bodies(const Channel::Inbox& inbox, FrameReport& report);
   void take_body(const wire::BodyDirectory::Body& entry, FrameReport& report);
   void take_poses(const Channel::Inbox& inbox, std::vector<std::string>& complaints);
+  void take_pose(const wire::BodyPose& pose, std::vector<std::string>& complaints);
+  void take_link(const wire::BodyPose& pose, std::vector<std::string>& complaints);
+  void forget_robot(Body& body);
+  [[nodiscard]] Status link_bodies(const std::vector<BodyId>& links);
+  [[nodiscard]] Status check_links(const std::vector<OwnMotion>& motions) const;
+  void add_parts_of(const Body& own, std::set<std::uint32_t>& parts) const;
   void take_promises(const Channel::Inbox& inbox, std::vector<std::string>& complaints);
   void take_wishes(const Channel::Inbox& inbox);
   [[nodiscard]] Status check_promised(const Body& own, const Motion& motion, double at_s) const;

@@ -88,28 +88,11 @@ void Session::Impl::take_poses(const Channel::Inbox& inbox, std::vector<std::str
       std::uint32_t& last = last_pose_samples[pose.peer];
       last = std::max(last, pose.sequence);
     }
-    const auto at = named.find(pose.body);
-    if (at == named.end()) continue;
-    Body& body = *find(at->second);
-    if (body.own) {
-      if (!std::exchange(body.contested, true))
-        complaints.push_back("another peer also moves body " + pose.body +
-                             "; its poses are ignored");
-      continue;
+    if (pose.links > 1) {
+      take_link(pose, complaints);
+    } else {
+      take_pose(pose, complaints);
     }
-    if (body.stamp.mover != wire::Mover::kNone && !body.is_placed &&
-        pose.time_s < body.stamp.time_s && !std::exchange(body.has_gone_back, true))
-      complaints.push_back("the time of body " + pose.body + "'s poses went back from " +
-                           std::to_string(body.stamp.time_s) + " to " +
-                           std::to_string(pose.time_s) + " s; this is said once");
-    body.motion = Motion{pose.pose, pose.linear_velocity_mps, pose.angular_velocity_radps};
-    body.is_placed = false;
-    body.is_new_to_bounds = true;
-    body.stamp.mover = wire::Mover::kThere;
-    body.stamp.time_s = pose.time_s;
-    body.mover = pose.sequence != 0 && !pose.is_near ? pose.peer : 0;
-    body.number = pose.number;
-    body.near_sequence = pose.is_near ? pose.sequence : 0;
   }
   take_promises(inbox, complaints);
   for (const auto& [name, mover] : inbox.movers) {
@@ -117,9 +100,36 @@ void Session::Impl::take_poses(const Channel::Inbox& inbox, std::vector<std::str
     if (at == named.end()) continue;
     Body& body = *find(at->second);
     const bool is_of_another = !body.own && !body.is_placed;
+    if (is_of_another && mover == wire::Mover::kLeft) forget_robot(body);
     if (is_of_another && body.stamp.mover != wire::Mover::kNone) body.stamp.mover = mover;
     if (is_of_another && body.promiser != wire::Mover::kNone) body.promiser = mover;
   }
+}
+
+void Session::Impl::take_pose(const wire::BodyPose& pose, std::vector<std::string>& complaints) {
+  const auto at = named.find(pose.body);
+  if (at == named.end()) return;
+  Body& body = *find(at->second);
+  if (body.own) {
+    if (!std::exchange(body.contested, true))
+      complaints.push_back("another peer also moves body " + pose.body +
+                           "; its poses are ignored");
+    return;
+  }
+  if (body.stamp.mover != wire::Mover::kNone && !body.is_placed &&
+      pose.time_s < body.stamp.time_s && !std::exchange(body.has_gone_back, true))
+    complaints.push_back("the time of body " + pose.body + "'s poses went back from " +
+                         std::to_string(body.stamp.time_s) + " to " +
+                         std::to_string(pose.time_s) + " s; this is said once");
+  body.motion = Motion{pose.pose, pose.linear_velocity_mps, pose.angular_velocity_radps};
+  body.is_placed = false;
+  body.is_new_to_bounds = true;
+  body.stamp.mover = wire::Mover::kThere;
+  body.stamp.time_s = pose.time_s;
+  body.mover = pose.sequence != 0 && !pose.is_near ? pose.peer : 0;
+  body.number = pose.number;
+  body.heard_robot = pose.links > 1 ? std::optional(pose.first_link) : std::nullopt;
+  body.near_sequence = pose.is_near ? pose.sequence : 0;
 }
 
 void Session::Impl::take_hello(const wire::Hello& hello) {

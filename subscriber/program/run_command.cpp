@@ -224,6 +224,11 @@ class Flight {
       if (body.fixed_pose)
         NEARMESH_RETURN_IF_ERROR(session_.place_body(added.value(), *body.fixed_pose));
     }
+    for (const std::vector<std::size_t>& robot : scene_.robots) {
+      std::vector<BodyId> links;
+      for (const std::size_t link : robot) links.push_back(id_of(link));
+      NEARMESH_RETURN_IF_ERROR(session_.link_bodies(links));
+    }
     if (scene_.watches_all) {
       scene_.watches_only_own ? session_.watch_own() : session_.watch_all();
       session_.discover_bodies();

@@ -178,7 +178,8 @@ std::size_t body_named(const Scene& scene, const std::string& name, const YAML::
 
 Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
   check_keys(root, "scene",
-             {"bodies",      "moves",           "pairs",     "frame_rate_hz",   "budget_ms",
+             {"bodies",      "moves",           "robots",    "pairs",           "frame_rate_hz",
+              "budget_ms",
               "lookahead_s", "audit_s",         "cache",     "margin_m",        "max_pose_age_s",
               "sweep_s",     "max_held_splits", "clearance", "contacts",        "depth",
               "any",         "max_pairs",       "max_tests", "max_sweep_tests", "start_timeout_s",
@@ -247,6 +248,16 @@ Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
       if (!motions.is_ok()) fail(node["trajectory"], motions.status().message());
       body.trajectory = std::move(motions).value();
       scene.frames = std::max<std::uint64_t>(scene.frames, body.trajectory.size());
+    }
+  }
+  for (const YAML::Node& node : root["robots"]) {
+    scene.robots.emplace_back();
+    for (const auto& name :
+         value<std::vector<std::string>>(node, "robots", "a list of links' names each")) {
+      const std::size_t link = body_named(scene, name, node, "robots");
+      if (scene.bodies[link].trajectory.empty())
+        fail(node, "robots: link " + name + " is not moved here along a trajectory");
+      scene.robots.back().push_back(link);
     }
   }
   if (!scene.watches_all && (!root["pairs"] || !root["pairs"].IsSequence()))

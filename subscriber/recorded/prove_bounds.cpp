@@ -34,6 +34,8 @@ constexpr std::int64_t kMessagesARound = 8192;
 /// Poses that others have followed are kept for so many rounds.
 constexpr int kRoundsKept = 3;
 constexpr std::size_t kMaxHoles = 4096;
+/// Of a robot's poses: samples of each part that are looked at for the last whole instant.
+constexpr std::size_t kMaxInstants = 64;
 constexpr std::size_t kMaxReasons = 64;
 
 /// The leading bytes of an endpoint's identifier.
@@ -85,6 +87,38 @@ class PoseSamples {
         if (body.number == number) return {&body, at->first};
     }
     return {};
+  }
+  /// The same of a link of a robot: where the last instant has it of which all links had come.
+  [[nodiscard]] Found find_link(std::uint32_t number, std::uint32_t first, std::uint32_t links,
+                                std::uint32_t last) const {
+    struct Instant {
+      std::set<std::uint32_t> links;
+      std::uint32_t newest = 0;
+      Found link;
+    };
+    std::map<double, Instant> instants;
+    for (std::uint32_t at = first / wire::kBodiesPerPart;
+         at <= (first + links - 1) / wire::kBodiesPerPart; ++at) {
+      const auto part = parts_.find(at);
+      if (part == parts_.end()) return {};
+      auto sample = part->second.upper_bound(last);
+      for (std::size_t i = 0; i < kMaxInstants && sample != part->second.begin(); ++i) {
+        --sample;
+        for (const wire::BodyPoses::Body& body : sample->second.bodies) {
+          if (body.number < first || body.number >= first + links) continue;
+          Instant& instant = instants[body.time_s];
+          instant.links.insert(body.number);
+          instant.newest = std::max(instant.newest, sample->first);
+          if (body.number == number && instant.link.body == nullptr)
+            instant.link = {&body, sample->first};
+        }
+      }
+    }
+    const Instant* whole = nullptr;
+    for (const auto& [time_s, instant] : instants)
+      if (instant.links.size() == links && (whole == nullptr || whole->newest < instant.newest))
+        whole = &instant;
+    return whole == nullptr ? Found{} : whole->link;
   }
   /// use(pose) of each that is kept of the body.
   template <class Use>
@@ -163,9 +197,9 @@ class PoseTape {
         promised.erase(promised.begin());
   }
   /// Null where no directory told.
-  [[nodiscard]] const std::string* name_of(std::uint32_t number) const {
+  [[nodiscard]] const wire::BodyDirectory::Body* who_is(std::uint32_t number) const {
     const auto at = who_.find(number);
-    return at == who_.end() ? nullptr : &at->second.name;
+    return at == who_.end() ? nullptr : &at->second;
   }
   /// What was promised of a body at that time, as one knows it who heard all up to `last`: `is_known` is false where nothing was.
   struct FoundPromise {
@@ -570,11 +604,15 @@ class Prover {
     const std::uint32_t last = exactly ? *exactly : is_promised ? heard.near : heard.poses;
     look_at_tapes(peer_from, peer, body, [&](const PoseTape& tape, bool by_reporter) {
       const PoseSamples& samples = is_promised ? tape.near : tape.poses;
-      const PoseSamples::Found found = samples.find(body.number, last);
-      const std::string* name = tape.name_of(body.number);
-      if (found.body == nullptr || name == nullptr || (exactly && found.sequence != *exactly))
-        return false;
-      body.name = *name;
+      const wire::BodyDirectory::Body* who = tape.who_is(body.number);
+      if (who == nullptr) return false;
+      // Who moves a robot knows each instant at once.
+      const PoseSamples::Found found =
+          who->links > 1 && body.mover != peer
+              ? samples.find_link(body.number, who->first_link, who->links, last)
+              : samples.find(body.number, last);
+      if (found.body == nullptr || (exactly && found.sequence != *exactly)) return false;
+      body.name = who->name;
       pose = {found.body, by_reporter && samples.is_whole(found.sequence, last)};
       return true;
     });
@@ -592,7 +630,7 @@ class Prover {
               tape.find_promise(body.number, heard.promises, report.time_s);
           if (!found.is_known) return false;
           promise = found.holds;
-          body.name = *tape.name_of(body.number);
+          body.name = tape.who_is(body.number)->name;
           return true;
         });
     if (!is_known) return "a promise of a body of " + to_hex(body.mover) + ", or its name";

@@ -81,7 +81,9 @@ class MemoryBus {
                               .linear_velocity_mps = body.motion.linear_velocity_mps,
                               .angular_velocity_radps = body.motion.angular_velocity_radps,
                               .number = body.number,
-                              .sequence = poses.sequence});
+                              .sequence = poses.sequence,
+                              .links = told->second.links,
+                              .first_link = told->second.first_link});
     }
   }
   /// As the writer's filter does it.

@@ -184,10 +184,14 @@ struct BodyDirectory {
     std::uint32_t group = 1, mask = 0xffffffffU;
     /// Of its origin, which the peer keeps it to: then promises are told of it, and full poses to those alone who want them. 0: not so.
     double max_speed_mps = 0;
+    /// It is a link of a robot: the bodies of the numbers first_link to first_link + links - 1, in as many parts as that takes. Their
+    /// poses count only together, those of one time. 1: it is none.
+    std::uint32_t links = 1, first_link = 0;
     bool operator==(const Body&) const = default;
   };
   std::vector<Body> bodies;  ///< of the part, by number
 };
+inline constexpr std::uint32_t kMaxLinks = 256;  ///< of a robot
 inline constexpr double kMaxSpeed_mps = 1e6;  ///< that a body may have by its mover's word
 
 /// Where a body is, by the body's name: a pose and the directory, brought together. Does not travel.
@@ -202,6 +206,7 @@ struct BodyPose {
   std::uint32_t number = 0;    ///< of the body, at its peer
   std::uint32_t sequence = 0;  ///< of the sample that it came in; 0: it came in none
   bool is_near = false;        ///< that was of NearPoses
+  std::uint32_t links = 1, first_link = 0;  ///< as in BodyDirectory
 };
 
 /// Where a body stays, by the body's name: a promise and the directory, brought together. Does not travel.

@@ -263,10 +263,15 @@ class Session {
   /// is ever certified, and each names the reason. Errors: kConflict (name taken, or the pin contradicts another),
   /// kInvalidArgument (name, max_pose_age_s).
   [[nodiscard]] Result<BodyId> add_body(BodyOptions options);
-  /// Fixes a body in place, for scenery that nobody moves. Errors: kNotFound, kInvalidArgument (pose; a body with a max_speed_mps).
+  /// Fixes a body in place, for scenery that nobody moves. Errors: kNotFound, kInvalidArgument (pose; a body with a max_speed_mps, a link).
   [[nodiscard]] Status place_body(BodyId body, const Pose& pose);
+  /// Makes own bodies the links of one robot: their poses count together. Whoever hears them takes all of one instant or none, however
+  /// many samples they come in and whichever are lost; up to seven come in one. Each update() then gives motions of all links, or of none. Before
+  /// any of them has a motion. Errors: kNotFound, kConflict (a link of another robot, one that has a motion), kInvalidArgument (fewer than 2 or
+  /// more than wire::kMaxLinks, a body that others move or that has a max_speed_mps).
+  [[nodiscard]] Status link_bodies(const std::vector<BodyId>& links);
   /// The body is there no more, nor are its pairs; its name is free again. Detail of a model that no body uses is given up.
-  /// Errors: kNotFound.
+  /// A link takes all links of its robot with it. Errors: kNotFound.
   [[nodiscard]] Status remove_body(BodyId body);
   /// From now on the body has another model; where it is stays. `content` as in BodyOptions. Errors: those of add_body, kNotFound.
   [[nodiscard]] Status replace_model(BodyId body, const std::string& model,
@@ -305,7 +310,7 @@ class Session {
   /// In: `time_s` is the frame's time on the clock that the whole exercise has, up to kMaxTime_s from 0: poses of this peer go
   /// out with it, those of others are as old as it says. Where it is before the last one, a complaint says so.
   /// A body that is farther than its max_speed_mps allows from where others were promised it stays is refused: a jump is a body that
-  /// is removed, and another.
+  /// is removed, and another. So are motions of some links of a robot, without the others'.
   /// Errors: kNotFound or kInvalidArgument naming the body, kInvalidArgument for such a time; nothing was changed then.
   /// Threads: one at a time. Never blocks.
   [[nodiscard]] Result<FrameReport> update(std::uint64_t frame, double time_s,

@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+// Robots: bodies whose poses count together. Those that fit travel in one sample; of others each hearer takes the parts of an instant when
+// all of them are here, and rests on the last whole one until then.
+#include <algorithm>
+#include <utility>
+
+#include "session_impl.hpp"
+
+namespace nearmesh::subscriber {
+namespace {
+
+/// Instants of which not all has come: so many are waited for, of each robot.
+constexpr std::size_t kMaxInstants = 8;
+constexpr std::size_t kMaxRobots = 4096;
+
+}  // namespace
+
+Status Session::link_bodies(const std::vector<BodyId>& links) { return impl_->link_bodies(links); }
+
+Status Session::Impl::link_bodies(const std::vector<BodyId>& links) {
+  if (links.size() < 2 || links.size() > wire::kMaxLinks)
+    return {StatusCode::kInvalidArgument, "links of a robot: expected 2 to " +
+                                              std::to_string(wire::kMaxLinks) + ", found " +
+                                              std::to_string(links.size())};
+  std::set<BodyId> distinct;
+  for (const BodyId id : links) {
+    const Body* body = find(id);
+    if (body == nullptr) return no_such(id);
+    const std::string link = "link " + body->name + ": ";
+    if (!body->own || body->max_speed_mps > 0)
+      return {StatusCode::kInvalidArgument,
+              link + "expected a body that is moved here, without a max_speed_mps"};
+    if (body->links > 1 || !distinct.insert(id).second)
+      return {StatusCode::kConflict, link + "it is a link already"};
+    if (body->motion)
+      return {StatusCode::kConflict, link + "it was given a pose already, as a body of its own"};
+  }
+  // In as few samples as it takes.
+  const auto count = static_cast<std::uint32_t>(links.size());
+  const std::uint32_t place = next_number % wire::kBodiesPerPart;
+  if (place + count > wire::kBodiesPerPart && place > 0) next_number += wire::kBodiesPerPart - place;
+  const std::uint32_t first = next_number;
+  for (const BodyId id : links) {
+    Body& link = *find(id);
+    untold_parts.insert(part_of(link));
+    own_bodies.erase(link.number);
+    link.number = next_number++;
+    link.links = count;
+    link.first_link = first;
+    own_bodies.emplace(link.number, id);
+    untold_parts.insert(part_of(link));
+  }
+  return Status::ok();
+}
+
+/// Of a robot all links are given, or none.
+Status Session::Impl::check_links(const std::vector<OwnMotion>& motions) const {
+  std::map<std::uint32_t, std::set<std::uint32_t>> given;  // by first link
+  std::map<std::uint32_t, const Body*> robots;
+  for (const OwnMotion& own : motions) {
+    const Body& body = bodies.at(own.body.value);
+    if (body.links == 1) continue;
+    given[body.first_link].insert(body.number);
+    robots[body.first_link] = &body;
+  }
+  for (const auto& [first, numbers] : given)
+    if (const Body& link = *robots[first]; numbers.size() != link.links)
+      return {StatusCode::kInvalidArgument,
+              "the robot of link " + link.name + " has " + std::to_string(link.links) +
+                  " links, of which " + std::to_string(numbers.size()) +
+                  " were given motions: expected all, of one instant"};
+  return Status::ok();
+}
+
+/// All that go out with it.
+void Session::Impl::add_parts_of(const Body& own, std::set<std::uint32_t>& parts) const {
+  const std::uint32_t first = own.links > 1 ? own.first_link : own.number;
+  for (std::uint32_t number = first; number < first + own.links; ++number)
+    parts.insert(number / wire::kBodiesPerPart);
+}
+
+void Session::Impl::take_link(const wire::BodyPose& pose, std::vector<std::string>& complaints) {
+  const std::pair robot(pose.peer, pose.first_link);
+  if (heard_links.size() >= kMaxRobots && !heard_links.contains(robot)) return;
+  HeardLinks& heard = heard_links[robot];
+  HeardLinks::Instant& instant = heard.instants[pose.time_s];
+  instant.poses.insert_or_assign(pose.number, pose);
+  instant.newest = std::max(instant.newest, pose.sequence);
+  const auto is_older = [](const auto& one, const auto& other) {
+    return one.second.newest < other.second.newest;
+  };
+  if (instant.poses.size() < pose.links) {
+    if (heard.instants.size() > kMaxInstants)
+      heard.instants.erase(
+          std::min_element(heard.instants.begin(), heard.instants.end(), is_older));
+    return;
+  }
+  // What was sent before what counts already is late.
+  if (instant.newest >= heard.taken) {
+    heard.taken = instant.newest;
+    for (const auto& [number, link] : instant.poses) take_pose(link, complaints);
+  }
+  std::erase_if(heard.instants,
+                [&](const auto& entry) { return entry.second.newest <= heard.taken; });
+}
+
+/// Its mover has left, or moves it no more.
+void Session::Impl::forget_robot(Body& body) {
+  if (body.heard_robot) heard_links.erase({body.mover, *body.heard_robot});
+  body.heard_robot.reset();
+}
+
+}  // namespace nearmesh::subscriber
