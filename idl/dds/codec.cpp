@@ -169,7 +169,15 @@ void encode(const Hello& message, wire_types::HelloSample& sample) {
   sample.content_hashes().clear();
   sample.mesh_bytes().clear();
   sample.replaced_hashes().clear();
+  sample.epochs().clear();
+  sample.epochs_from_s().clear();
+  const bool has_epochs = std::any_of(message.models.begin(), message.models.end(),
+                                      [](const auto& model) { return model.epoch.number != 0; });
   for (const Hello::Model& model : message.models) {
+    if (has_epochs) {
+      sample.epochs().push_back(model.epoch.number);
+      sample.epochs_from_s().push_back(model.epoch.from_s);
+    }
     append_line(model.name, sample.names());
     for (const std::uint64_t word : words_of(model.content_hash))
       sample.content_hashes().push_back(word);
@@ -187,10 +195,13 @@ Result<Hello> decode(const wire_types::HelloSample& sample) {
   const std::size_t count = sample.mesh_bytes().size();
   if (count > kMaxModels || sample.content_hashes().size() != kWordsPerContent * count ||
       sample.replaced_hashes().size() != kWordsPerContent * count ||
+      sample.epochs().size() != sample.epochs_from_s().size() ||
+      (!sample.epochs().empty() && sample.epochs().size() != count) ||
       sample.names().size() > kMaxModels * (kMaxNameBytes + 1))
     return malformed("models: lists of " + std::to_string(sample.content_hashes().size()) +
                      " words of hashes, " + std::to_string(sample.replaced_hashes().size()) +
-                     " of replaced ones, " + std::to_string(count) + " sizes and " +
+                     " of replaced ones, " + std::to_string(sample.epochs().size()) + " epochs, " +
+                     std::to_string(count) + " sizes and " +
                      std::to_string(sample.names().size()) +
                      " bytes of names do not belong together");
   const auto names = split_lines(sample.names(), count, count, "model names");
@@ -201,6 +212,8 @@ Result<Hello> decode(const wire_types::HelloSample& sample) {
     message.models[i].content_hash = content_at(sample.content_hashes(), i);
     message.models[i].mesh_bytes = sample.mesh_bytes()[i];
     message.models[i].replaces = content_at(sample.replaced_hashes(), i);
+    if (!sample.epochs().empty())
+      message.models[i].epoch = {sample.epochs()[i], sample.epochs_from_s()[i]};
   }
   return checked(std::move(message));
 }

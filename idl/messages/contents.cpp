@@ -15,8 +15,33 @@ bool replaces(const Offer& offer, const ContentHash& content) {
 void add_offer(const Hello& hello, const std::string& name, std::vector<Offer>& offers) {
   for (const Hello::Model& model : hello.models)
     if (model.name == name)
-      offers.push_back(
-          {hello.publisher, model.content_hash, model.replaces, model.mesh_bytes, hello.name});
+      offers.push_back({hello.publisher, model.content_hash, model.replaces, model.mesh_bytes,
+                        hello.name, model.epoch});
+}
+
+std::optional<Epoch> epoch_at(std::span<const Offer> offers, double time_s) {
+  std::optional<Epoch> greatest;
+  for (const Offer& offer : offers)
+    if (offer.epoch.has_begun(time_s) && (!greatest || offer.epoch.number > greatest->number))
+      greatest = offer.epoch;
+  return greatest;
+}
+
+std::optional<Epoch> epoch_after(std::span<const Offer> offers, double time_s) {
+  const std::optional<Epoch> now = epoch_at(offers, time_s);
+  std::optional<Epoch> next;
+  for (const Offer& offer : offers)
+    if (!offer.epoch.has_begun(time_s) && (!now || offer.epoch.number > now->number) &&
+        (!next || offer.epoch.from_s < next->from_s))
+      next = offer.epoch;
+  return next;
+}
+
+std::vector<Offer> of_epoch(std::span<const Offer> offers, std::uint32_t number) {
+  std::vector<Offer> its;
+  std::copy_if(offers.begin(), offers.end(), std::back_inserter(its),
+               [number](const Offer& offer) { return offer.epoch.number == number; });
+  return its;
 }
 
 std::vector<ContentHash> standing(std::span<const Offer> offers) {

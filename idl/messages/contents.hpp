@@ -19,6 +19,7 @@ struct Offer {
   ContentHash replaces;  ///< takes its place; or none
   std::uint64_t mesh_bytes = 0;
   std::string name{};  ///< of the publisher, for people
+  Epoch epoch{};
 };
 
 /// Adds what a publisher serves under the name, if it does.
@@ -27,6 +28,13 @@ void add_offer(const Hello& hello, const std::string& name, std::vector<Offer>& 
 /// What people are told to do where several contents stand for one name.
 inline constexpr const char* kConflictAdvice =
     "peers keep what they hold: stop or rename one, or serve the right one with --replaces";
+
+/// The greatest epoch that has begun at that time of the exercise; nothing where none has.
+[[nodiscard]] std::optional<Epoch> epoch_at(std::span<const Offer> offers, double time_s);
+/// The epoch that takes its place next; nothing where none is announced.
+[[nodiscard]] std::optional<Epoch> epoch_after(std::span<const Offer> offers, double time_s);
+/// The offers of one epoch: what stands for a name is settled among these.
+[[nodiscard]] std::vector<Offer> of_epoch(std::span<const Offer> offers, std::uint32_t number);
 
 /// The contents that nobody replaces, ascending: more than one is a mistake that people must mend. Where they replace each other in
 /// a circle all of them stand.

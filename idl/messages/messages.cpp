@@ -81,15 +81,16 @@ Status check_new_model(const std::string& name, std::size_t served) {
 }
 
 MeshHeader announce_model(const std::string& name, const ModelFile& file, ContentHash replaces,
-                          Hello& hello) {
-  hello.models.push_back({name, file.content_hash(), file.mesh_bytes(), replaces});
+                          const Epoch& epoch, Hello& hello) {
+  hello.models.push_back({name, file.content_hash(), file.mesh_bytes(), replaces, epoch});
   const auto bytes = file.header_bytes();
   return {kWireVersion, name, file.content_hash(), {bytes.begin(), bytes.end()}};
 }
 
 MeshHeader announce_world(const std::string& name, const ContentHash& content,
-                          std::vector<std::uint8_t> record, ContentHash replaces, Hello& hello) {
-  hello.models.push_back({name, content, 0, replaces});
+                          std::vector<std::uint8_t> record, ContentHash replaces,
+                          const Epoch& epoch, Hello& hello) {
+  hello.models.push_back({name, content, 0, replaces, epoch});
   return {kWireVersion, name, content, std::move(record)};
 }
 
@@ -166,6 +167,9 @@ Status check(const Hello& message) {
   for (const Hello::Model& model : message.models) {
     NEARMESH_RETURN_IF_ERROR(check_name(model.name, "model name"));
     if (!model.content_hash.is_set()) return invalid("model " + model.name + ": no content");
+    NEARMESH_RETURN_IF_ERROR(check_time(model.epoch.from_s, "model " + model.name + ": epoch"));
+    if (model.epoch.number == 0 && model.epoch.from_s != 0)
+      return invalid("model " + model.name + ": epoch 0 has no beginning");
     names.push_back(model.name);
   }
   std::sort(names.begin(), names.end());

@@ -2,9 +2,12 @@
 // nearmesh-publisher serve: models to any number of peers, until Ctrl-C.
 #include <spdlog/spdlog.h>
 
+#include <charconv>
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <optional>
+#include <string_view>
 #include <utility>
 
 #include "commands.hpp"
@@ -24,35 +27,67 @@
 namespace nearmesh::publisher::program {
 namespace {
 
-/// By the model's name, from "MODEL=CONTENT".
-Result<std::map<std::string, ContentHash>> read_replaces(const std::vector<std::string>& pairs) {
-  std::map<std::string, ContentHash> replaces;
+/// What a model takes the place of, and from when on.
+struct Replaced {
+  ContentHash content;
+  wire::Epoch epoch;
+};
+
+/// "EPOCH:TIME".
+std::optional<wire::Epoch> read_epoch(std::string_view text) {
+  wire::Epoch epoch;
+  const char* const end = text.data() + text.size();
+  const auto number = std::from_chars(text.data(), end, epoch.number);
+  if (number.ec != std::errc() || epoch.number == 0 || number.ptr == end || *number.ptr != ':')
+    return std::nullopt;
+  const auto time = std::from_chars(number.ptr + 1, end, epoch.from_s);
+  if (time.ec != std::errc() || time.ptr != end || !wire::is_time(epoch.from_s))
+    return std::nullopt;
+  return epoch;
+}
+
+/// By the model's name, from "MODEL=CONTENT" or "MODEL=CONTENT@EPOCH:TIME".
+Result<std::map<std::string, Replaced>> read_replaces(const std::vector<std::string>& pairs) {
+  std::map<std::string, Replaced> replaces;
   for (const std::string& pair : pairs) {
     const std::size_t at = pair.rfind('=');
     if (at == std::string::npos)
       return Status{StatusCode::kInvalidArgument,
                     "replaces: expected MODEL=CONTENT, found '" + pair + "'"};
-    const Result<ContentHash> content = parse_content_hash(std::string_view(pair).substr(at + 1));
+    Replaced replaced;
+    std::string_view text = std::string_view(pair).substr(at + 1);
+    if (const std::size_t sign = text.find('@'); sign != std::string_view::npos) {
+      const auto epoch = read_epoch(text.substr(sign + 1));
+      if (!epoch)
+        return Status{StatusCode::kInvalidArgument,
+                      "replaces: " + pair +
+                          ": expected MODEL=CONTENT@EPOCH:TIME, an epoch from 1 and seconds on the "
+                          "exercise's clock"};
+      replaced.epoch = *epoch;
+      text = text.substr(0, sign);
+    }
+    const Result<ContentHash> content = parse_content_hash(text);
     if (!content.is_ok())
       return Status{content.status().code(),
                     "replaces: " + pair + ": " + content.status().message()};
-    if (!replaces.emplace(pair.substr(0, at), content.value()).second)
+    replaced.content = content.value();
+    if (!replaces.emplace(pair.substr(0, at), replaced).second)
       return Status{StatusCode::kConflict, "replaces: " + pair.substr(0, at) + " is named twice"};
   }
   return replaces;
 }
 
-Status add_world(const std::string& path, const std::string& name, ContentHash replaces,
+Status add_world(const std::string& path, const std::string& name, const Replaced& replaced,
                  Service& service) {
   const Result<WorldFolder> folder = WorldFolder::open(path);
   NEARMESH_RETURN_IF_ERROR(folder);
   const WorldRecord& world = folder.value().world();
   spdlog::info("serving world {}: content {}, {} faces in {} tiles", path,
                to_hex(folder.value().name()), world.faces, world.tiles);
-  return service.add_world(name, path, replaces);
+  return service.add_world(name, path, replaced.content, replaced.epoch);
 }
 
-Status add_model(const std::string& path, const std::string& name, ContentHash replaces,
+Status add_model(const std::string& path, const std::string& name, const Replaced& replaced,
                  Service& service) {
   Result<ModelFile> file = open_checked(path);
   NEARMESH_RETURN_IF_ERROR(file);
@@ -60,21 +95,21 @@ Status add_model(const std::string& path, const std::string& name, ContentHash r
   spdlog::info("serving {}: content {}, {} faces, {} splits, header {} bytes", path,
                to_hex(file.value().content_hash()), header.face_count, header.split_count(),
                file.value().header_bytes().size());
-  return service.add_model(name, std::move(file).value(), replaces);
+  return service.add_model(name, std::move(file).value(), replaced.content, replaced.epoch);
 }
 
 Status add_models(const ServeOptions& options, Service& service) {
-  Result<std::map<std::string, ContentHash>> replaces = read_replaces(options.replaces);
+  Result<std::map<std::string, Replaced>> replaces = read_replaces(options.replaces);
   NEARMESH_RETURN_IF_ERROR(replaces);
   for (const std::string& path : options.models) {
     std::error_code error;
     const bool is_world = std::filesystem::exists(WorldFolder::record_path(path), error);
     const std::string name =
         is_world ? name_of_folder(path) : std::filesystem::path(path).stem().string();
-    const auto replaced = replaces.value().extract(name);
-    const ContentHash older = replaced ? replaced.mapped() : ContentHash{};
-    NEARMESH_RETURN_IF_ERROR(is_world ? add_world(path, name, older, service)
-                                      : add_model(path, name, older, service));
+    const auto found = replaces.value().extract(name);
+    const Replaced replaced = found ? found.mapped() : Replaced{};
+    NEARMESH_RETURN_IF_ERROR(is_world ? add_world(path, name, replaced, service)
+                                      : add_model(path, name, replaced, service));
   }
   if (!replaces.value().empty())
     return {StatusCode::kNotFound,

@@ -61,10 +61,11 @@ Status Service::check_new(const std::string& name, const std::string& path,
   return Status::ok();
 }
 
-Status Service::add_model(const std::string& name, ModelFile file, ContentHash replaces) {
+Status Service::add_model(const std::string& name, ModelFile file, ContentHash replaces,
+                          const wire::Epoch& epoch) {
   const ContentHash hash = file.content_hash();
   NEARMESH_RETURN_IF_ERROR(check_new(name, file.path(), hash, replaces));
-  auto model = std::make_unique<Model>(Model{name, std::move(file), replaces});
+  auto model = std::make_unique<Model>(Model{name, std::move(file), replaces, epoch});
   answerers_[hash] = [&file = model->file](const RegionRequest& request) {
     return answer(file, request);
   };
@@ -74,12 +75,12 @@ Status Service::add_model(const std::string& name, ModelFile file, ContentHash r
 }
 
 Status Service::add_world(const std::string& name, const std::string& folder,
-                          ContentHash replaces) {
+                          ContentHash replaces, const wire::Epoch& epoch) {
   Result<std::unique_ptr<WorldSource>> source = WorldSource::open(folder);
   NEARMESH_RETURN_IF_ERROR(source);
   const ContentHash hash = source.value()->folder().name();
   NEARMESH_RETURN_IF_ERROR(check_new(name, folder, hash, replaces));
-  worlds_.emplace(hash, World{name, folder, std::move(source).value(), replaces});
+  worlds_.emplace(hash, World{name, folder, std::move(source).value(), replaces, epoch});
   return Status::ok();
 }
 
@@ -92,10 +93,12 @@ void Service::announce() {
   hello_ = {.publisher = session_};
   std::vector<wire::MeshHeader> headers;
   for (const auto& [hash, model] : models_)
-    headers.push_back(wire::announce_model(model->name, model->file, model->replaces, hello_));
+    headers.push_back(wire::announce_model(model->name, model->file, model->replaces,
+                                           model->epoch, hello_));
   for (const auto& [hash, world] : worlds_)
     headers.push_back(wire::announce_world(
-        world.name, hash, encode_world(world.source->folder().world()), world.replaces, hello_));
+        world.name, hash, encode_world(world.source->folder().world()), world.replaces, world.epoch,
+        hello_));
   channel_.announce(hello_, headers);
 }
 
@@ -195,9 +198,11 @@ void Service::take_rivals(const Inbox& inbox) {
 void Service::find_conflicts(std::vector<std::string>& lines) {
   if (!std::exchange(has_news_of_rivals_, false)) return;
   std::set<std::string> found;
-  for (const auto& [name, hash, mesh_bytes, replaces] : hello_.models) {
-    std::vector<wire::Offer> offers{{session_, hash, replaces}};
-    for (const auto& [id, rival] : rivals_) wire::add_offer(rival, name, offers);
+  for (const auto& [name, hash, mesh_bytes, replaces, epoch] : hello_.models) {
+    std::vector<wire::Offer> all{{.publisher = session_, .content = hash, .replaces = replaces}};
+    all.front().epoch = epoch;
+    for (const auto& [id, rival] : rivals_) wire::add_offer(rival, name, all);
+    const std::vector<wire::Offer> offers = wire::of_epoch(all, epoch.number);
     const std::vector<ContentHash> standing = wire::standing(offers);
     const auto stands = [&standing](const ContentHash& content) {
       return std::find(standing.begin(), standing.end(), content) != standing.end();
@@ -214,6 +219,12 @@ void Service::find_conflicts(std::vector<std::string>& lines) {
         found.insert(who + " replaces content " + to_hex(hash) + ", which is served here, by " +
                      to_hex(theirs.content) + "; peers go over to it: stop this one");
     }
+    for (const wire::Offer& theirs : all)
+      if (theirs.epoch.number > epoch.number && theirs.content != hash)
+        found.insert(here + wire::called(theirs.publisher, theirs.name) + " serves epoch " +
+                     std::to_string(theirs.epoch.number) + ", content " + to_hex(theirs.content) +
+                     ": peers go over to it at " + std::to_string(theirs.epoch.from_s) +
+                     " s of the exercise");
   }
   std::set_difference(found.begin(), found.end(), conflicts_.begin(), conflicts_.end(),
                       std::back_inserter(lines));

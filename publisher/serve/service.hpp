@@ -48,13 +48,14 @@ class Service {
   Service(Channel& channel, wire::SessionId session, ServiceOptions options = {});
 
   /// Serves a model under a name unique to this publisher. `replaces`: peers that hold that content under the name go over to
-  /// this one; or none. Goes before an answerer of that content. Errors: kInvalidArgument (name, or it would replace itself), kConflict (name taken).
+  /// this one; or none. `epoch`: and only from its beginning on, all in the same frame. Goes before an answerer of that content. Errors:
+  /// kInvalidArgument (name, or it would replace itself), kConflict (name taken).
   [[nodiscard]] Status add_model(const std::string& name, ModelFile file,
-                                 ContentHash replaces = {});
+                                 ContentHash replaces = {}, const wire::Epoch& epoch = {});
   /// Serves a world under a name: pages, tiles' headers and detail, as they are asked for; at most WorldSource::kMostOpen tiles
   /// are open. Errors: as add_model(); those of WorldSource::open(), naming the file.
   [[nodiscard]] Status add_world(const std::string& name, const std::string& folder,
-                                 ContentHash replaces = {});
+                                 ContentHash replaces = {}, const wire::Epoch& epoch = {});
   /// Encoded batches; none where nothing is to be sent, or none is made yet.
   struct Part {
     ContentHash content;  ///< which they are of
@@ -89,11 +90,13 @@ class Service {
     std::string name;
     ModelFile file;
     ContentHash replaces;
+    wire::Epoch epoch;
   };
   struct World {
     std::string name, path;
     std::unique_ptr<WorldSource> source;
     ContentHash replaces;
+    wire::Epoch epoch;
   };
   enum class Kind : std::uint8_t { kRegion, kAudit, kCertificate };  ///< of a request
   static Kind kind_of(const wire::RegionSubscription& request);

@@ -49,8 +49,16 @@ std::vector<std::string> conflicts(const std::vector<wire::Hello>& publishers,
   for (const std::string& name : names) {
     std::vector<wire::Offer> offers;
     for (const wire::Hello& hello : publishers) wire::add_offer(hello, name, offers);
-    const std::vector<ContentHash> standing = wire::standing(offers);
-    find_strays(name, standing, processes, lines);
+    // Which epochs have begun only those know who are in the exercise.
+    std::set<std::uint32_t> epochs;
+    for (const wire::Offer& offer : offers) epochs.insert(offer.epoch.number);
+    std::vector<ContentHash> standing, all;
+    for (const std::uint32_t epoch : epochs) {
+      const std::vector<ContentHash> its = wire::standing(wire::of_epoch(offers, epoch));
+      all.insert(all.end(), its.begin(), its.end());
+      if (its.size() > 1) standing = its;
+    }
+    find_strays(name, all, processes, lines);
     if (standing.size() < 2) continue;
     std::string line = "model " + name + ": ";
     for (const ContentHash& content : standing) {

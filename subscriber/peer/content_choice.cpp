@@ -39,12 +39,28 @@ ContentHash newest(std::span<const Offer> offers, const ContentHash& content) {
 
 }  // namespace
 
-ContentChoice choose_content(const KnownContent& known, std::span<const Offer> offers) {
-  std::vector<ContentHash> standing = wire::standing(offers);
+ContentChoice choose_content(const KnownContent& known, std::span<const Offer> all,
+                             double time_s) {
   ContentChoice choice;
+  if (const auto next = wire::epoch_after(all, time_s); next && !known.pinned.is_set()) {
+    const std::vector<Offer> coming = wire::of_epoch(all, next->number);
+    if (const auto contents = wire::standing(coming); contents.size() == 1)
+      choice.coming = contents.front();
+  }
+  const wire::Epoch epoch = wire::epoch_at(all, time_s).value_or(wire::Epoch{});
+  const bool holds = known.held.is_set() && known.epoch.has_begun(time_s);
+  if (!known.pinned.is_set() && holds && known.epoch.number > epoch.number) {
+    // Whoever served it is gone; those before it do not come back.
+    choice.content = known.held;
+    choice.epoch = known.epoch;
+    return choice;
+  }
+  std::vector<Offer> offers = wire::of_epoch(all, epoch.number);
+  std::erase_if(offers, [&](const Offer& offer) { return !offer.epoch.has_begun(time_s); });
+  std::vector<ContentHash> standing = wire::standing(offers);
   if (known.pinned.is_set()) {
     choice.content = known.pinned;
-  } else if (known.held.is_set()) {
+  } else if (holds && known.epoch.number == epoch.number) {
     choice.content = newest(offers, known.held);
     if (choice.content != known.held) {
       choice.change = called_of(*offer_of(offers, choice.content)) + " replaces content " +
@@ -57,8 +73,15 @@ ContentChoice choose_content(const KnownContent& known, std::span<const Offer> o
     }
   } else if (standing.size() == 1) {
     choice.content = standing.front();
+    if (known.held.is_set() && choice.content != known.held)
+      choice.change = "epoch " + std::to_string(epoch.number) + " holds at " +
+                      std::to_string(time_s) + " s: content " + to_hex(choice.content) +
+                      " takes the place of " + to_hex(known.held);
+  } else if (holds) {
+    choice.content = known.held;
   }
-  if (const Offer* offer = offer_of(offers, choice.content)) choice.mesh_bytes = offer->mesh_bytes;
+  choice.epoch = choice.content == known.held && standing.size() != 1 ? known.epoch : epoch;
+  if (const Offer* offer = offer_of(all, choice.content)) choice.mesh_bytes = offer->mesh_bytes;
 
   std::erase(standing, choice.content);
   if (standing.empty()) return choice;

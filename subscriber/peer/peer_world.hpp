@@ -37,6 +37,8 @@ class PeerWorld {
   }
   /// Forgets pages, but the root, that were not used for so long.
   void give_up(double time_s, double unused_s);
+  /// Pages of the world that it takes the place of: those that are of this one too need not be asked for again.
+  void keep_pages_of(PeerWorld&& before) { pages_.merge(before.pages_); }
   [[nodiscard]] std::size_t page_count() const { return pages_.size() + (root_ ? 1 : 0); }
 
  private:

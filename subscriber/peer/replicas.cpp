@@ -49,13 +49,42 @@ std::size_t ReplicaSet::assign(PeerModel& model, const ContentHash& content,
   anew.content_hash = content;
   anew.pinned = model.pinned;
   anew.conflict = std::move(model.conflict);
+  std::optional<PeerWorld> before = std::move(model.world), prepared;
+  if (model.coming.content == content) prepared = std::move(model.coming.world);
   model = std::move(anew);
   const auto at = unclaimed_.find(content);
   if (at == unclaimed_.end()) return 0;
   const Channel::Header header = std::move(at->second);
   unclaimed_bytes_ -= header.message.bytes.size();
   unclaimed_.erase(at);
-  return take_header(header, complaints);
+  const std::size_t bytes = take_header(header, complaints);
+  if (model.world && prepared) model.world = std::move(prepared);
+  if (model.world && before) model.world->keep_pages_of(std::move(*before));
+  if (model.world && model.world->root() != nullptr) model.bounds = model.world->bounds();
+  return bytes;
+}
+
+void ReplicaSet::expect(PeerModel& model, const ContentHash& coming) {
+  if (model.coming.content != coming) model.coming = {.content = coming, .world = {}};
+}
+
+void ReplicaSet::prepare_coming() {
+  for (auto& [name, model] : models_) {
+    PeerModel::Coming& coming = model.coming;
+    if (!coming.content.is_set() || coming.world) continue;
+    const auto header = unclaimed_.find(coming.content);
+    if (header == unclaimed_.end() || !is_world_record(header->second.message.bytes)) continue;
+    // One that is none is complained of once it is taken.
+    if (auto world = PeerWorld::from_record(coming.content, header->second.message.bytes);
+        world.is_ok())
+      coming.world = std::move(world).value();
+  }
+}
+
+PeerWorld* ReplicaSet::find_coming(const ContentHash& content) {
+  for (auto& [name, model] : models_)
+    if (model.coming.world && model.coming.content == content) return &*model.coming.world;
+  return nullptr;
 }
 
 /// Beyond the limit only of names we use, that may come to stand for it.

@@ -33,6 +33,12 @@ struct PeerModel {
   std::optional<Replica> replica;  // from the header on
   ModelBounds bounds;              // of the same header
   std::optional<PeerWorld> world;  // instead of a replica: the model is a world
+  wire::Epoch epoch;               // of the content
+  /// What the name will stand for in the next epoch.
+  struct Coming {
+    ContentHash content;
+    std::optional<PeerWorld> world;  // where it is one, from its header on
+  } coming;
   bool is_tile = false;            // of a world, and no name on the bus
   std::string of_world;            // that world's name
   Channel::Header header;          // of the replica: nobody sends it again
@@ -100,6 +106,11 @@ class ReplicaSet {
   /// a header that had waited for it and is used now.
   std::size_t assign(PeerModel& model, const ContentHash& content,
                      std::vector<std::string>& complaints);
+  /// Fetches ahead of an epoch what its content will need first; or of none.
+  static void expect(PeerModel& model, const ContentHash& coming);
+  /// The worlds of these contents, once their headers are here.
+  void prepare_coming();
+  [[nodiscard]] PeerWorld* find_coming(const ContentHash& content);
   /// A header: starts the replica of the model it belongs to, if any body uses it. Returns its size if it was used.
   /// One that contradicts itself is complained of once, and nothing is taken of that content any more.
   std::size_t take_header(const Channel::Header& header, std::vector<std::string>& complaints);

@@ -279,6 +279,7 @@ struct Session::Impl {
       last_sequence;            // of batches, by publisher; also of those that are gone
   std::uint32_t recorders = 0;  // that came
   bool has_news = false;        // of publishers or bodies: what names stand for may change
+  std::size_t begun_epochs = 0;  // of what publishers serve
   std::map<ContentHash, Outstanding> outstanding;
   std::uint32_t last_request = 0;
   std::string last_served;            // model, of those that name what they lack
@@ -314,6 +315,7 @@ struct Session::Impl {
   void for_each_of_part(std::uint32_t part, const Use& use);
   void join_tiles(FrameReport& report);
   [[nodiscard]] Status find_tiles(WorldPair& found);
+  void fetch_coming(const Body& world, const Body& other, std::uint32_t reach_cells);
   void leave_tiles();
   void forget_tiles(const Body& body);
   [[nodiscard]] Body* tile_body(const Body& world, const WorldEntry& tile, std::string& why_not,
@@ -470,6 +472,7 @@ struct Session::Impl {
   [[nodiscard]] std::string why_not_ready(const Body& body) const;
   void take_hello(const wire::Hello& hello);
   void take_header(const Channel::Header& header, std::vector<std::string>& complaints);
+  void note_epochs();
   void settle_contents(std::vector<std::string>& complaints);
   [[nodiscard]] std::string awaited_of(const PeerModel& model, std::size_t missing);
 };

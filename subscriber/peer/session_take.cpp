@@ -31,6 +31,7 @@ void Session::Impl::take_inbox(FrameReport& report) {
     has_news = true;
   }
   for (const wire::Hello& hello : inbox.hellos) take_hello(hello);
+  note_epochs();
   // Not before all who came and went are known: one that was lost may be there again.
   if (std::exchange(has_news, false)) settle_contents(complaints);
   stats.refused_headers += inbox.refused_headers;
@@ -163,6 +164,15 @@ void Session::Impl::take_header(const Channel::Header& header,
                          " does not count: nobody of that name announces that content");
 }
 
+/// In the frame in which one begins, or its time has gone back before that.
+void Session::Impl::note_epochs() {
+  std::size_t begun = 0;
+  for (const auto& [id, publisher] : publishers)
+    for (const wire::Hello::Model& model : publisher.hello.models)
+      begun += model.epoch.number != 0 && model.epoch.has_begun(time_s) ? 1 : 0;
+  has_news |= std::exchange(begun_epochs, begun) != begun;
+}
+
 /// What each model's name stands for, by all that publishers say now.
 void Session::Impl::settle_contents(std::vector<std::string>& complaints) {
   for (auto& [name, model] : replicas.all()) {
@@ -178,7 +188,10 @@ void Session::Impl::settle_contents(std::vector<std::string>& complaints) {
     });
     const ContentHash before = model.content_hash;
     ContentChoice choice = choose_content(
-        {.pinned = model.pinned, .held = model.is_held() ? before : ContentHash{}}, offers);
+        {.pinned = model.pinned,
+         .held = model.is_held() ? before : ContentHash{},
+         .epoch = model.epoch},
+        offers, time_s);
     if (!choice.change.empty())
       complaints.push_back("model " + name + ": " + choice.change + "; starting again with it");
     if (model.is_held() && model.pinned.is_set() && before != model.pinned)
@@ -186,6 +199,8 @@ void Session::Impl::settle_contents(std::vector<std::string>& complaints) {
                            " is pinned now; content " + to_hex(before) + " is dropped");
     const std::size_t refused_before = replicas.refused_count();
     stats.header_bytes += replicas.assign(model, choice.content, complaints);
+    model.epoch = choice.epoch;
+    ReplicaSet::expect(model, choice.coming);
     has_news |= replicas.refused_count() != refused_before;
     if (choice.mesh_bytes != 0) model.mesh_bytes = choice.mesh_bytes;
     if (choice.conflict.empty()) choice.conflict = std::move(untaken);

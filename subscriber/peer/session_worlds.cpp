@@ -76,6 +76,10 @@ void Session::Impl::join_tiles(FrameReport& report) {
   for (const auto& [name, model] : replicas.all())
     if (model.world && model.world->root() == nullptr)
       want_bytes(model.world->record().root, model.world->name(), true);
+  replicas.prepare_coming();
+  for (const auto& [name, model] : replicas.all())
+    if (model.coming.world && model.coming.world->root() == nullptr)
+      want_bytes(model.coming.world->record().root, model.coming.content, true);
   std::erase_if(listed, [this](Pair* pair) {
     if (!pair->a->model->world && !pair->b->model->world) return false;
     world_pairs.push_back({.pair = pair});
@@ -187,7 +191,24 @@ Status Session::Impl::find_tiles(WorldPair& found) {
                          whole_box(other.model->replica->store()), found.reach_cells, time_s);
   NEARMESH_RETURN_IF_ERROR(around);
   found.around = std::move(around).value();
+  fetch_coming(world, other, found.reach_cells);
   return Status::ok();
+}
+
+/// Pages near that the next epoch's world has instead: when it begins they are here.
+void Session::Impl::fetch_coming(const Body& world, const Body& other, std::uint32_t reach_cells) {
+  std::optional<PeerWorld>& coming = world.model->coming.world;
+  if (!coming || coming->root() == nullptr) return;
+  const auto posed = pose_pair(world_grid(coming->record()), world.motion->pose, world.name,
+                               other.grid(), other.motion->pose, other.name);
+  if (!posed.is_ok()) return;
+  const auto around =
+      coming->tiles_around(make_relative_frame(posed.value().a, posed.value().b), other.grid(),
+                           whole_box(other.model->replica->store()), reach_cells, time_s);
+  if (!around.is_ok()) return;
+  for (const MissingPage& page : around.value().near.missing)
+    if (!world.model->world->has_page(page.entry.content))
+      want_bytes(page.entry.content, world.model->coming.content, true);
 }
 
 /// A tile in its place, once its header is here; else null, and why.
@@ -258,8 +279,10 @@ void Session::Impl::leave_tiles() {
       replicas.remove(name);
     }
   }
-  for (auto& [name, model] : replicas.all())
+  for (auto& [name, model] : replicas.all()) {
     if (model.world) model.world->give_up(time_s, kUnused_s);
+    if (model.coming.world) model.coming.world->give_up(time_s, kUnused_s);
+  }
 }
 
 /// The tiles of its pairs, and its own. Their replicas stay for a while.
@@ -328,6 +351,10 @@ void Session::Impl::take_piece(const wire::SplitBatchMessage& message, FrameRepo
                                                  .content_hash = message.content_hash,
                                                  .bytes = std::move(*bytes.value())}},
                                                report.complaints);
+    return;
+  }
+  if (PeerWorld* coming = replicas.find_coming(wanted.of_world)) {
+    static_cast<void>(coming->take_page(message.content_hash, *bytes.value()));
     return;
   }
   PeerModel* model = replicas.find(wanted.of_world);

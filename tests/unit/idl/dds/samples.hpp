@@ -17,7 +17,7 @@ inline Hello valid_hello() {
   Hello message;
   message.publisher = 0x1122334455667788;
   message.name = "rig 1";
-  message.models = {{"bunny", {1, 11}, 100}, {"terrain 512", {2, 22}, 200, {3, 33}}};
+  message.models = {{"bunny", {1, 11}, 100}, {"terrain 512", {2, 22}, 200, {3, 33}, {4, 120.5}}};
   return message;
 }
 

@@ -84,6 +84,8 @@ TEST(TypeSupport, RoundTripKeepsValues) {
   EXPECT_EQ(hello.value().models[1].content_hash, (ContentHash{2, 22}));
   EXPECT_EQ(hello.value().models[1].mesh_bytes, 200U);
   EXPECT_EQ(hello.value().models[1].replaces, (ContentHash{3, 33}));
+  EXPECT_EQ(hello.value().models[0].epoch, Epoch{});
+  EXPECT_EQ(hello.value().models[1].epoch, (Epoch{4, 120.5}));
   const auto batch =
       from_bytes<TypeOf<SplitBatchMessage>>(to_bytes<TypeOf<SplitBatchMessage>>(valid_batch()));
   ASSERT_TRUE(batch.is_ok());

@@ -40,6 +40,14 @@ inline constexpr double kMaxTime_s = 1e11;
   return time_s >= -kMaxTime_s && time_s <= kMaxTime_s;  // false for what is no number
 }
 
+/// When a content begins to stand for its name.
+struct Epoch {
+  std::uint32_t number = 0;  ///< the greatest one that has begun stands; 0: that of contents without one
+  double from_s = 0;         ///< it begins at this time, on the exercise's clock; 0 has no beginning
+  bool operator==(const Epoch&) const = default;
+  [[nodiscard]] bool has_begun(double time_s) const { return number == 0 || time_s >= from_s; }
+};
+
 /// Latest state of one publisher (keyed by session, transient local).
 struct Hello {
   std::uint16_t wire_version = kWireVersion;
@@ -50,6 +58,7 @@ struct Hello {
     ContentHash content_hash;
     std::uint64_t mesh_bytes = 0;  ///< header and all blocks: what a whole replica would take
     ContentHash replaces;  ///< peers that hold this content go over to the one above; or none
+    Epoch epoch;
   };
   std::vector<Model> models;
 };
@@ -483,11 +492,11 @@ struct Probe : Echo {};
 
 /// What is told of a model that is served, in place of another content or of none: adds it to the hello. Out: its header.
 [[nodiscard]] MeshHeader announce_model(const std::string& name, const ModelFile& file,
-                                        ContentHash replaces, Hello& hello);
+                                        ContentHash replaces, const Epoch& epoch, Hello& hello);
 /// The same of a world: its record takes a header's place. In: bytes that have that digest.
 [[nodiscard]] MeshHeader announce_world(const std::string& name, const ContentHash& content,
                                         std::vector<std::uint8_t> record, ContentHash replaces,
-                                        Hello& hello);
+                                        const Epoch& epoch, Hello& hello);
 
 /// The batches of an answer, or of a part of one, as messages to the peer that asked; their sequence is the channel's to count.
 /// `last`: the request is answered in full with these. That nothing was needed is an answer too: one message without bytes.
