@@ -143,7 +143,7 @@ TEST_F(WorldEpochs, InTheFirstFramePagesAreHere) {
     const PairAnswer& answer = report.value().answers.at(0);
     ASSERT_TRUE(answer.world) << answer.reason;
     EXPECT_EQ(answer.world->world, after_.pages.name);
-    EXPECT_TRUE(answer.world->pages.empty()) << answer.world->pages.size();
+    EXPECT_TRUE(answer.world->missing_pages.empty()) << answer.world->missing_pages.size();
     EXPECT_FALSE(answer.world->tiles.empty());
   }
 }
