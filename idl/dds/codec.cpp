@@ -201,8 +201,7 @@ Result<Hello> decode(const wire_types::HelloSample& sample) {
     return malformed("models: lists of " + std::to_string(sample.content_hashes().size()) +
                      " words of hashes, " + std::to_string(sample.replaced_hashes().size()) +
                      " of replaced ones, " + std::to_string(sample.epochs().size()) + " epochs, " +
-                     std::to_string(count) + " sizes and " +
-                     std::to_string(sample.names().size()) +
+                     std::to_string(count) + " sizes and " + std::to_string(sample.names().size()) +
                      " bytes of names do not belong together");
   const auto names = split_lines(sample.names(), count, count, "model names");
   NEARMESH_RETURN_IF_ERROR(names);
@@ -848,7 +847,8 @@ Result<BoundsReport> decode(const wire_types::BoundsReportSample& sample) {
   message.clearance_m = sample.clearance_m();
   message.horizon_s = sample.horizon_s();
   std::span<const std::uint8_t> known = sample.known();
-  const char* const kUnfit = "bounds report: octets of what is known that end too soon, or are too many";
+  const char* const kUnfit =
+      "bounds report: octets of what is known that end too soon, or are too many";
   if (known.size() > kMaxKnownBytes || !take_flagged(known, message.edition, message.rests_on_more))
     return malformed(kUnfit);
   while (!known.empty()) {

@@ -21,10 +21,11 @@ void add_settings(wire::program::Settings& settings, ServeOptions& options) {
   settings.add("models", options.models,
                "What is served; a model's name is its file's or folder's name",
                ".spm files, and folders of worlds");
-  settings.add("replaces", options.replaces,
-               "Contents whose place a model takes: peers that hold one go over to it, at once or all in "
-               "the frame of that time on the exercise's clock; epochs count up from 1",
-               "MODEL=CONTENT[@EPOCH:TIME]");
+  settings.add(
+      "replaces", options.replaces,
+      "Contents whose place a model takes: peers that hold one go over to it, at once or all in "
+      "the frame of that time on the exercise's clock; epochs count up from 1",
+      "MODEL=CONTENT[@EPOCH:TIME]");
   wire::program::add_transport_settings(settings, options.channel.transport);
   settings.add("max_peers", options.channel.max_peers, 1, 100'000,
                "Peers beyond this many are refused");

@@ -74,8 +74,8 @@ Status Service::add_model(const std::string& name, ModelFile file, ContentHash r
   return Status::ok();
 }
 
-Status Service::add_world(const std::string& name, const std::string& folder,
-                          ContentHash replaces, const wire::Epoch& epoch) {
+Status Service::add_world(const std::string& name, const std::string& folder, ContentHash replaces,
+                          const wire::Epoch& epoch) {
   Result<std::unique_ptr<WorldSource>> source = WorldSource::open(folder);
   NEARMESH_RETURN_IF_ERROR(source);
   const ContentHash hash = source.value()->folder().name();
@@ -93,12 +93,12 @@ void Service::announce() {
   hello_ = {.publisher = session_};
   std::vector<wire::MeshHeader> headers;
   for (const auto& [hash, model] : models_)
-    headers.push_back(wire::announce_model(model->name, model->file, model->replaces,
-                                           model->epoch, hello_));
+    headers.push_back(
+        wire::announce_model(model->name, model->file, model->replaces, model->epoch, hello_));
   for (const auto& [hash, world] : worlds_)
-    headers.push_back(wire::announce_world(
-        world.name, hash, encode_world(world.source->folder().world()), world.replaces, world.epoch,
-        hello_));
+    headers.push_back(wire::announce_world(world.name, hash,
+                                           encode_world(world.source->folder().world()),
+                                           world.replaces, world.epoch, hello_));
   channel_.announce(hello_, headers);
 }
 

@@ -50,8 +50,8 @@ class Service {
   /// Serves a model under a name unique to this publisher. `replaces`: peers that hold that content under the name go over to
   /// this one; or none. `epoch`: and only from its beginning on, all in the same frame. Goes before an answerer of that content. Errors:
   /// kInvalidArgument (name, or it would replace itself), kConflict (name taken).
-  [[nodiscard]] Status add_model(const std::string& name, ModelFile file,
-                                 ContentHash replaces = {}, const wire::Epoch& epoch = {});
+  [[nodiscard]] Status add_model(const std::string& name, ModelFile file, ContentHash replaces = {},
+                                 const wire::Epoch& epoch = {});
   /// Serves a world under a name: pages, tiles' headers and detail, as they are asked for; at most WorldSource::kMostOpen tiles
   /// are open. Errors: as add_model(); those of WorldSource::open(), naming the file.
   [[nodiscard]] Status add_world(const std::string& name, const std::string& folder,

@@ -39,8 +39,7 @@ ContentHash newest(std::span<const Offer> offers, const ContentHash& content) {
 
 }  // namespace
 
-ContentChoice choose_content(const KnownContent& known, std::span<const Offer> all,
-                             double time_s) {
+ContentChoice choose_content(const KnownContent& known, std::span<const Offer> all, double time_s) {
   ContentChoice choice;
   if (const auto next = wire::epoch_after(all, time_s); next && !known.pinned.is_set()) {
     const std::vector<Offer> coming = wire::of_epoch(all, next->number);

@@ -118,12 +118,13 @@ void LocalChannel::announce() {
   hello.publisher = kPublisher;
   inbox_.headers.clear();
   for (const auto& [hash, model] : models_)
-    inbox_.headers.push_back({kPublisher, wire::announce_model(model.name, model.file, {}, {}, hello)});
+    inbox_.headers.push_back(
+        {kPublisher, wire::announce_model(model.name, model.file, {}, {}, hello)});
   for (const World& world : worlds_) {
     const WorldFolder& folder = world.source->folder();
     inbox_.headers.push_back(
-        {kPublisher,
-         wire::announce_world(world.name, folder.name(), encode_world(folder.world()), {}, {}, hello)});
+        {kPublisher, wire::announce_world(world.name, folder.name(), encode_world(folder.world()),
+                                          {}, {}, hello)});
   }
   inbox_.hellos.assign(1, std::move(hello));
 }

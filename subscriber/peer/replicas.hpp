@@ -39,9 +39,9 @@ struct PeerModel {
     ContentHash content;
     std::optional<PeerWorld> world;  // where it is one, from its header on
   } coming;
-  bool is_tile = false;            // of a world, and no name on the bus
-  std::string of_world;            // that world's name
-  Channel::Header header;          // of the replica: nobody sends it again
+  bool is_tile = false;    // of a world, and no name on the bus
+  std::string of_world;    // that world's name
+  Channel::Header header;  // of the replica: nobody sends it again
   struct Batch {
     wire::SessionId publisher = 0;
     std::vector<std::uint8_t> bytes;

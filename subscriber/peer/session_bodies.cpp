@@ -37,9 +37,7 @@ std::pair<std::uint32_t, std::uint32_t> key_of(BodyId a, BodyId b) {
   return std::minmax({a.value, b.value});
 }
 
-PlacedBody placed(const Body& body) {
-  return {body.name, body.model->content_hash, body.company};
-}
+PlacedBody placed(const Body& body) { return {body.name, body.model->content_hash, body.company}; }
 
 }  // namespace
 
@@ -434,8 +432,7 @@ void Session::Impl::tell_free(std::uint64_t frame, std::uint64_t near, FrameRepo
     digest += body.place.digest;
     bounds.add(body.place.way_m, body.is_by_promise ? 0 : wire::age_s(stamp_of(body), time_s));
   }
-  if (options.publish_reports)
-    tell_bounds(frame, broad.placed_pair_count() - near, digest, bounds);
+  if (options.publish_reports) tell_bounds(frame, broad.placed_pair_count() - near, digest, bounds);
   if (free.pairs == 0) return;
   free.clearance_m = bounds.clearance_m(options.margin_m);
   free.horizon_s = bounds.horizon_s(horizon_s());

@@ -22,9 +22,8 @@ using Told = Body::Told;
 }
 
 [[nodiscard]] wire::WatchedBodies::Run run_of(const Body& body) {
-  return {.known = body.told.known == Told::Known::kPromised
-                       ? wire::WatchedBodies::Known::kPromised
-                       : wire::WatchedBodies::Known::kByPose,
+  return {.known = body.told.known == Told::Known::kPromised ? wire::WatchedBodies::Known::kPromised
+                                                             : wire::WatchedBodies::Known::kByPose,
           .mover = body.told.mover,
           .first = body.told.number,
           .count = 1,

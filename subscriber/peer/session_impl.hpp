@@ -41,10 +41,10 @@ struct Body {
   PeerModel* model = nullptr;
   bool own = false;
   bool is_discovered = false;
-  std::uint32_t number = 0;   // on the bus, at its mover
-  std::uint32_t links = 1, first_link = 0;  // own: as others are told
+  std::uint32_t number = 0;                  // on the bus, at its mover
+  std::uint32_t links = 1, first_link = 0;   // own: as others are told
   std::optional<std::uint32_t> heard_robot;  // another's: the first link of the robot that it is of
-  wire::SessionId mover = 0;  // of the pose; 0: none, or no number on the bus says all of it
+  wire::SessionId mover = 0;        // of the pose; 0: none, or no number on the bus says all of it
   std::uint32_t near_sequence = 0;  // of the near poses that its pose came in; 0: it did not
   bool solid = false;
   std::optional<Motion> motion;
@@ -276,9 +276,9 @@ struct Session::Impl {
 
   std::map<wire::SessionId, Publisher> publishers;
   std::map<wire::SessionId, std::uint32_t>
-      last_sequence;            // of batches, by publisher; also of those that are gone
-  std::uint32_t recorders = 0;  // that came
-  bool has_news = false;        // of publishers or bodies: what names stand for may change
+      last_sequence;             // of batches, by publisher; also of those that are gone
+  std::uint32_t recorders = 0;   // that came
+  bool has_news = false;         // of publishers or bodies: what names stand for may change
   std::size_t begun_epochs = 0;  // of what publishers serve
   std::map<ContentHash, Outstanding> outstanding;
   std::uint32_t last_request = 0;

@@ -38,7 +38,8 @@ Status Session::Impl::link_bodies(const std::vector<BodyId>& links) {
   // In as few samples as it takes.
   const auto count = static_cast<std::uint32_t>(links.size());
   const std::uint32_t place = next_number % wire::kBodiesPerPart;
-  if (place + count > wire::kBodiesPerPart && place > 0) next_number += wire::kBodiesPerPart - place;
+  if (place + count > wire::kBodiesPerPart && place > 0)
+    next_number += wire::kBodiesPerPart - place;
   const std::uint32_t first = next_number;
   for (const BodyId id : links) {
     Body& link = *find(id);

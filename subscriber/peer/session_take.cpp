@@ -113,15 +113,14 @@ void Session::Impl::take_pose(const wire::BodyPose& pose, std::vector<std::strin
   Body& body = *find(at->second);
   if (body.own) {
     if (!std::exchange(body.contested, true))
-      complaints.push_back("another peer also moves body " + pose.body +
-                           "; its poses are ignored");
+      complaints.push_back("another peer also moves body " + pose.body + "; its poses are ignored");
     return;
   }
   if (body.stamp.mover != wire::Mover::kNone && !body.is_placed &&
       pose.time_s < body.stamp.time_s && !std::exchange(body.has_gone_back, true))
     complaints.push_back("the time of body " + pose.body + "'s poses went back from " +
-                         std::to_string(body.stamp.time_s) + " to " +
-                         std::to_string(pose.time_s) + " s; this is said once");
+                         std::to_string(body.stamp.time_s) + " to " + std::to_string(pose.time_s) +
+                         " s; this is said once");
   body.motion = Motion{pose.pose, pose.linear_velocity_mps, pose.angular_velocity_radps};
   body.is_placed = false;
   body.is_new_to_bounds = true;
@@ -187,11 +186,10 @@ void Session::Impl::settle_contents(std::vector<std::string>& complaints) {
       return true;
     });
     const ContentHash before = model.content_hash;
-    ContentChoice choice = choose_content(
-        {.pinned = model.pinned,
-         .held = model.is_held() ? before : ContentHash{},
-         .epoch = model.epoch},
-        offers, time_s);
+    ContentChoice choice = choose_content({.pinned = model.pinned,
+                                           .held = model.is_held() ? before : ContentHash{},
+                                           .epoch = model.epoch},
+                                          offers, time_s);
     if (!choice.change.empty())
       complaints.push_back("model " + name + ": " + choice.change + "; starting again with it");
     if (model.is_held() && model.pinned.is_set() && before != model.pinned)

@@ -178,12 +178,11 @@ std::size_t body_named(const Scene& scene, const std::string& name, const YAML::
 
 Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
   check_keys(root, "scene",
-             {"bodies",      "moves",           "robots",    "pairs",           "frame_rate_hz",
-              "budget_ms",
-              "lookahead_s", "audit_s",         "cache",     "margin_m",        "max_pose_age_s",
-              "sweep_s",     "max_held_splits", "clearance", "contacts",        "depth",
-              "any",         "max_pairs",       "max_tests", "max_sweep_tests", "start_timeout_s",
-              "duration_s"});
+             {"bodies",          "moves",       "robots",          "pairs",     "frame_rate_hz",
+              "budget_ms",       "lookahead_s", "audit_s",         "cache",     "margin_m",
+              "max_pose_age_s",  "sweep_s",     "max_held_splits", "clearance", "contacts",
+              "depth",           "any",         "max_pairs",       "max_tests", "max_sweep_tests",
+              "start_timeout_s", "duration_s"});
   Scene scene;
   scene.frame_rate_hz = number_in(root, "frame_rate_hz", scene.frame_rate_hz, 0.1, 10000);
   scene.budget_s = number_in(root, "budget_ms", scene.budget_s * 1e3, 0, 1e6) / 1e3;

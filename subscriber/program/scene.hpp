@@ -23,7 +23,7 @@ struct BodyOfScene {
 
 struct Scene {
   std::vector<BodyOfScene> bodies;
-  std::vector<std::vector<std::size_t>> robots;            ///< links that move together: places in `bodies`
+  std::vector<std::vector<std::size_t>> robots;  ///< links that move together: places in `bodies`
   std::vector<std::pair<std::size_t, std::size_t>> pairs;  ///< places in `bodies`
   bool watches_all = false;       ///< all pairs, instead, of all bodies that others tell of too
   bool watches_only_own = false;  ///< of them those of bodies that are moved here

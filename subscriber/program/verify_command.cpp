@@ -84,11 +84,11 @@ void print_text(const VerifyReport& report) {
 
 nlohmann::ordered_json to_json(const BoundsProof& bounds) {
   nlohmann::ordered_json json = {
-      {"answers", bounds.pairs},        {"proved", bounds.proved_pairs},
-      {"reports", bounds.reports},      {"proved_reports", bounds.proved},
-      {"wrong", bounds.wrong},          {"not_provable", bounds.unprovable},
-      {"malformed", bounds.malformed},  {"missing", bounds.missing},
-      {"before", bounds.before},        {"near", bounds.near_pairs},
+      {"answers", bounds.pairs},         {"proved", bounds.proved_pairs},
+      {"reports", bounds.reports},       {"proved_reports", bounds.proved},
+      {"wrong", bounds.wrong},           {"not_provable", bounds.unprovable},
+      {"malformed", bounds.malformed},   {"missing", bounds.missing},
+      {"before", bounds.before},         {"near", bounds.near_pairs},
       {"unreported", bounds.unreported}, {"broken_promises", bounds.broken}};
   json["lacking"] = nlohmann::ordered_json::array();
   for (const auto& [what, reports] : bounds.why_not)
@@ -145,9 +145,9 @@ Outcome judge(const VerifyReport& report, const VerifyOptions& options) {
                                              text(bounds.reports) +
                                              " reports of what is free by bounds are wrong"};
   if (bounds.broken > 0)
-    return Status{StatusCode::kConflict, options.path + ": " + text(bounds.broken) +
-                                             " samples of poses break promises, the first: " +
-                                             bounds.first_broken};
+    return Status{StatusCode::kConflict,
+                  options.path + ": " + text(bounds.broken) +
+                      " samples of poses break promises, the first: " + bounds.first_broken};
   const std::uint64_t reports = report.reports + bounds.reports,
                       malformed = report.malformed + bounds.malformed,
                       missing = report.missing + bounds.missing + bounds.unreported;

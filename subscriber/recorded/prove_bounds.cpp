@@ -170,7 +170,8 @@ class PoseTape {
       const auto part = promises_.find(body.number / wire::kBodiesPerPromise);
       if (part == promises_.end()) continue;
       for (const auto& [sequence, promised] : part->second)
-        if (const auto promise = promise_in(promised.message, body.number); promise && broken.empty())
+        if (const auto promise = promise_in(promised.message, body.number);
+            promise && broken.empty())
           broken = why_broken(*promise, body);
     }
     near.take(std::move(message), round);
@@ -530,11 +531,11 @@ class Prover {
                .max_age_s = run.max_age_s});
       }
       for (const wire::WatchedBodies::Placed& body : told.placed)
-        watcher.bodies.push_back({.name = body.name,
-                                  .content = body.content,
-                                  .company = {body.group, body.mask, true,
-                                              told.only_own && !body.own},
-                                  .motion = Motion{.pose = body.pose}});
+        watcher.bodies.push_back(
+            {.name = body.name,
+             .content = body.content,
+             .company = {body.group, body.mask, true, told.only_own && !body.own},
+             .motion = Motion{.pose = body.pose}});
     }
     if (!is_any) return "which bodies the peer watched";
     watcher.movers.assign(movers.begin(), movers.end());
@@ -624,15 +625,14 @@ class Prover {
                              const wire::BoundsReport& report, WatchedBody& body,
                              const wire::BoundsReport::Heard& heard) {
     std::optional<wire::BodyPromise> promise;
-    const bool is_known =
-        look_at_tapes(from, report.peer, body, [&](const PoseTape& tape, bool) {
-          const PoseTape::FoundPromise found =
-              tape.find_promise(body.number, heard.promises, report.time_s);
-          if (!found.is_known) return false;
-          promise = found.holds;
-          body.name = tape.who_is(body.number)->name;
-          return true;
-        });
+    const bool is_known = look_at_tapes(from, report.peer, body, [&](const PoseTape& tape, bool) {
+      const PoseTape::FoundPromise found =
+          tape.find_promise(body.number, heard.promises, report.time_s);
+      if (!found.is_known) return false;
+      promise = found.holds;
+      body.name = tape.who_is(body.number)->name;
+      return true;
+    });
     if (!is_known) return "a promise of a body of " + to_hex(body.mover) + ", or its name";
     body.motion.reset();
     if (!promise) {

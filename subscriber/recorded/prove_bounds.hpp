@@ -33,7 +33,7 @@ struct BoundsProof {
   /// Pairs that the same poses put near each other, in all frames of proved reports together, but the last of each peer, whose answers may
   /// come after the recording's end; and those of them of which the peer reported no answer.
   std::uint64_t near_pairs = 0, unreported = 0;
-  std::string first_unreported;         ///< one line on the first of these; else empty
+  std::string first_unreported;  ///< one line on the first of these; else empty
   /// Samples in which a body is where its mover had promised that it is not: what others said may be false.
   std::uint64_t broken = 0;
   std::string first_broken;             ///< one line on the first of these; else empty

@@ -134,7 +134,9 @@ TEST(Decode, RefusesBoundsOfWhichOctetsDoNotFit) {
   expect_refused<S>(valid_bounds(), unfit, [](S& s) { s.known().pop_back(); });
   expect_refused<S>(valid_bounds(), unfit, [](S& s) { s.known().clear(); });
   expect_refused<S>(valid_bounds(), unfit, [](S& s) { s.known().resize(200'000, 0); });
-  expect_refused<S>(valid_bounds(), unfit, [](S& s) { s.known() = {2, 1, 0, 0, 0}; });  // no promises
+  expect_refused<S>(valid_bounds(), unfit, [](S& s) {
+    s.known() = {2, 1, 0, 0, 0};
+  });  // no promises
   expect_refused<S>(valid_bounds(), unfit, [](S& s) {
     s.known() = {2, 1, 1, 0, 0xff, 0xff, 0x7f};  // so many poses
   });

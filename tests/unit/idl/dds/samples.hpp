@@ -164,18 +164,16 @@ inline WatchedBodies valid_watched() {
   message.edition = 5;
   message.horizon_s = 0.5;
   message.margin_m = 2;
-  message.runs = {{.mover = 42, .first = 10, .count = 60, .content = {1, 11}},
-                  {.mover = 43,
-                   .first = 2,
-                   .count = 1,
-                   .content = {2, 21},
-                   .group = 4,
-                   .mask = 5,
-                   .max_age_s = std::numeric_limits<double>::infinity()},
-                  {.known = WatchedBodies::Known::kPromised,
-                   .mover = 43,
-                   .first = 3,
-                   .content = {2, 21}}};
+  message.runs = {
+      {.mover = 42, .first = 10, .count = 60, .content = {1, 11}},
+      {.mover = 43,
+       .first = 2,
+       .count = 1,
+       .content = {2, 21},
+       .group = 4,
+       .mask = 5,
+       .max_age_s = std::numeric_limits<double>::infinity()},
+      {.known = WatchedBodies::Known::kPromised, .mover = 43, .first = 3, .content = {2, 21}}};
   message.only_own = true;
   message.placed = {{"ground", {2, 21}, 2, 3, true, {{0, -1, 0, 1, 0, 0, 0, 0, 1}, {4, 5, 6}}},
                     {"tower/1", {3, 31}, 1, ~0U, false, {.translation_m = {1, 2, 3}}}};
@@ -193,9 +191,10 @@ inline BoundsReport valid_bounds() {
   message.clearance_m = 0.25F;
   message.horizon_s = 0.5F;
   message.rests_on_more = true;
-  message.heard = {{.poses = 7, .promises = 0, .near = 9, .posed = {}},
-                   {.poses = 4'000'000'000U, .promises = 0, .near = 0, .posed = {}},
-                   {.poses = 0, .promises = 300, .near = 0, .posed = {{0, 17}, {3, 4'000'000'000U}}}};
+  message.heard = {
+      {.poses = 7, .promises = 0, .near = 9, .posed = {}},
+      {.poses = 4'000'000'000U, .promises = 0, .near = 0, .posed = {}},
+      {.poses = 0, .promises = 300, .near = 0, .posed = {{0, 17}, {3, 4'000'000'000U}}}};
   return message;
 }
 

@@ -352,8 +352,7 @@ TEST(CheckMessage, RefusesBoundsOutsideTheirLimits) {
        {"posed: body 3 is not", [](M& m) { m.heard[2].posed[0].number = 3; }},
        {"posed",
         [](M& m) {
-          for (std::uint32_t i = 0; i <= kMaxWatchedPosed; ++i)
-            m.heard[0].posed.push_back({i, 1});
+          for (std::uint32_t i = 0; i <= kMaxWatchedPosed; ++i) m.heard[0].posed.push_back({i, 1});
         }},
        {"heard", [](M& m) { m.heard.resize(kMaxWatchedMovers + 1); }}});
 }

@@ -93,12 +93,10 @@ TEST(Epochs, BeginForAllAtOneTimeWhateverTheyHeld) {
     double time_s;
     ContentHash content, coming;
     std::uint32_t epoch;
-  } kTruth[] = {{-5, kA, kB, 0},    {9.99, kA, kB, 0}, {10, kB, kC, 1},
+  } kTruth[] = {{-5, kA, kB, 0},    {9.99, kA, kB, 0},  {10, kB, kC, 1},
                 {19.99, kB, kC, 1}, {20, kC, kNone, 2}, {1e6, kC, kNone, 2}};
-  const KnownContent kAll[] = {{},
-                               {.held = kA},
-                               {.held = kB, .epoch = kFirstEpoch},
-                               {.held = kC, .epoch = kSecondEpoch}};
+  const KnownContent kAll[] = {
+      {}, {.held = kA}, {.held = kB, .epoch = kFirstEpoch}, {.held = kC, .epoch = kSecondEpoch}};
   for (const auto& truth : kTruth)
     for (const KnownContent& known : kAll) {
       const ContentChoice choice = at(known, truth.time_s);

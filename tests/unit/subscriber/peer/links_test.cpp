@@ -37,11 +37,11 @@ class Links : public ::testing::Test {
   std::vector<BodyId> add_links(std::size_t count, const std::string& robot = "arm") {
     std::vector<BodyId> links;
     for (std::size_t i = 0; i < count; ++i)
-      links.push_back(mover_
-                          ->add_body({.name = robot + "/" + std::to_string(i),
-                                      .model = "aircraft",
-                                      .own = true})
-                          .value());
+      links.push_back(
+          mover_
+              ->add_body(
+                  {.name = robot + "/" + std::to_string(i), .model = "aircraft", .own = true})
+              .value());
     return links;
   }
   /// Link i at the instant: both can be read from it.
@@ -68,10 +68,9 @@ class Links : public ::testing::Test {
     return found;
   }
   [[nodiscard]] std::size_t sent_poses() const {
-    return static_cast<std::size_t>(
-        std::count_if(sent_.begin(), sent_.end(), [](const test::KeptSample& sample) {
-          return sample.as<wire::BodyPoses>() != nullptr;
-        }));
+    return static_cast<std::size_t>(std::count_if(
+        sent_.begin(), sent_.end(),
+        [](const test::KeptSample& sample) { return sample.as<wire::BodyPoses>() != nullptr; }));
   }
 
   World world_;
@@ -161,12 +160,11 @@ TEST_F(Links, MotionsOfSomeAreRefusedAndChangeNothing) {
 TEST_F(Links, WhatCannotBeLinkedIsRefused) {
   const std::vector<BodyId> links = add_links(3);
   const BodyId other = mover_->add_body({.name = "other", .model = "aircraft"}).value(),
-               fast = mover_
-                          ->add_body({.name = "fast",
-                                      .model = "aircraft",
-                                      .own = true,
-                                      .max_speed_mps = 5})
-                          .value();
+               fast =
+                   mover_
+                       ->add_body(
+                           {.name = "fast", .model = "aircraft", .own = true, .max_speed_mps = 5})
+                       .value();
   const auto code = [&](const std::vector<BodyId>& ids) { return mover_->link_bodies(ids).code(); };
   EXPECT_EQ(code({links[0]}), StatusCode::kInvalidArgument);
   EXPECT_EQ(code({links[0], other}), StatusCode::kInvalidArgument);
@@ -204,9 +202,8 @@ struct DhRow {
   double a_m, d_m, alpha_rad;
 };
 /// Denavit and Hartenberg's parameters of a UR5, as its maker publishes them.
-constexpr DhRow kUr5[] = {{0, 0.089159, M_PI / 2},       {-0.425, 0, 0},
-                          {-0.39225, 0, 0},              {0, 0.10915, M_PI / 2},
-                          {0, 0.09465, -M_PI / 2},       {0, 0.0823, 0}};
+constexpr DhRow kUr5[] = {{0, 0.089159, M_PI / 2}, {-0.425, 0, 0},          {-0.39225, 0, 0},
+                          {0, 0.10915, M_PI / 2},  {0, 0.09465, -M_PI / 2}, {0, 0.0823, 0}};
 constexpr const char* kUr5Links[] = {"base",   "shoulder", "upperarm", "forearm",
                                      "wrist1", "wrist2",   "wrist3"};
 
@@ -308,8 +305,7 @@ TEST(Ur5, NoFrameMixesInstantsAndAnswersAreOfOne) {
     for (const test::PairAnswer& answer : report.answers) {
       if (!answer.asked) continue;
       ++answers;
-      EXPECT_EQ(answer.pose_a.translation_m,
-                heard.at(looker.name_of(answer.a)).pose.translation_m);
+      EXPECT_EQ(answer.pose_a.translation_m, heard.at(looker.name_of(answer.a)).pose.translation_m);
       EXPECT_EQ(answer.age_a_s, answer.age_b_s);
     }
   }

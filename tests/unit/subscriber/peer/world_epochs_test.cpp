@@ -42,15 +42,13 @@ class WorldEpochs : public ::testing::Test {
   void stop(wire::SessionId id) { servers_.erase(id); }
   Peer join(wire::SessionId id) {
     Peer peer;
-    peer.session =
-        std::make_unique<Session>(bus_.make_peer(id), subscriber::SessionOptions{
-                                                          .request_timeout_s = 0.002});
-    const BodyId ground =
-        peer.session->add_body({.name = "ground", .model = "valley"}).value();
+    peer.session = std::make_unique<Session>(
+        bus_.make_peer(id), subscriber::SessionOptions{.request_timeout_s = 0.002});
+    const BodyId ground = peer.session->add_body({.name = "ground", .model = "valley"}).value();
     EXPECT_TRUE(peer.session->place_body(ground, {}).is_ok());
-    peer.ball = peer.session
-                    ->add_body({.name = "ball" + std::to_string(id), .model = "ball", .own = true})
-                    .value();
+    peer.ball =
+        peer.session->add_body({.name = "ball" + std::to_string(id), .model = "ball", .own = true})
+            .value();
     EXPECT_TRUE(peer.session->watch(peer.ball, ground).is_ok());
     return peer;
   }
@@ -65,14 +63,12 @@ class WorldEpochs : public ::testing::Test {
   void frame(Peer& peer, std::uint64_t frame, int rounds) {
     for (int round = 0; round < rounds; ++round) {
       bus_.tick();
-      for (auto& [id, server] : servers_)
-        static_cast<void>(server.service->step(seconds_ += 0.01));
+      for (auto& [id, server] : servers_) static_cast<void>(server.service->step(seconds_ += 0.01));
       const auto report = peer.session->update(frame, static_cast<double>(frame) * kStep_s,
                                                {{peer.ball, over_the_crater()}}, 10);
       ASSERT_TRUE(report.is_ok()) << report.status().message();
       const PairAnswer& answer = report.value().answers.at(0);
-      const ContentHash world =
-          answer.a == peer.ball ? answer.content_b : answer.content_a;
+      const ContentHash world = answer.a == peer.ball ? answer.content_b : answer.content_a;
       if (answer.world) EXPECT_EQ(answer.world->world, world);
       if (round == 0) {
         peer.worlds.push_back(world);

@@ -494,13 +494,11 @@ class ProvePromises : public ProveBounds {
     const std::string name = "q" + std::to_string(of) + "/" + std::to_string(++peer.made);
     // One of three makes no promises.
     const double speed_mps = peer.made % 3 == 2 && mixes_ ? 0 : kPromisedSpeed_mps;
-    peer.bodies.emplace_back(peer.session
-                                 ->add_body({.name = name,
-                                             .model = "aircraft",
-                                             .own = true,
-                                             .max_speed_mps = speed_mps})
-                                 .value(),
-                             somewhere(side_m));
+    peer.bodies.emplace_back(
+        peer.session
+            ->add_body({.name = name, .model = "aircraft", .own = true, .max_speed_mps = speed_mps})
+            .value(),
+        somewhere(side_m));
   }
   void fly_promised(std::uint64_t frames, std::size_t count, std::size_t bodies, double side_m) {
     std::vector<Flown> peers(count);

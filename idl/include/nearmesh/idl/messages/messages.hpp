@@ -42,8 +42,9 @@ inline constexpr double kMaxTime_s = 1e11;
 
 /// When a content begins to stand for its name.
 struct Epoch {
-  std::uint32_t number = 0;  ///< the greatest one that has begun stands; 0: that of contents without one
-  double from_s = 0;         ///< it begins at this time, on the exercise's clock; 0 has no beginning
+  std::uint32_t number =
+      0;              ///< the greatest one that has begun stands; 0: that of contents without one
+  double from_s = 0;  ///< it begins at this time, on the exercise's clock; 0 has no beginning
   bool operator==(const Epoch&) const = default;
   [[nodiscard]] bool has_begun(double time_s) const { return number == 0 || time_s >= from_s; }
 };
@@ -149,9 +150,9 @@ struct BodyPromises {
   SessionId peer = 0;
   std::uint32_t part = 0;
   double from_s = 0;
-  std::uint16_t steps = 0;  ///< it holds so long, kPromiseStep_s each; 1 at least
+  std::uint16_t steps = 0;     ///< it holds so long, kPromiseStep_s each; 1 at least
   std::uint32_t sequence = 0;  ///< counts up per peer, over all parts, from 1; 0: it does not count
-  std::int8_t quantum = 0;  ///< exponent of the quantum, kMinQuantum to kMaxQuantum
+  std::int8_t quantum = 0;     ///< exponent of the quantum, kMinQuantum to kMaxQuantum
   struct Body {
     std::uint32_t number = 0;
     std::array<std::int64_t, 3> place{};  ///< in quanta, the world's axes
@@ -201,7 +202,7 @@ struct BodyDirectory {
   std::vector<Body> bodies;  ///< of the part, by number
 };
 inline constexpr std::uint32_t kMaxLinks = 256;  ///< of a robot
-inline constexpr double kMaxSpeed_mps = 1e6;  ///< that a body may have by its mover's word
+inline constexpr double kMaxSpeed_mps = 1e6;     ///< that a body may have by its mover's word
 
 /// Where a body is, by the body's name: a pose and the directory, brought together. Does not travel.
 struct BodyPose {
@@ -212,9 +213,9 @@ struct BodyPose {
   Pose pose;
   std::array<double, 3> linear_velocity_mps{};
   std::array<double, 3> angular_velocity_radps{};
-  std::uint32_t number = 0;    ///< of the body, at its peer
-  std::uint32_t sequence = 0;  ///< of the sample that it came in; 0: it came in none
-  bool is_near = false;        ///< that was of NearPoses
+  std::uint32_t number = 0;                 ///< of the body, at its peer
+  std::uint32_t sequence = 0;               ///< of the sample that it came in; 0: it came in none
+  bool is_near = false;                     ///< that was of NearPoses
   std::uint32_t links = 1, first_link = 0;  ///< as in BodyDirectory
 };
 
