@@ -2,6 +2,8 @@
 #pragma once
 // A peer's channel whose samples are kept as a recorder would hear them, to be spoilt and written; and what recordings they give.
 
+#include <gtest/gtest.h>
+
 #include <functional>
 #include <memory>
 #include <set>
