@@ -24,6 +24,7 @@
 #include "core/base/float_guard.hpp"
 #include "core/geometry/motion_bounds.hpp"
 #include "core/geometry/triangle_overlap.hpp"
+#include "core/geometry/vec3.hpp"
 #include "lacking_ahead.hpp"
 #include "nearmesh/core/geometry/detail/box_overlap.hpp"
 #include "sweep_from.hpp"
@@ -34,7 +35,6 @@ namespace nearmesh {
 namespace {
 
 using Kind = TreeEntry::Kind;
-using Vec3 = std::array<double, 3>;
 
 constexpr double kNever = std::numeric_limits<double>::infinity();
 
