@@ -136,7 +136,7 @@ class Page:
         self.started.append(command)
         return command
 
-    def end(self, command, interrupt=True, expected=0, seconds=60):
+    def end(self, command, interrupt=True, expected=(0,), seconds=60):
         """Ctrl-C, or to its own end; what came out must be as expected."""
         if interrupt and command.process.poll() is None:
             os.killpg(command.process.pid, signal.SIGINT)
@@ -146,15 +146,19 @@ class Page:
             os.killpg(command.process.pid, signal.SIGKILL)
             command.process.wait()
             code = "none, it had to be killed"
-        if code != expected:
+        if code not in expected:
             self.fault(command, f"exit code {code}")
         found = ERROR.search(NO_ERROR.sub("", command.said()))
-        if found and code == expected:
+        if found and code == 0:
             self.fault(command, f"it spoke of '{found[0]}'")
         return command.said()
 
     def run(self, line, **how):
         return self.end(self.begin(line), interrupt=False, **how)
+
+    def verify(self, line):
+        """Exit code 3: beside all other tests a recorder may miss one of many poses, and what rests on it is not proved. Nothing may be wrong."""
+        self.expect(self.run(line, expected=(0, 3)), r"[1-9]\d* of \d+ answers proved, 0 different", r"free by bounds: .* 0 wrong")
 
     def expect(self, text, *parts):
         for part in parts:
@@ -253,7 +257,7 @@ def readme(page):
             page.expect(page.end(flight, interrupt=False), "answers", r"[1-9]\d* contact", " 0 uncertain")
             page.expect(page.end(doctor, interrupt=False), "publisher")
             page.until(lambda: "model terrain" in watching.said(), "status --watch never told of the terrain", watching)
-    page.expect(page.run("nearmesh-subscriber verify flight.db3"), " 0 different")
+    page.verify("nearmesh-subscriber verify flight.db3")
     page.run("nearmesh-subscriber report flight.db3 -o report")
     page.expect((page.folder / "report/index.html").read_text()[:200], "<!doctype html>|<!DOCTYPE html>")
     make_onlooker(page, "scene.yaml")
@@ -326,8 +330,8 @@ def sessions(page):
         page.end(server)
     page.expect(page.run("nearmesh-subscriber info flight.db3"), "contact")
     page.words["peer"] = json.loads(page.make("nearmesh-subscriber", "info", "--json", "flight.db3"))["peers"][0][:2]
-    page.expect(page.run("nearmesh-subscriber verify flight.db3"), " 0 different")
-    page.run("nearmesh-subscriber verify flight.db3 --models models/")
+    page.verify("nearmesh-subscriber verify flight.db3")
+    page.verify("nearmesh-subscriber verify flight.db3 --models models/")
     page.run("nearmesh-subscriber report flight.db3 -o report")
     for kind in ("mcap", "glb"):
         page.run(f"nearmesh-subscriber export flight.db3 -o flight.{kind}")
