@@ -504,8 +504,14 @@ Result<fdds::DataReader*> Bus::add_reader(fdds::TopicDescription* topic,
                 "Fast DDS could not create a reader of " + topic->get_name() + refusal_hint_};
 }
 
+void drop_samples(fdds::DataWriter& writer) {
+  std::size_t dropped = 0;
+  writer.clear_history(&dropped);
+}
+
 void Bus::remove_writer(fdds::DataWriter* writer) {
   std::erase(writers_, writer);
+  drop_samples(*writer);
   auto* publisher = const_cast<fdds::Publisher*>(writer->get_publisher());
   publisher->delete_datawriter(writer);
   participant_->delete_publisher(publisher);

@@ -201,6 +201,10 @@ struct BusOptions {
   std::function<void(const Found& found)> on_reader;
 };
 
+/// To be called before a writer is deleted. Fast DDS before 2.13 resets the samples of a writer that it deletes while a heartbeat
+/// may look for gaps between them, and then neither thread ever ends (its pull request 4076).
+void drop_samples(fdds::DataWriter& writer);
+
 class DiscoveryListener;
 
 /// A participant, own or the host's, and everything made on it; the destructor removes that, and
