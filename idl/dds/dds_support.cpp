@@ -225,7 +225,7 @@ class DiscoveryListener : public FindingListener {
         on_reader_(options.on_reader) {}
 
   void participant_found(const FoundParticipant& found) override {
-    const std::string name = shown_name(found.name);
+    const std::string name = shown_participant(found.name);
     mailbox_.meet(key_of(found.participant), found.is_gone || name == kUnnamed ? "" : name);
   }
   void writer_found(const FoundEndpoint& found) override {
@@ -355,7 +355,7 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
   // From scratch, not from the default profile: an XML file meant for other programs must not reach
   // us.
   fdds::DomainParticipantQos qos;
-  qos.name(name_of_process(options.transport.name));
+  qos.name(announced_name(options.transport.name));
   speak_as_2_9(qos);
   NEARMESH_RETURN_IF_ERROR(set_transport(options.transport, qos));
   if (!options.transport.security.empty()) {

@@ -118,7 +118,7 @@ void DoorWatch::judge_release(const RtpsVerdict& message) {
   const RtpsAnnouncement& told = *message.announcement;
   if (!told.is_secured || told.release == kToldRelease) return;
   const auto end = std::find(told.name.begin(), told.name.end(), 0);
-  const std::string name = shown_name(std::string(told.name.begin(), end));
+  const std::string name = shown_participant(std::string(told.name.begin(), end));
   {
     const std::lock_guard lock(complain_mutex_);
     if (of_other_releases_.size() >= kMaxCertificates || !of_other_releases_.insert(name).second)
