@@ -116,6 +116,9 @@ class WayOut {
   }
   [[nodiscard]] const Answer& undecided() const { return undecided_; }
   [[nodiscard]] const QueryStats& stats() const { return stats_; }
+  [[nodiscard]] bool is_over() const {
+    return options_.is_over != nullptr && (*options_.is_over)();
+  }
   [[nodiscard]] std::uint64_t spent() const { return tests_of(stats_) + kTestsAGuess * guesses_; }
 
  private:
@@ -146,6 +149,7 @@ class WayOut {
               {.clearance = Clearance::kNone,
                .max_pairs = kMostPairs,
                .max_tests = std::max(max_tests_ - std::min(max_tests_, spent()), kLeastTests),
+               .is_over = options_.is_over,
                .solid_a = options_.solid_a,
                .solid_b = options_.solid_b});
     stats_.box_tests += answer.stats.box_tests;
@@ -213,7 +217,7 @@ class WayOut {
     while (leap(pairs, step)) {
       if (reached_ >= of_no_use) return;
       step = reached_ + 1;
-      if (spent() >= max_tests_ / 2) {  // the rest is for the other bound
+      if (spent() >= max_tests_ / 2 || is_over()) {  // the rest is for the other bound
         has_spent_ = true;
         return;
       }
@@ -256,6 +260,10 @@ class WayOut {
   void rise() {
     blocked_ = reached_;
     for (Step further = 1; blocked_ < farthest_; further *= 4) {
+      if (is_over()) {
+        has_spent_ = true;
+        return;
+      }
       if (try_step(has_run_out() ? farthest_ : std::min(blocked_ + further, farthest_))) return;
     }
   }
@@ -272,7 +280,7 @@ class WayOut {
   }
 
   bool has_run_out() {
-    if (spent() < max_tests_) return false;
+    if (spent() < max_tests_ && !is_over()) return false;
     has_spent_ = true;
     return true;
   }

@@ -278,9 +278,9 @@ AskedBody Session::Impl::asked_body_of(const Body& body) const {
   return {body.view(), *body.motion, body.name, body.solid, wire::age_s(stamp_of(body), time_s)};
 }
 
-// Changes nothing of the session's, so that pairs may be asked at once. `has_turn` is called where it could be asked.
+// Changes nothing of the session's, so that pairs may be asked at once. `take_turn` is called where it could be asked.
 void Session::Impl::ask_pair(const Pair& pair, PairAnswer& result, AskedPair& asked_pair,
-                             const std::function<bool()>& has_turn) const {
+                             const std::function<Turn()>& take_turn, const IsOver& is_over) const {
   result.a = pair.a->id;
   result.b = pair.b->id;
   result.answer = nothing_known();
@@ -295,26 +295,37 @@ void Session::Impl::ask_pair(const Pair& pair, PairAnswer& result, AskedPair& as
     result.pose_a = pair.a->motion->pose;
     result.pose_b = pair.b->motion->pose;
     take_answer(Answered(*pair.still), result, asked_pair.complaints);
-  } else if (result.reason.empty() && !has_turn()) {
-    put_off(pair, result);
-  } else if (result.reason.empty()) {
-    const Stopwatch watch;
-    const AskedBody a = asked_body_of(*pair.a), b = asked_body_of(*pair.b);
-    result.pose_a = a.motion.pose;
-    result.pose_b = b.motion.pose;
-    Result<Answered> asked = answer(a, b, answer_options_of(pair));
-    if (asked.is_ok()) {
-      result.asked = true;
-      take_answer(std::move(asked).value(), result, asked_pair.complaints);
-      if (is_beyond_detail(result.answer))
-        result.reason = "body " + (a.view.surface->has_seeds() ? pair.b : pair.a)->name +
-                        " has more than " + std::to_string(kMaxComponentSeeds) +
-                        " parts: whether one is inside the other body cannot be told";
-    } else {
-      result.reason = asked.status().message();
-    }
-    asked_pair.query_s = watch.seconds();
+    return;
   }
+  if (!result.reason.empty()) return;
+  const Turn turn = take_turn();
+  if (turn == Turn::kPutOff) {
+    put_off(pair, result);
+    return;
+  }
+  const Stopwatch watch;
+  const AskedBody a = asked_body_of(*pair.a), b = asked_body_of(*pair.b);
+  AnswerOptions with = answer_options_of(pair);
+  if (turn == Turn::kTimed) with.is_over = &is_over;
+  Result<Answered> asked = answer(a, b, with);
+  asked_pair.query_s = watch.seconds();
+  if (!asked.is_ok()) {
+    result.reason = asked.status().message();
+    return;
+  }
+  asked_pair.is_cut_short = asked.value().is_cut_short;
+  if (asked_pair.is_cut_short) {
+    put_off(pair, result);
+    return;
+  }
+  result.asked = true;
+  result.pose_a = a.motion.pose;
+  result.pose_b = b.motion.pose;
+  take_answer(std::move(asked).value(), result, asked_pair.complaints);
+  if (is_beyond_detail(result.answer))
+    result.reason = "body " + (a.view.surface->has_seeds() ? pair.b : pair.a)->name +
+                    " has more than " + std::to_string(kMaxComponentSeeds) +
+                    " parts: whether one is inside the other body cannot be told";
 }
 
 void Session::Impl::settle_pair(Pair& pair, PairAnswer& result, const AskedPair& asked,
@@ -335,7 +346,7 @@ void Session::Impl::settle_pair(Pair& pair, PairAnswer& result, const AskedPair&
   if (pair.still) {
     note_still(pair);
   } else {
-    note_turn(pair, result, asked.query_s);
+    note_turn(pair, result, asked);
   }
   if (pair.is_of_tile) return;  // told with the others of its world
   report.pairs_put_off += result.put_off ? 1 : 0;

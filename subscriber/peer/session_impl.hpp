@@ -182,6 +182,7 @@ struct Session::Impl {
     struct Turn {
       std::uint64_t came_in = 0, asked_in = 0;  // updates; 0: not yet
       double cost_s = 0;                        // of asking it then
+      bool is_cut_short = false;  // it took longer since, and was put off: it is to come first
     } turn;
     struct Certified {
       LastCertified said, now;  // then; and what is left of it in this update
@@ -359,6 +360,7 @@ struct Session::Impl {
     std::vector<std::string> complaints;
     double query_s = 0;
     double ended_s = 0;  // of the update's time; 0: was not asked
+    bool is_cut_short = false;
   };
   // What updates took of late: a pair; what follows the batches; what follows the answers; a look ahead; giving up.
   ExpectedCost pair_cost{0.125}, answers_cost, rest_cost{1, 1.0 / 64}, look_cost{0.125},
@@ -373,8 +375,13 @@ struct Session::Impl {
     overrun.add(std::clamp(margin_s - budget.left_s(), 0.0, budget.seconds() / 8));
   }
   void answer_pairs(std::uint64_t frame, const FrameBudget& budget, FrameReport& report);
+  enum class Turn : std::uint8_t {
+    kPutOff,
+    kTimed,  // is asked until the time is over
+    kWhole   // is asked, whatever it takes
+  };
   void ask_pair(const Pair& pair, PairAnswer& result, AskedPair& asked,
-                const std::function<bool()>& has_turn) const;
+                const std::function<Turn()>& take_turn, const IsOver& is_over) const;
   void look_at_pairs();
   [[nodiscard]] std::vector<std::uint32_t> take_turns(double left_s) const;
   [[nodiscard]] double due_of(const Pair& pair) const;
@@ -384,7 +391,7 @@ struct Session::Impl {
   [[nodiscard]] AnswerOptions answer_options_of(const Pair& pair) const;
   [[nodiscard]] AskedBody asked_body_of(const Body& body) const;
   void put_off(const Pair& pair, PairAnswer& result) const;
-  void note_turn(Pair& pair, const PairAnswer& result, double query_s);
+  void note_turn(Pair& pair, const PairAnswer& result, const AskedPair& asked);
   void note_still(Pair& pair);
   void settle_pair(Pair& pair, PairAnswer& result, const AskedPair& asked, std::uint64_t frame,
                    FrameReport& report);

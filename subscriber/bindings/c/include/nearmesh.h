@@ -561,7 +561,7 @@ typedef struct nearmesh_pair_answer {
   const char* reason;   ///< why nothing can be said: something that has not come, or is too old; else empty
   const char* awaited;  ///< not certified for want of detail: of which model, and who sends it; else empty
   int32_t asked;        ///< headers and fresh poses were there
-  int32_t put_off;      ///< they were there, but its turn did not come within the budget: not asked
+  int32_t put_off;      ///< they were there, but the budget ended before its turn, or in it: not asked
   double age_a_s, age_b_s;        ///< of the poses at the frame's time; infinite where none has come
   nearmesh_pose pose_a, pose_b;   ///< what was asked about; meaningless unless `asked`
   const char* content_a;          ///< of the models that it is about, 32 digits; empty: not known yet

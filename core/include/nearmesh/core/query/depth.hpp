@@ -31,6 +31,8 @@ struct DepthOptions {
   bool solid_a = false, solid_b = false;  ///< as in QueryOptions
   /// The search ends after so many tests (tests_of), some 2 to 5 ns each; the bracket is then as wide as it is.
   std::uint64_t max_tests = kDepthTests;
+  const IsOver* is_over =
+      nullptr;  ///< as in QueryOptions: the search ends as if max_tests were spent
 };
 
 struct Depth {
@@ -45,7 +47,7 @@ struct Depth {
   /// that the full meshes are free of each other. As long as at_most_m, to a lattice cell. Metres, world frame.
   std::array<double, 3> separation_m{};
   std::vector<NodeSpan> missing_a, missing_b;  ///< ascending; what would narrow the bracket
-  bool exhausted = false;                      ///< max_tests were spent
+  bool exhausted = false;                      ///< max_tests were spent, or is_over said so
   QueryStats stats;
 };
 

@@ -127,7 +127,8 @@ struct PairAnswer {
   std::string awaited;
   bool asked =
       false;  ///< headers and fresh poses were there, so the trees were asked, or need not be: it stayed free (SessionOptions::clearance)
-  /// Headers and fresh poses were there, but its turn did not come within the budget: not asked, and nothing is known of this frame.
+  /// Headers and fresh poses were there, but its turn did not come within the budget, or ended before it was answered: not asked, and
+  /// nothing is known of this frame.
   bool put_off = false;
   std::optional<LastCertified>
       last_certified;  ///< of a pair that is put off, if it ever was certified
@@ -300,10 +301,11 @@ class Session {
   };
   /// One frame: publishes the own bodies' motions, takes in what arrived, answers the watched pairs, and asks for what is missing.
   /// May be called again for the same frame.
-  /// `budget_s`: all of it ends by then, by the wall clock, except for what is done in any case: one batch, one pair, one look
-  /// ahead, and what takes microseconds a body and pair, such as pairs that stayed free. Pairs take turns, who may touch soonest first; one whose turn did not come is
-  /// put_off, and none waits for more than some updates and the others. A budget decides which pairs are asked, never what an
-  /// answer says. Infinite: no end.
+  /// `budget_s`: all of it ends by then, by the wall clock, except for what is done in any case: one batch, one pair that is expected
+  /// to take longer, one look ahead, and what takes microseconds a body and pair, such as pairs that stayed free. Pairs take turns, who
+  /// may touch soonest first; one whose turn did not come is put_off, and so is one whose question is cut short since the time is over:
+  /// that one is asked to its end as soon as it comes first. None waits for more than some updates and the others. A budget decides which pairs are
+  /// asked, never what an answer says. Infinite: no end.
   /// In: `time_s` is the frame's time on the clock that the whole exercise has, up to kMaxTime_s from 0: poses of this peer go
   /// out with it, those of others are as old as it says. Where it is before the last one, a complaint says so.
   /// A body that is farther than its max_speed_mps allows from where others were promised it stays is refused: a jump is a body that
