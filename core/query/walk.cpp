@@ -426,7 +426,8 @@ class Walk {
   PendingPair ends_[kEnds + 1];
   std::size_t end_count_ = 0, opened_ = 0;
   std::uint32_t faces_a_[kLanes], faces_b_[kLanes], pair_count_ = 0;
-  const std::uint64_t max_tests_;
+  const WalkLimits limits_;
+  std::uint64_t next_look_;  // in tests
   WalkFinds& finds_;
   std::vector<FacePair>& pairs_;
   std::vector<UnresolvedPair>& unresolved_;
