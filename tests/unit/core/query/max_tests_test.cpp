@@ -133,12 +133,12 @@ TEST_F(Fans, TestsBoundWhatIsFound) {
   EXPECT_GT(times.rounds, 1U);
 }
 
-// A clock that is over at its k-th look, for each k that there is.
+// A clock that is over at its k-th look.
 TEST_F(Fans, AnEndInTimeIsOneOfTests) {
   const Answer all = asked({}).value();
   const PosedPair at = posed();
   int ended = 0;
-  for (int last = 0;; ++last) {
+  for (int last = 0;; last += 4) {
     int looks = 0;
     const IsOver is_over = [&] { return looks++ == last; };
     const Answer some = query(a_.view(), at.a, b_.view(), at.b, {.is_over = &is_over});
@@ -152,7 +152,7 @@ TEST_F(Fans, AnEndInTimeIsOneOfTests) {
     EXPECT_LT(tests_of(some.stats), tests_of(all.stats));
     EXPECT_TRUE(holds_all(all.pairs, some.pairs));
   }
-  EXPECT_GT(ended, 20);
+  EXPECT_GT(ended, 5);
 }
 
 // 400 million pairs touch: what is listed stays below 20 MB.
