@@ -5,7 +5,7 @@
 //   session  Session::update() of one peer that moves all bodies, 20 Hz, everything that a default session does
 //   crowd1, crowd2  the same of bodies that are all near each other, on one thread and on two; wall clock
 //   budget1, budget2  60 bodies that fly through each other, with sweeps, contacts and look-ahead, and a budget of 8 and of 2 ms; wall
-//            clock. From the first frame on: nothing is held then. Then the same with depth.
+//            clock. From the first frame on: nothing is held then. Then the same with depth. The publisher has a thread of its own.
 //   ..._over, ..._over_cpu  by how much these frames overran their budgets, by the wall clock and by this thread's processor time: where
 //            the former is more, the system had given the processor to others. With two threads part of the work is the other one's.
 //   fans     two fans of that many faces, tip to tip, so that each face touches each: a query with a session's max_tests, wall
@@ -14,8 +14,10 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <condition_variable>
 #include <cstdio>
 #include <ctime>
+#include <deque>
 #include <map>
 #include <numbers>
 #include <numeric>
@@ -229,16 +231,71 @@ void run_crowd(std::size_t bodies, bool on_two) {
   });
 }
 
+/// A LocalChannel whose publisher works on a thread of its own, as it does in a program of its own: over DDS a frame pays for none of that.
+class ApartChannel final : public subscriber::Channel {
+ public:
+  explicit ApartChannel(std::unique_ptr<subscriber::LocalChannel> inner)
+      : inner_(std::move(inner)),
+        own_id_(inner_->own_id()),
+        thread_([this](const std::stop_token& stop) { serve(stop); }) {}
+  [[nodiscard]] wire::SessionId own_id() const override { return own_id_; }
+  void send(const wire::RegionSubscription& request) override {
+    {
+      const std::lock_guard lock(mutex_);
+      requests_.push_back(request);
+    }
+    asked_.notify_one();
+  }
+  void send(const wire::BodyPoses&) override {}
+  void send(const wire::BodyDirectory&) override {}
+  void send(const wire::ContactReport&) override {}
+  [[nodiscard]] Inbox take() override {
+    const std::lock_guard lock(mutex_);
+    Inbox taken;
+    if (!inboxes_.empty()) {
+      taken = std::move(inboxes_.front());
+      inboxes_.pop_front();
+    }
+    return taken;
+  }
+
+ private:
+  void serve(const std::stop_token& stop) {
+    std::unique_lock lock(mutex_);
+    for (bool is_first = true; !stop.stop_requested(); is_first = false) {
+      std::deque<wire::RegionSubscription> requests = std::exchange(requests_, {});
+      lock.unlock();
+      inner_->allow(1);
+      for (const wire::RegionSubscription& request : requests) inner_->send(request);
+      Inbox inbox = inner_->take();
+      lock.lock();
+      if (is_first || !requests.empty()) inboxes_.push_back(std::move(inbox));
+      asked_.wait(lock, stop, [this] { return !requests_.empty(); });
+    }
+  }
+
+  std::unique_ptr<subscriber::LocalChannel> inner_;  // the thread's
+  const wire::SessionId own_id_;
+  std::mutex mutex_;
+  std::condition_variable_any asked_;
+  std::deque<wire::RegionSubscription> requests_;
+  std::deque<Inbox> inboxes_;
+  std::jthread thread_;  // the last: it uses the others
+};
+
 /// Bodies that fly to and fro in a box, through each other, with a budget.
 void run_budget(std::size_t bodies, double budget_s, bool on_two, bool with_depth) {
   const auto file = test::write_model(test::bake_mesh(generate_aircraft(20000, 7), 16));
   auto channel = std::make_unique<subscriber::LocalChannel>();
   if (!channel->add_model("aircraft", std::move(ModelFile::open(file->path())).value()).is_ok())
     return;
-  subscriber::SessionOptions options{
-      .sweep_s = 0.5, .contacts = true, .depth = with_depth, .max_sweep_tests = 2'500};
+  subscriber::SessionOptions options{.sweep_s = 0.5,
+                                     .contacts = true,
+                                     .depth = with_depth,
+                                     .max_sweep_tests = 2'500,
+                                     .max_depth_tests = 50'000};
   if (on_two) options.run_jobs = run_on_two;
-  subscriber::Session session(std::move(channel), options);
+  subscriber::Session session(std::make_unique<ApartChannel>(std::move(channel)), options);
   session.watch_all();
   std::vector<subscriber::Session::OwnMotion> own;
   Random random(3);
