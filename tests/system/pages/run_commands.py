@@ -43,6 +43,7 @@ NOT_RUN = [
     ("examples/cyclone/README.md", r"^(cmake -S examples/cyclone|export CYCLONEDDS_URI=|nearmesh-(publisher|subscriber) )",
      "needs Cyclone DDS, which consumer builds it with and cyclone_test flies it with"),
     ("examples/world/README.md", r"^examples/world/fly$", "bakes and flies for a minute; --small does the same in seconds"),
+    ("examples/flightgear/README.md", r"^cmake -S \. -B /tmp/flightgear", "needs the package; consumer builds the folder so"),
     ("docs/ros2.md", r"--ros2", "goes on until Ctrl-C beside programs of ROS 2; cyclone_test runs it"),
 ]
 # What a page writes for what only its reader knows.
