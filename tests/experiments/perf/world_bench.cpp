@@ -355,6 +355,7 @@ int main(int argc, char** argv) {
     return run_stream(argv[2], argc > 3 ? std::atoi(argv[3]) : 200) ? 0 : 1;
   if (argc >= 3 && std::string(argv[1]) == "low")
     return run_low(argv[2], argc > 3 ? std::atoi(argv[3]) : 80) ? 0 : 1;
+  if (argc >= 3 && std::string(argv[1]) == "memory") return run_memory(argv[2]) ? 0 : 1;
   std::printf("what,bodies,tiles,median_us,mean_us,worst_us,near\n");
   const std::string only = argc > 1 ? argv[1] : "";
   if (only.empty() || only == "budget")

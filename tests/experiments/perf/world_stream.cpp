@@ -8,6 +8,8 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <iterator>
+#include <map>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -15,12 +17,13 @@
 
 #include "core/base/resources.hpp"
 #include "core/base/stopwatch.hpp"
-#include "core/world/near_tiles.hpp"
-#include "core/world/world_folder.hpp"
+#include "core/replica/replica.hpp"
+#include "core/world/world_source.hpp"
 #include "nearmesh/core/mesh/generate.hpp"
 #include "nearmesh/core/world/world_probe.hpp"
 #include "nearmesh/subscriber/peer/local_channel.hpp"
 #include "nearmesh/subscriber/peer/session.hpp"
+#include "subscriber/peer/peer_world.hpp"
 #include "test_models.hpp"
 
 namespace nearmesh {
@@ -242,6 +245,148 @@ bool run_low(const std::string& folder, int frames) {
               static_cast<double>(near) / count, static_cast<double>(tiles) / count);
   std::printf("# low: of a frame %.2f ms are queries, %.2f ms the broad phase; %.2f requests\n",
               query_s / count * 1e3, broad_s / count * 1e3, static_cast<double>(requests) / count);
+  return true;
+}
+
+namespace {
+
+/// What is allocated now.
+double heap_bytes() {
+  const struct mallinfo2 all = ::mallinfo2();
+  return static_cast<double>(all.uordblks + all.hblkhd);
+}
+
+std::size_t open_files() {
+  const std::filesystem::directory_iterator files("/proc/self/fd");
+  return static_cast<std::size_t>(std::distance(begin(files), end(files)));
+}
+
+/// All pages of a world, and places of tiles, each of another content.
+struct Listed {
+  std::vector<ContentHash> pages;
+  std::map<ContentHash, WorldEntry> tiles;
+
+  bool add(const WorldFolder& folder, const WorldPage& page) {
+    for (const WorldEntry& entry : page.entries) {
+      if (page.level == 0) {
+        tiles.try_emplace(entry.content, entry);
+        continue;
+      }
+      pages.push_back(entry.content);
+      const auto below = folder.page(entry, page.level - 1);
+      if (!below.is_ok() || !add(folder, below.value())) return false;
+    }
+    return true;
+  }
+};
+
+/// What a peer holds of a world all of whose pages it was sent.
+double all_pages_bytes(const WorldFolder& folder, const Listed& listed) {
+  const double before = heap_bytes();
+  auto world = subscriber::PeerWorld::from_record(folder.name(), encode_world(folder.world()));
+  for (const ContentHash& page : listed.pages)
+    static_cast<void>(world.value().take_page(page, folder.page_bytes(page).value()));
+  return heap_bytes() - before;
+}
+
+/// What each near tile takes of a peer that has 32 aircraft, of which first one and then all are low over tiles of their own.
+struct NearTiles32 {
+  double first_bytes = 0, last_bytes = 0;
+  std::uint64_t first_splits = 0, last_splits = 0;
+};
+std::optional<NearTiles32> measure_near(Served& served, const std::vector<WorldEntry>& tiles) {
+  constexpr int kMostUpdates = 400;
+  Session session(std::make_unique<Link>(served.publisher));
+  const auto ground = session.add_body({.name = "ground", .model = "world"}).value();
+  static_cast<void>(session.place_body(ground, {}));
+  session.watch_all();
+  const CommonLattice& lattice = served.folder.world().lattice;
+  std::vector<Session::OwnMotion> motions;
+  std::vector<double> low_m;
+  for (const WorldEntry& tile : tiles) {
+    const CellBox box = tile.box();
+    Motion motion;
+    for (std::size_t k = 0; k < 2; ++k)
+      motion.pose.translation_m[k] =
+          lattice.origin_m[k] +
+          std::ldexp(static_cast<double>(box.lo[k] + box.hi[k]) / 2, lattice.exponent);
+    low_m.push_back(served.height_m(motion.pose.translation_m[0], motion.pose.translation_m[1]) +
+                    kAbove_m);
+    motion.linear_velocity_mps = {kSpeed_mps, 0, 0};
+    motions.push_back(
+        {session
+             .add_body(
+                 {.name = "a" + std::to_string(motions.size()), .model = "aircraft", .own = true})
+             .value(),
+         motion});
+  }
+  NearTiles32 found;
+  std::uint64_t frame = 0;
+  for (const std::size_t low : {std::size_t{0}, std::size_t{1}, tiles.size()}) {
+    for (std::size_t i = 0; i < motions.size(); ++i)
+      motions[i].motion.pose.translation_m[2] = i < low ? low_m[i] : 20e3;
+    bool is_certified = false;
+    // As long as something comes.
+    std::uint64_t had = 0;
+    for (int quiet = 0, updates = 0; quiet < 20 && updates < kMostUpdates; ++updates) {
+      const auto report = session.update(frame++, 0, motions, 1);
+      if (!report.is_ok()) return std::nullopt;
+      is_certified = report.value().all_certified();
+      quiet =
+          std::exchange(had, session.stats().requests) == session.stats().requests ? quiet + 1 : 0;
+    }
+    if (!is_certified) return std::nullopt;
+    if (low == 0) continue;
+    (low == 1 ? found.first_bytes : found.last_bytes) = heap_bytes();
+    (low == 1 ? found.first_splits : found.last_splits) = session.stats().held_splits;
+  }
+  return found;
+}
+
+}  // namespace
+
+bool run_memory(const std::string& folder) {
+  constexpr std::size_t kTiles = 32;
+  const std::size_t files_before = open_files();
+  double before = heap_bytes();
+  const auto source = WorldSource::open(folder);
+  const double at_rest = heap_bytes() - before;
+  const std::size_t files = open_files() - files_before;
+  const std::unique_ptr<Served> served = Served::open(folder);
+  if (!source.is_ok() || served == nullptr) return false;
+  const auto tile_count = static_cast<double>(served->folder.world().tiles);
+  std::printf("what,bytes,of\n");
+  std::printf("tile_at_rest_at_publisher,%.2f,%.0f bytes and %zu open files for %.0f tiles\n",
+              at_rest / tile_count, at_rest, files, tile_count);
+  Listed listed;
+  const auto root = served->folder.root();
+  listed.pages.push_back(served->folder.world().root);
+  if (!root.is_ok() || !listed.add(served->folder, root.value())) return false;
+  const double pages = all_pages_bytes(served->folder, listed);
+  std::printf("far_tile_at_peer,%.1f,%zu pages: as many as there are\n", pages / tile_count,
+              listed.pages.size());
+  std::vector<WorldEntry> tiles;
+  for (const auto& [content, entry] : listed.tiles)
+    if (tiles.size() < kTiles) tiles.push_back(entry);
+  if (tiles.size() < 2) return false;
+  // Headers alone.
+  before = heap_bytes();
+  std::vector<Replica> replicas;
+  for (const WorldEntry& tile : tiles) {
+    const auto file = open_tile(served->folder, tile.content);
+    if (!file.is_ok()) return false;
+    replicas.push_back(Replica::from_header(file.value().header_bytes()).value());
+  }
+  std::printf("near_tile_at_peer_header,%.0f,%zu distinct tiles\n",
+              (heap_bytes() - before) / static_cast<double>(tiles.size()), tiles.size());
+  replicas.clear();
+  const auto near = measure_near(*served, tiles);
+  if (!near) return false;
+  const auto more = static_cast<double>(tiles.size() - 1);
+  std::printf(
+      "near_tile_at_peer,%.0f,1 to %zu distinct tiles below an aircraft; %.0f splits each\n",
+      (near->last_bytes - near->first_bytes) / more, tiles.size(),
+      static_cast<double>(near->last_splits - near->first_splits) / more);
   return true;
 }
 

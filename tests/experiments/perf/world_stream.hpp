@@ -14,4 +14,7 @@ bool run_stream(const std::string& folder, int frames);
 /// of 50 ms, of which the first fetches and is not counted. What the publisher does in that time is left out.
 bool run_low(const std::string& folder, int frames);
 
+/// Rows of what is allocated for a tile: at the publisher, at a peer that is far from it and at one that is near.
+bool run_memory(const std::string& folder);
+
 }  // namespace nearmesh
