@@ -434,6 +434,7 @@ struct Session::Impl {
   enum class Scope : std::uint8_t { kAll, kByRegion, kUncertified };  // the last: by region, too
   [[nodiscard]] RegionMaker region_of(const PeerModel& model, double lookahead_s,
                                       const FrameReport& report, Scope scope);
+  [[nodiscard]] bool stays_certified(const PairAnswer& answer, double lookahead_s) const;
   [[nodiscard]] std::vector<RegionPart> kept_of(const PeerModel& model, const FrameReport& report);
   [[nodiscard]] std::vector<NodeSpan> missing_of(const PeerModel& model, const FrameReport& report,
                                                  bool ahead) const;

@@ -10,7 +10,7 @@ namespace nearmesh {
 /// served.
 bool run_stream(const std::string& folder, int frames);
 
-/// A row of how long an update takes of a peer that flies 100 aircraft low, each over a place of its own, to and fro over ground that is held: five legs of so many frames
+/// A row of what an update takes of this thread's processor time, of a peer that flies 100 aircraft low, each over a place of its own, to and fro over ground that is held: five legs of so many frames
 /// of 50 ms, of which the first fetches and is not counted. What the publisher does in that time is left out.
 bool run_low(const std::string& folder, int frames);
 

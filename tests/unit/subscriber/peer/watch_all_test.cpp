@@ -153,6 +153,39 @@ TEST(WatchAll, AModelThatNobodyUsesHoldsNoDetail) {
   EXPECT_EQ(host.session->stats().held_splits, 0U);
 }
 
+TEST(WatchAll, AModelThatNothingWasNearForLongHoldsNoDetail) {
+  for (const bool is_by_name : {false, true}) {
+    Host host;
+    const BodyId one = host.add("one"), two = host.add("two");
+    if (is_by_name) {
+      ASSERT_TRUE(host.session->watch(one, two).is_ok());
+      ASSERT_TRUE(host.session->watch(kGround, one).is_ok());
+    }
+    const Motion low = test::above_ground(0, 1), high = test::above_ground(0, 30e3);
+    Motion beside = low;
+    beside.pose.translation_m[0] += 1;
+    const std::vector<Session::OwnMotion> near{{one, low}, {two, beside}},
+        far{{one, high}, {two, test::above_ground(0, 90e3)}};
+    ASSERT_GT(host.settle(near), 0);
+    const std::uint64_t held = host.session->stats().held_splits;
+    EXPECT_GT(held, 50U);
+    for (const double time_s : {4.0, 9.0}) {  // near for all of it
+      host.time_s = time_s;
+      host.update(near);
+    }
+    for (const double time_s : {12.0, 18.9}) {
+      host.time_s = time_s;
+      host.update(far);
+      EXPECT_EQ(host.session->stats().held_splits, held) << time_s;
+    }
+    host.time_s = 20.1;
+    EXPECT_TRUE(host.update(far).all_certified());
+    EXPECT_EQ(host.session->stats().held_splits, 0U);
+    EXPECT_GT(host.settle(near), 0);
+    EXPECT_EQ(host.session->stats().held_splits, held);
+  }
+}
+
 TEST(WatchAll, WatchedByNameIsListedWhereverItIs) {
   Host host;
   const BodyId one = host.add("one", 2, 2), two = host.add("two", 4, 4);
