@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coding_sets.hpp"
 
+#include <map>
+#include <mutex>
+
 #include "train.hpp"
 
 namespace nearmesh {
@@ -46,8 +49,9 @@ std::optional<CodingTables> read_numbered(BitReader& in, std::uint32_t set) {
 
 }  // namespace
 
-std::optional<CodingTables> coding_set(std::uint32_t number) {
-  NEARMESH_ASSERT(number >= 1 && number <= coding_set_count());
+namespace {
+
+std::optional<CodingTables> read_set(std::uint32_t number) {
   std::vector<std::uint8_t> bytes;
   for (const std::uint64_t word : coding_sets_data()[number - 1].words)
     for (int shift = 56; shift >= 0; shift -= 8)
@@ -55,6 +59,20 @@ std::optional<CodingTables> coding_set(std::uint32_t number) {
   BitReader in(bytes);
   std::optional<CodingTables> tables = read_numbered(in, number);
   if (in.bits_left() >= 64) return std::nullopt;
+  return tables;
+}
+
+}  // namespace
+
+// Read once: a set takes some 700 KB, and tiles of a world have one. So all models of a set share it.
+std::optional<CodingTables> coding_set(std::uint32_t number) {
+  NEARMESH_ASSERT(number >= 1 && number <= coding_set_count());
+  static std::mutex guard;
+  static std::map<std::uint32_t, CodingTables> sets;
+  const std::lock_guard lock(guard);
+  if (const auto known = sets.find(number); known != sets.end()) return known->second;
+  std::optional<CodingTables> tables = read_set(number);
+  if (tables) sets.emplace(number, *tables);
   return tables;
 }
 

@@ -85,8 +85,8 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
     body.stamp.time_s = time_s;
     parts.insert(part_of(body));
   }
-  for (const auto& [number, id] : impl.own_bodies)
-    if (const Body& body = *impl.find(id);
+  for (const auto& [number, own] : impl.own_bodies)
+    if (const Body& body = *own;
         body.motion && !body.is_placed && is_at_rest(*body.motion) &&
         (body.max_speed_mps == 0 || !impl.who_wants(body).empty()) &&
         std::abs(time_s - body.published_s) >= kRepeatShare * impl.options.max_pose_age_s)
@@ -135,7 +135,7 @@ void Session::Impl::for_each_of_part(std::uint32_t part, const Use& use) {
   const std::uint32_t first = part * wire::kBodiesPerPart;
   for (auto at = own_bodies.lower_bound(first);
        at != own_bodies.end() && at->first < first + wire::kBodiesPerPart; ++at)
-    use(*find(at->second));
+    use(*at->second);
 }
 
 void Session::Impl::tell_directory() {
@@ -186,8 +186,37 @@ wire::PoseStamp Session::Impl::stamp_of(const Body& body) const {
   return stamp;
 }
 
-/// Where time is left, or the limit is passed by much.
+/// Whether the boxes of two bodies meet within the look-ahead, as far as both are known.
+bool Session::Impl::may_meet(const Pair& pair) const {
+  if (!pair.is_ready) return false;
+  if (!pair.is_by_name) return true;  // listed for that
+  const auto box_of = [this](const Body& body) {
+    return body.model->bounds.around(*body.motion, horizon_s(), options.margin_m);
+  };
+  return box_of(*pair.a).meets(box_of(*pair.b));
+}
+
+/// All detail of models that nothing was near for long, as tiles are given up. With a cache it stays, for what came out of one does not
+/// come again.
+void Session::Impl::give_up_unused(FrameReport& report) {
+  constexpr double kBetweenLooks_s = 1;
+  if (!options.cache_folder.empty() || std::abs(time_s - looked_for_use_s) < kBetweenLooks_s)
+    return;
+  looked_for_use_s = time_s;
+  for (const Pair* pair : listed)
+    if (may_meet(*pair)) pair->a->model->needed_s = pair->b->model->needed_s = time_s;
+  for (auto& [name, model] : replicas.all()) {
+    if (!model.is_ready() || model.is_tile) continue;
+    if (!model.needed_s) model.needed_s = time_s;
+    if (std::abs(time_s - *model.needed_s) <= kUnused_s) continue;
+    model.needed_s = time_s;
+    give_up(model, {}, report);
+  }
+}
+
+/// Where time is left, or the limit is passed by much; and what nothing needs.
 void Session::Impl::give_up(const FrameBudget& budget, FrameReport& report) {
+  give_up_unused(report);
   const std::uint64_t most = options.max_held_splits;
   if (most == 0) return;
   for (auto& [name, model] : replicas.all()) {
@@ -196,13 +225,15 @@ void Session::Impl::give_up(const FrameBudget& budget, FrameReport& report) {
     if (held <= most || (held <= most + most / 8 && budget.left_s() < give_up_cost.seconds()))
       continue;
     const Stopwatch watch;
-    give_up(model, report);
+    give_up(model, kept_of(model, report), report);
     give_up_cost.add(watch.seconds());
   }
 }
 
-void Session::Impl::give_up(PeerModel& model, FrameReport& report) {
-  const Replica::Times times = model.replica->give_up(kept_of(model, report));
+void Session::Impl::give_up(PeerModel& model, const std::vector<RegionPart>& kept,
+                            FrameReport& report) {
+  if (model.replica->mesh().split_count() == 0) return;
+  const Replica::Times times = model.replica->give_up(kept);
   model.tells_held = true;
   model.is_too_much_to_tell = false;
   report.refine_s += times.refine_s;

@@ -139,6 +139,9 @@ struct Publisher {
 
 [[nodiscard]] Status no_such(BodyId body);
 
+/// Tiles, pages and detail that nothing was near for so long, on the exercise's clock, are given up.
+inline constexpr double kUnused_s = 10;
+
 /// PairAnswer::reason of a pair that is put off. Short, since there may be thousands in a frame.
 inline constexpr const char* kOutOfBudget = "out of budget";
 
@@ -152,8 +155,8 @@ struct Session::Impl {
   ReplicaSet replicas;
   std::map<std::uint32_t, Body>
       bodies;  // by BodyId; where they are does not change, so pairs may point at them
-  std::uint32_t next_body = 0;
-  std::map<std::uint32_t, BodyId> own_bodies;  // by number on the bus
+  std::vector<Body*> by_id;                   // the same; null: was removed
+  std::map<std::uint32_t, Body*> own_bodies;  // by number on the bus
   std::uint32_t next_number = 0;
   std::set<std::uint32_t> untold_parts;  // of the directory: others know them otherwise
   bool discovers = false;
@@ -273,9 +276,10 @@ struct Session::Impl {
   bool has_news = false;        // of publishers or bodies: what names stand for may change
   std::map<ContentHash, Outstanding> outstanding;
   std::uint32_t last_request = 0;
-  std::string last_served;            // model, of those that name what they lack
-  double time_s = 0;                  // of the update
-  double frame_s = 0;                 // since the update before
+  std::string last_served;  // model, of those that name what they lack
+  double time_s = 0;        // of the update
+  double frame_s = 0;       // since the update before
+  double looked_for_use_s = -std::numeric_limits<double>::infinity();  // give_up_unused() did
   std::uint64_t asked_ahead_in = 0;   // the last update that asked by region for what is ahead
   std::uint64_t looked_ahead_in = 0;  // the last update that looked ahead, or had no need to
   // Of this update's time, when the last pair that was asked had been: to put off the others takes time, too.
@@ -294,8 +298,7 @@ struct Session::Impl {
 
   // Null where there is no such body.
   [[nodiscard]] Body* find(BodyId body) {
-    const auto at = bodies.find(body.value);
-    return at == bodies.end() ? nullptr : &at->second;
+    return body.value < by_id.size() ? by_id[body.value] : nullptr;
   }
   [[nodiscard]] Status check_pin(const std::string& body, const std::string& model_name,
                                  const ContentHash& content) const;
@@ -395,7 +398,9 @@ struct Session::Impl {
                     std::vector<GridBox> where);
   void report_pair(Pair& pair, const PairAnswer& answer, const Reported& now,
                    wire::ContactReport::World* world = nullptr);
-  void give_up(PeerModel& model, FrameReport& report);
+  void give_up(PeerModel& model, const std::vector<RegionPart>& kept, FrameReport& report);
+  void give_up_unused(FrameReport& report);
+  [[nodiscard]] bool may_meet(const Pair& pair) const;
   template <class Probe, class Answer>
   [[nodiscard]] Result<ProbeReport> probe(BodyId body, std::span<const Probe> probes,
                                           std::span<Answer> answers);
@@ -429,6 +434,7 @@ struct Session::Impl {
   enum class Scope : std::uint8_t { kAll, kByRegion, kUncertified };  // the last: by region, too
   [[nodiscard]] RegionMaker region_of(const PeerModel& model, double lookahead_s,
                                       const FrameReport& report, Scope scope);
+  [[nodiscard]] bool stays_certified(const PairAnswer& answer, double lookahead_s) const;
   [[nodiscard]] std::vector<RegionPart> kept_of(const PeerModel& model, const FrameReport& report);
   [[nodiscard]] std::vector<NodeSpan> missing_of(const PeerModel& model, const FrameReport& report,
                                                  bool ahead) const;

@@ -12,6 +12,7 @@
 
 #include "brute_force.hpp"
 #include "core/world/world_folder.hpp"
+#include "nearmesh/core/geometry/motion.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
 #include "test_models.hpp"
 

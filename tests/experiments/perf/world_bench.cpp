@@ -8,7 +8,8 @@
 //            has the 99th percentile, and how many pairs were asked. From the first frame on: nothing is held then.
 //   fans     two fans of that many faces, tip to tip, so that each face touches each: a query with a session's max_tests, wall
 //            clock, and what that takes of memory. By itself, or the memory is that of what was before.
-// With "budget" or "fans" those rows alone. "stream WORLD [FRAMES]" is another table: a flight, of 200 frames without a number, low over a world on disk (world_stream.hpp).
+// With "budget" or "fans" those rows alone. "stream WORLD [FRAMES]" is another table: a flight, of 200 frames without a number, low over a world on disk (world_stream.hpp), and
+// so is "low WORLD [FRAMES]": updates of 100 aircraft that fly low over it.
 #include <algorithm>
 #include <atomic>
 #include <cmath>
@@ -352,6 +353,9 @@ void run_session(std::size_t bodies) {
 int main(int argc, char** argv) {
   if (argc >= 3 && std::string(argv[1]) == "stream")
     return run_stream(argv[2], argc > 3 ? std::atoi(argv[3]) : 200) ? 0 : 1;
+  if (argc >= 3 && std::string(argv[1]) == "low")
+    return run_low(argv[2], argc > 3 ? std::atoi(argv[3]) : 80) ? 0 : 1;
+  if (argc >= 3 && std::string(argv[1]) == "memory") return run_memory(argv[2]) ? 0 : 1;
   std::printf("what,bodies,tiles,median_us,mean_us,worst_us,near\n");
   const std::string only = argc > 1 ? argv[1] : "";
   if (only.empty() || only == "budget")

@@ -322,7 +322,7 @@ typedef struct nearmesh_session_options {
   double audit_s;             ///< so often a publisher must prove a block of its file; 0, the default: never
   uint64_t audit_seed;        ///< draws which; 0, the default: the system does
   uint32_t window_bytes;      ///< that may be under way to this peer, at least 2048; 65536
-  uint32_t max_held_splits;   ///< above this, detail far from every body is given up; 0, the default: no limit
+  uint32_t max_held_splits;   ///< above this, detail far from every body is given up; 0, the default: no limit. What nothing was near for 10 s is given up in any case
   const char* cache_folder;   ///< where detail is kept from one session to the next; NULL, the default: it is not
   int32_t clearance;          ///< NEARMESH_CLEARANCE_BOUND; without one no safe_horizon_s is known either
   int32_t contacts;           ///< work out where bodies touch; 0

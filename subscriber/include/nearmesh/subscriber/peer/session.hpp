@@ -65,7 +65,8 @@ struct SessionOptions {
                   ///< socket buffer, and 12 % were sent again
   double request_timeout_s = 0.5;  ///< a request without an answer is repeated after this
   std::uint32_t max_held_splits =
-      0;  ///< above this, detail far from every body is given up; 0: no limit
+      0;  ///< above this, detail far from every body is given up; 0: no limit. All detail of a model that nothing was near for 10 s of the
+          ///< exercise's time is given up in any case, unless there is a cache_folder
   /// So often, for each model, a block of the publisher's file is asked for with its proof, and what is held of it compared; 0:
   /// never. Who lied is named and not asked again; so is who does not answer three times.
   double audit_s = 0;
