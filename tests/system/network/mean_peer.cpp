@@ -15,6 +15,7 @@
 
 #include "core/base/stopwatch.hpp"
 #include "dice.hpp"
+#include "held_whole.hpp"
 #include "idl/dds/dds_support.hpp"
 #include "nearmesh/core/spm/detail/codec.hpp"
 #include "nearmesh/core/spm/detail/header.hpp"
@@ -83,6 +84,7 @@ class MeanPeer {
             if (message.name != "terrain") return;
             const SpmHeader header = require(decode_header(message.bytes));
             base_ = positions_of_base(header);
+            whole_ = test::held_whole(header);
             terrain_ = message.content_hash;
             grid_max_ = static_cast<std::int32_t>((std::int64_t{1} << header.grid.bits) - 1);
             for (const BaseRoot& root : header.roots)
@@ -217,14 +219,12 @@ class MeanPeer {
     return message;
   }
   void ask_for_certificates() { send(certificate()); }
-  /// All of the terrain, in two bits for each root, in another state each time.
+  /// All of the terrain, in another state each time.
   void say_what_is_not_held() {
     wire::RegionSubscription message = certificate();
     CertificateRequest::Model& terrain = message.certificate->models.front();
     terrain.state = ++states_;
-    terrain.held.assign((1 + 2 * roots_.size() + 7) / 8, 0);
-    for (std::size_t bit = 1; bit < 1 + 2 * roots_.size(); ++bit)
-      terrain.held[bit / 8] |= static_cast<std::uint8_t>(1U << bit % 8);
+    terrain.held = whole_;
     send(message);
   }
 
@@ -295,7 +295,8 @@ class MeanPeer {
   wire::Hello hello_;
   ContentHash terrain_, aircraft_;
   std::vector<std::array<double, 3>> base_;  ///< of the terrain
-  Dice dice_{1};
+  std::vector<std::uint8_t> whole_;          ///< what says that it is held
+  test::Dice dice_{1};
   std::uint64_t states_ = 0;
   std::vector<NodeSpan> roots_;
   std::int32_t grid_max_ = 0;

@@ -574,10 +574,11 @@ class Victims {
     for (const std::string& line : lines_of(process->out())) {
       const json told = json::parse(line);
       for (const json& one : told.at("publishers"))
-        if (one.value("process_id", 0) == of("publisher").id()) requests.insert(one.at("requests"));
+        if (one.value("process_id", 0) == of("publisher").id())
+          requests.insert(one.at("requests").get<std::uint64_t>());
       for (const json& one : told.at("peers"))
         if (one.value("process_id", 0) == of("simulator").id())
-          readiness.insert(one.at("readiness"));
+          readiness.insert(one.at("readiness").get<std::string>());
     }
     if (requests.size() < 2) result.deaf.push_back("publisher: no requests");
     if (!readiness.contains("ready"))
