@@ -51,7 +51,7 @@ const Interface* NetworkMemory::news(const std::vector<Interface>& now) const {
 }
 
 RejoinWatch::RejoinWatch(Mailbox& mailbox, const TransportOptions& options)
-    : mailbox_(mailbox), network_(options.interface) {
+    : mailbox_(mailbox), options_(options), network_(options.interface) {
   network_.joined(ipv4_interfaces());
   thread_ = std::thread([this, lease_s = options.lease_s] { watch(lease_s); });
 }

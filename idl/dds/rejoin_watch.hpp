@@ -18,6 +18,7 @@
 #include "mailbox.hpp"
 #include "nearmesh/core/base/status.hpp"
 #include "nearmesh/idl/dds/transport_options.hpp"
+#include "room.hpp"
 
 namespace nearmesh::wire {
 
@@ -65,7 +66,8 @@ class RejoinWatch {
     bus.reset();
     try {
       list_addresses_again();
-      const Status status = join();
+      Status status = check_room(options_);  // Fast DDS does not end well without
+      if (status.is_ok()) status = join();
       if (status.is_ok()) return true;
       mailbox_.complain("could not join again: " + status.message());
     } catch (const std::bad_alloc&) {
@@ -82,6 +84,7 @@ class RejoinWatch {
   [[nodiscard]] bool look(bool was_stopped, bool is_to_try_again);
 
   Mailbox& mailbox_;
+  const TransportOptions options_;
   NetworkMemory network_;  ///< of the thread, once that runs
   std::atomic<bool> due_ = false;
   std::atomic<bool> again_ = false;
