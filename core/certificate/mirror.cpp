@@ -103,30 +103,37 @@ void Mirrors::make_room() {
       true);
 }
 
-/// Not the one used last. Of the others those that were longest without use go, or sleep; first of peers beyond their share.
+/// Not the one used last. Of the others those that were longest without use go, or sleep; first of peers beyond their share. What the
+/// one used last has beyond its peer's share is no reason for others to go.
 template <class Size>
 void Mirrors::make_room(std::size_t most, Size size, bool may_sleep) {
   std::size_t all = 0;
   for (const Entry& entry : entries_) all += size(entry);
   if (all <= most) return;
+  const std::size_t share = most / kShares;
   std::map<std::uint64_t, std::size_t> of_peer;
   for (const Entry& entry : entries_) of_peer[entry.peer] += size(entry);
-  for (const bool is_of_greedy : {true, false})
+  const auto take_back = [&](bool is_of_greedy) {
     for (auto at = entries_.end(); all > most && at != std::next(entries_.begin());) {
       --at;
       const std::size_t its = size(*at);
-      const bool is_greedy = of_peer[at->peer] > most / kShares;
+      std::size_t& its_peers = of_peer[at->peer];
+      const bool is_greedy = its_peers > share;
       if (its == 0 || is_greedy != is_of_greedy) continue;
       const bool sleeps = may_sleep && !is_greedy;
       if (sleeps && at->mirror.use_count() > 1) continue;
       all -= its;
-      if (is_greedy) of_peer[at->peer] -= its;
+      its_peers -= its;
       if (sleeps) {
         at->sleep();
       } else {
         at = entries_.erase(at);
       }
     }
+  };
+  take_back(true);
+  all -= std::max(of_peer[entries_.front().peer], share) - share;
+  take_back(false);
 }
 
 std::size_t Mirrors::awake_count() const {

@@ -328,11 +328,14 @@ TEST(Mirrors, OfOneThatHoldsMuchDisplaceNoOthers) {
   Mirrors mirrors;
   const std::uint64_t nothing = Mirror(file).state();
   constexpr std::uint64_t kGreedy = 1, kFirst = 100;
-  constexpr std::size_t kOthers = Mirrors::kMaxAwakeSplits / Mirrors::kSplitsAMirror - 10;
+  // The share that is left.
+  constexpr std::size_t kOthers = Mirrors::kMaxAwakeSplits / Mirrors::kSplitsAMirror *
+                                  (Mirrors::kShares - 1) / Mirrors::kShares;
   for (std::uint64_t peer = kFirst; peer < kFirst + kOthers; ++peer)
     ASSERT_NE(mirrors.find(peer, file, nothing, {}).value(), nullptr);
   for (int i = 0; i < 3; ++i) {
     ASSERT_NE(mirrors.find(kGreedy, file, all.state(), whole).value(), nullptr);
+    EXPECT_EQ(mirrors.awake_count(), kOthers + 1);
     ASSERT_NE(mirrors.find(kFirst, file, nothing, {}).value(), nullptr);
     EXPECT_EQ(mirrors.awake_count(), kOthers);
     EXPECT_EQ(mirrors.asleep_bytes(), 0U);

@@ -588,7 +588,7 @@ TEST(Service, FloodOfRequestsForWhatIsNotThereCostsTheOthersOneTurn) {
   }
 }
 
-/// Two bodies of the terrain, the one inside of the other, of a peer that says that it holds all of it.
+/// Two bodies of the terrain, of a peer that says that it holds all of it.
 wire::RegionSubscription telling(const Desk& desk, std::uint32_t number, wire::SessionId peer,
                                  bool truly) {
   ModelFile file = desk.open();
@@ -603,6 +603,7 @@ wire::RegionSubscription telling(const Desk& desk, std::uint32_t number, wire::S
   CertificateRequest& asked = subscription.certificate.emplace();
   asked.models = {{desk.hash(), all.state() + (truly ? 0 : 1), held}};
   asked.pairs.resize(1);
+  asked.pairs[0].translation_m[2] = 1e5F;  // far off: nothing is lacking
   return subscription;
 }
 
