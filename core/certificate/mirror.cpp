@@ -24,8 +24,9 @@ Result<std::vector<VertexId>> Mirror::split(std::span<const NodeSpan> nodes) {
 }
 
 Status Mirror::hold(std::span<const std::uint8_t> held, std::size_t most) {
+  const std::size_t before = told_splits_;
   const auto require = [&](NodeSpan node) -> Status {
-    if (++told_splits_ > most)
+    if (++told_splits_ - before > most)
       return {StatusCode::kUnsupported, file_->path() + ": more than " + std::to_string(most) +
                                             " splits are said to be held"};
     return file_->require(node);

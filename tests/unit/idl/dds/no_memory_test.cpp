@@ -86,10 +86,10 @@ bool says_no_memory(Mailbox& mailbox) {
                      [](const std::string& line) { return line.starts_with("no memory"); });
 }
 
-constexpr MessageSource kHome{true, 40'000};
+constexpr MessageSource kSender{true, 40'000};
 
-test::RtpsBytes announcement_of(std::uint8_t number, std::int32_t lease_s) {
-  return test::Rtps(test::key_of(number)).announcement(1, lease_s).bytes;
+nearmesh::test::RtpsBytes announcement_bytes(std::uint8_t number, std::int32_t lease_s) {
+  return nearmesh::test::Rtps(nearmesh::test::key_of(number)).announcement(1, lease_s).bytes;
 }
 
 TEST(NoMemory, WhoLeftByItsLeaseIsNotForgottenUnheard) {
@@ -97,9 +97,9 @@ TEST(NoMemory, WhoLeftByItsLeaseIsNotForgottenUnheard) {
     Three() {
       for (std::uint8_t number = 1; number <= 3; ++number) {
         RtpsVerdict word;
-        word.source = test::key_of(number);
+        word.source = nearmesh::test::key_of(number);
         word.announcement = RtpsAnnouncement{.sequence = 1, .leaves = false, .lease_s = 1};
-        EXPECT_FALSE(book.hear(word, kHome));
+        EXPECT_FALSE(book.hear(word, kSender));
       }
     }
     ParticipantBook book;
@@ -112,7 +112,7 @@ TEST(NoMemory, WhoLeftByItsLeaseIsNotForgottenUnheard) {
                                  EXPECT_EQ(three.book.take_gone().size(), 3U);
                                }),
             0);
-  const test::Rtps::Key barred = test::key_of(2);
+  const nearmesh::test::Rtps::Key barred = nearmesh::test::key_of(2);
   EXPECT_GT(refuse_each<Three>([&](Three& three) { three.book.bar(barred); },
                                [&](Three& three) {
                                  three.book.bar(barred);
@@ -132,7 +132,7 @@ TEST(NoMemory, WhoIsHeldBackComesInAllTheSame) {
       word.source[4] = static_cast<std::uint8_t>(number >> 8);
       word.source[5] = static_cast<std::uint8_t>(number);
       word.announcement = RtpsAnnouncement{.sequence = 1, .leaves = false, .lease_s = 20};
-      return !book.hear(word, kHome);
+      return !book.hear(word, kSender);
     }
     ParticipantBook book;
   };
@@ -149,15 +149,15 @@ TEST(NoMemory, AMessageThatTheDoorHasNoMemoryForMayComeAgain) {
   struct Watched {
     DoorWatch watch{true, nullptr, 5};
   };
-  const test::RtpsBytes bytes = announcement_of(1, 20);
-  EXPECT_GT(
-      refuse_each<Watched>([&](Watched& one) { static_cast<void>(one.watch.check(bytes, kHome)); },
-                           [&](Watched& one) {
-                             const RtpsVerdict verdict = one.watch.check(bytes, kHome);
-                             EXPECT_FALSE(verdict.refusal);
-                             EXPECT_FALSE(verdict.is_repeat);
-                           }),
-      0);
+  const nearmesh::test::RtpsBytes bytes = announcement_bytes(1, 20);
+  EXPECT_GT(refuse_each<Watched>(
+                [&](Watched& one) { static_cast<void>(one.watch.check(bytes, kSender)); },
+                [&](Watched& one) {
+                  const RtpsVerdict verdict = one.watch.check(bytes, kSender);
+                  EXPECT_FALSE(verdict.refusal);
+                  EXPECT_FALSE(verdict.is_repeat);
+                }),
+            0);
 }
 
 TEST(NoMemory, TheDoorLosesAMessageAndGoesOn) {
@@ -178,7 +178,7 @@ TEST(NoMemory, TheDoorLosesAMessageAndGoesOn) {
       transport.reset(descriptor->create_transport());
       door = dynamic_cast<rtps::ChainingTransport*>(transport.get());
     }
-    void receive(const test::RtpsBytes& bytes) {
+    void receive(const nearmesh::test::RtpsBytes& bytes) {
       const rtps::Locator_t from(LOCATOR_KIND_UDPv4, 40'000);
       door->receive(&inside, bytes.data(), static_cast<std::uint32_t>(bytes.size()), from, from);
     }
@@ -187,15 +187,17 @@ TEST(NoMemory, TheDoorLosesAMessageAndGoesOn) {
     rtps::ChainingTransport* door = nullptr;
     Inside inside;
   };
-  const test::RtpsBytes bytes = announcement_of(1, 20);
-  EXPECT_GT(refuse_each<House>([&](House& house) { EXPECT_NO_THROW(house.receive(bytes)); },
-                               [&](House& house) {
-                                 const int before = house.inside.heard;
-                                 // A newer one: an announcement is handed on once in a while.
-                                 house.receive(test::Rtps(test::key_of(1)).announcement(2).bytes);
-                                 EXPECT_EQ(house.inside.heard, before + 1);
-                               }),
-            0);
+  const nearmesh::test::RtpsBytes bytes = announcement_bytes(1, 20);
+  EXPECT_GT(
+      refuse_each<House>(
+          [&](House& house) { EXPECT_NO_THROW(house.receive(bytes)); },
+          [&](House& house) {
+            const int before = house.inside.heard;
+            // A newer one: an announcement is handed on once in a while.
+            house.receive(nearmesh::test::Rtps(nearmesh::test::key_of(1)).announcement(2).bytes);
+            EXPECT_EQ(house.inside.heard, before + 1);
+          }),
+      0);
 }
 
 TEST(NoMemory, LeasesThatEndedMeanwhileAreToldAfterwards) {
@@ -210,13 +212,13 @@ TEST(NoMemory, LeasesThatEndedMeanwhileAreToldAfterwards) {
       return farewells.size();
     }
     std::mutex mutex;
-    std::vector<test::RtpsBytes> farewells;
+    std::vector<nearmesh::test::RtpsBytes> farewells;
   } ends;
   Mailbox mailbox;
   DoorWatch watch(true, nullptr, 5);
   watch.set_mailbox(&mailbox);
   watch.add(&ends);
-  ASSERT_FALSE(watch.check(announcement_of(1, 1), kHome).refusal);
+  ASSERT_FALSE(watch.check(announcement_bytes(1, 1), kSender).refusal);
   starve_others(std::chrono::milliseconds(2500), [&] { EXPECT_EQ(ends.size(), 0U); });
   ASSERT_TRUE(comes([&] { return ends.size() == 2; }));
   EXPECT_TRUE(says_no_memory(mailbox));
