@@ -75,9 +75,11 @@ void starve_others(std::chrono::milliseconds time, Look look) {
 template <class Condition>
 bool comes(Condition condition) {
   const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(15);
-  while (!condition() && std::chrono::steady_clock::now() < end)
+  while (!condition()) {
+    if (std::chrono::steady_clock::now() > end) return false;
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
-  return condition();
+  }
+  return true;
 }
 
 bool says_no_memory(Mailbox& mailbox) {
