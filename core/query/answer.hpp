@@ -31,6 +31,7 @@ struct AnswerOptions {
   bool depth = false;     ///< and how deep they are in each other; implies `contacts`
   double sweep_s = 0;     ///< also answer for all of this time ahead; 0: do not
   std::uint64_t max_sweep_tests = SweepOptions{}.max_tests;
+  std::uint64_t max_depth_tests = kDepthTests;
 };
 
 struct Answered {

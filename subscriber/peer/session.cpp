@@ -300,7 +300,8 @@ AnswerOptions Session::Impl::answer_options_of(const Pair& pair) const {
           .contacts = options.contacts,
           .depth = options.depth && !pair.is_of_tile,
           .sweep_s = options.sweep_s,
-          .max_sweep_tests = options.max_sweep_tests};
+          .max_sweep_tests = options.max_sweep_tests,
+          .max_depth_tests = options.max_depth_tests};
 }
 
 /// Precondition: it is ready.

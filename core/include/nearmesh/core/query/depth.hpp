@@ -21,13 +21,16 @@
 
 namespace nearmesh {
 
+/// DepthOptions::max_tests unless it is set: some 1 to 2 ms.
+inline constexpr std::uint64_t kDepthTests = 500'000;
+
 struct DepthOptions {
   /// Ways for B that are tried, world frame, each of any length but 0. None: the normals of the patches, the four longest ones, and
   /// the mean of all, by length.
   std::vector<std::array<double, 3>> directions;
   bool solid_a = false, solid_b = false;  ///< as in QueryOptions
   /// The search ends after so many tests (tests_of), some 2 to 5 ns each; the bracket is then as wide as it is.
-  std::uint64_t max_tests = 500'000;
+  std::uint64_t max_tests = kDepthTests;
 };
 
 struct Depth {

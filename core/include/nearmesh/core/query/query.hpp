@@ -67,6 +67,8 @@ enum class Clearance : std::uint8_t {
   kBound,  ///< until it is kClearanceShare of what is known at least; ends after 256 steps in any case
   kExact,  ///< the greatest that what is held allows: with full meshes the distance. Ends after 65,536 steps in any case
 };
+// Cost of a step: one pair of parts, that is, the eight lanes of a node against a box, or at most 64 pairs of faces. Before the first step
+// the search dives once to the bottom: as many pairs as both trees together have levels.
 inline constexpr double kClearanceShare = 0.75;
 
 struct QueryOptions {

@@ -91,6 +91,8 @@ struct SessionOptions {
   std::uint64_t max_tests = 2'000'000;
   /// Of each swept answer, as SweepOptions::max_tests: some 100 ns each.
   std::uint64_t max_sweep_tests = 50'000;
+  /// Of each depth, as DepthOptions::max_tests: some 2 to 5 ns each, so 1 to 2 ms.
+  std::uint64_t max_depth_tests = kDepthTests;
   /// Answers of pairs, and looks ahead for them, are jobs: the host's scheduler may run them at once. Answers and digests are the
   /// same whatever it does. None: one after the other, in update(). It is called in update(), at most twice a frame; a job never
   /// throws, never waits and calls nothing of the host's.
