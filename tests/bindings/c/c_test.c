@@ -491,13 +491,13 @@ static void test_session(const char* sphere_file) {
   const char* name = NULL;
   MUST(nearmesh_session_name_of(session, 1, &name, &error));
   CHECK(strcmp(name, "body 1") == 0);
-  const nearmesh_body_facts* body = NULL;
-  MUST(nearmesh_session_body_facts(session, 1, &body, &error));
-  CHECK(strcmp(body->name, "body 1") == 0 && strcmp(body->model, "sphere") == 0);
-  CHECK(body->content[0] == 0 && body->own && !body->solid && body->group == 1 &&
-        body->mask == 0xffffffffU && body->max_speed_mps == 0);
-  REFUSED(nearmesh_session_body_facts(session, 9, &body, &error), NEARMESH_NOT_FOUND, "body");
-  CHECK(body == NULL);
+  const nearmesh_body_facts* said = NULL;
+  MUST(nearmesh_session_body_facts(session, 1, &said, &error));
+  CHECK(strcmp(said->name, "body 1") == 0 && strcmp(said->model, "sphere") == 0);
+  CHECK(said->content[0] == 0 && said->own && !said->solid && said->group == 1 &&
+        said->mask == 0xffffffffU && said->max_speed_mps == 0);
+  REFUSED(nearmesh_session_body_facts(session, 9, &said, &error), NEARMESH_NOT_FOUND, "body");
+  CHECK(said == NULL);
 
   // What is held, to be drawn: some of the full mesh where they touch, and the rest coarse.
   const nearmesh_held_mesh* held = NULL;
