@@ -94,11 +94,9 @@ Result<Answered> answer(const AskedBody& a, const AskedBody& b, const AnswerOpti
   if ((options.contacts || options.depth) && !now.pairs.empty())
     all.contacts = find_contacts(a.view, frame_a, b.view, frame_b, now);
   if (options.depth && !now.pairs.empty()) {
-    Result<Depth> depth = find_depth(a.view, a.motion.pose, a.name, b.view, b.motion.pose, b.name,
-                                     now, *all.contacts,
-                                     {.solid_a = a.solid,
-                                      .solid_b = b.solid,
-                                      .max_tests = options.max_depth_tests});
+    Result<Depth> depth =
+        find_depth(a.view, a.motion.pose, a.name, b.view, b.motion.pose, b.name, now, *all.contacts,
+                   {.solid_a = a.solid, .solid_b = b.solid, .max_tests = options.max_depth_tests});
     NEARMESH_RETURN_IF_ERROR(depth);
     all.depth = std::move(depth).value();
   }

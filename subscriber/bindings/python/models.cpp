@@ -180,8 +180,7 @@ class Pair {
   }
 
   py::object depth(const Doubles& pose_a, const Doubles& pose_b,
-                   const std::vector<std::array<double, 3>>& directions,
-                   std::uint64_t max_tests) {
+                   const std::vector<std::array<double, 3>>& directions, std::uint64_t max_tests) {
     const Pose at_a = pose_of(pose_a, "pose_a"), at_b = pose_of(pose_b, "pose_b");
     std::optional<Depth> depth;
     read([&]() -> Status {
@@ -191,13 +190,12 @@ class Pair {
       if (answer.pairs.empty()) return Status::ok();
       const Contacts contacts = find_contacts(held_a_->view(), asked.value().posed.a,
                                               held_b_->view(), asked.value().posed.b, answer);
-      Result<Depth> found = certify_depth(
-          *held_a_, at_a, require_of(a_->file), *held_b_, at_b, require_of(b_->file), answer,
-          contacts,
-          {.directions = directions,
-           .solid_a = solid_.solid_a,
-           .solid_b = solid_.solid_b,
-           .max_tests = max_tests});
+      Result<Depth> found = certify_depth(*held_a_, at_a, require_of(a_->file), *held_b_, at_b,
+                                          require_of(b_->file), answer, contacts,
+                                          {.directions = directions,
+                                           .solid_a = solid_.solid_a,
+                                           .solid_b = solid_.solid_b,
+                                           .max_tests = max_tests});
       NEARMESH_RETURN_IF_ERROR(found);
       depth = std::move(found).value();
       return Status::ok();

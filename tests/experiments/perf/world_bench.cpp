@@ -236,10 +236,8 @@ void run_budget(std::size_t bodies, double budget_s, bool on_two, bool with_dept
   auto channel = std::make_unique<subscriber::LocalChannel>();
   if (!channel->add_model("aircraft", std::move(ModelFile::open(file->path())).value()).is_ok())
     return;
-  subscriber::SessionOptions options{.sweep_s = 0.5,
-                                     .contacts = true,
-                                     .depth = with_depth,
-                                     .max_sweep_tests = 2'500};
+  subscriber::SessionOptions options{
+      .sweep_s = 0.5, .contacts = true, .depth = with_depth, .max_sweep_tests = 2'500};
   if (on_two) options.run_jobs = run_on_two;
   subscriber::Session session(std::move(channel), options);
   session.watch_all();
