@@ -142,7 +142,7 @@ class HostWithoutDoor {
   HostWithoutDoor& operator=(const HostWithoutDoor&) = delete;
 
   /// A frame: with these it tells its status.
-  void update() { EXPECT_TRUE(session_->update(++frame_, clock_.seconds()).is_ok()); }
+  void update() { EXPECT_TRUE(session_->update(++frame_, clock_.seconds(), {}, 0.01).is_ok()); }
 
  private:
   fdds::DomainParticipant* participant_ = nullptr;

@@ -51,7 +51,7 @@ class Mishaps : public ServedFixture {
     EXPECT_EQ(count_wrong_answers(folder, models, lines - 1), 0U);  // the last is the summary
   }
   /// Sets a limit of a program that runs. Out: what it was.
-  static rlimit limit(const Process& process, __rlimit_resource_t what, rlim_t value) {
+  static rlimit limit(const Process& process, decltype(RLIMIT_AS) what, rlim_t value) {
     rlimit before{};
     EXPECT_EQ(::prlimit(process.id(), what, nullptr, &before), 0);
     rlimit now = before;

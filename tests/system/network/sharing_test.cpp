@@ -238,7 +238,7 @@ TEST_F(SharingTest, PeersOfOneThatIsKilledAreServedByOthersWithinASecond) {
 /// One that comes or goes moves its own peers alone.
 TEST_F(SharingTest, AFourthTakesItsShareWhileAllLiveAndGivesItBackWhenKilled) {
   const std::vector<wire::SessionId> three{101, 102, 106};
-  constexpr wire::SessionId kFourth = 109;
+  static constexpr wire::SessionId kFourth = 109;
   make_network();
   for (const wire::SessionId id : three) add_publisher(id);
   begin_to_fly();
