@@ -383,13 +383,13 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
   bus->is_own_ = true;
   bus->add_routes();
   bus->door_ = door_watch_of(*bus->participant_);
-  bus->door_->set_complaint([&mailbox](std::string line) { mailbox.complain(std::move(line)); });
+  bus->door_->set_mailbox(&mailbox);
   return bus;
 }
 
 Bus::~Bus() {
   if (participant_ == nullptr) return;
-  if (is_own_) door_->set_complaint({});
+  if (is_own_) door_->set_mailbox(nullptr);
   while (!writers_.empty()) remove_writer(writers_.back());
   while (!readers_.empty()) remove_reader(readers_.back());
   for (fdds::ContentFilteredTopic* topic : routed_)

@@ -22,6 +22,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <new>
 #include <optional>
 #include <set>
 #include <string>
@@ -41,6 +42,16 @@ class DoorWatch;
 
 using Timestamp = rtps::Time_t;
 using Microseconds = std::int64_t;
+
+/// Of a thread of ours, which nothing may leave: what `step` says; kIo where there is no memory for it.
+template <class Step>
+[[nodiscard]] Status or_no_memory(Step step) {
+  try {
+    return step();
+  } catch (const std::bad_alloc&) {
+    return {StatusCode::kIo, "no memory"};
+  }
+}
 
 /// Since the epoch, by the clock that stamps received samples.
 [[nodiscard]] Microseconds now_us();

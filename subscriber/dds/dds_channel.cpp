@@ -295,9 +295,11 @@ void DdsChannel::Impl::run(std::promise<Status> started) {
   const FloatGuard guard;
   // A participant of the host's is the host's to repair.
   std::unique_ptr<wire::RejoinWatch> rejoin_watch;
-  if (options_.participant == nullptr)
-    rejoin_watch = std::make_unique<wire::RejoinWatch>(mailbox_, options_.transport);
-  const Status opened = open();
+  const Status opened = wire::or_no_memory([&] {
+    if (options_.participant == nullptr)
+      rejoin_watch = std::make_unique<wire::RejoinWatch>(mailbox_, options_.transport);
+    return open();
+  });
   const bool works = opened.is_ok();
   started.set_value(opened);
   while (works && !stopping_) {

@@ -38,7 +38,6 @@ class PeerWorld {
   }
   /// Forgets pages, but the root, that were not used for so long.
   void give_up(double time_s, double unused_s);
-  [[nodiscard]] std::size_t page_count() const { return pages_.size() + (root_ ? 1 : 0); }
 
  private:
   struct Page {
