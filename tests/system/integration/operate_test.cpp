@@ -480,6 +480,7 @@ class OtherRelease {
   OtherRelease(const wire::TransportOptions& transport, std::uint16_t version) : version_(version) {
     auto opened =
         wire::Bus::open({.transport = transport,
+                         .header_bytes_per_s = 10'000'000,  // it paces headers, too
                          .names = wire::TopicNames(transport.prefix, std::to_string(version))},
                         mailbox_);
     EXPECT_TRUE(opened.is_ok()) << opened.status().message();
