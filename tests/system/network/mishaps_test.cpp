@@ -5,7 +5,6 @@
 #include <sys/resource.h>
 
 #include <algorithm>
-#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "network_fixture.hpp"
@@ -60,15 +59,6 @@ class Mishaps : public ServedFixture {
     return before;
   }
 
-  /// The number that one more file would get, at most.
-  static rlim_t next_descriptor(const Process& process) {
-    rlim_t next = 0;
-    const std::string place = "/proc/" + std::to_string(process.id()) + "/fd";
-    for (const auto& entry : std::filesystem::directory_iterator(place))
-      next = std::max(next, static_cast<rlim_t>(std::stoul(entry.path().filename())) + 1);
-    return next;
-  }
-
   std::unique_ptr<Process> flight;
 };
 
@@ -97,23 +87,6 @@ TEST_F(Mishaps, OneOfTwoInterfacesGoesDownAndComesBack) {
   EXPECT_TRUE(certifies(40)) << flight->err();  // four seconds of flight over what it has not seen
   lan->set_up(1, true);
   EXPECT_TRUE(certifies(20)) << flight->err();
-  land();
-}
-
-/// They are lacked when an address has changed and the program joins anew: it says so, again and again, until there are some.
-TEST_F(Mishaps, DescriptorsThatAreLostInFlightAreWaitedFor) {
-  serve_over({{}, {}});
-  take_off();
-  // Enough to see the new address, and fewer than joining takes.
-  const rlimit before = limit(*flight, RLIMIT_NOFILE, next_descriptor(*flight) + 4);
-  lan->take_address(1);
-  lan->give_address(1, 9);
-  EXPECT_TRUE(flight->says("could not join again: cannot join: it takes 32 more open files"))
-      << flight->err();
-  pause(2);
-  ASSERT_FALSE(flight->is_over()) << flight->err();
-  limit(*flight, RLIMIT_NOFILE, before.rlim_cur);
-  EXPECT_TRUE(certifies()) << flight->err();
   land();
 }
 

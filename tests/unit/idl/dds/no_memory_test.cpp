@@ -31,13 +31,14 @@ bool is_refused() {
 
 }  // namespace
 
-void* operator new(std::size_t bytes) {
+// Not inlined, or compilers see memory of malloc() given to delete.
+[[gnu::noinline]] void* operator new(std::size_t bytes) {
   void* const made = is_refused() ? nullptr : std::malloc(std::max<std::size_t>(bytes, 1));
   if (made == nullptr) throw std::bad_alloc();
   return made;
 }
-void operator delete(void* made) noexcept { std::free(made); }
-void operator delete(void* made, std::size_t) noexcept { std::free(made); }
+[[gnu::noinline]] void operator delete(void* made) noexcept { std::free(made); }
+[[gnu::noinline]] void operator delete(void* made, std::size_t) noexcept { std::free(made); }
 
 namespace nearmesh::wire {
 namespace {
