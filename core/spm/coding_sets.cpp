@@ -47,10 +47,6 @@ std::optional<CodingTables> read_numbered(BitReader& in, std::uint32_t set) {
   return CodingTables(std::move(contexts), set);
 }
 
-}  // namespace
-
-namespace {
-
 std::optional<CodingTables> read_set(std::uint32_t number) {
   std::vector<std::uint8_t> bytes;
   for (const std::uint64_t word : coding_sets_data()[number - 1].words)
