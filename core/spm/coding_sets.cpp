@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coding_sets.hpp"
 
-#include <map>
-#include <mutex>
+#include <array>
+#include <utility>
 
 #include "train.hpp"
 
@@ -58,18 +58,31 @@ std::optional<CodingTables> read_set(std::uint32_t number) {
   return tables;
 }
 
+// A constant each, read where it is first asked for: a set takes some 700 KB, and few are used.
+template <std::uint32_t kNumber>
+const std::optional<CodingTables>& constant_set() {
+  // NOLINTNEXTLINE(readability-identifier-naming): a constant, and the check for global state knows those by their names
+  static const std::optional<CodingTables> kSet = read_set(kNumber);
+  return kSet;
+}
+
+using ConstantSet = const std::optional<CodingTables>& (*)();
+constexpr std::uint32_t kMostSets = 32;
+
+template <std::uint32_t... kBefore>
+constexpr std::array<ConstantSet, kMostSets> constant_sets(
+    std::integer_sequence<std::uint32_t, kBefore...>) {
+  return {constant_set<kBefore + 1>...};
+}
+
 }  // namespace
 
-// Read once: a set takes some 700 KB, and tiles of a world have one. So all models of a set share it.
+// Tiles of a world have a set, so all models of a set share it.
 std::optional<CodingTables> coding_set(std::uint32_t number) {
-  NEARMESH_ASSERT(number >= 1 && number <= coding_set_count());
-  static std::mutex guard;
-  static std::map<std::uint32_t, CodingTables> sets;
-  const std::lock_guard lock(guard);
-  if (const auto known = sets.find(number); known != sets.end()) return known->second;
-  std::optional<CodingTables> tables = read_set(number);
-  if (tables) sets.emplace(number, *tables);
-  return tables;
+  NEARMESH_ASSERT(number >= 1 && number <= coding_set_count() && number <= kMostSets);
+  static constexpr std::array kSets =
+      constant_sets(std::make_integer_sequence<std::uint32_t, kMostSets>());
+  return kSets[number - 1]();
 }
 
 void write_tables(BitWriter& out, const CodingTables& tables) {
