@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // examples/cyclone, flown: what a program of another vendor moves, hears, and answers itself. UDP on 127.0.0.1.
 
+#include "on_loopback.hpp"
 #include "tests/system/integration/process.hpp"
 
 namespace nearmesh {
@@ -8,16 +9,7 @@ namespace {
 
 class CycloneExample : public ::testing::Test {
  protected:
-  CycloneExample() {
-    // Loopback offers no multicast to Cyclone: found by unicast. Datagrams as large as Fast DDS reads them here.
-    ::setenv("CYCLONEDDS_URI",
-             "<General><Interfaces><NetworkInterface name='lo'/></Interfaces>"
-             "<AllowMulticast>false</AllowMulticast>"
-             "<MaxMessageSize>1400B</MaxMessageSize><FragmentSize>1200B</FragmentSize></General>"
-             "<Discovery><ParticipantIndex>auto</ParticipantIndex>"
-             "<Peers><Peer address='127.0.0.1'/></Peers></Discovery>",
-             1);
-  }
+  CycloneExample() { test::set_cyclone_on_loopback(test::kDatagramsOfOurs); }
 
   std::vector<std::string> on_bus(std::vector<std::string> words) const {
     words.insert(words.end(), {"--domain", "95", "--prefix", prefix, "--interface", "127.0.0.1"});
