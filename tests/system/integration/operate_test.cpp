@@ -598,19 +598,11 @@ TEST_F(Operate, ReleasesOfOtherWireVersionsShareTheBus) {
     EXPECT_NE(peer.err().find(text), std::string::npos) << peer.err();
     EXPECT_NE(publisher->err().find(text), std::string::npos) << publisher->err();
   }
-  EXPECT_EQ(test::run(folder, "nearmesh-model",
-                      {"check", terrain(), aircraft(), "--answers", folder.file("answers.jsonl")},
-                      &out, &err),
-            0)
-      << out << err;
-  unsigned long long answers = 0, wrong = 1, certified = 0;
-  ASSERT_EQ(std::sscanf(out.c_str(), "answers %llu, wrong %llu, certified %llu", &answers, &wrong,
-                        &certified),
-            3)
-      << out;
-  EXPECT_EQ(answers, 400U);
-  EXPECT_EQ(wrong, 0U);
-  EXPECT_GT(certified, 300U);
+  const test::CheckedAnswers checked =
+      test::check_answers(folder, {terrain(), aircraft()}, folder.file("answers.jsonl"));
+  EXPECT_EQ(checked.answers, 400U);
+  EXPECT_EQ(checked.wrong, 0U);
+  EXPECT_GT(checked.certified, 300U);
   publisher->signal(SIGINT);
   EXPECT_EQ(publisher->wait(), 0) << publisher->err();
 }

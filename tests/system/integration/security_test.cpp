@@ -148,7 +148,7 @@ TEST_F(Secured, LongestNamesPassTheHandshake) {
 class SecuredPrograms : public Secured {
  protected:
   // Out: how many of 40 answers were certified.
-  void fly_over(const std::string& ground, unsigned long long& certified) {
+  void fly_over(const std::string& ground, std::uint64_t& certified) {
     const std::string set = folder.file("set");
     const auto on_bus = [&](std::vector<std::string> words, const std::string& identity) {
       words.insert(words.end(), {"--domain", std::to_string(kDomain), "--prefix", prefix});
@@ -186,18 +186,11 @@ class SecuredPrograms : public Secured {
     ASSERT_EQ(peer.wait(), 0) << peer.err();
     recorder.signal(SIGINT);
     ASSERT_EQ(recorder.wait(), 0) << recorder.err();
-    ASSERT_EQ(
-        test::run(folder, "nearmesh-model",
-                  {"check", ground, aircraft, "--answers", folder.file("a.jsonl")}, &out, &err),
-        0)
-        << err;
-    unsigned long long answers = 0, wrong = 1;
-    ASSERT_EQ(std::sscanf(out.c_str(), "answers %llu, wrong %llu, certified %llu", &answers, &wrong,
-                          &certified),
-              3)
-        << out;
-    EXPECT_EQ(answers, 40U);
-    EXPECT_EQ(wrong, 0U);
+    const test::CheckedAnswers checked =
+        test::check_answers(folder, {ground, aircraft}, folder.file("a.jsonl"));
+    certified = checked.certified;
+    EXPECT_EQ(checked.answers, 40U);
+    EXPECT_EQ(checked.wrong, 0U);
     EXPECT_EQ(test::run(folder, "nearmesh-subscriber",
                         {"verify", folder.file("session.db3"), "--allow-unproved"}, &out, &err),
               0)
@@ -206,7 +199,7 @@ class SecuredPrograms : public Secured {
 };
 
 TEST_F(SecuredPrograms, ReachCertifiedAnswers) {
-  unsigned long long certified = 0;
+  std::uint64_t certified = 0;
   fly_over(test::model_file("terrain", 48), certified);
   EXPECT_GT(certified, 20U);
 }
@@ -223,7 +216,7 @@ TEST_F(SecuredPrograms, AreServedAWorldTileByTile) {
                       {"build-world", mesh, "--faces", "200", "-o", world}, nullptr, &err),
             0)
       << err;
-  unsigned long long certified = 0;
+  std::uint64_t certified = 0;
   fly_over(world, certified);
   EXPECT_GT(certified, 0U);
   std::set<std::string> tiles;
