@@ -22,9 +22,10 @@ struct MetreBox {
 
 MetreBox in_metres(const Grid& grid, const GridBox& box) {
   Vector3d lo, hi;
+  const double cell_m = std::ldexp(1.0, grid.exponent);  // so that products are exact
   for (int k = 0; k < 3; ++k) {
-    lo[k] = std::ldexp(box.lo[k], grid.exponent);
-    hi[k] = std::ldexp(box.hi[k], grid.exponent);
+    lo[k] = box.lo[k] * cell_m;
+    hi[k] = box.hi[k] * cell_m;
   }
   return {vector(grid.origin_m) + (lo + hi) * 0.5, (hi - lo) * 0.5};
 }

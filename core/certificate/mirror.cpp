@@ -2,6 +2,7 @@
 #include "mirror.hpp"
 
 #include <algorithm>
+#include <map>
 #include <string>
 
 #include "core/replica/held_nodes.hpp"
@@ -23,9 +24,9 @@ Result<std::vector<VertexId>> Mirror::split(std::span<const NodeSpan> nodes) {
 }
 
 Status Mirror::hold(std::span<const std::uint8_t> held, std::size_t most) {
-  std::size_t count = 0;
+  const std::size_t before = told_splits_;
   const auto require = [&](NodeSpan node) -> Status {
-    if (++count > most)
+    if (++told_splits_ - before > most)
       return {StatusCode::kUnsupported, file_->path() + ": more than " + std::to_string(most) +
                                             " splits are said to be held"};
     return file_->require(node);
@@ -55,7 +56,9 @@ Result<std::shared_ptr<Mirror>> Mirrors::find(std::uint64_t peer, ModelFile& fil
   auto mirror = std::make_shared<Mirror>(file);
   if (mirror->state() != state) {
     if (held.empty()) return std::shared_ptr<Mirror>();
-    NEARMESH_RETURN_IF_ERROR(mirror->hold(held));
+    const Status took = mirror->hold(held);
+    told_splits_ += mirror->told_splits();
+    NEARMESH_RETURN_IF_ERROR(took);
     if (mirror->state() != state)
       return Status{StatusCode::kConflict, "what is held of content " +
                                                to_hex(file.content_hash()) +
@@ -89,18 +92,49 @@ bool Mirrors::Entry::wake() {
 }
 
 void Mirrors::make_room() {
-  std::size_t splits = 0, count = 0, awake = 0;
-  for (auto at = entries_.begin(); at != entries_.end();) {
-    splits += at->splits();
-    if (++count > 1 && (splits > kMaxSplits || count > kMaxMirrors)) {
-      at = entries_.erase(at);
-      continue;
+  make_room(
+      kMaxSplits, [](const Entry& entry) { return entry.splits(); }, false);
+  make_room(
+      kMaxMirrors, [](const Entry&) { return std::size_t{1}; }, false);
+  make_room(
+      kMaxAwakeSplits,
+      [](const Entry& entry) {
+        return entry.mirror ? entry.splits() + kSplitsAMirror : std::size_t{0};
+      },
+      true);
+}
+
+/// Not the one used last. Of the others those that were longest without use go, or sleep; first of peers beyond their share. What the
+/// one used last has beyond its peer's share is no reason for others to go.
+template <class Size>
+void Mirrors::make_room(std::size_t most, Size size, bool may_sleep) {
+  std::size_t all = 0;
+  for (const Entry& entry : entries_) all += size(entry);
+  if (all <= most) return;
+  const std::size_t share = most / kShares;
+  std::map<std::uint64_t, std::size_t> of_peer;
+  for (const Entry& entry : entries_) of_peer[entry.peer] += size(entry);
+  const auto take_back = [&](bool is_of_greedy) {
+    for (auto at = entries_.end(); all > most && at != std::next(entries_.begin());) {
+      --at;
+      const std::size_t its = size(*at);
+      std::size_t& its_peers = of_peer[at->peer];
+      const bool is_greedy = its_peers > share;
+      if (its == 0 || is_greedy != is_of_greedy) continue;
+      const bool sleeps = may_sleep && !is_greedy;
+      if (sleeps && at->mirror.use_count() > 1) continue;
+      all -= its;
+      its_peers -= its;
+      if (sleeps) {
+        at->sleep();
+      } else {
+        at = entries_.erase(at);
+      }
     }
-    if (at->mirror) awake += at->splits() + kSplitsAMirror;
-    if (count > 1 && awake > kMaxAwakeSplits && at->mirror && at->mirror.use_count() == 1)
-      at->sleep();
-    ++at;
-  }
+  };
+  take_back(true);
+  all -= std::max(of_peer[entries_.front().peer], share) - share;
+  take_back(false);
 }
 
 std::size_t Mirrors::awake_count() const {

@@ -28,10 +28,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "vec3.hpp"
+
 namespace nearmesh {
 namespace {
 
-using Vec3 = std::array<double, 3>;
 using Mat3 = std::array<double, 9>;
 
 constexpr double kPosedRounding = 1.7322;  ///< lattice cells, of both models; > 1.0001 sqrt(3)
@@ -40,11 +41,6 @@ constexpr double kInt32Magnitude = 0x1p33;
 /// Covers the rounding of the last few operations of a gap.
 constexpr double kGapShrink = 1 - 0x1p-40;
 
-Vec3 sub(const Vec3& p, const Vec3& q) { return {p[0] - q[0], p[1] - q[1], p[2] - q[2]}; }
-double dot(const Vec3& u, const Vec3& v) { return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]; }
-Vec3 cross(const Vec3& u, const Vec3& v) {
-  return {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
-}
 /// v + t d
 Vec3 along(const Vec3& v, double t, const Vec3& d) {
   return {v[0] + t * d[0], v[1] + t * d[1], v[2] + t * d[2]};
@@ -208,7 +204,7 @@ struct Shortest {
 /// Source: Ericson, Real-Time Collision Detection, 2005, section 5.1.9. Approximate: the caller
 /// projects honestly on the direction found.
 void offer_edges(const Vec3& p, const Vec3& u, const Vec3& q, const Vec3& v, Shortest& best) {
-  const Vec3 r = sub(p, q);
+  const Vec3 r = minus(p, q);
   const double a = dot(u, u);
   const double e = dot(v, v);
   const double b = dot(u, v);
@@ -222,19 +218,19 @@ void offer_edges(const Vec3& p, const Vec3& u, const Vec3& q, const Vec3& v, Sho
   } else if (e <= 0) {
     s = ratio(-c, a);
   }
-  best.offer(sub(along(q, t, v), along(p, s, u)));
+  best.offer(minus(along(q, t, v), along(p, s, u)));
 }
 
 /// Corners of `from` above the face of `to`: the vector from corner to face, times `direction`.
 void offer_corner_faces(const DoubleTriangle& from, const DoubleTriangle& to, double direction,
                         Shortest& best) {
-  const Vec3 u = sub(to[1], to[0]);
-  const Vec3 v = sub(to[2], to[0]);
+  const Vec3 u = minus(to[1], to[0]);
+  const Vec3 v = minus(to[2], to[0]);
   const Vec3 n = cross(u, v);
   const double n2 = dot(n, n);
   if (!(n2 > 0)) return;
   for (const Vec3& corner : from) {
-    const Vec3 w = sub(corner, to[0]);
+    const Vec3 w = minus(corner, to[0]);
     const double x = dot(cross(w, v), n);
     const double y = dot(cross(u, w), n);
     if (x < 0 || y < 0 || x + y > n2) continue;
@@ -247,8 +243,9 @@ void offer_corner_faces(const DoubleTriangle& from, const DoubleTriangle& to, do
 Shortest shortest_between(const DoubleTriangle& a, const DoubleTriangle& b) {
   Shortest best;
   for (std::size_t i = 0; i < 3; ++i) {
-    const Vec3 u = sub(a[(i + 1) % 3], a[i]);
-    for (std::size_t j = 0; j < 3; ++j) offer_edges(a[i], u, b[j], sub(b[(j + 1) % 3], b[j]), best);
+    const Vec3 u = minus(a[(i + 1) % 3], a[i]);
+    for (std::size_t j = 0; j < 3; ++j)
+      offer_edges(a[i], u, b[j], minus(b[(j + 1) % 3], b[j]), best);
   }
   offer_corner_faces(a, b, 1, best);
   offer_corner_faces(b, a, -1, best);
@@ -257,11 +254,11 @@ Shortest shortest_between(const DoubleTriangle& a, const DoubleTriangle& b) {
 
 /// From the end of a to the start of b on the axis n, times its length.
 double gap_along(const Vec3& n, const DoubleTriangle& a, const DoubleTriangle& b) {
-  double a_end = dot(n, sub(a[0], a[0]));
-  double b_start = dot(n, sub(b[0], a[0]));
+  double a_end = dot(n, minus(a[0], a[0]));
+  double b_start = dot(n, minus(b[0], a[0]));
   for (std::size_t i = 1; i < 3; ++i) {
-    a_end = std::max(a_end, dot(n, sub(a[i], a[0])));
-    b_start = std::min(b_start, dot(n, sub(b[i], a[0])));
+    a_end = std::max(a_end, dot(n, minus(a[i], a[0])));
+    b_start = std::min(b_start, dot(n, minus(b[i], a[0])));
   }
   return b_start - a_end;
 }
@@ -403,13 +400,13 @@ DoubleTriangle as_doubles(const std::array<GridPoint, 3>& a) {
 
 bool box_triangle_apart(const RelativeFrame& f, const CenteredBox& a, const DoubleTriangle& t) {
   const Vec3 half{a.half[0] + f.slack, a.half[1] + f.slack, a.half[2] + f.slack};
-  const DoubleTriangle v{sub(t[0], a.center), sub(t[1], a.center), sub(t[2], a.center)};
+  const DoubleTriangle v{minus(t[0], a.center), minus(t[1], a.center), minus(t[2], a.center)};
   for (std::size_t k = 0; k < 3; ++k) {
     const double lo = std::min(std::min(v[0][k], v[1][k]), v[2][k]);
     const double hi = std::max(std::max(v[0][k], v[1][k]), v[2][k]);
     if (lo > half[k] || hi < -half[k]) return true;
   }
-  const DoubleTriangle edges{sub(v[1], v[0]), sub(v[2], v[1]), sub(v[0], v[2])};
+  const DoubleTriangle edges{minus(v[1], v[0]), minus(v[2], v[1]), minus(v[0], v[2])};
   {
     const Vec3 n = cross(edges[0], edges[1]);
     const double radius =

@@ -17,18 +17,15 @@
 
 #include "core/base/float_guard.hpp"
 #include "motion_bounds.hpp"
+#include "vec3.hpp"
 
 namespace nearmesh {
 namespace {
-
-using Vec3 = std::array<double, 3>;
 
 /// Covers the rounding of the few operations of a bound.
 constexpr double kRoundUp = 1 + 0x1p-48;
 /// The most by which a rotation that check_pose accepts stretches: |R^T R - I| <= 1e-5 an entry, and rounding.
 constexpr double kStretch = 1.0001;
-
-double dot(const Vec3& u, const Vec3& v) { return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]; }
 
 /// exp([phi]), row-major.
 std::array<double, 9> turn_by(const Vec3& phi) {

@@ -11,20 +11,16 @@
 #include <cmath>
 #include <limits>
 
+#include "vec3.hpp"
+
 namespace nearmesh {
 namespace {
 
-using Vec3 = std::array<double, 3>;
 using Corners = std::array<Vec3, 3>;
 
-double dot(const Vec3& a, const Vec3& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-Vec3 minus(const Vec3& a, const Vec3& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
 /// x + s u.
 Vec3 on_line(const Vec3& x, const Vec3& u, double s) {
   return {x[0] + s * u[0], x[1] + s * u[1], x[2] + s * u[2]};
-}
-Vec3 cross(const Vec3& a, const Vec3& b) {
-  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
 }
 
 struct Nearest {

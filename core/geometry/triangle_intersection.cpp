@@ -17,19 +17,20 @@ namespace nearmesh {
 namespace {
 
 /// 0..2 a's corners, 3..5 b's, relative to corner 0.
-using Corners = std::array<Whole3, 6>;
+using BothCorners = std::array<Whole3, 6>;
 
-Int128 orientation(const Corners& c, std::size_t o, std::size_t i, std::size_t j, std::size_t k) {
+Int128 orientation(const BothCorners& c, std::size_t o, std::size_t i, std::size_t j,
+                   std::size_t k) {
   return dot(cross(subtract<Int128>(c[i], c[o]), subtract<Int128>(c[j], c[o])),
              subtract<Int128>(c[k], c[o]));
 }
 
-Wide3 normal_of(const Corners& c, std::size_t base) {
+Wide3 normal_of(const BothCorners& c, std::size_t base) {
   return cross(subtract<Int128>(c[base + 1], c[base]), subtract<Int128>(c[base + 2], c[base]));
 }
 
 /// Six times the volumes that corners other..other+2 span with the triangle base..base+2.
-Wide3 heights(const Corners& c, const Wide3& normal, std::size_t base, std::size_t other) {
+Wide3 heights(const BothCorners& c, const Wide3& normal, std::size_t base, std::size_t other) {
   Wide3 h;
   for (std::size_t i = 0; i < 3; ++i) h[i] = dot(normal, subtract<Int128>(c[other + i], c[base]));
   return h;
@@ -61,7 +62,7 @@ void add(TriangleIntersection& out, const Double3& p, const Double3& q) {
 
 /// Two proper triangles whose planes cross: the later start and the earlier end of the intervals in which the two cut
 /// the common line.
-void cross_planes(const Corners& c, const Wide3& heights_a, const Wide3& heights_b,
+void cross_planes(const BothCorners& c, const Wide3& heights_a, const Wide3& heights_b,
                   TriangleIntersection& out) {
   const Lone a = find_lone(signs_of(heights_a)), b = find_lone(signs_of(heights_b));
   // Each triangle is turned over where the other's lone corner lies below it.
@@ -94,7 +95,7 @@ struct Hull {
   std::size_t size;
 };
 
-Hull hull_of(const Corners& c, std::size_t base, bool is_proper) {
+Hull hull_of(const BothCorners& c, std::size_t base, bool is_proper) {
   if (is_proper) return {{c[base], c[base + 1], c[base + 2]}, 3};
   const auto first = c.begin() + static_cast<std::ptrdiff_t>(base);
   const auto [lo, hi] = std::minmax_element(first, first + 3);  // on a line any order does
@@ -198,7 +199,7 @@ void cross_segments(const Hull& a, const Hull& b, TriangleIntersection& out) {
 }
 
 /// A segment against a proper triangle at `face`.
-void cross_segment(const Corners& c, const Hull& segment, std::size_t face, const Wide3& normal,
+void cross_segment(const BothCorners& c, const Hull& segment, std::size_t face, const Wide3& normal,
                    TriangleIntersection& out) {
   const Whole3 &p = segment.corner[0], &q = segment.corner[1];
   const Int128 hp = dot(normal, subtract<Int128>(p, c[face]));
@@ -212,7 +213,7 @@ void cross_segment(const Corners& c, const Hull& segment, std::size_t face, cons
 }
 
 /// Coplanar triangles, and pairs of which one or both are segments or points.
-void cross_flat(const Corners& c, const Wide3& normal_a, const Wide3& normal_b,
+void cross_flat(const BothCorners& c, const Wide3& normal_a, const Wide3& normal_b,
                 TriangleIntersection& out) {
   const bool proper_a = !is_zero(normal_a), proper_b = !is_zero(normal_b);
   const Hull a = hull_of(c, 0, proper_a), b = hull_of(c, 3, proper_b);
@@ -233,7 +234,7 @@ void cross_flat(const Corners& c, const Wide3& normal_a, const Wide3& normal_b,
 }  // namespace
 
 TriangleIntersection intersect_triangles(const LatticeTriangle& a, const LatticeTriangle& b) {
-  Corners c;
+  BothCorners c;
   for (std::size_t i = 0; i < 3; ++i) {
     c[i] = subtract<std::int64_t>(a[i].v, a[0].v);
     c[3 + i] = subtract<std::int64_t>(b[i].v, a[0].v);

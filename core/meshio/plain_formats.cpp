@@ -11,8 +11,6 @@
 namespace nearmesh::meshio {
 namespace {
 
-Status corrupt(std::string message) { return {StatusCode::kCorrupt, std::move(message)}; }
-
 // --- STL ---
 
 std::uint32_t read_u32(std::string_view bytes, std::size_t at) {

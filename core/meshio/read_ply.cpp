@@ -43,7 +43,9 @@ struct Header {
   std::uint64_t vertex_count = 0;
 };
 
-Status corrupt(std::string message) { return {StatusCode::kCorrupt, "PLY " + std::move(message)}; }
+Status corrupt_ply(std::string message) {
+  return {StatusCode::kCorrupt, "PLY " + std::move(message)};
+}
 
 std::optional<ScalarType> parse_type(std::string_view name) {
   if (name == "char" || name == "int8") return ScalarType{1, false, true};
@@ -66,9 +68,9 @@ Status parse_format(std::string_view rest, Header& header) {
   else if (encoding == "binary_big_endian")
     header.encoding = Encoding::kBigEndian;
   else
-    return corrupt("header: expected format ascii or binary, found " + quote(encoding));
+    return corrupt_ply("header: expected format ascii or binary, found " + quote(encoding));
   if (version != "1.0")
-    return corrupt("header: expected format version 1.0, found " + quote(version));
+    return corrupt_ply("header: expected format version 1.0, found " + quote(version));
   return Status::ok();
 }
 
@@ -78,11 +80,11 @@ Status parse_element(std::string_view rest, Header& header) {
   const std::string_view count_word = take_word(rest);
   const auto count = parse_integer(count_word);
   if (!count || *count < 0)
-    return corrupt("header: expected a count of element " + quote(element.name) + ", found " +
-                   quote(count_word));
+    return corrupt_ply("header: expected a count of element " + quote(element.name) + ", found " +
+                       quote(count_word));
   for (const Element& other : header.elements)
     if (other.name == element.name)
-      return corrupt("header: element " + quote(element.name) + " appears twice");
+      return corrupt_ply("header: element " + quote(element.name) + " appears twice");
   element.count = static_cast<std::uint64_t>(*count);
   if (element.name == "vertex") header.vertex_count = element.count;
   header.elements.push_back(std::move(element));
@@ -90,7 +92,7 @@ Status parse_element(std::string_view rest, Header& header) {
 }
 
 Status parse_property(std::string_view rest, Header& header) {
-  if (header.elements.empty()) return corrupt("header: a property stands before any element");
+  if (header.elements.empty()) return corrupt_ply("header: a property stands before any element");
   Property property;
   std::string_view type_name = take_word(rest);
   if (type_name == "list") {
@@ -98,16 +100,16 @@ Status parse_property(std::string_view rest, Header& header) {
     type_name = take_word(rest);
     const auto count_type = parse_type(type_name);
     if (!count_type || count_type->is_float)
-      return corrupt("header: expected an integer type of a list's length, found " +
-                     quote(type_name));
+      return corrupt_ply("header: expected an integer type of a list's length, found " +
+                         quote(type_name));
     property.count_type = *count_type;
     type_name = take_word(rest);
   }
   const auto type = parse_type(type_name);
-  if (!type) return corrupt("header: expected a property's type, found " + quote(type_name));
+  if (!type) return corrupt_ply("header: expected a property's type, found " + quote(type_name));
   property.type = *type;
   property.name = take_word(rest);
-  if (property.name.empty()) return corrupt("header: a property has no name");
+  if (property.name.empty()) return corrupt_ply("header: a property has no name");
   Element& element = header.elements.back();
   if (element.name == "vertex" && !property.is_list) {
     constexpr std::array<std::string_view, 3> kAxes{"x", "y", "z"};
@@ -118,7 +120,8 @@ Status parse_property(std::string_view rest, Header& header) {
   property.is_vertex_index = element.name == "face" && property.is_list &&
                              (property.name == "vertex_indices" || property.name == "vertex_index");
   if (property.is_vertex_index && property.type.is_float)
-    return corrupt("header: expected an integer type of vertex indices, found " + quote(type_name));
+    return corrupt_ply("header: expected an integer type of vertex indices, found " +
+                       quote(type_name));
   element.properties.push_back(property);
   return Status::ok();
 }
@@ -128,12 +131,12 @@ Result<Header> parse_header(std::string_view& bytes) {
   Header header;
   bool has_format = false;
   const auto magic = take_line(bytes);
-  if (!magic || *magic != "ply") return corrupt("header: expected \"ply\" at the start");
+  if (!magic || *magic != "ply") return corrupt_ply("header: expected \"ply\" at the start");
   while (const auto line = take_line(bytes)) {
     std::string_view rest = *line;
     const std::string_view keyword = take_word(rest);
     if (keyword == "end_header") {
-      if (!has_format) return corrupt("header: expected a format line, found none");
+      if (!has_format) return corrupt_ply("header: expected a format line, found none");
       return header;
     }
     if (keyword.empty() || keyword == "comment" || keyword == "obj_info") continue;
@@ -145,21 +148,21 @@ Result<Header> parse_header(std::string_view& bytes) {
     } else if (keyword == "property") {
       NEARMESH_RETURN_IF_ERROR(parse_property(rest, header));
     } else {
-      return corrupt("header: expected a PLY keyword, found " + quote(keyword));
+      return corrupt_ply("header: expected a PLY keyword, found " + quote(keyword));
     }
   }
-  return corrupt("header: expected end_header, found the end of the file");
+  return corrupt_ply("header: expected end_header, found the end of the file");
 }
 
 Status check_header(const Header& header, std::size_t body_size) {
   for (const Element& element : header.elements) {
     // A byte an instance is the least any element needs; counts beyond are lies, whatever follows.
     if (element.count > body_size)
-      return corrupt("header: element " + quote(element.name) + " announces " +
-                     std::to_string(element.count) + " instances, but " +
-                     std::to_string(body_size) + " bytes follow");
+      return corrupt_ply("header: element " + quote(element.name) + " announces " +
+                         std::to_string(element.count) + " instances, but " +
+                         std::to_string(body_size) + " bytes follow");
     if (element.name == "vertex" && element.count > 0 && element.axes != 7)
-      return corrupt("header: expected properties x, y and z of a vertex");
+      return corrupt_ply("header: expected properties x, y and z of a vertex");
     if (element.name == "tristrips" && element.count > 0)
       return {StatusCode::kUnsupported, "PLY with triangle strips"};
   }
@@ -198,7 +201,7 @@ class BodyReader {
       const std::string_view word = take_word(body_);
       if (word.empty()) return truncated();
       const auto parsed = parse_integer(word);
-      if (!parsed) return corrupt(place() + ": expected a whole number, found " + quote(word));
+      if (!parsed) return corrupt_ply(place() + ": expected a whole number, found " + quote(word));
       value = *parsed;
       return Status::ok();
     }
@@ -242,8 +245,8 @@ class BodyReader {
 
  private:
   [[nodiscard]] Status truncated() const {
-    return corrupt(place() + " of " + std::to_string(element_->count) +
-                   ": the file ends before it is complete");
+    return corrupt_ply(place() + " of " + std::to_string(element_->count) +
+                       ": the file ends before it is complete");
   }
 
   std::string_view body_;
@@ -266,7 +269,8 @@ Status read_instance(const Header& header, const Element& element, BodyReader& b
     if (property.is_list) {
       NEARMESH_RETURN_IF_ERROR(body.read_integer(property.count_type, length));
       if (length < 0)
-        return corrupt(body.place() + ": expected a list length, found " + std::to_string(length));
+        return corrupt_ply(body.place() + ": expected a list length, found " +
+                           std::to_string(length));
     }
     for (std::int64_t k = 0; k < length; ++k) {
       if (!property.is_vertex_index) {
@@ -276,8 +280,9 @@ Status read_instance(const Header& header, const Element& element, BodyReader& b
       std::int64_t index = 0;
       NEARMESH_RETURN_IF_ERROR(body.read_integer(property.type, index));
       if (index < 0 || static_cast<std::uint64_t>(index) >= header.vertex_count)
-        return corrupt(body.place() + ": expected vertex indices from 0 and below " +
-                       std::to_string(header.vertex_count) + ", found " + std::to_string(index));
+        return corrupt_ply(body.place() + ": expected vertex indices from 0 and below " +
+                           std::to_string(header.vertex_count) + ", found " +
+                           std::to_string(index));
       corners.push_back(static_cast<std::uint32_t>(index));
     }
   }

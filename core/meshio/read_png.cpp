@@ -13,7 +13,9 @@
 namespace nearmesh::meshio {
 namespace {
 
-Status corrupt(std::string message) { return {StatusCode::kCorrupt, "PNG: " + std::move(message)}; }
+Status corrupt_png(std::string message) {
+  return {StatusCode::kCorrupt, "PNG: " + std::move(message)};
+}
 
 std::uint32_t read_u32(std::string_view bytes) {
   std::uint32_t value = 0;
@@ -29,12 +31,12 @@ struct PngChunk {
 Result<PngChunk> take_chunk(std::string_view& bytes) {
   constexpr std::size_t kAround = 12;  // length, type, checksum
   if (bytes.size() < kAround || read_u32(bytes) > bytes.size() - kAround)
-    return corrupt("expected a whole chunk, found the end of the file");
+    return corrupt_png("expected a whole chunk, found the end of the file");
   const std::size_t size = read_u32(bytes);
   const PngChunk chunk{bytes.substr(4, 4), bytes.substr(8, size)};
   const auto* checked = reinterpret_cast<const Bytef*>(bytes.data() + 4);
   if (crc32_z(0, checked, size + 4) != read_u32(bytes.substr(8 + size)))
-    return corrupt("chunk " + quote(chunk.type) + ": its checksum is wrong");
+    return corrupt_png("chunk " + quote(chunk.type) + ": its checksum is wrong");
   bytes.remove_prefix(size + kAround);
   return chunk;
 }
@@ -48,7 +50,7 @@ struct PngHeader {
 
 Result<PngHeader> read_header(const PngChunk& chunk) {
   if (chunk.type != "IHDR" || chunk.content.size() != 13)
-    return corrupt("expected the chunk IHDR of 13 bytes first, found " + quote(chunk.type));
+    return corrupt_png("expected the chunk IHDR of 13 bytes first, found " + quote(chunk.type));
   const auto depth = static_cast<unsigned char>(chunk.content[8]),
              colour = static_cast<unsigned char>(chunk.content[9]),
              interlaced = static_cast<unsigned char>(chunk.content[12]);
@@ -127,7 +129,8 @@ bool unfilter(std::vector<std::uint8_t>& row, const std::vector<std::uint8_t>& a
 Result<HeightGrid> read_png(std::string_view bytes) {
   constexpr std::string_view kSignature = "\x89PNG\r\n\x1a\n";
   if (!bytes.starts_with(kSignature))
-    return corrupt("expected its signature, found " + quote(bytes.substr(0, kSignature.size())));
+    return corrupt_png("expected its signature, found " +
+                       quote(bytes.substr(0, kSignature.size())));
   bytes.remove_prefix(kSignature.size());
   const auto first = take_chunk(bytes);
   NEARMESH_RETURN_IF_ERROR(first);
@@ -161,11 +164,11 @@ Result<HeightGrid> read_png(std::string_view bytes) {
   std::vector<std::uint8_t> row(1 + grid.columns * header.post_bytes()), above(row.size());
   for (std::uint64_t r = 0; r < grid.rows; ++r) {
     if (!inflater.read(row))
-      return corrupt("row " + std::to_string(r) + ": expected " + std::to_string(grid.rows) +
-                     " rows, its samples end or cannot be unpacked here");
+      return corrupt_png("row " + std::to_string(r) + ": expected " + std::to_string(grid.rows) +
+                         " rows, its samples end or cannot be unpacked here");
     if (!unfilter(row, above, header.post_bytes()))
-      return corrupt("row " + std::to_string(r) + ": expected a filter from 0 to 4, found " +
-                     std::to_string(row[0]));
+      return corrupt_png("row " + std::to_string(r) + ": expected a filter from 0 to 4, found " +
+                         std::to_string(row[0]));
     const std::string_view samples(reinterpret_cast<const char*>(row.data()) + 1, row.size() - 1);
     for (std::size_t at = 0; at < samples.size(); at += header.post_bytes())
       grid.samples.push_back(decode_sample(samples.substr(at), sample));

@@ -10,10 +10,14 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "nearmesh/core/base/status.hpp"
 
 namespace nearmesh::meshio {
+
+/// What such a text is told by: format, place, what was expected and what was found.
+inline Status corrupt(std::string message) { return {StatusCode::kCorrupt, std::move(message)}; }
 
 inline bool is_blank(char c) {
   return c == ' ' || c == '\t' || c == '\r' || c == '\n' || c == '\f' || c == '\v';

@@ -2,6 +2,7 @@
 #include "full_world.hpp"
 
 #include <algorithm>
+#include <deque>
 #include <utility>
 
 #include "core/world/open_tiles.hpp"
@@ -10,11 +11,11 @@ namespace nearmesh::program {
 
 Result<NearTiles> find_near_tiles(const WorldFolder& folder, const WorldPage& root,
                                   const PosedPair& world_and_body, const GridBox& body) {
-  const PageOf page_of = [&folder](const WorldEntry& entry,
-                                   int level) -> Result<std::optional<WorldPage>> {
+  std::deque<WorldPage> pages;
+  const PageOf page_of = [&](const WorldEntry& entry, int level) -> Result<const WorldPage*> {
     Result<WorldPage> page = folder.page(entry, level);
     NEARMESH_RETURN_IF_ERROR(page);
-    return std::optional(std::move(page).value());
+    return &pages.emplace_back(std::move(page).value());
   };
   return nearmesh::find_near_tiles(folder.world(), root, page_of,
                                    make_relative_frame(world_and_body.a, world_and_body.b), body);

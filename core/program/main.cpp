@@ -241,6 +241,11 @@ void add_query(CLI::App& app, Action& chosen) {
                        "names; adds pair_total, how many there are, and truncated")
           ->check(CLI::Range(std::uint64_t{0}, std::uint64_t{0xffffffff}));
   command
+      ->add_option("--max-tests", options->method_options.query.max_tests,
+                   "End the search of a pose after so many tests, of 2 to 25 ns: partial or "
+                   "uncertain then, with what was found, and exhausted")
+      ->check(CLI::Range(std::uint64_t{0}, kAllTests));
+  command
       ->add_flag("--contacts", options->method_options.contacts,
                  "Add where the bodies touch: patches with centre, normal from A to B, length, and "
                  "bounds of their errors, of the listed pairs")

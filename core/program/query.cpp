@@ -63,6 +63,7 @@ nlohmann::ordered_json to_json(const PoseRow& row, const MethodAnswer& answer) {
                                  {"t_load_us", microseconds(answer.load_s)}};
   if (answer.answer.status == AnswerStatus::kContained)
     line["contained"] = to_string(answer.answer.contained);
+  if (answer.answer.exhausted) line["exhausted"] = true;
   return line;
 }
 
@@ -81,7 +82,8 @@ Status check_world_options(const PoseQueryOptions& options) {
     return {StatusCode::kInvalidArgument,
             "--method: of a world expected certified or full, found " + options.method};
   if (options.list_pairs || options.limited || options.method_options.contacts ||
-      options.method_options.query.solid_a || options.method_options.query.solid_b)
+      options.method_options.query.solid_a || options.method_options.query.solid_b ||
+      options.method_options.query.max_tests != kAllTests)
     return {
         StatusCode::kUnsupported,
         options.a + ": is a world, of which this command gives status and count of pairs alone"};

@@ -213,6 +213,8 @@ Result<std::unique_ptr<QueryMethod>> make_query_method(const std::string& name, 
     if (options.query.solid_a) NEARMESH_RETURN_IF_ERROR(check_solid(a.header().surface, "A"));
     if (options.query.solid_b) NEARMESH_RETURN_IF_ERROR(check_solid(b.header().surface, "B"));
   }
+  if (name == "grid" && options.query.max_tests != kAllTests)
+    return Status{StatusCode::kInvalidArgument, "method grid has no bound of tests"};
   if (name == "full") {
     method = std::make_unique<FixedMeshes>(a, b, options, FixedMeshes::kAllSplits);
   } else if (name == "base") {

@@ -48,7 +48,9 @@ Result<SweptAnswer> sweep_ahead(const Answer& now, const AskedBody& a, const Ask
       (a.age_s == 0 || is_at_rest(a.motion)) && (b.age_s == 0 || is_at_rest(b.motion));
   return sweep_from(is_of_surfaces && is_of_now ? &now : nullptr, a.view, motion_a.value(), a.name,
                     b.view, motion_b.value(), b.name,
-                    {.duration_s = options.sweep_s, .max_tests = options.max_sweep_tests});
+                    {.duration_s = options.sweep_s,
+                     .max_tests = options.max_sweep_tests,
+                     .is_over = options.is_over});
 }
 
 /// A walk that finds nothing near takes far fewer: it opens what the search for the bound did.
@@ -82,22 +84,33 @@ Result<Answered> answer(const AskedBody& a, const AskedBody& b, const AnswerOpti
       pose_pair(*a.view.grid, a.motion.pose, a.name, *b.view.grid, b.motion.pose, b.name);
   NEARMESH_RETURN_IF_ERROR(posed);
   const auto& [frame_a, frame_b] = posed.value();
+  const auto is_over = [&] { return options.is_over != nullptr && (*options.is_over)(); };
   Answered all;
   all.answer = query(a.view, frame_a, b.view, frame_b,
                      {.any = options.any,
                       .clearance = options.clearance,
                       .max_pairs = options.max_pairs,
                       .max_tests = options.max_tests,
+                      .is_over = options.is_over,
                       .solid_a = a.solid,
                       .solid_b = b.solid});
   const Answer& now = all.answer;
-  if ((options.contacts || options.depth) && !now.pairs.empty())
-    all.contacts = find_contacts(a.view, frame_a, b.view, frame_b, now);
-  if (options.depth && !now.pairs.empty()) {
-    Result<Depth> depth = find_depth(a.view, a.motion.pose, a.name, b.view, b.motion.pose, b.name,
-                                     now, *all.contacts, {.solid_a = a.solid, .solid_b = b.solid});
+  const bool wants_contacts = (options.contacts || options.depth) && !now.pairs.empty();
+  all.is_cut_short = (now.exhausted && tests_of(now.stats) < options.max_tests) ||
+                     ((wants_contacts || options.sweep_s > 0) && is_over());
+  if (all.is_cut_short) return all;
+  if (wants_contacts) all.contacts = find_contacts(a.view, frame_a, b.view, frame_b, now);
+  if (options.depth && wants_contacts) {
+    Result<Depth> depth =
+        find_depth(a.view, a.motion.pose, a.name, b.view, b.motion.pose, b.name, now, *all.contacts,
+                   {.solid_a = a.solid,
+                    .solid_b = b.solid,
+                    .max_tests = options.max_depth_tests,
+                    .is_over = options.is_over});
     NEARMESH_RETURN_IF_ERROR(depth);
     all.depth = std::move(depth).value();
+    all.is_cut_short = all.depth->exhausted && is_over();
+    if (all.is_cut_short) return all;
   }
   if (is_certified(now.status) && now.pair_total == 0)
     all.safe_horizon_s =
@@ -105,9 +118,10 @@ Result<Answered> answer(const AskedBody& a, const AskedBody& b, const AnswerOpti
   if (options.sweep_s <= 0) return all;
   if (is_free_by_speed(a, b, all.safe_horizon_s, options.sweep_s)) {
     all.swept = SweptAnswer{.status = AnswerStatus::kFree, .free_until_s = options.sweep_s};
-  } else {
-    all.swept = sweep_ahead(now, a, b, options);
+    return all;
   }
+  all.swept = sweep_ahead(now, a, b, options);
+  all.is_cut_short = all.swept->is_ok() && all.swept->value().exhausted && is_over();
   return all;
 }
 

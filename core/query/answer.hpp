@@ -31,9 +31,13 @@ struct AnswerOptions {
   bool depth = false;     ///< and how deep they are in each other; implies `contacts`
   double sweep_s = 0;     ///< also answer for all of this time ahead; 0: do not
   std::uint64_t max_sweep_tests = SweepOptions{}.max_tests;
+  std::uint64_t max_depth_tests = kDepthTests;
+  /// Time for all of it. Where it says so before the end, nothing is answered: a part that depends on when it ended would be none.
+  const IsOver* is_over = nullptr;
 };
 
 struct Answered {
+  bool is_cut_short = false;  ///< by AnswerOptions::is_over: nothing else in here counts
   Answer answer;
   std::optional<Contacts> contacts;  ///< where asked for and there are pairs
   std::optional<Depth> depth;        ///< likewise

@@ -5,14 +5,11 @@
 #include <cmath>
 
 #include "core/base/float_guard.hpp"
+#include "core/geometry/vec3.hpp"
 #include "walk.hpp"
 
 namespace nearmesh {
 namespace {
-
-using Vec3 = std::array<double, 3>;
-
-double dot(const Vec3& a, const Vec3& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 /// The corners of an obstacle, in own units. The drift is left out: what is chosen is tested with it.
 void add_corners(const Obstacle& obstacle, std::vector<Vec3>& to) {

@@ -45,9 +45,9 @@ class PlacedNodes {
 /// First it dives: from pair to pair below the nearest one, down to two ends. What it finds there says how near is near
 /// enough, so that few pairs need be queued. A pair whose gap is more than the share that is sought of the least distance found
 /// changes nothing, and is left out.
-class Search {
+class NearestSearch {
  public:
-  Search(const Scene& scene, Clearance sought, QueryStats& stats)
+  NearestSearch(const Scene& scene, Clearance sought, QueryStats& stats)
       : s_(scene),
         stats_(stats),
         share_(sought == Clearance::kExact ? 1 : kClearanceShare),
@@ -219,7 +219,7 @@ class Search {
 DistanceBounds find_distance(const Scene& scene, Clearance sought, QueryStats& stats) {
   if (scene.a.nodes[0].lanes == 0 || scene.b.nodes[0].lanes == 0)
     return {.at_least_m = std::numeric_limits<double>::infinity(), .share = 1};
-  return Search(scene, sought, stats).run();
+  return NearestSearch(scene, sought, stats).run();
 }
 
 }  // namespace nearmesh

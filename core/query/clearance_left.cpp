@@ -10,11 +10,11 @@
 
 #include "core/base/float_guard.hpp"
 #include "core/geometry/motion_bounds.hpp"
+#include "swept_frames.hpp"
 
 namespace nearmesh {
 namespace {
 
-constexpr double kRoundUp = 1 + 0x1p-40;
 constexpr int kNoLattice = -1000;
 
 template <std::size_t kCount>

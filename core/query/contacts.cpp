@@ -21,13 +21,13 @@
 #include "core/base/float_guard.hpp"
 #include "core/geometry/nearest_points.hpp"
 #include "core/geometry/triangle_intersection.hpp"
+#include "core/geometry/vec3.hpp"
 #include "touching_faces.hpp"
 
 namespace nearmesh {
 namespace {
 
 __extension__ typedef __int128 Int128;
-using Vec3 = std::array<double, 3>;
 
 double length(const Vec3& v) { return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
 

@@ -15,12 +15,12 @@
 
 #include "core/base/float_guard.hpp"
 #include "core/geometry/triangle_overlap.hpp"
+#include "core/geometry/vec3.hpp"
 #include "touching_faces.hpp"
 
 namespace nearmesh {
 namespace {
 
-using Vec3 = std::array<double, 3>;
 using Step = std::int64_t;
 
 constexpr Step kNoStep = -1;
@@ -33,12 +33,6 @@ constexpr std::uint64_t kTestsAGuess = 32;
 constexpr std::uint64_t kLeastTests = 4096;
 /// The bracket is narrowed until what is left open is this share of it.
 constexpr Step kNarrow = 256;
-
-double dot(const Vec3& a, const Vec3& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-Vec3 minus(const Vec3& a, const Vec3& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
-Vec3 cross(const Vec3& a, const Vec3& b) {
-  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
-}
 
 /// Zero where v has no direction, or is not finite.
 Vec3 unit(Vec3 v) {
@@ -94,9 +88,9 @@ struct Touching {
 };
 
 /// One direction.
-class Search {
+class WayOut {
  public:
-  Search(const Touching& bodies, const Vec3& direction, const DepthOptions& options,
+  WayOut(const Touching& bodies, const Vec3& direction, const DepthOptions& options,
          std::uint64_t max_tests)
       : t_(bodies),
         direction_(direction),
@@ -122,6 +116,9 @@ class Search {
   }
   [[nodiscard]] const Answer& undecided() const { return undecided_; }
   [[nodiscard]] const QueryStats& stats() const { return stats_; }
+  [[nodiscard]] bool is_over() const {
+    return options_.is_over != nullptr && (*options_.is_over)();
+  }
   [[nodiscard]] std::uint64_t spent() const { return tests_of(stats_) + kTestsAGuess * guesses_; }
 
  private:
@@ -152,6 +149,7 @@ class Search {
               {.clearance = Clearance::kNone,
                .max_pairs = kMostPairs,
                .max_tests = std::max(max_tests_ - std::min(max_tests_, spent()), kLeastTests),
+               .is_over = options_.is_over,
                .solid_a = options_.solid_a,
                .solid_b = options_.solid_b});
     stats_.box_tests += answer.stats.box_tests;
@@ -219,7 +217,7 @@ class Search {
     while (leap(pairs, step)) {
       if (reached_ >= of_no_use) return;
       step = reached_ + 1;
-      if (spent() >= max_tests_ / 2) {  // the rest is for the other bound
+      if (spent() >= max_tests_ / 2 || is_over()) {  // the rest is for the other bound
         has_spent_ = true;
         return;
       }
@@ -262,6 +260,10 @@ class Search {
   void rise() {
     blocked_ = reached_;
     for (Step further = 1; blocked_ < farthest_; further *= 4) {
+      if (is_over()) {
+        has_spent_ = true;
+        return;
+      }
       if (try_step(has_run_out() ? farthest_ : std::min(blocked_ + further, farthest_))) return;
     }
   }
@@ -278,7 +280,7 @@ class Search {
   }
 
   bool has_run_out() {
-    if (spent() < max_tests_) return false;
+    if (spent() < max_tests_ && !is_over()) return false;
     has_spent_ = true;
     return true;
   }
@@ -346,7 +348,7 @@ Result<Depth> find_depth(const TreeView& a, const Pose& pose_a, std::string_view
   Step least_free = std::numeric_limits<Step>::max();
   std::uint64_t left = options.max_tests;
   for (std::size_t i = 0; i < directions.size(); ++i) {
-    Search search(bodies, directions[i], options, left / (directions.size() - i));
+    WayOut search(bodies, directions[i], options, left / (directions.size() - i));
     search.run(pairs, least_free);
     left -= std::min(left, search.spent());
     best.exhausted = best.exhausted || search.has_spent();

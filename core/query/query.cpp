@@ -46,7 +46,8 @@ class Query {
     if (options_.max_pairs < kAllPairs - kFewPairs)
       finds.most_pairs = 2 * std::max(options_.max_pairs, kFewPairs);
     finds.hand_on = [&] { take(finds); };
-    answer_.exhausted = !walk_trees(s_, seeks, options_.max_tests, finds, answer_.stats);
+    answer_.exhausted =
+        !walk_trees(s_, seeks, {options_.max_tests, options_.is_over}, finds, answer_.stats);
     if (seeks == Seeks::kAnyPair && !finds.pairs.empty()) {
       answer_.exhausted = false;
       finds.unresolved.clear();
@@ -67,7 +68,10 @@ class Query {
   }
 
   [[nodiscard]] bool touches() const { return dropped_pairs_ != 0 || !answer_.pairs.empty(); }
-  [[nodiscard]] bool has_spent() const { return tests_of(answer_.stats) >= options_.max_tests; }
+  [[nodiscard]] bool has_spent() const {
+    return tests_of(answer_.stats) >= options_.max_tests ||
+           (options_.is_over != nullptr && (*options_.is_over)());
+  }
 
   // Names what to split next, unless the pair is proved apart, or has a part that is named already: it will be looked at
   // again once that is split.

@@ -24,6 +24,7 @@
 #include "core/base/float_guard.hpp"
 #include "core/geometry/motion_bounds.hpp"
 #include "core/geometry/triangle_overlap.hpp"
+#include "core/geometry/vec3.hpp"
 #include "lacking_ahead.hpp"
 #include "nearmesh/core/geometry/detail/box_overlap.hpp"
 #include "sweep_from.hpp"
@@ -34,12 +35,16 @@ namespace nearmesh {
 namespace {
 
 using Kind = TreeEntry::Kind;
-using Vec3 = std::array<double, 3>;
 
+/// So many tests lie between looks at SweepOptions::is_over: they take longer than a query's.
+constexpr std::uint64_t kSweepTestsALook = 256;
 constexpr double kNever = std::numeric_limits<double>::infinity();
 
 [[nodiscard]] QueryOptions first_contact(const SweepOptions& options) {
-  return {.any = true, .clearance = Clearance::kNone, .max_tests = options.max_tests};
+  return {.any = true,
+          .clearance = Clearance::kNone,
+          .max_tests = options.max_tests,
+          .is_over = options.is_over};
 }
 
 /// Unresolved nodes that a sweep met, those of the tree and parts of missing ones: by number, since it comes back to the same ones in
@@ -197,10 +202,17 @@ class SweptQuery {
   /// Nothing that starts at that time or later can change the answer. Notes an exhausted budget.
   bool is_over(double start_s) {
     if (!status_.is_ok() || answer_.exhausted || start_s >= answer_.hit_s) return true;
-    if (answer_.stats.box_tests + answer_.stats.triangle_tests < options_.max_tests) return false;
+    const std::uint64_t spent = answer_.stats.box_tests + answer_.stats.triangle_tests;
+    if (spent < options_.max_tests && !has_no_time(spent)) return false;
     answer_.exhausted = true;
     undecided_s_ = std::min(undecided_s_, start_s);
     return true;
+  }
+
+  bool has_no_time(std::uint64_t spent) {
+    if (options_.is_over == nullptr || spent < next_look_) return false;
+    next_look_ = spent + kSweepTestsALook;
+    return (*options_.is_over)();
   }
 
   [[nodiscard]] bool is_finest(const View& view) const {
@@ -436,6 +448,7 @@ class SweptQuery {
   std::vector<Pair> stack_;
   MetNodes met_a_, met_b_;
   bool seeks_contact_ = true;
+  std::uint64_t next_look_ = kSweepTestsALook;
   const Require nothing_;
   const Require *require_a_ = &nothing_, *require_b_ = &nothing_;
   double undecided_s_ = kNever;  ///< start of the first interval that could not be settled

@@ -127,7 +127,7 @@ class WalkedBody {
 template <Seeks kSeeks>
 class Walk {
  public:
-  Walk(const Scene& scene, WalkMemory& memory, std::uint64_t max_tests, WalkFinds& finds,
+  Walk(const Scene& scene, WalkMemory& memory, const WalkLimits& limits, WalkFinds& finds,
        QueryStats& stats)
       : s_(scene),
         stack_(memory.stack),
@@ -135,7 +135,9 @@ class Walk {
                  memory.blocks[0]},
                 {scene.b, scene.b_in_a, scene.a_in_b(), scene.cell_b_m, memory.nodes[1],
                  memory.blocks[1]}},
-        max_tests_(max_tests),
+        limits_(limits),
+        next_look_(limits.is_over != nullptr ? std::min(limits.max_tests, kTestsALook)
+                                             : limits.max_tests),
         finds_(finds),
         pairs_(finds.pairs),
         unresolved_(finds.unresolved),
@@ -152,7 +154,8 @@ class Walk {
         look_at_latest();
       }
       if (kAny && !pairs_.empty()) return true;
-      if (HWY_UNLIKELY(tests_of(stats_) >= max_tests_) && (stack_.size | end_count_) != 0)
+      if (HWY_UNLIKELY(tests_of(stats_) >= next_look_) && (stack_.size | end_count_) != 0 &&
+          is_over())
         return false;
       if (HWY_UNLIKELY(unresolved_.size() > finds_.most_unresolved ||
                        pairs_.size() > finds_.most_pairs))
@@ -164,6 +167,12 @@ class Walk {
 
  private:
   using Kind = TreeEntry::Kind;
+  HWY_NOINLINE bool is_over() {
+    const std::uint64_t spent = tests_of(stats_);
+    if (spent >= limits_.max_tests || (*limits_.is_over)()) return true;
+    next_look_ = std::min(limits_.max_tests, spent + kTestsALook);
+    return false;
+  }
   static constexpr bool kAny = kSeeks == Seeks::kAnyPair;
 
   // Where one contact suffices, the part that reaches deepest into the other comes next: it is the likeliest to have it.
@@ -417,24 +426,25 @@ class Walk {
   PendingPair ends_[kEnds + 1];
   std::size_t end_count_ = 0, opened_ = 0;
   std::uint32_t faces_a_[kLanes], faces_b_[kLanes], pair_count_ = 0;
-  const std::uint64_t max_tests_;
+  const WalkLimits limits_;
+  std::uint64_t next_look_;  // in tests
   WalkFinds& finds_;
   std::vector<FacePair>& pairs_;
   std::vector<UnresolvedPair>& unresolved_;
   QueryStats& stats_;
 };
 
-bool walk_all(const Scene& scene, Seeks seeks, std::uint64_t max_tests, WalkMemory& memory,
+bool walk_all(const Scene& scene, Seeks seeks, const WalkLimits& limits, WalkMemory& memory,
               WalkFinds& finds, QueryStats& stats) {
   switch (seeks) {
     case Seeks::kPairs:
       break;
     case Seeks::kAnyPair:
-      return Walk<Seeks::kAnyPair>(scene, memory, max_tests, finds, stats).run();
+      return Walk<Seeks::kAnyPair>(scene, memory, limits, finds, stats).run();
     case Seeks::kUnresolved:
-      return Walk<Seeks::kUnresolved>(scene, memory, max_tests, finds, stats).run();
+      return Walk<Seeks::kUnresolved>(scene, memory, limits, finds, stats).run();
   }
-  return Walk<Seeks::kPairs>(scene, memory, max_tests, finds, stats).run();
+  return Walk<Seeks::kPairs>(scene, memory, limits, finds, stats).run();
 }
 
 }  // namespace nearmesh::HWY_NAMESPACE
@@ -460,14 +470,14 @@ const RelativeFrame& Scene::a_in_b() const {
   return *a_in_b_;
 }
 
-bool walk_trees(const Scene& scene, Seeks seeks, std::uint64_t max_tests, WalkFinds& finds,
+bool walk_trees(const Scene& scene, Seeks seeks, const WalkLimits& limits, WalkFinds& finds,
                 QueryStats& stats) {
   const TreeNode &a = scene.a.nodes[0], &b = scene.b.nodes[0];
   if (a.lanes == 0 || b.lanes == 0) return true;
   ++stats.box_tests;
   if (boxes_apart(scene.b_in_a, centered(a.boxes.box(0)), centered(b.boxes.box(0)))) return true;
   WalkMemory memory;
-  return HWY_DYNAMIC_DISPATCH(walk_all)(scene, seeks, max_tests, memory, finds, stats);
+  return HWY_DYNAMIC_DISPATCH(walk_all)(scene, seeks, limits, memory, finds, stats);
 }
 
 }  // namespace nearmesh

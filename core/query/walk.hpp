@@ -95,9 +95,15 @@ struct WalkFinds {
   std::function<void()> hand_on;
 };
 
-/// Adds pairs of faces that touch, and pairs that need detail, each in an order that follows from the trees' shapes. Ends when
-/// `max_tests` are spent; false then. Threads: any.
-[[nodiscard]] bool walk_trees(const Scene& scene, Seeks seeks, std::uint64_t max_tests,
+/// How long a walk may be: as in QueryOptions.
+struct WalkLimits {
+  std::uint64_t max_tests = kAllTests;
+  const IsOver* is_over = nullptr;
+};
+
+/// Adds pairs of faces that touch, and pairs that need detail, each in an order that follows from the trees' shapes. Ends at the
+/// limits; false then. Threads: any.
+[[nodiscard]] bool walk_trees(const Scene& scene, Seeks seeks, const WalkLimits& limits,
                               WalkFinds& finds, QueryStats& stats);
 
 }  // namespace nearmesh

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coding_sets.hpp"
 
+#include <array>
+#include <utility>
+
 #include "train.hpp"
 
 namespace nearmesh {
@@ -44,10 +47,7 @@ std::optional<CodingTables> read_numbered(BitReader& in, std::uint32_t set) {
   return CodingTables(std::move(contexts), set);
 }
 
-}  // namespace
-
-std::optional<CodingTables> coding_set(std::uint32_t number) {
-  NEARMESH_ASSERT(number >= 1 && number <= coding_set_count());
+std::optional<CodingTables> read_set(std::uint32_t number) {
   std::vector<std::uint8_t> bytes;
   for (const std::uint64_t word : coding_sets_data()[number - 1].words)
     for (int shift = 56; shift >= 0; shift -= 8)
@@ -56,6 +56,33 @@ std::optional<CodingTables> coding_set(std::uint32_t number) {
   std::optional<CodingTables> tables = read_numbered(in, number);
   if (in.bits_left() >= 64) return std::nullopt;
   return tables;
+}
+
+// A constant each, read where it is first asked for: a set takes some 700 KB, and few are used.
+template <std::uint32_t kNumber>
+const std::optional<CodingTables>& constant_set() {
+  // NOLINTNEXTLINE(readability-identifier-naming): a constant, and the check for global state knows those by their names
+  static const std::optional<CodingTables> kSet = read_set(kNumber);
+  return kSet;
+}
+
+using ConstantSet = const std::optional<CodingTables>& (*)();
+constexpr std::uint32_t kMostSets = 32;
+
+template <std::uint32_t... kBefore>
+constexpr std::array<ConstantSet, kMostSets> constant_sets(
+    std::integer_sequence<std::uint32_t, kBefore...>) {
+  return {constant_set<kBefore + 1>...};
+}
+
+}  // namespace
+
+// Tiles of a world have a set, so all models of a set share it.
+std::optional<CodingTables> coding_set(std::uint32_t number) {
+  NEARMESH_ASSERT(number >= 1 && number <= coding_set_count() && number <= kMostSets);
+  static constexpr std::array kSets =
+      constant_sets(std::make_integer_sequence<std::uint32_t, kMostSets>());
+  return kSets[number - 1]();
 }
 
 void write_tables(BitWriter& out, const CodingTables& tables) {

@@ -15,7 +15,7 @@ namespace nearmesh {
 
 /// The sets have the numbers 1, 2 and so on; 0 stands for tables that the header carries.
 [[nodiscard]] std::uint32_t coding_set_count();
-/// In: 1 to coding_set_count(). None where the data are of another codec: only while that
+/// All who ask share it. Threads: any. In: 1 to coding_set_count(). None where the data are of another codec: only while that
 /// is being changed, until the data are made anew.
 [[nodiscard]] std::optional<CodingTables> coding_set(std::uint32_t number);
 

@@ -158,9 +158,9 @@ class Prober {
         out.push_back({entry});
         continue;
       }
-      const Result<std::optional<WorldPage>> below = world_.page_of(entry, from.level - 1);
+      const Result<const WorldPage*> below = world_.page_of(entry, from.level - 1);
       NEARMESH_RETURN_IF_ERROR(below);
-      if (!below.value()) {
+      if (below.value() == nullptr) {
         out.push_back({entry, true});
         continue;
       }

@@ -18,7 +18,7 @@ namespace nearmesh {
 struct HeldWorld {
   const WorldRecord& record;
   const WorldPage& root;
-  PageOf page_of;  ///< none: it is not here
+  PageOf page_of;  ///< null: it is not here
   /// The tree of a tile, in whatever place; none: it is not here.
   std::function<std::optional<TreeView>(const WorldEntry& tile)> tile_of;
 };

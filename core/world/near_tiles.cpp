@@ -36,7 +36,7 @@ class Search {
       }
       const auto below = page_of_(entry, page.level - 1);
       NEARMESH_RETURN_IF_ERROR(below);
-      if (!below.value()) {
+      if (below.value() == nullptr) {
         out.missing.push_back({entry, page.level - 1});
         continue;
       }

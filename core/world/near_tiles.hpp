@@ -5,7 +5,6 @@
 
 #include <functional>
 #include <limits>
-#include <optional>
 
 #include "nearmesh/core/geometry/detail/box_overlap.hpp"
 #include "nearmesh/core/spm/detail/split_store.hpp"
@@ -28,8 +27,8 @@ struct NearTiles {
   std::uint64_t pages = 0;  ///< looked at
 };
 
-/// The page of an entry at a level, checked (check_page); none where it is not at hand.
-using PageOf = std::function<Result<std::optional<WorldPage>>(const WorldEntry& entry, int level)>;
+/// The page of an entry at a level, checked (check_page); null where it is not at hand. It stays where it is until the search has ended.
+using PageOf = std::function<Result<const WorldPage*>(const WorldEntry& entry, int level)>;
 
 /// In: a box of a world's, which fits.
 [[nodiscard]] GridBox as_grid_box(const CellBox& box);

@@ -135,6 +135,7 @@ Result<WorldPage> decode_page(std::span<const std::uint8_t> bytes) {
   if (count == 0 || count > kMaxPageEntries || bytes.size() != kPageHeadBytes + count * kEntryBytes)
     return corrupt("page of a world: " + std::to_string(count) + " entries in " +
                    std::to_string(bytes.size()) + " bytes");
+  page.entries.reserve(count);
   for (std::size_t i = 0; i < count; ++i) {
     WorldEntry entry;
     for (std::int32_t& cells : entry.place)

@@ -36,7 +36,7 @@ TileSum::TileSum(const TileSumOptions& options, const ContentHash& world, const 
   sum_.clearance_m = around.rest_m;
   words_.push_back(world.high);
   if (around.near.missing.empty()) return;
-  is_all_known_ = is_all_certified_ = false;
+  is_all_certified_ = false;
   sum_.uncertainty_m = std::numeric_limits<double>::infinity();
 }
 
@@ -50,7 +50,7 @@ void TileSum::note(const WorldEntry& tile, std::size_t pairs,
 }
 
 void TileSum::add_unknown(const WorldEntry& tile) {
-  is_all_known_ = is_all_certified_ = false;
+  is_all_certified_ = false;
   sum_.uncertainty_m = std::numeric_limits<double>::infinity();
   note(tile, 0, {});
 }

@@ -31,8 +31,6 @@ class TileSum {
   void add_unknown(const WorldEntry& tile);
   /// One that was asked. Out: so many of its pairs are among the sum's.
   std::size_t add(const WorldEntry& tile, const Answer& answer);
-  /// All tiles are added, and each page is here.
-  [[nodiscard]] bool is_all_known() const { return is_all_known_; }
   /// The sum misses nodes of the other body alone: those of tiles have names in their models.
   [[nodiscard]] Answer finish();
   /// Of the answer that finish() gave, and of what tiles miss and have: as digest(Answer).
@@ -43,7 +41,6 @@ class TileSum {
 
   TileSumOptions options_;
   Answer sum_;
-  bool is_all_known_ = true;      // so far
   bool is_all_certified_ = true;  // so far
   int contained_ = 0;
   std::vector<std::uint64_t> words_;  // of tiles that are not free

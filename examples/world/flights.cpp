@@ -4,6 +4,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
@@ -16,39 +17,63 @@ namespace {
 
 constexpr double kSpacing_m = 5, kStep_m = 0.1;
 
-/// Of the post in a column from the west and a row from the south. Its period is the grid's side of so many cells.
-double height_m(int cells, std::int64_t column, std::int64_t row) {
-  const auto wave = [cells](std::int64_t at, int waves) {
-    const std::int64_t place = (at % cells + cells) % cells;
-    return 2 * std::numbers::pi * static_cast<double>(place * waves % cells) / cells;
-  };
-  const double metres = 300 + 200 * std::sin(wave(column, 1)) * std::cos(wave(row, 1)) +
-                        60 * std::sin(wave(column, 8)) * std::sin(wave(row, 5)) +
-                        8 * std::sin(wave(column, 61)) * std::cos(wave(row, 53));
-  return std::round(metres / kStep_m) * kStep_m;
-}
+struct Hills {
+  double height_m, east_m, north_m;  // and how long a wave is, about
+};
+constexpr std::array<Hills, 3> kHills{{{200, 14'140, 14'140}, {60, 1'768, 2'828}, {8, 232, 267}}};
 
-/// Of the ground within a distance, the highest post.
-double top_m(int cells, double x_m, double y_m, double around_m) {
-  double top = -1e9;
-  const auto first = [&](double at) {
-    return static_cast<std::int64_t>((at - around_m) / kSpacing_m);
-  };
-  const auto last = [&](double at) {
-    return static_cast<std::int64_t>((at + around_m) / kSpacing_m) + 1;
-  };
-  for (std::int64_t j = first(y_m); j <= last(y_m); ++j)
-    for (std::int64_t i = first(x_m); i <= last(x_m); ++i)
-      top = std::max(top, height_m(cells, i, j));
-  return top;
-}
+/// Heights that go on without a seam when they are laid side by side: hills of several lengths, of which whole numbers fit. No part of the grid is like
+/// another.
+class Ground {
+ public:
+  explicit Ground(int cells) : cells_(cells) {
+    for (const Hills& hills : kHills) {
+      std::vector<double>& east = east_.emplace_back();
+      std::vector<double>& north = north_.emplace_back();
+      for (int i = 0; i < cells; ++i) {
+        east.push_back(hills.height_m * std::sin(phase(i, hills.east_m)));
+        north.push_back(std::cos(phase(i, hills.north_m)));
+      }
+    }
+  }
+  /// Of the post in a column from the west and a row from the south.
+  [[nodiscard]] double height_m(std::int64_t column, std::int64_t row) const {
+    const auto i = static_cast<std::size_t>((column % cells_ + cells_) % cells_);
+    const auto j = static_cast<std::size_t>((row % cells_ + cells_) % cells_);
+    double metres = 300;
+    for (std::size_t k = 0; k < east_.size(); ++k) metres += east_[k][i] * north_[k][j];
+    return std::round(metres / kStep_m) * kStep_m;
+  }
+  /// Within a distance of a place, the highest post.
+  [[nodiscard]] double top_m(double x_m, double y_m, double around_m) const {
+    double top = -1e9;
+    const auto first = [&](double at) {
+      return static_cast<std::int64_t>((at - around_m) / kSpacing_m);
+    };
+    const auto last = [&](double at) {
+      return static_cast<std::int64_t>((at + around_m) / kSpacing_m) + 1;
+    };
+    for (std::int64_t j = first(y_m); j <= last(y_m); ++j)
+      for (std::int64_t i = first(x_m); i <= last(x_m); ++i) top = std::max(top, height_m(i, j));
+    return top;
+  }
 
-bool write_heights(const std::filesystem::path& path, int cells) {
+ private:
+  [[nodiscard]] double phase(int at, double length_m) const {
+    const auto waves = std::max<std::int64_t>(1, std::llround(cells_ * kSpacing_m / length_m));
+    return 2 * std::numbers::pi * static_cast<double>(at * waves % cells_) / cells_;
+  }
+
+  int cells_;
+  std::vector<std::vector<double>> east_, north_;
+};
+
+bool write_heights(const std::filesystem::path& path, const Ground& ground, int cells) {
   std::ofstream out(path, std::ios::binary);
   for (int row = cells; row >= 0; --row)  // the northern one first
     for (int column = 0; column <= cells; ++column) {
       const auto sample =
-          static_cast<std::int16_t>(std::lround(height_m(cells, column, row) / kStep_m));
+          static_cast<std::int16_t>(std::lround(ground.height_m(column, row) / kStep_m));
       out.put(static_cast<char>(sample & 0xff)).put(static_cast<char>(sample >> 8));
     }
   out.close();
@@ -56,13 +81,14 @@ bool write_heights(const std::filesystem::path& path, int cells) {
 }
 
 struct Plan {
-  int cells = 2828;  // a side of the heights
-  int repeats = 25, peers = 4, bodies = 1000, low = 100, frames = 200;
+  int cells = 7071;  // a side of the heights
+  int repeats = 10, peers = 4, bodies = 1000, low = 100, frames = 200;
   double rate_hz = 10;
 };
 
 /// Every body has a square of the world for itself. Those that fly low follow the ground, and every fourth of them touches it for a while.
-bool write_flight(const std::filesystem::path& path, const Plan& plan, int body, bool is_low) {
+bool write_flight(const std::filesystem::path& path, const Ground& ground, const Plan& plan,
+                  int body, bool is_low) {
   constexpr double kSpeed_mps = 150, kAround_m = 20;
   const double world_m = plan.cells * kSpacing_m * plan.repeats;
   const int columns = static_cast<int>(std::ceil(std::sqrt(plan.bodies)));
@@ -76,15 +102,15 @@ bool write_flight(const std::filesystem::path& path, const Plan& plan, int body,
     const double x_m = x0 + kSpeed_mps * frame / plan.rate_hz;
     const double way = static_cast<double>(frame) / plan.frames;
     const double dip_m = body % 4 == 0 && way > 0.4 && way < 0.6 ? -6 : 12;
-    const double z_m =
-        is_low ? top_m(plan.cells, x_m, y_m, kAround_m) + dip_m : 3000 + body % 50 * 100;
+    const double z_m = is_low ? ground.top_m(x_m, y_m, kAround_m) + dip_m : 3000 + body % 50 * 100;
     out << "1,0,0,0," << x_m << ',' << y_m << ',' << z_m << '\n';
   }
   out.close();
   return out.good();
 }
 
-bool write_peer(const std::filesystem::path& folder, const Plan& plan, int peer) {
+bool write_peer(const std::filesystem::path& folder, const Ground& ground, const Plan& plan,
+                int peer) {
   const std::string name = "peer" + std::to_string(peer + 1);
   const std::filesystem::path flights = folder / name;
   std::filesystem::create_directories(flights);
@@ -95,7 +121,7 @@ bool write_peer(const std::filesystem::path& folder, const Plan& plan, int peer)
   for (int body = peer; body < plan.bodies; body += plan.peers) {
     const std::string its = "craft" + std::to_string(body);
     const bool is_low = plan.low > 0 && body / plan.peers % share == 0;
-    if (!write_flight(flights / (its + ".csv"), plan, body, is_low)) return false;
+    if (!write_flight(flights / (its + ".csv"), ground, plan, body, is_low)) return false;
     bodies += "  - {name: " + its + ", model: aircraft}\n";
     moves += "  - {body: " + its + ", trajectory: " + name + "/" + its + ".csv}\n";
   }
@@ -136,9 +162,10 @@ int main(int argc, char** argv) {
   CLI11_PARSE(app, argc, argv);
   std::error_code error;
   std::filesystem::create_directories(folder, error);
-  bool is_written = write_heights(folder + "/heights.raw", plan.cells);
+  const Ground ground(plan.cells);
+  bool is_written = write_heights(folder + "/heights.raw", ground, plan.cells);
   for (int peer = 0; peer < plan.peers; ++peer)
-    is_written = is_written && write_peer(folder, plan, peer);
+    is_written = is_written && write_peer(folder, ground, plan, peer);
   if (!is_written)
     std::fprintf(stderr, "nearmesh-world-flights: cannot write in %s\n", folder.c_str());
   return is_written ? 0 : 1;

@@ -225,7 +225,7 @@ class DiscoveryListener : public FindingListener {
         on_reader_(options.on_reader) {}
 
   void participant_found(const FoundParticipant& found) override {
-    const std::string name = shown_name(found.name);
+    const std::string name = shown_participant(found.name);
     mailbox_.meet(key_of(found.participant), found.is_gone || name == kUnnamed ? "" : name);
   }
   void writer_found(const FoundEndpoint& found) override {
@@ -355,7 +355,7 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
   // From scratch, not from the default profile: an XML file meant for other programs must not reach
   // us.
   fdds::DomainParticipantQos qos;
-  qos.name(name_of_process(options.transport.name));
+  qos.name(announced_name(options.transport.name));
   speak_as_2_9(qos);
   NEARMESH_RETURN_IF_ERROR(set_transport(options.transport, qos));
   if (!options.transport.security.empty()) {
@@ -383,13 +383,13 @@ Result<std::unique_ptr<Bus>> Bus::open(const BusOptions& options, Mailbox& mailb
   bus->is_own_ = true;
   bus->add_routes();
   bus->door_ = door_watch_of(*bus->participant_);
-  bus->door_->set_complaint([&mailbox](std::string line) { mailbox.complain(std::move(line)); });
+  bus->door_->set_mailbox(&mailbox);
   return bus;
 }
 
 Bus::~Bus() {
   if (participant_ == nullptr) return;
-  if (is_own_) door_->set_complaint({});
+  if (is_own_) door_->set_mailbox(nullptr);
   while (!writers_.empty()) remove_writer(writers_.back());
   while (!readers_.empty()) remove_reader(readers_.back());
   for (fdds::ContentFilteredTopic* topic : routed_)
@@ -504,8 +504,14 @@ Result<fdds::DataReader*> Bus::add_reader(fdds::TopicDescription* topic,
                 "Fast DDS could not create a reader of " + topic->get_name() + refusal_hint_};
 }
 
+void drop_samples(fdds::DataWriter& writer) {
+  std::size_t dropped = 0;
+  writer.clear_history(&dropped);
+}
+
 void Bus::remove_writer(fdds::DataWriter* writer) {
   std::erase(writers_, writer);
+  drop_samples(*writer);
   auto* publisher = const_cast<fdds::Publisher*>(writer->get_publisher());
   publisher->delete_datawriter(writer);
   participant_->delete_publisher(publisher);

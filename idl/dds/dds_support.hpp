@@ -22,6 +22,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <new>
 #include <optional>
 #include <set>
 #include <string>
@@ -41,6 +42,16 @@ class DoorWatch;
 
 using Timestamp = rtps::Time_t;
 using Microseconds = std::int64_t;
+
+/// Of a thread of ours, which nothing may leave: what `step` says; kIo where there is no memory for it.
+template <class Step>
+[[nodiscard]] Status or_no_memory(Step step) {
+  try {
+    return step();
+  } catch (const std::bad_alloc&) {
+    return {StatusCode::kIo, "no memory"};
+  }
+}
 
 /// Since the epoch, by the clock that stamps received samples.
 [[nodiscard]] Microseconds now_us();
@@ -200,6 +211,10 @@ struct BusOptions {
   /// The same of readers.
   std::function<void(const Found& found)> on_reader;
 };
+
+/// To be called before a writer is deleted. Fast DDS before 2.13 resets the samples of a writer that it deletes while a heartbeat
+/// may look for gaps between them, and then neither thread ever ends (its pull request 4076).
+void drop_samples(fdds::DataWriter& writer);
 
 class DiscoveryListener;
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <exception>
 #include <filesystem>
+#include <new>
 #include <utility>
 
 #include "door_watch.hpp"
@@ -58,6 +59,17 @@ class Door final : public ChainedTransport, private LeaseEnd {
 
   void receive(rtps::TransportReceiverInterface* next, const octet* data, std::uint32_t size,
                const Locator_t& local, const Locator_t& remote) override {
+    try {
+      judge(*next, data, size, local, remote);
+    } catch (const std::bad_alloc&) {
+      // Lost as on the way: what counts is sent again.
+      watch_->complain_of_memory();
+    }
+  }
+
+ private:
+  void judge(rtps::TransportReceiverInterface& next, const octet* data, std::uint32_t size,
+             const Locator_t& local, const Locator_t& remote) {
     const bool is_udp = remote.kind == LOCATOR_KIND_UDPv4 || remote.kind == LOCATOR_KIND_UDPv6;
     if (local.kind == LOCATOR_KIND_SHM) size -= std::min(size, kSharedMemoryRoom);
     const RtpsVerdict verdict = watch_->check(
@@ -68,13 +80,12 @@ class Door final : public ChainedTransport, private LeaseEnd {
     std::unique_lock<std::mutex> introduction;
     if (verdict.introduces) introduction = std::unique_lock(watch_->introductions());
     if (verdict.announcement && !verdict.announcement->leaves && watch_->ends_leases()) {
-      receive_announcement(*next, {data, passed}, *verdict.announcement, local, remote);
+      receive_announcement(next, {data, passed}, *verdict.announcement, local, remote);
       return;
     }
-    hand_on(*next, data, passed, local, remote);
+    hand_on(next, data, passed, local, remote);
   }
 
- private:
   void hand_on(rtps::TransportReceiverInterface& next, const octet* data, std::uint32_t size,
                const Locator_t& local, const Locator_t& remote) {
     try {
@@ -97,7 +108,10 @@ class Door final : public ChainedTransport, private LeaseEnd {
         remote_ = remote;
       }
     }
-    if (!is_added_.exchange(true)) watch_->add(this);
+    if (!is_added_) {
+      watch_->add(this);  // twice is once
+      is_added_ = true;
+    }
     // A copy: in shared memory others read the same bytes.
     std::vector<std::uint8_t> changed(message.begin(), message.end());
     for (std::size_t i = 0; i < 8; ++i)
@@ -112,7 +126,14 @@ class Door final : public ChainedTransport, private LeaseEnd {
   void end(std::span<const std::uint8_t> farewell) override {
     const std::lock_guard lock(mutex_);
     if (closed_ || next_ == nullptr) return;
-    hand_on(*next_, farewell.data(), static_cast<std::uint32_t>(farewell.size()), local_, remote_);
+    try {
+      next_->OnDataReceived(farewell.data(), static_cast<std::uint32_t>(farewell.size()), local_,
+                            remote_);
+    } catch (const std::bad_alloc&) {
+      throw;  // this message asks for nothing much: memory is short, and the watch tells it again
+    } catch (const std::exception&) {
+      watch_->count(DoorRefusal::kParameters);
+    }
   }
 
   /// When this returns the watch uses nothing of this transport any more.

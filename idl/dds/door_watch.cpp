@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <ctime>
+#include <new>
 #include <utility>
 
 #include "core/base/float_guard.hpp"
@@ -118,16 +119,13 @@ void DoorWatch::judge_release(const RtpsVerdict& message) {
   const RtpsAnnouncement& told = *message.announcement;
   if (!told.is_secured || told.release == kToldRelease) return;
   const auto end = std::find(told.name.begin(), told.name.end(), 0);
-  const std::string name = shown_name(std::string(told.name.begin(), end));
-  {
-    const std::lock_guard lock(complain_mutex_);
-    if (of_other_releases_.size() >= kMaxCertificates || !of_other_releases_.insert(name).second)
-      return;
-  }
-  say(name + " is secured by a Fast DDS " +
-      (told.release == 0 ? "before 3" : std::to_string(told.release)) + ", this program by " +
-      kFastDdsVersion +
-      ": the two never find each other; one release for all of a secured bus (docs/platforms.md)");
+  const std::string name = shown_participant(std::string(told.name.begin(), end));
+  say_once(of_other_releases_, name,
+           name + " is secured by a Fast DDS " +
+               (told.release == 0 ? "before 3" : std::to_string(told.release)) +
+               ", this program by " + kFastDdsVersion +
+               ": the two never find each other; one release for all of a secured bus "
+               "(docs/platforms.md)");
 }
 
 /// With a discovery server nobody says here who has left.
@@ -139,45 +137,36 @@ bool DoorWatch::has_room_for_certificate() {
 
 /// Once for each certificate: its program tries again and again.
 void DoorWatch::refuse_identity(const IdentityFacts& facts, const std::string& fault) {
-  {
-    const std::lock_guard lock(complain_mutex_);
-    if (refused_serials_.size() >= kMaxCertificates ||
-        !refused_serials_.insert(facts.serial).second)
-      return;
-  }
-  say("identity " + facts.name + ": its certificate " + facts.serial + " " + fault +
-      ": no program with it takes part");
+  say_once(refused_serials_, facts.serial,
+           "identity " + facts.name + ": its certificate " + facts.serial + " " + fault +
+               ": no program with it takes part");
 }
 
-std::vector<ParticipantBook::Gone> DoorWatch::look_at_identities() {
+/// May be called again where there was no memory for it.
+void DoorWatch::look_at_identities() {
   if (std::string line = identities_->refresh(); !line.empty()) say(std::move(line));
   const std::time_t now = std::time(nullptr);
   if (const std::string fault = identities_->fault_of(identities_->own(), now);
       !fault.empty() && !has_ended_) {
+    std::string line = "this program's identity " + identities_->own().name + " " + fault +
+                       ": it has no part in the bus any more; give it a new one (docs/security.md)";
+    say(line);
     {
       const std::lock_guard lock(mutex_);
-      own_end_ = "this program's identity " + identities_->own().name + " " + fault +
-                 ": it has no part in the bus any more; give it a new one (docs/security.md)";
+      own_end_ = std::move(line);
     }
     has_ended_ = true;
-    say(own_end());
   }
-  std::vector<ParticipantBook::Gone> gone;
-  std::vector<std::pair<IdentityFacts, std::string>> ended;
-  {
-    const std::lock_guard lock(mutex_);
-    std::erase_if(certificates_, [&](const auto& entry) {
-      const auto& [key, facts] = entry;
-      if (is_plain_ && !book_.is_known(key)) return true;
-      std::string fault = identities_->fault_of(facts, now);
-      if (fault.empty()) return false;
-      gone.push_back(book_.bar(key));
-      ended.emplace_back(facts, std::move(fault));
-      return true;
-    });
-  }
-  for (const auto& [facts, fault] : ended) refuse_identity(facts, fault);
-  return gone;
+  const std::lock_guard lock(mutex_);
+  std::erase_if(certificates_, [&](const auto& entry) {
+    const auto& [key, facts] = entry;
+    if (is_plain_ && !book_.is_known(key)) return true;
+    const std::string fault = identities_->fault_of(facts, now);
+    if (fault.empty()) return false;
+    refuse_identity(facts, fault);
+    book_.bar(key);
+    return true;
+  });
 }
 
 bool DoorWatch::is_barred(const ParticipantKey& participant) const {
@@ -207,14 +196,27 @@ void DoorWatch::remove(LeaseEnd* end) {
   std::erase(ends_, end);
 }
 
-void DoorWatch::set_complaint(std::function<void(std::string)> complain) {
+void DoorWatch::set_mailbox(Mailbox* mailbox) {
   const std::lock_guard lock(complain_mutex_);
-  complain_ = std::move(complain);
+  mailbox_ = mailbox;
+}
+
+void DoorWatch::complain_of_memory() noexcept {
+  const std::lock_guard lock(complain_mutex_);
+  if (mailbox_ != nullptr) mailbox_->complain_of_memory();
 }
 
 void DoorWatch::say(std::string line) {
   const std::lock_guard lock(complain_mutex_);
-  if (complain_) complain_(std::move(line));
+  if (mailbox_ != nullptr) mailbox_->complain(std::move(line));
+}
+
+/// Remembered when it is said: what was not, for want of memory, is said the next time.
+void DoorWatch::say_once(std::set<std::string>& said, const std::string& what, std::string line) {
+  const std::lock_guard lock(complain_mutex_);
+  if (said.size() >= kMaxCertificates || said.contains(what)) return;
+  if (mailbox_ != nullptr) mailbox_->complain(std::move(line));
+  said.insert(what);
 }
 
 void DoorWatch::say_what_was_refused() {
@@ -229,38 +231,57 @@ void DoorWatch::say_what_was_refused() {
                " " + std::to_string(more);
   }
   if (all == 0) return;
-  const std::lock_guard lock(complain_mutex_);
+  say("door: refused " + std::to_string(all) + (all == 1 ? " message (" : " messages (") + reasons +
+      "), see docs/network.md, The door");
   said_ = counts;
-  if (complain_)
-    complain_("door: refused " + std::to_string(all) + (all == 1 ? " message (" : " messages (") +
-              reasons + "), see docs/network.md, The door");
 }
 
 void DoorWatch::run() {
   const FloatGuard guard;
   auto last = std::chrono::steady_clock::now();
-  std::unique_lock lock(mutex_);
-  for (int ticks = 1; !ending_; ++ticks) {
-    condition_.wait_for(lock, std::chrono::duration<double>(kTick_s), [this] { return ending_; });
+  const auto is_over = [this] {
+    std::unique_lock lock(mutex_);
+    return condition_.wait_for(lock, std::chrono::duration<double>(kTick_s),
+                               [this] { return ending_; });
+  };
+  for (int ticks = 1; !is_over(); ++ticks) {
     const auto now = std::chrono::steady_clock::now();
     const std::chrono::duration<double> passed = now - last;
     last = now;
-    auto gone = book_.tick(std::min(passed.count(), kLongestTick_s));
-    lock.unlock();
-    looked_s_ += passed.count();
-    if (identities_ != nullptr && looked_s_ >= identity_period_s_) {
-      looked_s_ = 0;
-      for (const ParticipantBook::Gone& one : look_at_identities()) gone.push_back(one);
+    try {
+      tick(passed.count());
+      if (ticks % kTicksASecond == 0) say_what_was_refused();
+    } catch (const std::bad_alloc&) {
+      complain_of_memory();  // what was not done is done at the next tick
     }
-    if (is_plain_ && !gone.empty()) {
-      const std::lock_guard ends_lock(ends_mutex_);
-      for (const ParticipantBook::Gone& one : gone) {
-        const std::vector<std::uint8_t> farewell = farewell_of(one);
-        for (LeaseEnd* end : ends_) end->end(farewell);
-      }
-    }
-    if (ticks % kTicksASecond == 0) say_what_was_refused();
-    lock.lock();
+  }
+}
+
+void DoorWatch::tick(double passed_s) {
+  looked_s_ += passed_s;
+  {
+    const std::lock_guard lock(mutex_);
+    book_.tick(std::min(passed_s, kLongestTick_s));
+  }
+  if (identities_ != nullptr && looked_s_ >= identity_period_s_) {
+    look_at_identities();
+    looked_s_ = 0;
+  }
+  if (gone_.empty()) {
+    const std::lock_guard lock(mutex_);
+    gone_ = book_.take_gone();
+  }
+  tell_ends();
+}
+
+void DoorWatch::tell_ends() {
+  if (!is_plain_) gone_.clear();
+  const std::lock_guard lock(ends_mutex_);
+  for (; !gone_.empty(); gone_.pop_back()) {
+    const std::vector<std::uint8_t> farewell = farewell_of(gone_.back());
+    // What is told again must be news to who has heard it.
+    ++gone_.back().sequence;
+    for (LeaseEnd* end : ends_) end->end(farewell);
   }
 }
 

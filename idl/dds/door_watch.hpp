@@ -6,7 +6,6 @@
 #include <atomic>
 #include <condition_variable>
 #include <fastdds/dds/domain/DomainParticipant.hpp>
-#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -17,6 +16,7 @@
 #include <vector>
 
 #include "idl/security/identity_book.hpp"
+#include "mailbox.hpp"
 #include "participant_book.hpp"
 
 namespace nearmesh::wire {
@@ -24,6 +24,7 @@ namespace nearmesh::wire {
 /// Where the watch tells Fast DDS that a participant has left.
 class LeaseEnd {
  public:
+  /// Throws std::bad_alloc: then it may be told again, as a later word of the same participant.
   virtual void end(std::span<const std::uint8_t> farewell) = 0;
 
  protected:
@@ -33,6 +34,7 @@ class LeaseEnd {
 /// Of a secured participant it also looks whose certificate still counts. Fast DDS 2.9 asks that once, in the handshake, and reads
 /// the revocation list when the participant is made. Here each handshake's certificate is noted, one for each participant, and
 /// looked at again every period: whose is revoked or has expired is barred. Where it is the own one, nobody is heard any more.
+/// Where there is no memory for what its thread does, that is said, and done a moment later.
 /// Threads: all functions, any thread.
 class DoorWatch {
  public:
@@ -44,7 +46,7 @@ class DoorWatch {
   DoorWatch& operator=(const DoorWatch&) = delete;
 
   [[nodiscard]] bool ends_leases() const { return is_plain_; }
-  /// Checks a message, and counts it where it is refused.
+  /// Checks a message, and counts it where it is refused. May throw std::bad_alloc: then the message is lost, and may come again.
   [[nodiscard]] RtpsVerdict check(std::span<const std::uint8_t> message, const MessageSource& from);
   void count(DoorRefusal refusal);
   /// To be held while a message that introduces is handed on. Fast DDS 2.9 fills in one set of proxies, shared by all its threads and
@@ -63,8 +65,9 @@ class DoorWatch {
 
   void add(LeaseEnd* end);
   void remove(LeaseEnd* end);
-  /// Told what was refused, one line a second at most, and whose identity has ended; empty: nobody is.
-  void set_complaint(std::function<void(std::string)> complain);
+  /// Where it is said what was refused, one line a second at most, whose identity has ended, and want of memory; nullptr: nowhere.
+  void set_mailbox(Mailbox* mailbox);
+  void complain_of_memory() noexcept;
 
  private:
   static constexpr std::size_t kMaxCertificates = 16384;
@@ -72,19 +75,23 @@ class DoorWatch {
     std::size_t operator()(const ParticipantKey& key) const;
   };
   void run();
+  void tick(double passed_s);
+  void tell_ends();
   void say_what_was_refused();
   void say(std::string line);
+  void say_once(std::set<std::string>& said, const std::string& what, std::string line);
   [[nodiscard]] std::optional<DoorRefusal> judge_handshake(const RtpsVerdict& message);
   [[nodiscard]] bool has_room_for_certificate();
   void judge_release(const RtpsVerdict& message);
   void refuse_identity(const IdentityFacts& facts, const std::string& fault);
-  [[nodiscard]] std::vector<ParticipantBook::Gone> look_at_identities();
+  void look_at_identities();
 
   const bool is_plain_;
   const std::unique_ptr<IdentityBook> identities_;
   const double identity_period_s_;
-  double looked_s_ = 0;       ///< since identities were looked at; the thread's own
-  mutable std::mutex mutex_;  ///< of the book and the thread
+  double looked_s_ = 0;                      ///< since identities were looked at; the thread's own
+  std::vector<ParticipantBook::Gone> gone_;  ///< whose end is not told yet; the thread's own
+  mutable std::mutex mutex_;                 ///< of the book and the thread
   std::unordered_map<ParticipantKey, IdentityFacts, Hash>
       certificates_;  ///< that counted when they came
   std::string own_end_;
@@ -95,7 +102,7 @@ class DoorWatch {
   std::mutex ends_mutex_;
   std::vector<LeaseEnd*> ends_;
   std::mutex complain_mutex_;
-  std::function<void(std::string)> complain_;
+  Mailbox* mailbox_ = nullptr;
   std::set<std::string> refused_serials_;
   std::set<std::string> of_other_releases_;
   std::array<std::uint64_t, kDoorRefusals> said_{};

@@ -106,6 +106,14 @@ using Payload = rtps::SerializedPayload_t;
 }
 [[nodiscard]] inline bool is_ok(const ReturnCode& code) { return number_of(code) == 0; }
 [[nodiscard]] inline bool is_timeout(const ReturnCode& code) { return number_of(code) == 10; }
+/// What a filter's factory answers to what it does not make.
+[[nodiscard]] inline ReturnCode unsupported() {
+#if NEARMESH_FASTDDS == 3
+  return fdds::RETCODE_UNSUPPORTED;
+#else
+  return ReturnCode::RETCODE_UNSUPPORTED;
+#endif
+}
 
 // --- Addresses
 

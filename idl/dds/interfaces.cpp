@@ -6,12 +6,15 @@
 #include <net/if.h>
 #include <netinet/in.h>
 
+#include <memory>
+
 namespace nearmesh::wire {
 
 std::vector<Interface> ipv4_interfaces() {
   std::vector<Interface> found;
   ifaddrs* list = nullptr;
   if (::getifaddrs(&list) != 0) return found;
+  const std::unique_ptr<ifaddrs, void (*)(ifaddrs*)> owner(list, ::freeifaddrs);
   for (const ifaddrs* entry = list; entry != nullptr; entry = entry->ifa_next) {
     if (entry->ifa_addr == nullptr || entry->ifa_addr->sa_family != AF_INET) continue;
     char address[INET_ADDRSTRLEN] = {};
@@ -21,7 +24,6 @@ std::vector<Interface> ipv4_interfaces() {
     found.push_back({entry->ifa_name, address, is(IFF_UP), is(IFF_RUNNING), is(IFF_LOOPBACK),
                      is(IFF_MULTICAST)});
   }
-  ::freeifaddrs(list);
   return found;
 }
 

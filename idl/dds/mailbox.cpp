@@ -37,16 +37,19 @@ void Mailbox::complain(std::string line) {
       ++dropped_complaints_;
       return;
     }
-    said_[line] = now;
-    complaints_.push_back(std::move(line));
+    // Kept first: where there is no memory to remember it, it is said twice.
+    complaints_.push_back(line);
+    said_[std::move(line)] = now;
     awake_ = true;
   }
   condition_.notify_all();
 }
 
 std::vector<std::string> Mailbox::take_complaints() {
-  if (lacked_memory_.exchange(false))
+  if (lacked_memory_) {
     complain("no memory: some of what came or was to be sent is lost, and is asked for again");
+    lacked_memory_ = false;
+  }
   const std::lock_guard lock(mutex_);
   std::vector<std::string> taken = std::exchange(complaints_, {});
   if (dropped_complaints_ > 0 && Clock::now() - told_dropped_ >= quiet_) {

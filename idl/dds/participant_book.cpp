@@ -6,6 +6,13 @@
 #include "core/base/hash.hpp"
 
 namespace nearmesh::wire {
+namespace {
+
+std::int64_t sequence_after(std::int64_t sequence) {
+  return std::min(sequence, kMaxSequence - 1) + 1;
+}
+
+}  // namespace
 
 std::size_t ParticipantBook::Hash::operator()(const ParticipantKey& key) const {
   return static_cast<std::size_t>(hash_bytes(key));
@@ -85,8 +92,9 @@ bool ParticipantBook::may_come_in(const ParticipantKey& key) {
       waiting_.erase(waiting_order_.front());
       waiting_order_.pop_front();
     }
-    waiting_.emplace(key, now_s_);
+    // In this order: who waits is in the queue, even where there is no memory for the second.
     waiting_order_.push_back(key);
+    waiting_.emplace(key, now_s_);
     return false;
   }
   if (now_s_ - waiting->second < kAgain_s || again_tokens_ < 1) return false;
@@ -96,27 +104,29 @@ bool ParticipantBook::may_come_in(const ParticipantKey& key) {
   return true;
 }
 
-std::vector<ParticipantBook::Gone> ParticipantBook::tick(double seconds) {
+void ParticipantBook::tick(double seconds) {
   now_s_ += seconds;
   tokens_ = std::min(kBurst, tokens_ + kNewcomersPerSecond * seconds);
   again_tokens_ = std::min(kBurst, again_tokens_ + kNewcomersPerSecond * seconds);
-  std::vector<Gone> gone;
+  const auto has_left = [this](const auto& entry) {
+    return now_s_ - entry.second.last_s > entry.second.lease_s;
+  };
+  // All memory first: nobody is forgotten whose end is not told.
+  gone_.reserve(gone_.size() +
+                static_cast<std::size_t>(std::count_if(known_.begin(), known_.end(), has_left)));
   std::erase_if(known_, [&](const auto& entry) {
-    const Known& known = entry.second;
-    if (now_s_ - known.last_s <= known.lease_s) return false;
-    gone.push_back({entry.first, std::min(known.sequence, kMaxSequence - 1) + 1});
+    if (!has_left(entry)) return false;
+    gone_.push_back({entry.first, sequence_after(entry.second.sequence)});
     return true;
   });
-  return gone;
 }
 
-ParticipantBook::Gone ParticipantBook::bar(const ParticipantKey& key) {
+void ParticipantBook::bar(const ParticipantKey& key) {
+  gone_.reserve(gone_.size() + 1);
   barred_.insert(key);
   const auto at = known_.find(key);
-  if (at == known_.end()) return {key, 1};
-  const Gone gone{key, std::min(at->second.sequence, kMaxSequence - 1) + 1};
-  known_.erase(at);
-  return gone;
+  gone_.push_back({key, at == known_.end() ? 1 : sequence_after(at->second.sequence)});
+  if (at != known_.end()) known_.erase(at);
 }
 
 std::optional<bool> ParticipantBook::is_silent(const ParticipantKey& key, double silence_s) const {

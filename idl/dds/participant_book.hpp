@@ -7,6 +7,7 @@
 #include <optional>
 #include <unordered_map>
 #include <unordered_set>
+#include <utility>
 #include <vector>
 
 #include "rtps_check.hpp"
@@ -54,12 +55,15 @@ class ParticipantBook {
     ParticipantKey key;
     std::int64_t sequence;  ///< above that of all its announcements
   };
-  /// Nothing is heard of it from now on, for good. Of one that is not known yet too.
-  Gone bar(const ParticipantKey& key);
+  /// Nothing is heard of it from now on, for good. Of one that is not known yet too. May throw std::bad_alloc: then it is not barred.
+  void bar(const ParticipantKey& key);
   [[nodiscard]] bool is_barred(const ParticipantKey& key) const { return barred_.contains(key); }
   [[nodiscard]] bool is_known(const ParticipantKey& key) const { return known_.contains(key); }
-  /// So much time has passed. Out: who has left by its lease; not known any more.
-  [[nodiscard]] std::vector<Gone> tick(double seconds);
+  /// So much time has passed: who has been silent for its lease is not known any more. May throw std::bad_alloc: then the time has
+  /// passed and nobody is forgotten; the next tick does it.
+  void tick(double seconds);
+  /// Who has left by its lease or was barred, since it was asked last.
+  [[nodiscard]] std::vector<Gone> take_gone() { return std::exchange(gone_, {}); }
   /// Nothing came from it for so long, nor for three periods of its own life signs, which may be slower than ours. Nothing: it is
   /// not known. One that is barred is silent.
   [[nodiscard]] std::optional<bool> is_silent(const ParticipantKey& key, double silence_s) const;
@@ -87,7 +91,9 @@ class ParticipantBook {
   double tokens_ = kBurst;
   double again_tokens_ = kBurst;
   std::unordered_map<ParticipantKey, double, Hash> waiting_;  ///< since when
-  std::deque<ParticipantKey> waiting_order_;
+  std::deque<ParticipantKey>
+      waiting_order_;  ///< all of these, and such as are not waiting any more
+  std::vector<Gone> gone_;
 };
 
 }  // namespace nearmesh::wire

@@ -5,6 +5,7 @@
 #include <chrono>
 #include <ctime>
 #include <limits>
+#include <new>
 
 #include "core/base/float_guard.hpp"
 
@@ -28,14 +29,17 @@ bool NetworkMemory::is_used(const Interface& interface) const {
 }
 
 void NetworkMemory::joined(const std::vector<Interface>& now) {
-  joined_.clear();
-  has_loopback_alone_ = true;
+  // All memory first: where there is none, what was news still is.
+  decltype(joined_) joined;
+  bool has_loopback_alone = true;
   for (const Interface& interface : now) {
     if (!is_used(interface)) continue;
-    joined_.emplace(interface.name, interface.address);
+    joined.emplace(interface.name, interface.address);
     names_.insert(interface.name);
-    has_loopback_alone_ = has_loopback_alone_ && interface.is_loopback;
+    has_loopback_alone = has_loopback_alone && interface.is_loopback;
   }
+  joined_.swap(joined);
+  has_loopback_alone_ = has_loopback_alone;
 }
 
 const Interface* NetworkMemory::news(const std::vector<Interface>& now) const {
@@ -47,7 +51,7 @@ const Interface* NetworkMemory::news(const std::vector<Interface>& now) const {
 }
 
 RejoinWatch::RejoinWatch(Mailbox& mailbox, const TransportOptions& options)
-    : mailbox_(mailbox), network_(options.interface) {
+    : mailbox_(mailbox), options_(options), network_(options.interface) {
   network_.joined(ipv4_interfaces());
   thread_ = std::thread([this, lease_s = options.lease_s] { watch(lease_s); });
 }
@@ -65,25 +69,37 @@ void RejoinWatch::watch(double lease_s) {
   const FloatGuard guard;
   const std::chrono::duration<double> period(std::min(lease_s / 8, 0.5));
   double again_s = std::numeric_limits<double>::infinity();
+  bool was_stopped = false;
   std::unique_lock lock(mutex_);
   for (double last = now_s(); !ending_;) {
     condition_.wait_for(lock, period, [this] { return ending_; });
     const double now = now_s();
     if (again_.exchange(false)) again_s = now + kAgain_s;
-    const std::vector<Interface> interfaces = ipv4_interfaces();
-    const Interface* news = network_.news(interfaces);
-    const bool was_stopped = now - last > 0.75 * lease_s;
+    was_stopped = was_stopped || now - last > 0.75 * lease_s;
     last = now;
-    if (!was_stopped && news == nullptr && now < again_s) continue;
+    try {
+      if (!look(was_stopped, now >= again_s)) continue;
+    } catch (const std::bad_alloc&) {
+      mailbox_.complain_of_memory();
+      continue;  // each cause is still there
+    }
     again_s = std::numeric_limits<double>::infinity();
-    network_.joined(interfaces);
-    if (was_stopped)
-      mailbox_.complain("this process stood still for longer than others wait: joining again");
-    else if (news != nullptr)
-      mailbox_.complain(news->name + " has the address " + news->address + " now: joining again");
+    was_stopped = false;
     due_ = true;
     mailbox_.wake();
   }
+}
+
+bool RejoinWatch::look(bool was_stopped, bool is_to_try_again) {
+  const std::vector<Interface> interfaces = ipv4_interfaces();
+  const Interface* news = network_.news(interfaces);
+  if (!was_stopped && news == nullptr && !is_to_try_again) return false;
+  if (was_stopped)
+    mailbox_.complain("this process stood still for longer than others wait: joining again");
+  else if (news != nullptr)
+    mailbox_.complain(news->name + " has the address " + news->address + " now: joining again");
+  network_.joined(interfaces);
+  return true;
 }
 
 }  // namespace nearmesh::wire

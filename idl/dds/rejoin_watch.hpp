@@ -6,6 +6,7 @@
 #include <condition_variable>
 #include <memory>
 #include <mutex>
+#include <new>
 #include <set>
 #include <string>
 #include <thread>
@@ -17,6 +18,7 @@
 #include "mailbox.hpp"
 #include "nearmesh/core/base/status.hpp"
 #include "nearmesh/idl/dds/transport_options.hpp"
+#include "room.hpp"
 
 namespace nearmesh::wire {
 
@@ -26,7 +28,7 @@ class NetworkMemory {
  public:
   /// `wanted`: name or address of the only interface that is used; empty: all.
   explicit NetworkMemory(std::string wanted) : wanted_(std::move(wanted)) {}
-  /// A participant is about to be made, or was just made, with these.
+  /// A participant is about to be made, or was just made, with these. May throw std::bad_alloc: then it does not know of it.
   void joined(const std::vector<Interface>& now);
   /// An address that the participant does not know: of an interface that was used before, or of any where it has loopback alone.
   /// Others do not count, say a bridge for containers: joining anew costs a pause. nullptr: there is none.
@@ -44,7 +46,7 @@ class NetworkMemory {
 /// Two things make joining anew necessary. The whole process was stopped (debugger, suspended machine) for so long that others
 /// dropped it: with Fast DDS 2.9 it never missed the others, so it believes that they still have what it told them, and its
 /// endpoints are not found again (seen in 3 of 10 trials). And an address came that the participant was made without
-/// (NetworkMemory). What it was is left in the mailbox.
+/// (NetworkMemory). What it was is left in the mailbox. Want of memory is said there too, and delays: what is due stays due.
 class RejoinWatch {
  public:
   /// Make it before the participant, so that no address comes unseen between the two.
@@ -62,10 +64,15 @@ class RejoinWatch {
   [[nodiscard]] bool rejoin_if_due(std::unique_ptr<Bus>& bus, Join join) {
     if (!take_due()) return false;
     bus.reset();
-    list_addresses_again();
-    const Status status = join();
-    if (status.is_ok()) return true;
-    mailbox_.complain("could not join again: " + status.message());
+    try {
+      list_addresses_again();
+      Status status = check_room(options_);  // Fast DDS does not end well without
+      if (status.is_ok()) status = join();
+      if (status.is_ok()) return true;
+      mailbox_.complain("could not join again: " + status.message());
+    } catch (const std::bad_alloc&) {
+      mailbox_.complain_of_memory();
+    }
     bus.reset();
     try_again();
     return false;
@@ -73,8 +80,11 @@ class RejoinWatch {
 
  private:
   void watch(double lease_s);
+  /// Out: it is due. Where there is no memory for it, it may be called again.
+  [[nodiscard]] bool look(bool was_stopped, bool is_to_try_again);
 
   Mailbox& mailbox_;
+  const TransportOptions options_;
   NetworkMemory network_;  ///< of the thread, once that runs
   std::atomic<bool> due_ = false;
   std::atomic<bool> again_ = false;

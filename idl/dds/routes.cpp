@@ -62,28 +62,20 @@ class Filters : public fdds::IContentFilterFactory {
   ReturnCode create_content_filter(const char* name, const char* type, const fdds::TopicDataType*,
                                    const char*, const ParameterSeq&,
                                    fdds::IContentFilter*& filter) override {
-    if (std::string_view(name) != kRoutesFilter || type == nullptr) return refused();
+    if (std::string_view(name) != kRoutesFilter || type == nullptr) return unsupported();
     if (filter != nullptr) return {};  // nothing that could change
     if (type == topic_of<NearPoses>().type) {
       filter = &near_;
     } else if (type == topic_of<WantedPoses>().type) {
       filter = &wanted_;
     } else {
-      return refused();
+      return unsupported();
     }
     return {};
   }
   ReturnCode delete_content_filter(const char*, fdds::IContentFilter*) override { return {}; }
 
  private:
-  static ReturnCode refused() {
-#if NEARMESH_FASTDDS == 3
-    return fdds::RETCODE_UNSUPPORTED;
-#else
-    return ReturnCode::RETCODE_UNSUPPORTED;
-#endif
-  }
-
   RoutesFilter near_{kPeerAt, kNearBytes, [](Routes& routes, auto cdr, const auto& reader) {
                        return routes.gets_near_poses(cdr, reader);
                      }};

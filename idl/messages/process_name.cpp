@@ -6,10 +6,16 @@
 #include <algorithm>
 #include <array>
 #include <cstdio>
+#include <utility>
 
 #include "core/base/hash.hpp"
 
 namespace nearmesh::wire {
+namespace {
+
+constexpr std::string_view kOn = " on ";
+
+}  // namespace
 
 Status check_process_name(std::string_view name) {
   const std::string expected =
@@ -47,13 +53,21 @@ std::string name_of_process(const std::string& given) {
   return given.empty() ? default_process_name() : given;
 }
 
-std::string shown_name(std::string name) {
-  if (name.size() > kMaxNameBytes) name.resize(kMaxNameBytes);
+std::string announced_name(const std::string& given) {
+  return given.empty() ? default_process_name() : given + std::string(kOn) + default_process_name();
+}
+
+std::string shown_name(std::string name, std::size_t most_bytes) {
+  if (name.size() > most_bytes) name.resize(most_bytes);
   for (char& c : name)
     if (!is_printable(c)) c = '?';
   const std::size_t first = name.find_first_not_of(' ');
   if (first == std::string::npos) return {};
   return name.substr(first, name.find_last_not_of(' ') + 1 - first);
+}
+
+std::string shown_participant(std::string name) {
+  return shown_name(std::move(name), 2 * kMaxNameBytes + kOn.size());
 }
 
 std::string called(SessionId session, const std::string& name) {

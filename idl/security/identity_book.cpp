@@ -77,12 +77,16 @@ struct IdentityBook::Impl {
         (list.value().number == revoked.number && list.value().serials != revoked.serials))
       return refuse(now, "list " + std::to_string(list.value().number) + " is older than list " +
                              std::to_string(revoked.number));
+    std::string line;
+    if (list.value().number != revoked.number) {
+      const std::size_t count = list.value().serials.size();
+      line = path + ": list " + std::to_string(list.value().number) + " is in force, " +
+             std::to_string(count) +
+             (count == 1 ? " certificate is revoked" : " certificates are revoked");
+      revoked = std::move(list).value();
+    }
     read = now;
-    if (list.value().number == revoked.number) return "";
-    revoked = std::move(list).value();
-    return path + ": list " + std::to_string(revoked.number) + " is in force, " +
-           std::to_string(revoked.serials.size()) +
-           (revoked.serials.size() == 1 ? " certificate is revoked" : " certificates are revoked");
+    return line;
   }
 
   /// Said at the second look: the file may just be being copied.
@@ -91,8 +95,10 @@ struct IdentityBook::Impl {
       refused = now;
       return "";
     }
+    std::string line =
+        path + ": " + why + ": what was in force before stays; copy it again from the set";
     said = now;
-    return path + ": " + why + ": what was in force before stays; copy it again from the set";
+    return line;
   }
 };
 

@@ -25,6 +25,9 @@ constexpr std::size_t kMaxOpenOfPeer = 128;
 /// How often an answer that was begun may give way to another of the same model: faster than any peer's frames.
 constexpr double kRestart_s = 0.01;
 constexpr int kRestartsAtOnce = 10;
+/// A mirror is made of a peer's word in one go, some 0.5 us a split, whether or not the word is true: so much time a split passes
+/// before the next word of the peer counts, and so much may be owed. Peers say what they hold once, when a publisher does not know it.
+constexpr double kToldSplit_s = 1e-4, kToldAtOnce_s = 2;
 
 /// Whether a request asks for detail of this content.
 bool is_about(const wire::RegionSubscription& asked, const ContentHash& content) {
@@ -32,6 +35,14 @@ bool is_about(const wire::RegionSubscription& asked, const ContentHash& content)
   const auto& models = asked.certificate->models;
   return std::any_of(models.begin(), models.end(),
                      [&](const auto& model) { return model.content == content; });
+}
+
+/// Whether a peer says what it holds.
+bool is_telling(const wire::RegionSubscription& asked) {
+  if (!asked.certificate) return false;
+  const auto& models = asked.certificate->models;
+  return std::any_of(models.begin(), models.end(),
+                     [](const auto& model) { return !model.held.empty(); });
 }
 
 }  // namespace
@@ -178,10 +189,12 @@ void Service::take_requests(double now_s) {
     const ContentHash hash = stands_alone ? content : ContentHash{};
     Open& open = peer.open[{hash, kind}];
     // What is begun anew again and again would keep the publisher busy for nothing.
+    double restarts_s = open.restarts_s;
     if (open.parts)
-      open.may_begin_s =
-          std::max(open.may_begin_s, now_s - kRestartsAtOnce * kRestart_s) + kRestart_s;
-    open = Open{std::move(subscription), {}, false, kind, open.may_begin_s};
+      restarts_s = std::max(restarts_s, now_s - kRestartsAtOnce * kRestart_s) + kRestart_s;
+    const double may_begin_s =
+        is_telling(subscription) ? std::max(restarts_s, peer.told_s - kToldAtOnce_s) : restarts_s;
+    open = Open{std::move(subscription), {}, false, kind, may_begin_s, restarts_s};
   }
 }
 
@@ -313,12 +326,15 @@ Result<Service::Parts> Service::begin(wire::SessionId id, Peer& peer, const Open
     return Status{StatusCode::kNotFound,
                   "no model, tile or page with that content hash is served here"};
   }
+  const std::uint64_t told_before = mirrors_.told_splits();
   BegunCertificate begun =
       begin_certificate(id, *asked.certificate, mirrors_, [this](const ContentHash& content) {
         const auto model = models_.find(content);
         return model == models_.end() || by_region_.contains(content) ? nullptr
                                                                       : &model->second->file;
       });
+  peer.told_s = std::max(peer.told_s, now_s_) +
+                kToldSplit_s * static_cast<double>(mirrors_.told_splits() - told_before);
   if (!begun.maker) {
     enqueue(peer, open,
             {wire::redirection_message(session_, asked, begun.why_not, begun.unknown_state,

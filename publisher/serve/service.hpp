@@ -111,7 +111,8 @@ class Service {
     Parts parts;                 ///< empty until it is begun
     bool is_collecting = false;  ///< begun, and nothing has come of it yet
     Kind kind = Kind::kRegion;
-    double may_begin_s = 0;  ///< later than now where too many before it were given up when begun
+    double may_begin_s = 0;  ///< later than now where too much was done for its peer of late
+    double restarts_s = 0;   ///< of which what was given up when begun has its part
   };
   struct Peer {
     explicit Peer(const PacingOptions& options) : pacing(options) {}
@@ -125,6 +126,7 @@ class Service {
     Pacing pacing;
     std::uint32_t next_sequence = 1;
     std::uint32_t last_request = 0;
+    double told_s = 0;  ///< paid with time for what it said that it holds, up to then
   };
 
   using Peers = std::map<wire::SessionId, Peer>;

@@ -68,11 +68,17 @@ class DdsChannel::Impl {
   void send(const wire::RegionSubscription& subscription);
   template <class Message>
   void put(std::deque<Message> Impl::*queue, const Message& message);
-  /// What holds of the own bodies, by part: kept, for as a new participant it is said again.
+  /// What holds of the own bodies, by part: kept, for as a new participant it is said again. All that was said is sent, not the latest
+  /// alone: reports name the edition that they are about.
   template <class Message>
   struct Kept {
     std::map<std::uint32_t, Message> parts;
-    std::set<std::uint32_t> unsent;
+    std::deque<Message> unsent;
+
+    void say_again() {
+      unsent.clear();
+      for (const auto& [part, message] : parts) unsent.push_back(message);
+    }
   };
   template <class Message>
   void keep(Kept<Message> Impl::*kept, const Message& message);
@@ -123,11 +129,9 @@ class DdsChannel::Impl {
   void tell_lost(SessionId publisher);
   Status rejoin();
   bool flush();
-  template <class Message>
-  bool flush(Kept<Message> Impl::*kept, wire::Writer<Message>& writer);
   double acknowledge();
   template <class Message>
-  bool flush(std::deque<Message> Impl::*queue, wire::Writer<Message>& writer);
+  bool flush(std::deque<Message>& queue, wire::Writer<Message>& writer);
   template <class Message>
   void deliver(std::vector<Message> Inbox::*list, Message&& message, std::size_t limit,
                const std::string& topic);
@@ -222,8 +226,10 @@ void DdsChannel::Impl::keep(Kept<Message> Impl::*kept, const Message& message) {
   }
   {
     const std::lock_guard lock(mutex_);
-    (this->*kept).parts[message.part] = message;
-    (this->*kept).unsent.insert(message.part);
+    auto& [parts, unsent] = this->*kept;
+    parts[message.part] = message;
+    unsent.push_back(message);
+    if (unsent.size() > kMaxOutgoing + parts.size()) (this->*kept).say_again();
   }
   mailbox_.wake();
 }
@@ -289,9 +295,11 @@ void DdsChannel::Impl::run(std::promise<Status> started) {
   const FloatGuard guard;
   // A participant of the host's is the host's to repair.
   std::unique_ptr<wire::RejoinWatch> rejoin_watch;
-  if (options_.participant == nullptr)
-    rejoin_watch = std::make_unique<wire::RejoinWatch>(mailbox_, options_.transport);
-  const Status opened = open();
+  const Status opened = wire::or_no_memory([&] {
+    if (options_.participant == nullptr)
+      rejoin_watch = std::make_unique<wire::RejoinWatch>(mailbox_, options_.transport);
+    return open();
+  });
   const bool works = opened.is_ok();
   started.set_value(opened);
   while (works && !stopping_) {
@@ -637,8 +645,8 @@ Status DdsChannel::Impl::rejoin() {
          status_writer_);
   {
     const std::lock_guard lock(mutex_);
-    for (const auto& [part, directory] : directory_.parts) directory_.unsent.insert(part);
-    for (const auto& [part, watched] : watched_.parts) watched_.unsent.insert(part);
+    directory_.say_again();
+    watched_.say_again();
   }
   return open();
 }
@@ -688,58 +696,34 @@ bool DdsChannel::Impl::flush() {
           hellos_.writers().begin(), hellos_.writers().end(), [this](const Handle& publisher) {
             return subscription_writer_.listener().is_matched_with_participant_of(publisher);
           }))
-    all &= flush(&Impl::subscriptions_, subscription_writer_);
-  all &= flush(&Impl::directory_, directory_writer_);
-  all &= flush(&Impl::promises_, promise_writer_);
-  all &= flush(&Impl::poses_, pose_writer_);
-  all &= flush(&Impl::watched_, watched_writer_);
-  all &= flush(&Impl::bounds_, bounds_writer_);
-  all &= flush(&Impl::wanted_, wanted_writer_);
-  all &= flush(&Impl::near_, near_writer_);
-  all &= flush(&Impl::held_, held_writer_);
-  all &= flush(&Impl::reports_, report_writer_);
-  all &= flush(&Impl::statuses_, status_writer_);
+    all &= flush(subscriptions_, subscription_writer_);
+  all &= flush(directory_.unsent, directory_writer_);
+  all &= flush(promises_, promise_writer_);
+  all &= flush(poses_, pose_writer_);
+  all &= flush(watched_.unsent, watched_writer_);
+  all &= flush(bounds_, bounds_writer_);
+  all &= flush(wanted_, wanted_writer_);
+  all &= flush(near_, near_writer_);
+  all &= flush(held_, held_writer_);
+  all &= flush(reports_, report_writer_);
+  all &= flush(statuses_, status_writer_);
   return all;
 }
 
 template <class Message>
-bool DdsChannel::Impl::flush(Kept<Message> Impl::*kept, wire::Writer<Message>& writer) {
-  if (!writer.is_open()) return true;  // it is said when it is
-  std::set<std::uint32_t> unsent;
-  {
-    const std::lock_guard lock(mutex_);
-    unsent.swap((this->*kept).unsent);
-  }
-  while (!unsent.empty()) {
-    Message message;
-    {
-      const std::lock_guard lock(mutex_);
-      message = (this->*kept).parts.at(*unsent.begin());
-    }
-    if (writer.write(message) == wire::WriteResult::kFull) break;
-    unsent.erase(unsent.begin());
-  }
-  if (unsent.empty()) return true;
-  const std::lock_guard lock(mutex_);
-  (this->*kept).unsent.merge(unsent);
-  return false;
-}
-
-template <class Message>
-bool DdsChannel::Impl::flush(std::deque<Message> Impl::*queue, wire::Writer<Message>& writer) {
+bool DdsChannel::Impl::flush(std::deque<Message>& queue, wire::Writer<Message>& writer) {
   if (!writer.is_open()) return true;  // open_what_is_of_use() comes first
   std::deque<Message> outgoing;
   {
     const std::lock_guard lock(mutex_);
-    outgoing.swap(this->*queue);
+    outgoing.swap(queue);
   }
   while (!outgoing.empty() && writer.write(outgoing.front()) != wire::WriteResult::kFull)
     outgoing.pop_front();
   if (outgoing.empty()) return true;
   const std::lock_guard lock(mutex_);
-  auto& waiting = this->*queue;
-  waiting.insert(waiting.begin(), std::make_move_iterator(outgoing.begin()),
-                 std::make_move_iterator(outgoing.end()));
+  queue.insert(queue.begin(), std::make_move_iterator(outgoing.begin()),
+               std::make_move_iterator(outgoing.end()));
   return false;
 }
 

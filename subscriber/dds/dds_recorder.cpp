@@ -7,6 +7,7 @@
 #include <future>
 #include <mutex>
 #include <new>
+#include <optional>
 #include <thread>
 #include <tuple>
 #include <utility>
@@ -142,6 +143,7 @@ class DdsRecorder::Impl {
   std::unique_ptr<RecordingWriter> file_;
   std::map<std::pair<std::uint32_t, Handle>, std::uint32_t> writers_;  ///< of the current part
   bool finished_ = false;
+  std::vector<Entry> taken_;  ///< room for kMaxWritten, whatever happens
 };
 
 Status DdsRecorder::Impl::add_topics() {
@@ -179,6 +181,7 @@ Status DdsRecorder::Impl::start() {
             wire::idl_text()};
   NEARMESH_RETURN_IF_ERROR(begin_part());
 
+  taken_.reserve(kMaxWritten);
   disk_thread_ = std::thread([this] { write(); });
   std::promise<Status> started;
   std::future<Status> outcome = started.get_future();
@@ -203,12 +206,15 @@ Status DdsRecorder::Impl::finish() {
 // --- The DDS thread
 
 void DdsRecorder::Impl::listen(std::promise<Status> started) {
-  wire::RejoinWatch rejoin_watch(mailbox_, options_.transport);
-  const Status joined = join();
+  std::optional<wire::RejoinWatch> rejoin_watch;
+  const Status joined = wire::or_no_memory([&] {
+    rejoin_watch.emplace(mailbox_, options_.transport);
+    return join();
+  });
   started.set_value(joined);
   if (!joined.is_ok()) return;
   while (!leaving_) {
-    static_cast<void>(rejoin_watch.rejoin_if_due(bus_, [this] {
+    static_cast<void>(rejoin_watch->rejoin_if_due(bus_, [this] {
       mailbox_.complain("what was sent before it has joined again is missing");
       return join();
     }));
@@ -230,10 +236,13 @@ void DdsRecorder::Impl::listen(std::promise<Status> started) {
       mailbox_.wait(kNothingToStore_s);
     }
   }
-  if (bus_ != nullptr)
-    for (std::uint32_t i = 0; i < topics_.size(); ++i)
+  try {
+    for (std::uint32_t i = 0; bus_ != nullptr && i < topics_.size(); ++i)
       while ((this->*topics_[i].drain)(i)) {
       }
+  } catch (const std::bad_alloc&) {
+    mailbox_.complain_of_memory();
+  }
   bus_.reset();
 }
 
@@ -418,28 +427,30 @@ void DdsRecorder::Impl::push(Entry&& entry) {
 void DdsRecorder::Impl::write() {
   Status status;
   for (bool ending = false; status.is_ok() && !ending;) {
-    std::deque<Entry> entries;
+    taken_.clear();
     {
       std::unique_lock lock(mutex_);
       filled_.wait_for(lock, kDiskWait, [this] { return !waiting_.empty() || heard_all_; });
       ending = heard_all_ && waiting_.empty();
       // A little at a time, so that the limit on what waits holds.
-      while (!waiting_.empty() && entries.size() < kMaxWritten) {
+      while (!waiting_.empty() && taken_.size() < kMaxWritten) {
         waiting_bytes_ -= waiting_.front().bytes();
-        entries.push_back(std::move(waiting_.front()));
+        taken_.push_back(std::move(waiting_.front()));
         waiting_.pop_front();
       }
     }
-    for (const Entry& entry : entries) {
-      status = write(entry);
-      if (!status.is_ok() || finished_) break;
-    }
-    if (status.is_ok()) status = file_->commit_if_due();
+    status = wire::or_no_memory([this] {
+      for (const Entry& entry : taken_) {
+        NEARMESH_RETURN_IF_ERROR(write(entry));
+        if (finished_) break;
+      }
+      return file_->commit_if_due();
+    });
     const std::lock_guard lock(mutex_);
     stats_.file_bytes = file_->bytes();
     if (finished_) break;
   }
-  const Status closed = file_->close();
+  const Status closed = wire::or_no_memory([this] { return file_->close(); });
   const std::lock_guard lock(mutex_);
   stats_.file_bytes = file_->bytes();
   stats_.status = status.is_ok() ? closed : status;
@@ -476,7 +487,7 @@ Status DdsRecorder::Impl::make_room() {
   return Status::ok();
 }
 
-Status DdsRecorder::Impl::write(const Entry& entry) try {
+Status DdsRecorder::Impl::write(const Entry& entry) {
   NEARMESH_RETURN_IF_ERROR(make_room());
   if (finished_) return Status::ok();
   const auto [known, is_new] = writers_.try_emplace({entry.topic, entry.writer}, 0);
@@ -498,8 +509,6 @@ Status DdsRecorder::Impl::write(const Entry& entry) try {
   NEARMESH_RETURN_IF_ERROR(id);
   if (entry.model.empty()) return Status::ok();
   return file_->add_model({entry.content_hash, entry.model, id.value()});
-} catch (const std::bad_alloc&) {
-  return {StatusCode::kIo, "no memory"};
 }
 
 // --- Called by the host

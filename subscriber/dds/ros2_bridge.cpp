@@ -137,7 +137,7 @@ class Ros2Bridge::Impl {
     const FloatGuard guard;
     Ros2Endpoints endpoints(mailbox_);
     endpoints_ = &endpoints;
-    const Status opened = open();
+    const Status opened = wire::or_no_memory([this] { return open(); });
     const bool works = opened.is_ok();
     started.set_value(opened);
     while (works && !stopping_) {

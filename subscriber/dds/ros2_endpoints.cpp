@@ -97,6 +97,8 @@ Ros2Endpoints::Ros2Endpoints(wire::Mailbox& mailbox) : mailbox_(mailbox) {}
 
 Ros2Endpoints::~Ros2Endpoints() {
   if (participant_ == nullptr) return;
+  for (const Writer& made : writers_)
+    if (made.writer != nullptr) wire::drop_samples(*made.writer);
   participant_->delete_contained_entities();
   DomainParticipantFactory::get_instance()->delete_participant(participant_);
 }

@@ -35,6 +35,18 @@ bool PeerWorld::take_page(const ContentHash& content, std::span<const std::uint8
   return false;
 }
 
+void PeerWorld::keep_pages_of(PeerWorld&& before) {
+  time_s_ = before.time_s_;
+  pages_.merge(before.pages_);
+  if (before.root_)
+    pages_.emplace(before.record_.root, Page{*std::move(before.root_), before.time_s_});
+  if (root_) return;
+  const auto own = pages_.find(record_.root);
+  if (own == pages_.end() || own->second.page.level != record_.root_level) return;
+  root_ = std::move(own->second.page);
+  pages_.erase(own);
+}
+
 GridBox PeerWorld::box() const {
   const CellBox all = root_->box();
   GridBox box;
@@ -58,15 +70,18 @@ Result<TilesAround> PeerWorld::tiles_around(const RelativeFrame& body_in_world, 
 }
 
 // One page may be announced by several, not all of them truly: whatever is announced is checked.
-Result<std::optional<WorldPage>> PeerWorld::page(const WorldEntry& entry, int level,
-                                                 double time_s) {
+Result<const WorldPage*> PeerWorld::page(const WorldEntry& entry, int level, double time_s) {
   time_s_ = time_s;
   if (const auto fault = faulty_.find(entry.content); fault != faulty_.end()) return fault->second;
   const auto at = pages_.find(entry.content);
-  if (at == pages_.end()) return std::optional<WorldPage>();
-  NEARMESH_RETURN_IF_ERROR(check_page(at->second.page, entry, level));
-  at->second.used_s = time_s;
-  return std::optional(at->second.page);
+  if (at == pages_.end()) return nullptr;
+  Page& found = at->second;
+  if (found.checked_as != entry || found.page.level != level) {
+    NEARMESH_RETURN_IF_ERROR(check_page(found.page, entry, level));
+    found.checked_as = entry;
+  }
+  found.used_s = time_s;
+  return &found.page;
 }
 
 void PeerWorld::give_up(double time_s, double unused_s) {

@@ -22,12 +22,13 @@ class PeerWorld {
   [[nodiscard]] const WorldPage* root() const { return root_ ? &*root_ : nullptr; }
   /// In: bytes that have the digest `content`. What is no page of this world is remembered as such, and said by tiles_around(). Out: the root came.
   bool take_page(const ContentHash& content, std::span<const std::uint8_t> bytes);
+  /// Pages go by their content: those that the world before shares with this one are here then.
+  void keep_pages_of(PeerWorld&& before);
   /// Of the root page's boxes. Precondition: there is a root.
   [[nodiscard]] ModelBounds bounds() const;
   [[nodiscard]] GridBox box() const;
-  /// The page of an entry, checked, if it is here; it counts as used at that time. Errors: what was announced or came is no page of this world.
-  [[nodiscard]] Result<std::optional<WorldPage>> page(const WorldEntry& entry, int level,
-                                                      double time_s);
+  /// The page of an entry, checked, null if it is not here; it counts as used at that time. Errors: what was announced or came is no page of this world.
+  [[nodiscard]] Result<const WorldPage*> page(const WorldEntry& entry, int level, double time_s);
   /// As find_tiles_around(), from the pages that are here; they count as used at that time. Precondition: there is a root.
   [[nodiscard]] Result<TilesAround> tiles_around(const RelativeFrame& body_in_world,
                                                  const Grid& grid, const GridBox& body,
@@ -37,14 +38,12 @@ class PeerWorld {
   }
   /// Forgets pages, but the root, that were not used for so long.
   void give_up(double time_s, double unused_s);
-  /// Pages of the world that it takes the place of: those that are of this one too need not be asked for again.
-  void keep_pages_of(PeerWorld&& before) { pages_.merge(before.pages_); }
-  [[nodiscard]] std::size_t page_count() const { return pages_.size() + (root_ ? 1 : 0); }
 
  private:
   struct Page {
     WorldPage page;
     double used_s = 0;
+    std::optional<WorldEntry> checked_as = {};  // at its level
   };
   WorldRecord record_;
   ContentHash name_;

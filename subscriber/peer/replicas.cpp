@@ -20,15 +20,16 @@ PeerModel* ReplicaSet::find(const std::string& name) {
 }
 
 PeerModel* ReplicaSet::find(const ContentHash& content_hash) {
-  for (auto& [name, model] : models_)
-    if (model.content_hash == content_hash && content_hash.is_set()) return &model;
-  return nullptr;
+  const auto at = by_content_.lower_bound({content_hash, {}});
+  const bool is_found = at != by_content_.end() && at->first.first == content_hash;
+  return is_found ? at->second : nullptr;
 }
 
 void ReplicaSet::remove(const std::string& name) {
   const auto at = models_.find(name);
   if (at == models_.end()) return;
   if (at->second.is_ready()) begins_in_ = ++last_era_;
+  by_content_.erase({at->second.content_hash, name});
   models_.erase(at);
 }
 
@@ -44,24 +45,22 @@ std::size_t ReplicaSet::assign(PeerModel& model, const ContentHash& content,
   if (model.content_hash == content) return 0;
   if (model.is_held()) keep_header(model.header);  // the content may come back
   if (model.is_ready()) begins_in_ = ++last_era_;
+  by_content_.erase({model.content_hash, model.name});
+  if (content.is_set()) by_content_.emplace(std::pair(content, model.name), &model);
   PeerModel anew;
   anew.name = std::move(model.name);
   anew.content_hash = content;
   anew.pinned = model.pinned;
   anew.conflict = std::move(model.conflict);
-  std::optional<PeerWorld> before = std::move(model.world), prepared;
-  if (model.coming.content == content) prepared = std::move(model.coming.world);
+  anew.world_before = model.world ? std::move(model.world) : std::move(model.world_before);
+  if (model.coming.content == content) anew.coming = std::move(model.coming);
   model = std::move(anew);
   const auto at = unclaimed_.find(content);
   if (at == unclaimed_.end()) return 0;
   const Channel::Header header = std::move(at->second);
   unclaimed_bytes_ -= header.message.bytes.size();
   unclaimed_.erase(at);
-  const std::size_t bytes = take_header(header, complaints);
-  if (model.world && prepared) model.world = std::move(prepared);
-  if (model.world && before) model.world->keep_pages_of(std::move(*before));
-  if (model.world && model.world->root() != nullptr) model.bounds = model.world->bounds();
-  return bytes;
+  return take_header(header, complaints);
 }
 
 void ReplicaSet::expect(PeerModel& model, const ContentHash& coming) {
@@ -119,6 +118,11 @@ std::size_t ReplicaSet::take_header(const Channel::Header& header,
       return 0;
     }
     model->world = std::move(world).value();
+    if (model->coming.world && model->coming.content == message.content_hash)
+      model->world = std::exchange(model->coming.world, std::nullopt);
+    if (model->world_before)
+      model->world->keep_pages_of(*std::exchange(model->world_before, std::nullopt));
+    if (model->world->root() != nullptr) model->bounds = model->world->bounds();
     model->header = header;
     return message.bytes.size();
   }
@@ -136,6 +140,7 @@ std::size_t ReplicaSet::take_header(const Channel::Header& header,
                          replica.status().message());
     return 0;
   }
+  model->world_before.reset();
   model->replica = std::move(replica).value();
   model->bounds = ModelBounds(model->replica->header().grid, model->replica->store());
   model->header = header;

@@ -30,10 +30,11 @@ struct PeerModel {
   ContentHash pinned;        // nothing else is ever taken; or none
   std::string conflict;      // what publishers disagree about, as it was said
   std::uint64_t mesh_bytes = 0;
-  std::optional<Replica> replica;  // from the header on
-  ModelBounds bounds;              // of the same header
-  std::optional<PeerWorld> world;  // instead of a replica: the model is a world
-  wire::Epoch epoch;               // of the content
+  std::optional<Replica> replica;         // from the header on
+  ModelBounds bounds;                     // of the same header
+  std::optional<PeerWorld> world;         // instead of a replica: the model is a world
+  std::optional<PeerWorld> world_before;  // whose place it takes, until its header comes
+  wire::Epoch epoch;                      // of the content
   /// What the name will stand for in the next epoch.
   struct Coming {
     ContentHash content;
@@ -72,6 +73,7 @@ struct PeerModel {
     std::map<wire::SessionId, std::uint32_t> unproved;  // audits in a row, by who was asked
   } audit;
 
+  std::optional<double> needed_s;  ///< the update's time when something was near it last
   /// As in wire::ContactReport::Asked. And so many of its replica's give-ups are counted in it.
   std::uint32_t era = 0, noted_give_ups = 0;
   std::uint32_t told_recorders = 0;  // so many of those that came know what is held
@@ -132,6 +134,8 @@ class ReplicaSet {
 
  private:
   std::map<std::string, PeerModel> models_;
+  std::map<std::pair<ContentHash, std::string>, PeerModel*>
+      by_content_;  // those that have one, and their names
   void keep_header(const Channel::Header& header);
 
   std::string cache_folder_;  // none: nothing is kept

@@ -87,8 +87,8 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
     body.stamp.time_s = time_s;
     parts.insert(part_of(body));
   }
-  for (const auto& [number, id] : impl.own_bodies)
-    if (const Body& body = *impl.find(id);
+  for (const auto& [number, own] : impl.own_bodies)
+    if (const Body& body = *own;
         body.motion && !body.is_placed && is_at_rest(*body.motion) &&
         (body.max_speed_mps == 0 || impl.has_recorder || !impl.who_wants(body).empty()) &&
         std::abs(time_s - body.published_s) >= kRepeatShare * impl.options.max_pose_age_s)
@@ -137,7 +137,7 @@ void Session::Impl::for_each_of_part(std::uint32_t part, const Use& use) {
   const std::uint32_t first = part * wire::kBodiesPerPart;
   for (auto at = own_bodies.lower_bound(first);
        at != own_bodies.end() && at->first < first + wire::kBodiesPerPart; ++at)
-    use(*find(at->second));
+    use(*at->second);
 }
 
 void Session::Impl::tell_directory() {
@@ -201,8 +201,37 @@ wire::PoseStamp Session::Impl::stamp_of(const Body& body) const {
   return stamp;
 }
 
-/// Where time is left, or the limit is passed by much.
+/// Whether the boxes of two bodies meet within the look-ahead, as far as both are known.
+bool Session::Impl::may_meet(const Pair& pair) const {
+  if (!pair.is_ready) return false;
+  if (!pair.is_by_name) return true;  // listed for that
+  const auto box_of = [this](const Body& body) {
+    return body.model->bounds.around(*body.motion, horizon_s(), options.margin_m);
+  };
+  return box_of(*pair.a).meets(box_of(*pair.b));
+}
+
+/// All detail of models that nothing was near for long, as tiles are given up. With a cache it stays, for what came out of one does not
+/// come again.
+void Session::Impl::give_up_unused(FrameReport& report) {
+  constexpr double kBetweenLooks_s = 1;
+  if (!options.cache_folder.empty() || std::abs(time_s - looked_for_use_s) < kBetweenLooks_s)
+    return;
+  looked_for_use_s = time_s;
+  for (const Pair* pair : listed)
+    if (may_meet(*pair)) pair->a->model->needed_s = pair->b->model->needed_s = time_s;
+  for (auto& [name, model] : replicas.all()) {
+    if (!model.is_ready() || model.is_tile) continue;
+    if (!model.needed_s) model.needed_s = time_s;
+    if (std::abs(time_s - *model.needed_s) <= kUnused_s) continue;
+    model.needed_s = time_s;
+    give_up(model, {}, report);
+  }
+}
+
+/// Where time is left, or the limit is passed by much; and what nothing needs.
 void Session::Impl::give_up(const FrameBudget& budget, FrameReport& report) {
+  give_up_unused(report);
   const std::uint64_t most = options.max_held_splits;
   if (most == 0) return;
   for (auto& [name, model] : replicas.all()) {
@@ -211,13 +240,15 @@ void Session::Impl::give_up(const FrameBudget& budget, FrameReport& report) {
     if (held <= most || (held <= most + most / 8 && budget.left_s() < give_up_cost.seconds()))
       continue;
     const Stopwatch watch;
-    give_up(model, report);
+    give_up(model, kept_of(model, report), report);
     give_up_cost.add(watch.seconds());
   }
 }
 
-void Session::Impl::give_up(PeerModel& model, FrameReport& report) {
-  const Replica::Times times = model.replica->give_up(kept_of(model, report));
+void Session::Impl::give_up(PeerModel& model, const std::vector<RegionPart>& kept,
+                            FrameReport& report) {
+  if (model.replica->mesh().split_count() == 0) return;
+  const Replica::Times times = model.replica->give_up(kept);
   model.tells_held = true;
   model.is_too_much_to_tell = false;
   report.refine_s += times.refine_s;
@@ -284,7 +315,8 @@ AnswerOptions Session::Impl::answer_options_of(const Pair& pair) const {
           .contacts = options.contacts,
           .depth = options.depth && !pair.is_of_tile,
           .sweep_s = options.sweep_s,
-          .max_sweep_tests = options.max_sweep_tests};
+          .max_sweep_tests = options.max_sweep_tests,
+          .max_depth_tests = options.max_depth_tests};
 }
 
 /// Precondition: it is ready.
@@ -292,9 +324,9 @@ AskedBody Session::Impl::asked_body_of(const Body& body) const {
   return {body.view(), *body.motion, body.name, body.solid, wire::age_s(stamp_of(body), time_s)};
 }
 
-// Changes nothing of the session's, so that pairs may be asked at once. `has_turn` is called where it could be asked.
+// Changes nothing of the session's, so that pairs may be asked at once. `take_turn` is called where it could be asked.
 void Session::Impl::ask_pair(const Pair& pair, PairAnswer& result, AskedPair& asked_pair,
-                             const std::function<bool()>& has_turn) const {
+                             const std::function<Turn()>& take_turn, const IsOver& is_over) const {
   result.a = pair.a->id;
   result.b = pair.b->id;
   result.answer = nothing_known();
@@ -309,26 +341,37 @@ void Session::Impl::ask_pair(const Pair& pair, PairAnswer& result, AskedPair& as
     result.pose_a = pair.a->motion->pose;
     result.pose_b = pair.b->motion->pose;
     take_answer(Answered(*pair.still), result, asked_pair.complaints);
-  } else if (result.reason.empty() && !has_turn()) {
-    put_off(pair, result);
-  } else if (result.reason.empty()) {
-    const Stopwatch watch;
-    const AskedBody a = asked_body_of(*pair.a), b = asked_body_of(*pair.b);
-    result.pose_a = a.motion.pose;
-    result.pose_b = b.motion.pose;
-    Result<Answered> asked = answer(a, b, answer_options_of(pair));
-    if (asked.is_ok()) {
-      result.asked = true;
-      take_answer(std::move(asked).value(), result, asked_pair.complaints);
-      if (is_beyond_detail(result.answer))
-        result.reason = "body " + (a.view.surface->has_seeds() ? pair.b : pair.a)->name +
-                        " has more than " + std::to_string(kMaxComponentSeeds) +
-                        " parts: whether one is inside the other body cannot be told";
-    } else {
-      result.reason = asked.status().message();
-    }
-    asked_pair.query_s = watch.seconds();
+    return;
   }
+  if (!result.reason.empty()) return;
+  const Turn turn = take_turn();
+  if (turn == Turn::kPutOff) {
+    put_off(pair, result);
+    return;
+  }
+  const Stopwatch watch;
+  const AskedBody a = asked_body_of(*pair.a), b = asked_body_of(*pair.b);
+  AnswerOptions with = answer_options_of(pair);
+  if (turn == Turn::kTimed) with.is_over = &is_over;
+  Result<Answered> asked = answer(a, b, with);
+  asked_pair.query_s = watch.seconds();
+  if (!asked.is_ok()) {
+    result.reason = asked.status().message();
+    return;
+  }
+  asked_pair.is_cut_short = asked.value().is_cut_short;
+  if (asked_pair.is_cut_short) {
+    put_off(pair, result);
+    return;
+  }
+  result.asked = true;
+  result.pose_a = a.motion.pose;
+  result.pose_b = b.motion.pose;
+  take_answer(std::move(asked).value(), result, asked_pair.complaints);
+  if (is_beyond_detail(result.answer))
+    result.reason = "body " + (a.view.surface->has_seeds() ? pair.b : pair.a)->name +
+                    " has more than " + std::to_string(kMaxComponentSeeds) +
+                    " parts: whether one is inside the other body cannot be told";
 }
 
 void Session::Impl::settle_pair(Pair& pair, PairAnswer& result, const AskedPair& asked,
@@ -349,7 +392,7 @@ void Session::Impl::settle_pair(Pair& pair, PairAnswer& result, const AskedPair&
   if (pair.still) {
     note_still(pair);
   } else {
-    note_turn(pair, result, asked.query_s);
+    note_turn(pair, result, asked);
   }
   if (pair.is_of_tile) return;  // told with the others of its world
   report.pairs_put_off += result.put_off ? 1 : 0;

@@ -29,6 +29,8 @@ RegionMaker Session::Impl::region_of(const PeerModel& model, double lookahead_s,
     if (scope != Scope::kAll && !pair.by_region) continue;
     if (scope == Scope::kUncertified && (answer.put_off || is_certified(answer.answer.status)))
       continue;
+    // What nothing meets until then is certified until then, by what is held.
+    if (scope == Scope::kByRegion && stays_certified(answer, lookahead_s)) continue;
     const Answer& undecided = answer.answer;
     if (scope == Scope::kUncertified && !(undecided.rays_a.empty() && undecided.rays_b.empty())) {
       // The surfaces are apart: only the rays wait for detail.
@@ -55,6 +57,12 @@ RegionMaker Session::Impl::region_of(const PeerModel& model, double lookahead_s,
     }
     return merge_by_place(std::move(region), kMaxRegionBoxes);
   };
+}
+
+// Of a free answer: its bound counts unresolved nodes as the answers of that time will.
+bool Session::Impl::stays_certified(const PairAnswer& answer, double lookahead_s) const {
+  return answer.asked && options.margin_m == 0 && is_certified(answer.answer.status) &&
+         answer.answer.pair_total == 0 && answer.safe_horizon_s >= lookahead_s;
 }
 
 // What is not given up: somewhat more than will be asked for, or it would come and go.

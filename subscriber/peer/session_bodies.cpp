@@ -65,27 +65,28 @@ Result<BodyId> Session::Impl::add_body(BodyOptions body_options) {
                   "body " + body_options.name + ": max_speed_mps is " +
                       std::to_string(body_options.max_speed_mps) + ", expected 0 to " +
                       std::to_string(wire::kMaxSpeed_mps) + ", and 0 of a body that another moves"};
-  const BodyId id{next_body};
+  const BodyId id{static_cast<std::uint32_t>(by_id.size())};
   NEARMESH_RETURN_IF_ERROR(check_pin(body_options.name, body_options.model, body_options.content));
   if (!named.emplace(body_options.name, id).second)
     return Status{StatusCode::kConflict, "body " + body_options.name + " is declared twice"};
-  ++next_body;
   PeerModel& model = replicas.add(body_options.model);
   if (body_options.content.is_set()) model.pinned = body_options.content;
-  bodies.emplace(id.value, Body{.id = id,
-                                .name = std::move(body_options.name),
-                                .model = &model,
-                                .own = body_options.own,
-                                .solid = body_options.solid,
-                                .stamp = {.max_age_s = max_age_s},
-                                .max_speed_mps = body_options.max_speed_mps,
-                                .company = {body_options.group, body_options.mask, false,
-                                            watches_only_own && !body_options.own}});
+  const auto added =
+      bodies.emplace(id.value, Body{.id = id,
+                                    .name = std::move(body_options.name),
+                                    .model = &model,
+                                    .own = body_options.own,
+                                    .solid = body_options.solid,
+                                    .stamp = {.max_age_s = max_age_s},
+                                    .max_speed_mps = body_options.max_speed_mps,
+                                    .company = {body_options.group, body_options.mask, false,
+                                                watches_only_own && !body_options.own}});
+  by_id.push_back(&added.first->second);
   if (body_options.own) {
     Body& own = *find(id);
     own.number = next_number++;
     own.mover = channel->own_id();
-    own_bodies.emplace(own.number, id);
+    own_bodies.emplace(own.number, &own);
     untold_parts.insert(part_of(own));
   }
   has_news = true;
@@ -154,6 +155,7 @@ void Session::Impl::remove_body(Body& body) {
   }
   PeerModel& model = *body.model;
   named.erase(body.name);
+  by_id[body.id.value] = nullptr;
   bodies.erase(body.id.value);
   leave_model(model);
 }
@@ -192,11 +194,8 @@ void Session::Impl::leave_model(PeerModel& model) {
                                    [&](const auto& entry) { return entry.second.model == &model; });
   if (is_used) return;
   model.pinned = {};
-  if (model.is_ready() && model.replica->mesh().split_count() > 0) {
-    model.replica->give_up({});
-    model.tells_held = true;
-    model.is_too_much_to_tell = false;
-  }
+  FrameReport none;
+  if (model.is_ready()) give_up(model, {}, none);
 }
 
 void Session::watch_all() { impl_->watch_many(false); }
@@ -374,9 +373,9 @@ void Session::Impl::find_near(std::uint64_t frame, FrameReport& report) {
   std::uint64_t near = 0;
   if (watches_all) {
     fastest_mps = 0;
-    for (const auto& [number, id] : own_bodies)
-      if (const Body& own = *find(id); own.motion)
-        fastest_mps = std::max(fastest_mps, length_bound(own.motion->linear_velocity_mps));
+    for (const auto& [number, own] : own_bodies)
+      if (own->motion)
+        fastest_mps = std::max(fastest_mps, length_bound(own->motion->linear_velocity_mps));
     for (auto& [id, body] : bodies) bound(body, report);
     for (const auto& [one, two] : broad.find_near()) {
       if (is_near_soon(*by_slot[one], *by_slot[two])) {

@@ -135,6 +135,9 @@ struct Publisher {
 
 [[nodiscard]] Status no_such(BodyId body);
 
+/// Tiles, pages and detail that nothing was near for so long, on the exercise's clock, are given up.
+inline constexpr double kUnused_s = 10;
+
 /// PairAnswer::reason of a pair that is put off. Short, since there may be thousands in a frame.
 inline constexpr const char* kOutOfBudget = "out of budget";
 
@@ -148,8 +151,8 @@ struct Session::Impl {
   ReplicaSet replicas;
   std::map<std::uint32_t, Body>
       bodies;  // by BodyId; where they are does not change, so pairs may point at them
-  std::uint32_t next_body = 0;
-  std::map<std::uint32_t, BodyId> own_bodies;  // by number on the bus
+  std::vector<Body*> by_id;                   // the same; null: was removed
+  std::map<std::uint32_t, Body*> own_bodies;  // by number on the bus
   std::uint32_t next_number = 0;
   std::set<std::uint32_t> untold_parts;  // of the directory: others know them otherwise
   bool discovers = false;
@@ -178,6 +181,7 @@ struct Session::Impl {
     struct Turn {
       std::uint64_t came_in = 0, asked_in = 0;  // updates; 0: not yet
       double cost_s = 0;                        // of asking it then
+      bool is_cut_short = false;  // it took longer since, and was put off: it is to come first
     } turn;
     struct Certified {
       LastCertified said, now;  // then; and what is left of it in this update
@@ -282,9 +286,10 @@ struct Session::Impl {
   std::size_t begun_epochs = 0;  // of what publishers serve
   std::map<ContentHash, Outstanding> outstanding;
   std::uint32_t last_request = 0;
-  std::string last_served;            // model, of those that name what they lack
-  double time_s = 0;                  // of the update
-  double frame_s = 0;                 // since the update before
+  std::string last_served;  // model, of those that name what they lack
+  double time_s = 0;        // of the update
+  double frame_s = 0;       // since the update before
+  double looked_for_use_s = -std::numeric_limits<double>::infinity();  // give_up_unused() did
   std::uint64_t asked_ahead_in = 0;   // the last update that asked by region for what is ahead
   std::uint64_t looked_ahead_in = 0;  // the last update that looked ahead, or had no need to
   // Of this update's time, when the last pair that was asked had been: to put off the others takes time, too.
@@ -303,8 +308,7 @@ struct Session::Impl {
 
   // Null where there is no such body.
   [[nodiscard]] Body* find(BodyId body) {
-    const auto at = bodies.find(body.value);
-    return at == bodies.end() ? nullptr : &at->second;
+    return body.value < by_id.size() ? by_id[body.value] : nullptr;
   }
   [[nodiscard]] Status check_pin(const std::string& body, const std::string& model_name,
                                  const ContentHash& content) const;
@@ -376,6 +380,7 @@ struct Session::Impl {
     std::vector<std::string> complaints;
     double query_s = 0;
     double ended_s = 0;  // of the update's time; 0: was not asked
+    bool is_cut_short = false;
   };
   // What updates took of late: a pair; what follows the batches; what follows the answers; a look ahead; giving up.
   ExpectedCost pair_cost{0.125}, answers_cost, rest_cost{1, 1.0 / 64}, look_cost{0.125},
@@ -390,8 +395,13 @@ struct Session::Impl {
     overrun.add(std::clamp(margin_s - budget.left_s(), 0.0, budget.seconds() / 8));
   }
   void answer_pairs(std::uint64_t frame, const FrameBudget& budget, FrameReport& report);
+  enum class Turn : std::uint8_t {
+    kPutOff,
+    kTimed,  // is asked until the time is over
+    kWhole   // is asked, whatever it takes
+  };
   void ask_pair(const Pair& pair, PairAnswer& result, AskedPair& asked,
-                const std::function<bool()>& has_turn) const;
+                const std::function<Turn()>& take_turn, const IsOver& is_over) const;
   void look_at_pairs();
   [[nodiscard]] std::vector<std::uint32_t> take_turns(double left_s) const;
   [[nodiscard]] double due_of(const Pair& pair) const;
@@ -401,7 +411,7 @@ struct Session::Impl {
   [[nodiscard]] AnswerOptions answer_options_of(const Pair& pair) const;
   [[nodiscard]] AskedBody asked_body_of(const Body& body) const;
   void put_off(const Pair& pair, PairAnswer& result) const;
-  void note_turn(Pair& pair, const PairAnswer& result, double query_s);
+  void note_turn(Pair& pair, const PairAnswer& result, const AskedPair& asked);
   void note_still(Pair& pair);
   void settle_pair(Pair& pair, PairAnswer& result, const AskedPair& asked, std::uint64_t frame,
                    FrameReport& report);
@@ -412,7 +422,9 @@ struct Session::Impl {
                     std::vector<GridBox> where);
   void report_pair(Pair& pair, const PairAnswer& answer, const Reported& now,
                    wire::ContactReport::World* world = nullptr);
-  void give_up(PeerModel& model, FrameReport& report);
+  void give_up(PeerModel& model, const std::vector<RegionPart>& kept, FrameReport& report);
+  void give_up_unused(FrameReport& report);
+  [[nodiscard]] bool may_meet(const Pair& pair) const;
   template <class Probe, class Answer>
   [[nodiscard]] Result<ProbeReport> probe(BodyId body, std::span<const Probe> probes,
                                           std::span<Answer> answers);
@@ -446,6 +458,7 @@ struct Session::Impl {
   enum class Scope : std::uint8_t { kAll, kByRegion, kUncertified };  // the last: by region, too
   [[nodiscard]] RegionMaker region_of(const PeerModel& model, double lookahead_s,
                                       const FrameReport& report, Scope scope);
+  [[nodiscard]] bool stays_certified(const PairAnswer& answer, double lookahead_s) const;
   [[nodiscard]] std::vector<RegionPart> kept_of(const PeerModel& model, const FrameReport& report);
   [[nodiscard]] std::vector<NodeSpan> missing_of(const PeerModel& model, const FrameReport& report,
                                                  bool ahead) const;

@@ -175,6 +175,7 @@ Result<ProbeReport> Session::Impl::probe(BodyId id, std::span<const Probe> probe
       return result;
     }
   }
+  model.needed_s = time_s;
   Result<ProbeNeeds> lacking = nearmesh::probe(model.replica->view(), report.pose, probes, answers);
   if (!lacking.is_ok()) return as_of_body(lacking.status(), body->name);
   ProbeNeeds& needs = lacking.value();

@@ -91,8 +91,8 @@ void Session::Impl::make_promises() {
   const double promise_s = std::clamp(options.promise_s, 0.1, wire::kMaxPromise_s);
   std::map<std::uint32_t, std::vector<Body*>> parts;
   std::set<std::uint32_t> due;
-  for (const auto& [number, id] : own_bodies) {
-    Body& own = *find(id);
+  for (const auto& [number, its] : own_bodies) {
+    Body& own = *its;
     if (own.max_speed_mps <= 0 || !own.motion || own.is_placed || stamp_of(own).time_s != time_s)
       continue;
     if (std::any_of(own.motion->pose.translation_m.begin(), own.motion->pose.translation_m.end(),

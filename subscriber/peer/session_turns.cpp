@@ -2,9 +2,10 @@
 // Which pairs an update asks within its budget, and what is said of the others.
 //
 // A pair is due at an update: one that touches, or is not certified, at that which asked it last; one that is free when it may
-// touch by what was said of it, but kMostFreeTurns later at most; a new one kNewTurns before it came. Who is due first is asked first, and in
-// each update at least one is asked. So none starves: of n pairs each is asked again after kMostFreeTurns + n updates at the
-// latest, since whoever was asked after a pair was due is due after it.
+// touch by what was said of it, but kMostFreeTurns later at most; a new one kNewTurns before it came. Who is due first is asked first. One
+// that takes so much longer than expected that time is over is cut short: it is put off, stays due as it was, and is asked to its end where it
+// comes first. So the first of an update is asked, or in the next in which it comes first; and none starves: of n pairs each is asked
+// again after kMostFreeTurns + 2 n updates at the latest, since whoever was asked after a pair was due is due after it.
 #include <algorithm>
 #include <atomic>
 #include <cmath>
@@ -91,11 +92,13 @@ void Session::Impl::look_at_pairs() {
 std::vector<std::uint32_t> Session::Impl::take_turns(double left_s) const {
   std::vector<std::uint32_t> turns(listed.size());
   double expected_s = 0;
+  bool is_any_cut_short = false;
   for (std::uint32_t i = 0; i < turns.size(); ++i) {
     turns[i] = i;
     expected_s += cost_of(*listed[i]);
+    is_any_cut_short |= listed[i]->turn.is_cut_short;
   }
-  if (2 * expected_s < left_s) return turns;
+  if (2 * expected_s < left_s && !is_any_cut_short) return turns;
   std::vector<double> due(turns.size());
   for (std::uint32_t i = 0; i < turns.size(); ++i) due[i] = due_of(*listed[i]);
   std::sort(turns.begin(), turns.end(), [&](std::uint32_t i, std::uint32_t j) {
@@ -122,22 +125,24 @@ void Session::Impl::answer_pairs(std::uint64_t frame, const FrameBudget& budget,
   report.answers.resize(listed.size());  // asked in place: they are large
   std::vector<AskedPair> asked(listed.size());
   std::atomic<std::size_t> next{0};
-  std::atomic<bool> is_any_asked{false}, is_over{false};
+  std::atomic<bool> is_any_asked{false}, is_too_late{false};
+  const IsOver is_over = [&] { return budget.left_s() < end_s; };
   asked_by_s = budget.spent_s();
   // Whichever job comes first takes the first turn, in whatever order the host runs them.
   run_jobs(turns.size(), [&](std::size_t) {
     const std::uint32_t place = turns[next++];
     const Pair& pair = *listed[place];
-    ask_pair(pair, report.answers[place], asked[place], [&] {
-      if (is_over) return false;  // none is expected to take less
-      const double left_s = budget.left_s() - end_s;
-      if (left_s >= cost_of(pair) || !is_any_asked.exchange(true)) return true;
-      is_over = left_s < pair_cost.seconds();
-      return false;
-    });
-    if (!report.answers[place].asked || pair.still) return;
-    is_any_asked = true;
-    asked[place].ended_s = budget.spent_s();
+    const auto take_turn = [&] {
+      if (is_too_late) return Turn::kPutOff;  // none is expected to take less
+      const double left_s = budget.left_s() - end_s, cost_s = cost_of(pair);
+      const bool is_first = !is_any_asked.exchange(true);
+      if (is_first && (pair.turn.is_cut_short || left_s < cost_s)) return Turn::kWhole;
+      if (left_s >= cost_s) return Turn::kTimed;
+      is_too_late = left_s < pair_cost.seconds();
+      return Turn::kPutOff;
+    };
+    ask_pair(pair, report.answers[place], asked[place], take_turn, is_over);
+    if (asked[place].query_s > 0) asked[place].ended_s = budget.spent_s();
   });
   for (const AskedPair& pair : asked) asked_by_s = std::max(asked_by_s, pair.ended_s);
   for (std::size_t i = 0; i < asked.size(); ++i)
@@ -151,12 +156,14 @@ void Session::Impl::put_off(const Pair& pair, PairAnswer& result) const {
   if (pair.certified) result.last_certified = pair.certified->now;
 }
 
-void Session::Impl::note_turn(Pair& pair, const PairAnswer& result, double query_s) {
+void Session::Impl::note_turn(Pair& pair, const PairAnswer& result, const AskedPair& asked) {
   pair.is_put_off = result.put_off;
+  if (asked.query_s > 0) pair.turn.is_cut_short = asked.is_cut_short;
+  if (asked.is_cut_short) pair.turn.cost_s = std::max(pair.turn.cost_s, 2 * asked.query_s);
   if (!result.asked) return;
   pair.turn.asked_in = updates;
-  pair.turn.cost_s = query_s;
-  pair_cost.add(query_s);
+  pair.turn.cost_s = asked.query_s;
+  pair_cost.add(asked.query_s);
   if (!is_certified(result.answer.status)) return;
   pair.certified = {.said = {.status = result.answer.status,
                              .contained = result.answer.contained,
@@ -181,6 +188,7 @@ void Session::Impl::note_turn(Pair& pair, const PairAnswer& result, double query
 void Session::Impl::note_still(Pair& pair) {
   pair.is_put_off = false;
   pair.turn.asked_in = updates;
+  pair.turn.is_cut_short = false;
   pair.certified->asked_in = updates;
   pair.certified->time_s = time_s;
 }

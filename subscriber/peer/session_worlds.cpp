@@ -17,8 +17,6 @@
 namespace nearmesh::subscriber {
 namespace {
 
-/// Tiles and pages that nothing was near for so long, on the exercise's clock, are given up.
-constexpr double kUnused_s = 10;
 /// So many pages and headers are asked for at a time.
 constexpr std::size_t kMostAsked = 32;
 
@@ -250,7 +248,7 @@ Body* Session::Impl::tile_body(const Body& world, const WorldEntry& entry, std::
   }
   // Anew each time: the world may be another one by now, with the same tile in another place.
   body.tile_grid = world.model->world->record().grid_at(entry);
-  body.name = world.name + ", " + place_of(entry);
+  if (body.name.empty()) body.name = world.name + ", " + place_of(entry);
   body.id = world.id;
   body.own = world.own;
   body.is_placed = world.is_placed;

@@ -182,7 +182,7 @@ Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
               "budget_ms",       "lookahead_s", "audit_s",         "cache",     "margin_m",
               "max_pose_age_s",  "sweep_s",     "max_held_splits", "clearance", "contacts",
               "depth",           "any",         "max_pairs",       "max_tests", "max_sweep_tests",
-              "start_timeout_s", "duration_s"});
+              "max_depth_tests", "duration_s",  "start_timeout_s"});
   Scene scene;
   scene.frame_rate_hz = number_in(root, "frame_rate_hz", scene.frame_rate_hz, 0.1, 10000);
   scene.budget_s = number_in(root, "budget_ms", scene.budget_s * 1e3, 0, 1e6) / 1e3;
@@ -214,6 +214,7 @@ Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
   limit("max_pairs", scene.session.max_pairs);
   limit("max_tests", scene.session.max_tests);
   limit("max_sweep_tests", scene.session.max_sweep_tests);
+  limit("max_depth_tests", scene.session.max_depth_tests);
   const std::string many =
       root["pairs"] && root["pairs"].IsScalar() ? root["pairs"].Scalar() : std::string();
   scene.watches_only_own = many == "own";

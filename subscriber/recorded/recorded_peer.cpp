@@ -315,14 +315,12 @@ RecordedPeer::Reach RecordedPeer::find_tiles(const wire::ContactReport& report,
     lacks_page = true;
     return nullptr;
   };
-  const PageOf page_of = [&](const WorldEntry& entry,
-                             int level) -> Result<std::optional<WorldPage>> {
-    if (std::binary_search(told.missing_pages.begin(), told.missing_pages.end(), entry.content))
-      return std::optional<WorldPage>();
-    const WorldPage* page = find_page(entry.content);
-    if (page == nullptr) return std::optional<WorldPage>();
-    NEARMESH_RETURN_IF_ERROR(check_page(*page, entry, level));
-    return std::optional(*page);
+  const PageOf page_of = [&](const WorldEntry& entry, int level) -> Result<const WorldPage*> {
+    const bool is_missing =
+        std::binary_search(told.missing_pages.begin(), told.missing_pages.end(), entry.content);
+    const WorldPage* page = is_missing ? nullptr : find_page(entry.content);
+    if (page != nullptr) NEARMESH_RETURN_IF_ERROR(check_page(*page, entry, level));
+    return page;
   };
   world_.record = record;
   const WorldPage* root = find_page(record->root);

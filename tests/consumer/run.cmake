@@ -4,7 +4,7 @@ function(run)
 endfunction()
 
 # From nothing each time, so that no file of an earlier install can help.
-file(REMOVE_RECURSE ${SCRATCH}/prefix ${SCRATCH}/build ${SCRATCH}/c_build ${SCRATCH}/cyclone_build)
+file(REMOVE_RECURSE ${SCRATCH}/prefix ${SCRATCH}/build ${SCRATCH}/c_build ${SCRATCH}/cyclone_build ${SCRATCH}/flightgear_build)
 run(${CMAKE_COMMAND} --install ${BUILD} --prefix ${SCRATCH}/prefix)
 run(${CMAKE_COMMAND} -S ${PROJECT} -B ${SCRATCH}/build -G ${GENERATOR}
     -D CMAKE_PREFIX_PATH=${SCRATCH}/prefix -D COMPONENTS=${COMPONENTS} -D CMAKE_CXX_COMPILER=${CXX}
@@ -27,6 +27,13 @@ if(CYCLONE_PROJECT)
   run(${CMAKE_COMMAND} -S ${CYCLONE_PROJECT} -B ${SCRATCH}/cyclone_build -G ${GENERATOR}
       -D CMAKE_PREFIX_PATH=${SCRATCH}/prefix -D CMAKE_C_COMPILER=${C} -D CMAKE_BUILD_TYPE=${BUILD_TYPE})
   run(${CMAKE_COMMAND} --build ${SCRATCH}/cyclone_build)
+endif()
+# The host that nobody here wrote, as its page builds it.
+if(FLIGHTGEAR_PROJECT)
+  run(${CMAKE_COMMAND} -S ${FLIGHTGEAR_PROJECT} -B ${SCRATCH}/flightgear_build -G ${GENERATOR}
+      -D CMAKE_PREFIX_PATH=${SCRATCH}/prefix -D CMAKE_CXX_COMPILER=${CXX} -D CMAKE_BUILD_TYPE=${BUILD_TYPE} -D CMAKE_CXX_FLAGS=${CXX_FLAGS})
+  run(${CMAKE_COMMAND} --build ${SCRATCH}/flightgear_build)
+  run(${SCRATCH}/flightgear_build/nearmesh-example-flightgear --version)
 endif()
 find_program(PKG_CONFIG pkg-config)
 if(PKG_CONFIG)

@@ -15,7 +15,7 @@ case $1 in
     quietly apt-get -qy install --no-install-recommends "$source"/out/packages/nearmesh-tools*.deb
     for program in nearmesh-model nearmesh-publisher nearmesh-subscriber; do $program --version | head -n 1; done
     quietly apt-get -qy install --no-install-recommends "$source"/out/packages/{libnearmesh0,libnearmesh-dev,python3-nearmesh}_*.deb
-    quietly apt-get -qy install --no-install-recommends g++ make cmake pkg-config
+    quietly apt-get -qy install --no-install-recommends g++ make cmake pkg-config libcli11-dev systemd
     dpkg -L nearmesh-tools libnearmesh-dev libnearmesh0 python3-nearmesh | sort -u >out/files
     ;;
   use)
@@ -36,7 +36,11 @@ case $1 in
     mkdir -p /etc/nearmesh /srv/nearmesh
     cp terrain.spm aircraft.spm /srv/nearmesh
     cp $settings/settings/publisher.yaml /etc/nearmesh
-    command=$(sed -n 's/^ExecStart=//p' "$(grep service$ "$source/out/files")")
+    unit=$(grep service$ "$source/out/files")
+    # What it does not understand it says, and ends with 0.
+    said=$(systemd-analyze verify "$unit" 2>&1) && ! grep -i nearmesh <<<"$said" || { echo "$said" >&2; exit 1; }
+    echo "unit: accepted by systemd-analyze verify"
+    command=$(sed -n 's/^ExecStart=//p' "$unit")
     (exec env NEARMESH_DOMAIN=31 NEARMESH_INTERFACE=127.0.0.1 setpriv --reuid 65534 --regid 65534 --clear-groups --no-new-privs \
        --inh-caps=-all $command >publisher.log 2>&1) &
     publisher=$!
@@ -75,6 +79,10 @@ case $1 in
     quietly ./two_cubes cube.spm
     quietly consumer_in_c/two_cubes cube.spm
     echo "programs in C by pkg-config and CMake: built and run"
+    quietly cmake -S /usr/share/doc/libnearmesh-dev/examples/flightgear -B flightgear -DCMAKE_BUILD_TYPE=Release
+    quietly cmake --build flightgear -j2
+    quietly flightgear/nearmesh-example-flightgear --version
+    echo "examples/flightgear: built from the package"
     python3 - <<'PYTHON'
 import numpy as np
 import nearmesh as nm

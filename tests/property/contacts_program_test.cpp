@@ -99,5 +99,22 @@ TEST_F(ContactsProgram, SaysWhenTheListIsCut) {
   }
 }
 
+TEST_F(ContactsProgram, EndsASearchAfterSoManyTests) {
+  for (const char* method : {"certified", "full", "global --splits 60"}) {
+    SCOPED_TRACE(method);
+    auto all = run(std::string("--method ") + method);
+    EXPECT_EQ(all["sunk"]["status"], "contact");
+    EXPECT_FALSE(all["sunk"].contains("exhausted"));
+    auto ended = run(std::string("--max-tests 100 --method ") + method);
+    EXPECT_EQ(ended["sunk"]["exhausted"], true);
+    EXPECT_TRUE(ended["sunk"]["status"] == "partial" || ended["sunk"]["status"] == "uncertain");
+    EXPECT_LT(ended["sunk"]["pairs"], all["sunk"]["pairs"]);
+    EXPECT_EQ(ended["above"]["status"], "free");
+    EXPECT_FALSE(ended["above"].contains("exhausted"));
+    EXPECT_EQ(run(std::string("--max-tests 100000000 --method ") + method)["sunk"]["pairs"],
+              all["sunk"]["pairs"]);
+  }
+}
+
 }  // namespace
 }  // namespace nearmesh

@@ -15,6 +15,7 @@ struct nearmesh_query {
   std::optional<nearmesh::LocalModel> local_a, local_b;  // as far as answers have needed them
   nearmesh::QueryOptions options;
   bool contacts = false, depth = false;
+  std::uint64_t max_depth_tests = 0;
   nearmesh::c::OwnedAnswer answer;
 };
 
@@ -29,7 +30,8 @@ constexpr nearmesh_query_options kQueryDefaults{.size = sizeof(nearmesh_query_op
                                                 .solid_b = 0,
                                                 .contacts = 0,
                                                 .depth = 0,
-                                                .max_tests = UINT64_MAX};
+                                                .max_tests = UINT64_MAX,
+                                                .max_depth_tests = kDepthTests};
 
 Require require_of(SharedModel& model) {
   return [&model](NodeSpan node) { return model.file.require(node); };
@@ -55,7 +57,9 @@ Status ask(nearmesh_query& query, const Pose& pose_a, const Pose& pose_b) {
     Result<Depth> found =
         certify_depth(*query.local_a, pose_a, require_of(*query.a), *query.local_b, pose_b,
                       require_of(*query.b), answer.value(), *contacts,
-                      {.solid_a = query.options.solid_a, .solid_b = query.options.solid_b});
+                      {.solid_a = query.options.solid_a,
+                       .solid_b = query.options.solid_b,
+                       .max_tests = query.max_depth_tests});
     NEARMESH_RETURN_IF_ERROR(found);
     depth = std::move(found).value();
   }
@@ -100,6 +104,7 @@ nearmesh_status nearmesh_query_create(nearmesh_model* a, nearmesh_model* b,
         .solid_b = read.solid_b != 0};
     made->contacts = read.contacts != 0 || read.depth != 0;
     made->depth = read.depth != 0;
+    made->max_depth_tests = read.max_depth_tests;
     *query = made.release();
     return Status::ok();
   });

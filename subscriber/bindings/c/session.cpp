@@ -20,6 +20,7 @@ using subscriber::SessionOptions;
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
 constexpr double kMostSeconds = 3600, kLeastTimeout_s = 1e-3, kLeastSweep_s = 1e-9;
 constexpr double kMostMargin_m = 1e9;
+constexpr double kLeastPromise_s = 0.1;
 constexpr std::uint32_t kLeastWindow = 2048;  // a batch and its frame
 constexpr wire::SessionId kOtherPeer = 3;     // beside LocalChannel's own two
 
@@ -48,6 +49,8 @@ nearmesh_session_options session_defaults() {
   options.max_tests = built_in.max_tests;
   options.max_sweep_tests = built_in.max_sweep_tests;
   options.depth = built_in.depth;
+  options.max_depth_tests = built_in.max_depth_tests;
+  options.promise_s = built_in.promise_s;
   return options;
 }
 
@@ -77,6 +80,8 @@ Result<SessionOptions> session_options_of(const nearmesh_session_options* given)
                                         std::numeric_limits<std::uint32_t>::max(), "window_bytes"));
   NEARMESH_RETURN_IF_ERROR(
       check_number(read.clearance, NEARMESH_CLEARANCE_NONE, NEARMESH_CLEARANCE_EXACT, "clearance"));
+  NEARMESH_RETURN_IF_ERROR(
+      check_number(read.promise_s, kLeastPromise_s, wire::kMaxPromise_s, "promise_s"));
   SessionOptions options;
   options.max_pose_age_s = read.max_pose_age_s;
   options.lookahead_s = read.lookahead_s;
@@ -97,6 +102,8 @@ Result<SessionOptions> session_options_of(const nearmesh_session_options* given)
   options.max_pairs = static_cast<std::size_t>(std::min<std::uint64_t>(read.max_pairs, kAllPairs));
   options.max_tests = read.max_tests;
   options.max_sweep_tests = read.max_sweep_tests;
+  options.max_depth_tests = read.max_depth_tests;
+  options.promise_s = read.promise_s;
   return options;
 }
 
@@ -247,6 +254,9 @@ void OwnedFrame::fill(subscriber::FrameReport of) {
   frame.answers_digest = report.answers_digest;
   frame.pairs_put_off = report.pairs_put_off;
   frame.contact_event_count = contact_events.size();
+  frame.came_count = report.came.size();
+  frame.went_count = report.went.size();
+  frame.promised = report.promised;
 }
 
 }  // namespace nearmesh::c
@@ -417,6 +427,14 @@ nearmesh_status nearmesh_session_watch_own(nearmesh_session* session,
   });
 }
 
+nearmesh_status nearmesh_session_discover_bodies(nearmesh_session* session,
+                                                 nearmesh_error* error) noexcept {
+  return c::changing(session, error, [&] {
+    session->session->discover_bodies();
+    return Status::ok();
+  });
+}
+
 nearmesh_status nearmesh_session_watch(nearmesh_session* session, nearmesh_body a, nearmesh_body b,
                                        nearmesh_error* error) noexcept {
   return c::changing(session, error, [&] { return session->session->watch(BodyId{a}, BodyId{b}); });
@@ -482,6 +500,18 @@ const nearmesh_unknown_body* nearmesh_session_unknown(const nearmesh_session* se
   if (!c::is_handle(session) || !session->frame || index >= session->frame->unknown.size())
     return nullptr;
   return &session->frame->unknown[index];
+}
+
+nearmesh_body nearmesh_session_came(const nearmesh_session* session, size_t index) noexcept {
+  if (!c::is_handle(session) || !session->frame || index >= session->frame->report.came.size())
+    return NEARMESH_NONE;
+  return session->frame->report.came[index].value;
+}
+
+nearmesh_body nearmesh_session_went(const nearmesh_session* session, size_t index) noexcept {
+  if (!c::is_handle(session) || !session->frame || index >= session->frame->report.went.size())
+    return NEARMESH_NONE;
+  return session->frame->report.went[index].value;
 }
 
 const char* nearmesh_session_complaint(const nearmesh_session* session, size_t index) noexcept {
@@ -577,6 +607,54 @@ nearmesh_status nearmesh_session_name_of(nearmesh_session* session, nearmesh_bod
     *name = session->name.c_str();
     return Status::ok();
   });
+}
+
+nearmesh_status nearmesh_session_body_facts(nearmesh_session* session, nearmesh_body body,
+                                            const nearmesh_body_facts** facts,
+                                            nearmesh_error* error) noexcept {
+  if (facts != nullptr) *facts = nullptr;
+  return c::guarded(session, error, [&]() -> Status {
+    NEARMESH_RETURN_IF_ERROR(c::check_given(facts, "facts"));
+    Result<subscriber::BodyOptions> found = session->session->options_of(BodyId{body});
+    NEARMESH_RETURN_IF_ERROR(found);
+    const subscriber::BodyOptions& of = session->declared = std::move(found).value();
+    session->pin = c::ContentText(of.content);
+    session->body = {.name = of.name.c_str(),
+                     .model = of.model.c_str(),
+                     .content = session->pin.digits,
+                     .own = of.own,
+                     .solid = of.solid,
+                     .group = of.group,
+                     .mask = of.mask,
+                     .max_speed_mps = of.max_speed_mps};
+    *facts = &session->body;
+    return Status::ok();
+  });
+}
+
+nearmesh_status nearmesh_session_held_mesh(nearmesh_session* session, nearmesh_body body,
+                                           const nearmesh_held_mesh** mesh,
+                                           nearmesh_error* error) noexcept {
+  if (mesh != nullptr) *mesh = nullptr;
+  return c::guarded(session, error, [&]() -> Status {
+    NEARMESH_RETURN_IF_ERROR(c::check_given(mesh, "mesh"));
+    Result<subscriber::Session::HeldMesh> found = session->session->held_mesh(BodyId{body});
+    NEARMESH_RETURN_IF_ERROR(found);
+    session->held = std::move(found).value();
+    const auto numbers = [](const std::vector<std::array<double, 3>>& corners) {
+      return corners.empty() ? nullptr : corners[0].data();
+    };
+    session->mesh = {.exact_count = session->held.exact_m.size() / 3,
+                     .coarse_count = session->held.coarse_m.size() / 3,
+                     .exact_m = numbers(session->held.exact_m),
+                     .coarse_m = numbers(session->held.coarse_m)};
+    *mesh = &session->mesh;
+    return Status::ok();
+  });
+}
+
+uint64_t nearmesh_session_held_state(const nearmesh_session* session, nearmesh_body body) noexcept {
+  return c::is_handle(session) ? session->session->held_state(BodyId{body}) : 0;
 }
 
 nearmesh_status nearmesh_session_model_facts(nearmesh_session* session, nearmesh_body body,

@@ -79,6 +79,11 @@ struct nearmesh_session {
   nearmesh_session_stats stats{};
   nearmesh::c::ContentText content;
   nearmesh_model_facts facts{};
+  nearmesh::subscriber::BodyOptions declared;
+  nearmesh::c::ContentText pin;
+  nearmesh_body_facts body{};
+  nearmesh::subscriber::Session::HeldMesh held;
+  nearmesh_held_mesh mesh{};
 };
 
 namespace nearmesh::c {

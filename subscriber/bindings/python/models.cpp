@@ -180,7 +180,7 @@ class Pair {
   }
 
   py::object depth(const Doubles& pose_a, const Doubles& pose_b,
-                   const std::vector<std::array<double, 3>>& directions) {
+                   const std::vector<std::array<double, 3>>& directions, std::uint64_t max_tests) {
     const Pose at_a = pose_of(pose_a, "pose_a"), at_b = pose_of(pose_b, "pose_b");
     std::optional<Depth> depth;
     read([&]() -> Status {
@@ -190,10 +190,12 @@ class Pair {
       if (answer.pairs.empty()) return Status::ok();
       const Contacts contacts = find_contacts(held_a_->view(), asked.value().posed.a,
                                               held_b_->view(), asked.value().posed.b, answer);
-      Result<Depth> found = certify_depth(
-          *held_a_, at_a, require_of(a_->file), *held_b_, at_b, require_of(b_->file), answer,
-          contacts,
-          {.directions = directions, .solid_a = solid_.solid_a, .solid_b = solid_.solid_b});
+      Result<Depth> found = certify_depth(*held_a_, at_a, require_of(a_->file), *held_b_, at_b,
+                                          require_of(b_->file), answer, contacts,
+                                          {.directions = directions,
+                                           .solid_a = solid_.solid_a,
+                                           .solid_b = solid_.solid_b,
+                                           .max_tests = max_tests});
       NEARMESH_RETURN_IF_ERROR(found);
       depth = std::move(found).value();
       return Status::ok();
@@ -333,9 +335,10 @@ clearance_share of the greatest that can be proved; distance_at_most_m: it is no
 exhausted: max_tests, of 2 to 25 ns, were spent; partial or uncertain then, with what was found.)")
       .def("depth", &Pair::depth, py::arg("pose_a"), py::arg("pose_b"),
            py::arg("directions") = std::vector<std::array<double, 3>>{},
+           py::arg("max_tests") = kDepthTests,
            "How deep b is in a, and which way it is out soonest: of the directions given, else of "
-           "the contacts' normals. None where "
-           "nothing touches.")
+           "the contacts' normals. None where nothing touches. The search ends after max_tests, of "
+           "2 to 5 ns: exhausted.")
       .def("contacts", &Pair::contacts, py::arg("pose_a"), py::arg("pose_b"),
            "Where they touch, for one pose of each.")
       .def("faces", &Pair::faces, py::arg("pose_a"), py::arg("pose_b"),

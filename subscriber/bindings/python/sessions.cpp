@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "bindings.hpp"
+#include "nearmesh/core/base/parse_content_hash.hpp"
 #include "nearmesh/subscriber/dds/dds_channel.hpp"
 #include "nearmesh/subscriber/peer/local_channel.hpp"
 #include "nearmesh/subscriber/peer/session.hpp"
@@ -45,6 +46,11 @@ struct TileRow {
   std::uint8_t status;
   std::uint64_t pairs, missing;
 };
+struct SweptRow {
+  std::uint8_t status;  ///< kNone: not answered
+  bool exhausted;
+  double free_until_s, hit_s;
+};
 struct EventRow {
   std::uint8_t change;
   std::uint64_t id;
@@ -79,6 +85,30 @@ PairRow row_of(const PairAnswer& pair) {
           pair.answer.distance_at_most_m,
           pair.answer.nearest_a_m,
           pair.answer.nearest_b_m};
+}
+
+SweptRow swept_of(const PairAnswer& pair) {
+  if (!pair.swept) return {kNone, false, 0, std::numeric_limits<double>::infinity()};
+  return {static_cast<std::uint8_t>(pair.swept->status), pair.swept->exhausted,
+          pair.swept->free_until_s, pair.swept->hit_s};
+}
+
+/// Numbers of bodies.
+std::vector<std::uint32_t> numbers_of(const std::vector<BodyId>& bodies) {
+  std::vector<std::uint32_t> numbers;
+  for (const BodyId body : bodies) numbers.push_back(body.value);
+  return numbers;
+}
+
+/// Faces, (n, 3, 3).
+py::array faces_of(const std::vector<std::array<double, 3>>& corners) {
+  const std::vector<py::ssize_t> shape{static_cast<py::ssize_t>(corners.size() / 3), 3, 3};
+  return py::array_t<double>(shape, corners.empty() ? nullptr : corners[0].data());
+}
+
+/// A pin from its digits; none: none.
+ContentHash content_of(const std::string& digits) {
+  return digits.empty() ? ContentHash{} : need(parse_content_hash(digits));
 }
 
 /// Jobs of a frame on so many threads, the caller's among them.
@@ -154,6 +184,10 @@ subscriber::SessionOptions session_options(const py::kwargs& given) {
       options.request_timeout_s = py::cast<double>(value);
     } else if (name == "max_held_splits") {
       options.max_held_splits = py::cast<std::uint32_t>(value);
+    } else if (name == "window_bytes") {
+      options.window_bytes = py::cast<std::uint32_t>(value);
+    } else if (name == "audit_s") {
+      options.audit_s = py::cast<double>(value);
     } else if (name == "clearance") {
       options.clearance = clearance_of(py::cast<std::string>(value));
     } else if (name == "cache_folder") {
@@ -172,6 +206,10 @@ subscriber::SessionOptions session_options(const py::kwargs& given) {
       options.max_tests = py::cast<std::uint64_t>(value);
     } else if (name == "max_sweep_tests") {
       options.max_sweep_tests = py::cast<std::uint64_t>(value);
+    } else if (name == "max_depth_tests") {
+      options.max_depth_tests = py::cast<std::uint64_t>(value);
+    } else if (name == "promise_s") {
+      options.promise_s = py::cast<double>(value);
     } else if (name == "run_jobs") {
       options.run_jobs = jobs_of(py::cast<py::function>(value));
     } else if (name == "threads") {
@@ -309,6 +347,23 @@ void add_frame(py::module_& module) {
           "content, its tiles near the other body as a structured array (tile, place, is_here, "
           "asked, status, pairs, missing), and how many pages have not come. Else None.")
       .def_property_readonly(
+          "swept",
+          [](const FrameReport& report) {
+            std::vector<SweptRow> rows;
+            for (const PairAnswer& pair : report.answers) rows.push_back(swept_of(pair));
+            return rows_of(rows);
+          },
+          "With sweep_s, of each row of answers, for the time ahead: status (255: not asked), "
+          "free_until_s, hit_s (infinite: none was found), exhausted. A structured array.")
+      .def_property_readonly(
+          "came", [](const FrameReport& report) { return numbers_of(report.came); },
+          "With discover_bodies(): bodies that came.")
+      .def_property_readonly(
+          "went", [](const FrameReport& report) { return numbers_of(report.went); },
+          "With discover_bodies(): bodies that went.")
+      .def_readonly("promised", &FrameReport::promised,
+                    "Bodies of which no full pose is here, and a promise holds.")
+      .def_property_readonly(
           "contact_events",
           [](const FrameReport& report) {
             std::vector<EventRow> rows;
@@ -347,8 +402,13 @@ void add_frame(py::module_& module) {
                     "Equal on peers that hold and ask the same.")
       .def_readonly("pairs_put_off", &FrameReport::pairs_put_off,
                     "Rows of answers that are, for want of budget.")
+      .def_readonly("batches_waiting", &FrameReport::batches_waiting,
+                    "Detail that is left over for want of budget.")
       .def_readonly("query_s", &FrameReport::query_s)
-      .def_readonly("load_s", &FrameReport::load_s);
+      .def_readonly("load_s", &FrameReport::load_s)
+      .def_readonly("refine_s", &FrameReport::refine_s)
+      .def_readonly("tree_s", &FrameReport::tree_s)
+      .def_readonly("broad_s", &FrameReport::broad_s);
 }
 
 }  // namespace
@@ -370,6 +430,7 @@ void add_sessions(py::module_& module) {
                        clearance_share, uncertainty_m, safe_horizon_s, age_a_s, age_b_s, pose_a,
                        pose_b, digest, put_off, exhausted, last_status, last_age_s,
                        last_clearance_m, last_safe_s, distance_at_most_m, nearest_a_m, nearest_b_m);
+  PYBIND11_NUMPY_DTYPE(SweptRow, status, exhausted, free_until_s, hit_s);
   PYBIND11_NUMPY_DTYPE(EventRow, change, id, a, b, patch);
   PYBIND11_NUMPY_DTYPE(TileRow, tile, place, is_here, asked, status, pairs, missing);
   py::class_<Motion>(module, "Motion", "Where a body is and how it moves, world frame.")
@@ -390,7 +451,7 @@ void add_sessions(py::module_& module) {
 
 Made by Session.local (from files, no network) or Session.dds. Options of both, by keyword: max_pose_age_s, lookahead_s,
 margin_m, sweep_s, request_timeout_s, max_held_splits, clearance ("none", "bound", "exact"), cache_folder, contacts, depth,
-publish_reports, any, max_pairs, max_tests, max_sweep_tests; and, for the pairs of a frame, threads=N or run_jobs=f: f(count, job)
+publish_reports, any, max_pairs, max_tests, max_sweep_tests, max_depth_tests, promise_s, window_bytes, audit_s; and, for the pairs of a frame, threads=N or run_jobs=f: f(count, job)
 calls job(i) for each i below count, on threads of its own, and returns when all are done.)")
           .def_static("local", &local_session, py::arg("models"),
                       py::arg("worlds") = std::map<std::string, std::string>{},
@@ -405,15 +466,16 @@ calls job(i) for each i below count, on threads of its own, and returns when all
           .def(
               "add_body",
               [](Peer& peer, const std::string& name, const std::string& model, bool own,
-                 bool solid, std::optional<double> max_pose_age_s, std::uint32_t group,
-                 std::uint32_t mask, double max_speed_mps) {
+                 bool solid, const std::string& content, std::optional<double> max_pose_age_s,
+                 std::uint32_t group, std::uint32_t mask, double max_speed_mps) {
+                const ContentHash pin = content_of(content);
                 return need(unlocked(peer,
                                      [&](Session& session) {
                                        return session.add_body({.name = name,
                                                                 .model = model,
                                                                 .own = own,
                                                                 .solid = solid,
-                                                                .content = {},
+                                                                .content = pin,
                                                                 .max_pose_age_s = max_pose_age_s,
                                                                 .max_speed_mps = max_speed_mps,
                                                                 .group = group,
@@ -422,11 +484,12 @@ calls job(i) for each i below count, on threads of its own, and returns when all
                     .value;
               },
               py::arg("name"), py::arg("model"), py::kw_only(), py::arg("own") = false,
-              py::arg("solid") = false, py::arg("max_pose_age_s") = py::none(),
+              py::arg("solid") = false, py::arg("content") = "",
+              py::arg("max_pose_age_s") = py::none(),
               py::arg("group") = 1U, py::arg("mask") = 0xffffffffU, py::arg("max_speed_mps") = 0.0,
               "Declares a body; own: this peer moves it, max_speed_mps: and never faster, so that "
-              "others are promised where it stays. "
-              "Gives its number.")
+              "others are promised where it stays. content: as Model.content, no other is ever "
+              "taken. Gives its number.")
           .def(
               "place_body",
               [](Peer& peer, std::uint32_t body, const Doubles& pose) {
@@ -445,12 +508,15 @@ calls job(i) for each i below count, on threads of its own, and returns when all
               py::arg("body"))
           .def(
               "replace_model",
-              [](Peer& peer, std::uint32_t body, const std::string& model) {
+              [](Peer& peer, std::uint32_t body, const std::string& model,
+                 const std::string& content) {
+                const ContentHash pin = content_of(content);
                 need(unlocked(peer, [&](Session& session) {
-                  return session.replace_model(BodyId{body}, model);
+                  return session.replace_model(BodyId{body}, model, pin);
                 }));
               },
-              py::arg("body"), py::arg("model"))
+              py::arg("body"), py::arg("model"), py::arg("content") = "",
+              "From now on the body has another model; where it is stays.")
           .def(
               "watch",
               [](Peer& peer, std::uint32_t a, std::uint32_t b) {
@@ -473,6 +539,69 @@ calls job(i) for each i below count, on threads of its own, and returns when all
               "watch_own",
               [](Peer& peer) { unlocked(peer, [](Session& session) { session.watch_own(); }); },
               "As watch_all, of the pairs of own bodies alone.")
+          .def(
+              "discover_bodies",
+              [](Peer& peer) {
+                unlocked(peer, [](Session& session) { session.discover_bodies(); });
+              },
+              "Declares each body that another peer moves, as its mover tells: FrameReport.came, "
+              "went.")
+          .def(
+              "options_of",
+              [](Peer& peer, std::uint32_t body) {
+                const subscriber::BodyOptions of = need(
+                    unlocked(peer, [&](Session& session) { return session.options_of(BodyId{body}); }));
+                using namespace py::literals;  // NOLINT(google-build-using-namespace): "name"_a
+                return py::dict("name"_a = of.name, "model"_a = of.model,
+                                "content"_a = of.content.is_set() ? to_hex(of.content) : "",
+                                "own"_a = of.own, "solid"_a = of.solid, "group"_a = of.group,
+                                "mask"_a = of.mask, "max_speed_mps"_a = of.max_speed_mps);
+              },
+              py::arg("body"), "A body as it was declared, here or by its mover.")
+          .def(
+              "held_mesh",
+              [](Peer& peer, std::uint32_t body) {
+                const Session::HeldMesh held = need(
+                    unlocked(peer, [&](Session& session) { return session.held_mesh(BodyId{body}); }));
+                return py::make_tuple(faces_of(held.exact_m), faces_of(held.coarse_m));
+              },
+              py::arg("body"),
+              "What is held of a body's model, to be drawn: corners of faces (n, 3, 3), metres, its "
+              "frame, of the full mesh; and of those that stand for what is missing.")
+          .def(
+              "held_state",
+              [](Peer& peer, std::uint32_t body) {
+                return unlocked(peer,
+                                [&](Session& session) { return session.held_state(BodyId{body}); });
+              },
+              py::arg("body"),
+              "The same number while held_mesh(body) is the same; 0 where there is none.")
+          .def(
+              "readiness",
+              [](Peer& peer, std::uint32_t body) {
+                const subscriber::Readiness found = need(
+                    unlocked(peer, [&](Session& session) { return session.readiness(BodyId{body}); }));
+                return py::make_tuple(to_string(found.stage), found.reason);
+              },
+              py::arg("body"), "(stage, reason) as of the last update, as of wait_ready.")
+          .def(
+              "region_readiness",
+              [](Peer& peer, std::uint32_t body, const std::array<double, 3>& lo_m,
+                 const std::array<double, 3>& hi_m) {
+                const subscriber::RegionReadiness found = need(unlocked(peer, [&](Session& session) {
+                  return session.region_readiness(BodyId{body}, lo_m, hi_m);
+                }));
+                return py::make_tuple(found.resolved, found.uncertainty_m, found.reason);
+              },
+              py::arg("body"), py::arg("lo_m"), py::arg("hi_m"),
+              "(resolved, uncertainty_m, reason) of a box in the body's model frame: whether all of "
+              "the full mesh there is here.")
+          .def(
+              "write_cache",
+              [](Peer& peer) {
+                need(unlocked(peer, [](Session& session) { return session.write_cache(); }));
+              },
+              "Brings the files of cache_folder up to date, as the session's end does.")
           .def(
               "name_of",
               [](Peer& peer, std::uint32_t body) { return peer.session->name_of(BodyId{body}); },

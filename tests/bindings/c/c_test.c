@@ -362,7 +362,7 @@ static void test_budget(const char* sphere_file) {
   nearmesh_session_options options;
   CHECK(nearmesh_session_options_init(&options, sizeof options) == NEARMESH_OK);
   CHECK(options.any == 0 && options.max_pairs == UINT64_MAX && options.max_tests == 2000000 &&
-        options.max_sweep_tests == 50000);
+        options.max_sweep_tests == 50000 && options.max_depth_tests == 500000);
   options.lookahead_s = 0;
   options.max_pairs = 1;
   options.clearance = NEARMESH_CLEARANCE_EXACT;  // else what stays free by its bound takes no turn
@@ -422,6 +422,22 @@ static void test_budget(const char* sphere_file) {
   MUST(nearmesh_query_ask(query, &here, &there, &answer, &error));
   CHECK(answer->exhausted && !answer->is_certified);
   nearmesh_query_destroy(query);
+
+  // A depth has a bound of its own: the bracket is wider then.
+  CHECK(nearmesh_query_options_init(&few, sizeof few) == NEARMESH_OK &&
+        few.max_depth_tests == 500000);
+  few.depth = 1;
+  double wide_m[2];
+  for (int i = 0; i < 2; ++i) {
+    if (i == 1) few.max_depth_tests = 5000;
+    MUST(nearmesh_query_create(model, model, &few, &query, &error));
+    MUST(nearmesh_query_ask(query, &here, &there, &answer, &error));
+    CHECK(answer->is_certified && answer->depth != NULL);
+    CHECK((answer->depth->exhausted != 0) == (i == 1));
+    wide_m[i] = answer->depth->at_most_m - answer->depth->at_least_m;
+    nearmesh_query_destroy(query);
+  }
+  CHECK(wide_m[0] >= 0 && wide_m[1] > wide_m[0]);
   nearmesh_model_close(model);
 }
 
@@ -475,6 +491,30 @@ static void test_session(const char* sphere_file) {
   const char* name = NULL;
   MUST(nearmesh_session_name_of(session, 1, &name, &error));
   CHECK(strcmp(name, "body 1") == 0);
+  const nearmesh_body_facts* said = NULL;
+  MUST(nearmesh_session_body_facts(session, 1, &said, &error));
+  CHECK(strcmp(said->name, "body 1") == 0 && strcmp(said->model, "sphere") == 0);
+  CHECK(said->content[0] == 0 && said->own && !said->solid && said->group == 1 &&
+        said->mask == 0xffffffffU && said->max_speed_mps == 0);
+  REFUSED(nearmesh_session_body_facts(session, 9, &said, &error), NEARMESH_NOT_FOUND, "body");
+  CHECK(said == NULL);
+
+  // What is held, to be drawn: some of the full mesh where they touch, and the rest coarse.
+  const nearmesh_held_mesh* held = NULL;
+  MUST(nearmesh_session_held_mesh(session, 1, &held, &error));
+  CHECK(held->exact_count > 0 && held->coarse_count > 0);
+  CHECK(held->exact_count + held->coarse_count < kSphereFaces);
+  for (size_t i = 0; i < 9 * held->exact_count; ++i)
+    CHECK(held->exact_m[i] >= -1.001 && held->exact_m[i] <= 1.001);
+  const uint64_t state = nearmesh_session_held_state(session, 1);
+  CHECK(state != 0 && nearmesh_session_held_state(session, 1) == state);
+  CHECK(nearmesh_session_held_state(session, 9) == 0 && nearmesh_session_held_state(NULL, 1) == 0);
+  REFUSED(nearmesh_session_held_mesh(session, 9, &held, &error), NEARMESH_NOT_FOUND, "body");
+  CHECK(held == NULL);
+  CHECK(frame->came_count == 0 && frame->went_count == 0 && frame->promised == 0);
+  CHECK(nearmesh_session_came(session, 0) == NEARMESH_NONE &&
+        nearmesh_session_went(session, 0) == NEARMESH_NONE &&
+        nearmesh_session_came(NULL, 0) == NEARMESH_NONE);
   const double lo[3] = {0.9, -0.1, -0.1}, hi[3] = {1.1, 0.1, 0.1};
   const nearmesh_region_readiness* region = NULL;
   MUST(nearmesh_session_region_readiness(session, 0, lo, hi, &region, &error));

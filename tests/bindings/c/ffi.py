@@ -51,7 +51,14 @@ class PairAnswer(ctypes.Structure):
 
 class Frame(ctypes.Structure):
     _fields_ = [("answer_count", ctypes.c_size_t), ("unknown_count", ctypes.c_size_t),
-                ("complaint_count", ctypes.c_size_t), ("all_certified", ctypes.c_int32)]
+                ("complaint_count", ctypes.c_size_t), ("all_certified", ctypes.c_int32), ("reserved", ctypes.c_int32),
+                ("free", ctypes.c_uint64 * 5), ("seconds", ctypes.c_double * 5), ("more", ctypes.c_uint64 * 4),
+                ("contact_event_count", ctypes.c_size_t), ("came_count", ctypes.c_size_t),
+                ("went_count", ctypes.c_size_t)]
+
+
+class BodyFacts(ctypes.Structure):
+    _fields_ = [("name", TEXT), ("model", TEXT), ("content", TEXT), ("own", ctypes.c_int32), ("solid", ctypes.c_int32)]
 
 
 class Readiness(ctypes.Structure):
@@ -71,7 +78,8 @@ class Nearmesh:
     def __init__(self, path):
         self.library = ctypes.CDLL(path)
         for name, result in (("version", TEXT), ("session_answer", ctypes.POINTER(PairAnswer)),
-                             ("session_find", ctypes.POINTER(PairAnswer)), ("session_complaint", TEXT)):
+                             ("session_find", ctypes.POINTER(PairAnswer)), ("session_complaint", TEXT),
+                             ("session_came", BODY), ("session_went", BODY)):
             getattr(self.library, "nearmesh_" + name).restype = result
         self.library.nearmesh_session_destroy.restype = None
 

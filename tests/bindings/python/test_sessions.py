@@ -155,6 +155,62 @@ def test_limits_of_an_answer(ball):
         assert row["pairs"] == 1 if pairs == 1 else True
 
 
+def test_the_time_ahead_is_answered(ball):
+    session = nm.Session.local({"ball": ball.path}, sweep_s=1)
+    bodies = two_balls(session)
+    session.watch(*bodies)
+    for speed_mps, status in ((-2, nm.Status.CONTACT), (2, nm.Status.FREE)):
+        motions = {bodies[0]: np.eye(4), bodies[1]: nm.Motion(at(3), (speed_mps, 0, 0))}
+        for frame in range(40):
+            swept = session.update(frame, 0, motions, 10).swept[0]
+        assert swept["status"] == status and not swept["exhausted"]
+    assert swept["free_until_s"] == 1 and np.isinf(swept["hit_s"])
+    assert session.update(0, 0, {bodies[1]: nm.Motion(at(3), (-2, 0, 0))}, 10).swept[0]["hit_s"] == pytest.approx(0.5, abs=0.01)
+    assert nm.Session.local({}).update(0, 0).swept.shape == (0,)
+
+
+def test_what_is_held_can_be_drawn(ball):
+    session = nm.Session.local({"ball": ball.path})
+    bodies = two_balls(session)
+    with pytest.raises(LookupError):
+        session.held_mesh(bodies[0])
+    assert session.held_state(bodies[0]) == 0
+    session.watch(*bodies)
+    assert session.readiness(bodies[0])[0] == "waiting"
+    fly(session, bodies, 1.9)
+    assert session.readiness(bodies[0]) == ("certified", "")
+    exact, coarse = session.held_mesh(bodies[0])
+    assert exact.shape[1:] == coarse.shape[1:] == (3, 3) and len(exact) > 0 and len(coarse) > 0
+    assert len(exact) + len(coarse) < ball.face_count
+    np.testing.assert_allclose(np.linalg.norm(exact.reshape(-1, 3), axis=1), 1, atol=1e-5)
+    state = session.held_state(bodies[0])
+    assert state != 0 and session.held_state(bodies[0]) == state
+    here, far = (0.99, -0.01, -0.01), (-0.1, -1.1, -0.1)
+    resolved, uncertainty_m, reason = session.region_readiness(bodies[0], here, (1.01, 0.01, 0.01))
+    assert resolved and uncertainty_m == 0 and reason == ""
+    resolved, uncertainty_m, reason = session.region_readiness(bodies[0], far, (0.1, -0.9, 0.1))
+    assert not resolved and uncertainty_m > 0 and reason
+
+
+def test_a_body_is_as_it_was_declared(ball, tmp_path):
+    session = nm.Session.local({"ball": ball.path}, cache_folder=str(tmp_path), promise_s=4, max_depth_tests=1000,
+                               window_bytes=4096, audit_s=0)
+    pinned = session.add_body("pinned", "ball", own=True, solid=True, content=ball.content, max_speed_mps=3)
+    assert session.options_of(pinned) == {"name": "pinned", "model": "ball", "content": ball.content, "own": True,
+                                          "solid": True, "group": 1, "mask": 0xFFFFFFFF, "max_speed_mps": 3}
+    other = session.add_body("other", "ball", own=True)
+    session.replace_model(other, "ball", ball.content)
+    assert session.options_of(other)["content"] == ball.content
+    with pytest.raises(nm.errors.ConflictError):
+        session.add_body("more", "ball", content="0" * 31 + "1")
+    with pytest.raises(ValueError):
+        session.replace_model(other, "ball", "no digits")
+    session.watch(pinned, other)
+    fly(session, (pinned, other), 1.9)
+    session.write_cache()
+    assert any(tmp_path.iterdir())
+
+
 def test_own_pairs_and_a_speed_that_is_kept(ball):
     session = nm.Session.local({"ball": ball.path})
     own = session.add_body("own", "ball", own=True, max_speed_mps=10)

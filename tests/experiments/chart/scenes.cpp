@@ -134,11 +134,11 @@ std::optional<Scene> world_growth(const SceneOptions& options) {
   for (const PosePair& pose : scene->poses) {
     const auto& root = by_content.at(pages.world.root);
     Scene::Pages met{.count = 1, .bytes = kWorldRecordBytes + framed(root.second)};
-    const PageOf page_of = [&](const WorldEntry& entry, int) -> Result<std::optional<WorldPage>> {
+    const PageOf page_of = [&](const WorldEntry& entry, int) -> Result<const WorldPage*> {
       const auto& [page, size] = by_content.at(entry.content);
       ++met.count;
       met.bytes += framed(size);
-      return std::optional(page);
+      return &page;
     };
     const PosedPair posed = pose_pair(world_grid(pages.world), pose.a, "world",
                                       scene->b.baked.header.grid, pose.b, "ball")

@@ -37,6 +37,7 @@ How far apart are they? The same poses, where the bodies are free; microseconds 
 
 * **nearmesh** goes on to the end and gives a bracket whose width is rounding, with all detail held.
 * **The others** give one number. PQP begins each search anew, as after a jump: from frame to frame it would begin with the last pair.
+* **Bullet and Embree** have no column: they answer no distance of two meshes. Bullet's distances are those of convex shapes; of its meshes (GImpact) it tells contacts.
 * **Bounds** are what a session asks for in each frame: a search that ends when it has three quarters of what is known to be there at most, or
   after 256 steps. *Share* is the median of bound to distance, *cut* the poses in which the steps ended it. On *least detail* nothing
   is held but what certifies.

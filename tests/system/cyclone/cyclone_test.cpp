@@ -10,6 +10,7 @@
 #include "nearmesh/core/spm/detail/header.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
 #include "nearmesh/subscriber/dds/dds_channel.hpp"
+#include "on_loopback.hpp"
 #include "tests/system/integration/process.hpp"
 
 namespace nearmesh {
@@ -119,15 +120,7 @@ class CyclonePeer : public ::testing::Test {
     std::string text;
     for (const wire::RegionSubscription& subscription : asked) text += line_of(subscription) + "\n";
     folder.write("requests.txt", text);
-    // Datagrams: ours are of at most 1,400 bytes, and Fast DDS reads no larger ones than it sends. Loopback offers no
-    // multicast to Cyclone: found by unicast, as the Fast DDS programs find each other there.
-    ::setenv("CYCLONEDDS_URI",
-             "<General><Interfaces><NetworkInterface name='lo'/></Interfaces>"
-             "<AllowMulticast>false</AllowMulticast>"
-             "<MaxMessageSize>1400B</MaxMessageSize><FragmentSize>1200B</FragmentSize></General>"
-             "<Discovery><ParticipantIndex>auto</ParticipantIndex>"
-             "<Peers><Peer address='127.0.0.1'/></Peers></Discovery>",
-             1);
+    test::set_cyclone_on_loopback(test::kDatagramsOfOurs);
     Process peer(folder, "nearmesh-cyclone-peer",
                  {std::to_string(kDomain), prefix, std::to_string(wire::kWireVersion), kCyclonePeer,
                   folder.file("requests.txt")});

@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "on_loopback.hpp"
 #include "tests/system/integration/process.hpp"
 
 namespace nearmesh {
@@ -14,13 +15,7 @@ class Ros2Flight : public ::testing::Test {
   static constexpr int kRosDomain = 97, kBusDomain = 96, kLookDomain = 95;
 
   Ros2Flight() {
-    // Loopback offers no multicast to Cyclone: found by unicast. Datagrams as large as Cyclone makes them by itself.
-    ::setenv("CYCLONEDDS_URI",
-             "<General><Interfaces><NetworkInterface name='lo'/></Interfaces>"
-             "<AllowMulticast>false</AllowMulticast></General>"
-             "<Discovery><ParticipantIndex>auto</ParticipantIndex>"
-             "<Peers><Peer address='127.0.0.1'/></Peers></Discovery>",
-             1);
+    test::set_cyclone_on_loopback();  // datagrams as large as Cyclone makes them by itself
     folder.write("scene.yaml",
                  "bodies:\n"
                  "  - {name: ground, model: terrain, pose: {translation: [0, 0, 0]}}\n"

@@ -11,6 +11,8 @@
 
 #include <chrono>
 #include <csignal>
+#include <cstdint>
+#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -166,6 +168,25 @@ inline std::string model_file(const std::string& kind, int size) {
   }
   ::close(lock);
   return model.string();
+}
+
+struct CheckedAnswers {
+  std::uint64_t answers = 0, wrong = 1, certified = 0;
+};
+/// What nearmesh-model check says of a file of answers. In: paths of the models that it is about. A failed expectation where it fails.
+inline CheckedAnswers check_answers(const Folder& folder, const std::vector<std::string>& models,
+                                    const std::string& answers) {
+  std::vector<std::string> words{"check"};
+  words.insert(words.end(), models.begin(), models.end());
+  words.insert(words.end(), {"--answers", answers});
+  std::string out, err;
+  EXPECT_EQ(run(folder, "nearmesh-model", words, &out, &err), 0) << out << err;
+  unsigned long long all = 0, wrong = 1, certified = 0;
+  EXPECT_EQ(std::sscanf(out.c_str(), "answers %llu, wrong %llu, certified %llu", &all, &wrong,
+                        &certified),
+            3)
+      << out;
+  return {all, wrong, certified};
 }
 
 }  // namespace nearmesh::test

@@ -79,23 +79,10 @@ class Programs : public ::testing::Test {
     folder.write(name + ".yaml", text);
   }
 
-  struct Checked {
-    std::uint64_t answers = 0, wrong = 1, certified = 0;
-  };
+  using Checked = test::CheckedAnswers;
   // What nearmesh-model check says of a scene's answers.
   Checked check(const std::string& scene, const std::string& ground = terrain()) const {
-    std::string out, err;
-    const int code = test::run(
-        folder, "nearmesh-model",
-        {"check", ground, aircraft(), "--answers", folder.file(scene + ".jsonl")}, &out, &err);
-    EXPECT_EQ(code, 0) << err;
-    Checked checked;
-    unsigned long long answers = 0, wrong = 1, certified = 0;
-    EXPECT_EQ(std::sscanf(out.c_str(), "answers %llu, wrong %llu, certified %llu", &answers, &wrong,
-                          &certified),
-              3)
-        << out;
-    return {answers, wrong, certified};
+    return test::check_answers(folder, {ground, aircraft()}, folder.file(scene + ".jsonl"));
   }
   std::vector<json> answers_of(const std::string& scene) const {
     std::vector<json> answers;

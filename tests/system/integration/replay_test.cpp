@@ -188,20 +188,11 @@ TEST_F(ReplayProgram, LateJoinerIsAnsweredRight) {
   ASSERT_EQ(late->wait(), 0) << late->err();
   player->signal(SIGINT);
   ASSERT_EQ(player->wait(10), 0) << player->err();
-  std::string out, err;
-  ASSERT_EQ(test::run(folder, "nearmesh-model",
-                      {"check", terrain(), aircraft(), "--answers", folder.file("late.jsonl")},
-                      &out, &err),
-            0)
-      << err;
-  unsigned long long answers = 0, wrong = 1, certified = 0;
-  ASSERT_EQ(std::sscanf(out.c_str(), "answers %llu, wrong %llu, certified %llu", &answers, &wrong,
-                        &certified),
-            3)
-      << out;
-  EXPECT_EQ(answers, 3U * kFrames);
-  EXPECT_EQ(wrong, 0U);
-  EXPECT_GT(certified, answers / 2);
+  const test::CheckedAnswers checked =
+      test::check_answers(folder, {terrain(), aircraft()}, folder.file("late.jsonl"));
+  EXPECT_EQ(checked.answers, 3U * kFrames);
+  EXPECT_EQ(checked.wrong, 0U);
+  EXPECT_GT(checked.certified, checked.answers / 2);
   const json report = json::parse(test::lines_of(player->out()).back()).at("replayed");
   EXPECT_GT(report.at("live_requests"), 0);
   EXPECT_GT(report.at("live_batches"), 0);

@@ -1,15 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the doctor says of networks that are not well, in namespaces of the tests' own.
+// What doctor and status say of networks and programs that are not well, in namespaces of the tests' own.
 
+#include <arpa/inet.h>
 #include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
 
+#include <fastdds/dds/domain/DomainParticipantFactory.hpp>
 #include <nlohmann/json.hpp>
 
+#include "idl/dds/fastdds_api.hpp"
+#include "nearmesh/subscriber/peer/session.hpp"
 #include "network_fixture.hpp"
+#include "tests/support/rtps_message.hpp"
 
 namespace nearmesh::test {
 namespace {
 
+namespace fdds = wire::fdds;
 using nlohmann::json;
 using Words = std::vector<std::string>;
 
@@ -107,6 +115,91 @@ TEST_F(DoctorOn, LossIsMeasuredAndWhatHelpsIsSaid) {
   const std::string text = text_of(first, "wrong", "loss") + text_of(second, "wrong", "loss");
   EXPECT_NE(text.find("try --transport thin, or tcp"), std::string::npos)
       << first.dump(1) << second.dump(1);
+}
+
+/// A host's participant without a door, with a peer on it, until it goes.
+class HostWithoutDoor {
+ public:
+  HostWithoutDoor(const Lan& lan, std::size_t host) {
+    const Lan::Visit there = lan.visit(host);
+    fdds::DomainParticipantQos qos;
+    qos.transport().use_builtin_transports = false;
+    qos.transport().user_transports.push_back(
+        std::make_shared<wire::rtps::UDPv4TransportDescriptor>());
+    participant_ = fdds::DomainParticipantFactory::get_instance()->create_participant(kDomain, qos);
+    subscriber::DdsChannelOptions options;
+    options.participant = participant_;
+    options.transport.name = "careless host";
+    auto channel = subscriber::DdsChannel::create(options);
+    EXPECT_TRUE(channel.is_ok()) << channel.status().message();
+    session_ = std::make_unique<subscriber::Session>(std::move(channel).value());
+  }
+  ~HostWithoutDoor() {
+    session_.reset();
+    fdds::DomainParticipantFactory::get_instance()->delete_participant(participant_);
+  }
+  HostWithoutDoor(const HostWithoutDoor&) = delete;
+  HostWithoutDoor& operator=(const HostWithoutDoor&) = delete;
+
+  /// A frame: with these it tells its status.
+  void update() { EXPECT_TRUE(session_->update(++frame_, clock_.seconds(), {}, 0.01).is_ok()); }
+
+ private:
+  fdds::DomainParticipant* participant_ = nullptr;
+  std::unique_ptr<subscriber::Session> session_;
+  std::uint64_t frame_ = 0;
+  const Stopwatch clock_;
+};
+
+TEST_F(DoctorOn, AHostWithoutADoorIsNamed) {
+  const Lan lan({{}, {}});
+  HostWithoutDoor host(lan, 0);
+  const auto doctor = examine(lan, 1, {"--seconds", "6"});
+  ASSERT_TRUE(await([&] {
+    host.update();
+    pause(0.05);
+    return doctor->is_over();
+  }));
+  const json report = json::parse(doctor->out());
+  expect_says(report, "advice", "door", "(careless host) has no door before Fast DDS");
+  EXPECT_EQ(text_of(report, "good", "door"), "") << report.dump(1);
+}
+
+class StatusOn : public ServedFixture {};
+
+TEST_F(StatusOn, WhatADoorRefusedIsTold) {
+  serve_over({{}, {}});
+  const auto status = [&](const Words& more) {
+    const Lan::Visit there = lan->visit(1);
+    Words words{"status", "--domain", std::to_string(models.domain), "--seconds", "3"};
+    words.insert(words.end(), more.begin(), more.end());
+    std::string out, err;
+    EXPECT_EQ(run(folder, "nearmesh-subscriber", words, &out, &err), 0) << err;
+    return out;
+  };
+  const auto refused = [&] {
+    const json told = json::parse(status({"--json"}));
+    return told.at("publishers").at(0).at("door_refused").at("statistics").get<int>();
+  };
+  ASSERT_EQ(refused(), 0);
+  {
+    const Lan::Visit there = lan->visit(1);
+    const int sender = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+    sockaddr_in to{};
+    to.sin_family = AF_INET;
+    to.sin_port = htons(static_cast<std::uint16_t>(7400 + 250 * models.domain));
+    to.sin_addr.s_addr = ::inet_addr("239.255.0.1");
+    const RtpsBytes packet = deadly_packet();
+    for (int i = 0; i < 5; ++i)
+      EXPECT_EQ(::sendto(sender, packet.data(), packet.size(), 0,
+                         reinterpret_cast<const sockaddr*>(&to), sizeof to),
+                static_cast<ssize_t>(packet.size()));
+    ::close(sender);
+  }
+  EXPECT_EQ(refused(), 5);
+  EXPECT_NE(status({}).find("door refused 5 (statistics 5)"), std::string::npos) << status({});
+  EXPECT_TRUE(publisher->says("door: refused 5 messages (statistics 5)")) << publisher->err();
+  EXPECT_FALSE(publisher->is_over());
 }
 
 }  // namespace

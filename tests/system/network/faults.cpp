@@ -27,6 +27,8 @@ constexpr Fault kFaults[] = {{"nobody", nullptr},
                              {"flood", "flood", 1000},
                              {"flood-large", "flood-large", 1000},
                              {"nowhere", "nowhere", 1000},
+                             {"certificates", "certificates", 1000},
+                             {"holder", "holder", 1000},
                              {"thief", "thief", 300},
                              {"inventor", "inventor", 300}};
 

@@ -250,6 +250,29 @@ void Lan::take_address(std::size_t host) const {
   must("ip address flush dev e0");
 }
 
+void Lan::set_mtu(int bytes) const {
+  const std::string mtu = " mtu " + std::to_string(bytes);
+  for (std::size_t i = 0; i < hosts_.size(); ++i) {
+    {
+      const Visit hub(hub_);
+      must("ip link set port" + std::to_string(i) + mtu);
+    }
+    const Visit there(hosts_[i]);
+    must("ip link set e0" + mtu);
+  }
+}
+
+void Lan::connect(std::size_t a, std::size_t b) const {
+  {
+    const Visit there(hosts_.at(a));
+    must("ip link add e1 type veth peer name e1 netns " + name_for_ip(hosts_.at(b)));
+  }
+  for (const std::size_t host : {a, b}) {
+    const Visit there(hosts_[host]);
+    must("ip link set e1 up && ip address add 10.78.0." + std::to_string(host + 1) + "/24 dev e1");
+  }
+}
+
 Lan::Counters Lan::counters(std::size_t host) const {
   const Visit there(hosts_.at(host));
   std::ifstream devices("/proc/thread-self/net/dev");

@@ -51,6 +51,10 @@ class Lan {
   /// Gives a host's e0 the address 10.77.0.`last`, or takes what it has, as on a machine that was suspended and has resumed.
   void give_address(std::size_t host, std::size_t last) const;
   void take_address(std::size_t host) const;
+  /// Of the interfaces of all hosts: larger packets are sent in fragments.
+  void set_mtu(int bytes) const;
+  /// A second link, between two hosts alone: e1 on both, with the address 10.78.0.(i + 1).
+  void connect(std::size_t a, std::size_t b) const;
 
   /// Of a host's e0 since it was made: everything that is on the wire, Ethernet headers included.
   struct Counters {

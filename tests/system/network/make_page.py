@@ -152,7 +152,9 @@ def outages(folder):
 FAULTS = {"nobody": "nobody", "frozen": "one that takes all, then is frozen", "killed": "one that takes all, then is killed",
           "slow": "asks for everything, reads 1 kB/s", "everything": "asks for everything, again and again",
           "flood": "1,000 small requests a second", "flood-large": "1,000 requests for everything a second",
-          "nowhere": "1,000 requests a second for what is not there", "thief": "speaks for others and for the publisher",
+          "nowhere": "1,000 requests a second for what is not there",
+          "certificates": "1,000 requests a second for certificates, from nothing, somewhere else each",
+          "holder": "1,000 a second, and claims to hold all each time", "thief": "speaks for others and for the publisher",
           "inventor": "300 invented peers a second"}
 
 

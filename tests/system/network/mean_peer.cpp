@@ -6,12 +6,16 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <array>
+#include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <map>
 #include <nlohmann/json.hpp>
 
 #include "core/base/stopwatch.hpp"
+#include "dice.hpp"
+#include "held_whole.hpp"
 #include "idl/dds/dds_support.hpp"
 #include "nearmesh/core/spm/detail/codec.hpp"
 #include "nearmesh/core/spm/detail/header.hpp"
@@ -65,8 +69,8 @@ class MeanPeer {
   }
 
   void join() {
-    for (const Stopwatch watch;
-         !terrain_.is_set() || !asks_.listener().is_matched_with_participant_of(publisher_);
+    for (const Stopwatch watch; !terrain_.is_set() || !aircraft_.is_set() ||
+                                !asks_.listener().is_matched_with_participant_of(publisher_);
          mailbox_.wait(0.02)) {
       if (watch.seconds() > kReadyDeadline_s) throw std::runtime_error("no publisher was found");
       static_cast<void>(hellos_.drain(
@@ -76,8 +80,11 @@ class MeanPeer {
           }));
       static_cast<void>(headers_.drain(
           100, [&](wire::MeshHeader&& message, const wire::Handle&, wire::Microseconds) {
+            if (message.name == "aircraft") aircraft_ = message.content_hash;
             if (message.name != "terrain") return;
             const SpmHeader header = require(decode_header(message.bytes));
+            base_ = positions_of_base(header);
+            whole_ = test::held_whole(header);
             terrain_ = message.content_hash;
             grid_max_ = static_cast<std::int32_t>((std::int64_t{1} << header.grid.bits) - 1);
             for (const BaseRoot& root : header.roots)
@@ -95,6 +102,8 @@ class MeanPeer {
         {"flood", &MeanPeer::ask_small},
         {"flood-large", &MeanPeer::ask_large},
         {"nowhere", &MeanPeer::ask_for_what_is_not},
+        {"certificates", &MeanPeer::ask_for_certificates},
+        {"holder", &MeanPeer::say_what_is_not_held},
         {"thief", &MeanPeer::pose_as_others},
         {"inventor", &MeanPeer::invent_peers}};
     const auto act = paced.at(options_.kind);
@@ -187,6 +196,38 @@ class MeanPeer {
     send(message);
   }
 
+  /// An aircraft at some place over the terrain, flying somewhere, of a peer that holds nothing yet.
+  [[nodiscard]] wire::RegionSubscription certificate() {
+    wire::RegionSubscription message = request();
+    message.content_hash = {};
+    message.region = {};
+    CertificateRequest& asked = message.certificate.emplace();
+    asked.horizon_s = 1;
+    asked.margin_m = 10;
+    asked.models = {{.content = terrain_, .held = {}}, {.content = aircraft_, .held = {}}};
+    for (int i = 0; i < kPairs; ++i) {
+      CertificateRequest::Pair& pair = asked.pairs.emplace_back();
+      pair.b = 1;
+      const auto& from = base_[dice_.below(base_.size())];
+      const auto& to = base_[dice_.below(base_.size())];
+      for (std::size_t k = 0; k < 3; ++k) {
+        const double share = dice_.between(0, 1);
+        pair.translation_m[k] = static_cast<float>(from[k] + share * (to[k] - from[k]));
+        pair.linear_velocity_mps[k] = static_cast<float>(dice_.between(-100, 100));
+      }
+    }
+    return message;
+  }
+  void ask_for_certificates() { send(certificate()); }
+  /// All of the terrain, in another state each time.
+  void say_what_is_not_held() {
+    wire::RegionSubscription message = certificate();
+    CertificateRequest::Model& terrain = message.certificate->models.front();
+    terrain.state = ++states_;
+    terrain.held = whole_;
+    send(message);
+  }
+
   /// Asks and acknowledges as peers that it hears, and announces and sends as the publisher that it hears.
   void pose_as_others() {
     static_cast<void>(others_.drain(100, [&](wire::RegionSubscription&& heard, const wire::Handle&,
@@ -227,7 +268,19 @@ class MeanPeer {
     send(message);
   }
 
+  /// Metres, of the vertices that are there from the start.
+  static std::vector<std::array<double, 3>> positions_of_base(const SpmHeader& header) {
+    std::vector<std::array<double, 3>> places;
+    for (const BaseRoot& root : header.roots) {
+      std::array<double, 3>& place = places.emplace_back(header.grid.origin_m);
+      for (std::size_t k = 0; k < 3; ++k)
+        place[k] += std::ldexp(root.position[static_cast<int>(k)], header.grid.exponent);
+    }
+    return places;
+  }
+
   static constexpr std::size_t kMaxVictims = 32;
+  static constexpr int kPairs = 4;
   const Options options_;
   const wire::SessionId own_id_ = wire::make_session_id();
   wire::Mailbox mailbox_;
@@ -240,7 +293,11 @@ class MeanPeer {
   std::map<wire::SessionId, std::unique_ptr<wire::Writer<wire::SplitBatchMessage>>> victims_;
   wire::Handle publisher_;
   wire::Hello hello_;
-  ContentHash terrain_;
+  ContentHash terrain_, aircraft_;
+  std::vector<std::array<double, 3>> base_;  ///< of the terrain
+  std::vector<std::uint8_t> whole_;          ///< what says that it is held
+  test::Dice dice_{1};
+  std::uint64_t states_ = 0;
   std::vector<NodeSpan> roots_;
   std::int32_t grid_max_ = 0;
   std::uint32_t requests_ = 0, acknowledged_ = 0;
@@ -255,8 +312,8 @@ int main(int argc, char** argv) {
   Options options;
   app.add_option("kind", options.kind, "How")
       ->required()
-      ->check(CLI::IsMember(
-          {"everything", "slow", "flood", "flood-large", "nowhere", "thief", "inventor"}));
+      ->check(CLI::IsMember({"everything", "slow", "flood", "flood-large", "nowhere",
+                             "certificates", "holder", "thief", "inventor"}));
   app.add_option("--rate", options.rate_hz,
                  "Messages a second, where the kind has no pace of its own")
       ->capture_default_str();

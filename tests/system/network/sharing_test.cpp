@@ -103,9 +103,15 @@ class Wanderer {
 class SharingTest : public NetworkFixture {
  protected:
   void begin(std::size_t publishers) {
+    make_network();
+    for (std::size_t i = 0; i < publishers; ++i) add_publisher();
+    begin_to_fly();
+  }
+  void make_network() {
     models = exercise();
     lan = std::make_unique<Lan>(std::vector<Link>{{}, {}});
-    for (std::size_t i = 0; i < publishers; ++i) add_publisher();
+  }
+  void begin_to_fly() {
     const Lan::Visit visit = lan->visit(1);
     for (wire::SessionId id = 1; id <= kPeers; ++id) peers.emplace_back(models, id);
     ASSERT_TRUE(await([this] {
@@ -118,6 +124,39 @@ class SharingTest : public NetworkFixture {
     fly(1);
   }
   void add_publisher() { processes.push_back(serve(*lan, folder, models)); }
+  /// One with that number.
+  void add_publisher(wire::SessionId id) {
+    const Lan::Visit visit = lan->visit(0);
+    std::vector<std::string> words{std::to_string(models.domain), std::to_string(id)};
+    words.insert(words.end(), models.models.begin(), models.models.end());
+    processes.push_back(std::make_unique<Process>(folder, "nearmesh-network-publisher", words));
+    ASSERT_TRUE(processes.back()->says("ready")) << processes.back()->err();
+  }
+  void kill(std::size_t publisher) {
+    processes[publisher]->signal(SIGKILL);
+    static_cast<void>(processes[publisher]->wait());
+  }
+  /// Flies for so long after a kill. Out: the longest wait of any peer.
+  double fly_after_kill(double seconds) {
+    const double killed_s = clock.seconds();
+    std::vector<double> waits_s;
+    double worst_s = 0;
+    while (clock.seconds() - killed_s < seconds) {
+      for (Wanderer& peer : peers) {
+        peer.update(clock.seconds(), waits_s);
+        worst_s = std::max(
+            worst_s, std::min(peer.waits_since_s(clock.seconds()), clock.seconds() - killed_s));
+      }
+      pause(0.01);
+    }
+    return worst_s;
+  }
+  /// Of each peer the publisher that it prefers.
+  [[nodiscard]] std::vector<wire::SessionId> favourites() const {
+    std::vector<wire::SessionId> all;
+    for (const Wanderer& peer : peers) all.push_back(favourite(peer.heard->own_id()));
+    return all;
+  }
 
   /// Times of answers that had to wait.
   std::vector<double> fly(double seconds) {
@@ -166,19 +205,8 @@ TEST_F(SharingTest, PeersOfOneThatIsKilledAreServedByOthersWithinASecond) {
   begin(3);
   expect_shares("three publishers");
 
-  processes[0]->signal(SIGKILL);
-  static_cast<void>(processes[0]->wait());
-  const double killed_s = clock.seconds();
-  std::vector<double> waits_s;
-  double worst_s = 0;
-  while (clock.seconds() - killed_s < 6) {
-    for (Wanderer& peer : peers) {
-      peer.update(clock.seconds(), waits_s);
-      worst_s = std::max(worst_s,
-                         std::min(peer.waits_since_s(clock.seconds()), clock.seconds() - killed_s));
-    }
-    pause(0.01);
-  }
+  kill(0);
+  const double worst_s = fly_after_kill(6);
   std::printf("one of three killed: longest wait of any peer in the next 6 s %.3f s\n", worst_s);
   EXPECT_LT(worst_s, 1.5);  // of a machine at work; 1 s is promised
   // Who is gone is whom nobody asks any more.
@@ -204,6 +232,46 @@ TEST_F(SharingTest, PeersOfOneThatIsKilledAreServedByOthersWithinASecond) {
   for (const wire::SessionId name : peers[0].heard->there)
     if (!known.contains(name)) names.push_back(name);
   expect_shares("a new one beside them");
+}
+
+/// Numbers that do not change from run to run, by which the hash gives each publisher the same: whoever asks another one is noticed.
+/// One that comes or goes moves its own peers alone.
+TEST_F(SharingTest, AFourthTakesItsShareWhileAllLiveAndGivesItBackWhenKilled) {
+  const std::vector<wire::SessionId> three{101, 102, 106};
+  static constexpr wire::SessionId kFourth = 109;
+  make_network();
+  for (const wire::SessionId id : three) add_publisher(id);
+  begin_to_fly();
+  ASSERT_EQ(names, three);
+  const auto expect_even = [this](const std::vector<wire::SessionId>& asked) {
+    for (const wire::SessionId name : names)
+      EXPECT_EQ(std::count(asked.begin(), asked.end(), name),
+                static_cast<std::ptrdiff_t>(kPeers / names.size()));
+  };
+  expect_shares("three publishers");
+  const std::vector<wire::SessionId> before = favourites();
+  expect_even(before);
+
+  add_publisher(kFourth);
+  ASSERT_TRUE(await([this] {
+    fly(0.1);
+    return std::all_of(peers.begin(), peers.end(),
+                       [](const Wanderer& peer) { return peer.heard->there.contains(kFourth); });
+  }));
+  names.push_back(kFourth);
+  expect_shares("a fourth beside them");
+  const std::vector<wire::SessionId> with = favourites();
+  expect_even(with);
+  for (std::size_t i = 0; i < with.size(); ++i)
+    EXPECT_TRUE(with[i] == before[i] || with[i] == kFourth) << "peer " << i + 1;
+
+  kill(3);
+  const double worst_s = fly_after_kill(6);
+  std::printf("it is killed: longest wait of any peer in the next 6 s %.3f s\n", worst_s);
+  EXPECT_LT(worst_s, 1.5);  // of a machine at work; 1 s is promised
+  names.pop_back();
+  expect_shares("three again");
+  EXPECT_EQ(favourites(), before);
 }
 
 TEST_F(SharingTest, OneAloneServesAll) {

@@ -20,6 +20,7 @@
 #include <stdexcept>
 
 #include "dice.hpp"
+#include "nearmesh/core/recording/recording.hpp"
 
 namespace nearmesh::test {
 namespace {
@@ -32,6 +33,7 @@ constexpr double kCapture_s = 3;
 constexpr double kSettle_s = 12;
 constexpr double kRecover_s = 2;  ///< after the storm: whatever is deaf then is reported
 constexpr double kLook_s = 2;
+constexpr int kStatuses = 4;  ///< of each program, one a second, in which it is seen to hear
 
 struct Captured {
   RtpsBytes bytes;
@@ -472,7 +474,7 @@ class Victims {
             {"run", flyer.folder.file("scene.yaml"), "--answers", flyer.answers()},
             i == 0 ? "alice" : "bob");
     }
-    if (!secured_)
+    if (!secured_)  // it brings no identity
       start_words("simulator", "nearmesh-example-flight-sim",
                   {"--domain", std::to_string(exercise.domain), "--profiles",
                    NEARMESH_FLIGHT_SIM_DIR "/profiles.xml", "--profile", "flight_sim_loopback",
@@ -519,6 +521,7 @@ class Victims {
       // Its own aircraft moves each frame; half the frames at least shall have the other's new pose too.
       if (now.other_poses.size() < 2) result.deaf.push_back(name + ": no poses of the other");
     }
+    look_at_statuses(result);
   }
 
   void end(StormResult& result) {
@@ -540,9 +543,60 @@ class Victims {
           std::max(result.longest_pause_s, static_cast<double>(all.longest_pause) / kFrames_per_s);
       result.wrong += count_wrong_answers(flyer.folder, exercise_, all.lines);
     }
+    look_at_recording(result);
   }
 
  private:
+  /// Of the publisher: whether requests still reach it. Of the simulator: whether detail does, since it is certified.
+  void look_at_statuses(StormResult& result) {
+    looked_ns_ = wall_ns();
+    const std::string name = "status";
+    start(name, "nearmesh-subscriber", {"status", "--watch", "--seconds", "1", "--json"}, "watch");
+    const auto process = std::move(all_.extract(name).mapped());
+    static_cast<void>(await([&] { return lines_of(process->out()).size() >= kStatuses; }, 20));
+    process->signal(SIGINT);
+    static_cast<void>(process->wait());
+    std::set<std::uint64_t> requests;
+    std::set<std::string> readiness;
+    for (const std::string& line : lines_of(process->out())) {
+      const json told = json::parse(line);
+      for (const json& one : told.at("publishers"))
+        if (one.value("process_id", 0) == of("publisher").id())
+          requests.insert(one.at("requests").get<std::uint64_t>());
+      for (const json& one : told.at("peers"))
+        if (!secured_ && one.value("process_id", 0) == of("simulator").id())
+          readiness.insert(one.at("readiness").get<std::string>());
+    }
+    if (requests.size() < 2) result.deaf.push_back("publisher: no requests");
+    if (!secured_ && !readiness.contains("ready"))
+      result.deaf.push_back("simulator: " + (readiness.empty() ? "no status" : *readiness.begin()));
+  }
+  /// The recorder heard poses of everybody until it was told to end.
+  void look_at_recording(StormResult& result) {
+    const auto recording = RecordingReader::open(folder_.file("storm.db3"));
+    if (!recording.is_ok()) throw std::runtime_error(recording.status().message());
+    RecordingReader& reader = *recording.value();
+    std::set<std::uint32_t> heard;
+    const Result<std::int64_t> first = reader.find(looked_ns_);
+    if (!first.is_ok()) throw std::runtime_error(first.status().message());
+    const Status read = reader.read(
+        first.value(), reader.message_count() + 1, [&](std::int64_t, const RecordedMessage& said) {
+          const std::string& topic = reader.topics()[reader.writers()[said.writer].topic].name;
+          if (topic.ends_with("/body_poses")) heard.insert(said.writer);
+          return true;
+        });
+    if (!read.is_ok()) throw std::runtime_error(read.message());
+    const std::size_t movers = secured_ ? 2 : 3;
+    if (heard.size() < movers)
+      result.deaf.push_back("recorder: poses of " + std::to_string(heard.size()) + " of " +
+                            std::to_string(movers));
+  }
+  static std::int64_t wall_ns() {
+    return std::chrono::duration_cast<std::chrono::nanoseconds>(
+               std::chrono::system_clock::now().time_since_epoch())
+        .count();
+  }
+
   Process& of(const std::string& name) { return *all_.at(name); }
   void start(const std::string& name, const std::string& program, std::vector<std::string> words,
              const std::string& identity) {
@@ -559,7 +613,7 @@ class Victims {
     std::string err;
     if (run(folder_, "nearmesh-publisher",
             {"make-security", folder_.file("set"), "--publisher", "serve", "--subscriber", "alice",
-             "--subscriber", "bob", "--recorder", "rec", "--domain",
+             "--subscriber", "bob", "--subscriber", "watch", "--recorder", "rec", "--domain",
              std::to_string(exercise_.domain)},
             nullptr, &err) != 0)
       throw std::runtime_error("no identities: " + err);
@@ -568,6 +622,7 @@ class Victims {
   const Exercise exercise_;
   const bool secured_;
   const Folder folder_;
+  std::int64_t looked_ns_ = 0;  ///< by the wall clock, which recordings use
   Flyer flyers_[2];
   std::map<std::string, std::unique_ptr<Process>> all_;
 };

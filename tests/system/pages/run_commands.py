@@ -43,6 +43,7 @@ NOT_RUN = [
     ("examples/cyclone/README.md", r"^(cmake -S examples/cyclone|export CYCLONEDDS_URI=|nearmesh-(publisher|subscriber) )",
      "needs Cyclone DDS, which consumer builds it with and cyclone_test flies it with"),
     ("examples/world/README.md", r"^examples/world/fly$", "bakes and flies for a minute; --small does the same in seconds"),
+    ("examples/flightgear/README.md", r"^cmake -S \. -B /tmp/flightgear", "needs the package; consumer builds the folder so"),
     ("docs/ros2.md", r"--ros2", "goes on until Ctrl-C beside programs of ROS 2; cyclone_test runs it"),
 ]
 # What a page writes for what only its reader knows.
@@ -136,7 +137,7 @@ class Page:
         self.started.append(command)
         return command
 
-    def end(self, command, interrupt=True, expected=0, seconds=60):
+    def end(self, command, interrupt=True, expected=(0,), seconds=60):
         """Ctrl-C, or to its own end; what came out must be as expected."""
         if interrupt and command.process.poll() is None:
             os.killpg(command.process.pid, signal.SIGINT)
@@ -146,15 +147,19 @@ class Page:
             os.killpg(command.process.pid, signal.SIGKILL)
             command.process.wait()
             code = "none, it had to be killed"
-        if code != expected:
+        if code not in expected:
             self.fault(command, f"exit code {code}")
         found = ERROR.search(NO_ERROR.sub("", command.said()))
-        if found and code == expected:
+        if found and code == 0:
             self.fault(command, f"it spoke of '{found[0]}'")
         return command.said()
 
     def run(self, line, **how):
         return self.end(self.begin(line), interrupt=False, **how)
+
+    def verify(self, line):
+        """Exit code 3: beside all other tests a recorder may miss one of many poses, and what rests on it is not proved. Nothing may be wrong."""
+        self.expect(self.run(line, expected=(0, 3)), r"[1-9]\d* of \d+ answers proved, 0 different", r"free by bounds: .* 0 wrong")
 
     def expect(self, text, *parts):
         for part in parts:
@@ -202,12 +207,12 @@ def make_models(page):
         page.make("nearmesh-model", "build", name, "-o", name[:-3] + "spm")
 
 
-def make_scene(page, ground="ground", craft="craft", rows=100, more=""):
-    """An aircraft that comes down onto the ground, and leaves it, at 20 rows a second."""
+def make_scene(page, ground="ground", craft="craft", rows=100, times=1, more=""):
+    """An aircraft that comes down onto the ground so many times, and leaves it, at 20 rows a second."""
     (page.folder / "scene.yaml").write_text(
         f"bodies:\n  - {{name: {ground}, model: terrain, pose: {{translation: [0, 0, 0]}}}}\n  - {{name: {craft}, model: aircraft}}\n"
-        f"moves:\n  - {{body: {craft}, trajectory: flight.csv}}\npairs: all\nframe_rate_hz: 20\nbudget_ms: 20\nlookahead_s: 0.3\n{more}")
-    heights = [abs(row - rows / 2) * 0.8 for row in range(rows)]
+        f"moves:\n  - {{body: {craft}, trajectory: flight.csv}}\npairs: all\nframe_rate_hz: 20\nbudget_ms: 50\nlookahead_s: 1\n{more}")
+    heights = [abs(row % (rows / times) - rows / times / 2) * 0.8 for row in range(rows)]
     (page.folder / "flight.csv").write_text(
         "QW,QX,QY,QZ,T0,T1,T2\n" + "".join(f"1,0,0,0,{row / 10},0,{height}\n" for row, height in enumerate(heights)))
 
@@ -241,7 +246,7 @@ def make_elevations(page):
 
 def readme(page):
     make_models(page)
-    make_scene(page)
+    make_scene(page, rows=200, times=2)  # its replay shall last longer than an onlooker takes to join on a busy machine
     page.run("nearmesh-model build terrain.obj -o terrain.spm")
     with page.going_on("nearmesh-subscriber record -o flight.db3", "recording domain"):
         with page.going_on("nearmesh-publisher serve terrain.spm aircraft.spm", "ready on domain"), \
@@ -253,11 +258,11 @@ def readme(page):
             page.expect(page.end(flight, interrupt=False), "answers", r"[1-9]\d* contact", " 0 uncertain")
             page.expect(page.end(doctor, interrupt=False), "publisher")
             page.until(lambda: "model terrain" in watching.said(), "status --watch never told of the terrain", watching)
-    page.expect(page.run("nearmesh-subscriber verify flight.db3"), " 0 different")
+    page.verify("nearmesh-subscriber verify flight.db3")
     page.run("nearmesh-subscriber report flight.db3 -o report")
     page.expect((page.folder / "report/index.html").read_text()[:200], "<!doctype html>|<!DOCTYPE html>")
     make_onlooker(page, "scene.yaml")
-    with page.going_on("nearmesh-subscriber run scene.yaml", None) as onlooker:
+    with page.going_on("nearmesh-subscriber run scene.yaml", "joined domain") as onlooker:
         page.run("nearmesh-publisher replay flight.db3 --rate 2")
     page.expect(onlooker.said(), r"[1-9]\d* (free|contact)")
     (page.folder / "A.spm").symlink_to("terrain.spm")
@@ -326,14 +331,14 @@ def sessions(page):
         page.end(server)
     page.expect(page.run("nearmesh-subscriber info flight.db3"), "contact")
     page.words["peer"] = json.loads(page.make("nearmesh-subscriber", "info", "--json", "flight.db3"))["peers"][0][:2]
-    page.expect(page.run("nearmesh-subscriber verify flight.db3"), " 0 different")
-    page.run("nearmesh-subscriber verify flight.db3 --models models/")
+    page.verify("nearmesh-subscriber verify flight.db3")
+    page.verify("nearmesh-subscriber verify flight.db3 --models models/")
     page.run("nearmesh-subscriber report flight.db3 -o report")
     for kind in ("mcap", "glb"):
         page.run(f"nearmesh-subscriber export flight.db3 -o flight.{kind}")
     page.run("nearmesh-subscriber export flight.db3 --time 12.5 --peer 3f --body hull --other quay -o hull.glb")
     make_onlooker(page, "looks.yaml", "quay", "hull")
-    onlooker = Running(page, "nearmesh-subscriber run looks.yaml", None)
+    onlooker = Running(page, "nearmesh-subscriber run looks.yaml", "joined domain")
     page.run("nearmesh-publisher replay flight.db3 --rate 2")
     page.run("nearmesh-publisher replay flight.db3 --rate 2 --start 10")
     page.expect(page.end(onlooker), r"[1-9]\d* contact")

@@ -276,6 +276,7 @@ typedef struct nearmesh_query_options {
   int32_t contacts;    ///< work out where they touch
   int32_t depth;       ///< and how deep they are in each other; then also `contacts`
   uint64_t max_tests;  ///< end after so many tests, of 2 to 25 ns; UINT64_MAX, the default: do not
+  uint64_t max_depth_tests;  ///< of each depth, of 2 to 5 ns: its bracket is as wide as it is then; 500000
 } nearmesh_query_options;
 
 /// `size`: sizeof of your struct. Errors: NEARMESH_INVALID_ARGUMENT.
@@ -322,7 +323,7 @@ typedef struct nearmesh_session_options {
   double audit_s;             ///< so often a publisher must prove a block of its file; 0, the default: never
   uint64_t audit_seed;        ///< draws which; 0, the default: the system does
   uint32_t window_bytes;      ///< that may be under way to this peer, at least 2048; 65536
-  uint32_t max_held_splits;   ///< above this, detail far from every body is given up; 0, the default: no limit
+  uint32_t max_held_splits;   ///< above this, detail far from every body is given up; 0, the default: no limit. What nothing was near for 10 s is given up in any case
   const char* cache_folder;   ///< where detail is kept from one session to the next; NULL, the default: it is not
   int32_t clearance;          ///< NEARMESH_CLEARANCE_BOUND; without one no safe_horizon_s is known either
   int32_t contacts;           ///< work out where bodies touch; 0
@@ -335,6 +336,8 @@ typedef struct nearmesh_session_options {
   uint64_t max_sweep_tests;   ///< of each swept answer, of some 100 ns; 50000
   int32_t depth;              ///< work out how deep bodies are in each other; then also `contacts`; 0
   int32_t reserved;           ///< 0
+  uint64_t max_depth_tests;   ///< of each depth, of 2 to 5 ns; 500000
+  double promise_s;           ///< what is promised of own bodies (max_speed_mps) holds for so long; 0.1 to 255; 8
 } nearmesh_session_options;
 
 /// `size`: sizeof of your struct. Errors: NEARMESH_INVALID_ARGUMENT.
@@ -452,6 +455,11 @@ NEARMESH_API nearmesh_status nearmesh_session_watch_all(nearmesh_session* sessio
 /// As nearmesh_session_watch_all(), but of the pairs of own bodies alone: with each other, and with all that others move.
 NEARMESH_API nearmesh_status nearmesh_session_watch_own(nearmesh_session* session,
                                                         nearmesh_error* error) NEARMESH_NOTHROW;
+/// Declares each body that another peer moves and that is not declared here, with the name, model, content, group and mask that its
+/// mover tells, and whether it is solid (nearmesh_session_came). One that its mover removes is removed here (nearmesh_session_went).
+/// Of one whose mover has left nothing is known: it stays, and none of its pairs is certified.
+NEARMESH_API nearmesh_status nearmesh_session_discover_bodies(nearmesh_session* session,
+                                                              nearmesh_error* error) NEARMESH_NOTHROW;
 /// Lists the answer about two bodies in every frame, whatever their groups. Errors: NEARMESH_NOT_FOUND, NEARMESH_INVALID_ARGUMENT
 /// (the same body).
 NEARMESH_API nearmesh_status nearmesh_session_watch(nearmesh_session* session, nearmesh_body a,
@@ -485,6 +493,8 @@ typedef struct nearmesh_frame {
   uint64_t answers_digest;  ///< of all answers; equal on peers that know the same
   uint64_t pairs_put_off;   ///< answers that are, for want of budget
   size_t contact_event_count;  ///< nearmesh_session_contact_event()
+  size_t came_count, went_count;  ///< with discover_bodies: nearmesh_session_came(), nearmesh_session_went()
+  uint64_t promised;        ///< bodies of which no full pose is here, and a promise holds
 } nearmesh_frame;
 
 /// nearmesh_contact_event.change
@@ -551,7 +561,7 @@ typedef struct nearmesh_pair_answer {
   const char* reason;   ///< why nothing can be said: something that has not come, or is too old; else empty
   const char* awaited;  ///< not certified for want of detail: of which model, and who sends it; else empty
   int32_t asked;        ///< headers and fresh poses were there
-  int32_t put_off;      ///< they were there, but its turn did not come within the budget: not asked
+  int32_t put_off;      ///< they were there, but the budget ended before its turn, or in it: not asked
   double age_a_s, age_b_s;        ///< of the poses at the frame's time; infinite where none has come
   nearmesh_pose pose_a, pose_b;   ///< what was asked about; meaningless unless `asked`
   const char* content_a;          ///< of the models that it is about, 32 digits; empty: not known yet
@@ -600,6 +610,11 @@ NEARMESH_API const nearmesh_contact_event* nearmesh_session_contact_event(
 /// With watch_all. NULL beyond unknown_count.
 NEARMESH_API const nearmesh_unknown_body* nearmesh_session_unknown(const nearmesh_session* session,
                                                                    size_t index) NEARMESH_NOTHROW;
+/// With discover_bodies: bodies that came, or went, in the last frame. NEARMESH_NONE beyond came_count and went_count.
+NEARMESH_API nearmesh_body nearmesh_session_came(const nearmesh_session* session,
+                                                 size_t index) NEARMESH_NOTHROW;
+NEARMESH_API nearmesh_body nearmesh_session_went(const nearmesh_session* session,
+                                                 size_t index) NEARMESH_NOTHROW;
 /// One line for a log. NULL beyond complaint_count.
 NEARMESH_API const char* nearmesh_session_complaint(const nearmesh_session* session, size_t index)
     NEARMESH_NOTHROW;
@@ -654,6 +669,34 @@ NEARMESH_API nearmesh_status nearmesh_session_motion_of(const nearmesh_session* 
 NEARMESH_API nearmesh_status nearmesh_session_name_of(nearmesh_session* session, nearmesh_body body,
                                                       const char** name, nearmesh_error* error)
     NEARMESH_NOTHROW;
+/// A body as it was declared, here or by its mover.
+typedef struct nearmesh_body_facts {
+  const char* name;
+  const char* model;
+  const char* content;    ///< that it is pinned to, 32 digits; empty: none
+  int32_t own, solid;
+  uint32_t group, mask;
+  double max_speed_mps;   ///< 0: no promises are made of it
+} nearmesh_body_facts;
+/// Out: valid until the next call of this. Errors: NEARMESH_NOT_FOUND.
+NEARMESH_API nearmesh_status nearmesh_session_body_facts(nearmesh_session* session,
+                                                         nearmesh_body body,
+                                                         const nearmesh_body_facts** facts,
+                                                         nearmesh_error* error) NEARMESH_NOTHROW;
+/// What is held of a body's model, to be drawn: 9 numbers a face, its three corners, metres, the body's model frame.
+typedef struct nearmesh_held_mesh {
+  size_t exact_count, coarse_count;
+  const double* exact_m;   ///< faces of the full mesh
+  const double* coarse_m;  ///< faces that stand for what is missing
+} nearmesh_held_mesh;
+/// Out: valid until the next call of this. Errors: NEARMESH_NOT_FOUND, also while its header has not come. Cost: some 100 ns a face.
+NEARMESH_API nearmesh_status nearmesh_session_held_mesh(nearmesh_session* session,
+                                                        nearmesh_body body,
+                                                        const nearmesh_held_mesh** mesh,
+                                                        nearmesh_error* error) NEARMESH_NOTHROW;
+/// The same number while that mesh is the same; 0 where it is not found. Cost: some nanoseconds.
+NEARMESH_API uint64_t nearmesh_session_held_state(const nearmesh_session* session,
+                                                  nearmesh_body body) NEARMESH_NOTHROW;
 /// The header of a body's model. Out: valid until the next call of this. Errors: NEARMESH_NOT_FOUND, also where it has not come.
 NEARMESH_API nearmesh_status nearmesh_session_model_facts(nearmesh_session* session,
                                                           nearmesh_body body,

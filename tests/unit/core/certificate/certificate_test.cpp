@@ -9,6 +9,7 @@
 #include "core/replica/replica.hpp"
 #include "core/spm/packed_certificate.hpp"
 #include "fault_of.hpp"
+#include "held_whole.hpp"
 #include "model_pairs.hpp"
 
 namespace nearmesh {
@@ -313,6 +314,34 @@ TEST_P(Certificate, MirrorsThatSleepWakeAsTheyWere) {
   BegunCertificate begun = desk.begin(desk.ask(motion_a, motion_b, 0.1F));
   ASSERT_TRUE(begun.maker) << begun.why_not;
   EXPECT_EQ(desk.answer(*begun.maker), 0U) << "it holds what it did";
+}
+
+// Who holds a large part of all that a server may keep awake loses its own place where that is short, and nobody else's.
+TEST(Mirrors, OfOneThatHoldsMuchDisplaceNoOthers) {
+  const std::unique_ptr<test::TempFile> path =
+      test::write_model(test::bake_mesh(generate_terrain(280, 7), 16));
+  ModelFile file = ModelFile::open(path->path()).value();
+  ASSERT_GT(file.header().split_count(), Mirrors::kMaxAwakeSplits / Mirrors::kShares);
+  const std::vector<std::uint8_t> whole = test::held_whole(file.header());
+  Mirror all(file);
+  ASSERT_TRUE(all.hold(whole).is_ok());
+  Mirrors mirrors;
+  const std::uint64_t nothing = Mirror(file).state();
+  constexpr std::uint64_t kGreedy = 1, kFirst = 100;
+  // The share that is left.
+  constexpr std::size_t kOthers = Mirrors::kMaxAwakeSplits / Mirrors::kSplitsAMirror *
+                                  (Mirrors::kShares - 1) / Mirrors::kShares;
+  for (std::uint64_t peer = kFirst; peer < kFirst + kOthers; ++peer)
+    ASSERT_NE(mirrors.find(peer, file, nothing, {}).value(), nullptr);
+  for (int i = 0; i < 3; ++i) {
+    ASSERT_NE(mirrors.find(kGreedy, file, all.state(), whole).value(), nullptr);
+    EXPECT_EQ(mirrors.awake_count(), kOthers + 1);
+    ASSERT_NE(mirrors.find(kFirst, file, nothing, {}).value(), nullptr);
+    EXPECT_EQ(mirrors.awake_count(), kOthers);
+    EXPECT_EQ(mirrors.asleep_bytes(), 0U);
+    EXPECT_EQ(mirrors.find(kGreedy, file, all.state(), {}).value(), nullptr) << "it is to tell";
+  }
+  EXPECT_EQ(mirrors.told_splits(), 3 * file.header().split_count());
 }
 
 TEST(CertificateRequests, SayWhatIsHeldAsItIsOrAreSentAway) {

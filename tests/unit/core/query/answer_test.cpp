@@ -2,6 +2,7 @@
 // One answer says what its parts say when they are asked one by one.
 #include "core/query/answer.hpp"
 
+#include "brute_force.hpp"
 #include "solids.hpp"
 #include "test_models.hpp"
 
@@ -90,6 +91,47 @@ TEST(Answer, SaysNothingThatWasNotAskedFor) {
   ASSERT_TRUE(plain.is_ok());
   EXPECT_FALSE(plain.value().contacts.has_value());
   EXPECT_FALSE(plain.value().swept.has_value());
+}
+
+// All of it, or nothing: whenever the time is over, in whichever part.
+TEST(Answer, IsWholeOrCutShort) {
+  const BakedModel model = test::bake_named("sphere");
+  const test::FullModel a(model), b(model);
+  std::set<AnswerStatus> seen;
+  int cut_short = 0;
+  for (const double way_m : {0.7, 1.97, 2.0001}) {
+    SCOPED_TRACE(way_m);
+    Motion motion;
+    motion.pose.translation_m = {way_m, 0.01, 0.02};
+    motion.linear_velocity_mps = {-1, 0, 0};
+    const AskedBody one{a.tree.view(), {}, "a"}, two{b.tree.view(), motion, "b"};
+    AnswerOptions options{.contacts = true, .depth = true, .sweep_s = 1};
+    const Answered all = answer(one, two, options).value();
+    seen.insert(all.answer.status);
+    EXPECT_FALSE(all.is_cut_short);
+    for (int last = 0;; ++last) {
+      int looks = 0;
+      const IsOver is_over = [&] { return looks++ >= last; };
+      options.is_over = &is_over;
+      const Answered some = answer(one, two, options).value();
+      if (some.is_cut_short) {
+        ++cut_short;
+        EXPECT_GT(looks, last);
+        continue;
+      }
+      EXPECT_EQ(digest(some.answer), digest(all.answer));
+      EXPECT_EQ(some.contacts.has_value(), all.contacts.has_value());
+      EXPECT_EQ(some.depth.has_value(), all.depth.has_value());
+      if (all.depth) {
+        EXPECT_EQ(some.depth->at_least_m, all.depth->at_least_m);
+        EXPECT_EQ(some.depth->separation_m, all.depth->separation_m);
+      }
+      expect_same(some.swept->value(), all.swept->value());
+      if (looks <= last) break;
+    }
+  }
+  EXPECT_EQ(seen, (std::set{AnswerStatus::kFree, AnswerStatus::kContact}));
+  EXPECT_GT(cut_short, 20);
 }
 
 }  // namespace

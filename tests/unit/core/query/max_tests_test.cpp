@@ -133,6 +133,53 @@ TEST_F(Fans, TestsBoundWhatIsFound) {
   EXPECT_GT(times.rounds, 1U);
 }
 
+// A clock that is over at its k-th look.
+TEST_F(Fans, AnEndInTimeIsOneOfTests) {
+  const Answer all = asked({}).value();
+  const PosedPair at = posed();
+  int ended = 0;
+  for (int last = 0;; last += 4) {
+    int looks = 0;
+    const IsOver is_over = [&] { return looks++ == last; };
+    const Answer some = query(a_.view(), at.a, b_.view(), at.b, {.is_over = &is_over});
+    if (looks <= last) {
+      EXPECT_EQ(digest(some), digest(all));
+      break;
+    }
+    ++ended;
+    EXPECT_TRUE(some.exhausted);
+    EXPECT_FALSE(is_certified(some.status));
+    EXPECT_LT(tests_of(some.stats), tests_of(all.stats));
+    EXPECT_TRUE(holds_all(all.pairs, some.pairs));
+  }
+  EXPECT_GT(ended, 5);
+}
+
+// 400 million pairs touch: what is listed stays below 20 MB.
+TEST(LargeFans, TestsBoundTheLists) {
+  constexpr std::uint32_t kFaces = 20'000;
+  constexpr std::uint64_t kTests = 2'000'000;  // a session's
+  const BakedModel up = test::bake_mesh(make_fan(kFaces, 1)),
+                   down = test::bake_mesh(make_fan(kFaces, -1));
+  LocalModel a(up.store, up.header.grid), b(down.store, down.header.grid);
+  const PosedPair at = pose_pair(a.grid, {}, "a", b.grid, {}, "b").value();
+  const auto check = [&](const Answer& answer) {
+    EXPECT_EQ(answer.status, AnswerStatus::kPartial);
+    EXPECT_TRUE(answer.exhausted);
+    EXPECT_GT(answer.pairs.size(), 1000U);
+    EXPECT_LT(answer.pairs.capacity() * sizeof(FacePair), 15'000'000U);
+    EXPECT_LT((answer.missing_a.capacity() + answer.missing_b.capacity()) * sizeof(NodeSpan),
+              5'000'000U);
+    EXPECT_LT(tests_of(answer.stats), kTests + 100'000);
+  };
+  check(
+      certify(a, at.a, test::no_require, b, at.b, test::no_require, {.max_tests = kTests}).value());
+  check(query(a.view(), at.a, b.view(), at.b, {.max_tests = kTests}));
+  const Answer few = query(a.view(), at.a, b.view(), at.b, {.max_pairs = 10, .max_tests = kTests});
+  EXPECT_EQ(few.pairs.size(), 10U);
+  EXPECT_GT(few.pair_total, 1000U);
+}
+
 TEST_F(Fans, RoundsThatAreNotTheLastHoldNoFacesAgainstEachOther) {
   ASSERT_TRUE(asked({}).is_ok());
   const PosedPair at = posed();

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/world/near_tiles.hpp"
 
+#include <deque>
 #include <map>
 #include <set>
 
@@ -120,12 +121,11 @@ TEST(FindNearTiles, WhatIsNeitherListedNorBelowAMissingPageDoesNotTouch) {
                                       body.header.grid, scene.body, "body")
                                 .value();
     const bool loses = round % 5 == 0;
-    const PageOf page_of = [&](const WorldEntry& entry,
-                               int level) -> Result<std::optional<WorldPage>> {
-      if (loses && random.below(2) == 0) return std::optional<WorldPage>();
+    const PageOf page_of = [&](const WorldEntry& entry, int level) -> Result<const WorldPage*> {
+      if (loses && random.below(2) == 0) return nullptr;
       const WorldPage& page = world.by_content.at(entry.content);
       EXPECT_TRUE(check_page(page, entry, level).is_ok());
-      return std::optional(page);
+      return &page;
     };
     const auto near = find_near_tiles(world.pages.world, world.root(), page_of,
                                       make_relative_frame(posed.a, posed.b), box);
@@ -160,10 +160,11 @@ TEST(FindNearTiles, AWorldThatListsItselfEnds) {
   const WorldRecord world{.tiles = 3, .faces = 3};
   const PosedPair posed =
       pose_pair(world_grid(world), {}, "world", {.exponent = 0}, {}, "body").value();
-  const PageOf page_of = [&](const WorldEntry&, int level) -> Result<std::optional<WorldPage>> {
-    WorldPage below = page;
-    below.level = static_cast<std::uint8_t>(level);
-    return std::optional(below);
+  std::deque<WorldPage> pages;
+  const PageOf page_of = [&](const WorldEntry&, int level) -> Result<const WorldPage*> {
+    pages.push_back(page);
+    pages.back().level = static_cast<std::uint8_t>(level);
+    return &pages.back();
   };
   const auto near = find_near_tiles(world, above, page_of, make_relative_frame(posed.a, posed.b),
                                     {{{0, 0, 0}}, {{50, 50, 50}}});

@@ -38,6 +38,15 @@ TEST(ProcessName, IsHostAndProcessWhereNobodyGaveOne) {
   EXPECT_EQ(name_of_process("rig-2"), "rig-2");
 }
 
+TEST(ProcessName, IsAnnouncedWithHostAndProcess) {
+  const std::string where = default_process_name();
+  EXPECT_EQ(announced_name(""), where);
+  EXPECT_EQ(announced_name("rig-2"), "rig-2 on " + where);
+  const std::string longest(kMaxNameBytes, 'x');
+  EXPECT_EQ(shown_participant(announced_name(longest)), longest + " on " + where);
+  EXPECT_EQ(shown_participant(std::string(1000, 'x') + "\n").size(), 2 * kMaxNameBytes + 4);
+}
+
 TEST(ProcessName, AStrangersNameCanBeShown) {
   EXPECT_EQ(shown_name("rig-2"), "rig-2");
   EXPECT_EQ(shown_name(""), "");

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "core/demand/collect.hpp"
+#include "held_whole.hpp"
 #include "memory_channel.hpp"
 #include "test_models.hpp"
 
@@ -585,6 +586,62 @@ TEST(Service, FloodOfRequestsForWhatIsNotThereCostsTheOthersOneTurn) {
     EXPECT_TRUE(refused[0].refused);
     desk.bus.inject(desk.credit(refused[0].sequence));
   }
+}
+
+/// Two bodies of the terrain, of a peer that says that it holds all of it.
+wire::RegionSubscription telling(const Desk& desk, std::uint32_t number, wire::SessionId peer,
+                                 bool truly) {
+  ModelFile file = desk.open();
+  const std::vector<std::uint8_t> held = test::held_whole(file.header());
+  Mirror all(file);
+  EXPECT_EQ(all.hold(held).message(), "");
+  wire::RegionSubscription subscription;
+  subscription.peer = peer;
+  subscription.request = number;
+  subscription.publisher = kPublisher;
+  subscription.window_bytes = 1 << 20;
+  CertificateRequest& asked = subscription.certificate.emplace();
+  asked.models = {{desk.hash(), all.state() + (truly ? 0 : 1), held}};
+  asked.pairs.resize(1);
+  asked.pairs[0].translation_m[2] = 1e5F;  // far off: nothing is lacking
+  return subscription;
+}
+
+// To make a mirror of a peer's word takes long, and the word may be false: a peer that says it again and again waits for its turn.
+TEST(Service, WhatPeersSayThatTheyHoldIsPaidWithTime) {
+  Desk desk;
+  const wire::RegionSubscription lie = telling(desk, 0, kPeer, false);
+  const std::size_t splits = desk.model.header.split_count();
+  std::size_t judged = 0;
+  constexpr double kBegin_s = 10, kSeconds = 20;
+  for (std::uint32_t i = 1; i <= 1000 * kSeconds; ++i) {
+    wire::RegionSubscription subscription = lie;
+    subscription.request = i;
+    subscription.acknowledged_sequence = i;
+    desk.bus.inject(subscription);
+    const double now_s = kBegin_s + 0.001 * i;
+    desk.service.step(now_s);
+    for (const auto& message : desk.received()) judged += message.wants_regions ? 1 : 0;
+  }
+  // Some 0.5 us a split, 1e-4 s each: below a hundredth of the time, and of two seconds that are lent.
+  const double paid_s = 1e-4 * static_cast<double>(splits) * static_cast<double>(judged);
+  EXPECT_LE(paid_s, kSeconds + 2 + 1e-4 * static_cast<double>(splits));
+  EXPECT_GE(paid_s, kSeconds - 2);
+  // Another one is taken at its word at once, and so is who says nothing of the kind.
+  desk.bus.inject(telling(desk, 1, kOtherPeer, true));
+  wire::RegionSubscription silent = lie;
+  silent.request = 100'000;
+  silent.certificate->models[0].held.clear();
+  silent.certificate->models[0].state = 0;
+  desk.bus.inject(silent);
+  for (int i = 0; i < 100; ++i) desk.service.step(kBegin_s + kSeconds);
+  const auto answered = desk.other_received();
+  ASSERT_FALSE(answered.empty());
+  EXPECT_FALSE(answered.back().refused);
+  EXPECT_TRUE(answered.back().last);
+  const auto mine = desk.received();
+  ASSERT_FALSE(mine.empty());
+  EXPECT_EQ(mine.back().request, silent.request);
 }
 
 TEST(Service, NothingIsMadeThatWouldOnlyWait) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whom an update asks within its budget, and what is said of the others. No test here depends on how long anything takes: a
+// Whom an update asks within its budget, and what is said of the others. No test but one depends on how long anything takes: a
 // budget of 0 asks one pair, an infinite one all.
 #include <algorithm>
 #include <cmath>
@@ -118,6 +118,40 @@ TEST(Budget, NoPairStarves) {
   }
   EXPECT_EQ(waited.size(), 28U);
   EXPECT_LE(longest, 28 + 16 + 2);
+}
+
+// A pair that was cheap and takes many budgets now. Its time is the machine's, so in some rounds it may be asked at once.
+TEST(Budget, WhatTakesLongerThanExpectedIsCutShortOnceAndThenAskedToItsEnd) {
+  SessionOptions options = kAsksAll;
+  options.contacts = options.depth = true;
+  Squadron squadron(2, options);
+  const auto update_at = [&](double way_m, double budget_s) {
+    squadron.motions[1].motion.pose.translation_m = {way_m, 0.3, 0.1};
+    return squadron.update(budget_s);
+  };
+  const auto pair_of = [&](const FrameReport& report) -> const PairAnswer& {
+    return *report.find(squadron.motions[0].body, squadron.motions[1].body);
+  };
+  FrameReport deep = update_at(1, kAllTime);
+  for (int i = 0; i < 50 && !deep.all_certified(); ++i) deep = update_at(1, kAllTime);
+  ASSERT_EQ(pair_of(deep).answer.status, AnswerStatus::kContact);
+  deep = update_at(1, kAllTime);
+  int cut_short = 0;
+  for (int round = 0; round < 30; ++round) {
+    for (int i = 0; i < 10; ++i) update_at(60, kAllTime);
+    const FrameReport first = update_at(1, deep.query_s / 4);
+    EXPECT_NE(pair_of(first).asked, pair_of(first).put_off);
+    if (pair_of(first).asked) continue;
+    ++cut_short;
+    EXPECT_EQ(pair_of(first).reason, "out of budget");
+    EXPECT_EQ(digest(pair_of(first).answer), digest(nothing_known()));
+    EXPECT_FALSE(pair_of(first).contacts || pair_of(first).depth);
+    const FrameReport second = update_at(1, deep.query_s / 4);
+    ASSERT_TRUE(pair_of(second).asked);
+    EXPECT_EQ(digest(pair_of(second).answer), digest(pair_of(deep).answer));
+    EXPECT_EQ(pair_of(second).depth->at_least_m, pair_of(deep).depth->at_least_m);
+  }
+  EXPECT_GT(cut_short, 0);
 }
 
 TEST(Budget, WhoMayTouchSoonestIsAskedFirst) {

@@ -29,7 +29,7 @@ class LocalHost {
   }
   /// One update, judged.
   FrameReport update(const std::vector<Session::OwnMotion>& motions = {}) {
-    Result<FrameReport> report = session->update(frame_++, 0, motions, 1);
+    Result<FrameReport> report = session->update(frame_++, time_s, motions, 1);
     EXPECT_TRUE(report.is_ok()) << report.status().message();
     for (const std::string& line : report.value().complaints) ADD_FAILURE() << line;
     judge.check(report.value());
@@ -45,6 +45,7 @@ class LocalHost {
   LocalChannel* channel = nullptr;  ///< the session's
   std::unique_ptr<Session> session;
   Judge judge;
+  double time_s = 0;  ///< of the next update
 
  private:
   std::uint64_t frame_ = 0;

@@ -3,6 +3,9 @@
 #include <chrono>
 #include <filesystem>
 #include <functional>
+#include <iterator>
+#include <optional>
+#include <set>
 #include <thread>
 
 #include "core/base/digest.hpp"
@@ -260,6 +263,218 @@ TEST(SessionWorlds, APublisherServesThemOverALossyBus) {
     });
   EXPECT_EQ(certified, 60);
   EXPECT_EQ(service.stats().refused, 0U);
+}
+
+/// What a tree of pages names: the contents of pages and of tiles.
+std::set<ContentHash> contents_of(const WorldPages& pages) {
+  std::set<ContentHash> contents;
+  for (const auto& [content, bytes] : pages.pages) {
+    contents.insert(content);
+    const Result<WorldPage> page = decode_page(bytes);
+    EXPECT_TRUE(page.is_ok());
+    for (const WorldEntry& entry : page.value().entries) contents.insert(entry.content);
+  }
+  return contents;
+}
+
+/// Where the crater is deepest.
+CutScene over_the_crater(const CutTerrain& terrain) {
+  CutScene scene;
+  scene.ball.pose.translation_m = terrain.posts()[2 * (test::kCutSide * test::kCutCells + 1) + 2];
+  return scene;
+}
+
+// All that a lower page or a tile of another world says is true, but not of this one.
+TEST(SessionWorlds, WhatIsOfAnotherRootIsRefusedUnderTheSealThatWasAskedFor) {
+  const CutTerrain terrain;
+  const CutScene scene = over_the_crater(terrain);
+  CutHost honest(terrain);
+  ASSERT_EQ(honest.settle(scene.world, scene.ball).answer.status, AnswerStatus::kContact);
+  LocalChannel other;
+  const CutTerrain crater(0.6, true);
+  ASSERT_TRUE(other.add_world("valley", crater.folder).is_ok());
+  static_cast<void>(other.take());
+  const std::set<ContentHash> its = contents_of(terrain.pages), others = contents_of(crater.pages);
+  std::vector<ContentHash> only_its, only_others;
+  std::set_difference(its.begin(), its.end(), others.begin(), others.end(),
+                      std::back_inserter(only_its));
+  std::set_difference(others.begin(), others.end(), its.begin(), its.end(),
+                      std::back_inserter(only_others));
+  ASSERT_EQ(only_its.size(), 3U) << "the tile, and the pages above it";
+  ASSERT_EQ(only_others.size(), 3U);
+  // Written anew: the crater's record stands in the folder by now.
+  ASSERT_TRUE(write_world(terrain.pages, terrain.folder).is_ok());
+  for (const ContentHash& asked : only_its)
+    for (const ContentHash& given : only_others) {
+      CutHost host(terrain);
+      int lies = 0;
+      host.channel->passes = [&](wire::SplitBatchMessage& batch) {
+        if (batch.content_hash != asked || !host.channel->requests.contains(batch.request) ||
+            lies == 3)
+          return true;
+        wire::RegionSubscription request;
+        request.request = 1;
+        request.content_hash = given;
+        request.region = content_bytes_request();
+        other.send(request);
+        for (wire::SplitBatchMessage& piece : other.take().batches) {
+          if (piece.bytes.empty()) continue;
+          batch.bytes = piece.bytes;
+          batch.bytes.resize(batch.bytes.size() - kSealBytes);
+          seal_batch(asked, batch.bytes);
+          break;  // each of these fits one
+        }
+        lies += batch.last ? 1 : 0;
+        return true;
+      };
+      FrameReport report = host.update(scene.world, scene.ball);
+      for (int i = 0; i < 500 && !report.all_certified(); ++i) {
+        expect_true(terrain, scene, report.answers.at(0));
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        report = host.update(scene.ball);
+      }
+      EXPECT_EQ(lies, 3);
+      EXPECT_TRUE(report.all_certified());
+      expect_true(terrain, scene, report.answers.at(0));
+      EXPECT_TRUE(std::any_of(host.said.begin(), host.said.end(), [&](const std::string& line) {
+        return line.find(to_hex(asked) + ": have the digest " + to_hex(given)) != std::string::npos;
+      })) << (host.said.empty() ? "" : host.said.front());
+    }
+}
+
+/// A publisher on a bus, and a peer with a ball over its world.
+struct BusHost {
+  explicit BusHost(const CutTerrain& terrain) {
+    service = serve(end, 0xa1, terrain, {});
+    EXPECT_TRUE(service->add_model("ball", ModelFile::open(file->path()).value()).is_ok());
+    service->announce();
+    session.emplace(bus.make_peer(0xb1), SessionOptions{.request_timeout_s = 0.002});
+    world = session->add_body({.name = "ground", .model = "valley"}).value();
+    ball = session->add_body({.name = "ball", .model = "ball", .own = true}).value();
+    EXPECT_TRUE(session->place_body(world, {}).is_ok());
+    EXPECT_TRUE(session->watch(ball, world).is_ok());
+  }
+  std::unique_ptr<publisher::Service> serve(std::unique_ptr<publisher::Channel>& its_end,
+                                            wire::SessionId id, const CutTerrain& terrain,
+                                            const ContentHash& replaces) {
+    its_end = bus.make_publisher(id);
+    auto made = std::make_unique<publisher::Service>(*its_end, id);
+    EXPECT_EQ(made->add_world("valley", terrain.folder, replaces).message(), "");
+    return made;
+  }
+  PairAnswer round(const Motion& motion) {
+    Result<FrameReport> report = session->update(frame++, 0, {{ball, motion}}, 10);
+    EXPECT_TRUE(report.is_ok()) << report.status().message();
+    seconds += 0.05;
+    for (publisher::Service* each : {service.get(), other.get()})
+      if (each != nullptr) static_cast<void>(each->step(seconds));
+    bus.tick();
+    return std::move(report.value().answers.at(0));
+  }
+  PairAnswer settle(const Motion& motion, const ContentHash& of_world) {
+    PairAnswer answer = round(motion);
+    for (int i = 0; i < 400 && !(is_certified(answer.answer.status) && answer.world &&
+                                 answer.world->world == of_world);
+         ++i)
+      answer = round(motion);
+    return answer;
+  }
+
+  std::unique_ptr<test::TempFile> file = test::write_model(cut_ball());
+  test::MemoryBus bus{3};
+  std::unique_ptr<publisher::Channel> end, other_end;
+  std::unique_ptr<publisher::Service> service, other;
+  std::optional<Session> session;
+  BodyId world, ball;
+  std::uint64_t frame = 0;
+  double seconds = 0;
+};
+
+TEST(SessionWorlds, APublisherThatGoesInTheMiddleOfATileLeavesItUncertainAndNamesIt) {
+  const CutTerrain terrain;
+  const CutScene scene = over_the_crater(terrain);
+  std::set<ContentHash> pages;
+  for (const auto& [content, bytes] : terrain.pages.pages) pages.insert(content);
+  int in_header = 0, in_detail = 0, in_page = 0, whole = 0;
+  for (int most = 1; whole == 0 && most < 200; ++most) {
+    BusHost host(terrain);
+    host.bus.most_splits = 3;  // so that detail takes several answers
+    int came = 0;
+    bool is_page = false, is_piece = false;
+    host.bus.batch_filter = [&](wire::SessionId, wire::SplitBatchMessage& batch) {
+      if (came == most) return false;
+      ++came;
+      is_page = pages.contains(batch.content_hash);
+      is_piece = batch.is_piece;
+      return true;
+    };
+    PairAnswer answer = host.round(scene.ball);
+    for (int i = 0; i < 60 && came < most && !is_certified(answer.answer.status); ++i)
+      answer = host.round(scene.ball);
+    host.service.reset();
+    host.end.reset();
+    for (int i = 0; i < 5; ++i) {
+      answer = host.round(scene.ball);
+      expect_true(terrain, scene, answer);
+    }
+    if (is_certified(answer.answer.status)) {
+      ++whole;
+      continue;
+    }
+    EXPECT_NE((answer.reason + answer.awaited).find("no publisher"), std::string::npos)
+        << answer.reason << answer.awaited;
+    if (!answer.world || answer.world->tiles.empty()) {
+      ++in_page;
+      continue;
+    }
+    EXPECT_NE(answer.awaited.find("tile "), std::string::npos) << answer.awaited;
+    ++(is_page ? in_page : is_piece ? in_header : in_detail);
+  }
+  EXPECT_EQ(whole, 1);
+  EXPECT_GT(in_page, 0);
+  EXPECT_GT(in_header, 0);
+  EXPECT_GT(in_detail, 2);
+}
+
+TEST(SessionWorlds, AcrossACraterOnlyItsTileAndThePagesAboveItComeAnew) {
+  const CutTerrain terrain;
+  const CutScene scene = over_the_crater(terrain);
+  BusHost host(terrain);
+  // First over other places, so that both lower pages and several tiles are held.
+  constexpr std::size_t kPosts = test::kCutSide * test::kCutCells + 1;
+  for (const std::size_t post : {5 * kPosts + 5, 20 * kPosts + 20, 35 * kPosts + 35}) {
+    CutScene there;
+    there.ball.pose.translation_m = terrain.posts()[post];
+    const PairAnswer answer = host.settle(there.ball, terrain.pages.name);
+    expect_true(terrain, there, answer);
+    EXPECT_EQ(answer.answer.status, AnswerStatus::kContact);
+  }
+  const PairAnswer before = host.settle(scene.ball, terrain.pages.name);
+  EXPECT_EQ(before.answer.status, AnswerStatus::kContact);
+  const std::uint64_t held = host.session->stats().held_splits;
+
+  const CutTerrain crater(0.6, true);
+  host.other = host.serve(host.other_end, 0xa2, crater, terrain.pages.name);
+  host.other->announce();
+  host.bus.subscriptions.clear();
+  const PairAnswer after = host.settle(scene.ball, crater.pages.name);
+  expect_true(crater, scene, after);
+  EXPECT_NE(touching_of(after), touching_of(before));
+  for (const std::size_t post : {5 * kPosts + 5, 20 * kPosts + 20, 35 * kPosts + 35}) {
+    CutScene there;
+    there.ball.pose.translation_m = terrain.posts()[post];
+    expect_true(crater, there, host.settle(there.ball, crater.pages.name));
+  }
+  const std::set<ContentHash> known = contents_of(terrain.pages);
+  std::set<ContentHash> came;
+  for (const wire::RegionSubscription& request : host.bus.subscriptions) {
+    if (request.request == 0 || request.certificate) continue;
+    EXPECT_FALSE(known.contains(request.content_hash))
+        << to_hex(request.content_hash) << " was here already";
+    if (asks_for_content_bytes(request.region)) came.insert(request.content_hash);
+  }
+  EXPECT_EQ(came.size(), 3U) << "the tile, and the two pages above it";
+  EXPECT_GT(host.session->stats().held_splits, held * 3 / 4);
 }
 
 TEST(SessionWorlds, WhatIsFarIsFreeByAPageAndCostsNoTile) {

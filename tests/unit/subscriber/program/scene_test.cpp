@@ -90,6 +90,17 @@ TEST(ReadScene, PosesMayBeAsOldAsItSays) {
             std::string::npos);
 }
 
+TEST(ReadScene, AnswersHaveBoundsOfTests) {
+  Folder folder;
+  folder.write("scene.yaml", changed("budget_ms: 5",
+                                     "max_tests: 1000\nmax_sweep_tests: 200\nmax_depth_tests: 30"));
+  const Result<Scene> scene = read_scene(folder.file("scene.yaml"));
+  ASSERT_TRUE(scene.is_ok()) << scene.status().message();
+  EXPECT_EQ(scene.value().session.max_tests, 1000U);
+  EXPECT_EQ(scene.value().session.max_sweep_tests, 200U);
+  EXPECT_EQ(scene.value().session.max_depth_tests, 30U);
+}
+
 TEST(ReadScene, ABodyIsSolidWhereItSaysSo) {
   Folder folder;
   folder.write("scene.yaml", changed("{name: one, model", "{name: one, solid: true, model"));

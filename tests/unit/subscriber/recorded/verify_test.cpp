@@ -95,14 +95,24 @@ class Verify : public ::testing::Test {
     const auto one = world.make_peer(options);
     const auto other = world.make_peer(options, kOther);
     // In turns, several rounds a frame, so that answers change while batches come.
-    for (std::size_t i = 0; i < flight.frames(); ++i) {
+    std::size_t frame = 0;
+    for (std::size_t i = 0; i < flight.frames(); ++i, ++frame) {
       if (comings.contains(i)) world.bus.bring_recorder();
-      world.fly_frame(*one, i, {{kOne, flight.one[i]}, {kTwo, flight.two[i]}}, 20, budget_s);
-      world.fly_frame(*other, i, {{kOne, other_flight.one[i]}, {kTwo, other_flight.two[i]}}, 20,
+      world.fly_frame(*one, frame, {{kOne, flight.one[i]}, {kTwo, flight.two[i]}}, 20, budget_s);
+      world.fly_frame(*other, frame, {{kOne, other_flight.one[i]}, {kTwo, other_flight.two[i]}}, 20,
                       budget_s);
+      for (int k = 0; goes_away && i == flight.frames() / 2 && k < 10; ++k) {
+        frame += 40;  // 2 s
+        Motion high, higher;
+        high.pose.translation_m[2] = 50e3;
+        higher.pose.translation_m[2] = 90e3;
+        for (Session* session : {one.get(), other.get()})
+          world.fly_frame(*session, frame, {{kOne, high}, {kTwo, higher}}, 20, budget_s);
+      }
     }
     return recorded;
   }
+  bool goes_away = false;  ///< in the middle: far from all for 20 s
 
   /// One peer moves "one" and is killed; the other, whose reports these are, asks on for three seconds.
   Recorded record_killed() {
@@ -510,6 +520,20 @@ TEST_F(Verify, WhatFollowsDetailThatWasGivenUpIsProvedWithoutFiles) {
   EXPECT_EQ(with_files.different, 0U);
   EXPECT_GT(with_files.gave_up, 0U);
   EXPECT_GE(with_files.verified, some.verified);
+}
+
+TEST_F(Verify, WhatFollowsModelsThatNothingWasNearIsProvedWithoutFiles) {
+  goes_away = true;
+  const Recorded all = record(quick_options(), {0});
+  std::size_t emptied = 0;
+  for (const Recorded::Item& item : all.items)
+    emptied += item.held && item.held->era > 0 && item.held->applied_batches > 0 ? 1 : 0;
+  EXPECT_GE(emptied, 4U) << "the ground and the aircraft, of two peers";
+  const VerifyReport found = verify(all, 2);
+  expect_sum(found);
+  EXPECT_EQ(found.different, 0U) << found.differences.front().what;
+  EXPECT_EQ(found.gave_up + found.lacking, 0U);
+  EXPECT_EQ(found.verified, all.answers());
 }
 
 // ---- recorders that come late -------------------------------------------------------------------

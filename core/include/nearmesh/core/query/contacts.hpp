@@ -67,7 +67,8 @@ struct Contacts {
 /// In: the arguments of the query that gave `answer`, unchanged since.
 /// Deterministic to the bit. Swapped bodies give the same patches with opposite normals, up to rounding; so do bodies
 /// that are moved together by whole lattice cells.
-/// Cost: O(pairs log pairs), about 1 us a pair; a tree without a store is searched for the faces, O(its faces).
+/// Cost: no query and no test of the trees. One exact intersection a pair, sorting by faces, and at most five passes over a patch's ends for its
+/// manifold: O(pairs log pairs), about 1 us a pair; a tree without a store is searched for the faces, O(its faces).
 [[nodiscard]] Contacts find_contacts(const TreeView& a, const PosedFrame& frame_a,
                                      const TreeView& b, const PosedFrame& frame_b,
                                      const Answer& answer);

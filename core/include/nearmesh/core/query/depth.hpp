@@ -21,13 +21,18 @@
 
 namespace nearmesh {
 
+/// DepthOptions::max_tests unless it is set: some 1 to 2 ms.
+inline constexpr std::uint64_t kDepthTests = 500'000;
+
 struct DepthOptions {
   /// Ways for B that are tried, world frame, each of any length but 0. None: the normals of the patches, the four longest ones, and
   /// the mean of all, by length.
   std::vector<std::array<double, 3>> directions;
   bool solid_a = false, solid_b = false;  ///< as in QueryOptions
   /// The search ends after so many tests (tests_of), some 2 to 5 ns each; the bracket is then as wide as it is.
-  std::uint64_t max_tests = 500'000;
+  std::uint64_t max_tests = kDepthTests;
+  const IsOver* is_over =
+      nullptr;  ///< as in QueryOptions: the search ends as if max_tests were spent
 };
 
 struct Depth {
@@ -42,14 +47,16 @@ struct Depth {
   /// that the full meshes are free of each other. As long as at_most_m, to a lattice cell. Metres, world frame.
   std::array<double, 3> separation_m{};
   std::vector<NodeSpan> missing_a, missing_b;  ///< ascending; what would narrow the bracket
-  bool exhausted = false;                      ///< max_tests were spent
+  bool exhausted = false;                      ///< max_tests were spent, or is_over said so
   QueryStats stats;
 };
 
 /// In: `answer`, which query() gave for these trees and poses, and its contacts; with pairs, else all but at_most_m stays as it is made.
 /// Deterministic. Threads: views may be shared.
 /// Errors: those of pose_pair; kInvalidArgument for a direction that is 0 or not finite.
-/// Cost: some queries for each direction: two or three where the faces are large against the depth, else more.
+/// Cost: max_tests in all, and one query of 4,096 tests more for each direction that finds them spent. Of a direction: a query for each
+/// pair of faces that the search goes along from below, so two or three where faces are larger than the depth; then one for each
+/// fourfold of the way, until B is free; then one for each halving of the bracket, to a 256th of the way or one cell. None lists more than 128 pairs.
 [[nodiscard]] Result<Depth> find_depth(const TreeView& a, const Pose& pose_a,
                                        std::string_view name_a, const TreeView& b,
                                        const Pose& pose_b, std::string_view name_b,
@@ -57,6 +64,7 @@ struct Depth {
                                        const DepthOptions& options = {});
 
 /// The same of two models at hand: splits what is missing, until nothing is or max_tests were spent. Errors: also those of certify().
+/// Cost: find_depth() for each round; a round splits at least one node.
 [[nodiscard]] Result<Depth> certify_depth(LocalModel& a, const Pose& pose_a,
                                           const Require& require_a, LocalModel& b,
                                           const Pose& pose_b, const Require& require_b,

@@ -20,6 +20,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <vector>
 
@@ -67,7 +68,13 @@ enum class Clearance : std::uint8_t {
   kBound,  ///< until it is kClearanceShare of what is known at least; ends after 256 steps in any case
   kExact,  ///< the greatest that what is held allows: with full meshes the distance. Ends after 65,536 steps in any case
 };
+// Cost of a step: one pair of parts, that is, the eight lanes of a node against a box, or at most 64 pairs of faces. Before the first step
+// the search dives once to the bottom: as many pairs as both trees together have levels.
 inline constexpr double kClearanceShare = 0.75;
+
+/// Whether the time for a question is over: a look at a clock, say. Asked each kTestsALook tests, some 10 to 50 us.
+using IsOver = std::function<bool()>;
+inline constexpr std::uint64_t kTestsALook = 2'048;
 
 struct QueryOptions {
   bool any =
@@ -78,6 +85,8 @@ struct QueryOptions {
   /// End after so many tests (tests_of): what was found by then is partial or uncertain, and Answer::exhausted says so. A bound
   /// of time, some 2 to 5 ns a test, and with it of memory. The search for the clearance has a bound of its own.
   std::uint64_t max_tests = kAllTests;
+  /// As soon as it says so, the search ends as if max_tests were spent, so what was found depends on when. Outlives the call.
+  const IsOver* is_over = nullptr;
   bool solid_a = false;  ///< a has an inside: is b in it? Only where check_solid accepts a's model
   bool solid_b = false;  ///< the same of b
 };
@@ -97,7 +106,7 @@ struct Answer {
   std::vector<FacePair> pairs;   ///< exact, ascending
   std::uint64_t pair_total = 0;  ///< how many were found
   bool truncated = false;        ///< `pairs` holds only the first QueryOptions::max_pairs of them
-  /// QueryOptions::max_tests were spent: partial or uncertain, with whatever was found by then. Of what was not looked at nothing
+  /// QueryOptions::max_tests were spent, or is_over said so: partial or uncertain, with whatever was found by then. Of what was not looked at nothing
   /// is said, so `missing` may be empty. What is found by then may differ between processors; what it lists does touch.
   bool exhausted = false;
   /// What the answer misses: the unresolved nodes whose splits bring it nearer, ascending. Most unresolved nodes are out of

@@ -25,6 +25,7 @@ struct SweepOptions {
   /// Bodies that slide along each other closer than the finest step resolves would cost steps x faces; after so many
   /// box and triangle tests the answer is what is known by then.
   std::uint64_t max_tests = 1'000'000;
+  const IsOver* is_over = nullptr;  ///< as in QueryOptions; asked each some 25 us
 };
 
 /// All instants are seconds from the pose of the motions, which follow pose_at and keep their velocities.
@@ -41,7 +42,7 @@ struct SweptAnswer {
   /// it is the first (where max_tests was not spent), so it depends on the exact faces alone, not on the trees' shapes.
   double hit_s = std::numeric_limits<double>::infinity();
   std::vector<NodeSpan> missing_a, missing_b;  ///< ascending; what would narrow the answer
-  bool exhausted = false;                      ///< max_tests was spent
+  bool exhausted = false;                      ///< max_tests was spent, or is_over said so
   QueryStats stats;
 };
 

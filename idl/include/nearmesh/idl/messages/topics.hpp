@@ -181,10 +181,11 @@ inline constexpr std::tuple kTopics{
                           .listeners = {Role::kRecorder},
                           .signs_for_each = true,
                           .is_recorded = true}},
-    // Which bodies each peer knows of that watches all pairs; latched, so that whoever comes to record can prove what follows.
+    // Which bodies each peer knows of that watches all pairs; latched, so that whoever comes to record can prove what follows, and some
+    // that were replaced while it came: the first reports may be about these.
     Topic<WatchedBodies>{{.name = "watched_bodies",
                           .type = "nearmesh::wire_types::WatchedBodiesSample",
-                          .delivery = {.is_latched = true},
+                          .delivery = {.depth = 16, .is_latched = true},
                           .writers = {Role::kSubscriber},
                           .readers = {},
                           .listeners = {Role::kRecorder},

@@ -65,7 +65,8 @@ struct SessionOptions {
                   ///< socket buffer, and 12 % were sent again
   double request_timeout_s = 0.5;  ///< a request without an answer is repeated after this
   std::uint32_t max_held_splits =
-      0;  ///< above this, detail far from every body is given up; 0: no limit
+      0;  ///< above this, detail far from every body is given up; 0: no limit. All detail of a model that nothing was near for 10 s of the
+          ///< exercise's time is given up in any case, unless there is a cache_folder
   /// So often, for each model, a block of the publisher's file is asked for with its proof, and what is held of it compared; 0:
   /// never. Who lied is named and not asked again; so is who does not answer three times.
   double audit_s = 0;
@@ -90,6 +91,8 @@ struct SessionOptions {
   std::uint64_t max_tests = 2'000'000;
   /// Of each swept answer, as SweepOptions::max_tests: some 100 ns each.
   std::uint64_t max_sweep_tests = 50'000;
+  /// Of each depth, as DepthOptions::max_tests: some 2 to 5 ns each, so 1 to 2 ms.
+  std::uint64_t max_depth_tests = kDepthTests;
   /// Answers of pairs, and looks ahead for them, are jobs: the host's scheduler may run them at once. Answers and digests are the
   /// same whatever it does. None: one after the other, in update(). It is called in update(), at most twice a frame; a job never
   /// throws, never waits and calls nothing of the host's.
@@ -125,7 +128,8 @@ struct PairAnswer {
   std::string awaited;
   bool asked =
       false;  ///< headers and fresh poses were there, so the trees were asked, or need not be: it stayed free (SessionOptions::clearance)
-  /// Headers and fresh poses were there, but its turn did not come within the budget: not asked, and nothing is known of this frame.
+  /// Headers and fresh poses were there, but its turn did not come within the budget, or ended before it was answered: not asked, and
+  /// nothing is known of this frame.
   bool put_off = false;
   std::optional<LastCertified>
       last_certified;  ///< of a pair that is put off, if it ever was certified
@@ -303,10 +307,11 @@ class Session {
   };
   /// One frame: publishes the own bodies' motions, takes in what arrived, answers the watched pairs, and asks for what is missing.
   /// May be called again for the same frame.
-  /// `budget_s`: all of it ends by then, by the wall clock, except for what is done in any case: one batch, one pair, one look
-  /// ahead, and what takes microseconds a body and pair, such as pairs that stayed free. Pairs take turns, who may touch soonest first; one whose turn did not come is
-  /// put_off, and none waits for more than some updates and the others. A budget decides which pairs are asked, never what an
-  /// answer says. Infinite: no end.
+  /// `budget_s`: all of it ends by then, by the wall clock, except for what is done in any case: one batch, one pair that is expected
+  /// to take longer, one look ahead, and what takes microseconds a body and pair, such as pairs that stayed free. Pairs take turns, who
+  /// may touch soonest first; one whose turn did not come is put_off, and so is one whose question is cut short since the time is over:
+  /// that one is asked to its end as soon as it comes first. None waits for more than some updates and the others. A budget decides which pairs are
+  /// asked, never what an answer says. Infinite: no end.
   /// In: `time_s` is the frame's time on the clock that the whole exercise has, up to kMaxTime_s from 0: poses of this peer go
   /// out with it, those of others are as old as it says. Where it is before the last one, a complaint says so.
   /// A body that is farther than its max_speed_mps allows from where others were promised it stays is refused: a jump is a body that
