@@ -189,8 +189,8 @@ void Session::Impl::publish(std::uint32_t part, std::uint64_t frame, bool only_n
 void Session::Impl::note_recorder() {
   ++recorders;
   has_recorder = channel->has_recorder();
-  for (const auto& [number, id] : own_bodies)
-    if (const Body& own = *find(id); own.max_speed_mps > 0) unserved_parts.insert(part_of(own));
+  for (const auto& [number, own] : own_bodies)
+    if (own->max_speed_mps > 0) unserved_parts.insert(part_of(*own));
 }
 
 /// A body in place is where it is, and so is an own one at rest until the host moves it: their poses are of now.

@@ -138,7 +138,7 @@ Status Session::remove_body(BodyId body) {
   }
   for (std::uint32_t number = first; number < first + links; ++number)
     if (const auto at = impl_->own_bodies.find(number); at != impl_->own_bodies.end())
-      impl_->remove_body(*impl_->find(at->second));
+      impl_->remove_body(*at->second);
   return Status::ok();
 }
 

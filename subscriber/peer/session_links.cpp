@@ -48,7 +48,7 @@ Status Session::Impl::link_bodies(const std::vector<BodyId>& links) {
     link.number = next_number++;
     link.links = count;
     link.first_link = first;
-    own_bodies.emplace(link.number, id);
+    own_bodies.emplace(link.number, &link);
     untold_parts.insert(part_of(link));
   }
   return Status::ok();
