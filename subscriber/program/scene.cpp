@@ -250,6 +250,8 @@ Scene parse(const YAML::Node& root, const std::filesystem::path& folder) {
       scene.frames = std::max<std::uint64_t>(scene.frames, body.trajectory.size());
     }
   }
+  if (root["robots"] && !root["robots"].IsSequence())
+    fail(root["robots"], "robots: expected a list");
   for (const YAML::Node& node : root["robots"]) {
     scene.robots.emplace_back();
     for (const auto& name :

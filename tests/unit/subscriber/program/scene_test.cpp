@@ -182,6 +182,17 @@ TEST(ReadScene, MayWatchThePairsOfItsOwnBodiesWhoseSpeedsItSays) {
             std::string::npos);
 }
 
+TEST(ReadScene, ReadsWhichLinksARobotHas) {
+  Folder folder;
+  folder.write("scene.yaml", changed("  - {body: one, trajectory: flight1.csv}\n",
+                                     "  - {body: one, trajectory: flight1.csv}\n"
+                                     "  - {body: two, trajectory: flight1.csv}\n"
+                                     "robots:\n  - [two, one]\n"));
+  const Result<Scene> scene = read_scene(folder.file("scene.yaml"));
+  ASSERT_TRUE(scene.is_ok()) << scene.status().message();
+  EXPECT_EQ(scene.value().robots, (std::vector<std::vector<std::size_t>>{{2, 1}}));
+}
+
 TEST(ReadScene, DerivesVelocitiesFromTheNextFrame) {
   Folder folder;
   // A quarter turn about z in 256 frames would be small; this one turns by 0.01 rad a frame.
@@ -253,6 +264,10 @@ TEST(ReadScene, RefusesWithFileAndLine) {
       {"{body: one, trajectory: flight1.csv}", "{body: six, trajectory: flight1.csv}", 6,
        "no body named six"},
       {"{body: one, trajectory: flight1.csv}", "{trajectory: flight1.csv}", 6, "no body"},
+      {"budget_ms: 5", "robots: one", 11, "robots: expected a list"},
+      {"budget_ms: 5", "robots: [one, two]", 11, "robots: expected a list of links' names each"},
+      {"budget_ms: 5", "robots: [[one, six]]", 11, "robots: no body named six"},
+      {"budget_ms: 5", "robots: [[one, two]]", 11, "robots: link two is not moved here"},
       // poses
       {"[1, 2, 3]", "[1, .nan, 3]", 2, "terrain"},
       {"[1, 2, 3]", "[1, .inf, 3]", 2, "terrain"},
