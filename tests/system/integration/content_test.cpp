@@ -191,6 +191,10 @@ TEST_F(Contents, MistakesInReplacesAreNamed) {
        std::vector<Case>{{"terrain", "replaces: expected MODEL=CONTENT, found 'terrain'"},
                          {"terrain=123", "replaces: terrain=123: content: expected"},
                          {"ground=" + content_b, "replaces: no model ground is served here"},
+                         {"terrain=" + content_b + "@1", "an epoch from 1 and seconds"},
+                         {"terrain=" + content_b + "@0:10", "an epoch from 1 and seconds"},
+                         {"terrain=" + content_b + "@1:10s", "an epoch from 1 and seconds"},
+                         {"terrain=" + content_b + "@1:nan", "an epoch from 1 and seconds"},
                          {"terrain=" + content_a, "which it cannot replace"}}) {
     std::string err;
     EXPECT_EQ(test::run(folder, "nearmesh-publisher",

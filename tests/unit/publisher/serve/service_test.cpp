@@ -827,6 +827,25 @@ TEST(Service, TellsOfRivalsOfItsNames) {
   EXPECT_EQ(notes(), 0);
 }
 
+// Who serves an epoch before is told when peers leave it; who serves the later one has no rival.
+TEST(Service, TellsOfALaterEpochOfItsNames) {
+  Desk desk;
+  const auto end = desk.bus.make_publisher(0xa2);
+  Service later(*end, 0xa2);
+  const auto file = test::write_model(test::bake_mesh(generate_terrain(8, 3), 16));
+  ASSERT_TRUE(later
+                  .add_model("terrain", ModelFile::open(file->path()).value(), desk.hash(),
+                             {.number = 2, .from_s = 12.5})
+                  .is_ok());
+  later.announce();
+  const auto lines = desk.service.step(0);
+  ASSERT_EQ(lines.size(), 1U);
+  EXPECT_NE(lines[0].find("serves epoch 2"), std::string::npos) << lines[0];
+  EXPECT_NE(lines[0].find("peers go over to it at 12.5"), std::string::npos) << lines[0];
+  EXPECT_TRUE(desk.service.step(0.1).empty());
+  EXPECT_TRUE(later.step(0).empty());
+}
+
 TEST(Service, RefusesNamesThatDoNotFit) {
   Desk desk;
   for (const std::string& name : {std::string(), std::string(64, 'x')})
