@@ -169,6 +169,9 @@ void Session::Impl::note_epochs() {
   for (const auto& [id, publisher] : publishers)
     for (const wire::Hello::Model& model : publisher.hello.models)
       begun += model.epoch.number != 0 && model.epoch.has_begun(time_s) ? 1 : 0;
+  // Of one that nobody serves any more only who holds it knows.
+  for (const auto& [name, model] : replicas.all())
+    begun += model.epoch.number != 0 && model.epoch.has_begun(time_s) ? 1 : 0;
   has_news |= std::exchange(begun_epochs, begun) != begun;
 }
 

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -13,6 +14,7 @@
 #include "brute_force.hpp"
 #include "core/world/world_folder.hpp"
 #include "nearmesh/core/geometry/motion.hpp"
+#include "nearmesh/core/query/query.hpp"
 #include "nearmesh/core/spm/model_file.hpp"
 #include "test_models.hpp"
 
@@ -98,6 +100,21 @@ inline const BakedModel& cut_ball() {
     return bake(clean.mesh, clean.report.rounding_error_m, {.base_faces = 16}).value();
   }();
   return ball;
+}
+
+/// The faces of the ball that touch, once for each face of the terrain, ascending.
+inline std::vector<FaceKey> touching_of_whole(const CutTerrain& terrain, const Pose& world,
+                                              const Pose& ball) {
+  static const std::vector<KeyedFace> faces = all_faces(cut_ball().store);
+  const PosedPair posed =
+      pose_pair(terrain.model->header.grid, world, "whole", cut_ball().header.grid, ball, "ball")
+          .value();
+  std::vector<FaceKey> keys;
+  for (const FacePair& pair : touching_pairs(terrain.model->store, posed.a, terrain.faces,
+                                             cut_ball().store, posed.b, faces))
+    keys.push_back(pair.b);
+  std::sort(keys.begin(), keys.end());
+  return keys;
 }
 
 /// The ball near a post of the terrain: those with a tile's number are on seams, and corners.

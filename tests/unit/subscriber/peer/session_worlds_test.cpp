@@ -98,21 +98,6 @@ struct CutHost {
   std::vector<std::string> said;  ///< complaints
 };
 
-/// The faces of the ball that touch, once for each face of the terrain, ascending.
-std::vector<FaceKey> touching_of_whole(const CutTerrain& terrain, const Pose& world,
-                                       const Pose& ball) {
-  static const std::vector<test::KeyedFace> faces = test::all_faces(cut_ball().store);
-  const PosedPair posed =
-      pose_pair(terrain.model->header.grid, world, "whole", cut_ball().header.grid, ball, "ball")
-          .value();
-  std::vector<FaceKey> keys;
-  for (const FacePair& pair : test::touching_pairs(terrain.model->store, posed.a, terrain.faces,
-                                                   cut_ball().store, posed.b, faces))
-    keys.push_back(pair.b);
-  std::sort(keys.begin(), keys.end());
-  return keys;
-}
-
 std::vector<FaceKey> touching_of(const PairAnswer& answer) {
   std::vector<FaceKey> keys;
   for (const FacePair& pair : answer.answer.pairs) keys.push_back(pair.a);
@@ -121,7 +106,7 @@ std::vector<FaceKey> touching_of(const PairAnswer& answer) {
 }
 
 void expect_true(const CutTerrain& terrain, const CutScene& scene, const PairAnswer& answer) {
-  const std::vector<FaceKey> truth = touching_of_whole(terrain, scene.world, scene.ball.pose);
+  const std::vector<FaceKey> truth = test::touching_of_whole(terrain, scene.world, scene.ball.pose);
   const std::vector<FaceKey> told = touching_of(answer);
   EXPECT_EQ(answer.answer.pair_total, told.size());
   if (is_certified(answer.answer.status)) {
@@ -510,7 +495,7 @@ TEST(SessionWorlds, ClearanceIsBelowTheDistance) {
       for (std::size_t k = 0; k < 3; ++k)
         moved.translation_m[k] += to[k] / length * (answer.answer.clearance_m - 0.002);
       if (answer.answer.clearance_m > 0.002) {
-        EXPECT_TRUE(touching_of_whole(terrain, scene.world, moved).empty());
+        EXPECT_TRUE(test::touching_of_whole(terrain, scene.world, moved).empty());
       }
     }
     EXPECT_LE(answer.answer.clearance_m, answer.answer.distance_at_most_m);
