@@ -124,15 +124,19 @@ TEST_F(Links, ATimeThatGoesBackIsTaken) {
   }
 }
 
-// The parts of a robot at rest are repeated together, also where another body in one of them is set down elsewhere now and then.
+// The parts of a robot at rest are repeated together: of one by itself, and of one beside a body that is set down elsewhere now and then.
 TEST_F(Links, ARobotAtRestStaysKnown) {
   const std::vector<BodyId> links = add_links(10);
   ASSERT_TRUE(mover_->link_bodies(links).is_ok());
   const BodyId crate =
       mover_->add_body({.name = "crate", .model = "aircraft", .own = true}).value();
+  const std::vector<BodyId> alone = add_links(10, "alone");
+  ASSERT_TRUE(mover_->link_bodies(alone).is_ok());
   std::vector<Session::OwnMotion> rest;
-  for (std::size_t i = 0; i < links.size(); ++i)
+  for (std::size_t i = 0; i < links.size(); ++i) {
     rest.push_back({links[i], {.pose = at_instant(i, 0).pose}});
+    rest.push_back({alone[i], {.pose = at_instant(i + 10, 0).pose}});
+  }
   for (std::uint64_t frame = 0; frame < 200; ++frame) {
     std::vector<Session::OwnMotion> motions;
     if (frame % 5 == 0) motions.push_back({crate, {.pose = at_instant(30, frame).pose}});
