@@ -31,11 +31,8 @@ TEST(DoorWatch, SaysAlsoWhatItHeardBeforeAnybodyListened) {
   DoorWatch watch(true, std::move(book).value(), 5);
 
   nearmesh::test::Rtps m(nearmesh::test::key_of(1));
-  m.begin_announcement().lease(20);
-  m.begin_parameter(0x0062).text("rig/other").end_parameter();
-  m.begin_parameter(0x1001).text("DDS:Auth:PKI-DH:1.0").u32(0).u32(0).end_parameter();
-  m.begin_parameter(0x8000).u32(0x00020107).end_parameter();  // of a release that is none of ours
-  m.finish_announcement();
+  m.begin_announcement().lease(20).secured("rig/other");
+  m.product(0x00020107).finish_announcement();  // of a release that is none of ours
   const auto hear = [&] { EXPECT_FALSE(watch.check(m.bytes, {true, 40'000}).refusal); };
 
   hear();
