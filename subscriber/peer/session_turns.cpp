@@ -4,8 +4,8 @@
 // A pair is due at an update: one that touches, or is not certified, at that which asked it last; one that is free when it may
 // touch by what was said of it, but kMostFreeTurns later at most; a new one kNewTurns before it came. Who is due first is asked first. One
 // that takes so much longer than expected that time is over is cut short: it is put off, stays due as it was, and is asked to its end where it
-// comes first. Where batches leave no time none is asked; the next update then asks the first to its end, whatever that takes, and so does
-// one that has less time than it takes. So one of two updates asks a pair, and none starves: of n pairs each is asked again after
+// comes first. Where batches leave no time none is asked; the next update then asks the first to its end, whatever that takes. So does an
+// update whose whole budget is less than that. So one of two updates asks a pair, and none starves: of n pairs each is asked again after
 // kMostFreeTurns + 2 n updates at the latest, since whoever was asked after a pair was due is due after it.
 #include <algorithm>
 #include <atomic>
