@@ -5,6 +5,7 @@
 #include <limits>
 #include <string>
 
+#include "contacts_in_time.hpp"
 #include "core/geometry/motion_bounds.hpp"
 #include "sweep_from.hpp"
 
@@ -84,7 +85,7 @@ Result<Answered> answer(const AskedBody& a, const AskedBody& b, const AnswerOpti
       pose_pair(*a.view.grid, a.motion.pose, a.name, *b.view.grid, b.motion.pose, b.name);
   NEARMESH_RETURN_IF_ERROR(posed);
   const auto& [frame_a, frame_b] = posed.value();
-  const auto is_over = [&] { return options.is_over != nullptr && (*options.is_over)(); };
+  const auto is_over = [&options] { return is_time_over(options.is_over); };
   Answered all;
   all.answer = query(a.view, frame_a, b.view, frame_b,
                      {.any = options.any,
@@ -99,7 +100,11 @@ Result<Answered> answer(const AskedBody& a, const AskedBody& b, const AnswerOpti
   all.is_cut_short = (now.exhausted && tests_of(now.stats) < options.max_tests) ||
                      ((wants_contacts || options.sweep_s > 0) && is_over());
   if (all.is_cut_short) return all;
-  if (wants_contacts) all.contacts = find_contacts(a.view, frame_a, b.view, frame_b, now);
+  if (wants_contacts) {
+    all.contacts = find_contacts(a.view, frame_a, b.view, frame_b, now, options.is_over);
+    all.is_cut_short = !all.contacts;
+    if (all.is_cut_short) return all;
+  }
   if (options.depth && wants_contacts) {
     Result<Depth> depth =
         find_depth(a.view, a.motion.pose, a.name, b.view, b.motion.pose, b.name, now, *all.contacts,

@@ -18,6 +18,7 @@
 #include <numeric>
 #include <tuple>
 
+#include "contacts_in_time.hpp"
 #include "core/base/float_guard.hpp"
 #include "core/geometry/nearest_points.hpp"
 #include "core/geometry/triangle_intersection.hpp"
@@ -223,9 +224,11 @@ class Assembly {
     contacts_.truncated = answer.truncated;
   }
 
-  Contacts run() {
+  /// Nothing where time is over before the end.
+  std::optional<Contacts> run(const IsOver* is_over) {
     Groups groups(pairs_.size());
     join_neighbours(a_, b_, groups);
+    if (is_time_over(is_over)) return std::nullopt;
     join_neighbours(b_, a_, groups);
     std::vector<std::array<std::uint32_t, 2>> order;  // group, pair
     for (std::uint32_t i = 0; i < pairs_.size(); ++i) order.push_back({groups.find(i), i});
@@ -234,7 +237,10 @@ class Assembly {
       std::size_t end = begin;
       while (end < order.size() && order[end][0] == order[begin][0]) ++end;
       start_patch();
-      for (; begin < end; ++begin) add_pair(order[begin][1]);
+      for (; begin < end; ++begin) {
+        if (begin % kPairsALook == 0 && is_time_over(is_over)) return std::nullopt;
+        add_pair(order[begin][1]);
+      }
       finish_patch();
     }
     contacts_.position_error_m =
@@ -361,12 +367,18 @@ double face_uncertainty_m(const ActiveMesh& mesh, const PosedFrame& frame, const
 
 Contacts find_contacts(const TreeView& a, const PosedFrame& frame_a, const TreeView& b,
                        const PosedFrame& frame_b, const Answer& answer) {
+  return *find_contacts(a, frame_a, b, frame_b, answer, nullptr);
+}
+
+std::optional<Contacts> find_contacts(const TreeView& a, const PosedFrame& frame_a,
+                                      const TreeView& b, const PosedFrame& frame_b,
+                                      const Answer& answer, const IsOver* is_over) {
   const FloatGuard guard;
   NEARMESH_ASSERT(frame_a.lattice_exp == frame_b.lattice_exp);
-  return Assembly(collect_faces(a, frame_a, answer.pairs, &FacePair::a),
-                  collect_faces(b, frame_b, answer.pairs, &FacePair::b), frame_a.lattice_exp,
-                  answer)
-      .run();
+  TouchingFaces faces_a = collect_faces(a, frame_a, answer.pairs, &FacePair::a);
+  if (is_time_over(is_over)) return std::nullopt;
+  TouchingFaces faces_b = collect_faces(b, frame_b, answer.pairs, &FacePair::b);
+  return Assembly(std::move(faces_a), std::move(faces_b), frame_a.lattice_exp, answer).run(is_over);
 }
 
 Contacts approximate_contacts(const ActiveMesh& a, const PosedFrame& frame_a, const ActiveMesh& b,
@@ -383,7 +395,8 @@ Contacts approximate_contacts(const ActiveMesh& a, const PosedFrame& frame_a, co
     faces_a.uncertainty_m.push_back(face_uncertainty_m(a, frame_a, key));
   for (const FaceKey& key : faces_b.keys)
     faces_b.uncertainty_m.push_back(face_uncertainty_m(b, frame_b, key));
-  return Assembly(std::move(faces_a), std::move(faces_b), frame_a.lattice_exp, answer).run();
+  return *Assembly(std::move(faces_a), std::move(faces_b), frame_a.lattice_exp, answer)
+              .run(nullptr);
 }
 
 }  // namespace nearmesh

@@ -116,9 +116,7 @@ class WayOut {
   }
   [[nodiscard]] const Answer& undecided() const { return undecided_; }
   [[nodiscard]] const QueryStats& stats() const { return stats_; }
-  [[nodiscard]] bool is_over() const {
-    return options_.is_over != nullptr && (*options_.is_over)();
-  }
+  [[nodiscard]] bool is_over() const { return is_time_over(options_.is_over); }
   [[nodiscard]] std::uint64_t spent() const { return tests_of(stats_) + kTestsAGuess * guesses_; }
 
  private:

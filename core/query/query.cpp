@@ -69,8 +69,7 @@ class Query {
 
   [[nodiscard]] bool touches() const { return dropped_pairs_ != 0 || !answer_.pairs.empty(); }
   [[nodiscard]] bool has_spent() const {
-    return tests_of(answer_.stats) >= options_.max_tests ||
-           (options_.is_over != nullptr && (*options_.is_over)());
+    return tests_of(answer_.stats) >= options_.max_tests || is_time_over(options_.is_over);
   }
 
   // Names what to split next, unless the pair is proved apart, or has a part that is named already: it will be looked at

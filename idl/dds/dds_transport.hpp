@@ -13,9 +13,9 @@ namespace nearmesh::wire {
 /// Below the usual MTU with room for IP, UDP and a tunnel: nothing fragments at IP level, where one
 /// lost fragment costs the whole datagram.
 inline constexpr std::uint32_t kMaxDatagramBytes = 1400;
-/// With security: Fast DDS 2.9 sends each step of the handshake, some 6 KB of certificates and permissions, in one datagram
+/// With security: Fast DDS sends each step of the handshake, some 6 KB of certificates and permissions, 8.2 with the longest names, in one datagram
 /// of at most this. The kernel cuts it, and also a full batch (1,535 bytes with its protection).
-inline constexpr std::uint32_t kMaxSecuredDatagramBytes = 8192;
+inline constexpr std::uint32_t kMaxSecuredDatagramBytes = 10240;
 
 [[nodiscard]] inline std::uint32_t datagram_bytes(const TransportOptions& options) {
   return options.security.empty() ? kMaxDatagramBytes : kMaxSecuredDatagramBytes;

@@ -211,11 +211,11 @@ void DoorWatch::say(std::string line) {
   if (mailbox_ != nullptr) mailbox_->complain(std::move(line));
 }
 
-/// Remembered when it is said: what was not, for want of memory, is said the next time.
+/// Remembered when it is said: what was not, for want of memory or since nobody listens yet, is said the next time.
 void DoorWatch::say_once(std::set<std::string>& said, const std::string& what, std::string line) {
   const std::lock_guard lock(complain_mutex_);
-  if (said.size() >= kMaxCertificates || said.contains(what)) return;
-  if (mailbox_ != nullptr) mailbox_->complain(std::move(line));
+  if (mailbox_ == nullptr || said.size() >= kMaxCertificates || said.contains(what)) return;
+  mailbox_->complain(std::move(line));
   said.insert(what);
 }
 

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <climits>
 #include <cstdio>
 #include <utility>
 
@@ -38,8 +39,8 @@ Status check_process_name(std::string_view name) {
 }
 
 std::string host_name() {
-  std::array<char, kMaxNameBytes + 1> name{};
-  if (::gethostname(name.data(), name.size() - 1) != 0) return "unknown";
+  std::array<char, HOST_NAME_MAX + 1> name{};
+  if (::gethostname(name.data(), name.size()) != 0) return "unknown";
   const std::string shown = shown_name(name.data());
   return shown.empty() ? "unknown" : shown;
 }

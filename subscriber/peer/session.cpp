@@ -100,9 +100,16 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
   for (const std::uint32_t part : std::exchange(impl.unserved_parts, {}))
     impl.publish(part, frame, true);
   impl.replicas.read_caches(report.complaints);
-  // What comes after it is to have its time, half of all if it needs that.
-  const double answers_s = std::min(impl.answers_cost.seconds(), budget_s / 2);
-  while (impl.replicas.apply_one(report) && budget.left_s() > answers_s) {
+  // What comes after it is to have its time: half of all, and of the end of the update, if it needs that.
+  const double answers_s =
+      std::min(impl.answers_cost.seconds(), (budget_s + impl.ending_s(budget)) / 2);
+  const auto apply_one = [&] {
+    const Stopwatch watch;
+    const bool is_applied = impl.replicas.apply_one(report);
+    if (is_applied) impl.batch_cost.add(watch.seconds());
+    return is_applied;
+  };
+  while (apply_one() && budget.left_s() > answers_s + impl.batch_cost.seconds()) {
   }
   impl.replicas.note_given_up();
   const Stopwatch since_batches;

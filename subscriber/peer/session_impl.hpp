@@ -382,9 +382,9 @@ struct Session::Impl {
     double ended_s = 0;  // of the update's time; 0: was not asked
     bool is_cut_short = false;
   };
-  // What updates took of late: a pair; what follows the batches; what follows the answers; a look ahead; giving up.
-  ExpectedCost pair_cost{0.125}, answers_cost, rest_cost{1, 1.0 / 64}, look_cost{0.125},
-      region_cost, ahead_cost{0.125}, give_up_cost;
+  // What updates took of late: a batch; a pair; what follows the batches; what follows the answers; a look ahead; giving up.
+  ExpectedCost batch_cost{0.25}, pair_cost{0.125}, answers_cost, rest_cost{1, 1.0 / 64},
+      look_cost{0.125}, region_cost, ahead_cost{0.125}, give_up_cost;
   // By how much updates would have run over, had nothing been set aside for that.
   ExpectedCost overrun{1, 1.0 / 256};
   [[nodiscard]] double margin_of(const FrameBudget& budget) const {
@@ -394,6 +394,8 @@ struct Session::Impl {
     const double margin_s = margin_of(budget);
     overrun.add(std::clamp(margin_s - budget.left_s(), 0.0, budget.seconds() / 8));
   }
+  bool asked_none = false;  // by the update before, of those that were to be asked
+  [[nodiscard]] double ending_s(const FrameBudget& budget) const;
   void answer_pairs(std::uint64_t frame, const FrameBudget& budget, FrameReport& report);
   enum class Turn : std::uint8_t {
     kPutOff,

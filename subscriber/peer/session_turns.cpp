@@ -4,8 +4,9 @@
 // A pair is due at an update: one that touches, or is not certified, at that which asked it last; one that is free when it may
 // touch by what was said of it, but kMostFreeTurns later at most; a new one kNewTurns before it came. Who is due first is asked first. One
 // that takes so much longer than expected that time is over is cut short: it is put off, stays due as it was, and is asked to its end where it
-// comes first. So the first of an update is asked, or in the next in which it comes first; and none starves: of n pairs each is asked
-// again after kMostFreeTurns + 2 n updates at the latest, since whoever was asked after a pair was due is due after it.
+// comes first. Where batches leave no time none is asked; the next update then asks the first to its end, whatever that takes. So does an
+// update whose whole budget is less than that. So one of two updates asks a pair, and none starves: of n pairs each is asked again after
+// kMostFreeTurns + 2 n updates at the latest, since whoever was asked after a pair was due is due after it.
 #include <algorithm>
 #include <atomic>
 #include <cmath>
@@ -113,14 +114,18 @@ double Session::Impl::cost_of(const Pair& pair) const {
   return std::max(pair.turn.cost_s, pair_cost.seconds());
 }
 
+/// What is set aside for that which follows the answers: what it takes of late, and what has waited so long that it takes its turn in
+/// any case.
+double Session::Impl::ending_s(const FrameBudget& budget) const {
+  const double look_s = updates - looked_ahead_in >= kPatientLooks ? look_cost.seconds() : 0;
+  return std::min(rest_cost.seconds() + channel->needs_s() + look_s, budget.seconds() / 2) +
+         margin_of(budget);
+}
+
 void Session::Impl::answer_pairs(std::uint64_t frame, const FrameBudget& budget,
                                  FrameReport& report) {
   look_at_pairs();
-  // Is left for the rest: what that takes of late, and what has waited so long that it takes its turn in any case.
-  const double look_s = updates - looked_ahead_in >= kPatientLooks ? look_cost.seconds() : 0;
-  const double end_s = std::min(rest_cost.seconds(), budget.seconds() / 4) +
-                       std::min(channel->needs_s() + look_s, budget.seconds() / 2) +
-                       margin_of(budget);
+  const double end_s = ending_s(budget), most_s = budget.seconds() - end_s;
   const std::vector<std::uint32_t> turns = take_turns(budget.left_s() - end_s);
   report.answers.resize(listed.size());  // asked in place: they are large
   std::vector<AskedPair> asked(listed.size());
@@ -136,15 +141,20 @@ void Session::Impl::answer_pairs(std::uint64_t frame, const FrameBudget& budget,
       if (is_too_late) return Turn::kPutOff;  // none is expected to take less
       const double left_s = budget.left_s() - end_s, cost_s = cost_of(pair);
       const bool is_first = !is_any_asked.exchange(true);
-      if (is_first && (pair.turn.is_cut_short || left_s < cost_s)) return Turn::kWhole;
-      if (left_s >= cost_s) return Turn::kTimed;
+      const bool waits_in_vain = pair.turn.is_cut_short || asked_none || most_s <= cost_s;
+      if (is_first && waits_in_vain) return Turn::kWhole;
+      if (left_s >= cost_s || (is_first && left_s > 0)) return Turn::kTimed;
       is_too_late = left_s < pair_cost.seconds();
       return Turn::kPutOff;
     };
     ask_pair(pair, report.answers[place], asked[place], take_turn, is_over);
     if (asked[place].query_s > 0) asked[place].ended_s = budget.spent_s();
   });
-  for (const AskedPair& pair : asked) asked_by_s = std::max(asked_by_s, pair.ended_s);
+  asked_none = is_any_asked;
+  for (const AskedPair& pair : asked) {
+    asked_by_s = std::max(asked_by_s, pair.ended_s);
+    if (pair.query_s > 0 && !pair.is_cut_short) asked_none = false;
+  }
   for (std::size_t i = 0; i < asked.size(); ++i)
     settle_pair(*listed[i], report.answers[i], asked[i], frame, report);
 }

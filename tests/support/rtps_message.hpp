@@ -140,6 +140,15 @@ class Rtps {
         .u32(fraction)
         .end_parameter();
   }
+  /// With a name and an identity, after begin_announcement().
+  Rtps& secured(const std::string& name) {
+    begin_parameter(0x0062).text(name).end_parameter();
+    return begin_parameter(0x1001).text("DDS:Auth:PKI-DH:1.0").u32(0).u32(0).end_parameter();
+  }
+  /// Of which Fast DDS it is, as 3 and later say.
+  Rtps& product(std::uint32_t version) {
+    return begin_parameter(0x8000).u32(version).end_parameter();
+  }
   Rtps& finish_announcement() { return sentinel().end(); }
   Rtps& announcement(std::int64_t number = 1, std::int32_t lease_s = 20) {
     return begin_announcement(number).lease(lease_s).finish_announcement();

@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Peers: fed from files, and on DDS beside a publisher."""
 import concurrent.futures
+import json
 import os
+import pathlib
 import signal
 import subprocess
+import sys
 import threading
 
 import numpy as np
@@ -293,3 +296,16 @@ def test_a_peer_on_dds(ball):
     finally:
         publisher.send_signal(signal.SIGINT)
         assert publisher.wait(20) == 0
+
+
+# Fast DDS itself is told of a lease of a year: where the door does not end it, poses go to the killed peer for ever.
+def test_a_peer_that_came_by_dlopen_has_a_door_which_ends_leases():
+    if subprocess.run(["unshare", "-n", "true"], capture_output=True, check=False).returncode != 0:
+        pytest.skip("a network namespace needs root")
+    run = subprocess.run(["unshare", "-n", "sh", "-c", 'ip link set lo up && ip link set lo multicast on && exec "$@"', "sh",
+                          sys.executable, str(pathlib.Path(__file__).with_name("lonely_peer.py")), "one"],
+                         capture_output=True, text=True, timeout=120, check=False)
+    assert run.returncode == 0, run.stderr
+    found = json.loads(run.stdout)
+    assert found["doors"] == {"one": True, "other": True}
+    assert found["living"] > 0.5 and found["ended"] < 0.2, found

@@ -64,6 +64,7 @@ class Secured : public ::testing::Test {
     wire::TransportOptions options;
     options.domain = kDomain;
     options.prefix = prefix;
+    options.name = process_name;
     options.interface = "127.0.0.1";
     options.lease_s = 10;  // beyond what a loaded machine stalls
     options.announcement_s = 0.3;
@@ -138,6 +139,7 @@ class Secured : public ::testing::Test {
 
   Folder folder;
   std::string prefix = "security-" + std::to_string(::getpid());
+  std::string process_name;  // empty: each has its own
 };
 
 }  // namespace nearmesh::test

@@ -132,6 +132,7 @@ TEST_F(Secured, WhoJoinsAtOnceHearsAllOthers) {
 
 TEST_F(Secured, LongestNamesPassTheHandshake) {
   prefix += std::string(100 - prefix.size(), 'x');
+  process_name = std::string(63, 'n');
   wire::SecurityPlan plan;
   plan.domain = kDomain;
   plan.prefix = prefix;

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "idl/dds/room.hpp"
 #include "network_fixture.hpp"
 
 namespace nearmesh::test {
@@ -87,6 +88,25 @@ TEST_F(Mishaps, OneOfTwoInterfacesGoesDownAndComesBack) {
   EXPECT_TRUE(certifies(40)) << flight->err();  // four seconds of flight over what it has not seen
   lan->set_up(1, true);
   EXPECT_TRUE(certifies(20)) << flight->err();
+  land();
+}
+
+/// A program that stood still for longer than others wait joins anew, which takes them. It says so, again and again, until there are
+/// some.
+TEST_F(Mishaps, DescriptorsThatAreLackedToJoinAgainAreWaitedFor) {
+  serve_over({{}, {}});
+  take_off();
+  flight->signal(SIGSTOP);
+  // All that it may open from now on are these, of which it has some: its output, say.
+  const rlimit before = limit(*flight, RLIMIT_NOFILE, wire::kRoomDescriptors);
+  pause(17);
+  flight->signal(SIGCONT);
+  EXPECT_TRUE(flight->says("could not join again: cannot join: it takes 32 more open files"))
+      << flight->err();
+  pause(2);
+  ASSERT_FALSE(flight->is_over()) << flight->err();
+  limit(*flight, RLIMIT_NOFILE, before.rlim_cur);
+  EXPECT_TRUE(certifies()) << flight->err();
   land();
 }
 

@@ -126,11 +126,10 @@ std::uint64_t count_wrong_answers(const Folder& folder, const Exercise& exercise
   words.insert(words.end(), {"--answers", folder.file(kAnswers)});
   std::string out, err;
   run(folder, "nearmesh-model", words, &out, &err);
-  unsigned long long checked = 0, wrong = 0;
-  if (std::sscanf(out.c_str(), "answers %llu, wrong %llu", &checked, &wrong) != 2 ||
-      checked != answers)
+  const std::optional<CheckedAnswers> checked = read_checked(out);
+  if (!checked || checked->answers != answers)
     throw std::runtime_error("answers were not checked: " + out + err);
-  return wrong;
+  return checked->wrong;
 }
 
 FlightResult fly(const Lan& lan, std::size_t host, const Folder& folder, const Exercise& exercise,

@@ -147,14 +147,12 @@ void AnswerCheck::step(bool all) {
 }
 
 void AnswerCheck::take_verdict() {
-  unsigned long long checked = 0, found_wrong = 0, found_certified = 0;
   const std::string out = check_->out();
-  if (std::sscanf(out.c_str(), "answers %llu, wrong %llu, certified %llu", &checked, &found_wrong,
-                  &found_certified) == 3) {
-    answers += checked;
-    wrong += found_wrong;
-    certified += found_certified;
-    if (found_wrong > 0) faults.push_back(check_->err());
+  if (const std::optional<CheckedAnswers> checked = read_checked(out)) {
+    answers += checked->answers;
+    wrong += checked->wrong;
+    certified += checked->certified;
+    if (checked->wrong > 0) faults.push_back(check_->err());
   } else if (check_->err().find("no answer was found") == std::string::npos) {
     throw std::runtime_error("answers were not checked: " + out + check_->err());
   }

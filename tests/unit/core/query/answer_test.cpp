@@ -121,6 +121,10 @@ TEST(Answer, IsWholeOrCutShort) {
       }
       EXPECT_EQ(digest(some.answer), digest(all.answer));
       EXPECT_EQ(some.contacts.has_value(), all.contacts.has_value());
+      if (all.contacts) {
+        EXPECT_EQ(some.contacts->segments.size(), all.contacts->segments.size());
+        EXPECT_EQ(some.contacts->patches.size(), all.contacts->patches.size());
+      }
       EXPECT_EQ(some.depth.has_value(), all.depth.has_value());
       if (all.depth) {
         EXPECT_EQ(some.depth->at_least_m, all.depth->at_least_m);

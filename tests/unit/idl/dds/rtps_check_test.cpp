@@ -237,9 +237,7 @@ TEST(RtpsCheck, TellsWhoAnnouncesItself) {
 // What two releases of Fast DDS on one secured bus are told by.
 TEST(RtpsCheck, TellsOfWhichReleaseAnIdentityIs) {
   Rtps m = message();
-  m.begin_announcement().lease(20);
-  m.begin_parameter(0x0062).text("rig/peer").end_parameter();
-  m.begin_parameter(0x1001).text("DDS:Auth:PKI-DH:1.0").u32(0).u32(0).end_parameter();
+  m.begin_announcement().lease(20).secured("rig/peer");
   const auto told = [](Rtps written) {
     written.finish_announcement();
     const RtpsVerdict verdict = check_rtps(written.bytes);
@@ -251,7 +249,7 @@ TEST(RtpsCheck, TellsOfWhichReleaseAnIdentityIs) {
   // As Fast DDS 2.9.1 and 3.1.2 announce themselves.
   m.begin_parameter(0x0058).u32(0x0fcf003f).end_parameter();
   EXPECT_EQ(told(m), std::pair(true, 0));
-  m.begin_parameter(0x8000).u32(0x00020103).end_parameter();
+  m.product(0x00020103);
   EXPECT_EQ(told(m), std::pair(true, 3));
 }
 

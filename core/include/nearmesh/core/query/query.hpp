@@ -75,6 +75,10 @@ inline constexpr double kClearanceShare = 0.75;
 /// Whether the time for a question is over: a look at a clock, say. Asked each kTestsALook tests, some 10 to 50 us.
 using IsOver = std::function<bool()>;
 inline constexpr std::uint64_t kTestsALook = 2'048;
+/// Without one it never is.
+[[nodiscard]] inline bool is_time_over(const IsOver* is_over) {
+  return is_over != nullptr && (*is_over)();
+}
 
 struct QueryOptions {
   bool any =

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the door's watch says to whom.
+
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "idl/dds/door_watch.hpp"
+#include "idl/security/identity_book.hpp"
+#include "idl/security/security.hpp"
+#include "tests/support/rtps_message.hpp"
+
+namespace nearmesh::wire {
+namespace {
+
+// A participant hears others before its mailbox is there: while it is being made.
+TEST(DoorWatch, SaysAlsoWhatItHeardBeforeAnybodyListened) {
+  std::string folder = ::testing::TempDir() + "nearmesh_door_XXXXXX";
+  ASSERT_NE(::mkdtemp(folder.data()), nullptr);
+  SecurityPlan plan;
+  plan.prefix = "rig";
+  plan.identities = {{"one", Role::kSubscriber}};
+  ASSERT_TRUE(make_security(folder + "/set", plan).is_ok());
+  const std::string at = folder + "/set/one/";
+  auto book = IdentityBook::open({at + "identity_ca.cert.pem", at + "cert.pem", ""});
+  std::filesystem::remove_all(folder);
+  ASSERT_TRUE(book.is_ok()) << book.status().message();
+  DoorWatch watch(true, std::move(book).value(), 5);
+
+  nearmesh::test::Rtps m(nearmesh::test::key_of(1));
+  m.begin_announcement().lease(20).secured("rig/other");
+  m.product(0x00020107).finish_announcement();  // of a release that is none of ours
+  const auto hear = [&] { EXPECT_FALSE(watch.check(m.bytes, {true, 40'000}).refusal); };
+
+  hear();
+  Mailbox mailbox;
+  watch.set_mailbox(&mailbox);
+  hear();
+  hear();
+  const std::vector<std::string> said = mailbox.take_complaints();
+  ASSERT_EQ(said.size(), 1U) << "once";
+  EXPECT_NE(said[0].find("rig/other is secured by a Fast DDS 7"), std::string::npos) << said[0];
+  watch.set_mailbox(nullptr);
+}
+
+}  // namespace
+}  // namespace nearmesh::wire
