@@ -395,6 +395,17 @@ nearmesh_status nearmesh_session_place_body(nearmesh_session* session, nearmesh_
   });
 }
 
+nearmesh_status nearmesh_session_link_bodies(nearmesh_session* session, const nearmesh_body* bodies,
+                                             size_t count, nearmesh_error* error) noexcept {
+  return c::changing(session, error, [&]() -> Status {
+    if (count > 0) NEARMESH_RETURN_IF_ERROR(c::check_given(bodies, "bodies"));
+    std::vector<BodyId> links;
+    links.reserve(count);
+    for (std::size_t i = 0; i < count; ++i) links.push_back(BodyId{bodies[i]});
+    return session->session->link_bodies(links);
+  });
+}
+
 nearmesh_status nearmesh_session_remove_body(nearmesh_session* session, nearmesh_body body,
                                              nearmesh_error* error) noexcept {
   return c::changing(session, error, [&] { return session->session->remove_body(BodyId{body}); });

@@ -500,6 +500,17 @@ calls job(i) for each i below count, on threads of its own, and returns when all
               py::arg("body"), py::arg("pose"),
               "Fixes a body in place, for scenery that nobody moves.")
           .def(
+              "link_bodies",
+              [](Peer& peer, const std::vector<std::uint32_t>& bodies) {
+                std::vector<BodyId> links;
+                for (const std::uint32_t body : bodies) links.push_back(BodyId{body});
+                need(unlocked(peer, [&](Session& session) { return session.link_bodies(links); }));
+              },
+              py::arg("bodies"),
+              "Makes own bodies the links of one robot: whoever hears them takes all poses of one "
+              "instant or none. Each update() then gives motions of all links, or of none. Before "
+              "any of them has a motion.")
+          .def(
               "remove_body",
               [](Peer& peer, std::uint32_t body) {
                 need(unlocked(peer,

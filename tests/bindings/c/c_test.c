@@ -616,6 +616,30 @@ static void test_session(const char* sphere_file) {
   nearmesh_session_destroy(NULL);
 }
 
+static void test_robot(const char* sphere_file) {
+  nearmesh_body links[3];
+  nearmesh_session* session = make_session(NULL, sphere_file, links, 3);
+  REFUSED(nearmesh_session_link_bodies(session, NULL, 2, &error), NEARMESH_INVALID_ARGUMENT,
+          "bodies is NULL");
+  REFUSED(nearmesh_session_link_bodies(session, links, 1, &error), NEARMESH_INVALID_ARGUMENT,
+          "found 1");
+  MUST(nearmesh_session_link_bodies(session, links, 2, &error));
+  REFUSED(nearmesh_session_link_bodies(session, &links[1], 2, &error), NEARMESH_CONFLICT,
+          "a link already");
+  const nearmesh_motion still = NEARMESH_MOTION_IDENTITY;
+  nearmesh_motion motions[2] = {still, still};
+  motions[1].pose = at(5, 0, 0);
+  const nearmesh_frame* frame = NULL;
+  REFUSED(nearmesh_session_update(session, 1, 0, links, motions, 1, 0.1, &frame, &error),
+          NEARMESH_INVALID_ARGUMENT, "expected all");
+  MUST(nearmesh_session_update(session, 1, 0, links, motions, 2, 0.1, &frame, &error));
+  MUST(nearmesh_session_remove_body(session, links[0], &error));  // the robot
+  nearmesh_motion where;
+  REFUSED(nearmesh_session_motion_of(session, links[1], &where, &error), NEARMESH_NOT_FOUND,
+          "body 1");
+  nearmesh_session_destroy(session);
+}
+
 static void test_session_options(void) {
   nearmesh_session* session = NULL;
   nearmesh_session_options options;
@@ -890,6 +914,7 @@ int main(int argc, char** argv) {
   test_run_jobs(sphere_file);
   test_budget(sphere_file);
   test_probes(sphere_file, open_file);
+  test_robot(sphere_file);
   test_session_options();
   test_threads(sphere_file);
   test_recordings(argv[2], sphere_file);

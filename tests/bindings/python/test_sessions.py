@@ -227,6 +227,22 @@ def test_own_pairs_and_a_speed_that_is_kept(ball):
     session.update(1, 1, {own: nm.Motion(at(8), (8, 0, 0))}, 10)
 
 
+def test_links_of_a_robot_move_together(ball):
+    session = nm.Session.local({"ball": ball.path})
+    links = [session.add_body(name, "ball", own=True) for name in ("base", "arm", "box")]
+    with pytest.raises(ValueError, match="found 1"):
+        session.link_bodies(links[:1])
+    session.link_bodies(links[:2])
+    with pytest.raises(nm.errors.ConflictError, match="link base"):
+        session.link_bodies(links[:2])
+    with pytest.raises(ValueError, match="expected all"):
+        session.update(0, 0, {links[0]: np.eye(4)})
+    session.update(0, 0, {links[0]: np.eye(4), links[1]: at(3), links[2]: at(6)})
+    session.remove_body(links[1])  # and so the robot
+    with pytest.raises(LookupError):
+        session.options_of(links[0])
+
+
 def test_far_bodies_are_free_by_bounds_and_unknown_ones_are_not(ball):
     session = nm.Session.local({"ball": ball.path})
     bodies = [session.add_body(f"b{i}", "ball", own=True) for i in range(4)]

@@ -438,7 +438,13 @@ NEARMESH_API nearmesh_status nearmesh_session_place_body(nearmesh_session* sessi
                                                          nearmesh_body body,
                                                          const nearmesh_pose* pose,
                                                          nearmesh_error* error) NEARMESH_NOTHROW;
-/// The body is there no more, nor are its pairs. Errors: NEARMESH_NOT_FOUND.
+/// Makes own bodies the links of one robot: whoever hears them takes all poses of one instant or none. Each update then gives motions of
+/// all links, or of none. Before any of them has a motion. Errors: NEARMESH_NOT_FOUND, NEARMESH_CONFLICT (a link of another robot, one that
+/// has a motion), NEARMESH_INVALID_ARGUMENT (fewer than 2, too many, a body that others move or that has a max_speed_mps).
+NEARMESH_API nearmesh_status nearmesh_session_link_bodies(nearmesh_session* session,
+                                                          const nearmesh_body* bodies, size_t count,
+                                                          nearmesh_error* error) NEARMESH_NOTHROW;
+/// The body is there no more, nor are its pairs. A link takes all links of its robot with it. Errors: NEARMESH_NOT_FOUND.
 NEARMESH_API nearmesh_status nearmesh_session_remove_body(nearmesh_session* session,
                                                           nearmesh_body body,
                                                           nearmesh_error* error) NEARMESH_NOTHROW;
