@@ -398,15 +398,6 @@ bool asks_for(std::span<const RegionPart> region, const GridBox& box) {
 
 }  // namespace
 
-bool lacks(const SplitStore& store, const RegionMaker& region) {
-  const std::vector<NodeSpan> unresolved = find_unresolved(store, region).nodes;
-  if (unresolved.empty()) return false;
-  // Anew, near these nodes only: the other body's parts that are elsewhere do not count.
-  const std::vector<RegionPart> near = region(1, reach_of(store, unresolved));
-  return std::any_of(unresolved.begin(), unresolved.end(),
-                     [&](const NodeSpan& node) { return asks_for(near, store.box(node)); });
-}
-
 std::optional<RegionRequest> make_request(const SplitStore& store, const RegionMaker& region,
                                           std::vector<NodeSpan> missing, std::size_t max_parts,
                                           std::uint32_t max_splits, Portion portion) {

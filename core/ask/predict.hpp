@@ -55,10 +55,6 @@ enum class Portion : std::uint8_t {
   kWholeNodes,
 };
 
-/// Whether the region asks for an unresolved node of the store. The region is taken twice at most, in few parts, so a
-/// request may find that a finer one asks for none. Cost: O(known nodes that meet the region).
-[[nodiscard]] bool lacks(const SplitStore& store, const RegionMaker& region);
-
 /// What a peer asks next: `missing` (ascending) in any case, then what other unresolved nodes of the store meet the region,
 /// the largest first, as far as a request has room. Nothing where nothing is missing.
 /// A region of a few parts finds the unresolved nodes that matter; only near these it is made finer, by so many parts that

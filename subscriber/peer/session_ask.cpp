@@ -186,22 +186,21 @@ bool Session::Impl::request(PeerModel& model, const RegionMaker& region,
   return true;
 }
 
-// What the swept answers lack, and what else may be met within the horizon.
-bool Session::Impl::request_ahead(PeerModel& model, const FrameReport& report) {
-  if (publisher_of(model.content_hash) == nullptr) return false;
+// What the swept answers lack, and what else may be met within the horizon: all of it once something of it is lacked soon, for fewer and
+// fuller batches than a little in each frame.
+void Session::Impl::request_ahead(PeerModel& model, const FrameReport& report) {
   std::vector<NodeSpan> missing = missing_of(model, report, true);
-  // Looking ahead costs more than most answers. Where a look found nothing to ask for, an eighth of the horizon may pass
-  // before the next: half of it is left then.
-  if (missing.empty() && std::abs(time_s - model.looked_ahead_s) < horizon_s() / 8) return false;
-  // Asked for when the nearer half lacks something, then all of it: fewer and fuller batches than a little in each frame.
-  const RegionMaker nearer = region_of(model, horizon_s() / 2, report, Scope::kByRegion);
-  const bool is_due =
-      !missing.empty() || (nearer != nullptr && lacks(model.replica->store(), nearer));
-  const bool is_sent =
-      is_due && request(model, region_of(model, horizon_s(), report, Scope::kByRegion),
-                        std::move(missing), kHorizon);
-  model.looked_ahead_s = is_sent ? -std::numeric_limits<double>::infinity() : time_s;
-  return is_sent;
+  std::vector<Pair*> lacking;
+  for (Pair* pair : listed)
+    if ((pair->lacks_soon_a && pair->a->model == &model) ||
+        (pair->lacks_soon_b && pair->b->model == &model))
+      lacking.push_back(pair);
+  if (missing.empty() && lacking.empty()) return;
+  const bool is_sent = request(model, region_of(model, horizon_s(), report, Scope::kByRegion),
+                               std::move(missing), kHorizon);
+  if (is_sent) return;
+  for (Pair* pair : lacking)
+    pair->looked_ahead_s = time_s;  // nobody is there, or boxes do not nest
 }
 
 // One request may stand for several models; it is lost once.
@@ -262,7 +261,7 @@ void Session::Impl::ask(const FrameBudget& budget, FrameReport& report) {
         (budget.left_s() < ahead_cost.seconds() && updates - asked_ahead_in < kPatientLooks))
       continue;
     const Stopwatch ahead;
-    static_cast<void>(request_ahead(model, report));
+    request_ahead(model, report);
     ahead_cost.add(ahead.seconds());
     asked_ahead_in = updates;
   }

@@ -36,17 +36,24 @@ Session::Impl::Need Session::Impl::need_of(const Pair& pair, const PairAnswer& a
   if (horizon_s() <= 0) return Need::kNothing;
   if (answer.swept && !(answer.swept->missing_a.empty() && answer.swept->missing_b.empty()))
     return Need::kAhead;
+  // What nothing meets until then is certified until then, by what is held.
+  if (pair.by_region && stays_certified(answer, soon_s())) return Need::kNothing;
   // Where a look found nothing, an eighth of the horizon may pass before the next: another eighth is left then.
   return std::abs(time_s - pair.looked_ahead_s) < horizon_s() / 8 ? Need::kNothing : Need::kLook;
 }
 
-// What is lacked soon is asked for with all of the horizon: fewer and fuller answers than a little in each frame. Soon are three
-// frames at least, since an answer that comes in the next is there for the one after.
-bool Session::Impl::is_lacking_soon(const Pair& pair, std::uint64_t max_tests) const {
-  const auto lacking = lacking_ahead(
-      pair.a->view(), *pair.a->motion, pair.a->name, pair.b->view(), *pair.b->motion, pair.b->name,
-      std::clamp(3 * frame_s, horizon_s() / 4, horizon_s()), options.margin_m, {}, {}, max_tests);
-  return lacking.is_ok() && !lacking.value().is_nothing();
+Lacking Session::Impl::lacking_soon(const Pair& pair, std::uint64_t max_tests) const {
+  const auto lacking =
+      lacking_ahead(pair.a->view(), *pair.a->motion, pair.a->name, pair.b->view(), *pair.b->motion,
+                    pair.b->name, soon_s(), options.margin_m, {}, {}, max_tests);
+  return lacking.is_ok() ? lacking.value() : Lacking{};
+}
+
+// Somebody serves it, no request about it is open, and what came is taken in.
+bool Session::Impl::may_ask_for(const PeerModel& model) {
+  const auto open = outstanding.find(model.content_hash);
+  return model.waiting.empty() && (open == outstanding.end() || is_lost(open->second)) &&
+         publisher_of(model.content_hash) != nullptr;
 }
 
 // A request is open that concerns the pair, or tells this publisher of bodies: it answers one at a time.
@@ -59,12 +66,14 @@ bool Session::Impl::has_open(wire::SessionId publisher, const Pair& pair) const 
   });
 }
 
-// The pairs for which a publisher chooses, and that need detail or may: none of whose models waits for an answer.
+// The pairs that need detail or may. Of those for which a publisher chooses none whose models wait for an answer; of others those that
+// may need it soon.
 std::vector<Session::Impl::Candidate> Session::Impl::find_candidates(const FrameReport& report) {
   std::vector<Candidate> candidates;
   for (std::size_t i = 0; i < listed.size(); ++i) {
-    if (report.answers[i].put_off) continue;
     Pair& pair = *listed[i];
+    pair.lacks_soon_a = pair.lacks_soon_b = false;
+    if (report.answers[i].put_off) continue;
     const PeerModel &a = *pair.a->model, &b = *pair.b->model;
     const Publisher* publisher = publisher_of(a.content_hash, b.content_hash);
     if (pair.asked.fruitless > 0 && a.is_ready() && b.is_ready() &&
@@ -73,10 +82,13 @@ std::vector<Session::Impl::Candidate> Session::Impl::find_candidates(const Frame
     pair.by_region = pair.is_of_tile || publisher == nullptr || publisher->wants_regions ||
                      a.is_too_much_to_tell || b.is_too_much_to_tell ||
                      pair.asked.fruitless >= kMaxFruitless;
-    if (pair.by_region || !report.answers[i].reason.empty()) continue;
-    if (!a.waiting.empty() || !b.waiting.empty()) continue;
-    if (has_open(publisher->hello.publisher, pair)) continue;
-    if (const Need need = need_of(pair, report.answers[i]); need != Need::kNothing)
+    if (!report.answers[i].reason.empty()) continue;
+    if (pair.by_region ? !may_ask_for(a) && !may_ask_for(b)
+                       : !a.waiting.empty() || !b.waiting.empty() ||
+                             has_open(publisher->hello.publisher, pair))
+      continue;
+    const Need need = need_of(pair, report.answers[i]);
+    if (pair.by_region ? need == Need::kLook : need != Need::kNothing)
       candidates.push_back({&pair, need});
   }
   return candidates;
@@ -100,7 +112,10 @@ void Session::Impl::look_ahead(const FrameBudget& budget, std::vector<Candidate>
         left_s < (look.pair->look_cost_s > 0 ? look.pair->look_cost_s : look_cost.seconds()))
       return;
     const Stopwatch watch;
-    look.need = is_lacking_soon(*look.pair, tests_within(left_s)) ? Need::kAhead : Need::kNothing;
+    const Lacking lacking = lacking_soon(*look.pair, tests_within(left_s));
+    look.need = lacking.is_nothing() ? Need::kNothing : Need::kAhead;
+    look.pair->lacks_soon_a = !lacking.a.empty();
+    look.pair->lacks_soon_b = !lacking.b.empty();
     look.pair->look_cost_s = watch.seconds();
     ++looked;
   });
@@ -125,6 +140,7 @@ void Session::Impl::ask_certificates(const FrameBudget& budget, const FrameRepor
       pair.looked_ahead_s = time_s;
       continue;
     }
+    if (pair.by_region) continue;  // request_ahead()
     const PeerModel &a = *pair.a->model, &b = *pair.b->model;
     for (const ContentHash& content : {a.content_hash, b.content_hash})
       if (const auto lost = outstanding.find(content); lost != outstanding.end())
