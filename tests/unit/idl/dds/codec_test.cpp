@@ -140,7 +140,7 @@ TEST(Decode, RefusesBoundsOfWhichOctetsDoNotFit) {
   expect_refused<S>(valid_bounds(), unfit, [](S& s) {
     s.known() = {2, 1, 1, 0, 0xff, 0xff, 0x7f};  // so many poses
   });
-  expect_refused<S>(valid_bounds(), "heard", [](S& s) { s.known().resize(50'000, 0); });
+  expect_refused<S>(valid_bounds(), unfit, [](S& s) { s.known().resize(50'000, 0); });
 }
 
 TEST(Decode, RefusesReportOfAnUnknownMover) {

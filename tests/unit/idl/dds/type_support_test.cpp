@@ -166,10 +166,12 @@ TEST(TypeSupport, DirectoriesThatDoNotAddUpAreRefused) {
   EXPECT_EQ(refusal_after([&] { sample.places(0xff); }), "places: found unknown bits, 255");
   EXPECT_EQ(
       refusal_after([&] { sample.places(1); }),
-      "bodies: 1 places, 4 words of contents, 4 of groups and masks, 2 speeds, 26 bytes of names");
+      "bodies: 1 places, 4 words of contents, 4 of groups and masks, 2 speeds, 0 words of links, "
+      "26 bytes of names");
   EXPECT_EQ(
       refusal_after([&] { sample.companies().pop_back(); }),
-      "bodies: 2 places, 4 words of contents, 3 of groups and masks, 2 speeds, 26 bytes of names");
+      "bodies: 2 places, 4 words of contents, 3 of groups and masks, 2 speeds, 0 words of links, "
+      "26 bytes of names");
   EXPECT_EQ(refusal_after([&] { sample.names().pop_back(); }),
             "names of bodies: fewer whole ones than 4");
   EXPECT_EQ(refusal_after([&] { sample.names()[0] = 0x07; }),
@@ -223,12 +225,12 @@ TEST(TypeSupport, OverheadIsAsDocumented) {
   BodyPromises promises{.peer = 1, .steps = 2048, .quantum = 4};
   for (std::uint32_t i = 0; i < kBodiesPerPromise; ++i)
     promises.bodies.push_back({i, {i % 2 == 0 ? 3000 : -3000, 3000, 60}});
-  EXPECT_LE(to_bytes<TypeOf<BodyPromises>>(promises).size(), 44 + kBodiesPerPromise * 4U);
+  EXPECT_LE(to_bytes<TypeOf<BodyPromises>>(promises).size(), 48 + kBodiesPerPromise * 4U);
   for (BodyPromises::Body& body : promises.bodies)
     for (std::int64_t& quanta : body.place)
       quanta = body.number % 2 == 0 ? test::kFarQuanta : -test::kFarQuanta;
   promises.quantum = -3;
-  EXPECT_LE(to_bytes<TypeOf<BodyPromises>>(promises).size(), 44 + 768U);
+  EXPECT_LE(to_bytes<TypeOf<BodyPromises>>(promises).size(), 48 + 768U);
   SplitBatchMessage batch = valid_batch();
   batch.bytes.resize(kMaxSealedBytes);
   EXPECT_EQ(to_bytes<TypeOf<SplitBatchMessage>>(batch).size(), kMaxSealedBytes + 44);
@@ -400,7 +402,7 @@ TEST(TypeSupport, EmptyListsAreWrittenWithoutPadding) {
   hello.publisher = 1;
   hello.name = "p";
   const Bytes bytes = to_bytes<TypeOf<Hello>>(hello);
-  EXPECT_EQ(bytes.size(), 4U + 40);
+  EXPECT_EQ(bytes.size(), 4U + 48);
   std::string fault;
   static_cast<void>(from_bytes<TypeOf<Hello>>(bytes, &fault));
   EXPECT_EQ(fault, "");
