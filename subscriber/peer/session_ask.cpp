@@ -192,8 +192,7 @@ void Session::Impl::request_ahead(PeerModel& model, const FrameReport& report) {
   std::vector<NodeSpan> missing = missing_of(model, report, true);
   std::vector<Pair*> lacking;
   for (Pair* pair : listed)
-    if ((pair->lacks_soon_a && pair->a->model == &model) ||
-        (pair->lacks_soon_b && pair->b->model == &model))
+    if (pair->lacks_soon && (pair->a->model == &model || pair->b->model == &model))
       lacking.push_back(pair);
   if (missing.empty() && lacking.empty()) return;
   const bool is_sent = request(model, region_of(model, horizon_s(), report, Scope::kByRegion),

@@ -37,16 +37,16 @@ Session::Impl::Need Session::Impl::need_of(const Pair& pair, const PairAnswer& a
   if (answer.swept && !(answer.swept->missing_a.empty() && answer.swept->missing_b.empty()))
     return Need::kAhead;
   // What nothing meets until then is certified until then, by what is held.
-  if (pair.by_region && stays_certified(answer, soon_s())) return Need::kNothing;
+  if (pair.by_region && stays_certified(answer, soon_s(pair))) return Need::kNothing;
   // Where a look found nothing, an eighth of the horizon may pass before the next: another eighth is left then.
   return std::abs(time_s - pair.looked_ahead_s) < horizon_s() / 8 ? Need::kNothing : Need::kLook;
 }
 
-Lacking Session::Impl::lacking_soon(const Pair& pair, std::uint64_t max_tests) const {
+bool Session::Impl::is_lacking_soon(const Pair& pair, std::uint64_t max_tests) const {
   const auto lacking =
       lacking_ahead(pair.a->view(), *pair.a->motion, pair.a->name, pair.b->view(), *pair.b->motion,
-                    pair.b->name, soon_s(), options.margin_m, {}, {}, max_tests);
-  return lacking.is_ok() ? lacking.value() : Lacking{};
+                    pair.b->name, soon_s(pair), options.margin_m, {}, {}, max_tests);
+  return lacking.is_ok() && !lacking.value().is_nothing();
 }
 
 // Somebody serves it, no request about it is open, and what came is taken in.
@@ -72,7 +72,7 @@ std::vector<Session::Impl::Candidate> Session::Impl::find_candidates(const Frame
   std::vector<Candidate> candidates;
   for (std::size_t i = 0; i < listed.size(); ++i) {
     Pair& pair = *listed[i];
-    pair.lacks_soon_a = pair.lacks_soon_b = false;
+    pair.lacks_soon = false;
     if (report.answers[i].put_off) continue;
     const PeerModel &a = *pair.a->model, &b = *pair.b->model;
     const Publisher* publisher = publisher_of(a.content_hash, b.content_hash);
@@ -112,10 +112,7 @@ void Session::Impl::look_ahead(const FrameBudget& budget, std::vector<Candidate>
         left_s < (look.pair->look_cost_s > 0 ? look.pair->look_cost_s : look_cost.seconds()))
       return;
     const Stopwatch watch;
-    const Lacking lacking = lacking_soon(*look.pair, tests_within(left_s));
-    look.need = lacking.is_nothing() ? Need::kNothing : Need::kAhead;
-    look.pair->lacks_soon_a = !lacking.a.empty();
-    look.pair->lacks_soon_b = !lacking.b.empty();
+    look.need = is_lacking_soon(*look.pair, tests_within(left_s)) ? Need::kAhead : Need::kNothing;
     look.pair->look_cost_s = watch.seconds();
     ++looked;
   });
@@ -140,7 +137,10 @@ void Session::Impl::ask_certificates(const FrameBudget& budget, const FrameRepor
       pair.looked_ahead_s = time_s;
       continue;
     }
-    if (pair.by_region) continue;  // request_ahead()
+    if (pair.by_region) {
+      pair.lacks_soon = true;  // request_ahead()
+      continue;
+    }
     const PeerModel &a = *pair.a->model, &b = *pair.b->model;
     for (const ContentHash& content : {a.content_hash, b.content_hash})
       if (const auto lost = outstanding.find(content); lost != outstanding.end())

@@ -171,11 +171,11 @@ struct Session::Impl {
       bool is_answered = false;
       int fruitless = 0;  // answers in a row that brought nothing
     } asked;
-    bool by_region = false;                           // nobody chooses for it
-    bool lacks_soon_a = false, lacks_soon_b = false;  // what this update's look found
-    bool is_by_name = false;                          // watched by name
-    bool is_of_tile = false;                          // a part of one with a world
-    std::uint64_t near_in = 0;                        // the update that found it near last
+    bool by_region = false;     // nobody chooses for it
+    bool lacks_soon = false;    // of one by region: by this update's look
+    bool is_by_name = false;    // watched by name
+    bool is_of_tile = false;    // a part of one with a world
+    std::uint64_t near_in = 0;  // the update that found it near last
     double looked_ahead_s = -std::numeric_limits<double>::infinity();
     double look_cost_s = 0;  // then
     // session_turns.cpp
@@ -454,7 +454,7 @@ struct Session::Impl {
   [[nodiscard]] std::vector<Candidate> find_candidates(const FrameReport& report);
   void look_ahead(const FrameBudget& budget, std::vector<Candidate>& candidates);
   [[nodiscard]] Need need_of(const Pair& pair, const PairAnswer& answer) const;
-  [[nodiscard]] Lacking lacking_soon(const Pair& pair, std::uint64_t max_tests) const;
+  [[nodiscard]] bool is_lacking_soon(const Pair& pair, std::uint64_t max_tests) const;
   void request_certificate(const Publisher& publisher, std::span<Pair* const> asked,
                            std::uint8_t priority);
   [[nodiscard]] bool has_open(wire::SessionId publisher, const Pair& pair) const;
@@ -468,9 +468,10 @@ struct Session::Impl {
   [[nodiscard]] double horizon_s() const { return std::max(options.lookahead_s, options.sweep_s); }
   [[nodiscard]] LookAhead ahead() const { return {horizon_s(), options.margin_m}; }
   /// What is lacked this soon is asked for with all of the horizon: fewer and fuller answers than a little in each frame. Three
-  /// frames at least, since an answer that comes in the next is there for the one after.
-  [[nodiscard]] double soon_s() const {
-    return std::clamp(3 * frame_s, horizon_s() / 4, horizon_s());
+  /// frames at least, since an answer that comes in the next is there for the one after. By region it takes more than one.
+  [[nodiscard]] double soon_s(const Pair& pair) const {
+    const double at_least_s = pair.by_region ? horizon_s() / 2 : horizon_s() / 4;
+    return std::clamp(3 * frame_s, at_least_s, horizon_s());
   }
   [[nodiscard]] bool may_ask_for(const PeerModel& model);
   void request_ahead(PeerModel& model, const FrameReport& report);

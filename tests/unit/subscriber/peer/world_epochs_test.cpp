@@ -70,7 +70,9 @@ class WorldEpochs : public ::testing::Test {
       ASSERT_TRUE(report.is_ok()) << report.status().message();
       const PairAnswer& answer = report.value().answers.at(0);
       const ContentHash world = answer.a == peer.ball ? answer.content_b : answer.content_a;
-      if (answer.world) EXPECT_EQ(answer.world->world, world);
+      if (answer.world) {
+        EXPECT_EQ(answer.world->world, world);
+      }
       if (round == 0) {
         peer.worlds.push_back(world);
         peer.status.push_back(answer.answer.status);
