@@ -2,8 +2,10 @@
 #include "free_pairs.hpp"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
+#include <span>
 
 #include "core/base/hash.hpp"
 
@@ -11,9 +13,9 @@ namespace nearmesh {
 
 std::uint64_t place_digest(std::string_view name, const ContentHash& content,
                            const Company& company, const Motion& motion) {
-  std::uint64_t digest = 0;
-  const auto add = [&digest](std::uint64_t bits) { digest = mix(digest ^ bits); };
-  for (const char c : name) add(static_cast<unsigned char>(c));
+  std::array<std::uint64_t, 22> words{};
+  auto next = words.begin();
+  const auto add = [&next](std::uint64_t bits) { *next++ = bits; };
   add(content.high);
   add(content.low);
   add(std::uint64_t{company.group} << 32 | company.mask);
@@ -25,7 +27,11 @@ std::uint64_t place_digest(std::string_view name, const ContentHash& content,
   add_all(motion.pose.translation_m);
   add_all(motion.linear_velocity_mps);
   add_all(motion.angular_velocity_radps);
-  return digest;
+  const auto bytes_of = [](const auto& values) {
+    return std::span(reinterpret_cast<const std::uint8_t*>(values.data()),
+                     values.size() * sizeof(values[0]));
+  };
+  return hash_bytes(bytes_of(words), hash_bytes(bytes_of(name)));
 }
 
 void FreePairs::add(double way_m, double age_s) {

@@ -7,6 +7,7 @@
 
 #include "core/base/float_guard.hpp"
 #include "core/base/hash.hpp"
+#include "core/geometry/motion_bounds.hpp"
 #include "pair_readiness.hpp"
 #include "region_readiness.hpp"
 #include "session_impl.hpp"
@@ -76,7 +77,7 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
   impl.has_updated = true;
   impl.time_s = time_s;
   impl.has_recorder = impl.channel->has_recorder();
-  std::set<std::uint32_t> parts;  // that go out
+  std::vector<std::uint32_t> parts;  // that go out
   for (const OwnMotion& own : motions) {
     Body& body = *impl.find(own.body);
     body.motion = own.motion;
@@ -85,16 +86,22 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
     body.is_new_to_bounds = true;
     body.stamp.mover = wire::Mover::kThere;
     body.stamp.time_s = time_s;
-    parts.insert(part_of(body));
+    parts.push_back(part_of(body));
   }
-  for (const auto& [number, own] : impl.own_bodies)
-    if (const Body& body = *own;
-        body.motion && !body.is_placed && is_at_rest(*body.motion) &&
-        (body.max_speed_mps == 0 || impl.has_recorder || !impl.who_wants(body).empty()) &&
-        std::abs(time_s - body.published_s) >= kRepeatShare * impl.options.max_pose_age_s)
+  impl.fastest_mps = 0;
+  for (const Body* own : impl.own_bodies) {
+    const Body& body = *own;
+    if (!body.motion) continue;
+    impl.fastest_mps = std::max(impl.fastest_mps, length_bound(body.motion->linear_velocity_mps));
+    if (!body.is_placed && is_at_rest(*body.motion) &&
+        std::abs(time_s - body.published_s) >= kRepeatShare * impl.options.max_pose_age_s &&
+        (body.max_speed_mps == 0 || impl.has_recorder || !impl.who_wants(body).empty()))
       impl.add_parts_of(body, parts);
+  }
   impl.tell_directory();
   impl.make_promises();
+  std::sort(parts.begin(), parts.end());
+  parts.erase(std::unique(parts.begin(), parts.end()), parts.end());
   for (const std::uint32_t part : parts) impl.publish(part, frame);
   impl.take_inbox(report);
   for (const std::uint32_t part : std::exchange(impl.unserved_parts, {}))
@@ -139,12 +146,18 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
   return report;
 }
 
+/// The own body of this number, or the next one.
+std::vector<Body*>::iterator Session::Impl::own_from(std::uint32_t number) {
+  return std::lower_bound(own_bodies.begin(), own_bodies.end(), number,
+                          [](const Body* body, std::uint32_t its) { return body->number < its; });
+}
+
 template <class Use>
 void Session::Impl::for_each_of_part(std::uint32_t part, const Use& use) {
   const std::uint32_t first = part * wire::kBodiesPerPart;
-  for (auto at = own_bodies.lower_bound(first);
-       at != own_bodies.end() && at->first < first + wire::kBodiesPerPart; ++at)
-    use(*at->second);
+  for (auto at = own_from(first);
+       at != own_bodies.end() && (*at)->number < first + wire::kBodiesPerPart; ++at)
+    use(**at);
 }
 
 void Session::Impl::tell_directory() {
@@ -196,7 +209,7 @@ void Session::Impl::publish(std::uint32_t part, std::uint64_t frame, bool only_n
 void Session::Impl::note_recorder() {
   ++recorders;
   has_recorder = channel->has_recorder();
-  for (const auto& [number, own] : own_bodies)
+  for (const Body* own : own_bodies)
     if (own->max_speed_mps > 0) unserved_parts.insert(part_of(*own));
 }
 

@@ -82,11 +82,13 @@ Result<BodyId> Session::Impl::add_body(BodyOptions body_options) {
                                     .company = {body_options.group, body_options.mask, false,
                                                 watches_only_own && !body_options.own}});
   by_id.push_back(&added.first->second);
+  present.push_back(&added.first->second);
+  has_promised |= body_options.max_speed_mps > 0;
   if (body_options.own) {
     Body& own = *find(id);
     own.number = next_number++;
     own.mover = channel->own_id();
-    own_bodies.emplace(own.number, &own);
+    own_bodies.push_back(&own);
     untold_parts.insert(part_of(own));
   }
   has_news = true;
@@ -137,8 +139,7 @@ Status Session::remove_body(BodyId body) {
     return Status::ok();
   }
   for (std::uint32_t number = first; number < first + links; ++number)
-    if (const auto at = impl_->own_bodies.find(number); at != impl_->own_bodies.end())
-      impl_->remove_body(*at->second);
+    impl_->remove_body(**impl_->own_from(number));
   return Status::ok();
 }
 
@@ -150,12 +151,13 @@ void Session::Impl::remove_body(Body& body) {
   note_told(body, {});
   if (body.slot) broad.remove(*body.slot);
   if (body.own) {
-    own_bodies.erase(body.number);
+    own_bodies.erase(own_from(body.number));
     untold_parts.insert(part_of(body));
   }
   PeerModel& model = *body.model;
   named.erase(body.name);
   by_id[body.id.value] = nullptr;
+  std::erase(present, &body);
   bodies.erase(body.id.value);
   leave_model(model);
 }
@@ -372,11 +374,7 @@ void Session::Impl::find_near(std::uint64_t frame, FrameReport& report) {
   listed.clear();
   std::uint64_t near = 0;
   if (watches_all) {
-    fastest_mps = 0;
-    for (const auto& [number, own] : own_bodies)
-      if (own->motion)
-        fastest_mps = std::max(fastest_mps, length_bound(own->motion->linear_velocity_mps));
-    for (auto& [id, body] : bodies) bound(body, report);
+    for (Body* body : present) bound(*body, report);
     for (const auto& [one, two] : broad.find_near()) {
       if (is_near_soon(*by_slot[one], *by_slot[two])) {
         note_near(*by_slot[one]);
@@ -426,10 +424,10 @@ void Session::Impl::tell_free(std::uint64_t frame, std::uint64_t near, FrameRepo
   }
   FreePairs bounds;
   std::uint64_t digest = 0;
-  for (const auto& [id, body] : bodies) {
-    if (!broad.is_placed(*body.slot)) continue;
-    digest += body.place.digest;
-    bounds.add(body.place.way_m, body.is_by_promise ? 0 : wire::age_s(stamp_of(body), time_s));
+  for (const Body* body : present) {
+    if (!broad.is_placed(*body->slot)) continue;
+    digest += body->place.digest;
+    bounds.add(body->place.way_m, body->is_by_promise ? 0 : wire::age_s(stamp_of(*body), time_s));
   }
   if (options.publish_reports) tell_bounds(frame, broad.placed_pair_count() - near, digest, bounds);
   if (free.pairs == 0) return;

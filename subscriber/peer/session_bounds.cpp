@@ -114,10 +114,12 @@ std::vector<wire::BoundsReport::Heard> Session::Impl::heard_of_movers() {
                      .near = is_own ? near_samples : 0,
                      .posed = {}});
   }
-  for (const auto& [id, body] : bodies)
-    if (body.told.known == Told::Known::kPromised && !body.own && !body.is_by_promise &&
-        broad.is_placed(*body.slot))
-      heard[places.at(body.told.mover)].posed.push_back({body.told.number, body.near_sequence});
+  if (hears_promises)
+    for (const Body* body : present)
+      if (body->told.known == Told::Known::kPromised && !body->own && !body->is_by_promise &&
+          broad.is_placed(*body->slot))
+        heard[places.at(body->told.mover)].posed.push_back(
+            {body->told.number, body->near_sequence});
   for (wire::BoundsReport::Heard& one : heard)
     std::sort(one.posed.begin(), one.posed.end(),
               [](const auto& a, const auto& b) { return a.number < b.number; });

@@ -151,8 +151,9 @@ struct Session::Impl {
   ReplicaSet replicas;
   std::map<std::uint32_t, Body>
       bodies;  // by BodyId; where they are does not change, so pairs may point at them
-  std::vector<Body*> by_id;                   // the same; null: was removed
-  std::map<std::uint32_t, Body*> own_bodies;  // by number on the bus
+  std::vector<Body*> by_id;       // the same; null: was removed
+  std::vector<Body*> present;     // the same, for who looks at all of them in each frame
+  std::vector<Body*> own_bodies;  // by number on the bus, ascending
   std::uint32_t next_number = 0;
   std::set<std::uint32_t> untold_parts;  // of the directory: others know them otherwise
   bool discovers = false;
@@ -211,7 +212,9 @@ struct Session::Impl {
   bool watches_only_own = false;  // of them those of own bodies
   BroadPhase broad;
   std::vector<Body*> by_slot;
-  double fastest_mps = 0;  // of the own bodies, as they move now
+  double fastest_mps = 0;       // of the own bodies, as they move now
+  bool has_promised = false;    // an own body has, or had, a greatest speed
+  bool hears_promises = false;  // or did
   std::uint64_t updates = 0;
   std::uint64_t next_contact = 1;
 
@@ -345,7 +348,8 @@ struct Session::Impl {
   void forget_robot(Body& body);
   [[nodiscard]] Status link_bodies(const std::vector<BodyId>& links);
   [[nodiscard]] Status check_links(const std::vector<OwnMotion>& motions) const;
-  void add_parts_of(const Body& own, std::set<std::uint32_t>& parts) const;
+  [[nodiscard]] std::vector<Body*>::iterator own_from(std::uint32_t number);
+  void add_parts_of(const Body& own, std::vector<std::uint32_t>& parts) const;
   void take_promises(const Channel::Inbox& inbox, std::vector<std::string>& complaints);
   void take_wishes(const Channel::Inbox& inbox);
   [[nodiscard]] Status check_promised(const Body& own, const Motion& motion, double at_s) const;

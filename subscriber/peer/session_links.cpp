@@ -44,11 +44,11 @@ Status Session::Impl::link_bodies(const std::vector<BodyId>& links) {
   for (const BodyId id : links) {
     Body& link = *find(id);
     untold_parts.insert(part_of(link));
-    own_bodies.erase(link.number);
+    own_bodies.erase(own_from(link.number));
     link.number = next_number++;
     link.links = count;
     link.first_link = first;
-    own_bodies.emplace(link.number, &link);
+    own_bodies.push_back(&link);
     untold_parts.insert(part_of(link));
   }
   return Status::ok();
@@ -59,7 +59,7 @@ Status Session::Impl::check_links(const std::vector<OwnMotion>& motions) const {
   std::map<std::uint32_t, std::set<std::uint32_t>> given;  // by first link
   std::map<std::uint32_t, const Body*> robots;
   for (const OwnMotion& own : motions) {
-    const Body& body = bodies.at(own.body.value);
+    const Body& body = *by_id[own.body.value];
     if (body.links == 1) continue;
     given[body.first_link].insert(body.number);
     robots[body.first_link] = &body;
@@ -74,10 +74,10 @@ Status Session::Impl::check_links(const std::vector<OwnMotion>& motions) const {
 }
 
 /// All that go out with it.
-void Session::Impl::add_parts_of(const Body& own, std::set<std::uint32_t>& parts) const {
+void Session::Impl::add_parts_of(const Body& own, std::vector<std::uint32_t>& parts) const {
   const std::uint32_t first = own.links > 1 ? own.first_link : own.number;
   for (std::uint32_t number = first; number < first + own.links; ++number)
-    parts.insert(number / wire::kBodiesPerPart);
+    parts.push_back(number / wire::kBodiesPerPart);
 }
 
 void Session::Impl::take_link(const wire::BodyPose& pose, std::vector<std::string>& complaints) {

@@ -88,17 +88,18 @@ Status Session::Impl::check_promised(const Body& own, const Motion& motion, doub
 
 /// Of all bodies of a part at once, as soon as one is due.
 void Session::Impl::make_promises() {
+  if (!has_promised) return;
   const double promise_s = std::clamp(options.promise_s, 0.1, wire::kMaxPromise_s);
   std::map<std::uint32_t, std::vector<Body*>> parts;
   std::set<std::uint32_t> due;
-  for (const auto& [number, its] : own_bodies) {
+  for (Body* its : own_bodies) {
     Body& own = *its;
     if (own.max_speed_mps <= 0 || !own.motion || own.is_placed || stamp_of(own).time_s != time_s)
       continue;
     if (std::any_of(own.motion->pose.translation_m.begin(), own.motion->pose.translation_m.end(),
                     [](double x) { return std::abs(x) > wire::kMaxPlace_m / 2; }))
       continue;
-    const std::uint32_t part = number / wire::kBodiesPerPromise;
+    const std::uint32_t part = own.number / wire::kBodiesPerPromise;
     parts[part].push_back(&own);
     const std::optional<wire::BodyPromise>& latest = own.promises[0];
     if (!latest || time_s < latest->from_s || time_s - latest->from_s >= kRenewShare * promise_s)
@@ -137,6 +138,7 @@ void Session::Impl::take_promises(const Channel::Inbox& inbox,
                                   std::vector<std::string>& complaints) {
   for (const wire::BodyPromise& promise : inbox.promises) {
     heard_time_s = std::max(heard_time_s.value_or(promise.from_s), promise.from_s);
+    hears_promises = true;
     std::uint32_t& last = last_promises[promise.peer];
     last = std::max(last, promise.sequence);
     const auto at = named.find(promise.body);
@@ -193,10 +195,11 @@ bool Session::Impl::wants_poses(const Body& body) const {
 }
 
 void Session::Impl::tell_wishes() {
+  if (!hears_promises) return;
   std::map<wire::SessionId, std::map<std::uint32_t, std::uint8_t>> wanted;
-  for (const auto& [id, body] : bodies) {
-    if (body.own || body.promiser != wire::Mover::kThere || !wants_poses(body)) continue;
-    const wire::BodyPromise& promise = *body.promises[0];
+  for (const Body* body : present) {
+    if (body->own || body->promiser != wire::Mover::kThere || !wants_poses(*body)) continue;
+    const wire::BodyPromise& promise = *body->promises[0];
     wanted[promise.peer][promise.number / wire::kBodiesPerPart] |=
         static_cast<std::uint8_t>(1U << (promise.number % wire::kBodiesPerPart));
   }
