@@ -1,10 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "resources.hpp"
 
+#include <malloc.h>
+#include <sys/mman.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <cstdint>
 #include <cstdio>
+#include <cstdlib>
+#include <limits>
 
 namespace nearmesh {
 
@@ -21,6 +26,23 @@ std::uint64_t resident_memory_bytes() {
     std::fclose(file);
   }
   return static_cast<std::uint64_t>(pages) * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE));
+}
+
+void keep_large_heap() {
+#ifdef __GLIBC__
+  constexpr int kReserved = 1 << 30, kStep = 1 << 26;
+  ::mallopt(M_MMAP_MAX, 0);
+  ::mallopt(M_TRIM_THRESHOLD, std::numeric_limits<int>::max());
+  // Addresses alone: pages come when they are used.
+  ::mallopt(M_TOP_PAD, kReserved);
+  const auto page = static_cast<std::uintptr_t>(::sysconf(_SC_PAGESIZE));
+  const auto begin = (reinterpret_cast<std::uintptr_t>(::sbrk(0)) + page - 1) / page * page;
+  void* volatile first = std::malloc(kStep);  // or the compiler leaves both out
+  std::free(first);
+  const auto end = reinterpret_cast<std::uintptr_t>(::sbrk(0));
+  static_cast<void>(::madvise(reinterpret_cast<void*>(begin), end - begin, MADV_HUGEPAGE));
+  ::mallopt(M_TOP_PAD, kStep);
+#endif
 }
 
 }  // namespace nearmesh

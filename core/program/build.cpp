@@ -278,6 +278,7 @@ std::optional<CommonLattice> common_lattice(double cell_m, const std::array<doub
 }
 
 Status run(const BuildOptions& options) {
+  keep_large_heap();
   Stopwatch watch;
   if (!options.per_node)
     NEARMESH_RETURN_IF_ERROR(check_output(options.out, file_layout::kModelFile, {options.in}));

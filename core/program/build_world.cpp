@@ -368,6 +368,7 @@ void report(const BuildWorldOptions& options, const WorldPlan& plan, const Sum& 
 }  // namespace
 
 Status run(const BuildWorldOptions& options) {
+  keep_large_heap();
   const Stopwatch watch;
   const std::string& world = options.build.out;
   const auto repeat = parse_repeat(options.repeat);

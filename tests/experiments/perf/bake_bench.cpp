@@ -386,6 +386,7 @@ void bake_model(const std::string& input, const std::string& output, unsigned th
 }  // namespace
 
 int main(int argc, char** argv) {
+  keep_large_heap();  // as nearmesh-model does
   const std::string what = argc > 1 ? argv[1] : "1000000";
   const unsigned threads = argc > 2 ? static_cast<unsigned>(std::strtoul(argv[2], nullptr, 10)) : 0;
   std::uint64_t faces = 0;
