@@ -19,6 +19,17 @@ constexpr std::uint64_t kTestsATurn = 50'000;
 /// So much of its way may a body end beside where it is predicted (figures: README.md).
 constexpr double kOffCourse = 1.0 / 40;
 
+/// At most so many: small ones say little as long as large ones are not known.
+std::vector<NodeSpan> largest_of(std::span<const NodeSpan> nodes, std::size_t most) {
+  std::vector<NodeSpan> largest(nodes.begin(), nodes.end());
+  if (largest.size() <= most) return largest;
+  std::sort(largest.begin(), largest.end(), [](const NodeSpan& one, const NodeSpan& other) {
+    return one.size != other.size ? one.size > other.size : one < other;
+  });
+  largest.resize(most);
+  return largest;
+}
+
 Motion motion_of(const CertificateRequest::Pair& pair) {
   const double w = pair.rotation[0], x = pair.rotation[1], y = pair.rotation[2],
                z = pair.rotation[3];
@@ -105,7 +116,9 @@ CertificateMaker::CertificateMaker(CertificateRequest request,
 
 Status CertificateMaker::split(const CertificateRequest::Pair& pair, std::span<const NodeSpan> a,
                                std::span<const NodeSpan> b) {
-  for (const auto& [model, nodes] : {std::pair{pair.a, a}, std::pair{pair.b, b}}) {
+  for (const auto& [model, lacking] : {std::pair{pair.a, a}, std::pair{pair.b, b}}) {
+    const std::vector<NodeSpan> nodes =
+        largest_of(lacking, kMaxSplits - std::min(kMaxSplits, split_count_));
     if (nodes.empty()) continue;
     const ActiveMesh& mesh = mirrors_[model]->model().mesh;
     for (const NodeSpan& node : nodes)

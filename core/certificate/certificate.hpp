@@ -25,7 +25,8 @@ namespace nearmesh {
 /// Makes the batches, a little at a time, so that who serves many is never held up by one. Threads: one at a time.
 class CertificateMaker {
  public:
-  /// So many splits at most are sent for one request, and so many tests made, some tenths of a second; the peer asks on.
+  /// So many splits at most are sent for one request, and those that they rest on, and so many tests made, some tenths of a second;
+  /// the peer asks on.
   static constexpr std::size_t kMaxSplits = 16'384;
   static constexpr std::uint64_t kMaxTests = 10'000'000;
 

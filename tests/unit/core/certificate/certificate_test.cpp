@@ -344,6 +344,46 @@ TEST(Mirrors, OfOneThatHoldsMuchDisplaceNoOthers) {
   EXPECT_EQ(mirrors.told_splits(), 3 * file.header().split_count());
 }
 
+TEST(Mirrors, OfMoreThanSoManyTheOneThatWasLongestUnusedIsForgotten) {
+  const std::unique_ptr<test::TempFile> path =
+      test::write_model(test::bake_mesh(generate_sphere(6, 1), 16));
+  ModelFile file = ModelFile::open(path->path()).value();
+  ASSERT_LT(file.header().split_count() * Mirrors::kMaxMirrors, Mirrors::kMaxSplits);
+  const std::vector<std::uint8_t> whole = test::held_whole(file.header());
+  Mirror all(file);
+  ASSERT_TRUE(all.hold(whole).is_ok());
+  Mirrors mirrors;
+  const auto is_known = [&](std::uint64_t peer, const std::vector<std::uint8_t>& held) {
+    return mirrors.find(peer, file, all.state(), held).value() != nullptr;
+  };
+  for (std::uint64_t peer = 0; peer < Mirrors::kMaxMirrors; ++peer)
+    ASSERT_TRUE(is_known(peer, whole));
+  EXPECT_TRUE(is_known(0, {})) << "and so it was used last";
+  EXPECT_TRUE(is_known(Mirrors::kMaxMirrors, whole));
+  EXPECT_TRUE(is_known(0, {}));
+  EXPECT_TRUE(is_known(2, {}));
+  EXPECT_FALSE(is_known(1, {}));
+}
+
+// Two terrains that lie in each other: what one request may bring ends before what they need does.
+TEST(CertificateMakers, SendSoManySplitsForARequestAndThePeerAsksOn) {
+  const BakedModel terrain = test::bake_mesh(generate_terrain(160, 7), 16);
+  Desk desk(terrain, terrain);
+  Motion aside;
+  aside.pose.translation_m = {1, 2, 0.5};
+  std::vector<std::size_t> sent;
+  for (std::size_t before = 0; sent.empty() || sent.back() > 0; before = desk.splits) {
+    ASSERT_LT(sent.size(), 20U) << "it never ends";
+    BegunCertificate begun = desk.begin(desk.ask({}, aside, 0));
+    ASSERT_TRUE(begun.maker) << begun.why_not;
+    desk.answer(*begun.maker);
+    sent.push_back(desk.splits - before);
+  }
+  EXPECT_GT(sent.size(), 2U);
+  for (std::size_t i = 0; i < sent.size(); ++i)
+    EXPECT_LT(sent[i], CertificateMaker::kMaxSplits * 11 / 10) << "request " << i;
+}
+
 TEST(CertificateRequests, SayWhatIsHeldAsItIsOrAreSentAway) {
   const BakedModel terrain = test::bake_named("terrain"), aircraft = test::bake_named("aircraft");
   Desk desk(terrain, aircraft);
