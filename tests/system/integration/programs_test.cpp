@@ -746,8 +746,9 @@ TEST_F(RecordedFlights, WhatWasFreeByPromisesIsProvedFromTheRecording) {
       << err;
   for (const json& topic : json::parse(out).at("topics"))
     if (const std::string name = topic.at("name");
-        name.ends_with("near_poses") || name.ends_with("body_promises"))
+        name.ends_with("near_poses") || name.ends_with("body_promises")) {
       EXPECT_GT(topic.at("samples"), 0U) << topic;
+    }
 }
 
 TEST_F(Programs, LateRecorderProvesWhatFollowsAndCountsWhatWasBefore) {

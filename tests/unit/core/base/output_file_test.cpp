@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Files are written whole or not at all, and never over what is none of their kind.
 #include "core/base/output_file.hpp"
+#include "tests/support/folder.hpp"
 
 #include <gtest/gtest.h>
 #include <sys/resource.h>
@@ -8,7 +9,6 @@
 #include <unistd.h>
 
 #include <csignal>
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
@@ -22,12 +22,6 @@ constexpr FileKind kPoem{"a poem", "POEM"};
 
 class OutputFiles : public ::testing::Test {
  protected:
-  OutputFiles() {
-    std::string name = ::testing::TempDir() + "nearmesh_output_XXXXXX";
-    EXPECT_NE(::mkdtemp(name.data()), nullptr);
-    folder = name;
-  }
-  ~OutputFiles() override { fs::remove_all(folder); }
   [[nodiscard]] std::string put(const std::string& name, const std::string& text) const {
     std::ofstream(folder / name) << text;
     return (folder / name).string();
@@ -47,7 +41,8 @@ class OutputFiles : public ::testing::Test {
     EXPECT_EQ(status.code(), code) << status.message();
     EXPECT_TRUE(status.message().starts_with(path + ": ")) << status.message();
   }
-  fs::path folder;
+  const test::Folder scratch_;
+  const fs::path folder = scratch_.path();
 };
 
 /// As on a full disk: no byte of any file can be written while this lives.

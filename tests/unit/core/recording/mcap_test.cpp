@@ -8,6 +8,7 @@
 
 #include "core/base/random.hpp"
 #include "core/recording/mcap_recording.hpp"
+#include "tests/support/folder.hpp"
 
 namespace nearmesh {
 namespace {
@@ -52,12 +53,6 @@ Told told_by(RecordingReader& reader) {
 
 class McapRecording : public ::testing::Test {
  protected:
-  McapRecording() {
-    std::string name = ::testing::TempDir() + "nearmesh_mcap_XXXXXX";
-    EXPECT_NE(::mkdtemp(name.data()), nullptr);
-    folder_ = name;
-  }
-  ~McapRecording() override { fs::remove_all(folder_); }
   [[nodiscard]] std::string path(const std::string& name) const {
     return (folder_ / name).string();
   }
@@ -120,7 +115,8 @@ class McapRecording : public ::testing::Test {
     std::ofstream(path(name), std::ios::binary) << bytes;
   }
 
-  fs::path folder_;
+  const test::Folder scratch_;
+  const fs::path folder_ = scratch_.path();
 };
 
 TEST_F(McapRecording, WhatGoesInComesOut) {

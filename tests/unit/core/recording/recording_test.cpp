@@ -20,6 +20,7 @@
 
 #include "core/base/random.hpp"
 #include "core/base/stopwatch.hpp"
+#include "tests/support/folder.hpp"
 
 namespace nearmesh {
 namespace {
@@ -30,16 +31,11 @@ constexpr auto kNobodyWrites = static_cast<fs::perms>(0555);
 
 class Recording : public ::testing::Test {
  protected:
-  Recording() {
-    std::string name = ::testing::TempDir() + "nearmesh_rec_XXXXXX";
-    EXPECT_NE(::mkdtemp(name.data()), nullptr);
-    folder_ = name;
-  }
-  ~Recording() override { fs::remove_all(folder_); }
   [[nodiscard]] std::string path(const std::string& name = "s.db3") const {
     return (folder_ / name).string();
   }
-  fs::path folder_;
+  const test::Folder scratch_;
+  const fs::path folder_ = scratch_.path();
 };
 
 RecordingFacts facts(std::uint32_t part = 0) {

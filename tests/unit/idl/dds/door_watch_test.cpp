@@ -3,14 +3,13 @@
 
 #include <gtest/gtest.h>
 
-#include <cstdlib>
-#include <filesystem>
 #include <string>
 #include <vector>
 
 #include "idl/dds/door_watch.hpp"
 #include "idl/security/identity_book.hpp"
 #include "idl/security/security.hpp"
+#include "tests/support/folder.hpp"
 #include "tests/support/rtps_message.hpp"
 
 namespace nearmesh::wire {
@@ -18,15 +17,13 @@ namespace {
 
 // A participant hears others before its mailbox is there: while it is being made.
 TEST(DoorWatch, SaysAlsoWhatItHeardBeforeAnybodyListened) {
-  std::string folder = ::testing::TempDir() + "nearmesh_door_XXXXXX";
-  ASSERT_NE(::mkdtemp(folder.data()), nullptr);
+  const nearmesh::test::Folder folder;
   SecurityPlan plan;
   plan.prefix = "rig";
   plan.identities = {{"one", Role::kSubscriber}};
-  ASSERT_TRUE(make_security(folder + "/set", plan).is_ok());
-  const std::string at = folder + "/set/one/";
+  ASSERT_TRUE(make_security(folder.file("set"), plan).is_ok());
+  const std::string at = folder.file("set/one/");
   auto book = IdentityBook::open({at + "identity_ca.cert.pem", at + "cert.pem", ""});
-  std::filesystem::remove_all(folder);
   ASSERT_TRUE(book.is_ok()) << book.status().message();
   DoorWatch watch(true, std::move(book).value(), 5);
 

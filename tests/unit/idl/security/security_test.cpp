@@ -10,6 +10,7 @@
 
 #include "idl/security/identity_book.hpp"
 #include "idl/security/security_crypto.hpp"
+#include "tests/support/folder.hpp"
 
 namespace nearmesh::wire {
 namespace {
@@ -23,13 +24,9 @@ const std::string kPrefix = "site";
 class Security : public ::testing::Test {
  protected:
   Security() {
-    std::string name = ::testing::TempDir() + "nearmesh_security_XXXXXX";
-    EXPECT_NE(::mkdtemp(name.data()), nullptr);
-    folder = name;
     EXPECT_TRUE(make("set").is_ok());
     alice = folder + "/set/alice";
   }
-  ~Security() override { fs::remove_all(folder); }
 
   static SecurityPlan plan() {
     SecurityPlan plan;
@@ -89,7 +86,9 @@ class Security : public ::testing::Test {
     EXPECT_EQ(check_security(alice, kDomain, kPrefix).size(), 1U);
   }
 
-  std::string folder, alice;
+  const nearmesh::test::Folder scratch;
+  const std::string folder = scratch.path();
+  std::string alice;
 };
 
 TEST_F(Security, WhatIsMadeIsGoodForEveryRole) {

@@ -6,6 +6,7 @@
 
 #include "bad_motions.hpp"
 #include "subscriber/program/scene.hpp"
+#include "tests/support/folder.hpp"
 #include "tests/unit/subscriber/peer/judge.hpp"
 
 namespace nearmesh {
@@ -17,12 +18,6 @@ using test::expect_names;
 
 class BadNumbersInFiles : public ::testing::Test {
  protected:
-  void SetUp() override {
-    std::string name = ::testing::TempDir() + "nearmesh_bad_XXXXXX";
-    ASSERT_NE(::mkdtemp(name.data()), nullptr);
-    folder_ = name;
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
   static std::string row(const Motion& motion) {
     std::string text;
     char cell[40];
@@ -42,7 +37,8 @@ class BadNumbersInFiles : public ::testing::Test {
            "pairs:\n  - [ground, one]\n";
     return subscriber::program::read_scene((folder_ / "scene.yaml").string());
   }
-  std::filesystem::path folder_;
+  const test::Folder scratch_;
+  const std::filesystem::path folder_ = scratch_.path();
 };
 
 TEST_F(BadNumbersInFiles, OfATrajectoryAreRefusedWithFileAndLine) {

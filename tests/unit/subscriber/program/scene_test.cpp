@@ -2,9 +2,9 @@
 #include "subscriber/program/scene.hpp"
 
 #include <filesystem>
-#include <fstream>
 
 #include "test_models.hpp"
+#include "tests/support/folder.hpp"
 
 namespace nearmesh {
 namespace {
@@ -12,29 +12,16 @@ namespace {
 using subscriber::program::read_scene;
 using subscriber::program::Scene;
 
-// A folder with a scene and a flight of three frames, gone at the end.
-class Folder {
+/// With a flight of three frames.
+class Folder : public test::Folder {
  public:
   Folder() {
-    std::string name = ::testing::TempDir() + "nearmesh_scene_XXXXXX";
-    EXPECT_NE(::mkdtemp(name.data()), nullptr);
-    path_ = name;
     write("flight1.csv",
           "t,R00,R01,R02,R10,R11,R12,R20,R21,R22,T0,T1,T2\n"
           "0,1,0,0,0,1,0,0,0,1,0,0,100\n"
           "0.05,1,0,0,0,1,0,0,0,1,8,0,100\n"
           "0.1,1,0,0,0,1,0,0,0,1,20,0,100\n");
   }
-  Folder(const Folder&) = delete;
-  Folder& operator=(const Folder&) = delete;
-  ~Folder() { std::filesystem::remove_all(path_); }
-  void write(const std::string& name, const std::string& text) const {
-    std::ofstream(path_ / name) << text;
-  }
-  std::string file(const std::string& name) const { return (path_ / name).string(); }
-
- private:
-  std::filesystem::path path_;
 };
 
 constexpr const char* kScene =

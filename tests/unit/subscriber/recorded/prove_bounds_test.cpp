@@ -3,8 +3,6 @@
 // found out.
 #include "subscriber/recorded/prove_bounds.hpp"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <filesystem>
 
@@ -13,6 +11,7 @@
 #include "core/world/world_folder.hpp"
 #include "nearmesh/subscriber/peer/local_channel.hpp"
 #include "subscriber/recorded/verify.hpp"
+#include "tests/support/folder.hpp"
 #include "tests/support/kept_channel.hpp"
 #include "tests/unit/subscriber/peer/world.hpp"
 
@@ -33,13 +32,7 @@ class ProveBounds : public ::testing::Test {
     std::uint64_t made = 0;
   };
 
-  ProveBounds() {
-    std::string name = ::testing::TempDir() + "nearmesh_bounds_XXXXXX";
-    EXPECT_NE(::mkdtemp(name.data()), nullptr);
-    folder_ = name;
-    world_.start_publisher();
-  }
-  ~ProveBounds() override { std::filesystem::remove_all(folder_); }
+  ProveBounds() { world_.start_publisher(); }
 
   Motion anywhere() {
     const BakedModel& ground = terrain().model;
@@ -139,7 +132,8 @@ class ProveBounds : public ::testing::Test {
   Random random_{11};
   KeptSamples kept_;
   std::uint64_t said_ = 0;
-  std::string folder_;
+  const test::Folder scratch_;
+  const std::string folder_ = scratch_.path();
   int files_ = 0;
 };
 
@@ -715,7 +709,9 @@ TEST_F(ProveBounds, WhatTheHostHeardElsewhereIsNotProvable) {
   for (std::uint64_t frame = 0; frame < 6; ++frame) {
     const std::vector<Session::HeardPose> heard = {
         {.body = other, .time_s = static_cast<double>(frame) * kFrame_s, .motion = far}};
-    if (frame >= 2) ASSERT_TRUE(session.hear(heard).is_ok());
+    if (frame >= 2) {
+      ASSERT_TRUE(session.hear(heard).is_ok());
+    }
     world_.round(session, frame, {{own, Motion{}}});
   }
   const BoundsProof proof = prove(kept_);

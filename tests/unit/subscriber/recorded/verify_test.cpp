@@ -2,14 +2,13 @@
 // A session on the memory bus is recorded and proved; recordings that were tampered with are found out.
 #include "subscriber/recorded/verify.hpp"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
 
 #include "nearmesh/idl/dds/payload.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
+#include "tests/support/folder.hpp"
 #include "tests/unit/subscriber/peer/world.hpp"
 
 namespace nearmesh {
@@ -49,13 +48,6 @@ struct Recorded {
 
 class Verify : public ::testing::Test {
  protected:
-  Verify() {
-    std::string name = ::testing::TempDir() + "nearmesh_verify_XXXXXX";
-    EXPECT_NE(::mkdtemp(name.data()), nullptr);
-    folder_ = name;
-  }
-  ~Verify() override { std::filesystem::remove_all(folder_); }
-
   static wire::MeshHeader header_of(const ServedModel& served) {
     const ModelFile file = served.open();
     const auto bytes = file.header_bytes();
@@ -211,7 +203,8 @@ class Verify : public ::testing::Test {
     return std::move(opened).value();
   }
 
-  std::string folder_;
+  const test::Folder scratch_;
+  const std::string folder_ = scratch_.path();
   int files_ = 0;
 };
 

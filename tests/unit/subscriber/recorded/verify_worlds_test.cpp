@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Sessions with worlds are recorded and proved; so is what follows after tiles and detail were given up. What was forged is found out, and what
 // is not in the recording is never called proved.
-#include <unistd.h>
 
 #include <algorithm>
 #include <filesystem>
@@ -11,6 +10,7 @@
 #include "nearmesh/subscriber/peer/local_channel.hpp"
 #include "subscriber/recorded/verify.hpp"
 #include "tests/support/cut_world.hpp"
+#include "tests/support/folder.hpp"
 #include "tests/support/kept_channel.hpp"
 
 namespace nearmesh {
@@ -25,13 +25,6 @@ using subscriber::VerifyReport;
 
 class VerifyWorlds : public ::testing::Test {
  protected:
-  VerifyWorlds() {
-    std::string name = ::testing::TempDir() + "nearmesh_verify_worlds_XXXXXX";
-    EXPECT_NE(::mkdtemp(name.data()), nullptr);
-    folder_ = name;
-  }
-  ~VerifyWorlds() override { std::filesystem::remove_all(folder_); }
-
   struct Plan {
     SessionOptions options{};
     int scenes = 30;
@@ -131,7 +124,8 @@ class VerifyWorlds : public ::testing::Test {
 
   const CutTerrain terrain_;
   const std::unique_ptr<TempFile> ball_ = write_model(cut_ball());
-  std::string folder_;
+  const test::Folder scratch_;
+  const std::string folder_ = scratch_.path();
   std::size_t came_at_ = 0;  ///< the recorder
   int files_ = 0;
 };
