@@ -31,17 +31,23 @@ namespace {
 constexpr FileKind kAnswersFile{"a file of answers", "{\"frame\":", "{\"summary\":"};
 
 /// The exercise's clock. Nobody keeps it: it runs with each peer's own, and who hears a later time goes on from there. So it
-/// is the latest of all, less what a pose takes on its way, and none is ever set back.
+/// is the latest of all, less what a pose takes on its way, and none is ever set back. Who moves nothing has no time of its own, and waits
+/// for the first that it hears: the exercise may begin, or be played, long after it.
 class ExerciseClock {
  public:
-  [[nodiscard]] double now_s() const { return ahead_s_ + clock_.seconds(); }
+  explicit ExerciseClock(bool moves_bodies) : runs_(moves_bodies) {}
+  [[nodiscard]] double now_s() const { return runs_ ? ahead_s_ + clock_.seconds() : 0; }
   void follow(std::optional<double> heard_s) {
-    if (heard_s) ahead_s_ = std::max(ahead_s_, *heard_s - clock_.seconds());
+    if (!heard_s) return;
+    const double ahead_s = *heard_s - clock_.seconds();
+    ahead_s_ = runs_ ? std::max(ahead_s_, ahead_s) : ahead_s;
+    runs_ = true;
   }
 
  private:
   const Stopwatch clock_{};
   double ahead_s_ = 0;
+  bool runs_;
 };
 
 /// At the end, while others still fly.
@@ -191,6 +197,7 @@ class Flight {
         clock_(clock),
         channel_(*channel),
         ros2_(std::move(ros2)),
+        exercise_(moves_any(scene, ros2_.get())),
         session_(std::move(channel), scene.session) {}
 
   Status prepare() {
@@ -326,6 +333,11 @@ class Flight {
   }
 
  private:
+  static bool moves_any(const Scene& scene, const Ros2Flight* ros2) {
+    for (std::size_t i = 0; i < scene.bodies.size(); ++i)
+      if (!scene.bodies[i].trajectory.empty() || (ros2 != nullptr && ros2->moves(i))) return true;
+    return false;
+  }
   // Bodies are added in the scene's order before any is discovered, and a session numbers them so.
   static BodyId id_of(std::size_t body) { return {static_cast<std::uint32_t>(body)}; }
 

@@ -202,6 +202,22 @@ TEST_F(ReplayProgram, LateJoinerIsAnsweredRight) {
   EXPECT_EQ(player->err().find("in the recording too"), std::string::npos) << player->err();
 }
 
+// It was there for longer than the session lasts, and follows the session's time all the same.
+TEST_F(ReplayProgram, AnOnlookerThatHasWaitedFollowsWhatIsPlayed) {
+  const std::string session = record_session();
+  write_scene("onlooker", "  []\n", "[[ground, one], [ground, two], [one, two]]");
+  const auto onlooker = fly("onlooker", 1);
+  test::pause(1.2 * kFrames / 50);
+  const auto player = start("nearmesh-publisher", replay(session, {}), "replaying");
+  ASSERT_EQ(player->wait(30), 0) << player->err();
+  onlooker->signal(SIGINT);
+  ASSERT_EQ(onlooker->wait(), 0) << onlooker->err();
+  const test::CheckedAnswers checked =
+      test::check_answers(folder, {terrain(), aircraft()}, folder.file("onlooker.jsonl"));
+  EXPECT_EQ(checked.wrong, 0U);
+  EXPECT_GT(checked.certified, 3U * kFrames / 2);
+}
+
 TEST_F(ReplayProgram, ALivePeerWithTheIdOfARecordedOneIsRefusedOnBothSides) {
   const std::string session = folder.file("golden.db3");
   std::filesystem::copy_file(NEARMESH_SESSION_DATA "/session_v1.db3", session);
