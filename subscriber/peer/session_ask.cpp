@@ -186,6 +186,23 @@ bool Session::Impl::request(PeerModel& model, const RegionMaker& region,
   return true;
 }
 
+// Which of the pairs that nobody chooses for lack something soon. After what is needed now was asked for.
+void Session::Impl::look_ahead_by_region(const FrameBudget& budget, const FrameReport& report) {
+  std::vector<Candidate> looks;
+  for (std::size_t i = 0; i < listed.size(); ++i) {
+    Pair& pair = *listed[i];
+    const PairAnswer& answer = report.answers[i];
+    if (!pair.by_region || answer.put_off || !answer.reason.empty()) continue;
+    if (!may_ask_for(*pair.a->model) && !may_ask_for(*pair.b->model)) continue;
+    if (need_of(pair, answer) == Need::kLook) looks.push_back({&pair, Need::kLook});
+  }
+  look_ahead(budget, looks, looked_by_region_in);
+  for (const Candidate& look : looks) {
+    if (look.need == Need::kNothing) look.pair->looked_ahead_s = time_s;
+    look.pair->lacks_soon = look.need == Need::kAhead;
+  }
+}
+
 // What the swept answers lack, and what else may be met within the horizon: all of it once something of it is lacked soon, for fewer and
 // fuller batches than a little in each frame.
 void Session::Impl::request_ahead(PeerModel& model, const FrameReport& report) {
@@ -231,6 +248,7 @@ void Session::Impl::ask(const FrameBudget& budget, FrameReport& report) {
   ask_certificates(budget, report);
   // Models take turns where time is short; one is served in any case.
   auto& models = replicas.all();
+  std::vector<PeerModel*> ahead;  // what is ahead may be asked for
   auto at = models.upper_bound(last_served);
   for (std::size_t i = 0; i < models.size(); ++i, ++at) {
     if (at == models.end()) at = models.begin();
@@ -255,13 +273,16 @@ void Session::Impl::ask(const FrameBudget& budget, FrameReport& report) {
     const bool is_asked = request(model, region_of(model, 0, report, Scope::kUncertified),
                                   missing_of(model, report, false), kNeededNow);
     region_cost.add(watch.seconds());
+    if (!is_asked && may_prefetch) ahead.push_back(&model);
+  }
+  if (ahead.empty()) return;
+  look_ahead_by_region(budget, report);
+  for (PeerModel* model : ahead) {
     // What is ahead can wait for some updates.
-    if (is_asked || !may_prefetch ||
-        (budget.left_s() < ahead_cost.seconds() && updates - asked_ahead_in < kPatientLooks))
-      continue;
-    const Stopwatch ahead;
-    request_ahead(model, report);
-    ahead_cost.add(ahead.seconds());
+    if (budget.left_s() < ahead_cost.seconds() && updates - asked_ahead_in < kPatientLooks) return;
+    const Stopwatch watch;
+    request_ahead(*model, report);
+    ahead_cost.add(watch.seconds());
     asked_ahead_in = updates;
   }
 }

@@ -66,8 +66,7 @@ bool Session::Impl::has_open(wire::SessionId publisher, const Pair& pair) const 
   });
 }
 
-// The pairs that need detail or may. Of those for which a publisher chooses none whose models wait for an answer; of others those that
-// may need it soon.
+// The pairs for which a publisher chooses, and that need detail or may: none of whose models waits for an answer.
 std::vector<Session::Impl::Candidate> Session::Impl::find_candidates(const FrameReport& report) {
   std::vector<Candidate> candidates;
   for (std::size_t i = 0; i < listed.size(); ++i) {
@@ -82,21 +81,19 @@ std::vector<Session::Impl::Candidate> Session::Impl::find_candidates(const Frame
     pair.by_region = pair.is_of_tile || publisher == nullptr || publisher->wants_regions ||
                      a.is_too_much_to_tell || b.is_too_much_to_tell ||
                      pair.asked.fruitless >= kMaxFruitless;
-    if (!report.answers[i].reason.empty()) continue;
-    if (pair.by_region ? !may_ask_for(a) && !may_ask_for(b)
-                       : !a.waiting.empty() || !b.waiting.empty() ||
-                             has_open(publisher->hello.publisher, pair))
-      continue;
-    const Need need = need_of(pair, report.answers[i]);
-    if (pair.by_region ? need == Need::kLook : need != Need::kNothing)
+    if (pair.by_region || !report.answers[i].reason.empty()) continue;
+    if (!a.waiting.empty() || !b.waiting.empty()) continue;
+    if (has_open(publisher->hello.publisher, pair)) continue;
+    if (const Need need = need_of(pair, report.answers[i]); need != Need::kNothing)
       candidates.push_back({&pair, need});
   }
   return candidates;
 }
 
 /// As many as there is time for, those first that were looked at longest ago; one in any
-/// case in some updates. The others wait for another update.
-void Session::Impl::look_ahead(const FrameBudget& budget, std::vector<Candidate>& candidates) {
+/// case in some updates. The others wait for another update. `looked_in`: the last update that looked, or had no need to.
+void Session::Impl::look_ahead(const FrameBudget& budget, std::vector<Candidate>& candidates,
+                               std::uint64_t& looked_in) {
   std::vector<Candidate*> looks;
   for (Candidate& candidate : candidates)
     if (candidate.need == Need::kLook) looks.push_back(&candidate);
@@ -108,7 +105,7 @@ void Session::Impl::look_ahead(const FrameBudget& budget, std::vector<Candidate>
     const std::size_t turn = next++;
     Candidate& look = *looks[turn];
     const double left_s = budget.left_s();
-    if ((turn > 0 || updates - looked_ahead_in < kPatientLooks) &&
+    if ((turn > 0 || updates - looked_in < kPatientLooks) &&
         left_s < (look.pair->look_cost_s > 0 ? look.pair->look_cost_s : look_cost.seconds()))
       return;
     const Stopwatch watch;
@@ -117,7 +114,7 @@ void Session::Impl::look_ahead(const FrameBudget& budget, std::vector<Candidate>
     ++looked;
   });
   stats.looks_ahead += looked;
-  if (looked > 0 || looks.empty()) looked_ahead_in = updates;
+  if (looked > 0 || looks.empty()) looked_in = updates;
   for (const Candidate* look : looks)
     if (look->need != Need::kLook) look_cost.add(look->pair->look_cost_s);
 }
@@ -125,7 +122,7 @@ void Session::Impl::look_ahead(const FrameBudget& budget, std::vector<Candidate>
 // Where one publisher serves both models of a pair it is told where the bodies are, and chooses what certifies.
 void Session::Impl::ask_certificates(const FrameBudget& budget, const FrameReport& report) {
   std::vector<Candidate> candidates = find_candidates(report);
-  look_ahead(budget, candidates);
+  look_ahead(budget, candidates, looked_ahead_in);
   struct Due {
     std::vector<Pair*> now, ahead;
   };
@@ -135,10 +132,6 @@ void Session::Impl::ask_certificates(const FrameBudget& budget, const FrameRepor
     if (candidate.need == Need::kLook) continue;
     if (candidate.need == Need::kNothing) {
       pair.looked_ahead_s = time_s;
-      continue;
-    }
-    if (pair.by_region) {
-      pair.lacks_soon = true;  // request_ahead()
       continue;
     }
     const PeerModel &a = *pair.a->model, &b = *pair.b->model;

@@ -296,6 +296,7 @@ struct Session::Impl {
   double looked_for_use_s = -std::numeric_limits<double>::infinity();  // give_up_unused() did
   std::uint64_t asked_ahead_in = 0;   // the last update that asked by region for what is ahead
   std::uint64_t looked_ahead_in = 0;  // the last update that looked ahead, or had no need to
+  std::uint64_t looked_by_region_in = 0;
   // Of this update's time, when the last pair that was asked had been: to put off the others takes time, too.
   double asked_by_s = 0;
   bool has_updated = false;
@@ -456,7 +457,9 @@ struct Session::Impl {
     Need need;
   };
   [[nodiscard]] std::vector<Candidate> find_candidates(const FrameReport& report);
-  void look_ahead(const FrameBudget& budget, std::vector<Candidate>& candidates);
+  void look_ahead(const FrameBudget& budget, std::vector<Candidate>& candidates,
+                  std::uint64_t& looked_in);
+  void look_ahead_by_region(const FrameBudget& budget, const FrameReport& report);
   [[nodiscard]] Need need_of(const Pair& pair, const PairAnswer& answer) const;
   [[nodiscard]] bool is_lacking_soon(const Pair& pair, std::uint64_t max_tests) const;
   void request_certificate(const Publisher& publisher, std::span<Pair* const> asked,
