@@ -49,7 +49,6 @@ struct PeerModel {
   };
   std::deque<Batch> waiting;          // encoded batches, in order of arrival
   std::set<wire::SessionId> damaged;  // publishers whose batches were, as was said
-  /// The session's time when the last look ahead found no region to ask for.
   /// The publisher that was told last where bodies of this model are: it knows what is held, unless something came or went since
   /// that it did not choose. Then it is told with the next request, if that is not too much.
   wire::SessionId told = 0;

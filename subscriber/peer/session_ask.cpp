@@ -191,6 +191,7 @@ void Session::Impl::look_ahead_by_region(const FrameBudget& budget, const FrameR
   std::vector<Candidate> looks;
   for (std::size_t i = 0; i < listed.size(); ++i) {
     Pair& pair = *listed[i];
+    pair.lacks_soon = false;
     const PairAnswer& answer = report.answers[i];
     if (!pair.by_region || answer.put_off || !answer.reason.empty()) continue;
     if (!may_ask_for(*pair.a->model) && !may_ask_for(*pair.b->model)) continue;

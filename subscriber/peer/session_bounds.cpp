@@ -141,11 +141,11 @@ void Session::Impl::tell_bounds(std::uint64_t frame, std::uint64_t free,
                             .clearance_m = float_at_most(bounds.clearance_m(options.margin_m)),
                             .horizon_s = float_at_most(bounds.horizon_s(horizon_s())),
                             .heard = heard_of_movers()};
-  for (const auto& [id, body] : bodies) {
-    const bool is_told = body.told.known != Told::Known::kNot;
-    const bool is_elsewhere = body.told.known == Told::Known::kPromised && !body.own &&
-                              !body.is_by_promise && body.near_sequence == 0;
-    report.rests_on_more |= broad.is_placed(*body.slot) && (!is_told || is_elsewhere);
+  for (const Body* body : present) {
+    const bool is_told = body->told.known != Told::Known::kNot;
+    const bool is_elsewhere = body->told.known == Told::Known::kPromised && !body->own &&
+                              !body->is_by_promise && body->near_sequence == 0;
+    report.rests_on_more |= broad.is_placed(*body->slot) && (!is_told || is_elsewhere);
   }
   channel->tell_bounds(report);
 }

@@ -70,9 +70,8 @@ bool Session::Impl::has_open(wire::SessionId publisher, const Pair& pair) const 
 std::vector<Session::Impl::Candidate> Session::Impl::find_candidates(const FrameReport& report) {
   std::vector<Candidate> candidates;
   for (std::size_t i = 0; i < listed.size(); ++i) {
-    Pair& pair = *listed[i];
-    pair.lacks_soon = false;
     if (report.answers[i].put_off) continue;
+    Pair& pair = *listed[i];
     const PeerModel &a = *pair.a->model, &b = *pair.b->model;
     const Publisher* publisher = publisher_of(a.content_hash, b.content_hash);
     if (pair.asked.fruitless > 0 && a.is_ready() && b.is_ready() &&

@@ -53,6 +53,8 @@ class Programs : public ::testing::Test {
     words.insert(words.end(), more.begin(), more.end());
     return std::make_unique<Process>(folder, "nearmesh-subscriber", on_bus(words));
   }
+  /// Two peers fly "first" and "second" to their ends, recorded.
+  void fly_recorded(const std::string& session);
 
   // Writes flight1.csv and flight2.csv.
   void write_flights(int frames) const {
@@ -667,11 +669,7 @@ void expect_proved(const Folder& folder, const std::string& session, std::uint64
   EXPECT_GT(v.at("answers"), least);
 }
 
-TEST_F(Programs, RecordedSessionComesOutAgain) {
-  write_flights(100);
-  write_scene("first", {"one"}, "[[ground, one], [one, two]]");
-  write_scene("second", {"two"}, "[[ground, two], [one, two]]");
-  const std::string session = folder.file("session.db3");
+void Programs::fly_recorded(const std::string& session) {
   const auto recorder = record(folder, on_bus({"record", "-o", session}));
   const auto publisher = serve();
   const auto first = fly("first"), second = fly("second");
@@ -679,6 +677,14 @@ TEST_F(Programs, RecordedSessionComesOutAgain) {
   ASSERT_EQ(second->wait(), 0) << second->err();
   recorder->signal(SIGINT);
   ASSERT_EQ(recorder->wait(), 0) << recorder->err();
+}
+
+TEST_F(Programs, RecordedSessionComesOutAgain) {
+  write_flights(100);
+  write_scene("first", {"one"}, "[[ground, one], [one, two]]");
+  write_scene("second", {"two"}, "[[ground, two], [one, two]]");
+  const std::string session = folder.file("session.db3");
+  ASSERT_NO_FATAL_FAILURE(fly_recorded(session));
 
   std::string out, err;
   ASSERT_EQ(test::run(folder, "nearmesh-subscriber", {"info", session, "--json"}, &out, &err), 0)
@@ -704,13 +710,7 @@ TEST_F(Programs, RecordedSessionComesOutAgain) {
 class RecordedFlights : public Programs {
  protected:
   void fly_and_prove(const std::string& session) {
-    const auto recorder = record(folder, on_bus({"record", "-o", session}));
-    const auto publisher = serve();
-    const auto first = fly("first"), second = fly("second");
-    ASSERT_EQ(first->wait(), 0) << first->err();
-    ASSERT_EQ(second->wait(), 0) << second->err();
-    recorder->signal(SIGINT);
-    ASSERT_EQ(recorder->wait(), 0) << recorder->err();
+    ASSERT_NO_FATAL_FAILURE(fly_recorded(session));
     std::uint64_t said = 0;
     for (const char* scene : {"first", "second"})
       for (const json& line : answers_of(scene))
