@@ -6,10 +6,12 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <cstddef>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <limits>
+#include <memory>
 
 namespace nearmesh {
 
@@ -35,12 +37,13 @@ void keep_large_heap() {
   ::mallopt(M_TRIM_THRESHOLD, std::numeric_limits<int>::max());
   // Addresses alone: pages come when they are used.
   ::mallopt(M_TOP_PAD, kReserved);
-  const auto page = static_cast<std::uintptr_t>(::sysconf(_SC_PAGESIZE));
-  const auto begin = (reinterpret_cast<std::uintptr_t>(::sbrk(0)) + page - 1) / page * page;
+  void* begin = ::sbrk(0);
   void* volatile first = std::malloc(kStep);  // or the compiler leaves both out
   std::free(first);
-  const auto end = reinterpret_cast<std::uintptr_t>(::sbrk(0));
-  static_cast<void>(::madvise(reinterpret_cast<void*>(begin), end - begin, MADV_HUGEPAGE));
+  auto bytes = static_cast<std::size_t>(static_cast<char*>(::sbrk(0)) - static_cast<char*>(begin));
+  const auto page = static_cast<std::size_t>(::sysconf(_SC_PAGESIZE));
+  if (std::align(page, page, begin, bytes) != nullptr)
+    static_cast<void>(::madvise(begin, bytes, MADV_HUGEPAGE));
   ::mallopt(M_TOP_PAD, kStep);
 #endif
 }
