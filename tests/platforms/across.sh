@@ -16,6 +16,7 @@ shift
 what=" ${*:-digest models udp tcp discovery secured recordings datagrams} "
 tree=$(cd "$here/../.." && pwd)
 out=$root.out/across
+rm -rf "$out"  # of an earlier run
 mkdir -p "$out"
 cd "$out"
 
