@@ -357,27 +357,32 @@ bool boxes_stay_apart(const RelativeFrame& f, const Drift& drift, const Centered
   return false;
 }
 
-double boxes_gap_m(const RelativeFrame& f, const CenteredBox& a, const CenteredBox& b) {
+double boxes_gap_m(const RelativeFrame& f, const CenteredBox& a, const CenteredBox& b,
+                   double enough_m) {
   const BoxPair pair = pair_up(f, a, b, f.slack);
   // a's axes are orthonormal in A's units, b's normals in B's, so gaps along them add as squares.
-  double on_a = 0;
-  double on_b = 0;
+  const auto along = [](const auto& gap_on) {
+    double squares = 0;
+    for (std::size_t i = 0; i < 3; ++i) {
+      const double gap = positive(gap_on(i));
+      squares += gap * gap;
+    }
+    return std::sqrt(squares);
+  };
+  double gap_m = along([&](std::size_t i) { return gap_on_a(f, pair, i); }) *
+                 f.least_metres_per_unit * kGapShrink;
+  if (gap_m > 0 && gap_m >= enough_m) return gap_m;
+  gap_m = std::max(gap_m, along([&](std::size_t i) { return gap_on_b(f, pair, i); }) *
+                              f.least_metres_per_b_unit * kGapShrink);
+  if (gap_m > 0 && gap_m >= enough_m) return gap_m;
   double on_edges = 0;
-  for (std::size_t i = 0; i < 3; ++i) {
-    const double gap_a = positive(gap_on_a(f, pair, i));
-    const double gap_b = positive(gap_on_b(f, pair, i));
-    on_a += gap_a * gap_a;
-    on_b += gap_b * gap_b;
+  for (std::size_t i = 0; i < 3; ++i)
     for (std::size_t j = 0; j < 3; ++j) {
       const double gap = gap_on_edges(f, pair, i, j);
       if (gap > 0)
         on_edges = std::max(on_edges, gap / std::sqrt(edge_axis_length_squared(f, i, j)));
     }
-  }
-  return std::max({std::sqrt(on_a) * f.least_metres_per_unit,
-                   std::sqrt(on_b) * f.least_metres_per_b_unit,
-                   on_edges * f.least_metres_per_unit}) *
-         kGapShrink;
+  return std::max(gap_m, on_edges * f.least_metres_per_unit * kGapShrink);
 }
 
 DoubleTriangle to_a_units(const RelativeFrame& f, const std::array<GridPoint, 3>& b) {

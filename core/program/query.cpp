@@ -105,7 +105,6 @@ void add_tile(const MethodAnswer& tile, MethodAnswer& sum) {
 
 /// A is a world: the query is asked of each tile that boxes do not part from B.
 Status query_world(const PoseQueryOptions& options, const std::vector<PoseRow>& poses) {
-  constexpr std::size_t kOpenTiles = 64;
   NEARMESH_RETURN_IF_ERROR(check_world_options(options));
   const Result<WorldFolder> folder = WorldFolder::open(options.a);
   NEARMESH_RETURN_IF_ERROR(folder);
@@ -116,7 +115,7 @@ Status query_world(const PoseQueryOptions& options, const std::vector<PoseRow>& 
   NEARMESH_RETURN_IF_ERROR(b);
   const SpmHeader& header = b.value().header();
   const GridBox box = LocalModel(b.value().store(), header.grid).view().root().box;
-  OpenTiles tiles(folder.value(), kOpenTiles);
+  OpenTiles tiles(folder.value());
   std::array<std::uint64_t, 5> by_status{};
   for (const PoseRow& row : poses) {
     const auto posed_as = [&row, &header](const Grid& grid) -> Result<PosedPair> {

@@ -26,8 +26,8 @@ class Search {
       return {StatusCode::kCorrupt, "its pages list more tiles than its record"};
     for (const WorldEntry& entry : page.entries) {
       const CenteredBox box = centered(as_grid_box(entry.box()));
-      if (boxes_apart(frame_, box, body_)) {
-        out.apart_m = std::min(out.apart_m, boxes_gap_m(frame_, box, body_));
+      if (const double gap_m = boxes_gap_m(frame_, box, body_, out.apart_m); gap_m > 0) {
+        out.apart_m = std::min(out.apart_m, gap_m);
         continue;
       }
       if (page.level == 0) {

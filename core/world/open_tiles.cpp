@@ -1,7 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "open_tiles.hpp"
 
+#include <sys/resource.h>
+
+#include <algorithm>
+
 namespace nearmesh {
+namespace {
+
+std::size_t half_of_descriptors() {
+  rlimit limit{};
+  if (::getrlimit(RLIMIT_NOFILE, &limit) != 0) return 1;
+  return static_cast<std::size_t>(limit.rlim_cur / 2);
+}
+
+}  // namespace
+
+OpenTiles::OpenTiles(const WorldFolder& folder, std::size_t most_tiles, std::size_t most_splits)
+    : folder_(folder),
+      most_tiles_(std::min(most_tiles, half_of_descriptors())),
+      most_splits_(most_splits) {}
 
 Result<ModelFile> open_tile(const WorldFolder& folder, const ContentHash& content) {
   const std::string path = folder.tile_path(content);
@@ -20,17 +38,25 @@ Result<ModelFile> open_tile(const WorldFolder& folder, const ContentHash& conten
 Result<std::shared_ptr<ModelFile>> OpenTiles::open(const ContentHash& content) {
   if (const auto at = by_content_.find(content); at != by_content_.end()) {
     tiles_.splice(tiles_.begin(), tiles_, at->second);
-    return tiles_.front().second;
+  } else {
+    Result<ModelFile> file = open_tile(folder_, content);
+    NEARMESH_RETURN_IF_ERROR(file);
+    tiles_.emplace_front(content, std::make_shared<ModelFile>(std::move(file).value()));
+    by_content_[content] = tiles_.begin();
   }
-  Result<ModelFile> file = open_tile(folder_, content);
-  NEARMESH_RETURN_IF_ERROR(file);
-  while (tiles_.size() >= most_) {
+  close_unused();
+  return tiles_.front().second;
+}
+
+/// What they hold has grown since they were opened.
+void OpenTiles::close_unused() {
+  std::size_t splits = 0;
+  for (const auto& [content, file] : tiles_) splits += file->store().known_splits();
+  while (tiles_.size() > 1 && (tiles_.size() > most_tiles_ || splits > most_splits_)) {
+    splits -= tiles_.back().second->store().known_splits();
     by_content_.erase(tiles_.back().first);
     tiles_.pop_back();
   }
-  tiles_.emplace_front(content, std::make_shared<ModelFile>(std::move(file).value()));
-  by_content_[content] = tiles_.begin();
-  return tiles_.front().second;
 }
 
 }  // namespace nearmesh

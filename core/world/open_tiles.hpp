@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
-// Tiles that are open: the least recently used is closed where there are too many. A tile at rest costs nothing.
+// Tiles that are open: the least recently used are closed where there are too many, or hold too much. A tile at rest costs nothing.
 
 #include <list>
 #include <map>
@@ -16,16 +16,23 @@ namespace nearmesh {
 
 class OpenTiles {
  public:
-  /// Holds at most so many, one at least. The folder must outlive it.
-  OpenTiles(const WorldFolder& folder, std::size_t most) : folder_(folder), most_(most) {}
+  /// So many at most, each of which takes a descriptor; where a process may have few of these, half of them. And so many splits that
+  /// all of them have decoded: 0.1 kB each where a tile is whole, 0.8 below a flight, which needs a few of each page of memory.
+  static constexpr std::size_t kMostTiles = 512, kMostSplits = 1'000'000;
+
+  /// Holds one tile in any case. The folder must outlive it.
+  explicit OpenTiles(const WorldFolder& folder, std::size_t most_tiles = kMostTiles,
+                     std::size_t most_splits = kMostSplits);
 
   /// Closed when it is neither among those used last nor held by who asked for it. Errors: those of open_tile().
   [[nodiscard]] Result<std::shared_ptr<ModelFile>> open(const ContentHash& content);
   [[nodiscard]] std::size_t count() const { return by_content_.size(); }
 
  private:
+  void close_unused();
+
   const WorldFolder& folder_;
-  std::size_t most_;
+  const std::size_t most_tiles_, most_splits_;
   using Tiles = std::list<std::pair<ContentHash, std::shared_ptr<ModelFile>>>;
   Tiles tiles_;  // the last used first
   std::map<ContentHash, Tiles::iterator> by_content_;

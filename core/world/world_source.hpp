@@ -12,9 +12,6 @@ namespace nearmesh {
 
 class WorldSource {
  public:
-  /// Tiles that are open at most. At rest one costs what its header takes.
-  static constexpr std::size_t kMostOpen = 64;
-
   /// Errors: those of WorldFolder::open(), and of its root page.
   [[nodiscard]] static Result<std::unique_ptr<WorldSource>> open(const std::string& folder);
 
@@ -30,7 +27,7 @@ class WorldSource {
 
  private:
   explicit WorldSource(WorldFolder folder)
-      : folder_(std::move(folder)), tiles_(folder_, kMostOpen) {}
+      : folder_(std::move(folder)), tiles_(folder_) {}
 
   const WorldFolder folder_;
   OpenTiles tiles_;

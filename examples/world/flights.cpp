@@ -86,9 +86,11 @@ struct Plan {
   double rate_hz = 10;
 };
 
-/// Every body has a square of the world for itself. Those that fly low follow the ground, and every fourth of them touches it for a while.
+enum class Flight : std::uint8_t { kHigh, kLow, kLowAndTouching };
+
+/// Every body has a square of the world for itself. Those that fly low follow the ground; some touch it for a while.
 bool write_flight(const std::filesystem::path& path, const Ground& ground, const Plan& plan,
-                  int body, bool is_low) {
+                  int body, Flight flight) {
   constexpr double kSpeed_mps = 150, kAround_m = 20;
   const double world_m = plan.cells * kSpacing_m * plan.repeats;
   const int columns = static_cast<int>(std::ceil(std::sqrt(plan.bodies)));
@@ -101,8 +103,10 @@ bool write_flight(const std::filesystem::path& path, const Ground& ground, const
   for (int frame = 0; frame < plan.frames; ++frame) {
     const double x_m = x0 + kSpeed_mps * frame / plan.rate_hz;
     const double way = static_cast<double>(frame) / plan.frames;
-    const double dip_m = body % 4 == 0 && way > 0.4 && way < 0.6 ? -6 : 12;
-    const double z_m = is_low ? ground.top_m(x_m, y_m, kAround_m) + dip_m : 3000 + body % 50 * 100;
+    const bool dips = flight == Flight::kLowAndTouching && way > 0.4 && way < 0.6;
+    const double z_m = flight == Flight::kHigh
+                           ? 3000 + body % 50 * 100
+                           : ground.top_m(x_m, y_m, kAround_m) + (dips ? -6 : 12);
     out << "1,0,0,0," << x_m << ',' << y_m << ',' << z_m << '\n';
   }
   out.close();
@@ -120,13 +124,17 @@ bool write_peer(const std::filesystem::path& folder, const Ground& ground, const
   const int share = plan.bodies / std::max(plan.low, 1);
   for (int body = peer; body < plan.bodies; body += plan.peers) {
     const std::string its = "craft" + std::to_string(body);
-    const bool is_low = plan.low > 0 && body / plan.peers % share == 0;
-    if (!write_flight(flights / (its + ".csv"), ground, plan, body, is_low)) return false;
-    bodies += "  - {name: " + its + ", model: aircraft}\n";
+    const int which = body / plan.peers;  // of this peer's
+    const bool is_low = plan.low > 0 && which % share == 0;
+    const Flight flight = !is_low                  ? Flight::kHigh
+                          : which / share % 4 == 0 ? Flight::kLowAndTouching
+                                                   : Flight::kLow;
+    if (!write_flight(flights / (its + ".csv"), ground, plan, body, flight)) return false;
+    bodies += "  - {name: " + its + ", model: aircraft, max_speed_mps: 300}\n";
     moves += "  - {body: " + its + ", trajectory: " + name + "/" + its + ".csv}\n";
   }
   std::ofstream out(folder / (name + ".yaml"));
-  out << bodies << moves << "pairs: all\nframe_rate_hz: " << plan.rate_hz
+  out << bodies << moves << "pairs: own\nframe_rate_hz: " << plan.rate_hz
       << "\nbudget_ms: 40\nlookahead_s: 0.3\nstart_timeout_s: 120\n";
   out.close();
   return out.good();

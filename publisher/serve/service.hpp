@@ -52,8 +52,8 @@ class Service {
   /// kInvalidArgument (name, or it would replace itself), kConflict (name taken).
   [[nodiscard]] Status add_model(const std::string& name, ModelFile file, ContentHash replaces = {},
                                  const wire::Epoch& epoch = {});
-  /// Serves a world under a name: pages, tiles' headers and detail, as they are asked for; at most WorldSource::kMostOpen tiles
-  /// are open. Errors: as add_model(); those of WorldSource::open(), naming the file.
+  /// Serves a world under a name: pages, tiles' headers and detail, as they are asked for; at most OpenTiles::kMostTiles
+  /// tiles are open. Errors: as add_model(); those of WorldSource::open(), naming the file.
   [[nodiscard]] Status add_world(const std::string& name, const std::string& folder,
                                  ContentHash replaces = {}, const wire::Epoch& epoch = {});
   /// Encoded batches; none where nothing is to be sent, or none is made yet.

@@ -16,13 +16,29 @@ constexpr double kMaxPatience_s = 8;
 
 }  // namespace
 
+void Session::Impl::sort_listed() {
+  listed_of.clear();
+  for (std::uint32_t i = 0; i < listed.size(); ++i) {
+    const PeerModel *a = listed[i]->a->model, *b = listed[i]->b->model;
+    listed_of[a].push_back(i);
+    if (b != a) listed_of[b].push_back(i);
+  }
+}
+
+/// In `listed`, ascending: the pairs with a body of that model.
+std::span<const std::uint32_t> Session::Impl::places_of(const PeerModel& model) const {
+  const auto at = listed_of.find(&model);
+  if (at == listed_of.end()) return {};
+  return at->second;
+}
+
 // Where, in a model's grid, all bodies are that a body of that model is watched against; of what is not certified,
 // the rays instead where only the inside of a solid is undecided.
 RegionMaker Session::Impl::region_of(const PeerModel& model, double lookahead_s,
                                      const FrameReport& report, Scope scope) {
   std::vector<RegionPart> rays;
   std::vector<std::pair<const Body*, const Body*>> against;
-  for (std::size_t i = 0; i < listed.size(); ++i) {
+  for (const std::uint32_t i : places_of(model)) {
     const Pair& pair = *listed[i];
     const PairAnswer& answer = report.answers[i];
     if (!answer.reason.empty() && !answer.put_off) continue;
@@ -135,7 +151,7 @@ std::vector<NodeSpan> Session::Impl::missing_of(const PeerModel& model, const Fr
   const auto add = [&](const PeerModel* lacks, const std::vector<NodeSpan>& nodes) {
     if (lacks == &model) missing.insert(missing.end(), nodes.begin(), nodes.end());
   };
-  for (std::size_t i = 0; i < listed.size(); ++i) {
+  for (const std::uint32_t i : places_of(model)) {
     const Pair& pair = *listed[i];
     const PairAnswer& answer = report.answers[i];
     if (!pair.by_region) continue;
@@ -209,9 +225,8 @@ void Session::Impl::look_ahead_by_region(const FrameBudget& budget, const FrameR
 void Session::Impl::request_ahead(PeerModel& model, const FrameReport& report) {
   std::vector<NodeSpan> missing = missing_of(model, report, true);
   std::vector<Pair*> lacking;
-  for (Pair* pair : listed)
-    if (pair->lacks_soon && (pair->a->model == &model || pair->b->model == &model))
-      lacking.push_back(pair);
+  for (const std::uint32_t i : places_of(model))
+    if (listed[i]->lacks_soon) lacking.push_back(listed[i]);
   if (missing.empty() && lacking.empty()) return;
   const bool is_sent = request(model, region_of(model, horizon_s(), report, Scope::kByRegion),
                                std::move(missing), kHorizon);
@@ -247,6 +262,7 @@ void Session::Impl::ask(const FrameBudget& budget, FrameReport& report) {
   ask_for_bytes();
   ask_for_probes();
   ask_certificates(budget, report);
+  sort_listed();
   // Models take turns where time is short; one is served in any case.
   auto& models = replicas.all();
   std::vector<PeerModel*> ahead;  // what is ahead may be asked for

@@ -207,6 +207,8 @@ struct Session::Impl {
   using PairKey = std::pair<std::uint32_t, std::uint32_t>;  // BodyIds, the lower first
   std::map<PairKey, Pair> pairs;                            // watched by name, or near
   std::vector<Pair*> listed;  // all of them: the report's answers, in order
+  // Their places there by model, while detail is asked for: there may be as many models as pairs.
+  std::unordered_map<const PeerModel*, std::vector<std::uint32_t>> listed_of;
 
   bool watches_all = false;       // or
   bool watches_only_own = false;  // of them those of own bodies
@@ -469,6 +471,8 @@ struct Session::Impl {
   [[nodiscard]] RegionMaker region_of(const PeerModel& model, double lookahead_s,
                                       const FrameReport& report, Scope scope);
   [[nodiscard]] bool stays_certified(const PairAnswer& answer, double lookahead_s) const;
+  void sort_listed();
+  [[nodiscard]] std::span<const std::uint32_t> places_of(const PeerModel& model) const;
   [[nodiscard]] std::vector<RegionPart> kept_of(const PeerModel& model, const FrameReport& report);
   [[nodiscard]] std::vector<NodeSpan> missing_of(const PeerModel& model, const FrameReport& report,
                                                  bool ahead) const;

@@ -430,21 +430,25 @@ int main(int argc, char** argv) {
     return run_low(argv[2], argc > 3 ? std::atoi(argv[3]) : 80) ? 0 : 1;
   if (argc >= 3 && std::string(argv[1]) == "memory") return run_memory(argv[2]) ? 0 : 1;
   std::printf("what,bodies,tiles,median_us,mean_us,p99_us,worst_us,near\n");
-  const std::string only = argc > 1 ? argv[1] : "";
-  if (only.empty() || only == "budget")
+  const auto wants = [only = std::string(argc > 1 ? argv[1] : "")](const char* what) {
+    return only.empty() || only == what;
+  };
+  if (wants("budget"))
     for (const bool with_depth : {false, true})
       for (const double budget_s : {0.008, 0.002})
         for (const bool on_two : {false, true}) run_budget(60, budget_s, on_two, with_depth);
-  if (only.empty() || only == "fans") run_fans(20000);
-  if (!only.empty()) return 0;
-  for (const auto& [bodies, tiles] :
-       {std::pair<std::size_t, std::size_t>{1000, 0}, {10000, 0}, {1000, 10000}}) {
-    run_broad(bodies, tiles);
+  if (wants("fans")) run_fans(20000);
+  if (wants("broad"))
+    for (const auto& [bodies, tiles] :
+         {std::pair<std::size_t, std::size_t>{1000, 0}, {10000, 0}, {1000, 10000}}) {
+      run_broad(bodies, tiles);
 #ifdef NEARMESH_PEER_FCL_CROWD
-    run_fcl(bodies, tiles);
+      run_fcl(bodies, tiles);
 #endif
-  }
-  for (const std::size_t bodies : {100U, 1000U, 10000U}) run_session(bodies);
-  for (const std::size_t bodies : {18U, 36U})
-    for (const bool on_two : {false, true}) run_crowd(bodies, on_two);
+    }
+  if (wants("session"))
+    for (const std::size_t bodies : {100U, 1000U, 10000U}) run_session(bodies);
+  if (wants("crowd"))
+    for (const std::size_t bodies : {18U, 36U})
+      for (const bool on_two : {false, true}) run_crowd(bodies, on_two);
 }

@@ -7,6 +7,8 @@
 // and has no absolute epsilon on near-parallel edges: every error scales with the axis, see the
 // .cpp.
 
+#include <limits>
+
 #include "nearmesh/core/geometry/pose.hpp"
 
 namespace nearmesh {
@@ -51,8 +53,9 @@ struct RelativeFrame {
 
 /// A lower bound in metres of the distance between any posed triangle with corners in a and any
 /// with corners in b; 0 when no axis separates the boxes. Positive exactly when boxes_apart.
-[[nodiscard]] double boxes_gap_m(const RelativeFrame& f, const CenteredBox& a,
-                                 const CenteredBox& b);
+/// A bound of enough_m, where one is found before all axes were looked at, may be less than that of all.
+[[nodiscard]] double boxes_gap_m(const RelativeFrame& f, const CenteredBox& a, const CenteredBox& b,
+                                 double enough_m = std::numeric_limits<double>::infinity());
 
 /// A triangle with its corners in A's grid units (doubles).
 using DoubleTriangle = std::array<std::array<double, 3>, 3>;
