@@ -296,20 +296,22 @@ double all_pages_bytes(const WorldFolder& folder, const Listed& listed) {
   return heap_bytes() - before;
 }
 
-/// What each near tile takes of a peer that has 32 aircraft, of which first one and then all are low over tiles of their own.
-struct NearTiles32 {
-  double first_bytes = 0, last_bytes = 0;
-  std::uint64_t first_splits = 0, last_splits = 0;
+/// What a peer holds that has an aircraft for each tile, so many of them low over theirs and the others far above.
+struct HeldByPeer {
+  double bytes = 0;
+  std::uint64_t splits = 0;
 };
-std::optional<NearTiles32> measure_near(Served& served, const std::vector<WorldEntry>& tiles) {
+std::optional<HeldByPeer> measure_held(const std::string& folder,
+                                       const std::vector<WorldEntry>& tiles, std::size_t low) {
   constexpr int kMostUpdates = 400;
-  Session session(std::make_unique<Link>(served.publisher));
-  const auto ground = session.add_body({.name = "ground", .model = "world"}).value();
-  static_cast<void>(session.place_body(ground, {}));
-  session.watch_all();
-  const CommonLattice& lattice = served.folder.world().lattice;
+  const std::unique_ptr<Served> served = Served::open(folder);
+  if (served == nullptr) return std::nullopt;
+  auto session = std::make_unique<Session>(std::make_unique<Link>(served->publisher));
+  const auto ground = session->add_body({.name = "ground", .model = "world"}).value();
+  static_cast<void>(session->place_body(ground, {}));
+  session->watch_all();
+  const CommonLattice& lattice = served->folder.world().lattice;
   std::vector<Session::OwnMotion> motions;
-  std::vector<double> low_m;
   for (const WorldEntry& tile : tiles) {
     const CellBox box = tile.box();
     Motion motion;
@@ -317,37 +319,29 @@ std::optional<NearTiles32> measure_near(Served& served, const std::vector<WorldE
       motion.pose.translation_m[k] =
           lattice.origin_m[k] +
           std::ldexp(static_cast<double>(box.lo[k] + box.hi[k]) / 2, lattice.exponent);
-    low_m.push_back(served.height_m(motion.pose.translation_m[0], motion.pose.translation_m[1]) +
-                    kAbove_m);
+    const auto& at = motion.pose.translation_m;
+    motion.pose.translation_m[2] =
+        motions.size() < low ? served->height_m(at[0], at[1]) + kAbove_m : 20e3;
     motion.linear_velocity_mps = {kSpeed_mps, 0, 0};
+    const std::string name = "a" + std::to_string(motions.size());
     motions.push_back(
-        {session
-             .add_body(
-                 {.name = "a" + std::to_string(motions.size()), .model = "aircraft", .own = true})
-             .value(),
-         motion});
+        {session->add_body({.name = name, .model = "aircraft", .own = true}).value(), motion});
   }
-  NearTiles32 found;
-  std::uint64_t frame = 0;
-  for (const std::size_t low : {std::size_t{0}, std::size_t{1}, tiles.size()}) {
-    for (std::size_t i = 0; i < motions.size(); ++i)
-      motions[i].motion.pose.translation_m[2] = i < low ? low_m[i] : 20e3;
-    bool is_certified = false;
-    // As long as something comes.
-    std::uint64_t had = 0;
-    for (int quiet = 0, updates = 0; quiet < 20 && updates < kMostUpdates; ++updates) {
-      const auto report = session.update(frame++, 0, motions, 1);
-      if (!report.is_ok()) return std::nullopt;
-      is_certified = report.value().all_certified();
-      quiet =
-          std::exchange(had, session.stats().requests) == session.stats().requests ? quiet + 1 : 0;
-    }
-    if (!is_certified) return std::nullopt;
-    if (low == 0) continue;
-    (low == 1 ? found.first_bytes : found.last_bytes) = heap_bytes();
-    (low == 1 ? found.first_splits : found.last_splits) = session.stats().held_splits;
+  bool is_certified = false;
+  std::uint64_t frame = 0, had = 0;
+  for (int quiet = 0; quiet < 20 && frame < kMostUpdates;) {  // as long as something comes
+    const auto report = session->update(frame++, 0, motions, 1);
+    if (!report.is_ok()) return std::nullopt;
+    is_certified = report.value().all_certified();
+    const std::uint64_t requests = session->stats().requests;
+    quiet = std::exchange(had, requests) == requests ? quiet + 1 : 0;
   }
-  return found;
+  if (!is_certified) return std::nullopt;
+  // All that goes with the session: what the publisher has opened stays.
+  const std::uint64_t splits = session->stats().held_splits;
+  const double with_bytes = 1024 * resident_kb();
+  session.reset();
+  return HeldByPeer{with_bytes - 1024 * resident_kb(), splits};
 }
 
 }  // namespace
@@ -387,13 +381,13 @@ bool run_memory(const std::string& folder) {
   std::printf("near_tile_at_peer_header,%.0f,%zu distinct tiles\n",
               (heap_bytes() - before) / static_cast<double>(tiles.size()), tiles.size());
   replicas.clear();
-  const auto near = measure_near(*served, tiles);
-  if (!near) return false;
+  const auto one = measure_held(folder, tiles, 1), all = measure_held(folder, tiles, tiles.size());
+  if (!one || !all) return false;
   const auto more = static_cast<double>(tiles.size() - 1);
   std::printf(
       "near_tile_at_peer,%.0f,1 to %zu distinct tiles below an aircraft; %.0f splits each\n",
-      (near->last_bytes - near->first_bytes) / more, tiles.size(),
-      static_cast<double>(near->last_splits - near->first_splits) / more);
+      (all->bytes - one->bytes) / more, tiles.size(),
+      static_cast<double>(all->splits - one->splits) / more);
   return true;
 }
 
