@@ -2,6 +2,7 @@
 #include "core/certificate/certificate.hpp"
 
 #include <cmath>
+#include <numbers>
 #include <set>
 
 #include "brute_force.hpp"
@@ -382,6 +383,42 @@ TEST(CertificateMakers, SendSoManySplitsForARequestAndThePeerAsksOn) {
   EXPECT_GT(sent.size(), 2U);
   for (std::size_t i = 0; i < sent.size(); ++i)
     EXPECT_LT(sent[i], CertificateMaker::kMaxSplits * 11 / 10) << "request " << i;
+}
+
+/// Closed: a tip in the origin, a ring at that height, and a tip above it.
+IndexedMesh make_spindle(std::uint32_t sides, double height_m) {
+  IndexedMesh spindle{{{0, 0, 0}, {0, 0, 2 * height_m}}, {}};
+  for (std::uint32_t i = 0; i < sides; ++i) {
+    const double angle = 2 * std::numbers::pi * i / sides;
+    spindle.positions_m.push_back({std::cos(angle), std::sin(angle), height_m});
+    const std::uint32_t one = 2 + i, next = 2 + (i + 1) % sides;
+    spindle.faces.push_back({0, next, one});
+    spindle.faces.push_back({1, one, next});
+  }
+  return spindle;
+}
+
+// Two solids, tip to tip: each face there touches each, so the peer's own query would take forty times the tests that an answer may.
+TEST(CertificateMakers, EndAfterSoManyTests) {
+  constexpr std::uint32_t kSides = 20'000;
+  static_assert(std::uint64_t{kSides} * kSides == 40 * CertificateMaker::kMaxTests);
+  const BakedModel up = test::bake_mesh(make_spindle(kSides, 1)),
+                   down = test::bake_mesh(make_spindle(kSides, -1));
+  Desk desk(up, down);
+  CertificateRequest request = desk.ask({}, {}, 0);
+  for (const auto& [model, file] :
+       {std::pair(&request.models[0], &desk.file_a), {&request.models[1], &desk.file_b}}) {
+    model->held = test::held_whole(file->header());
+    Mirror mirror(*file);
+    ASSERT_TRUE(mirror.hold(model->held).is_ok());
+    model->state = mirror.state();
+  }
+  request.pairs[0].solid_a = true;
+  BegunCertificate begun = desk.begin(request);
+  ASSERT_TRUE(begun.maker) << begun.why_not;
+  EXPECT_EQ(desk.answer(*begun.maker), 0U) << "all is held";
+  // The query is asked with 0.2, 0.8, 3.2 and 12.8 million tests, and not again with more; six rounds are for the rest.
+  EXPECT_EQ(desk.rounds, 10U);
 }
 
 TEST(CertificateRequests, SayWhatIsHeldAsItIsOrAreSentAway) {
