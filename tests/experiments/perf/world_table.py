@@ -39,7 +39,8 @@ def number(pattern, text):
 
 
 def bake(programs, folder):
-    """Out: processor seconds of each tile, the greatest memory of a worker in MB; none where all were there."""
+    """Out: processor seconds of each tile, the greatest memory of a worker in MB; none where a world was there."""
+    is_there = (folder / "world" / "world.nmw").exists()
     programs.run("nearmesh-world-flights", folder, "--cells", CELLS, "--repeats", REPEATS, "--frames", 1)
     build = ["build-world", folder / "heights.raw", "--raw", f"{CELLS + 1}x{CELLS + 1},i16le", "--heights", "0,0.1", "--spacing", "5,5",
              "--crs", "file", "--faces", FACES, "--repeat", f"{REPEATS}x{REPEATS}", "-o", folder / "world"]
@@ -59,7 +60,7 @@ def bake(programs, folder):
             os.posix_spawn("/bin/sh", ["sh", "-c", f"{job} 2>/dev/null >/dev/null"], environment)
             running += 1
     programs.run("nearmesh-model", *build)
-    return seconds, most_kb / 1000
+    return [] if is_there else seconds, most_kb / 1000
 
 
 def rows_of_table(text):
