@@ -326,6 +326,9 @@ struct Session::Impl {
   void for_each_of_part(std::uint32_t part, const Use& use);
   void join_tiles(FrameReport& report);
   [[nodiscard]] Status find_tiles(WorldPair& found);
+  [[nodiscard]] Result<TilesAround> tiles_around(PeerWorld& tiles, const Body& world,
+                                                 const Body& other,
+                                                 std::uint32_t reach_cells) const;
   void fetch_coming(const Body& world, const Body& other, std::uint32_t reach_cells);
   void leave_tiles();
   void forget_tiles(const Body& body);

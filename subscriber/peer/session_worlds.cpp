@@ -172,37 +172,38 @@ Status Session::Impl::find_tiles(WorldPair& found) {
     if (std::string why = why_unknown(*body); !why.empty()) return because(std::move(why));
   if (std::string why = why_not_ready(other); !why.empty()) return because(std::move(why));
   PeerWorld& tiles = *world.model->world;
-  const Grid grid = world_grid(tiles.record());
-  const Result<PosedPair> posed =
-      pose_pair(grid, world.motion->pose, world.name, other.grid(), other.motion->pose, other.name);
-  NEARMESH_RETURN_IF_ERROR(posed);
   const Approach approach(world, wire::age_s(stamp_of(world), time_s), other,
                           wire::age_s(stamp_of(other), time_s));
   const double cell_m = std::ldexp(1.0, other.grid().exponent);
   // What find_tiles_around() takes off again is added, so that all else is apart for the whole look-ahead.
-  const double around_m =
-      approach.needed_m(horizon_s()) + options.margin_m + 4 * std::ldexp(1.0, grid.exponent);
+  const double around_m = approach.needed_m(horizon_s()) + options.margin_m +
+                          4 * std::ldexp(1.0, tiles.record().lattice.exponent);
   found.reach_cells = static_cast<std::uint32_t>(
       std::min(std::ceil(around_m * (1 + 0x1p-29) / cell_m) + 8, 4294967295.0));
-  Result<TilesAround> around =
-      tiles.tiles_around(make_relative_frame(posed.value().a, posed.value().b), other.grid(),
-                         whole_box(other.model->replica->store()), found.reach_cells, time_s);
+  Result<TilesAround> around = tiles_around(tiles, world, other, found.reach_cells);
   NEARMESH_RETURN_IF_ERROR(around);
   found.around = std::move(around).value();
   fetch_coming(world, other, found.reach_cells);
   return Status::ok();
 }
 
+/// Of a state of a world, in the place of the body that is that world. Precondition: the state's root page is here.
+Result<TilesAround> Session::Impl::tiles_around(PeerWorld& tiles, const Body& world,
+                                                const Body& other,
+                                                std::uint32_t reach_cells) const {
+  const Result<PosedPair> posed =
+      pose_pair(world_grid(tiles.record()), world.motion->pose, world.name, other.grid(),
+                other.motion->pose, other.name);
+  NEARMESH_RETURN_IF_ERROR(posed);
+  return tiles.tiles_around(make_relative_frame(posed.value().a, posed.value().b), other.grid(),
+                            whole_box(other.model->replica->store()), reach_cells, time_s);
+}
+
 /// Pages near that the next epoch's world has instead: when it begins they are here.
 void Session::Impl::fetch_coming(const Body& world, const Body& other, std::uint32_t reach_cells) {
   std::optional<PeerWorld>& coming = world.model->coming.world;
   if (!coming || coming->root() == nullptr) return;
-  const auto posed = pose_pair(world_grid(coming->record()), world.motion->pose, world.name,
-                               other.grid(), other.motion->pose, other.name);
-  if (!posed.is_ok()) return;
-  const auto around =
-      coming->tiles_around(make_relative_frame(posed.value().a, posed.value().b), other.grid(),
-                           whole_box(other.model->replica->store()), reach_cells, time_s);
+  const auto around = tiles_around(*coming, world, other, reach_cells);
   if (!around.is_ok()) return;
   for (const MissingPage& page : around.value().near.missing)
     if (!world.model->world->has_page(page.entry.content))
