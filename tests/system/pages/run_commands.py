@@ -345,7 +345,7 @@ def sessions(page):
 
 
 def example_world(page):
-    said = page.run("examples/world/fly --small")
+    said = page.run("examples/world/fly --small", seconds=100)  # it bakes, too
     page.expect(said, r"peer1: .*[1-9]\d* pairs free by bounds; answers: .*[1-9]\d* contact", r"peer2: ")
 
 
