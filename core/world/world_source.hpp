@@ -26,8 +26,7 @@ class WorldSource {
   }
 
  private:
-  explicit WorldSource(WorldFolder folder)
-      : folder_(std::move(folder)), tiles_(folder_) {}
+  explicit WorldSource(WorldFolder folder) : folder_(std::move(folder)), tiles_(folder_) {}
 
   const WorldFolder folder_;
   OpenTiles tiles_;
