@@ -10,7 +10,7 @@
 //            the former is more, the system had given the processor to others. With two threads part of the work is the other one's.
 //   fans     two fans of that many faces, tip to tip, so that each face touches each: a query with a session's max_tests, wall
 //            clock, and what that takes of memory. By itself, or the memory is that of what was before.
-// With "budget" or "fans" those rows alone. "stream WORLD [FRAMES]" is another table: a flight, of 200 frames without a number, low over a world on disk (world_stream.hpp), and
+// With "broad" (and fcl), "session", "crowd", "budget" or "fans" those rows alone. "stream WORLD [FRAMES]" is another table: a flight, of 200 frames without a number, low over a world on disk (world_stream.hpp), and
 // so is "low WORLD [FRAMES]": updates of 100 aircraft that fly low over it.
 #include <algorithm>
 #include <atomic>
