@@ -7,6 +7,7 @@ Usage: world_table.py BIN FOLDER          (build/dev/bin; and where the world is
 Bakes 121 tiles of up to a million faces if FOLDER has no world, and lets them stand 12,100 times: two minutes on two cores, and the
 figures of bakes are of those tiles that it bakes. Then some four minutes. The machine should do nothing else.
 """
+import concurrent.futures
 import csv
 import os
 import pathlib
@@ -40,27 +41,26 @@ def number(pattern, text):
 
 def bake(programs, folder):
     """Out: processor seconds of each tile, the greatest memory of a worker in MB; none where a world was there."""
-    is_there = (folder / "world" / "world.nmw").exists()
+    if (folder / "world" / "world.nmw").exists():
+        return [], 0
     programs.run("nearmesh-world-flights", folder, "--cells", CELLS, "--repeats", REPEATS, "--frames", 1)
     build = ["build-world", folder / "heights.raw", "--raw", f"{CELLS + 1}x{CELLS + 1},i16le", "--heights", "0,0.1", "--spacing", "5,5",
              "--crs", "file", "--faces", FACES, "--repeat", f"{REPEATS}x{REPEATS}", "-o", folder / "world"]
     programs.run("nearmesh-model", *build, "--plan", folder / "jobs.txt")
-    jobs = (folder / "jobs.txt").read_text().splitlines()[:-1]
-    environment = dict(os.environ, PATH=f"{programs.folder}:{os.environ['PATH']}")
-    seconds, most_kb, running = [], 0, 0
-    for job in [*jobs, None, None]:
-        while running == 2 or (job is None and running > 0):
-            _, status, usage = os.wait4(-1, 0)
-            if status != 0:
-                sys.exit("a tile was not baked")
-            running -= 1
-            seconds.append(usage.ru_utime + usage.ru_stime)
-            most_kb = max(most_kb, usage.ru_maxrss)
-        if job is not None:
-            os.posix_spawn("/bin/sh", ["sh", "-c", f"{job} 2>/dev/null >/dev/null"], environment)
-            running += 1
+    with concurrent.futures.ThreadPoolExecutor(2) as pool:
+        used = list(pool.map(bake_tile, (folder / "jobs.txt").read_text().splitlines()[:-1]))
     programs.run("nearmesh-model", *build)
-    return [] if is_there else seconds, most_kb / 1000
+    return [its.ru_utime + its.ru_stime for its in used], max(its.ru_maxrss for its in used) / 1000
+
+
+def bake_tile(job):
+    """Out: what that took of the system."""
+    child = subprocess.Popen(["sh", "-c", job], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    _, status, used = os.wait4(child.pid, 0)
+    child.returncode = os.waitstatus_to_exitcode(status)
+    if child.returncode != 0:
+        raise RuntimeError(f"{job}: exit code {child.returncode}")
+    return used
 
 
 def rows_of_table(text):
@@ -74,17 +74,19 @@ class Table:
     def __init__(self):
         print("| figure | aim | measured | |\n|---|--:|--:|---|")
 
-    def add(self, figure, aim, measured, unit="", digits=3):
-        """`aim`: at most so much, or both numbers are to be equal."""
-        measured, aim = (list(value) if isinstance(value, tuple) else [value] for value in (measured, aim))
-        is_met = all(its <= most for its, most in zip(measured, aim, strict=True))
-        show = lambda values: " / ".join(f"{value:,.{digits}g}" if value < 1000 else f"{value:,.0f}" for value in values)
+    def row(self, figure, aim, measured, is_met):
+        print(f"| {figure} | {aim} | {measured} | {'met' if is_met else 'missed'} |", flush=True)
+
+    def add(self, figure, aim, measured, unit=""):
+        """`aim`: at most so much; of two figures in a row, both."""
+        measured, aim = (value if isinstance(value, tuple) else (value,) for value in (measured, aim))
         unit = unit and f" {unit}"
-        print(f"| {figure} | {show(aim)}{unit} | {show(measured)}{unit} | {'met' if is_met else 'missed'} |", flush=True)
+        show = lambda values: " / ".join(f"{value:,.3g}" if value < 1000 else f"{value:,.0f}" for value in values) + unit
+        self.row(figure, show(aim), show(measured), all(its <= most for its, most in zip(measured, aim, strict=True)))
 
     def add_all(self, figure, found, of_all):
         """What must hold of all."""
-        print(f"| {figure} | all | {found:,.0f} of {of_all:,.0f} | {'met' if found == of_all > 0 else 'missed'} |", flush=True)
+        self.row(figure, "all", f"{found:,.0f} of {of_all:,.0f}", found == of_all > 0)
 
 
 def add_bodies(table, programs):
@@ -149,7 +151,7 @@ def add_seams(table, programs):
                          ("contacts over seams equal to the merged mesh's", "ContactsOverSeamsAreThoseOfTheMeshEachOnceInEveryPose")):
         done = subprocess.run([tests, f"--gtest_filter=Tiles.{name}"], capture_output=True, text=True, check=False)
         is_met = done.returncode == 0 and "[  PASSED  ] 1 test" in done.stdout
-        print(f"| {figure} (`Tiles.{name}`) | all | {'all' if is_met else 'not all'} | {'met' if is_met else 'missed'} |", flush=True)
+        table.row(f"{figure} (`Tiles.{name}`)", "all", "all" if is_met else "not all", is_met)
 
 
 def main(words):

@@ -344,6 +344,14 @@ TEST(BoxesGap, PositiveExactlyWhenBoxesAreApart) {
     const CenteredBox b = box_around(s.in_b);
     apart += boxes_apart(f, a, b);
     EXPECT_EQ(boxes_gap_m(f, a, b) > 0, boxes_apart(f, a, b));
+    // Who needs no more than so much learns as much, whether that is less than the gap or more.
+    const double all_m = boxes_gap_m(f, a, b);
+    for (const double enough_m : {all_m / 2, all_m, 2 * all_m, 1e-9}) {
+      const double found_m = boxes_gap_m(f, a, b, enough_m);
+      EXPECT_EQ(found_m > 0, all_m > 0);
+      EXPECT_EQ(std::min(found_m, enough_m), std::min(all_m, enough_m));
+      EXPECT_LE(found_m, all_m);
+    }
   });
   EXPECT_GT(apart, test::rounds(200));
 }
