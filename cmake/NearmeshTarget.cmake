@@ -8,6 +8,12 @@ if(PROJECT_IS_TOP_LEVEL)
   endif()
   # Assertions stay on in RelWithDebInfo (they are cheap by rule); Release drops them.
   set(CMAKE_CXX_FLAGS_RELWITHDEBINFO "-O3 -g1")
+  # Links a hundred programs in half the time.
+  include(CheckLinkerFlag)
+  check_linker_flag(CXX -fuse-ld=gold NEARMESH_HAS_GOLD)
+  if(NEARMESH_HAS_GOLD AND CMAKE_BUILD_TYPE STREQUAL "RelWithDebInfo")
+    add_link_options(-fuse-ld=gold)
+  endif()
 endif()
 # Components of what is installed are the Debian packages: tools are programs, dev is all else.
 set(CMAKE_INSTALL_DEFAULT_COMPONENT_NAME dev)
@@ -28,6 +34,8 @@ function(nearmesh_compile_options target)
                                            -Wno-missing-field-initializers
                          # g++ 12 sees overlaps in std::string that are not there (its bug 105651).
                          $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>
+                         # Sources that are joined are no header.
+                         $<$<AND:$<COMPILE_LANG_AND_ID:CXX,GNU>,$<BOOL:${CMAKE_UNITY_BUILD}>>:-Wno-subobject-linkage>
                          # g++ 14 takes any reference that a function is given for the one that it returns.
                          $<$<AND:$<CXX_COMPILER_ID:GNU>,$<VERSION_GREATER_EQUAL:$<CXX_COMPILER_VERSION>,13>>:-Wno-dangling-reference>
                          # Answers must be the same bits everywhere: no fused multiply-add.
@@ -60,6 +68,20 @@ function(nearmesh_find_sources out)
   set(${out} ${found} PARENT_SCOPE)
 endfunction()
 
+# nearmesh_join_rooms(TARGET SOURCES...): where sources are compiled many at once (CMAKE_UNITY_BUILD), those of a room are one
+# file. Highway compiles a file once for each instruction set: such a file stays alone.
+function(nearmesh_join_rooms target)
+  set_target_properties(${target} PROPERTIES UNITY_BUILD_MODE GROUP)
+  foreach(source ${ARGN})
+    cmake_path(GET source PARENT_PATH folder)
+    cmake_path(GET folder FILENAME room)
+    file(STRINGS ${source} for_each_target REGEX "foreach_target" LIMIT_COUNT 1)
+    if(NOT for_each_target)
+      set_source_files_properties(${source} PROPERTIES UNITY_GROUP ${room})
+    endif()
+  endforeach()
+endfunction()
+
 # nearmesh_add_library(NAME [INSTALLED] FOLDERS ... [SOURCES generated ...] [USES ...] [PRIVATE_USES ...])
 # The static library nearmesh_NAME, alias nearmesh::NAME, of these rooms. Its public headers lie in include/nearmesh beside
 # the rooms. INSTALLED: with those headers; else it serves the programs and tests of this project alone.
@@ -69,6 +91,7 @@ function(nearmesh_add_library name)
   list(REMOVE_ITEM sources ${CMAKE_CURRENT_SOURCE_DIR}/program/main.cpp)  # the program itself
   add_library(nearmesh_${name} STATIC ${sources} ${ARG_SOURCES})
   add_library(nearmesh::${name} ALIAS nearmesh_${name})
+  nearmesh_join_rooms(nearmesh_${name} ${sources})
   set_target_properties(nearmesh_${name} PROPERTIES EXPORT_NAME ${name})
   target_compile_features(nearmesh_${name} PUBLIC cxx_std_20)
   target_include_directories(nearmesh_${name} PUBLIC

@@ -6,12 +6,13 @@ A header that is the first that some source file of its own room includes was sh
 others each room's are compiled here, with the options of that room and -fsyntax-only: each by itself, all at once where
 that finds nothing. Prints the compiler's errors and exits with 1 when there are any.
 """
-import json
 import pathlib
 import re
 import shlex
 import subprocess
 import sys
+
+from compile_commands import compile_commands
 
 WINGS = ("core", "idl", "publisher", "subscriber")
 FIRST = re.compile(r'^#include "([^"]+)"', re.MULTILINE)
@@ -59,10 +60,11 @@ def compile_text(text, command):
 def main(root, build):
     commands = {}
     sources = []
-    for command in json.loads((build / "compile_commands.json").read_text()):
-        path = pathlib.Path(command["file"])
-        if path.is_relative_to(root) and (source := path.relative_to(root)).parts[0] in WINGS:
-            sources.append(source)
+    for command, compiled in compile_commands(build):
+        of_wings = [path.relative_to(root) for path in compiled
+                    if path.is_relative_to(root) and path.relative_to(root).parts[0] in WINGS]
+        sources += of_wings[:1]  # before the others that a build has joined with it something else stands
+        for source in of_wings:
             commands.setdefault(room_of(source), command)
     failed = 0
     for room, headers in find_unshown(root, sources).items():

@@ -12,19 +12,21 @@ import pathlib
 import subprocess
 import sys
 
+from compile_commands import compile_commands
+
 
 def one_file_a_room(root, build):
     """The texts to look at, by name: a room's sources, and the command of the build that fits them."""
     rooms, alone = {}, {}
-    for command in json.loads((build / "compile_commands.json").read_text()):
-        source = pathlib.Path(command["file"])
-        if not source.is_relative_to(root / "core"):
-            continue
-        spelled = str(source.relative_to(root))
-        if "foreach_target" in source.read_text():
-            alone[spelled.replace("/", "_")] = ([spelled], command)
-        else:
-            rooms.setdefault(source.parent.name, ([], command))[0].append(spelled)
+    for command, sources in compile_commands(build):
+        for source in sources:
+            if not source.is_relative_to(root / "core"):
+                continue
+            spelled = str(source.relative_to(root))
+            if "foreach_target" in source.read_text():
+                alone[spelled.replace("/", "_")] = ([spelled], command)
+            else:
+                rooms.setdefault(source.parent.name, ([], command))[0].append(spelled)
     return {f"{room}.cpp": found for room, found in rooms.items()} | alone
 
 

@@ -7,6 +7,7 @@
 
 #include "case.hpp"
 #include "core/base/random.hpp"
+#include "shapes.hpp"
 
 namespace nearmesh::stability {
 
@@ -54,6 +55,11 @@ inline IndexedMesh one_triangle(const std::array<double, 3>& p, const std::array
 }
 
 inline MeshPtr share(IndexedMesh mesh) { return std::make_shared<IndexedMesh>(std::move(mesh)); }
+
+/// A cube about the origin, of so many quads along each edge.
+inline MeshPtr box(double half_m, std::uint32_t quads) {
+  return share(test::make_box({half_m, half_m, half_m}, quads));
+}
 
 inline Pose at(double x, double y, double z) { return {.translation_m = {x, y, z}}; }
 

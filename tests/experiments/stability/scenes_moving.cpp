@@ -13,10 +13,6 @@
 namespace nearmesh::stability {
 namespace {
 
-MeshPtr box(double half_m, std::uint32_t quads) {
-  return share(test::make_box({half_m, half_m, half_m}, quads));
-}
-
 MeshPtr ball(std::uint32_t slices, double radius_m) {
   return share(snapped(stretched(generate_sphere(slices, 0), radius_m), -12));
 }

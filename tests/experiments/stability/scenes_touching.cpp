@@ -22,10 +22,6 @@ MeshPtr ball(std::uint32_t slices, double radius_m, int exponent) {
   return share(snapped(stretched(generate_sphere(slices, 0), radius_m), exponent));
 }
 
-MeshPtr box(double half_m, std::uint32_t quads) {
-  return share(test::make_box({half_m, half_m, half_m}, quads));
-}
-
 std::string offset_name(const char* what, double x, double y, double z) {
   char text[96];
   std::snprintf(text, sizeof text, "%s at (%g, %g, %g)", what, x, y, z);

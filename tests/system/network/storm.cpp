@@ -402,7 +402,7 @@ std::map<std::string, double> threads_of(pid_t process) {
   return spent;
 }
 
-constexpr char kScene[] = R"(bodies:
+constexpr char kScenePattern[] = R"(bodies:
   - {name: terrain, model: terrain, pose: {translation: [0, 0, 0]}}
   - {name: aircraft1, model: aircraft}
   - {name: aircraft2, model: aircraft}
@@ -468,7 +468,7 @@ class Victims {
       write_flights(flyer.folder, exercise, static_cast<int>(seconds * kFrames_per_s),
                     kFrames_per_s);
       char scene[1024];
-      std::snprintf(scene, sizeof scene, kScene, i + 1, i + 1, i + 1);
+      std::snprintf(scene, sizeof scene, kScenePattern, i + 1, i + 1, i + 1);
       flyer.folder.write("scene.yaml", scene);
       start("peer" + std::to_string(i + 1), "nearmesh-subscriber",
             {"run", flyer.folder.file("scene.yaml"), "--answers", flyer.answers()},

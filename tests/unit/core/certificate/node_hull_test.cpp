@@ -74,9 +74,9 @@ TEST_P(HullOfNode, HoldsEveryFaceOfTheNodeWhateverHasBeenRead) {
     const GridPoint origin{};
     for (std::uint32_t direction = 0; direction < 1U << kDirectionBits; direction += 5) {
       const auto& normal = half_space_normal(static_cast<std::uint16_t>(direction));
-      const auto support = [&](const std::vector<GridPoint>& points) {
-        std::int64_t most = way_along(normal, origin, points.front());
-        for (const GridPoint& p : points) most = std::max(most, way_along(normal, origin, p));
+      const auto support = [&](const std::vector<GridPoint>& of) {
+        std::int64_t most = way_along(normal, origin, of.front());
+        for (const GridPoint& p : of) most = std::max(most, way_along(normal, origin, p));
         return most;
       };
       ASSERT_GE(support(points), support(corners)) << direction;

@@ -117,7 +117,9 @@ TEST(Ros2Messages, NoCountIsTrustedAndNothingIsReadBeyondTheEnd) {
     bad.resize(random.below(static_cast<std::uint32_t>(bad.size() + 1)));
     // On the heap, with nothing behind: a sanitizer sees who reads there.
     const Bytes exact(bad.begin(), bad.end());
-    if (const auto read = read_tf_message(exact); read.is_ok()) EXPECT_LE(read.value().size(), 2U);
+    if (const auto read = read_tf_message(exact); read.is_ok()) {
+      EXPECT_LE(read.value().size(), 2U);
+    }
     static_cast<void>(read_pose_stamped(exact));
   }
   Bytes many = tf;
