@@ -294,8 +294,7 @@ void AbTree::update(const RefineDelta& delta) {
   for (const NodeSpan& node : delta.collapsed) apply_collapse(node);
   constexpr std::size_t kAhead = 8;  // splits: enough for what a split looks up to come from memory
   for (std::size_t i = 0; i < delta.split.size(); ++i) {
-    if (i + kAhead < delta.split.size())
-      __builtin_prefetch(&tip_of_[delta.split[i + kAhead].value], 1);
+    if (i + kAhead < delta.split.size()) tip_of_.prefetch(delta.split[i + kAhead].value);
     apply_split(delta.split[i]);
   }
   for (const VertexId u : delta.boxed) {
@@ -444,7 +443,7 @@ void AbTree::apply_collapse(NodeSpan node) {
   if (tips_[first].is_slot() && tips_[first].node.size >= node.size) {
     VertexBits corners = bit_of(node.first);  // all of them, whichever were resolved
     for (std::uint32_t v = node.begin() + 1; v < node.end(); ++v) {
-      tip_of_[v] = 0;
+      tip_of_.unset(v);
       corners |= bit_of({v});
     }
     mark_changed(first);
@@ -476,7 +475,7 @@ void AbTree::apply_collapse(NodeSpan node) {
     // A tip that is no slot has one active vertex, its first, and may span most of the model.
     const NodeSpan span = tips_[tip].node;
     const std::uint32_t end = tips_[tip].is_slot() ? span.end() : span.begin() + 1;
-    for (std::uint32_t v = span.begin(); v < end; ++v) tip_of_[v] = 0;
+    for (std::uint32_t v = span.begin(); v < end; ++v) tip_of_.unset(v);
     free_tip(tip);
   }
   for (const std::uint32_t tree_node : below) free_upper(tree_node);

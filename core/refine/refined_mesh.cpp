@@ -31,12 +31,11 @@ Status RefinedMesh::insert(const SplitRecord& record, std::span<const SplitFace>
     park(record, faces, teller);
     return Status::ok();
   }
-  Teller& told_by = tellers_[record.split.value];
-  if (inserted.value() == SplitStore::Insertion::kAdded) told_by = teller;
-  if (inserted.value() == SplitStore::Insertion::kBoxed) {
-    delta.boxed.push_back(record.split);
-    if (told_by != teller) told_by = kManyTellers;
-  }
+  if (inserted.value() != SplitStore::Insertion::kKnown &&
+      teller_of(record.split) != teller)  // most often both are the first, which is 0
+    tellers_.set(record.split.value) =
+        inserted.value() == SplitStore::Insertion::kAdded ? teller : kManyTellers;
+  if (inserted.value() == SplitStore::Insertion::kBoxed) delta.boxed.push_back(record.split);
   const bool done = mesh_->split(record.split, delta);
   NEARMESH_ASSERT(done);
   static_cast<void>(done);

@@ -71,7 +71,7 @@ class RefinedMesh {
   std::unique_ptr<SplitStore>
       store_;  // both behind pointers: ActiveMesh refers to the store when a RefinedMesh moves
   std::unique_ptr<ActiveMesh> mesh_;
-  LazyArray<Teller> tellers_;
+  SparseArray<Teller> tellers_;
   std::unordered_map<std::uint64_t, Parked> parked_;
   std::unordered_map<std::uint64_t, std::vector<HalfSpace>> parked_half_spaces_;  // by their node
   // Whose faces check_faces() looks at next: a base face, then an active vertex.

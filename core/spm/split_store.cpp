@@ -102,7 +102,7 @@ SplitStore::SplitStore(const SpmHeader& header)
       base_faces_(header.base_faces),
       surface_(header.surface) {
   for (const BaseRoot& root : roots_) {
-    Entry& entry = entries_[root.node.begin()];
+    Entry& entry = entries_.set(root.node.begin());
     entry.size = root.node.size;
     entry.parent = root.node.begin();
     entry.position = root.position;
@@ -121,13 +121,15 @@ bool SplitStore::is_node(NodeSpan node) const {
 }
 
 std::uint32_t& SplitStore::split_slot(NodeSpan node) {
-  Entry& first = entries_[node.begin()];
-  return node.size == first.size ? first.first_split : entries_[node.end()].next_split;
+  Entry& first = entries_.set(node.begin());
+  return node.size == first.size ? first.first_split : entries_.set(node.end()).next_split;
 }
 
 VertexId SplitStore::split_of(NodeSpan node) const {
   NEARMESH_ASSERT(is_node(node));
-  const std::uint32_t u = const_cast<SplitStore*>(this)->split_slot(node);
+  const Entry& first = entries_[node.begin()];
+  const std::uint32_t u =
+      node.size == first.size ? first.first_split : entries_[node.end()].next_split;
   return u == 0 ? VertexId{} : VertexId{u};
 }
 
@@ -306,7 +308,7 @@ Result<SplitStore::Insertion> SplitStore::insert(const SplitRecord& record,
     return contradiction(record, fault);
   // Asked of the node, not of the entry: a page that is read before it is written costs the kernel two faults.
   const bool known = split_of(record.node).is_valid();
-  Entry& entry = entries_[record.split.value];
+  Entry& entry = entries_.set(record.split.value);
   if (!known) {
     entry.size = record.right().size;
     entry.parent = record.node.begin();
@@ -337,13 +339,13 @@ Result<SplitStore::Insertion> SplitStore::insert(const SplitRecord& record,
 }
 
 void SplitStore::erase(VertexId split) {
-  Entry& entry = entries_[split.value];
+  const Entry& entry = entries_[split.value];
   const NodeSpan node = node_of(split);
   NEARMESH_ASSERT(entry.size != 0 && entry.parent != split.value);
   NEARMESH_ASSERT(entry.first_split == 0 && entry.next_split == 0);
   split_slot(node) = 0;
   if (entry.faces[0] == kManyFaces) many_faces_.erase(split.value);
-  entry = Entry{};
+  entries_.unset(split.value);
   --known_;
 }
 

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "nearmesh/core/abtree/detail/tree_pages.hpp"
+#include "nearmesh/core/base/detail/sparse_array.hpp"
 
 namespace nearmesh {
 
@@ -95,7 +96,7 @@ class AbTree {
   std::uint32_t new_tip(NodeSpan node, TreePlace place, std::uint16_t depth);
   void free_tip(std::uint32_t tip);
   [[nodiscard]] std::uint32_t tip_of(VertexId active) const { return tip_of_[active.value] - 1; }
-  void set_tip_of(VertexId active, std::uint32_t tip) { tip_of_[active.value] = tip + 1; }
+  void set_tip_of(VertexId active, std::uint32_t tip) { tip_of_.set(active.value) = tip + 1; }
   [[nodiscard]] std::uint32_t tip_at(TreePlace place) const;
   void set_entry(TreePlace place, const TreeEntry& entry);
   [[nodiscard]] TreeEntry entry(TreePlace place) const {
@@ -148,7 +149,7 @@ class AbTree {
   std::vector<std::uint32_t> free_uppers_;
   std::vector<Tip> tips_;
   std::vector<std::uint32_t> free_tips_;
-  LazyArray<std::uint32_t> tip_of_;                              // by active vertex, plus one
+  SparseArray<std::uint32_t> tip_of_;                            // by active vertex, plus one
   std::vector<TreePlace> root_places_;                           // of each root
   std::vector<std::uint32_t> pending_;                           // tips to look at
   std::vector<std::pair<std::uint32_t, std::uint32_t>> refits_;  // level and index of nodes, a heap

@@ -2,7 +2,7 @@
 #pragma once
 // Knowledge of a progressive mesh: the splits one has, parents before children. The publisher fills it
 // from file blocks, a peer from batches; which of them are *active* is refine's matter.
-// Arrays span all ids but are backed by pages only where touched, so a store costs what it holds.
+// Ids are those of the whole model, but a store costs what it holds.
 
 #include <algorithm>
 #include <array>
@@ -11,7 +11,7 @@
 #include <unordered_map>
 #include <vector>
 
-#include "nearmesh/core/base/detail/lazy_array.hpp"
+#include "nearmesh/core/base/detail/sparse_array.hpp"
 #include "nearmesh/core/base/status.hpp"
 #include "nearmesh/core/spm/detail/header.hpp"
 
@@ -88,9 +88,7 @@ class SplitStore {
     return outside;
   }
   /// Tells the processor that `split` will be inserted soon. No other effect, whatever the id.
-  void prefetch(VertexId split) const {
-    if (split.value < vertex_count_) __builtin_prefetch(&entries_[split.value], 1);
-  }
+  void prefetch(VertexId split) const { entries_.prefetch(split.value); }
   /// Forgets a split (eviction). Precondition: both children of its node are whole, i.e. no known split rests on it.
   void erase(VertexId split);
 
@@ -212,7 +210,7 @@ class SplitStore {
   std::uint32_t vertex_count_ = 0;
   std::uint32_t known_ = 0;
   std::int32_t grid_max_ = 0;
-  LazyArray<Entry> entries_;
+  SparseArray<Entry> entries_;
   std::unordered_map<std::uint32_t, std::vector<SplitFace>>
       many_faces_;    // splits with more than two
   NodeSpan bounded_;  // of the last bounds_of(): a node and its own box

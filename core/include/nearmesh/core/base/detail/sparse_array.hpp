@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+// A zero-initialised array over all ids of a model, of which few are set: a peer holds a hundred splits of a tile of half a
+// million vertices. They lie apart, each on a page of its own, so a LazyArray of them takes forty times their size, and a
+// walk over a hundred such tiles waits for the addresses of their pages. Here they lie together in a hash table until there
+// are many; from then on it is a LazyArray, which is read faster.
+
+#include <algorithm>
+#include <bit>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "nearmesh/core/base/detail/lazy_array.hpp"
+
+namespace nearmesh {
+
+/// T must be valid as all-zero bytes. Throws std::bad_alloc where memory or addresses are exhausted.
+template <class T>
+class SparseArray {
+  static_assert(std::is_trivially_copyable_v<T> && std::is_trivially_destructible_v<T>);
+
+ public:
+  explicit SparseArray(std::size_t size) : size_(size) {
+    NEARMESH_ASSERT(size <= UINT32_MAX);
+    if (size <= kSmall) {
+      all_ = LazyArray<T>(size);
+    } else {
+      make_room();
+    }
+  }
+
+  [[nodiscard]] std::size_t size() const { return size_; }
+  /// Of memory; of the array that many elements are kept in, all that it may come to.
+  [[nodiscard]] std::size_t bytes() const {
+    return table_.capacity() * sizeof(Cell) + set_.capacity() * sizeof(T) + all_.size() * sizeof(T);
+  }
+  /// All zero where it was never set. Valid until set() is called.
+  const T& operator[](std::size_t i) const {
+    NEARMESH_ASSERT(i < size_);
+    return table_.empty() ? all_[i] : set_[table_[find(i)].place];
+  }
+  /// To be written. References to other elements become invalid.
+  T& set(std::size_t i) {
+    NEARMESH_ASSERT(i < size_);
+    if (table_.empty()) return all_[i];
+    std::size_t at = find(i);
+    if (table_[at].place == 0) {
+      if (2 * set_.size() >= table_.size()) {
+        make_room();
+        if (table_.empty()) return all_[i];
+        at = find(i);
+      }
+      table_[at] = {static_cast<std::uint32_t>(i), static_cast<std::uint32_t>(set_.size())};
+      set_.emplace_back();
+    }
+    return set_[table_[at].place];
+  }
+  /// All zero again. No reference becomes invalid.
+  void unset(std::size_t i) {
+    NEARMESH_ASSERT(i < size_);
+    if (table_.empty()) {
+      all_[i] = T{};
+    } else if (const std::uint32_t place = table_[find(i)].place; place != 0) {
+      set_[place] = T{};
+    }
+  }
+  /// Tells the processor that the element will be needed soon. No other effect, also where there is none.
+  void prefetch(std::size_t i) const {
+    if (i >= size_) return;
+    if (table_.empty()) {
+      __builtin_prefetch(&all_[i], 1);
+    } else {
+      __builtin_prefetch(&table_[home(i)], 1);
+    }
+  }
+
+ private:
+  // Fewer are an array from the start; of more than one in kDense.
+  static constexpr std::size_t kSmall = 256, kDense = 16, kFirstRoom = 64;
+  struct Cell {
+    std::uint32_t id, place;  // in set_; 0: a free cell
+  };
+
+  [[nodiscard]] std::size_t home(std::size_t i) const {
+    return (static_cast<std::uint32_t>(i) * 0x9e3779b1U) >> shift_;
+  }
+  // Its cell, or the free one where it would stand.
+  [[nodiscard]] std::size_t find(std::size_t i) const {
+    std::size_t at = home(i);
+    while (table_[at].place != 0 && table_[at].id != i) at = (at + 1) & (table_.size() - 1);
+    return at;
+  }
+  // Without what was unset; in the array where enough is left.
+  void make_room() {
+    const std::vector<Cell> cells = std::exchange(table_, {});
+    const std::vector<T> old = std::exchange(set_, {});
+    std::vector<Cell> set;
+    for (const Cell& cell : cells) {
+      constexpr T kUnset{};
+      if (cell.place != 0 && std::memcmp(&old[cell.place], &kUnset, sizeof(T)) != 0)
+        set.push_back(cell);
+    }
+    if (set.size() > size_ / kDense) {
+      all_ = LazyArray<T>(size_);
+      for (const Cell& cell : set) all_[cell.id] = old[cell.place];
+      return;
+    }
+    table_.resize(std::max(kFirstRoom, std::bit_ceil(4 * set.size())));
+    shift_ = 32 - std::countr_zero(table_.size());
+    set_.reserve(table_.size() / 2);
+    set_.emplace_back();  // what unset elements are read as
+    for (const Cell& cell : set) {
+      table_[find(cell.id)] = {cell.id, static_cast<std::uint32_t>(set_.size())};
+      set_.push_back(old[cell.place]);
+    }
+  }
+
+  std::size_t size_;
+  int shift_ = 0;
+  std::vector<Cell>
+      table_;  // at least half of it free; empty from the time that all_ holds the elements
+  std::vector<T> set_;
+  LazyArray<T> all_;
+};
+
+}  // namespace nearmesh
