@@ -8,12 +8,6 @@ if(PROJECT_IS_TOP_LEVEL)
   endif()
   # Assertions stay on in RelWithDebInfo (they are cheap by rule); Release drops them.
   set(CMAKE_CXX_FLAGS_RELWITHDEBINFO "-O3 -g1")
-  # Links a hundred programs in half the time.
-  include(CheckLinkerFlag)
-  check_linker_flag(CXX -fuse-ld=gold NEARMESH_HAS_GOLD)
-  if(NEARMESH_HAS_GOLD AND CMAKE_BUILD_TYPE STREQUAL "RelWithDebInfo")
-    add_link_options(-fuse-ld=gold)
-  endif()
 endif()
 # Components of what is installed are the Debian packages: tools are programs, dev is all else.
 set(CMAKE_INSTALL_DEFAULT_COMPONENT_NAME dev)

@@ -378,7 +378,8 @@ TEST(DdsChannel, PeerBeyondTheLimitIsRefusedWithOneComplaint) {
   first.channel.reset();
   ASSERT_TRUE(server.await([&] { return !server.lost.empty(); }));
   second.channel->send(request_of(6));
-  EXPECT_TRUE(server.await([&] { return server.subscriptions.size() == 2; }));
+  // One of the two before may have been on its way until now, and come with it.
+  EXPECT_TRUE(server.await([&] { return server.subscriptions.size() >= 2; }));
 }
 
 TEST(DdsChannel, NobodyCanSpeakForAnotherPeer) {

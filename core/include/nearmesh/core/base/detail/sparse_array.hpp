@@ -11,47 +11,42 @@
 #include <cstdint>
 #include <cstring>
 #include <type_traits>
-#include <utility>
 #include <vector>
 
 #include "nearmesh/core/base/detail/lazy_array.hpp"
 
 namespace nearmesh {
 
-/// T must be valid as all-zero bytes. Throws std::bad_alloc where memory or addresses are exhausted.
+/// T must be valid as all-zero bytes. Throws std::bad_alloc when the address space is exhausted.
 template <class T>
 class SparseArray {
   static_assert(std::is_trivially_copyable_v<T> && std::is_trivially_destructible_v<T>);
 
  public:
-  explicit SparseArray(std::size_t size) : size_(size) {
+  explicit SparseArray(std::size_t size) : is_array_(size <= kSmall), all_(size) {
     NEARMESH_ASSERT(size <= UINT32_MAX);
-    if (size <= kSmall) {
-      all_ = LazyArray<T>(std::max(size, std::size_t{1}));
-    } else {
-      make_room();
-    }
+    if (!is_array_) make_room();
   }
 
-  [[nodiscard]] std::size_t size() const { return size_; }
   /// Of memory; of the array that many elements are kept in, all that it may come to.
   [[nodiscard]] std::size_t bytes() const {
-    return table_.capacity() * sizeof(Cell) + set_.capacity() * sizeof(T) + all_.size() * sizeof(T);
+    if (is_array_) return all_.size() * sizeof(T);
+    return table_.capacity() * sizeof(Cell) + set_.capacity() * sizeof(T);
   }
   /// All zero where it was never set. Valid until set() is called.
   const T& operator[](std::size_t i) const {
-    NEARMESH_ASSERT(i < size_);
-    return is_array() ? all_[i] : apart(i);
+    NEARMESH_ASSERT(i < all_.size());
+    return is_array_ ? all_[i] : apart(i);
   }
   /// To be written. References to other elements become invalid.
   T& set(std::size_t i) {
-    NEARMESH_ASSERT(i < size_);
-    return is_array() ? all_[i] : set_apart(i);
+    NEARMESH_ASSERT(i < all_.size());
+    return is_array_ ? all_[i] : set_apart(i);
   }
   /// All zero again. No reference becomes invalid.
   void unset(std::size_t i) {
-    NEARMESH_ASSERT(i < size_);
-    if (is_array()) {
+    NEARMESH_ASSERT(i < all_.size());
+    if (is_array_) {
       all_[i] = T{};
     } else if (const std::uint32_t place = table_[find(i)].place; place != 0) {
       set_[place] = T{};
@@ -59,8 +54,8 @@ class SparseArray {
   }
   /// Tells the processor that the element will be needed soon. No other effect, also where there is none.
   void prefetch(std::size_t i) const {
-    if (i >= size_) return;
-    if (is_array()) {
+    if (i >= all_.size()) return;
+    if (is_array_) {
       __builtin_prefetch(&all_[i], 1);
     } else {
       __builtin_prefetch(&table_[home(i)], 1);
@@ -75,7 +70,6 @@ class SparseArray {
     std::uint32_t id, place;  // in set_; 0: a free cell
   };
 
-  [[nodiscard]] bool is_array() const { return all_.data() != nullptr; }
   [[nodiscard]] std::size_t home(std::size_t i) const {
     return (static_cast<std::uint32_t>(i) * 0x9e3779b1U) >> shift_;
   }
@@ -92,7 +86,7 @@ class SparseArray {
     if (table_[at].place == 0) {
       if (2 * set_.size() >= table_.size()) {
         make_room();
-        if (is_array()) return all_[i];
+        if (is_array_) return all_[i];
         at = find(i);
       }
       table_[at] = {static_cast<std::uint32_t>(i), static_cast<std::uint32_t>(set_.size())};
@@ -100,36 +94,40 @@ class SparseArray {
     }
     return set_[table_[at].place];
   }
-  // Without what was unset; in the array where enough is left.
+  // Without what was unset; in the array where enough is left. Where there is no memory nothing has changed.
   void make_room() {
-    const std::vector<Cell> cells = std::exchange(table_, {});
-    const std::vector<T> old = std::exchange(set_, {});
-    std::vector<Cell> set;
-    for (const Cell& cell : cells) {
+    std::vector<Cell> kept;
+    for (const Cell& cell : table_) {
       constexpr T kUnset{};
-      if (cell.place != 0 && std::memcmp(&old[cell.place], &kUnset, sizeof(T)) != 0)
-        set.push_back(cell);
+      if (cell.place != 0 && std::memcmp(&set_[cell.place], &kUnset, sizeof(T)) != 0)
+        kept.push_back(cell);
     }
-    if (set.size() > size_ / kDense) {
-      all_ = LazyArray<T>(size_);
-      for (const Cell& cell : set) all_[cell.id] = old[cell.place];
+    if (kept.size() > all_.size() / kDense) {
+      is_array_ = true;
+      for (const Cell& cell : kept) all_[cell.id] = set_[cell.place];
+      table_ = {};
+      set_ = {};
       return;
     }
-    table_.resize(std::max(kFirstRoom, std::bit_ceil(4 * set.size())));
+    std::vector<Cell> table(std::max(kFirstRoom, std::bit_ceil(4 * kept.size())));
+    std::vector<T> set(1);  // what unset elements are read as
+    set.reserve(table.size() / 2);
+    table_.swap(table);
+    set_.swap(set);
     shift_ = 32 - std::countr_zero(table_.size());
-    set_.reserve(table_.size() / 2);
-    set_.emplace_back();  // what unset elements are read as
-    for (const Cell& cell : set) {
+    for (const Cell& cell : kept) {
       table_[find(cell.id)] = {cell.id, static_cast<std::uint32_t>(set_.size())};
-      set_.push_back(old[cell.place]);
+      set_.push_back(set[cell.place]);
     }
   }
 
-  std::size_t size_;
+  bool is_array_;
   int shift_ = 0;
   std::vector<Cell> table_;  // at least half of it free
   std::vector<T> set_;
-  LazyArray<T> all_;  // empty until it holds the elements, instead of the two above
+  // Its addresses are there from the start, so that who has none left is told at once; its pages when it holds the elements,
+  // instead of the two above.
+  LazyArray<T> all_;
 };
 
 }  // namespace nearmesh

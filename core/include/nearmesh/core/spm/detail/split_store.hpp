@@ -114,8 +114,8 @@ class SplitStore {
   /// The parent of a node; size 0 for a root. Precondition: is_node(node).
   [[nodiscard]] NodeSpan parent_of(NodeSpan node) const;
 
-  /// Position of a known vertex.
-  [[nodiscard]] const GridPoint& position(VertexId v) const { return entries_[v.value].position; }
+  /// Position of a known vertex. By value: what is inserted moves entries.
+  [[nodiscard]] GridPoint position(VertexId v) const { return entries_[v.value].position; }
 
   /// The node's own box code, or kNoBox where none came.
   [[nodiscard]] BoxCode box_code(NodeSpan node) const;
@@ -131,8 +131,8 @@ class SplitStore {
     return {entry.faces[0].face(), entry.faces[1].face(),
             std::size_t{entry.faces[0].is_there()} + std::size_t{entry.faces[1].is_there()}};
   }
-  /// The faces of a split that has at most two, both places of them; nullptr where it has more. For loops that are to have
-  /// no branch.
+  /// The faces of a split that has at most two, both places of them; nullptr where it has more. Valid until something is
+  /// inserted. For loops that are to have no branch.
   [[nodiscard]] const FaceCorners* two_faces(VertexId split) const {
     const Entry& entry = entries_[split.value];
     return entry.faces[0] == kManyFaces ? nullptr : entry.faces;
