@@ -3,9 +3,11 @@
 """Checks that every header of the product stands alone. Usage: check_headers.py ROOT BUILD
 
 A header that is the first that some source file of its own room includes was shown to stand alone by the build. Of the
-others each room's are compiled here, with the options of that room and -fsyntax-only: each by itself, all at once where
-that finds nothing. Prints the compiler's errors and exits with 1 when there are any.
+others each is compiled here by itself, with the options of its room and -fsyntax-only. Prints the compiler's errors and
+exits with 1 when there are any.
 """
+import concurrent.futures
+import os
 import pathlib
 import re
 import shlex
@@ -66,18 +68,14 @@ def main(root, build):
         sources += of_wings[:1]  # before the others that a build has joined with it something else stands
         for source in of_wings:
             commands.setdefault(room_of(source), command)
-    failed = 0
-    for room, headers in find_unshown(root, sources).items():
-        if room not in commands:
-            continue  # not part of this build
-        lines = [f'#include "{header}"\n' for header in headers]
-        # All in one go, each by itself only where that fails or where order could hide what is missing.
-        for line in lines:
-            if errors := compile_text(line, commands[room]):
-                print(errors)
-                failed += 1
-        print(f"{room}: {len(lines)} headers")
-    return failed
+    unshown = find_unshown(root, sources)
+    to_compile = [(header, commands[room]) for room, headers in unshown.items() if room in commands  # else not of this build
+                  for header in headers]
+    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
+        errors = list(filter(None, pool.map(lambda pair: compile_text(f'#include "{pair[0]}"\n', pair[1]), to_compile)))
+    print("\n".join(errors))
+    print(f"{len(to_compile)} headers compiled alone")
+    return len(errors)
 
 
 if __name__ == "__main__":
