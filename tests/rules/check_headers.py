@@ -73,7 +73,8 @@ def main(root, build):
                   for header in headers]
     with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
         errors = list(filter(None, pool.map(lambda pair: compile_text(f'#include "{pair[0]}"\n', pair[1]), to_compile)))
-    print("\n".join(errors))
+    for error in errors:
+        print(error)
     print(f"{len(to_compile)} headers compiled alone")
     return len(errors)
 

@@ -377,9 +377,12 @@ TEST(DdsChannel, PeerBeyondTheLimitIsRefusedWithOneComplaint) {
   EXPECT_NE(server.complaints[0].find("limit"), std::string::npos) << server.complaints[0];
   first.channel.reset();
   ASSERT_TRUE(server.await([&] { return !server.lost.empty(); }));
-  second.channel->send(request_of(6));
-  // One of the two before may have been on its way until now, and come with it.
-  EXPECT_TRUE(server.await([&] { return server.subscriptions.size() >= 2; }));
+  // Told from the two before, of which one may have been on its way until now.
+  second.channel->send(request_of(6, 77));
+  EXPECT_TRUE(server.await([&] {
+    return std::count_if(server.subscriptions.begin(), server.subscriptions.end(),
+                         [](const auto& taken) { return taken.region.max_splits == 77; }) == 1;
+  }));
 }
 
 TEST(DdsChannel, NobodyCanSpeakForAnotherPeer) {

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 // A zero-initialised array over all ids of a model, of which few are set: a peer holds a hundred splits of a tile of half a
-// million vertices. They lie apart, each on a page of its own, so a LazyArray of them takes forty times their size, and a
-// walk over a hundred such tiles waits for the addresses of their pages. Here they lie together in a hash table until there
-// are many; from then on it is a LazyArray, which is read faster.
+// million vertices. They lie apart, each on a page of its own, so a LazyArray of them takes forty times their size. Here they
+// lie together in a hash table until there are many; from then on it is a LazyArray, which is read faster.
 
 #include <algorithm>
 #include <bit>
