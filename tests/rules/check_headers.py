@@ -27,10 +27,13 @@ def spelled(header):
 
 
 def room_of(path):
-    """core/query/walk.cpp and core/include/nearmesh/core/query/query.hpp: core/query."""
+    """core/query/walk.cpp and core/include/nearmesh/core/query/query.hpp: core/query. subscriber/bindings/c/world.cpp:
+    subscriber/bindings/c, as each binding has options of its own."""
     parts = path.parts
     if parts[1] == "include" and len(parts) == 4:  # core/include/nearmesh/eigen.hpp
         return f"{parts[0]}/{path.stem}"
+    if parts[1] == "bindings":
+        return "/".join(parts[:3])
     return "/".join((parts[0], parts[4] if parts[1] == "include" else parts[1]))
 
 
