@@ -85,6 +85,15 @@ WorldBox ModelBounds::around_ball(const std::array<double, 3>& center_m, double 
   return box;
 }
 
+WorldBox roam_along(const WorldBox& box, const std::array<double, 3>& way_m, double aside_m) {
+  WorldBox roam;
+  for (std::size_t k = 0; k < 3; ++k) {
+    roam.lo_m[k] = box.lo_m[k] + std::min(way_m[k], 0.0) - aside_m;
+    roam.hi_m[k] = box.hi_m[k] + std::max(way_m[k], 0.0) + aside_m;
+  }
+  return roam;
+}
+
 WorldBox hull(const WorldBox& a, const WorldBox& b) {
   WorldBox both;
   for (std::size_t k = 0; k < 3; ++k) {

@@ -28,6 +28,10 @@ struct WorldBox {
 /// The smallest that holds both.
 [[nodiscard]] WorldBox hull(const WorldBox& a, const WorldBox& b);
 
+/// Where what has this box is expected to stay for a while: it goes that way from here, give or take `aside_m` on each side.
+[[nodiscard]] WorldBox roam_along(const WorldBox& box, const std::array<double, 3>& way_m,
+                                  double aside_m);
+
 /// What a model's header says of where its faces are, as a body needs it in each frame: the boxes of its roots hold all faces
 /// of the full mesh, and no batch changes them.
 class ModelBounds {

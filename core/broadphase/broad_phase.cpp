@@ -2,6 +2,7 @@
 #include "broad_phase.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include "nearmesh/core/base/detail/assert.hpp"
 
@@ -12,14 +13,12 @@ BroadPhase::Slot BroadPhase::add(const Company& company) {
   if (unused_.empty()) {
     bodies_.emplace_back();
     boxes_.emplace_back();
-    settled_.emplace_back();
-    company_near_.emplace_back();
+    is_changed_.emplace_back();
   } else {
     slot = unused_.back();
     unused_.pop_back();
   }
   bodies_[slot].company = company;
-  settled_[slot] = ++settlings_;  // what was near of who had the slot before is out of date
   all_pairs_ += pairs_with(company, &Members::all);
   ++members_[company].all;
   return slot;
@@ -40,8 +39,7 @@ void BroadPhase::lose(Slot slot) {
   if (body.leaf == BoxTree::kNowhere) return;
   tree_of(body).remove(body.leaf);
   body.leaf = BoxTree::kNowhere;
-  company_near_[slot].clear();
-  settled_[slot] = ++settlings_;
+  note_changed(slot);
   --members_[body.company].placed;
   placed_pairs_ -= pairs_with(body.company, &Members::placed);
 }
@@ -68,18 +66,20 @@ void BroadPhase::settle(Slot slot, const WorldBox& roam) {
   } else {
     tree_of(body).move(body.leaf, kept);
   }
-  settled_[slot] = ++settlings_;
-  unsettled_.push_back(slot);
+  note_changed(slot);
+}
+
+void BroadPhase::note_changed(Slot slot) {
+  if (std::exchange(is_changed_[slot], 1) == 0) changed_.push_back(slot);
 }
 
 void BroadPhase::look_around(Slot slot) {
   const Body& body = bodies_[slot];
-  std::vector<Slot>& near = company_near_[slot];
-  near.clear();
   const auto take = [&](Slot other) {
-    // Of two that have settled both, the pair stands at the later one.
-    if (settled_[other] < settled_[slot] && body.company.wants(bodies_[other].company))
-      near.push_back(other);
+    // Of two that have changed the first takes the pair.
+    const bool is_others = other == slot || (is_changed_[other] != 0 && other < slot);
+    if (!is_others && body.company.wants(bodies_[other].company))
+      company_near_.emplace_back(slot, other);
   };
   const WorldBox roam = tree_of(body).box_of(body.leaf);
   movers_.for_each_meeting(roam, take);
@@ -87,17 +87,16 @@ void BroadPhase::look_around(Slot slot) {
 }
 
 const std::vector<std::pair<BroadPhase::Slot, BroadPhase::Slot>>& BroadPhase::find_near() {
-  for (const Slot slot : unsettled_)
+  std::erase_if(company_near_, [this](const auto& pair) {
+    return (is_changed_[pair.first] | is_changed_[pair.second]) != 0;
+  });
+  for (const Slot slot : changed_)
     if (bodies_[slot].leaf != BoxTree::kNowhere) look_around(slot);
-  unsettled_.clear();
+  for (const Slot slot : changed_) is_changed_[slot] = 0;
+  changed_.clear();
   near_.clear();
-  for (Slot slot = 0; slot < bodies_.size(); ++slot) {
-    std::erase_if(company_near_[slot], [&](Slot other) {
-      if (settled_[other] > settled_[slot]) return true;
-      if (boxes_[slot].meets(boxes_[other])) near_.emplace_back(slot, other);
-      return false;
-    });
-  }
+  for (const auto& [one, two] : company_near_)
+    if (boxes_[one].meets(boxes_[two])) near_.emplace_back(one, two);
   return near_;
 }
 

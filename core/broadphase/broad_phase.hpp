@@ -73,6 +73,7 @@ class BroadPhase {
     return body.company.is_scenery ? scenery_ : movers_;
   }
   void settle(Slot slot, const WorldBox& roam);
+  void note_changed(Slot slot);
   void look_around(Slot slot);
   [[nodiscard]] std::uint64_t pairs_with(const Company& company,
                                          std::uint64_t Members::*members) const;
@@ -80,13 +81,12 @@ class BroadPhase {
   // By slot. Arrays of their own, since each frame runs through them.
   std::vector<Body> bodies_;
   std::vector<WorldBox> boxes_;
-  std::vector<std::uint64_t> settled_;  // a number that grows: when it left its roam last
-  // Whose roams meet its own: a pair stands at the one that left its roam last, and is out of date where the other has since.
-  std::vector<std::vector<Slot>> company_near_;
+  std::vector<std::uint8_t> is_changed_;
   std::vector<Slot> unused_;
   BoxTree movers_, scenery_;
-  std::vector<Slot> unsettled_;  // left their roams since find_near()
-  std::uint64_t settlings_ = 0;
+  // Whose roams meet, but for those that have changed since find_near().
+  std::vector<std::pair<Slot, Slot>> company_near_;
+  std::vector<Slot> changed_;  // left their roams, came or went since then
   std::map<Company, Members> members_;
   std::uint64_t all_pairs_ = 0, placed_pairs_ = 0;
   std::vector<std::pair<Slot, Slot>> near_;

@@ -59,7 +59,7 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
     if (!body->own)
       return Status{StatusCode::kNotFound, body->name + " is not a body that this peer moves"};
     NEARMESH_RETURN_IF_ERROR(check_motion(own.motion, body->name));
-    NEARMESH_RETURN_IF_ERROR(impl.check_promised(*body, own.motion, time_s));
+    if (impl.has_promised) NEARMESH_RETURN_IF_ERROR(impl.check_promised(*body, own.motion, time_s));
   }
   NEARMESH_RETURN_IF_ERROR(impl.check_links(motions));
   if (!wire::is_time(time_s))  // it goes out with every pose
@@ -86,7 +86,8 @@ Result<FrameReport> Session::update(std::uint64_t frame, double time_s,
     body.is_new_to_bounds = true;
     body.stamp.mover = wire::Mover::kThere;
     body.stamp.time_s = time_s;
-    parts.push_back(part_of(body));
+    const std::uint32_t part = part_of(body);
+    if (parts.empty() || parts.back() != part) parts.push_back(part);
   }
   impl.fastest_mps = 0;
   for (const Body* own : impl.own_bodies) {
@@ -191,6 +192,7 @@ void Session::Impl::publish(std::uint32_t part, std::uint64_t frame, bool only_n
     const std::vector<wire::SessionId> wanted_by = who_wants(body);
     if (is_promised ? wanted_by.empty() && !has_recorder : only_near) return;
     wire::BodyPoses& sample = is_promised ? near.try_emplace(wanted_by, none).first->second : poses;
+    if (sample.bodies.empty()) sample.bodies.reserve(wire::kBodiesPerPart);
     sample.bodies.push_back(
         {.number = body.number, .time_s = stamp_of(body).time_s, .motion = *body.motion});
     body.published_s = time_s;

@@ -14,9 +14,9 @@
 namespace nearmesh::subscriber {
 namespace {
 
-/// Bodies are expected to roam as far as they may go in the look-ahead and this much more, and up to twice that: not all at once
-/// shall leave their roams.
-constexpr double kRoam_s = 1;
+/// Bodies are expected to go on as they do for so long, and up to twice that: not all at once shall leave their roams. Those of which
+/// a pose is known turn aside by this share of their way; a promise says nothing of the way.
+constexpr double kRoam_s = 4, kRoamAside = 0.125, kRoamOfPromise_s = 1;
 double lateness_of(const Body& body) {
   return 1 + static_cast<double>(mix(body.id.value) % 16) / 16;
 }
@@ -322,13 +322,7 @@ void Session::Impl::bound_promised(Body& body, FrameReport& report) {
   body.is_by_promise = !is_posed;
   report.promised += body.is_by_promise ? 1U : 0U;
   broad.place(*body.slot, around, [&] {
-    const double roam_m = (speed_mps + fastest_mps) * kRoam_s * lateness_of(body);
-    WorldBox roam = around;
-    for (std::size_t k = 0; k < 3; ++k) {
-      roam.lo_m[k] -= roam_m;
-      roam.hi_m[k] += roam_m;
-    }
-    return roam;
+    return roam_along(around, {}, (speed_mps + fastest_mps) * kRoamOfPromise_s * lateness_of(body));
   });
 }
 
@@ -363,7 +357,10 @@ void Session::Impl::bound(Body& body, FrameReport& report) {
   const ModelBounds& model = body.model->bounds;
   body.place = place_by_pose(placed(body), model, *body.motion, ahead());
   broad.place(*body.slot, body.place.box, [&] {
-    return model.around(*body.motion, horizon_s() + kRoam_s * lateness_of(body), options.margin_m);
+    const double roam_s = kRoam_s * lateness_of(body);
+    std::array<double, 3> way_m = body.motion->linear_velocity_mps;
+    for (double& along : way_m) along *= roam_s;
+    return roam_along(body.place.box, way_m, kRoamAside * model.way_m(*body.motion, roam_s));
   });
 }
 
@@ -373,8 +370,12 @@ void Session::Impl::find_near(std::uint64_t frame, FrameReport& report) {
   ++updates;
   listed.clear();
   std::uint64_t near = 0;
+  Bounded bounded;
   if (watches_all) {
-    for (Body* body : present) bound(*body, report);
+    for (Body* body : present) {
+      bound(*body, report);
+      if (broad.is_placed(*body->slot)) note_bounded(*body, bounded);
+    }
     for (const auto& [one, two] : broad.find_near()) {
       if (is_near_soon(*by_slot[one], *by_slot[two])) {
         note_near(*by_slot[one]);
@@ -409,11 +410,21 @@ void Session::Impl::find_near(std::uint64_t frame, FrameReport& report) {
     note_near(*pair.a);
     note_near(*pair.b);
   }
-  if (watches_all) tell_free(frame, near, report);
+  if (watches_all) tell_free(frame, near, bounded, report);
   report.broad_s = watch.seconds();
 }
 
-void Session::Impl::tell_free(std::uint64_t frame, std::uint64_t near, FrameReport& report) {
+/// Precondition: its place is known.
+void Session::Impl::note_bounded(const Body& body, Bounded& bounded) const {
+  bounded.places_digest += body.place.digest;
+  bounded.pairs.add(body.place.way_m, body.is_by_promise ? 0 : wire::age_s(stamp_of(body), time_s));
+  const bool is_elsewhere = body.told.known == Body::Told::Known::kPromised && !body.own &&
+                            !body.is_by_promise && body.near_sequence == 0;
+  bounded.rests_on_more |= body.told.known == Body::Told::Known::kNot || is_elsewhere;
+}
+
+void Session::Impl::tell_free(std::uint64_t frame, std::uint64_t near, const Bounded& bounded,
+                              FrameReport& report) {
   FreeByBounds& free = report.free_by_bounds;
   free.pairs = broad.placed_pair_count();
   report.unknown_pairs = broad.pair_count() - free.pairs;
@@ -422,18 +433,11 @@ void Session::Impl::tell_free(std::uint64_t frame, std::uint64_t near, FrameRepo
     if (!broad.wants(a, b)) continue;
     --(broad.is_placed(a) && broad.is_placed(b) ? free.pairs : report.unknown_pairs);
   }
-  FreePairs bounds;
-  std::uint64_t digest = 0;
-  for (const Body* body : present) {
-    if (!broad.is_placed(*body->slot)) continue;
-    digest += body->place.digest;
-    bounds.add(body->place.way_m, body->is_by_promise ? 0 : wire::age_s(stamp_of(*body), time_s));
-  }
-  if (options.publish_reports) tell_bounds(frame, broad.placed_pair_count() - near, digest, bounds);
+  if (options.publish_reports) tell_bounds(frame, broad.placed_pair_count() - near, bounded);
   if (free.pairs == 0) return;
-  free.clearance_m = bounds.clearance_m(options.margin_m);
-  free.horizon_s = bounds.horizon_s(horizon_s());
-  free.digest = digest;
+  free.clearance_m = bounded.pairs.clearance_m(options.margin_m);
+  free.horizon_s = bounded.pairs.horizon_s(horizon_s());
+  free.digest = bounded.places_digest;
   for (const std::uint64_t bits : {free.pairs, std::bit_cast<std::uint64_t>(free.clearance_m),
                                    std::bit_cast<std::uint64_t>(free.horizon_s)})
     free.digest = mix(free.digest ^ bits);

@@ -127,26 +127,21 @@ std::vector<wire::BoundsReport::Heard> Session::Impl::heard_of_movers() {
 }
 
 /// `free`: how many pairs of bodies that have boxes do not meet. Nothing is said where there are none.
-void Session::Impl::tell_bounds(std::uint64_t frame, std::uint64_t free,
-                                std::uint64_t places_digest, const FreePairs& bounds) {
+void Session::Impl::tell_bounds(std::uint64_t frame, std::uint64_t free, const Bounded& bounded) {
   tell_watched();
   if (free == 0) return;
-  wire::BoundsReport report{.peer = channel->own_id(),
-                            .edition = watched_edition,
-                            .frame = frame,
-                            .time_s = time_s,
-                            .places_digest = places_digest,
-                            .pairs = static_cast<std::uint32_t>(std::min<std::uint64_t>(
-                                free, std::numeric_limits<std::uint32_t>::max())),
-                            .clearance_m = float_at_most(bounds.clearance_m(options.margin_m)),
-                            .horizon_s = float_at_most(bounds.horizon_s(horizon_s())),
-                            .heard = heard_of_movers()};
-  for (const Body* body : present) {
-    const bool is_told = body->told.known != Told::Known::kNot;
-    const bool is_elsewhere = body->told.known == Told::Known::kPromised && !body->own &&
-                              !body->is_by_promise && body->near_sequence == 0;
-    report.rests_on_more |= broad.is_placed(*body->slot) && (!is_told || is_elsewhere);
-  }
+  wire::BoundsReport report{
+      .peer = channel->own_id(),
+      .edition = watched_edition,
+      .frame = frame,
+      .time_s = time_s,
+      .places_digest = bounded.places_digest,
+      .pairs = static_cast<std::uint32_t>(
+          std::min<std::uint64_t>(free, std::numeric_limits<std::uint32_t>::max())),
+      .clearance_m = float_at_most(bounded.pairs.clearance_m(options.margin_m)),
+      .horizon_s = float_at_most(bounded.pairs.horizon_s(horizon_s())),
+      .rests_on_more = bounded.rests_on_more,
+      .heard = heard_of_movers()};
   channel->tell_bounds(report);
 }
 

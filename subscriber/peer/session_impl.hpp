@@ -376,13 +376,20 @@ struct Session::Impl {
   void leave_model(PeerModel& model);
   void bound(Body& body, FrameReport& report);
   void find_near(std::uint64_t frame, FrameReport& report);
-  void tell_free(std::uint64_t frame, std::uint64_t near, FrameReport& report);
+  // Of all bodies whose place an update knows.
+  struct Bounded {
+    FreePairs pairs;
+    std::uint64_t places_digest = 0;
+    bool rests_on_more = false;  // than a recorder hears
+  };
+  void note_bounded(const Body& body, Bounded& bounded) const;
+  void tell_free(std::uint64_t frame, std::uint64_t near, const Bounded& bounded,
+                 FrameReport& report);
   void note_known(Body& body);
   void note_told(Body& body, const Body::Told& now);
   void tell_watched();
   [[nodiscard]] std::vector<wire::BoundsReport::Heard> heard_of_movers();
-  void tell_bounds(std::uint64_t frame, std::uint64_t free, std::uint64_t places_digest,
-                   const FreePairs& bounds);
+  void tell_bounds(std::uint64_t frame, std::uint64_t free, const Bounded& bounded);
   void add_unbounded(Readiness& all, const Body& body);
   [[nodiscard]] std::string why_unknown(const Body& body) const;
   [[nodiscard]] std::string why_no_bounds(const Body& body) const;
