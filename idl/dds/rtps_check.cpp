@@ -46,6 +46,8 @@ enum BuiltinWriter : std::uint32_t {
   kNobody = 0,
 };
 constexpr std::uint32_t kHandshakeReader = 0x000201c4;
+/// The parameters that say where a participant hears what writers say, and of others.
+constexpr std::uint16_t kDataPlace = 0x0031, kDiscoveryPlace = 0x0032;
 /// Of a product, which Fast DDS 3 tells: its release comes first.
 constexpr std::uint16_t kProductVersion = 0x8000;
 
@@ -246,6 +248,7 @@ bool read_parameters(Cursor& in, See see) {
 struct Submessages {
   Bytes message;
   RtpsVerdict& verdict;
+  ParticipantKey destination{};  ///< of what follows
 
   using Refusal = std::optional<DoorRefusal>;
   static constexpr Refusal kNone{};
@@ -273,7 +276,9 @@ struct Submessages {
       case kInfoTimestamp:
         return (flags & 2) != 0 || body.size() >= 8 ? kNone : DoorRefusal::kSubmessages;
       case kInfoDestination:
-        return body.size() >= 12 ? kNone : DoorRefusal::kSubmessages;
+        if (body.size() < 12) return DoorRefusal::kSubmessages;
+        std::copy_n(body.begin(), destination.size(), destination.begin());
+        return kNone;
       case kInfoSource:
         // Who speaks for another: no DDS does so today, and all that follows is taken for the other's.
         if (body.size() < 20) return DoorRefusal::kSubmessages;
@@ -296,10 +301,13 @@ struct Submessages {
     return in.is_whole() ? DoorRefusal::kSequence : DoorRefusal::kSubmessages;
   }
 
-  static Refusal read_ack_nack(Cursor& in) {
-    in.skip(8);
+  Refusal read_ack_nack(Cursor& in) {
+    in.skip(4);
+    const std::uint32_t writer = in.big_u32();
     std::int64_t base = 0;
     if (!read_set(in, base)) return of_sequence(in);
+    if (const auto place = place_of_endpoint_writer(writer))
+      verdict.confirmations[*place] = {destination, writer, base};
     return in.skip(4) ? kNone : DoorRefusal::kSubmessages;
   }
 
@@ -470,6 +478,17 @@ struct Submessages {
            (name.size() == kName.size() || name[kName.size()] == 0);
   }
 
+  /// Of UDP or TCP; what is none is never sent to.
+  static RtpsPlace place_of(Bytes bytes, bool little_endian) {
+    RtpsPlace place;
+    Cursor in(bytes, little_endian);
+    place.kind = static_cast<std::int32_t>(in.u32());
+    place.port = in.u32();
+    const Bytes address = in.take(place.address.size());
+    std::copy(address.begin(), address.end(), place.address.begin());
+    return place;
+  }
+
   Refusal read_announcement(std::int64_t sequence, const InlineQos& qos, Bytes payload) {
     RtpsAnnouncement found;
     found.sequence = sequence;
@@ -494,6 +513,8 @@ struct Submessages {
         if (id == kProductVersion && !bytes.empty()) found.release = bytes[0];
         if (id == 0x0062) found.name = Cursor(bytes, *little_endian).bytes();
         if (id == 0x1001) found.is_secured = true;  // an identity
+        if ((id == kDataPlace || id == kDiscoveryPlace) && found.place_count < found.places.size())
+          found.places[found.place_count++] = place_of(bytes, *little_endian);
         return true;
       });
       if (!whole) return DoorRefusal::kParameters;
