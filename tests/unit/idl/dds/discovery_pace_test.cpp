@@ -12,7 +12,7 @@ using Kind = DiscoveryWord::Kind;
 
 constexpr std::uint32_t kParticipants = 0x000100c2, kWriters = 0x000003c2, kReaders = 0x000004c2;
 constexpr std::uint32_t kWritersReader = 0x000003c7, kPoses = 0x00000903, kPosesReader = 0x00000904;
-const ParticipantKey kOwn{1, 15, 1}, kOther{1, 15, 7}, kThird{1, 15, 8};
+const ParticipantKey kOwn{1, 15, 1}, kNeighbour{1, 15, 7}, kStranger{1, 15, 8};
 
 RtpsPlace place(std::uint8_t last) {
   RtpsPlace made{.kind = 1, .port = 7410, .address = {}};
@@ -70,17 +70,17 @@ TEST_F(DiscoveryPaceTest, AnnouncementsGoAtOnceAndThenEachPeriod) {
 TEST_F(DiscoveryPaceTest, NewcomerIsToldAtOnceWhereAnotherWas) {
   ASSERT_TRUE(pace.may_go(announcement(1), place(1), 0));
   ASSERT_FALSE(pace.may_go(announcement(1), place(1), 0.05));
-  meet(kOther, place(1));
+  meet(kNeighbour, place(1));
   EXPECT_TRUE(pace.may_go(announcement(1), place(1), 0.06));
   EXPECT_TRUE(pace.may_go(reminder(kWriters, 5), place(1), 0.06));
-  pace.confirm(kOther, {kOwn, kWriters, 6});
+  pace.confirm(kNeighbour, {kOwn, kWriters, 6});
   ASSERT_FALSE(pace.may_go(reminder(kWriters, 5), place(1), 2));
-  meet(kThird, place(1));
+  meet(kStranger, place(1));
   EXPECT_TRUE(pace.may_go(reminder(kWriters, 5), place(1), 2));
 }
 
 TEST_F(DiscoveryPaceTest, WhatIsAskedForGoesSoonerOrLater) {
-  meet(kOther, place(1));
+  meet(kNeighbour, place(1));
   for (const DiscoveryWord& word : {reminder(kWriters, 5), greeting(kWritersReader, kWriters),
                                     greeting(kPosesReader, kPoses)}) {
     EXPECT_LE(count_of(word, place(1), 0, 10), 11);
@@ -89,9 +89,9 @@ TEST_F(DiscoveryPaceTest, WhatIsAskedForGoesSoonerOrLater) {
 }
 
 TEST_F(DiscoveryPaceTest, ConfirmedIsSaidSeldom) {
-  meet(kOther, place(1));
+  meet(kNeighbour, place(1));
   EXPECT_TRUE(pace.may_go(reminder(kWriters, 5), place(1), 0));
-  pace.confirm(kOther, {kOwn, kWriters, 6});
+  pace.confirm(kNeighbour, {kOwn, kWriters, 6});
   EXPECT_LE(count_of(reminder(kWriters, 5), place(1), 0, 20), 3);
   EXPECT_GE(count_of(reminder(kWriters, 5), place(1), 20, 40), 3);
   EXPECT_TRUE(pace.may_go(reminder(kReaders, 5), place(1), 40));  // of other endpoints
@@ -99,23 +99,23 @@ TEST_F(DiscoveryPaceTest, ConfirmedIsSaidSeldom) {
 }
 
 TEST_F(DiscoveryPaceTest, WhoLacksSomethingIsRemindedAtOnce) {
-  meet(kOther, place(1));
+  meet(kNeighbour, place(1));
   ASSERT_TRUE(pace.may_go(reminder(kWriters, 5), place(1), 0));
   ASSERT_FALSE(pace.may_go(reminder(kWriters, 5), place(1), 0.05));
-  pace.confirm(kOther, {kOwn, kWriters, 3});
+  pace.confirm(kNeighbour, {kOwn, kWriters, 3});
   EXPECT_TRUE(pace.may_go(reminder(kWriters, 5), place(1), 0.06));
-  pace.confirm(kOther, {kOwn, kWriters, 6});
+  pace.confirm(kNeighbour, {kOwn, kWriters, 6});
   ASSERT_FALSE(pace.may_go(reminder(kWriters, 5), place(1), 0.07));
-  pace.confirm(kOther, {kOwn, kWriters, 0});  // it has forgotten all
+  pace.confirm(kNeighbour, {kOwn, kWriters, 0});  // it has forgotten all
   EXPECT_TRUE(pace.may_go(reminder(kWriters, 5), place(1), 0.08));
 }
 
 TEST_F(DiscoveryPaceTest, WhatAnotherWasToldIsNotConfirmed) {
-  meet(kOther, place(1));
+  meet(kNeighbour, place(1));
   ASSERT_TRUE(pace.may_go(reminder(kWriters, 5), place(1), 0));
-  pace.confirm(kOther, {kThird, kWriters, 100});  // who had this address before
+  pace.confirm(kNeighbour, {kStranger, kWriters, 100});  // who had this address before
   EXPECT_TRUE(pace.may_go(reminder(kWriters, 5), place(1), 0.2));
-  pace.confirm(kThird, {kOwn, kWriters, 100});  // nobody has heard of it
+  pace.confirm(kStranger, {kOwn, kWriters, 100});  // nobody has heard of it
   EXPECT_TRUE(pace.may_go(reminder(kWriters, 5), place(1), 0.5));
 }
 
@@ -125,10 +125,10 @@ TEST_F(DiscoveryPaceTest, PlaceOfNobodyIsNotPacedButForAnnouncements) {
     EXPECT_TRUE(pace.may_go(reminder(kWriters, 5), place(1), 0));
     EXPECT_TRUE(pace.may_go(greeting(kWritersReader, kWriters), place(1), 0));
   }
-  meet(kOther, place(1));
+  meet(kNeighbour, place(1));
   ASSERT_TRUE(pace.may_go(reminder(kWriters, 5), place(1), 0));
   ASSERT_FALSE(pace.may_go(reminder(kWriters, 5), place(1), 0));
-  pace.forget(kOther);
+  pace.forget(kNeighbour);
   EXPECT_TRUE(pace.may_go(reminder(kWriters, 5), place(1), 0));
   EXPECT_EQ(pace.size(), 0);
 }
@@ -137,7 +137,7 @@ TEST_F(DiscoveryPaceTest, FloodIsForgotten) {
   for (std::uint32_t i = 0; i < 3 * DiscoveryPace::kMaxPlaces; ++i) {
     RtpsPlace where = place(1);
     where.port = i;
-    ParticipantKey key = kOther;
+    ParticipantKey key = kNeighbour;
     key[10] = static_cast<std::uint8_t>(i);
     key[11] = static_cast<std::uint8_t>(i >> 8);
     meet(key, where);
@@ -157,7 +157,7 @@ TEST(DiscoveryWordTest, IsReadOnlyWhereItIsAll) {
   EXPECT_EQ(said->sequence, 3);
 
   Rtps reminded(kOwn);
-  reminded.to(kOther).heartbeat(1, 5, 1, kWritersReader, kWriters);
+  reminded.to(kNeighbour).heartbeat(1, 5, 1, kWritersReader, kWriters);
   const auto told = discovery_word(reminded.bytes);
   ASSERT_TRUE(told);
   EXPECT_EQ(told->kind, Kind::kReminder);
@@ -166,14 +166,14 @@ TEST(DiscoveryWordTest, IsReadOnlyWhereItIsAll) {
   EXPECT_EQ(told->sequence, 5);
 
   Rtps greeted(kOwn), confirmed(kOwn), lacking(kOwn);
-  greeted.to(kOther).ack_nack(0, 0, 1, kPosesReader, kPoses);
+  greeted.to(kNeighbour).ack_nack(0, 0, 1, kPosesReader, kPoses);
   const auto asked = discovery_word(greeted.bytes);
   ASSERT_TRUE(asked);
   EXPECT_EQ(asked->kind, Kind::kGreeting);
   EXPECT_EQ(asked->writer, kPoses);
-  confirmed.to(kOther).ack_nack(6, 0, 1, kWritersReader, kWriters);
+  confirmed.to(kNeighbour).ack_nack(6, 0, 1, kWritersReader, kWriters);
   EXPECT_FALSE(discovery_word(confirmed.bytes));
-  lacking.to(kOther).ack_nack(1, 5, 1, kWritersReader, kWriters);
+  lacking.to(kNeighbour).ack_nack(1, 5, 1, kWritersReader, kWriters);
   EXPECT_FALSE(discovery_word(lacking.bytes));
 
   Rtps both(kOwn);
@@ -191,7 +191,7 @@ TEST(DiscoveryWordTest, IsReadOnlyWhereItIsAll) {
 
 TEST(DiscoveryWordTest, DoorReadsPlacesAndConfirmations) {
   using nearmesh::test::Rtps;
-  Rtps announced(kOther);
+  Rtps announced(kNeighbour);
   announced.announcement(1, 20);
   const auto told = check_rtps(announced.bytes).announcement;
   ASSERT_TRUE(told);
@@ -201,7 +201,7 @@ TEST(DiscoveryWordTest, DoorReadsPlacesAndConfirmations) {
   EXPECT_EQ(told->places[0].address[12], 127);
   EXPECT_EQ(told->places[1].port, 7411);
 
-  Rtps confirmed(kOther);
+  Rtps confirmed(kNeighbour);
   confirmed.to(kOwn).ack_nack(6, 0, 1, kWritersReader, kWriters);
   const auto verdict = check_rtps(confirmed.bytes);
   ASSERT_TRUE(verdict.confirmations[0]);
