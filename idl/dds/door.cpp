@@ -31,7 +31,7 @@ struct Below final : rtps::ChainingTransportDescriptor {
   [[nodiscard]] rtps::TransportInterface* create_transport() const override { return nullptr; }
 };
 
-/// One transport with a door: what comes in passes it, what goes out does not.
+/// One transport with a door: what comes in passes it. What goes out does so where it is paced.
 class Door final : public ChainedTransport, private LeaseEnd {
  public:
   Door(std::shared_ptr<Descriptor> below, std::shared_ptr<DoorWatch> watch)
@@ -40,9 +40,9 @@ class Door final : public ChainedTransport, private LeaseEnd {
 
   [[nodiscard]] Descriptor* get_configuration() override { return below_.get(); }
 
-  /// The transport below looks for its own senders in the list, so they are not wrapped.
   bool OpenOutputChannel(rtps::SendResourceList& senders, const Locator_t& locator) override {
-    return low_level_transport_->OpenOutputChannel(senders, locator);
+    return watch_->paces() ? outgoing_.open(*low_level_transport_, senders, locator)
+                           : low_level_transport_->OpenOutputChannel(senders, locator);
   }
   /// A datagram that was cut to the size of our own would be refused, and its first part was all that Fast DDS ever read of it.
   bool OpenInputChannel(const Locator_t& locator, rtps::TransportReceiverInterface* receiver,
@@ -145,8 +145,18 @@ class Door final : public ChainedTransport, private LeaseEnd {
     watch_->remove(this);
   }
 
+  static RtpsPlace place_of(const Locator_t& locator) {
+    RtpsPlace place{locator.kind, locator.port, {}};
+    std::copy_n(locator.address, place.address.size(), place.address.begin());
+    return place;
+  }
+
   const std::shared_ptr<Descriptor> below_;
   const std::shared_ptr<DoorWatch> watch_;
+  OutgoingFilter outgoing_{
+      [this](std::span<const std::uint8_t> message, OutgoingFilter::Places& places) {
+        watch_->leave_out_repeats(message, places, place_of);
+      }};
   std::mutex mutex_;
   bool closed_ = false;
   std::atomic<bool> is_added_ = false;
@@ -215,6 +225,15 @@ void name_builtin_transports(fdds::DomainParticipantQos& qos) {
   qos.transport().user_transports.push_back(shared);
 }
 
+bool all_udp(const fdds::DomainParticipantQos& qos) {
+  const auto& transports = qos.transport().user_transports;
+  return std::all_of(transports.begin(), transports.end(), [](const auto& transport) {
+    return dynamic_cast<const rtps::UDPTransportDescriptor*>(transport.get()) != nullptr;
+  });
+}
+
+double seconds_of(const Duration& duration) { return duration.seconds + 1e-9 * duration.nanosec; }
+
 /// The path of a file that a property of authentication names; "" for none.
 std::string file_of(const fdds::DomainParticipantQos& qos, const std::string& property) {
   constexpr std::string_view kScheme = "file://";
@@ -243,13 +262,15 @@ const HasDoor* door_of(const Descriptor* descriptor) {
 
 void add_door(fdds::DomainParticipantQos& qos, double identity_period_s) {
   name_builtin_transports(qos);
-  const bool is_plain =
-      qos.wire_protocol().builtin.discovery_config.discoveryProtocol == DiscoveryProtocol::SIMPLE;
+  const auto& discovery = qos.wire_protocol().builtin.discovery_config;
+  const DoorRules rules{.is_plain = discovery.discoveryProtocol == DiscoveryProtocol::SIMPLE,
+                        .by_udp_alone = all_udp(qos),
+                        .announcement_s = seconds_of(discovery.leaseDuration_announcementperiod),
+                        .identity_period_s = identity_period_s};
   std::shared_ptr<DoorWatch> watch;
   for (auto& transport : qos.transport().user_transports) {
     if (door_of(transport.get()) != nullptr) continue;
-    if (watch == nullptr)
-      watch = std::make_shared<DoorWatch>(is_plain, identities_of(qos), identity_period_s);
+    if (watch == nullptr) watch = std::make_shared<DoorWatch>(rules, identities_of(qos));
     transport = with_door(transport, watch);
   }
 }

@@ -44,11 +44,8 @@ std::size_t DoorWatch::Hash::operator()(const ParticipantKey& key) const {
   return static_cast<std::size_t>(hash_bytes(key));
 }
 
-DoorWatch::DoorWatch(bool is_plain, std::unique_ptr<IdentityBook> identities,
-                     double identity_period_s)
-    : is_plain_(is_plain),
-      identities_(std::move(identities)),
-      identity_period_s_(identity_period_s) {
+DoorWatch::DoorWatch(const DoorRules& rules, std::unique_ptr<IdentityBook> identities)
+    : rules_(rules), identities_(std::move(identities)), pace_(rules.announcement_s) {
   thread_ = std::thread([this] { run(); });
 }
 
@@ -63,7 +60,7 @@ DoorWatch::~DoorWatch() {
 
 RtpsVerdict DoorWatch::check(std::span<const std::uint8_t> message, const MessageSource& from) {
   RtpsVerdict verdict = check_rtps(message);
-  if (!verdict.refusal && verdict.tells_of_others && is_plain_)
+  if (!verdict.refusal && verdict.tells_of_others && rules_.is_plain)
     verdict.refusal = DoorRefusal::kSource;
   if (!verdict.refusal && has_ended_) verdict.refusal = DoorRefusal::kIdentity;
   if (!verdict.refusal && identities_ != nullptr && verdict.announcement) judge_release(verdict);
@@ -71,13 +68,29 @@ RtpsVerdict DoorWatch::check(std::span<const std::uint8_t> message, const Messag
     verdict.refusal = judge_handshake(verdict);
   if (!verdict.refusal) {
     const std::lock_guard lock(mutex_);
+    const bool was_known = !verdict.announcement || book_.is_known(verdict.source);
     verdict.refusal = book_.hear(verdict, from);
-    // By UDP, where each comes by multicast too. Beside identities Fast DDS itself waits for announcements, to begin handshakes anew.
-    if (!verdict.refusal && is_plain_ && identities_ == nullptr && from.is_udp)
+    if (!verdict.refusal && rules_.is_plain && identities_ == nullptr && from.is_udp)
       verdict.is_repeat = book_.repeats(verdict);
+    if (!verdict.refusal && paces()) note_for_pace(verdict, was_known);
   }
   if (verdict.refusal) count(*verdict.refusal);
   return verdict;
+}
+
+/// Where there is no memory for it more is told than need be.
+void DoorWatch::note_for_pace(const RtpsVerdict& message, bool was_known) {
+  const std::lock_guard lock(pace_mutex_);
+  try {
+    if (message.announcement && message.announcement->leaves)
+      pace_.forget(message.source);
+    else if (message.announcement && !was_known)
+      pace_.expect(message.source, *message.announcement);
+    for (const auto& confirmation : message.confirmations)
+      if (confirmation) pace_.confirm(message.source, *confirmation);
+  } catch (const std::bad_alloc&) {
+    complain_of_memory();
+  }
 }
 
 void DoorWatch::count(DoorRefusal refusal) {
@@ -108,7 +121,7 @@ std::optional<DoorRefusal> DoorWatch::judge_handshake(const RtpsVerdict& message
     return at->second.serial == facts->serial ? std::nullopt
                                               : std::optional(DoorRefusal::kIdentity);
   // Fast DDS shakes hands with nobody whom it does not know.
-  if (is_plain_ && !book_.is_known(message.source)) return std::nullopt;
+  if (rules_.is_plain && !book_.is_known(message.source)) return std::nullopt;
   if (!has_room_for_certificate()) return DoorRefusal::kCrowd;
   certificates_.emplace(message.source, *facts);
   return std::nullopt;
@@ -160,7 +173,7 @@ void DoorWatch::look_at_identities() {
   const std::lock_guard lock(mutex_);
   std::erase_if(certificates_, [&](const auto& entry) {
     const auto& [key, facts] = entry;
-    if (is_plain_ && !book_.is_known(key)) return true;
+    if (rules_.is_plain && !book_.is_known(key)) return true;
     const std::string fault = identities_->fault_of(facts, now);
     if (fault.empty()) return false;
     refuse_identity(facts, fault);
@@ -263,7 +276,7 @@ void DoorWatch::tick(double passed_s) {
     const std::lock_guard lock(mutex_);
     book_.tick(std::min(passed_s, kLongestTick_s));
   }
-  if (identities_ != nullptr && looked_s_ >= identity_period_s_) {
+  if (identities_ != nullptr && looked_s_ >= rules_.identity_period_s) {
     look_at_identities();
     looked_s_ = 0;
   }
@@ -271,11 +284,15 @@ void DoorWatch::tick(double passed_s) {
     const std::lock_guard lock(mutex_);
     gone_ = book_.take_gone();
   }
+  if (!gone_.empty()) {
+    const std::lock_guard lock(pace_mutex_);
+    for (const ParticipantBook::Gone& one : gone_) pace_.forget(one.key);
+  }
   tell_ends();
 }
 
 void DoorWatch::tell_ends() {
-  if (!is_plain_) gone_.clear();
+  if (!rules_.is_plain) gone_.clear();
   const std::lock_guard lock(ends_mutex_);
   for (; !gone_.empty(); gone_.pop_back()) {
     const std::vector<std::uint8_t> farewell = farewell_of(gone_.back());

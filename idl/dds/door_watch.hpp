@@ -4,10 +4,12 @@
 
 #include <array>
 #include <atomic>
+#include <chrono>
 #include <condition_variable>
 #include <fastdds/dds/domain/DomainParticipant.hpp>
 #include <memory>
 #include <mutex>
+#include <new>
 #include <optional>
 #include <set>
 #include <string>
@@ -15,6 +17,7 @@
 #include <unordered_map>
 #include <vector>
 
+#include "discovery_pace.hpp"
 #include "idl/security/identity_book.hpp"
 #include "mailbox.hpp"
 #include "participant_book.hpp"
@@ -31,6 +34,15 @@ class LeaseEnd {
   ~LeaseEnd() = default;
 };
 
+/// What holds of the participant.
+struct DoorRules {
+  /// Discovery without a server, where each participant speaks for itself alone. Then leases end here.
+  bool is_plain = false;
+  bool by_udp_alone = false;
+  double announcement_s = 1;      ///< period of its announcements
+  double identity_period_s = 10;  ///< between two looks at identities
+};
+
 /// Of a secured participant it also looks whose certificate still counts. Fast DDS 2.9 asks that once, in the handshake, and reads
 /// the revocation list when the participant is made. Here each handshake's certificate is noted, one for each participant, and
 /// looked at again every period: whose is revoked or has expired is barred. Where it is the own one, nobody is heard any more.
@@ -38,14 +50,34 @@ class LeaseEnd {
 /// Threads: all functions, any thread.
 class DoorWatch {
  public:
-  /// `is_plain`: discovery without a server, where each participant speaks for itself alone. Then leases end here.
-  /// `identities`: nullptr for a participant without one; looked at every `identity_period_s`.
-  DoorWatch(bool is_plain, std::unique_ptr<IdentityBook> identities, double identity_period_s);
+  /// `identities`: nullptr for a participant without one.
+  DoorWatch(const DoorRules& rules, std::unique_ptr<IdentityBook> identities);
   ~DoorWatch();
   DoorWatch(const DoorWatch&) = delete;
   DoorWatch& operator=(const DoorWatch&) = delete;
 
-  [[nodiscard]] bool ends_leases() const { return is_plain_; }
+  [[nodiscard]] bool ends_leases() const { return rules_.is_plain; }
+  /// Whether repeats of discovery are left out: by UDP, where each comes by two ways. Beside identities Fast DDS itself waits for
+  /// announcements, to begin handshakes anew; in shared memory one place may be several participants'.
+  [[nodiscard]] bool paces() const {
+    return rules_.is_plain && rules_.by_udp_alone && identities_ == nullptr;
+  }
+  /// Takes away places that need not be told now (DiscoveryPace). place_of(place): as RTPS writes it. Where there is no memory to
+  /// remember what was told, all are told.
+  template <class Places, class PlaceOf>
+  void leave_out_repeats(std::span<const std::uint8_t> message, Places& places, PlaceOf place_of) {
+    const std::optional<DiscoveryWord> word = discovery_word(message);
+    if (!word) return;
+    const std::chrono::duration<double> now = std::chrono::steady_clock::now().time_since_epoch();
+    const std::lock_guard lock(pace_mutex_);
+    std::erase_if(places, [&](const auto& place) {
+      try {
+        return !pace_.may_go(*word, place_of(place), now.count());
+      } catch (const std::bad_alloc&) {
+        return false;
+      }
+    });
+  }
   /// Checks a message, and counts it where it is refused. May throw std::bad_alloc: then the message is lost, and may come again.
   [[nodiscard]] RtpsVerdict check(std::span<const std::uint8_t> message, const MessageSource& from);
   void count(DoorRefusal refusal);
@@ -77,6 +109,7 @@ class DoorWatch {
   void run();
   void tick(double passed_s);
   void tell_ends();
+  void note_for_pace(const RtpsVerdict& message, bool was_known);
   void say_what_was_refused();
   void say(std::string line);
   void say_once(std::set<std::string>& said, const std::string& what, std::string line);
@@ -86,9 +119,8 @@ class DoorWatch {
   void refuse_identity(const IdentityFacts& facts, const std::string& fault);
   void look_at_identities();
 
-  const bool is_plain_;
+  const DoorRules rules_;
   const std::unique_ptr<IdentityBook> identities_;
-  const double identity_period_s_;
   double looked_s_ = 0;                      ///< since identities were looked at; the thread's own
   std::vector<ParticipantBook::Gone> gone_;  ///< whose end is not told yet; the thread's own
   mutable std::mutex mutex_;                 ///< of the book and the thread
@@ -97,6 +129,8 @@ class DoorWatch {
   std::string own_end_;
   std::atomic<bool> has_ended_ = false;  ///< own_end_ is set
   ParticipantBook book_;
+  std::mutex pace_mutex_;  ///< taken with mutex_ held, not the other way round
+  DiscoveryPace pace_;
   std::array<std::atomic<std::uint64_t>, kDoorRefusals> refused_{};
   std::mutex introductions_;
   std::mutex ends_mutex_;

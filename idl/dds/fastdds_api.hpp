@@ -34,6 +34,7 @@
 #include <fastdds/rtps/common/InstanceHandle.h>
 #include <fastdds/rtps/common/SerializedPayload.h>
 #include <fastdds/rtps/common/Time_t.h>
+#include <fastdds/rtps/network/SenderResource.h>
 #include <fastdds/rtps/transport/ChainingTransport.h>
 #include <fastdds/rtps/transport/ChainingTransportDescriptor.h>
 #include <fastdds/rtps/transport/TCPv4TransportDescriptor.h>
@@ -57,6 +58,7 @@
 #include <fastdds/dds/topic/TopicDataType.hpp>
 #include <functional>
 #include <memory>
+#include <new>
 #include <span>
 #include <string>
 #include <vector>
@@ -425,6 +427,76 @@ template <class Support>
 /// Bytes at the end of each message that comes through shared memory: room for statistics, which Fast DDS 3.1 leaves in and does not
 /// write. Other transports send what was written alone.
 inline constexpr std::uint32_t kSharedMemoryRoom = NEARMESH_FASTDDS == 3 ? 60 : 0;
+
+/// What a participant sends through one transport, less what is left out. Of Fast DDS 2.9 alone: 3 hands messages over in pieces, and
+/// its crowds have not been looked at.
+class OutgoingFilter {
+ public:
+  using Places = std::vector<rtps::Locator_t>;
+  /// Takes away places to which the message does not go. Called with the participant's senders locked.
+  using LeaveOut = std::function<void(std::span<const std::uint8_t> message, Places& places)>;
+
+  explicit OutgoingFilter(LeaveOut leave_out) : leave_out_(std::move(leave_out)) {}
+
+  /// In the place of transport.OpenOutputChannel(senders, locator). The transport looks for its own senders in the list that it is
+  /// given, so it has one of its own, behind a sender of ours.
+  bool open(rtps::TransportInterface& transport, rtps::SendResourceList& senders,
+            const rtps::Locator_t& locator) {
+#if NEARMESH_FASTDDS == 3
+    return transport.OpenOutputChannel(senders, locator);
+#else
+    if (!transport.IsLocatorSupported(locator)) return false;
+    if (sender_ == nullptr) {
+      auto made = std::make_unique<Sender>(transport.kind(), *this);
+      sender_ = made.get();
+      senders.push_back(std::move(made));
+    }
+    return transport.OpenOutputChannel(sender_->below, locator);
+#endif
+  }
+
+ private:
+  const LeaveOut leave_out_;
+
+#if NEARMESH_FASTDDS == 2
+  struct Sender final : rtps::SenderResource {
+    Sender(std::int32_t kind, OutgoingFilter& owner) : SenderResource(kind), filter(owner) {
+      send_lambda_ = [this](const rtps::octet* data, std::uint32_t size, LocatorsIterator* begin,
+                            LocatorsIterator* end,
+                            const std::chrono::steady_clock::time_point& timeout) {
+        return send_to({data, size}, *begin, *end, timeout);
+      };
+    }
+    ~Sender() override { filter.sender_ = nullptr; }
+    void add_locators_to_list(rtps::LocatorList_t& locators) const override {
+      for (const auto& one : below) one->add_locators_to_list(locators);
+    }
+    bool send_to(std::span<const std::uint8_t> message, LocatorsIterator& begin,
+                 LocatorsIterator& end, const std::chrono::steady_clock::time_point& timeout) {
+      places.clear();
+      try {
+        for (; !(begin == end); ++begin) places.push_back(*begin);
+      } catch (const std::bad_alloc&) {
+        // The others lose it, as they may lose any datagram.
+      }
+      filter.leave_out_(message, places);
+      if (places.empty()) return true;
+      bool sent = true;
+      for (const auto& one : below) {
+        eprosima::fastdds::rtps::Locators first(places.cbegin()), last(places.cend());
+        sent &= one->send(message.data(), static_cast<std::uint32_t>(message.size()), &first, &last,
+                          timeout);
+      }
+      return sent;
+    }
+
+    OutgoingFilter& filter;
+    rtps::SendResourceList below;
+    Places places;  ///< of the message that is sent
+  };
+  Sender* sender_ = nullptr;  ///< the participant's, which ends it
+#endif
+};
 
 /// What is between Fast DDS and a transport, and sees what comes in: receive(). What goes out passes.
 class ChainedTransport : public rtps::ChainingTransport {

@@ -5,47 +5,20 @@
 #include <cstring>
 #include <string_view>
 
+#include "rtps_ids.hpp"
+
 namespace nearmesh::wire {
 namespace {
 
+using namespace rtps_ids;
 using Bytes = std::span<const std::uint8_t>;
 
-constexpr std::size_t kHeaderBytes = 20;
 constexpr std::size_t kStatisticsBytes = 56;
 constexpr std::uint16_t kEprosima = 0x010f;
 
-enum Submessage : std::uint8_t {
-  kPad = 0x01,
-  kAckNack = 0x06,
-  kHeartbeat = 0x07,
-  kGap = 0x08,
-  kInfoTimestamp = 0x09,
-  kInfoSource = 0x0c,
-  kInfoDestination = 0x0e,
-  kNackFragment = 0x12,
-  kHeartbeatFragment = 0x13,
-  kData = 0x15,
-  kDataFragment = 0x16,
-  kSecureBody = 0x30,
-  kSecurePrefix = 0x31,
-  kSecurePostfix = 0x32,
-  kRtpsPrefix = 0x33,
-  kRtpsPostfix = 0x34,
-  kStatistics = 0x80,
-};
-
-/// Writers of discovery, as a number of four bytes. What they write is read before anybody is known.
-enum BuiltinWriter : std::uint32_t {
-  kParticipants = 0x000100c2,
-  kWriters = 0x000003c2,
-  kReaders = 0x000004c2,
-  kSecureWriters = 0xff0003c2,
-  kSecureReaders = 0xff0004c2,
-  kLiveliness = 0x000200c2,
-  kHandshakes = 0x000201c3,
-  kNobody = 0,
-};
 constexpr std::uint32_t kHandshakeReader = 0x000201c4;
+/// The parameters that say where a participant hears what writers say, and of others.
+constexpr std::uint16_t kDataPlace = 0x0031, kDiscoveryPlace = 0x0032;
 /// Of a product, which Fast DDS 3 tells: its release comes first.
 constexpr std::uint16_t kProductVersion = 0x8000;
 
@@ -246,6 +219,7 @@ bool read_parameters(Cursor& in, See see) {
 struct Submessages {
   Bytes message;
   RtpsVerdict& verdict;
+  ParticipantKey destination{};  ///< of what follows
 
   using Refusal = std::optional<DoorRefusal>;
   static constexpr Refusal kNone{};
@@ -273,7 +247,9 @@ struct Submessages {
       case kInfoTimestamp:
         return (flags & 2) != 0 || body.size() >= 8 ? kNone : DoorRefusal::kSubmessages;
       case kInfoDestination:
-        return body.size() >= 12 ? kNone : DoorRefusal::kSubmessages;
+        if (body.size() < 12) return DoorRefusal::kSubmessages;
+        std::copy_n(body.begin(), destination.size(), destination.begin());
+        return kNone;
       case kInfoSource:
         // Who speaks for another: no DDS does so today, and all that follows is taken for the other's.
         if (body.size() < 20) return DoorRefusal::kSubmessages;
@@ -296,10 +272,13 @@ struct Submessages {
     return in.is_whole() ? DoorRefusal::kSequence : DoorRefusal::kSubmessages;
   }
 
-  static Refusal read_ack_nack(Cursor& in) {
-    in.skip(8);
+  Refusal read_ack_nack(Cursor& in) {
+    in.skip(4);
+    const std::uint32_t writer = in.big_u32();
     std::int64_t base = 0;
     if (!read_set(in, base)) return of_sequence(in);
+    if (const auto place = place_of_endpoint_writer(writer))
+      verdict.confirmations[*place] = {destination, writer, base};
     return in.skip(4) ? kNone : DoorRefusal::kSubmessages;
   }
 
@@ -470,6 +449,17 @@ struct Submessages {
            (name.size() == kName.size() || name[kName.size()] == 0);
   }
 
+  /// Of UDP or TCP; what is none is never sent to.
+  static RtpsPlace place_of(Bytes bytes, bool little_endian) {
+    RtpsPlace place;
+    Cursor in(bytes, little_endian);
+    place.kind = static_cast<std::int32_t>(in.u32());
+    place.port = in.u32();
+    const Bytes address = in.take(place.address.size());
+    std::copy(address.begin(), address.end(), place.address.begin());
+    return place;
+  }
+
   Refusal read_announcement(std::int64_t sequence, const InlineQos& qos, Bytes payload) {
     RtpsAnnouncement found;
     found.sequence = sequence;
@@ -494,6 +484,8 @@ struct Submessages {
         if (id == kProductVersion && !bytes.empty()) found.release = bytes[0];
         if (id == 0x0062) found.name = Cursor(bytes, *little_endian).bytes();
         if (id == 0x1001) found.is_secured = true;  // an identity
+        if ((id == kDataPlace || id == kDiscoveryPlace) && found.place_count < found.places.size())
+          found.places[found.place_count++] = place_of(bytes, *little_endian);
         return true;
       });
       if (!whole) return DoorRefusal::kParameters;

@@ -28,6 +28,16 @@ inline constexpr std::uint32_t kMaxFragmentedBytes = 256U << 20;
 /// A participant that is to be forgotten sooner would only be found anew, again and again.
 inline constexpr double kMinLease_s = 0.1;
 
+/// Where a participant is reached, as RTPS writes it: of which transport, port, address.
+struct RtpsPlace {
+  std::int32_t kind = 0;
+  std::uint32_t port = 0;
+  std::array<std::uint8_t, 16> address{};
+  bool operator==(const RtpsPlace&) const = default;
+};
+/// Of one participant that are kept; the first ones that it tells.
+inline constexpr std::size_t kMaxRtpsPlaces = 8;
+
 /// A participant's announcement of itself, where a message holds one.
 struct RtpsAnnouncement {
   std::int64_t sequence = 0;
@@ -38,6 +48,22 @@ struct RtpsAnnouncement {
   bool is_secured = false;             ///< has an identity
   std::uint8_t release = 0;            ///< of Fast DDS, 3 and later; those before do not tell
   std::span<const std::uint8_t> name;  ///< what it is called
+  /// Where it hears others, and what they write.
+  std::array<RtpsPlace, kMaxRtpsPlaces> places{};
+  std::size_t place_count = 0;
+};
+
+/// The writers that tell of a participant's own writers and readers: 0, 1. Nothing: `writer` is neither.
+[[nodiscard]] constexpr std::optional<std::size_t> place_of_endpoint_writer(std::uint32_t writer) {
+  if (writer != 0x000003c2 && writer != 0x000004c2) return std::nullopt;
+  return writer == 0x000003c2 ? 0 : 1;
+}
+
+/// What a participant says it has of what one of these writers told it.
+struct RtpsConfirmation {
+  ParticipantKey to{};  ///< whose writer
+  std::uint32_t writer = 0;
+  std::int64_t next = 0;  ///< all below
 };
 
 struct RtpsVerdict {
@@ -57,6 +83,7 @@ struct RtpsVerdict {
   bool introduces = false;
   /// Discovery about another participant, or an endpoint of one: only a discovery server may.
   bool tells_of_others = false;
+  std::array<std::optional<RtpsConfirmation>, 2> confirmations{};  ///< of either writer, the last
 };
 
 /// Cost: one pass over the submessages' heads, and over the parameters of discovery; no allocation.

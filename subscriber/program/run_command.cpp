@@ -56,6 +56,18 @@ constexpr double kStay_s = 5;
 /// Of the first frame's poses, while it is waited for.
 constexpr double kRepeat_s = 0.25;
 
+constexpr double kLongestPause_s = 0.05;
+
+void sleep_s(double seconds) {
+  std::this_thread::sleep_for(std::chrono::duration<double>(seconds));
+}
+
+/// Between two updates that wait for others: a fiftieth of what has been waited already. A crowd that waits leaves the processor to
+/// those that it waits for.
+void pause_after(double waited_s, double least_s) {
+  sleep_s(std::clamp(waited_s / 50, least_s, kLongestPause_s));
+}
+
 nlohmann::ordered_json to_json(const Depth& depth) {
   nlohmann::ordered_json json = {{"direction", depth.direction},
                                  {"at_least_m", depth.at_least_m},
@@ -268,7 +280,7 @@ class Flight {
         return {StatusCode::kNotFound, "no certified answer within " +
                                            std::to_string(scene_.start_timeout_s) +
                                            " s: " + reason};
-      std::this_thread::sleep_for(std::chrono::milliseconds(2));
+      pause_after(clock_.seconds(), 0.002);
     }
     return Status::ok();
   }
@@ -282,8 +294,7 @@ class Flight {
       NEARMESH_RETURN_IF_ERROR(fly_frame(frame, end_s, clock));
       show_progress(frame + 1);
       while (clock.seconds() < end_s && stop_requested == 0)
-        std::this_thread::sleep_for(
-            std::chrono::duration<double>(std::min(0.01, std::max(0.0, end_s - clock.seconds()))));
+        sleep_s(std::min(kLongestPause_s, std::max(0.0, end_s - clock.seconds())));
     }
     summary_.seconds = clock.seconds();
     summary_.stats = session_.stats();
@@ -303,7 +314,7 @@ class Flight {
       const auto report =
           update(scene_.frames - 1, with_heard(said ? no_motions_ : rest), scene_.budget_s);
       if (!report.is_ok() || !does_anybody_fly(report.value())) return;
-      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+      sleep_s(kLongestPause_s);
     }
   }
 
@@ -436,6 +447,7 @@ class Flight {
   // Asks again within the frame while detail is on its way and time is left; the last answers count.
   Status fly_frame(std::uint64_t frame, double end_s, const Stopwatch& clock) {
     double load_s = 0, refine_s = 0, tree_s = 0, query_s = 0;
+    const double begun_s = clock.seconds();
     answered_.clear();
     for (bool again = false;; again = true) {
       Result<FrameReport> result =
@@ -455,7 +467,7 @@ class Flight {
         NEARMESH_RETURN_IF_ERROR(record(frame, report));
         break;
       }
-      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      pause_after(clock.seconds() - begun_s, 0.001);
     }
     summary_.load.add(load_s);
     summary_.refine.add(refine_s);
@@ -561,7 +573,7 @@ Status wait_for_recorder(const DdsChannel& channel, const RunOptions& options) {
       return {StatusCode::kNotFound, "no recorder came within " + std::to_string(limit_s) +
                                          " s: start nearmesh-subscriber record on " + where +
                                          ", or leave out --wait-recorder"};
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    sleep_s(kLongestPause_s);
   }
   return Status::ok();
 }

@@ -5,9 +5,12 @@
 #include <sys/stat.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <string_view>
+#include <thread>
 
 #include "process.hpp"
 
@@ -897,6 +900,26 @@ TEST_F(Programs, RecorderSplitsAndRefuses) {
       test::run(folder, "nearmesh-subscriber", {"info", folder.file("both.yaml")}, nullptr, &err),
       1);
   EXPECT_NE(err.find("not a recorded session"), std::string::npos) << err;
+}
+
+// In a crowd each waits for the others, which need the processor.
+TEST_F(Programs, WhoWaitsForAPublisherLooksSeldomForIt) {
+  write_flights(10);
+  write_scene("alone", {"one"}, "[[ground, one]]", "start_timeout_s: 60\n");
+  const auto peer = fly("alone");
+  // So often its main thread has slept.
+  const auto sleeps = [&] {
+    const std::string status = test::read_text("/proc/" + std::to_string(peer->id()) + "/status");
+    const std::string_view label = "\nvoluntary_ctxt_switches:";
+    const std::size_t at = status.find(label);
+    return at == std::string::npos ? 0 : std::stoi(status.substr(at + label.size()));
+  };
+  std::this_thread::sleep_for(std::chrono::seconds(4));
+  const int before = sleeps();
+  EXPECT_GT(before, 0);
+  std::this_thread::sleep_for(std::chrono::seconds(2));
+  EXPECT_LT(sleeps() - before, 200) << "in two seconds";
+  EXPECT_FALSE(peer->is_over()) << peer->err();
 }
 
 }  // namespace

@@ -114,5 +114,20 @@ TEST(ModelBoundsOf, BoxesThatBarelyPartLeavePosedVerticesApart) {
   expect_apart_where_boxes_part(small, small);  // that of the lattice does
 }
 
+TEST(RoamAlong, HoldsTheBoxOnAllItsWayAndAside) {
+  const WorldBox box{{-1, 2, 5}, {0, 4, 9}};
+  const std::array<double, 3> way_m{30, -20, 0};
+  const WorldBox roam = roam_along(box, way_m, 2);
+  EXPECT_EQ(roam, (WorldBox{{-3, -20, 3}, {32, 6, 11}}));
+  for (const double share : {0.0, 0.5, 1.0}) {
+    WorldBox later = box;
+    for (std::size_t k = 0; k < 3; ++k) {
+      later.lo_m[k] += share * way_m[k] - 2;
+      later.hi_m[k] += share * way_m[k] + 2;
+    }
+    EXPECT_TRUE(roam.holds(later)) << share;
+  }
+}
+
 }  // namespace
 }  // namespace nearmesh

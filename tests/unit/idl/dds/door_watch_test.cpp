@@ -25,7 +25,7 @@ TEST(DoorWatch, SaysAlsoWhatItHeardBeforeAnybodyListened) {
   const std::string at = folder.file("set/one/");
   auto book = IdentityBook::open({at + "identity_ca.cert.pem", at + "cert.pem", ""});
   ASSERT_TRUE(book.is_ok()) << book.status().message();
-  DoorWatch watch(true, std::move(book).value(), 5);
+  DoorWatch watch({.is_plain = true, .identity_period_s = 5}, std::move(book).value());
 
   nearmesh::test::Rtps m(nearmesh::test::key_of(1));
   m.begin_announcement().lease(20).secured("rig/other");

@@ -150,7 +150,7 @@ TEST(NoMemory, WhoIsHeldBackComesInAllTheSame) {
 
 TEST(NoMemory, AMessageThatTheDoorHasNoMemoryForMayComeAgain) {
   struct Watched {
-    DoorWatch watch{true, nullptr, 5};
+    DoorWatch watch{{.is_plain = true, .identity_period_s = 5}, nullptr};
   };
   const nearmesh::test::RtpsBytes bytes = announcement_bytes(1, 20);
   EXPECT_GT(refuse_each<Watched>(
@@ -218,7 +218,7 @@ TEST(NoMemory, LeasesThatEndedMeanwhileAreToldAfterwards) {
     std::vector<nearmesh::test::RtpsBytes> farewells;
   } ends;
   Mailbox mailbox;
-  DoorWatch watch(true, nullptr, 5);
+  DoorWatch watch({.is_plain = true, .identity_period_s = 5}, nullptr);
   watch.set_mailbox(&mailbox);
   watch.add(&ends);
   ASSERT_FALSE(watch.check(announcement_bytes(1, 1), kSender).refusal);
