@@ -34,7 +34,8 @@ namespace rtps = wire::rtps;
 constexpr double kDeadline_s = 20;
 constexpr double kLease_s = 2;
 /// Of a test each: the packet ends everybody on the bus who has no door. Their ports lie below those that systems give out.
-enum Domain : std::uint32_t { kDeadly = 96, kLeases = 97, kSharedMemory = 98, kTransports = 99 };
+// Of nobody else: who is found there is counted.
+enum Domain : std::uint32_t { kDeadly = 64, kLeases = 65, kSharedMemory = 66, kTransports = 67 };
 
 /// On loopback alone, found by multicast there.
 fdds::DomainParticipantQos loopback_qos() {

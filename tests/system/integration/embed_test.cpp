@@ -7,7 +7,7 @@ namespace nearmesh {
 namespace {
 
 TEST(Embed, PrintsTheExpectedOutput) {
-  const std::string domain = "130", interface = "127.0.0.1";
+  const std::string domain = "69", interface = "127.0.0.1";
   const test::Folder folder;
   test::Process publisher(
       folder, "nearmesh-publisher",

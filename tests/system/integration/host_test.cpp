@@ -30,7 +30,7 @@ using subscriber::ReadyStage;
 using subscriber::Session;
 using wire::is_ok;
 
-constexpr std::uint32_t kDomain = 131;
+constexpr std::uint32_t kDomain = 68;
 const char* const kProfiles = NEARMESH_FLIGHT_SIM_DIR "/profiles.xml";
 
 std::unique_ptr<HostBus> join() {
