@@ -314,7 +314,7 @@ class Flight {
       const auto report =
           update(scene_.frames - 1, with_heard(said ? no_motions_ : rest), scene_.budget_s);
       if (!report.is_ok() || !does_anybody_fly(report.value())) return;
-      sleep_s(kLongestPause_s);
+      sleep_s(0.02);
     }
   }
 
