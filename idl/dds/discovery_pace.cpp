@@ -5,7 +5,7 @@
 #include <cstring>
 
 #include "core/base/hash.hpp"
-#include "rtps_ids.hpp"
+#include "rtps_cursor.hpp"
 
 namespace nearmesh::wire {
 namespace {
@@ -18,48 +18,34 @@ constexpr std::uint8_t kLittleEndian = 1, kWithInlineQos = 2, kWithPayload = 4;
 /// Of a period: Fast DDS's own timer comes a little early at times.
 constexpr double kEarly = 0.9;
 
-std::uint32_t word_at(Bytes bytes, std::size_t at, bool little_endian) {
-  std::uint32_t value = 0;
-  for (std::size_t i = 0; i < 4; ++i)
-    value |= std::uint32_t{bytes[at + i]} << (8 * (little_endian ? i : 3 - i));
-  return value;
-}
-
-std::int64_t sequence_at(Bytes bytes, std::size_t at, bool little_endian) {
-  return static_cast<std::int64_t>(std::uint64_t{word_at(bytes, at, little_endian)} << 32 |
-                                   word_at(bytes, at + 4, little_endian));
-}
-
-std::optional<DiscoveryWord> announcement_in(Bytes body, std::uint8_t flags) {
+std::optional<DiscoveryWord> announcement_in(Cursor in, std::uint8_t flags) {
+  in.skip(4);
+  const std::uint32_t reader = in.big_u32(), writer = in.big_u32();
+  const std::int64_t sequence = in.sequence();
   // What it takes back is told with inline QoS.
-  if (body.size() < 20 || (flags & kWithInlineQos) != 0 || (flags & kWithPayload) == 0 ||
-      word_at(body, 8, false) != kParticipants)
+  if (!in.is_whole() || (flags & kWithInlineQos) != 0 || (flags & kWithPayload) == 0 ||
+      writer != kParticipants)
     return std::nullopt;
-  return DiscoveryWord{Kind::kAnnouncement,
-                       {},
-                       word_at(body, 4, false),
-                       kParticipants,
-                       sequence_at(body, 12, (flags & kLittleEndian) != 0)};
+  return DiscoveryWord{Kind::kAnnouncement, {}, reader, writer, sequence};
 }
 
-std::optional<DiscoveryWord> reminder_in(Bytes body, std::uint8_t flags) {
-  if (body.size() < 28) return std::nullopt;
-  const std::uint32_t writer = word_at(body, 4, false);
-  if (!place_of_endpoint_writer(writer)) return std::nullopt;
-  return DiscoveryWord{Kind::kReminder,
-                       {},
-                       word_at(body, 0, false),
-                       writer,
-                       sequence_at(body, 16, (flags & kLittleEndian) != 0)};
+std::optional<DiscoveryWord> reminder_in(Cursor in) {
+  const std::uint32_t reader = in.big_u32(), writer = in.big_u32();
+  in.skip(8);  // the first
+  const std::int64_t last = in.sequence();
+  in.skip(4);
+  if (!in.is_whole() || !place_of_endpoint_writer(writer)) return std::nullopt;
+  return DiscoveryWord{Kind::kReminder, {}, reader, writer, last};
 }
 
 /// It names no number that it has or lacks.
-std::optional<DiscoveryWord> greeting_in(Bytes body, std::uint8_t flags) {
-  if (body.size() < 24) return std::nullopt;
-  const bool little_endian = (flags & kLittleEndian) != 0;
-  if (sequence_at(body, 8, little_endian) != 0 || word_at(body, 16, little_endian) != 0)
-    return std::nullopt;
-  return DiscoveryWord{Kind::kGreeting, {}, word_at(body, 0, false), word_at(body, 4, false), 0};
+std::optional<DiscoveryWord> greeting_in(Cursor in) {
+  const std::uint32_t reader = in.big_u32(), writer = in.big_u32();
+  const std::int64_t base = in.sequence();
+  const std::uint32_t bits = in.u32();
+  in.skip(4);
+  if (!in.is_whole() || base != 0 || bits != 0) return std::nullopt;
+  return DiscoveryWord{Kind::kGreeting, {}, reader, writer, 0};
 }
 
 }  // namespace
@@ -69,15 +55,14 @@ std::optional<DiscoveryWord> discovery_word(Bytes message) {
   for (std::size_t at = kHeaderBytes; at + 4 <= message.size();) {
     const std::uint8_t id = message[at], flags = message[at + 1];
     const bool little_endian = (flags & kLittleEndian) != 0;
-    const std::size_t length = message[at + (little_endian ? 2 : 3)] |
-                               std::size_t{message[at + (little_endian ? 3 : 2)]} << 8;
+    const std::size_t length = Cursor(message.subspan(at + 2, 2), little_endian).u16();
     if (length > message.size() - at - 4) return std::nullopt;
-    const Bytes body = message.subspan(at + 4, length);
+    const Cursor body(message.subspan(at + 4, length), little_endian);
     if (id == kData || id == kHeartbeat || id == kAckNack) {
       if (found) return std::nullopt;
       found = id == kData        ? announcement_in(body, flags)
-              : id == kHeartbeat ? reminder_in(body, flags)
-                                 : greeting_in(body, flags);
+              : id == kHeartbeat ? reminder_in(body)
+                                 : greeting_in(body);
       if (!found) return std::nullopt;
     } else if (id != kInfoTimestamp && id != kInfoDestination && id != kStatistics) {
       return std::nullopt;
@@ -94,10 +79,6 @@ std::size_t DiscoveryPace::PlaceHash::operator()(const RtpsPlace& place) const {
   std::memcpy(bytes.data() + 4, &place.port, 4);
   std::copy(place.address.begin(), place.address.end(), bytes.begin() + 8);
   return static_cast<std::size_t>(hash_bytes(bytes));
-}
-
-std::size_t DiscoveryPace::KeyHash::operator()(const ParticipantKey& key) const {
-  return static_cast<std::size_t>(hash_bytes(key));
 }
 
 DiscoveryPace::DiscoveryPace(double period_s) : longest_s_(kEarly * period_s) {}

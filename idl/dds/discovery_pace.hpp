@@ -59,9 +59,6 @@ class DiscoveryPace {
   struct PlaceHash {
     std::size_t operator()(const RtpsPlace& place) const;
   };
-  struct KeyHash {
-    std::size_t operator()(const ParticipantKey& key) const;
-  };
   struct Said {
     DiscoveryWord word;
     double last_s = 0, wait_s = 0;
@@ -79,7 +76,7 @@ class DiscoveryPace {
   const double longest_s_;  ///< between two announcements to one place
   ParticipantKey own_{};
   std::unordered_map<RtpsPlace, Told, PlaceHash> told_;
-  std::unordered_map<ParticipantKey, Home, KeyHash> homes_;
+  std::unordered_map<ParticipantKey, Home, ParticipantKeyHash> homes_;
 };
 
 }  // namespace nearmesh::wire

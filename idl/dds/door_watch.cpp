@@ -8,7 +8,6 @@
 #include <utility>
 
 #include "core/base/float_guard.hpp"
-#include "core/base/hash.hpp"
 #include "fastdds_api.hpp"
 #include "idl/messages/process_name.hpp"
 
@@ -39,10 +38,6 @@ std::vector<std::uint8_t> farewell_of(const ParticipantBook::Gone& gone) {
 }
 
 }  // namespace
-
-std::size_t DoorWatch::Hash::operator()(const ParticipantKey& key) const {
-  return static_cast<std::size_t>(hash_bytes(key));
-}
 
 DoorWatch::DoorWatch(const DoorRules& rules, std::unique_ptr<IdentityBook> identities)
     : rules_(rules), identities_(std::move(identities)), pace_(rules.announcement_s) {

@@ -103,9 +103,6 @@ class DoorWatch {
 
  private:
   static constexpr std::size_t kMaxCertificates = 16384;
-  struct Hash {
-    std::size_t operator()(const ParticipantKey& key) const;
-  };
   void run();
   void tick(double passed_s);
   void tell_ends();
@@ -124,7 +121,7 @@ class DoorWatch {
   double looked_s_ = 0;                      ///< since identities were looked at; the thread's own
   std::vector<ParticipantBook::Gone> gone_;  ///< whose end is not told yet; the thread's own
   mutable std::mutex mutex_;                 ///< of the book and the thread
-  std::unordered_map<ParticipantKey, IdentityFacts, Hash>
+  std::unordered_map<ParticipantKey, IdentityFacts, ParticipantKeyHash>
       certificates_;  ///< that counted when they came
   std::string own_end_;
   std::atomic<bool> has_ended_ = false;  ///< own_end_ is set

@@ -3,8 +3,6 @@
 
 #include <algorithm>
 
-#include "core/base/hash.hpp"
-
 namespace nearmesh::wire {
 namespace {
 
@@ -13,10 +11,6 @@ std::int64_t sequence_after(std::int64_t sequence) {
 }
 
 }  // namespace
-
-std::size_t ParticipantBook::Hash::operator()(const ParticipantKey& key) const {
-  return static_cast<std::size_t>(hash_bytes(key));
-}
 
 std::optional<DoorRefusal> ParticipantBook::hear(const RtpsVerdict& message,
                                                  const MessageSource& from) {

@@ -70,9 +70,6 @@ class ParticipantBook {
   [[nodiscard]] std::size_t size() const { return known_.size(); }
 
  private:
-  struct Hash {
-    std::size_t operator()(const ParticipantKey& key) const;
-  };
   struct Known {
     double first_s = 0, last_s = 0;
     double lease_s = 0;
@@ -85,12 +82,12 @@ class ParticipantBook {
   [[nodiscard]] bool speaks_from(Known& known, const MessageSource& from) const;
 
   double now_s_ = 0;
-  std::unordered_map<ParticipantKey, Known, Hash> known_;
-  std::unordered_set<ParticipantKey, Hash>
+  std::unordered_map<ParticipantKey, Known, ParticipantKeyHash> known_;
+  std::unordered_set<ParticipantKey, ParticipantKeyHash>
       barred_;  ///< some bytes for each that ever had a certificate
   double tokens_ = kBurst;
   double again_tokens_ = kBurst;
-  std::unordered_map<ParticipantKey, double, Hash> waiting_;  ///< since when
+  std::unordered_map<ParticipantKey, double, ParticipantKeyHash> waiting_;  ///< since when
   std::deque<ParticipantKey>
       waiting_order_;  ///< all of these, and such as are not waiting any more
   std::vector<Gone> gone_;

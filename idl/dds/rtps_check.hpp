@@ -13,11 +13,15 @@
 #include <span>
 
 #include "nearmesh/idl/messages/messages.hpp"
+#include "rtps_ids.hpp"
 
 namespace nearmesh::wire {
 
 /// Names a participant in every message of it.
 using ParticipantKey = std::array<std::uint8_t, 12>;
+struct ParticipantKeyHash {
+  std::size_t operator()(const ParticipantKey& key) const;
+};
 
 /// Above any number that a writer of a thousand samples a second reaches in a thousand years.
 inline constexpr std::int64_t kMaxSequence = std::int64_t{1} << 45;
@@ -55,8 +59,8 @@ struct RtpsAnnouncement {
 
 /// The writers that tell of a participant's own writers and readers: 0, 1. Nothing: `writer` is neither.
 [[nodiscard]] constexpr std::optional<std::size_t> place_of_endpoint_writer(std::uint32_t writer) {
-  if (writer != 0x000003c2 && writer != 0x000004c2) return std::nullopt;
-  return writer == 0x000003c2 ? 0 : 1;
+  if (writer != rtps_ids::kWriters && writer != rtps_ids::kReaders) return std::nullopt;
+  return writer == rtps_ids::kWriters ? 0 : 1;
 }
 
 /// What a participant says it has of what one of these writers told it.
