@@ -2,7 +2,8 @@
 # Sourced by ./test, ./demo and .ci/run: what they share. Stops the caller at the first failure.
 #   nearmesh_packages   what to install on this Debian, 12 or 13
 #   install_missing PACKAGE...   installs those Debian packages that are not there; silent when all are
-#   build_preset PRESET [TARGET...]   configures and builds (all, or these targets) into build/PRESET
+#   build_preset PRESET [TARGET...]   configures and builds (all, or these targets) into build/PRESET; a new build/dev is a
+#       joined one, and stays so until `cmake --preset dev -DCMAKE_UNITY_BUILD=OFF`
 # Call from anywhere: the working folder becomes the project's.
 
 set -euo pipefail
@@ -49,6 +50,8 @@ install_missing() {
 }
 
 build_preset() {
-  cmake --preset "$1" --log-level=WARNING
+  local preset=$1
+  if [[ $preset == dev && ! -e build/dev/CMakeCache.txt ]]; then preset=joined; fi
+  cmake --preset "$preset" --log-level=WARNING
   cmake --build --preset "$1" ${2:+--target "${@:2}"}
 }

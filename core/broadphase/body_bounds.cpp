@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/base/hash.hpp"
 #include "core/geometry/motion_bounds.hpp"
 
 namespace nearmesh {
@@ -84,6 +85,8 @@ WorldBox ModelBounds::around_ball(const std::array<double, 3>& center_m, double 
   }
   return box;
 }
+
+double roam_s(std::uint64_t number) { return 4 * (1 + static_cast<double>(mix(number) % 16) / 16); }
 
 WorldBox roam_along(const WorldBox& box, const std::array<double, 3>& way_m, double aside_m) {
   WorldBox roam;

@@ -4,6 +4,7 @@
 // header, a pose and velocities alone.
 
 #include <array>
+#include <cstdint>
 
 #include "nearmesh/core/geometry/motion.hpp"
 #include "nearmesh/core/spm/detail/split_store.hpp"
@@ -27,6 +28,11 @@ struct WorldBox {
 
 /// The smallest that holds both.
 [[nodiscard]] WorldBox hull(const WorldBox& a, const WorldBox& b);
+
+/// Bodies are expected to go on as they do for so long: 4 to 8 s, by their number, since not all shall leave their roams at once. On
+/// their way they turn aside by this share of it.
+[[nodiscard]] double roam_s(std::uint64_t number);
+inline constexpr double kRoamAside = 0.125;
 
 /// Where what has this box is expected to stay for a while: it goes that way from here, give or take `aside_m` on each side.
 [[nodiscard]] WorldBox roam_along(const WorldBox& box, const std::array<double, 3>& way_m,

@@ -14,12 +14,8 @@
 namespace nearmesh::subscriber {
 namespace {
 
-/// Bodies are expected to go on as they do for so long, and up to twice that: not all at once shall leave their roams. Those of which
-/// a pose is known turn aside by this share of their way; a promise says nothing of the way.
-constexpr double kRoam_s = 4, kRoamAside = 0.125, kRoamOfPromise_s = 1;
-double lateness_of(const Body& body) {
-  return 1 + static_cast<double>(mix(body.id.value) % 16) / 16;
-}
+/// A promise says nothing of the way: a body of which that alone is known may go to all sides, so its roam is for a quarter of the time.
+constexpr double kRoamOfPromise = 0.25;
 
 /// Full poses are asked for so long before a body may be near: for the way there and back, and two frames.
 constexpr double kLead_s = 0.3;
@@ -322,7 +318,8 @@ void Session::Impl::bound_promised(Body& body, FrameReport& report) {
   body.is_by_promise = !is_posed;
   report.promised += body.is_by_promise ? 1U : 0U;
   broad.place(*body.slot, around, [&] {
-    return roam_along(around, {}, (speed_mps + fastest_mps) * kRoamOfPromise_s * lateness_of(body));
+    return roam_along(around, {},
+                      (speed_mps + fastest_mps) * kRoamOfPromise * roam_s(body.id.value));
   });
 }
 
@@ -357,10 +354,10 @@ void Session::Impl::bound(Body& body, FrameReport& report) {
   const ModelBounds& model = body.model->bounds;
   body.place = place_by_pose(placed(body), model, *body.motion, ahead());
   broad.place(*body.slot, body.place.box, [&] {
-    const double roam_s = kRoam_s * lateness_of(body);
+    const double duration_s = roam_s(body.id.value);
     std::array<double, 3> way_m = body.motion->linear_velocity_mps;
-    for (double& along : way_m) along *= roam_s;
-    return roam_along(body.place.box, way_m, kRoamAside * model.way_m(*body.motion, roam_s));
+    for (double& along : way_m) along *= duration_s;
+    return roam_along(body.place.box, way_m, kRoamAside * model.way_m(*body.motion, duration_s));
   });
 }
 

@@ -154,10 +154,9 @@ void run_broad(std::size_t bodies, std::size_t tile_count) {
       const Motion& motion = traffic.motions[i];
       const WorldBox box = around(motion, kLookahead_s);
       broad.place(slots[i], box, [&] {
-        const double roam_s = 4 * (1 + static_cast<double>(i % 16) / 16);
         std::array<double, 3> way_m = motion.linear_velocity_mps;
-        for (double& way : way_m) way *= roam_s;
-        return roam_along(box, way_m, std::hypot(way_m[0], way_m[1], way_m[2]) / 8);
+        for (double& way : way_m) way *= roam_s(i);
+        return roam_along(box, way_m, kRoamAside * std::hypot(way_m[0], way_m[1], way_m[2]));
       });
     }
     const std::size_t near = broad.find_near().size();

@@ -114,6 +114,17 @@ TEST(ModelBoundsOf, BoxesThatBarelyPartLeavePosedVerticesApart) {
   expect_apart_where_boxes_part(small, small);  // that of the lattice does
 }
 
+TEST(RoamSeconds, AreFourToEightAndSpreadOverTheBodies) {
+  std::array<int, 4> by_second{};
+  for (std::uint64_t number = 0; number < 1000; ++number) {
+    const double s = roam_s(number);
+    ASSERT_GE(s, 4);
+    ASSERT_LT(s, 8);
+    ++by_second[static_cast<std::size_t>(s) - 4];
+  }
+  for (const int bodies : by_second) EXPECT_NEAR(bodies, 250, 60);
+}
+
 TEST(RoamAlong, HoldsTheBoxOnAllItsWayAndAside) {
   const WorldBox box{{-1, 2, 5}, {0, 4, 9}};
   const std::array<double, 3> way_m{30, -20, 0};
