@@ -154,8 +154,9 @@ void run_broad(std::size_t bodies, std::size_t tile_count) {
       const Motion& motion = traffic.motions[i];
       const WorldBox box = around(motion, kLookahead_s);
       broad.place(slots[i], box, [&] {
+        const double duration_s = roam_s(i);
         std::array<double, 3> way_m = motion.linear_velocity_mps;
-        for (double& way : way_m) way *= roam_s(i);
+        for (double& way : way_m) way *= duration_s;
         return roam_along(box, way_m, kRoamAside * std::hypot(way_m[0], way_m[1], way_m[2]));
       });
     }
