@@ -10,9 +10,9 @@ Prints one line per violation and exits with 1 when there is any.
 """
 import pathlib
 import re
-import sys
-import tempfile
 import urllib.parse
+
+from rule import main
 
 SKIPPED = {".git", ".cache", "out"}  # and build*
 INDEX = "docs/README.md"
@@ -122,12 +122,12 @@ def check(root):
     return violations
 
 
-def self_test():
-    """Every kind of violation is planted and must be found; the rest must pass."""
+def planted():
+    """Every kind of violation, which must be found, and what must pass."""
     good = ("# A page\n\n## What `x` is, and [why](b.md)\n\n## Twice\n\n## Twice\n\n[b](b.md), [c](#twice-1), [d](../core),\n"
             "[e](b.md#what-x-is-and-why), `[no link](gone.md)`, [far](https://example.org/gone.md), [split\nlink](b.md)\n\n"
             "    [code](gone.md)\n\n```\n[code](gone.md)\n# no heading\n```\n\n![a picture](p.svg) [![both](p.svg)](b.md)\n")
-    planted = {
+    return {
         INDEX: ("[a](a.md) [b](b.md#twice)", 1),  # c.md is not named
         "docs/a.md": (good, 0),
         "docs/b.md": ("## What x is, and why\n\n## Twice\n", 0),
@@ -139,20 +139,7 @@ def self_test():
         "core/stale.cpp": ("// docs/gone.md, docs/b.md#gone\n", 2),
         "build/x.md": ("[1](gone.md)", 0),
     }
-    with tempfile.TemporaryDirectory() as folder:
-        root = pathlib.Path(folder)
-        for name, (text, _) in planted.items():
-            (root / name).parent.mkdir(parents=True, exist_ok=True)
-            (root / name).write_text(text)
-        violations = check(root)
-    return [f"{name}: expected {count} violations, found {found}: {violations}"
-            for name, (_, count) in planted.items()
-            if (found := sum(v.startswith(name + ":") for v in violations)) != count]
 
 
 if __name__ == "__main__":
-    if len(sys.argv) != 2:
-        sys.exit(__doc__)
-    found = self_test() if sys.argv[1] == "--self-test" else check(pathlib.Path(sys.argv[1]))
-    print("\n".join(found) if found else "Pages lead where they say.")
-    sys.exit(1 if found else 0)
+    main(__doc__, check, planted(), "Pages lead where they say.")
