@@ -31,6 +31,7 @@
 #include "nearmesh/subscriber/peer/local_channel.hpp"
 #include "nearmesh/subscriber/peer/session.hpp"
 #include "test_models.hpp"
+#include "traffic.hpp"
 #include "world_stream.hpp"
 
 #ifdef NEARMESH_PEER_FCL_CROWD
@@ -40,8 +41,10 @@
 namespace {
 
 using namespace nearmesh;
+using test::kSide_m;
+using test::kStep_s;
+using test::Traffic;
 
-constexpr double kSide_m = 100e3, kHeight_m = 3e3, kSpeed_mps = 200, kStep_s = 0.05;
 constexpr double kLookahead_s = 0.5, kRadius_m = 44;
 constexpr int kFrames = 400;
 
@@ -50,43 +53,6 @@ double cpu_s() {
   ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
   return static_cast<double>(t.tv_sec) + static_cast<double>(t.tv_nsec) * 1e-9;
 }
-
-/// Bodies that fly at up to 200 m/s, turn, and turn back at the edges.
-class Traffic {
- public:
-  explicit Traffic(std::size_t count) {
-    Random random(7);
-    for (std::size_t i = 0; i < count; ++i) {
-      Motion motion;
-      motion.pose.translation_m = {random.between(0, kSide_m), random.between(0, kSide_m),
-                                   random.between(0, kHeight_m)};
-      const double course = random.between(0, 6.283), speed = random.between(0.5, 1) * kSpeed_mps;
-      motion.linear_velocity_mps = {speed * std::cos(course), speed * std::sin(course),
-                                    random.between(-20, 20)};
-      motions.push_back(motion);
-    }
-  }
-  void step() {
-    ++steps_;
-    for (std::size_t i = 0; i < motions.size(); ++i) {
-      auto& [pose, v, w] = motions[i];
-      const double turn = (static_cast<double>((i * 7 + steps_ / 100) % 5) - 2) * 0.02 * kStep_s;
-      const double vx = v[0] - v[1] * turn, vy = v[1] + v[0] * turn;
-      v[0] = vx;
-      v[1] = vy;
-      for (std::size_t k = 0; k < 3; ++k) {
-        pose.translation_m[k] += v[k] * kStep_s;
-        const double top = k == 2 ? kHeight_m : kSide_m;
-        if ((pose.translation_m[k] < 0 && v[k] < 0) || (pose.translation_m[k] > top && v[k] > 0))
-          v[k] = -v[k];
-      }
-    }
-  }
-  std::vector<Motion> motions;
-
- private:
-  std::size_t steps_ = 0;
-};
 
 WorldBox around(const Motion& motion, double duration_s) {
   const auto& v = motion.linear_velocity_mps;
@@ -146,7 +112,7 @@ void run_broad(std::size_t bodies, std::size_t tile_count) {
     broad.place(broad.add({.is_scenery = true}), tile, [&] { return tile; });
   std::vector<BroadPhase::Slot> slots;
   for (std::size_t i = 0; i < bodies; ++i) slots.push_back(broad.add({}));
-  Traffic traffic(bodies);
+  Traffic traffic(7, bodies);
   measure("broad", bodies, tiles.size(), kFrames, [&](double& spent_s) {
     traffic.step();
     const double start_s = cpu_s();
@@ -168,7 +134,7 @@ void run_broad(std::size_t bodies, std::size_t tile_count) {
 
 #ifdef NEARMESH_PEER_FCL_CROWD
 void run_fcl(std::size_t bodies, std::size_t tile_count) {
-  Traffic traffic(bodies);
+  Traffic traffic(7, bodies);
   std::vector<WorldBox> boxes(bodies);
   const auto set_boxes = [&] {
     for (std::size_t i = 0; i < bodies; ++i) boxes[i] = around(traffic.motions[i], kLookahead_s);
@@ -409,7 +375,7 @@ void run_session(std::size_t bodies) {
         {session.add_body({.name = "a" + std::to_string(i), .model = "aircraft", .own = true})
              .value(),
          {}});
-  Traffic traffic(bodies);
+  Traffic traffic(7, bodies);
   std::uint64_t frame = 0, uncertain = 0;
   measure("session", bodies, 0, kFrames, [&](double& spent_s) {
     traffic.step();
