@@ -72,34 +72,46 @@ class Door final : public ChainedTransport, private LeaseEnd {
              const Locator_t& local, const Locator_t& remote) {
     const bool is_udp = remote.kind == LOCATOR_KIND_UDPv4 || remote.kind == LOCATOR_KIND_UDPv6;
     if (local.kind == LOCATOR_KIND_SHM) size -= std::min(size, kSharedMemoryRoom);
-    const RtpsVerdict verdict = watch_->check(
-        {data, size}, {is_udp, is_udp ? IPLocator::getPhysicalPort(remote) : std::uint16_t{0}});
-    if (verdict.refusal || verdict.is_repeat) return;
-    const auto passed = static_cast<std::uint32_t>(verdict.size);
+    const MessageSource from{is_udp,
+                             is_udp ? IPLocator::getPhysicalPort(remote) : std::uint16_t{0}};
+    std::span<const std::uint8_t> message(data, size);
+    std::vector<std::uint8_t> of_next;
+    for (std::size_t speakers = 1;; ++speakers) {
+      RtpsVerdict verdict = watch_->check(message, from);
+      if (!verdict.refusal && !verdict.is_repeat) let_in(next, message, verdict, local, remote);
+      if (verdict.next_speaker_at == 0) return;
+      if (speakers == kMaxSpeakers) {
+        watch_->count(DoorRefusal::kSource);
+        return;
+      }
+      of_next = rtps_of_next_speaker(message, verdict);
+      message = of_next;
+    }
+  }
+
+  void let_in(rtps::TransportReceiverInterface& next, std::span<const std::uint8_t> message,
+              RtpsVerdict& verdict, const Locator_t& local, const Locator_t& remote) {
+    if (verdict.announcement && !verdict.announcement->leaves && watch_->ends_leases()) {
+      remember_way_in(next, local, remote);
+      prolong_lease(*verdict.announcement, verdict.changes);
+    }
+    // A copy where it is not handed on as it came: in shared memory others read the same bytes.
+    thread_local RtpsCopy copy;
+    std::span<const std::uint8_t> passed = message.first(verdict.size);
+    if (RtpsCopy::is_needed(verdict)) passed = copy.of(passed, verdict);
     // Taken before any lock of Fast DDS, always.
     std::unique_lock<std::mutex> introduction;
     if (verdict.introduces) introduction = std::unique_lock(watch_->introductions());
-    if (verdict.announcement && !verdict.announcement->leaves && watch_->ends_leases()) {
-      receive_announcement(next, {data, passed}, *verdict.announcement, local, remote);
-      return;
-    }
-    hand_on(next, data, passed, local, remote);
-  }
-
-  void hand_on(rtps::TransportReceiverInterface& next, const octet* data, std::uint32_t size,
-               const Locator_t& local, const Locator_t& remote) {
     try {
-      next.OnDataReceived(data, size, local, remote);
+      next.OnDataReceived(passed.data(), static_cast<std::uint32_t>(passed.size()), local, remote);
     } catch (const std::exception&) {
       // Say of memory that a malformed message asked for: the message is lost, the process goes on.
       watch_->count(DoorRefusal::kParameters);
     }
   }
 
-  void receive_announcement(rtps::TransportReceiverInterface& next,
-                            std::span<const std::uint8_t> message,
-                            const RtpsAnnouncement& announcement, const Locator_t& local,
-                            const Locator_t& remote) {
+  void remember_way_in(rtps::TransportReceiverInterface& next, const Locator_t& local,
+                       const Locator_t& remote) {
     {
       const std::lock_guard lock(mutex_);
       if (!closed_) {
@@ -112,14 +124,15 @@ class Door final : public ChainedTransport, private LeaseEnd {
       watch_->add(this);  // twice is once
       is_added_ = true;
     }
-    // A copy: in shared memory others read the same bytes.
-    std::vector<std::uint8_t> changed(message.begin(), message.end());
-    for (std::size_t i = 0; i < 8; ++i)
-      changed[announcement.lease_at + i] =
-          i < 4 ? static_cast<std::uint8_t>(kForever_s >>
-                                            (8 * (announcement.little_endian ? i : 3 - i)))
-                : std::uint8_t{0};
-    hand_on(next, changed.data(), static_cast<std::uint32_t>(changed.size()), local, remote);
+  }
+
+  static void prolong_lease(const RtpsAnnouncement& announcement,
+                            std::vector<RtpsChange>& changes) {
+    for (std::uint32_t i = 0; i < 8; ++i)
+      changes.push_back({static_cast<std::uint32_t>(announcement.lease_at) + i,
+                         i < 4 ? static_cast<std::uint8_t>(
+                                     kForever_s >> (8 * (announcement.little_endian ? i : 3 - i)))
+                               : std::uint8_t{0}});
   }
 
   /// Called by the watch's thread.

@@ -54,7 +54,8 @@ DoorWatch::~DoorWatch() {
 }
 
 RtpsVerdict DoorWatch::check(std::span<const std::uint8_t> message, const MessageSource& from) {
-  RtpsVerdict verdict = check_rtps(message);
+  RtpsVerdict verdict = check_rtps(message, gap_turn_.load(std::memory_order_relaxed));
+  if (verdict.is_cut_gap) gap_turn_.fetch_add(1, std::memory_order_relaxed);
   if (!verdict.refusal && verdict.tells_of_others && rules_.is_plain)
     verdict.refusal = DoorRefusal::kSource;
   if (!verdict.refusal && has_ended_) verdict.refusal = DoorRefusal::kIdentity;

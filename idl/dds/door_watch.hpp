@@ -129,6 +129,7 @@ class DoorWatch {
   std::mutex pace_mutex_;  ///< taken with mutex_ held, not the other way round
   DiscoveryPace pace_;
   std::array<std::atomic<std::uint64_t>, kDoorRefusals> refused_{};
+  std::atomic<std::uint32_t> gap_turn_ = 0;  ///< gaps that were cut
   std::mutex introductions_;
   std::mutex ends_mutex_;
   std::vector<LeaseEnd*> ends_;

@@ -19,13 +19,14 @@ std::optional<DoorRefusal> ParticipantBook::hear(const RtpsVerdict& message,
   if (at == known_.end()) {
     // Fast DDS takes nothing from who is unknown but its announcement.
     if (!message.announcement || message.announcement->leaves) return std::nullopt;
-    if (!may_come_in(message.source)) return DoorRefusal::kCrowd;
+    if (known_.size() >= kMaxKnown || !may_come_in(message.source)) return DoorRefusal::kCrowd;
     Known known{.first_s = now_s_,
                 .last_s = now_s_,
                 .lease_s = message.announcement->lease_s,
                 .announced_s = now_s_,
                 .sequence = message.announcement->sequence,
                 .handed_on_s = {},
+                .has_spoken = false,
                 .ports = {}};
     if (from.is_udp) known.ports.push_back(from.port);
     known_.emplace(message.source, std::move(known));
@@ -34,7 +35,11 @@ std::optional<DoorRefusal> ParticipantBook::hear(const RtpsVerdict& message,
   Known& known = at->second;
   if (!speaks_from(known, from)) return DoorRefusal::kSource;
   known.last_s = now_s_;
-  if (!message.announcement) return std::nullopt;
+  if (!message.announcement) {
+    if (!known.has_spoken) known.first_s = now_s_;
+    known.has_spoken = true;
+    return std::nullopt;
+  }
   if (message.announcement->leaves) {
     known_.erase(at);
     return std::nullopt;
@@ -67,9 +72,10 @@ bool ParticipantBook::speaks_from(Known& known, const MessageSource& from) const
       std::find(known.ports.begin(), known.ports.end(), from.port) != known.ports.end())
     return true;
   if (now_s_ - known.last_s > kMoved_s) known.ports.clear();
-  // One that was first heard through another transport has yet to be learnt.
-  if (!known.ports.empty() &&
-      (now_s_ - known.first_s > kLearning_s || known.ports.size() >= kMaxPorts))
+  // One that moved, or was first heard through another transport, has yet to be learnt: it may have several.
+  if (known.ports.empty())
+    known.first_s = now_s_;
+  else if (now_s_ - known.first_s > kLearning_s || known.ports.size() >= kMaxPorts)
     return false;
   known.ports.push_back(from.port);
   return true;
@@ -98,18 +104,22 @@ bool ParticipantBook::may_come_in(const ParticipantKey& key) {
   return true;
 }
 
+bool ParticipantBook::has_left(const Known& known) const {
+  const double lease_s =
+      known.has_spoken ? known.lease_s : std::min(known.lease_s, kOnlyAnnounced_s);
+  return now_s_ - known.last_s > lease_s;
+}
+
 void ParticipantBook::tick(double seconds) {
   now_s_ += seconds;
   tokens_ = std::min(kBurst, tokens_ + kNewcomersPerSecond * seconds);
   again_tokens_ = std::min(kBurst, again_tokens_ + kNewcomersPerSecond * seconds);
-  const auto has_left = [this](const auto& entry) {
-    return now_s_ - entry.second.last_s > entry.second.lease_s;
-  };
+  const auto leaves = [this](const auto& entry) { return has_left(entry.second); };
   // All memory first: nobody is forgotten whose end is not told.
   gone_.reserve(gone_.size() +
-                static_cast<std::size_t>(std::count_if(known_.begin(), known_.end(), has_left)));
+                static_cast<std::size_t>(std::count_if(known_.begin(), known_.end(), leaves)));
   std::erase_if(known_, [&](const auto& entry) {
-    if (!has_left(entry)) return false;
+    if (!leaves(entry)) return false;
     gone_.push_back({entry.first, sequence_after(entry.second.sequence)});
     return true;
   });

@@ -23,10 +23,12 @@ struct MessageSource {
 /// Five rules:
 /// * **Who speaks.** A participant speaks from few sockets. After the first kLearning_s a message in its name from another one is
 ///   refused, unless it has been silent for kMoved_s: else anybody could forge what it says, and one such message makes a reader
-///   deaf for it.
+///   deaf for it. The time of learning begins anew when it has moved, and once with its first word that is no announcement: before
+///   that its other sockets had nothing to say.
 /// * **Who comes in.** Fast DDS takes memory and time for each participant that it hears of. kBurst may come at once, then
 ///   kNewcomersPerSecond; who is held back is let in when it speaks again, which an honest one does each second, and who invents
-///   participants does not.
+///   participants does not. Of who has only announced itself a lease counts kOnlyAnnounced_s at most, and kMaxKnown are known:
+///   more than such invented ones as never speak again can be within that.
 /// * **Who is barred.** A participant whose identity does not count any more is not heard.
 /// * **Who repeats itself.** Of each participant an announcement is handed on once in kRepeat_s. Fast DDS announces itself to all anew
 ///   for each participant that it hears of, by two ways: where n come at once, each is told n^2 times what it knows, and reads it all.
@@ -43,6 +45,8 @@ class ParticipantBook {
   static constexpr double kRepeat_s = 0.5;
   static constexpr std::size_t kMaxWaiting = 4096;  ///< held back; the oldest are forgotten
   static constexpr std::size_t kMaxPorts = 16;      ///< of one participant
+  static constexpr double kOnlyAnnounced_s = 60;
+  static constexpr std::size_t kMaxKnown = 4096;
 
   /// A well-formed message. Out: why it is refused.
   [[nodiscard]] std::optional<DoorRefusal> hear(const RtpsVerdict& message,
@@ -76,9 +80,11 @@ class ParticipantBook {
     double announced_s = 0, period_s = 0;  ///< of its announcements
     std::int64_t sequence = 0;
     std::optional<double> handed_on_s;  ///< with that sequence number
+    bool has_spoken = false;            ///< has said more than that it is there
     std::vector<std::uint16_t> ports;
   };
   [[nodiscard]] bool may_come_in(const ParticipantKey& key);
+  [[nodiscard]] bool has_left(const Known& known) const;
   [[nodiscard]] bool speaks_from(Known& known, const MessageSource& from) const;
 
   double now_s_ = 0;

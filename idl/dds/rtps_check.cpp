@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <new>
 #include <string_view>
 
 #include "core/base/hash.hpp"
@@ -22,6 +23,14 @@ constexpr std::uint32_t kHandshakeReader = 0x000201c4;
 constexpr std::uint16_t kDataPlace = 0x0031, kDiscoveryPlace = 0x0032;
 /// Of a product, which Fast DDS 3 tells: its release comes first.
 constexpr std::uint16_t kProductVersion = 0x8000;
+constexpr std::size_t kInfoSourceBytes = 20;
+/// What Fast DDS reads of a fragment's beginning while that is missing.
+constexpr std::uint64_t kLinkBytes = 4;
+
+/// What a type is made of: an identifier, the whole, and the same as of XTypes 1.3.
+bool describes_type(std::uint16_t parameter) {
+  return parameter == 0x0069 || parameter == 0x0072 || parameter == 0x0075;
+}
 
 bool is_sequence(std::int64_t number) { return number >= 1 && number <= kMaxSequence; }
 
@@ -145,13 +154,15 @@ bool read_parameters(Cursor& in, See see) {
 struct Submessages {
   Bytes message;
   RtpsVerdict& verdict;
-  ParticipantKey destination{};  ///< of what follows
+  std::uint32_t turn = 0;
+  std::size_t body_at = 0;  ///< in the message, of the submessage that is read
 
   using Refusal = std::optional<DoorRefusal>;
   static constexpr Refusal kNone{};
 
   Refusal read(std::uint8_t id, std::uint8_t flags, Bytes body) {
     const bool little_endian = (flags & 1) != 0;
+    body_at = static_cast<std::size_t>(body.data() - message.data());
     Cursor in(body, little_endian);
     switch (id) {
       case kAckNack:
@@ -159,7 +170,7 @@ struct Submessages {
       case kHeartbeat:
         return read_heartbeat(in);
       case kGap:
-        return read_gap(in);
+        return read_gap(in, little_endian);
       case kNackFragment:
         return read_nack_fragment(in);
       case kHeartbeatFragment:
@@ -174,14 +185,18 @@ struct Submessages {
         return (flags & 2) != 0 || body.size() >= 8 ? kNone : DoorRefusal::kSubmessages;
       case kInfoDestination:
         if (body.size() < 12) return DoorRefusal::kSubmessages;
-        std::copy_n(body.begin(), destination.size(), destination.begin());
+        // Nobody means that it stays as it was.
+        if (std::any_of(body.begin(), body.begin() + 12,
+                        [](std::uint8_t byte) { return byte != 0; }))
+          std::copy_n(body.begin(), verdict.destination.size(), verdict.destination.begin());
         return kNone;
       case kInfoSource:
-        // Who speaks for another: no DDS does so today, and all that follows is taken for the other's.
-        if (body.size() < 20) return DoorRefusal::kSubmessages;
-        return std::equal(verdict.source.begin(), verdict.source.end(), body.begin() + 8)
-                   ? kNone
-                   : DoorRefusal::kSource;
+        // Of another length Fast DDS reads no further; of another version it knows nothing.
+        if (body.size() != kInfoSourceBytes) return DoorRefusal::kSubmessages;
+        if (body[4] != 2) return DoorRefusal::kHeader;
+        if (!std::equal(verdict.source.begin(), verdict.source.end(), body.begin() + 8))
+          verdict.next_speaker_at = body_at;
+        return kNone;
       case kSecurePrefix:
       case kSecurePostfix:
       case kRtpsPrefix:
@@ -204,7 +219,7 @@ struct Submessages {
     std::int64_t base = 0;
     if (!read_set(in, base)) return of_sequence(in);
     if (const auto place = place_of_endpoint_writer(writer))
-      verdict.confirmations[*place] = {destination, writer, base};
+      verdict.confirmations[*place] = {verdict.destination, writer, base};
     return in.skip(4) ? kNone : DoorRefusal::kSubmessages;
   }
 
@@ -215,13 +230,42 @@ struct Submessages {
     return in.skip(4) ? kNone : DoorRefusal::kSubmessages;
   }
 
-  static Refusal read_gap(Cursor& in) {
+  void change(std::size_t at, std::uint32_t number, bool little_endian) {
+    for (std::uint32_t i = 0; i < 4; ++i)
+      verdict.changes.push_back(
+          {static_cast<std::uint32_t>(at) + i,
+           static_cast<std::uint8_t>(number >> (8 * (little_endian ? i : 3 - i)))});
+  }
+  void change_sequence(std::size_t at, std::int64_t number, bool little_endian) {
+    const auto bits = static_cast<std::uint64_t>(number);
+    change(at, static_cast<std::uint32_t>(bits >> 32), little_endian);
+    change(at + 4, static_cast<std::uint32_t>(bits), little_endian);
+  }
+
+  Refusal read_gap(Cursor& in, bool little_endian) {
     in.skip(8);
+    const std::size_t start_at = body_at + in.at();
     const std::int64_t start = in.sequence();
     std::int64_t base = 0;
-    if (!read_set(in, base) || !is_sequence(start) || base < start || base - start > kMaxGap)
-      return of_sequence(in);
+    if (!read_set(in, base) || !is_sequence(start) || base < start) return of_sequence(in);
+    if (base - start > kMaxGap) cut_gap(start_at, start, base, little_endian);
     return kNone;
+  }
+
+  /// Lawful ones are long too: where a latched history keeps an old sample, all that was written since and replaced is one gap,
+  /// told before each heartbeat. A reader that is not told of it asks for 256 numbers with each heartbeat.
+  void cut_gap(std::size_t start_at, std::int64_t start, std::int64_t base, bool little_endian) {
+    const std::int64_t parts = (base - start + kMaxGap - 1) / kMaxGap;
+    // By the golden ratio: all parts come soon, also where only each second turn or so is this writer's.
+    const std::uint32_t spread = turn * 0x9e3779b1U;
+    const auto part = static_cast<std::int64_t>(
+        (std::uint64_t{spread} * static_cast<std::uint64_t>(parts)) >> 32);
+    const std::int64_t from = start + part * kMaxGap;
+    verdict.is_cut_gap = true;
+    change_sequence(start_at, from, little_endian);
+    if (part == parts - 1) return;  // and what is behind it
+    change_sequence(start_at + 8, from + kMaxGap, little_endian);
+    change(start_at + 16, 0, little_endian);  // no bits
   }
 
   static Refusal read_nack_fragment(Cursor& in) {
@@ -288,24 +332,44 @@ struct Submessages {
     return read_builtin(writer, sequence, qos, payload);
   }
 
+  /// Fast DDS compares nothing of what two fragments of one sample say of it: it takes sizes from the first that comes, and copies by
+  /// them. So each must be right by itself, and what is read beyond it is room that RtpsCopy provides.
   Refusal read_data_fragment(Cursor& in, std::uint8_t flags) {
+    const bool little_endian = (flags & 1) != 0;
     std::uint32_t writer = 0;
     std::int64_t sequence = 0;
     std::size_t qos_at = 0;
     if (const Refusal refusal = read_data_head(in, 28, writer, sequence, qos_at)) return refusal;
     const std::uint64_t first = in.u32();
-    const std::uint64_t count = in.u16(), size = in.u16(), total = in.u32();
+    const std::uint64_t count = in.u16(), size = in.u16();
+    const std::size_t total_at = body_at + in.at();
+    const std::uint64_t total = in.u32();
     if (!in.is_whole() || !in.skip(qos_at - in.at())) return DoorRefusal::kSubmessages;
     InlineQos qos;
     if ((flags & 2) != 0)
-      if (const Refusal refusal = read_inline_qos(in, (flags & 1) != 0, qos)) return refusal;
-    // What is read before anybody is known comes whole, or it could not be looked at here.
-    if (writer == kParticipants || writer == kHandshakes) return DoorRefusal::kFragments;
-    if (first < 1 || count < 1 || size < 1 || total < 1 || total > kMaxFragmentedBytes ||
-        (first - 1 + count - 1) * size >= total)
+      if (const Refusal refusal = read_inline_qos(in, little_endian, qos)) return refusal;
+    // What is read before anybody is known comes whole, or it could not be looked at here. A key Fast DDS reads from nowhere.
+    if (writer == kParticipants || writer == kHandshakes || (flags & 4) != 0)
       return DoorRefusal::kFragments;
+    if (first < 1 || count < 1 || count > kMaxFragmentsAtOnce || size < kMinFragmentBytes ||
+        total < 4 || total > kMaxFragmentedBytes || (first - 1 + count - 1) * size >= total)
+      return DoorRefusal::kFragments;
+    const std::uint64_t fragments = (total + size - 1) / size;
     const std::uint64_t expected = std::min(count * size, total - (first - 1) * size);
-    return in.left() >= expected ? kNone : DoorRefusal::kFragments;
+    if (fragments > kMaxFragments || in.left() < expected) return DoorRefusal::kFragments;
+    // In all fragments alike, so that the first that comes takes memory enough.
+    const std::uint64_t link_end = ((fragments - 1) * size + 3) / 4 * 4 + kLinkBytes;
+    if (link_end > total) change(total_at, static_cast<std::uint32_t>(link_end), little_endian);
+    verdict.has_fragments = true;
+    if (!is_discovery(writer)) return kNone;
+    // Looked at as a whole, or not at all.
+    if (count != fragments) return DoorRefusal::kFragments;
+    return read_builtin(writer, sequence, qos, in.take(total));
+  }
+
+  static bool is_discovery(std::uint32_t writer) {
+    return writer == kWriters || writer == kReaders || writer == kSecureWriters ||
+           writer == kSecureReaders || writer == kLiveliness;
   }
 
   /// What discovery and the handshakes of security write.
@@ -324,8 +388,14 @@ struct Submessages {
         const auto little_endian = parameter_order(payload);
         if (!little_endian) return DoorRefusal::kParameters;
         Cursor in(payload.subspan(4), *little_endian);
-        const bool whole = read_parameters(in, [&](std::uint16_t id, std::size_t, Bytes bytes) {
+        const auto offset = static_cast<std::uint32_t>(payload.data() - message.data()) + 4;
+        const bool whole = read_parameters(in, [&](std::uint16_t id, std::size_t place,
+                                                   Bytes bytes) {
           verdict.tells_of_others |= !is_of_source(id, bytes);
+          // Its number becomes that of padding, 0; its length stays.
+          if (describes_type(id))
+            for (const std::uint32_t before : {4U, 3U})
+              verdict.changes.push_back({offset + static_cast<std::uint32_t>(place) - before, 0});
           return is_parameter(id, bytes, *little_endian);
         });
         return whole ? kNone : DoorRefusal::kParameters;
@@ -435,7 +505,7 @@ std::size_t ParticipantKeyHash::operator()(const ParticipantKey& key) const {
   return static_cast<std::size_t>(hash_bytes(key));
 }
 
-RtpsVerdict check_rtps(std::span<const std::uint8_t> message) {
+RtpsVerdict check_rtps(std::span<const std::uint8_t> message, std::uint32_t turn) {
   RtpsVerdict verdict;
   verdict.size = message.size();
   if (message.size() < kHeaderBytes || std::memcmp(message.data(), "RTPS", 4) != 0 ||
@@ -445,7 +515,7 @@ RtpsVerdict check_rtps(std::span<const std::uint8_t> message) {
   }
   const std::uint16_t vendor = static_cast<std::uint16_t>(message[6] << 8 | message[7]);
   std::copy_n(message.begin() + 8, verdict.source.size(), verdict.source.begin());
-  Submessages submessages{message, verdict};
+  Submessages submessages{message, verdict, turn};
   std::size_t words = 0;
   for (std::size_t at = kHeaderBytes; at < message.size();) {
     if (message.size() - at < 4) {
@@ -471,11 +541,45 @@ RtpsVerdict check_rtps(std::span<const std::uint8_t> message) {
     }
     verdict.refusal = submessages.read(id, flags, message.subspan(at + 4, length));
     if (verdict.refusal) return verdict;
+    if (verdict.next_speaker_at != 0) {
+      verdict.size = at;
+      break;
+    }
     if (id != kInfoTimestamp && id != kInfoDestination) ++words;
     at += 4 + length;
   }
   verdict.only_announces = verdict.announcement && words == 1;
   return verdict;
+}
+
+std::vector<std::uint8_t> rtps_of_next_speaker(std::span<const std::uint8_t> message,
+                                               const RtpsVerdict& verdict) {
+  const Bytes info = message.subspan(verdict.next_speaker_at, kInfoSourceBytes);
+  const Bytes rest = message.subspan(verdict.next_speaker_at + kInfoSourceBytes);
+  constexpr std::array<std::uint8_t, 4> kMark{'R', 'T', 'P', 'S'};
+  constexpr std::array<std::uint8_t, 4> kTo{kInfoDestination, 1, 12, 0};
+  std::vector<std::uint8_t> bytes;
+  bytes.reserve(kHeaderBytes + kTo.size() + verdict.destination.size() + rest.size());
+  bytes.insert(bytes.end(), kMark.begin(), kMark.end());
+  bytes.insert(bytes.end(), info.begin() + 4, info.end());
+  // Whom one speaks to stays until it says otherwise.
+  bytes.insert(bytes.end(), kTo.begin(), kTo.end());
+  bytes.insert(bytes.end(), verdict.destination.begin(), verdict.destination.end());
+  bytes.insert(bytes.end(), rest.begin(), rest.end());
+  return bytes;
+}
+
+std::span<const std::uint8_t> RtpsCopy::of(std::span<const std::uint8_t> message,
+                                           const RtpsVerdict& verdict) {
+  const std::size_t needed = message.size() + (verdict.has_fragments ? kFragmentRoomBytes : 0);
+  if (needed > size_) {
+    bytes_.reset(static_cast<std::uint8_t*>(std::calloc(needed, 1)));
+    size_ = bytes_ != nullptr ? needed : 0;
+    if (bytes_ == nullptr) throw std::bad_alloc();
+  }
+  std::copy(message.begin(), message.end(), bytes_.get());
+  for (const RtpsChange& change : verdict.changes) bytes_[change.at] = change.value;
+  return {bytes_.get(), message.size()};
 }
 
 }  // namespace nearmesh::wire

@@ -9,8 +9,11 @@
 
 #include <array>
 #include <cstdint>
+#include <cstdlib>
+#include <memory>
 #include <optional>
 #include <span>
+#include <vector>
 
 #include "nearmesh/idl/messages/messages.hpp"
 #include "rtps_ids.hpp"
@@ -29,6 +32,16 @@ inline constexpr std::int64_t kMaxSequence = std::int64_t{1} << 45;
 inline constexpr std::int64_t kMaxGap = 1 << 16;
 /// Of a sample in fragments: its memory is taken with the first of them.
 inline constexpr std::uint32_t kMaxFragmentedBytes = 256U << 20;
+/// Fast DDS keeps a list of the missing ones at their beginnings, which in shorter ones would be overwritten by what comes, and walks
+/// it with each that comes.
+inline constexpr std::uint32_t kMinFragmentBytes = 8;
+inline constexpr std::uint32_t kMaxFragments = 1U << 18;
+/// In one submessage. Cyclone DDS sends as many of its 1,344 bytes as a datagram has room for.
+inline constexpr std::uint32_t kMaxFragmentsAtOnce = 64;
+/// Fast DDS reads the last fragment as long as the first one that it heard of the sample lets it be, whatever has come.
+inline constexpr std::size_t kFragmentRoomBytes = std::size_t{kMaxFragmentsAtOnce} * 0xffff;
+/// Who speaks in one message: Cyclone DDS puts together what several participants of a process have to say.
+inline constexpr std::size_t kMaxSpeakers = 8;
 /// A participant that is to be forgotten sooner would only be found anew, again and again.
 inline constexpr double kMinLease_s = 0.1;
 
@@ -70,6 +83,12 @@ struct RtpsConfirmation {
   std::int64_t next = 0;  ///< all below
 };
 
+/// A byte that is another in the message that is handed on.
+struct RtpsChange {
+  std::uint32_t at = 0;
+  std::uint8_t value = 0;
+};
+
 struct RtpsVerdict {
   std::optional<DoorRefusal> refusal;
   /// To be handed on: Fast DDS's statistics at the end are left out. Nothing of nearmesh reads them, and Fast DDS compares them
@@ -88,9 +107,46 @@ struct RtpsVerdict {
   /// Discovery about another participant, or an endpoint of one: only a discovery server may.
   bool tells_of_others = false;
   std::array<std::optional<RtpsConfirmation>, 2> confirmations{};  ///< of either writer, the last
+  /// What Fast DDS must not see as it came; few messages of lawful programs have any:
+  /// * Descriptions of types with an endpoint's discovery become padding. Fast DDS 2.9 builds types of them, and follows a null
+  ///   pointer where one is malformed. Endpoints match by their type's name.
+  /// * Of a gap above kMaxGap a part of that length is left. Other heartbeats bring the other parts.
+  /// * A sample whose last fragment is so short that its place in the list of missing ones lies behind it becomes some bytes longer.
+  std::vector<RtpsChange> changes;
+  bool is_cut_gap = false;     ///< one of these changes
+  bool has_fragments = false;  ///< and needs room behind it (RtpsCopy)
+  /// Where another participant's word begins, which is to be judged by itself (rtps_of_next_speaker). 0: nowhere.
+  std::size_t next_speaker_at = 0;
+  ParticipantKey
+      destination{};  ///< of what comes there, unless it says so. Zeros: whoever hears it
 };
 
-/// Cost: one pass over the submessages' heads, and over the parameters of discovery; no allocation.
-[[nodiscard]] RtpsVerdict check_rtps(std::span<const std::uint8_t> message);
+/// Cost: one pass over the submessages' heads, and over the parameters of discovery; no allocation but for changes.
+/// In: `turn`: which part of a long gap is left; to count up with each that was cut. Throws std::bad_alloc.
+[[nodiscard]] RtpsVerdict check_rtps(std::span<const std::uint8_t> message, std::uint32_t turn = 0);
+
+/// What the next speaker says, as a message of its own. In: a verdict of `message` that names one. Throws std::bad_alloc.
+[[nodiscard]] std::vector<std::uint8_t> rtps_of_next_speaker(std::span<const std::uint8_t> message,
+                                                             const RtpsVerdict& verdict);
+
+/// A message as it is handed on where it may not be as it came. The memory is used again and again: that behind a message is as
+/// good as never touched, so costs nothing.
+class RtpsCopy {
+ public:
+  [[nodiscard]] static bool is_needed(const RtpsVerdict& verdict) {
+    return !verdict.changes.empty() || verdict.has_fragments;
+  }
+  /// Good until the next call. Behind a message with fragments are kFragmentRoomBytes that may be read. Throws std::bad_alloc.
+  [[nodiscard]] std::span<const std::uint8_t> of(std::span<const std::uint8_t> message,
+                                                 const RtpsVerdict& verdict);
+  [[nodiscard]] std::size_t size() const { return size_; }
+
+ private:
+  struct Free {
+    void operator()(std::uint8_t* bytes) const { std::free(bytes); }
+  };
+  std::unique_ptr<std::uint8_t[], Free> bytes_;
+  std::size_t size_ = 0;
+};
 
 }  // namespace nearmesh::wire

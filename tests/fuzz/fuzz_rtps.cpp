@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // A message for the door, as it came from the network. The first byte: 1 asks for a good header, so that more than that is
-// reached. Holds: what passes passes again as it is handed on, every submessage of it lies inside it, and a lease that is
-// rewritten leaves it right.
+// reached. Holds: what passes passes again as it is handed on, every submessage of it lies inside it, a lease that is rewritten
+// leaves it right, and nothing is left to change of what was changed. What another speaker adds is a shorter message.
 
 #include <memory>
+#include <vector>
 
 #include "fuzz_input.hpp"
 #include "idl/dds/participant_book.hpp"
@@ -40,8 +41,20 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     FUZZ_CHECK(verdict.announcement->lease_at + 8 <= verdict.size);
     for (std::size_t i = 0; i < 8; ++i) bytes[verdict.announcement->lease_at + i] = 1;
   }
-  const RtpsVerdict again = check_rtps({bytes.get(), verdict.size});
-  FUZZ_CHECK(!again.refusal && again.size == verdict.size);
+  if (verdict.next_speaker_at != 0) {
+    const std::vector<std::uint8_t> next = rtps_of_next_speaker({bytes.get(), count}, verdict);
+    FUZZ_CHECK(next.size() < count);
+    static_cast<void>(check_rtps(next));
+  }
+  for (const RtpsChange& change : verdict.changes) FUZZ_CHECK(change.at < verdict.size);
+  // A sample that became longer has no more bytes in its fragments.
+  const bool as_it_came = verdict.has_fragments;
+  RtpsCopy copy;
+  const std::span<const std::uint8_t> passed = copy.of({bytes.get(), verdict.size}, verdict);
+  const RtpsVerdict again =
+      check_rtps(as_it_came ? std::span<const std::uint8_t>{bytes.get(), verdict.size} : passed);
+  FUZZ_CHECK(!again.refusal && again.size == verdict.size && again.next_speaker_at == 0);
+  FUZZ_CHECK(as_it_came || again.changes.empty());
   FUZZ_CHECK(again.announcement.has_value() == verdict.announcement.has_value());
   return 0;
 }

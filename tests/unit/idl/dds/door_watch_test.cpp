@@ -43,5 +43,39 @@ TEST(DoorWatch, SaysAlsoWhatItHeardBeforeAnybodyListened) {
   watch.set_mailbox(nullptr);
 }
 
+// Else a reader would be told of the same part with each heartbeat.
+TEST(DoorWatch, TellsAnotherPartOfALongGapEachTime) {
+  DoorWatch watch({.is_plain = true, .identity_period_s = 5}, nullptr);
+  nearmesh::test::Rtps m(nearmesh::test::key_of(1));
+  m.gap(1, 1 + 2 * kMaxGap, 0).heartbeat(1, 3 * kMaxGap);
+  const auto part = [&] {
+    const RtpsVerdict verdict = watch.check(m.bytes, {true, 40'000});
+    EXPECT_FALSE(verdict.refusal);
+    RtpsCopy copy;
+    const auto passed = copy.of(m.bytes, verdict);
+    return passed[38] != 0;  // where it starts: 1, or 65,537
+  };
+  EXPECT_NE(part(), part());
+}
+
+// As Cyclone DDS sends what two participants of one process have to say.
+TEST(DoorWatch, BothSpeakersOfAMessageAreBoundToTheirSocket) {
+  DoorWatch watch({.is_plain = true, .identity_period_s = 5}, nullptr);
+  nearmesh::test::Rtps m(nearmesh::test::key_of(1));
+  m.announcement();
+  m.begin(0x0c).u32(0).u8(2).u8(3).big16(0x0110).add(nearmesh::test::key_of(2)).end();
+  nearmesh::test::Rtps other(nearmesh::test::key_of(2));
+  other.announcement();
+  m.add(nearmesh::test::RtpsBytes(other.bytes.begin() + 20, other.bytes.end()));
+  const RtpsVerdict first = watch.check(m.bytes, {true, 40'000});
+  EXPECT_FALSE(first.refusal);
+  ASSERT_NE(first.next_speaker_at, 0U);
+  const RtpsVerdict second = watch.check(rtps_of_next_speaker(m.bytes, first), {true, 40'000});
+  EXPECT_FALSE(second.refusal);
+  ASSERT_TRUE(second.announcement);
+  EXPECT_FALSE(second.tells_of_others);
+  EXPECT_EQ(watch.is_silent(nearmesh::test::key_of(2), 3), false);
+}
+
 }  // namespace
 }  // namespace nearmesh::wire

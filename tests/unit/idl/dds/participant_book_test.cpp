@@ -82,7 +82,54 @@ TEST_F(ParticipantBookTest, WhoMovedIsHeardWhenItsOldSocketIsSilent) {
   EXPECT_FALSE(hears(word_of(1), kElsewhere));
   static_cast<void>(pass(ParticipantBook::kMoved_s + 1));
   EXPECT_TRUE(hears(word_of(1), kElsewhere));
+  // From now on it is learnt anew: it has more than one.
+  EXPECT_TRUE(hears(word_of(1), kThird));
+  for (int i = 0; i < 12; ++i) {
+    static_cast<void>(pass(1));
+    EXPECT_TRUE(hears(word_of(1), kElsewhere));
+    EXPECT_TRUE(hears(word_of(1), kThird));
+  }
   EXPECT_FALSE(hears(word_of(1)));  // that is now the stranger
+}
+
+// Until then it had nothing to say by its other sockets.
+TEST_F(ParticipantBookTest, SocketsAreLearntFromTheFirstWordOn) {
+  ASSERT_TRUE(hears(announcement_of(1)));
+  static_cast<void>(pass(3 * ParticipantBook::kLearning_s, {1}));
+  EXPECT_FALSE(hears(word_of(1), kElsewhere));
+  EXPECT_TRUE(hears(word_of(1)));
+  EXPECT_TRUE(hears(word_of(1), kElsewhere));
+  static_cast<void>(pass(ParticipantBook::kLearning_s + 1, {1}));
+  EXPECT_TRUE(hears(word_of(1), kElsewhere));
+  EXPECT_FALSE(hears(word_of(1), kThird));
+}
+
+TEST_F(ParticipantBookTest, LongLeaseOfWhoNeverSpeaksIsShort) {
+  ASSERT_TRUE(hears(announcement_of(1, 0x7fffffff)));
+  ASSERT_TRUE(hears(announcement_of(2, 0x7fffffff)));
+  ASSERT_TRUE(hears(word_of(2)));
+  EXPECT_TRUE(pass(ParticipantBook::kOnlyAnnounced_s - 1).empty());
+  const auto gone = pass(2);
+  ASSERT_EQ(gone.size(), 1U);
+  EXPECT_EQ(gone[0].key, participant_key(1));
+  EXPECT_TRUE(book.is_known(participant_key(2)));
+}
+
+TEST_F(ParticipantBookTest, NoMoreAreKnownThanThereIsRoomFor) {
+  std::uint32_t number = 0;
+  for (int tick = 0; tick < 4 * 200 && book.size() < ParticipantBook::kMaxKnown; ++tick) {
+    for (int i = 0; i < 100; ++i, ++number)
+      if (hears(announcement_of(number, 0x7fffffff))) static_cast<void>(hears(word_of(number)));
+    book.tick(0.25);
+  }
+  ASSERT_EQ(book.size(), ParticipantBook::kMaxKnown);
+  book.tick(5);
+  EXPECT_FALSE(hears(announcement_of(number)));
+  EXPECT_EQ(refusal, DoorRefusal::kCrowd);
+  RtpsVerdict farewell = announcement_of(0);
+  farewell.announcement->leaves = true;
+  ASSERT_TRUE(hears(farewell));
+  EXPECT_TRUE(hears(announcement_of(number)));
 }
 
 TEST_F(ParticipantBookTest, OtherTransportsThanUdpAreNotBoundToSockets) {
@@ -90,6 +137,7 @@ TEST_F(ParticipantBookTest, OtherTransportsThanUdpAreNotBoundToSockets) {
   static_cast<void>(pass(ParticipantBook::kLearning_s + 1));
   EXPECT_TRUE(hears(word_of(1), {}));
   EXPECT_TRUE(hears(word_of(1), kHome));  // first by UDP
+  static_cast<void>(pass(ParticipantBook::kLearning_s + 1, {1}));
   EXPECT_FALSE(hears(word_of(1), kElsewhere));
 }
 

@@ -3,7 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <functional>
+#include <set>
 
 #include "tests/support/rtps_message.hpp"
 
@@ -53,8 +56,9 @@ std::function<void(Rtps&)> sample(std::uint8_t flags, std::function<void(Rtps&)>
 }
 
 void write_fragment(Rtps& m, std::uint32_t first, std::uint16_t count, std::uint16_t size,
-                    std::uint32_t total, std::size_t bytes, std::uint32_t writer = 0x00000103) {
-  m.begin(0x16).u16(0).u16(28).entity(0).entity(writer).sequence(1);
+                    std::uint32_t total, std::size_t bytes, std::uint32_t writer = 0x00000103,
+                    std::uint8_t flags = 1) {
+  m.begin(0x16, flags).u16(0).u16(28).entity(0).entity(writer).sequence(1);
   m.u32(first).u16(count).u16(size).u32(total).zeros(bytes).end();
 }
 
@@ -89,7 +93,9 @@ const std::vector<Case> kCases{
     {"Announcement", "", [](Rtps& m) { m.announcement(); }},
     {"Farewell", "", [](Rtps& m) { m.farewell(); }},
     {"SourceThatIsItself", "",
-     [](Rtps& m) { m.begin(0x0c).zeros(8).add(nearmesh::test::key_of(1)).end(); }},
+     [](Rtps& m) {
+       m.begin(0x0c).u32(0).u8(2).u8(3).big16(0x010f).add(nearmesh::test::key_of(1)).end();
+     }},
 
     {"TailOfThreeBytes", "submessages", [](Rtps& m) { m.timestamp().zeros(3); }},
     {"LengthBeyondTheEnd", "submessages",
@@ -120,7 +126,6 @@ const std::vector<Case> kCases{
     {"AckNackOfTooManyBits", "sequence", [](Rtps& m) { m.ack_nack(1, 257); }},
     {"GapFromNothing", "sequence", [](Rtps& m) { m.gap(0, 5, 0); }},
     {"GapBackward", "sequence", [](Rtps& m) { m.gap(5, 4, 0); }},
-    {"GapWithoutEnd", "sequence", [](Rtps& m) { m.gap(1, kMaxGap + 2, 0); }},
     {"DataOfNumberNone", "sequence",
      [](Rtps& m) { m.begin_data(0, 0x103, 0, 4).encapsulation(1).end(); }},
 
@@ -132,6 +137,24 @@ const std::vector<Case> kCases{
      [](Rtps& m) { write_fragment(m, 1, 2, 100, 250, 100); }},
     {"SampleOfFourGigabytes", "fragments",
      [](Rtps& m) { write_fragment(m, 1, 1, 100, 0xffffffff, 100); }},
+    {"ShortFragments", "fragments", [](Rtps& m) { write_fragment(m, 1, 1, 4, 250, 4); }},
+    {"FragmentsOfAKey", "fragments",
+     [](Rtps& m) { write_fragment(m, 1, 1, 100, 250, 100, 0x00000103, 5); }},
+    {"CountlessFragmentsAtOnce", "fragments",
+     [](Rtps& m) { write_fragment(m, 1, kMaxFragmentsAtOnce + 1, 8, 4000, 1000); }},
+    {"SampleOfCountlessFragments", "fragments",
+     [](Rtps& m) { write_fragment(m, 1, 1, 8, 8 * kMaxFragments + 8, 8); }},
+    {"EndpointInFragments", "fragments",
+     [](Rtps& m) { write_fragment(m, 1, 1, 100, 250, 100, nearmesh::test::kPublicationsWriter); }},
+    {"LastPartOfAnEndpoint", "fragments",
+     [](Rtps& m) { write_fragment(m, 3, 1, 100, 250, 100, nearmesh::test::kSubscriptionsWriter); }},
+    {"LivelinessInFragments", "fragments",
+     [](Rtps& m) { write_fragment(m, 1, 1, 16, 32, 16, nearmesh::test::kLivelinessWriter); }},
+    // Whole, and what it says is wrong.
+    {"EndpointThatIsNoneInOneFragment", "parameters",
+     [](Rtps& m) { write_fragment(m, 1, 1, 100, 100, 100, nearmesh::test::kPublicationsWriter); }},
+    {"ShortLivelinessInOneFragment", "parameters",
+     [](Rtps& m) { write_fragment(m, 1, 1, 20, 20, 20, nearmesh::test::kLivelinessWriter); }},
     {"AnnouncementInFragments", "fragments",
      [](Rtps& m) { write_fragment(m, 1, 1, 100, 250, 100, nearmesh::test::kParticipantWriter); }},
 
@@ -170,7 +193,8 @@ const std::vector<Case> kCases{
      }},
 
     {"AnnouncedTwice", "parameters", [](Rtps& m) { m.announcement().announcement(2); }},
-    {"SpeakingForAnother", "source",
+    {"ShortNameOfAnother", "submessages", [](Rtps& m) { m.begin(0x0c).zeros(16).end(); }},
+    {"SpeakingForAnotherVersion", "header",
      [](Rtps& m) { m.begin(0x0c).zeros(8).add(nearmesh::test::key_of(2)).end(); }},
 };
 
@@ -329,6 +353,151 @@ TEST(RtpsCheck, EndpointOfAnotherIsToldOf) {
   EXPECT_FALSE(endpoint(1).tells_of_others);
   EXPECT_TRUE(endpoint(2).tells_of_others);
   EXPECT_FALSE(endpoint(2).refusal);
+}
+
+/// As it would be handed on.
+RtpsBytes handed_on(const RtpsBytes& bytes, std::uint32_t turn = 0) {
+  const RtpsVerdict verdict = check_rtps(bytes, turn);
+  EXPECT_FALSE(verdict.refusal);
+  RtpsCopy copy;
+  const auto passed = copy.of(std::span(bytes).first(verdict.size), verdict);
+  return {passed.begin(), passed.end()};
+}
+
+/// An endpoint whose type is told, whole in data or in fragments.
+Rtps endpoint_with_types(bool in_fragments, bool has_types) {
+  Rtps m = message();
+  const std::size_t at = m.bytes.size();
+  m.begin_data(0x000003c7, nearmesh::test::kPublicationsWriter, 1, 4);
+  const std::size_t payload_at = m.bytes.size();
+  m.encapsulation(3);
+  m.begin_parameter(0x5a).guid(0x103).end_parameter();
+  m.begin_parameter(0x05).text("topic").end_parameter();
+  constexpr std::array<std::uint16_t, 3> kTypes{0x69, 0x72, 0x75};
+  for (const std::uint16_t id : kTypes)
+    m.begin_parameter(has_types ? id : std::uint16_t{0}).u32(0x01020304).zeros(36).end_parameter();
+  m.begin_parameter(0x07).text("type").end_parameter();
+  m.sentinel().end();
+  if (!in_fragments) return m;
+  const RtpsBytes payload(m.bytes.begin() + static_cast<std::ptrdiff_t>(payload_at), m.bytes.end());
+  m.bytes.resize(at);
+  m.begin(0x16).u16(0).u16(28).entity(0x000003c7).entity(nearmesh::test::kPublicationsWriter);
+  m.sequence(1).u32(1).u16(static_cast<std::uint16_t>((payload.size() + 63) / 64)).u16(64);
+  return m.u32(static_cast<std::uint32_t>(payload.size())).add(payload).end();
+}
+
+// Fast DDS 2.9 ends with a null pointer where a type that it is told of is malformed.
+TEST(RtpsCheck, TypesOfEndpointsBecomePadding) {
+  for (const bool in_fragments : {false, true}) {
+    const Rtps told = endpoint_with_types(in_fragments, true);
+    EXPECT_EQ(handed_on(told.bytes), endpoint_with_types(in_fragments, false).bytes);
+    EXPECT_TRUE(check_rtps(handed_on(told.bytes)).changes.empty());
+  }
+  // Also where numbers are written the other way round.
+  Rtps m = message();
+  m.begin_data(0x000003c7, nearmesh::test::kSubscriptionsWriter, 1, 4).encapsulation(2);
+  const std::size_t at = m.bytes.size();
+  m.big16(0x72).big16(4).u32(0).big16(1).big16(0).end();
+  EXPECT_EQ(m.bytes[at + 1], 0x72);
+  EXPECT_EQ(handed_on(m.bytes)[at + 1], 0);
+  // What is no discovery stays as it is.
+  EXPECT_FALSE(RtpsCopy::is_needed(check_rtps(message().announcement().heartbeat(1, 9).bytes)));
+}
+
+TEST(RtpsCheck, EndpointOfAnotherIsToldOfInFragmentsToo) {
+  Rtps m = endpoint_with_types(true, false);
+  EXPECT_FALSE(check_rtps(m.bytes).tells_of_others);
+  const Rtps::Key own = nearmesh::test::key_of(1);
+  const auto in_payload = std::search(m.bytes.begin() + 20, m.bytes.end(), own.begin(), own.end());
+  ASSERT_NE(in_payload, m.bytes.end());
+  in_payload[11] = 2;
+  EXPECT_TRUE(check_rtps(m.bytes).tells_of_others);
+}
+
+// Fast DDS reads the last fragment of a sample by what the first that came said of sizes.
+TEST(RtpsCheck, BehindFragmentsThereIsRoomToRead) {
+  Rtps m = message();
+  write_fragment(m, 1, 3, 1344, 60'000, 3 * 1344);
+  write_fragment(m, 3, 1, 100, 250, 52);  // of another size; the last is shorter
+  const RtpsVerdict verdict = check_rtps(m.bytes);
+  ASSERT_FALSE(verdict.refusal);
+  EXPECT_TRUE(verdict.has_fragments);
+  ASSERT_TRUE(RtpsCopy::is_needed(verdict));
+  RtpsCopy copy;
+  const auto passed = copy.of(m.bytes, verdict);
+  EXPECT_TRUE(std::equal(passed.begin(), passed.end(), m.bytes.begin(), m.bytes.end()));
+  ASSERT_GE(copy.size(), m.bytes.size() + kMaxFragmentsAtOnce * 0xffff);
+  EXPECT_EQ(passed.data()[copy.size() - 1], 0);  // may be read (address sanitizer)
+}
+
+// Fast DDS keeps four bytes at the beginning of a fragment that is missing.
+TEST(RtpsCheck, LastFragmentHasRoomForItsPlaceInTheList) {
+  const auto total = [](std::uint16_t size, std::uint32_t said) {
+    Rtps m = message();
+    write_fragment(m, 1, 1, size, said, size);
+    const RtpsBytes passed = handed_on(m.bytes);
+    return passed[52] | passed[53] << 8 | passed[54] << 16;
+  };
+  EXPECT_EQ(total(100, 201), 204);
+  EXPECT_EQ(total(100, 203), 204);
+  EXPECT_EQ(total(100, 204), 204);
+  EXPECT_EQ(total(100, 300), 300);
+  EXPECT_EQ(total(101, 203), 208);  // that of the third begins at 204
+}
+
+// A latched history with one old sample has all since then in one gap, before each heartbeat.
+TEST(RtpsCheck, LongGapIsToldInParts) {
+  Rtps m = message();
+  m.gap(5, 5 + 3 * kMaxGap - 1, 8).heartbeat(1, 4 * kMaxGap);
+  const auto number = [](const RtpsBytes& bytes, std::size_t at) {
+    return static_cast<std::int64_t>(bytes[at + 4] | bytes[at + 5] << 8 | bytes[at + 6] << 16);
+  };
+  std::set<std::int64_t> starts;
+  for (std::uint32_t turn = 0; turn < 16; ++turn) {
+    const RtpsBytes passed = handed_on(m.bytes, turn);
+    ASSERT_EQ(passed.size(), m.bytes.size());
+    const std::int64_t start = number(passed, 32), base = number(passed, 40);
+    starts.insert(start);
+    const bool is_last = start == 5 + 2 * kMaxGap;
+    EXPECT_EQ(base - start, kMaxGap - (is_last ? 1 : 0));
+    EXPECT_EQ(passed[48], is_last ? 8 : 0);  // bits
+    const RtpsVerdict again = check_rtps(passed);
+    EXPECT_FALSE(again.refusal);
+    EXPECT_TRUE(again.changes.empty());
+    EXPECT_TRUE(check_rtps(m.bytes, turn).is_cut_gap);
+  }
+  EXPECT_EQ(starts, (std::set<std::int64_t>{5, 5 + kMaxGap, 5 + 2 * kMaxGap}));
+  EXPECT_TRUE(check_rtps(message().gap(1, 1 + kMaxGap, 0).bytes).changes.empty());
+  EXPECT_EQ(reason(message().gap(1, kMaxSequence, 0).bytes), "");
+}
+
+// As Cyclone DDS puts together what two participants of one process answer.
+TEST(RtpsCheck, WhoSpeaksNextIsJudgedByItself) {
+  Rtps m = message();
+  m.to(nearmesh::test::key_of(7)).ack_nack(4, 33);
+  const std::size_t size = m.bytes.size();
+  m.begin(0x0c).u32(0).u8(2).u8(1).big16(0x0110).add(nearmesh::test::key_of(2)).end();
+  m.ack_nack(9, 0);
+  const RtpsVerdict verdict = check_rtps(m.bytes);
+  EXPECT_FALSE(verdict.refusal);
+  EXPECT_EQ(verdict.size, size);
+  ASSERT_EQ(verdict.next_speaker_at, size + 4);
+  ASSERT_TRUE(verdict.confirmations[0]);
+  EXPECT_EQ(verdict.confirmations[0]->next, 4);
+
+  Rtps expected(nearmesh::test::key_of(2), 0x0110);
+  expected.bytes[5] = 1;
+  expected.to(nearmesh::test::key_of(7)).ack_nack(9, 0);
+  const RtpsBytes next = rtps_of_next_speaker(m.bytes, verdict);
+  EXPECT_EQ(next, expected.bytes);
+  const RtpsVerdict of_next = check_rtps(next);
+  EXPECT_FALSE(of_next.refusal);
+  EXPECT_EQ(of_next.source, nearmesh::test::key_of(2));
+  EXPECT_EQ(of_next.next_speaker_at, 0U);
+  // What is wrong there is its own.
+  m.heartbeat(0, 1);
+  EXPECT_EQ(reason(m.bytes), "");
+  EXPECT_EQ(reason(rtps_of_next_speaker(m.bytes, check_rtps(m.bytes))), "sequence");
 }
 
 TEST(RtpsCheck, BigEndianIsReadToo) {
