@@ -113,16 +113,19 @@ void Routes::want(const WantedPoses& wanted, const Participant& from) {
   std::erase_if(wishes_, [&](const auto& entry) {
     return now - entry.second.heard > std::chrono::duration<double>(kWantedFor_s);
   });
+  const std::pair whose{from, wanted.peer};
   if (wanted.parts.empty()) {
-    wishes_.erase(wanted.peer);
-  } else if (wishes_.size() < kMaxPeers || wishes_.contains(wanted.peer)) {
-    wishes_[wanted.peer] = {from, wanted, now};
+    wishes_.erase(whose);
+  } else if (wishes_.size() < kMaxPeers || wishes_.contains(whose)) {
+    wishes_[whose] = {wanted, now};
   }
 }
 
 void Routes::find(SessionId session, const Participant& at) {
   const std::lock_guard lock(mutex_);
-  if (places_.size() < kMaxPeers || places_.contains(session)) places_[session] = at;
+  if (places_.size() >= kMaxPeers && !places_.contains(session)) return;
+  std::set<Participant>& known = places_[session];
+  if (known.size() <= kMaxPlaces) known.insert(at);
 }
 
 void Routes::clear() {
@@ -142,9 +145,11 @@ bool Routes::gets_near_poses(std::span<const std::uint8_t> cdr, const Participan
   const auto part = number_at<std::uint32_t>(cdr, kPartAt);
   const auto now = std::chrono::steady_clock::now();
   bool is_wanted = false;
-  for (const auto& [peer, wish] : wishes_) {
-    if (wish.from != reader || now - wish.heard > std::chrono::duration<double>(kWantedFor_s))
-      continue;
+  for (auto at = wishes_.lower_bound({reader, 0}); at != wishes_.end() && at->first.first == reader;
+       ++at) {
+    const SessionId peer = at->first.second;
+    const Wish& wish = at->second;
+    if (now - wish.heard > std::chrono::duration<double>(kWantedFor_s)) continue;
     const bool is_its = std::any_of(wish.wanted.parts.begin(), wish.wanted.parts.end(),
                                     [&](const WantedPoses::Part& one) {
                                       return one.part == part && (one.places & places) != 0;
@@ -158,7 +163,33 @@ bool Routes::gets_near_poses(std::span<const std::uint8_t> cdr, const Participan
 bool Routes::gets_wanted_poses(std::span<const std::uint8_t> cdr, const Participant& reader) const {
   const std::lock_guard lock(mutex_);
   const auto place = places_.find(number_at<SessionId>(cdr, kMoverAt));
-  return place == places_.end() || place->second == reader;
+  return place == places_.end() || place->second.size() > kMaxPlaces ||
+         place->second.contains(reader);
+}
+
+// --- Wishers
+
+Wishers::Claim Wishers::claim(SessionId peer, const Handle& writer, Time now) {
+  const auto has_ended = [now](const Held& held) {
+    return now - held.heard > std::chrono::duration<double>(kWantedFor_s);
+  };
+  if (const auto known = held_.find(peer); known != held_.end()) {
+    if (known->second.writer != writer && !has_ended(known->second)) return Claim::kOthers;
+    known->second = {writer, now};
+    return Claim::kOwn;
+  }
+  // Counted where somebody is new alone.
+  std::erase_if(held_, [&](const auto& entry) { return has_ended(entry.second); });
+  const auto of_one = std::count_if(
+      held_.begin(), held_.end(), [&](const auto& entry) { return entry.second.writer == writer; });
+  if (held_.size() >= Routes::kMaxPeers || static_cast<std::size_t>(of_one) >= kMaxOfOne)
+    return Claim::kFull;
+  held_[peer] = {writer, now};
+  return Claim::kOwn;
+}
+
+void Wishers::forget(const Handle& writer) {
+  std::erase_if(held_, [&](const auto& entry) { return entry.second.writer == writer; });
 }
 
 }  // namespace nearmesh::wire

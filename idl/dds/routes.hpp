@@ -12,7 +12,9 @@
 #include <cstdint>
 #include <map>
 #include <mutex>
+#include <set>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "fastdds_api.hpp"
@@ -37,9 +39,11 @@ class Routes {
   Routes(const Routes&) = delete;
   Routes& operator=(const Routes&) = delete;
 
-  /// A peer's wish, as it came from a writer of that participant: the last one of a peer holds, for kWantedFor_s.
+  /// A peer's wish, as it came from a writer of that participant: the last one of both holds, for kWantedFor_s. Anybody can write a
+  /// peer's name, so what comes from elsewhere in that name changes nothing for who is meant.
   void want(const WantedPoses& wanted, const Participant& from);
-  /// The session speaks through that participant.
+  /// The session speaks through that participant. Through several, one of which may be a stranger's or its own of before it joined
+  /// anew: each gets what is for it.
   void find(SessionId session, const Participant& at);
   /// With a bus: nobody is known any more.
   void clear();
@@ -54,18 +58,41 @@ class Routes {
 
   /// Peers whose wishes are kept.
   static constexpr std::size_t kMaxPeers = 4096;
+  /// Participants of one session; of one with more nobody is told from the others.
+  static constexpr std::size_t kMaxPlaces = 8;
 
  private:
   struct Wish {
-    Participant from{};
     WantedPoses wanted;
     std::chrono::steady_clock::time_point heard;
   };
   const SessionId own_;
   mutable std::mutex mutex_;
-  std::map<SessionId, Wish> wishes_;
-  std::map<SessionId, Participant> places_;
+  std::map<std::pair<Participant, SessionId>, Wish> wishes_;  ///< by whose they are
+  std::map<SessionId, std::set<Participant>> places_;
   std::map<SessionId, std::uint64_t> sent_;
+};
+
+/// Through which writer each peer says which poses it wants. The first one keeps a peer until it is gone, or has said nothing for so long
+/// that its wishes have ended: nobody else's word counts as that peer's meanwhile. Not SessionBook: a router writes for all peers of its
+/// site through one writer. Threads: one.
+class Wishers {
+ public:
+  using Time = std::chrono::steady_clock::time_point;
+  enum class Claim : std::uint8_t { kOwn, kOthers, kFull };
+  [[nodiscard]] Claim claim(SessionId peer, const Handle& writer, Time now);
+  void forget(const Handle& writer);
+  void clear() { held_.clear(); }
+
+  /// Peers of one writer.
+  static constexpr std::size_t kMaxOfOne = 1024;
+
+ private:
+  struct Held {
+    Handle writer;
+    Time heard;
+  };
+  std::map<SessionId, Held> held_;  ///< at most Routes::kMaxPeers
 };
 
 /// Makes the filter of every routed topic, for any participant; lives as long as the process.

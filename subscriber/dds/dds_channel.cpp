@@ -10,6 +10,7 @@
 #include <map>
 #include <mutex>
 #include <new>
+#include <set>
 #include <thread>
 #include <utility>
 
@@ -82,6 +83,7 @@ class DdsChannel::Impl {
   };
   template <class Message>
   void keep(Kept<Message> Impl::*kept, const Message& message);
+  void tell_who(const wire::BodyDirectory& directory);
   void tell(wire::ProcessStatus& status);
   Inbox take();
   void wait(double seconds);
@@ -129,6 +131,7 @@ class DdsChannel::Impl {
   void tell_lost(SessionId publisher);
   Status rejoin();
   bool flush();
+  void end_silent_parts();
   double acknowledge();
   template <class Message>
   bool flush(std::deque<Message>& queue, wire::Writer<Message>& writer);
@@ -139,6 +142,7 @@ class DdsChannel::Impl {
   void receive_headers();
   [[nodiscard]] bool is_of_its_publisher(const wire::SplitBatchMessage& batch,
                                          const Handle& writer);
+  [[nodiscard]] bool is_of_its_peer(const wire::WantedPoses& wanted, const Handle& writer);
   void note_batch(const wire::SplitBatchMessage& batch);
   void complain_of_overflow(const std::string& topic);
 
@@ -175,12 +179,15 @@ class DdsChannel::Impl {
   std::vector<DdsHeaders::Counted> counted_headers_;  ///< of the inbox
   std::size_t waiting_header_bytes_ = 0;
   std::map<SessionId, PoseCounts> counts_;
+  std::set<std::uint32_t>
+      silent_parts_;  ///< of own bodies: no poses come, the last ones are still kept
   std::set<std::string> overflowed_;  ///< topics that already complained since the last take()
 
   // The I/O thread's own.
   DdsHellos hellos_;
   DdsHeaders headers_;
   DdsPoses movers_;
+  wire::Wishers wishers_;
   wire::Routes routes_{own_id_};
   std::unique_ptr<wire::Bus> bus_;
   bool promises_made_ = false;  ///< of own bodies
@@ -232,6 +239,21 @@ void DdsChannel::Impl::keep(Kept<Message> Impl::*kept, const Message& message) {
     if (unsent.size() > kMaxOutgoing + parts.size()) (this->*kept).say_again();
   }
   mailbox_.wake();
+}
+
+/// Of a part that has no bodies any more, or only such as promises are made of, no poses will come.
+void DdsChannel::Impl::tell_who(const wire::BodyDirectory& directory) {
+  if (check(directory).is_ok()) {
+    const bool has_poses =
+        std::any_of(directory.bodies.begin(), directory.bodies.end(),
+                    [](const wire::BodyDirectory::Body& body) { return body.max_speed_mps <= 0; });
+    const std::lock_guard lock(mutex_);
+    if (has_poses)
+      silent_parts_.erase(directory.part);
+    else
+      silent_parts_.insert(directory.part);
+  }
+  keep(&Impl::directory_, directory);
 }
 
 void DdsChannel::Impl::tell(wire::ProcessStatus& status) {
@@ -541,7 +563,8 @@ bool DdsChannel::Impl::receive_poses() {
   (void)pose_reader_.take_matches();
   (void)near_reader_.take_matches();
   (void)promise_reader_.take_matches();
-  (void)wanted_reader_.take_matches();
+  for (const wire::ReaderListener::Match& event : wanted_reader_.take_matches())
+    if (event.gone) wishers_.forget(event.writer);
   std::vector<DdsPoses::HeardPromises> promises;
   bool more_promised = promise_reader_.drain(
       kMaxTaken, [&](wire::BodyPromises&& promised, const Handle& writer, Microseconds) {
@@ -576,7 +599,7 @@ bool DdsChannel::Impl::receive_poses() {
   more |= wanted_reader_.drain(kMaxTaken, [&](wire::WantedPoses&& wanted, const Handle& writer,
                                               Microseconds) {
     if (wanted.mover != own_id_ || wanted.peer == own_id_) return;
-    routes_.want(wanted, wire::Routes::participant_of(writer));
+    if (!is_of_its_peer(wanted, writer)) return;
     deliver(&Inbox::wanted, std::move(wanted), kMaxWaitingOthers, names_.of<wire::WantedPoses>());
   });
   for (Inbox::Told& told : movers_.take_bodies())
@@ -593,6 +616,24 @@ bool DdsChannel::Impl::receive_poses() {
       });
   deliver_movers();
   return more;
+}
+
+/// The session knows peers by their names alone: what a stranger wants, or does not, must not stand for what the peer does. A peer that
+/// joined anew before its old self is missed says it again.
+bool DdsChannel::Impl::is_of_its_peer(const wire::WantedPoses& wanted, const Handle& writer) {
+  const wire::Wishers::Claim claim =
+      wishers_.claim(wanted.peer, writer, std::chrono::steady_clock::now());
+  // Who contests a name may be who bears it, and gets by its own wish what goes out anyway. One that makes up names finds no room.
+  if (claim != wire::Wishers::Claim::kFull)
+    routes_.want(wanted, wire::Routes::participant_of(writer));
+  if (claim == wire::Wishers::Claim::kOwn) return true;
+  mailbox_.complain(
+      names_.of<wire::WantedPoses>() + ": sample of " + wire::name_of(writer, mailbox_) +
+      " dropped: " +
+      (claim == wire::Wishers::Claim::kFull
+           ? "it speaks for more peers than are kept"
+           : "peer " + wire::partition_of(wanted.peer) + " speaks through another writer"));
+  return false;
 }
 
 /// What is known of a body replaces what waited.
@@ -634,6 +675,7 @@ void DdsChannel::Impl::tell_lost(SessionId publisher) {
 Status DdsChannel::Impl::rejoin() {
   for (const SessionId publisher : hellos_.clear()) tell_lost(publisher);
   movers_.clear();
+  wishers_.clear();
   routes_.clear();
   headers_.clear();
   deliver_movers();
@@ -700,6 +742,7 @@ bool DdsChannel::Impl::flush() {
   all &= flush(directory_.unsent, directory_writer_);
   all &= flush(promises_, promise_writer_);
   all &= flush(poses_, pose_writer_);
+  end_silent_parts();
   all &= flush(watched_.unsent, watched_writer_);
   all &= flush(bounds_, bounds_writer_);
   all &= flush(wanted_, wanted_writer_);
@@ -708,6 +751,26 @@ bool DdsChannel::Impl::flush() {
   all &= flush(reports_, report_writer_);
   all &= flush(statuses_, status_writer_);
   return all;
+}
+
+/// The last poses of a part are kept for who joins later, and would be for good: between them and those of other parts Fast DDS tells
+/// such a reader of one gap that grows with each sample, of which doors let in kMaxGap a time (rtps_check.hpp). Unregistered, not
+/// disposed of: then the writer keeps nothing of the part, as soon as all readers have heard of it. To readers that is no news.
+void DdsChannel::Impl::end_silent_parts() {
+  std::set<std::uint32_t> silent;
+  {
+    const std::lock_guard lock(mutex_);
+    if (!poses_.empty()) return;  // some may be of these parts: they go first
+    silent = std::exchange(silent_parts_, {});
+  }
+  for (const std::uint32_t part : silent) {
+    wire::Writer<wire::BodyPoses>::Data key;
+    encode(wire::BodyPoses{.peer = own_id_, .part = part}, key);
+    // Where it never had poses, Fast DDS finds nothing to do.
+    static_cast<void>(pose_writer_.endpoint().unregister_instance(
+        static_cast<wire::TypeOf<wire::BodyPoses>::Sample*>(&key),
+        wire::rtps::c_InstanceHandle_Unknown));
+  }
 }
 
 template <class Message>
@@ -741,9 +804,7 @@ DdsChannel::~DdsChannel() = default;
 SessionId DdsChannel::own_id() const { return impl_->own_id(); }
 void DdsChannel::send(const wire::RegionSubscription& subscription) { impl_->send(subscription); }
 void DdsChannel::send(const wire::BodyPoses& poses) { impl_->put(&Impl::poses_, poses); }
-void DdsChannel::send(const wire::BodyDirectory& directory) {
-  impl_->keep(&Impl::directory_, directory);
-}
+void DdsChannel::send(const wire::BodyDirectory& directory) { impl_->tell_who(directory); }
 void DdsChannel::promise(const wire::BodyPromises& promises) {
   impl_->put(&Impl::promises_, promises);
 }

@@ -7,6 +7,7 @@
 #include <future>
 #include <mutex>
 #include <new>
+#include <numeric>
 #include <optional>
 #include <thread>
 #include <tuple>
@@ -67,6 +68,27 @@ EndpointGuid guid_of(const Handle& writer) {
 }
 
 }  // namespace
+
+std::vector<std::size_t> order_of(const std::vector<SamplePlace>& samples) {
+  std::vector<std::size_t> order(samples.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  const auto before = [&](std::size_t a, std::size_t b) {
+    return std::tie(samples[a].writer, samples[a].sequence) <
+           std::tie(samples[b].writer, samples[b].sequence);
+  };
+  std::stable_sort(order.begin(), order.end(), before);
+  std::vector<std::int64_t> told_ns(samples.size());  // the latest up to each, of its writer
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    const SamplePlace& sample = samples[order[i]];
+    told_ns[order[i]] = sample.source_ns;
+    if (i > 0 && samples[order[i - 1]].writer == sample.writer)
+      told_ns[order[i]] = std::max(sample.source_ns, told_ns[order[i - 1]]);
+  }
+  // Those of one time stay by writer and number.
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return told_ns[a] < told_ns[b]; });
+  return order;
+}
 
 class DdsRecorder::Impl {
  public:
@@ -341,11 +363,12 @@ bool DdsRecorder::Impl::drain(std::uint32_t topic) {
     entry.message.cdr = std::exchange(data.cdr, {});
   }
   // Fast DDS gives one key after the other; the recording is in the order of each writer.
-  std::sort(taken.begin(), taken.end(), [](const Entry& a, const Entry& b) {
-    return std::tie(a.message.source_ns, a.writer, a.message.sequence) <
-           std::tie(b.message.source_ns, b.writer, b.message.sequence);
-  });
-  for (Entry& entry : taken) {
+  std::vector<SamplePlace> places;
+  places.reserve(taken.size());
+  for (const Entry& entry : taken)
+    places.push_back({guid_of(entry.writer), entry.message.sequence, entry.message.source_ns});
+  for (const std::size_t next : order_of(places)) {
+    Entry& entry = taken[next];
     if (wire::kTopicFacts[topics_[topic].place].tells_who) {
       if (is_new_name(entry)) push(std::move(entry));
       continue;

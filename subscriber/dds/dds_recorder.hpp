@@ -5,6 +5,7 @@
 // for readers, it hears best-effort. What it misses it counts, also of before it came; peers that it comes to, and those that
 // it has missed batches of, tell it what they hold.
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -40,6 +41,16 @@ struct RecorderStats {
   Status
       identity;  ///< why nothing is heard any more: this program's identity was revoked or has expired
 };
+
+/// Where a sample stands among others of its topic.
+struct SamplePlace {
+  EndpointGuid writer{};
+  std::uint64_t sequence = 0;
+  std::int64_t source_ns = 0;  ///< by its writer's clock, which may be set back
+};
+/// In which order they are recorded. Of one writer by their numbers, whatever its clock says, for a number that comes too late is taken
+/// for a gap; those of several by the latest time that each had told by then. Out: places of `samples`.
+[[nodiscard]] std::vector<std::size_t> order_of(const std::vector<SamplePlace>& samples);
 
 /// Threads: all functions, one at a time. One thread inside makes the DDS calls, another writes.
 class DdsRecorder {

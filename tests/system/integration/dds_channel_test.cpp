@@ -320,6 +320,127 @@ TEST(DdsChannel, PosesReachOthersButNotTheirSender) {
   EXPECT_EQ(mover.all.poses[0].body, "leg");
 }
 
+/// What a reader of poses that comes now finds: how many samples with poses, and without.
+struct Found {
+  std::size_t poses = 0, all = 0;
+};
+Found find_poses(const std::string& prefix, std::uint32_t awaited_part) {
+  wire::Mailbox mailbox;
+  wire::Reader<wire::BodyPoses> late(mailbox);
+  const auto bus = std::move(wire::Bus::open({.transport = transport(prefix)}, mailbox)).value();
+  EXPECT_TRUE(late.open(*bus).is_ok());
+  Found found;
+  bool is_there = false;
+  EXPECT_TRUE(wait_for([&] {
+    while (late.drain(
+        100,
+        [&](wire::BodyPoses&& poses, const wire::Handle&, wire::Microseconds) {
+          ++found.poses;
+          is_there |= poses.part == awaited_part;
+        },
+        [&](const wire::Handle&) { ++found.all; })) {
+    }
+    return is_there;
+  }));
+  return found;
+}
+
+// What is kept of it would make ever larger the gap that late readers are told of, until no door lets that pass.
+TEST(DdsChannel, NothingIsKeptOfAPartThatHasNoPosesAnyMore) {
+  Peer mover(make_peer(own_prefix())), watcher(make_peer(own_prefix()));
+  const wire::SessionId id = mover.channel->own_id();
+  say(*mover.channel, pose_of(id, "arm", 1));
+  say(*mover.channel, pose_of(id, "hand", 1));
+  ASSERT_TRUE(watcher.await([](const Inbox& in) { return in.poses.size() == 2; }));
+  // One is removed, of the other promises are made from now on.
+  Said arm = said_of(pose_of(id, "arm", 2)), hand = said_of(pose_of(id, "hand", 2));
+  arm.directory.bodies.clear();
+  mover.channel->send(arm.directory);
+  hand.directory.bodies[0].number += 1;
+  hand.directory.bodies[0].max_speed_mps = 10;
+  mover.channel->send(hand.directory);
+  ASSERT_TRUE(watcher.await([](const Inbox& in) {
+    return in.movers.at("arm") == wire::Mover::kLeft && in.movers.at("hand") == wire::Mover::kLeft;
+  })) << watcher.story();
+  const Said leg = said_of(pose_of(id, "leg", 3));
+  say(*mover.channel, pose_of(id, "leg", 3));
+  ASSERT_TRUE(watcher.await([](const Inbox& in) { return in.poses.size() == 3; }));
+  const auto only_leg_is_kept = [&] {
+    const Found found = find_poses(own_prefix(), leg.poses.part);
+    EXPECT_EQ(found.poses, 1U);
+    return found.all == 1;
+  };
+  // Until all readers have heard of it, what was taken back is told of.
+  EXPECT_TRUE(wait_for(only_leg_is_kept));
+  // To those who were there that is no news: the mover has not gone, nor its other bodies.
+  EXPECT_EQ(watcher.collect().movers.at("leg"), wire::Mover::kThere);
+  EXPECT_EQ(watcher.all.complaints, std::vector<std::string>{});
+  for (const auto& [peer, counts] : watcher.channel->pose_counts())
+    EXPECT_EQ(counts.lost_poses, 0U) << peer;
+  // The part is used again.
+  Said again = said_of(pose_of(id, "arm", 4));
+  again.directory.bodies[0].number = ++again.poses.bodies[0].number;
+  mover.channel->send(again.directory);
+  mover.channel->send(again.poses);
+  ASSERT_TRUE(watcher.await([](const Inbox& in) { return in.poses.size() == 4; }));
+  EXPECT_EQ(watcher.all.poses[3].body, "arm");
+  Peer late(make_peer(own_prefix()));
+  EXPECT_TRUE(late.await([](const Inbox& in) { return in.poses.size() == 2; }));
+}
+
+TEST(DdsRecorder, SamplesOfAWriterAreInOrderThoughItsClockWasSetBack) {
+  const std::string prefix = own_prefix(), path = recording_of(prefix);
+  wire::Mailbox mailbox;
+  wire::Writer<wire::BodyPoses> writer(mailbox);
+  const auto bus = std::move(wire::Bus::open({.transport = transport(prefix)}, mailbox)).value();
+  ASSERT_TRUE(writer.open(*bus).is_ok());
+  // All are there when the recorder comes, so they come to it at once. Each stands for its part, so all are kept.
+  constexpr std::uint32_t kCount = 40;
+  const std::int64_t now_s = wire::now_us() / 1'000'000;
+  for (std::uint32_t part = 0; part < kCount; ++part) {
+    wire::Writer<wire::BodyPoses>::Data data;
+    encode(wire::BodyPoses{.peer = 1, .part = part, .bodies = {{part * wire::kBodiesPerPart}}},
+           data);
+    ASSERT_TRUE(wire::is_ok(writer.endpoint().write_w_timestamp(
+        static_cast<wire::TypeOf<wire::BodyPoses>::Sample*>(&data), rtps::c_InstanceHandle_Unknown,
+        wire::Duration(static_cast<std::int32_t>(now_s - part), 0))));
+  }
+  subscriber::RecorderOptions options;
+  options.transport = transport(prefix);
+  options.path = path;
+  auto recorder = subscriber::DdsRecorder::create(options);
+  ASSERT_TRUE(recorder.is_ok()) << recorder.status().message();
+  EXPECT_TRUE(wait_for([&] { return recorder.value()->stats().messages == kCount; }));
+  EXPECT_TRUE(recorder.value()->finish().is_ok());
+  const subscriber::RecorderStats stats = recorder.value()->stats();
+  EXPECT_EQ(stats.lost + stats.before, 0U);
+  const auto reader = RecordingReader::open(path).value();
+  EXPECT_TRUE(reader->gaps().empty());
+  std::vector<std::uint64_t> sequences;
+  EXPECT_TRUE(reader
+                  ->read(1, reader->message_count() + 1,
+                         [&](std::int64_t, const RecordedMessage& message) {
+                           sequences.push_back(message.sequence);
+                           return true;
+                         })
+                  .is_ok());
+  ASSERT_EQ(sequences.size(), kCount);
+  for (std::uint32_t i = 0; i < kCount; ++i) EXPECT_EQ(sequences[i], i + 1);
+  for (const char* suffix : {"", "-wal", "-shm"}) std::remove((path + suffix).c_str());
+}
+
+TEST(DdsRecorder, WritersAreMergedByTheirTimesAndEachKeepsItsOrder) {
+  const EndpointGuid a{1}, b{2};
+  using Order = std::vector<std::size_t>;
+  EXPECT_EQ(subscriber::order_of({}), Order{});
+  EXPECT_EQ(subscriber::order_of({{a, 2, 30}, {b, 1, 20}, {a, 1, 10}}), (Order{2, 1, 0}));
+  // The second of a is of a clock that was set back: it stays behind the first, and before what b said later.
+  EXPECT_EQ(subscriber::order_of({{b, 8, 60}, {a, 2, 10}, {b, 7, 40}, {a, 1, 50}, {a, 3, 20}}),
+            (Order{2, 3, 1, 4, 0}));
+  // Of one time: by writer, then by number.
+  EXPECT_EQ(subscriber::order_of({{b, 1, 5}, {a, 2, 5}, {a, 1, 5}}), (Order{2, 1, 0}));
+}
+
 wire::ProcessStatus sign_of_life(wire::SessionId session) {
   wire::ProcessStatus status;
   status.session = session;

@@ -90,6 +90,77 @@ TEST(DdsChannel, NearPosesAreSentToThoseAloneWhoWantThem) {
   fdds::DomainParticipantFactory::get_instance()->delete_participant(host);
 }
 
+// The session knows who wants what by the peer's name alone.
+TEST(DdsChannel, NobodyWantsPosesInThePlaceOfAnotherPeer) {
+  Peer mover(make_peer(own_prefix())), wants(make_peer(own_prefix()));
+  const wire::SessionId id = mover.channel->own_id(), victim = wants.channel->own_id();
+  mover.channel->send(directory_of(id));
+  mover.channel->promise(promises_of(id, 1));
+  ASSERT_TRUE(wants.await([](const Inbox& in) { return !in.promises.empty(); }));
+  const wire::WantedPoses wish{.peer = victim, .mover = id, .parts = {{0, 1}}};
+  std::uint64_t frame = 0;
+  // Wishes and near poses are not repeated by the bus, and a wish ends by itself: both are said again.
+  const auto reaches_victim = [&] {
+    wants.channel->want(wish);
+    const std::uint64_t since = frame;
+    return wants.await([&](const Inbox& in) {
+      mover.channel->send_near(near_of(id, ++frame));
+      return !in.poses.empty() && in.poses.back().frame > since;
+    });
+  };
+  ASSERT_TRUE(mover.await([&](const Inbox& in) {
+    wants.channel->want(wish);
+    return !in.wanted.empty();
+  }));
+  EXPECT_TRUE(reaches_victim());
+  {
+    Peer thief(make_peer(own_prefix()));
+    ASSERT_TRUE(thief.await([&](const Inbox& in) {
+      wants.channel->want(wish);
+      return !in.promises.empty();
+    }));
+    const wire::WantedPoses other{.peer = victim, .mover = id, .parts = {{7, 1}}},
+        nothing{.peer = victim, .mover = id};
+    ASSERT_TRUE(mover.await([&](const Inbox& in) {
+      wants.channel->want(wish);
+      thief.channel->want(other);
+      thief.channel->want(nothing);
+      return !in.complaints.empty();
+    }));
+    EXPECT_NE(mover.all.complaints[0].find("speaks through another writer"), std::string::npos)
+        << mover.all.complaints[0];
+    EXPECT_TRUE(reaches_victim());
+  }
+  for (const wire::WantedPoses& taken : mover.collect().wanted)
+    EXPECT_EQ(taken.parts, wish.parts) << "of the thief";
+  // With the thief nothing of the peer goes.
+  const wire::WantedPoses later{.peer = victim, .mover = id, .parts = {{2, 1}}};
+  EXPECT_TRUE(mover.await([&](const Inbox& in) {
+    wants.channel->want(later);
+    return in.wanted.back().parts == later.parts;
+  }));
+}
+
+TEST(DdsChannel, WhoWantsPosesAgainAfterItWasLostIsHeard) {
+  Peer mover(make_peer(own_prefix()));
+  const wire::SessionId id = mover.channel->own_id(), again = 0x77;
+  mover.channel->send(directory_of(id));
+  mover.channel->promise(promises_of(id, 1));
+  std::size_t heard = 0;
+  for (int time = 1; time <= 2; ++time) {
+    Peer wants(make_peer(own_prefix(), nullptr, again));
+    ASSERT_TRUE(wants.await([](const Inbox& in) { return !in.promises.empty(); }));
+    // As sessions do: again and again.
+    EXPECT_TRUE(mover.await([&](const Inbox& in) {
+      wants.channel->want({.peer = again, .mover = id, .parts = {{0, 1}}});
+      return in.wanted.size() > heard;
+    })) << time;
+    wants.channel.reset();
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    heard = mover.collect().wanted.size();  // with what was on its way
+  }
+}
+
 TEST(DdsChannel, WhoJoinsLaterIsPromisedAtOnce) {
   Peer mover(make_peer(own_prefix()));
   const wire::SessionId id = mover.channel->own_id();
