@@ -86,17 +86,21 @@ Status ReplayIndex::read_key(RecordingReader& recording, std::uint32_t key) {
   const bool is_of_part = streams_[stream].carries<wire::BodyPoses>() ||
                           streams_[stream].carries<wire::BodyDirectory>() ||
                           streams_[stream].carries<wire::WatchedBodies>();
-  for (const std::int64_t id : ids.value()) {
+  auto next = ids.value().begin();
+  bool is_told = false;
+  while (next != ids.value().end() && !is_told) {
+    const std::int64_t id = *next++;
     NEARMESH_RETURN_IF_ERROR(
         recording.read(id, id + 1, [&](std::int64_t, const RecordedMessage& message) {
           take(id, message);
           return true;
         }));
-    if (is_of_part) break;  // all are of one part, and of one peer
+    // All are of one part, and of one peer: the first that is not faulty tells of which. Where each is, nothing holds.
+    is_told = is_of_part && latches_.contains({stream, recorded.name});
   }
-  if (is_of_part && !ids.value().empty()) {
+  if (is_told) {
     Latch& latch = latches_[{stream, recorded.name}];
-    latch.insert(latch.end(), ids.value().begin() + 1, ids.value().end());
+    latch.insert(latch.end(), next, ids.value().end());
   }
   return Status::ok();
 }
@@ -248,7 +252,7 @@ std::vector<std::int64_t> ReplayIndex::latched(std::int64_t end) const {
 std::vector<std::int64_t> ReplayIndex::not_yet(std::int64_t end, std::int64_t later) const {
   std::vector<std::int64_t> found;
   for (const auto& [key, ids] : latches_)
-    if (ids.front() >= end && ids.front() < later) found.push_back(ids.front());
+    if (!ids.empty() && ids.front() >= end && ids.front() < later) found.push_back(ids.front());
   return found;
 }
 

@@ -105,6 +105,38 @@ std::string ask(const std::string& path, const std::string& sql) {
   return answer;
 }
 
+/// Three parts or so, of messages 1 to 10, 11 to 20, ...
+void record_parts(const std::string& path, std::uint32_t parts) {
+  for (std::uint32_t part = 0; part < parts; ++part) {
+    auto writer = start(part_path(path, part), part);
+    for (std::uint64_t i = 1; i <= 10; ++i)
+      ASSERT_TRUE(writer->append(message(10 * part + i, i % 2), "one").is_ok());
+    ASSERT_TRUE(writer->add_model({{1, part + 1}, "hull", 1}).is_ok());
+    ASSERT_TRUE(writer->close().is_ok());
+  }
+}
+
+/// A recording of one message, of another session.
+void record_stranger(const std::string& path, std::uint32_t part) {
+  RecordingFacts theirs = facts(part);
+  theirs.session = 0x123;
+  const auto writer = RecordingWriter::create(path, theirs).value();
+  ASSERT_TRUE(writer->add_topic({"prefix/pose", "Pose"}).is_ok());
+  ASSERT_TRUE(writer->add_writer({0, EndpointGuid{7}, ""}).is_ok());
+  ASSERT_TRUE(writer->append(message(1)).is_ok());
+  ASSERT_TRUE(writer->close().is_ok());
+}
+
+/// Expects that the recording is refused in words that hold these.
+void expect_refused(const std::string& path, StatusCode code,
+                    const std::vector<std::string>& words) {
+  const Status status = RecordingReader::open(path).status();
+  EXPECT_EQ(status.code(), code) << status.message();
+  for (const std::string& word : words)
+    EXPECT_NE(status.message().find(word), std::string::npos)
+        << word << " in: " << status.message();
+}
+
 /// What a child process does until it ends by itself, or is killed.
 pid_t fork_child(const std::function<void()>& work) {
   const pid_t child = ::fork();
@@ -204,6 +236,187 @@ TEST_F(Recording, PartsAreReadAsOne) {
                   .is_ok());
   EXPECT_EQ(ids, (std::vector<std::int64_t>{99, 100, 101, 102}));
   EXPECT_EQ(RecordingReader::open(path("s_1.db3")).status().code(), StatusCode::kInvalidArgument);
+}
+
+// Nothing follows it: a recorder that is killed while it begins a part leaves a database without tables.
+TEST_F(Recording, APartThatWasNeverBegunIsTheEnd) {
+  record_parts(path(), 2);
+  std::ofstream(path("s_2.db3"));
+  EXPECT_EQ(count_right(*open(path())), 20U);
+  fs::remove(path("s_2.db3"));
+  ask(path("s_2.db3"), "PRAGMA journal_mode=WAL");
+  EXPECT_TRUE(fs::exists(path("s_2.db3")));
+  EXPECT_EQ(count_right(*open(path())), 20U);
+}
+
+TEST_F(Recording, APartThatCannotBeReadIsRefusedAndNamed) {
+  for (const std::string name : {"s_1.db3", "s_2.db3"}) {
+    SCOPED_TRACE(name);
+    const auto again = [&] {
+      for (std::uint32_t part = 0; part < 3; ++part) fs::remove_all(part_path(path(), part));
+      record_parts(path(), 3);
+    };
+    again();
+    std::ofstream(path(name)) << std::string(5000, 'x');
+    expect_refused(path(), StatusCode::kCorrupt, {path(name) + ": ", "of " + path()});
+    again();
+    ask(path(name), "DELETE FROM nearmesh_session");
+    expect_refused(path(), StatusCode::kCorrupt, {path(name) + ": nearmesh_session is empty"});
+    again();
+    ask(path(name), "UPDATE nearmesh_session SET version = 99");
+    expect_refused(path(), StatusCode::kUnsupported, {path(name) + ": recording version 99"});
+    again();
+    fs::remove(path(name));
+    fs::create_directory(path(name));  // root may read every file
+    expect_refused(path(), StatusCode::kIo, {path(name) + ": "});
+  }
+}
+
+TEST_F(Recording, APartThatIsMissingIsNamed) {
+  record_parts(path(), 4);
+  const auto is_missing = [&](std::uint32_t part, std::uint32_t later, const std::string& found) {
+    const auto words = [](std::uint32_t of) { return "part " + std::to_string(of) + " of "; };
+    expect_refused(path(), StatusCode::kCorrupt,
+                   {part_path(path(), part) + ": " + words(part), "is missing: found " + found,
+                    words(later) + "it"});
+  };
+  fs::copy_file(path("s_1.db3"), path("kept"));
+  fs::remove(path("s_1.db3"));
+  is_missing(1, 2, "no file, and " + path("s_2.db3"));
+  std::ofstream(path("s_1.db3"));
+  is_missing(1, 2, "an empty file, and " + path("s_2.db3"));
+  fs::remove(path("s_1.db3"));
+  ask(path("s_1.db3"), "CREATE TABLE theirs(a)");
+  is_missing(1, 2, "a database of another kind");
+  fs::remove(path("s_1.db3"));
+  record_stranger(path("s_1.db3"), 1);
+  is_missing(1, 2, "part 1 of another, and " + path("s_2.db3"));
+  fs::remove(path("s_1.db3"));
+  fs::copy_file(path(), path("s_1.db3"));
+  is_missing(1, 2, "part 0 of it, and " + path("s_2.db3"));
+  fs::remove(path("s_1.db3"));
+  fs::rename(path("s_2.db3"), path("s_1.db3"));  // as if the rest were counted anew
+  is_missing(1, 2, "part 2 of it");
+  fs::remove(path("s_1.db3"));
+  is_missing(1, 3, "no file, and " + path("s_3.db3"));
+  // Now the end, with nothing behind it.
+  fs::remove(path("s_3.db3"));
+  EXPECT_EQ(count_right(*open(path())), 10U);
+  fs::rename(path("kept"), path("s_1.db3"));
+  EXPECT_EQ(count_right(*open(path())), 20U);
+}
+
+TEST_F(Recording, FilesOfOthersWithNamesOfPartsAreNoParts) {
+  record_parts(path(), 2);
+  for (const char* name : {"s_01.db3", "s_3.db3.old", "s_x.db3", "s_99999999999.db3", "s_7.db3"})
+    std::ofstream(path(name)) << std::string(5000, 'x');
+  record_stranger(path("s_20250101.db3"), 0);
+  record_stranger(path("s_8.db3"), 8);
+  EXPECT_EQ(count_right(*open(path())), 20U);
+  const std::pair<const char*, std::function<void(const std::string&)>> theirs[] = {
+      {"another session", [](const std::string& file) { record_stranger(file, 2); }},
+      {"another database", [](const std::string& file) { ask(file, "CREATE TABLE theirs(a)"); }},
+      {"a copy", [this](const std::string& file) { fs::copy_file(path("s_1.db3"), file); }}};
+  for (const auto& [what, put] : theirs) {
+    SCOPED_TRACE(what);
+    put(path("s_2.db3"));
+    const auto reader = open(path());
+    EXPECT_EQ(reader->parts(), 2U);
+    EXPECT_EQ(count_right(*reader), 20U);
+    fs::remove(path("s_2.db3"));
+  }
+}
+
+TEST_F(Recording, AMessageThatIsMissingIsNamed) {
+  for (const std::string lost :
+       {"DELETE FROM messages WHERE id = 7", "DELETE FROM nearmesh_messages WHERE message_id = 7",
+        "UPDATE messages SET id = -7 WHERE id = 7"}) {
+    SCOPED_TRACE(lost);
+    for (std::uint32_t part = 0; part < 3; ++part) fs::remove(part_path(path(), part));
+    record_parts(path(), 3);
+    ask(path("s_1.db3"), lost);
+    const auto reader = open(path());
+    EXPECT_EQ(reader->message_count(), 30);
+    std::vector<std::int64_t> ids;
+    const auto read = [&](std::int64_t first, std::int64_t end) {
+      ids.clear();
+      return reader->read(first, end, [&](std::int64_t id, const RecordedMessage& m) {
+        EXPECT_EQ(m.sequence, static_cast<std::uint64_t>(id));
+        ids.push_back(id);
+        return id != 13;
+      });
+    };
+    const auto expect_missing = [&](const Status& status) {
+      EXPECT_EQ(status.code(), StatusCode::kCorrupt);
+      EXPECT_EQ(status.message(), path("s_1.db3") + ": message 7 is missing");
+    };
+    expect_missing(read(14, 31));
+    EXPECT_EQ(ids, (std::vector<std::int64_t>{14, 15, 16}));
+    expect_missing(read(17, 18));  // alone
+    expect_missing(read(15, 18));  // at the end
+    EXPECT_TRUE(read(1, 31).is_ok()) << "ended before it";
+    EXPECT_EQ(ids.back(), 13);
+    EXPECT_TRUE(read(14, 17).is_ok());
+    EXPECT_TRUE(read(18, 31).is_ok());
+    EXPECT_EQ(ids.size(), 13U);
+  }
+}
+
+TEST_F(Recording, AFirstOrLastMessageThatIsMissingIsNamed) {
+  for (const std::string id : {"1", "10"}) {
+    fs::remove(path());
+    record_parts(path(), 1);
+    ask(path(), "DELETE FROM messages WHERE id = " + id);
+    expect_refused(path(), StatusCode::kCorrupt, {path() + ": message " + id + " is missing"});
+  }
+}
+
+TEST_F(Recording, ALastIdThatCannotBeIsNotBelieved) {
+  for (const std::string id : {"1000000", "9223372036854775807"})
+    for (const std::string tables : {"1", "2", "12"}) {
+      SCOPED_TRACE(id + " in " + tables);
+      for (std::uint32_t part = 0; part < 2; ++part) fs::remove(part_path(path(), part));
+      record_parts(path(), 2);
+      if (tables != "2") ask(path("s_1.db3"), "UPDATE messages SET id = " + id + " WHERE id = 10");
+      if (tables != "1")
+        ask(path("s_1.db3"),
+            "UPDATE nearmesh_messages SET message_id = " + id + " WHERE message_id = 10");
+      expect_refused(path(), StatusCode::kCorrupt,
+                     {path("s_1.db3") + ": the last message is " + id});
+    }
+  // One that the file would have room for.
+  for (std::uint32_t part = 0; part < 2; ++part) fs::remove(part_path(path(), part));
+  record_parts(path(), 2);
+  ask(path("s_1.db3"), "UPDATE messages SET id = 100 WHERE id = 10");
+  ask(path("s_1.db3"), "UPDATE nearmesh_messages SET message_id = 100 WHERE message_id = 10");
+  const auto reader = open(path());
+  const Status status = reader->read(1, reader->message_count() + 1,
+                                     [](std::int64_t, const RecordedMessage&) { return true; });
+  EXPECT_EQ(status.message(), path("s_1.db3") + ": message 10 is missing");
+}
+
+TEST_F(Recording, AModelOfNoMessageIsRefused) {
+  for (const std::string id : {"0", "11", "9223372036854775807"}) {
+    for (std::uint32_t part = 0; part < 2; ++part) fs::remove(part_path(path(), part));
+    record_parts(path(), 2);
+    ask(path("s_1.db3"), "UPDATE nearmesh_models SET message_id = " + id);
+    expect_refused(path(), StatusCode::kCorrupt,
+                   {path("s_1.db3") + ": nearmesh_models names no message"});
+  }
+}
+
+// The least that a message takes: many of them still fit into their file.
+TEST_F(Recording, MessagesOfNoBytesAreRead) {
+  constexpr int kMessages = 20'000;
+  auto writer = start(path());
+  for (int i = 0; i < kMessages; ++i) ASSERT_TRUE(writer->append({}).is_ok());
+  ASSERT_TRUE(writer->close().is_ok());
+  const auto reader = open(path());
+  EXPECT_EQ(reader->message_count(), kMessages);
+  EXPECT_TRUE(reader
+                  ->read(1, kMessages + 1,
+                         [](std::int64_t, const RecordedMessage& m) { return m.cdr.empty(); })
+                  .is_ok());
 }
 
 TEST_F(Recording, KeysNameTheirMessages) {

@@ -190,6 +190,39 @@ TEST_F(ReplayIndexTest, FaultySamplesHaveNoEffectButTheirPlace) {
   EXPECT_EQ(index->streams().size(), 2U);
 }
 
+TEST_F(ReplayIndexTest, FaultySamplesWithAKeyHoldNothing) {
+  const std::vector<std::uint8_t> out_of_limits =
+      wire::encode_payload(wire::BodyPoses{.peer = kPeer, .part = 0xffffffff});
+  record_bytes(file.path(), {{wire::place_of<wire::BodyPoses>(), "one", {1, 2, 3}},
+                             {wire::place_of<wire::BodyPoses>(), "two", out_of_limits},
+                             {wire::place_of<wire::BodyDirectory>(), "one", {1, 2, 3}},
+                             {wire::place_of<wire::WatchedBodies>(), "one", {1, 2, 3}}});
+  const auto index = build();
+  ASSERT_EQ(recording->keys().size(), 4U);
+  EXPECT_EQ(index->streams().size(), 3U);
+  EXPECT_EQ(index->not_yet(1, 5), Ids{});
+  EXPECT_EQ(index->latched(5), Ids{});
+  EXPECT_TRUE(index->peers().empty());
+}
+
+TEST_F(ReplayIndexTest, WhatFollowsAFaultySampleOfAKeyHolds) {
+  const std::vector<std::uint8_t> pose =
+      wire::encode_payload(wire::BodyPoses{.peer = kPeer, .part = 1});
+  const wire::TopicPlace topic = wire::place_of<wire::BodyPoses>();
+  const std::string key = wire::record_key(topic, pose);
+  ASSERT_FALSE(key.empty());
+  record_bytes(file.path(), {{topic, key, {1, 2, 3}},
+                             {topic, key, {0, 1, 0, 0}},
+                             {topic, key, pose},
+                             {topic, key, pose}});
+  const auto index = build();
+  EXPECT_EQ(index->peers(), std::set<wire::SessionId>{kPeer});
+  EXPECT_EQ(index->not_yet(1, 5), Ids{3});
+  EXPECT_EQ(index->latched(3), Ids{});
+  EXPECT_EQ(index->latched(4), Ids{3});
+  EXPECT_EQ(index->latched(5), Ids{4});
+}
+
 TEST_F(ReplayIndexTest, SaysWhyARecordingCannotBePlayed) {
   SessionFile(file.path()).close();
   EXPECT_EQ(refusal(), "the recording holds no messages");

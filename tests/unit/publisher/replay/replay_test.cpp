@@ -300,6 +300,24 @@ TEST_F(ReplayTest, ASeekBackTakesBackWhatWasNotYetSaid) {
   EXPECT_EQ(play.outlet.latched.size(), 1U);
 }
 
+TEST_F(ReplayTest, SeeksAndLoopsWhereAFaultySampleHasAKey) {
+  const std::vector<std::uint8_t> pose =
+      wire::encode_payload(wire::BodyPoses{.peer = kPeer, .part = 1});
+  const wire::TopicPlace topic = wire::place_of<wire::BodyPoses>();
+  const std::string key = wire::record_key(topic, pose);
+  record_bytes(file.path(), {{wire::place_of<wire::WatchedBodies>(), "one", {1, 2, 3}},
+                             {topic, key, pose},
+                             {topic, key, pose}});
+  ReplayWorld play(file.path(), {}, true);
+  while (play.replay.stats().loops == 0) play.step();
+  EXPECT_EQ(play.outlet.published.size(), 3U);
+  EXPECT_EQ(play.outlet.latched.size(), 0U);
+  ASSERT_TRUE(play.replay.seek(1.5, play.now_s).is_ok());
+  EXPECT_EQ(play.outlet.latched.size(), 1U);
+  ASSERT_TRUE(play.replay.seek(0, play.now_s).is_ok());
+  EXPECT_EQ(play.outlet.latched.size(), 0U);
+}
+
 constexpr std::size_t kAll = std::numeric_limits<std::size_t>::max();
 
 /// Everything that a peer with the base mesh alone may be sent at `end`, and the state that it makes.

@@ -83,6 +83,41 @@ inline double record_flight(const std::string& path, const RecordOptions& option
   return now_s;
 }
 
+/// A sample as its bytes, whatever they are, and the key that it is recorded under.
+struct KeyedBytes {
+  wire::TopicPlace topic = 0;
+  std::string key;
+  std::vector<std::uint8_t> cdr;
+};
+
+/// One each second, by a writer for each topic. A recorder of today gives no key to what does not decode; one of another build,
+/// and damage, may leave it.
+inline void record_bytes(const std::string& path, const std::vector<KeyedBytes>& samples) {
+  const wire::TopicNames names("recorded");
+  const auto file =
+      RecordingWriter::create(path, {7, 0, wire::kWireVersion, "recorded", "idl"}).value();
+  std::map<wire::TopicPlace, std::uint32_t> writers;
+  std::uint64_t sequence = 0;
+  for (const KeyedBytes& sample : samples) {
+    const auto [by, is_new] = writers.try_emplace(sample.topic, 0);
+    if (is_new) {
+      const std::string type(wire::kTopicFacts[sample.topic].type);
+      const std::uint32_t topic = file->add_topic({names.at(sample.topic), type}).value();
+      by->second =
+          file->add_writer({topic, EndpointGuid{static_cast<std::uint8_t>(topic + 1)}, ""}).value();
+    }
+    const std::int64_t ns =
+        SessionFile::kBegin_ns + static_cast<std::int64_t>(sequence) * 1'000'000'000;
+    const RecordedMessage message{.writer = by->second,
+                                  .sequence = ++sequence,
+                                  .received_ns = ns,
+                                  .source_ns = ns,
+                                  .cdr = sample.cdr};
+    ASSERT_TRUE(file->append(message, sample.key).is_ok());
+  }
+  ASSERT_TRUE(file->close().is_ok());
+}
+
 /// Plays into a memory bus, where the recorded publisher has an end for what live peers ask.
 class MemoryOutlet final : public publisher::ReplayOutlet {
  public:
