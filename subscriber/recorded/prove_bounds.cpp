@@ -25,6 +25,7 @@
 #include "nearmesh/core/spm/detail/header.hpp"
 #include "nearmesh/core/spm/detail/split_store.hpp"
 #include "nearmesh/idl/dds/recorded_samples.hpp"
+#include "recorded_peer.hpp"
 
 namespace nearmesh::subscriber {
 namespace {
@@ -88,13 +89,13 @@ class PoseSamples {
     }
     return {};
   }
-  /// The same of a link of a robot: where the last instant has it of which all links had come.
-  [[nodiscard]] Found find_link(std::uint32_t number, std::uint32_t first, std::uint32_t links,
-                                std::uint32_t last) const {
+  /// The same of the links of a robot, by number: where the last instant has them of which all had come. Empty where there is none.
+  using Links = std::map<std::uint32_t, Found>;
+  [[nodiscard]] Links find_links(std::uint32_t first, std::uint32_t links,
+                                 std::uint32_t last) const {
     struct Instant {
-      std::set<std::uint32_t> links;
+      Links links;
       std::uint32_t newest = 0;
-      Found link;
     };
     std::map<double, Instant> instants;
     for (std::uint32_t at = first / wire::kBodiesPerPart;
@@ -107,18 +108,16 @@ class PoseSamples {
         for (const wire::BodyPoses::Body& body : sample->second.bodies) {
           if (body.number < first || body.number >= first + links) continue;
           Instant& instant = instants[body.time_s];
-          instant.links.insert(body.number);
           instant.newest = std::max(instant.newest, sample->first);
-          if (body.number == number && instant.link.body == nullptr)
-            instant.link = {&body, sample->first};
+          instant.links.try_emplace(body.number, Found{&body, sample->first});
         }
       }
     }
-    const Instant* whole = nullptr;
-    for (const auto& [time_s, instant] : instants)
+    Instant* whole = nullptr;
+    for (auto& [time_s, instant] : instants)
       if (instant.links.size() == links && (whole == nullptr || whole->newest < instant.newest))
         whole = &instant;
-    return whole == nullptr ? Found{} : whole->link;
+    return whole == nullptr ? Links{} : std::move(whole->links);
   }
   /// use(pose) of each that is kept of the body.
   template <class Use>
@@ -147,6 +146,25 @@ class PoseSamples {
   std::map<std::uint32_t, std::map<std::uint32_t, Sample>> parts_;  // by sequence
   std::uint32_t last_ = 0, unknown_until_ = 0;
   std::deque<std::pair<std::uint32_t, std::uint32_t>> holes_;  // sequences that did not come
+};
+
+/// Where the links of robots were, as one report rests on them: looked for once for each robot, however many links it has. What it gives holds until
+/// samples come or are forgotten.
+class FoundLinks {
+ public:
+  [[nodiscard]] PoseSamples::Found find(const PoseSamples& samples,
+                                        const wire::BodyDirectory::Body& link, std::uint32_t last) {
+    const auto [at, is_new] = robots_.try_emplace({&samples, link.first_link, link.links, last});
+    if (is_new) at->second = samples.find_links(link.first_link, link.links, last);
+    const auto found = at->second.find(link.number);
+    return found == at->second.end() ? PoseSamples::Found{} : found->second;
+  }
+
+ private:
+  // By whose and which samples, first link, links, and the last sample that counts.
+  std::map<std::tuple<const PoseSamples*, std::uint32_t, std::uint32_t, std::uint32_t>,
+           PoseSamples::Links>
+      robots_;
 };
 
 /// What one participant said of the bodies that one session moves: who they are, their poses and promises for a while.
@@ -372,6 +390,9 @@ struct Watcher {
   void take(wire::ContactReport&& report, int round) {
     if (!first_said) first_said = report.frame;
     latest_frame = report.frame;
+    // What claims something where nothing could be known is no answer: verify calls it different.
+    const bool is_known = report.asked && why_stale(report).empty();
+    if (!is_known && !claims_nothing(report)) return;
     if (report.body_b < report.body_a) std::swap(report.body_a, report.body_b);
     auto& frames = said[{std::move(report.body_a), std::move(report.body_b)}];
     const auto at = frames.try_emplace(report.frame, Said{report.time_s}).first;
@@ -599,7 +620,7 @@ class Prover {
   /// of that sequence.
   FoundPose find_pose(const Participant& peer_from, wire::SessionId peer, WatchedBody& body,
                       const wire::BoundsReport::Heard& heard,
-                      const std::optional<std::uint32_t>& exactly) {
+                      const std::optional<std::uint32_t>& exactly, FoundLinks& links) {
     FoundPose pose;
     const bool is_promised = body.known == wire::WatchedBodies::Known::kPromised;
     const std::uint32_t last = exactly ? *exactly : is_promised ? heard.near : heard.poses;
@@ -608,10 +629,9 @@ class Prover {
       const wire::BodyDirectory::Body* who = tape.who_is(body.number);
       if (who == nullptr) return false;
       // Who moves a robot knows each instant at once.
-      const PoseSamples::Found found =
-          who->links > 1 && body.mover != peer
-              ? samples.find_link(body.number, who->first_link, who->links, last)
-              : samples.find(body.number, last);
+      const PoseSamples::Found found = who->links > 1 && body.mover != peer
+                                           ? links.find(samples, *who, last)
+                                           : samples.find(body.number, last);
       if (found.body == nullptr || (exactly && found.sequence != *exactly)) return false;
       body.name = who->name;
       pose = {found.body, by_reporter && samples.is_whole(found.sequence, last)};
@@ -653,6 +673,7 @@ class Prover {
     if (report.heard.size() != watcher.movers.size())
       return unprovable("whose poses the peer had heard");
     FreePairs bounds;
+    FoundLinks links;
     std::uint64_t digest = 0;
     bool is_certain = !lacks_watched_ && watcher.whole_until >= report.edition;
     for (WatchedBody& body : watcher.bodies) {
@@ -672,7 +693,7 @@ class Prover {
           is_certain = false;
           if (!watcher.broad.is_placed(body.slot)) continue;
         } else {
-          const FoundPose found = find_pose(from, report.peer, body, heard, exactly);
+          const FoundPose found = find_pose(from, report.peer, body, heard, exactly, links);
           if (found.body == nullptr)
             return unprovable("a pose of a body of " + to_hex(body.mover) + ", or its name");
           is_certain &= found.is_certain;

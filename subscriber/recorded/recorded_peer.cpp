@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <limits>
 #include <new>
 #include <tuple>
 
@@ -21,8 +22,6 @@ constexpr std::int64_t kChunk = 8192;  ///< messages between two rounds of work
 /// so many rounds, are enough for the one to be found in the other.
 constexpr std::size_t kLatest = 1024;
 constexpr std::size_t kMaxComplaints = 16;
-/// Of an answer that was cut, since it may have been for its cost: some 10 to 50 ms.
-constexpr std::uint64_t kCutTests = 2'000'000;
 
 }  // namespace
 
@@ -77,11 +76,20 @@ const WorldPage* ModelSources::page(const ContentHash& content) const {
 std::string why_stale(const wire::ContactReport& report) {
   for (const auto& [asked, body] :
        {std::pair(&report.a, &report.body_a), std::pair(&report.b, &report.body_b)}) {
-    if (asked->stamp.mover == wire::Mover::kNone) continue;
+    // Else no session asks.
+    if (asked->stamp.mover == wire::Mover::kNone && !report.asked) continue;
     std::string why = wire::why_stale(asked->stamp, report.time_s, *body);
     if (!why.empty()) return why;
   }
   return {};
+}
+
+bool claims_nothing(const wire::ContactReport& report) {
+  // The wire carries finite numbers: the largest stands for "cannot be bounded".
+  return report.answer_digest == digest(nothing_known()) &&
+         report.status == static_cast<std::uint8_t>(AnswerStatus::kUncertain) &&
+         report.pair_count == 0 && report.pairs.empty() && report.clearance_m == 0 &&
+         report.uncertainty_m == std::numeric_limits<double>::max();
 }
 
 bool RecordedPeer::Numbers::follow(const Batch& batch) {

@@ -29,9 +29,15 @@ struct RecordedReport {
   wire::ContactReport message;
 };
 
-/// Why its answer cannot be certified: that the pose of a body was too far from the frame's time, or its mover gone. Empty
-/// where that is not so, or no pose had come.
+/// Why its answer cannot be certified: that the pose of a body was too far from the frame's time, or its mover gone; or that no pose had
+/// come, and it was asked all the same. Empty where that is not so.
 [[nodiscard]] std::string why_stale(const wire::ContactReport& report);
+
+/// Whether all that it says is what a session says where nothing is known: that nobody knows.
+[[nodiscard]] bool claims_nothing(const wire::ContactReport& report);
+
+/// Of an answer that was cut, since it may have been for its cost: some 10 to 50 ms.
+inline constexpr std::uint64_t kCutTests = 2'000'000;
 
 /// What replicas are made of, beside batches.
 class ModelSources {
@@ -101,7 +107,7 @@ class RecordedPeer {
   /// One line on the first replica that has another state; empty where all have theirs.
   [[nodiscard]] std::string why_not_rebuilt(const wire::ContactReport& report) const;
   [[nodiscard]] const Replica& replica(const ContentHash& content) const;
-  /// What Session says of this pair. Of an answer that was cut the search is bounded too, by what a session has built in. Precondition: none is a world.
+  /// What Session says of this pair. Of an answer that was cut the search is bounded too, by kCutTests. Precondition: none is a world.
   [[nodiscard]] Result<Answered> ask(const wire::ContactReport& report,
                                      const AnswerOptions& options = {}) const;
   /// Of a report about a world: the other body, and each tile that was asked, in the tile's place.

@@ -23,13 +23,14 @@ class CheckedPeer final : public RecordedPeer {
         compare(report);
         break;
       case Standing::kNotAsked:
-        ++found_.not_asked;
+        expect_nothing(report, found_.not_asked, "nothing was asked");
         break;
       case Standing::kPutOff:
-        compare_put_off(report);
+        expect_nothing(report, found_.put_off, "not asked within the budget");
         break;
       case Standing::kStale:
-        compare_stale(report);
+        found_.digest = mix(found_.digest ^ digest(nothing_known()));
+        expect_nothing(report, found_.verified, why_stale(report.message));
         break;
       case Standing::kGaveUp:
         ++found_.gave_up;
@@ -41,35 +42,33 @@ class CheckedPeer final : public RecordedPeer {
     }
   }
 
-  /// The report's times alone say what the answer must be.
-  void compare_stale(const RecordedReport& report) {
+  /// Where nothing could be known, which the report itself says, nothing may be claimed. `counted`: what it counts as then.
+  void expect_nothing(const RecordedReport& report, std::uint64_t& counted,
+                      const std::string& why) {
     const wire::ContactReport& recorded = report.message;
-    const std::uint64_t found = digest(nothing_known());
-    found_.digest = mix(found_.digest ^ found);
-    if (found == recorded.answer_digest &&
-        recorded.status == static_cast<std::uint8_t>(AnswerStatus::kUncertain)) {
-      ++found_.verified;
+    if (claims_nothing(recorded)) {
+      ++counted;
       return;
     }
     differ({.message = report.id,
             .recorded = recorded,
-            .what = why_stale(recorded) + "; and yet recorded " +
-                    to_string(static_cast<AnswerStatus>(recorded.status)) + ", digest " +
-                    to_hex(recorded.answer_digest)});
+            .what = why + "; and yet recorded " + said_by(recorded)});
   }
 
-  /// It must claim nothing.
-  void compare_put_off(const RecordedReport& report) {
-    const wire::ContactReport& recorded = report.message;
-    if (recorded.answer_digest == digest(nothing_known()) && recorded.pair_count == 0 &&
-        recorded.status == static_cast<std::uint8_t>(AnswerStatus::kUncertain)) {
-      ++found_.put_off;
-      return;
-    }
-    differ({.message = report.id,
-            .recorded = recorded,
-            .what = std::string("not asked within the budget; and yet recorded ") +
-                    to_string(static_cast<AnswerStatus>(recorded.status))});
+  static std::string say(AnswerStatus status, std::uint64_t pairs, std::uint64_t digest) {
+    return std::string(to_string(status)) + ", " + std::to_string(pairs) + " pairs, digest " +
+           to_hex(digest);
+  }
+  static std::string say_bound(double uncertainty_m) {
+    return uncertainty_m < std::numeric_limits<double>::max()
+               ? "uncertain within " + std::to_string(uncertainty_m) + " m"
+               : "without a bound";
+  }
+  static std::string said_by(const wire::ContactReport& recorded) {
+    return say(static_cast<AnswerStatus>(recorded.status), recorded.pair_count,
+               recorded.answer_digest) +
+           ", clearance " + std::to_string(recorded.clearance_m) + " m, " +
+           say_bound(recorded.uncertainty_m);
   }
 
   void compare(const RecordedReport& report) {
@@ -102,10 +101,6 @@ class CheckedPeer final : public RecordedPeer {
       return;
     }
     Difference difference{.message = report.id, .recorded = recorded};
-    const auto say = [](AnswerStatus status, std::uint64_t pairs, std::uint64_t digest) {
-      return std::string(to_string(status)) + ", " + std::to_string(pairs) + " pairs, digest " +
-             to_hex(digest);
-    };
     difference.what = "recorded " +
                       say(static_cast<AnswerStatus>(recorded.status), recorded.pair_count,
                           recorded.answer_digest) +
@@ -127,7 +122,7 @@ class CheckedPeer final : public RecordedPeer {
   }
 
   /// What was found depends on the peer's options, and, where its tests were spent, on its processor: so what it lists is looked at
-  /// pair by pair, and not searched for.
+  /// pair by pair, and not searched for. What else it says is counted again, as far as it follows whatever the options were.
   void compare_cut(const RecordedReport& report) {
     const wire::ContactReport& recorded = report.message;
     const std::string what = why_unproved(recorded);
@@ -140,34 +135,55 @@ class CheckedPeer final : public RecordedPeer {
     }
   }
 
+  /// What was asked, body against body or tile by tile.
+  struct Part {
+    const Replica *a = nullptr, *b = nullptr;
+    AskedBody asked_a, asked_b;
+    PosedPair posed;
+  };
+  /// None of a world's near tiles is left out.
+  static bool knows_all_tiles(const wire::ContactReport& recorded, const std::vector<Part>& parts) {
+    return !recorded.world ||
+           (recorded.world->missing_pages.empty() && parts.size() == recorded.world->tiles.size());
+  }
+
   /// Of an answer that was cut; empty where all that it says is so.
   [[nodiscard]] std::string why_unproved(const wire::ContactReport& recorded) const {
     const auto status = static_cast<AnswerStatus>(recorded.status);
     const std::string said = std::string("recorded ") + to_string(status) + ", cut";
-    if (status != AnswerStatus::kContact && status != AnswerStatus::kPartial &&
-        status != AnswerStatus::kUncertain)
-      return said;
-    if (status == AnswerStatus::kUncertain && recorded.pair_count > 0)
-      return said + ", with pairs of faces";
+    const bool touches = status == AnswerStatus::kContact || status == AnswerStatus::kPartial;
+    if (!touches && status != AnswerStatus::kUncertain) return said;
+    if (touches != (recorded.pair_count > 0))
+      return said + (touches ? ", without pairs of faces" : ", with pairs of faces");
+    // Of what touches, or may, there is none; and of what is certain nothing is unseen.
+    if (recorded.clearance_m != 0)
+      return said + ", with a clearance of " + std::to_string(recorded.clearance_m) + " m";
+    if (status == AnswerStatus::kContact && recorded.uncertainty_m != 0)
+      return said + ", " + say_bound(recorded.uncertainty_m);
     const Result<std::vector<Part>> found = parts_of(recorded);
     if (!found.is_ok()) return found.status().message();
     const std::vector<Part>& parts = found.value();
-    const auto touches = [&](const std::array<FaceKey, 2>& faces) {
+    const auto is_so = [&](const std::array<FaceKey, 2>& faces) {
       return std::any_of(parts.begin(), parts.end(), [&](const Part& part) {
         return faces_touch(part.a->mesh(), part.posed.a, faces[0], part.b->mesh(), part.posed.b,
                            faces[1]);
       });
     };
-    if (!std::all_of(recorded.pairs.begin(), recorded.pairs.end(), touches))
+    if (!std::all_of(recorded.pairs.begin(), recorded.pairs.end(), is_so))
       return said + "; faces that it lists do not touch, or are not held";
-    if (status != AnswerStatus::kContact) return {};
-    // It says that they touch at all, each tile of a world apart; or how many there are.
+    const bool is_all = knows_all_tiles(recorded, parts);
+    return status == AnswerStatus::kContact ? why_not_contact(recorded, parts, is_all, said)
+                                            : why_not_open(recorded, parts, is_all, said);
+  }
+
+  /// It says that they touch at all, each tile of a world apart; or how many there are.
+  [[nodiscard]] static std::string why_not_contact(const wire::ContactReport& recorded,
+                                                   const std::vector<Part>& parts, bool is_all,
+                                                   const std::string& said) {
     std::uint64_t touching = 0, total = 0;
-    bool is_all = !recorded.world || (recorded.world->missing_pages.empty() &&
-                                      parts.size() == recorded.world->tiles.size());
     for (const Part& part : parts) {
       const auto ask = [&part](bool any) {
-        return query(part.view_a, part.posed.a, part.view_b, part.posed.b,
+        return query(part.asked_a.view, part.posed.a, part.asked_b.view, part.posed.b,
                      {.any = any, .clearance = Clearance::kNone, .max_pairs = 0});
       };
       touching += ask(true).pair_total > 0 ? 1 : 0;
@@ -181,20 +197,57 @@ class CheckedPeer final : public RecordedPeer {
            std::to_string(total) + (is_all ? "" : ", which may not be all");
   }
 
-  /// What was asked, body against body or tile by tile.
-  struct Part {
-    const Replica *a = nullptr, *b = nullptr;
-    TreeView view_a, view_b;
-    PosedPair posed;
-  };
+  /// Of one that leaves something open. Where it has a bound, its tests did not end the search: it is made again, to its end, and gives the same. Without
+  /// pairs it was one for any pair, since no other option cuts such an answer. Where it has no bound, what was found is some of what there is. That is
+  /// counted as far as kCutTests go, or it might cost more than the peer could spend.
+  [[nodiscard]] static std::string why_not_open(const wire::ContactReport& recorded,
+                                                const std::vector<Part>& parts, bool is_all,
+                                                const std::string& said) {
+    const bool has_bound = recorded.uncertainty_m < std::numeric_limits<double>::max();
+    if (!has_bound && recorded.pair_count == 0) return {};
+    if (has_bound && !is_all)
+      return said + ", " + say_bound(recorded.uncertainty_m) +
+             ", though pages or tiles were missing";
+    std::uint64_t total = 0;
+    double uncertainty_m = 0;
+    bool is_open = false;
+    for (const Part& part : parts) {
+      const Result<Answered> asked = answer(part.asked_a, part.asked_b,
+                                            {.clearance = Clearance::kNone,
+                                             .any = recorded.pair_count == 0,
+                                             .max_pairs = 0,
+                                             .max_tests = has_bound ? kAllTests : kCutTests});
+      if (!asked.is_ok()) return asked.status().message();
+      const Answer& found = asked.value().answer;
+      total += found.pair_total;
+      if (!has_bound && (found.exhausted || recorded.pair_count <= total)) return {};
+      uncertainty_m = std::max(uncertainty_m, found.uncertainty_m);
+      is_open |= !is_certified(found.status);
+    }
+    if (has_bound && is_open && recorded.uncertainty_m == uncertainty_m &&
+        recorded.pair_count == static_cast<std::uint32_t>(total))
+      return {};
+    return said + ", " + std::to_string(recorded.pair_count) + " pairs, " +
+           say_bound(recorded.uncertainty_m) + "; found " + std::to_string(total) + ", " +
+           say_bound(uncertainty_m);
+  }
+
   [[nodiscard]] Result<std::vector<Part>> parts_of(const wire::ContactReport& recorded) const {
     std::vector<Part> parts;
+    const auto asked_body = [](const TreeView& view, const wire::ContactReport::Asked& body,
+                               const std::string& name) {
+      return AskedBody{view, Motion{.pose = body.pose}, name, body.solid};
+    };
     const auto add = [&](const Replica& a, const TreeView& view_a, const Replica& b,
                          const TreeView& view_b) {
       Result<PosedPair> posed = pose_pair(*view_a.grid, recorded.a.pose, recorded.body_a,
                                           *view_b.grid, recorded.b.pose, recorded.body_b);
       NEARMESH_RETURN_IF_ERROR(posed);
-      parts.push_back({&a, &b, view_a, view_b, std::move(posed).value()});
+      Part& part = parts.emplace_back(Part{&a, &b, asked_body(view_a, recorded.a, recorded.body_a),
+                                           asked_body(view_b, recorded.b, recorded.body_b),
+                                           std::move(posed).value()});
+      // Nobody asks what is inside a tile.
+      if (recorded.world) (recorded.world->is_a ? part.asked_a : part.asked_b).solid = false;
       return Status::ok();
     };
     if (!recorded.world) {

@@ -34,7 +34,7 @@ struct VerifyReport {
       0;  ///< state and answer agree, or a pose was stale and nothing certified
   std::uint64_t different = 0;
   std::uint64_t not_asked =
-      0;  ///< the peer lacked a header or a pose, so there is nothing to compare
+      0;  ///< the peer lacked a header or a pose, and claimed nothing, so there is nothing to compare
   std::uint64_t put_off =
       0;  ///< the pair's turn did not come within the frame's budget: nothing was claimed
   std::uint64_t lacking = 0;  ///< batches (or a header) that the peer had are not in the recording
@@ -42,7 +42,8 @@ struct VerifyReport {
       0;  ///< the peer had given up detail, and what it held from then on is not recorded
   std::uint64_t malformed = 0;  ///< reports that do not decode
   /// Of `verified`: the peer's own options ended the answer (any, max_pairs, max_tests). What it lists does touch; that it is all
-  /// it did not claim, unless it gave the number of pairs, which was counted again.
+  /// it did not claim. The number of pairs was counted again, and the uncertainty; of a search that its tests ended, which has no bound, that there
+  /// are no fewer, where kCutTests are enough to count them.
   std::uint64_t cut = 0;
   std::uint64_t missing = 0;  ///< reports that were sent after the first and never came
   std::uint64_t before = 0;   ///< sent before the recorder heard the first of their peer

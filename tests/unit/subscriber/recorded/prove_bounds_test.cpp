@@ -4,9 +4,11 @@
 #include "subscriber/recorded/prove_bounds.hpp"
 
 #include <algorithm>
+#include <ctime>
 #include <filesystem>
 
 #include "core/broadphase/free_pairs.hpp"
+#include "core/query/answer.hpp"
 #include "core/world/pages.hpp"
 #include "core/world/world_folder.hpp"
 #include "nearmesh/subscriber/peer/local_channel.hpp"
@@ -205,6 +207,47 @@ TEST_F(ProveBounds, NearPairsWithoutAReportAreFound) {
   EXPECT_EQ(prove(late, kFirst).unreported, 0U);
   KeptSamples cut(kept_.begin(), kept_.begin() + static_cast<std::ptrdiff_t>(middle));
   EXPECT_EQ(prove(cut).unreported, 0U);
+}
+
+// Who could not ask says so, and that is a report; who claims something all the same has said nothing.
+TEST_F(ProveBounds, WhatClaimsWithoutAnAnswerIsNoReportOfANearPair) {
+  fly(30, 1);
+  const BoundsProof whole = prove(kept_);
+  ASSERT_GT(whole.near_pairs, 0U);
+  ASSERT_EQ(whole.unreported, 0U) << whole.first_unreported;
+  const auto prove_with = [&](const auto& change) {
+    KeptSamples changed = kept_;
+    for (KeptSample& sample : changed)
+      if (auto* report = sample.as<wire::ContactReport>()) {
+        wire::ContactReport unknown;
+        unknown.peer = report->peer;
+        unknown.body_a = report->body_a;
+        unknown.body_b = report->body_b;
+        unknown.frame = report->frame;
+        unknown.time_s = report->time_s;
+        unknown.status = static_cast<std::uint8_t>(AnswerStatus::kUncertain);
+        unknown.uncertainty_m = std::numeric_limits<double>::max();
+        unknown.answer_digest = digest(nothing_known());
+        change(unknown);
+        *report = unknown;
+      }
+    return prove(changed);
+  };
+  EXPECT_EQ(prove_with([](auto&) {}).unreported, 0U);
+  const auto expect_none = [&](const char* what, const auto& claim) {
+    const BoundsProof proof = prove_with(claim);
+    EXPECT_EQ(proof.near_pairs, whole.near_pairs) << what;
+    EXPECT_EQ(proof.unreported, whole.near_pairs) << what;
+  };
+  expect_none("free", [](auto& report) {
+    report.status = 0;
+    report.clearance_m = 1000;
+  });
+  expect_none("clearance", [](auto& report) { report.clearance_m = 1000; });
+  expect_none("put off", [](auto& report) {
+    report.put_off = true;
+    report.pair_count = 1;
+  });
 }
 
 // Put off is told once, until the pair is asked again.
@@ -455,6 +498,69 @@ TEST_F(ProveBounds, WhatIsFreeOfAWorldIsProvedWithItsFirstPage) {
   const BoundsProof less = prove(without);
   EXPECT_GT(less.unprovable, 5U) << reasons_of(less);
   EXPECT_EQ(less.wrong, 0U);
+}
+
+// ---- robots -------------------------------------------------------------------------------------
+
+/// One peer moves a robot whose poses take several samples, another watches all.
+class ProveRobots : public ProveBounds {
+ protected:
+  void fly_robot(std::size_t count, std::uint64_t frames) {
+    world_.judges = false;  // bodies have other names here
+    Session mover(std::make_unique<KeptChannel>(world_.bus.make_peer(kFirst), kept_),
+                  quick_options());
+    Session looker(std::make_unique<KeptChannel>(world_.bus.make_peer(kFirst + 1), kept_),
+                   quick_options());
+    looker.watch_all();
+    looker.discover_bodies();
+    std::vector<BodyId> links;
+    for (std::size_t i = 0; i < count; ++i)
+      links.push_back(
+          mover.add_body({.name = "arm/" + std::to_string(i), .model = "aircraft", .own = true})
+              .value());
+    ASSERT_TRUE(mover.link_bodies(links).is_ok());
+    for (std::uint64_t frame = 0; frame < frames; ++frame) {
+      std::vector<Session::OwnMotion> motions;
+      for (std::size_t i = 0; i < count; ++i) {
+        Motion motion;
+        motion.pose.translation_m = {1000.0 * static_cast<double>(i % 16),
+                                     1000.0 * static_cast<double>(i / 16),
+                                     static_cast<double>(frame)};
+        motion.linear_velocity_mps = {0, 0, 20};
+        motions.push_back({links[i], motion});
+      }
+      world_.round(mover, frame, motions);
+      world_.round(looker, frame);
+    }
+  }
+};
+
+TEST_F(ProveRobots, AllThatIsSaidOfThemIsProved) {
+  fly_robot(20, 40);  // three parts
+  const BoundsProof proof = prove(kept_);
+  EXPECT_GT(proof.reports, 30U);
+  EXPECT_EQ(proof.proved, proof.reports) << reasons_of(proof);
+  EXPECT_EQ(proof.proved_pairs, 190 * proof.reports);
+}
+
+// The peer rested on an instant before, the recording has the whole one.
+TEST_F(ProveRobots, WhatThePeerHeardInPartIsNeverWrong) {
+  world_.bus.on_poses = {.lose = 0.01};
+  fly_robot(20, 60);
+  const BoundsProof proof = prove(kept_);
+  EXPECT_EQ(proof.wrong, 0U) << reasons_of(proof);
+  EXPECT_GT(proof.unprovable, 0U);
+  EXPECT_GT(proof.proved, proof.reports / 2) << reasons_of(proof);
+}
+
+// The last whole instant is looked for once, not for each link again: of the most that a robot may have that took 256 times as long.
+TEST_F(ProveRobots, ManyLinksAreProvedInLittleTime) {
+  fly_robot(wire::kMaxLinks, 70);
+  const std::clock_t begun = std::clock();  // processor time: others may hold up this process
+  const BoundsProof proof = prove(kept_);
+  EXPECT_LT(std::clock() - begun, 3 * CLOCKS_PER_SEC);
+  EXPECT_GT(proof.reports, 60U);
+  EXPECT_EQ(proof.proved, proof.reports) << reasons_of(proof);
 }
 
 // ---- promises -----------------------------------------------------------------------------------

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 
 #include "nearmesh/idl/dds/payload.hpp"
 #include "nearmesh/idl/messages/topics.hpp"
@@ -224,6 +225,17 @@ std::size_t find_report(const Recorded& recorded,
   return 0;
 }
 
+using Spoil = std::function<void(wire::ContactReport&)>;
+
+/// After the report stand copies of it, each spoilt in its own way: what it was about is the same then.
+Recorded with_spoilt(Recorded recorded, std::size_t at, const std::vector<Spoil>& spoils) {
+  std::vector<Recorded::Item> copies(spoils.size(), recorded.items.at(at));
+  for (std::size_t i = 0; i < spoils.size(); ++i) spoils[i](*copies[i].report);
+  recorded.items.insert(recorded.items.begin() + static_cast<std::ptrdiff_t>(at) + 1,
+                        copies.begin(), copies.end());
+  return recorded;
+}
+
 void expect_sum(const VerifyReport& r) {
   EXPECT_EQ(
       r.verified + r.different + r.not_asked + r.put_off + r.lacking + r.gave_up + r.malformed,
@@ -309,6 +321,82 @@ TEST_F(Verify, WhatWasPutOffIsCountedApart) {
   EXPECT_EQ(verify(recorded).different, 1U);
 }
 
+/// What a report may not say where nothing could be known: each a lie by itself.
+std::vector<Spoil> claims() {
+  using Report = wire::ContactReport;
+  return {
+      [](Report& r) { r.status = 0; },
+      [](Report& r) { r.status = 2; },
+      [](Report& r) { r.pair_count = 1'000'000; },
+      [](Report& r) {
+        r.pair_count = wire::kMaxReportPairs;
+        r.pairs.assign(wire::kMaxReportPairs, {FaceKey{VertexId{1}, 0}, FaceKey{VertexId{2}, 0}});
+      },
+      [](Report& r) { r.clearance_m = 1000; },
+      [](Report& r) { r.uncertainty_m = 0.25; },
+      [](Report& r) { r.uncertainty_m = 0; },
+      [](Report& r) { r.answer_digest ^= 1; }};
+}
+
+TEST_F(Verify, WhatHasNoAnswerClaimsNothing) {
+  // As a session says it before a header has come.
+  wire::ContactReport not_asked{.peer = kPeer, .body_a = "ground", .body_b = "one", .frame = 3};
+  not_asked.status = static_cast<std::uint8_t>(AnswerStatus::kUncertain);
+  not_asked.uncertainty_m = std::numeric_limits<double>::max();
+  not_asked.answer_digest = digest(nothing_known());
+  Recorded flown = record();
+  flown.items.push_back({.report = not_asked});
+  struct Kind {
+    const char* name;
+    Recorded recorded;
+    std::function<bool(const wire::ContactReport&)> is_it;
+    const char* why;
+  };
+  const Kind kinds[] = {{"not asked", std::move(flown),
+                         [](const wire::ContactReport& r) {
+                           return !r.asked && !r.put_off && r.b.stamp.mover == wire::Mover::kNone;
+                         },
+                         "nothing was asked; and yet recorded "},
+                        {"put off", record(quick_options(), {}, 0),
+                         [](const wire::ContactReport& r) { return r.put_off; },
+                         "not asked within the budget; and yet recorded "},
+                        {"stale", record_killed(),
+                         [](const wire::ContactReport& r) {
+                           return r.b.stamp.mover == wire::Mover::kThere &&
+                                  age_s(r.b.stamp, r.time_s) > 2;
+                         },
+                         "more than 2 s; and yet recorded "}};
+  for (const Kind& kind : kinds) {
+    SCOPED_TRACE(kind.name);
+    const VerifyReport kept = verify(kind.recorded);
+    EXPECT_EQ(kept.different, 0U);
+    const std::vector<Spoil> all = claims();
+    const VerifyReport found =
+        verify(with_spoilt(kind.recorded, find_report(kind.recorded, kind.is_it), all));
+    expect_sum(found);
+    EXPECT_EQ(found.different, all.size());
+    EXPECT_EQ(found.verified + found.not_asked + found.put_off,
+              kept.verified + kept.not_asked + kept.put_off);
+    for (const Difference& difference : found.differences)
+      EXPECT_NE(difference.what.find(kind.why), std::string::npos) << difference.what;
+  }
+}
+
+// A report that says of itself that it has nothing to rest on, and is made up from nothing.
+TEST_F(Verify, AMadeUpReportWithoutAnAnswerIsFound) {
+  Recorded recorded = record();
+  wire::ContactReport forged{.peer = kPeer, .body_a = "ground", .body_b = "one", .frame = 3};
+  forged.clearance_m = 1000;
+  recorded.items.push_back({.report = forged});
+  const VerifyReport found = verify(recorded);
+  expect_sum(found);
+  EXPECT_EQ(found.different, 1U);
+  ASSERT_EQ(found.differences.size(), 1U);
+  EXPECT_NE(found.differences[0].what.find("nothing was asked; and yet recorded free"),
+            std::string::npos)
+      << found.differences[0].what;
+}
+
 // What the host's options ended is proved pair by pair: whatever the options were, which the report does not tell.
 TEST_F(Verify, WhatWasCutIsProvedAsFarAsItGoes) {
   for (const int how : {0, 1, 2, 3}) {
@@ -330,7 +418,7 @@ TEST_F(Verify, WhatWasCutIsProvedAsFarAsItGoes) {
     wire::ContactReport& report = *recorded.items[at].report;
     const wire::ContactReport kept = report;
     report.a.pose.translation_m[2] += 1e4;  // what touched is far away
-    EXPECT_EQ(verify(recorded).different, how == 2 && kept.status == 2 ? 0U : 1U);
+    EXPECT_EQ(verify(recorded).different, 1U);
     report = kept;
     report.status = 0;
     EXPECT_EQ(verify(recorded).different, 1U);
@@ -339,6 +427,7 @@ TEST_F(Verify, WhatWasCutIsProvedAsFarAsItGoes) {
       report.pair_count += 2;
       EXPECT_EQ(verify(recorded).different, 1U);
     }
+    report = kept;
     if (kept.pairs.empty()) continue;
     report = kept;
     report.pairs.front()[0] = {VertexId{123456789}, 77};
@@ -347,6 +436,57 @@ TEST_F(Verify, WhatWasCutIsProvedAsFarAsItGoes) {
     report.pairs.front()[0].index = 1U << 30U;
     EXPECT_EQ(verify(recorded).different, 1U);
   }
+}
+
+// Of each status that a cut answer may have, with a bound and without.
+TEST_F(Verify, WhatACutAnswerSaysBesidesItsPairsIsProved) {
+  using Report = wire::ContactReport;
+  using Kind = std::pair<AnswerStatus, bool>;  // and whether it has a bound
+  std::set<Kind> seen;
+  for (const int how : {0, 1, 2, 3}) {
+    SessionOptions options = quick_options();
+    if (how == 0) options.any = true;
+    if (how == 1) options.max_pairs = 2;
+    if (how == 2) options.max_pairs = 0;
+    if (how == 3) options.max_tests = 300;
+    const Recorded recorded = record(options);
+    const VerifyReport kept = verify(recorded);
+    ASSERT_EQ(kept.different, 0U) << how;
+    std::map<Kind, std::size_t> first;  // place of such a report
+    for (std::size_t i = 0; i < recorded.items.size(); ++i)
+      if (const auto& report = recorded.items[i].report; report && report->asked && report->cut)
+        first.emplace(Kind(static_cast<AnswerStatus>(report->status),
+                           report->uncertainty_m < std::numeric_limits<double>::max()),
+                      i);
+    for (const auto& [kind, at] : first) {
+      const auto& [status, has_bound] = kind;
+      SCOPED_TRACE("options " + std::to_string(how) + ", " + to_string(status) +
+                   (has_bound ? ", with a bound" : ""));
+      seen.insert(kind);
+      std::vector<Spoil> spoils = {[](Report& r) { r.pair_count += 1'000'000; },
+                                   [](Report& r) { r.clearance_m = 1; },
+                                   [](Report& r) { r.uncertainty_m = 1e-6; }};
+      if (has_bound && status != AnswerStatus::kContact)
+        spoils.emplace_back([](Report& r) { r.uncertainty_m /= 2; });
+      if (status == AnswerStatus::kPartial) {
+        spoils.emplace_back([](Report& r) {
+          r.pair_count = 0;
+          r.pairs.clear();
+        });
+        if (has_bound) spoils.emplace_back([](Report& r) { ++r.pair_count; });
+      }
+      const VerifyReport found = verify(with_spoilt(recorded, at, spoils));
+      expect_sum(found);
+      EXPECT_EQ(found.different, spoils.size());
+      EXPECT_EQ(found.verified, kept.verified);
+      EXPECT_EQ(found.cut, kept.cut);
+    }
+  }
+  EXPECT_TRUE(seen.contains({AnswerStatus::kContact, true}));
+  EXPECT_TRUE(seen.contains({AnswerStatus::kPartial, true})) << "max_pairs";
+  EXPECT_TRUE(seen.contains({AnswerStatus::kPartial, false})) << "max_tests";
+  EXPECT_TRUE(seen.contains({AnswerStatus::kUncertain, true})) << "any";
+  EXPECT_TRUE(seen.contains({AnswerStatus::kUncertain, false})) << "max_tests";
 }
 
 TEST_F(Verify, FindsABatchThatWasChanged) {
@@ -424,6 +564,11 @@ TEST_F(Verify, FindsAnAnswerThatAnAgedPoseDoesNotAllow) {
   EXPECT_NE(first_difference([](wire::ContactReport& r) {
               r.b.stamp.mover = wire::Mover::kSilent;
             }).find("the peer that moves body one gives no sign of life; and yet"),
+            std::string::npos);
+  // Nobody asks about a body without a pose.
+  EXPECT_NE(first_difference([](wire::ContactReport& r) {
+              r.b.stamp.mover = wire::Mover::kNone;
+            }).find("no pose of body one has come; and yet recorded free"),
             std::string::npos);
   // An uncertain answer for age, said to be something else.
   const std::size_t aged = find_report(recorded, [](const wire::ContactReport& r) {

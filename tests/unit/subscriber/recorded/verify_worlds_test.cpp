@@ -318,12 +318,39 @@ TEST_F(VerifyWorlds, WhatTheHostsOptionsCutIsProvedAsFarAsItGoes) {
     expect_different([](auto& r) { r.pairs.front()[1].index = 1U << 30U; });
     expect_different([](auto& r) { r.a.pose.translation_m[2] += 1e4; });
     expect_different([](auto& r) { r.status = 0; });
+    expect_different([](auto& r) { r.clearance_m = 1; });
     if (how == 2) continue;
     const VerifyReport more = spoilt(
         kept, [](const auto& r) { return r.cut && r.status == 1 && !r.pairs.empty(); },
         [](auto& r) { r.pair_count += 777; });
     EXPECT_EQ(more.different, 1U);
   }
+}
+
+// What it leaves open is told right: how many pairs of faces were found, and how far off the rest may be.
+TEST_F(VerifyWorlds, WhatACutAnswerLeavesOpenIsProved) {
+  std::size_t partial = 0, uncertain = 0;
+  for (const int how : {0, 1, 2}) {
+    SCOPED_TRACE(how);
+    SessionOptions options;
+    if (how == 0) options.any = true;
+    if (how == 1) options.max_pairs = 2;
+    if (how == 2) options.max_tests = 300;
+    const KeptSamples kept = record({.options = options});
+    for (const AnswerStatus status : {AnswerStatus::kPartial, AnswerStatus::kUncertain}) {
+      const auto is_it = [&](const auto& r) { return r.cut && is_of(r, status); };
+      if (count(kept, is_it) == 0) continue;
+      ++(status == AnswerStatus::kPartial ? partial : uncertain);
+      const auto expect_different = [&](const char* what, const auto& spoil) {
+        EXPECT_EQ(spoilt(kept, is_it, spoil).different, 1U) << to_string(status) << ", " << what;
+      };
+      expect_different("pairs", [](auto& r) { r.pair_count += 1'000'000; });
+      expect_different("clearance", [](auto& r) { r.clearance_m = 1; });
+      expect_different("bound", [](auto& r) { r.uncertainty_m = 1e-6; });
+    }
+  }
+  EXPECT_GT(partial, 0U);
+  EXPECT_GT(uncertain, 0U);
 }
 
 }  // namespace
