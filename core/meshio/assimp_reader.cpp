@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "conventions.hpp"
+#include "gltf_extensions.hpp"
 
 namespace nearmesh::meshio {
 namespace {
@@ -125,6 +126,7 @@ std::string name_of_reader(const Assimp::Importer& importer) {
 }  // namespace
 
 Result<SceneMesh> read_with_assimp(const std::string& path, const std::string& node) {
+  NEARMESH_RETURN_IF_ERROR(check_gltf_demands(path));
   Assimp::Importer importer;
   // Without this, files with a skeleton and no surface come back as made-up bones.
   importer.SetPropertyBool(AI_CONFIG_IMPORT_NO_SKELETON_MESHES, true);
@@ -135,9 +137,11 @@ Result<SceneMesh> read_with_assimp(const std::string& path, const std::string& n
     return Status(no_reader ? StatusCode::kUnsupported : StatusCode::kCorrupt,
                   "assimp: " + (reason.empty() ? std::string("no scene") : std::string(reason)));
   }
-  const ReadConvention convention = find_convention(name_of_reader(importer), *scene, path);
-  Result<SceneMesh> collected = SceneCollector(*scene, node).collect(!convention.leaves_out_root);
-  if (collected.is_ok()) collected.value().convention = convention.file;
+  const Result<ReadConvention> convention = find_convention(name_of_reader(importer), *scene, path);
+  NEARMESH_RETURN_IF_ERROR(convention);
+  Result<SceneMesh> collected =
+      SceneCollector(*scene, node).collect(!convention.value().leaves_out_root);
+  if (collected.is_ok()) collected.value().convention = convention.value().file;
   return collected;
 }
 

@@ -39,8 +39,8 @@ struct Preamble {
 /// An ImportedTerrain, then the name of its coordinates.
 struct TerrainRecord {
   std::uint64_t columns = 0, rows = 0, posts_without_data = 0;
-  double fill = 0;
-  bool has_fill = false;
+  double fill = 0, unmatched_nodata = 0;
+  bool has_fill = false, has_unmatched_nodata = false, height_unit_is_assumed = false;
   TerrainFrame frame = TerrainFrame::kFile;
   std::array<double, 2> enu_origin_deg{};
   std::uint32_t name_size = 0;
@@ -119,7 +119,10 @@ Result<SceneMesh> run_guarded(const std::function<Result<SceneMesh>()>& reader) 
                                        terrain.rows,
                                        terrain.posts_without_data,
                                        terrain.fill.value_or(0),
+                                       terrain.unmatched_nodata.value_or(0),
                                        terrain.fill.has_value(),
+                                       terrain.unmatched_nodata.has_value(),
+                                       terrain.height_unit_is_assumed,
                                        terrain.frame,
                                        terrain.enu_origin_deg,
                                        static_cast<std::uint32_t>(crs.size())};
@@ -226,10 +229,12 @@ ReadOutcome receive_terrain(PipeReader& pipe, bool has_terrain, SceneMesh& scene
   ImportedTerrain terrain{.columns = record.columns,
                           .rows = record.rows,
                           .posts_without_data = record.posts_without_data,
+                          .height_unit_is_assumed = record.height_unit_is_assumed,
                           .frame = record.frame,
                           .enu_origin_deg = record.enu_origin_deg,
                           .stated_crs = std::string(record.name_size, '\0')};
   if (record.has_fill) terrain.fill = record.fill;
+  if (record.has_unmatched_nodata) terrain.unmatched_nodata = record.unmatched_nodata;
   const auto got = pipe.read_all(terrain.stated_crs.data(), terrain.stated_crs.size());
   if (has_terrain) scene.terrain = std::move(terrain);
   return got;

@@ -29,7 +29,7 @@ std::span<const MeshFormat> mesh_formats() {
       {"AMF", "amf", "assimp", "<amf unit>, else 1 mm", "always z", "objects"},
       {"3D Studio", "3ds prj", "assimp", "none stated", "always z", "objects"},
       {"3ds Max ASCII", "ase ask", "assimp", "none stated", "always z", "objects"},
-      {"DXF", "dxf", "assimp", "none stated", "always z", "layers"},
+      {"DXF", "dxf", "assimp", "$INSUNITS, else none stated", "always z", "layers"},
       {"AC3D", "ac acc ac3d", "assimp", "none stated", "always y", "objects"},
       {"DirectX, z negated", "x", "assimp", "none stated", "always y", "frames"},
   };
@@ -96,11 +96,20 @@ std::string head_of(const std::string& path, std::string_view ending_in_archive)
   return bytes.starts_with("PK\x03\x04") ? unzip_head(bytes, ending_in_archive) : bytes;
 }
 
-/// The value of an attribute in the first tag of that name; empty where there is none.
+/// The value of an attribute in the first tag of that name, comments left out; empty where there is none.
 std::string_view attribute(std::string_view xml, std::string_view tag, std::string_view name) {
-  for (std::size_t at = xml.find(tag); at != std::string_view::npos; at = xml.find(tag, at + 1)) {
-    std::string_view rest = xml.substr(at + tag.size());
-    if (at == 0 || xml[at - 1] != '<' || rest.empty() || !is_blank(rest.front())) continue;
+  constexpr std::string_view kComment = "<!--", kCommentEnd = "-->";
+  for (std::size_t at = xml.find('<'); at != std::string_view::npos; at = xml.find('<', at + 1)) {
+    std::string_view rest = xml.substr(at);
+    if (rest.starts_with(kComment)) {
+      at = xml.find(kCommentEnd, at + kComment.size());
+      if (at == std::string_view::npos) return {};
+      continue;
+    }
+    rest.remove_prefix(1);
+    if (!rest.starts_with(tag)) continue;
+    rest.remove_prefix(tag.size());
+    if (rest.empty() || !is_blank(rest.front())) continue;
     rest = rest.substr(0, rest.find('>'));
     for (std::size_t found = rest.find(name); found != std::string_view::npos;
          found = rest.find(name, found + 1)) {
@@ -116,17 +125,38 @@ std::string_view attribute(std::string_view xml, std::string_view tag, std::stri
   return {};
 }
 
-double unit_by_name(std::string_view name) {
-  struct Named {
-    std::string_view name;
-    double unit_m;
-  };
-  constexpr Named kUnits[] = {{"micron", 1e-6},     {"millimeter", 1e-3}, {"millimeters", 1e-3},
-                              {"centimeter", 1e-2}, {"meter", 1},         {"inch", 0.0254},
-                              {"foot", 0.3048},     {"feet", 0.3048}};
-  for (const Named& unit : kUnits)
-    if (equal_ignoring_case(unit.name, name)) return unit.unit_m;
-  return 0;
+struct NamedUnit {
+  std::string_view name;
+  double unit_m;
+};
+/// Those of the standard of 3MF.
+constexpr NamedUnit k3mfUnits[] = {{"micron", 1e-6}, {"millimeter", 1e-3}, {"centimeter", 1e-2},
+                                   {"inch", 0.0254}, {"foot", 0.3048},     {"meter", 1}};
+/// Those of the standard of AMF, and what its writers make of them.
+constexpr NamedUnit kAmfUnits[] = {
+    {"micron", 1e-6}, {"millimeter", 1e-3}, {"millimeters", 1e-3}, {"centimeter", 1e-2},
+    {"meter", 1},     {"inch", 0.0254},     {"foot", 0.3048},      {"feet", 0.3048}};
+
+/// Metres in the unit that $INSUNITS of a DXF file numbers so; 0: none, or one that is not known here.
+constexpr double kDxfUnits[] = {0,       0.0254,  0.3048, 1609.344, 1e-3, 1e-2,           1,   1e3,
+                                2.54e-8, 2.54e-5, 0.9144, 1e-10,    1e-9, 1e-6,           0.1, 10,
+                                100,     1e9,     0,      0,        0,    1200.0 / 3937.0};
+
+/// The value of $INSUNITS in the section HEADER. The text is pairs of lines: a code, what stands there.
+std::optional<std::string_view> find_dxf_unit(std::string_view text) {
+  bool is_section = false, is_header = false, is_unit = false;
+  for (;;) {
+    std::optional<std::string_view> code_line = take_line(text);
+    const auto value_line = take_line(text);
+    if (!code_line || !value_line) return std::nullopt;
+    std::string_view rest = *value_line;
+    const std::string_view code = take_word(*code_line), value = take_word(rest);
+    if (is_header && code == "0") return std::nullopt;  // the section ends
+    if (is_unit && code == "70") return value;
+    if (is_section && code == "2" && value == "HEADER") is_header = true;
+    is_section = code == "0" && value == "SECTION";
+    is_unit = is_header && (code == "9" ? value == "$INSUNITS" : is_unit);
+  }
 }
 
 /// The shortest decimal that a float stands for, which is what a file has had written: 0.0254, not 0.0253999997.
@@ -196,15 +226,27 @@ ReadConvention gltf(const aiScene& scene) {
   return out;
 }
 
-ReadConvention millimetres_unless(std::string_view stated) {
+/// Errors: kCorrupt (a unit that is stated, and none of these).
+Result<ReadConvention> millimetres_unless(std::string_view stated, const char* place,
+                                          std::span<const NamedUnit> units) {
   ReadConvention out;
-  const double unit_m = unit_by_name(stated);
-  out.file = {.unit_m = unit_m > 0 ? unit_m : 1e-3,
-              .unit_source = unit_m > 0 ? OriginSource::kFile : OriginSource::kFormat,
+  out.file = {.unit_m = 1e-3,
+              .unit_source = OriginSource::kFormat,
               .up = UpAxis::kZ,
-              .up_source = OriginSource::kFormat,
-              .unit_is_fixed = unit_m > 0};
-  return out;
+              .up_source = OriginSource::kFormat};
+  if (stated.empty()) return out;
+  std::string names;
+  for (const NamedUnit& unit : units) {
+    if (equal_ignoring_case(unit.name, stated)) {
+      out.file.unit_m = unit.unit_m;
+      out.file.unit_source = OriginSource::kFile;
+      out.file.unit_is_fixed = true;
+      return out;
+    }
+    names += (names.empty() ? "" : ", ") + std::string(unit.name);
+  }
+  return corrupt(std::string(place) + ": expected one of " + names + ", found " + quote(stated) +
+                 "; export it with one of these, or without a unit, for millimetres or --unit");
 }
 
 ReadConvention only_up(UpAxis up, bool leaves_out_root) {
@@ -215,20 +257,47 @@ ReadConvention only_up(UpAxis up, bool leaves_out_root) {
   return out;
 }
 
+Result<ReadConvention> dxf(const std::string& path) {
+  ReadConvention out = only_up(UpAxis::kZ, true);
+  const std::string text = head_of(path, ".dxf");
+  const auto stated = find_dxf_unit(text);
+  if (!stated) return out;
+  const auto unit = parse_integer(*stated);
+  if (!unit)
+    return corrupt("DXF: $INSUNITS: expected a whole number, found " + quote(*stated) +
+                   "; export it with 6 (m), say, or with 0, for no unit, and say --unit");
+  if (*unit == 0) return out;  // "unitless"
+  constexpr auto kCount = static_cast<std::int64_t>(std::size(kDxfUnits));
+  const double unit_m = *unit > 0 && *unit < kCount ? kDxfUnits[*unit] : 0;
+  if (unit_m == 0)
+    return Status(StatusCode::kUnsupported,
+                  "DXF: $INSUNITS: expected a unit that is known here, as 1 (inches), 2 (feet), 4 "
+                  "(mm), 5 (cm) or 6 (m), found " +
+                      quote(*stated) +
+                      "; export it with one of these, or with 0, for no unit, and say --unit");
+  out.file.unit_m = unit_m;
+  out.file.unit_source = OriginSource::kFile;
+  out.file.unit_is_fixed = true;
+  return out;
+}
+
 }  // namespace
 
-ReadConvention find_convention(std::string_view importer, const aiScene& scene,
-                               const std::string& path) {
+Result<ReadConvention> find_convention(std::string_view importer, const aiScene& scene,
+                                       const std::string& path) {
   const auto is = [importer](std::string_view start) { return importer.starts_with(start); };
   if (is("Collada")) return collada(scene, path);
   if (is("Autodesk FBX")) return fbx(scene, path);
-  if (is("3mf")) return millimetres_unless(attribute(head_of(path, ".model"), "model", "unit"));
+  if (is("3mf"))
+    return millimetres_unless(attribute(head_of(path, ".model"), "model", "unit"),
+                              "3MF: unit of <model>", k3mfUnits);
   if (is("Additive manufacturing"))
-    return millimetres_unless(attribute(head_of(path, ".amf"), "amf", "unit"));
+    return millimetres_unless(attribute(head_of(path, ".amf"), "amf", "unit"), "AMF: unit of <amf>",
+                              kAmfUnits);
   if (is("glTF")) return gltf(scene);
   // These three are turned from Z-up to Y-up at the root; 3DS is also divided by its master scale.
-  if (is("Discreet 3DS") || is("ASE") || is("Drawing Interchange"))
-    return only_up(UpAxis::kZ, true);
+  if (is("Drawing Interchange")) return dxf(path);
+  if (is("Discreet 3DS") || is("ASE")) return only_up(UpAxis::kZ, true);
   if (is("AC3D") || is("Direct3D XFile")) return only_up(UpAxis::kY, false);
   ReadConvention unknown;
   unknown.file.is_known = false;

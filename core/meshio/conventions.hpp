@@ -18,7 +18,9 @@ struct ReadConvention {
 };
 
 /// `importer`: assimp's name of the reader. `path`: what it read, looked into where assimp hides what the file says.
-[[nodiscard]] ReadConvention find_convention(std::string_view importer, const aiScene& scene,
-                                             const std::string& path);
+/// Errors, the message without the path: kCorrupt (a unit that the format does not have), kUnsupported (one that it has, and that is
+/// not known here).
+[[nodiscard]] Result<ReadConvention> find_convention(std::string_view importer,
+                                                     const aiScene& scene, const std::string& path);
 
 }  // namespace nearmesh::meshio

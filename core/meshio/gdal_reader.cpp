@@ -6,7 +6,9 @@
 #include <ogr_srs_api.h>
 #endif
 
+#include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <memory>
 
 #include "text.hpp"
@@ -103,27 +105,76 @@ Status read_place(GDALDatasetH dataset, HeightGrid& grid) {
 
 Status read_scale(GDALRasterBandH band, HeightGrid& grid) {
   const char* unit = GDALGetRasterUnitType(band);
+  const std::string_view stated = unit == nullptr ? "" : unit;
   const double unit_m = grid.unit == GridUnit::kLength ? grid.unit_m : 1;
-  const Result<double> height_m = height_unit(unit == nullptr ? "" : unit, unit_m);
+  const Result<double> height_m = height_unit(stated, unit_m);
   NEARMESH_RETURN_IF_ERROR(height_m);
-  const double factor = height_m.value() / unit_m;
-  grid.offset = GDALGetRasterOffset(band, nullptr) * factor;
-  grid.scale = GDALGetRasterScale(band, nullptr) * factor;
+  // Apart from offset and scale, which options may replace: what a sample's unit is does not change thereby.
+  grid.height_unit = height_m.value() / unit_m;
+  grid.height_unit_is_assumed = stated.empty() && unit_m != 1;
+  grid.offset = GDALGetRasterOffset(band, nullptr);
+  grid.scale = GDALGetRasterScale(band, nullptr);
+  grid.has_float_samples = GDALGetRasterDataType(band) == GDT_Float32;
   int is_stated = 0;
   const double nodata = GDALGetRasterNoDataValue(band, &is_stated);
   if (is_stated != 0) grid.nodata = nodata;
   return Status::ok();
 }
 
+/// A mask is looked for in files beside this one too, which GDAL opens with any driver that it has.
+void leave_only_known_drivers() {
+  GDALAllRegister();
+  for (int k = GDALGetDriverCount(); k-- > 0;) {
+    const GDALDriverH driver = GDALGetDriver(k);
+    const std::string_view name = GDALGetDriverShortName(driver);
+    const auto* end = std::end(kDrivers) - 1;
+    if (std::find(std::begin(kDrivers), end, name) == end) GDALDeregisterDriver(driver);
+  }
+}
+
+Status corrupt_row(int row) {
+  return {StatusCode::kCorrupt, "GDAL: row " + std::to_string(row) + ": " + CPLGetLastErrorMsg()};
+}
+
+/// Posts that the file takes out beside its samples: by a mask, or by a band that says how opaque each is. Such a band is a mask
+/// for GDAL only where it holds whole numbers.
+Status read_mask(GDALDatasetH dataset, GDALRasterBandH band, HeightGrid& grid) {
+  std::vector<GDALRasterBandH> masks;
+  if ((GDALGetMaskFlags(band) & (GMF_PER_DATASET | GMF_ALPHA)) != 0)
+    masks.push_back(GDALGetMaskBand(band));
+  if (GDALGetRasterCount(dataset) == 2) masks.push_back(GDALGetRasterBand(dataset, 2));
+  if (masks.empty()) return Status::ok();
+  const int columns = static_cast<int>(grid.columns), rows = static_cast<int>(grid.rows);
+  grid.is_masked.assign(grid.columns * grid.rows, false);
+  std::vector<double> shown(grid.columns);
+  for (const GDALRasterBandH mask : masks) {
+    for (int row = 0; row < rows; ++row) {
+      if (GDALRasterIO(mask, GF_Read, 0, row, columns, 1, shown.data(), columns, 1, GDT_Float64, 0,
+                       0) != CE_None)
+        return corrupt_row(row);
+      for (std::size_t c = 0; c < shown.size(); ++c)
+        if (shown[c] == 0) grid.is_masked[grid.columns * row + c] = true;
+    }
+  }
+  return Status::ok();
+}
+
+/// One band, but for a second that says how opaque each post is.
+Status check_bands(GDALDatasetH dataset) {
+  const int count = GDALGetRasterCount(dataset);
+  const bool has_alpha = count == 2 && GDALGetRasterColorInterpretation(
+                                           GDALGetRasterBand(dataset, 2)) == GCI_AlphaBand;
+  if (count == 1 || has_alpha) return Status::ok();
+  return unsupported("expected one band of heights, found " + std::to_string(count));
+}
+
 Result<HeightGrid> read_grid_with_gdal(const std::string& path) {
   CPLSetErrorHandler(CPLQuietErrorHandler);
-  GDALAllRegister();
+  leave_only_known_drivers();
   const std::unique_ptr<void, Closer> dataset(
       GDALOpenEx(path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY, kDrivers, nullptr, nullptr));
   if (!dataset) return unsupported(CPLGetLastErrorMsg());
-  if (GDALGetRasterCount(dataset.get()) != 1)
-    return unsupported("expected one band of heights, found " +
-                       std::to_string(GDALGetRasterCount(dataset.get())));
+  NEARMESH_RETURN_IF_ERROR(check_bands(dataset.get()));
   const int columns = GDALGetRasterXSize(dataset.get()), rows = GDALGetRasterYSize(dataset.get());
   HeightGrid grid{.columns = static_cast<std::uint64_t>(columns),
                   .rows = static_cast<std::uint64_t>(rows)};
@@ -139,9 +190,9 @@ Result<HeightGrid> read_grid_with_gdal(const std::string& path) {
     grid.samples.resize(grid.samples.size() + grid.columns);
     if (GDALRasterIO(band, GF_Read, 0, row, columns, 1, grid.samples.data() + grid.columns * row,
                      columns, 1, GDT_Float64, 0, 0) != CE_None)
-      return Status(StatusCode::kCorrupt,
-                    "GDAL: row " + std::to_string(row) + ": " + CPLGetLastErrorMsg());
+      return corrupt_row(row);
   }
+  NEARMESH_RETURN_IF_ERROR(read_mask(dataset.get(), band, grid));
   return grid;
 }
 

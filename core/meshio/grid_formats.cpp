@@ -28,10 +28,13 @@ Result<SampleLayout> lay_out(const std::string& format, std::uint64_t bytes, std
   if (type.columns < 2 || type.rows < 2 ||
       std::uint64_t{type.columns} * type.rows > found / type.sample_bytes)
     return check_grid_size(format, type.columns, type.rows, found, 1.0 / type.sample_bytes);
-  SampleLayout layout{.grid = {.columns = type.columns, .rows = type.rows},
-                      .type = type,
-                      .offset = offset,
-                      .format = format};
+  SampleLayout layout{
+      .grid = {.columns = type.columns,
+               .rows = type.rows,
+               .has_float_samples = type.kind == Kind::kFloat && type.sample_bytes == 4},
+      .type = type,
+      .offset = offset,
+      .format = format};
   const std::uint64_t posts = layout.grid.columns * layout.grid.rows,
                       expected = posts * type.sample_bytes;
   if (found != expected)

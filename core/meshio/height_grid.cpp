@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "nearmesh/core/base/detail/assert.hpp"
 #include "text.hpp"
 #include "wgs84.hpp"
 
@@ -93,21 +94,35 @@ Status set_heights(HeightGrid& grid, const TerrainOptions& options) {
   return Status::ok();
 }
 
-/// Samples become heights; those without data NaN, or the fill. Returns how many had no data.
-Result<std::uint64_t> fill_heights(HeightGrid& grid, const TerrainOptions& options) {
+struct PostsWithoutData {
+  std::uint64_t count = 0, by_option = 0;
+};
+
+/// What means "no data", as samples of the grid would hold it: -9999.9 is no float.
+std::optional<double> as_sample(const HeightGrid& grid, std::optional<double> nodata) {
+  if (!nodata || !grid.has_float_samples) return nodata;
+  return static_cast<double>(static_cast<float>(*nodata));
+}
+
+/// Samples become heights; those without data NaN, or the fill.
+Result<PostsWithoutData> fill_heights(HeightGrid& grid, const TerrainOptions& options) {
   constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
   const auto is = [](std::optional<double> nodata, double sample) {
     return nodata && (sample == *nodata || (std::isnan(*nodata) && std::isnan(sample)));
   };
-  std::uint64_t missing = 0;
+  const std::optional<double> by_file = as_sample(grid, grid.nodata),
+                              by_option = as_sample(grid, options.nodata);
+  PostsWithoutData missing;
   for (std::size_t i = 0; i < grid.samples.size(); ++i) {
     double& sample = grid.samples[i];
-    if (is(grid.nodata, sample) || is(options.nodata, sample)) {
+    const bool is_by_option = is(by_option, sample);
+    missing.by_option += is_by_option ? 1 : 0;
+    if (is_by_option || is(by_file, sample) || (!grid.is_masked.empty() && grid.is_masked[i])) {
       sample = options.fill.value_or(kNone);
-      ++missing;
+      ++missing.count;
       continue;
     }
-    const double height = grid.offset + grid.scale * sample;
+    const double height = (grid.offset + grid.scale * sample) * grid.height_unit;
     if (!std::isfinite(height))
       return invalid("post in row " + std::to_string(grid.y.begin + i / grid.columns) +
                      ", column " + std::to_string(grid.x.begin + i % grid.columns) +
@@ -247,6 +262,7 @@ Result<TerrainFrame> settle_grid(HeightGrid& grid, const TerrainOptions& options
 }
 
 HeightGrid window_of(const HeightGrid& grid, const GridWindow& window) {
+  NEARMESH_ASSERT(grid.is_masked.empty());  // GDAL alone gives masks, and reads no windows
   HeightGrid out{.columns = window.columns,
                  .rows = window.rows,
                  .x = grid.x,
@@ -256,8 +272,11 @@ HeightGrid window_of(const HeightGrid& grid, const GridWindow& window) {
                  .unit = grid.unit,
                  .unit_m = grid.unit_m,
                  .nodata = grid.nodata,
+                 .has_float_samples = grid.has_float_samples,
                  .offset = grid.offset,
                  .scale = grid.scale,
+                 .height_unit = grid.height_unit,
+                 .height_unit_is_assumed = grid.height_unit_is_assumed,
                  .needs_heights = grid.needs_heights,
                  .crs = grid.crs};
   out.x.begin = window.column;
@@ -272,18 +291,22 @@ Result<SceneMesh> to_scene(HeightGrid grid, const TerrainOptions& options) {
 }
 
 Result<SceneMesh> to_scene(HeightGrid grid, TerrainFrame frame, const TerrainOptions& options) {
-  const Result<std::uint64_t> missing = fill_heights(grid, options);
+  const Result<PostsWithoutData> missing = fill_heights(grid, options);
   NEARMESH_RETURN_IF_ERROR(missing);
+  const std::uint64_t count = missing.value().count;
   SceneMesh scene;
   scene.convention = convention_of(grid, frame);
-  scene.terrain = ImportedTerrain{.columns = grid.columns,
-                                  .rows = grid.rows,
-                                  .posts_without_data = missing.value(),
-                                  .fill = options.fill,
-                                  .frame = frame,
-                                  .enu_origin_deg = options.enu_origin_deg,
-                                  .stated_crs = grid.crs};
-  scene.mesh = make_mesh(grid, Placer(grid, options, frame), options.fill ? 0 : missing.value());
+  scene.terrain = ImportedTerrain{
+      .columns = grid.columns,
+      .rows = grid.rows,
+      .posts_without_data = count,
+      .unmatched_nodata = missing.value().by_option == 0 ? options.nodata : std::nullopt,
+      .fill = options.fill,
+      .height_unit_is_assumed = grid.height_unit_is_assumed,
+      .frame = frame,
+      .enu_origin_deg = options.enu_origin_deg,
+      .stated_crs = grid.crs};
+  scene.mesh = make_mesh(grid, Placer(grid, options, frame), options.fill ? 0 : count);
   return scene;
 }
 

@@ -44,9 +44,14 @@ struct HeightGrid {
   GridUnit unit = GridUnit::kUnstated;
   double unit_m = 0;             ///< of kLength; 0: not stated
   std::optional<double> nodata;  ///< a sample that means none
-  double offset = 0, scale = 1;  ///< height, in the file's unit, = offset + scale * sample
-  bool needs_heights = false;    ///< colours: options must say what they mean
-  std::string crs;               ///< what the file or its format calls its coordinates
+  /// Samples are of 4 bytes in the file: what means none was rounded to such, too.
+  bool has_float_samples = false;
+  std::vector<bool> is_masked;   ///< each post: without data, whatever its sample; empty: none
+  double offset = 0, scale = 1;  ///< height, in the unit of heights, = offset + scale * sample
+  double height_unit = 1;        ///< of coordinates in one of heights, whatever options say
+  bool height_unit_is_assumed = false;  ///< as in ImportedTerrain
+  bool needs_heights = false;           ///< colours: options must say what they mean
+  std::string crs;                      ///< what the file or its format calls its coordinates
 };
 
 /// Whether a grid can be that large and `bytes` of the file can hold it, `per_byte` posts at most in each.

@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <optional>
+#include <string>
 #include <vector>
 
 #include "grid_formats.hpp"
@@ -63,6 +65,21 @@ Result<PngHeader> read_header(const PngChunk& chunk) {
     return Status(StatusCode::kUnsupported, "PNG: expected rows in order, found an interlaced one");
   return PngHeader{read_u32(chunk.content), read_u32(chunk.content.substr(4)), colour == 2,
                    static_cast<std::uint8_t>(depth / 8)};
+}
+
+/// The sample that is to be seen through: who wrote it meant that nothing is there. It takes two bytes for grey, and for each
+/// colour, also where samples have one.
+Result<double> read_transparent(std::string_view content, const PngHeader& header) {
+  const std::size_t colours = header.is_colour ? 3 : 1;
+  if (content.size() != 2 * colours)
+    return corrupt_png("chunk \"tRNS\": expected " + std::to_string(2 * colours) +
+                       " bytes, found " + std::to_string(content.size()));
+  std::string sample;
+  for (std::size_t k = 0; k < colours; ++k)
+    sample += content.substr(2 * k + 2 - header.sample_bytes, header.sample_bytes);
+  return decode_sample(sample, {.kind = RawGrid::Kind::kUnsigned,
+                                .sample_bytes = static_cast<std::uint8_t>(sample.size()),
+                                .is_big_endian = true});
 }
 
 /// The chunks IDAT are one zlib stream, cut anywhere.
@@ -139,6 +156,7 @@ Result<HeightGrid> read_png(std::string_view bytes) {
   const PngHeader& header = read.value();
   std::vector<std::string_view> pieces;
   std::uint64_t packed = 0;
+  std::optional<double> transparent;
   for (;;) {
     const auto chunk = take_chunk(bytes);
     NEARMESH_RETURN_IF_ERROR(chunk);
@@ -147,6 +165,10 @@ Result<HeightGrid> read_png(std::string_view bytes) {
     if (type == "IDAT") {
       packed += content.size();
       pieces.push_back(content);
+    } else if (type == "tRNS") {
+      const auto sample = read_transparent(content, header);
+      NEARMESH_RETURN_IF_ERROR(sample);
+      transparent = sample.value();
     } else if (type.front() >= 'A' && type.front() <= 'Z' && type != "PLTE") {
       return Status(StatusCode::kUnsupported, "PNG: unknown chunk " + quote(type));
     }
@@ -156,6 +178,7 @@ Result<HeightGrid> read_png(std::string_view bytes) {
                                            1032.0 / static_cast<double>(header.post_bytes())));
   HeightGrid grid{.columns = header.columns, .rows = header.rows};
   grid.needs_heights = header.is_colour;
+  grid.nodata = transparent;
   const RawGrid sample{.kind = RawGrid::Kind::kUnsigned,
                        .sample_bytes = static_cast<std::uint8_t>(header.post_bytes()),
                        .is_big_endian = true};

@@ -56,7 +56,7 @@ Measures measure(const Grid& grid, const GridBox& box, const MeshOrigin& origin)
 }
 
 std::vector<std::string> doubts(const Measures& measures) {
-  std::vector<std::string> found;
+  std::vector<std::string> found = measures.terrain_doubts;
   double size_m = 0;
   for (std::size_t k = 0; k < 3; ++k)
     size_m = std::max(size_m, measures.hi_m[k] - measures.lo_m[k]);

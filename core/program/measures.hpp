@@ -16,12 +16,13 @@ struct Measures {
   MeshOrigin origin;
   UpAxis stated_up = UpAxis::kUnknown;  ///< by the file or its format, where that is at hand
   bool is_terrain = false;  ///< a grid of heights, which may well be ten kilometres long
+  std::vector<std::string> terrain_doubts;  ///< of the grid itself
 };
 
 /// `box` holds exactly the vertices.
 [[nodiscard]] Measures measure(const Grid& grid, const GridBox& box, const MeshOrigin& origin);
 
-/// Sizes that hint at a wrong unit: below a centimetre, above ten kilometres; --up against what the file states.
+/// Sizes that hint at a wrong unit: below a centimetre, above ten kilometres; --up against what the file states; those of the grid.
 [[nodiscard]] std::vector<std::string> doubts(const Measures& measures);
 
 void add_json(const Measures& measures, nlohmann::ordered_json& report);

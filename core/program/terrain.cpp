@@ -147,4 +147,23 @@ void print_terrain(const ImportedTerrain& terrain) {
   std::printf("\n  frame         %s\n", frame_text(terrain).c_str());
 }
 
+std::vector<std::string> terrain_doubts(const ImportedTerrain& terrain, const MeshOrigin& origin) {
+  std::vector<std::string> found;
+  char text[160];
+  if (terrain.unmatched_nodata) {
+    std::snprintf(text, sizeof text, "--nodata: no post has the sample %.9g: is it right?",
+                  *terrain.unmatched_nodata);
+    found.emplace_back(text);
+  }
+  if (terrain.height_unit_is_assumed) {
+    std::snprintf(
+        text, sizeof text,
+        "the file states no unit of its heights: taken as that of its coordinates, %.9g m; "
+        "--heights 0,STEP says otherwise",
+        origin.unit_m);
+    found.emplace_back(text);
+  }
+  return found;
+}
+
 }  // namespace nearmesh::program

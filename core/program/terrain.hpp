@@ -4,8 +4,11 @@
 
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <string>
+#include <vector>
 
 #include "commands.hpp"
+#include "nearmesh/core/base/mesh_origin.hpp"
 #include "nearmesh/core/meshio/terrain.hpp"
 
 namespace nearmesh::program {
@@ -15,5 +18,8 @@ namespace nearmesh::program {
 
 [[nodiscard]] nlohmann::ordered_json terrain_json(const ImportedTerrain& terrain);
 void print_terrain(const ImportedTerrain& terrain);
+/// What of a grid may not be as it was meant.
+[[nodiscard]] std::vector<std::string> terrain_doubts(const ImportedTerrain& terrain,
+                                                      const MeshOrigin& origin);
 
 }  // namespace nearmesh::program

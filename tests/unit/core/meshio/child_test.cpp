@@ -32,7 +32,9 @@ TEST(RunInChild, ReturnsWhatIsSaidOfAGrid) {
   const ImportedTerrain terrain{.columns = 3,
                                 .rows = 4,
                                 .posts_without_data = 5,
+                                .unmatched_nodata = -9999,
                                 .fill = -1.5,
+                                .height_unit_is_assumed = true,
                                 .frame = TerrainFrame::kEnu,
                                 .enu_origin_deg = {47, 11},
                                 .stated_crs = "WGS 84"};
@@ -48,7 +50,9 @@ TEST(RunInChild, ReturnsWhatIsSaidOfAGrid) {
   EXPECT_EQ(found.columns, terrain.columns);
   EXPECT_EQ(found.rows, terrain.rows);
   EXPECT_EQ(found.posts_without_data, terrain.posts_without_data);
+  EXPECT_EQ(found.unmatched_nodata, terrain.unmatched_nodata);
   EXPECT_EQ(found.fill, terrain.fill);
+  EXPECT_TRUE(found.height_unit_is_assumed);
   EXPECT_EQ(found.frame, terrain.frame);
   EXPECT_EQ(found.enu_origin_deg, terrain.enu_origin_deg);
   EXPECT_EQ(found.stated_crs, terrain.stated_crs);

@@ -3,12 +3,15 @@
 #include <gtest/gtest.h>
 #include <zlib.h>
 
+#include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <limits>
 #include <map>
+#include <utility>
 
 #include "core/meshio/grid_formats.hpp"
 #include "core/meshio/wgs84.hpp"
@@ -143,6 +146,61 @@ TEST(Terrain, TheSampleWithoutDataMayBeSaidAndMayBeNaN) {
   TerrainOptions six = kFile;
   six.nodata = 6;
   EXPECT_EQ(import_good_grid("a.asc", kSmallAsc, six).terrain->posts_without_data, 1U);
+}
+
+/// The bytes of floats, in the order that `order` says.
+std::string floats(std::initializer_list<double> values, std::endian order) {
+  std::string out;
+  for (const double value : values) {
+    std::string bytes = big_endian(std::bit_cast<std::uint32_t>(static_cast<float>(value)), 4);
+    if (order == std::endian::little) std::reverse(bytes.begin(), bytes.end());
+    out += bytes;
+  }
+  return out;
+}
+
+TEST(Terrain, TheSampleWithoutDataIsRoundedAsFloatsAre) {
+  for (const double nodata : {-9999.9, 1e20, -3.4028235e38, -9999.0}) {
+    TerrainOptions options = spaced(1);
+    options.raw = RawGrid{3, 2, RawGrid::Kind::kFloat, 4, true};
+    options.nodata = nodata;
+    const GridFile file("a.raw", floats({1, 2, nodata, 4, 5, 6}, std::endian::big));
+    ImportOptions all;
+    all.terrain = options;
+    const auto whole = import_mesh(file.path(), all);
+    ASSERT_TRUE(whole.is_ok()) << whole.status().message();
+    EXPECT_EQ(whole.value().terrain->posts_without_data, 1U) << nodata;
+    EXPECT_FALSE(whole.value().terrain->unmatched_nodata) << nodata;
+    const auto grid = TerrainFile::open(file.path(), all);
+    ASSERT_TRUE(grid.is_ok() && grid.value());
+    const auto part = grid.value()->read({.column = 1, .row = 0, .columns = 2, .rows = 2});
+    ASSERT_TRUE(part.is_ok()) << part.status().message();
+    EXPECT_EQ(part.value().terrain->posts_without_data, 1U) << nodata;
+  }
+  // Doubles are not rounded.
+  TerrainOptions options = spaced(1);
+  options.raw = RawGrid{2, 2, RawGrid::Kind::kFloat, 8, true};
+  options.nodata = -9999.9;
+  std::string doubles;
+  for (const double height : {-9999.9, 1.0, 2.0, static_cast<double>(-9999.9F)})
+    doubles += big_endian(std::bit_cast<std::uint64_t>(height), 8);
+  EXPECT_EQ(import_good_grid("a.raw", doubles, options).terrain->posts_without_data, 1U);
+}
+
+TEST(Terrain, ASampleWithoutDataThatNoPostHasIsTold) {
+  TerrainOptions options = kFile;
+  EXPECT_FALSE(import_good_grid("a.asc", kSmallAsc, options).terrain->unmatched_nodata);
+  options.nodata = -32768;
+  EXPECT_EQ(import_good_grid("a.asc", kSmallAsc, options).terrain->unmatched_nodata, -32768);
+  options.nodata = 6;
+  EXPECT_FALSE(import_good_grid("a.asc", kSmallAsc, options).terrain->unmatched_nodata);
+  // One that the file states as well is there, whoever is asked first.
+  std::string asc = kSmallAsc;
+  asc.replace(asc.find("5 6"), 1, "-9999");
+  options.nodata = -9999;
+  const auto both = import_good_grid("a.asc", asc, options);
+  EXPECT_FALSE(both.terrain->unmatched_nodata);
+  EXPECT_EQ(both.terrain->posts_without_data, 1U);
 }
 
 TEST(Terrain, HeightsAreOffsetAndStepTimesSample) {
@@ -298,6 +356,7 @@ struct Png {
   int depth = 16, colour = 0, interlaced = 0;
   std::string scanlines;  ///< each behind its filter
   std::size_t piece = 1000;
+  std::string transparent{};  ///< of the chunk tRNS; empty: there is none
 };
 
 std::string chunk(const std::string& type, const std::string& content) {
@@ -320,6 +379,7 @@ std::string png_bytes(const Png& png) {
                            static_cast<char>(png.depth) + static_cast<char>(png.colour) +
                            std::string(2, '\0') + static_cast<char>(png.interlaced));
   out += chunk("tEXt", "words");
+  if (!png.transparent.empty()) out += chunk("tRNS", png.transparent);
   for (std::size_t at = 0; at < packed.size(); at += png.piece)
     out += chunk("IDAT", packed.substr(at, png.piece));
   return out + chunk("IEND", "");
@@ -381,6 +441,34 @@ TEST(Terrain, PngOfColoursNeedsToBeToldItsHeights) {
   const auto imported = import_good_grid("a.png", png_bytes(whole), mapbox);
   EXPECT_EQ(imported.mesh.positions_m[0][2], -10000 + 0.1 * 66051);
   EXPECT_EQ(imported.mesh.positions_m[2][2], -10000 + 0.1 * 1);
+}
+
+TEST(Terrain, TheTransparentSampleOfAPngIsNoData) {
+  const auto row = [](const std::string& samples) { return std::string(1, '\0') + samples; };
+  Png png{.columns = 2,
+          .rows = 2,
+          .scanlines = row(shorts({256, 7})) + row(shorts({8, 65535})),
+          .transparent = shorts({256})};
+  const auto sixteen = import_good_grid("a.png", png_bytes(png), spaced(1));
+  EXPECT_EQ(sixteen.terrain->posts_without_data, 1U);
+  EXPECT_EQ(sixteen.mesh.positions_m, (std::vector<Place>{{1, 1, 7}, {0, 0, 8}, {1, 0, 65535}}));
+  // Samples of eight bits are stated in two bytes, too.
+  png.depth = 8;
+  png.scanlines = row("\x09\x07") + row("\x08\x06");
+  png.transparent = shorts({9});
+  const auto eight = import_good_grid("a.png", png_bytes(png), spaced(1));
+  EXPECT_EQ(eight.mesh.positions_m, (std::vector<Place>{{1, 1, 7}, {0, 0, 8}, {1, 0, 6}}));
+  png.colour = 2;
+  png.scanlines = row("\1\2\3\1\2\4") + row("\1\2\5\1\2\6");
+  png.transparent = shorts({1, 2, 3});
+  TerrainOptions heights = spaced(1);
+  heights.heights = {{0, 1}};
+  const auto colours = import_good_grid("a.png", png_bytes(png), heights);
+  EXPECT_EQ(colours.mesh.positions_m,
+            (std::vector<Place>{{1, 1, 66052}, {0, 0, 66053}, {1, 0, 66054}}));
+  png.transparent = shorts({1});
+  expect_refused("a.png", png_bytes(png), heights, StatusCode::kCorrupt,
+                 "\"tRNS\": expected 6 bytes, found 2");
 }
 
 TEST(Terrain, DamagedPngIsRefused) {
@@ -618,6 +706,207 @@ TEST(Terrain, WhatOnlyGdalReadsIsRefusedWithWhatToDo) {
   EXPECT_NE(imported.status().message().find(has_gdal() ? "GDAL: " : "libgdal-dev"),
             std::string::npos)
       << imported.status().message();
+}
+
+/// GeoTIFF of 3 x 3 posts of one or two bands of floats, 10 m apart.
+struct Tiff {
+  std::string samples;           ///< 36 bytes a band, post by post
+  int bands = 1;                 ///< the second says how opaque each post is
+  std::string nodata{}, mask{};  ///< of a mask: a byte a row, the western post in its highest bit
+  int epsg = 0;                  ///< of projected coordinates; 0: not stated
+  std::string metadata{};        ///< GDAL's own, XML
+};
+
+class TiffWriter {
+ public:
+  std::string write(const Tiff& tiff) {
+    const std::string bits = little({32, 32}), kinds = little({3, 3});
+    const auto band_shorts = [&](const std::string& two) {
+      return two.substr(0, 2 * static_cast<std::size_t>(tiff.bands));
+    };
+    add(258, kShort, band_shorts(bits));
+    add(259, kShort, little({1}));
+    add(262, kShort, little({1}));
+    add_size(tiff.samples);
+    add(277, kShort, little({tiff.bands}));
+    add(339, kShort, band_shorts(kinds));
+    if (tiff.bands == 2) add(338, kShort, little({2}));  // opacity
+    add(33550, kDouble, doubles({10, 10, 0}));
+    add(33922, kDouble, doubles({0, 0, 0, 100, 200, 0}));
+    if (tiff.epsg != 0)
+      add(34735, kShort, little({1, 1, 0, 3, 1024, 0, 1, 1, 1025, 0, 1, 1, 3072, 0, 1, tiff.epsg}));
+    if (!tiff.metadata.empty()) add(42112, kText, tiff.metadata + '\0');
+    if (!tiff.nodata.empty()) add(42113, kText, tiff.nodata + '\0');
+    std::size_t next = end_directory(4);
+    if (!tiff.mask.empty()) {
+      add(254, kLong, little_4(4));  // of the other image
+      add(258, kShort, little({1}));
+      add(259, kShort, little({1}));
+      add(262, kShort, little({4}));
+      add_size(tiff.mask);
+      add(277, kShort, little({1}));
+      end_directory(next);
+    }
+    return bytes_;
+  }
+
+ private:
+  static constexpr int kText = 2, kShort = 3, kLong = 4, kDouble = 12;
+
+  static std::string reversed(std::string bytes) {
+    std::reverse(bytes.begin(), bytes.end());
+    return bytes;
+  }
+  static std::string little(std::initializer_list<int> values) {
+    std::string out;
+    for (const int value : values)
+      out += reversed(big_endian(static_cast<std::uint64_t>(value), 2));
+    return out;
+  }
+  static std::string little_4(std::size_t value) { return reversed(big_endian(value, 4)); }
+  static std::string doubles(std::initializer_list<double> values) {
+    std::string out;
+    for (const double value : values)
+      out += reversed(big_endian(std::bit_cast<std::uint64_t>(value), 8));
+    return out;
+  }
+  std::size_t place(const std::string& content) {
+    const std::size_t at = bytes_.size();
+    bytes_ += content + std::string(content.size() % 2, '\0');
+    return at;
+  }
+  void add(int tag, int type, const std::string& content) {
+    const std::size_t size = type == kText ? 1 : type == kShort ? 2 : type == kLong ? 4 : 8;
+    std::string value = content;
+    if (content.size() > 4) value = little_4(place(content));
+    value.resize(4, '\0');
+    tags_[tag] = little({tag, type}) + little_4(content.size() / size) + value;
+  }
+  /// Three rows of three, in one piece.
+  void add_size(const std::string& samples) {
+    add(256, kShort, little({3}));
+    add(257, kShort, little({3}));
+    add(273, kLong, little_4(place(samples)));
+    add(278, kShort, little({3}));
+    add(279, kLong, little_4(samples.size()));
+  }
+  /// Gives where the next one is to be named; `named_at`: where this one is.
+  std::size_t end_directory(std::size_t named_at) {
+    std::string directory = little({static_cast<int>(tags_.size())});
+    for (const auto& [tag, entry] : tags_) directory += entry;
+    const std::size_t at = place(directory + std::string(4, '\0'));
+    bytes_.replace(named_at, 4, little_4(at));
+    tags_.clear();
+    return at + directory.size();
+  }
+
+  std::string bytes_ = std::string("II*\0\0\0\0\0", 8);
+  std::map<int, std::string> tags_;
+};
+
+#define SKIP_WITHOUT_GDAL() \
+  if (!has_gdal()) GTEST_SKIP() << "this build has no GDAL"
+
+const std::string kNineFloats = floats({1, 2, 3, 4, 5, 6, 7, 8, 9}, std::endian::little);
+
+TEST(TerrainByGdal, TheSampleWithoutDataIsRoundedAsFloatsAre) {
+  SKIP_WITHOUT_GDAL();
+  for (const auto& [text, nodata] :
+       {std::pair{"-9999.9", -9999.9}, {"1e20", 1e20}, {"-3.4e+38", -3.4e38}}) {
+    const std::string samples = floats({1, 2, 3, 4, nodata, 6, 7, 8, 9}, std::endian::little);
+    const auto stated =
+        import_good_grid("a.tif", TiffWriter().write({.samples = samples, .nodata = text}), kFile);
+    ASSERT_TRUE(stated.terrain) << text;
+    EXPECT_EQ(stated.terrain->posts_without_data, 1U) << text;
+    TerrainOptions options = kFile;
+    options.nodata = nodata;
+    const auto said = import_good_grid("a.tif", TiffWriter().write({.samples = samples}), options);
+    ASSERT_TRUE(said.terrain) << text;
+    EXPECT_EQ(said.terrain->posts_without_data, 1U) << text;
+    EXPECT_FALSE(said.terrain->unmatched_nodata) << text;
+  }
+  const GridFile file("a.flt", floats({1, 2, 3, -9999.9}, std::endian::little));
+  std::ofstream(fs::path(file.path()).replace_extension(".hdr"))
+      << "NCOLS 2\nNROWS 2\nXLLCORNER 0\nYLLCORNER 0\nCELLSIZE 10\nNODATA_VALUE -9999.9\n"
+         "BYTEORDER LSBFIRST\nNBITS 32\nPIXELTYPE FLOAT\n";
+  ImportOptions options;
+  options.terrain = kFile;
+  const auto esri = import_mesh(file.path(), options);
+  ASSERT_TRUE(esri.is_ok()) << esri.status().message();
+  EXPECT_EQ(esri.value().terrain->posts_without_data, 1U);
+}
+
+TEST(TerrainByGdal, WhatAMaskTakesOutIsNoData) {
+  SKIP_WITHOUT_GDAL();
+  const auto expect_hole = [](const Tiff& tiff) {
+    const auto imported = import_good_grid("a.tif", TiffWriter().write(tiff), kFile);
+    ASSERT_TRUE(imported.terrain);
+    EXPECT_EQ(imported.terrain->posts_without_data, 1U);
+    ASSERT_EQ(imported.mesh.positions_m.size(), 8U);
+    for (const Place& p : imported.mesh.positions_m) EXPECT_NE(p[2], 5);
+  };
+  const std::string mask = "\xe0\xa0\xe0";
+  expect_hole({.samples = kNineFloats, .mask = mask});
+  // One that the file states beside it counts as well.
+  const auto both = import_good_grid(
+      "a.tif", TiffWriter().write({.samples = kNineFloats, .nodata = "9", .mask = mask}), kFile);
+  ASSERT_TRUE(both.terrain);
+  EXPECT_EQ(both.terrain->posts_without_data, 2U);
+  std::string opaque;
+  for (std::size_t i = 0; i < 9; ++i)
+    opaque += kNineFloats.substr(4 * i, 4) + floats({i == 4 ? 0.0 : 255.0}, std::endian::little);
+  expect_hole({.samples = opaque, .bands = 2});
+}
+
+/// A mask stands in a file of its own, too, which is opened by the same drivers as the grid alone.
+TEST(TerrainByGdal, AMaskThatNamesOtherFilesIsNotFollowed) {
+  SKIP_WITHOUT_GDAL();
+  const GridFile file("a.tif", TiffWriter().write({.samples = kNineFloats}));
+  ImportOptions options;
+  options.terrain = kFile;
+  const std::string mask = file.path() + ".msk", other = file.path() + ".other";
+  const std::string zeros = floats({0, 0, 0, 0, 0, 0, 0, 0, 0}, std::endian::little);
+  std::ofstream(other, std::ios::binary) << TiffWriter().write({.samples = zeros});
+  std::ofstream(mask) << "<VRTDataset rasterXSize=\"3\" rasterYSize=\"3\"><Metadata><MDI "
+                         "key=\"INTERNAL_MASK_FLAGS_1\">2</MDI></Metadata><VRTRasterBand "
+                         "dataType=\"Byte\" band=\"1\"><SimpleSource><SourceFilename>"
+                      << other << "</SourceFilename></SimpleSource></VRTRasterBand></VRTDataset>";
+  const auto imported = import_mesh(file.path(), options);
+  ASSERT_TRUE(imported.is_ok()) << imported.status().message();
+  EXPECT_EQ(imported.value().terrain->posts_without_data, 0U);
+}
+
+TEST(TerrainByGdal, TheUnitOfHeightsStaysWhereOptionsSayOffsetAndStep) {
+  SKIP_WITHOUT_GDAL();
+  const std::string feet =
+      R"(<GDALMetadata><Item name="UNITTYPE" sample="0" role="unittype">ft</Item></GDALMetadata>)";
+  const std::string bytes =
+      TiffWriter().write({.samples = kNineFloats, .epsg = 32633, .metadata = feet});
+  const auto as_stated = import_good_grid("a.tif", bytes, kFile);
+  ASSERT_EQ(as_stated.mesh.positions_m.size(), 9U);
+  EXPECT_DOUBLE_EQ(as_stated.mesh.positions_m[8][2], 9 * 0.3048);
+  EXPECT_FALSE(as_stated.terrain->height_unit_is_assumed);
+  TerrainOptions options = kFile;
+  options.heights = {{100, 2}};
+  const auto imported = import_good_grid("a.tif", bytes, options);
+  ASSERT_EQ(imported.mesh.positions_m.size(), 9U);
+  EXPECT_DOUBLE_EQ(imported.mesh.positions_m[8][2], 118 * 0.3048);
+}
+
+TEST(TerrainByGdal, HeightsWithoutAUnitBesideFeetAreToldToBeAssumed) {
+  SKIP_WITHOUT_GDAL();
+  // California, zone 1, in feet.
+  const auto feet =
+      import_good_grid("a.tif", TiffWriter().write({.samples = kNineFloats, .epsg = 2225}), kFile);
+  ASSERT_EQ(feet.mesh.positions_m.size(), 9U);
+  EXPECT_TRUE(feet.terrain->height_unit_is_assumed);
+  EXPECT_NEAR(feet.mesh.positions_m[8][2], 9 * 1200.0 / 3937.0, 1e-9);
+  for (const int epsg : {32633, 0}) {
+    const auto other = import_good_grid(
+        "a.tif", TiffWriter().write({.samples = kNineFloats, .epsg = epsg}), kFile);
+    ASSERT_TRUE(other.terrain);
+    EXPECT_FALSE(other.terrain->height_unit_is_assumed) << epsg;
+  }
 }
 
 /// Of formats in which a file can name other files or addresses.

@@ -149,6 +149,153 @@ TEST(ImportOptions, RefusesWhatIsNoLengthAndNoAxis) {
   EXPECT_FALSE(import_mesh(file.path(), {.scale = 1e308}).is_ok());  // 13e308 is no double
 }
 
+// ---- what files say of their units --------------------------------------------------------------
+
+void expect_file_refused(const std::string& ending, const std::string& bytes, StatusCode code,
+                         const std::vector<std::string>& parts) {
+  const WrittenFile file(ending, bytes);
+  const auto imported = import_mesh(file.path(), ImportOptions{});
+  ASSERT_FALSE(imported.is_ok()) << parts.front();
+  EXPECT_EQ(imported.status().code(), code) << imported.status().message();
+  for (const std::string& part : parts)
+    EXPECT_NE(imported.status().message().find(part), std::string::npos)
+        << imported.status().message();
+  EXPECT_TRUE(imported.status().message().starts_with(file.path()));
+}
+
+std::string dxf_with(const std::string& header) {
+  return "0\nSECTION\n2\nHEADER\n9\n$ACADVER\n1\nAC1015\n" + header + "0\nENDSEC\n" + test::dxf();
+}
+
+TEST(Dxf, IsInTheUnitOfItsHeader) {
+  struct Case {
+    const char* number;
+    double unit_m;
+  };
+  for (const Case& tested :
+       {Case{"1", 0.0254}, Case{"     2", 0.3048}, Case{"4", 1e-3}, Case{"5\r", 1e-2}, Case{"6", 1},
+        Case{"7", 1000}, Case{"21", 1200.0 / 3937.0}}) {
+    const WrittenFile file(".dxf",
+                           dxf_with("  9\n$INSUNITS\n 70\n" + std::string(tested.number) + "\n"));
+    const auto imported = import_mesh(file.path(), ImportOptions{});
+    ASSERT_TRUE(imported.is_ok()) << imported.status().message();
+    EXPECT_EQ(imported.value().origin.unit_source, OriginSource::kFile) << tested.number;
+    expect_points(imported.value().mesh, tested.unit_m);
+    EXPECT_EQ(import_mesh(file.path(), {.unit_m = 0.5}).status().code(),
+              StatusCode::kInvalidArgument);
+  }
+}
+
+TEST(Dxf, StatesNoUnitByZeroOrOutsideItsHeader) {
+  const std::string inches = "9\n$INSUNITS\n70\n1\n";
+  for (const std::string& bytes :
+       {dxf_with("9\n$INSUNITS\n70\n0\n"), dxf_with("9\n$MEASUREMENT\n70\n1\n"),
+        dxf_with("9\n$INSUNITS\n"), dxf_with("1\n$INSUNITS\n70\n1\n"), test::dxf() + inches}) {
+    const WrittenFile file(".dxf", bytes);
+    const auto imported = import_mesh(file.path(), {.unit_m = 0.5});
+    ASSERT_TRUE(imported.is_ok()) << imported.status().message();
+    expect_points(imported.value().mesh, 0.5);
+  }
+}
+
+TEST(Dxf, RefusesUnitsThatAreNotKnownByNumber) {
+  for (const std::string number : {"18", "22", "-1", "99999999999"})
+    expect_file_refused(".dxf", dxf_with("9\n$INSUNITS\n70\n" + number + "\n"),
+                        StatusCode::kUnsupported, {"$INSUNITS", "\"" + number + "\"", "--unit"});
+  expect_file_refused(".dxf", dxf_with("9\n$INSUNITS\n70\nmm\n"), StatusCode::kCorrupt,
+                      {"$INSUNITS", "\"mm\""});
+}
+
+TEST(AdditiveFormats, RefuseUnitsThatTheirStandardLacks) {
+  for (const std::string unit : {"in", "inches", "kilometer", "millimeters"})
+    expect_file_refused(
+        ".3mf", test::three_mf("unit=\"" + unit + "\""), StatusCode::kCorrupt,
+        {"3MF", "micron, millimeter, centimeter, inch, foot, meter", "\"" + unit + "\""});
+  expect_file_refused(".amf", test::amf("unit=\"parsec\""), StatusCode::kCorrupt, {"\"parsec\""});
+  const WrittenFile foot(".3mf", test::three_mf("unit=\"foot\""));
+  expect_points(import_mesh(foot.path(), ImportOptions{}).value().mesh, 0.3048);
+}
+
+TEST(AdditiveFormats, StateNothingInComments) {
+  std::string bytes = test::amf("unit=\"inch\"");
+  bytes.insert(bytes.find("<amf"), "<!-- <amf unit=\"meter\"> --><!-- > -->");
+  const WrittenFile file(".amf", bytes);
+  const auto imported = import_mesh(file.path(), ImportOptions{});
+  ASSERT_TRUE(imported.is_ok()) << imported.status().message();
+  EXPECT_EQ(imported.value().origin.unit_source, OriginSource::kFile);
+  expect_points(imported.value().mesh, 0.0254);
+}
+
+// ---- what glTF demands --------------------------------------------------------------------------
+
+/// `member`: of the outermost object, with a comma behind.
+std::string gltf_with(const std::string& member) {
+  return test::gltf(R"({"mesh":0,"name":"n"})").insert(1, member);
+}
+/// The same in the binary form, without buffers: what is demanded is looked at before they are.
+std::string glb_with(const std::string& member) {
+  std::string text = gltf_with(member), out = "glTF";
+  text.resize((text.size() + 3) / 4 * 4, ' ');
+  test::put(out, std::uint32_t{2});
+  test::put(out, static_cast<std::uint32_t>(20 + text.size()));
+  test::put(out, static_cast<std::uint32_t>(text.size()));
+  return out + "JSON" + text;
+}
+
+TEST(Gltf, RefusesByNameWhatItDemandsAndAssimpWouldSkip) {
+  for (const std::string name :
+       {"KHR_mesh_quantization", "EXT_meshopt_compression", "KHR_draco_mesh_compression",
+        "EXT_mesh_gpu_instancing", "KHR_lights_punctual_2", "MY_own"}) {
+    const std::string demands =
+        R"("extensionsRequired" : ["KHR_materials_unlit", ")" + name + "\"],";
+    const std::vector<std::string> parts{"extensionsRequired", "\"" + name + "\"", "export"};
+    expect_file_refused(".gltf", gltf_with(demands), StatusCode::kUnsupported, parts);
+    expect_file_refused(".glb", glb_with(demands), StatusCode::kUnsupported, parts);
+    // By its content, where its ending says something else.
+    expect_file_refused(".model3d", "\n " + gltf_with(demands), StatusCode::kUnsupported, parts);
+  }
+  expect_file_refused(".gltf", gltf_with(R"("extensions\u0052equired":["MY_own"],)"),
+                      StatusCode::kUnsupported, {"MY_own"});
+  expect_file_refused(".gltf", gltf_with("\"name\":\"\xe9\",\"extensionsRequired\":[\"MY_own\"],"),
+                      StatusCode::kUnsupported, {"MY_own"});
+}
+
+TEST(Gltf, TakesDemandsThatLeaveGeometryAlone) {
+  for (const std::string member :
+       {R"("extensionsRequired":["KHR_materials_unlit","KHR_texture_transform",)"
+        R"("KHR_lights_punctual","KHR_xmp_json_ld","KHR_animation_pointer","EXT_texture_webp",)"
+        R"("EXT_lights_image_based"],)",
+        R"("extensionsRequired":[],)", R"("extensionsUsed":["MY_own"],)",
+        R"("extras":{"extensionsRequired":["MY_own"]},)",
+        R"("extras":[{"extensionsRequired":7},"extensionsRequired",["MY_own"]],)"}) {
+    const WrittenFile file(".gltf", gltf_with(member));
+    const auto imported = import_mesh(file.path());
+    ASSERT_TRUE(imported.is_ok()) << imported.status().message();
+    expect_points(imported.value(), 1);
+  }
+}
+
+TEST(Gltf, RefusesDemandsThatAreNoListOfNames) {
+  for (const std::string odd : {"null", "true", "7", "-7", "7.5", "\"MY_own\"", "{}", "[7]", "[[]]",
+                                "[{}]", "[\"KHR_xmp\",null]"})
+    expect_file_refused(".gltf", gltf_with("\"extensionsRequired\":" + odd + ","),
+                        StatusCode::kCorrupt, {"extensionsRequired: expected a list of names"});
+}
+
+TEST(Gltf, RefusesWhatIsNoJsonWithoutHarm) {
+  const std::string whole = gltf_with(""), binary = glb_with("");
+  for (std::size_t size = 1; size < whole.size(); size += 97)
+    expect_file_refused(".gltf", whole.substr(0, size), StatusCode::kCorrupt, {"glTF: byte "});
+  for (std::size_t size = 4; size < binary.size() - 4; size += 97)
+    expect_file_refused(".glb", binary.substr(0, size), StatusCode::kCorrupt, {"glTF: byte "});
+  // As deep as a file is long.
+  expect_file_refused(".gltf", "{\"a\":" + std::string(4'000'000, '['), StatusCode::kCorrupt,
+                      {"glTF: byte "});
+  const std::string deep = "\"extras\":" + std::string(1'000'000, '[') +
+                           std::string(1'000'000, ']') + ",\"extensionsRequired\":[\"MY_own\"],";
+  expect_file_refused(".gltf", gltf_with(deep), StatusCode::kUnsupported, {"MY_own"});
+}
+
 // ---- nodes --------------------------------------------------------------------------------------
 
 IndexedMesh placed(const ImportedNode& node) {

@@ -37,11 +37,13 @@ struct TerrainOptions {
   std::optional<std::array<double, 2>> spacing;
   /// x and y of the south-western post, of a file that does not state it; 0, 0 without.
   std::optional<std::array<double, 2>> corner;
-  /// The sample that means "no data", on top of the one that the file states; may be NaN.
+  /// The sample that means "no data", on top of the one that the file states; may be NaN. Where samples
+  /// are floats of 4 bytes: the float nearest to it.
   std::optional<double> nodata;
   /// Height of a post without data, in the file's unit. None: a hole.
   std::optional<double> fill;
-  /// Height = [0] + [1] x sample. A sample of a colour image is 65536 red + 256 green + blue.
+  /// Height, in the unit that the file states of heights, = [0] + [1] x sample. A sample of a colour
+  /// image is 65536 red + 256 green + blue.
   std::optional<std::array<double, 2>> heights;
   std::optional<RawGrid> raw;  ///< the file is of this kind, whatever its name
 };
@@ -56,7 +58,11 @@ struct GridWindow {
 struct ImportedTerrain {
   std::uint64_t columns = 0, rows = 0;
   std::uint64_t posts_without_data = 0;
+  /// That of the options, where no sample is it; of a window, none in it.
+  std::optional<double> unmatched_nodata;
   std::optional<double> fill;  ///< which they got; none: holes
+  /// The file states the unit of its coordinates, which is no metre, and none of its heights: taken as the same.
+  bool height_unit_is_assumed = false;
   TerrainFrame frame = TerrainFrame::kFile;
   std::array<double, 2> enu_origin_deg{};
   std::string stated_crs;  ///< the name of the coordinates, by the file or its format; may be empty
